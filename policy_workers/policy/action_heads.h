@@ -1,0 +1,35 @@
+// Products of categorical distributions over factorised heads, with action masks that count everywhere alike: in
+// sampling, log-probabilities, entropy, divergences and argmax. Serves forward and update.
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/schema/spec.h"
+
+namespace comrad::policy {
+
+using torch::Tensor;
+
+/// Log-probabilities of every choice of every head, masked choices at about -1e9 (training spec 1.4).
+///   logits  [..., A] f32   mask  [..., A] u8 or undefined (all allowed)   returns [..., A] f32
+Tensor head_log_probs(const Tensor& logits, const Tensor& mask, const EnvShape& env);
+
+/// log pi(a|o), summed over heads. action i64 [..., heads]; log_probs from head_log_probs. Returns [...].
+Tensor action_log_prob(const Tensor& log_probs, const Tensor& action, const EnvShape& env);
+
+/// Entropy, KL(p||q) and symmetric KL to the uniform distribution over allowed choices, summed over heads. [...].
+Tensor entropy(const Tensor& log_probs, const EnvShape& env);
+Tensor kl_divergence(const Tensor& log_probs_p, const Tensor& log_probs_q, const EnvShape& env);
+Tensor symmetric_kl_to_uniform(const Tensor& log_probs, const Tensor& mask, const EnvShape& env);
+
+/// Draws one action for one agent on the CPU from `key` (one child per head); the same logits and key give the same
+/// action in every batch. `greedy` takes each head's argmax. Writes `action` [heads], returns log pi(a|o).
+float sample_action(std::span<const float> logits, std::span<const uint8_t> mask, const EnvShape& env, RngKey key,
+                    bool greedy, std::span<int32_t> action);
+
+}  // namespace comrad::policy

@@ -1,0 +1,91 @@
+// The network that both sides run: policy workers forward it one step at a time, the learner over whole sequences.
+// Encoder > recurrent core > action heads and value. Stage: forward (policy worker), update (learner).
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/schema/spec.h"
+
+namespace comrad::policy {
+
+using torch::Tensor;
+
+/// Options of the network, from the settings and the shapes.
+struct PolicyNetOptions {
+  EnvShape env;
+  std::string encoder = "convnet_simple";
+  bool use_rnn = true;
+  std::string rnn_type = "gru";  ///< gru | lstm
+  int64_t rnn_size = 512;
+  int64_t rnn_num_layers = 1;
+  double init_gain = 1.0;
+  bool normalize_input = true;
+
+  static PolicyNetOptions from(const RunConfig& config, const EnvShape& env);
+  /// Floats of recurrent state per agent: layers * size for GRU, twice that for LSTM (all h, then all c); 0 without.
+  int64_t recurrent_state_count() const;
+};
+
+/// One forward pass over B agent rows.
+struct PolicyOutput {
+  Tensor logits;           ///< [B, A] f32, heads side by side
+  Tensor value;            ///< [B] f32, normalised when normalize_returns is on
+  Tensor recurrent_state;  ///< [B, H] f32
+};
+
+/// A pass over T steps of B rows.
+struct SequenceOutput {
+  Tensor logits;  ///< [T, B, A]
+  Tensor value;   ///< [T, B]
+};
+
+class PolicyNetImpl;
+
+/// Handle to a network; copies share it.
+class PolicyNet {
+ public:
+  PolicyNet() = default;
+  /// Deterministic initialisation from `seed`: orthogonal with the given gain for linear and convolution weights,
+  /// zero biases, framework defaults for the recurrent cell (training spec 1.4).
+  static PolicyNet create(const PolicyNetOptions& options, uint64_t seed, torch::Device device);
+
+  /// One step. frame u8 [B, C, H, W], measurement f32 [B, M] (may be undefined), state f32 [B, H].
+  /// No gradient is recorded.
+  PolicyOutput step(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state) const;
+
+  /// A sequence with gradient. frame u8 [T, B, C, H, W], state f32 [B, H] at t = 0, reset u8/bool [T, B]: 1 where the
+  /// state is zeroed before step t.
+  SequenceOutput sequence(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state,
+                          const Tensor& reset) const;
+
+  /// Merges a batch of frames (and measurements) into the running input statistics: mean and unbiased variance per
+  /// element, parallel-variance merge, double precision (training spec 1.1). Learner only.
+  void update_input_statistics(const Tensor& frame, const Tensor& measurement) const;
+
+  /// Parameters in a fixed order, for the optimizer; and named tensors (parameters and statistics) for checkpoints.
+  std::vector<Tensor> parameters() const;
+  std::vector<std::pair<std::string, Tensor>> named_state() const;
+  int64_t parameter_count() const;
+
+  /// All of named_state as flat bytes in that order: what travels from learner to policy workers.
+  int64_t weights_bytes() const;
+  void write_weights(std::span<std::byte> out) const;
+  Status read_weights(std::span<const std::byte> in) const;
+
+  const PolicyNetOptions& options() const;
+  torch::Device device() const;
+
+ private:
+  std::shared_ptr<PolicyNetImpl> impl_;
+};
+
+}  // namespace comrad::policy

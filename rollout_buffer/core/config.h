@@ -1,0 +1,240 @@
+// Every setting of a run, once: name, default, help and old names stand in one table (visit_settings), from
+// which the command line, the TOML files and config.toml in the run directory are all made. The launcher merges
+// the layers and writes the result; every worker reads that file and nothing else.
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad {
+
+/// The merged settings of one run. Defaults here are the built-in layer; 0 means "auto" where the help says so.
+struct RunConfig {
+  // What to train.
+  std::string scenario = "coop_health_gathering";
+  std::string algo = "ippo";
+  std::string experiment;
+  std::string train_dir = "train_dir";
+  std::string restart_behavior = "resume";
+  int64_t seed = 42;
+  int64_t num_agents = 0;
+  int64_t layout_seed = 42;
+  std::string wad;
+  double train_for_env_steps = 1e8;
+  double train_for_seconds = 0;
+
+  // Processes.
+  std::string device = "auto";
+  int64_t num_workers = 0;
+  int64_t num_envs_per_worker = 16;
+  int64_t worker_num_splits = 2;
+  int64_t policy_workers = 1;
+  bool async_rl = true;
+  bool deterministic = false;
+  int64_t min_batch = 0;
+  int64_t max_batch = 0;
+  int64_t max_wait_us = 2000;
+  int64_t trajectory_slabs = 0;
+  int64_t learner_threads = 0;
+  int64_t policy_threads = 1;
+  bool set_workers_cpu_affinity = false;
+
+  // Environment.
+  int64_t env_frameskip = 4;
+  std::string render_size = "128x72";
+  std::string resize = "none";
+  bool use_additional_input = false;
+  double reward_scale = 1.0;
+  double reward_clip = 1000.0;
+  double shared_reward_alpha = -1.0;
+  std::string shared_reward_scalarisation = "sum";
+
+  // Batches.
+  int64_t rollout = 32;
+  int64_t batch_size = 4096;
+  int64_t num_batches_per_epoch = 1;
+  int64_t num_epochs = 1;
+  int64_t num_batches_to_accumulate = 2;
+  int64_t micro_batch_size = 512;
+  int64_t max_policy_lag = 1000;
+  bool shuffle_minibatches = false;
+
+  // Returns and losses.
+  double gamma = 0.99;
+  double gae_lambda = 0.95;
+  bool normalize_returns = true;
+  bool normalize_input = true;
+  bool legacy_timeouts = false;
+  double ppo_clip_ratio = 0.1;
+  double ppo_clip_value = 0.2;
+  double value_loss_coeff = 0.5;
+  std::string exploration_loss = "symmetric_kl";
+  double exploration_loss_coeff = 0.001;
+  double kl_loss_coeff = 0.0;
+
+  // Optimizer.
+  double learning_rate = 1e-4;
+  std::string lr_schedule = "constant";
+  double lr_schedule_kl_threshold = 0.008;
+  double lr_adaptive_min = 1e-6;
+  double lr_adaptive_max = 1e-2;
+  double adam_eps = 1e-6;
+  double adam_beta1 = 0.9;
+  double adam_beta2 = 0.999;
+  double max_grad_norm = 4.0;
+
+  // Model.
+  std::string encoder_conv_architecture = "convnet_simple";
+  bool use_rnn = true;
+  std::string rnn_type = "gru";
+  int64_t rnn_size = 512;
+  int64_t rnn_num_layers = 1;
+  double policy_init_gain = 1.0;
+
+  // Records.
+  double save_every_sec = 120.0;
+  int64_t keep_checkpoints = 2;
+  double save_best_every_sec = 5.0;
+  double save_best_after = 1e5;
+  std::string load_checkpoint_kind = "latest";
+  double experiment_summaries_interval = 10.0;
+  double progress_interval = 5.0;
+  int64_t stats_avg = 100;
+};
+
+/// Calls `visit(name, member, help, aliases)` for every setting, in the order of the struct.
+/// `member` is a reference to std::string, int64_t, double or bool.
+template <typename Config, typename Visitor>
+void visit_settings(Config& c, Visitor&& visit) {
+  using Names = std::initializer_list<const char*>;
+  visit("scenario", c.scenario, "scenario to play; `comrad scenarios` lists them", Names{"env"});
+  visit("algo", c.algo, "learning algorithm: ippo", Names{});
+  visit("experiment", c.experiment, "run name; empty makes <scenario>_<ALGO>_<date>_<time>", Names{});
+  visit("train_dir", c.train_dir, "folder that holds the runs", Names{});
+  visit("restart_behavior", c.restart_behavior, "when the run exists: resume, restart (old one is renamed) or overwrite",
+        Names{});
+  visit("seed", c.seed, "seed of everything random", Names{});
+  visit("num_agents", c.num_agents, "agents per environment; 0: the scenario's default", Names{});
+  visit("layout_seed", c.layout_seed, "seed of the generated map", Names{});
+  visit("wad", c.wad, "play this WAD instead of a generated one", Names{});
+  visit("train_for_env_steps", c.train_for_env_steps, "stop after so many env frames (agents x tics)", Names{});
+  visit("train_for_seconds", c.train_for_seconds, "stop after so many seconds of training; 0: no limit", Names{});
+
+  visit("device", c.device, "where networks run: auto, cpu, cuda or cuda:<n>", Names{});
+  visit("num_workers", c.num_workers, "simulator processes; 0: one per core", Names{});
+  visit("num_envs_per_worker", c.num_envs_per_worker, "environments in each simulator process", Names{});
+  visit("worker_num_splits", c.worker_num_splits, "groups of environments that alternate in a simulator: 1 or 2",
+        Names{});
+  visit("policy_workers", c.policy_workers, "inference processes", Names{"policy_workers_per_policy"});
+  visit("async_rl", c.async_rl, "collect while the learner trains", Names{});
+  visit("deterministic", c.deterministic, "lock step: the same seed gives the same weights bit for bit on a CPU",
+        Names{"serial_mode"});
+  visit("min_batch", c.min_batch, "environments an inference batch waits for; 0: auto", Names{});
+  visit("max_batch", c.max_batch, "environments in one inference batch at most; 0: auto", Names{});
+  visit("max_wait_us", c.max_wait_us, "longest wait for min_batch, microseconds", Names{});
+  visit("trajectory_slabs", c.trajectory_slabs, "trajectory slabs in the arena; 0: auto", Names{});
+  visit("learner_threads", c.learner_threads, "CPU threads of the learner; 0: auto", Names{});
+  visit("policy_threads", c.policy_threads, "CPU threads of each policy worker", Names{});
+  visit("set_workers_cpu_affinity", c.set_workers_cpu_affinity, "pin simulator processes to cores", Names{});
+
+  visit("env_frameskip", c.env_frameskip, "tics that one decision is held", Names{"frame_skip"});
+  visit("render_size", c.render_size, "size the view is drawn at, WIDTHxHEIGHT", Names{});
+  visit("resize", c.resize, "how a drawn view becomes 128x72: none, nearest or area", Names{});
+  visit("use_additional_input", c.use_additional_input, "feed the scenario's measurement vector to the network",
+        Names{});
+  visit("reward_scale", c.reward_scale, "factor on every reward", Names{});
+  visit("reward_clip", c.reward_clip, "rewards are clipped to +- this", Names{});
+  visit("shared_reward_alpha", c.shared_reward_alpha, "share of the team's reward; -1: the scenario's", Names{});
+  visit("shared_reward_scalarisation", c.shared_reward_scalarisation, "team reward: sum or mean", Names{});
+
+  visit("rollout", c.rollout, "decisions in a trajectory, T", Names{});
+  visit("batch_size", c.batch_size, "agent decisions in one minibatch", Names{});
+  visit("num_batches_per_epoch", c.num_batches_per_epoch, "minibatches that one epoch is cut into", Names{});
+  visit("num_epochs", c.num_epochs, "passes over every batch", Names{});
+  visit("num_batches_to_accumulate", c.num_batches_to_accumulate, "batches that may wait for the learner", Names{});
+  visit("micro_batch_size", c.micro_batch_size, "rows in one forward and backward pass; same gradient, less memory",
+        Names{});
+  visit("max_policy_lag", c.max_policy_lag, "decisions older than this many versions are masked", Names{});
+  visit("shuffle_minibatches", c.shuffle_minibatches, "draw the trajectories of a minibatch in random order", Names{});
+
+  visit("gamma", c.gamma, "discount per decision", Names{});
+  visit("gae_lambda", c.gae_lambda, "lambda of generalised advantage estimation", Names{});
+  visit("normalize_returns", c.normalize_returns, "the critic predicts normalised returns", Names{});
+  visit("normalize_input", c.normalize_input, "running mean and deviation of every input element", Names{});
+  visit("legacy_timeouts", c.legacy_timeouts, "treat time-outs as terminal, as the reference does", Names{});
+  visit("ppo_clip_ratio", c.ppo_clip_ratio, "epsilon of the clip interval [1/(1+eps), 1+eps]", Names{});
+  visit("ppo_clip_value", c.ppo_clip_value, "largest step of the value from its old one", Names{});
+  visit("value_loss_coeff", c.value_loss_coeff, "weight of the value loss", Names{});
+  visit("exploration_loss", c.exploration_loss, "symmetric_kl, entropy or none", Names{});
+  visit("exploration_loss_coeff", c.exploration_loss_coeff, "weight of the exploration loss", Names{});
+  visit("kl_loss_coeff", c.kl_loss_coeff, "weight of KL to the behaviour policy", Names{});
+
+  visit("learning_rate", c.learning_rate, "Adam's learning rate", Names{"lr"});
+  visit("lr_schedule", c.lr_schedule, "constant, linear_decay, kl_adaptive_minibatch or kl_adaptive_epoch", Names{});
+  visit("lr_schedule_kl_threshold", c.lr_schedule_kl_threshold, "KL that the adaptive schedules aim at", Names{});
+  visit("lr_adaptive_min", c.lr_adaptive_min, "floor of the adaptive schedules", Names{});
+  visit("lr_adaptive_max", c.lr_adaptive_max, "cap of the adaptive schedules", Names{});
+  visit("adam_eps", c.adam_eps, "Adam's epsilon", Names{});
+  visit("adam_beta1", c.adam_beta1, "Adam's first decay", Names{});
+  visit("adam_beta2", c.adam_beta2, "Adam's second decay", Names{});
+  visit("max_grad_norm", c.max_grad_norm, "global gradient norm is clipped to this; 0: off", Names{});
+
+  visit("encoder_conv_architecture", c.encoder_conv_architecture, "pixel encoder: convnet_simple", Names{});
+  visit("use_rnn", c.use_rnn, "recurrent core", Names{});
+  visit("rnn_type", c.rnn_type, "gru or lstm", Names{});
+  visit("rnn_size", c.rnn_size, "hidden units of the recurrent core", Names{});
+  visit("rnn_num_layers", c.rnn_num_layers, "layers of the recurrent core", Names{});
+  visit("policy_init_gain", c.policy_init_gain, "gain of the orthogonal initialisation", Names{});
+
+  visit("save_every_sec", c.save_every_sec, "seconds between checkpoints", Names{});
+  visit("keep_checkpoints", c.keep_checkpoints, "newest checkpoints that are kept", Names{});
+  visit("save_best_every_sec", c.save_best_every_sec, "seconds between looks at the score for a new best", Names{});
+  visit("save_best_after", c.save_best_after, "env frames before the first best checkpoint", Names{});
+  visit("load_checkpoint_kind", c.load_checkpoint_kind, "checkpoint to resume or evaluate: latest or best", Names{});
+  visit("experiment_summaries_interval", c.experiment_summaries_interval, "seconds between metric reports", Names{});
+  visit("progress_interval", c.progress_interval, "seconds between progress lines", Names{});
+  visit("stats_avg", c.stats_avg, "episodes that the reported score is averaged over", Names{});
+}
+
+/// One layer of settings as `key = value` text pairs, in order; a later layer wins.
+struct SettingsLayer {
+  std::string origin;  ///< named in messages: "command line", "run.toml", "scenario coop_health_gathering"
+  std::vector<std::pair<std::string, std::string>> values;
+};
+
+/// Puts a layer on top of `config`. Values are parsed by the setting's type: integers accept 1e6, booleans accept
+/// true/false/1/0/True/False.
+/// Errors: kBadInput for an unknown key (naming the nearest known one) or a value of the wrong type.
+Status apply_layer(RunConfig& config, const SettingsLayer& layer);
+
+/// Reads a TOML file of settings into a layer. Nested tables are not settings and are errors.
+/// Errors: kNotFound, kBadFormat with line and column.
+Expected<SettingsLayer> read_settings_toml(const std::string& path);
+
+/// The merged settings as a TOML document that read_settings_toml reads back without loss.
+std::string settings_to_toml(const RunConfig& config);
+
+/// Reads config.toml of a run: every worker's first step.
+Expected<RunConfig> load_run_config(const std::string& path);
+
+/// The defaults of an algorithm (training spec 3.1: LSTM and 4 epochs for IPPO), the layer below the scenario's.
+/// Errors: kBadInput for an unknown algorithm, naming the known ones.
+Expected<SettingsLayer> algorithm_defaults(const std::string& algo);
+
+/// Replaces the zeros that mean "auto" by numbers for a host of `core_count` cores and checks every range and
+/// combination (batch_size is rounded down to a multiple of rollout * num_agents).
+/// Errors: kBadInput naming the setting, its value and what it may be.
+Status resolve_settings(RunConfig& config, int core_count);
+
+/// The known word nearest to `word` by edit distance, or empty when none is near.
+std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
+
+/// The folder that holds scenarios/ and the other data files: $COMRAD_HOME, else the source folder of the build.
+std::string data_dir();
+
+}  // namespace comrad

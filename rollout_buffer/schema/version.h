@@ -1,0 +1,19 @@
+// Numbers that two processes must agree on before they share bytes. Change the layout, bump the version, and
+// add a line to the Layout history in rollout_buffer/README.md.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace comrad {
+
+constexpr uint32_t kArenaMagic = 0x44524D43;  // "CMRD"
+constexpr uint32_t kLayoutVersion = 1;
+constexpr std::size_t kCacheLineBytes = 64;
+
+constexpr int kTicRateHz = 35;  ///< Doom's world updates per second
+
+/// Optimizer steps of the policy; 0 before the first one. Policy lag is a difference of two of these.
+using PolicyVersion = uint32_t;
+
+}  // namespace comrad

@@ -1,0 +1,67 @@
+// A scenario as data: everything scenario.toml says. One loader reads it; nothing about a scenario stands elsewhere
+// than in its folder. Stage: what a frame, an action and a reward mean.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/schema/spec.h"
+
+namespace comrad::scenarios {
+
+/// One factorised action head: index 0 is "none", index k the k-th button.
+struct ActionHead {
+  std::vector<std::string> buttons;  ///< ViZDoom names: MOVE_FORWARD, TURN_LEFT, ATTACK, ...
+};
+
+/// One component of the measurement vector: clip(variable * scale + offset).
+struct MeasurementTerm {
+  std::string variable;
+  double scale = 1.0, offset = 0.0;
+  double clip = 0.0;  ///< 0: none, else +- clip
+};
+
+/// One reward term over a game variable (HEALTH, DEAD, USER4, ...), design section 10.
+struct RewardTerm {
+  std::string name;
+  std::string variable;
+  std::string kind;    ///< delta, rise, fall, new_max, value, event
+  double weight = 0.0;
+  std::string scope = "own";  ///< own | team (a team variable; weight is divided by N when per_agent)
+  double cap = 0.0;           ///< 0: none
+  bool per_agent = false;     ///< divide the weight by N
+};
+
+struct ScenarioSpec {
+  std::string name, title, summary;
+  int difficulty = 0;
+  int default_agents = 2;
+  std::vector<int> supported_agents;
+  std::vector<ActionHead> heads;
+  int decision_limit = 0;
+  bool respawn = false;
+  double shared_reward_alpha = 0.0;
+  std::string score;       ///< what J is: survival_tics, ...
+  double ceiling = 0.0;
+  std::vector<MeasurementTerm> measurements;
+  std::vector<RewardTerm> rewards;
+  bool hud = true, crosshair = false, screen_flashes = true;
+  SettingsLayer training;  ///< default training settings of this scenario
+  std::string folder;      ///< where scenario.toml lies
+
+  EnvShape shape(int num_agents, bool use_measurements) const;
+};
+
+/// Reads scenarios/<name>/scenario.toml below data_dir(). Errors: kNotFound listing the known names; kBadFormat with
+/// line, column and the offending key.
+Expected<ScenarioSpec> load_scenario(const std::string& name);
+
+/// Names of all scenarios below data_dir(), sorted.
+std::vector<std::string> list_scenarios();
+
+}  // namespace comrad::scenarios

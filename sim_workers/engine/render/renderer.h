@@ -1,0 +1,44 @@
+// Draws players' views of worlds with OpenGL 3.3 core through an offscreen context, straight into the caller's
+// memory as planar RGB. One renderer per thread; it serves every world of its Level set. Stage: render.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "rollout_buffer/core/expected.h"
+#include "sim_workers/engine/play/world.h"
+
+namespace comrad::doom {
+
+class ArtArchive;  // textures, flats, sprites, palette of the IWAD and PWADs (render/art_archive.h)
+
+struct RenderOptions {
+  int width = 128, height = 72;      ///< size drawn at
+  double screen_aspect = 4.0 / 3.0;  ///< projection of a 160x120 screen whatever the drawn size
+  double fov_degrees = 90.0;
+  bool status_bar = true;            ///< classic full-width bar, bottom 32/200
+  bool crosshair = true;
+  bool screen_flashes = true;
+  std::string provider = "osmesa";   ///< context provider: osmesa (egl follows)
+};
+
+/// One view to draw: `player` of `world` into `destination` [3, height, width] u8, planar RGB.
+struct ViewRequest {
+  const World* world = nullptr;
+  int player = 0;
+  uint8_t* destination = nullptr;
+};
+
+/// Errors of create: kUnsupported when no context can be had (with what to install), kNotFound for missing art.
+class Renderer {
+ public:
+  static Expected<std::unique_ptr<Renderer>> create(std::shared_ptr<const ArtArchive> art,
+                                                    const RenderOptions& options);
+  virtual ~Renderer() = default;
+  /// Draws all views; several at once cost less than one by one. Worlds may differ in level.
+  virtual void draw(std::span<const ViewRequest> views) = 0;
+};
+
+}  // namespace comrad::doom

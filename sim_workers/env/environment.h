@@ -1,0 +1,83 @@
+// The environment that a simulator worker steps: N agents, factorised discrete actions, frame skip, rewards, true
+// final observations. A Doom scenario is one (doom_env.h); tests bring toys. Stage: tic > render > step.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/schema/spec.h"
+
+namespace comrad::sim {
+
+/// Where one observation of all agents goes; spans into a slab.
+struct ObservationTarget {
+  uint8_t* frame = nullptr;          ///< [N, C, H, W]
+  float* measurement = nullptr;      ///< [N, M]; may be null when M = 0
+  uint8_t* action_mask = nullptr;    ///< [N, A]
+  uint8_t* agent_active = nullptr;   ///< [N]
+};
+
+/// What one decision brought.
+struct Step {
+  std::vector<float> reward;  ///< [N], raw: before scale, clip and sharing
+  bool terminated = false;    ///< the game ended by its rules
+  bool truncated = false;     ///< a time limit ended it; exclusive with terminated
+  bool episode_over() const { return terminated || truncated; }
+};
+
+/// Totals at the end of an episode.
+struct EpisodeSummary {
+  uint32_t length_steps = 0, length_tics = 0;
+  float score = 0;                  ///< J, team level
+  std::vector<float> agent_score;   ///< [N]
+  std::vector<float> agent_return;  ///< [N]
+};
+
+class Environment {
+ public:
+  virtual ~Environment() = default;
+  virtual const EnvShape& shape() const = 0;
+  virtual uint64_t layout_id() const = 0;
+  /// Starts an episode that is a pure function of `episode_seed` and the actions that follow.
+  virtual void reset(uint64_t episode_seed) = 0;
+  /// Advances frame_skip tics (fewer when the episode ends inside). `action` is [N, heads]; out-of-range choices
+  /// are treated as 0. Does not render.
+  virtual void step(std::span<const int32_t> action) = 0;
+  virtual const Step& last_step() const = 0;
+  /// Valid once last_step().episode_over().
+  virtual const EpisodeSummary& summary() const = 0;
+  /// Hash of the whole state, for determinism tests.
+  virtual uint64_t state_hash() const = 0;
+};
+
+/// Environments that share one renderer and level: a worker's whole set, observed together because drawing many
+/// views at once is cheaper than one by one.
+class EnvironmentSet {
+ public:
+  virtual ~EnvironmentSet() = default;
+  virtual int size() const = 0;
+  virtual Environment& at(int index) = 0;
+  /// Writes the present observation of `at(indices[i])` to targets[i].
+  virtual void observe(std::span<const int> indices, std::span<const ObservationTarget> targets) = 0;
+};
+
+/// What a set of Doom environments is made from.
+struct EnvironmentOptions {
+  std::string scenario;
+  std::string wad_path;       ///< the layout to play
+  int num_agents = 2;
+  int count = 16;
+  int frame_skip = 4;
+  bool use_measurements = false;
+  std::string render_size = "128x72";
+  std::string resize = "none";
+};
+
+/// Makes `count` environments of a scenario (env/doom_env.cc). Errors: kNotFound (scenario, WAD, IWAD), kBadFormat.
+Expected<std::unique_ptr<EnvironmentSet>> make_doom_environments(const EnvironmentOptions& options);
+
+}  // namespace comrad::sim
