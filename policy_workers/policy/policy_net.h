@@ -62,6 +62,10 @@ class PolicyNet {
   /// No gradient is recorded.
   PolicyOutput step(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state) const;
 
+  /// The same from B frames that lie anywhere in CPU memory, C*H*W bytes each: read once, straight into the network.
+  PolicyOutput step_rows(std::span<const uint8_t* const> frames, const Tensor& measurement,
+                         const Tensor& recurrent_state) const;
+
   /// A sequence with gradient. frame u8 [T, B, C, H, W], state f32 [B, H] at t = 0, reset u8/bool [T, B]: 1 where the
   /// state is zeroed before step t.
   SequenceOutput sequence(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state,
@@ -81,11 +85,20 @@ class PolicyNet {
   void write_weights(std::span<std::byte> out) const;
   Status read_weights(std::span<const std::byte> in) const;
 
+  /// Call after writing into tensors of named_state() (a loaded checkpoint): recomputes what is derived from them.
+  void state_changed() const;
+
   const PolicyNetOptions& options() const;
   torch::Device device() const;
 
  private:
   std::shared_ptr<PolicyNetImpl> impl_;
 };
+
+/// Keeps freed memory in the process, so that the large tensors of every pass reuse mapped pages. First line of main.
+void tune_allocator();
+
+/// CPU threads of this process's tensor operators, and denormals flushed to zero. Also per thread that computes.
+void tune_math(int thread_count);
 
 }  // namespace comrad::policy

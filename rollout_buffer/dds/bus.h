@@ -1,6 +1,6 @@
-// The run's message bus: one Cyclone DDS participant per process, typed topics, loopback only. Carries what is small
-// and rare (status, desired state, version notices, episode results, statistics); frames and weights of a host lie
-// in the arena. Cyclone and the IDL types stay behind this header.
+// The run's message bus: one Cyclone DDS participant per process, typed topics, loopback only. Carries what
+// is small and rare (status, desired state, version notices, episode results, statistics); frames and weights
+// of a host lie in the arena. Cyclone and the IDL types stay behind this header.
 #pragma once
 
 #include <cstdint>
@@ -15,31 +15,37 @@ namespace comrad::dds {
 
 /// Where a run's participants meet. Two runs never share both domain and partition.
 struct BusConfig {
-  std::string run_id;             ///< DDS partition and discovery tag
+  std::string run_id;  ///< DDS partition and discovery tag
   uint32_t domain_id = 0;
   std::string interface_name = "lo";
-  std::string uri;                ///< generated Cyclone configuration (XML), see make_cyclone_config
+  std::string uri;  ///< generated Cyclone configuration (XML), see make_cyclone_config
 };
 
-/// Cyclone's configuration for a loopback-only run: no multicast, explicit peer, MaxAutoParticipantIndex 119, the
-/// run's tag, message sizes and buffers as measured in the design, Iceoryx off.
+/// Cyclone's configuration for a loopback-only run: no multicast, explicit peer, MaxAutoParticipantIndex 119,
+/// the run's tag, message sizes and buffers as measured in the design, Iceoryx off.
 std::string make_cyclone_config(const std::string& run_id, const std::string& interface_name);
+
+/// The configuration of a run, the same for everyone who knows its id: the partition and the discovery tag
+/// are the run id as 16 hex digits, the domain (1..100, so that all ports lie below the ephemeral range) is
+/// drawn from it. Participants of two runs that draw the same domain still never see each other, because
+/// their tags differ.
+BusConfig bus_config_for_run(uint64_t run_id);
 
 /// A worker's own words about itself (topic WorkerStatus, key worker_id).
 struct WorkerStatus {
-  std::string worker_id;   ///< "sim-0", "policy-0", "learner", "supervisor"
+  std::string worker_id;  ///< "sim-0", "policy-0", "learner", "supervisor"
   std::string host;
   int32_t pid = 0;
   std::string role;
-  std::string state;       ///< starting, running, paused, stopping, failed
+  std::string state;  ///< starting, running, paused, stopping, failed
   double decisions_per_s = 0;
   std::string message;
 };
 
 /// The desired state (topic RunControl, one instance).
 struct RunControl {
-  std::string run_state;       ///< running, paused, stopping
-  uint32_t checkpoint_seq = 0; ///< grows: save a checkpoint
+  std::string run_state;        ///< running, paused, stopping
+  uint32_t checkpoint_seq = 0;  ///< grows: save a checkpoint
   uint32_t settings_epoch = 0;
 };
 
@@ -73,7 +79,7 @@ struct TrainStats {
   uint32_t learner_version = 0;
   double env_frames_per_s = 0;
   double decisions_per_s = 0;
-  double score_mean = 0;      ///< J over the last stats_avg episodes; NaN before the first
+  double score_mean = 0;  ///< J over the last stats_avg episodes; NaN before the first
   double return_mean = 0;
   uint64_t episodes = 0;
   double policy_lag_mean = 0;
@@ -81,11 +87,14 @@ struct TrainStats {
   std::string last_checkpoint;
 };
 
-/// One participant. Writers and readers are made on first use; take_*() returns what has arrived since the last
-/// call, oldest first, and never blocks.
+/// One participant. Writers and readers are made on first use; take_*() returns what has arrived since the
+/// last call, oldest first, and never blocks. A participant also hears itself. Strings longer than the
+/// topic's bound (comrad.idl) are cut, except worker_id, which is an error. Threads: any thread may write and
+/// take; the destructor needs the bus for itself.
 class Bus {
  public:
-  /// Errors: kSystem with Cyclone's return code and what to check (loopback up, ports, domain).
+  /// Errors: kBadInput for a config that bus_config_for_run did not make (run id, interface that is not
+  /// loopback, a second run in this process's domain); kSystem with Cyclone's return code and what to check.
   static Expected<Bus> open(const BusConfig& config);
   Bus(Bus&&) noexcept;
   Bus& operator=(Bus&&) noexcept;
@@ -103,9 +112,10 @@ class Bus {
   std::optional<RunControl> take_run_control();        ///< newest
   std::optional<WeightsUpdate> take_weights_update();  ///< newest
   std::vector<EpisodeResult> take_episode_results();
-  std::optional<TrainStats> take_train_stats();        ///< newest
+  std::optional<TrainStats> take_train_stats();  ///< newest
 
-  /// Blocks until something arrives on any reader made so far, or `timeout_ms`.
+  /// Blocks until something lies ready on any reader made so far (by its first take), or `timeout_ms`. True
+  /// if something does. Whoever waits takes from every reader it made, or the next wait returns at once.
   bool wait(int timeout_ms);
 
  private:

@@ -1,11 +1,12 @@
-// The arena: one sealed memfd per host and run, through which simulators, policy workers and the learner meet.
+// The arena: one sealed memfd per host and run, through which simulators, policy workers and the learner
+// meet.
 //
 //   header | control | counters | step slots (one per environment) | episode ring | weights (two buffers) |
 //   environment journals (deterministic mode) | trajectory slabs
 //
-// Every hand-over is a state word with one writer per state and a doorbell beside it. There are no linked lists or
-// index rings that a peer killed half way could leave broken: who owns what can always be read off the state words,
-// and the supervisor gives a dead owner's slabs and slots back with reclaim_*().
+// Every hand-over is a state word with one writer per state and a doorbell beside it. There are no linked
+// lists or index rings that a peer killed half way could leave broken: who owns what can always be read off
+// the state words, and the supervisor gives a dead owner's slabs and slots back with reclaim_*().
 #pragma once
 
 #include <atomic>
@@ -28,13 +29,13 @@ namespace comrad::shm {
 struct ArenaShape {
   TrajectoryShape trajectory;
   int32_t sim_worker_count = 1;
-  int32_t envs_per_worker = 16;    ///< env_index = worker * envs_per_worker + local index
-  int32_t splits_per_worker = 2;   ///< groups of a worker's environments that alternate: 1 or 2
+  int32_t envs_per_worker = 16;   ///< env_index = worker * envs_per_worker + local index
+  int32_t splits_per_worker = 2;  ///< groups of a worker's environments that alternate: 1 or 2
   int32_t policy_worker_count = 1;
   int32_t slab_count = 64;
-  int32_t journal_steps = 0;       ///< decisions kept per environment for exact resume; 0: no journal
+  int32_t journal_steps = 0;  ///< decisions kept per environment for exact resume; 0: no journal
   int32_t episode_ring_capacity = 4096;
-  int64_t weights_bytes = 0;       ///< capacity of one weights buffer
+  int64_t weights_bytes = 0;  ///< capacity of one weights buffer
 
   int32_t env_count() const { return sim_worker_count * envs_per_worker; }
   /// Environments [first, last) of one group of a worker, as local indices.
@@ -58,21 +59,21 @@ enum class RequestKind : uint32_t {
 ///   kIdle -commit-> kReady -gather-> kInBatch -scatter-> kActed -take-> kIdle
 ///         (sim)            (policy)            (policy)         (sim)
 ///
-/// A policy worker that dies leaves slots in kInBatch; its successor gathers kReady and kInBatch slots of its own
-/// groups at start-up and answers them again, which is harmless: the recurrent state is read from one parity of
-/// `recurrent` and written to the other, and the simulator reads the answer only in kActed.
+/// A policy worker that dies leaves slots in kInBatch; its successor gathers kReady and kInBatch slots of its
+/// own groups at start-up and answers them again, which is harmless: the recurrent state is read from one
+/// parity of `recurrent` and written to the other, and the simulator reads the answer only in kActed.
 enum class SlotState : uint32_t { kIdle, kReady, kInBatch, kActed };
 
 struct alignas(kCacheLineBytes) StepSlot {
   // Simulator writes before commit.
-  uint64_t step_id;         ///< decisions since the run began in this environment; parity picks the state buffer
-  uint64_t episode_id;      ///< keys the action draw together with episode_step, so that an episode replays
-  uint32_t episode_step;    ///< decisions since reset
+  uint64_t step_id;     ///< decisions since the run began in this environment; parity picks the state buffer
+  uint64_t episode_id;  ///< keys the action draw together with episode_step, so that an episode replays
+  uint32_t episode_step;  ///< decisions since reset
   uint32_t slab_index;
-  uint32_t step;            ///< row t in the slab
-  uint32_t final_row;       ///< for kFinal
+  uint32_t step;       ///< row t in the slab
+  uint32_t final_row;  ///< for kFinal
   RequestKind kind;
-  uint32_t reset_state;     ///< 1: the recurrent input is zero (first decision of an episode)
+  uint32_t reset_state;  ///< 1: the recurrent input is zero (first decision of an episode)
   uint32_t env_index;
   // Policy worker writes before scatter.
   alignas(kCacheLineBytes) uint32_t policy_version;
@@ -82,6 +83,20 @@ struct alignas(kCacheLineBytes) StepSlot {
 static_assert(std::atomic<SlotState>::is_always_lock_free);
 static_assert(sizeof(StepSlot) == 3 * kCacheLineBytes, "changing this bumps kLayoutVersion");
 
+/// Moves a slot along one arrow of the picture above; false (and no change) if it is not in state `from`,
+/// which happens when the supervisor gave a dead peer's slot back in the meantime.
+inline bool advance(StepSlot& slot, SlotState from, SlotState to) {
+  return slot.state.compare_exchange_strong(from, to, std::memory_order_acq_rel, std::memory_order_acquire);
+}
+
+/// What a group of environments asks for in its present round. The simulator stores both words before it
+/// commits the round's first slot, and no slot of an older round is outstanding then; so a policy worker that
+/// counts `request_count` slots of the group in kReady holds the whole round (deterministic mode).
+struct alignas(kCacheLineBytes) GroupRound {
+  std::atomic<uint32_t> request_count;  ///< slots that this round commits
+  std::atomic<uint32_t> round_id;       ///< counts rounds; wraps
+};
+
 /// Life of a trajectory slab.
 ///
 ///   kFree -acquire-> kFilling -seal-> kSealed -drain-> kLearning -release-> kFree
@@ -90,14 +105,18 @@ enum class SlabState : uint32_t { kFree, kFilling, kSealed, kLearning };
 
 struct alignas(kCacheLineBytes) SlabHeader {
   uint32_t env_index;
-  uint32_t length;           ///< rows filled: T, or fewer where K episode ends sealed it early
-  uint64_t rollout_index;    ///< counts slabs of this environment from 0
-  uint64_t seal_ticket;      ///< order of sealing over all environments
+  uint32_t length;         ///< rows filled: T, or fewer where K episode ends sealed it early
+  uint64_t rollout_index;  ///< counts slabs of this environment from 0
+  uint64_t seal_ticket;    ///< order of sealing over all environments
   uint64_t layout_id;
   EpisodeStamp first_episode;
+  /// A slab is free when `state` is kFree and `owner` is 0. The owner word is the lock that acquiring takes;
+  /// it is given back just before the state moves on. While kFilling, env_index tells whose the slab is, so a
+  /// simulator killed between any two of these stores loses nothing.
   alignas(kCacheLineBytes) std::atomic<SlabState> state;
-  std::atomic<uint32_t> owner;  ///< sim worker index + 1 while kFilling
+  std::atomic<uint32_t> owner;  ///< sim worker index + 1 while kFilling, else 0
 };
+static_assert(sizeof(SlabHeader) == 2 * kCacheLineBytes, "changing this bumps kLayoutVersion");
 
 /// One finished episode, as the supervisor publishes it (topic EpisodeResult).
 struct EpisodeRecord {
@@ -105,10 +124,10 @@ struct EpisodeRecord {
   uint64_t episode_seed;
   uint64_t layout_id;
   uint32_t env_index;
-  uint32_t length_steps;       ///< decisions
+  uint32_t length_steps;  ///< decisions
   uint32_t length_tics;
-  uint32_t terminated;         ///< 1 terminated, 0 truncated
-  float score;                 ///< J, team level
+  uint32_t terminated;             ///< 1 terminated, 0 truncated
+  float score;                     ///< J, team level
   float agent_return[kMaxAgents];  ///< sum of rewards before scale, clip and sharing
   float agent_score[kMaxAgents];   ///< J per agent, where the scenario tells them apart; else J
 };
@@ -118,38 +137,41 @@ enum class RunState : uint32_t { kStarting, kRunning, kPaused, kStopping };
 
 /// Per-worker rates and totals, one writer each.
 struct alignas(kCacheLineBytes) WorkerCounters {
-  std::atomic<uint64_t> decisions;      ///< sim: agent decisions taken; policy: rows answered; learner: rows trained
-  std::atomic<uint64_t> batches;        ///< policy: forward passes; learner: optimizer steps
-  std::atomic<uint64_t> wait_ns;        ///< time spent waiting for somebody else
+  std::atomic<uint64_t>
+      decisions;  ///< sim: agent decisions taken; policy: rows answered; learner: rows trained
+  std::atomic<uint64_t> batches;  ///< policy: forward passes; learner: optimizer steps
+  std::atomic<uint64_t> wait_ns;  ///< time spent waiting for somebody else
   std::atomic<uint64_t> busy_ns;
   std::atomic<uint32_t> pid;
-  std::atomic<uint32_t> epoch;          ///< starts of this worker
-  std::atomic<uint32_t> state;          ///< 0 absent, 1 starting, 2 running, 3 stopped
+  std::atomic<uint32_t> epoch;  ///< starts of this worker
+  std::atomic<uint32_t> state;  ///< 0 absent, 1 starting, 2 running, 3 stopped
 };
 
 /// Simulators' copy of the desired state and of limits that the supervisor or learner set.
 struct alignas(kCacheLineBytes) ControlBlock {
   std::atomic<RunState> run_state;
-  std::atomic<uint32_t> policy_version;       ///< newest version in the weights buffers
-  std::atomic<uint64_t> rollouts_allowed;     ///< deterministic mode: rollouts with index < this may start
-  std::atomic<uint64_t> episodes_per_run;     ///< evaluation: episodes in all; UINT64_MAX while training
-  std::atomic<uint64_t> slabs_sealed;         ///< next seal ticket
-  std::atomic<uint64_t> learner_env_frames;   ///< counted by the learner (training spec 3.4)
+  std::atomic<uint32_t> policy_version;      ///< newest version in the weights buffers
+  std::atomic<uint64_t> rollouts_allowed;    ///< deterministic mode: rollouts with index < this may start
+  std::atomic<uint64_t> episodes_per_run;    ///< evaluation: episodes in all; UINT64_MAX while training
+  std::atomic<uint64_t> slabs_sealed;        ///< next seal ticket
+  std::atomic<uint64_t> learner_env_frames;  ///< counted by the learner (training spec 3.4)
   alignas(kCacheLineBytes) Doorbell run_state_changed;
-  Doorbell slab_sealed;      ///< rung by simulators, heard by the learner
-  Doorbell slab_released;    ///< rung by the learner (and when rollouts_allowed grows), heard by simulators
+  Doorbell slab_sealed;    ///< rung by simulators, heard by the learner
+  Doorbell slab_released;  ///< rung by the learner (and when rollouts_allowed grows), heard by simulators
   Doorbell weights_published;
 };
 
-/// What exact resume needs of one environment (deterministic mode): replaying `actions` from `episode_seed` gives
-/// its world back; `recurrent` lies in the arena's state buffers.
+/// What exact resume needs of one environment (deterministic mode): replaying `actions` from `episode_seed`
+/// gives its world back; `recurrent` lies in the arena's state buffers.
 struct JournalHeader {
   uint64_t episode_seed;
   uint64_t episode_id;
   uint64_t step_id;
   uint64_t rollout_index;
-  uint32_t length;        ///< decisions since reset, at most journal_steps
-  uint32_t is_resume;     ///< 1: written by the learner before start; the simulator replays it first
+  uint32_t
+      length;  ///< decisions since reset; more than journal_steps: the journal overflowed, no exact resume
+  uint32_t is_resume;  ///< 1: written by the learner before start; the simulator replays it first
+  uint32_t in_use;  ///< 1 once the environment has begun; a restarted simulator counts its ids on from here
 };
 
 /// A mapped arena. Move-only; all methods are safe to call from every process that has it mapped.
@@ -159,7 +181,8 @@ class Arena {
   static int64_t size_bytes(const ArenaShape& shape);
 
   /// Makes a fresh arena; all slots kIdle, all slabs kFree.
-  /// Errors: kBadInput for a bad shape; kNoSpace saying how much is needed, how much there is, and which flags
+  /// Errors: kBadInput for a bad shape; kNoSpace saying how much is needed, how much there is, and which
+  /// flags
   /// (--trajectory_slabs, --num_workers, --num_envs_per_worker, --rollout) lower it.
   static Expected<Arena> create(const ArenaShape& shape, uint64_t run_id);
 
@@ -182,10 +205,12 @@ class Arena {
 
   // Step slots: one per environment.
   StepSlot& slot(int env_index) const;
-  /// Live recurrent state [N, H] of an environment; `parity` = step_id & 1 is the input, the other the output.
+  /// Live recurrent state [N, H] of an environment; `parity` = step_id & 1 is the input, the other the
+  /// output.
   std::span<float> recurrent(int env_index, uint64_t parity) const;
   Doorbell& slots_ready(int policy_worker) const;            ///< rung after a group committed
   Doorbell& slots_acted(int sim_worker, int split) const;    ///< rung after a batch was scattered
+  GroupRound& group_round(int sim_worker, int split) const;  ///< requests of the group's present round
 
   // Trajectory slabs.
   const SlabLayout& slab_layout() const;
@@ -193,13 +218,16 @@ class Arena {
   SlabHeader& slab_header(int slab_index) const;
   /// A free slab for `sim_worker`, or nothing (back-pressure). kFree -> kFilling by compare-and-swap.
   std::optional<uint32_t> acquire_slab(int sim_worker) const;
-  void seal_slab(uint32_t slab_index) const;                 ///< kFilling -> kSealed, takes a ticket, rings
+  void seal_slab(uint32_t slab_index) const;     ///< kFilling -> kSealed, takes a ticket, rings
+  void abandon_slab(uint32_t slab_index) const;  ///< kFilling -> kFree, rings: its owner needs it no more
   /// Takes up to `max_count` sealed slabs in ticket order: kSealed -> kLearning.
   std::vector<uint32_t> drain_slabs(int max_count) const;
   int sealed_count() const;
-  void release_slab(uint32_t slab_index) const;              ///< kLearning -> kFree, rings
+  void release_slab(uint32_t slab_index) const;  ///< kLearning -> kFree, rings
 
-  // Episode records: many writers, one reader (the supervisor). A full ring drops the newest and counts it.
+  // Episode records: one ring per simulator (record.env_index tells which), one reader (the supervisor). A
+  // simulator killed half way leaves a record that was never announced. A full ring drops the newest and
+  // counts it.
   bool push_episode(const EpisodeRecord& record) const;
   std::optional<EpisodeRecord> pop_episode() const;
   uint64_t episodes_dropped() const;
@@ -210,8 +238,8 @@ class Arena {
   /// Version that lies ready; 0 before the first publish makes has_weights() false.
   PolicyVersion weights_version() const;
   bool has_weights() const;
-  /// Copies the current weights into `out` (resized) and returns their version; never torn, checksum verified.
-  /// Errors: kBadFormat when the checksum keeps failing.
+  /// Copies the current weights into `out` (resized) and returns their version; never torn, checksum
+  /// verified. Errors: kBadFormat when the checksum keeps failing.
   Expected<PolicyVersion> read_weights(std::vector<std::byte>& out) const;
 
   // Journals (deterministic mode).
@@ -219,7 +247,9 @@ class Arena {
   std::span<uint8_t> journal_action(int env_index, int step) const;  ///< [N * heads]
 
   // Supervisor: after a worker died.
-  /// Frees the slabs a dead simulator was filling and idles its slots. Returns steps lost.
+  /// Frees the slabs a dead simulator was filling and idles its slots. Returns agent decisions lost. Waits up
+  /// to 2 s for a policy worker that is answering one of the slots, because it still writes into the slab;
+  /// reclaim a policy worker that died at the same time first.
   uint64_t reclaim_sim_worker(int sim_worker) const;
   /// Puts slots that a dead policy worker had in its batch back to kReady. Returns how many.
   int reclaim_policy_worker(int policy_worker) const;

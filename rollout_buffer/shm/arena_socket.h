@@ -1,5 +1,5 @@
-// How a process of the same host joins a run: it connects to the run's Unix socket, the supervisor checks who asks
-// (SO_PEERCRED) and hands the arena's descriptor over (SCM_RIGHTS). Nothing else travels here.
+// How a process of the same host joins a run: it connects to the run's Unix socket, the supervisor checks who
+// asks (SO_PEERCRED) and hands the arena's descriptor over (SCM_RIGHTS). Nothing else travels here.
 #pragma once
 
 #include <sys/types.h>
@@ -16,12 +16,12 @@ namespace comrad::shm {
 struct JoinRequest {
   uint32_t magic = kArenaMagic;
   uint32_t layout_version = kLayoutVersion;
-  char role[16] = {};       ///< "sim", "policy", "learner", "monitor"
+  char role[16] = {};  ///< "sim", "policy", "learner", "monitor"
   uint32_t worker_index = 0;
 };
 
-/// Listens on an abstract Unix socket (no file is left behind). Owned by the supervisor; poll descriptor() and call
-/// serve_one() when it is readable.
+/// Listens on an abstract Unix socket (no file is left behind). Owned by the supervisor; poll descriptor()
+/// and call serve_one() when it is readable.
 class ArenaServer {
  public:
   /// Errors: kSystem when the name is taken (another run of the same name on this host).
@@ -31,9 +31,9 @@ class ArenaServer {
 
   int descriptor() const { return descriptor_; }
   const std::string& name() const { return name_; }
-  /// Accepts one peer, checks that it runs as the same user, hands the arena over. Bounded wait of 1 s on a peer
-  /// that connects and stays silent. Errors: kBadInput (wrong user, magic or version), kTimeout, kSystem; the
-  /// server goes on.
+  /// Accepts one peer, checks that it runs as the same user, hands the arena over. Bounded wait of 1 s on a
+  /// peer that connects and stays silent. Errors: kBadInput (wrong user, magic or version), kTimeout,
+  /// kSystem; the server goes on.
   Expected<JoinRequest> serve_one();
 
  private:

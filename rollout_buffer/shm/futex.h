@@ -1,5 +1,6 @@
-// Doorbells between processes: a counter in shared memory that one side rings and others wait on with a time-out.
-// The state words are the truth; a doorbell only says "look again", so a lost or doubled ring does no harm.
+// Doorbells between processes: a counter in shared memory that one side rings and others wait on with a
+// time-out. The state words are the truth; a doorbell only says "look again", so a lost or doubled ring does
+// no harm.
 #pragma once
 
 #include <atomic>

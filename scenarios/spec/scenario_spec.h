@@ -1,5 +1,5 @@
-// A scenario as data: everything scenario.toml says. One loader reads it; nothing about a scenario stands elsewhere
-// than in its folder. Stage: what a frame, an action and a reward mean.
+// A scenario as data: everything scenario.toml says. One loader reads it; nothing about a scenario stands
+// elsewhere than in its folder. Stage: what a frame, an action and a reward mean.
 #pragma once
 
 #include <cstdint>
@@ -30,7 +30,7 @@ struct MeasurementTerm {
 struct RewardTerm {
   std::string name;
   std::string variable;
-  std::string kind;    ///< delta, rise, fall, new_max, value, event
+  std::string kind;  ///< delta, rise, fall, new_max, value, event
   double weight = 0.0;
   std::string scope = "own";  ///< own | team (a team variable; weight is divided by N when per_agent)
   double cap = 0.0;           ///< 0: none
@@ -46,7 +46,7 @@ struct ScenarioSpec {
   int decision_limit = 0;
   bool respawn = false;
   double shared_reward_alpha = 0.0;
-  std::string score;       ///< what J is: survival_tics, ...
+  std::string score;  ///< what J is: survival_tics, ...
   double ceiling = 0.0;
   std::vector<MeasurementTerm> measurements;
   std::vector<RewardTerm> rewards;
@@ -57,8 +57,8 @@ struct ScenarioSpec {
   EnvShape shape(int num_agents, bool use_measurements) const;
 };
 
-/// Reads scenarios/<name>/scenario.toml below data_dir(). Errors: kNotFound listing the known names; kBadFormat with
-/// line, column and the offending key.
+/// Reads scenarios/<name>/scenario.toml below data_dir(). Errors: kNotFound listing the known names;
+/// kBadFormat with line, column and the offending key.
 Expected<ScenarioSpec> load_scenario(const std::string& name);
 
 /// Names of all scenarios below data_dir(), sorted.

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -53,6 +54,15 @@ struct Sector {
   int32_t damage_interval = 0;  ///< tics between hits; see world.h for the clock rule
 };
 
+enum ThingFlag : uint32_t {
+  kThingSkill1 = 1u << 0,  ///< skill n: kThingSkill1 << (n - 1), n = 1..5
+  kThingSingle = 1u << 5,
+  kThingCoop = 1u << 6,
+  kThingDeathmatch = 1u << 7,
+  kThingAmbush = 1u << 8,
+  kThingDormant = 1u << 9,
+};
+
 /// A THINGS entry: where the map wants something, before it lives.
 struct MapThing {
   int32_t id = 0;
@@ -61,8 +71,10 @@ struct MapThing {
   int32_t editor_number = 0;
   int32_t special = 0;
   std::array<int32_t, 5> args{};
-  uint32_t flags = 0;
+  uint32_t flags = 0;  ///< ThingFlag bits
 };
+
+struct LevelIndex;
 
 /// A loaded map. Immutable apart from the sectors, which each World copies.
 struct Level {
@@ -73,6 +85,7 @@ struct Level {
   std::vector<Sector> sectors;
   std::vector<MapThing> things;
   std::vector<std::vector<uint32_t>> sector_linedefs;  ///< [sector] linedefs that touch it
+  std::shared_ptr<const LevelIndex> index;             ///< collision grid and sector tree, made by the loader
 };
 
 }  // namespace comrad::doom

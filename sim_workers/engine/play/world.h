@@ -35,12 +35,16 @@ struct ActorType {
   bool no_blockmap = false;    ///< pure decoration: never blocks, never collides
   bool bright = false;         ///< drawn full-bright
   int32_t heal_amount = 0, heal_limit = 100;
+  bool always_taken = false;   ///< a pickup that vanishes even where it has nothing to give
   std::string sprite;          ///< four letters
-  /// Animation frames: letter index and tics (-1: forever), looped.
+  float scale = 1.0f;          ///< size the sprite is drawn at, of its own
+  /// Animation frames: letter index and tics (-1: forever). After a frame comes `next`, or, where that is -1, the one
+  /// below it; the last one goes back to the first.
   struct Frame {
     uint8_t frame = 0;
     int16_t tics = -1;
     bool bright = false;
+    int16_t next = -1;
   };
   std::vector<Frame> frames;
 };
@@ -86,17 +90,19 @@ struct Player {
   int32_t armor = 0;
   bool alive = true;
   int32_t turn_held_tics = 0;
-  int32_t jump_tics = 0;
+  int32_t jump_tics = 0;       ///< until the next jump; -1 while in the air from one
   int32_t damage_flash = 0;    ///< red, counts down a tic at a time
   int32_t bonus_flash = 0;     ///< gold
   Fixed view_height = to_fixed(41);
   Fixed view_z = 0;            ///< eye height above zero, bob included
+  Fixed view_height_delta = 0; ///< how fast view_height returns after a step or a landing
   int32_t damage_taken = 0;    ///< total
   int32_t pickup_count = 0;    ///< items taken, total
   uint64_t death_tic = 0;
 };
 
 class World;
+struct LevelIndex;
 
 /// A scenario's rules: what its ACS scripts do, called at the places where the engine runs scripts. Native rules use
 /// the same World calls that the script machine will use, and are replaced by scripts one by one.
@@ -134,16 +140,18 @@ class World {
   /// on_enter called. `scripts` must outlive the world or the next reset; null: no rules.
   void reset(const WorldOptions& options, ScriptHost* scripts);
 
-  /// One tic, in Doom's order: players think (turn, thrust, jump), bodies move, actors think, specials and sector
-  /// damage, scripts. `buttons` has one entry per player.
+  /// One tic, in Doom's order: players think (turn, thrust, jump, eye, damage of the floor they stand on), then each
+  /// actor in order of age moves and thinks, then scripts. `buttons` has one entry per player; missing ones press
+  /// nothing. After the level was exited nothing moves any more.
   void tic(std::span<const Buttons> buttons);
 
   // Read side.
-  uint64_t tic_count() const { return tic_count_; }          ///< map clock, tics since reset
+  uint64_t tic_count() const { return tic_count_; }          ///< map clock: tics finished since reset
   bool level_exited() const { return level_exited_; }
   int player_count() const { return static_cast<int>(players_.size()); }
   const Player& player(int index) const { return players_[index]; }
   const Actor& body(int index) const;                        ///< the player's actor
+  /// Live actors by rising id. Those with `removed` set leave at the end of the tic.
   std::span<const Actor> actors() const { return actors_; }
   const Actor* find_actor(uint32_t id) const;
   const Level& level() const { return *level_; }
@@ -172,10 +180,36 @@ class World {
 
  private:
   friend class Movement;
+  friend class PlayerThinker;
+
+  /// Place of an actor in the lists of solid and touchable things, by slots of actors_.
+  struct ThingLink {
+    int32_t next = -1, previous = -1;
+    int32_t cell = -1;  ///< -1: in no list
+  };
+
+  std::size_t append_actor(uint32_t type, Fixed x, Fixed y, Fixed z, Angle angle, int32_t thing_id);
+  std::optional<std::size_t> slot_of(uint32_t id) const;
+  Actor* find_live(uint32_t id);
+  void link(std::size_t slot);
+  void unlink(std::size_t slot);
+  void remove_slot(std::size_t slot);
+  void compact();
+  void set_frame(Actor& actor, uint16_t frame_index);
+  void advance_frames(Actor& actor);
+  void spawn_players();
+  void spawn_map_things();
+
   std::shared_ptr<const Level> level_;
+  std::shared_ptr<const LevelIndex> index_;
   std::shared_ptr<const ActorCatalog> catalog_;
   std::vector<Sector> sectors_;
   std::vector<Actor> actors_;
+  std::vector<ThingLink> links_;        // parallel to actors_
+  std::vector<int32_t> cell_heads_;     // [cell of the blockmap] slot of the first thing, -1: none
+  std::vector<int32_t> type_counts_;    // [type] live actors
+  Fixed radius_max_ = 0;                // of the things in the lists; never shrinks within an episode
+  bool has_removed_ = false;
   std::vector<Player> players_;
   std::vector<HudBox> hud_;
   std::array<int32_t, 64> exported_{};

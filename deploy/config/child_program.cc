@@ -1,0 +1,174 @@
+#include "deploy/config/child_program.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/prctl.h>
+#include <sys/signalfd.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+#include <thread>
+
+#include "rollout_buffer/core/clock.h"
+
+namespace comrad::deploy {
+namespace {
+
+std::filesystem::path own_executable() {
+  std::error_code error;
+  return std::filesystem::read_symlink("/proc/self/exe", error);
+}
+
+std::vector<char*> argument_vector(const std::vector<std::string>& command) {
+  std::vector<char*> arguments;
+  for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
+  arguments.push_back(nullptr);
+  return arguments;
+}
+
+Error system_error(const std::string& what) {
+  return Error{ErrorCode::kSystem, what + ": " + std::strerror(errno)};
+}
+
+struct Descriptor {
+  int value = -1;
+  ~Descriptor() { close(); }
+  void close() {
+    if (value >= 0) ::close(value);
+    value = -1;
+  }
+};
+
+struct Pipe {
+  Descriptor read_end, write_end;
+  bool open() {
+    int ends[2];
+    if (pipe2(ends, O_CLOEXEC) != 0) return false;
+    read_end.value = ends[0];
+    write_end.value = ends[1];
+    return true;
+  }
+};
+
+}  // namespace
+
+std::string sibling_program(const std::string& name) {
+  return (own_executable().parent_path() / name).string();
+}
+
+std::string build_folder() { return own_executable().parent_path().parent_path().string(); }
+
+Expected<ProgramResult> run_program(const std::vector<std::string>& command, const ProgramOptions& options) {
+  if (command[0].find('/') != std::string::npos && access(command[0].c_str(), X_OK) != 0)
+    return Error{ErrorCode::kNotFound, command[0] + ": no such program; build it with ./comrad"};
+
+  Pipe out, err, exec_failure;
+  if (!out.open() || !err.open() || !exec_failure.open()) return system_error("pipe");
+  sigset_t stop_signals, previous_mask;
+  sigemptyset(&stop_signals);
+  sigaddset(&stop_signals, SIGINT);
+  sigaddset(&stop_signals, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &stop_signals, &previous_mask);
+  struct RestoreMask {
+    sigset_t* mask;
+    ~RestoreMask() { pthread_sigmask(SIG_SETMASK, mask, nullptr); }
+  } restore{&previous_mask};
+  Descriptor signals{signalfd(-1, &stop_signals, SFD_CLOEXEC | SFD_NONBLOCK)};
+
+  const pid_t parent = getpid();
+  std::vector<char*> arguments = argument_vector(command);
+  const pid_t child = fork();
+  if (child < 0) return system_error("fork");
+  if (child == 0) {
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    if (getppid() != parent) _exit(127);
+    setpgid(0, 0);  // a terminal's Ctrl-C reaches us alone; we pass it on
+    dup2(out.write_end.value, STDOUT_FILENO);
+    dup2(err.write_end.value, STDERR_FILENO);
+    const int null_input = open("/dev/null", O_RDONLY | O_CLOEXEC);
+    if (null_input >= 0) dup2(null_input, STDIN_FILENO);
+    pthread_sigmask(SIG_SETMASK, &previous_mask, nullptr);
+    execvp(arguments[0], arguments.data());
+    const int reason = errno;
+    (void)!write(exec_failure.write_end.value, &reason, sizeof(reason));
+    _exit(127);
+  }
+  out.write_end.close();
+  err.write_end.close();
+  exec_failure.write_end.close();
+  int reason = 0;
+  if (read(exec_failure.read_end.value, &reason, sizeof(reason)) == sizeof(reason)) {
+    waitpid(child, nullptr, 0);
+    return Error{reason == ENOENT ? ErrorCode::kNotFound : ErrorCode::kSystem,
+                 command[0] + ": " + std::strerror(reason)};
+  }
+
+  ProgramResult result;
+  size_t line_begin = 0;
+  const double deadline_s = monotonic_s() + options.timeout_s;
+  bool timed_out = false;
+  auto drain = [&](Descriptor& from, std::string& into) {
+    char bytes[65536];
+    const ssize_t count = read(from.value, bytes, sizeof(bytes));
+    if (count > 0)
+      into.append(bytes, static_cast<size_t>(count));
+    else if (count == 0 || errno != EINTR)
+      from.close();
+    return count > 0 ? std::string_view(bytes, static_cast<size_t>(count)) : std::string_view();
+  };
+  while (out.read_end.value >= 0 || err.read_end.value >= 0) {
+    const double left_s = deadline_s - monotonic_s();
+    if (left_s <= 0) {
+      timed_out = true;
+      kill(-child, SIGKILL);
+      break;
+    }
+    pollfd waits[3] = {
+        {out.read_end.value, POLLIN, 0}, {err.read_end.value, POLLIN, 0}, {signals.value, POLLIN, 0}};
+    if (poll(waits, 3, static_cast<int>(std::min(left_s, 1.0) * 1000) + 1) < 0 && errno != EINTR) break;
+    if (waits[0].revents != 0) {
+      drain(out.read_end, result.output);
+      for (size_t end; options.on_line && (end = result.output.find('\n', line_begin)) != std::string::npos;
+           line_begin = end + 1)
+        options.on_line(result.output.substr(line_begin, end - line_begin));
+    }
+    if (waits[1].revents != 0) {
+      const std::string_view fresh = drain(err.read_end, result.error_output);
+      if (options.echo_stderr) (void)!write(STDERR_FILENO, fresh.data(), fresh.size());
+    }
+    signalfd_siginfo received;
+    if (waits[2].revents != 0 && read(signals.value, &received, sizeof(received)) == sizeof(received)) {
+      kill(-child, result.interrupted ? SIGKILL : SIGTERM);
+      result.interrupted = true;
+    }
+  }
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  result.exit_code = WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
+  if (timed_out)
+    return Error{ErrorCode::kTimeout, command[0] + ": still running after " +
+                                          std::to_string(static_cast<int>(options.timeout_s)) + " s"};
+  return result;
+}
+
+std::string last_words(const ProgramResult& result) {
+  std::string text = result.error_output;
+  while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
+  text = text.substr(text.rfind('\n') + 1);
+  if (const size_t prefix = text.find(": error: "); prefix != std::string::npos && prefix < 40)
+    text = text.substr(prefix + 9);
+  return text;
+}
+
+Error replace_process(const std::vector<std::string>& command) {
+  execvp(command[0].c_str(), argument_vector(command).data());
+  return Error{errno == ENOENT ? ErrorCode::kNotFound : ErrorCode::kSystem,
+               command[0] + ": " + std::strerror(errno) + "; build it with ./comrad"};
+}
+
+}  // namespace comrad::deploy

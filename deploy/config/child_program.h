@@ -1,0 +1,46 @@
+// Programs that this one starts and waits for: generator, scenario list, benches, ctest. Workers of a run are
+// the supervisor's (deploy/launch), not these.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::deploy {
+
+/// The program of this name in the folder of our own executable.
+std::string sibling_program(const std::string& name);
+
+/// The build folder that our own executable lies in (<build>/bin/comrad).
+std::string build_folder();
+
+struct ProgramOptions {
+  double timeout_s = 60;     ///< the program is killed then
+  bool echo_stderr = false;  ///< also pass its stderr on, as it comes
+  /// Called for every whole line of stdout as it comes; the output is kept all the same.
+  std::function<void(const std::string& line)> on_line = {};
+};
+
+struct ProgramResult {
+  int exit_code = 0;         ///< 128 + signal number when a signal ended it
+  std::string output;        ///< stdout
+  std::string error_output;  ///< stderr
+  bool interrupted = false;  ///< SIGINT or SIGTERM reached us meanwhile; it was passed on as SIGTERM
+};
+
+/// Runs `command` (its first word is a path, or a name that PATH knows) to its end. The child dies with us.
+/// Errors: kNotFound (no such program), kTimeout, kSystem. A non-zero exit is a result, not an error.
+/// Threads: blocks SIGINT and SIGTERM in the calling thread while the child runs.
+Expected<ProgramResult> run_program(const std::vector<std::string>& command,
+                                    const ProgramOptions& options = {});
+
+/// The last line of a failed program's stderr without its "name: error: " prefix, for our own message.
+std::string last_words(const ProgramResult& result);
+
+/// Replaces this process by `command`. Returns only when that fails. Errors: kNotFound, kSystem.
+Error replace_process(const std::vector<std::string>& command);
+
+}  // namespace comrad::deploy

@@ -1,0 +1,62 @@
+// The flags of one command: every setting of rollout_buffer/core/config.h under its name and its old names,
+// plus what the command adds for itself. Nothing is merged here; what the user typed leaves as one settings
+// layer.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::deploy {
+
+/// Declares flags, parses arguments, prints help. `--name=value` and `--name value` mean the same; a boolean
+/// may also stand alone (`--deterministic` is `--deterministic=True`). Of a repeated flag the last one
+/// counts. Threads: one.  Targets must outlive parse().
+class CommandLine {
+ public:
+  /// `usage` is the line after "usage: comrad ", `about` the paragraph below it.
+  CommandLine(std::string usage, std::string about);
+  ~CommandLine();
+  CommandLine(const CommandLine&) = delete;
+  CommandLine& operator=(const CommandLine&) = delete;
+
+  /// Every setting of visit_settings, and `--config FILE.toml`.
+  void add_settings();
+  /// A flag of this command alone, without dashes; `value_name` shows in the help.
+  void add_option(const std::string& name, std::string& target, const std::string& value_name,
+                  const std::string& help);
+  /// A number; 1e6 is accepted where the number is whole.
+  void add_option(const std::string& name, double& target, const std::string& value_name,
+                  const std::string& help);
+  /// A boolean of this command alone.
+  void add_switch(const std::string& name, bool& target, const std::string& help);
+  /// A word without dashes; the first one declared is the first one expected. Required unless `target` is
+  /// set.
+  void add_positional(const std::string& name, std::string& target, const std::string& help);
+
+  /// Errors: kBadInput naming the argument and, for an unknown flag, the nearest known one.
+  Status parse(std::span<const std::string> arguments);
+
+  bool help_requested() const { return help_requested_; }
+  /// The settings that were typed, canonical names, in the order of the table; origin "command line".
+  const SettingsLayer& typed() const { return typed_; }
+  /// Whether the setting or command flag of this canonical name was typed.
+  bool was_typed(const std::string& name) const;
+  const std::string& config_file() const { return config_file_; }
+
+  std::string help() const;
+
+ private:
+  struct Parser;
+  std::unique_ptr<Parser> parser_;
+  std::string usage_, about_;
+  SettingsLayer typed_{"command line", {}};
+  std::string config_file_;
+  bool help_requested_ = false;
+};
+
+}  // namespace comrad::deploy

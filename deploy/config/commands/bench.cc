@@ -1,0 +1,174 @@
+// `comrad bench`: throughput of one stage alone (sim, inference, learner: the worker program's own --bench)
+// or of the whole pipeline (train).
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "deploy/config/child_program.h"
+#include "deploy/config/command_line.h"
+#include "deploy/config/commands/command.h"
+#include "deploy/config/merged_settings.h"
+#include "deploy/config/temporary_run.h"
+#include "deploy/launch/supervisor.h"
+
+namespace comrad::deploy {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr std::array kBenches = {"sim", "inference", "learner", "train"};
+constexpr double kTrainWarmupSeconds = 5;
+
+/// The keys that every bench has, in their order.
+ordered_json common_keys(const std::string& bench, const RunConfig& config, int64_t cores, double seconds,
+                         double decisions_per_s) {
+  return {{"bench", bench},
+          {"scenario", config.scenario},
+          {"algo", config.algo},
+          {"num_agents", config.num_agents},
+          {"cores", cores},
+          {"seconds", seconds},
+          {"decisions_per_s", decisions_per_s},
+          {"env_frames_per_s", decisions_per_s * static_cast<double>(config.env_frameskip)}};
+}
+
+std::vector<std::string> worker_command(const std::string& bench, const MergedSettings& merged,
+                                        const std::string& run_dir, double seconds) {
+  const std::string program = bench == "sim"         ? "comrad-sim-worker"
+                              : bench == "inference" ? "comrad-policy-worker"
+                                                     : "comrad-learner";
+  std::vector<std::string> command = {sibling_program(program), "--run_dir", run_dir, "--bench",
+                                      std::to_string(seconds)};
+  if (bench == "sim") return command;
+  const EnvShape& env = merged.scenario.env;
+  std::string heads;
+  for (int head = 0; head < env.head_count; ++head)
+    heads += (head == 0 ? "" : ",") + std::to_string(env.head_sizes[static_cast<size_t>(head)]);
+  command.insert(command.end(), {"--num_agents", std::to_string(env.num_agents), "--heads", heads,
+                                 "--measurements", std::to_string(env.measurement_count)});
+  return command;
+}
+
+/// One stage alone: the worker program measures itself; its object is completed with the common keys.
+Expected<ordered_json> bench_worker(const std::string& bench, const MergedSettings& merged,
+                                    const std::string& run_dir, double seconds) {
+  COMRAD_TRY_ASSIGN(const ProgramResult result,
+                    run_program(worker_command(bench, merged, run_dir, seconds),
+                                {.timeout_s = 3 * seconds + 120, .echo_stderr = true}));
+  if (result.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
+  if (result.exit_code != 0)
+    return Error{ErrorCode::kPeerLost, "the worker's bench ended with exit code " +
+                                           std::to_string(result.exit_code) + ": " + last_words(result)};
+  const ordered_json measured = ordered_json::parse(result.output, nullptr, false);
+  if (!measured.is_object() || !measured.contains("decisions_per_s") ||
+      !measured["decisions_per_s"].is_number())
+    return Error{ErrorCode::kBadFormat, "the worker's bench printed no object with decisions_per_s"};
+  const RunConfig& config = merged.config;
+  const int64_t cores = bench == "sim"         ? 1
+                        : bench == "inference" ? config.policy_threads
+                                               : config.learner_threads;
+  const auto took = measured.find("seconds");
+  ordered_json summary = common_keys(
+      bench, config, cores, took != measured.end() && took->is_number() ? took->get<double>() : seconds,
+      measured["decisions_per_s"].get<double>());
+  for (const auto& [key, value] : measured.items())
+    if (!summary.contains(key)) summary[key] = value;
+  return summary;
+}
+
+/// The whole pipeline, measured after the first update and a warm-up.
+Expected<ordered_json> bench_train(const MergedSettings& merged, const std::string& run_dir, double seconds,
+                                   int core_count) {
+  const RunConfig& config = merged.config;
+  LaunchPlan plan;
+  plan.config = config;
+  plan.env = merged.scenario.env;
+  plan.decision_limit = merged.scenario.decision_limit;
+  plan.run_dir = run_dir;
+  plan.seconds = seconds;
+  plan.warmup_seconds = std::min(kTrainWarmupSeconds, seconds);
+  COMRAD_TRY_ASSIGN(const RunOutcome outcome, deploy::run(plan));
+  if (outcome.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
+  if (outcome.exit_code != 0 || outcome.measured_seconds <= 0)
+    return Error{ErrorCode::kPeerLost, outcome.message.empty() ? "nothing was measured" : outcome.message};
+  ordered_json summary =
+      common_keys("train", config, core_count, outcome.measured_seconds,
+                  static_cast<double>(outcome.measured_decisions) / outcome.measured_seconds);
+  summary["updates_per_s"] = static_cast<double>(outcome.measured_updates) / outcome.measured_seconds;
+  summary["policy_lag_mean"] = outcome.lag_mean;
+  summary["steps_lost"] = outcome.steps_lost;
+  summary["restarts"] = outcome.restarts;
+  for (const char* setting : {"num_workers", "num_envs_per_worker", "policy_workers", "batch_size",
+                              "num_epochs", "rollout", "rnn_type", "learner_threads", "device"}) {
+    const std::string text = setting_text(config, setting);
+    const ordered_json number = ordered_json::parse(text, nullptr, false);
+    summary[setting] = number.is_number() ? number : ordered_json(text);
+  }
+  return summary;
+}
+
+void print_table(const ordered_json& summary) {
+  for (const auto& [key, value] : summary.items()) {
+    std::string text = value.is_string() ? value.get<std::string>() : value.dump();
+    if (value.is_number_float()) {
+      char rounded[32];
+      std::snprintf(rounded, sizeof(rounded), "%.1f", value.get<double>());
+      text = rounded;
+    }
+    std::printf("%-24s %s\n", key.c_str(), text.c_str());
+  }
+}
+
+Expected<int> bench(const std::string& what, double seconds, bool json, const CommandLine& line) {
+  if (std::find(kBenches.begin(), kBenches.end(), what) == kBenches.end()) {
+    const std::string nearest = nearest_word(what, {kBenches.begin(), kBenches.end()});
+    return Error{ErrorCode::kBadInput, "unknown bench '" + what + "'" +
+                                           (nearest.empty() ? "" : "; did you mean '" + nearest + "'?") +
+                                           " (sim, inference, learner, train)"};
+  }
+  if (!(seconds > 0) || seconds > 86400)
+    return Error{ErrorCode::kBadInput, "--seconds must be above 0, at most 86400"};
+
+  const int core_count = usable_cores();
+  const SettingsLayer endless{
+      "bench", {{"train_for_env_steps", "1e15"}, {"save_every_sec", "1e9"}, {"save_best_after", "1e15"}}};
+  COMRAD_TRY_ASSIGN(MergedSettings merged,
+                    merge_new({line.config_file(), line.typed()}, describe_scenario, core_count, endless));
+  COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
+  COMRAD_TRY_ASSIGN(const ordered_json summary, what == "train"
+                                                    ? bench_train(merged, run.path(), seconds, core_count)
+                                                    : bench_worker(what, merged, run.path(), seconds));
+  if (json)
+    std::printf("%s\n", summary.dump().c_str());
+  else
+    print_table(summary);
+  return kExitDone;
+}
+
+}  // namespace
+
+int bench_command(Arguments arguments) {
+  std::string what;
+  double seconds = 20;
+  bool json = false;
+  CommandLine line(
+      "bench sim|inference|learner|train [--seconds S] [--json] [settings]",
+      "Measures agent decisions and env frames per second: sim (one simulator process with random\n"
+      "actions), inference (one policy worker), learner (optimizer steps on made-up data), or train (the\n"
+      "whole pipeline, counted after the first update and a warm-up). Runs in a temporary directory.");
+  line.add_positional("WHAT", what, "sim, inference, learner or train");
+  line.add_option("seconds", seconds, "S", "how long to measure (default 20)");
+  line.add_switch("json", json, "print one JSON object on stdout and nothing else");
+  line.add_settings();
+  if (const Status parsed = line.parse(arguments); !parsed) return report_error("bench", parsed.error());
+  if (line.help_requested()) {
+    std::fputs(line.help().c_str(), stdout);
+    return kExitDone;
+  }
+  const Expected<int> done = bench(what, seconds, json, line);
+  return done ? *done : report_error("bench", done.error());
+}
+
+}  // namespace comrad::deploy

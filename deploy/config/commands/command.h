@@ -1,0 +1,36 @@
+// The commands of `comrad`, one source file each. A command parses its own arguments, does its work and
+// returns an exit code: 0 done, 1 failed, 2 bad input.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::deploy {
+
+using Arguments = std::span<const std::string>;
+
+constexpr int kExitDone = 0;
+constexpr int kExitFailed = 1;
+constexpr int kExitBadInput = 2;
+
+struct Command {
+  std::string name;
+  std::string summary;              ///< one line of `comrad help`
+  int (*run)(Arguments arguments);  ///< the words after the command's name; `--help` prints and returns 0
+};
+
+int train_command(Arguments arguments);
+int eval_command(Arguments arguments);
+int bench_command(Arguments arguments);
+int scenarios_command(Arguments arguments);
+int doomgen_command(Arguments arguments);
+int doctor_command(Arguments arguments);
+int test_command(Arguments arguments);
+
+/// Prints "comrad <command>: error: <message>" to stderr and returns the exit code of the error's kind.
+int report_error(const std::string& command, const Error& error);
+
+}  // namespace comrad::deploy

@@ -1,0 +1,157 @@
+// `comrad eval`: plays fresh episodes, keyed by the evaluation seed, with a trained or a random policy,
+// through the same processes that training uses. Nothing is written into the run that is looked at.
+
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "deploy/config/command_line.h"
+#include "deploy/config/commands/command.h"
+#include "deploy/config/existing_run.h"
+#include "deploy/config/game_files.h"
+#include "deploy/config/merged_settings.h"
+#include "deploy/config/statistics.h"
+#include "deploy/config/temporary_run.h"
+#include "deploy/launch/supervisor.h"
+
+namespace comrad::deploy {
+namespace {
+
+struct Evaluation {
+  std::string policy;  ///< "random" or a run
+  double episodes = 100;
+  bool greedy = true;
+  bool stochastic = false;
+  bool json = false;
+  std::string checkpoint;  ///< file; empty for the random policy
+};
+
+/// The settings to evaluate with: a run's own, or new ones for the random policy.
+Expected<MergedSettings> settings_for(Evaluation& evaluation, const UserSettings& user,
+                                      const std::string& train_dir, int core_count) {
+  if (evaluation.policy == "random") return merge_new(user, describe_scenario, core_count);
+  COMRAD_TRY_ASSIGN(const std::string run_dir, find_run(evaluation.policy, train_dir));
+  COMRAD_TRY_ASSIGN(RunConfig run, load_run_config(run_dir + "/config.toml"));
+  run.seed = RunConfig().seed;  // runs of different seeds meet the same evaluation episodes
+  run.deterministic = false;
+  COMRAD_TRY_ASSIGN(MergedSettings merged, merge_onto_run(run, user, describe_scenario, core_count));
+  forget_stale_layout(run, merged.config);
+  COMRAD_TRY_ASSIGN(evaluation.checkpoint, find_checkpoint(run_dir, merged.config.load_checkpoint_kind));
+  return merged;
+}
+
+nlohmann::ordered_json summarise(const Evaluation& evaluation, const MergedSettings& merged,
+                                 const std::string& layout, const RunOutcome& outcome) {
+  const size_t agents = static_cast<size_t>(merged.config.num_agents);
+  std::vector<double> scores, returns, lengths;
+  std::vector<double> agent_scores(agents, 0.0);
+  for (const dds::EpisodeResult& episode : outcome.episodes) {
+    scores.push_back(episode.score);
+    returns.push_back(mean(episode.agent_return));
+    lengths.push_back(episode.length_tics);
+    for (size_t agent = 0; agent < agents; ++agent)
+      agent_scores[agent] += agent < episode.agent_score.size() ? episode.agent_score[agent] : std::nan("");
+  }
+  for (double& score : agent_scores) score /= static_cast<double>(outcome.episodes.size());
+  return {{"scenario", merged.config.scenario},
+          {"policy", evaluation.policy},
+          {"episodes", outcome.episodes.size()},
+          {"seed", merged.config.seed},
+          {"num_agents", merged.config.num_agents},
+          {"layout", layout},
+          {"J_mean", mean(scores)},
+          {"J_ci95", confidence_95(scores)},
+          {"J_per_agent", agent_scores},
+          {"return_mean", mean(returns)},
+          {"length_tics_mean", mean(lengths)},
+          {"ceiling", merged.scenario.ceiling},
+          {"greedy", evaluation.greedy},
+          {"checkpoint", evaluation.checkpoint}};
+}
+
+void print_table(const nlohmann::ordered_json& summary, const std::string& score_name) {
+  for (const auto& [key, value] : summary.items()) {
+    if (key == "checkpoint" && value == "") continue;
+    std::string text = value.is_string() ? value.get<std::string>() : value.dump();
+    if (value.is_number_float()) {
+      char rounded[32];
+      std::snprintf(rounded, sizeof(rounded), "%.4g", value.get<double>());
+      text = rounded;
+    }
+    if (key == "J_mean") text += "  (" + score_name + ")";
+    std::printf("%-18s %s\n", key.c_str(), text.c_str());
+  }
+}
+
+Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
+  if (evaluation.policy.empty())
+    return Error{ErrorCode::kBadInput, "--policy is missing; give --policy random or --policy RUN"};
+  if (!(evaluation.episodes >= 1) || evaluation.episodes > 1e7)
+    return Error{ErrorCode::kBadInput, "--episodes must be from 1 to 1e7"};
+  evaluation.greedy = evaluation.policy != "random" && evaluation.greedy && !evaluation.stochastic;
+
+  UserSettings user{line.config_file(), line.typed()};
+  const int core_count = usable_cores();
+  RunConfig typed;
+  COMRAD_TRY(apply_layer(typed, user.typed));
+  COMRAD_TRY_ASSIGN(MergedSettings merged, settings_for(evaluation, user, typed.train_dir, core_count));
+  const auto episodes = static_cast<int64_t>(evaluation.episodes);
+  const int64_t enough = (episodes + merged.config.num_workers - 1) / merged.config.num_workers;
+  if (!line.was_typed("num_envs_per_worker") && enough < merged.config.num_envs_per_worker) {
+    user.typed.values.emplace_back("num_envs_per_worker", std::to_string(enough));
+    COMRAD_TRY_ASSIGN(merged, settings_for(evaluation, user, typed.train_dir, core_count));
+  }
+
+  const std::string layout = layout_text(merged.config);
+  COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
+  LaunchPlan plan;
+  plan.config = merged.config;
+  plan.env = merged.scenario.env;
+  plan.decision_limit = merged.scenario.decision_limit;
+  plan.run_dir = run.path();
+  plan.policy = evaluation.checkpoint.empty() ? PolicySource::kRandom : PolicySource::kCheckpoint;
+  plan.checkpoint = evaluation.checkpoint;
+  plan.greedy = evaluation.greedy;
+  plan.episodes = static_cast<uint64_t>(episodes);
+  plan.show_progress = !evaluation.json || isatty(STDERR_FILENO) != 0;
+  COMRAD_TRY_ASSIGN(const RunOutcome outcome, deploy::run(plan));
+  if (outcome.interrupted || outcome.exit_code != 0 || outcome.episodes.size() != plan.episodes)
+    return Error{ErrorCode::kPeerLost, "only " + std::to_string(outcome.episodes.size()) + " of " +
+                                           std::to_string(episodes) + " episodes were played" +
+                                           (outcome.message.empty() ? "" : ": " + outcome.message)};
+
+  const nlohmann::ordered_json summary = summarise(evaluation, merged, layout, outcome);
+  if (evaluation.json)
+    std::printf("%s\n", summary.dump().c_str());
+  else
+    print_table(summary, merged.scenario.score);
+  return kExitDone;
+}
+
+}  // namespace
+
+int eval_command(Arguments arguments) {
+  Evaluation evaluation;
+  CommandLine line(
+      "eval --policy random|RUN [--episodes N] [--json] [settings]",
+      "Plays N fresh episodes and reports the score J with its 95% confidence interval over episodes\n"
+      "(Student t). RUN is a run directory or the name of an experiment below --train_dir; its own\n"
+      "settings are taken from its config.toml. Episodes are keyed by --seed.");
+  line.add_option("policy", evaluation.policy, "NAME", "random, a run directory, or an experiment's name");
+  line.add_option("episodes", evaluation.episodes, "N", "episodes to play (default 100)");
+  line.add_switch("greedy", evaluation.greedy, "take the most likely action (default True for a run)");
+  line.add_switch("stochastic", evaluation.stochastic, "draw actions from the policy, as training does");
+  line.add_switch("json", evaluation.json, "print one JSON object on stdout and nothing else");
+  line.add_settings();
+  if (const Status parsed = line.parse(arguments); !parsed) return report_error("eval", parsed.error());
+  if (line.help_requested()) {
+    std::fputs(line.help().c_str(), stdout);
+    return kExitDone;
+  }
+  const Expected<int> done = evaluate(evaluation, line);
+  return done ? *done : report_error("eval", done.error());
+}
+
+}  // namespace comrad::deploy

@@ -1,0 +1,22 @@
+// `comrad scenarios`: comrad-scenarios under the name that users look for.
+
+#include "deploy/config/child_program.h"
+#include "deploy/config/commands/command.h"
+
+namespace comrad::deploy {
+
+int scenarios_command(Arguments arguments) {
+  std::vector<std::string> command = {sibling_program("comrad-scenarios")};
+  command.insert(command.end(), arguments.begin(), arguments.end());
+  if (arguments.empty() || (arguments[0].starts_with("--") && arguments[0] != "--help"))
+    command.insert(command.begin() + 1, "list");
+  return report_error("scenarios", replace_process(command));
+}
+
+int doomgen_command(Arguments arguments) {
+  std::vector<std::string> command = {sibling_program("comrad-doomgen")};
+  command.insert(command.end(), arguments.begin(), arguments.end());
+  return report_error("doomgen", replace_process(command));
+}
+
+}  // namespace comrad::deploy

@@ -1,0 +1,102 @@
+// `comrad test`: ctest over the build folder that this program lies in. ctest's own summary stays last; what
+// was skipped, and why, stands right before it.
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "deploy/config/child_program.h"
+#include "deploy/config/commands/command.h"
+#include "deploy/config/merged_settings.h"
+#include "deploy/config/test_report.h"
+
+namespace comrad::deploy {
+namespace {
+
+constexpr double kSuiteTimeoutSeconds = 80 * 60;
+
+bool has_flag(Arguments arguments, std::initializer_list<std::string_view> names) {
+  return std::any_of(arguments.begin(), arguments.end(), [&](const std::string& word) {
+    return std::any_of(names.begin(), names.end(), [&](std::string_view name) {
+      return name.starts_with("--") ? word == name || word.starts_with(std::string(name) + "=")
+                                    : word.starts_with(name);
+    });
+  });
+}
+
+/// How many tests a label has, by asking ctest.
+int count_label(const std::string& build, const std::string& label) {
+  const auto listed = run_program({"ctest", "--test-dir", build, "-N", "-L", "^" + label + "$"});
+  if (!listed) return 0;
+  const size_t total = listed->output.find("Total Tests: ");
+  return total == std::string::npos ? 0 : std::atoi(listed->output.c_str() + total + 13);
+}
+
+std::string read_whole(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+void print_skipped(const std::string& build, const std::vector<std::string>& skipped, int left_out) {
+  if (!skipped.empty()) {
+    const std::string log = read_whole(build + "/Testing/Temporary/LastTest.log");
+    std::printf("Skipped, in whole or in part:\n");
+    for (const std::string& test : skipped)
+      for (const std::string& reason : skip_reasons(log, test))
+        std::printf("  %s: %s\n", test.c_str(), reason.c_str());
+  }
+  if (left_out > 0)
+    std::printf("Left out: %d tests labelled long (./comrad test -L long runs them).\n", left_out);
+  if (!skipped.empty() || left_out > 0) std::printf("\n");
+}
+
+Expected<int> run_suite(Arguments arguments) {
+  const std::string build = build_folder();
+  if (!std::filesystem::exists(build + "/CTestTestfile.cmake"))
+    return Error{ErrorCode::kNotFound,
+                 build + " is no build folder with tests; run ./comrad test from the sources"};
+
+  std::vector<std::string> command = {"ctest", "--test-dir", build, "--output-on-failure"};
+  const bool chooses_labels = has_flag(arguments, {"-L", "--label-regex", "--label-exclude"});
+  if (!chooses_labels) command.insert(command.end(), {"-LE", "^long$"});
+  if (!has_flag(arguments, {"-j", "--parallel"}))
+    command.push_back("-j" + std::to_string(std::min(usable_cores(), 8)));
+  command.insert(command.end(), arguments.begin(), arguments.end());
+
+  std::vector<std::string> skipped;
+  std::vector<std::string> closing;  // held back until the reasons are told
+  ProgramOptions options{.timeout_s = kSuiteTimeoutSeconds, .echo_stderr = true};
+  options.on_line = [&](const std::string& line) {
+    if (!closing.empty() || is_closing_line(line)) {
+      closing.push_back(line);
+      return;
+    }
+    if (const std::string_view name = skipped_test(line); !name.empty()) skipped.emplace_back(name);
+    std::printf("%s\n", line.c_str());
+    std::fflush(stdout);
+  };
+  COMRAD_TRY_ASSIGN(const ProgramResult result, run_program(command, options));
+  print_skipped(build, skipped, chooses_labels ? 0 : count_label(build, "long"));
+  for (const std::string& line : closing) std::printf("%s\n", line.c_str());
+  return result.exit_code == 0 ? kExitDone : kExitFailed;
+}
+
+}  // namespace
+
+int test_command(Arguments arguments) {
+  if (has_flag(arguments, {"-h", "--help"})) {
+    std::printf(
+        "usage: comrad test [ctest arguments]\n\n"
+        "Builds what is missing (./comrad does) and runs the test suite with ctest, everything but the label "
+        "long.\n"
+        "Arguments go to ctest:  comrad test -L unit    comrad test -R arena -j4    comrad test -L long\n"
+        "Labels: unit integration golden fuzz stress long.\n");
+    return kExitDone;
+  }
+  const Expected<int> done = run_suite(arguments);
+  return done ? *done : report_error("test", done.error());
+}
+
+}  // namespace comrad::deploy

@@ -1,0 +1,122 @@
+#include "deploy/config/game_files.h"
+
+#include <unistd.h>
+
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "deploy/config/child_program.h"
+
+namespace comrad::deploy {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kDebianIwad = "/usr/share/games/doom/freedoom2.wad";
+constexpr int64_t kHeaderBytes = 12;
+constexpr int64_t kDirectoryEntryBytes = 16;
+
+std::string layout_name(const RunConfig& config) {
+  return config.scenario + "_" + std::to_string(config.layout_seed) + ".wad";
+}
+
+int32_t little_endian(const unsigned char* bytes) {
+  uint32_t value = 0;
+  for (int i = 3; i >= 0; --i) value = value << 8 | bytes[i];
+  return static_cast<int32_t>(value);
+}
+
+}  // namespace
+
+Expected<std::string> find_iwad() {
+  const char* chosen = std::getenv("COMRAD_IWAD");
+  const std::string path = chosen != nullptr && *chosen != '\0' ? chosen : kDebianIwad;
+  std::error_code error;
+  if (!fs::is_regular_file(path, error))
+    return Error{ErrorCode::kNotFound,
+                 "no IWAD at " + path +
+                     (chosen != nullptr
+                          ? " (from COMRAD_IWAD); correct or unset that variable"
+                          : "; install Debian's freedoom package, or set COMRAD_IWAD to a freedoom2.wad")};
+  COMRAD_TRY(check_wad(path));
+  return path;
+}
+
+Status check_wad(const std::string& path) {
+  std::error_code error;
+  if (!fs::exists(path, error)) return Error{ErrorCode::kNotFound, path + ": no such WAD"};
+  std::ifstream file(path, std::ios::binary);
+  const auto size = static_cast<int64_t>(fs::file_size(path, error));
+  unsigned char header[kHeaderBytes];
+  if (error || !file) return Error{ErrorCode::kNotFound, path + ": cannot be read; check its permissions"};
+  if (!file.read(reinterpret_cast<char*>(header), kHeaderBytes))
+    return Error{ErrorCode::kBadFormat,
+                 path + ": shorter than a WAD header (12 bytes); it is cut off or no WAD"};
+  if (std::memcmp(header, "IWAD", 4) != 0 && std::memcmp(header, "PWAD", 4) != 0)
+    return Error{ErrorCode::kBadFormat, path + ": starts with neither IWAD nor PWAD; it is no WAD"};
+  const int64_t lumps = little_endian(header + 4), directory = little_endian(header + 8);
+  if (lumps < 1 || directory < kHeaderBytes || directory + lumps * kDirectoryEntryBytes > size)
+    return Error{ErrorCode::kBadFormat, path + ": its directory of " + std::to_string(lumps) +
+                                            " lumps at byte " + std::to_string(directory) +
+                                            " does not fit into " + std::to_string(size) +
+                                            " bytes; the file is cut off, get it again"};
+  file.seekg(directory);
+  for (int64_t lump = 0; lump < lumps; ++lump) {
+    unsigned char entry[kDirectoryEntryBytes];
+    if (!file.read(reinterpret_cast<char*>(entry), kDirectoryEntryBytes)) break;
+    const int64_t offset = little_endian(entry), bytes = little_endian(entry + 4);
+    if (bytes != 0 && (offset < 0 || bytes < 0 || offset + bytes > size))
+      return Error{ErrorCode::kBadFormat,
+                   path + ": lump " + std::to_string(lump) + " (" + std::to_string(bytes) +
+                       " bytes at byte " + std::to_string(offset) + ") does not fit into " +
+                       std::to_string(size) + " bytes; the file is cut off, get it again"};
+  }
+  return {};
+}
+
+bool is_generated_layout(const RunConfig& config) {
+  const fs::path path = config.wad;
+  return path.filename() == layout_name(config) && path.parent_path().filename() == "layouts";
+}
+
+void forget_stale_layout(const RunConfig& run, RunConfig& config) {
+  if (!is_generated_layout(run) || config.wad != run.wad) return;
+  std::error_code error;
+  if (config.layout_seed != run.layout_seed || !fs::exists(config.wad, error)) config.wad.clear();
+}
+
+std::string layout_text(const RunConfig& config) {
+  if (config.wad.empty() || is_generated_layout(config)) return "seed " + std::to_string(config.layout_seed);
+  return config.wad;
+}
+
+Expected<std::string> ensure_layout(const RunConfig& config, const std::string& folder) {
+  std::error_code error;
+  if (!config.wad.empty()) {
+    COMRAD_TRY(check_wad(config.wad));
+    return fs::absolute(config.wad, error).string();
+  }
+  fs::create_directories(folder, error);
+  if (error) return Error{ErrorCode::kSystem, folder + ": cannot be made: " + error.message()};
+  const fs::path path = fs::absolute(fs::path(folder) / layout_name(config), error);
+  if (fs::exists(path, error) && check_wad(path.string())) return path.string();
+
+  const fs::path fresh = path.string() + ".tmp" + std::to_string(getpid());
+  COMRAD_TRY_ASSIGN(const ProgramResult made,
+                    run_program({sibling_program("comrad-doomgen"), config.scenario, "--seed",
+                                 std::to_string(config.layout_seed), "--num_agents",
+                                 std::to_string(config.num_agents), "-o", fresh.string()},
+                                {.timeout_s = 120}));
+  if (made.exit_code != 0) {
+    fs::remove(fresh, error);
+    return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made)};
+  }
+  fs::rename(fresh, path, error);
+  if (error) return Error{ErrorCode::kSystem, path.string() + ": cannot be written: " + error.message()};
+  return path.string();
+}
+
+}  // namespace comrad::deploy

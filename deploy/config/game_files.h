@@ -1,0 +1,35 @@
+// The files a run plays: the IWAD with textures and sprites, and the scenario's map. Checked before any
+// process starts, so that a missing or cut-off file is one message and not a worker that keeps dying.
+#pragma once
+
+#include <string>
+
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::deploy {
+
+/// The IWAD that simulators will open: $COMRAD_IWAD, else Debian's Freedoom 2.
+/// Errors: kNotFound saying how to get it.
+Expected<std::string> find_iwad();
+
+/// Checks header and directory of a WAD against the size of the file. Errors: kNotFound, kBadFormat naming
+/// the offset.
+Status check_wad(const std::string& path);
+
+/// The map that `config` plays: its own `wad` if set (and checked), else
+/// `<folder>/<scenario>_<layout_seed>.wad`, made by comrad-doomgen if it is not there yet. The path is
+/// absolute. Errors: those of check_wad; kBadInput with the generator's words.
+Expected<std::string> ensure_layout(const RunConfig& config, const std::string& folder);
+
+/// Whether `wad` is a map that ensure_layout() made for `config` (rather than one that the user gave).
+bool is_generated_layout(const RunConfig& config);
+
+/// Clears `config.wad` where it still names the map that was generated for `run` and another one is wanted
+/// now (a new layout seed) or that map is gone (a run folder that moved), so that ensure_layout() makes it.
+void forget_stale_layout(const RunConfig& run, RunConfig& config);
+
+/// The map in words, for results: "seed 42", or the path of the user's WAD.
+std::string layout_text(const RunConfig& config);
+
+}  // namespace comrad::deploy

@@ -1,0 +1,252 @@
+#include "deploy/config/machine_check.h"
+
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "deploy/config/child_program.h"
+#include "deploy/config/game_files.h"
+#include "deploy/config/merged_settings.h"
+#include "deploy/config/temporary_run.h"
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/shm/arena.h"
+
+namespace comrad::deploy {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kGigabyte = 1024.0 * 1024 * 1024;
+constexpr double kBytesPerTorchProcess = 0.6 * kGigabyte;  // resident size of a policy worker or learner
+constexpr double kBytesPerSimulator = 0.2 * kGigabyte;
+
+CheckResult ok(std::string name, std::string found) {
+  return {std::move(name), CheckLevel::kOk, std::move(found), {}};
+}
+CheckResult warn(std::string name, std::string found, std::string action) {
+  return {std::move(name), CheckLevel::kWarn, std::move(found), std::move(action)};
+}
+CheckResult fail(std::string name, std::string found, std::string action) {
+  return {std::move(name), CheckLevel::kFail, std::move(found), std::move(action)};
+}
+
+std::string gigabytes(double bytes) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.1f GB", bytes / kGigabyte);
+  return text;
+}
+
+/// The first number in a file of /proc or /sys, or `otherwise`.
+double number_in(const std::string& path, double otherwise) {
+  std::ifstream file(path);
+  double number = 0;
+  return file >> number ? number : otherwise;
+}
+
+double meminfo_bytes(const std::string& key) {
+  std::ifstream file("/proc/meminfo");
+  std::string word;
+  double kilobytes = 0;
+  while (file >> word)
+    if (word == key + ":" && file >> kilobytes) return kilobytes * 1024;
+  return 0;
+}
+
+Expected<MergedSettings> default_run() { return merge_new({}, describe_scenario, usable_cores()); }
+
+/// Runs a worker's own bench for a second; the decisions per second it reports, or why not.
+Expected<double> one_second(const std::string& program, const std::vector<std::string>& more) {
+  COMRAD_TRY_ASSIGN(MergedSettings merged, default_run());
+  COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
+  std::vector<std::string> command = {sibling_program(program), "--run_dir", run.path(), "--bench", "1"};
+  command.insert(command.end(), more.begin(), more.end());
+  COMRAD_TRY_ASSIGN(const ProgramResult result, run_program(command, {.timeout_s = 60}));
+  if (result.exit_code != 0)
+    return Error{ErrorCode::kSystem, program + " ended with exit code " + std::to_string(result.exit_code) +
+                                         ": " + last_words(result)};
+  const auto measured = nlohmann::json::parse(result.output, nullptr, false);
+  if (!measured.is_object() || !measured.contains("decisions_per_s") ||
+      !measured["decisions_per_s"].is_number())
+    return Error{ErrorCode::kBadFormat, program + " reported no decisions_per_s"};
+  return measured["decisions_per_s"].get<double>();
+}
+
+std::string per_second(double rate) {
+  return std::to_string(static_cast<long>(rate)) + " decisions/s in a try of 1 s";
+}
+
+}  // namespace
+
+CheckResult check_packages() {
+  const std::string name = "packages";
+  std::ifstream list(data_dir() + "/deploy/packages.txt");
+  if (!list)
+    return warn(name, "no " + data_dir() + "/deploy/packages.txt", "set COMRAD_HOME to the source folder");
+  std::vector<std::string> command = {"dpkg-query", "-W", "-f", "${Package} ${db:Status-Status}\n"};
+  std::vector<std::string> wanted;
+  for (std::string line; std::getline(list, line);)
+    if (!line.empty() && line[0] != '#') wanted.push_back(line);
+  command.insert(command.end(), wanted.begin(), wanted.end());
+  const auto listed = run_program(command);
+  if (!listed) return warn(name, "no dpkg here", "have the equivalents of deploy/packages.txt installed");
+  std::string missing;
+  for (const std::string& package : wanted)
+    if (("\n" + listed->output).find("\n" + package + " installed") == std::string::npos)
+      missing += " " + package;
+  if (missing.empty())
+    return ok(name, std::to_string(wanted.size()) + " of " + std::to_string(wanted.size()));
+  return warn(name, "missing:" + missing, "apt-get install --no-install-recommends" + missing);
+}
+
+CheckResult check_iwad() {
+  const auto iwad = find_iwad();
+  return iwad ? ok("iwad", *iwad) : fail("iwad", iwad.error().message, "apt-get install freedoom");
+}
+
+CheckResult check_blas() {
+  const std::string name = "blas";
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator("/etc/alternatives", error)) {
+    const std::string link = entry.path().filename().string();
+    if (!link.starts_with("libblas.so.3")) continue;
+    const std::string target = fs::canonical(entry.path(), error).string();
+    if (target.find("openblas") != std::string::npos || target.find("mkl") != std::string::npos)
+      return ok(name, target);
+    return warn(name, target + " (the reference BLAS: several times slower)",
+                "apt-get install libopenblas0-openmp, then update-alternatives --auto " + link);
+  }
+  return warn(name, "no libblas.so.3 among the alternatives",
+              "fine with a pip PyTorch; with Debian's libtorch install libopenblas0-openmp");
+}
+
+CheckResult check_memory() {
+  const std::string name = "memory";
+  const auto merged = default_run();
+  double available = meminfo_bytes("MemAvailable");
+  const double limit = number_in("/sys/fs/cgroup/memory.max", 0);  // "max" reads as 0: no limit
+  if (limit > 0) available = std::min(available, limit - number_in("/sys/fs/cgroup/memory.current", 0));
+  if (!merged)
+    return fail(name, gigabytes(available) + " free; " + merged.error().message, "rebuild with ./comrad");
+  const RunConfig& config = merged->config;
+  shm::ArenaShape shape;
+  shape.trajectory.env = merged->scenario.env;
+  shape.trajectory.rollout_steps = static_cast<int32_t>(config.rollout);
+  shape.sim_worker_count = static_cast<int32_t>(config.num_workers);
+  shape.envs_per_worker = static_cast<int32_t>(config.num_envs_per_worker);
+  shape.slab_count = static_cast<int32_t>(config.trajectory_slabs);
+  const double needed = static_cast<double>(shm::Arena::size_bytes(shape)) +
+                        static_cast<double>(config.policy_workers + 1) * kBytesPerTorchProcess +
+                        static_cast<double>(config.num_workers) * kBytesPerSimulator;
+  const std::string found = gigabytes(available) + " free, a default run takes about " + gigabytes(needed);
+  if (available >= needed) return ok(name, found);
+  return fail(name, found,
+              "free memory, or lower --num_workers, --num_envs_per_worker or --trajectory_slabs");
+}
+
+CheckResult check_disk() {
+  std::error_code error;
+  const fs::space_info space = fs::space(fs::current_path(error), error);
+  const std::string found = gigabytes(static_cast<double>(space.available)) + " free in the current folder";
+  if (error) return warn("disk", error.message(), "");
+  if (static_cast<double>(space.available) >= kGigabyte) return ok("disk", found);
+  return warn("disk", found, "checkpoints and logs of a run take some hundred MB; see --train_dir");
+}
+
+std::vector<CheckResult> check_limits() {
+  std::vector<CheckResult> results;
+  rlimit files{};
+  getrlimit(RLIMIT_NOFILE, &files);
+  const std::string open_files = std::to_string(files.rlim_cur) + " open files";
+  results.push_back(files.rlim_cur >= 1024 ? ok("open files", open_files)
+                                           : warn("open files", open_files, "ulimit -n 4096"));
+
+  constexpr double kReceiveBytes = 8 * 1024 * 1024;
+  const double receive = number_in("/proc/sys/net/core/rmem_max", 0);
+  const std::string buffer = "net.core.rmem_max " + std::to_string(static_cast<long>(receive));
+  if (receive == 0)
+    results.push_back(ok("receive buffers", "net.core.rmem_max is not told here; enough for one host"));
+  else if (receive >= kReceiveBytes)
+    results.push_back(ok("receive buffers", buffer));
+  else
+    results.push_back(warn("receive buffers", buffer + " (enough for one host, slow between hosts)",
+                           "sysctl -w net.core.rmem_max=10485760"));
+
+  if (number_in("/proc/sys/vm/overcommit_memory", 0) == 2)
+    results.push_back(warn("overcommit", "vm.overcommit_memory is 2: large mappings may be refused",
+                           "sysctl -w vm.overcommit_memory=0, or raise vm.overcommit_ratio"));
+  else
+    results.push_back(ok("overcommit", "allowed"));
+
+  const int memory_file = memfd_create("comrad-doctor", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+  if (memory_file < 0 || ftruncate(memory_file, 1 << 20) != 0)
+    results.push_back(
+        fail("memfd", "memfd_create is refused", "allow memfd_create in the container's seccomp profile"));
+  else
+    results.push_back(ok("memfd", "works"));
+  if (memory_file >= 0) close(memory_file);
+  return results;
+}
+
+CheckResult check_dds() {
+  const std::string name = "dds";
+  const std::string action =
+      "the loopback interface must be up (ip link set lo up) and UDP on 127.0.0.1 allowed";
+  const dds::BusConfig config =
+      dds::bus_config_for_run(static_cast<uint64_t>(monotonic_ns()) ^ static_cast<uint64_t>(getpid()) << 40);
+  auto sender = dds::Bus::open(config);
+  if (!sender) return fail(name, sender.error().message, action);
+  auto receiver = dds::Bus::open(config);
+  if (!receiver) return fail(name, receiver.error().message, action);
+  receiver->take_run_control();
+  const double begin_s = monotonic_s();
+  if (const Status sent = sender->write(dds::RunControl{"running", 1, 1}); !sent)
+    return fail(name, sent.error().message, action);
+  while (monotonic_s() - begin_s < 5) {
+    receiver->wait(100);
+    if (const auto control = receiver->take_run_control(); control && control->run_state == "running") {
+      char text[64];
+      std::snprintf(text, sizeof(text), "a message over loopback took %.0f ms",
+                    (monotonic_s() - begin_s) * 1e3);
+      return ok(name, text);
+    }
+  }
+  return fail(name, "two participants on loopback did not hear each other within 5 s", action);
+}
+
+CheckResult check_rendering() {
+  const auto rate = one_second("comrad-sim-worker", {});
+  return rate ? ok("rendering", "OSMesa, " + per_second(*rate))
+              : fail("rendering", rate.error().message,
+                     "apt-get install libosmesa6-dev freedoom, then ./comrad doctor");
+}
+
+CheckResult check_inference() {
+  const auto rate =
+      one_second("comrad-policy-worker", {"--num_agents", "2", "--heads", "3,3,3", "--measurements", "0"});
+  return rate ? ok("inference", "libtorch, " + per_second(*rate))
+              : fail("inference", rate.error().message, "apt-get install libtorch-dev libopenblas0-openmp");
+}
+
+CheckResult check_cuda() {
+  const std::string name = "cuda";
+  std::error_code error;
+  const auto linked = run_program({"ldd", sibling_program("comrad-learner")});
+  const bool built = linked && linked->output.find("libtorch_cuda") != std::string::npos;
+  if (!fs::exists("/proc/driver/nvidia/version", error))
+    return ok(name, built ? "libtorch can, but there is no NVIDIA driver; networks run on the CPU"
+                          : "no NVIDIA driver; networks run on the CPU");
+  if (built) return ok(name, "driver and libtorch are there; --device cuda uses them");
+  return warn(name, "there is an NVIDIA GPU, but this libtorch has no CUDA; networks run on the CPU",
+              "pip install torch, then COMRAD_CMAKE_ARGS=-DCMAKE_PREFIX_PATH=$(python3 -c 'import torch; "
+              "print(torch.utils.cmake_prefix_path)') ./comrad doctor");
+}
+
+}  // namespace comrad::deploy

@@ -1,0 +1,37 @@
+// What `comrad doctor` looks at, one function per subject. Each one finds out by trying where it can (a
+// message is sent, a frame is rendered) rather than by reading version numbers.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/config.h"
+
+namespace comrad::deploy {
+
+enum class CheckLevel { kOk, kWarn, kFail };
+
+struct CheckResult {
+  std::string name;
+  CheckLevel level = CheckLevel::kOk;
+  std::string found;   ///< what was seen
+  std::string action;  ///< what to do; empty when nothing
+};
+
+CheckResult check_packages();
+CheckResult check_iwad();
+CheckResult check_blas();
+/// Memory that is free against what a default run takes.
+CheckResult check_memory();
+CheckResult check_disk();
+/// /proc/sys and resource limits that runs have met: open files, receive buffers, overcommit, memfd.
+std::vector<CheckResult> check_limits();
+/// Two participants of one made-up run pass a message over the loopback interface.
+CheckResult check_dds();
+/// A simulator renders for a second.
+CheckResult check_rendering();
+/// A policy worker runs its network for a second.
+CheckResult check_inference();
+CheckResult check_cuda();
+
+}  // namespace comrad::deploy

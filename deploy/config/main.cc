@@ -1,0 +1,89 @@
+// `comrad`: the front program. Finds the command and hands it the rest of the words.
+
+#include <cstdio>
+#include <exception>
+#include <string>
+#include <vector>
+
+#include "deploy/config/commands/command.h"
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/schema/version.h"
+
+namespace {
+
+using comrad::deploy::Arguments;
+using comrad::deploy::Command;
+
+const std::vector<Command>& commands() {
+  using namespace comrad::deploy;
+  static const std::vector<Command> all = {
+      {"train", "train agents on a scenario", train_command},
+      {"eval", "play fresh episodes with a trained or a random policy and report the score", eval_command},
+      {"bench", "measure throughput: sim, inference, learner or train", bench_command},
+      {"scenarios", "list the scenarios, or describe one", scenarios_command},
+      {"doomgen", "generate a scenario's map as a WAD", doomgen_command},
+      {"doctor", "check this machine and say what to do", doctor_command},
+      {"test", "run the test suite", test_command},
+  };
+  return all;
+}
+
+const Command* find(const std::string& name) {
+  for (const Command& command : commands())
+    if (command.name == name) return &command;
+  return nullptr;
+}
+
+void print_overview(FILE* to) {
+  std::fprintf(to,
+               "COMRAD: cooperative first-person Doom scenarios and the system that trains on them.\n\n"
+               "usage: comrad <command> [flags]\n\n");
+  for (const Command& command : commands())
+    std::fprintf(to, "  %-11s %s\n", command.name.c_str(), command.summary.c_str());
+  std::fprintf(to, "  %-11s %s\n  %-11s %s\n\n", "help",
+               "this overview, or all about one command: comrad help train", "version", "what was built");
+  std::fprintf(to, "First steps: comrad doctor; comrad train --scenario coop_health_gathering --algo ippo\n");
+}
+
+int unknown_command(const std::string& name) {
+  std::vector<std::string> known = {"help", "version"};
+  for (const Command& command : commands()) known.push_back(command.name);
+  const std::string nearest = comrad::nearest_word(name, known);
+  std::fprintf(stderr, "comrad: error: unknown command '%s'%s (comrad help lists them)\n", name.c_str(),
+               nearest.empty() ? "" : ("; did you mean '" + nearest + "'?").c_str());
+  return comrad::deploy::kExitBadInput;
+}
+
+int dispatch(const std::vector<std::string>& words) {
+  if (words.empty()) {
+    print_overview(stderr);
+    return comrad::deploy::kExitBadInput;
+  }
+  const std::string& name = words[0];
+  if (name == "help" && words.size() > 1) {
+    const Command* command = find(words[1]);
+    const std::vector<std::string> help = {"--help"};
+    return command == nullptr ? unknown_command(words[1]) : command->run(help);
+  }
+  if (name == "help" || name == "--help" || name == "-h") {
+    print_overview(stdout);
+    return comrad::deploy::kExitDone;
+  }
+  if (name == "version" || name == "--version") {
+    std::printf("comrad %s (arena layout %u)\n", COMRAD_VERSION, comrad::kLayoutVersion);
+    return comrad::deploy::kExitDone;
+  }
+  const Command* command = find(name);
+  return command == nullptr ? unknown_command(name) : command->run(Arguments(words).subspan(1));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return dispatch(std::vector<std::string>(argv + 1, argv + argc));
+  } catch (const std::exception& exception) {  // from libraries; our own code returns errors
+    std::fprintf(stderr, "comrad: error: %s\n", exception.what());
+    return comrad::deploy::kExitFailed;
+  }
+}

@@ -1,0 +1,48 @@
+// Merges the layers of settings into the one RunConfig that a run directory's config.toml holds:
+//
+//   built-in < algorithm < scenario < TOML file < command line          a new run
+//   config.toml of the run          < TOML file < command line          resuming or evaluating a run
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "deploy/config/scenario_description.h"
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::deploy {
+
+/// Asks what a scenario is; describe_scenario outside of tests.
+using Describe = std::function<Expected<ScenarioDescription>(const std::string&, int64_t, bool)>;
+
+struct MergedSettings {
+  RunConfig config;              ///< no zero that means "auto" is left
+  ScenarioDescription scenario;  ///< for config.num_agents
+};
+
+/// The layers above the scenario's: a TOML file when `config_file` is set, then what was typed.
+struct UserSettings {
+  std::string config_file;
+  SettingsLayer typed{"command line", {}};
+};
+
+/// A new run's settings. `changes` are put on top of the built-in defaults first, for commands whose own
+/// defaults differ (a bench has no end by frames). Errors: kBadInput and kBadFormat of any layer, naming it;
+/// those of resolve_settings.
+Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& describe, int core_count,
+                                   const SettingsLayer& changes = {});
+
+/// The settings of an existing run with what the user asks on top. `fixed` names the settings that shape the
+/// network or the data and so cannot change; a different value is an error that names the run's.
+Expected<MergedSettings> merge_onto_run(const RunConfig& run, const UserSettings& user,
+                                        const Describe& describe, int core_count);
+
+/// Cores this process may use: its CPU mask and its cgroup's quota.
+int usable_cores();
+
+/// A short text form of a setting, as config.toml has it; empty for an unknown name.
+std::string setting_text(const RunConfig& config, const std::string& name);
+
+}  // namespace comrad::deploy

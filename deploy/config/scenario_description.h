@@ -1,0 +1,37 @@
+// What the launcher knows of a scenario: the words of `comrad-scenarios describe`. The launcher links no
+// scenario code; it asks the program beside it, so that a scenario stays one folder.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/schema/spec.h"
+
+namespace comrad::deploy {
+
+struct ScenarioDescription {
+  std::string name;
+  std::string title;
+  EnvShape env;  ///< for the asked number of agents
+  std::vector<int> supported_agents;
+  int64_t decision_limit = 0;  ///< decisions after which an episode is truncated
+  double ceiling = 0;          ///< best possible score J
+  double shared_reward_alpha = 0;
+  std::string score;       ///< what J is: survival_tics, ...
+  SettingsLayer training;  ///< its own training defaults, origin "scenario <name>"
+};
+
+/// Reads the JSON of `comrad-scenarios describe`. Errors: kBadFormat naming the key that is missing or wrong.
+Expected<ScenarioDescription> parse_description(std::string_view json);
+
+/// Starts `comrad-scenarios describe`. `num_agents` 0 asks for the scenario's default; `use_measurements`
+/// counts the measurement vector into the shape. Errors: kBadInput for an unknown scenario or team size,
+/// naming the known ones; kNotFound without the program.
+Expected<ScenarioDescription> describe_scenario(const std::string& name, int64_t num_agents,
+                                                bool use_measurements);
+
+}  // namespace comrad::deploy

@@ -1,0 +1,44 @@
+#include "deploy/config/temporary_run.h"
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <utility>
+
+#include "deploy/config/game_files.h"
+
+namespace comrad::deploy {
+
+Expected<TemporaryRun> TemporaryRun::create(RunConfig& config) {
+  COMRAD_TRY(find_iwad());
+  const char* parent = std::getenv("TMPDIR");
+  std::string path = std::string(parent != nullptr && *parent != '\0' ? parent : "/tmp") + "/comrad-XXXXXX";
+  if (mkdtemp(path.data()) == nullptr)
+    return Error{ErrorCode::kSystem, path + ": cannot be made: " + std::strerror(errno) + "; set TMPDIR"};
+  TemporaryRun run(path);
+
+  COMRAD_TRY_ASSIGN(config.wad, ensure_layout(config, path + "/layouts"));
+  config.train_dir = std::filesystem::path(path).parent_path().string();
+  config.experiment = std::filesystem::path(path).filename().string();
+  for (const char* folder : {"/logs", "/checkpoint"}) {
+    std::error_code error;
+    std::filesystem::create_directories(path + folder, error);
+    if (error) return Error{ErrorCode::kSystem, path + folder + ": cannot be made: " + error.message()};
+  }
+  std::ofstream file(path + "/config.toml");
+  file << settings_to_toml(config);
+  if (!file.flush())
+    return Error{ErrorCode::kSystem, path + "/config.toml: cannot be written; is the disk full?"};
+  return run;
+}
+
+TemporaryRun::TemporaryRun(TemporaryRun&& other) noexcept : path_(std::exchange(other.path_, {})) {}
+
+TemporaryRun::~TemporaryRun() {
+  std::error_code error;
+  if (!path_.empty()) std::filesystem::remove_all(path_, error);
+}
+
+}  // namespace comrad::deploy

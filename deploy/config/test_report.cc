@@ -1,0 +1,79 @@
+#include "deploy/config/test_report.h"
+
+namespace comrad::deploy {
+namespace {
+
+/// Takes the next line off `text`.
+std::string_view next_line(std::string_view& text) {
+  const size_t end = text.find('\n');
+  std::string_view line = text.substr(0, end);
+  text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
+  if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+  return line;
+}
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+size_t digits(std::string_view line, size_t begin) {
+  while (begin < line.size() && is_digit(line[begin])) ++begin;
+  return begin;
+}
+
+/// What `test` printed, as ctest's log keeps it: from "Output:" and its rule to "<end of output>".
+std::string_view output_of(std::string_view log, std::string_view test) {
+  bool is_test = false;
+  while (!log.empty()) {
+    const std::string_view line = next_line(log);
+    if (const size_t mark = line.find(" Test: "); mark != line.npos && digits(line, 0) > 0)
+      is_test = line.substr(mark + 7) == test;
+    if (!is_test || line != "Output:") continue;
+    next_line(log);
+    const size_t end = log.find("<end of output>");
+    return log.substr(0, end);
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string_view skipped_test(std::string_view line) {
+  const size_t verdict = line.find("***Skipped"), number = line.find(" Test ");
+  if (verdict == line.npos || number == line.npos || number > verdict) return {};
+  const size_t colon = line.find(": ", number);
+  if (colon == line.npos || colon > verdict) return {};
+  std::string_view name = line.substr(colon + 2, verdict - colon - 2);
+  return name.substr(0, name.find(' '));
+}
+
+bool is_closing_line(std::string_view line) {
+  const size_t end = digits(line, 0);
+  return (end > 0 && line.substr(end).starts_with("% tests passed")) ||
+         line.starts_with("No tests were found");
+}
+
+std::vector<std::string> skip_reasons(std::string_view log, std::string_view test) {
+  constexpr std::string_view kRun = "[ RUN      ] ", kSkip = "[  SKIPPED ] ";
+  std::vector<std::string> reasons;
+  std::string_view output = output_of(log, test), running_case, last_line;
+  std::string reason;
+  bool in_reason = false;
+  while (!output.empty()) {
+    const std::string_view line = next_line(output);
+    if (line.starts_with(kRun)) {
+      running_case = line.substr(kRun.size());
+      reason.clear();
+      in_reason = false;
+    } else if (line.starts_with(kSkip) && line.ends_with(" ms)")) {
+      reasons.push_back(std::string(running_case) + ": " + (reason.empty() ? "no reason given" : reason));
+    } else if (line.ends_with(": Skipped")) {
+      in_reason = true;
+    } else if (in_reason && !line.empty()) {
+      reason += (reason.empty() ? "" : " ") + std::string(line);
+    }
+    if (!line.empty()) last_line = line;
+  }
+  if (reasons.empty()) reasons.emplace_back(last_line.empty() ? "no reason given" : last_line);
+  return reasons;
+}
+
+}  // namespace comrad::deploy

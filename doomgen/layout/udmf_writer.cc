@@ -1,0 +1,91 @@
+#include "doomgen/layout/udmf_writer.h"
+
+namespace comrad::doomgen {
+namespace {
+
+/// One block of key = value lines.
+class Block {
+ public:
+  Block(std::string& out, const char* name) : out_(out) { out_ += name, out_ += "\n{\n"; }
+  ~Block() { out_ += "}\n\n"; }
+  Block(const Block&) = delete;
+  Block& operator=(const Block&) = delete;
+
+  void number(const char* key, int64_t value) { line(key, std::to_string(value)); }
+  void coordinate(const char* key, int64_t value) { line(key, std::to_string(value) + ".000"); }
+  void number_unless(const char* key, int64_t value, int64_t default_value) {
+    if (value != default_value) number(key, value);
+  }
+  void text(const char* key, const std::string& value) {
+    if (!value.empty()) line(key, "\"" + value + "\"");  // names are checked: no quotes inside
+  }
+  void flag(const char* key, bool value = true) {
+    if (value) line(key, "true");
+  }
+  void args(const std::array<int32_t, 5>& values) {
+    for (std::size_t i = 0; i < values.size(); ++i)
+      number_unless(("arg" + std::to_string(i)).c_str(), values[i], 0);
+  }
+
+ private:
+  void line(const char* key, const std::string& value) {
+    out_ += key, out_ += " = ", out_ += value, out_ += ";\n";
+  }
+  std::string& out_;
+};
+
+}  // namespace
+
+std::string write_udmf(const MapData& map) {
+  std::string out = "namespace = \"zdoom\";\n\n";
+  for (const ThingData& thing : map.things) {
+    Block block(out, "thing");
+    block.number_unless("id", thing.id, 0);
+    block.coordinate("x", thing.position.x);
+    block.coordinate("y", thing.position.y);
+    if (thing.height != 0) block.coordinate("height", thing.height);
+    block.number_unless("angle", thing.angle_degrees, 0);
+    block.number("type", thing.editor_number);
+    block.number_unless("special", thing.special, 0);
+    block.args(thing.args);
+    for (const char* flag : {"skill1", "skill2", "skill3", "skill4", "skill5", "single", "coop", "dm"})
+      block.flag(flag);
+  }
+  for (const Point& vertex : map.vertices) {
+    Block block(out, "vertex");
+    block.coordinate("x", vertex.x);
+    block.coordinate("y", vertex.y);
+  }
+  for (const LinedefData& line : map.linedefs) {
+    Block block(out, "linedef");
+    block.number_unless("id", line.id, 0);
+    block.number("v1", line.start);
+    block.number("v2", line.end);
+    block.number("sidefront", line.front);
+    if (line.back) block.number("sideback", *line.back);
+    block.flag("blocking", line.blocking);
+    block.flag("twosided", line.back.has_value());
+    block.number_unless("special", line.special, 0);
+    block.args(line.args);
+  }
+  for (const SidedefData& side : map.sidedefs) {
+    Block block(out, "sidedef");
+    block.number("sector", side.sector);
+    block.text("texturetop", side.top);
+    block.text("texturebottom", side.bottom);
+    block.text("texturemiddle", side.middle);
+  }
+  for (const SectorData& sector : map.sectors) {
+    Block block(out, "sector");
+    block.number_unless("heightfloor", sector.floor_height, 0);
+    block.number_unless("heightceiling", sector.ceiling_height, 0);
+    block.text("texturefloor", sector.floor_texture);
+    block.text("textureceiling", sector.ceiling_texture);
+    block.number_unless("lightlevel", sector.light, 160);
+    block.number_unless("special", sector.special, 0);
+    block.number_unless("id", sector.tag, 0);
+  }
+  return out;
+}
+
+}  // namespace comrad::doomgen

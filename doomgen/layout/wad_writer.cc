@@ -1,0 +1,100 @@
+#include "doomgen/layout/wad_writer.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+
+namespace comrad::doomgen {
+namespace {
+
+constexpr std::size_t kHeaderBytes = 12, kEntryBytes = 16, kNameBytes = 8;
+
+void put_u32(std::string& out, std::size_t value) {
+  for (int shift = 0; shift < 32; shift += 8) out += static_cast<char>((value >> shift) & 0xFF);
+}
+
+Error file_error(const std::string& path, const char* what) {
+  return Error{ErrorCode::kSystem, path + ": " + what + ": " + std::strerror(errno)};
+}
+
+}  // namespace
+
+Status WadWriter::add(std::string_view name, std::string_view bytes) {
+  const bool good = !name.empty() && name.size() <= kNameBytes &&
+                    std::all_of(name.begin(), name.end(),
+                                [](char c) { return c > ' ' && c <= '~' && !(c >= 'a' && c <= 'z'); });
+  if (!good)
+    return Error{ErrorCode::kBadInput,
+                 "'" + std::string(name) + "' is no lump name: 1 to 8 upper-case characters"};
+  lumps_.push_back({std::string(name), std::string(bytes)});
+  return {};
+}
+
+Status WadWriter::add_udmf_map(std::string_view map_name, std::string_view textmap,
+                               std::string_view behavior) {
+  COMRAD_TRY(add(map_name, {}));
+  COMRAD_TRY(add("TEXTMAP", textmap));
+  if (!behavior.empty()) COMRAD_TRY(add("BEHAVIOR", behavior));
+  return add("ENDMAP", {});
+}
+
+Expected<std::string> WadWriter::bytes() const {
+  std::size_t data_bytes = kHeaderBytes;
+  for (const Lump& lump : lumps_) data_bytes += lump.bytes.size();
+  const std::size_t total = data_bytes + kEntryBytes * lumps_.size();
+  if (total > INT32_MAX)
+    return Error{ErrorCode::kNoSpace,
+                 "the WAD would have " + std::to_string(total) + " bytes; the format ends at 2 GB"};
+  std::string out;
+  out.reserve(total);
+  out += "PWAD";
+  put_u32(out, lumps_.size());
+  put_u32(out, data_bytes);
+  for (const Lump& lump : lumps_) out += lump.bytes;
+  std::size_t offset = kHeaderBytes;
+  for (const Lump& lump : lumps_) {
+    put_u32(out, offset);
+    put_u32(out, lump.bytes.size());
+    std::string name = lump.name;
+    name.resize(kNameBytes, '\0');
+    out += name;
+    offset += lump.bytes.size();
+  }
+  return out;
+}
+
+uint64_t content_hash(std::string_view bytes) {
+  uint64_t hash = 0xCBF29CE484222325ull;
+  for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001B3ull;
+  return hash;
+}
+
+Status write_file(const std::string& path, std::string_view bytes) {
+  const std::string temporary = path + ".tmp" + std::to_string(getpid());
+  const int file = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (file < 0) return file_error(temporary, "cannot be written");
+  for (std::size_t done = 0; done < bytes.size();) {
+    const ssize_t count = write(file, bytes.data() + done, bytes.size() - done);
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) {
+      const Error error = file_error(temporary, "cannot be written");
+      close(file);
+      unlink(temporary.c_str());
+      return error;
+    }
+    done += static_cast<std::size_t>(count);
+  }
+  const bool synced = fsync(file) == 0;
+  if (close(file) != 0 || !synced || rename(temporary.c_str(), path.c_str()) != 0) {
+    const Error error = file_error(path, "cannot be written");
+    unlink(temporary.c_str());
+    return error;
+  }
+  return {};
+}
+
+}  // namespace comrad::doomgen

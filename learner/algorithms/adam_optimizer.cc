@@ -1,0 +1,127 @@
+#include "learner/algorithms/adam_optimizer.h"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <type_traits>
+
+namespace comrad::learn {
+namespace {
+
+/// libtorch keys its per-parameter state by text before 2.1 and by pointer since.
+template <typename Map>
+typename Map::key_type state_key(const Map&, const torch::Tensor& parameter) {
+  if constexpr (std::is_same_v<typename Map::key_type, std::string>)
+    return std::to_string(reinterpret_cast<std::size_t>(parameter.unsafeGetTensorImpl()));
+  else
+    return parameter.unsafeGetTensorImpl();
+}
+
+std::string entry_prefix(const std::string& section, std::size_t index) {
+  char number[16];
+  std::snprintf(number, sizeof(number), "%03zu", index);
+  return section + "/" + number;
+}
+
+}  // namespace
+
+AdamSettings AdamSettings::from(const RunConfig& config) {
+  return {.beta1 = config.adam_beta1,
+          .beta2 = config.adam_beta2,
+          .epsilon = config.adam_eps,
+          .max_grad_norm = config.max_grad_norm};
+}
+
+struct AdamOptimizer::State {
+  std::vector<torch::Tensor> parameters;
+  double max_grad_norm;
+  torch::optim::Adam adam;
+
+  /// The moments of a parameter, or null before its first step.
+  torch::optim::AdamParamState* moments(const torch::Tensor& parameter) {
+    auto& map = adam.state();
+    const auto found = map.find(state_key(map, parameter));
+    return found == map.end() ? nullptr : static_cast<torch::optim::AdamParamState*>(found->second.get());
+  }
+};
+
+AdamOptimizer::AdamOptimizer(std::vector<torch::Tensor> parameters, const AdamSettings& settings)
+    : state_(new State{parameters, settings.max_grad_norm,
+                       torch::optim::Adam(parameters, torch::optim::AdamOptions(1e-4)
+                                                          .betas({settings.beta1, settings.beta2})
+                                                          .eps(settings.epsilon))}) {}
+AdamOptimizer::~AdamOptimizer() = default;
+AdamOptimizer::AdamOptimizer(AdamOptimizer&&) noexcept = default;
+AdamOptimizer& AdamOptimizer::operator=(AdamOptimizer&&) noexcept = default;
+
+void AdamOptimizer::zero_grad() {
+  // Zeroed in place rather than dropped: the buffers of 13 MB are reused by every backward pass.
+  for (torch::Tensor& parameter : state_->parameters) {
+    torch::Tensor& gradient = parameter.mutable_grad();
+    if (gradient.defined()) gradient.detach_().zero_();
+  }
+}
+
+double AdamOptimizer::clip_gradients() {
+  torch::NoGradGuard no_grad;
+  double squares = 0;
+  for (const torch::Tensor& parameter : state_->parameters) {
+    if (!parameter.grad().defined()) continue;
+    const double norm = parameter.grad().norm().item<double>();
+    squares += norm * norm;
+  }
+  const double norm = std::sqrt(squares);
+  if (!std::isfinite(norm) || !(state_->max_grad_norm > 0)) return norm;
+  const double factor = state_->max_grad_norm / (norm + 1e-6);
+  if (factor < 1.0)
+    for (const torch::Tensor& parameter : state_->parameters)
+      if (parameter.grad().defined()) parameter.grad().mul_(factor);
+  return norm;
+}
+
+void AdamOptimizer::step(double learning_rate) {
+  for (auto& group : state_->adam.param_groups()) group.options().set_lr(learning_rate);
+  state_->adam.step();
+}
+
+double AdamOptimizer::max_second_moment() const {
+  double largest = 0;
+  for (const torch::Tensor& parameter : state_->parameters) {
+    const auto* moments = state_->moments(parameter);
+    if (moments != nullptr) largest = std::max(largest, moments->exp_avg_sq().max().item<double>());
+  }
+  return largest;
+}
+
+void AdamOptimizer::save(StateDict& state, const std::string& section) const {
+  for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
+    const auto* moments = state_->moments(state_->parameters[i]);
+    if (moments == nullptr) continue;
+    state.put(entry_prefix(section, i) + ".step", moments->step());
+    state.put(entry_prefix(section, i) + ".exp_avg", moments->exp_avg());
+    state.put(entry_prefix(section, i) + ".exp_avg_sq", moments->exp_avg_sq());
+  }
+}
+
+Status AdamOptimizer::load(const StateDict& state, const std::string& section) {
+  auto& map = state_->adam.state();
+  map.clear();
+  for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
+    const std::string prefix = entry_prefix(section, i);
+    if (!state.has(prefix + ".step")) continue;
+    const torch::Tensor& parameter = state_->parameters[i];
+    auto moments = std::make_unique<torch::optim::AdamParamState>();
+    COMRAD_TRY_ASSIGN(const int64_t step, state.integer(prefix + ".step"));
+    moments->step(step);
+    moments->exp_avg(torch::zeros_like(parameter));
+    moments->exp_avg_sq(torch::zeros_like(parameter));
+    COMRAD_TRY(state.copy_tensor(prefix + ".exp_avg", moments->exp_avg()));
+    COMRAD_TRY(state.copy_tensor(prefix + ".exp_avg_sq", moments->exp_avg_sq()));
+    map[state_key(map, parameter)] = std::move(moments);
+  }
+  return {};
+}
+
+}  // namespace comrad::learn

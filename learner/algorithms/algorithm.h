@@ -1,0 +1,72 @@
+// What the learner knows of a learning algorithm: it turns minibatches into new weights, and its state into a
+// checkpoint and back. Stage: update > publish.
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "learner/batch/collate.h"
+#include "learner/checkpoint/checkpoint.h"
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/schema/version.h"
+
+namespace comrad::learn {
+
+/// What surrounds one update.
+struct UpdateContext {
+  double env_frames = 0;                  ///< counted before this batch; places the learning-rate schedule
+  std::function<void()> after_step;       ///< called when an optimizer step made a new version; may be empty
+  std::function<bool()> keep_going;       ///< asked between micro-batches; false abandons the step in hand
+};
+
+/// What one update did.
+struct UpdateStats {
+  int64_t optimizer_steps = 0;
+  int64_t skipped_steps = 0;   ///< non-finite loss or gradient, or no valid sample
+  int64_t rows_trained = 0;    ///< agent decisions times epochs that went forward and backward
+  bool abandoned = false;      ///< keep_going said no
+  LagStats lag;
+  std::vector<std::pair<std::string, double>> values;  ///< "train/policy_loss", ... of the last minibatch
+};
+
+/// One of the learning algorithms. Not thread-safe: the learner's training thread owns it.
+class Algorithm {
+ public:
+  virtual ~Algorithm() = default;
+
+  /// Trains on one batch: num_epochs x num_batches_per_epoch optimizer steps. Masks, advantages and targets are
+  /// written into `batch`. A step whose loss or gradient is not finite is skipped and counted.
+  /// Errors: kBadInput when too many steps in a row were not finite; the weights are those of the last good step.
+  virtual Expected<UpdateStats> update(Minibatch& batch, const UpdateContext& context) = 0;
+
+  /// Optimizer steps of the policy so far.
+  virtual PolicyVersion version() const = 0;
+  virtual int64_t parameter_count() const = 0;
+
+  /// The behaviour policy's weights as policy workers read them.
+  virtual int64_t weights_bytes() const = 0;
+  virtual void write_weights(std::span<std::byte> out) const = 0;
+
+  /// All state, under the sections "network", "optimizer", "normalizer", "schedule" and "algorithm".
+  virtual void save(StateDict& state) const = 0;
+  /// Errors: kBadFormat when `state` was made by another algorithm, model or scenario; nothing is changed then
+  /// that a second load does not repair.
+  virtual Status load(const StateDict& state) = 0;
+};
+
+/// Makes the algorithm named `config.algo`, initialised from `config.seed`.
+/// Errors: kBadInput for an unknown name, naming the known ones.
+Expected<std::unique_ptr<Algorithm>> make_algorithm(const RunConfig& config, const EnvShape& env,
+                                                    torch::Device device);
+
+}  // namespace comrad::learn

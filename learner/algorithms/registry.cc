@@ -1,0 +1,36 @@
+// The learning algorithms, one line each.
+#include <string>
+
+#include "learner/algorithms/algorithm.h"
+#include "learner/algorithms/ippo.h"
+
+namespace comrad::learn {
+namespace {
+
+template <typename T>
+std::unique_ptr<Algorithm> make(const RunConfig& config, const EnvShape& env, torch::Device device) {
+  return std::make_unique<T>(config, env, device);
+}
+
+struct Entry {
+  const char* name;
+  std::unique_ptr<Algorithm> (*make)(const RunConfig&, const EnvShape&, torch::Device);
+};
+
+constexpr Entry kAlgorithms[] = {
+    {"ippo", make<Ippo>},
+};
+
+}  // namespace
+
+Expected<std::unique_ptr<Algorithm>> make_algorithm(const RunConfig& config, const EnvShape& env,
+                                                    torch::Device device) {
+  std::string known;
+  for (const Entry& entry : kAlgorithms) {
+    if (config.algo == entry.name) return entry.make(config, env, device);
+    known += (known.empty() ? "" : ", ") + std::string(entry.name);
+  }
+  return Error{ErrorCode::kBadInput, "algo is \"" + config.algo + "\"; this build knows: " + known};
+}
+
+}  // namespace comrad::learn

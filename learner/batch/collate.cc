@@ -1,0 +1,264 @@
+#include "learner/batch/collate.h"
+
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "rollout_buffer/core/check.h"
+
+namespace comrad::learn {
+namespace {
+
+/// The fields that have rows in dimension 1 (after time), for views and selections.
+template <typename Visitor>
+void visit_time_major(Minibatch& batch, Visitor&& visit) {
+  for (Tensor* field : {&batch.frame, &batch.measurement, &batch.action_mask, &batch.agent_active, &batch.action,
+                        &batch.log_prob, &batch.logits, &batch.value, &batch.final_value, &batch.reward,
+                        &batch.terminated, &batch.truncated, &batch.policy_version, &batch.filled,
+                        &batch.valid, &batch.value_valid, &batch.reset,
+                        &batch.advantage, &batch.target}) {
+    if (field->defined()) visit(*field);
+  }
+}
+
+bool all_finite(const float* values, int64_t count) {
+  for (int64_t i = 0; i < count; ++i)
+    if (!std::isfinite(values[i])) return false;
+  return true;
+}
+
+}  // namespace
+
+Minibatch make_minibatch(const TrajectoryShape& shape, int64_t slab_count) {
+  COMRAD_CHECK(slab_count > 0, "a batch holds at least one slab");
+  const EnvShape& env = shape.env;
+  const int64_t steps = shape.rollout_steps, rows = slab_count * env.num_agents;
+  const auto f32 = torch::kFloat32;
+  const auto u8 = torch::kUInt8;
+  Minibatch batch;
+  batch.shape = shape;
+  batch.slab_count = slab_count;
+  batch.frame = torch::empty({steps, rows, env.channels, env.height, env.width}, u8);
+  if (env.measurement_count > 0) batch.measurement = torch::zeros({steps, rows, env.measurement_count}, f32);
+  batch.action_mask = torch::ones({steps, rows, env.logit_count()}, u8);
+  batch.agent_active = torch::ones({steps, rows}, u8);
+  batch.action = torch::zeros({steps, rows, env.head_count}, torch::kInt64);
+  batch.log_prob = torch::zeros({steps, rows}, f32);
+  batch.logits = torch::zeros({steps, rows, env.logit_count()}, f32);
+  batch.value = torch::zeros({steps + 1, rows}, f32);
+  batch.final_value = torch::zeros({steps, rows}, f32);
+  batch.reward = torch::zeros({steps, rows}, f32);
+  batch.terminated = torch::ones({steps, rows}, u8);
+  batch.truncated = torch::zeros({steps, rows}, u8);
+  batch.policy_version = torch::zeros({steps, rows}, torch::kInt64);
+  batch.recurrent_state = torch::zeros({rows, shape.recurrent_state_count}, f32);
+  batch.filled = torch::zeros({steps, rows}, u8);
+  batch.valid = torch::zeros({steps, rows}, u8);
+  batch.value_valid = torch::zeros({steps + 1, rows}, u8);
+  batch.reset = torch::zeros({steps, rows}, u8);
+  return batch;
+}
+
+void clear(Minibatch& batch) {
+  batch.transitions = 0;
+  batch.has_action_mask = false;
+  batch.filled.zero_();
+  batch.valid.zero_();
+}
+
+int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, uint32_t length) {
+  COMRAD_CHECK(position >= 0 && position < batch.slab_count, "slab position lies in the batch");
+  const EnvShape& env = batch.shape.env;
+  const int64_t agents = env.num_agents, rows = batch.rows(), first = position * agents;
+  const int steps = batch.shape.rollout_steps;
+  const int filled = static_cast<int>(std::min<int64_t>(length, steps));
+  const int64_t choices = env.logit_count(), heads = env.head_count, measurements = env.measurement_count;
+  const int64_t hidden = batch.shape.recurrent_state_count, frame_bytes = env.frame_bytes();
+
+  uint8_t* frame = batch.frame.data_ptr<uint8_t>();
+  float* measurement = measurements > 0 ? batch.measurement.data_ptr<float>() : nullptr;
+  uint8_t* action_mask = batch.action_mask.data_ptr<uint8_t>();
+  uint8_t* agent_active = batch.agent_active.data_ptr<uint8_t>();
+  int64_t* action = batch.action.data_ptr<int64_t>();
+  float* log_prob = batch.log_prob.data_ptr<float>();
+  float* logits = batch.logits.data_ptr<float>();
+  float* value = batch.value.data_ptr<float>();
+  float* final_value = batch.final_value.data_ptr<float>();
+  float* reward = batch.reward.data_ptr<float>();
+  uint8_t* terminated = batch.terminated.data_ptr<uint8_t>();
+  uint8_t* truncated = batch.truncated.data_ptr<uint8_t>();
+  int64_t* policy_version = batch.policy_version.data_ptr<int64_t>();
+  float* state = batch.recurrent_state.data_ptr<float>();
+  uint8_t* taken = batch.filled.data_ptr<uint8_t>();
+  uint8_t* valid = batch.valid.data_ptr<uint8_t>();
+
+  std::vector<uint8_t> state_is_sound(static_cast<std::size_t>(agents), 1);
+  for (int agent = 0; agent < agents; ++agent) {
+    if (hidden == 0) break;
+    const auto source = slab.recurrent_state(0, agent);
+    float* target = state + (first + agent) * hidden;
+    std::copy(source.begin(), source.end(), target);
+    if (all_finite(target, hidden)) continue;
+    state_is_sound[static_cast<std::size_t>(agent)] = 0;
+    std::fill_n(target, hidden, 0.0f);
+  }
+
+  int64_t broken_count = 0;
+  for (int t = 0; t < steps; ++t) {
+    uint8_t* frames_of_step = frame + (t * rows + first) * frame_bytes;
+    if (t >= filled) {  // padding
+      std::memset(frames_of_step, 0, static_cast<std::size_t>(agents * frame_bytes));
+      for (int64_t at = t * rows + first; at < t * rows + first + agents; ++at) {
+        if (measurement != nullptr) std::fill_n(measurement + at * measurements, measurements, 0.0f);
+        std::fill_n(action_mask + at * choices, choices, uint8_t{1});
+        std::fill_n(action + at * heads, heads, int64_t{0});
+        std::fill_n(logits + at * choices, choices, 0.0f);
+        agent_active[at] = 0;
+        log_prob[at] = reward[at] = final_value[at] = 0.0f;
+        if (t > filled || filled == 0) value[at] = 0.0f;
+        terminated[at] = 1;
+        truncated[at] = 0;
+        policy_version[at] = 0;
+        taken[at] = valid[at] = 0;
+      }
+      continue;
+    }
+    const auto frames = slab.frames(t);
+    std::memcpy(frames_of_step, frames.data(), frames.size_bytes());
+    const int32_t final_row = slab.final_index(t);
+    const bool cut = slab.truncated(t) != 0;
+    const bool final_is_sound = final_row >= -1 && final_row < batch.shape.final_capacity && (!cut || final_row >= 0);
+    for (int agent = 0; agent < agents; ++agent) {
+      const int64_t at = t * rows + first + agent;
+      bool sound = final_is_sound && state_is_sound[static_cast<std::size_t>(agent)] != 0;
+      if (measurement != nullptr) {
+        const auto source = slab.measurement(t, agent);
+        std::copy(source.begin(), source.end(), measurement + at * measurements);
+        if (!all_finite(measurement + at * measurements, measurements)) {
+          std::fill_n(measurement + at * measurements, measurements, 0.0f);
+          sound = false;
+        }
+      }
+      const auto mask = slab.action_mask(t, agent);
+      const auto chosen = slab.action(t, agent);
+      int64_t offset = 0;
+      for (int head = 0; head < heads; ++head) {
+        const int32_t size = env.head_sizes[static_cast<std::size_t>(head)];
+        const int32_t choice = chosen[static_cast<std::size_t>(head)];
+        const bool in_range = choice >= 0 && choice < size;
+        action[at * heads + head] = in_range ? choice : 0;
+        sound &= in_range;
+        bool any_allowed = false;
+        for (int64_t i = offset; i < offset + size; ++i) {
+          const uint8_t allowed = mask[static_cast<std::size_t>(i)] != 0;
+          action_mask[at * choices + i] = allowed;
+          batch.has_action_mask |= allowed == 0;
+          any_allowed |= allowed != 0;
+        }
+        sound &= any_allowed;
+        offset += size;
+      }
+      const auto behaviour = slab.logits(t, agent);
+      std::copy(behaviour.begin(), behaviour.end(), logits + at * choices);
+      log_prob[at] = slab.log_prob(t, agent);
+      value[at] = slab.value(t, agent);
+      reward[at] = slab.reward(t, agent);
+      final_value[at] = cut && final_is_sound ? slab.final_value(final_row, agent) : 0.0f;
+      sound &= all_finite(logits + at * choices, choices) && std::isfinite(log_prob[at]) &&
+               std::isfinite(value[at]) && std::isfinite(reward[at]) && std::isfinite(final_value[at]);
+      agent_active[at] = slab.agent_active(t, agent) != 0;
+      terminated[at] = slab.terminated(t) != 0;
+      truncated[at] = cut;
+      policy_version[at] = slab.policy_version(t, agent);
+      taken[at] = 1;
+      valid[at] = slab.valid(t) != 0 && sound;
+      if (sound) continue;
+      ++broken_count;
+      // Numbers that multiply a zero weight later must still be finite.
+      std::fill_n(logits + at * choices, choices, 0.0f);
+      std::fill_n(action_mask + at * choices, choices, uint8_t{1});
+      log_prob[at] = value[at] = reward[at] = final_value[at] = 0.0f;
+    }
+  }
+  // The bootstrap behind the last filled row.
+  for (int agent = 0; agent < agents; ++agent) {
+    float& bootstrap = value[filled * rows + first + agent];
+    bootstrap = filled > 0 ? slab.value(filled, agent) : 0.0f;
+    if (!std::isfinite(bootstrap)) bootstrap = 0.0f;
+    if (filled < steps) value[steps * rows + first + agent] = 0.0f;
+  }
+  batch.transitions += filled * agents;
+  return broken_count;
+}
+
+LagStats apply_lag_filter(Minibatch& batch, PolicyVersion learner_version, int64_t max_policy_lag) {
+  const int64_t steps = batch.steps(), rows = batch.rows();
+  uint8_t* valid = batch.valid.data_ptr<uint8_t>();
+  uint8_t* value_valid = batch.value_valid.data_ptr<uint8_t>();
+  uint8_t* reset = batch.reset.data_ptr<uint8_t>();
+  const uint8_t* terminated = batch.terminated.data_ptr<uint8_t>();
+  const uint8_t* truncated = batch.truncated.data_ptr<uint8_t>();
+  const int64_t* version = batch.policy_version.data_ptr<int64_t>();
+
+  LagStats stats;
+  int64_t counted = 0, valid_count = 0;
+  double sum = 0;
+  for (int64_t at = 0; at < steps * rows; ++at) {
+    if (valid[at] == 0) continue;
+    const int64_t lag = std::max<int64_t>(0, int64_t{learner_version} - version[at]);
+    stats.min = counted == 0 ? lag : std::min(stats.min, lag);
+    stats.max = std::max(stats.max, lag);
+    sum += static_cast<double>(lag);
+    ++counted;
+    if (lag >= max_policy_lag) {
+      valid[at] = 0;
+      ++stats.dropped;
+    } else {
+      ++valid_count;
+    }
+  }
+  stats.mean = counted > 0 ? sum / static_cast<double>(counted) : 0;
+  stats.valid_fraction = static_cast<double>(valid_count) / static_cast<double>(steps * rows);
+
+  const uint8_t* filled = batch.filled.data_ptr<uint8_t>();
+  for (int64_t at = 0; at < (steps + 1) * rows; ++at) {
+    const bool is_filled = at < steps * rows && filled[at] != 0;
+    value_valid[at] = is_filled ? valid[at] : at >= rows ? valid[at - rows] : uint8_t{0};
+  }
+  std::fill_n(reset, rows, uint8_t{0});
+  for (int64_t t = 1; t < steps; ++t) {
+    for (int64_t r = 0; r < rows; ++r) {
+      const int64_t before = (t - 1) * rows + r;
+      reset[t * rows + r] = terminated[before] != 0 || truncated[before] != 0 || valid[before] == 0;
+    }
+  }
+  return stats;
+}
+
+Minibatch narrow_rows(const Minibatch& batch, int64_t begin, int64_t count) {
+  const int64_t agents = batch.shape.env.num_agents;
+  COMRAD_CHECK(begin % agents == 0 && count % agents == 0, "a micro-batch holds whole worlds");
+  Minibatch part = batch;
+  visit_time_major(part, [&](Tensor& field) { field = field.narrow(1, begin, count); });
+  part.recurrent_state = part.recurrent_state.narrow(0, begin, count);
+  part.slab_count = count / agents;
+  return part;
+}
+
+Minibatch select_slabs(const Minibatch& batch, const std::vector<int64_t>& slab_index) {
+  const int64_t agents = batch.shape.env.num_agents;
+  std::vector<int64_t> row_index;
+  row_index.reserve(slab_index.size() * static_cast<std::size_t>(agents));
+  for (int64_t slab : slab_index)
+    for (int64_t agent = 0; agent < agents; ++agent) row_index.push_back(slab * agents + agent);
+  const Tensor index = torch::tensor(row_index, torch::kInt64);
+  Minibatch part = batch;
+  visit_time_major(part, [&](Tensor& field) { field = field.index_select(1, index); });
+  part.recurrent_state = part.recurrent_state.index_select(0, index);
+  part.slab_count = static_cast<int64_t>(slab_index.size());
+  return part;
+}
+
+}  // namespace comrad::learn

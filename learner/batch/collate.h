@@ -1,0 +1,85 @@
+// From sealed trajectory slabs to the tensors of one training batch. Each frame is copied once, slab to batch, and
+// the slab is free again before the first gradient is computed. Stage: drain > sample > minibatch.
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+#include <vector>
+
+#include "rollout_buffer/schema/trajectory.h"
+#include "rollout_buffer/schema/version.h"
+
+namespace comrad::learn {
+
+using torch::Tensor;
+
+/// A training batch of T steps and R rows. A row is the trajectory of one agent; the N agents of one world are
+/// neighbours: row = slab position * N + agent. Steps behind the end of a slab that was sealed early are padding:
+/// invalid, terminated, action 0, zero frame.
+struct Minibatch {
+  TrajectoryShape shape;
+  int64_t slab_count = 0;   ///< worlds; R = slab_count * N
+  int64_t transitions = 0;  ///< agent decisions that were taken, valid or not; without padding
+  bool has_action_mask = false;
+
+  Tensor frame;            ///< u8  [T, R, C, H, W]
+  Tensor measurement;      ///< f32 [T, R, M], undefined when M = 0
+  Tensor action_mask;      ///< u8  [T, R, A]; read only when has_action_mask
+  Tensor agent_active;     ///< u8  [T, R]
+  Tensor action;           ///< i64 [T, R, heads]
+  Tensor log_prob;         ///< f32 [T, R]     of the behaviour policy
+  Tensor logits;           ///< f32 [T, R, A]  of the behaviour policy
+  Tensor value;            ///< f32 [T+1, R]   as the behaviour policy predicted it (normalised units)
+  Tensor final_value;      ///< f32 [T, R]     of the true last observation where an episode was cut, else 0
+  Tensor reward;           ///< f32 [T, R]
+  Tensor terminated;       ///< u8  [T, R]
+  Tensor truncated;        ///< u8  [T, R]
+  Tensor policy_version;   ///< i64 [T, R]
+  Tensor recurrent_state;  ///< f32 [R, H] before step 0
+  Tensor filled;           ///< u8  [T, R]     a decision was taken here; 0 is padding
+  Tensor valid;            ///< u8  [T, R]     may be learned from; cleared further by apply_lag_filter
+  Tensor value_valid;      ///< u8  [T+1, R]   made by apply_lag_filter
+  Tensor reset;            ///< u8  [T, R]     state is zeroed before this step; made by apply_lag_filter
+
+  Tensor advantage;        ///< f32 [T, R]     made by the algorithm
+  Tensor target;           ///< f32 [T, R]     what the critic should predict; made by the algorithm
+
+  int64_t steps() const { return shape.rollout_steps; }
+  int64_t rows() const { return slab_count * shape.env.num_agents; }
+  /// The action mask, or an undefined tensor when everything was allowed.
+  Tensor mask_or_undefined() const { return has_action_mask ? action_mask : Tensor(); }
+};
+
+/// Allocates a batch for `slab_count` slabs; reuse it, a fresh one costs a page fault per 4 KB.
+Minibatch make_minibatch(const TrajectoryShape& shape, int64_t slab_count);
+
+/// Forgets the slabs collated so far; the tensors stay allocated. Call before the first collate_slab of a batch.
+void clear(Minibatch& batch);
+
+/// Copies one sealed slab into place `position`. `length` rows are filled (more than T counts as T).
+/// What a peer wrote is not trusted: a step with an action outside its head, a non-finite number or a final row out
+/// of range becomes invalid, and a non-finite recurrent state invalidates its trajectory.
+/// Returns the agent decisions that were found broken.
+int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, uint32_t length);
+
+/// Policy lag over the taken decisions of a batch.
+struct LagStats {
+  double mean = 0;
+  int64_t min = 0;
+  int64_t max = 0;
+  int64_t dropped = 0;  ///< decisions masked because of their age
+  double valid_fraction = 0;  ///< of T * R
+};
+
+/// Masks decisions whose lag `learner_version - policy_version` is `max_policy_lag` or more, then derives value_valid
+/// (the row behind the last filled one repeats its validity) and reset (after the end of an episode and after an
+/// invalid step). A version from the future, left by a learner that died, counts as lag 0.
+LagStats apply_lag_filter(Minibatch& batch, PolicyVersion learner_version, int64_t max_policy_lag);
+
+/// The rows `[begin, begin + count)` of a batch, as views. Whole worlds: both numbers are multiples of N.
+Minibatch narrow_rows(const Minibatch& batch, int64_t begin, int64_t count);
+/// The worlds at `slab_index` (i64, positions) of a batch, copied, in that order.
+Minibatch select_slabs(const Minibatch& batch, const std::vector<int64_t>& slab_index);
+
+}  // namespace comrad::learn

@@ -1,0 +1,336 @@
+#include "learner/checkpoint/checkpoint.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <torch/torch.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <string_view>
+
+#include "rollout_buffer/core/log.h"
+
+namespace comrad::learn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kFormatName = "comrad-checkpoint";
+constexpr std::string_view kTemporaryMark = ".tmp-";
+constexpr int64_t kFileBytesMax = int64_t{64} << 30;
+
+Error system_error(const std::string& what, const std::string& path) {
+  const int code = errno;
+  const bool full = code == ENOSPC || code == EDQUOT || code == EFBIG;
+  return Error{full ? ErrorCode::kNoSpace : ErrorCode::kSystem,
+               what + " " + path + ": " + std::strerror(code) +
+                   (full ? "; free some space, earlier checkpoints are untouched" : "")};
+}
+
+/// A file descriptor that closes itself.
+class Descriptor {
+ public:
+  explicit Descriptor(int descriptor) : descriptor_(descriptor) {}
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  ~Descriptor() {
+    if (descriptor_ >= 0) close(descriptor_);
+  }
+  int get() const { return descriptor_; }
+
+ private:
+  int descriptor_;
+};
+
+Status write_and_sync(const std::string& path, const std::vector<char>& bytes) {
+  const Descriptor file(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
+  if (file.get() < 0) return system_error("cannot create", path);
+  std::size_t written = 0;
+  while (written < bytes.size()) {
+    const ssize_t count = write(file.get(), bytes.data() + written, bytes.size() - written);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) return system_error("cannot write", path);
+    written += static_cast<std::size_t>(count);
+  }
+  if (fsync(file.get()) != 0) return system_error("cannot fsync", path);
+  return {};
+}
+
+Status sync_folder(const std::string& folder) {
+  const Descriptor descriptor(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (descriptor.get() < 0 || fsync(descriptor.get()) != 0) return system_error("cannot fsync folder", folder);
+  return {};
+}
+
+Error missing(const std::string& key, const char* kind) {
+  return Error{ErrorCode::kBadFormat, "checkpoint has no " + std::string(kind) + " \"" + key + "\""};
+}
+
+std::string shape_text(const torch::Tensor& tensor) {
+  std::string text = std::string(c10::toString(tensor.scalar_type())) + " [";
+  for (int64_t axis = 0; axis < tensor.dim(); ++axis)
+    text += (axis > 0 ? ", " : "") + std::to_string(tensor.size(axis));
+  return text + "]";
+}
+
+c10::IValue to_ivalue(const StateDict::Value& value) {
+  if (const auto* tensor = std::get_if<torch::Tensor>(&value)) return *tensor;
+  if (const auto* integer = std::get_if<int64_t>(&value)) return *integer;
+  if (const auto* number = std::get_if<double>(&value)) return *number;
+  return std::get<std::string>(value);
+}
+
+Expected<StateDict> from_ivalue(const c10::IValue& root, const std::string& path) {
+  const auto foreign = [&](const std::string& why) {
+    return Error{ErrorCode::kBadFormat, path + ": not a COMRAD checkpoint (" + why + ")"};
+  };
+  if (!root.isGenericDict()) return foreign("no dict at the top");
+  StateDict state;
+  bool has_format = false;
+  int64_t layout_version = 0;
+  for (const auto& entry : root.toGenericDict()) {
+    if (!entry.key().isString()) return foreign("a key is no text");
+    const std::string section = entry.key().toStringRef();
+    if (section == "format" && entry.value().isString()) {
+      has_format = entry.value().toStringRef() == kFormatName;
+    } else if (section == "layout_version" && entry.value().isInt()) {
+      layout_version = entry.value().toInt();
+    } else if (entry.value().isGenericDict()) {
+      for (const auto& item : entry.value().toGenericDict()) {
+        if (!item.key().isString()) return foreign("a key is no text");
+        const std::string key = section + "/" + item.key().toStringRef();
+        if (item.value().isTensor()) state.put(key, item.value().toTensor());
+        if (item.value().isInt()) state.put(key, item.value().toInt());
+        if (item.value().isDouble()) state.put(key, item.value().toDouble());
+        if (item.value().isString()) state.put(key, item.value().toStringRef());
+      }
+    }
+  }
+  if (!has_format) return foreign("its \"format\" is not " + std::string(kFormatName));
+  if (layout_version < 1 || layout_version > kCheckpointLayoutVersion)
+    return Error{ErrorCode::kUnsupported, path + ": checkpoint layout " + std::to_string(layout_version) +
+                                              ", this build reads 1.." + std::to_string(kCheckpointLayoutVersion) +
+                                              "; use a newer build"};
+  return state;
+}
+
+/// Parses "<prefix><number>..." and moves `text` behind it.
+bool take_number(std::string_view& text, std::string_view prefix, uint64_t& number) {
+  if (!text.starts_with(prefix)) return false;
+  text.remove_prefix(prefix.size());
+  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (code != std::errc()) return false;
+  text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+  return true;
+}
+
+}  // namespace
+
+void StateDict::put(const std::string& key, const torch::Tensor& tensor) {
+  torch::NoGradGuard no_grad;
+  values_[key] = tensor.detach().to(torch::kCPU, tensor.scalar_type(), /*non_blocking=*/false, /*copy=*/true)
+                     .contiguous();
+}
+
+Expected<torch::Tensor> StateDict::tensor(const std::string& key) const {
+  const auto found = values_.find(key);
+  if (found == values_.end() || !std::holds_alternative<torch::Tensor>(found->second)) return missing(key, "tensor");
+  return std::get<torch::Tensor>(found->second);
+}
+
+Expected<int64_t> StateDict::integer(const std::string& key) const {
+  const auto found = values_.find(key);
+  if (found == values_.end() || !std::holds_alternative<int64_t>(found->second)) return missing(key, "integer");
+  return std::get<int64_t>(found->second);
+}
+
+Expected<double> StateDict::number(const std::string& key) const {
+  const auto found = values_.find(key);
+  if (found == values_.end() || !std::holds_alternative<double>(found->second)) return missing(key, "number");
+  return std::get<double>(found->second);
+}
+
+Expected<std::string> StateDict::text(const std::string& key) const {
+  const auto found = values_.find(key);
+  if (found == values_.end() || !std::holds_alternative<std::string>(found->second)) return missing(key, "text");
+  return std::get<std::string>(found->second);
+}
+
+Status StateDict::copy_tensor(const std::string& key, torch::Tensor target) const {
+  COMRAD_TRY_ASSIGN(const torch::Tensor source, tensor(key));
+  if (source.sizes() != target.sizes() || source.scalar_type() != target.scalar_type())
+    return Error{ErrorCode::kBadFormat, "checkpoint tensor \"" + key + "\" is " + shape_text(source) +
+                                            ", this run needs " + shape_text(target) +
+                                            "; was it made with another model or scenario?"};
+  torch::NoGradGuard no_grad;
+  target.copy_(source);
+  return {};
+}
+
+Status write_checkpoint(const std::string& path, const StateDict& state) {
+  std::vector<char> bytes;
+  try {
+    using Section = c10::impl::GenericDict;
+    std::map<std::string, Section> sections;
+    for (const auto& [key, value] : state.values()) {
+      const std::size_t slash = key.find('/');
+      COMRAD_CHECK(slash != std::string::npos, "checkpoint keys are spelled section/name");
+      const auto section =
+          sections.try_emplace(key.substr(0, slash), Section(c10::StringType::get(), c10::AnyType::get())).first;
+      section->second.insert(key.substr(slash + 1), to_ivalue(value));
+    }
+    Section root(c10::StringType::get(), c10::AnyType::get());
+    root.insert("format", std::string(kFormatName));
+    root.insert("layout_version", kCheckpointLayoutVersion);
+    for (const auto& [name, section] : sections) root.insert(name, section);
+    bytes = torch::pickle_save(root);
+  } catch (const std::exception& error) {
+    return Error{ErrorCode::kSystem, "cannot pack checkpoint " + path + ": " + error.what()};
+  }
+
+  const fs::path target(path);
+  const std::string folder = target.has_parent_path() ? target.parent_path().string() : ".";
+  const std::string temporary =
+      folder + "/" + std::string(kTemporaryMark) + std::to_string(getpid()) + "-" + target.filename().string();
+  unlink(temporary.c_str());  // of an earlier process with this pid
+  const Status written = write_and_sync(temporary, bytes);
+  if (!written) {
+    unlink(temporary.c_str());
+    return written.error();
+  }
+  if (rename(temporary.c_str(), path.c_str()) != 0) {
+    const Error error = system_error("cannot rename checkpoint to", path);
+    unlink(temporary.c_str());
+    return error;
+  }
+  return sync_folder(folder);
+}
+
+Expected<StateDict> read_checkpoint(const std::string& path) {
+  const Descriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (file.get() < 0) {
+    if (errno == ENOENT) return Error{ErrorCode::kNotFound, "no checkpoint at " + path};
+    return system_error("cannot open", path);
+  }
+  struct stat information {};
+  if (fstat(file.get(), &information) != 0) return system_error("cannot stat", path);
+  if (!S_ISREG(information.st_mode)) return Error{ErrorCode::kBadFormat, path + ": not a regular file"};
+  if (information.st_size > kFileBytesMax)
+    return Error{ErrorCode::kBadFormat, path + ": too large for a checkpoint"};
+  std::vector<char> bytes(static_cast<std::size_t>(information.st_size));
+  std::size_t have = 0;
+  while (have < bytes.size()) {
+    const ssize_t count = read(file.get(), bytes.data() + have, bytes.size() - have);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) return system_error("cannot read", path);
+    if (count == 0) break;
+    have += static_cast<std::size_t>(count);
+  }
+  if (have < bytes.size()) return Error{ErrorCode::kBadFormat, path + ": shrank while it was read"};
+  // A torch archive is a zip; anything else would only produce a long message from deep inside libtorch.
+  if (bytes.size() < 4 || std::memcmp(bytes.data(), "PK\x03\x04", 4) != 0)
+    return Error{ErrorCode::kBadFormat, path + ": not a torch archive"};
+  try {
+    return from_ivalue(torch::pickle_load(bytes), path);
+  } catch (const c10::Error& error) {
+    return Error{ErrorCode::kBadFormat,
+                 path + ": truncated or damaged torch archive (" + error.what_without_backtrace() + ")"};
+  } catch (const std::exception& error) {
+    return Error{ErrorCode::kBadFormat, path + ": truncated or damaged torch archive (" + error.what() + ")"};
+  }
+}
+
+CheckpointStore::CheckpointStore(std::string folder, int64_t keep)
+    : folder_(std::move(folder)), keep_(std::max<int64_t>(1, keep)) {}
+
+Status CheckpointStore::prepare_folder() {
+  if (is_prepared_) return {};
+  std::error_code code;
+  fs::create_directories(folder_, code);
+  if (code) return Error{ErrorCode::kSystem, "cannot make folder " + folder_ + ": " + code.message()};
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_, code)) {
+    std::error_code ignored;
+    if (entry.path().filename().string().starts_with(kTemporaryMark)) fs::remove(entry.path(), ignored);
+  }
+  is_prepared_ = true;
+  return {};
+}
+
+Expected<std::string> CheckpointStore::save(const StateDict& state, uint64_t version, uint64_t env_frames) {
+  COMRAD_TRY(prepare_folder());
+  char name[96];
+  std::snprintf(name, sizeof(name), "checkpoint_%09llu_%llu.pt", static_cast<unsigned long long>(version),
+                static_cast<unsigned long long>(env_frames));
+  const std::string path = folder_ + "/" + name;
+  COMRAD_TRY(write_checkpoint(path, state));
+  const std::vector<CheckpointFile> files = list();
+  for (std::size_t i = static_cast<std::size_t>(keep_); i < files.size(); ++i) {
+    std::error_code ignored;
+    if (files[i].path != path) fs::remove(files[i].path, ignored);
+  }
+  return path;
+}
+
+Expected<std::string> CheckpointStore::save_best(const StateDict& state, double score) {
+  COMRAD_TRY(prepare_folder());
+  char name[64];
+  std::snprintf(name, sizeof(name), "best_%.3f.pt", score);
+  const std::string path = folder_ + "/" + name;
+  COMRAD_TRY(write_checkpoint(path, state));
+  std::error_code code;
+  std::vector<fs::path> older;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_, code)) {
+    const std::string file = entry.path().filename().string();
+    if (file.starts_with("best_") && file.ends_with(".pt") && file != name) older.push_back(entry.path());
+  }
+  for (const fs::path& file : older) fs::remove(file, code);
+  return path;
+}
+
+std::vector<CheckpointFile> CheckpointStore::list() const {
+  std::vector<CheckpointFile> files;
+  std::error_code code;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_, code)) {
+    const std::string name = entry.path().filename().string();
+    std::string_view rest = name;
+    CheckpointFile file{.path = entry.path().string()};
+    if (take_number(rest, "checkpoint_", file.version) && take_number(rest, "_", file.env_frames) && rest == ".pt")
+      files.push_back(std::move(file));
+  }
+  std::sort(files.begin(), files.end(), [](const CheckpointFile& a, const CheckpointFile& b) {
+    return std::pair(a.env_frames, a.version) > std::pair(b.env_frames, b.version);
+  });
+  return files;
+}
+
+std::string CheckpointStore::best() const {
+  std::string path;
+  double best_score = 0;
+  std::error_code code;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_, code)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with("best_") || !name.ends_with(".pt")) continue;
+    const std::string digits = name.substr(5, name.size() - 8);
+    double score = 0;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), score);
+    if (error != std::errc() || end != digits.data() + digits.size()) continue;
+    if (path.empty() || score > best_score) {
+      path = entry.path().string();
+      best_score = score;
+    }
+  }
+  return path;
+}
+
+void CheckpointStore::set_aside(const std::string& path) const {
+  std::error_code code;
+  fs::rename(path, path + ".broken", code);
+  if (code) spdlog::warn("cannot set {} aside: {}", path, code.message());
+}
+
+}  // namespace comrad::learn

@@ -1,0 +1,90 @@
+// From an agent's observation to features: running normalisation of every input element, the convnet_simple pixel
+// path and, where a scenario has one, the measurement branch (training spec 1.1 and 1.2).
+#pragma once
+
+#include <ATen/core/Generator.h>
+#include <torch/types.h>
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rollout_buffer/schema/spec.h"
+
+namespace comrad::policy {
+
+using torch::Tensor;
+using NamedTensors = std::vector<std::pair<std::string, Tensor>>;
+
+/// Running mean and variance of every element of one input, in double precision, and the normalisation
+///
+///   y = clamp((x / scale - mean) / sqrt(var + 1e-5), -5, 5)
+///
+/// Statistics start at mean 0, var 1, count 1; a batch's mean and unbiased variance are merged with the
+/// parallel-variance formula. Whoever writes the buffers from outside calls refresh() afterwards.
+class InputNormalizer {
+ public:
+  InputNormalizer() = default;
+  /// `scale` divides raw inputs before the statistics see them: 255 for frames, 1 for measurements. When not
+  /// `enabled` the scale is all that is applied.
+  static InputNormalizer create(int64_t element_count, double scale, bool enabled, torch::Device device);
+
+  /// Normalises rows [B, elements] of u8 or f32 into f32.
+  Tensor normalize(const Tensor& rows) const;
+  /// The same for u8 rows on the CPU that lie anywhere: one pass, no copy between. `out` has rows.size() rows.
+  void normalize_rows(std::span<const uint8_t* const> rows, float* out) const;
+  /// Merges a batch [B, elements] of u8 or f32 into the statistics. Any number of rows; none changes nothing.
+  void update(const Tensor& rows);
+  /// Recomputes what normalize() uses from the buffers.
+  void refresh();
+
+  /// Buffers "mean", "var" [elements] and "count" [1], f64; empty when not enabled.
+  NamedTensors named_buffers(const std::string& prefix) const;
+
+ private:
+  int64_t element_count_ = 0;
+  double scale_ = 1.0;
+  bool enabled_ = false;
+  Tensor mean_, variance_, count_;  // f64
+  Tensor factor_, offset_;          // f32 [elements]: y = clamp(x * factor + offset)
+};
+
+/// convnet_simple: three convolutions and a linear layer, ELU after each, with the measurement branch beside it.
+class Encoder {
+ public:
+  Encoder() = default;
+  static Encoder create(const EnvShape& env, double init_gain, bool normalize_input, at::Generator generator,
+                        torch::Device device);
+
+  /// Features [B, F] of frame u8 [B, C, H, W] and measurement f32 [B, M] (ignored when the shape has none).
+  Tensor forward(const Tensor& frame, const Tensor& measurement) const;
+  /// The same from frames that lie anywhere in CPU memory, measurements [B, M] as above.
+  Tensor forward_rows(std::span<const uint8_t* const> frames, const Tensor& measurement) const;
+
+  void update_statistics(const Tensor& frame, const Tensor& measurement);
+  void refresh_statistics();
+
+  int64_t feature_count() const;
+  NamedTensors named_parameters() const;
+  NamedTensors named_buffers() const;
+
+ private:
+  struct Layer {
+    Tensor weight, bias;
+  };
+  Tensor features(const Tensor& pixels, const Tensor& measurement) const;
+
+  EnvShape env_;
+  torch::Device device_ = torch::kCPU;
+  InputNormalizer frame_normalizer_, measurement_normalizer_;
+  Layer conv_[3];
+  Layer image_;           // flattened map -> 512
+  Layer measurement_[2];  // M -> 128 -> 128
+};
+
+/// Orthogonal matrix with `gain`, rows x columns being the first axis x all others; drawn from `generator`.
+Tensor orthogonal(at::IntArrayRef sizes, double gain, at::Generator generator);
+
+}  // namespace comrad::policy

@@ -1,0 +1,17 @@
+// The few loops over bytes that torch has no fused operator for. Plain C++ that the compiler vectorises, built for
+// AVX2 and for any x86-64 (the loader picks); no torch in here.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+namespace comrad::policy::kernels {
+
+/// out[row][k] = clamp(rows[row][k] * factor[k] + offset[k], -clip, clip) for k < element_count.
+void normalize_bytes(std::span<const uint8_t* const> rows, int64_t element_count, const float* factor,
+                     const float* offset, float clip, float* out);
+
+/// Sums and sums of squares of every column of bytes [row_count, element_count]; exact.
+void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, double* sum, double* square_sum);
+
+}  // namespace comrad::policy::kernels

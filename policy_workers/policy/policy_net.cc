@@ -1,0 +1,192 @@
+#include "policy_workers/policy/policy_net.h"
+
+#include <malloc.h>
+
+#include <cstring>
+
+#include "policy_workers/policy/encoder.h"
+#include "policy_workers/policy/recurrent_core.h"
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/check.h"
+
+namespace comrad::policy {
+
+/// The network's parts in the order that a frame passes them.
+class PolicyNetImpl {
+ public:
+  PolicyNetOptions options;
+  torch::Device device = torch::kCPU;
+  Encoder encoder;
+  RecurrentCore core;
+  Tensor action_weight, action_bias;  // [A, F], [A]
+  Tensor value_weight, value_bias;    // [1, F], [1]
+
+  NamedTensors named_parameters() const {
+    NamedTensors named = encoder.named_parameters();
+    for (auto& entry : core.named_parameters()) named.push_back(entry);
+    named.emplace_back("action_head.weight", action_weight);
+    named.emplace_back("action_head.bias", action_bias);
+    named.emplace_back("value_head.weight", value_weight);
+    named.emplace_back("value_head.bias", value_bias);
+    return named;
+  }
+
+  NamedTensors named_state() const {
+    NamedTensors named = named_parameters();
+    for (auto& entry : encoder.named_buffers()) named.push_back(entry);
+    return named;
+  }
+
+  PolicyOutput act(const Tensor& encoded, const Tensor& recurrent_state) const {
+    Tensor state = recurrent_state;
+    if (core.state_count() > 0) state = state.to(device);
+    const CoreOutput after = core.step(encoded, state);
+    return {at::linear(after.features, action_weight, action_bias),
+            at::linear(after.features, value_weight, value_bias).squeeze(-1), after.state};
+  }
+};
+
+PolicyNetOptions PolicyNetOptions::from(const RunConfig& config, const EnvShape& env) {
+  PolicyNetOptions options;
+  options.env = env;
+  options.encoder = config.encoder_conv_architecture;
+  options.use_rnn = config.use_rnn;
+  options.rnn_type = config.rnn_type;
+  options.rnn_size = config.rnn_size;
+  options.rnn_num_layers = config.rnn_num_layers;
+  options.init_gain = config.policy_init_gain;
+  options.normalize_input = config.normalize_input;
+  return options;
+}
+
+int64_t PolicyNetOptions::recurrent_state_count() const {
+  if (!use_rnn) return 0;
+  return rnn_num_layers * rnn_size * (rnn_type == "lstm" ? 2 : 1);
+}
+
+PolicyNet PolicyNet::create(const PolicyNetOptions& options, uint64_t seed, torch::Device device) {
+  COMRAD_CHECK(options.encoder == "convnet_simple", "settings were resolved: the encoder is convnet_simple");
+  COMRAD_CHECK(!options.use_rnn || options.rnn_type == "gru" || options.rnn_type == "lstm",
+               "settings were resolved: rnn_type is gru or lstm");
+  torch::NoGradGuard no_grad;
+  at::Generator generator = at::make_generator<at::CPUGeneratorImpl>(seed);
+  PolicyNet net;
+  net.impl_ = std::make_shared<PolicyNetImpl>();
+  PolicyNetImpl& impl = *net.impl_;
+  impl.options = options;
+  impl.device = device;
+  impl.encoder = Encoder::create(options.env, options.init_gain, options.normalize_input, generator, device);
+  const CoreKind kind = !options.use_rnn             ? CoreKind::kNone
+                        : options.rnn_type == "lstm" ? CoreKind::kLstm
+                                                     : CoreKind::kGru;
+  impl.core = RecurrentCore::create(kind, impl.encoder.feature_count(), options.rnn_size, options.rnn_num_layers,
+                                    generator, device);
+  const int64_t features = impl.core.feature_count(), logits = options.env.logit_count();
+  impl.action_weight =
+      orthogonal({logits, features}, options.init_gain, generator).to(device).requires_grad_();
+  impl.action_bias = torch::zeros({logits}).to(device).requires_grad_();
+  impl.value_weight = orthogonal({1, features}, options.init_gain, generator).to(device).requires_grad_();
+  impl.value_bias = torch::zeros({1}).to(device).requires_grad_();
+  return net;
+}
+
+PolicyOutput PolicyNet::step(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state) const {
+  torch::NoGradGuard no_grad;
+  return impl_->act(impl_->encoder.forward(frame, measurement), recurrent_state);
+}
+
+PolicyOutput PolicyNet::step_rows(std::span<const uint8_t* const> frames, const Tensor& measurement,
+                                  const Tensor& recurrent_state) const {
+  torch::NoGradGuard no_grad;
+  return impl_->act(impl_->encoder.forward_rows(frames, measurement), recurrent_state);
+}
+
+SequenceOutput PolicyNet::sequence(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state,
+                                   const Tensor& reset) const {
+  const PolicyNetImpl& impl = *impl_;
+  const int64_t steps = frame.size(0), rows = frame.size(1);
+  Tensor flat_measurement;
+  if (measurement.defined()) flat_measurement = measurement.flatten(0, 1);
+  Tensor features = impl.encoder.forward(frame.flatten(0, 1), flat_measurement);
+  if (impl.core.state_count() > 0) {
+    Tensor keep;
+    if (reset.defined()) keep = reset.to(impl.device).eq(0).to(torch::kFloat32).unsqueeze(-1);
+    features = impl.core
+                   .sequence(features.view({steps, rows, impl.encoder.feature_count()}),
+                             recurrent_state.to(impl.device), keep)
+                   .features.flatten(0, 1);
+  }
+  return {at::linear(features, impl.action_weight, impl.action_bias).view({steps, rows, -1}),
+          at::linear(features, impl.value_weight, impl.value_bias).view({steps, rows})};
+}
+
+void PolicyNet::update_input_statistics(const Tensor& frame, const Tensor& measurement) const {
+  impl_->encoder.update_statistics(frame, measurement);
+}
+
+std::vector<Tensor> PolicyNet::parameters() const {
+  std::vector<Tensor> parameters;
+  for (auto& [name, tensor] : impl_->named_parameters()) parameters.push_back(tensor);
+  return parameters;
+}
+
+NamedTensors PolicyNet::named_state() const { return impl_->named_state(); }
+
+int64_t PolicyNet::parameter_count() const {
+  int64_t count = 0;
+  for (const Tensor& parameter : parameters()) count += parameter.numel();
+  return count;
+}
+
+int64_t PolicyNet::weights_bytes() const {
+  int64_t bytes = 0;
+  for (auto& [name, tensor] : named_state()) bytes += static_cast<int64_t>(tensor.nbytes());
+  return bytes;
+}
+
+void PolicyNet::write_weights(std::span<std::byte> out) const {
+  COMRAD_CHECK(static_cast<int64_t>(out.size()) == weights_bytes(), "the buffer is weights_bytes() long");
+  std::byte* at = out.data();
+  for (auto& [name, tensor] : named_state()) {
+    const Tensor dense = tensor.detach().cpu().contiguous();
+    std::memcpy(at, dense.data_ptr(), dense.nbytes());
+    at += dense.nbytes();
+  }
+}
+
+Status PolicyNet::read_weights(std::span<const std::byte> in) const {
+  if (static_cast<int64_t>(in.size()) != weights_bytes())
+    return Error{ErrorCode::kBadFormat, "weights of " + std::to_string(in.size()) + " bytes, but this network has " +
+                                            std::to_string(weights_bytes()) +
+                                            "; learner and policy worker must run the same config.toml"};
+  torch::NoGradGuard no_grad;
+  const std::byte* at = in.data();
+  for (auto& [name, tensor] : named_state()) {
+    const Tensor dense = torch::empty(tensor.sizes(), tensor.options().device(torch::kCPU));
+    std::memcpy(dense.data_ptr(), at, dense.nbytes());
+    tensor.copy_(dense);
+    at += dense.nbytes();
+  }
+  impl_->encoder.refresh_statistics();
+  return {};
+}
+
+void PolicyNet::state_changed() const { impl_->encoder.refresh_statistics(); }
+
+const PolicyNetOptions& PolicyNet::options() const { return impl_->options; }
+torch::Device PolicyNet::device() const { return impl_->device; }
+
+void tune_allocator() {
+  // glibc gives large blocks back to the kernel on every free; each forward pass then pays a page fault per 4 KiB
+  // of every activation again. Kept blocks made a pass over 128 rows about a third faster.
+  mallopt(M_MMAP_THRESHOLD, 1 << 30);
+  mallopt(M_TRIM_THRESHOLD, (1 << 30) + ((1 << 30) - 1));
+  mallopt(M_TOP_PAD, 64 << 20);
+}
+
+void tune_math(int thread_count) {
+  at::set_num_threads(thread_count);
+  at::globalContext().setFlushDenormal(true);
+}
+
+}  // namespace comrad::policy

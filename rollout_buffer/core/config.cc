@@ -1,0 +1,479 @@
+#include "rollout_buffer/core/config.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <limits>
+#include <numeric>
+#include <sstream>
+#include <type_traits>
+
+#include <toml++/toml.h>
+
+namespace comrad {
+namespace {
+
+constexpr std::array kAlgorithms = {"ippo"};
+
+std::string lower_case(std::string_view text) {
+  std::string lowered(text);
+  std::transform(lowered.begin(), lowered.end(), lowered.begin(),
+                 [](unsigned char c) { return static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c); });
+  return lowered;
+}
+
+/// Sample Factory calls independent PPO "APPO"; one spelling travels through the rest of the system.
+std::string canonical_algorithm(std::string_view algo) {
+  std::string name = lower_case(algo);
+  return name == "appo" ? "ippo" : name;
+}
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.front()))) text.remove_prefix(1);
+  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.remove_suffix(1);
+  return text;
+}
+
+bool parse_value(std::string_view text, std::string& value) {
+  value = text;
+  return true;
+}
+
+bool parse_value(std::string_view given, double& value) {
+  std::string_view text = trimmed(given);
+  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
+  double parsed = 0;
+  const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), parsed);
+  if (failure != std::errc() || end != text.data() + text.size() || !std::isfinite(parsed)) return false;
+  value = parsed;
+  return true;
+}
+
+bool parse_value(std::string_view given, int64_t& value) {
+  std::string_view text = trimmed(given);
+  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
+  int64_t parsed = 0;
+  const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), parsed);
+  if (failure == std::errc() && end == text.data() + text.size()) {
+    value = parsed;
+    return true;
+  }
+  double real = 0;  // 1e6 and 4096.0 are integers too
+  if (!parse_value(text, real) || real != std::floor(real) || std::fabs(real) > 9.0e15) return false;
+  value = static_cast<int64_t>(real);
+  return true;
+}
+
+bool parse_value(std::string_view given, bool& value) {
+  const std::string text = lower_case(trimmed(given));
+  if (text != "true" && text != "1" && text != "false" && text != "0") return false;
+  value = text == "true" || text == "1";
+  return true;
+}
+
+template <typename T>
+const char* type_words() {
+  if constexpr (std::is_same_v<T, int64_t>) return "a whole number";
+  if constexpr (std::is_same_v<T, double>) return "a number";
+  if constexpr (std::is_same_v<T, bool>) return "true or false";
+  return "text";
+}
+
+std::string real_text(double value) {
+  std::array<char, 40> digits{};
+  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
+  std::string text(digits.data(), end);
+  if (text.find_first_of(".en") == std::string::npos) text += ".0";  // keeps it a TOML float
+  return text;
+}
+
+std::string toml_text(const std::string& value) {
+  std::string text = "\"";
+  for (const char c : value) {
+    if (c == '"' || c == '\\') {
+      text += '\\';
+      text += c;
+    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
+      std::array<char, 8> escaped{};
+      std::snprintf(escaped.data(), escaped.size(), "\\u%04X",
+                    static_cast<unsigned>(static_cast<unsigned char>(c)));
+      text += escaped.data();
+    } else {
+      text += c;
+    }
+  }
+  return text + "\"";
+}
+
+/// Optimal string alignment distance: insertions, deletions, substitutions and swaps of neighbours.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> before(b.size() + 1), last(b.size() + 1), now(b.size() + 1);
+  std::iota(last.begin(), last.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    now[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      now[j] = std::min({last[j] + 1, now[j - 1] + 1, last[j - 1] + (a[i - 1] != b[j - 1])});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        now[j] = std::min(now[j], before[j - 2] + 1);
+    }
+    before.swap(last);
+    last.swap(now);
+  }
+  return last[b.size()];
+}
+
+/// Collects the first violated range or choice, so that the table of checks below reads as a table.
+class Checks {
+ public:
+  void that(bool holds, const char* name, const std::string& value, const std::string& must) {
+    if (holds || failed_) return;
+    failed_ = true;
+    message_ = std::string(name) + " is " + (value.empty() ? "empty" : value) + "; it must be " + must;
+  }
+  void range(const char* name, int64_t value, int64_t low, int64_t high) {
+    that(value >= low && value <= high, name, std::to_string(value),
+         "between " + std::to_string(low) + " and " + std::to_string(high));
+  }
+  void at_least(const char* name, double value, double low) {
+    that(value >= low, name, real_text(value), "at least " + real_text(low));
+  }
+  void above(const char* name, double value, double low) {
+    that(value > low, name, real_text(value), "greater than " + real_text(low));
+  }
+  void fraction(const char* name, double value) {
+    that(value >= 0 && value <= 1, name, real_text(value), "between 0 and 1");
+  }
+  void one_of(const char* name, const std::string& value, const std::vector<std::string>& words) {
+    that(std::find(words.begin(), words.end(), value) != words.end(), name, value, "one of " + joined(words));
+  }
+  Status status() const { return failed_ ? Status(Error{ErrorCode::kBadInput, message_}) : Status(); }
+
+ private:
+  bool failed_ = false;
+  std::string message_;
+};
+
+bool is_device(std::string_view device) {
+  if (device == "auto" || device == "cpu" || device == "cuda") return true;
+  if (!device.starts_with("cuda:")) return false;
+  device.remove_prefix(5);
+  return !device.empty() && device.size() <= 3 &&
+         std::all_of(device.begin(), device.end(), [](char c) { return c >= '0' && c <= '9'; });
+}
+
+bool is_size(std::string_view size) {
+  const std::size_t cross = size.find('x');
+  if (cross == std::string_view::npos) return false;
+  int64_t width = 0, height = 0;
+  return parse_value(size.substr(0, cross), width) && parse_value(size.substr(cross + 1), height) &&
+         width >= 16 && width <= 4096 && height >= 16 && height <= 4096;
+}
+
+Status check_ranges(const RunConfig& c) {
+  Checks check;
+  check.that(!c.scenario.empty(), "scenario", c.scenario, "the name of a scenario");
+  check.one_of("algo", c.algo, {kAlgorithms.begin(), kAlgorithms.end()});
+  check.that(c.experiment.find('/') == std::string::npos && c.experiment != "." && c.experiment != "..",
+             "experiment", c.experiment, "a folder name without '/'");
+  check.that(!c.train_dir.empty(), "train_dir", c.train_dir, "a folder");
+  check.one_of("restart_behavior", c.restart_behavior, {"resume", "restart", "overwrite"});
+  check.at_least("seed", static_cast<double>(c.seed), 0);
+  check.range("num_agents", c.num_agents, 1, 8);
+  check.at_least("layout_seed", static_cast<double>(c.layout_seed), 0);
+  check.above("train_for_env_steps", c.train_for_env_steps, 0);
+  check.at_least("train_for_seconds", c.train_for_seconds, 0);
+
+  check.that(is_device(c.device), "device", c.device, "auto, cpu, cuda or cuda:<number>");
+  check.range("num_workers", c.num_workers, 0, 1024);
+  check.range("num_envs_per_worker", c.num_envs_per_worker, 1, 1024);
+  check.range("worker_num_splits", c.worker_num_splits, 1, 2);
+  check.range("policy_workers", c.policy_workers, 1, 64);
+  check.range("min_batch", c.min_batch, 0, 1 << 20);
+  check.range("max_batch", c.max_batch, 0, 1 << 20);
+  check.range("max_wait_us", c.max_wait_us, 0, 10'000'000);
+  check.range("trajectory_slabs", c.trajectory_slabs, 0, 1 << 20);
+  check.range("learner_threads", c.learner_threads, 0, 1024);
+  check.range("policy_threads", c.policy_threads, 1, 1024);
+
+  check.range("env_frameskip", c.env_frameskip, 1, 100);
+  check.that(is_size(c.render_size), "render_size", c.render_size, "WIDTHxHEIGHT, each from 16 to 4096");
+  check.one_of("resize", c.resize, {"none", "nearest", "area"});
+  check.that(c.resize != "none" || c.render_size == "128x72", "render_size", c.render_size,
+             "128x72, unless --resize nearest or --resize area brings the view to that size");
+  check.above("reward_clip", c.reward_clip, 0);
+  check.that(c.shared_reward_alpha == -1 || (c.shared_reward_alpha >= 0 && c.shared_reward_alpha <= 1),
+             "shared_reward_alpha", real_text(c.shared_reward_alpha),
+             "between 0 and 1, or -1 for the scenario's");
+  check.one_of("shared_reward_scalarisation", c.shared_reward_scalarisation, {"sum", "mean"});
+
+  check.range("rollout", c.rollout, 1, 4096);
+  check.range("batch_size", c.batch_size, 1, 1 << 26);
+  check.range("num_batches_per_epoch", c.num_batches_per_epoch, 1, 1024);
+  check.range("num_epochs", c.num_epochs, 1, 1000);
+  check.range("num_batches_to_accumulate", c.num_batches_to_accumulate, 1, 1024);
+  check.range("micro_batch_size", c.micro_batch_size, 1, 1 << 26);
+  check.range("max_policy_lag", c.max_policy_lag, 1, 1'000'000'000);
+
+  check.fraction("gamma", c.gamma);
+  check.fraction("gae_lambda", c.gae_lambda);
+  check.above("ppo_clip_ratio", c.ppo_clip_ratio, 0);
+  check.above("ppo_clip_value", c.ppo_clip_value, 0);
+  check.at_least("value_loss_coeff", c.value_loss_coeff, 0);
+  check.one_of("exploration_loss", c.exploration_loss, {"symmetric_kl", "entropy", "none"});
+  check.at_least("exploration_loss_coeff", c.exploration_loss_coeff, 0);
+  check.at_least("kl_loss_coeff", c.kl_loss_coeff, 0);
+
+  check.at_least("learning_rate", c.learning_rate, 0);
+  check.one_of("lr_schedule", c.lr_schedule,
+               {"constant", "linear_decay", "kl_adaptive_minibatch", "kl_adaptive_epoch"});
+  check.above("lr_schedule_kl_threshold", c.lr_schedule_kl_threshold, 0);
+  check.above("lr_adaptive_min", c.lr_adaptive_min, 0);
+  check.at_least("lr_adaptive_max", c.lr_adaptive_max, c.lr_adaptive_min);
+  check.above("adam_eps", c.adam_eps, 0);
+  check.that(c.adam_beta1 >= 0 && c.adam_beta1 < 1, "adam_beta1", real_text(c.adam_beta1),
+             "at least 0 and below 1");
+  check.that(c.adam_beta2 >= 0 && c.adam_beta2 < 1, "adam_beta2", real_text(c.adam_beta2),
+             "at least 0 and below 1");
+  check.at_least("max_grad_norm", c.max_grad_norm, 0);
+
+  check.one_of("encoder_conv_architecture", c.encoder_conv_architecture, {"convnet_simple"});
+  check.one_of("rnn_type", c.rnn_type, {"gru", "lstm"});
+  check.range("rnn_size", c.rnn_size, 1, 4096);
+  check.range("rnn_num_layers", c.rnn_num_layers, 1, 8);
+  check.above("policy_init_gain", c.policy_init_gain, 0);
+
+  check.above("save_every_sec", c.save_every_sec, 0);
+  check.range("keep_checkpoints", c.keep_checkpoints, 1, 1'000'000);
+  check.above("save_best_every_sec", c.save_best_every_sec, 0);
+  check.at_least("save_best_after", c.save_best_after, 0);
+  check.one_of("load_checkpoint_kind", c.load_checkpoint_kind, {"latest", "best"});
+  check.above("experiment_summaries_interval", c.experiment_summaries_interval, 0);
+  check.above("progress_interval", c.progress_interval, 0);
+  check.range("stats_avg", c.stats_avg, 1, 1'000'000);
+  return check.status();
+}
+
+/// Lock step takes one rollout of every environment and cuts it into batches without a remainder.
+Status resolve_deterministic_batches(RunConfig& c) {
+  const int64_t slab_rows = c.rollout * c.num_agents, env_count = c.num_workers * c.num_envs_per_worker;
+  const std::string envs = std::to_string(env_count) + " environments (num_workers " +
+                           std::to_string(c.num_workers) + " x num_envs_per_worker " +
+                           std::to_string(c.num_envs_per_worker) + ")";
+  if (env_count % c.num_batches_per_epoch != 0)
+    return Error{
+        ErrorCode::kBadInput,
+        "deterministic: one rollout of " + envs + " cannot be cut into num_batches_per_epoch " +
+            std::to_string(c.num_batches_per_epoch) +
+            " equal batches; make num_envs_per_worker a multiple of it, or set --num_batches_per_epoch 1"};
+  const int64_t slabs_in_all = env_count / c.num_batches_per_epoch;
+  const int64_t wanted = std::min(c.batch_size / slab_rows, slabs_in_all);
+  int64_t slabs = wanted;
+  while (slabs_in_all % slabs != 0) --slabs;
+  if (2 * slabs < wanted)
+    return Error{
+        ErrorCode::kBadInput,
+        "deterministic: batch_size is " + std::to_string(c.batch_size) + ", but one rollout of " + envs +
+            " holds " + std::to_string(env_count * slab_rows) +
+            " agent decisions, which it does not divide; set --num_workers and --num_envs_per_worker so "
+            "that their product is a multiple of " +
+            std::to_string(wanted) + ", or --batch_size " + std::to_string(slabs_in_all * slab_rows)};
+  c.batch_size = slabs * slab_rows;
+  return {};
+}
+
+/// Collects one Visitor-shaped pass over the names; `found` tells whether `key` was a setting or an alias.
+Status set_one(RunConfig& config, const std::string& origin, const std::string& key,
+               const std::string& text) {
+  bool found = false;
+  Status status;
+  std::vector<std::string> known;
+  visit_settings(config, [&](const char* name, auto& member, const char* /*help*/,
+                             std::initializer_list<const char*> aliases) {
+    known.emplace_back(name);
+    known.insert(known.end(), aliases.begin(), aliases.end());
+    if (found || (key != name && std::none_of(aliases.begin(), aliases.end(),
+                                              [&key](const char* alias) { return key == alias; })))
+      return;
+    found = true;
+    if (!parse_value(text, member))
+      status = Error{ErrorCode::kBadInput, origin + ": " + key + " is '" + text + "'; it must be " +
+                                               type_words<std::remove_reference_t<decltype(member)>>()};
+  });
+  if (found) return status;
+  const std::string near = nearest_word(key, known);
+  return Error{ErrorCode::kBadInput, origin + ": unknown setting '" + key + "'" +
+                                         (near.empty() ? "; `comrad train --help` lists them all"
+                                                       : "; did you mean '" + near + "'?")};
+}
+
+Expected<std::string> text_of(const toml::node& node) {
+  if (const auto* value = node.as_string()) return value->get();
+  if (const auto* value = node.as_integer()) return std::to_string(value->get());
+  if (const auto* value = node.as_floating_point()) return real_text(value->get());
+  if (const auto* value = node.as_boolean()) return std::string(value->get() ? "true" : "false");
+  return Error{ErrorCode::kBadFormat, "is neither text, a number, true nor false"};
+}
+
+}  // namespace
+
+Status apply_layer(RunConfig& config, const SettingsLayer& layer) {
+  for (const auto& [key, text] : layer.values) COMRAD_TRY(set_one(config, layer.origin, key, text));
+  config.algo = canonical_algorithm(config.algo);
+  return {};
+}
+
+Expected<SettingsLayer> read_settings_toml(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream bytes;
+  if (!file || !(bytes << file.rdbuf()))
+    return Error{ErrorCode::kNotFound, path + ": cannot be read; give the path of a TOML file of settings"};
+  SettingsLayer layer{path, {}};
+  try {
+    const toml::table document = toml::parse(std::move(bytes).str(), path);
+    for (const auto& [key, node] : document) {
+      Expected<std::string> text = text_of(node);
+      if (!text)
+        return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(node.source().begin.line) + ":" +
+                                                std::to_string(node.source().begin.column) + ": setting '" +
+                                                std::string(key.str()) + "' " + text.error().message};
+      layer.values.emplace_back(std::string(key.str()), *std::move(text));
+    }
+  } catch (const toml::parse_error& failure) {
+    return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(failure.source().begin.line) + ":" +
+                                            std::to_string(failure.source().begin.column) + ": " +
+                                            std::string(failure.description())};
+  }
+  return layer;
+}
+
+std::string settings_to_toml(const RunConfig& config) {
+  std::string text;
+  visit_settings(config, [&text](const char* name, const auto& member, const char* help,
+                                 std::initializer_list<const char*> /*aliases*/) {
+    using T = std::remove_cvref_t<decltype(member)>;
+    std::string value;
+    if constexpr (std::is_same_v<T, std::string>) value = toml_text(member);
+    if constexpr (std::is_same_v<T, double>) value = real_text(member);
+    if constexpr (std::is_same_v<T, int64_t>) value = std::to_string(member);
+    if constexpr (std::is_same_v<T, bool>) value = member ? "true" : "false";
+    text += "# " + std::string(help) + "\n" + name + " = " + value + "\n";
+  });
+  return text;
+}
+
+Expected<RunConfig> load_run_config(const std::string& path) {
+  COMRAD_TRY_ASSIGN(const SettingsLayer layer, read_settings_toml(path));
+  RunConfig config;
+  COMRAD_TRY(apply_layer(config, layer));
+  return config;
+}
+
+Expected<SettingsLayer> algorithm_defaults(const std::string& algo) {
+  const std::string name = canonical_algorithm(algo);
+  // Source: spec/training.md 3.1, the row of IPPO; 3.2 is the built-in layer.
+  if (name == "ippo")
+    return SettingsLayer{"algorithm ippo",
+                         {{"use_rnn", "true"},
+                          {"rnn_type", "lstm"},
+                          {"rnn_size", "512"},
+                          {"num_epochs", "4"},
+                          {"batch_size", "4096"},
+                          {"num_batches_per_epoch", "1"}}};
+  const std::vector<std::string> known(kAlgorithms.begin(), kAlgorithms.end());
+  const std::string near = nearest_word(name, known);
+  return Error{ErrorCode::kBadInput, "unknown algorithm '" + algo + "'" +
+                                         (near.empty() ? "" : "; did you mean '" + near + "'?") +
+                                         " (known: " + joined(known) + ")"};
+}
+
+Status resolve_settings(RunConfig& config, int core_count) {
+  RunConfig c = config;
+  c.algo = canonical_algorithm(c.algo);
+  COMRAD_TRY(algorithm_defaults(c.algo));
+  COMRAD_TRY(check_ranges(c));
+
+  const int64_t cores = std::max(core_count, 1);
+  if (c.num_workers == 0) c.num_workers = std::min<int64_t>(cores, 1024);
+  c.worker_num_splits = std::min(c.worker_num_splits, c.num_envs_per_worker);
+  if (c.learner_threads == 0) c.learner_threads = cores <= 4 ? 1 : std::min<int64_t>(cores / 2, 16);
+  const int64_t env_count = c.num_workers * c.num_envs_per_worker;
+  const int64_t group_count = c.num_workers * c.worker_num_splits;
+  if (c.policy_workers > group_count)
+    return Error{ErrorCode::kBadInput,
+                 "policy_workers is " + std::to_string(c.policy_workers) + "; only " +
+                     std::to_string(group_count) +
+                     " groups of environments (num_workers x worker_num_splits) could feed them"};
+
+  // A third of the groups of a policy worker make a batch, as in Sample Factory; the deadline covers the
+  // rest.
+  const int64_t group_envs = (c.num_envs_per_worker + c.worker_num_splits - 1) / c.worker_num_splits;
+  const int64_t served_envs = (env_count + c.policy_workers - 1) / c.policy_workers;
+  if (c.min_batch == 0) c.min_batch = std::max<int64_t>(1, c.num_workers / c.policy_workers / 3) * group_envs;
+  if (c.max_batch == 0) c.max_batch = std::max(c.min_batch, std::min<int64_t>(served_envs, 1024));
+  if (c.max_batch < c.min_batch)
+    return Error{ErrorCode::kBadInput, "max_batch is " + std::to_string(c.max_batch) +
+                                           "; it must be at least min_batch (" + std::to_string(c.min_batch) +
+                                           ")"};
+
+  const int64_t slab_rows = c.rollout * c.num_agents;
+  if (c.batch_size < slab_rows)
+    return Error{ErrorCode::kBadInput, "batch_size is " + std::to_string(c.batch_size) +
+                                           "; it must hold at least one trajectory of all agents, rollout " +
+                                           std::to_string(c.rollout) + " x num_agents " +
+                                           std::to_string(c.num_agents) + " = " + std::to_string(slab_rows)};
+  c.batch_size -= c.batch_size % slab_rows;
+  c.micro_batch_size = std::max(c.rollout, c.micro_batch_size - c.micro_batch_size % c.rollout);
+  if (c.deterministic) {
+    c.async_rl = false;
+    COMRAD_TRY(resolve_deterministic_batches(c));
+  }
+
+  // One slab in the hands of every environment, the batches that wait, one in training, and slack for the
+  // moment between sealing and draining. In lock step a rollout is sealed while the next one may not begin
+  // yet.
+  const int64_t cycle_slabs = c.batch_size / slab_rows * c.num_batches_per_epoch;
+  const int64_t least_slabs = c.deterministic ? env_count : std::max<int64_t>(cycle_slabs, 2);
+  if (c.trajectory_slabs == 0) {
+    c.trajectory_slabs =
+        env_count + (c.num_batches_to_accumulate + 1) * cycle_slabs + std::max<int64_t>(2, env_count / 4);
+    if (c.deterministic) c.trajectory_slabs = 2 * env_count;
+  }
+  if (c.trajectory_slabs < least_slabs)
+    return Error{ErrorCode::kBadInput, "trajectory_slabs is " + std::to_string(c.trajectory_slabs) +
+                                           "; it must be at least " + std::to_string(least_slabs) +
+                                           (c.deterministic ? ", one per environment" : ", one full batch") +
+                                           ", or 0 for auto"};
+  config = std::move(c);
+  return {};
+}
+
+std::string nearest_word(std::string_view word, const std::vector<std::string>& known) {
+  const std::string wanted = lower_case(word);
+  const std::size_t farthest = std::max<std::size_t>(2, wanted.size() / 3);
+  std::string nearest;
+  std::size_t best = farthest + 1;
+  for (const std::string& candidate : known) {
+    const std::size_t distance = edit_distance(wanted, lower_case(candidate));
+    if (distance < best && distance < std::max(wanted.size(), candidate.size())) {
+      best = distance;
+      nearest = candidate;
+    }
+  }
+  return nearest;
+}
+
+std::string data_dir() {
+  if (const char* home = std::getenv("COMRAD_HOME"); home != nullptr && *home != '\0') return home;
+  return COMRAD_SOURCE_DIR;
+}
+
+}  // namespace comrad

@@ -1,0 +1,520 @@
+#include "rollout_buffer/shm/arena.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <new>
+#include <type_traits>
+#include <utility>
+
+#include "rollout_buffer/core/checksum.h"
+#include "rollout_buffer/core/clock.h"
+
+namespace comrad::shm {
+namespace {
+
+constexpr int64_t kPageBytes = 4096;
+constexpr int kWeightsBuffers = 2;
+constexpr int kReadAttempts = 200;
+
+int64_t round_up(int64_t value, int64_t multiple) { return (value + multiple - 1) / multiple * multiple; }
+
+/// First bytes of the segment. A peer copies it once, checks it, and never looks again.
+struct ArenaHeader {
+  uint32_t magic;
+  uint32_t layout_version;
+  uint64_t run_id;
+  int64_t size_bytes;
+  ArenaShape shape;
+};
+static_assert(std::is_trivially_copyable_v<ArenaHeader>);
+
+/// Sequence lock over two buffers: the learner fills the one that is not current, then makes it current.
+struct WeightsHeader {
+  struct alignas(kCacheLineBytes) Buffer {
+    std::atomic<uint64_t> sequence;  ///< odd while the learner writes into the buffer
+    std::atomic<uint64_t> bytes;
+    std::atomic<uint64_t> checksum;
+    std::atomic<uint32_t> version;
+  };
+  Buffer buffer[kWeightsBuffers];
+  alignas(kCacheLineBytes) std::atomic<uint32_t> current;  ///< 0: nothing yet; else buffer index + 1
+};
+
+/// One simulator's finished episodes; `written` and `read` count up for ever, cells are taken modulo the
+/// capacity.
+struct EpisodeRing {
+  alignas(kCacheLineBytes) std::atomic<uint64_t> written;  ///< simulator
+  std::atomic<uint64_t> dropped;                           ///< simulator
+  alignas(kCacheLineBytes) std::atomic<uint64_t> read;     ///< supervisor
+};
+
+Status check_range(const char* name, int64_t value, int64_t low, int64_t high) {
+  if (value >= low && value <= high) return {};
+  return Error{ErrorCode::kBadInput, std::string("arena: ") + name + " is " + std::to_string(value) +
+                                         "; it must lie in " + std::to_string(low) + ".." +
+                                         std::to_string(high)};
+}
+
+/// Every product of these bounds fits 63 bits, so sizes are computed without overflow checks afterwards.
+Status validate(const ArenaShape& shape) {
+  COMRAD_TRY(comrad::validate(shape.trajectory));
+  COMRAD_TRY(check_range("sim_worker_count", shape.sim_worker_count, 1, 1024));
+  COMRAD_TRY(check_range("envs_per_worker", shape.envs_per_worker, 1, 1024));
+  COMRAD_TRY(
+      check_range("splits_per_worker", shape.splits_per_worker, 1, std::min(2, shape.envs_per_worker)));
+  COMRAD_TRY(check_range("policy_worker_count", shape.policy_worker_count, 1, 256));
+  COMRAD_TRY(check_range("slab_count", shape.slab_count, 1, 1 << 20));
+  COMRAD_TRY(check_range("journal_steps", shape.journal_steps, 0, 1 << 20));
+  COMRAD_TRY(check_range("episode_ring_capacity", shape.episode_ring_capacity, 1, 1 << 20));
+  COMRAD_TRY(check_range("weights_bytes", shape.weights_bytes, 0, int64_t{1} << 36));
+  return {};
+}
+
+}  // namespace
+
+/// Byte offsets of every part from the segment's base: a pure function of the shape.
+struct Arena::Layout {
+  explicit Layout(const ArenaShape& given) : shape(given), slab(given.trajectory) {
+    const int64_t envs = shape.env_count(), agents = shape.trajectory.env.num_agents;
+    const int64_t groups = int64_t{shape.sim_worker_count} * shape.splits_per_worker;
+    int64_t end = 0;
+    const auto place = [&end](int64_t bytes, int64_t alignment = kCacheLineBytes) {
+      const int64_t start = round_up(end, alignment);
+      end = start + bytes;
+      return start;
+    };
+    const auto place_array = [&place](auto* type, int64_t count) {
+      using T = std::remove_pointer_t<decltype(type)>;
+      return place(count * static_cast<int64_t>(sizeof(T)), std::max<int64_t>(kCacheLineBytes, alignof(T)));
+    };
+    header = place_array(static_cast<ArenaHeader*>(nullptr), 1);
+    control = place_array(static_cast<ControlBlock*>(nullptr), 1);
+    counters = place_array(static_cast<WorkerCounters*>(nullptr),
+                           int64_t{shape.sim_worker_count} + shape.policy_worker_count + 1);
+    slots = place_array(static_cast<StepSlot*>(nullptr), envs);
+    slots_ready = place_array(static_cast<Doorbell*>(nullptr), shape.policy_worker_count);
+    slots_acted = place_array(static_cast<Doorbell*>(nullptr), groups);
+    rounds = place_array(static_cast<GroupRound*>(nullptr), groups);
+    recurrent_bytes =
+        round_up(agents * shape.trajectory.recurrent_state_count * int64_t{sizeof(float)}, kCacheLineBytes);
+    recurrent = place(envs * 2 * recurrent_bytes);
+    episode_capacity = std::max<int64_t>(
+        64, (shape.episode_ring_capacity + shape.sim_worker_count - 1) / shape.sim_worker_count);
+    episode_rings = place_array(static_cast<EpisodeRing*>(nullptr), shape.sim_worker_count);
+    episodes = place_array(static_cast<EpisodeRecord*>(nullptr), shape.sim_worker_count * episode_capacity);
+    weights_header = place_array(static_cast<WeightsHeader*>(nullptr), 1);
+    weights_stride = round_up(shape.weights_bytes, kPageBytes);
+    weights = place(kWeightsBuffers * weights_stride, kPageBytes);
+    journal_headers = place_array(static_cast<JournalHeader*>(nullptr), envs);
+    journal_row = agents * shape.trajectory.env.head_count;
+    journal_actions = place(envs * shape.journal_steps * journal_row);
+    slab_headers = place_array(static_cast<SlabHeader*>(nullptr), shape.slab_count);
+    slabs = place(shape.slab_count * slab.slab_bytes, kPageBytes);
+    size_bytes = round_up(end, kPageBytes);
+  }
+
+  ArenaShape shape;
+  SlabLayout slab;
+  uint64_t run_id = 0;
+  int64_t header, control, counters, slots, slots_ready, slots_acted, rounds, recurrent, recurrent_bytes;
+  int64_t episode_rings, episodes, episode_capacity, weights_header, weights, weights_stride;
+  int64_t journal_headers, journal_actions, journal_row, slab_headers, slabs, size_bytes;
+};
+
+namespace {
+
+template <typename T>
+T& part(const Segment& segment, int64_t offset_bytes, int64_t index = 0) {
+  return *reinterpret_cast<T*>(segment.data() + offset_bytes + index * static_cast<int64_t>(sizeof(T)));
+}
+
+void check_index(int64_t index, int64_t count, const char* what) {
+  COMRAD_CHECK(index >= 0 && index < count, what);
+}
+
+}  // namespace
+
+int64_t Arena::size_bytes(const ArenaShape& shape) { return Layout(shape).size_bytes; }
+
+Expected<Arena> Arena::create(const ArenaShape& shape, uint64_t run_id) {
+  COMRAD_TRY(validate(shape));
+  auto layout = std::make_unique<Layout>(shape);
+  layout->run_id = run_id;
+  COMRAD_TRY_ASSIGN(Segment segment, Segment::create("comrad-arena", layout->size_bytes));
+  // Zeroed memory already means: slots idle, slabs free, doorbells silent, no weights, run state kStarting.
+  part<ControlBlock>(segment, layout->control).episodes_per_run.store(UINT64_MAX);
+  ArenaHeader header{};
+  header.magic = kArenaMagic;
+  header.layout_version = kLayoutVersion;
+  header.run_id = run_id;
+  header.size_bytes = layout->size_bytes;
+  header.shape = shape;
+  std::memcpy(segment.data() + layout->header, &header, sizeof header);
+  return Arena(std::move(segment), std::move(layout));
+}
+
+Expected<Arena> Arena::adopt(int descriptor) {
+  COMRAD_TRY_ASSIGN(Segment segment, Segment::adopt(descriptor));
+  ArenaHeader header{};
+  if (segment.size_bytes() < static_cast<int64_t>(sizeof header))
+    return Error{ErrorCode::kBadFormat,
+                 "arena: " + std::to_string(segment.size_bytes()) + " bytes hold no header"};
+  std::memcpy(&header, segment.data(), sizeof header);  // from here on the peer cannot change what we checked
+  if (header.magic != kArenaMagic)
+    return Error{ErrorCode::kBadFormat, "arena: wrong magic number; the peer is no COMRAD run"};
+  if (header.layout_version != kLayoutVersion)
+    return Error{ErrorCode::kBadFormat, "arena: layout version " + std::to_string(header.layout_version) +
+                                            ", this build speaks " + std::to_string(kLayoutVersion) +
+                                            "; start all programs of a run from one build"};
+  if (Status valid = validate(header.shape); !valid)
+    return Error{ErrorCode::kBadFormat, "arena: the header is damaged: " + valid.error().message};
+  auto layout = std::make_unique<Layout>(header.shape);
+  layout->run_id = header.run_id;
+  if (layout->size_bytes != header.size_bytes || layout->size_bytes != segment.size_bytes())
+    return Error{ErrorCode::kBadFormat,
+                 "arena: the header's shapes need " + std::to_string(layout->size_bytes) +
+                     " bytes, the segment holds " + std::to_string(segment.size_bytes())};
+  return Arena(std::move(segment), std::move(layout));
+}
+
+Arena::Arena(Segment segment, std::unique_ptr<Layout> layout)
+    : segment_(std::move(segment)), layout_(std::move(layout)) {}
+Arena::Arena(Arena&&) noexcept = default;
+Arena& Arena::operator=(Arena&&) noexcept = default;
+Arena::~Arena() = default;
+
+const ArenaShape& Arena::shape() const { return layout_->shape; }
+uint64_t Arena::run_id() const { return layout_->run_id; }
+int Arena::descriptor() const { return segment_.descriptor(); }
+ControlBlock& Arena::control() const { return part<ControlBlock>(segment_, layout_->control); }
+
+WorkerCounters& Arena::sim_counters(int sim_worker) const {
+  check_index(sim_worker, shape().sim_worker_count, "simulator index is in range");
+  return part<WorkerCounters>(segment_, layout_->counters, sim_worker);
+}
+
+WorkerCounters& Arena::policy_counters(int policy_worker) const {
+  check_index(policy_worker, shape().policy_worker_count, "policy worker index is in range");
+  return part<WorkerCounters>(segment_, layout_->counters, shape().sim_worker_count + policy_worker);
+}
+
+WorkerCounters& Arena::learner_counters() const {
+  return part<WorkerCounters>(segment_, layout_->counters,
+                              shape().sim_worker_count + shape().policy_worker_count);
+}
+
+StepSlot& Arena::slot(int env_index) const {
+  check_index(env_index, shape().env_count(), "environment index is in range");
+  return part<StepSlot>(segment_, layout_->slots, env_index);
+}
+
+std::span<float> Arena::recurrent(int env_index, uint64_t parity) const {
+  check_index(env_index, shape().env_count(), "environment index is in range");
+  const int64_t buffer = int64_t{env_index} * 2 + static_cast<int64_t>(parity & 1);
+  const std::size_t count = static_cast<std::size_t>(shape().trajectory.env.num_agents) *
+                            static_cast<std::size_t>(shape().trajectory.recurrent_state_count);
+  return {reinterpret_cast<float*>(segment_.data() + layout_->recurrent + buffer * layout_->recurrent_bytes),
+          count};
+}
+
+Doorbell& Arena::slots_ready(int policy_worker) const {
+  check_index(policy_worker, shape().policy_worker_count, "policy worker index is in range");
+  return part<Doorbell>(segment_, layout_->slots_ready, policy_worker);
+}
+
+Doorbell& Arena::slots_acted(int sim_worker, int split) const {
+  check_index(sim_worker, shape().sim_worker_count, "simulator index is in range");
+  check_index(split, shape().splits_per_worker, "split is in range");
+  return part<Doorbell>(segment_, layout_->slots_acted,
+                        int64_t{sim_worker} * shape().splits_per_worker + split);
+}
+
+GroupRound& Arena::group_round(int sim_worker, int split) const {
+  check_index(sim_worker, shape().sim_worker_count, "simulator index is in range");
+  check_index(split, shape().splits_per_worker, "split is in range");
+  return part<GroupRound>(segment_, layout_->rounds, int64_t{sim_worker} * shape().splits_per_worker + split);
+}
+
+const SlabLayout& Arena::slab_layout() const { return layout_->slab; }
+
+SlabView Arena::slab(int slab_index) const {
+  check_index(slab_index, shape().slab_count, "slab index is in range");
+  return SlabView(layout_->slab,
+                  segment_.data() + layout_->slabs + int64_t{slab_index} * layout_->slab.slab_bytes);
+}
+
+SlabHeader& Arena::slab_header(int slab_index) const {
+  check_index(slab_index, shape().slab_count, "slab index is in range");
+  return part<SlabHeader>(segment_, layout_->slab_headers, slab_index);
+}
+
+std::optional<uint32_t> Arena::acquire_slab(int sim_worker) const {
+  check_index(sim_worker, shape().sim_worker_count, "simulator index is in range");
+  const uint32_t owner = static_cast<uint32_t>(sim_worker) + 1;
+  // Every simulator starts its search elsewhere, so that they seldom fight over one cache line.
+  const int32_t count = shape().slab_count;
+  const int32_t first = static_cast<int32_t>(int64_t{sim_worker} * count / shape().sim_worker_count);
+  for (int32_t offset = 0; offset < count; ++offset) {
+    const int32_t index = (first + offset) % count;
+    SlabHeader& header = slab_header(index);
+    uint32_t nobody = 0;
+    if (header.state.load(std::memory_order_acquire) != SlabState::kFree ||
+        !header.owner.compare_exchange_strong(nobody, owner, std::memory_order_acq_rel))
+      continue;
+    // The slab may have been filled and sealed between the two looks; the owner word now keeps it still.
+    if (header.state.load(std::memory_order_acquire) != SlabState::kFree) {
+      header.owner.store(0, std::memory_order_release);
+      continue;
+    }
+    header.length = 0;
+    header.env_index =
+        static_cast<uint32_t>(sim_worker * shape().envs_per_worker);  // tells whose it is from now on
+    header.state.store(SlabState::kFilling, std::memory_order_release);
+    return static_cast<uint32_t>(index);
+  }
+  return std::nullopt;
+}
+
+void Arena::seal_slab(uint32_t slab_index) const {
+  SlabHeader& header = slab_header(static_cast<int>(slab_index));
+  COMRAD_DCHECK(header.state.load() == SlabState::kFilling, "only a slab that is being filled is sealed");
+  header.seal_ticket = control().slabs_sealed.fetch_add(1, std::memory_order_acq_rel);
+  header.owner.store(0, std::memory_order_release);
+  header.state.store(SlabState::kSealed, std::memory_order_release);
+  ring(control().slab_sealed);
+}
+
+void Arena::abandon_slab(uint32_t slab_index) const {
+  SlabHeader& header = slab_header(static_cast<int>(slab_index));
+  COMRAD_DCHECK(header.state.load() == SlabState::kFilling, "only a slab that is being filled is abandoned");
+  header.owner.store(0, std::memory_order_release);
+  header.state.store(SlabState::kFree, std::memory_order_release);
+  ring(control().slab_released);
+}
+
+std::vector<uint32_t> Arena::drain_slabs(int max_count) const {
+  std::vector<std::pair<uint64_t, uint32_t>> sealed;
+  for (int index = 0; index < shape().slab_count; ++index) {
+    const SlabHeader& header = slab_header(index);
+    if (header.state.load(std::memory_order_acquire) == SlabState::kSealed)
+      sealed.emplace_back(header.seal_ticket, static_cast<uint32_t>(index));
+  }
+  std::sort(sealed.begin(), sealed.end());
+  std::vector<uint32_t> drained;
+  for (const auto& [ticket, index] : sealed) {
+    if (static_cast<int>(drained.size()) >= max_count) break;
+    SlabState expected = SlabState::kSealed;
+    if (slab_header(static_cast<int>(index))
+            .state.compare_exchange_strong(expected, SlabState::kLearning, std::memory_order_acq_rel))
+      drained.push_back(index);
+  }
+  return drained;
+}
+
+int Arena::sealed_count() const {
+  int count = 0;
+  for (int index = 0; index < shape().slab_count; ++index)
+    count += slab_header(index).state.load(std::memory_order_acquire) == SlabState::kSealed;
+  return count;
+}
+
+void Arena::release_slab(uint32_t slab_index) const {
+  SlabState expected = SlabState::kLearning;
+  const bool released =
+      slab_header(static_cast<int>(slab_index))
+          .state.compare_exchange_strong(expected, SlabState::kFree, std::memory_order_acq_rel);
+  COMRAD_DCHECK(released, "only a slab in training is released");
+  if (released) ring(control().slab_released);
+}
+
+bool Arena::push_episode(const EpisodeRecord& record) const {
+  const int sim_worker = static_cast<int>(record.env_index) / shape().envs_per_worker;
+  check_index(sim_worker, shape().sim_worker_count, "an episode record's environment is in range");
+  EpisodeRing& ring = part<EpisodeRing>(segment_, layout_->episode_rings, sim_worker);
+  const uint64_t capacity = static_cast<uint64_t>(layout_->episode_capacity);
+  const uint64_t written = ring.written.load(std::memory_order_relaxed);
+  if (written - ring.read.load(std::memory_order_acquire) >= capacity) {
+    ring.dropped.fetch_add(1, std::memory_order_relaxed);
+    return false;
+  }
+  part<EpisodeRecord>(segment_, layout_->episodes,
+                      sim_worker * layout_->episode_capacity + static_cast<int64_t>(written % capacity)) =
+      record;
+  ring.written.store(written + 1, std::memory_order_release);
+  return true;
+}
+
+std::optional<EpisodeRecord> Arena::pop_episode() const {
+  const uint64_t capacity = static_cast<uint64_t>(layout_->episode_capacity);
+  for (int sim_worker = 0; sim_worker < shape().sim_worker_count; ++sim_worker) {
+    EpisodeRing& ring = part<EpisodeRing>(segment_, layout_->episode_rings, sim_worker);
+    const uint64_t read = ring.read.load(std::memory_order_relaxed);
+    if (read == ring.written.load(std::memory_order_acquire)) continue;
+    const EpisodeRecord record =
+        part<EpisodeRecord>(segment_, layout_->episodes,
+                            sim_worker * layout_->episode_capacity + static_cast<int64_t>(read % capacity));
+    ring.read.store(read + 1, std::memory_order_release);
+    return record;
+  }
+  return std::nullopt;
+}
+
+uint64_t Arena::episodes_dropped() const {
+  uint64_t dropped = 0;
+  for (int sim_worker = 0; sim_worker < shape().sim_worker_count; ++sim_worker)
+    dropped += part<EpisodeRing>(segment_, layout_->episode_rings, sim_worker)
+                   .dropped.load(std::memory_order_relaxed);
+  return dropped;
+}
+
+void Arena::publish_weights(std::span<const std::byte> bytes, PolicyVersion version) const {
+  COMRAD_CHECK(static_cast<int64_t>(bytes.size()) <= shape().weights_bytes,
+               "the weights fit the arena's buffers");
+  WeightsHeader& header = part<WeightsHeader>(segment_, layout_->weights_header);
+  const uint32_t current = header.current.load(std::memory_order_acquire);
+  const uint32_t older = current == 1 ? 1 : 0;
+  WeightsHeader::Buffer& buffer = header.buffer[older];
+  // A learner killed in this block leaves an odd number and the other buffer current; its successor starts
+  // over here.
+  const uint64_t writing = (buffer.sequence.load(std::memory_order_relaxed) + 1) | 1;
+  buffer.sequence.store(writing, std::memory_order_relaxed);
+  std::atomic_thread_fence(std::memory_order_seq_cst);
+  if (!bytes.empty())
+    std::memcpy(segment_.data() + layout_->weights + older * layout_->weights_stride, bytes.data(),
+                bytes.size());
+  buffer.bytes.store(bytes.size(), std::memory_order_relaxed);
+  buffer.checksum.store(checksum64(bytes), std::memory_order_relaxed);
+  buffer.version.store(version, std::memory_order_relaxed);
+  std::atomic_thread_fence(std::memory_order_release);
+  buffer.sequence.store(writing + 1, std::memory_order_release);
+  header.current.store(older + 1, std::memory_order_release);
+  control().policy_version.store(version, std::memory_order_release);
+  ring(control().weights_published);
+}
+
+PolicyVersion Arena::weights_version() const {
+  const WeightsHeader& header = part<WeightsHeader>(segment_, layout_->weights_header);
+  const uint32_t current = header.current.load(std::memory_order_acquire);
+  return current == 1 || current == 2 ? header.buffer[current - 1].version.load(std::memory_order_acquire)
+                                      : 0;
+}
+
+bool Arena::has_weights() const {
+  const uint32_t current =
+      part<WeightsHeader>(segment_, layout_->weights_header).current.load(std::memory_order_acquire);
+  return current == 1 || current == 2;
+}
+
+Expected<PolicyVersion> Arena::read_weights(std::vector<std::byte>& out) const {
+  const WeightsHeader& header = part<WeightsHeader>(segment_, layout_->weights_header);
+  for (int attempt = 0; attempt < kReadAttempts; ++attempt) {
+    if (attempt > 0) usleep(1000);
+    const uint32_t current = header.current.load(std::memory_order_acquire);
+    if (current != 1 && current != 2) return Error{ErrorCode::kNotFound, "weights: none are published yet"};
+    const WeightsHeader::Buffer& buffer = header.buffer[current - 1];
+    const uint64_t sequence = buffer.sequence.load(std::memory_order_acquire);
+    const uint64_t bytes = buffer.bytes.load(std::memory_order_relaxed);
+    if (sequence % 2 != 0 || bytes > static_cast<uint64_t>(shape().weights_bytes)) continue;
+    const uint64_t checksum = buffer.checksum.load(std::memory_order_relaxed);
+    const PolicyVersion version = buffer.version.load(std::memory_order_relaxed);
+    out.resize(bytes);
+    if (bytes != 0)
+      std::memcpy(out.data(), segment_.data() + layout_->weights + (current - 1) * layout_->weights_stride,
+                  bytes);
+    std::atomic_thread_fence(std::memory_order_acquire);
+    if (buffer.sequence.load(std::memory_order_relaxed) == sequence && checksum64(out) == checksum)
+      return version;
+  }
+  return Error{ErrorCode::kBadFormat, "weights: the checksum of version " +
+                                          std::to_string(weights_version()) +
+                                          " kept failing; the learner must publish again"};
+}
+
+JournalHeader& Arena::journal(int env_index) const {
+  check_index(env_index, shape().env_count(), "environment index is in range");
+  return part<JournalHeader>(segment_, layout_->journal_headers, env_index);
+}
+
+std::span<uint8_t> Arena::journal_action(int env_index, int step) const {
+  check_index(env_index, shape().env_count(), "environment index is in range");
+  check_index(step, shape().journal_steps, "journal step is in range");
+  const int64_t row = int64_t{env_index} * shape().journal_steps + step;
+  return {&part<uint8_t>(segment_, layout_->journal_actions, row * layout_->journal_row),
+          static_cast<std::size_t>(layout_->journal_row)};
+}
+
+uint64_t Arena::reclaim_sim_worker(int sim_worker) const {
+  check_index(sim_worker, shape().sim_worker_count, "simulator index is in range");
+  // A policy worker answers into the slab that its batch names. Taking the slab away under its pen would let
+  // the late answer land in another environment's rows, so the answer is awaited first.
+  const int64_t deadline_ns = monotonic_ns() + 2'000'000'000;
+  for (int local = 0; local < shape().envs_per_worker; ++local) {
+    StepSlot& orphan = slot(sim_worker * shape().envs_per_worker + local);
+    for (;;) {
+      if (advance(orphan, SlotState::kReady, SlotState::kIdle) ||
+          advance(orphan, SlotState::kActed, SlotState::kIdle) ||
+          orphan.state.load(std::memory_order_acquire) == SlotState::kIdle)
+        break;
+      if (monotonic_ns() > deadline_ns) {
+        orphan.state.store(SlotState::kIdle, std::memory_order_release);
+        break;
+      }
+      usleep(200);
+    }
+  }
+  for (int split = 0; split < shape().splits_per_worker; ++split)
+    group_round(sim_worker, split).request_count.store(0, std::memory_order_release);
+
+  const uint32_t owner = static_cast<uint32_t>(sim_worker) + 1;
+  uint64_t rows_lost = 0;
+  bool freed = false;
+  for (int index = 0; index < shape().slab_count; ++index) {
+    SlabHeader& header = slab_header(index);
+    const bool is_owner = header.owner.load(std::memory_order_acquire) == owner;
+    // While kFilling, env_index tells whose slab it is; the owner word alone may be a dead acquirer's last
+    // touch on a slab that another simulator was sealing.
+    if (header.state.load(std::memory_order_acquire) == SlabState::kFilling &&
+        static_cast<int>(header.env_index) / shape().envs_per_worker == sim_worker) {
+      rows_lost += std::min<uint64_t>(header.length, static_cast<uint64_t>(shape().trajectory.rollout_steps));
+      header.owner.store(0, std::memory_order_release);
+      header.state.store(SlabState::kFree, std::memory_order_release);
+      freed = true;
+    } else if (is_owner) {
+      header.owner.store(0, std::memory_order_release);
+      freed = true;
+    }
+  }
+  if (freed) ring(control().slab_released);
+  return rows_lost * static_cast<uint64_t>(shape().trajectory.env.num_agents);
+}
+
+int Arena::reclaim_policy_worker(int policy_worker) const {
+  check_index(policy_worker, shape().policy_worker_count, "policy worker index is in range");
+  int returned = 0;
+  for (int sim_worker = 0; sim_worker < shape().sim_worker_count; ++sim_worker) {
+    for (int split = 0; split < shape().splits_per_worker; ++split) {
+      if (shape().policy_worker_of(sim_worker, split) != policy_worker) continue;
+      for (int local = shape().split_begin(split); local < shape().split_end(split); ++local)
+        returned += advance(slot(sim_worker * shape().envs_per_worker + local), SlotState::kInBatch,
+                            SlotState::kReady);
+    }
+  }
+  if (returned > 0) ring(slots_ready(policy_worker));
+  return returned;
+}
+
+int Arena::reclaim_learner() const {
+  int freed = 0;
+  for (int index = 0; index < shape().slab_count; ++index) {
+    SlabState expected = SlabState::kLearning;
+    freed += slab_header(index).state.compare_exchange_strong(expected, SlabState::kFree,
+                                                              std::memory_order_acq_rel);
+  }
+  if (freed > 0) ring(control().slab_released);
+  return freed;
+}
+
+}  // namespace comrad::shm

@@ -1,0 +1,159 @@
+#include "rollout_buffer/shm/segment.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <optional>
+#include <sstream>
+#include <utility>
+#include <vector>
+
+namespace comrad::shm {
+namespace {
+
+constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;
+constexpr int64_t kUnlimited = std::numeric_limits<int64_t>::max();
+
+Error system_error(const std::string& what) {
+  return Error{ErrorCode::kSystem, what + ": " + std::strerror(errno)};
+}
+
+std::optional<int64_t> read_number(const std::string& path) {
+  std::ifstream file(path);
+  int64_t value = 0;
+  if (!(file >> value)) return std::nullopt;
+  return value;
+}
+
+/// The value behind `key` in a file of "key value" lines (memory.stat, /proc/meminfo).
+std::optional<int64_t> read_entry(const std::string& path, const std::string& key) {
+  std::ifstream file(path);
+  std::string line;
+  while (std::getline(file, line)) {
+    std::istringstream words(line);
+    std::string name;
+    int64_t value = 0;
+    if (words >> name >> value && name == key) return value;
+  }
+  return std::nullopt;
+}
+
+/// Bytes left below one control group's limit. Clean file cache counts as free: the kernel drops it first.
+int64_t group_room(const std::string& folder, const char* limit_name, const char* usage_name,
+                   const char* cache_key) {
+  const std::optional<int64_t> limit = read_number(folder + "/" + limit_name);
+  const std::optional<int64_t> usage = read_number(folder + "/" + usage_name);
+  if (!limit || !usage) return kUnlimited;  // "max", or no such file
+  return std::max<int64_t>(0, *limit - *usage + read_entry(folder + "/memory.stat", cache_key).value_or(0));
+}
+
+/// The tightest limit among this process's memory control group and its parents, version 1 and 2.
+int64_t control_group_room() {
+  int64_t room = kUnlimited;
+  std::ifstream groups("/proc/self/cgroup");
+  std::string line;
+  while (std::getline(groups, line)) {
+    const std::size_t first = line.find(':'), second = line.find(':', first + 1);
+    if (second == std::string::npos) continue;
+    const std::string controllers = line.substr(first + 1, second - first - 1);
+    const bool is_version_2 = controllers.empty();
+    if (!is_version_2 && ("," + controllers + ",").find(",memory,") == std::string::npos) continue;
+    const std::string root = is_version_2 ? "/sys/fs/cgroup" : "/sys/fs/cgroup/memory";
+    for (std::string path = line.substr(second + 1);; path.resize(path.rfind('/'))) {
+      if (path == "/") path.clear();
+      room = std::min(room, is_version_2
+                                ? group_room(root + path, "memory.max", "memory.current", "inactive_file")
+                                : group_room(root + path, "memory.limit_in_bytes", "memory.usage_in_bytes",
+                                             "total_inactive_file"));
+      if (path.empty() || path.rfind('/') == std::string::npos) break;
+    }
+  }
+  return room;
+}
+
+std::string bytes_text(int64_t bytes) {
+  std::array<char, 32> text{};
+  const double mega = static_cast<double>(bytes) * 1e-6;
+  std::snprintf(text.data(), text.size(), mega < 1e3 ? "%.1f MB" : "%.1f GB",
+                mega < 1e3 ? mega : mega * 1e-3);
+  return text.data();
+}
+
+}  // namespace
+
+int64_t free_memory_bytes() {
+  const std::optional<int64_t> available_kb = read_entry("/proc/meminfo", "MemAvailable:");
+  return std::min(available_kb ? *available_kb * 1024 : kUnlimited, control_group_room());
+}
+
+Expected<Segment> Segment::create(const std::string& name, int64_t size_bytes) {
+  if (size_bytes <= 0)
+    return Error{ErrorCode::kBadInput, "shared memory " + name + ": its size must be positive"};
+  const int64_t free_bytes = free_memory_bytes();
+  if (size_bytes > free_bytes)
+    return Error{ErrorCode::kNoSpace,
+                 "shared memory " + name + " needs " + bytes_text(size_bytes) + ", but only " +
+                     bytes_text(free_bytes) +
+                     " is free; lower --trajectory_slabs, --num_workers, --num_envs_per_worker, "
+                     "--batch_size or --rollout, or free memory"};
+  Segment segment;
+  segment.descriptor_ = memfd_create(name.c_str(), MFD_CLOEXEC | MFD_ALLOW_SEALING);
+  if (segment.descriptor_ < 0) return system_error("memfd_create " + name);
+  // Pages are taken on first touch; the size alone is fixed here, and for good.
+  if (ftruncate(segment.descriptor_, size_bytes) != 0)
+    return system_error("shared memory " + name + ", setting its size");
+  if (fcntl(segment.descriptor_, F_ADD_SEALS, kSeals) != 0)
+    return system_error("shared memory " + name + ", sealing");
+  COMRAD_TRY(segment.map(size_bytes));
+  return segment;
+}
+
+Expected<Segment> Segment::adopt(int descriptor) {
+  Segment segment;
+  segment.descriptor_ = descriptor;
+  const int seals = fcntl(descriptor, F_GET_SEALS);
+  if (seals < 0 || (seals & kSeals) != kSeals)
+    return Error{ErrorCode::kBadFormat, "shared memory from a peer is not a memfd sealed against resizing"};
+  struct stat facts {};
+  if (fstat(descriptor, &facts) != 0) return system_error("shared memory from a peer");
+  if (facts.st_size <= 0) return Error{ErrorCode::kBadFormat, "shared memory from a peer is empty"};
+  COMRAD_TRY(segment.map(facts.st_size));
+  return segment;
+}
+
+Status Segment::map(int64_t size_bytes) {
+  void* address =
+      mmap(nullptr, static_cast<std::size_t>(size_bytes), PROT_READ | PROT_WRITE, MAP_SHARED, descriptor_, 0);
+  if (address == MAP_FAILED) return system_error("mapping " + bytes_text(size_bytes) + " of shared memory");
+  data_ = static_cast<std::byte*>(address);
+  size_bytes_ = size_bytes;
+  return {};
+}
+
+Segment::Segment(Segment&& other) noexcept
+    : data_(std::exchange(other.data_, nullptr)),
+      size_bytes_(std::exchange(other.size_bytes_, 0)),
+      descriptor_(std::exchange(other.descriptor_, -1)) {}
+
+Segment& Segment::operator=(Segment&& other) noexcept {
+  std::swap(data_, other.data_);
+  std::swap(size_bytes_, other.size_bytes_);
+  std::swap(descriptor_, other.descriptor_);
+  return *this;
+}
+
+Segment::~Segment() {
+  if (data_ != nullptr) munmap(data_, static_cast<std::size_t>(size_bytes_));
+  if (descriptor_ >= 0) close(descriptor_);
+}
+
+}  // namespace comrad::shm

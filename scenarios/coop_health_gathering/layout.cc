@@ -1,0 +1,172 @@
+#include "scenarios/coop_health_gathering/layout.h"
+
+#include "doomgen/layout/map_builder.h"
+#include "doomgen/layout/reachability.h"
+#include "rollout_buffer/core/rng.h"
+
+namespace comrad::scenarios::coop_health_gathering {
+namespace {
+
+using doomgen::Box;
+using doomgen::MapBuilder;
+using doomgen::MapData;
+using doomgen::Point;
+using doomgen::Polygon;
+using doomgen::Region;
+
+constexpr int32_t kCentreHalfWidth = 256;  // no pillar begins in the middle
+constexpr int32_t kPillarGap = 48;         // a body of 32 passes between any two pillars
+constexpr int kPillarPlacements = 64;      // places tried for one pillar before it is given up
+constexpr int32_t kSpotClearance = 24;     // more than the radius of a kit
+constexpr int32_t kSpotDistance = 40;      // two kit spots never coincide
+constexpr int32_t kStartClearance = 32;
+constexpr int32_t kStartDistance = 64;
+
+/// 12..24 corners at equal angles, each at 0.6 R .. R from the centre.
+Polygon draw_outline(int32_t radius, Rng rng) {
+  const int32_t corner_count = rng.between(12, 24);
+  Polygon outline;
+  for (int32_t i = 0; i < corner_count; ++i)
+    outline.push_back(doomgen::polar_point(rng.between(radius * 6 / 10, radius), i, corner_count));
+  return outline;
+}
+
+/// One pillar for every 19 600 square units times density. A try whose point lies in the middle places none;
+/// one that would come too near to a wall or another pillar is drawn again elsewhere, so that the density
+/// holds.
+std::vector<Box> draw_pillars(Region region, int64_t radius, int64_t density_thousandths, Rng rng) {
+  const int64_t try_count = radius * radius * density_thousandths / 19'600'000;
+  std::vector<Box> pillars;
+  for (int64_t i = 0; i < try_count; ++i) {
+    const int32_t width = rng.between(48, 128), height = rng.between(48, 128);
+    for (int placement = 0; placement < kPillarPlacements; ++placement) {
+      const auto centre = doomgen::random_point(region, 0, rng);
+      if (!centre || (std::abs(centre->x) < kCentreHalfWidth && std::abs(centre->y) < kCentreHalfWidth))
+        break;
+      const Point low{centre->x - width / 2, centre->y - height / 2};
+      const Box pillar{low, {low.x + width, low.y + height}};
+      if (!doomgen::clear_inside(region, pillar, kPillarGap)) continue;
+      pillars.push_back(pillar);
+      region.holes.push_back(pillar.polygon());
+      break;
+    }
+  }
+  return pillars;
+}
+
+bool far_from(const std::vector<Point>& points, Point p, int32_t distance) {
+  for (const Point& other : points)
+    if (doomgen::distance_squared(p, other) < int64_t{distance} * distance) return false;
+  return true;
+}
+
+/// Spots that keep 0.15 R between each other as long as such are found, then any free ones.
+std::vector<Point> draw_kit_spots(const Region& region, int32_t radius, Rng rng) {
+  std::vector<Point> spots;
+  for (int i = 0; i < 4 * kKitSpotCount && spots.size() < kKitSpotCount; ++i) {
+    const auto spot = doomgen::random_point(region, kSpotClearance, rng);
+    if (spot && far_from(spots, *spot, radius * 15 / 100)) spots.push_back(*spot);
+  }
+  for (int i = 0; i < 100 * kKitSpotCount && spots.size() < kKitSpotCount; ++i) {
+    const auto spot = doomgen::random_point(region, kSpotClearance, rng);
+    if (spot && far_from(spots, *spot, kSpotDistance)) spots.push_back(*spot);
+  }
+  return spots;
+}
+
+/// A team's starts: around one point, within half the tether of it and apart from each other. Where a body
+/// finds no room it stands 64 units beside the centre, and the checks decide.
+std::vector<Point> draw_starts(const Region& region, int player_count, int32_t tether, Rng rng) {
+  const auto centre = doomgen::random_point(region, kStartClearance, rng);
+  if (!centre) return {};
+  const int32_t reach = tether / 2;
+  std::vector<Point> starts;
+  for (int player = 0; player < player_count; ++player) {
+    Point start{centre->x + (player % 2 == 0 ? -64 : 64), centre->y + (player / 2 == 0 ? 0 : 64)};
+    for (int i = 0; i < 1000; ++i) {
+      const Point p{centre->x + rng.between(-reach, reach), centre->y + rng.between(-reach, reach)};
+      if (doomgen::distance_squared(p, *centre) > int64_t{reach} * reach ||
+          !far_from(starts, p, kStartDistance) || !doomgen::clear_inside(region, p, kStartClearance))
+        continue;
+      start = p;
+      break;
+    }
+    starts.push_back(start);
+  }
+  return starts;
+}
+
+Error refused(const std::string& what) {
+  return Error{ErrorCode::kBadInput, "coop_health_gathering: " + what};
+}
+
+/// Starts stand free and apart; every spot and every start can be walked to from the first start.
+Status check_things(const Region& region, const MapData& map, const std::vector<Point>& starts,
+                    const std::vector<Point>& spots) {
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    const std::vector<Point> others(starts.begin(), starts.begin() + static_cast<int64_t>(i));
+    if (!doomgen::clear_inside(region, starts[i], kStartClearance) ||
+        !far_from(others, starts[i], kStartDistance))
+      return refused("a player's start has no room");
+  }
+  const doomgen::Reachability walk(map, std::span(starts.data(), 1));
+  for (const Point& p : starts)
+    if (!walk.reaches(p)) return refused("a player's start is cut off");
+  for (const Point& p : spots)
+    if (!walk.reaches(p)) return refused("a kit spot is cut off");
+  return {};
+}
+
+}  // namespace
+
+std::vector<LayoutParameter> parameters() {
+  return {
+      {"radius", 2000, 800, 8000, "outer radius R of the arena, units (axis: 1600, 2000, 2400)"},
+      {"tether", 400, 160, 2000, "length of the tether, units (axis: 320, 400, 480)"},
+      {"damage", 5, 1, 100, "health that the floor takes every 32 tics (axis: 3, 5, 7)"},
+      {"kit_cap", 80, 1, 1000, "kits that lie about at most (axis: 60, 80, 100)"},
+      {"density", 600, 0, 1000, "pillars per 19 600 square units, thousandths (axis: 450, 600, 750)"},
+      {"players", 4, 2, 4, "starts that the map prepares (axis: 2, 3, 4)"},
+  };
+}
+
+Expected<MapData> draw(uint64_t seed, const std::map<std::string, int64_t>& values) {
+  const RngKey key = RngKey(seed).split("coop_health_gathering");
+  const auto radius = static_cast<int32_t>(values.at("radius"));
+
+  MapBuilder builder;
+  const int arena = builder.add_area({.floor_height = 0,
+                                      .ceiling_height = 384,
+                                      .floor_texture = "FLAT1",
+                                      .ceiling_texture = "CEIL1_2",
+                                      .light = 200,
+                                      .tag = kArenaTag},
+                                     "BRICK6", draw_outline(radius, Rng(key.split("outline"))));
+  for (const Box& pillar :
+       draw_pillars(builder.region(arena), radius, values.at("density"), Rng(key.split("pillars"))))
+    builder.add_pillar(arena, pillar.polygon(), "ASHWALL6");
+
+  const Region region = builder.region(arena);
+  const std::vector<Point> starts =
+      draw_starts(region, static_cast<int>(values.at("players")), static_cast<int32_t>(values.at("tether")),
+                  Rng(key.split("starts")));
+  const std::vector<Point> spots = draw_kit_spots(region, radius, Rng(key.split("kit_spots")));
+  if (starts.empty() || spots.size() < kKitSpotCount)
+    return refused("there is no room for every start and kit spot");
+
+  Rng facing(key.split("facing"));
+  for (std::size_t i = 0; i < starts.size(); ++i)
+    builder.add_thing({.position = starts[i],
+                       .angle_degrees = facing.between(0, 359),
+                       .editor_number = static_cast<int32_t>(i) + 1});
+  for (std::size_t i = 0; i < spots.size(); ++i)
+    builder.add_thing({.position = spots[i],
+                       .editor_number = kMapSpotEditorNumber,
+                       .id = kFirstSpotId + static_cast<int32_t>(i)});
+
+  COMRAD_TRY_ASSIGN(MapData map, builder.build());
+  COMRAD_TRY(check_things(region, map, starts, spots));
+  return map;
+}
+
+}  // namespace comrad::scenarios::coop_health_gathering

@@ -1,0 +1,54 @@
+#include "scenarios/spec/layout_info.h"
+
+#include <toml++/toml.h>
+
+#include <string>
+
+namespace comrad::scenarios {
+namespace {
+
+constexpr std::size_t kMaxTextBytes = 64 * 1024;  // a hostile lump must not keep the parser busy
+constexpr int64_t kFormat = 1;
+
+Error bad(const std::string& what) {
+  return Error{ErrorCode::kBadFormat, std::string("lump ") + kLayoutInfoLump + ": " + what};
+}
+
+}  // namespace
+
+std::string write_layout_info(const LayoutInfo& info) {
+  std::string text = "format = " + std::to_string(kFormat) + "\nscenario = \"" + info.scenario +
+                     "\"\nseed = " + std::to_string(static_cast<int64_t>(info.seed)) +
+                     "\nattempt = " + std::to_string(info.attempt) + "\n\n[parameters]\n";
+  for (const auto& [name, value] : info.parameters) text += name + " = " + std::to_string(value) + "\n";
+  return text;
+}
+
+Expected<LayoutInfo> parse_layout_info(std::string_view text) {
+  if (text.size() > kMaxTextBytes) return bad("longer than 64 KB");
+  LayoutInfo info;
+  try {  // toml++ throws; nothing of it leaves this function
+    const toml::table table = toml::parse(text);
+    if (table["format"].value<int64_t>() != kFormat) return bad("format is not " + std::to_string(kFormat));
+    const auto scenario = table["scenario"].value<std::string>();
+    const auto seed = table["seed"].value<int64_t>();
+    const auto attempt = table["attempt"].value<int64_t>();
+    if (!scenario || !seed || !attempt || *attempt < 0 || *attempt > 1'000'000)
+      return bad("scenario, seed or attempt is missing or out of range");
+    info.scenario = *scenario;
+    info.seed = static_cast<uint64_t>(*seed);
+    info.attempt = static_cast<int>(*attempt);
+    if (const toml::table* parameters = table["parameters"].as_table())
+      for (const auto& [key, value] : *parameters) {
+        const auto number = value.value_exact<int64_t>();
+        if (!number) return bad("parameter " + std::string(key.str()) + " is no whole number");
+        info.parameters[std::string(key.str())] = *number;
+      }
+  } catch (const toml::parse_error& error) {
+    return bad("line " + std::to_string(error.source().begin.line) + ", column " +
+               std::to_string(error.source().begin.column) + ": " + std::string(error.description()));
+  }
+  return info;
+}
+
+}  // namespace comrad::scenarios

@@ -1,0 +1,43 @@
+// What a generated WAD says about itself: scenario, seed and parameters, as TOML text in the lump COMRAD.
+// Rules read their numbers from here, so that a WAD needs nothing beside it; engines that do not know the
+// lump skip it.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::scenarios {
+
+constexpr const char* kLayoutInfoLump = "COMRAD";
+/// ThingData::id of the first spot that a scenario's rules look up; spots count up from here.
+constexpr int32_t kFirstSpotId = 1000;
+/// Editor number of ZDoom's MapSpot: a place without a body.
+constexpr int32_t kMapSpotEditorNumber = 9001;
+
+/// A layout's identity: (scenario, parameters, seed), and which attempt passed the checks.
+struct LayoutInfo {
+  std::string scenario;
+  uint64_t seed = 42;
+  int attempt = 0;  ///< the seed that drew the map is seed + 1000 * attempt
+  std::map<std::string, int64_t> parameters;
+
+  /// The parameter, or `otherwise` where the WAD does not give it.
+  int64_t parameter(const std::string& name, int64_t otherwise) const {
+    const auto found = parameters.find(name);
+    return found == parameters.end() ? otherwise : found->second;
+  }
+};
+
+/// The lump's text.
+std::string write_layout_info(const LayoutInfo& info);
+
+/// Reads the lump's text. Errors: kBadFormat with line and column.
+Expected<LayoutInfo> parse_layout_info(std::string_view text);
+
+}  // namespace comrad::scenarios

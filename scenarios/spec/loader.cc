@@ -1,0 +1,352 @@
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "scenarios/spec/game_names.h"
+#include "scenarios/spec/rewards.h"
+#include "scenarios/spec/scenario_spec.h"
+
+namespace comrad::scenarios {
+namespace {
+
+constexpr std::size_t kMaxFileBytes = 1 << 20;
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+/// Reads one table key by key; afterwards finish() reports keys that nobody asked for. The first error is
+/// kept.
+class TableReader {
+ public:
+  TableReader(std::string path, const toml::table& table) : path_(std::move(path)), table_(table) {}
+
+  template <typename T>
+  void required(const char* key, T& value) {
+    if (!read(key, value) && status_) fail(table_.source(), std::string("'") + key + "' is missing");
+  }
+  template <typename T>
+  void optional(const char* key, T& value) {
+    read(key, value);
+  }
+  /// A key whose value is one of `known`.
+  void choice(const char* key, std::string& value, const std::vector<std::string>& known, bool is_required) {
+    if (!read(key, value)) {
+      if (is_required && status_) fail(table_.source(), std::string("'") + key + "' is missing");
+      return;
+    }
+    check_word(key, value, known, table_.get(key)->source());
+  }
+  void words(const char* key, std::vector<std::string>& values, const std::vector<std::string>& known) {
+    const toml::node* node = find(key);
+    if (node == nullptr) return fail(table_.source(), std::string("'") + key + "' is missing");
+    const toml::array* array = node->as_array();
+    if (array == nullptr) return fail(node->source(), std::string("'") + key + "' is no list");
+    for (const toml::node& element : *array) {
+      const auto word = element.value_exact<std::string>();
+      if (!word) return fail(element.source(), std::string("'") + key + "' holds something that is no text");
+      check_word(key, *word, known, element.source());
+      values.push_back(*word);
+    }
+  }
+  const toml::table* table(const char* key) {
+    const toml::node* node = find(key);
+    if (node == nullptr) return nullptr;
+    if (!node->is_table()) fail(node->source(), std::string("'") + key + "' is no table");
+    return node->as_table();
+  }
+  /// The tables of [[key]]; none where the key is missing.
+  std::vector<const toml::table*> tables(const char* key) {
+    std::vector<const toml::table*> result;
+    const toml::node* node = find(key);
+    if (node == nullptr) return result;
+    const toml::array* array = node->as_array();
+    if (array == nullptr) {
+      fail(node->source(), std::string("'") + key + "' is no list of tables: write [[" + key + "]]");
+      return result;
+    }
+    for (const toml::node& element : *array) {
+      if (!element.is_table())
+        fail(element.source(), std::string("'") + key + "' holds something that is no table");
+      else
+        result.push_back(element.as_table());
+    }
+    return result;
+  }
+  void require(bool holds, const char* key, const std::string& must) {
+    if (!holds)
+      fail(table_.contains(key) ? table_.get(key)->source() : table_.source(),
+           std::string("'") + key + "' must be " + must);
+  }
+  void fail(const toml::source_region& where, const std::string& what) {
+    if (!status_) return;
+    status_ = Error{ErrorCode::kBadFormat, path_ + ":" + std::to_string(where.begin.line) + ":" +
+                                               std::to_string(where.begin.column) + ": " + what};
+  }
+  Status finish() {
+    if (!status_) return status_;
+    const std::vector<std::string> known(asked_.begin(), asked_.end());
+    for (const auto& [key, value] : table_) {
+      const std::string name(key.str());
+      if (asked_.contains(name)) continue;
+      const std::string near = nearest_word(name, known);
+      fail(key.source(),
+           "unknown key '" + name + "'" +
+               (near.empty() ? "; known here: " + joined(known) : "; did you mean '" + near + "'?"));
+      break;
+    }
+    return status_;
+  }
+
+ private:
+  const toml::node* find(const char* key) {
+    asked_.insert(key);
+    return table_.get(key);
+  }
+  bool read(const char* key, std::string& value) { return read_as<std::string>(key, value, "text"); }
+  bool read(const char* key, bool& value) { return read_as<bool>(key, value, "true or false"); }
+  bool read(const char* key, double& value) {
+    const toml::node* node = find(key);
+    if (node == nullptr) return false;
+    const auto number = node->is_number() ? node->value<double>() : std::nullopt;
+    if (!number || !std::isfinite(*number))
+      return fail(node->source(), std::string("'") + key + "' must be a number"), false;
+    value = *number;
+    return true;
+  }
+  bool read(const char* key, int& value) {
+    int64_t wide = 0;
+    if (!read_as<int64_t>(key, wide, "a whole number")) return false;
+    if (wide < INT32_MIN || wide > INT32_MAX)
+      return fail(table_.get(key)->source(), std::string("'") + key + "' is out of range"), false;
+    value = static_cast<int>(wide);
+    return true;
+  }
+  bool read(const char* key, std::vector<int>& values) {
+    const toml::node* node = find(key);
+    if (node == nullptr) return false;
+    const toml::array* array = node->as_array();
+    if (array == nullptr)
+      return fail(node->source(), std::string("'") + key + "' must be a list of whole numbers"), false;
+    for (const toml::node& element : *array) {
+      const auto number = element.value_exact<int64_t>();
+      if (!number || *number < INT32_MIN || *number > INT32_MAX)
+        return fail(element.source(), std::string("'") + key + "' must be a list of whole numbers"), false;
+      values.push_back(static_cast<int>(*number));
+    }
+    return true;
+  }
+  template <typename T>
+  bool read_as(const char* key, T& value, const char* type_words) {
+    const toml::node* node = find(key);
+    if (node == nullptr) return false;
+    const auto exact = node->value_exact<T>();
+    if (!exact) return fail(node->source(), std::string("'") + key + "' must be " + type_words), false;
+    value = *exact;
+    return true;
+  }
+  void check_word(const char* key, const std::string& word, const std::vector<std::string>& known,
+                  const toml::source_region& where) {
+    if (std::find(known.begin(), known.end(), word) != known.end()) return;
+    const std::string near = nearest_word(word, known);
+    fail(where, std::string("'") + key + "': '" + word + "' is unknown" +
+                    (near.empty() ? "; known: " + joined(known) : "; did you mean '" + near + "'?"));
+  }
+
+  std::string path_;
+  const toml::table& table_;
+  std::set<std::string> asked_;
+  Status status_;
+};
+
+Status read_heads(const std::string& path, TableReader& root, ScenarioSpec& spec) {
+  for (const toml::table* table : root.tables("heads")) {
+    TableReader reader(path, *table);
+    ActionHead head;
+    reader.words("buttons", head.buttons, button_names());
+    reader.require(!head.buttons.empty() && head.buttons.size() < 32, "buttons", "a list of 1 to 31 buttons");
+    COMRAD_TRY(reader.finish());
+    spec.heads.push_back(std::move(head));
+  }
+  return {};
+}
+
+Status read_measurements(const std::string& path, TableReader& root, ScenarioSpec& spec) {
+  for (const toml::table* table : root.tables("measurements")) {
+    TableReader reader(path, *table);
+    MeasurementTerm term;
+    reader.choice("variable", term.variable, variable_names(), true);
+    reader.optional("scale", term.scale);
+    reader.optional("offset", term.offset);
+    reader.optional("clip", term.clip);
+    reader.require(term.clip >= 0.0, "clip", "zero or positive");
+    COMRAD_TRY(reader.finish());
+    spec.measurements.push_back(std::move(term));
+  }
+  return {};
+}
+
+Status read_rewards(const std::string& path, TableReader& root, ScenarioSpec& spec) {
+  for (const toml::table* table : root.tables("rewards")) {
+    TableReader reader(path, *table);
+    RewardTerm term;
+    reader.required("name", term.name);
+    reader.choice("variable", term.variable, variable_names(), true);
+    reader.choice("kind", term.kind, reward_kinds(), true);
+    reader.required("weight", term.weight);
+    reader.choice("scope", term.scope, reward_scopes(), false);
+    reader.optional("cap", term.cap);
+    reader.optional("per_agent", term.per_agent);
+    reader.require(term.cap >= 0.0, "cap", "zero or positive");
+    COMRAD_TRY(reader.finish());
+    spec.rewards.push_back(std::move(term));
+  }
+  return {};
+}
+
+Status read_render(const std::string& path, TableReader& root, ScenarioSpec& spec) {
+  const toml::table* table = root.table("render");
+  if (table == nullptr) return {};
+  TableReader reader(path, *table);
+  reader.optional("hud", spec.hud);
+  reader.optional("crosshair", spec.crosshair);
+  reader.optional("screen_flashes", spec.screen_flashes);
+  return reader.finish();
+}
+
+/// The scenario's layer of training settings; each is tried on a RunConfig, so that a wrong one is found
+/// here.
+Status read_training(TableReader& root, ScenarioSpec& spec) {
+  spec.training.origin = "scenario " + spec.name;
+  const toml::table* table = root.table("training");
+  if (table == nullptr) return {};
+  RunConfig scratch;
+  for (const auto& [key, node] : *table) {
+    std::string text;
+    if (const auto flag = node.value_exact<bool>())
+      text = *flag ? "true" : "false";
+    else if (const auto whole = node.value_exact<int64_t>())
+      text = std::to_string(*whole);
+    else if (const auto word = node.value_exact<std::string>())
+      text = *word;
+    else if (const auto real = node.value_exact<double>()) {
+      std::ostringstream out;
+      out.precision(17);
+      out << *real;
+      text = out.str();
+    }
+    const SettingsLayer one{spec.training.origin, {{std::string(key.str()), text}}};
+    if (const Status applied = apply_layer(scratch, one); !applied) {
+      root.fail(key.source(), applied.error().message);
+      return {};  // finish() of the root reports it
+    }
+    spec.training.values.push_back(one.values[0]);
+  }
+  return {};
+}
+
+Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec& spec) {
+  root.require(spec.name == name, "name", "the name of the folder, '" + name + "'");
+  root.require(!spec.heads.empty() && spec.heads.size() <= kMaxHeads, "heads",
+               "1 to " + std::to_string(kMaxHeads) + " tables [[heads]]");
+  root.require(spec.decision_limit > 0 && spec.decision_limit <= 1'000'000, "decision_limit",
+               "in 1..1000000");
+  root.require(!spec.supported_agents.empty() &&
+                   std::all_of(spec.supported_agents.begin(), spec.supported_agents.end(),
+                               [](int n) { return n >= 1 && n <= kMaxAgents; }),
+               "supported_agents", "a list of numbers in 1.." + std::to_string(kMaxAgents));
+  root.require(
+      std::count(spec.supported_agents.begin(), spec.supported_agents.end(), spec.default_agents) == 1,
+      "default_agents", "one of supported_agents");
+  root.require(spec.shared_reward_alpha >= 0.0 && spec.shared_reward_alpha <= 1.0, "shared_reward_alpha",
+               "in 0..1");
+  root.require(spec.score == "survival_tics" || spec.score == "return" || find_variable(spec.score), "score",
+               "survival_tics, return or a game variable");
+  return root.finish();
+}
+
+Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& name, const toml::table& table) {
+  ScenarioSpec spec;
+  TableReader root(path, table);
+  root.required("name", spec.name);
+  root.required("title", spec.title);
+  root.required("summary", spec.summary);
+  root.required("difficulty", spec.difficulty);
+  root.required("default_agents", spec.default_agents);
+  root.required("supported_agents", spec.supported_agents);
+  root.required("decision_limit", spec.decision_limit);
+  root.optional("respawn", spec.respawn);
+  root.optional("shared_reward_alpha", spec.shared_reward_alpha);
+  root.required("score", spec.score);
+  root.required("ceiling", spec.ceiling);
+  COMRAD_TRY(read_heads(path, root, spec));
+  COMRAD_TRY(read_measurements(path, root, spec));
+  COMRAD_TRY(read_rewards(path, root, spec));
+  COMRAD_TRY(read_render(path, root, spec));
+  COMRAD_TRY(read_training(root, spec));
+  COMRAD_TRY(check_spec(root, name, spec));
+  return spec;
+}
+
+std::filesystem::path scenarios_folder() { return std::filesystem::path(data_dir()) / "scenarios"; }
+
+}  // namespace
+
+EnvShape ScenarioSpec::shape(int num_agents, bool use_measurements) const {
+  EnvShape result;
+  result.num_agents = num_agents;
+  result.measurement_count = use_measurements ? static_cast<int32_t>(measurements.size()) : 0;
+  result.head_count = static_cast<int32_t>(heads.size());
+  for (std::size_t head = 0; head < heads.size(); ++head)
+    result.head_sizes[head] = static_cast<int32_t>(heads[head].buttons.size()) + 1;
+  return result;
+}
+
+Expected<ScenarioSpec> load_scenario(const std::string& name) {
+  const std::vector<std::string> known = list_scenarios();
+  if (std::find(known.begin(), known.end(), name) == known.end()) {
+    const std::string near = nearest_word(name, known);
+    return Error{
+        ErrorCode::kNotFound,
+        "there is no scenario '" + name + "'" + (near.empty() ? "" : "; did you mean '" + near + "'?") +
+            (known.empty() ? "; none found below " + scenarios_folder().string() + " (is COMRAD_HOME right?)"
+                           : "; known: " + joined(known))};
+  }
+  const std::filesystem::path folder = scenarios_folder() / name;
+  const std::string path = (folder / "scenario.toml").string();
+  std::ifstream file(path, std::ios::binary);
+  std::string text(kMaxFileBytes + 1, '\0');
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(file.gcount()));
+  if (!file.is_open() || file.bad()) return Error{ErrorCode::kSystem, path + ": cannot be read"};
+  if (text.size() > kMaxFileBytes) return Error{ErrorCode::kBadFormat, path + ": longer than 1 MB"};
+  try {  // toml++ throws; nothing of it leaves this function
+    const toml::table table = toml::parse(text, path);
+    COMRAD_TRY_ASSIGN(ScenarioSpec spec, read_spec(path, name, table));
+    spec.folder = folder.string();
+    return spec;
+  } catch (const toml::parse_error& error) {
+    return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(error.source().begin.line) + ":" +
+                                            std::to_string(error.source().begin.column) + ": " +
+                                            std::string(error.description())};
+  }
+}
+
+std::vector<std::string> list_scenarios() {
+  std::vector<std::string> names;
+  std::error_code ignored;  // no folder: no scenarios
+  for (const auto& entry : std::filesystem::directory_iterator(scenarios_folder(), ignored))
+    if (std::filesystem::exists(entry.path() / "scenario.toml", ignored))
+      names.push_back(entry.path().filename().string());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+}  // namespace comrad::scenarios

@@ -1,0 +1,66 @@
+#include "scenarios/spec/rewards.h"
+
+#include <algorithm>
+
+#include "rollout_buffer/core/check.h"
+
+namespace comrad::scenarios {
+
+std::vector<std::string> reward_kinds() { return {"delta", "rise", "fall", "new_max", "value", "event"}; }
+std::vector<std::string> reward_scopes() { return {"own", "team"}; }
+
+RewardTracker::RewardTracker(const std::vector<RewardTerm>& terms, int num_agents) : num_agents_(num_agents) {
+  const std::vector<std::string> kinds = reward_kinds();  // in the order of Kind
+  for (const RewardTerm& term : terms) {
+    const auto kind = std::find(kinds.begin(), kinds.end(), term.kind);
+    COMRAD_CHECK(kind != kinds.end(), "the loader refuses unknown reward kinds");
+    terms_.push_back({static_cast<Kind>(kind - kinds.begin()),
+                      term.per_agent ? term.weight / num_agents : term.weight, term.cap});
+  }
+  before_.resize(terms_.size() * num_agents_);
+}
+
+void RewardTracker::reset(std::span<const double> value) {
+  COMRAD_DCHECK(value.size() == before_.size(), "one value per term and agent");
+  std::copy(value.begin(), value.end(), before_.begin());
+}
+
+void RewardTracker::step(std::span<const double> value, std::span<float> reward) {
+  COMRAD_DCHECK(value.size() == before_.size() && static_cast<int>(reward.size()) == num_agents_,
+                "one value per term and agent");
+  for (int agent = 0; agent < num_agents_; ++agent) {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < terms_.size(); ++i) {
+      const Term& term = terms_[i];
+      double& before = before_[i * num_agents_ + agent];
+      const double now = value[i * num_agents_ + agent], change = now - before;
+      double amount = 0.0;
+      switch (term.kind) {
+        case Kind::kDelta:
+          amount = change;
+          break;
+        case Kind::kRise:
+          amount = std::max(0.0, change);
+          break;
+        case Kind::kFall:
+          amount = std::max(0.0, -change);
+          break;
+        case Kind::kNewMax:
+          amount = std::max(0.0, change);
+          break;
+        case Kind::kValue:
+          amount = now;
+          break;
+        case Kind::kEvent:
+          amount = change > 0.0 ? 1.0 : 0.0;
+          break;
+      }
+      before = term.kind == Kind::kNewMax ? std::max(before, now) : now;
+      if (term.cap > 0.0) amount = std::clamp(amount, -term.cap, term.cap);
+      sum += term.weight * amount;
+    }
+    reward[agent] = static_cast<float>(sum);
+  }
+}
+
+}  // namespace comrad::scenarios

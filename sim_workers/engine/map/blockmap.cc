@@ -1,0 +1,84 @@
+#include "sim_workers/engine/map/blockmap.h"
+
+#include <limits>
+#include <utility>
+
+namespace comrad::doom {
+namespace {
+
+Fixed saturate(int64_t value) {
+  return static_cast<Fixed>(std::clamp<int64_t>(value, std::numeric_limits<Fixed>::min(),
+                                                std::numeric_limits<Fixed>::max()));
+}
+
+}  // namespace
+
+Box Box::around(Fixed x, Fixed y, Fixed radius) {
+  return {saturate(int64_t{x} - radius), saturate(int64_t{x} + radius), saturate(int64_t{y} - radius),
+          saturate(int64_t{y} + radius)};
+}
+
+bool BlockLine::crosses(const Box& other) const {
+  // The two corners that lie farthest to either side of the line: which ones depends on its slope.
+  const bool rising = (dx() >= 0) == (dy() >= 0);
+  const int first = rising ? side_of(other.left, other.top) : side_of(other.right, other.top);
+  const int second = rising ? side_of(other.right, other.bottom) : side_of(other.left, other.bottom);
+  return first * second < 0;
+}
+
+Blockmap Blockmap::build(const Level& level) {
+  Blockmap map;
+  map.lines_.reserve(level.linedefs.size());
+  int64_t left = 0, right = 0, bottom = 0, top = 0;
+  bool first = true;
+  for (uint32_t index = 0; index < level.linedefs.size(); ++index) {
+    const Linedef& linedef = level.linedefs[index];
+    const Vertex& start = level.vertices[linedef.start];
+    const Vertex& end = level.vertices[linedef.end];
+    BlockLine line;
+    line.x1 = start.x, line.y1 = start.y, line.x2 = end.x, line.y2 = end.y;
+    // A box of no width would overlap nothing: widen it by the smallest step to either side.
+    line.box = {saturate(int64_t{std::min(start.x, end.x)} - 1), saturate(int64_t{std::max(start.x, end.x)} + 1),
+                saturate(int64_t{std::min(start.y, end.y)} - 1), saturate(int64_t{std::max(start.y, end.y)} + 1)};
+    line.front_sector = static_cast<int32_t>(level.sidedefs[linedef.front].sector_index);
+    line.back_sector = linedef.back ? static_cast<int32_t>(level.sidedefs[*linedef.back].sector_index) : -1;
+    line.flags = linedef.flags;
+    line.linedef_index = index;
+    left = first ? line.box.left : std::min<int64_t>(left, line.box.left);
+    right = first ? line.box.right : std::max<int64_t>(right, line.box.right);
+    bottom = first ? line.box.bottom : std::min<int64_t>(bottom, line.box.bottom);
+    top = first ? line.box.top : std::max<int64_t>(top, line.box.top);
+    first = false;
+    map.lines_.push_back(line);
+  }
+  map.origin_x_ = left, map.origin_y_ = bottom;
+  map.columns_ = static_cast<int>(((right - left) >> (kFracBits + 7)) + 1);
+  map.rows_ = static_cast<int>(((top - bottom) >> (kFracBits + 7)) + 1);
+
+  // Two passes over the cells of every line: count, then fill. A sloped line enters only the cells it crosses.
+  std::vector<std::pair<uint32_t, uint32_t>> entries;  // cell, line
+  for (uint32_t index = 0; index < map.lines_.size(); ++index) {
+    const BlockLine& line = map.lines_[index];
+    const bool straight = line.x1 == line.x2 || line.y1 == line.y2;
+    for (int row = map.row_of(line.box.bottom); row <= map.row_of(line.box.top); ++row) {
+      for (int column = map.column_of(line.box.left); column <= map.column_of(line.box.right); ++column) {
+        const int64_t cell_left = map.origin_x_ + (int64_t{column} << (kFracBits + 7));
+        const int64_t cell_bottom = map.origin_y_ + (int64_t{row} << (kFracBits + 7));
+        const Box cell_box = {saturate(cell_left - 2), saturate(cell_left + to_fixed(kCellUnits) + 2),
+                              saturate(cell_bottom - 2), saturate(cell_bottom + to_fixed(kCellUnits) + 2)};
+        if (straight || line.crosses(cell_box))
+          entries.emplace_back(static_cast<uint32_t>(row * map.columns_ + column), index);
+      }
+    }
+  }
+  const std::size_t cells = static_cast<std::size_t>(map.columns_) * map.rows_;
+  map.cell_begin_.assign(cells + 1, 0);
+  for (const auto& [cell, line] : entries) ++map.cell_begin_[cell + 1];
+  for (std::size_t cell = 0; cell < cells; ++cell) map.cell_begin_[cell + 1] += map.cell_begin_[cell];
+  map.cell_lines_.resize(entries.size());
+  std::vector<uint32_t> next(map.cell_begin_.begin(), map.cell_begin_.end() - 1);
+  for (const auto& [cell, line] : entries) map.cell_lines_[next[cell]++] = line;
+  return map;
+}
+
+}  // namespace comrad::doom

@@ -1,0 +1,30 @@
+// What a player does with its body each tic before bodies move: turn, thrust, jump, eye height, and the damage of the
+// floor it stands on. Stage: tic.
+#pragma once
+
+#include "sim_workers/engine/play/world.h"
+
+namespace comrad::doom {
+
+constexpr Fixed kEyeHeight = to_fixed(41);
+
+class PlayerThinker {
+ public:
+  explicit PlayerThinker(World& world) : world_(world) {}
+
+  /// One player's tic. A dead player's body is left to inertia; its eye sinks to the ground.
+  void think(int player_index, const Buttons& buttons);
+
+  /// True where the buttons push the body: opposite directions cancel.
+  static bool pushes(const Buttons& buttons);
+
+ private:
+  void turn(Player& player, Actor& body, const Buttons& buttons);
+  void push(Player& player, Actor& body, const Buttons& buttons);
+  void move_eye(Player& player, const Actor& body);
+  void hurt_by_floor(int player_index);
+
+  World& world_;
+};
+
+}  // namespace comrad::doom

@@ -1,0 +1,88 @@
+#include "sim_workers/worker/bench.h"
+
+#include <cstddef>
+#include <vector>
+
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/schema/trajectory.h"
+
+namespace comrad::sim {
+
+BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options) {
+  const EnvShape env_shape = environments.at(0).shape();
+  const int count = environments.size();
+  const std::size_t agents = static_cast<std::size_t>(env_shape.num_agents);
+  const std::size_t heads = static_cast<std::size_t>(env_shape.head_count);
+  // One slab per environment, as in a run, so that the memory traffic of rendering is a run's.
+  const SlabLayout layout(
+      {.env = env_shape, .rollout_steps = options.rollout_steps, .recurrent_state_count = 0});
+  std::vector<std::byte> memory(static_cast<std::size_t>(layout.slab_bytes) *
+                                static_cast<std::size_t>(count));
+  const auto slab_of = [&](int index) { return SlabView(layout, memory.data() + index * layout.slab_bytes); };
+  const auto target_of = [&](int index, int step, bool is_final) -> ObservationTarget {
+    const SlabView slab = slab_of(index);
+    return {.frame = is_final ? slab.final_frame(0, 0).data() : slab.frame(step, 0).data(),
+            .measurement = env_shape.measurement_count > 0 ? slab.measurement(step, 0).data() : nullptr,
+            .action_mask = slab.action_mask(step, 0).data(),
+            .agent_active = &slab.agent_active(step, 0)};
+  };
+
+  const RngKey run(options.seed);
+  Rng actions(run.split("bench"));
+  std::vector<uint64_t> episode(static_cast<std::size_t>(count), 0);
+  const auto reset = [&](int index) {
+    const uint64_t number = episode[static_cast<std::size_t>(index)]++;
+    environments.at(index).reset(
+        run.split("episode").split(static_cast<uint64_t>(index)).split(number).bits());
+  };
+  for (int index = 0; index < count; ++index) reset(index);
+
+  std::vector<int32_t> action(agents * heads);
+  std::vector<int> indices;
+  std::vector<ObservationTarget> targets;
+  BenchResult result;
+  int row = 0;
+  bool is_counting = false;
+  int64_t began_ns = monotonic_ns();
+  int64_t until_ns = began_ns + static_cast<int64_t>(options.warmup_seconds * 1e9);
+  for (;;) {
+    for (int split = 0; split < options.splits; ++split) {
+      const int first = count * split / options.splits, last = count * (split + 1) / options.splits;
+      indices.clear();
+      targets.clear();
+      for (int index = first; index < last; ++index) {
+        Environment& environment = environments.at(index);
+        for (std::size_t choice = 0; choice < action.size(); ++choice)
+          action[choice] = static_cast<int32_t>(
+              actions.below(static_cast<uint32_t>(env_shape.head_sizes[choice % heads])));
+        environment.step(action);
+        shape_rewards(environment.last_step().reward, options.rewards,
+                      {&slab_of(index).reward(row, 0), agents});
+        if (environment.last_step().episode_over()) {
+          const ObservationTarget final_target = target_of(index, row + 1, true);
+          environments.observe({&index, 1}, {&final_target, 1});
+          reset(index);
+          ++result.episodes;
+        }
+        indices.push_back(index);
+        targets.push_back(target_of(index, row + 1, false));
+      }
+      environments.observe(indices, targets);
+      result.decisions += static_cast<uint64_t>(last - first) * agents;
+    }
+    row = (row + 1) % options.rollout_steps;
+    const int64_t now_ns = monotonic_ns();
+    if (now_ns < until_ns) continue;
+    if (is_counting) {
+      result.seconds = static_cast<double>(now_ns - began_ns) * 1e-9;
+      return result;
+    }
+    is_counting = true;
+    result = {};
+    began_ns = monotonic_ns();
+    until_ns = began_ns + static_cast<int64_t>(options.seconds * 1e9);
+  }
+}
+
+}  // namespace comrad::sim

@@ -1,0 +1,295 @@
+#include "sim_workers/worker/env_port.h"
+
+#include <algorithm>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/check.h"
+#include "rollout_buffer/core/rng.h"
+
+namespace comrad::sim {
+
+using shm::RequestKind;
+using shm::SlotState;
+
+EnvPort::EnvPort(const shm::Arena& arena, Environment& environment, const PortRules& rules, int sim_worker,
+                 int local_index)
+    : arena_(arena),
+      environment_(environment),
+      rules_(rules),
+      sim_worker_(sim_worker),
+      env_index_(sim_worker * arena.shape().envs_per_worker + local_index),
+      slot_(&arena.slot(env_index_)),
+      journal_(&arena.journal(env_index_)),
+      slab_(arena.slab(0)) {}
+
+Status EnvPort::start() {
+  const uint64_t env = static_cast<uint64_t>(env_index_);
+  step_id_ = journal_->step_id;
+  rollout_index_ = journal_->rollout_index;
+  if (rules_.evaluate) {
+    const uint64_t first = journal_->in_use != 0 ? journal_->episode_id : env;
+    journal_->in_use = 1;
+    begin_episode(first);
+    return {};
+  }
+  if (journal_->is_resume == 0) {
+    const uint64_t first = journal_->in_use != 0 ? journal_->episode_id + 1 : 0;
+    journal_->in_use = 1;
+    begin_episode(first);
+    return {};
+  }
+  // Exact resume: the same seed and the same actions give the same world back.
+  const std::string name = "journal of environment " + std::to_string(env_index_);
+  const uint32_t length = journal_->length;
+  if (length > static_cast<uint32_t>(arena_.shape().journal_steps))
+    return Error{ErrorCode::kBadFormat, name + " holds " + std::to_string(length) + " decisions of at most " +
+                                            std::to_string(arena_.shape().journal_steps) +
+                                            "; the checkpoint cannot be resumed exactly"};
+  episode_id_ = journal_->episode_id;
+  episode_seed_ = journal_->episode_seed;
+  environment_.reset(episode_seed_);
+  const EnvShape& shape = arena_.shape().trajectory.env;
+  std::vector<int32_t> action(static_cast<std::size_t>(shape.num_agents * shape.head_count));
+  for (uint32_t step = 0; step < length; ++step) {
+    const std::span<const uint8_t> recorded = arena_.journal_action(env_index_, static_cast<int>(step));
+    std::copy(recorded.begin(), recorded.end(), action.begin());
+    environment_.step(action);
+    if (environment_.last_step().episode_over())
+      return Error{ErrorCode::kBadFormat, name + " does not replay: the episode ends after " +
+                                              std::to_string(step + 1) + " of " + std::to_string(length) +
+                                              " decisions; the checkpoint belongs to another map or build"};
+  }
+  episode_step_ = length;
+  journal_->in_use = 1;
+  journal_->is_resume = 0;
+  return {};
+}
+
+void EnvPort::begin_episode(uint64_t episode_id) {
+  episode_id_ = episode_id;
+  episode_step_ = 0;
+  journal_->episode_id = episode_id;
+  journal_->length = 0;
+  if (rules_.evaluate && episode_id >= rules_.episodes) {
+    stage_ = Stage::kDone;
+    return;
+  }
+  const RngKey run(rules_.seed);
+  episode_seed_ =
+      rules_.evaluate
+          ? run.split("evaluation").split(episode_id).bits()
+          : run.split("episode").split(static_cast<uint64_t>(env_index_)).split(episode_id).bits();
+  journal_->episode_seed = episode_seed_;
+  environment_.reset(episode_seed_);
+}
+
+void EnvPort::next_episode() {
+  begin_episode(episode_id_ + (rules_.evaluate ? static_cast<uint64_t>(arena_.shape().env_count()) : 1));
+  if (stage_ != Stage::kDone) {
+    stage_ = Stage::kRow;
+    return;
+  }
+  arena_.abandon_slab(slab_index_);
+}
+
+bool EnvPort::begin_slab(uint64_t rollouts_allowed) {
+  if (!rules_.evaluate && rollout_index_ >= rollouts_allowed) return false;
+  const std::optional<uint32_t> slab_index = arena_.acquire_slab(sim_worker_);
+  if (!slab_index) return false;
+  slab_index_ = *slab_index;
+  slab_ = arena_.slab(static_cast<int>(slab_index_));
+  step_ = 0;
+  final_count_ = 0;
+  shm::SlabHeader& header = arena_.slab_header(static_cast<int>(slab_index_));
+  header.env_index = static_cast<uint32_t>(env_index_);
+  header.length = 0;
+  header.rollout_index = rollout_index_;
+  header.layout_id = environment_.layout_id();
+  header.first_episode = {.episode_id = episode_id_, .episode_seed = episode_seed_};
+  const SlabLayout& layout = slab_.layout();
+  const auto steps = static_cast<std::size_t>(slab_.shape().rollout_steps);
+  const auto agents = static_cast<std::size_t>(slab_.shape().env.num_agents);
+  std::fill_n(slab_.at<float>(layout.reward), steps * agents, 0.0f);
+  std::fill_n(slab_.at<int32_t>(layout.final_index), steps, -1);
+  for (const int64_t flags : {layout.terminated, layout.truncated, layout.valid})
+    std::fill_n(slab_.at<uint8_t>(flags), steps, uint8_t{0});
+  return true;
+}
+
+void EnvPort::try_begin_slab(uint64_t rollouts_allowed) {
+  if (stage_ == Stage::kParked && begin_slab(rollouts_allowed)) stage_ = Stage::kRow;
+}
+
+bool EnvPort::advance(uint64_t rollouts_allowed) {
+  COMRAD_DCHECK(stage_ == Stage::kOutstanding, "only a committed slot has an answer");
+  if (!shm::advance(*slot_, SlotState::kActed, SlotState::kIdle)) return false;
+  switch (request_) {
+    case RequestKind::kAct:
+      act();
+      return true;
+    case RequestKind::kFinal:
+      next_episode();
+      return false;
+    case RequestKind::kValue:
+      finish_slab(rollouts_allowed);
+      return false;
+  }
+  return false;
+}
+
+void EnvPort::act() {
+  const EnvShape& shape = slab_.shape().env;
+  const std::size_t agents = static_cast<std::size_t>(shape.num_agents);
+  const std::span<const int32_t> action(slab_.action(step_, 0).data(),
+                                        agents * static_cast<std::size_t>(shape.head_count));
+  append_to_journal(action);
+  environment_.step(action);
+  const Step& step = environment_.last_step();
+  shape_rewards(step.reward, rules_.rewards, {&slab_.reward(step_, 0), agents});
+  slab_.terminated(step_) = step.terminated;
+  slab_.truncated(step_) = step.truncated;
+  slab_.final_index(step_) = -1;
+  slab_.valid(step_) = 1;
+  if (step.episode_over() && !rules_.evaluate) slab_.final_index(step_) = final_count_++;
+  ++step_;
+  ++step_id_;
+  ++episode_step_;
+  arena_.slab_header(static_cast<int>(slab_index_)).length = static_cast<uint32_t>(step_);
+  journal_->step_id = step_id_;
+  // Evaluation keeps one slab for ever and writes its rows round and round.
+  if (rules_.evaluate && step_ == slab_.shape().rollout_steps) step_ = 0;
+  stage_ = step.episode_over() ? Stage::kFinal : Stage::kRow;
+  if (rules_.evaluate && step.episode_over()) close_episode();
+}
+
+void EnvPort::append_to_journal(std::span<const int32_t> action) {
+  if (journal_->length < static_cast<uint32_t>(arena_.shape().journal_steps)) {
+    const std::span<uint8_t> recorded = arena_.journal_action(env_index_, static_cast<int>(journal_->length));
+    for (std::size_t index = 0; index < recorded.size();
+         ++index)  // what no head has, the environment takes as 0
+      recorded[index] = action[index] < 0 || action[index] > 255 ? 0 : static_cast<uint8_t>(action[index]);
+  }
+  if (journal_->length != UINT32_MAX) ++journal_->length;
+}
+
+ObservationTarget EnvPort::target_of_row(const SlabView& slab, int step) const {
+  return {.frame = slab.frame(step, 0).data(),
+          .measurement = slab.shape().env.measurement_count > 0 ? slab.measurement(step, 0).data() : nullptr,
+          .action_mask = slab.action_mask(step, 0).data(),
+          .agent_active = &slab.agent_active(step, 0)};
+}
+
+ObservationTarget EnvPort::final_target() const {
+  // The finals have neither mask nor activity flags of their own; row t+1 lends its memory until the next
+  // episode's first observation overwrites it.
+  ObservationTarget target = target_of_row(slab_, step_);
+  target.frame = slab_.final_frame(final_count_ - 1, 0).data();
+  if (target.measurement != nullptr) target.measurement = slab_.final_measurement(final_count_ - 1, 0).data();
+  return target;
+}
+
+void EnvPort::close_episode() {
+  const Step& last = environment_.last_step();
+  push_record(last);
+  if (last.truncated && !rules_.evaluate) {
+    request_ = RequestKind::kFinal;
+    stage_ = Stage::kObserved;
+    return;
+  }
+  if (!rules_.evaluate)
+    for (int agent = 0; agent < slab_.shape().env.num_agents; ++agent)
+      slab_.final_value(final_count_ - 1, agent) = 0.0f;
+  next_episode();
+}
+
+void EnvPort::push_record(const Step& last) {
+  const EpisodeSummary& summary = environment_.summary();
+  shm::EpisodeRecord record{};
+  record.episode_id = episode_id_;
+  record.episode_seed = episode_seed_;
+  record.layout_id = environment_.layout_id();
+  record.env_index = static_cast<uint32_t>(env_index_);
+  record.length_steps = summary.length_steps;
+  record.length_tics = summary.length_tics;
+  record.terminated = last.terminated;
+  record.score = summary.score;
+  const std::size_t agents = static_cast<std::size_t>(slab_.shape().env.num_agents);
+  for (std::size_t agent = 0; agent < agents; ++agent) {
+    record.agent_return[agent] = agent < summary.agent_return.size() ? summary.agent_return[agent] : 0.0f;
+    record.agent_score[agent] =
+        agent < summary.agent_score.size() ? summary.agent_score[agent] : summary.score;
+  }
+  (void)arena_.push_episode(record);  // a full ring counts what it drops
+}
+
+void EnvPort::mark_observed() {
+  const bool is_last_row =
+      step_ == slab_.shape().rollout_steps || final_count_ == slab_.shape().final_capacity;
+  request_ = is_last_row ? RequestKind::kValue : RequestKind::kAct;
+  stage_ = Stage::kObserved;
+}
+
+void EnvPort::commit() {
+  slot_->step_id = step_id_;
+  slot_->episode_id = episode_id_;
+  slot_->episode_step = episode_step_;
+  slot_->slab_index = slab_index_;
+  slot_->step = static_cast<uint32_t>(step_);
+  slot_->final_row = request_ == RequestKind::kFinal ? static_cast<uint32_t>(final_count_ - 1) : 0;
+  slot_->kind = request_;
+  slot_->reset_state = episode_step_ == 0;
+  slot_->env_index = static_cast<uint32_t>(env_index_);
+  slot_->state.store(SlotState::kReady, std::memory_order_release);
+  stage_ = Stage::kOutstanding;
+}
+
+void EnvPort::finish_slab(uint64_t rollouts_allowed) {
+  const uint32_t sealed_index = slab_index_;
+  const SlabView sealed = slab_;
+  const int last_row = step_;
+  pad_slab(last_row);
+  arena_.slab_header(static_cast<int>(sealed_index)).length = static_cast<uint32_t>(last_row);
+  journal_->rollout_index = ++rollout_index_;
+  // The next slab is taken before this one is let go, because its last row is the next one's first. Without a
+  // free slab the environment parks, and the row is rendered again from the unchanged world when one comes.
+  if (begin_slab(rollouts_allowed)) {
+    const std::size_t agents = static_cast<std::size_t>(slab_.shape().env.num_agents);
+    const ObservationTarget from = target_of_row(sealed, last_row), to = row_target();
+    std::memcpy(to.frame, from.frame, slab_.frames(0).size());
+    if (to.measurement != nullptr)
+      std::memcpy(to.measurement, from.measurement, agents * slab_.measurement(0, 0).size_bytes());
+    std::memcpy(to.action_mask, from.action_mask, agents * slab_.action_mask(0, 0).size());
+    std::memcpy(to.agent_active, from.agent_active, agents);
+    mark_observed();
+  } else {
+    stage_ = Stage::kParked;
+  }
+  arena_.seal_slab(sealed_index);
+}
+
+void EnvPort::pad_slab(int length) {
+  // A slab that was sealed early still holds an older rollout's bytes beyond its end. Repeating the last rows
+  // makes its content a function of this rollout alone, whatever the learner does with rows that are not
+  // valid.
+  const TrajectoryShape& shape = slab_.shape();
+  const std::size_t agents = static_cast<std::size_t>(shape.env.num_agents);
+  const std::size_t heads = static_cast<std::size_t>(shape.env.head_count);
+  for (int step = length; step < shape.rollout_steps; ++step) {
+    const ObservationTarget from = target_of_row(slab_, length), to = target_of_row(slab_, step + 1);
+    std::memcpy(to.frame, from.frame, slab_.frames(0).size());
+    if (to.measurement != nullptr)
+      std::memcpy(to.measurement, from.measurement, agents * slab_.measurement(0, 0).size_bytes());
+    std::memcpy(to.action_mask, from.action_mask, agents * slab_.action_mask(0, 0).size());
+    std::memcpy(to.agent_active, from.agent_active, agents);
+    std::copy_n(slab_.action(length - 1, 0).data(), agents * heads, slab_.action(step, 0).data());
+    std::copy_n(slab_.logits(length - 1, 0).data(), agents * slab_.logits(0, 0).size(),
+                slab_.logits(step, 0).data());
+    std::copy_n(&slab_.log_prob(length - 1, 0), agents, &slab_.log_prob(step, 0));
+    std::copy_n(&slab_.policy_version(length - 1, 0), agents, &slab_.policy_version(step, 0));
+    std::copy_n(&slab_.value(length, 0), agents, &slab_.value(step + 1, 0));
+  }
+}
+
+}  // namespace comrad::sim

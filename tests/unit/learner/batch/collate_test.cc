@@ -1,0 +1,192 @@
+#include "learner/batch/collate.h"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <limits>
+#include <vector>
+
+#include "tests/support/slab_pool.h"
+
+namespace comrad::learn {
+namespace {
+
+using testing::SlabPool;
+
+TrajectoryShape small_shape() {
+  TrajectoryShape shape;
+  shape.env.num_agents = 2;
+  shape.env.height = 2;
+  shape.env.width = 3;
+  shape.env.measurement_count = 2;
+  shape.env.head_count = 2;
+  shape.env.head_sizes = {3, 2};
+  shape.rollout_steps = 4;
+  shape.recurrent_state_count = 3;
+  shape.final_capacity = 2;
+  return shape;
+}
+
+TEST(Collate, CopiesEveryFieldOfEveryAgentToItsRow) {
+  const TrajectoryShape shape = small_shape();
+  const SlabPool pool(shape, 2);
+  pool.fill_with_noise(3);
+  for (int i = 0; i < 2; ++i)
+    for (int t = 0; t < 4; ++t)
+      for (int agent = 0; agent < 2; ++agent)
+        pool.view(i).policy_version(t, agent) = static_cast<uint32_t>(100 * i + 10 * t + agent);
+  Minibatch batch = make_minibatch(shape, 2);
+  clear(batch);
+  EXPECT_EQ(collate_slab(batch, 0, pool.view(1), 4), 0);  // order is the caller's
+  EXPECT_EQ(collate_slab(batch, 1, pool.view(0), 4), 0);
+  EXPECT_EQ(batch.transitions, 16);
+  EXPECT_FALSE(batch.has_action_mask);
+  for (int position = 0; position < 2; ++position) {
+    const SlabView slab = pool.view(1 - position);
+    for (int agent = 0; agent < 2; ++agent) {
+      const int row = position * 2 + agent;
+      for (int k = 0; k < 3; ++k)
+        EXPECT_EQ(batch.recurrent_state[row][k].item<float>(), slab.recurrent_state(0, agent)[k]);
+      for (int t = 0; t < 4; ++t) {
+        const Tensor frame = batch.frame[t][row].flatten();
+        for (int64_t k = 0; k < shape.env.frame_bytes(); ++k)
+          ASSERT_EQ(frame[k].item<uint8_t>(), slab.frame(t, agent)[static_cast<std::size_t>(k)]);
+        EXPECT_EQ(batch.measurement[t][row][1].item<float>(), slab.measurement(t, agent)[1]);
+        EXPECT_EQ(batch.action[t][row][0].item<int64_t>(), slab.action(t, agent)[0]);
+        EXPECT_EQ(batch.action[t][row][1].item<int64_t>(), slab.action(t, agent)[1]);
+        EXPECT_EQ(batch.logits[t][row][4].item<float>(), slab.logits(t, agent)[4]);
+        EXPECT_EQ(batch.log_prob[t][row].item<float>(), slab.log_prob(t, agent));
+        EXPECT_EQ(batch.reward[t][row].item<float>(), slab.reward(t, agent));
+        EXPECT_EQ(batch.policy_version[t][row].item<int64_t>(), slab.policy_version(t, agent));
+        EXPECT_EQ(batch.valid[t][row].item<int>(), 1);
+        EXPECT_EQ(batch.terminated[t][row].item<int>(), 0);
+      }
+      for (int t = 0; t <= 4; ++t) EXPECT_EQ(batch.value[t][row].item<float>(), slab.value(t, agent));
+    }
+  }
+}
+
+TEST(Collate, TakesTheFinalValueOfTheEpisodeThatWasCut) {
+  const TrajectoryShape shape = small_shape();
+  const SlabPool pool(shape, 1);
+  const SlabView slab = pool.view(0);
+  slab.truncated(1) = 1;
+  slab.final_index(1) = 0;
+  slab.terminated(2) = 1;
+  slab.final_index(2) = 1;
+  slab.final_value(0, 0) = 0.25f;
+  slab.final_value(0, 1) = 0.75f;
+  slab.final_value(1, 0) = 9.0f;  // of a termination: not a bootstrap
+  Minibatch batch = make_minibatch(shape, 1);
+  clear(batch);
+  EXPECT_EQ(collate_slab(batch, 0, slab, 4), 0);
+  apply_lag_filter(batch, 0, 1000);
+  EXPECT_EQ(batch.final_value[1][0].item<float>(), 0.25f);
+  EXPECT_EQ(batch.final_value[1][1].item<float>(), 0.75f);
+  EXPECT_EQ(batch.final_value[2][0].item<float>(), 0.0f);
+  for (int row = 0; row < 2; ++row) {
+    const int expected_reset[] = {0, 0, 1, 1};
+    for (int t = 0; t < 4; ++t) EXPECT_EQ(batch.reset[t][row].item<int>(), expected_reset[t]) << "t " << t;
+  }
+}
+
+TEST(Collate, PadsASlabThatWasSealedEarlyAndKeepsItsBootstrap) {
+  const TrajectoryShape shape = small_shape();
+  const SlabPool pool(shape, 2);
+  pool.fill_with_noise(5);
+  Minibatch batch = make_minibatch(shape, 1);
+  clear(batch);
+  collate_slab(batch, 0, pool.view(0), 4);  // leaves data behind that must not show
+  clear(batch);
+  EXPECT_EQ(collate_slab(batch, 0, pool.view(1), 2), 0);
+  EXPECT_EQ(batch.transitions, 4);
+  const LagStats lag = apply_lag_filter(batch, 0, 1000);
+  EXPECT_DOUBLE_EQ(lag.valid_fraction, 0.5);
+  EXPECT_EQ(batch.value[2][1].item<float>(), pool.view(1).value(2, 1));
+  const int expected_value_valid[] = {1, 1, 1, 0, 0};
+  for (int t = 0; t <= 4; ++t) EXPECT_EQ(batch.value_valid[t][0].item<int>(), expected_value_valid[t]) << "t " << t;
+  for (int t = 2; t < 4; ++t) {
+    EXPECT_EQ(batch.valid[t][0].item<int>(), 0);
+    EXPECT_EQ(batch.terminated[t][0].item<int>(), 1);
+    EXPECT_EQ(batch.reward[t][0].item<float>(), 0);
+    EXPECT_EQ(batch.frame[t].max().item<int>(), 0);
+  }
+}
+
+TEST(Collate, RemembersWhetherAnyActionWasForbidden) {
+  const TrajectoryShape shape = small_shape();
+  const SlabPool pool(shape, 1);
+  pool.view(0).action_mask(2, 1)[0] = 0;
+  Minibatch batch = make_minibatch(shape, 1);
+  clear(batch);
+  collate_slab(batch, 0, pool.view(0), 4);
+  EXPECT_TRUE(batch.has_action_mask);
+  EXPECT_EQ(batch.mask_or_undefined()[2][1][0].item<int>(), 0);
+  EXPECT_EQ(batch.mask_or_undefined()[2][1][1].item<int>(), 1);
+  clear(batch);
+  EXPECT_FALSE(batch.mask_or_undefined().defined());
+}
+
+TEST(Collate, MasksWhatAPeerBrokeAndKeepsTheRest) {
+  const TrajectoryShape shape = small_shape();
+  const SlabPool pool(shape, 1);
+  const SlabView slab = pool.view(0);
+  slab.action(0, 0)[0] = 3;
+  slab.action(0, 1)[1] = -1;
+  slab.reward(1, 0) = std::numeric_limits<float>::quiet_NaN();
+  slab.final_index(2) = 77;
+  slab.recurrent_state(0, 1)[2] = std::numeric_limits<float>::infinity();
+  Minibatch batch = make_minibatch(shape, 1);
+  clear(batch);
+  EXPECT_EQ(collate_slab(batch, 0, slab, 0xFFFFFFFFu), 6);  // agent 1: all four steps, agent 0: steps 0, 1, 2
+  EXPECT_EQ(batch.valid[3][0].item<int>(), 1);
+  EXPECT_EQ(batch.valid.sum().item<int>(), 1);
+  EXPECT_LT(batch.action.max().item<int64_t>(), 3);
+  EXPECT_GE(batch.action.min().item<int64_t>(), 0);
+  for (const Tensor& field : {batch.reward, batch.recurrent_state, batch.value, batch.final_value})
+    EXPECT_TRUE(field.isfinite().all().item<bool>());
+}
+
+TEST(LagFilter, MasksAtTheLimitAndKeepsOneBelow) {
+  const TrajectoryShape shape = small_shape();
+  const SlabPool pool(shape, 1);
+  for (int t = 0; t < 4; ++t)
+    for (int agent = 0; agent < 2; ++agent) pool.view(0).policy_version(t, agent) = agent == 0 ? 1000 : 1001;
+  pool.view(0).policy_version(3, 1) = 5000;  // of a learner that died: lag 0
+  Minibatch batch = make_minibatch(shape, 1);
+  clear(batch);
+  collate_slab(batch, 0, pool.view(0), 4);
+  const LagStats lag = apply_lag_filter(batch, 2000, 1000);
+  for (int t = 0; t < 4; ++t) {
+    EXPECT_EQ(batch.valid[t][0].item<int>(), 0);
+    EXPECT_EQ(batch.valid[t][1].item<int>(), 1);
+  }
+  EXPECT_EQ(lag.dropped, 4);
+  EXPECT_EQ(lag.max, 1000);
+  EXPECT_EQ(lag.min, 0);
+  EXPECT_DOUBLE_EQ(lag.mean, (4 * 1000 + 3 * 999) / 8.0);
+  EXPECT_DOUBLE_EQ(lag.valid_fraction, 0.5);
+  EXPECT_EQ(batch.reset[1][0].item<int>(), 1);  // behind an invalid step
+  EXPECT_EQ(batch.reset[1][1].item<int>(), 0);
+  EXPECT_EQ(batch.value_valid[4][0].item<int>(), 0);
+  EXPECT_EQ(batch.value_valid[4][1].item<int>(), 1);
+}
+
+TEST(Collate, SelectsAndNarrowsWholeWorlds) {
+  const TrajectoryShape shape = small_shape();
+  const SlabPool pool(shape, 3);
+  pool.fill_with_noise(9);
+  Minibatch batch = make_minibatch(shape, 3);
+  clear(batch);
+  for (int i = 0; i < 3; ++i) collate_slab(batch, i, pool.view(i), 4);
+  const Minibatch selected = select_slabs(batch, {2, 0}), narrowed = narrow_rows(batch, 4, 2);
+  EXPECT_EQ(selected.rows(), 4);
+  EXPECT_EQ(narrowed.rows(), 2);
+  EXPECT_TRUE(torch::equal(selected.frame.narrow(1, 0, 2), narrowed.frame));
+  EXPECT_TRUE(torch::equal(selected.reward.narrow(1, 0, 2), narrowed.reward));
+  EXPECT_TRUE(torch::equal(selected.recurrent_state.narrow(0, 0, 2), narrowed.recurrent_state));
+  EXPECT_TRUE(torch::equal(selected.value.narrow(1, 2, 2), batch.value.narrow(1, 0, 2)));
+}
+
+}  // namespace
+}  // namespace comrad::learn

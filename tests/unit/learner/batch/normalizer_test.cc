@@ -1,0 +1,51 @@
+#include "learner/batch/normalizer.h"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <limits>
+
+namespace comrad::learn {
+namespace {
+
+TEST(ReturnNormalizer, MatchesTheKnownAnswer) {
+  ReturnNormalizer normalizer;
+  const torch::Tensor samples = torch::tensor({1.0f, 2.0f, 4.0f, 7.0f});
+  ASSERT_TRUE(normalizer.update(samples, {}));
+  EXPECT_NEAR(normalizer.statistics().mean, 2.8, 1e-12);
+  EXPECT_NEAR(normalizer.statistics().variance, 7.76, 1e-12);
+  EXPECT_EQ(normalizer.statistics().count, 5);
+  const torch::Tensor normalized = normalizer.normalize(samples);
+  const double expected[] = {-0.646162, -0.287183, 0.430775, 1.507711};
+  for (int i = 0; i < 4; ++i) EXPECT_NEAR(normalized[i].item<double>(), expected[i], 1e-6);
+}
+
+TEST(ReturnNormalizer, ReadsValidSamplesOnly) {
+  ReturnNormalizer all, masked;
+  all.update(torch::tensor({1.0f, 2.0f, 4.0f, 7.0f}), {});
+  masked.update(torch::tensor({1.0f, 900.0f, 2.0f, 4.0f, 7.0f}),
+                torch::tensor({1, 0, 1, 1, 1}, torch::kUInt8));
+  EXPECT_DOUBLE_EQ(all.statistics().mean, masked.statistics().mean);
+  EXPECT_DOUBLE_EQ(all.statistics().variance, masked.statistics().variance);
+}
+
+TEST(ReturnNormalizer, KeepsItsStatisticsWhenABatchHasNothingToSay) {
+  ReturnNormalizer normalizer;
+  EXPECT_FALSE(normalizer.update(torch::tensor({3.0f}), torch::tensor({0}, torch::kUInt8)));
+  EXPECT_FALSE(normalizer.update(torch::tensor({std::numeric_limits<float>::quiet_NaN()}), {}));
+  EXPECT_FALSE(normalizer.update(torch::tensor({std::numeric_limits<float>::infinity()}), {}));
+  EXPECT_EQ(normalizer.statistics().mean, 0);
+  EXPECT_EQ(normalizer.statistics().variance, 1);
+  EXPECT_EQ(normalizer.statistics().count, 1);
+}
+
+TEST(ReturnNormalizer, ClipsAtFiveDeviationsBothWays) {
+  ReturnNormalizer normalizer;
+  normalizer.restore({.mean = 10, .variance = 4 - 1e-5, .count = 100});
+  EXPECT_NEAR(normalizer.normalize(torch::tensor(1000.0f)).item<double>(), 5, 1e-6);
+  EXPECT_NEAR(normalizer.denormalize(torch::tensor(99.0f)).item<double>(), 20, 1e-5);
+  EXPECT_NEAR(normalizer.denormalize(torch::tensor(-1.5f)).item<double>(), 7, 1e-5);
+}
+
+}  // namespace
+}  // namespace comrad::learn

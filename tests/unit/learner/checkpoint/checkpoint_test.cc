@@ -1,0 +1,172 @@
+#include "learner/checkpoint/checkpoint.h"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "rollout_buffer/core/rng.h"
+
+namespace comrad::learn {
+namespace {
+
+namespace fs = std::filesystem;
+
+class CheckpointTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() /
+              ("comrad_checkpoint_test_" + std::to_string(::getpid()) + "_" +
+               ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  static StateDict sample_state() {
+    StateDict state;
+    state.put("network/weight", torch::arange(12, torch::kFloat32).view({3, 4}));
+    state.put("network/statistics", torch::arange(3, torch::kFloat64));
+    state.put("journal/actions", torch::arange(6, torch::kUInt8).view({1, 6}));
+    state.put("counters/env_frames", int64_t{1} << 40);
+    state.put("schedule/learning_rate", 1e-4);
+    state.put("config/toml", std::string("algo = \"ippo\"\n"));
+    return state;
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(CheckpointTest, ReturnsEveryValueThatWasWritten) {
+  ASSERT_TRUE(write_checkpoint(path("a.pt"), sample_state()));
+  const Expected<StateDict> read = read_checkpoint(path("a.pt"));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_TRUE(torch::equal(*read->tensor("network/weight"), torch::arange(12, torch::kFloat32).view({3, 4})));
+  EXPECT_TRUE(torch::equal(*read->tensor("network/statistics"), torch::arange(3, torch::kFloat64)));
+  EXPECT_TRUE(torch::equal(*read->tensor("journal/actions"), torch::arange(6, torch::kUInt8).view({1, 6})));
+  EXPECT_EQ(*read->integer("counters/env_frames"), int64_t{1} << 40);
+  EXPECT_EQ(*read->number("schedule/learning_rate"), 1e-4);
+  EXPECT_EQ(*read->text("config/toml"), "algo = \"ippo\"\n");
+  EXPECT_EQ(read->values().size(), sample_state().values().size());
+}
+
+TEST_F(CheckpointTest, KeepsTheValuesOfTheMomentItWasTaken) {
+  const torch::Tensor weight = torch::ones({2});
+  StateDict state;
+  state.put("network/weight", weight);
+  weight.fill_(7);
+  EXPECT_EQ((*state.tensor("network/weight"))[0].item<float>(), 1);
+}
+
+TEST_F(CheckpointTest, NamesAMissingOrMisshapenTensor) {
+  const StateDict state = sample_state();
+  EXPECT_NE(state.tensor("network/nothing").error().message.find("network/nothing"), std::string::npos);
+  const Status copied = state.copy_tensor("network/weight", torch::zeros({4, 3}));
+  ASSERT_FALSE(copied);
+  EXPECT_NE(copied.error().message.find("[3, 4]"), std::string::npos) << copied.error().message;
+  EXPECT_NE(copied.error().message.find("[4, 3]"), std::string::npos) << copied.error().message;
+  EXPECT_FALSE(state.copy_tensor("network/weight", torch::zeros({3, 4}, torch::kFloat64)));
+}
+
+TEST_F(CheckpointTest, ATruncatedFileIsAClearError) {
+  ASSERT_TRUE(write_checkpoint(path("a.pt"), sample_state()));
+  const auto full_bytes = fs::file_size(path("a.pt"));
+  for (const double fraction : {0.0, 0.001, 0.3, 0.7, 0.999}) {
+    fs::copy_file(path("a.pt"), path("cut.pt"), fs::copy_options::overwrite_existing);
+    fs::resize_file(path("cut.pt"), static_cast<std::uintmax_t>(static_cast<double>(full_bytes) * fraction));
+    const Expected<StateDict> read = read_checkpoint(path("cut.pt"));
+    ASSERT_FALSE(read) << "fraction " << fraction;
+    EXPECT_EQ(read.error().code, ErrorCode::kBadFormat);
+    EXPECT_NE(read.error().message.find("cut.pt"), std::string::npos);
+    EXPECT_EQ(read.error().message.find('\n'), std::string::npos) << read.error().message;
+  }
+}
+
+TEST_F(CheckpointTest, AForeignFileIsAClearError) {
+  std::ofstream(path("text.pt")) << "certainly not a checkpoint";
+  EXPECT_EQ(read_checkpoint(path("text.pt")).error().code, ErrorCode::kBadFormat);
+  EXPECT_EQ(read_checkpoint(path("absent.pt")).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(read_checkpoint(folder_.string()).error().code, ErrorCode::kBadFormat);
+
+  const std::vector<char> other = torch::pickle_save(torch::ones({3}));  // a torch archive of somebody else
+  std::ofstream(path("other.pt"), std::ios::binary).write(other.data(), static_cast<std::streamsize>(other.size()));
+  const Expected<StateDict> read = read_checkpoint(path("other.pt"));
+  ASSERT_FALSE(read);
+  EXPECT_NE(read.error().message.find("not a COMRAD checkpoint"), std::string::npos) << read.error().message;
+}
+
+TEST_F(CheckpointTest, RandomDamageNeverCrashes) {
+  ASSERT_TRUE(write_checkpoint(path("a.pt"), sample_state()));
+  std::ifstream file(path("a.pt"), std::ios::binary);
+  const std::string intact((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  const uint64_t seed = 20240611;
+  Rng rng(seed);
+  for (int round = 0; round < 300; ++round) {
+    std::string damaged = intact;
+    for (uint32_t i = 0; i <= rng.below(4); ++i)
+      damaged[rng.below(static_cast<uint32_t>(damaged.size()))] = static_cast<char>(rng.next());
+    std::ofstream(path("damaged.pt"), std::ios::binary | std::ios::trunc) << damaged;
+    const Expected<StateDict> read = read_checkpoint(path("damaged.pt"));
+    if (!read) {
+      EXPECT_FALSE(read.error().message.empty()) << "seed " << seed << " round " << round;
+    }
+  }
+}
+
+TEST_F(CheckpointTest, TheStoreKeepsTheNewestAndListsThemFirst) {
+  CheckpointStore store(path("checkpoint"), 2);
+  EXPECT_TRUE(store.list().empty());
+  for (uint64_t i = 1; i <= 4; ++i) ASSERT_TRUE(store.save(sample_state(), 9 * i, 1000 * i));
+  const auto files = store.list();
+  ASSERT_EQ(files.size(), 2u);
+  EXPECT_EQ(files[0].version, 36u);
+  EXPECT_EQ(files[0].env_frames, 4000u);
+  EXPECT_EQ(files[1].version, 27u);
+  EXPECT_EQ(fs::path(files[0].path).filename(), "checkpoint_000000036_4000.pt");
+}
+
+TEST_F(CheckpointTest, TheStoreKeepsOneBest) {
+  CheckpointStore store(path("checkpoint"), 2);
+  EXPECT_EQ(store.best(), "");
+  ASSERT_TRUE(store.save_best(sample_state(), -1.25));
+  EXPECT_EQ(fs::path(store.best()).filename(), "best_-1.250.pt");
+  ASSERT_TRUE(store.save_best(sample_state(), 12.5));
+  EXPECT_EQ(fs::path(store.best()).filename(), "best_12.500.pt");
+  EXPECT_FALSE(fs::exists(path("checkpoint/best_-1.250.pt")));
+}
+
+TEST_F(CheckpointTest, ABrokenFileIsSetAsideAndTheOneBeforeIsNext) {
+  CheckpointStore store(path("checkpoint"), 2);
+  ASSERT_TRUE(store.save(sample_state(), 1, 100));
+  ASSERT_TRUE(store.save(sample_state(), 2, 200));
+  fs::resize_file(store.list()[0].path, 100);
+  ASSERT_FALSE(read_checkpoint(store.list()[0].path));
+  store.set_aside(store.list()[0].path);
+  ASSERT_EQ(store.list().size(), 1u);
+  EXPECT_TRUE(read_checkpoint(store.list()[0].path));
+}
+
+TEST_F(CheckpointTest, AFailedWriteLeavesTheOldFileAndNoTemporary) {
+  ASSERT_TRUE(write_checkpoint(path("a.pt"), sample_state()));
+  EXPECT_FALSE(write_checkpoint(path("nowhere/a.pt"), sample_state()));
+  fs::create_directories(path("taken.pt/inside"));  // a folder cannot be replaced by rename
+  EXPECT_FALSE(write_checkpoint(path("taken.pt"), sample_state()));
+  EXPECT_TRUE(read_checkpoint(path("a.pt")));
+  for (const auto& entry : fs::directory_iterator(folder_))
+    EXPECT_FALSE(entry.path().filename().string().starts_with(".tmp")) << entry.path();
+}
+
+TEST_F(CheckpointTest, RemovesTheTemporaryFilesOfACrash) {
+  fs::create_directories(path("checkpoint"));
+  std::ofstream(path("checkpoint/.tmp-123-checkpoint_000000001_4.pt")) << "half";
+  CheckpointStore store(path("checkpoint"), 2);
+  ASSERT_TRUE(store.save(sample_state(), 1, 100));
+  EXPECT_FALSE(fs::exists(path("checkpoint/.tmp-123-checkpoint_000000001_4.pt")));
+}
+
+}  // namespace
+}  // namespace comrad::learn
