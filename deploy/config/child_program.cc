@@ -160,8 +160,10 @@ std::string last_words(const ProgramResult& result) {
   std::string text = result.error_output;
   while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
   text = text.substr(text.rfind('\n') + 1);
-  if (const size_t prefix = text.find(": error: "); prefix != std::string::npos && prefix < 40)
-    text = text.substr(prefix + 9);
+  // "comrad-doomgen: error: no such scenario" is for a terminal; our own message says who speaks.
+  if (text.starts_with("comrad-"))
+    if (const size_t colon = text.find(": "); colon < text.find(' ')) text.erase(0, colon + 2);
+  if (text.starts_with("error: ")) text.erase(0, 7);
   return text;
 }
 

@@ -37,7 +37,7 @@ struct ProgramResult {
 Expected<ProgramResult> run_program(const std::vector<std::string>& command,
                                     const ProgramOptions& options = {});
 
-/// The last line of a failed program's stderr without its "name: error: " prefix, for our own message.
+/// The last line of a failed program's stderr without its "comrad-name: error: " prefix, for our own message.
 std::string last_words(const ProgramResult& result);
 
 /// Replaces this process by `command`. Returns only when that fails. Errors: kNotFound, kSystem.

@@ -50,7 +50,8 @@ std::string help_line(const std::string& left, const std::string& help) {
   while (begin < help.size()) {
     const size_t end = std::min(help.find(' ', begin), help.size());
     if (column + (end - begin) > kHelpWidth) {
-      text += "\n" + std::string(kHelpColumn, ' ');
+      text.back() = '\n';  // it was the space between two words
+      text.append(kHelpColumn, ' ');
       column = kHelpColumn;
     }
     text.append(help, begin, end - begin);

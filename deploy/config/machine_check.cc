@@ -213,7 +213,7 @@ CheckResult check_dds() {
     receiver->wait(100);
     if (const auto control = receiver->take_run_control(); control && control->run_state == "running") {
       char text[64];
-      std::snprintf(text, sizeof(text), "a message over loopback took %.0f ms",
+      std::snprintf(text, sizeof(text), "a message over loopback took %.1f ms",
                     (monotonic_s() - begin_s) * 1e3);
       return ok(name, text);
     }

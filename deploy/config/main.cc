@@ -7,6 +7,7 @@
 
 #include "deploy/config/commands/command.h"
 #include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/log.h"
 #include "rollout_buffer/schema/version.h"
 
 namespace {
@@ -80,6 +81,7 @@ int dispatch(const std::vector<std::string>& words) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (!comrad::init_log("comrad", "")) return comrad::deploy::kExitFailed;  // stdout is for results alone
   try {
     return dispatch(std::vector<std::string>(argv + 1, argv + argc));
   } catch (const std::exception& exception) {  // from libraries; our own code returns errors

@@ -17,7 +17,7 @@ namespace comrad::doomgen {
 /// What lies between two areas along their common edges.
 struct Connection {
   bool blocking = false;
-  std::string middle_texture;  ///< on both sides: a grating, or empty
+  std::string middle_texture = {};  ///< on both sides: a grating, or empty
   int32_t special = 0, id = 0;
   std::array<int32_t, 5> args{};
 };

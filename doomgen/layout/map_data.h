@@ -15,14 +15,14 @@ namespace comrad::doomgen {
 /// One side of a linedef; empty texture names mean none.
 struct SidedefData {
   uint32_t sector = 0;
-  std::string top, middle, bottom;
+  std::string top = {}, middle = {}, bottom = {};
 };
 
 /// A wall or an opening; its front side lies to the right of start -> end.
 struct LinedefData {
   uint32_t start = 0, end = 0;  ///< vertex indices
   uint32_t front = 0;           ///< sidedef index
-  std::optional<uint32_t> back;
+  std::optional<uint32_t> back = {};
   bool blocking = false;
   int32_t id = 0, special = 0;
   std::array<int32_t, 5> args{};
@@ -37,7 +37,7 @@ struct SectorData {
 
 /// A thing the map wants; present on every skill and in every game mode.
 struct ThingData {
-  Point position;
+  Point position = {};
   int32_t height = 0;  ///< above the floor
   int32_t angle_degrees = 0;
   int32_t editor_number = 0;

@@ -1,10 +1,11 @@
 #include "learner/algorithms/adam_optimizer.h"
 
-#include <torch/torch.h>
+#include <torch/optim/adam.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <sstream>
 #include <type_traits>
 
 namespace comrad::learn {
@@ -13,10 +14,13 @@ namespace {
 /// libtorch keys its per-parameter state by text before 2.1 and by pointer since.
 template <typename Map>
 typename Map::key_type state_key(const Map&, const torch::Tensor& parameter) {
-  if constexpr (std::is_same_v<typename Map::key_type, std::string>)
-    return std::to_string(reinterpret_cast<std::size_t>(parameter.unsafeGetTensorImpl()));
-  else
+  if constexpr (std::is_same_v<typename Map::key_type, std::string>) {
+    std::ostringstream text;
+    text << parameter.unsafeGetTensorImpl();
+    return text.str();
+  } else {
     return parameter.unsafeGetTensorImpl();
+  }
 }
 
 std::string entry_prefix(const std::string& section, std::size_t index) {

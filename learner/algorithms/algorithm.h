@@ -22,11 +22,12 @@
 
 namespace comrad::learn {
 
-/// What surrounds one update.
+/// What surrounds one update. Functions may be empty.
 struct UpdateContext {
-  double env_frames = 0;                  ///< counted before this batch; places the learning-rate schedule
-  std::function<void()> after_step;       ///< called when an optimizer step made a new version; may be empty
-  std::function<bool()> keep_going;       ///< asked between micro-batches; false abandons the step in hand
+  double env_frames = 0;             ///< counted before this batch; places the learning-rate schedule
+  std::function<void()> after_step;  ///< called when an optimizer step made a new version
+  std::function<bool()> begin_step;  ///< asked before every optimizer step but the first; false ends the update
+  std::function<bool()> keep_going;  ///< asked before every micro-batch; false abandons the step in hand
 };
 
 /// What one update did.

@@ -1,6 +1,5 @@
 #include "learner/algorithms/ippo.h"
 
-#include <torch/torch.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +8,7 @@
 #include "learner/algorithms/ppo_loss.h"
 #include "learner/estimators/gae.h"
 #include "policy_workers/policy/action_heads.h"
+#include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
 
@@ -76,6 +76,10 @@ Expected<UpdateStats> Ippo::update(Minibatch& batch, const UpdateContext& contex
           config_.shuffle_minibatches
               ? select_slabs(batch, std::vector<int64_t>(order.begin() + begin, order.begin() + end))
               : narrow_rows(batch, begin * env_.num_agents, (end - begin) * env_.num_agents);
+      if (stats.optimizer_steps > 0 && context.begin_step && !context.begin_step()) {
+        report(batch, sums, stats);
+        return stats;
+      }
       LossSums part_sums;
       const StepResult result = train_minibatch(minibatch, context, stats, part_sums);
       if (result == StepResult::kAbandoned) {

@@ -1,8 +1,8 @@
 #include "learner/algorithms/ppo_loss.h"
 
-#include <torch/torch.h>
 
 #include "policy_workers/policy/action_heads.h"
+#include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
 namespace {

@@ -1,11 +1,11 @@
 #include "learner/batch/collate.h"
 
-#include <torch/torch.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 
+#include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::learn {

@@ -1,9 +1,9 @@
 #include "learner/batch/normalizer.h"
 
-#include <torch/torch.h>
 
 #include <cmath>
 
+#include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::learn {

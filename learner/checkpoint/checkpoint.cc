@@ -2,7 +2,7 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <torch/torch.h>
+#include <torch/csrc/jit/serialization/pickle.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -188,7 +188,7 @@ Status write_checkpoint(const std::string& path, const StateDict& state) {
     root.insert("format", std::string(kFormatName));
     root.insert("layout_version", kCheckpointLayoutVersion);
     for (const auto& [name, section] : sections) root.insert(name, section);
-    bytes = torch::pickle_save(root);
+    bytes = torch::jit::pickle_save(root);
   } catch (const std::exception& error) {
     return Error{ErrorCode::kSystem, "cannot pack checkpoint " + path + ": " + error.what()};
   }
@@ -236,7 +236,7 @@ Expected<StateDict> read_checkpoint(const std::string& path) {
   if (bytes.size() < 4 || std::memcmp(bytes.data(), "PK\x03\x04", 4) != 0)
     return Error{ErrorCode::kBadFormat, path + ": not a torch archive"};
   try {
-    return from_ivalue(torch::pickle_load(bytes), path);
+    return from_ivalue(torch::jit::pickle_load(bytes), path);
   } catch (const c10::Error& error) {
     return Error{ErrorCode::kBadFormat,
                  path + ": truncated or damaged torch archive (" + error.what_without_backtrace() + ")"};

@@ -1,9 +1,9 @@
 #include "learner/estimators/gae.h"
 
-#include <torch/torch.h>
 
 #include <vector>
 
+#include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::learn {

@@ -95,6 +95,10 @@ class PolicyNet {
   std::shared_ptr<PolicyNetImpl> impl_;
 };
 
+/// The device a setting names: "auto" takes the first CUDA device where there is one, else the CPU.
+/// Errors: kBadInput for another word; kUnsupported for a CUDA device that this build or machine lacks.
+Expected<torch::Device> choose_device(const std::string& setting);
+
 /// Keeps freed memory in the process, so that the large tensors of every pass reuse mapped pages. First line of main.
 void tune_allocator();
 

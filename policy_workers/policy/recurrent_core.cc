@@ -31,7 +31,7 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
     Tensor h = h0;
     for (int64_t t = 0; t < steps; ++t) {
       Tensor h_before = h_in[t];
-      if (keep.defined())
+      if (keep.numel() > 0)
         at::mul_out(h_before, h, keep[t]);
       else
         h_before.copy_(h);
@@ -73,7 +73,7 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
       Tensor gh_n_gradient = grad_gh[t].slice(1, 2 * hidden);
       at::mul_out(gh_n_gradient, gi_n, r);
       carried = at::addmm(grad_hz, grad_gh[t], weight);
-      if (keep.defined()) carried.mul_(keep[t]);
+      if (keep.numel() > 0) carried.mul_(keep[t]);
     }
     const Tensor flat = grad_gh.view({steps * rows, 3 * hidden});
     return {grad_gi, carried, Tensor(), flat.t().mm(h_in.view({steps * rows, hidden})), flat.sum(0)};
@@ -96,7 +96,7 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
     Tensor h = h0, c = c0;
     for (int64_t t = 0; t < steps; ++t) {
       Tensor h_before = h_in[t], c_before = c_in[t], gate = gates[t];
-      if (keep.defined()) {
+      if (keep.numel() > 0) {
         at::mul_out(h_before, h, keep[t]);
         at::mul_out(c_before, c, keep[t]);
       } else {
@@ -142,7 +142,7 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
       at::mul_out(grad_g, grad_c, i).mul_(1 - g.square());
       carried_h = grad_gi[t].mm(weight);
       carried_c = grad_c * f;
-      if (keep.defined()) {
+      if (keep.numel() > 0) {
         carried_h.mul_(keep[t]);
         carried_c.mul_(keep[t]);
       }
@@ -208,6 +208,8 @@ CoreOutput RecurrentCore::step(const Tensor& input, const Tensor& state) const {
 CoreOutput RecurrentCore::sequence(const Tensor& input, const Tensor& state, const Tensor& keep) const {
   if (kind_ == CoreKind::kNone) return {input, state};
   const int64_t layer_count = static_cast<int64_t>(layers_.size());
+  // libtorch 1.13 takes no undefined tensor in a custom function; an empty one says "no resets".
+  const Tensor kept = keep.defined() ? keep : torch::empty({0}, input.options().requires_grad(false));
   std::vector<Tensor> hidden, cells;
   Tensor x = input;
   for (int64_t layer = 0; layer < layer_count; ++layer) {
@@ -215,11 +217,11 @@ CoreOutput RecurrentCore::sequence(const Tensor& input, const Tensor& state, con
     const Tensor h0 = state.slice(1, layer * hidden_count_, (layer + 1) * hidden_count_);
     const Tensor gi = at::linear(x, w.weight_ih, w.bias_ih);
     if (kind_ == CoreKind::kGru) {
-      x = GruSequence::apply(gi, h0, keep, w.weight_hh, w.bias_hh);
+      x = GruSequence::apply(gi, h0, kept, w.weight_hh, w.bias_hh);
     } else {
       const int64_t first = (layer_count + layer) * hidden_count_;
       const Tensor c0 = state.slice(1, first, first + hidden_count_);
-      const tensor_list outputs = LstmSequence::apply(gi, h0, c0, keep, w.weight_hh, w.bias_hh);
+      const tensor_list outputs = LstmSequence::apply(gi, h0, c0, kept, w.weight_hh, w.bias_hh);
       x = outputs[0];
       cells.push_back(outputs[1]);
     }

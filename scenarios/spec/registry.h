@@ -16,8 +16,8 @@ namespace comrad::scenarios {
 struct LayoutRequest {
   uint64_t seed = 42;
   int num_agents = 0;  ///< agents that must find a start; 0: as many as the recipe prepares
-  std::vector<std::pair<std::string, std::string>>
-      parameters;  ///< `--set key=value`, over the recipe's defaults
+  /// `--set key=value`, over the recipe's defaults.
+  std::vector<std::pair<std::string, std::string>> parameters = {};
 };
 
 /// A finished layout.

@@ -1,5 +1,5 @@
-// The environment that a simulator worker steps: N agents, factorised discrete actions, frame skip, rewards, true
-// final observations. A Doom scenario is one (doom_env.h); tests bring toys. Stage: tic > render > step.
+// The environment that a simulator worker steps: N agents, factorised discrete actions, frame skip, rewards,
+// true final observations. A Doom scenario is one (doom_env.h); tests bring toys. Stage: tic > render > step.
 #pragma once
 
 #include <cstdint>
@@ -15,10 +15,10 @@ namespace comrad::sim {
 
 /// Where one observation of all agents goes; spans into a slab.
 struct ObservationTarget {
-  uint8_t* frame = nullptr;          ///< [N, C, H, W]
-  float* measurement = nullptr;      ///< [N, M]; may be null when M = 0
-  uint8_t* action_mask = nullptr;    ///< [N, A]
-  uint8_t* agent_active = nullptr;   ///< [N]
+  uint8_t* frame = nullptr;         ///< [N, C, H, W]
+  float* measurement = nullptr;     ///< [N, M]; may be null when M = 0
+  uint8_t* action_mask = nullptr;   ///< [N, A]
+  uint8_t* agent_active = nullptr;  ///< [N]
 };
 
 /// What one decision brought.
@@ -44,8 +44,8 @@ class Environment {
   virtual uint64_t layout_id() const = 0;
   /// Starts an episode that is a pure function of `episode_seed` and the actions that follow.
   virtual void reset(uint64_t episode_seed) = 0;
-  /// Advances frame_skip tics (fewer when the episode ends inside). `action` is [N, heads]; out-of-range choices
-  /// are treated as 0. Does not render.
+  /// Advances frame_skip tics (fewer when the episode ends inside). `action` is [N, heads]; out-of-range
+  /// choices are treated as 0. Does not render.
   virtual void step(std::span<const int32_t> action) = 0;
   virtual const Step& last_step() const = 0;
   /// Valid once last_step().episode_over().
@@ -54,8 +54,8 @@ class Environment {
   virtual uint64_t state_hash() const = 0;
 };
 
-/// Environments that share one renderer and level: a worker's whole set, observed together because drawing many
-/// views at once is cheaper than one by one.
+/// Environments that share one renderer and level: a worker's whole set, observed together because drawing
+/// many views at once is cheaper than one by one.
 class EnvironmentSet {
  public:
   virtual ~EnvironmentSet() = default;
@@ -68,7 +68,7 @@ class EnvironmentSet {
 /// What a set of Doom environments is made from.
 struct EnvironmentOptions {
   std::string scenario;
-  std::string wad_path;       ///< the layout to play
+  std::string wad_path;  ///< the layout to play
   int num_agents = 2;
   int count = 16;
   int frame_skip = 4;
@@ -77,7 +77,8 @@ struct EnvironmentOptions {
   std::string resize = "none";
 };
 
-/// Makes `count` environments of a scenario (env/doom_env.cc). Errors: kNotFound (scenario, WAD, IWAD), kBadFormat.
+/// Makes `count` environments of a scenario (env/doom_env.cc). Errors: kNotFound (scenario, WAD, IWAD),
+/// kBadFormat.
 Expected<std::unique_ptr<EnvironmentSet>> make_doom_environments(const EnvironmentOptions& options);
 
 }  // namespace comrad::sim

@@ -15,7 +15,7 @@ struct BenchOptions {
   int splits = 2;
   int rollout_steps = 32;
   uint64_t seed = 42;
-  RewardRules rewards;
+  RewardRules rewards{};
 };
 
 struct BenchResult {

@@ -18,7 +18,7 @@ struct PortRules {
   uint64_t seed = 0;      ///< of the run
   bool evaluate = false;  ///< play a fixed quota of episodes and never seal
   uint64_t episodes = 0;  ///< evaluation: episodes of the whole run
-  RewardRules rewards;
+  RewardRules rewards{};
 };
 
 /// Drives one environment. SimWorker calls, in every round of the port's group and in this order:

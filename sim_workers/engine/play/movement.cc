@@ -171,11 +171,13 @@ void Movement::trace_corner(int64_t x, int64_t y, Fixed dx, Fixed dy, const Acto
       if (ceiling_z - floor_z >= body.height && ceiling_z - body.z >= body.height && floor_z - body.z <= kStepUpMax)
         return true;
     }
-    const __int128 numerator = static_cast<__int128>(line.dy()) * (x - line.x1) -
-                               static_cast<__int128>(line.dx()) * (y - line.y1);
-    const __int128 denominator = static_cast<__int128>(line.dx()) * dy - static_cast<__int128>(line.dy()) * dx;
+    __int128 numerator = static_cast<__int128>(line.dy()) * (x - line.x1) -
+                         static_cast<__int128>(line.dx()) * (y - line.y1);
+    __int128 denominator = static_cast<__int128>(line.dx()) * dy - static_cast<__int128>(line.dy()) * dx;
     if (denominator == 0) return true;
-    const auto fraction = static_cast<int64_t>((numerator << kFracBits) / denominator);
+    if (denominator < 0) numerator = -numerator, denominator = -denominator;
+    // Rounded to nearest, as the traces show.
+    const auto fraction = static_cast<int64_t>(((numerator << (kFracBits + 1)) + denominator) / (2 * denominator));
     if (fraction >= 0 && fraction < hit.fraction) hit = {static_cast<Fixed>(fraction), &line};
     return true;
   });
@@ -202,11 +204,13 @@ void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps
       break;
     const Fixed rest_fraction = std::min<Fixed>(kFracUnit - hit.fraction, kFracUnit);
     if (rest_fraction <= 0) return;
+    // A quirk of corners: the next attempt starts from the rest of the way as it was, not as it was turned.
     dx = fixed_mul(dx, rest_fraction), dy = fixed_mul(dy, rest_fraction);
-    project_on(*hit.line, dx, dy);
+    Fixed along_x = dx, along_y = dy;
+    project_on(*hit.line, along_x, along_y);
     Actor& moved = world_.actors_[slot];
-    moved.velocity_x = dx * steps, moved.velocity_y = dy * steps;
-    if (try_move(slot, moved.x + dx, moved.y + dy)) return;
+    moved.velocity_x = along_x * steps, moved.velocity_y = along_y * steps;
+    if (try_move(slot, moved.x + along_x, moved.y + along_y)) return;
   }
   // Wedged in, or stopped by something between the corners: one axis at a time.
   if (!try_move(slot, world_.actors_[slot].x, world_.actors_[slot].y + dy))
@@ -294,6 +298,7 @@ void Movement::touch_item(std::size_t body_slot, std::size_t item_slot) {
   if (item.removed || !within_reach(body, item)) return;
   const int player_index = body.player_index;
   if (!take_item(world_.players_[player_index], world_.catalog()[item.type])) return;
+  world_.actors_[body_slot].health = world_.players_[player_index].health;
   const Actor taken = item;  // the script may spawn and move actors
   world_.remove_slot(item_slot);
   if (world_.scripts_ != nullptr) world_.scripts_->on_pickup(world_, player_index, taken);

@@ -93,6 +93,8 @@ void World::spawn_map_things() {
     if (player_of_start(thing.editor_number).has_value()) continue;
     const std::optional<uint32_t> type = catalog_->find_editor_number(thing.editor_number);
     if (!type.has_value()) continue;  // a kind that this engine does not know yet
+    // Map spots and teleport destinations: hundreds in a map, never seen, never moving. They stay in level().things.
+    if ((*catalog_)[*type].sprite.empty() && (*catalog_)[*type].no_blockmap) continue;
     const Fixed floor_z = sectors_[sector_at(thing.x, thing.y)].floor_height;
     append_actor(*type, thing.x, thing.y, floor_z + thing.height, degrees_to_angle(thing.angle_degrees), thing.id);
   }
@@ -337,8 +339,7 @@ std::optional<uint32_t> World::spawn(uint32_t type, Fixed x, Fixed y, Fixed z, A
 
 void World::remove(uint32_t actor_id) {
   const std::optional<std::size_t> slot = slot_of(actor_id);
-  if (!slot) return;
-  COMRAD_CHECK(actors_[*slot].player_index < 0, "a player's body is never removed");
+  if (!slot || actors_[*slot].player_index >= 0) return;  // a player's body stays
   remove_slot(*slot);
 }
 
@@ -388,6 +389,7 @@ void World::damage_player(int player_index, int32_t amount) {
   player.health -= amount;
   player.damage_taken += amount;
   player.damage_flash = std::min(player.damage_flash + amount, kDamageFlashMax);
+  if (Actor* body = find_live(player.actor_id)) body->health = std::max(player.health, 0);
   if (player.health > 0) return;
 
   player.health = 0;
@@ -397,7 +399,6 @@ void World::damage_player(int player_index, int32_t amount) {
     Actor& body = actors_[*slot];
     unlink(*slot);
     body.is_corpse = true;  // no longer solid; inertia and gravity go on
-    body.health = 0;
     body.height /= 4;
     set_frame(body, kPlayerDeathFrame);
   }

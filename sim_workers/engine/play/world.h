@@ -137,7 +137,8 @@ class World {
   World(std::shared_ptr<const Level> level, std::shared_ptr<const ActorCatalog> catalog);
 
   /// Starts the map anew: sectors and things as loaded, players at their starts (or 0,0 without one), on_open and
-  /// on_enter called. `scripts` must outlive the world or the next reset; null: no rules.
+  /// on_enter called. Things without a picture that touch nothing (map spots, teleport destinations) become no actors:
+  /// scripts find them in level().things. `scripts` must outlive the world or the next reset; null: no rules.
   void reset(const WorldOptions& options, ScriptHost* scripts);
 
   /// One tic, in Doom's order: players think (turn, thrust, jump, eye, damage of the floor they stand on), then each
@@ -155,8 +156,10 @@ class World {
   std::span<const Actor> actors() const { return actors_; }
   const Actor* find_actor(uint32_t id) const;
   const Level& level() const { return *level_; }
+  const std::shared_ptr<const Level>& shared_level() const { return level_; }  ///< for caches keyed by level
   std::span<const Sector> sectors() const { return sectors_; }  ///< current heights, lights, damage
   const ActorCatalog& catalog() const { return *catalog_; }
+  const std::shared_ptr<const ActorCatalog>& shared_catalog() const { return catalog_; }
   std::span<const HudBox> hud() const { return hud_; }
   uint32_t sector_at(Fixed x, Fixed y) const;
   uint64_t hash() const;                                     ///< 64-bit hash of the whole world
@@ -167,7 +170,7 @@ class World {
   Rng& rng() { return rng_; }
   std::optional<uint32_t> spawn(uint32_t type, Fixed x, Fixed y, Fixed z, Angle angle, int32_t thing_id = 0,
                                 bool force = false);         ///< actor id; nothing where it does not fit
-  void remove(uint32_t actor_id);
+  void remove(uint32_t actor_id);                            ///< at the end of the tic; never a player's body
   bool try_teleport(uint32_t actor_id, Fixed x, Fixed y);    ///< moves where the body fits; z follows the floor
   void set_position(uint32_t actor_id, Fixed x, Fixed y, Fixed z);  ///< unchecked (decoration)
   void set_angle(uint32_t actor_id, Angle angle);

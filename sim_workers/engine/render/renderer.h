@@ -37,6 +37,11 @@ class Renderer {
   static Expected<std::unique_ptr<Renderer>> create(std::shared_ptr<const ArtArchive> art,
                                                     const RenderOptions& options);
   virtual ~Renderer() = default;
+  /// Loads the art that worlds of `level` with actors of `catalog` need. Call it once per level: then draw() meets
+  /// nothing unknown. draw() registers a level it has not seen by itself, and leaves out sprites that do not exist.
+  /// Errors: kNotFound for a sprite that no archive has; unknown textures are a warning in the log and are drawn as
+  /// a checkerboard. kNoSpace when the art does not fit the atlas.
+  virtual Status prepare(std::shared_ptr<const Level> level, std::shared_ptr<const ActorCatalog> catalog) = 0;
   /// Draws all views; several at once cost less than one by one. Worlds may differ in level.
   virtual void draw(std::span<const ViewRequest> views) = 0;
 };

@@ -1,9 +1,10 @@
 #include "learner/algorithms/adam_optimizer.h"
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
 
 #include <limits>
+
+#include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
 namespace {

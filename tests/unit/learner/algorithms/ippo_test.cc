@@ -1,0 +1,484 @@
+#include "learner/algorithms/ippo.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <map>
+#include <vector>
+
+#include "policy_workers/policy/action_heads.h"
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/rng.h"
+#include "tests/support/slab_pool.h"
+
+namespace comrad::learn {
+namespace {
+
+using testing::SlabPool;
+
+RunConfig small_config() {
+  RunConfig config;
+  config.algo = "ippo";
+  config.rollout = 4;
+  config.batch_size = 4 * 2 * 4;
+  config.rnn_size = 16;
+  config.normalize_input = false;
+  return config;
+}
+
+TrajectoryShape small_shape(const RunConfig& config) {
+  TrajectoryShape shape;
+  shape.env.num_agents = 2;
+  shape.env.height = 36;
+  shape.env.width = 36;
+  shape.env.head_count = 2;
+  shape.env.head_sizes = {3, 2};
+  shape.rollout_steps = static_cast<int32_t>(config.rollout);
+  shape.recurrent_state_count =
+      static_cast<int32_t>(policy::PolicyNetOptions::from(config, shape.env).recurrent_state_count());
+  return shape;
+}
+
+Minibatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
+  const SlabPool pool(shape, slab_count);
+  pool.fill_with_noise(seed);
+  Minibatch batch = make_minibatch(shape, slab_count);
+  clear(batch);
+  for (int i = 0; i < slab_count; ++i) collate_slab(batch, i, pool.view(i), static_cast<uint32_t>(shape.rollout_steps));
+  return batch;
+}
+
+/// Makes the network itself the behaviour policy of the batch.
+void act_with(const policy::PolicyNet& net, Minibatch& batch) {
+  torch::NoGradGuard no_grad;
+  apply_lag_filter(batch, 0, 1000);
+  const policy::SequenceOutput output =
+      net.sequence(batch.frame, batch.measurement, batch.recurrent_state, batch.reset);
+  const Tensor log_probs = policy::head_log_probs(output.logits, batch.mask_or_undefined(), batch.shape.env);
+  batch.logits.copy_(output.logits);
+  batch.log_prob.copy_(policy::action_log_prob(log_probs, batch.action, batch.shape.env));
+  batch.value.narrow(0, 0, batch.steps()).copy_(output.value);
+}
+
+std::map<std::string, double> values_of(const UpdateStats& stats) {
+  return {stats.values.begin(), stats.values.end()};
+}
+
+std::vector<Tensor> clone(const std::vector<Tensor>& tensors) {
+  std::vector<Tensor> copies;
+  for (const Tensor& tensor : tensors) copies.push_back(tensor.detach().clone());
+  return copies;
+}
+
+bool all_equal(const std::vector<Tensor>& a, const std::vector<Tensor>& b) {
+  for (std::size_t i = 0; i < a.size(); ++i)
+    if (!torch::equal(a[i].detach(), b[i].detach())) return false;
+  return a.size() == b.size();
+}
+
+std::vector<Tensor> gradients(const policy::PolicyNet& net) {
+  std::vector<Tensor> result;
+  for (Tensor& parameter : net.parameters()) {
+    result.push_back(parameter.grad().defined() ? parameter.grad().clone() : torch::zeros_like(parameter));
+    if (parameter.grad().defined()) parameter.mutable_grad().zero_();
+  }
+  return result;
+}
+
+double largest_relative_difference(const std::vector<Tensor>& a, const std::vector<Tensor>& b) {
+  double difference = 0, scale = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    difference = std::max(difference, (a[i] - b[i]).abs().max().item<double>());
+    scale = std::max(scale, a[i].abs().max().item<double>());
+  }
+  return difference / scale;
+}
+
+TEST(Ippo, TheFirstUpdateOfFreshDataHasRatioOneAndClipsNothing) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 4, 1);
+  act_with(ippo.net(), batch);
+  const Expected<UpdateStats> stats = ippo.update(batch, {});
+  ASSERT_TRUE(stats);
+  EXPECT_EQ(stats->optimizer_steps, 1);
+  EXPECT_EQ(stats->rows_trained, 32);
+  EXPECT_EQ(ippo.version(), 1u);
+  auto values = values_of(*stats);
+  EXPECT_NEAR(values["train/ratio_min"], 1, 1e-5);
+  EXPECT_NEAR(values["train/ratio_max"], 1, 1e-5);
+  EXPECT_EQ(values["train/fraction_clipped"], 0);
+  EXPECT_NEAR(values["train/kl_divergence"], 0, 1e-6);
+  EXPECT_NEAR(values["train/value_delta_max"], 0, 1e-5);
+}
+
+TEST(Ippo, TrainingRepeatsTheLogProbOfSamplingWithMasksAndResets) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  const SlabPool pool(shape, 1);
+  pool.fill_with_noise(2);
+  const SlabView slab = pool.view(0);
+  slab.action_mask(1, 0)[2] = 0;
+  slab.action_mask(2, 1)[0] = slab.action_mask(2, 1)[4] = 0;
+  slab.terminated(1) = 1;
+  // Collect as a policy worker does: one step at a time.
+  torch::NoGradGuard no_grad;
+  Tensor state = torch::zeros({2, shape.recurrent_state_count});
+  for (int agent = 0; agent < 2; ++agent) {
+    const auto start = slab.recurrent_state(0, agent);
+    std::copy(start.begin(), start.end(), state.data_ptr<float>() + agent * shape.recurrent_state_count);
+  }
+  for (int t = 0; t < shape.rollout_steps; ++t) {
+    const Tensor frame = torch::from_blob(slab.frames(t).data(), {2, 3, 36, 36}, torch::kUInt8).clone();
+    const policy::PolicyOutput output = ippo.net().step(frame, {}, state);
+    state = output.recurrent_state.clone();
+    if (slab.terminated(t) != 0) state.zero_();
+    for (int agent = 0; agent < 2; ++agent) {
+      const Tensor logits = output.logits[agent].contiguous();
+      const std::span<const float> row(logits.data_ptr<float>(), 5);
+      std::copy(row.begin(), row.end(), slab.logits(t, agent).begin());
+      slab.log_prob(t, agent) =
+          policy::sample_action(row, slab.action_mask(t, agent), shape.env,
+                                RngKey(5).split(static_cast<uint64_t>(t)).split(static_cast<uint64_t>(agent)), false,
+                                slab.action(t, agent));
+      for (int head = 0, offset = 0; head < 2; offset += shape.env.head_sizes[static_cast<std::size_t>(head++)])
+        EXPECT_EQ(slab.action_mask(t, agent)[static_cast<std::size_t>(
+                      offset + slab.action(t, agent)[static_cast<std::size_t>(head)])],
+                  1);
+      slab.value(t, agent) = output.value[agent].item<float>();
+    }
+  }
+  Minibatch batch = make_minibatch(shape, 1);
+  clear(batch);
+  ASSERT_EQ(collate_slab(batch, 0, slab, 4), 0);
+  ASSERT_TRUE(batch.has_action_mask);
+  torch::AutoGradMode with_gradient(true);
+  const Expected<UpdateStats> stats = ippo.update(batch, {});
+  ASSERT_TRUE(stats);
+  auto values = values_of(*stats);
+  EXPECT_NEAR(values["train/ratio_min"], 1, 1e-4);
+  EXPECT_NEAR(values["train/ratio_max"], 1, 1e-4);
+  EXPECT_NEAR(values["train/kl_divergence_max"], 0, 1e-5);
+  EXPECT_NEAR(values["train/value_delta_max"], 0, 1e-4);
+}
+
+TEST(Ippo, MicroBatchesGiveTheGradientOfTheWholeBatch) {
+  std::vector<std::vector<Tensor>> results;
+  for (const int64_t micro_batch_size : {4096, 16, 8, 1}) {
+    RunConfig config = small_config();
+    config.micro_batch_size = micro_batch_size;
+    config.kl_loss_coeff = 0.1;
+    const TrajectoryShape shape = small_shape(config);
+    Ippo ippo(config, shape.env, torch::kCPU);
+    Minibatch batch = noise_batch(shape, 5, 3);
+    batch.policy_version[2][3] = -5000;  // one sample too old, so that the valid counts differ
+    batch.terminated[1][2] = 1;
+    apply_lag_filter(batch, 0, 1000);
+    ippo.prepare_targets(batch);
+    Ippo::LossSums sums;
+    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
+    results.push_back(gradients(ippo.net()));
+  }
+  for (std::size_t i = 1; i < results.size(); ++i)
+    EXPECT_LT(largest_relative_difference(results[0], results[i]), 2e-5) << "variant " << i;
+}
+
+TEST(Ippo, AnAllInvalidTrajectoryAddsNothingToTheGradient) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  std::vector<std::vector<Tensor>> results;
+  for (const int slab_count : {3, 4}) {
+    Minibatch batch = noise_batch(shape, slab_count, 4);
+    if (slab_count == 4) batch.valid.narrow(1, 6, 2).zero_();
+    apply_lag_filter(batch, 0, 1000);
+    ippo.prepare_targets(batch);
+    Ippo::LossSums sums;
+    ippo.accumulate_gradient(batch, {}, sums);
+    results.push_back(gradients(ippo.net()));
+  }
+  // The second prepare_targets moved the return statistics a little; compare with fresh ones instead.
+  Ippo fresh(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 4, 4);
+  batch.valid.narrow(1, 6, 2).zero_();
+  apply_lag_filter(batch, 0, 1000);
+  fresh.prepare_targets(batch);
+  Ippo::LossSums sums;
+  fresh.accumulate_gradient(batch, {}, sums);
+  EXPECT_LT(largest_relative_difference(results[0], gradients(fresh.net())), 2e-5);
+}
+
+TEST(Ippo, AnAllInvalidBatchLeavesWeightsAndVersionAlone) {
+  RunConfig config = small_config();
+  config.normalize_input = true;
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 2, 5);
+  batch.policy_version.fill_(-1000);
+  std::vector<Tensor> before;
+  for (const auto& [name, tensor] : ippo.net().named_state()) before.push_back(tensor.detach().clone());
+  const Expected<UpdateStats> stats = ippo.update(batch, {});
+  ASSERT_TRUE(stats);
+  EXPECT_EQ(stats->optimizer_steps, 0);
+  EXPECT_EQ(stats->lag.dropped, 16);
+  EXPECT_EQ(ippo.version(), 0u);
+  std::vector<Tensor> after;
+  for (const auto& [name, tensor] : ippo.net().named_state()) after.push_back(tensor.detach());
+  EXPECT_TRUE(all_equal(before, after));
+}
+
+TEST(Ippo, BackPropagationThroughADoneEqualsTwoSeparateRollouts) {
+  for (const char* rnn_type : {"gru", "lstm"}) {
+    RunConfig config = small_config();
+    config.rnn_type = rnn_type;
+    config.rollout = 6;
+    const TrajectoryShape shape = small_shape(config);
+    Ippo ippo(config, shape.env, torch::kCPU);
+    Minibatch batch = noise_batch(shape, 1, 6);
+    batch.terminated[2].fill_(1);
+    apply_lag_filter(batch, 0, 1000);
+    const Tensor weight = torch::randn({6, 2, 6}, torch::make_generator<at::CPUGeneratorImpl>(7));
+    const auto loss_of = [&](int64_t begin, int64_t length, const Tensor& state, const Tensor& reset) {
+      const policy::SequenceOutput output =
+          ippo.net().sequence(batch.frame.narrow(0, begin, length), {}, state, reset);
+      const Tensor part = weight.narrow(0, begin, length);
+      return (output.logits * part.narrow(2, 0, 5)).sum() + (output.value * part.select(2, 5)).sum();
+    };
+    const Tensor whole = loss_of(0, 6, batch.recurrent_state, batch.reset);
+    whole.backward();
+    const std::vector<Tensor> of_whole = gradients(ippo.net());
+    const Tensor no_reset = torch::zeros({3, 2}, torch::kUInt8);
+    const Tensor first = loss_of(0, 3, batch.recurrent_state, no_reset);
+    const Tensor second = loss_of(3, 3, torch::zeros_like(batch.recurrent_state), no_reset);
+    (first + second).backward();
+    EXPECT_NEAR(whole.item<double>(), (first + second).item<double>(), 1e-4) << rnn_type;
+    EXPECT_LT(largest_relative_difference(of_whole, gradients(ippo.net())), 1e-5) << rnn_type;
+  }
+}
+
+TEST(Ippo, AnotherAgentsFrameChangesNeitherValueNorLogits) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  const Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 1, 8);
+  torch::NoGradGuard no_grad;
+  apply_lag_filter(batch, 0, 1000);
+  const policy::SequenceOutput before =
+      ippo.net().sequence(batch.frame, {}, batch.recurrent_state, batch.reset);
+  batch.frame.select(1, 1).fill_(200);
+  const policy::SequenceOutput after = ippo.net().sequence(batch.frame, {}, batch.recurrent_state, batch.reset);
+  EXPECT_TRUE(torch::allclose(before.logits.select(1, 0), after.logits.select(1, 0), 1e-5, 1e-6));
+  EXPECT_TRUE(torch::allclose(before.value.select(1, 0), after.value.select(1, 0), 1e-5, 1e-6));
+  EXPECT_FALSE(torch::allclose(before.logits.select(1, 1), after.logits.select(1, 1), 1e-5, 1e-6));
+  EXPECT_FALSE(torch::allclose(before.value.select(1, 1), after.value.select(1, 1), 1e-5, 1e-6));
+}
+
+TEST(Ippo, ScalingRewardsLeavesNormalizedTargetsUnchanged) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  std::vector<Tensor> targets;
+  for (const double scale : {1.0, 25.0}) {
+    Ippo ippo(config, shape.env, torch::kCPU);
+    StateDict state;
+    ippo.save(state);
+    state.put("normalizer/returns_mean", 0.3 * scale);  // statistics that saw rewards of this scale
+    state.put("normalizer/returns_variance", 2.0 * scale * scale);
+    state.put("normalizer/returns_count", 500.0);
+    ASSERT_TRUE(ippo.load(state));
+    Minibatch batch = noise_batch(shape, 4, 9);
+    batch.reward.mul_(scale);
+    apply_lag_filter(batch, 0, 1000);
+    ippo.prepare_targets(batch);
+    targets.push_back(batch.target);
+  }
+  EXPECT_TRUE(torch::allclose(targets[0], targets[1], 1e-4, 1e-5));
+}
+
+TEST(Ippo, InvalidSamplesLowerTheLearningRateByTheirFraction) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 4, 10);
+  batch.valid.narrow(1, 0, 2).zero_();
+  const Expected<UpdateStats> stats = ippo.update(batch, {});
+  ASSERT_TRUE(stats);
+  EXPECT_NEAR(values_of(*stats)["train/actual_lr"], 0.75e-4, 1e-12);
+  EXPECT_NEAR(values_of(*stats)["train/lr"], 1e-4, 1e-12);
+}
+
+TEST(Ippo, StopsEarlyWhenTheActorLossStandsStill) {
+  RunConfig config = small_config();
+  config.num_epochs = 5;
+  config.learning_rate = 0;
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 2, 11);
+  EXPECT_EQ(ippo.update(batch, {})->optimizer_steps, 2);
+  config.learning_rate = 1e-2;
+  Ippo moving(config, shape.env, torch::kCPU);
+  EXPECT_EQ(moving.update(batch, {})->optimizer_steps, 5);
+}
+
+TEST(Ippo, CountsOneVersionPerOptimizerStepAndTellsEachOne) {
+  RunConfig config = small_config();
+  config.num_epochs = 2;
+  config.num_batches_per_epoch = 3;
+  config.shuffle_minibatches = true;
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 5, 12);
+  std::vector<PolicyVersion> told;
+  UpdateContext context;
+  context.after_step = [&] { told.push_back(ippo.version()); };
+  const Expected<UpdateStats> stats = ippo.update(batch, context);
+  ASSERT_TRUE(stats);
+  EXPECT_EQ(stats->optimizer_steps, 6);
+  EXPECT_EQ(stats->rows_trained, 2 * 5 * 2 * 4);
+  EXPECT_EQ(told, (std::vector<PolicyVersion>{1, 2, 3, 4, 5, 6}));
+}
+
+TEST(Ippo, AnAbandonedStepChangesNothing) {
+  RunConfig config = small_config();
+  config.micro_batch_size = 8;
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 4, 13);
+  const std::vector<Tensor> before = clone(ippo.net().parameters());
+  int asked = 0;
+  UpdateContext context;
+  context.keep_going = [&] { return ++asked < 3; };
+  const Expected<UpdateStats> stats = ippo.update(batch, context);
+  ASSERT_TRUE(stats);
+  EXPECT_TRUE(stats->abandoned);
+  EXPECT_EQ(ippo.version(), 0u);
+  EXPECT_TRUE(all_equal(before, ippo.net().parameters()));
+}
+
+TEST(Ippo, SkipsStepsThatAreNotFiniteAndGivesUpAfterTooManyInARow) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  const std::vector<Tensor> before = clone(ippo.net().parameters());
+  Minibatch batch = noise_batch(shape, 1, 14);
+  const Tensor recurrent_state = batch.recurrent_state.clone();
+  int skipped = 0;
+  Expected<UpdateStats> stats = UpdateStats{};
+  while (skipped < 100) {
+    batch.recurrent_state.fill_(std::numeric_limits<float>::quiet_NaN());
+    stats = ippo.update(batch, {});
+    if (!stats) break;
+    EXPECT_EQ(stats->skipped_steps, 1);
+    ++skipped;
+  }
+  ASSERT_FALSE(stats);
+  EXPECT_GE(skipped, 5);
+  EXPECT_NE(stats.error().message.find("not finite"), std::string::npos);
+  EXPECT_TRUE(all_equal(before, ippo.net().parameters()));
+  batch.recurrent_state.copy_(recurrent_state);  // and a sound batch goes on
+  EXPECT_EQ(ippo.update(batch, {})->optimizer_steps, 1);
+}
+
+TEST(Ippo, AReloadedRunContinuesBitForBit) {
+  RunConfig config = small_config();
+  config.normalize_input = true;
+  config.num_epochs = 2;
+  config.shuffle_minibatches = true;
+  config.num_batches_per_epoch = 2;
+  const TrajectoryShape shape = small_shape(config);
+  const auto train = [&](Ippo& ippo, uint64_t first, uint64_t last) {
+    for (uint64_t seed = first; seed < last; ++seed) {
+      Minibatch batch = noise_batch(shape, 4, seed);
+      ASSERT_TRUE(ippo.update(batch, {.env_frames = static_cast<double>(seed)}));
+    }
+  };
+  Ippo whole(config, shape.env, torch::kCPU);
+  train(whole, 20, 26);
+  Ippo first_half(config, shape.env, torch::kCPU);
+  train(first_half, 20, 23);
+  StateDict state;
+  first_half.save(state);
+  Ippo second_half(config, shape.env, torch::kCPU);
+  ASSERT_TRUE(second_half.load(state));
+  EXPECT_EQ(second_half.version(), first_half.version());
+  train(second_half, 23, 26);
+  EXPECT_EQ(second_half.version(), whole.version());
+  std::vector<std::byte> a(static_cast<std::size_t>(whole.weights_bytes())), b(a.size());
+  whole.write_weights(a);
+  second_half.write_weights(b);
+  EXPECT_TRUE(a == b);
+}
+
+TEST(Ippo, RefusesACheckpointOfAnotherModel) {
+  RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  const Ippo small(config, shape.env, torch::kCPU);
+  StateDict state;
+  small.save(state);
+  config.rnn_size = 24;
+  Ippo large(config, shape.env, torch::kCPU);
+  const Status loaded = large.load(state);
+  ASSERT_FALSE(loaded);
+  EXPECT_EQ(loaded.error().code, ErrorCode::kBadFormat);
+  EXPECT_FALSE(large.load(StateDict()));
+}
+
+TEST(Ippo, LearnsTheBestArmOfABandit) {
+  RunConfig config;
+  config.algo = "ippo";
+  config.rollout = 8;
+  config.use_rnn = false;
+  config.normalize_input = false;
+  config.learning_rate = 1e-2;
+  TrajectoryShape shape;
+  shape.env.num_agents = 1;
+  shape.env.height = shape.env.width = 36;
+  shape.env.head_count = 1;
+  shape.env.head_sizes = {2};
+  shape.rollout_steps = 8;
+  shape.recurrent_state_count = 0;
+  Ippo ippo(config, shape.env, torch::kCPU);
+  const SlabPool pool(shape, 4);
+  Minibatch batch = make_minibatch(shape, 4);
+  const Tensor frame = torch::full({1, 3, 36, 36}, 128, torch::kUInt8);
+  const RngKey key = RngKey(1).split("bandit");
+  double best = 0;
+  for (uint64_t update = 0; update < 300 && best <= 0.95; ++update) {
+    const policy::PolicyOutput output = ippo.net().step(frame, {}, torch::zeros({1, 0}));
+    const Tensor logits = output.logits[0].contiguous();
+    best = torch::softmax(logits, 0)[0].item<double>();
+    clear(batch);
+    for (int i = 0; i < 4; ++i) {
+      const SlabView slab = pool.view(i);
+      for (int t = 0; t < 8; ++t) {
+        std::fill(slab.frame(t, 0).begin(), slab.frame(t, 0).end(), uint8_t{128});
+        std::copy_n(logits.data_ptr<float>(), 2, slab.logits(t, 0).begin());
+        slab.log_prob(t, 0) = policy::sample_action(
+            slab.logits(t, 0), slab.action_mask(t, 0), shape.env,
+            key.split(update).split(static_cast<uint64_t>(i * 8 + t)), false, slab.action(t, 0));
+        slab.value(t, 0) = output.value.item<float>();
+        slab.reward(t, 0) = slab.action(t, 0)[0] == 0 ? 1.0f : 0.0f;
+        slab.terminated(t) = 1;
+        slab.policy_version(t, 0) = ippo.version();
+      }
+      ASSERT_EQ(collate_slab(batch, i, slab, 8), 0);
+    }
+    ASSERT_TRUE(ippo.update(batch, {}));
+  }
+  EXPECT_GT(best, 0.95);
+}
+
+TEST(MakeAlgorithm, NamesTheKnownOnesForAnUnknownName) {
+  RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  EXPECT_TRUE(make_algorithm(config, shape.env, torch::kCPU));
+  config.algo = "reinforce";
+  const auto made = make_algorithm(config, shape.env, torch::kCPU);
+  ASSERT_FALSE(made);
+  EXPECT_NE(made.error().message.find("ippo"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace comrad::learn

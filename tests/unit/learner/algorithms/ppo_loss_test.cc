@@ -1,12 +1,12 @@
 #include "learner/algorithms/ppo_loss.h"
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
 
 #include <cmath>
 #include <limits>
 
 #include "policy_workers/policy/action_heads.h"
+#include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
 namespace {

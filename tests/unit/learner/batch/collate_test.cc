@@ -1,11 +1,11 @@
 #include "learner/batch/collate.h"
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
 
 #include <limits>
 #include <vector>
 
+#include "policy_workers/policy/torch_ops.h"
 #include "tests/support/slab_pool.h"
 
 namespace comrad::learn {
@@ -138,7 +138,7 @@ TEST(Collate, MasksWhatAPeerBrokeAndKeepsTheRest) {
   slab.recurrent_state(0, 1)[2] = std::numeric_limits<float>::infinity();
   Minibatch batch = make_minibatch(shape, 1);
   clear(batch);
-  EXPECT_EQ(collate_slab(batch, 0, slab, 0xFFFFFFFFu), 6);  // agent 1: all four steps, agent 0: steps 0, 1, 2
+  EXPECT_EQ(collate_slab(batch, 0, slab, 0xFFFFFFFFu), 7);  // agent 1: all four steps, agent 0: steps 0, 1, 2
   EXPECT_EQ(batch.valid[3][0].item<int>(), 1);
   EXPECT_EQ(batch.valid.sum().item<int>(), 1);
   EXPECT_LT(batch.action.max().item<int64_t>(), 3);

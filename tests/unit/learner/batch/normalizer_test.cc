@@ -1,9 +1,10 @@
 #include "learner/batch/normalizer.h"
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
 
 #include <limits>
+
+#include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
 namespace {

@@ -1,11 +1,11 @@
 #include "learner/estimators/gae.h"
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
 
 #include <cmath>
 #include <vector>
 
+#include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad::learn {

@@ -1,12 +1,12 @@
 #include "learner/estimators/vtrace.h"
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
 
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
+#include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad::learn {

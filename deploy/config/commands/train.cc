@@ -1,0 +1,104 @@
+// `comrad train`: merges the settings, makes or resumes the run directory, makes the map once, and hands the
+// plan to the supervisor. Everything that can be refused is refused before the run directory is touched.
+
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+
+#include "deploy/config/command_line.h"
+#include "deploy/config/commands/command.h"
+#include "deploy/config/game_files.h"
+#include "deploy/config/merged_settings.h"
+#include "deploy/launch/run_directory.h"
+#include "deploy/launch/supervisor.h"
+
+namespace comrad::deploy {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// <scenario>_<ALGO>_<YYYYMMDD_HHMMSS>[_j<Slurm job>], as Sample Factory users know it.
+std::string automatic_name(const RunConfig& config) {
+  std::string algo = config.algo;
+  for (char& c : algo) c = static_cast<char>(c >= 'a' && c <= 'z' ? c - 'a' + 'A' : c);
+  const std::time_t now = std::time(nullptr);
+  std::tm local{};
+  localtime_r(&now, &local);
+  char date[32];
+  std::strftime(date, sizeof(date), "%Y%m%d_%H%M%S", &local);
+  const char* job = std::getenv("SLURM_JOB_ID");
+  return config.scenario + "_" + algo + "_" + date + (job != nullptr ? std::string("_j") + job : "");
+}
+
+/// The settings of a run that will live in `run_dir`, where an earlier one may lie.
+Expected<MergedSettings> settings_for(const std::string& run_dir, bool resumes, const UserSettings& user) {
+  const int core_count = usable_cores();
+  if (!resumes) return merge_new(user, describe_scenario, core_count);
+  COMRAD_TRY_ASSIGN(const RunConfig run, load_run_config(run_dir + "/config.toml"));
+  COMRAD_TRY_ASSIGN(MergedSettings merged, merge_onto_run(run, user, describe_scenario, core_count));
+  forget_stale_layout(run, merged.config);
+  return merged;
+}
+
+Expected<int> train(const CommandLine& line) {
+  const UserSettings user{line.config_file(), line.typed()};
+  RunConfig asked;  // only what says where the run lies is read from here
+  if (!user.config_file.empty()) {
+    COMRAD_TRY_ASSIGN(const SettingsLayer file, read_settings_toml(user.config_file));
+    COMRAD_TRY(apply_layer(asked, file));
+  }
+  COMRAD_TRY(apply_layer(asked, user.typed));
+  std::error_code error;
+  const std::string train_dir = fs::absolute(asked.train_dir, error).lexically_normal().string();
+  const std::string experiment = asked.experiment.empty() ? automatic_name(asked) : asked.experiment;
+  const std::string run_dir = (fs::path(train_dir) / experiment).string();
+
+  const bool resumes = asked.restart_behavior == "resume" && fs::exists(run_dir + "/config.toml", error);
+  COMRAD_TRY_ASSIGN(MergedSettings merged, settings_for(run_dir, resumes, user));
+  RunConfig& config = merged.config;
+  config.train_dir = train_dir;
+  config.experiment = experiment;
+  config.restart_behavior = asked.restart_behavior;
+  COMRAD_TRY(find_iwad());
+  if (!config.wad.empty()) COMRAD_TRY(check_wad(config.wad));
+
+  COMRAD_TRY_ASSIGN(const RunDirectory directory,
+                    RunDirectory::open(train_dir, experiment, config.restart_behavior));
+  if (directory.is_resumed() != resumes)
+    return Error{ErrorCode::kBadInput, run_dir + ": another run was made here just now; start again"};
+  std::fprintf(stderr, "%s %s\n",
+               resumes ? "Resuming the run in" : "Run directory:", directory.path().c_str());
+  COMRAD_TRY_ASSIGN(config.wad, ensure_layout(config, directory.path() + "/layouts"));
+  COMRAD_TRY(directory.write_config(config));
+
+  LaunchPlan plan;
+  plan.config = config;
+  plan.env = merged.scenario.env;
+  plan.decision_limit = merged.scenario.decision_limit;
+  plan.run_dir = directory.path();
+  plan.lock_descriptor = directory.lock_descriptor();
+  COMRAD_TRY_ASSIGN(const RunOutcome outcome, deploy::run(plan));
+  if (!outcome.message.empty()) std::fprintf(stderr, "%s\n", outcome.message.c_str());
+  return outcome.exit_code;
+}
+
+}  // namespace
+
+int train_command(Arguments arguments) {
+  CommandLine line(
+      "train --scenario NAME [--algo ippo] [--seed N] [settings]",
+      "Trains agents: simulators, policy workers and the learner run as processes of their own until\n"
+      "--train_for_env_steps env frames are learned from. Ctrl-C saves a checkpoint and stops. The run lies\n"
+      "in <train_dir>/<experiment>; the same command with the same --experiment goes on where it stopped.");
+  line.add_settings();
+  if (const Status parsed = line.parse(arguments); !parsed) return report_error("train", parsed.error());
+  if (line.help_requested()) {
+    std::fputs(line.help().c_str(), stdout);
+    return kExitDone;
+  }
+  const Expected<int> done = train(line);
+  return done ? *done : report_error("train", done.error());
+}
+
+}  // namespace comrad::deploy

@@ -1,0 +1,63 @@
+// One program started by the supervisor: it dies with us, keeps nothing of ours open, and what it prints
+// comes back line by line.
+#pragma once
+
+#include <sys/types.h>
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::deploy {
+
+/// What to start.
+struct ChildOptions {
+  std::string program;                                           ///< absolute path
+  std::vector<std::string> arguments;                            ///< without argv[0]
+  std::vector<std::pair<std::string, std::string>> environment;  ///< on top of ours
+  int inherited_descriptor = -1;  ///< kept open in the child (the run directory's lock); -1: none
+  int cpu = -1;                   ///< pinned to this core; -1: anywhere
+};
+
+/// How a child ended.
+struct ExitStatus {
+  int code = 0;              ///< exit code, when signal is 0
+  int signal = 0;            ///< killed by this one
+  std::string text() const;  ///< "exit code 1", "killed by signal 9 (Killed)"
+};
+
+/// A running child. Destroying it kills (SIGKILL) and reaps a child that still runs.
+class ChildProcess {
+ public:
+  /// Starts the program: standard input is /dev/null, standard output and error are one pipe to us; SIGINT
+  /// and SIGHUP are ignored (the supervisor decides); SIGTERM comes when the calling thread ends, however it
+  /// ends. All other descriptors are closed. Errors: kNotFound or kSystem when it cannot be executed.
+  /// Threads: call from a thread that outlives the child.
+  static Expected<ChildProcess> spawn(const ChildOptions& options);
+
+  ChildProcess(ChildProcess&& other) noexcept;
+  ChildProcess& operator=(ChildProcess&& other) noexcept;
+  ~ChildProcess();
+
+  pid_t pid() const { return pid_; }
+  int output_descriptor() const { return output_; }
+  /// Whole lines printed since the last call; never blocks. At the end of output also an unfinished one.
+  std::vector<std::string> read_lines();
+  /// Set once the child has ended; reaps it. Never blocks.
+  const std::optional<ExitStatus>& poll_exit();
+  /// Sends a signal, unless the child was reaped.
+  void send_signal(int signal);
+
+ private:
+  ChildProcess(pid_t pid, int output) : pid_(pid), output_(output) {}
+  void end();
+  pid_t pid_ = -1;
+  int output_ = -1;
+  std::string partial_;
+  std::optional<ExitStatus> exit_;
+};
+
+}  // namespace comrad::deploy

@@ -1,0 +1,102 @@
+#include "deploy/launch/progress.h"
+
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+
+namespace comrad::deploy {
+namespace {
+
+template <typename... Values>
+std::string format(const char* pattern, Values... values) {
+  char text[256];
+  std::snprintf(text, sizeof text, pattern, values...);
+  return text;
+}
+
+}  // namespace
+
+std::string count_text(double count) {
+  const struct {
+    double unit;
+    const char* name;
+  } units[] = {{1e9, "G"}, {1e6, "M"}, {1e3, "k"}};
+  for (const auto& [unit, name] : units) {
+    if (count < 0.9995 * unit) continue;  // 999 500 would round to "1000k"; it belongs to the unit above
+    const double value = count / unit;
+    std::string text = format(value < 99.95 ? "%.1f" : "%.0f", value);
+    if (text.ends_with(".0")) text.resize(text.size() - 2);
+    return text + name;
+  }
+  return format("%.0f", count);
+}
+
+std::string duration_text(double seconds) {
+  if (!(seconds >= 0) || seconds > 1e9) return "?";
+  const long long s = std::llround(seconds);
+  if (s < 60) return format("%llds", s);
+  if (s < 3600) return format("%lldm%02llds", s / 60, s % 60);
+  if (s < 86400) return format("%lldh%02lldm", s / 3600, s / 60 % 60);
+  return format("%lldd%02lldh", s / 86400, s / 3600 % 24);
+}
+
+std::string training_line(const TrainingProgress& p) {
+  std::string text = count_text(p.env_frames);
+  if (p.env_frames_total > 0) {
+    text += "/" + count_text(p.env_frames_total) + " env frames" +
+            format(" (%.1f%%)", 100.0 * p.env_frames / p.env_frames_total);
+    const double left = p.env_frames_total - p.env_frames;
+    if (p.env_frames_per_s > 0) text += ", ETA " + duration_text(left > 0 ? left / p.env_frames_per_s : 0);
+  } else {
+    text += " env frames";
+  }
+  text += format(" | %.0f env frames/s, %.0f decisions/s", p.env_frames_per_s, p.decisions_per_s);
+  if (std::isfinite(p.score_mean)) text += format(" | J %.1f", p.score_mean);
+  if (std::isfinite(p.return_mean))
+    text += format("%s return %.3g", std::isfinite(p.score_mean) ? "," : " |", p.return_mean);
+  if (std::isfinite(p.lag_mean)) text += format(" | lag %.1f (max %u)", p.lag_mean, p.lag_max);
+  return text;
+}
+
+ProgressPrinter::ProgressPrinter(int descriptor, bool show)
+    : descriptor_(descriptor), show_(show), is_terminal_(isatty(descriptor) == 1) {}
+
+void ProgressPrinter::line(const std::string& text) {
+  if (!show_) return;
+  if (!is_terminal_) {
+    put(text + "\n");
+    return;
+  }
+  standing_ = text;
+  winsize size{};
+  std::string cut = text;
+  // A line that wraps could not be rewritten in place.
+  if (ioctl(descriptor_, TIOCGWINSZ, &size) == 0 && size.ws_col > 1 && cut.size() >= size.ws_col) {
+    cut.resize(size.ws_col - 1u);
+  }
+  put("\r\x1b[K" + cut);
+}
+
+void ProgressPrinter::note(const std::string& text) {
+  const std::string under = standing_;
+  if (!standing_.empty()) put("\r\x1b[K");
+  put(text + "\n");
+  if (!under.empty()) line(under);
+}
+
+void ProgressPrinter::end() {
+  if (!standing_.empty()) put("\n");
+  standing_.clear();
+}
+
+void ProgressPrinter::put(const std::string& text) {
+  for (std::size_t done = 0; done < text.size();) {
+    const ssize_t written = write(descriptor_, text.data() + done, text.size() - done);
+    if (written > 0) done += static_cast<std::size_t>(written);
+    if (written < 0 && errno != EINTR) return;  // nobody reads any more: the run goes on without
+  }
+}
+
+}  // namespace comrad::deploy

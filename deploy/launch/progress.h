@@ -1,0 +1,54 @@
+// What the user sees of a run: one line that is rewritten in place on a terminal, plain lines when piped, and
+// notes (a worker died, a warning) that scroll by above it. Every rate is given twice: env frames/s and
+// decisions/s.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <string>
+
+namespace comrad::deploy {
+
+/// Numbers of a training line. NaN: not known yet, left out.
+struct TrainingProgress {
+  double env_frames = 0;
+  double env_frames_total = 0;  ///< 0: no limit, so neither per cent nor ETA
+  double env_frames_per_s = 0;
+  double decisions_per_s = 0;
+  double score_mean = std::nan("");  ///< J
+  double return_mean = std::nan("");
+  double lag_mean = std::nan("");
+  uint32_t lag_max = 0;
+};
+
+/// `1.2M/100M env frames (1.2%), ETA 7h48m | 3512 env frames/s, 878 decisions/s | J 412.3, return 1.23 |
+/// lag 3.2 (max 9)`
+std::string training_line(const TrainingProgress& progress);
+
+/// 950 -> "950", 12'345 -> "12.3k", 1e8 -> "100M".
+std::string count_text(double count);
+/// 5 -> "5s", 65 -> "1m05s", 3'660 -> "1h01m", 90'000 -> "1d01h".
+std::string duration_text(double seconds);
+
+/// Writes progress to a descriptor. Threads: one.
+class ProgressPrinter {
+ public:
+  /// `show` false keeps progress lines back; notes and the summary are still written.
+  ProgressPrinter(int descriptor, bool show);
+
+  /// Replaces the line on a terminal; elsewhere appends it.
+  void line(const std::string& text);
+  /// Something that must stay to be read.
+  void note(const std::string& text);
+  /// Ends the line in place, if one stands.
+  void end();
+
+ private:
+  void put(const std::string& text);
+  int descriptor_;
+  bool show_;
+  bool is_terminal_;
+  std::string standing_;  ///< the line in place
+};
+
+}  // namespace comrad::deploy

@@ -1,0 +1,206 @@
+#include "deploy/launch/run_directory.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "rollout_buffer/core/clock.h"
+
+namespace comrad::deploy {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kOrphanWaitS =
+    12.0;  // a learner without its supervisor has 10 s to write its last checkpoint
+constexpr int kMaxOldRuns = 9999;
+
+Error system_error(const std::string& what, int code) {
+  const bool is_full = code == ENOSPC || code == EDQUOT;
+  return Error{
+      is_full ? ErrorCode::kNoSpace : ErrorCode::kSystem,
+      what + ": " + std::strerror(code) + (is_full ? "; free disk space or choose another --train_dir" : "")};
+}
+
+Status check_name(const std::string& experiment) {
+  bool is_good = !experiment.empty() && experiment.size() <= 200 && experiment[0] != '.';
+  for (const char c : experiment)
+    is_good = is_good && c != '/' && static_cast<unsigned char>(c) >= 0x20 && c != 0x7F;
+  if (is_good) return {};
+  return Error{ErrorCode::kBadInput,
+               "experiment '" + experiment +
+                   "' cannot name a run: 1 to 200 characters, no '/', not starting with '.' "
+                   "(use --train_dir for the folder)"};
+}
+
+/// The pid that stands in a lock file; 0 if none.
+pid_t owner_of(int lock) {
+  char text[32] = {};
+  if (pread(lock, text, sizeof text - 1, 0) <= 0) return 0;
+  return static_cast<pid_t>(std::strtol(text, nullptr, 10));
+}
+
+bool is_alive(pid_t pid) { return pid > 0 && (kill(pid, 0) == 0 || errno == EPERM); }
+
+/// Takes the lock of `folder`. The file that was locked must still be the one under that name afterwards: a
+/// run that restarts renames the folder away under us.
+Expected<int> lock_folder(const std::string& folder) {
+  const std::string path = folder + "/.lock";
+  for (const double give_up_s = monotonic_s() + kOrphanWaitS;;) {
+    const int lock = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+    if (lock < 0) return system_error("run directory " + folder, errno);
+    if (flock(lock, LOCK_EX | LOCK_NB) == 0) {
+      struct stat locked {
+      }, named{};
+      if (fstat(lock, &locked) == 0 && stat(path.c_str(), &named) == 0 && locked.st_ino == named.st_ino) {
+        const std::string pid = std::to_string(getpid()) + "\n";
+        if (ftruncate(lock, 0) != 0 ||
+            pwrite(lock, pid.data(), pid.size(), 0) != static_cast<ssize_t>(pid.size())) {
+          const Error failed = system_error(path, errno);
+          close(lock);
+          return failed;
+        }
+        return lock;
+      }
+      close(lock);
+      continue;
+    }
+    const int code = errno;
+    const pid_t owner = owner_of(lock);
+    close(lock);
+    if (code != EWOULDBLOCK) return system_error("cannot lock " + path, code);
+    if (is_alive(owner)) {
+      return Error{ErrorCode::kBadInput,
+                   "run directory " + folder + " is used by a live run (pid " + std::to_string(owner) +
+                       "); stop that one or choose another --experiment or --train_dir"};
+    }
+    if (monotonic_s() > give_up_s) {
+      return Error{ErrorCode::kBadInput,
+                   "run directory " + folder +
+                       " is still held by a process of a run whose supervisor died (see `fuser " + path +
+                       "`); end it or choose another --experiment"};
+    }
+    usleep(100'000);
+  }
+}
+
+Expected<std::string> rename_away(const std::string& folder) {
+  for (int number = 1; number <= kMaxOldRuns; ++number) {
+    char suffix[16];
+    std::snprintf(suffix, sizeof suffix, "_old%04d", number);
+    const std::string old = folder + suffix;
+    struct stat there {};
+    if (lstat(old.c_str(), &there) == 0) continue;
+    if (rename(folder.c_str(), old.c_str()) != 0)
+      return system_error("cannot rename " + folder + " to " + old, errno);
+    return old;
+  }
+  return Error{ErrorCode::kBadInput, folder + ": 9999 old runs of this name exist; delete some"};
+}
+
+}  // namespace
+
+Expected<RunDirectory> RunDirectory::open(const std::string& train_dir, const std::string& experiment,
+                                          const std::string& restart_behavior) {
+  COMRAD_TRY(check_name(experiment));
+  if (restart_behavior != "resume" && restart_behavior != "restart" && restart_behavior != "overwrite") {
+    return Error{ErrorCode::kBadInput,
+                 "restart_behavior is '" + restart_behavior + "'; it must be resume, restart or overwrite"};
+  }
+  const std::string path = (fs::path(train_dir) / experiment).lexically_normal().string();
+  std::error_code failed;
+  const auto make = [&]() -> Expected<RunDirectory> {
+    fs::create_directories(path, failed);
+    if (failed) return system_error("cannot make run directory " + path, failed.value());
+    COMRAD_TRY_ASSIGN(const int lock, lock_folder(path));
+    return RunDirectory(path, lock);
+  };
+  COMRAD_TRY_ASSIGN(RunDirectory directory, make());
+
+  const bool exists = fs::exists(path + "/config.toml", failed);
+  if (restart_behavior == "restart" && exists) {
+    COMRAD_TRY(rename_away(path));
+    COMRAD_TRY_ASSIGN(directory, make());
+  } else if (restart_behavior == "overwrite") {
+    for (const fs::directory_entry& entry : fs::directory_iterator(path, failed)) {
+      if (entry.path().filename() == ".lock") continue;
+      if (!exists) {
+        return Error{ErrorCode::kBadInput,
+                     "--restart_behavior=overwrite: " + path +
+                         " holds files but no config.toml, so it is no run; nothing was deleted"};
+      }
+      fs::remove_all(entry.path(), failed);
+      if (failed) return system_error("cannot delete " + entry.path().string(), failed.value());
+    }
+  } else {
+    directory.is_resumed_ = exists;
+  }
+  for (const char* folder : {"logs", "checkpoint"}) {
+    fs::create_directories(fs::path(path) / folder, failed);
+    if (failed) return system_error("cannot make " + path + "/" + folder, failed.value());
+  }
+  return directory;
+}
+
+RunDirectory::RunDirectory(RunDirectory&& other) noexcept
+    : path_(std::move(other.path_)),
+      lock_descriptor_(std::exchange(other.lock_descriptor_, -1)),
+      is_resumed_(other.is_resumed_) {}
+
+RunDirectory& RunDirectory::operator=(RunDirectory&& other) noexcept {
+  std::swap(path_, other.path_);
+  std::swap(lock_descriptor_, other.lock_descriptor_);
+  std::swap(is_resumed_, other.is_resumed_);
+  return *this;
+}
+
+RunDirectory::~RunDirectory() {
+  if (lock_descriptor_ >= 0)
+    close(lock_descriptor_);  // the file stays: deleting it would race with the next owner
+}
+
+Status RunDirectory::write_config(const RunConfig& config) const {
+  return write_file_atomically(path_ + "/config.toml", settings_to_toml(config), /*durable=*/true);
+}
+
+Status write_status(const std::string& run_dir, const RunStatus& status) {
+  nlohmann::ordered_json json;
+  json["state"] = status.state;
+  json["env_frames"] = status.env_frames;
+  json["decisions"] = status.decisions;
+  json["learner_version"] = status.learner_version;
+  json["J_mean"] = std::isfinite(status.score_mean) ? nlohmann::ordered_json(status.score_mean) : nullptr;
+  json["env_frames_per_s"] = std::isfinite(status.env_frames_per_s) ? status.env_frames_per_s : 0.0;
+  json["message"] = status.message;
+  const std::string text = json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return write_file_atomically(run_dir + "/status.json", text, /*durable=*/false);
+}
+
+Status write_file_atomically(const std::string& path, std::string_view text, bool durable) {
+  const std::string temporary = path + ".tmp";
+  const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (file < 0) return system_error("cannot write " + temporary, errno);
+  int code = 0;
+  for (std::size_t done = 0; done < text.size() && code == 0;) {
+    const ssize_t written = write(file, text.data() + done, text.size() - done);
+    if (written > 0) done += static_cast<std::size_t>(written);
+    if (written < 0 && errno != EINTR) code = errno;
+  }
+  if (code == 0 && durable && fsync(file) != 0) code = errno;
+  if (close(file) != 0 && code == 0) code = errno;
+  if (code == 0 && rename(temporary.c_str(), path.c_str()) != 0) code = errno;
+  if (code == 0) return {};
+  unlink(temporary.c_str());
+  return system_error("cannot write " + path, code);
+}
+
+}  // namespace comrad::deploy

@@ -1,0 +1,58 @@
+// The batcher: a thread that copies sealed slabs into training batches while the learner trains, and gives each slab
+// back the moment it is copied. At most `capacity` full batches wait; then slabs stay sealed, simulators run out of
+// free ones, and policy lag stays bounded. Stage: drain > sample. (Asynchronous mode only.)
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "learner/batch/collate.h"
+#include "rollout_buffer/shm/arena.h"
+
+namespace comrad::learn {
+
+class BatchQueue {
+ public:
+  /// Starts the thread. `arena` outlives the queue. `slabs_per_batch` slabs make a batch.
+  BatchQueue(const shm::Arena& arena, int64_t slabs_per_batch, int64_t capacity);
+  /// Stops the thread; slabs in the hands of the batcher go back, batches that wait are lost.
+  ~BatchQueue();
+  BatchQueue(const BatchQueue&) = delete;
+  BatchQueue& operator=(const BatchQueue&) = delete;
+
+  /// The oldest full batch, or null after `timeout_ms`.
+  std::unique_ptr<Minibatch> pop(int timeout_ms);
+  /// Hands a trained batch back for reuse.
+  void recycle(std::unique_ptr<Minibatch> batch);
+
+  int waiting() const;                                           ///< full batches
+  uint64_t broken_decisions() const { return broken_.load(); }   ///< that collate found damaged
+  /// What stopped the thread early (libtorch out of memory); empty while all is well.
+  std::string failure() const;
+
+ private:
+  void run();
+  void fill();
+  bool collect(Minibatch& batch);
+
+  const shm::Arena& arena_;
+  const int64_t slabs_per_batch_;
+  const int64_t capacity_;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<std::unique_ptr<Minibatch>> full_;
+  std::vector<std::unique_ptr<Minibatch>> free_;
+  std::string failure_;
+  std::atomic<uint64_t> broken_{0};
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+}  // namespace comrad::learn

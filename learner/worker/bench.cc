@@ -1,0 +1,96 @@
+#include "learner/worker/bench.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "learner/algorithms/algorithm.h"
+#include "learner/batch/collate.h"
+#include "learner/worker/learner.h"
+#include "policy_workers/policy/policy_net.h"
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/schema/trajectory.h"
+
+namespace comrad::learn {
+namespace {
+
+/// A slab that looks like a sealed one: noise for frames, actions in range, one episode end.
+void fill_slab(const SlabView& slab, uint64_t seed) {
+  Rng rng(RngKey(seed).split("bench"));
+  const TrajectoryShape& shape = slab.shape();
+  for (int t = 0; t <= shape.rollout_steps; ++t) {
+    for (int agent = 0; agent < shape.env.num_agents; ++agent) {
+      const auto frame = slab.frame(t, agent);
+      for (std::size_t i = 0; i < frame.size(); ++i) frame[i] = static_cast<uint8_t>(rng.next() >> 56);
+      std::ranges::fill(slab.action_mask(t, agent), uint8_t{1});
+      slab.agent_active(t, agent) = 1;
+      if (t == shape.rollout_steps) continue;
+      for (int head = 0; head < shape.env.head_count; ++head)
+        slab.action(t, agent)[static_cast<std::size_t>(head)] = static_cast<int32_t>(
+            rng.below(static_cast<uint32_t>(shape.env.head_sizes[static_cast<std::size_t>(head)])));
+      slab.reward(t, agent) = static_cast<float>(rng.uniform());
+      slab.log_prob(t, agent) = -3.0f;
+    }
+    if (t == shape.rollout_steps) continue;
+    slab.final_index(t) = -1;
+    slab.valid(t) = 1;
+  }
+  slab.terminated(shape.rollout_steps / 2) = 1;
+}
+
+}  // namespace
+
+Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
+  TrajectoryShape shape;
+  shape.env = env;
+  shape.rollout_steps = static_cast<int32_t>(config.rollout);
+  shape.recurrent_state_count =
+      static_cast<int32_t>(policy::PolicyNetOptions::from(config, env).recurrent_state_count());
+  COMRAD_TRY(validate(shape));
+  COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(config.device));
+  COMRAD_TRY_ASSIGN(const std::unique_ptr<Algorithm> algorithm, make_algorithm(config, env, device));
+
+  const int64_t slab_count =
+      std::max<int64_t>(1, config.batch_size * config.num_batches_per_epoch / (config.rollout * env.num_agents));
+  const SlabLayout layout(shape);
+  std::vector<std::byte> bytes(static_cast<std::size_t>(layout.slab_bytes * slab_count));
+  const auto slab = [&](int64_t index) { return SlabView(layout, bytes.data() + layout.slab_bytes * index); };
+  for (int64_t i = 0; i < slab_count; ++i) fill_slab(slab(i), static_cast<uint64_t>(i));
+  Minibatch batch = make_minibatch(shape, slab_count);
+  std::vector<std::byte> weights(static_cast<std::size_t>(algorithm->weights_bytes()));
+
+  int64_t rows = 0, decisions = 0, updates = 0;
+  double began_s = 0, elapsed_s = 0;
+  for (int64_t round = 0; round < 2 || elapsed_s < seconds; ++round) {
+    if (round == 1) began_s = monotonic_s();  // round 0 warms up
+    clear(batch);
+    for (int64_t i = 0; i < slab_count; ++i) {
+      for (int t = 0; t < shape.rollout_steps; ++t)
+        for (int agent = 0; agent < env.num_agents; ++agent) slab(i).policy_version(t, agent) = algorithm->version();
+      collate_slab(batch, i, slab(i), static_cast<uint32_t>(shape.rollout_steps));
+    }
+    UpdateContext context;
+    context.env_frames = static_cast<double>(decisions * config.env_frameskip);
+    context.after_step = [&] { algorithm->write_weights(weights); };
+    COMRAD_TRY_ASSIGN(const UpdateStats stats, algorithm->update(batch, context));
+    if (round == 0) continue;
+    rows += stats.rows_trained;
+    decisions += batch.transitions;
+    updates += stats.optimizer_steps;
+    elapsed_s = monotonic_s() - began_s;
+  }
+  nlohmann::ordered_json line;
+  line["bench"] = "learner";
+  line["algo"] = config.algo;
+  line["rows_per_s"] = static_cast<double>(rows) / elapsed_s;
+  line["decisions_per_s"] = static_cast<double>(decisions) / elapsed_s;
+  line["env_frames_per_s"] = static_cast<double>(decisions * config.env_frameskip) / elapsed_s;
+  line["updates_per_s"] = static_cast<double>(updates) / elapsed_s;
+  line["seconds"] = elapsed_s;
+  std::printf("%s\n", line.dump().c_str());
+  return {};
+}
+
+}  // namespace comrad::learn

@@ -1,0 +1,110 @@
+#include "learner/worker/event_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <ctime>
+
+#include "tensorboard_event.pb.h"
+
+namespace comrad::learn {
+namespace {
+
+constexpr std::array<uint32_t, 256> make_crc_table() {
+  std::array<uint32_t, 256> table{};
+  for (uint32_t i = 0; i < 256; ++i) {
+    uint32_t crc = i;
+    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1) ^ (crc & 1 ? 0x82F63B78u : 0u);
+    table[i] = crc;
+  }
+  return table;
+}
+
+constexpr std::array<uint32_t, 256> kCrcTable = make_crc_table();
+
+template <typename Integer>
+void append_little_endian(std::string& out, Integer value) {
+  for (std::size_t i = 0; i < sizeof(value); ++i) out.push_back(static_cast<char>((value >> (8 * i)) & 0xFF));
+}
+
+double wall_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_REALTIME, &now);
+  return static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec) * 1e-9;
+}
+
+}  // namespace
+
+uint32_t masked_crc32c(std::string_view bytes) {
+  uint32_t crc = 0xFFFFFFFFu;
+  for (const char c : bytes) crc = (crc >> 8) ^ kCrcTable[(crc ^ static_cast<unsigned char>(c)) & 0xFF];
+  crc = ~crc;
+  return ((crc >> 15) | (crc << 17)) + 0xA282EAD8u;
+}
+
+std::string frame_record(std::string_view bytes) {
+  std::string record;
+  append_little_endian(record, static_cast<uint64_t>(bytes.size()));
+  append_little_endian(record, masked_crc32c(record));
+  record.append(bytes);
+  append_little_endian(record, masked_crc32c(bytes));
+  return record;
+}
+
+Status write_all(int descriptor, std::string_view bytes, const std::string& path) {
+  while (!bytes.empty()) {
+    const ssize_t count = ::write(descriptor, bytes.data(), bytes.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0)
+      return Error{errno == ENOSPC || errno == EDQUOT ? ErrorCode::kNoSpace : ErrorCode::kSystem,
+                   "cannot write " + path + ": " + std::strerror(errno)};
+    bytes.remove_prefix(static_cast<std::size_t>(count));
+  }
+  return {};
+}
+
+Expected<EventFile> EventFile::create(const std::string& folder) {
+  char host[256] = "localhost";
+  if (gethostname(host, sizeof(host) - 1) != 0) std::strcpy(host, "localhost");
+  const double now = wall_seconds();
+  const std::string path = folder + "/events.out.tfevents." + std::to_string(static_cast<int64_t>(now)) + "." +
+                           host + "." + std::to_string(getpid()) + ".0";
+  const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  if (descriptor < 0) return Error{ErrorCode::kSystem, "cannot create " + path + ": " + std::strerror(errno)};
+  EventFile file(descriptor, path);
+  tensorboard::Event version;
+  version.set_wall_time(now);
+  version.set_file_version("brain.Event:2");
+  COMRAD_TRY(write_all(descriptor, frame_record(version.SerializeAsString()), path));
+  return file;
+}
+
+EventFile::EventFile(EventFile&& other) noexcept
+    : descriptor_(std::exchange(other.descriptor_, -1)), path_(std::move(other.path_)) {}
+
+EventFile& EventFile::operator=(EventFile&& other) noexcept {
+  std::swap(descriptor_, other.descriptor_);
+  std::swap(path_, other.path_);
+  return *this;
+}
+
+EventFile::~EventFile() {
+  if (descriptor_ >= 0) close(descriptor_);
+}
+
+Status EventFile::write(double wall_time_s, int64_t step, const std::vector<std::pair<std::string, double>>& values) {
+  tensorboard::Event event;
+  event.set_wall_time(wall_time_s);
+  event.set_step(step);
+  for (const auto& [tag, value] : values) {
+    tensorboard::Summary::Value* entry = event.mutable_summary()->add_value();
+    entry->set_tag(tag);
+    entry->set_simple_value(static_cast<float>(value));
+  }
+  return write_all(descriptor_, frame_record(event.SerializeAsString()), path_);
+}
+
+}  // namespace comrad::learn

@@ -1,0 +1,43 @@
+// A TensorBoard event file: scalars over steps, framed records with masked CRC32C. Stage: beside update, for eyes.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::learn {
+
+/// CRC-32C (Castagnoli, reflected polynomial 0x82F63B78) as TFRecord stores it: rotated right by 15, plus a constant.
+uint32_t masked_crc32c(std::string_view bytes);
+
+/// One record: length u64 LE, masked CRC of the length, bytes, masked CRC of the bytes.
+std::string frame_record(std::string_view bytes);
+
+/// Appends events to one file of its own. Move-only.
+class EventFile {
+ public:
+  /// Makes <folder>/events.out.tfevents.<seconds>.<host>.<pid>.0 with its version record.
+  /// Errors: kSystem, kNoSpace.
+  static Expected<EventFile> create(const std::string& folder);
+  EventFile(EventFile&& other) noexcept;
+  EventFile& operator=(EventFile&& other) noexcept;
+  ~EventFile();
+
+  /// Adds one event with all `values` at `step`. Errors: kSystem, kNoSpace.
+  Status write(double wall_time_s, int64_t step, const std::vector<std::pair<std::string, double>>& values);
+  const std::string& path() const { return path_; }
+
+ private:
+  EventFile(int descriptor, std::string path) : descriptor_(descriptor), path_(std::move(path)) {}
+  int descriptor_ = -1;
+  std::string path_;
+};
+
+/// Writes all bytes to a descriptor in as few system calls as it takes. Errors: kNoSpace, kSystem, naming `path`.
+Status write_all(int descriptor, std::string_view bytes, const std::string& path);
+
+}  // namespace comrad::learn

@@ -1,0 +1,516 @@
+#include "learner/worker/learner.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/checksum.h"
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/shm/futex.h"
+
+namespace comrad::learn {
+namespace {
+
+constexpr double kStatsIntervalS = 1.0;
+constexpr double kPollIntervalS = 0.05;
+/// A stop lets the optimizer step in hand end; one that takes longer is given up, so that the process is gone in 10 s.
+constexpr double kAbandonStepAfterS = 4.0;
+/// Lock step can only save at a boundary, so it gets more time to reach it.
+constexpr double kAbandonRolloutAfterS = 7.5;
+constexpr double kBestImprovement = 1e-3;
+constexpr std::size_t kBestEpisodesMin = 10;
+constexpr int kJournalTimeoutMs = 5000;
+constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();
+
+std::string host_name() {
+  char name[256] = {};
+  return gethostname(name, sizeof(name) - 1) == 0 ? name : "localhost";
+}
+
+int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env) {
+  return std::max<int64_t>(1, config.batch_size * config.num_batches_per_epoch / (config.rollout * env.num_agents));
+}
+
+}  // namespace
+
+Expected<torch::Device> choose_device(const std::string& name) {
+  const bool has_cuda = at::hasCUDA();
+  if (name == "cpu" || (name == "auto" && !has_cuda)) return torch::Device(torch::kCPU);
+  if (!has_cuda)
+    return Error{ErrorCode::kUnsupported,
+                 "device is \"" + name + "\", but this libtorch sees no CUDA device; use --device cpu or auto"};
+  return torch::Device(name == "auto" ? "cuda" : name);
+}
+
+Learner::Learner(const LearnerOptions& options, const RunConfig& config, shm::Arena arena,
+                 std::optional<dds::Bus> bus, const std::atomic<bool>& stop)
+    : options_(options),
+      config_(config),
+      arena_(std::move(arena)),
+      bus_(std::move(bus)),
+      stop_(stop),
+      store_(options.run_dir + "/checkpoint", config.keep_checkpoints),
+      lock_step_(config.deterministic || !config.async_rl),
+      episodes_(config.stats_avg) {}
+
+Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options, const RunConfig& config,
+                                                  shm::Arena arena, std::optional<dds::Bus> bus,
+                                                  const std::atomic<bool>& stop) {
+  std::unique_ptr<Learner> learner(new Learner(options, config, std::move(arena), std::move(bus), stop));
+  learner->started_s_ = monotonic_s();
+  shm::WorkerCounters& counters = learner->arena_.learner_counters();
+  counters.pid = static_cast<uint32_t>(getpid());
+  counters.epoch.fetch_add(1);
+  counters.state = 1;
+  learner->set_state("starting");
+
+  COMRAD_TRY(learner->check_arena());
+  COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(config.device));
+  COMRAD_TRY_ASSIGN(learner->algorithm_,
+                    make_algorithm(config, learner->arena_.shape().trajectory.env, device));
+  const int64_t bytes = learner->algorithm_->weights_bytes();
+  if (bytes > learner->arena_.shape().weights_bytes)
+    return Error{ErrorCode::kBadInput, "the network has " + std::to_string(bytes) + " bytes of weights, the arena holds " +
+                                           std::to_string(learner->arena_.shape().weights_bytes) +
+                                           "; learner and supervisor must read the same config.toml"};
+  COMRAD_TRY(learner->resume());
+
+  shm::ControlBlock& control = learner->arena_.control();
+  if (!options.serve) {
+    COMRAD_TRY_ASSIGN(learner->metrics_, MetricsWriter::open(options.run_dir));
+    if (learner->lock_step_ && control.rollouts_allowed.load() != 0)
+      return Error{ErrorCode::kUnsupported,
+                   "a learner cannot join a lock-step run half way (its simulators have gone on); stop the run and "
+                   "resume it from its last checkpoint"};
+    learner->arena_.reclaim_learner();
+    if (learner->journals_) COMRAD_TRY(learner->journals_->restore(learner->arena_));
+  }
+  control.learner_env_frames = learner->env_frames_;
+  counters.decisions = learner->decisions_;
+  counters.batches = learner->algorithm_->version();
+  learner->publish();
+  // Last of all: simulators read journals once this is above 0.
+  control.rollouts_allowed = learner->lock_step_ && !options.serve ? learner->next_rollout_ + 1 : kUnlimited;
+  shm::ring(control.slab_released);
+  counters.state = 2;
+  learner->set_state("running");
+  spdlog::info("learner: {} with {} parameters on {}, version {}, {} env frames so far", config.algo,
+               learner->algorithm_->parameter_count(), device.str(), learner->algorithm_->version(),
+               learner->env_frames_);
+  return learner;
+}
+
+Status Learner::check_arena() const {
+  const TrajectoryShape& shape = arena_.shape().trajectory;
+  const int64_t state_count = policy::PolicyNetOptions::from(config_, shape.env).recurrent_state_count();
+  if (shape.rollout_steps != config_.rollout || shape.recurrent_state_count != state_count)
+    return Error{ErrorCode::kBadInput, "the arena was made for rollout " + std::to_string(shape.rollout_steps) +
+                                           " and " + std::to_string(shape.recurrent_state_count) +
+                                           " floats of recurrent state, config.toml says " +
+                                           std::to_string(config_.rollout) + " and " + std::to_string(state_count)};
+  const int64_t needed = lock_step_ ? arena_.shape().env_count() : slabs_per_batch(config_, shape.env);
+  if (!options_.serve && arena_.shape().slab_count < needed)
+    return Error{ErrorCode::kBadInput, "the arena has " + std::to_string(arena_.shape().slab_count) +
+                                           " trajectory slabs, a batch needs " + std::to_string(needed) +
+                                           "; raise --trajectory_slabs or lower --batch_size"};
+  return {};
+}
+
+Status Learner::load(const std::string& path) {
+  COMRAD_TRY_ASSIGN(const StateDict state, read_checkpoint(path));
+  const Status loaded = algorithm_->load(state);
+  if (!loaded) return Error{loaded.error().code, path + ": " + loaded.error().message};
+  COMRAD_TRY_ASSIGN(const int64_t env_frames, state.integer("counters/env_frames"));
+  COMRAD_TRY_ASSIGN(const int64_t decisions, state.integer("counters/decisions"));
+  COMRAD_TRY_ASSIGN(train_seconds_before_, state.number("counters/train_seconds"));
+  env_frames_ = static_cast<uint64_t>(env_frames);
+  decisions_ = static_cast<uint64_t>(decisions);
+  has_best_ = state.has("counters/best_score");
+  if (has_best_) COMRAD_TRY_ASSIGN(best_score_, state.number("counters/best_score"));
+  journals_.reset();
+  next_rollout_ = 0;
+  if (config_.deterministic && !options_.serve && JournalSnapshot::is_in(state)) {
+    COMRAD_TRY_ASSIGN(journals_, JournalSnapshot::load(state));
+    next_rollout_ = journals_->next_rollout;
+  }
+  saved_version_ = algorithm_->version();
+  last_checkpoint_ = path;
+  return {};
+}
+
+Status Learner::resume() {
+  if (options_.serve && !options_.checkpoint.empty()) return load(options_.checkpoint);
+  std::vector<std::string> candidates;
+  if (config_.load_checkpoint_kind == "best" && !store_.best().empty()) candidates.push_back(store_.best());
+  for (const CheckpointFile& file : store_.list()) candidates.push_back(file.path);
+  for (const std::string& path : candidates) {
+    const Expected<StateDict> readable = read_checkpoint(path);
+    if (!readable && readable.error().code == ErrorCode::kBadFormat) {
+      spdlog::warn("{}; trying the one before", readable.error().message);
+      if (!options_.serve) store_.set_aside(path);
+      continue;
+    }
+    COMRAD_TRY(load(path));
+    spdlog::info("resumed from {}", path);
+    return {};
+  }
+  if (!candidates.empty())
+    return Error{ErrorCode::kBadFormat, "none of the " + std::to_string(candidates.size()) + " checkpoints in " +
+                                            options_.run_dir +
+                                            "/checkpoint can be read; restore one, or begin anew with "
+                                            "--restart_behavior restart"};
+  if (options_.serve)
+    return Error{ErrorCode::kNotFound, "no checkpoint in " + options_.run_dir + "/checkpoint; name one with --checkpoint"};
+  if (!options_.checkpoint.empty()) return load(options_.checkpoint);
+  return {};
+}
+
+Status Learner::run() {
+  Status result = options_.serve ? serve() : lock_step_ ? run_lock_step() : run_asynchronous();
+  queue_.reset();
+  const bool diverged = !result;
+  set_state(diverged ? "failed" : "stopping");
+  if (!options_.serve && !diverged && algorithm_->version() != saved_version_) result = save_checkpoint();
+  if (!options_.serve) {
+    report_metrics();
+    publish_stats();
+  }
+  arena_.learner_counters().state = 3;
+  return result;
+}
+
+Status Learner::serve() {
+  spdlog::info("serving {} at version {}", last_checkpoint_, algorithm_->version());
+  while (!stop_requested()) {
+    shm::Doorbell& changed = arena_.control().run_state_changed;
+    const uint32_t heard = shm::listen(changed);
+    poll();
+    if (!stop_requested()) shm::wait(changed, heard, 100'000);
+  }
+  return {};
+}
+
+Status Learner::run_asynchronous() {
+  queue_ = std::make_unique<BatchQueue>(arena_, slabs_per_batch(config_, arena_.shape().trajectory.env),
+                                        config_.num_batches_to_accumulate);
+  while (!stop_requested() && !is_finished()) {
+    if (!wait_while_paused()) break;
+    const int64_t waited_from_ns = monotonic_ns();
+    std::unique_ptr<Minibatch> batch = queue_->pop(50);
+    arena_.learner_counters().wait_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - waited_from_ns));
+    poll();
+    broken_decisions_ = queue_->broken_decisions();
+    if (batch == nullptr) {
+      if (const std::string failure = queue_->failure(); !failure.empty())
+        return Error{ErrorCode::kSystem, "collating batches failed: " + failure};
+      COMRAD_TRY(save_if_due());
+      continue;
+    }
+    COMRAD_TRY(train(*batch));
+    queue_->recycle(std::move(batch));
+    COMRAD_TRY(save_if_due());
+  }
+  return {};
+}
+
+Expected<std::vector<uint32_t>> Learner::collect_rollout(uint64_t rollout) {
+  const int env_count = arena_.shape().env_count();
+  std::vector<std::optional<uint32_t>> slab_of(static_cast<std::size_t>(env_count));
+  int missing = env_count;
+  const auto give_back = [&] {
+    for (const auto& slab : slab_of)
+      if (slab) arena_.release_slab(*slab);
+    return std::vector<uint32_t>();
+  };
+  while (missing > 0) {
+    if (stop_requested()) return give_back();
+    const int64_t waited_from_ns = monotonic_ns();
+    shm::Doorbell& sealed = arena_.control().slab_sealed;
+    const uint32_t heard = shm::listen(sealed);
+    const std::vector<uint32_t> drained = arena_.drain_slabs(missing);
+    for (const uint32_t slab : drained) {
+      const shm::SlabHeader& header = arena_.slab_header(static_cast<int>(slab));
+      const uint32_t env_index = header.env_index;
+      if (env_index >= static_cast<uint32_t>(env_count) || header.rollout_index != rollout || slab_of[env_index]) {
+        const std::string what = "environment " + std::to_string(env_index) + " sealed rollout " +
+                                 std::to_string(header.rollout_index) + " while the learner waits for rollout " +
+                                 std::to_string(rollout);
+        arena_.release_slab(slab);
+        give_back();
+        return Error{ErrorCode::kPeerLost, what + "; a simulator left lock step, resume from the last checkpoint"};
+      }
+      slab_of[env_index] = slab;
+      --missing;
+    }
+    if (missing > 0 && drained.empty()) shm::wait(sealed, heard, 50'000);
+    arena_.learner_counters().wait_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - waited_from_ns));
+    poll();
+  }
+  std::vector<uint32_t> slabs;
+  for (const auto& slab : slab_of) slabs.push_back(*slab);
+  return slabs;
+}
+
+Status Learner::run_lock_step() {
+  const TrajectoryShape& shape = arena_.shape().trajectory;
+  const int64_t per_batch = slabs_per_batch(config_, shape.env);
+  std::vector<Minibatch> batches;  // one full one, and one for a shorter rest if there is any
+  while (!stop_requested() && !is_finished()) {
+    if (!wait_while_paused()) break;
+    COMRAD_TRY_ASSIGN(const std::vector<uint32_t> slabs, collect_rollout(next_rollout_));
+    if (slabs.empty()) break;
+    std::optional<JournalSnapshot> boundary;
+    if (config_.deterministic && arena_.shape().journal_steps > 0) {
+      Expected<JournalSnapshot> captured = JournalSnapshot::capture(arena_, next_rollout_ + 1, kJournalTimeoutMs);
+      if (captured)
+        boundary = std::move(captured).value();
+      else
+        spdlog::warn("{}; checkpoints of this boundary will not resume exactly", captured.error().message);
+    }
+    const int64_t slab_count = static_cast<int64_t>(slabs.size());
+    for (int64_t begin = 0; begin < slab_count; begin += per_batch) {
+      const int64_t count = std::min(per_batch, slab_count - begin);
+      auto batch = std::ranges::find(batches, count, &Minibatch::slab_count);
+      if (batch == batches.end()) batch = batches.insert(batches.end(), make_minibatch(shape, count));
+      clear(*batch);
+      for (int64_t i = 0; i < count; ++i) {
+        const int slab = static_cast<int>(slabs[static_cast<std::size_t>(begin + i)]);
+        broken_decisions_ += static_cast<uint64_t>(
+            collate_slab(*batch, i, arena_.slab(slab), arena_.slab_header(slab).length));
+      }
+      const Status trained = train(*batch);
+      if (!trained || last_update_.abandoned) {
+        for (const uint32_t slab : slabs) arena_.release_slab(slab);
+        COMRAD_TRY(trained);
+        // Weights of half a rollout belong to no boundary; the checkpoint before stays the newest.
+        spdlog::warn("stopped within a rollout; the run resumes from {}",
+                     last_checkpoint_.empty() ? "its beginning" : last_checkpoint_);
+        saved_version_ = algorithm_->version();
+        return {};
+      }
+    }
+    publish();
+    journals_ = std::move(boundary);
+    ++next_rollout_;
+    COMRAD_TRY(save_if_due());
+    for (const uint32_t slab : slabs) arena_.release_slab(slab);
+    if (is_finished()) break;
+    arena_.control().rollouts_allowed = next_rollout_ + 1;
+    shm::ring(arena_.control().slab_released);
+  }
+  return {};
+}
+
+Status Learner::train(Minibatch& batch) {
+  const int64_t began_ns = monotonic_ns();
+  UpdateContext context;
+  context.env_frames = static_cast<double>(env_frames_);
+  // Fresh weights after every optimizer step keep the lag low; lock step publishes at the boundary only.
+  if (!lock_step_) context.after_step = [this] { publish(); };
+  context.begin_step = [this] { return lock_step_ || !stop_requested(); };
+  context.keep_going = [this] {
+    poll();
+    return !stop_requested() || seconds_since_stop() < (lock_step_ ? kAbandonRolloutAfterS : kAbandonStepAfterS);
+  };
+  COMRAD_TRY_ASSIGN(last_update_, algorithm_->update(batch, context));
+  skipped_steps_ += static_cast<uint64_t>(last_update_.skipped_steps);
+  if (last_update_.abandoned && last_update_.optimizer_steps == 0) return {};
+
+  decisions_ += static_cast<uint64_t>(batch.transitions);
+  env_frames_ += static_cast<uint64_t>(batch.transitions * config_.env_frameskip);
+  rates_.add(monotonic_s(), env_frames_, decisions_);
+  arena_.control().learner_env_frames = env_frames_;
+  shm::WorkerCounters& counters = arena_.learner_counters();
+  counters.decisions = decisions_;
+  counters.batches = algorithm_->version();
+  counters.busy_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - began_ns));
+  poll();
+  return {};
+}
+
+void Learner::publish() {
+  weights_.resize(static_cast<std::size_t>(algorithm_->weights_bytes()));
+  algorithm_->write_weights(weights_);
+  arena_.publish_weights(weights_, algorithm_->version());
+  if (!bus_) return;
+  const Status written = bus_->write(
+      dds::WeightsUpdate{.version = algorithm_->version(), .bytes = weights_.size(), .checksum = checksum64(weights_)});
+  if (!written) spdlog::warn("weights notice: {}", written.error().message);
+}
+
+bool Learner::is_finished() const {
+  if (static_cast<double>(env_frames_) >= config_.train_for_env_steps) return true;
+  return config_.train_for_seconds > 0 &&
+         train_seconds_before_ + monotonic_s() - started_s_ >= config_.train_for_seconds;
+}
+
+bool Learner::stop_requested() {
+  const bool stopping = stop_.load(std::memory_order_relaxed) || run_control_stopping_ ||
+                        arena_.control().run_state.load() == shm::RunState::kStopping;
+  if (stopping && stop_seen_s_ == 0) stop_seen_s_ = monotonic_s();
+  return stopping;
+}
+
+double Learner::seconds_since_stop() const { return stop_seen_s_ == 0 ? 0 : monotonic_s() - stop_seen_s_; }
+
+bool Learner::wait_while_paused() {
+  while (run_control_paused_ || arena_.control().run_state.load() == shm::RunState::kPaused) {
+    if (stop_requested()) return false;
+    if (state_name_ != "paused") set_state("paused");
+    shm::Doorbell& changed = arena_.control().run_state_changed;
+    const uint32_t heard = shm::listen(changed);
+    shm::wait(changed, heard, 50'000);
+    poll();
+  }
+  if (state_name_ == "paused") set_state("running");
+  return true;
+}
+
+StateDict Learner::state() const {
+  StateDict state;
+  algorithm_->save(state);
+  state.put("counters/env_frames", static_cast<int64_t>(env_frames_));
+  state.put("counters/decisions", static_cast<int64_t>(decisions_));
+  state.put("counters/train_seconds", train_seconds_before_ + monotonic_s() - started_s_);
+  if (has_best_) state.put("counters/best_score", best_score_);
+  // Every random draw is a function of the seed and of counters above; there is no other generator state.
+  state.put("rng/seed", config_.seed);
+  state.put("config/toml", settings_to_toml(config_));
+  if (journals_) journals_->save(state);
+  return state;
+}
+
+Status Learner::save_checkpoint() {
+  const Expected<std::string> path = store_.save(state(), algorithm_->version(), env_frames_);
+  last_save_s_ = monotonic_s();
+  if (!path) {
+    spdlog::error("checkpoint: {}", path.error().message);
+    return path.error();
+  }
+  saved_version_ = algorithm_->version();
+  last_checkpoint_ = *path;
+  spdlog::info("saved {}", *path);
+  return {};
+}
+
+Status Learner::save_if_due() {
+  const double now = monotonic_s();
+  if (last_save_s_ == 0) last_save_s_ = last_best_look_s_ = now;
+  const bool wanted = checkpoint_seq_wanted_ != checkpoint_seq_done_;
+  if (wanted || (now - last_save_s_ >= config_.save_every_sec && algorithm_->version() != saved_version_)) {
+    checkpoint_seq_done_ = checkpoint_seq_wanted_;
+    // A full disk costs this checkpoint, not the run; the last one, at the end, decides about the exit code.
+    (void)save_checkpoint();
+  }
+  if (now - last_best_look_s_ < config_.save_best_every_sec) return {};
+  last_best_look_s_ = now;
+  const bool enough = episodes_.size() >= std::min(kBestEpisodesMin, static_cast<std::size_t>(config_.stats_avg)) &&
+                      static_cast<double>(env_frames_) >= config_.save_best_after;
+  const double score = episodes_.score_mean();
+  if (!enough || !std::isfinite(score) || (has_best_ && score <= best_score_ + kBestImprovement)) return {};
+  const double previous = best_score_;
+  const bool had_best = has_best_;
+  best_score_ = score;
+  has_best_ = true;
+  const Expected<std::string> path = store_.save_best(state(), score);
+  if (path) {
+    spdlog::info("saved {}", *path);
+  } else {
+    spdlog::error("best checkpoint: {}", path.error().message);
+    best_score_ = previous;
+    has_best_ = had_best;
+  }
+  return {};
+}
+
+void Learner::poll() {
+  const double now = monotonic_s();
+  if (now - last_poll_s_ < kPollIntervalS) return;
+  last_poll_s_ = now;
+  if (bus_) {
+    if (const auto control = bus_->take_run_control()) {
+      run_control_stopping_ = control->run_state == "stopping";
+      run_control_paused_ = control->run_state == "paused";
+      checkpoint_seq_wanted_ = std::max(checkpoint_seq_wanted_, control->checkpoint_seq);
+    }
+    for (const dds::EpisodeResult& episode : bus_->take_episode_results()) episodes_.add(episode);
+  }
+  if (now - last_stats_s_ >= kStatsIntervalS) {
+    last_stats_s_ = now;
+    set_state(state_name_.c_str());
+    if (!options_.serve) publish_stats();
+  }
+  if (last_report_s_ == 0) last_report_s_ = now;
+  if (metrics_ && now - last_report_s_ >= config_.experiment_summaries_interval) report_metrics();
+}
+
+void Learner::publish_stats() {
+  if (!bus_) return;
+  dds::TrainStats stats;
+  stats.time_s = train_seconds_before_ + monotonic_s() - started_s_;
+  stats.env_frames = env_frames_;
+  stats.decisions = decisions_;
+  stats.learner_version = algorithm_->version();
+  stats.env_frames_per_s = rates_.env_frames_per_s();
+  stats.decisions_per_s = rates_.decisions_per_s();
+  stats.score_mean = episodes_.score_mean();
+  stats.return_mean = episodes_.return_mean();
+  stats.episodes = episodes_.episodes();
+  stats.policy_lag_mean = last_update_.lag.mean;
+  stats.policy_lag_max = static_cast<uint32_t>(last_update_.lag.max);
+  stats.last_checkpoint = last_checkpoint_;
+  const Status written = bus_->write(stats);
+  if (!written) spdlog::warn("train stats: {}", written.error().message);
+}
+
+void Learner::report_metrics() {
+  if (!metrics_) return;
+  const double now = monotonic_s();
+  MetricValues values = last_update_.values;
+  values.emplace_back("train/env_steps", static_cast<double>(env_frames_));
+  values.emplace_back("train/skipped_sgd_steps", static_cast<double>(skipped_steps_));
+  episodes_.append_to(values);
+  values.emplace_back("perf/_fps", rates_.env_frames_per_s());
+  values.emplace_back("perf/decisions_per_s", rates_.decisions_per_s());
+  uint64_t sampled = 0;
+  for (int worker = 0; worker < arena_.shape().sim_worker_count; ++worker)
+    sampled += arena_.sim_counters(worker).decisions.load();
+  // A restarted simulator may count from 0 again; the rate of that one report is left out.
+  if (last_sampled_s_ > 0 && now > last_sampled_s_ && sampled >= last_sampled_decisions_)
+    values.emplace_back("perf/_sample_throughput",
+                        static_cast<double>(sampled - last_sampled_decisions_) / (now - last_sampled_s_));
+  last_sampled_s_ = now;
+  last_sampled_decisions_ = sampled;
+  const shm::WorkerCounters& counters = arena_.learner_counters();
+  const double busy = static_cast<double>(counters.busy_ns.load()), wait = static_cast<double>(counters.wait_ns.load());
+  if (busy + wait > 0) values.emplace_back("stats/learner_busy_fraction", busy / (busy + wait));
+  values.emplace_back("stats/batches_waiting", queue_ ? queue_->waiting() : 0);
+  values.emplace_back("stats/slabs_sealed", arena_.sealed_count());
+  values.emplace_back("stats/episodes", static_cast<double>(episodes_.episodes()));
+  values.emplace_back("stats/broken_decisions", static_cast<double>(broken_decisions_));
+  last_report_s_ = now;
+  const Status written =
+      metrics_->write(train_seconds_before_ + now - started_s_, env_frames_, decisions_, values);
+  if (!written) spdlog::error("metrics: {}", written.error().message);
+}
+
+void Learner::set_state(const char* state) {
+  state_name_ = state;
+  if (!bus_) return;
+  static const std::string host = host_name();
+  const Status written = bus_->write(dds::WorkerStatus{.worker_id = "learner",
+                                                       .host = host,
+                                                       .pid = getpid(),
+                                                       .role = "learner",
+                                                       .state = state_name_,
+                                                       .decisions_per_s = rates_.decisions_per_s(),
+                                                       .message = ""});
+  if (!written) spdlog::warn("worker status: {}", written.error().message);
+}
+
+}  // namespace comrad::learn

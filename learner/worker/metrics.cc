@@ -1,0 +1,123 @@
+#include "learner/worker/metrics.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <ctime>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+namespace comrad::learn {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+double wall_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_REALTIME, &now);
+  return static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec) * 1e-9;
+}
+
+}  // namespace
+
+void RateWindow::add(double time_s, uint64_t env_frames, uint64_t decisions) {
+  samples_.push_back({time_s, env_frames, decisions});
+  while (samples_.size() > 2 && samples_[1].time_s <= time_s - window_s_) samples_.pop_front();
+}
+
+double RateWindow::rate(uint64_t Sample::*counter) const {
+  if (samples_.size() < 2) return 0;
+  const Sample &first = samples_.front(), &last = samples_.back();
+  const double seconds = last.time_s - first.time_s;
+  return seconds > 0 ? static_cast<double>(last.*counter - first.*counter) / seconds : 0;
+}
+
+void EpisodeWindow::add(const dds::EpisodeResult& episode) {
+  Episode entry{.score = episode.score, .return_mean = 0, .return_min = 0, .return_max = 0,
+                .length_tics = static_cast<double>(episode.length_tics)};
+  if (!episode.agent_return.empty()) {
+    for (const double value : episode.agent_return) entry.return_mean += value;
+    entry.return_mean /= static_cast<double>(episode.agent_return.size());
+    const auto [low, high] = std::minmax_element(episode.agent_return.begin(), episode.agent_return.end());
+    entry.return_min = *low;
+    entry.return_max = *high;
+  }
+  window_.push_back(entry);
+  if (window_.size() > static_cast<std::size_t>(capacity_)) window_.pop_front();
+  ++episodes_;
+}
+
+double EpisodeWindow::score_mean() const {
+  double sum = 0;
+  for (const Episode& episode : window_) sum += episode.score;
+  return window_.empty() ? kNaN : sum / static_cast<double>(window_.size());
+}
+
+double EpisodeWindow::return_mean() const {
+  double sum = 0;
+  for (const Episode& episode : window_) sum += episode.return_mean;
+  return window_.empty() ? kNaN : sum / static_cast<double>(window_.size());
+}
+
+void EpisodeWindow::append_to(MetricValues& values) const {
+  if (window_.empty()) return;
+  const auto least = [this](double Episode::*member) {
+    return std::ranges::min_element(window_, {}, member)->*member;
+  };
+  const auto most = [this](double Episode::*member) {
+    return std::ranges::max_element(window_, {}, member)->*member;
+  };
+  double length = 0;
+  for (const Episode& episode : window_) length += episode.length_tics;
+  values.emplace_back("reward/reward", return_mean());
+  values.emplace_back("reward/reward_min", least(&Episode::return_min));
+  values.emplace_back("reward/reward_max", most(&Episode::return_max));
+  values.emplace_back("len/len", length / static_cast<double>(window_.size()));
+  values.emplace_back("len/len_min", least(&Episode::length_tics));
+  values.emplace_back("len/len_max", most(&Episode::length_tics));
+  values.emplace_back("policy_stats/avg_true_objective", score_mean());
+  values.emplace_back("policy_stats/avg_true_objective_min", least(&Episode::score));
+  values.emplace_back("policy_stats/avg_true_objective_max", most(&Episode::score));
+}
+
+Expected<MetricsWriter> MetricsWriter::open(const std::string& run_dir) {
+  const std::string path = run_dir + "/metrics.jsonl";
+  COMRAD_TRY_ASSIGN(EventFile events, EventFile::create(run_dir));
+  const int descriptor = ::open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  if (descriptor < 0) return Error{ErrorCode::kSystem, "cannot open " + path + ": " + std::strerror(errno)};
+  MetricsWriter writer(descriptor, path, std::move(events));
+  const off_t end = lseek(descriptor, 0, SEEK_END);
+  char last = '\n';
+  if (end > 0 && pread(descriptor, &last, 1, end - 1) == 1 && last != '\n')
+    COMRAD_TRY(write_all(descriptor, "\n", path));
+  return writer;
+}
+
+MetricsWriter::MetricsWriter(MetricsWriter&& other) noexcept
+    : descriptor_(std::exchange(other.descriptor_, -1)),
+      path_(std::move(other.path_)),
+      events_(std::move(other.events_)) {}
+
+MetricsWriter::~MetricsWriter() {
+  if (descriptor_ >= 0) close(descriptor_);
+}
+
+Status MetricsWriter::write(double time_s, uint64_t env_frames, uint64_t decisions, const MetricValues& values) {
+  nlohmann::ordered_json line;
+  line["time_s"] = time_s;
+  line["env_frames"] = env_frames;
+  line["decisions"] = decisions;
+  MetricValues finite;
+  for (const auto& [name, value] : values) {
+    line[name] = value;  // nlohmann writes null for what is not finite
+    if (std::isfinite(value)) finite.emplace_back(name, value);
+  }
+  COMRAD_TRY(write_all(descriptor_, line.dump() + "\n", path_));
+  return events_.write(wall_seconds(), static_cast<int64_t>(env_frames), finite);
+}
+
+}  // namespace comrad::learn

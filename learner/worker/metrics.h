@@ -1,0 +1,89 @@
+// What a run reports about itself: metrics.jsonl and TensorBoard scalars under the same names, episode statistics
+// over the last episodes, and rates over a sliding window. Stage: beside update, for eyes and scripts.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "learner/worker/event_file.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/dds/bus.h"
+
+namespace comrad::learn {
+
+/// Named numbers of one report, in the order they are written.
+using MetricValues = std::vector<std::pair<std::string, double>>;
+
+/// Growth of two counters per second over the last `window_s` seconds.
+class RateWindow {
+ public:
+  explicit RateWindow(double window_s = 60.0) : window_s_(window_s) {}
+
+  /// The totals at `time_s`; call when they change.
+  void add(double time_s, uint64_t env_frames, uint64_t decisions);
+  double env_frames_per_s() const { return rate(&Sample::env_frames); }
+  double decisions_per_s() const { return rate(&Sample::decisions); }
+
+ private:
+  struct Sample {
+    double time_s;
+    uint64_t env_frames;
+    uint64_t decisions;
+  };
+  double rate(uint64_t Sample::*counter) const;
+  double window_s_;
+  std::deque<Sample> samples_;  ///< the oldest one is the newest that left the window, so the window is never empty
+};
+
+/// Means over the last `capacity` finished episodes.
+class EpisodeWindow {
+ public:
+  explicit EpisodeWindow(int64_t capacity) : capacity_(capacity < 1 ? 1 : capacity) {}
+
+  void add(const dds::EpisodeResult& episode);
+  uint64_t episodes() const { return episodes_; }        ///< since the learner began
+  std::size_t size() const { return window_.size(); }    ///< in the window
+  double score_mean() const;                             ///< NaN before the first
+  double return_mean() const;                            ///< over episodes and agents; NaN before the first
+  /// reward/reward, len/len and policy_stats/avg_true_objective with _min and _max; nothing before the first.
+  void append_to(MetricValues& values) const;
+
+ private:
+  struct Episode {
+    double score;
+    double return_mean;  ///< over agents
+    double return_min;
+    double return_max;
+    double length_tics;
+  };
+  int64_t capacity_;
+  uint64_t episodes_ = 0;
+  std::deque<Episode> window_;
+};
+
+/// Appends reports to <run_dir>/metrics.jsonl and to an event file of this process.
+class MetricsWriter {
+ public:
+  /// A half line that a crash left in metrics.jsonl is closed first. Errors: kSystem, kNoSpace.
+  static Expected<MetricsWriter> open(const std::string& run_dir);
+  MetricsWriter(MetricsWriter&& other) noexcept;
+  MetricsWriter& operator=(MetricsWriter&&) = delete;
+  ~MetricsWriter();
+
+  /// One object per line: time_s, env_frames, decisions, then `values`; a number that is not finite is null there
+  /// and left out of the event file. Errors: kSystem, kNoSpace.
+  Status write(double time_s, uint64_t env_frames, uint64_t decisions, const MetricValues& values);
+
+ private:
+  MetricsWriter(int descriptor, std::string path, EventFile events)
+      : descriptor_(descriptor), path_(std::move(path)), events_(std::move(events)) {}
+  int descriptor_ = -1;
+  std::string path_;
+  EventFile events_;
+};
+
+}  // namespace comrad::learn

@@ -1,0 +1,121 @@
+// Gathers what the simulators committed into one batch and scatters the network's answers back into slots, slabs and
+// recurrent states. Stages: gather, batch, scatter. A frame is not copied here: the batch holds pointers into slabs.
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "policy_workers/batching/recurrent_state_table.h"
+#include "policy_workers/policy/policy_net.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/shm/arena.h"
+
+namespace comrad::policy {
+
+/// How a policy worker fills its batches.
+struct BatcherOptions {
+  int policy_worker = 0;
+  int64_t min_batch = 0;        ///< environments a batch waits for; 0: a third of the groups served
+  int64_t max_batch = 0;        ///< environments in a batch at most; 0: all that are served
+  int64_t max_wait_us = 2000;   ///< longest wait for min_batch, from the first request on
+  bool is_deterministic = false;  ///< one whole group per batch, whatever the limits say
+  bool is_greedy = false;       ///< most probable actions instead of drawn ones
+  uint64_t seed = 0;            ///< of the run; keys the action draws
+};
+
+/// A slot's question, copied and bounds-checked when it was gathered.
+struct Request {
+  int env_index;
+  int sim_worker;
+  int split;
+  shm::RequestKind kind;
+  uint32_t slab_index;
+  int step;
+  int final_row;
+  bool reset_state;
+  uint64_t step_id;
+  uint64_t episode_id;
+  uint32_t episode_step;
+};
+
+/// Requests of one forward pass; row = request * N + agent. Valid until the next gather().
+struct Batch {
+  std::vector<Request> requests;
+  std::vector<const uint8_t*> frames;  ///< [B] pointers to C*H*W bytes inside slabs
+  Tensor measurement;                  ///< [B, M] f32; undefined when M = 0
+  Tensor recurrent_state;              ///< [B, H] f32, inputs, zeroed where an episode begins
+
+  bool is_empty() const { return requests.empty(); }
+  int64_t row_count() const { return static_cast<int64_t>(frames.size()); }
+};
+
+/// One policy worker's end of the arena. Answers only the groups that ArenaShape::policy_worker_of deals to it.
+///
+/// A group (half of a simulator's environments) commits together and is gathered together: a batch holds whole
+/// groups, except where max_batch is smaller than a group or a group stays incomplete for max_wait_us. Everything an
+/// answer consists of is written before the first slot becomes kActed, so a worker killed at any point leaves slots
+/// that its successor answers anew with the same result.
+class Batcher {
+ public:
+  /// Errors: kBadInput when the worker index is not of this run, or the network does not fit the arena's shapes.
+  static Expected<Batcher> create(const shm::Arena& arena, const BatcherOptions& options);
+
+  /// Takes over what a dead predecessor had gathered: kInBatch -> kReady. Returns how many slots. At start only.
+  int adopt_orphans();
+
+  /// kReady -> kInBatch. Waits up to `timeout_us` for a first request; an empty batch means there was none.
+  const Batch& gather(int64_t timeout_us);
+
+  /// Writes answers and hands the slots back: kInBatch -> kActed, then rings each group once.
+  void scatter(const Batch& batch, const PolicyOutput& output, PolicyVersion version);
+
+  /// Answers without a network (--random): uniform over allowed choices, value 0, state untouched at 0.
+  void scatter_random(const Batch& batch);
+
+  int64_t env_count() const { return env_count_; }  ///< environments served
+  int64_t min_batch() const { return options_.min_batch; }
+  int64_t max_batch() const { return options_.max_batch; }
+  uint64_t wait_ns() const { return wait_ns_; }  ///< time spent waiting in gather(), in all
+  uint64_t refused_count() const { return refused_count_; }  ///< requests whose indices were out of range
+
+ private:
+  /// Environments [first, last) that commit together.
+  struct Group {
+    int sim_worker;
+    int split;
+    int first_env;
+    int last_env;
+  };
+  struct GroupCount {
+    int ready;
+    bool is_complete;
+  };
+
+  Batcher(const shm::Arena& arena, const BatcherOptions& options);
+  GroupCount count_ready(const Group& group) const;
+  bool collect();
+  void take(const Group& group, int64_t limit);
+  std::optional<Request> read_request(const shm::StepSlot& slot, const Group& group, int env_index);
+  void load_inputs();
+  void answer(const Batch& batch, const float* logits, const float* value, const float* state,
+              PolicyVersion version);
+
+  const shm::Arena* arena_;
+  BatcherOptions options_;
+  RngKey action_key_;
+  RecurrentStateTable states_;
+  std::vector<Group> groups_;
+  size_t next_group_ = 0;  // where the next batch starts to look, so that nobody starves
+  int64_t env_count_ = 0;
+  Batch batch_;
+  uint64_t wait_ns_ = 0;
+  uint64_t refused_count_ = 0;
+  int64_t first_ready_ns_ = 0;  // when the requests that wait now were first seen; 0: none wait
+};
+
+}  // namespace comrad::policy

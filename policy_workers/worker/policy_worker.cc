@@ -1,0 +1,182 @@
+#include "policy_workers/worker/policy_worker.h"
+
+#include <unistd.h>
+
+#include <utility>
+
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/log.h"
+
+namespace comrad::policy {
+namespace {
+
+constexpr int64_t kGatherTimeoutUs = 50'000;  // how often an idle worker looks at its stop flag
+constexpr int64_t kReportNs = 1'000'000'000;
+enum WorkerState : uint32_t { kStarting = 1, kRunning = 2, kStopped = 3 };
+
+}  // namespace
+
+Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::Arena& arena,
+                                            const PolicyWorkerOptions& options, dds::Bus* bus) {
+  const TrajectoryShape& shape = arena.shape().trajectory;
+  COMRAD_TRY_ASSIGN(Batcher batcher, Batcher::create(arena, {.policy_worker = options.worker_index,
+                                                             .min_batch = config.min_batch,
+                                                             .max_batch = config.max_batch,
+                                                             .max_wait_us = config.max_wait_us,
+                                                             .is_deterministic = config.deterministic,
+                                                             .is_greedy = options.is_greedy,
+                                                             .seed = static_cast<uint64_t>(config.seed)}));
+  PolicyNet policy;
+  if (!options.is_random) {
+    const PolicyNetOptions network = PolicyNetOptions::from(config, shape.env);
+    if (network.recurrent_state_count() != shape.recurrent_state_count)
+      return Error{ErrorCode::kBadInput, "the network has " + std::to_string(network.recurrent_state_count()) +
+                                             " floats of recurrent state, the arena was made for " +
+                                             std::to_string(shape.recurrent_state_count) +
+                                             "; all processes of a run must read the same config.toml"};
+    COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(config.device));
+    policy = PolicyNet::create(network, static_cast<uint64_t>(config.seed), device);
+    if (policy.weights_bytes() > arena.shape().weights_bytes)
+      return Error{ErrorCode::kBadInput, "the network's weights need " + std::to_string(policy.weights_bytes()) +
+                                             " bytes, the arena holds " +
+                                             std::to_string(arena.shape().weights_bytes) +
+                                             "; all processes of a run must read the same config.toml"};
+  }
+  return PolicyWorker(arena, options, bus, std::move(policy), std::move(batcher));
+}
+
+PolicyWorker::PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, dds::Bus* bus,
+                           PolicyNet policy, Batcher batcher)
+    : arena_(&arena),
+      options_(options),
+      bus_(bus),
+      policy_(std::move(policy)),
+      batcher_(std::move(batcher)),
+      weights_(arena) {
+  char host[256] = {};
+  if (gethostname(host, sizeof host - 1) == 0) host_ = host;
+}
+
+Status PolicyWorker::run(const std::atomic<bool>& stop) {
+  shm::WorkerCounters& counters = arena_->policy_counters(options_.worker_index);
+  counters.pid.store(static_cast<uint32_t>(getpid()));
+  counters.epoch.fetch_add(1);
+  counters.state.store(kStarting);
+  report("starting");
+  if (const int orphans = batcher_.adopt_orphans(); orphans > 0)
+    spdlog::warn("{} requests of this worker's predecessor are answered again", orphans);
+
+  COMRAD_TRY(refresh());
+  while (!is_stopping(stop)) {
+    if (!options_.is_random && !weights_.version()) {
+      const uint32_t heard = shm::listen(arena_->control().weights_published);
+      if (!arena_->has_weights()) shm::wait(arena_->control().weights_published, heard, kGatherTimeoutUs);
+      COMRAD_TRY(refresh());
+    } else if (const Batch& batch = batcher_.gather(kGatherTimeoutUs); !batch.is_empty()) {
+      const int64_t began_ns = monotonic_ns();
+      if (options_.is_random) {
+        batcher_.scatter_random(batch);
+      } else {
+        // After the wait, not before it: in lock step the learner publishes and then lets simulators go on, so the
+        // requests that end a wait already expect the new weights.
+        COMRAD_TRY(refresh());
+        const PolicyOutput output = policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state);
+        batcher_.scatter(batch, output, *weights_.version());
+      }
+      count_batch(batch, monotonic_ns() - began_ns);
+    }
+    counters.state.store(kRunning, std::memory_order_relaxed);
+    if (monotonic_ns() - reported_ns_ >= kReportNs) report("running");
+  }
+  counters.state.store(kStopped);
+  report("stopping");
+  return {};
+}
+
+bool PolicyWorker::is_stopping(const std::atomic<bool>& stop) const {
+  return stop.load(std::memory_order_relaxed) ||
+         arena_->control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
+}
+
+Status PolicyWorker::refresh() {
+  if (options_.is_random) return {};
+  const Expected<bool> refreshed = weights_.refresh(policy_);
+  if (refreshed) {
+    if (*refreshed) spdlog::debug("weights of version {}", *weights_.version());
+    return {};
+  }
+  // With weights in hand a damaged update is bad luck: the learner publishes again soon.
+  if (!weights_.version()) return refreshed.error();
+  spdlog::warn("kept version {}: {}", *weights_.version(), refreshed.error().message);
+  return {};
+}
+
+void PolicyWorker::count_batch(const Batch& batch, int64_t busy_ns) {
+  shm::WorkerCounters& counters = arena_->policy_counters(options_.worker_index);
+  counters.decisions.fetch_add(static_cast<uint64_t>(batch.row_count()), std::memory_order_relaxed);
+  counters.batches.fetch_add(1, std::memory_order_relaxed);
+  counters.busy_ns.fetch_add(static_cast<uint64_t>(busy_ns), std::memory_order_relaxed);
+  counters.wait_ns.store(batcher_.wait_ns(), std::memory_order_relaxed);
+}
+
+void PolicyWorker::report(const char* state) {
+  const shm::WorkerCounters& counters = arena_->policy_counters(options_.worker_index);
+  const uint64_t rows = counters.decisions.load(std::memory_order_relaxed);
+  const uint64_t batches = counters.batches.load(std::memory_order_relaxed);
+  const int64_t now_ns = monotonic_ns();
+  const double seconds = static_cast<double>(now_ns - reported_ns_) * 1e-9;
+  const double rows_per_s = reported_ns_ == 0 ? 0.0 : static_cast<double>(rows - reported_rows_) / seconds;
+  const double batch_rows =
+      batches == reported_batches_
+          ? 0.0
+          : static_cast<double>(rows - reported_rows_) / static_cast<double>(batches - reported_batches_);
+  reported_ns_ = now_ns;
+  reported_rows_ = rows;
+  reported_batches_ = batches;
+  if (bus_ == nullptr) return;
+  const bool is_paused = arena_->control().run_state.load(std::memory_order_acquire) == shm::RunState::kPaused;
+  dds::WorkerStatus status{.worker_id = "policy-" + std::to_string(options_.worker_index),
+                           .host = host_,
+                           .pid = getpid(),
+                           .role = "policy",
+                           .state = is_paused ? "paused" : state,
+                           .decisions_per_s = rows_per_s,
+                           .message = fmt::format("batch {:.1f} rows, weights {} behind", batch_rows,
+                                                  weights_.behind())};
+  if (const Status written = bus_->write(status); !written)
+    spdlog::warn("status: {}", written.error().message);
+  if (const auto update = bus_->take_weights_update(); update && !options_.is_random)
+    if (const Status heard = weights_.hear(*update, policy_); !heard) spdlog::warn("{}", heard.error().message);
+}
+
+InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, double seconds) {
+  const PolicyNetOptions& options = policy.options();
+  const int64_t frame_bytes = options.env.frame_bytes();
+  torch::manual_seed(0);
+  const Tensor frames = torch::randint(0, 256, {batch_rows, frame_bytes}, torch::kUInt8);
+  const Tensor measurement =
+      options.env.measurement_count > 0 ? torch::randn({batch_rows, options.env.measurement_count}) : Tensor();
+  Tensor state = torch::zeros({batch_rows, options.recurrent_state_count()});
+  std::vector<const uint8_t*> rows;
+  for (int64_t row = 0; row < batch_rows; ++row)
+    rows.push_back(frames.data_ptr<uint8_t>() + row * frame_bytes);
+  policy.update_input_statistics(frames, measurement);  // so that denormals and clips are as in real use
+  auto pass = [&] {
+    const PolicyOutput output = policy.step_rows(rows, measurement, state);
+    state = output.recurrent_state.cpu();
+    return output.logits.cpu();
+  };
+  for (int warm_up = 0; warm_up < 3; ++warm_up) pass();
+  const int64_t began_ns = monotonic_ns();
+  int64_t passes = 0, now_ns = began_ns;
+  while (static_cast<double>(now_ns - began_ns) * 1e-9 < seconds) {
+    pass();
+    ++passes;
+    now_ns = monotonic_ns();
+  }
+  const double took = static_cast<double>(now_ns - began_ns) * 1e-9;
+  return {.rows_per_s = static_cast<double>(passes * batch_rows) / took, .batch_rows = batch_rows, .seconds = took};
+}
+
+}  // namespace comrad::policy

@@ -1,0 +1,68 @@
+// A policy worker's life: refresh the weights, gather a batch, forward it, scatter the answers; tell the run how it is
+// doing once a second. One process, one network, one thread of its own beside the bus's.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "policy_workers/batching/batcher.h"
+#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/weights/weights_receiver.h"
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/shm/arena.h"
+
+namespace comrad::policy {
+
+/// What the command line adds to the settings.
+struct PolicyWorkerOptions {
+  int worker_index = 0;
+  bool is_greedy = false;  ///< most probable actions
+  bool is_random = false;  ///< uniform over allowed choices, no network
+};
+
+/// Joined to one run.
+class PolicyWorker {
+ public:
+  /// `bus` may be absent: the arena alone is enough to work, only nobody hears of it.
+  /// Errors: kBadInput for a worker index, device or network that does not fit the run.
+  static Expected<PolicyWorker> create(const RunConfig& config, const shm::Arena& arena,
+                                       const PolicyWorkerOptions& options, dds::Bus* bus);
+
+  /// Works until `stop`, or RunState::kStopping. Errors: kBadFormat when the learner's weights never fit.
+  Status run(const std::atomic<bool>& stop);
+
+  const PolicyNet& policy() const { return policy_; }
+  Batcher& batcher() { return batcher_; }
+
+ private:
+  PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, dds::Bus* bus, PolicyNet policy,
+               Batcher batcher);
+  bool is_stopping(const std::atomic<bool>& stop) const;
+  Status refresh();
+  void count_batch(const Batch& batch, int64_t busy_ns);
+  void report(const char* state);
+
+  const shm::Arena* arena_;
+  PolicyWorkerOptions options_;
+  dds::Bus* bus_;
+  PolicyNet policy_;  // empty when is_random
+  Batcher batcher_;
+  WeightsReceiver weights_;
+  std::string host_;
+  int64_t reported_ns_ = 0;
+  uint64_t reported_rows_ = 0, reported_batches_ = 0;
+};
+
+/// Throughput of the network alone on random frames.
+struct InferenceBench {
+  double rows_per_s;  ///< agent rows; one row is one agent's decision
+  int64_t batch_rows;
+  double seconds;
+};
+InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, double seconds);
+
+}  // namespace comrad::policy

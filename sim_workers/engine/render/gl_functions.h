@@ -1,0 +1,66 @@
+// The two dozen OpenGL functions the renderer calls, looked up through the context provider. Stage: render.
+#pragma once
+
+#include <GL/glcorearb.h>
+
+#include "sim_workers/engine/render/context_provider.h"
+
+namespace comrad::doom {
+
+// One line per function: type of the pointer, name without the gl prefix.
+#define COMRAD_GL_FUNCTIONS(X)                              \
+  X(PFNGLACTIVETEXTUREPROC, ActiveTexture)                  \
+  X(PFNGLATTACHSHADERPROC, AttachShader)                    \
+  X(PFNGLBINDBUFFERPROC, BindBuffer)                        \
+  X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer)              \
+  X(PFNGLBINDRENDERBUFFERPROC, BindRenderbuffer)            \
+  X(PFNGLBINDTEXTUREPROC, BindTexture)                      \
+  X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray)              \
+  X(PFNGLBUFFERDATAPROC, BufferData)                        \
+  X(PFNGLBUFFERSUBDATAPROC, BufferSubData)                  \
+  X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus) \
+  X(PFNGLCLEARBUFFERFVPROC, ClearBufferfv)                  \
+  X(PFNGLCLEARBUFFERUIVPROC, ClearBufferuiv)                \
+  X(PFNGLCOMPILESHADERPROC, CompileShader)                  \
+  X(PFNGLCREATEPROGRAMPROC, CreateProgram)                  \
+  X(PFNGLCREATESHADERPROC, CreateShader)                    \
+  X(PFNGLDEPTHFUNCPROC, DepthFunc)                          \
+  X(PFNGLDEPTHMASKPROC, DepthMask)                          \
+  X(PFNGLDISABLEPROC, Disable)                              \
+  X(PFNGLDRAWELEMENTSPROC, DrawElements)                    \
+  X(PFNGLENABLEPROC, Enable)                                \
+  X(PFNGLENABLEVERTEXATTRIBARRAYPROC, EnableVertexAttribArray) \
+  X(PFNGLFRAMEBUFFERRENDERBUFFERPROC, FramebufferRenderbuffer) \
+  X(PFNGLGENBUFFERSPROC, GenBuffers)                        \
+  X(PFNGLGENFRAMEBUFFERSPROC, GenFramebuffers)              \
+  X(PFNGLGENRENDERBUFFERSPROC, GenRenderbuffers)            \
+  X(PFNGLGENTEXTURESPROC, GenTextures)                      \
+  X(PFNGLGENVERTEXARRAYSPROC, GenVertexArrays)              \
+  X(PFNGLGETERRORPROC, GetError)                            \
+  X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog)          \
+  X(PFNGLGETPROGRAMIVPROC, GetProgramiv)                    \
+  X(PFNGLGETSHADERINFOLOGPROC, GetShaderInfoLog)            \
+  X(PFNGLGETSHADERIVPROC, GetShaderiv)                      \
+  X(PFNGLLINKPROGRAMPROC, LinkProgram)                      \
+  X(PFNGLPIXELSTOREIPROC, PixelStorei)                      \
+  X(PFNGLREADPIXELSPROC, ReadPixels)                        \
+  X(PFNGLRENDERBUFFERSTORAGEPROC, RenderbufferStorage)      \
+  X(PFNGLSHADERSOURCEPROC, ShaderSource)                    \
+  X(PFNGLTEXIMAGE2DPROC, TexImage2D)                        \
+  X(PFNGLTEXPARAMETERIPROC, TexParameteri)                  \
+  X(PFNGLTEXSUBIMAGE2DPROC, TexSubImage2D)                  \
+  X(PFNGLUSEPROGRAMPROC, UseProgram)                        \
+  X(PFNGLVERTEXATTRIBIPOINTERPROC, VertexAttribIPointer)    \
+  X(PFNGLVERTEXATTRIBPOINTERPROC, VertexAttribPointer)      \
+  X(PFNGLVIEWPORTPROC, Viewport)
+
+struct GlFunctions {
+#define COMRAD_GL_MEMBER(type, name) type name = nullptr;
+  COMRAD_GL_FUNCTIONS(COMRAD_GL_MEMBER)
+#undef COMRAD_GL_MEMBER
+
+  /// Errors: kUnsupported naming the first function that is missing.
+  static Expected<GlFunctions> load(const ContextProvider& context);
+};
+
+}  // namespace comrad::doom

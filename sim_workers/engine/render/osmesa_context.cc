@@ -1,0 +1,73 @@
+#include "sim_workers/engine/render/osmesa_context.h"
+
+#include <cstdint>
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+// osmesa.h wants the classic gl.h, which hides the core profile's types: the core header stands in for it.
+#include <GL/glcorearb.h>
+#define __gl_h_
+#ifndef GLAPIENTRY
+#define GLAPIENTRY APIENTRY
+#endif
+#include <GL/osmesa.h>
+
+namespace comrad::doom {
+namespace {
+
+constexpr int kSurfaceSize = 16;  // OSMesa insists on a buffer; the renderer draws into framebuffers of its own
+
+class OsmesaContext : public ContextProvider {
+ public:
+  explicit OsmesaContext(OSMesaContext context) : context_(context), surface_(kSurfaceSize * kSurfaceSize) {}
+  ~OsmesaContext() override {
+    if (current_ == this) current_ = nullptr;
+    OSMesaDestroyContext(context_);
+  }
+  OsmesaContext(const OsmesaContext&) = delete;
+  OsmesaContext& operator=(const OsmesaContext&) = delete;
+
+  Status make_current() override {
+    if (current_ == this) return {};
+    if (!OSMesaMakeCurrent(context_, surface_.data(), GL_UNSIGNED_BYTE, kSurfaceSize, kSurfaceSize))
+      return Error{ErrorCode::kUnsupported, "OSMesa cannot make its context current"};
+    current_ = this;
+    return {};
+  }
+  void* function(const char* name) const override { return reinterpret_cast<void*>(OSMesaGetProcAddress(name)); }
+
+ private:
+  static thread_local const OsmesaContext* current_;
+  OSMesaContext context_;
+  std::vector<uint32_t> surface_;
+};
+
+thread_local const OsmesaContext* OsmesaContext::current_ = nullptr;
+
+}  // namespace
+
+Expected<std::unique_ptr<ContextProvider>> create_osmesa_context() {
+  // The rasterizer's own threads cost more in hand-over than a picture of this size takes; a simulator owns one core.
+  setenv("LP_NUM_THREADS", "0", 0);
+  const int attributes[] = {OSMESA_FORMAT,  OSMESA_RGBA,
+                            OSMESA_PROFILE, OSMESA_CORE_PROFILE,
+                            OSMESA_CONTEXT_MAJOR_VERSION, 3,
+                            OSMESA_CONTEXT_MINOR_VERSION, 3,
+                            OSMESA_DEPTH_BITS, 0,
+                            0};
+  OSMesaContext context = OSMesaCreateContextAttribs(attributes, nullptr);
+  if (context == nullptr)
+    return Error{ErrorCode::kUnsupported,
+                 "OSMesa gives no OpenGL 3.3 core context: install the Debian package libosmesa6 (Mesa 22)"};
+  auto provider = std::make_unique<OsmesaContext>(context);
+  COMRAD_TRY(provider->make_current());
+  return std::unique_ptr<ContextProvider>(std::move(provider));
+}
+
+Expected<std::unique_ptr<ContextProvider>> ContextProvider::create(std::string_view name) {
+  if (name == "osmesa") return create_osmesa_context();
+  return Error{ErrorCode::kBadInput, "unknown context provider '" + std::string(name) + "': known is osmesa"};
+}
+
+}  // namespace comrad::doom

@@ -1,0 +1,30 @@
+// From the choices of the action heads to the buttons of one player. Stage: step.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+#include "scenarios/spec/game_names.h"
+#include "scenarios/spec/scenario_spec.h"
+#include "sim_workers/engine/play/world.h"
+
+namespace comrad::sim {
+
+class ActionMap {
+ public:
+  /// Errors: kBadInput for a button that does not exist.
+  static Expected<ActionMap> create(const std::vector<scenarios::ActionHead>& heads);
+
+  int head_count() const { return static_cast<int>(heads_.size()); }
+
+  /// The buttons that `choice` [heads] holds down: index 0 presses nothing, index k the k-th button of its
+  /// head; anything out of range counts as 0.
+  doom::Buttons buttons(std::span<const int32_t> choice) const;
+
+ private:
+  std::vector<std::vector<scenarios::Button>> heads_;
+};
+
+}  // namespace comrad::sim

@@ -1,0 +1,175 @@
+#include "sim_workers/env/doom_env.h"
+
+#include <algorithm>
+
+#include "sim_workers/env/game_variables.h"
+
+namespace comrad::sim {
+namespace {
+
+constexpr uint64_t kTicsPerDecision = 4;       // what decision limits are counted in
+constexpr uint64_t kEngineLimitTics = 21'000;  // ten minutes
+constexpr int kSkill = 3;
+
+}  // namespace
+
+DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game)
+    : DoomEnvironment(game,
+                      game->rules != nullptr ? game->rules->make(game->layout, *game->catalog) : nullptr) {}
+
+DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game,
+                                 std::unique_ptr<doom::ScriptHost> rules)
+    : game_(std::move(game)),
+      rules_(std::move(rules)),
+      shape_(game_->spec.shape(game_->num_agents, game_->use_measurements)),
+      world_(game_->level, game_->catalog),
+      rewards_(game_->spec.rewards, game_->num_agents),
+      buttons_(game_->num_agents),
+      limit_tics_(std::min(kTicsPerDecision * game_->spec.decision_limit, kEngineLimitTics)) {
+  for (const scenarios::RewardTerm& term : game_->spec.rewards) {
+    const auto variable = scenarios::find_variable(term.variable);
+    COMRAD_CHECK(variable.has_value(), "the loader refuses unknown variables");
+    reward_readings_.push_back({*variable, term.scope == "team" && !variable->is_team_variable()});
+  }
+  for (const scenarios::MeasurementTerm& term : game_->spec.measurements) {
+    const auto variable = scenarios::find_variable(term.variable);
+    COMRAD_CHECK(variable.has_value(), "the loader refuses unknown variables");
+    measurement_variables_.push_back(*variable);
+  }
+  reward_value_.resize(reward_readings_.size() * game_->num_agents);
+  step_.reward.resize(game_->num_agents);
+  summary_.agent_score.resize(game_->num_agents);
+  summary_.agent_return.resize(game_->num_agents);
+}
+
+void DoomEnvironment::reset(uint64_t episode_seed) {
+  world_.reset({.player_count = game_->num_agents,
+                .seed = episode_seed,
+                .skill = kSkill,
+                .crosshair = game_->spec.crosshair},
+               rules_.get());
+  read_reward_variables();
+  rewards_.reset(reward_value_);
+  step_count_ = 0;
+  std::fill(step_.reward.begin(), step_.reward.end(), 0.0f);
+  step_.terminated = step_.truncated = false;
+  std::fill(summary_.agent_return.begin(), summary_.agent_return.end(), 0.0f);
+}
+
+void DoomEnvironment::step(std::span<const int32_t> action) {
+  COMRAD_CHECK(!step_.episode_over(), "an episode that is over is reset before the next step");
+  const std::size_t head_count = static_cast<std::size_t>(shape_.head_count);
+  COMRAD_CHECK(action.size() == head_count * buttons_.size(), "an action has one choice per agent and head");
+  for (std::size_t agent = 0; agent < buttons_.size(); ++agent)
+    buttons_[agent] = game_->actions.buttons(action.subspan(agent * head_count, head_count));
+  for (int i = 0; i < game_->frame_skip && !step_.episode_over(); ++i) {
+    world_.tic(buttons_);
+    if (world_.level_exited())
+      step_.terminated = true;
+    else if (world_.tic_count() >= limit_tics_)
+      step_.truncated = true;
+  }
+  ++step_count_;
+  read_reward_variables();
+  rewards_.step(reward_value_, step_.reward);
+  for (std::size_t agent = 0; agent < buttons_.size(); ++agent)
+    summary_.agent_return[agent] += step_.reward[agent];
+  if (step_.episode_over()) finish_episode();
+}
+
+void DoomEnvironment::read_reward_variables() {
+  const int num_agents = game_->num_agents;
+  for (std::size_t i = 0; i < reward_readings_.size(); ++i) {
+    const Reading& reading = reward_readings_[i];
+    double* const row = reward_value_.data() + i * num_agents;
+    double sum = 0.0;
+    for (int agent = 0; agent < num_agents; ++agent)
+      sum += row[agent] = read_variable(world_, agent, reading.variable);
+    if (reading.is_team_sum) std::fill(row, row + num_agents, sum);
+  }
+}
+
+void DoomEnvironment::finish_episode() {
+  summary_.length_steps = step_count_;
+  summary_.length_tics = static_cast<uint32_t>(world_.tic_count());
+  const std::string& score = game_->spec.score;
+  const auto variable = scenarios::find_variable(score);
+  float sum = 0.0f;
+  for (int agent = 0; agent < game_->num_agents; ++agent) {
+    float& own = summary_.agent_score[agent];
+    if (variable)
+      own = static_cast<float>(read_variable(world_, agent, *variable));
+    else if (score == "return")
+      own = summary_.agent_return[agent];
+    else
+      own = static_cast<float>(summary_.length_tics);  // survival_tics
+    sum += own;
+  }
+  summary_.score = sum / static_cast<float>(game_->num_agents);
+}
+
+void DoomEnvironment::observe_numbers(const ObservationTarget& target) const {
+  const int num_agents = game_->num_agents;
+  if (target.measurement != nullptr)
+    for (int agent = 0; agent < num_agents; ++agent)
+      for (int32_t i = 0; i < shape_.measurement_count; ++i) {
+        const scenarios::MeasurementTerm& term = game_->spec.measurements[i];
+        double value = read_variable(world_, agent, measurement_variables_[i]) * term.scale + term.offset;
+        if (term.clip > 0.0) value = std::clamp(value, -term.clip, term.clip);
+        target.measurement[agent * shape_.measurement_count + i] = static_cast<float>(value);
+      }
+  if (target.action_mask != nullptr)
+    std::fill_n(target.action_mask, num_agents * shape_.logit_count(), uint8_t{1});
+  if (target.agent_active != nullptr)
+    for (int agent = 0; agent < num_agents; ++agent)
+      target.agent_active[agent] = game_->spec.respawn || world_.player(agent).alive;
+}
+
+uint64_t DoomEnvironment::state_hash() const {
+  uint64_t hash = world_.hash();
+  const auto mix = [&](uint64_t value) { hash = mix64(hash ^ value) + kGoldenGamma; };
+  if (const auto* rules = dynamic_cast<const NativeRules*>(rules_.get())) mix(rules->state_hash());
+  mix(step_count_);
+  mix(step_.terminated * 2u + step_.truncated);
+  return hash;
+}
+
+DoomEnvironmentSet::DoomEnvironmentSet(std::shared_ptr<const DoomGame> game,
+                                       std::unique_ptr<doom::Renderer> renderer, int count,
+                                       ViewSize render_size, ResizeFilter filter)
+    : renderer_(std::move(renderer)), render_size_(render_size), filter_(filter) {
+  COMRAD_CHECK(filter != ResizeFilter::kNone || render_size == kObservationSize,
+               "a view of another size is brought to 128x72 by a filter");
+  for (int i = 0; i < count; ++i) environments_.push_back(std::make_unique<DoomEnvironment>(game));
+  const std::size_t view_count = static_cast<std::size_t>(count) * game->num_agents;
+  views_.reserve(view_count);
+  if (filter_ != ResizeFilter::kNone)
+    drawn_.resize(view_count * 3 * static_cast<std::size_t>(render_size_.width) * render_size_.height);
+}
+
+void DoomEnvironmentSet::observe(std::span<const int> indices, std::span<const ObservationTarget> targets) {
+  COMRAD_CHECK(indices.size() == targets.size() && indices.size() <= environments_.size(),
+               "one target for each environment, each at most once");
+  const std::size_t drawn_bytes = 3 * static_cast<std::size_t>(render_size_.width) * render_size_.height;
+  views_.clear();
+  for (std::size_t i = 0; i < indices.size(); ++i) {
+    const DoomEnvironment& environment = *environments_[indices[i]];
+    environment.observe_numbers(targets[i]);
+    const int64_t frame_bytes = environment.shape().frame_bytes();
+    for (int agent = 0; agent < environment.shape().num_agents; ++agent)
+      views_.push_back({&environment.world(), agent,
+                        filter_ == ResizeFilter::kNone ? targets[i].frame + agent * frame_bytes
+                                                       : drawn_.data() + views_.size() * drawn_bytes});
+  }
+  renderer_->draw(views_);
+  if (filter_ == ResizeFilter::kNone) return;
+  std::size_t view = 0;
+  for (std::size_t i = 0; i < indices.size(); ++i) {
+    const EnvShape& shape = environments_[indices[i]]->shape();
+    for (int agent = 0; agent < shape.num_agents; ++agent, ++view)
+      resize_planes(drawn_.data() + view * drawn_bytes, render_size_, filter_,
+                    targets[i].frame + agent * shape.frame_bytes());
+  }
+}
+
+}  // namespace comrad::sim

@@ -1,0 +1,103 @@
+// The Doom environment: N agents in one world, factorised actions held for frame_skip tics, rewards from the
+// scenario's terms, endings told apart. A set of them shares the level, the actor types and one renderer.
+// Stage: tic > render > step.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "scenarios/spec/rewards.h"
+#include "scenarios/spec/scenario_spec.h"
+#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/render/renderer.h"
+#include "sim_workers/env/action_map.h"
+#include "sim_workers/env/environment.h"
+#include "sim_workers/env/observation.h"
+#include "sim_workers/env/rules/native_rules.h"
+
+namespace comrad::sim {
+
+/// What all environments of a set share; immutable while they run.
+struct DoomGame {
+  scenarios::ScenarioSpec spec;
+  scenarios::LayoutInfo layout;
+  uint64_t layout_id = 0;  ///< hash of the WAD
+  std::shared_ptr<const doom::Level> level;
+  std::shared_ptr<const doom::ActorCatalog> catalog;
+  int num_agents = 2;
+  int frame_skip = 4;
+  bool use_measurements = false;
+  ActionMap actions;
+  const NativeRulesEntry* rules = nullptr;  ///< null: a world without rules
+};
+
+/// One environment. Time limits are tics: decision_limit counts decisions of 4 tics whatever frame_skip is,
+/// and the engine's own clock of 10 minutes ends everything; both truncate.
+class DoomEnvironment final : public Environment {
+ public:
+  explicit DoomEnvironment(std::shared_ptr<const DoomGame> game);
+  /// With rules of the caller's instead of the game's; may be null.
+  DoomEnvironment(std::shared_ptr<const DoomGame> game, std::unique_ptr<doom::ScriptHost> rules);
+
+  const EnvShape& shape() const override { return shape_; }
+  uint64_t layout_id() const override { return game_->layout_id; }
+  void reset(uint64_t episode_seed) override;
+  void step(std::span<const int32_t> action) override;
+  const Step& last_step() const override { return step_; }
+  const EpisodeSummary& summary() const override { return summary_; }
+  uint64_t state_hash() const override;
+
+  const doom::World& world() const { return world_; }
+  /// Writes everything but the pictures.
+  void observe_numbers(const ObservationTarget& target) const;
+
+ private:
+  /// A reward or measurement variable, resolved.
+  struct Reading {
+    scenarios::GameVariable variable;
+    bool is_team_sum = false;  ///< an agent's variable in a team term: summed over agents
+  };
+  void read_reward_variables();
+  void finish_episode();
+
+  std::shared_ptr<const DoomGame> game_;
+  std::unique_ptr<doom::ScriptHost> rules_;
+  EnvShape shape_;
+  doom::World world_;
+  std::vector<Reading> reward_readings_;
+  std::vector<scenarios::GameVariable> measurement_variables_;
+  scenarios::RewardTracker rewards_;
+  std::vector<double> reward_value_;    // [term, N]
+  std::vector<doom::Buttons> buttons_;  // [N]
+  uint64_t limit_tics_;
+  uint32_t step_count_ = 0;
+  Step step_;
+  EpisodeSummary summary_;
+};
+
+/// A worker's environments and their one renderer.
+class DoomEnvironmentSet final : public EnvironmentSet {
+ public:
+  DoomEnvironmentSet(std::shared_ptr<const DoomGame> game, std::unique_ptr<doom::Renderer> renderer,
+                     int count, ViewSize render_size, ResizeFilter filter);
+
+  int size() const override { return static_cast<int>(environments_.size()); }
+  DoomEnvironment& at(int index) override { return *environments_[index]; }
+  void observe(std::span<const int> indices, std::span<const ObservationTarget> targets) override;
+
+ private:
+  std::unique_ptr<doom::Renderer> renderer_;
+  std::vector<std::unique_ptr<DoomEnvironment>> environments_;
+  ViewSize render_size_;
+  ResizeFilter filter_;
+  std::vector<doom::ViewRequest> views_;
+  std::vector<uint8_t> drawn_;  // [count * N, 3, height, width] where a filter brings them to size
+};
+
+/// Reads the scenario and its WAD: everything of a set but its renderer.
+/// Errors: kNotFound, kBadFormat, kBadInput as make_doom_environments().
+Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options);
+
+}  // namespace comrad::sim

@@ -1,0 +1,33 @@
+#include "sim_workers/engine/render/art_archive.h"
+#include "sim_workers/env/doom_env.h"
+
+namespace comrad::sim {
+namespace {
+
+Error bad_input(std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; }
+
+}  // namespace
+
+Expected<std::unique_ptr<EnvironmentSet>> make_doom_environments(const EnvironmentOptions& options) {
+  if (options.count < 1 || options.count > 4096)
+    return bad_input("num_envs_per_worker is " + std::to_string(options.count) + "; it must lie in 1..4096");
+  COMRAD_TRY_ASSIGN(const ViewSize render_size, parse_view_size(options.render_size));
+  COMRAD_TRY_ASSIGN(const ResizeFilter filter, parse_resize_filter(options.resize));
+  if (filter == ResizeFilter::kNone && render_size != kObservationSize)
+    return bad_input("render_size " + options.render_size +
+                     " needs resize=nearest or resize=area to become 128x72");
+  COMRAD_TRY_ASSIGN(std::shared_ptr<const DoomGame> game, load_doom_game(options));
+  COMRAD_TRY_ASSIGN(auto art, doom::ArtArchive::open({}, {options.wad_path}));
+  doom::RenderOptions render;
+  render.width = render_size.width;
+  render.height = render_size.height;
+  render.status_bar = game->spec.hud;
+  render.crosshair = game->spec.crosshair;
+  render.screen_flashes = game->spec.screen_flashes;
+  COMRAD_TRY_ASSIGN(std::unique_ptr<doom::Renderer> renderer, doom::Renderer::create(art, render));
+  std::unique_ptr<EnvironmentSet> set = std::make_unique<DoomEnvironmentSet>(
+      std::move(game), std::move(renderer), options.count, render_size, filter);
+  return set;
+}
+
+}  // namespace comrad::sim

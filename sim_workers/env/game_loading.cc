@@ -1,0 +1,76 @@
+// From names to a game: scenario, WAD, level, actor types, rules. Everything that can be wrong about them is
+// an error here, and nothing is later.
+#include <algorithm>
+
+#include "doomgen/layout/wad_writer.h"
+#include "doomgen/wad/wad_reader.h"
+#include "sim_workers/engine/map/level_loader.h"
+#include "sim_workers/env/doom_env.h"
+
+namespace comrad::sim {
+namespace {
+
+Error bad_input(std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; }
+
+/// What the WAD says of itself; a WAD of somebody else's says nothing, and the rules use their defaults.
+Expected<scenarios::LayoutInfo> read_layout_info(const wad::WadFile& wad, const std::string& scenario) {
+  scenarios::LayoutInfo info;
+  info.scenario = scenario;
+  const std::optional<std::size_t> lump = wad.find(scenarios::kLayoutInfoLump);
+  if (!lump) return info;
+  Expected<scenarios::LayoutInfo> parsed = scenarios::parse_layout_info(wad.text(*lump));
+  if (!parsed) return Error{parsed.error().code, wad.path() + ": " + parsed.error().message};
+  if (parsed->scenario != scenario)
+    return bad_input(wad.path() + " is a map of scenario " + parsed->scenario + ", not of " + scenario);
+  return parsed;
+}
+
+/// Hash of the whole file's lumps in order: the same for the same layout wherever it lies.
+uint64_t layout_id(const wad::WadFile& wad) {
+  uint64_t hash = 0;
+  for (std::size_t i = 0; i < wad.lump_count(); ++i)
+    hash = mix64(hash ^ doomgen::content_hash(wad.lump(i).name) ^ mix64(doomgen::content_hash(wad.text(i))));
+  return hash;
+}
+
+}  // namespace
+
+Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options) {
+  auto game = std::make_shared<DoomGame>();
+  COMRAD_TRY_ASSIGN(game->spec, scenarios::load_scenario(options.scenario));
+  const std::vector<int>& supported = game->spec.supported_agents;
+  if (std::count(supported.begin(), supported.end(), options.num_agents) == 0) {
+    std::string known;
+    for (const int n : supported) known += (known.empty() ? "" : ", ") + std::to_string(n);
+    return bad_input("scenario " + options.scenario + " is not for " + std::to_string(options.num_agents) +
+                     " agents; num_agents may be " + known);
+  }
+  if (options.frame_skip < 1 || options.frame_skip > 100)
+    return bad_input("env_frameskip is " + std::to_string(options.frame_skip) + "; it must lie in 1..100");
+  game->num_agents = options.num_agents;
+  game->frame_skip = options.frame_skip;
+  game->use_measurements = options.use_measurements;
+  COMRAD_TRY_ASSIGN(game->actions, ActionMap::create(game->spec.heads));
+
+  COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::open(options.wad_path));
+  COMRAD_TRY_ASSIGN(game->layout, read_layout_info(wad, options.scenario));
+  COMRAD_TRY_ASSIGN(game->level, doom::load_level(wad));
+  game->layout_id = layout_id(wad);
+  int start_count = 0;
+  for (int player = 0; player < options.num_agents; ++player)
+    start_count +=
+        std::any_of(game->level->things.begin(), game->level->things.end(), [&](const doom::MapThing& thing) {
+          return thing.editor_number == (player < 4 ? player + 1 : 4001 + player - 4);
+        });
+  if (start_count < options.num_agents)
+    return bad_input(options.wad_path + " has starts for " + std::to_string(start_count) +
+                     " players, not for " + std::to_string(options.num_agents));
+
+  COMRAD_TRY_ASSIGN(game->rules, find_native_rules(options.scenario));
+  auto catalog = std::make_shared<doom::ActorCatalog>();
+  game->rules->add_actors(*catalog);
+  game->catalog = std::move(catalog);
+  return std::shared_ptr<const DoomGame>(std::move(game));
+}
+
+}  // namespace comrad::sim

@@ -1,0 +1,43 @@
+#include "sim_workers/env/observation.h"
+
+#include <charconv>
+#include <cstring>
+#include <opencv2/imgproc.hpp>
+
+namespace comrad::sim {
+
+Expected<ViewSize> parse_view_size(const std::string& text) {
+  ViewSize size;
+  const char* const end = text.data() + text.size();
+  const auto width = std::from_chars(text.data(), end, size.width);
+  if (width.ec == std::errc() && width.ptr != end && *width.ptr == 'x') {
+    const auto height = std::from_chars(width.ptr + 1, end, size.height);
+    if (height.ec == std::errc() && height.ptr == end && size.width >= 16 && size.width <= 4096 &&
+        size.height >= 16 && size.height <= 4096)
+      return size;
+  }
+  return Error{ErrorCode::kBadInput,
+               "render_size is '" + text + "'; write WIDTHxHEIGHT with both in 16..4096"};
+}
+
+Expected<ResizeFilter> parse_resize_filter(const std::string& text) {
+  if (text == "none") return ResizeFilter::kNone;
+  if (text == "nearest") return ResizeFilter::kNearest;
+  if (text == "area") return ResizeFilter::kArea;
+  return Error{ErrorCode::kBadInput, "resize is '" + text + "'; it may be none, nearest or area"};
+}
+
+void resize_planes(const uint8_t* source, ViewSize source_size, ResizeFilter filter, uint8_t* destination) {
+  const std::size_t source_bytes = std::size_t(source_size.width) * source_size.height;
+  const std::size_t destination_bytes = std::size_t{kObservationSize.width} * kObservationSize.height;
+  for (int plane = 0; plane < 3; ++plane) {
+    // cv::Mat has no const view; the source is only read.
+    const cv::Mat from(source_size.height, source_size.width, CV_8UC1,
+                       const_cast<uint8_t*>(source + plane * source_bytes));
+    cv::Mat to(kObservationSize.height, kObservationSize.width, CV_8UC1,
+               destination + plane * destination_bytes);
+    cv::resize(from, to, to.size(), 0, 0, filter == ResizeFilter::kArea ? cv::INTER_AREA : cv::INTER_NEAREST);
+  }
+}
+
+}  // namespace comrad::sim

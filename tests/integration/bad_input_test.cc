@@ -1,0 +1,140 @@
+// Bad input and bad luck (design section 12): each case has one clear message, a non-zero exit and leaves
+// nothing.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "tests/integration/running_program.h"
+
+namespace comrad::testing {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+constexpr int kExitFailed = 1;
+constexpr int kExitBadInput = 2;
+
+/// Runs a small training that must be refused, and gives its ending.
+Ending refused(const ScratchFolder& scratch, const std::vector<std::string>& more,
+               const Environment& environment = {}) {
+  RunningProgram training(small_training(scratch, "refused", 8192, more), environment);
+  Ending ending = training.wait(60);
+  EXPECT_FALSE(ending.timed_out);
+  EXPECT_TRUE(processes_of(scratch.path()).empty());
+  EXPECT_EQ(ending.out, "");
+  return ending;
+}
+
+TEST(BadInput, AnUnknownFlagNamesTheNearest) {
+  const Ending ending = comrad({"train", "--scenarioo", "coop_health_gathering"});
+  EXPECT_EQ(ending.exit_code, kExitBadInput);
+  EXPECT_THAT(ending.err, AllOf(HasSubstr("--scenarioo"), HasSubstr("did you mean --scenario?")));
+}
+
+TEST(BadInput, AnUnknownCommandNamesTheNearest) {
+  const Ending ending = comrad({"trian"});
+  EXPECT_EQ(ending.exit_code, kExitBadInput);
+  EXPECT_THAT(ending.err, HasSubstr("did you mean 'train'?"));
+}
+
+TEST(BadInput, AWrongValueNamesTheSettingAndItsRange) {
+  const ScratchFolder scratch;
+  const Ending type = refused(scratch, {"--rollout", "many"});
+  EXPECT_EQ(type.exit_code, kExitBadInput);
+  EXPECT_THAT(type.err, AllOf(HasSubstr("rollout"), HasSubstr("many")));
+  const Ending range = refused(scratch, {"--rnn_type", "transformer"});
+  EXPECT_EQ(range.exit_code, kExitBadInput);
+  EXPECT_THAT(range.err, AllOf(HasSubstr("rnn_type"), HasSubstr("gru"), HasSubstr("lstm")));
+}
+
+TEST(BadInput, AnUnknownScenarioOrAlgorithmNamesTheKnownOnes) {
+  const ScratchFolder scratch;
+  const Ending scenario = refused(scratch, {"--scenario", "coop_health_gatherin"});
+  EXPECT_EQ(scenario.exit_code, kExitBadInput);
+  EXPECT_THAT(scenario.err, AllOf(HasSubstr("coop_health_gatherin"), HasSubstr("coop_health_gathering")));
+  const Ending algorithm = refused(scratch, {"--algo", "ipo"});
+  EXPECT_EQ(algorithm.exit_code, kExitBadInput);
+  EXPECT_THAT(algorithm.err, AllOf(HasSubstr("ipo"), HasSubstr("ippo")));
+}
+
+TEST(BadInput, AnUnsupportedTeamSizeListsTheSupportedOnes) {
+  const ScratchFolder scratch;
+  const Ending ending = refused(scratch, {"--num_agents", "7"});
+  EXPECT_EQ(ending.exit_code, kExitBadInput);
+  EXPECT_THAT(ending.err, AllOf(HasSubstr("--num_agents=7"), HasSubstr("2")));
+}
+
+TEST(BadInput, AMissingIwadSaysHowToGetIt) {
+  const ScratchFolder scratch;
+  const Ending ending = refused(scratch, {}, {{"COMRAD_IWAD", "/nonexistent/freedoom2.wad"}});
+  EXPECT_NE(ending.exit_code, 0);
+  EXPECT_THAT(ending.err, AllOf(HasSubstr("/nonexistent/freedoom2.wad"), HasSubstr("COMRAD_IWAD")));
+}
+
+TEST(BadInput, ATruncatedWadIsNamedBeforeAnythingStarts) {
+  const ScratchFolder scratch;
+  const std::string whole = scratch / "whole.wad";
+  ASSERT_EQ(comrad({"doomgen", "coop_health_gathering", "--seed", "42", "-o", whole}).exit_code, 0);
+  const std::string bytes = read_text(whole);
+  ASSERT_GT(bytes.size(), 1000u);
+  for (const size_t length : {size_t{0}, size_t{11}, bytes.size() / 2, bytes.size() - 1}) {
+    const std::string cut = scratch / "cut.wad";
+    std::ofstream(cut, std::ios::binary) << bytes.substr(0, length);
+    const Ending ending = refused(scratch, {"--wad", cut});
+    EXPECT_EQ(ending.exit_code, kExitBadInput) << length;
+    EXPECT_THAT(ending.err, HasSubstr("cut.wad")) << length;
+  }
+  EXPECT_FALSE(fs::exists(scratch / "refused/config.toml"));
+}
+
+TEST(BadInput, TooLittleMemorySaysWhatLowersIt) {
+  const ScratchFolder scratch;
+  const Ending ending = refused(scratch, {"--trajectory_slabs", "1000000"});
+  EXPECT_EQ(ending.exit_code, kExitFailed);
+  EXPECT_THAT(ending.err, HasSubstr("--trajectory_slabs"));
+}
+
+TEST(BadInput, ASettingsFileThatIsWrongIsNamedWithItsPlace) {
+  const ScratchFolder scratch;
+  const std::string path = scratch / "settings.toml";
+  std::ofstream(path) << "seed = 1\nrolout = 8\n";
+  const Ending unknown = refused(scratch, {"--config", path});
+  EXPECT_EQ(unknown.exit_code, kExitBadInput);
+  EXPECT_THAT(unknown.err, AllOf(HasSubstr("settings.toml"), HasSubstr("rollout")));
+  std::ofstream(path) << "seed = = 1\n";
+  const Ending broken = refused(scratch, {"--config", path});
+  EXPECT_EQ(broken.exit_code, kExitBadInput);
+  EXPECT_THAT(broken.err, HasSubstr("settings.toml:1:"));
+}
+
+TEST(BadInput, ARunDirectoryThatCannotBeMadeIsNamed) {
+  const ScratchFolder scratch;
+  std::ofstream(scratch / "file") << "no folder";
+  const Ending ending = refused(scratch, {"--train_dir", scratch / "file"});
+  EXPECT_NE(ending.exit_code, 0);
+  EXPECT_THAT(ending.err, HasSubstr("file/refused"));
+}
+
+TEST(BadInput, EvaluationNamesARunThatIsNotThere) {
+  const ScratchFolder scratch;
+  const Ending ending = comrad({"eval", "--policy", "no_such_run", "--train_dir", scratch.path(), "--json"});
+  EXPECT_EQ(ending.exit_code, kExitBadInput);
+  EXPECT_EQ(ending.out, "");
+  EXPECT_THAT(ending.err, HasSubstr("no_such_run"));
+}
+
+TEST(BadInput, AWorkerStartedByHandWithoutItsFlagsSaysWhatItNeeds) {
+  for (const char* worker : {"comrad-sim-worker", "comrad-policy-worker", "comrad-learner"}) {
+    const Ending ending = RunningProgram({program(worker)}).wait(30);
+    EXPECT_EQ(ending.exit_code, kExitBadInput) << worker;
+    EXPECT_THAT(ending.err, HasSubstr("--run_dir")) << worker;
+  }
+}
+
+}  // namespace
+}  // namespace comrad::testing

@@ -1,0 +1,146 @@
+// The ./comrad script, on a small project of the same shape: it builds what is missing, does nothing when
+// nothing changed, shows errors, and never installs when it must not.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "tests/integration/running_program.h"
+
+namespace comrad::testing {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+namespace fs = std::filesystem;
+
+/// A source tree with this repository's ./comrad and programs of a few lines.
+class SmallProject : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    fs::copy_file(fs::path(COMRAD_SOURCE_DIR) / "comrad", home_ / "comrad");
+    for (const char* part : {"rollout_buffer", "doomgen", "scenarios", "sim_workers", "policy_workers",
+                             "learner", "deploy", "tests"})
+      fs::create_directories(home_ / part);
+    write("deploy/packages.txt", "# Tools\ncmake\n");
+    write("deploy/main.c",
+          "#include <stdio.h>\nint main(int n, char **v) {\n"
+          "  for (int i = 1; i < n; ++i) printf(\"[%s]\", v[i]);\n  return n > 3 ? 3 : 0;\n}\n");
+    write("CMakeLists.txt",
+          "cmake_minimum_required(VERSION 3.25)\nproject(small C)\n"
+          "set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)\n"
+          "foreach(name comrad comrad-sim-worker comrad-policy-worker comrad-learner comrad-doomgen "
+          "comrad-scenarios)\n"
+          "  add_executable(${name} deploy/main.c)\nendforeach()\n"
+          "add_executable(suite tests/suite.c)\n");
+    write("tests/suite.c", "int main(void) { return 0; }\n");
+  }
+
+  void write(const std::string& name, const std::string& text) { std::ofstream(home_ / name) << text; }
+
+  Ending run(const std::vector<std::string>& arguments, const Environment& environment = {}) {
+    std::vector<std::string> command = {"/bin/bash", home_ / "comrad"};
+    command.insert(command.end(), arguments.begin(), arguments.end());
+    Environment all = {{"COMRAD_NO_INSTALL", "1"}, {"COMRAD_BUILD_DIR", home_ / "build"}, {"CI", ""}};
+    for (const auto& [name, value] : environment) all[name] = value;
+    return RunningProgram(command, all).wait(60);
+  }
+
+  ScratchFolder home_;
+};
+
+TEST_F(SmallProject, BuildsOnceThenOnlyRuns) {
+  const Ending first = run({"train", "--seed", "1"});
+  EXPECT_EQ(first.exit_code, 3) << first.err;  // the program's own exit code
+  EXPECT_EQ(first.out, "[train][--seed][1]");
+  EXPECT_THAT(first.err, HasSubstr("comrad: built in"));
+  EXPECT_FALSE(fs::exists(home_ / "build/bin/suite"));  // the suite is built for `test` alone
+
+  Ending again = run({"version"});
+  for (int i = 0; i < 4 && again.seconds > 0.1; ++i)
+    again = run({"version"});  // another process may take the core
+  EXPECT_EQ(again.exit_code, 0);
+  EXPECT_EQ(again.out, "[version]");
+  EXPECT_EQ(again.err, "");
+  EXPECT_LT(again.seconds, 0.1);
+
+  EXPECT_EQ(run({"test"}).out, "[test]");
+  EXPECT_TRUE(fs::exists(home_ / "build/bin/suite"));
+  EXPECT_EQ(run({"version"}).err, "");  // building all brought the programs up to date too
+}
+
+TEST_F(SmallProject, RebuildsWhenASourceChangedOrWent) {
+  ASSERT_EQ(run({"version"}).exit_code, 0);
+  write("deploy/main.c", "#include <stdio.h>\nint main(void) { puts(\"new\"); return 0; }\n");
+  EXPECT_EQ(run({"version"}).out, "new\n");
+  write("deploy/extra.c", "int extra;\n");
+  EXPECT_THAT(run({"version"}).err, HasSubstr("building"));
+  fs::remove(home_ / "deploy/extra.c");
+  EXPECT_THAT(run({"version"}).err, HasSubstr("building"));
+  EXPECT_THAT(run({"version"}, {{"COMRAD_CMAKE_ARGS", "-DSOMETHING=1"}}).err, HasSubstr("building"));
+}
+
+TEST_F(SmallProject, ShowsTheErrorOfABuildThatFails) {
+  write("deploy/main.c", "int main(void) { return missing_name; }\n");
+  const Ending broken = run({"version"});
+  EXPECT_EQ(broken.exit_code, 1);
+  EXPECT_EQ(broken.out, "");
+  EXPECT_THAT(broken.err, AllOf(HasSubstr("missing_name"), HasSubstr("build.log")));
+  write("CMakeLists.txt", "this is no cmake\n");
+  const Ending unconfigured = run({"version"});
+  EXPECT_EQ(unconfigured.exit_code, 1);
+  EXPECT_THAT(unconfigured.err, HasSubstr("could not configure"));
+}
+
+TEST_F(SmallProject, NamesMissingPackagesAndInstallsNoneWhenTold) {
+  if (!fs::exists("/usr/bin/dpkg-query")) GTEST_SKIP() << "packages are checked on Debian alone";
+  write("deploy/packages.txt", "cmake\nno-such-package-anywhere\n");
+  const Ending ending = run({"version"});
+  EXPECT_EQ(ending.exit_code, 1);
+  EXPECT_THAT(ending.err, AllOf(HasSubstr("apt-get install --no-install-recommends no-such-package-anywhere"),
+                                Not(HasSubstr("cmake"))));
+}
+
+TEST_F(SmallProject, InstallsWhatIsMissingWithAptGet) {
+  fs::create_directories(home_ / "bin");
+  const auto tool = [&](const std::string& name, const std::string& script) {
+    write("bin/" + name, "#!/bin/sh\n" + script + "\n");
+    fs::permissions(home_ / ("bin/" + name), fs::perms::owner_all);
+  };
+  tool("dpkg-query", "echo 'cmake=installed ninja-build=not-installed '");
+  tool("apt-get",
+       "echo \"$@\" >>'" + home_ / "apt" + "'; [ \"$1\" != install ] || [ ! -e '" + home_ / "full" + "' ]");
+  tool("sudo", "exec \"$@\"");
+  write("deploy/packages.txt", "cmake\nninja-build\nlibosmesa6-dev  # rendering\n");
+  const Environment environment = {{"COMRAD_NO_INSTALL", ""}, {"PATH", home_ / "bin:" + std::getenv("PATH")}};
+  write("full", "no space left");
+  const Ending failed = run({"version"}, environment);
+  EXPECT_EQ(failed.exit_code, 1);
+  EXPECT_THAT(failed.err, HasSubstr("could not be installed"));
+  fs::remove(home_ / "full");
+  fs::remove(home_ / "apt");
+  const Ending installed = run({"version"}, environment);
+  EXPECT_EQ(installed.exit_code, 0) << installed.err;
+  EXPECT_THAT(installed.err, HasSubstr("installing 2 Debian packages"));
+  EXPECT_EQ(read_text(home_ / "apt"),
+            "update -q\ninstall -q -y --no-install-recommends ninja-build libosmesa6-dev\n");
+}
+
+TEST_F(SmallProject, TwoAtOnceWaitForEachOther) {
+  const std::vector<std::string> command = {"/bin/bash", home_ / "comrad", "version"};
+  const Environment environment = {
+      {"COMRAD_NO_INSTALL", "1"}, {"COMRAD_BUILD_DIR", home_ / "build"}, {"CI", ""}};
+  RunningProgram one(command, environment), two(command, environment);
+  const Ending first = one.wait(60), second = two.wait(60);
+  EXPECT_EQ(first.out, "[version]") << first.err;
+  EXPECT_EQ(second.out, "[version]") << second.err;
+  const auto builds = [](const Ending& ending) { return ending.err.find("built in") != std::string::npos; };
+  EXPECT_NE(builds(first), builds(second)) << first.err << second.err;
+}
+
+}  // namespace
+}  // namespace comrad::testing

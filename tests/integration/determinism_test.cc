@@ -1,0 +1,129 @@
+// --deterministic: the same seed gives the same weights bit for bit, twice, after a resume half way, and
+// after a worker was killed.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <csignal>
+#include <variant>
+
+#include "learner/checkpoint/checkpoint.h"
+#include "tests/integration/running_program.h"
+
+namespace comrad::testing {
+namespace {
+
+constexpr double kRunTimeoutSeconds = 120;
+constexpr double kEnvSteps = 16384;
+
+std::vector<std::string> lock_step(const ScratchFolder& scratch, const std::string& experiment,
+                                   double env_steps, const std::vector<std::string>& more = {}) {
+  std::vector<std::string> all = {"--deterministic=True"};
+  all.insert(all.end(), more.begin(), more.end());
+  return small_training(scratch, experiment, env_steps, all);
+}
+
+void train(const ScratchFolder& scratch, const std::string& experiment, double env_steps,
+           const std::vector<std::string>& more = {}) {
+  const Ending ending =
+      RunningProgram(lock_step(scratch, experiment, env_steps, more)).wait(kRunTimeoutSeconds);
+  ASSERT_FALSE(ending.timed_out) << ending.err;
+  ASSERT_EQ(ending.exit_code, 0) << ending.err;
+}
+
+/// The newest checkpoint of a run.
+learn::StateDict last_checkpoint(const std::string& run) {
+  const auto checkpoints = learn::CheckpointStore(run + "/checkpoint", 1).list();
+  if (checkpoints.empty()) return {};
+  auto state = learn::read_checkpoint(checkpoints.front().path);
+  EXPECT_TRUE(state) << state.error().message;
+  return state ? *state : learn::StateDict();
+}
+
+/// Networks, optimizer, normalizers, schedules: everything that training made. Times and paths are not.
+bool is_trained(const std::string& key) {
+  for (const char* section : {"network/", "optimizer/", "normalizer/", "schedule/", "algorithm/"})
+    if (key.starts_with(section)) return true;
+  return key == "counters/env_frames";
+}
+
+bool same(const learn::StateDict::Value& a, const learn::StateDict::Value& b) {
+  if (a.index() != b.index()) return false;
+  if (const auto* tensor = std::get_if<torch::Tensor>(&a))
+    return torch::equal(*tensor, std::get<torch::Tensor>(b));
+  return a == b;
+}
+
+/// Compares two runs' last checkpoints bit for bit; returns how many values were compared.
+size_t expect_same_training(const std::string& run_a, const std::string& run_b) {
+  const learn::StateDict a = last_checkpoint(run_a), b = last_checkpoint(run_b);
+  size_t compared = 0;
+  EXPECT_EQ(a.values().size(), b.values().size());
+  for (const auto& [key, value] : a.values()) {
+    if (!is_trained(key)) continue;
+    const auto other = b.values().find(key);
+    if (other == b.values().end()) {
+      ADD_FAILURE() << key << " is only in " << run_a;
+      continue;
+    }
+    EXPECT_TRUE(same(value, other->second)) << key;
+    ++compared;
+  }
+  return compared;
+}
+
+/// Whether any trained tensor differs.
+bool differ(const std::string& run_a, const std::string& run_b) {
+  const learn::StateDict a = last_checkpoint(run_a), b = last_checkpoint(run_b);
+  for (const auto& [key, value] : a.values())
+    if (key.starts_with("network/") && !same(value, b.values().at(key))) return true;
+  return false;
+}
+
+TEST(Deterministic, TheSameSeedGivesTheSameWeightsTwice) {
+  const ScratchFolder scratch;
+  train(scratch, "one", kEnvSteps);
+  train(scratch, "two", kEnvSteps);
+  EXPECT_GT(expect_same_training(scratch / "one", scratch / "two"), 20u);
+  train(scratch, "other_seed", kEnvSteps, {"--seed", "43"});
+  EXPECT_TRUE(differ(scratch / "one", scratch / "other_seed"));
+}
+
+TEST(Deterministic, ResumingHalfWayEqualsNeverStopping) {
+  const ScratchFolder scratch;
+  train(scratch, "straight", kEnvSteps);
+  train(scratch, "resumed", kEnvSteps / 2);
+  train(scratch, "resumed", kEnvSteps);
+  EXPECT_GT(expect_same_training(scratch / "straight", scratch / "resumed"), 20u);
+}
+
+TEST(Deterministic, AnInterruptedAndResumedRunEqualsNeverStopping) {
+  const ScratchFolder scratch;
+  train(scratch, "straight", 2 * kEnvSteps);
+  {
+    RunningProgram interrupted(lock_step(scratch, "resumed", 2 * kEnvSteps));
+    ASSERT_TRUE(wait_until([&] { return env_frames(scratch / "resumed") > 0; }, kRunTimeoutSeconds));
+    interrupted.signal(SIGINT);
+    ASSERT_EQ(interrupted.wait(15).exit_code, 0);
+  }
+  train(scratch, "resumed", 2 * kEnvSteps);
+  EXPECT_GT(expect_same_training(scratch / "straight", scratch / "resumed"), 20u);
+}
+
+TEST(Deterministic, AKilledSimulatorChangesNothing) {
+  const ScratchFolder scratch;
+  train(scratch, "straight", 2 * kEnvSteps);
+  RunningProgram disturbed(lock_step(scratch, "disturbed", 2 * kEnvSteps));
+  ASSERT_TRUE(wait_until([&] { return env_frames(scratch / "disturbed") > 0; }, kRunTimeoutSeconds));
+  const auto simulators = processes_of(scratch / "disturbed", "comrad-sim-worker");
+  ASSERT_FALSE(simulators.empty()) << "the run ended before it could be disturbed";
+  kill(simulators[0], SIGKILL);
+  const Ending ending = disturbed.wait(kRunTimeoutSeconds);
+  ASSERT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_THAT(ending.err, ::testing::HasSubstr("died"));
+  EXPECT_GT(expect_same_training(scratch / "straight", scratch / "disturbed"), 20u);
+}
+
+}  // namespace
+}  // namespace comrad::testing

@@ -1,0 +1,108 @@
+// Workers that are killed and runs that are interrupted: training goes on or ends cleanly, and nothing is
+// left behind.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+
+#include "tests/integration/running_program.h"
+
+namespace comrad::testing {
+namespace {
+
+using ::testing::SizeIs;
+
+constexpr double kStartSeconds = 60;
+constexpr double kRunTimeoutSeconds = 120;
+constexpr double kStopSeconds = 10;  // design section 3
+
+/// Waits until the learner has trained on `frames` more than now.
+bool trains_on(const std::string& run, double frames, double timeout_s) {
+  const double before = env_frames(run);
+  return wait_until([&] { return env_frames(run) >= before + frames; }, timeout_s);
+}
+
+/// An endless small run that has begun to train.
+class EndlessRun : public ::testing::Test {
+ protected:
+  EndlessRun() : run_(scratch_ / "run"), training_(small_training(scratch_, "run", 1e9)) {}
+
+  void SetUp() override {
+    ASSERT_TRUE(wait_until([this] { return env_frames(run_) > 0 || !training_.running(); }, kStartSeconds));
+    ASSERT_TRUE(training_.running()) << training_.wait(1).err;
+  }
+
+  /// Kills one worker outright and expects training to go on with a new one in its place.
+  void kill_and_expect_a_successor(const std::string& worker, size_t count) {
+    const auto before = processes_of(run_, worker);
+    ASSERT_THAT(before, SizeIs(count));
+    ASSERT_EQ(kill(before[0], SIGKILL), 0);
+    EXPECT_TRUE(wait_until(
+        [&] {
+          const auto now = processes_of(run_, worker);
+          return now.size() == count && std::find(now.begin(), now.end(), before[0]) == now.end();
+        },
+        30))
+        << worker << " was not restarted";
+    EXPECT_TRUE(trains_on(run_, 8192, 60)) << "training did not go on after " << worker << " was killed";
+    EXPECT_TRUE(training_.running());
+  }
+
+  /// Sends `number` and expects a clean end in time, a checkpoint, and no process left.
+  void expect_clean_stop(int number) {
+    const double begin_s = now_s();
+    training_.signal(number);
+    const Ending ending = training_.wait(3 * kStopSeconds);
+    EXPECT_FALSE(ending.timed_out) << ending.err;
+    EXPECT_EQ(ending.exit_code, 0) << ending.err;
+    EXPECT_LT(now_s() - begin_s, kStopSeconds);
+    EXPECT_FALSE(files(run_ + "/checkpoint", "checkpoint_", ".pt").empty());
+    EXPECT_TRUE(files(run_ + "/checkpoint", "", ".tmp").empty());
+    EXPECT_TRUE(processes_of(run_).empty());
+    const nlohmann::json status = read_json(run_ + "/status.json");
+    EXPECT_NE(status["state"], "running");
+  }
+
+  ScratchFolder scratch_;
+  std::string run_;
+  RunningProgram training_;
+};
+
+TEST_F(EndlessRun, GoesOnAfterSimulatorPolicyWorkerAndLearnerWereKilled) {
+  kill_and_expect_a_successor("comrad-sim-worker", 2);
+  kill_and_expect_a_successor("comrad-policy-worker", 1);
+  kill_and_expect_a_successor("comrad-learner", 1);
+  expect_clean_stop(SIGTERM);
+}
+
+TEST_F(EndlessRun, AnInterruptEndsItCleanlyAndItResumes) {
+  ASSERT_TRUE(trains_on(run_, 4096, kStartSeconds));
+  expect_clean_stop(SIGINT);
+  const double before = env_frames(run_);
+  RunningProgram resumed(small_training(scratch_, "run", before + 4096));
+  EXPECT_EQ(resumed.wait(kRunTimeoutSeconds).exit_code, 0);
+  EXPECT_GE(env_frames(run_), before + 4096);
+}
+
+TEST_F(EndlessRun, ASecondInterruptEndsItAtOnce) {
+  training_.signal(SIGINT);
+  training_.signal(SIGINT);
+  sleep_s(0.1);
+  training_.signal(SIGINT);  // two that arrive together may be taken for one
+  const double begin_s = now_s();
+  const Ending ending = training_.wait(kStopSeconds);
+  EXPECT_FALSE(ending.timed_out);
+  EXPECT_LT(now_s() - begin_s, 5);
+  EXPECT_TRUE(wait_until([this] { return processes_of(run_).empty(); }, 5));
+}
+
+TEST_F(EndlessRun, NothingIsLeftWhenTheSupervisorIsKilled) {
+  training_.signal(SIGKILL);
+  training_.wait(5);
+  EXPECT_TRUE(wait_until([this] { return processes_of(run_).empty(); }, kStopSeconds + 2))
+      << processes_of(run_).size() << " processes are left";
+}
+
+}  // namespace
+}  // namespace comrad::testing

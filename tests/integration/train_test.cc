@@ -1,0 +1,134 @@
+// `comrad train` over real processes: what a run leaves behind, resuming, restarting, several runs at once.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "tests/integration/running_program.h"
+
+namespace comrad::testing {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+namespace fs = std::filesystem;
+
+constexpr double kRunTimeoutSeconds = 90;
+
+/// Trains to `env_steps` and expects a clean end.
+Ending train(const ScratchFolder& scratch, const std::string& experiment, double env_steps,
+             const std::vector<std::string>& more = {}) {
+  RunningProgram training(small_training(scratch, experiment, env_steps, more));
+  Ending ending = training.wait(kRunTimeoutSeconds);
+  EXPECT_FALSE(ending.timed_out) << ending.err;
+  EXPECT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_TRUE(processes_of(scratch / experiment).empty());
+  return ending;
+}
+
+TEST(Train, LeavesACompleteRunDirectory) {
+  const ScratchFolder scratch;
+  train(scratch, "first", 8192);
+  const std::string run = scratch / "first";
+
+  const nlohmann::json status = read_json(run + "/status.json");
+  ASSERT_TRUE(status.is_object());
+  EXPECT_EQ(status["state"], "finished");
+  EXPECT_GE(status["env_frames"], 8192);
+  EXPECT_EQ(status["env_frames"], 4 * status["decisions"].get<int64_t>());
+  EXPECT_GE(status["learner_version"], 8192 / (256 * 4));
+
+  const auto reports = read_json_lines(run + "/metrics.jsonl");
+  ASSERT_FALSE(reports.empty());
+  for (const nlohmann::json& report : reports) {
+    ASSERT_TRUE(report.is_object());
+    for (const char* key : {"time_s", "env_frames", "decisions"}) EXPECT_TRUE(report.contains(key)) << key;
+  }
+  EXPECT_GE(reports.back()["env_frames"], 8192);
+
+  EXPECT_THAT(read_text(run + "/config.toml"), HasSubstr("rnn_size = 32"));
+  EXPECT_THAT(files(run, "events.out.tfevents."), SizeIs(1));
+  EXPECT_FALSE(files(run + "/checkpoint", "checkpoint_", ".pt").empty());
+  EXPECT_THAT(files(run + "/layouts", "coop_health_gathering_42.wad"), SizeIs(1));
+  for (const char* log : {"sim-0.log", "sim-1.log", "policy-0.log", "learner.log"})
+    EXPECT_TRUE(fs::exists(run + "/logs/" + log) ||
+                fs::exists(run + "/logs/" + std::string(log).insert(std::string(log).find('.'), "-0")))
+        << log;
+}
+
+TEST(Train, ResumesWhereItStopped) {
+  const ScratchFolder scratch;
+  train(scratch, "run", 8192);
+  const nlohmann::json before = read_json(scratch / "run/status.json");
+  train(scratch, "run", 16384);
+  const nlohmann::json after = read_json(scratch / "run/status.json");
+  EXPECT_EQ(after["state"], "finished");
+  EXPECT_GE(after["env_frames"], 16384);
+  EXPECT_LT(after["env_frames"], 16384 + 8192);  // it did not start over and train 16384 more
+  EXPECT_GT(after["learner_version"], before["learner_version"]);
+  double last = 0;
+  for (const nlohmann::json& report : read_json_lines(scratch / "run/metrics.jsonl")) {
+    EXPECT_GE(report["env_frames"].get<double>(), last);
+    last = report["env_frames"];
+  }
+  // Typed settings win over the run's own; what shapes the network is refused.
+  const Ending refused = RunningProgram(small_training(scratch, "run", 16384, {"--rnn_size", "64"})).wait(60);
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("the run was made with 32"));
+}
+
+TEST(Train, RestartKeepsTheOldRunAndOverwriteDoesNot) {
+  const ScratchFolder scratch;
+  train(scratch, "run", 2048);
+  std::ofstream(scratch / "run/note.txt") << "mine";
+  train(scratch, "run", 2048, {"--restart_behavior", "restart"});
+  ASSERT_THAT(files(scratch.path(), "run_old"), SizeIs(1));
+  EXPECT_EQ(read_text(files(scratch.path(), "run_old")[0] + "/note.txt"), "mine");
+  EXPECT_LT(env_frames(scratch / "run"), 2 * 2048 + 4096);
+  std::ofstream(scratch / "run/note.txt") << "mine";
+  train(scratch, "run", 2048, {"--restart_behavior=overwrite"});
+  EXPECT_THAT(files(scratch.path(), "run_old"), SizeIs(1));
+  EXPECT_FALSE(fs::exists(scratch / "run/note.txt"));
+}
+
+TEST(Train, ASecondRunOnTheSameDirectoryIsRefused) {
+  const ScratchFolder scratch;
+  RunningProgram first(small_training(scratch, "run", 1e8));
+  ASSERT_TRUE(wait_until([&] { return env_frames(scratch / "run") > 0; }, kRunTimeoutSeconds));
+  for (const char* behaviour : {"resume", "restart", "overwrite"}) {
+    const Ending second =
+        RunningProgram(small_training(scratch, "run", 8192, {"--restart_behavior", behaviour})).wait(60);
+    EXPECT_EQ(second.exit_code, 2) << behaviour;
+    EXPECT_THAT(second.err, HasSubstr(std::to_string(first.pid()))) << behaviour;
+  }
+  EXPECT_TRUE(first.running());
+  first.signal(SIGTERM);
+  EXPECT_EQ(first.wait(15).exit_code, 0);
+}
+
+TEST(Train, TwoRunsAtOnceDoNotMeet) {
+  const ScratchFolder scratch;
+  RunningProgram one(small_training(scratch, "one", 8192));
+  RunningProgram two(small_training(scratch, "two", 8192, {"--seed", "7"}));
+  const Ending first = one.wait(kRunTimeoutSeconds), second = two.wait(kRunTimeoutSeconds);
+  EXPECT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_EQ(second.exit_code, 0) << second.err;
+  for (const char* run : {"one", "two"}) {
+    EXPECT_EQ(read_json(scratch / run + "/status.json")["state"], "finished");
+    EXPECT_GE(env_frames(scratch / run), 8192);
+  }
+}
+
+TEST(Train, NamesItselfAfterScenarioAlgorithmAndTime) {
+  const ScratchFolder scratch;
+  std::vector<std::string> command = small_training(scratch, "", 1024);
+  ASSERT_EQ(RunningProgram(command).wait(kRunTimeoutSeconds).exit_code, 0);
+  const auto runs = files(scratch.path(), "coop_health_gathering_IPPO_2");
+  ASSERT_THAT(runs, SizeIs(1));
+  EXPECT_EQ(read_json(runs[0] + "/status.json")["state"], "finished");
+}
+
+}  // namespace
+}  // namespace comrad::testing

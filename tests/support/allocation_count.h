@@ -1,0 +1,10 @@
+// Counts operator new per thread, for tests of code that must not allocate. Link allocation_count.cc.
+#pragma once
+
+#include <cstdint>
+
+namespace comrad::testing {
+
+uint64_t allocations_of_this_thread();
+
+}  // namespace comrad::testing

@@ -1,0 +1,92 @@
+#include "deploy/config/child_program.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <thread>
+
+#include "rollout_buffer/core/clock.h"
+
+namespace comrad::deploy {
+namespace {
+
+using ::testing::ElementsAre;
+
+std::vector<std::string> shell(const std::string& script) { return {"sh", "-c", script}; }
+
+TEST(RunProgram, KeepsBothStreamsAndTheExitCode) {
+  const auto result = run_program(shell("echo out; echo err >&2; exit 3"));
+  ASSERT_TRUE(result) << result.error().message;
+  EXPECT_EQ(result->output, "out\n");
+  EXPECT_EQ(result->error_output, "err\n");
+  EXPECT_EQ(result->exit_code, 3);
+}
+
+TEST(RunProgram, TellsASignalFromAnExit) {
+  const auto result = run_program(shell("kill -9 $$"));
+  ASSERT_TRUE(result);
+  EXPECT_EQ(result->exit_code, 128 + SIGKILL);
+}
+
+TEST(RunProgram, HandsLinesOverWhole) {
+  std::vector<std::string> lines;
+  ProgramOptions options;
+  options.on_line = [&](const std::string& line) { lines.push_back(line); };
+  ASSERT_TRUE(run_program(shell("printf 'a'; sleep 0.05; printf 'b\\nc\\n'"), options));
+  EXPECT_THAT(lines, ElementsAre("ab", "c"));
+}
+
+TEST(RunProgram, DoesNotBlockOnMoreThanAPipeHolds) {
+  const auto result = run_program(shell("head -c 3000000 /dev/zero; head -c 3000000 /dev/zero >&2"));
+  ASSERT_TRUE(result);
+  EXPECT_EQ(result->output.size(), 3000000u);
+  EXPECT_EQ(result->error_output.size(), 3000000u);
+}
+
+TEST(RunProgram, KillsWhatTakesTooLong) {
+  const double begin_s = monotonic_s();
+  const auto result = run_program(shell("sleep 30"), {.timeout_s = 0.2});
+  ASSERT_FALSE(result);
+  EXPECT_EQ(result.error().code, ErrorCode::kTimeout);
+  EXPECT_LT(monotonic_s() - begin_s, 5);
+}
+
+TEST(RunProgram, NamesAProgramThatIsNotThere) {
+  for (const char* name : {"/no/such/program", "no-such-program-on-the-path"}) {
+    const auto result = run_program({name});
+    ASSERT_FALSE(result);
+    EXPECT_EQ(result.error().code, ErrorCode::kNotFound);
+  }
+}
+
+TEST(RunProgram, PassesAnInterruptOnAndTellsOfIt) {
+  sigset_t interrupt, previous;
+  sigemptyset(&interrupt);
+  sigaddset(&interrupt, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &interrupt,
+                  &previous);  // the new thread must not take the default action either
+  std::thread interrupter([] {
+    usleep(300'000);
+    kill(getpid(), SIGINT);
+  });
+  const auto result = run_program(shell("sleep 30"), {.timeout_s = 10});
+  interrupter.join();
+  pthread_sigmask(SIG_SETMASK, &previous, nullptr);
+  ASSERT_TRUE(result) << result.error().message;
+  EXPECT_TRUE(result->interrupted);
+  EXPECT_EQ(result->exit_code, 128 + SIGTERM);
+}
+
+TEST(LastWords, AreTheLastLineWithoutItsPrefix) {
+  EXPECT_EQ(
+      last_words({.output = "", .error_output = "warming up\ncomrad-doomgen: error: no such scenario\n\n"}),
+      "no such scenario");
+  EXPECT_EQ(last_words({.output = "", .error_output = "comrad-scenarios: unknown: x y"}), "unknown: x y");
+  EXPECT_EQ(last_words({.output = "", .error_output = "Segmentation fault: 11"}), "Segmentation fault: 11");
+  EXPECT_EQ(last_words({.output = "", .error_output = ""}), "");
+}
+
+}  // namespace
+}  // namespace comrad::deploy

@@ -1,0 +1,140 @@
+#include "deploy/config/command_line.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+namespace comrad::deploy {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::Pair;
+
+using Words = std::vector<std::string>;
+
+/// A command with all settings, parsed; the error message or "".
+std::string parse(CommandLine& line, const Words& words) {
+  line.add_settings();
+  const Status status = line.parse(words);
+  return status ? "" : status.error().message;
+}
+
+TEST(CommandLine, TakesValuesWithAndWithoutEqualsSign) {
+  CommandLine line("train", "");
+  ASSERT_EQ(parse(line, {"--seed=7", "--scenario", "lava_maze"}), "");
+  EXPECT_THAT(line.typed().values, ElementsAre(Pair("scenario", "lava_maze"), Pair("seed", "7")));
+  EXPECT_TRUE(line.was_typed("seed"));
+  EXPECT_FALSE(line.was_typed("rollout"));
+}
+
+TEST(CommandLine, TakesBooleansBareAndSpelledOut) {
+  CommandLine line("train", "");
+  ASSERT_EQ(parse(line, {"--deterministic", "--async_rl=False", "--use_rnn", "True", "--seed", "1"}), "");
+  EXPECT_THAT(line.typed().values, ElementsAre(Pair("seed", "1"), Pair("async_rl", "False"),
+                                               Pair("deterministic", "True"), Pair("use_rnn", "True")));
+}
+
+TEST(CommandLine, GivesOldNamesTheirNewOne) {
+  CommandLine line("train", "");
+  ASSERT_EQ(parse(line, {"--env=coop_puzzle", "--lr", "1e-3"}), "");
+  EXPECT_THAT(line.typed().values,
+              ElementsAre(Pair("scenario", "coop_puzzle"), Pair("learning_rate", "1e-3")));
+}
+
+TEST(CommandLine, LetsTheLastOfARepeatedFlagCount) {
+  CommandLine line("train", "");
+  ASSERT_EQ(parse(line, {"--seed=1", "--seed=2", "--env=a", "--scenario=b"}), "");
+  EXPECT_THAT(line.typed().values, ElementsAre(Pair("scenario", "b"), Pair("seed", "2")));
+}
+
+TEST(CommandLine, TakesNegativeNumbersAndEmptyTexts) {
+  CommandLine line("train", "");
+  ASSERT_EQ(parse(line, {"--shared_reward_alpha", "-1", "--wad="}), "");
+  EXPECT_THAT(line.typed().values, ElementsAre(Pair("wad", ""), Pair("shared_reward_alpha", "-1")));
+}
+
+TEST(CommandLine, NamesTheNearestFlagForAnUnknownOne) {
+  CommandLine line("train", "");
+  const std::string message = parse(line, {"--batchsize=64"});
+  EXPECT_THAT(message, HasSubstr("--batchsize"));
+  EXPECT_THAT(message, HasSubstr("did you mean --batch_size?"));
+}
+
+TEST(CommandLine, RefusesAnUnknownFlagThatIsNearNothing) {
+  CommandLine line("train", "");
+  const std::string message = parse(line, {"--qqqqqqqqqqqq"});
+  EXPECT_THAT(message, HasSubstr("unknown flag --qqqqqqqqqqqq"));
+  EXPECT_THAT(message, Not(HasSubstr("did you mean")));
+}
+
+TEST(CommandLine, RefusesAFlagWithoutItsValue) {
+  CommandLine last("train", "");
+  EXPECT_THAT(parse(last, {"--seed"}), HasSubstr("--seed needs a value"));
+  CommandLine before_another("train", "");
+  EXPECT_THAT(parse(before_another, {"--seed", "--rollout=8"}), HasSubstr("--seed needs a value"));
+}
+
+TEST(CommandLine, RefusesStrayWords) {
+  CommandLine line("train", "");
+  EXPECT_THAT(parse(line, {"ippo"}), HasSubstr("'ippo'"));
+}
+
+TEST(CommandLine, RefusesAPositionalThatIsMissing) {
+  CommandLine line("bench WHAT", "");
+  std::string what;
+  line.add_positional("WHAT", what, "what to measure");
+  EXPECT_THAT(parse(line, {"--seed=1"}), HasSubstr("WHAT"));
+}
+
+TEST(CommandLine, KeepsAPositionalApartFromABareBoolean) {
+  CommandLine line("bench WHAT", "");
+  std::string what;
+  bool json = false;
+  line.add_positional("WHAT", what, "what to measure");
+  line.add_switch("json", json, "one object");
+  ASSERT_EQ(parse(line, {"--json", "sim"}), "");
+  EXPECT_EQ(what, "sim");
+  EXPECT_TRUE(json);
+}
+
+TEST(CommandLine, RefusesACommandsOwnFlagWithAWrongType) {
+  double seconds = 1;
+  CommandLine line("bench", "");
+  line.add_option("seconds", seconds, "S", "how long");
+  EXPECT_THAT(parse(line, {"--seconds=long"}), HasSubstr("--seconds=long"));
+  EXPECT_EQ(seconds, 1);
+}
+
+TEST(CommandLine, StopsAtAnUnknownFlagBeforeHelp) {
+  CommandLine line("train", "");
+  EXPECT_THAT(parse(line, {"--no_such_flag", "--help"}), HasSubstr("--no_such_flag"));
+}
+
+TEST(CommandLine, HelpLinesFitAScreenAndEndWithoutBlanks) {
+  CommandLine line("train", "Trains.");
+  ASSERT_EQ(parse(line, {"--help"}), "");
+  std::istringstream lines(line.help());
+  for (std::string text; std::getline(lines, text);) {
+    EXPECT_LE(text.size(), 110u) << text;
+    EXPECT_FALSE(text.ends_with(' ')) << text;
+  }
+}
+
+TEST(CommandLine, HelpNamesEverySettingWithItsDefaultAndOldName) {
+  CommandLine line("train", "Trains.");
+  ASSERT_EQ(parse(line, {"--help"}), "");
+  EXPECT_TRUE(line.help_requested());
+  const std::string help = line.help();
+  RunConfig config;
+  visit_settings(config, [&](const char* name, auto&, const char*, std::initializer_list<const char*>) {
+    EXPECT_THAT(help, HasSubstr("--" + std::string(name) + " "));
+  });
+  EXPECT_THAT(help, HasSubstr("also --env"));
+  EXPECT_THAT(help, HasSubstr("rollout INT                   decisions in a trajectory, T (default 32)"));
+}
+
+}  // namespace
+}  // namespace comrad::deploy

@@ -1,0 +1,63 @@
+#include "deploy/config/existing_run.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace comrad::deploy {
+namespace {
+
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+class ExistingRun : public ::testing::Test {
+ protected:
+  ExistingRun() : folder_(fs::temp_directory_path() / ("existing_run_test." + std::to_string(getpid()))) {
+    fs::create_directories(folder_ / "stag" / "checkpoint");
+    touch("stag/config.toml");
+  }
+  ~ExistingRun() override { fs::remove_all(folder_); }
+  void touch(const std::string& name) { std::ofstream(folder_ / name) << "x"; }
+  fs::path folder_;
+};
+
+TEST_F(ExistingRun, IsFoundByFolderAndByName) {
+  const std::string path = (folder_ / "stag").string();
+  ASSERT_TRUE(find_run(path, "/nowhere"));
+  EXPECT_EQ(*find_run(path + "/", "/nowhere"), path);
+  ASSERT_TRUE(find_run("stag", folder_.string()));
+  EXPECT_EQ(*find_run("stag", folder_.string()), path);
+}
+
+TEST_F(ExistingRun, NamesTheNearestOne) {
+  const auto run = find_run("stagg", folder_.string());
+  ASSERT_FALSE(run);
+  EXPECT_THAT(run.error().message, HasSubstr("did you mean 'stag'?"));
+}
+
+TEST_F(ExistingRun, LatestIsTheHighestVersionAndBestTheHighestScore) {
+  touch("stag/checkpoint/checkpoint_000000009_1000.pt");
+  touch("stag/checkpoint/checkpoint_000000010_2000.pt");
+  touch("stag/checkpoint/checkpoint_000000011_3000.pt.tmp");
+  touch("stag/checkpoint/best_-12.50.pt");
+  touch("stag/checkpoint/best_-2.25.pt");
+  const std::string run = (folder_ / "stag").string();
+  ASSERT_TRUE(find_checkpoint(run, "latest"));
+  EXPECT_THAT(*find_checkpoint(run, "latest"), EndsWith("checkpoint_000000010_2000.pt"));
+  ASSERT_TRUE(find_checkpoint(run, "best"));
+  EXPECT_THAT(*find_checkpoint(run, "best"), EndsWith("best_-2.25.pt"));
+}
+
+TEST_F(ExistingRun, SaysWhatItLacks) {
+  touch("stag/checkpoint/checkpoint_000000009_1000.pt");
+  const auto best = find_checkpoint((folder_ / "stag").string(), "best");
+  ASSERT_FALSE(best);
+  EXPECT_THAT(best.error().message, HasSubstr("--load_checkpoint_kind latest"));
+}
+
+}  // namespace
+}  // namespace comrad::deploy

@@ -1,0 +1,127 @@
+#include "deploy/config/game_files.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+namespace comrad::deploy {
+namespace {
+
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+std::string number(int32_t value) {
+  std::string bytes;
+  for (int i = 0; i < 4; ++i) bytes += static_cast<char>(value >> (8 * i));
+  return bytes;
+}
+
+/// A PWAD of one lump of 5 bytes: header, lump, directory.
+std::string small_wad() {
+  return "PWAD" + number(1) + number(17) + "hello" + number(12) + number(5) + std::string("LUMP\0\0\0\0", 8);
+}
+
+class GameFiles : public ::testing::Test {
+ protected:
+  GameFiles() : folder_(fs::temp_directory_path() / ("game_files_test." + std::to_string(getpid()))) {
+    fs::create_directories(folder_);
+  }
+  ~GameFiles() override {
+    unsetenv("COMRAD_IWAD");
+    fs::remove_all(folder_);
+  }
+  std::string write(const std::string& name, const std::string& bytes) {
+    std::ofstream(folder_ / name, std::ios::binary) << bytes;
+    return (folder_ / name).string();
+  }
+  fs::path folder_;
+};
+
+TEST_F(GameFiles, AWholeWadPasses) { EXPECT_TRUE(check_wad(write("a.wad", small_wad()))); }
+
+TEST_F(GameFiles, EveryTruncationIsNamed) {
+  const std::string whole = small_wad();
+  for (size_t length = 0; length < whole.size(); ++length) {
+    const Status status = check_wad(write("cut.wad", whole.substr(0, length)));
+    ASSERT_FALSE(status) << length;
+    EXPECT_EQ(status.error().code, ErrorCode::kBadFormat);
+    EXPECT_THAT(status.error().message, HasSubstr("cut.wad"));
+  }
+}
+
+TEST_F(GameFiles, HostileNumbersAreNamed) {
+  const std::string tail = "hello" + number(12) + number(5) + std::string(8, 'A');
+  EXPECT_FALSE(check_wad(write("b.wad", "PWAD" + number(-1) + number(17) + tail)));
+  EXPECT_FALSE(check_wad(write("b.wad", "PWAD" + number(0x7FFFFFFF) + number(17) + tail)));
+  EXPECT_FALSE(check_wad(write("b.wad", "PWAD" + number(1) + number(-16) + tail)));
+  EXPECT_FALSE(check_wad(write("b.wad", "PK\3\4" + number(1) + number(17) + tail)));
+  const std::string outside = "hello" + number(12) + number(0x7FFFFFFF) + std::string(8, 'A');
+  EXPECT_FALSE(check_wad(write("b.wad", "PWAD" + number(1) + number(17) + outside)));
+}
+
+TEST_F(GameFiles, AMissingFileIsNotFound) {
+  const Status status = check_wad((folder_ / "none.wad").string());
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(GameFiles, TheIwadComesFromTheEnvironmentFirst) {
+  const std::string path = write("iwad.wad", small_wad());
+  setenv("COMRAD_IWAD", path.c_str(), 1);
+  ASSERT_TRUE(find_iwad());
+  EXPECT_EQ(*find_iwad(), path);
+  setenv("COMRAD_IWAD", "/nonexistent.wad", 1);
+  const auto missing = find_iwad();
+  ASSERT_FALSE(missing);
+  EXPECT_THAT(missing.error().message, HasSubstr("COMRAD_IWAD"));
+}
+
+TEST_F(GameFiles, AUsersWadIsTakenAsItIs) {
+  RunConfig config;
+  config.wad = write("mine.wad", small_wad());
+  const auto layout = ensure_layout(config, (folder_ / "layouts").string());
+  ASSERT_TRUE(layout) << layout.error().message;
+  EXPECT_EQ(*layout, config.wad);
+  EXPECT_EQ(layout_text(config), config.wad);
+  EXPECT_FALSE(fs::exists(folder_ / "layouts"));
+}
+
+TEST(Layouts, AGeneratedOneIsToldByItsNameAndFolder) {
+  RunConfig config;
+  config.scenario = "two_rooms";
+  config.layout_seed = 7;
+  config.wad = "/runs/a/layouts/two_rooms_7.wad";
+  EXPECT_TRUE(is_generated_layout(config));
+  EXPECT_EQ(layout_text(config), "seed 7");
+  config.wad = "/home/me/two_rooms_7.wad";
+  EXPECT_FALSE(is_generated_layout(config));
+}
+
+TEST_F(GameFiles, ANewLayoutSeedOrAMovedRunForgetsTheGeneratedMap) {
+  fs::create_directories(folder_ / "layouts");
+  RunConfig run;
+  run.layout_seed = 42;
+  run.wad = write("layouts/" + run.scenario + "_42.wad", small_wad());
+  RunConfig same = run;
+  forget_stale_layout(run, same);
+  EXPECT_EQ(same.wad, run.wad);
+  RunConfig reseeded = run;
+  reseeded.layout_seed = 43;
+  forget_stale_layout(run, reseeded);
+  EXPECT_EQ(reseeded.wad, "");
+  RunConfig chosen = run;
+  chosen.layout_seed = 43;
+  chosen.wad = "/home/me/mine.wad";
+  forget_stale_layout(run, chosen);
+  EXPECT_EQ(chosen.wad, "/home/me/mine.wad");
+  fs::remove(run.wad);
+  forget_stale_layout(run, same);
+  EXPECT_EQ(same.wad, "");
+}
+
+}  // namespace
+}  // namespace comrad::deploy

@@ -1,0 +1,157 @@
+#include "deploy/config/merged_settings.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace comrad::deploy {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// A scenario whose own defaults show where they win and lose.
+Expected<ScenarioDescription> fake_scenario(const std::string& name, int64_t num_agents,
+                                            bool use_measurements) {
+  if (name != "two_rooms") return Error{ErrorCode::kBadInput, "unknown scenario '" + name + "'"};
+  ScenarioDescription scenario;
+  scenario.name = name;
+  scenario.env.num_agents = num_agents == 0 ? 2 : static_cast<int32_t>(num_agents);
+  scenario.env.measurement_count = use_measurements ? 5 : 0;
+  scenario.supported_agents = {2, 4};
+  scenario.shared_reward_alpha = 0.25;
+  scenario.training = {"scenario two_rooms",
+                       {{"batch_size", "1024"}, {"num_epochs", "2"}, {"rnn_type", "gru"}}};
+  return scenario;
+}
+
+UserSettings typed(std::vector<std::pair<std::string, std::string>> values) {
+  values.insert(values.begin(), {"scenario", "two_rooms"});
+  return {"", {"command line", std::move(values)}};
+}
+
+class SettingsFile {
+ public:
+  explicit SettingsFile(const std::string& text)
+      : path_(
+            (std::filesystem::temp_directory_path() / ("merged_settings_test." + std::to_string(::getpid())))
+                .string()) {
+    std::ofstream(path_) << text;
+  }
+  ~SettingsFile() { std::filesystem::remove(path_); }
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+TEST(MergeNew, ALaterLayerWins) {
+  const auto defaults = merge_new(typed({}), fake_scenario, 2);
+  ASSERT_TRUE(defaults) << defaults.error().message;
+  EXPECT_EQ(defaults->config.rnn_size, 512);    // built-in or algorithm
+  EXPECT_EQ(defaults->config.num_epochs, 2);    // scenario over the algorithm's 4
+  EXPECT_EQ(defaults->config.rnn_type, "gru");  // scenario over the algorithm's lstm
+  EXPECT_EQ(defaults->config.batch_size, 1024);
+
+  const SettingsFile file("num_epochs = 3\nbatch_size = 2048\n");
+  UserSettings user = typed({{"batch_size", "512"}});
+  user.config_file = file.path();
+  const auto merged = merge_new(user, fake_scenario, 2);
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(merged->config.num_epochs, 3);    // file over scenario
+  EXPECT_EQ(merged->config.batch_size, 512);  // command line over file
+}
+
+TEST(MergeNew, ACommandsChangesLieBelowEverythingElse) {
+  const SettingsLayer changes{"bench", {{"train_for_env_steps", "1e15"}, {"num_epochs", "9"}}};
+  const auto merged = merge_new(typed({}), fake_scenario, 2, changes);
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(merged->config.train_for_env_steps, 1e15);
+  EXPECT_EQ(merged->config.num_epochs, 2);
+}
+
+TEST(MergeNew, LeavesNoAutomaticValue) {
+  const auto merged = merge_new(typed({}), fake_scenario, 3);
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(merged->config.num_agents, 2);
+  EXPECT_EQ(merged->config.shared_reward_alpha, 0.25);
+  EXPECT_EQ(merged->config.num_workers, 3);
+  EXPECT_GT(merged->config.trajectory_slabs, 0);
+}
+
+TEST(MergeNew, TheTeamSizeReachesTheShape) {
+  const auto merged =
+      merge_new(typed({{"num_agents", "4"}, {"use_additional_input", "true"}}), fake_scenario, 2);
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(merged->scenario.env.num_agents, 4);
+  EXPECT_EQ(merged->scenario.env.measurement_count, 5);
+}
+
+TEST(MergeNew, NamesTheLayerOfAnUnknownKey) {
+  const SettingsFile file("batchsize = 3\n");
+  UserSettings user = typed({});
+  user.config_file = file.path();
+  const auto merged = merge_new(user, fake_scenario, 2);
+  ASSERT_FALSE(merged);
+  EXPECT_THAT(merged.error().message, HasSubstr(file.path()));
+  EXPECT_THAT(merged.error().message, HasSubstr("batch_size"));
+}
+
+TEST(MergeNew, PassesOnAnUnknownScenario) {
+  const auto merged = merge_new({"", {"command line", {{"scenario", "nowhere"}}}}, fake_scenario, 2);
+  ASSERT_FALSE(merged);
+  EXPECT_THAT(merged.error().message, HasSubstr("nowhere"));
+}
+
+/// A run as it was made by merge_new.
+RunConfig made_run() {
+  auto merged = merge_new(typed({{"num_workers", "2"}}), fake_scenario, 2);
+  return merged ? merged->config : RunConfig();
+}
+
+TEST(MergeOntoRun, KeepsTheRunsSettingsUnlessTyped) {
+  RunConfig run = made_run();
+  run.learning_rate = 0.5;
+  const auto merged = merge_onto_run(run, typed({{"gamma", "0.9"}}), fake_scenario, 2);
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(merged->config.learning_rate, 0.5);
+  EXPECT_EQ(merged->config.gamma, 0.9);
+  EXPECT_EQ(merged->config.num_epochs, 2);
+}
+
+TEST(MergeOntoRun, RefusesToChangeWhatShapesTheNetwork) {
+  const auto merged = merge_onto_run(made_run(), typed({{"rnn_size", "64"}}), fake_scenario, 2);
+  ASSERT_FALSE(merged);
+  EXPECT_EQ(merged.error().code, ErrorCode::kBadInput);
+  EXPECT_THAT(merged.error().message, HasSubstr("--rnn_size=64: the run was made with 512"));
+}
+
+TEST(MergeOntoRun, AsksForTheScenariosTeamSizeMeansTheRunsOne) {
+  const auto merged = merge_onto_run(made_run(), typed({{"num_agents", "0"}}), fake_scenario, 2);
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(merged->config.num_agents, 2);
+}
+
+TEST(MergeOntoRun, SizesTheArenaAnewWhenItsPartsChange) {
+  const RunConfig run = made_run();
+  const auto larger = merge_onto_run(run, typed({{"num_workers", "8"}}), fake_scenario, 2);
+  ASSERT_TRUE(larger) << larger.error().message;
+  EXPECT_GT(larger->config.trajectory_slabs, run.trajectory_slabs);
+  const auto fixed =
+      merge_onto_run(run, typed({{"num_workers", "8"}, {"trajectory_slabs", "999"}}), fake_scenario, 2);
+  ASSERT_TRUE(fixed) << fixed.error().message;
+  EXPECT_EQ(fixed->config.trajectory_slabs, 999);
+}
+
+TEST(SettingText, WritesEveryTypeAsConfigTomlDoes) {
+  RunConfig config;
+  EXPECT_EQ(setting_text(config, "rnn_type"), "gru");
+  EXPECT_EQ(setting_text(config, "rollout"), "32");
+  EXPECT_EQ(setting_text(config, "use_rnn"), "true");
+  EXPECT_EQ(setting_text(config, "gamma"), "0.98999999999999999");
+  EXPECT_EQ(setting_text(config, "no_such_setting"), "");
+}
+
+}  // namespace
+}  // namespace comrad::deploy

@@ -1,0 +1,116 @@
+#include "deploy/launch/progress.h"
+
+#include <gtest/gtest.h>
+#include <pty.h>
+#include <unistd.h>
+
+namespace comrad::deploy {
+namespace {
+
+TEST(TrainingLine, ShowsEverythingOnce) {
+  TrainingProgress progress;
+  progress.env_frames = 1.25e6;
+  progress.env_frames_total = 1e8;
+  progress.env_frames_per_s = 3512.4;
+  progress.decisions_per_s = 878.1;
+  progress.score_mean = 412.34;
+  progress.return_mean = 1.2345;
+  progress.lag_mean = 3.21;
+  progress.lag_max = 9;
+  EXPECT_EQ(
+      training_line(progress),
+      "1.2M/100M env frames (1.2%), ETA 7h48m | 3512 env frames/s, 878 decisions/s | J 412.3, return 1.23 | "
+      "lag 3.2 (max 9)");
+}
+
+TEST(TrainingLine, LeavesOutWhatIsNotKnownYet) {
+  TrainingProgress progress;
+  progress.env_frames = 512;
+  EXPECT_EQ(training_line(progress), "512 env frames | 0 env frames/s, 0 decisions/s");
+  progress.env_frames_total = 1000;
+  EXPECT_EQ(training_line(progress), "512/1k env frames (51.2%) | 0 env frames/s, 0 decisions/s")
+      << "no rate, no ETA";
+  progress.env_frames = 2000;
+  progress.env_frames_per_s = 10;
+  EXPECT_EQ(training_line(progress), "2k/1k env frames (200.0%), ETA 0s | 10 env frames/s, 0 decisions/s");
+}
+
+TEST(CountText, ChangesUnitWhereRoundingDoes) {
+  EXPECT_EQ(count_text(0), "0");
+  EXPECT_EQ(count_text(999), "999");
+  EXPECT_EQ(count_text(999.6), "1k");
+  EXPECT_EQ(count_text(1000), "1k");
+  EXPECT_EQ(count_text(12345), "12.3k");
+  EXPECT_EQ(count_text(123456), "123k");
+  EXPECT_EQ(count_text(999'400), "999k");
+  EXPECT_EQ(count_text(999'600), "1M");
+  EXPECT_EQ(count_text(8e6), "8M");
+  EXPECT_EQ(count_text(1e8), "100M");
+  EXPECT_EQ(count_text(2.5e9), "2.5G");
+}
+
+TEST(DurationText, HasTwoUnitsAtMost) {
+  EXPECT_EQ(duration_text(0), "0s");
+  EXPECT_EQ(duration_text(59.4), "59s");
+  EXPECT_EQ(duration_text(59.6), "1m00s");
+  EXPECT_EQ(duration_text(65), "1m05s");
+  EXPECT_EQ(duration_text(3660), "1h01m");
+  EXPECT_EQ(duration_text(90'000), "1d01h");
+  EXPECT_EQ(duration_text(-1), "?");
+  EXPECT_EQ(duration_text(std::nan("")), "?");
+}
+
+std::string drain(int descriptor) {
+  char text[4096];
+  const ssize_t size = read(descriptor, text, sizeof text);
+  return std::string(text, size > 0 ? static_cast<std::size_t>(size) : 0);
+}
+
+TEST(ProgressPrinter, WritesPlainLinesToAPipe) {
+  int ends[2];
+  ASSERT_EQ(pipe(ends), 0);
+  ProgressPrinter printer(ends[1], true);
+  printer.line("one");
+  printer.note("a worker died");
+  printer.line("two");
+  printer.end();
+  EXPECT_EQ(drain(ends[0]), "one\na worker died\ntwo\n");
+  ProgressPrinter quiet(ends[1], false);
+  quiet.line("hidden");
+  quiet.note("shown");
+  EXPECT_EQ(drain(ends[0]), "shown\n");
+  close(ends[0]);
+  close(ends[1]);
+}
+
+TEST(ProgressPrinter, RewritesOneLineOfATerminalAndNeverWraps) {
+  int leader = -1, terminal = -1;
+  winsize size{.ws_row = 25, .ws_col = 20, .ws_xpixel = 0, .ws_ypixel = 0};
+  ASSERT_EQ(openpty(&leader, &terminal, nullptr, nullptr, &size), 0);
+  ProgressPrinter printer(terminal, true);
+  printer.line("first");
+  EXPECT_EQ(drain(leader), "\r\x1b[Kfirst");
+  printer.line("a line that is longer than the terminal");
+  EXPECT_EQ(drain(leader), "\r\x1b[Ka line that is long");
+  printer.line("short");
+  drain(leader);
+  printer.note("kept");
+  EXPECT_EQ(drain(leader), "\r\x1b[Kkept\r\n\r\x1b[Kshort") << "the note scrolls by, the line stands again";
+  printer.end();
+  EXPECT_EQ(drain(leader), "\r\n");
+  close(leader);
+  close(terminal);
+}
+
+TEST(ProgressPrinter, LosesItsReaderWithoutHarm) {
+  int ends[2];
+  ASSERT_EQ(pipe(ends), 0);
+  signal(SIGPIPE, SIG_IGN);
+  close(ends[0]);
+  ProgressPrinter printer(ends[1], true);
+  printer.line("nobody reads this");
+  close(ends[1]);
+}
+
+}  // namespace
+}  // namespace comrad::deploy

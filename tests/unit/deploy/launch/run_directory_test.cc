@@ -1,0 +1,235 @@
+#include "deploy/launch/run_directory.h"
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/file.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "rollout_buffer/core/clock.h"
+
+namespace comrad::deploy {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class RunDirectoryTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    char name[] = "/tmp/comrad_runs_XXXXXX";
+    ASSERT_NE(mkdtemp(name), nullptr);
+    train_dir_ = name;
+  }
+  void TearDown() override { fs::remove_all(train_dir_); }
+
+  /// A run that wrote its config and one checkpoint, and ended.
+  void leave_a_run(const std::string& experiment) {
+    auto run = RunDirectory::open(train_dir_, experiment, "resume");
+    ASSERT_TRUE(run) << run.error().message;
+    ASSERT_TRUE(run->write_config(RunConfig{}));
+    std::ofstream(run->path() + "/checkpoint/one.pt") << "weights";
+  }
+  bool exists(const std::string& path) const { return fs::exists(train_dir_ + "/" + path); }
+
+  std::string train_dir_;
+};
+
+TEST_F(RunDirectoryTest, ResumeOfAFreshNameJustStarts) {
+  auto run = RunDirectory::open(train_dir_, "first", "resume");
+  ASSERT_TRUE(run) << run.error().message;
+  EXPECT_FALSE(run->is_resumed());
+  EXPECT_EQ(run->path(), train_dir_ + "/first");
+  EXPECT_TRUE(exists("first/logs"));
+  EXPECT_TRUE(exists("first/checkpoint"));
+}
+
+TEST_F(RunDirectoryTest, ResumeKeepsWhatIsThere) {
+  leave_a_run("run");
+  auto run = RunDirectory::open(train_dir_, "run", "resume");
+  ASSERT_TRUE(run) << run.error().message;
+  EXPECT_TRUE(run->is_resumed());
+  EXPECT_TRUE(exists("run/checkpoint/one.pt"));
+}
+
+TEST_F(RunDirectoryTest, RestartRenamesTheOldRunToTheNextFreeNumber) {
+  for (int life = 0; life < 2; ++life) {
+    leave_a_run("run");
+    auto run = RunDirectory::open(train_dir_, "run", "restart");
+    ASSERT_TRUE(run) << run.error().message;
+    EXPECT_FALSE(run->is_resumed());
+    EXPECT_FALSE(exists("run/checkpoint/one.pt"));
+  }
+  EXPECT_TRUE(exists("run_old0001/checkpoint/one.pt"));
+  EXPECT_TRUE(exists("run_old0002/checkpoint/one.pt"));
+}
+
+TEST_F(RunDirectoryTest, OverwriteEmptiesARun) {
+  leave_a_run("run");
+  auto run = RunDirectory::open(train_dir_, "run", "overwrite");
+  ASSERT_TRUE(run) << run.error().message;
+  EXPECT_FALSE(run->is_resumed());
+  EXPECT_FALSE(exists("run/checkpoint/one.pt"));
+  EXPECT_FALSE(exists("run/config.toml"));
+  EXPECT_FALSE(exists("run_old0001"));
+}
+
+TEST_F(RunDirectoryTest, OverwriteNeverEmptiesAFolderThatIsNoRun) {
+  fs::create_directories(train_dir_ + "/thesis");
+  std::ofstream(train_dir_ + "/thesis/chapter1.tex") << "important";
+  auto run = RunDirectory::open(train_dir_, "thesis", "overwrite");
+  ASSERT_FALSE(run);
+  EXPECT_EQ(run.error().code, ErrorCode::kBadInput);
+  EXPECT_THAT(run.error().message, HasSubstr("no config.toml"));
+  EXPECT_TRUE(exists("thesis/chapter1.tex"));
+}
+
+TEST_F(RunDirectoryTest, ASecondLiveRunIsRefusedWithThePidOfTheFirst) {
+  for (const char* behavior : {"resume", "restart", "overwrite"}) {
+    leave_a_run("run");
+    auto first = RunDirectory::open(train_dir_, "run", "resume");
+    ASSERT_TRUE(first);
+    auto second = RunDirectory::open(train_dir_, "run", behavior);
+    ASSERT_FALSE(second) << behavior;
+    EXPECT_EQ(second.error().code, ErrorCode::kBadInput);
+    EXPECT_THAT(second.error().message, HasSubstr("live run (pid " + std::to_string(getpid()) + ")"));
+    EXPECT_TRUE(exists("run/checkpoint/one.pt")) << behavior << " must not touch a live run";
+    EXPECT_FALSE(exists("run_old0001"));
+  }
+}
+
+TEST_F(RunDirectoryTest, TheLockEndsWithItsOwner) {
+  leave_a_run("run");
+  int ready[2];
+  ASSERT_EQ(pipe(ready), 0);
+  const pid_t owner = fork();
+  if (owner == 0) {
+    auto run = RunDirectory::open(train_dir_, "run", "resume");
+    [[maybe_unused]] const ssize_t told = write(ready[1], run ? "y" : "n", 1);
+    pause();
+    _exit(0);
+  }
+  char answer = 0;
+  ASSERT_EQ(read(ready[0], &answer, 1), 1);
+  EXPECT_EQ(answer, 'y');
+  EXPECT_FALSE(RunDirectory::open(train_dir_, "run", "resume"));
+  kill(owner, SIGKILL);
+  waitpid(owner, nullptr, 0);
+  EXPECT_TRUE(RunDirectory::open(train_dir_, "run", "resume"));
+}
+
+TEST_F(RunDirectoryTest, ALearnerThatOutlivesItsSupervisorIsWaitedFor) {
+  leave_a_run("run");
+  // The supervisor takes the lock and dies; its child inherited it and needs another half second.
+  const pid_t supervisor = fork();
+  if (supervisor == 0) {
+    auto run = RunDirectory::open(train_dir_, "run", "resume");
+    if (fork() == 0) {
+      usleep(500'000);
+      _exit(0);
+    }
+    _exit(run ? 0 : 1);  // no destructor: the lock stays with the child
+  }
+  int status = 0;
+  waitpid(supervisor, &status, 0);
+  ASSERT_EQ(WEXITSTATUS(status), 0);
+  const double start_s = monotonic_s();
+  auto run = RunDirectory::open(train_dir_, "run", "resume");
+  EXPECT_TRUE(run) << run.error().message;
+  EXPECT_GT(monotonic_s() - start_s, 0.2);
+}
+
+TEST_F(RunDirectoryTest, NamesThatLeadElsewhereAreRefused) {
+  for (const std::string& name : {std::string(""), std::string(".."), std::string("a/b"), std::string("/etc"),
+                                  std::string(".hidden"), std::string("a\nb"), std::string(201, 'x')}) {
+    auto run = RunDirectory::open(train_dir_, name, "resume");
+    ASSERT_FALSE(run) << name;
+    EXPECT_EQ(run.error().code, ErrorCode::kBadInput);
+  }
+  auto run = RunDirectory::open(train_dir_, "run", "retry");
+  ASSERT_FALSE(run);
+  EXPECT_THAT(run.error().message, HasSubstr("resume, restart or overwrite"));
+}
+
+TEST_F(RunDirectoryTest, AFolderThatCannotBeMadeIsNamed) {
+  std::ofstream(train_dir_ + "/file") << "no folder";
+  auto run = RunDirectory::open(train_dir_ + "/file", "run", "resume");
+  ASSERT_FALSE(run);
+  EXPECT_THAT(run.error().message, HasSubstr(train_dir_ + "/file/run"));
+}
+
+TEST_F(RunDirectoryTest, ConfigSurvivesTheRoundTrip) {
+  auto run = RunDirectory::open(train_dir_, "run", "resume");
+  ASSERT_TRUE(run);
+  RunConfig config;
+  config.seed = 7;
+  config.rnn_type = "lstm";
+  ASSERT_TRUE(run->write_config(config));
+  auto read = load_run_config(run->path() + "/config.toml");
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->seed, 7);
+  EXPECT_EQ(read->rnn_type, "lstm");
+}
+
+TEST_F(RunDirectoryTest, StatusIsOneJsonObjectAndUnknownScoresAreNull) {
+  RunStatus status;
+  status.state = "running";
+  status.env_frames = 1ull << 40;
+  status.decisions = 5;
+  status.learner_version = 6;
+  status.env_frames_per_s = std::numeric_limits<double>::infinity();
+  status.message = "a \"quoted\" line \xff";
+  ASSERT_TRUE(write_status(train_dir_, status));
+  std::ifstream file(train_dir_ + "/status.json");
+  nlohmann::json json = nlohmann::json::parse(file);
+  EXPECT_EQ(json["state"], "running");
+  EXPECT_EQ(json["env_frames"], 1ull << 40);
+  EXPECT_EQ(json["decisions"], 5);
+  EXPECT_EQ(json["learner_version"], 6);
+  EXPECT_TRUE(json["J_mean"].is_null());
+  EXPECT_EQ(json["env_frames_per_s"], 0.0);
+  EXPECT_FALSE(exists("status.json.tmp"));
+  status.score_mean = 612.5;
+  ASSERT_TRUE(write_status(train_dir_, status));
+  EXPECT_EQ(nlohmann::json::parse(std::ifstream(train_dir_ + "/status.json"))["J_mean"], 612.5);
+}
+
+TEST_F(RunDirectoryTest, AWriteThatFailsHalfWayKeepsTheOldFile) {
+  const std::string path = train_dir_ + "/config.toml";
+  ASSERT_TRUE(write_file_atomically(path, "old", true));
+  // A limit on the file size stands in for a full disk.
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit before{}, small{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  small = before;
+  small.rlim_cur = 1000;
+  setrlimit(RLIMIT_FSIZE, &small);
+  const Status written = write_file_atomically(path, std::string(5000, 'x'), true);
+  setrlimit(RLIMIT_FSIZE, &before);
+  ASSERT_FALSE(written);
+  EXPECT_THAT(written.error().message, HasSubstr(path));
+  std::string text;
+  std::getline(std::ifstream(path), text);
+  EXPECT_EQ(text, "old");
+  EXPECT_FALSE(exists("config.toml.tmp"));
+}
+
+TEST_F(RunDirectoryTest, AFullDiskIsCalledThat) {
+  if (access("/dev/full", W_OK) != 0) GTEST_SKIP() << "no /dev/full here";
+  fs::create_symlink("/dev/full", train_dir_ + "/config.toml.tmp");
+  const Status written = write_file_atomically(train_dir_ + "/config.toml", "text", false);
+  ASSERT_FALSE(written);
+  EXPECT_EQ(written.error().code, ErrorCode::kNoSpace);
+  EXPECT_THAT(written.error().message, HasSubstr("free disk space"));
+}
+
+}  // namespace
+}  // namespace comrad::deploy

@@ -1,0 +1,371 @@
+#include "deploy/launch/supervisor.h"
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/file.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "rollout_buffer/core/clock.h"
+
+namespace comrad::deploy {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::Not;
+
+std::string read_file(const std::string& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+bool eventually(double limit_s, const std::function<bool()>& done) {
+  for (const double end_s = monotonic_s() + limit_s; monotonic_s() < end_s; usleep(20'000)) {
+    if (done()) return true;
+  }
+  return done();
+}
+
+/// A supervisor in a process of its own (launch_probe.cc) with fake workers (fake_worker.cc) in a run
+/// directory.
+class Launch : public testing::Test {
+ protected:
+  void SetUp() override {
+    char name[] = "/tmp/comrad_launch_XXXXXX";
+    ASSERT_NE(mkdtemp(name), nullptr);
+    run_dir_ = name;
+    fs::create_directories(run_dir_ + "/logs");
+  }
+  void TearDown() override {
+    if (probe_ > 0) {
+      kill(probe_, SIGKILL);
+      waitpid(probe_, nullptr, 0);
+    }
+    EXPECT_TRUE(eventually(3, [&] { return living_workers().empty(); })) << "workers outlived the supervisor";
+    fs::remove_all(run_dir_);
+  }
+
+  void start(const std::string& habits, const std::vector<std::string>& options = {}) {
+    std::ofstream(run_dir_ + "/fake.txt") << habits;
+    std::vector<std::string> words = {COMRAD_LAUNCH_PROBE, run_dir_, COMRAD_FAKE_BIN};
+    words.insert(words.end(), options.begin(), options.end());
+    probe_ = fork();
+    if (probe_ == 0) {
+      dup2(open((run_dir_ + "/out.json").c_str(), O_WRONLY | O_CREAT, 0644), STDOUT_FILENO);
+      dup2(open((run_dir_ + "/progress.txt").c_str(), O_WRONLY | O_CREAT, 0644), STDERR_FILENO);
+      std::vector<char*> argv;
+      for (std::string& word : words) argv.push_back(word.data());
+      argv.push_back(nullptr);
+      execv(argv[0], argv.data());
+      _exit(127);
+    }
+  }
+
+  /// Waits for the supervisor's end. Its exit code; -signal if it was killed; -1000 if it is still there.
+  int wait_for_end(double limit_s) {
+    int status = 0;
+    const bool ended = eventually(limit_s, [&] { return waitpid(probe_, &status, WNOHANG) == probe_; });
+    if (!ended) return -1000;
+    probe_ = -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+  }
+
+  std::vector<std::string> events() const {
+    std::vector<std::string> lines;
+    std::ifstream file(run_dir_ + "/events.log");
+    for (std::string line; std::getline(file, line);) lines.push_back(line);
+    return lines;
+  }
+  /// Pids of all lives of one worker, or of all.
+  std::vector<pid_t> pids(const std::string& worker) const {
+    std::vector<pid_t> found;
+    for (const std::string& event : events()) {
+      std::istringstream words(event);
+      std::string who, what;
+      pid_t pid = 0;
+      if (words >> who >> what >> pid && what == "start" && (worker.empty() || who == worker))
+        found.push_back(pid);
+    }
+    return found;
+  }
+  std::vector<pid_t> living_workers() const {
+    std::vector<pid_t> alive;
+    for (const pid_t pid : pids("")) {
+      // A pid that now belongs to somebody else is not ours.
+      if (read_file("/proc/" + std::to_string(pid) + "/cmdline").find(run_dir_) != std::string::npos)
+        alive.push_back(pid);
+    }
+    return alive;
+  }
+  bool is_running(const std::string& worker) const {
+    const std::vector<std::string> all = events();
+    return std::find(all.begin(), all.end(), worker + " running") != all.end();
+  }
+  bool all_run() const {
+    return is_running("sim-0") && is_running("sim-1") && is_running("policy-0") && is_running("learner");
+  }
+  nlohmann::json outcome() const {
+    return nlohmann::json::parse(read_file(run_dir_ + "/out.json"), nullptr, false);
+  }
+  nlohmann::json status() const {
+    return nlohmann::json::parse(read_file(run_dir_ + "/status.json"), nullptr, false);
+  }
+  std::string progress() const { return read_file(run_dir_ + "/progress.txt"); }
+
+  std::string run_dir_;
+  pid_t probe_ = -1;
+};
+
+TEST_F(Launch, ARunEndsWhenTheLearnerHasFinished) {
+  start("learner finish 1500\n");
+  ASSERT_EQ(wait_for_end(15), 0) << progress();
+  const nlohmann::json result = outcome();
+  EXPECT_EQ(result["message"], "finished");
+  EXPECT_EQ(result["interrupted"], false);
+  EXPECT_EQ(result["restarts"], 0);
+  EXPECT_GT(result["learner_version"], 5);
+  EXPECT_THAT(events(), testing::IsSupersetOf(
+                            {"sim-0 stopped", "sim-1 stopped", "policy-0 stopped", "learner finished"}));
+  EXPECT_EQ(status()["state"], "finished");
+  EXPECT_EQ(status()["J_mean"], 123.5);
+  EXPECT_GT(status()["env_frames"], 1000);
+  EXPECT_THAT(progress(), HasSubstr("starting: "));
+  EXPECT_THAT(progress(), HasSubstr("5120 env frames/s, 1280 decisions/s | J 123.5"));
+  EXPECT_THAT(progress(), HasSubstr("finished: "));
+  EXPECT_THAT(progress(), HasSubstr("checkpoint checkpoint/fake.pt"));
+  EXPECT_THAT(progress(), Not(HasSubstr("\x1b"))) << "plain lines when piped";
+}
+
+TEST_F(Launch, WorkersGetTheirCommandLinesAndThreadCounts) {
+  start("learner finish 200\n");
+  ASSERT_EQ(wait_for_end(15), 0);
+  std::string all;
+  for (const std::string& event : events()) all += event + "\n";
+  EXPECT_THAT(all, testing::ContainsRegex("sim-1 start [0-9]+ --run_dir " + run_dir_ +
+                                          " --arena comrad-[0-9a-f]+ --worker_index 1\n"));
+  EXPECT_THAT(all, testing::ContainsRegex("policy-0 start [0-9]+ --run_dir " + run_dir_ +
+                                          " --arena comrad-[0-9a-f]+ --worker_index 0\n"));
+  EXPECT_THAT(all, testing::ContainsRegex("learner start [0-9]+ --run_dir " + run_dir_ +
+                                          " --arena comrad-[0-9a-f]+ --mode train\n"));
+  EXPECT_THAT(events(),
+              testing::IsSupersetOf({"sim-0 threads 1 0", "policy-0 threads 1 -", "learner threads 2 -"}));
+}
+
+TEST_F(Launch, AKilledSimulatorAndPolicyWorkerAreRestartedAndTheRunGoesOn) {
+  start("sim-0 fill 0\n");
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  kill(pids("sim-0").back(), SIGKILL);
+  kill(pids("policy-0").back(), SIGKILL);
+  ASSERT_TRUE(eventually(10, [&] { return pids("sim-0").size() == 2 && pids("policy-0").size() == 2; }))
+      << progress();
+  usleep(500'000);
+  kill(probe_, SIGTERM);
+  ASSERT_EQ(wait_for_end(10), 0);
+  EXPECT_EQ(outcome()["restarts"], 2);
+  EXPECT_EQ(outcome()["steps_lost"], 2 * 5) << "two agents, five rows in the slab of the dead simulator";
+  EXPECT_EQ(pids("learner").size(), 1u);
+  EXPECT_THAT(progress(), HasSubstr("sim-0 died (killed by signal 9 (Killed)), starts again in"));
+  EXPECT_THAT(progress(), HasSubstr("10 decisions lost"));
+}
+
+TEST_F(Launch, ADeadLearnerIsRestartedToGoOnFromItsCheckpoint) {
+  start("learner exit_once 1\nlearner finish 300\n");
+  ASSERT_EQ(wait_for_end(15), 0) << progress();
+  EXPECT_EQ(pids("learner").size(), 2u);
+  EXPECT_EQ(outcome()["restarts"], 1);
+  EXPECT_EQ(outcome()["message"], "finished");
+}
+
+TEST_F(Launch, AWorkerThatKeepsDyingEndsTheRunWithItsLastWords) {
+  start("sim-1 say cannot find the IWAD; install freedoom\nsim-1 exit 1\n");
+  ASSERT_EQ(wait_for_end(30), 1);
+  const std::string error = outcome()["error"];
+  EXPECT_THAT(error, HasSubstr("sim-1 died 4 times and is given up (exit code 1)"));
+  EXPECT_THAT(error, HasSubstr("cannot find the IWAD; install freedoom"));
+  EXPECT_EQ(pids("sim-1").size(), 4u);
+  EXPECT_EQ(status()["state"], "failed");
+  EXPECT_EQ(status()["message"], error);
+  EXPECT_THAT(events(), Contains("learner stopped")) << "the learner may still save";
+}
+
+TEST_F(Launch, BadInputIsNotTriedTwice) {
+  start("policy-0 say batch_size: -1 is not allowed\npolicy-0 exit 2\n");
+  ASSERT_EQ(wait_for_end(15), 1);
+  EXPECT_THAT(std::string(outcome()["error"]),
+              HasSubstr("policy-0 cannot run: its last line: batch_size: -1 is not"));
+  EXPECT_EQ(pids("policy-0").size(), 1u);
+}
+
+TEST_F(Launch, SigtermStopsEverybodyCleanly) {
+  start("");
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  kill(probe_, SIGTERM);
+  ASSERT_EQ(wait_for_end(3), 0);
+  EXPECT_EQ(outcome()["interrupted"], true);
+  EXPECT_THAT(events(), testing::IsSupersetOf(
+                            {"sim-0 stopped", "sim-1 stopped", "policy-0 stopped", "learner stopped"}));
+  EXPECT_EQ(status()["state"], "paused");
+  EXPECT_THAT(std::string(status()["message"]), HasSubstr("interrupted by SIGTERM"));
+}
+
+TEST_F(Launch, AWorkerThatWillNotStopIsKilledWithinTenSeconds) {
+  start("sim-0 deaf 0\n");
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  kill(probe_, SIGTERM);
+  ASSERT_EQ(wait_for_end(10.5), 0);
+  EXPECT_THAT(progress(), HasSubstr("sim-0 did not stop in time and is killed"));
+}
+
+TEST_F(Launch, ALearnerThatCannotSaveInTimeMakesTheExitCodeNonZero) {
+  start("learner deaf 0\n");
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  kill(probe_, SIGTERM);
+  ASSERT_EQ(wait_for_end(10.5), 1);
+  EXPECT_THAT(std::string(status()["message"]), HasSubstr("did not save a last checkpoint"));
+}
+
+TEST_F(Launch, ASecondSigintStopsAtOnce) {
+  start("learner deaf 0\nsim-0 deaf 0\n");
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  kill(probe_, SIGINT);
+  usleep(300'000);
+  EXPECT_EQ(waitpid(probe_, nullptr, WNOHANG), 0) << "the first one waits for the learner";
+  kill(probe_, SIGINT);
+  EXPECT_EQ(wait_for_end(2), 130);
+}
+
+TEST_F(Launch, WorkersDieWithASupervisorThatIsKilled) {
+  start("");
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  EXPECT_EQ(living_workers().size(), 4u);
+  kill(probe_, SIGKILL);
+  EXPECT_EQ(wait_for_end(2), -SIGKILL);
+  EXPECT_TRUE(eventually(3, [&] { return living_workers().empty(); }));
+}
+
+TEST_F(Launch, TheTerminalsCtrlCReachesOnlyTheSupervisor) {
+  start("");
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  for (const pid_t pid : living_workers()) kill(pid, SIGINT);
+  usleep(500'000);
+  EXPECT_EQ(living_workers().size(), 4u) << "a terminal sends SIGINT to the whole process group";
+  kill(probe_, SIGINT);
+  EXPECT_EQ(wait_for_end(5), 0);
+  EXPECT_EQ(outcome()["restarts"], 0);
+}
+
+TEST_F(Launch, EvaluationEndsWithTheLastEpisodeAndKeepsEachOnce) {
+  start("sim-0 episodes 5\nsim-1 episodes 7\n", {"policy=random", "episodes=7"});
+  ASSERT_EQ(wait_for_end(15), 0) << progress();
+  const nlohmann::json result = outcome();
+  ASSERT_EQ(result["episodes"].size(), 7u);
+  for (int id = 0; id < 7; ++id) {
+    EXPECT_EQ(result["episodes"][id]["id"], id);
+    EXPECT_EQ(result["episodes"][id]["score"], id);
+    EXPECT_EQ(result["episodes"][id]["agents"], 2);
+  }
+  EXPECT_TRUE(pids("learner").empty());
+  std::string all;
+  for (const std::string& event : events()) all += event + "\n";
+  EXPECT_THAT(all, testing::ContainsRegex("sim-0 start .*--evaluate\n"));
+  EXPECT_THAT(all, testing::ContainsRegex("policy-0 start .*--random --evaluate\n"));
+  EXPECT_EQ(status()["state"], "finished");
+  EXPECT_EQ(status()["J_mean"], 3.0);
+}
+
+TEST_F(Launch, ACheckpointIsServedByALearnerThatDoesNotTrain) {
+  start("sim-0 episodes 3\n", {"policy=checkpoint", "checkpoint=/some/where.pt", "episodes=3"});
+  ASSERT_EQ(wait_for_end(15), 0);
+  std::string all;
+  for (const std::string& event : events()) all += event + "\n";
+  EXPECT_THAT(all, testing::ContainsRegex("learner start .*--mode serve --checkpoint /some/where.pt\n"));
+}
+
+TEST_F(Launch, ABenchCountsOnlyItsWindow) {
+  start("", {"seconds=2", "warmup=0.5"});
+  ASSERT_EQ(wait_for_end(20), 0);
+  const nlohmann::json result = outcome();
+  EXPECT_NEAR(result["measured_seconds"], 2.0, 0.3);
+  // The fake learner trains 64 decisions in one update about every 50 ms.
+  EXPECT_EQ(result["measured_decisions"], 64 * int(result["measured_updates"]));
+  EXPECT_GT(result["measured_updates"], 10);
+  EXPECT_LE(result["measured_updates"], 47);
+  EXPECT_EQ(result["lag_mean"], 2.0);
+  EXPECT_EQ(result["interrupted"], false);
+}
+
+TEST_F(Launch, TrainForSecondsEndsTheRun) {
+  start("", {"train_for_seconds=1"});
+  ASSERT_EQ(wait_for_end(15), 0);
+  EXPECT_EQ(outcome()["message"], "train_for_seconds reached");
+  EXPECT_THAT(events(), Contains("learner stopped"));
+  EXPECT_EQ(status()["state"], "finished");
+}
+
+TEST_F(Launch, InLockStepOneDeathSendsEverybodyBackToTheCheckpoint) {
+  start("", {"deterministic=1"});
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  kill(pids("sim-1").back(), SIGKILL);
+  ASSERT_TRUE(eventually(10, [&] { return pids("").size() == 8; })) << progress();
+  EXPECT_TRUE(eventually(10, [&] {
+    const std::vector<std::string> all = events();
+    return std::count(all.begin(), all.end(), "learner running") == 2;
+  }));
+  kill(probe_, SIGTERM);
+  EXPECT_EQ(wait_for_end(5), 0);
+}
+
+TEST_F(Launch, AnArenaThatDoesNotFitSaysSo) {
+  start("", {"slabs=1000000"});
+  ASSERT_EQ(wait_for_end(5), 1);
+  EXPECT_THAT(std::string(outcome()["error"]),
+              testing::AllOf(HasSubstr("needs"), HasSubstr("--trajectory_slabs")));
+  EXPECT_EQ(status()["state"], "failed");
+}
+
+TEST_F(Launch, AMissingProgramIsNamed) {
+  LaunchPlan plan;
+  plan.run_dir = run_dir_;
+  plan.bin_dir = run_dir_;
+  plan.env.head_sizes = {3, 3, 3};
+  plan.config.num_workers = 1;
+  plan.config.trajectory_slabs = 8;
+  plan.show_progress = false;
+  const Expected<RunOutcome> result = run(plan);
+  ASSERT_FALSE(result);
+  EXPECT_EQ(result.error().code, ErrorCode::kNotFound);
+  EXPECT_THAT(result.error().message, HasSubstr(run_dir_ + "/comrad-sim-worker"));
+}
+
+TEST_F(Launch, TheLearnerHoldsTheLockOfTheRunDirectoryAndSimulatorsDoNot) {
+  const std::string lock_path = run_dir_ + "/.lock";
+  const int lock = open(lock_path.c_str(), O_RDWR | O_CREAT, 0644);  // inherited by the probe
+  ASSERT_EQ(flock(lock, LOCK_EX | LOCK_NB), 0);
+  start("", {"lock=" + std::to_string(lock)});
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  const auto holds = [&](pid_t pid) {
+    for (const auto& entry : fs::directory_iterator("/proc/" + std::to_string(pid) + "/fd")) {
+      std::error_code gone;
+      if (fs::read_symlink(entry.path(), gone) == lock_path) return true;
+    }
+    return false;
+  };
+  EXPECT_TRUE(holds(pids("learner").back()));
+  EXPECT_FALSE(holds(pids("sim-0").back()));
+  close(lock);
+}
+
+}  // namespace
+}  // namespace comrad::deploy

@@ -1,0 +1,53 @@
+#include "doomgen/layout/reachability.h"
+
+#include <gtest/gtest.h>
+
+#include "doomgen/layout/map_builder.h"
+
+namespace comrad::doomgen {
+namespace {
+
+Polygon box(int32_t x0, int32_t y0, int32_t x1, int32_t y1) { return Box{{x0, y0}, {x1, y1}}.polygon(); }
+constexpr Point kStart[] = {{64, 64}};
+
+/// Two rooms of 256 joined by a hall of the given width and heights.
+MapData two_rooms(int32_t width, int32_t hall_floor, int32_t hall_ceiling, bool blocking = false) {
+  MapBuilder builder;
+  const int west = builder.add_area({}, "A", box(0, 0, 256, 256));
+  const int hall = builder.add_area({.floor_height = hall_floor, .ceiling_height = hall_ceiling}, "B",
+                                    box(256, 100, 384, 100 + width));
+  builder.add_area({}, "A", box(384, 0, 640, 256));
+  if (blocking) builder.connect(west, hall, {.blocking = true});
+  auto map = builder.build();
+  COMRAD_CHECK(map.has_value(), map ? "" : map.error().message);
+  return *map;
+}
+
+TEST(Reachability, ABodyPassesWhereItFits) {
+  EXPECT_TRUE(Reachability(two_rooms(48, 0, 128), kStart).reaches({500, 128}));
+  EXPECT_FALSE(Reachability(two_rooms(31, 0, 128), kStart).reaches({500, 128}));
+}
+
+TEST(Reachability, AStepOf24CanBeClimbedAndOneOf25CanNot) {
+  EXPECT_TRUE(Reachability(two_rooms(48, 24, 128), kStart).reaches({500, 128}));
+  EXPECT_FALSE(Reachability(two_rooms(48, 25, 128), kStart).reaches({500, 128}));
+}
+
+TEST(Reachability, AnOpeningMustBeAsHighAsTheBody) {
+  EXPECT_TRUE(Reachability(two_rooms(48, 0, 56), kStart).reaches({500, 128}));
+  EXPECT_FALSE(Reachability(two_rooms(48, 0, 55), kStart).reaches({500, 128}));
+}
+
+TEST(Reachability, BlockingLinesStop) {
+  EXPECT_FALSE(Reachability(two_rooms(48, 0, 128, true), kStart).reaches({500, 128}));
+}
+
+TEST(Reachability, NothingOutsideTheMapIsReached) {
+  const Reachability walk(two_rooms(48, 0, 128), kStart);
+  EXPECT_FALSE(walk.reaches({320, 240}));
+  EXPECT_FALSE(walk.reaches({5000, 5000}));
+  EXPECT_FALSE(walk.reaches({-200, 64}));
+}
+
+}  // namespace
+}  // namespace comrad::doomgen

@@ -1,0 +1,117 @@
+#include "doomgen/wad/udmf_reader.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/wad_bytes.h"
+
+namespace comrad::wad {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+UdmfMap good(std::string_view text) { return parse_udmf(text, "t").value(); }
+
+std::string message_of(std::string_view text) {
+  const Expected<UdmfMap> map = parse_udmf(text, "t");
+  return map ? "" : map.error().message;
+}
+
+TEST(UdmfReader, ReadsAWholeMap) {
+  const UdmfMap map = good(test::square_room_text());
+  EXPECT_EQ(map.name_space, "zdoom");
+  ASSERT_EQ(map.things.size(), 2u);
+  EXPECT_EQ(map.things[1].x, 64.5);
+  EXPECT_EQ(map.things[1].y, -32.25);
+  EXPECT_EQ(map.things[1].type, 2011);
+  EXPECT_EQ(map.things[1].id, 7);
+  EXPECT_TRUE(map.things[1].skill[2]);
+  EXPECT_FALSE(map.things[1].skill[1]);
+  ASSERT_EQ(map.vertices.size(), 4u);
+  ASSERT_EQ(map.linedefs.size(), 4u);
+  EXPECT_EQ(map.linedefs[3].v2, 0);
+  EXPECT_EQ(map.linedefs[3].side_back, -1);
+  EXPECT_TRUE(map.linedefs[3].blocking);
+  EXPECT_EQ(map.sidedefs[2].offset_x, 16);
+  EXPECT_EQ(map.sidedefs[2].texture_middle, "BRICK6");
+  EXPECT_EQ(map.sidedefs[2].texture_top, "-");
+  ASSERT_EQ(map.sectors.size(), 1u);
+  EXPECT_EQ(map.sectors[0].texture_floor, "FLAT1");
+  EXPECT_EQ(map.sectors[0].light_level, 200);
+  EXPECT_EQ(map.sectors[0].id, 900);
+}
+
+TEST(UdmfReader, ReadsEveryFormOfNumber) {
+  const UdmfMap map = good("vertex { x = 1e2; y = -.5; } vertex { x = +3.25; y = 0x1F; } vertex { x = 010; y = -7; }");
+  EXPECT_EQ(map.vertices[0].x, 100.0);
+  EXPECT_EQ(map.vertices[0].y, -0.5);
+  EXPECT_EQ(map.vertices[1].x, 3.25);
+  EXPECT_EQ(map.vertices[1].y, 31.0);
+  EXPECT_EQ(map.vertices[2].x, 8.0);
+  EXPECT_EQ(map.vertices[2].y, -7.0);
+}
+
+TEST(UdmfReader, SkipsCommentsUnknownKeysAndUnknownBlocks) {
+  const UdmfMap map = good(
+      "// a line\n/* a { block = } */ NameSpace = \"zdoom\"; user_thing = \"a \\\" b\";\n"
+      "light { colour = 3; }\nVERTEX { X = 1; user_note = \"}\"; y /* here */ = 2; }");
+  EXPECT_EQ(map.name_space, "zdoom");
+  ASSERT_EQ(map.vertices.size(), 1u);
+  EXPECT_EQ(map.vertices[0].y, 2.0);
+}
+
+TEST(UdmfReader, AnEmptyTextIsAnEmptyMap) { EXPECT_TRUE(good("").vertices.empty()); }
+
+TEST(UdmfReader, ReadsArgumentsAndFlags) {
+  const UdmfMap map = good(
+      "linedef { v1 = 0; v2 = 1; sidefront = 0; sideback = 1; twosided = true; special = 80; arg0 = 5; arg4 = -9;"
+      " dontpegtop = true; dontpegbottom = true; blockmonsters = true; blockeverything = false; id = 3; }");
+  const UdmfLinedef& line = map.linedefs.at(0);
+  EXPECT_EQ(line.special, 80);
+  EXPECT_EQ(line.args[0], 5);
+  EXPECT_EQ(line.args[4], -9);
+  EXPECT_TRUE(line.two_sided && line.dont_peg_top && line.dont_peg_bottom && line.block_monsters);
+  EXPECT_FALSE(line.block_everything);
+  EXPECT_EQ(line.id, 3);
+}
+
+TEST(UdmfReader, ErrorsNameLineAndColumn) {
+  EXPECT_THAT(message_of("vertex {\n  x = 1;\n  y 2;\n}"), StartsWith("t:3:5: expected '=' after 'y'"));
+  EXPECT_THAT(message_of("\n\n  @"), StartsWith("t:3:3: unexpected character '@'"));
+}
+
+TEST(UdmfReader, RefusesBrokenText) {
+  EXPECT_THAT(message_of("vertex { x = 1; y = 2;"), HasSubstr("never ends"));
+  EXPECT_THAT(message_of("/* no end"), HasSubstr("comment never ends"));
+  EXPECT_THAT(message_of("namespace = \"zdoom"), HasSubstr("string never ends"));
+  EXPECT_THAT(message_of("namespace = \"zdoom\\"), HasSubstr("string never ends"));
+  EXPECT_THAT(message_of("namespace = zdoom;"), HasSubstr("wants a string"));
+  EXPECT_THAT(message_of("vertex"), HasSubstr("found the end of the text"));
+  EXPECT_THAT(message_of("vertex { x = 1 y = 2; }"), HasSubstr("expected ';'"));
+  EXPECT_THAT(message_of("vertex { x = ; y = 2; }"), HasSubstr("expected a value for 'x'"));
+  EXPECT_THAT(message_of("vertex { 5 = 1; }"), HasSubstr("expected a key"));
+  EXPECT_THAT(message_of("{ }"), HasSubstr("expected a key or the name of a block"));
+}
+
+TEST(UdmfReader, RefusesBadValues) {
+  EXPECT_THAT(message_of("vertex { x = 1.2.3; y = 0; }"), HasSubstr("no number"));
+  EXPECT_THAT(message_of("vertex { x = 1e999; y = 0; }"), HasSubstr("no number"));
+  EXPECT_THAT(message_of("vertex { x = 99999999999999999999999; y = 0; }"), HasSubstr("no number"));
+  EXPECT_THAT(message_of("vertex { x = \"a\"; y = 0; }"), HasSubstr("wants a number"));
+  EXPECT_THAT(message_of("linedef { v1 = 0.5; v2 = 1; sidefront = 0; }"), HasSubstr("whole number"));
+  EXPECT_THAT(message_of("linedef { v1 = 3000000000; v2 = 1; sidefront = 0; }"), HasSubstr("whole number"));
+  EXPECT_THAT(message_of("linedef { v1 = 0; v2 = 1; sidefront = 0; blocking = 1; }"), HasSubstr("true or false"));
+  EXPECT_THAT(message_of("sidedef { sector = 0; texturetop = 4; }"), HasSubstr("wants a string"));
+}
+
+TEST(UdmfReader, NamesTheKeyThatABlockLacks) {
+  EXPECT_THAT(message_of("vertex { x = 1; }"), HasSubstr("has no 'y'"));
+  EXPECT_THAT(message_of("linedef { v1 = 0; sidefront = 0; }"), HasSubstr("has no 'v2'"));
+  EXPECT_THAT(message_of("sidedef { }"), HasSubstr("has no 'sector'"));
+  EXPECT_THAT(message_of("sector { texturefloor = \"A\"; }"), HasSubstr("has no 'textureceiling'"));
+  EXPECT_THAT(message_of("thing { x = 1; y = 2; }"), HasSubstr("has no 'type'"));
+}
+
+}  // namespace
+}  // namespace comrad::wad

@@ -1,0 +1,326 @@
+#include "rollout_buffer/core/config.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <set>
+
+#include "rollout_buffer/core/rng.h"
+
+namespace comrad {
+namespace {
+
+using ::testing::HasSubstr;
+
+SettingsLayer layer(std::vector<std::pair<std::string, std::string>> values) {
+  return {"test layer", std::move(values)};
+}
+
+std::string write_file(const std::string& name, const std::string& text) {
+  const std::string path = (std::filesystem::temp_directory_path() /
+                            ("comrad_config_test_" + std::to_string(getpid()) + "_" + name))
+                               .string();
+  std::ofstream(path, std::ios::binary) << text;
+  return path;
+}
+
+RunConfig two_agents() {
+  RunConfig config;
+  config.num_agents = 2;
+  return config;
+}
+
+std::string resolve_error(RunConfig config, int cores = 2) {
+  const Status status = resolve_settings(config, cores);
+  return status ? "no error" : status.error().message;
+}
+
+TEST(ApplyLayer, ALaterLayerWinsAndOthersStay) {
+  RunConfig config;
+  ASSERT_TRUE(apply_layer(config, layer({{"batch_size", "2048"}, {"gamma", "0.9"}})));
+  ASSERT_TRUE(apply_layer(config, layer({{"batch_size", "1024"}})));
+  EXPECT_EQ(config.batch_size, 1024);
+  EXPECT_EQ(config.gamma, 0.9);
+  EXPECT_EQ(config.rollout, 32);
+}
+
+TEST(ApplyLayer, IntegersAcceptExponents) {
+  RunConfig config;
+  ASSERT_TRUE(apply_layer(config, layer({{"max_batch", "1e3"}, {"stats_avg", "200.0"}, {"seed", "+7"}})));
+  EXPECT_EQ(config.max_batch, 1000);
+  EXPECT_EQ(config.stats_avg, 200);
+  EXPECT_EQ(config.seed, 7);
+  ASSERT_TRUE(apply_layer(config, layer({{"seed", "9007199254740993"}})));
+  EXPECT_EQ(config.seed, 9007199254740993) << "a whole number takes no detour over a double";
+}
+
+TEST(ApplyLayer, BooleansAcceptTheSpellingsOfPythonAndToml) {
+  RunConfig config;
+  for (const char* yes : {"true", "True", "1", "TRUE"}) {
+    config.deterministic = false;
+    ASSERT_TRUE(apply_layer(config, layer({{"deterministic", yes}}))) << yes;
+    EXPECT_TRUE(config.deterministic) << yes;
+  }
+  for (const char* no : {"false", "False", "0"}) {
+    ASSERT_TRUE(apply_layer(config, layer({{"use_rnn", no}}))) << no;
+    EXPECT_FALSE(config.use_rnn) << no;
+  }
+}
+
+TEST(ApplyLayer, OldNamesReachTheirSettings) {
+  RunConfig config;
+  ASSERT_TRUE(apply_layer(
+      config,
+      layer({{"env", "stag_hunt_arena"}, {"lr", "3e-4"}, {"serial_mode", "True"}, {"algo", "APPO"}})));
+  EXPECT_EQ(config.scenario, "stag_hunt_arena");
+  EXPECT_EQ(config.learning_rate, 3e-4);
+  EXPECT_TRUE(config.deterministic);
+  EXPECT_EQ(config.algo, "ippo");
+}
+
+TEST(ApplyLayer, AnUnknownKeyNamesTheNearestKnownOneAndItsLayer) {
+  RunConfig config;
+  const Status status = apply_layer(config, layer({{"bacth_size", "1"}}));
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().code, ErrorCode::kBadInput);
+  EXPECT_THAT(status.error().message, HasSubstr("test layer: unknown setting 'bacth_size'"));
+  EXPECT_THAT(status.error().message, HasSubstr("did you mean 'batch_size'"));
+  const Status far = apply_layer(config, layer({{"zzzzzzzzzzzz", "1"}}));
+  ASSERT_FALSE(far);
+  EXPECT_THAT(far.error().message, Not(HasSubstr("did you mean")));
+}
+
+TEST(ApplyLayer, AValueOfTheWrongTypeIsRefused) {
+  RunConfig config;
+  for (const auto& [key, text] : std::vector<std::pair<std::string, std::string>>{{"seed", "four"},
+                                                                                  {"seed", ""},
+                                                                                  {"seed", "1.5"},
+                                                                                  {"seed", "1e300"},
+                                                                                  {"gamma", "0.9x"},
+                                                                                  {"gamma", "nan"},
+                                                                                  {"gamma", "inf"},
+                                                                                  {"use_rnn", "maybe"}}) {
+    const Status status = apply_layer(config, layer({{key, text}}));
+    ASSERT_FALSE(status) << key << " = " << text;
+    EXPECT_THAT(status.error().message, HasSubstr(key + " is '" + text + "'"));
+  }
+  EXPECT_EQ(config.seed, 42);
+  EXPECT_EQ(config.gamma, 0.99);
+}
+
+TEST(VisitSettings, NoNameOrAliasIsUsedTwice) {
+  RunConfig config;
+  std::set<std::string> names;
+  visit_settings(config, [&names](const char* name, auto&, const char* help,
+                                  std::initializer_list<const char*> aliases) {
+    EXPECT_TRUE(names.insert(name).second) << name;
+    for (const char* alias : aliases) EXPECT_TRUE(names.insert(alias).second) << alias;
+    EXPECT_NE(std::string(help), "");
+  });
+}
+
+TEST(SettingsToml, TheWrittenDocumentReadsBackWithoutLoss) {
+  RunConfig config;
+  config.experiment = "quoted \"name\"\\ with\ttab and \xC3\xA9";
+  config.learning_rate = 0.1 + 0.2;
+  config.train_for_env_steps = 1.25e8;
+  config.adam_eps = 1e-300;
+  config.seed = 9007199254740993;
+  config.async_rl = false;
+  const Expected<RunConfig> read = load_run_config(write_file("round_trip.toml", settings_to_toml(config)));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(settings_to_toml(*read), settings_to_toml(config));
+  EXPECT_EQ(read->experiment, config.experiment);
+  EXPECT_EQ(read->learning_rate, config.learning_rate);
+  EXPECT_EQ(read->seed, config.seed);
+}
+
+TEST(SettingsToml, BadDocumentsSayWhere) {
+  const Expected<SettingsLayer> syntax =
+      read_settings_toml(write_file("syntax.toml", "seed = 1\nrollout = = 3\n"));
+  ASSERT_FALSE(syntax);
+  EXPECT_EQ(syntax.error().code, ErrorCode::kBadFormat);
+  EXPECT_THAT(syntax.error().message, HasSubstr("syntax.toml:2:"));
+  const Expected<SettingsLayer> table =
+      read_settings_toml(write_file("table.toml", "seed = 1\n[learner]\nrollout = 3\n"));
+  ASSERT_FALSE(table);
+  EXPECT_THAT(table.error().message, HasSubstr("table.toml:2:"));
+  EXPECT_THAT(table.error().message, HasSubstr("'learner'"));
+  const Expected<SettingsLayer> absent = read_settings_toml("/nonexistent/settings.toml");
+  ASSERT_FALSE(absent);
+  EXPECT_EQ(absent.error().code, ErrorCode::kNotFound);
+  EXPECT_FALSE(load_run_config(write_file("unknown.toml", "sede = 1\n")));
+}
+
+TEST(SettingsToml, SeededNoiseNeverCrashesTheReader) {
+  const std::string valid = settings_to_toml(RunConfig{});
+  for (uint64_t seed = 0; seed < 200; ++seed) {
+    Rng rng(seed);
+    std::string text = valid.substr(0, rng.below(static_cast<uint32_t>(valid.size())));
+    for (int flip = 0; flip < 8 && !text.empty(); ++flip)
+      text[rng.below(static_cast<uint32_t>(text.size()))] = static_cast<char>(rng.below(256));
+    const Expected<RunConfig> read = load_run_config(write_file("noise.toml", text));
+    if (!read) {
+      EXPECT_NE(read.error().message, "") << "seed " << seed;
+    }
+  }
+}
+
+TEST(AlgorithmDefaults, IppoIsLstmWithFourEpochs) {
+  for (const char* name : {"ippo", "IPPO", "appo", "APPO"}) {
+    RunConfig config;
+    const Expected<SettingsLayer> defaults = algorithm_defaults(name);
+    ASSERT_TRUE(defaults) << name;
+    ASSERT_TRUE(apply_layer(config, *defaults));
+    EXPECT_EQ(config.rnn_type, "lstm");
+    EXPECT_TRUE(config.use_rnn);
+    EXPECT_EQ(config.num_epochs, 4);
+    EXPECT_EQ(config.batch_size, 4096);
+  }
+}
+
+TEST(AlgorithmDefaults, AnUnknownAlgorithmNamesTheKnownOnes) {
+  const Expected<SettingsLayer> unknown = algorithm_defaults("ipo");
+  ASSERT_FALSE(unknown);
+  EXPECT_EQ(unknown.error().code, ErrorCode::kBadInput);
+  EXPECT_THAT(unknown.error().message, HasSubstr("did you mean 'ippo'"));
+  EXPECT_THAT(unknown.error().message, HasSubstr("known: ippo"));
+}
+
+TEST(ResolveSettings, AutoFitsASmallHost) {
+  RunConfig config = two_agents();
+  ASSERT_TRUE(resolve_settings(config, 2));
+  EXPECT_EQ(config.num_workers, 2);
+  EXPECT_EQ(config.learner_threads, 1);
+  EXPECT_GE(config.min_batch, 1);
+  EXPECT_GE(config.max_batch, config.min_batch);
+  // 32 environments, batches of 4096 / (32 x 2) = 64 slabs: 2 that wait, 1 in training, slack.
+  EXPECT_GE(config.trajectory_slabs, 32 + 3 * 64);
+}
+
+TEST(ResolveSettings, LearnerThreadsGrowWithTheHostAndStopAtSixteen) {
+  for (const auto& [cores, threads] : std::vector<std::pair<int, int>>{{1, 1}, {4, 1}, {8, 4}, {64, 16}}) {
+    RunConfig config = two_agents();
+    ASSERT_TRUE(resolve_settings(config, cores));
+    EXPECT_EQ(config.learner_threads, threads) << cores << " cores";
+    EXPECT_EQ(config.num_workers, cores);
+  }
+}
+
+TEST(ResolveSettings, ResolvingTwiceChangesNothing) {
+  for (const bool deterministic : {false, true}) {
+    RunConfig config = two_agents();
+    config.deterministic = deterministic;
+    ASSERT_TRUE(resolve_settings(config, 3));
+    const std::string once = settings_to_toml(config);
+    ASSERT_TRUE(resolve_settings(config, 3));
+    EXPECT_EQ(settings_to_toml(config), once);
+  }
+}
+
+TEST(ResolveSettings, BatchSizeIsRoundedDownToWholeTrajectories) {
+  RunConfig config = two_agents();
+  config.num_agents = 3;
+  config.batch_size = 1000;
+  ASSERT_TRUE(resolve_settings(config, 2));
+  EXPECT_EQ(config.batch_size, 960);
+  config.batch_size = 95;
+  EXPECT_THAT(resolve_error(config), HasSubstr("batch_size is 95"));
+  EXPECT_THAT(resolve_error(config), HasSubstr("= 96"));
+}
+
+TEST(ResolveSettings, NumAgentsMustBeKnownByThen) {
+  RunConfig config;
+  EXPECT_THAT(resolve_error(config), HasSubstr("num_agents is 0"));
+}
+
+TEST(ResolveSettings, DeterministicRunsInLockStepOnEvenBatches) {
+  RunConfig config = two_agents();
+  config.deterministic = true;
+  config.num_workers = 2;
+  config.num_envs_per_worker = 6;
+  config.batch_size = 5 * 64;  // 12 trajectories do not divide by 5, but by 4
+  ASSERT_TRUE(resolve_settings(config, 2));
+  EXPECT_FALSE(config.async_rl);
+  EXPECT_EQ(config.batch_size, 4 * 64);
+  EXPECT_GE(config.trajectory_slabs, 2 * 12);
+  EXPECT_EQ(config.num_workers * config.num_envs_per_worker * config.rollout * config.num_agents %
+                config.batch_size,
+            0);
+}
+
+TEST(ResolveSettings, DeterministicNamesTheFixWhereBatchesCannotComeOutEven) {
+  RunConfig config = two_agents();
+  config.deterministic = true;
+  config.num_workers = 1;
+  config.num_envs_per_worker = 31;
+  config.batch_size = 16 * 64;
+  EXPECT_THAT(resolve_error(config), HasSubstr("--batch_size 1984"));
+  config.num_envs_per_worker = 16;
+  config.num_batches_per_epoch = 3;
+  EXPECT_THAT(resolve_error(config), HasSubstr("num_batches_per_epoch"));
+}
+
+TEST(ResolveSettings, EveryRangeErrorNamesTheSettingAndItsValue) {
+  const auto expect = [](void (*spoil)(RunConfig&), const char* message) {
+    RunConfig config = two_agents();
+    spoil(config);
+    EXPECT_THAT(resolve_error(config), HasSubstr(message));
+  };
+  expect([](RunConfig& c) { c.num_agents = 9; }, "num_agents is 9; it must be between 1 and 8");
+  expect([](RunConfig& c) { c.algo = "ddpg"; }, "unknown algorithm 'ddpg'");
+  expect([](RunConfig& c) { c.restart_behavior = "maybe"; }, "one of resume, restart, overwrite");
+  expect([](RunConfig& c) { c.device = "tpu"; }, "device is tpu");
+  expect([](RunConfig& c) { c.device = "cuda:"; }, "device is cuda:");
+  expect([](RunConfig& c) { c.worker_num_splits = 3; }, "worker_num_splits is 3");
+  expect([](RunConfig& c) { c.policy_workers = 64; }, "policy_workers is 64");
+  expect([](RunConfig& c) { c.render_size = "160x120"; }, "render_size is 160x120");
+  expect(
+      [](RunConfig& c) {
+        c.render_size = "big";
+        c.resize = "area";
+      },
+      "render_size is big");
+  expect([](RunConfig& c) { c.gamma = 1.5; }, "gamma is 1.5");
+  expect([](RunConfig& c) { c.rnn_type = "rnn"; }, "one of gru, lstm");
+  expect([](RunConfig& c) { c.lr_adaptive_max = 1e-9; }, "lr_adaptive_max");
+  expect([](RunConfig& c) { c.trajectory_slabs = 3; }, "trajectory_slabs is 3");
+  expect([](RunConfig& c) { c.min_batch = 8, c.max_batch = 4; }, "max_batch is 4");
+  expect([](RunConfig& c) { c.experiment = "../elsewhere"; }, "experiment is ../elsewhere");
+  expect([](RunConfig& c) { c.shared_reward_alpha = -0.5; }, "shared_reward_alpha");
+}
+
+TEST(ResolveSettings, AFailedCheckLeavesTheSettingsAlone) {
+  RunConfig config = two_agents();
+  config.batch_size = 1;
+  const std::string before = settings_to_toml(config);
+  EXPECT_FALSE(resolve_settings(config, 2));
+  EXPECT_EQ(settings_to_toml(config), before);
+}
+
+TEST(NearestWord, FindsTyposAndRefusesStrangers) {
+  const std::vector<std::string> known = {"seed", "rollout", "batch_size"};
+  EXPECT_EQ(nearest_word("rolout", known), "rollout");
+  EXPECT_EQ(nearest_word("Batch_Szie", known), "batch_size");
+  EXPECT_EQ(nearest_word("sede", known), "seed");
+  EXPECT_EQ(nearest_word("kangaroo", known), "");
+  EXPECT_EQ(nearest_word("", known), "");
+  EXPECT_EQ(nearest_word("seed", {}), "");
+}
+
+TEST(DataDir, TheEnvironmentWinsOverTheBuild) {
+  const char* given = std::getenv("COMRAD_HOME");
+  const std::string before = given == nullptr ? "" : given;
+  setenv("COMRAD_HOME", "/some/where", 1);
+  EXPECT_EQ(data_dir(), "/some/where");
+  unsetenv("COMRAD_HOME");
+  EXPECT_EQ(data_dir(), COMRAD_SOURCE_DIR);
+  if (given != nullptr) setenv("COMRAD_HOME", before.c_str(), 1);
+}
+
+}  // namespace
+}  // namespace comrad

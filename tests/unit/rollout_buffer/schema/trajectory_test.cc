@@ -1,0 +1,167 @@
+#include "rollout_buffer/schema/trajectory.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <vector>
+
+#include "rollout_buffer/schema/version.h"
+
+namespace comrad {
+namespace {
+
+TrajectoryShape shape_of(int agents, int steps, int measurements) {
+  TrajectoryShape shape;
+  shape.env = {.num_agents = agents,
+               .channels = 3,
+               .height = 5,
+               .width = 7,
+               .measurement_count = measurements,
+               .head_count = 3};
+  shape.env.head_sizes = {3, 2, 4};
+  shape.rollout_steps = steps;
+  shape.recurrent_state_count = 11;
+  shape.recurrent_snapshots = 2;
+  shape.final_capacity = 3;
+  return shape;
+}
+
+struct Field {
+  const char* name;
+  int64_t offset, bytes;
+};
+
+std::vector<Field> fields_of(const SlabLayout& layout) {
+  const int64_t T = layout.shape.rollout_steps, N = layout.shape.env.num_agents,
+                K = layout.shape.final_capacity;
+  const int64_t F = layout.shape.env.frame_bytes(), M = layout.shape.env.measurement_count;
+  const int64_t A = layout.shape.env.logit_count(), H = layout.shape.recurrent_state_count;
+  return {{"frame", layout.frame, (T + 1) * N * F},
+          {"final_frame", layout.final_frame, K * N * F},
+          {"measurement", layout.measurement, (T + 1) * N * M * 4},
+          {"final_measurement", layout.final_measurement, K * N * M * 4},
+          {"action_mask", layout.action_mask, (T + 1) * N * A},
+          {"agent_active", layout.agent_active, (T + 1) * N},
+          {"reward", layout.reward, T * N * 4},
+          {"terminated", layout.terminated, T},
+          {"truncated", layout.truncated, T},
+          {"final_index", layout.final_index, T * 4},
+          {"recurrent_state", layout.recurrent_state, layout.shape.recurrent_snapshots * N * H * 4},
+          {"action", layout.action, T * N * layout.shape.env.head_count * 4},
+          {"log_prob", layout.log_prob, T * N * 4},
+          {"value", layout.value, (T + 1) * N * 4},
+          {"final_value", layout.final_value, K * N * 4},
+          {"logits", layout.logits, T * N * A * 4},
+          {"policy_version", layout.policy_version, T * N * 4},
+          {"valid", layout.valid, T}};
+}
+
+TEST(SlabLayout, FieldsStartOnCacheLinesAndDoNotOverlap) {
+  for (const TrajectoryShape& shape : {shape_of(2, 8, 5), shape_of(1, 1, 0), shape_of(8, 33, 1)}) {
+    const SlabLayout layout(shape);
+    std::vector<Field> fields = fields_of(layout);
+    std::sort(fields.begin(), fields.end(), [](const Field& a, const Field& b) {
+      return a.offset != b.offset ? a.offset < b.offset : a.bytes < b.bytes;
+    });
+    int64_t end = 0;
+    for (const Field& field : fields) {
+      EXPECT_EQ(field.offset % static_cast<int64_t>(kCacheLineBytes), 0) << field.name;
+      EXPECT_GE(field.offset, end) << field.name << " overlaps the field before it";
+      end = field.offset + field.bytes;
+    }
+    EXPECT_GE(layout.slab_bytes, end);
+    EXPECT_EQ(layout.slab_bytes % 4096, 0);
+  }
+}
+
+TEST(SlabView, EveryElementHasItsOwnBytes) {
+  const TrajectoryShape shape = shape_of(3, 4, 2);
+  const SlabLayout layout(shape);
+  std::vector<std::byte> memory(static_cast<std::size_t>(layout.slab_bytes), std::byte{0});
+  const SlabView slab(layout, memory.data());
+  int64_t written = 0;
+  // Every byte of a span must still be zero when it is handed out for the first time.
+  const auto mark = [&](void* data, std::size_t bytes) {
+    auto* first = static_cast<uint8_t*>(data);
+    ASSERT_GE(static_cast<void*>(first), static_cast<void*>(memory.data()));
+    ASSERT_LE(first + bytes, reinterpret_cast<uint8_t*>(memory.data() + memory.size()));
+    for (std::size_t index = 0; index < bytes; ++index) ASSERT_EQ(first[index], 0);
+    std::memset(first, 0xAB, bytes);
+    written += static_cast<int64_t>(bytes);
+  };
+  const auto mark_span = [&](auto span) { mark(span.data(), span.size_bytes()); };
+  for (int agent = 0; agent < 3; ++agent) {
+    for (int step = 0; step <= 4; ++step) {
+      mark_span(slab.frame(step, agent));
+      mark_span(slab.measurement(step, agent));
+      mark_span(slab.action_mask(step, agent));
+      mark(&slab.agent_active(step, agent), 1);
+      mark(&slab.value(step, agent), 4);
+    }
+    for (int step = 0; step < 4; ++step) {
+      mark(&slab.reward(step, agent), 4);
+      mark_span(slab.action(step, agent));
+      mark(&slab.log_prob(step, agent), 4);
+      mark_span(slab.logits(step, agent));
+      mark(&slab.policy_version(step, agent), 4);
+    }
+    for (int row = 0; row < 3; ++row) {
+      mark_span(slab.final_frame(row, agent));
+      mark_span(slab.final_measurement(row, agent));
+      mark(&slab.final_value(row, agent), 4);
+    }
+    for (int snapshot = 0; snapshot < 2; ++snapshot) mark_span(slab.recurrent_state(snapshot, agent));
+  }
+  for (int step = 0; step < 4; ++step) {
+    mark(&slab.terminated(step), 1);
+    mark(&slab.truncated(step), 1);
+    mark(&slab.final_index(step), 4);
+    mark(&slab.valid(step), 1);
+  }
+  int64_t expected = 0;
+  for (const Field& field : fields_of(layout)) expected += field.bytes;
+  EXPECT_EQ(written, expected) << "the accessors reach every byte of every field";
+}
+
+TEST(SlabView, FramesOfAStepAreTheAgentsFramesInOrder) {
+  const SlabLayout layout(shape_of(3, 4, 0));
+  std::vector<std::byte> memory(static_cast<std::size_t>(layout.slab_bytes));
+  const SlabView slab(layout, memory.data());
+  EXPECT_EQ(slab.frames(2).data(), slab.frame(2, 0).data());
+  EXPECT_EQ(slab.frames(2).data() + slab.frame(2, 0).size(), slab.frame(2, 1).data());
+  EXPECT_EQ(slab.frames(2).data() + slab.frames(2).size(), slab.frame(3, 0).data());
+}
+
+TEST(Validate, RefusesShapesOutsideTheirRanges) {
+  EXPECT_TRUE(validate(shape_of(2, 8, 5)));
+  const auto expect_refusal = [](auto spoil, const char* field) {
+    TrajectoryShape shape = shape_of(2, 8, 5);
+    spoil(shape);
+    const Status status = validate(shape);
+    ASSERT_FALSE(status) << field;
+    EXPECT_THAT(status.error().message, ::testing::HasSubstr(field));
+  };
+  expect_refusal([](TrajectoryShape& s) { s.env.num_agents = 0; }, "num_agents is 0");
+  expect_refusal([](TrajectoryShape& s) { s.env.num_agents = 9; }, "num_agents is 9");
+  expect_refusal([](TrajectoryShape& s) { s.env.width = -1; }, "frame width");
+  expect_refusal([](TrajectoryShape& s) { s.env.head_count = 9; }, "action head count");
+  expect_refusal([](TrajectoryShape& s) { s.env.head_sizes[1] = 1; }, "action head size");
+  expect_refusal([](TrajectoryShape& s) { s.env.measurement_count = -4; }, "measurement count");
+  expect_refusal([](TrajectoryShape& s) { s.rollout_steps = 0; }, "rollout");
+  expect_refusal([](TrajectoryShape& s) { s.recurrent_snapshots = 10; }, "recurrent snapshots");
+  expect_refusal([](TrajectoryShape& s) { s.final_capacity = 0; }, "final observations");
+}
+
+TEST(EnvShape, CountsLogitsAndJointActions) {
+  EnvShape shape;
+  shape.head_count = 5;
+  shape.head_sizes = {3, 3, 3, 2, 3};
+  EXPECT_EQ(shape.logit_count(), 14);
+  EXPECT_EQ(shape.joint_action_count(), 162);
+  EXPECT_EQ(shape.frame_bytes(), 3 * 72 * 128);
+}
+
+}  // namespace
+}  // namespace comrad

@@ -1,0 +1,487 @@
+#include "rollout_buffer/shm/arena.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <set>
+#include <thread>
+
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/rng.h"
+#include "tests/support/small_arena.h"
+
+namespace comrad::shm {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using testing::sealed_copy;
+using testing::small_arena_shape;
+
+Arena make_arena(const ArenaShape& shape = small_arena_shape()) {
+  Expected<Arena> arena = Arena::create(shape, 7);
+  EXPECT_TRUE(arena) << arena.error().message;
+  return *std::move(arena);
+}
+
+SlabState state_of(const Arena& arena, uint32_t slab) {
+  return arena.slab_header(static_cast<int>(slab)).state.load();
+}
+
+std::vector<std::byte> weights_of(PolicyVersion version, std::size_t count) {
+  Rng rng(uint64_t{version});
+  std::vector<std::byte> bytes(count);
+  for (std::byte& byte : bytes) byte = static_cast<std::byte>(rng.next());
+  return bytes;
+}
+
+TEST(Arena, StartsIdleFreeAndWithoutWeights) {
+  const Arena arena = make_arena();
+  for (int env = 0; env < arena.shape().env_count(); ++env)
+    EXPECT_EQ(arena.slot(env).state.load(), SlotState::kIdle);
+  for (uint32_t slab = 0; slab < 24; ++slab) EXPECT_EQ(state_of(arena, slab), SlabState::kFree);
+  EXPECT_EQ(arena.control().run_state.load(), RunState::kStarting);
+  EXPECT_EQ(arena.control().rollouts_allowed.load(), 0u);
+  EXPECT_EQ(arena.control().episodes_per_run.load(), UINT64_MAX);
+  EXPECT_FALSE(arena.has_weights());
+  EXPECT_FALSE(arena.pop_episode());
+  EXPECT_EQ(arena.run_id(), 7u);
+}
+
+TEST(Arena, APeerThatAdoptsItSeesTheSameParts) {
+  const Arena arena = make_arena();
+  const Expected<Arena> peer = Arena::adopt(dup(arena.descriptor()));
+  ASSERT_TRUE(peer) << peer.error().message;
+  EXPECT_EQ(peer->run_id(), 7u);
+  EXPECT_EQ(peer->shape().slab_count, 24);
+  arena.slot(5).step_id = 99;
+  arena.slab(23).frame(8, 1)[71] = 200;
+  arena.recurrent(7, 1)[9] = 1.5f;
+  arena.journal_action(7, 63)[3] = 2;
+  arena.group_round(1, 1).request_count.store(3);
+  EXPECT_EQ(peer->slot(5).step_id, 99u);
+  EXPECT_EQ(peer->slab(23).frame(8, 1)[71], 200);
+  EXPECT_EQ(peer->recurrent(7, 1)[9], 1.5f);
+  EXPECT_EQ(peer->journal_action(7, 63)[3], 2);
+  EXPECT_EQ(peer->group_round(1, 1).request_count.load(), 3u);
+}
+
+TEST(Arena, PartsDoNotOverlap) {
+  const Arena arena = make_arena();
+  std::vector<std::pair<const void*, std::size_t>> parts = {
+      {&arena.control(), sizeof(ControlBlock)},
+      {&arena.learner_counters(), sizeof(WorkerCounters)},
+      {&arena.slots_ready(0), sizeof(Doorbell)}};
+  for (int worker = 0; worker < 2; ++worker) {
+    parts.emplace_back(&arena.sim_counters(worker), sizeof(WorkerCounters));
+    for (int split = 0; split < 2; ++split) {
+      parts.emplace_back(&arena.slots_acted(worker, split), sizeof(Doorbell));
+      parts.emplace_back(&arena.group_round(worker, split), sizeof(GroupRound));
+    }
+  }
+  parts.emplace_back(&arena.policy_counters(0), sizeof(WorkerCounters));
+  for (int env = 0; env < 8; ++env) {
+    parts.emplace_back(&arena.slot(env), sizeof(StepSlot));
+    parts.emplace_back(&arena.journal(env), sizeof(JournalHeader));
+    for (uint64_t parity = 0; parity < 2; ++parity)
+      parts.emplace_back(arena.recurrent(env, parity).data(), arena.recurrent(env, parity).size_bytes());
+    for (int step = 0; step < 64; ++step)
+      parts.emplace_back(arena.journal_action(env, step).data(), arena.journal_action(env, step).size());
+  }
+  for (int slab = 0; slab < 24; ++slab) {
+    parts.emplace_back(&arena.slab_header(slab), sizeof(SlabHeader));
+    parts.emplace_back(arena.slab(slab).frames(0).data(),
+                       static_cast<std::size_t>(arena.slab_layout().slab_bytes));
+  }
+  std::sort(parts.begin(), parts.end());
+  for (std::size_t index = 1; index < parts.size(); ++index)
+    EXPECT_LE(static_cast<const std::byte*>(parts[index - 1].first) + parts[index - 1].second,
+              parts[index].first);
+}
+
+TEST(Arena, CreateRefusesBadShapes) {
+  const auto expect_refusal = [](auto spoil, const char* words) {
+    ArenaShape shape = small_arena_shape();
+    spoil(shape);
+    const Expected<Arena> arena = Arena::create(shape, 1);
+    ASSERT_FALSE(arena) << words;
+    EXPECT_THAT(arena.error().message, HasSubstr(words));
+  };
+  expect_refusal([](ArenaShape& s) { s.trajectory.env.num_agents = 0; }, "num_agents");
+  expect_refusal([](ArenaShape& s) { s.splits_per_worker = 3; }, "splits_per_worker");
+  expect_refusal([](ArenaShape& s) { s.envs_per_worker = 1; }, "splits_per_worker is 2");
+  expect_refusal([](ArenaShape& s) { s.slab_count = 0; }, "slab_count");
+  expect_refusal([](ArenaShape& s) { s.weights_bytes = -1; }, "weights_bytes");
+  expect_refusal(
+      [](ArenaShape& s) { s.trajectory.env.width = s.trajectory.env.height = 4096, s.slab_count = 1 << 20; },
+      "--trajectory_slabs");
+}
+
+TEST(Arena, AdoptTrustsNoNumberOfTheHeader) {
+  const Arena arena = make_arena();
+  const int64_t size = Arena::size_bytes(arena.shape());
+  const Expected<Segment> whole = Segment::adopt(dup(arena.descriptor()));
+  ASSERT_TRUE(whole);
+  const std::byte* const bytes = whole->data();  // the header is the segment's first part
+  ASSERT_TRUE(Arena::adopt(sealed_copy(bytes, static_cast<std::size_t>(size), size)))
+      << "an honest copy is fine";
+  EXPECT_FALSE(Arena::adopt(sealed_copy(bytes, 8, 8))) << "no room for a header";
+  EXPECT_FALSE(Arena::adopt(sealed_copy(bytes, static_cast<std::size_t>(size), size - 4096)))
+      << "shorter than its shapes";
+  EXPECT_FALSE(Arena::adopt(sealed_copy(bytes, static_cast<std::size_t>(size), size + 4096)))
+      << "longer than its shapes";
+
+  // Any damage to the header's words is either noticed or leaves sizes that fit the segment.
+  const std::size_t header_bytes = 24 + sizeof(ArenaShape);
+  int refused = 0, tried = 0;
+  for (std::size_t word = 0; word + 4 <= header_bytes; word += 4) {
+    for (const uint32_t value : {0u, 1u, 0x7FFFFFFFu, 0x80000000u, 0xFFFFFFFFu, 0x10000u}) {
+      std::vector<std::byte> copy(bytes, bytes + size);
+      std::memcpy(copy.data() + word, &value, 4);
+      const Expected<Arena> adopted = Arena::adopt(sealed_copy(copy.data(), copy.size(), size));
+      ++tried;
+      if (!adopted) {
+        EXPECT_EQ(adopted.error().code, ErrorCode::kBadFormat);
+        ++refused;
+        continue;
+      }
+      EXPECT_EQ(Arena::size_bytes(adopted->shape()), size);
+      adopted->slab(adopted->shape().slab_count - 1).valid(adopted->shape().trajectory.rollout_steps - 1) = 1;
+    }
+  }
+  EXPECT_GT(refused, tried / 2);
+}
+
+TEST(Arena, WrongVersionSaysWhatToDo) {
+  const Arena arena = make_arena();
+  const Expected<Segment> whole = Segment::adopt(dup(arena.descriptor()));
+  ASSERT_TRUE(whole);
+  std::vector<std::byte> copy(whole->data(), whole->data() + whole->size_bytes());
+  const uint32_t version = kLayoutVersion + 1;
+  std::memcpy(copy.data() + 4, &version, 4);
+  const Expected<Arena> adopted = Arena::adopt(sealed_copy(copy.data(), copy.size(), whole->size_bytes()));
+  ASSERT_FALSE(adopted);
+  EXPECT_THAT(adopted.error().message, HasSubstr("start all programs of a run from one build"));
+}
+
+TEST(StepSlot, AdvanceMovesOnlyFromTheNamedState) {
+  const Arena arena = make_arena();
+  StepSlot& slot = arena.slot(0);
+  EXPECT_FALSE(advance(slot, SlotState::kReady, SlotState::kInBatch)) << "nothing was committed";
+  slot.state.store(SlotState::kReady);
+  EXPECT_TRUE(advance(slot, SlotState::kReady, SlotState::kInBatch));
+  EXPECT_FALSE(advance(slot, SlotState::kReady, SlotState::kInBatch)) << "two gatherers, one wins";
+  EXPECT_TRUE(advance(slot, SlotState::kInBatch, SlotState::kActed));
+  EXPECT_TRUE(advance(slot, SlotState::kActed, SlotState::kIdle));
+}
+
+TEST(Slabs, WalkThroughTheirWholeLife) {
+  const Arena arena = make_arena();
+  const std::optional<uint32_t> slab = arena.acquire_slab(1);
+  ASSERT_TRUE(slab);
+  EXPECT_EQ(state_of(arena, *slab), SlabState::kFilling);
+  EXPECT_EQ(arena.slab_header(static_cast<int>(*slab)).owner.load(), 2u);
+  EXPECT_TRUE(arena.drain_slabs(10).empty()) << "not sealed yet";
+  const uint32_t heard = listen(arena.control().slab_sealed);
+  arena.seal_slab(*slab);
+  EXPECT_NE(listen(arena.control().slab_sealed), heard);
+  EXPECT_EQ(state_of(arena, *slab), SlabState::kSealed);
+  EXPECT_EQ(arena.sealed_count(), 1);
+  EXPECT_THAT(arena.drain_slabs(10), ElementsAre(*slab));
+  EXPECT_EQ(state_of(arena, *slab), SlabState::kLearning);
+  EXPECT_TRUE(arena.drain_slabs(10).empty()) << "drained once";
+  const uint32_t freed = listen(arena.control().slab_released);
+  arena.release_slab(*slab);
+  EXPECT_NE(listen(arena.control().slab_released), freed);
+  EXPECT_EQ(state_of(arena, *slab), SlabState::kFree);
+}
+
+TEST(Slabs, RunOutAndComeBack) {
+  const Arena arena = make_arena();
+  std::set<uint32_t> taken;
+  while (const std::optional<uint32_t> slab = arena.acquire_slab(0)) taken.insert(*slab);
+  EXPECT_EQ(taken.size(), 24u) << "every slab once";
+  EXPECT_FALSE(arena.acquire_slab(1)) << "back-pressure";
+  arena.abandon_slab(13);
+  EXPECT_EQ(arena.acquire_slab(1), 13u);
+}
+
+TEST(Slabs, AreDrainedInSealingOrderWhateverTheirIndex) {
+  const Arena arena = make_arena();
+  std::vector<uint32_t> order;
+  for (int count = 0; count < 24; ++count) order.push_back(*arena.acquire_slab(0));
+  std::reverse(order.begin(), order.end());
+  std::swap(order[3], order[17]);
+  for (const uint32_t slab : order) arena.seal_slab(slab);
+  std::vector<uint32_t> drained = arena.drain_slabs(5);
+  EXPECT_EQ(drained, std::vector<uint32_t>(order.begin(), order.begin() + 5));
+  EXPECT_EQ(arena.sealed_count(), 19);
+  drained = arena.drain_slabs(100);
+  EXPECT_EQ(drained, std::vector<uint32_t>(order.begin() + 5, order.end()));
+}
+
+TEST(Slabs, ManyAcquirersNeverShareOne) {
+  ArenaShape shape = small_arena_shape();
+  shape.slab_count = 3;
+  const Arena arena = make_arena(shape);
+  std::array<std::atomic<int>, 3> holders{};
+  std::atomic<int> clashes{0};
+  std::vector<std::thread> threads;
+  for (int worker = 0; worker < 4; ++worker)
+    threads.emplace_back([&, worker] {
+      for (int round = 0; round < 20000; ++round) {
+        const std::optional<uint32_t> slab = arena.acquire_slab(worker % 2);
+        if (!slab) continue;
+        if (holders[*slab].fetch_add(1) != 0) ++clashes;
+        holders[*slab].fetch_sub(1);
+        if (round % 2 == 0) {
+          arena.abandon_slab(*slab);
+        } else {
+          arena.seal_slab(*slab);
+          for (const uint32_t drained : arena.drain_slabs(2)) arena.release_slab(drained);
+        }
+      }
+    });
+  for (std::thread& thread : threads) thread.join();
+  for (const uint32_t drained : arena.drain_slabs(3)) arena.release_slab(drained);
+  EXPECT_EQ(clashes.load(), 0);
+  for (int count = 0; count < 3; ++count) EXPECT_TRUE(arena.acquire_slab(0)) << "none was lost";
+}
+
+TEST(Episodes, ArriveOnceAndInOrder) {
+  const Arena arena = make_arena();
+  for (uint64_t id = 0; id < 5; ++id) {
+    EpisodeRecord record{};
+    record.episode_id = id;
+    record.env_index = 6;
+    record.agent_return[7] = static_cast<float>(id);
+    EXPECT_TRUE(arena.push_episode(record));
+  }
+  for (uint64_t id = 0; id < 5; ++id) {
+    const std::optional<EpisodeRecord> record = arena.pop_episode();
+    ASSERT_TRUE(record);
+    EXPECT_EQ(record->episode_id, id);
+    EXPECT_EQ(record->env_index, 6u);
+    EXPECT_EQ(record->agent_return[7], static_cast<float>(id));
+  }
+  EXPECT_FALSE(arena.pop_episode());
+}
+
+TEST(Episodes, AFullRingDropsTheNewestCountsItAndWrapsAround) {
+  const Arena arena = make_arena();  // 128 records over two simulators: 64 each
+  EpisodeRecord record{};
+  for (int lap = 0; lap < 3; ++lap) {
+    for (uint64_t id = 0; id < 70; ++id) {
+      record.episode_id = id;
+      EXPECT_EQ(arena.push_episode(record), id < 64);
+    }
+    record.env_index = 4;  // the other simulator's ring has room of its own
+    EXPECT_TRUE(arena.push_episode(record));
+    record.env_index = 0;
+    uint64_t expected = 0;
+    while (const std::optional<EpisodeRecord> popped = arena.pop_episode())
+      if (popped->env_index == 0) {
+        EXPECT_EQ(popped->episode_id, expected++);
+      }
+    EXPECT_EQ(expected, 64u);
+  }
+  EXPECT_EQ(arena.episodes_dropped(), 18u);
+}
+
+TEST(Weights, TheNewestVersionIsRead) {
+  const Arena arena = make_arena();
+  std::vector<std::byte> out;
+  const Expected<PolicyVersion> early = arena.read_weights(out);
+  ASSERT_FALSE(early);
+  EXPECT_EQ(early.error().code, ErrorCode::kNotFound);
+  for (PolicyVersion version : {0u, 1u, 2u, 9u}) {
+    arena.publish_weights(weights_of(version, 1000 + version), version);
+    EXPECT_TRUE(arena.has_weights());
+    EXPECT_EQ(arena.weights_version(), version);
+    EXPECT_EQ(arena.control().policy_version.load(), version);
+    const Expected<PolicyVersion> read = arena.read_weights(out);
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_EQ(*read, version);
+    EXPECT_EQ(out, weights_of(version, 1000 + version));
+  }
+}
+
+TEST(Weights, AReaderNeverSeesATornVersion) {
+  ArenaShape shape = small_arena_shape();
+  shape.weights_bytes = 200'000;
+  const Arena arena = make_arena(shape);
+  arena.publish_weights(weights_of(0, 200'000), 0);
+  std::atomic<bool> stop{false};
+  std::thread learner([&] {
+    std::vector<std::vector<std::byte>> versions;
+    for (PolicyVersion version = 0; version < 7; ++version) versions.push_back(weights_of(version, 200'000));
+    Rng pause(uint64_t{5});
+    for (PolicyVersion round = 1; !stop.load(); ++round) {
+      arena.publish_weights(versions[round % 7], round % 7);
+      usleep(pause.below(400));  // without any pause a reader on another core would be lapped for ever
+    }
+  });
+  std::vector<std::vector<std::byte>> expected;
+  for (PolicyVersion version = 0; version < 7; ++version) expected.push_back(weights_of(version, 200'000));
+  std::vector<std::byte> out;
+  for (int round = 0; round < 200; ++round) {
+    const Expected<PolicyVersion> read = arena.read_weights(out);
+    EXPECT_TRUE(read) << read.error().message;
+    if (read) {
+      EXPECT_TRUE(out == expected[*read]) << "version " << *read << " is torn";
+    }
+  }
+  stop = true;
+  learner.join();
+}
+
+/// Where the weights of version `version` lie in the mapping, found by their content.
+std::byte* find_weights(const Segment& segment, const std::vector<std::byte>& content) {
+  void* found =
+      memmem(segment.data(), static_cast<std::size_t>(segment.size_bytes()), content.data(), content.size());
+  return static_cast<std::byte*>(found);
+}
+
+TEST(Weights, ALearnerKilledInAPublishLeavesTheOlderVersionReadable) {
+  const Arena arena = make_arena();
+  const Expected<Segment> raw = Segment::adopt(dup(arena.descriptor()));
+  ASSERT_TRUE(raw);
+  arena.publish_weights(weights_of(1, 4000), 1);
+  arena.publish_weights(weights_of(2, 4000), 2);
+  // The next publish goes over version 1; a death half way through leaves half of it overwritten.
+  std::byte* older = find_weights(*raw, weights_of(1, 4000));
+  ASSERT_NE(older, nullptr);
+  std::memcpy(older, weights_of(3, 4000).data(), 2000);
+  std::vector<std::byte> out;
+  ASSERT_TRUE(arena.read_weights(out));
+  EXPECT_EQ(out, weights_of(2, 4000));
+  arena.publish_weights(weights_of(3, 4000), 3);  // its successor publishes again
+  ASSERT_TRUE(arena.read_weights(out));
+  EXPECT_EQ(out, weights_of(3, 4000));
+}
+
+TEST(Weights, DamagedBytesAreRefused) {
+  const Arena arena = make_arena();
+  const Expected<Segment> raw = Segment::adopt(dup(arena.descriptor()));
+  ASSERT_TRUE(raw);
+  arena.publish_weights(weights_of(1, 4000), 1);
+  find_weights(*raw, weights_of(1, 4000))[1234] ^= std::byte{1};
+  std::vector<std::byte> out;
+  const Expected<PolicyVersion> read = arena.read_weights(out);
+  ASSERT_FALSE(read);
+  EXPECT_EQ(read.error().code, ErrorCode::kBadFormat);
+  EXPECT_THAT(read.error().message, HasSubstr("checksum"));
+}
+
+TEST(Reclaim, ADeadSimulatorsSlabsAndSlotsComeBackAndOthersStay) {
+  const Arena arena = make_arena();
+  const uint32_t dead = *arena.acquire_slab(1), sealed = *arena.acquire_slab(1),
+                 alive = *arena.acquire_slab(0);
+  arena.slab_header(static_cast<int>(dead)).length = 5;
+  arena.seal_slab(sealed);
+  arena.slot(3).state.store(SlotState::kReady);  // simulator 0
+  arena.slot(4).state.store(SlotState::kReady);  // simulator 1 from here
+  arena.slot(5).state.store(SlotState::kActed);
+  arena.group_round(1, 0).request_count.store(2);
+  EXPECT_EQ(arena.reclaim_sim_worker(1), 10u) << "five rows of two agents";
+  EXPECT_EQ(state_of(arena, dead), SlabState::kFree);
+  EXPECT_EQ(state_of(arena, sealed), SlabState::kSealed) << "finished work is kept";
+  EXPECT_EQ(state_of(arena, alive), SlabState::kFilling);
+  EXPECT_EQ(arena.slot(3).state.load(), SlotState::kReady);
+  EXPECT_EQ(arena.slot(4).state.load(), SlotState::kIdle);
+  EXPECT_EQ(arena.slot(5).state.load(), SlotState::kIdle);
+  EXPECT_EQ(arena.group_round(1, 0).request_count.load(), 0u);
+  EXPECT_EQ(arena.reclaim_sim_worker(1), 0u) << "twice does no harm";
+}
+
+TEST(Reclaim, ASlabTakenButNotBegunOrSealedButNotLetGoIsNotLost) {
+  const Arena arena = make_arena();
+  // Killed between the owner word and the state word of acquire_slab.
+  arena.slab_header(3).owner.store(2);
+  // Killed between the two stores of seal_slab.
+  const uint32_t sealing = *arena.acquire_slab(1);
+  arena.slab_header(static_cast<int>(sealing)).owner.store(0);
+  // Killed on a second look at a slab that simulator 0 is about to seal.
+  const uint32_t foreign = *arena.acquire_slab(0);
+  arena.slab_header(static_cast<int>(foreign)).owner.store(2);
+  (void)arena.reclaim_sim_worker(1);
+  EXPECT_EQ(arena.slab_header(3).owner.load(), 0u);
+  EXPECT_EQ(state_of(arena, sealing), SlabState::kFree);
+  EXPECT_EQ(state_of(arena, foreign), SlabState::kFilling) << "simulator 0 lives and will seal it";
+  arena.seal_slab(foreign);
+  int free_slabs = 0;
+  while (arena.acquire_slab(0)) ++free_slabs;
+  EXPECT_EQ(free_slabs, 23);
+}
+
+TEST(Reclaim, AnAnswerUnderWayIsAwaitedBeforeItsSlabIsFreed) {
+  const Arena arena = make_arena();
+  const uint32_t slab = *arena.acquire_slab(0);
+  arena.slot(1).state.store(SlotState::kInBatch);
+  std::atomic<bool> answered{false};
+  std::thread policy([&] {
+    usleep(50'000);
+    EXPECT_EQ(state_of(arena, slab), SlabState::kFilling) << "still ours to write";
+    answered = true;
+    EXPECT_TRUE(advance(arena.slot(1), SlotState::kInBatch, SlotState::kActed));
+  });
+  (void)arena.reclaim_sim_worker(0);
+  EXPECT_TRUE(answered.load());
+  EXPECT_EQ(state_of(arena, slab), SlabState::kFree);
+  policy.join();
+}
+
+TEST(Reclaim, AHangingPolicyWorkerDoesNotHoldItUpForEver) {
+  const Arena arena = make_arena();
+  arena.slot(1).state.store(SlotState::kInBatch);
+  const int64_t began_ns = monotonic_ns();
+  (void)arena.reclaim_sim_worker(0);
+  EXPECT_LT(monotonic_ns() - began_ns, 4'000'000'000);
+  EXPECT_EQ(arena.slot(1).state.load(), SlotState::kIdle);
+}
+
+TEST(Reclaim, ADeadPolicyWorkersBatchIsReadyAgain) {
+  ArenaShape shape = small_arena_shape();
+  shape.policy_worker_count = 2;  // worker 0 serves split 0 of both simulators, worker 1 split 1
+  const Arena arena = make_arena(shape);
+  for (int env = 0; env < 8; ++env) arena.slot(env).state.store(SlotState::kInBatch);
+  arena.slot(0).state.store(SlotState::kActed);
+  const uint32_t heard = listen(arena.slots_ready(0));
+  EXPECT_EQ(arena.reclaim_policy_worker(0), 3);
+  EXPECT_NE(listen(arena.slots_ready(0)), heard);
+  EXPECT_EQ(arena.slot(0).state.load(), SlotState::kActed);
+  EXPECT_EQ(arena.slot(1).state.load(), SlotState::kReady);
+  EXPECT_EQ(arena.slot(2).state.load(), SlotState::kInBatch) << "served by the other one";
+  EXPECT_EQ(arena.slot(4).state.load(), SlotState::kReady);
+}
+
+TEST(Reclaim, ADeadLearnersSlabsAreFreeAgain) {
+  const Arena arena = make_arena();
+  for (int count = 0; count < 3; ++count) arena.seal_slab(*arena.acquire_slab(0));
+  const std::vector<uint32_t> learning = arena.drain_slabs(2);
+  EXPECT_EQ(arena.reclaim_learner(), 2);
+  for (const uint32_t slab : learning) EXPECT_EQ(state_of(arena, slab), SlabState::kFree);
+  EXPECT_EQ(arena.sealed_count(), 1) << "what waits for it stays";
+}
+
+TEST(ArenaShape, GroupsCoverAllEnvironmentsOnce) {
+  ArenaShape shape = small_arena_shape();
+  for (int envs = 2; envs < 10; ++envs) {
+    shape.envs_per_worker = envs;
+    EXPECT_EQ(shape.split_begin(0), 0);
+    EXPECT_EQ(shape.split_end(0), shape.split_begin(1));
+    EXPECT_EQ(shape.split_end(1), envs);
+  }
+}
+
+TEST(ArenaDeathTest, AnIndexOutOfRangeIsOurBugAndStopsTheProcess) {
+  const Arena arena = make_arena();
+  EXPECT_DEATH((void)arena.slab(24), "slab index is in range");
+  EXPECT_DEATH((void)arena.slot(-1), "environment index is in range");
+  EXPECT_DEATH(arena.publish_weights(std::vector<std::byte>(4097), 1), "fit");
+}
+
+}  // namespace
+}  // namespace comrad::shm

@@ -1,0 +1,27 @@
+#include "scenarios/spec/game_names.h"
+
+#include <gtest/gtest.h>
+
+namespace comrad::scenarios {
+namespace {
+
+TEST(GameNames, EveryListedNameIsFound) {
+  for (const std::string& name : button_names()) EXPECT_TRUE(find_button(name)) << name;
+  for (const std::string& name : variable_names()) EXPECT_TRUE(find_variable(name)) << name;
+}
+
+TEST(GameNames, NumbersAreReadAndBounded) {
+  EXPECT_EQ(find_variable("USER60")->index, 60);
+  EXPECT_EQ(find_button("SELECT_WEAPON7")->slot, 7);
+  for (const char* name : {"USER0", "USER61", "USER01", "USER", "USER1X", "USER-1", "user1", ""})
+    EXPECT_FALSE(find_variable(name)) << name;
+  EXPECT_FALSE(find_button("SELECT_WEAPON10"));
+}
+
+TEST(GameNames, OnlyExportedVariablesBelongToTheTeam) {
+  EXPECT_TRUE(find_variable("USER4")->is_team_variable());
+  EXPECT_FALSE(find_variable("HEALTH")->is_team_variable());
+}
+
+}  // namespace
+}  // namespace comrad::scenarios

@@ -1,0 +1,176 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "scenarios/spec/scenario_spec.h"
+
+namespace comrad::scenarios {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+constexpr const char* kGood = R"(name = "toy"
+title = "Toy"
+summary = "A toy."
+difficulty = 1
+default_agents = 2
+supported_agents = [2, 3]
+decision_limit = 100
+score = "survival_tics"
+ceiling = 400
+[[heads]]
+buttons = ["MOVE_FORWARD", "MOVE_BACKWARD"]
+[[heads]]
+buttons = ["ATTACK"]
+[[measurements]]
+variable = "USER7"
+scale = 0.5
+[[rewards]]
+name = "life"
+variable = "HEALTH"
+kind = "rise"
+weight = 0.1
+[training]
+batch_size = 1024
+learning_rate = 3e-4
+async_rl = false
+)";
+
+/// Points data_dir() at a folder of its own with the scenario "toy".
+class ScenarioLoader : public testing::Test {
+ protected:
+  void SetUp() override {
+    const char* home = std::getenv("COMRAD_HOME");
+    old_home_ = home != nullptr ? home : "";
+    folder_ = std::filesystem::path(testing::TempDir()) / ("comrad_loader_" + std::to_string(getpid()));
+    std::filesystem::create_directories(folder_ / "scenarios" / "toy");
+    setenv("COMRAD_HOME", folder_.c_str(), 1);
+  }
+  void TearDown() override {
+    std::filesystem::remove_all(folder_);
+    if (old_home_.empty())
+      unsetenv("COMRAD_HOME");
+    else
+      setenv("COMRAD_HOME", old_home_.c_str(), 1);
+  }
+  Expected<ScenarioSpec> load(const std::string& text) {
+    std::ofstream(folder_ / "scenarios" / "toy" / "scenario.toml") << text;
+    return load_scenario("toy");
+  }
+  /// kGood with one piece replaced.
+  Expected<ScenarioSpec> load_with(const std::string& from, const std::string& to) {
+    std::string text = kGood;
+    const std::size_t place = text.find(from);
+    EXPECT_NE(place, std::string::npos) << from;
+    return load(text.replace(place, from.size(), to));
+  }
+  std::string message(const Expected<ScenarioSpec>& result) {
+    EXPECT_FALSE(result) << "should have failed";
+    return result ? "" : result.error().message;
+  }
+
+  std::filesystem::path folder_;
+  std::string old_home_;
+};
+
+TEST_F(ScenarioLoader, ReadsEverything) {
+  const auto spec = load(kGood);
+  ASSERT_TRUE(spec) << spec.error().message;
+  EXPECT_EQ(spec->title, "Toy");
+  EXPECT_THAT(spec->supported_agents, ElementsAre(2, 3));
+  EXPECT_EQ(spec->decision_limit, 100);
+  EXPECT_EQ(spec->rewards.size(), 1u);
+  EXPECT_EQ(spec->rewards[0].scope, "own");
+  EXPECT_EQ(spec->measurements[0].scale, 0.5);
+  ASSERT_EQ(spec->training.values.size(), 3u);
+  RunConfig config;
+  ASSERT_TRUE(apply_layer(config, spec->training));
+  EXPECT_EQ(config.batch_size, 1024);
+  EXPECT_EQ(config.learning_rate, 3e-4);
+  EXPECT_FALSE(config.async_rl);
+  const EnvShape shape = spec->shape(3, true);
+  EXPECT_EQ(shape.num_agents, 3);
+  EXPECT_EQ(shape.head_count, 2);
+  EXPECT_EQ(shape.head_sizes[0], 3);
+  EXPECT_EQ(shape.head_sizes[1], 2);
+  EXPECT_EQ(shape.measurement_count, 1);
+  EXPECT_EQ(spec->shape(3, false).measurement_count, 0);
+}
+
+TEST_F(ScenarioLoader, UnknownKeysNameTheNearestOneAndTheirPlace) {
+  EXPECT_THAT(
+      message(load_with("decision_limit", "decision_limt = 1\ndecision_limit")),
+      AllOf(HasSubstr("scenario.toml:7:1"), HasSubstr("'decision_limt'"), HasSubstr("'decision_limit'")));
+  EXPECT_THAT(message(load_with("scale = 0.5", "scael = 0.5")),
+              AllOf(HasSubstr("16:1"), HasSubstr("'scale'")));
+  EXPECT_THAT(message(load_with("kind = \"rise\"", "kind = \"rise\"\nweigth = 1")), HasSubstr("'weight'"));
+}
+
+TEST_F(ScenarioLoader, UnknownWordsNameTheNearestOneAndTheirPlace) {
+  EXPECT_THAT(message(load_with("\"rise\"", "\"rises\"")),
+              AllOf(HasSubstr("20:"), HasSubstr("did you mean 'rise'")));
+  EXPECT_THAT(message(load_with("HEALTH", "HEALHT")), HasSubstr("did you mean 'HEALTH'"));
+  EXPECT_THAT(message(load_with("MOVE_FORWARD", "MOVE_FORWRD")),
+              AllOf(HasSubstr("11:"), HasSubstr("'MOVE_FORWARD'")));
+  EXPECT_THAT(message(load_with("USER7", "USER77")), HasSubstr("unknown"));
+}
+
+TEST_F(ScenarioLoader, WrongTypesAndMissingKeysAreErrors) {
+  EXPECT_THAT(message(load_with("difficulty = 1", "difficulty = 1.5")), HasSubstr("whole number"));
+  EXPECT_THAT(message(load_with("difficulty = 1", "")), HasSubstr("'difficulty' is missing"));
+  EXPECT_THAT(message(load_with("weight = 0.1", "weight = nan")), HasSubstr("must be a number"));
+  EXPECT_THAT(message(load_with("weight = 0.1", "")), HasSubstr("'weight' is missing"));
+  EXPECT_THAT(message(load_with("[2, 3]", "[3]")), HasSubstr("default_agents"));
+  EXPECT_THAT(message(load_with("[2, 3]", "[2, 9]")), HasSubstr("supported_agents"));
+  EXPECT_THAT(message(load_with("\"toy\"", "\"tot\"")), HasSubstr("'toy'"));
+  EXPECT_THAT(message(load_with("survival_tics", "survival")), HasSubstr("score"));
+}
+
+TEST_F(ScenarioLoader, TrainingSettingsAreCheckedHere) {
+  EXPECT_THAT(message(load_with("batch_size", "batch_sise")),
+              AllOf(HasSubstr("23:1"), HasSubstr("batch_size")));
+  EXPECT_THAT(message(load_with("async_rl = false", "async_rl = 17")), HasSubstr("async_rl"));
+}
+
+TEST_F(ScenarioLoader, BrokenTomlNamesTheLine) {
+  EXPECT_THAT(message(load("name = \"toy\"\ntitle = \n")), HasSubstr("scenario.toml:2:"));
+}
+
+TEST_F(ScenarioLoader, AnUnknownScenarioListsTheKnownOnes) {
+  ASSERT_TRUE(load(kGood));
+  const auto missing = load_scenario("tyo");
+  ASSERT_FALSE(missing);
+  EXPECT_EQ(missing.error().code, ErrorCode::kNotFound);
+  EXPECT_THAT(missing.error().message, HasSubstr("toy"));
+  EXPECT_FALSE(load_scenario("../toy"));
+  EXPECT_THAT(list_scenarios(), ElementsAre("toy"));
+}
+
+TEST(ScenarioFiles, EveryScenarioOfTheProjectLoads) {
+  const std::vector<std::string> names = list_scenarios();
+  EXPECT_THAT(names, testing::Contains("coop_health_gathering"));
+  for (const std::string& name : names) {
+    const auto spec = load_scenario(name);
+    EXPECT_TRUE(spec) << spec.error().message;
+  }
+}
+
+TEST(ScenarioFiles, CoopHealthGatheringIsAsPublished) {
+  const auto spec = load_scenario("coop_health_gathering");
+  ASSERT_TRUE(spec) << spec.error().message;
+  EXPECT_EQ(spec->shape(2, false).joint_action_count(), 27);
+  EXPECT_THAT(spec->heads[0].buttons, ElementsAre("MOVE_FORWARD", "MOVE_BACKWARD"));
+  EXPECT_THAT(spec->heads[1].buttons, ElementsAre("MOVE_RIGHT", "MOVE_LEFT"));
+  EXPECT_THAT(spec->heads[2].buttons, ElementsAre("TURN_LEFT", "TURN_RIGHT"));
+  EXPECT_EQ(spec->decision_limit, 2100);
+  EXPECT_EQ(spec->ceiling, 4.0 * spec->decision_limit);
+  EXPECT_EQ(spec->shared_reward_alpha, 0.0);
+}
+
+}  // namespace
+}  // namespace comrad::scenarios

@@ -1,0 +1,101 @@
+#include "scenarios/spec/rewards.h"
+
+#include <gtest/gtest.h>
+
+namespace comrad::scenarios {
+namespace {
+
+RewardTerm term(const std::string& kind, double weight, double cap = 0.0) {
+  RewardTerm result;
+  result.kind = kind;
+  result.weight = weight;
+  result.cap = cap;
+  return result;
+}
+
+/// The rewards that one agent gets for a variable that starts at the first value and takes the others one by
+/// one.
+std::vector<float> rewards_of(const RewardTerm& reward_term, const std::vector<double>& values) {
+  RewardTracker tracker({reward_term}, 1);
+  tracker.reset(std::span(values).first(1));
+  std::vector<float> result;
+  for (std::size_t i = 1; i < values.size(); ++i) {
+    float reward = -99;
+    tracker.step(std::span(values).subspan(i, 1), std::span(&reward, 1));
+    result.push_back(reward);
+  }
+  return result;
+}
+
+using Floats = std::vector<float>;
+
+TEST(Rewards, DeltaPaysEveryChange) {
+  EXPECT_EQ(rewards_of(term("delta", 0.5), {100, 104, 98, 98}), (Floats{2, -3, 0}));
+}
+
+TEST(Rewards, RisePaysGainsOnly) {
+  EXPECT_EQ(rewards_of(term("rise", 0.5), {100, 104, 98, 98}), (Floats{2, 0, 0}));
+}
+
+TEST(Rewards, FallPaysTheSizeOfALoss) {
+  EXPECT_EQ(rewards_of(term("fall", -0.5), {100, 104, 98, 98}), (Floats{0, -3, 0}));
+}
+
+TEST(Rewards, NewMaxPaysOnlyBeyondTheBestSoFar) {
+  EXPECT_EQ(rewards_of(term("new_max", 1), {2, 5, 3, 4, 7}), (Floats{3, 0, 0, 2}));
+}
+
+TEST(Rewards, ValuePaysEveryDecision) {
+  EXPECT_EQ(rewards_of(term("value", 2), {1, 3, 3, 0}), (Floats{6, 6, 0}));
+}
+
+TEST(Rewards, EventPaysOnceForAnyRise) {
+  EXPECT_EQ(rewards_of(term("event", -3), {0, 1, 1, 0, 5}), (Floats{-3, 0, 0, -3}));
+}
+
+TEST(Rewards, TheFirstDecisionStartsFromTheTrueStart) {
+  for (const std::string& kind : reward_kinds()) {
+    if (kind == "value") continue;
+    EXPECT_EQ(rewards_of(term(kind, 0.1), {100, 100}), (Floats{0})) << kind;
+  }
+}
+
+TEST(Rewards, TheCapClipsTheAmountBeforeTheWeight) {
+  EXPECT_EQ(rewards_of(term("delta", 2, 3), {0, 10, 0, 1}), (Floats{6, -6, 2}));
+}
+
+TEST(Rewards, AnEpisodeRemembersNothingOfTheOneBefore) {
+  RewardTracker tracker({term("new_max", 1)}, 1);
+  const double high = 50, start = 0, now = 4;
+  float reward = 0;
+  tracker.reset(std::span(&start, 1));
+  tracker.step(std::span(&high, 1), std::span(&reward, 1));
+  EXPECT_EQ(reward, 50);
+  tracker.reset(std::span(&start, 1));
+  tracker.step(std::span(&now, 1), std::span(&reward, 1));
+  EXPECT_EQ(reward, 4);
+}
+
+TEST(Rewards, TermsAddUpPerAgentAndPerAgentWeightsAreShared) {
+  RewardTerm shared = term("rise", 0.5);
+  shared.scope = "team";
+  shared.per_agent = true;
+  RewardTracker tracker({term("rise", 0.1), shared}, 2);
+  const std::vector<double> start = {100, 100, 0, 0}, now = {110, 90, 3, 3};
+  std::vector<float> reward(2);
+  tracker.reset(start);
+  tracker.step(now, reward);
+  EXPECT_FLOAT_EQ(reward[0], 1.0f + 0.75f);
+  EXPECT_FLOAT_EQ(reward[1], 0.75f);
+}
+
+TEST(Rewards, WithoutTermsTheRewardIsZero) {
+  RewardTracker tracker({}, 2);
+  std::vector<float> reward = {5, 5};
+  tracker.reset({});
+  tracker.step({}, reward);
+  EXPECT_EQ(reward, (Floats{0, 0}));
+}
+
+}  // namespace
+}  // namespace comrad::scenarios

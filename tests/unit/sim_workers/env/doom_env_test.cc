@@ -1,0 +1,315 @@
+#include "sim_workers/env/doom_env.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <vector>
+
+#include "tests/support/level_builder.h"
+
+namespace comrad::sim {
+namespace {
+
+/// Counts tics in USER1 and ends the map or kills player 0 at a given tic.
+class ClockRules final : public doom::ScriptHost {
+ public:
+  void on_open(doom::World& world) override { world.set_export(1, 1000); }
+  void on_enter(doom::World&, int) override {}
+  void on_tic(doom::World& world) override {
+    world.set_export(1, world.exported(1) + 1);
+    const int tic = world.exported(1) - 1000;
+    if (tic == death_tic) world.damage_player(0, 1000);
+    if (tic == exit_tic) world.exit_level();
+  }
+  int exit_tic = 0, death_tic = 0;
+};
+
+/// Paints every view with the world's clock, the player added, and counts its calls.
+class FlatRenderer final : public doom::Renderer {
+ public:
+  explicit FlatRenderer(int bytes) : bytes_(bytes) {}
+  void draw(std::span<const doom::ViewRequest> views) override {
+    ++call_count;
+    for (const doom::ViewRequest& view : views)
+      std::fill_n(view.destination, bytes_,
+                  static_cast<uint8_t>(view.world->tic_count() + 100 * view.player));
+  }
+  int call_count = 0;
+
+ private:
+  int bytes_;
+};
+
+scenarios::RewardTerm term(const std::string& variable, const std::string& kind, double weight,
+                           const std::string& scope = "own") {
+  scenarios::RewardTerm result;
+  result.name = variable;
+  result.variable = variable;
+  result.kind = kind;
+  result.weight = weight;
+  result.scope = scope;
+  return result;
+}
+
+std::shared_ptr<DoomGame> one_room_game() {
+  auto game = std::make_shared<DoomGame>();
+  game->spec.heads = {{{"MOVE_FORWARD", "MOVE_BACKWARD"}}, {{"TURN_LEFT", "TURN_RIGHT"}}};
+  game->spec.decision_limit = 2100;
+  game->spec.score = "survival_tics";
+  game->spec.rewards = {term("USER1", "delta", 1.0, "team")};
+  game->level = doom::test::one_room();
+  game->catalog = std::make_shared<doom::ActorCatalog>();
+  game->actions = *ActionMap::create(game->spec.heads);
+  return game;
+}
+
+const std::vector<int32_t> kIdle = {0, 0, 0, 0};
+
+TEST(DoomEnvironment, AWorldThatPaysOnePerTicPaysFourPerDecision) {
+  DoomEnvironment env(one_room_game(), std::make_unique<ClockRules>());
+  env.reset(1);
+  for (int i = 0; i < 5; ++i) {
+    env.step(kIdle);
+    EXPECT_EQ(env.last_step().reward, (std::vector<float>{4, 4}))
+        << "the first decision as well: it starts from 1000";
+    EXPECT_EQ(env.world().tic_count(), 4u * (i + 1));
+  }
+}
+
+TEST(DoomEnvironment, FrameSkipIsHowLongADecisionLasts) {
+  const auto game = one_room_game();
+  game->frame_skip = 1;
+  DoomEnvironment env(game, std::make_unique<ClockRules>());
+  env.reset(1);
+  env.step(kIdle);
+  EXPECT_EQ(env.world().tic_count(), 1u);
+  EXPECT_EQ(env.last_step().reward[0], 1);
+}
+
+TEST(DoomEnvironment, ButtonsAreHeldForAllTicsOfADecision) {
+  DoomEnvironment env(one_room_game(), nullptr);
+  env.reset(1);
+  const doom::Angle before = env.world().body(0).angle;
+  env.step(std::vector<int32_t>{0, 1, 0, 0});
+  EXPECT_NEAR(static_cast<double>(env.world().body(0).angle - before) / 4294967296.0 * 360.0, 4 * 1.7578125,
+              1e-6);
+  EXPECT_EQ(env.world().body(1).angle, doom::kAngle180) << "the other agent pressed nothing";
+}
+
+TEST(DoomEnvironment, TheMapsExitTerminatesInTheMiddleOfADecision) {
+  auto rules = std::make_unique<ClockRules>();
+  rules->exit_tic = 6;
+  DoomEnvironment env(one_room_game(), std::move(rules));
+  env.reset(1);
+  env.step(kIdle);
+  EXPECT_FALSE(env.last_step().episode_over());
+  env.step(kIdle);
+  EXPECT_TRUE(env.last_step().terminated);
+  EXPECT_FALSE(env.last_step().truncated);
+  EXPECT_EQ(env.last_step().reward[0], 2) << "what the last tics brought is paid";
+  EXPECT_EQ(env.summary().length_steps, 2u);
+  EXPECT_EQ(env.summary().length_tics, 6u);
+  EXPECT_EQ(env.summary().score, 6.0f);
+  EXPECT_EQ(env.summary().agent_return, (std::vector<float>{6, 6}));
+}
+
+TEST(DoomEnvironment, TheDecisionLimitTruncates) {
+  const auto game = one_room_game();
+  game->spec.decision_limit = 10;
+  DoomEnvironment env(game, nullptr);
+  env.reset(1);
+  for (int i = 0; i < 9; ++i) {
+    env.step(kIdle);
+    ASSERT_FALSE(env.last_step().episode_over());
+  }
+  env.step(kIdle);
+  EXPECT_TRUE(env.last_step().truncated);
+  EXPECT_FALSE(env.last_step().terminated);
+  EXPECT_EQ(env.summary().length_steps, 10u);
+  EXPECT_EQ(env.summary().score, 40.0f);
+}
+
+TEST(DoomEnvironment, LimitsAreTicsWhateverTheFrameSkip) {
+  const auto game = one_room_game();
+  game->spec.decision_limit = 10;
+  game->frame_skip = 3;
+  DoomEnvironment env(game, nullptr);
+  env.reset(1);
+  int step_count = 0;
+  while (!env.last_step().episode_over()) env.step(kIdle), ++step_count;
+  EXPECT_EQ(step_count, 14);
+  EXPECT_EQ(env.summary().length_tics, 40u);
+}
+
+TEST(DoomEnvironment, TheEnginesTenMinutesTruncateToo) {
+  const auto game = one_room_game();
+  game->spec.decision_limit = 100'000;
+  game->frame_skip = 100;
+  DoomEnvironment env(game, nullptr);
+  env.reset(1);
+  while (!env.last_step().episode_over()) env.step(kIdle);
+  EXPECT_TRUE(env.last_step().truncated);
+  EXPECT_EQ(env.summary().length_tics, 21'000u);
+}
+
+TEST(DoomEnvironment, AnExitAtTheLimitTerminates) {
+  const auto game = one_room_game();
+  game->spec.decision_limit = 10;
+  auto rules = std::make_unique<ClockRules>();
+  rules->exit_tic = 40;
+  DoomEnvironment env(game, std::move(rules));
+  env.reset(1);
+  while (!env.last_step().episode_over()) env.step(kIdle);
+  EXPECT_TRUE(env.last_step().terminated);
+  EXPECT_FALSE(env.last_step().truncated);
+}
+
+TEST(DoomEnvironment, OwnTermsReachTheirAgentAndTeamTermsSumAgents) {
+  const auto game = one_room_game();
+  game->spec.rewards = {term("HEALTH", "fall", -0.01), term("DEAD", "event", -3.0),
+                        term("DEAD", "event", 0.5, "team")};
+  auto rules = std::make_unique<ClockRules>();
+  rules->death_tic = 2;
+  DoomEnvironment env(game, std::move(rules));
+  env.reset(1);
+  env.step(kIdle);
+  EXPECT_FLOAT_EQ(env.last_step().reward[0], -1.0f - 3.0f + 0.5f)
+      << "100 health lost, own death, a death in the team";
+  EXPECT_FLOAT_EQ(env.last_step().reward[1], 0.5f);
+}
+
+TEST(DoomEnvironment, TheScoreMayBeTheReturnOrAVariable) {
+  const auto game = one_room_game();
+  game->spec.decision_limit = 3;
+  game->spec.score = "return";
+  DoomEnvironment by_return(game, std::make_unique<ClockRules>());
+  by_return.reset(1);
+  while (!by_return.last_step().episode_over()) by_return.step(kIdle);
+  EXPECT_EQ(by_return.summary().score, 12.0f);
+
+  game->spec.score = "USER1";
+  DoomEnvironment by_variable(game, std::make_unique<ClockRules>());
+  by_variable.reset(1);
+  while (!by_variable.last_step().episode_over()) by_variable.step(kIdle);
+  EXPECT_EQ(by_variable.summary().score, 1012.0f);
+}
+
+TEST(DoomEnvironment, SameSeedAndActionsGiveTheSameStates) {
+  const auto play = [](uint64_t seed, uint64_t action_seed) {
+    DoomEnvironment env(one_room_game(), std::make_unique<ClockRules>());
+    env.reset(seed);
+    Rng rng(action_seed);
+    std::vector<uint64_t> hashes;
+    for (int i = 0; i < 50; ++i) {
+      std::vector<int32_t> action(4);
+      for (int32_t& choice : action) choice = static_cast<int32_t>(rng.below(3));
+      env.step(action);
+      hashes.push_back(env.state_hash());
+    }
+    return hashes;
+  };
+  EXPECT_EQ(play(1, 2), play(1, 2));
+  EXPECT_NE(play(1, 2), play(2, 2));
+  EXPECT_NE(play(1, 2), play(1, 3));
+}
+
+TEST(DoomEnvironment, AResetLeavesNothingOfTheEpisodeBefore) {
+  DoomEnvironment used(one_room_game(), std::make_unique<ClockRules>());
+  DoomEnvironment fresh(one_room_game(), std::make_unique<ClockRules>());
+  used.reset(5);
+  for (int i = 0; i < 20; ++i) used.step(std::vector<int32_t>{1, 1, 2, 2});
+  used.reset(9);
+  fresh.reset(9);
+  EXPECT_EQ(used.state_hash(), fresh.state_hash());
+  used.step(kIdle);
+  fresh.step(kIdle);
+  EXPECT_EQ(used.state_hash(), fresh.state_hash());
+  EXPECT_EQ(used.last_step().reward, fresh.last_step().reward);
+}
+
+TEST(DoomEnvironment, MeasurementsAreScaledShiftedAndClipped) {
+  const auto game = one_room_game();
+  game->use_measurements = true;
+  scenarios::MeasurementTerm clock, x;
+  clock.variable = "USER1", clock.scale = 0.01, clock.offset = -1.0, clock.clip = 5.0;
+  x.variable = "POSITION_X", x.scale = 1.0, x.clip = 100.0;
+  game->spec.measurements = {clock, x};
+  DoomEnvironment env(game, std::make_unique<ClockRules>());
+  env.reset(1);
+  std::vector<float> measurement(4);
+  ObservationTarget target;
+  target.measurement = measurement.data();
+  env.observe_numbers(target);
+  EXPECT_EQ(measurement, (std::vector<float>{5, -100, 5, 100}));
+}
+
+/// Room for one observation of two agents.
+struct Picture {
+  explicit Picture(const EnvShape& shape)
+      : frame(shape.frame_bytes() * shape.num_agents),
+        mask(shape.logit_count() * shape.num_agents),
+        active(2, 9) {}
+  ObservationTarget target() { return {frame.data(), nullptr, mask.data(), active.data()}; }
+  std::vector<uint8_t> frame, mask, active;
+};
+
+TEST(DoomEnvironmentSet, DrawsAllViewsInOneCall) {
+  const auto game = one_room_game();
+  auto renderer = std::make_unique<FlatRenderer>(3 * 72 * 128);
+  FlatRenderer* const counter = renderer.get();
+  DoomEnvironmentSet set(game, std::move(renderer), 3, kObservationSize, ResizeFilter::kNone);
+  for (int i = 0; i < 3; ++i) {
+    set.at(i).reset(1);
+    for (int step = 0; step < i; ++step) set.at(i).step(kIdle);
+  }
+  Picture first(set.at(0).shape()), second(set.at(0).shape());
+  const std::vector<int> indices = {2, 1};
+  const std::vector<ObservationTarget> targets = {first.target(), second.target()};
+  set.observe(indices, targets);
+  EXPECT_EQ(counter->call_count, 1);
+  const int64_t frame_bytes = 3 * 72 * 128;
+  EXPECT_EQ(first.frame[0], 8);
+  EXPECT_EQ(first.frame[frame_bytes - 1], 8);
+  EXPECT_EQ(first.frame[frame_bytes], 108);
+  EXPECT_EQ(second.frame[0], 4);
+  EXPECT_EQ(second.frame[2 * frame_bytes - 1], 104);
+  EXPECT_EQ(first.mask, std::vector<uint8_t>(first.mask.size(), 1));
+  EXPECT_EQ(first.active, (std::vector<uint8_t>{1, 1}));
+}
+
+TEST(DoomEnvironmentSet, AFilterBringsOtherSizesTo128x72) {
+  const auto game = one_room_game();
+  DoomEnvironmentSet set(game, std::make_unique<FlatRenderer>(3 * 160 * 120), 1, {160, 120},
+                         ResizeFilter::kNearest);
+  set.at(0).reset(1);
+  set.at(0).step(kIdle);
+  Picture picture(set.at(0).shape());
+  const int index = 0;
+  const ObservationTarget target = picture.target();
+  set.observe(std::span(&index, 1), std::span(&target, 1));
+  for (int i = 0; i < 3 * 72 * 128; ++i) ASSERT_EQ(picture.frame[i], 4);
+  for (int i = 0; i < 3 * 72 * 128; ++i) ASSERT_EQ(picture.frame[3 * 72 * 128 + i], 104);
+}
+
+TEST(DoomEnvironmentSet, TheLastObservationOfAnEpisodeIsTheTrueOne) {
+  const auto game = one_room_game();
+  DoomEnvironmentSet set(game, std::make_unique<FlatRenderer>(3 * 72 * 128), 1, kObservationSize,
+                         ResizeFilter::kNone);
+  auto rules = std::make_unique<ClockRules>();
+  rules->exit_tic = 7;
+  rules->death_tic = 6;
+  DoomEnvironment env(game, std::move(rules));
+  env.reset(1);
+  env.step(kIdle);
+  env.step(kIdle);
+  ASSERT_TRUE(env.last_step().terminated);
+  EXPECT_EQ(env.world().tic_count(), 7u) << "the world stands where it ended until the reset";
+  std::vector<uint8_t> active(2, 9);
+  ObservationTarget target;
+  target.agent_active = active.data();
+  env.observe_numbers(target);
+  EXPECT_EQ(active, (std::vector<uint8_t>{0, 1})) << "the dead agent is inactive";
+}
+
+}  // namespace
+}  // namespace comrad::sim

@@ -1,0 +1,42 @@
+// Bent maps: the loader refuses them or makes a level in which a world can be played. Repeat a failure with
+// COMRAD_FUZZ_SEED=<seed>.
+#include <gtest/gtest.h>
+
+#include "sim_workers/engine/map/level_loader.h"
+#include "sim_workers/engine/play/world.h"
+#include "tests/support/random_bytes.h"
+#include "tests/support/wad_bytes.h"
+
+namespace comrad::doom {
+namespace {
+
+TEST(LevelFuzz, EveryAcceptedMapCanBePlayed) {
+  const uint64_t seed = comrad::test::fuzz_seed();
+  SCOPED_TRACE("COMRAD_FUZZ_SEED=" + std::to_string(seed));
+  Rng rng(seed);
+  const auto catalog = std::make_shared<const ActorCatalog>();
+  const std::string whole = wad::test::square_room_text();
+  int played = 0, refused = 0;
+  for (int round = 0; round < 4000; ++round) {
+    const std::string text = comrad::test::mutated(rng, whole);
+    const Expected<wad::UdmfMap> map = wad::parse_udmf(text, "fuzz");
+    if (!map) continue;
+    const Expected<std::shared_ptr<const Level>> level = make_level(*map, "MAP01", "fuzz");
+    if (!level) {
+      ++refused;
+      EXPECT_EQ(level.error().message.rfind("fuzz", 0), 0u);
+      continue;
+    }
+    World world(*level, catalog);
+    world.reset({.player_count = 2}, nullptr);
+    std::array<Buttons, 2> buttons;
+    buttons[0].forward = buttons[0].speed = buttons[1].left = true;
+    for (int tic = 0; tic < 35; ++tic) world.tic(buttons);
+    ++played;
+  }
+  EXPECT_GT(played, 0);
+  EXPECT_GT(refused, 0);
+}
+
+}  // namespace
+}  // namespace comrad::doom
