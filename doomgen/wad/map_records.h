@@ -1,5 +1,6 @@
-// The bytes of a WAD as they lie in the file: header and directory. Little-endian, packed, no pointers. Records of
-// binary map lumps (Doom and Hexen formats) join them here; the engine's own types are in engine/map/level.h.
+// The bytes of a WAD as they lie in the file: header and directory. Little-endian, packed, no pointers.
+// Records of binary map lumps (Doom and Hexen formats) join them here; the engine's own types are in
+// engine/map/level.h.
 #pragma once
 
 #include <array>
@@ -11,7 +12,7 @@ constexpr std::size_t kLumpNameBytes = 8;
 
 /// The first 12 bytes of a WAD.
 struct [[gnu::packed]] WadHeaderRecord {
-  std::array<char, 4> magic;          ///< "IWAD" or "PWAD"
+  std::array<char, 4> magic;  ///< "IWAD" or "PWAD"
   int32_t lump_count;
   int32_t directory_offset_bytes;
 };

@@ -23,7 +23,7 @@ std::string upper_case(std::string text) {
 struct Token {
   enum class Kind { kEnd, kWord, kNumber, kText, kSign };
   Kind kind = Kind::kEnd;
-  std::string text;      // word in lower case; text without quotes; the sign
+  std::string text;  // word in lower case; text without quotes; the sign
   double number = 0;
   bool is_integer = false;
   int line = 1, column = 1;
@@ -31,9 +31,12 @@ struct Token {
   bool is_sign(char sign) const { return kind == Kind::kSign && text[0] == sign; }
   std::string shown() const {
     switch (kind) {
-      case Kind::kEnd: return "the end of the text";
-      case Kind::kText: return "a string";
-      default: return "'" + text.substr(0, 32) + "'";
+      case Kind::kEnd:
+        return "the end of the text";
+      case Kind::kText:
+        return "a string";
+      default:
+        return "'" + text.substr(0, 32) + "'";
     }
   }
 };
@@ -53,7 +56,8 @@ class Parser {
     for (;;) {
       COMRAD_TRY_ASSIGN(const Token name, next());
       if (name.kind == Token::Kind::kEnd) return map;
-      if (name.kind != Token::Kind::kWord) return wrong(name, "expected a key or the name of a block, found " + name.shown());
+      if (name.kind != Token::Kind::kWord)
+        return wrong(name, "expected a key or the name of a block, found " + name.shown());
       COMRAD_TRY_ASSIGN(const Token sign, next());
       if (sign.is_sign('=')) {
         COMRAD_TRY_ASSIGN(Token value, value_and_semicolon(name.text));
@@ -74,7 +78,9 @@ class Parser {
     return Error{ErrorCode::kBadFormat,
                  label_ + ":" + std::to_string(line) + ":" + std::to_string(column) + ": " + what};
   }
-  Error wrong(const Token& token, const std::string& what) const { return wrong(token.line, token.column, what); }
+  Error wrong(const Token& token, const std::string& what) const {
+    return wrong(token.line, token.column, what);
+  }
 
   // ---- characters
 
@@ -157,7 +163,8 @@ class Parser {
 
   Expected<Token> number_token(Token token) {
     token.kind = Token::Kind::kNumber;
-    while (!at_end() && (is_digit(peek()) || is_word_start(peek()) || peek() == '.' || peek() == '+' || peek() == '-')) {
+    while (!at_end() &&
+           (is_digit(peek()) || is_word_start(peek()) || peek() == '.' || peek() == '+' || peek() == '-')) {
       token.text += peek();
       advance();
     }
@@ -201,7 +208,8 @@ class Parser {
   Status read(const Assignment& from, int32_t& to) const {
     const Token& value = from.value;
     if (value.kind != Token::Kind::kNumber || value.number != std::floor(value.number) ||
-        value.number < std::numeric_limits<int32_t>::min() || value.number > std::numeric_limits<int32_t>::max())
+        value.number < std::numeric_limits<int32_t>::min() ||
+        value.number > std::numeric_limits<int32_t>::max())
       return wrong(value, "'" + from.key + "' wants a whole number of 32 bits, found " + value.shown());
     to = static_cast<int32_t>(value.number);
     return {};
@@ -250,7 +258,8 @@ class Parser {
     return wrong(name, "this " + name.text + " has no '" + key + "'");
   }
 
-  static std::optional<std::size_t> numbered(const std::string& key, std::string_view prefix, char first, char last) {
+  static std::optional<std::size_t> numbered(const std::string& key, std::string_view prefix, char first,
+                                             char last) {
     if (key.size() != prefix.size() + 1 || key.compare(0, prefix.size(), prefix) != 0) return std::nullopt;
     if (key.back() < first || key.back() > last) return std::nullopt;
     return static_cast<std::size_t>(key.back() - first);
@@ -377,6 +386,8 @@ class Parser {
 
 }  // namespace
 
-Expected<UdmfMap> parse_udmf(std::string_view text, const std::string& label) { return Parser(text, label).parse(); }
+Expected<UdmfMap> parse_udmf(std::string_view text, const std::string& label) {
+  return Parser(text, label).parse();
+}
 
 }  // namespace comrad::wad

@@ -1,5 +1,5 @@
-// Reads a TEXTMAP lump, the Universal Doom Map Format, into plain records: what the text says, unchecked against
-// itself. The engine's loader (engine/map/level_loader.h) checks indices and makes a Level.
+// Reads a TEXTMAP lump, the Universal Doom Map Format, into plain records: what the text says, unchecked
+// against itself. The engine's loader (engine/map/level_loader.h) checks indices and makes a Level.
 #pragma once
 
 #include <array>
@@ -21,7 +21,8 @@ struct UdmfLinedef {
   int32_t id = 0, v1 = -1, v2 = -1, side_front = -1, side_back = -1;
   int32_t special = 0;
   std::array<int32_t, 5> args{};
-  bool blocking = false, block_monsters = false, two_sided = false, dont_peg_top = false, dont_peg_bottom = false;
+  bool blocking = false, block_monsters = false, two_sided = false, dont_peg_top = false,
+       dont_peg_bottom = false;
   bool block_everything = false;
   int text_line = 0;
 };
@@ -58,9 +59,9 @@ struct UdmfMap {
   std::vector<UdmfThing> things;
 };
 
-/// Parses `text`. `label` names the lump in messages ("arena.wad: TEXTMAP of MAP01"). Unknown keys and blocks are
-/// skipped, as the format asks; keys are read in any case; texture names come out in upper case.
-/// Errors: kBadFormat as "label:line:column: what".
+/// Parses `text`. `label` names the lump in messages ("arena.wad: TEXTMAP of MAP01"). Unknown keys and blocks
+/// are skipped, as the format asks; keys are read in any case; texture names come out in upper case. Errors:
+/// kBadFormat as "label:line:column: what".
 Expected<UdmfMap> parse_udmf(std::string_view text, const std::string& label);
 
 }  // namespace comrad::wad

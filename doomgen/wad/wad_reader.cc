@@ -33,16 +33,15 @@ Record read_record(std::span<const uint8_t> bytes, std::size_t offset) {
 
 /// "S_START" also stands for "SS_START".
 bool is_marker(std::string_view lump_name, std::string_view marker) {
-  return lump_name == marker ||
-         (!marker.empty() && lump_name.size() == marker.size() + 1 && lump_name.front() == marker.front() &&
-          lump_name.substr(1) == marker);
+  return lump_name == marker || (!marker.empty() && lump_name.size() == marker.size() + 1 &&
+                                 lump_name.front() == marker.front() && lump_name.substr(1) == marker);
 }
 
 /// Lumps that belong to the map marker above them, in the formats that have no end marker.
 bool is_binary_map_lump(std::string_view name) {
-  static constexpr std::array<std::string_view, 12> kNames = {
-      "THINGS", "LINEDEFS", "SIDEDEFS", "VERTEXES", "SEGS",     "SSECTORS",
-      "NODES",  "SECTORS",  "REJECT",   "BLOCKMAP", "BEHAVIOR", "SCRIPTS"};
+  static constexpr std::array<std::string_view, 12> kNames = {"THINGS", "LINEDEFS", "SIDEDEFS", "VERTEXES",
+                                                              "SEGS",   "SSECTORS", "NODES",    "SECTORS",
+                                                              "REJECT", "BLOCKMAP", "BEHAVIOR", "SCRIPTS"};
   return std::find(kNames.begin(), kNames.end(), name) != kNames.end();
 }
 
@@ -100,7 +99,9 @@ Expected<WadFile> WadFile::from_bytes(std::vector<uint8_t> bytes, std::string la
 
 Expected<WadFile> WadFile::parse(std::shared_ptr<const Storage> storage, std::string path) {
   const std::span<const uint8_t> bytes = storage->view();
-  const auto bad = [&path](const std::string& what) { return Error{ErrorCode::kBadFormat, path + ": " + what}; };
+  const auto bad = [&path](const std::string& what) {
+    return Error{ErrorCode::kBadFormat, path + ": " + what};
+  };
   if (bytes.size() < sizeof(WadHeaderRecord))
     return bad("shorter than a WAD header (" + std::to_string(bytes.size()) + " of 12 bytes)");
   const auto header = read_record<WadHeaderRecord>(bytes, 0);
@@ -194,8 +195,9 @@ Expected<MapLumps> WadFile::find_map(std::string_view name) const {
   if (!marker) {
     std::string known;
     for (const std::string& map : map_names()) known += (known.empty() ? "" : ", ") + map;
-    return Error{ErrorCode::kNotFound,
-                 path_ + ": no map " + wanted + (known.empty() ? " (and no other map)" : " (it has " + known + ")")};
+    return Error{
+        ErrorCode::kNotFound,
+        path_ + ": no map " + wanted + (known.empty() ? " (and no other map)" : " (it has " + known + ")")};
   }
   MapLumps lumps;
   lumps.marker = *marker;

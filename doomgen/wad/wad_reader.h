@@ -1,5 +1,6 @@
-// Reads WAD files: the directory, lumps by name (the last of a name wins), the lumps of a map and those between two
-// markers. Every offset is checked once, on opening; what comes out afterwards cannot reach outside the file.
+// Reads WAD files: the directory, lumps by name (the last of a name wins), the lumps of a map and those
+// between two markers. Every offset is checked once, on opening; what comes out afterwards cannot reach
+// outside the file.
 #pragma once
 
 #include <cstddef>
@@ -47,12 +48,13 @@ class WadFile {
 
   /// The last lump of that name (any case).
   std::optional<std::size_t> find(std::string_view name) const;
-  /// Lumps between markers such as S_START and S_END, in file order, markers left out. Doubled first letters (SS_START)
-  /// count as the same marker; several ranges are joined; an open range is none.
+  /// Lumps between markers such as S_START and S_END, in file order, markers left out. Doubled first letters
+  /// (SS_START) count as the same marker; several ranges are joined; an open range is none.
   std::vector<std::size_t> lumps_between(std::string_view start, std::string_view end) const;
   /// Names of all maps, in file order.
   std::vector<std::string> map_names() const;
-  /// The map of that name, the last if there are several. Errors: kNotFound (with the maps there are), kBadFormat.
+  /// The map of that name, the last if there are several. Errors: kNotFound (with the maps there are),
+  /// kBadFormat.
   Expected<MapLumps> find_map(std::string_view name) const;
 
  private:

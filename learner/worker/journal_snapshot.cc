@@ -62,10 +62,10 @@ void JournalSnapshot::save(StateDict& state) const {
   state.put("journal/next_rollout", static_cast<int64_t>(next_rollout));
   state.put("journal/action_bytes", action_bytes);
   state.put("journal/header", torch::tensor(header, torch::kInt64).view({env_count, kHeaderFields}));
-  Tensor actions = torch::empty({static_cast<int64_t>(action.size())}, torch::kUInt8);
+  torch::Tensor actions = torch::empty({static_cast<int64_t>(action.size())}, torch::kUInt8);
   if (!action.empty()) std::memcpy(actions.data_ptr(), action.data(), action.size());
   state.put("journal/action", actions);
-  Tensor states = torch::empty({env_count, 2, state_floats}, torch::kFloat32);
+  torch::Tensor states = torch::empty({env_count, 2, state_floats}, torch::kFloat32);
   if (!recurrent.empty()) std::memcpy(states.data_ptr(), recurrent.data(), recurrent.size() * sizeof(float));
   state.put("journal/recurrent", states);
 }

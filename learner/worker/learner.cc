@@ -131,7 +131,9 @@ Status Learner::load(const std::string& path) {
   env_frames_ = static_cast<uint64_t>(env_frames);
   decisions_ = static_cast<uint64_t>(decisions);
   has_best_ = state.has("counters/best_score");
-  if (has_best_) COMRAD_TRY_ASSIGN(best_score_, state.number("counters/best_score"));
+  if (has_best_) {
+    COMRAD_TRY_ASSIGN(best_score_, state.number("counters/best_score"));
+  }
   journals_.reset();
   next_rollout_ = 0;
   if (config_.deterministic && !options_.serve && JournalSnapshot::is_in(state)) {

@@ -66,10 +66,10 @@ double EpisodeWindow::return_mean() const {
 void EpisodeWindow::append_to(MetricValues& values) const {
   if (window_.empty()) return;
   const auto least = [this](double Episode::*member) {
-    return std::ranges::min_element(window_, {}, member)->*member;
+    return (*std::ranges::min_element(window_, {}, member)).*member;
   };
   const auto most = [this](double Episode::*member) {
-    return std::ranges::max_element(window_, {}, member)->*member;
+    return (*std::ranges::max_element(window_, {}, member)).*member;
   };
   double length = 0;
   for (const Episode& episode : window_) length += episode.length_tics;
@@ -101,6 +101,13 @@ MetricsWriter::MetricsWriter(MetricsWriter&& other) noexcept
     : descriptor_(std::exchange(other.descriptor_, -1)),
       path_(std::move(other.path_)),
       events_(std::move(other.events_)) {}
+
+MetricsWriter& MetricsWriter::operator=(MetricsWriter&& other) noexcept {
+  std::swap(descriptor_, other.descriptor_);
+  std::swap(path_, other.path_);
+  std::swap(events_, other.events_);
+  return *this;
+}
 
 MetricsWriter::~MetricsWriter() {
   if (descriptor_ >= 0) close(descriptor_);

@@ -71,7 +71,7 @@ class MetricsWriter {
   /// A half line that a crash left in metrics.jsonl is closed first. Errors: kSystem, kNoSpace.
   static Expected<MetricsWriter> open(const std::string& run_dir);
   MetricsWriter(MetricsWriter&& other) noexcept;
-  MetricsWriter& operator=(MetricsWriter&&) = delete;
+  MetricsWriter& operator=(MetricsWriter&& other) noexcept;
   ~MetricsWriter();
 
   /// One object per line: time_s, env_frames, decisions, then `values`; a number that is not finite is null there

@@ -296,10 +296,14 @@ void Arena::abandon_slab(uint32_t slab_index) const {
 }
 
 std::vector<uint32_t> Arena::drain_slabs(int max_count) const {
+  // A slab sealed while we look could be seen although an older one was passed unsealed a moment ago.
+  // Whatever has a ticket from before the look had all older slabs of its environment sealed by then.
+  const uint64_t ticket_limit = control().slabs_sealed.load(std::memory_order_acquire);
   std::vector<std::pair<uint64_t, uint32_t>> sealed;
   for (int index = 0; index < shape().slab_count; ++index) {
     const SlabHeader& header = slab_header(index);
-    if (header.state.load(std::memory_order_acquire) == SlabState::kSealed)
+    if (header.state.load(std::memory_order_acquire) == SlabState::kSealed &&
+        header.seal_ticket < ticket_limit)
       sealed.emplace_back(header.seal_ticket, static_cast<uint32_t>(index));
   }
   std::sort(sealed.begin(), sealed.end());

@@ -220,7 +220,8 @@ class Arena {
   std::optional<uint32_t> acquire_slab(int sim_worker) const;
   void seal_slab(uint32_t slab_index) const;     ///< kFilling -> kSealed, takes a ticket, rings
   void abandon_slab(uint32_t slab_index) const;  ///< kFilling -> kFree, rings: its owner needs it no more
-  /// Takes up to `max_count` sealed slabs in ticket order: kSealed -> kLearning.
+  /// Takes up to `max_count` sealed slabs in ticket order: kSealed -> kLearning. An environment's slabs never
+  /// overtake each other.
   std::vector<uint32_t> drain_slabs(int max_count) const;
   int sealed_count() const;
   void release_slab(uint32_t slab_index) const;  ///< kLearning -> kFree, rings

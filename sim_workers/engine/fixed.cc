@@ -10,10 +10,10 @@ constexpr int kFineAngles = 8192;
 constexpr int kFineQuadrant = kFineAngles / 4;
 constexpr int kAngleToFineShift = 19;
 
-// The table that the movement traces show: truncated, not rounded; the falling quadrants mirror the rising ones with
-// the last entry first, so that sine(90 degrees + a) reads sine(90 degrees - a - 1 fine angle); the four axes exact.
-// No product of the first quadrant lies within 1e-6 of an integer, so the last bit of std::sin cannot matter
-// (tests/unit/sim_workers/play/fixed_test.cc keeps this true).
+// The table that the movement traces show: truncated, not rounded; the falling quadrants mirror the rising
+// ones with the last entry first, so that sine(90 degrees + a) reads sine(90 degrees - a - 1 fine angle); the
+// four axes exact. No product of the first quadrant lies within 1e-6 of an integer, so the last bit of
+// std::sin cannot matter (tests/unit/sim_workers/play/fixed_test.cc keeps this true).
 std::array<Fixed, kFineAngles> make_sine_table() {
   constexpr double kRadiansPerFineAngle = 6.283185307179586476925 / kFineAngles;
   std::array<Fixed, kFineAngles> table{};

@@ -25,6 +25,7 @@ Expected<std::unique_ptr<EnvironmentSet>> make_doom_environments(const Environme
   render.crosshair = game->spec.crosshair;
   render.screen_flashes = game->spec.screen_flashes;
   COMRAD_TRY_ASSIGN(std::unique_ptr<doom::Renderer> renderer, doom::Renderer::create(art, render));
+  COMRAD_TRY(renderer->prepare(game->level, game->catalog));
   std::unique_ptr<EnvironmentSet> set = std::make_unique<DoomEnvironmentSet>(
       std::move(game), std::move(renderer), options.count, render_size, filter);
   return set;

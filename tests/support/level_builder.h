@@ -58,7 +58,8 @@ class LevelBuilder {
   }
 
  private:
-  void ring(const Points& points, uint32_t front_sector, std::optional<uint32_t> back_sector, uint32_t flags) {
+  void ring(const Points& points, uint32_t front_sector, std::optional<uint32_t> back_sector,
+            uint32_t flags) {
     const auto first = static_cast<uint32_t>(level_.vertices.size());
     const auto count = static_cast<uint32_t>(points.size());
     for (const auto& [x, y] : points) level_.vertices.push_back({to_fixed(x), to_fixed(y)});

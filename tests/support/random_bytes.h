@@ -1,4 +1,5 @@
-// Seeded hostile input for parser tests. The seed comes from COMRAD_FUZZ_SEED or is fixed; tests print it on failure.
+// Seeded hostile input for parser tests. The seed comes from COMRAD_FUZZ_SEED or is fixed; tests print it on
+// failure.
 #pragma once
 
 #include <cstdint>
@@ -29,10 +30,19 @@ Bytes mutated(Rng& rng, Bytes text) {
   for (int i = 0; i < changes && !text.empty(); ++i) {
     const std::size_t at = rng.below(static_cast<uint32_t>(text.size()));
     switch (rng.below(4)) {
-      case 0: text[at] = static_cast<typename Bytes::value_type>(rng.next()); break;
-      case 1: text.erase(text.begin() + static_cast<std::ptrdiff_t>(at)); break;
-      case 2: text.insert(text.begin() + static_cast<std::ptrdiff_t>(at), text[rng.below(static_cast<uint32_t>(text.size()))]); break;
-      default: text.resize(at); break;
+      case 0:
+        text[at] = static_cast<typename Bytes::value_type>(rng.next());
+        break;
+      case 1:
+        text.erase(text.begin() + static_cast<std::ptrdiff_t>(at));
+        break;
+      case 2:
+        text.insert(text.begin() + static_cast<std::ptrdiff_t>(at),
+                    text[rng.below(static_cast<uint32_t>(text.size()))]);
+        break;
+      default:
+        text.resize(at);
+        break;
     }
   }
   return text;

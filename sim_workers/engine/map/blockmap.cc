@@ -7,8 +7,8 @@ namespace comrad::doom {
 namespace {
 
 Fixed saturate(int64_t value) {
-  return static_cast<Fixed>(std::clamp<int64_t>(value, std::numeric_limits<Fixed>::min(),
-                                                std::numeric_limits<Fixed>::max()));
+  return static_cast<Fixed>(
+      std::clamp<int64_t>(value, std::numeric_limits<Fixed>::min(), std::numeric_limits<Fixed>::max()));
 }
 
 }  // namespace
@@ -38,8 +38,9 @@ Blockmap Blockmap::build(const Level& level) {
     BlockLine line;
     line.x1 = start.x, line.y1 = start.y, line.x2 = end.x, line.y2 = end.y;
     // A box of no width would overlap nothing: widen it by the smallest step to either side.
-    line.box = {saturate(int64_t{std::min(start.x, end.x)} - 1), saturate(int64_t{std::max(start.x, end.x)} + 1),
-                saturate(int64_t{std::min(start.y, end.y)} - 1), saturate(int64_t{std::max(start.y, end.y)} + 1)};
+    line.box = {
+        saturate(int64_t{std::min(start.x, end.x)} - 1), saturate(int64_t{std::max(start.x, end.x)} + 1),
+        saturate(int64_t{std::min(start.y, end.y)} - 1), saturate(int64_t{std::max(start.y, end.y)} + 1)};
     line.front_sector = static_cast<int32_t>(level.sidedefs[linedef.front].sector_index);
     line.back_sector = linedef.back ? static_cast<int32_t>(level.sidedefs[*linedef.back].sector_index) : -1;
     line.flags = linedef.flags;
@@ -55,7 +56,8 @@ Blockmap Blockmap::build(const Level& level) {
   map.columns_ = static_cast<int>(((right - left) >> (kFracBits + 7)) + 1);
   map.rows_ = static_cast<int>(((top - bottom) >> (kFracBits + 7)) + 1);
 
-  // Two passes over the cells of every line: count, then fill. A sloped line enters only the cells it crosses.
+  // Two passes over the cells of every line: count, then fill. A sloped line enters only the cells it
+  // crosses.
   std::vector<std::pair<uint32_t, uint32_t>> entries;  // cell, line
   for (uint32_t index = 0; index < map.lines_.size(); ++index) {
     const BlockLine& line = map.lines_[index];

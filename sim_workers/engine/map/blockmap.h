@@ -1,5 +1,5 @@
-// The linedefs of a level in a grid of 128-unit cells, packed for collision: which lines may touch a box, and on which
-// side of a line a point lies. Built once per level, shared by all its worlds. Stage: tic.
+// The linedefs of a level in a grid of 128-unit cells, packed for collision: which lines may touch a box, and
+// on which side of a line a point lies. Built once per level, shared by all its worlds. Stage: tic.
 #pragma once
 
 #include <algorithm>
@@ -56,8 +56,8 @@ class Blockmap {
   int row_of(int64_t y) const { return cell_of(y - origin_y_, rows_); }
   const std::vector<BlockLine>& lines() const { return lines_; }
 
-  /// Calls visit(line) for every line whose own box overlaps `box`, until it returns false. A line that lies in several
-  /// cells may come more than once.
+  /// Calls visit(line) for every line whose own box overlaps `box`, until it returns false. A line that lies
+  /// in several cells may come more than once.
   template <typename Visit>
   void for_each_line(const Box& box, Visit&& visit) const {
     const int first_column = column_of(box.left), last_column = column_of(box.right);
@@ -80,8 +80,8 @@ class Blockmap {
 
   int64_t origin_x_ = 0, origin_y_ = 0;
   int columns_ = 1, rows_ = 1;
-  std::vector<BlockLine> lines_;       // one per linedef, same index
-  std::vector<uint32_t> cell_begin_;   // [cell] into cell_lines_, one more at the end
+  std::vector<BlockLine> lines_;      // one per linedef, same index
+  std::vector<uint32_t> cell_begin_;  // [cell] into cell_lines_, one more at the end
   std::vector<uint32_t> cell_lines_;
 };
 

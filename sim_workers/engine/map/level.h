@@ -1,5 +1,5 @@
-// A map in play: checked indices, Fixed units, optional sides. One loader (level_loader.h) makes it from the bytes of
-// a lump; the world (play/) moves its heights, the renderer (render/) draws it.
+// A map in play: checked indices, Fixed units, optional sides. One loader (level_loader.h) makes it from the
+// bytes of a lump; the world (play/) moves its heights, the renderer (render/) draws it.
 #pragma once
 
 #include <array>
@@ -40,8 +40,8 @@ struct Linedef {
   int32_t special = 0;          ///< Hexen numbering; 0 none
   std::array<int32_t, 5> args{};
   int32_t id = 0;
-  uint32_t front = 0;                ///< sidedef index
-  std::optional<uint32_t> back;      ///< sidedef index; nothing where one-sided
+  uint32_t front = 0;            ///< sidedef index
+  std::optional<uint32_t> back;  ///< sidedef index; nothing where one-sided
 };
 
 struct Sector {

@@ -101,7 +101,8 @@ class Loader {
         return wrong(from.text_line, "this linedef is marked twosided but has no sideback");
       const Vertex &start = level_.vertices[static_cast<std::size_t>(from.v1)],
                    &end = level_.vertices[static_cast<std::size_t>(from.v2)];
-      const double length_x = to_double(end.x) - to_double(start.x), length_y = to_double(end.y) - to_double(start.y);
+      const double length_x = to_double(end.x) - to_double(start.x),
+                   length_y = to_double(end.y) - to_double(start.y);
       if (start.x == end.x && start.y == end.y)
         return wrong(from.text_line, "this linedef has no length: both ends lie at (" +
                                          std::to_string(to_double(start.x)) + ", " +
@@ -111,7 +112,8 @@ class Loader {
       Linedef line;
       line.start = static_cast<uint32_t>(from.v1), line.end = static_cast<uint32_t>(from.v2);
       line.flags = (from.blocking ? kLineBlocking : 0u) | (from.block_monsters ? kLineBlockMonsters : 0u) |
-                   (from.side_back != -1 ? kLineTwoSided : 0u) | (from.dont_peg_top ? kLineUpperUnpegged : 0u) |
+                   (from.side_back != -1 ? kLineTwoSided : 0u) |
+                   (from.dont_peg_top ? kLineUpperUnpegged : 0u) |
                    (from.dont_peg_bottom ? kLineLowerUnpegged : 0u) |
                    (from.block_everything ? kLineBlockEverything : 0u);
       line.special = from.special;

@@ -8,7 +8,8 @@
 
 namespace comrad::doom {
 
-/// Makes the tree: picks a line that cuts few others and halves the rest, splits, and goes on with both halves.
+/// Makes the tree: picks a line that cuts few others and halves the rest, splits, and goes on with both
+/// halves.
 class SectorTreeBuilder {
  public:
   explicit SectorTreeBuilder(const Level& level) : level_(level) {}
@@ -19,10 +20,13 @@ class SectorTreeBuilder {
       const Linedef& linedef = level_.linedefs[index];
       const Vertex& start = level_.vertices[linedef.start];
       const Vertex& end = level_.vertices[linedef.end];
-      if (start.x == end.x && start.y == end.y) continue;  // the loader refuses these; a hand-made level may not
-      const double x1 = to_double(start.x), y1 = to_double(start.y), x2 = to_double(end.x), y2 = to_double(end.y);
+      if (start.x == end.x && start.y == end.y)
+        continue;  // the loader refuses these; a hand-made level may not
+      const double x1 = to_double(start.x), y1 = to_double(start.y), x2 = to_double(end.x),
+                   y2 = to_double(end.y);
       segs.push_back({x1, y1, x2, y2, index, true, level_.sidedefs[linedef.front].sector_index});
-      if (linedef.back) segs.push_back({x2, y2, x1, y1, index, false, level_.sidedefs[*linedef.back].sector_index});
+      if (linedef.back)
+        segs.push_back({x2, y2, x1, y1, index, false, level_.sidedefs[*linedef.back].sector_index});
     }
     node_limit_ = 64 * segs.size() + 64;
     if (!segs.empty()) tree_.root_ = grow(std::move(segs), 0, 1);
@@ -60,7 +64,8 @@ class SectorTreeBuilder {
   static Place classify(const Partition& partition, const Seg& seg) {
     const double first = partition.distance(seg.x1, seg.y1), second = partition.distance(seg.x2, seg.y2);
     if (std::abs(first) <= kSliver && std::abs(second) <= kSliver)
-      return (seg.x2 - seg.x1) * partition.dx + (seg.y2 - seg.y1) * partition.dy > 0 ? Place::kFront : Place::kBack;
+      return (seg.x2 - seg.x1) * partition.dx + (seg.y2 - seg.y1) * partition.dy > 0 ? Place::kFront
+                                                                                     : Place::kBack;
     if (first >= -kSliver && second >= -kSliver) return Place::kFront;
     if (first <= kSliver && second <= kSliver) return Place::kBack;
     return Place::kSplit;

@@ -24,13 +24,14 @@ ActorType player() {
   type.frames = loop("A", -1);
   for (char letter : std::string_view("ABCD")) type.frames.push_back({static_cast<uint8_t>(letter - 'A'), 4});
   type.frames.back().next = kPlayerWalkFrame;
-  for (char letter : std::string_view("HIJKLMN")) type.frames.push_back({static_cast<uint8_t>(letter - 'A'), 10});
+  for (char letter : std::string_view("HIJKLMN"))
+    type.frames.push_back({static_cast<uint8_t>(letter - 'A'), 10});
   type.frames.back().tics = -1;
   return type;
 }
 
-ActorType health(std::string name, int32_t editor_number, std::string sprite, std::string_view letters, int16_t tics,
-                 int32_t heal_amount, int32_t heal_limit) {
+ActorType health(std::string name, int32_t editor_number, std::string sprite, std::string_view letters,
+                 int16_t tics, int32_t heal_amount, int32_t heal_limit) {
   ActorType type;
   type.name = std::move(name);
   type.editor_number = editor_number;

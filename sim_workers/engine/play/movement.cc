@@ -30,8 +30,8 @@ void project_on(const BlockLine& line, Fixed& dx, Fixed& dy) {
   } else if (line.dx() == 0) {
     dx = 0;
   } else {
-    const __int128 length_squared = static_cast<__int128>(line.dx()) * line.dx() +
-                                    static_cast<__int128>(line.dy()) * line.dy();
+    const __int128 length_squared =
+        static_cast<__int128>(line.dx()) * line.dx() + static_cast<__int128>(line.dy()) * line.dy();
     const __int128 along = static_cast<__int128>(line.dx()) * dx + static_cast<__int128>(line.dy()) * dy;
     dx = static_cast<Fixed>(along * line.dx() / length_squared);
     dy = static_cast<Fixed>(along * line.dy() / length_squared);
@@ -70,7 +70,8 @@ bool Movement::check_things(std::size_t slot, Fixed x, Fixed y, bool touch, Posi
         if (other_slot == slot) continue;
         const Actor& other = world_.actors_[other_slot];
         const int64_t distance = int64_t{other.radius} + radius;
-        if (std::abs(int64_t{other.x} - x) >= distance || std::abs(int64_t{other.y} - y) >= distance) continue;
+        if (std::abs(int64_t{other.x} - x) >= distance || std::abs(int64_t{other.y} - y) >= distance)
+          continue;
         const ActorType& other_type = world_.catalog()[other.type];
         if (other_type.pickup) {
           if (takes_items && item_count < items.size()) items[item_count++] = other_slot;
@@ -142,8 +143,8 @@ bool Movement::try_move(std::size_t slot, Fixed x, Fixed y) {
   if (int64_t{check.ceiling_z} - check.floor_z < body.height) return false;
   if (int64_t{check.ceiling_z} - body.z < body.height) return false;
   if (int64_t{check.floor_z} - body.z > kStepUpMax) return false;
-  // A monster looks at lowest_floor_z here; a player may walk off any ledge. Lines that act when crossed do so after
-  // place(), from the old to the new position.
+  // A monster looks at lowest_floor_z here; a player may walk off any ledge. Lines that act when crossed do
+  // so after place(), from the old to the new position.
   place(slot, x, y, check);
   return true;
 }
@@ -158,8 +159,10 @@ void Movement::trace_corner(int64_t x, int64_t y, Fixed dx, Fixed dy, const Acto
     // Does the way cross the line? Both pairs of ends on different sides.
     const int start_side = line.side_of(x, y), end_side = line.side_of(x + dx, y + dy);
     if (start_side == end_side) return true;
-    const __int128 first = static_cast<__int128>(dy) * (line.x1 - x) - static_cast<__int128>(dx) * (line.y1 - y);
-    const __int128 second = static_cast<__int128>(dy) * (line.x2 - x) - static_cast<__int128>(dx) * (line.y2 - y);
+    const __int128 first =
+        static_cast<__int128>(dy) * (line.x1 - x) - static_cast<__int128>(dx) * (line.y1 - y);
+    const __int128 second =
+        static_cast<__int128>(dy) * (line.x2 - x) - static_cast<__int128>(dx) * (line.y2 - y);
     if ((first > 0 && second > 0) || (first < 0 && second < 0)) return true;
     if (line.back_sector < 0) {
       if (start_side < 0) return true;  // from behind there is nothing
@@ -168,16 +171,18 @@ void Movement::trace_corner(int64_t x, int64_t y, Fixed dx, Fixed dy, const Acto
       const Sector& back = world_.sectors_[static_cast<std::size_t>(line.back_sector)];
       const int64_t ceiling_z = std::min(front.ceiling_height, back.ceiling_height);
       const int64_t floor_z = std::max(front.floor_height, back.floor_height);
-      if (ceiling_z - floor_z >= body.height && ceiling_z - body.z >= body.height && floor_z - body.z <= kStepUpMax)
+      if (ceiling_z - floor_z >= body.height && ceiling_z - body.z >= body.height &&
+          floor_z - body.z <= kStepUpMax)
         return true;
     }
-    __int128 numerator = static_cast<__int128>(line.dy()) * (x - line.x1) -
-                         static_cast<__int128>(line.dx()) * (y - line.y1);
+    __int128 numerator =
+        static_cast<__int128>(line.dy()) * (x - line.x1) - static_cast<__int128>(line.dx()) * (y - line.y1);
     __int128 denominator = static_cast<__int128>(line.dx()) * dy - static_cast<__int128>(line.dy()) * dx;
     if (denominator == 0) return true;
     if (denominator < 0) numerator = -numerator, denominator = -denominator;
     // Rounded to nearest, as the traces show.
-    const auto fraction = static_cast<int64_t>(((numerator << (kFracBits + 1)) + denominator) / (2 * denominator));
+    const auto fraction =
+        static_cast<int64_t>(((numerator << (kFracBits + 1)) + denominator) / (2 * denominator));
     if (fraction >= 0 && fraction < hit.fraction) hit = {static_cast<Fixed>(fraction), &line};
     return true;
   });

@@ -1,5 +1,5 @@
-// How bodies move: position checks against linedefs and things, steps, sliding along walls, friction and gravity.
-// Works on one World. Stage: tic.
+// How bodies move: position checks against linedefs and things, steps, sliding along walls, friction and
+// gravity. Works on one World. Stage: tic.
 #pragma once
 
 #include <cstddef>
@@ -11,21 +11,21 @@
 namespace comrad::doom {
 
 constexpr Fixed kStepUpMax = to_fixed(24);
-constexpr Fixed kGravity = kFracUnit;           ///< units/tic^2
-constexpr Fixed kGroundFriction = 0xE800;       ///< factor per tic, 0.90625
-constexpr Fixed kStopSpeed = 0x1000;            ///< slower than this and nothing pressed: stands still
+constexpr Fixed kGravity = kFracUnit;      ///< units/tic^2
+constexpr Fixed kGroundFriction = 0xE800;  ///< factor per tic, 0.90625
+constexpr Fixed kStopSpeed = 0x1000;       ///< slower than this and nothing pressed: stands still
 constexpr Fixed kJumpSpeed = to_fixed(8);
-constexpr int kJumpDelayTics = 7;               ///< from the landing to the next jump
-constexpr Fixed kSlideGap = kFracUnit / 32;     ///< of a move, kept free before a wall
+constexpr int kJumpDelayTics = 7;            ///< from the landing to the next jump
+constexpr Fixed kSlideGap = kFracUnit / 32;  ///< of a move, kept free before a wall
 
 /// What a body meets at a position.
 struct PositionCheck {
-  bool fits = true;              ///< no wall and no solid body in the way
-  bool blocked_by_actor = false; ///< the reason is a body, not a wall
-  Fixed floor_z = 0;             ///< highest floor below the body, tops of solid bodies below it included
-  Fixed ceiling_z = 0;           ///< lowest ceiling above it
-  Fixed lowest_floor_z = 0;      ///< bottom of the deepest drop it hangs over
-  uint32_t sector_index = 0;     ///< of its centre
+  bool fits = true;               ///< no wall and no solid body in the way
+  bool blocked_by_actor = false;  ///< the reason is a body, not a wall
+  Fixed floor_z = 0;              ///< highest floor below the body, tops of solid bodies below it included
+  Fixed ceiling_z = 0;            ///< lowest ceiling above it
+  Fixed lowest_floor_z = 0;       ///< bottom of the deepest drop it hangs over
+  uint32_t sector_index = 0;      ///< of its centre
 };
 
 /// Moves the actors of one world.

@@ -46,9 +46,10 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
     body.velocity_x += fixed_mul(force, fine_cosine(angle));
     body.velocity_y += fixed_mul(force, fine_sine(angle));
   };
-  const int32_t forward = (int32_t{buttons.forward} - int32_t{buttons.backward}) *
-                          (buttons.speed ? kForwardRun : kForwardWalk);
-  const int32_t side = (int32_t{buttons.right} - int32_t{buttons.left}) * (buttons.speed ? kSideRun : kSideWalk);
+  const int32_t forward =
+      (int32_t{buttons.forward} - int32_t{buttons.backward}) * (buttons.speed ? kForwardRun : kForwardWalk);
+  const int32_t side =
+      (int32_t{buttons.right} - int32_t{buttons.left}) * (buttons.speed ? kSideRun : kSideWalk);
   if (forward != 0) thrust(forward, body.angle);
   if (side != 0) thrust(side, body.angle - kAngle90);
 
@@ -74,8 +75,7 @@ void PlayerThinker::move_eye(Player& player, const Actor& body) {
   // Bob: a wave of 20 tics whose height grows with the square of the speed, before this tic's friction.
   const int64_t speed_squared =
       (int64_t{body.velocity_x} * body.velocity_x + int64_t{body.velocity_y} * body.velocity_y) >> kFracBits;
-  const auto bob = static_cast<Fixed>(
-      std::min<int64_t>((speed_squared * kBobFactor) >> kFracBits, kBobMax));
+  const auto bob = static_cast<Fixed>(std::min<int64_t>((speed_squared * kBobFactor) >> kFracBits, kBobMax));
   const auto phase = static_cast<Angle>(8192 * world_.tic_count() / kBobTics) << 19;
   // The eye returns to its height after a step or a landing, faster and faster.
   player.view_height += player.view_height_delta;

@@ -1,5 +1,5 @@
-// What a player does with its body each tic before bodies move: turn, thrust, jump, eye height, and the damage of the
-// floor it stands on. Stage: tic.
+// What a player does with its body each tic before bodies move: turn, thrust, jump, eye height, and the
+// damage of the floor it stands on. Stage: tic.
 #pragma once
 
 #include "sim_workers/engine/play/world.h"

@@ -1,4 +1,5 @@
-// What sectors do to those who stand on them. Moving floors, doors and line specials will live here too. Stage: tic.
+// What sectors do to those who stand on them. Moving floors, doors and line specials will live here too.
+// Stage: tic.
 #pragma once
 
 #include <cstdint>
@@ -7,11 +8,11 @@
 
 namespace comrad::doom {
 
-constexpr int32_t kDamageClockTics = 32;      ///< floors hurt whenever the map clock is a multiple of this
-constexpr int32_t kDamageEveryTicFrom = 50;   ///< damage of at least this hurts every tic
+constexpr int32_t kDamageClockTics = 32;     ///< floors hurt whenever the map clock is a multiple of this
+constexpr int32_t kDamageEveryTicFrom = 50;  ///< damage of at least this hurts every tic
 
-/// Damage that the floor of `sector` deals at map clock `clock`; 0 in between. An interval given by the map or the
-/// script replaces the clock's 32 tics; amounts of 50 and more hurt every tic whatever the interval.
+/// Damage that the floor of `sector` deals at map clock `clock`; 0 in between. An interval given by the map
+/// or the script replaces the clock's 32 tics; amounts of 50 and more hurt every tic whatever the interval.
 inline int32_t floor_damage_due(const Sector& sector, uint64_t clock) {
   if (sector.damage_amount <= 0) return 0;
   if (sector.damage_amount >= kDamageEveryTicFrom) return sector.damage_amount;

@@ -93,16 +93,19 @@ void World::spawn_map_things() {
     if (player_of_start(thing.editor_number).has_value()) continue;
     const std::optional<uint32_t> type = catalog_->find_editor_number(thing.editor_number);
     if (!type.has_value()) continue;  // a kind that this engine does not know yet
-    // Map spots and teleport destinations: hundreds in a map, never seen, never moving. They stay in level().things.
+    // Map spots and teleport destinations: hundreds in a map, never seen, never moving. They stay in
+    // level().things.
     if ((*catalog_)[*type].sprite.empty() && (*catalog_)[*type].no_blockmap) continue;
     const Fixed floor_z = sectors_[sector_at(thing.x, thing.y)].floor_height;
-    append_actor(*type, thing.x, thing.y, floor_z + thing.height, degrees_to_angle(thing.angle_degrees), thing.id);
+    append_actor(*type, thing.x, thing.y, floor_z + thing.height, degrees_to_angle(thing.angle_degrees),
+                 thing.id);
   }
 }
 
 // ---------------------------------------------------------------- actors
 
-std::size_t World::append_actor(uint32_t type_index, Fixed x, Fixed y, Fixed z, Angle angle, int32_t thing_id) {
+std::size_t World::append_actor(uint32_t type_index, Fixed x, Fixed y, Fixed z, Angle angle,
+                                int32_t thing_id) {
   const ActorType& type = (*catalog_)[type_index];
   Actor actor;
   actor.id = next_actor_id_++;
@@ -194,7 +197,8 @@ void World::compact() {
       const ThingLink moved = links_[slot];
       links_[kept] = moved;
       if (moved.cell >= 0) {
-        if (moved.next >= 0) links_[static_cast<std::size_t>(moved.next)].previous = static_cast<int32_t>(kept);
+        if (moved.next >= 0)
+          links_[static_cast<std::size_t>(moved.next)].previous = static_cast<int32_t>(kept);
         if (moved.previous >= 0) {
           links_[static_cast<std::size_t>(moved.previous)].next = static_cast<int32_t>(kept);
         } else {
@@ -221,7 +225,8 @@ void World::advance_frames(Actor& actor) {
   if (type.frames.empty()) return;
   // Action functions of a frame hook in here, when its time begins.
   const int16_t next = type.frames[actor.frame_index].next;
-  const std::size_t following = next >= 0 ? static_cast<std::size_t>(next) : actor.frame_index + std::size_t{1};
+  const std::size_t following =
+      next >= 0 ? static_cast<std::size_t>(next) : actor.frame_index + std::size_t{1};
   set_frame(actor, static_cast<uint16_t>(following < type.frames.size() ? following : 0));
 }
 
@@ -231,7 +236,8 @@ void World::tic(std::span<const Buttons> buttons) {
   if (level_exited_) return;
   static constexpr Buttons kNothing{};
   const auto pressed = [&](int player) -> const Buttons& {
-    return static_cast<std::size_t>(player) < buttons.size() ? buttons[static_cast<std::size_t>(player)] : kNothing;
+    return static_cast<std::size_t>(player) < buttons.size() ? buttons[static_cast<std::size_t>(player)]
+                                                             : kNothing;
   };
   PlayerThinker thinker(*this);
   for (int player = 0; player < player_count(); ++player) thinker.think(player, pressed(player));
@@ -243,8 +249,10 @@ void World::tic(std::span<const Buttons> buttons) {
     const bool alive_player = player >= 0 && players_[static_cast<std::size_t>(player)].alive;
     if (actors_[slot].velocity_x != 0 || actors_[slot].velocity_y != 0)
       movement.move_horizontally(slot, alive_player && PlayerThinker::pushes(pressed(player)));
-    // What stood on a body or a ledge looks again whether that still holds it.
-    if (player >= 0 && actors_[slot].floor_z != sectors_[actors_[slot].sector_index].floor_height) {
+    // Above the floor of its sector a body looks anew, each tic, what holds it: a ledge, another body,
+    // nothing.
+    const Fixed sector_floor = sectors_[actors_[slot].sector_index].floor_height;
+    if (player >= 0 && (actors_[slot].floor_z != sector_floor || actors_[slot].z > sector_floor)) {
       const PositionCheck check = movement.check_position(slot, actors_[slot].x, actors_[slot].y, false);
       if (check.fits) actors_[slot].floor_z = check.floor_z, actors_[slot].ceiling_z = check.ceiling_z;
     }
@@ -253,8 +261,9 @@ void World::tic(std::span<const Buttons> buttons) {
         movement.move_vertically(slot);
     }
     Actor& actor = actors_[slot];
-    if (alive_player && actor.velocity_x == 0 && actor.velocity_y == 0 && actor.frame_index >= kPlayerWalkFrame &&
-        actor.frame_index < kPlayerDeathFrame && !PlayerThinker::pushes(pressed(player)))
+    if (alive_player && actor.velocity_x == 0 && actor.velocity_y == 0 &&
+        actor.frame_index >= kPlayerWalkFrame && actor.frame_index < kPlayerDeathFrame &&
+        !PlayerThinker::pushes(pressed(player)))
       set_frame(actor, kPlayerIdleFrame);
     advance_frames(actor);
   }
@@ -269,15 +278,18 @@ void World::tic(std::span<const Buttons> buttons) {
 uint32_t World::sector_at(Fixed x, Fixed y) const { return index_->sectors.sector_at(x, y); }
 
 int32_t World::exported(int index) const {
-  return index >= 0 && static_cast<std::size_t>(index) < exported_.size() ? exported_[static_cast<std::size_t>(index)]
-                                                                           : 0;
+  return index >= 0 && static_cast<std::size_t>(index) < exported_.size()
+             ? exported_[static_cast<std::size_t>(index)]
+             : 0;
 }
 
 int World::count_actors(uint32_t type) const { return type < type_counts_.size() ? type_counts_[type] : 0; }
 
 uint64_t World::hash() const {
   uint64_t state = kGoldenGamma;
-  const auto add = [&state](auto value) { state = mix64(state ^ static_cast<uint64_t>(value)) + kGoldenGamma; };
+  const auto add = [&state](auto value) {
+    state = mix64(state ^ static_cast<uint64_t>(value)) + kGoldenGamma;
+  };
   const auto add_pair = [&](auto high, auto low) {
     add(static_cast<uint64_t>(static_cast<uint32_t>(high)) << 32 | static_cast<uint32_t>(low));
   };

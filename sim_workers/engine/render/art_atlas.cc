@@ -21,7 +21,8 @@ IndexedImage make_checkerboard() {
 
 }  // namespace
 
-ArtAtlas::ArtAtlas(std::shared_ptr<const ArtArchive> archive) : archive_(std::move(archive)) {
+ArtAtlas::ArtAtlas(std::shared_ptr<const ArtArchive> archive)
+    : archive_(std::move(archive)), texels_(std::size_t{1} << kAddressBits) {
   IndexedImage nothing;  // address 0 is what an undrawn pixel shows: index 0, Doom's black
   nothing.width = nothing.height = 1;
   nothing.texels = {0};
@@ -45,7 +46,6 @@ Expected<AtlasRegion> ArtAtlas::add(const IndexedImage& image) {
                                             "x" + std::to_string(kAtlasHeightMax) + " texels"};
     shelves_.push_back({.top = next_top_, .height = height, .used_width = 0});
     next_top_ += height;
-    texels_.resize(static_cast<std::size_t>(next_top_) * kAtlasWidth, 0);
     best = &shelves_.back();
   }
   const int left = best->used_width, top = best->top;

@@ -58,7 +58,7 @@ class ArtAtlas {
   const std::vector<SpriteArt>& sprites() const { return sprites_; }
   const ArtArchive& archive() const { return *archive_; }
   const uint8_t* texels() const { return texels_.data(); }
-  int height() const { return static_cast<int>(texels_.size() / kAtlasWidth); }
+  int height() const { return next_top_; }
   /// Grows by one whenever the texels change, so that the texture can be brought up to date.
   uint32_t version() const { return version_; }
 
@@ -70,7 +70,7 @@ class ArtAtlas {
   Expected<int32_t> sprite_lump(uint32_t lump);
 
   std::shared_ptr<const ArtArchive> archive_;
-  std::vector<uint8_t> texels_;
+  std::vector<uint8_t> texels_;  // always the full size: any 22-bit address is inside
   std::vector<Shelf> shelves_;
   int next_top_ = 0;
   uint32_t version_ = 0;

@@ -15,7 +15,7 @@ constexpr int kNumberRow = 3, kAmmoRight = 44, kHealthRight = 90, kArmorRight = 
 constexpr int kArmsNumberLeft = 111, kArmsNumberTop = 4, kArmsStepX = 12, kArmsStepY = 10;
 constexpr int kFaceLeft = 143, kFaceTop = 0, kTeamFieldTop = 1;
 constexpr int kOwnedRight = 288, kMaxRight = 314;
-constexpr int kOwnedRow[4] = {5, 11, 23, 17};  // bullets, shells, rockets, cells as printed on the bar
+constexpr int kOwnedRow[4] = {5, 11, 17, 23};  // bullets, shells, rockets, cells as printed on the bar
 
 void mix(uint64_t value, uint64_t* hash) {
   *hash = (*hash ^ value) * 0x9E3779B97F4A7C15ull;

@@ -26,7 +26,7 @@ void ColorTables::convert(std::span<const uint32_t> words, const uint8_t* texels
   uint8_t* green = destination + plane;
   uint8_t* blue = destination + 2 * plane;
   const auto color_of = [&](uint32_t word) {
-    return colors[(word >> kAddressBits) * 256 + texels[word & kAddressMask]];
+    return colors[(word >> kAddressBits & (kLightRowCount - 1)) * 256 + texels[word & kAddressMask]];
   };
   std::size_t i = 0;
   for (; i + 4 <= words.size(); i += 4) {

@@ -43,7 +43,8 @@ TEST(UdmfReader, ReadsAWholeMap) {
 }
 
 TEST(UdmfReader, ReadsEveryFormOfNumber) {
-  const UdmfMap map = good("vertex { x = 1e2; y = -.5; } vertex { x = +3.25; y = 0x1F; } vertex { x = 010; y = -7; }");
+  const UdmfMap map =
+      good("vertex { x = 1e2; y = -.5; } vertex { x = +3.25; y = 0x1F; } vertex { x = 010; y = -7; }");
   EXPECT_EQ(map.vertices[0].x, 100.0);
   EXPECT_EQ(map.vertices[0].y, -0.5);
   EXPECT_EQ(map.vertices[1].x, 3.25);
@@ -65,7 +66,8 @@ TEST(UdmfReader, AnEmptyTextIsAnEmptyMap) { EXPECT_TRUE(good("").vertices.empty(
 
 TEST(UdmfReader, ReadsArgumentsAndFlags) {
   const UdmfMap map = good(
-      "linedef { v1 = 0; v2 = 1; sidefront = 0; sideback = 1; twosided = true; special = 80; arg0 = 5; arg4 = -9;"
+      "linedef { v1 = 0; v2 = 1; sidefront = 0; sideback = 1; twosided = true; special = 80; arg0 = 5; arg4 "
+      "= -9;"
       " dontpegtop = true; dontpegbottom = true; blockmonsters = true; blockeverything = false; id = 3; }");
   const UdmfLinedef& line = map.linedefs.at(0);
   EXPECT_EQ(line.special, 80);
@@ -101,7 +103,8 @@ TEST(UdmfReader, RefusesBadValues) {
   EXPECT_THAT(message_of("vertex { x = \"a\"; y = 0; }"), HasSubstr("wants a number"));
   EXPECT_THAT(message_of("linedef { v1 = 0.5; v2 = 1; sidefront = 0; }"), HasSubstr("whole number"));
   EXPECT_THAT(message_of("linedef { v1 = 3000000000; v2 = 1; sidefront = 0; }"), HasSubstr("whole number"));
-  EXPECT_THAT(message_of("linedef { v1 = 0; v2 = 1; sidefront = 0; blocking = 1; }"), HasSubstr("true or false"));
+  EXPECT_THAT(message_of("linedef { v1 = 0; v2 = 1; sidefront = 0; blocking = 1; }"),
+              HasSubstr("true or false"));
   EXPECT_THAT(message_of("sidedef { sector = 0; texturetop = 4; }"), HasSubstr("wants a string"));
 }
 

@@ -1,5 +1,5 @@
-// Hostile bytes: whatever comes in, the readers answer with a value or an error, and what they hand out lies inside
-// the file. Repeat a failure with COMRAD_FUZZ_SEED=<seed>.
+// Hostile bytes: whatever comes in, the readers answer with a value or an error, and what they hand out lies
+// inside the file. Repeat a failure with COMRAD_FUZZ_SEED=<seed>.
 #include <gtest/gtest.h>
 
 #include "doomgen/wad/udmf_reader.h"
@@ -35,7 +35,8 @@ TEST(WadFuzz, RandomBytesNeverReachOutsideTheFile) {
       for (std::size_t at : {5, 6, 7, 9, 10, 11}) bytes[at] = 0;
       bytes[4] &= 7;
     }
-    if (const Expected<WadFile> wad = WadFile::from_bytes(std::move(bytes), "fuzz")) accepted += read_all(*wad) < UINT64_MAX;
+    if (const Expected<WadFile> wad = WadFile::from_bytes(std::move(bytes), "fuzz"))
+      accepted += read_all(*wad) < UINT64_MAX;
   }
   EXPECT_GT(accepted, 0) << "the test should also get past the header";
 }
@@ -45,8 +46,12 @@ TEST(WadFuzz, BentWadsNeverReachOutsideTheFile) {
   SCOPED_TRACE("COMRAD_FUZZ_SEED=" + std::to_string(seed - 1));
   Rng rng(seed);
   const std::vector<uint8_t> whole = test::WadBytes()
-                                         .add("S_START").add("PLAYA1", "sprite").add("S_END")
-                                         .add("MAP01").add("TEXTMAP", "vertex { x = 1; y = 2; }").add("ENDMAP")
+                                         .add("S_START")
+                                         .add("PLAYA1", "sprite")
+                                         .add("S_END")
+                                         .add("MAP01")
+                                         .add("TEXTMAP", "vertex { x = 1; y = 2; }")
+                                         .add("ENDMAP")
                                          .build();
   int accepted = 0;
   for (int round = 0; round < 20000; ++round)
@@ -82,7 +87,8 @@ TEST(UdmfFuzz, RandomBytesEnd) {
   Rng rng(seed);
   for (int round = 0; round < 20000; ++round) {
     const std::vector<uint8_t> bytes = comrad::test::random_bytes(rng, rng.below(100));
-    const Expected<UdmfMap> map = parse_udmf({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, "fuzz");
+    const Expected<UdmfMap> map =
+        parse_udmf({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, "fuzz");
     EXPECT_TRUE(!map || map->vertices.empty());
   }
 }

@@ -42,18 +42,32 @@ TEST(WadFile, AnEmptyWadIsFine) { EXPECT_EQ(good(test::WadBytes()).lump_count(),
 
 TEST(WadFile, JoinsTheLumpsBetweenMarkers) {
   const WadFile wad = good(test::WadBytes()
-                               .add("S_START").add("AAAA", "1").add("S1_START").add("BBBB", "2").add("S_END")
+                               .add("S_START")
+                               .add("AAAA", "1")
+                               .add("S1_START")
+                               .add("BBBB", "2")
+                               .add("S_END")
                                .add("OUTSIDE", "3")
-                               .add("SS_START").add("CCCC", "4").add("SS_END")
-                               .add("S_START").add("NOEND", "5"));
+                               .add("SS_START")
+                               .add("CCCC", "4")
+                               .add("SS_END")
+                               .add("S_START")
+                               .add("NOEND", "5"));
   EXPECT_THAT(wad.lumps_between("S_START", "S_END"), ElementsAre(1, 3, 7));
   EXPECT_THAT(wad.lumps_between("F_START", "F_END"), IsEmpty());
 }
 
 TEST(WadFile, GroupsTheLumpsOfUdmfAndBinaryMaps) {
   const WadFile wad = good(test::WadBytes()
-                               .add("MAP01").add("TEXTMAP", "x").add("BEHAVIOR", "acs").add("ENDMAP")
-                               .add("E1M1").add("THINGS", "t").add("LINEDEFS").add("SECTORS").add("LAST", "l"));
+                               .add("MAP01")
+                               .add("TEXTMAP", "x")
+                               .add("BEHAVIOR", "acs")
+                               .add("ENDMAP")
+                               .add("E1M1")
+                               .add("THINGS", "t")
+                               .add("LINEDEFS")
+                               .add("SECTORS")
+                               .add("LAST", "l"));
   EXPECT_THAT(wad.map_names(), ElementsAre("MAP01", "E1M1"));
   const MapLumps udmf = wad.find_map("map01").value();
   EXPECT_EQ(udmf.textmap, 1u);
@@ -85,7 +99,8 @@ TEST(WadFile, RefusesWhatIsNoWad) {
 TEST(WadFile, EveryTruncationIsAnErrorOrKeepsInsideTheFile) {
   const std::vector<uint8_t> whole = test::WadBytes().add("FIRST", "abcdefgh").add("SECOND", "ijkl").build();
   for (std::size_t size = 0; size < whole.size(); ++size) {
-    const std::string message = message_of({whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size)});
+    const std::string message =
+        message_of({whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size)});
     EXPECT_THAT(message, HasSubstr("test.wad")) << size << " bytes";
   }
 }
@@ -110,8 +125,8 @@ TEST(WadFile, RefusesDirectoriesAndLumpsOutsideTheFile) {
 TEST(WadFile, OpensAFileAndReportsAMissingOne) {
   const std::string path = ::testing::TempDir() + "/comrad_wad_reader_test.wad";
   const std::vector<uint8_t> bytes = test::WadBytes().add("LUMP", "abcd").build();
-  std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()),
-                                              static_cast<std::streamsize>(bytes.size()));
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   const WadFile wad = WadFile::open(path).value();
   const WadFile copy = wad;
   EXPECT_EQ(copy.text(0), "abcd");

@@ -1,1 +1,477 @@
+#include "policy_workers/batching/batcher.h"
 
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <csignal>
+#include <thread>
+
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/clock.h"
+#include "tests/unit/policy_workers/fake_simulators.h"
+
+namespace comrad::policy {
+namespace {
+
+using shm::RequestKind;
+using shm::SlotState;
+
+Batcher make_batcher(const shm::Arena& arena, BatcherOptions options = {}) {
+  options.seed = 42;
+  auto batcher = Batcher::create(arena, options);
+  EXPECT_TRUE(batcher);
+  return std::move(batcher).value();
+}
+
+PolicyNet make_net(const PolicyNetOptions& options) { return PolicyNet::create(options, 3, torch::kCPU); }
+
+/// gather > forward > scatter. Returns how many requests were answered.
+size_t answer_once(Batcher& batcher, const PolicyNet& net, PolicyVersion version = 9, int64_t timeout_us = 0) {
+  const Batch& batch = batcher.gather(timeout_us);
+  if (!batch.is_empty())
+    batcher.scatter(batch, net.step_rows(batch.frames, batch.measurement, batch.recurrent_state), version);
+  return batch.requests.size();
+}
+
+/// Everything an answer to row `step` consists of.
+struct Answer {
+  std::vector<int32_t> action;
+  std::vector<float> numbers;  // log_prob, value, logits, snapshot, next state
+  std::vector<uint32_t> versions;
+  bool operator==(const Answer&) const = default;
+};
+
+Answer answer_of(const shm::Arena& arena, const FakeEnv& env, int env_index, int step) {
+  Answer answer;
+  const SlabView slab = env.slab();
+  for (int agent = 0; agent < slab.shape().env.num_agents; ++agent) {
+    for (int32_t a : slab.action(step, agent)) answer.action.push_back(a);
+    answer.numbers.push_back(slab.log_prob(step, agent));
+    answer.numbers.push_back(slab.value(step, agent));
+    for (float x : slab.logits(step, agent)) answer.numbers.push_back(x);
+    for (float x : slab.recurrent_state(0, agent)) answer.numbers.push_back(x);
+    answer.versions.push_back(slab.policy_version(step, agent));
+  }
+  for (float x : arena.recurrent(env_index, env.step_id() + 1)) answer.numbers.push_back(x);
+  return answer;
+}
+
+TEST(Batcher, AnswersAnActionRequestWithWhatTheNetworkSays) {
+  const PolicyNetOptions options = small_network("lstm");
+  const shm::Arena arena = make_arena(options, {});
+  const PolicyNet net = make_net(options);
+  Batcher batcher = make_batcher(arena);
+  FakeGroup group(arena, 0, 0);
+  for (FakeEnv& env : group.envs)
+    for (float& x : arena.recurrent(&env == &group.envs[0] ? 0 : 1, 0)) x = 0.25f;
+  group.commit_act();
+  ASSERT_EQ(answer_once(batcher, net), 2u);
+  for (int index = 0; index < 2; ++index) {
+    const FakeEnv& env = group.envs[static_cast<size_t>(index)];
+    ASSERT_TRUE(env.has_answer());
+    EXPECT_EQ(env.slot().policy_version, 9u);
+    const SlabView slab = env.slab();
+    for (int agent = 0; agent < 2; ++agent) {
+      const Tensor frame =
+          torch::from_blob(slab.frame(0, agent).data(), {1, 3, 40, 44}, torch::kUInt8);
+      const Tensor measurement = torch::full({1, 3}, static_cast<float>(index + agent));
+      const PolicyOutput expected = net.step(frame, measurement, torch::full({1, 32}, 0.25));
+      EXPECT_NEAR(slab.value(0, agent), expected.value.item<float>(), 1e-5);
+      for (int64_t k = 0; k < 5; ++k)
+        EXPECT_NEAR(slab.logits(0, agent)[static_cast<size_t>(k)], expected.logits[0][k].item<float>(), 1e-5);
+      for (size_t k = 0; k < 32; ++k) {
+        EXPECT_EQ(slab.recurrent_state(0, agent)[k], 0.25f) << "row 0 keeps the input state";
+        EXPECT_NEAR(arena.recurrent(index, 1)[static_cast<size_t>(agent) * 32 + k],
+                    expected.recurrent_state[0][static_cast<int64_t>(k)].item<float>(), 1e-5);
+        EXPECT_EQ(arena.recurrent(index, 0)[static_cast<size_t>(agent) * 32 + k], 0.25f) << "the input stays";
+      }
+      EXPECT_LE(slab.log_prob(0, agent), 0.0f);
+      EXPECT_EQ(slab.policy_version(0, agent), 9u);
+      EXPECT_LT(slab.action(0, agent)[0], 3);
+      EXPECT_LT(slab.action(0, agent)[1], 2);
+    }
+  }
+}
+
+TEST(Batcher, AFirstDecisionStartsFromTheZeroState) {
+  const PolicyNetOptions options = small_network();
+  const shm::Arena arena = make_arena(options, {.envs_per_worker = 1, .splits = 1});
+  Batcher batcher = make_batcher(arena);
+  FakeGroup group(arena, 0, 0);
+  for (float& x : arena.recurrent(0, 0)) x = 5.0f;
+  group.envs[0].slab().recurrent_state(0, 0)[0] = 7.0f;
+  group.commit_act(/*reset_state=*/true);
+  const Batch& batch = batcher.gather(0);
+  ASSERT_EQ(batch.requests.size(), 1u);
+  EXPECT_EQ(batch.recurrent_state.abs().max().item<float>(), 0.0f);
+  batcher.scatter(batch, make_net(options).step_rows(batch.frames, batch.measurement, batch.recurrent_state), 1);
+  EXPECT_EQ(group.envs[0].slab().recurrent_state(0, 0)[0], 0.0f);
+}
+
+TEST(Batcher, TheOutputStateOfOneStepIsTheInputOfTheNext) {
+  const PolicyNetOptions options = small_network();
+  const shm::Arena arena = make_arena(options, {.envs_per_worker = 1, .splits = 1, .recurrent_snapshots = 5});
+  const PolicyNet net = make_net(options);
+  Batcher batcher = make_batcher(arena);
+  FakeGroup group(arena, 0, 0);
+  std::vector<float> after;
+  for (int step = 0; step < 4; ++step) {
+    group.commit_act(step == 0);
+    ASSERT_EQ(answer_once(batcher, net), 1u);
+    if (step > 0)
+      for (size_t k = 0; k < 16; ++k)
+        EXPECT_EQ(group.envs[0].slab().recurrent_state(step, 1)[k], after[16 + k]) << "snapshot of step " << step;
+    const auto state = arena.recurrent(0, static_cast<uint64_t>(step) + 1);
+    after.assign(state.begin(), state.end());
+    group.take_act();
+  }
+}
+
+TEST(Batcher, ValueAndFinalRequestsLeaveTheStateAndTheActionsAlone) {
+  const PolicyNetOptions options = small_network();
+  const shm::Arena arena = make_arena(options, {.envs_per_worker = 2, .splits = 1});
+  const PolicyNet net = make_net(options);
+  Batcher batcher = make_batcher(arena);
+  FakeGroup group(arena, 0, 0);
+  FakeEnv &full = group.envs[0], &truncated = group.envs[1];
+  for (int env = 0; env < 2; ++env) {
+    for (float& x : arena.recurrent(env, 0)) x = 0.5f;
+    for (float& x : arena.recurrent(env, 1)) x = -1.0f;
+  }
+  const int last = arena.shape().trajectory.rollout_steps;
+  for (int agent = 0; agent < 2; ++agent) {
+    full.slab().value(last, agent) = 99.0f;
+    full.slab().recurrent_state(0, agent)[0] = 3.0f;
+    truncated.slab().final_value(2, agent) = 99.0f;
+    truncated.slab().value(0, agent) = 99.0f;
+    truncated.slab().action(0, agent)[0] = -5;
+  }
+  group.announce(2);
+  full.commit(RequestKind::kValue, last, 0, false);
+  truncated.commit_final(2);
+  group.ring();
+  ASSERT_EQ(answer_once(batcher, net), 2u);
+  for (int agent = 0; agent < 2; ++agent) {
+    EXPECT_NE(full.slab().value(last, agent), 99.0f);
+    EXPECT_EQ(full.slab().recurrent_state(0, agent)[0], 3.0f);
+    EXPECT_NE(truncated.slab().final_value(2, agent), 99.0f);
+    EXPECT_EQ(truncated.slab().value(0, agent), 99.0f);
+    EXPECT_EQ(truncated.slab().action(0, agent)[0], -5);
+    const Tensor frame =
+        torch::from_blob(truncated.slab().final_frame(2, agent).data(), {1, 3, 40, 44}, torch::kUInt8);
+    const Tensor measurement =
+        torch::from_blob(truncated.slab().final_measurement(2, agent).data(), {1, 3}, torch::kFloat32);
+    EXPECT_NEAR(truncated.slab().final_value(2, agent),
+                net.step(frame, measurement, torch::full({1, 16}, 0.5)).value.item<float>(), 1e-5);
+  }
+  for (int env = 0; env < 2; ++env) {
+    for (float x : arena.recurrent(env, 0)) EXPECT_EQ(x, 0.5f);
+    for (float x : arena.recurrent(env, 1)) EXPECT_EQ(x, -1.0f);
+  }
+}
+
+TEST(Batcher, InLockStepABatchIsExactlyOneCompleteGroupInEnvironmentOrder) {
+  const PolicyNetOptions options = small_network();
+  const shm::Arena arena = make_arena(options, {.sim_workers = 2, .envs_per_worker = 6});
+  Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_batch = 1, .is_deterministic = true});
+  FakeGroup late(arena, 0, 1), first(arena, 1, 0);
+  late.announce(3);
+  late.envs[0].commit_act();
+  late.envs[2].commit_act();
+  late.ring();
+  EXPECT_TRUE(batcher.gather(20'000).is_empty()) << "a group of three with two requests is not complete";
+  first.commit_act();
+  {
+    const Batch& batch = batcher.gather(0);
+    ASSERT_EQ(batch.requests.size(), 3u);
+    for (int index = 0; index < 3; ++index)
+      EXPECT_EQ(batch.requests[static_cast<size_t>(index)].env_index, 6 + index);
+    batcher.scatter_random(batch);
+  }
+  late.envs[1].commit_act();
+  late.ring();
+  const Batch& batch = batcher.gather(0);
+  ASSERT_EQ(batch.requests.size(), 3u);
+  for (int index = 0; index < 3; ++index)
+    EXPECT_EQ(batch.requests[static_cast<size_t>(index)].env_index, 3 + index);
+  batcher.scatter_random(batch);
+  EXPECT_TRUE(batcher.gather(0).is_empty());
+}
+
+TEST(Batcher, WaitsForTheMinimumButNotLongerThanTheLimit) {
+  const shm::Arena arena = make_arena(small_network(), {.sim_workers = 2, .envs_per_worker = 4});
+  Batcher batcher = make_batcher(arena, {.min_batch = 4, .max_batch = 8, .max_wait_us = 60'000});
+  FakeGroup one(arena, 0, 0), two(arena, 1, 1);
+  one.commit_act();
+  const int64_t began_ns = monotonic_ns();
+  {
+    const Batch& batch = batcher.gather(5'000'000);
+    EXPECT_EQ(batch.requests.size(), 2u);
+    EXPECT_GE(monotonic_ns() - began_ns, 55'000'000) << "it gave a second group time to come";
+    EXPECT_LT(monotonic_ns() - began_ns, 2'000'000'000);
+    batcher.scatter_random(batch);
+  }
+  one.take_act();
+  one.commit_act();
+  two.commit_act();
+  const int64_t again_ns = monotonic_ns();
+  EXPECT_EQ(batcher.gather(5'000'000).requests.size(), 4u);
+  EXPECT_LT(monotonic_ns() - again_ns, 50'000'000) << "enough requests are taken at once";
+}
+
+TEST(Batcher, NeverExceedsTheMaximumAndServesEveryGroupInTurn) {
+  const shm::Arena arena = make_arena(small_network(), {.sim_workers = 3, .envs_per_worker = 4});
+  Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_batch = 5, .max_wait_us = 0});
+  std::vector<FakeGroup> groups;
+  for (int sim_worker = 0; sim_worker < 3; ++sim_worker)
+    for (int split = 0; split < 2; ++split) groups.emplace_back(arena, sim_worker, split).commit_act();
+  size_t answered = 0;
+  for (int round = 0; round < 3; ++round) {
+    const Batch& batch = batcher.gather(0);
+    EXPECT_EQ(batch.requests.size(), 4u) << "two whole groups of two fit into five";
+    answered += batch.requests.size();
+    batcher.scatter_random(batch);
+  }
+  EXPECT_EQ(answered, 12u);
+  for (FakeGroup& group : groups)
+    for (FakeEnv& env : group.envs) EXPECT_TRUE(env.has_answer());
+}
+
+TEST(Batcher, CutsAGroupThatIsLargerThanTheMaximum) {
+  const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 7, .splits = 1});
+  Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_batch = 3, .max_wait_us = 0});
+  FakeGroup group(arena, 0, 0);
+  group.commit_act();
+  for (const size_t expected : {3u, 3u, 1u}) {
+    const Batch& batch = batcher.gather(0);
+    EXPECT_EQ(batch.requests.size(), expected);
+    batcher.scatter_random(batch);
+  }
+  EXPECT_TRUE(group.await());
+}
+
+TEST(Batcher, ServesOnlyItsOwnGroups) {
+  const shm::Arena arena = make_arena(small_network(), {.sim_workers = 2, .policy_workers = 3});
+  std::vector<FakeGroup> groups;
+  for (int sim_worker = 0; sim_worker < 2; ++sim_worker)
+    for (int split = 0; split < 2; ++split) groups.emplace_back(arena, sim_worker, split).commit_act();
+  int64_t served = 0;
+  for (int worker = 0; worker < 3; ++worker) {
+    Batcher batcher = make_batcher(arena, {.policy_worker = worker, .min_batch = 1, .max_wait_us = 0});
+    served += batcher.env_count();
+    const Batch& batch = batcher.gather(0);
+    for (const Request& request : batch.requests)
+      EXPECT_EQ(arena.shape().policy_worker_of(request.sim_worker, request.split), worker);
+    EXPECT_EQ(static_cast<int64_t>(batch.requests.size()), batcher.env_count());
+  }
+  EXPECT_EQ(served, 8);
+  const auto refused = Batcher::create(arena, {.policy_worker = 3});
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kBadInput);
+}
+
+TEST(Batcher, AutomaticLimitsFollowTheGroupsServed) {
+  const shm::Arena arena = make_arena(small_network(), {.sim_workers = 6, .envs_per_worker = 4});
+  EXPECT_EQ(make_batcher(arena).min_batch(), 4 * 2) << "a third of 12 groups, 2 environments each";
+  EXPECT_EQ(make_batcher(arena).max_batch(), 24);
+  const shm::Arena small = make_arena(small_network(), {});
+  EXPECT_EQ(make_batcher(small).min_batch(), 2) << "one group at least";
+}
+
+TEST(Batcher, RefusesIndicesOutOfRange) {
+  const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 4, .splits = 1});
+  Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_wait_us = 0});
+  FakeGroup group(arena, 0, 0);
+  group.commit_act();
+  arena.slot(0).slab_index = 1u << 30;
+  arena.slot(1).step = 4;  // T: a row without an action
+  arena.slot(2).kind = static_cast<RequestKind>(77);
+  const Batch& batch = batcher.gather(0);
+  ASSERT_EQ(batch.requests.size(), 1u);
+  EXPECT_EQ(batch.requests[0].env_index, 3);
+  EXPECT_EQ(batcher.refused_count(), 3u);
+  batcher.scatter_random(batch);
+  EXPECT_TRUE(group.await()) << "nobody hangs";
+}
+
+TEST(Batcher, ASlotTakenAwayMeanwhileIsNotAnswered) {
+  const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 2, .splits = 1});
+  Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_wait_us = 0});
+  FakeGroup group(arena, 0, 0);
+  group.commit_act();
+  const Batch& batch = batcher.gather(0);
+  ASSERT_EQ(batch.requests.size(), 2u);
+  group.envs[0].slab().value(0, 0) = 99.0f;
+  arena.slot(0).state.store(SlotState::kIdle);  // the supervisor idled a dead simulator's slot
+  batcher.scatter_random(batch);
+  EXPECT_EQ(arena.slot(0).state.load(), SlotState::kIdle);
+  EXPECT_EQ(group.envs[0].slab().value(0, 0), 99.0f);
+  EXPECT_TRUE(group.envs[1].has_answer());
+}
+
+TEST(Batcher, MaskedChoicesAreNeverAnswered) {
+  const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 2, .splits = 1, .rollout_steps = 8});
+  Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_wait_us = 0});
+  FakeGroup group(arena, 0, 0);
+  for (int step = 0; step < 200; ++step) {
+    group.announce(2);
+    for (FakeEnv& env : group.envs) env.commit_act();
+    for (FakeEnv& env : group.envs) {
+      const auto mask = env.slab().action_mask(env.step(), 0);
+      mask[0] = mask[4] = 0;
+    }
+    batcher.scatter_random(batcher.gather(0));
+    for (FakeEnv& env : group.envs) {
+      EXPECT_NE(env.slab().action(env.step(), 0)[0], 0);
+      EXPECT_EQ(env.slab().action(env.step(), 0)[1], 0);
+      EXPECT_NEAR(env.slab().log_prob(env.step(), 0), std::log(0.5), 1e-6);
+      EXPECT_NEAR(env.slab().log_prob(env.step(), 1), std::log(1.0 / 6), 1e-6);
+    }
+    group.take_act();
+  }
+}
+
+TEST(Batcher, RandomAnswersAreUniform) {
+  const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 8, .splits = 1});
+  Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_wait_us = 0});
+  FakeGroup group(arena, 0, 0);
+  int counts[3] = {}, draws = 0;
+  for (int step = 0; step < 1500; ++step) {
+    group.announce(8);
+    for (FakeEnv& env : group.envs) env.commit(RequestKind::kAct, env.step(), 0, false);
+    batcher.scatter_random(batcher.gather(0));
+    for (FakeEnv& env : group.envs)
+      for (int agent = 0; agent < 2; ++agent, ++draws) ++counts[env.slab().action(env.step(), agent)[0]];
+    group.take_act();
+  }
+  for (int count : counts) EXPECT_NEAR(count / static_cast<double>(draws), 1.0 / 3, 0.015);
+}
+
+TEST(Batcher, ActionsDoNotDependOnHowRequestsAreBatched) {
+  const PolicyNetOptions options = small_network();
+  const PolicyNet net = make_net(options);
+  std::vector<std::vector<int32_t>> actions;
+  std::vector<std::vector<float>> values;
+  for (const bool deterministic : {true, false}) {
+    const shm::Arena arena = make_arena(options, {.sim_workers = 3, .envs_per_worker = 4, .rollout_steps = 32});
+    Batcher batcher = make_batcher(arena, {.min_batch = 12, .max_wait_us = 0, .is_deterministic = deterministic});
+    std::vector<FakeGroup> groups;
+    for (int sim_worker = 0; sim_worker < 3; ++sim_worker)
+      for (int split = 0; split < 2; ++split) groups.emplace_back(arena, sim_worker, split);
+    size_t forwards = 0;
+    for (int step = 0; step < 24; ++step) {
+      for (FakeGroup& group : groups) group.commit_act(step % 10 == 0);
+      while (answer_once(batcher, net) > 0) ++forwards;
+      for (FakeGroup& group : groups) group.take_act();
+    }
+    EXPECT_EQ(forwards, deterministic ? 24u * 6 : 24u);
+    actions.emplace_back();
+    values.emplace_back();
+    for (FakeGroup& group : groups)
+      for (FakeEnv& env : group.envs)
+        for (int step = 0; step < 24; ++step)
+          for (int agent = 0; agent < 2; ++agent) {
+            for (int32_t a : env.slab().action(step, agent)) actions.back().push_back(a);
+            values.back().push_back(env.slab().value(step, agent));
+          }
+  }
+  EXPECT_EQ(actions[0], actions[1]);
+  for (size_t index = 0; index < values[0].size(); ++index) ASSERT_NEAR(values[0][index], values[1][index], 1e-5);
+}
+
+TEST(Batcher, ASuccessorAnswersWhatAKilledWorkerHadGatheredWithTheSameResult) {
+  at::set_num_threads(1);  // no thread pool must exist when the process forks
+  const PolicyNetOptions options = small_network("lstm");
+  const PolicyNet net = make_net(options);
+  std::vector<std::vector<Answer>> answers;
+  for (const bool killed : {false, true}) {
+    const shm::Arena arena = make_arena(options, {.envs_per_worker = 4, .splits = 1});
+    FakeGroup group(arena, 0, 0);
+    for (int env = 0; env < 4; ++env)
+      for (float& x : arena.recurrent(env, 0)) x = 0.1f * static_cast<float>(env);
+    group.commit_act();
+    if (killed) {
+      const pid_t child = fork();
+      ASSERT_GE(child, 0);
+      if (child == 0) {
+        Batcher batcher = make_batcher(arena);
+        const Batch& batch = batcher.gather(0);
+        if (batch.requests.size() != 4) _exit(1);
+        // Half an answer: everything but the hand-over of the slots, and garbage where rows were not reached yet.
+        for (FakeEnv& env : group.envs) {
+          std::ranges::fill(env.slab().action(0, 0), 12345);
+          env.slab().log_prob(0, 1) = -77.0f;
+        }
+        std::ranges::fill(arena.recurrent(2, 1), 1e9f);
+        raise(SIGKILL);
+      }
+      int status = 0;
+      ASSERT_EQ(waitpid(child, &status, 0), child);
+      ASSERT_TRUE(WIFSIGNALED(status));
+      for (int env = 0; env < 4; ++env) ASSERT_EQ(arena.slot(env).state.load(), SlotState::kInBatch);
+    }
+    Batcher successor = make_batcher(arena);
+    EXPECT_EQ(successor.adopt_orphans(), killed ? 4 : 0);
+    ASSERT_EQ(answer_once(successor, net), 4u);
+    EXPECT_TRUE(group.await());
+    answers.emplace_back();
+    for (int env = 0; env < 4; ++env)
+      answers.back().push_back(answer_of(arena, group.envs[static_cast<size_t>(env)], env, 0));
+  }
+  EXPECT_EQ(answers[0], answers[1]);
+}
+
+TEST(Batcher, ARoundThatAKilledWorkerHandedBackInPartIsFinishedInLockStep) {
+  const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 3, .splits = 1});
+  FakeGroup group(arena, 0, 0);
+  group.commit_act();
+  {
+    Batcher dead = make_batcher(arena, {.is_deterministic = true});
+    ASSERT_EQ(dead.gather(0).requests.size(), 3u);
+    arena.slot(0).state.store(SlotState::kActed);  // one slot was handed back, then it died
+  }
+  Batcher successor = make_batcher(arena, {.is_deterministic = true});
+  EXPECT_EQ(successor.adopt_orphans(), 2);
+  const Batch& batch = successor.gather(0);
+  ASSERT_EQ(batch.requests.size(), 2u);
+  successor.scatter_random(batch);
+  EXPECT_TRUE(group.await());
+}
+
+TEST(Batcher, SimulatorsInThreadsGetEveryAnswer) {
+  const PolicyNetOptions options = small_network();
+  const shm::Arena arena = make_arena(options, {.sim_workers = 3, .envs_per_worker = 4, .rollout_steps = 16});
+  const PolicyNet net = make_net(options);
+  constexpr int kRounds = 150;
+  std::atomic<int> unanswered{0}, wrong{0}, running{3};
+  std::vector<std::thread> simulators;
+  for (int sim_worker = 0; sim_worker < 3; ++sim_worker)
+    simulators.emplace_back([&, sim_worker] {
+      FakeGroup groups[] = {{arena, sim_worker, 0}, {arena, sim_worker, 1}};
+      for (int round = 0; round < kRounds; ++round)
+        for (FakeGroup& group : groups) {
+          if (round > 0) {
+            if (!group.await()) ++unanswered;
+            for (FakeEnv& env : group.envs) wrong += env.slab().policy_version(env.step(), 0) != 9;
+            group.take_act();
+          }
+          group.commit_act(round % 40 == 0);
+        }
+      for (FakeGroup& group : groups) unanswered += !group.await();
+      --running;
+    });
+  Batcher batcher = make_batcher(arena, {.max_wait_us = 500});
+  size_t answered = 0;
+  while (running > 0) answered += answer_once(batcher, net, 9, 20'000);
+  for (std::thread& simulator : simulators) simulator.join();
+  EXPECT_EQ(unanswered, 0);
+  EXPECT_EQ(wrong, 0);
+  EXPECT_EQ(answered, 12u * kRounds);
+}
+
+}  // namespace
+}  // namespace comrad::policy

@@ -1,1 +1,69 @@
+#include "policy_workers/weights/weights_receiver.h"
 
+#include <gtest/gtest.h>
+
+#include "policy_workers/policy/torch_ops.h"
+#include "tests/unit/policy_workers/fake_simulators.h"
+
+namespace comrad::policy {
+namespace {
+
+std::vector<std::byte> bytes_of(const PolicyNet& net) {
+  std::vector<std::byte> bytes(static_cast<size_t>(net.weights_bytes()));
+  net.write_weights(bytes);
+  return bytes;
+}
+
+TEST(WeightsReceiver, TakesEveryNewerVersionOnce) {
+  const PolicyNetOptions options = small_network();
+  const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
+  const PolicyNet policy = PolicyNet::create(options, 2, torch::kCPU);
+  const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
+  WeightsReceiver receiver(arena);
+  auto refreshed = receiver.refresh(policy);
+  ASSERT_TRUE(refreshed);
+  EXPECT_FALSE(*refreshed) << "nothing is published";
+  EXPECT_FALSE(receiver.version());
+  for (const PolicyVersion version : {0u, 1u, 2u}) {  // version 0: a network that no optimizer step has touched
+    learner.update_input_statistics(torch::randint(0, 256, {3, 3, 40, 44}, torch::kUInt8), {});
+    arena.publish_weights(bytes_of(learner), version);
+    refreshed = receiver.refresh(policy);
+    ASSERT_TRUE(refreshed) << refreshed.error().message;
+    EXPECT_TRUE(*refreshed);
+    EXPECT_EQ(receiver.version(), version);
+    EXPECT_EQ(bytes_of(policy), bytes_of(learner));
+    refreshed = receiver.refresh(policy);
+    ASSERT_TRUE(refreshed);
+    EXPECT_FALSE(*refreshed);
+  }
+}
+
+TEST(WeightsReceiver, RefusesWeightsOfAnotherNetworkAndKeepsItsOwn) {
+  const PolicyNetOptions options = small_network();
+  const PolicyNet policy = PolicyNet::create(options, 2, torch::kCPU);
+  const shm::Arena arena = make_arena(options, {}, policy.weights_bytes());
+  WeightsReceiver receiver(arena);
+  const std::vector<std::byte> own = bytes_of(policy);
+  arena.publish_weights(std::vector<std::byte>(own.size() - 4), 1);
+  const auto refreshed = receiver.refresh(policy);
+  ASSERT_FALSE(refreshed);
+  EXPECT_EQ(refreshed.error().code, ErrorCode::kBadFormat);
+  EXPECT_EQ(bytes_of(policy), own);
+  EXPECT_FALSE(receiver.version());
+}
+
+TEST(WeightsReceiver, ANoticeTellsHowFarBehindTheNetworkIs) {
+  const PolicyNetOptions options = small_network();
+  const PolicyNet policy = PolicyNet::create(options, 2, torch::kCPU);
+  const shm::Arena arena = make_arena(options, {}, policy.weights_bytes());
+  WeightsReceiver receiver(arena);
+  arena.publish_weights(bytes_of(policy), 4);
+  ASSERT_TRUE(receiver.refresh(policy));
+  EXPECT_EQ(receiver.behind(), 0u);
+  EXPECT_TRUE(receiver.hear({.version = 7, .bytes = static_cast<uint64_t>(policy.weights_bytes())}, policy));
+  EXPECT_EQ(receiver.behind(), 3u);
+  EXPECT_FALSE(receiver.hear({.version = 8, .bytes = 12}, policy));
+}
+
+}  // namespace
+}  // namespace comrad::policy

@@ -1,1 +1,170 @@
+#include "policy_workers/worker/policy_worker.h"
 
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/clock.h"
+#include "tests/unit/policy_workers/fake_simulators.h"
+
+namespace comrad::policy {
+namespace {
+
+RunConfig small_config() {
+  RunConfig config;
+  config.rnn_size = 16;
+  config.device = "cpu";
+  config.min_batch = 1;
+  config.max_wait_us = 200;
+  return config;
+}
+
+void publish(const shm::Arena& arena, const PolicyNet& net, PolicyVersion version) {
+  std::vector<std::byte> bytes(static_cast<size_t>(net.weights_bytes()));
+  net.write_weights(bytes);
+  arena.publish_weights(bytes, version);
+}
+
+/// A policy worker that runs in a thread until the run stops.
+class RunningWorker {
+ public:
+  RunningWorker(const RunConfig& config, const shm::Arena& arena, PolicyWorkerOptions options) : arena_(arena) {
+    auto made = PolicyWorker::create(config, arena, options, nullptr);
+    EXPECT_TRUE(made) << made.error().message;
+    worker_ = std::make_unique<PolicyWorker>(std::move(made).value());
+    thread_ = std::thread([this] { result_ = worker_->run(stop_); });
+  }
+  Status stop() {
+    arena_.control().run_state.store(shm::RunState::kStopping);
+    shm::ring(arena_.control().run_state_changed);
+    thread_.join();
+    return result_;
+  }
+
+ private:
+  const shm::Arena& arena_;
+  std::unique_ptr<PolicyWorker> worker_;
+  std::atomic<bool> stop_{false};
+  Status result_;
+  std::thread thread_;
+};
+
+TEST(PolicyWorker, WaitsForWeightsAndStampsTheVersionThatActed) {
+  const PolicyNetOptions options = small_network();
+  const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
+  const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
+  FakeGroup group(arena, 0, 0);
+  RunningWorker worker(small_config(), arena, {});
+  group.commit_act(true);
+  std::this_thread::sleep_for(std::chrono::milliseconds(120));
+  EXPECT_FALSE(group.envs[0].has_answer()) << "no weights, no answer";
+  for (const PolicyVersion version : {5u, 6u}) {
+    publish(arena, learner, version);
+    if (version == 6) group.commit_act();
+    ASSERT_TRUE(group.await());
+    for (FakeEnv& env : group.envs) EXPECT_EQ(env.slab().policy_version(env.step(), 1), version);
+    const Tensor frame =
+        torch::from_blob(group.envs[0].slab().frame(0, 0).data(), {1, 3, 40, 44}, torch::kUInt8);
+    const PolicyOutput expected = learner.step(frame, torch::zeros({1, 3}), torch::zeros({1, 16}));
+    EXPECT_NEAR(group.envs[0].slab().value(0, 0), expected.value.item<float>(), 1e-5);
+    group.take_act();
+  }
+  const int64_t began_ns = monotonic_ns();
+  EXPECT_TRUE(worker.stop());
+  EXPECT_LT(monotonic_ns() - began_ns, 2'000'000'000);
+  EXPECT_EQ(arena.policy_counters(0).decisions.load(), 8u);
+  EXPECT_EQ(arena.policy_counters(0).batches.load(), 2u);
+  EXPECT_EQ(arena.policy_counters(0).state.load(), 3u);
+  EXPECT_GT(arena.policy_counters(0).busy_ns.load(), 0u);
+}
+
+TEST(PolicyWorker, RandomPlayNeedsNoWeights) {
+  const shm::Arena arena = make_arena(small_network(), {});
+  FakeGroup group(arena, 0, 1);
+  RunningWorker worker(small_config(), arena, {.is_random = true});
+  for (int round = 0; round < 20; ++round) {
+    group.commit_act();
+    ASSERT_TRUE(group.await());
+    EXPECT_EQ(group.envs[0].slab().value(group.envs[0].step(), 0), 0.0f);
+    EXPECT_NEAR(group.envs[0].slab().log_prob(group.envs[0].step(), 0), -1.791759f, 1e-5f);
+    group.take_act();
+  }
+  EXPECT_TRUE(worker.stop());
+}
+
+TEST(PolicyWorker, GreedyPlayTakesTheMostProbableChoices) {
+  const PolicyNetOptions options = small_network("none");
+  const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
+  const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
+  RunConfig config = small_config();
+  config.use_rnn = false;
+  publish(arena, learner, 1);
+  FakeGroup group(arena, 0, 0);
+  RunningWorker worker(config, arena, {.is_greedy = true});
+  for (int round = 0; round < 10; ++round) {
+    group.commit_act();
+    ASSERT_TRUE(group.await());
+    for (FakeEnv& env : group.envs) {
+      const auto logits = env.slab().logits(env.step(), 0);
+      EXPECT_EQ(env.slab().action(env.step(), 0)[0], std::max_element(logits.begin(), logits.begin() + 3) - logits.begin());
+      EXPECT_EQ(env.slab().action(env.step(), 0)[1], logits[4] > logits[3] ? 1 : 0);
+    }
+    group.take_act();
+  }
+  EXPECT_TRUE(worker.stop());
+}
+
+TEST(PolicyWorker, RefusesARunWhoseShapesDoNotFitItsNetwork) {
+  const PolicyNetOptions options = small_network();
+  const shm::Arena arena = make_arena(options, {}, 1 << 20);
+  RunConfig config = small_config();
+  config.rnn_type = "lstm";
+  EXPECT_EQ(PolicyWorker::create(config, arena, {}, nullptr).error().code, ErrorCode::kBadInput);
+  config = small_config();
+  EXPECT_EQ(PolicyWorker::create(config, arena, {.worker_index = 1}, nullptr).error().code, ErrorCode::kBadInput);
+  config.device = "tpu";
+  EXPECT_EQ(PolicyWorker::create(config, arena, {}, nullptr).error().code, ErrorCode::kBadInput);
+  const shm::Arena narrow = make_arena(options, {}, 64);
+  EXPECT_EQ(PolicyWorker::create(small_config(), narrow, {}, nullptr).error().code, ErrorCode::kBadInput);
+}
+
+/// Runs the program, returns its exit code and what it printed on stdout.
+std::pair<int, std::string> run_program(const std::string& arguments) {
+  const std::string command = std::string(COMRAD_POLICY_WORKER_PROGRAM) + " " + arguments + " 2>/dev/null";
+  FILE* pipe = popen(command.c_str(), "r");
+  std::string output;
+  char buffer[512];
+  while (fgets(buffer, sizeof buffer, pipe) != nullptr) output += buffer;
+  const int status = pclose(pipe);
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, output};
+}
+
+TEST(PolicyWorkerProgram, BenchPrintsOneObjectAndBadInputExitsWithTwo) {
+  const std::filesystem::path run_dir =
+      std::filesystem::temp_directory_path() / ("comrad_policy_worker_test_" + std::to_string(getpid()));
+  std::filesystem::create_directories(run_dir);
+  RunConfig config = small_config();
+  config.num_envs_per_worker = 2;
+  std::ofstream(run_dir / "config.toml") << settings_to_toml(config);
+  const auto [code, output] = run_program("--run_dir " + run_dir.string() + " --bench 0.05 --heads 3,2 --measurements 1");
+  EXPECT_EQ(code, 0);
+  EXPECT_NE(output.find("\"bench\":\"inference\""), std::string::npos) << output;
+  EXPECT_NE(output.find("\"batch_rows\":4"), std::string::npos) << output;
+  EXPECT_EQ(std::count(output.begin(), output.end(), '\n'), 1);
+  for (const char* bad : {"--bench 1", "--run_dir /nonexistent --bench 1", "--run_dir RUN",
+                          "--run_dir RUN --bench 0.05 --heads 3,1", "--run_dir RUN --bench 0.05 --heads 3,99",
+                          "--run_dir RUN --bench 0.05 --num_agents 9", "--run_dir RUN --bogus"}) {
+    std::string arguments = bad;
+    if (const size_t at = arguments.find("RUN"); at != std::string::npos) arguments.replace(at, 3, run_dir.string());
+    EXPECT_EQ(run_program(arguments).first, 2) << arguments;
+  }
+  std::filesystem::remove_all(run_dir);
+}
+
+}  // namespace
+}  // namespace comrad::policy

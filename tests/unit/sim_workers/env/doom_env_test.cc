@@ -28,6 +28,9 @@ class ClockRules final : public doom::ScriptHost {
 class FlatRenderer final : public doom::Renderer {
  public:
   explicit FlatRenderer(int bytes) : bytes_(bytes) {}
+  Status prepare(std::shared_ptr<const doom::Level>, std::shared_ptr<const doom::ActorCatalog>) override {
+    return {};
+  }
   void draw(std::span<const doom::ViewRequest> views) override {
     ++call_count;
     for (const doom::ViewRequest& view : views)

@@ -24,13 +24,20 @@ class GameLoading : public testing::Test {
   }
   void TearDown() override { std::filesystem::remove(path_); }
   void write(const std::string& bytes) { ASSERT_TRUE(doomgen::write_file(path_, bytes)); }
-  Expected<std::shared_ptr<const DoomGame>> load(EnvironmentOptions options = {}) {
-    if (options.scenario.empty()) options.scenario = "coop_health_gathering";
+  struct Wanted {
+    std::string scenario = "coop_health_gathering";
+    int num_agents = 2, frame_skip = 4;
+  };
+  Expected<std::shared_ptr<const DoomGame>> load(const Wanted& wanted) {
+    EnvironmentOptions options;
+    options.scenario = wanted.scenario;
     options.wad_path = path_;
+    options.num_agents = wanted.num_agents;
+    options.frame_skip = wanted.frame_skip;
     return load_doom_game(options);
   }
-  std::string message(EnvironmentOptions options = {}) {
-    const auto game = load(options);
+  std::string message(const Wanted& wanted) {
+    const auto game = load(wanted);
     return game ? "no error" : game.error().message;
   }
   std::string path_, wad_;
@@ -48,10 +55,10 @@ TEST_F(GameLoading, ReadsScenarioLevelAndParameters) {
 }
 
 TEST_F(GameLoading, TheLayoutIdBelongsToTheContent) {
-  const uint64_t first = (*load())->layout_id;
-  EXPECT_EQ((*load())->layout_id, first);
+  const uint64_t first = (*load({}))->layout_id;
+  EXPECT_EQ((*load({}))->layout_id, first);
   write(scenarios::generate_layout("coop_health_gathering", {.seed = 6})->wad);
-  EXPECT_NE((*load())->layout_id, first);
+  EXPECT_NE((*load({}))->layout_id, first);
 }
 
 TEST_F(GameLoading, BadRequestsSayWhatIsWrong) {
@@ -62,21 +69,21 @@ TEST_F(GameLoading, BadRequestsSayWhatIsWrong) {
 
 TEST_F(GameLoading, AMissingOrTruncatedWadIsAnErrorWithItsName) {
   write(wad_.substr(0, wad_.size() / 2));
-  EXPECT_THAT(message(), HasSubstr(path_));
+  EXPECT_THAT(message({}), HasSubstr(path_));
   std::filesystem::remove(path_);
-  EXPECT_THAT(message(), HasSubstr(path_));
+  EXPECT_THAT(message({}), HasSubstr(path_));
 }
 
 TEST_F(GameLoading, AMapOfAnotherScenarioIsRefused) {
   std::string other = wad_;
   other.replace(other.find("coop_health_gathering"), 21, "coop_health_gathexing");
   write(other);
-  EXPECT_THAT(message(), HasSubstr("is a map of scenario coop_health_gathexing"));
+  EXPECT_THAT(message({}), HasSubstr("is a map of scenario coop_health_gathexing"));
 }
 
 TEST_F(GameLoading, AMapWithoutEnoughStartsIsRefused) {
   write(scenarios::generate_layout("coop_health_gathering", {.parameters = {{"players", "2"}}})->wad);
-  EXPECT_TRUE(load());
+  EXPECT_TRUE(load({}));
   EXPECT_THAT(message({.num_agents = 3}), HasSubstr("starts for 2 players"));
 }
 

@@ -29,7 +29,8 @@ std::string message_with(const std::string& from, const std::string& to) {
 }
 
 TEST(LevelLoader, MakesALevelFromText) {
-  const std::shared_ptr<const Level> level = load_level(wad_with(wad::test::square_room_text()), "map01").value();
+  const std::shared_ptr<const Level> level =
+      load_level(wad_with(wad::test::square_room_text()), "map01").value();
   EXPECT_EQ(level->name, "MAP01");
   ASSERT_THAT(level->linedefs, SizeIs(4));
   EXPECT_EQ(level->linedefs[0].flags, kLineBlocking);
@@ -47,7 +48,8 @@ TEST(LevelLoader, MakesALevelFromText) {
 }
 
 TEST(LevelLoader, ChecksEveryIndex) {
-  EXPECT_THAT(message_with("v1 = 0;", "v1 = 4;"), HasSubstr("TEXTMAP of MAP01:8: linedef from vertex 4, but there are 4"));
+  EXPECT_THAT(message_with("v1 = 0;", "v1 = 4;"),
+              HasSubstr("TEXTMAP of MAP01:8: linedef from vertex 4, but there are 4"));
   EXPECT_THAT(message_with("v2 = 1;", "v2 = -1;"), HasSubstr("linedef to vertex -1"));
   EXPECT_THAT(message_with("sidefront = 0;", "sidefront = 4;"), HasSubstr("sidefront 4"));
   EXPECT_THAT(message_with("sidefront = 0;", "sidefront = 0; sideback = -2;"), HasSubstr("sideback -2"));
@@ -67,7 +69,8 @@ TEST(LevelLoader, RefusesDegenerateAndHugeGeometry) {
 TEST(LevelLoader, RefusesOtherNamespacesAndFormats) {
   EXPECT_THAT(message_with("\"zdoom\"", "\"doom\""), HasSubstr("namespace \"doom\""));
   const wad::WadFile binary =
-      wad::WadFile::from_bytes(wad::test::WadBytes().add("MAP01").add("THINGS").add("LINEDEFS").build(), "b.wad")
+      wad::WadFile::from_bytes(wad::test::WadBytes().add("MAP01").add("THINGS").add("LINEDEFS").build(),
+                               "b.wad")
           .value();
   EXPECT_EQ(load_level(binary).error().code, ErrorCode::kUnsupported);
   const wad::WadFile empty = wad::WadFile::from_bytes(wad::test::WadBytes().build(), "e.wad").value();

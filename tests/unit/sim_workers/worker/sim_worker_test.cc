@@ -358,7 +358,16 @@ TEST(SimWorker, EpisodeRecordsTellTheRawReturnAndTheScore) {
   ToyEnvironment world(options);
   world.reset(training_seed(0, 0));
   std::optional<shm::EpisodeRecord> record;
-  host.await([&] { return host.arena.sealed_count() >= 8; }, "first slabs");
+  host.await(
+      [&] {
+        for (int slab = 0; slab < host.arena.shape().slab_count; ++slab) {
+          const shm::SlabHeader& header = host.arena.slab_header(slab);
+          if (header.state.load() == SlabState::kSealed && header.env_index == 0 && header.rollout_index == 0)
+            return true;
+        }
+        return false;
+      },
+      "environment 0's first slab");
   while ((record = host.arena.pop_episode()) && !(record->env_index == 0 && record->episode_id == 0)) {
   }
   ASSERT_TRUE(record);
@@ -482,6 +491,7 @@ TEST(SimWorker, EvaluationWithFewerEpisodesThanEnvironmentsOrSlabsEnds) {
 TEST(SimWorker, AResumedJournalGoesOnAsIfNothingHadHappened) {
   const ToyOptions options = toy(3, 40);
   ArenaShape shape = small_arena_shape();
+  shape.trajectory.rollout_steps = 7;  // an odd number of decisions: the state's parity counts
   struct Sealed {
     std::vector<uint8_t> frames;
     std::vector<int32_t> actions;

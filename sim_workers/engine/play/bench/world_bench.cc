@@ -1,0 +1,96 @@
+// How long a world tic takes: two players in a generated-size arena with 80 items and 60 tether nodes.
+#include <benchmark/benchmark.h>
+
+#include "tests/support/arena.h"
+
+#include "sim_workers/engine/play/world.h"
+
+namespace comrad::doom {
+namespace {
+
+struct BenchGame {
+  BenchGame() {
+    ActorCatalog types;
+    ActorType node;
+    node.name = "TetherNode";
+    node.radius = node.height = to_fixed(1);
+    node.no_gravity = node.no_blockmap = true;
+    node.sprite = "APLS";
+    node.frames = {{.frame = 0, .tics = 4}, {.frame = 1, .tics = 4}};
+    types.add(node);
+    catalog = std::make_shared<const ActorCatalog>(types);
+    world = std::make_unique<World>(test::star_arena(), catalog);
+    world->reset({.player_count = 2, .seed = 1}, nullptr);
+    const uint32_t kit = catalog->find("Stimpack").value(), tether = catalog->find("TetherNode").value();
+    while (world->count_actors(kit) < 80)
+      world->spawn(kit, to_fixed(rng.between(-1000, 1000)), to_fixed(rng.between(-1000, 1000)), 0, 0);
+    for (int i = 0; i < 60; ++i)
+      nodes.push_back(world->spawn(tether, to_fixed(i), 0, to_fixed(20), 0, 0, true).value());
+  }
+  void press() {
+    for (Buttons& player : buttons) {
+      player = Buttons{};
+      player.forward = rng.below(3) != 0, player.left = rng.below(3) == 0, player.right = rng.below(3) == 0;
+      player.turn_left = rng.below(3) == 0, player.turn_right = rng.below(3) == 0;
+    }
+  }
+  Rng rng{uint64_t{1}};
+  std::shared_ptr<const ActorCatalog> catalog;
+  std::unique_ptr<World> world;
+  std::vector<uint32_t> nodes;
+  std::array<Buttons, 2> buttons;
+};
+
+void BM_Tic(benchmark::State& state) {
+  BenchGame game;
+  int tic = 0;
+  for (auto _ : state) {
+    if (tic++ % 4 == 0) game.press();
+    game.world->tic(game.buttons);
+  }
+}
+BENCHMARK(BM_Tic);
+
+/// The tether's nodes follow the players every fifth tic.
+void BM_TicWithMovingTether(benchmark::State& state) {
+  BenchGame game;
+  int tic = 0;
+  for (auto _ : state) {
+    if (tic % 4 == 0) game.press();
+    game.world->tic(game.buttons);
+    if (tic++ % 5 != 0) continue;
+    const Actor a = game.world->body(0), b = game.world->body(1);
+    for (std::size_t i = 0; i < game.nodes.size(); ++i) {
+      const auto part = static_cast<int64_t>(i + 1);
+      game.world->set_position(game.nodes[i], static_cast<Fixed>(a.x + (int64_t{b.x} - a.x) * part / 61),
+                               static_cast<Fixed>(a.y + (int64_t{b.y} - a.y) * part / 61),
+                               a.z + to_fixed(20));
+    }
+  }
+}
+BENCHMARK(BM_TicWithMovingTether);
+
+void BM_Hash(benchmark::State& state) {
+  BenchGame game;
+  for (auto _ : state) benchmark::DoNotOptimize(game.world->hash());
+}
+BENCHMARK(BM_Hash);
+
+void BM_Reset(benchmark::State& state) {
+  BenchGame game;
+  for (auto _ : state) game.world->reset({.player_count = 2, .seed = 1}, nullptr);
+}
+BENCHMARK(BM_Reset);
+
+void BM_SectorAt(benchmark::State& state) {
+  BenchGame game;
+  for (auto _ : state)
+    benchmark::DoNotOptimize(game.world->sector_at(to_fixed(game.rng.between(-1000, 1000)),
+                                                   to_fixed(game.rng.between(-1000, 1000))));
+}
+BENCHMARK(BM_SectorAt);
+
+}  // namespace
+}  // namespace comrad::doom
+
+BENCHMARK_MAIN();

@@ -1,0 +1,245 @@
+// Bodies against walls, corners, pillars, steps and each other.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "sim_workers/engine/map/level_index.h"
+#include "sim_workers/engine/play/movement.h"
+#include "sim_workers/engine/play/world.h"
+#include "tests/support/arena.h"
+#include "tests/support/level_builder.h"
+
+namespace comrad::doom {
+namespace {
+
+const std::shared_ptr<const ActorCatalog>& catalog() {
+  static const auto kCatalog = std::make_shared<const ActorCatalog>();
+  return kCatalog;
+}
+
+World world_of(std::shared_ptr<const Level> level, int players = 1) {
+  World world(std::move(level), catalog());
+  world.reset({.player_count = players}, nullptr);
+  return world;
+}
+
+void tics(World& world, const Buttons& buttons, int count) {
+  for (int i = 0; i < count; ++i) world.tic({&buttons, 1});
+}
+
+Buttons running() {
+  Buttons buttons;
+  buttons.forward = buttons.speed = true;
+  return buttons;
+}
+
+/// True where the body's box reaches through a line that stops it.
+bool stuck_in_a_wall(const World& world, const Actor& body) {
+  const Box box = Box::around(body.x, body.y, body.radius);
+  bool stuck = false;
+  world.level().index->blockmap.for_each_line(box, [&](const BlockLine& line) {
+    stuck = stuck || ((line.back_sector < 0 || (line.flags & kLineBlocking) != 0) && line.crosses(box));
+    return true;
+  });
+  return stuck;
+}
+
+TEST(Collision, ABodyNeverEntersAWallOrLeavesTheArena) {
+  for (uint64_t seed = 1; seed <= 4; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    World world = world_of(test::star_arena(seed), 2);
+    Rng rng(seed);
+    std::array<Buttons, 2> buttons;
+    int wall_tics = 0;
+    for (int tic = 0; tic < 4000; ++tic) {
+      if (tic % 8 == 0)
+        for (Buttons& player : buttons) {
+          player = Buttons{};
+          player.forward = rng.below(4) != 0;
+          player.left = rng.below(3) == 0, player.right = rng.below(3) == 0;
+          player.speed = rng.below(2) == 0;
+          player.turn_left = rng.below(4) == 0, player.turn_right = rng.below(4) == 0;
+        }
+      world.tic(buttons);
+      for (int player = 0; player < 2; ++player) {
+        const Actor& body = world.body(player);
+        ASSERT_FALSE(stuck_in_a_wall(world, body)) << "tic " << tic;
+        ASSERT_LT(std::hypot(to_double(body.x), to_double(body.y)), 2000) << "tic " << tic;
+        wall_tics += buttons[player].forward && body.velocity_x == 0 && body.velocity_y == 0;
+      }
+    }
+  }
+}
+
+TEST(Collision, RunningIntoAWallStopsJustBeforeIt) {
+  World world = world_of(test::one_room());
+  tics(world, running(), 100);
+  const Actor& body = world.body(0);
+  EXPECT_LE(body.x, to_fixed(512 - 16));
+  EXPECT_GT(body.x, to_fixed(512 - 17));
+  EXPECT_EQ(body.y, 0);
+  EXPECT_EQ(body.velocity_x, 0);
+}
+
+TEST(Collision, SlidingAlongAWallKeepsTheSpeedAlongIt) {
+  World world = world_of(test::one_room());
+  world.set_angle(world.player(0).actor_id, degrees_to_angle(20));
+  tics(world, running(), 100);
+  const Fixed x = world.body(0).x, y = world.body(0).y;
+  tics(world, running(), 1);
+  EXPECT_EQ(world.body(0).x, x) << "at the east wall";
+  // Thrust along the wall is 1.5625 * sin 20; the gap before the wall costs 1/32 of every step on top of
+  // friction, so the step settles at thrust / (1 / (1 - 1/32) - 0.90625) = 4.24.
+  EXPECT_NEAR(to_double(world.body(0).y - y), 4.24, 0.1);
+}
+
+TEST(Collision, ASlantedWallTurnsTheMoveAlongItself) {
+  test::LevelBuilder builder;
+  const uint32_t sector = builder.sector(0, 128);
+  builder.room(sector, {{-512, -512}, {-512, 512}, {512, 512}, {0, -512}}).thing(1, 0, 256);
+  World world = world_of(builder.build());
+  tics(world, running(), 60);
+  // The east wall runs from (0, -512) to (512, 512): moving east along it means moving up.
+  EXPECT_GT(world.body(0).y, to_fixed(300));
+  EXPECT_FALSE(stuck_in_a_wall(world, world.body(0)));
+}
+
+TEST(Collision, ACornerHoldsTheBodyWithoutThrowingIt) {
+  World world = world_of(test::one_room());
+  world.set_angle(world.player(0).actor_id, degrees_to_angle(40));
+  tics(world, running(), 300);
+  const Actor& body = world.body(0);
+  EXPECT_LE(body.x, to_fixed(496));
+  EXPECT_LE(body.y, to_fixed(496));
+  EXPECT_GT(body.x, to_fixed(490));
+  EXPECT_GT(body.y, to_fixed(490));
+}
+
+TEST(Collision, ThePointOfAPillarBetweenTheBodysCornersStopsIt) {
+  test::LevelBuilder builder;
+  const uint32_t sector = builder.sector(0, 128);
+  builder.room(sector, -512, -512, 512, 512).pillar(sector, 100, -4, 140, 4).thing(1, -100, 0);
+  World world = world_of(builder.build());
+  tics(world, running(), 100);
+  EXPECT_LE(world.body(0).x, to_fixed(84));
+}
+
+TEST(Collision, StepsOf24AreClimbedAndStepsOf25AreWalls) {
+  for (const int height : {24, 25}) {
+    test::LevelBuilder builder;
+    const uint32_t low = builder.sector(0, 256), high = builder.sector(height, 256);
+    builder.room(low, -512, -512, 512, 512).island(high, low, 0, -256, 400, 256).thing(1, -200, 0);
+    World world = world_of(builder.build());
+    tics(world, running(), 24);
+    if (height == 24) {
+      EXPECT_EQ(world.body(0).z, to_fixed(24));
+      EXPECT_GT(world.body(0).x, 0);
+      EXPECT_LT(world.player(0).view_z, to_fixed(24 + 41)) << "the eye still catches up";
+    } else {
+      EXPECT_EQ(world.body(0).z, 0);
+      EXPECT_LE(world.body(0).x, to_fixed(-16));
+    }
+  }
+}
+
+TEST(Collision, APlayerWalksOffALedgeAndFalls) {
+  test::LevelBuilder builder;
+  const uint32_t low = builder.sector(0, 512), high = builder.sector(200, 512);
+  builder.room(low, -512, -512, 512, 512).island(high, low, -256, -256, 0, 256).thing(1, -64, 0);
+  World world = world_of(builder.build());
+  EXPECT_EQ(world.body(0).z, to_fixed(200));
+  bool in_air = false;
+  for (int tic = 0; tic < 60; ++tic) {
+    tics(world, running(), 1);
+    in_air = in_air || (world.body(0).z < to_fixed(200) && world.body(0).z > 0);
+  }
+  EXPECT_TRUE(in_air);
+  EXPECT_EQ(world.body(0).z, 0);
+  EXPECT_EQ(world.player(0).health, 100) << "falling does not hurt";
+}
+
+TEST(Collision, LowCeilingsAndBlockingLinesStop) {
+  for (const bool low_ceiling : {true, false}) {
+    test::LevelBuilder builder;
+    const uint32_t room = builder.sector(0, 128), door = builder.sector(0, low_ceiling ? 55 : 128);
+    builder.room(room, -512, -512, 512, 512);
+    builder.island(door, room, 0, -256, 64, 256, low_ceiling ? 0u : uint32_t{kLineBlocking})
+        .thing(1, -200, 0);
+    World world = world_of(builder.build());
+    tics(world, running(), 60);
+    EXPECT_LE(world.body(0).x, to_fixed(-16));
+  }
+}
+
+TEST(Collision, PlayersAreSolidToEachOther) {
+  World world = world_of(test::one_room(), 2);
+  std::array<Buttons, 2> buttons;
+  buttons[0] = running();
+  for (int tic = 0; tic < 200; ++tic) {
+    world.tic(buttons);
+    const Actor &first = world.body(0), &second = world.body(1);
+    ASSERT_TRUE(std::abs(first.x - second.x) >= to_fixed(32) || std::abs(first.y - second.y) >= to_fixed(32));
+  }
+  EXPECT_EQ(world.body(1).x, to_fixed(128)) << "the one that stands is not pushed";
+}
+
+TEST(Collision, ABodySlidesPastAnotherOne) {
+  World world = world_of(test::one_room(), 2);
+  world.set_position(world.player(1).actor_id, to_fixed(128), to_fixed(20), 0);
+  world.set_angle(world.player(0).actor_id, degrees_to_angle(-20));
+  std::array<Buttons, 2> buttons;
+  buttons[0] = running();
+  for (int tic = 0; tic < 60; ++tic) world.tic(buttons);
+  EXPECT_GT(world.body(0).x, to_fixed(200));
+}
+
+TEST(Collision, BodiesThatOverlapComeApart) {
+  World world = world_of(test::one_room(), 2);
+  world.set_position(world.player(1).actor_id, world.body(0).x + to_fixed(4), world.body(0).y, 0);
+  std::array<Buttons, 2> buttons;
+  buttons[1].backward = true;  // faces west, so backs away to the east
+  for (int tic = 0; tic < 30; ++tic) world.tic(buttons);
+  EXPECT_GT(world.body(1).x - world.body(0).x, to_fixed(32));
+}
+
+TEST(Collision, APlayerStandsOnASolidThingAndFallsWhenItGoes) {
+  World world = world_of(test::one_room());
+  const uint32_t pillar =
+      world.spawn(catalog()->find("ShortGreenColumn").value(), 0, to_fixed(200), 0, 0).value();
+  world.set_position(world.player(0).actor_id, 0, to_fixed(200), to_fixed(100));
+  const Buttons nothing;
+  tics(world, nothing, 40);
+  EXPECT_EQ(world.body(0).z, to_fixed(40));
+  world.remove(pillar);
+  tics(world, nothing, 40);
+  EXPECT_EQ(world.body(0).z, 0);
+}
+
+TEST(Collision, TeleportsOnlyWhereTheBodyFits) {
+  World world = world_of(test::one_room(), 2);
+  const uint32_t body = world.player(0).actor_id;
+  const Actor before = world.body(0);
+  EXPECT_FALSE(world.try_teleport(body, to_fixed(500), 0)) << "in the wall";
+  EXPECT_FALSE(world.try_teleport(body, world.body(1).x + to_fixed(31), 0)) << "in the other player";
+  EXPECT_EQ(world.body(0).x, before.x);
+  EXPECT_TRUE(world.try_teleport(body, world.body(1).x - to_fixed(32), 0));
+  EXPECT_TRUE(world.try_teleport(body, to_fixed(-300), to_fixed(300)));
+  EXPECT_EQ(world.body(0).y, to_fixed(300));
+}
+
+TEST(Collision, SpawnsOnlyWhereTheActorFits) {
+  World world = world_of(test::one_room());
+  const uint32_t column = catalog()->find("TallGreenColumn").value();
+  const uint32_t medikit = catalog()->find("Medikit").value();
+  EXPECT_FALSE(world.spawn(column, to_fixed(500), 0, 0, 0)) << "in the wall";
+  EXPECT_FALSE(world.spawn(column, world.body(0).x, world.body(0).y, 0, 0)) << "in the player";
+  EXPECT_FALSE(world.spawn(medikit, to_fixed(500), 0, 0, 0)) << "items too need room";
+  EXPECT_FALSE(world.spawn(medikit, 0, 0, to_fixed(-1), 0)) << "below the floor";
+  EXPECT_FALSE(world.spawn(9999, 0, 0, 0, 0));
+  EXPECT_EQ(world.actors().size(), 1u);
+  EXPECT_TRUE(world.spawn(column, to_fixed(500), 0, 0, 0, 0, true)) << "forced";
+  EXPECT_TRUE(world.spawn(medikit, world.body(0).x, world.body(0).y, 0, 0)) << "items are not solid";
+}
+
+}  // namespace
+}  // namespace comrad::doom
