@@ -39,6 +39,7 @@ constexpr double kJoinTimeoutS = 120.0;  // a worker that has not joined by then
 constexpr double kStatusIntervalS = 2.0;
 constexpr double kWorkerStatusIntervalS = 1.0;
 constexpr int kLinesShownPerMinute = 20;  // of one worker's output on the terminal; the log has them all
+constexpr uint32_t kCounterRunning = 2;   // WorkerCounters::state
 constexpr int kExitBadInput = 2;          // a worker's exit code: starting it again cannot help
 
 enum class Role { kSim, kPolicy, kLearner };
@@ -157,13 +158,15 @@ std::vector<int> allowed_cpus() {
   return allowed;
 }
 
-/// The growth of a counter that starts over when its writer is restarted.
+/// The growth of a counter. Where it falls its writer went back to a checkpoint, and counting goes on from
+/// there.
 class Growth {
  public:
   void see(uint64_t count) {
-    total_ += count >= seen_ ? count - seen_ : count;
+    if (count > seen_) total_ += count - seen_;
     seen_ = count;
   }
+  void start_from(uint64_t count) { seen_ = count; }
   uint64_t total() const { return total_; }
 
  private:
@@ -189,6 +192,8 @@ class Supervisor {
   bool trains() const { return plan_.policy == PolicySource::kTraining; }
   /// Simulators that play on in one slab: nobody drains sealed ones unless a learner trains.
   bool evaluates() const { return plan_.episodes > 0 || !trains(); }
+  /// Rollout by rollout, everybody waiting for everybody.
+  bool is_lock_step() const { return trains() && (plan_.config.deterministic || !plan_.config.async_rl); }
   bool has_learner() const { return plan_.policy != PolicySource::kRandom; }
 
   // Start.
@@ -207,6 +212,7 @@ class Supervisor {
   void begin_running_when_all_joined();
   void drain_episodes();
   void take_stats();
+  void count_work();
   void measure();
   void check_goals();
   void enforce_stop();
@@ -261,6 +267,7 @@ class Supervisor {
 
   // Rates over the run and over the measured window.
   Growth trained_decisions_, trained_updates_, played_decisions_;
+  uint32_t learner_epoch_ = 0;
   double first_work_s_ = 0;
   double window_began_s_ = 0;
   uint64_t window_decisions_ = 0, window_updates_ = 0;
@@ -290,6 +297,8 @@ Status Supervisor::start() {
   warn_once(write_status(plan_.run_dir, status_now("starting", "")));
   COMRAD_TRY(open_arena());
   for (Worker& worker : workers_) COMRAD_TRY(spawn(worker));
+  printer_.line(joined_text());  // at once: a network library takes seconds to load
+  next_line_s_ = monotonic_s() + std::max(plan_.config.progress_interval, 0.1);
   return {};
 }
 
@@ -306,12 +315,15 @@ Expected<shm::ArenaShape> Supervisor::arena_shape() const {
   shape.policy_worker_count = static_cast<int32_t>(config.policy_workers);
   // Evaluation keeps one slab in every environment's hands and needs no more.
   shape.slab_count = evaluates() ? shape.env_count() : static_cast<int32_t>(config.trajectory_slabs);
-  if (trains() && config.deterministic) {
-    if (plan_.decision_limit <= 0) {
+  if (is_lock_step()) {
+    if (config.deterministic && plan_.decision_limit <= 0) {
       return Error{ErrorCode::kBadInput, "--deterministic: scenario " + config.scenario +
                                              " has no decision limit, so its journal cannot be sized"};
     }
-    shape.journal_steps = static_cast<int32_t>(std::min<int64_t>(plan_.decision_limit, INT32_MAX - 1)) + 1;
+    shape.journal_steps =
+        plan_.decision_limit <= 0
+            ? 0
+            : static_cast<int32_t>(std::min<int64_t>(plan_.decision_limit, INT32_MAX - 1)) + 1;
   }
   // An upper bound: encoder, heads, normaliser statistics and framing in the constant, recurrent matrices (at
   // most 2 x 4 gates of f32) in the rest. Pages that stay unused are never touched and cost nothing.
@@ -323,6 +335,8 @@ Status Supervisor::open_arena() {
   server_.reset();  // the old arena goes before the new one comes: both may not fit
   bus_.reset();
   arena_.reset();
+  learner_epoch_ = 0;
+  played_decisions_.start_from(0);
   uint64_t run_id = 0;
   if (getrandom(&run_id, sizeof run_id, 0) != sizeof run_id) {
     return Error{ErrorCode::kSystem, std::string("getrandom: ") + std::strerror(errno)};
@@ -561,7 +575,7 @@ void Supervisor::died(Worker& worker, const ExitStatus& how) {
        (lost > 0 ? "; " + std::to_string(lost) + " decisions lost" : "") +
        (worker.role == Role::kLearner && trains() ? "; training goes on from the last checkpoint" : ""));
   // Lock step must not depend on who died when: everybody goes back to the last checkpoint together.
-  if (trains() && plan_.config.deterministic) restart_everything();
+  if (is_lock_step()) restart_everything();
 }
 
 void Supervisor::restart_everything() {
@@ -631,10 +645,23 @@ void Supervisor::take_stats() {
   }
 }
 
-void Supervisor::measure() {
-  trained_decisions_.see(arena_->learner_counters().decisions.load(std::memory_order_relaxed));
-  trained_updates_.see(arena_->learner_counters().batches.load(std::memory_order_relaxed));
+void Supervisor::count_work() {
   played_decisions_.see(sim_decisions());
+  // A learner sets its counters to those of the checkpoint it resumes, then its state to running.
+  const shm::WorkerCounters& learner = arena_->learner_counters();
+  if (learner.state.load(std::memory_order_acquire) < kCounterRunning) return;
+  const uint64_t trained = learner.decisions.load(std::memory_order_relaxed);
+  const uint64_t updates = learner.batches.load(std::memory_order_relaxed);
+  if (const uint32_t epoch = learner.epoch.load(); std::exchange(learner_epoch_, epoch) != epoch) {
+    trained_decisions_.start_from(trained);
+    trained_updates_.start_from(updates);
+  }
+  trained_decisions_.see(trained);
+  trained_updates_.see(updates);
+}
+
+void Supervisor::measure() {
+  count_work();
   const double now_s = monotonic_s();
   const bool has_begun = trains() ? trained_updates_.total() > 0 : played_decisions_.total() > 0;
   if (has_begun && first_work_s_ == 0) first_work_s_ = now_s;
@@ -655,9 +682,6 @@ void Supervisor::measure() {
 void Supervisor::check_goals() {
   if (phase_ != Phase::kRunning) return;
   if (plan_.episodes > 0 && episodes_.size() >= plan_.episodes) complete("finished");
-  const double limit_s = plan_.config.train_for_seconds;
-  if (trains() && limit_s > 0 && monotonic_s() - running_since_s_ >= limit_s)
-    complete("train_for_seconds reached");
 }
 
 void Supervisor::stop(const std::string& why) {
@@ -878,8 +902,7 @@ Expected<RunOutcome> Supervisor::finish() {
   if (arena_ && bus_) {
     drain_episodes();
     take_stats();
-    trained_decisions_.see(arena_->learner_counters().decisions.load());
-    played_decisions_.see(sim_decisions());
+    count_work();
   }
   for (auto& [id, episode] : episodes_) outcome_.episodes.push_back(std::move(episode));
   outcome_.lag_mean = lag_count_ > 0 ? lag_sum_ / lag_count_ : outcome_.last_stats.policy_lag_mean;
@@ -895,7 +918,10 @@ Expected<RunOutcome> Supervisor::finish() {
     outcome_.message += "; the learner did not save a last checkpoint, the run goes on from the one before";
     state = "paused";
   } else if (outcome_.interrupted && !is_complete_) {
-    outcome_.message += trains() ? "; the same command goes on from the checkpoint" : "";
+    if (trains()) {
+      outcome_.message +=
+          "; go on with --experiment " + std::filesystem::path(plan_.run_dir).filename().string();
+    }
     state = "paused";
   }
   if (error_) {
@@ -925,7 +951,8 @@ Expected<RunOutcome> Supervisor::finish() {
     summary += "; " + std::to_string(outcome_.restarts) + " restarts, " +
                std::to_string(outcome_.steps_lost) + " decisions lost";
   }
-  if (plan_.show_progress) note(summary);
+  spdlog::info("{}", summary);
+  outcome_.message = summary;
   return std::move(outcome_);
 }
 

@@ -44,7 +44,8 @@ struct LaunchPlan {
 struct RunOutcome {
   int exit_code = 0;
   bool interrupted = false;
-  std::string message;
+  std::string
+      message;  ///< how it ended, env frames, time, both rates over the run, J, checkpoint; one line to show
   dds::TrainStats last_stats;
   std::vector<dds::EpisodeResult> episodes;  ///< evaluation: all of them, ordered by episode_id
   double measured_seconds = 0;               ///< bench: the counted window

@@ -26,16 +26,17 @@ namespace comrad::learn {
 struct UpdateContext {
   double env_frames = 0;             ///< counted before this batch; places the learning-rate schedule
   std::function<void()> after_step;  ///< called when an optimizer step made a new version
-  std::function<bool()> begin_step;  ///< asked before every optimizer step but the first; false ends the update
+  std::function<bool()>
+      begin_step;  ///< asked before every optimizer step but the first; false ends the update
   std::function<bool()> keep_going;  ///< asked before every micro-batch; false abandons the step in hand
 };
 
 /// What one update did.
 struct UpdateStats {
   int64_t optimizer_steps = 0;
-  int64_t skipped_steps = 0;   ///< non-finite loss or gradient, or no valid sample
-  int64_t rows_trained = 0;    ///< agent decisions times epochs that went forward and backward
-  bool abandoned = false;      ///< keep_going said no
+  int64_t skipped_steps = 0;  ///< non-finite loss or gradient, or no valid sample
+  int64_t rows_trained = 0;   ///< agent decisions times epochs that went forward and backward
+  bool abandoned = false;     ///< keep_going said no
   LagStats lag;
   std::vector<std::pair<std::string, double>> values;  ///< "train/policy_loss", ... of the last minibatch
 };
@@ -45,9 +46,9 @@ class Algorithm {
  public:
   virtual ~Algorithm() = default;
 
-  /// Trains on one batch: num_epochs x num_batches_per_epoch optimizer steps. Masks, advantages and targets are
-  /// written into `batch`. A step whose loss or gradient is not finite is skipped and counted.
-  /// Errors: kBadInput when too many steps in a row were not finite; the weights are those of the last good step.
+  /// Trains on one batch: num_epochs x num_batches_per_epoch optimizer steps. Masks, advantages and targets
+  /// are written into `batch`. A step whose loss or gradient is not finite is skipped and counted. Errors:
+  /// kBadInput when too many steps in a row were not finite; the weights are those of the last good step.
   virtual Expected<UpdateStats> update(Minibatch& batch, const UpdateContext& context) = 0;
 
   /// Optimizer steps of the policy so far.
@@ -60,8 +61,8 @@ class Algorithm {
 
   /// All state, under the sections "network", "optimizer", "normalizer", "schedule" and "algorithm".
   virtual void save(StateDict& state) const = 0;
-  /// Errors: kBadFormat when `state` was made by another algorithm, model or scenario; nothing is changed then
-  /// that a second load does not repair.
+  /// Errors: kBadFormat when `state` was made by another algorithm, model or scenario; nothing is changed
+  /// then that a second load does not repair.
   virtual Status load(const StateDict& state) = 0;
 };
 

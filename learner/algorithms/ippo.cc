@@ -1,6 +1,5 @@
 #include "learner/algorithms/ippo.h"
 
-
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -28,7 +27,8 @@ Ippo::Ippo(const RunConfig& config, const EnvShape& env, torch::Device device)
       env_(env),
       device_(device),
       net_(policy::PolicyNet::create(policy::PolicyNetOptions::from(config, env),
-                                     RngKey(static_cast<uint64_t>(config.seed)).split("network").bits(), device)),
+                                     RngKey(static_cast<uint64_t>(config.seed)).split("network").bits(),
+                                     device)),
       optimizer_(net_.parameters(), AdamSettings::from(config)),
       schedule_(config) {}
 
@@ -54,13 +54,16 @@ Expected<UpdateStats> Ippo::update(Minibatch& batch, const UpdateContext& contex
       frame = frame.index_select(0, index);
       if (measurement.defined()) measurement = measurement.index_select(0, index);
     }
-    net_.update_input_statistics(frame.to(device_), measurement.defined() ? measurement.to(device_) : measurement);
+    net_.update_input_statistics(frame.to(device_),
+                                 measurement.defined() ? measurement.to(device_) : measurement);
   }
   prepare_targets(batch);
 
   std::vector<int64_t> order(static_cast<std::size_t>(batch.slab_count));
   std::iota(order.begin(), order.end(), 0);
-  Rng rng(RngKey(static_cast<uint64_t>(config_.seed)).split("shuffle").split(static_cast<uint64_t>(update_index)));
+  Rng rng(RngKey(static_cast<uint64_t>(config_.seed))
+              .split("shuffle")
+              .split(static_cast<uint64_t>(update_index)));
   const int64_t parts = std::clamp<int64_t>(config_.num_batches_per_epoch, 1, batch.slab_count);
   LossSums sums;
   double previous_actor_loss = 1e9;
@@ -87,10 +90,11 @@ Expected<UpdateStats> Ippo::update(Minibatch& batch, const UpdateContext& contex
         return stats;
       }
       if (skipped_in_a_row_ >= kSkippedInARowMax)
-        return Error{ErrorCode::kBadInput,
-                     "loss or gradient was not finite in " + std::to_string(skipped_in_a_row_) +
-                         " optimizer steps in a row; lower --learning_rate or --max_grad_norm and resume from the "
-                         "last checkpoint"};
+        return Error{
+            ErrorCode::kBadInput,
+            "loss or gradient was not finite in " + std::to_string(skipped_in_a_row_) +
+                " optimizer steps in a row; lower --learning_rate or --max_grad_norm and resume from the "
+                "last checkpoint"};
       if (result == StepResult::kSkipped) continue;
       sums = part_sums;
       actor_loss += part_sums.actor();
@@ -113,20 +117,20 @@ void Ippo::prepare_targets(Minibatch& batch) {
   const auto natural = [this](const Tensor& value) {
     return config_.normalize_returns ? returns_.denormalize(value) : value;
   };
-  const Advantages result = gae({.reward = batch.reward,
-                                 .terminated = batch.terminated,
-                                 .truncated = batch.truncated,
-                                 .value = natural(batch.value),
-                                 .final_value = natural(batch.final_value),
-                                 .valid = batch.valid,
-                                 .value_valid = batch.value_valid},
-                                {.gamma = config_.gamma,
-                                 .lambda = config_.gae_lambda,
-                                 .legacy_timeouts = config_.legacy_timeouts});
+  const Advantages result =
+      gae({.reward = batch.reward,
+           .terminated = batch.terminated,
+           .truncated = batch.truncated,
+           .value = natural(batch.value),
+           .final_value = natural(batch.final_value),
+           .valid = batch.valid,
+           .value_valid = batch.value_valid},
+          {.gamma = config_.gamma, .lambda = config_.gae_lambda, .legacy_timeouts = config_.legacy_timeouts});
   batch.advantage = result.advantage;
   batch.target = result.target;
   if (!config_.normalize_returns) return;
-  if (!returns_.update(result.target, batch.valid)) spdlog::warn("update: returns are not finite; statistics kept");
+  if (!returns_.update(result.target, batch.valid))
+    spdlog::warn("update: returns are not finite; statistics kept");
   batch.target = returns_.normalize(result.target);
 }
 
@@ -160,8 +164,8 @@ Ippo::StepResult Ippo::train_minibatch(Minibatch& minibatch, const UpdateContext
 }
 
 bool Ippo::accumulate_gradient(Minibatch& minibatch, const UpdateContext& context, LossSums& sums) {
-  // What depends on the whole minibatch comes first; then each micro-batch adds its share of the same sums, so the
-  // gradient does not depend on micro_batch_size.
+  // What depends on the whole minibatch comes first; then each micro-batch adds its share of the same sums,
+  // so the gradient does not depend on micro_batch_size.
   minibatch.advantage = standardize(minibatch.advantage, minibatch.valid);
   const double valid_count = std::max(1.0, minibatch.valid.sum(torch::kFloat64).item<double>());
   const int64_t steps = minibatch.steps(), agents = env_.num_agents;
@@ -172,23 +176,29 @@ bool Ippo::accumulate_gradient(Minibatch& minibatch, const UpdateContext& contex
   for (int64_t begin = 0; begin < minibatch.rows(); begin += rows_max) {
     if (context.keep_going && !context.keep_going()) return false;
     const Minibatch micro = narrow_rows(minibatch, begin, std::min(rows_max, minibatch.rows() - begin));
-    const auto on_device = [this](const Tensor& tensor) { return tensor.defined() ? tensor.to(device_) : tensor; };
+    const auto on_device = [this](const Tensor& tensor) {
+      return tensor.defined() ? tensor.to(device_) : tensor;
+    };
     const Tensor valid = on_device(micro.valid).to(torch::kBool);
     const Tensor weight = valid.to(torch::kFloat32) / valid_count;
     const Tensor mask = on_device(micro.mask_or_undefined());
 
-    const policy::SequenceOutput output = net_.sequence(on_device(micro.frame), on_device(micro.measurement),
-                                                        on_device(micro.recurrent_state), on_device(micro.reset));
+    const policy::SequenceOutput output =
+        net_.sequence(on_device(micro.frame), on_device(micro.measurement), on_device(micro.recurrent_state),
+                      on_device(micro.reset));
     const Tensor log_probs = policy::head_log_probs(output.logits, mask, env_);
     const Tensor log_prob = policy::action_log_prob(log_probs, on_device(micro.action), env_);
     const Tensor behaviour_log_prob = on_device(micro.log_prob);
     const Tensor old_value = on_device(micro.value).narrow(0, 0, steps);
     const Tensor ratio = importance_ratio(log_prob, behaviour_log_prob);
 
-    const Tensor policy_loss = -(clipped_objective(ratio, on_device(micro.advantage), config_.ppo_clip_ratio) * weight).sum();
+    const Tensor policy_loss =
+        -(clipped_objective(ratio, on_device(micro.advantage), config_.ppo_clip_ratio) * weight).sum();
     const Tensor value_loss =
         config_.value_loss_coeff *
-        (clipped_value_loss(output.value, old_value, on_device(micro.target), config_.ppo_clip_value) * weight).sum();
+        (clipped_value_loss(output.value, old_value, on_device(micro.target), config_.ppo_clip_value) *
+         weight)
+            .sum();
     Tensor loss = policy_loss + value_loss;
     if (exploration_kind != ExplorationLoss::kNone) {
       const Tensor exploration = config_.exploration_loss_coeff *
@@ -197,7 +207,8 @@ bool Ippo::accumulate_gradient(Minibatch& minibatch, const UpdateContext& contex
       sums.exploration += exploration.item<double>();
     }
     const auto divergence = [&] {
-      return policy::kl_divergence(log_probs, policy::head_log_probs(on_device(micro.logits), mask, env_), env_);
+      return policy::kl_divergence(log_probs, policy::head_log_probs(on_device(micro.logits), mask, env_),
+                                   env_);
     };
     Tensor kl;
     if (config_.kl_loss_coeff != 0) {
@@ -225,7 +236,8 @@ bool Ippo::accumulate_gradient(Minibatch& minibatch, const UpdateContext& contex
     sums.ratio_min = std::min(sums.ratio_min, valid_ratio.min().item<double>());
     sums.ratio_max = std::max(sums.ratio_max, valid_ratio.max().item<double>());
     sums.clipped += weighted(((ratio < clip_low) | (ratio > clip_high)).to(torch::kFloat32), weight);
-    sums.log_prob_max = std::max(sums.log_prob_max, torch::where(valid, log_prob.abs(), zero).max().item<double>());
+    sums.log_prob_max =
+        std::max(sums.log_prob_max, torch::where(valid, log_prob.abs(), zero).max().item<double>());
   }
   return true;
 }
@@ -296,13 +308,15 @@ Status Ippo::load(const StateDict& state) {
   COMRAD_TRY_ASSIGN(statistics.variance, state.number("normalizer/returns_variance"));
   COMRAD_TRY_ASSIGN(statistics.count, state.number("normalizer/returns_count"));
   COMRAD_TRY_ASSIGN(const double learning_rate, state.number("schedule/learning_rate"));
-  for (const auto& [key, tensor] : net_.named_state()) COMRAD_TRY(state.copy_tensor("network/" + key, tensor));
+  for (const auto& [key, tensor] : net_.named_state())
+    COMRAD_TRY(state.copy_tensor("network/" + key, tensor));
   net_.state_changed();
   COMRAD_TRY(optimizer_.load(state, "optimizer"));
   version_ = static_cast<PolicyVersion>(version);
   updates_ = updates;
   returns_.restore(statistics);
-  // Constant and linear schedules follow this run's flags; only the adaptive ones live from their last position.
+  // Constant and linear schedules follow this run's flags; only the adaptive ones live from their last
+  // position.
   if (config_.lr_schedule.starts_with("kl_adaptive")) schedule_.restore(learning_rate);
   return {};
 }

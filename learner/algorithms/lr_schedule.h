@@ -1,5 +1,5 @@
-// How the learning rate moves: not at all, linearly to zero over the run's env frames, or after the KL between new
-// and behaviour policy. Stage: update.
+// How the learning rate moves: not at all, linearly to zero over the run's env frames, or after the KL
+// between new and behaviour policy. Stage: update.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,8 @@
 
 namespace comrad::learn {
 
-/// The learning rate of one optimizer. Its position is a function of the run's env frames (linear_decay) or the
-/// current rate itself (kl_adaptive_*); a checkpoint keeps both.
+/// The learning rate of one optimizer. Its position is a function of the run's env frames (linear_decay) or
+/// the current rate itself (kl_adaptive_*); a checkpoint keeps both.
 class LrSchedule {
  public:
   explicit LrSchedule(const RunConfig& config);

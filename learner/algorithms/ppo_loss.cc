@@ -1,6 +1,5 @@
 #include "learner/algorithms/ppo_loss.h"
 
-
 #include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
 
@@ -20,7 +19,8 @@ Tensor clipped_objective(const Tensor& ratio, const Tensor& advantage, double cl
   return torch::min(ratio * advantage, ratio.clamp(1.0 / high, high) * advantage);
 }
 
-Tensor clipped_value_loss(const Tensor& value, const Tensor& old_value, const Tensor& target, double clip_value) {
+Tensor clipped_value_loss(const Tensor& value, const Tensor& old_value, const Tensor& target,
+                          double clip_value) {
   const Tensor near_old = old_value + (value - old_value).clamp(-clip_value, clip_value);
   return torch::max((value - target).square(), (near_old - target).square());
 }
@@ -29,7 +29,8 @@ Tensor standardize(const Tensor& advantage, const Tensor& valid) {
   const Tensor weight = valid.to(torch::kFloat64);
   const double count = weight.sum().item<double>();
   if (count == 0) return torch::zeros_like(advantage);
-  const Tensor wide = torch::where(valid.to(torch::kBool), advantage.to(torch::kFloat64), torch::zeros({}, torch::kFloat64));
+  const Tensor wide =
+      torch::where(valid.to(torch::kBool), advantage.to(torch::kFloat64), torch::zeros({}, torch::kFloat64));
   const double mean = wide.sum().item<double>() / count;
   const Tensor centred = (wide - mean) * weight;
   const double variance = count > 1 ? centred.square().sum().item<double>() / (count - 1) : 0.0;
@@ -42,10 +43,12 @@ ExplorationLoss parse_exploration_loss(const std::string& name) {
   return ExplorationLoss::kNone;
 }
 
-Tensor exploration_loss(const Tensor& log_probs, const Tensor& mask, const EnvShape& env, ExplorationLoss kind) {
+Tensor exploration_loss(const Tensor& log_probs, const Tensor& mask, const EnvShape& env,
+                        ExplorationLoss kind) {
   if (kind == ExplorationLoss::kEntropy) return -policy::entropy(log_probs, env);
   if (kind == ExplorationLoss::kNone) return torch::zeros(log_probs.sizes().slice(0, log_probs.dim() - 1));
-  const Tensor divergence = policy::symmetric_kl_to_uniform(log_probs, mask, env).clamp_max(kExplorationLossMax);
+  const Tensor divergence =
+      policy::symmetric_kl_to_uniform(log_probs, mask, env).clamp_max(kExplorationLossMax);
   return torch::where(divergence.isfinite(), divergence, torch::zeros_like(divergence));
 }
 

@@ -1,5 +1,5 @@
-// The arithmetic of PPO, one number per sample: clipped objective, clipped value loss, exploration loss, and the
-// standardisation of advantages. Every function keeps samples apart, so that a minibatch may be cut into
+// The arithmetic of PPO, one number per sample: clipped objective, clipped value loss, exploration loss, and
+// the standardisation of advantages. Every function keeps samples apart, so that a minibatch may be cut into
 // micro-batches and still give the same gradient. Stage: update.
 #pragma once
 
@@ -26,20 +26,24 @@ Tensor importance_ratio(const Tensor& log_prob, const Tensor& behaviour_log_prob
 Tensor clipped_objective(const Tensor& ratio, const Tensor& advantage, double clip_ratio);
 
 /// max((V-R)^2, (V_old + clamp(V-V_old, +-clip) - R)^2); the coefficient is the caller's.
-Tensor clipped_value_loss(const Tensor& value, const Tensor& old_value, const Tensor& target, double clip_value);
+Tensor clipped_value_loss(const Tensor& value, const Tensor& old_value, const Tensor& target,
+                          double clip_value);
 
-/// (A - mean) / max(std, 1e-7) over valid samples, unbiased; invalid ones become 0. A single valid sample becomes 0.
+/// (A - mean) / max(std, 1e-7) over valid samples, unbiased; invalid ones become 0. A single valid sample
+/// becomes 0.
 ///   advantage f32, valid u8 of the same shape
 Tensor standardize(const Tensor& advantage, const Tensor& valid);
 
 enum class ExplorationLoss { kNone, kSymmetricKl, kEntropy };
 
-/// The value of the setting `exploration_loss`; kNone for words that settings validation does not let through.
+/// The value of the setting `exploration_loss`; kNone for words that settings validation does not let
+/// through.
 ExplorationLoss parse_exploration_loss(const std::string& name);
 
-/// Loss per sample, to be minimised: symmetric KL to the uniform distribution over allowed choices, or negative
-/// entropy, summed over heads. Capped at 30; non-finite counts as 0.
+/// Loss per sample, to be minimised: symmetric KL to the uniform distribution over allowed choices, or
+/// negative entropy, summed over heads. Capped at 30; non-finite counts as 0.
 ///   log_probs f32 [..., A] of policy::head_log_probs   mask u8 [..., A] or undefined   returns f32 [...]
-Tensor exploration_loss(const Tensor& log_probs, const Tensor& mask, const EnvShape& env, ExplorationLoss kind);
+Tensor exploration_loss(const Tensor& log_probs, const Tensor& mask, const EnvShape& env,
+                        ExplorationLoss kind);
 
 }  // namespace comrad::learn

@@ -1,6 +1,5 @@
 #include "learner/batch/collate.h"
 
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -14,11 +13,11 @@ namespace {
 /// The fields that have rows in dimension 1 (after time), for views and selections.
 template <typename Visitor>
 void visit_time_major(Minibatch& batch, Visitor&& visit) {
-  for (Tensor* field : {&batch.frame, &batch.measurement, &batch.action_mask, &batch.agent_active, &batch.action,
-                        &batch.log_prob, &batch.logits, &batch.value, &batch.final_value, &batch.reward,
-                        &batch.terminated, &batch.truncated, &batch.policy_version, &batch.filled,
-                        &batch.valid, &batch.value_valid, &batch.reset,
-                        &batch.advantage, &batch.target}) {
+  for (Tensor* field :
+       {&batch.frame, &batch.measurement, &batch.action_mask, &batch.agent_active, &batch.action,
+        &batch.log_prob, &batch.logits, &batch.value, &batch.final_value, &batch.reward, &batch.terminated,
+        &batch.truncated, &batch.policy_version, &batch.filled, &batch.valid, &batch.value_valid,
+        &batch.reset, &batch.advantage, &batch.target}) {
     if (field->defined()) visit(*field);
   }
 }
@@ -129,7 +128,8 @@ int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, u
     std::memcpy(frames_of_step, frames.data(), frames.size_bytes());
     const int32_t final_row = slab.final_index(t);
     const bool cut = slab.truncated(t) != 0;
-    const bool final_is_sound = final_row >= -1 && final_row < batch.shape.final_capacity && (!cut || final_row >= 0);
+    const bool final_is_sound =
+        final_row >= -1 && final_row < batch.shape.final_capacity && (!cut || final_row >= 0);
     for (int agent = 0; agent < agents; ++agent) {
       const int64_t at = t * rows + first + agent;
       bool sound = final_is_sound && state_is_sound[static_cast<std::size_t>(agent)] != 0;

@@ -1,5 +1,5 @@
-// From sealed trajectory slabs to the tensors of one training batch. Each frame is copied once, slab to batch, and
-// the slab is free again before the first gradient is computed. Stage: drain > sample > minibatch.
+// From sealed trajectory slabs to the tensors of one training batch. Each frame is copied once, slab to
+// batch, and the slab is free again before the first gradient is computed. Stage: drain > sample > minibatch.
 #pragma once
 
 #include <torch/types.h>
@@ -14,9 +14,9 @@ namespace comrad::learn {
 
 using torch::Tensor;
 
-/// A training batch of T steps and R rows. A row is the trajectory of one agent; the N agents of one world are
-/// neighbours: row = slab position * N + agent. Steps behind the end of a slab that was sealed early are padding:
-/// invalid, terminated, action 0, zero frame.
+/// A training batch of T steps and R rows. A row is the trajectory of one agent; the N agents of one world
+/// are neighbours: row = slab position * N + agent. Steps behind the end of a slab that was sealed early are
+/// padding: invalid, terminated, action 0, zero frame.
 struct Minibatch {
   TrajectoryShape shape;
   int64_t slab_count = 0;   ///< worlds; R = slab_count * N
@@ -42,8 +42,8 @@ struct Minibatch {
   Tensor value_valid;      ///< u8  [T+1, R]   made by apply_lag_filter
   Tensor reset;            ///< u8  [T, R]     state is zeroed before this step; made by apply_lag_filter
 
-  Tensor advantage;        ///< f32 [T, R]     made by the algorithm
-  Tensor target;           ///< f32 [T, R]     what the critic should predict; made by the algorithm
+  Tensor advantage;  ///< f32 [T, R]     made by the algorithm
+  Tensor target;     ///< f32 [T, R]     what the critic should predict; made by the algorithm
 
   int64_t steps() const { return shape.rollout_steps; }
   int64_t rows() const { return slab_count * shape.env.num_agents; }
@@ -54,13 +54,14 @@ struct Minibatch {
 /// Allocates a batch for `slab_count` slabs; reuse it, a fresh one costs a page fault per 4 KB.
 Minibatch make_minibatch(const TrajectoryShape& shape, int64_t slab_count);
 
-/// Forgets the slabs collated so far; the tensors stay allocated. Call before the first collate_slab of a batch.
+/// Forgets the slabs collated so far; the tensors stay allocated. Call before the first collate_slab of a
+/// batch.
 void clear(Minibatch& batch);
 
 /// Copies one sealed slab into place `position`. `length` rows are filled (more than T counts as T).
-/// What a peer wrote is not trusted: a step with an action outside its head, a non-finite number or a final row out
-/// of range becomes invalid, and a non-finite recurrent state invalidates its trajectory.
-/// Returns the agent decisions that were found broken.
+/// What a peer wrote is not trusted: a step with an action outside its head, a non-finite number or a final
+/// row out of range becomes invalid, and a non-finite recurrent state invalidates its trajectory. Returns the
+/// agent decisions that were found broken.
 int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, uint32_t length);
 
 /// Policy lag over the taken decisions of a batch.
@@ -68,13 +69,14 @@ struct LagStats {
   double mean = 0;
   int64_t min = 0;
   int64_t max = 0;
-  int64_t dropped = 0;  ///< decisions masked because of their age
+  int64_t dropped = 0;        ///< decisions masked because of their age
   double valid_fraction = 0;  ///< of T * R
 };
 
-/// Masks decisions whose lag `learner_version - policy_version` is `max_policy_lag` or more, then derives value_valid
-/// (the row behind the last filled one repeats its validity) and reset (after the end of an episode and after an
-/// invalid step). A version from the future, left by a learner that died, counts as lag 0.
+/// Masks decisions whose lag `learner_version - policy_version` is `max_policy_lag` or more, then derives
+/// value_valid (the row behind the last filled one repeats its validity) and reset (after the end of an
+/// episode and after an invalid step). A version from the future, left by a learner that died, counts as lag
+/// 0.
 LagStats apply_lag_filter(Minibatch& batch, PolicyVersion learner_version, int64_t max_policy_lag);
 
 /// The rows `[begin, begin + count)` of a batch, as views. Whole worlds: both numbers are multiples of N.

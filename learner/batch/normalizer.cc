@@ -1,6 +1,5 @@
 #include "learner/batch/normalizer.h"
 
-
 #include <cmath>
 
 #include "policy_workers/policy/torch_ops.h"

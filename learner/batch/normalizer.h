@@ -10,8 +10,8 @@ namespace comrad::learn {
 
 /// Scalar running statistics in double precision. Fresh: mean 0, variance 1, count 1.
 ///
-/// update() merges a batch's mean and unbiased variance into the running pair with the parallel-variance formula
-/// (Chan, Golub, LeVeque 1979); normalize() is clip((x - mean) / sigma, +-5), denormalize() is
+/// update() merges a batch's mean and unbiased variance into the running pair with the parallel-variance
+/// formula (Chan, Golub, LeVeque 1979); normalize() is clip((x - mean) / sigma, +-5), denormalize() is
 /// clamp(x, +-5) * sigma + mean, with sigma = sqrt(variance + 1e-5).
 class ReturnNormalizer {
  public:

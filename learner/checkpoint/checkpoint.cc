@@ -63,7 +63,8 @@ Status write_and_sync(const std::string& path, const std::vector<char>& bytes) {
 
 Status sync_folder(const std::string& folder) {
   const Descriptor descriptor(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (descriptor.get() < 0 || fsync(descriptor.get()) != 0) return system_error("cannot fsync folder", folder);
+  if (descriptor.get() < 0 || fsync(descriptor.get()) != 0)
+    return system_error("cannot fsync folder", folder);
   return {};
 }
 
@@ -113,9 +114,9 @@ Expected<StateDict> from_ivalue(const c10::IValue& root, const std::string& path
   }
   if (!has_format) return foreign("its \"format\" is not " + std::string(kFormatName));
   if (layout_version < 1 || layout_version > kCheckpointLayoutVersion)
-    return Error{ErrorCode::kUnsupported, path + ": checkpoint layout " + std::to_string(layout_version) +
-                                              ", this build reads 1.." + std::to_string(kCheckpointLayoutVersion) +
-                                              "; use a newer build"};
+    return Error{ErrorCode::kUnsupported,
+                 path + ": checkpoint layout " + std::to_string(layout_version) + ", this build reads 1.." +
+                     std::to_string(kCheckpointLayoutVersion) + "; use a newer build"};
   return state;
 }
 
@@ -133,19 +134,22 @@ bool take_number(std::string_view& text, std::string_view prefix, uint64_t& numb
 
 void StateDict::put(const std::string& key, const torch::Tensor& tensor) {
   torch::NoGradGuard no_grad;
-  values_[key] = tensor.detach().to(torch::kCPU, tensor.scalar_type(), /*non_blocking=*/false, /*copy=*/true)
+  values_[key] = tensor.detach()
+                     .to(torch::kCPU, tensor.scalar_type(), /*non_blocking=*/false, /*copy=*/true)
                      .contiguous();
 }
 
 Expected<torch::Tensor> StateDict::tensor(const std::string& key) const {
   const auto found = values_.find(key);
-  if (found == values_.end() || !std::holds_alternative<torch::Tensor>(found->second)) return missing(key, "tensor");
+  if (found == values_.end() || !std::holds_alternative<torch::Tensor>(found->second))
+    return missing(key, "tensor");
   return std::get<torch::Tensor>(found->second);
 }
 
 Expected<int64_t> StateDict::integer(const std::string& key) const {
   const auto found = values_.find(key);
-  if (found == values_.end() || !std::holds_alternative<int64_t>(found->second)) return missing(key, "integer");
+  if (found == values_.end() || !std::holds_alternative<int64_t>(found->second))
+    return missing(key, "integer");
   return std::get<int64_t>(found->second);
 }
 
@@ -157,7 +161,8 @@ Expected<double> StateDict::number(const std::string& key) const {
 
 Expected<std::string> StateDict::text(const std::string& key) const {
   const auto found = values_.find(key);
-  if (found == values_.end() || !std::holds_alternative<std::string>(found->second)) return missing(key, "text");
+  if (found == values_.end() || !std::holds_alternative<std::string>(found->second))
+    return missing(key, "text");
   return std::get<std::string>(found->second);
 }
 
@@ -181,7 +186,8 @@ Status write_checkpoint(const std::string& path, const StateDict& state) {
       const std::size_t slash = key.find('/');
       COMRAD_CHECK(slash != std::string::npos, "checkpoint keys are spelled section/name");
       const auto section =
-          sections.try_emplace(key.substr(0, slash), Section(c10::StringType::get(), c10::AnyType::get())).first;
+          sections.try_emplace(key.substr(0, slash), Section(c10::StringType::get(), c10::AnyType::get()))
+              .first;
       section->second.insert(key.substr(slash + 1), to_ivalue(value));
     }
     Section root(c10::StringType::get(), c10::AnyType::get());
@@ -195,8 +201,8 @@ Status write_checkpoint(const std::string& path, const StateDict& state) {
 
   const fs::path target(path);
   const std::string folder = target.has_parent_path() ? target.parent_path().string() : ".";
-  const std::string temporary =
-      folder + "/" + std::string(kTemporaryMark) + std::to_string(getpid()) + "-" + target.filename().string();
+  const std::string temporary = folder + "/" + std::string(kTemporaryMark) + std::to_string(getpid()) + "-" +
+                                target.filename().string();
   unlink(temporary.c_str());  // of an earlier process with this pid
   const Status written = write_and_sync(temporary, bytes);
   if (!written) {
@@ -299,7 +305,8 @@ std::vector<CheckpointFile> CheckpointStore::list() const {
     const std::string name = entry.path().filename().string();
     std::string_view rest = name;
     CheckpointFile file{.path = entry.path().string()};
-    if (take_number(rest, "checkpoint_", file.version) && take_number(rest, "_", file.env_frames) && rest == ".pt")
+    if (take_number(rest, "checkpoint_", file.version) && take_number(rest, "_", file.env_frames) &&
+        rest == ".pt")
       files.push_back(std::move(file));
   }
   std::sort(files.begin(), files.end(), [](const CheckpointFile& a, const CheckpointFile& b) {

@@ -1,6 +1,7 @@
-// Everything a run needs to go on, as one file that Python's torch.load(path, weights_only=True) reads: a dict of
-// sections ("network", "optimizer", "counters", ...), each a dict of tensors, integers, floats and texts. Files are
-// written beside their place, fsynced and renamed, so that a crash never leaves half a checkpoint under its name.
+// Everything a run needs to go on, as one file that Python's torch.load(path, weights_only=True) reads: a
+// dict of sections ("network", "optimizer", "counters", ...), each a dict of tensors, integers, floats and
+// texts. Files are written beside their place, fsynced and renamed, so that a crash never leaves half a
+// checkpoint under its name.
 #pragma once
 
 #include <torch/types.h>
@@ -36,8 +37,8 @@ class StateDict {
   Expected<int64_t> integer(const std::string& key) const;
   Expected<double> number(const std::string& key) const;
   Expected<std::string> text(const std::string& key) const;
-  /// Copies the tensor at `key` into `target`, which keeps its device. Errors: kBadFormat (missing, other shape or
-  /// dtype), naming both shapes.
+  /// Copies the tensor at `key` into `target`, which keeps its device. Errors: kBadFormat (missing, other
+  /// shape or dtype), naming both shapes.
   Status copy_tensor(const std::string& key, torch::Tensor target) const;
 
   const std::map<std::string, Value>& values() const { return values_; }
@@ -64,8 +65,8 @@ struct CheckpointFile {
 /// The checkpoints of one run: <run_dir>/checkpoint/checkpoint_<version>_<env_frames>.pt and best_<J>.pt.
 class CheckpointStore {
  public:
-  /// `keep` newest periodic checkpoints survive a save(); at least 1. The folder is made on the first save; temporary
-  /// files that a crash left there are removed then.
+  /// `keep` newest periodic checkpoints survive a save(); at least 1. The folder is made on the first save;
+  /// temporary files that a crash left there are removed then.
   CheckpointStore(std::string folder, int64_t keep);
 
   /// Returns the path. Errors: as write_checkpoint.
@@ -78,7 +79,8 @@ class CheckpointStore {
   /// Path of the best checkpoint, highest score first when several lie there; empty if none.
   std::string best() const;
 
-  /// Moves an unreadable checkpoint out of the way (adds ".broken"), so that it is not tried or counted again.
+  /// Moves an unreadable checkpoint out of the way (adds ".broken"), so that it is not tried or counted
+  /// again.
   void set_aside(const std::string& path) const;
 
  private:

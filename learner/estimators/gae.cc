@@ -1,6 +1,5 @@
 #include "learner/estimators/gae.h"
 
-
 #include <vector>
 
 #include "policy_workers/policy/torch_ops.h"
@@ -12,7 +11,8 @@ namespace {
 template <typename T>
 const T* data_of(const Tensor& tensor, at::IntArrayRef shape) {
   COMRAD_CHECK(tensor.defined() && tensor.sizes() == shape, "estimator input has the batch's shape");
-  COMRAD_CHECK(tensor.is_contiguous() && tensor.device().is_cpu(), "estimator input is contiguous on the CPU");
+  COMRAD_CHECK(tensor.is_contiguous() && tensor.device().is_cpu(),
+               "estimator input is contiguous on the CPU");
   return tensor.data_ptr<T>();
 }
 

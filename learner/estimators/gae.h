@@ -1,5 +1,5 @@
-// Generalised advantage estimation over sealed trajectories: from rewards and the behaviour policy's values to
-// advantages and return targets. Stage: update, before the loss; plain loops on the CPU.
+// Generalised advantage estimation over sealed trajectories: from rewards and the behaviour policy's values
+// to advantages and return targets. Stage: update, before the loss; plain loops on the CPU.
 #pragma once
 
 #include <torch/types.h>
@@ -39,7 +39,8 @@ struct Advantages {
 ///
 /// so an invalid step is transparent: the advantage behind it passes through undiscounted.
 /// Errors: none at run time; shapes are checked.  Threads: pure function.
-/// Source: Schulman et al. 2016, arXiv:1506.02438, eq. 16; time limits: Pardo et al. 2018, arXiv:1712.00378, eq. 8.
+/// Source: Schulman et al. 2016, arXiv:1506.02438, eq. 16; time limits: Pardo et al. 2018, arXiv:1712.00378,
+/// eq. 8.
 Advantages gae(const ReturnInput& input, const GaeOptions& options);
 
 }  // namespace comrad::learn

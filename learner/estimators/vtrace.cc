@@ -1,6 +1,5 @@
 #include "learner/estimators/vtrace.h"
 
-
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -14,7 +13,8 @@ namespace {
 template <typename T>
 const T* data_of(const Tensor& tensor, at::IntArrayRef shape) {
   COMRAD_CHECK(tensor.defined() && tensor.sizes() == shape, "estimator input has the batch's shape");
-  COMRAD_CHECK(tensor.is_contiguous() && tensor.device().is_cpu(), "estimator input is contiguous on the CPU");
+  COMRAD_CHECK(tensor.is_contiguous() && tensor.device().is_cpu(),
+               "estimator input is contiguous on the CPU");
   return tensor.data_ptr<T>();
 }
 
@@ -46,8 +46,7 @@ Advantages vtrace(const Tensor& log_rho_tensor, const ReturnInput& input, const 
       const double v = value[at], v_next = value[at + rows];
       const double at_end = cut && terminated[at] == 0 ? static_cast<double>(final_value[at]) : 0.0;
       const double delta = rho * (reward[at] + options.gamma * (done ? at_end : v_next) - v);
-      advantage[at] =
-          static_cast<float>(rho * (reward[at] + options.gamma * (done ? at_end : vs_next) - v));
+      advantage[at] = static_cast<float>(rho * (reward[at] + options.gamma * (done ? at_end : vs_next) - v));
       vs_next = v + delta + (done ? 0.0 : options.gamma * c * (vs_next - v_next));
       target[at] = static_cast<float>(vs_next);
     }

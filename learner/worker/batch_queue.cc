@@ -16,7 +16,10 @@ constexpr int64_t kPollUs = 50'000;  ///< bound on every wait, so that a stop is
 }  // namespace
 
 BatchQueue::BatchQueue(const shm::Arena& arena, int64_t slabs_per_batch, int64_t capacity)
-    : arena_(arena), slabs_per_batch_(slabs_per_batch), capacity_(std::max<int64_t>(1, capacity)), thread_([this] { run(); }) {}
+    : arena_(arena),
+      slabs_per_batch_(slabs_per_batch),
+      capacity_(std::max<int64_t>(1, capacity)),
+      thread_([this] { run(); }) {}
 
 BatchQueue::~BatchQueue() {
   stop_ = true;
@@ -26,7 +29,8 @@ BatchQueue::~BatchQueue() {
 
 std::unique_ptr<Minibatch> BatchQueue::pop(int timeout_ms) {
   std::unique_lock lock(mutex_);
-  changed_.wait_for(lock, std::chrono::milliseconds(timeout_ms), [this] { return !full_.empty() || !failure_.empty(); });
+  changed_.wait_for(lock, std::chrono::milliseconds(timeout_ms),
+                    [this] { return !full_.empty() || !failure_.empty(); });
   if (full_.empty()) return nullptr;
   std::unique_ptr<Minibatch> batch = std::move(full_.front());
   full_.pop_front();
@@ -99,8 +103,8 @@ bool BatchQueue::collect(Minibatch& batch) {
     const uint32_t heard = shm::listen(sealed);
     const std::vector<uint32_t> slabs = arena_.drain_slabs(static_cast<int>(slabs_per_batch_ - position));
     for (const uint32_t index : slabs) {
-      broken_ += static_cast<uint64_t>(
-          collate_slab(batch, position++, arena_.slab(static_cast<int>(index)), arena_.slab_header(static_cast<int>(index)).length));
+      broken_ += static_cast<uint64_t>(collate_slab(batch, position++, arena_.slab(static_cast<int>(index)),
+                                                    arena_.slab_header(static_cast<int>(index)).length));
       arena_.release_slab(index);
     }
     if (position == slabs_per_batch_) return true;

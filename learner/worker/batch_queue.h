@@ -1,6 +1,7 @@
-// The batcher: a thread that copies sealed slabs into training batches while the learner trains, and gives each slab
-// back the moment it is copied. At most `capacity` full batches wait; then slabs stay sealed, simulators run out of
-// free ones, and policy lag stays bounded. Stage: drain > sample. (Asynchronous mode only.)
+// The batcher: a thread that copies sealed slabs into training batches while the learner trains, and gives
+// each slab back the moment it is copied. At most `capacity` full batches wait; then slabs stay sealed,
+// simulators run out of free ones, and policy lag stays bounded. Stage: drain > sample. (Asynchronous mode
+// only.)
 #pragma once
 
 #include <atomic>
@@ -32,8 +33,8 @@ class BatchQueue {
   /// Hands a trained batch back for reuse.
   void recycle(std::unique_ptr<Minibatch> batch);
 
-  int waiting() const;                                           ///< full batches
-  uint64_t broken_decisions() const { return broken_.load(); }   ///< that collate found damaged
+  int waiting() const;                                          ///< full batches
+  uint64_t broken_decisions() const { return broken_.load(); }  ///< that collate found damaged
   /// What stopped the thread early (libtorch out of memory); empty while all is well.
   std::string failure() const;
 

@@ -70,8 +70,8 @@ Expected<EventFile> EventFile::create(const std::string& folder) {
   char host[256] = "localhost";
   if (gethostname(host, sizeof(host) - 1) != 0) std::strcpy(host, "localhost");
   const double now = wall_seconds();
-  const std::string path = folder + "/events.out.tfevents." + std::to_string(static_cast<int64_t>(now)) + "." +
-                           host + "." + std::to_string(getpid()) + ".0";
+  const std::string path = folder + "/events.out.tfevents." + std::to_string(static_cast<int64_t>(now)) +
+                           "." + host + "." + std::to_string(getpid()) + ".0";
   const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (descriptor < 0) return Error{ErrorCode::kSystem, "cannot create " + path + ": " + std::strerror(errno)};
   EventFile file(descriptor, path);
@@ -95,7 +95,8 @@ EventFile::~EventFile() {
   if (descriptor_ >= 0) close(descriptor_);
 }
 
-Status EventFile::write(double wall_time_s, int64_t step, const std::vector<std::pair<std::string, double>>& values) {
+Status EventFile::write(double wall_time_s, int64_t step,
+                        const std::vector<std::pair<std::string, double>>& values) {
   tensorboard::Event event;
   event.set_wall_time(wall_time_s);
   event.set_step(step);

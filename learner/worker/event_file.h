@@ -1,4 +1,5 @@
-// A TensorBoard event file: scalars over steps, framed records with masked CRC32C. Stage: beside update, for eyes.
+// A TensorBoard event file: scalars over steps, framed records with masked CRC32C. Stage: beside update, for
+// eyes.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +12,8 @@
 
 namespace comrad::learn {
 
-/// CRC-32C (Castagnoli, reflected polynomial 0x82F63B78) as TFRecord stores it: rotated right by 15, plus a constant.
+/// CRC-32C (Castagnoli, reflected polynomial 0x82F63B78) as TFRecord stores it: rotated right by 15, plus a
+/// constant.
 uint32_t masked_crc32c(std::string_view bytes);
 
 /// One record: length u64 LE, masked CRC of the length, bytes, masked CRC of the bytes.
@@ -37,7 +39,8 @@ class EventFile {
   std::string path_;
 };
 
-/// Writes all bytes to a descriptor in as few system calls as it takes. Errors: kNoSpace, kSystem, naming `path`.
+/// Writes all bytes to a descriptor in as few system calls as it takes. Errors: kNoSpace, kSystem, naming
+/// `path`.
 Status write_all(int descriptor, std::string_view bytes, const std::string& path);
 
 }  // namespace comrad::learn

@@ -20,7 +20,8 @@ uint64_t next_rollout_of(const shm::Arena& arena, int env_index) {
 
 }  // namespace
 
-Expected<JournalSnapshot> JournalSnapshot::capture(const shm::Arena& arena, uint64_t next_rollout, int timeout_ms) {
+Expected<JournalSnapshot> JournalSnapshot::capture(const shm::Arena& arena, uint64_t next_rollout,
+                                                   int timeout_ms) {
   const shm::ArenaShape& shape = arena.shape();
   const EnvShape& env = shape.trajectory.env;
   JournalSnapshot snapshot;
@@ -39,11 +40,12 @@ Expected<JournalSnapshot> JournalSnapshot::capture(const shm::Arena& arena, uint
     }
     const shm::JournalHeader& journal = arena.journal(index);
     if (static_cast<int64_t>(journal.length) > shape.journal_steps)
-      return Error{ErrorCode::kUnsupported, "the journal of environment " + std::to_string(index) + " overflowed (" +
-                                                std::to_string(journal.length) + " decisions since reset, room for " +
+      return Error{ErrorCode::kUnsupported, "the journal of environment " + std::to_string(index) +
+                                                " overflowed (" + std::to_string(journal.length) +
+                                                " decisions since reset, room for " +
                                                 std::to_string(shape.journal_steps) + "); no exact resume"};
-    for (const uint64_t field : {journal.episode_seed, journal.episode_id, journal.step_id, journal.rollout_index,
-                                 uint64_t{journal.length}})
+    for (const uint64_t field : {journal.episode_seed, journal.episode_id, journal.step_id,
+                                 journal.rollout_index, uint64_t{journal.length}})
       snapshot.header.push_back(static_cast<int64_t>(field));
     for (uint32_t step = 0; step < journal.length; ++step) {
       const auto action = arena.journal_action(index, static_cast<int>(step));
@@ -77,11 +79,13 @@ Expected<JournalSnapshot> JournalSnapshot::load(const StateDict& state) {
   COMRAD_TRY_ASSIGN(const torch::Tensor header, state.tensor("journal/header"));
   COMRAD_TRY_ASSIGN(const torch::Tensor action, state.tensor("journal/action"));
   COMRAD_TRY_ASSIGN(const torch::Tensor recurrent, state.tensor("journal/recurrent"));
-  const bool fits = header.dim() == 2 && header.size(1) == kHeaderFields && header.scalar_type() == torch::kInt64 &&
-                    action.dim() == 1 && action.scalar_type() == torch::kUInt8 && recurrent.dim() == 3 &&
+  const bool fits = header.dim() == 2 && header.size(1) == kHeaderFields &&
+                    header.scalar_type() == torch::kInt64 && action.dim() == 1 &&
+                    action.scalar_type() == torch::kUInt8 && recurrent.dim() == 3 &&
                     recurrent.size(0) == header.size(0) && recurrent.size(1) == 2 &&
                     recurrent.scalar_type() == torch::kFloat32 && snapshot.action_bytes > 0;
-  if (!fits) return Error{ErrorCode::kBadFormat, "the checkpoint's journal has another shape than this build writes"};
+  if (!fits)
+    return Error{ErrorCode::kBadFormat, "the checkpoint's journal has another shape than this build writes"};
   snapshot.next_rollout = static_cast<uint64_t>(next_rollout);
   snapshot.state_floats = recurrent.size(2);
   const torch::Tensor dense_header = header.contiguous(), dense_action = action.contiguous(),
@@ -98,20 +102,22 @@ Status JournalSnapshot::restore(const shm::Arena& arena) const {
   const int64_t env_count = static_cast<int64_t>(header.size()) / kHeaderFields;
   if (env_count != shape.env_count() || action_bytes != int64_t{env.num_agents} * env.head_count ||
       state_floats != int64_t{env.num_agents} * shape.trajectory.recurrent_state_count)
-    return Error{ErrorCode::kBadFormat,
-                 "the checkpoint holds " + std::to_string(env_count) + " environments with joint actions of " +
-                     std::to_string(action_bytes) + " bytes, this run has " + std::to_string(shape.env_count()) +
-                     " with " + std::to_string(env.num_agents * env.head_count) +
-                     "; a deterministic run resumes with the same --num_workers, --num_envs_per_worker, --num_agents "
-                     "and model"};
+    return Error{
+        ErrorCode::kBadFormat,
+        "the checkpoint holds " + std::to_string(env_count) + " environments with joint actions of " +
+            std::to_string(action_bytes) + " bytes, this run has " + std::to_string(shape.env_count()) +
+            " with " + std::to_string(env.num_agents * env.head_count) +
+            "; a deterministic run resumes with the same --num_workers, --num_envs_per_worker, --num_agents "
+            "and model"};
   std::size_t read = 0;
   for (int64_t index = 0; index < env_count; ++index) {
     const int64_t* field = header.data() + index * kHeaderFields;
     const int64_t length = field[4];
     if (length < 0 || length > shape.journal_steps ||
         read + static_cast<std::size_t>(length * action_bytes) > action.size())
-      return Error{ErrorCode::kBadFormat, "the checkpoint's journal of environment " + std::to_string(index) + " has " +
-                                              std::to_string(length) + " decisions; this run has room for " +
+      return Error{ErrorCode::kBadFormat, "the checkpoint's journal of environment " + std::to_string(index) +
+                                              " has " + std::to_string(length) +
+                                              " decisions; this run has room for " +
                                               std::to_string(shape.journal_steps)};
     const int env_index = static_cast<int>(index);
     shm::JournalHeader& journal = arena.journal(env_index);

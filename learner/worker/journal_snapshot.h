@@ -1,6 +1,6 @@
-// What deterministic resume needs of the environments, taken at a rollout boundary while all of them are parked: the
-// journals (episode seed and the actions since reset) and the recurrent states. Goes into checkpoints and back into
-// a fresh arena.
+// What deterministic resume needs of the environments, taken at a rollout boundary while all of them are
+// parked: the journals (episode seed and the actions since reset) and the recurrent states. Goes into
+// checkpoints and back into a fresh arena.
 #pragma once
 
 #include <cstddef>
@@ -14,12 +14,12 @@
 namespace comrad::learn {
 
 struct JournalSnapshot {
-  uint64_t next_rollout = 0;              ///< the rollout that every environment begins next
-  int64_t action_bytes = 0;               ///< N * heads, bytes of one joint action
-  int64_t state_floats = 0;               ///< N * H, of one parity
-  std::vector<int64_t> header;            ///< [env, 5] episode_seed, episode_id, step_id, rollout_index, length
-  std::vector<uint8_t> action;            ///< all environments' joint actions, one after the other
-  std::vector<float> recurrent;           ///< [env, 2, N * H]
+  uint64_t next_rollout = 0;     ///< the rollout that every environment begins next
+  int64_t action_bytes = 0;      ///< N * heads, bytes of one joint action
+  int64_t state_floats = 0;      ///< N * H, of one parity
+  std::vector<int64_t> header;   ///< [env, 5] episode_seed, episode_id, step_id, rollout_index, length
+  std::vector<uint8_t> action;   ///< all environments' joint actions, one after the other
+  std::vector<float> recurrent;  ///< [env, 2, N * H]
 
   /// Copies the arena's journals once every environment says that `next_rollout` is its next.
   /// Errors: kTimeout when one does not within `timeout_ms`; kUnsupported when a journal overflowed.

@@ -18,7 +18,8 @@ namespace {
 
 constexpr double kStatsIntervalS = 1.0;
 constexpr double kPollIntervalS = 0.05;
-/// A stop lets the optimizer step in hand end; one that takes longer is given up, so that the process is gone in 10 s.
+/// A stop lets the optimizer step in hand end; one that takes longer is given up, so that the process is gone
+/// in 10 s.
 constexpr double kAbandonStepAfterS = 4.0;
 /// Lock step can only save at a boundary, so it gets more time to reach it.
 constexpr double kAbandonRolloutAfterS = 7.5;
@@ -33,7 +34,8 @@ std::string host_name() {
 }
 
 int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env) {
-  return std::max<int64_t>(1, config.batch_size * config.num_batches_per_epoch / (config.rollout * env.num_agents));
+  return std::max<int64_t>(
+      1, config.batch_size * config.num_batches_per_epoch / (config.rollout * env.num_agents));
 }
 
 }  // namespace
@@ -42,8 +44,9 @@ Expected<torch::Device> choose_device(const std::string& name) {
   const bool has_cuda = at::hasCUDA();
   if (name == "cpu" || (name == "auto" && !has_cuda)) return torch::Device(torch::kCPU);
   if (!has_cuda)
-    return Error{ErrorCode::kUnsupported,
-                 "device is \"" + name + "\", but this libtorch sees no CUDA device; use --device cpu or auto"};
+    return Error{
+        ErrorCode::kUnsupported,
+        "device is \"" + name + "\", but this libtorch sees no CUDA device; use --device cpu or auto"};
   return torch::Device(name == "auto" ? "cuda" : name);
 }
 
@@ -75,7 +78,8 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
                     make_algorithm(config, learner->arena_.shape().trajectory.env, device));
   const int64_t bytes = learner->algorithm_->weights_bytes();
   if (bytes > learner->arena_.shape().weights_bytes)
-    return Error{ErrorCode::kBadInput, "the network has " + std::to_string(bytes) + " bytes of weights, the arena holds " +
+    return Error{ErrorCode::kBadInput, "the network has " + std::to_string(bytes) +
+                                           " bytes of weights, the arena holds " +
                                            std::to_string(learner->arena_.shape().weights_bytes) +
                                            "; learner and supervisor must read the same config.toml"};
   COMRAD_TRY(learner->resume());
@@ -84,9 +88,10 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
   if (!options.serve) {
     COMRAD_TRY_ASSIGN(learner->metrics_, MetricsWriter::open(options.run_dir));
     if (learner->lock_step_ && control.rollouts_allowed.load() != 0)
-      return Error{ErrorCode::kUnsupported,
-                   "a learner cannot join a lock-step run half way (its simulators have gone on); stop the run and "
-                   "resume it from its last checkpoint"};
+      return Error{
+          ErrorCode::kUnsupported,
+          "a learner cannot join a lock-step run half way (its simulators have gone on); stop the run and "
+          "resume it from its last checkpoint"};
     learner->arena_.reclaim_learner();
     if (learner->journals_) COMRAD_TRY(learner->journals_->restore(learner->arena_));
   }
@@ -109,10 +114,11 @@ Status Learner::check_arena() const {
   const TrajectoryShape& shape = arena_.shape().trajectory;
   const int64_t state_count = policy::PolicyNetOptions::from(config_, shape.env).recurrent_state_count();
   if (shape.rollout_steps != config_.rollout || shape.recurrent_state_count != state_count)
-    return Error{ErrorCode::kBadInput, "the arena was made for rollout " + std::to_string(shape.rollout_steps) +
-                                           " and " + std::to_string(shape.recurrent_state_count) +
-                                           " floats of recurrent state, config.toml says " +
-                                           std::to_string(config_.rollout) + " and " + std::to_string(state_count)};
+    return Error{ErrorCode::kBadInput,
+                 "the arena was made for rollout " + std::to_string(shape.rollout_steps) + " and " +
+                     std::to_string(shape.recurrent_state_count) +
+                     " floats of recurrent state, config.toml says " + std::to_string(config_.rollout) +
+                     " and " + std::to_string(state_count)};
   const int64_t needed = lock_step_ ? arena_.shape().env_count() : slabs_per_batch(config_, shape.env);
   if (!options_.serve && arena_.shape().slab_count < needed)
     return Error{ErrorCode::kBadInput, "the arena has " + std::to_string(arena_.shape().slab_count) +
@@ -162,12 +168,13 @@ Status Learner::resume() {
     return {};
   }
   if (!candidates.empty())
-    return Error{ErrorCode::kBadFormat, "none of the " + std::to_string(candidates.size()) + " checkpoints in " +
-                                            options_.run_dir +
+    return Error{ErrorCode::kBadFormat, "none of the " + std::to_string(candidates.size()) +
+                                            " checkpoints in " + options_.run_dir +
                                             "/checkpoint can be read; restore one, or begin anew with "
                                             "--restart_behavior restart"};
   if (options_.serve)
-    return Error{ErrorCode::kNotFound, "no checkpoint in " + options_.run_dir + "/checkpoint; name one with --checkpoint"};
+    return Error{ErrorCode::kNotFound,
+                 "no checkpoint in " + options_.run_dir + "/checkpoint; name one with --checkpoint"};
   if (!options_.checkpoint.empty()) return load(options_.checkpoint);
   return {};
 }
@@ -238,13 +245,15 @@ Expected<std::vector<uint32_t>> Learner::collect_rollout(uint64_t rollout) {
     for (const uint32_t slab : drained) {
       const shm::SlabHeader& header = arena_.slab_header(static_cast<int>(slab));
       const uint32_t env_index = header.env_index;
-      if (env_index >= static_cast<uint32_t>(env_count) || header.rollout_index != rollout || slab_of[env_index]) {
+      if (env_index >= static_cast<uint32_t>(env_count) || header.rollout_index != rollout ||
+          slab_of[env_index]) {
         const std::string what = "environment " + std::to_string(env_index) + " sealed rollout " +
-                                 std::to_string(header.rollout_index) + " while the learner waits for rollout " +
-                                 std::to_string(rollout);
+                                 std::to_string(header.rollout_index) +
+                                 " while the learner waits for rollout " + std::to_string(rollout);
         arena_.release_slab(slab);
         give_back();
-        return Error{ErrorCode::kPeerLost, what + "; a simulator left lock step, resume from the last checkpoint"};
+        return Error{ErrorCode::kPeerLost,
+                     what + "; a simulator left lock step, resume from the last checkpoint"};
       }
       slab_of[env_index] = slab;
       --missing;
@@ -268,7 +277,8 @@ Status Learner::run_lock_step() {
     if (slabs.empty()) break;
     std::optional<JournalSnapshot> boundary;
     if (config_.deterministic && arena_.shape().journal_steps > 0) {
-      Expected<JournalSnapshot> captured = JournalSnapshot::capture(arena_, next_rollout_ + 1, kJournalTimeoutMs);
+      Expected<JournalSnapshot> captured =
+          JournalSnapshot::capture(arena_, next_rollout_ + 1, kJournalTimeoutMs);
       if (captured)
         boundary = std::move(captured).value();
       else
@@ -317,7 +327,8 @@ Status Learner::train(Minibatch& batch) {
   context.begin_step = [this] { return lock_step_ || !stop_requested(); };
   context.keep_going = [this] {
     poll();
-    return !stop_requested() || seconds_since_stop() < (lock_step_ ? kAbandonRolloutAfterS : kAbandonStepAfterS);
+    return !stop_requested() ||
+           seconds_since_stop() < (lock_step_ ? kAbandonRolloutAfterS : kAbandonStepAfterS);
   };
   COMRAD_TRY_ASSIGN(last_update_, algorithm_->update(batch, context));
   skipped_steps_ += static_cast<uint64_t>(last_update_.skipped_steps);
@@ -340,8 +351,8 @@ void Learner::publish() {
   algorithm_->write_weights(weights_);
   arena_.publish_weights(weights_, algorithm_->version());
   if (!bus_) return;
-  const Status written = bus_->write(
-      dds::WeightsUpdate{.version = algorithm_->version(), .bytes = weights_.size(), .checksum = checksum64(weights_)});
+  const Status written = bus_->write(dds::WeightsUpdate{
+      .version = algorithm_->version(), .bytes = weights_.size(), .checksum = checksum64(weights_)});
   if (!written) spdlog::warn("weights notice: {}", written.error().message);
 }
 
@@ -411,8 +422,9 @@ Status Learner::save_if_due() {
   }
   if (now - last_best_look_s_ < config_.save_best_every_sec) return {};
   last_best_look_s_ = now;
-  const bool enough = episodes_.size() >= std::min(kBestEpisodesMin, static_cast<std::size_t>(config_.stats_avg)) &&
-                      static_cast<double>(env_frames_) >= config_.save_best_after;
+  const bool enough =
+      episodes_.size() >= std::min(kBestEpisodesMin, static_cast<std::size_t>(config_.stats_avg)) &&
+      static_cast<double>(env_frames_) >= config_.save_best_after;
   const double score = episodes_.score_mean();
   if (!enough || !std::isfinite(score) || (has_best_ && score <= best_score_ + kBestImprovement)) return {};
   const double previous = best_score_;
@@ -489,7 +501,8 @@ void Learner::report_metrics() {
   last_sampled_s_ = now;
   last_sampled_decisions_ = sampled;
   const shm::WorkerCounters& counters = arena_.learner_counters();
-  const double busy = static_cast<double>(counters.busy_ns.load()), wait = static_cast<double>(counters.wait_ns.load());
+  const double busy = static_cast<double>(counters.busy_ns.load()),
+               wait = static_cast<double>(counters.wait_ns.load());
   if (busy + wait > 0) values.emplace_back("stats/learner_busy_fraction", busy / (busy + wait));
   values.emplace_back("stats/batches_waiting", queue_ ? queue_->waiting() : 0);
   values.emplace_back("stats/slabs_sealed", arena_.sealed_count());

@@ -1,7 +1,7 @@
-// The learner process: drains sealed trajectories, updates the algorithm, publishes weights, keeps checkpoints and
-// reports. Stage: drain > sample > update > publish. Asynchronous mode takes slabs as they come; lock step
-// (deterministic, or async_rl off) waits for one rollout of every environment, trains on it in a fixed order and
-// only then lets the next one begin.
+// The learner process: drains sealed trajectories, updates the algorithm, publishes weights, keeps
+// checkpoints and reports. Stage: drain > sample > update > publish. Asynchronous mode takes slabs as they
+// come; lock step (deterministic, or async_rl off) waits for one rollout of every environment, trains on it
+// in a fixed order and only then lets the next one begin.
 #pragma once
 
 #include <atomic>
@@ -25,33 +25,36 @@ namespace comrad::learn {
 
 struct LearnerOptions {
   std::string run_dir;
-  bool serve = false;      ///< publish a checkpoint and idle, instead of training
-  std::string checkpoint;  ///< serve: the file; train: where to begin when the run has no checkpoint of its own
+  bool serve = false;  ///< publish a checkpoint and idle, instead of training
+  std::string
+      checkpoint;  ///< serve: the file; train: where to begin when the run has no checkpoint of its own
 };
 
-/// The device that `name` (auto, cpu, cuda, cuda:<n>) means here. Errors: kUnsupported when there is no such device.
+/// The device that `name` (auto, cpu, cuda, cuda:<n>) means here. Errors: kUnsupported when there is no such
+/// device.
 Expected<torch::Device> choose_device(const std::string& name);
 
 /// One learner. Made by start(), which leaves weights published and simulators allowed to begin.
 class Learner {
  public:
-  /// Opens everything in the order that others depend on: algorithm, checkpoint, weights, journals, permission.
-  /// `stop` is raised by a signal handler.
-  /// Errors: kBadInput (settings, arena of another shape), kBadFormat (checkpoint), kSystem.
+  /// Opens everything in the order that others depend on: algorithm, checkpoint, weights, journals,
+  /// permission. `stop` is raised by a signal handler. Errors: kBadInput (settings, arena of another shape),
+  /// kBadFormat (checkpoint), kSystem.
   static Expected<std::unique_ptr<Learner>> start(const LearnerOptions& options, const RunConfig& config,
                                                   shm::Arena arena, std::optional<dds::Bus> bus,
                                                   const std::atomic<bool>& stop);
 
   /// Trains (or serves) until the run's end or a stop; saves the last checkpoint.
-  /// Errors: kBadInput when training diverged, kNoSpace or kSystem when the last checkpoint could not be written.
+  /// Errors: kBadInput when training diverged, kNoSpace or kSystem when the last checkpoint could not be
+  /// written.
   Status run();
 
   uint64_t env_frames() const { return env_frames_; }
   const Algorithm& algorithm() const { return *algorithm_; }
 
  private:
-  Learner(const LearnerOptions& options, const RunConfig& config, shm::Arena arena, std::optional<dds::Bus> bus,
-          const std::atomic<bool>& stop);
+  Learner(const LearnerOptions& options, const RunConfig& config, shm::Arena arena,
+          std::optional<dds::Bus> bus, const std::atomic<bool>& stop);
 
   // Start.
   Status check_arena() const;

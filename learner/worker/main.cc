@@ -68,8 +68,9 @@ Status train_or_serve(const CommandLine& command, const RunConfig& config) {
   std::snprintf(request.role, sizeof(request.role), "learner");
   COMRAD_TRY_ASSIGN(shm::Arena arena, shm::join_arena(command.arena, request, kJoinTimeoutMs));
   COMRAD_TRY_ASSIGN(dds::Bus bus, dds::Bus::open(dds::bus_config_for_run(arena.run_id())));
-  COMRAD_TRY_ASSIGN(const std::unique_ptr<Learner> learner,
-                    Learner::start(command.learner, config, std::move(arena), std::move(bus), stop_signalled));
+  COMRAD_TRY_ASSIGN(
+      const std::unique_ptr<Learner> learner,
+      Learner::start(command.learner, config, std::move(arena), std::move(bus), stop_signalled));
   const Status result = learner->run();
   // A run that diverged is no user's mistake that another start would repair.
   if (!result) return Error{ErrorCode::kSystem, result.error().message};
@@ -111,8 +112,9 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"train", "serve"}));
   app.add_option("--checkpoint", command.learner.checkpoint,
                  "serve: checkpoint to publish; train: where to begin when the run has none");
-  auto* bench = app.add_option("--bench", command.bench_seconds, "train on synthetic data for so many seconds")
-                    ->check(CLI::PositiveNumber);
+  auto* bench =
+      app.add_option("--bench", command.bench_seconds, "train on synthetic data for so many seconds")
+          ->check(CLI::PositiveNumber);
   app.add_option("--num_agents", command.num_agents, "bench: agents");
   app.add_option("--heads", command.heads, "bench: sizes of the action heads")->delimiter(',');
   app.add_option("--measurements", command.measurements, "bench: length of the measurement vector");

@@ -37,7 +37,10 @@ double RateWindow::rate(uint64_t Sample::*counter) const {
 }
 
 void EpisodeWindow::add(const dds::EpisodeResult& episode) {
-  Episode entry{.score = episode.score, .return_mean = 0, .return_min = 0, .return_max = 0,
+  Episode entry{.score = episode.score,
+                .return_mean = 0,
+                .return_min = 0,
+                .return_max = 0,
                 .length_tics = static_cast<double>(episode.length_tics)};
   if (!episode.agent_return.empty()) {
     for (const double value : episode.agent_return) entry.return_mean += value;
@@ -113,7 +116,8 @@ MetricsWriter::~MetricsWriter() {
   if (descriptor_ >= 0) close(descriptor_);
 }
 
-Status MetricsWriter::write(double time_s, uint64_t env_frames, uint64_t decisions, const MetricValues& values) {
+Status MetricsWriter::write(double time_s, uint64_t env_frames, uint64_t decisions,
+                            const MetricValues& values) {
   nlohmann::ordered_json line;
   line["time_s"] = time_s;
   line["env_frames"] = env_frames;

@@ -1,5 +1,6 @@
-// What a run reports about itself: metrics.jsonl and TensorBoard scalars under the same names, episode statistics
-// over the last episodes, and rates over a sliding window. Stage: beside update, for eyes and scripts.
+// What a run reports about itself: metrics.jsonl and TensorBoard scalars under the same names, episode
+// statistics over the last episodes, and rates over a sliding window. Stage: beside update, for eyes and
+// scripts.
 #pragma once
 
 #include <cstdint>
@@ -36,7 +37,8 @@ class RateWindow {
   };
   double rate(uint64_t Sample::*counter) const;
   double window_s_;
-  std::deque<Sample> samples_;  ///< the oldest one is the newest that left the window, so the window is never empty
+  std::deque<Sample>
+      samples_;  ///< the oldest one is the newest that left the window, so the window is never empty
 };
 
 /// Means over the last `capacity` finished episodes.
@@ -45,10 +47,10 @@ class EpisodeWindow {
   explicit EpisodeWindow(int64_t capacity) : capacity_(capacity < 1 ? 1 : capacity) {}
 
   void add(const dds::EpisodeResult& episode);
-  uint64_t episodes() const { return episodes_; }        ///< since the learner began
-  std::size_t size() const { return window_.size(); }    ///< in the window
-  double score_mean() const;                             ///< NaN before the first
-  double return_mean() const;                            ///< over episodes and agents; NaN before the first
+  uint64_t episodes() const { return episodes_; }      ///< since the learner began
+  std::size_t size() const { return window_.size(); }  ///< in the window
+  double score_mean() const;                           ///< NaN before the first
+  double return_mean() const;                          ///< over episodes and agents; NaN before the first
   /// reward/reward, len/len and policy_stats/avg_true_objective with _min and _max; nothing before the first.
   void append_to(MetricValues& values) const;
 
@@ -74,8 +76,8 @@ class MetricsWriter {
   MetricsWriter& operator=(MetricsWriter&& other) noexcept;
   ~MetricsWriter();
 
-  /// One object per line: time_s, env_frames, decisions, then `values`; a number that is not finite is null there
-  /// and left out of the event file. Errors: kSystem, kNoSpace.
+  /// One object per line: time_s, env_frames, decisions, then `values`; a number that is not finite is null
+  /// there and left out of the event file. Errors: kSystem, kNoSpace.
   Status write(double time_s, uint64_t env_frames, uint64_t decisions, const MetricValues& values);
 
  private:

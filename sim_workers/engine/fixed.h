@@ -1,12 +1,12 @@
-// Doom's numbers: 16.16 fixed point and 32-bit binary angles. Integer arithmetic only, so that a world is the same
-// on every machine.
+// Doom's numbers: 16.16 fixed point and 32-bit binary angles. Integer arithmetic only, so that a world is the
+// same on every machine.
 #pragma once
 
 #include <cstdint>
 
 namespace comrad::doom {
 
-using Fixed = int32_t;  ///< 16.16
+using Fixed = int32_t;   ///< 16.16
 using Angle = uint32_t;  ///< 2^32 = one turn, 0 = east, counter-clockwise
 
 constexpr int kFracBits = 16;
@@ -30,8 +30,8 @@ constexpr Angle degrees_to_angle(int degrees) {
 }
 constexpr double angle_to_radians(Angle angle) { return angle * (6.283185307179586 / 4294967296.0); }
 
-/// Sine and cosine of an angle as 16.16, from a table of 8192 fine angles computed at start-up with integer-exact
-/// rounding; the same on every machine.
+/// Sine and cosine of an angle as 16.16, from a table of 8192 fine angles, truncated as the engine's own; the
+/// same on every machine.
 Fixed fine_sine(Angle angle);
 Fixed fine_cosine(Angle angle);
 

@@ -15,7 +15,8 @@ namespace comrad::testing {
 class SlabPool {
  public:
   SlabPool(const TrajectoryShape& shape, int count)
-      : layout_(shape), bytes_(static_cast<std::size_t>(layout_.slab_bytes) * static_cast<std::size_t>(count)) {
+      : layout_(shape),
+        bytes_(static_cast<std::size_t>(layout_.slab_bytes) * static_cast<std::size_t>(count)) {
     for (int i = 0; i < count; ++i) {
       const SlabView slab = view(i);
       for (int t = 0; t <= shape.rollout_steps; ++t)
@@ -31,8 +32,9 @@ class SlabPool {
   }
 
   SlabView view(int index) const {
-    return SlabView(layout_, const_cast<std::byte*>(bytes_.data()) +
-                                 static_cast<std::size_t>(layout_.slab_bytes) * static_cast<std::size_t>(index));
+    return SlabView(layout_,
+                    const_cast<std::byte*>(bytes_.data()) +
+                        static_cast<std::size_t>(layout_.slab_bytes) * static_cast<std::size_t>(index));
   }
 
   /// Fills frames, measurements, rewards, actions, values and behaviour outputs with noise from `seed`.

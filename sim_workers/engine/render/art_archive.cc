@@ -77,7 +77,8 @@ Expected<IndexedImage> read_picture(std::span<const uint8_t> lump, std::string_v
       const int length = cursor.u8(offset + 1);
       if (!cursor.holds(offset + 3, static_cast<std::size_t>(length) + 1))
         return broken(name, "a post of column " + std::to_string(x) + " reaches past the end");
-      top = delta <= top ? top + delta : delta;  // tall pictures: a smaller start is relative to the last post
+      top =
+          delta <= top ? top + delta : delta;  // tall pictures: a smaller start is relative to the last post
       for (int i = 0; i < length; ++i)
         if (top + i < image.height) plot(x, top + i, cursor.u8(offset + 3 + static_cast<std::size_t>(i)));
       offset += static_cast<std::size_t>(length) + 4;
@@ -169,20 +170,30 @@ Status ArtArchive::index_wad(std::span<const Lump> wad) {
   for (const Lump& lump : wad) {
     const auto index = static_cast<uint32_t>(lumps_.size());
     lumps_.push_back(lump);
-    // F_START and FF_START open the same namespace (PWADs double the letter); inner markers such as F1_START stay in.
+    // F_START and FF_START open the same namespace (PWADs double the letter); inner markers such as F1_START
+    // stay in.
     const std::string& name = lump.name;
     const auto is = [&](const char* single, const char* twice) { return name == single || name == twice; };
-    if (is("F_START", "FF_START")) space = Space::kFlats;
-    else if (is("S_START", "SS_START")) space = Space::kSprites;
-    else if (is("P_START", "PP_START")) space = Space::kPatches;
-    else if (name == "TX_START") space = Space::kTextures;
+    if (is("F_START", "FF_START"))
+      space = Space::kFlats;
+    else if (is("S_START", "SS_START"))
+      space = Space::kSprites;
+    else if (is("P_START", "PP_START"))
+      space = Space::kPatches;
+    else if (name == "TX_START")
+      space = Space::kTextures;
     else if (is("F_END", "FF_END") || is("S_END", "SS_END") || is("P_END", "PP_END") || name == "TX_END")
       space = Space::kNone;
-    else if (space == Space::kFlats) flats_[name] = index;
-    else if (space == Space::kSprites) add_sprite_lump(index);
-    else if (space == Space::kPatches) patches_[name] = index;
-    else if (space == Space::kTextures) textures_tx_[name] = index;
-    else by_name_[name] = index;
+    else if (space == Space::kFlats)
+      flats_[name] = index;
+    else if (space == Space::kSprites)
+      add_sprite_lump(index);
+    else if (space == Space::kPatches)
+      patches_[name] = index;
+    else if (space == Space::kTextures)
+      textures_tx_[name] = index;
+    else
+      by_name_[name] = index;
     if (name == "PNAMES" || name == "TEXTURE1" || name == "TEXTURE2") tables[name] = lump.bytes;
   }
   if (tables.contains("TEXTURE1") || tables.contains("TEXTURE2")) {
@@ -219,7 +230,8 @@ Status ArtArchive::read_palette() {
       const int difference = palettes_[0][index][channel] - palettes_[0][kTransparentIndex][channel];
       distance += difference * difference;
     }
-    if (distance < best_distance) best_distance = distance, twin_of_transparent_ = static_cast<uint8_t>(index);
+    if (distance < best_distance)
+      best_distance = distance, twin_of_transparent_ = static_cast<uint8_t>(index);
   }
   return {};
 }
@@ -233,7 +245,8 @@ Status ArtArchive::read_textures(std::span<const uint8_t> lump, std::string_view
     return broken(lump_name, "its count of " + std::to_string(count) + " textures reaches past the end");
   for (uint32_t i = 0; i < count; ++i) {
     const std::size_t offset = cursor.u32(4 + std::size_t{4} * i);
-    if (!cursor.holds(offset, 22)) return broken(lump_name, "texture " + std::to_string(i) + " lies past the end");
+    if (!cursor.holds(offset, 22))
+      return broken(lump_name, "texture " + std::to_string(i) + " lies past the end");
     Texture texture;
     const std::string name = cursor.name(offset);
     texture.width = cursor.u16(offset + 12), texture.height = cursor.u16(offset + 14);
@@ -298,8 +311,9 @@ Expected<IndexedImage> ArtArchive::sprite_image(uint32_t lump) const {
   if (lump >= lumps_.size()) return Error{ErrorCode::kNotFound, "no lump number " + std::to_string(lump)};
   std::vector<std::array<int, 3>> plotted;
   COMRAD_TRY_ASSIGN(IndexedImage image,
-                    read_picture(lumps_[lump].bytes, lumps_[lump].name,
-                                 [&](int x, int y, uint8_t index) { plotted.push_back({x, y, index}); }));
+                    read_picture(lumps_[lump].bytes, lumps_[lump].name, [&](int x, int y, uint8_t index) {
+                      plotted.push_back({x, y, index});
+                    }));
   image.texels.assign(static_cast<std::size_t>(image.width) * image.height, kTransparentIndex);
   std::vector<bool> covered(image.texels.size(), false);
   for (const auto& [x, y, index] : plotted) {
@@ -328,7 +342,8 @@ Expected<IndexedImage> ArtArchive::compose(const Texture& texture, std::string_v
       image.texels[at] = index;
       covered[at] = true;
     });
-    if (!drawn) return Error{drawn.error().code, "texture " + std::string(name) + ": " + drawn.error().message};
+    if (!drawn)
+      return Error{drawn.error().code, "texture " + std::string(name) + ": " + drawn.error().message};
   }
   finish(&image, covered);
   return image;
@@ -341,7 +356,8 @@ bool ArtArchive::has_surface(std::string_view name) const {
 
 Expected<IndexedImage> ArtArchive::wall(std::string_view name) const {
   const std::string key = upper(name);
-  if (const auto found = textures_tx_.find(key); found != textures_tx_.end()) return sprite_image(found->second);
+  if (const auto found = textures_tx_.find(key); found != textures_tx_.end())
+    return sprite_image(found->second);
   if (const auto found = textures_.find(key); found != textures_.end()) return compose(found->second, key);
   if (flats_.contains(key)) return flat(key);
   return Error{ErrorCode::kNotFound, "no texture named " + key + " in the IWAD or the PWADs"};

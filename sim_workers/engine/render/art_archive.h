@@ -1,6 +1,6 @@
-// The pictures of the IWAD and of PWADs that override it: palette, light tables, wall textures, flats, sprites and
-// status bar graphics, decoded on demand into indexed images. Every offset of a lump is checked: a broken picture is
-// an error that names the lump, never a read out of bounds. Stage: render.
+// The pictures of the IWAD and of PWADs that override it: palette, light tables, wall textures, flats,
+// sprites and status bar graphics, decoded on demand into indexed images. Every offset of a lump is checked:
+// a broken picture is an error that names the lump, never a read out of bounds. Stage: render.
 #pragma once
 
 #include <array>
@@ -26,9 +26,10 @@ constexpr uint8_t kTransparentIndex = 0;
 /// A picture of palette indices, row by row from the top.
 struct IndexedImage {
   int width = 0, height = 0;
-  int left_offset = 0, top_offset = 0;  ///< Doom's: the point of the picture that stands at the thing's position
-  bool masked = false;                  ///< has transparent texels
-  std::vector<uint8_t> texels;          ///< [height, width]
+  int left_offset = 0,
+      top_offset = 0;           ///< Doom's: the point of the picture that stands at the thing's position
+  bool masked = false;          ///< has transparent texels
+  std::vector<uint8_t> texels;  ///< [height, width]
 
   uint8_t at(int x, int y) const { return texels[static_cast<std::size_t>(y) * width + x]; }
 };
@@ -51,9 +52,9 @@ Expected<IndexedImage> decode_picture(std::span<const uint8_t> lump, std::string
 
 class ArtArchive {
  public:
-  /// Opens the IWAD at `iwad_path` (empty: $COMRAD_IWAD, then the places of kIwadPlaces) and then every PWAD, whose
-  /// lumps override those before.
-  /// Errors: kNotFound without an IWAD; kBadFormat for a broken one (PLAYPAL, COLORMAP, PNAMES, TEXTURE1).
+  /// Opens the IWAD at `iwad_path` (empty: $COMRAD_IWAD, then the places of kIwadPlaces) and then every PWAD,
+  /// whose lumps override those before. Errors: kNotFound without an IWAD; kBadFormat for a broken one
+  /// (PLAYPAL, COLORMAP, PNAMES, TEXTURE1).
   static Expected<std::shared_ptr<const ArtArchive>> open(const std::string& iwad_path = {},
                                                           const std::vector<std::string>& pwad_paths = {});
   /// The same from bytes in memory, for tests and fuzzing: each element is one WAD.
@@ -63,8 +64,8 @@ class ArtArchive {
   const std::array<Color, 256>& palette(int index) const { return palettes_[index]; }
   const std::array<uint8_t, 256>& colormap(int row) const { return colormaps_[row]; }
 
-  // Wall textures and flats share one name space where a map says the one for the other (as ZDoom allows): wall()
-  // looks among the textures first, flat() among the flats first.
+  // Wall textures and flats share one name space where a map says the one for the other (as ZDoom allows):
+  // wall() looks among the textures first, flat() among the flats first.
   bool has_surface(std::string_view name) const;
   Expected<IndexedImage> wall(std::string_view name) const;
   Expected<IndexedImage> flat(std::string_view name) const;
@@ -105,9 +106,9 @@ class ArtArchive {
 
   std::shared_ptr<const Storage> storage_;
   std::vector<Lump> lumps_;
-  std::unordered_map<std::string, uint32_t> by_name_;   // last of a name wins
+  std::unordered_map<std::string, uint32_t> by_name_;  // last of a name wins
   std::unordered_map<std::string, uint32_t> flats_;
-  std::unordered_map<std::string, uint32_t> patches_;   // P_START..P_END, where a name exists twice
+  std::unordered_map<std::string, uint32_t> patches_;      // P_START..P_END, where a name exists twice
   std::unordered_map<std::string, uint32_t> textures_tx_;  // TX_START..TX_END: pictures that are textures
   std::unordered_map<std::string, Texture> textures_;
   std::map<std::string, std::map<int, SpriteFrame>, std::less<>> sprites_;

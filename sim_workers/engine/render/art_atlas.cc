@@ -6,8 +6,8 @@
 namespace comrad::doom {
 namespace {
 
-// One texel around each image repeats its other edge, so that a coordinate rounded up to the image's size shows what
-// tiling would.
+// One texel around each image repeats its other edge, so that a coordinate rounded up to the image's size
+// shows what tiling would.
 constexpr int kBorder = 1;
 
 IndexedImage make_checkerboard() {
@@ -15,7 +15,8 @@ IndexedImage make_checkerboard() {
   image.width = image.height = 64;
   image.texels.resize(64 * 64);
   for (int y = 0; y < 64; ++y)
-    for (int x = 0; x < 64; ++x) image.texels[static_cast<std::size_t>(y) * 64 + x] = ((x ^ y) & 16) ? 176 : 4;
+    for (int x = 0; x < 64; ++x)
+      image.texels[static_cast<std::size_t>(y) * 64 + x] = ((x ^ y) & 16) ? 176 : 4;
   return image;
 }
 
@@ -33,17 +34,20 @@ ArtAtlas::ArtAtlas(std::shared_ptr<const ArtArchive> archive)
 Expected<AtlasRegion> ArtAtlas::add(const IndexedImage& image) {
   const int width = image.width + kBorder, height = image.height + kBorder;
   if (width > kAtlasWidth)
-    return Error{ErrorCode::kNoSpace, "a picture " + std::to_string(image.width) + " texels wide does not fit the atlas"};
+    return Error{ErrorCode::kNoSpace,
+                 "a picture " + std::to_string(image.width) + " texels wide does not fit the atlas"};
   Shelf* best = nullptr;
   for (Shelf& shelf : shelves_) {
-    if (shelf.height < height || shelf.used_width + width > kAtlasWidth || shelf.height > height + height / 4 + 4)
+    if (shelf.height < height || shelf.used_width + width > kAtlasWidth ||
+        shelf.height > height + height / 4 + 4)
       continue;
     if (best == nullptr || shelf.height < best->height) best = &shelf;
   }
   if (best == nullptr) {
     if (next_top_ + height > kAtlasHeightMax)
-      return Error{ErrorCode::kNoSpace, "the level's art does not fit the atlas of " + std::to_string(kAtlasWidth) +
-                                            "x" + std::to_string(kAtlasHeightMax) + " texels"};
+      return Error{ErrorCode::kNoSpace, "the level's art does not fit the atlas of " +
+                                            std::to_string(kAtlasWidth) + "x" +
+                                            std::to_string(kAtlasHeightMax) + " texels"};
     shelves_.push_back({.top = next_top_, .height = height, .used_width = 0});
     next_top_ += height;
     best = &shelves_.back();

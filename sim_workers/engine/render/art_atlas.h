@@ -1,6 +1,6 @@
-// All texels that a renderer draws from, in one sheet of palette indices: walls, flats and sprites side by side, so
-// that everything draws with one texture bound. Filled when a level is registered, read by the rasterizer (as a
-// texture) and by the pass that turns texel addresses into colours. Stage: render.
+// All texels that a renderer draws from, in one sheet of palette indices: walls, flats and sprites side by
+// side, so that everything draws with one texture bound. Filled when a level is registered, read by the
+// rasterizer (as a texture) and by the pass that turns texel addresses into colours. Stage: render.
 #pragma once
 
 #include <array>
@@ -38,7 +38,8 @@ struct SpriteArt {
   int left_offset = 0, top_offset = 0;
 };
 
-/// The eight sides of one sprite frame; art[i] indexes into ArtAtlas::sprites(), -1 where the archive has none.
+/// The eight sides of one sprite frame; art[i] indexes into ArtAtlas::sprites(), -1 where the archive has
+/// none.
 struct SpriteSides {
   std::array<int32_t, 8> art{-1, -1, -1, -1, -1, -1, -1, -1};
   std::array<bool, 8> mirrored{};

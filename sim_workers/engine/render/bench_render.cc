@@ -1,6 +1,8 @@
-// comrad-bench-render: how many agent views a second one core draws, on an arena of the size that training uses: a
-// star-shaped hall with pillars, kits and tether sprites, viewers spread over it. Prints one JSON object.
-//   comrad-bench-render [--seconds S] [--views N] [--size WxH] [--steps] [--picture FILE.ppm] [--wad FILE --map NAME]
+// comrad-bench-render: how many agent views a second one core draws, on an arena of the size that training
+// uses: a star-shaped hall with pillars, kits and tether sprites, viewers spread over it. Prints one JSON
+// object.
+//   comrad-bench-render [--seconds S] [--views N] [--size WxH] [--steps] [--picture FILE.ppm] [--wad FILE
+//   --map NAME]
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -81,13 +83,20 @@ int run(int argc, char** argv) {
   for (int i = 1; i < argc; ++i) {
     const std::string flag = argv[i];
     const auto value = [&] { return i + 1 < argc ? argv[++i] : ""; };
-    if (flag == "--seconds") seconds = std::atof(value());
-    else if (flag == "--views") view_count = std::atoi(value());
-    else if (flag == "--steps") step = true;
-    else if (flag == "--picture") picture = value();
-    else if (flag == "--wad") wad_path = value();
-    else if (flag == "--map") map_name = value();
-    else if (flag == "--size" && std::sscanf(value(), "%dx%d", &options.width, &options.height) == 2) continue;
+    if (flag == "--seconds")
+      seconds = std::atof(value());
+    else if (flag == "--views")
+      view_count = std::atoi(value());
+    else if (flag == "--steps")
+      step = true;
+    else if (flag == "--picture")
+      picture = value();
+    else if (flag == "--wad")
+      wad_path = value();
+    else if (flag == "--map")
+      map_name = value();
+    else if (flag == "--size" && std::sscanf(value(), "%dx%d", &options.width, &options.height) == 2)
+      continue;
     else {
       std::fprintf(stderr, "comrad-bench-render: unknown or incomplete flag %s\n", flag.c_str());
       return 2;
@@ -116,7 +125,8 @@ int run(int argc, char** argv) {
   node.no_gravity = node.no_blockmap = true;
   node.frames = {{.frame = 0, .tics = -1, .bright = true}};
   const uint32_t node_type = catalog->add(node);
-  const uint32_t stimpack = catalog->find("Stimpack").value_or(0), medikit = catalog->find("Medikit").value_or(0);
+  const uint32_t stimpack = catalog->find("Stimpack").value_or(0),
+                 medikit = catalog->find("Medikit").value_or(0);
   if (const Status prepared = (*renderer)->prepare(level, catalog); !prepared) return fail(prepared.error());
 
   std::vector<World> worlds;
@@ -177,7 +187,8 @@ int run(int argc, char** argv) {
       for (int player = 0; player < 2 && !step; ++player)
         world.set_angle(world.body(player).id, world.body(player).angle + degrees_to_angle(7));
       for (int tic = 0; tic < 4 && step; ++tic) {
-        for (Buttons& pressed : buttons) pressed = {.forward = (rng.next() & 1) != 0, .turn_left = (rng.next() & 1) != 0};
+        for (Buttons& pressed : buttons)
+          pressed = {.forward = (rng.next() & 1) != 0, .turn_left = (rng.next() & 1) != 0};
         world.tic(buttons);
       }
     }
@@ -186,10 +197,11 @@ int run(int argc, char** argv) {
     elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }
   const double cpu = cpu_seconds() - cpu_start, count = static_cast<double>(drawn);
-  std::printf("{\"bench\": \"render\", \"views_per_s\": %.0f, \"views_per_cpu_s\": %.0f, \"cpu_us_per_view\": %.1f, "
-              "\"width\": %d, \"height\": %d, \"views_per_draw\": %d, \"with_tics\": %s}\n",
-              count / elapsed, count / cpu, cpu * 1e6 / count, options.width, options.height, view_count,
-              step ? "true" : "false");
+  std::printf(
+      "{\"bench\": \"render\", \"views_per_s\": %.0f, \"views_per_cpu_s\": %.0f, \"cpu_us_per_view\": %.1f, "
+      "\"width\": %d, \"height\": %d, \"views_per_draw\": %d, \"with_tics\": %s}\n",
+      count / elapsed, count / cpu, cpu * 1e6 / count, options.width, options.height, view_count,
+      step ? "true" : "false");
   return 0;
 }
 

@@ -1,5 +1,6 @@
-// Where an OpenGL 3.3 core context without a window comes from. OSMesa is the first provider (osmesa_context.h); EGL
-// without a surface is to be the second, for Mesa versions that dropped OSMesa. Stage: render.
+// Where an OpenGL 3.3 core context without a window comes from. OSMesa is the first provider
+// (osmesa_context.h); EGL without a surface is to be the second, for Mesa versions that dropped OSMesa.
+// Stage: render.
 #pragma once
 
 #include <memory>
@@ -11,7 +12,8 @@ namespace comrad::doom {
 
 class ContextProvider {
  public:
-  /// Makes a context by provider name. Errors: kBadInput for an unknown name, kUnsupported when none can be had.
+  /// Makes a context by provider name. Errors: kBadInput for an unknown name, kUnsupported when none can be
+  /// had.
   static Expected<std::unique_ptr<ContextProvider>> create(std::string_view name);
   virtual ~ContextProvider() = default;
   /// Makes the context current in the calling thread; cheap when it is already.

@@ -8,50 +8,50 @@
 namespace comrad::doom {
 
 // One line per function: type of the pointer, name without the gl prefix.
-#define COMRAD_GL_FUNCTIONS(X)                              \
-  X(PFNGLACTIVETEXTUREPROC, ActiveTexture)                  \
-  X(PFNGLATTACHSHADERPROC, AttachShader)                    \
-  X(PFNGLBINDBUFFERPROC, BindBuffer)                        \
-  X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer)              \
-  X(PFNGLBINDRENDERBUFFERPROC, BindRenderbuffer)            \
-  X(PFNGLBINDTEXTUREPROC, BindTexture)                      \
-  X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray)              \
-  X(PFNGLBUFFERDATAPROC, BufferData)                        \
-  X(PFNGLBUFFERSUBDATAPROC, BufferSubData)                  \
-  X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus) \
-  X(PFNGLCLEARBUFFERFVPROC, ClearBufferfv)                  \
-  X(PFNGLCLEARBUFFERUIVPROC, ClearBufferuiv)                \
-  X(PFNGLCOMPILESHADERPROC, CompileShader)                  \
-  X(PFNGLCREATEPROGRAMPROC, CreateProgram)                  \
-  X(PFNGLCREATESHADERPROC, CreateShader)                    \
-  X(PFNGLDEPTHFUNCPROC, DepthFunc)                          \
-  X(PFNGLDEPTHMASKPROC, DepthMask)                          \
-  X(PFNGLDISABLEPROC, Disable)                              \
-  X(PFNGLDRAWELEMENTSPROC, DrawElements)                    \
-  X(PFNGLENABLEPROC, Enable)                                \
+#define COMRAD_GL_FUNCTIONS(X)                                 \
+  X(PFNGLACTIVETEXTUREPROC, ActiveTexture)                     \
+  X(PFNGLATTACHSHADERPROC, AttachShader)                       \
+  X(PFNGLBINDBUFFERPROC, BindBuffer)                           \
+  X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer)                 \
+  X(PFNGLBINDRENDERBUFFERPROC, BindRenderbuffer)               \
+  X(PFNGLBINDTEXTUREPROC, BindTexture)                         \
+  X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray)                 \
+  X(PFNGLBUFFERDATAPROC, BufferData)                           \
+  X(PFNGLBUFFERSUBDATAPROC, BufferSubData)                     \
+  X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus)   \
+  X(PFNGLCLEARBUFFERFVPROC, ClearBufferfv)                     \
+  X(PFNGLCLEARBUFFERUIVPROC, ClearBufferuiv)                   \
+  X(PFNGLCOMPILESHADERPROC, CompileShader)                     \
+  X(PFNGLCREATEPROGRAMPROC, CreateProgram)                     \
+  X(PFNGLCREATESHADERPROC, CreateShader)                       \
+  X(PFNGLDEPTHFUNCPROC, DepthFunc)                             \
+  X(PFNGLDEPTHMASKPROC, DepthMask)                             \
+  X(PFNGLDISABLEPROC, Disable)                                 \
+  X(PFNGLDRAWELEMENTSPROC, DrawElements)                       \
+  X(PFNGLENABLEPROC, Enable)                                   \
   X(PFNGLENABLEVERTEXATTRIBARRAYPROC, EnableVertexAttribArray) \
   X(PFNGLFRAMEBUFFERRENDERBUFFERPROC, FramebufferRenderbuffer) \
-  X(PFNGLGENBUFFERSPROC, GenBuffers)                        \
-  X(PFNGLGENFRAMEBUFFERSPROC, GenFramebuffers)              \
-  X(PFNGLGENRENDERBUFFERSPROC, GenRenderbuffers)            \
-  X(PFNGLGENTEXTURESPROC, GenTextures)                      \
-  X(PFNGLGENVERTEXARRAYSPROC, GenVertexArrays)              \
-  X(PFNGLGETERRORPROC, GetError)                            \
-  X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog)          \
-  X(PFNGLGETPROGRAMIVPROC, GetProgramiv)                    \
-  X(PFNGLGETSHADERINFOLOGPROC, GetShaderInfoLog)            \
-  X(PFNGLGETSHADERIVPROC, GetShaderiv)                      \
-  X(PFNGLLINKPROGRAMPROC, LinkProgram)                      \
-  X(PFNGLPIXELSTOREIPROC, PixelStorei)                      \
-  X(PFNGLREADPIXELSPROC, ReadPixels)                        \
-  X(PFNGLRENDERBUFFERSTORAGEPROC, RenderbufferStorage)      \
-  X(PFNGLSHADERSOURCEPROC, ShaderSource)                    \
-  X(PFNGLTEXIMAGE2DPROC, TexImage2D)                        \
-  X(PFNGLTEXPARAMETERIPROC, TexParameteri)                  \
-  X(PFNGLTEXSUBIMAGE2DPROC, TexSubImage2D)                  \
-  X(PFNGLUSEPROGRAMPROC, UseProgram)                        \
-  X(PFNGLVERTEXATTRIBIPOINTERPROC, VertexAttribIPointer)    \
-  X(PFNGLVERTEXATTRIBPOINTERPROC, VertexAttribPointer)      \
+  X(PFNGLGENBUFFERSPROC, GenBuffers)                           \
+  X(PFNGLGENFRAMEBUFFERSPROC, GenFramebuffers)                 \
+  X(PFNGLGENRENDERBUFFERSPROC, GenRenderbuffers)               \
+  X(PFNGLGENTEXTURESPROC, GenTextures)                         \
+  X(PFNGLGENVERTEXARRAYSPROC, GenVertexArrays)                 \
+  X(PFNGLGETERRORPROC, GetError)                               \
+  X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog)             \
+  X(PFNGLGETPROGRAMIVPROC, GetProgramiv)                       \
+  X(PFNGLGETSHADERINFOLOGPROC, GetShaderInfoLog)               \
+  X(PFNGLGETSHADERIVPROC, GetShaderiv)                         \
+  X(PFNGLLINKPROGRAMPROC, LinkProgram)                         \
+  X(PFNGLPIXELSTOREIPROC, PixelStorei)                         \
+  X(PFNGLREADPIXELSPROC, ReadPixels)                           \
+  X(PFNGLRENDERBUFFERSTORAGEPROC, RenderbufferStorage)         \
+  X(PFNGLSHADERSOURCEPROC, ShaderSource)                       \
+  X(PFNGLTEXIMAGE2DPROC, TexImage2D)                           \
+  X(PFNGLTEXPARAMETERIPROC, TexParameteri)                     \
+  X(PFNGLTEXSUBIMAGE2DPROC, TexSubImage2D)                     \
+  X(PFNGLUSEPROGRAMPROC, UseProgram)                           \
+  X(PFNGLVERTEXATTRIBIPOINTERPROC, VertexAttribIPointer)       \
+  X(PFNGLVERTEXATTRIBPOINTERPROC, VertexAttribPointer)         \
   X(PFNGLVIEWPORTPROC, Viewport)
 
 struct GlFunctions {

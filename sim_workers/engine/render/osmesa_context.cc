@@ -16,7 +16,8 @@
 namespace comrad::doom {
 namespace {
 
-constexpr int kSurfaceSize = 16;  // OSMesa insists on a buffer; the renderer draws into framebuffers of its own
+constexpr int kSurfaceSize =
+    16;  // OSMesa insists on a buffer; the renderer draws into framebuffers of its own
 
 class OsmesaContext : public ContextProvider {
  public:
@@ -35,7 +36,9 @@ class OsmesaContext : public ContextProvider {
     current_ = this;
     return {};
   }
-  void* function(const char* name) const override { return reinterpret_cast<void*>(OSMesaGetProcAddress(name)); }
+  void* function(const char* name) const override {
+    return reinterpret_cast<void*>(OSMesaGetProcAddress(name));
+  }
 
  private:
   static thread_local const OsmesaContext* current_;
@@ -48,13 +51,19 @@ thread_local const OsmesaContext* OsmesaContext::current_ = nullptr;
 }  // namespace
 
 Expected<std::unique_ptr<ContextProvider>> create_osmesa_context() {
-  // The rasterizer's own threads cost more in hand-over than a picture of this size takes; a simulator owns one core.
+  // The rasterizer's own threads cost more in hand-over than a picture of this size takes; a simulator owns
+  // one core.
   setenv("LP_NUM_THREADS", "0", 0);
-  const int attributes[] = {OSMESA_FORMAT,  OSMESA_RGBA,
-                            OSMESA_PROFILE, OSMESA_CORE_PROFILE,
-                            OSMESA_CONTEXT_MAJOR_VERSION, 3,
-                            OSMESA_CONTEXT_MINOR_VERSION, 3,
-                            OSMESA_DEPTH_BITS, 0,
+  const int attributes[] = {OSMESA_FORMAT,
+                            OSMESA_RGBA,
+                            OSMESA_PROFILE,
+                            OSMESA_CORE_PROFILE,
+                            OSMESA_CONTEXT_MAJOR_VERSION,
+                            3,
+                            OSMESA_CONTEXT_MINOR_VERSION,
+                            3,
+                            OSMESA_DEPTH_BITS,
+                            0,
                             0};
   OSMesaContext context = OSMesaCreateContextAttribs(attributes, nullptr);
   if (context == nullptr)

@@ -1,4 +1,5 @@
-// OpenGL through OSMesa: Mesa's software rasterizer in the calling thread, without window system or GPU. Stage: render.
+// OpenGL through OSMesa: Mesa's software rasterizer in the calling thread, without window system or GPU.
+// Stage: render.
 #pragma once
 
 #include <memory>

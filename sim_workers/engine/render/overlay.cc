@@ -29,7 +29,9 @@ uint64_t StatusBarState::key() const {
   mix(static_cast<uint32_t>(health) | static_cast<uint64_t>(static_cast<uint32_t>(armor)) << 32, &hash);
   mix(static_cast<uint32_t>(ammo) | static_cast<uint64_t>(weapons) << 32, &hash);
   for (std::size_t i = 0; i < 4; ++i)
-    mix(static_cast<uint32_t>(ammo_owned[i]) | static_cast<uint64_t>(static_cast<uint32_t>(ammo_max[i])) << 32, &hash);
+    mix(static_cast<uint32_t>(ammo_owned[i]) | static_cast<uint64_t>(static_cast<uint32_t>(ammo_max[i]))
+                                                   << 32,
+        &hash);
   mix(static_cast<uint64_t>(face) | (team ? 256u : 0u), &hash);
   return hash;
 }
@@ -45,7 +47,8 @@ StatusBarState status_bar_state(const World& world, int player_index) {
   } else if (player.damage_flash > 0) {
     state.face = StatusBarState::Face::kHurt;
   } else {
-    // Where the face looks is chance in Doom; here it is a function of the clock, so that a picture is one of the world.
+    // Where the face looks is chance in Doom; here it is a function of the clock, so that a picture is one of
+    // the world.
     uint64_t hash = 0x13198A2E03707344ull;
     mix(world.tic_count() / kFaceTics * 64 + static_cast<uint64_t>(player_index), &hash);
     state.face = static_cast<StatusBarState::Face>(hash % 3);
@@ -95,8 +98,8 @@ void StatusBar::draw(const IndexedImage& image, int x, int y, std::vector<uint8_
   }
 }
 
-void StatusBar::draw_number(std::span<const IndexedImage> digits, int number, int right, int y, int digit_count,
-                            std::vector<uint8_t>* indices) const {
+void StatusBar::draw_number(std::span<const IndexedImage> digits, int number, int right, int y,
+                            int digit_count, std::vector<uint8_t>* indices) const {
   int limit = 1;
   for (int i = 0; i < digit_count; ++i) limit *= 10;
   number = std::clamp(number, 0, limit - 1);
@@ -119,7 +122,8 @@ void StatusBar::compose(const StatusBarState& state, std::vector<uint8_t>* indic
   for (int slot = 2; slot <= 7; ++slot) {
     const bool owned = (state.weapons >> slot & 1u) != 0;
     draw((owned ? yellow_ : gray_)[static_cast<std::size_t>(slot)],
-         kArmsNumberLeft + (slot - 2) % 3 * kArmsStepX, kArmsNumberTop + (slot - 2) / 3 * kArmsStepY, indices);
+         kArmsNumberLeft + (slot - 2) % 3 * kArmsStepX, kArmsNumberTop + (slot - 2) / 3 * kArmsStepY,
+         indices);
   }
   if (state.team) draw(team_field_, kFaceLeft, kTeamFieldTop, indices);
   const auto pain = static_cast<std::size_t>((100 - std::clamp(state.health, 0, 100)) * 5 / 101);
@@ -131,7 +135,8 @@ void StatusBar::compose(const StatusBarState& state, std::vector<uint8_t>* indic
   }
 }
 
-void Overlay::draw_status_bar(const StatusBarState& state, int palette, const uint32_t* colors, uint8_t* picture) {
+void Overlay::draw_status_bar(const StatusBarState& state, int palette, const uint32_t* colors,
+                              uint8_t* picture) {
   const int bar_rows = height_ - view_rows_;
   const std::size_t plane = static_cast<std::size_t>(width_) * height_;
   const std::size_t bar_plane = static_cast<std::size_t>(width_) * bar_rows;
@@ -139,15 +144,16 @@ void Overlay::draw_status_bar(const StatusBarState& state, int palette, const ui
   auto found = bars_.find(key);
   if (found == bars_.end()) {
     if (bars_.size() >= kBarsKept) bars_.clear();
-    bar_.compose(state, &indices_);
+    bar_->compose(state, &indices_);
     std::vector<uint8_t> scaled(3 * bar_plane);
     for (int row = 0; row < bar_rows; ++row) {
       // Screen rows are 200 to the picture; the bar is the last 32 of them.
-      const int from_y = std::clamp((2 * (view_rows_ + row) + 1) * 100 / height_ - 168, 0, StatusBar::kHeight - 1);
+      const int from_y =
+          std::clamp((2 * (view_rows_ + row) + 1) * 100 / height_ - 168, 0, StatusBar::kHeight - 1);
       for (int column = 0; column < width_; ++column) {
         const int from_x = (2 * column + 1) * StatusBar::kWidth / (2 * width_);
-        const uint32_t color =
-            colors[indices_[static_cast<std::size_t>(from_y) * StatusBar::kWidth + static_cast<std::size_t>(from_x)]];
+        const uint32_t color = colors[indices_[static_cast<std::size_t>(from_y) * StatusBar::kWidth +
+                                               static_cast<std::size_t>(from_x)]];
         const std::size_t at = static_cast<std::size_t>(row) * width_ + static_cast<std::size_t>(column);
         for (std::size_t channel = 0; channel < 3; ++channel)
           scaled[channel * bar_plane + at] = static_cast<uint8_t>(color >> (8 * channel));

@@ -1,10 +1,11 @@
-// What lies flat on the picture: the classic status bar, boxes of a scenario's HUD and the crosshair, written by the
-// CPU into the finished planar picture. A bar is drawn once per state it can show and copied from then on.
-// Stage: render.
+// What lies flat on the picture: the classic status bar, boxes of a scenario's HUD and the crosshair, written
+// by the CPU into the finished planar picture. A bar is drawn once per state it can show and copied from then
+// on. Stage: render.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <unordered_map>
@@ -18,14 +19,14 @@ namespace comrad::doom {
 
 /// Everything a status bar shows.
 struct StatusBarState {
-  int health = 100;      ///< shown between 0 and 999
+  int health = 100;  ///< shown between 0 and 999
   int armor = 0;
   int ammo = -1;         ///< of the weapon in hand; -1 shows nothing
   uint32_t weapons = 0;  ///< bit k: the weapon of slot k is owned (slots 2..7 have a number)
-  std::array<int, 4> ammo_owned{0, 0, 0, 0};        ///< bullets, shells, rockets, cells
+  std::array<int, 4> ammo_owned{0, 0, 0, 0};  ///< bullets, shells, rockets, cells
   std::array<int, 4> ammo_max{200, 50, 50, 300};
   enum class Face : uint8_t { kRight, kAhead, kLeft, kHurt, kDead } face = Face::kAhead;
-  bool team = false;     ///< several players: a coloured field behind the face
+  bool team = false;  ///< several players: a coloured field behind the face
 
   /// A value equal for bars that look the same.
   uint64_t key() const;
@@ -55,10 +56,10 @@ class StatusBar {
   std::array<std::array<IndexedImage, 4>, 5> faces_;  ///< [pain][Face below kDead]
 };
 
-/// Writes overlays into pictures of one size.
+/// Writes overlays into pictures of one size. Without a bar, draw_status_bar() must not be called.
 class Overlay {
  public:
-  Overlay(StatusBar bar, int width, int height, int view_rows)
+  Overlay(std::optional<StatusBar> bar, int width, int height, int view_rows)
       : bar_(std::move(bar)), width_(width), height_(height), view_rows_(view_rows) {}
 
   /// Copies the bar below the view. `colors`: the 256 packed colours (0xBBGGRR) of the present palette.
@@ -67,9 +68,10 @@ class Overlay {
   void draw_crosshair(int health, uint8_t* picture) const;
 
  private:
-  void fill(int left, int top, int right, int bottom, const std::array<uint8_t, 3>& color, uint8_t* picture) const;
+  void fill(int left, int top, int right, int bottom, const std::array<uint8_t, 3>& color,
+            uint8_t* picture) const;
 
-  StatusBar bar_;
+  std::optional<StatusBar> bar_;
   int width_, height_, view_rows_;
   std::unordered_map<uint64_t, std::vector<uint8_t>> bars_;  // planar RGB, [3, height - view_rows, width]
   std::vector<uint8_t> indices_;

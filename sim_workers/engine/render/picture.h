@@ -17,7 +17,8 @@ class ColorTables {
   /// The 256 unshaded colours of a palette.
   const uint32_t* lit(int palette) const { return table(palette); }
 
-  /// Writes planar RGB: `destination` [3, plane], of which the first words.size() pixels of each plane are set.
+  /// Writes planar RGB: `destination` [3, plane], of which the first words.size() pixels of each plane are
+  /// set.
   ///   words    one per pixel: light row << kAddressBits | address
   ///   texels   the atlas
   void convert(std::span<const uint32_t> words, const uint8_t* texels, int palette, std::size_t plane,
@@ -25,7 +26,9 @@ class ColorTables {
 
  private:
   static constexpr std::size_t kTableSize = std::size_t{kLightRowCount} * 256;
-  const uint32_t* table(int palette) const { return tables_.data() + static_cast<std::size_t>(palette) * kTableSize; }
+  const uint32_t* table(int palette) const {
+    return tables_.data() + static_cast<std::size_t>(palette) * kTableSize;
+  }
   std::vector<uint32_t> tables_;  // [palette, row, index]
 };
 

@@ -68,7 +68,8 @@ Expected<std::unique_ptr<Rasterizer>> Rasterizer::create(std::unique_ptr<Context
 
 Expected<GLuint> Rasterizer::link(const char* fragment_source) {
   const GLuint program = gl_.CreateProgram();
-  for (const auto& [kind, source] : {std::pair{GL_VERTEX_SHADER, kVertexSource}, {GL_FRAGMENT_SHADER, fragment_source}}) {
+  for (const auto& [kind, source] :
+       {std::pair{GL_VERTEX_SHADER, kVertexSource}, {GL_FRAGMENT_SHADER, fragment_source}}) {
     const GLuint shader = gl_.CreateShader(static_cast<GLenum>(kind));
     gl_.ShaderSource(shader, 1, &source, nullptr);
     gl_.CompileShader(shader);
@@ -115,10 +116,11 @@ Status Rasterizer::set_up() {
   vertex_buffer_ = buffers[0];
   std::vector<uint16_t> indices;
   for (uint32_t quad = 0; quad < kQuadsMax; ++quad)
-    for (const uint32_t corner : {0u, 1u, 2u, 0u, 2u, 3u}) indices.push_back(static_cast<uint16_t>(4 * quad + corner));
+    for (const uint32_t corner : {0u, 1u, 2u, 0u, 2u, 3u})
+      indices.push_back(static_cast<uint16_t>(4 * quad + corner));
   gl_.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, buffers[1]);
-  gl_.BufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(indices.size() * sizeof(uint16_t)), indices.data(),
-                 GL_STATIC_DRAW);
+  gl_.BufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(indices.size() * sizeof(uint16_t)),
+                 indices.data(), GL_STATIC_DRAW);
   gl_.BindBuffer(GL_ARRAY_BUFFER, vertex_buffer_);
   const auto at = [](std::size_t offset) { return reinterpret_cast<const void*>(offset); };
   gl_.VertexAttribPointer(0, 4, GL_FLOAT, GL_FALSE, sizeof(QuadVertex), at(offsetof(QuadVertex, x)));
@@ -145,7 +147,8 @@ void Rasterizer::update_atlas(const ArtAtlas& atlas) {
   if (atlas.version() == atlas_version_) return;
   atlas_version_ = atlas.version();
   const auto upload = [&](int height) {
-    gl_.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, kAtlasWidth, height, GL_RED_INTEGER, GL_UNSIGNED_BYTE, atlas.texels());
+    gl_.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, kAtlasWidth, height, GL_RED_INTEGER, GL_UNSIGNED_BYTE,
+                      atlas.texels());
   };
   if (atlas.height() > atlas_height_) {
     atlas_height_ = std::min(kAtlasHeightMax, (atlas.height() + 255) / 256 * 256);
@@ -163,7 +166,8 @@ void Rasterizer::draw_range(uint32_t begin, uint32_t end) {
 }
 
 void Rasterizer::draw(const DrawList& list, TexelWord* words) {
-  const std::size_t bytes = std::min<std::size_t>(list.vertices.size(), std::size_t{4} * kQuadsMax) * sizeof(QuadVertex);
+  const std::size_t bytes =
+      std::min<std::size_t>(list.vertices.size(), std::size_t{4} * kQuadsMax) * sizeof(QuadVertex);
   gl_.BufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(bytes), list.vertices.data(), GL_STREAM_DRAW);
   const GLuint nothing[4] = {};
   gl_.ClearBufferuiv(GL_COLOR, 0, nothing);

@@ -1,6 +1,6 @@
-// Draws a list of quads with OpenGL and reads back, per pixel, which texel of the atlas is seen and how bright: not
-// colours but addresses, because a software rasterizer fetches texels and packs colours more slowly than the one pass
-// over the finished picture that looks both up. Stage: render.
+// Draws a list of quads with OpenGL and reads back, per pixel, which texel of the atlas is seen and how
+// bright: not colours but addresses, because a software rasterizer fetches texels and packs colours more
+// slowly than the one pass over the finished picture that looks both up. Stage: render.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,8 @@ using TexelWord = uint32_t;
 class Rasterizer {
  public:
   /// Errors: kUnsupported when the context lacks what is needed.
-  static Expected<std::unique_ptr<Rasterizer>> create(std::unique_ptr<ContextProvider> context, int width, int rows);
+  static Expected<std::unique_ptr<Rasterizer>> create(std::unique_ptr<ContextProvider> context, int width,
+                                                      int rows);
   /// Makes the texture equal to the atlas if that changed.
   void update_atlas(const ArtAtlas& atlas);
   /// Draws `list`; `words` [rows, width], top row first.

@@ -1,6 +1,7 @@
 #include "sim_workers/engine/render/renderer.h"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -25,7 +26,7 @@ constexpr std::size_t kScenesKept = 64;  // levels remembered; more layouts than
 class QuadRenderer : public Renderer {
  public:
   QuadRenderer(std::shared_ptr<const ArtArchive> art, const RenderOptions& options,
-               std::unique_ptr<Rasterizer> rasterizer, StatusBar bar)
+               std::unique_ptr<Rasterizer> rasterizer, std::optional<StatusBar> bar)
       : options_(options),
         projection_(make_projection(options)),
         atlas_(art),
@@ -70,7 +71,8 @@ class QuadRenderer : public Renderer {
   const SpriteTable& sprites(const World& world) {
     const auto found = sprites_.find(&world.catalog());
     if (found != sprites_.end()) return *found->second;
-    Expected<std::unique_ptr<SpriteTable>> created = SpriteTable::create(world.shared_catalog(), &atlas_, true);
+    Expected<std::unique_ptr<SpriteTable>> created =
+        SpriteTable::create(world.shared_catalog(), &atlas_, true);
     if (!created) {
       spdlog::error("{}; sprites are not drawn", created.error().message);
       created = SpriteTable::create(std::make_shared<const ActorCatalog>(), &atlas_, true);
@@ -98,7 +100,8 @@ class QuadRenderer : public Renderer {
     const int palette = options_.screen_flashes ? flash_palette(player.damage_flash, player.bonus_flash) : 0;
     const std::size_t plane = static_cast<std::size_t>(options_.width) * options_.height;
     colors_.convert(words_, atlas_.texels(), palette, plane, request.destination);
-    if (options_.crosshair && world.options().crosshair) overlay_.draw_crosshair(player.health, request.destination);
+    if (options_.crosshair && world.options().crosshair)
+      overlay_.draw_crosshair(player.health, request.destination);
     if (options_.status_bar)
       overlay_.draw_status_bar(status_bar_state(world, request.player), palette, colors_.lit(palette),
                                request.destination);
@@ -125,10 +128,15 @@ Expected<std::unique_ptr<Renderer>> Renderer::create(std::shared_ptr<const ArtAr
                                                      const RenderOptions& options) {
   if (options.width < 8 || options.height < 8 || options.width > kSizeMax || options.height > kSizeMax)
     return Error{ErrorCode::kBadInput, "render size " + std::to_string(options.width) + "x" +
-                                           std::to_string(options.height) + ": each side must be 8 to 4096 pixels"};
+                                           std::to_string(options.height) +
+                                           ": each side must be 8 to 4096 pixels"};
   if (!(options.fov_degrees >= 5 && options.fov_degrees <= 170) || !(options.screen_aspect > 0.1))
-    return Error{ErrorCode::kBadInput, "field of view must be 5 to 170 degrees and the screen aspect positive"};
-  COMRAD_TRY_ASSIGN(StatusBar bar, StatusBar::create(*art));
+    return Error{ErrorCode::kBadInput,
+                 "field of view must be 5 to 170 degrees and the screen aspect positive"};
+  std::optional<StatusBar> bar;
+  if (options.status_bar) {
+    COMRAD_TRY_ASSIGN(bar, StatusBar::create(*art));
+  }
   COMRAD_TRY_ASSIGN(std::unique_ptr<ContextProvider> context, ContextProvider::create(options.provider));
   const Projection projection = make_projection(options);
   COMRAD_TRY_ASSIGN(std::unique_ptr<Rasterizer> rasterizer,

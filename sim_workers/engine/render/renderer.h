@@ -1,5 +1,6 @@
-// Draws players' views of worlds with OpenGL 3.3 core through an offscreen context, straight into the caller's
-// memory as planar RGB. One renderer per thread; it serves every world of its Level set. Stage: render.
+// Draws players' views of worlds with OpenGL 3.3 core through an offscreen context, straight into the
+// caller's memory as planar RGB. One renderer per thread; it serves every world of its Level set. Stage:
+// render.
 #pragma once
 
 #include <cstdint>
@@ -18,10 +19,10 @@ struct RenderOptions {
   int width = 128, height = 72;      ///< size drawn at
   double screen_aspect = 4.0 / 3.0;  ///< projection of a 160x120 screen whatever the drawn size
   double fov_degrees = 90.0;
-  bool status_bar = true;            ///< classic full-width bar, bottom 32/200
+  bool status_bar = true;  ///< classic full-width bar, bottom 32/200
   bool crosshair = true;
   bool screen_flashes = true;
-  std::string provider = "osmesa";   ///< context provider: osmesa (egl follows)
+  std::string provider = "osmesa";  ///< context provider: osmesa (egl follows)
 };
 
 /// One view to draw: `player` of `world` into `destination` [3, height, width] u8, planar RGB.
@@ -31,16 +32,17 @@ struct ViewRequest {
   uint8_t* destination = nullptr;
 };
 
-/// Errors of create: kUnsupported when no context can be had (with what to install), kNotFound for missing art.
+/// Errors of create: kUnsupported when no context can be had (with what to install), kNotFound for missing
+/// art.
 class Renderer {
  public:
   static Expected<std::unique_ptr<Renderer>> create(std::shared_ptr<const ArtArchive> art,
                                                     const RenderOptions& options);
   virtual ~Renderer() = default;
-  /// Loads the art that worlds of `level` with actors of `catalog` need. Call it once per level: then draw() meets
-  /// nothing unknown. draw() registers a level it has not seen by itself, and leaves out sprites that do not exist.
-  /// Errors: kNotFound for a sprite that no archive has; unknown textures are a warning in the log and are drawn as
-  /// a checkerboard. kNoSpace when the art does not fit the atlas.
+  /// Loads the art that worlds of `level` with actors of `catalog` need. Call it once per level: then draw()
+  /// meets nothing unknown. draw() registers a level it has not seen by itself, and leaves out sprites that
+  /// do not exist. Errors: kNotFound for a sprite that no archive has; unknown textures are a warning in the
+  /// log and are drawn as a checkerboard. kNoSpace when the art does not fit the atlas.
   virtual Status prepare(std::shared_ptr<const Level> level, std::shared_ptr<const ActorCatalog> catalog) = 0;
   /// Draws all views; several at once cost less than one by one. Worlds may differ in level.
   virtual void draw(std::span<const ViewRequest> views) = 0;

@@ -7,7 +7,7 @@
 namespace comrad::doom {
 namespace {
 
-constexpr float kContrastRows = 2.0f;  // 8 light levels of 256, in rows of the light table
+constexpr float kContrastRows = 4.0f;  // 16 light levels of 256, in rows of the light table
 
 /// A wall part's texture; false where there is none.
 Expected<bool> resolve(const std::string& name, ArtAtlas* atlas, AtlasRegion* region) {
@@ -89,7 +89,8 @@ Expected<std::unique_ptr<SpriteTable>> SpriteTable::create(std::shared_ptr<const
   for (uint32_t index = 0; index < catalog->size(); ++index) {
     const ActorType& type = (*catalog)[index];
     table->first_.push_back(type.sprite.empty() ? -1 : static_cast<int32_t>(table->sides_.size()));
-    table->count_.push_back(type.sprite.empty() ? 0 : static_cast<uint32_t>(std::max<std::size_t>(1, type.frames.size())));
+    table->count_.push_back(
+        type.sprite.empty() ? 0 : static_cast<uint32_t>(std::max<std::size_t>(1, type.frames.size())));
     if (type.sprite.empty()) continue;
     for (uint32_t frame = 0; frame < table->count_.back(); ++frame) {
       const int letter = type.frames.empty() ? 0 : type.frames[frame].frame;

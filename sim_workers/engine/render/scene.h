@@ -1,6 +1,6 @@
-// A level as the renderer sees it: vertices and lines in floats, textures resolved to places in the atlas. Heights,
-// lights and floor textures are not here: they are read from the world's sectors at every draw, so doors and lifts
-// need no update. Stage: render.
+// A level as the renderer sees it: vertices and lines in floats, textures resolved to places in the atlas.
+// Heights, lights and floor textures are not here: they are read from the world's sectors at every draw, so
+// doors and lifts need no update. Stage: render.
 #pragma once
 
 #include <cstdint>
@@ -40,8 +40,8 @@ struct ScenePlane {
 
 class Scene {
  public:
-  /// Resolves the textures of `level`, which the scene keeps alive. Unknown textures become a checkerboard and a
-  /// warning. Errors: kBadFormat for broken pictures, kNoSpace for a full atlas.
+  /// Resolves the textures of `level`, which the scene keeps alive. Unknown textures become a checkerboard
+  /// and a warning. Errors: kBadFormat for broken pictures, kNoSpace for a full atlas.
   static Expected<std::unique_ptr<Scene>> create(std::shared_ptr<const Level> level, ArtAtlas* atlas);
 
   const Level& level() const { return *level_; }
@@ -52,7 +52,8 @@ class Scene {
   AtlasRegion sky;
   bool has_sky = false;
 
-  /// The plane for a texture name that a script has set since, from the atlas; a checkerboard where it is unknown.
+  /// The plane for a texture name that a script has set since, from the atlas; a checkerboard where it is
+  /// unknown.
   static ScenePlane plane(const std::string& name, ArtAtlas* atlas);
 
  private:
@@ -62,10 +63,10 @@ class Scene {
 /// Sprites of a catalog, resolved: sides(type, frame) for Actor::type and Actor::frame_index.
 class SpriteTable {
  public:
-  /// Errors: kNotFound naming the actor and the sprite that no archive has. The table is usable even then (the
-  /// sprites that are missing are left out).
-  static Expected<std::unique_ptr<SpriteTable>> create(std::shared_ptr<const ActorCatalog> catalog, ArtAtlas* atlas,
-                                                       bool skip_missing);
+  /// Errors: kNotFound naming the actor and the sprite that no archive has. The table is usable even then
+  /// (the sprites that are missing are left out).
+  static Expected<std::unique_ptr<SpriteTable>> create(std::shared_ptr<const ActorCatalog> catalog,
+                                                       ArtAtlas* atlas, bool skip_missing);
   const ActorCatalog& catalog() const { return *catalog_; }
   /// Null where the actor is invisible.
   const SpriteSides* sides(uint32_t type, uint32_t frame) const {

@@ -7,23 +7,27 @@
 namespace comrad::doom {
 namespace {
 
-constexpr float kNearDepth = 1.0f;          // bodies keep walls farther away than this
-constexpr float kSpriteNearDepth = 4.0f;    // as in Doom: nearer things are not drawn
+constexpr float kNearDepth = 1.0f;        // bodies keep walls farther away than this
+constexpr float kSpriteNearDepth = 4.0f;  // as in Doom: nearer things are not drawn
 constexpr float kFarInverse = 1.0f / 60000.0f;
-constexpr int kCrossingsMax = 32;           // floor or ceiling changes seen in one column; farther ones are left out
+constexpr int kCrossingsMax = 32;  // floor or ceiling changes seen in one column; farther ones are left out
 constexpr int kSkyStripColumns = 16;
 constexpr float kSkyColumnsPerTurn = 1024.0f;
+// Coordinates that are whole texels in exact arithmetic (walls and eyes on round numbers are common) must not
+// fall to either side by rounding.
+constexpr float kTexelEpsilon = 1.0f / 256.0f;
 constexpr float kTwoPi = 6.28318530717958647692f;
 
-/// Rasterizers place corners on a grid of 1/256 pixel; on the same grid, "is this pixel's centre inside" has the same
-/// answer here and there.
+/// Rasterizers place corners on a grid of 1/256 pixel; on the same grid, "is this pixel's centre inside" has
+/// the same answer here and there.
 float snap(float pixels) { return std::floor(pixels * 256.0f + 0.5f) * (1.0f / 256.0f); }
 
 /// First column whose centre is not left of x.
 int first_column(float x) { return static_cast<int>(std::ceil(x - 0.5f)); }
 
-/// Calls piece(x0, x1) for the parts of [left, right] between the places where one of two edges (given by their rows
-/// at the ends) leaves or enters the picture of `rows` rows; inside a part each edge is wholly above, in or below.
+/// Calls piece(x0, x1) for the parts of [left, right] between the places where one of two edges (given by
+/// their rows at the ends) leaves or enters the picture of `rows` rows; inside a part each edge is wholly
+/// above, in or below.
 template <typename Piece>
 void split_at_borders(float left, float right, float top_left, float top_right, float bottom_left,
                       float bottom_right, float rows, Piece&& piece) {
@@ -55,7 +59,8 @@ bool same_plane(const ScenePlane& a, const ScenePlane& b) {
 
 }  // namespace
 
-ViewBuilder::ViewBuilder(const Projection& projection, ArtAtlas* atlas) : projection_(projection), atlas_(atlas) {
+ViewBuilder::ViewBuilder(const Projection& projection, ArtAtlas* atlas)
+    : projection_(projection), atlas_(atlas) {
   const auto columns = static_cast<std::size_t>(projection.width);
   column_inverse_.resize(columns);
   column_span_.resize(columns);
@@ -104,7 +109,8 @@ void ViewBuilder::build(const SceneView& view, DrawList* list) {
       const Span& span = spans_[static_cast<std::size_t>(index)];
       for (int column = span.column_begin; column < span.column_end;) {
         const auto hidden = [&](int at) {
-          return span.inverse_at(static_cast<float>(at) + 0.5f) <= column_inverse_[static_cast<std::size_t>(at)];
+          return span.inverse_at(static_cast<float>(at) + 0.5f) <=
+                 column_inverse_[static_cast<std::size_t>(at)];
         };
         if (hidden(column)) {
           ++column;
@@ -178,11 +184,13 @@ void ViewBuilder::collect_spans() {
   const auto hidden = [&](int32_t index) {
     const Span& span = spans_[static_cast<std::size_t>(index)];
     for (int column = span.column_begin; column < span.column_end; ++column)
-      if (span.inverse_at(static_cast<float>(column) + 0.5f) > column_inverse_[static_cast<std::size_t>(column)])
+      if (span.inverse_at(static_cast<float>(column) + 0.5f) >
+          column_inverse_[static_cast<std::size_t>(column)])
         return false;
     return true;
   };
-  partial_spans_.erase(std::remove_if(partial_spans_.begin(), partial_spans_.end(), hidden), partial_spans_.end());
+  partial_spans_.erase(std::remove_if(partial_spans_.begin(), partial_spans_.end(), hidden),
+                       partial_spans_.end());
 }
 
 bool ViewBuilder::add_span(uint32_t line_index) {
@@ -194,7 +202,8 @@ bool ViewBuilder::add_span(uint32_t line_index) {
   const bool from_back = side_a * depth_b >= side_b * depth_a;
   if (from_back && !line.two_sided) return false;
   // Outside the picture's left or right border: both ends on the far side of the same border ray.
-  const float left_reach = projection_.center_x, right_reach = static_cast<float>(projection_.width) - left_reach;
+  const float left_reach = projection_.center_x,
+              right_reach = static_cast<float>(projection_.width) - left_reach;
   const float focal = projection_.focal_x;
   if (side_a * focal < -left_reach * depth_a && side_b * focal < -left_reach * depth_b) return false;
   if (side_a * focal > right_reach * depth_a && side_b * focal > right_reach * depth_b) return false;
@@ -252,7 +261,8 @@ void ViewBuilder::fill_columns(int32_t span_index) {
   }
 }
 
-void ViewBuilder::push(float x, float row, float inverse, float u, float v, const AtlasRegion& region, float shade) {
+void ViewBuilder::push(float x, float row, float inverse, float u, float v, const AtlasRegion& region,
+                       float shade) {
   const float w = 1.0f / inverse;
   list_->vertices.push_back({.x = (x * 2.0f / static_cast<float>(projection_.width) - 1.0f) * w,
                              .y = (row * 2.0f / static_cast<float>(projection_.rows) - 1.0f) * w,
@@ -289,8 +299,8 @@ void ViewBuilder::emit_sky() {
   }
 }
 
-/// Where only solid walls are seen, each stretch of columns that ends at the same kind of floor gets one rectangle
-/// down from the farthest wall's foot; nearer walls are painted over it.
+/// Where only solid walls are seen, each stretch of columns that ends at the same kind of floor gets one
+/// rectangle down from the farthest wall's foot; nearer walls are painted over it.
 void ViewBuilder::emit_painted_planes() {
   for (int column = 0; column < projection_.width && !sky_seen_; ++column) {
     const int32_t index = column_span_[static_cast<std::size_t>(column)];
@@ -328,7 +338,8 @@ void ViewBuilder::emit_painted_planes() {
   }
 }
 
-void ViewBuilder::emit_painted_run(int column_begin, int column_end, const SectorNow& now, float inverse_min) {
+void ViewBuilder::emit_painted_run(int column_begin, int column_end, const SectorNow& now,
+                                   float inverse_min) {
   const auto left = static_cast<float>(column_begin), right = static_cast<float>(column_end);
   const auto rows = static_cast<float>(projection_.rows);
   inverse_min = std::max(inverse_min, kFarInverse);
@@ -339,7 +350,8 @@ void ViewBuilder::emit_painted_run(int column_begin, int column_end, const Secto
   }
   if (now.ceiling > eye_z_ && !now.ceiling_plane->sky) {
     const float head = projection_.center_y + projection_.focal_y * (eye_z_ - now.ceiling) * inverse_min;
-    if (head > 0) emit_plane(left, right, 0, 0, head, head, now.ceiling, now.ceiling_plane->region, now.shade);
+    if (head > 0)
+      emit_plane(left, right, 0, 0, head, head, now.ceiling, now.ceiling_plane->region, now.shade);
   }
 }
 
@@ -371,11 +383,12 @@ void ViewBuilder::emit_walls(const Span& span, int column_begin, int column_end)
     const float texture_top = line.lower_unpegged ? now.ceiling : beyond.floor;
     emit_wall_part(span, left, right, top, now.floor, texture_top, near.offset_y, near.bottom, shade);
   }
-  // A floor that drops away hides what lies below its edge, a ceiling that rises what lies above. Planes write no
-  // depth (sprites may reach a little below their floor), so a curtain behind the edge does; the nearer plane covers
-  // it in the picture.
+  // A floor that drops away hides what lies below its edge, a ceiling that rises what lies above. Planes
+  // write no depth (sprites may reach a little below their floor), so a curtain behind the edge does; the
+  // nearer plane covers it in the picture.
   if (beyond.floor < now.floor)
-    emit_wall_part(span, left, right, now.floor, beyond.floor, now.floor, 0, now.floor_plane->region, now.shade);
+    emit_wall_part(span, left, right, now.floor, beyond.floor, now.floor, 0, now.floor_plane->region,
+                   now.shade);
   if (beyond.ceiling > now.ceiling && !now.ceiling_plane->sky)
     emit_wall_part(span, left, right, beyond.ceiling, now.ceiling, now.ceiling, 0, now.ceiling_plane->region,
                    now.shade);
@@ -391,23 +404,28 @@ void ViewBuilder::emit_wall_part(const Span& span, float x_left, float x_right, 
   const float top_left = row_at(x_left, top), top_right = row_at(x_right, top);
   const float bottom_left = row_at(x_left, bottom), bottom_right = row_at(x_right, bottom);
   if (std::max(bottom_left, bottom_right) <= 0 || std::min(top_left, top_right) >= rows) return;
-  const auto texture_width = static_cast<float>(region.width), texture_height = static_cast<float>(region.height);
+  const auto texture_width = static_cast<float>(region.width),
+             texture_height = static_cast<float>(region.height);
   const auto corner = [&](float x, float row) {
-    const float inverse = std::max(span.inverse_at(x), kFarInverse);
-    const float height = eye_z_ + (projection_.center_y - row) / (projection_.focal_y * inverse);
-    push(x, row, inverse, span.u_at(x) / inverse / texture_width, (texture_top - height + offset_y) / texture_height,
-         region, shade);
+    const float sample_x = x + projection_.wall_shift_x, sample_row = row + projection_.wall_shift_y;
+    const float inverse = std::max(span.inverse_at(sample_x), kFarInverse);
+    const float height = eye_z_ + (projection_.center_y - sample_row) / (projection_.focal_y * inverse);
+    push(x, row, inverse, (span.u_at(sample_x) / inverse + kTexelEpsilon) / texture_width,
+         (texture_top - height + offset_y + kTexelEpsilon) / texture_height, region, shade);
   };
-  split_at_borders(x_left, x_right, top_left, top_right, bottom_left, bottom_right, rows, [&](float a, float b) {
-    const float top_a = std::clamp(row_at(a, top), 0.0f, rows), top_b = std::clamp(row_at(b, top), 0.0f, rows);
-    const float bottom_a = std::clamp(row_at(a, bottom), 0.0f, rows);
-    const float bottom_b = std::clamp(row_at(b, bottom), 0.0f, rows);
-    if (bottom_a <= top_a && bottom_b <= top_b) return;
-    corner(a, top_a), corner(b, top_b), corner(b, bottom_b), corner(a, bottom_a);
-  });
+  split_at_borders(x_left, x_right, top_left, top_right, bottom_left, bottom_right, rows,
+                   [&](float a, float b) {
+                     const float top_a = std::clamp(row_at(a, top), 0.0f, rows),
+                                 top_b = std::clamp(row_at(b, top), 0.0f, rows);
+                     const float bottom_a = std::clamp(row_at(a, bottom), 0.0f, rows);
+                     const float bottom_b = std::clamp(row_at(b, bottom), 0.0f, rows);
+                     if (bottom_a <= top_a && bottom_b <= top_b) return;
+                     corner(a, top_a), corner(b, top_b), corner(b, bottom_b), corner(a, bottom_a);
+                   });
 }
 
-/// Columns that look through the same openings to the same wall share the strips of floor and ceiling between them.
+/// Columns that look through the same openings to the same wall share the strips of floor and ceiling between
+/// them.
 void ViewBuilder::emit_crossed_planes() {
   std::fill(crossing_count_.begin(), crossing_count_.end(), 0);
   for (const int32_t index : partial_spans_) {
@@ -428,7 +446,8 @@ void ViewBuilder::emit_crossed_planes() {
   }
   const auto same_column = [&](int a, int b) {
     const auto one = static_cast<std::size_t>(a), other = static_cast<std::size_t>(b);
-    if (column_span_[one] != column_span_[other] || crossing_count_[one] != crossing_count_[other]) return false;
+    if (column_span_[one] != column_span_[other] || crossing_count_[one] != crossing_count_[other])
+      return false;
     for (int i = 0; i < crossing_count_[one]; ++i)
       if (crossings_[one * kCrossingsMax + static_cast<std::size_t>(i)].span !=
           crossings_[other * kCrossingsMax + static_cast<std::size_t>(i)].span)
@@ -463,7 +482,8 @@ void ViewBuilder::emit_plane_run(int column_begin, int column_end, const Crossin
     const float far_left = inverse_of(far_edge, left), far_right = inverse_of(far_edge, right);
     const float near_left = near_edge ? inverse_of(*near_edge, left) : 0;
     const float near_right = near_edge ? inverse_of(*near_edge, right) : 0;
-    // Under a wall that rises from the far edge the strip goes on for a pixel: the wall hides it, no gap can show.
+    // Under a wall that rises from the far edge the strip goes on for a pixel: the wall hides it, no gap can
+    // show.
     const auto scale = [&](float height) { return projection_.focal_y * (eye_z_ - height); };
     if (now.floor < eye_z_ && !now.floor_plane->sky) {
       const float tuck = !has_beyond || beyond.floor > now.floor ? 1.0f : 0.0f;
@@ -471,8 +491,8 @@ void ViewBuilder::emit_plane_run(int column_begin, int column_end, const Crossin
       emit_plane(left, right, std::max(horizon, projection_.center_y + unit * far_left - tuck),
                  std::max(horizon, projection_.center_y + unit * far_right - tuck),
                  near_edge ? projection_.center_y + unit * near_left : rows,
-                 near_edge ? projection_.center_y + unit * near_right : rows, now.floor, now.floor_plane->region,
-                 now.shade);
+                 near_edge ? projection_.center_y + unit * near_right : rows, now.floor,
+                 now.floor_plane->region, now.shade);
     }
     if (now.ceiling > eye_z_ && !now.ceiling_plane->sky) {
       const float tuck = !has_beyond || beyond.ceiling < now.ceiling ? 1.0f : 0.0f;
@@ -494,10 +514,12 @@ void ViewBuilder::emit_plane(float x_left, float x_right, float top_left, float 
   const float inverse_per_row = 1.0f / (projection_.focal_y * (eye_z_ - height));
   const auto corner = [&](float x, float row) {
     const float inverse = std::max((row - projection_.center_y) * inverse_per_row, kFarInverse);
-    const float depth = 1.0f / inverse, side = (x - projection_.center_x) / projection_.focal_x * depth;
-    const float map_x = eye_x_ + cosine_ * depth + sine_ * side, map_y = eye_y_ + sine_ * depth - cosine_ * side;
-    push(x, row, inverse, map_x / static_cast<float>(region.width), -map_y / static_cast<float>(region.height), region,
-         shade);
+    const float depth = 1.0f / inverse,
+                side = (x + projection_.plane_shift_x - projection_.center_x) / projection_.focal_x * depth;
+    const float map_x = eye_x_ + cosine_ * depth + sine_ * side,
+                map_y = eye_y_ + sine_ * depth - cosine_ * side;
+    push(x, row, inverse, (map_x - kTexelEpsilon) / static_cast<float>(region.width),
+         (-map_y - kTexelEpsilon) / static_cast<float>(region.height), region, shade);
   };
   split_at_borders(
       x_left, x_right, top_left, top_right, bottom_left, bottom_right, rows, [&](float a, float b) {
@@ -505,7 +527,8 @@ void ViewBuilder::emit_plane(float x_left, float x_right, float top_left, float 
           return std::clamp(at_left + (at_right - at_left) * ((x - x_left) / (x_right - x_left)), 0.0f, rows);
         };
         const float top_a = along(top_left, top_right, a), top_b = along(top_left, top_right, b);
-        const float bottom_a = along(bottom_left, bottom_right, a), bottom_b = along(bottom_left, bottom_right, b);
+        const float bottom_a = along(bottom_left, bottom_right, a),
+                    bottom_b = along(bottom_left, bottom_right, b);
         if (bottom_a <= top_a && bottom_b <= top_b) return;
         corner(a, top_a), corner(b, top_b), corner(b, bottom_b), corner(a, bottom_a);
       });
@@ -524,7 +547,8 @@ void ViewBuilder::collect_sprites() {
     const float side = dx * sine_ - dy * cosine_;
     if (std::abs(side) > depth * 4.0f + 512.0f) continue;
     std::size_t rotation = 0;
-    if (sides->art[0] != sides->art[4] || sides->mirrored[0] != sides->mirrored[4] || sides->art[0] != sides->art[2])
+    if (sides->art[0] != sides->art[4] || sides->mirrored[0] != sides->mirrored[4] ||
+        sides->art[0] != sides->art[2])
       rotation = static_cast<std::size_t>(sprite_side(
           static_cast<Angle>(static_cast<int64_t>(std::atan2(dy, dx) * (4294967296.0 / 6.283185307179586))),
           actor.angle));
@@ -533,24 +557,26 @@ void ViewBuilder::collect_sprites() {
     VisibleSprite sprite;
     sprite.art = &art, sprite.mirrored = sides->mirrored[rotation];
     sprite.inverse = 1.0f / depth;
+    const ActorType& type = view_->sprites->catalog()[actor.type];
     const float scale_x = projection_.focal_x * sprite.inverse, scale_y = projection_.focal_y * sprite.inverse;
-    sprite.x_left = snap(projection_.center_x + (side - static_cast<float>(art.left_offset)) * scale_x);
-    sprite.x_right = snap(sprite.x_left + static_cast<float>(art.region.width) * scale_x);
+    const auto left_offset = static_cast<float>(art.left_offset), width = static_cast<float>(art.region.width);
+    sprite.x_left = snap(projection_.center_x + (side - left_offset * type.scale) * scale_x);
+    sprite.x_right = snap(sprite.x_left + width * type.scale * scale_x);
     sprite.column_begin = std::max(0, first_column(std::max(sprite.x_left, -1.0f)));
     sprite.column_end = std::min(projection_.width, first_column(std::min(sprite.x_right, 65536.0f)));
     if (sprite.column_begin >= sprite.column_end) continue;
-    const float top = to_float(actor.z) + static_cast<float>(art.top_offset) - eye_z_;
+    const float top = to_float(actor.z) + static_cast<float>(art.top_offset) * type.scale - eye_z_;
     sprite.y_top = projection_.center_y - top * scale_y;
-    sprite.y_bottom = sprite.y_top + static_cast<float>(art.region.height) * scale_y;
+    sprite.y_bottom = sprite.y_top + static_cast<float>(art.region.height) * type.scale * scale_y;
     if (sprite.y_bottom <= 0 || sprite.y_top >= rows) continue;
     bool seen = false;
     for (int column = sprite.column_begin; column < sprite.column_end && !seen; ++column)
       seen = sprite.inverse > column_inverse_[static_cast<std::size_t>(column)];
     if (!seen) continue;
-    const ActorType& type = view_->sprites->catalog()[actor.type];
     const bool bright =
         type.bright || (actor.frame_index < type.frames.size() && type.frames[actor.frame_index].bright);
-    sprite.shade = bright || actor.sector_index >= view_->sectors.size() ? 0 : sector(actor.sector_index).shade;
+    sprite.shade =
+        bright || actor.sector_index >= view_->sectors.size() ? 0 : sector(actor.sector_index).shade;
     sprites_.push_back(sprite);
   }
   for (const int32_t index : partial_spans_) {
@@ -570,7 +596,8 @@ void ViewBuilder::emit_masked() {
   for (const VisibleSprite& sprite : sprites_) {
     const Span* span = sprite.grating < 0 ? nullptr : &spans_[static_cast<std::size_t>(sprite.grating)];
     const auto visible = [&](int column) {
-      const float inverse = span == nullptr ? sprite.inverse : span->inverse_at(static_cast<float>(column) + 0.5f);
+      const float inverse =
+          span == nullptr ? sprite.inverse : span->inverse_at(static_cast<float>(column) + 0.5f);
       return inverse > column_inverse_[static_cast<std::size_t>(column)];
     };
     const int first = span == nullptr ? sprite.column_begin : span->column_begin;
@@ -593,10 +620,11 @@ void ViewBuilder::emit_masked() {
         const float opening_bottom = std::max(now.floor, beyond.floor);
         const auto height = static_cast<float>(near.middle.height);
         // A see-through texture hangs once in the opening, it is not repeated downwards.
-        const float texture_top = (line.lower_unpegged ? opening_bottom + height : opening_top) + near.offset_y;
+        const float texture_top =
+            (line.lower_unpegged ? opening_bottom + height : opening_top) + near.offset_y;
         emit_wall_part(*span, std::max(span->x_left, run_left), std::min(span->x_right, run_right),
-                       std::min(opening_top, texture_top), std::max(opening_bottom, texture_top - height), texture_top,
-                       0, near.middle, now.shade + line.contrast_rows);
+                       std::min(opening_top, texture_top), std::max(opening_bottom, texture_top - height),
+                       texture_top, 0, near.middle, now.shade + line.contrast_rows);
         continue;
       }
       const AtlasRegion& region = sprite.art->region;

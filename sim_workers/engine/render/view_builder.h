@@ -1,7 +1,8 @@
-// From a world and an eye to a short list of quads: everything that is visible and nearly nothing else. Doom's walls
-// are vertical, so visibility is decided once per picture column: the nearest solid wall in each column is found on
-// the CPU, and only wall pieces, floor strips and sprites in front of it are emitted. Floors need no triangles of
-// their own in the level: a floor's visible part is bounded by the walls seen in each column. Stage: render.
+// From a world and an eye to a short list of quads: everything that is visible and nearly nothing else.
+// Doom's walls are vertical, so visibility is decided once per picture column: the nearest solid wall in each
+// column is found on the CPU, and only wall pieces, floor strips and sprites in front of it are emitted.
+// Floors need no triangles of their own in the level: a floor's visible part is bounded by the walls seen in
+// each column. Stage: render.
 #pragma once
 
 #include <cstdint>
@@ -28,11 +29,11 @@ struct SceneView {
 
 /// A corner of a quad, as the vertex shader takes it.
 struct QuadVertex {
-  float x, y, z, w;        ///< clip coordinates
-  float u, v;              ///< in repeats of the texture
-  float width, height;     ///< of the texture, texels
-  float shade;             ///< light row at infinite distance; see light_shade()
-  int32_t address;         ///< of the texture in the atlas
+  float x, y, z, w;     ///< clip coordinates
+  float u, v;           ///< in repeats of the texture
+  float width, height;  ///< of the texture, texels
+  float shade;          ///< light row at infinite distance; see light_shade()
+  int32_t address;      ///< of the texture in the atlas
 };
 
 /// Quads in drawing order; four vertices each. Ranges count quads.
@@ -41,7 +42,8 @@ struct DrawList {
   uint32_t painted_end = 0;  ///< [0, painted_end): opaque, in painter's order, no depth test
   uint32_t solid_end = 0;    ///< [painted_end, solid_end): walls, depth tested and written
   uint32_t plane_end = 0;    ///< [solid_end, plane_end): floors and ceilings, depth tested only
-  uint32_t masked_end = 0;   ///< [plane_end, masked_end): sprites and gratings from far to near, transparent texels
+  uint32_t masked_end =
+      0;  ///< [plane_end, masked_end): sprites and gratings from far to near, transparent texels
   bool needs_depth = false;  ///< false where no wall part can hide another: walls and floors tile the picture
 
   void clear() { *this = DrawList{.vertices = std::move(vertices)}, vertices.clear(); }
@@ -65,8 +67,8 @@ class ViewBuilder {
   void build(const SceneView& view, DrawList* list);
 
  private:
-  /// A line's visible extent in this picture, nearest end to farthest. Along the columns 1/depth and u/depth are
-  /// linear.
+  /// A line's visible extent in this picture, nearest end to farthest. Along the columns 1/depth and u/depth
+  /// are linear.
   struct Span {
     uint32_t line = 0;
     bool back_side = false;  ///< seen from its back
@@ -107,10 +109,11 @@ class ViewBuilder {
   void emit_painted_planes();
   void emit_sky();
   void emit_walls(const Span& span, int column_begin, int column_end);
-  void emit_wall_part(const Span& span, float x_left, float x_right, float top, float bottom, float texture_top,
-                      float offset_y, const AtlasRegion& region, float shade);
+  void emit_wall_part(const Span& span, float x_left, float x_right, float top, float bottom,
+                      float texture_top, float offset_y, const AtlasRegion& region, float shade);
   void emit_crossed_planes();
-  void emit_plane_run(int column_begin, int column_end, const Crossing* crossings, int count, int32_t solid_span);
+  void emit_plane_run(int column_begin, int column_end, const Crossing* crossings, int count,
+                      int32_t solid_span);
   void emit_plane(float x_left, float x_right, float top_left, float top_right, float bottom_left,
                   float bottom_right, float height, const AtlasRegion& region, float shade);
   void collect_sprites();
@@ -127,12 +130,12 @@ class ViewBuilder {
   uint64_t stamp_ = 0;
   std::vector<SectorNow> sectors_;
   std::deque<ScenePlane> changed_planes_;  // textures that scripts set, of this picture
-  std::vector<float> side_, depth_;  // [vertex] right of and ahead of the eye
+  std::vector<float> side_, depth_;        // [vertex] right of and ahead of the eye
   std::vector<Span> spans_;
   std::vector<int32_t> partial_spans_;
   std::vector<float> column_inverse_;  // [column] 1/depth of the nearest solid wall
   std::vector<int32_t> column_span_;
-  std::vector<Crossing> crossings_;    // [column, kCrossingsMax]
+  std::vector<Crossing> crossings_;  // [column, kCrossingsMax]
   std::vector<int32_t> crossing_count_;
   std::vector<VisibleSprite> sprites_;
   bool sky_seen_ = false;

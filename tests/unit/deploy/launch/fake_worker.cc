@@ -7,6 +7,7 @@
 //   exit CODE         leave with CODE right after joining; `exit_once` only the first time
 //   deaf 0            ignore SIGTERM and the run state
 //   finish MS         learner: leave with 0 after MS milliseconds of running
+//   restored COUNT    counters begin at COUNT, as those of a resumed learner do
 //   episodes COUNT    sim: finish COUNT episodes, then play on
 //   fill 0            sim: take a slab and hold it with 5 rows filled
 #include <fcntl.h>
@@ -98,6 +99,10 @@ int main(int argc, char** argv) {
   shm::WorkerCounters& counters = role == "sim"      ? arena->sim_counters(index)
                                   : role == "policy" ? arena->policy_counters(index)
                                                      : arena->learner_counters();
+  counters.epoch += 1;
+  counters.state = 1;
+  if (habits.contains("restored")) counters.decisions = counters.batches = std::stoull(habits["restored"]);
+  counters.state = 2;
   std::optional<dds::Bus> bus;
   if (role == "learner") {
     auto opened = dds::Bus::open(dds::bus_config_for_run(arena->run_id()));

@@ -36,7 +36,6 @@ int main(int argc, char** argv) {
     if (name == "lock") plan.lock_descriptor = std::atoi(value.c_str());
     if (name == "deterministic") plan.config.deterministic = true;
     if (name == "slabs") plan.config.trajectory_slabs = std::stoll(value);
-    if (name == "train_for_seconds") plan.config.train_for_seconds = std::stod(value);
   }
   const Expected<deploy::RunOutcome> outcome = deploy::run(plan);
   nlohmann::json json;

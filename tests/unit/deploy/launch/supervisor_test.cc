@@ -132,7 +132,10 @@ TEST_F(Launch, ARunEndsWhenTheLearnerHasFinished) {
   start("learner finish 1500\n");
   ASSERT_EQ(wait_for_end(15), 0) << progress();
   const nlohmann::json result = outcome();
-  EXPECT_EQ(result["message"], "finished");
+  EXPECT_THAT(std::string(result["message"]),
+              testing::MatchesRegex("finished: .* env frames in .*s, [0-9]+ env "
+                                    "frames/s, [0-9]+ decisions/s, J 123.5; "
+                                    "checkpoint checkpoint/fake.pt"));
   EXPECT_EQ(result["interrupted"], false);
   EXPECT_EQ(result["restarts"], 0);
   EXPECT_GT(result["learner_version"], 5);
@@ -143,8 +146,6 @@ TEST_F(Launch, ARunEndsWhenTheLearnerHasFinished) {
   EXPECT_GT(status()["env_frames"], 1000);
   EXPECT_THAT(progress(), HasSubstr("starting: "));
   EXPECT_THAT(progress(), HasSubstr("5120 env frames/s, 1280 decisions/s | J 123.5"));
-  EXPECT_THAT(progress(), HasSubstr("finished: "));
-  EXPECT_THAT(progress(), HasSubstr("checkpoint checkpoint/fake.pt"));
   EXPECT_THAT(progress(), Not(HasSubstr("\x1b"))) << "plain lines when piped";
 }
 
@@ -185,7 +186,7 @@ TEST_F(Launch, ADeadLearnerIsRestartedToGoOnFromItsCheckpoint) {
   ASSERT_EQ(wait_for_end(15), 0) << progress();
   EXPECT_EQ(pids("learner").size(), 2u);
   EXPECT_EQ(outcome()["restarts"], 1);
-  EXPECT_EQ(outcome()["message"], "finished");
+  EXPECT_THAT(std::string(outcome()["message"]), HasSubstr("finished: "));
 }
 
 TEST_F(Launch, AWorkerThatKeepsDyingEndsTheRunWithItsLastWords) {
@@ -217,7 +218,8 @@ TEST_F(Launch, SigtermStopsEverybodyCleanly) {
   EXPECT_THAT(events(), testing::IsSupersetOf(
                             {"sim-0 stopped", "sim-1 stopped", "policy-0 stopped", "learner stopped"}));
   EXPECT_EQ(status()["state"], "paused");
-  EXPECT_THAT(std::string(status()["message"]), HasSubstr("interrupted by SIGTERM"));
+  EXPECT_EQ(status()["message"],
+            "interrupted by SIGTERM; go on with --experiment " + fs::path(run_dir_).filename().string());
 }
 
 TEST_F(Launch, AWorkerThatWillNotStopIsKilledWithinTenSeconds) {
@@ -306,16 +308,20 @@ TEST_F(Launch, ABenchCountsOnlyItsWindow) {
   EXPECT_EQ(result["interrupted"], false);
 }
 
-TEST_F(Launch, TrainForSecondsEndsTheRun) {
-  start("", {"train_for_seconds=1"});
-  ASSERT_EQ(wait_for_end(15), 0);
-  EXPECT_EQ(outcome()["message"], "train_for_seconds reached");
-  EXPECT_THAT(events(), Contains("learner stopped"));
-  EXPECT_EQ(status()["state"], "finished");
+TEST_F(Launch, ARestoredCountIsNotTakenForWorkOfThisRun) {
+  // The learner resumes a checkpoint of a million decisions, dies, and resumes it again.
+  start("learner restored 1000000\n", {"seconds=2"});
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  usleep(500'000);
+  kill(pids("learner").back(), SIGKILL);
+  ASSERT_EQ(wait_for_end(20), 0);
+  EXPECT_EQ(pids("learner").size(), 2u);
+  EXPECT_GT(outcome()["measured_decisions"], 64);
+  EXPECT_LE(outcome()["measured_decisions"], 64 * 47);
 }
 
 TEST_F(Launch, InLockStepOneDeathSendsEverybodyBackToTheCheckpoint) {
-  start("", {"deterministic=1"});
+  start("learner restored 1000000\n", {"deterministic=1"});
   ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
   kill(pids("sim-1").back(), SIGKILL);
   ASSERT_TRUE(eventually(10, [&] { return pids("").size() == 8; })) << progress();
@@ -325,6 +331,7 @@ TEST_F(Launch, InLockStepOneDeathSendsEverybodyBackToTheCheckpoint) {
   }));
   kill(probe_, SIGTERM);
   EXPECT_EQ(wait_for_end(5), 0);
+  EXPECT_THAT(std::string(outcome()["message"]), Not(HasSubstr("M env frames")));
 }
 
 TEST_F(Launch, AnArenaThatDoesNotFitSaysSo) {

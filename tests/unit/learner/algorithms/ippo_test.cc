@@ -45,7 +45,8 @@ Minibatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t see
   pool.fill_with_noise(seed);
   Minibatch batch = make_minibatch(shape, slab_count);
   clear(batch);
-  for (int i = 0; i < slab_count; ++i) collate_slab(batch, i, pool.view(i), static_cast<uint32_t>(shape.rollout_steps));
+  for (int i = 0; i < slab_count; ++i)
+    collate_slab(batch, i, pool.view(i), static_cast<uint32_t>(shape.rollout_steps));
   return batch;
 }
 
@@ -142,9 +143,10 @@ TEST(Ippo, TrainingRepeatsTheLogProbOfSamplingWithMasksAndResets) {
       std::copy(row.begin(), row.end(), slab.logits(t, agent).begin());
       slab.log_prob(t, agent) =
           policy::sample_action(row, slab.action_mask(t, agent), shape.env,
-                                RngKey(5).split(static_cast<uint64_t>(t)).split(static_cast<uint64_t>(agent)), false,
-                                slab.action(t, agent));
-      for (int head = 0, offset = 0; head < 2; offset += shape.env.head_sizes[static_cast<std::size_t>(head++)])
+                                RngKey(5).split(static_cast<uint64_t>(t)).split(static_cast<uint64_t>(agent)),
+                                false, slab.action(t, agent));
+      for (int head = 0, offset = 0; head < 2;
+           offset += shape.env.head_sizes[static_cast<std::size_t>(head++)])
         EXPECT_EQ(slab.action_mask(t, agent)[static_cast<std::size_t>(
                       offset + slab.action(t, agent)[static_cast<std::size_t>(head)])],
                   1);
@@ -189,9 +191,9 @@ TEST(Ippo, MicroBatchesGiveTheGradientOfTheWholeBatch) {
 TEST(Ippo, AnAllInvalidTrajectoryAddsNothingToTheGradient) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
-  Ippo ippo(config, shape.env, torch::kCPU);
   std::vector<std::vector<Tensor>> results;
-  for (const int slab_count : {3, 4}) {
+  for (const int slab_count : {3, 4}) {  // the first three hold the same noise
+    Ippo ippo(config, shape.env, torch::kCPU);
     Minibatch batch = noise_batch(shape, slab_count, 4);
     if (slab_count == 4) batch.valid.narrow(1, 6, 2).zero_();
     apply_lag_filter(batch, 0, 1000);
@@ -200,15 +202,7 @@ TEST(Ippo, AnAllInvalidTrajectoryAddsNothingToTheGradient) {
     ippo.accumulate_gradient(batch, {}, sums);
     results.push_back(gradients(ippo.net()));
   }
-  // The second prepare_targets moved the return statistics a little; compare with fresh ones instead.
-  Ippo fresh(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 4);
-  batch.valid.narrow(1, 6, 2).zero_();
-  apply_lag_filter(batch, 0, 1000);
-  fresh.prepare_targets(batch);
-  Ippo::LossSums sums;
-  fresh.accumulate_gradient(batch, {}, sums);
-  EXPECT_LT(largest_relative_difference(results[0], gradients(fresh.net())), 2e-5);
+  EXPECT_LT(largest_relative_difference(results[0], results[1]), 2e-5);
 }
 
 TEST(Ippo, AnAllInvalidBatchLeavesWeightsAndVersionAlone) {
@@ -269,7 +263,8 @@ TEST(Ippo, AnotherAgentsFrameChangesNeitherValueNorLogits) {
   const policy::SequenceOutput before =
       ippo.net().sequence(batch.frame, {}, batch.recurrent_state, batch.reset);
   batch.frame.select(1, 1).fill_(200);
-  const policy::SequenceOutput after = ippo.net().sequence(batch.frame, {}, batch.recurrent_state, batch.reset);
+  const policy::SequenceOutput after =
+      ippo.net().sequence(batch.frame, {}, batch.recurrent_state, batch.reset);
   EXPECT_TRUE(torch::allclose(before.logits.select(1, 0), after.logits.select(1, 0), 1e-5, 1e-6));
   EXPECT_TRUE(torch::allclose(before.value.select(1, 0), after.value.select(1, 0), 1e-5, 1e-6));
   EXPECT_FALSE(torch::allclose(before.logits.select(1, 1), after.logits.select(1, 1), 1e-5, 1e-6));
@@ -391,7 +386,9 @@ TEST(Ippo, AReloadedRunContinuesBitForBit) {
   const auto train = [&](Ippo& ippo, uint64_t first, uint64_t last) {
     for (uint64_t seed = first; seed < last; ++seed) {
       Minibatch batch = noise_batch(shape, 4, seed);
-      ASSERT_TRUE(ippo.update(batch, {.env_frames = static_cast<double>(seed)}));
+      UpdateContext context;
+      context.env_frames = static_cast<double>(seed);
+      ASSERT_TRUE(ippo.update(batch, context));
     }
   };
   Ippo whole(config, shape.env, torch::kCPU);
@@ -455,9 +452,9 @@ TEST(Ippo, LearnsTheBestArmOfABandit) {
       for (int t = 0; t < 8; ++t) {
         std::fill(slab.frame(t, 0).begin(), slab.frame(t, 0).end(), uint8_t{128});
         std::copy_n(logits.data_ptr<float>(), 2, slab.logits(t, 0).begin());
-        slab.log_prob(t, 0) = policy::sample_action(
-            slab.logits(t, 0), slab.action_mask(t, 0), shape.env,
-            key.split(update).split(static_cast<uint64_t>(i * 8 + t)), false, slab.action(t, 0));
+        slab.log_prob(t, 0) = policy::sample_action(slab.logits(t, 0), slab.action_mask(t, 0), shape.env,
+                                                    key.split(update).split(static_cast<uint64_t>(i * 8 + t)),
+                                                    false, slab.action(t, 0));
         slab.value(t, 0) = output.value.item<float>();
         slab.reward(t, 0) = slab.action(t, 0)[0] == 0 ? 1.0f : 0.0f;
         slab.terminated(t) = 1;

@@ -33,7 +33,8 @@ TEST(PpoLoss, ObjectiveMatchesTheKnownAnswers) {
 }
 
 TEST(PpoLoss, ValueLossMatchesTheKnownAnswers) {
-  const double expected[][4] = {{1.5, 1, 2, 0.32}, {1.1, 1, 2, 0.405}, {0.2, 1, 2, 1.62}, {1.5, 1, 1.2, 0.045}};
+  const double expected[][4] = {
+      {1.5, 1, 2, 0.32}, {1.1, 1, 2, 0.405}, {0.2, 1, 2, 1.62}, {1.5, 1, 1.2, 0.045}};
   for (const auto& [value, old_value, target, loss] : expected) {
     const Tensor per_sample =
         clipped_value_loss(torch::tensor(value), torch::tensor(old_value), torch::tensor(target), 0.2);
@@ -48,12 +49,15 @@ TEST(PpoLoss, TwoHeadPolicyMatchesTheKnownAnswers) {
   const double probs[] = {0.090031, 0.244728, 0.665241, 0.731059, 0.268941};
   for (int i = 0; i < 5; ++i) EXPECT_NEAR(std::exp(log_probs[0][i].item<double>()), probs[i], 1e-6);
   const auto log_prob = [&](int64_t first, int64_t second) {
-    return policy::action_log_prob(log_probs, torch::tensor({first, second}).view({1, 2}), env).item<double>();
+    return policy::action_log_prob(log_probs, torch::tensor({first, second}).view({1, 2}), env)
+        .item<double>();
   };
   EXPECT_NEAR(log_prob(2, 0), -0.720868, 1e-6);
   EXPECT_NEAR(log_prob(0, 1), -3.720868, 1e-6);
-  EXPECT_NEAR(exploration_loss(log_probs, {}, env, ExplorationLoss::kSymmetricKl).item<double>(), 0.403134, 1e-6);
-  EXPECT_NEAR(exploration_loss(log_probs, {}, env, ExplorationLoss::kEntropy).item<double>(), -1.414599, 1e-6);
+  EXPECT_NEAR(exploration_loss(log_probs, {}, env, ExplorationLoss::kSymmetricKl).item<double>(), 0.403134,
+              1e-6);
+  EXPECT_NEAR(exploration_loss(log_probs, {}, env, ExplorationLoss::kEntropy).item<double>(), -1.414599,
+              1e-6);
   EXPECT_EQ(exploration_loss(log_probs, {}, env, ExplorationLoss::kNone).item<double>(), 0);
 }
 

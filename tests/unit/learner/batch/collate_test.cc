@@ -104,7 +104,8 @@ TEST(Collate, PadsASlabThatWasSealedEarlyAndKeepsItsBootstrap) {
   EXPECT_DOUBLE_EQ(lag.valid_fraction, 0.5);
   EXPECT_EQ(batch.value[2][1].item<float>(), pool.view(1).value(2, 1));
   const int expected_value_valid[] = {1, 1, 1, 0, 0};
-  for (int t = 0; t <= 4; ++t) EXPECT_EQ(batch.value_valid[t][0].item<int>(), expected_value_valid[t]) << "t " << t;
+  for (int t = 0; t <= 4; ++t)
+    EXPECT_EQ(batch.value_valid[t][0].item<int>(), expected_value_valid[t]) << "t " << t;
   for (int t = 2; t < 4; ++t) {
     EXPECT_EQ(batch.valid[t][0].item<int>(), 0);
     EXPECT_EQ(batch.terminated[t][0].item<int>(), 1);

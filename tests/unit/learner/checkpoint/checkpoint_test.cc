@@ -18,9 +18,8 @@ namespace fs = std::filesystem;
 class CheckpointTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::temp_directory_path() /
-              ("comrad_checkpoint_test_" + std::to_string(::getpid()) + "_" +
-               ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    folder_ = fs::temp_directory_path() / ("comrad_checkpoint_test_" + std::to_string(::getpid()) + "_" +
+                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
     fs::remove_all(folder_);
     fs::create_directories(folder_);
   }
@@ -93,8 +92,10 @@ TEST_F(CheckpointTest, AForeignFileIsAClearError) {
   EXPECT_EQ(read_checkpoint(path("absent.pt")).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(read_checkpoint(folder_.string()).error().code, ErrorCode::kBadFormat);
 
-  const std::vector<char> other = torch::jit::pickle_save(torch::ones({3}));  // a torch archive of somebody else
-  std::ofstream(path("other.pt"), std::ios::binary).write(other.data(), static_cast<std::streamsize>(other.size()));
+  const std::vector<char> other =
+      torch::jit::pickle_save(torch::ones({3}));  // a torch archive of somebody else
+  std::ofstream(path("other.pt"), std::ios::binary)
+      .write(other.data(), static_cast<std::streamsize>(other.size()));
   const Expected<StateDict> read = read_checkpoint(path("other.pt"));
   ASSERT_FALSE(read);
   EXPECT_NE(read.error().message.find("not a COMRAD checkpoint"), std::string::npos) << read.error().message;

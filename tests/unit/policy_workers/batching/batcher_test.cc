@@ -122,9 +122,8 @@ TEST(Batcher, TheOutputStateOfOneStepIsTheInputOfTheNext) {
   for (int step = 0; step < 4; ++step) {
     group.commit_act(step == 0);
     ASSERT_EQ(answer_once(batcher, net), 1u);
-    if (step > 0)
-      for (size_t k = 0; k < 16; ++k)
-        EXPECT_EQ(group.envs[0].slab().recurrent_state(step, 1)[k], after[16 + k]) << "snapshot of step " << step;
+    for (size_t k = 0; step > 0 && k < 16; ++k)
+      EXPECT_EQ(group.envs[0].slab().recurrent_state(step, 1)[k], after[16 + k]) << "snapshot of step " << step;
     const auto state = arena.recurrent(0, static_cast<uint64_t>(step) + 1);
     after.assign(state.begin(), state.end());
     group.take_act();

@@ -1,9 +1,8 @@
 // How long a world tic takes: two players in a generated-size arena with 80 items and 60 tether nodes.
 #include <benchmark/benchmark.h>
 
-#include "tests/support/arena.h"
-
 #include "sim_workers/engine/play/world.h"
+#include "tests/support/arena.h"
 
 namespace comrad::doom {
 namespace {

@@ -1,0 +1,187 @@
+// Reads every #include of the sources and keeps the picture of the layers true: includes point left along
+// rollout_buffer < doomgen < scenarios < sim_workers and rollout_buffer < policy_workers < learner, deploy
+// includes rollout_buffer alone, and a third-party library has one home.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace comrad {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Include {
+  std::string file;  // from the repository root
+  int line = 0;
+  std::string target;  // what stands between the quotes or brackets
+  bool quoted = false;
+};
+
+/// What a folder may include, itself apart. `tests` may include anything.
+const std::map<std::string, std::set<std::string>>& allowed_folders() {
+  static const std::map<std::string, std::set<std::string>> allowed = {
+      {"rollout_buffer", {}},
+      {"doomgen", {"rollout_buffer"}},
+      {"scenarios", {"rollout_buffer", "doomgen"}},
+      {"sim_workers", {"rollout_buffer", "doomgen", "scenarios"}},
+      {"policy_workers", {"rollout_buffer"}},
+      {"learner", {"rollout_buffer", "policy_workers"}},
+      {"deploy", {"rollout_buffer"}},
+  };
+  return allowed;
+}
+
+/// The same inside rollout_buffer, lowest first. Folders that are not named may include all of these.
+const std::vector<std::string> kBufferLayers = {"core", "schema", "shm"};
+
+struct Library {
+  const char* name;
+  std::vector<std::string> prefixes;  // of the included header
+  std::vector<std::string> homes;     // folders that may include it
+};
+
+const std::vector<Library>& libraries() {
+  static const std::vector<Library> all = {
+      {"Cyclone DDS", {"dds/", "ddsc/", "org/eclipse/cyclonedds", "comrad.h"}, {"rollout_buffer/dds/"}},
+      {"OpenGL, OSMesa and EGL", {"GL/", "EGL/", "GLES"}, {"sim_workers/engine/render/"}},
+      {"libtorch", {"torch/", "ATen/", "c10/"}, {"policy_workers/", "learner/"}},
+      {"toml++", {"toml++/"}, {"rollout_buffer/core/", "scenarios/spec/"}},
+  };
+  return all;
+}
+
+bool is_source(const fs::path& path) {
+  const std::string extension = path.extension();
+  return extension == ".h" || extension == ".cc" || extension == ".cpp" || extension == ".hpp" ||
+         extension == ".c";
+}
+
+std::vector<Include> parse_includes(const std::string& file, std::istream& text) {
+  std::vector<Include> found;
+  std::string line;
+  for (int number = 1; std::getline(text, line); ++number) {
+    std::size_t at = line.find_first_not_of(" \t");
+    if (at == std::string::npos || line[at] != '#') continue;
+    at = line.find_first_not_of(" \t", at + 1);
+    if (at == std::string::npos || line.compare(at, 7, "include") != 0) continue;
+    const std::size_t open = line.find_first_of("\"<", at + 7);
+    if (open == std::string::npos) continue;
+    const std::size_t close = line.find(line[open] == '"' ? '"' : '>', open + 1);
+    if (close == std::string::npos) continue;
+    found.push_back({file, number, line.substr(open + 1, close - open - 1), line[open] == '"'});
+  }
+  return found;
+}
+
+std::vector<Include> all_includes() {
+  const fs::path root = COMRAD_SOURCE_DIR;
+  std::vector<Include> all;
+  for (const auto& [folder, allowed] : allowed_folders()) {
+    if (!fs::exists(root / folder)) continue;
+    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(root / folder)) {
+      if (!entry.is_regular_file() || !is_source(entry.path())) continue;
+      std::ifstream text(entry.path());
+      const std::vector<Include> found =
+          parse_includes(fs::relative(entry.path(), root).generic_string(), text);
+      all.insert(all.end(), found.begin(), found.end());
+    }
+  }
+  return all;
+}
+
+std::string folder_of(const std::string& path) { return path.substr(0, path.find('/')); }
+
+/// Why an include breaks the layers, or nothing.
+std::string fault_of(const Include& include) {
+  const std::string from = folder_of(include.file), to = folder_of(include.target);
+  if (to == "tests") return "sources do not include tests";
+  if (allowed_folders().contains(to) && include.target.find('/') != std::string::npos && to != from &&
+      !allowed_folders().at(from).contains(to))
+    return from + " may not include " + to;
+  if (from == "rollout_buffer" && to == "rollout_buffer") {
+    const auto layer_of = [](const std::string& path) {
+      const std::string inner = path.substr(path.find('/') + 1);
+      const auto found = std::find(kBufferLayers.begin(), kBufferLayers.end(), folder_of(inner));
+      return found - kBufferLayers.begin();
+    };
+    if (layer_of(include.target) > layer_of(include.file))
+      return "rollout_buffer: core < schema < shm < the rest";
+  }
+  // The arena and the bus do not know each other; whoever needs both joins them.
+  if (include.file.starts_with("rollout_buffer/dds/") && include.target.starts_with("rollout_buffer/shm/"))
+    return "rollout_buffer/dds may not include rollout_buffer/shm";
+  if (include.quoted && include.target.starts_with("../"))
+    return "includes are written from the repository root";
+  for (const Library& library : libraries()) {
+    const bool is_of_library =
+        std::any_of(library.prefixes.begin(), library.prefixes.end(),
+                    [&](const std::string& prefix) { return include.target.starts_with(prefix); });
+    const bool is_at_home =
+        std::any_of(library.homes.begin(), library.homes.end(),
+                    [&](const std::string& home) { return include.file.starts_with(home); });
+    if (is_of_library && !is_at_home)
+      return std::string(library.name) + " belongs into " + library.homes.front();
+  }
+  return "";
+}
+
+TEST(Layering, EveryIncludePointsTheRightWay) {
+  const std::vector<Include> includes = all_includes();
+  ASSERT_GT(includes.size(), 200u) << "the sources were not found below " COMRAD_SOURCE_DIR;
+  for (const Include& include : includes)
+    EXPECT_EQ(fault_of(include), "") << include.file << ":" << include.line << " includes " << include.target;
+}
+
+TEST(Layering, QuotedIncludesOfOursExist) {
+  for (const Include& include : all_includes())
+    if (include.quoted && allowed_folders().contains(folder_of(include.target)) &&
+        include.target.find('/') != std::string::npos) {
+      EXPECT_TRUE(fs::exists(fs::path(COMRAD_SOURCE_DIR) / include.target))
+          << include.file << ":" << include.line << " includes " << include.target;
+    }
+}
+
+TEST(Layering, TheRulesCatchWhatTheyAreFor) {
+  const auto is_fault = [](const char* file, const char* target, bool quoted = true) {
+    return !fault_of({file, 1, target, quoted}).empty();
+  };
+  EXPECT_TRUE(is_fault("rollout_buffer/shm/arena.cc", "sim_workers/env/environment.h"));
+  EXPECT_TRUE(is_fault("doomgen/wad/wad_writer.cc", "scenarios/spec/scenario_spec.h"));
+  EXPECT_TRUE(is_fault("policy_workers/worker/main.cc", "sim_workers/env/environment.h"));
+  EXPECT_TRUE(is_fault("learner/worker/main.cc", "scenarios/spec/scenario_spec.h"));
+  EXPECT_TRUE(is_fault("deploy/launch/supervisor.cc", "learner/checkpoint/checkpoint.h"));
+  EXPECT_TRUE(is_fault("rollout_buffer/core/config.cc", "rollout_buffer/schema/spec.h"));
+  EXPECT_TRUE(is_fault("rollout_buffer/schema/spec.cc", "rollout_buffer/shm/arena.h"));
+  EXPECT_TRUE(is_fault("rollout_buffer/dds/bus.cc", "rollout_buffer/shm/arena.h"));
+  EXPECT_TRUE(is_fault("sim_workers/worker/main.cc", "torch/torch.h", false));
+  EXPECT_TRUE(is_fault("learner/worker/main.cc", "dds/dds.h", false));
+  EXPECT_TRUE(is_fault("sim_workers/env/doom_env.cc", "GL/osmesa.h", false));
+  EXPECT_TRUE(is_fault("learner/batch/collate.cc", "../estimators/gae.h"));
+  EXPECT_TRUE(is_fault("sim_workers/env/doom_env.cc", "tests/support/toy_environment.h"));
+  EXPECT_FALSE(is_fault("sim_workers/env/doom_env.cc", "scenarios/spec/scenario_spec.h"));
+  EXPECT_FALSE(is_fault("learner/algorithms/ippo.cc", "policy_workers/policy/policy_net.h"));
+  EXPECT_FALSE(is_fault("learner/algorithms/ippo.cc", "torch/torch.h", false));
+  EXPECT_FALSE(is_fault("rollout_buffer/shm/arena.h", "rollout_buffer/schema/trajectory.h"));
+  EXPECT_FALSE(is_fault("deploy/launch/supervisor.cc", "rollout_buffer/dds/bus.h"));
+}
+
+TEST(Layering, TheReaderSeesEverySpelling) {
+  std::istringstream text(
+      "#include <a/b.h>\n  #  include \"c.h\" // why\n// #include \"no.h\"\nint x;\n#include broken\n");
+  const std::vector<Include> found = parse_includes("f.cc", text);
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_EQ(found[0].target, "a/b.h");
+  EXPECT_FALSE(found[0].quoted);
+  EXPECT_EQ(found[1].target, "c.h");
+  EXPECT_EQ(found[1].line, 2);
+}
+
+}  // namespace
+}  // namespace comrad

@@ -1,0 +1,379 @@
+#include "learner/worker/learner.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "policy_workers/policy/policy_net.h"
+#include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/shm/futex.h"
+
+namespace comrad::learn {
+namespace {
+
+namespace fs = std::filesystem;
+
+RunConfig small_config() {
+  RunConfig config;
+  config.algo = "ippo";
+  config.device = "cpu";
+  config.rollout = 4;
+  config.batch_size = 4 * 2 * 2;  // two slabs
+  config.rnn_size = 8;
+  config.num_workers = 1;
+  config.num_envs_per_worker = 4;
+  config.experiment_summaries_interval = 0.2;
+  config.save_every_sec = 1000;
+  config.learning_rate = 1e-3;
+  return config;
+}
+
+shm::ArenaShape arena_shape(const RunConfig& config) {
+  shm::ArenaShape shape;
+  EnvShape& env = shape.trajectory.env;
+  env.num_agents = 2;
+  env.height = env.width = 36;
+  env.head_count = 1;
+  env.head_sizes = {3};
+  const policy::PolicyNetOptions options = policy::PolicyNetOptions::from(config, env);
+  shape.trajectory.rollout_steps = static_cast<int32_t>(config.rollout);
+  shape.trajectory.recurrent_state_count = static_cast<int32_t>(options.recurrent_state_count());
+  shape.sim_worker_count = 1;
+  shape.envs_per_worker = static_cast<int32_t>(config.num_envs_per_worker);
+  shape.slab_count = 16;
+  shape.journal_steps = 64;
+  shape.weights_bytes = policy::PolicyNet::create(options, 1, torch::kCPU).weights_bytes();
+  return shape;
+}
+
+/// Writes what simulators and policy workers would have: a pure function of environment and rollout.
+void fill_slab(const SlabView& slab, uint64_t env_index, uint64_t rollout, uint32_t version) {
+  Rng rng(RngKey(99).split(env_index).split(rollout));
+  const TrajectoryShape& shape = slab.shape();
+  const auto number = [&rng] { return static_cast<float>(rng.uniform() - 0.5); };
+  for (int agent = 0; agent < shape.env.num_agents; ++agent) {
+    for (float& x : slab.recurrent_state(0, agent)) x = number();
+    for (int t = 0; t <= shape.rollout_steps; ++t) {
+      for (uint8_t& pixel : slab.frame(t, agent)) pixel = static_cast<uint8_t>(rng.next());
+      for (uint8_t& allowed : slab.action_mask(t, agent)) allowed = 1;
+      slab.agent_active(t, agent) = 1;
+      slab.value(t, agent) = number();
+      if (t == shape.rollout_steps) continue;
+      for (float& x : slab.logits(t, agent)) x = number();
+      slab.action(t, agent)[0] = static_cast<int32_t>(rng.below(3));
+      slab.log_prob(t, agent) = -1.1f;
+      slab.reward(t, agent) = number();
+      slab.policy_version(t, agent) = version;
+    }
+  }
+  for (int t = 0; t < shape.rollout_steps; ++t) {
+    slab.terminated(t) = rng.below(8) == 0 ? 1 : 0;
+    slab.truncated(t) = 0;
+    slab.final_index(t) = -1;
+    slab.valid(t) = 1;
+  }
+}
+
+/// Plays all environments of an arena in one thread, as one simulator process with a policy worker would.
+class FakeSimulator {
+ public:
+  explicit FakeSimulator(const shm::Arena& arena) : arena_(*shm::Arena::adopt(dup(arena.descriptor()))) {
+    thread_ = std::thread([this] { run(); });
+  }
+  ~FakeSimulator() {
+    stop_ = true;
+    thread_.join();
+  }
+
+ private:
+  void run() {
+    const int env_count = arena_.shape().env_count();
+    std::vector<uint64_t> next(static_cast<std::size_t>(env_count), 0);
+    bool has_begun = false;
+    while (!stop_) {
+      const uint64_t allowed = arena_.control().rollouts_allowed.load();
+      if (allowed > 0 && !has_begun) {
+        has_begun = true;
+        for (int env = 0; env < env_count; ++env)
+          if (arena_.journal(env).is_resume != 0)
+            next[static_cast<std::size_t>(env)] = arena_.journal(env).rollout_index;
+      }
+      bool idle = true;
+      for (int env = env_count - 1; env >= 0; --env) {  // sealed in an order that is not the learner's
+        uint64_t& rollout = next[static_cast<std::size_t>(env)];
+        if (rollout >= allowed) continue;
+        const auto slab = arena_.acquire_slab(0);
+        if (!slab) break;
+        idle = false;
+        shm::SlabHeader& header = arena_.slab_header(static_cast<int>(*slab));
+        header.env_index = static_cast<uint32_t>(env);
+        header.length = static_cast<uint32_t>(arena_.shape().trajectory.rollout_steps);
+        header.rollout_index = rollout;
+        fill_slab(arena_.slab(static_cast<int>(*slab)), static_cast<uint64_t>(env), rollout,
+                  arena_.control().policy_version.load());
+        ++rollout;
+        shm::JournalHeader& journal = arena_.journal(env);
+        journal.episode_seed = 1000 + static_cast<uint64_t>(env);
+        journal.episode_id = 3;
+        journal.length = 5;
+        journal.step_id = rollout * 4;
+        for (int step = 0; step < 5; ++step)
+          for (uint8_t& action : arena_.journal_action(env, step)) action = static_cast<uint8_t>(step);
+        for (float& x : arena_.recurrent(env, 0)) x = static_cast<float>(rollout);
+        std::atomic_ref<uint64_t>(journal.rollout_index).store(rollout);
+        arena_.seal_slab(*slab);
+      }
+      if (idle) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+  }
+
+  shm::Arena arena_;
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+class LearnerTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("comrad_learner_test_" + std::to_string(::getpid()) + "_" +
+                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  struct Outcome {
+    Status status;
+    uint64_t env_frames = 0;
+    PolicyVersion version = 0;
+    std::vector<std::byte> weights;
+    PolicyVersion published = 0;
+  };
+
+  /// One process life of a learner against a fresh arena and simulator.
+  Outcome live(const RunConfig& config, const std::string& run, const std::string& mode = "train") {
+    fs::create_directories(folder_ / run);
+    Expected<shm::Arena> arena = shm::Arena::create(arena_shape(config), 1);
+    EXPECT_TRUE(arena);
+    shm::Arena observer = *shm::Arena::adopt(dup(arena->descriptor()));
+    observer.control().run_state = shm::RunState::kRunning;
+    Outcome outcome;
+    const LearnerOptions options{
+        .run_dir = (folder_ / run).string(), .serve = mode == "serve", .checkpoint = ""};
+    auto learner = Learner::start(options, config, std::move(*arena), std::nullopt, stop_);
+    if (!learner) {
+      outcome.status = learner.error();
+      return outcome;
+    }
+    std::optional<FakeSimulator> simulator;
+    if (mode == "train") simulator.emplace(observer);
+    outcome.status = (*learner)->run();
+    outcome.env_frames = (*learner)->env_frames();
+    outcome.version = (*learner)->algorithm().version();
+    outcome.weights.resize(static_cast<std::size_t>((*learner)->algorithm().weights_bytes()));
+    (*learner)->algorithm().write_weights(outcome.weights);
+    std::vector<std::byte> published;
+    const auto version = observer.read_weights(published);
+    EXPECT_TRUE(version);
+    outcome.published = *version;
+    EXPECT_TRUE(published == outcome.weights);
+    return outcome;
+  }
+
+  fs::path folder_;
+  std::atomic<bool> stop_{false};
+};
+
+TEST_F(LearnerTest, TrainsUntilTheLastEnvFrameAndLeavesACheckpointAndMetrics) {
+  RunConfig config = small_config();
+  config.num_epochs = 2;
+  config.train_for_env_steps = 5 * 16 * 4;  // five batches of 16 decisions, four tics each
+  const Outcome outcome = live(config, "run");
+  ASSERT_TRUE(outcome.status) << outcome.status.error().message;
+  EXPECT_EQ(outcome.env_frames, 5u * 16 * 4);
+  EXPECT_EQ(outcome.version, 10u);
+  EXPECT_EQ(outcome.published, 10u);
+  CheckpointStore store((folder_ / "run/checkpoint").string(), 2);
+  ASSERT_EQ(store.list().size(), 1u);
+  EXPECT_EQ(store.list()[0].version, 10u);
+  EXPECT_EQ(store.list()[0].env_frames, 320u);
+  std::ifstream lines(folder_ / "run/metrics.jsonl");
+  std::string line, last;
+  while (std::getline(lines, line)) last = line;
+  const auto report = nlohmann::json::parse(last);
+  EXPECT_EQ(report["env_frames"], 320);
+  EXPECT_EQ(report["decisions"], 80);
+  for (const char* name :
+       {"train/policy_loss", "train/value_loss", "train/kl_divergence", "train/grad_norm",
+        "train/num_sgd_steps", "train/version_diff_avg", "perf/_fps", "stats/slabs_sealed"})
+    EXPECT_TRUE(report.contains(name)) << name;
+}
+
+TEST_F(LearnerTest, GoesOnFromTheNewestCheckpointThatCanBeRead) {
+  RunConfig config = small_config();
+  config.train_for_env_steps = 2 * 16 * 4;
+  ASSERT_TRUE(live(config, "run").status);
+  config.train_for_env_steps = 4 * 16 * 4;
+  const Outcome second = live(config, "run");
+  ASSERT_TRUE(second.status);
+  EXPECT_EQ(second.version, 4u);
+  CheckpointStore store((folder_ / "run/checkpoint").string(), 2);
+  ASSERT_EQ(store.list().size(), 2u);
+  fs::resize_file(store.list()[0].path, fs::file_size(store.list()[0].path) / 2);
+  config.train_for_env_steps = 3 * 16 * 4;
+  const Outcome third = live(config, "run");  // from version 2, one more batch
+  ASSERT_TRUE(third.status) << third.status.error().message;
+  EXPECT_EQ(third.version, 3u);
+  EXPECT_EQ(third.env_frames, 3u * 16 * 4);
+}
+
+TEST_F(LearnerTest, RefusesToBeginAnewOverUnreadableCheckpoints) {
+  const RunConfig config = small_config();
+  fs::create_directories(folder_ / "run/checkpoint");
+  std::ofstream(folder_ / "run/checkpoint/checkpoint_000000007_99.pt") << "rubbish";
+  const Outcome outcome = live(config, "run");
+  ASSERT_FALSE(outcome.status);
+  EXPECT_NE(outcome.status.error().message.find("--restart_behavior"), std::string::npos)
+      << outcome.status.error().message;
+}
+
+TEST_F(LearnerTest, LockStepGivesTheSameWeightsTwiceAndAcrossAResume) {
+  RunConfig config = small_config();
+  config.deterministic = true;
+  config.async_rl = false;
+  config.num_epochs = 2;
+  config.shuffle_minibatches = true;
+  const double per_rollout = 4 * 2 * 4 * 4;  // environments, agents, steps, tics
+  config.train_for_env_steps = 5 * per_rollout;
+  const Outcome whole = live(config, "whole"), again = live(config, "again");
+  ASSERT_TRUE(whole.status) << whole.status.error().message;
+  EXPECT_EQ(whole.version, 20u);  // 5 rollouts, 2 batches, 2 epochs
+  EXPECT_TRUE(whole.weights == again.weights);
+  config.train_for_env_steps = 2 * per_rollout;
+  ASSERT_TRUE(live(config, "halves").status);
+  config.train_for_env_steps = 5 * per_rollout;
+  const Outcome halves = live(config, "halves");
+  ASSERT_TRUE(halves.status) << halves.status.error().message;
+  EXPECT_EQ(halves.version, whole.version);
+  EXPECT_TRUE(halves.weights == whole.weights);
+}
+
+TEST_F(LearnerTest, ADeterministicCheckpointBringsJournalsAndStatesBack) {
+  RunConfig config = small_config();
+  config.deterministic = true;
+  config.async_rl = false;
+  config.train_for_env_steps = 2 * 4 * 2 * 4 * 4;
+  ASSERT_TRUE(live(config, "run").status);
+  Expected<shm::Arena> arena = shm::Arena::create(arena_shape(config), 2);
+  shm::Arena observer = *shm::Arena::adopt(dup(arena->descriptor()));
+  const auto learner =
+      Learner::start({.run_dir = (folder_ / "run").string(), .serve = false, .checkpoint = ""}, config,
+                     std::move(*arena), std::nullopt, stop_);
+  ASSERT_TRUE(learner) << learner.error().message;
+  EXPECT_EQ(observer.control().rollouts_allowed.load(), 3u);
+  for (int env = 0; env < 4; ++env) {
+    const shm::JournalHeader& journal = observer.journal(env);
+    EXPECT_EQ(journal.is_resume, 1u);
+    EXPECT_EQ(journal.episode_seed, 1000u + static_cast<uint64_t>(env));
+    EXPECT_EQ(journal.rollout_index, 2u);
+    EXPECT_EQ(journal.step_id, 8u);
+    EXPECT_EQ(journal.length, 5u);
+    EXPECT_EQ(observer.journal_action(env, 4)[1], 4);
+    EXPECT_EQ(observer.recurrent(env, 0)[3], 2.0f);
+  }
+}
+
+TEST_F(LearnerTest, RefusesADeterministicResumeWithAnotherNumberOfEnvironments) {
+  RunConfig config = small_config();
+  config.deterministic = true;
+  config.async_rl = false;
+  config.train_for_env_steps = 4 * 2 * 4 * 4;
+  ASSERT_TRUE(live(config, "run").status);
+  config.num_envs_per_worker = 6;
+  const Outcome outcome = live(config, "run");
+  ASSERT_FALSE(outcome.status);
+  EXPECT_NE(outcome.status.error().message.find("--num_envs_per_worker"), std::string::npos);
+}
+
+TEST_F(LearnerTest, AStopEndsTheRunSoonAndSaves) {
+  RunConfig config = small_config();
+  config.train_for_env_steps = 1e12;
+  std::thread stopper([this] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(700));
+    stop_ = true;
+  });
+  const auto began = std::chrono::steady_clock::now();
+  const Outcome outcome = live(config, "run");
+  stopper.join();
+  ASSERT_TRUE(outcome.status);
+  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(8));
+  EXPECT_GT(outcome.version, 0u);
+  CheckpointStore store((folder_ / "run/checkpoint").string(), 2);
+  ASSERT_EQ(store.list().size(), 1u);
+  EXPECT_EQ(store.list()[0].version, outcome.version);
+}
+
+TEST_F(LearnerTest, ServeModePublishesTheCheckpointAndTouchesNothing) {
+  RunConfig config = small_config();
+  config.train_for_env_steps = 3 * 16 * 4;
+  const Outcome trained = live(config, "run");
+  ASSERT_TRUE(trained.status);
+  stop_ = true;
+  const auto metrics_before = fs::file_size(folder_ / "run/metrics.jsonl");
+  const Outcome served = live(config, "run", "serve");
+  ASSERT_TRUE(served.status) << served.status.error().message;
+  EXPECT_EQ(served.published, trained.version);
+  EXPECT_TRUE(served.weights == trained.weights);
+  EXPECT_EQ(fs::file_size(folder_ / "run/metrics.jsonl"), metrics_before);
+  const Outcome nothing = live(config, "empty", "serve");
+  ASSERT_FALSE(nothing.status);
+  EXPECT_EQ(nothing.status.error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(LearnerTest, ASecondLearnerCannotJoinALockStepRunHalfWay) {
+  RunConfig config = small_config();
+  config.deterministic = true;
+  config.async_rl = false;
+  Expected<shm::Arena> arena = shm::Arena::create(arena_shape(config), 2);
+  arena->control().rollouts_allowed = 4;
+  const auto learner = Learner::start({.run_dir = folder_.string(), .serve = false, .checkpoint = ""}, config,
+                                      std::move(*arena), std::nullopt, stop_);
+  ASSERT_FALSE(learner);
+  EXPECT_NE(learner.error().message.find("lock-step"), std::string::npos);
+}
+
+TEST_F(LearnerTest, AStalledLearnerBoundsWhatIsCollected) {
+  // Capacity 2: two full batches wait, a third is being filled; then slabs stay sealed and the arena runs
+  // dry.
+  const RunConfig config = small_config();
+  Expected<shm::Arena> arena = shm::Arena::create(arena_shape(config), 3);
+  arena->control().rollouts_allowed = UINT64_MAX;
+  FakeSimulator simulator(*arena);
+  BatchQueue queue(*arena, 2, 2);
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while ((queue.waiting() < 2 || arena->sealed_count() < 16) && std::chrono::steady_clock::now() < deadline)
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  EXPECT_EQ(queue.waiting(), 2);
+  EXPECT_EQ(arena->sealed_count(), 16);
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  EXPECT_EQ(queue.waiting(), 2);
+  EXPECT_EQ(arena->sealed_count(), 16);
+  std::unique_ptr<Minibatch> batch = queue.pop(1000);
+  ASSERT_NE(batch, nullptr);
+  EXPECT_EQ(batch->transitions, 16);
+  queue.recycle(std::move(batch));
+  while (queue.waiting() < 2 && std::chrono::steady_clock::now() < deadline)
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  EXPECT_EQ(queue.waiting(), 2);
+}
+
+}  // namespace
+}  // namespace comrad::learn

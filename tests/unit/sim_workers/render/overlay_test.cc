@@ -1,0 +1,143 @@
+#include "sim_workers/engine/render/overlay.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/level_builder.h"
+
+namespace comrad::doom {
+namespace {
+
+/// The status bar of the installed IWAD; tests skip where there is none.
+class StatusBarTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    auto archive = ArtArchive::open();
+    if (!archive) GTEST_SKIP() << archive.error().message;
+    archive_ = *archive;
+    auto bar = StatusBar::create(*archive_);
+    ASSERT_TRUE(bar.has_value()) << bar.error().message;
+    bar_.emplace(std::move(bar).value());
+  }
+  std::vector<uint8_t> compose(const StatusBarState& state) const {
+    std::vector<uint8_t> indices;
+    bar_->compose(state, &indices);
+    return indices;
+  }
+  /// True where every opaque texel of `graphic` lies at (x, y) of the bar.
+  bool shows(const std::vector<uint8_t>& bar, const std::string& graphic, int x, int y) const {
+    const IndexedImage image = archive_->graphic(graphic).value();
+    for (int row = 0; row < image.height; ++row)
+      for (int column = 0; column < image.width; ++column) {
+        const int to_x = x - image.left_offset + column, to_y = y - image.top_offset + row;
+        if (image.at(column, row) == kTransparentIndex || to_y >= StatusBar::kHeight) continue;
+        if (bar[static_cast<std::size_t>(to_y * StatusBar::kWidth + to_x)] != image.at(column, row))
+          return false;
+      }
+    return true;
+  }
+  int digit_width() const { return archive_->graphic("STTNUM0")->width; }
+
+  std::shared_ptr<const ArtArchive> archive_;
+  std::optional<StatusBar> bar_;
+};
+
+TEST_F(StatusBarTest, WritesHealthAndArmorRightAlignedBeforeTheirPercentSigns) {
+  StatusBarState state;
+  state.health = 57, state.armor = 138;
+  const std::vector<uint8_t> bar = compose(state);
+  EXPECT_TRUE(shows(bar, "STTNUM7", 90 - digit_width(), 3));
+  EXPECT_TRUE(shows(bar, "STTNUM5", 90 - 2 * digit_width(), 3));
+  EXPECT_FALSE(shows(bar, "STTNUM0", 90 - 3 * digit_width(), 3)) << "no leading zero";
+  EXPECT_TRUE(shows(bar, "STTPRCNT", 90, 3));
+  EXPECT_TRUE(shows(bar, "STTNUM1", 221 - 3 * digit_width(), 3));
+  EXPECT_TRUE(shows(bar, "STTNUM3", 221 - 2 * digit_width(), 3));
+  EXPECT_TRUE(shows(bar, "STTNUM8", 221 - digit_width(), 3));
+}
+
+TEST_F(StatusBarTest, LeavesTheAmmoFieldBlankWithoutAWeapon) {
+  StatusBarState state;
+  const std::vector<uint8_t> empty_handed = compose(state);
+  const IndexedImage background = archive_->graphic("STBAR").value();
+  for (int y = 3; y < 19; ++y)
+    for (int x = 4; x < 44; ++x)
+      ASSERT_EQ(empty_handed[static_cast<std::size_t>(y * StatusBar::kWidth + x)], background.at(x, y));
+  state.ammo = 20;
+  const std::vector<uint8_t> armed = compose(state);
+  EXPECT_TRUE(shows(armed, "STTNUM0", 44 - digit_width(), 3));
+  EXPECT_TRUE(shows(armed, "STTNUM2", 44 - 2 * digit_width(), 3));
+}
+
+TEST_F(StatusBarTest, OwnedWeaponsTurnYellow) {
+  StatusBarState state;
+  EXPECT_TRUE(shows(compose(state), "STGNUM3", 123, 4));
+  state.weapons = 1u << 3;
+  EXPECT_TRUE(shows(compose(state), "STYSNUM3", 123, 4));
+  EXPECT_TRUE(shows(compose(state), "STGNUM7", 135, 14));
+}
+
+TEST_F(StatusBarTest, TheFaceSuffersWithHealthAndEndsDead) {
+  StatusBarState state;
+  state.health = 100;
+  EXPECT_TRUE(shows(compose(state), "STFST01", 143, 0));
+  state.health = 59;
+  EXPECT_TRUE(shows(compose(state), "STFST21", 143, 0));
+  state.health = 1;
+  EXPECT_TRUE(shows(compose(state), "STFST41", 143, 0));
+  state.face = StatusBarState::Face::kHurt;
+  EXPECT_TRUE(shows(compose(state), "STFKILL4", 143, 0));
+  state.health = 0, state.face = StatusBarState::Face::kDead;
+  EXPECT_TRUE(shows(compose(state), "STFDEAD0", 143, 0));
+}
+
+TEST_F(StatusBarTest, ImpossibleNumbersStayInsideTheBar) {
+  StatusBarState state;
+  state.health = INT32_MAX, state.armor = INT32_MIN, state.ammo = 100000;
+  const std::vector<uint8_t> bar = compose(state);
+  for (int i = 1; i <= 3; ++i) EXPECT_TRUE(shows(bar, "STTNUM9", 90 - i * digit_width(), 3));
+}
+
+TEST_F(StatusBarTest, ACachedBarIsTheBarOfItsState) {
+  Overlay overlay(*bar_, 128, 72, 60);
+  std::vector<uint32_t> colors(256);
+  for (uint32_t i = 0; i < 256; ++i) colors[i] = i * 0x010203;
+  const auto draw = [&](int health) {
+    std::vector<uint8_t> picture(3 * 72 * 128, 0xEE);
+    StatusBarState state;
+    state.health = health;
+    overlay.draw_status_bar(state, 0, colors.data(), picture.data());
+    return picture;
+  };
+  const std::vector<uint8_t> full = draw(100), low = draw(5);
+  EXPECT_NE(full, low);
+  EXPECT_EQ(draw(100), full);
+  EXPECT_EQ(full[59 * 128 + 64], 0xEE) << "the view above stays untouched";
+  EXPECT_NE(full[60 * 128 + 100], 0xEE);
+}
+
+TEST(FlashPalette, FollowsDoomsSteps) {
+  EXPECT_EQ(flash_palette(0, 0), 0);
+  EXPECT_EQ(flash_palette(1, 0), 1);
+  EXPECT_EQ(flash_palette(9, 0), 2);
+  EXPECT_EQ(flash_palette(100, 0), 8);
+  EXPECT_EQ(flash_palette(0, 6), 9);
+  EXPECT_EQ(flash_palette(0, 1000), 12);
+  EXPECT_EQ(flash_palette(5, 6), 1) << "pain before gold";
+}
+
+TEST(StatusBarStates, TellAPlayersConditionApart) {
+  World world(test::one_room(), std::make_shared<const ActorCatalog>());
+  world.reset({.player_count = 2, .seed = 3}, nullptr);
+  EXPECT_TRUE(status_bar_state(world, 0).team);
+  const uint64_t fresh = status_bar_state(world, 0).key();
+  world.damage_player(0, 30);
+  const StatusBarState hurt = status_bar_state(world, 0);
+  EXPECT_EQ(hurt.health, 70);
+  EXPECT_EQ(hurt.face, StatusBarState::Face::kHurt);
+  EXPECT_NE(hurt.key(), fresh);
+  world.damage_player(0, 1000);
+  EXPECT_EQ(status_bar_state(world, 0).face, StatusBarState::Face::kDead);
+  EXPECT_EQ(status_bar_state(world, 0).health, 0);
+}
+
+}  // namespace
+}  // namespace comrad::doom
