@@ -2,7 +2,9 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
+#include <caffe2/serialize/inline_container.h>
 #include <torch/csrc/jit/serialization/pickle.h>
+#include <torch/csrc/jit/serialization/pickler.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -120,6 +122,31 @@ Expected<StateDict> from_ivalue(const c10::IValue& root, const std::string& path
   return state;
 }
 
+/// A torch archive of `root`, as pickle_save writes it but without type tags: those name a Python function that
+/// torch.load(..., weights_only=True) refuses to call.
+std::vector<char> pack(const c10::IValue& root) {
+  std::string pickled;
+  torch::jit::Pickler pickler([&pickled](const char* bytes, std::size_t count) { pickled.append(bytes, count); },
+                              nullptr, nullptr, nullptr, nullptr, /*tag_aggregates=*/false);
+  pickler.protocol();
+  pickler.pushIValue(root);
+  pickler.stop();
+  std::vector<char> archive;
+  caffe2::serialize::PyTorchStreamWriter writer([&archive](const void* bytes, std::size_t count) {
+    const char* first = static_cast<const char*>(bytes);
+    archive.insert(archive.end(), first, first + count);
+    return count;
+  });
+  int64_t index = 0;
+  for (const torch::Tensor& tensor : pickler.tensorData()) {
+    const auto data = torch::jit::getWriteableTensorData(tensor);
+    writer.writeRecord("data/" + std::to_string(index++), data.data(), data.sizeInBytes());
+  }
+  writer.writeRecord("data.pkl", pickled.data(), pickled.size());
+  writer.writeEndOfFile();
+  return archive;
+}
+
 /// Parses "<prefix><number>..." and moves `text` behind it.
 bool take_number(std::string_view& text, std::string_view prefix, uint64_t& number) {
   if (!text.starts_with(prefix)) return false;
@@ -194,7 +221,7 @@ Status write_checkpoint(const std::string& path, const StateDict& state) {
     root.insert("format", std::string(kFormatName));
     root.insert("layout_version", kCheckpointLayoutVersion);
     for (const auto& [name, section] : sections) root.insert(name, section);
-    bytes = torch::jit::pickle_save(root);
+    bytes = pack(root);
   } catch (const std::exception& error) {
     return Error{ErrorCode::kSystem, "cannot pack checkpoint " + path + ": " + error.what()};
   }

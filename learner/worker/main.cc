@@ -1,4 +1,6 @@
 // comrad-learner: trains (or serves) the policy of one run.
+#include <algorithm>
+#include <atomic>
 #include <csignal>
 #include <cstdio>
 #include <exception>
@@ -18,6 +20,7 @@ namespace {
 
 constexpr int kJoinTimeoutMs = 15'000;
 
+bool has_log = false;
 std::atomic<bool> stop_signalled{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may write it");
 
@@ -43,9 +46,9 @@ int exit_code(const Error& error) {
   }
 }
 
+/// Before there is a log.
 int fail(const Error& error, int code) {
   std::fprintf(stderr, "comrad-learner: %s\n", error.message.c_str());
-  spdlog::default_logger()->flush();
   return code;
 }
 
@@ -89,10 +92,12 @@ int run(const CommandLine& command) {
   }
   const Status logging = init_log("learner", command.learner.run_dir + "/logs/learner-0.log");
   if (!logging) return fail(logging.error(), 1);
+  has_log = true;
   const Status done = train_or_serve(command, *config);
   if (!done) {
-    spdlog::error("learner: {}", done.error().message);
-    return fail(done.error(), exit_code(done.error()));
+    spdlog::error("{}", done.error().message);  // init_log sends errors to stderr as well
+    spdlog::default_logger()->flush();
+    return exit_code(done.error());
   }
   spdlog::info("learner: stopped");
   spdlog::default_logger()->flush();
@@ -133,8 +138,11 @@ int main(int argc, char** argv) {
   try {
     return comrad::learn::run(command);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "comrad-learner: %s\n", error.what());
-    spdlog::critical("learner: {}", error.what());
+    // The log, once there is one, sends this to stderr too.
+    if (comrad::learn::has_log)
+      spdlog::critical("{}", error.what());
+    else
+      std::fprintf(stderr, "comrad-learner: %s\n", error.what());
     return 1;
   }
 }

@@ -20,11 +20,103 @@ struct ConvShape {
 };
 constexpr ConvShape kConvs[3] = {{32, 8, 4}, {64, 4, 2}, {128, 3, 2}};
 
-/// In place: the derivative is a function of the result, so nothing else needs to be kept.
-Tensor activate(Tensor x) {
-  at::elu_(x);
-  return x;
+/// Rows that pass all layers of the pixel path together on a CPU: their activations stay in the caches on the way, and
+/// memory grows with the rows only by what the backward pass needs.
+constexpr int64_t kChunkRows = 64;
+
+/// Rows [B, elements] of u8 on the CPU to f32: clamp(x * factor + offset).
+Tensor normalize_bytes(const Tensor& rows, const Tensor& factor, const Tensor& offset) {
+  const Tensor dense = rows.contiguous();
+  const int64_t element_count = factor.numel();
+  const Tensor out = torch::empty({dense.size(0), element_count}, torch::kFloat32);
+  std::vector<const uint8_t*> pointers(static_cast<size_t>(dense.size(0)));
+  for (size_t row = 0; row < pointers.size(); ++row)
+    pointers[row] = dense.data_ptr<uint8_t>() + static_cast<int64_t>(row) * element_count;
+  kernels::normalize_bytes(pointers, element_count, factor.data_ptr<float>(), offset.data_ptr<float>(),
+                           static_cast<float>(kClip), out.data_ptr<float>());
+  return out;
 }
+
+/// ELU in place; x is ours alone.
+void elu_in_place(Tensor& x) {
+  if (x.is_cpu() && x.is_contiguous())
+    kernels::elu(x.data_ptr<float>(), x.numel());
+  else
+    at::elu_(x);
+}
+
+/// Turns the gradient of an ELU's result y into the gradient of its input.
+Tensor elu_gradient(Tensor grad, const Tensor& y) {
+  grad = grad.contiguous();
+  kernels::elu_backward(y.data_ptr<float>(), grad.data_ptr<float>(), grad.numel());
+  return grad;
+}
+
+/// ELU(x W^T + b) with autograd; in place, as the derivative is a function of the result.
+Tensor dense_elu(const Tensor& x, const Tensor& weight, const Tensor& bias) {
+  Tensor y = at::linear(x, weight, bias);
+  at::elu_(y);
+  return y;
+}
+
+/// The three convolutions on a CPU, in chunks, normalisation included: bytes [B, C, H, W] to features [B, 2304].
+///
+/// Autograd's own graph would hold the normalised pixels of the whole batch and pass every layer over the whole batch;
+/// this one keeps three activations per chunk and normalises the pixels a second time on the way back.
+struct PixelPath : torch::autograd::Function<PixelPath> {
+  using Context = torch::autograd::AutogradContext;
+  using TensorList = torch::autograd::tensor_list;
+
+  static Tensor forward(Context* context, const Tensor& frame, const Tensor& factor, const Tensor& offset,
+                        const Tensor& w1, const Tensor& b1, const Tensor& w2, const Tensor& b2, const Tensor& w3,
+                        const Tensor& b3) {
+    const Tensor weights[] = {w1, w2, w3}, biases[] = {b1, b2, b3};
+    TensorList saved = {w1, w2, w3, frame, factor, offset}, outputs;
+    for (int64_t first = 0; first < frame.size(0); first += kChunkRows) {
+      const Tensor chunk = frame.slice(0, first, first + kChunkRows);
+      Tensor x = normalize_bytes(chunk.flatten(1), factor, offset).view_as(chunk);
+      for (size_t layer = 0; layer < 3; ++layer) {
+        x = at::conv2d(x, weights[layer], biases[layer], kConvs[layer].stride).contiguous();
+        elu_in_place(x);
+        saved.push_back(x);
+      }
+      outputs.push_back(x.flatten(1));
+    }
+    context->save_for_backward(saved);
+    return at::cat(outputs);
+  }
+
+  static TensorList backward(Context* context, TensorList grad_outputs) {
+    const TensorList saved = context->get_saved_variables();
+    const Tensor &frame = saved[3], &factor = saved[4], &offset = saved[5];
+    Tensor weight_gradient[3], bias_gradient[3];
+    size_t next = 6;
+    for (int64_t first = 0; first < frame.size(0); first += kChunkRows, next += 3) {
+      const Tensor chunk = frame.slice(0, first, first + kChunkRows);
+      // A copy: autograd may hand the same gradient to others.
+      Tensor grad = grad_outputs[0].slice(0, first, first + kChunkRows).clone().view_as(saved[next + 2]);
+      for (size_t layer = 3; layer-- > 0;) {
+        const Tensor x = layer > 0 ? saved[next + layer - 1]
+                                   : normalize_bytes(chunk.flatten(1), factor, offset).view_as(chunk);
+        grad = elu_gradient(grad, saved[next + layer]);
+        const int64_t stride = kConvs[layer].stride;
+        auto [to_input, to_weight, to_bias] = at::convolution_backward(
+            grad, x, saved[layer], at::OptionalIntArrayRef({kConvs[layer].channels}), {stride, stride}, {0, 0},
+            {1, 1}, false, {0, 0}, 1, {layer > 0, true, true});
+        if (first == 0) {
+          weight_gradient[layer] = to_weight;
+          bias_gradient[layer] = to_bias;
+        } else {
+          weight_gradient[layer].add_(to_weight);
+          bias_gradient[layer].add_(to_bias);
+        }
+        grad = to_input;
+      }
+    }
+    return {Tensor(),           Tensor(),         Tensor(),           weight_gradient[0], bias_gradient[0],
+            weight_gradient[1], bias_gradient[1], weight_gradient[2], bias_gradient[2]};
+  }
+};
 
 }  // namespace
 
@@ -66,15 +158,7 @@ void InputNormalizer::refresh() {
 }
 
 Tensor InputNormalizer::normalize(const Tensor& rows) const {
-  if (rows.is_cpu() && rows.scalar_type() == torch::kUInt8) {
-    const Tensor dense = rows.contiguous();
-    const Tensor out = torch::empty({dense.size(0), element_count_}, torch::kFloat32);
-    std::vector<const uint8_t*> pointers(static_cast<size_t>(dense.size(0)));
-    for (size_t row = 0; row < pointers.size(); ++row)
-      pointers[row] = dense.data_ptr<uint8_t>() + static_cast<int64_t>(row) * element_count_;
-    normalize_rows(pointers, out.data_ptr<float>());
-    return out;
-  }
+  if (rows.is_cpu() && rows.scalar_type() == torch::kUInt8) return normalize_bytes(rows, factor_, offset_);
   Tensor scaled = rows.to(torch::kFloat32);
   if (!enabled_) return scaled * factor_;
   return at::addcmul(offset_, scaled, factor_).clamp_(-kClip, kClip);
@@ -162,38 +246,57 @@ Encoder Encoder::create(const EnvShape& env, double init_gain, bool normalize_in
 }
 
 Tensor Encoder::forward(const Tensor& frame, const Tensor& measurement) const {
-  const int64_t rows = frame.size(0);
-  const Tensor flat = frame.reshape({rows, env_.frame_bytes()}).to(device_);
-  return features(frame_normalizer_.normalize(flat).view({rows, env_.channels, env_.height, env_.width}),
-                  measurement);
+  const Tensor bytes =
+      frame.reshape({frame.size(0), env_.channels, env_.height, env_.width}).to(device_).contiguous();
+  if (device_.is_cpu())
+    return features(PixelPath::apply(bytes, frame_normalizer_.factor(), frame_normalizer_.offset(), conv_[0].weight, conv_[0].bias, conv_[1].weight,
+                                     conv_[1].bias, conv_[2].weight, conv_[2].bias),
+                    measurement);
+  return features(convolve(frame_normalizer_.normalize(bytes.flatten(1)).view_as(bytes)), measurement);
 }
 
 Tensor Encoder::forward_rows(std::span<const uint8_t* const> frames, const Tensor& measurement) const {
   const int64_t rows = static_cast<int64_t>(frames.size());
-  if (device_.is_cpu()) {
-    const Tensor pixels = torch::empty({rows, env_.channels, env_.height, env_.width});
-    frame_normalizer_.normalize_rows(frames, pixels.data_ptr<float>());
-    return features(pixels, measurement);
+  if (!device_.is_cpu()) {
+    // A quarter of the bytes crosses to the accelerator, which normalises there.
+    const Tensor bytes = torch::empty({rows, env_.channels, env_.height, env_.width}, torch::kUInt8);
+    for (int64_t row = 0; row < rows; ++row)
+      std::copy_n(frames[static_cast<size_t>(row)], env_.frame_bytes(),
+                  bytes.data_ptr<uint8_t>() + row * env_.frame_bytes());
+    return forward(bytes, measurement);
   }
-  // A quarter of the bytes crosses to the accelerator, which normalises there.
-  const Tensor bytes = torch::empty({rows, env_.frame_bytes()}, torch::kUInt8);
-  for (int64_t row = 0; row < rows; ++row)
-    std::copy_n(frames[static_cast<size_t>(row)], env_.frame_bytes(),
-                bytes.data_ptr<uint8_t>() + row * env_.frame_bytes());
-  return forward(bytes, measurement);
+  torch::NoGradGuard no_grad;
+  std::vector<Tensor> maps;
+  for (int64_t first = 0; first < rows; first += kChunkRows) {
+    const int64_t count = std::min(kChunkRows, rows - first);
+    const Tensor pixels = torch::empty({count, env_.channels, env_.height, env_.width});
+    frame_normalizer_.normalize_rows(frames.subspan(static_cast<size_t>(first), static_cast<size_t>(count)),
+                                     pixels.data_ptr<float>());
+    maps.push_back(convolve(pixels));
+  }
+  return features(maps.size() == 1 ? maps.front() : at::cat(maps), measurement);
 }
 
-Tensor Encoder::features(const Tensor& pixels, const Tensor& measurement) const {
-  Tensor x = pixels;
-  for (size_t index = 0; index < 3; ++index)
-    x = activate(at::conv2d(x, conv_[index].weight, conv_[index].bias, kConvs[index].stride));
-  x = activate(at::linear(x.flatten(1), image_.weight, image_.bias));
+/// The convolutions as plain operators: for accelerators, and for passes without a gradient.
+Tensor Encoder::convolve(Tensor x) const {
+  for (size_t index = 0; index < 3; ++index) {
+    x = at::conv2d(x, conv_[index].weight, conv_[index].bias, kConvs[index].stride);
+    if (device_.is_cpu() && !at::GradMode::is_enabled())
+      elu_in_place(x);
+    else
+      at::elu_(x);
+  }
+  return x.flatten(1);
+}
+
+Tensor Encoder::features(const Tensor& map, const Tensor& measurement) const {
+  const Tensor x = dense_elu(map, image_.weight, image_.bias);
   if (env_.measurement_count == 0) return x;
   COMRAD_CHECK(measurement.defined() && measurement.size(-1) == env_.measurement_count,
                "this shape has a measurement vector");
   Tensor m = measurement_normalizer_.normalize(
       measurement.reshape({x.size(0), env_.measurement_count}).to(device_));
-  for (const Layer& layer : measurement_) m = activate(at::linear(m, layer.weight, layer.bias));
+  for (const Layer& layer : measurement_) m = dense_elu(m, layer.weight, layer.bias);
   return at::cat({x, m}, 1);
 }
 

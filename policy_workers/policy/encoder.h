@@ -40,6 +40,10 @@ class InputNormalizer {
   /// Recomputes what normalize() uses from the buffers.
   void refresh();
 
+  /// y = clamp(x * factor + offset, -5, 5), both f32 [elements]. Never written in place: a graph may keep them.
+  const Tensor& factor() const { return factor_; }
+  const Tensor& offset() const { return offset_; }
+
   /// Buffers "mean", "var" [elements] and "count" [1], f64; empty when not enabled.
   NamedTensors named_buffers(const std::string& prefix) const;
 
@@ -48,7 +52,7 @@ class InputNormalizer {
   double scale_ = 1.0;
   bool enabled_ = false;
   Tensor mean_, variance_, count_;  // f64
-  Tensor factor_, offset_;          // f32 [elements]: y = clamp(x * factor + offset)
+  Tensor factor_, offset_;          // f32 [elements]
 };
 
 /// convnet_simple: three convolutions and a linear layer, ELU after each, with the measurement branch beside it.
@@ -74,7 +78,8 @@ class Encoder {
   struct Layer {
     Tensor weight, bias;
   };
-  Tensor features(const Tensor& pixels, const Tensor& measurement) const;
+  Tensor convolve(Tensor pixels) const;
+  Tensor features(const Tensor& map, const Tensor& measurement) const;
 
   EnvShape env_;
   torch::Device device_ = torch::kCPU;

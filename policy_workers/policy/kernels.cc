@@ -4,7 +4,7 @@
 #include <cstring>
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-#define COMRAD_VECTORISED __attribute__((target_clones("arch=haswell", "default"), optimize("O3", "no-trapping-math")))
+#define COMRAD_VECTORISED __attribute__((target_clones("arch=x86-64-v3", "default"), optimize("O3", "no-trapping-math")))
 #else
 #define COMRAD_VECTORISED
 #endif

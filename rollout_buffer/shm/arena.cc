@@ -18,6 +18,7 @@ namespace {
 constexpr int64_t kPageBytes = 4096;
 constexpr int kWeightsBuffers = 2;
 constexpr int kReadAttempts = 200;
+constexpr uint64_t kNoRollout = UINT64_MAX;  // of a slab that was acquired a moment ago
 
 int64_t round_up(int64_t value, int64_t multiple) { return (value + multiple - 1) / multiple * multiple; }
 
@@ -272,6 +273,7 @@ std::optional<uint32_t> Arena::acquire_slab(int sim_worker) const {
     header.length = 0;
     header.env_index =
         static_cast<uint32_t>(sim_worker * shape().envs_per_worker);  // tells whose it is from now on
+    header.rollout_index = kNoRollout;
     header.state.store(SlabState::kFilling, std::memory_order_release);
     return static_cast<uint32_t>(index);
   }
@@ -483,6 +485,10 @@ uint64_t Arena::reclaim_sim_worker(int sim_worker) const {
     if (header.state.load(std::memory_order_acquire) == SlabState::kFilling &&
         static_cast<int>(header.env_index) / shape().envs_per_worker == sim_worker) {
       rows_lost += std::min<uint64_t>(header.length, static_cast<uint64_t>(shape().trajectory.rollout_steps));
+      // Killed between counting the rollout in the journal and sealing it: the successor plays it again,
+      // because in lock step the learner waits for every one.
+      JournalHeader& journal_header = journal(static_cast<int>(header.env_index));
+      journal_header.rollout_index = std::min(journal_header.rollout_index, header.rollout_index);
       header.owner.store(0, std::memory_order_release);
       header.state.store(SlabState::kFree, std::memory_order_release);
       freed = true;

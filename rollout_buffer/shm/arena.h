@@ -248,9 +248,9 @@ class Arena {
   std::span<uint8_t> journal_action(int env_index, int step) const;  ///< [N * heads]
 
   // Supervisor: after a worker died.
-  /// Frees the slabs a dead simulator was filling and idles its slots. Returns agent decisions lost. Waits up
-  /// to 2 s for a policy worker that is answering one of the slots, because it still writes into the slab;
-  /// reclaim a policy worker that died at the same time first.
+  /// Frees the slabs a dead simulator was filling (their rollouts are played again) and idles its slots.
+  /// Returns agent decisions lost. Waits up to 2 s for a policy worker that is answering one of the slots,
+  /// because it still writes into the slab; reclaim a policy worker that died at the same time first.
   uint64_t reclaim_sim_worker(int sim_worker) const;
   /// Puts slots that a dead policy worker had in its batch back to kReady. Returns how many.
   int reclaim_policy_worker(int policy_worker) const;

@@ -1,6 +1,7 @@
 #include "sim_workers/worker/bench.h"
 
 #include <cstddef>
+#include <ctime>
 #include <vector>
 
 #include "rollout_buffer/core/clock.h"
@@ -8,6 +9,16 @@
 #include "rollout_buffer/schema/trajectory.h"
 
 namespace comrad::sim {
+
+namespace {
+
+double cpu_s() {
+  timespec used{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &used);
+  return static_cast<double>(used.tv_sec) + static_cast<double>(used.tv_nsec) * 1e-9;
+}
+
+}  // namespace
 
 BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options) {
   const EnvShape env_shape = environments.at(0).shape();
@@ -45,6 +56,7 @@ BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options)
   int row = 0;
   bool is_counting = false;
   int64_t began_ns = monotonic_ns();
+  double began_cpu_s = 0;
   int64_t until_ns = began_ns + static_cast<int64_t>(options.warmup_seconds * 1e9);
   for (;;) {
     for (int split = 0; split < options.splits; ++split) {
@@ -76,11 +88,13 @@ BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options)
     if (now_ns < until_ns) continue;
     if (is_counting) {
       result.seconds = static_cast<double>(now_ns - began_ns) * 1e-9;
+      result.cpu_seconds = cpu_s() - began_cpu_s;
       return result;
     }
     is_counting = true;
     result = {};
     began_ns = monotonic_ns();
+    began_cpu_s = cpu_s();
     until_ns = began_ns + static_cast<int64_t>(options.seconds * 1e9);
   }
 }

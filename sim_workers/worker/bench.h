@@ -22,6 +22,7 @@ struct BenchResult {
   uint64_t decisions = 0;  ///< agent decisions in the counted time
   uint64_t episodes = 0;   ///< that ended in it
   double seconds = 0;
+  double cpu_seconds = 0;  ///< processor time of the process in it; less than seconds on a busy host
 };
 
 /// Threads: plays in the calling thread.

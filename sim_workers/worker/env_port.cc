@@ -105,6 +105,7 @@ bool EnvPort::begin_slab(uint64_t rollouts_allowed) {
   shm::SlabHeader& header = arena_.slab_header(static_cast<int>(slab_index_));
   header.env_index = static_cast<uint32_t>(env_index_);
   header.length = 0;
+  std::atomic_signal_fence(std::memory_order_release);  // a kill must not leave our count with another's name
   header.rollout_index = rollout_index_;
   header.layout_id = environment_.layout_id();
   header.first_episode = {.episode_id = episode_id_, .episode_seed = episode_seed_};

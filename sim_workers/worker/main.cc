@@ -95,7 +95,8 @@ Status bench(const Arguments& arguments) {
       {"num_agents", config.num_agents},
       {"num_envs", config.num_envs_per_worker},
       {"episodes", result.episodes},
-      {"seconds", result.seconds}};
+      {"seconds", result.seconds},
+      {"cpu_seconds", result.cpu_seconds}};
   std::printf("%s\n", report.dump().c_str());
   return {};
 }

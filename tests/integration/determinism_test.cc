@@ -15,7 +15,7 @@ namespace comrad::testing {
 namespace {
 
 constexpr double kRunTimeoutSeconds = 120;
-constexpr double kEnvSteps = 16384;
+constexpr double kEnvSteps = 8192;
 
 std::vector<std::string> lock_step(const ScratchFolder& scratch, const std::string& experiment,
                                    double env_steps, const std::vector<std::string>& more = {}) {

@@ -194,6 +194,11 @@ double env_frames(const std::string& run_dir) {
   return status.is_object() && status.contains("env_frames") ? status["env_frames"].get<double>() : -1;
 }
 
+double patience() {
+  const char* factor = std::getenv("COMRAD_TEST_PATIENCE");
+  return factor == nullptr ? 1.0 : std::max(1.0, std::atof(factor));
+}
+
 void sleep_s(double seconds) { usleep(static_cast<useconds_t>(seconds * 1e6)); }
 
 double now_s() { return monotonic_s(); }

@@ -71,6 +71,10 @@ std::vector<std::string> small_training(const ScratchFolder& scratch, const std:
 /// Processes whose command line names `folder` (and `program`, if given); zombies are not counted.
 std::vector<pid_t> processes_of(const std::string& folder, const std::string& program = {});
 
+/// Factor on every time limit below, from COMRAD_TEST_PATIENCE, for machines that are busy or slow; 1 by
+/// default.
+double patience();
+
 /// Polls until `condition` holds. False after `timeout_s`.
 template <typename Condition>
 bool wait_until(Condition&& condition, double timeout_s);
@@ -93,7 +97,7 @@ double now_s();
 
 template <typename Condition>
 bool wait_until(Condition&& condition, double timeout_s) {
-  for (const double deadline_s = now_s() + timeout_s; !condition(); sleep_s(0.05))
+  for (const double deadline_s = now_s() + timeout_s * patience(); !condition(); sleep_s(0.05))
     if (now_s() > deadline_s) return false;
   return true;
 }

@@ -45,7 +45,7 @@ class EndlessRun : public ::testing::Test {
         },
         30))
         << worker << " was not restarted";
-    EXPECT_TRUE(trains_on(run_, 8192, 60)) << "training did not go on after " << worker << " was killed";
+    EXPECT_TRUE(trains_on(run_, 4096, 60)) << "training did not go on after " << worker << " was killed";
     EXPECT_TRUE(training_.running());
   }
 

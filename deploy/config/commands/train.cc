@@ -8,6 +8,7 @@
 
 #include "deploy/config/command_line.h"
 #include "deploy/config/commands/command.h"
+#include "deploy/config/existing_run.h"
 #include "deploy/config/game_files.h"
 #include "deploy/config/merged_settings.h"
 #include "deploy/launch/run_directory.h"
@@ -54,7 +55,10 @@ Expected<int> train(const CommandLine& line) {
   const std::string experiment = asked.experiment.empty() ? automatic_name(asked) : asked.experiment;
   const std::string run_dir = (fs::path(train_dir) / experiment).string();
 
-  const bool resumes = asked.restart_behavior == "resume" && fs::exists(run_dir + "/config.toml", error);
+  const bool exists = asked.restart_behavior == "resume" && fs::exists(run_dir + "/config.toml", error);
+  // A run that never saved has nothing to go on from; it may have been refused for the settings in its
+  // config.toml.
+  const bool resumes = exists && find_checkpoint(run_dir, "latest").has_value();
   COMRAD_TRY_ASSIGN(MergedSettings merged, settings_for(run_dir, resumes, user));
   RunConfig& config = merged.config;
   config.train_dir = train_dir;
@@ -65,7 +69,7 @@ Expected<int> train(const CommandLine& line) {
 
   COMRAD_TRY_ASSIGN(const RunDirectory directory,
                     RunDirectory::open(train_dir, experiment, config.restart_behavior));
-  if (directory.is_resumed() != resumes)
+  if (directory.is_resumed() != exists)
     return Error{ErrorCode::kBadInput, run_dir + ": another run was made here just now; start again"};
   std::fprintf(stderr, "%s %s\n",
                resumes ? "Resuming the run in" : "Run directory:", directory.path().c_str());

@@ -121,7 +121,7 @@ int run(int argc, char** argv) {
   }
   auto catalog = std::make_shared<ActorCatalog>();
   ActorType node;
-  node.name = "BenchNode", node.sprite = "PLSS", node.bright = true;
+  node.name = "BenchNode", node.sprite = "APLS", node.scale = 0.13f;
   node.no_gravity = node.no_blockmap = true;
   node.frames = {{.frame = 0, .tics = -1, .bright = true}};
   const uint32_t node_type = catalog->add(node);
@@ -135,12 +135,15 @@ int run(int argc, char** argv) {
   for (int w = 0; w < world_count; ++w) {
     World world(level, catalog);
     world.reset({.player_count = 2, .seed = static_cast<uint64_t>(w)}, nullptr);
-    for (int i = 0; i < kKits; ++i) world.spawn(i % 4 ? stimpack : medikit, place(), place(), 0, 0);
-    for (int player = 0; player < 2; ++player) {
-      for (int attempt = 0; attempt < 100; ++attempt)
-        if (world.try_teleport(world.body(player).id, place(), place())) break;
+    for (int i = 0; i < kKits; ++i) (void)world.spawn(i % 4 ? stimpack : medikit, place(), place(), 0, 0);
+    // The first player anywhere, the second near it as a tether would keep it.
+    for (int attempt = 0; attempt < 100; ++attempt)
+      if (world.try_teleport(world.body(0).id, place(), place())) break;
+    const Actor first = world.body(0);
+    for (int attempt = 0; attempt < 100; ++attempt)
+      if (world.try_teleport(world.body(1).id, first.x + place() / 4, first.y + place() / 4)) break;
+    for (int player = 0; player < 2; ++player)
       world.set_angle(world.body(player).id, static_cast<Angle>(rng.next()));
-    }
     const Actor a = world.body(0), b = world.body(1);
     for (int i = 0; i < kTetherNodes; ++i) {
       const auto along = [&](Fixed from, Fixed to) {

@@ -558,8 +558,10 @@ void ViewBuilder::collect_sprites() {
     sprite.art = &art, sprite.mirrored = sides->mirrored[rotation];
     sprite.inverse = 1.0f / depth;
     const ActorType& type = view_->sprites->catalog()[actor.type];
-    const float scale_x = projection_.focal_x * sprite.inverse, scale_y = projection_.focal_y * sprite.inverse;
-    const auto left_offset = static_cast<float>(art.left_offset), width = static_cast<float>(art.region.width);
+    const float scale_x = projection_.focal_x * sprite.inverse,
+                scale_y = projection_.focal_y * sprite.inverse;
+    const auto left_offset = static_cast<float>(art.left_offset),
+               width = static_cast<float>(art.region.width);
     sprite.x_left = snap(projection_.center_x + (side - left_offset * type.scale) * scale_x);
     sprite.x_right = snap(sprite.x_left + width * type.scale * scale_x);
     sprite.column_begin = std::max(0, first_column(std::max(sprite.x_left, -1.0f)));

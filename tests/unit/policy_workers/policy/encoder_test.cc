@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "policy_workers/policy/kernels.h"
 #include "policy_workers/policy/torch_ops.h"
@@ -146,6 +147,57 @@ TEST(Encoder, EqualsTheLayersWrittenOut) {
   }
   x = at::elu(at::linear(x.flatten(1), p[6], p[7]));
   EXPECT_LT((encoder.forward(frame, {}) - x).abs().max().item<double>(), 1e-5);
+}
+
+TEST(Encoder, HasTheGradientsOfTheLayersWrittenOut) {
+  // 70 rows: more than one chunk of the CPU path. The reference is autograd in double precision.
+  EnvShape env;
+  env.height = 40;
+  env.width = 44;
+  torch::manual_seed(1);
+  Encoder encoder;
+  {
+    torch::NoGradGuard no_grad;
+    encoder = Encoder::create(env, 1.0, true, generator(1), torch::kCPU);
+  }
+  const Tensor frame = torch::randint(0, 256, {70, 3, 40, 44}, torch::kUInt8), weights = torch::randn({70, 512});
+  encoder.update_statistics(frame, {});
+  const NamedTensors buffers = encoder.named_buffers();
+  const Tensor flat = frame.flatten(1).to(torch::kFloat64) / 255;
+  Tensor x = ((flat - buffers[0].second) / (buffers[1].second + 1e-5).sqrt()).clamp(-5, 5).view({70, 3, 40, 44});
+  std::vector<Tensor> p;
+  for (auto& [name, parameter] : encoder.named_parameters())
+    p.push_back(parameter.detach().to(torch::kFloat64).requires_grad_());
+  const int64_t strides[] = {4, 2, 2};
+  for (size_t layer = 0; layer < 3; ++layer) x = at::elu(at::conv2d(x, p[2 * layer], p[2 * layer + 1], strides[layer]));
+  x = at::elu(at::linear(x.flatten(1), p[6], p[7]));
+  (x * weights).sum().backward();
+  const Tensor features = encoder.forward(frame, {});
+  encoder.update_statistics(frame.slice(0, 0, 5), {});  // what comes between must not reach the graph
+  (features * weights).sum().backward();
+  EXPECT_LT((features - x).abs().max().item<double>(), 1e-5);
+  for (size_t index = 0; index < p.size(); ++index) {
+    const auto [name, parameter] = encoder.named_parameters()[index];
+    EXPECT_LT((parameter.grad() - p[index].grad()).abs().max().item<double>(),
+              1e-5 * p[index].grad().abs().max().item<double>())
+        << name;
+  }
+}
+
+TEST(Kernels, EluEqualsItsFormulaAndKeepsWhatIsNotANumber) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  std::vector<float> x = {0.0f, -0.0f, 1e-30f, -1e-30f, 3.5f, 1e30f, kInfinity, -kInfinity, -87.5f, -1e30f};
+  for (int k = 0; k < 20'000; ++k) x.push_back(0.001f * static_cast<float>(k - 15'000));
+  std::vector<float> y = x;
+  kernels::elu(y.data(), static_cast<int64_t>(y.size()));
+  for (size_t k = 0; k < x.size(); ++k)
+    ASSERT_NEAR(y[k], x[k] > 0 ? x[k] : std::expm1(static_cast<double>(x[k])), x[k] > 0 ? 0.0 : 2e-7) << x[k];
+  float nothing = std::numeric_limits<float>::quiet_NaN();
+  kernels::elu(&nothing, 1);
+  EXPECT_TRUE(std::isnan(nothing));
+  std::vector<float> gradient(y.size(), 2.0f);
+  kernels::elu_backward(y.data(), gradient.data(), static_cast<int64_t>(y.size()));
+  for (size_t k = 0; k < x.size(); ++k) ASSERT_EQ(gradient[k], y[k] > 0 ? 2.0f : 2.0f * (y[k] + 1.0f));
 }
 
 TEST(Encoder, MeasurementsAddTheirOwnBranch) {

@@ -416,6 +416,27 @@ TEST(Reclaim, ASlabTakenButNotBegunOrSealedButNotLetGoIsNotLost) {
   EXPECT_EQ(free_slabs, 23);
 }
 
+TEST(Reclaim, ARolloutThatWasCountedButNotSealedIsPlayedAgain) {
+  const Arena arena = make_arena();
+  const uint32_t sealing = *arena.acquire_slab(1), next = *arena.acquire_slab(1),
+                 fresh = *arena.acquire_slab(1);
+  arena.slab_header(static_cast<int>(sealing)).env_index = 6;
+  arena.slab_header(static_cast<int>(sealing)).rollout_index = 12;
+  arena.slab_header(static_cast<int>(next)).env_index = 6;  // taken before the older one is let go
+  arena.slab_header(static_cast<int>(next)).rollout_index = 13;
+  arena.journal(6).rollout_index = 13;
+  arena.journal(4).rollout_index = 5;  // the first environment of the worker, whose name a fresh slab bears
+  (void)arena.reclaim_sim_worker(1);
+  EXPECT_EQ(arena.journal(6).rollout_index, 12u);
+  EXPECT_EQ(arena.journal(4).rollout_index, 5u);
+  EXPECT_EQ(state_of(arena, fresh), SlabState::kFree);
+  const uint32_t begun = *arena.acquire_slab(1);
+  arena.slab_header(static_cast<int>(begun)).env_index = 6;
+  arena.slab_header(static_cast<int>(begun)).rollout_index = 12;
+  (void)arena.reclaim_sim_worker(1);
+  EXPECT_EQ(arena.journal(6).rollout_index, 12u) << "one that was only begun is played again as well";
+}
+
 TEST(Reclaim, AnAnswerUnderWayIsAwaitedBeforeItsSlabIsFreed) {
   const Arena arena = make_arena();
   const uint32_t slab = *arena.acquire_slab(0);

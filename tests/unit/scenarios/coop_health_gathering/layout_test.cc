@@ -55,7 +55,9 @@ TEST(CoopHealthGatheringLayout, TwoHundredSeedsGiveValidMapsAtTwentyASecond) {
         ASSERT_FALSE(doomgen::nearer_than(spot, map->vertices[line.start], map->vertices[line.end], 24));
   }
   EXPECT_LE(refused, 10);
+#ifdef NDEBUG  // the claim is about optimised builds
   EXPECT_LT(static_cast<double>(draw_time) / CLOCKS_PER_SEC, 200 / 20.0);
+#endif
 }
 
 TEST(CoopHealthGatheringLayout, TheDefaultMapNeverChanges) {

@@ -78,7 +78,7 @@ int trace(const Level& level, double x, double y, double z, double radians, doub
     if (denominator == 0) continue;
     const double depth = ((x0 - x) * ey - (y0 - y) * ex) / denominator;
     const double along = ((x0 - x) * dy - (y0 - y) * dx) / denominator;
-    if (depth > 0 && along >= 0 && along <= 1) crossings.push_back({depth, &line, denominator < 0});
+    if (depth > 0 && along >= 0 && along <= 1) crossings.push_back({depth, &line, denominator > 0});
   }
   std::sort(crossings.begin(), crossings.end(),
             [](const auto& a, const auto& b) { return a.depth < b.depth; });
@@ -141,8 +141,10 @@ TEST(Renderer, ShowsTheSkyWhereTheCeilingIsOpen) {
   const auto level = test::with_open_lines(builder.build());
   World world = make_world(level);
   const auto renderer = make_renderer();
+  world.set_angle(world.body(0).id, kAngle180);
   std::vector<uint8_t> picture = draw(*renderer, world);
   EXPECT_EQ(picture[2], kSky) << "above the yard";
+  EXPECT_EQ(picture[29 * 128 + 64], kWall);
   EXPECT_EQ(picture[71 * 128 + 64], kFloor);
   world.set_position(world.body(0).id, to_fixed(256), 0, 0);
   picture = draw(*renderer, world);
@@ -187,7 +189,8 @@ TEST(Renderer, ViewsDrawnTogetherEqualViewsDrawnAlone) {
   }
   const auto renderer = make_renderer();
   std::vector<std::vector<uint8_t>> alone;
-  for (const World& world : worlds) alone.push_back(draw(*make_renderer(), world));
+  const auto fresh = make_renderer();
+  for (const World& world : worlds) alone.push_back(draw(*fresh, world));
   std::vector<std::size_t> order(worlds.size());
   std::iota(order.begin(), order.end(), 0u);
   for (int round = 0; round < 3; ++round) {

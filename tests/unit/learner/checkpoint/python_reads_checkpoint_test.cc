@@ -1,0 +1,53 @@
+// Python's torch.load(path, weights_only=True) is the reader that checkpoints are promised to; this asks a real one.
+// COMRAD_TEST_PYTHON names an interpreter with PyTorch (default: python3); without one the test is skipped.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "learner/checkpoint/checkpoint.h"
+#include "policy_workers/policy/torch_ops.h"
+
+namespace comrad::learn {
+namespace {
+
+TEST(PythonReadsCheckpoint, WithWeightsOnlyAndEveryValue) {
+  const char* given = std::getenv("COMRAD_TEST_PYTHON");
+  const std::string python = given != nullptr ? given : "python3";
+  if (std::system((python + " -c 'import torch' > /dev/null 2>&1").c_str()) != 0)
+    GTEST_SKIP() << python << " has no PyTorch; set COMRAD_TEST_PYTHON";
+
+  const auto folder =
+      std::filesystem::temp_directory_path() / ("comrad_python_checkpoint_" + std::to_string(getpid()));
+  std::filesystem::create_directories(folder);
+  StateDict state;
+  state.put("network/encoder.weight", torch::arange(12, torch::kFloat32).view({3, 4}));
+  state.put("network/statistics", torch::arange(3, torch::kFloat64));
+  state.put("journal/action", torch::arange(6, torch::kUInt8));
+  state.put("journal/header", torch::full({2, 5}, -7, torch::kInt64));
+  state.put("counters/env_frames", int64_t{1} << 40);
+  state.put("schedule/learning_rate", 1e-4);
+  state.put("config/toml", std::string("algo = \"ippo\"\n"));
+  ASSERT_TRUE(write_checkpoint((folder / "a.pt").string(), state));
+  std::ofstream(folder / "read.py") << R"(
+import sys, torch
+d = torch.load(sys.argv[1], weights_only=True)
+assert d["format"] == "comrad-checkpoint" and d["layout_version"] == 1, d
+assert torch.equal(d["network"]["encoder.weight"], torch.arange(12, dtype=torch.float32).view(3, 4))
+assert torch.equal(d["network"]["statistics"], torch.arange(3, dtype=torch.float64))
+assert torch.equal(d["journal"]["action"], torch.arange(6, dtype=torch.uint8))
+assert torch.equal(d["journal"]["header"], torch.full((2, 5), -7))
+assert d["counters"]["env_frames"] == 1 << 40
+assert d["schedule"]["learning_rate"] == 1e-4
+assert d["config"]["toml"] == 'algo = "ippo"\n'
+)";
+  const std::string command = python + " " + (folder / "read.py").string() + " " + (folder / "a.pt").string();
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  std::filesystem::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace comrad::learn

@@ -1,0 +1,111 @@
+// Pictures of a small hall with the installed IWAD, compared with the ones in tests/golden/render. After a
+// deliberate change: COMRAD_REGENERATE_GOLDEN=1 build/tests/picture_golden_test, then look at the new
+// pictures.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "sim_workers/engine/render/art_archive.h"
+#include "sim_workers/engine/render/renderer.h"
+#include "tests/unit/sim_workers/render/open_level.h"
+
+namespace comrad::doom {
+namespace {
+
+std::shared_ptr<const Level> hall() {
+  test::LevelBuilder builder;
+  const uint32_t hall = builder.sector(0, 160), platform = builder.sector(16, 160),
+                 yard = builder.sector(-24, 160);
+  builder.sector_at(hall).light = 200;
+  builder.sector_at(platform).floor_texture = "FLAT1";
+  builder.sector_at(yard).floor_texture = "NUKAGE1", builder.sector_at(yard).ceiling_texture = "F_SKY1";
+  builder.sector_at(yard).light = 255;
+  builder.room(hall, -384, -512, 768, 512);
+  builder.island(platform, hall, 192, -224, 320, -64);
+  builder.island(yard, hall, 256, 64, 512, 320);
+  builder.pillar(hall, 416, -64, 480, 0);
+  builder.thing(1, 0, 0).thing(2, 160, 48, 225);
+  return test::with_open_lines(builder.build());
+}
+
+/// A world with kits on the floor and the platform; player 1 stands in player 0's view.
+World scene() {
+  auto catalog = std::make_shared<const ActorCatalog>();
+  World world(hall(), catalog);
+  world.reset({.player_count = 2, .seed = 5}, nullptr);
+  const uint32_t stimpack = catalog->find("Stimpack").value(), medikit = catalog->find("Medikit").value();
+  world.spawn(medikit, to_fixed(128), to_fixed(-48), 0, 0, 0, true);
+  world.spawn(stimpack, to_fixed(256), to_fixed(-128), to_fixed(16), 0, 0, true);
+  world.spawn(stimpack, to_fixed(520), to_fixed(-40), 0, 0, 0, true);
+  return world;
+}
+
+cv::Mat to_bgr(const std::vector<uint8_t>& planar, int width, int height) {
+  cv::Mat picture(height, width, CV_8UC3);
+  const std::size_t plane = static_cast<std::size_t>(width) * height;
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x) {
+      const std::size_t at = static_cast<std::size_t>(y) * width + x;
+      picture.at<cv::Vec3b>(y, x) = {planar[2 * plane + at], planar[plane + at], planar[at]};
+    }
+  return picture;
+}
+
+class PictureGolden : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    auto archive = ArtArchive::open();
+    if (!archive) GTEST_SKIP() << archive.error().message;
+    archive_ = *archive;
+  }
+
+  void compare(const std::string& name, const World& world, const RenderOptions& options) {
+    auto renderer = Renderer::create(archive_, options);
+    ASSERT_TRUE(renderer.has_value()) << renderer.error().message;
+    const Status prepared = (*renderer)->prepare(world.shared_level(), world.shared_catalog());
+    ASSERT_TRUE(prepared.has_value()) << prepared.error().message;
+    std::vector<uint8_t> planar(std::size_t{3} * options.width * options.height);
+    const ViewRequest request{.world = &world, .player = 0, .destination = planar.data()};
+    (*renderer)->draw({&request, 1});
+    const cv::Mat picture = to_bgr(planar, options.width, options.height);
+    const std::string path = std::string(COMRAD_SOURCE_DIR) + "/tests/golden/render/" + name + ".png";
+    if (std::getenv("COMRAD_REGENERATE_GOLDEN") != nullptr) {
+      ASSERT_TRUE(cv::imwrite(path, picture)) << path;
+      GTEST_SKIP() << "wrote " << path;
+    }
+    const cv::Mat golden = cv::imread(path, cv::IMREAD_COLOR);
+    ASSERT_FALSE(golden.empty()) << path << " is missing: see the head of this file";
+    ASSERT_EQ(golden.size(), picture.size());
+    int different = 0;
+    for (int y = 0; y < picture.rows; ++y)
+      for (int x = 0; x < picture.cols; ++x)
+        different += picture.at<cv::Vec3b>(y, x) != golden.at<cv::Vec3b>(y, x);
+    // Another processor rounds a texture coordinate differently here and there.
+    EXPECT_LT(different, picture.rows * picture.cols / 100) << different << " pixels differ from " << path;
+  }
+
+  std::shared_ptr<const ArtArchive> archive_;
+};
+
+TEST_F(PictureGolden, AnAgentsView) { compare("hall_128x72", scene(), {}); }
+
+TEST_F(PictureGolden, AnAgentsViewInPain) {
+  World world = scene();
+  world.damage_player(0, 40);
+  HudBox box;
+  box.x = 0.5f, box.y = 0.9f, box.width = 0.2f, box.height = 0.03f, box.color = {255, 180, 0};
+  world.set_hud({box});
+  compare("hall_pain_128x72", world, {});
+}
+
+TEST_F(PictureGolden, ALargeViewWithoutStatusBar) {
+  RenderOptions options;
+  options.width = 320, options.height = 240;
+  options.status_bar = options.crosshair = false;
+  compare("hall_320x240", scene(), options);
+}
+
+}  // namespace
+}  // namespace comrad::doom
