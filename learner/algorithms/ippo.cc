@@ -279,6 +279,10 @@ void Ippo::report(const Minibatch& batch, const LossSums& sums, UpdateStats& sta
   put("train/version_diff_avg", stats.lag.mean);
   put("train/version_diff_min", static_cast<double>(stats.lag.min));
   put("train/version_diff_max", static_cast<double>(stats.lag.max));
+  for (const auto& [name, tensor] : net_.named_state()) {  // means over all elements of a frame
+    if (name == "normalizer.frame.mean") put("train/obs_running_mean", tensor.mean().item<double>());
+    if (name == "normalizer.frame.var") put("train/obs_running_std", tensor.sqrt().mean().item<double>());
+  }
   if (config_.normalize_returns) {
     put("train/returns_running_mean", returns_.statistics().mean);
     put("train/returns_running_std", returns_.sigma());

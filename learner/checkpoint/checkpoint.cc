@@ -1,8 +1,8 @@
 #include "learner/checkpoint/checkpoint.h"
 
+#include <caffe2/serialize/inline_container.h>
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <caffe2/serialize/inline_container.h>
 #include <torch/csrc/jit/serialization/pickle.h>
 #include <torch/csrc/jit/serialization/pickler.h>
 #include <unistd.h>
@@ -122,12 +122,13 @@ Expected<StateDict> from_ivalue(const c10::IValue& root, const std::string& path
   return state;
 }
 
-/// A torch archive of `root`, as pickle_save writes it but without type tags: those name a Python function that
-/// torch.load(..., weights_only=True) refuses to call.
+/// A torch archive of `root`, as pickle_save writes it but without type tags: those name a Python function
+/// that torch.load(..., weights_only=True) refuses to call.
 std::vector<char> pack(const c10::IValue& root) {
   std::string pickled;
-  torch::jit::Pickler pickler([&pickled](const char* bytes, std::size_t count) { pickled.append(bytes, count); },
-                              nullptr, nullptr, nullptr, nullptr, /*tag_aggregates=*/false);
+  torch::jit::Pickler pickler(
+      [&pickled](const char* bytes, std::size_t count) { pickled.append(bytes, count); }, nullptr, nullptr,
+      nullptr, nullptr, /*tag_aggregates=*/false);
   pickler.protocol();
   pickler.pushIValue(root);
   pickler.stop();

@@ -331,7 +331,7 @@ uint64_t World::hash() const {
 
 std::optional<uint32_t> World::spawn(uint32_t type, Fixed x, Fixed y, Fixed z, Angle angle, int32_t thing_id,
                                      bool force) {
-  if (type >= catalog_->size()) return std::nullopt;
+  if (type >= catalog_->size() || (!force && !index_->outline.contains(x, y))) return std::nullopt;
   const std::size_t slot = append_actor(type, x, y, z, angle, thing_id);
   if (!force) {
     const PositionCheck check = Movement(*this).check_position(slot, x, y, false);
@@ -357,7 +357,7 @@ void World::remove(uint32_t actor_id) {
 
 bool World::try_teleport(uint32_t actor_id, Fixed x, Fixed y) {
   const std::optional<std::size_t> slot = slot_of(actor_id);
-  if (!slot) return false;
+  if (!slot || !index_->outline.contains(x, y)) return false;  // no line is touched deep inside a pillar
   Movement movement(*this);
   const PositionCheck check = movement.check_position(*slot, x, y, false);
   Actor& actor = actors_[*slot];

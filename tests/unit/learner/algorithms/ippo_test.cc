@@ -304,6 +304,21 @@ TEST(Ippo, InvalidSamplesLowerTheLearningRateByTheirFraction) {
   EXPECT_NEAR(values_of(*stats)["train/lr"], 1e-4, 1e-12);
 }
 
+TEST(Ippo, ReportsTheRunningStatisticsOfFramesAndReturns) {
+  RunConfig config = small_config();
+  config.normalize_input = true;
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 4, 15);
+  auto values = values_of(*ippo.update(batch, {}));
+  // 32 uniform bytes merged with the fresh statistics (mean 0, one sample); in units of the network's input.
+  const double scale = values.at("train/obs_running_mean") > 1 ? 1.0 : 255.0;
+  EXPECT_NEAR(values.at("train/obs_running_mean") * scale, 127.5 * 32 / 33, 2);
+  EXPECT_GT(values.at("train/obs_running_std"), 0);
+  EXPECT_GT(values.at("train/returns_running_std"), 0);
+  EXPECT_TRUE(std::isfinite(values.at("train/returns_running_mean")));
+}
+
 TEST(Ippo, StopsEarlyWhenTheActorLossStandsStill) {
   RunConfig config = small_config();
   config.num_epochs = 5;

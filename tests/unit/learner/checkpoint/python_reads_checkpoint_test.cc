@@ -1,5 +1,6 @@
-// Python's torch.load(path, weights_only=True) is the reader that checkpoints are promised to; this asks a real one.
-// COMRAD_TEST_PYTHON names an interpreter with PyTorch (default: python3); without one the test is skipped.
+// Python's torch.load(path, weights_only=True) is the reader that checkpoints are promised to; this asks a
+// real one. COMRAD_TEST_PYTHON names an interpreter with PyTorch (default: python3); without one the test is
+// skipped.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

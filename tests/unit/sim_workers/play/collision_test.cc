@@ -227,6 +227,20 @@ TEST(Collision, TeleportsOnlyWhereTheBodyFits) {
   EXPECT_EQ(world.body(0).y, to_fixed(300));
 }
 
+TEST(Collision, NothingTeleportsOrSpawnsIntoTheVoid) {
+  test::LevelBuilder builder;
+  const uint32_t hall = builder.sector(0, 128);
+  builder.room(hall, -512, -512, 512, 512).pillar(hall, 128, 128, 384, 384).thing(1, 0, 0);
+  World world = world_of(builder.build());
+  const uint32_t body = world.player(0).actor_id;
+  const uint32_t medikit = catalog()->find("Medikit").value();
+  EXPECT_FALSE(world.try_teleport(body, to_fixed(256), to_fixed(256))) << "deep inside the pillar, no line touched";
+  EXPECT_FALSE(world.try_teleport(body, to_fixed(2000), 0)) << "outside the map";
+  EXPECT_FALSE(world.spawn(medikit, to_fixed(256), to_fixed(256), 0, 0));
+  EXPECT_TRUE(world.try_teleport(body, to_fixed(64), to_fixed(256)));
+  EXPECT_TRUE(world.spawn(medikit, to_fixed(450), to_fixed(256), 0, 0));
+}
+
 TEST(Collision, SpawnsOnlyWhereTheActorFits) {
   World world = world_of(test::one_room());
   const uint32_t column = catalog()->find("TallGreenColumn").value();
