@@ -443,8 +443,10 @@ Status resolve_settings(RunConfig& config, int core_count) {
   const int64_t cycle_slabs = c.batch_size / slab_rows * c.num_batches_per_epoch;
   const int64_t least_slabs = c.deterministic ? env_count : std::max<int64_t>(cycle_slabs, 2);
   if (c.trajectory_slabs == 0) {
-    // One in the making per environment, and the batches that may wait. More would only let the data grow older.
-    c.trajectory_slabs = c.deterministic ? 2 * env_count : env_count + c.num_batches_to_accumulate * cycle_slabs;
+    // One in the making per environment, and the batches that may wait. More would only let the data grow
+    // older.
+    c.trajectory_slabs =
+        c.deterministic ? 2 * env_count : env_count + c.num_batches_to_accumulate * cycle_slabs;
   }
   if (c.trajectory_slabs < least_slabs)
     return Error{ErrorCode::kBadInput, "trajectory_slabs is " + std::to_string(c.trajectory_slabs) +

@@ -7,8 +7,9 @@ namespace {
 
 Status check_range(const char* name, int64_t value, int64_t low, int64_t high) {
   if (value >= low && value <= high) return {};
-  return Error{ErrorCode::kBadInput, std::string(name) + " is " + std::to_string(value) + "; it must lie in " +
-                                         std::to_string(low) + ".." + std::to_string(high)};
+  return Error{ErrorCode::kBadInput, std::string(name) + " is " + std::to_string(value) +
+                                         "; it must lie in " + std::to_string(low) + ".." +
+                                         std::to_string(high)};
 }
 
 }  // namespace

@@ -78,7 +78,8 @@ std::span<uint8_t> SlabView::action_mask(int step, int agent) const {
 
 uint8_t& SlabView::agent_active(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<uint8_t>(layout_->agent_active), step * agents + agent, (shape().rollout_steps + 1) * agents, 1)[0];
+  return row(at<uint8_t>(layout_->agent_active), step * agents + agent, (shape().rollout_steps + 1) * agents,
+             1)[0];
 }
 
 float& SlabView::reward(int step, int agent) const {
@@ -106,14 +107,14 @@ std::span<uint8_t> SlabView::final_frame(int final_row, int agent) const {
 
 std::span<float> SlabView::final_measurement(int final_row, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<float>(layout_->final_measurement), final_row * agents + agent, shape().final_capacity * agents,
-             shape().env.measurement_count);
+  return row(at<float>(layout_->final_measurement), final_row * agents + agent,
+             shape().final_capacity * agents, shape().env.measurement_count);
 }
 
 std::span<float> SlabView::recurrent_state(int snapshot, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<float>(layout_->recurrent_state), snapshot * agents + agent, shape().recurrent_snapshots * agents,
-             shape().recurrent_state_count);
+  return row(at<float>(layout_->recurrent_state), snapshot * agents + agent,
+             shape().recurrent_snapshots * agents, shape().recurrent_state_count);
 }
 
 std::span<int32_t> SlabView::action(int step, int agent) const {
@@ -134,7 +135,8 @@ float& SlabView::value(int step, int agent) const {
 
 float& SlabView::final_value(int final_row, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<float>(layout_->final_value), final_row * agents + agent, shape().final_capacity * agents, 1)[0];
+  return row(at<float>(layout_->final_value), final_row * agents + agent, shape().final_capacity * agents,
+             1)[0];
 }
 
 std::span<float> SlabView::logits(int step, int agent) const {
@@ -145,7 +147,8 @@ std::span<float> SlabView::logits(int step, int agent) const {
 
 uint32_t& SlabView::policy_version(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<uint32_t>(layout_->policy_version), step * agents + agent, shape().rollout_steps * agents, 1)[0];
+  return row(at<uint32_t>(layout_->policy_version), step * agents + agent, shape().rollout_steps * agents,
+             1)[0];
 }
 
 uint8_t& SlabView::valid(int step) const {
