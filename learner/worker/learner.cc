@@ -146,7 +146,8 @@ Status Learner::load(const std::string& path) {
     COMRAD_TRY_ASSIGN(journals_, JournalSnapshot::load(state));
     next_rollout_ = journals_->next_rollout;
   } else if (config_.deterministic && !options_.serve) {
-    spdlog::warn("{} holds no journals; its environments begin anew, the run is not the uninterrupted one", path);
+    spdlog::warn("{} holds no journals; its environments begin anew, the run is not the uninterrupted one",
+                 path);
   }
   saved_version_ = algorithm_->version();
   last_checkpoint_ = path;

@@ -17,7 +17,8 @@ Expected<Batcher> Batcher::create(const shm::Arena& arena, const BatcherOptions&
   const int worker_count = arena.shape().policy_worker_count;
   if (options.policy_worker < 0 || options.policy_worker >= worker_count)
     return Error{ErrorCode::kBadInput, "worker_index is " + std::to_string(options.policy_worker) +
-                                           "; this run has " + std::to_string(worker_count) + " policy workers"};
+                                           "; this run has " + std::to_string(worker_count) +
+                                           " policy workers"};
   if (options.min_batch < 0 || options.max_batch < 0 || options.max_wait_us < 0)
     return Error{ErrorCode::kBadInput, "min_batch, max_batch and max_wait_us must not be negative"};
   return Batcher(arena, options);
@@ -50,7 +51,8 @@ Batcher::Batcher(const shm::Arena& arena, const BatcherOptions& options)
 
 int Batcher::adopt_orphans() { return arena_->reclaim_policy_worker(options_.policy_worker); }
 
-/// The states are read before the round's count: a slot seen kReady makes the count that was stored before it visible.
+/// The states are read before the round's count: a slot seen kReady makes the count that was stored before it
+/// visible.
 Batcher::GroupCount Batcher::count_ready(const Group& group) const {
   int ready = 0, acted = 0;
   for (int env = group.first_env; env < group.last_env; ++env) {
@@ -59,8 +61,8 @@ Batcher::GroupCount Batcher::count_ready(const Group& group) const {
     acted += state == SlotState::kActed;
   }
   // Slots that a predecessor answered before it died belong to the same round.
-  const uint32_t round = arena_->group_round(group.sim_worker, group.split).request_count.load(
-      std::memory_order_acquire);
+  const uint32_t round =
+      arena_->group_round(group.sim_worker, group.split).request_count.load(std::memory_order_acquire);
   return {ready, ready > 0 && static_cast<uint32_t>(ready + acted) >= round};
 }
 
@@ -124,8 +126,7 @@ bool Batcher::collect() {
     next_group_ = count.ready > room ? index : (index + 1) % group_count;
   }
   first_ready_ns_ = 0;
-  if (options_.is_deterministic)
-    std::ranges::sort(batch_.requests, {}, &Request::env_index);
+  if (options_.is_deterministic) std::ranges::sort(batch_.requests, {}, &Request::env_index);
   return !batch_.requests.empty();
 }
 
@@ -159,14 +160,16 @@ std::optional<Request> Batcher::read_request(const shm::StepSlot& slot, const Gr
                   .episode_id = slot.episode_id,
                   .episode_step = slot.episode_step};
   const int steps = shape.trajectory.rollout_steps;
-  const bool is_row_valid = request.kind == RequestKind::kAct     ? request.step >= 0 && request.step < steps
-                            : request.kind == RequestKind::kValue ? request.step >= 0 && request.step <= steps
-                            : request.kind == RequestKind::kFinal
-                                ? request.final_row >= 0 && request.final_row < shape.trajectory.final_capacity
-                                : false;
+  const bool is_row_valid =
+      request.kind == RequestKind::kAct     ? request.step >= 0 && request.step < steps
+      : request.kind == RequestKind::kValue ? request.step >= 0 && request.step <= steps
+      : request.kind == RequestKind::kFinal
+          ? request.final_row >= 0 && request.final_row < shape.trajectory.final_capacity
+          : false;
   if (is_row_valid && request.slab_index < static_cast<uint32_t>(shape.slab_count)) return request;
-  spdlog::error("slot of environment {}: request kind {}, slab {}, step {}, final row {} is out of range; refused",
-                env_index, static_cast<uint32_t>(slot.kind), slot.slab_index, slot.step, slot.final_row);
+  spdlog::error(
+      "slot of environment {}: request kind {}, slab {}, step {}, final row {} is out of range; refused",
+      env_index, static_cast<uint32_t>(slot.kind), slot.slab_index, slot.step, slot.final_row);
   return std::nullopt;
 }
 
@@ -185,8 +188,8 @@ void Batcher::load_inputs() {
       batch_.frames.push_back(is_final ? slab.final_frame(request.final_row, agent).data()
                                        : slab.frame(request.step, agent).data());
       if (measurements == 0) continue;
-      const std::span<const float> measured = is_final ? slab.final_measurement(request.final_row, agent)
-                                                       : slab.measurement(request.step, agent);
+      const std::span<const float> measured =
+          is_final ? slab.final_measurement(request.final_row, agent) : slab.measurement(request.step, agent);
       measurement_out = std::ranges::copy(measured, measurement_out).out;
     }
     if (state > 0) {
@@ -250,9 +253,9 @@ void Batcher::answer(const Batch& batch, const float* logits, const float* value
       if (request.kind == RequestKind::kValue) continue;
       const std::span<const float> row_logits(logits + row * logit_count, logit_count);
       std::ranges::copy(row_logits, slab.logits(request.step, agent_index).begin());
-      slab.log_prob(request.step, agent_index) =
-          sample_action(row_logits, slab.action_mask(request.step, agent_index), env, key.split(uint64_t{agent}),
-                        options_.is_greedy, slab.action(request.step, agent_index));
+      slab.log_prob(request.step, agent_index) = sample_action(
+          row_logits, slab.action_mask(request.step, agent_index), env, key.split(uint64_t{agent}),
+          options_.is_greedy, slab.action(request.step, agent_index));
       slab.policy_version(request.step, agent_index) = version;
     }
     if (request.kind == RequestKind::kAct && state_count > 0)

@@ -1,5 +1,6 @@
-// Gathers what the simulators committed into one batch and scatters the network's answers back into slots, slabs and
-// recurrent states. Stages: gather, batch, scatter. A frame is not copied here: the batch holds pointers into slabs.
+// Gathers what the simulators committed into one batch and scatters the network's answers back into slots,
+// slabs and recurrent states. Stages: gather, batch, scatter. A frame is not copied here: the batch holds
+// pointers into slabs.
 #pragma once
 
 #include <torch/types.h>
@@ -20,12 +21,12 @@ namespace comrad::policy {
 /// How a policy worker fills its batches.
 struct BatcherOptions {
   int policy_worker = 0;
-  int64_t min_batch = 0;        ///< environments a batch waits for; 0: a third of the groups served
-  int64_t max_batch = 0;        ///< environments in a batch at most; 0: all that are served
-  int64_t max_wait_us = 2000;   ///< longest wait for min_batch, from the first request on
+  int64_t min_batch = 0;          ///< environments a batch waits for; 0: a third of the groups served
+  int64_t max_batch = 0;          ///< environments in a batch at most; 0: all that are served
+  int64_t max_wait_us = 2000;     ///< longest wait for min_batch, from the first request on
   bool is_deterministic = false;  ///< one whole group per batch, whatever the limits say
-  bool is_greedy = false;       ///< most probable actions instead of drawn ones
-  uint64_t seed = 0;            ///< of the run; keys the action draws
+  bool is_greedy = false;         ///< most probable actions instead of drawn ones
+  uint64_t seed = 0;              ///< of the run; keys the action draws
 };
 
 /// A slot's question, copied and bounds-checked when it was gathered.
@@ -54,18 +55,21 @@ struct Batch {
   int64_t row_count() const { return static_cast<int64_t>(frames.size()); }
 };
 
-/// One policy worker's end of the arena. Answers only the groups that ArenaShape::policy_worker_of deals to it.
+/// One policy worker's end of the arena. Answers only the groups that ArenaShape::policy_worker_of deals to
+/// it.
 ///
-/// A group (half of a simulator's environments) commits together and is gathered together: a batch holds whole
-/// groups, except where max_batch is smaller than a group or a group stays incomplete for max_wait_us. Everything an
-/// answer consists of is written before the first slot becomes kActed, so a worker killed at any point leaves slots
-/// that its successor answers anew with the same result.
+/// A group (half of a simulator's environments) commits together and is gathered together: a batch holds
+/// whole groups, except where max_batch is smaller than a group or a group stays incomplete for max_wait_us.
+/// Everything an answer consists of is written before the first slot becomes kActed, so a worker killed at
+/// any point leaves slots that its successor answers anew with the same result.
 class Batcher {
  public:
-  /// Errors: kBadInput when the worker index is not of this run, or the network does not fit the arena's shapes.
+  /// Errors: kBadInput when the worker index is not of this run, or the network does not fit the arena's
+  /// shapes.
   static Expected<Batcher> create(const shm::Arena& arena, const BatcherOptions& options);
 
-  /// Takes over what a dead predecessor had gathered: kInBatch -> kReady. Returns how many slots. At start only.
+  /// Takes over what a dead predecessor had gathered: kInBatch -> kReady. Returns how many slots. At start
+  /// only.
   int adopt_orphans();
 
   /// kReady -> kInBatch. Waits up to `timeout_us` for a first request; an empty batch means there was none.
@@ -80,7 +84,7 @@ class Batcher {
   int64_t env_count() const { return env_count_; }  ///< environments served
   int64_t min_batch() const { return options_.min_batch; }
   int64_t max_batch() const { return options_.max_batch; }
-  uint64_t wait_ns() const { return wait_ns_; }  ///< time spent waiting in gather(), in all
+  uint64_t wait_ns() const { return wait_ns_; }              ///< time spent waiting in gather(), in all
   uint64_t refused_count() const { return refused_count_; }  ///< requests whose indices were out of range
 
  private:

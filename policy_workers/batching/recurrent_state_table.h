@@ -1,6 +1,6 @@
 // Where every agent's recurrent state lives between two decisions: a view over the arena's two buffers per
-// environment. Step k reads the buffer of parity k and writes the other one, so a step that is answered twice (its
-// first policy worker was killed half way) reads the same input again.
+// environment. Step k reads the buffer of parity k and writes the other one, so a step that is answered twice
+// (its first policy worker was killed half way) reads the same input again.
 #pragma once
 
 #include <cstdint>

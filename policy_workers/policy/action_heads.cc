@@ -108,7 +108,8 @@ float sample_action(std::span<const float> logits, std::span<const uint8_t> mask
       if (allowed == nullptr || allowed[choice] != 0) sum += std::exp(logit[choice] - largest);
     int64_t chosen = best;
     if (!greedy) {
-      // Walks the distribution function; rounding can leave u at its very end, where the last allowed choice is.
+      // Walks the distribution function; rounding can leave u at its very end, where the last allowed choice
+      // is.
       const double threshold = double{key.split(static_cast<uint64_t>(head)).uniform()} * sum;
       double reached = 0.0;
       for (int64_t choice = 0; choice < size; ++choice) {

@@ -20,8 +20,8 @@ struct ConvShape {
 };
 constexpr ConvShape kConvs[3] = {{32, 8, 4}, {64, 4, 2}, {128, 3, 2}};
 
-/// Rows that pass all layers of the pixel path together on a CPU: their activations stay in the caches on the way, and
-/// memory grows with the rows only by what the backward pass needs.
+/// Rows that pass all layers of the pixel path together on a CPU: their activations stay in the caches on the
+/// way, and memory grows with the rows only by what the backward pass needs.
 constexpr int64_t kChunkRows = 64;
 
 /// Rows [B, elements] of u8 on the CPU to f32: clamp(x * factor + offset).
@@ -59,17 +59,19 @@ Tensor dense_elu(const Tensor& x, const Tensor& weight, const Tensor& bias) {
   return y;
 }
 
-/// The three convolutions on a CPU, in chunks, normalisation included: bytes [B, C, H, W] to features [B, 2304].
+/// The three convolutions on a CPU, in chunks, normalisation included: bytes [B, C, H, W] to features [B,
+/// 2304].
 ///
-/// Autograd's own graph would hold the normalised pixels of the whole batch and pass every layer over the whole batch;
-/// this one keeps three activations per chunk and normalises the pixels a second time on the way back.
+/// Autograd's own graph would hold the normalised pixels of the whole batch and pass every layer over the
+/// whole batch; this one keeps three activations per chunk and normalises the pixels a second time on the way
+/// back.
 struct PixelPath : torch::autograd::Function<PixelPath> {
   using Context = torch::autograd::AutogradContext;
   using TensorList = torch::autograd::tensor_list;
 
   static Tensor forward(Context* context, const Tensor& frame, const Tensor& factor, const Tensor& offset,
-                        const Tensor& w1, const Tensor& b1, const Tensor& w2, const Tensor& b2, const Tensor& w3,
-                        const Tensor& b3) {
+                        const Tensor& w1, const Tensor& b1, const Tensor& w2, const Tensor& b2,
+                        const Tensor& w3, const Tensor& b3) {
     const Tensor weights[] = {w1, w2, w3}, biases[] = {b1, b2, b3};
     TensorList saved = {w1, w2, w3, frame, factor, offset}, outputs;
     for (int64_t first = 0; first < frame.size(0); first += kChunkRows) {
@@ -101,8 +103,8 @@ struct PixelPath : torch::autograd::Function<PixelPath> {
         grad = elu_gradient(grad, saved[next + layer]);
         const int64_t stride = kConvs[layer].stride;
         auto [to_input, to_weight, to_bias] = at::convolution_backward(
-            grad, x, saved[layer], at::OptionalIntArrayRef({kConvs[layer].channels}), {stride, stride}, {0, 0},
-            {1, 1}, false, {0, 0}, 1, {layer > 0, true, true});
+            grad, x, saved[layer], at::OptionalIntArrayRef({kConvs[layer].channels}), {stride, stride},
+            {0, 0}, {1, 1}, false, {0, 0}, 1, {layer > 0, true, true});
         if (first == 0) {
           weight_gradient[layer] = to_weight;
           bias_gradient[layer] = to_bias;
@@ -124,7 +126,8 @@ Tensor orthogonal(at::IntArrayRef sizes, double gain, at::Generator generator) {
   const int64_t rows = sizes[0];
   int64_t columns = 1;
   for (size_t axis = 1; axis < sizes.size(); ++axis) columns *= sizes[axis];
-  // Saxe et al. 2014, arXiv:1312.6120: Q of a Gaussian matrix, signs fixed by R's diagonal so that Q is uniform.
+  // Saxe et al. 2014, arXiv:1312.6120: Q of a Gaussian matrix, signs fixed by R's diagonal so that Q is
+  // uniform.
   Tensor gaussian = torch::empty({std::max(rows, columns), std::min(rows, columns)}, torch::kFloat64);
   gaussian.normal_(0.0, 1.0, generator);
   auto [q, r] = at::linalg_qr(gaussian);
@@ -133,7 +136,8 @@ Tensor orthogonal(at::IntArrayRef sizes, double gain, at::Generator generator) {
   return (q * gain).to(torch::kFloat32).contiguous().view(sizes);
 }
 
-InputNormalizer InputNormalizer::create(int64_t element_count, double scale, bool enabled, torch::Device device) {
+InputNormalizer InputNormalizer::create(int64_t element_count, double scale, bool enabled,
+                                        torch::Device device) {
   InputNormalizer normalizer;
   normalizer.element_count_ = element_count;
   normalizer.scale_ = scale;
@@ -186,7 +190,8 @@ void InputNormalizer::update(const Tensor& rows) {
     sum = sum.to(mean_.device());
     square_sum = square_sum.to(mean_.device());
   } else {
-    // In slices, because the double copy of a whole batch of frames would not fit beside the network on a GPU.
+    // In slices, because the double copy of a whole batch of frames would not fit beside the network on a
+    // GPU.
     sum = torch::zeros_like(mean_);
     square_sum = torch::zeros_like(mean_);
     for (int64_t first = 0; first < flat.size(0); first += 256) {
@@ -249,9 +254,10 @@ Tensor Encoder::forward(const Tensor& frame, const Tensor& measurement) const {
   const Tensor bytes =
       frame.reshape({frame.size(0), env_.channels, env_.height, env_.width}).to(device_).contiguous();
   if (device_.is_cpu())
-    return features(PixelPath::apply(bytes, frame_normalizer_.factor(), frame_normalizer_.offset(), conv_[0].weight, conv_[0].bias, conv_[1].weight,
-                                     conv_[1].bias, conv_[2].weight, conv_[2].bias),
-                    measurement);
+    return features(
+        PixelPath::apply(bytes, frame_normalizer_.factor(), frame_normalizer_.offset(), conv_[0].weight,
+                         conv_[0].bias, conv_[1].weight, conv_[1].bias, conv_[2].weight, conv_[2].bias),
+        measurement);
   return features(convolve(frame_normalizer_.normalize(bytes.flatten(1)).view_as(bytes)), measurement);
 }
 
@@ -294,8 +300,8 @@ Tensor Encoder::features(const Tensor& map, const Tensor& measurement) const {
   if (env_.measurement_count == 0) return x;
   COMRAD_CHECK(measurement.defined() && measurement.size(-1) == env_.measurement_count,
                "this shape has a measurement vector");
-  Tensor m = measurement_normalizer_.normalize(
-      measurement.reshape({x.size(0), env_.measurement_count}).to(device_));
+  Tensor m =
+      measurement_normalizer_.normalize(measurement.reshape({x.size(0), env_.measurement_count}).to(device_));
   for (const Layer& layer : measurement_) m = dense_elu(m, layer.weight, layer.bias);
   return at::cat({x, m}, 1);
 }
@@ -337,7 +343,8 @@ NamedTensors Encoder::named_parameters() const {
 NamedTensors Encoder::named_buffers() const {
   NamedTensors named = frame_normalizer_.named_buffers("normalizer.frame");
   if (env_.measurement_count > 0)
-    for (auto& entry : measurement_normalizer_.named_buffers("normalizer.measurement")) named.push_back(entry);
+    for (auto& entry : measurement_normalizer_.named_buffers("normalizer.measurement"))
+      named.push_back(entry);
   return named;
 }
 

@@ -1,5 +1,5 @@
-// From an agent's observation to features: running normalisation of every input element, the convnet_simple pixel
-// path and, where a scenario has one, the measurement branch (training spec 1.1 and 1.2).
+// From an agent's observation to features: running normalisation of every input element, the convnet_simple
+// pixel path and, where a scenario has one, the measurement branch (training spec 1.1 and 1.2).
 #pragma once
 
 #include <ATen/core/Generator.h>
@@ -33,14 +33,16 @@ class InputNormalizer {
 
   /// Normalises rows [B, elements] of u8 or f32 into f32.
   Tensor normalize(const Tensor& rows) const;
-  /// The same for u8 rows on the CPU that lie anywhere: one pass, no copy between. `out` has rows.size() rows.
+  /// The same for u8 rows on the CPU that lie anywhere: one pass, no copy between. `out` has rows.size()
+  /// rows.
   void normalize_rows(std::span<const uint8_t* const> rows, float* out) const;
   /// Merges a batch [B, elements] of u8 or f32 into the statistics. Any number of rows; none changes nothing.
   void update(const Tensor& rows);
   /// Recomputes what normalize() uses from the buffers.
   void refresh();
 
-  /// y = clamp(x * factor + offset, -5, 5), both f32 [elements]. Never written in place: a graph may keep them.
+  /// y = clamp(x * factor + offset, -5, 5), both f32 [elements]. Never written in place: a graph may keep
+  /// them.
   const Tensor& factor() const { return factor_; }
   const Tensor& offset() const { return offset_; }
 
@@ -55,7 +57,8 @@ class InputNormalizer {
   Tensor factor_, offset_;          // f32 [elements]
 };
 
-/// convnet_simple: three convolutions and a linear layer, ELU after each, with the measurement branch beside it.
+/// convnet_simple: three convolutions and a linear layer, ELU after each, with the measurement branch beside
+/// it.
 class Encoder {
  public:
   Encoder() = default;

@@ -4,7 +4,8 @@
 #include <cstring>
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-#define COMRAD_VECTORISED __attribute__((target_clones("arch=x86-64-v3", "default"), optimize("O3", "no-trapping-math")))
+#define COMRAD_VECTORISED \
+  __attribute__((target_clones("arch=x86-64-v3", "default"), optimize("O3", "no-trapping-math")))
 #else
 #define COMRAD_VECTORISED
 #endif
@@ -12,11 +13,13 @@
 namespace comrad::policy::kernels {
 namespace {
 
-/// Columns that are worked on together: their factors and offsets stay in the first-level cache over all rows.
+/// Columns that are worked on together: their factors and offsets stay in the first-level cache over all
+/// rows.
 constexpr int64_t kTileColumns = 1024;
 
-COMRAD_VECTORISED void normalize_tile(const uint8_t* __restrict in, int64_t count, const float* __restrict factor,
-                                      const float* __restrict offset, float clip, float* __restrict out) {
+COMRAD_VECTORISED void normalize_tile(const uint8_t* __restrict in, int64_t count,
+                                      const float* __restrict factor, const float* __restrict offset,
+                                      float clip, float* __restrict out) {
   for (int64_t k = 0; k < count; ++k) {
     float y = static_cast<float>(in[k]) * factor[k] + offset[k];
     y = y < -clip ? -clip : y;
@@ -24,8 +27,8 @@ COMRAD_VECTORISED void normalize_tile(const uint8_t* __restrict in, int64_t coun
   }
 }
 
-/// exp(x) for x <= 0, with __builtin_bit_cast because gcc 12 does not vectorise over std::bit_cast's reference:
-/// 2^n by the exponent bits, 2^(x log2(e) - n) by the Taylor polynomial of degree 7 on
+/// exp(x) for x <= 0, with __builtin_bit_cast because gcc 12 does not vectorise over std::bit_cast's
+/// reference: 2^n by the exponent bits, 2^(x log2(e) - n) by the Taylor polynomial of degree 7 on
 /// [-ln 2 / 2, ln 2 / 2], whose error (6e-9) is below a rounding.
 [[gnu::always_inline]] inline float exp_negative(float x) {
   constexpr float kLog2e = 1.44269504f, kLn2High = 0.693359375f, kLn2Low = -2.12194440e-4f;
@@ -48,10 +51,11 @@ COMRAD_VECTORISED void normalize_tile(const uint8_t* __restrict in, int64_t coun
 
 COMRAD_VECTORISED void elu_loop(float* __restrict values, int64_t count) {
   for (int64_t k = 0; k < count; ++k) {
-    // max(x, 0) + (exp(min(x, 0)) - 1), split by the sign bit: with comparisons the compiler makes branches of it.
+    // max(x, 0) + (exp(min(x, 0)) - 1), split by the sign bit: with comparisons the compiler makes branches
+    // of it.
     const int32_t bits = __builtin_bit_cast(int32_t, values[k]), negative = bits >> 31;
     values[k] = __builtin_bit_cast(float, bits & ~negative) +
-                (exp_negative(__builtin_bit_cast(float, bits & negative)) - 1.0f);
+                (exp_negative(__builtin_bit_cast(float, bits& negative)) - 1.0f);
   }
 }
 
@@ -83,7 +87,8 @@ void normalize_bytes(std::span<const uint8_t* const> rows, int64_t element_count
   }
 }
 
-void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, double* sum, double* square_sum) {
+void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, double* sum,
+               double* square_sum) {
   constexpr int64_t kRowsPerPass = 60'000;  // 60 000 x 255^2 < 2^32
   uint32_t tile_sum[kTileColumns], tile_square_sum[kTileColumns];
   std::fill_n(sum, element_count, 0.0);

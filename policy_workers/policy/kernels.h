@@ -1,5 +1,6 @@
-// The few elementwise loops where torch has no fused operator or a slow one (its ELU takes 1 ns an element). Plain C++ that the compiler vectorises, built for
-// AVX2 and for any x86-64 (the loader picks); no torch in here.
+// The few elementwise loops where torch has no fused operator or a slow one (its ELU takes 1 ns an element).
+// Plain C++ that the compiler vectorises, built for AVX2 and for any x86-64 (the loader picks); no torch in
+// here.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +13,8 @@ void normalize_bytes(std::span<const uint8_t* const> rows, int64_t element_count
                      const float* offset, float clip, float* out);
 
 /// Sums and sums of squares of every column of bytes [row_count, element_count]; exact.
-void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, double* sum, double* square_sum);
+void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, double* sum,
+               double* square_sum);
 
 /// ELU in place: y = x > 0 ? x : exp(x) - 1, to within 2e-7.
 void elu(float* values, int64_t count);

@@ -82,8 +82,8 @@ PolicyNet PolicyNet::create(const PolicyNetOptions& options, uint64_t seed, torc
   const CoreKind kind = !options.use_rnn             ? CoreKind::kNone
                         : options.rnn_type == "lstm" ? CoreKind::kLstm
                                                      : CoreKind::kGru;
-  impl.core = RecurrentCore::create(kind, impl.encoder.feature_count(), options.rnn_size, options.rnn_num_layers,
-                                    generator, device);
+  impl.core = RecurrentCore::create(kind, impl.encoder.feature_count(), options.rnn_size,
+                                    options.rnn_num_layers, generator, device);
   const int64_t features = impl.core.feature_count(), logits = options.env.logit_count();
   impl.action_weight =
       orthogonal({logits, features}, options.init_gain, generator).to(device).requires_grad_();
@@ -93,7 +93,8 @@ PolicyNet PolicyNet::create(const PolicyNetOptions& options, uint64_t seed, torc
   return net;
 }
 
-PolicyOutput PolicyNet::step(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state) const {
+PolicyOutput PolicyNet::step(const Tensor& frame, const Tensor& measurement,
+                             const Tensor& recurrent_state) const {
   torch::NoGradGuard no_grad;
   return impl_->act(impl_->encoder.forward(frame, measurement), recurrent_state);
 }
@@ -104,8 +105,8 @@ PolicyOutput PolicyNet::step_rows(std::span<const uint8_t* const> frames, const 
   return impl_->act(impl_->encoder.forward_rows(frames, measurement), recurrent_state);
 }
 
-SequenceOutput PolicyNet::sequence(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state,
-                                   const Tensor& reset) const {
+SequenceOutput PolicyNet::sequence(const Tensor& frame, const Tensor& measurement,
+                                   const Tensor& recurrent_state, const Tensor& reset) const {
   const PolicyNetImpl& impl = *impl_;
   const int64_t steps = frame.size(0), rows = frame.size(1);
   Tensor flat_measurement;
@@ -159,7 +160,8 @@ void PolicyNet::write_weights(std::span<std::byte> out) const {
 
 Status PolicyNet::read_weights(std::span<const std::byte> in) const {
   if (static_cast<int64_t>(in.size()) != weights_bytes())
-    return Error{ErrorCode::kBadFormat, "weights of " + std::to_string(in.size()) + " bytes, but this network has " +
+    return Error{ErrorCode::kBadFormat, "weights of " + std::to_string(in.size()) +
+                                            " bytes, but this network has " +
                                             std::to_string(weights_bytes()) +
                                             "; learner and policy worker must run the same config.toml"};
   torch::NoGradGuard no_grad;
@@ -189,8 +191,10 @@ Expected<torch::Device> choose_device(const std::string& setting) {
     const char* first = setting.data() + std::min(kPrefix.size(), setting.size());
     const char* last = setting.data() + setting.size();
     const auto parsed = std::from_chars(first, last, index);
-    if (!setting.starts_with(kPrefix) || parsed.ec != std::errc() || parsed.ptr != last || index < 0 || index > 127)
-      return Error{ErrorCode::kBadInput, "device is '" + setting + "'; it may be auto, cpu, cuda or cuda:<n>"};
+    if (!setting.starts_with(kPrefix) || parsed.ec != std::errc() || parsed.ptr != last || index < 0 ||
+        index > 127)
+      return Error{ErrorCode::kBadInput,
+                   "device is '" + setting + "'; it may be auto, cpu, cuda or cuda:<n>"};
   }
   const int64_t count = has_cuda ? static_cast<int64_t>(at::getNumGPUs()) : 0;
   if (index >= count)
@@ -201,8 +205,8 @@ Expected<torch::Device> choose_device(const std::string& setting) {
 }
 
 void tune_allocator() {
-  // glibc gives large blocks back to the kernel on every free; each forward pass then pays a page fault per 4 KiB
-  // of every activation again. Kept blocks made a pass over 128 rows about a third faster.
+  // glibc gives large blocks back to the kernel on every free; each forward pass then pays a page fault per 4
+  // KiB of every activation again. Kept blocks made a pass over 128 rows about a third faster.
   mallopt(M_MMAP_THRESHOLD, 1 << 30);
   mallopt(M_TRIM_THRESHOLD, (1 << 30) + ((1 << 30) - 1));
   mallopt(M_TOP_PAD, 64 << 20);

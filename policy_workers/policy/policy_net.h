@@ -1,5 +1,6 @@
-// The network that both sides run: policy workers forward it one step at a time, the learner over whole sequences.
-// Encoder > recurrent core > action heads and value. Stage: forward (policy worker), update (learner).
+// The network that both sides run: policy workers forward it one step at a time, the learner over whole
+// sequences. Encoder > recurrent core > action heads and value. Stage: forward (policy worker), update
+// (learner).
 #pragma once
 
 #include <torch/types.h>
@@ -31,7 +32,8 @@ struct PolicyNetOptions {
   bool normalize_input = true;
 
   static PolicyNetOptions from(const RunConfig& config, const EnvShape& env);
-  /// Floats of recurrent state per agent: layers * size for GRU, twice that for LSTM (all h, then all c); 0 without.
+  /// Floats of recurrent state per agent: layers * size for GRU, twice that for LSTM (all h, then all c); 0
+  /// without.
   int64_t recurrent_state_count() const;
 };
 
@@ -54,28 +56,30 @@ class PolicyNetImpl;
 class PolicyNet {
  public:
   PolicyNet() = default;
-  /// Deterministic initialisation from `seed`: orthogonal with the given gain for linear and convolution weights,
-  /// zero biases, framework defaults for the recurrent cell (training spec 1.4).
+  /// Deterministic initialisation from `seed`: orthogonal with the given gain for linear and convolution
+  /// weights, zero biases, framework defaults for the recurrent cell (training spec 1.4).
   static PolicyNet create(const PolicyNetOptions& options, uint64_t seed, torch::Device device);
 
   /// One step. frame u8 [B, C, H, W], measurement f32 [B, M] (may be undefined), state f32 [B, H].
   /// No gradient is recorded.
   PolicyOutput step(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state) const;
 
-  /// The same from B frames that lie anywhere in CPU memory, C*H*W bytes each: read once, straight into the network.
+  /// The same from B frames that lie anywhere in CPU memory, C*H*W bytes each: read once, straight into the
+  /// network.
   PolicyOutput step_rows(std::span<const uint8_t* const> frames, const Tensor& measurement,
                          const Tensor& recurrent_state) const;
 
-  /// A sequence with gradient. frame u8 [T, B, C, H, W], state f32 [B, H] at t = 0, reset u8/bool [T, B]: 1 where the
-  /// state is zeroed before step t.
+  /// A sequence with gradient. frame u8 [T, B, C, H, W], state f32 [B, H] at t = 0, reset u8/bool [T, B]: 1
+  /// where the state is zeroed before step t.
   SequenceOutput sequence(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state,
                           const Tensor& reset) const;
 
-  /// Merges a batch of frames (and measurements) into the running input statistics: mean and unbiased variance per
-  /// element, parallel-variance merge, double precision (training spec 1.1). Learner only.
+  /// Merges a batch of frames (and measurements) into the running input statistics: mean and unbiased
+  /// variance per element, parallel-variance merge, double precision (training spec 1.1). Learner only.
   void update_input_statistics(const Tensor& frame, const Tensor& measurement) const;
 
-  /// Parameters in a fixed order, for the optimizer; and named tensors (parameters and statistics) for checkpoints.
+  /// Parameters in a fixed order, for the optimizer; and named tensors (parameters and statistics) for
+  /// checkpoints.
   std::vector<Tensor> parameters() const;
   std::vector<std::pair<std::string, Tensor>> named_state() const;
   int64_t parameter_count() const;
@@ -85,7 +89,8 @@ class PolicyNet {
   void write_weights(std::span<std::byte> out) const;
   Status read_weights(std::span<const std::byte> in) const;
 
-  /// Call after writing into tensors of named_state() (a loaded checkpoint): recomputes what is derived from them.
+  /// Call after writing into tensors of named_state() (a loaded checkpoint): recomputes what is derived from
+  /// them.
   void state_changed() const;
 
   const PolicyNetOptions& options() const;
@@ -99,10 +104,12 @@ class PolicyNet {
 /// Errors: kBadInput for another word; kUnsupported for a CUDA device that this build or machine lacks.
 Expected<torch::Device> choose_device(const std::string& setting);
 
-/// Keeps freed memory in the process, so that the large tensors of every pass reuse mapped pages. First line of main.
+/// Keeps freed memory in the process, so that the large tensors of every pass reuse mapped pages. First line
+/// of main.
 void tune_allocator();
 
-/// CPU threads of this process's tensor operators, and denormals flushed to zero. Also per thread that computes.
+/// CPU threads of this process's tensor operators, and denormals flushed to zero. Also per thread that
+/// computes.
 void tune_math(int thread_count);
 
 }  // namespace comrad::policy

@@ -11,20 +11,22 @@ namespace {
 using torch::autograd::AutogradContext;
 using torch::autograd::tensor_list;
 
-/// The recurrent half of a GRU layer over a sequence. The input half, gi = W_ih x + b_ih, is one product outside.
+/// The recurrent half of a GRU layer over a sequence. The input half, gi = W_ih x + b_ih, is one product
+/// outside.
 ///
 ///   r = sigmoid(gi_r + gh_r), z = sigmoid(gi_z + gh_z), n = tanh(gi_n + r gh_n), h' = n + z (h - n)
 ///   with gh = W_hh h + b_hh and h = keep_t h'_{t-1}
 ///
-/// Written by hand because autograd would add one [3H, H] weight gradient per step; here it is a single product
-/// over all T B rows after the loop, which halves the time of the core's backward pass on a CPU.
+/// Written by hand because autograd would add one [3H, H] weight gradient per step; here it is a single
+/// product over all T B rows after the loop, which halves the time of the core's backward pass on a CPU.
 struct GruSequence : torch::autograd::Function<GruSequence> {
   static Tensor forward(AutogradContext* context, const Tensor& gi, const Tensor& h0, const Tensor& keep,
                         const Tensor& weight_hh, const Tensor& bias_hh) {
     const int64_t steps = gi.size(0), rows = gi.size(1), hidden = h0.size(1);
     const Tensor output = torch::empty({steps, rows, hidden}, gi.options());
     const Tensor h_in = torch::empty({steps, rows, hidden}, gi.options());
-    const Tensor gates = torch::empty({steps, rows, 3 * hidden}, gi.options());  // r, z, n after their functions
+    const Tensor gates =
+        torch::empty({steps, rows, 3 * hidden}, gi.options());  // r, z, n after their functions
     const Tensor gh_n = torch::empty({steps, rows, hidden}, gi.options());
     const Tensor weight_t = weight_hh.t();
     Tensor gh = torch::empty({rows, 3 * hidden}, gi.options());
@@ -148,14 +150,15 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
       }
     }
     const Tensor flat = grad_gi.view({steps * rows, 4 * hidden});
-    return {grad_gi, carried_h, carried_c, Tensor(), flat.t().mm(h_in.view({steps * rows, hidden})), flat.sum(0)};
+    return {grad_gi,    carried_h, carried_c, Tensor(), flat.t().mm(h_in.view({steps * rows, hidden})),
+            flat.sum(0)};
   }
 };
 
 }  // namespace
 
-RecurrentCore RecurrentCore::create(CoreKind kind, int64_t input_count, int64_t hidden_count, int64_t layer_count,
-                                    at::Generator generator, torch::Device device) {
+RecurrentCore RecurrentCore::create(CoreKind kind, int64_t input_count, int64_t hidden_count,
+                                    int64_t layer_count, at::Generator generator, torch::Device device) {
   RecurrentCore core;
   core.kind_ = kind;
   core.feature_count_ = input_count;

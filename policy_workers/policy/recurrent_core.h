@@ -1,5 +1,6 @@
-// The recurrent core between encoder and heads: GRU or LSTM cells in PyTorch's gate conventions, any number of
-// layers, or nothing. One step at a time for policy workers, whole sequences with resets inside for the learner.
+// The recurrent core between encoder and heads: GRU or LSTM cells in PyTorch's gate conventions, any number
+// of layers, or nothing. One step at a time for policy workers, whole sequences with resets inside for the
+// learner.
 #pragma once
 
 #include <ATen/core/Generator.h>
@@ -42,8 +43,8 @@ class RecurrentCore {
   /// One step: input [B, input], state [B, H]. The caller decides whether gradients are recorded.
   CoreOutput step(const Tensor& input, const Tensor& state) const;
 
-  /// T steps with gradient: input [T, B, input], state [B, H] before step 0, keep f32 [T, B, 1] (0 where the state
-  /// is zeroed before the step) or undefined for no resets. Equals repeated step() up to rounding.
+  /// T steps with gradient: input [T, B, input], state [B, H] before step 0, keep f32 [T, B, 1] (0 where the
+  /// state is zeroed before the step) or undefined for no resets. Equals repeated step() up to rounding.
   CoreOutput sequence(const Tensor& input, const Tensor& state, const Tensor& keep) const;
 
   int64_t feature_count() const { return feature_count_; }

@@ -20,7 +20,8 @@ Status WeightsReceiver::hear(const dds::WeightsUpdate& update, const PolicyNet& 
   announced_ = std::max(announced_, update.version);
   if (update.bytes != 0 && update.bytes != static_cast<uint64_t>(policy.weights_bytes()))
     return Error{ErrorCode::kBadFormat, "the learner announces weights of " + std::to_string(update.bytes) +
-                                            " bytes, this network has " + std::to_string(policy.weights_bytes())};
+                                            " bytes, this network has " +
+                                            std::to_string(policy.weights_bytes())};
   return {};
 }
 

@@ -1,6 +1,6 @@
-// The policy worker's end of the weights: between two batches it looks whether the learner published a newer version
-// and copies it into the network. Stage: refresh. The bytes and the version word in the arena are the truth; the notice
-// on DDS only tells what to expect.
+// The policy worker's end of the weights: between two batches it looks whether the learner published a newer
+// version and copies it into the network. Stage: refresh. The bytes and the version word in the arena are the
+// truth; the notice on DDS only tells what to expect.
 #pragma once
 
 #include <cstddef>
@@ -19,12 +19,13 @@ class WeightsReceiver {
  public:
   explicit WeightsReceiver(const shm::Arena& arena) : arena_(&arena) {}
 
-  /// Copies newer weights into `policy`. True if it changed; false when there is nothing newer. Never inside a batch.
-  /// Errors: kBadFormat when the bytes do not fit the network or their checksum keeps failing; the network then keeps
-  /// the weights it had.
+  /// Copies newer weights into `policy`. True if it changed; false when there is nothing newer. Never inside
+  /// a batch. Errors: kBadFormat when the bytes do not fit the network or their checksum keeps failing; the
+  /// network then keeps the weights it had.
   Expected<bool> refresh(const PolicyNet& policy);
 
-  /// A version notice from the bus. Errors: kBadFormat when the learner's network has another size than `policy`.
+  /// A version notice from the bus. Errors: kBadFormat when the learner's network has another size than
+  /// `policy`.
   Status hear(const dds::WeightsUpdate& update, const PolicyNet& policy);
 
   /// Version in the network; nothing before the first refresh.

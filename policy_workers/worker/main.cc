@@ -51,14 +51,15 @@ Status bench(const Arguments& arguments) {
   shape.env.head_count = static_cast<int32_t>(arguments.heads.size());
   if (shape.env.head_count > kMaxHeads)
     return Error{ErrorCode::kBadInput, "--heads has " + std::to_string(shape.env.head_count) +
-                                           " entries; at most " + std::to_string(kMaxHeads) + " are possible"};
+                                           " entries; at most " + std::to_string(kMaxHeads) +
+                                           " are possible"};
   for (size_t head = 0; head < arguments.heads.size(); ++head)
     shape.env.head_sizes[head] = arguments.heads[head];
   COMRAD_TRY(validate(shape));
   policy::tune_math(static_cast<int>(config.policy_threads));
   COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(config.device));
-  const policy::PolicyNet net = policy::PolicyNet::create(
-      policy::PolicyNetOptions::from(config, shape.env), static_cast<uint64_t>(config.seed), device);
+  const policy::PolicyNet net = policy::PolicyNet::create(policy::PolicyNetOptions::from(config, shape.env),
+                                                          static_cast<uint64_t>(config.seed), device);
   const int64_t envs = config.max_batch > 0 ? config.max_batch : config.num_envs_per_worker;
   const policy::InferenceBench result =
       policy::bench_inference(net, envs * arguments.num_agents, arguments.bench_seconds);
@@ -95,7 +96,8 @@ Status work(const Arguments& arguments) {
 int main(int argc, char** argv) {
   policy::tune_allocator();
   Arguments arguments;
-  CLI::App app{"One inference process of a run: reads observations from the arena and writes the chosen actions."};
+  CLI::App app{
+      "One inference process of a run: reads observations from the arena and writes the chosen actions."};
   app.add_option("--run_dir", arguments.run_dir, "the run's folder, with config.toml")->required();
   const auto* arena = app.add_option("--arena", arguments.arena, "name of the run's socket");
   app.add_option("--worker_index", arguments.worker.worker_index, "which policy worker this is, from 0")
@@ -103,9 +105,10 @@ int main(int argc, char** argv) {
   app.add_flag("--greedy", arguments.worker.is_greedy, "most probable actions instead of drawn ones");
   app.add_flag("--random", arguments.worker.is_random, "uniform over allowed actions, no network");
   app.add_flag("--evaluate", arguments.evaluate, "the run is an evaluation (inference is the same)");
-  const auto* bench_option = app.add_option("--bench", arguments.bench_seconds,
-                                            "no run: random frames for so many seconds, prints one JSON object")
-                                 ->check(CLI::Range(0.01, 86400.0));
+  const auto* bench_option =
+      app.add_option("--bench", arguments.bench_seconds,
+                     "no run: random frames for so many seconds, prints one JSON object")
+          ->check(CLI::Range(0.01, 86400.0));
   app.add_option("--num_agents", arguments.num_agents, "bench: agents per environment")
       ->check(CLI::Range(1, kMaxAgents));
   app.add_option("--heads", arguments.heads, "bench: sizes of the action heads, 3,3,3")->delimiter(',');

@@ -31,17 +31,18 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
   if (!options.is_random) {
     const PolicyNetOptions network = PolicyNetOptions::from(config, shape.env);
     if (network.recurrent_state_count() != shape.recurrent_state_count)
-      return Error{ErrorCode::kBadInput, "the network has " + std::to_string(network.recurrent_state_count()) +
+      return Error{ErrorCode::kBadInput, "the network has " +
+                                             std::to_string(network.recurrent_state_count()) +
                                              " floats of recurrent state, the arena was made for " +
                                              std::to_string(shape.recurrent_state_count) +
                                              "; all processes of a run must read the same config.toml"};
     COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(config.device));
     policy = PolicyNet::create(network, static_cast<uint64_t>(config.seed), device);
     if (policy.weights_bytes() > arena.shape().weights_bytes)
-      return Error{ErrorCode::kBadInput, "the network's weights need " + std::to_string(policy.weights_bytes()) +
-                                             " bytes, the arena holds " +
-                                             std::to_string(arena.shape().weights_bytes) +
-                                             "; all processes of a run must read the same config.toml"};
+      return Error{ErrorCode::kBadInput,
+                   "the network's weights need " + std::to_string(policy.weights_bytes()) +
+                       " bytes, the arena holds " + std::to_string(arena.shape().weights_bytes) +
+                       "; all processes of a run must read the same config.toml"};
   }
   return PolicyWorker(arena, options, bus, std::move(policy), std::move(batcher));
 }
@@ -78,8 +79,8 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
       if (options_.is_random) {
         batcher_.scatter_random(batch);
       } else {
-        // After the wait, not before it: in lock step the learner publishes and then lets simulators go on, so the
-        // requests that end a wait already expect the new weights.
+        // After the wait, not before it: in lock step the learner publishes and then lets simulators go on,
+        // so the requests that end a wait already expect the new weights.
         COMRAD_TRY(refresh());
         const PolicyOutput output = policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state);
         batcher_.scatter(batch, output, *weights_.version());
@@ -135,19 +136,21 @@ void PolicyWorker::report(const char* state) {
   reported_rows_ = rows;
   reported_batches_ = batches;
   if (bus_ == nullptr) return;
-  const bool is_paused = arena_->control().run_state.load(std::memory_order_acquire) == shm::RunState::kPaused;
-  dds::WorkerStatus status{.worker_id = "policy-" + std::to_string(options_.worker_index),
-                           .host = host_,
-                           .pid = getpid(),
-                           .role = "policy",
-                           .state = is_paused ? "paused" : state,
-                           .decisions_per_s = rows_per_s,
-                           .message = fmt::format("batch {:.1f} rows, weights {} behind", batch_rows,
-                                                  weights_.behind())};
+  const bool is_paused =
+      arena_->control().run_state.load(std::memory_order_acquire) == shm::RunState::kPaused;
+  dds::WorkerStatus status{
+      .worker_id = "policy-" + std::to_string(options_.worker_index),
+      .host = host_,
+      .pid = getpid(),
+      .role = "policy",
+      .state = is_paused ? "paused" : state,
+      .decisions_per_s = rows_per_s,
+      .message = fmt::format("batch {:.1f} rows, weights {} behind", batch_rows, weights_.behind())};
   if (const Status written = bus_->write(status); !written)
     spdlog::warn("status: {}", written.error().message);
   if (const auto update = bus_->take_weights_update(); update && !options_.is_random)
-    if (const Status heard = weights_.hear(*update, policy_); !heard) spdlog::warn("{}", heard.error().message);
+    if (const Status heard = weights_.hear(*update, policy_); !heard)
+      spdlog::warn("{}", heard.error().message);
 }
 
 InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, double seconds) {
@@ -155,8 +158,9 @@ InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, doub
   const int64_t frame_bytes = options.env.frame_bytes();
   torch::manual_seed(0);
   const Tensor frames = torch::randint(0, 256, {batch_rows, frame_bytes}, torch::kUInt8);
-  const Tensor measurement =
-      options.env.measurement_count > 0 ? torch::randn({batch_rows, options.env.measurement_count}) : Tensor();
+  const Tensor measurement = options.env.measurement_count > 0
+                                 ? torch::randn({batch_rows, options.env.measurement_count})
+                                 : Tensor();
   Tensor state = torch::zeros({batch_rows, options.recurrent_state_count()});
   std::vector<const uint8_t*> rows;
   for (int64_t row = 0; row < batch_rows; ++row)
@@ -176,7 +180,9 @@ InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, doub
     now_ns = monotonic_ns();
   }
   const double took = static_cast<double>(now_ns - began_ns) * 1e-9;
-  return {.rows_per_s = static_cast<double>(passes * batch_rows) / took, .batch_rows = batch_rows, .seconds = took};
+  return {.rows_per_s = static_cast<double>(passes * batch_rows) / took,
+          .batch_rows = batch_rows,
+          .seconds = took};
 }
 
 }  // namespace comrad::policy

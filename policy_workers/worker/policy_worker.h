@@ -1,5 +1,5 @@
-// A policy worker's life: refresh the weights, gather a batch, forward it, scatter the answers; tell the run how it is
-// doing once a second. One process, one network, one thread of its own beside the bus's.
+// A policy worker's life: refresh the weights, gather a batch, forward it, scatter the answers; tell the run
+// how it is doing once a second. One process, one network, one thread of its own beside the bus's.
 #pragma once
 
 #include <atomic>

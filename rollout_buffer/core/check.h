@@ -10,10 +10,10 @@ namespace comrad {
 
 }  // namespace comrad
 
-#define COMRAD_CHECK(condition, message)                                                      \
-  do {                                                                                        \
-    if (!(condition)) [[unlikely]]                                                            \
-      ::comrad::check_failed(#condition, __FILE__, __LINE__, (message));                      \
+#define COMRAD_CHECK(condition, message)                                 \
+  do {                                                                   \
+    if (!(condition)) [[unlikely]]                                       \
+      ::comrad::check_failed(#condition, __FILE__, __LINE__, (message)); \
   } while (false)
 
 #ifdef NDEBUG

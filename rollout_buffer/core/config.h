@@ -1,6 +1,6 @@
 // Every setting of a run, once: name, default, help and old names stand in one table (visit_settings), from
-// which the command line, the TOML files and config.toml in the run directory are all made. The launcher merges
-// the layers and writes the result; every worker reads that file and nothing else.
+// which the command line, the TOML files and config.toml in the run directory are all made. The launcher
+// merges the layers and writes the result; every worker reads that file and nothing else.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,8 @@
 
 namespace comrad {
 
-/// The merged settings of one run. Defaults here are the built-in layer; 0 means "auto" where the help says so.
+/// The merged settings of one run. Defaults here are the built-in layer; 0 means "auto" where the help says
+/// so.
 struct RunConfig {
   // What to train.
   std::string scenario = "coop_health_gathering";
@@ -116,24 +117,26 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("algo", c.algo, "learning algorithm: ippo", Names{});
   visit("experiment", c.experiment, "run name; empty makes <scenario>_<ALGO>_<date>_<time>", Names{});
   visit("train_dir", c.train_dir, "folder that holds the runs", Names{});
-  visit("restart_behavior", c.restart_behavior, "when the run exists: resume, restart (old one is renamed) or overwrite",
-        Names{});
+  visit("restart_behavior", c.restart_behavior,
+        "when the run exists: resume, restart (old one is renamed) or overwrite", Names{});
   visit("seed", c.seed, "seed of everything random", Names{});
   visit("num_agents", c.num_agents, "agents per environment; 0: the scenario's default", Names{});
   visit("layout_seed", c.layout_seed, "seed of the generated map", Names{});
   visit("wad", c.wad, "play this WAD instead of a generated one", Names{});
-  visit("train_for_env_steps", c.train_for_env_steps, "stop after so many env frames (agents x tics)", Names{});
-  visit("train_for_seconds", c.train_for_seconds, "stop after so many seconds of training; 0: no limit", Names{});
+  visit("train_for_env_steps", c.train_for_env_steps, "stop after so many env frames (agents x tics)",
+        Names{});
+  visit("train_for_seconds", c.train_for_seconds, "stop after so many seconds of training; 0: no limit",
+        Names{});
 
   visit("device", c.device, "where networks run: auto, cpu, cuda or cuda:<n>", Names{});
   visit("num_workers", c.num_workers, "simulator processes; 0: one per core", Names{});
   visit("num_envs_per_worker", c.num_envs_per_worker, "environments in each simulator process", Names{});
-  visit("worker_num_splits", c.worker_num_splits, "groups of environments that alternate in a simulator: 1 or 2",
-        Names{});
+  visit("worker_num_splits", c.worker_num_splits,
+        "groups of environments that alternate in a simulator: 1 or 2", Names{});
   visit("policy_workers", c.policy_workers, "inference processes", Names{"policy_workers_per_policy"});
   visit("async_rl", c.async_rl, "collect while the learner trains", Names{});
-  visit("deterministic", c.deterministic, "lock step: the same seed gives the same weights bit for bit on a CPU",
-        Names{"serial_mode"});
+  visit("deterministic", c.deterministic,
+        "lock step: the same seed gives the same weights bit for bit on a CPU", Names{"serial_mode"});
   visit("min_batch", c.min_batch, "environments an inference batch waits for; 0: auto", Names{});
   visit("max_batch", c.max_batch, "environments in one inference batch at most; 0: auto", Names{});
   visit("max_wait_us", c.max_wait_us, "longest wait for min_batch, microseconds", Names{});
@@ -145,22 +148,25 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("env_frameskip", c.env_frameskip, "tics that one decision is held", Names{"frame_skip"});
   visit("render_size", c.render_size, "size the view is drawn at, WIDTHxHEIGHT", Names{});
   visit("resize", c.resize, "how a drawn view becomes 128x72: none, nearest or area", Names{});
-  visit("use_additional_input", c.use_additional_input, "feed the scenario's measurement vector to the network",
-        Names{});
+  visit("use_additional_input", c.use_additional_input,
+        "feed the scenario's measurement vector to the network", Names{});
   visit("reward_scale", c.reward_scale, "factor on every reward", Names{});
   visit("reward_clip", c.reward_clip, "rewards are clipped to +- this", Names{});
-  visit("shared_reward_alpha", c.shared_reward_alpha, "share of the team's reward; -1: the scenario's", Names{});
+  visit("shared_reward_alpha", c.shared_reward_alpha, "share of the team's reward; -1: the scenario's",
+        Names{});
   visit("shared_reward_scalarisation", c.shared_reward_scalarisation, "team reward: sum or mean", Names{});
 
   visit("rollout", c.rollout, "decisions in a trajectory, T", Names{});
   visit("batch_size", c.batch_size, "agent decisions in one minibatch", Names{});
   visit("num_batches_per_epoch", c.num_batches_per_epoch, "minibatches that one epoch is cut into", Names{});
   visit("num_epochs", c.num_epochs, "passes over every batch", Names{});
-  visit("num_batches_to_accumulate", c.num_batches_to_accumulate, "batches that may wait for the learner", Names{});
-  visit("micro_batch_size", c.micro_batch_size, "rows in one forward and backward pass; same gradient, less memory",
+  visit("num_batches_to_accumulate", c.num_batches_to_accumulate, "batches that may wait for the learner",
         Names{});
+  visit("micro_batch_size", c.micro_batch_size,
+        "rows in one forward and backward pass; same gradient, less memory", Names{});
   visit("max_policy_lag", c.max_policy_lag, "decisions older than this many versions are masked", Names{});
-  visit("shuffle_minibatches", c.shuffle_minibatches, "draw the trajectories of a minibatch in random order", Names{});
+  visit("shuffle_minibatches", c.shuffle_minibatches, "draw the trajectories of a minibatch in random order",
+        Names{});
 
   visit("gamma", c.gamma, "discount per decision", Names{});
   visit("gae_lambda", c.gae_lambda, "lambda of generalised advantage estimation", Names{});
@@ -175,8 +181,10 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("kl_loss_coeff", c.kl_loss_coeff, "weight of KL to the behaviour policy", Names{});
 
   visit("learning_rate", c.learning_rate, "Adam's learning rate", Names{"lr"});
-  visit("lr_schedule", c.lr_schedule, "constant, linear_decay, kl_adaptive_minibatch or kl_adaptive_epoch", Names{});
-  visit("lr_schedule_kl_threshold", c.lr_schedule_kl_threshold, "KL that the adaptive schedules aim at", Names{});
+  visit("lr_schedule", c.lr_schedule, "constant, linear_decay, kl_adaptive_minibatch or kl_adaptive_epoch",
+        Names{});
+  visit("lr_schedule_kl_threshold", c.lr_schedule_kl_threshold, "KL that the adaptive schedules aim at",
+        Names{});
   visit("lr_adaptive_min", c.lr_adaptive_min, "floor of the adaptive schedules", Names{});
   visit("lr_adaptive_max", c.lr_adaptive_max, "cap of the adaptive schedules", Names{});
   visit("adam_eps", c.adam_eps, "Adam's epsilon", Names{});
@@ -193,10 +201,13 @@ void visit_settings(Config& c, Visitor&& visit) {
 
   visit("save_every_sec", c.save_every_sec, "seconds between checkpoints", Names{});
   visit("keep_checkpoints", c.keep_checkpoints, "newest checkpoints that are kept", Names{});
-  visit("save_best_every_sec", c.save_best_every_sec, "seconds between looks at the score for a new best", Names{});
+  visit("save_best_every_sec", c.save_best_every_sec, "seconds between looks at the score for a new best",
+        Names{});
   visit("save_best_after", c.save_best_after, "env frames before the first best checkpoint", Names{});
-  visit("load_checkpoint_kind", c.load_checkpoint_kind, "checkpoint to resume or evaluate: latest or best", Names{});
-  visit("experiment_summaries_interval", c.experiment_summaries_interval, "seconds between metric reports", Names{});
+  visit("load_checkpoint_kind", c.load_checkpoint_kind, "checkpoint to resume or evaluate: latest or best",
+        Names{});
+  visit("experiment_summaries_interval", c.experiment_summaries_interval, "seconds between metric reports",
+        Names{});
   visit("progress_interval", c.progress_interval, "seconds between progress lines", Names{});
   visit("stats_avg", c.stats_avg, "episodes that the reported score is averaged over", Names{});
 }
@@ -207,9 +218,9 @@ struct SettingsLayer {
   std::vector<std::pair<std::string, std::string>> values;
 };
 
-/// Puts a layer on top of `config`. Values are parsed by the setting's type: integers accept 1e6, booleans accept
-/// true/false/1/0/True/False.
-/// Errors: kBadInput for an unknown key (naming the nearest known one) or a value of the wrong type.
+/// Puts a layer on top of `config`. Values are parsed by the setting's type: integers accept 1e6, booleans
+/// accept true/false/1/0/True/False. Errors: kBadInput for an unknown key (naming the nearest known one) or a
+/// value of the wrong type.
 Status apply_layer(RunConfig& config, const SettingsLayer& layer);
 
 /// Reads a TOML file of settings into a layer. Nested tables are not settings and are errors.
@@ -222,8 +233,8 @@ std::string settings_to_toml(const RunConfig& config);
 /// Reads config.toml of a run: every worker's first step.
 Expected<RunConfig> load_run_config(const std::string& path);
 
-/// The defaults of an algorithm (training spec 3.1: LSTM and 4 epochs for IPPO), the layer below the scenario's.
-/// Errors: kBadInput for an unknown algorithm, naming the known ones.
+/// The defaults of an algorithm (training spec 3.1: LSTM and 4 epochs for IPPO), the layer below the
+/// scenario's. Errors: kBadInput for an unknown algorithm, naming the known ones.
 Expected<SettingsLayer> algorithm_defaults(const std::string& algo);
 
 /// Replaces the zeros that mean "auto" by numbers for a host of `core_count` cores and checks every range and
@@ -234,7 +245,8 @@ Status resolve_settings(RunConfig& config, int core_count);
 /// The known word nearest to `word` by edit distance, or empty when none is near.
 std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
 
-/// The folder that holds scenarios/ and the other data files: $COMRAD_HOME, else the source folder of the build.
+/// The folder that holds scenarios/ and the other data files: $COMRAD_HOME, else the source folder of the
+/// build.
 std::string data_dir();
 
 }  // namespace comrad

@@ -32,7 +32,7 @@ struct Error {
 template <typename T>
 class [[nodiscard]] Expected {
  public:
-  Expected(T value) : state_(std::in_place_index<0>, std::move(value)) {}  // NOLINT: implicit on purpose
+  Expected(T value) : state_(std::in_place_index<0>, std::move(value)) {}      // NOLINT: implicit on purpose
   Expected(Error error) : state_(std::in_place_index<1>, std::move(error)) {}  // NOLINT
 
   bool has_value() const { return state_.index() == 0; }
@@ -85,10 +85,10 @@ using Status = Expected<void>;
 #define COMRAD_CONCAT(a, b) COMRAD_CONCAT_INNER(a, b)
 
 /// Returns the error of `expression` from the calling function, if it has one.
-#define COMRAD_TRY(expression)                                              \
-  do {                                                                      \
-    auto comrad_try_result = (expression);                                  \
-    if (!comrad_try_result) return std::move(comrad_try_result).error();    \
+#define COMRAD_TRY(expression)                                           \
+  do {                                                                   \
+    auto comrad_try_result = (expression);                               \
+    if (!comrad_try_result) return std::move(comrad_try_result).error(); \
   } while (false)
 
 /// Declares or assigns `target` from the value of `expression`, or returns its error from the caller.

@@ -49,10 +49,10 @@ class SlabView {
 
   const TrajectoryShape& shape() const { return layout_->shape; }
 
-  std::span<uint8_t> frame(int step, int agent) const;              ///< [C*H*W]
-  std::span<uint8_t> frames(int step) const;                        ///< [N*C*H*W]
-  std::span<float> measurement(int step, int agent) const;          ///< [M]
-  std::span<uint8_t> action_mask(int step, int agent) const;        ///< [A]
+  std::span<uint8_t> frame(int step, int agent) const;        ///< [C*H*W]
+  std::span<uint8_t> frames(int step) const;                  ///< [N*C*H*W]
+  std::span<float> measurement(int step, int agent) const;    ///< [M]
+  std::span<uint8_t> action_mask(int step, int agent) const;  ///< [A]
   uint8_t& agent_active(int step, int agent) const;
   float& reward(int step, int agent) const;
   uint8_t& terminated(int step) const;
@@ -65,7 +65,7 @@ class SlabView {
   float& log_prob(int step, int agent) const;
   float& value(int step, int agent) const;
   float& final_value(int row, int agent) const;
-  std::span<float> logits(int step, int agent) const;               ///< [A]
+  std::span<float> logits(int step, int agent) const;  ///< [A]
   uint32_t& policy_version(int step, int agent) const;
   uint8_t& valid(int step) const;
 

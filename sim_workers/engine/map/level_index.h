@@ -1,5 +1,5 @@
-// What a Level's worlds share for collision: the grid of its linedefs, the tree that finds sectors, and the outline
-// that tells the void (solid rock, also inside a pillar that is a hole of its sector) from the map.
+// What a Level's worlds share for collision: the grid of its linedefs, the tree that finds sectors, and the
+// outline that tells the void (solid rock, also inside a pillar that is a hole of its sector) from the map.
 #pragma once
 
 #include <memory>
@@ -16,18 +16,21 @@ class Outline {
   static Outline build(const Level& level) {
     Outline outline;
     for (const Linedef& linedef : level.linedefs)
-      if (!linedef.back) outline.edges_.push_back({level.vertices[linedef.start], level.vertices[linedef.end]});
+      if (!linedef.back)
+        outline.edges_.push_back({level.vertices[linedef.start], level.vertices[linedef.end]});
     return outline;
   }
 
-  /// True inside a sector, false in the void: an even-odd count of the edges east of the point. O(lines), so not
-  /// for every move; a body that moves step by step cannot get into the void anyway.
+  /// True inside a sector, false in the void: an even-odd count of the edges east of the point. O(lines), so
+  /// not for every move; a body that moves step by step cannot get into the void anyway.
   bool contains(Fixed x, Fixed y) const {
     bool inside = false;
     for (const Edge& edge : edges_) {
       if ((edge.start.y > y) == (edge.end.y > y)) continue;
-      const __int128 run = static_cast<__int128>(int64_t{y} - edge.start.y) * (int64_t{edge.end.x} - edge.start.x);
-      const __int128 rise = static_cast<__int128>(int64_t{x} - edge.start.x) * (int64_t{edge.end.y} - edge.start.y);
+      const __int128 run =
+          static_cast<__int128>(int64_t{y} - edge.start.y) * (int64_t{edge.end.x} - edge.start.x);
+      const __int128 rise =
+          static_cast<__int128>(int64_t{x} - edge.start.x) * (int64_t{edge.end.y} - edge.start.y);
       if (edge.end.y > edge.start.y ? rise < run : rise > run) inside = !inside;
     }
     return inside;

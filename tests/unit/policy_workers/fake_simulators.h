@@ -1,5 +1,5 @@
-// An arena for small networks and the simulator's side of its hand-overs, driven by hand: what the tests of batcher and
-// policy worker play against. Frames are a pure function of environment, step and agent.
+// An arena for small networks and the simulator's side of its hand-overs, driven by hand: what the tests of
+// batcher and policy worker play against. Frames are a pure function of environment, step and agent.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -30,7 +30,8 @@ Batcher make_batcher(const shm::Arena& arena, BatcherOptions options = {}) {
 PolicyNet make_net(const PolicyNetOptions& options) { return PolicyNet::create(options, 3, torch::kCPU); }
 
 /// gather > forward > scatter. Returns how many requests were answered.
-size_t answer_once(Batcher& batcher, const PolicyNet& net, PolicyVersion version = 9, int64_t timeout_us = 0) {
+size_t answer_once(Batcher& batcher, const PolicyNet& net, PolicyVersion version = 9,
+                   int64_t timeout_us = 0) {
   const Batch& batch = batcher.gather(timeout_us);
   if (!batch.is_empty())
     batcher.scatter(batch, net.step_rows(batch.frames, batch.measurement, batch.recurrent_state), version);
@@ -76,8 +77,7 @@ TEST(Batcher, AnswersAnActionRequestWithWhatTheNetworkSays) {
     EXPECT_EQ(env.slot().policy_version, 9u);
     const SlabView slab = env.slab();
     for (int agent = 0; agent < 2; ++agent) {
-      const Tensor frame =
-          torch::from_blob(slab.frame(0, agent).data(), {1, 3, 40, 44}, torch::kUInt8);
+      const Tensor frame = torch::from_blob(slab.frame(0, agent).data(), {1, 3, 40, 44}, torch::kUInt8);
       const Tensor measurement = torch::full({1, 3}, static_cast<float>(index + agent));
       const PolicyOutput expected = net.step(frame, measurement, torch::full({1, 32}, 0.25));
       EXPECT_NEAR(slab.value(0, agent), expected.value.item<float>(), 1e-5);
@@ -108,7 +108,8 @@ TEST(Batcher, AFirstDecisionStartsFromTheZeroState) {
   const Batch& batch = batcher.gather(0);
   ASSERT_EQ(batch.requests.size(), 1u);
   EXPECT_EQ(batch.recurrent_state.abs().max().item<float>(), 0.0f);
-  batcher.scatter(batch, make_net(options).step_rows(batch.frames, batch.measurement, batch.recurrent_state), 1);
+  batcher.scatter(batch, make_net(options).step_rows(batch.frames, batch.measurement, batch.recurrent_state),
+                  1);
   EXPECT_EQ(group.envs[0].slab().recurrent_state(0, 0)[0], 0.0f);
 }
 
@@ -123,7 +124,8 @@ TEST(Batcher, TheOutputStateOfOneStepIsTheInputOfTheNext) {
     group.commit_act(step == 0);
     ASSERT_EQ(answer_once(batcher, net), 1u);
     for (size_t k = 0; step > 0 && k < 16; ++k)
-      EXPECT_EQ(group.envs[0].slab().recurrent_state(step, 1)[k], after[16 + k]) << "snapshot of step " << step;
+      EXPECT_EQ(group.envs[0].slab().recurrent_state(step, 1)[k], after[16 + k])
+          << "snapshot of step " << step;
     const auto state = arena.recurrent(0, static_cast<uint64_t>(step) + 1);
     after.assign(state.begin(), state.end());
     group.take_act();
@@ -313,7 +315,8 @@ TEST(Batcher, ASlotTakenAwayMeanwhileIsNotAnswered) {
 }
 
 TEST(Batcher, MaskedChoicesAreNeverAnswered) {
-  const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 2, .splits = 1, .rollout_steps = 8});
+  const shm::Arena arena =
+      make_arena(small_network(), {.envs_per_worker = 2, .splits = 1, .rollout_steps = 8});
   Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_wait_us = 0});
   FakeGroup group(arena, 0, 0);
   for (int step = 0; step < 200; ++step) {
@@ -356,8 +359,10 @@ TEST(Batcher, ActionsDoNotDependOnHowRequestsAreBatched) {
   std::vector<std::vector<int32_t>> actions;
   std::vector<std::vector<float>> values;
   for (const bool deterministic : {true, false}) {
-    const shm::Arena arena = make_arena(options, {.sim_workers = 3, .envs_per_worker = 4, .rollout_steps = 32});
-    Batcher batcher = make_batcher(arena, {.min_batch = 12, .max_wait_us = 0, .is_deterministic = deterministic});
+    const shm::Arena arena =
+        make_arena(options, {.sim_workers = 3, .envs_per_worker = 4, .rollout_steps = 32});
+    Batcher batcher =
+        make_batcher(arena, {.min_batch = 12, .max_wait_us = 0, .is_deterministic = deterministic});
     std::vector<FakeGroup> groups;
     for (int sim_worker = 0; sim_worker < 3; ++sim_worker)
       for (int split = 0; split < 2; ++split) groups.emplace_back(arena, sim_worker, split);
@@ -379,7 +384,8 @@ TEST(Batcher, ActionsDoNotDependOnHowRequestsAreBatched) {
           }
   }
   EXPECT_EQ(actions[0], actions[1]);
-  for (size_t index = 0; index < values[0].size(); ++index) ASSERT_NEAR(values[0][index], values[1][index], 1e-5);
+  for (size_t index = 0; index < values[0].size(); ++index)
+    ASSERT_NEAR(values[0][index], values[1][index], 1e-5);
 }
 
 TEST(Batcher, ASuccessorAnswersWhatAKilledWorkerHadGatheredWithTheSameResult) {
@@ -400,7 +406,8 @@ TEST(Batcher, ASuccessorAnswersWhatAKilledWorkerHadGatheredWithTheSameResult) {
         Batcher batcher = make_batcher(arena);
         const Batch& batch = batcher.gather(0);
         if (batch.requests.size() != 4) _exit(1);
-        // Half an answer: everything but the hand-over of the slots, and garbage where rows were not reached yet.
+        // Half an answer: everything but the hand-over of the slots, and garbage where rows were not reached
+        // yet.
         for (FakeEnv& env : group.envs) {
           std::ranges::fill(env.slab().action(0, 0), 12345);
           env.slab().log_prob(0, 1) = -77.0f;

@@ -20,7 +20,8 @@ void expect_near(const Tensor& tensor, std::vector<double> expected, double tole
   const Tensor flat = tensor.detach().to(torch::kFloat64).flatten();
   ASSERT_EQ(flat.numel(), static_cast<int64_t>(expected.size()));
   for (size_t index = 0; index < expected.size(); ++index)
-    EXPECT_NEAR(flat[static_cast<int64_t>(index)].item<double>(), expected[index], tolerance) << "entry " << index;
+    EXPECT_NEAR(flat[static_cast<int64_t>(index)].item<double>(), expected[index], tolerance)
+        << "entry " << index;
 }
 
 // Training spec 6.1: two-head policy, logits (0,1,2) and (0.5,-0.5).
@@ -58,7 +59,8 @@ TEST(ActionHeads, MaskedChoicesAddNothingToEntropyAndDivergences) {
   const Tensor plain = head_log_probs(torch::tensor({{0.3f, -1.1f}}), {}, two);
   const Tensor plain_other = head_log_probs(torch::tensor({{-0.4f, 0.2f}}), {}, two);
   expect_near(entropy(masked, three), {entropy(plain, two).item<double>()}, 1e-6);
-  expect_near(kl_divergence(masked, other, three), {kl_divergence(plain, plain_other, two).item<double>()}, 1e-6);
+  expect_near(kl_divergence(masked, other, three), {kl_divergence(plain, plain_other, two).item<double>()},
+              1e-6);
   expect_near(symmetric_kl_to_uniform(masked, mask, three),
               {symmetric_kl_to_uniform(plain, {}, two).item<double>()}, 1e-6);
 }
@@ -69,7 +71,8 @@ TEST(ActionHeads, GradientsStayFiniteUnderMasks) {
   mask.slice(1, 1, 3).zero_();
   mask[3].zero_();  // a dead agent: nothing allowed counts as everything allowed
   const Tensor log_probs = head_log_probs(logits, mask, kTwoHeads);
-  const Tensor loss = entropy(log_probs, kTwoHeads).sum() + symmetric_kl_to_uniform(log_probs, mask, kTwoHeads).sum() +
+  const Tensor loss = entropy(log_probs, kTwoHeads).sum() +
+                      symmetric_kl_to_uniform(log_probs, mask, kTwoHeads).sum() +
                       kl_divergence(log_probs, log_probs.detach() * 1.0, kTwoHeads).sum();
   loss.backward();
   EXPECT_TRUE(torch::isfinite(loss).item<bool>());
@@ -120,8 +123,9 @@ TEST(SampleAction, GivesTheLogProbabilityThatTrainingComputes) {
   std::vector<float> sampled;
   for (int64_t row = 0; row < 64; ++row) {
     int32_t action[5];
-    sampled.push_back(sample_action({logits.data_ptr<float>() + row * 14, 14}, {mask.data_ptr<uint8_t>() + row * 14, 14},
-                                    env, RngKey(static_cast<uint64_t>(row)), false, action));
+    sampled.push_back(sample_action({logits.data_ptr<float>() + row * 14, 14},
+                                    {mask.data_ptr<uint8_t>() + row * 14, 14}, env,
+                                    RngKey(static_cast<uint64_t>(row)), false, action));
     for (int64_t head = 0; head < 5; ++head) actions[row][head] = int64_t{action[head]};
   }
   const Tensor trained = action_log_prob(head_log_probs(logits, mask, env), actions, env);

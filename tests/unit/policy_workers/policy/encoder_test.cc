@@ -17,7 +17,8 @@ void expect_near(const Tensor& tensor, std::vector<double> expected, double tole
   const Tensor flat = tensor.to(torch::kFloat64).flatten();
   ASSERT_EQ(flat.numel(), static_cast<int64_t>(expected.size()));
   for (size_t index = 0; index < expected.size(); ++index)
-    EXPECT_NEAR(flat[static_cast<int64_t>(index)].item<double>(), expected[index], tolerance) << "entry " << index;
+    EXPECT_NEAR(flat[static_cast<int64_t>(index)].item<double>(), expected[index], tolerance)
+        << "entry " << index;
 }
 
 TEST(InputNormalizer, MatchesTheKnownAnswer) {
@@ -42,8 +43,8 @@ TEST(InputNormalizer, FusedNormalisationEqualsThePlainFormula) {
   for (int update = 0; update < 50; ++update) normalizer.update(history);
   const NamedTensors buffers = normalizer.named_buffers("n");
   const Tensor rows = torch::randint(0, 256, {9, kElements}, torch::kUInt8);
-  const Tensor plain = ((rows.to(torch::kFloat64) / 255 - buffers[0].second) / (buffers[1].second + 1e-5).sqrt())
-                           .clamp(-5, 5);
+  const Tensor plain =
+      ((rows.to(torch::kFloat64) / 255 - buffers[0].second) / (buffers[1].second + 1e-5).sqrt()).clamp(-5, 5);
   const Tensor fused = normalizer.normalize(rows);
   EXPECT_LT((fused - plain).abs().max().item<double>(), 2e-5);
   EXPECT_EQ(fused.max().item<float>(), 5.0f);
@@ -63,8 +64,8 @@ TEST(InputNormalizer, BytesAndFloatsGiveTheSameStatistics) {
     floats.update(batch.to(torch::kFloat32));
   }
   for (size_t buffer = 0; buffer < 3; ++buffer)
-    EXPECT_TRUE(torch::allclose(bytes.named_buffers("n")[buffer].second, floats.named_buffers("n")[buffer].second,
-                                1e-12, 1e-12));
+    EXPECT_TRUE(torch::allclose(bytes.named_buffers("n")[buffer].second,
+                                floats.named_buffers("n")[buffer].second, 1e-12, 1e-12));
 }
 
 TEST(InputNormalizer, TwoBatchesMergeLikeTheParallelVarianceFormula) {
@@ -160,16 +161,19 @@ TEST(Encoder, HasTheGradientsOfTheLayersWrittenOut) {
     torch::NoGradGuard no_grad;
     encoder = Encoder::create(env, 1.0, true, generator(1), torch::kCPU);
   }
-  const Tensor frame = torch::randint(0, 256, {70, 3, 40, 44}, torch::kUInt8), weights = torch::randn({70, 512});
+  const Tensor frame = torch::randint(0, 256, {70, 3, 40, 44}, torch::kUInt8),
+               weights = torch::randn({70, 512});
   encoder.update_statistics(frame, {});
   const NamedTensors buffers = encoder.named_buffers();
   const Tensor flat = frame.flatten(1).to(torch::kFloat64) / 255;
-  Tensor x = ((flat - buffers[0].second) / (buffers[1].second + 1e-5).sqrt()).clamp(-5, 5).view({70, 3, 40, 44});
+  Tensor x =
+      ((flat - buffers[0].second) / (buffers[1].second + 1e-5).sqrt()).clamp(-5, 5).view({70, 3, 40, 44});
   std::vector<Tensor> p;
   for (auto& [name, parameter] : encoder.named_parameters())
     p.push_back(parameter.detach().to(torch::kFloat64).requires_grad_());
   const int64_t strides[] = {4, 2, 2};
-  for (size_t layer = 0; layer < 3; ++layer) x = at::elu(at::conv2d(x, p[2 * layer], p[2 * layer + 1], strides[layer]));
+  for (size_t layer = 0; layer < 3; ++layer)
+    x = at::elu(at::conv2d(x, p[2 * layer], p[2 * layer + 1], strides[layer]));
   x = at::elu(at::linear(x.flatten(1), p[6], p[7]));
   (x * weights).sum().backward();
   const Tensor features = encoder.forward(frame, {});
@@ -210,7 +214,8 @@ TEST(Encoder, MeasurementsAddTheirOwnBranch) {
   torch::NoGradGuard no_grad;
   Encoder encoder = Encoder::create(env, 1.0, true, generator(1), torch::kCPU);
   EXPECT_EQ(encoder.feature_count(), 640);
-  const Tensor frame = torch::randint(0, 256, {3, 3, 72, 128}, torch::kUInt8), measurement = torch::randn({3, 6});
+  const Tensor frame = torch::randint(0, 256, {3, 3, 72, 128}, torch::kUInt8),
+               measurement = torch::randn({3, 6});
   encoder.update_statistics(frame, measurement);
   EXPECT_EQ(encoder.named_buffers().size(), 6u);
   const Tensor features = encoder.forward(frame, measurement);

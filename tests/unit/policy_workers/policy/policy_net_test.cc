@@ -121,8 +121,10 @@ TEST_P(EveryNet, WeightsTravelAsBytesTogetherWithTheStatistics) {
   worker.write_weights(again);
   EXPECT_EQ(bytes, again);
   const Tensor state = torch::randn({5, options().recurrent_state_count()});
-  EXPECT_TRUE(torch::equal(learner.step(frame, measurement, state).logits, worker.step(frame, measurement, state).logits));
-  for (const Tensor& parameter : worker.parameters()) EXPECT_TRUE(parameter.requires_grad() && parameter.is_leaf());
+  EXPECT_TRUE(torch::equal(learner.step(frame, measurement, state).logits,
+                           worker.step(frame, measurement, state).logits));
+  for (const Tensor& parameter : worker.parameters())
+    EXPECT_TRUE(parameter.requires_grad() && parameter.is_leaf());
 }
 
 TEST_P(EveryNet, RefusesShortAndLongWeightsAndKeepsItsOwn) {
@@ -150,7 +152,8 @@ TEST_P(EveryNet, FramesMayLieAnywhere) {
     copies.push_back(frame[row].clone());
     rows.push_back(copies.back().data_ptr<uint8_t>());
   }
-  const PolicyOutput dense = net.step(frame, measurement, state), scattered = net.step_rows(rows, measurement, state);
+  const PolicyOutput dense = net.step(frame, measurement, state),
+                     scattered = net.step_rows(rows, measurement, state);
   EXPECT_TRUE(torch::equal(dense.logits, scattered.logits));
   EXPECT_TRUE(torch::equal(dense.recurrent_state, scattered.recurrent_state));
 }
@@ -160,7 +163,8 @@ INSTANTIATE_TEST_SUITE_P(PolicyNet, EveryNet, testing::Values("gru", "lstm", "no
 TEST(PolicyNet, AnOptimizerStepIsSeenByTheNextPass) {
   const PolicyNetOptions options = small_options("gru");
   const PolicyNet net = PolicyNet::create(options, 3, torch::kCPU);
-  const Tensor frame = random_frames(options, {2}), measurement = torch::randn({2, 3}), state = torch::zeros({2, 24});
+  const Tensor frame = random_frames(options, {2}), measurement = torch::randn({2, 3}),
+               state = torch::zeros({2, 24});
   const Tensor before = net.step(frame, measurement, state).logits;
   for (Tensor& parameter : net.parameters()) {
     torch::NoGradGuard no_grad;

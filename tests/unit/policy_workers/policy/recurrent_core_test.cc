@@ -35,7 +35,8 @@ Gradients gradients_of(RecurrentCore& core, const Tensor& input, const Tensor& s
   const Tensor weights = torch::linspace(-1, 1, output.numel()).view_as(output);
   (output * weights).sum().backward();
   Gradients result{output.detach(), s.grad().clone(), x.grad().clone(), {}};
-  for (auto& [name, parameter] : core.named_parameters()) result.parameters.push_back(parameter.grad().clone());
+  for (auto& [name, parameter] : core.named_parameters())
+    result.parameters.push_back(parameter.grad().clone());
   return result;
 }
 
@@ -96,8 +97,11 @@ TEST_P(EveryCore, SequenceEqualsRepeatedStepsWithResets) {
   const Tensor input = torch::randn({12, 5, 7}), state = torch::randn({5, core.state_count()});
   const Tensor keep = torch::rand({12, 5, 1}).gt(0.3).to(torch::kFloat32);
   ASSERT_LT(keep.sum().item<float>(), 60.0f);
-  EXPECT_LT(largest_difference(core.sequence(input, state, keep).features, unrolled(core, input, state, keep)), 1e-6);
-  EXPECT_LT(largest_difference(core.sequence(input, state, {}).features, unrolled(core, input, state, {})), 1e-6);
+  EXPECT_LT(
+      largest_difference(core.sequence(input, state, keep).features, unrolled(core, input, state, keep)),
+      1e-6);
+  EXPECT_LT(largest_difference(core.sequence(input, state, {}).features, unrolled(core, input, state, {})),
+            1e-6);
 }
 
 TEST_P(EveryCore, SequenceHasTheGradientsOfRepeatedSteps) {
@@ -105,8 +109,9 @@ TEST_P(EveryCore, SequenceHasTheGradientsOfRepeatedSteps) {
   RecurrentCore core = make_core(kind, 7, 9, layers);
   const Tensor input = torch::randn({10, 4, 7}), state = torch::randn({4, core.state_count()});
   const Tensor keep = torch::rand({10, 4, 1}).gt(0.25).to(torch::kFloat32);
-  const Gradients fused = gradients_of(
-      core, input, state, [&](const Tensor& x, const Tensor& s) { return core.sequence(x, s, keep).features; });
+  const Gradients fused = gradients_of(core, input, state, [&](const Tensor& x, const Tensor& s) {
+    return core.sequence(x, s, keep).features;
+  });
   const Gradients plain = gradients_of(
       core, input, state, [&](const Tensor& x, const Tensor& s) { return unrolled(core, x, s, keep); });
   EXPECT_LT(largest_difference(fused.input, plain.input), 1e-5);
@@ -122,8 +127,9 @@ TEST_P(EveryCore, AResetInsideEqualsTwoSeparateRollouts) {
   const Tensor input = torch::randn({8, 3, 7}), state = torch::randn({3, core.state_count()});
   Tensor keep = torch::ones({8, 3, 1});
   keep[5].zero_();
-  const Gradients whole = gradients_of(
-      core, input, state, [&](const Tensor& x, const Tensor& s) { return core.sequence(x, s, keep).features; });
+  const Gradients whole = gradients_of(core, input, state, [&](const Tensor& x, const Tensor& s) {
+    return core.sequence(x, s, keep).features;
+  });
   const Gradients two = gradients_of(core, input, state, [&](const Tensor& x, const Tensor& s) {
     const Tensor first = core.sequence(x.slice(0, 0, 5), s, {}).features;
     const Tensor second = core.sequence(x.slice(0, 5), torch::zeros_like(s), {}).features;
@@ -136,7 +142,8 @@ TEST_P(EveryCore, AResetInsideEqualsTwoSeparateRollouts) {
 }
 
 INSTANTIATE_TEST_SUITE_P(RecurrentCore, EveryCore,
-                         testing::Values(std::pair{CoreKind::kGru, int64_t{1}}, std::pair{CoreKind::kGru, int64_t{2}},
+                         testing::Values(std::pair{CoreKind::kGru, int64_t{1}},
+                                         std::pair{CoreKind::kGru, int64_t{2}},
                                          std::pair{CoreKind::kLstm, int64_t{1}},
                                          std::pair{CoreKind::kLstm, int64_t{2}}));
 

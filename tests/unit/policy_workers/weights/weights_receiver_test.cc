@@ -24,7 +24,8 @@ TEST(WeightsReceiver, TakesEveryNewerVersionOnce) {
   ASSERT_TRUE(refreshed);
   EXPECT_FALSE(*refreshed) << "nothing is published";
   EXPECT_FALSE(receiver.version());
-  for (const PolicyVersion version : {0u, 1u, 2u}) {  // version 0: a network that no optimizer step has touched
+  for (const PolicyVersion version :
+       {0u, 1u, 2u}) {  // version 0: a network that no optimizer step has touched
     learner.update_input_statistics(torch::randint(0, 256, {3, 3, 40, 44}, torch::kUInt8), {});
     arena.publish_weights(bytes_of(learner), version);
     refreshed = receiver.refresh(policy);

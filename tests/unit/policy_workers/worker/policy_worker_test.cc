@@ -34,7 +34,8 @@ void publish(const shm::Arena& arena, const PolicyNet& net, PolicyVersion versio
 /// A policy worker that runs in a thread until the run stops.
 class RunningWorker {
  public:
-  RunningWorker(const RunConfig& config, const shm::Arena& arena, PolicyWorkerOptions options) : arena_(arena) {
+  RunningWorker(const RunConfig& config, const shm::Arena& arena, PolicyWorkerOptions options)
+      : arena_(arena) {
     auto made = PolicyWorker::create(config, arena, options, nullptr);
     EXPECT_TRUE(made) << made.error().message;
     worker_ = std::make_unique<PolicyWorker>(std::move(made).value());
@@ -112,7 +113,8 @@ TEST(PolicyWorker, GreedyPlayTakesTheMostProbableChoices) {
     ASSERT_TRUE(group.await());
     for (FakeEnv& env : group.envs) {
       const auto logits = env.slab().logits(env.step(), 0);
-      EXPECT_EQ(env.slab().action(env.step(), 0)[0], std::max_element(logits.begin(), logits.begin() + 3) - logits.begin());
+      EXPECT_EQ(env.slab().action(env.step(), 0)[0],
+                std::max_element(logits.begin(), logits.begin() + 3) - logits.begin());
       EXPECT_EQ(env.slab().action(env.step(), 0)[1], logits[4] > logits[3] ? 1 : 0);
     }
     group.take_act();
@@ -127,7 +129,8 @@ TEST(PolicyWorker, RefusesARunWhoseShapesDoNotFitItsNetwork) {
   config.rnn_type = "lstm";
   EXPECT_EQ(PolicyWorker::create(config, arena, {}, nullptr).error().code, ErrorCode::kBadInput);
   config = small_config();
-  EXPECT_EQ(PolicyWorker::create(config, arena, {.worker_index = 1}, nullptr).error().code, ErrorCode::kBadInput);
+  EXPECT_EQ(PolicyWorker::create(config, arena, {.worker_index = 1}, nullptr).error().code,
+            ErrorCode::kBadInput);
   config.device = "tpu";
   EXPECT_EQ(PolicyWorker::create(config, arena, {}, nullptr).error().code, ErrorCode::kBadInput);
   const shm::Arena narrow = make_arena(options, {}, 64);
@@ -152,7 +155,8 @@ TEST(PolicyWorkerProgram, BenchPrintsOneObjectAndBadInputExitsWithTwo) {
   RunConfig config = small_config();
   config.num_envs_per_worker = 2;
   std::ofstream(run_dir / "config.toml") << settings_to_toml(config);
-  const auto [code, output] = run_program("--run_dir " + run_dir.string() + " --bench 0.05 --heads 3,2 --measurements 1");
+  const auto [code, output] =
+      run_program("--run_dir " + run_dir.string() + " --bench 0.05 --heads 3,2 --measurements 1");
   EXPECT_EQ(code, 0);
   EXPECT_NE(output.find("\"bench\":\"inference\""), std::string::npos) << output;
   EXPECT_NE(output.find("\"batch_rows\":4"), std::string::npos) << output;
@@ -160,7 +164,8 @@ TEST(PolicyWorkerProgram, BenchPrintsOneObjectAndBadInputExitsWithTwo) {
   for (const char* bad : {"--run_dir /nonexistent --bench 1", "--run_dir RUN",
                           "--run_dir RUN --bench 0.05 --heads 3,99", "--run_dir RUN --bogus"}) {
     std::string arguments = bad;
-    if (const size_t at = arguments.find("RUN"); at != std::string::npos) arguments.replace(at, 3, run_dir.string());
+    if (const size_t at = arguments.find("RUN"); at != std::string::npos)
+      arguments.replace(at, 3, run_dir.string());
     EXPECT_EQ(run_program(arguments).first, 2) << arguments;
   }
   std::filesystem::remove_all(run_dir);

@@ -234,7 +234,8 @@ TEST(Collision, NothingTeleportsOrSpawnsIntoTheVoid) {
   World world = world_of(builder.build());
   const uint32_t body = world.player(0).actor_id;
   const uint32_t medikit = catalog()->find("Medikit").value();
-  EXPECT_FALSE(world.try_teleport(body, to_fixed(256), to_fixed(256))) << "deep inside the pillar, no line touched";
+  EXPECT_FALSE(world.try_teleport(body, to_fixed(256), to_fixed(256)))
+      << "deep inside the pillar, no line touched";
   EXPECT_FALSE(world.try_teleport(body, to_fixed(2000), 0)) << "outside the map";
   EXPECT_FALSE(world.spawn(medikit, to_fixed(256), to_fixed(256), 0, 0));
   EXPECT_TRUE(world.try_teleport(body, to_fixed(64), to_fixed(256)));
