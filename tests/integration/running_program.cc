@@ -126,6 +126,8 @@ std::vector<std::string> small_training(const ScratchFolder& scratch, const std:
                                       "16",
                                       "--batch_size",
                                       "256",
+                                      "--micro_batch_size",
+                                      "64",
                                       "--num_epochs",
                                       "1",
                                       "--rnn_type",

@@ -105,7 +105,8 @@ TEST(Train, ASecondRunOnTheSameDirectoryIsRefused) {
   }
   EXPECT_TRUE(first.running());
   first.signal(SIGTERM);
-  EXPECT_EQ(first.wait(15).exit_code, 0);
+  const Ending ending = first.wait(15);
+  EXPECT_EQ(ending.exit_code, 0) << ending.err;
 }
 
 TEST(Train, TwoRunsAtOnceDoNotMeet) {

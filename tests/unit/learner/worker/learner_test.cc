@@ -175,7 +175,16 @@ class LearnerTest : public ::testing::Test {
     }
     std::optional<FakeSimulator> simulator;
     if (mode == "train") simulator.emplace(observer);
+    std::thread stopper;
+    if (stop_at_version_ > 0)
+      stopper = std::thread([&] {
+        while (observer.control().policy_version.load() < stop_at_version_)
+          std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        stopped_at_ = std::chrono::steady_clock::now();
+        stop_ = true;
+      });
     outcome.status = (*learner)->run();
+    if (stopper.joinable()) stopper.join();
     outcome.env_frames = (*learner)->env_frames();
     outcome.version = (*learner)->algorithm().version();
     outcome.weights.resize(static_cast<std::size_t>((*learner)->algorithm().weights_bytes()));
@@ -190,6 +199,8 @@ class LearnerTest : public ::testing::Test {
 
   fs::path folder_;
   std::atomic<bool> stop_{false};
+  PolicyVersion stop_at_version_ = 0;  ///< raise stop_ when this version is published; 0: never
+  std::chrono::steady_clock::time_point stopped_at_;
 };
 
 TEST_F(LearnerTest, TrainsUntilTheLastEnvFrameAndLeavesACheckpointAndMetrics) {
@@ -306,16 +317,11 @@ TEST_F(LearnerTest, RefusesADeterministicResumeWithAnotherNumberOfEnvironments) 
 TEST_F(LearnerTest, AStopEndsTheRunSoonAndSaves) {
   RunConfig config = small_config();
   config.train_for_env_steps = 1e12;
-  std::thread stopper([this] {
-    std::this_thread::sleep_for(std::chrono::milliseconds(700));
-    stop_ = true;
-  });
-  const auto began = std::chrono::steady_clock::now();
+  stop_at_version_ = 3;
   const Outcome outcome = live(config, "run");
-  stopper.join();
   ASSERT_TRUE(outcome.status);
-  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(8));
-  EXPECT_GT(outcome.version, 0u);
+  EXPECT_LT(std::chrono::steady_clock::now() - stopped_at_, std::chrono::seconds(10));
+  EXPECT_GE(outcome.version, 3u);
   CheckpointStore store((folder_ / "run/checkpoint").string(), 2);
   ASSERT_EQ(store.list().size(), 1u);
   EXPECT_EQ(store.list()[0].version, outcome.version);
