@@ -52,7 +52,9 @@ bool same(const learn::StateDict::Value& a, const learn::StateDict::Value& b) {
   if (a.index() != b.index()) return false;
   if (const auto* tensor = std::get_if<torch::Tensor>(&a))
     return torch::equal(*tensor, std::get<torch::Tensor>(b));
-  return a == b;
+  if (const auto* count = std::get_if<int64_t>(&a)) return *count == std::get<int64_t>(b);
+  if (const auto* number = std::get_if<double>(&a)) return *number == std::get<double>(b);
+  return std::get<std::string>(a) == std::get<std::string>(b);
 }
 
 /// Compares two runs' last checkpoints bit for bit; returns how many values were compared.

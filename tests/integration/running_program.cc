@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <utility>
 
 #include "rollout_buffer/core/clock.h"
 
@@ -106,42 +107,26 @@ ScratchFolder::~ScratchFolder() {
 
 std::vector<std::string> small_training(const ScratchFolder& scratch, const std::string& experiment,
                                         double env_steps, const std::vector<std::string>& more) {
-  std::vector<std::string> command = {program("comrad"),
-                                      "train",
-                                      "--scenario",
-                                      "coop_health_gathering",
-                                      "--algo",
-                                      "ippo",
-                                      "--train_dir",
-                                      scratch.path(),
-                                      "--experiment",
-                                      experiment,
-                                      "--seed",
-                                      "42",
-                                      "--num_workers",
-                                      "2",
-                                      "--num_envs_per_worker",
-                                      "4",
-                                      "--rollout",
-                                      "16",
-                                      "--batch_size",
-                                      "256",
-                                      "--micro_batch_size",
-                                      "64",
-                                      "--num_epochs",
-                                      "1",
-                                      "--rnn_type",
-                                      "gru",
-                                      "--rnn_size",
-                                      "32",
-                                      "--device",
-                                      "cpu",
-                                      "--progress_interval",
-                                      "1",
-                                      "--experiment_summaries_interval",
-                                      "1",
-                                      "--train_for_env_steps",
-                                      std::to_string(static_cast<long>(env_steps))};
+  std::vector<std::string> command = {program("comrad"), "train"};
+  for (const auto& [flag, value] : std::vector<std::pair<std::string, std::string>>{
+           {"--scenario", "coop_health_gathering"},
+           {"--algo", "ippo"},
+           {"--train_dir", scratch.path()},
+           {"--experiment", experiment},
+           {"--seed", "42"},
+           {"--num_workers", "2"},
+           {"--num_envs_per_worker", "4"},
+           {"--rollout", "16"},
+           {"--batch_size", "256"},
+           {"--micro_batch_size", "64"},
+           {"--num_epochs", "1"},
+           {"--rnn_type", "gru"},
+           {"--rnn_size", "32"},
+           {"--device", "cpu"},
+           {"--progress_interval", "1"},
+           {"--experiment_summaries_interval", "1"},
+           {"--train_for_env_steps", std::to_string(static_cast<long>(env_steps))}})
+    command.insert(command.end(), {flag, value});
   command.insert(command.end(), more.begin(), more.end());
   return command;
 }

@@ -78,7 +78,7 @@ TEST(ArenaSocket, NobodyListensIsNotFound) {
   ASSERT_FALSE(joined);
   EXPECT_EQ(joined.error().code, ErrorCode::kNotFound);
   EXPECT_THAT(joined.error().message, HasSubstr("no run listens on"));
-  EXPECT_LT(monotonic_ns() - began_ns, 2'000'000'000);
+  EXPECT_LT(monotonic_ns() - began_ns, 10'000'000'000) << "gives up instead of waiting for ever";
 }
 
 TEST(ArenaSocket, ATakenNameSaysThatARunIsAlive) {
