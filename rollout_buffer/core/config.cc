@@ -404,7 +404,9 @@ Status resolve_settings(RunConfig& config, int core_count) {
   const int64_t cores = std::max(core_count, 1);
   if (c.num_workers == 0) c.num_workers = std::min<int64_t>(cores, 1024);
   c.worker_num_splits = std::min(c.worker_num_splits, c.num_envs_per_worker);
-  if (c.learner_threads == 0) c.learner_threads = cores <= 4 ? 1 : std::min<int64_t>(cores / 2, 16);
+  // Two already on two cores: simulators and policy workers leave half a core idle (BENCHMARKS.md).
+  if (c.learner_threads == 0)
+    c.learner_threads = cores <= 4 ? std::min<int64_t>(cores, 2) : std::min<int64_t>(cores / 2, 16);
   const int64_t env_count = c.num_workers * c.num_envs_per_worker;
   const int64_t group_count = c.num_workers * c.worker_num_splits;
   if (c.policy_workers > group_count)

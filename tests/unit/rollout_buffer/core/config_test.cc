@@ -195,7 +195,7 @@ TEST(ResolveSettings, AutoFitsASmallHost) {
   RunConfig config = two_agents();
   ASSERT_TRUE(resolve_settings(config, 2));
   EXPECT_EQ(config.num_workers, 2);
-  EXPECT_EQ(config.learner_threads, 1);
+  EXPECT_EQ(config.learner_threads, 2);
   EXPECT_GE(config.min_batch, 1);
   EXPECT_GE(config.max_batch, config.min_batch);
   // One slab in the making for each of 32 environments; two batches of 4096 / (32 x 2) = 64 slabs may wait.
@@ -203,7 +203,8 @@ TEST(ResolveSettings, AutoFitsASmallHost) {
 }
 
 TEST(ResolveSettings, LearnerThreadsGrowWithTheHostAndStopAtSixteen) {
-  for (const auto& [cores, threads] : std::vector<std::pair<int, int>>{{1, 1}, {4, 1}, {8, 4}, {64, 16}}) {
+  for (const auto& [cores, threads] :
+       std::vector<std::pair<int, int>>{{1, 1}, {2, 2}, {4, 2}, {8, 4}, {64, 16}}) {
     RunConfig config = two_agents();
     ASSERT_TRUE(resolve_settings(config, cores));
     EXPECT_EQ(config.learner_threads, threads) << cores << " cores";
