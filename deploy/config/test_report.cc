@@ -1,5 +1,7 @@
 #include "deploy/config/test_report.h"
 
+#include <algorithm>
+
 namespace comrad::deploy {
 namespace {
 
@@ -24,7 +26,9 @@ std::string_view output_of(std::string_view log, std::string_view test) {
   bool is_test = false;
   while (!log.empty()) {
     const std::string_view line = next_line(log);
-    if (const size_t mark = line.find(" Test: "); mark != line.npos && digits(line, 0) > 0)
+    // " 7/63 Test: name": the number is padded to the width of the last one.
+    const size_t number = std::min(line.find_first_not_of(' '), line.size());
+    if (const size_t mark = line.find(" Test: "); mark != line.npos && digits(line, number) > number)
       is_test = line.substr(mark + 7) == test;
     if (!is_test || line != "Output:") continue;
     next_line(log);

@@ -65,6 +65,12 @@ TEST(SkipReasons, AreTheLastLineOfOtherPrograms) {
   EXPECT_THAT(skip_reasons("", "absent_test"), ElementsAre("no reason given"));
 }
 
+TEST(SkipReasons, FindTestsWhoseNumberIsPadded) {
+  const std::string log =
+      " 7/63 Testing: early_test\n 7/63 Test: early_test\nOutput:\n-----\nno PyTorch here\n<end of output>\n";
+  EXPECT_THAT(skip_reasons(log, "early_test"), ElementsAre("no PyTorch here"));
+}
+
 TEST(SkippedTest, ReadsTheNameOfASkippedTestOnly) {
   EXPECT_EQ(skipped_test(" 2/10 Test  #2: arena_test .......................***Skipped   0.00 sec"),
             "arena_test");
