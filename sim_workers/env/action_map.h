@@ -14,7 +14,7 @@ namespace comrad::sim {
 
 class ActionMap {
  public:
-  /// Errors: kBadInput for a button that does not exist.
+  /// Errors: kBadInput for a button that does not exist, or that takes a number (the delta buttons).
   static Expected<ActionMap> create(const std::vector<scenarios::ActionHead>& heads);
 
   int head_count() const { return static_cast<int>(heads_.size()); }

@@ -22,7 +22,7 @@ DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game,
     : game_(std::move(game)),
       rules_(std::move(rules)),
       shape_(game_->spec.shape(game_->num_agents, game_->use_measurements)),
-      world_(game_->level, game_->catalog),
+      world_(game_->level, game_->catalog, game_->behavior),
       rewards_(game_->spec.rewards, game_->num_agents),
       buttons_(game_->num_agents),
       limit_tics_(std::min(kTicsPerDecision * game_->spec.decision_limit, kEngineLimitTics)) {
@@ -46,7 +46,9 @@ void DoomEnvironment::reset(uint64_t episode_seed) {
   world_.reset({.player_count = game_->num_agents,
                 .seed = episode_seed,
                 .skill = kSkill,
-                .crosshair = game_->spec.crosshair},
+                .crosshair = game_->spec.crosshair,
+                .no_monsters = game_->no_monsters,
+                .forced_respawn = game_->spec.respawn},
                rules_.get());
   read_reward_variables();
   rewards_.reset(reward_value_);
@@ -57,13 +59,17 @@ void DoomEnvironment::reset(uint64_t episode_seed) {
 }
 
 void DoomEnvironment::step(std::span<const int32_t> action) {
-  COMRAD_CHECK(!step_.episode_over(), "an episode that is over is reset before the next step");
   const std::size_t head_count = static_cast<std::size_t>(shape_.head_count);
   COMRAD_CHECK(action.size() == head_count * buttons_.size(), "an action has one choice per agent and head");
   for (std::size_t agent = 0; agent < buttons_.size(); ++agent)
     buttons_[agent] = game_->actions.buttons(action.subspan(agent * head_count, head_count));
+  press(buttons_);
+}
+
+void DoomEnvironment::press(std::span<const doom::Buttons> buttons) {
+  COMRAD_CHECK(!step_.episode_over(), "an episode that is over is reset before the next step");
   for (int i = 0; i < game_->frame_skip && !step_.episode_over(); ++i) {
-    world_.tic(buttons_);
+    world_.tic(buttons);
     if (world_.level_exited())
       step_.terminated = true;
     else if (world_.tic_count() >= limit_tics_)

@@ -8,8 +8,10 @@
 #include <span>
 #include <vector>
 
+#include "doomgen/wad/wad_reader.h"
 #include "scenarios/spec/rewards.h"
 #include "scenarios/spec/scenario_spec.h"
+#include "sim_workers/engine/acs/behavior.h"
 #include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/render/renderer.h"
 #include "sim_workers/env/action_map.h"
@@ -26,11 +28,13 @@ struct DoomGame {
   uint64_t layout_id = 0;  ///< hash of the WAD
   std::shared_ptr<const doom::Level> level;
   std::shared_ptr<const doom::ActorCatalog> catalog;
+  std::shared_ptr<const doom::acs::Behavior> behavior;  ///< null: no scripts
   int num_agents = 2;
   int frame_skip = 4;
   bool use_measurements = false;
+  bool no_monsters = false;
   ActionMap actions;
-  const NativeRulesEntry* rules = nullptr;  ///< null: a world without rules
+  const NativeRulesEntry* rules = nullptr;  ///< null: scripts are the rules
 };
 
 /// One environment. Time limits are tics: decision_limit counts decisions of 4 tics whatever frame_skip is,
@@ -45,11 +49,14 @@ class DoomEnvironment final : public Environment {
   uint64_t layout_id() const override { return game_->layout_id; }
   void reset(uint64_t episode_seed) override;
   void step(std::span<const int32_t> action) override;
+  /// The same with what each agent presses [N], for frame_skip tics.
+  void press(std::span<const doom::Buttons> buttons);
   const Step& last_step() const override { return step_; }
   const EpisodeSummary& summary() const override { return summary_; }
   uint64_t state_hash() const override;
 
   const doom::World& world() const { return world_; }
+  doom::World& world() { return world_; }  ///< for tools that put things elsewhere
   /// Writes everything but the pictures.
   void observe_numbers(const ObservationTarget& target) const;
 
@@ -99,5 +106,8 @@ class DoomEnvironmentSet final : public EnvironmentSet {
 /// Reads the scenario and its WAD: everything of a set but its renderer.
 /// Errors: kNotFound, kBadFormat, kBadInput as make_doom_environments().
 Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options);
+/// The same with a WAD that is open already; options.wad_path is not read.
+Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options,
+                                                         const wad::WadFile& wad);
 
 }  // namespace comrad::sim

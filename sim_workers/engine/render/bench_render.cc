@@ -121,10 +121,9 @@ int run(int argc, char** argv) {
   }
   auto catalog = std::make_shared<ActorCatalog>();
   ActorType node;
-  node.name = "BenchNode", node.sprite = "APLS", node.scale = 0.13f;
-  node.no_gravity = node.no_blockmap = true;
-  node.frames = {{.frame = 0, .tics = -1, .bright = true}};
-  const uint32_t node_type = catalog->add(node);
+  node.name = "BenchNode", node.scale_x = node.scale_y = 0.13f;
+  node.flags.set(ActorFlag::kNoGravity), node.flags.set(ActorFlag::kNoBlockmap);
+  const uint32_t node_type = catalog->add_simple(node, "APLS", "A", -1, true);
   const uint32_t stimpack = catalog->find("Stimpack").value_or(0),
                  medikit = catalog->find("Medikit").value_or(0);
   if (const Status prepared = (*renderer)->prepare(level, catalog); !prepared) return fail(prepared.error());

@@ -4,6 +4,8 @@
 #include <cstdlib>
 #include <string>
 
+#include "sim_workers/engine/play/inventory.h"
+
 namespace comrad::sim {
 namespace {
 
@@ -33,15 +35,11 @@ void CoopHealthGatheringRules::add_actors(doom::ActorCatalog& catalog) {
     node.name = kNodeNames[i];
     node.radius = to_fixed(1);
     node.height = to_fixed(1);
-    node.no_gravity = true;
-    node.no_blockmap = true;
-    node.bright = true;
-    node.sprite = kNodeSprites[i];
-    node.scale = kNodeScales[i];
-    doom::ActorType::Frame frame;
-    frame.bright = true;
-    node.frames = {frame};
-    catalog.add(std::move(node));
+    node.flags.set(doom::ActorFlag::kNoGravity);
+    node.flags.set(doom::ActorFlag::kNoBlockmap);
+    node.flags.set(doom::ActorFlag::kBright);
+    node.scale_x = node.scale_y = kNodeScales[i];
+    catalog.add_simple(std::move(node), kNodeSprites[i], "A", -1, true);
   }
 }
 
@@ -81,8 +79,10 @@ void CoopHealthGatheringRules::on_open(doom::World& world) {
   export_counters(world);
 }
 
-// The script gives 100 health and takes the weapons away; the engine's players enter just so.
-void CoopHealthGatheringRules::on_enter(doom::World& world, int player) { (void)world, (void)player; }
+// Players have 100 health as they enter; their weapons are taken away.
+void CoopHealthGatheringRules::on_enter(doom::World& world, int player) {
+  doom::clear_inventory(world, player);
+}
 
 void CoopHealthGatheringRules::on_tic(doom::World& world) {
   if (exit_in_tics_ == 0) {
@@ -181,7 +181,7 @@ void CoopHealthGatheringRules::draw_tether(doom::World& world, int first) {
     link.nodes.clear();
     link.drawn_as = now;
   }
-  const doom::Actor a = world.body(first), b = world.body(first + 1);  // copies: spawning may move the actors
+  const doom::Actor &a = world.body(first), &b = world.body(first + 1);
   for (int i = 0; i < kTetherNodeCount; ++i) {
     const auto between = [&](Fixed from, Fixed to) {
       return static_cast<Fixed>(from + (int64_t{to} - from) * (i + 1) / (kTetherNodeCount + 1));

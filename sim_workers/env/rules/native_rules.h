@@ -7,7 +7,6 @@
 #include <memory>
 #include <string>
 
-#include "rollout_buffer/core/expected.h"
 #include "scenarios/spec/layout_info.h"
 #include "sim_workers/engine/play/world.h"
 
@@ -28,7 +27,7 @@ struct NativeRulesEntry {
                                        const doom::ActorCatalog& catalog);
 };
 
-/// Errors: kUnsupported where this build has no rules for the scenario.
-Expected<const NativeRulesEntry*> find_native_rules(const std::string& scenario);
+/// Null where this build has no rules for the scenario: then its map's scripts are all there is.
+const NativeRulesEntry* find_native_rules(const std::string& scenario);
 
 }  // namespace comrad::sim

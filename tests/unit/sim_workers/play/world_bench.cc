@@ -13,10 +13,8 @@ struct BenchGame {
     ActorType node;
     node.name = "TetherNode";
     node.radius = node.height = to_fixed(1);
-    node.no_gravity = node.no_blockmap = true;
-    node.sprite = "APLS";
-    node.frames = {{.frame = 0, .tics = 4}, {.frame = 1, .tics = 4}};
-    types.add(node);
+    node.flags.set(ActorFlag::kNoGravity), node.flags.set(ActorFlag::kNoBlockmap);
+    types.add_simple(node, "APLS", "AB", 4);
     catalog = std::make_shared<const ActorCatalog>(types);
     world = std::make_unique<World>(test::star_arena(), catalog);
     world->reset({.player_count = 2, .seed = 1}, nullptr);

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "sim_workers/engine/play/actor_catalog.h"
+#include "sim_workers/engine/actors/actor_catalog.h"
 #include "tests/support/arena.h"
 #include "tests/support/level_builder.h"
 
@@ -165,9 +165,8 @@ TEST(Pickups, AreTakenByMovingOnly) {
 TEST(Pickups, AreReachedFrom32BelowTheFeetToTheHead) {
   for (const auto& [z, reached] : {std::pair{56, true}, std::pair{57, false}, std::pair{0, true}}) {
     ActorCatalog hovering;
-    ActorType kit = hovering[hovering.find("Medikit").value()];
-    kit.no_gravity = true;
-    const uint32_t type = hovering.add(kit);
+    const uint32_t type = hovering.find("Medikit").value();
+    hovering.edit(type).flags.set(ActorFlag::kNoGravity);
     World world(test::one_room(), std::make_shared<const ActorCatalog>(hovering));
     world.reset({}, nullptr);
     world.damage_player(0, 50);
@@ -242,8 +241,9 @@ TEST(Death, LeavesACorpseThatIsNotSolidAndDoesNotObey) {
   Game game(test::one_room(), 2);
   game.world.damage_player(1, 1000);
   EXPECT_EQ(game.world.player(1).health, 0);
-  EXPECT_TRUE(game.world.body(1).is_corpse);
-  EXPECT_EQ(game.world.body(1).frame_index, kPlayerDeathFrame);
+  EXPECT_TRUE(game.world.body(1).is_corpse());
+  const ActorType& type = (*catalog())[game.world.body(1).type];
+  EXPECT_EQ(game.world.body(1).state, type.state(StateLabel::kXDeath)) << "far below zero: torn apart";
   const Fixed x = game.world.body(1).x;
   game.buttons[0] = game.buttons[1] = forward();
   game.buttons[0].speed = true;
@@ -270,17 +270,19 @@ TEST(Death, ACorpseSlidesOnWithFriction) {
 
 TEST(Frames, ThePlayerWalksWhileItMovesAndStandsStillAfter) {
   Game game;
+  const ActorType& type = (*catalog())[game.world.body(0).type];
+  const uint32_t walk = type.state(StateLabel::kSee);
   game.buttons[0] = forward();
-  std::vector<uint16_t> seen;
+  std::vector<uint32_t> seen;
   for (int tic = 0; tic < 20; ++tic) {
     game.tics(1);
-    const uint16_t frame = game.world.body(0).frame_index;
-    if (seen.empty() || seen.back() != frame) seen.push_back(frame);
+    const uint32_t state = game.world.body(0).state - walk;
+    if (seen.empty() || seen.back() != state) seen.push_back(state);
   }
-  EXPECT_THAT(seen, ElementsAre(1, 2, 3, 4, 1, 2));
+  EXPECT_THAT(seen, ElementsAre(0, 1, 2, 3, 0, 1));
   game.buttons[0] = Buttons{};
   game.tics(80);
-  EXPECT_EQ(game.world.body(0).frame_index, kPlayerIdleFrame);
+  EXPECT_EQ(game.world.body(0).state, type.state(StateLabel::kSpawn));
 }
 
 TEST(Frames, AHealthBonusGoesThroughItsLetters) {
@@ -288,12 +290,11 @@ TEST(Frames, AHealthBonusGoesThroughItsLetters) {
   const uint32_t bonus = game.world.spawn(type_of("HealthBonus"), 0, to_fixed(200), 0, 0).value();
   std::string letters;
   for (int tic = 0; tic < 36; tic += 6) {
-    const Actor& actor = *game.world.find_actor(bonus);
-    letters += static_cast<char>('A' + (*catalog())[actor.type].frames[actor.frame_index].frame);
+    letters += static_cast<char>('A' + game.world.find_actor(bonus)->frame);
     game.tics(6);
   }
   EXPECT_EQ(letters, "ABCDCB");
-  EXPECT_EQ(game.world.find_actor(bonus)->frame_index, 0);
+  EXPECT_EQ(game.world.find_actor(bonus)->frame, 0);
 }
 
 TEST(World, NothingMovesAfterTheLevelWasExited) {
