@@ -20,7 +20,7 @@ constexpr int64_t kHeaderBytes = 12;
 constexpr int64_t kDirectoryEntryBytes = 16;
 
 std::string layout_name(const RunConfig& config) {
-  return config.scenario + "_" + std::to_string(config.layout_seed) + ".wad";
+  return scenario_file_name(config) + "_" + std::to_string(config.layout_seed) + ".wad";
 }
 
 int32_t little_endian(const unsigned char* bytes) {
@@ -75,6 +75,12 @@ Status check_wad(const std::string& path) {
                        std::to_string(size) + " bytes; the file is cut off, get it again"};
   }
   return {};
+}
+
+std::string scenario_file_name(const RunConfig& config) {
+  std::string name = config.scenario;
+  while (!name.empty() && name.back() == '/') name.pop_back();
+  return name.substr(name.find_last_of('/') + 1);
 }
 
 bool is_generated_layout(const RunConfig& config) {

@@ -22,6 +22,9 @@ Status check_wad(const std::string& path);
 /// absolute. Errors: those of check_wad; kBadInput with the generator's words.
 Expected<std::string> ensure_layout(const RunConfig& config, const std::string& folder);
 
+/// The scenario's name for files: the folder's where the scenario is named by a path.
+std::string scenario_file_name(const RunConfig& config);
+
 /// Whether `wad` is a map that ensure_layout() made for `config` (rather than one that the user gave).
 bool is_generated_layout(const RunConfig& config);
 

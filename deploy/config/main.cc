@@ -23,6 +23,7 @@ const std::vector<Command>& commands() {
       {"bench", "measure throughput: sim, inference, learner or train", bench_command},
       {"scenarios", "list the scenarios, or describe one", scenarios_command},
       {"doomgen", "generate a scenario's map as a WAD", doomgen_command},
+      {"trace", "play one player's buttons and write what came of it, tic by tic", trace_command},
       {"doctor", "check this machine and say what to do", doctor_command},
       {"test", "run the test suite", test_command},
   };

@@ -194,7 +194,9 @@ class Supervisor {
   bool evaluates() const { return plan_.episodes > 0 || !trains(); }
   /// Rollout by rollout, everybody waiting for everybody.
   bool is_lock_step() const { return trains() && (plan_.config.deterministic || !plan_.config.async_rl); }
-  bool has_learner() const { return plan_.policy != PolicySource::kRandom; }
+  bool has_learner() const {
+    return plan_.policy != PolicySource::kRandom && plan_.policy != PolicySource::kOracle;
+  }
 
   // Start.
   Status start();
@@ -381,6 +383,7 @@ Status Supervisor::spawn(Worker& worker) {
   switch (worker.role) {
     case Role::kSim:
       if (evaluates()) add("--evaluate");
+      if (plan_.policy == PolicySource::kOracle) add("--oracle");
       set_threads(1);
       set("LP_NUM_THREADS", "0");  // llvmpipe draws on the calling thread: one core per simulator
       suggest("GALLIUM_DRIVER", "llvmpipe");
@@ -391,7 +394,7 @@ Status Supervisor::spawn(Worker& worker) {
       break;
     case Role::kPolicy:
       if (plan_.greedy) add("--greedy");
-      if (plan_.policy == PolicySource::kRandom) add("--random");
+      if (!has_learner()) add("--random");  // an oracle's simulators do not look at the answers
       if (evaluates()) add("--evaluate");
       set_threads(config.policy_threads);
       break;

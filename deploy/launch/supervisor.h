@@ -20,6 +20,7 @@ enum class PolicySource {
   kTraining,    ///< a learner trains and publishes
   kCheckpoint,  ///< a learner in serve mode publishes one checkpoint's weights
   kRandom,      ///< uniform over each head; no learner
+  kOracle,      ///< the scenario's scripted team, inside the simulators; no learner
 };
 
 /// What to run. `config` is merged and resolved; `run_dir` exists and holds config.toml.

@@ -166,4 +166,16 @@ Point polar_point(int32_t radius, int64_t numerator, int64_t denominator) {
   return {round_scaled(radius * turn.cosine), round_scaled(radius * turn.sine)};
 }
 
+int32_t degrees_towards(Point from, Point to) {
+  const int64_t dx = to.x - from.x, dy = to.y - from.y;
+  int32_t best = 0;
+  int64_t best_dot = 0;
+  for (int32_t degrees = 0; degrees < 360; ++degrees) {
+    const SineCosine turn = sine_cosine_of_turn(degrees, 360);
+    const int64_t dot = dx * turn.cosine + dy * turn.sine;  // greatest where the directions agree
+    if (dot > best_dot) best_dot = dot, best = degrees;
+  }
+  return best;
+}
+
 }  // namespace comrad::doomgen

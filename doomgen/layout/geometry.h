@@ -32,6 +32,11 @@ struct Region {
 /// An axis-aligned rectangle, both edges included.
 struct Box {
   Point low, high;
+  /// The rectangle of that size around `centre` (odd sizes: the greater half to the north-east).
+  static Box around(Point centre, int32_t width, int32_t height) {
+    const Point low{centre.x - width / 2, centre.y - height / 2};
+    return {low, {low.x + width, low.y + height}};
+  }
   Polygon polygon() const;          ///< its four corners, counter-clockwise
   Box grown(int32_t margin) const;  ///< pushed out by `margin` on every side
 };
@@ -82,5 +87,8 @@ SineCosine sine_cosine_of_turn(int64_t numerator, int64_t denominator);
 /// The point at `radius` and numerator/denominator turns (counter-clockwise from east) from the origin,
 /// rounded.
 Point polar_point(int32_t radius, int64_t numerator, int64_t denominator);
+
+/// The whole degree (0 east, 90 north) in which `to` lies from `from`; 0 where they coincide.
+int32_t degrees_towards(Point from, Point to);
 
 }  // namespace comrad::doomgen

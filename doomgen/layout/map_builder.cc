@@ -5,8 +5,6 @@
 namespace comrad::doomgen {
 namespace {
 
-std::string at(Point p) { return "(" + std::to_string(p.x) + ", " + std::to_string(p.y) + ")"; }
-
 /// A directed piece of an area's outline; the area lies to its right.
 struct Edge {
   Point start, end;

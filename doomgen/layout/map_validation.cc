@@ -1,5 +1,6 @@
 // The checks of validate_map(): each answers one sentence of its declaration.
 #include <algorithm>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -9,7 +10,6 @@ namespace comrad::doomgen {
 namespace {
 
 Error bad(std::string message) { return Error{ErrorCode::kBadInput, "map: " + std::move(message)}; }
-std::string at(Point p) { return "(" + std::to_string(p.x) + ", " + std::to_string(p.y) + ")"; }
 
 Status check_references(const MapData& map) {
   for (const SidedefData& side : map.sidedefs)
@@ -28,6 +28,25 @@ Status check_references(const MapData& map) {
   return {};
 }
 
+/// Names are words; values are numbers, true, false, or texts without quotes inside.
+Status check_extra(const ExtraFields& fields, const char* what) {
+  for (const auto& [name, value] : fields) {
+    const bool good_name = !name.empty() && std::all_of(name.begin(), name.end(), [](char c) {
+      return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
+    });
+    const bool is_text = value.size() >= 2 && value.front() == '"' && value.back() == '"' &&
+                         value.find_first_of("\"\\\n", 1) == value.size() - 1;
+    const bool is_plain = !value.empty() && std::all_of(value.begin(), value.end(), [](char c) {
+      return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' ||
+             c == '-' || c == '+';
+    });
+    if (!good_name || !(is_text || is_plain))
+      return bad(std::string(what) + " has the further field '" + name + " = " + value +
+                 "'; names are of a-z 0-9 _, values numbers, true, false or quoted texts");
+  }
+  return {};
+}
+
 Status check_names(const MapData& map) {
   const auto good = [](const std::string& name) {
     return name.size() <= 8 && std::all_of(name.begin(), name.end(), [](char c) {
@@ -36,11 +55,16 @@ Status check_names(const MapData& map) {
   };
   for (const SidedefData& side : map.sidedefs)
     for (const std::string* name : {&side.top, &side.middle, &side.bottom})
-      if (!good(*name)) return bad("'" + *name + "' is no texture name (8 of A-Z 0-9 _ - at most)");
-  for (const SectorData& sector : map.sectors)
-    for (const std::string* name : {&sector.floor_texture, &sector.ceiling_texture})
+      if (!good(*name))
+        return bad(name_of(map, side.sector) + ": '" + *name +
+                   "' is no texture name (8 of A-Z 0-9 _ - at most)");
+  for (uint32_t sector = 0; sector < map.sectors.size(); ++sector)
+    for (const std::string* name : {&map.sectors[sector].floor_texture, &map.sectors[sector].ceiling_texture})
       if (name->empty() || !good(*name))
-        return bad("'" + *name + "' is no flat name (1 to 8 of A-Z 0-9 _ -)");
+        return bad(name_of(map, sector) + ": '" + *name + "' is no flat name (1 to 8 of A-Z 0-9 _ -)");
+  for (const SectorData& sector : map.sectors) COMRAD_TRY(check_extra(sector.extra, "a sector"));
+  for (const LinedefData& line : map.linedefs) COMRAD_TRY(check_extra(line.extra, "a line"));
+  for (const ThingData& thing : map.things) COMRAD_TRY(check_extra(thing.extra, "a thing"));
   return {};
 }
 
@@ -60,7 +84,11 @@ Status check_crossings(const MapData& map) {
         continue;
       const bool start_is_common = second.start == first.start || second.start == first.end;
       const bool end_is_common = second.end == first.start || second.end == first.end;
-      if (start_is_common && end_is_common) return bad("two lines lie between " + at(a) + " and " + at(b));
+      if (start_is_common && end_is_common) {
+        // Two walls back to back are a solid partition.
+        if (first.start == second.end && !first.back && !second.back) continue;
+        return bad("two lines lie between " + at(a) + " and " + at(b));
+      }
       if (!start_is_common && !end_is_common && segments_touch(a, b, c, d))
         return bad("the lines " + at(a) + "-" + at(b) + " and " + at(c) + "-" + at(d) + " cross");
       const bool first_start_is_common = first.start == second.start || first.start == second.end;
@@ -92,12 +120,11 @@ Status check_closed(const MapData& map) {
     const auto key = balance[i].first;
     int sum = 0;
     for (; i < balance.size() && balance[i].first == key; ++i) sum += balance[i].second;
-    if (sum != 0)
-      return bad("sector " + std::to_string(key.first) + " is not closed at " + at(map.vertices[key.second]));
+    if (sum != 0) return bad(name_of(map, key.first) + " is not closed at " + at(map.vertices[key.second]));
     has_lines[key.first] = true;
   }
   for (std::size_t sector = 0; sector < has_lines.size(); ++sector)
-    if (!has_lines[sector]) return bad("sector " + std::to_string(sector) + " has no lines");
+    if (!has_lines[sector]) return bad(name_of(map, static_cast<uint32_t>(sector)) + " has no lines");
   return {};
 }
 
@@ -117,6 +144,10 @@ void sectors_at(const MapData& map, Point p, std::vector<uint8_t>& contains) {
 /// Right of every line lies its front sector alone, left of it its back sector alone or the void.
 Status check_sides(const MapData& map) {
   std::vector<uint8_t> contains(map.sectors.size());
+  // What lies behind a wall that has another one at its back.
+  std::map<std::pair<uint32_t, uint32_t>, uint32_t> wall_sector;
+  for (const LinedefData& line : map.linedefs)
+    if (!line.back) wall_sector[{line.start, line.end}] = map.sidedefs[line.front].sector;
   for (const LinedefData& line : map.linedefs) {
     const Point a = map.vertices[line.start], b = map.vertices[line.end];
     // An eighth of a unit off the middle, along the axis the line is steepest to: no foreign line comes so
@@ -129,10 +160,17 @@ Status check_sides(const MapData& map) {
                                    : Point{middle.x - right.x, middle.y - right.y};
       sectors_at(map, probe, contains);
       const auto count = std::count(contains.begin(), contains.end(), uint8_t{1});
-      const std::optional<uint32_t> side = is_front ? std::optional<uint32_t>(line.front) : line.back;
-      const bool right_one = side ? count == 1 && contains[map.sidedefs[*side].sector] == 1 : count == 0;
+      std::optional<uint32_t> sector;
+      if (is_front)
+        sector = map.sidedefs[line.front].sector;
+      else if (line.back)
+        sector = map.sidedefs[*line.back].sector;
+      else if (const auto found = wall_sector.find({line.end, line.start}); found != wall_sector.end())
+        sector = found->second;
+      const bool right_one = sector ? count == 1 && contains[*sector] == 1 : count == 0;
       if (!right_one)
-        return bad("areas overlap, or a pillar sticks out of its area, at the line " + at(a) + "-" + at(b));
+        return bad("areas overlap, or a pillar sticks out of its area, at the line " + at(a) + "-" + at(b) +
+                   " of " + name_of(map, map.sidedefs[line.front].sector));
     }
   }
   return {};

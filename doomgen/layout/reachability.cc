@@ -7,18 +7,18 @@ namespace {
 
 enum : uint8_t { kFree, kBlocked, kReached };
 
+int32_t floor_div(int32_t a, int32_t b) { return a / b - (a % b != 0 && (a < 0) != (b < 0)); }
+
+}  // namespace
+
 bool stops(const MapData& map, const LinedefData& line, const Body& body) {
-  if (line.blocking || !line.back) return true;
+  if (line.blocking || line.block_everything || !line.back) return true;
   const SectorData& front = map.sectors[map.sidedefs[line.front].sector];
   const SectorData& back = map.sectors[map.sidedefs[*line.back].sector];
   const int32_t bottom = std::max(front.floor_height, back.floor_height);
   const int32_t top = std::min(front.ceiling_height, back.ceiling_height);
   return top - bottom < body.height || std::abs(front.floor_height - back.floor_height) > body.step;
 }
-
-int32_t floor_div(int32_t a, int32_t b) { return a / b - (a % b != 0 && (a < 0) != (b < 0)); }
-
-}  // namespace
 
 Reachability::Reachability(const MapData& map, std::span<const Point> starts, const Body& body)
     : radius_(body.radius) {

@@ -15,6 +15,9 @@ struct Body {
   int32_t radius = 16, height = 56, step = 24;
 };
 
+/// True where the line stops the body: one-sided, blocking, too low an opening or too high a step.
+bool stops(const MapData& map, const LinedefData& line, const Body& body);
+
 /// The places a body reaches from any of the starts, on a grid of 8 units. Lines stop it where they are
 /// one-sided or blocking, where the opening is lower than its height, and where the floors differ by more
 /// than its step.

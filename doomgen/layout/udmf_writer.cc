@@ -26,6 +26,9 @@ class Block {
     for (std::size_t i = 0; i < values.size(); ++i)
       number_unless(("arg" + std::to_string(i)).c_str(), values[i], 0);
   }
+  void extra(const ExtraFields& fields) {
+    for (const auto& [key, value] : fields) line(key.c_str(), value);  // checked by validate_map()
+  }
 
  private:
   void line(const char* key, const std::string& value) {
@@ -48,8 +51,14 @@ std::string write_udmf(const MapData& map) {
     block.number("type", thing.editor_number);
     block.number_unless("special", thing.special, 0);
     block.args(thing.args);
-    for (const char* flag : {"skill1", "skill2", "skill3", "skill4", "skill5", "single", "coop", "dm"})
-      block.flag(flag);
+    for (int skill = 0; skill < 5; ++skill)
+      block.flag(("skill" + std::to_string(skill + 1)).c_str(), (thing.skills >> skill & 1) != 0);
+    block.flag("single", thing.single);
+    block.flag("coop", thing.coop);
+    block.flag("dm", thing.deathmatch);
+    block.flag("ambush", thing.ambush);
+    block.flag("dormant", thing.dormant);
+    block.extra(thing.extra);
   }
   for (const Point& vertex : map.vertices) {
     Block block(out, "vertex");
@@ -67,6 +76,20 @@ std::string write_udmf(const MapData& map) {
     block.flag("twosided", line.back.has_value());
     block.number_unless("special", line.special, 0);
     block.args(line.args);
+    block.flag("blockmonsters", line.block_monsters);
+    block.flag("blockeverything", line.block_everything);
+    block.flag("dontpegtop", line.upper_unpegged);
+    block.flag("dontpegbottom", line.lower_unpegged);
+    block.flag("secret", line.secret);
+    block.flag("blocksound", line.block_sound);
+    block.flag("dontdraw", line.hidden);
+    block.flag("mapped", line.mapped);
+    block.flag("repeatspecial", line.repeatable);
+    block.flag("playeruse", line.player_use);
+    block.flag("playercross", line.player_cross);
+    block.flag("playerpush", line.player_push);
+    block.flag("impact", line.impact);
+    block.extra(line.extra);
   }
   for (const SidedefData& side : map.sidedefs) {
     Block block(out, "sidedef");
@@ -74,6 +97,8 @@ std::string write_udmf(const MapData& map) {
     block.text("texturetop", side.top);
     block.text("texturebottom", side.bottom);
     block.text("texturemiddle", side.middle);
+    block.number_unless("offsetx", side.offset_x, 0);
+    block.number_unless("offsety", side.offset_y, 0);
   }
   for (const SectorData& sector : map.sectors) {
     Block block(out, "sector");
@@ -84,6 +109,7 @@ std::string write_udmf(const MapData& map) {
     block.number_unless("lightlevel", sector.light, 160);
     block.number_unless("special", sector.special, 0);
     block.number_unless("id", sector.tag, 0);
+    block.extra(sector.extra);
   }
   return out;
 }

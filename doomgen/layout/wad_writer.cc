@@ -34,12 +34,30 @@ Status WadWriter::add(std::string_view name, std::string_view bytes) {
   return {};
 }
 
-Status WadWriter::add_udmf_map(std::string_view map_name, std::string_view textmap,
-                               std::string_view behavior) {
+Status WadWriter::add_udmf_map(std::string_view map_name, std::string_view textmap, std::string_view behavior,
+                               std::string_view scripts) {
   COMRAD_TRY(add(map_name, {}));
   COMRAD_TRY(add("TEXTMAP", textmap));
   if (!behavior.empty()) COMRAD_TRY(add("BEHAVIOR", behavior));
+  if (!scripts.empty()) COMRAD_TRY(add("SCRIPTS", scripts));
   return add("ENDMAP", {});
+}
+
+Status WadWriter::add_hexen_map(std::string_view map_name, const HexenLumps& lumps, std::string_view behavior,
+                                std::string_view scripts) {
+  // "ACS\0", the directory's place, no scripts, no strings.
+  constexpr std::string_view kNoScripts("ACS\0\x08\0\0\0\0\0\0\0\0\0\0\0", 16);
+  COMRAD_TRY(add(map_name, {}));
+  COMRAD_TRY(add("THINGS", lumps.things));
+  COMRAD_TRY(add("LINEDEFS", lumps.linedefs));
+  COMRAD_TRY(add("SIDEDEFS", lumps.sidedefs));
+  COMRAD_TRY(add("VERTEXES", lumps.vertexes));
+  for (const char* name : {"SEGS", "SSECTORS", "NODES"}) COMRAD_TRY(add(name, {}));
+  COMRAD_TRY(add("SECTORS", lumps.sectors));
+  for (const char* name : {"REJECT", "BLOCKMAP"}) COMRAD_TRY(add(name, {}));
+  COMRAD_TRY(add("BEHAVIOR", behavior.empty() ? kNoScripts : behavior));
+  if (!scripts.empty()) COMRAD_TRY(add("SCRIPTS", scripts));
+  return {};
 }
 
 Expected<std::string> WadWriter::bytes() const {

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "doomgen/layout/hexen_writer.h"
 #include "rollout_buffer/core/expected.h"
 
 namespace comrad::doomgen {
@@ -16,8 +17,13 @@ class WadWriter {
   /// Adds a lump; an empty one is a marker.
   /// Errors: kBadInput for a name that a directory cannot hold.
   Status add(std::string_view name, std::string_view bytes);
-  /// Adds a UDMF map: marker, TEXTMAP, BEHAVIOR (if there is one), ENDMAP.
-  Status add_udmf_map(std::string_view map_name, std::string_view textmap, std::string_view behavior = {});
+  /// Adds a UDMF map: marker, TEXTMAP, BEHAVIOR and SCRIPTS (if there are any), ENDMAP.
+  Status add_udmf_map(std::string_view map_name, std::string_view textmap, std::string_view behavior = {},
+                      std::string_view scripts = {});
+  /// Adds a Hexen map: marker, the binary lumps in their order (nodes empty), BEHAVIOR (one without scripts
+  /// where `behavior` is empty: it marks the format), SCRIPTS.
+  Status add_hexen_map(std::string_view map_name, const HexenLumps& lumps, std::string_view behavior = {},
+                       std::string_view scripts = {});
 
   /// The bytes of the file.
   /// Errors: kNoSpace when it would pass 2 GB, which the format cannot address.

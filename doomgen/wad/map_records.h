@@ -1,5 +1,5 @@
 // The bytes of a WAD as they lie in the file: header and directory. Little-endian, packed, no pointers.
-// Records of binary map lumps (Doom and Hexen formats) join them here; the engine's own types are in
+// Records of binary map lumps (Doom and Hexen formats) too; the engine's own types are in
 // engine/map/level.h.
 #pragma once
 
@@ -25,5 +25,66 @@ struct [[gnu::packed]] DirectoryRecord {
   std::array<char, kLumpNameBytes> name;  ///< padded with zeros, not always terminated
 };
 static_assert(sizeof(DirectoryRecord) == 16);
+
+using NameBytes = std::array<char, kLumpNameBytes>;  ///< of a texture or flat, padded with zeros
+
+constexpr uint16_t kNoSidedef = 0xFFFF;
+
+/// VERTEXES.
+struct [[gnu::packed]] VertexRecord {
+  int16_t x, y;
+};
+static_assert(sizeof(VertexRecord) == 4);
+
+/// LINEDEFS of the Doom format.
+struct [[gnu::packed]] LinedefRecord {
+  uint16_t start, end;
+  uint16_t flags, special, tag;
+  uint16_t front, back;  ///< kNoSidedef: none
+};
+static_assert(sizeof(LinedefRecord) == 14);
+
+/// LINEDEFS of the Hexen format.
+struct [[gnu::packed]] HexenLinedefRecord {
+  uint16_t start, end;
+  uint16_t flags;
+  uint8_t special;
+  std::array<uint8_t, 5> args;
+  uint16_t front, back;
+};
+static_assert(sizeof(HexenLinedefRecord) == 16);
+
+/// SIDEDEFS.
+struct [[gnu::packed]] SidedefRecord {
+  int16_t offset_x, offset_y;
+  NameBytes top, bottom, middle;
+  uint16_t sector;
+};
+static_assert(sizeof(SidedefRecord) == 30);
+
+/// SECTORS.
+struct [[gnu::packed]] SectorRecord {
+  int16_t floor_height, ceiling_height;
+  NameBytes floor_texture, ceiling_texture;
+  int16_t light;
+  uint16_t special, tag;
+};
+static_assert(sizeof(SectorRecord) == 26);
+
+/// THINGS of the Doom format.
+struct [[gnu::packed]] ThingRecord {
+  int16_t x, y, angle, type;
+  uint16_t flags;
+};
+static_assert(sizeof(ThingRecord) == 10);
+
+/// THINGS of the Hexen format.
+struct [[gnu::packed]] HexenThingRecord {
+  int16_t id, x, y, height, angle, type;
+  uint16_t flags;
+  uint8_t special;
+  std::array<uint8_t, 5> args;
+};
+static_assert(sizeof(HexenThingRecord) == 20);
 
 }  // namespace comrad::wad

@@ -281,6 +281,7 @@ class Parser {
     COMRAD_TRY(assignments(name, [&](const Assignment& a) -> Status {
       if (a.key == "x") return has_x = true, read(a, vertex.x);
       if (a.key == "y") return has_y = true, read(a, vertex.y);
+      if (a.key == "zfloor" || a.key == "zceiling") vertex.has_height = true;
       return {};
     }));
     if (!has_x || !has_y) return missing(name, has_x ? "y" : "x");
@@ -289,6 +290,37 @@ class Parser {
   }
 
   Status linedef(const Token& name, UdmfMap& map) {
+    static constexpr std::pair<std::string_view, bool UdmfLinedef::*> kLineFlags[] = {
+        {"blockeverything", &UdmfLinedef::block_everything},
+        {"blockfloaters", &UdmfLinedef::block_floaters},
+        {"blockplayers", &UdmfLinedef::block_players},
+        {"blockprojectiles", &UdmfLinedef::block_projectiles},
+        {"blockhitscan", &UdmfLinedef::block_hitscan},
+        {"blockuse", &UdmfLinedef::block_use},
+        {"blocksight", &UdmfLinedef::block_sight},
+        {"blocksound", &UdmfLinedef::block_sound},
+        {"jumpover", &UdmfLinedef::jump_over},
+        {"secret", &UdmfLinedef::secret},
+        {"repeatspecial", &UdmfLinedef::repeat_special},
+        {"firstsideonly", &UdmfLinedef::first_side_only},
+        {"passuse", &UdmfLinedef::pass_use},
+        {"checkswitchrange", &UdmfLinedef::check_switch_range},
+        {"playercross", &UdmfLinedef::player_cross},
+        {"playeruse", &UdmfLinedef::player_use},
+        {"playerpush", &UdmfLinedef::player_push},
+        {"playeruseback", &UdmfLinedef::player_use_back},
+        {"monstercross", &UdmfLinedef::monster_cross},
+        {"monsteruse", &UdmfLinedef::monster_use},
+        {"monsterpush", &UdmfLinedef::monster_push},
+        {"monsteractivate", &UdmfLinedef::monster_activate},
+        {"impact", &UdmfLinedef::impact},
+        {"missilecross", &UdmfLinedef::missile_cross},
+        {"anycross", &UdmfLinedef::any_cross},
+        {"translucent", &UdmfLinedef::translucent},
+        {"transparent", &UdmfLinedef::transparent},
+        {"wrapmidtex", &UdmfLinedef::wrap_midtex},
+        {"clipmidtex", &UdmfLinedef::clip_midtex},
+    };
     UdmfLinedef line;
     line.text_line = name.line;
     bool has_v1 = false, has_v2 = false, has_front = false;
@@ -304,8 +336,14 @@ class Parser {
       if (a.key == "twosided") return read(a, line.two_sided);
       if (a.key == "dontpegtop") return read(a, line.dont_peg_top);
       if (a.key == "dontpegbottom") return read(a, line.dont_peg_bottom);
-      if (a.key == "blockeverything") return read(a, line.block_everything);
+      if (a.key == "alpha") return read(a, line.alpha);
+      if (a.key == "renderstyle") return read(a, line.render_style);
+      if (a.key == "arg0str") return read(a, line.arg0_text);
+      if (a.key == "locknumber") return read(a, line.lock_number);
       if (const auto index = numbered(a.key, "arg", '0', '4')) return read(a, line.args[*index]);
+      for (const auto& [key, flag] : kLineFlags)
+        if (a.key == key) return read(a, line.*flag);
+      if (a.key == "midtex3d" || a.key == "midtex3dimpassible") return read(a, line.midtex_3d);
       return {};
     }));
     if (!has_v1 || !has_v2 || !has_front) return missing(name, !has_v1 ? "v1" : !has_v2 ? "v2" : "sidefront");
@@ -324,6 +362,21 @@ class Parser {
       if (a.key == "texturetop") return read(a, side.texture_top);
       if (a.key == "texturebottom") return read(a, side.texture_bottom);
       if (a.key == "texturemiddle") return read(a, side.texture_middle);
+      if (a.key == "light") return read(a, side.light);
+      if (a.key == "lightabsolute") return read(a, side.light_absolute);
+      if (a.key == "nofakecontrast") return read(a, side.no_fake_contrast);
+      if (a.key == "smoothlighting") return read(a, side.smooth_lighting);
+      if (a.key == "wrapmidtex") return read(a, side.wrap_midtex);
+      if (a.key == "clipmidtex") return read(a, side.clip_midtex);
+      static constexpr std::string_view kParts[] = {"_top", "_mid", "_bottom"};
+      for (std::size_t part = 0; part < side.parts.size(); ++part) {
+        if (!std::string_view(a.key).ends_with(kParts[part])) continue;
+        const std::string_view what = std::string_view(a.key).substr(0, a.key.size() - kParts[part].size());
+        if (what == "offsetx") return read(a, side.parts[part].offset_x);
+        if (what == "offsety") return read(a, side.parts[part].offset_y);
+        if (what == "scalex") return read(a, side.parts[part].scale_x);
+        if (what == "scaley") return read(a, side.parts[part].scale_y);
+      }
       return {};
     }));
     if (!has_sector) return missing(name, "sector");
@@ -344,6 +397,27 @@ class Parser {
       if (a.key == "id") return read(a, sector.id);
       if (a.key == "damageamount") return read(a, sector.damage_amount);
       if (a.key == "damageinterval") return read(a, sector.damage_interval);
+      if (a.key == "damagetype") return read(a, sector.damage_type);
+      if (a.key == "leakiness") return read(a, sector.leakiness);
+      if (a.key == "gravity") return read(a, sector.gravity);
+      if (a.key == "lightcolor") return read(a, sector.light_color);
+      if (a.key == "fadecolor") return read(a, sector.fade_color);
+      if (a.key == "silent") return read(a, sector.silent);
+      if (a.key == "hidden") return read(a, sector.hidden);
+      if (a.key == "secret") return read(a, sector.secret);
+      if (a.key == "nofallingdamage") return read(a, sector.no_falling_damage);
+      if (a.key == "moreids") return read(a, sector.more_ids);
+      if (a.key.starts_with("floorplane_") || a.key.starts_with("ceilingplane_")) sector.is_sloped = true;
+      for (auto* plane : {&sector.floor, &sector.ceiling}) {
+        const std::string end = plane == &sector.floor ? "floor" : "ceiling";
+        if (a.key == "xpanning" + end) return read(a, plane->panning_x);
+        if (a.key == "ypanning" + end) return read(a, plane->panning_y);
+        if (a.key == "xscale" + end) return read(a, plane->scale_x);
+        if (a.key == "yscale" + end) return read(a, plane->scale_y);
+        if (a.key == "rotation" + end) return read(a, plane->rotation);
+        if (a.key == "light" + end) return read(a, plane->light);
+        if (a.key == "light" + end + "absolute") return read(a, plane->light_absolute);
+      }
       return {};
     }));
     if (sector.texture_floor.empty() || sector.texture_ceiling.empty())
@@ -370,11 +444,42 @@ class Parser {
       if (a.key == "ambush") return read(a, thing.ambush);
       if (a.key == "dormant") return read(a, thing.dormant);
       if (const auto index = numbered(a.key, "arg", '0', '4')) return read(a, thing.args[*index]);
-      if (const auto index = numbered(a.key, "skill", '1', '5')) return read(a, thing.skill[*index]);
+      if (const auto index = numbered(a.key, "skill", '1', '8')) return read(a, thing.skill[*index]);
+      if (a.key.starts_with("class") && a.key.size() <= 7) return thing_class(a, thing.class_filter);
+      if (a.key == "standing") return read(a, thing.standing);
+      if (a.key == "friend" || a.key == "strifeally") return read(a, thing.friendly);
+      if (a.key == "invisible") return read(a, thing.invisible);
+      if (a.key == "translucent") return read(a, thing.translucent);
+      if (a.key == "countsecret") return read(a, thing.count_secret);
+      if (a.key == "pitch") return read(a, thing.pitch);
+      if (a.key == "alpha") return read(a, thing.alpha);
+      if (a.key == "health") return read(a, thing.health);
+      if (a.key == "gravity") return read(a, thing.gravity);
+      if (a.key == "scalex") return read(a, thing.scale_x);
+      if (a.key == "scaley") return read(a, thing.scale_y);
+      if (a.key == "scale") return thing_scale(a, thing);
       return {};
     }));
     if (!has_x || !has_y || !has_type) return missing(name, !has_x ? "x" : !has_y ? "y" : "type");
     map.things.push_back(thing);
+    return {};
+  }
+
+  Status thing_scale(const Assignment& from, UdmfThing& thing) const {
+    COMRAD_TRY(read(from, thing.scale_x));
+    thing.scale_y = thing.scale_x;
+    return {};
+  }
+
+  /// "class3 = false": not for the third player class.
+  Status thing_class(const Assignment& from, uint32_t& filter) const {
+    unsigned number = 0;
+    const char* const end = from.key.data() + from.key.size();
+    const std::from_chars_result digits = std::from_chars(from.key.data() + 5, end, number);
+    if (digits.ec != std::errc() || digits.ptr != end || number < 1 || number > 16) return {};
+    bool there = true;
+    COMRAD_TRY(read(from, there));
+    filter = there ? filter | 1u << (number - 1) : filter & ~(1u << (number - 1));
     return {};
   }
 

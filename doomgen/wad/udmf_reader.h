@@ -14,7 +14,8 @@ namespace comrad::wad {
 
 struct UdmfVertex {
   double x = 0, y = 0;
-  int text_line = 0;  ///< of TEXTMAP where its block begins, for messages; the same below
+  bool has_height = false;  ///< zfloor or zceiling: a slope
+  int text_line = 0;        ///< of TEXTMAP where its block begins, for messages; the same below
 };
 
 struct UdmfLinedef {
@@ -23,13 +24,31 @@ struct UdmfLinedef {
   std::array<int32_t, 5> args{};
   bool blocking = false, block_monsters = false, two_sided = false, dont_peg_top = false,
        dont_peg_bottom = false;
-  bool block_everything = false;
+  bool block_everything = false, block_floaters = false, block_players = false, block_projectiles = false,
+       block_hitscan = false, block_use = false, block_sight = false, block_sound = false, jump_over = false;
+  bool secret = false, repeat_special = false, first_side_only = false, pass_use = false,
+       check_switch_range = false;
+  // Who activates its special.
+  bool player_cross = false, player_use = false, player_push = false, player_use_back = false,
+       monster_cross = false, monster_use = false, monster_push = false, monster_activate = false,
+       impact = false, missile_cross = false, any_cross = false;
+  bool translucent = false, transparent = false, wrap_midtex = false, clip_midtex = false, midtex_3d = false;
+  double alpha = 1;
+  std::string render_style, arg0_text;
+  int32_t lock_number = 0;
   int text_line = 0;
 };
 
 struct UdmfSidedef {
   int32_t offset_x = 0, offset_y = 0, sector = -1;
   std::string texture_top = "-", texture_bottom = "-", texture_middle = "-";
+  struct Part {
+    double offset_x = 0, offset_y = 0, scale_x = 1, scale_y = 1;
+  };
+  std::array<Part, 3> parts{};  ///< top, middle, bottom
+  int32_t light = 0;
+  bool light_absolute = false, no_fake_contrast = false, smooth_lighting = false, wrap_midtex = false,
+       clip_midtex = false;
   int text_line = 0;
 };
 
@@ -37,7 +56,19 @@ struct UdmfSector {
   double height_floor = 0, height_ceiling = 0;
   std::string texture_floor, texture_ceiling;
   int32_t light_level = 160, special = 0, id = 0;
-  int32_t damage_amount = 0, damage_interval = 0;
+  int32_t damage_amount = 0, damage_interval = 0, leakiness = 0;
+  std::string damage_type;
+  struct Plane {
+    double panning_x = 0, panning_y = 0, scale_x = 1, scale_y = 1, rotation = 0;
+    int32_t light = 0;
+    bool light_absolute = false;
+  };
+  Plane floor, ceiling;
+  double gravity = 1;
+  int32_t light_color = 0xFFFFFF, fade_color = 0;
+  bool silent = false, hidden = false, no_falling_damage = false, secret = false;
+  bool is_sloped = false;  ///< has a plane equation
+  std::string more_ids;
   int text_line = 0;
 };
 
@@ -45,13 +76,22 @@ struct UdmfThing {
   double x = 0, y = 0, height = 0;
   int32_t id = 0, angle = 0, type = 0, special = 0;
   std::array<int32_t, 5> args{};
-  std::array<bool, 5> skill{};  ///< [skill - 1]
+  std::array<bool, 8> skill{};     ///< [skill - 1]
+  uint32_t class_filter = 0xFFFF;  ///< bit n: player class n + 1
   bool single = false, coop = false, dm = false, ambush = false, dormant = false;
+  bool standing = false, friendly = false, invisible = false, translucent = false, count_secret = false;
+  int32_t pitch = 0;
+  double alpha = -1, scale_x = 1, scale_y = 1, health = 1, gravity = 1;
   int text_line = 0;
 };
 
+/// A map in UDMF's terms, with ZDoom's numbers of specials where the namespace is "zdoom"; binary maps take
+/// this form too (binary_map_reader.h).
 struct UdmfMap {
   std::string name_space;  ///< "zdoom", "doom", ...
+  bool is_binary = false;  ///< from binary lumps: text_line is the record's index in its lump, and flaws of
+                           ///< the map that other engines live with are put right instead of refused
+  std::vector<std::string> warnings;
   std::vector<UdmfVertex> vertices;
   std::vector<UdmfLinedef> linedefs;
   std::vector<UdmfSidedef> sidedefs;

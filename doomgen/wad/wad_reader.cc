@@ -39,9 +39,9 @@ bool is_marker(std::string_view lump_name, std::string_view marker) {
 
 /// Lumps that belong to the map marker above them, in the formats that have no end marker.
 bool is_binary_map_lump(std::string_view name) {
-  static constexpr std::array<std::string_view, 12> kNames = {"THINGS", "LINEDEFS", "SIDEDEFS", "VERTEXES",
-                                                              "SEGS",   "SSECTORS", "NODES",    "SECTORS",
-                                                              "REJECT", "BLOCKMAP", "BEHAVIOR", "SCRIPTS"};
+  static constexpr std::array<std::string_view, 17> kNames = {
+      "THINGS",   "LINEDEFS", "SIDEDEFS", "VERTEXES", "SEGS",    "SSECTORS", "NODES",    "SECTORS", "REJECT",
+      "BLOCKMAP", "BEHAVIOR", "SCRIPTS",  "DIALOGUE", "GL_VERT", "GL_SEGS",  "GL_SSECT", "GL_NODES"};
   return std::find(kNames.begin(), kNames.end(), name) != kNames.end();
 }
 
@@ -202,16 +202,25 @@ Expected<MapLumps> WadFile::find_map(std::string_view name) const {
   MapLumps lumps;
   lumps.marker = *marker;
   std::size_t index = *marker + 1;
+  // Within a map the last lump of a name counts; their order is free.
+  const auto note = [&](std::size_t at) {
+    static constexpr std::pair<std::string_view, std::optional<std::size_t> MapLumps::*> kLumps[] = {
+        {"BEHAVIOR", &MapLumps::behavior}, {"SCRIPTS", &MapLumps::scripts},
+        {"DIALOGUE", &MapLumps::dialogue}, {"THINGS", &MapLumps::things},
+        {"LINEDEFS", &MapLumps::linedefs}, {"SIDEDEFS", &MapLumps::sidedefs},
+        {"VERTEXES", &MapLumps::vertexes}, {"SECTORS", &MapLumps::sectors},
+    };
+    for (const auto& [lump_name, member] : kLumps)
+      if (lumps_[at].name == lump_name) lumps.*member = at;
+  };
   if (lumps_[index].name == "TEXTMAP") {
     lumps.textmap = index;
-    while (++index < lumps_.size() && lumps_[index].name != "ENDMAP")
-      if (lumps_[index].name == "BEHAVIOR") lumps.behavior = index;
+    while (++index < lumps_.size() && lumps_[index].name != "ENDMAP") note(index);
     if (index >= lumps_.size())
       return Error{ErrorCode::kBadFormat, path_ + ": map " + wanted + " has a TEXTMAP but no ENDMAP lump"};
     lumps.end = index + 1;
   } else {
-    for (; index < lumps_.size() && is_binary_map_lump(lumps_[index].name); ++index)
-      if (lumps_[index].name == "BEHAVIOR") lumps.behavior = index;
+    for (; index < lumps_.size() && is_binary_map_lump(lumps_[index].name); ++index) note(index);
     lumps.end = index;
   }
   return lumps;

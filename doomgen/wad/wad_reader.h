@@ -27,8 +27,10 @@ struct Lump {
 struct MapLumps {
   std::size_t marker = 0;
   std::optional<std::size_t> textmap;   ///< there: a UDMF map
-  std::optional<std::size_t> behavior;  ///< compiled scripts
-  std::size_t end = 0;                  ///< one past the last lump of the map
+  std::optional<std::size_t> behavior;  ///< compiled scripts; the last lump of that name, as below
+  std::optional<std::size_t> scripts, dialogue;
+  std::optional<std::size_t> things, linedefs, sidedefs, vertexes, sectors;  ///< of a binary map
+  std::size_t end = 0;  ///< one past the last lump of the map
 };
 
 /// One WAD in memory; copies share the bytes.

@@ -290,7 +290,7 @@ void Ippo::report(const Minibatch& batch, const LossSums& sums, UpdateStats& sta
 }
 
 void Ippo::save(StateDict& state) const {
-  state.put("algorithm/name", std::string("ippo"));
+  state.put("algorithm/name", std::string(name()));
   state.put("algorithm/version", static_cast<int64_t>(version_));
   state.put("algorithm/updates", updates_);
   for (const auto& [name, tensor] : net_.named_state()) state.put("network/" + name, tensor);
@@ -302,9 +302,9 @@ void Ippo::save(StateDict& state) const {
 }
 
 Status Ippo::load(const StateDict& state) {
-  COMRAD_TRY_ASSIGN(const std::string name, state.text("algorithm/name"));
-  if (name != "ippo")
-    return Error{ErrorCode::kBadFormat, "checkpoint was made by \"" + name + "\", this run trains ippo"};
+  COMRAD_TRY_ASSIGN(const std::string maker, state.text("algorithm/name"));
+  if (maker != name())
+    return Error{ErrorCode::kBadFormat, "checkpoint was made by \"" + maker + "\", this run trains " + name()};
   COMRAD_TRY_ASSIGN(const int64_t version, state.integer("algorithm/version"));
   COMRAD_TRY_ASSIGN(const int64_t updates, state.integer("algorithm/updates"));
   ReturnNormalizer::Statistics statistics;

@@ -53,6 +53,10 @@ class Ippo : public Algorithm {
   const policy::PolicyNet& net() const { return net_; }
   const ReturnNormalizer& return_normalizer() const { return returns_; }
 
+ protected:
+  /// What checkpoints call it.
+  virtual const char* name() const { return "ippo"; }
+
  private:
   enum class StepResult { kTrained, kSkipped, kAbandoned };
   StepResult train_minibatch(Minibatch& minibatch, const UpdateContext& context, UpdateStats& stats,

@@ -3,6 +3,7 @@
 
 #include "learner/algorithms/algorithm.h"
 #include "learner/algorithms/ippo.h"
+#include "learner/algorithms/mappo.h"
 
 namespace comrad::learn {
 namespace {
@@ -19,6 +20,7 @@ struct Entry {
 
 constexpr Entry kAlgorithms[] = {
     {"ippo", make<Ippo>},
+    {"mappo", make<Mappo>},
 };
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <malloc.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cstring>
 #include <string_view>
@@ -13,6 +14,11 @@
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::policy {
+namespace {
+
+constexpr std::array<int64_t, 2> kCriticWidths = {512, 256};  // of a central critic, tanh after each
+
+}  // namespace
 
 /// The network's parts in the order that a frame passes them.
 class PolicyNetImpl {
@@ -22,15 +28,34 @@ class PolicyNetImpl {
   Encoder encoder;
   RecurrentCore core;
   Tensor action_weight, action_bias;  // [A, F], [A]
-  Tensor value_weight, value_bias;    // [1, F], [1]
+  // From features to values: own features to one value, or the joint features of a world to N.
+  struct ValueLayer {
+    std::string name;
+    Tensor weight, bias;
+  };
+  std::vector<ValueLayer> value_layers;
+
+  /// Features [B, F] of the rows to their values [B].
+  Tensor value_of(const Tensor& features) const {
+    Tensor x = features;
+    if (options.central_critic)
+      x = x.reshape({x.size(0) / options.env.num_agents, x.size(1) * options.env.num_agents});
+    for (std::size_t i = 0; i < value_layers.size(); ++i) {
+      x = at::linear(x, value_layers[i].weight, value_layers[i].bias);
+      if (i + 1 < value_layers.size()) x = at::tanh(x);
+    }
+    return x.flatten();
+  }
 
   NamedTensors named_parameters() const {
     NamedTensors named = encoder.named_parameters();
     for (auto& entry : core.named_parameters()) named.push_back(entry);
     named.emplace_back("action_head.weight", action_weight);
     named.emplace_back("action_head.bias", action_bias);
-    named.emplace_back("value_head.weight", value_weight);
-    named.emplace_back("value_head.bias", value_bias);
+    for (const ValueLayer& layer : value_layers) {
+      named.emplace_back(layer.name + ".weight", layer.weight);
+      named.emplace_back(layer.name + ".bias", layer.bias);
+    }
     return named;
   }
 
@@ -45,7 +70,7 @@ class PolicyNetImpl {
     if (core.state_count() > 0) state = state.to(device);
     const CoreOutput after = core.step(encoded, state);
     return {at::linear(after.features, action_weight, action_bias),
-            at::linear(after.features, value_weight, value_bias).squeeze(-1), after.state};
+            value_of(after.features), after.state};
   }
 };
 
@@ -59,6 +84,7 @@ PolicyNetOptions PolicyNetOptions::from(const RunConfig& config, const EnvShape&
   options.rnn_num_layers = config.rnn_num_layers;
   options.init_gain = config.policy_init_gain;
   options.normalize_input = config.normalize_input;
+  options.central_critic = config.algo == "mappo";
   return options;
 }
 
@@ -88,8 +114,19 @@ PolicyNet PolicyNet::create(const PolicyNetOptions& options, uint64_t seed, torc
   impl.action_weight =
       orthogonal({logits, features}, options.init_gain, generator).to(device).requires_grad_();
   impl.action_bias = torch::zeros({logits}).to(device).requires_grad_();
-  impl.value_weight = orthogonal({1, features}, options.init_gain, generator).to(device).requires_grad_();
-  impl.value_bias = torch::zeros({1}).to(device).requires_grad_();
+  const auto add_value_layer = [&](const char* name, int64_t inputs, int64_t outputs) {
+    impl.value_layers.push_back(
+        {name, orthogonal({outputs, inputs}, options.init_gain, generator).to(device).requires_grad_(),
+         torch::zeros({outputs}).to(device).requires_grad_()});
+  };
+  if (options.central_critic) {
+    const int64_t agents = options.env.num_agents;
+    add_value_layer("critic.0", features * agents, kCriticWidths[0]);
+    add_value_layer("critic.1", kCriticWidths[0], kCriticWidths[1]);
+    add_value_layer("critic.2", kCriticWidths[1], agents);
+  } else {
+    add_value_layer("value_head", features, 1);
+  }
   return net;
 }
 
@@ -121,7 +158,7 @@ SequenceOutput PolicyNet::sequence(const Tensor& frame, const Tensor& measuremen
                    .features.flatten(0, 1);
   }
   return {at::linear(features, impl.action_weight, impl.action_bias).view({steps, rows, -1}),
-          at::linear(features, impl.value_weight, impl.value_bias).view({steps, rows})};
+          impl.value_of(features).view({steps, rows})};
 }
 
 void PolicyNet::update_input_statistics(const Tensor& frame, const Tensor& measurement) const {

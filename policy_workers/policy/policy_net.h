@@ -1,5 +1,6 @@
 // The network that both sides run: policy workers forward it one step at a time, the learner over whole
-// sequences. Encoder > recurrent core > action heads and value. Stage: forward (policy worker), update
+// sequences. Encoder > recurrent core > action heads and value, which is the agent's own (IPPO) or comes from
+// the features of all agents of its world (MAPPO, training spec 1.5). Stage: forward (policy worker), update
 // (learner).
 #pragma once
 
@@ -30,6 +31,9 @@ struct PolicyNetOptions {
   int64_t rnn_num_layers = 1;
   double init_gain = 1.0;
   bool normalize_input = true;
+  /// MAPPO: values come from all N agents' core features side by side, one value per agent. The rows of every
+  /// pass are then whole worlds: row = world * N + agent.
+  bool central_critic = false;
 
   static PolicyNetOptions from(const RunConfig& config, const EnvShape& env);
   /// Floats of recurrent state per agent: layers * size for GRU, twice that for LSTM (all h, then all c); 0

@@ -16,7 +16,7 @@
 namespace comrad {
 namespace {
 
-constexpr std::array kAlgorithms = {"ippo"};
+constexpr std::array kAlgorithms = {"ippo", "mappo"};
 
 std::string lower_case(std::string_view text) {
   std::string lowered(text);
@@ -331,14 +331,50 @@ Status apply_layer(RunConfig& config, const SettingsLayer& layer) {
   return {};
 }
 
+Status check_toml_headers(std::string_view text, const std::string& label) {
+  const auto byte_at = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+  const auto is_blank = [](unsigned char c) {
+    return c <= ' ' || c >= 0x7F;
+  };                     // some of these are blanks to toml++
+  bool at_start = true;  // nothing but blanks since the line began
+  std::size_t line = 1, line_begin = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const unsigned char c = byte_at(i);
+    if (c == '\n') ++line, line_begin = i + 1;
+    if (c == '\n' || c == '\r' || c == '\v' || c == '\f') at_start = true;
+    if (is_blank(c)) continue;
+    if (c == '[' && at_start) {
+      std::size_t key = i + 1;
+      const auto skip_blanks = [&] {
+        while (key < text.size() && (text[key] == ' ' || text[key] == '\t')) ++key;
+      };
+      skip_blanks();
+      if (key < text.size() && text[key] == '[') ++key;
+      skip_blanks();
+      const unsigned char first = key < text.size() ? byte_at(key) : 'x';  // the end: toml++ says so itself
+      const bool is_key = (first >= 'a' && first <= 'z') || (first >= 'A' && first <= 'Z') ||
+                          (first >= '0' && first <= '9') || first == '_' || first == '-' || first == '"' ||
+                          first == '\'' || first == ']';
+      if (!is_key)
+        return Error{ErrorCode::kBadFormat,
+                     label + ":" + std::to_string(line) + ":" + std::to_string(key - line_begin + 1) +
+                         ": a table's name begins with a letter, a digit, '_', '-' or a quote"};
+    }
+    at_start = false;
+  }
+  return {};
+}
+
 Expected<SettingsLayer> read_settings_toml(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   std::ostringstream bytes;
   if (!file || !(bytes << file.rdbuf()))
     return Error{ErrorCode::kNotFound, path + ": cannot be read; give the path of a TOML file of settings"};
   SettingsLayer layer{path, {}};
+  const std::string words = std::move(bytes).str();
+  COMRAD_TRY(check_toml_headers(words, path));
   try {
-    const toml::table document = toml::parse(std::move(bytes).str(), path);
+    const toml::table document = toml::parse(words, path);
     for (const auto& [key, node] : document) {
       Expected<std::string> text = text_of(node);
       if (!text)
@@ -379,9 +415,9 @@ Expected<RunConfig> load_run_config(const std::string& path) {
 
 Expected<SettingsLayer> algorithm_defaults(const std::string& algo) {
   const std::string name = canonical_algorithm(algo);
-  // Source: spec/training.md 3.1, the row of IPPO; 3.2 is the built-in layer.
-  if (name == "ippo")
-    return SettingsLayer{"algorithm ippo",
+  // Source: spec/training.md 3.1, the rows of IPPO and MAPPO; 3.2 is the built-in layer.
+  if (name == "ippo" || name == "mappo")
+    return SettingsLayer{"algorithm " + name,
                          {{"use_rnn", "true"},
                           {"rnn_type", "lstm"},
                           {"rnn_size", "512"},

@@ -242,6 +242,11 @@ Expected<SettingsLayer> algorithm_defaults(const std::string& algo);
 /// Errors: kBadInput naming the setting, its value and what it may be.
 Status resolve_settings(RunConfig& config, int core_count);
 
+/// To be asked before toml++ parses `text`: its 3.3 assumes, unchecked in release builds, that a table's
+/// header goes on with a key, so "[=]" would be undefined behaviour. Errors: kBadFormat as
+/// "label:line:column: what".
+Status check_toml_headers(std::string_view text, const std::string& label);
+
 /// The known word nearest to `word` by edit distance, or empty when none is near.
 std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
 

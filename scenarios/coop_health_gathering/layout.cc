@@ -3,6 +3,7 @@
 #include "doomgen/layout/map_builder.h"
 #include "doomgen/layout/reachability.h"
 #include "rollout_buffer/core/rng.h"
+#include "scenarios/spec/layout_info.h"
 
 namespace comrad::scenarios::coop_health_gathering {
 namespace {
@@ -130,7 +131,7 @@ std::vector<LayoutParameter> parameters() {
   };
 }
 
-Expected<MapData> draw(uint64_t seed, const std::map<std::string, int64_t>& values) {
+Expected<DrawnLayout> draw(uint64_t seed, const std::map<std::string, int64_t>& values) {
   const RngKey key = RngKey(seed).split("coop_health_gathering");
   const auto radius = static_cast<int32_t>(values.at("radius"));
 
@@ -159,14 +160,24 @@ Expected<MapData> draw(uint64_t seed, const std::map<std::string, int64_t>& valu
     builder.add_thing({.position = starts[i],
                        .angle_degrees = facing.between(0, 359),
                        .editor_number = static_cast<int32_t>(i) + 1});
-  for (std::size_t i = 0; i < spots.size(); ++i)
-    builder.add_thing({.position = spots[i],
-                       .editor_number = kMapSpotEditorNumber,
-                       .id = kFirstSpotId + static_cast<int32_t>(i)});
-
   COMRAD_TRY_ASSIGN(MapData map, builder.build());
   COMRAD_TRY(check_things(region, map, starts, spots));
-  return map;
+  std::vector<int64_t> spot_x, spot_y;
+  for (const Point& spot : spots) spot_x.push_back(spot.x), spot_y.push_back(spot.y);
+  return DrawnLayout{.map = std::move(map),
+                     .defines = {{"KIT_SPOT_COUNT", kKitSpotCount}},
+                     .arrays = {{"spot_x", std::move(spot_x)}, {"spot_y", std::move(spot_y)}}};
+}
+
+LayoutRecipe recipe() {
+  return {.parameters = parameters(),
+          .draw = [](const LayoutDraw& wanted) { return draw(wanted.seed, wanted.values); },
+          .players_parameter = "players",
+          .axes = {{"radius", {{{"radius", 1600}}, {{"radius", 2000}}, {{"radius", 2400}}}},
+                   {"tether", {{{"tether", 320}}, {{"tether", 400}}, {{"tether", 480}}}},
+                   {"damage", {{{"damage", 3}}, {{"damage", 5}}, {{"damage", 7}}}},
+                   {"kit_cap", {{{"kit_cap", 60}}, {{"kit_cap", 80}}, {{"kit_cap", 100}}}},
+                   {"density", {{{"density", 450}}, {{"density", 600}}, {{"density", 750}}}}}};
 }
 
 }  // namespace comrad::scenarios::coop_health_gathering

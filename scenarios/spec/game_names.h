@@ -10,52 +10,109 @@
 
 namespace comrad::scenarios {
 
-/// What a button does. SELECT_WEAPON0..9 are one kind with a slot.
+/// What a button does. Binary ones are held or not; delta ones (last) take a number a tic: degrees for
+/// angles, engine units (25 = the walk key) for moves. SELECT_WEAPON0..9 are one kind with a slot.
 enum class ButtonKind : uint8_t {
-  kMoveForward,
-  kMoveBackward,
-  kMoveLeft,
-  kMoveRight,
-  kTurnLeft,
-  kTurnRight,
   kAttack,
   kUse,
   kJump,
+  kCrouch,
+  kTurn180,
+  kAltAttack,
+  kReload,
+  kZoom,
   kSpeed,
-  kSelectWeapon
+  kStrafe,
+  kMoveRight,
+  kMoveLeft,
+  kMoveBackward,
+  kMoveForward,
+  kTurnRight,
+  kTurnLeft,
+  kLookUp,
+  kLookDown,
+  kMoveUp,
+  kMoveDown,
+  kLand,
+  kSelectWeapon,
+  kSelectNextWeapon,
+  kSelectPreviousWeapon,
+  kDropWeapon,
+  kUseItem,
+  kSelectNextItem,
+  kSelectPreviousItem,
+  kDropItem,
+  kLookUpDownDelta,
+  kTurnLeftRightDelta,
+  kMoveForwardBackwardDelta,
+  kMoveLeftRightDelta,
+  kMoveUpDownDelta
 };
 struct Button {
   ButtonKind kind = ButtonKind::kMoveForward;
   int slot = 0;  ///< of kSelectWeapon
+  bool is_delta() const { return kind >= ButtonKind::kLookUpDownDelta; }
 };
 
-/// What the game can tell about a player (the first ones) or the whole world (kUser, from 1: exported by
-/// scripts).
+/// What the game can tell about a player, or (kUser, kPlayerCount, kPlayerFragCount) about the whole world.
 enum class VariableKind : uint8_t {
+  kKillCount,
+  kItemCount,
+  kSecretCount,
+  kFragCount,
+  kDeathCount,
+  kHitCount,
+  kHitsTaken,
+  kDamageCount,
+  kDamageTaken,
   kHealth,
   kArmor,
   kDead,
-  kDamageTaken,
-  kItemCount,
-  kKillCount,
+  kOnGround,
+  kAttackReady,
+  kAltAttackReady,
+  kSelectedWeapon,
+  kSelectedWeaponAmmo,
+  kAmmo,
+  kWeapon,
   kPositionX,
   kPositionY,
   kPositionZ,
   kAngle,
+  kPitch,
+  kRoll,
+  kViewHeight,
   kVelocityX,
   kVelocityY,
   kVelocityZ,
-  kUser
+  kCameraPositionX,
+  kCameraPositionY,
+  kCameraPositionZ,
+  kCameraAngle,
+  kCameraPitch,
+  kCameraRoll,
+  kCameraFov,
+  kPlayerNumber,
+  kPlayerCount,
+  kPlayerFragCount,
+  kUser,
+  // What the environment adds: 1 always; 1 in the decision that ends the episode (by the map, by the limit).
+  kOne,
+  kTerminated,
+  kTruncated
 };
 struct GameVariable {
   VariableKind kind = VariableKind::kHealth;
-  int index = 0;  ///< of kUser: 1..60
-  bool is_team_variable() const { return kind == VariableKind::kUser; }
+  int index = 0;  ///< of kAmmo, kWeapon: slot 0..9; of kPlayerFragCount: 1..16; of kUser: 1..60
+  bool is_team_variable() const { return kind >= VariableKind::kPlayerCount; }
 };
 
 std::optional<Button> find_button(std::string_view name);
 std::optional<GameVariable> find_variable(std::string_view name);
+/// A game variable, or one of ONE, TERMINATED, TRUNCATED: what reward and measurement terms may read.
+std::optional<GameVariable> find_term_variable(std::string_view name);
 std::vector<std::string> button_names();
 std::vector<std::string> variable_names();
+std::vector<std::string> term_variable_names();
 
 }  // namespace comrad::scenarios

@@ -1,6 +1,5 @@
 // What a generated WAD says about itself: scenario, seed and parameters, as TOML text in the lump COMRAD.
-// Rules read their numbers from here, so that a WAD needs nothing beside it; engines that do not know the
-// lump skip it.
+// Scripts have the numbers compiled in; engines that do not know the lump skip it.
 #pragma once
 
 #include <cstdint>
@@ -15,10 +14,6 @@
 namespace comrad::scenarios {
 
 constexpr const char* kLayoutInfoLump = "COMRAD";
-/// ThingData::id of the first spot that a scenario's rules look up; spots count up from here.
-constexpr int32_t kFirstSpotId = 1000;
-/// Editor number of ZDoom's MapSpot: a place without a body.
-constexpr int32_t kMapSpotEditorNumber = 9001;
 
 /// A layout's identity: (scenario, parameters, seed), and which attempt passed the checks.
 struct LayoutInfo {

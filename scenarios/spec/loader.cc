@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <set>
 #include <sstream>
 
 #include "scenarios/spec/game_names.h"
 #include "scenarios/spec/rewards.h"
+#include "scenarios/spec/scenario_files.h"
 #include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {
@@ -121,6 +121,12 @@ class TableReader {
     value = *number;
     return true;
   }
+  bool read(const char* key, std::optional<double>& value) {
+    double number = 0.0;
+    if (!read(key, number)) return false;
+    value = number;
+    return true;
+  }
   bool read(const char* key, int& value) {
     int64_t wide = 0;
     if (!read_as<int64_t>(key, wide, "a whole number")) return false;
@@ -178,11 +184,52 @@ Status read_heads(const std::string& path, TableReader& root, ScenarioSpec& spec
   return {};
 }
 
+/// A stride leads from one global of a script to the next agent's, and stays within USER1..USER60.
+void read_stride(TableReader& reader, const char* key, const std::string& variable, int& stride,
+                 const ScenarioSpec& spec) {
+  reader.optional(key, stride);
+  if (stride == 0) return;
+  const auto known = find_variable(variable);
+  const int agents = spec.supported_agents.empty()
+                         ? 1
+                         : *std::max_element(spec.supported_agents.begin(), spec.supported_agents.end());
+  reader.require(known && known->kind == VariableKind::kUser, key, "0 where the variable is no USER global");
+  if (!known || known->kind != VariableKind::kUser) return;
+  const int last = known->index + stride * (agents - 1);
+  reader.require(stride > 0 && stride < 60 && last <= 60, key,
+                 "positive, and the last of " + std::to_string(agents) + " agents must read USER60 at most");
+}
+
+Status read_masks(const std::string& path, TableReader& root, ScenarioSpec& spec) {
+  for (const toml::table* table : root.tables("masks")) {
+    TableReader reader(path, *table);
+    MaskTerm term;
+    reader.required("agent", term.agent);
+    reader.required("head", term.head);
+    const bool head_is_there = term.head >= 0 && term.head < static_cast<int>(spec.heads.size());
+    reader.require(head_is_there, "head", "the number of one of the [[heads]], from 0");
+    reader.require(term.agent >= 0 && term.agent < kMaxAgents, "agent",
+                   "in 0.." + std::to_string(kMaxAgents - 1));
+    std::vector<std::string> known{"none"};
+    if (head_is_there)
+      known.insert(known.end(), spec.heads[term.head].buttons.begin(), spec.heads[term.head].buttons.end());
+    reader.words("allowed", term.allowed, known);
+    reader.require(!term.allowed.empty(), "allowed", "a list with at least one choice (\"none\" is one)");
+    COMRAD_TRY(reader.finish());
+    spec.masks.push_back(std::move(term));
+  }
+  return {};
+}
+
 Status read_measurements(const std::string& path, TableReader& root, ScenarioSpec& spec) {
   for (const toml::table* table : root.tables("measurements")) {
     TableReader reader(path, *table);
     MeasurementTerm term;
-    reader.choice("variable", term.variable, variable_names(), true);
+    reader.choice("variable", term.variable, term_variable_names(), true);
+    read_stride(reader, "agent_stride", term.variable, term.agent_stride, spec);
+    reader.optional("low", term.low);
+    reader.optional("high", term.high);
+    reader.require(!term.low || !term.high || *term.low <= *term.high, "low", "at most 'high'");
     reader.optional("scale", term.scale);
     reader.optional("offset", term.offset);
     reader.optional("clip", term.clip);
@@ -198,7 +245,10 @@ Status read_rewards(const std::string& path, TableReader& root, ScenarioSpec& sp
     TableReader reader(path, *table);
     RewardTerm term;
     reader.required("name", term.name);
-    reader.choice("variable", term.variable, variable_names(), true);
+    reader.choice("variable", term.variable, term_variable_names(), true);
+    read_stride(reader, "agent_stride", term.variable, term.agent_stride, spec);
+    reader.choice("when", term.when, term_variable_names(), false);
+    reader.choice("unless", term.unless, term_variable_names(), false);
     reader.choice("kind", term.kind, reward_kinds(), true);
     reader.required("weight", term.weight);
     reader.choice("scope", term.scope, reward_scopes(), false);
@@ -218,6 +268,7 @@ Status read_render(const std::string& path, TableReader& root, ScenarioSpec& spe
   reader.optional("hud", spec.hud);
   reader.optional("crosshair", spec.crosshair);
   reader.optional("screen_flashes", spec.screen_flashes);
+  reader.optional("weapon", spec.weapon);
   return reader.finish();
 }
 
@@ -267,6 +318,10 @@ Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec
       "default_agents", "one of supported_agents");
   root.require(spec.shared_reward_alpha >= 0.0 && spec.shared_reward_alpha <= 1.0, "shared_reward_alpha",
                "in 0..1");
+  root.require(spec.respawn_delay_tics >= 0 && spec.respawn_delay_tics <= 35 * 600, "respawn_delay_tics",
+               "in 0..21000");
+  root.require(spec.wad.find('/') == std::string::npos && (spec.wad.empty() || spec.wad[0] != '.'), "wad",
+               "the name of a file in the scenario's folder");
   root.require(spec.score == "survival_tics" || spec.score == "return" || find_variable(spec.score), "score",
                "survival_tics, return or a game variable");
   return root.finish();
@@ -283,10 +338,16 @@ Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& nam
   root.required("supported_agents", spec.supported_agents);
   root.required("decision_limit", spec.decision_limit);
   root.optional("respawn", spec.respawn);
+  root.optional("respawn_delay_tics", spec.respawn_delay_tics);
+  root.optional("wad", spec.wad);
   root.optional("shared_reward_alpha", spec.shared_reward_alpha);
   root.required("score", spec.score);
+  root.optional("score_scale", spec.score_scale);
+  root.choice("score_divisor", spec.score_divisor, variable_names(), false);
+  read_stride(root, "score_agent_stride", spec.score, spec.score_agent_stride, spec);
   root.required("ceiling", spec.ceiling);
   COMRAD_TRY(read_heads(path, root, spec));
+  COMRAD_TRY(read_masks(path, root, spec));
   COMRAD_TRY(read_measurements(path, root, spec));
   COMRAD_TRY(read_rewards(path, root, spec));
   COMRAD_TRY(read_render(path, root, spec));
@@ -294,8 +355,6 @@ Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& nam
   COMRAD_TRY(check_spec(root, name, spec));
   return spec;
 }
-
-std::filesystem::path scenarios_folder() { return std::filesystem::path(data_dir()) / "scenarios"; }
 
 }  // namespace
 
@@ -310,43 +369,22 @@ EnvShape ScenarioSpec::shape(int num_agents, bool use_measurements) const {
 }
 
 Expected<ScenarioSpec> load_scenario(const std::string& name) {
-  const std::vector<std::string> known = list_scenarios();
-  if (std::find(known.begin(), known.end(), name) == known.end()) {
-    const std::string near = nearest_word(name, known);
-    return Error{
-        ErrorCode::kNotFound,
-        "there is no scenario '" + name + "'" + (near.empty() ? "" : "; did you mean '" + near + "'?") +
-            (known.empty() ? "; none found below " + scenarios_folder().string() + " (is COMRAD_HOME right?)"
-                           : "; known: " + joined(known))};
-  }
-  const std::filesystem::path folder = scenarios_folder() / name;
-  const std::string path = (folder / "scenario.toml").string();
-  std::ifstream file(path, std::ios::binary);
-  std::string text(kMaxFileBytes + 1, '\0');
-  file.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(file.gcount()));
-  if (!file.is_open() || file.bad()) return Error{ErrorCode::kSystem, path + ": cannot be read"};
+  COMRAD_TRY_ASSIGN(const std::string folder, find_scenario_folder(name));
+  const std::string path = folder + "/scenario.toml";
+  COMRAD_TRY_ASSIGN(const std::string text, read_scenario_file(path));
   if (text.size() > kMaxFileBytes) return Error{ErrorCode::kBadFormat, path + ": longer than 1 MB"};
+  COMRAD_TRY(check_toml_headers(text, path));
   try {  // toml++ throws; nothing of it leaves this function
     const toml::table table = toml::parse(text, path);
-    COMRAD_TRY_ASSIGN(ScenarioSpec spec, read_spec(path, name, table));
-    spec.folder = folder.string();
+    COMRAD_TRY_ASSIGN(ScenarioSpec spec,
+                      read_spec(path, std::filesystem::path(folder).filename().string(), table));
+    spec.folder = folder;
     return spec;
   } catch (const toml::parse_error& error) {
     return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(error.source().begin.line) + ":" +
                                             std::to_string(error.source().begin.column) + ": " +
                                             std::string(error.description())};
   }
-}
-
-std::vector<std::string> list_scenarios() {
-  std::vector<std::string> names;
-  std::error_code ignored;  // no folder: no scenarios
-  for (const auto& entry : std::filesystem::directory_iterator(scenarios_folder(), ignored))
-    if (std::filesystem::exists(entry.path() / "scenario.toml", ignored))
-      names.push_back(entry.path().filename().string());
-  std::sort(names.begin(), names.end());
-  return names;
 }
 
 }  // namespace comrad::scenarios

@@ -1,41 +1,30 @@
 #include "scenarios/spec/registry.h"
 
+#include <algorithm>
 #include <charconv>
 #include <map>
 
+#include "doomgen/layout/hexen_writer.h"
+#include "doomgen/layout/node_builder.h"
 #include "doomgen/layout/udmf_writer.h"
 #include "doomgen/layout/wad_writer.h"
 #include "rollout_buffer/core/config.h"
-#include "scenarios/coop_health_gathering/layout.h"
+#include "scenarios/spec/recipe_table.h"
+#include "scenarios/spec/scenario_files.h"
+#include "scenarios/spec/scenario_spec.h"
+#include "scenarios/spec/script_build.h"
 
 namespace comrad::scenarios {
 namespace {
 
-using ParameterValues = std::map<std::string, int64_t>;
-
-/// How to draw one scenario's map. `draw` makes one attempt from one seed; an error it returns means "next
-/// seed".
-struct LayoutRecipe {
-  const char* scenario;
-  std::vector<LayoutParameter> (*parameters)();
-  Expected<doomgen::MapData> (*draw)(uint64_t seed, const ParameterValues& values);
-  const char* players_parameter;  ///< how many starts the map has
-};
-
-constexpr LayoutRecipe kRecipes[] = {
-    {"coop_health_gathering", coop_health_gathering::parameters, coop_health_gathering::draw, "players"},
-};
-
 constexpr int kAttempts = 20;
 constexpr uint64_t kSeedStep = 1000;
+constexpr const char* kMapName = "MAP01";
 
-Expected<const LayoutRecipe*> find_recipe(const std::string& scenario) {
-  for (const LayoutRecipe& recipe : kRecipes)
-    if (scenario == recipe.scenario) return &recipe;
-  std::string known;
-  for (const std::string& name : layout_recipes()) known += (known.empty() ? "" : ", ") + name;
-  return Error{ErrorCode::kNotFound,
-               "there is no layout recipe for scenario '" + scenario + "'; known: " + known};
+const RecipeEntry* find_entry(const std::string& scenario) {
+  for (const RecipeEntry& entry : recipe_table())
+    if (scenario == entry.scenario) return &entry;
+  return nullptr;
 }
 
 Expected<int64_t> parse_number(const std::string& name, const std::string& text) {
@@ -46,28 +35,28 @@ Expected<int64_t> parse_number(const std::string& name, const std::string& text)
   return value;
 }
 
-Expected<ParameterValues> parameter_values(const LayoutRecipe& recipe, const LayoutRequest& request) {
-  const std::vector<LayoutParameter> parameters = recipe.parameters();
+Expected<ParameterValues> parameter_values(const std::string& scenario, const LayoutRecipe& recipe,
+                                           const LayoutRequest& request) {
   ParameterValues values;
   std::vector<std::string> known;
-  for (const LayoutParameter& parameter : parameters) {
+  for (const LayoutParameter& parameter : recipe.parameters) {
     values[parameter.name] = parameter.default_value;
     known.push_back(parameter.name);
   }
   for (const auto& [name, text] : request.parameters) {
     if (!values.contains(name)) {
       const std::string near = nearest_word(name, known);
-      return Error{ErrorCode::kBadInput, "scenario " + std::string(recipe.scenario) +
-                                             " has no layout parameter '" + name + "'" +
+      return Error{ErrorCode::kBadInput, "scenario " + scenario + " has no layout parameter '" + name + "'" +
                                              (near.empty() ? "" : "; did you mean '" + near + "'?")};
     }
     COMRAD_TRY_ASSIGN(values[name], parse_number(name, text));
   }
   // A map prepared for more players serves fewer as well, so the default map is the same for every team size
   // it holds.
-  if (int64_t& players = values[recipe.players_parameter]; players < request.num_agents)
-    players = request.num_agents;
-  for (const LayoutParameter& parameter : parameters) {
+  if (recipe.players_parameter != nullptr)
+    if (int64_t& players = values[recipe.players_parameter]; players < request.num_agents)
+      players = request.num_agents;
+  for (const LayoutParameter& parameter : recipe.parameters) {
     const int64_t value = values[parameter.name];
     if (value < parameter.low || value > parameter.high)
       return Error{ErrorCode::kBadInput, "layout parameter " + std::string(parameter.name) + " is " +
@@ -78,41 +67,146 @@ Expected<ParameterValues> parameter_values(const LayoutRecipe& recipe, const Lay
   return values;
 }
 
+int start_count(const doomgen::MapData& map) {
+  return static_cast<int>(
+      std::count_if(map.things.begin(), map.things.end(), [](const doomgen::ThingData& thing) {
+        return (thing.editor_number >= 1 && thing.editor_number <= 4) ||
+               (thing.editor_number >= 4001 && thing.editor_number <= 4004);
+      }));
+}
+
+/// Everything that stands around the map: info, actors, pictures, script.
+Status write_wad(const std::string& folder, const LayoutRequest& request, const DrawnLayout& drawn,
+                 GeneratedLayout& layout) {
+  doomgen::WadWriter wad;
+  COMRAD_TRY(wad.add(kLayoutInfoLump, write_layout_info(layout.info)));
+  if (scenario_file_exists(folder + "/actors.decorate")) {
+    COMRAD_TRY_ASSIGN(const std::string actors, read_scenario_file(folder + "/actors.decorate"));
+    COMRAD_TRY(wad.add("DECORATE", actors));
+  }
+  for (const NamedBytes& lump : drawn.lumps) COMRAD_TRY(wad.add(lump.name, lump.bytes));
+  if (!drawn.textures.empty()) {
+    COMRAD_TRY(wad.add("TX_START", {}));
+    for (const NamedBytes& texture : drawn.textures) COMRAD_TRY(wad.add(texture.name, texture.bytes));
+    COMRAD_TRY(wad.add("TX_END", {}));
+  }
+  BuiltScript script;
+  if (scenario_file_exists(folder + "/script.acs")) {
+    COMRAD_TRY_ASSIGN(script, build_script(folder, layout_script_text(layout.info, drawn)));
+    layout.warnings.insert(layout.warnings.end(), script.warnings.begin(), script.warnings.end());
+  }
+  if (request.format == MapFormat::kHexen) {
+    COMRAD_TRY_ASSIGN(const doomgen::HexenLumps lumps, doomgen::write_hexen(drawn.map));
+    layout.warnings.insert(layout.warnings.end(), lumps.warnings.begin(), lumps.warnings.end());
+    COMRAD_TRY(wad.add_hexen_map(kMapName, lumps, script.behavior, script.source));
+  } else {
+    COMRAD_TRY(wad.add_udmf_map(kMapName, doomgen::write_udmf(drawn.map), script.behavior, script.source));
+  }
+  COMRAD_TRY_ASSIGN(layout.wad, wad.bytes());
+  if (request.nodes) {
+    COMRAD_TRY_ASSIGN(layout.wad, doomgen::build_nodes(layout.wad));
+  }
+  layout.content_hash = doomgen::content_hash(layout.wad);
+  return {};
+}
+
+/// A scenario without a recipe brings its map along.
+Expected<GeneratedLayout> ready_made(const ScenarioSpec& spec, const LayoutRequest& request) {
+  if (!request.parameters.empty())
+    return Error{ErrorCode::kBadInput, "scenario " + spec.name + " has a map of its own (" + spec.wad +
+                                           ") and no layout parameter '" + request.parameters[0].first + "'"};
+  GeneratedLayout layout;
+  COMRAD_TRY_ASSIGN(layout.wad, read_scenario_file(spec.folder + "/" + spec.wad));
+  if (!layout.wad.starts_with("PWAD") && !layout.wad.starts_with("IWAD"))
+    return Error{ErrorCode::kBadFormat, spec.folder + "/" + spec.wad + ": is no WAD"};
+  layout.info.scenario = spec.name;
+  layout.info.seed = request.seed;
+  if (request.nodes) {
+    COMRAD_TRY_ASSIGN(layout.wad, doomgen::build_nodes(layout.wad));
+  }
+  layout.content_hash = doomgen::content_hash(layout.wad);
+  return layout;
+}
+
 }  // namespace
 
 std::vector<std::string> layout_recipes() {
   std::vector<std::string> names;
-  for (const LayoutRecipe& recipe : kRecipes) names.emplace_back(recipe.scenario);
+  for (const RecipeEntry& entry : recipe_table()) names.emplace_back(entry.scenario);
   return names;
 }
 
+Expected<LayoutRecipe> layout_recipe(const std::string& scenario) {
+  if (const RecipeEntry* entry = find_entry(scenario)) return entry->recipe();
+  std::string known;
+  for (const std::string& name : layout_recipes()) known += (known.empty() ? "" : ", ") + name;
+  return Error{ErrorCode::kNotFound,
+               "there is no layout recipe for scenario '" + scenario + "'; known: " + known};
+}
+
 Expected<std::vector<LayoutParameter>> layout_parameters(const std::string& scenario) {
-  COMRAD_TRY_ASSIGN(const LayoutRecipe* recipe, find_recipe(scenario));
-  return recipe->parameters();
+  COMRAD_TRY_ASSIGN(LayoutRecipe recipe, layout_recipe(scenario));
+  return std::move(recipe.parameters);
+}
+
+std::string layout_script_text(const LayoutInfo& info, const DrawnLayout& layout) {
+  std::string text = "// Layout of " + info.scenario + ", made by comrad doomgen.\n";
+  const auto define = [&](const std::string& name, int64_t value) {
+    text += "#define " + name + " " + std::to_string(value) + "\n";
+  };
+  define("LAYOUT_SEED", static_cast<int64_t>(info.seed & 0x7FFFFFFF));
+  define("LAYOUT_PLAYERS", start_count(layout.map));
+  for (const auto& [name, value] : info.parameters) {
+    std::string upper = name;
+    for (char& c : upper) c = c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+    define("PARAM_" + upper, value);
+  }
+  for (const auto& [name, value] : layout.defines) define(name, value);
+  for (const auto& [name, values] : layout.arrays) {
+    text += "int " + name + "[" + std::to_string(std::max<std::size_t>(1, values.size())) + "] = {";
+    for (std::size_t i = 0; i < values.size(); ++i) text += (i == 0 ? "" : ", ") + std::to_string(values[i]);
+    text += values.empty() ? "0};\n" : "};\n";
+  }
+  return text;
 }
 
 Expected<GeneratedLayout> generate_layout(const std::string& scenario, const LayoutRequest& request) {
-  COMRAD_TRY_ASSIGN(const LayoutRecipe* recipe, find_recipe(scenario));
-  COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(*recipe, request));
-  std::string reason;
+  const RecipeEntry* const entry = find_entry(scenario);
+  if (entry == nullptr) {
+    const Expected<std::string> folder = find_scenario_folder(scenario);
+    if (!folder) return layout_recipe(scenario).error();
+    COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(scenario));
+    if (spec.wad.empty())
+      return Error{ErrorCode::kNotFound, "scenario " + spec.name +
+                                             " has neither a layout recipe in this build nor a "
+                                             "'wad' in " +
+                                             spec.folder + "/scenario.toml"};
+    return ready_made(spec, request);
+  }
+  COMRAD_TRY_ASSIGN(const std::string folder, find_scenario_folder(scenario));
+  const LayoutRecipe recipe = entry->recipe();
+  COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(scenario, recipe, request));
+  GeneratedLayout layout;
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
-    const Expected<doomgen::MapData> map = recipe->draw(request.seed + kSeedStep * attempt, values);
-    if (!map) {
-      reason = map.error().message;
+    const uint64_t seed = request.seed + kSeedStep * attempt;
+    const Expected<DrawnLayout> drawn =
+        recipe.draw({seed, values, RngKey(seed).split(scenario), request.num_agents});
+    if (!drawn) {
+      layout.refusals.push_back("seed " + std::to_string(seed) + ": " + drawn.error().message);
       continue;
     }
-    GeneratedLayout layout;
+    if (const int starts = start_count(drawn->map); starts < request.num_agents)
+      return Error{ErrorCode::kBadInput, "scenario " + scenario + ": its map has starts for " +
+                                             std::to_string(starts) + " players, not for " +
+                                             std::to_string(request.num_agents)};
     layout.info = {scenario, request.seed, attempt, values};
-    doomgen::WadWriter wad;
-    COMRAD_TRY(wad.add(kLayoutInfoLump, write_layout_info(layout.info)));
-    COMRAD_TRY(wad.add_udmf_map("MAP01", doomgen::write_udmf(*map)));
-    COMRAD_TRY_ASSIGN(layout.wad, wad.bytes());
-    layout.content_hash = doomgen::content_hash(layout.wad);
+    COMRAD_TRY(write_wad(folder, request, *drawn, layout));
     return layout;
   }
   return Error{ErrorCode::kBadInput, "scenario " + scenario + ": none of " + std::to_string(kAttempts) +
                                          " attempts from seed " + std::to_string(request.seed) +
-                                         " gave a valid map; the last one failed because " + reason};
+                                         " gave a valid map; the last one failed because " +
+                                         layout.refusals.back()};
 }
 
 }  // namespace comrad::scenarios

@@ -1,5 +1,6 @@
-// All layout recipes at a glance: which function draws the map of which scenario. A new scenario adds one
-// line to the table in registry.cc.
+// From a scenario's folder to a finished WAD: finds the recipe, draws until a map is accepted, compiles
+// script.acs with the layout's numbers, adds actors.decorate and pictures. All recipes at a glance: the table
+// that CMake makes of the folders with a layout.cc.
 #pragma once
 
 #include <cstdint>
@@ -9,8 +10,11 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "scenarios/spec/layout_info.h"
+#include "scenarios/spec/layout_recipe.h"
 
 namespace comrad::scenarios {
+
+enum class MapFormat { kUdmf, kHexen };
 
 /// What map is wanted.
 struct LayoutRequest {
@@ -18,6 +22,8 @@ struct LayoutRequest {
   int num_agents = 0;  ///< agents that must find a start; 0: as many as the recipe prepares
   /// `--set key=value`, over the recipe's defaults.
   std::vector<std::pair<std::string, std::string>> parameters = {};
+  MapFormat format = MapFormat::kUdmf;
+  bool nodes = false;  ///< run zdbsp; the bytes then depend on its version
 };
 
 /// A finished layout.
@@ -25,24 +31,28 @@ struct GeneratedLayout {
   std::string wad;            ///< bytes of the file
   uint64_t content_hash = 0;  ///< FNV-1a 64 of them
   LayoutInfo info;
+  std::vector<std::string> refusals = {};  ///< why each attempt before this one was not accepted
+  std::vector<std::string> warnings = {};  ///< of the script compiler and the writers
 };
 
-/// One parameter of a recipe; all are whole numbers (densities in thousandths).
-struct LayoutParameter {
-  const char* name;
-  int64_t default_value, low, high;
-  const char* help;
-};
-
-/// Names of the scenarios whose maps this build can draw.
+/// Names of the scenarios whose maps this build can draw, sorted.
 std::vector<std::string> layout_recipes();
+
+/// The recipe of a scenario. Errors: kNotFound naming the known ones.
+Expected<LayoutRecipe> layout_recipe(const std::string& scenario);
 
 /// The parameters of a recipe. Errors: kNotFound naming the known recipes.
 Expected<std::vector<LayoutParameter>> layout_parameters(const std::string& scenario);
 
-/// Draws the map of a scenario: a pure function of its arguments, the same bytes on every machine.
-/// Errors: kNotFound for an unknown scenario, kBadInput for a parameter that is unknown or out of range, or
-/// when none of 20 attempts passes the checks.
+/// Makes the WAD of a scenario. `scenario` is a name, or the path of a folder with a scenario.toml. With a
+/// recipe: a pure function of its arguments and the folder's files, the same bytes on every machine. Without
+/// one: the WAD that scenario.toml names (`wad = "arena.wad"`), as it is.
+/// Errors: kNotFound for an unknown scenario; kBadInput for a parameter that is unknown or out of range, or
+/// when none of 20 attempts passes the checks (with the last reason); kBadFormat of script.acs by file and
+/// line.
 Expected<GeneratedLayout> generate_layout(const std::string& scenario, const LayoutRequest& request);
+
+/// The text that script.acs finds as "layout.acs": seed, parameters, the recipe's own numbers and arrays.
+std::string layout_script_text(const LayoutInfo& info, const DrawnLayout& layout);
 
 }  // namespace comrad::scenarios

@@ -25,8 +25,10 @@ void RewardTracker::reset(std::span<const double> value) {
   std::copy(value.begin(), value.end(), before_.begin());
 }
 
-void RewardTracker::step(std::span<const double> value, std::span<float> reward) {
-  COMRAD_DCHECK(value.size() == before_.size() && static_cast<int>(reward.size()) == num_agents_,
+void RewardTracker::step(std::span<const double> value, std::span<float> reward,
+                         std::span<const uint8_t> pays) {
+  COMRAD_DCHECK(value.size() == before_.size() && static_cast<int>(reward.size()) == num_agents_ &&
+                    (pays.empty() || pays.size() == value.size()),
                 "one value per term and agent");
   for (int agent = 0; agent < num_agents_; ++agent) {
     double sum = 0.0;
@@ -56,6 +58,7 @@ void RewardTracker::step(std::span<const double> value, std::span<float> reward)
           break;
       }
       before = term.kind == Kind::kNewMax ? std::max(before, now) : now;
+      if (!pays.empty() && pays[i * num_agents_ + agent] == 0) continue;
       if (term.cap > 0.0) amount = std::clamp(amount, -term.cap, term.cap);
       sum += term.weight * amount;
     }

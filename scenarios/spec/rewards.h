@@ -10,10 +10,14 @@
 //
 //   reward += weight * clip(amount, +-cap)      (cap 0: no clip; per_agent: weight / N)
 //
+// A term with `when` or `unless` pays only in decisions that these variables allow; what it remembers goes on
+// all the same.
+//
 // "Before" starts at the true value at reset, so the first decision pays for what happened in it and nothing
 // else.
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <string>
 #include <vector>
@@ -39,7 +43,8 @@ class RewardTracker {
   /// Adds nothing up from before: writes the rewards of one decision.
   ///   value   [term, N]  variables after the decision
   ///   reward  [N]        written
-  void step(std::span<const double> value, std::span<float> reward);
+  ///   pays    [term, N]  0 where the term's `when` or `unless` shuts it; empty: every term pays
+  void step(std::span<const double> value, std::span<float> reward, std::span<const uint8_t> pays = {});
 
  private:
   enum class Kind { kDelta, kRise, kFall, kNewMax, kValue, kEvent };

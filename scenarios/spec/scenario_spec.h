@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,19 +23,30 @@ struct ActionHead {
 /// One component of the measurement vector: clip(variable * scale + offset).
 struct MeasurementTerm {
   std::string variable;
+  int agent_stride = 0;  ///< agent i reads USER(k + i * stride)
   double scale = 1.0, offset = 0.0;
-  double clip = 0.0;  ///< 0: none, else +- clip
+  double clip = 0.0;                ///< 0: none, else +- clip
+  std::optional<double> low, high;  ///< further bounds
 };
 
 /// One reward term over a game variable (HEALTH, DEAD, USER4, ...), design section 10.
 struct RewardTerm {
   std::string name;
   std::string variable;
-  std::string kind;  ///< delta, rise, fall, new_max, value, event
+  int agent_stride = 0;  ///< agent i reads USER(k + i * stride): one global for each player
+  std::string kind;      ///< delta, rise, fall, new_max, value, event
   double weight = 0.0;
   std::string scope = "own";  ///< own | team (a team variable; weight is divided by N when per_agent)
   double cap = 0.0;           ///< 0: none
   bool per_agent = false;     ///< divide the weight by N
+  /// Variables, or empty: the term pays only in decisions after which `when` is not 0 and `unless` is 0.
+  std::string when = {}, unless = {};
+};
+
+/// What one agent may not choose: of one head only `allowed` ("none" and buttons).
+struct MaskTerm {
+  int agent = 0, head = 0;
+  std::vector<std::string> allowed;
 };
 
 struct ScenarioSpec {
@@ -45,23 +57,29 @@ struct ScenarioSpec {
   std::vector<ActionHead> heads;
   int decision_limit = 0;
   bool respawn = false;
+  int respawn_delay_tics = 0;
   double shared_reward_alpha = 0.0;
-  std::string score;  ///< what J is: survival_tics, ...
+  std::string score;  ///< what J is: survival_tics, return, or a game variable at the end
+  int score_agent_stride = 0;
+  double score_scale = 1.0;   ///< J = variable * scale
+  std::string score_divisor;  ///< a game variable that J is divided by (1 where it is 0); empty: none
   double ceiling = 0.0;
+  std::string wad;  ///< a scenario without recipe: its map, in its folder
   std::vector<MeasurementTerm> measurements;
   std::vector<RewardTerm> rewards;
-  bool hud = true, crosshair = false, screen_flashes = true;
+  std::vector<MaskTerm> masks;
+  bool hud = true, crosshair = false, screen_flashes = true, weapon = true;
   SettingsLayer training;  ///< default training settings of this scenario
   std::string folder;      ///< where scenario.toml lies
 
   EnvShape shape(int num_agents, bool use_measurements) const;
 };
 
-/// Reads scenarios/<name>/scenario.toml below data_dir(). Errors: kNotFound listing the known names;
-/// kBadFormat with line, column and the offending key.
+/// Reads the scenario.toml of a scenario, by its name or by the path of its folder (scenario_files.h).
+/// Errors: kNotFound listing the known names; kBadFormat with line, column and the offending key.
 Expected<ScenarioSpec> load_scenario(const std::string& name);
 
-/// Names of all scenarios below data_dir(), sorted.
+/// Names of all scenarios below data_dir() and in COMRAD_SCENARIO_PATH, sorted.
 std::vector<std::string> list_scenarios();
 
 }  // namespace comrad::scenarios

@@ -1,11 +1,16 @@
-// comrad-doomgen NAME --seed N -o FILE: draws one layout of a scenario and writes it as a WAD.
+// comrad-doomgen NAME --seed N -o FILE: draws one layout of a scenario and writes it as a WAD; --pool draws
+// many. comrad-doomgen show FILE -o PNG: a map from above.
 #include <CLI/CLI.hpp>
 
 #include <cstdio>
 #include <string>
 #include <vector>
 
+#include "doomgen/layout/map_picture.h"
 #include "doomgen/layout/wad_writer.h"
+#include "doomgen/wad/binary_map_reader.h"
+#include "doomgen/wad/wad_reader.h"
+#include "scenarios/spec/layout_pool.h"
 #include "scenarios/spec/registry.h"
 
 namespace comrad {
@@ -13,31 +18,127 @@ namespace {
 
 int report(const Error& error) {
   std::fprintf(stderr, "comrad-doomgen: %s\n", error.message.c_str());
-  return error.code == ErrorCode::kBadInput || error.code == ErrorCode::kNotFound ? 2 : 1;
+  return error.code == ErrorCode::kSystem || error.code == ErrorCode::kNoSpace ? 1 : 2;
 }
 
 std::string parameter_help() {
   std::string text;
   for (const std::string& name : scenarios::layout_recipes()) {
-    text += "Layout parameters of " + name + " (--set name=value):\n";
+    text += "Layout parameters of " + name + " (--name value, or --set name=value):\n";
     const auto parameters = scenarios::layout_parameters(name);
     for (const scenarios::LayoutParameter& p : *parameters)
       text += "  " + std::string(p.name) + " = " + std::to_string(p.default_value) + ": " + p.help + "\n";
   }
-  return text;
+  return text + "A map from above: comrad-doomgen show FILE.wad -o PICTURE.png\n";
+}
+
+Expected<wad::UdmfMap> read_map(const std::string& path, std::string name) {
+  COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::open(path));
+  if (name.empty()) {
+    const std::vector<std::string> names = wad.map_names();
+    if (names.empty()) return Error{ErrorCode::kNotFound, path + ": there is no map in it"};
+    name = names[0];
+  }
+  COMRAD_TRY_ASSIGN(const wad::MapLumps lumps, wad.find_map(name));
+  if (!lumps.textmap) return wad::read_binary_map(wad, lumps, path + ": " + name);
+  return wad::parse_udmf(wad.text(*lumps.textmap), path + ": TEXTMAP of " + name);
+}
+
+Status draw_picture(const std::string& path, const std::string& name, const std::string& out, int side) {
+  COMRAD_TRY_ASSIGN(const wad::UdmfMap map, read_map(path, name));
+  COMRAD_TRY_ASSIGN(const doomgen::Picture picture, doomgen::draw_map(map, side));
+  COMRAD_TRY(doomgen::write_file(out, doomgen::encode_png(picture)));
+  std::printf("%s: %dx%d pixels, %zu sectors, %zu lines, %zu things\n", out.c_str(), picture.width,
+              picture.height, map.sectors.size(), map.linedefs.size(), map.things.size());
+  return {};
+}
+
+int show(int argc, char** argv) {
+  std::string path, out, name;
+  int side = 1024;
+  CLI::App app("Draws a map from above: floors shaded by height, walls white, starts green, spots blue.",
+               "comrad-doomgen show");
+  app.add_option("file", path, "WAD to look at")->required();
+  app.add_option("-o,--out", out, "PNG file to write")->required();
+  app.add_option("--map", name, "map in the WAD; its first one by default");
+  app.add_option("--size", side, "pixels of the longer side")->capture_default_str();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  const Status drawn = draw_picture(path, name, out, side);
+  return drawn ? 0 : report(drawn.error());
+}
+
+/// "--name value" and "--name=value", which the parser does not know, are layout parameters.
+Status take_parameters(const std::vector<std::string>& words, scenarios::LayoutRequest& request) {
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    const std::string& word = words[i];
+    if (!word.starts_with("--"))
+      return Error{ErrorCode::kBadInput, "'" + word + "' is not understood; parameters are --name value"};
+    const std::size_t equals = word.find('=');
+    if (equals != std::string::npos) {
+      request.parameters.emplace_back(word.substr(2, equals - 2), word.substr(equals + 1));
+    } else {
+      if (i + 1 == words.size()) return Error{ErrorCode::kBadInput, word + " needs a value"};
+      request.parameters.emplace_back(word.substr(2), words[++i]);
+    }
+  }
+  return {};
+}
+
+int make_one(const std::string& name, const scenarios::LayoutRequest& request, const std::string& path) {
+  const Expected<scenarios::GeneratedLayout> layout = scenarios::generate_layout(name, request);
+  if (!layout) return report(layout.error());
+  for (const std::string& warning : layout->warnings)
+    std::fprintf(stderr, "comrad-doomgen: %s\n", warning.c_str());
+  for (const std::string& refusal : layout->refusals)
+    std::fprintf(stderr, "comrad-doomgen: refused, trying the next: %s\n", refusal.c_str());
+  if (const Status written = doomgen::write_file(path, layout->wad); !written) return report(written.error());
+  std::printf("%s: %s, seed %llu, attempt %d, %zu bytes, hash %016llx\n", path.c_str(), name.c_str(),
+              static_cast<unsigned long long>(request.seed), layout->info.attempt, layout->wad.size(),
+              static_cast<unsigned long long>(layout->content_hash));
+  return 0;
+}
+
+int make_many(const std::string& name, const scenarios::PoolRequest& request, const std::string& folder) {
+  int retries = 0;
+  const auto pool = scenarios::make_pool(
+      name, request, folder, [&](const scenarios::PoolEntry& entry) { retries += entry.retries; });
+  if (!pool) return report(pool.error());
+  std::printf("%s: %zu layouts of %s, %d retries, listed in %s\n", folder.c_str(), pool->size(), name.c_str(),
+              retries, scenarios::kPoolRegistryName);
+  return 0;
 }
 
 int run(int argc, char** argv) {
-  std::string name, path;
+  if (argc > 1 && std::string(argv[1]) == "show") return show(argc - 1, argv + 1);
+  std::string name, path, pool, format = "udmf";
   std::vector<std::string> settings;
-  scenarios::LayoutRequest request;
-  CLI::App app("Draws one layout of a scenario and writes it as a WAD.", "comrad-doomgen");
-  app.add_option("name", name, "scenario whose map is drawn")->required();
+  scenarios::PoolRequest many;
+  scenarios::LayoutRequest& request = many.layout;
+  CLI::App app("Draws layouts of a scenario and writes them as WADs.", "comrad-doomgen");
+  app.add_option("name,--scenario", name, "scenario whose map is drawn: a name, or the path of a folder")
+      ->required();
   app.add_option("--seed", request.seed, "seed of the layout")->capture_default_str();
-  app.add_option("-o,--out", path, "file to write")->required();
+  app.add_option("-o,--out", path, "file to write; with --pool the folder")->required();
   app.add_option("--num_agents", request.num_agents, "agents that must find a start; 0: the recipe's number")
       ->check(CLI::Range(0, 8));
   app.add_option("--set", settings, "a layout parameter as name=value; may be repeated");
+  app.add_option("--format", format, "map format")
+      ->check(CLI::IsMember({"udmf", "hexen"}))
+      ->capture_default_str();
+  app.add_flag("--nodes", request.nodes, "build nodes with zdbsp");
+  CLI::Option* pool_option =
+      app.add_option("--pool", pool,
+                     "draw a pool of layouts for training or evaluation; the two never share one")
+          ->check(CLI::IsMember({"train", "eval"}));
+  app.add_option("--count", many.count, "layouts of the pool")->capture_default_str()->needs(pool_option);
+  app.add_flag("--vary,!--no-vary", many.vary,
+               "layouts of the pool draw an option of each of the recipe's axes (default)")
+      ->needs(pool_option);
+  app.allow_extras();
   app.footer(parameter_help());
   try {
     app.parse(argc, argv);
@@ -50,13 +151,11 @@ int run(int argc, char** argv) {
       return report({ErrorCode::kBadInput, "--set " + setting + ": write name=value"});
     request.parameters.emplace_back(setting.substr(0, equals), setting.substr(equals + 1));
   }
-  const Expected<scenarios::GeneratedLayout> layout = scenarios::generate_layout(name, request);
-  if (!layout) return report(layout.error());
-  if (const Status written = doomgen::write_file(path, layout->wad); !written) return report(written.error());
-  std::printf("%s: %s, seed %llu, attempt %d, %zu bytes, hash %016llx\n", path.c_str(), name.c_str(),
-              static_cast<unsigned long long>(request.seed), layout->info.attempt, layout->wad.size(),
-              static_cast<unsigned long long>(layout->content_hash));
-  return 0;
+  if (const Status taken = take_parameters(app.remaining(), request); !taken) return report(taken.error());
+  request.format = format == "hexen" ? scenarios::MapFormat::kHexen : scenarios::MapFormat::kUdmf;
+  if (pool.empty()) return make_one(name, request, path);
+  many.kind = pool == "train" ? scenarios::PoolKind::kTrain : scenarios::PoolKind::kEval;
+  return make_many(name, many, path);
 }
 
 }  // namespace

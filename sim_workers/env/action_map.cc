@@ -1,5 +1,7 @@
 #include "sim_workers/env/action_map.h"
 
+#include "sim_workers/env/button_press.h"
+
 namespace comrad::sim {
 
 Expected<ActionMap> ActionMap::create(const std::vector<scenarios::ActionHead>& heads) {
@@ -9,6 +11,8 @@ Expected<ActionMap> ActionMap::create(const std::vector<scenarios::ActionHead>& 
     for (const std::string& name : head.buttons) {
       const auto button = scenarios::find_button(name);
       if (!button) return Error{ErrorCode::kBadInput, "'" + name + "' is no button"};
+      if (button->is_delta())
+        return Error{ErrorCode::kBadInput, "'" + name + "' takes a number, and a head of choices cannot give it one"};
       buttons.push_back(*button);
     }
   }
@@ -16,49 +20,24 @@ Expected<ActionMap> ActionMap::create(const std::vector<scenarios::ActionHead>& 
 }
 
 doom::Buttons ActionMap::buttons(std::span<const int32_t> choice) const {
-  using scenarios::ButtonKind;
   doom::Buttons pressed;
   for (std::size_t head = 0; head < heads_.size() && head < choice.size(); ++head) {
     const int32_t index = choice[head];
     if (index <= 0 || index > static_cast<int32_t>(heads_[head].size())) continue;
-    const scenarios::Button& button = heads_[head][index - 1];
-    switch (button.kind) {
-      case ButtonKind::kMoveForward:
-        pressed.forward = true;
-        break;
-      case ButtonKind::kMoveBackward:
-        pressed.backward = true;
-        break;
-      case ButtonKind::kMoveLeft:
-        pressed.left = true;
-        break;
-      case ButtonKind::kMoveRight:
-        pressed.right = true;
-        break;
-      case ButtonKind::kTurnLeft:
-        pressed.turn_left = true;
-        break;
-      case ButtonKind::kTurnRight:
-        pressed.turn_right = true;
-        break;
-      case ButtonKind::kAttack:
-        pressed.attack = true;
-        break;
-      case ButtonKind::kUse:
-        pressed.use = true;
-        break;
-      case ButtonKind::kJump:
-        pressed.jump = true;
-        break;
-      case ButtonKind::kSpeed:
-        pressed.speed = true;
-        break;
-      case ButtonKind::kSelectWeapon:
-        pressed.select_weapon = static_cast<int8_t>(button.slot);
-        break;
-    }
+    press(pressed, heads_[head][static_cast<std::size_t>(index) - 1]);
   }
   return pressed;
+}
+
+void ActionMap::choose(const doom::Buttons& pressed, std::span<int32_t> choice) const {
+  for (std::size_t head = 0; head < heads_.size() && head < choice.size(); ++head) {
+    choice[head] = 0;
+    for (std::size_t i = 0; i < heads_[head].size() && choice[head] == 0; ++i) {
+      doom::Buttons with = pressed;
+      press(with, heads_[head][i]);
+      if (with == pressed) choice[head] = static_cast<int32_t>(i) + 1;  // it was held already
+    }
+  }
 }
 
 }  // namespace comrad::sim

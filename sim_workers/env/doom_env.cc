@@ -14,29 +14,38 @@ constexpr int kSkill = 3;
 }  // namespace
 
 DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game)
-    : DoomEnvironment(game,
-                      game->rules != nullptr ? game->rules->make(game->layout, *game->catalog) : nullptr) {}
+    : DoomEnvironment(std::move(game), nullptr) {}
 
 DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game,
                                  std::unique_ptr<doom::ScriptHost> rules)
     : game_(std::move(game)),
       rules_(std::move(rules)),
       shape_(game_->spec.shape(game_->num_agents, game_->use_measurements)),
-      world_(game_->level, game_->catalog),
+      world_(game_->level, game_->catalog, game_->behavior),
       rewards_(game_->spec.rewards, game_->num_agents),
       buttons_(game_->num_agents),
       limit_tics_(std::min(kTicsPerDecision * game_->spec.decision_limit, kEngineLimitTics)) {
+  const auto variable_of = [](const std::string& name) {
+    const auto variable = scenarios::find_term_variable(name);
+    COMRAD_CHECK(variable.has_value(), "the loader refuses unknown variables");
+    return *variable;
+  };
+  const auto gate = [&](const std::string& name) {
+    return name.empty() ? std::nullopt : std::optional(variable_of(name));
+  };
   for (const scenarios::RewardTerm& term : game_->spec.rewards) {
-    const auto variable = scenarios::find_variable(term.variable);
-    COMRAD_CHECK(variable.has_value(), "the loader refuses unknown variables");
-    reward_readings_.push_back({*variable, term.scope == "team" && !variable->is_team_variable()});
+    const scenarios::GameVariable variable = variable_of(term.variable);
+    reward_readings_.push_back(
+        {variable, term.agent_stride,
+         term.scope == "team" && (!variable.is_team_variable() || term.agent_stride != 0), gate(term.when),
+         gate(term.unless)});
+    has_gates_ |= !term.when.empty() || !term.unless.empty();
   }
-  for (const scenarios::MeasurementTerm& term : game_->spec.measurements) {
-    const auto variable = scenarios::find_variable(term.variable);
-    COMRAD_CHECK(variable.has_value(), "the loader refuses unknown variables");
-    measurement_variables_.push_back(*variable);
-  }
+  for (const scenarios::MeasurementTerm& term : game_->spec.measurements)
+    measurement_variables_.push_back(variable_of(term.variable));
   reward_value_.resize(reward_readings_.size() * game_->num_agents);
+  if (has_gates_) reward_pays_.resize(reward_value_.size());
+  make_action_mask();
   step_.reward.resize(game_->num_agents);
   summary_.agent_score.resize(game_->num_agents);
   summary_.agent_return.resize(game_->num_agents);
@@ -46,24 +55,31 @@ void DoomEnvironment::reset(uint64_t episode_seed) {
   world_.reset({.player_count = game_->num_agents,
                 .seed = episode_seed,
                 .skill = kSkill,
-                .crosshair = game_->spec.crosshair},
+                .crosshair = game_->spec.crosshair,
+                .no_monsters = game_->no_monsters,
+                .forced_respawn = game_->spec.respawn,
+                .respawn_delay_tics = game_->spec.respawn_delay_tics},
                rules_.get());
-  read_reward_variables();
-  rewards_.reset(reward_value_);
   step_count_ = 0;
   std::fill(step_.reward.begin(), step_.reward.end(), 0.0f);
   step_.terminated = step_.truncated = false;
+  read_reward_variables();
+  rewards_.reset(reward_value_);
   std::fill(summary_.agent_return.begin(), summary_.agent_return.end(), 0.0f);
 }
 
 void DoomEnvironment::step(std::span<const int32_t> action) {
-  COMRAD_CHECK(!step_.episode_over(), "an episode that is over is reset before the next step");
   const std::size_t head_count = static_cast<std::size_t>(shape_.head_count);
   COMRAD_CHECK(action.size() == head_count * buttons_.size(), "an action has one choice per agent and head");
   for (std::size_t agent = 0; agent < buttons_.size(); ++agent)
     buttons_[agent] = game_->actions.buttons(action.subspan(agent * head_count, head_count));
+  press(buttons_);
+}
+
+void DoomEnvironment::press(std::span<const doom::Buttons> buttons) {
+  COMRAD_CHECK(!step_.episode_over(), "an episode that is over is reset before the next step");
   for (int i = 0; i < game_->frame_skip && !step_.episode_over(); ++i) {
-    world_.tic(buttons_);
+    world_.tic(buttons);
     if (world_.level_exited())
       step_.terminated = true;
     else if (world_.tic_count() >= limit_tics_)
@@ -71,10 +87,17 @@ void DoomEnvironment::step(std::span<const int32_t> action) {
   }
   ++step_count_;
   read_reward_variables();
-  rewards_.step(reward_value_, step_.reward);
+  rewards_.step(reward_value_, step_.reward, reward_pays_);
   for (std::size_t agent = 0; agent < buttons_.size(); ++agent)
     summary_.agent_return[agent] += step_.reward[agent];
   if (step_.episode_over()) finish_episode();
+}
+
+double DoomEnvironment::read(int agent, scenarios::GameVariable variable, int agent_stride) const {
+  if (variable.kind == scenarios::VariableKind::kTerminated) return step_.terminated;
+  if (variable.kind == scenarios::VariableKind::kTruncated) return step_.truncated;
+  variable.index += agent * agent_stride;
+  return read_variable(world_, agent, variable);
 }
 
 void DoomEnvironment::read_reward_variables() {
@@ -84,8 +107,28 @@ void DoomEnvironment::read_reward_variables() {
     double* const row = reward_value_.data() + i * num_agents;
     double sum = 0.0;
     for (int agent = 0; agent < num_agents; ++agent)
-      sum += row[agent] = read_variable(world_, agent, reading.variable);
+      sum += row[agent] = read(agent, reading.variable, reading.agent_stride);
     if (reading.is_team_sum) std::fill(row, row + num_agents, sum);
+    if (!has_gates_) continue;
+    for (int agent = 0; agent < num_agents; ++agent)
+      reward_pays_[i * num_agents + agent] = (!reading.when || read(agent, *reading.when) != 0.0) &&
+                                             (!reading.unless || read(agent, *reading.unless) == 0.0);
+  }
+}
+
+/// What each agent may choose: everything but what the scenario's masks take away.
+void DoomEnvironment::make_action_mask() {
+  const auto logit_count = static_cast<std::size_t>(shape_.logit_count());
+  action_mask_.assign(logit_count * game_->num_agents, 1);
+  for (const scenarios::MaskTerm& term : game_->spec.masks) {
+    if (term.agent >= game_->num_agents) continue;
+    std::size_t first = logit_count * term.agent;
+    for (int head = 0; head < term.head; ++head) first += shape_.head_sizes[head];
+    const std::vector<std::string>& buttons = game_->spec.heads[term.head].buttons;
+    for (int choice = 0; choice < shape_.head_sizes[term.head]; ++choice) {
+      const std::string name = choice == 0 ? "none" : buttons[choice - 1];
+      action_mask_[first + choice] = std::count(term.allowed.begin(), term.allowed.end(), name) > 0;
+    }
   }
 }
 
@@ -97,9 +140,15 @@ void DoomEnvironment::finish_episode() {
   float sum = 0.0f;
   for (int agent = 0; agent < game_->num_agents; ++agent) {
     float& own = summary_.agent_score[agent];
-    if (variable)
-      own = static_cast<float>(read_variable(world_, agent, *variable));
-    else if (score == "return")
+    if (variable) {
+      const scenarios::ScenarioSpec& spec = game_->spec;
+      double value = read(agent, *variable, spec.score_agent_stride) * spec.score_scale;
+      if (const auto divisor = scenarios::find_variable(spec.score_divisor)) {
+        const double by = read(agent, *divisor);
+        if (by != 0.0) value /= by;
+      }
+      own = static_cast<float>(value);
+    } else if (score == "return")
       own = summary_.agent_return[agent];
     else
       own = static_cast<float>(summary_.length_tics);  // survival_tics
@@ -114,12 +163,13 @@ void DoomEnvironment::observe_numbers(const ObservationTarget& target) const {
     for (int agent = 0; agent < num_agents; ++agent)
       for (int32_t i = 0; i < shape_.measurement_count; ++i) {
         const scenarios::MeasurementTerm& term = game_->spec.measurements[i];
-        double value = read_variable(world_, agent, measurement_variables_[i]) * term.scale + term.offset;
+        double value = read(agent, measurement_variables_[i], term.agent_stride) * term.scale + term.offset;
         if (term.clip > 0.0) value = std::clamp(value, -term.clip, term.clip);
+        if (term.low) value = std::max(value, *term.low);
+        if (term.high) value = std::min(value, *term.high);
         target.measurement[agent * shape_.measurement_count + i] = static_cast<float>(value);
       }
-  if (target.action_mask != nullptr)
-    std::fill_n(target.action_mask, num_agents * shape_.logit_count(), uint8_t{1});
+  if (target.action_mask != nullptr) std::copy(action_mask_.begin(), action_mask_.end(), target.action_mask);
   if (target.agent_active != nullptr)
     for (int agent = 0; agent < num_agents; ++agent)
       target.agent_active[agent] = game_->spec.respawn || world_.player(agent).alive;
@@ -128,7 +178,6 @@ void DoomEnvironment::observe_numbers(const ObservationTarget& target) const {
 uint64_t DoomEnvironment::state_hash() const {
   uint64_t hash = world_.hash();
   const auto mix = [&](uint64_t value) { hash = mix64(hash ^ value) + kGoldenGamma; };
-  if (const auto* rules = dynamic_cast<const NativeRules*>(rules_.get())) mix(rules->state_hash());
   mix(step_count_);
   mix(step_.terminated * 2u + step_.truncated);
   return hash;

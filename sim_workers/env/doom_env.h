@@ -5,17 +5,20 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
+#include "doomgen/wad/wad_reader.h"
+#include "scenarios/spec/layout_info.h"
 #include "scenarios/spec/rewards.h"
 #include "scenarios/spec/scenario_spec.h"
+#include "sim_workers/engine/acs/behavior.h"
 #include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/render/renderer.h"
 #include "sim_workers/env/action_map.h"
 #include "sim_workers/env/environment.h"
 #include "sim_workers/env/observation.h"
-#include "sim_workers/env/rules/native_rules.h"
 
 namespace comrad::sim {
 
@@ -26,11 +29,12 @@ struct DoomGame {
   uint64_t layout_id = 0;  ///< hash of the WAD
   std::shared_ptr<const doom::Level> level;
   std::shared_ptr<const doom::ActorCatalog> catalog;
+  std::shared_ptr<const doom::acs::Behavior> behavior;  ///< null: no scripts
   int num_agents = 2;
   int frame_skip = 4;
   bool use_measurements = false;
+  bool no_monsters = false;
   ActionMap actions;
-  const NativeRulesEntry* rules = nullptr;  ///< null: a world without rules
 };
 
 /// One environment. Time limits are tics: decision_limit counts decisions of 4 tics whatever frame_skip is,
@@ -38,18 +42,22 @@ struct DoomGame {
 class DoomEnvironment final : public Environment {
  public:
   explicit DoomEnvironment(std::shared_ptr<const DoomGame> game);
-  /// With rules of the caller's instead of the game's; may be null.
+  /// With rules in C++ besides the game's scripts; may be null.
   DoomEnvironment(std::shared_ptr<const DoomGame> game, std::unique_ptr<doom::ScriptHost> rules);
 
   const EnvShape& shape() const override { return shape_; }
   uint64_t layout_id() const override { return game_->layout_id; }
   void reset(uint64_t episode_seed) override;
   void step(std::span<const int32_t> action) override;
+  /// The same with what each agent presses [N], for frame_skip tics.
+  void press(std::span<const doom::Buttons> buttons);
   const Step& last_step() const override { return step_; }
   const EpisodeSummary& summary() const override { return summary_; }
   uint64_t state_hash() const override;
 
+  const DoomGame& game() const { return *game_; }
   const doom::World& world() const { return world_; }
+  doom::World& world() { return world_; }  ///< for tools that put things elsewhere
   /// Writes everything but the pictures.
   void observe_numbers(const ObservationTarget& target) const;
 
@@ -57,8 +65,12 @@ class DoomEnvironment final : public Environment {
   /// A reward or measurement variable, resolved.
   struct Reading {
     scenarios::GameVariable variable;
+    int agent_stride = 0;      ///< of a USER variable: agent i reads number index + i * stride
     bool is_team_sum = false;  ///< an agent's variable in a team term: summed over agents
+    std::optional<scenarios::GameVariable> when = {}, unless = {};  ///< the term pays only if these allow it
   };
+  double read(int agent, scenarios::GameVariable variable, int agent_stride = 0) const;
+  void make_action_mask();
   void read_reward_variables();
   void finish_episode();
 
@@ -69,7 +81,10 @@ class DoomEnvironment final : public Environment {
   std::vector<Reading> reward_readings_;
   std::vector<scenarios::GameVariable> measurement_variables_;
   scenarios::RewardTracker rewards_;
-  std::vector<double> reward_value_;    // [term, N]
+  std::vector<double> reward_value_;  // [term, N]
+  std::vector<uint8_t> reward_pays_;  // [term, N]; empty where no term has a gate
+  bool has_gates_ = false;
+  std::vector<uint8_t> action_mask_;    // [N, logits]
   std::vector<doom::Buttons> buttons_;  // [N]
   uint64_t limit_tics_;
   uint32_t step_count_ = 0;
@@ -96,8 +111,14 @@ class DoomEnvironmentSet final : public EnvironmentSet {
   std::vector<uint8_t> drawn_;  // [count * N, 3, height, width] where a filter brings them to size
 };
 
+/// make_doom_environments() by its own type.
+Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const EnvironmentOptions& options);
+
 /// Reads the scenario and its WAD: everything of a set but its renderer.
 /// Errors: kNotFound, kBadFormat, kBadInput as make_doom_environments().
 Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options);
+/// The same with a WAD that is open already; options.wad_path is not read.
+Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options,
+                                                         const wad::WadFile& wad);
 
 }  // namespace comrad::sim

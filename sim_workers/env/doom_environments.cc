@@ -8,7 +8,7 @@ Error bad_input(std::string message) { return Error{ErrorCode::kBadInput, std::m
 
 }  // namespace
 
-Expected<std::unique_ptr<EnvironmentSet>> make_doom_environments(const EnvironmentOptions& options) {
+Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const EnvironmentOptions& options) {
   if (options.count < 1 || options.count > 4096)
     return bad_input("num_envs_per_worker is " + std::to_string(options.count) + "; it must lie in 1..4096");
   COMRAD_TRY_ASSIGN(const ViewSize render_size, parse_view_size(options.render_size));
@@ -24,11 +24,16 @@ Expected<std::unique_ptr<EnvironmentSet>> make_doom_environments(const Environme
   render.status_bar = game->spec.hud;
   render.crosshair = game->spec.crosshair;
   render.screen_flashes = game->spec.screen_flashes;
+  render.weapon = game->spec.weapon;
   COMRAD_TRY_ASSIGN(std::unique_ptr<doom::Renderer> renderer, doom::Renderer::create(art, render));
   COMRAD_TRY(renderer->prepare(game->level, game->catalog));
-  std::unique_ptr<EnvironmentSet> set = std::make_unique<DoomEnvironmentSet>(
-      std::move(game), std::move(renderer), options.count, render_size, filter);
-  return set;
+  return std::make_unique<DoomEnvironmentSet>(std::move(game), std::move(renderer), options.count, render_size,
+                                              filter);
+}
+
+Expected<std::unique_ptr<EnvironmentSet>> make_doom_environments(const EnvironmentOptions& options) {
+  COMRAD_TRY_ASSIGN(std::unique_ptr<DoomEnvironmentSet> set, make_doom_environment_set(options));
+  return std::unique_ptr<EnvironmentSet>(std::move(set));
 }
 
 }  // namespace comrad::sim

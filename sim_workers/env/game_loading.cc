@@ -4,8 +4,9 @@
 
 #include "doomgen/layout/wad_writer.h"
 #include "doomgen/wad/wad_reader.h"
-#include "sim_workers/engine/map/level_loader.h"
+#include "rollout_buffer/core/log.h"
 #include "sim_workers/env/doom_env.h"
+#include "sim_workers/env/game_content.h"
 
 namespace comrad::sim {
 namespace {
@@ -36,6 +37,12 @@ uint64_t layout_id(const wad::WadFile& wad) {
 }  // namespace
 
 Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options) {
+  COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::open(options.wad_path));
+  return load_doom_game(options, wad);
+}
+
+Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options,
+                                                         const wad::WadFile& wad) {
   auto game = std::make_shared<DoomGame>();
   COMRAD_TRY_ASSIGN(game->spec, scenarios::load_scenario(options.scenario));
   const std::vector<int>& supported = game->spec.supported_agents;
@@ -52,24 +59,26 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
   game->use_measurements = options.use_measurements;
   COMRAD_TRY_ASSIGN(game->actions, ActionMap::create(game->spec.heads));
 
-  COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::open(options.wad_path));
-  COMRAD_TRY_ASSIGN(game->layout, read_layout_info(wad, options.scenario));
-  COMRAD_TRY_ASSIGN(game->level, doom::load_level(wad));
+  COMRAD_TRY_ASSIGN(game->layout, read_layout_info(wad, game->spec.name));
+  COMRAD_TRY_ASSIGN(GameContent content, load_game_content(wad));
+  // A map that somebody brought along may do without scripts; a generated one without them is a broken build.
+  if (content.behavior == nullptr && game->spec.wad.empty())
+    return Error{ErrorCode::kUnsupported,
+                 wad.path() + ": its map has no scripts (BEHAVIOR), which hold the rules of scenario " +
+                     options.scenario};
+  for (const std::string& warning : content.warnings) spdlog::warn("{}", warning);
+  game->level = std::move(content.level);
+  game->catalog = std::move(content.catalog);
+  game->behavior = std::move(content.behavior);
   game->layout_id = layout_id(wad);
   int start_count = 0;
   for (int player = 0; player < options.num_agents; ++player)
-    start_count +=
-        std::any_of(game->level->things.begin(), game->level->things.end(), [&](const doom::MapThing& thing) {
-          return thing.editor_number == (player < 4 ? player + 1 : 4001 + player - 4);
-        });
+    start_count += std::any_of(
+        game->level->things.begin(), game->level->things.end(),
+        [&](const doom::MapThing& thing) { return doom::player_of_start(thing.editor_number) == player; });
   if (start_count < options.num_agents)
-    return bad_input(options.wad_path + " has starts for " + std::to_string(start_count) +
-                     " players, not for " + std::to_string(options.num_agents));
-
-  COMRAD_TRY_ASSIGN(game->rules, find_native_rules(options.scenario));
-  auto catalog = std::make_shared<doom::ActorCatalog>();
-  game->rules->add_actors(*catalog);
-  game->catalog = std::move(catalog);
+    return bad_input(wad.path() + " has starts for " + std::to_string(start_count) + " players, not for " +
+                     std::to_string(options.num_agents));
   return std::shared_ptr<const DoomGame>(std::move(game));
 }
 

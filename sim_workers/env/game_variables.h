@@ -6,8 +6,10 @@
 
 namespace comrad::sim {
 
-/// One variable as `player` sees it. Positions and velocities in map units, angles in degrees, health never
-/// below 0; USERk is the raw number that the rules exported.
+/// One variable as `player` sees it. Positions and velocities in map units, angles in degrees (PITCH positive
+/// down, below 180), counts since the start of the episode; AMMOn is the ammunition of the weapons in slot n,
+/// WEAPONn how many of them are owned; USERk is the raw number that scripts exported. HEALTH is never below 0
+/// (ViZDoom's is after a death: read it from the body).
 double read_variable(const doom::World& world, int player, const scenarios::GameVariable& variable);
 
 }  // namespace comrad::sim

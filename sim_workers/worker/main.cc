@@ -17,6 +17,7 @@
 #include "rollout_buffer/shm/arena_socket.h"
 #include "scenarios/spec/scenario_spec.h"
 #include "sim_workers/env/environment.h"
+#include "sim_workers/oracle/oracle.h"
 #include "sim_workers/worker/bench.h"
 #include "sim_workers/worker/sim_worker.h"
 
@@ -34,6 +35,7 @@ struct Arguments {
   std::string arena;
   int worker_index = 0;
   bool evaluate = false;
+  bool oracle = false;
   double bench_seconds = 0;
 };
 
@@ -101,6 +103,13 @@ Status bench(const Arguments& arguments) {
   return {};
 }
 
+Expected<std::unique_ptr<sim::EnvironmentSet>> make_environments(const sim::EnvironmentOptions& options,
+                                                                bool oracle) {
+  if (!oracle) return sim::make_doom_environments(options);
+  COMRAD_TRY_ASSIGN(auto guided, sim::make_doom_environment_set(options));
+  return sim::OracleEnvironmentSet::create(std::move(guided));
+}
+
 Status work(const Arguments& arguments) {
   COMRAD_TRY_ASSIGN(const RunConfig config, load_settings(arguments.run_dir));
   shm::JoinRequest request;
@@ -110,8 +119,9 @@ Status work(const Arguments& arguments) {
   if (config.set_workers_cpu_affinity)
     pin_to_core(arguments.worker_index % static_cast<int>(std::max(1u, std::thread::hardware_concurrency())));
   COMRAD_TRY_ASSIGN(const auto environments,
-                    sim::make_doom_environments(environment_options(
-                        config, arena.shape().trajectory.env.num_agents, arena.shape().envs_per_worker)));
+                    make_environments(environment_options(config, arena.shape().trajectory.env.num_agents,
+                                                          arena.shape().envs_per_worker),
+                                      arguments.oracle));
   COMRAD_TRY_ASSIGN(const auto worker,
                     sim::SimWorker::create(*environments, arena,
                                            {.worker_index = arguments.worker_index,
@@ -136,6 +146,7 @@ int main(int argc, char** argv) {
   app.add_option("--worker_index", arguments.worker_index, "which simulator this is, from 0")
       ->check(CLI::NonNegativeNumber);
   app.add_flag("--evaluate", arguments.evaluate, "play a fixed number of episodes, record no trajectories");
+  app.add_flag("--oracle", arguments.oracle, "the scenario's scripted team plays, whatever the policy workers answer");
   const auto* bench_option =
       app.add_option("--bench", arguments.bench_seconds,
                      "no run: random actions for so many seconds, prints one JSON object")

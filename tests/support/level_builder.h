@@ -42,6 +42,28 @@ class LevelBuilder {
     ring({{left, bottom}, {left, top}, {right, top}, {right, bottom}}, inner, outer, line_flags);
     return *this;
   }
+  /// Areas side by side from west to east inside sector `outer`; the line between two has its front to the west.
+  LevelBuilder& row(uint32_t outer, const std::vector<uint32_t>& sectors, int left, int bottom, int width,
+                    int height) {
+    const auto first = static_cast<uint32_t>(level_.vertices.size());  // pairs, bottom and top
+    const auto count = static_cast<uint32_t>(sectors.size());
+    for (uint32_t i = 0; i <= count; ++i) {
+      const int x = left + static_cast<int>(i) * width;
+      level_.vertices.push_back({to_fixed(x), to_fixed(bottom)});
+      level_.vertices.push_back({to_fixed(x), to_fixed(bottom + height)});
+    }
+    for (uint32_t i = 0; i < count; ++i) {
+      two_sided(first + 2 * i + 1, first + 2 * i + 3, sectors[i], outer);
+      two_sided(first + 2 * i + 2, first + 2 * i, sectors[i], outer);
+    }
+    two_sided(first, first + 1, sectors[0], outer);
+    for (uint32_t i = 1; i < count; ++i)
+      two_sided(first + 2 * i + 1, first + 2 * i, sectors[i - 1], sectors[i]);
+    two_sided(first + 2 * count + 1, first + 2 * count, sectors[count - 1], outer);
+    return *this;
+  }
+  /// Linedefs count in the order in which they were made, four to a box.
+  Linedef& line(uint32_t index) { return level_.linedefs[index]; }
   LevelBuilder& thing(int editor_number, int x, int y, int angle_degrees = 0, int id = 0) {
     MapThing thing;
     thing.editor_number = editor_number;
@@ -71,6 +93,13 @@ class LevelBuilder {
       if (back_sector) line.back = side(*back_sector);
       level_.linedefs.push_back(line);
     }
+  }
+  void two_sided(uint32_t start, uint32_t end, uint32_t front_sector, uint32_t back_sector) {
+    Linedef line;
+    line.start = start, line.end = end;
+    line.flags = kLineTwoSided;
+    line.front = side(front_sector), line.back = side(back_sector);
+    level_.linedefs.push_back(line);
   }
   uint32_t side(uint32_t sector) {
     level_.sidedefs.push_back({"-", "-", "BRICK6", 0, 0, sector});

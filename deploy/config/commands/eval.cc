@@ -1,4 +1,4 @@
-// `comrad eval`: plays fresh episodes, keyed by the evaluation seed, with a trained or a random policy,
+// `comrad eval`: plays fresh episodes, keyed by the evaluation seed, with a trained, a scripted or a random policy,
 // through the same processes that training uses. Nothing is written into the run that is looked at.
 
 #include <unistd.h>
@@ -20,18 +20,19 @@ namespace comrad::deploy {
 namespace {
 
 struct Evaluation {
-  std::string policy;  ///< "random" or a run
+  std::string policy;  ///< "random", "oracle" or a run
   double episodes = 100;
   bool greedy = true;
   bool stochastic = false;
   bool json = false;
-  std::string checkpoint;  ///< file; empty for the random policy
+  std::string checkpoint;  ///< file; empty without a network
+  bool is_scripted() const { return policy == "random" || policy == "oracle"; }
 };
 
-/// The settings to evaluate with: a run's own, or new ones for the random policy.
+/// The settings to evaluate with: a run's own, or new ones where there is no run.
 Expected<MergedSettings> settings_for(Evaluation& evaluation, const UserSettings& user,
                                       const std::string& train_dir, int core_count) {
-  if (evaluation.policy == "random") return merge_new(user, describe_scenario, core_count);
+  if (evaluation.is_scripted()) return merge_new(user, describe_scenario, core_count);
   COMRAD_TRY_ASSIGN(const std::string run_dir, find_run(evaluation.policy, train_dir));
   COMRAD_TRY_ASSIGN(RunConfig run, load_run_config(run_dir + "/config.toml"));
   run.seed = RunConfig().seed;  // runs of different seeds meet the same evaluation episodes
@@ -87,10 +88,10 @@ void print_table(const nlohmann::ordered_json& summary, const std::string& score
 
 Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
   if (evaluation.policy.empty())
-    return Error{ErrorCode::kBadInput, "--policy is missing; give --policy random or --policy RUN"};
+    return Error{ErrorCode::kBadInput, "--policy is missing; give --policy random, oracle or RUN"};
   if (!(evaluation.episodes >= 1) || evaluation.episodes > 1e7)
     return Error{ErrorCode::kBadInput, "--episodes must be from 1 to 1e7"};
-  evaluation.greedy = evaluation.policy != "random" && evaluation.greedy && !evaluation.stochastic;
+  evaluation.greedy = !evaluation.is_scripted() && evaluation.greedy && !evaluation.stochastic;
 
   UserSettings user{line.config_file(), line.typed()};
   const int core_count = usable_cores();
@@ -111,7 +112,9 @@ Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
   plan.env = merged.scenario.env;
   plan.decision_limit = merged.scenario.decision_limit;
   plan.run_dir = run.path();
-  plan.policy = evaluation.checkpoint.empty() ? PolicySource::kRandom : PolicySource::kCheckpoint;
+  plan.policy = evaluation.policy == "oracle"   ? PolicySource::kOracle
+                : evaluation.policy == "random" ? PolicySource::kRandom
+                                                : PolicySource::kCheckpoint;
   plan.checkpoint = evaluation.checkpoint;
   plan.greedy = evaluation.greedy;
   plan.episodes = static_cast<uint64_t>(episodes);
@@ -135,11 +138,11 @@ Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
 int eval_command(Arguments arguments) {
   Evaluation evaluation;
   CommandLine line(
-      "eval --policy random|RUN [--episodes N] [--json] [settings]",
+      "eval --policy random|oracle|RUN [--episodes N] [--json] [settings]",
       "Plays N fresh episodes and reports the score J with its 95% confidence interval over episodes\n"
       "(Student t). RUN is a run directory or the name of an experiment below --train_dir; its own\n"
       "settings are taken from its config.toml. Episodes are keyed by --seed.");
-  line.add_option("policy", evaluation.policy, "NAME", "random, a run directory, or an experiment's name");
+  line.add_option("policy", evaluation.policy, "NAME", "random, oracle (the scenario's scripted team), a run directory, or an experiment's name");
   line.add_option("episodes", evaluation.episodes, "N", "episodes to play (default 100)");
   line.add_switch("greedy", evaluation.greedy, "take the most likely action (default True for a run)");
   line.add_switch("stochastic", evaluation.stochastic, "draw actions from the policy, as training does");

@@ -6,8 +6,11 @@
 namespace comrad::deploy {
 
 int scenarios_command(Arguments arguments) {
-  std::vector<std::string> command = {sibling_program("comrad-scenarios")};
+  // Pictures need the engine, which comrad-scenarios does not know.
+  const bool draws = !arguments.empty() && arguments[0].starts_with("--gallery");
+  std::vector<std::string> command = {sibling_program(draws ? "comrad-trace" : "comrad-scenarios")};
   command.insert(command.end(), arguments.begin(), arguments.end());
+  if (draws) return report_error("scenarios", replace_process(command));
   if (arguments.empty() || (arguments[0].starts_with("--") && arguments[0] != "--help"))
     command.insert(command.begin() + 1, "list");
   return report_error("scenarios", replace_process(command));

@@ -39,9 +39,8 @@ std::string read_whole(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-void print_skipped(const std::string& build, const std::vector<std::string>& skipped, int left_out) {
+void print_skipped(const std::string& log, const std::vector<std::string>& skipped, int left_out) {
   if (!skipped.empty()) {
-    const std::string log = read_whole(build + "/Testing/Temporary/LastTest.log");
     std::printf("Skipped, in whole or in part:\n");
     for (const std::string& test : skipped)
       for (const std::string& reason : skip_reasons(log, test))
@@ -78,7 +77,9 @@ Expected<int> run_suite(Arguments arguments) {
     std::fflush(stdout);
   };
   COMRAD_TRY_ASSIGN(const ProgramResult result, run_program(command, options));
-  print_skipped(build, skipped, chooses_labels ? 0 : count_label(build, "long"));
+  // Before count_label(): that call of ctest begins the file anew.
+  const std::string log = read_whole(build + "/Testing/Temporary/LastTest.log");
+  print_skipped(log, skipped, chooses_labels ? 0 : count_label(build, "long"));
   for (const std::string& line : closing) std::printf("%s\n", line.c_str());
   return result.exit_code == 0 ? kExitDone : kExitFailed;
 }

@@ -29,7 +29,8 @@ std::string automatic_name(const RunConfig& config) {
   char date[32];
   std::strftime(date, sizeof(date), "%Y%m%d_%H%M%S", &local);
   const char* job = std::getenv("SLURM_JOB_ID");
-  return config.scenario + "_" + algo + "_" + date + (job != nullptr ? std::string("_j") + job : "");
+  return scenario_file_name(config) + "_" + algo + "_" + date +
+         (job != nullptr ? std::string("_j") + job : "");
 }
 
 /// The settings of a run that will live in `run_dir`, where an earlier one may lie.

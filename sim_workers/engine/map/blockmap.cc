@@ -61,6 +61,7 @@ Blockmap Blockmap::build(const Level& level) {
   std::vector<std::pair<uint32_t, uint32_t>> entries;  // cell, line
   for (uint32_t index = 0; index < map.lines_.size(); ++index) {
     const BlockLine& line = map.lines_[index];
+    if (level.linedefs[index].in_polyobject) continue;
     const bool straight = line.x1 == line.x2 || line.y1 == line.y2;
     for (int row = map.row_of(line.box.bottom); row <= map.row_of(line.box.top); ++row) {
       for (int column = map.column_of(line.box.left); column <= map.column_of(line.box.right); ++column) {

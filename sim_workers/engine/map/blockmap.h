@@ -60,14 +60,19 @@ class Blockmap {
   /// in several cells may come more than once.
   template <typename Visit>
   void for_each_line(const Box& box, Visit&& visit) const {
+    for_each_line_in_cells(box,
+                           [&](const BlockLine& line) { return !line.box.overlaps(box) || visit(line); });
+  }
+  /// The same for every line in the cells that `box` touches.
+  template <typename Visit>
+  void for_each_line_in_cells(const Box& box, Visit&& visit) const {
     const int first_column = column_of(box.left), last_column = column_of(box.right);
     const int first_row = row_of(box.bottom), last_row = row_of(box.top);
     for (int row = first_row; row <= last_row; ++row) {
       for (int column = first_column; column <= last_column; ++column) {
         const std::size_t cell = static_cast<std::size_t>(row) * columns_ + column;
         for (uint32_t i = cell_begin_[cell]; i < cell_begin_[cell + 1]; ++i) {
-          const BlockLine& line = lines_[cell_lines_[i]];
-          if (line.box.overlaps(box) && !visit(line)) return;
+          if (!visit(lines_[cell_lines_[i]])) return;
         }
       }
     }

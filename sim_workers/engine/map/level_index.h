@@ -2,6 +2,10 @@
 // outline that tells the void (solid rock, also inside a pillar that is a hole of its sector) from the map.
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -16,7 +20,7 @@ class Outline {
   static Outline build(const Level& level) {
     Outline outline;
     for (const Linedef& linedef : level.linedefs)
-      if (!linedef.back)
+      if (!linedef.back && !linedef.in_polyobject)
         outline.edges_.push_back({level.vertices[linedef.start], level.vertices[linedef.end]});
     return outline;
   }
@@ -43,14 +47,33 @@ class Outline {
   std::vector<Edge> edges_;
 };
 
+/// Remembers what a level's worlds have complained about, so that each special that is not supported is
+/// reported once. No part of play. Threads: any.
+class OncePerSpecial {
+ public:
+  /// True the first time for this number.
+  bool first(int32_t number) {
+    const uint32_t index = std::min(static_cast<uint32_t>(number), kCount - 1);
+    return (bits_[index / 64].fetch_or(uint64_t{1} << (index % 64), std::memory_order_relaxed) >>
+                (index % 64) &
+            1) == 0;
+  }
+
+ private:
+  static constexpr uint32_t kCount = 512;  // the last is for all others
+  std::array<std::atomic<uint64_t>, kCount / 64> bits_{};
+};
+
 struct LevelIndex {
   Blockmap blockmap;
   SectorTree sectors;
   Outline outline;
+  std::shared_ptr<OncePerSpecial> warned_specials = std::make_shared<OncePerSpecial>();
 
   static std::shared_ptr<const LevelIndex> build(const Level& level) {
-    return std::make_shared<const LevelIndex>(
-        LevelIndex{Blockmap::build(level), SectorTree::build(level), Outline::build(level)});
+    return std::make_shared<const LevelIndex>(LevelIndex{Blockmap::build(level), SectorTree::build(level),
+                                                         Outline::build(level),
+                                                         std::make_shared<OncePerSpecial>()});
   }
 };
 

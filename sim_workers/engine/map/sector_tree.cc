@@ -18,6 +18,7 @@ class SectorTreeBuilder {
     std::vector<Seg> segs;
     for (uint32_t index = 0; index < level_.linedefs.size(); ++index) {
       const Linedef& linedef = level_.linedefs[index];
+      if (linedef.in_polyobject) continue;
       const Vertex& start = level_.vertices[linedef.start];
       const Vertex& end = level_.vertices[linedef.end];
       if (start.x == end.x && start.y == end.y)

@@ -5,7 +5,12 @@
 #include <cstdlib>
 
 #include "sim_workers/engine/map/level_index.h"
-#include "sim_workers/engine/play/pickups.h"
+#include "sim_workers/engine/play/damage.h"
+#include "sim_workers/engine/play/inventory.h"
+#include "sim_workers/engine/play/missiles.h"
+#include "sim_workers/engine/play/monsters.h"
+#include "sim_workers/engine/specials/line_specials.h"
+#include "sim_workers/engine/specials/movers.h"
 
 namespace comrad::doom {
 namespace {
@@ -23,130 +28,306 @@ bool moves_apart(const Actor& body, const Actor& other, Fixed x, Fixed y) {
   return present < reach && distance(x, y) >= present && (x != body.x || y != body.y);
 }
 
-/// The part of (dx, dy) that runs along `line`.
-void project_on(const BlockLine& line, Fixed& dx, Fixed& dy) {
-  if (line.dy() == 0) {
+/// The part of (dx, dy) that runs along a line of this direction.
+void project_on(int64_t line_dx, int64_t line_dy, Fixed& dx, Fixed& dy) {
+  if (line_dy == 0) {
     dy = 0;
-  } else if (line.dx() == 0) {
+  } else if (line_dx == 0) {
     dx = 0;
   } else {
     const __int128 length_squared =
-        static_cast<__int128>(line.dx()) * line.dx() + static_cast<__int128>(line.dy()) * line.dy();
-    const __int128 along = static_cast<__int128>(line.dx()) * dx + static_cast<__int128>(line.dy()) * dy;
-    dx = static_cast<Fixed>(along * line.dx() / length_squared);
-    dy = static_cast<Fixed>(along * line.dy() / length_squared);
+        static_cast<__int128>(line_dx) * line_dx + static_cast<__int128>(line_dy) * line_dy;
+    const __int128 along = static_cast<__int128>(line_dx) * dx + static_cast<__int128>(line_dy) * dy;
+    dx = static_cast<Fixed>(along * line_dx / length_squared);
+    dy = static_cast<Fixed>(along * line_dy / length_squared);
   }
+}
+
+bool is_polyobject_line(const WorldState& state, uint32_t line) {
+  for (const Polyobject& polyobject : state.movers.polyobjects)
+    if (std::find(polyobject.lines.begin(), polyobject.lines.end(), line) != polyobject.lines.end())
+      return true;
+  return false;
+}
+
+/// A line of a polyobject where it is now, as the blockmap packs lines.
+BlockLine moved_line(const World& world, uint32_t line, Fixed x1, Fixed y1, Fixed x2, Fixed y2) {
+  BlockLine moved = world.index().blockmap.lines()[line];
+  moved.x1 = x1, moved.y1 = y1, moved.x2 = x2, moved.y2 = y2;
+  moved.box = {std::min(x1, x2) - 1, std::max(x1, x2) + 1, std::min(y1, y2) - 1, std::max(y1, y2) + 1};
+  return moved;
+}
+
+/// Calls visit(line, flags) for the lines that may touch the box, polyobjects at their present place
+/// included.
+template <typename Visit>
+void for_each_line_near(const World& world, const Box& box, Visit&& visit) {
+  const WorldState& state = world.state();
+  const bool has_polyobjects = !state.movers.polyobjects.empty();
+  bool stopped = false;
+  world.index().blockmap.for_each_line(box, [&](const BlockLine& line) {
+    if (has_polyobjects && is_polyobject_line(state, line.linedef_index)) return true;
+    stopped = !visit(line, state.lines[line.linedef_index].flags);
+    return !stopped;
+  });
+  if (!has_polyobjects || stopped) return;
+  for_each_polyobject_line(world, box.left, box.right, box.bottom, box.top,
+                           [&](uint32_t index, Fixed x1, Fixed y1, Fixed x2, Fixed y2) {
+                             const BlockLine line = moved_line(world, index, x1, y1, x2, y2);
+                             return !line.box.overlaps(box) || visit(line, state.lines[index].flags);
+                           });
 }
 
 }  // namespace
 
-bool Movement::line_stops(const BlockLine& line, const Actor& body) const {
-  if (line.back_sector < 0 || (line.flags & (kLineBlocking | kLineBlockEverything)) != 0) return true;
-  const bool is_monster = body.player_index < 0 && world_.catalog()[body.type].shootable;
-  return is_monster && (line.flags & kLineBlockMonsters) != 0;
+bool Movement::line_stops(const BlockLine& line, uint32_t flags, const Actor& body) const {
+  if (line.back_sector < 0 || (flags & kLineBlockEverything) != 0) return true;
+  const bool missile = body.has(ActorFlag::kMissile);
+  if ((flags & kLineBlocking) != 0 && !missile) return true;
+  if ((flags & kLineBlockProjectiles) != 0 && missile) return true;
+  if ((flags & kLineBlockPlayers) != 0 && body.player_index >= 0) return true;
+  if ((flags & kLineBlockFloaters) != 0 && body.has(ActorFlag::kFloat)) return true;
+  return (flags & kLineBlockMonsters) != 0 && body.player_index < 0 && body.has(ActorFlag::kIsMonster) &&
+         !body.has(ActorFlag::kNoBlockMonsters);
+}
+
+bool Movement::missile_passes(Actor& missile, Actor& other) {
+  if (!other.has(ActorFlag::kShootable)) return !other.has(ActorFlag::kSolid);
+  if (other.id == missile.target_id) return true;  // whoever fired it
+  if (other.has(ActorFlag::kGhost) && missile.has(ActorFlag::kThruGhost)) return true;
+  Actor* source = world_.actor(missile.target_id);
+  // Kin do not hurt each other with missiles, unless a quarrel is the rule; players are never kin.
+  if (source != nullptr && source->player_index < 0 && other.player_index < 0) {
+    const auto species = [&](const Actor& actor) {
+      const ActorType& type = world_.type_of(actor);
+      return type.species != kNoType ? type.species : actor.type;
+    };
+    if (species(*source) == species(other) && !other.has(ActorFlag::kNoInfighting))
+      return false;  // it ends there
+  }
+  const int32_t damage = roll_damage(world_, missile.damage);
+  if (missile.has(ActorFlag::kRipper)) {
+    if (damage > 0) damage_actor(world_, other, &missile, source, damage, missile.damage_type);
+    return true;
+  }
+  if (damage > 0) damage_actor(world_, other, &missile, source, damage, missile.damage_type);
+  return false;
 }
 
 bool Movement::check_things(std::size_t slot, Fixed x, Fixed y, bool touch, PositionCheck& check) {
-  const ActorType& type = world_.catalog()[world_.actors_[slot].type];
-  const bool body_solid = type.solid && !world_.actors_[slot].is_corpse;
-  const bool takes_items = touch && world_.actors_[slot].player_index >= 0 && !world_.actors_[slot].is_corpse;
+  Actor& body = state_.actors[slot];
+  if (body.has(ActorFlag::kNoInteraction)) return true;
+  const bool missile = body.has(ActorFlag::kMissile);
+  const bool body_solid = (body.has(ActorFlag::kSolid) || missile) && !body.is_corpse();
+  const bool takes_items = touch && body.has(ActorFlag::kPickup) && !body.is_corpse();
+  const bool charges = touch && body.has(ActorFlag::kSkullFly);
   if (!body_solid && !takes_items) return true;
 
-  const Fixed radius = world_.actors_[slot].radius;
-  const Blockmap& blockmap = world_.index_->blockmap;
-  const Box reach = Box::around(x, y, radius + world_.radius_max_);
+  const Fixed radius = body.radius;
+  const Blockmap& blockmap = world_.index().blockmap;
+  const Box reach = Box::around(x, y, radius + state_.radius_max);
   // Items are taken after the scan, because taking one runs a script that may change the lists.
   std::array<std::size_t, kItemsPerMove> items;
   std::size_t item_count = 0;
   bool fits = true;
   const int first_column = blockmap.column_of(reach.left), last_column = blockmap.column_of(reach.right);
   const int first_row = blockmap.row_of(reach.bottom), last_row = blockmap.row_of(reach.top);
+  Actor* struck = nullptr;
   for (int row = first_row; row <= last_row && fits; ++row) {
     for (int column = first_column; column <= last_column && fits; ++column) {
-      int32_t next = world_.cell_heads_[static_cast<std::size_t>(row) * blockmap.columns() + column];
+      int32_t next = state_.cell_heads[static_cast<std::size_t>(row) * blockmap.columns() + column];
       while (next >= 0) {
         const auto other_slot = static_cast<std::size_t>(next);
-        next = world_.links_[other_slot].next;
+        next = state_.links[other_slot].next;
         if (other_slot == slot) continue;
-        const Actor& other = world_.actors_[other_slot];
+        Actor& other = state_.actors[other_slot];
         const int64_t distance = int64_t{other.radius} + radius;
         if (std::abs(int64_t{other.x} - x) >= distance || std::abs(int64_t{other.y} - y) >= distance)
           continue;
-        const ActorType& other_type = world_.catalog()[other.type];
-        if (other_type.pickup) {
+        if (other.has(ActorFlag::kSpecial)) {
           if (takes_items && item_count < items.size()) items[item_count++] = other_slot;
           continue;
         }
-        // Missiles, crushers and monsters hook in here.
-        if (!body_solid || !other_type.solid || other.is_corpse) continue;
-        const Actor& body = world_.actors_[slot];
+        if (missile) {
+          const int64_t pass = world_.type_of(other).projectile_pass_height;
+          const int64_t top = pass > 0   ? pass
+                              : pass < 0 ? int64_t{other.height} + pass
+                                         : int64_t{other.height};
+          if (body.z > int64_t{other.z} + top || int64_t{body.z} + body.height < other.z) continue;
+          if (!other.has(ActorFlag::kShootable) && !other.has(ActorFlag::kSolid)) continue;
+          if (other.id == body.target_id) continue;
+          if (touch) {
+            struck = &other, fits = false;
+            check.fits = false, check.blocked_by_actor = true, check.blocking_actor_id = other.id;
+            break;
+          }
+          if (other.has(ActorFlag::kSolid)) {
+            check.fits = fits = false;
+            check.blocked_by_actor = true, check.blocking_actor_id = other.id;
+            break;
+          }
+          continue;
+        }
+        if (!body_solid || !other.has(ActorFlag::kSolid) || other.is_corpse()) continue;
         if (body.z >= other.z + other.height) {
           check.floor_z = std::max(check.floor_z, other.z + other.height);
         } else if (body.z + body.height <= other.z) {
           check.ceiling_z = std::min(check.ceiling_z, other.z);
-        } else if (!moves_apart(body, other, x, y)) {
+        } else if (charges || !moves_apart(body, other, x, y)) {
           check.blocked_by_actor = true;
+          check.blocking_actor_id = other.id;
           check.fits = fits = false;
+          if (charges) struck = &other;
           break;
         }
       }
     }
   }
-  for (std::size_t i = 0; i < item_count; ++i) touch_item(slot, items[i]);
+  if (struck != nullptr && missile) {
+    if (missile_passes(body, *struck)) {
+      // A ripper goes through: what else is there waits for its next step.
+      check.fits = fits = true, check.blocked_by_actor = false, check.blocking_actor_id = 0;
+    }
+  } else if (struck != nullptr && charges) {
+    skull_struck(world_, body, struck);
+  }
+  for (std::size_t i = 0; i < item_count; ++i) {
+    if (state_.actors[items[i]].removed) continue;
+    touch_item(world_, state_.actors[slot], state_.actors[items[i]]);
+  }
   return fits;
 }
 
+bool Movement::check_line(const BlockLine& line, const Actor& body, PositionCheck& check) {
+  const uint32_t flags = state_.lines[line.linedef_index].flags;
+  if (line_stops(line, flags, body)) {
+    check.fits = false;
+    check.blocking_line = static_cast<int32_t>(line.linedef_index);
+    return false;
+  }
+  const Sector& front = state_.sectors[static_cast<std::size_t>(line.front_sector)];
+  const Sector& back = state_.sectors[static_cast<std::size_t>(line.back_sector)];
+  const Fixed ceiling = std::min(front.ceiling_height, back.ceiling_height);
+  if (ceiling < check.ceiling_z) {
+    check.ceiling_z = ceiling;
+    check.ceiling_line = static_cast<int32_t>(line.linedef_index);
+  }
+  const Fixed floor = std::max(front.floor_height, back.floor_height);
+  if (floor > check.floor_z) {
+    check.floor_z = floor;
+    check.floor_sector_index =
+        static_cast<uint32_t>(front.floor_height >= back.floor_height ? line.front_sector : line.back_sector);
+    check.blocking_line = static_cast<int32_t>(line.linedef_index);
+  }
+  check.lowest_floor_z = std::min({check.lowest_floor_z, front.floor_height, back.floor_height});
+  if (state_.lines[line.linedef_index].special != 0 && check.touched_count < check.touched_lines.size()) {
+    const auto end = check.touched_lines.begin() + static_cast<std::ptrdiff_t>(check.touched_count);
+    if (std::find(check.touched_lines.begin(), end, line.linedef_index) == end)
+      check.touched_lines[check.touched_count++] = line.linedef_index;
+  }
+  return true;
+}
+
 bool Movement::check_lines(std::size_t slot, Fixed x, Fixed y, PositionCheck& check) {
-  const Actor& body = world_.actors_[slot];
+  const Actor& body = state_.actors[slot];
   const Box box = Box::around(x, y, body.radius);
-  world_.index_->blockmap.for_each_line(box, [&](const BlockLine& line) {
-    if (!line.crosses(box)) return true;
-    if (line_stops(line, body)) {
-      check.fits = false;
-      return false;
-    }
-    const Sector& front = world_.sectors_[static_cast<std::size_t>(line.front_sector)];
-    const Sector& back = world_.sectors_[static_cast<std::size_t>(line.back_sector)];
-    check.ceiling_z = std::min({check.ceiling_z, front.ceiling_height, back.ceiling_height});
-    check.floor_z = std::max({check.floor_z, front.floor_height, back.floor_height});
-    check.lowest_floor_z = std::min({check.lowest_floor_z, front.floor_height, back.floor_height});
-    return true;
+  for_each_line_near(world_, box, [&](const BlockLine& line, uint32_t) {
+    return !line.crosses(box) || check_line(line, body, check);
   });
   return check.fits;
 }
 
 PositionCheck Movement::check_position(std::size_t slot, Fixed x, Fixed y, bool touch) {
   PositionCheck check;
-  check.sector_index = world_.index_->sectors.sector_at(x, y);
-  const Sector& sector = world_.sectors_[check.sector_index];
+  check.sector_index = check.floor_sector_index = world_.index().sectors.sector_at(x, y);
+  const Sector& sector = state_.sectors[check.sector_index];
   check.floor_z = check.lowest_floor_z = sector.floor_height;
   check.ceiling_z = sector.ceiling_height;
+  if (state_.actors[slot].has(ActorFlag::kNoClip)) return check;
   // Things first, as in Doom: an item is taken even where a wall then refuses the move.
   if (check_things(slot, x, y, touch, check)) check_lines(slot, x, y, check);
   return check;
 }
 
 void Movement::place(std::size_t slot, Fixed x, Fixed y, const PositionCheck& check) {
-  Actor& body = world_.actors_[slot];
-  world_.unlink(slot);
+  Actor& body = state_.actors[slot];
+  world_.unlink(body);
   body.x = x, body.y = y;
-  body.floor_z = check.floor_z, body.ceiling_z = check.ceiling_z;
-  body.sector_index = check.sector_index;
-  world_.link(slot);
+  body.floor_z = check.floor_z, body.ceiling_z = check.ceiling_z, body.dropoff_z = check.lowest_floor_z;
+  body.sector_index = check.sector_index, body.floor_sector_index = check.floor_sector_index;
+  world_.link(body);
 }
 
-bool Movement::try_move(std::size_t slot, Fixed x, Fixed y) {
-  const PositionCheck check = check_position(slot, x, y, true);
-  blocked_by_actor_ = check.blocked_by_actor;
-  if (!check.fits) return false;
-  const Actor& body = world_.actors_[slot];
-  if (int64_t{check.ceiling_z} - check.floor_z < body.height) return false;
-  if (int64_t{check.ceiling_z} - body.z < body.height) return false;
-  if (int64_t{check.floor_z} - body.z > kStepUpMax) return false;
-  // A monster looks at lowest_floor_z here; a player may walk off any ledge. Lines that act when crossed do
-  // so after place(), from the old to the new position.
+bool Movement::try_move(std::size_t slot, Fixed x, Fixed y) { return try_move_with_result(slot, x, y).moved; }
+
+MoveResult Movement::try_move_with_result(std::size_t slot, Fixed x, Fixed y) {
+  const MoveResult result = attempt_move(slot, x, y);
+  // Running into a line may be what it waits for.
+  if (!result.moved && result.blocking_line >= 0) {
+    const auto line = static_cast<uint32_t>(result.blocking_line);
+    const LineState& state = state_.lines[line];
+    Actor& body = state_.actors[slot];
+    if (state.special != 0 && (state.flags & kLinePlayerPush) != 0 && body.player_index >= 0 &&
+        !body.is_corpse())
+      activate_line(world_, line, body, world_.index().blockmap.lines()[line].side_of(body.x, body.y) <= 0,
+                    Activation::kPush);
+  }
+  return result;
+}
+
+MoveResult Movement::attempt_move(std::size_t slot, Fixed x, Fixed y) {
+  MoveResult result;
+  last_ = check_position(slot, x, y, true);
+  result.floor_z = last_.floor_z;
+  result.blocking_line = last_.blocking_line;
+  result.blocking_actor_id = last_.blocking_actor_id;
+  Actor& body = state_.actors[slot];
+  if (body.removed || !last_.fits) return result;
+  if (!body.has(ActorFlag::kNoClip)) {
+    if (int64_t{last_.ceiling_z} - last_.floor_z < body.height) {
+      if (result.blocking_line < 0) result.blocking_line = last_.ceiling_line;  // a shut door
+      return result;
+    }
+    result.float_ok = true;
+    if (int64_t{last_.ceiling_z} - body.z < body.height) {
+      if (result.blocking_line < 0) result.blocking_line = last_.ceiling_line;
+      return result;
+    }
+    const Fixed step = body.has(ActorFlag::kMissile) && !body.has(ActorFlag::kStepMissile)
+                           ? 0
+                           : world_.type_of(body).max_step_height;
+    if (int64_t{last_.floor_z} - body.z > step) return result;
+    // Monsters do not step where the ground below any part of them lies far under what holds them. Who stands
+    // on something above its floor counts from there.
+    if (body.has(ActorFlag::kIsMonster) && !body.is_corpse() && body.player_index < 0 &&
+        !body.has(ActorFlag::kDropOff) && !body.has(ActorFlag::kFloat) && !body.has(ActorFlag::kMissile)) {
+      const int64_t held_at = body.z == body.floor_z ? std::max(last_.floor_z, body.z) : last_.floor_z;
+      if (held_at - last_.lowest_floor_z > world_.type_of(body).max_dropoff_height) return result;
+    }
+  }
+  const Fixed old_x = body.x, old_y = body.y;
+  const PositionCheck check = last_;
   place(slot, x, y, check);
-  return true;
+  result.moved = true;
+  if (check.touched_count > 0 && !body.has(ActorFlag::kNoClip)) cross_lines(slot, old_x, old_y, check);
+  return result;
+}
+
+void Movement::cross_lines(std::size_t slot, Fixed old_x, Fixed old_y, const PositionCheck& check) {
+  Actor& body = state_.actors[slot];
+  if (body.is_corpse() || body.has(ActorFlag::kNoInteraction)) return;
+  const Activation how = body.player_index >= 0          ? Activation::kCross
+                         : body.has(ActorFlag::kMissile) ? Activation::kMissileCross
+                                                         : Activation::kMonsterCross;
+  const Fixed x = body.x, y = body.y;
+  for (std::size_t i = check.touched_count; i-- > 0;) {  // the last touched acts first, as in Doom
+    const BlockLine& line = world_.index().blockmap.lines()[check.touched_lines[i]];
+    // On the line counts as its back.
+    const bool was_front = line.side_of(old_x, old_y) > 0, is_front = line.side_of(x, y) > 0;
+    if (was_front == is_front) continue;
+    activate_line(world_, line.linedef_index, body, !was_front, how);
+    if (body.removed || body.x != x || body.y != y) return;  // teleported
+  }
 }
 
 void Movement::trace_corner(int64_t x, int64_t y, Fixed dx, Fixed dy, const Actor& body, WallHit& hit) const {
@@ -155,20 +336,30 @@ void Movement::trace_corner(int64_t x, int64_t y, Fixed dx, Fixed dy, const Acto
   };
   const Box box = {clamp_fixed(std::min(x, x + dx) - 1), clamp_fixed(std::max(x, x + dx) + 1),
                    clamp_fixed(std::min(y, y + dy) - 1), clamp_fixed(std::max(y, y + dy) + 1)};
-  world_.index_->blockmap.for_each_line(box, [&](const BlockLine& line) {
-    // Does the way cross the line? Both pairs of ends on different sides.
-    const int start_side = line.side_of(x, y), end_side = line.side_of(x + dx, y + dy);
-    if (start_side == end_side) return true;
-    const __int128 first =
-        static_cast<__int128>(dy) * (line.x1 - x) - static_cast<__int128>(dx) * (line.y1 - y);
-    const __int128 second =
-        static_cast<__int128>(dy) * (line.x2 - x) - static_cast<__int128>(dx) * (line.y2 - y);
-    if ((first > 0 && second > 0) || (first < 0 && second < 0)) return true;
+  // A quirk of Doom's: a short way meets every line of its cells as if the line had no ends.
+  constexpr Fixed kShortWay = to_fixed(16);
+  const bool endless = std::abs(int64_t{dx}) <= kShortWay && std::abs(int64_t{dy}) <= kShortWay;
+  const auto meet = [&](const BlockLine& line, uint32_t flags) {
+    // The side is taken from the upper half of a product alone, so that behind a line a strip counts as
+    // before it: 1/16 unit for a line of 16, 1/64 for one of 64.
+    const auto is_behind = [&line](int64_t px, int64_t py) {
+      const __int128 area =
+          static_cast<__int128>(py - line.y1) * line.dx() + static_cast<__int128>(line.x1 - px) * line.dy();
+      return (area >> 32) > 0;
+    };
+    if (is_behind(x, y) == is_behind(x + dx, y + dy)) return true;
+    if (!endless) {
+      const __int128 first =
+          static_cast<__int128>(dy) * (line.x1 - x) - static_cast<__int128>(dx) * (line.y1 - y);
+      const __int128 second =
+          static_cast<__int128>(dy) * (line.x2 - x) - static_cast<__int128>(dx) * (line.y2 - y);
+      if ((first > 0 && second > 0) || (first < 0 && second < 0)) return true;
+    }
     if (line.back_sector < 0) {
-      if (start_side < 0) return true;  // from behind there is nothing
-    } else if (!line_stops(line, body)) {
-      const Sector& front = world_.sectors_[static_cast<std::size_t>(line.front_sector)];
-      const Sector& back = world_.sectors_[static_cast<std::size_t>(line.back_sector)];
+      if (is_behind(body.x, body.y)) return true;  // from behind there is nothing
+    } else if (!line_stops(line, flags, body)) {
+      const Sector& front = state_.sectors[static_cast<std::size_t>(line.front_sector)];
+      const Sector& back = state_.sectors[static_cast<std::size_t>(line.back_sector)];
       const int64_t ceiling_z = std::min(front.ceiling_height, back.ceiling_height);
       const int64_t floor_z = std::max(front.floor_height, back.floor_height);
       if (ceiling_z - floor_z >= body.height && ceiling_z - body.z >= body.height &&
@@ -183,15 +374,24 @@ void Movement::trace_corner(int64_t x, int64_t y, Fixed dx, Fixed dy, const Acto
     // Rounded to nearest, as the traces show.
     const auto fraction =
         static_cast<int64_t>(((numerator << (kFracBits + 1)) + denominator) / (2 * denominator));
-    if (fraction >= 0 && fraction < hit.fraction) hit = {static_cast<Fixed>(fraction), &line};
+    if (fraction >= 0 && fraction <= kFracUnit && fraction < hit.fraction)
+      hit = {static_cast<Fixed>(fraction), true,
+             static_cast<Fixed>(std::clamp<int64_t>(line.dx(), INT32_MIN, INT32_MAX)),
+             static_cast<Fixed>(std::clamp<int64_t>(line.dy(), INT32_MIN, INT32_MAX))};
     return true;
-  });
+  };
+  if (!endless || !state_.movers.polyobjects.empty()) {
+    for_each_line_near(world_, box, meet);
+    return;
+  }
+  world_.index().blockmap.for_each_line_in_cells(
+      box, [&](const BlockLine& line) { return meet(line, state_.lines[line.linedef_index].flags); });
 }
 
 void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps) {
   for (int attempt = 0; attempt < kSlideTries; ++attempt) {
     // The three corners that lead the way.
-    const Actor& body = world_.actors_[slot];
+    const Actor& body = state_.actors[slot];
     const int64_t lead_x = int64_t{body.x} + (dx > 0 ? body.radius : -body.radius);
     const int64_t lead_y = int64_t{body.y} + (dy > 0 ? body.radius : -body.radius);
     const int64_t trail_x = int64_t{body.x} - (dx > 0 ? body.radius : -body.radius);
@@ -200,7 +400,7 @@ void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps
     trace_corner(lead_x, lead_y, dx, dy, body, hit);
     trace_corner(trail_x, lead_y, dx, dy, body, hit);
     trace_corner(lead_x, trail_y, dx, dy, body, hit);
-    if (hit.line == nullptr) break;
+    if (!hit.found) break;
 
     // Up to the wall, less a gap; the rest of the way along it.
     const Fixed free_fraction = hit.fraction - kSlideGap;
@@ -212,101 +412,186 @@ void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps
     // A quirk of corners: the next attempt starts from the rest of the way as it was, not as it was turned.
     dx = fixed_mul(dx, rest_fraction), dy = fixed_mul(dy, rest_fraction);
     Fixed along_x = dx, along_y = dy;
-    project_on(*hit.line, along_x, along_y);
-    Actor& moved = world_.actors_[slot];
+    project_on(hit.line_dx, hit.line_dy, along_x, along_y);
+    Actor& moved = state_.actors[slot];
     moved.velocity_x = along_x * steps, moved.velocity_y = along_y * steps;
     if (try_move(slot, moved.x + along_x, moved.y + along_y)) return;
   }
   // Wedged in, or stopped by something between the corners: one axis at a time.
-  if (!try_move(slot, world_.actors_[slot].x, world_.actors_[slot].y + dy))
-    try_move(slot, world_.actors_[slot].x + dx, world_.actors_[slot].y);
+  if (!try_move(slot, state_.actors[slot].x, state_.actors[slot].y + dy))
+    try_move(slot, state_.actors[slot].x + dx, state_.actors[slot].y);
 }
 
 void Movement::slide_along_body(std::size_t slot, Fixed x, Fixed y) {
-  if (try_move(slot, world_.actors_[slot].x, y)) {
-    world_.actors_[slot].velocity_x = 0;
-  } else if (try_move(slot, x, world_.actors_[slot].y)) {
-    world_.actors_[slot].velocity_y = 0;
+  if (try_move(slot, state_.actors[slot].x, y)) {
+    state_.actors[slot].velocity_x = 0;
+  } else if (try_move(slot, x, state_.actors[slot].y)) {
+    state_.actors[slot].velocity_y = 0;
   } else {
-    world_.actors_[slot].velocity_x = world_.actors_[slot].velocity_y = 0;
+    state_.actors[slot].velocity_x = state_.actors[slot].velocity_y = 0;
   }
+}
+
+void Movement::stop_missile(std::size_t slot) {
+  Actor& body = state_.actors[slot];
+  // A missile that meets the sky is gone without a bang.
+  if (!last_.blocked_by_actor && last_.ceiling_line >= 0 && !body.has(ActorFlag::kSkyExplode)) {
+    const BlockLine& line = world_.index().blockmap.lines()[static_cast<std::size_t>(last_.ceiling_line)];
+    const Sector& back = state_.sectors[static_cast<std::size_t>(std::max(line.back_sector, 0))];
+    if (line.back_sector >= 0 && back.ceiling_texture == "F_SKY1" &&
+        body.z + body.height > back.ceiling_height) {
+      world_.remove(body.id);
+      return;
+    }
+  }
+  if (!last_.blocked_by_actor && last_.blocking_line >= 0) {
+    const BlockLine& line = world_.index().blockmap.lines()[static_cast<std::size_t>(last_.blocking_line)];
+    if (state_.lines[line.linedef_index].special != 0)
+      activate_line(world_, line.linedef_index, body, line.side_of(body.x, body.y) <= 0, Activation::kImpact);
+    if (body.removed) return;
+  }
+  explode_missile(world_, body, world_.actor(last_.blocking_actor_id));
 }
 
 void Movement::move_horizontally(std::size_t slot, bool pushing) {
   {
-    const Actor& body = world_.actors_[slot];
+    const Actor& body = state_.actors[slot];
+    if (body.velocity_x == 0 && body.velocity_y == 0) {
+      if (body.has(ActorFlag::kSkullFly)) skull_struck(world_, state_.actors[slot], nullptr);
+      return;
+    }
     Fixed move_x = body.velocity_x, move_y = body.velocity_y;
-    if (move_x != 0 || move_y != 0) {
-      // No step longer than the body is wide, less one unit: nothing thick enough to stop it is jumped over.
-      const int64_t step_max = std::max<Fixed>(body.radius - kFracUnit, to_fixed(1));
-      const int64_t fastest = std::max(std::abs(int64_t{move_x}), std::abs(int64_t{move_y}));
-      const auto steps = static_cast<int>(1 + fastest / step_max);
-      Fixed start_x = body.x, start_y = body.y;
-      int done = 0;
-      for (int step = 1; step <= steps; ++step) {
-        const auto x = static_cast<Fixed>(start_x + int64_t{move_x} * (step - done) / steps);
-        const auto y = static_cast<Fixed>(start_y + int64_t{move_y} * (step - done) / steps);
-        if (try_move(slot, x, y)) continue;
-        if (blocked_by_actor_) {
+    const bool slides = body.player_index >= 0 || body.has(ActorFlag::kSlidesOnWalls);
+    // No step longer than the body is wide, less one unit: nothing thick enough to stop it is jumped over.
+    const int64_t step_max = std::max<Fixed>(body.radius - kFracUnit, to_fixed(1));
+    const int64_t fastest = std::max(std::abs(int64_t{move_x}), std::abs(int64_t{move_y}));
+    const auto steps = static_cast<int>(1 + fastest / step_max);
+    Fixed start_x = body.x, start_y = body.y;
+    int done = 0;
+    for (int step = 1; step <= steps; ++step) {
+      const auto x = static_cast<Fixed>(start_x + int64_t{move_x} * (step - done) / steps);
+      const auto y = static_cast<Fixed>(start_y + int64_t{move_y} * (step - done) / steps);
+      const Fixed speed_x = body.velocity_x, speed_y = body.velocity_y;
+      if (try_move(slot, x, y)) {
+        if (body.removed) return;
+        if (body.x == x && body.y == y && body.velocity_x == speed_x && body.velocity_y == speed_y) continue;
+        break;  // a line it crossed sent it elsewhere
+      }
+      if (body.removed) return;
+      if (slides) {
+        if (last_.blocked_by_actor) {
           slide_along_body(slot, x, y);
         } else {
-          slide_along_walls(slot, x - world_.actors_[slot].x, y - world_.actors_[slot].y, steps);
+          slide_along_walls(slot, x - state_.actors[slot].x, y - state_.actors[slot].y, steps);
         }
-        // The steps that are left go on from here with what is left of the velocity.
-        const Actor& slid = world_.actors_[slot];
-        move_x = slid.velocity_x, move_y = slid.velocity_y;
-        start_x = slid.x, start_y = slid.y;
-        done = step;
-        if (move_x == 0 && move_y == 0) break;
+        if (body.removed) return;
+      } else if (body.has(ActorFlag::kMissile)) {
+        stop_missile(slot);
+        return;
+      } else {
+        if (body.has(ActorFlag::kSkullFly) && !last_.blocked_by_actor)
+          skull_struck(world_, state_.actors[slot], nullptr);
+        state_.actors[slot].velocity_x = state_.actors[slot].velocity_y = 0;
+        return;
       }
+      // The steps that are left go on from here with what is left of the velocity.
+      const Actor& slid = state_.actors[slot];
+      move_x = slid.velocity_x, move_y = slid.velocity_y;
+      start_x = slid.x, start_y = slid.y;
+      done = step;
+      if (move_x == 0 && move_y == 0) break;
     }
   }
 
-  Actor& body = world_.actors_[slot];
-  if (body.z > body.floor_z) return;  // no friction in the air
+  Actor& body = state_.actors[slot];
+  if (body.has(ActorFlag::kMissile) || body.has(ActorFlag::kSkullFly)) return;  // these keep their speed
+  if (body.z > body.floor_z) return;                                            // no friction in the air
   if (!pushing && std::abs(body.velocity_x) < kStopSpeed && std::abs(body.velocity_y) < kStopSpeed) {
     body.velocity_x = body.velocity_y = 0;
   } else {
-    body.velocity_x = fixed_mul(body.velocity_x, kGroundFriction);
-    body.velocity_y = fixed_mul(body.velocity_y, kGroundFriction);
+    const Sector& ground = state_.sectors[body.sector_index];
+    const Fixed friction = ground.special_friction ? ground.friction : kGroundFriction;
+    body.velocity_x = fixed_mul(body.velocity_x, friction);
+    body.velocity_y = fixed_mul(body.velocity_y, friction);
   }
 }
 
 void Movement::move_vertically(std::size_t slot) {
-  Actor& body = world_.actors_[slot];
-  Player* player = body.player_index >= 0 && !body.is_corpse ? &world_.players_[body.player_index] : nullptr;
+  Actor& body = state_.actors[slot];
+  Player* player = body.player_index >= 0 && !body.is_corpse()
+                       ? &state_.players[static_cast<std::size_t>(body.player_index)]
+                       : nullptr;
   if (player != nullptr && body.z < body.floor_z) {
     // Stepped up: the eye stays where it was and catches up.
     player->view_height -= body.floor_z - body.z;
-    player->view_height_delta = (to_fixed(41) - player->view_height) >> 3;
+    player->view_height_delta = (player->eye_height - player->view_height) >> 3;
   }
-  body.z += body.velocity_z;
+  body.z = static_cast<Fixed>(
+      std::clamp<int64_t>(int64_t{body.z} + body.velocity_z, INT32_MIN / 2, INT32_MAX / 2));
+  // A flyer drifts to the height of its target.
+  if (body.has(ActorFlag::kFloat) && body.target_id != 0 && !body.has(ActorFlag::kSkullFly) &&
+      !body.has(ActorFlag::kInFloat) && !body.is_corpse()) {
+    if (const Actor* target = world_.actor(body.target_id)) {
+      const Fixed distance = approximate_distance(body.x - target->x, body.y - target->y);
+      const int64_t rise = int64_t{target->z} + (body.height >> 1) - body.z;
+      if (rise < 0 && distance < -3 * rise) body.z -= body.float_speed;
+      if (rise > 0 && distance < 3 * rise) body.z += body.float_speed;
+    }
+  }
+  const bool missile = body.has(ActorFlag::kMissile) && !body.has(ActorFlag::kNoClip);
   if (body.z <= body.floor_z) {
+    if (missile && body.z < body.floor_z && !body.has(ActorFlag::kFloorHugger)) {
+      body.z = body.floor_z;
+      explode_missile(world_, body, nullptr);
+      return;
+    }
     if (player != nullptr) {
       if (player->jump_tics < 0) player->jump_tics = kJumpDelayTics;
       if (body.velocity_z < -8 * kGravity) player->view_height_delta = body.velocity_z >> 3;
     }
     body.z = body.floor_z;
-    if (body.velocity_z < 0) body.velocity_z = 0;
-  } else if (!world_.catalog()[body.type].no_gravity) {
-    body.velocity_z -= kGravity;
+    if (body.has(ActorFlag::kSkullFly)) {
+      body.velocity_z = -body.velocity_z;
+    } else if (body.velocity_z < 0) {
+      body.velocity_z = 0;
+    }
+  } else if (!body.has(ActorFlag::kNoGravity)) {
+    const Fixed gravity =
+        body.gravity == kFracUnit ? state_.gravity : fixed_mul(state_.gravity, body.gravity);
+    body.velocity_z =
+        static_cast<Fixed>(std::max<int64_t>(int64_t{body.velocity_z} - gravity, -to_fixed(1000)));
   }
   if (int64_t{body.z} + body.height > body.ceiling_z) {
+    if (missile) {
+      body.z = std::max(body.ceiling_z - body.height, body.floor_z);
+      const Sector& sector = state_.sectors[body.sector_index];
+      if (sector.ceiling_texture == "F_SKY1" && !body.has(ActorFlag::kSkyExplode)) {
+        world_.remove(body.id);
+      } else {
+        explode_missile(world_, body, nullptr);
+      }
+      return;
+    }
+    if (body.has(ActorFlag::kSkullFly)) body.velocity_z = -body.velocity_z;
     if (body.velocity_z > 0) body.velocity_z = 0;
     body.z = std::max(body.ceiling_z - body.height, body.floor_z);
   }
 }
 
-void Movement::touch_item(std::size_t body_slot, std::size_t item_slot) {
-  const Actor& body = world_.actors_[body_slot];
-  const Actor& item = world_.actors_[item_slot];
-  if (item.removed || !within_reach(body, item)) return;
-  const int player_index = body.player_index;
-  if (!take_item(world_.players_[player_index], world_.catalog()[item.type])) return;
-  world_.actors_[body_slot].health = world_.players_[player_index].health;
-  const Actor taken = item;  // the script may spawn and move actors
-  world_.remove_slot(item_slot);
-  if (world_.scripts_ != nullptr) world_.scripts_->on_pickup(world_, player_index, taken);
+MoveResult try_move_monster(World& world, Actor& monster, Fixed x, Fixed y) {
+  return Movement(world).try_move_with_result(world.slot_of(monster), x, y);
+}
+
+PositionCheck look_again(World& world, Actor& actor) {
+  const PositionCheck check = Movement(world).check_position(world.slot_of(actor), actor.x, actor.y, false);
+  actor.floor_z = check.floor_z, actor.ceiling_z = check.ceiling_z, actor.dropoff_z = check.lowest_floor_z;
+  actor.sector_index = check.sector_index, actor.floor_sector_index = check.floor_sector_index;
+  return check;
+}
+
+bool fits_here(World& world, Actor& actor) {
+  const PositionCheck check = Movement(world).check_position(world.slot_of(actor), actor.x, actor.y, false);
+  return check.fits && actor.z >= check.floor_z && int64_t{actor.z} + actor.height <= check.ceiling_z;
 }
 
 }  // namespace comrad::doom

@@ -2,6 +2,7 @@
 // gravity. Works on one World. Stage: tic.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -17,27 +18,46 @@ constexpr Fixed kStopSpeed = 0x1000;       ///< slower than this and nothing pre
 constexpr Fixed kJumpSpeed = to_fixed(8);
 constexpr int kJumpDelayTics = 7;            ///< from the landing to the next jump
 constexpr Fixed kSlideGap = kFracUnit / 32;  ///< of a move, kept free before a wall
+constexpr std::size_t kTouchedLinesMax = 16;
 
 /// What a body meets at a position.
 struct PositionCheck {
   bool fits = true;               ///< no wall and no solid body in the way
   bool blocked_by_actor = false;  ///< the reason is a body, not a wall
-  Fixed floor_z = 0;              ///< highest floor below the body, tops of solid bodies below it included
-  Fixed ceiling_z = 0;            ///< lowest ceiling above it
-  Fixed lowest_floor_z = 0;       ///< bottom of the deepest drop it hangs over
-  uint32_t sector_index = 0;      ///< of its centre
+  uint32_t blocking_actor_id = 0;
+  int32_t blocking_line = -1;
+  Fixed floor_z = 0;                ///< highest floor below the body, tops of solid bodies below it included
+  Fixed ceiling_z = 0;              ///< lowest ceiling above it
+  Fixed lowest_floor_z = 0;         ///< bottom of the deepest drop it hangs over
+  uint32_t sector_index = 0;        ///< of its centre
+  uint32_t floor_sector_index = 0;  ///< that gives floor_z
+  int32_t ceiling_line = -1;        ///< line that lowers the ceiling, for missiles that vanish in the sky
+  std::array<uint32_t, kTouchedLinesMax> touched_lines{};  ///< with specials, two-sided
+  std::size_t touched_count = 0;
+};
+
+/// How a monster's or missile's step went.
+struct MoveResult {
+  bool moved = false;
+  bool float_ok = false;       ///< it would fit at another height
+  int32_t blocking_line = -1;  ///< linedef in the way
+  uint32_t blocking_actor_id = 0;
+  Fixed floor_z = 0;  ///< at the place asked for
+  explicit operator bool() const { return moved; }
 };
 
 /// Moves the actors of one world.
 class Movement {
  public:
-  explicit Movement(World& world) : world_(world) {}
+  explicit Movement(World& world) : world_(world), state_(world.state()) {}
 
-  /// Looks at (x, y) for the body in `slot`. With `touch` a player takes the items it overlaps there.
+  /// Looks at (x, y) for the body in `slot`. With `touch` a body that picks up takes the items it overlaps
+  /// there, and a missile strikes what it meets.
   PositionCheck check_position(std::size_t slot, Fixed x, Fixed y, bool touch);
 
-  /// Moves the body there if it fits and the step is not too high. Leaves z alone.
+  /// Moves the body there if it fits and the step is not too high. Leaves z alone. Lines it crosses act.
   bool try_move(std::size_t slot, Fixed x, Fixed y);
+  MoveResult try_move_with_result(std::size_t slot, Fixed x, Fixed y);
 
   /// A tic of inertia: velocity applied, slides, friction. `pushing`: its player holds a direction.
   void move_horizontally(std::size_t slot, bool pushing);
@@ -52,19 +72,36 @@ class Movement {
   /// The wall that a corner of the body would meet first on its way by (dx, dy).
   struct WallHit {
     Fixed fraction = kFracUnit + 1;  ///< of the way; above one: none
-    const BlockLine* line = nullptr;
+    bool found = false;
+    Fixed line_dx = 0, line_dy = 0;
   };
 
+  MoveResult attempt_move(std::size_t slot, Fixed x, Fixed y);
   bool check_things(std::size_t slot, Fixed x, Fixed y, bool touch, PositionCheck& check);
   bool check_lines(std::size_t slot, Fixed x, Fixed y, PositionCheck& check);
-  bool line_stops(const BlockLine& line, const Actor& body) const;
+  bool check_line(const BlockLine& line, const Actor& body, PositionCheck& check);
+  bool line_stops(const BlockLine& line, uint32_t flags, const Actor& body) const;
+  /// A missile meets a body: true where it flies on.
+  bool missile_passes(Actor& missile, Actor& other);
   void trace_corner(int64_t x, int64_t y, Fixed dx, Fixed dy, const Actor& body, WallHit& hit) const;
   void slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps);
   void slide_along_body(std::size_t slot, Fixed x, Fixed y);
-  void touch_item(std::size_t body_slot, std::size_t item_slot);
+  void cross_lines(std::size_t slot, Fixed old_x, Fixed old_y, const PositionCheck& check);
+  void stop_missile(std::size_t slot);
 
   World& world_;
-  bool blocked_by_actor_ = false;  // why the last try_move failed
+  WorldState& state_;
+  PositionCheck last_;  // of the last try_move
 };
+
+/// A step of a monster: no deep drops, doors are remembered. Floating ones may adjust their height
+/// afterwards.
+MoveResult try_move_monster(World& world, Actor& monster, Fixed x, Fixed y);
+
+/// What holds the body at its place, renewed (after a floor moved or a thing below it went away).
+PositionCheck look_again(World& world, Actor& actor);
+
+/// True where the body would fit at its own place now.
+bool fits_here(World& world, Actor& actor);
 
 }  // namespace comrad::doom

@@ -2,9 +2,12 @@
 
 #include <algorithm>
 
-#include "sim_workers/engine/play/actor_catalog.h"
+#include "sim_workers/engine/play/damage.h"
+#include "sim_workers/engine/play/hitscan.h"
+#include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/movement.h"
-#include "sim_workers/engine/play/specials.h"
+#include "sim_workers/engine/play/weapons.h"
+#include "sim_workers/engine/specials/line_specials.h"
 
 namespace comrad::doom {
 namespace {
@@ -15,7 +18,12 @@ constexpr int kSlowTurnTics = 5;
 // Pushes, in 1/32 unit per tic^2.
 constexpr int32_t kForwardWalk = 25, kForwardRun = 50, kSideWalk = 24, kSideRun = 40;
 constexpr Fixed kPushUnit = kFracUnit / 32;
-constexpr Fixed kAirControl = 256;  // factor of pushes in the air, 0.0039
+constexpr int kTurnAroundTics = 9;
+constexpr int32_t kLookWalk = 450, kLookRun = 512;
+constexpr Fixed kCrouchStep = kFracUnit / 12, kCrouchFactorMin = kFracUnit / 2;
+constexpr int64_t kPushMax = int64_t{to_fixed(1000)};
+constexpr int64_t kDegree = 0x40000000 / 90;  // as the limits of the pitch count it, a little short
+constexpr int64_t kPitchUpMax = -32 * kDegree, kPitchDownMax = 56 * kDegree;
 // The eye.
 constexpr Fixed kBobMax = to_fixed(16);
 constexpr Fixed kBobFactor = kFracUnit / 4;
@@ -26,41 +34,114 @@ constexpr Fixed kEyeRise = kFracUnit / 4;
 }  // namespace
 
 bool PlayerThinker::pushes(const Buttons& buttons) {
-  return buttons.forward != buttons.backward || buttons.left != buttons.right;
+  return forward_units(buttons) != 0 || side_units(buttons) != 0;
+}
+
+bool PlayerThinker::is_walking(const World& world, const Actor& body) {
+  const uint32_t first = world.type_of(body).state(StateLabel::kSee);
+  return first != kNoState && body.state >= first && body.state < first + 4;
+}
+
+int32_t PlayerThinker::forward_units(const Buttons& buttons) {
+  const int32_t keys =
+      (int32_t{buttons.forward} - int32_t{buttons.backward}) * (buttons.speed ? kForwardRun : kForwardWalk);
+  return std::clamp(keys + buttons.forward_delta, -kForwardRun, kForwardRun);
+}
+
+int32_t PlayerThinker::side_units(const Buttons& buttons) {
+  const bool strafing_right = buttons.right || (buttons.strafe && buttons.turn_right);
+  const bool strafing_left = buttons.left || (buttons.strafe && buttons.turn_left);
+  const int32_t keys =
+      (int32_t{strafing_right} - int32_t{strafing_left}) * (buttons.speed ? kSideRun : kSideWalk);
+  return std::clamp(keys + buttons.side_delta, -kForwardRun, kForwardRun);
 }
 
 void PlayerThinker::turn(Player& player, Actor& body, const Buttons& buttons) {
-  // The counter goes on while any turn is held, also across a change of direction.
-  player.turn_held_tics = buttons.turn_left || buttons.turn_right ? player.turn_held_tics + 1 : 0;
+  // Turning round takes nine tics in which nothing else turns.
+  if (player.turn_180_tics > 0) {
+    --player.turn_180_tics;
+    body.angle += kAngle180 / kTurnAroundTics;
+    return;
+  }
   const int32_t speed = player.turn_held_tics <= kSlowTurnTics ? kTurnSlow
                         : buttons.speed                        ? kTurnRun
                                                                : kTurnWalk;
-  const int32_t direction = int32_t{buttons.turn_left} - int32_t{buttons.turn_right};
-  body.angle += static_cast<Angle>(direction * speed) << 16;
+  const int32_t direction = buttons.strafe ? 0 : int32_t{buttons.turn_left} - int32_t{buttons.turn_right};
+  const int32_t units = direction * speed - buttons.yaw_delta;
+  body.angle += static_cast<Angle>(units) << 16;
+}
+
+void PlayerThinker::look(Actor& body, const Buttons& buttons) {
+  if (!world_.options().free_look) {
+    body.pitch = 0;
+    return;
+  }
+  const int32_t keys =
+      (int32_t{buttons.look_up} - int32_t{buttons.look_down}) * (buttons.speed ? kLookRun : kLookWalk);
+  const int64_t units = int64_t{keys} + buttons.pitch_delta;
+  if (units == 0) return;
+  const int64_t pitch = int64_t{static_cast<int32_t>(body.pitch)} - units * (1 << 16);
+  body.pitch =
+      static_cast<Angle>(static_cast<int32_t>(std::clamp<int64_t>(pitch, kPitchUpMax, kPitchDownMax)));
+}
+
+void PlayerThinker::crouch(Player& player, Actor& body, const Buttons& buttons) {
+  const bool presses = buttons.crouch && !buttons.jump && world_.options().allow_crouch;
+  const bool ducks = presses && !player.stands_up;
+  if (presses) player.stands_up = false;
+  Fixed wanted = player.crouch_factor;
+  if (ducks) {
+    wanted = std::max(wanted - kCrouchStep, kCrouchFactorMin);
+  } else if (wanted < kFracUnit && int64_t{body.z} + body.height < body.ceiling_z) {
+    wanted = std::min(wanted + kCrouchStep, kFracUnit);
+  }
+  if (wanted == player.crouch_factor) return;
+  const Fixed height = body.height;
+  body.height = fixed_mul(world_.type_of(body).height, wanted);
+  if (wanted > player.crouch_factor && !fits_here(world_, body)) {
+    body.height = height;
+    return;
+  }
+  player.crouch_factor = wanted;
+  player.view_height = eye_height(player);
+}
+
+Fixed PlayerThinker::eye_height(const Player& player) {
+  return fixed_mul(player.eye_height, player.crouch_factor);
 }
 
 void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
-  const bool on_ground = body.z <= body.floor_z;
+  const bool on_ground = player.on_ground;
+  const Fixed air_control = world_.state().air_control;
+  // Ice and mud.
+  const Sector& ground = world_.state().sectors[body.sector_index];
+  const int32_t move_factor = on_ground && ground.special_friction && body.z <= ground.floor_height
+                                  ? ground.move_factor
+                                  : kSectorMoveFactor;
+  // Scripts make players faster or slower (APROP_Speed); who crouches is slower too. 256 to a unit of the
+  // keys.
+  const auto strength_of = [&](int32_t units) {
+    return fixed_mul(fixed_mul(units * 256, body.speed), player.crouch_factor);
+  };
   const auto thrust = [&](int32_t strength, Angle angle) {
-    const Fixed force = on_ground ? strength * kPushUnit : fixed_mul(strength * kPushUnit, kAirControl);
+    const Fixed full =
+        static_cast<Fixed>(std::clamp<int64_t>(int64_t{strength} * move_factor / 256, -kPushMax, kPushMax));
+    const Fixed force = on_ground ? full : fixed_mul(full, air_control);
     body.velocity_x += fixed_mul(force, fine_cosine(angle));
     body.velocity_y += fixed_mul(force, fine_sine(angle));
   };
-  const int32_t forward =
-      (int32_t{buttons.forward} - int32_t{buttons.backward}) * (buttons.speed ? kForwardRun : kForwardWalk);
-  const int32_t side =
-      (int32_t{buttons.right} - int32_t{buttons.left}) * (buttons.speed ? kSideRun : kSideWalk);
+  const int32_t forward = strength_of(forward_units(buttons)), side = strength_of(side_units(buttons));
   if (forward != 0) thrust(forward, body.angle);
   if (side != 0) thrust(side, body.angle - kAngle90);
 
-  const ActorType& type = world_.catalog()[body.type];
-  const bool has_walk_frames = type.frames.size() > kPlayerDeathFrame;
-  if (has_walk_frames && (forward != 0 || side != 0) && body.frame_index == kPlayerIdleFrame)
-    world_.set_frame(body, kPlayerWalkFrame);
+  if ((forward != 0 || side != 0) && body.state == world_.type_of(body).state(StateLabel::kSpawn))
+    world_.set_label(body, StateLabel::kSee);
 
   if (player.jump_tics > 0) --player.jump_tics;
-  if (buttons.jump && on_ground && player.jump_tics == 0) {
-    body.velocity_z += kJumpSpeed;
+  if (buttons.jump && player.crouch_factor != kFracUnit) player.stands_up = true;
+  if (buttons.jump && player.crouch_factor == kFracUnit && on_ground && player.jump_tics == 0 &&
+      world_.options().allow_jump) {
+    body.velocity_z += player.jump_speed;
     player.jump_tics = -1;
   }
 }
@@ -69,6 +150,7 @@ void PlayerThinker::move_eye(Player& player, const Actor& body) {
   if (!player.alive) {
     player.view_height = std::max(player.view_height - kFracUnit, kEyeHeightDead);
     player.view_height_delta = 0;
+    player.bob = 0;
     player.view_z = body.z + player.view_height;
     return;
   }
@@ -76,14 +158,16 @@ void PlayerThinker::move_eye(Player& player, const Actor& body) {
   const int64_t speed_squared =
       (int64_t{body.velocity_x} * body.velocity_x + int64_t{body.velocity_y} * body.velocity_y) >> kFracBits;
   const auto bob = static_cast<Fixed>(std::min<int64_t>((speed_squared * kBobFactor) >> kFracBits, kBobMax));
+  player.bob = bob;
   const auto phase = static_cast<Angle>(8192 * world_.tic_count() / kBobTics) << 19;
   // The eye returns to its height after a step or a landing, faster and faster.
+  const Fixed normal = eye_height(player);
   player.view_height += player.view_height_delta;
-  if (player.view_height > kEyeHeight) {
-    player.view_height = kEyeHeight;
+  if (player.view_height > normal) {
+    player.view_height = normal;
     player.view_height_delta = 0;
-  } else if (player.view_height < kEyeHeight / 2) {
-    player.view_height = kEyeHeight / 2;
+  } else if (player.view_height < normal / 2) {
+    player.view_height = normal / 2;
     player.view_height_delta = std::max(player.view_height_delta, 1);
   }
   if (player.view_height_delta != 0) {
@@ -94,32 +178,65 @@ void PlayerThinker::move_eye(Player& player, const Actor& body) {
   player.view_z = std::min(player.view_z, body.ceiling_z - to_fixed(4));
 }
 
-void PlayerThinker::hurt_by_floor(int player_index) {
-  const Actor& body = world_.body(player_index);
-  const Sector& sector = world_.sectors()[body.sector_index];
-  if (sector.damage_amount <= 0 || body.z > sector.floor_height) return;
-  const uint64_t clock = world_.tic_count();
-  // The map's own damage counts from clock 0; what a script set at map start, from the first tic after it.
-  if (clock == 0 && sector.damage_amount != world_.level().sectors[body.sector_index].damage_amount) return;
-  const int32_t damage = floor_damage_due(sector, clock);
-  if (damage > 0) world_.damage_player(player_index, damage);
+void PlayerThinker::think_dead(int player_index, Player& player, Actor& body) {
+  move_eye(player, body);
+  tic_weapon(world_, player_index);
+  // The dead look at who killed them.
+  if (const Actor* attacker = world_.find_actor(player.attacker_id);
+      attacker != nullptr && attacker->id != body.id) {
+    const Angle wanted = angle_to(body.x, body.y, attacker->x, attacker->y);
+    const Angle difference = wanted - body.angle;
+    constexpr Angle kStep = kAngle90 / 18;
+    if (difference < kStep || difference > 0u - kStep) {
+      body.angle = wanted;
+    } else {
+      body.angle += difference < kAngle180 ? kStep : 0u - kStep;
+    }
+  }
+  if (player.respawn_tics > 0) {
+    --player.respawn_tics;
+    return;
+  }
+  if (world_.options().forced_respawn) world_.respawn_player(player_index);
 }
 
 void PlayerThinker::think(int player_index, const Buttons& buttons) {
-  Player& player = world_.players_[static_cast<std::size_t>(player_index)];
+  Player& player = world_.state().players[static_cast<std::size_t>(player_index)];
+  if (buttons.turn_180 && !player.buttons.turn_180 && player.turn_180_tics == 0)
+    player.turn_180_tics = kTurnAroundTics;
+  player.buttons = buttons;
   player.damage_flash = std::max(player.damage_flash - 1, 0);
   player.bonus_flash = std::max(player.bonus_flash - 1, 0);
-  Actor* body = world_.find_live(player.actor_id);
+  Actor* body = world_.actor(player.actor_id);
   if (body == nullptr) return;
   if (!player.alive) {
-    move_eye(player, *body);
+    think_dead(player_index, player, *body);
     return;
   }
-  turn(player, *body, buttons);
-  push(player, *body, buttons);
+  // Counted while any turn is held, also across a change of direction, and whether the turn counts or not.
+  player.turn_held_tics = buttons.turn_left || buttons.turn_right ? player.turn_held_tics + 1 : 0;
+  if (!player.totally_frozen) {
+    look(*body, buttons);
+    crouch(player, *body, buttons);
+    if (body->reaction_tics > 0) {
+      --body->reaction_tics;  // just born or teleported
+    } else {
+      turn(player, *body, buttons);
+      player.on_ground = body->z <= body->floor_z;
+      if (!player.frozen) push(player, *body, buttons);
+    }
+  }
   move_eye(player, *body);
-  // Attack, use and weapon changes hook in here.
-  hurt_by_floor(player_index);
+  tic_powers(world_, player_index);
+  if (!player.totally_frozen) {
+    choose_weapon(world_, player_index, buttons);
+    if (buttons.use && !player.use_down) use_lines(world_, *body);
+    player.use_down = buttons.use;
+    tic_weapon(world_, player_index);
+    player.attack_down = buttons.attack;
+  }
+  if (body->removed || !player.alive) return;
+  tic_player_in_sector(world_, player_index);
 }
 
 }  // namespace comrad::doom

@@ -6,7 +6,6 @@
 
 namespace comrad::doom {
 
-constexpr Fixed kEyeHeight = to_fixed(41);
 
 class PlayerThinker {
  public:
@@ -17,12 +16,20 @@ class PlayerThinker {
 
   /// True where the buttons push the body: opposite directions cancel.
   static bool pushes(const Buttons& buttons);
+  /// Push of the keys and deltas together, in 1/32 unit per tic^2; forward and right are positive.
+  static int32_t forward_units(const Buttons& buttons);
+  static int32_t side_units(const Buttons& buttons);
+  /// True in the four states of its walk.
+  static bool is_walking(const World& world, const Actor& body);
 
  private:
   void turn(Player& player, Actor& body, const Buttons& buttons);
+  void look(Actor& body, const Buttons& buttons);
+  void crouch(Player& player, Actor& body, const Buttons& buttons);
+  static Fixed eye_height(const Player& player);
   void push(Player& player, Actor& body, const Buttons& buttons);
   void move_eye(Player& player, const Actor& body);
-  void hurt_by_floor(int player_index);
+  void think_dead(int player_index, Player& player, Actor& body);
 
   World& world_;
 };

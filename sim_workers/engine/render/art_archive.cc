@@ -7,15 +7,14 @@
 #include <filesystem>
 #include <utility>
 
+#include "doomgen/wad/iwad_search.h"
 #include "doomgen/wad/wad_reader.h"
+#include "sim_workers/engine/render/png_image.h"
 
 namespace comrad::doom {
 namespace {
 
-constexpr const char* kIwadPlaces[] = {
-    "/usr/share/games/doom/freedoom2.wad", "/usr/local/share/games/doom/freedoom2.wad",
-    "/usr/share/doom/freedoom2.wad", "/usr/local/share/doom/freedoom2.wad"};
-constexpr int kMaxPictureSize = 4096;
+constexpr int kMaxPictureSize = 2048;  // an atlas holds no wider ones
 
 /// Little-endian reads that stay inside the lump.
 class LumpCursor {
@@ -66,6 +65,8 @@ Expected<IndexedImage> read_picture(std::span<const uint8_t> lump, std::string_v
                             " texels is not supported");
   if (!cursor.holds(8, 4 * static_cast<std::size_t>(image.width)))
     return broken(name, "the column table reaches past the end");
+  // Posts may overlap, but a lump that draws everything over and over is no picture.
+  int64_t budget = int64_t{4} * image.width * image.height + 1024;
   for (int x = 0; x < image.width; ++x) {
     std::size_t offset = cursor.u32(8 + 4 * static_cast<std::size_t>(x));
     int top = -1;
@@ -77,6 +78,8 @@ Expected<IndexedImage> read_picture(std::span<const uint8_t> lump, std::string_v
       const int length = cursor.u8(offset + 1);
       if (!cursor.holds(offset + 3, static_cast<std::size_t>(length) + 1))
         return broken(name, "a post of column " + std::to_string(x) + " reaches past the end");
+      budget -= length + 1;
+      if (budget < 0) return broken(name, "its posts overlap too often");
       top =
           delta <= top ? top + delta : delta;  // tall pictures: a smaller start is relative to the last post
       for (int i = 0; i < length; ++i)
@@ -105,32 +108,37 @@ Expected<IndexedImage> decode_picture(std::span<const uint8_t> lump, std::string
   return image;
 }
 
+/// The same for whatever a lump holds: Doom's columns, or a PNG whose colours go to the nearest of the
+/// palette.
+template <typename Plot>
+Expected<IndexedImage> ArtArchive::plot_picture(std::span<const uint8_t> lump, std::string_view name,
+                                                Plot&& plot) const {
+  if (!is_png(lump)) return read_picture(lump, name, plot);
+  COMRAD_TRY_ASSIGN(const RgbaImage source, decode_png(lump, name));
+  IndexedImage image;
+  image.width = source.width, image.height = source.height;
+  image.left_offset = source.left_offset, image.top_offset = source.top_offset;
+  std::unordered_map<uint32_t, uint8_t> known;  // pictures have few colours
+  const uint8_t* texel = source.rgba.data();
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x, texel += 4) {
+      if (texel[3] < 128) continue;
+      const uint32_t key = uint32_t{texel[0]} << 16 | uint32_t{texel[1]} << 8 | texel[2];
+      auto found = known.find(key);
+      if (found == known.end()) found = known.emplace(key, nearest({texel[0], texel[1], texel[2]})).first;
+      plot(x, y, found->second);
+    }
+  }
+  return image;
+}
+
 struct ArtArchive::Storage {
   std::vector<wad::WadFile> wads;
 };
 
 Expected<std::shared_ptr<const ArtArchive>> ArtArchive::open(const std::string& iwad_path,
                                                              const std::vector<std::string>& pwad_paths) {
-  std::string path = iwad_path;
-  if (path.empty()) {
-    const char* named = std::getenv("COMRAD_IWAD");
-    if (named != nullptr && *named != '\0') path = named;
-  }
-  std::error_code ignored;
-  if (path.empty()) {
-    for (const char* place : kIwadPlaces) {
-      if (!std::filesystem::exists(place, ignored)) continue;
-      path = place;
-      break;
-    }
-  }
-  if (path.empty() || !std::filesystem::exists(path, ignored)) {
-    std::string places = path;
-    if (path.empty())
-      for (const char* place : kIwadPlaces) places += (places.empty() ? "" : ", ") + std::string(place);
-    return Error{ErrorCode::kNotFound, "no freedoom2.wad found in " + places +
-                                           ": install the Debian package freedoom or set COMRAD_IWAD"};
-  }
+  COMRAD_TRY_ASSIGN(const std::string path, wad::find_iwad(iwad_path));
   auto storage = std::make_shared<Storage>();
   COMRAD_TRY_ASSIGN(wad::WadFile iwad, wad::WadFile::open(path));
   storage->wads.push_back(std::move(iwad));
@@ -187,7 +195,7 @@ Status ArtArchive::index_wad(std::span<const Lump> wad) {
     else if (space == Space::kFlats)
       flats_[name] = index;
     else if (space == Space::kSprites)
-      add_sprite_lump(index);
+      add_sprite_lump(index), sprite_lumps_[name] = index;
     else if (space == Space::kPatches)
       patches_[name] = index;
     else if (space == Space::kTextures)
@@ -223,17 +231,25 @@ Status ArtArchive::read_palette() {
     std::memcpy(palettes_[index].data(), palette->bytes.data() + index * 768, 768);
   for (int row = 0; row < kLightRowCount; ++row)
     std::memcpy(colormaps_[row].data(), colormap->bytes.data() + row * 256, 256);
+  colormaps_[kInverseRow] = colormaps_[0];
+  if (colormap->bytes.size() >= (kInverseRow + 1) * 256)
+    std::memcpy(colormaps_[kInverseRow].data(), colormap->bytes.data() + kInverseRow * 256, 256);
+  twin_of_transparent_ = nearest(palettes_[0][kTransparentIndex]);
+  return {};
+}
+
+uint8_t ArtArchive::nearest(Color color) const {
+  uint8_t best = 1;
   int best_distance = INT32_MAX;
-  for (int index = 1; index < 256; ++index) {
+  for (std::size_t index = 1; index < 256; ++index) {
     int distance = 0;
-    for (int channel = 0; channel < 3; ++channel) {
-      const int difference = palettes_[0][index][channel] - palettes_[0][kTransparentIndex][channel];
+    for (std::size_t channel = 0; channel < 3; ++channel) {
+      const int difference = int{palettes_[0][index][channel]} - int{color[channel]};
       distance += difference * difference;
     }
-    if (distance < best_distance)
-      best_distance = distance, twin_of_transparent_ = static_cast<uint8_t>(index);
+    if (distance < best_distance) best_distance = distance, best = static_cast<uint8_t>(index);
   }
-  return {};
+  return best;
 }
 
 Status ArtArchive::read_textures(std::span<const uint8_t> lump, std::string_view lump_name,
@@ -309,9 +325,12 @@ void ArtArchive::finish(IndexedImage* image, const std::vector<bool>& covered) c
 
 Expected<IndexedImage> ArtArchive::sprite_image(uint32_t lump) const {
   if (lump >= lumps_.size()) return Error{ErrorCode::kNotFound, "no lump number " + std::to_string(lump)};
+  return picture(lumps_[lump]);
+}
+
+Expected<IndexedImage> ArtArchive::picture(const Lump& lump) const {
   std::vector<std::array<int, 3>> plotted;
-  COMRAD_TRY_ASSIGN(IndexedImage image,
-                    read_picture(lumps_[lump].bytes, lumps_[lump].name, [&](int x, int y, uint8_t index) {
+  COMRAD_TRY_ASSIGN(IndexedImage image, plot_picture(lump.bytes, lump.name, [&](int x, int y, uint8_t index) {
                       plotted.push_back({x, y, index});
                     }));
   image.texels.assign(static_cast<std::size_t>(image.width) * image.height, kTransparentIndex);
@@ -335,7 +354,7 @@ Expected<IndexedImage> ArtArchive::compose(const Texture& texture, std::string_v
     const auto among_patches = patches_.find(patch_name);
     const Lump* lump = among_patches != patches_.end() ? &lumps_[among_patches->second] : find(patch_name);
     if (lump == nullptr) continue;  // as Doom's descendants do: the texture keeps a hole
-    const auto drawn = read_picture(lump->bytes, patch_name, [&](int x, int y, uint8_t index) {
+    const auto drawn = plot_picture(lump->bytes, patch_name, [&](int x, int y, uint8_t index) {
       const int to_x = x + part.x, to_y = y + part.y;
       if (to_x < 0 || to_y < 0 || to_x >= image.width || to_y >= image.height) return;
       const std::size_t at = static_cast<std::size_t>(to_y) * image.width + to_x;
@@ -371,6 +390,7 @@ Expected<IndexedImage> ArtArchive::flat(std::string_view name) const {
     return Error{ErrorCode::kNotFound, "no flat named " + key + " in the IWAD or the PWADs"};
   }
   const std::span<const uint8_t> bytes = lumps_[found->second].bytes;
+  if (is_png(bytes)) return picture(lumps_[found->second]);
   int side = 64;  // larger squares are ZDoom's high-resolution flats
   for (int larger : {128, 256, 512})
     if (bytes.size() == static_cast<std::size_t>(larger) * larger) side = larger;
@@ -382,10 +402,23 @@ Expected<IndexedImage> ArtArchive::flat(std::string_view name) const {
 }
 
 Expected<IndexedImage> ArtArchive::graphic(std::string_view name) const {
-  const auto found = by_name_.find(upper(name));
-  if (found == by_name_.end())
-    return Error{ErrorCode::kNotFound, "no graphic named " + std::string(name) + " in the IWAD or the PWADs"};
-  return sprite_image(found->second);
+  const std::string key = upper(name);
+  if (const auto found = by_name_.find(key); found != by_name_.end()) return picture(lumps_[found->second]);
+  if (const auto found = sprite_lumps_.find(key); found != sprite_lumps_.end())
+    return picture(lumps_[found->second]);
+  if (const auto found = patches_.find(key); found != patches_.end()) return picture(lumps_[found->second]);
+  if (has_surface(key)) return wall(key);
+  return Error{ErrorCode::kNotFound, "no graphic named " + key + " in the IWAD or the PWADs"};
+}
+
+bool ArtArchive::has_graphic(std::string_view name) const {
+  const std::string key = upper(name);
+  return by_name_.contains(key) || sprite_lumps_.contains(key) || patches_.contains(key) || has_surface(key);
+}
+
+std::span<const uint8_t> ArtArchive::bytes(std::string_view name) const {
+  const Lump* lump = find(name);
+  return lump == nullptr ? std::span<const uint8_t>{} : lump->bytes;
 }
 
 const SpriteFrame* ArtArchive::sprite(std::string_view name, int letter_index) const {

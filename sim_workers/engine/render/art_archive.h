@@ -20,6 +20,7 @@ namespace comrad::doom {
 
 constexpr int kPaletteCount = 14;   ///< PLAYPAL: 0 plain, 1..8 red, 9..12 gold, 13 radiation suit
 constexpr int kLightRowCount = 32;  ///< COLORMAP rows from bright to dark
+constexpr int kInverseRow = 32;     ///< COLORMAP row of the invulnerable: bright and dark change places
 /// Palette index that means "nothing here" in a masked image; opaque texels of this index take a twin colour.
 constexpr uint8_t kTransparentIndex = 0;
 
@@ -47,12 +48,12 @@ struct SpriteFrame {
 };
 
 /// Decodes a picture in Doom's column format. `name` goes into the message.
-/// Errors: kBadFormat for sizes beyond 4096, columns or posts outside the lump.
+/// Errors: kBadFormat for sizes beyond 2048, columns or posts outside the lump.
 Expected<IndexedImage> decode_picture(std::span<const uint8_t> lump, std::string_view name);
 
 class ArtArchive {
  public:
-  /// Opens the IWAD at `iwad_path` (empty: $COMRAD_IWAD, then the places of kIwadPlaces) and then every PWAD,
+  /// Opens the IWAD at `iwad_path` (empty: $COMRAD_IWAD, then wad::find_iwad's places) and then every PWAD,
   /// whose lumps override those before. Errors: kNotFound without an IWAD; kBadFormat for a broken one
   /// (PLAYPAL, COLORMAP, PNAMES, TEXTURE1).
   static Expected<std::shared_ptr<const ArtArchive>> open(const std::string& iwad_path = {},
@@ -62,15 +63,21 @@ class ArtArchive {
 
   using Color = std::array<uint8_t, 3>;
   const std::array<Color, 256>& palette(int index) const { return palettes_[index]; }
+  /// Row 0..31 of the light table, or kInverseRow.
   const std::array<uint8_t, 256>& colormap(int row) const { return colormaps_[row]; }
+  /// The index of palette 0 that is nearest to a colour; never kTransparentIndex.
+  uint8_t nearest(Color color) const;
 
   // Wall textures and flats share one name space where a map says the one for the other (as ZDoom allows):
   // wall() looks among the textures first, flat() among the flats first.
   bool has_surface(std::string_view name) const;
   Expected<IndexedImage> wall(std::string_view name) const;
   Expected<IndexedImage> flat(std::string_view name) const;
-  /// A graphic outside the namespaces (status bar, faces).
+  /// A graphic by name: the status bar's, faces, letters; else a sprite's lump, a patch, a texture or a flat.
   Expected<IndexedImage> graphic(std::string_view name) const;
+  bool has_graphic(std::string_view name) const;
+  /// The bytes of a lump outside the namespaces (fonts); empty where there is none.
+  std::span<const uint8_t> bytes(std::string_view name) const;
 
   /// Frame `letter_index` (0 = A) of the four-letter sprite; nothing where no lump has it.
   const SpriteFrame* sprite(std::string_view name, int letter_index) const;
@@ -101,6 +108,10 @@ class ArtArchive {
                        const std::shared_ptr<const std::vector<std::string>>& patch_names);
   void add_sprite_lump(uint32_t lump);
   Expected<IndexedImage> compose(const Texture& texture, std::string_view name) const;
+  Expected<IndexedImage> picture(const Lump& lump) const;
+  template <typename Plot>
+  Expected<IndexedImage> plot_picture(std::span<const uint8_t> lump, std::string_view name,
+                                      Plot&& plot) const;
   void finish(IndexedImage* image, const std::vector<bool>& covered) const;
   const Lump* find(std::string_view name) const;
 
@@ -108,12 +119,13 @@ class ArtArchive {
   std::vector<Lump> lumps_;
   std::unordered_map<std::string, uint32_t> by_name_;  // last of a name wins
   std::unordered_map<std::string, uint32_t> flats_;
-  std::unordered_map<std::string, uint32_t> patches_;      // P_START..P_END, where a name exists twice
+  std::unordered_map<std::string, uint32_t> patches_;  // P_START..P_END, where a name exists twice
+  std::unordered_map<std::string, uint32_t> sprite_lumps_;
   std::unordered_map<std::string, uint32_t> textures_tx_;  // TX_START..TX_END: pictures that are textures
   std::unordered_map<std::string, Texture> textures_;
   std::map<std::string, std::map<int, SpriteFrame>, std::less<>> sprites_;
   std::array<std::array<Color, 256>, kPaletteCount> palettes_{};
-  std::array<std::array<uint8_t, 256>, kLightRowCount> colormaps_{};
+  std::array<std::array<uint8_t, 256>, kLightRowCount + 1> colormaps_{};
   uint8_t twin_of_transparent_ = kTransparentIndex;
 };
 

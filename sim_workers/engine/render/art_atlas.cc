@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "rollout_buffer/core/check.h"
+
 namespace comrad::doom {
 namespace {
 
@@ -23,7 +25,15 @@ IndexedImage make_checkerboard() {
 }  // namespace
 
 ArtAtlas::ArtAtlas(std::shared_ptr<const ArtArchive> archive)
-    : archive_(std::move(archive)), texels_(std::size_t{1} << kAddressBits) {
+    : archive_(std::move(archive)),
+      texels_(static_cast<uint8_t*>(std::calloc(std::size_t{1} << kAddressBits, 1))) {
+  COMRAD_CHECK(texels_ != nullptr, "memory for the atlas of textures");
+  clear();
+}
+
+void ArtAtlas::clear() {
+  shelves_.clear(), walls_.clear(), flats_.clear(), sprite_of_lump_.clear(), sprites_.clear();
+  next_top_ = 0;
   IndexedImage nothing;  // address 0 is what an undrawn pixel shows: index 0, Doom's black
   nothing.width = nothing.height = 1;
   nothing.texels = {0};
@@ -34,7 +44,7 @@ ArtAtlas::ArtAtlas(std::shared_ptr<const ArtArchive> archive)
 Expected<AtlasRegion> ArtAtlas::add(const IndexedImage& image) {
   const int width = image.width + kBorder, height = image.height + kBorder;
   if (width > kAtlasWidth)
-    return Error{ErrorCode::kNoSpace,
+    return Error{ErrorCode::kUnsupported,
                  "a picture " + std::to_string(image.width) + " texels wide does not fit the atlas"};
   Shelf* best = nullptr;
   for (Shelf& shelf : shelves_) {
@@ -55,12 +65,12 @@ Expected<AtlasRegion> ArtAtlas::add(const IndexedImage& image) {
   const int left = best->used_width, top = best->top;
   best->used_width += width;
   for (int y = 0; y < height; ++y) {
-    uint8_t* row = texels_.data() + static_cast<std::size_t>(top + y) * kAtlasWidth + left;
+    uint8_t* row = texels_.get() + static_cast<std::size_t>(top + y) * kAtlasWidth + left;
     const uint8_t* source = image.texels.data() + static_cast<std::size_t>(y % image.height) * image.width;
     std::memcpy(row, source, static_cast<std::size_t>(image.width));
     row[image.width] = source[0];
   }
-  ++version_;
+  changed_ = {std::min(changed_.first, top), std::max(changed_.second, top + height)};
   AtlasRegion region;
   region.address = static_cast<uint32_t>(top) << kAtlasWidthBits | static_cast<uint32_t>(left);
   region.width = static_cast<uint16_t>(image.width), region.height = static_cast<uint16_t>(image.height);
@@ -86,26 +96,37 @@ Expected<AtlasRegion> ArtAtlas::flat(std::string_view name) {
   return region;
 }
 
-Expected<int32_t> ArtAtlas::sprite_lump(uint32_t lump) {
-  if (const auto found = sprite_of_lump_.find(lump); found != sprite_of_lump_.end()) return found->second;
-  COMRAD_TRY_ASSIGN(const IndexedImage image, archive_->sprite_image(lump));
+Expected<int32_t> ArtAtlas::sprite_lump(uint32_t lump, const Translation* translation) {
+  std::pair<uint32_t, std::string> key(lump, {});
+  if (translation != nullptr) key.second.assign(translation->begin(), translation->end());
+  if (const auto found = sprite_of_lump_.find(key); found != sprite_of_lump_.end()) return found->second;
+  COMRAD_TRY_ASSIGN(IndexedImage image, archive_->sprite_image(lump));
+  if (translation != nullptr) {
+    for (uint8_t& texel : image.texels) {
+      if (texel == kTransparentIndex) continue;
+      const uint8_t other = (*translation)[texel];
+      texel = other == kTransparentIndex ? archive_->nearest(archive_->palette(0)[kTransparentIndex]) : other;
+    }
+  }
   COMRAD_TRY_ASSIGN(const AtlasRegion region, add(image));
   const auto index = static_cast<int32_t>(sprites_.size());
   sprites_.push_back({.region = region, .left_offset = image.left_offset, .top_offset = image.top_offset});
-  sprite_of_lump_.emplace(lump, index);
+  sprite_of_lump_.emplace(std::move(key), index);
   return index;
 }
 
-Expected<SpriteSides> ArtAtlas::sprite(std::string_view name, int letter_index) {
+Expected<SpriteSides> ArtAtlas::sprite(std::string_view name, int letter_index,
+                                       const Translation* translation) {
   const SpriteFrame* frame = archive_->sprite(name, letter_index);
   if (frame == nullptr)
     return Error{ErrorCode::kNotFound, "no sprite " + std::string(name) + " frame " +
                                            std::string(1, static_cast<char>('A' + letter_index)) +
                                            " in the IWAD or the PWADs"};
   SpriteSides sides;
+  sides.rotates = frame->rotates;
   for (std::size_t side = 0; side < 8; ++side) {
     if (!frame->views[side]) continue;
-    COMRAD_TRY_ASSIGN(sides.art[side], sprite_lump(frame->views[side]->lump));
+    COMRAD_TRY_ASSIGN(sides.art[side], sprite_lump(frame->views[side]->lump, translation));
     sides.mirrored[side] = frame->views[side]->mirrored;
   }
   return sides;

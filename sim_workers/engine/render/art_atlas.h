@@ -1,14 +1,18 @@
 // All texels that a renderer draws from, in one sheet of palette indices: walls, flats and sprites side by
-// side, so that everything draws with one texture bound. Filled when a level is registered, read by the
-// rasterizer (as a texture) and by the pass that turns texel addresses into colours. Stage: render.
+// side, so that everything draws with one texture bound. Filled when a level is registered and when a sprite
+// is first seen, read by the rasterizer (as a texture) and by the pass that turns texel addresses into
+// colours. Stage: render.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <cstdlib>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
@@ -19,10 +23,12 @@ namespace comrad::doom {
 
 constexpr int kAtlasWidthBits = 11;
 constexpr int kAtlasWidth = 1 << kAtlasWidthBits;
-constexpr int kAtlasHeightMax = 2048;
-/// A texel's address is y << kAtlasWidthBits | x, 22 bits; the light row lies above it.
-constexpr int kAddressBits = 22;
+constexpr int kAtlasHeightMax = 8192;
+/// A texel's address is y << kAtlasWidthBits | x, 24 bits. Above it lie 5 bits of light row and 3 of tint
+/// (or, in the blended layer, of blend).
+constexpr int kAddressBits = 24;
 constexpr uint32_t kAddressMask = (1u << kAddressBits) - 1;
+constexpr int kTintShift = 29;
 static_assert(kAtlasWidth * kAtlasHeightMax == 1 << kAddressBits);
 
 /// Where an image lies in the atlas.
@@ -43,7 +49,10 @@ struct SpriteArt {
 struct SpriteSides {
   std::array<int32_t, 8> art{-1, -1, -1, -1, -1, -1, -1, -1};
   std::array<bool, 8> mirrored{};
+  bool rotates = false;
 };
+
+using Translation = std::array<uint8_t, 256>;  ///< of palette indices
 
 class ArtAtlas {
  public:
@@ -52,32 +61,41 @@ class ArtAtlas {
   /// Errors: kNotFound, kBadFormat from the archive; kNoSpace when the atlas is full.
   Expected<AtlasRegion> wall(std::string_view name);
   Expected<AtlasRegion> flat(std::string_view name);
-  Expected<SpriteSides> sprite(std::string_view name, int letter_index);
+  /// A sprite's frame, in other colours where `translation` is not null.
+  Expected<SpriteSides> sprite(std::string_view name, int letter_index,
+                               const Translation* translation = nullptr);
   /// What stands in for an unknown texture.
   const AtlasRegion& checkerboard() const { return checkerboard_; }
+  /// Forgets everything: what was handed out before shows something else from now on.
+  void clear();
 
   const std::vector<SpriteArt>& sprites() const { return sprites_; }
   const ArtArchive& archive() const { return *archive_; }
-  const uint8_t* texels() const { return texels_.data(); }
+  const std::shared_ptr<const ArtArchive>& shared_archive() const { return archive_; }
+  const uint8_t* texels() const { return texels_.get(); }
   int height() const { return next_top_; }
-  /// Grows by one whenever the texels change, so that the texture can be brought up to date.
-  uint32_t version() const { return version_; }
+  /// Rows that changed since the last call, [first, second); first >= second for none.
+  std::pair<int, int> take_changes() { return std::exchange(changed_, {kAtlasHeightMax, 0}); }
 
  private:
   struct Shelf {
     int top = 0, height = 0, used_width = 0;
   };
+  struct Free {
+    void operator()(uint8_t* bytes) const { std::free(bytes); }
+  };
   Expected<AtlasRegion> add(const IndexedImage& image);
-  Expected<int32_t> sprite_lump(uint32_t lump);
+  Expected<int32_t> sprite_lump(uint32_t lump, const Translation* translation);
 
   std::shared_ptr<const ArtArchive> archive_;
-  std::vector<uint8_t> texels_;  // always the full size: any 22-bit address is inside
+  std::unique_ptr<uint8_t, Free>
+      texels_;  // the full size, so any address is inside; unused pages cost nothing
   std::vector<Shelf> shelves_;
   int next_top_ = 0;
-  uint32_t version_ = 0;
+  std::pair<int, int> changed_{kAtlasHeightMax, 0};
   AtlasRegion checkerboard_;
   std::unordered_map<std::string, AtlasRegion> walls_, flats_;
-  std::unordered_map<uint32_t, int32_t> sprite_of_lump_;
+  std::map<std::pair<uint32_t, std::string>, int32_t> sprite_of_lump_;  // lump, translation
   std::vector<SpriteArt> sprites_;
 };
 

@@ -1,8 +1,11 @@
-// comrad-bench-render: how many agent views a second one core draws, on an arena of the size that training
-// uses: a star-shaped hall with pillars, kits and tether sprites, viewers spread over it. Prints one JSON
-// object.
-//   comrad-bench-render [--seconds S] [--views N] [--size WxH] [--steps] [--picture FILE.ppm] [--wad FILE
-//   --map NAME]
+// comrad-bench-render: how many agent views a second one core draws. Prints one JSON object.
+//   comrad-bench-render [--scene arena|room|walk] [--players N] [--no_pictures] [--seconds S] [--views N]
+//                       [--size WxH] [--steps] [--picture PREFIX] [--wad FILE --map NAME]
+// arena (default): a star-shaped hall with pillars, kits and tether sprites, viewers spread over it.
+// room: one world of 2048 x 2048 units with 20 walking monsters; each decision is 4 tics and a view per
+// player. walk: a map of the IWAD (--map, default MAP01) along a walk of one player, which is played before
+// the clock starts.
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -10,13 +13,16 @@
 #include <cstring>
 #include <ctime>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "doomgen/wad/iwad_search.h"
 #include "rollout_buffer/core/rng.h"
 #include "sim_workers/engine/map/level_loader.h"
 #include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/render/art_archive.h"
+#include "sim_workers/engine/render/png_image.h"
 #include "sim_workers/engine/render/renderer.h"
 
 namespace comrad::doom {
@@ -74,8 +80,184 @@ std::shared_ptr<const Level> make_arena(Rng* rng) {
   return std::make_shared<const Level>(std::move(level));
 }
 
+struct Clock {
+  std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
+  double cpu_start = cpu();
+  static double cpu() {
+    timespec now{};
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+  }
+  double elapsed() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  }
+  double cpu_elapsed() const { return cpu() - cpu_start; }
+};
+
+void write_pictures(const std::string& prefix, std::span<const uint8_t> frames, int count, int width,
+                    int height) {
+  const std::size_t plane = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  for (int v = 0; v < count; ++v)
+    (void)write_png(prefix + "_" + std::to_string(v) + ".png",
+                    frames.subspan(3 * plane * static_cast<std::size_t>(v), 3 * plane), width, height);
+}
+
+/// One world with monsters that walk; `players` views a decision, or none.
+int run_room(Renderer* renderer, const RenderOptions& options, int players, double seconds,
+             const std::string& picture) {
+  constexpr int kHalf = 1024, kMonsters = 20;
+  Level level;
+  level.name = "ROOM";
+  Sector sector;
+  sector.ceiling_height = to_fixed(256);
+  sector.floor_texture = "FLAT1", sector.ceiling_texture = "CEIL1_2", sector.light = 200;
+  level.sectors.push_back(sector);
+  add_ring({{-kHalf, -kHalf}, {-kHalf, kHalf}, {kHalf, kHalf}, {kHalf, -kHalf}}, "BRICK6", &level);
+  const auto add_thing = [&](int number, int x, int y, int angle) {
+    MapThing thing;
+    thing.editor_number = number;
+    thing.x = to_fixed(x), thing.y = to_fixed(y), thing.angle_degrees = angle;
+    thing.flags =
+        0xFFFFFFFFu & ~(kThingDormant | kThingAmbush | kThingFriend | kThingInvisible | kThingShadow);
+    level.things.push_back(thing);
+  };
+  for (int player = 0; player < players; ++player)
+    add_thing(player < 4 ? player + 1 : 4001 + player - 4, -700 + 200 * player, -600, 90);
+  complete_level(level);
+  const auto shared = std::make_shared<const Level>(std::move(level));
+  const auto catalog = std::make_shared<const ActorCatalog>();
+  World world(shared, catalog);
+  Rng rng{uint64_t{7}};
+  const uint32_t monster = catalog->find("DoomImp").value_or(0);
+  const auto start = [&](uint64_t seed) {
+    world.reset({.player_count = players, .seed = seed}, nullptr);
+    for (int i = 0; i < kMonsters; ++i) {
+      const auto id =
+          world.spawn(monster, to_fixed(static_cast<int>(rng.next() % 1801) - 900),
+                      to_fixed(static_cast<int>(rng.next() % 1801) - 900), 0, static_cast<Angle>(rng.next()));
+      Actor* const actor = id ? world.actor(*id) : nullptr;
+      if (actor == nullptr) continue;
+      actor->target_id = world.body(i % players).id;  // awake: they walk
+      world.set_label(*actor, StateLabel::kSee);
+    }
+    for (int player = 0; player < players; ++player) {  // all over the room, looking anywhere
+      world.state().players[static_cast<std::size_t>(player)].god_mode = true;
+      for (int attempt = 0; attempt < 100; ++attempt)
+        if (world.try_teleport(world.body(player).id, to_fixed(static_cast<int>(rng.next() % 1801) - 900),
+                               to_fixed(static_cast<int>(rng.next() % 1801) - 900)))
+          break;
+      world.set_angle(world.body(player).id, static_cast<Angle>(rng.next()));
+    }
+  };
+  start(1);
+  std::vector<uint8_t> frames(std::size_t{3} * options.width * options.height * players);
+  std::vector<ViewRequest> requests;
+  if (renderer != nullptr) {
+    if (const Status prepared = renderer->prepare(shared, catalog); !prepared) {
+      std::fprintf(stderr, "comrad-bench-render: %s\n", prepared.error().message.c_str());
+      return 1;
+    }
+    for (int player = 0; player < players; ++player)
+      requests.push_back(
+          {.world = &world,
+           .player = player,
+           .destination = frames.data() + std::size_t{3} * options.width * options.height * player});
+    renderer->draw(requests);  // shaders compile
+  }
+  std::vector<Buttons> buttons(static_cast<std::size_t>(players));
+  uint64_t steps = 0;
+  const auto decide = [&] {
+    for (Buttons& pressed : buttons)
+      pressed = {.forward = (rng.next() & 1) != 0,
+                 .backward = (rng.next() & 3) == 0,
+                 .turn_left = (rng.next() & 3) == 0,
+                 .turn_right = (rng.next() & 3) == 0};
+    for (int tic = 0; tic < 4; ++tic) world.tic(buttons);
+    if (renderer != nullptr) renderer->draw(requests);
+    if (++steps % 250 == 0) start(steps);
+  };
+  for (int i = 0; i < 300; ++i) decide();  // sprites load, buffers grow
+  if (!picture.empty()) write_pictures(picture, frames, players, options.width, options.height);
+  steps = 0;
+  const Clock clock;
+  while (clock.elapsed() < seconds)
+    for (int i = 0; i < 16; ++i) decide();
+  const double count = static_cast<double>(steps) * players, cpu = clock.cpu_elapsed();
+  std::printf(
+      "{\"bench\": \"render\", \"scene\": \"room\", \"players\": %d, \"pictures\": %s, \"decisions_per_s\": "
+      "%.0f, "
+      "\"decisions_per_cpu_s\": %.0f, \"cpu_us_per_decision\": %.1f, \"world_tics_per_cpu_s\": %.0f, "
+      "\"width\": %d, "
+      "\"height\": %d}\n",
+      players, renderer != nullptr ? "true" : "false", count / clock.elapsed(), count / cpu,
+      cpu * 1e6 / count, 4.0 * static_cast<double>(steps) / cpu, options.width, options.height);
+  return 0;
+}
+
+/// Views of a map along the walk of a player who runs ahead and turns where it gets no farther.
+int run_walk(Renderer& renderer, const RenderOptions& options, const std::shared_ptr<const Level>& level,
+             double seconds, const std::string& picture) {
+  const auto catalog = std::make_shared<const ActorCatalog>();
+  if (const Status prepared = renderer.prepare(level, catalog); !prepared) {
+    std::fprintf(stderr, "comrad-bench-render: %s\n", prepared.error().message.c_str());
+    return 1;
+  }
+  World world(level, catalog);
+  world.reset({.player_count = 1, .seed = 3}, nullptr);
+  world.state().players[0].god_mode = true;
+  struct Place {
+    Fixed x, y, z, view_z;
+    Angle angle;
+  };
+  std::vector<Place> walk;
+  Rng rng{uint64_t{11}};
+  int turning = 0;
+  bool left = false;
+  for (int tic = 0; tic < 8000 && !world.level_exited(); ++tic) {
+    Buttons pressed{.forward = true, .speed = true};
+    const Actor before = world.body(0);
+    if (turning > 0) --turning, (left ? pressed.turn_left : pressed.turn_right) = true;
+    pressed.use = tic % 16 == 0;
+    world.tic({&pressed, 1});
+    const Actor& body = world.body(0);
+    const bool stuck = std::abs(body.x - before.x) + std::abs(body.y - before.y) < to_fixed(4);
+    if (turning == 0 && (stuck || rng.next() % 64 == 0))
+      turning = 5 + static_cast<int>(rng.next() % 20), left = (rng.next() & 1) != 0;
+    if (tic % 4 == 0) walk.push_back({body.x, body.y, body.z, world.player(0).view_z, body.angle});
+  }
+  std::vector<uint8_t> frame(std::size_t{3} * options.width * options.height);
+  const ViewRequest request{.world = &world, .player = 0, .destination = frame.data()};
+  uint64_t drawn = 0;
+  const auto show = [&](const Place& place) {
+    world.set_position(world.body(0).id, place.x, place.y, place.z);
+    world.set_angle(world.body(0).id, place.angle);
+    world.state().players[0].view_z = place.view_z;
+    renderer.draw({&request, 1});
+    ++drawn;
+  };
+  for (std::size_t i = 0; i < walk.size(); ++i) {
+    show(walk[i]);
+    if (!picture.empty() && i % 200 == 0)
+      write_pictures(picture + "_" + std::to_string(i), frame, 1, options.width, options.height);
+  }
+  drawn = 0;
+  const Clock clock;
+  while (clock.elapsed() < seconds)
+    for (const Place& place : walk) show(place);
+  const double count = static_cast<double>(drawn), cpu = clock.cpu_elapsed();
+  std::printf(
+      "{\"bench\": \"render\", \"scene\": \"walk\", \"map\": \"%s\", \"places\": %zu, \"views_per_s\": %.0f, "
+      "\"views_per_cpu_s\": %.0f, \"cpu_us_per_view\": %.1f, \"width\": %d, \"height\": %d}\n",
+      level->name.c_str(), walk.size(), count / clock.elapsed(), count / cpu, cpu * 1e6 / count,
+      options.width, options.height);
+  return 0;
+}
+
 int run(int argc, char** argv) {
   double seconds = 3;
+  int players = 2;
+  bool pictures = true;
+  std::string scene = "arena";
   int view_count = 32;
   bool step = false;
   std::string picture, wad_path, map_name;
@@ -95,6 +277,12 @@ int run(int argc, char** argv) {
       wad_path = value();
     else if (flag == "--map")
       map_name = value();
+    else if (flag == "--scene")
+      scene = value();
+    else if (flag == "--players")
+      players = std::clamp(std::atoi(value()), 1, 8);
+    else if (flag == "--no_pictures")
+      pictures = false;
     else if (flag == "--size" && std::sscanf(value(), "%dx%d", &options.width, &options.height) == 2)
       continue;
     else {
@@ -106,10 +294,18 @@ int run(int argc, char** argv) {
     std::fprintf(stderr, "comrad-bench-render: %s\n", error.message.c_str());
     return 1;
   };
+  if (scene == "room" && !pictures) return run_room(nullptr, options, players, seconds, picture);
   auto art = ArtArchive::open({}, {});
   if (!art) return fail(art.error());
   auto renderer = Renderer::create(*art, options);
   if (!renderer) return fail(renderer.error());
+  if (scene == "room") return run_room(renderer->get(), options, players, seconds, picture);
+  if (scene == "walk" && wad_path.empty()) {
+    auto found = wad::find_iwad();
+    if (!found) return fail(found.error());
+    wad_path = *found;
+    if (map_name.empty()) map_name = "MAP01";
+  }
   Rng rng{uint64_t{7}};
   std::shared_ptr<const Level> level = make_arena(&rng);
   if (!wad_path.empty()) {
@@ -119,12 +315,14 @@ int run(int argc, char** argv) {
     if (!loaded) return fail(loaded.error());
     level = *loaded;
   }
+  if (scene == "walk") return run_walk(**renderer, options, level, seconds, picture);
+  if (scene != "arena")
+    return fail({ErrorCode::kBadInput, "unknown scene '" + scene + "': arena, room or walk"});
   auto catalog = std::make_shared<ActorCatalog>();
   ActorType node;
-  node.name = "BenchNode", node.sprite = "APLS", node.scale = 0.13f;
-  node.no_gravity = node.no_blockmap = true;
-  node.frames = {{.frame = 0, .tics = -1, .bright = true}};
-  const uint32_t node_type = catalog->add(node);
+  node.name = "BenchNode", node.scale_x = node.scale_y = 0.13f;
+  node.flags.set(ActorFlag::kNoGravity), node.flags.set(ActorFlag::kNoBlockmap);
+  const uint32_t node_type = catalog->add_simple(node, "APLS", "A", -1, true);
   const uint32_t stimpack = catalog->find("Stimpack").value_or(0),
                  medikit = catalog->find("Medikit").value_or(0);
   if (const Status prepared = (*renderer)->prepare(level, catalog); !prepared) return fail(prepared.error());
@@ -162,30 +360,11 @@ int run(int argc, char** argv) {
                         .destination = frames.data() + bytes * static_cast<std::size_t>(v)});
 
   (*renderer)->draw(requests);  // shaders compile, buffers grow
-  if (!picture.empty()) {
-    for (int v = 0; v < view_count; ++v) {
-      const std::string path = picture + "_" + std::to_string(v) + ".ppm";
-      std::FILE* file = std::fopen(path.c_str(), "wb");
-      if (file == nullptr) return fail({ErrorCode::kSystem, "cannot write " + path});
-      std::fprintf(file, "P6 %d %d 255\n", options.width, options.height);
-      const std::size_t plane = bytes / 3;
-      for (std::size_t i = 0; i < plane; ++i)
-        for (std::size_t channel = 0; channel < 3; ++channel)
-          std::fputc(frames[bytes * static_cast<std::size_t>(v) + channel * plane + i], file);
-      std::fclose(file);
-    }
-  }
+  if (!picture.empty()) write_pictures(picture, frames, view_count, options.width, options.height);
   uint64_t drawn = 0;
-  const auto start = std::chrono::steady_clock::now();
-  const auto cpu_seconds = [] {
-    timespec now{};
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-  };
-  const double cpu_start = cpu_seconds();
-  double elapsed = 0;
+  const Clock clock;
   std::vector<Buttons> buttons(2);
-  while (elapsed < seconds) {
+  while (clock.elapsed() < seconds) {
     for (World& world : worlds) {
       for (int player = 0; player < 2 && !step; ++player)
         world.set_angle(world.body(player).id, world.body(player).angle + degrees_to_angle(7));
@@ -197,13 +376,12 @@ int run(int argc, char** argv) {
     }
     (*renderer)->draw(requests);
     drawn += requests.size();
-    elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }
-  const double cpu = cpu_seconds() - cpu_start, count = static_cast<double>(drawn);
+  const double cpu = clock.cpu_elapsed(), count = static_cast<double>(drawn);
   std::printf(
       "{\"bench\": \"render\", \"views_per_s\": %.0f, \"views_per_cpu_s\": %.0f, \"cpu_us_per_view\": %.1f, "
       "\"width\": %d, \"height\": %d, \"views_per_draw\": %d, \"with_tics\": %s}\n",
-      count / elapsed, count / cpu, cpu * 1e6 / count, options.width, options.height, view_count,
+      count / clock.elapsed(), count / cpu, cpu * 1e6 / count, options.width, options.height, view_count,
       step ? "true" : "false");
   return 0;
 }

@@ -1,6 +1,5 @@
-// Where an OpenGL 3.3 core context without a window comes from. OSMesa is the first provider
-// (osmesa_context.h); EGL without a surface is to be the second, for Mesa versions that dropped OSMesa.
-// Stage: render.
+// Where an OpenGL 3.3 core context without a window comes from: OSMesa (osmesa_context.h), or EGL without a
+// surface (egl_context.h) for Mesa versions that dropped OSMesa. Chosen by name at run time. Stage: render.
 #pragma once
 
 #include <memory>
@@ -12,14 +11,29 @@ namespace comrad::doom {
 
 class ContextProvider {
  public:
-  /// Makes a context by provider name. Errors: kBadInput for an unknown name, kUnsupported when none can be
-  /// had.
+  /// Makes a context by provider name: osmesa, egl, or auto (OSMesa, and EGL where there is none). Errors:
+  /// kBadInput for an unknown name, kUnsupported when none can be had, with what to install.
   static Expected<std::unique_ptr<ContextProvider>> create(std::string_view name);
-  virtual ~ContextProvider() = default;
+  virtual ~ContextProvider() {
+    if (current_ == this) current_ = nullptr;
+  }
   /// Makes the context current in the calling thread; cheap when it is already.
-  virtual Status make_current() = 0;
+  Status make_current() {
+    if (current_ == this) return {};
+    COMRAD_TRY(bind());
+    current_ = this;
+    return {};
+  }
   /// Address of a GL function, null where the library has none.
   virtual void* function(const char* name) const = 0;
+
+ protected:
+  virtual Status bind() = 0;
+  static void forget_current() { current_ = nullptr; }
+
+ private:
+  // Of the thread, whatever the provider: contexts of both may take turns.
+  static thread_local const ContextProvider* current_;
 };
 
 }  // namespace comrad::doom

@@ -21,6 +21,7 @@ namespace comrad::doom {
   X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus)   \
   X(PFNGLCLEARBUFFERFVPROC, ClearBufferfv)                     \
   X(PFNGLCLEARBUFFERUIVPROC, ClearBufferuiv)                   \
+  X(PFNGLCOLORMASKPROC, ColorMask)                             \
   X(PFNGLCOMPILESHADERPROC, CompileShader)                     \
   X(PFNGLCREATEPROGRAMPROC, CreateProgram)                     \
   X(PFNGLCREATESHADERPROC, CreateShader)                       \
@@ -41,6 +42,7 @@ namespace comrad::doom {
   X(PFNGLGETPROGRAMIVPROC, GetProgramiv)                       \
   X(PFNGLGETSHADERINFOLOGPROC, GetShaderInfoLog)               \
   X(PFNGLGETSHADERIVPROC, GetShaderiv)                         \
+  X(PFNGLGETUNIFORMLOCATIONPROC, GetUniformLocation)           \
   X(PFNGLLINKPROGRAMPROC, LinkProgram)                         \
   X(PFNGLPIXELSTOREIPROC, PixelStorei)                         \
   X(PFNGLREADPIXELSPROC, ReadPixels)                           \
@@ -49,6 +51,7 @@ namespace comrad::doom {
   X(PFNGLTEXIMAGE2DPROC, TexImage2D)                           \
   X(PFNGLTEXPARAMETERIPROC, TexParameteri)                     \
   X(PFNGLTEXSUBIMAGE2DPROC, TexSubImage2D)                     \
+  X(PFNGLUNIFORM1UIPROC, Uniform1ui)                           \
   X(PFNGLUSEPROGRAMPROC, UseProgram)                           \
   X(PFNGLVERTEXATTRIBIPOINTERPROC, VertexAttribIPointer)       \
   X(PFNGLVERTEXATTRIBPOINTERPROC, VertexAttribPointer)         \

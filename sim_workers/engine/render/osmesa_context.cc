@@ -1,5 +1,7 @@
 #include "sim_workers/engine/render/osmesa_context.h"
 
+#ifdef COMRAD_HAVE_OSMESA
+
 #include <cstdint>
 #include <cstdlib>
 #include <string>
@@ -22,31 +24,25 @@ constexpr int kSurfaceSize =
 class OsmesaContext : public ContextProvider {
  public:
   explicit OsmesaContext(OSMesaContext context) : context_(context), surface_(kSurfaceSize * kSurfaceSize) {}
-  ~OsmesaContext() override {
-    if (current_ == this) current_ = nullptr;
-    OSMesaDestroyContext(context_);
-  }
+  ~OsmesaContext() override { OSMesaDestroyContext(context_); }
   OsmesaContext(const OsmesaContext&) = delete;
   OsmesaContext& operator=(const OsmesaContext&) = delete;
 
-  Status make_current() override {
-    if (current_ == this) return {};
-    if (!OSMesaMakeCurrent(context_, surface_.data(), GL_UNSIGNED_BYTE, kSurfaceSize, kSurfaceSize))
-      return Error{ErrorCode::kUnsupported, "OSMesa cannot make its context current"};
-    current_ = this;
-    return {};
-  }
   void* function(const char* name) const override {
     return reinterpret_cast<void*>(OSMesaGetProcAddress(name));
   }
 
+ protected:
+  Status bind() override {
+    if (!OSMesaMakeCurrent(context_, surface_.data(), GL_UNSIGNED_BYTE, kSurfaceSize, kSurfaceSize))
+      return Error{ErrorCode::kUnsupported, "OSMesa cannot make its context current"};
+    return {};
+  }
+
  private:
-  static thread_local const OsmesaContext* current_;
   OSMesaContext context_;
   std::vector<uint32_t> surface_;
 };
-
-thread_local const OsmesaContext* OsmesaContext::current_ = nullptr;
 
 }  // namespace
 
@@ -74,9 +70,18 @@ Expected<std::unique_ptr<ContextProvider>> create_osmesa_context() {
   return std::unique_ptr<ContextProvider>(std::move(provider));
 }
 
-Expected<std::unique_ptr<ContextProvider>> ContextProvider::create(std::string_view name) {
-  if (name == "osmesa") return create_osmesa_context();
-  return Error{ErrorCode::kBadInput, "unknown context provider '" + std::string(name) + "': known is osmesa"};
+}  // namespace comrad::doom
+
+#else
+
+namespace comrad::doom {
+
+Expected<std::unique_ptr<ContextProvider>> create_osmesa_context() {
+  return Error{ErrorCode::kUnsupported,
+               "built without OSMesa: install the Debian package libosmesa6-dev and build again, or use the "
+               "provider egl"};
 }
 
 }  // namespace comrad::doom
+
+#endif

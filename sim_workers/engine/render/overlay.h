@@ -7,54 +7,22 @@
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <string>
 #include <unordered_map>
 #include <vector>
 
-#include "rollout_buffer/core/expected.h"
 #include "sim_workers/engine/play/world.h"
-#include "sim_workers/engine/render/art_archive.h"
+#include "sim_workers/engine/render/picture.h"
+#include "sim_workers/engine/render/status_bar.h"
 
 namespace comrad::doom {
 
-/// Everything a status bar shows.
-struct StatusBarState {
-  int health = 100;  ///< shown between 0 and 999
-  int armor = 0;
-  int ammo = -1;         ///< of the weapon in hand; -1 shows nothing
-  uint32_t weapons = 0;  ///< bit k: the weapon of slot k is owned (slots 2..7 have a number)
-  std::array<int, 4> ammo_owned{0, 0, 0, 0};  ///< bullets, shells, rockets, cells
-  std::array<int, 4> ammo_max{200, 50, 50, 300};
-  enum class Face : uint8_t { kRight, kAhead, kLeft, kHurt, kDead } face = Face::kAhead;
-  bool team = false;  ///< several players: a coloured field behind the face
-
-  /// A value equal for bars that look the same.
-  uint64_t key() const;
-};
-
-/// The state of one player's bar in `world`.
-StatusBarState status_bar_state(const World& world, int player);
 /// Index into PLAYPAL for a player's flashes: red for damage, gold for pickups, 0 for none.
 int flash_palette(int damage_flash, int bonus_flash);
-
-class StatusBar {
- public:
-  static constexpr int kWidth = 320, kHeight = 32;
-
-  /// Loads the graphics. Errors: kNotFound, kBadFormat naming the graphic.
-  static Expected<StatusBar> create(const ArtArchive& archive);
-  /// The bar as indices, [kHeight, kWidth].
-  void compose(const StatusBarState& state, std::vector<uint8_t>* indices) const;
-
- private:
-  void draw(const IndexedImage& image, int x, int y, std::vector<uint8_t>* indices) const;
-  void draw_number(std::span<const IndexedImage> digits, int number, int right, int y, int digit_count,
-                   std::vector<uint8_t>* indices) const;
-
-  IndexedImage bar_, arms_, percent_, team_field_, dead_face_;
-  std::array<IndexedImage, 10> large_, gray_, yellow_;
-  std::array<std::array<IndexedImage, 4>, 5> faces_;  ///< [pain][Face below kDead]
-};
+/// The same with what its powers do: green in a radiation suit.
+int screen_palette(const Player& player);
+/// True while a power is to be seen: its last tics blink.
+bool power_shows(const Player& player, PowerKind kind);
+Sight player_sight(const Player& player);
 
 /// Writes overlays into pictures of one size. Without a bar, draw_status_bar() must not be called.
 class Overlay {

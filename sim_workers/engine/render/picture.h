@@ -3,33 +3,60 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <span>
+#include <unordered_map>
 #include <vector>
 
 #include "sim_workers/engine/render/art_archive.h"
+#include "sim_workers/engine/render/view_builder.h"
 
 namespace comrad::doom {
 
-/// For each palette the colour of every texel index under every light row, packed 0xBBGGRR.
+/// How a player sees light.
+enum class Sight : uint8_t {
+  kPlain,
+  kLightAmp,  ///< everything is fully lit
+  kInverse    ///< invulnerable: grey, bright and dark change places
+};
+
+/// The colours of one picture: [tint, row, index], and which of a word's upper bits count.
+struct PictureColors {
+  const uint32_t* colors = nullptr;
+  uint32_t row_mask = 0;
+};
+
+/// For each palette and sight the colour of every texel index under every light row and tint, packed
+/// 0xBBGGRR. Tables are made when they are first asked for.
 class ColorTables {
  public:
-  explicit ColorTables(const ArtArchive& archive);
+  explicit ColorTables(std::shared_ptr<const ArtArchive> archive) : archive_(std::move(archive)) {}
   /// The 256 unshaded colours of a palette.
-  const uint32_t* lit(int palette) const { return table(palette); }
-
-  /// Writes planar RGB: `destination` [3, plane], of which the first words.size() pixels of each plane are
-  /// set.
-  ///   words    one per pixel: light row << kAddressBits | address
-  ///   texels   the atlas
-  void convert(std::span<const uint32_t> words, const uint8_t* texels, int palette, std::size_t plane,
-               uint8_t* destination) const;
+  const uint32_t* lit(int palette) { return table(palette, Sight::kPlain, 0xFFFFFFu).data(); }
+  /// The colours of a picture with these tints (0xRRGGBB; the first is white). Good until the next call.
+  PictureColors select(int palette, Sight sight, std::span<const uint32_t> tints);
 
  private:
   static constexpr std::size_t kTableSize = std::size_t{kLightRowCount} * 256;
-  const uint32_t* table(int palette) const {
-    return tables_.data() + static_cast<std::size_t>(palette) * kTableSize;
-  }
-  std::vector<uint32_t> tables_;  // [palette, row, index]
+  const std::vector<uint32_t>& table(int palette, Sight sight, uint32_t tint);
+  const std::vector<uint8_t>& tinted_rows(uint32_t tint);
+
+  std::shared_ptr<const ArtArchive> archive_;
+  std::unordered_map<uint64_t, std::vector<uint32_t>> tables_;  // one [row, index] each
+  std::unordered_map<uint32_t, std::vector<uint8_t>> tinted_rows_;
+  std::vector<uint32_t> joined_;  // several tints side by side
+  std::vector<uint64_t> joined_keys_;
 };
+
+/// Writes planar RGB: `destination` [3, plane], of which the first words.size() pixels of each plane are set.
+///   words    one per pixel: tint << kTintShift | light row << kAddressBits | address
+///   texels   the atlas
+///   colors   of ColorTables::select()
+void convert(std::span<const uint32_t> words, const uint8_t* texels, const PictureColors& colors,
+             std::size_t plane, uint8_t* destination);
+
+/// Blends the see-through layer over a picture; see TexelWord.
+void blend_layer(std::span<const uint32_t> layer, const uint8_t* texels, const PictureColors& colors,
+                 std::span<const Blend> blends, std::size_t plane, uint8_t* destination);
 
 }  // namespace comrad::doom

@@ -18,6 +18,7 @@ struct Projection {
   /// on its frames of 160x120, half a pixel there): planes at the right border, walls at the lower left
   /// corner.
   float plane_shift_x = 0, wall_shift_x = 0, wall_shift_y = 0;
+  float hand_unit_x = 1, hand_unit_y = 1;  ///< pixels of a column of 320 and of a row of 200, for the weapon
 };
 
 /// Doom's pixels are 1.2 times as tall as wide and its screen is 4:3, so 90 degrees across make a vertical
@@ -36,6 +37,8 @@ inline Projection make_projection(const RenderOptions& options) {
   projection.plane_shift_x = 0.5f * static_cast<float>(options.width) / 160.0f;
   projection.wall_shift_x = -projection.plane_shift_x;
   projection.wall_shift_y = 0.5f * static_cast<float>(options.height) / 120.0f;
+  projection.hand_unit_y = static_cast<float>(options.height / 200.0);
+  projection.hand_unit_x = static_cast<float>(options.width / 320.0 * (4.0 / 3.0) / options.screen_aspect);
   return projection;
 }
 

@@ -1,6 +1,7 @@
 #include "sim_workers/engine/render/renderer.h"
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -11,6 +12,7 @@
 #include "sim_workers/engine/render/art_archive.h"
 #include "sim_workers/engine/render/art_atlas.h"
 #include "sim_workers/engine/render/context_provider.h"
+#include "sim_workers/engine/render/hud_text.h"
 #include "sim_workers/engine/render/overlay.h"
 #include "sim_workers/engine/render/picture.h"
 #include "sim_workers/engine/render/rasterizer.h"
@@ -33,19 +35,16 @@ class QuadRenderer : public Renderer {
         rasterizer_(std::move(rasterizer)),
         builder_(projection_, &atlas_),
         overlay_(std::move(bar), options.width, options.height, projection_.rows),
-        colors_(*art),
-        words_(static_cast<std::size_t>(projection_.width) * projection_.rows) {}
+        text_(art, options.width, options.height, projection_.rows, options.screen_aspect),
+        colors_(art),
+        words_(static_cast<std::size_t>(projection_.width) * static_cast<std::size_t>(projection_.rows)),
+        layer_(words_.size()) {}
 
   Status prepare(std::shared_ptr<const Level> level, std::shared_ptr<const ActorCatalog> catalog) override {
     if (!scenes_.contains(level.get())) {
-      COMRAD_TRY_ASSIGN(std::unique_ptr<Scene> scene, Scene::create(level, &atlas_));
-      if (scenes_.size() >= kScenesKept) scenes_.clear();
-      scenes_.emplace(level.get(), std::move(scene));
+      COMRAD_TRY(add_scene(level));
     }
-    if (!sprites_.contains(catalog.get())) {
-      COMRAD_TRY_ASSIGN(std::unique_ptr<SpriteTable> table, SpriteTable::create(catalog, &atlas_, false));
-      sprites_.emplace(catalog.get(), std::move(table));
-    }
+    (void)sprites(std::move(catalog));
     return {};
   }
 
@@ -54,58 +53,136 @@ class QuadRenderer : public Renderer {
     for (const ViewRequest& view : views) draw_one(view);
   }
 
+  int undrawn_pixels() const override {
+    return static_cast<int>(std::count(words_.begin(), words_.end(), TexelWord{0}));
+  }
+
+  unsigned driver_error() override {
+    rasterizer_->make_current();
+    return rasterizer_->driver_error();
+  }
+
+  int draw_depth(const World& world, int player, std::vector<float>* depth) override {
+    rasterizer_->make_current();
+    SceneView view = view_of(world, player);
+    view.hand = {};
+    builder_.build(view, &list_);
+    rasterizer_->update_atlas(&atlas_);
+    depth->resize(words_.size());
+    rasterizer_->draw_depth(list_, depth->data());
+    return projection_.rows;
+  }
+
  private:
+  /// Makes the scene of a level. Where the atlas is full everything in it is forgotten, and loaded again as
+  /// it is needed.
+  Status add_scene(std::shared_ptr<const Level> level) {
+    if (scenes_.size() >= kScenesKept) scenes_.clear();
+    Expected<std::unique_ptr<Scene>> made = Scene::create(level, &atlas_);
+    if (!made && made.error().code == ErrorCode::kNoSpace) {
+      forget_art();
+      made = Scene::create(level, &atlas_);
+    }
+    if (!made) return made.error();
+    scenes_.emplace(level.get(), std::move(made).value());
+    return {};
+  }
+
+  void forget_art() {
+    scenes_.clear(), sprites_.clear();
+    atlas_.clear();
+  }
+
   const Scene& scene(const World& world) {
     const auto found = scenes_.find(&world.level());
     if (found != scenes_.end()) return *found->second;
-    Expected<std::unique_ptr<Scene>> created = Scene::create(world.shared_level(), &atlas_);
-    if (!created) {
-      spdlog::error("level {}: {}; it is drawn without art", world.level().name, created.error().message);
-      created = Scene::create(std::make_shared<const Level>(), &atlas_);
-      COMRAD_CHECK(created.has_value(), "an empty level has a scene");
+    if (const Status added = add_scene(world.shared_level()); !added) {
+      spdlog::error("level {}: {}; it is drawn without art", world.level().name, added.error().message);
+      auto empty = Scene::create(std::make_shared<const Level>(), &atlas_);
+      COMRAD_CHECK(empty.has_value(), "an empty level has a scene");
+      scenes_.emplace(&world.level(), std::move(empty).value());
     }
-    if (scenes_.size() >= kScenesKept) scenes_.clear();
-    return *scenes_.emplace(&world.level(), std::move(created).value()).first->second;
+    return *scenes_.at(&world.level());
   }
 
-  const SpriteTable& sprites(const World& world) {
-    const auto found = sprites_.find(&world.catalog());
+  SpriteTable& sprites(std::shared_ptr<const ActorCatalog> catalog) {
+    const auto found = sprites_.find(catalog.get());
     if (found != sprites_.end()) return *found->second;
-    Expected<std::unique_ptr<SpriteTable>> created =
-        SpriteTable::create(world.shared_catalog(), &atlas_, true);
-    if (!created) {
-      spdlog::error("{}; sprites are not drawn", created.error().message);
-      created = SpriteTable::create(std::make_shared<const ActorCatalog>(), &atlas_, true);
-      COMRAD_CHECK(created.has_value(), "the built-in actors have sprites");
-    }
-    return *sprites_.emplace(&world.catalog(), std::move(created).value()).first->second;
+    if (sprites_.size() >= kScenesKept) sprites_.clear();
+    const ActorCatalog* key = catalog.get();
+    return *sprites_.emplace(key, std::make_unique<SpriteTable>(std::move(catalog), &atlas_)).first->second;
+  }
+
+  SceneView view_of(const World& world, int player) {
+    SceneView view;
+    view.scene = &scene(world);
+    view.sectors = view.scene->level().sectors.empty() ? std::span<const Sector>{} : world.sectors();
+    view.sides = world.sides(), view.lines = world.lines();
+    view.actors = &world.actors();
+    view.polyobjects = world.state().movers.polyobjects;
+    view.sprites = &sprites(world.shared_catalog());
+    place_eye(world, player, &view);
+    return view;
   }
 
   void draw_one(const ViewRequest& request) {
     const World& world = *request.world;
     const Player& player = world.player(request.player);
-    const Actor& body = world.body(request.player);
-    SceneView view;
-    view.scene = &scene(world);
-    view.sectors = world.sectors();
-    view.actors = world.actors();
-    view.sprites = &sprites(world);
-    view.hidden_actor_id = body.id;
-    view.eye_x = to_double(body.x), view.eye_y = to_double(body.y), view.eye_z = to_double(player.view_z);
-    view.angle = body.angle;
+    const SceneView view = view_of(world, request.player);
     builder_.build(view, &list_);
-    rasterizer_->update_atlas(atlas_);
-    rasterizer_->draw(list_, words_.data());
+    rasterizer_->update_atlas(&atlas_);
+    rasterizer_->draw(list_, words_.data(), layer_.data());
 
-    const int palette = options_.screen_flashes ? flash_palette(player.damage_flash, player.bonus_flash) : 0;
-    const std::size_t plane = static_cast<std::size_t>(options_.width) * options_.height;
-    colors_.convert(words_, atlas_.texels(), palette, plane, request.destination);
+    const int palette = options_.screen_flashes ? screen_palette(player) : 0;
+    const std::size_t plane =
+        static_cast<std::size_t>(options_.width) * static_cast<std::size_t>(options_.height);
+    const PictureColors colors =
+        colors_.select(palette, player_sight(player), std::span(list_.tints).first(list_.tint_count));
+    convert(words_, atlas_.texels(), colors, plane, request.destination);
+    if (list_.has_blended)
+      blend_layer(layer_, atlas_.texels(), colors, std::span(list_.blends).first(list_.blend_count), plane,
+                  request.destination);
     if (options_.crosshair && world.options().crosshair)
       overlay_.draw_crosshair(player.health, request.destination);
+    const uint32_t* lit = colors_.lit(palette);
     if (options_.status_bar)
-      overlay_.draw_status_bar(status_bar_state(world, request.player), palette, colors_.lit(palette),
-                               request.destination);
+      overlay_.draw_status_bar(status_bar_state(world, request.player), palette, lit, request.destination);
     overlay_.draw_boxes(world.hud(), request.player, request.destination);
+    if (options_.hud_text)
+      text_.draw(world.state().scripts.hud_messages, request.player, lit, request.destination);
+    if (view.sprites->atlas_full()) forget_art();
+  }
+
+  /// The player's eyes, or those of what its camera is; its weapon where the eyes are its own.
+  void place_eye(const World& world, int player_index, SceneView* view) {
+    const Player& player = world.player(player_index);
+    const Actor& body = world.body(player_index);
+    const Actor* camera = player.camera_id == 0 ? nullptr : world.find_actor(player.camera_id);
+    const Actor& eye = camera == nullptr ? body : *camera;
+    view->hidden_actor_id = eye.id;
+    view->eye_x = to_double(eye.x), view->eye_y = to_double(eye.y);
+    view->eye_z = eye.player_index >= 0 ? to_double(world.player(eye.player_index).view_z)
+                                        : to_double(eye.z) + to_double(eye.height) / 2;
+    view->angle = eye.angle, view->pitch = eye.pitch;
+    view->extra_light = player.extra_light;
+    if (!options_.weapon || eye.id != body.id) return;
+    const ActorCatalog& catalog = world.catalog();
+    std::size_t count = 0;
+    for (const WeaponSprite& held : player.weapon_sprites) {
+      if (held.state >= catalog.state_count()) continue;
+      const State& state = catalog.state(held.state);
+      if (state.sprite == 0) continue;
+      hand_[count++] = {.sprite = state.sprite,
+                        .frame = state.frame,
+                        .bright = state.bright,
+                        .x = to_float(held.x),
+                        .y = to_float(held.y)};
+    }
+    view->hand = std::span(hand_).first(count);
+    if (power_shows(player, PowerKind::kInvisibility))
+      view->hand_style = RenderStyle::kFuzzy;
+    else
+      view->hand_style = body.render_style, view->hand_alpha = body.alpha;
   }
 
   RenderOptions options_;
@@ -114,9 +191,11 @@ class QuadRenderer : public Renderer {
   std::unique_ptr<Rasterizer> rasterizer_;
   ViewBuilder builder_;
   Overlay overlay_;
+  HudText text_;
   ColorTables colors_;
   DrawList list_;
-  std::vector<TexelWord> words_;
+  std::vector<TexelWord> words_, layer_;
+  std::array<HandSprite, 2> hand_;
   // Scenes and tables keep their level and catalog alive, so an address is never that of a newer one.
   std::unordered_map<const Level*, std::unique_ptr<Scene>> scenes_;
   std::unordered_map<const ActorCatalog*, std::unique_ptr<SpriteTable>> sprites_;

@@ -7,6 +7,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "rollout_buffer/core/expected.h"
 #include "sim_workers/engine/play/world.h"
@@ -20,9 +21,11 @@ struct RenderOptions {
   double screen_aspect = 4.0 / 3.0;  ///< projection of a 160x120 screen whatever the drawn size
   double fov_degrees = 90.0;
   bool status_bar = true;  ///< classic full-width bar, bottom 32/200
+  bool weapon = true;      ///< the weapon in hand
   bool crosshair = true;
   bool screen_flashes = true;
-  std::string provider = "osmesa";  ///< context provider: osmesa (egl follows)
+  bool hud_text = true;             ///< what scripts put into the frame
+  std::string provider = "osmesa";  ///< context provider: osmesa, egl or auto
 };
 
 /// One view to draw: `player` of `world` into `destination` [3, height, width] u8, planar RGB.
@@ -39,13 +42,21 @@ class Renderer {
   static Expected<std::unique_ptr<Renderer>> create(std::shared_ptr<const ArtArchive> art,
                                                     const RenderOptions& options);
   virtual ~Renderer() = default;
-  /// Loads the art that worlds of `level` with actors of `catalog` need. Call it once per level: then draw()
-  /// meets nothing unknown. draw() registers a level it has not seen by itself, and leaves out sprites that
-  /// do not exist. Errors: kNotFound for a sprite that no archive has; unknown textures are a warning in the
-  /// log and are drawn as a checkerboard. kNoSpace when the art does not fit the atlas.
+  /// Loads the art of `level`; sprites are loaded when they are first seen. Call it once per level: then
+  /// draw() meets nothing unknown. draw() registers a level it has not seen by itself. Unknown textures are a
+  /// warning in the log and drawn as a checkerboard, unknown sprites a warning and not drawn. Errors:
+  /// kNoSpace when the art of this level alone does not fit the atlas.
   virtual Status prepare(std::shared_ptr<const Level> level, std::shared_ptr<const ActorCatalog> catalog) = 0;
   /// Draws all views; several at once cost less than one by one. Worlds may differ in level.
   virtual void draw(std::span<const ViewRequest> views) = 0;
+  /// Pixels of the view drawn last that nothing covered; a level without holes leaves none. For tests.
+  virtual int undrawn_pixels() const = 0;
+  /// What the driver complained of since the last call (a GL error code; 0: nothing). For tests.
+  virtual unsigned driver_error() = 0;
+  /// How far away what a view shows is, without overlays: `depth` [rows above the status bar, width] f32, map
+  /// units ahead of the eye; see-through surfaces count as solid, the weapon is left out, 0 is open sky. For
+  /// measurements; it draws the view once more. Returns the rows.
+  virtual int draw_depth(const World& world, int player, std::vector<float>* depth) = 0;
 };
 
 }  // namespace comrad::doom

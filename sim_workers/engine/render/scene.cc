@@ -1,6 +1,7 @@
 #include "sim_workers/engine/render/scene.h"
 
 #include <cmath>
+#include <cstdio>
 
 #include "rollout_buffer/core/log.h"
 
@@ -9,27 +10,43 @@ namespace {
 
 constexpr float kContrastRows = 4.0f;  // 16 light levels of 256, in rows of the light table
 
-/// A wall part's texture; false where there is none.
-Expected<bool> resolve(const std::string& name, ArtAtlas* atlas, AtlasRegion* region) {
-  if (name.empty() || name == "-") return false;
+/// A wall part's texture. Errors: kNoSpace.
+Status resolve(const std::string& name, ArtAtlas* atlas, ScenePart* part) {
+  part->present = !name.empty() && name != "-";
+  if (!part->present) return {};
   const Expected<AtlasRegion> found = atlas->wall(name);
-  if (found) {
-    *region = *found;
-    return true;
-  }
-  if (found.error().code != ErrorCode::kNotFound) return found.error();
-  spdlog::warn("{}; it is drawn as a checkerboard", found.error().message);
-  *region = atlas->checkerboard();
-  return true;
+  if (!found && found.error().code == ErrorCode::kNoSpace) return found.error();
+  if (!found) spdlog::warn("{}; it is drawn as a checkerboard", found.error().message);
+  part->region = found ? *found : atlas->checkerboard();
+  return {};
 }
 
-Expected<SceneSide> resolve_side(const Sidedef& sidedef, ArtAtlas* atlas) {
+/// Offsets and scale of a part; a scale of zero or below would divide by it.
+void place(const Sidedef& sidedef, SideTexture which, ScenePart* part) {
+  const SidePart& own = sidedef.parts[static_cast<std::size_t>(which)];
+  const auto usable = [](float scale) { return scale > 1e-3f && scale < 1e3f ? scale : 1.0f; };
+  part->offset_x = static_cast<float>(sidedef.offset_x) + to_float(own.offset_x);
+  part->offset_y = static_cast<float>(sidedef.offset_y) + to_float(own.offset_y);
+  part->scale_x = usable(own.scale_x), part->scale_y = usable(own.scale_y);
+}
+
+Expected<SceneSide> resolve_side(const Level& level, uint32_t index, float dx, float dy, ArtAtlas* atlas) {
+  const Sidedef& sidedef = level.sidedefs[index];
   SceneSide side;
-  side.sector = sidedef.sector_index;
-  side.offset_x = static_cast<float>(sidedef.offset_x), side.offset_y = static_cast<float>(sidedef.offset_y);
-  COMRAD_TRY_ASSIGN(side.has_top, resolve(sidedef.top, atlas, &side.top));
-  COMRAD_TRY_ASSIGN(side.has_bottom, resolve(sidedef.bottom, atlas, &side.bottom));
-  COMRAD_TRY_ASSIGN(side.has_middle, resolve(sidedef.middle, atlas, &side.middle));
+  side.sidedef = index, side.sector = sidedef.sector_index;
+  place(sidedef, kSideTop, &side.top);
+  place(sidedef, kSideMiddle, &side.middle);
+  place(sidedef, kSideBottom, &side.bottom);
+  COMRAD_TRY(resolve(sidedef.top, atlas, &side.top));
+  COMRAD_TRY(resolve(sidedef.middle, atlas, &side.middle));
+  COMRAD_TRY(resolve(sidedef.bottom, atlas, &side.bottom));
+  side.light = sidedef.light, side.light_absolute = (sidedef.flags & kSideLightAbsolute) != 0;
+  if ((sidedef.flags & kSideNoFakeContrast) != 0)
+    side.contrast_rows = 0;
+  else if ((sidedef.flags & kSideSmoothLighting) != 0 && (dx != 0 || dy != 0))
+    side.contrast_rows = kContrastRows * (1.0f - 4.0f * std::atan2(std::abs(dy), std::abs(dx)) / 3.14159265f);
+  else
+    side.contrast_rows = dy == 0 ? kContrastRows : dx == 0 ? -kContrastRows : 0;
   return side;
 }
 
@@ -46,6 +63,27 @@ ScenePlane Scene::plane(const std::string& name, ArtAtlas* atlas) {
   return plane;
 }
 
+SceneSide Scene::retextured(const SceneSide& side, const SideState& state, ArtAtlas* atlas) {
+  SceneSide changed = side;
+  (void)resolve(state.top, atlas, &changed.top);
+  (void)resolve(state.middle, atlas, &changed.middle);
+  (void)resolve(state.bottom, atlas, &changed.bottom);
+  return changed;
+}
+
+std::vector<std::string> sky_textures(const std::string& map_name) {
+  int episode = 0, map = 0;
+  int sky = 1;
+  if (std::sscanf(map_name.c_str(), "MAP%d", &map) == 1)
+    sky = map >= 21 ? 3 : map >= 12 ? 2 : 1;
+  else if (std::sscanf(map_name.c_str(), "E%dM%d", &episode, &map) == 2 && episode >= 1 && episode <= 4)
+    sky = episode;
+  std::vector<std::string> names;
+  for (const char* prefix : {"RSKY", "SKY"}) names.push_back(prefix + std::to_string(sky));
+  if (sky != 1) names.insert(names.end(), {"RSKY1", "SKY1"});
+  return names;
+}
+
 Expected<std::unique_ptr<Scene>> Scene::create(std::shared_ptr<const Level> level, ArtAtlas* atlas) {
   auto scene = std::make_unique<Scene>();
   scene->level_ = level;
@@ -59,49 +97,76 @@ Expected<std::unique_ptr<Scene>> Scene::create(std::shared_ptr<const Level> leve
     line.two_sided = linedef.back.has_value();
     line.upper_unpegged = (linedef.flags & kLineUpperUnpegged) != 0;
     line.lower_unpegged = (linedef.flags & kLineLowerUnpegged) != 0;
+    line.wraps_middle = (linedef.flags & kLineWrapMidtex) != 0 ||
+                        (level->sidedefs[linedef.front].flags & kSideWrapMiddle) != 0;
+    line.clips_middle = (linedef.flags & kLineClipMidtex) != 0 ||
+                        (level->sidedefs[linedef.front].flags & kSideClipMiddle) != 0;
+    line.in_polyobject = linedef.in_polyobject;
+    line.alpha = linedef.alpha, line.additive = linedef.additive;
     const float dx = scene->vertex_x[line.end] - scene->vertex_x[line.start];
     const float dy = scene->vertex_y[line.end] - scene->vertex_y[line.start];
     line.length = std::sqrt(dx * dx + dy * dy);
-    line.contrast_rows = dy == 0 ? kContrastRows : dx == 0 ? -kContrastRows : 0;
-    COMRAD_TRY_ASSIGN(line.front, resolve_side(level->sidedefs[linedef.front], atlas));
+    COMRAD_TRY_ASSIGN(line.front, resolve_side(*level, linedef.front, dx, dy, atlas));
     if (linedef.back) {
-      COMRAD_TRY_ASSIGN(line.back, resolve_side(level->sidedefs[*linedef.back], atlas));
+      COMRAD_TRY_ASSIGN(line.back, resolve_side(*level, *linedef.back, dx, dy, atlas));
     }
     scene->lines.push_back(std::move(line));
+  }
+  std::vector<std::vector<uint32_t>> touching(level->sectors.size());
+  for (uint32_t index = 0; index < scene->lines.size(); ++index) {
+    const SceneLine& line = scene->lines[index];
+    if (line.in_polyobject) continue;
+    touching[line.front.sector].push_back(index);
+    if (line.two_sided && line.back.sector != line.front.sector) touching[line.back.sector].push_back(index);
+  }
+  scene->sector_line_begin.push_back(0);
+  for (const std::vector<uint32_t>& lines : touching) {
+    scene->sector_lines.insert(scene->sector_lines.end(), lines.begin(), lines.end());
+    scene->sector_line_begin.push_back(static_cast<uint32_t>(scene->sector_lines.size()));
   }
   for (const Sector& sector : level->sectors) {
     scene->floors.push_back(plane(sector.floor_texture, atlas));
     scene->ceilings.push_back(plane(sector.ceiling_texture, atlas));
     scene->has_sky = scene->has_sky || scene->floors.back().sky || scene->ceilings.back().sky;
   }
-  for (const char* name : {"RSKY1", "SKY1"}) {
+  scene->sky = atlas->checkerboard();
+  for (const std::string& name : sky_textures(level->name)) {
     const Expected<AtlasRegion> found = atlas->wall(name);
-    scene->sky = found ? *found : atlas->checkerboard();
-    if (found) break;
+    if (!found) continue;
+    scene->sky = *found;
+    break;
   }
   return scene;
 }
 
-Expected<std::unique_ptr<SpriteTable>> SpriteTable::create(std::shared_ptr<const ActorCatalog> catalog,
-                                                           ArtAtlas* atlas, bool skip_missing) {
-  auto table = std::make_unique<SpriteTable>();
-  table->catalog_ = catalog;
-  for (uint32_t index = 0; index < catalog->size(); ++index) {
-    const ActorType& type = (*catalog)[index];
-    table->first_.push_back(type.sprite.empty() ? -1 : static_cast<int32_t>(table->sides_.size()));
-    table->count_.push_back(
-        type.sprite.empty() ? 0 : static_cast<uint32_t>(std::max<std::size_t>(1, type.frames.size())));
-    if (type.sprite.empty()) continue;
-    for (uint32_t frame = 0; frame < table->count_.back(); ++frame) {
-      const int letter = type.frames.empty() ? 0 : type.frames[frame].frame;
-      const Expected<SpriteSides> sides = atlas->sprite(type.sprite, letter);
-      if (!sides && !(skip_missing && sides.error().code == ErrorCode::kNotFound))
-        return Error{sides.error().code, "actor " + type.name + ": " + sides.error().message +
-                                             "; name a sprite that exists or add a PWAD with it"};
-      table->sides_.push_back(sides ? *sides : SpriteSides{});
-    }
+const SpriteSides* SpriteTable::load(uint32_t sprite, uint8_t frame, uint8_t translation) {
+  if (sprite >= catalog_->sprite_count()) return nullptr;
+  slots_.resize(catalog_->sprite_count() * kFramesMax, kUnknown);
+  warned_.resize(catalog_->sprite_count());
+  const std::size_t slot = std::size_t{sprite} * kFramesMax + frame;
+  const uint64_t key = slot << 8 | translation;
+  if (translation == 0) {
+    if (slots_[slot] != kUnknown) return at(slots_[slot]);
+  } else if (const auto found = translated_.find(key); found != translated_.end()) {
+    return at(found->second);
   }
-  return table;
+  const Expected<SpriteSides> sides = atlas_->sprite(
+      catalog_->sprite_name(sprite), frame, translation == 0 ? nullptr : &catalog_->translation(translation));
+  int32_t index = kNone;
+  if (sides) {
+    index = static_cast<int32_t>(sides_.size());
+    sides_.push_back(*sides);
+  } else if (sides.error().code == ErrorCode::kNoSpace) {
+    atlas_full_ = true;
+  } else if (!warned_[sprite]) {
+    warned_[sprite] = true;
+    spdlog::warn("{}; it is not drawn", sides.error().message);
+  }
+  if (translation == 0)
+    slots_[slot] = index;
+  else
+    translated_.emplace(key, index);
+  return at(index);
 }
 
 }  // namespace comrad::doom

@@ -3,9 +3,11 @@
 // doors and lifts need no update. Stage: render.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
@@ -15,19 +17,31 @@
 
 namespace comrad::doom {
 
+/// One part of a side: its texture and how it is laid on.
+struct ScenePart {
+  bool present = false;
+  AtlasRegion region;
+  float offset_x = 0, offset_y = 0;  ///< the side's and its own, map units
+  float scale_x = 1, scale_y = 1;    ///< texels per map unit
+};
+
 /// One side of a line with its textures; a part without texture is nothing.
 struct SceneSide {
-  uint32_t sector = 0;
-  float offset_x = 0, offset_y = 0;
-  bool has_top = false, has_bottom = false, has_middle = false;
-  AtlasRegion top, bottom, middle;
+  uint32_t sidedef = 0, sector = 0;
+  ScenePart top, middle, bottom;
+  float contrast_rows = 0;  ///< walls along the axes are lit a little differently, as in Doom
+  int light = 0;            ///< added to the sector's, or instead of it
+  bool light_absolute = false;
 };
 
 struct SceneLine {
   uint32_t start = 0, end = 0;
   bool two_sided = false, upper_unpegged = false, lower_unpegged = false;
+  bool wraps_middle = false, clips_middle = false;
+  bool in_polyobject = false;
   float length = 0;
-  float contrast_rows = 0;  ///< walls along the axes are lit a little differently, as in Doom
+  float alpha = 1;  ///< of see-through middle textures
+  bool additive = false;
   SceneSide front, back;
 };
 
@@ -40,14 +54,16 @@ struct ScenePlane {
 
 class Scene {
  public:
-  /// Resolves the textures of `level`, which the scene keeps alive. Unknown textures become a checkerboard
-  /// and a warning. Errors: kBadFormat for broken pictures, kNoSpace for a full atlas.
+  /// Resolves the textures of `level`, which the scene keeps alive. Unknown and broken textures become a
+  /// checkerboard and a warning. Errors: kNoSpace for a full atlas.
   static Expected<std::unique_ptr<Scene>> create(std::shared_ptr<const Level> level, ArtAtlas* atlas);
 
   const Level& level() const { return *level_; }
 
   std::vector<float> vertex_x, vertex_y;
   std::vector<SceneLine> lines;
+  std::vector<uint32_t> sector_line_begin;   ///< [sector + 1] into sector_lines
+  std::vector<uint32_t> sector_lines;        ///< lines that touch each sector, those of polyobjects left out
   std::vector<ScenePlane> floors, ceilings;  ///< [sector]
   AtlasRegion sky;
   bool has_sky = false;
@@ -55,34 +71,52 @@ class Scene {
   /// The plane for a texture name that a script has set since, from the atlas; a checkerboard where it is
   /// unknown.
   static ScenePlane plane(const std::string& name, ArtAtlas* atlas);
+  /// The side with the textures that play has given it since.
+  static SceneSide retextured(const SceneSide& side, const SideState& state, ArtAtlas* atlas);
 
  private:
   std::shared_ptr<const Level> level_;
 };
 
-/// Sprites of a catalog, resolved: sides(type, frame) for Actor::type and Actor::frame_index.
+/// Sprites of a catalog, loaded when they are first seen.
 class SpriteTable {
  public:
-  /// Errors: kNotFound naming the actor and the sprite that no archive has. The table is usable even then
-  /// (the sprites that are missing are left out).
-  static Expected<std::unique_ptr<SpriteTable>> create(std::shared_ptr<const ActorCatalog> catalog,
-                                                       ArtAtlas* atlas, bool skip_missing);
+  SpriteTable(std::shared_ptr<const ActorCatalog> catalog, ArtAtlas* atlas)
+      : catalog_(std::move(catalog)), atlas_(atlas) {}
+
   const ActorCatalog& catalog() const { return *catalog_; }
-  /// Null where the actor is invisible.
-  const SpriteSides* sides(uint32_t type, uint32_t frame) const {
-    if (type >= first_.size() || first_[type] < 0) return nullptr;
-    const uint32_t count = count_[type];
-    return &sides_[static_cast<std::size_t>(first_[type]) + (frame < count ? frame : 0)];
+  /// The eight sides of a sprite's frame (as of Actor::sprite and Actor::frame); null where it shows nothing.
+  /// A sprite that no archive has is one warning.
+  const SpriteSides* sides(uint32_t sprite, uint8_t frame, uint8_t translation = 0) {
+    if (sprite == 0 || frame >= kFramesMax) return nullptr;  // sprite 0 is TNT1
+    if (translation == 0) {
+      const std::size_t slot = std::size_t{sprite} * kFramesMax + frame;
+      if (slot < slots_.size() && slots_[slot] != kUnknown) return at(slots_[slot]);
+    }
+    return load(sprite, frame, translation);
   }
+  bool atlas_full() const { return atlas_full_; }  ///< a sprite did not fit: the renderer starts anew
 
  private:
+  static constexpr std::size_t kFramesMax = 29;  // letters A to ]
+  static constexpr int32_t kUnknown = -2, kNone = -1;
+  const SpriteSides* at(int32_t index) const {
+    return index < 0 ? nullptr : &sides_[static_cast<std::size_t>(index)];
+  }
+  const SpriteSides* load(uint32_t sprite, uint8_t frame, uint8_t translation);
+
   std::shared_ptr<const ActorCatalog> catalog_;
-  std::vector<int32_t> first_;   // [type] into sides_, -1 invisible
-  std::vector<uint32_t> count_;  // [type] frames
+  ArtAtlas* atlas_;
+  std::vector<int32_t> slots_;                        // [sprite, frame] into sides_
+  std::unordered_map<uint64_t, int32_t> translated_;  // slot and translation
   std::vector<SpriteSides> sides_;
+  std::vector<bool> warned_;  // [sprite]
+  bool atlas_full_ = false;
 };
 
 /// The name that means open sky.
 constexpr const char* kSkyFlat = "F_SKY1";
+/// The sky textures of a map, the first that exists is used: by number of the map, as Doom has it.
+std::vector<std::string> sky_textures(const std::string& map_name);
 
 }  // namespace comrad::doom

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "sim_workers/engine/map/level_index.h"
+
 namespace comrad::doom {
 namespace {
 
@@ -13,10 +15,14 @@ constexpr float kFarInverse = 1.0f / 60000.0f;
 constexpr int kCrossingsMax = 32;  // floor or ceiling changes seen in one column; farther ones are left out
 constexpr int kSkyStripColumns = 16;
 constexpr float kSkyColumnsPerTurn = 1024.0f;
+constexpr int kTallSkyRows = 200;
+constexpr float kSkyHorizonRow = 108.5f;
 // Coordinates that are whole texels in exact arithmetic (walls and eyes on round numbers are common) must not
 // fall to either side by rounding.
 constexpr float kTexelEpsilon = 1.0f / 256.0f;
 constexpr float kTwoPi = 6.28318530717958647692f;
+constexpr float kShadowAlpha = 0.3f;  // how much a spectre or a half invisible player takes of the light
+constexpr float kLightRowsPerFlash = 4.0f;  // a weapon's flash adds 16 light levels of 256
 
 /// Rasterizers place corners on a grid of 1/256 pixel; on the same grid, "is this pixel's centre inside" has
 /// the same answer here and there.
@@ -57,6 +63,11 @@ bool same_plane(const ScenePlane& a, const ScenePlane& b) {
   return a.sky == b.sky && a.region.address == b.region.address;
 }
 
+bool same_placement(const FlatPlacement& a, const FlatPlacement& b) {
+  return a.offset_x == b.offset_x && a.offset_y == b.offset_y && a.scale_x == b.scale_x &&
+         a.scale_y == b.scale_y && a.rotation_degrees == b.rotation_degrees;
+}
+
 }  // namespace
 
 ViewBuilder::ViewBuilder(const Projection& projection, ArtAtlas* atlas)
@@ -73,38 +84,38 @@ void ViewBuilder::build(const SceneView& view, DrawList* list) {
   list->clear();
   ++stamp_;
   sectors_.resize(std::max(sectors_.size(), view.sectors.size()));
-  changed_planes_.clear();
+  windows_.resize(std::max(windows_.size(), view.sectors.size()));
+  side_changes_.resize(std::max(side_changes_.size(), view.sides.size()));
+  line_views_.resize(std::max(line_views_.size(), scene_->lines.size()));
+  const std::size_t vertex_count = std::max(side_.size(), scene_->vertex_x.size());
+  side_.resize(vertex_count), depth_.resize(vertex_count), vertex_stamps_.resize(vertex_count);
+  changed_planes_.clear(), changed_sides_.clear();
   const double radians = angle_to_radians(view.angle);
   cosine_ = static_cast<float>(std::cos(radians)), sine_ = static_cast<float>(std::sin(radians));
   eye_x_ = static_cast<float>(view.eye_x), eye_y_ = static_cast<float>(view.eye_y);
   eye_z_ = static_cast<float>(view.eye_z);
+  // Looking up or down shifts the picture, as Doom's descendants do it; walls stay upright.
+  center_y_ = projection_.center_y;
+  if (view.pitch != 0) {
+    const double down = std::clamp(static_cast<int32_t>(view.pitch) * (kTwoPi / 4294967296.0), -1.3, 1.3);
+    center_y_ -= static_cast<float>(std::round(projection_.focal_y * std::tan(down)));
+  }
   sky_seen_ = false;
-  transform_vertices();
+  ceiling_highest_ = -1e9f;
+  if (scene_->has_sky)
+    for (const Sector& sector : view.sectors)
+      ceiling_highest_ = std::max(ceiling_highest_, to_float(sector.ceiling_height));
   collect_spans();
   list->needs_depth = !partial_spans_.empty();
 
   if (!list->needs_depth) {
     emit_painted_planes();
-    int begin = 0;
-    while (begin < projection_.width) {
-      const int32_t span = column_span_[static_cast<std::size_t>(begin)];
-      int end = begin + 1;
-      while (end < projection_.width && column_span_[static_cast<std::size_t>(end)] == span) ++end;
-      if (span >= 0) emit_walls(spans_[static_cast<std::size_t>(span)], begin, end);
-      begin = end;
-    }
+    emit_all_walls();
     list->painted_end = list->solid_end = list->plane_end = quad_count();
   } else {
     if (scene_->has_sky) emit_sky();
     list->painted_end = quad_count();
-    int begin = 0;
-    while (begin < projection_.width) {
-      const int32_t span = column_span_[static_cast<std::size_t>(begin)];
-      int end = begin + 1;
-      while (end < projection_.width && column_span_[static_cast<std::size_t>(end)] == span) ++end;
-      if (span >= 0) emit_walls(spans_[static_cast<std::size_t>(span)], begin, end);
-      begin = end;
-    }
+    emit_all_walls();
     for (const int32_t index : partial_spans_) {
       const Span& span = spans_[static_cast<std::size_t>(index)];
       for (int column = span.column_begin; column < span.column_end;) {
@@ -128,6 +139,8 @@ void ViewBuilder::build(const SceneView& view, DrawList* list) {
   }
   collect_sprites();
   emit_masked();
+  emit_hand();
+  if (!list->masked_runs.empty()) list->masked_runs.back().end = quad_count();
   list->masked_end = quad_count();
 }
 
@@ -137,7 +150,17 @@ const ViewBuilder::SectorNow& ViewBuilder::sector(uint32_t index) {
   const Sector& sector = view_->sectors[index];
   now.stamp = stamp_;
   now.floor = to_float(sector.floor_height), now.ceiling = to_float(sector.ceiling_height);
-  now.shade = light_shade(std::clamp(sector.light, 0, 255));
+  const float flash = kLightRowsPerFlash * static_cast<float>(view_->extra_light);
+  const auto shade = [&](int light) { return light_shade(std::clamp(light, 0, 255)) - flash; };
+  const auto plane_shade = [&](const FlatPlacement& placement) {
+    return placement.light_absolute ? shade(placement.light)
+           : placement.light != 0   ? shade(sector.light + placement.light)
+                                    : now.shade;
+  };
+  now.shade = shade(sector.light);
+  now.floor_shade = plane_shade(sector.floor_placement);
+  now.ceiling_shade = plane_shade(sector.ceiling_placement);
+  now.tint = tint(sector.light_color);
   const auto current = [&](const ScenePlane& loaded, const std::string& name) {
     if (loaded.name == name) return &loaded;
     changed_planes_.push_back(Scene::plane(name, atlas_));
@@ -148,38 +171,138 @@ const ViewBuilder::SectorNow& ViewBuilder::sector(uint32_t index) {
   return now;
 }
 
-const SceneSide& ViewBuilder::near_side(const Span& span) const {
-  return span.back_side ? scene_->lines[span.line].back : scene_->lines[span.line].front;
-}
-
-const SceneSide& ViewBuilder::far_side(const Span& span) const {
-  return span.back_side ? scene_->lines[span.line].front : scene_->lines[span.line].back;
-}
-
-void ViewBuilder::transform_vertices() {
-  const std::size_t count = scene_->vertex_x.size();
-  side_.resize(count), depth_.resize(count);
-  const float* x = scene_->vertex_x.data();
-  const float* y = scene_->vertex_y.data();
-  for (std::size_t i = 0; i < count; ++i) {
-    const float dx = x[i] - eye_x_, dy = y[i] - eye_y_;
-    depth_[i] = dx * cosine_ + dy * sine_;
-    side_[i] = dx * sine_ - dy * cosine_;
+/// The number of a light's colour in this picture, at its place above an address; the nearest where there are
+/// too many.
+int32_t ViewBuilder::tint(uint32_t color) {
+  color &= 0xFFFFFFu;
+  if (color == 0xFFFFFFu) return 0;
+  uint32_t best = 0;
+  int best_distance = INT32_MAX;
+  for (uint32_t i = 0; i < list_->tint_count; ++i) {
+    int distance = 0;
+    for (int shift = 0; shift < 24; shift += 8)
+      distance +=
+          std::abs(static_cast<int>(color >> shift & 255) - static_cast<int>(list_->tints[i] >> shift & 255));
+    if (distance < best_distance) best_distance = distance, best = i;
   }
+  if (best_distance > 0 && list_->tint_count < kTintsMax) {
+    best = list_->tint_count++;
+    list_->tints[best] = color;
+  }
+  return static_cast<int32_t>(best << kTintShift);
 }
 
+/// The number of a way to blend in this picture; -1: opaque, -2: not to be drawn.
+int32_t ViewBuilder::blend(RenderStyle style, float alpha) {
+  Blend wanted;
+  alpha = std::clamp(alpha, 0.0f, 1.0f);
+  switch (style) {
+    case RenderStyle::kNone:
+      return -2;
+    case RenderStyle::kNormal:
+      return -1;
+    case RenderStyle::kTranslucent:
+      if (alpha >= 1) return -1;
+      break;
+    case RenderStyle::kAdd:
+      wanted.kind = Blend::Kind::kAdd;
+      break;
+    case RenderStyle::kSubtract:
+      wanted.kind = Blend::Kind::kSubtract;
+      break;
+    case RenderStyle::kFuzzy:
+    case RenderStyle::kShadow:
+      wanted.kind = Blend::Kind::kDarken;
+      alpha = kShadowAlpha;
+      break;
+    case RenderStyle::kStencil:
+      wanted.kind = Blend::Kind::kDarken;
+      break;
+  }
+  wanted.alpha = static_cast<uint8_t>(alpha * 255.0f + 0.5f);
+  if (wanted.alpha == 0) return -2;
+  uint32_t best = 0;
+  int best_distance = INT32_MAX;
+  for (uint32_t i = 0; i < list_->blend_count; ++i) {
+    const Blend& known = list_->blends[i];
+    const int distance = std::abs(known.alpha - wanted.alpha) + (known.kind == wanted.kind ? 0 : 1000);
+    if (distance < best_distance) best_distance = distance, best = i;
+  }
+  if (best_distance > 0 && list_->blend_count < kBlendsMax) {
+    best = list_->blend_count++;
+    list_->blends[best] = wanted;
+  }
+  return static_cast<int32_t>(best);
+}
+
+const SceneSide& ViewBuilder::side_now(const SceneSide& side) {
+  if (side.sidedef >= view_->sides.size() || !view_->sides[side.sidedef].retextured) return side;
+  auto& [stamp, changed] = side_changes_[side.sidedef];
+  if (stamp != stamp_) {
+    changed_sides_.push_back(Scene::retextured(side, view_->sides[side.sidedef], atlas_));
+    stamp = stamp_, changed = &changed_sides_.back();
+  }
+  return *changed;
+}
+
+const SceneSide& ViewBuilder::near_side(const Span& span) {
+  return side_now(span.back_side ? scene_->lines[span.line].back : scene_->lines[span.line].front);
+}
+
+float ViewBuilder::wall_shade(const SectorNow& now, const SceneSide& side) const {
+  if (side.light == 0 && !side.light_absolute) return now.shade + side.contrast_rows;
+  const float flash = kLightRowsPerFlash * static_cast<float>(view_->extra_light);
+  if (side.light_absolute) return light_shade(std::clamp(side.light, 0, 255)) - flash + side.contrast_rows;
+  return now.shade - static_cast<float>(side.light) * 0.25f + side.contrast_rows;
+}
+
+void ViewBuilder::place_vertex(uint32_t vertex, float x, float y) {
+  const float dx = x - eye_x_, dy = y - eye_y_;
+  depth_[vertex] = dx * cosine_ + dy * sine_;
+  side_[vertex] = dx * sine_ - dy * cosine_;
+  vertex_stamps_[vertex] = stamp_;
+}
+
+void ViewBuilder::transform(uint32_t vertex) {
+  if (vertex_stamps_[vertex] != stamp_)
+    place_vertex(vertex, scene_->vertex_x[vertex], scene_->vertex_y[vertex]);
+}
+
+/// From the eye's sector through every opening that shows another one, with the columns it shows it in.
 void ViewBuilder::collect_spans() {
   spans_.clear();
   partial_spans_.clear();
+  queue_.clear();
   std::fill(column_inverse_.begin(), column_inverse_.end(), 0.0f);
   std::fill(column_span_.begin(), column_span_.end(), -1);
-  for (uint32_t line = 0; line < scene_->lines.size(); ++line) {
-    if (!add_span(line)) continue;
-    const auto index = static_cast<int32_t>(spans_.size()) - 1;
-    if (spans_.back().solid)
-      fill_columns(index);
-    else
-      partial_spans_.push_back(index);
+  collect_polyobjects();
+  if (scene_->level().index != nullptr && !view_->sectors.empty()) {
+    const auto fixed = [](double at) {
+      return static_cast<Fixed>(std::clamp(at, -32767.0, 32767.0) * 65536);
+    };
+    eye_sector_ = scene_->level().index->sectors.sector_at(fixed(view_->eye_x), fixed(view_->eye_y));
+    reach(eye_sector_, 0, projection_.width);
+  }
+  for (std::size_t next = 0; next < queue_.size(); ++next) {
+    const uint32_t index = queue_[next];
+    windows_[index].queued = false;
+    const Window window = windows_[index];
+    for (uint32_t at = scene_->sector_line_begin[index]; at < scene_->sector_line_begin[index + 1]; ++at) {
+      const uint32_t line_index = scene_->sector_lines[at];
+      LineView& seen = look_at(line_index);
+      if (seen.kind == LineView::Kind::kUnseen) continue;
+      const int begin = std::max(window.begin, seen.column_begin);
+      const int end = std::min(window.end, seen.column_end);
+      if (begin >= end) continue;
+      if (seen.kind == LineView::Kind::kShown && !seen.added) {
+        seen.added = true;
+        add_span(seen.span);
+      }
+      if (!seen.open) continue;
+      const SceneLine& line = scene_->lines[line_index];
+      if (!seen.any_facing && seen.span.near_sector != index) continue;
+      reach(line.front.sector == index ? line.back.sector : line.front.sector, begin, end);
+    }
   }
   const auto hidden = [&](int32_t index) {
     const Span& span = spans_[static_cast<std::size_t>(index)];
@@ -193,61 +316,154 @@ void ViewBuilder::collect_spans() {
                        partial_spans_.end());
 }
 
-bool ViewBuilder::add_span(uint32_t line_index) {
+/// Widens the window of a sector; its lines are looked at (again) if it grew.
+void ViewBuilder::reach(uint32_t index, int begin, int end) {
+  Window& window = windows_[index];
+  if (window.stamp != stamp_) {
+    window = {.stamp = stamp_, .begin = begin, .end = end, .queued = false};
+  } else {
+    if (begin >= window.begin && end <= window.end) return;
+    window.begin = std::min(window.begin, begin), window.end = std::max(window.end, end);
+  }
+  if (window.queued) return;
+  window.queued = true;
+  queue_.push_back(index);
+}
+
+ViewBuilder::LineView& ViewBuilder::look_at(uint32_t index) {
+  LineView& seen = line_views_[index];
+  if (seen.stamp == stamp_) return seen;
+  seen.stamp = stamp_;
+  seen.kind = LineView::Kind::kUnseen;
+  seen.added = seen.open = seen.any_facing = false;
+  measure_line(index, &seen);
+  return seen;
+}
+
+void ViewBuilder::measure_line(uint32_t line_index, LineView* seen) {
   const SceneLine& line = scene_->lines[line_index];
+  transform(line.start), transform(line.end);
   float side_a = side_[line.start], depth_a = depth_[line.start];
   float side_b = side_[line.end], depth_b = depth_[line.end];
-  if (depth_a < kNearDepth && depth_b < kNearDepth) return false;
+  if (depth_a < kNearDepth && depth_b < kNearDepth) {
+    if (!line.two_sided || (depth_a <= 0 && depth_b <= 0)) return;
+    // It crosses the view closer than anything is drawn: nothing to show, but it must not stop the eye.
+    seen->kind = LineView::Kind::kPlain, seen->open = seen->any_facing = true;
+    seen->column_begin = 0, seen->column_end = projection_.width;
+    return;
+  }
   // Seen from its front, a line runs from left to right.
   const bool from_back = side_a * depth_b >= side_b * depth_a;
-  if (from_back && !line.two_sided) return false;
+  if (from_back && !line.two_sided) return;
   // Outside the picture's left or right border: both ends on the far side of the same border ray.
   const float left_reach = projection_.center_x,
               right_reach = static_cast<float>(projection_.width) - left_reach;
   const float focal = projection_.focal_x;
-  if (side_a * focal < -left_reach * depth_a && side_b * focal < -left_reach * depth_b) return false;
-  if (side_a * focal > right_reach * depth_a && side_b * focal > right_reach * depth_b) return false;
+  if (side_a * focal < -left_reach * depth_a && side_b * focal < -left_reach * depth_b) return;
+  if (side_a * focal > right_reach * depth_a && side_b * focal > right_reach * depth_b) return;
   float u_a = 0, u_b = line.length;
   if (from_back) {
     std::swap(side_a, side_b), std::swap(depth_a, depth_b);
   }
   const float length = line.length;
+  bool clipped = true;
   if (depth_a < kNearDepth) {
     const float t = (kNearDepth - depth_a) / (depth_b - depth_a);
     side_a += t * (side_b - side_a), u_a += t * length, depth_a = kNearDepth;
   } else if (depth_b < kNearDepth) {
     const float t = (kNearDepth - depth_b) / (depth_a - depth_b);
     side_b += t * (side_a - side_b), u_b -= t * length, depth_b = kNearDepth;
+  } else {
+    clipped = false;
   }
-  Span span;
+  Span& span = seen->span;
   span.line = line_index, span.back_side = from_back;
+  span.near_sector = from_back ? line.back.sector : line.front.sector;
+  span.far_sector = !line.two_sided ? span.near_sector : from_back ? line.front.sector : line.back.sector;
   const float inverse_a = 1.0f / depth_a, inverse_b = 1.0f / depth_b;
   span.x_left = snap(projection_.center_x + focal * side_a * inverse_a);
   span.x_right = snap(projection_.center_x + focal * side_b * inverse_b);
   span.column_begin = std::max(0, first_column(std::max(span.x_left, -1.0f)));
   span.column_end = std::min(projection_.width, first_column(std::min(span.x_right, 65536.0f)));
-  if (span.column_begin >= span.column_end) return false;
-  const SceneSide& near = near_side(span);
+  seen->column_begin = span.column_begin, seen->column_end = span.column_end;
+  if (clipped && line.two_sided) {
+    seen->column_begin = 0, seen->column_end = projection_.width;
+    seen->any_facing = true;
+  }
+  if (seen->column_begin >= seen->column_end) return;
+  seen->kind = LineView::Kind::kPlain;
+  span.solid = !line.two_sided;
   if (line.two_sided) {
-    const SceneSide& far = far_side(span);
-    if (near.sector == far.sector && !near.has_middle) return false;
-    const SectorNow now = sector(near.sector);
-    const SectorNow& beyond = sector(far.sector);
+    const SectorNow now = sector(span.near_sector);
+    const SectorNow& beyond = sector(span.far_sector);
     span.solid = std::max(now.floor, beyond.floor) >= std::min(now.ceiling, beyond.ceiling);
-    if (!span.solid && !near.has_middle && now.floor == beyond.floor && now.ceiling == beyond.ceiling &&
-        now.shade == beyond.shade && same_plane(*now.floor_plane, *beyond.floor_plane) &&
-        same_plane(*now.ceiling_plane, *beyond.ceiling_plane))
-      return false;
-  } else {
-    span.solid = true;
+    seen->open = !span.solid && span.near_sector != span.far_sector;
+  }
+  if (span.column_begin >= span.column_end) return;
+  if (line.two_sided && !span.solid) {
+    const bool has_middle = side_now(from_back ? line.back : line.front).middle.present;
+    if (!has_middle &&
+        (span.near_sector == span.far_sector ||
+         same_look(sector(span.near_sector), sector(span.far_sector), span.near_sector, span.far_sector)))
+      return;
   }
   // The texture runs from the near side's own start, which is always the span's left end.
   const float width = span.x_right - span.x_left;
   span.inverse_left = inverse_a, span.inverse_slope = (inverse_b - inverse_a) / width;
-  span.u_left = (u_a + near.offset_x) * inverse_a;
-  span.u_slope = ((u_b + near.offset_x) * inverse_b - span.u_left) / width;
+  span.u_left = u_a * inverse_a, span.u_slope = (u_b * inverse_b - span.u_left) / width;
+  seen->kind = LineView::Kind::kShown;
+}
+
+/// Sectors between which no border shows.
+bool ViewBuilder::same_look(const SectorNow& a, const SectorNow& b, uint32_t a_index,
+                            uint32_t b_index) const {
+  return a.floor == b.floor && a.ceiling == b.ceiling && a.shade == b.shade && a.tint == b.tint &&
+         a.floor_shade == b.floor_shade && a.ceiling_shade == b.ceiling_shade &&
+         same_plane(*a.floor_plane, *b.floor_plane) && same_plane(*a.ceiling_plane, *b.ceiling_plane) &&
+         same_placement(view_->sectors[a_index].floor_placement, view_->sectors[b_index].floor_placement) &&
+         same_placement(view_->sectors[a_index].ceiling_placement, view_->sectors[b_index].ceiling_placement);
+}
+
+void ViewBuilder::add_span(const Span& span) {
+  const auto index = static_cast<int32_t>(spans_.size());
   spans_.push_back(span);
-  return true;
+  if (span.solid)
+    fill_columns(index);
+  else
+    partial_spans_.push_back(index);
+}
+
+/// Lines that move as one: their ends lie where the world has them now, and each stands in the sector that it
+/// is in.
+void ViewBuilder::collect_polyobjects() {
+  for (const Polyobject& polyobject : view_->polyobjects) {
+    for (std::size_t i = 0; i < polyobject.vertices.size() && i < polyobject.position.size(); ++i)
+      if (polyobject.vertices[i] < scene_->vertex_x.size())
+        place_vertex(polyobject.vertices[i], to_float(polyobject.position[i][0]),
+                     to_float(polyobject.position[i][1]));
+    for (const uint32_t line_index : polyobject.lines) {
+      if (line_index >= scene_->lines.size() || scene_->level().index == nullptr) continue;
+      const SceneLine& line = scene_->lines[line_index];
+      LineView& seen = look_at(line_index);
+      if (seen.kind != LineView::Kind::kShown || seen.added) continue;
+      seen.added = true;
+      // A step to the near side of its middle; (depth, side) back to the map.
+      const float middle_depth = 0.5f * (depth_[line.start] + depth_[line.end]);
+      const float middle_side = 0.5f * (side_[line.start] + side_[line.end]);
+      const float along_depth = depth_[line.end] - depth_[line.start],
+                  along_side = side_[line.end] - side_[line.start];
+      const float step = (seen.span.back_side ? -2.0f : 2.0f) / std::max(1e-3f, line.length);
+      const float depth = middle_depth - along_side * step, side = middle_side + along_depth * step;
+      const auto fixed = [](float at) {
+        return static_cast<Fixed>(std::clamp(at, -32767.0f, 32767.0f) * 65536.0f);
+      };
+      Span span = seen.span;
+      span.near_sector = scene_->level().index->sectors.sector_at(
+          fixed(eye_x_ + cosine_ * depth + sine_ * side), fixed(eye_y_ + sine_ * depth - cosine_ * side));
+      span.far_sector = span.near_sector;
+      add_span(span);
+    }
+  }
 }
 
 void ViewBuilder::fill_columns(int32_t span_index) {
@@ -262,7 +478,7 @@ void ViewBuilder::fill_columns(int32_t span_index) {
 }
 
 void ViewBuilder::push(float x, float row, float inverse, float u, float v, const AtlasRegion& region,
-                       float shade) {
+                       float shade, int32_t tint) {
   const float w = 1.0f / inverse;
   list_->vertices.push_back({.x = (x * 2.0f / static_cast<float>(projection_.width) - 1.0f) * w,
                              .y = (row * 2.0f / static_cast<float>(projection_.rows) - 1.0f) * w,
@@ -273,29 +489,65 @@ void ViewBuilder::push(float x, float row, float inverse, float u, float v, cons
                              .width = static_cast<float>(region.width),
                              .height = static_cast<float>(region.height),
                              .shade = shade,
-                             .address = static_cast<int32_t>(region.address)});
+                             .address = static_cast<int32_t>(region.address) | tint});
+}
+
+float ViewBuilder::sky_u(float x) const {
+  // 1.5 times the walls' shift: the reference engine looks skies up a little more to the left still.
+  const float offset = (x + 1.5f * projection_.wall_shift_x - projection_.center_x) / projection_.focal_x;
+  return (static_cast<float>(angle_to_radians(view_->angle)) - std::atan(offset)) * kSkyColumnsPerTurn /
+         kTwoPi / static_cast<float>(scene_->sky.width);
+}
+
+float ViewBuilder::sky_v(float row) const {
+  // Skies of 128 rows are stretched to twice their height and stand on the horizon's row 108.5; taller ones
+  // were drawn for a screen of 200 rows.
+  const bool stretched = scene_->sky.height < kTallSkyRows;
+  const float texels_per_row = (stretched ? 100.0f : 200.0f) / (projection_.focal_y / 0.8f);
+  return ((stretched ? kSkyHorizonRow : 100.0f) + (row - center_y_) * texels_per_row) /
+         static_cast<float>(scene_->sky.height);
 }
 
 void ViewBuilder::emit_sky() {
   const AtlasRegion& region = scene_->sky;
-  const float radians = static_cast<float>(angle_to_radians(view_->angle));
-  const float repeats_per_radian = kSkyColumnsPerTurn / kTwoPi / static_cast<float>(region.width);
-  const float texels_per_row = 200.0f / (projection_.focal_y / 0.8f);  // the texture was drawn for 200 rows
-  const auto u_at = [&](int column) {
-    const float offset = (static_cast<float>(column) - projection_.center_x) / projection_.focal_x;
-    return (radians - std::atan(offset)) * repeats_per_radian;
-  };
-  const auto v_at = [&](float row) {
-    return (100.0f + (row - projection_.center_y) * texels_per_row) / static_cast<float>(region.height);
-  };
   const auto rows = static_cast<float>(projection_.rows);
   for (int begin = 0; begin < projection_.width; begin += kSkyStripColumns) {
-    const int end = std::min(begin + kSkyStripColumns, projection_.width);
-    const auto left = static_cast<float>(begin), right = static_cast<float>(end);
-    push(left, 0, 1, u_at(begin), v_at(0), region, 0);
-    push(right, 0, 1, u_at(end), v_at(0), region, 0);
-    push(right, rows, 1, u_at(end), v_at(rows), region, 0);
-    push(left, rows, 1, u_at(begin), v_at(rows), region, 0);
+    const auto left = static_cast<float>(begin),
+               right = static_cast<float>(std::min(begin + kSkyStripColumns, projection_.width));
+    push(left, 0, 1, sky_u(left), sky_v(0), region, 0, 0);
+    push(right, 0, 1, sky_u(right), sky_v(0), region, 0, 0);
+    push(right, rows, 1, sky_u(right), sky_v(rows), region, 0, 0);
+    push(left, rows, 1, sky_u(left), sky_v(rows), region, 0, 0);
+  }
+}
+
+/// Where open sky ends at a line, nothing that lies behind it shows above: the sky again, at the line's
+/// depth.
+void ViewBuilder::emit_sky_wall(const Span& span, float left, float right, float bottom) {
+  if (bottom >= ceiling_highest_) return;
+  const auto rows = static_cast<float>(projection_.rows);
+  const auto row_at = [&](float x) {
+    return center_y_ - projection_.focal_y * (bottom - eye_z_) * span.inverse_at(x);
+  };
+  if (row_at(left) <= 0 && row_at(right) <= 0) return;
+  const auto corner = [&](float x, float row, float u) {
+    push(x, row, 1, u, sky_v(row), scene_->sky, 0, 0);
+    list_->vertices.back().z = 1.0f - 2.0f * kNearDepth * span.inverse_at(x);
+  };
+  const auto strip = static_cast<float>(kSkyStripColumns);
+  for (float begin = left; begin < right;) {
+    const float strip_left = std::floor(begin / strip) * strip, strip_right = strip_left + strip;
+    const float end = std::min(right, strip_right);
+    const float u_left = sky_u(strip_left),
+                u_slope = (sky_u(std::min(strip_right, static_cast<float>(projection_.width))) - u_left) /
+                          (std::min(strip_right, static_cast<float>(projection_.width)) - strip_left);
+    split_at_borders(begin, end, 0, 0, row_at(begin), row_at(end), rows, [&](float a, float b) {
+      const float bottom_a = std::clamp(row_at(a), 0.0f, rows), bottom_b = std::clamp(row_at(b), 0.0f, rows);
+      if (bottom_a <= 0 && bottom_b <= 0) return;
+      const float u_a = u_left + (a - strip_left) * u_slope, u_b = u_left + (b - strip_left) * u_slope;
+      corner(a, 0, u_a), corner(b, 0, u_b), corner(b, bottom_b, u_b), corner(a, bottom_a, u_a);
+    });
+    begin = end;
   }
 }
 
@@ -305,7 +557,7 @@ void ViewBuilder::emit_painted_planes() {
   for (int column = 0; column < projection_.width && !sky_seen_; ++column) {
     const int32_t index = column_span_[static_cast<std::size_t>(column)];
     if (index < 0 || (column > 0 && column_span_[static_cast<std::size_t>(column - 1)] == index)) continue;
-    const SectorNow& now = sector(near_side(spans_[static_cast<std::size_t>(index)]).sector);
+    const SectorNow& now = sector(spans_[static_cast<std::size_t>(index)].near_sector);
     sky_seen_ = now.ceiling_plane->sky || now.floor_plane->sky;
   }
   if (sky_seen_) emit_sky();
@@ -316,7 +568,8 @@ void ViewBuilder::emit_painted_planes() {
       ++begin;
       continue;
     }
-    const SectorNow now = sector(near_side(spans_[static_cast<std::size_t>(first)]).sector);
+    const uint32_t here = spans_[static_cast<std::size_t>(first)].near_sector;
+    const SectorNow now = sector(here);
     float inverse_min = column_inverse_[static_cast<std::size_t>(begin)];
     int32_t last = first;
     int end = begin + 1;
@@ -324,94 +577,132 @@ void ViewBuilder::emit_painted_planes() {
       const int32_t index = column_span_[static_cast<std::size_t>(end)];
       if (index < 0) break;
       if (index != last) {
-        const SectorNow& other = sector(near_side(spans_[static_cast<std::size_t>(index)]).sector);
-        if (other.floor != now.floor || other.ceiling != now.ceiling || other.shade != now.shade ||
-            !same_plane(*other.floor_plane, *now.floor_plane) ||
-            !same_plane(*other.ceiling_plane, *now.ceiling_plane))
-          break;
+        const uint32_t there = spans_[static_cast<std::size_t>(index)].near_sector;
+        if (there != here && !same_look(now, sector(there), here, there)) break;
         last = index;
       }
       inverse_min = std::min(inverse_min, column_inverse_[static_cast<std::size_t>(end)]);
     }
-    emit_painted_run(begin, end, now, inverse_min);
+    emit_painted_run(begin, end, here, inverse_min);
     begin = end;
   }
 }
 
-void ViewBuilder::emit_painted_run(int column_begin, int column_end, const SectorNow& now,
+void ViewBuilder::emit_painted_run(int column_begin, int column_end, uint32_t sector_index,
                                    float inverse_min) {
+  const SectorNow now = sector(sector_index);
+  const Sector& source = view_->sectors[sector_index];
   const auto left = static_cast<float>(column_begin), right = static_cast<float>(column_end);
   const auto rows = static_cast<float>(projection_.rows);
   inverse_min = std::max(inverse_min, kFarInverse);
   if (now.floor < eye_z_ && !now.floor_plane->sky) {
-    const float foot = projection_.center_y + projection_.focal_y * (eye_z_ - now.floor) * inverse_min;
+    const float foot = center_y_ + projection_.focal_y * (eye_z_ - now.floor) * inverse_min;
     if (foot < rows)
-      emit_plane(left, right, foot, foot, rows, rows, now.floor, now.floor_plane->region, now.shade);
+      emit_plane(left, right, foot, foot, rows, rows, now.floor, now.floor_plane->region,
+                 source.floor_placement, now.floor_shade, now.tint);
   }
   if (now.ceiling > eye_z_ && !now.ceiling_plane->sky) {
-    const float head = projection_.center_y + projection_.focal_y * (eye_z_ - now.ceiling) * inverse_min;
+    const float head = center_y_ + projection_.focal_y * (eye_z_ - now.ceiling) * inverse_min;
     if (head > 0)
-      emit_plane(left, right, 0, 0, head, head, now.ceiling, now.ceiling_plane->region, now.shade);
+      emit_plane(left, right, 0, 0, head, head, now.ceiling, now.ceiling_plane->region,
+                 source.ceiling_placement, now.ceiling_shade, now.tint);
+  }
+}
+
+/// The nearest solid walls of all columns.
+void ViewBuilder::emit_all_walls() {
+  int begin = 0;
+  while (begin < projection_.width) {
+    const int32_t span = column_span_[static_cast<std::size_t>(begin)];
+    int end = begin + 1;
+    while (end < projection_.width && column_span_[static_cast<std::size_t>(end)] == span) ++end;
+    if (span >= 0) emit_walls(spans_[static_cast<std::size_t>(span)], begin, end);
+    begin = end;
   }
 }
 
 void ViewBuilder::emit_walls(const Span& span, int column_begin, int column_end) {
   const SceneLine& line = scene_->lines[span.line];
   const SceneSide& near = near_side(span);
-  const SectorNow now = sector(near.sector);
+  const SectorNow now = sector(span.near_sector);
   const float left = std::max(span.x_left, static_cast<float>(column_begin));
   const float right = std::min(span.x_right, static_cast<float>(column_end));
   if (right <= left) return;
-  const float shade = now.shade + line.contrast_rows;
+  const float shade = wall_shade(now, near);
+  const auto height_of = [](const ScenePart& part) {
+    return static_cast<float>(part.region.height) / part.scale_y;
+  };
   if (!line.two_sided) {
-    if (!near.has_middle) return;
-    const float texture_top =
-        line.lower_unpegged ? now.floor + static_cast<float>(near.middle.height) : now.ceiling;
-    emit_wall_part(span, left, right, now.ceiling, now.floor, texture_top, near.offset_y, near.middle, shade);
+    if (!near.middle.present) return;
+    const float texture_top = line.lower_unpegged ? now.floor + height_of(near.middle) : now.ceiling;
+    emit_wall_part(span, left, right, now.ceiling, now.floor, texture_top, near.middle, near, shade,
+                   now.tint);
     return;
   }
-  const SectorNow beyond = sector(far_side(span).sector);
+  const SectorNow beyond = sector(span.far_sector);
   const bool both_sky = now.ceiling_plane->sky && beyond.ceiling_plane->sky;
-  if (beyond.ceiling < now.ceiling && !both_sky && near.has_top) {
+  if (beyond.ceiling < now.ceiling && !both_sky && near.top.present) {
     const float bottom = std::max(beyond.ceiling, now.floor);
-    const float texture_top =
-        line.upper_unpegged ? now.ceiling : beyond.ceiling + static_cast<float>(near.top.height);
-    emit_wall_part(span, left, right, now.ceiling, bottom, texture_top, near.offset_y, near.top, shade);
+    const float texture_top = line.upper_unpegged ? now.ceiling : beyond.ceiling + height_of(near.top);
+    emit_wall_part(span, left, right, now.ceiling, bottom, texture_top, near.top, near, shade, now.tint);
   }
-  if (beyond.floor > now.floor && near.has_bottom) {
+  if (beyond.floor > now.floor && near.bottom.present) {
     const float top = std::min(beyond.floor, now.ceiling);
-    const float texture_top = line.lower_unpegged ? now.ceiling : beyond.floor;
-    emit_wall_part(span, left, right, top, now.floor, texture_top, near.offset_y, near.bottom, shade);
+    // Unpegged, the texture lines up with the ceiling, or with the upper edge of the opening under open sky.
+    const float texture_top = !line.lower_unpegged ? beyond.floor
+                              : both_sky           ? std::min(now.ceiling, beyond.ceiling)
+                                                   : now.ceiling;
+    emit_wall_part(span, left, right, top, now.floor, texture_top, near.bottom, near, shade, now.tint);
   }
+  if (span.solid) return;  // nothing behind it is drawn
+  if (now.ceiling_plane->sky && (!both_sky || beyond.ceiling < now.ceiling))
+    emit_sky_wall(span, left, right, both_sky ? beyond.ceiling : now.ceiling);
   // A floor that drops away hides what lies below its edge, a ceiling that rises what lies above. Planes
   // write no depth (sprites may reach a little below their floor), so a curtain behind the edge does; the
   // nearer plane covers it in the picture.
   if (beyond.floor < now.floor)
-    emit_wall_part(span, left, right, now.floor, beyond.floor, now.floor, 0, now.floor_plane->region,
-                   now.shade);
+    emit_curtain(span, left, right, now.floor, beyond.floor, now.floor_plane->region, now.floor_shade,
+                 now.tint);
   if (beyond.ceiling > now.ceiling && !now.ceiling_plane->sky)
-    emit_wall_part(span, left, right, beyond.ceiling, now.ceiling, now.ceiling, 0, now.ceiling_plane->region,
-                   now.shade);
+    emit_curtain(span, left, right, beyond.ceiling, now.ceiling, now.ceiling_plane->region, now.ceiling_shade,
+                 now.tint);
+}
+
+void ViewBuilder::emit_curtain(const Span& span, float x_left, float x_right, float top, float bottom,
+                               const AtlasRegion& region, float shade, int32_t tint) {
+  ScenePart part;
+  part.region = region;
+  SceneSide nowhere;
+  nowhere.sidedef = UINT32_MAX;
+  emit_wall_part(span, x_left, x_right, top, bottom, top, part, nowhere, shade, tint);
 }
 
 void ViewBuilder::emit_wall_part(const Span& span, float x_left, float x_right, float top, float bottom,
-                                 float texture_top, float offset_y, const AtlasRegion& region, float shade) {
+                                 float texture_top, const ScenePart& part, const SceneSide& side, float shade,
+                                 int32_t tint) {
   if (top <= bottom) return;
   const auto rows = static_cast<float>(projection_.rows);
   const auto row_at = [&](float x, float height) {
-    return projection_.center_y - projection_.focal_y * (height - eye_z_) * span.inverse_at(x);
+    return center_y_ - projection_.focal_y * (height - eye_z_) * span.inverse_at(x);
   };
   const float top_left = row_at(x_left, top), top_right = row_at(x_right, top);
   const float bottom_left = row_at(x_left, bottom), bottom_right = row_at(x_right, bottom);
   if (std::max(bottom_left, bottom_right) <= 0 || std::min(top_left, top_right) >= rows) return;
-  const auto texture_width = static_cast<float>(region.width),
-             texture_height = static_cast<float>(region.height);
+  const auto texture_width = static_cast<float>(part.region.width),
+             texture_height = static_cast<float>(part.region.height);
+  float offset_x = part.offset_x, offset_y = part.offset_y;
+  if (side.sidedef < view_->sides.size()) {
+    offset_x += to_float(view_->sides[side.sidedef].scroll_x);
+    offset_y += to_float(view_->sides[side.sidedef].scroll_y);
+  }
   const auto corner = [&](float x, float row) {
     const float sample_x = x + projection_.wall_shift_x, sample_row = row + projection_.wall_shift_y;
     const float inverse = std::max(span.inverse_at(sample_x), kFarInverse);
-    const float height = eye_z_ + (projection_.center_y - sample_row) / (projection_.focal_y * inverse);
-    push(x, row, inverse, (span.u_at(sample_x) / inverse + kTexelEpsilon) / texture_width,
-         (texture_top - height + offset_y + kTexelEpsilon) / texture_height, region, shade);
+    const float height = eye_z_ + (center_y_ - sample_row) / (projection_.focal_y * inverse);
+    push(x, row, inverse,
+         (span.u_at(sample_x) / inverse * part.scale_x + offset_x + kTexelEpsilon) / texture_width,
+         ((texture_top - height) * part.scale_y + offset_y + kTexelEpsilon) / texture_height, part.region,
+         shade, tint);
   };
   split_at_borders(x_left, x_right, top_left, top_right, bottom_left, bottom_right, rows,
                    [&](float a, float b) {
@@ -430,7 +721,7 @@ void ViewBuilder::emit_crossed_planes() {
   std::fill(crossing_count_.begin(), crossing_count_.end(), 0);
   for (const int32_t index : partial_spans_) {
     const Span& span = spans_[static_cast<std::size_t>(index)];
-    if (near_side(span).sector == far_side(span).sector) continue;
+    if (span.near_sector == span.far_sector) continue;
     for (int column = span.column_begin; column < span.column_end; ++column) {
       const float inverse = span.inverse_at(static_cast<float>(column) + 0.5f);
       const auto at = static_cast<std::size_t>(column);
@@ -476,9 +767,10 @@ void ViewBuilder::emit_plane_run(int column_begin, int column_end, const Crossin
     const int32_t far_index = i < count ? crossings[i].span : solid_span;
     if (far_index < 0) return;  // the map is open here: nothing ends this floor
     const Span& far_edge = spans_[static_cast<std::size_t>(far_index)];
-    const SectorNow now = sector(near_side(far_edge).sector);
+    const SectorNow now = sector(far_edge.near_sector);
+    const Sector& source = view_->sectors[far_edge.near_sector];
     const bool has_beyond = !far_edge.solid;
-    const SectorNow beyond = has_beyond ? sector(far_side(far_edge).sector) : now;
+    const SectorNow beyond = has_beyond ? sector(far_edge.far_sector) : now;
     const float far_left = inverse_of(far_edge, left), far_right = inverse_of(far_edge, right);
     const float near_left = near_edge ? inverse_of(*near_edge, left) : 0;
     const float near_right = near_edge ? inverse_of(*near_edge, right) : 0;
@@ -487,39 +779,52 @@ void ViewBuilder::emit_plane_run(int column_begin, int column_end, const Crossin
     const auto scale = [&](float height) { return projection_.focal_y * (eye_z_ - height); };
     if (now.floor < eye_z_ && !now.floor_plane->sky) {
       const float tuck = !has_beyond || beyond.floor > now.floor ? 1.0f : 0.0f;
-      const float unit = scale(now.floor), horizon = projection_.center_y + unit * kFarInverse;
-      emit_plane(left, right, std::max(horizon, projection_.center_y + unit * far_left - tuck),
-                 std::max(horizon, projection_.center_y + unit * far_right - tuck),
-                 near_edge ? projection_.center_y + unit * near_left : rows,
-                 near_edge ? projection_.center_y + unit * near_right : rows, now.floor,
-                 now.floor_plane->region, now.shade);
+      const float unit = scale(now.floor), horizon = center_y_ + unit * kFarInverse;
+      emit_plane(left, right, std::max(horizon, center_y_ + unit * far_left - tuck),
+                 std::max(horizon, center_y_ + unit * far_right - tuck),
+                 near_edge ? center_y_ + unit * near_left : rows,
+                 near_edge ? center_y_ + unit * near_right : rows, now.floor, now.floor_plane->region,
+                 source.floor_placement, now.floor_shade, now.tint);
     }
     if (now.ceiling > eye_z_ && !now.ceiling_plane->sky) {
       const float tuck = !has_beyond || beyond.ceiling < now.ceiling ? 1.0f : 0.0f;
-      const float unit = scale(now.ceiling), horizon = projection_.center_y + unit * kFarInverse;
-      emit_plane(left, right, near_edge ? projection_.center_y + unit * near_left : 0,
-                 near_edge ? projection_.center_y + unit * near_right : 0,
-                 std::min(horizon, projection_.center_y + unit * far_left + tuck),
-                 std::min(horizon, projection_.center_y + unit * far_right + tuck), now.ceiling,
-                 now.ceiling_plane->region, now.shade);
+      const float unit = scale(now.ceiling), horizon = center_y_ + unit * kFarInverse;
+      emit_plane(left, right, near_edge ? center_y_ + unit * near_left : 0,
+                 near_edge ? center_y_ + unit * near_right : 0,
+                 std::min(horizon, center_y_ + unit * far_left + tuck),
+                 std::min(horizon, center_y_ + unit * far_right + tuck), now.ceiling,
+                 now.ceiling_plane->region, source.ceiling_placement, now.ceiling_shade, now.tint);
     }
     near_edge = &far_edge;
   }
 }
 
 void ViewBuilder::emit_plane(float x_left, float x_right, float top_left, float top_right, float bottom_left,
-                             float bottom_right, float height, const AtlasRegion& region, float shade) {
+                             float bottom_right, float height, const AtlasRegion& region,
+                             const FlatPlacement& placement, float shade, int32_t tint) {
   const auto rows = static_cast<float>(projection_.rows);
   if (std::max(bottom_left, bottom_right) <= 0 || std::min(top_left, top_right) >= rows) return;
   const float inverse_per_row = 1.0f / (projection_.focal_y * (eye_z_ - height));
+  // Texels per unit of the map along both axes, and where they begin.
+  float along_x = 1, across = 0, scale_x = 1, scale_y = 1, offset_x = 0, offset_y = 0;
+  static const FlatPlacement plain;
+  if (!same_placement(placement, plain)) {
+    const float radians = placement.rotation_degrees * (kTwoPi / 360.0f);
+    along_x = std::cos(radians), across = std::sin(radians);
+    const auto usable = [](float scale) { return scale > 1e-3f && scale < 1e3f ? scale : 1.0f; };
+    scale_x = usable(placement.scale_x), scale_y = usable(placement.scale_y);
+    offset_x = to_float(placement.offset_x), offset_y = to_float(placement.offset_y);
+  }
   const auto corner = [&](float x, float row) {
-    const float inverse = std::max((row - projection_.center_y) * inverse_per_row, kFarInverse);
+    const float inverse = std::max((row - center_y_) * inverse_per_row, kFarInverse);
     const float depth = 1.0f / inverse,
                 side = (x + projection_.plane_shift_x - projection_.center_x) / projection_.focal_x * depth;
     const float map_x = eye_x_ + cosine_ * depth + sine_ * side,
                 map_y = eye_y_ + sine_ * depth - cosine_ * side;
-    push(x, row, inverse, (map_x - kTexelEpsilon) / static_cast<float>(region.width),
-         (-map_y - kTexelEpsilon) / static_cast<float>(region.height), region, shade);
+    const float texel_x = (map_x * along_x - map_y * across) * scale_x + offset_x;
+    const float texel_y = -(map_x * across + map_y * along_x) * scale_y + offset_y;
+    push(x, row, inverse, (texel_x - kTexelEpsilon) / static_cast<float>(region.width),
+         (texel_y - kTexelEpsilon) / static_cast<float>(region.height), region, shade, tint);
   };
   split_at_borders(
       x_left, x_right, top_left, top_right, bottom_left, bottom_right, rows, [&](float a, float b) {
@@ -537,60 +842,89 @@ void ViewBuilder::emit_plane(float x_left, float x_right, float top_left, float 
 void ViewBuilder::collect_sprites() {
   sprites_.clear();
   const auto rows = static_cast<float>(projection_.rows);
-  for (const Actor& actor : view_->actors) {
-    if (actor.removed || actor.id == view_->hidden_actor_id) continue;
-    const SpriteSides* sides = view_->sprites->sides(actor.type, actor.frame_index);
-    if (sides == nullptr) continue;
+  const ActorCatalog& catalog = view_->sprites->catalog();
+  const std::size_t count = view_->actors == nullptr ? 0 : view_->actors->size();
+  for (std::size_t slot = 0; slot < count; ++slot) {
+    const Actor& actor = (*view_->actors)[slot];
+    if (actor.removed || actor.sprite == 0 || actor.id == view_->hidden_actor_id) continue;
+    // As in Doom, a sprite shows where its sector does.
+    if (actor.sector_index >= view_->sectors.size() || windows_[actor.sector_index].stamp != stamp_) continue;
     const float dx = to_float(actor.x) - eye_x_, dy = to_float(actor.y) - eye_y_;
     const float depth = dx * cosine_ + dy * sine_;
     if (depth < kSpriteNearDepth) continue;
     const float side = dx * sine_ - dy * cosine_;
     if (std::abs(side) > depth * 4.0f + 512.0f) continue;
+    if (actor.has(ActorFlag::kInvisible) || actor.render_style == RenderStyle::kNone) continue;
+    const SpriteSides* sides = view_->sprites->sides(actor.sprite, actor.frame, actor.translation);
+    if (sides == nullptr) continue;
     std::size_t rotation = 0;
-    if (sides->art[0] != sides->art[4] || sides->mirrored[0] != sides->mirrored[4] ||
-        sides->art[0] != sides->art[2])
+    if (sides->rotates)
       rotation = static_cast<std::size_t>(sprite_side(
           static_cast<Angle>(static_cast<int64_t>(std::atan2(dy, dx) * (4294967296.0 / 6.283185307179586))),
           actor.angle));
     if (sides->art[rotation] < 0) continue;
     const SpriteArt& art = atlas_->sprites()[static_cast<std::size_t>(sides->art[rotation])];
     VisibleSprite sprite;
-    sprite.art = &art, sprite.mirrored = sides->mirrored[rotation];
+    sprite.region = art.region, sprite.mirrored = sides->mirrored[rotation];
     sprite.inverse = 1.0f / depth;
-    const ActorType& type = view_->sprites->catalog()[actor.type];
-    const float scale_x = projection_.focal_x * sprite.inverse,
-                scale_y = projection_.focal_y * sprite.inverse;
-    const auto left_offset = static_cast<float>(art.left_offset),
-               width = static_cast<float>(art.region.width);
-    sprite.x_left = snap(projection_.center_x + (side - left_offset * type.scale) * scale_x);
-    sprite.x_right = snap(sprite.x_left + width * type.scale * scale_x);
-    sprite.column_begin = std::max(0, first_column(std::max(sprite.x_left, -1.0f)));
-    sprite.column_end = std::min(projection_.width, first_column(std::min(sprite.x_right, 65536.0f)));
+    const float unit_x = projection_.focal_x * sprite.inverse * actor.scale_x,
+                unit_y = projection_.focal_y * sprite.inverse * actor.scale_y;
+    if (!(unit_x > 0) || !(unit_y > 0)) continue;
+    const auto width = static_cast<float>(art.region.width);
+    // A mirrored picture hangs on the other side of its point.
+    const auto left_offset =
+        sprite.mirrored ? width - static_cast<float>(art.left_offset) : static_cast<float>(art.left_offset);
+    sprite.x_left =
+        snap(projection_.center_x + side * projection_.focal_x * sprite.inverse - left_offset * unit_x);
+    sprite.x_right = snap(sprite.x_left + width * unit_x);
+    sprite.column_begin = std::max(0, first_column(std::clamp(sprite.x_left, -1.0f, 65536.0f)));
+    sprite.column_end =
+        std::min(projection_.width, first_column(std::clamp(sprite.x_right, -1.0f, 65536.0f)));
     if (sprite.column_begin >= sprite.column_end) continue;
-    const float top = to_float(actor.z) + static_cast<float>(art.top_offset) * type.scale - eye_z_;
-    sprite.y_top = projection_.center_y - top * scale_y;
-    sprite.y_bottom = sprite.y_top + static_cast<float>(art.region.height) * type.scale * scale_y;
+    sprite.y_top = center_y_ - (to_float(actor.z) - eye_z_) * projection_.focal_y * sprite.inverse -
+                   static_cast<float>(art.top_offset) * unit_y;
+    sprite.y_bottom = sprite.y_top + static_cast<float>(art.region.height) * unit_y;
     if (sprite.y_bottom <= 0 || sprite.y_top >= rows) continue;
     bool seen = false;
     for (int column = sprite.column_begin; column < sprite.column_end && !seen; ++column)
       seen = sprite.inverse > column_inverse_[static_cast<std::size_t>(column)];
     if (!seen) continue;
-    const bool bright =
-        type.bright || (actor.frame_index < type.frames.size() && type.frames[actor.frame_index].bright);
-    sprite.shade =
-        bright || actor.sector_index >= view_->sectors.size() ? 0 : sector(actor.sector_index).shade;
+    sprite.blend = blend(actor.render_style, actor.alpha);
+    if (sprite.blend == -2) continue;
+    const bool bright = actor.has(ActorFlag::kBright) ||
+                        (actor.state < catalog.state_count() && catalog.state(actor.state).bright);
+    const SectorNow& now = sector(actor.sector_index);
+    sprite.shade = bright ? 0 : now.shade;
+    sprite.tint = now.tint;
     sprites_.push_back(sprite);
   }
+  collect_gratings();
+  std::stable_sort(sprites_.begin(), sprites_.end(),
+                   [](const VisibleSprite& a, const VisibleSprite& b) { return a.inverse < b.inverse; });
+}
+
+void ViewBuilder::collect_gratings() {
   for (const int32_t index : partial_spans_) {
     const Span& span = spans_[static_cast<std::size_t>(index)];
-    if (!near_side(span).has_middle || !scene_->lines[span.line].two_sided) continue;
+    const SceneLine& line = scene_->lines[span.line];
+    if (!line.two_sided || !near_side(span).middle.present) continue;
     VisibleSprite grating;
     grating.grating = index;
     grating.inverse = span.inverse_at(0.5f * static_cast<float>(span.column_begin + span.column_end));
-    sprites_.push_back(grating);
+    const float set = span.line < view_->lines.size() ? view_->lines[span.line].alpha : -1.0f;
+    grating.blend =
+        blend(line.additive ? RenderStyle::kAdd : RenderStyle::kTranslucent, set >= 0 ? set : line.alpha);
+    if (grating.blend != -2) sprites_.push_back(grating);
   }
-  std::stable_sort(sprites_.begin(), sprites_.end(),
-                   [](const VisibleSprite& a, const VisibleSprite& b) { return a.inverse < b.inverse; });
+}
+
+/// Quads from here on are opaque or blended.
+void ViewBuilder::begin_masked(bool blended) {
+  std::vector<DrawList::Run>& runs = list_->masked_runs;
+  if (!runs.empty() && runs.back().blended == blended) return;
+  if (!runs.empty()) runs.back().end = quad_count();
+  runs.push_back({.end = quad_count(), .blended = blended});
+  list_->has_blended |= blended;
 }
 
 void ViewBuilder::emit_masked() {
@@ -602,6 +936,10 @@ void ViewBuilder::emit_masked() {
           span == nullptr ? sprite.inverse : span->inverse_at(static_cast<float>(column) + 0.5f);
       return inverse > column_inverse_[static_cast<std::size_t>(column)];
     };
+    begin_masked(sprite.blend >= 0);
+    const int32_t mark = sprite.blend >= 0
+                             ? static_cast<int32_t>(static_cast<uint32_t>(sprite.blend) << kTintShift)
+                             : sprite.tint;
     const int first = span == nullptr ? sprite.column_begin : span->column_begin;
     const int last = span == nullptr ? sprite.column_end : span->column_end;
     for (int column = first; column < last;) {
@@ -614,22 +952,9 @@ void ViewBuilder::emit_masked() {
       const auto run_left = static_cast<float>(column), run_right = static_cast<float>(end);
       column = end;
       if (span != nullptr) {
-        const SceneLine& line = scene_->lines[span->line];
-        const SceneSide& near = near_side(*span);
-        const SectorNow now = sector(near.sector);
-        const SectorNow beyond = sector(far_side(*span).sector);
-        const float opening_top = std::min(now.ceiling, beyond.ceiling);
-        const float opening_bottom = std::max(now.floor, beyond.floor);
-        const auto height = static_cast<float>(near.middle.height);
-        // A see-through texture hangs once in the opening, it is not repeated downwards.
-        const float texture_top =
-            (line.lower_unpegged ? opening_bottom + height : opening_top) + near.offset_y;
-        emit_wall_part(*span, std::max(span->x_left, run_left), std::min(span->x_right, run_right),
-                       std::min(opening_top, texture_top), std::max(opening_bottom, texture_top - height),
-                       texture_top, 0, near.middle, now.shade + line.contrast_rows);
+        emit_grating(*span, sprite.blend >= 0 ? mark : sector(span->near_sector).tint, run_left, run_right);
         continue;
       }
-      const AtlasRegion& region = sprite.art->region;
       const float left = std::max(sprite.x_left, run_left), right = std::min(sprite.x_right, run_right);
       const float top = std::max(sprite.y_top, 0.0f), bottom = std::min(sprite.y_bottom, rows);
       if (right <= left || bottom <= top) continue;
@@ -642,11 +967,75 @@ void ViewBuilder::emit_masked() {
       const auto v_at = [&](float row) {
         return inside((row - sprite.y_top) / (sprite.y_bottom - sprite.y_top));
       };
-      push(left, top, sprite.inverse, u_at(left), v_at(top), region, sprite.shade);
-      push(right, top, sprite.inverse, u_at(right), v_at(top), region, sprite.shade);
-      push(right, bottom, sprite.inverse, u_at(right), v_at(bottom), region, sprite.shade);
-      push(left, bottom, sprite.inverse, u_at(left), v_at(bottom), region, sprite.shade);
+      push(left, top, sprite.inverse, u_at(left), v_at(top), sprite.region, sprite.shade, mark);
+      push(right, top, sprite.inverse, u_at(right), v_at(top), sprite.region, sprite.shade, mark);
+      push(right, bottom, sprite.inverse, u_at(right), v_at(bottom), sprite.region, sprite.shade, mark);
+      push(left, bottom, sprite.inverse, u_at(left), v_at(bottom), sprite.region, sprite.shade, mark);
     }
+  }
+}
+
+void ViewBuilder::emit_grating(const Span& span, int32_t tint_or_blend, float run_left, float run_right) {
+  const SceneLine& line = scene_->lines[span.line];
+  const SceneSide& near = near_side(span);
+  const SectorNow now = sector(span.near_sector);
+  const SectorNow beyond = sector(span.far_sector);
+  const float opening_top = std::min(now.ceiling, beyond.ceiling);
+  const float opening_bottom = std::max(now.floor, beyond.floor);
+  const float height = static_cast<float>(near.middle.region.height) / near.middle.scale_y;
+  // The offset moves the picture itself, not what it shows.
+  ScenePart part = near.middle;
+  float texture_top =
+      (line.lower_unpegged ? opening_bottom + height : opening_top) + part.offset_y / part.scale_y;
+  part.offset_y = 0;
+  if (near.sidedef < view_->sides.size() && !line.wraps_middle)
+    texture_top += to_float(view_->sides[near.sidedef].scroll_y) / part.scale_y;
+  const float left = std::max(span.x_left, run_left), right = std::min(span.x_right, run_right);
+  const float shade = wall_shade(now, near);
+  if (line.wraps_middle)
+    emit_wall_part(span, left, right, opening_top, opening_bottom, texture_top, part, near, shade,
+                   tint_or_blend);
+  else
+    emit_wall_part(span, left, right, std::min(opening_top, texture_top),
+                   std::max(opening_bottom, texture_top - height), texture_top, part, near, shade,
+                   tint_or_blend);
+}
+
+void ViewBuilder::emit_hand() {
+  const auto rows = static_cast<float>(projection_.rows);
+  const int32_t hand_blend = blend(view_->hand_style, view_->hand_alpha);
+  if (hand_blend == -2) return;
+  // 320 columns and 200 rows of a 4:3 screen; x = 160 lies in the middle of the view, and as much of the
+  // picture is hidden below the view as on a screen with a status bar.
+  const float unit_x = projection_.hand_unit_x, unit_y = projection_.hand_unit_y;
+  for (const HandSprite& held : view_->hand) {
+    const SpriteSides* sides = view_->sprites->sides(held.sprite, held.frame);
+    if (sides == nullptr || sides->art[0] < 0) continue;
+    const SpriteArt& art = atlas_->sprites()[static_cast<std::size_t>(sides->art[0])];
+    const float left =
+        snap(projection_.center_x + (held.x - 160.0f - static_cast<float>(art.left_offset)) * unit_x);
+    const float right = snap(left + static_cast<float>(art.region.width) * unit_x);
+    const float top = projection_.center_y + (held.y - 100.0f - static_cast<float>(art.top_offset)) * unit_y;
+    const float bottom = top + static_cast<float>(art.region.height) * unit_y;
+    const float x0 = std::max(left, 0.0f), x1 = std::min(right, static_cast<float>(projection_.width));
+    const float y0 = std::max(top, 0.0f), y1 = std::min(bottom, rows);
+    if (x0 >= x1 || y0 >= y1) continue;
+    begin_masked(hand_blend >= 0);
+    const SectorNow& now = sector(eye_sector_);
+    const float shade = held.bright ? 0 : now.shade;
+    const int32_t mark =
+        hand_blend >= 0 ? static_cast<int32_t>(static_cast<uint32_t>(hand_blend) << kTintShift) : now.tint;
+    const auto inside = [](float value) { return std::clamp(value, 1e-4f, 1.0f - 1e-4f); };
+    const bool mirrored = sides->mirrored[0];
+    const auto u_at = [&](float x) {
+      const float u = inside((x - left) / (right - left));
+      return mirrored ? 1.0f - u : u;
+    };
+    const auto v_at = [&](float row) { return inside((row - top) / (bottom - top)); };
+    push(x0, y0, 1, u_at(x0), v_at(y0), art.region, shade, mark);
+    push(x1, y0, 1, u_at(x1), v_at(y0), art.region, shade, mark);
+    push(x1, y1, 1, u_at(x1), v_at(y1), art.region, shade, mark);
+    push(x0, y1, 1, u_at(x0), v_at(y1), art.region, shade, mark);
   }
 }
 

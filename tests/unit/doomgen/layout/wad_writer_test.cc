@@ -75,7 +75,9 @@ TEST(UdmfWriter, PrintsEveryBlockAndLeavesDefaultsOut) {
                   .light = 160,
                   .tag = 900}};
   map.sidedefs = {{.sector = 0, .middle = "BRICK6"}};
-  map.linedefs = {{.start = 0, .end = 0, .front = 0, .blocking = true}};
+  LinedefData line;
+  line.blocking = true;
+  map.linedefs = {line};
   map.things = {{.position = {1, -2}, .angle_degrees = 90, .editor_number = 9001, .id = 1000}};
   EXPECT_EQ(write_udmf(map),
             "namespace = \"zdoom\";\n\n"

@@ -116,5 +116,43 @@ TEST(UdmfReader, NamesTheKeyThatABlockLacks) {
   EXPECT_THAT(message_of("thing { x = 1; y = 2; }"), HasSubstr("has no 'type'"));
 }
 
+TEST(Udmf, ReadsWhatLinesSidesSectorsAndThingsSayBesides) {
+  const UdmfMap map = parse_udmf(R"(namespace = "zdoom";
+    linedef { v1 = 0; v2 = 1; sidefront = 0; blockhitscan = true; repeatspecial = true; playeruse = true;
+      monstercross = true; arg0str = "open"; alpha = 0.5; locknumber = 3; jumpover = true; midtex3d = true; }
+    sidedef { sector = 0; offsetx_mid = 8.5; scaley_bottom = 2.0; light = -16; lightabsolute = true; }
+    sector { texturefloor = "A"; textureceiling = "B"; lightcolor = 0xFF8000; xpanningfloor = 4.0;
+      rotationceiling = 90.0; gravity = 0.5; damagetype = "Slime"; leakiness = 5; secret = true;
+      floorplane_a = 1.0; }
+    thing { x = 1; y = 2; type = 3; skill7 = true; class2 = false; friend = true; standing = true;
+      scale = 2.0; health = -30; class17 = false; classic = 1; })",
+                                 "t")
+                          .value();
+  const UdmfLinedef& line = map.linedefs[0];
+  EXPECT_TRUE(line.block_hitscan && line.repeat_special && line.player_use && line.monster_cross &&
+              line.jump_over && line.midtex_3d);
+  EXPECT_FALSE(line.block_sight || line.player_cross || line.impact);
+  EXPECT_EQ(line.arg0_text, "OPEN");
+  EXPECT_EQ(line.alpha, 0.5);
+  EXPECT_EQ(line.lock_number, 3);
+  const UdmfSidedef& side = map.sidedefs[0];
+  EXPECT_EQ(side.parts[1].offset_x, 8.5);
+  EXPECT_EQ(side.parts[2].scale_y, 2.0);
+  EXPECT_EQ(side.parts[0].offset_x, 0.0);
+  EXPECT_TRUE(side.light == -16 && side.light_absolute);
+  const UdmfSector& sector = map.sectors[0];
+  EXPECT_EQ(sector.light_color, 0xFF8000);
+  EXPECT_EQ(sector.floor.panning_x, 4.0);
+  EXPECT_EQ(sector.ceiling.rotation, 90.0);
+  EXPECT_EQ(sector.gravity, 0.5);
+  EXPECT_EQ(sector.damage_type, "SLIME");
+  EXPECT_TRUE(sector.leakiness == 5 && sector.secret && sector.is_sloped);
+  const UdmfThing& thing = map.things[0];
+  EXPECT_TRUE(thing.skill[6] && !thing.skill[5] && thing.friendly && thing.standing);
+  EXPECT_EQ(thing.class_filter, 0xFFFDu);
+  EXPECT_EQ(thing.scale_y, 2.0);
+  EXPECT_EQ(thing.health, -30.0);
+}
+
 }  // namespace
 }  // namespace comrad::wad

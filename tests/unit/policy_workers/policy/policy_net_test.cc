@@ -34,6 +34,9 @@ Tensor random_frames(const PolicyNetOptions& options, at::IntArrayRef leading) {
 double largest_difference(const Tensor& a, const Tensor& b) { return (a - b).abs().max().item<double>(); }
 
 TEST(PolicyNet, HasTheParameterCountsOfTheSpecification) {
+  PolicyNetOptions central = full_options("lstm");
+  central.central_critic = true;
+  EXPECT_EQ(PolicyNet::create(central, 1, torch::kCPU).parameter_count(), 4'058'096);  // training spec 1.5
   EXPECT_EQ(PolicyNet::create(full_options("lstm"), 1, torch::kCPU).parameter_count(), 3'401'967);
   EXPECT_EQ(PolicyNet::create(full_options("gru"), 1, torch::kCPU).parameter_count(),
             1'293'024 + 1'575'936 + 512 * 14 + 14 + 512 + 1);

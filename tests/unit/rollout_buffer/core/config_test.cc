@@ -323,5 +323,15 @@ TEST(DataDir, TheEnvironmentWinsOverTheBuild) {
   if (given != nullptr) setenv("COMRAD_HOME", before.c_str(), 1);
 }
 
+TEST(TomlHeaders, AHeaderWithoutANameIsAnErrorBeforeTheParserMeetsIt) {
+  for (const char* text : {"[=]", "a = 1\n [[\x1e name]]", "[\n]", "\xC2\xA0[+]"}) {
+    const Status checked = check_toml_headers(text, "file.toml");
+    ASSERT_FALSE(checked) << text;
+    EXPECT_TRUE(checked.error().message.starts_with("file.toml:")) << checked.error().message;
+  }
+  EXPECT_TRUE(
+      check_toml_headers("a = [1, [2], []]\n[b]\n[[ c ]]\n['d']\n[\"e\"]\nx = \"[=\"\n[", "file.toml"));
+}
+
 }  // namespace
 }  // namespace comrad

@@ -97,5 +97,17 @@ TEST(Rewards, WithoutTermsTheRewardIsZero) {
   EXPECT_EQ(reward, (Floats{0, 0}));
 }
 
+TEST(Rewards, AShutTermPaysNothingAndForgetsNothing) {
+  RewardTerm gated = term("rise", 1.0);
+  gated.when = "TRUNCATED";
+  RewardTracker tracker({gated}, 2);
+  tracker.reset(std::vector<double>{0.0, 0.0});
+  std::vector<float> reward(2);
+  tracker.step(std::vector<double>{5.0, 5.0}, reward, std::vector<uint8_t>{0, 1});
+  EXPECT_EQ(reward, (std::vector<float>{0.0f, 5.0f}));
+  tracker.step(std::vector<double>{7.0, 7.0}, reward, std::vector<uint8_t>{1, 1});
+  EXPECT_EQ(reward, (std::vector<float>{2.0f, 2.0f}));
+}
+
 }  // namespace
 }  // namespace comrad::scenarios

@@ -37,6 +37,9 @@ class FlatRenderer final : public doom::Renderer {
       std::fill_n(view.destination, bytes_,
                   static_cast<uint8_t>(view.world->tic_count() + 100 * view.player));
   }
+  int undrawn_pixels() const override { return 0; }
+  unsigned driver_error() override { return 0; }
+  int draw_depth(const doom::World&, int, std::vector<float>*) override { return 0; }
   int call_count = 0;
 
  private:
@@ -92,6 +95,7 @@ TEST(DoomEnvironment, FrameSkipIsHowLongADecisionLasts) {
 TEST(DoomEnvironment, ButtonsAreHeldForAllTicsOfADecision) {
   DoomEnvironment env(one_room_game(), nullptr);
   env.reset(1);
+  for (int i = 0; i < 2; ++i) env.step(kIdle);  // who is born stands still for eight tics
   const doom::Angle before = env.world().body(0).angle;
   env.step(std::vector<int32_t>{0, 1, 0, 0});
   EXPECT_NEAR(static_cast<double>(env.world().body(0).angle - before) / 4294967296.0 * 360.0, 4 * 1.7578125,
@@ -244,6 +248,74 @@ TEST(DoomEnvironment, MeasurementsAreScaledShiftedAndClipped) {
   target.measurement = measurement.data();
   env.observe_numbers(target);
   EXPECT_EQ(measurement, (std::vector<float>{5, -100, 5, 100}));
+}
+
+TEST(DoomEnvironment, AStrideGivesEveryAgentAGlobalOfItsOwn) {
+  const auto game = one_room_game();
+  game->spec.rewards[0].scope = "own";
+  game->spec.rewards[0].agent_stride =
+      1;  // agent 0 reads USER1, which counts tics; agent 1 USER2, which stands still
+  DoomEnvironment env(game, std::make_unique<ClockRules>());
+  env.reset(1);
+  env.step(kIdle);
+  EXPECT_EQ(env.last_step().reward, (std::vector<float>{4, 0}));
+}
+
+TEST(DoomEnvironment, AGatedTermPaysAtTheEndItWaitsForAlone) {
+  const auto game = one_room_game();
+  game->spec.decision_limit = 2;
+  game->spec.rewards = {term("ONE", "value", 2.0), term("ONE", "value", -1.0), term("ONE", "value", 0.25)};
+  game->spec.rewards[0].when = "TRUNCATED";
+  game->spec.rewards[1].when = "TERMINATED";
+  game->spec.rewards[2].unless = "TRUNCATED";
+  const auto rewards_of = [&](int exit_tic) {
+    auto rules = std::make_unique<ClockRules>();
+    rules->exit_tic = exit_tic;
+    DoomEnvironment env(game, std::move(rules));
+    std::vector<float> rewards;
+    for (int episode = 0; episode < 2; ++episode) {  // the second one must not see the first one's end
+      rewards.clear();
+      env.reset(episode);
+      while (!env.last_step().episode_over()) {
+        env.step(kIdle);
+        rewards.push_back(env.last_step().reward[1]);
+      }
+    }
+    return rewards;
+  };
+  EXPECT_EQ(rewards_of(0), (std::vector<float>{0.25f, 2.0f}));
+  EXPECT_EQ(rewards_of(6), (std::vector<float>{0.25f, -0.75f}));
+}
+
+TEST(DoomEnvironment, MasksTakeChoicesFromOneAgent) {
+  const auto game = one_room_game();
+  game->spec.masks = {{.agent = 1, .head = 1, .allowed = {"none", "TURN_RIGHT"}}};
+  DoomEnvironment env(game, nullptr);
+  env.reset(1);
+  std::vector<uint8_t> mask(12, 7);
+  ObservationTarget target;
+  target.action_mask = mask.data();
+  env.observe_numbers(target);
+  EXPECT_EQ(mask, (std::vector<uint8_t>{1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 1}));
+}
+
+TEST(DoomEnvironment, AScoreMayBeAShareOfAnotherVariable) {
+  const auto game = one_room_game();
+  game->spec.decision_limit = 2;
+  game->spec.score = "USER1";
+  game->spec.score_scale = 0.5;
+  game->spec.score_divisor = "USER1";
+  DoomEnvironment env(game, std::make_unique<ClockRules>());
+  env.reset(1);
+  env.step(kIdle);
+  env.step(kIdle);
+  EXPECT_EQ(env.summary().score, 0.5f);
+  game->spec.score_divisor = "USER2";  // 0: nothing to divide by
+  DoomEnvironment plain(game, std::make_unique<ClockRules>());
+  plain.reset(1);
+  plain.step(kIdle);
+  plain.step(kIdle);
+  EXPECT_GT(plain.summary().score, 500.0f);
 }
 
 /// Room for one observation of two agents.

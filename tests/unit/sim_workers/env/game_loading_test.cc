@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "doomgen/layout/map_plan.h"
 #include "doomgen/layout/udmf_writer.h"
 #include "doomgen/layout/wad_writer.h"
 #include "scenarios/spec/registry.h"
@@ -50,8 +51,65 @@ TEST_F(GameLoading, ReadsScenarioLevelAndParameters) {
   EXPECT_EQ((*game)->layout.seed, 5u);
   EXPECT_EQ((*game)->layout.parameter("tether", 0), 400);
   EXPECT_EQ((*game)->level->sectors.size(), 1u);
-  EXPECT_NE((*game)->rules, nullptr);
+  EXPECT_NE((*game)->behavior, nullptr);
   EXPECT_TRUE((*game)->catalog->find("TetherHot"));
+}
+
+/// A fourteenth scenario, from a folder with a WAD and a scenario.toml alone: it loads, plays, pays and ends.
+TEST_F(GameLoading, AScenarioOfSomebodysOwnPlaysWithoutCode) {
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / ("comrad_walk_" + std::to_string(getpid()));
+  const std::string name = folder.filename();
+  std::filesystem::create_directories(folder);
+  doomgen::MapPlan plan;
+  plan.add_area({.name = "hall"}, doomgen::Box{{0, 0}, {2048, 512}});
+  plan.add_start(1, {100, 100}, 0);
+  plan.add_start(2, {100, 300}, 0);
+  doomgen::WadWriter wad;
+  ASSERT_TRUE(wad.add_udmf_map("MAP01", doomgen::write_udmf(*plan.build())));
+  ASSERT_TRUE(doomgen::write_file((folder / "walk.wad").string(), *wad.bytes()));
+  ASSERT_TRUE(doomgen::write_file((folder / "scenario.toml").string(), "name = \"" + name + R"("
+title = "Walk"
+summary = "East is good."
+difficulty = 1
+default_agents = 2
+supported_agents = [2]
+decision_limit = 10
+score = "POSITION_X"
+ceiling = 2048
+wad = "walk.wad"
+[[heads]]
+buttons = ["MOVE_FORWARD"]
+[[rewards]]
+name = "east"
+variable = "POSITION_X"
+kind = "delta"
+weight = 0.5
+[[rewards]]
+name = "end"
+variable = "ONE"
+kind = "value"
+weight = 100.0
+when = "TRUNCATED"
+)"));
+  const auto layout = scenarios::generate_layout(folder.string(), {.num_agents = 2});
+  ASSERT_TRUE(layout) << layout.error().message;
+  write(layout->wad);
+  const auto game = load({.scenario = folder.string()});
+  ASSERT_TRUE(game) << game.error().message;
+  DoomEnvironment env(*game);
+  env.reset(1);
+  float walker = 0, sleeper = 0;
+  while (!env.last_step().episode_over()) {
+    env.step(std::vector<int32_t>{1, 0});
+    walker += env.last_step().reward[0], sleeper += env.last_step().reward[1];
+  }
+  EXPECT_TRUE(env.last_step().truncated);
+  EXPECT_EQ(env.summary().length_steps, 10u);
+  EXPECT_EQ(sleeper, 100.0f);
+  EXPECT_NEAR(walker, 100.0 + 0.5 * (env.summary().agent_score[0] - 100.0), 0.01);
+  EXPECT_GT(env.summary().agent_score[0], 250.0f);
+  std::filesystem::remove_all(folder);
 }
 
 TEST_F(GameLoading, TheLayoutIdBelongsToTheContent) {

@@ -20,6 +20,8 @@ const std::shared_ptr<const ActorCatalog>& catalog() {
 World world_of(std::shared_ptr<const Level> level, int players = 1) {
   World world(std::move(level), catalog());
   world.reset({.player_count = players}, nullptr);
+  for (int player = 0; player < players; ++player)
+    world.body_of(player)->reaction_tics = 0;  // no birth pause
   return world;
 }
 

@@ -3,6 +3,7 @@
 
 #include "sim_workers/engine/play/world.h"
 #include "tests/support/arena.h"
+#include "tests/support/level_builder.h"
 
 namespace comrad::doom {
 namespace {
@@ -13,10 +14,8 @@ struct BenchGame {
     ActorType node;
     node.name = "TetherNode";
     node.radius = node.height = to_fixed(1);
-    node.no_gravity = node.no_blockmap = true;
-    node.sprite = "APLS";
-    node.frames = {{.frame = 0, .tics = 4}, {.frame = 1, .tics = 4}};
-    types.add(node);
+    node.flags.set(ActorFlag::kNoGravity), node.flags.set(ActorFlag::kNoBlockmap);
+    types.add_simple(node, "APLS", "AB", 4);
     catalog = std::make_shared<const ActorCatalog>(types);
     world = std::make_unique<World>(test::star_arena(), catalog);
     world->reset({.player_count = 2, .seed = 1}, nullptr);
@@ -68,6 +67,43 @@ void BM_TicWithMovingTether(benchmark::State& state) {
   }
 }
 BENCHMARK(BM_TicWithMovingTether);
+
+/// One room of 2048 units, 20 monsters on the hunt, two players who walk about and do not die.
+void BM_TicWithTwentyMonsters(benchmark::State& state) {
+  test::LevelBuilder builder;
+  const uint32_t room = builder.sector(0, 256);
+  builder.room(room, -1024, -1024, 1024, 1024).thing(1, -128, 0).thing(2, 128, 0);
+  const auto catalog = std::make_shared<const ActorCatalog>();
+  World world(builder.build(), catalog);
+  world.reset({.player_count = 2, .seed = 1}, nullptr);
+  const char* const kinds[] = {"Demon", "DoomImp", "ZombieMan", "Demon"};
+  for (int i = 0; i < 20; ++i) {
+    Actor& monster = world.spawn_unchecked(catalog->find(kinds[i % 4]).value(), to_fixed(-900 + 90 * i),
+                                           to_fixed(i % 2 == 0 ? 700 : -700), kOnFloor);
+    monster.target_id = world.body(i % 2).id;
+    world.set_label(monster, StateLabel::kSee);
+  }
+  for (int player = 0; player < 2; ++player)
+    world.body_of(player)->health = world.state().players[static_cast<std::size_t>(player)].health =
+        1'000'000'000;
+  Rng rng{uint64_t{1}};
+  std::array<Buttons, 2> buttons{};
+  int tic = 0;
+  for (auto _ : state) {
+    if (tic++ % 4 == 0) {
+      for (Buttons& player : buttons) {
+        player = Buttons{};
+        player.forward = rng.below(3) != 0, player.left = rng.below(3) == 0, player.right = rng.below(3) == 0;
+        player.turn_left = rng.below(3) == 0, player.turn_right = rng.below(3) == 0;
+      }
+    }
+    world.tic(buttons);
+  }
+  state.counters["tics/s"] =
+      benchmark::Counter(static_cast<double>(state.iterations()), benchmark::Counter::kIsRate);
+  state.counters["actors"] = static_cast<double>(world.actors().size());
+}
+BENCHMARK(BM_TicWithTwentyMonsters);
 
 void BM_Hash(benchmark::State& state) {
   BenchGame game;

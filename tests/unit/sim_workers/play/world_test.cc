@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "sim_workers/engine/play/actor_catalog.h"
+#include "sim_workers/engine/actors/actor_catalog.h"
 #include "tests/support/arena.h"
 #include "tests/support/level_builder.h"
 
@@ -53,6 +53,8 @@ struct Game {
     scripts.at_open = at_open;
     world.reset({.player_count = players, .seed = seed}, &scripts);
     buttons.resize(static_cast<std::size_t>(players));
+    for (int player = 0; player < players; ++player)
+      world.body_of(player)->reaction_tics = 0;  // no birth pause
   }
   void tics(int count) {
     for (int i = 0; i < count; ++i) world.tic(buttons);
@@ -80,11 +82,28 @@ TEST(World, SpawnsTheMapsThingsOfTheSkillAndLeavesMarkersAndUnknownKindsOut) {
   test::LevelBuilder builder;
   const uint32_t room = builder.sector(16, 128);
   builder.room(room, -512, -512, 512, 512).thing(1, 0, 0).thing(2011, 64, 64).thing(48, -64, 64);
-  builder.thing(9001, 100, 100, 0, 7).thing(14, 120, 120).thing(31337, 140, 140);
+  builder.thing(9001, 100, 100).thing(14, 120, 120).thing(31337, 140, 140);
   Game game(builder.build());
   ASSERT_EQ(game.world.actors().size(), 3u);
   EXPECT_EQ(game.world.count_actors(type_of("Stimpack")), 1);
   EXPECT_EQ(game.world.actors()[1].z, to_fixed(16));
+}
+
+TEST(World, AMarkerWithAThingIdIsAnActorThatScriptsFind) {
+  test::LevelBuilder builder;
+  const uint32_t room = builder.sector(16, 128);
+  builder.room(room, -512, -512, 512, 512).thing(1, 0, 0);
+  builder.thing(9001, 100, 100, 90, 7).thing(14, 120, 120, 0, 8).thing(9001, 140, 140);
+  Game game(builder.build());
+  EXPECT_EQ(game.world.actors().size(), 3u);
+  const Actor* spot = game.world.find_thing(7);
+  ASSERT_NE(spot, nullptr);
+  EXPECT_EQ(spot->type, type_of("MapSpot"));
+  EXPECT_EQ(spot->x, to_fixed(100));
+  EXPECT_EQ(spot->angle, kAngle90);
+  ASSERT_NE(game.world.find_thing(8), nullptr);
+  EXPECT_EQ(game.world.find_thing(8)->type, type_of("TeleportDest"));
+  EXPECT_EQ(game.world.find_thing(9), nullptr);
 }
 
 TEST(World, AThingWithoutTheSkillFlagDoesNotAppear) {
@@ -98,6 +117,7 @@ TEST(World, AThingWithoutTheSkillFlagDoesNotAppear) {
 
 TEST(World, ResetBringsBackTheVeryStart) {
   Game game(test::one_room(), 2);
+  game.world.reset(game.world.options(), &game.scripts);
   const uint64_t start = game.world.hash();
   game.buttons[0] = forward();
   game.world.set_sector_damage(900, 50, 0);
@@ -165,12 +185,11 @@ TEST(Pickups, AreTakenByMovingOnly) {
 TEST(Pickups, AreReachedFrom32BelowTheFeetToTheHead) {
   for (const auto& [z, reached] : {std::pair{56, true}, std::pair{57, false}, std::pair{0, true}}) {
     ActorCatalog hovering;
-    ActorType kit = hovering[hovering.find("Medikit").value()];
-    kit.no_gravity = true;
-    const uint32_t type = hovering.add(kit);
+    const uint32_t type = hovering.find("Medikit").value();
+    hovering.edit(type).flags.set(ActorFlag::kNoGravity);
     World world(test::one_room(), std::make_shared<const ActorCatalog>(hovering));
     world.reset({}, nullptr);
-    world.damage_player(0, 50);
+    world.damage_player(0, 50);  // which wakes it as well
     world.spawn(type, world.body(0).x, world.body(0).y, to_fixed(z), 0);
     const Buttons buttons = forward();
     world.tic({&buttons, 1});
@@ -242,8 +261,9 @@ TEST(Death, LeavesACorpseThatIsNotSolidAndDoesNotObey) {
   Game game(test::one_room(), 2);
   game.world.damage_player(1, 1000);
   EXPECT_EQ(game.world.player(1).health, 0);
-  EXPECT_TRUE(game.world.body(1).is_corpse);
-  EXPECT_EQ(game.world.body(1).frame_index, kPlayerDeathFrame);
+  EXPECT_TRUE(game.world.body(1).is_corpse());
+  const ActorType& type = (*catalog())[game.world.body(1).type];
+  EXPECT_EQ(game.world.body(1).state, type.state(StateLabel::kXDeath)) << "far below zero: torn apart";
   const Fixed x = game.world.body(1).x;
   game.buttons[0] = game.buttons[1] = forward();
   game.buttons[0].speed = true;
@@ -270,17 +290,19 @@ TEST(Death, ACorpseSlidesOnWithFriction) {
 
 TEST(Frames, ThePlayerWalksWhileItMovesAndStandsStillAfter) {
   Game game;
+  const ActorType& type = (*catalog())[game.world.body(0).type];
+  const uint32_t walk = type.state(StateLabel::kSee);
   game.buttons[0] = forward();
-  std::vector<uint16_t> seen;
+  std::vector<uint32_t> seen;
   for (int tic = 0; tic < 20; ++tic) {
     game.tics(1);
-    const uint16_t frame = game.world.body(0).frame_index;
-    if (seen.empty() || seen.back() != frame) seen.push_back(frame);
+    const uint32_t state = game.world.body(0).state - walk;
+    if (seen.empty() || seen.back() != state) seen.push_back(state);
   }
-  EXPECT_THAT(seen, ElementsAre(1, 2, 3, 4, 1, 2));
+  EXPECT_THAT(seen, ElementsAre(0, 1, 2, 3, 0, 1));
   game.buttons[0] = Buttons{};
   game.tics(80);
-  EXPECT_EQ(game.world.body(0).frame_index, kPlayerIdleFrame);
+  EXPECT_EQ(game.world.body(0).state, type.state(StateLabel::kSpawn));
 }
 
 TEST(Frames, AHealthBonusGoesThroughItsLetters) {
@@ -288,12 +310,11 @@ TEST(Frames, AHealthBonusGoesThroughItsLetters) {
   const uint32_t bonus = game.world.spawn(type_of("HealthBonus"), 0, to_fixed(200), 0, 0).value();
   std::string letters;
   for (int tic = 0; tic < 36; tic += 6) {
-    const Actor& actor = *game.world.find_actor(bonus);
-    letters += static_cast<char>('A' + (*catalog())[actor.type].frames[actor.frame_index].frame);
+    letters += static_cast<char>('A' + game.world.find_actor(bonus)->frame);
     game.tics(6);
   }
   EXPECT_EQ(letters, "ABCDCB");
-  EXPECT_EQ(game.world.find_actor(bonus)->frame_index, 0);
+  EXPECT_EQ(game.world.find_actor(bonus)->frame, 0);
 }
 
 TEST(World, NothingMovesAfterTheLevelWasExited) {
@@ -440,6 +461,7 @@ TEST(Determinism, TheSeedMattersAndSoDoesEveryButton) {
   World world(test::star_arena(), catalog());
   const auto hash_of = [&](uint64_t seed, auto&& press) {
     world.reset({.player_count = 1, .seed = seed}, &scripts);
+    world.body_of(0)->reaction_tics = 0;
     Buttons buttons;
     press(buttons);
     world.tic({&buttons, 1});

@@ -20,7 +20,8 @@ class Camera {
   explicit Camera(std::shared_ptr<const Level> level)
       : atlas_(test::tiny_archive()),
         scene_(Scene::create(level, &atlas_).value()),
-        sprites_(SpriteTable::create(std::make_shared<const ActorCatalog>(), &atlas_, true).value()),
+        catalog_(std::make_shared<const ActorCatalog>()),
+        sprites_(catalog_, &atlas_),
         projection_(make_projection({})),
         builder_(projection_, &atlas_),
         sectors(level->sectors),
@@ -28,8 +29,9 @@ class Camera {
 
   const DrawList& look(double x, double y, double z, double degrees) {
     SceneView view;
-    view.scene = scene_.get(), view.sprites = sprites_.get();
-    view.sectors = sectors, view.actors = actors;
+    view.scene = scene_.get(), view.sprites = &sprites_;
+    view.sectors = sectors, view.actors = &actors;
+    view.sides = sides, view.polyobjects = polyobjects, view.hand = hand;
     view.eye_x = x, view.eye_y = y, view.eye_z = z;
     view.angle = static_cast<Angle>(static_cast<int64_t>(std::llround(degrees / 360 * 4294967296.0)));
     builder_.build(view, &list_);
@@ -41,14 +43,21 @@ class Camera {
  private:
   ArtAtlas atlas_;
   std::unique_ptr<Scene> scene_;
-  std::unique_ptr<SpriteTable> sprites_;
+  std::shared_ptr<const ActorCatalog> catalog_;
+  SpriteTable sprites_;
   Projection projection_;
   ViewBuilder builder_;
   DrawList list_;
 
  public:
   std::vector<Sector> sectors;
-  std::vector<Actor> actors;
+  StableList<Actor> actors;
+  std::vector<SideState> sides;
+  std::vector<Polyobject> polyobjects;
+  std::vector<HandSprite> hand;
+
+  const ActorCatalog& catalog() const { return *catalog_; }
+  ArtAtlas& atlas() { return atlas_; }
 
  private:
   int32_t wall_address_;
@@ -239,7 +248,9 @@ TEST(ViewBuilder, AShutDoorHidesWhatAnOpenOneShows) {
   Camera camera(test::with_open_lines(builder.build()));
   Actor kit;
   kit.id = 5, kit.x = to_fixed(300), kit.sector_index = room;
-  kit.type = ActorCatalog().find("Stimpack").value();
+  const State& shown = camera.catalog().state(
+      camera.catalog()[camera.catalog().find("Stimpack").value()].state(StateLabel::kSpawn));
+  kit.sprite = shown.sprite, kit.frame = shown.frame;
   camera.actors.push_back(kit);
   const auto masked = [](const DrawList& list) { return list.masked_end - list.plane_end; };
   EXPECT_EQ(masked(camera.look(0, 0, 41, 0)), 1u) << "open: the kit behind it is drawn";

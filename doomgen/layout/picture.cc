@@ -1,0 +1,128 @@
+#include "doomgen/layout/picture.h"
+
+#include <algorithm>
+#include <array>
+
+namespace comrad::doomgen {
+namespace {
+
+constexpr std::array<uint32_t, 256> make_crc_table() {
+  std::array<uint32_t, 256> table{};
+  for (uint32_t n = 0; n < 256; ++n) {
+    uint32_t value = n;
+    for (int bit = 0; bit < 8; ++bit) value = (value & 1) != 0 ? 0xEDB88320u ^ (value >> 1) : value >> 1;
+    table[n] = value;
+  }
+  return table;
+}
+constexpr std::array<uint32_t, 256> kCrcTable = make_crc_table();
+
+uint32_t crc32(std::string_view bytes) {
+  uint32_t value = 0xFFFFFFFFu;
+  for (const char c : bytes) value = kCrcTable[(value ^ static_cast<uint8_t>(c)) & 0xFF] ^ (value >> 8);
+  return ~value;
+}
+
+void put_big_endian(std::string& out, uint32_t value) {
+  for (int shift = 24; shift >= 0; shift -= 8) out += static_cast<char>(value >> shift & 0xFF);
+}
+
+void put_chunk(std::string& out, std::string_view name, std::string_view data) {
+  put_big_endian(out, static_cast<uint32_t>(data.size()));
+  std::string body(name);
+  body += data;
+  out += body;
+  put_big_endian(out, crc32(body));
+}
+
+/// A zlib stream of stored blocks.
+std::string stored(std::string_view data) {
+  constexpr std::size_t kBlockBytes = 65535;
+  std::string out("\x78\x01", 2);
+  std::size_t done = 0;
+  do {
+    const std::size_t count = std::min(kBlockBytes, data.size() - done);
+    out += done + count == data.size() ? '\1' : '\0';
+    for (const std::size_t value : {count, ~count & 0xFFFF})
+      out += static_cast<char>(value & 0xFF), out += static_cast<char>(value >> 8 & 0xFF);
+    out += data.substr(done, count);
+    done += count;
+  } while (done < data.size());
+  uint32_t a = 1, b = 0;  // Adler-32
+  for (const char c : data) a = (a + static_cast<uint8_t>(c)) % 65521, b = (b + a) % 65521;
+  put_big_endian(out, b << 16 | a);
+  return out;
+}
+
+void put_u16(std::string& out, int value) {
+  out += static_cast<char>(value & 0xFF), out += static_cast<char>(value >> 8 & 0xFF);
+}
+
+}  // namespace
+
+std::string encode_png(const Picture& picture) {
+  std::string rows;
+  rows.reserve(static_cast<std::size_t>(picture.height) * (4 * static_cast<std::size_t>(picture.width) + 1));
+  for (int y = 0; y < picture.height; ++y) {
+    rows += '\0';  // no filter
+    for (int x = 0; x < picture.width; ++x) {
+      const Colour& c = picture.at(x, y);
+      for (const uint8_t value : {c.red, c.green, c.blue, c.alpha}) rows += static_cast<char>(value);
+    }
+  }
+  std::string head;
+  put_big_endian(head, static_cast<uint32_t>(picture.width));
+  put_big_endian(head, static_cast<uint32_t>(picture.height));
+  head += std::string("\x08\x06\0\0\0", 5);  // 8 bits, RGBA, no interlacing
+  std::string out("\x89PNG\r\n\x1A\n", 8);
+  put_chunk(out, "IHDR", head);
+  put_chunk(out, "IDAT", stored(rows));
+  put_chunk(out, "IEND", {});
+  return out;
+}
+
+Expected<std::string> encode_patch(const Picture& picture, std::string_view palette) {
+  constexpr int kWidthMax = 1024, kHeightMax = 254;  // a post's row is one byte, 255 ends the column
+  if (picture.width < 1 || picture.height < 1 || picture.width > kWidthMax || picture.height > kHeightMax)
+    return Error{ErrorCode::kBadInput, "a patch measures 1x1 to 1024x254, not " +
+                                           std::to_string(picture.width) + "x" +
+                                           std::to_string(picture.height)};
+  if (palette.size() < 768) return Error{ErrorCode::kBadInput, "a palette has 768 bytes"};
+  const auto nearest = [&](const Colour& c) {
+    int best = 0;
+    int64_t best_distance = INT64_MAX;
+    for (int i = 0; i < 256; ++i) {
+      const int red = static_cast<uint8_t>(palette[3 * i]), green = static_cast<uint8_t>(palette[3 * i + 1]),
+                blue = static_cast<uint8_t>(palette[3 * i + 2]);
+      const int64_t distance = (red - c.red) * (red - c.red) + (green - c.green) * (green - c.green) +
+                               (blue - c.blue) * (blue - c.blue);
+      if (distance < best_distance) best_distance = distance, best = i;
+    }
+    return static_cast<char>(best);
+  };
+  std::string columns;
+  std::vector<std::size_t> offsets;
+  const std::size_t data_start = 8 + 4 * static_cast<std::size_t>(picture.width);
+  for (int x = 0; x < picture.width; ++x) {
+    offsets.push_back(data_start + columns.size());
+    for (int y = 0; y < picture.height;) {
+      if (picture.at(x, y).alpha < 128) {
+        ++y;
+        continue;
+      }
+      int end = y;
+      while (end < picture.height && picture.at(x, end).alpha >= 128) ++end;
+      columns += static_cast<char>(y), columns += static_cast<char>(end - y), columns += '\0';
+      for (; y < end; ++y) columns += nearest(picture.at(x, y));
+      columns += '\0';
+    }
+    columns += '\xFF';
+  }
+  std::string out;
+  for (const int value : {picture.width, picture.height, 0, 0}) put_u16(out, value);
+  for (const std::size_t offset : offsets)
+    for (int shift = 0; shift < 32; shift += 8) out += static_cast<char>(offset >> shift & 0xFF);
+  return out + columns;
+}
+
+}  // namespace comrad::doomgen

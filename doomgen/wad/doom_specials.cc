@@ -1,0 +1,434 @@
+#include "doomgen/wad/doom_specials.h"
+
+#include <algorithm>
+#include <iterator>
+
+namespace comrad::wad {
+namespace {
+
+/// How a line type is touched; once, or repeatedly.
+enum Trigger : uint8_t {
+  kStatic,  // by nobody: it is so from the start
+  kW1,      // walked over
+  kWR,
+  kS1,  // switch
+  kSR,
+  kD1,  // a door pushed open by hand: its own back sector
+  kDR,
+  kG1,  // shot
+  kGR,
+};
+
+/// Who besides players.
+enum Who : uint8_t { kPlayers, kMonstersToo, kMonstersOnly };
+
+// Speeds are in eighths of a unit per tic, waits in tics unless said otherwise.
+constexpr int16_t kSlow = 8, kFast = 32;                            // floors
+constexpr int16_t kDoor = 16, kBlazing = 64, kDoorWait = 150;       // doors; 150 tics
+constexpr int16_t kLift = 32, kFastLift = 64, kLiftWait = 105;      // lifts; 105 tics
+constexpr int16_t kChangeSpeed = 4, kBuild = 2, kTurboStairs = 32;  // floors that change; stairs
+constexpr int16_t kCrush = 10;                                      // damage
+constexpr int16_t kCloseWait = 240;                                 // 30 s in eighths of a second
+constexpr int16_t kRed = 129, kBlue = 130, kYellow = 131;           // card or skull
+// Stands in the arguments for the line's tag.
+constexpr int16_t kTag = INT16_MIN;
+
+struct Row {
+  int16_t type;
+  Trigger trigger;
+  int16_t special;
+  std::array<int16_t, 5> args;
+  Who who = kPlayers;
+};
+
+// By rising type. Numbers of the specials as in sim_workers/engine/specials/special_names.cc.
+constexpr Row kRows[] = {
+    {1, kDR, 12, {0, kDoor, kDoorWait}, kMonstersToo},
+    {2, kW1, 11, {kTag, kDoor}},
+    {3, kW1, 10, {kTag, kDoor}},
+    {4, kW1, 12, {kTag, kDoor, kDoorWait}, kMonstersToo},
+    {5, kW1, 238, {kTag, kSlow}},
+    {6, kW1, 196, {kTag, 16, 16, kCrush}},
+    {7, kS1, 217, {kTag, kBuild, 8}},
+    {8, kW1, 217, {kTag, kBuild, 8}},
+    {9, kS1, 250, {kTag, 4, 4}},
+    {10, kW1, 206, {kTag, kLift, kLiftWait}, kMonstersToo},
+    {11, kS1, 243, {}},
+    {12, kW1, 234, {kTag}},
+    {13, kW1, 112, {kTag, 255}},
+    {14, kS1, 230, {kTag, kChangeSpeed, 4}},
+    {15, kS1, 230, {kTag, kChangeSpeed, 3}},
+    {16, kW1, 249, {kTag, kDoor, kCloseWait}},
+    {17, kW1, 232, {kTag, 5, 35}},
+    {18, kS1, 25, {kTag, kSlow}},
+    {19, kW1, 242, {kTag, kSlow, 128}},
+    {20, kS1, 228, {kTag, kChangeSpeed}},
+    {21, kS1, 206, {kTag, kLift, kLiftWait}},
+    {22, kW1, 228, {kTag, kChangeSpeed}},
+    {23, kS1, 21, {kTag, kSlow}},
+    {24, kG1, 238, {kTag, kSlow}},
+    {25, kW1, 196, {kTag, kSlow, kSlow, kCrush}},
+    {26, kDR, 13, {0, kDoor, kDoorWait, kBlue}},
+    {27, kDR, 13, {0, kDoor, kDoorWait, kYellow}},
+    {28, kDR, 13, {0, kDoor, kDoorWait, kRed}},
+    {29, kS1, 12, {kTag, kDoor, kDoorWait}},
+    {30, kW1, 240, {kTag, kSlow}},
+    {31, kD1, 11, {0, kDoor}},
+    {32, kD1, 13, {0, kDoor, 0, kBlue}},
+    {33, kD1, 13, {0, kDoor, 0, kRed}},
+    {34, kD1, 13, {0, kDoor, 0, kYellow}},
+    {35, kW1, 112, {kTag, 35}},
+    {36, kW1, 242, {kTag, kFast, 136}},
+    {37, kW1, 241, {kTag, kSlow}},
+    {38, kW1, 21, {kTag, kSlow}},
+    {39, kW1, 70, {0, kTag}, kMonstersToo},
+    {40, kW1, 201, {kTag, kSlow, 0, 1, 8}},
+    {41, kS1, 254, {kTag, kSlow}},
+    {42, kSR, 10, {kTag, kDoor}},
+    {43, kSR, 254, {kTag, kSlow}},
+    {44, kW1, 43, {kTag, kSlow}},
+    {45, kSR, 242, {kTag, kSlow, 128}},
+    {46, kGR, 11, {kTag, kDoor}, kMonstersToo},
+    {47, kG1, 228, {kTag, kChangeSpeed}},
+    {48, kStatic, 100, {64}},
+    {49, kS1, 196, {kTag, kSlow, kSlow, kCrush}},
+    {50, kS1, 10, {kTag, kDoor}},
+    {51, kS1, 244, {}},
+    {52, kW1, 243, {}},
+    {53, kW1, 207, {kTag, kSlow, kLiftWait}},
+    {54, kW1, 61, {kTag}},
+    {55, kS1, 99, {kTag, kSlow, kCrush}},
+    {56, kW1, 99, {kTag, kSlow, kCrush}},
+    {57, kW1, 44, {kTag}},
+    {58, kW1, 23, {kTag, kSlow, 24}},
+    {59, kW1, 239, {kTag, kSlow, 24}},
+    {60, kSR, 21, {kTag, kSlow}},
+    {61, kSR, 11, {kTag, kDoor}},
+    {62, kSR, 206, {kTag, kLift, kLiftWait}},
+    {63, kSR, 12, {kTag, kDoor, kDoorWait}},
+    {64, kSR, 238, {kTag, kSlow}},
+    {65, kSR, 99, {kTag, kSlow, kCrush}},
+    {66, kSR, 230, {kTag, kChangeSpeed, 3}},
+    {67, kSR, 230, {kTag, kChangeSpeed, 4}},
+    {68, kSR, 228, {kTag, kChangeSpeed}},
+    {69, kSR, 25, {kTag, kSlow}},
+    {70, kSR, 242, {kTag, kFast, 136}},
+    {71, kS1, 242, {kTag, kFast, 136}},
+    {72, kWR, 43, {kTag, kSlow}},
+    {73, kWR, 196, {kTag, kSlow, kSlow, kCrush}},
+    {74, kWR, 44, {kTag}},
+    {75, kWR, 10, {kTag, kDoor}},
+    {76, kWR, 249, {kTag, kDoor, kCloseWait}},
+    {77, kWR, 196, {kTag, 16, 16, kCrush}},
+    {78, kSR, 236, {kTag}},
+    {79, kWR, 112, {kTag, 35}},
+    {80, kWR, 234, {kTag}},
+    {81, kWR, 112, {kTag, 255}},
+    {82, kWR, 21, {kTag, kSlow}},
+    {83, kWR, 242, {kTag, kSlow, 128}},
+    {84, kWR, 241, {kTag, kSlow}},
+    {85, kStatic, 101, {64}},
+    {86, kWR, 11, {kTag, kDoor}},
+    {87, kWR, 207, {kTag, kSlow, kLiftWait}},
+    {88, kWR, 206, {kTag, kLift, kLiftWait}, kMonstersToo},
+    {89, kWR, 61, {kTag}},
+    {90, kWR, 12, {kTag, kDoor, kDoorWait}},
+    {91, kWR, 238, {kTag, kSlow}},
+    {92, kWR, 23, {kTag, kSlow, 24}},
+    {93, kWR, 239, {kTag, kSlow, 24}},
+    {94, kWR, 99, {kTag, kSlow, kCrush}},
+    {95, kWR, 228, {kTag, kChangeSpeed}},
+    {96, kWR, 240, {kTag, kSlow}},
+    {97, kWR, 70, {0, kTag}, kMonstersToo},
+    {98, kWR, 242, {kTag, kFast, 136}},
+    {99, kSR, 13, {kTag, kBlazing, 0, kBlue}},
+    {100, kW1, 217, {kTag, kTurboStairs, 16}},
+    {101, kS1, 238, {kTag, kSlow}},
+    {102, kS1, 242, {kTag, kSlow, 128}},
+    {103, kS1, 11, {kTag, kDoor}},
+    {104, kW1, 233, {kTag}},
+    {105, kWR, 12, {kTag, kBlazing, kDoorWait}},
+    {106, kWR, 11, {kTag, kBlazing}},
+    {107, kWR, 10, {kTag, kBlazing}},
+    {108, kW1, 12, {kTag, kBlazing, kDoorWait}},
+    {109, kW1, 11, {kTag, kBlazing}},
+    {110, kW1, 10, {kTag, kBlazing}},
+    {111, kS1, 12, {kTag, kBlazing, kDoorWait}},
+    {112, kS1, 11, {kTag, kBlazing}},
+    {113, kS1, 10, {kTag, kBlazing}},
+    {114, kSR, 12, {kTag, kBlazing, kDoorWait}},
+    {115, kSR, 11, {kTag, kBlazing}},
+    {116, kSR, 10, {kTag, kBlazing}},
+    {117, kDR, 12, {0, kBlazing, kDoorWait}},
+    {118, kD1, 11, {0, kBlazing}},
+    {119, kW1, 25, {kTag, kSlow}},
+    {120, kWR, 206, {kTag, kFastLift, kLiftWait}},
+    {121, kW1, 206, {kTag, kFastLift, kLiftWait}},
+    {122, kS1, 206, {kTag, kFastLift, kLiftWait}},
+    {123, kSR, 206, {kTag, kFastLift, kLiftWait}},
+    {124, kW1, 244, {}},
+    {125, kW1, 70, {0, kTag}, kMonstersOnly},
+    {126, kWR, 70, {0, kTag}, kMonstersOnly},
+    {127, kS1, 217, {kTag, kTurboStairs, 16}},
+    {128, kWR, 25, {kTag, kSlow}},
+    {129, kWR, 25, {kTag, kFast}},
+    {130, kW1, 25, {kTag, kFast}},
+    {131, kS1, 25, {kTag, kFast}},
+    {132, kSR, 25, {kTag, kFast}},
+    {133, kS1, 13, {kTag, kBlazing, 0, kBlue}},
+    {134, kSR, 13, {kTag, kBlazing, 0, kRed}},
+    {135, kS1, 13, {kTag, kBlazing, 0, kRed}},
+    {136, kSR, 13, {kTag, kBlazing, 0, kYellow}},
+    {137, kS1, 13, {kTag, kBlazing, 0, kYellow}},
+    {138, kSR, 112, {kTag, 255}},
+    {139, kSR, 112, {kTag, 35}},
+    {140, kS1, 35, {kTag, kSlow, 64}},
+    {141, kW1, 197, {kTag, kSlow, kSlow, kCrush}},
+    // Boom.
+    {142, kW1, 35, {kTag, kSlow, 64}},
+    {143, kW1, 230, {kTag, kChangeSpeed, 3}},
+    {144, kW1, 230, {kTag, kChangeSpeed, 4}},
+    {145, kW1, 254, {kTag, kSlow}},
+    {146, kW1, 250, {kTag, 4, 4}},
+    {147, kWR, 35, {kTag, kSlow, 64}},
+    {148, kWR, 230, {kTag, kChangeSpeed, 3}},
+    {149, kWR, 230, {kTag, kChangeSpeed, 4}},
+    {150, kWR, 197, {kTag, kSlow, kSlow, kCrush}},
+    {151, kWR, 201, {kTag, kSlow, 0, 1, 8}},
+    {152, kWR, 254, {kTag, kSlow}},
+    {153, kW1, 235, {kTag}},
+    {154, kWR, 235, {kTag}},
+    {155, kWR, 250, {kTag, 4, 4}},
+    {156, kWR, 232, {kTag, 5, 35}},
+    {157, kWR, 233, {kTag}},
+    {158, kS1, 240, {kTag, kSlow}},
+    {159, kS1, 241, {kTag, kSlow}},
+    {160, kS1, 239, {kTag, kSlow, 24}},
+    {161, kS1, 23, {kTag, kSlow, 24}},
+    {162, kS1, 207, {kTag, kSlow, kLiftWait}},
+    {163, kS1, 61, {kTag}},
+    {164, kS1, 196, {kTag, 16, 16, kCrush}},
+    {165, kS1, 197, {kTag, kSlow, kSlow, kCrush}},
+    {166, kS1, 251, {kTag, kSlow, kSlow}},
+    {167, kS1, 43, {kTag, kSlow}},
+    {168, kS1, 44, {kTag}},
+    {169, kS1, 234, {kTag}},
+    {170, kS1, 112, {kTag, 35}},
+    {171, kS1, 112, {kTag, 255}},
+    {172, kS1, 232, {kTag, 5, 35}},
+    {173, kS1, 233, {kTag}},
+    {174, kS1, 70, {0, kTag}, kMonstersToo},
+    {175, kS1, 249, {kTag, kDoor, kCloseWait}},
+    {176, kSR, 240, {kTag, kSlow}},
+    {177, kSR, 241, {kTag, kSlow}},
+    {178, kSR, 35, {kTag, kSlow, 64}},
+    {179, kSR, 239, {kTag, kSlow, 24}},
+    {180, kSR, 23, {kTag, kSlow, 24}},
+    {181, kSR, 207, {kTag, kSlow, kLiftWait}},
+    {182, kSR, 61, {kTag}},
+    {183, kSR, 196, {kTag, 16, 16, kCrush}},
+    {184, kSR, 196, {kTag, kSlow, kSlow, kCrush}},
+    {185, kSR, 197, {kTag, kSlow, kSlow, kCrush}},
+    {186, kSR, 251, {kTag, kSlow, kSlow}},
+    {187, kSR, 43, {kTag, kSlow}},
+    {188, kSR, 44, {kTag}},
+    {189, kS1, 235, {kTag}},
+    {190, kSR, 235, {kTag}},
+    {191, kSR, 250, {kTag, 4, 4}},
+    {192, kSR, 234, {kTag}},
+    {193, kSR, 232, {kTag, 5, 35}},
+    {194, kSR, 233, {kTag}},
+    {195, kSR, 70, {0, kTag}, kMonstersToo},
+    {196, kSR, 249, {kTag, kDoor, kCloseWait}},
+    {197, kG1, 243, {}},
+    {198, kG1, 244, {}},
+    {199, kW1, 253, {kTag, kSlow}},
+    {200, kW1, 192, {kTag, kSlow}},
+    {201, kWR, 253, {kTag, kSlow}},
+    {202, kWR, 192, {kTag, kSlow}},
+    {203, kS1, 253, {kTag, kSlow}},
+    {204, kS1, 192, {kTag, kSlow}},
+    {205, kSR, 253, {kTag, kSlow}},
+    {206, kSR, 192, {kTag, kSlow}},
+    {207, kW1, 71, {0, 2, kTag, 1}, kMonstersToo},
+    {208, kWR, 71, {0, 2, kTag, 1}, kMonstersToo},
+    {209, kS1, 71, {0, 2, kTag, 1}, kMonstersToo},
+    {210, kSR, 71, {0, 2, kTag, 1}, kMonstersToo},
+    {211, kSR, 231, {kTag}},
+    {212, kWR, 231, {kTag}},
+    {213, kStatic, 210, {kTag}},
+    {214, kStatic, 224, {kTag, 6}},
+    {215, kStatic, 223, {kTag, 6}},
+    {216, kStatic, 223, {kTag, 6, 1}},
+    {217, kStatic, 223, {kTag, 6, 2}},
+    {218, kStatic, 222, {kTag, 2}},
+    {219, kW1, 22, {kTag, kSlow}},
+    {220, kWR, 22, {kTag, kSlow}},
+    {221, kS1, 22, {kTag, kSlow}},
+    {222, kSR, 22, {kTag, kSlow}},
+    {223, kStatic, 219, {kTag}},
+    {224, kStatic, 218, {kTag, 0, 0, 1}},
+    {225, kStatic, 220, {kTag, 0, 0, 1}},
+    {226, kStatic, 227, {kTag, 0, 0, 1}},
+    {227, kW1, 245, {kTag, kLift}},
+    {228, kWR, 245, {kTag, kLift}},
+    {229, kS1, 245, {kTag, kLift}},
+    {230, kSR, 245, {kTag, kLift}},
+    {231, kW1, 247, {kTag, kLift}},
+    {232, kWR, 247, {kTag, kLift}},
+    {233, kS1, 247, {kTag, kLift}},
+    {234, kSR, 247, {kTag, kLift}},
+    {235, kW1, 246, {kTag, kLift}},
+    {236, kWR, 246, {kTag, kLift}},
+    {237, kS1, 246, {kTag, kLift}},
+    {238, kSR, 246, {kTag, kLift}},
+    {239, kW1, 236, {kTag}},
+    {240, kWR, 236, {kTag}},
+    {241, kS1, 236, {kTag}},
+    {242, kStatic, 209, {kTag}},
+    {243, kW1, 215, {kTag, kTag}, kMonstersToo},
+    {244, kWR, 215, {kTag, kTag}, kMonstersToo},
+    {245, kStatic, 224, {kTag, 5}},
+    {246, kStatic, 223, {kTag, 5}},
+    {247, kStatic, 223, {kTag, 5, 1}},
+    {248, kStatic, 223, {kTag, 5, 2}},
+    {249, kStatic, 222, {kTag, 1}},
+    {250, kStatic, 224, {kTag, 4}},
+    {251, kStatic, 223, {kTag, 4}},
+    {252, kStatic, 223, {kTag, 4, 1}},
+    {253, kStatic, 223, {kTag, 4, 2}},
+    {254, kStatic, 222, {kTag}},
+    {255, kStatic, 225, {}},
+    {256, kWR, 217, {kTag, kBuild, 8}},
+    {257, kWR, 217, {kTag, kTurboStairs, 16}},
+    {258, kSR, 217, {kTag, kBuild, 8}},
+    {259, kSR, 217, {kTag, kTurboStairs, 16}},
+    {260, kStatic, 208, {kTag, 168}},
+    {261, kStatic, 211, {kTag}},
+    {262, kW1, 215, {kTag, kTag, 1}, kMonstersToo},
+    {263, kWR, 215, {kTag, kTag, 1}, kMonstersToo},
+    {264, kW1, 215, {kTag, kTag, 1}, kMonstersOnly},
+    {265, kWR, 215, {kTag, kTag, 1}, kMonstersOnly},
+    {266, kW1, 215, {kTag, kTag}, kMonstersOnly},
+    {267, kWR, 215, {kTag, kTag}, kMonstersOnly},
+    {268, kW1, 71, {0, 2, kTag, 1}, kMonstersOnly},
+    {269, kWR, 71, {0, 2, kTag, 1}, kMonstersOnly},
+};
+
+void set_trigger(UdmfLinedef& line, Trigger trigger, Who who) {
+  const bool players = who != kMonstersOnly, monsters = who != kPlayers;
+  line.repeat_special = trigger == kWR || trigger == kSR || trigger == kDR || trigger == kGR;
+  switch (trigger) {
+    case kStatic:
+      break;
+    case kW1:
+    case kWR:
+      line.player_cross = players, line.monster_cross = monsters;
+      break;
+    case kS1:
+    case kSR:
+    case kD1:
+    case kDR:
+      line.player_use = players, line.monster_use = monsters;
+      break;
+    case kG1:
+    case kGR:
+      line.impact = true, line.monster_activate = monsters;
+      break;
+  }
+}
+
+/// Boom packs trigger, speed and the rest into the bits of types 0x2F80..0x7FFF.
+std::optional<TranslatedLine> translate_generalized(int32_t type, int32_t tag, UdmfLinedef& line) {
+  static constexpr Trigger kTriggers[8] = {kW1, kWR, kS1, kSR, kG1, kGR, kD1, kDR};
+  const auto bits = [type](int first, int count) { return type >> first & ((1 << count) - 1); };
+  const Trigger trigger = kTriggers[bits(0, 3)];
+  const int32_t speed = bits(3, 2);
+  bool monsters = false;
+  TranslatedLine result;
+  const auto by_speed = [speed](int32_t slow, int32_t normal, int32_t fast, int32_t turbo) {
+    return std::array{slow, normal, fast, turbo}[static_cast<std::size_t>(speed)];
+  };
+  if (type >= 0x4000) {  // floors, ceilings
+    const bool is_floor = type >= 0x6000;
+    const int32_t target = bits(7, 3), change = bits(10, 2);
+    const bool option = bits(5, 1) != 0;  // with a change: by number; else monsters may
+    monsters = change == 0 && option;
+    result.special = is_floor ? 200 : 201;
+    result.args = {
+        tag, by_speed(8, 16, 32, 64),
+        target == 6   ? 24
+        : target == 7 ? 32
+                      : 0,
+        target < 6 ? target + 1 : 0,
+        change | (change != 0 && option ? 4 : 0) | (bits(6, 1) != 0 ? 8 : 0) | (bits(12, 1) != 0 ? 16 : 0)};
+  } else if (type >= 0x3C00) {  // doors
+    static constexpr int32_t kDelays[4] = {8, 32, 72, 240};
+    monsters = bits(7, 1) != 0;
+    result.special = 202;
+    result.args = {tag, by_speed(16, 32, 64, 128), bits(5, 2), kDelays[bits(8, 2)], 0};
+  } else if (type >= 0x3800) {  // locked doors
+    const int32_t key = bits(6, 3);
+    const bool skull_is_card = bits(9, 1) != 0;
+    const int32_t lock = key == 0   ? 100
+                         : key == 7 ? (skull_is_card ? 229 : 101)
+                                    : (skull_is_card ? kRed + (key - 1) % 3 : key);
+    result.special = 202;
+    result.args = {tag, by_speed(16, 32, 64, 128), bits(5, 1), 34, lock};
+  } else if (type >= 0x3400) {  // lifts
+    static constexpr int32_t kDelays[4] = {8, 24, 40, 80};
+    monsters = bits(5, 1) != 0;
+    result.special = 203;
+    result.args = {tag, by_speed(16, 32, 64, 128), kDelays[bits(6, 2)], bits(8, 2) + 1, 0};
+  } else if (type >= 0x3000) {  // stairs
+    static constexpr int32_t kSteps[4] = {4, 8, 16, 24};
+    monsters = bits(5, 1) != 0;
+    result.special = 204;
+    result.args = {tag, by_speed(2, 4, 16, 32), kSteps[bits(6, 2)], bits(8, 1) | bits(9, 1) << 1, 0};
+  } else if (type >= 0x2F80) {  // crushers
+    monsters = bits(5, 1) != 0;
+    result.special = 205;
+    result.args = {tag, by_speed(8, 16, 32, 64), by_speed(8, 16, 32, 64), bits(6, 1), kCrush};
+  } else {
+    return std::nullopt;
+  }
+  const bool by_hand = trigger == kD1 || trigger == kDR;
+  if (by_hand) result.args[0] = 0;  // the sector behind it
+  result.uses_tag = !by_hand;
+  set_trigger(line, trigger, monsters ? kMonstersToo : kPlayers);
+  return result;
+}
+
+}  // namespace
+
+std::optional<TranslatedLine> translate_doom_line(int32_t type, int32_t tag, UdmfLinedef& line) {
+  if (type == 0) return TranslatedLine{};
+  if (type >= 0x2F80 && type < 0x8000) return translate_generalized(type, tag, line);
+  const auto* const row =
+      std::lower_bound(std::begin(kRows), std::end(kRows), type,
+                       [](const Row& candidate, int32_t wanted) { return candidate.type < wanted; });
+  if (row == std::end(kRows) || row->type != type) return std::nullopt;
+  TranslatedLine result;
+  result.special = row->special;
+  for (std::size_t i = 0; i < result.args.size(); ++i) {
+    result.args[i] = row->args[i] == kTag ? tag : row->args[i];
+    result.uses_tag |= row->args[i] == kTag;
+  }
+  set_trigger(line, row->trigger, row->who);
+  if (type >= 213 && type <= 269 && row->trigger == kStatic) result.uses_tag = false;
+  return result;
+}
+
+int32_t translate_doom_sector(int32_t type) {
+  constexpr int32_t kSecret = 0x400;
+  if (type < 0) return 0;
+  // Boom's bits 5..9 (damage, secret, friction, wind) lie three places higher in ZDoom.
+  const int32_t low = type & 0x1F, generalized = (type & 0x3E0) << 3;
+  if (type > 0x3FF) return 0;
+  if (low == 9) return kSecret | generalized;
+  if (low == 0) return generalized;
+  // The first seventeen follow 64; beyond, only what is plain light or damage in Doom is known.
+  return low <= 17 ? (low + 64) | generalized : generalized;
+}
+
+}  // namespace comrad::wad

@@ -1,0 +1,126 @@
+#include "scenarios/armory_siege/layout.h"
+
+#include <algorithm>
+
+namespace comrad::scenarios::armory_siege {
+namespace {
+
+using namespace doomgen;  // NOLINT: a recipe is written in its words
+
+constexpr int32_t kHall = 512, kRoom = 384, kDoorThickness = 32, kFirstDoorTag = 10, kFirstRoomTag = 20,
+                  kFirstCorridorTag = 30, kHallTag = 40;
+constexpr int kCoreSpots = 5, kAgentSpots = 10, kItemSpots = 5,
+              kEnemySpots = 5;  // items, enemies: of each room, corridor
+/// Nearer rooms would touch the hall beside their doors.
+constexpr int32_t kNearestRoom = 592;
+
+Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
+  const int32_t distance = std::max(wanted.value32("distance"), kNearestRoom),
+                width = wanted.value32("corridor");
+  const Point centre[] = {
+      {0, distance}, {distance * 866 / 1000, -distance / 2}, {-distance * 866 / 1000, -distance / 2}};
+  const char* const letter[] = {"A", "B", "C"};
+  const char* const floor[] = {"CEIL5_2", "FLAT5_4", "MFLR8_1"};
+  const char* const walls[] = {"STONE2", "BROWN1", "STARGR1"};
+  MapPlan plan;
+  const AreaId hall =
+      plan.add_area({.name = "hall", .ceiling = 192, .ceiling_texture = "TLITE6_4", .tag = kHallTag},
+                    Box::around({0, 0}, kHall, kHall));
+  std::vector<AreaId> rooms, corridors;
+  for (int i = 0; i < 3; ++i)
+    rooms.push_back(plan.add_area({.name = std::string("room ") + letter[i],
+                                   .ceiling = 160,
+                                   .floor_texture = floor[i],
+                                   .wall_texture = walls[i],
+                                   .tag = kFirstRoomTag + i},
+                                  Box::around(centre[i], kRoom, kRoom)));
+  for (int i = 0; i < 3; ++i) {
+    // A strip from the hall's middle to the room's, of which only the rock between them becomes corridor.
+    const SineCosine turn = sine_cosine_of_turn(3 - 4 * i, 12);
+    const auto half = static_cast<int32_t>(width / 2);
+    const Point side{static_cast<int32_t>(-turn.sine * half / (int64_t{1} << 30)),
+                     static_cast<int32_t>(turn.cosine * half / (int64_t{1} << 30))};
+    const Point end = centre[i];
+    corridors.push_back(plan.add_area(
+        {.name = std::string("corridor ") + letter[i],
+         .floor_texture = "RROCK19",
+         .tag = kFirstCorridorTag + i},
+        Polygon{side, {-side.x, -side.y}, {end.x - side.x, end.y - side.y}, {end.x + side.x, end.y + side.y}},
+        Claim::kOnlyRock));
+  }
+  std::vector<int32_t> door_tags;
+  for (int i = 0; i < 3; ++i) {
+    plan.add_door({.name = std::string("door ") + letter[i],
+                   .floor_texture = floor[i],
+                   .ceiling_texture = "GATE1",
+                   .wall_texture = "BIGDOOR2",
+                   .tag = kFirstDoorTag + i},
+                  rooms[i], corridors[i], kDoorThickness);
+    door_tags.push_back(kFirstDoorTag + i);
+  }
+  Rng rng(wanted.key.split("spots"));
+  const auto spots = [&](std::vector<Point>& into, AreaId area, int count, int32_t clearance,
+                         int32_t spacing) {
+    const std::vector<Point> points =
+        plan.random_points(area, count, {.clearance = clearance, .spacing = spacing}, rng);
+    if (static_cast<int>(points.size()) < count)
+      plan.fail("there is no room for every spot in " + plan.spec(area).name);
+    into.insert(into.end(), points.begin(), points.end());
+  };
+  std::vector<Point> core, agents, items, enemies, pistols, clips;
+  spots(core, hall, kCoreSpots, 64, 48);
+  spots(agents, hall, kAgentSpots, 32, 64);
+  for (int i = 0; i < 3; ++i) {
+    spots(items, rooms[i], kItemSpots, 64, 64);
+    spots(enemies, corridors[i], kEnemySpots, 32, 32);
+    spots(pistols, corridors[i], kItemSpots, 24, 16);
+    spots(clips, corridors[i], kItemSpots, 24, 16);
+  }
+  const Point starts[] = {{-64, -64}, {64, -64},    {0, 64},     {-128, 64},
+                          {128, 64},  {-128, -160}, {128, -160}, {0, 160}};
+  for (int player = 1; player <= 8; ++player) plan.add_start(player, starts[player - 1], 90);
+
+  COMRAD_TRY_ASSIGN(MapData map, plan.build());
+  COMRAD_TRY(check_starts(map, 8));
+  const std::vector<Point> from = start_points(map);
+  const auto first = std::span(from.data(), 1);
+  COMRAD_TRY(check_reaches(with_open_sectors(map, door_tags), first, items, "an item spot"));
+  COMRAD_TRY(check_separated(map, first, items, "an item spot"));
+  DrawnLayout layout{.map = std::move(map)};
+  layout.defines = {{"DOOR_TAG", kFirstDoorTag},
+                    {"CORE_SPOTS", kCoreSpots},
+                    {"AGENT_SPOTS", kAgentSpots},
+                    {"ITEM_SPOTS", kItemSpots},
+                    {"ENEMY_SPOTS", kEnemySpots}};
+  const auto add = [&](const std::string& name, const std::vector<Point>& points) {
+    std::vector<int64_t> x, y;
+    for (const Point& p : points) x.push_back(p.x), y.push_back(p.y);
+    layout.arrays.emplace_back(name + "_x", std::move(x));
+    layout.arrays.emplace_back(name + "_y", std::move(y));
+  };
+  for (const std::vector<Point>* points : {&core, &agents, &enemies, &pistols, &clips})
+    COMRAD_TRY(check_reaches(layout.map, first, *points, "a spot"));
+  add("core", core), add("agent", agents), add("item", items), add("enemy", enemies);
+  add("pistol", pistols), add("clip", clips);
+  return layout;
+}
+
+}  // namespace
+
+LayoutRecipe recipe() {
+  return {
+      .parameters = {{"distance", 600, 400, 4000,
+                      "from the hall to the rooms, units; 592 at least is drawn (axis: 500, 700, 900)"},
+                     {"corridor", 225, 128, 320, "width of the corridors, units (axis: 135, 225, 315)"},
+                     {"window", 300, 10, 3000, "tics that a door stays open (axis: 150, 300, 450)"},
+                     {"core_health", 1000, 1, 100000, "of the defence core (axis: 600, 1000, 1400)"},
+                     {"difficulty", 500, 100, 3000, "of the enemies, thousandths (axis: 500, 1000, 1500)"}},
+      .draw = draw,
+      .axes = {{"distance", {{{"distance", 500}}, {{"distance", 700}}, {{"distance", 900}}}},
+               {"corridor", {{{"corridor", 135}}, {{"corridor", 225}}, {{"corridor", 315}}}},
+               {"window", {{{"window", 150}}, {{"window", 300}}, {{"window", 450}}}},
+               {"core", {{{"core_health", 600}}, {{"core_health", 1000}}, {{"core_health", 1400}}}},
+               {"difficulty", {{{"difficulty", 500}}, {{"difficulty", 1000}}, {{"difficulty", 1500}}}}}};
+}
+
+}  // namespace comrad::scenarios::armory_siege

@@ -1,0 +1,146 @@
+#include "scenarios/platform_chain/layout.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "doomgen/layout/picture.h"
+
+namespace comrad::scenarios::platform_chain {
+namespace {
+
+using namespace doomgen;  // NOLINT: a recipe is written in its words
+
+constexpr int32_t kColumns = 12, kSize = 112, kCeiling = 2048, kLavaFloor = -96, kBasinHalf = 1750;
+constexpr int32_t kFirstPlatformTag = 8000, kFirstBridgeTag = 8200, kLavaTag = 900;
+constexpr int32_t kBridgeWidth = 36, kBridgeRise = 4, kFirstBridge = 6, kBridgePeriod = 4;
+constexpr int32_t kPanelLength = 56, kPanelDepth = 20, kPanelGap = 10;
+constexpr int kBarSegments = 20, kSegmentPitch = 5, kSegmentHeight = 6;  // of a screen of 320x240
+
+/// The tether's bar as a picture for each colour and number of lit segments.
+std::vector<NamedBytes> bar_pictures() {
+  constexpr Colour kUnlit{40, 40, 40}, kNone{0, 0, 0, 0};
+  constexpr std::pair<const char*, Colour> kStates[] = {
+      {"PCCALM", {48, 224, 48}}, {"PCWARN", {255, 208, 48}}, {"PCHOT", {255, 32, 32}}};
+  std::vector<NamedBytes> pictures;
+  for (const auto& [state, colour] : kStates)
+    for (int filled = 0; filled <= kBarSegments; ++filled) {
+      Picture bar(kBarSegments * kSegmentPitch, kSegmentHeight, kNone);
+      for (int y = 0; y < bar.height; ++y)
+        for (int x = 0; x < bar.width; ++x)
+          if (x % kSegmentPitch != kSegmentPitch - 1)
+            bar.at(x, y) = x / kSegmentPitch < filled ? colour : kUnlit;
+      char name[9];
+      std::snprintf(name, sizeof(name), "%s%02d", state, filled);
+      pictures.push_back({name, encode_png(bar)});
+    }
+  return pictures;
+}
+
+Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
+  const int32_t levels = wanted.value32("levels"), spacing = wanted.value32("spacing"),
+                rise = wanted.value32("step"), panels = wanted.value32("panels");
+  const int32_t rows = (levels + kColumns - 1) / kColumns;
+  std::vector<Point> centre;
+  for (int32_t i = 0; i < levels; ++i) {
+    const int32_t row = i / kColumns, column = row % 2 == 0 ? i % kColumns : kColumns - 1 - i % kColumns;
+    centre.push_back(
+        {spacing * column - spacing * (kColumns - 1) / 2, spacing * row - spacing * (rows - 1) / 2});
+  }
+  MapPlan plan;
+  plan.add_area({.name = "lava",
+                 .floor = kLavaFloor,
+                 .ceiling = kCeiling,
+                 .floor_texture = "LAVA1",
+                 .ceiling_texture = "RROCK16",
+                 .wall_texture = "METAL2",
+                 .light = 196,
+                 .tag = kLavaTag},
+                Box::around({0, 0}, 2 * kBasinHalf, 2 * kBasinHalf));
+  for (int32_t i = 0; i < levels; ++i)
+    plan.add_area({.name = "platform " + std::to_string(i),
+                   .floor = rise * i,
+                   .ceiling = kCeiling,
+                   .floor_texture = "FLOOR4_8",
+                   .ceiling_texture = "RROCK16",
+                   .wall_texture = "METAL2",
+                   .light = 208,
+                   .tag = kFirstPlatformTag + i},
+                  Box::around(centre[i], kSize, kSize));
+  std::vector<int64_t> bridges;
+  for (int32_t i = kFirstBridge; i + 1 < levels; i += kBridgePeriod) {
+    // From edge to edge; where the way turns the strip runs north.
+    const Point a = centre[i], b = centre[i + 1];
+    const Box strip = a.y == b.y ? Box{{std::min(a.x, b.x) + kSize / 2, a.y - kBridgeWidth / 2},
+                                       {std::max(a.x, b.x) - kSize / 2, a.y + kBridgeWidth / 2}}
+                                 : Box{{a.x - kBridgeWidth / 2, a.y + kSize / 2},
+                                       {a.x + kBridgeWidth / 2, b.y - kSize / 2}};
+    plan.add_area({.name = "bridge " + std::to_string(i),
+                   .floor = rise * i + kBridgeRise,
+                   .ceiling = kCeiling,
+                   .floor_texture = "STEP1",
+                   .ceiling_texture = "RROCK16",
+                   .wall_texture = "METAL2",
+                   .light = 220,
+                   .tag = kFirstBridgeTag + static_cast<int32_t>(bridges.size())},
+                  strip);
+    bridges.push_back(i);
+  }
+  std::vector<int64_t> panel_pairs;
+  for (int32_t k = 1; k <= panels; ++k) {
+    int32_t i = (levels - 1) * k / (panels + 1);
+    if (i % kColumns == kColumns - 1) --i;  // panels stand between platforms that lie east and west
+    const Point a = centre[i], b = centre[i + 1];
+    plan.add_polyobject({.number = k,
+                         .outline = Box::around({0, 0}, kPanelLength, kPanelDepth).polygon(),
+                         .spot = {(a.x + b.x) / 2, a.y + kPanelDepth / 2 + kPanelGap},
+                         .wall_texture = "METAL",
+                         .floor = kLavaFloor,
+                         .ceiling = kCeiling});
+    panel_pairs.push_back(i);
+  }
+  for (int32_t i = 14; i < levels; i += 7)
+    plan.add_thing(
+        {.position = {centre[i].x + 18, centre[i].y - 14}, .editor_number = i / 7 % 2 == 0 ? 30 : 31});
+  for (int player = 1; player <= 4; ++player) plan.add_start(player, centre[player - 1], 0);
+
+  COMRAD_TRY_ASSIGN(MapData map, plan.build());
+  COMRAD_TRY(check_starts(map, 4));
+  // Nobody climbs out of the lava, and no gap is a step: every other platform takes a jump.
+  const std::vector<Point> starts = start_points(map);
+  COMRAD_TRY(check_separated(map, std::span(&starts[0], 1), std::span(&centre[1], 1), "platform 1"));
+  std::vector<int64_t> x, y;
+  for (const Point& p : centre) x.push_back(p.x), y.push_back(p.y);
+  return DrawnLayout{
+      .map = std::move(map),
+      .defines = {{"PLATFORM_TAG_FIRST", kFirstPlatformTag},
+                  {"BRIDGE_TAG_FIRST", kFirstBridgeTag},
+                  {"BRIDGES", static_cast<int64_t>(bridges.size())},
+                  {"LAVA_TAG", kLavaTag},
+                  {"PANELS", panels},
+                  {"ROW_LENGTH", kColumns},
+                  {"PLATFORM_HALF", kSize / 2}},
+      .arrays = {{"platform_x", x}, {"platform_y", y}, {"bridge_from", bridges}, {"panel_pair", panel_pairs}},
+      .textures = bar_pictures()};
+}
+
+}  // namespace
+
+LayoutRecipe recipe() {
+  return {.parameters = {{"levels", 48, 6, 96, "platforms (axis: 36, 48, 60)"},
+                         {"spacing", 180, 140, 240,
+                          "units from one platform's centre to the next one's (168 to 188)"},
+                         {"step", 12, 0, 20, "units that each platform rises (10 to 13)"},
+                         {"tether", 250, 150, 1000, "length of the tether, units (axis: 220, 250, 280)"},
+                         {"lava", 50, 1, 1000, "damage of the lava; every tic from 50 on (axis: 35, 50, 70)"},
+                         {"panels", 8, 0, 16, "moving panels (axis: 4, 12)"},
+                         {"safe_min", 1, 0, 96, "static platforms at the beginning, at least (axis: 1, 4)"},
+                         {"safe_max", 3, 0, 96, "and at most (axis: 1, 4)"}},
+          .draw = draw,
+          .axes = {{"levels", {{{"levels", 36}}, {{"levels", 48}}, {{"levels", 60}}}},
+                   {"safe", {{{"safe_min", 1}, {"safe_max", 1}}, {{"safe_min", 4}, {"safe_max", 4}}}},
+                   {"tether", {{{"tether", 220}}, {{"tether", 250}}, {{"tether", 280}}}},
+                   {"lava", {{{"lava", 35}}, {{"lava", 50}}, {{"lava", 70}}}},
+                   {"panels", {{{"panels", 4}}, {{"panels", 12}}}}}};
+}
+
+}  // namespace comrad::scenarios::platform_chain

@@ -1,0 +1,159 @@
+#include "scenarios/smart_enemies/layout.h"
+
+#include <array>
+#include <optional>
+#include <string>
+
+namespace comrad::scenarios::smart_enemies {
+namespace {
+
+using doomgen::Box;
+using doomgen::MapPlan;
+using doomgen::Point;
+using doomgen::Polygon;
+
+constexpr int kArenaCorners = 64, kCircleCorners = 12;
+constexpr int32_t kInnerRadius = 200;  // obstacles have their places from here ...
+constexpr int32_t kFreeRadius = 128;   // ... and leave this much around the middle free
+constexpr int kPlacements = 64;        // tried for one obstacle
+constexpr int32_t kStartDistance = 32;
+constexpr doomgen::Body kDemon{.radius = 30, .height = 56, .step = 24};
+constexpr int32_t kSpotClearance = 32;
+
+int32_t root(int64_t value) {
+  int32_t low = 0, high = 1 << 15;
+  while (low < high) {
+    const int32_t middle = (low + high + 1) / 2;
+    if (int64_t{middle} * middle <= value) {
+      low = middle;
+    } else {
+      high = middle - 1;
+    }
+  }
+  return low;
+}
+
+/// The polygon turned by `degrees` about (0, 0) and moved to `centre`.
+Polygon placed(const Polygon& polygon, Point centre, int32_t degrees) {
+  const doomgen::SineCosine turn = doomgen::sine_cosine_of_turn(degrees, 360);
+  const auto rounded = [](int64_t scaled) {
+    return static_cast<int32_t>((scaled + (int64_t{1} << 29)) >> 30);
+  };
+  Polygon result;
+  for (const Point& p : polygon)
+    result.push_back({centre.x + rounded(p.x * turn.cosine - p.y * turn.sine),
+                      centre.y + rounded(p.x * turn.sine + p.y * turn.cosine)});
+  return result;
+}
+
+/// One of five is round, two are rectangles, one an L, one a cross.
+Polygon draw_shape(Rng& rng) {
+  switch (rng.below(5)) {
+    case 0: {
+      const int32_t radius = rng.between(32, 96);
+      Polygon circle;
+      for (int i = 0; i < kCircleCorners; ++i)
+        circle.push_back(doomgen::polar_point(radius, i, kCircleCorners));
+      return circle;
+    }
+    case 1:
+    case 2: {
+      const int32_t width = rng.between(64, 256), height = rng.between(64, 256);
+      return Box::around({0, 0}, width, height).polygon();
+    }
+    case 3: {
+      const int32_t along = rng.between(96, 192), along_width = rng.between(32, 64);
+      const int32_t up = rng.between(96, 192), up_width = rng.between(32, 64);
+      return {{0, 0}, {along, 0}, {along, along_width}, {up_width, along_width}, {up_width, up}, {0, up}};
+    }
+    default: {
+      const int32_t arm = rng.between(96, 160), half = rng.between(32, 48);
+      return {{half, half},   {half, arm},   {-half, arm}, {-half, half}, {-arm, half}, {-arm, -half},
+              {-half, -half}, {-half, -arm}, {half, -arm}, {half, -half}, {arm, -half}, {arm, half}};
+    }
+  }
+}
+
+bool leaves_the_middle_free(const Polygon& shape) {
+  if (doomgen::inside(shape, {0, 0})) return false;
+  for (std::size_t i = 0; i < shape.size(); ++i)
+    if (doomgen::nearer_than({0, 0}, shape[i], shape[(i + 1) % shape.size()], kFreeRadius)) return false;
+  return true;
+}
+
+/// Uniform over the ring; only its first place counts, as far as the middle stays free.
+std::optional<Polygon> draw_obstacle(int32_t radius, Rng& rng) {
+  const Polygon shape = draw_shape(rng);
+  const int64_t outer = int64_t{radius} * 9 / 10;
+  for (int i = 0; i < kPlacements; ++i) {
+    const auto squared =
+        static_cast<int64_t>(kInnerRadius * kInnerRadius +
+                             rng.below(static_cast<uint32_t>(outer * outer - kInnerRadius * kInnerRadius)));
+    const Point centre = doomgen::polar_point(root(squared), rng.between(0, 3599), 3600);
+    Polygon obstacle = placed(shape, centre, rng.between(0, 359));
+    if (leaves_the_middle_free(obstacle)) return obstacle;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+Expected<DrawnLayout> draw_arena(const LayoutDraw& draw) {
+  const int32_t radius = draw.value32("radius");
+  MapPlan plan;
+  Polygon outline;
+  for (int i = 0; i < kArenaCorners; ++i) outline.push_back(doomgen::polar_point(radius, i, kArenaCorners));
+  // Obstacles may seal off pockets; nobody starts or comes from there.
+  const doomgen::AreaId arena = plan.add_area({.name = "arena",
+                                               .ceiling = 384,
+                                               .floor_texture = "NUKAGE1",
+                                               .ceiling_texture = "CEIL3_5",
+                                               .wall_texture = "STONE2",
+                                               .light = 255,
+                                               .tag = kArenaTag,
+                                               .in_pieces = true},
+                                              outline);
+  Rng obstacles(draw.key.split("obstacles"));
+  for (int64_t i = 0; i < draw.value("obstacles"); ++i)
+    if (const auto obstacle = draw_obstacle(radius, obstacles)) plan.add_pillar(*obstacle, "BIGBRIK1");
+
+  const std::array<Point, 4> starts = {{{-kStartDistance, kStartDistance},
+                                        {kStartDistance, kStartDistance},
+                                        {-kStartDistance, -kStartDistance},
+                                        {kStartDistance, -kStartDistance}}};
+  for (int i = 0; i < 4; ++i) plan.add_start(i + 1, starts[static_cast<std::size_t>(i)], 0);
+
+  // Spots: where a demon has room and from where it can come to the middle.
+  COMRAD_TRY_ASSIGN(const doomgen::MapData bare, plan.build());
+  const doomgen::Reachability walk(bare, std::span(starts.data(), 1), kDemon);
+  Rng spots(draw.key.split("spots"));
+  int found = 0;
+  for (int i = 0; i < 100 * kSpotCount && found < kSpotCount; ++i) {
+    const auto spot = plan.random_point(arena, kSpotClearance, spots);
+    if (!spot || !walk.reaches(*spot)) continue;
+    plan.add_spot(kFirstSpotId + found++, *spot, 45 * spots.between(0, 7));
+  }
+  if (found < kSpotCount)
+    return Error{ErrorCode::kBadInput, "there is room for " + std::to_string(found) + " spots of " +
+                                           std::to_string(kSpotCount) + " that a demon can leave"};
+  COMRAD_TRY_ASSIGN(doomgen::MapData map, plan.build());
+  COMRAD_TRY(doomgen::check_starts(map, 4));
+  return DrawnLayout{.map = std::move(map), .defines = {{"SPOT_COUNT", kSpotCount}}};
+}
+
+LayoutRecipe recipe() {
+  return {
+      .parameters = {{"radius", 800, 500, 4000, "radius of the arena, units (axis: 700, 850, 1000)"},
+                     {"obstacles", 30, 0, 200, "obstacles (axis: 18, 30, 42)"},
+                     {"cap", 4, 1, 32, "demons that live at a time (axis: 3, 5, 7)"},
+                     {"interval", 3, 1, 60, "seconds between two demons (axis: 2, 3, 4)"},
+                     {"proximity", 512, 64, 2000, "how near a hunter counts, units (axis: 384, 512, 640)"}},
+      .draw = draw_arena,
+      .axes = {{"radius", {{{"radius", 700}}, {{"radius", 850}}, {{"radius", 1000}}}},
+               {"obstacles", {{{"obstacles", 18}}, {{"obstacles", 30}}, {{"obstacles", 42}}}},
+               {"cap", {{{"cap", 3}}, {{"cap", 5}}, {{"cap", 7}}}},
+               {"interval", {{{"interval", 2}}, {{"interval", 3}}, {{"interval", 4}}}},
+               {"proximity", {{{"proximity", 384}}, {{"proximity", 512}}, {{"proximity", 640}}}}}};
+}
+
+}  // namespace comrad::scenarios::smart_enemies

@@ -1,0 +1,182 @@
+#include "scenarios/spec/layout_pool.h"
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "doomgen/layout/wad_writer.h"
+#include "scenarios/spec/scenario_files.h"
+
+namespace comrad::scenarios {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+std::string hex(uint64_t value) {
+  char text[17];
+  std::snprintf(text, sizeof(text), "%016llx", static_cast<unsigned long long>(value));
+  return text;
+}
+
+bool is_held_out(uint64_t seed) {
+  return std::find(std::begin(kHeldOutSeeds), std::end(kHeldOutSeeds), seed) != std::end(kHeldOutSeeds);
+}
+
+/// Seeds of a pool, one after the other.
+class SeedStream {
+ public:
+  SeedStream(std::string scenario, PoolKind kind) : scenario_(std::move(scenario)), kind_(kind) {}
+  uint64_t next() {
+    if (kind_ == PoolKind::kEval && held_out_ < std::size(kHeldOutSeeds)) return kHeldOutSeeds[held_out_++];
+    while (is_held_out(seed_) || pool_of_seed(scenario_, seed_) != kind_) ++seed_;
+    return seed_++;
+  }
+
+ private:
+  std::string scenario_;
+  PoolKind kind_;
+  std::size_t held_out_ = 0;
+  uint64_t seed_ = 0;
+};
+
+}  // namespace
+
+PoolKind pool_of_seed(const std::string& scenario, uint64_t seed) {
+  if (is_held_out(seed)) return PoolKind::kEval;
+  const uint64_t hash = doomgen::content_hash(scenario + "_" + std::to_string(seed));
+  return hash % 10 == 0 ? PoolKind::kEval : PoolKind::kTrain;
+}
+
+std::vector<uint64_t> pool_seeds(const std::string& scenario, PoolKind kind, int count) {
+  SeedStream stream(scenario, kind);
+  std::vector<uint64_t> seeds;
+  for (int i = 0; i < count; ++i) seeds.push_back(stream.next());
+  return seeds;
+}
+
+Expected<std::vector<PoolEntry>> make_pool(const std::string& scenario, const PoolRequest& request,
+                                           const std::string& folder,
+                                           const std::function<void(const PoolEntry&)>& progress) {
+  if (request.count < 1 || request.count > 100'000)
+    return Error{ErrorCode::kBadInput, "a pool has 1..100000 layouts, not " + std::to_string(request.count)};
+  COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) return Error{ErrorCode::kSystem, folder + ": cannot be made: " + error.message()};
+  const std::string registry = (fs::path(folder) / kPoolRegistryName).string();
+  fs::remove(registry, error);  // written again when all files are there
+
+  SeedStream seeds(scenario, request.kind);
+  std::vector<PoolEntry> entries;
+  std::set<uint64_t> drawn;  // seeds that maps were really drawn from, attempts included
+  while (static_cast<int>(entries.size()) < request.count) {
+    LayoutRequest one = request.layout;
+    one.seed = seeds.next();
+    PoolEntry entry;
+    if (request.vary) {
+      Rng rng(RngKey(one.seed).split(scenario).split("axes"));
+      for (const LayoutAxis& axis : recipe.axes) {
+        const auto& option = axis.options[rng.below(static_cast<uint32_t>(axis.options.size()))];
+        std::string choice;
+        for (const auto& [name, value] : option) {
+          one.parameters.emplace_back(name, std::to_string(value));
+          choice += (choice.empty() ? "" : " ") + std::string(name) + "=" + std::to_string(value);
+        }
+        entry.axis_choices.emplace_back(axis.name, choice);
+      }
+    }
+    COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
+    const uint64_t used = one.seed + 1000 * static_cast<uint64_t>(layout.info.attempt);
+    // A retry may land on a seed of the other pool or on one that was used already.
+    if (!drawn.insert(used).second || pool_of_seed(scenario, used) != request.kind) continue;
+    entry.id = scenario + "_" + std::to_string(one.seed);
+    entry.filename = entry.id + ".wad";
+    entry.content_hash = layout.content_hash;
+    entry.info = layout.info;
+    entry.retries = layout.info.attempt;
+    COMRAD_TRY(doomgen::write_file((fs::path(folder) / entry.filename).string(), layout.wad));
+    if (progress) progress(entry);
+    entries.push_back(std::move(entry));
+  }
+  COMRAD_TRY(doomgen::write_file(registry, pool_registry_text(request.kind, entries)));
+  return entries;
+}
+
+std::string pool_registry_text(PoolKind kind, const std::vector<PoolEntry>& entries) {
+  Json list = Json::array();
+  for (const PoolEntry& entry : entries) {
+    Json config = Json::object(), choices = Json::object();
+    for (const auto& [name, value] : entry.info.parameters) config[name] = value;
+    for (const auto& [axis, choice] : entry.axis_choices) choices[axis] = choice;
+    list.push_back({{"id", entry.id},
+                    {"filename", entry.filename},
+                    {"scenario", entry.info.scenario},
+                    {"split", kind == PoolKind::kTrain ? "train" : "eval"},
+                    {"seed", entry.info.seed},
+                    {"attempt", entry.info.attempt},
+                    {"content_hash", hex(entry.content_hash)},
+                    {"config", config},
+                    {"axis_choices", choices}});
+  }
+  return list.dump(1) + "\n";
+}
+
+Expected<std::vector<PoolEntry>> read_pool(const std::string& folder) {
+  std::vector<PoolEntry> entries;
+  const std::string registry = (fs::path(folder) / kPoolRegistryName).string();
+  if (scenario_file_exists(registry)) {
+    COMRAD_TRY_ASSIGN(const std::string text, read_scenario_file(registry));
+    Json list;
+    try {  // nlohmann throws with line and column; nothing of it leaves this block
+      list = Json::parse(text);
+    } catch (const Json::parse_error& error) {
+      return Error{ErrorCode::kBadFormat, registry + ": " + error.what()};
+    }
+    if (!list.is_array()) return Error{ErrorCode::kBadFormat, registry + ": is no JSON list"};
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      const Json& one = list[i];
+      const std::string where = registry + ": entry " + std::to_string(i);
+      if (!one.is_object() || !one.contains("id") || !one["id"].is_string() || !one.contains("filename") ||
+          !one["filename"].is_string())
+        return Error{ErrorCode::kBadFormat, where + " needs the texts 'id' and 'filename'"};
+      PoolEntry entry;
+      entry.id = one["id"];
+      const fs::path file = one["filename"].get<std::string>();
+      entry.filename = (file.is_absolute() ? file : fs::path(folder) / file).string();
+      if (one.contains("scenario") && one["scenario"].is_string()) entry.info.scenario = one["scenario"];
+      if (one.contains("seed") && one["seed"].is_number_integer())
+        entry.info.seed = one["seed"].get<uint64_t>();
+      if (one.contains("attempt") && one["attempt"].is_number_integer())
+        entry.info.attempt = one["attempt"].get<int>();
+      if (one.contains("config") && one["config"].is_object())
+        for (const auto& [name, value] : one["config"].items())
+          if (value.is_number_integer()) entry.info.parameters[name] = value.get<int64_t>();
+      if (one.contains("axis_choices") && one["axis_choices"].is_object())
+        for (const auto& [axis, choice] : one["axis_choices"].items())
+          if (choice.is_string()) entry.axis_choices.emplace_back(axis, choice.get<std::string>());
+      if (one.contains("content_hash") && one["content_hash"].is_string()) {
+        const std::string digits = one["content_hash"];
+        std::from_chars(digits.data(), digits.data() + digits.size(), entry.content_hash, 16);
+      }
+      entries.push_back(std::move(entry));
+    }
+  } else {
+    std::error_code error;
+    for (const auto& file : fs::directory_iterator(folder, error))
+      if (file.path().extension() == ".wad")
+        entries.push_back({.id = file.path().stem().string(),
+                           .filename = file.path().string(),
+                           .info = {},
+                           .axis_choices = {}});
+    if (error) return Error{ErrorCode::kNotFound, folder + ": " + error.message()};
+    std::sort(entries.begin(), entries.end(),
+              [](const PoolEntry& a, const PoolEntry& b) { return a.id < b.id; });
+  }
+  if (entries.empty()) return Error{ErrorCode::kNotFound, folder + ": the pool is empty"};
+  return entries;
+}
+
+}  // namespace comrad::scenarios

@@ -1,0 +1,73 @@
+// How a scenario draws its maps: a folder with a layout.cc declares `LayoutRecipe recipe()` in its own
+// namespace (scenarios/<name>/layout.h), and CMake collects the folders. A recipe is a pure function of seed
+// and parameters; the frame (registry.h) retries refused seeds, compiles the script and writes the WAD.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "doomgen/layout/map_checks.h"
+#include "doomgen/layout/map_data.h"
+#include "doomgen/layout/map_plan.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/rng.h"
+
+namespace comrad::scenarios {
+
+/// One parameter of a recipe; all are whole numbers (densities in thousandths).
+struct LayoutParameter {
+  const char* name;
+  int64_t default_value, low, high;
+  const char* help;
+};
+
+/// One axis of a layout pool: each option sets one or more parameters. Axes do not share parameters.
+struct LayoutAxis {
+  const char* name;
+  std::vector<std::vector<std::pair<const char*, int64_t>>> options;
+};
+
+using ParameterValues = std::map<std::string, int64_t>;
+
+/// One attempt at a map.
+struct LayoutDraw {
+  uint64_t seed = 42;
+  ParameterValues values;  ///< every parameter of the recipe
+  RngKey key{0};  ///< of this scenario and seed; split it for every purpose: Rng(draw.key.split("pillars"))
+  int num_agents = 0;  ///< agents that must find a start; 0: as many as the recipe prepares
+
+  /// A parameter's value; its name must be one of the recipe's.
+  int64_t value(const std::string& name) const { return values.at(name); }
+  int32_t value32(const std::string& name) const { return static_cast<int32_t>(values.at(name)); }
+};
+
+/// A lump beside the map.
+struct NamedBytes {
+  std::string name, bytes;
+};
+
+/// What a recipe draws.
+struct DrawnLayout {
+  doomgen::MapData map;
+  /// `#define NAME value` for script.acs, besides PARAM_<NAME> for every parameter, LAYOUT_SEED and
+  /// LAYOUT_PLAYERS (starts on the map).
+  std::vector<std::pair<std::string, int64_t>> defines = {};
+  /// `int name[] = {...}` for script.acs.
+  std::vector<std::pair<std::string, std::vector<int64_t>>> arrays = {};
+  std::vector<NamedBytes> textures = {};  ///< PNG or patch lumps between TX_START and TX_END
+  std::vector<NamedBytes> lumps = {};     ///< any others, as they are
+};
+
+/// How to draw one scenario's maps.
+struct LayoutRecipe {
+  std::vector<LayoutParameter> parameters;
+  /// One attempt; an error (of the map's own checks, of the scenario's rules) means "next seed".
+  Expected<DrawnLayout> (*draw)(const LayoutDraw& draw) = nullptr;
+  const char* players_parameter = nullptr;  ///< which parameter says how many starts the map has, if one does
+  std::vector<LayoutAxis> axes = {};
+};
+
+}  // namespace comrad::scenarios

@@ -1,0 +1,93 @@
+#include "scenarios/spec/scenario_files.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "rollout_buffer/core/config.h"
+#include "scenarios/spec/scenario_spec.h"
+
+namespace comrad::scenarios {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMaxFileBytes = 16 << 20;
+constexpr const char* kSearchPath = "COMRAD_SCENARIO_PATH";
+
+/// Folders of scenarios, first come first served.
+std::vector<fs::path> roots() {
+  std::vector<fs::path> result;
+  if (const char* path = std::getenv(kSearchPath); path != nullptr) {
+    std::stringstream text(path);
+    for (std::string one; std::getline(text, one, ':');)
+      if (!one.empty()) result.emplace_back(one);
+  }
+  result.push_back(fs::path(data_dir()) / "scenarios");
+  return result;
+}
+
+bool is_scenario(const fs::path& folder) {
+  std::error_code ignored;
+  return fs::is_regular_file(folder / "scenario.toml", ignored);
+}
+
+}  // namespace
+
+bool scenario_file_exists(const std::string& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored);
+}
+
+Expected<std::string> read_scenario_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file.is_open()) return Error{ErrorCode::kSystem, path + ": cannot be read"};
+  std::string text;
+  std::string block(1 << 16, '\0');
+  while (file.read(block.data(), static_cast<std::streamsize>(block.size())), file.gcount() > 0) {
+    text.append(block, 0, static_cast<std::size_t>(file.gcount()));
+    if (text.size() > kMaxFileBytes) return Error{ErrorCode::kBadFormat, path + ": longer than 16 MB"};
+  }
+  if (file.bad()) return Error{ErrorCode::kSystem, path + ": cannot be read"};
+  return text;
+}
+
+Expected<std::string> find_scenario_folder(const std::string& name) {
+  if (name.find('/') != std::string::npos) {
+    fs::path folder = fs::path(name).lexically_normal();
+    if (!folder.has_filename()) folder = folder.parent_path();  // "toy/"
+    if (is_scenario(folder)) return folder.string();
+    return Error{ErrorCode::kNotFound,
+                 "there is no scenario in " + name +
+                     ": the folder must hold a scenario.toml (scenarios/README.md shows one)"};
+  }
+  for (const fs::path& root : roots())
+    if (!name.empty() && name[0] != '.' && is_scenario(root / name)) return (root / name).string();
+  const std::vector<std::string> known = list_scenarios();
+  std::string text = "there is no scenario '" + name + "'";
+  if (const std::string near = nearest_word(name, known); !near.empty())
+    text += "; did you mean '" + near + "'?";
+  if (known.empty()) {
+    text += "; none found below " + roots().back().string() + " (is COMRAD_HOME right?)";
+  } else {
+    text += "; known: ";
+    for (const std::string& one : known) text += (&one == known.data() ? "" : ", ") + one;
+  }
+  text += "; a folder of your own is named by its path or found through " + std::string(kSearchPath);
+  return Error{ErrorCode::kNotFound, text};
+}
+
+std::vector<std::string> list_scenarios() {
+  std::vector<std::string> names;
+  std::error_code ignored;  // no folder: no scenarios
+  for (const fs::path& root : roots())
+    for (const auto& entry : fs::directory_iterator(root, ignored))
+      if (is_scenario(entry.path())) names.push_back(entry.path().filename().string());
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
+
+}  // namespace comrad::scenarios

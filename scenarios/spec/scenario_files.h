@@ -1,0 +1,23 @@
+// Where scenarios lie: the folders below data_dir()/scenarios, those of COMRAD_SCENARIO_PATH, and any folder
+// that is named by its path.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::scenarios {
+
+/// The folder of a scenario. `name` is a scenario's name, or a path (anything with a '/' in it) of a folder
+/// with a scenario.toml. COMRAD_SCENARIO_PATH, folders of scenarios parted by ':', is searched first. Errors:
+/// kNotFound with the nearest and all known names.
+Expected<std::string> find_scenario_folder(const std::string& name);
+
+/// A file of a scenario, 16 MB at most. Errors: kSystem, kBadFormat naming the path.
+Expected<std::string> read_scenario_file(const std::string& path);
+
+/// True where the file exists.
+bool scenario_file_exists(const std::string& path);
+
+}  // namespace comrad::scenarios

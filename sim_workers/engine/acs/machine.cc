@@ -1,0 +1,246 @@
+#include "sim_workers/engine/acs/machine.h"
+
+#include <algorithm>
+#include <bit>
+#include <iterator>
+#include <utility>
+#include <vector>
+
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/rng.h"
+#include "sim_workers/engine/acs/caller.h"
+#include "sim_workers/engine/acs/hud.h"
+#include "sim_workers/engine/acs/interpreter.h"
+#include "sim_workers/engine/acs/map_calls.h"
+#include "sim_workers/engine/acs/strings.h"
+
+namespace comrad::doom::acs {
+namespace {
+
+Thread* find_registered(MachineState& machine, int32_t number) {
+  for (Thread& thread : machine.threads)
+    if (thread.registered && thread.script == number && thread.state != ThreadState::kToBeRemoved) return &thread;
+  return nullptr;
+}
+
+/// A thread at the beginning of its script. The memory of one that ended is used again.
+Thread& new_thread(MachineState& machine, const Script& script, std::size_t script_index,
+                   const StartOptions& options) {
+  Thread& thread = machine.threads.extend();
+  std::vector<int32_t> stack = std::move(thread.stack), locals = std::move(thread.locals);
+  std::vector<CallFrame> calls = std::move(thread.calls);
+  std::vector<uint32_t> print_starts = std::move(thread.print_starts);
+  std::string print_buffer = std::move(thread.print_buffer);
+  stack.clear(), locals.clear(), calls.clear(), print_starts.clear(), print_buffer.clear();
+  thread = Thread{};
+  thread.stack = std::move(stack), thread.locals = std::move(locals), thread.calls = std::move(calls);
+  thread.print_starts = std::move(print_starts), thread.print_buffer = std::move(print_buffer);
+
+  thread.script = script.number;
+  thread.script_index = static_cast<uint32_t>(script_index);
+  thread.registered = !options.always;
+  thread.address = script.address;
+  thread.activator_id = options.activator_id;
+  thread.line = options.line;
+  thread.back_side = options.back_side;
+  thread.result = 1;
+  thread.locals.resize(static_cast<std::size_t>(std::max(script.variable_count, 0)), 0);
+  const auto arg_count = static_cast<std::size_t>(std::clamp(script.arg_count, 0, 4));
+  for (std::size_t i = 0; i < std::min(arg_count, thread.locals.size()); ++i) thread.locals[i] = options.args[i];
+  return thread;
+}
+
+void refuse(World& world, const Script& script, const std::string& why) {
+  const Behavior& behavior = *world.behavior();
+  MachineState& machine = world.state().scripts;
+  machine.last_error = behavior.label() + ": script " + std::to_string(script.number) + " does not start: " + why;
+  if (behavior.first_time(kWarnThreads)) spdlog::warn("{}", machine.last_error);
+}
+
+int32_t start(World& world, const Script* script, const StartOptions& options) {
+  if (script == nullptr) return 0;
+  const Behavior& behavior = *world.behavior();
+  MachineState& machine = world.state().scripts;
+  const auto script_index = static_cast<std::size_t>(script - behavior.scripts().data());
+  Thread* thread = nullptr;
+  if (!options.always) {
+    thread = find_registered(machine, script->number);
+    if (thread != nullptr) {
+      if (thread->state != ThreadState::kSuspended) return 0;
+      thread->state = ThreadState::kRunning;
+    }
+  }
+  if (thread == nullptr) {
+    if (machine.threads.size() >= kThreadsMax) return refuse(world, *script, "too many run already"), 0;
+    thread = &new_thread(machine, *script, script_index, options);
+  }
+  if (!options.immediate) return 1;
+  if (machine.nesting >= kNestingMax) {
+    thread->state = ThreadState::kToBeRemoved;
+    return refuse(world, *script, "too many wait for each other's results"), 0;
+  }
+  const std::size_t place = machine.threads.size() - 1;
+  run_thread(world, behavior, *thread);
+  const int32_t result = thread->result;
+  // One that is done makes room at once: a loop may ask for thousands of results in a tic.
+  if (thread->state == ThreadState::kToBeRemoved && machine.threads.size() == place + 1 &&
+      thread == &machine.threads[place])
+    machine.threads.resize_down(place);
+  return result;
+}
+
+/// True where the thread goes on in this tic.
+bool wake(World& world, Thread& thread) {
+  MachineState& machine = world.state().scripts;
+  switch (thread.state) {
+    case ThreadState::kRunning:
+      return true;
+    case ThreadState::kDelayed:
+      if (--thread.state_data > 0) return false;
+      break;
+    case ThreadState::kTagWait:
+      if (tag_is_busy(world, thread.state_data)) return false;
+      break;
+    case ThreadState::kPolyWait:
+      if (polyobject_is_busy(world, thread.state_data)) return false;
+      break;
+    case ThreadState::kScriptWaitPre:
+      if (find_registered(machine, thread.state_data) != nullptr) thread.state = ThreadState::kScriptWait;
+      return false;
+    case ThreadState::kScriptWait:
+      if (find_registered(machine, thread.state_data) != nullptr) return false;
+      break;
+    default:
+      return false;
+  }
+  thread.state = ThreadState::kRunning;
+  return true;
+}
+
+class Hash {
+ public:
+  void add(uint64_t value) { value_ = mix64(value_ ^ value) + kGoldenGamma; }
+  void add(std::string_view text) {
+    add(text.size());
+    for (const char c : text) add(static_cast<unsigned char>(c));
+  }
+  template <typename Values>
+  void add_all(const Values& values) {
+    add(std::size(values));
+    for (const auto value : values) add(static_cast<uint64_t>(static_cast<uint32_t>(value)));
+  }
+  uint64_t value() const { return value_; }
+
+ private:
+  uint64_t value_ = 0xAC5;
+};
+
+}  // namespace
+
+int32_t start_script(World& world, int32_t number, const StartOptions& options) {
+  return world.behavior() != nullptr ? start(world, world.behavior()->find_script(number), options) : 0;
+}
+
+int32_t start_script(World& world, std::string_view name, const StartOptions& options) {
+  return world.behavior() != nullptr ? start(world, world.behavior()->find_script(name), options) : 0;
+}
+
+void suspend_script(World& world, int32_t number) {
+  if (Thread* thread = find_registered(world.state().scripts, number)) thread->state = ThreadState::kSuspended;
+}
+
+void terminate_script(World& world, int32_t number) {
+  if (Thread* thread = find_registered(world.state().scripts, number)) thread->state = ThreadState::kToBeRemoved;
+}
+
+void start_scripts_of_type(World& world, ScriptType type, uint32_t activator_id, int32_t arg) {
+  if (world.behavior() == nullptr) return;
+  std::vector<const Script*> scripts;
+  for (const Script& script : world.behavior()->scripts())
+    if (script.type == type) scripts.push_back(&script);
+  std::stable_sort(scripts.begin(), scripts.end(),
+                   [](const Script* a, const Script* b) { return a->number < b->number; });
+  for (const Script* script : scripts)
+    start(world, script, {.args = {arg}, .activator_id = activator_id, .always = type != ScriptType::kOpen});
+}
+
+void reset_machine(World& world) {
+  MachineState& machine = world.state().scripts;
+  machine = MachineState{};
+  if (world.behavior() == nullptr) return;
+  const Behavior& behavior = *world.behavior();
+  machine.map_variables.assign(behavior.map_variables().begin(), behavior.map_variables().end());
+  for (const MapArray& array : behavior.arrays()) machine.map_arrays.push_back(array.initial);
+}
+
+void tic_machine(World& world) {
+  MachineState& machine = world.state().scripts;
+  if (world.behavior() != nullptr && !machine.threads.empty()) {
+    const std::size_t count = machine.threads.size();  // what these start waits for the next tic
+    // The newest runs first, as in ZDoom (measured).
+    for (std::size_t i = count; i-- > 0;)
+      if (wake(world, machine.threads[i])) run_thread(world, *world.behavior(), machine.threads[i]);
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < machine.threads.size(); ++i) {
+      if (machine.threads[i].state == ThreadState::kToBeRemoved) continue;
+      if (kept != i) std::swap(machine.threads[kept], machine.threads[i]);
+      ++kept;
+    }
+    machine.threads.resize_down(kept);
+    purge_strings(world);
+  }
+  if (!machine.plane_watchers.empty()) tic_plane_watchers(world);
+  if (!machine.hud_messages.empty()) tic_hud_messages(world);
+  if (world.behavior() == nullptr) return;
+  machine.old_buttons.resize(static_cast<std::size_t>(world.player_count()));
+  for (int player = 0; player < world.player_count(); ++player)
+    machine.old_buttons[static_cast<std::size_t>(player)] = button_bits(world.player(player).buttons);
+}
+
+uint64_t hash_machine(const MachineState& machine) {
+  Hash hash;
+  hash.add(machine.threads.size());
+  for (const Thread& thread : machine.threads) {
+    hash.add(static_cast<uint32_t>(thread.script));
+    hash.add(static_cast<uint64_t>(thread.state) << 32 | thread.address);
+    hash.add(static_cast<uint64_t>(thread.registered) << 32 | static_cast<uint32_t>(thread.state_data));
+    hash.add(static_cast<uint64_t>(thread.back_side) << 32 | static_cast<uint32_t>(thread.line));
+    hash.add(static_cast<uint64_t>(thread.activator_id) << 32 | thread.local_base);
+    hash.add(static_cast<uint32_t>(thread.result));
+    hash.add_all(thread.stack), hash.add_all(thread.locals);
+    hash.add(thread.calls.size());
+    for (const CallFrame& frame : thread.calls)
+      hash.add(static_cast<uint64_t>(frame.return_address) << 32 | frame.local_base);
+    hash.add(thread.print_buffer), hash.add_all(thread.print_starts);
+    hash.add(static_cast<uint64_t>(static_cast<uint32_t>(thread.function)) << 32 |
+             static_cast<uint32_t>(thread.option_start));
+    hash.add(thread.font), hash.add_all(thread.clip);
+    hash.add(static_cast<uint64_t>(thread.hud_covers_bar) << 32 | static_cast<uint32_t>(thread.wrap_width));
+    hash.add(static_cast<uint64_t>(static_cast<uint32_t>(thread.hud_width)) << 32 |
+             static_cast<uint32_t>(thread.hud_height));
+  }
+  hash.add_all(machine.map_variables), hash.add_all(machine.world_variables);
+  for (const auto& array : machine.map_arrays) hash.add_all(array);
+  for (const auto& array : machine.world_arrays) hash.add_all(array);
+  for (const auto& array : machine.global_arrays) hash.add_all(array);
+  for (const std::string& text : machine.dynamic_strings) hash.add(text);
+  for (const HudMessage& message : machine.hud_messages) {
+    for (const int32_t value :
+         {message.id, message.player, message.kind, message.color, message.x, message.y, message.hud_width,
+          message.hud_height, message.layer, message.age_tics, message.hold_tics, message.fade_out_tics,
+          message.fade_in_tics, message.type_tics})
+      hash.add(static_cast<uint32_t>(value));
+    hash.add_all(message.clip);
+    hash.add(static_cast<uint64_t>(message.hud_covers_bar) << 34 | static_cast<uint64_t>(message.additive) << 33 |
+             static_cast<uint64_t>(message.no_wrap) << 32 | static_cast<uint32_t>(message.wrap_width));
+    hash.add(std::bit_cast<uint32_t>(message.alpha));
+    hash.add(message.text), hash.add(message.font);
+  }
+  for (const PlaneWatcher& watcher : machine.plane_watchers)
+    hash.add(static_cast<uint64_t>(watcher.sector) << 32 | static_cast<uint32_t>(watcher.last));
+  hash.add_all(machine.old_buttons);
+  hash.add(static_cast<uint64_t>(machine.runaway_count));
+  return hash.value();
+}
+
+}  // namespace comrad::doom::acs

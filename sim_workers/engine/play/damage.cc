@@ -1,0 +1,293 @@
+#include "sim_workers/engine/play/damage.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "sim_workers/engine/acs/behavior.h"
+#include "sim_workers/engine/acs/machine.h"
+#include "sim_workers/engine/map/level_index.h"
+#include "sim_workers/engine/play/inventory.h"
+#include "sim_workers/engine/play/sight.h"
+#include "sim_workers/engine/play/weapons.h"
+#include "sim_workers/engine/specials/line_specials.h"
+
+namespace comrad::doom {
+namespace {
+
+constexpr int32_t kDamageFlashMax = 100;
+constexpr int32_t kHoldTargetTics = 100;  // a monster keeps who hurt it last for so long
+constexpr int32_t kTelefragDamage = 1'000'000;
+constexpr Fixed kThrustMax = to_fixed(200);
+
+Fixed scale(Fixed factor, int32_t amount) {
+  return static_cast<Fixed>(
+      std::clamp<int64_t>((int64_t{amount} * factor) >> kFracBits, INT32_MIN, INT32_MAX));
+}
+
+int32_t add_saturated(int32_t total, int32_t amount) {
+  return static_cast<int32_t>(std::clamp<int64_t>(int64_t{total} + amount, INT32_MIN, INT32_MAX));
+}
+
+/// Pushes the target away from what hit it, harder the lighter it is.
+void thrust_away(World& world, Actor& target, const Actor& inflictor, int32_t amount, int32_t kickback) {
+  if (target.mass <= 0 || target.has(ActorFlag::kNoClip) || inflictor.has(ActorFlag::kNoDamageThrust))
+    return;
+  Angle angle = angle_to(inflictor.x, inflictor.y, target.x, target.y);
+  int64_t thrust = int64_t{amount} * (kFracUnit >> 3) * kickback / target.mass;
+  // A light hit from far below may make the dying fall towards it.
+  if (amount < 40 && amount > target.health && int64_t{target.z} - inflictor.z > to_fixed(64) &&
+      (world.random_byte() & 1) != 0) {
+    angle += kAngle180;
+    thrust *= 4;
+  }
+  const auto force = static_cast<Fixed>(std::clamp<int64_t>(thrust, 0, kThrustMax));
+  target.velocity_x = add_saturated(target.velocity_x, fixed_mul(force, fine_cosine(angle)));
+  target.velocity_y = add_saturated(target.velocity_y, fixed_mul(force, fine_sine(angle)));
+}
+
+/// The monster turns on who hurt it, unless it holds on to somebody else.
+void take_revenge(World& world, Actor& target, Actor* source) {
+  if (source == nullptr || source == &target || source->has(ActorFlag::kNeverTarget)) return;
+  const bool free_to_turn = target.threshold == 0 || target.has(ActorFlag::kQuickToRetaliate);
+  if (!free_to_turn || target.has(ActorFlag::kNoTargetSwitch) || target.has(ActorFlag::kNoTarget)) return;
+  // Whoever is marked so is forgiven by other monsters (the arch-vile).
+  if (source->player_index < 0 && source->has(ActorFlag::kNoTarget)) return;
+  if (target.has(ActorFlag::kNoInfighting) && source->has(ActorFlag::kIsMonster)) return;
+  target.last_enemy_id = target.target_id;
+  target.target_id = source->id;
+  target.threshold = kHoldTargetTics;
+  const ActorType& type = world.type_of(target);
+  const uint32_t spawn = type.state(StateLabel::kSpawn);
+  const bool idles =
+      spawn != kNoState && (target.state == spawn || target.state == world.catalog().state(spawn).next);
+  if (idles && type.state(StateLabel::kSee) != kNoState) world.set_label(target, StateLabel::kSee);
+}
+
+/// The state that a type has for one kind of damage ("Death.Fire"); kNoState where there is none.
+uint32_t state_for_damage(const World& world, const ActorType& type, const char* prefix, DamageType kind) {
+  if (kind == DamageType::kNormal || type.labels.empty()) return kNoState;
+  return type.find_label(prefix + std::string(world.catalog().damage_type_name(kind)));
+}
+
+}  // namespace
+
+int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* source, int32_t amount,
+                     DamageType type, uint32_t flags) {
+  if (amount <= 0 || target.removed || target.health <= 0 || !target.has(ActorFlag::kShootable)) return 0;
+  if (target.has(ActorFlag::kDormant)) return 0;
+  const bool forced = (flags & kDamageForced) != 0 || amount >= kTelefragDamage;
+  if (!forced && target.has(ActorFlag::kInvulnerable)) return 0;
+  if (target.has(ActorFlag::kSkullFly)) target.velocity_x = target.velocity_y = target.velocity_z = 0;
+
+  Player* player = world.player_of(target);
+  const Player* attacker = source != nullptr ? world.player_of(*source) : nullptr;
+  if (!forced) {
+    // Friends in a cooperative game.
+    if (player != nullptr && attacker != nullptr && source != &target && !world.options().deathmatch)
+      return 0;
+    if (player != nullptr && world.options().skill <= 1 && (flags & kDamageNoSkill) == 0)
+      amount = std::max(amount / 2, 1);
+    if ((flags & kDamageNoFactor) == 0) {
+      const ActorType& target_type = world.type_of(target);
+      amount = scale(target_type.damage_factor[static_cast<std::size_t>(type)], amount);
+      amount = scale(target.damage_factor, amount);
+      if (attacker != nullptr && attacker->has_power(PowerKind::kDoubleDamage))
+        amount = add_saturated(amount, amount);
+      if (player != nullptr && player->has_power(PowerKind::kProtection)) amount /= 4;
+      if (amount <= 0) return 0;
+    }
+    if (player != nullptr && (player->god_mode || player->has_power(PowerKind::kInvulnerable)) &&
+        amount < 1000)
+      return 0;
+  }
+
+  if (inflictor != nullptr && (flags & kDamageThrustless) == 0 && type != DamageType::kPoison) {
+    const int32_t kickback = attacker != nullptr && attacker->ready_weapon != kNoType
+                                 ? world.catalog()[attacker->ready_weapon].weapon.kickback
+                                 : 100;
+    thrust_away(world, target, *inflictor, std::min(amount, 10'000), kickback);
+  }
+
+  if (player != nullptr) {
+    if ((flags & kDamageNoArmor) == 0 && !forced)
+      amount = absorb_damage(world, target.player_index, amount, type);
+    player->damage_taken = add_saturated(player->damage_taken, amount);
+    if (source != nullptr) player->attacker_id = source->id;
+    ++player->hits_taken;
+    player->damage_flash =
+        static_cast<int32_t>(std::min<int64_t>(int64_t{player->damage_flash} + amount, kDamageFlashMax));
+    if (amount <= 0) return 0;
+  }
+  if (attacker != nullptr && source != &target) {
+    Player& shooter = world.state().players[static_cast<std::size_t>(source->player_index)];
+    ++shooter.hits_dealt;
+    shooter.damage_dealt = add_saturated(shooter.damage_dealt, std::min(amount, target.health));
+  }
+
+  const int32_t health_before = target.health;
+  target.health = add_saturated(target.health, -amount);
+  if ((target.has(ActorFlag::kBuddha) || (player != nullptr && player->buddha)) && !forced)
+    target.health = std::max(target.health, 1);
+  if (player != nullptr) player->health = std::max(target.health, 0);
+  if (target.health <= 0) {
+    kill_actor(world, target, inflictor, source, type);
+    return health_before;
+  }
+
+  const ActorType& target_type = world.type_of(target);
+  const bool feels = !target.has(ActorFlag::kNoPain) && !target.has(ActorFlag::kSkullFly) &&
+                     amount >= target_type.pain_threshold &&
+                     !(inflictor != nullptr && inflictor->has(ActorFlag::kPainless));
+  const uint32_t id = target.id;
+  int32_t chance = target_type.pain_chance;
+  for (const auto& [kind, own_chance] : target_type.pain_chances)
+    if (kind == type) chance = own_chance;
+  if (feels && world.random_byte() < chance) {
+    target.set(ActorFlag::kJustHit);  // strikes back
+    if (const uint32_t own = state_for_damage(world, target_type, "pain.", type); own != kNoState) {
+      world.set_state(target, own);
+    } else {
+      world.set_label(target, StateLabel::kPain);
+    }
+  }
+  if (world.actor(id) == nullptr) return amount;
+  target.reaction_tics = 0;  // awake now
+  if (player == nullptr) take_revenge(world, target, source);
+  return std::min(amount, health_before);
+}
+
+void kill_actor(World& world, Actor& target, Actor* inflictor, Actor* source, DamageType damage_type) {
+  WorldState& state = world.state();
+  const ActorType& type = world.type_of(target);
+  Player* player = world.player_of(target);
+  target.set(ActorFlag::kShootable, false);
+  target.set(ActorFlag::kFloat, false);
+  target.set(ActorFlag::kSkullFly, false);
+  target.set(ActorFlag::kKilled);
+  target.set(ActorFlag::kCorpse);
+  target.set(ActorFlag::kDropOff);
+  if (!target.has(ActorFlag::kDontFall)) target.set(ActorFlag::kNoGravity, false);
+  world.unlink(target);
+  target.height = type.death_height >= 0 ? type.death_height : target.height / 4;
+  if (!target.has(ActorFlag::kIceCorpse))
+    world.link(target);  // a monster blocks until its fall (A_NoBlocking)
+
+  if (target.has(ActorFlag::kCountKill)) {
+    ++state.kill_total;
+    const int killer = source != nullptr && source->player_index >= 0 ? source->player_index
+                       : world.player_count() == 1                    ? 0
+                                                                      : -1;
+    if (killer >= 0) ++state.players[static_cast<std::size_t>(killer)].kill_count;
+  }
+  if (source != nullptr) target.target_id = source->id;  // whom a script finds behind the death
+  // The dead one's special is the killer's deed.
+  if (target.special != 0 && (!target.has(ActorFlag::kSpecial) || target.has(ActorFlag::kIsMonster)))
+    run_actor_special(world, target, source);
+
+  if (player != nullptr) {
+    player->health = 0;
+    player->alive = false;
+    player->state = PlayerState::kDead;
+    player->death_tic = state.tic_count;
+    ++player->death_count;
+    player->respawn_tics = std::max(world.options().respawn_delay_tics, 0);
+    if (source != nullptr && source->player_index >= 0) {
+      Player& killer = state.players[static_cast<std::size_t>(source->player_index)];
+      killer.frag_count += source == &target ? -1 : 1;
+    }
+    target.set(ActorFlag::kSolid, false);
+    world.unlink(target);
+    drop_weapon(world, target.player_index);
+  } else if (target.has(ActorFlag::kIsMonster)) {
+    state.corpse_ids.push_back(target.id);
+  }
+
+  const int64_t gib_below = type.gib_health != INT32_MIN ? type.gib_health : -int64_t{type.health};
+  const bool extreme =
+      (target.health < gib_below || (inflictor != nullptr && inflictor->has(ActorFlag::kExtremeDeath))) &&
+      !(inflictor != nullptr && inflictor->has(ActorFlag::kNoExtremeDeath));
+  const uint32_t id = target.id;
+  const int player_index = target.player_index;
+  const uint32_t death = type.state(StateLabel::kDeath), torn = type.state(StateLabel::kXDeath);
+  uint32_t next = extreme && torn != kNoState ? torn : death;
+  if (const uint32_t own = state_for_damage(world, type, "death.", damage_type); own != kNoState) next = own;
+  if (next != kNoState || player == nullptr) {
+    if (world.set_state(target, next) && target.tics > 1)
+      target.tics = std::max(1, target.tics - (world.random_byte() & 3));
+  }
+  if (player_index >= 0) {
+    acs::start_scripts_of_type(world, acs::ScriptType::kDeath, id);
+    if (world.script_host() != nullptr) world.script_host()->on_death(world, player_index);
+  }
+}
+
+void radius_attack(World& world, Actor& spot, Actor* source, int32_t damage, Fixed distance, DamageType type,
+                   bool hurts_source, Fixed full_damage_distance) {
+  if (distance <= 0 || damage <= 0) return;
+  WorldState& state = world.state();
+  const Blockmap& blockmap = world.index().blockmap;
+  const Box reach = Box::around(
+      spot.x, spot.y,
+      static_cast<Fixed>(std::min<int64_t>(int64_t{distance} + state.radius_max, to_fixed(32000))));
+  std::array<uint32_t, 256> victims;
+  std::size_t count = 0;
+  for (int row = blockmap.row_of(reach.bottom); row <= blockmap.row_of(reach.top); ++row) {
+    for (int column = blockmap.column_of(reach.left); column <= blockmap.column_of(reach.right); ++column) {
+      for (int32_t slot = state.cell_heads[static_cast<std::size_t>(row) * blockmap.columns() + column];
+           slot >= 0; slot = state.links[static_cast<std::size_t>(slot)].next) {
+        const Actor& actor = state.actors[static_cast<std::size_t>(slot)];
+        if (actor.has(ActorFlag::kShootable) && count < victims.size()) victims[count++] = actor.id;
+      }
+    }
+  }
+  const uint32_t spot_id = spot.id;
+  for (std::size_t i = 0; i < count; ++i) {
+    Actor* victim = world.actor(victims[i]);
+    if (victim == nullptr || !victim->has(ActorFlag::kShootable)) continue;
+    if (victim->has(ActorFlag::kNoRadiusDamage) && !spot.has(ActorFlag::kForceRadiusDamage)) continue;
+    if (!hurts_source && source != nullptr && victim->id == source->id) continue;
+    // Distance of the point from the victim's box, its height included.
+    const int64_t across =
+        std::max({std::abs(int64_t{victim->x} - spot.x), std::abs(int64_t{victim->y} - spot.y)}) -
+        victim->radius;
+    int64_t length = std::max<int64_t>(across, 0);
+    const int64_t below = int64_t{victim->z} - spot.z,
+                  above = int64_t{spot.z} - (int64_t{victim->z} + victim->height);
+    const int64_t rise = std::max<int64_t>({below, above, 0});
+    if (rise > 0) {
+      const double squared = static_cast<double>(length >> 8) * static_cast<double>(length >> 8) +
+                             static_cast<double>(rise >> 8) * static_cast<double>(rise >> 8);
+      auto root = static_cast<int64_t>(std::sqrt(squared));  // exact integers below 2^53: the same everywhere
+      length = root << 8;
+    }
+    if (length >= distance) continue;
+    if (!can_see(world, *victim, spot)) continue;
+    int64_t points = damage;
+    const int64_t full = std::clamp<Fixed>(full_damage_distance, 0, distance - 1);
+    if (length > full) points = int64_t{damage} * (distance - length) / (distance - full);
+    if (points > 0) damage_actor(world, *victim, &spot, source, static_cast<int32_t>(points), type);
+    if (world.actor(spot_id) == nullptr) return;
+  }
+}
+
+int32_t heal_actor(World& world, Actor& actor, int32_t amount, int32_t limit) {
+  if (actor.health <= 0 || amount <= 0) return 0;
+  Player* player = world.player_of(actor);
+  const int32_t most = limit > 0 ? limit : world.type_of(actor).health;
+  if (actor.health >= most) return 0;
+  const int32_t gained = std::min(amount, most - actor.health);
+  actor.health += gained;
+  if (player != nullptr) player->health = actor.health;
+  return gained;
+}
+
+void run_actor_special(World& world, Actor& actor, Actor* activator) {
+  if (actor.special == 0) return;
+  const SpecialCall call{.number = actor.special, .args = actor.args, .activator = activator};
+  actor.special = 0;
+  execute_special(world, call);
+}
+
+}  // namespace comrad::doom

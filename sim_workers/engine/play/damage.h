@@ -1,0 +1,39 @@
+// Harm: damage, pain, death, splash, healing. Stage: tic.
+#pragma once
+
+#include <cstdint>
+
+#include "sim_workers/engine/play/world.h"
+
+namespace comrad::doom {
+
+enum DamageFlag : uint32_t {
+  kDamageNoArmor = 1u << 0,
+  kDamageForced = 1u << 1,    ///< whatever protects
+  kDamageNoFactor = 1u << 2,  ///< damage factors do not count
+  kDamageThrustless = 1u << 3,
+  kDamageNoSkill = 1u << 4,
+};
+
+/// Hurts `target`: skill, factors, armour, thrust away from `inflictor`, pain, infighting, death. `inflictor`
+/// is what touched it (a missile, or the attacker itself), `source` who is to blame; both may be null.
+/// Players do not hurt players in cooperative play. Returns the health it lost.
+int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* source, int32_t amount,
+                     DamageType type = DamageType::kNormal, uint32_t flags = 0);
+
+/// The end of `target`: counts, death special, death state (XDeath, or that of the damage type), drops, script events.
+void kill_actor(World& world, Actor& target, Actor* inflictor, Actor* source,
+                DamageType type = DamageType::kNormal);
+
+/// Splash: everything shootable within `distance` units that `spot` sees loses damage less the distance of
+/// their boxes.
+void radius_attack(World& world, Actor& spot, Actor* source, int32_t damage, Fixed distance, DamageType type,
+                   bool hurts_source = true, Fixed full_damage_distance = 0);
+
+/// Heals up to `limit` (0: the type's own health). Returns what was gained.
+int32_t heal_actor(World& world, Actor& actor, int32_t amount, int32_t limit = 0);
+
+/// Runs the special of an actor that died or was picked up; clears it.
+void run_actor_special(World& world, Actor& actor, Actor* activator);
+
+}  // namespace comrad::doom

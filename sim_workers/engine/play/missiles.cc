@@ -1,0 +1,145 @@
+#include "sim_workers/engine/play/missiles.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sim_workers/engine/play/damage.h"
+#include "sim_workers/engine/play/hitscan.h"
+#include "sim_workers/engine/play/movement.h"
+
+namespace comrad::doom {
+namespace {
+
+constexpr Fixed kMissileHeight = to_fixed(32);  // above the feet of its shooter
+
+Fixed clamp_fixed(int64_t value) {
+  return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN, INT32_MAX));
+}
+
+/// Length of a vector in map units of 1/256: squares stay below 2^53, so the root is the same on every
+/// machine.
+int64_t length_of(int64_t x, int64_t y, int64_t z) {
+  const auto squared = [](int64_t value) {
+    return static_cast<double>(value >> 8) * static_cast<double>(value >> 8);
+  };
+  return static_cast<int64_t>(std::sqrt(squared(x) + squared(y) + squared(z))) << 8;
+}
+
+}  // namespace
+
+int32_t roll_damage(World& world, const DamageDice& dice) {
+  if (dice.exact || dice.factor == 0) return dice.factor;
+  return clamp_fixed(int64_t{dice.factor} * (1 + world.random_byte() % 8));
+}
+
+void explode_missile(World& world, Actor& missile, Actor* struck) {
+  if (missile.removed) return;
+  missile.velocity_x = missile.velocity_y = missile.velocity_z = 0;
+  // What it struck was hurt when the move found it (movement.cc); a missile that dies in the air hurts
+  // nobody.
+  const ActorType& type = world.type_of(missile);
+  uint32_t next = type.state(StateLabel::kDeath);
+  if (struck != nullptr && !struck->has(ActorFlag::kNoBlood) && type.state(StateLabel::kXDeath) != kNoState) {
+    next = type.state(StateLabel::kXDeath);
+  } else if (struck != nullptr && type.state(StateLabel::kCrash) != kNoState) {
+    next = type.state(StateLabel::kCrash);
+  }
+  missile.set(ActorFlag::kMissile, false);
+  missile.special_1 = struck != nullptr ? static_cast<int32_t>(struck->id) : 0;
+  if (next == kNoState) {
+    world.remove(missile.id);
+    return;
+  }
+  const bool randomized = missile.has(ActorFlag::kRandomize);
+  if (world.set_state(missile, next) && randomized && missile.tics > 1)
+    missile.tics = std::max(1, missile.tics - (world.random_byte() & 3));
+}
+
+bool check_missile_spawn(World& world, Actor& missile) {
+  if (missile.has(ActorFlag::kRandomize) && missile.tics > 1)
+    missile.tics = std::max(1, missile.tics - (world.random_byte() & 3));
+  // Half a step ahead, so that it does not start inside its shooter.
+  const uint32_t id = missile.id;
+  missile.z = clamp_fixed(int64_t{missile.z} + missile.velocity_z / 2);
+  Movement movement(world);
+  const std::size_t slot = world.slot_of(missile);
+  if (movement.try_move(slot, clamp_fixed(int64_t{missile.x} + missile.velocity_x / 2),
+                        clamp_fixed(int64_t{missile.y} + missile.velocity_y / 2)))
+    return !missile.removed;
+  if (world.actor(id) != nullptr && missile.has(ActorFlag::kMissile))
+    explode_missile(world, missile, nullptr);
+  return false;
+}
+
+Actor* spawn_missile_z(World& world, Actor& source, Fixed z, Actor& target, uint32_t type) {
+  if (type == kNoType) return nullptr;
+  Actor& missile = world.spawn_unchecked(type, source.x, source.y, z);
+  missile.target_id = source.id;
+  const int64_t dx = int64_t{target.x} - source.x, dy = int64_t{target.y} - source.y;
+  int64_t dz = int64_t{target.z} - source.z;
+  // Over the head of a low target it aims down at it.
+  if (z >= int64_t{target.z} + target.height) dz += int64_t{target.height} - (int64_t{z} - source.z);
+  const int64_t length = std::max<int64_t>(length_of(dx, dy, dz), kFracUnit);
+  Angle angle = angle_to(source.x, source.y, target.x, target.y);
+  if (target.has(ActorFlag::kShadow)) angle += static_cast<Angle>(world.random_triangle()) << 20;
+  const int64_t across = length_of(dx, dy, 0);
+  const auto flat_speed = clamp_fixed(missile.speed * across / length);
+  missile.angle = angle;
+  missile.velocity_x = fixed_mul(flat_speed, fine_cosine(angle));
+  missile.velocity_y = fixed_mul(flat_speed, fine_sine(angle));
+  missile.velocity_z = clamp_fixed(missile.speed * dz / length);
+  return check_missile_spawn(world, missile) ? &missile : nullptr;
+}
+
+Actor* spawn_missile(World& world, Actor& source, Actor& target, uint32_t type) {
+  return spawn_missile_z(world, source, clamp_fixed(int64_t{source.z} + kMissileHeight), target, type);
+}
+
+Actor* spawn_missile_angle(World& world, Actor& source, Fixed z, uint32_t type, Angle angle,
+                           Fixed velocity_z) {
+  if (type == kNoType) return nullptr;
+  Actor& missile = world.spawn_unchecked(type, source.x, source.y, z, angle);
+  missile.target_id = source.id;
+  missile.velocity_x = fixed_mul(missile.speed, fine_cosine(angle));
+  missile.velocity_y = fixed_mul(missile.speed, fine_sine(angle));
+  missile.velocity_z = velocity_z;
+  return check_missile_spawn(world, missile) ? &missile : nullptr;
+}
+
+Actor* spawn_player_missile(World& world, Actor& body, uint32_t type, Angle angle, Fixed x_offset,
+                            Fixed y_offset, Fixed z_offset) {
+  if (type == kNoType) return nullptr;
+  constexpr Fixed kAimRange = to_fixed(16 * 64);
+  constexpr Angle kAimStep = 1u << 26;  // 5.6 degrees
+  // Whoever looks freely and does without auto-aim hits what it points at. For all others a missile turns to
+  // where the target was found, without auto-aim as well (measured).
+  const bool exact = world.options().free_look && !world.options().autoaim;
+  Aim aim = aim_line(world, body, angle, kAimRange);
+  if (aim.target == nullptr && !exact) {
+    for (const Angle turned : {angle + kAimStep, angle - kAimStep}) {
+      const Aim beside = aim_line(world, body, turned, kAimRange);
+      if (beside.target == nullptr) continue;
+      aim = beside;
+      angle = turned;
+      break;
+    }
+  }
+  const Angle sideways = angle - kAngle90;
+  const Fixed x = clamp_fixed(int64_t{body.x} + fixed_mul(x_offset, fine_cosine(sideways)) +
+                              fixed_mul(y_offset, fine_cosine(angle)));
+  const Fixed y = clamp_fixed(int64_t{body.y} + fixed_mul(x_offset, fine_sine(sideways)) +
+                              fixed_mul(y_offset, fine_sine(angle)));
+  const Fixed z = clamp_fixed(int64_t{body.z} + body.height / 2 + to_fixed(4) + z_offset);
+  Actor& missile = world.spawn_unchecked(type, x, y, z, angle);
+  missile.target_id = body.id;
+  // The speed is along the slope: (1, slope) of length sqrt(1 + slope^2).
+  const int64_t slope = aim.slope;
+  const int64_t length = std::max<int64_t>(length_of(to_fixed(1) * 256LL, 0, slope * 256LL) / 256, 1);
+  const auto flat_speed = clamp_fixed(int64_t{missile.speed} * kFracUnit / length);
+  missile.velocity_x = fixed_mul(flat_speed, fine_cosine(angle));
+  missile.velocity_y = fixed_mul(flat_speed, fine_sine(angle));
+  missile.velocity_z = fixed_mul(flat_speed, aim.slope);
+  return check_missile_spawn(world, missile) ? &missile : nullptr;
+}
+
+}  // namespace comrad::doom

@@ -1,0 +1,463 @@
+#include "sim_workers/engine/render/hud_text.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstdio>
+
+#include "rollout_buffer/core/log.h"
+
+namespace comrad::doom {
+namespace {
+
+constexpr char kEscape = '\x1C';
+constexpr int kReferenceRows = 120;  // of the screen that unscaled text is drawn for
+constexpr int kTextColorBold = 10;
+
+/// Darkest and brightest shade of each text colour.
+struct Shades {
+  ArtArchive::Color dark, bright;
+};
+constexpr std::array<Shades, kTextColorCount> kShades = {{
+    {{0x47, 0x00, 0x00}, {0xFF, 0xB8, 0xB8}},  // brick
+    {{0x33, 0x2B, 0x13}, {0xFF, 0xEB, 0xDF}},  // tan
+    {{0x27, 0x27, 0x27}, {0xEF, 0xEF, 0xEF}},  // gray
+    {{0x0B, 0x17, 0x07}, {0x77, 0xFF, 0x6F}},  // green
+    {{0x53, 0x3F, 0x2F}, {0xBF, 0xA7, 0x8F}},  // brown
+    {{0x73, 0x2B, 0x00}, {0xFF, 0xFF, 0x73}},  // gold
+    {{0x3F, 0x00, 0x00}, {0xFF, 0x00, 0x00}},  // red
+    {{0x00, 0x00, 0x27}, {0x00, 0x00, 0xFF}},  // blue
+    {{0x20, 0x00, 0x00}, {0xFF, 0x80, 0x00}},  // orange
+    {{0x24, 0x24, 0x24}, {0xFF, 0xFF, 0xFF}},  // white
+    {{0x51, 0x40, 0x20}, {0xFC, 0xD0, 0x43}},  // yellow
+    {{0x00, 0x00, 0x00}, {0xFF, 0xFF, 0xFF}},  // untranslated
+    {{0x13, 0x13, 0x13}, {0x50, 0x50, 0x50}},  // black
+    {{0x00, 0x00, 0x73}, {0xB4, 0xB4, 0xFF}},  // light blue
+    {{0xCF, 0x83, 0x53}, {0xFF, 0xD7, 0xBB}},  // cream
+    {{0x2F, 0x37, 0x1F}, {0x7B, 0x7F, 0x50}},  // olive
+    {{0x0B, 0x17, 0x07}, {0x43, 0x93, 0x37}},  // dark green
+    {{0x2B, 0x00, 0x00}, {0xAF, 0x2B, 0x2B}},  // dark red
+    {{0x1F, 0x17, 0x0B}, {0xA3, 0x6B, 0x3F}},  // dark brown
+    {{0x23, 0x00, 0x23}, {0xCF, 0x00, 0xCF}},  // purple
+    {{0x23, 0x23, 0x23}, {0x8B, 0x8B, 0x8B}},  // dark gray
+    {{0x00, 0x1F, 0x1F}, {0x00, 0xF0, 0xF0}},  // cyan
+    {{0x34, 0x34, 0x50}, {0xF6, 0xF6, 0xFF}},  // ice
+    {{0xD5, 0x76, 0x04}, {0xFF, 0xFF, 0x00}},  // fire
+    {{0x50, 0x64, 0x68}, {0x50, 0x6C, 0xFC}},  // sapphire
+    {{0x23, 0x6E, 0x6B}, {0x6B, 0xDD, 0xD5}},  // teal
+}};
+
+/// Names in \c[Name] escapes, in the order of the numbers.
+constexpr std::array<std::string_view, kTextColorCount> kColorNames = {
+    "brick",     "tan",    "gray",         "green", "brown",     "gold",  "red",      "blue",      "orange",
+    "white",     "yellow", "untranslated", "black", "lightblue", "cream", "olive",    "darkgreen", "darkred",
+    "darkbrown", "purple", "darkgray",     "cyan",  "ice",       "fire",  "sapphire", "teal"};
+
+int luminance(const ArtArchive::Color& color) {
+  return (color[0] * 77 + color[1] * 143 + color[2] * 37) / 257;
+}
+
+uint32_t u16(std::span<const uint8_t> bytes, std::size_t at) {
+  return bytes[at] | static_cast<uint32_t>(bytes[at + 1]) << 8;
+}
+
+}  // namespace
+
+Font Font::from_graphics(const ArtArchive& archive, std::string_view prefix) {
+  Font font;
+  for (int code = 33; code < 127; ++code) {
+    char name[16];
+    std::snprintf(name, sizeof name, "%.5s%03d", std::string(prefix).c_str(), code);
+    const Expected<IndexedImage> image = archive.graphic(name);
+    if (!image) continue;
+    font.glyphs_.emplace(code, Glyph{.width = image->width,
+                                     .height = image->height,
+                                     .left_offset = image->left_offset,
+                                     .top_offset = image->top_offset,
+                                     .texels = image->texels,
+                                     .brightness = {}});
+  }
+  if (const Glyph* wide = font.glyph('N')) font.space_width_ = (wide->width + 1) / 2;
+  font.finish(archive);
+  return font;
+}
+
+Expected<Font> Font::from_fon2(std::span<const uint8_t> lump, const ArtArchive& archive) {
+  const auto broken = [](const char* what) {
+    return Error{ErrorCode::kBadFormat, std::string("font of format FON2: ") + what};
+  };
+  if (lump.size() < 12 || lump[0] != 'F' || lump[1] != 'O' || lump[2] != 'N' || lump[3] != '2')
+    return broken("no FON2 header");
+  const int height = static_cast<int>(u16(lump, 4)), first = lump[6], last = lump[7];
+  const bool constant_width = lump[8] != 0, has_kerning = (lump[11] & 1) != 0;
+  const std::size_t color_count = std::size_t{lump[10]} + 1;
+  if (height < 1 || height > 256 || last < first) return broken("impossible sizes");
+  std::size_t at = 12;
+  Font font;
+  if (has_kerning) {
+    if (at + 2 > lump.size()) return broken("cut short");
+    font.kerning_ = std::clamp<int>(static_cast<int16_t>(u16(lump, at)), -64, 64);
+    at += 2;
+  }
+  const std::size_t count = static_cast<std::size_t>(last - first) + 1;
+  const std::size_t width_bytes = 2 * (constant_width ? 1 : count);
+  if (at + width_bytes + 3 * color_count > lump.size()) return broken("cut short");
+  std::vector<int> widths;
+  for (std::size_t i = 0; i < count; ++i)
+    widths.push_back(static_cast<int>(u16(lump, at + (constant_width ? 0 : 2 * i))));
+  at += width_bytes;
+  std::array<uint8_t, 256> colors{};
+  for (std::size_t i = 1; i + 1 < color_count; ++i)  // the first and the last are holes
+    colors[i] = archive.nearest({lump[at + 3 * i], lump[at + 3 * i + 1], lump[at + 3 * i + 2]});
+  at += 3 * color_count;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (widths[i] == 0) continue;
+    if (widths[i] > 256) return broken("a letter is wider than 256 texels");
+    Glyph glyph{.width = widths[i],
+                .height = height,
+                .left_offset = 0,
+                .top_offset = 0,
+                .texels = {},
+                .brightness = {}};
+    const std::size_t size = static_cast<std::size_t>(widths[i]) * static_cast<std::size_t>(height);
+    while (glyph.texels.size() < size) {
+      if (at >= lump.size()) return broken("the letters are cut short");
+      const int code = static_cast<int8_t>(lump[at++]);
+      if (code == -128) continue;
+      const std::size_t run = static_cast<std::size_t>(code >= 0 ? code + 1 : 1 - code);
+      const std::size_t bytes = code >= 0 ? run : 1;
+      if (at + bytes > lump.size() || glyph.texels.size() + run > size)
+        return broken("a run of texels passes the end of its letter");
+      for (std::size_t k = 0; k < run; ++k) glyph.texels.push_back(colors[lump[at + (code >= 0 ? k : 0)]]);
+      at += bytes;
+    }
+    font.glyphs_.emplace(first + static_cast<int>(i), std::move(glyph));
+  }
+  if (const Glyph* wide = font.glyph('N')) font.space_width_ = (wide->width + 1) / 2;
+  font.finish(archive);
+  font.height_ = height;
+  return font;
+}
+
+void Font::finish(const ArtArchive& archive) {
+  int darkest = 255, brightest = 0;
+  const auto each = [&](auto visit) {
+    for (auto& [code, glyph] : glyphs_)
+      for (std::size_t i = 0; i < glyph.texels.size(); ++i)
+        if (glyph.texels[i] != kTransparentIndex)
+          visit(glyph, i, luminance(archive.palette(0)[glyph.texels[i]]));
+  };
+  each([&](Glyph&, std::size_t, int bright) {
+    darkest = std::min(darkest, bright), brightest = std::max(brightest, bright);
+  });
+  for (auto& [code, glyph] : glyphs_) {
+    glyph.brightness.assign(glyph.texels.size(), 0);
+    height_ = std::max(height_, glyph.height - std::min(0, glyph.top_offset));
+  }
+  each([&](Glyph& glyph, std::size_t i, int bright) {
+    glyph.brightness[i] = static_cast<uint8_t>((bright - darkest) * 255 / std::max(1, brightest - darkest));
+  });
+}
+
+const Glyph* Font::glyph(unsigned char letter) const {
+  auto found = glyphs_.find(letter);
+  if (found == glyphs_.end() && std::isalpha(letter))
+    found = glyphs_.find(std::isupper(letter) ? std::tolower(letter) : std::toupper(letter));
+  return found == glyphs_.end() ? nullptr : &found->second;
+}
+
+int Font::advance(unsigned char letter) const {
+  const Glyph* found = glyph(letter);
+  if (found != nullptr) return found->width + kerning_;
+  return letter == ' ' ? space_width_ + kerning_ : 0;
+}
+
+HudText::HudText(std::shared_ptr<const ArtArchive> archive, int width, int height, int view_rows,
+                 double screen_aspect)
+    : archive_(std::move(archive)),
+      width_(width),
+      height_(height),
+      view_rows_(view_rows),
+      screen_aspect_(screen_aspect) {}
+
+const Font& HudText::font(std::string_view name) {
+  std::string key(name);
+  for (char& letter : key) letter = static_cast<char>(std::toupper(static_cast<unsigned char>(letter)));
+  if (const auto found = fonts_.find(key); found != fonts_.end()) return found->second;
+  Font made;
+  for (const std::string& lump :
+       key == "BIGFONT" ? std::vector<std::string>{"BIGFONT", "DBIGFONT"} : std::vector<std::string>{key}) {
+    const std::span<const uint8_t> bytes = archive_->bytes(lump);
+    if (bytes.empty()) continue;
+    Expected<Font> read = Font::from_fon2(bytes, *archive_);
+    if (read) made = std::move(read).value();
+    if (!made.empty()) break;
+  }
+  if (made.empty()) made = Font::from_graphics(*archive_, "STCFN");
+  if (made.empty())
+    spdlog::warn("font {}: no letters in the IWAD or the PWADs; its texts are not drawn", key);
+  return fonts_.emplace(std::move(key), std::move(made)).first->second;
+}
+
+const Glyph* HudText::graphic(const std::string& name) {
+  if (const auto found = graphics_.find(name); found != graphics_.end()) return &found->second;
+  Glyph made;
+  if (Expected<IndexedImage> image = archive_->graphic(name)) {
+    made.width = image->width, made.height = image->height;
+    made.left_offset = image->left_offset, made.top_offset = image->top_offset;
+    made.texels = std::move(image->texels);
+    made.brightness.assign(made.texels.size(), 0);
+  } else {
+    spdlog::warn("{}; the script's picture is not drawn", image.error().message);
+  }
+  return &graphics_.emplace(name, std::move(made)).first->second;
+}
+
+const std::array<uint8_t, 256>& HudText::ramp(int color) {
+  const auto at = static_cast<std::size_t>(color);
+  if (!ramp_made_[at]) {
+    ramp_made_[at] = true;
+    for (int level = 0; level < 256; ++level) {
+      ArtArchive::Color shade{};
+      for (std::size_t channel = 0; channel < 3; ++channel) {
+        const int dark = kShades[at].dark[channel], bright = kShades[at].bright[channel];
+        shade[channel] = static_cast<uint8_t>(dark + (bright - dark) * level / 255);
+      }
+      ramps_[at][static_cast<std::size_t>(level)] = archive_->nearest(shade);
+    }
+  }
+  return ramps_[at];
+}
+
+HudText::Phase HudText::phase(const acs::HudMessage& message, std::size_t letter_count) {
+  Phase result;
+  int64_t age = message.age_tics;
+  if (message.kind == 2 && message.type_tics > 0) {
+    const int64_t typing = int64_t{message.type_tics} * static_cast<int64_t>(letter_count) >> kFracBits;
+    if (age < typing) {
+      result.letters = static_cast<std::size_t>((age << kFracBits) / message.type_tics);
+      result.alpha = message.alpha;
+      return result;
+    }
+    age -= typing;
+  }
+  const auto share = [](int64_t part, int64_t whole) {
+    return std::clamp(static_cast<float>(part) / static_cast<float>(whole), 0.0f, 1.0f);
+  };
+  if (age < message.fade_in_tics)
+    result.alpha = share(age, message.fade_in_tics);
+  else if (message.hold_tics > 0 && message.fade_out_tics > 0 &&
+           age >= int64_t{message.fade_in_tics} + message.hold_tics)
+    result.alpha = 1.0f - share(age - message.fade_in_tics - message.hold_tics, message.fade_out_tics);
+  result.alpha *= message.alpha;
+  return result;
+}
+
+/// Takes the escapes out of a text; every letter gets its colour.
+void HudText::spell(const acs::HudMessage& message) {
+  letters_.clear();
+  const auto own = static_cast<uint8_t>(
+      message.color >= 0 && message.color < kTextColorCount ? message.color : kTextColorPlain);
+  uint8_t color = own;
+  const std::string& text = message.text;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const bool escaped = text[i] == kEscape;
+    if (!escaped && !(text[i] == '\\' && i + 1 < text.size() && text[i + 1] == 'c')) {
+      letters_.push_back({static_cast<unsigned char>(text[i]), color});
+      continue;
+    }
+    i += escaped ? 1 : 2;
+    if (i >= text.size()) break;
+    const int code = std::tolower(static_cast<unsigned char>(text[i]));
+    if (code >= 'a' && code < 'a' + kTextColorCount) {
+      color = static_cast<uint8_t>(code - 'a');
+    } else if (code == '-') {
+      color = own;
+    } else if (code == '+') {
+      color = kTextColorBold;
+    } else if (code == '[') {
+      const std::size_t end = text.find(']', i);
+      if (end == std::string::npos) break;
+      std::string name = text.substr(i + 1, end - i - 1);
+      for (char& letter : name) letter = static_cast<char>(std::tolower(static_cast<unsigned char>(letter)));
+      const auto found = std::find(kColorNames.begin(), kColorNames.end(), name);
+      if (found != kColorNames.end()) color = static_cast<uint8_t>(found - kColorNames.begin());
+      i = end;
+    }
+  }
+}
+
+/// Breaks the letters into lines, at their ends and between words.
+void HudText::wrap(const Font& font, int width) {
+  lines_.clear();
+  Line line;
+  std::size_t word = 0;  // begin of the present word, and the line's width before it
+  int width_before_word = 0;
+  for (std::size_t i = 0; i < letters_.size(); ++i) {
+    const unsigned char code = letters_[i].code;
+    if (code == '\n') {
+      line.end = i;
+      lines_.push_back(line);
+      line = {.begin = i + 1, .end = i + 1, .width = 0};
+      word = i + 1, width_before_word = 0;
+      continue;
+    }
+    if (code == ' ') word = i + 1, width_before_word = line.width;
+    const int advance = font.advance(code);
+    if (width > 0 && line.width + advance > width && word > line.begin && code != ' ') {
+      lines_.push_back({.begin = line.begin, .end = word - 1, .width = width_before_word});
+      line = {.begin = word, .end = i, .width = 0};
+      for (std::size_t k = word; k < i; ++k) line.width += font.advance(letters_[k].code);
+      width_before_word = 0;
+    }
+    line.width += advance;
+  }
+  line.end = letters_.size();
+  lines_.push_back(line);
+}
+
+HudText::Canvas HudText::canvas(const acs::HudMessage& message) const {
+  Canvas canvas;
+  const auto width = static_cast<float>(width_), height = static_cast<float>(height_);
+  const float below = static_cast<float>(view_rows_) / height;  // part of the screen above the bar
+  if (message.hud_width > 0 && message.hud_height > 0) {
+    // The 4:3 part in the middle of the screen; it ends above the status bar unless the script wants it too.
+    const float wide = std::min(1.0f, static_cast<float>((4.0 / 3.0) / screen_aspect_));
+    canvas.width = message.hud_width, canvas.height = message.hud_height;
+    canvas.scale_x = width * wide / static_cast<float>(message.hud_width);
+    canvas.scale_y =
+        height * (message.hud_covers_bar ? 1.0f : below) / static_cast<float>(message.hud_height);
+    canvas.left = width * (1 - wide) / 2;
+  } else {
+    const double columns = kReferenceRows * screen_aspect_;
+    canvas.width = static_cast<int>(std::lround(columns));
+    canvas.height = static_cast<int>(std::lround(kReferenceRows * below));
+    canvas.scale_x = width / static_cast<float>(columns);
+    canvas.scale_y = height / static_cast<float>(kReferenceRows);
+  }
+  canvas.clip[2] = width_, canvas.clip[3] = height_;
+  if (message.clip[2] > 0 && message.clip[3] > 0) {
+    const auto pixel = [](float at) { return static_cast<int>(std::lround(std::clamp(at, -1e5f, 1e5f))); };
+    const auto unit = [&](std::size_t i) { return static_cast<float>(message.clip[i]); };
+    canvas.clip[0] = std::max(0, pixel(canvas.left + unit(0) * canvas.scale_x));
+    canvas.clip[1] = std::max(0, pixel(unit(1) * canvas.scale_y));
+    canvas.clip[2] = std::min(width_, pixel(canvas.left + (unit(0) + unit(2)) * canvas.scale_x));
+    canvas.clip[3] = std::min(height_, pixel((unit(1) + unit(3)) * canvas.scale_y));
+  }
+  return canvas;
+}
+
+void HudText::draw(std::span<const acs::HudMessage> messages, int player, const uint32_t* colors,
+                   uint8_t* picture) {
+  for (const acs::HudMessage& message : messages) {
+    if (message.player >= 0 && message.player != player) continue;
+    if (!message.text.empty()) draw_text(message, colors, picture);
+  }
+}
+
+void HudText::draw_text(const acs::HudMessage& message, const uint32_t* colors, uint8_t* picture) {
+  std::string name = message.font.empty() ? "SMALLFONT" : message.font;
+  for (char& letter : name) letter = static_cast<char>(std::toupper(static_cast<unsigned char>(letter)));
+  const bool is_font = name == "SMALLFONT" || name == "BIGFONT" || name == "CONFONT" || name == "DBIGFONT" ||
+                       name == "SMALLFNT" || name == "CONSOLEFONT";
+  const Canvas place = canvas(message);
+  const Glyph* shown = is_font ? nullptr : graphic(name);
+  const Font* letters = is_font ? &font(name) : nullptr;
+  int box_width = 0, box_height = 0;
+  if (shown != nullptr) {
+    box_width = shown->width, box_height = shown->height;
+  } else {
+    spell(message);
+    wrap(*letters, message.no_wrap ? 0 : message.wrap_width > 0 ? message.wrap_width : place.width);
+    for (const Line& line : lines_) box_width = std::max(box_width, line.width);
+    box_height = static_cast<int>(lines_.size()) * letters->height();
+  }
+  const Phase now = phase(message, message.text.size());
+  if (now.alpha <= 0) return;
+
+  bool centered = false;
+  int left = 0, top = 0;
+  if (message.hud_width > 0 && message.hud_height > 0) {
+    // The whole part is the place; the tenths say of what: 0 the middle, 1 the left or upper edge, 2 the
+    // right or lower one; 4 more centre each line.
+    const auto tenths = [](Fixed value) {
+      const Fixed part = std::abs(value % kFracUnit);
+      return static_cast<int>((int64_t{part} * 10 + kFracUnit / 2) >> kFracBits);
+    };
+    const auto edge = [](int at, int size, int rule) {
+      return rule == 1 ? at : rule == 2 ? at - size : at - size / 2;
+    };
+    centered = tenths(message.x) >= 4;
+    left = edge(message.x / kFracUnit, box_width, tenths(message.x) % 4);
+    top = edge(message.y / kFracUnit, box_height, tenths(message.y) % 4);
+  } else {
+    // 0 to 1: from one edge of the screen to the other as far as the box fits; below 0: its middle; beyond 1
+    // and below -1 the same with each line centred.
+    double x = to_double(message.x), y = to_double(message.y);
+    if (std::abs(x) > 1) centered = true, x -= x > 0 ? 1 : -1;
+    x = std::clamp(x, -1.0, 1.0), y = std::clamp(y, -1.0, 1.0);
+    left = x >= 0 ? static_cast<int>((place.width - box_width) * x)
+                  : static_cast<int>(-x * place.width) - box_width / 2;
+    top = y >= 0 ? static_cast<int>((place.height - box_height) * y)
+                 : static_cast<int>(-y * place.height) - box_height / 2;
+  }
+
+  if (shown != nullptr) {
+    draw_glyph(*shown, kTextColorPlain, left, top, place, now.alpha, message.additive, colors, picture);
+    return;
+  }
+  for (std::size_t row = 0; row < lines_.size(); ++row) {
+    const Line& line = lines_[row];
+    int x = left + (centered ? (box_width - line.width) / 2 : 0);
+    for (std::size_t i = line.begin; i < line.end && i < now.letters; ++i) {
+      const Letter& letter = letters_[i];
+      if (const Glyph* glyph = letters->glyph(letter.code))
+        draw_glyph(*glyph, letter.color, x, top + static_cast<int>(row) * letters->height(), place, now.alpha,
+                   message.additive, colors, picture);
+      x += letters->advance(letter.code);
+    }
+  }
+}
+
+void HudText::draw_glyph(const Glyph& glyph, int color, int x, int y, const Canvas& canvas, float alpha,
+                         bool additive, const uint32_t* colors, uint8_t* picture) {
+  x -= glyph.left_offset, y -= glyph.top_offset;
+  const auto first = [](float edge) {
+    return static_cast<int>(std::ceil(std::clamp(edge, -1e6f, 1e6f) - 0.5f));
+  };
+  const int begin_x = std::max(canvas.clip[0], first(canvas.left + static_cast<float>(x) * canvas.scale_x));
+  const int end_x =
+      std::min(canvas.clip[2], first(canvas.left + static_cast<float>(x + glyph.width) * canvas.scale_x));
+  const int begin_y = std::max(canvas.clip[1], first(static_cast<float>(y) * canvas.scale_y));
+  const int end_y = std::min(canvas.clip[3], first(static_cast<float>(y + glyph.height) * canvas.scale_y));
+  if (begin_x >= end_x || begin_y >= end_y) return;
+  const std::array<uint8_t, 256>* shades = color == kTextColorPlain ? nullptr : &ramp(color);
+  const std::size_t plane = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+  const int share = static_cast<int>(alpha * 256.0f + 0.5f);
+  for (int row = begin_y; row < end_y; ++row) {
+    const int from_y =
+        std::clamp(static_cast<int>(std::floor((static_cast<float>(row) + 0.5f) / canvas.scale_y)) - y, 0,
+                   glyph.height - 1);
+    for (int column = begin_x; column < end_x; ++column) {
+      const int from_x = std::clamp(
+          static_cast<int>(std::floor((static_cast<float>(column) + 0.5f - canvas.left) / canvas.scale_x)) -
+              x,
+          0, glyph.width - 1);
+      const std::size_t texel = static_cast<std::size_t>(from_y) * static_cast<std::size_t>(glyph.width) +
+                                static_cast<std::size_t>(from_x);
+      if (glyph.texels[texel] == kTransparentIndex) continue;
+      const uint32_t rgb =
+          colors[shades == nullptr ? glyph.texels[texel] : (*shades)[glyph.brightness[texel]]];
+      const std::size_t at =
+          static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(column);
+      for (std::size_t channel = 0; channel < 3; ++channel) {
+        uint8_t& pixel = picture[channel * plane + at];
+        const int source = static_cast<int>(rgb >> (8 * channel) & 255);
+        pixel = static_cast<uint8_t>(additive ? std::min(255, pixel + (source * share >> 8))
+                                              : (source * share + pixel * (256 - share)) >> 8);
+      }
+    }
+  }
+}
+
+}  // namespace comrad::doom

@@ -1,0 +1,101 @@
+// Texts and pictures that scripts put into the frame (acs::HudMessage): fonts, colours, places, fades,
+// written by the CPU into the finished planar picture. A message without a HUD size of its own stands as on a
+// screen of 160x120, whatever the size that is drawn. Stage: render.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+#include "sim_workers/engine/acs/machine_state.h"
+#include "sim_workers/engine/render/art_archive.h"
+
+namespace comrad::doom {
+
+constexpr int kTextColorCount = 26;  ///< CR_BRICK .. CR_TEAL
+constexpr int kTextColorPlain = 11;  ///< CR_UNTRANSLATED: the letters' own colours
+
+/// A letter: its picture, and how bright each texel is on a scale of its font.
+struct Glyph {
+  int width = 0, height = 0, left_offset = 0, top_offset = 0;
+  std::vector<uint8_t> texels;      ///< palette indices, kTransparentIndex for holes
+  std::vector<uint8_t> brightness;  ///< 0 the darkest texel of the font, 255 the brightest
+};
+
+class Font {
+ public:
+  /// STCFN033 and so on: letters as graphics. Small letters stand in for missing capitals and the reverse.
+  static Font from_graphics(const ArtArchive& archive, std::string_view prefix);
+  /// A FON2 lump. Errors: kBadFormat.
+  static Expected<Font> from_fon2(std::span<const uint8_t> lump, const ArtArchive& archive);
+
+  const Glyph* glyph(unsigned char letter) const;
+  int advance(unsigned char letter) const;  ///< of the pen, kerning included; 0 for letters of none
+  int height() const { return height_; }
+  bool empty() const { return glyphs_.empty(); }
+
+ private:
+  void finish(const ArtArchive& archive);
+  std::unordered_map<int, Glyph> glyphs_;
+  int height_ = 0, space_width_ = 4, kerning_ = 0;
+};
+
+class HudText {
+ public:
+  /// `view_rows`: rows above the status bar; `height` where there is none.
+  HudText(std::shared_ptr<const ArtArchive> archive, int width, int height, int view_rows,
+          double screen_aspect);
+
+  /// Draws the messages of a player in their order. `colors`: the 256 packed colours of the present palette.
+  void draw(std::span<const acs::HudMessage> messages, int player, const uint32_t* colors, uint8_t* picture);
+
+  /// How visible a message is at its age, 0..1, and how many of its letters show.
+  struct Phase {
+    float alpha = 1;
+    std::size_t letters = SIZE_MAX;
+  };
+  static Phase phase(const acs::HudMessage& message, std::size_t letter_count);
+
+ private:
+  struct Letter {
+    unsigned char code = 0;
+    uint8_t color = 0;
+  };
+  struct Line {
+    std::size_t begin = 0, end = 0;  ///< into letters_
+    int width = 0;
+  };
+  /// From units of a message's screen to pixels.
+  struct Canvas {
+    float scale_x = 1, scale_y = 1, left = 0;
+    int width = 0, height = 0;   ///< of the screen that places refer to
+    int clip[4] = {0, 0, 0, 0};  ///< pixels: left, top, right, bottom
+  };
+  const Font& font(std::string_view name);
+  const Glyph* graphic(const std::string& name);
+  const std::array<uint8_t, 256>& ramp(int color);
+  Canvas canvas(const acs::HudMessage& message) const;
+  void spell(const acs::HudMessage& message);
+  void wrap(const Font& font, int width);
+  void draw_text(const acs::HudMessage& message, const uint32_t* colors, uint8_t* picture);
+  void draw_glyph(const Glyph& glyph, int color, int x, int y, const Canvas& canvas, float alpha,
+                  bool additive, const uint32_t* colors, uint8_t* picture);
+
+  std::shared_ptr<const ArtArchive> archive_;
+  int width_, height_, view_rows_;
+  double screen_aspect_;
+  std::unordered_map<std::string, Font> fonts_;
+  std::unordered_map<std::string, Glyph> graphics_;
+  std::array<std::array<uint8_t, 256>, kTextColorCount> ramps_{};  // [color][brightness] palette index
+  std::array<bool, kTextColorCount> ramp_made_{};
+  std::vector<Letter> letters_;
+  std::vector<Line> lines_;
+};
+
+}  // namespace comrad::doom

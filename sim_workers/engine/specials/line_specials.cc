@@ -1,0 +1,218 @@
+#include "sim_workers/engine/specials/line_specials.h"
+
+#include <cctype>
+#include <string>
+
+#include "rollout_buffer/core/log.h"
+#include "sim_workers/engine/acs/machine.h"
+#include "sim_workers/engine/play/inventory.h"
+#include "sim_workers/engine/specials/movers.h"
+#include "sim_workers/engine/specials/special_families.h"
+
+namespace comrad::doom {
+namespace {
+
+void warn_once(const World& world, int32_t number, const char* what) {
+  if (!world.index().warned_specials->first(number)) return;
+  const std::string_view name = special_name(number);
+  spdlog::warn("{}: special {} {} {}", world.level().name, number, name.empty() ? "(without a name)" : name,
+               what);
+}
+
+// ---------------------------------------------------------------- scripts
+
+/// The number at the end of a map's name: 7 of MAP07; 0 where there is none.
+int32_t map_number(const std::string& name) {
+  int32_t number = 0;
+  std::size_t first_digit = name.size();
+  while (first_digit > 0 && std::isdigit(static_cast<unsigned char>(name[first_digit - 1])) != 0)
+    --first_digit;
+  for (std::size_t i = first_digit; i < name.size() && number < 100'000; ++i)
+    number = number * 10 + (name[i] - '0');
+  return number;
+}
+
+/// There is one map at a time; scripts of others do not run.
+bool is_of_this_map(const World& world, const SpecialCall& call, int32_t map) {
+  if (map == 0 || map == map_number(world.level().name)) return true;
+  warn_once(world, call.number, "asks for another map, which is not supported");
+  return false;
+}
+
+int32_t start_script(World& world, const SpecialCall& call, acs::StartOptions options) {
+  options.activator_id = call.activator != nullptr ? call.activator->id : 0;
+  options.line = call.line;
+  options.back_side = call.back_side;
+  if (call.line >= 0) {
+    const Linedef& line = world.level().linedefs[static_cast<std::size_t>(call.line)];
+    if (!line.arg0_text.empty() && line.special == call.number)
+      return acs::start_script(world, line.arg0_text, options);
+  }
+  return acs::start_script(world, call.args[0], options);
+}
+
+std::optional<int32_t> execute_script_special(World& world, const SpecialCall& call) {
+  const auto& a = call.args;
+  switch (call.number) {
+    case 80:   // ACS_Execute: script, map, arguments
+    case 226:  // ACS_ExecuteAlways
+      if (!is_of_this_map(world, call, a[1])) return 0;
+      return start_script(world, call, {.args = {a[2], a[3], a[4]}, .always = call.number == 226});
+    case 81:  // ACS_Suspend: script, map
+      if (is_of_this_map(world, call, a[1])) acs::suspend_script(world, a[0]);
+      return 1;
+    case 82:  // ACS_Terminate
+      if (is_of_this_map(world, call, a[1])) acs::terminate_script(world, a[0]);
+      return 1;
+    case 83:  // ACS_LockedExecute: script, map, two arguments, lock
+    case 85:  // ACS_LockedExecuteDoor
+      if (a[4] != 0 && (call.activator == nullptr || !has_key(world, *call.activator, a[4]))) return 0;
+      if (!is_of_this_map(world, call, a[1])) return 0;
+      return start_script(world, call, {.args = {a[2], a[3]}});
+    case 84:  // ACS_ExecuteWithResult: script, arguments
+      return start_script(world, call, {.args = {a[1], a[2], a[3], a[4]}, .always = true, .immediate = true});
+    default:
+      return std::nullopt;
+  }
+}
+
+// ---------------------------------------------------------------- lines and the game
+
+/// Calls visit(line index) for lines with that id; 0 is the calling line.
+template <typename Visit>
+int32_t for_each_line_with_id(const World& world, const SpecialCall& call, int32_t id, Visit visit) {
+  if (id == 0) {
+    if (call.line < 0) return 0;
+    visit(static_cast<uint32_t>(call.line));
+    return 1;
+  }
+  int32_t count = 0;
+  for (uint32_t line = 0; line < world.lines().size(); ++line)
+    if (world.lines()[line].id == id) visit(line), ++count;
+  return count;
+}
+
+/// Line_SetBlocking counts its own bits.
+uint32_t blocking_flags(int32_t bits) {
+  static constexpr uint32_t kFlags[] = {kLineBlocking,      kLineBlockMonsters,    kLineBlockPlayers,
+                                        kLineBlockFloaters, kLineBlockProjectiles, kLineBlockEverything,
+                                        kLineRailing,       kLineBlockUse,         kLineBlockSight,
+                                        kLineBlockHitscan,  kLineSoundBlock};
+  uint32_t flags = 0;
+  for (std::size_t bit = 0; bit < std::size(kFlags); ++bit)
+    if ((bits >> bit & 1) != 0) flags |= kFlags[bit];
+  return flags;
+}
+
+void set_texture_offset(World& world, uint32_t line, const SpecialCall& call) {
+  constexpr int32_t kNoChange = 32767 << kFracBits;
+  constexpr int32_t kAdd = 8;
+  const auto& a = call.args;
+  const Linedef& linedef = world.level().linedefs[line];
+  if (a[3] != 0 && !linedef.back) return;
+  const uint32_t side = a[3] != 0 ? *linedef.back : linedef.front;
+  const Sidedef& sidedef = world.level().sidedefs[side];
+  SideState& state = world.state().sides[side];
+  const auto set = [&](int32_t value, int32_t own_offset, Fixed& scroll) {
+    if (value == kNoChange) return;
+    scroll = clamped_fixed((a[4] & kAdd) != 0 ? int64_t{scroll} + value
+                                              : int64_t{value} - int64_t{own_offset} * kFracUnit);
+  };
+  set(a[1], sidedef.offset_x, state.scroll_x);
+  set(a[2], sidedef.offset_y, state.scroll_y);
+}
+
+/// Takes the force field off the lines of a tagged sector, or puts it there.
+int32_t set_force_field(World& world, int32_t tag, bool on) {
+  int32_t any = 0;
+  for_each_tagged_sector(world, tag, [&](uint32_t sector) {
+    for (const uint32_t line : world.level().sector_linedefs[sector]) {
+      const Linedef& linedef = world.level().linedefs[line];
+      if (!linedef.back) continue;
+      LineState& state = world.state().lines[line];
+      any = 1;
+      if (on) {
+        state.flags |= kLineBlocking | kLineBlockEverything;
+        continue;
+      }
+      state.flags &= ~uint32_t{kLineBlocking | kLineBlockEverything};
+      for (const uint32_t side : {linedef.front, *linedef.back}) {
+        world.state().sides[side].middle = "-";
+        world.state().sides[side].retextured = true;
+      }
+    }
+  });
+  return any;
+}
+
+std::optional<int32_t> execute_line_special(World& world, const SpecialCall& call) {
+  const auto& a = call.args;
+  switch (call.number) {
+    case 15:   // Autosave
+    case 120:  // Radius_Quake: nothing shakes
+    case 140:  // Sector_ChangeSound
+    case 157:  // SetGlobalFogParameter
+      return 1;
+    case 33:  // ForceField: the line itself says no
+      return 0;
+    case 34:  // ClearForceField: tag
+      return set_force_field(world, a[0], false);
+    case 49: {  // GlassBreak: the pane goes, whoever stood behind it can be seen
+      if (call.line < 0) return 0;
+      const Linedef& linedef = world.level().linedefs[static_cast<std::size_t>(call.line)];
+      if (!linedef.back) return 0;
+      LineState& state = world.state().lines[static_cast<std::size_t>(call.line)];
+      state.flags &= ~uint32_t{kLineBlocking | kLineBlockEverything};
+      for (const uint32_t side : {linedef.front, *linedef.back}) {
+        world.state().sides[side].middle = "-";
+        world.state().sides[side].retextured = true;
+      }
+      return 1;
+    }
+    case 53:  // Line_SetTextureOffset: line id, x, y, side, flags
+      return for_each_line_with_id(world, call, a[0],
+                                   [&](uint32_t line) { set_texture_offset(world, line, call); }) > 0;
+    case 55:  // Line_SetBlocking: line id, set, clear
+      for_each_line_with_id(world, call, a[0], [&](uint32_t line) {
+        LineState& state = world.state().lines[line];
+        state.flags = (state.flags & ~blocking_flags(a[2])) | blocking_flags(a[1]);
+      });
+      return 1;
+    case 74:   // Teleport_NewMap: map, position, keep facing
+    case 75:   // Teleport_EndGame
+    case 243:  // Exit_Normal: position
+      world.exit_level();
+      return 1;
+    case 244:  // Exit_Secret
+      world.state().exited_secretly = true;
+      world.exit_level();
+      return 1;
+    case 121:  // Line_SetIdentification: the loader saw to it
+      return 0;
+    case 129:  // UsePuzzleItem: no puzzle items in Doom
+      return 0;
+    case 208:  // TranslucentLine: line id, amount, additive
+      for_each_line_with_id(world, call, a[0], [&](uint32_t line) {
+        world.state().lines[line].alpha = static_cast<float>(std::clamp(a[1], 0, 255)) / 255.0f;
+      });
+      return 1;
+    default:
+      return std::nullopt;
+  }
+}
+
+}  // namespace
+
+int32_t execute_special(World& world, const SpecialCall& call) {
+  if (call.number == 0) return 0;
+  SpecialCall checked = call;
+  if (checked.line >= static_cast<int64_t>(world.level().linedefs.size())) checked.line = -1;
+  if (const auto result = execute_mover_special(world, checked)) return *result;
+  for (const auto family : {execute_thing_special, execute_teleport_special, execute_sector_special,
+                            execute_script_special, execute_line_special})
+    if (const std::optional<int32_t> result = family(world, checked)) return *result;
+  warn_once(world, call.number, "is not supported and has no effect");
+  return 0;
+}
+
+}  // namespace comrad::doom

@@ -1,0 +1,47 @@
+// Doors, lifts, floors, ceilings, crushers, stairs, lights, scrollers and polyobjects: how each starts and
+// moves. Stage: tic.
+#pragma once
+
+#include <cstdint>
+
+#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/specials/line_specials.h"
+
+namespace comrad::doom {
+
+/// The specials that move sectors, lights, textures and polyobjects. Nothing where `call.number` is none of
+/// them.
+std::optional<int32_t> execute_mover_special(World& world, const SpecialCall& call);
+
+/// All movers, lights, scrollers and switches, one tic.
+void tic_movers(World& world);
+
+/// Lights, scrollers, polyobjects and the like that a map starts with.
+void start_movers(World& world);
+
+/// Moves a plane of a sector to `height` if nothing is in the way; crushes for `crush` damage when >= 0.
+/// False: blocked (and put back).
+bool move_floor(World& world, uint32_t sector, Fixed height, int32_t crush);
+bool move_ceiling(World& world, uint32_t sector, Fixed height, int32_t crush);
+/// After a plane moved: renews what bodies stand on. False where one does not fit any more.
+bool change_sector(World& world, uint32_t sector, int32_t crush);
+
+/// For native rules. A ceiling that goes down to `gap` above its floor and up again for ever, hurting what it
+/// meets; false where the ceiling moves already.
+bool start_crusher(World& world, uint32_t sector, Fixed down_speed, Fixed up_speed, Fixed gap, int32_t damage);
+/// For native rules. Sends a floor to `target` even while it moves (specials leave a busy floor alone).
+void send_floor(World& world, uint32_t sector, Fixed target, Fixed speed);
+
+bool sector_is_moving(const World& world, uint32_t sector);     ///< for TagWait
+bool polyobject_is_moving(const World& world, int32_t number);  ///< for PolyWait
+uint64_t hash_movers(const MoverState& movers);                 ///< for World::hash()
+
+/// Lines of polyobjects near a box, with their present ends; the blockmap leaves them out. `visit(line, x1,
+/// y1, x2, y2)` returns false to stop.
+template <typename Visit>
+bool for_each_polyobject_line(const World& world, Fixed left, Fixed right, Fixed bottom, Fixed top,
+                              Visit visit);
+
+}  // namespace comrad::doom
+
+#include "sim_workers/engine/specials/polyobject_lines.h"

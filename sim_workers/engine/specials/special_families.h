@@ -1,0 +1,61 @@
+// The families of specials that are no movers, and what they share. For the files of this folder alone;
+// line_specials.h is for the others. Stage: tic.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+
+#include "sim_workers/engine/map/level_index.h"
+#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/specials/line_specials.h"
+
+namespace comrad::doom {
+
+// ---- the families: does `call`, or nothing where its number is none of theirs
+
+std::optional<int32_t> execute_thing_special(World& world, const SpecialCall& call);
+std::optional<int32_t> execute_teleport_special(World& world, const SpecialCall& call);
+std::optional<int32_t> execute_sector_special(World& world, const SpecialCall& call);
+
+// ---- arguments
+
+constexpr int32_t kArgumentMax = 16000;  // units; larger arguments mean no more than this
+
+constexpr Fixed clamped_units(int64_t units) {
+  return static_cast<Fixed>(std::clamp<int64_t>(units, -kArgumentMax, kArgumentMax) * kFracUnit);
+}
+constexpr Fixed clamped_fixed(int64_t value) {
+  return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN + 1, INT32_MAX));
+}
+/// 256 to the turn.
+constexpr Angle angle_of_byte(int32_t arg) { return static_cast<Angle>(arg) << 24; }
+constexpr int32_t negated(int32_t value) { return value == INT32_MIN ? INT32_MAX : -value; }
+
+/// Calls visit(actor) for every thing with that id, those that it makes left out; id 0 is the activator. How
+/// many there were.
+template <typename Visit>
+int32_t for_each_thing(World& world, int32_t thing_id, Actor* activator, Visit visit) {
+  if (thing_id == 0) {
+    if (activator == nullptr || activator->removed) return 0;
+    visit(*activator);
+    return 1;
+  }
+  const uint32_t first_new_id = world.state().next_actor_id;
+  int32_t count = 0;
+  for (Actor* actor = world.find_thing(thing_id); actor != nullptr && actor->id < first_new_id;) {
+    const uint32_t id = actor->id;
+    visit(*actor);
+    ++count;
+    actor = world.find_thing(thing_id, id);
+  }
+  return count;
+}
+
+/// Makes the fog of a teleport, where the catalog knows it.
+inline void spawn_fog(World& world, Fixed x, Fixed y, Fixed z) {
+  if (const uint32_t fog = world.catalog().known().teleport_fog; fog != kNoType)
+    world.spawn_unchecked(fog, x, y, z);
+}
+
+}  // namespace comrad::doom

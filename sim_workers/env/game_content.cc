@@ -1,0 +1,53 @@
+#include "sim_workers/env/game_content.h"
+
+#include <set>
+#include <utility>
+
+#include "sim_workers/engine/actors/decorate.h"
+#include "sim_workers/engine/map/level_loader.h"
+
+namespace comrad::sim {
+namespace {
+
+/// Editor numbers that are places rather than actors: deathmatch starts, anchors and starts of polyobjects.
+bool is_place(int32_t editor_number) {
+  return doom::player_of_start(editor_number) || editor_number == 11 ||
+         (editor_number >= 3000 && editor_number <= 3002) || (editor_number >= 9300 && editor_number <= 9303);
+}
+
+void warn_of_unknown_things(const doom::Level& level, const doom::ActorCatalog& catalog,
+                            const std::string& label, std::vector<std::string>* warnings) {
+  std::set<int32_t> unknown;
+  for (const doom::MapThing& thing : level.things)
+    if (!is_place(thing.editor_number) && !catalog.find_editor_number(thing.editor_number))
+      unknown.insert(thing.editor_number);
+  for (const int32_t number : unknown)
+    warnings->push_back(label + ": nothing is known of things with editor number " + std::to_string(number) +
+                        "; they are left out");
+}
+
+}  // namespace
+
+Expected<GameContent> load_game_content(const wad::WadFile& wad, std::string_view map) {
+  GameContent content;
+  COMRAD_TRY_ASSIGN(content.level, doom::load_level(wad, map));
+  const std::string label = wad.path() + " " + content.level->name;
+
+  auto catalog = std::make_shared<doom::ActorCatalog>();
+  for (std::size_t lump = 0; lump < wad.lump_count(); ++lump)
+    if (wad.lump(lump).name == "DECORATE")
+      COMRAD_TRY(
+          doom::parse_decorate(wad.text(lump), wad.path() + " DECORATE", catalog.get(), &content.warnings));
+  content.catalog = std::move(catalog);
+
+  COMRAD_TRY_ASSIGN(const wad::MapLumps lumps, wad.find_map(content.level->name));
+  if (lumps.behavior && !wad.bytes(*lumps.behavior).empty()) {
+    COMRAD_TRY_ASSIGN(content.behavior,
+                      doom::acs::Behavior::load(wad.bytes(*lumps.behavior), label + " BEHAVIOR"));
+    if (content.behavior->scripts().empty()) content.behavior = nullptr;
+  }
+  warn_of_unknown_things(*content.level, *content.catalog, label, &content.warnings);
+  return content;
+}
+
+}  // namespace comrad::sim

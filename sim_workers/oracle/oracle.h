@@ -1,0 +1,54 @@
+// A scripted team with access to the world's state: it proves that a scenario can be solved, and that its
+// score, rewards and endings mean what they say. It presses what an agent's action heads can press. Each
+// lies in its scenario's folder, scenarios/<name>/oracle.cc. Stage: step.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+#include "sim_workers/engine/play/world.h"
+#include "sim_workers/env/doom_env.h"
+#include "sim_workers/env/environment.h"
+
+namespace comrad::sim {
+
+class Oracle {
+ public:
+  virtual ~Oracle() = default;
+  /// An episode begins; `world` is as the first observation shows it.
+  virtual void reset(const doom::World& world) = 0;
+  /// What each agent should press for the next decision: [N], all released on entry.
+  virtual void press(const doom::World& world, std::span<doom::Buttons> buttons) = 0;
+};
+
+/// Makes the oracle of a scenario. Errors: kNotFound where its folder has no oracle.cc.
+Expected<std::unique_ptr<Oracle>> make_oracle(const DoomGame& game);
+
+/// Scenarios that have one, sorted.
+std::vector<std::string> list_oracles();
+
+/// Doom environments whose actions come from oracles: what is passed to step() is not looked at, and as nobody
+/// looks at pictures, none are drawn (frames stay black).
+class OracleEnvironmentSet final : public EnvironmentSet {
+ public:
+  /// Takes over `inner`, whose environments must be Doom's. Errors: as make_oracle().
+  static Expected<std::unique_ptr<EnvironmentSet>> create(std::unique_ptr<DoomEnvironmentSet> inner);
+
+  int size() const override { return inner_->size(); }
+  Environment& at(int index) override;
+  void observe(std::span<const int> indices, std::span<const ObservationTarget> targets) override;
+
+ private:
+  class Guided;
+  explicit OracleEnvironmentSet(std::unique_ptr<DoomEnvironmentSet> inner);
+  std::unique_ptr<DoomEnvironmentSet> inner_;
+  std::vector<std::unique_ptr<Environment>> guided_;
+};
+
+/// Plays one episode without pictures and without a pipeline; for tests and tools. Errors: as make_oracle().
+Expected<EpisodeSummary> play_oracle_episode(const std::shared_ptr<const DoomGame>& game, uint64_t seed);
+
+}  // namespace comrad::sim

@@ -1,0 +1,121 @@
+#include "sim_workers/trace/gallery.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <span>
+
+#include "doomgen/layout/wad_writer.h"
+#include "rollout_buffer/core/rng.h"
+#include "scenarios/spec/registry.h"
+#include "scenarios/spec/scenario_spec.h"
+#include "sim_workers/engine/render/art_archive.h"
+#include "sim_workers/engine/render/png_image.h"
+#include "sim_workers/engine/render/renderer.h"
+#include "sim_workers/env/doom_env.h"
+#include "sim_workers/oracle/oracle.h"
+
+namespace comrad::trace {
+namespace {
+
+constexpr int kGapPixels = 4;
+
+/// Plays until the picture's moment.
+void play(const std::shared_ptr<const sim::DoomGame>& game, sim::Oracle* oracle, const GalleryOptions& options,
+          sim::DoomEnvironment& environment) {
+  environment.reset(options.seed);
+  if (oracle != nullptr) oracle->reset(environment.world());
+  const auto heads = static_cast<std::size_t>(environment.shape().head_count);
+  std::vector<doom::Buttons> buttons(static_cast<std::size_t>(game->num_agents));
+  std::vector<int32_t> choice(heads * buttons.size());
+  Rng rng(RngKey(options.seed).split("gallery"));
+  for (int64_t decision = 0; decision < options.decisions; ++decision) {
+    std::fill(buttons.begin(), buttons.end(), doom::Buttons{});
+    if (oracle != nullptr) oracle->press(environment.world(), buttons);
+    for (std::size_t agent = 0; agent < buttons.size(); ++agent) {
+      const auto own = std::span(choice).subspan(agent * heads, heads);
+      if (oracle != nullptr) {
+        game->actions.choose(buttons[agent], own);
+      } else {
+        for (std::size_t head = 0; head < heads; ++head)
+          own[head] = static_cast<int32_t>(rng.below(static_cast<uint32_t>(environment.shape().head_sizes[head])));
+      }
+    }
+    environment.step(choice);
+    if (environment.last_step().episode_over()) return;
+  }
+}
+
+/// Views [agents][3, height, width] side by side.
+std::vector<uint8_t> side_by_side(const std::vector<std::vector<uint8_t>>& views, int width, int height) {
+  const int count = static_cast<int>(views.size()), row = count * width + (count - 1) * kGapPixels;
+  std::vector<uint8_t> joined(static_cast<std::size_t>(3) * height * row, 255);
+  for (int view = 0; view < count; ++view)
+    for (int plane = 0; plane < 3; ++plane)
+      for (int y = 0; y < height; ++y)
+        std::copy_n(views[static_cast<std::size_t>(view)].begin() + (static_cast<std::ptrdiff_t>(plane) * height + y) * width,
+                    width,
+                    joined.begin() + (static_cast<std::ptrdiff_t>(plane) * height + y) * row + view * (width + kGapPixels));
+  return joined;
+}
+
+Expected<std::string> draw_row(const std::string& name, const GalleryOptions& options) {
+  COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec spec, scenarios::load_scenario(name));
+  const int agents = options.num_agents > 0 ? options.num_agents : spec.default_agents;
+  scenarios::LayoutRequest request;
+  request.num_agents = agents;
+  COMRAD_TRY_ASSIGN(const scenarios::GeneratedLayout layout, scenarios::generate_layout(name, request));
+  const std::vector<uint8_t> bytes(layout.wad.begin(), layout.wad.end());
+  COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::from_bytes(bytes, name));
+  sim::EnvironmentOptions environment_options;
+  environment_options.scenario = name;
+  environment_options.num_agents = agents;
+  COMRAD_TRY_ASSIGN(const auto game, sim::load_doom_game(environment_options, wad));
+
+  // The art of the WAD comes from a file.
+  const std::string path = options.folder + "/." + name + ".wad";
+  COMRAD_TRY(doomgen::write_file(path, layout.wad));
+  auto art = doom::ArtArchive::open({}, {path});
+  std::error_code ignored;
+  std::filesystem::remove(path, ignored);
+  if (!art) return art.error();
+  doom::RenderOptions render;
+  render.width = options.width, render.height = options.height;
+  render.status_bar = spec.hud;
+  render.crosshair = spec.crosshair;
+  render.weapon = spec.weapon;
+  render.screen_flashes = spec.screen_flashes;
+  COMRAD_TRY_ASSIGN(const auto renderer, doom::Renderer::create(*art, render));
+  COMRAD_TRY(renderer->prepare(game->level, game->catalog));
+
+  Expected<std::unique_ptr<sim::Oracle>> oracle = sim::make_oracle(*game);
+  sim::DoomEnvironment environment(game);
+  play(game, oracle ? oracle->get() : nullptr, options, environment);
+  std::vector<std::vector<uint8_t>> views(static_cast<std::size_t>(agents));
+  std::vector<doom::ViewRequest> requests;
+  for (int agent = 0; agent < agents; ++agent) {
+    auto& view = views[static_cast<std::size_t>(agent)];
+    view.resize(static_cast<std::size_t>(3) * options.width * options.height);
+    requests.push_back({&environment.world(), agent, view.data()});
+  }
+  renderer->draw(requests);
+  const std::string file = options.folder + "/" + name + ".png";
+  const int row_width = agents * options.width + (agents - 1) * kGapPixels;
+  COMRAD_TRY(doom::write_png(file, side_by_side(views, options.width, options.height), row_width, options.height));
+  return file;
+}
+
+}  // namespace
+
+Expected<std::vector<std::string>> draw_gallery(const GalleryOptions& options) {
+  std::error_code failure;
+  std::filesystem::create_directories(options.folder, failure);
+  if (failure) return Error{ErrorCode::kSystem, options.folder + ": " + failure.message()};
+  std::vector<std::string> files;
+  for (const std::string& name : options.scenarios.empty() ? scenarios::list_scenarios() : options.scenarios) {
+    COMRAD_TRY_ASSIGN(std::string file, draw_row(name, options));
+    files.push_back(std::move(file));
+  }
+  return files;
+}
+
+}  // namespace comrad::trace

@@ -1,0 +1,44 @@
+#!/usr/bin/env bash
+# Builds the libFuzzer targets and runs one of them for so many seconds, from seeds that our own code writes.
+#   tests/fuzz/run.sh TARGET SECONDS [BUILD_FOLDER]      TARGET: wad textmap decorate behavior machine picture config,
+#                                                        or build, which only builds
+# Ends with libFuzzer's line of executions and coverage; a finding is left in BUILD_FOLDER/findings and ends it non-zero.
+set -euo pipefail
+
+home="$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/../.." && pwd)"
+target="${1:?target}"
+seconds="${2:?seconds}"
+build="${3:-${home}/build/fuzz}"
+
+skip() {
+  printf '%s\n[  SKIPPED ] 1 test: fuzz_%s\n' "$1" "${target}"
+  exit 0
+}
+
+clang="$(command -v "${COMRAD_CLANG:-clang++}" || true)"
+[[ -n "${clang}" ]] || skip "clang++ is not installed (Debian's clang and libclang-rt-14-dev), so libFuzzer cannot run"
+probe="$(mktemp -d)"
+trap 'rm -rf "${probe}"' EXIT
+printf 'extern "C" int LLVMFuzzerTestOneInput(const unsigned char*, unsigned long) { return 0; }\n' >"${probe}/probe.cc"
+"${clang}" -fsanitize=fuzzer,address,undefined "${probe}/probe.cc" -o "${probe}/probe" 2>/dev/null ||
+  skip "clang++ has no libFuzzer (Debian's libclang-rt-14-dev), so the fuzzers cannot be built"
+
+mkdir -p "${build}/findings"
+(
+  flock 9
+  if [[ ! -f "${build}/build.ninja" ]]; then
+    cmake -S "${home}" -B "${build}" -G Ninja -DCMAKE_CXX_COMPILER="${clang}" -DCMAKE_C_COMPILER="${clang%++}" \
+      -DCOMRAD_FUZZ=ON \
+      -DCOMRAD_PARTS="rollout_buffer;doomgen;scenarios;sim_workers" >"${build}/configure.log" 2>&1 ||
+      { cat "${build}/configure.log"; exit 1; }
+  fi
+  ninja -C "${build}" fuzzers >"${build}/build.log" 2>&1 || { tail -n 60 "${build}/build.log"; exit 1; }
+  "${build}/bin/fuzz_seeds" "${build}/seeds"
+) 9>"${build}/.lock"
+[[ "${target}" != build ]] || exit 0
+
+corpus="${build}/corpus/${target}"
+mkdir -p "${corpus}"
+export UBSAN_OPTIONS="print_stacktrace=1:halt_on_error=1" SPDLOG_LEVEL=off
+exec "${build}/bin/fuzz_${target}" "${corpus}" "${build}/seeds/${target}" -max_total_time="${seconds}" -timeout=20 \
+  -rss_limit_mb=3072 -print_final_stats=1 -verbosity=1 -close_fd_mask=1 -artifact_prefix="${build}/findings/${target}-"

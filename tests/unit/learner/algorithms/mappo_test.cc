@@ -1,0 +1,159 @@
+#include "learner/algorithms/mappo.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "policy_workers/policy/action_heads.h"
+#include "policy_workers/policy/torch_ops.h"
+#include "tests/support/slab_pool.h"
+
+namespace comrad::learn {
+namespace {
+
+using testing::SlabPool;
+
+RunConfig small_config() {
+  RunConfig config;
+  config.algo = "mappo";
+  config.rollout = 4;
+  config.batch_size = 4 * 3 * 4;
+  config.rnn_size = 16;
+  config.normalize_input = false;
+  return config;
+}
+
+TrajectoryShape small_shape(const RunConfig& config) {
+  TrajectoryShape shape;
+  shape.env.num_agents = 3;
+  shape.env.height = 36;
+  shape.env.width = 36;
+  shape.env.head_count = 2;
+  shape.env.head_sizes = {3, 2};
+  shape.rollout_steps = static_cast<int32_t>(config.rollout);
+  shape.recurrent_state_count =
+      static_cast<int32_t>(policy::PolicyNetOptions::from(config, shape.env).recurrent_state_count());
+  return shape;
+}
+
+Minibatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
+  const SlabPool pool(shape, slab_count);
+  pool.fill_with_noise(seed);
+  Minibatch batch = make_minibatch(shape, slab_count);
+  clear(batch);
+  for (int i = 0; i < slab_count; ++i)
+    collate_slab(batch, i, pool.view(i), static_cast<uint32_t>(shape.rollout_steps));
+  apply_lag_filter(batch, 0, 1000);
+  return batch;
+}
+
+policy::SequenceOutput run(const Mappo& mappo, const Minibatch& batch) {
+  torch::NoGradGuard no_grad;
+  return mappo.net().sequence(batch.frame, batch.measurement, batch.recurrent_state, batch.reset);
+}
+
+std::vector<Tensor> gradients(const policy::PolicyNet& net) {
+  std::vector<Tensor> result;
+  for (Tensor& parameter : net.parameters()) {
+    result.push_back(parameter.grad().defined() ? parameter.grad().clone() : torch::zeros_like(parameter));
+    if (parameter.grad().defined()) parameter.mutable_grad().zero_();
+  }
+  return result;
+}
+
+TEST(Mappo, TheCriticSeesAllAgentsOfTheSameStepAndNobodyElse) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  const Mappo mappo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 3, 1);
+  const Tensor before = run(mappo, batch).value;
+  // Another frame for agent 1 of world 1 in the last step.
+  const int64_t agents = 3, world = 1, last = batch.steps() - 1;
+  batch.frame[last][world * agents + 1] = 255 - batch.frame[last][world * agents + 1];
+  const Tensor after = run(mappo, batch).value;
+  for (int64_t step = 0; step < batch.steps(); ++step)
+    for (int64_t row = 0; row < batch.rows(); ++row) {
+      const bool changed = before[step][row].item<float>() != after[step][row].item<float>();
+      EXPECT_EQ(changed, step == last && row / agents == world) << "step " << step << " row " << row;
+    }
+}
+
+TEST(Mappo, GivesEachAgentAValueOfItsOwn) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  const Mappo mappo(config, shape.env, torch::kCPU);
+  const Tensor value = run(mappo, noise_batch(shape, 1, 2)).value;
+  EXPECT_NE(value[0][0].item<float>(), value[0][1].item<float>());
+  EXPECT_NE(value[0][1].item<float>(), value[0][2].item<float>());
+}
+
+TEST(Mappo, TheOrderOfWorldsInABatchChangesNeitherValuesNorGradient) {
+  RunConfig config = small_config();
+  config.micro_batch_size = 12;  // a world at a time
+  const TrajectoryShape shape = small_shape(config);
+  Mappo mappo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 4, 3);
+  mappo.prepare_targets(batch);
+  const std::vector<int64_t> order = {2, 0, 3, 1};
+  Minibatch shuffled = select_slabs(batch, order);
+  const Tensor value = run(mappo, batch).value, other = run(mappo, shuffled).value;
+  for (std::size_t place = 0; place < order.size(); ++place)
+    for (int64_t agent = 0; agent < 3; ++agent)
+      EXPECT_TRUE(torch::allclose(value.select(1, order[place] * 3 + agent),
+                                  other.select(1, static_cast<int64_t>(place) * 3 + agent), 1e-5, 1e-6));
+
+  Ippo::LossSums sums, shuffled_sums;
+  ASSERT_TRUE(mappo.accumulate_gradient(batch, {}, sums));
+  const std::vector<Tensor> gradient = gradients(mappo.net());
+  ASSERT_TRUE(mappo.accumulate_gradient(shuffled, {}, shuffled_sums));
+  const std::vector<Tensor> shuffled_gradient = gradients(mappo.net());
+  EXPECT_NEAR(sums.value, shuffled_sums.value, 1e-5);
+  for (std::size_t i = 0; i < gradient.size(); ++i)
+    EXPECT_TRUE(torch::allclose(gradient[i], shuffled_gradient[i], 1e-3, 1e-6)) << i;
+}
+
+TEST(Mappo, TrainingSeesTheValuesOfSampling) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  const Mappo mappo(config, shape.env, torch::kCPU);
+  const Minibatch batch = noise_batch(shape, 2, 4);
+  const Tensor sequence = run(mappo, batch).value;
+  torch::NoGradGuard no_grad;
+  Tensor state = batch.recurrent_state.clone();
+  for (int64_t step = 0; step < batch.steps(); ++step) {
+    const Tensor keep = batch.reset[step].eq(0).to(torch::kFloat32).unsqueeze(1);
+    const policy::PolicyOutput output = mappo.net().step(batch.frame[step], {}, state * keep);
+    state = output.recurrent_state;
+    EXPECT_TRUE(torch::allclose(output.value, sequence[step], 1e-4, 1e-5)) << step;
+  }
+}
+
+TEST(Mappo, TheValueGradientReachesTheEncoder) {
+  RunConfig config = small_config();
+  config.exploration_loss_coeff = 0;
+  const TrajectoryShape shape = small_shape(config);
+  Mappo mappo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 2, 5);
+  mappo.prepare_targets(batch);
+  batch.advantage.zero_();
+  Ippo::LossSums sums;
+  ASSERT_TRUE(mappo.accumulate_gradient(batch, {}, sums));
+  EXPECT_GT(gradients(mappo.net()).front().abs().max().item<double>(), 0);
+}
+
+TEST(Mappo, ACheckpointOfIppoIsRefused) {
+  RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  Mappo mappo(config, shape.env, torch::kCPU);
+  config.algo = "ippo";
+  const Ippo ippo(config, shape.env, torch::kCPU);
+  StateDict state;
+  ippo.save(state);
+  const Status loaded = mappo.load(state);
+  ASSERT_FALSE(loaded);
+  EXPECT_EQ(loaded.error().code, ErrorCode::kBadFormat);
+}
+
+}  // namespace
+}  // namespace comrad::learn

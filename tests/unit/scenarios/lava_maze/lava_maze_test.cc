@@ -1,0 +1,145 @@
+// Lava Maze: the path, the signals, the ring, rewards and endings; the scripted team clears all levels.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/support/played_scenario.h"
+
+namespace comrad::sim {
+namespace {
+
+constexpr const char* kScenario = "lava_maze";
+constexpr int kGoalX = 13, kCellX = 14, kCellY = 15, kSignal = 16, kFlash = 17, kGoalY = 18, kLevels = 22,
+              kSteps = 28, kFlashes = 29, kMerit = 31, kVain = 33, kPathCells = 34;
+
+bool is_open(PlayedScenario& game, int cell) { return (game.user(19 + cell / 27) >> cell % 27 & 1) != 0; }
+int floor_of(PlayedScenario& game, int cell) {
+  for (const doom::Sector& sector : game.world().sectors())
+    if (sector.tag == 100 + cell) return sector.floor_height / 65536;
+  return 9999;
+}
+Place middle_of(int x, int y) { return {-512.0 + 128 * x + 64, -512.0 + 128 * y + 64}; }
+void stand_on_goal(PlayedScenario& game) {
+  const Place goal = middle_of(game.user(kGoalX), game.user(kGoalY));
+  game.put(0, goal.x, goal.y);
+}
+
+TEST(LavaMaze, FirstPathHasNineCellsAndOnlyItRises) {
+  for (uint64_t seed = 0; seed < 8; ++seed) {
+    PlayedScenario game(kScenario, {.episode_seed = seed});
+    game.run(6);
+    EXPECT_EQ(game.user(kPathCells), 9);
+    int open = 0;
+    for (int cell = 0; cell < 64; ++cell) {
+      open += is_open(game, cell);
+      EXPECT_EQ(floor_of(game, cell), is_open(game, cell) ? 0 : -64) << "cell " << cell;
+    }
+    EXPECT_EQ(open, 9);
+    EXPECT_TRUE(is_open(game, game.user(kCellY) * 8 + game.user(kCellX)))
+        << "the navigator stands on the path";
+    EXPECT_EQ(game.body(0).health, 100);
+  }
+}
+
+TEST(LavaMaze, ReachingTheGoalPaysTenAndMakesALongerPath) {
+  PlayedScenario game(kScenario);
+  game.run(6);
+  stand_on_goal(game);
+  game.returns[0] = game.returns[1] = 0;
+  game.run(2);
+  EXPECT_EQ(game.user(kLevels), 1);
+  EXPECT_EQ(game.user(kPathCells), 11);
+  EXPECT_NEAR(game.returns[0], 10.0 + 0.5 * game.user(kSteps) - 0.005 * 2, 1e-4);
+  EXPECT_FALSE(game.over());
+}
+
+TEST(LavaMaze, SixthGoalEndsTheEpisodeAndIsCounted) {
+  PlayedScenario game(kScenario);
+  game.run(6);
+  for (int level = 1; level <= 6; ++level) {
+    ASSERT_FALSE(game.over());
+    stand_on_goal(game);
+    game.run(4);
+    EXPECT_EQ(game.user(kLevels), level);
+  }
+  EXPECT_TRUE(game.environment.last_step().terminated);
+  EXPECT_EQ(game.environment.summary().score, 6);
+}
+
+TEST(LavaMaze, EachLampFlashesItsColourForTwentyFiveTicsAndAllTakeForty) {
+  for (int slot = 1; slot <= 4; ++slot) {
+    PlayedScenario game(kScenario);
+    game.run(8);
+    game.buttons[1].select_weapon = static_cast<int8_t>(slot);
+    game.buttons[1].attack = true;
+    game.run(4);
+    ASSERT_EQ(game.user(kSignal), slot) << "slots: green, red, yellow, blue";
+    const std::vector<float> seen = game.measurements();
+    for (int k = 0; k < 4; ++k) EXPECT_EQ(seen[static_cast<std::size_t>(2 + k)], k + 1 == slot);
+    EXPECT_EQ(seen[1], 0);
+    EXPECT_EQ(seen[6], 1);
+    int lit = 0, tics = 0;
+    game.buttons[1].select_weapon = -1;
+    while (game.user(kFlashes) < 2 && tics < 60)
+      game.run(1), ++tics, lit += game.user(kFlash) != 0 && game.user(kFlashes) == 1;
+    EXPECT_GE(lit, 22);
+    EXPECT_LE(lit, 25);
+    EXPECT_GE(tics, 36) << "cooldown of 40 tics, the four that were played included";
+    EXPECT_LE(tics, 41);
+  }
+}
+
+TEST(LavaMaze, AFlashWithoutStepsIsHeldAgainstTheSignalerAlone) {
+  PlayedScenario game(kScenario);
+  game.run(8);
+  game.buttons[1].attack = true;
+  game.run(3);
+  game.buttons[1].attack = false;
+  game.returns[0] = game.returns[1] = 0;
+  game.run(130);
+  EXPECT_EQ(game.user(kVain), 1);
+  EXPECT_EQ(game.user(kMerit), 0);
+  EXPECT_NEAR(game.returns[1] - game.returns[0], -0.005, 1e-5);
+}
+
+TEST(LavaMaze, LavaKillsWithinNinetySixTicsAndEndsTheEpisode) {
+  PlayedScenario game(kScenario);
+  game.run(6);
+  int lava = 0;
+  while (is_open(game, lava)) ++lava;
+  const Place place = middle_of(lava % 8, lava / 8);
+  game.put(0, place.x, place.y);
+  game.run(120);
+  EXPECT_TRUE(game.environment.last_step().terminated);
+  EXPECT_LE(game.environment.summary().length_tics, 6u + 98u);
+  EXPECT_LT(game.returns[0], game.returns[1] - 5) << "own death and own health count for the navigator alone";
+}
+
+TEST(LavaMaze, SignalerRidesOppositeToTheNavigatorAndLooksAtIt) {
+  PlayedScenario game(kScenario);
+  game.run(220);
+  const Place navigator = place_of(game.body(0)), signaler = place_of(game.body(1));
+  EXPECT_NEAR(std::max(std::abs(signaler.x), std::abs(signaler.y)), 626, 2);
+  EXPECT_LT(signaler.x * navigator.x + signaler.y * navigator.y, 0) << "the other side of the middle";
+  EXPECT_NEAR(wrap_degrees(bearing_degrees(signaler, navigator) - angle_degrees(game.body(1))), 0, 2);
+}
+
+TEST(LavaMaze, MasksGiveEachRoleItsOwnHalfOfTheActions) {
+  PlayedScenario game(kScenario);
+  std::vector<uint8_t> mask(26);
+  game.environment.observe_numbers({.action_mask = mask.data()});
+  const std::vector<uint8_t> expected = {1, 1, 1, 1, 1, 1, 1, 0, 1, 0, 0, 0, 0,
+                                         1, 0, 0, 1, 0, 0, 1, 1, 1, 1, 1, 1, 1};
+  EXPECT_EQ(mask, expected);
+}
+
+TEST(LavaMaze, ScriptedTeamClearsSixLevels) { EXPECT_EQ(oracle_mean(kScenario, 4), 6); }
+
+TEST(LavaMaze, ThirtySeedsGiveValidLayouts) {
+  for (uint64_t seed = 0; seed < 30; ++seed)
+    EXPECT_TRUE(scenarios::generate_layout(kScenario, {.seed = seed}));
+}
+
+}  // namespace
+}  // namespace comrad::sim

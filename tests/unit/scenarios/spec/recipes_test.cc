@@ -1,0 +1,171 @@
+// What every scenario's recipe and file keeps, whichever scenarios there are.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <ctime>
+#include <map>
+#include <set>
+
+#include "doomgen/layout/map_builder.h"
+#include "doomgen/layout/map_checks.h"
+#include "doomgen/layout/udmf_writer.h"
+#include "doomgen/wad/binary_map_reader.h"
+#include "doomgen/wad/udmf_reader.h"
+#include "doomgen/wad/wad_reader.h"
+#include "scenarios/spec/registry.h"
+#include "scenarios/spec/scenario_spec.h"
+
+namespace comrad::scenarios {
+namespace {
+
+using testing::HasSubstr;
+
+class EveryRecipe : public testing::TestWithParam<std::string> {};
+
+LayoutDraw draw_of(const std::string& name, const LayoutRecipe& recipe, uint64_t seed, bool vary) {
+  LayoutDraw draw{seed, {}, RngKey(seed).split(name), 0};
+  for (const LayoutParameter& p : recipe.parameters) draw.values[p.name] = p.default_value;
+  Rng rng(RngKey(seed).split("axes"));
+  if (vary)
+    for (const LayoutAxis& axis : recipe.axes)
+      for (const auto& [key, value] : axis.options[rng.below(static_cast<uint32_t>(axis.options.size()))])
+        draw.values[key] = value;
+  return draw;
+}
+
+TEST_P(EveryRecipe, HundredsOfSeedsGiveValidMapsAtTwentyASecond) {
+  const LayoutRecipe recipe = *layout_recipe(GetParam());
+  std::clock_t draw_time = 0;
+  int refused = 0;
+  constexpr int kSeeds = 100;
+  for (const bool vary : {false, true})
+    for (uint64_t seed = 0; seed < kSeeds; ++seed) {
+      SCOPED_TRACE(testing::Message() << "seed " << seed << (vary ? ", axes drawn" : ", defaults"));
+      const LayoutDraw wanted = draw_of(GetParam(), recipe, seed, vary);
+      const std::clock_t start = std::clock();
+      const auto drawn = recipe.draw(wanted);
+      draw_time += std::clock() - start;
+      if (!drawn) {
+        ++refused;
+        EXPECT_FALSE(drawn.error().message.empty());
+        continue;
+      }
+      ASSERT_TRUE(doomgen::validate_map(drawn->map));
+      if (seed % 10 != 0) continue;
+      const auto again = recipe.draw(wanted);
+      ASSERT_TRUE(again);
+      ASSERT_EQ(doomgen::write_udmf(drawn->map), doomgen::write_udmf(again->map));
+    }
+  EXPECT_LE(refused, 2 * kSeeds / 20);
+#ifdef NDEBUG  // the claim is about optimised builds
+  EXPECT_LT(static_cast<double>(draw_time) / CLOCKS_PER_SEC, 2 * kSeeds / 20.0);
+#endif
+}
+
+TEST_P(EveryRecipe, ParametersAndAxesAgree) {
+  const LayoutRecipe recipe = *layout_recipe(GetParam());
+  std::map<std::string, LayoutParameter> known;
+  for (const LayoutParameter& p : recipe.parameters) {
+    EXPECT_TRUE(known.emplace(p.name, p).second) << p.name;
+    EXPECT_LE(p.low, p.default_value) << p.name;
+    EXPECT_GE(p.high, p.default_value) << p.name;
+  }
+  std::set<std::string> used;
+  for (const LayoutAxis& axis : recipe.axes) {
+    std::set<std::string> here;
+    for (const auto& option : axis.options)
+      for (const auto& [name, value] : option) {
+        here.insert(name);
+        ASSERT_TRUE(known.contains(name)) << axis.name << ": " << name;
+        EXPECT_GE(value, known.at(name).low) << name;
+        EXPECT_LE(value, known.at(name).high) << name;
+      }
+    for (const std::string& name : here) EXPECT_TRUE(used.insert(name).second) << "two axes set " << name;
+  }
+}
+
+TEST_P(EveryRecipe, TheWadHoldsTheMapInEitherFormat) {
+  for (const MapFormat format : {MapFormat::kUdmf, MapFormat::kHexen}) {
+    const auto layout = generate_layout(GetParam(), {.seed = 42, .format = format});
+    ASSERT_TRUE(layout) << layout.error().message;
+    const auto wad = wad::WadFile::from_bytes({layout->wad.begin(), layout->wad.end()}, "test.wad");
+    ASSERT_TRUE(wad) << wad.error().message;
+    const auto lumps = wad->find_map("MAP01");
+    ASSERT_TRUE(lumps) << lumps.error().message;
+    EXPECT_EQ(lumps->textmap.has_value(), format == MapFormat::kUdmf);
+    const auto map = lumps->textmap ? wad::parse_udmf(wad->text(*lumps->textmap), "test")
+                                    : wad::read_binary_map(*wad, *lumps, "test");
+    ASSERT_TRUE(map) << map.error().message;
+    EXPECT_GT(map->linedefs.size(), 3u);
+    const auto info = parse_layout_info(wad->text(*wad->find(kLayoutInfoLump)));
+    ASSERT_TRUE(info) << info.error().message;
+    EXPECT_EQ(info->scenario, GetParam());
+  }
+}
+
+TEST_P(EveryRecipe, ItsScenarioFileIsWholeAndItsTeamsFindStarts) {
+  const auto spec = load_scenario(GetParam());
+  ASSERT_TRUE(spec) << spec.error().message;
+  for (const int agents : spec->supported_agents) {
+    const auto layout = generate_layout(GetParam(), {.num_agents = agents});
+    EXPECT_TRUE(layout) << agents << " agents: " << layout.error().message;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, EveryRecipe, testing::ValuesIn(layout_recipes()),
+                         [](const auto& one) { return one.param; });
+
+TEST(ScenarioFiles, ActionSpacesLimitsAndCeilingsAreThePublishedOnes) {
+  struct Row {
+    int difficulty;
+    int64_t actions;
+    int measurements, limit;
+    double alpha, ceiling;
+  };
+  const std::map<std::string, Row> published = {
+      {"stag_hunt_arena", {1, 54, 0, 4500, 0, 36}},
+      {"rhythm_sync", {3, 54, 10, 1750, 1, 1}},
+      {"foraging_commons", {3, 27, 8, 5250, 0, 21000}},
+      {"coop_puzzle", {3, 18, 0, 1200, 1, 5}},
+      {"platform_chain", {4, 54, 0, 5250, 1, 47}},
+      {"armory_siege", {4, 162, 9, 4500, 0, 100}},
+      {"coop_health_gathering", {4, 27, 0, 2100, 0, 8400}},
+      {"lava_pit", {5, 36, 0, 1000, 1, 11}},
+      {"smart_enemies", {5, 54, 0, 4500, 0, 84}},
+      {"dumb_enemies", {5, 54, 0, 4500, 0, 90}},
+      {"ammo_carrier", {6, 36, 10, 2100, 0, 8400}},
+      {"stealth_labyrinth", {7, 54, 0, 5250, 1, 1}},
+      {"lava_maze", {7, 90, 7, 5250, 1, 6}},
+  };
+  for (const std::string& name : list_scenarios()) {
+    SCOPED_TRACE(name);
+    const auto spec = load_scenario(name);
+    ASSERT_TRUE(spec) << spec.error().message;
+    const auto row = published.find(name);
+    if (row == published.end()) continue;  // a scenario of somebody's own
+    const EnvShape shape = spec->shape(spec->default_agents, true);
+    EXPECT_EQ(spec->difficulty, row->second.difficulty);
+    EXPECT_EQ(shape.joint_action_count(), row->second.actions);
+    EXPECT_EQ(shape.measurement_count, row->second.measurements);
+    EXPECT_EQ(spec->decision_limit, row->second.limit);
+    EXPECT_EQ(spec->shared_reward_alpha, row->second.alpha);
+    EXPECT_EQ(spec->ceiling, row->second.ceiling);
+    EXPECT_EQ(spec->default_agents, 2);
+  }
+}
+
+TEST(LayoutScriptText, DefinesWhatTheRecipeKnows) {
+  DrawnLayout layout;
+  layout.map.things.push_back({.editor_number = 1});
+  layout.map.things.push_back({.editor_number = 2});
+  layout.defines = {{"DOORS", 3}};
+  layout.arrays = {{"door_x", {-5, 7}}, {"nothing", {}}};
+  const std::string text = layout_script_text({"toy", 9, 0, {{"side", 512}}}, layout);
+  for (const char* line :
+       {"#define LAYOUT_SEED 9\n", "#define LAYOUT_PLAYERS 2\n", "#define PARAM_SIDE 512\n",
+        "#define DOORS 3\n", "int door_x[2] = {-5, 7};\n", "int nothing[1] = {0};\n"})
+    EXPECT_THAT(text, HasSubstr(line));
+}
+
+}  // namespace
+}  // namespace comrad::scenarios

@@ -1,0 +1,43 @@
+// oracle_play SCENARIO [EPISODES [LAYOUTS [AGENTS]]]: plays a scenario's scripted team without pipeline or pictures,
+// on as many layouts, and prints each episode's score. A tool for whoever writes an oracle.
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+
+#include "scenarios/spec/registry.h"
+#include "scenarios/spec/scenario_spec.h"
+#include "sim_workers/oracle/oracle.h"
+
+using namespace comrad;
+
+int main(int argc, char** argv) {
+  if (argc < 2) return std::fprintf(stderr, "usage: oracle_play SCENARIO [EPISODES [LAYOUTS [AGENTS]]]\n"), 2;
+  const std::string scenario = argv[1];
+  const int episodes = argc > 2 ? std::atoi(argv[2]) : 5, layouts = argc > 3 ? std::atoi(argv[3]) : 1;
+  const auto spec = scenarios::load_scenario(scenario);
+  if (!spec) return std::fprintf(stderr, "%s\n", spec.error().message.c_str()), 1;
+  const int agents = argc > 4 ? std::atoi(argv[4]) : spec->default_agents;
+  double sum = 0;
+  for (int episode = 0; episode < episodes; ++episode) {
+    scenarios::LayoutRequest request;
+    request.seed = layouts > 1 ? 1'000'000 + static_cast<uint64_t>(episode % layouts) : 42;
+    request.num_agents = agents;
+    const auto layout = scenarios::generate_layout(scenario, request);
+    if (!layout) return std::fprintf(stderr, "%s\n", layout.error().message.c_str()), 1;
+    const auto wad = wad::WadFile::from_bytes({layout->wad.begin(), layout->wad.end()}, scenario);
+    if (!wad) return std::fprintf(stderr, "%s\n", wad.error().message.c_str()), 1;
+    sim::EnvironmentOptions options;
+    options.scenario = scenario;
+    options.num_agents = agents;
+    const auto game = sim::load_doom_game(options, *wad);
+    if (!game) return std::fprintf(stderr, "%s\n", game.error().message.c_str()), 1;
+    const auto summary = sim::play_oracle_episode(*game, static_cast<uint64_t>(episode));
+    if (!summary) return std::fprintf(stderr, "%s\n", summary.error().message.c_str()), 1;
+    std::printf("episode %d layout %llu: J %.3f, %u tics, return %.2f\n", episode,
+                static_cast<unsigned long long>(request.seed), summary->score, summary->length_tics,
+                summary->agent_return.at(0));
+    sum += summary->score;
+  }
+  std::printf("mean J %.3f of %d episodes (ceiling %.3f)\n", sum / episodes, episodes, spec->ceiling);
+  return 0;
+}
