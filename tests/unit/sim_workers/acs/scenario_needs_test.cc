@@ -153,10 +153,11 @@ TEST(ScenarioNeeds, AMeleeZombieHitsForExactlyTen) {
     Melee: POSS E 10 A_FaceTarget POSS F 8 A_CustomMeleeAttack(10) POSS E 8 goto See } })");
   Actor& zombie = scene.spawn("MeleeZombie", 50, 0, 180);
   zombie.target_id = scene.body().id;
+  zombie.move_direction = kWest;  // not from the walk east that it is born with
   scene.world.set_label(zombie, StateLabel::kSee);
   std::vector<int32_t> losses;
   int32_t health = 100;
-  for (int tic = 0; tic < 200 && scene.world.player(0).alive; ++tic) {
+  for (int tic = 0; tic < 400 && scene.world.player(0).alive; ++tic) {
     scene.tics(1);
     if (scene.world.player(0).health != health) losses.push_back(health - scene.world.player(0).health);
     health = scene.world.player(0).health;
@@ -370,7 +371,7 @@ TEST(ScenarioNeeds, MonstersHateWhomAScriptNames) {
   Scene scene(R"(actor Core { Health 1000 Radius 16 Height 50 Monster -COUNTKILL +FRIENDLY +NOBLOOD Speed 0
       DamageFactor "Taunt", 0.0 States { Spawn: TLMP A -1 stop Death: TLMP A 1 stop } })",
               code);
-  scene.tics(300);
+  scene.tics(900);
   const Actor* core = scene.world.find_thing(50);
   ASSERT_NE(core, nullptr);
   EXPECT_LT(core->health, 1000) << "the imp attacks the core";

@@ -155,6 +155,7 @@ TEST(Chase, OnTheHighestSkillDemonsAreTwiceAsFast) {
     stage.make_player_tough();
     Actor& demon = stage.spawn("Demon", 1000, 0, 180);
     demon.target_id = stage.body().id;
+    demon.move_direction = kWest;  // not from the walk east that it is born with
     const uint32_t id = demon.id;
     stage.world.set_label(demon, StateLabel::kSee);
     stage.tics(70);
