@@ -715,8 +715,8 @@ void ViewBuilder::emit_wall_part(const Span& span, float x_left, float x_right, 
                    });
 }
 
-/// Columns that look through the same openings to the same wall share the strips of floor and ceiling between
-/// them.
+/// What lies between two borders that follow each other in a column is one strip of floor and ceiling. It goes
+/// on through all columns in a row where the same two follow each other, whatever is nearer or farther.
 void ViewBuilder::emit_crossed_planes() {
   std::fill(crossing_count_.begin(), crossing_count_.end(), 0);
   for (const int32_t index : partial_spans_) {
@@ -735,67 +735,68 @@ void ViewBuilder::emit_crossed_planes() {
       count = std::min(count + 1, kCrossingsMax);
     }
   }
-  const auto same_column = [&](int a, int b) {
-    const auto one = static_cast<std::size_t>(a), other = static_cast<std::size_t>(b);
-    if (column_span_[one] != column_span_[other] || crossing_count_[one] != crossing_count_[other])
-      return false;
-    for (int i = 0; i < crossing_count_[one]; ++i)
-      if (crossings_[one * kCrossingsMax + static_cast<std::size_t>(i)].span !=
-          crossings_[other * kCrossingsMax + static_cast<std::size_t>(i)].span)
-        return false;
-    return true;
-  };
-  int begin = 0;
-  while (begin < projection_.width) {
-    int end = begin + 1;
-    while (end < projection_.width && same_column(begin, end)) ++end;
-    const auto at = static_cast<std::size_t>(begin);
-    emit_plane_run(begin, end, &crossings_[at * kCrossingsMax], crossing_count_[at], column_span_[at]);
-    begin = end;
+  strips_.clear();
+  for (int column = 0; column < projection_.width; ++column) {
+    const auto at = static_cast<std::size_t>(column);
+    const Crossing* crossings = &crossings_[at * kCrossingsMax];
+    next_strips_.clear();
+    int32_t near_span = -1;
+    std::size_t older = 0;  // strips of the column before are in the same order, near to far
+    for (int i = 0; i <= crossing_count_[at]; ++i) {
+      const int32_t far_span = i < crossing_count_[at] ? crossings[i].span : column_span_[at];
+      if (far_span < 0) break;  // the map is open here: nothing ends this floor
+      Strip strip{.near_span = near_span, .far_span = far_span, .column_begin = column};
+      for (std::size_t other = older; other < strips_.size(); ++other)
+        if (strips_[other].near_span == near_span && strips_[other].far_span == far_span) {
+          strip.column_begin = strips_[other].column_begin;
+          strips_[other].column_begin = -1;
+          older = other + 1;
+          break;
+        }
+      next_strips_.push_back(strip);
+      near_span = far_span;
+    }
+    for (const Strip& ended : strips_)
+      if (ended.column_begin >= 0) emit_strip(ended, column);
+    std::swap(strips_, next_strips_);
   }
+  for (const Strip& ended : strips_) emit_strip(ended, projection_.width);
 }
 
-void ViewBuilder::emit_plane_run(int column_begin, int column_end, const Crossing* crossings, int count,
-                                 int32_t solid_span) {
-  const auto left = static_cast<float>(column_begin), right = static_cast<float>(column_end);
+void ViewBuilder::emit_strip(const Strip& strip, int column_end) {
+  const auto left = static_cast<float>(strip.column_begin), right = static_cast<float>(column_end);
   const auto rows = static_cast<float>(projection_.rows);
   const auto inverse_of = [&](const Span& span, float x) {
     return std::clamp(span.inverse_at(x), kFarInverse, 1.0f / kNearDepth);
   };
-  const Span* near_edge = nullptr;
-  for (int i = 0; i <= count; ++i) {
-    const int32_t far_index = i < count ? crossings[i].span : solid_span;
-    if (far_index < 0) return;  // the map is open here: nothing ends this floor
-    const Span& far_edge = spans_[static_cast<std::size_t>(far_index)];
-    const SectorNow now = sector(far_edge.near_sector);
-    const Sector& source = view_->sectors[far_edge.near_sector];
-    const bool has_beyond = !far_edge.solid;
-    const SectorNow beyond = has_beyond ? sector(far_edge.far_sector) : now;
-    const float far_left = inverse_of(far_edge, left), far_right = inverse_of(far_edge, right);
-    const float near_left = near_edge ? inverse_of(*near_edge, left) : 0;
-    const float near_right = near_edge ? inverse_of(*near_edge, right) : 0;
-    // Under a wall that rises from the far edge the strip goes on for a pixel: the wall hides it, no gap can
-    // show.
-    const auto scale = [&](float height) { return projection_.focal_y * (eye_z_ - height); };
-    if (now.floor < eye_z_ && !now.floor_plane->sky) {
-      const float tuck = !has_beyond || beyond.floor > now.floor ? 1.0f : 0.0f;
-      const float unit = scale(now.floor), horizon = center_y_ + unit * kFarInverse;
-      emit_plane(left, right, std::max(horizon, center_y_ + unit * far_left - tuck),
-                 std::max(horizon, center_y_ + unit * far_right - tuck),
-                 near_edge ? center_y_ + unit * near_left : rows,
-                 near_edge ? center_y_ + unit * near_right : rows, now.floor, now.floor_plane->region,
-                 source.floor_placement, now.floor_shade, now.tint);
-    }
-    if (now.ceiling > eye_z_ && !now.ceiling_plane->sky) {
-      const float tuck = !has_beyond || beyond.ceiling < now.ceiling ? 1.0f : 0.0f;
-      const float unit = scale(now.ceiling), horizon = center_y_ + unit * kFarInverse;
-      emit_plane(left, right, near_edge ? center_y_ + unit * near_left : 0,
-                 near_edge ? center_y_ + unit * near_right : 0,
-                 std::min(horizon, center_y_ + unit * far_left + tuck),
-                 std::min(horizon, center_y_ + unit * far_right + tuck), now.ceiling,
-                 now.ceiling_plane->region, source.ceiling_placement, now.ceiling_shade, now.tint);
-    }
-    near_edge = &far_edge;
+  const Span* near_edge = strip.near_span < 0 ? nullptr : &spans_[static_cast<std::size_t>(strip.near_span)];
+  const Span& far_edge = spans_[static_cast<std::size_t>(strip.far_span)];
+  const SectorNow& now = sector(far_edge.near_sector);
+  const SectorNow& beyond = far_edge.solid ? now : sector(far_edge.far_sector);
+  const Sector& source = view_->sectors[far_edge.near_sector];
+  const float far_left = inverse_of(far_edge, left), far_right = inverse_of(far_edge, right);
+  const float near_left = near_edge ? inverse_of(*near_edge, left) : 0;
+  const float near_right = near_edge ? inverse_of(*near_edge, right) : 0;
+  // Under a wall that rises from the far edge the strip goes on for a pixel: the wall hides it, no gap can
+  // show.
+  const auto scale = [&](float height) { return projection_.focal_y * (eye_z_ - height); };
+  if (now.floor < eye_z_ && !now.floor_plane->sky) {
+    const float tuck = far_edge.solid || beyond.floor > now.floor ? 1.0f : 0.0f;
+    const float unit = scale(now.floor), horizon = center_y_ + unit * kFarInverse;
+    emit_plane(left, right, std::max(horizon, center_y_ + unit * far_left - tuck),
+               std::max(horizon, center_y_ + unit * far_right - tuck),
+               near_edge ? center_y_ + unit * near_left : rows,
+               near_edge ? center_y_ + unit * near_right : rows, now.floor, now.floor_plane->region,
+               source.floor_placement, now.floor_shade, now.tint);
+  }
+  if (now.ceiling > eye_z_ && !now.ceiling_plane->sky) {
+    const float tuck = far_edge.solid || beyond.ceiling < now.ceiling ? 1.0f : 0.0f;
+    const float unit = scale(now.ceiling), horizon = center_y_ + unit * kFarInverse;
+    emit_plane(left, right, near_edge ? center_y_ + unit * near_left : 0,
+               near_edge ? center_y_ + unit * near_right : 0,
+               std::min(horizon, center_y_ + unit * far_left + tuck),
+               std::min(horizon, center_y_ + unit * far_right + tuck), now.ceiling, now.ceiling_plane->region,
+               source.ceiling_placement, now.ceiling_shade, now.tint);
   }
 }
 

@@ -153,6 +153,11 @@ class ViewBuilder {
     float inverse = 0;
     int32_t span = -1;
   };
+  /// Floor and ceiling between two borders, nearest of all (-1) or of the columns before them.
+  struct Strip {
+    int32_t near_span = -1, far_span = -1;
+    int column_begin = 0;
+  };
   struct VisibleSprite {
     float inverse = 0, x_left = 0, x_right = 0, y_top = 0, y_bottom = 0, shade = 0;
     AtlasRegion region;
@@ -193,8 +198,7 @@ class ViewBuilder {
   void emit_curtain(const Span& span, float x_left, float x_right, float top, float bottom,
                     const AtlasRegion& region, float shade, int32_t tint);
   void emit_crossed_planes();
-  void emit_plane_run(int column_begin, int column_end, const Crossing* crossings, int count,
-                      int32_t solid_span);
+  void emit_strip(const Strip& strip, int column_end);
   void emit_plane(float x_left, float x_right, float top_left, float top_right, float bottom_left,
                   float bottom_right, float height, const AtlasRegion& region, const FlatPlacement& placement,
                   float shade, int32_t tint);
@@ -233,6 +237,7 @@ class ViewBuilder {
   std::vector<int32_t> column_span_;
   std::vector<Crossing> crossings_;  // [column, kCrossingsMax]
   std::vector<int32_t> crossing_count_;
+  std::vector<Strip> strips_, next_strips_;  // of a column, near to far
   std::vector<VisibleSprite> sprites_;
   bool sky_seen_ = false;
 };
