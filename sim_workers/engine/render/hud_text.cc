@@ -434,27 +434,34 @@ void HudText::draw_glyph(const Glyph& glyph, int color, int x, int y, const Canv
   const std::array<uint8_t, 256>* shades = color == kTextColorPlain ? nullptr : &ramp(color);
   const std::size_t plane = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
   const int share = static_cast<int>(alpha * 256.0f + 0.5f);
+  const bool covers = share == 256 && !additive;
+  texel_columns_.clear();
+  for (int column = begin_x; column < end_x; ++column)
+    texel_columns_.push_back(std::clamp(
+        static_cast<int>(std::floor((static_cast<float>(column) + 0.5f - canvas.left) / canvas.scale_x)) - x,
+        0, glyph.width - 1));
   for (int row = begin_y; row < end_y; ++row) {
     const int from_y =
         std::clamp(static_cast<int>(std::floor((static_cast<float>(row) + 0.5f) / canvas.scale_y)) - y, 0,
                    glyph.height - 1);
-    for (int column = begin_x; column < end_x; ++column) {
-      const int from_x = std::clamp(
-          static_cast<int>(std::floor((static_cast<float>(column) + 0.5f - canvas.left) / canvas.scale_x)) -
-              x,
-          0, glyph.width - 1);
-      const std::size_t texel = static_cast<std::size_t>(from_y) * static_cast<std::size_t>(glyph.width) +
-                                static_cast<std::size_t>(from_x);
-      if (glyph.texels[texel] == kTransparentIndex) continue;
+    const std::size_t texel_row = static_cast<std::size_t>(from_y) * static_cast<std::size_t>(glyph.width);
+    const uint8_t* const texels = &glyph.texels[texel_row];
+    uint8_t* pixel = picture + static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+                     static_cast<std::size_t>(begin_x);
+    for (const int from_x : texel_columns_) {
+      uint8_t* const at = pixel++;
+      const uint8_t texel = texels[from_x];
+      if (texel == kTransparentIndex) continue;
       const uint32_t rgb =
-          colors[shades == nullptr ? glyph.texels[texel] : (*shades)[glyph.brightness[texel]]];
-      const std::size_t at =
-          static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(column);
+          colors[shades == nullptr
+                     ? texel
+                     : (*shades)[glyph.brightness[texel_row + static_cast<std::size_t>(from_x)]]];
       for (std::size_t channel = 0; channel < 3; ++channel) {
-        uint8_t& pixel = picture[channel * plane + at];
-        const int source = static_cast<int>(rgb >> (8 * channel) & 255);
-        pixel = static_cast<uint8_t>(additive ? std::min(255, pixel + (source * share >> 8))
-                                              : (source * share + pixel * (256 - share)) >> 8);
+        const int source = static_cast<int>(rgb >> (8 * channel) & 255), below = at[channel * plane];
+        at[channel * plane] =
+            static_cast<uint8_t>(covers     ? source
+                                 : additive ? std::min(255, below + (source * share >> 8))
+                                            : (source * share + below * (256 - share)) >> 8);
       }
     }
   }

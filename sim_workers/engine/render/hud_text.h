@@ -95,6 +95,7 @@ class HudText {
   std::array<std::array<uint8_t, 256>, kTextColorCount> ramps_{};  // [color][brightness] palette index
   std::array<bool, kTextColorCount> ramp_made_{};
   std::vector<Letter> letters_;
+  std::vector<int> texel_columns_;  // of a glyph, under the pixels of a row
   std::vector<Line> lines_;
 };
 

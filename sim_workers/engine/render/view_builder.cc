@@ -715,8 +715,8 @@ void ViewBuilder::emit_wall_part(const Span& span, float x_left, float x_right, 
                    });
 }
 
-/// What lies between two borders that follow each other in a column is one strip of floor and ceiling. It goes
-/// on through all columns in a row where the same two follow each other, whatever is nearer or farther.
+/// What lies between two borders that follow each other in a column is one strip of floor and ceiling. It
+/// goes on through all columns in a row where the same two follow each other, whatever is nearer or farther.
 void ViewBuilder::emit_crossed_planes() {
   std::fill(crossing_count_.begin(), crossing_count_.end(), 0);
   for (const int32_t index : partial_spans_) {
@@ -928,6 +928,21 @@ void ViewBuilder::begin_masked(bool blended) {
   list_->has_blended |= blended;
 }
 
+/// Blended quads lie in this part of the picture, given in pixels.
+void ViewBuilder::cover_blended(float left, float top, float right, float bottom) {
+  const auto rows = static_cast<float>(projection_.rows), columns = static_cast<float>(projection_.width);
+  const PixelBox box{static_cast<int>(std::floor(std::clamp(left, 0.0f, columns))),
+                     static_cast<int>(std::floor(std::clamp(top, 0.0f, rows))),
+                     static_cast<int>(std::ceil(std::clamp(right, 0.0f, columns))),
+                     static_cast<int>(std::ceil(std::clamp(bottom, 0.0f, rows)))};
+  PixelBox& all = list_->blended_box;
+  if (all.right <= all.left || all.bottom <= all.top)
+    all = box;
+  else
+    all = {std::min(all.left, box.left), std::min(all.top, box.top), std::max(all.right, box.right),
+           std::max(all.bottom, box.bottom)};
+}
+
 void ViewBuilder::emit_masked() {
   const auto rows = static_cast<float>(projection_.rows);
   for (const VisibleSprite& sprite : sprites_) {
@@ -953,12 +968,14 @@ void ViewBuilder::emit_masked() {
       const auto run_left = static_cast<float>(column), run_right = static_cast<float>(end);
       column = end;
       if (span != nullptr) {
+        if (sprite.blend >= 0) cover_blended(run_left, 0, run_right, rows);
         emit_grating(*span, sprite.blend >= 0 ? mark : sector(span->near_sector).tint, run_left, run_right);
         continue;
       }
       const float left = std::max(sprite.x_left, run_left), right = std::min(sprite.x_right, run_right);
       const float top = std::max(sprite.y_top, 0.0f), bottom = std::min(sprite.y_bottom, rows);
       if (right <= left || bottom <= top) continue;
+      if (sprite.blend >= 0) cover_blended(left, top, right, bottom);
       // A hair inside the picture, so that rounding never wraps to the other edge.
       const auto inside = [](float value) { return std::clamp(value, 1e-4f, 1.0f - 1e-4f); };
       const auto u_at = [&](float x) {
@@ -1022,6 +1039,7 @@ void ViewBuilder::emit_hand() {
     const float y0 = std::max(top, 0.0f), y1 = std::min(bottom, rows);
     if (x0 >= x1 || y0 >= y1) continue;
     begin_masked(hand_blend >= 0);
+    if (hand_blend >= 0) cover_blended(x0, y0, x1, y1);
     const SectorNow& now = sector(eye_sector_);
     const float shade = held.bright ? 0 : now.shade;
     const int32_t mark =

@@ -52,6 +52,12 @@ struct QuadVertex {
   float width, height;  ///< of the texture, texels
   float shade;          ///< light row at infinite distance; see light_shade()
   int32_t address;      ///< of the texture in the atlas; above it the tint, or the blend
+  int32_t picture = 0;  ///< which of the pictures of a pass; the rasterizer sets it
+};
+
+/// Pixels [left, right) x [top, bottom).
+struct PixelBox {
+  int left = 0, top = 0, right = 0, bottom = 0;
 };
 
 constexpr int kTintsMax = 8, kBlendsMax = 8;
@@ -80,6 +86,8 @@ struct DrawList {
   };
   std::vector<Run> masked_runs;
   bool has_blended = false;
+  PixelBox blended_box;                             ///< pixels that blended quads may cover
+  int32_t picture = 0;                              ///< which of the pictures of one pass this is
   std::array<uint32_t, kTintsMax> tints{0xFFFFFF};  ///< 0xRRGGBB by number; 0 is white
   uint32_t tint_count = 1;
   std::array<Blend, kBlendsMax> blends{};
@@ -89,6 +97,7 @@ struct DrawList {
     vertices.clear(), masked_runs.clear();
     painted_end = solid_end = plane_end = masked_end = 0;
     needs_depth = has_blended = false;
+    blended_box = {};
     tint_count = 1, blend_count = 0;
   }
 };
@@ -208,6 +217,7 @@ class ViewBuilder {
   void emit_grating(const Span& span, int32_t tint_or_blend, float run_left, float run_right);
   void emit_hand();
   void begin_masked(bool blended);
+  void cover_blended(float left, float top, float right, float bottom);
   void push(float x, float row, float inverse, float u, float v, const AtlasRegion& region, float shade,
             int32_t tint);
   uint32_t quad_count() const { return static_cast<uint32_t>(list_->vertices.size() / 4); }
