@@ -17,17 +17,12 @@ namespace comrad::doom {
   X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray)                         \
   X(PFNGLBUFFERDATAPROC, BufferData)                                   \
   X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus)           \
-  X(PFNGLCLEARBUFFERFVPROC, ClearBufferfv)                             \
   X(PFNGLCLEARBUFFERUIVPROC, ClearBufferuiv)                           \
   X(PFNGLCOLORMASKIPROC, ColorMaski)                                   \
   X(PFNGLCOMPILESHADERPROC, CompileShader)                             \
   X(PFNGLCREATEPROGRAMPROC, CreateProgram)                             \
   X(PFNGLCREATESHADERPROC, CreateShader)                               \
-  X(PFNGLDEPTHFUNCPROC, DepthFunc)                                     \
-  X(PFNGLDEPTHMASKPROC, DepthMask)                                     \
-  X(PFNGLDISABLEPROC, Disable)                                         \
   X(PFNGLDRAWBUFFERSPROC, DrawBuffers)                                 \
-  X(PFNGLENABLEPROC, Enable)                                           \
   X(PFNGLENABLEVERTEXATTRIBARRAYPROC, EnableVertexAttribArray)         \
   X(PFNGLFRAMEBUFFERTEXTUREPROC, FramebufferTexture)                   \
   X(PFNGLFRAMEBUFFERTEXTURELAYERPROC, FramebufferTextureLayer)         \

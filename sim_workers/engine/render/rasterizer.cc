@@ -168,20 +168,15 @@ Expected<const Rasterizer::Target*> Rasterizer::target(int pictures, bool blende
         gl_.FramebufferTextureLayer(GL_FRAMEBUFFER, attachment, target.colors[i], 0, layer);
     }
   };
-  const auto make = [&](GLenum format, GLenum layout, GLenum type) {
-    GLuint texture = 0;
-    gl_.GenTextures(1, &texture);
-    gl_.BindTexture(GL_TEXTURE_2D_ARRAY, texture);
+  for (std::size_t i = 0; i < (blended ? 2u : 1u); ++i) {
+    gl_.GenTextures(1, &target.colors[i]);
+    gl_.BindTexture(GL_TEXTURE_2D_ARRAY, target.colors[i]);
     gl_.TexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, 0);
     gl_.TexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
     gl_.TexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-    gl_.TexImage3D(GL_TEXTURE_2D_ARRAY, 0, static_cast<GLint>(format), width_, rows_, layers, 0, layout, type,
-                   nullptr);
-    return texture;
-  };
-  for (std::size_t i = 0; i < (blended ? 2u : 1u); ++i)
-    target.colors[i] = make(GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT);
-  const GLuint depth = make(GL_DEPTH_COMPONENT24, GL_DEPTH_COMPONENT, GL_UNSIGNED_INT);
+    gl_.TexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_R32UI, width_, rows_, layers, 0, GL_RED_INTEGER,
+                   GL_UNSIGNED_INT, nullptr);
+  }
   GLuint framebuffers[kPicturesMax + 1] = {};
   gl_.GenFramebuffers(layers + 1, framebuffers);
   for (int layer = 0; layer < layers; ++layer) {
@@ -189,7 +184,6 @@ Expected<const Rasterizer::Target*> Rasterizer::target(int pictures, bool blende
     attach_all(target.readers.back(), layer);
   }
   attach_all(framebuffers[0], -1);
-  gl_.FramebufferTexture(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, depth, 0);
   const GLenum buffers[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
   gl_.DrawBuffers(blended ? 2 : 1, buffers);
   if (gl_.CheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
@@ -237,7 +231,6 @@ Status Rasterizer::set_up() {
   gl_.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
   gl_.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
   gl_.PixelStorei(GL_PACK_ALIGNMENT, 1);
-  gl_.DepthFunc(GL_LEQUAL);
   if (gl_.GetError() != GL_NO_ERROR)
     return Error{ErrorCode::kUnsupported, "OpenGL reports an error while the renderer sets itself up"};
   return {};
@@ -295,24 +288,11 @@ void Rasterizer::upload(std::span<const DrawList* const> lists) {
                  GL_STREAM_DRAW);
 }
 
-/// Walls, floors, sky; the depth test stays on where a list needs it.
+/// Walls, floors, sky.
 void Rasterizer::draw_opaque(std::span<const DrawList* const> lists, GLuint program) {
   gl_.UseProgram(program);
-  for (std::size_t i = 0; i < lists.size(); ++i) queue(i, 0, lists[i]->painted_end);
+  for (std::size_t i = 0; i < lists.size(); ++i) queue(i, 0, lists[i]->opaque_end);
   draw_queued();
-  depth_test_ =
-      std::any_of(lists.begin(), lists.end(), [](const DrawList* list) { return list->needs_depth; });
-  if (!depth_test_) return;
-  const float far = 1.0f;
-  gl_.Enable(GL_DEPTH_TEST);
-  gl_.DepthMask(GL_TRUE);
-  gl_.ClearBufferfv(GL_DEPTH, 0, &far);
-  for (std::size_t i = 0; i < lists.size(); ++i) queue(i, lists[i]->painted_end, lists[i]->solid_end);
-  draw_queued();
-  gl_.DepthMask(GL_FALSE);
-  for (std::size_t i = 0; i < lists.size(); ++i) queue(i, lists[i]->solid_end, lists[i]->plane_end);
-  draw_queued();
-  gl_.DepthMask(GL_TRUE);
 }
 
 /// Sprites and gratings: the lists' stretches of the same kind together.
@@ -327,7 +307,7 @@ void Rasterizer::draw_masked(std::span<const DrawList* const> lists, bool layere
       if (next == runs.size()) continue;
       any = true;
       if (runs[next].blended != blended) continue;
-      queue(i, next == 0 ? lists[i]->plane_end : runs[next - 1].end, runs[next].end);
+      queue(i, next == 0 ? lists[i]->opaque_end : runs[next - 1].end, runs[next].end);
       ++next;
     }
     if (counts_.empty()) continue;
@@ -357,7 +337,6 @@ void Rasterizer::draw(std::span<const DrawList* const> lists) {
   draw_opaque(lists, opaque_program_);
   if (layered) gl_.ColorMaski(1, GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
   draw_masked(lists, layered);
-  if (depth_test_) gl_.Disable(GL_DEPTH_TEST);
   if (layered) gl_.ColorMaski(0, GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 }
 
@@ -390,9 +369,8 @@ void Rasterizer::draw_depth(const DrawList& list, float* depth) {
   gl_.ClearBufferuiv(GL_COLOR, 0, nothing);
   draw_opaque(lists, opaque_depth_program_);
   gl_.UseProgram(masked_depth_program_);
-  queue(0, list.plane_end, list.masked_end);
+  queue(0, list.opaque_end, list.masked_end);
   draw_queued();
-  if (depth_test_) gl_.Disable(GL_DEPTH_TEST);
   gl_.BindFramebuffer(GL_READ_FRAMEBUFFER, drawn_->readers[0]);
   gl_.ReadPixels(0, 0, width_, rows_, GL_RED_INTEGER, GL_UNSIGNED_INT, depth);
   const std::size_t pixels = static_cast<std::size_t>(width_) * static_cast<std::size_t>(rows_);

@@ -75,7 +75,6 @@ class Rasterizer {
   const Target* drawn_ = nullptr;
   GLuint atlas_texture_ = 0;
   int atlas_height_ = 0;
-  bool depth_test_ = false;
   std::vector<QuadVertex> vertices_;  // of all lists
   std::vector<GLint> bases_of_lists_;
   std::vector<GLsizei> counts_;  // queued stretches
