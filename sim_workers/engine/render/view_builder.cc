@@ -23,6 +23,7 @@ constexpr float kTexelEpsilon = 1.0f / 256.0f;
 constexpr float kTwoPi = 6.28318530717958647692f;
 constexpr float kShadowAlpha = 0.3f;   // how much a spectre or a half invisible player takes of the light
 constexpr float kTuck = 1.0f / 16.0f;  // rows that a surface goes on below a nearer one
+constexpr std::size_t kPiecesLookedAt = 8;
 constexpr float kLightRowsPerFlash = 4.0f;  // a weapon's flash adds 16 light levels of 256
 
 /// Rasterizers place corners on a grid of 1/256 pixel; on the same grid, "is this pixel's centre inside" has
@@ -427,11 +428,10 @@ void ViewBuilder::measure_line(uint32_t line_index, LineView* seen) {
   }
   if (span.column_begin >= span.column_end) return;
   if (line.two_sided && !span.solid) {
-    const bool has_middle = side_now(from_back ? line.back : line.front).middle.present;
-    if (!has_middle &&
-        (span.near_sector == span.far_sector ||
-         same_look(sector(span.near_sector), sector(span.far_sector), span.near_sector, span.far_sector)))
-      return;
+    const bool alike =
+        span.near_sector == span.far_sector ||
+        same_look(sector(span.near_sector), sector(span.far_sector), span.near_sector, span.far_sector);
+    if (alike && !side_now(from_back ? line.back : line.front).middle.present) return;
   }
   // The texture runs from the near side's own start, which is always the span's left end.
   const float width = span.x_right - span.x_left;
@@ -735,9 +735,10 @@ bool ViewBuilder::goes_on(const Piece& before, const Piece& now) const {
 
 /// Adds a piece of one column, as the continuation of one of the column before it where it is that, or else
 /// if it `holds_pixel`. Pieces of a column are in the same order as those of the one before; the search goes
-/// on behind the last that was found.
+/// on behind the last that was found, and not far: a piece that is missed is drawn in two.
 void ViewBuilder::add_piece(const Piece& piece, bool holds_pixel, std::size_t* older) {
-  for (std::size_t i = *older; i < column_pieces_.size(); ++i) {
+  const std::size_t end = std::min(column_pieces_.size(), *older + kPiecesLookedAt);
+  for (std::size_t i = *older; i < end; ++i) {
     Piece& before = column_pieces_[i];
     if (!goes_on(before, piece)) continue;
     next_column_pieces_.push_back(before);
