@@ -7,6 +7,7 @@
 
 #include "doomgen/acs/declarations.h"
 #include "doomgen/acs/pcodes.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::acs_compiler {
 namespace {
@@ -263,9 +264,8 @@ class Generator {
     for (const Routine& routine : program_.routines) {
       if (routine.is_script) {
         if (routine.imported) continue;
-        std::string lower(routine.name);
-        for (char& c : lower) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-        if (routine.named ? !names.insert(lower).second : !numbers.insert(routine.number).second)
+        if (routine.named ? !names.insert(lower_case(routine.name)).second
+                          : !numbers.insert(routine.number).second)
           error(routine.place,
                 "a second script " + (routine.named ? quoted(routine.name) : std::to_string(routine.number)),
                 "another number or name");

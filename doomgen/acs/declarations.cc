@@ -6,6 +6,8 @@
 #include <unordered_map>
 #include <vector>
 
+#include "rollout_buffer/core/text.h"
+
 namespace comrad::acs_compiler {
 namespace {
 
@@ -975,12 +977,6 @@ constexpr Special kSpecials[] = {
 };
 // clang-format on
 
-std::string lower_case(std::string_view text) {
-  std::string result(text);
-  for (char& c : result) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return result;
-}
-
 struct Tables {
   std::unordered_map<std::string, int32_t> constants, specials;
   std::unordered_map<std::string, BuiltInFunction> functions;
@@ -1012,22 +1008,6 @@ const Tables& tables() {
   return instance;
 }
 
-/// Letters to change, add or leave out between two words.
-std::size_t distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t replaced = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({replaced, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row[b.size()];
-}
-
 }  // namespace
 
 std::optional<int32_t> find_constant(std::string_view name) {
@@ -1050,7 +1030,7 @@ std::string_view nearest_name(std::string_view name) {
   std::string_view best;
   std::size_t least = name.size() / 4 + 1;
   const auto consider = [&](std::string_view candidate) {
-    const std::size_t far = distance(name, lower_case(candidate));
+    const std::size_t far = edit_distance(name, lower_case(candidate));
     if (far < least) least = far, best = candidate;
   };
   for (const Constant& row : kConstants) consider(row.name);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/actor_calls.h"
 #include "sim_workers/engine/acs/actor_properties.h"
 #include "sim_workers/engine/acs/hud.h"
@@ -1321,7 +1322,7 @@ void Interpreter::execute_call(PCode code) {
       const Actor* actor = caller_.one_actor(thing_id);
       if (actor == nullptr) return push(0);
       const Sector& sector = state_.sectors[actor->sector_index];
-      return push(same_text(
+      return push(same_ignoring_case(
           code == PCode::kCheckActorFloorTexture ? sector.floor_texture : sector.ceiling_texture,
           caller_.text(texture)));
     }
@@ -1391,7 +1392,7 @@ void Interpreter::execute_call(PCode code) {
     case PCode::kCheckWeapon: {
       const int player = caller_.activator_player();
       const uint32_t ready = player >= 0 ? world_.player(player).ready_weapon : kNoType;
-      top() = ready != kNoType && same_text(world_.catalog()[ready].name, caller_.text(top()));
+      top() = ready != kNoType && same_ignoring_case(world_.catalog()[ready].name, caller_.text(top()));
       return;
     }
     case PCode::kGetAmmoCapacity: {

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/specials/line_specials.h"
 
 namespace comrad::doom {
@@ -276,8 +277,6 @@ constexpr SpecialName kSpecials[] = {
     {280, "Ceiling_MoveToValueAndCrush", kUnsupported},
 };
 
-char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
-
 const SpecialName* find(int32_t number) {
   const auto* const found =
       std::lower_bound(std::begin(kSpecials), std::end(kSpecials), number,
@@ -289,9 +288,7 @@ const SpecialName* find(int32_t number) {
 
 std::optional<int32_t> find_special(std::string_view name) {
   for (const SpecialName& special : kSpecials)
-    if (std::equal(name.begin(), name.end(), special.name.begin(), special.name.end(),
-                   [](char a, char b) { return lower(a) == lower(b); }))
-      return special.number;
+    if (same_ignoring_case(name, special.name)) return special.number;
   return std::nullopt;
 }
 
