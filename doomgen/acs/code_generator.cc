@@ -7,6 +7,7 @@
 
 #include "doomgen/acs/declarations.h"
 #include "doomgen/acs/pcodes.h"
+#include "doomgen/wad/special_names.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::acs_compiler {
@@ -288,7 +289,7 @@ class Generator {
       }
       if (!functions_.emplace(routine.name, entry).second)
         error(routine.place, "a second function " + quoted(routine.name), "another name");
-      if (find_function(routine.name) || find_special(routine.name))
+      if (find_function(routine.name) || wad::find_special(routine.name))
         diagnostics_.warn(routine.place,
                           quoted(routine.name) + " hides what the game provides under this name");
     }
@@ -949,7 +950,7 @@ class Generator {
   std::optional<int32_t> special_number(std::string_view name) const {
     if (const auto found = specials_.find(name); found != specials_.end() && found->second->number > 0)
       return found->second->number;
-    return find_special(name);
+    return wad::find_special(name);
   }
 
   // ---- calls
@@ -975,7 +976,7 @@ class Generator {
     }
     if (const std::optional<BuiltInFunction> function = find_function(node.text))
       return call_built_in(node, *function, wanted);
-    if (const std::optional<int32_t> special = find_special(node.text)) {
+    if (const std::optional<int32_t> special = wad::find_special(node.text)) {
       if (arguments_fit(node, 0, 5)) call_special(node, *special, wanted);
       return;
     }
