@@ -19,7 +19,6 @@ namespace {
 constexpr int16_t kUnsupported[] = {
     9,    // Line_Horizon
     16,   // Transfer_WallLight
-    18,   // StartConversation
     48,   // Sector_Attach3dMidtex
     50,   // ExtraFloor_LightOnly
     51,   // Sector_SetLink
@@ -46,6 +45,8 @@ constexpr int16_t kUnsupported[] = {
     184,  // Line_AlignFloor
     190,  // Static_Init
     209,  // Transfer_Heights
+    210,  // Transfer_FloorLight
+    211,  // Transfer_CeilingLight
     274,  // Door_AnimatedClose
     277,  // Sector_SetFloorGlow
     278,  // Sector_SetCeilingGlow
