@@ -8,6 +8,7 @@
 #include "deploy/config/commands/command.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/text.h"
 #include "rollout_buffer/schema/version.h"
 
 namespace {

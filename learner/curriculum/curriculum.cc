@@ -8,6 +8,7 @@
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::learn {
 namespace {

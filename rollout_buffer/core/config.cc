@@ -7,23 +7,17 @@
 #include <cstdlib>
 #include <fstream>
 #include <limits>
-#include <numeric>
 #include <sstream>
 #include <type_traits>
 
 #include <toml++/toml.h>
 
+#include "rollout_buffer/core/text.h"
+
 namespace comrad {
 namespace {
 
 constexpr std::array kAlgorithms = {"ippo", "mappo"};
-
-std::string lower_case(std::string_view text) {
-  std::string lowered(text);
-  std::transform(lowered.begin(), lowered.end(), lowered.begin(),
-                 [](unsigned char c) { return static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c); });
-  return lowered;
-}
 
 /// Sample Factory calls independent PPO "APPO"; one spelling travels through the rest of the system.
 std::string canonical_algorithm(std::string_view algo) {
@@ -34,12 +28,6 @@ std::string canonical_algorithm(std::string_view algo) {
 std::string joined(const std::vector<std::string>& words) {
   std::string text;
   for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.front()))) text.remove_prefix(1);
-  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.remove_suffix(1);
   return text;
 }
 
@@ -112,23 +100,6 @@ std::string toml_text(const std::string& value) {
     }
   }
   return text + "\"";
-}
-
-/// Optimal string alignment distance: insertions, deletions, substitutions and swaps of neighbours.
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> before(b.size() + 1), last(b.size() + 1), now(b.size() + 1);
-  std::iota(last.begin(), last.end(), std::size_t{0});
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    now[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      now[j] = std::min({last[j] + 1, now[j - 1] + 1, last[j - 1] + (a[i - 1] != b[j - 1])});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
-        now[j] = std::min(now[j], before[j - 2] + 1);
-    }
-    before.swap(last);
-    last.swap(now);
-  }
-  return last[b.size()];
 }
 
 /// Collects the first violated range or choice, so that the table of checks below reads as a table.
@@ -493,21 +464,6 @@ Status resolve_settings(RunConfig& config, int core_count) {
                                            ", or 0 for auto"};
   config = std::move(c);
   return {};
-}
-
-std::string nearest_word(std::string_view word, const std::vector<std::string>& known) {
-  const std::string wanted = lower_case(word);
-  const std::size_t farthest = std::max<std::size_t>(2, wanted.size() / 3);
-  std::string nearest;
-  std::size_t best = farthest + 1;
-  for (const std::string& candidate : known) {
-    const std::size_t distance = edit_distance(wanted, lower_case(candidate));
-    if (distance < best && distance < std::max(wanted.size(), candidate.size())) {
-      best = distance;
-      nearest = candidate;
-    }
-  }
-  return nearest;
 }
 
 std::string data_dir() {

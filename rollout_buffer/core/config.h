@@ -247,9 +247,6 @@ Status resolve_settings(RunConfig& config, int core_count);
 /// "label:line:column: what".
 Status check_toml_headers(std::string_view text, const std::string& label);
 
-/// The known word nearest to `word` by edit distance, or empty when none is near.
-std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
-
 /// The folder that holds scenarios/ and the other data files: $COMRAD_HOME, else the source folder of the
 /// build.
 std::string data_dir();

@@ -13,6 +13,7 @@
 #include "deploy/config/merged_settings.h"
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/supervisor.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
 namespace {
@@ -21,15 +22,13 @@ namespace fs = std::filesystem;
 
 /// <scenario>_<ALGO>_<YYYYMMDD_HHMMSS>[_j<Slurm job>], as Sample Factory users know it.
 std::string automatic_name(const RunConfig& config) {
-  std::string algo = config.algo;
-  for (char& c : algo) c = static_cast<char>(c >= 'a' && c <= 'z' ? c - 'a' + 'A' : c);
   const std::time_t now = std::time(nullptr);
   std::tm local{};
   localtime_r(&now, &local);
   char date[32];
   std::strftime(date, sizeof(date), "%Y%m%d_%H%M%S", &local);
   const char* job = std::getenv("SLURM_JOB_ID");
-  return scenario_file_name(config) + "_" + algo + "_" + date +
+  return scenario_file_name(config) + "_" + upper_case(config.algo) + "_" + date +
          (job != nullptr ? std::string("_j") + job : "");
 }
 

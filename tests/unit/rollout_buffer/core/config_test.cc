@@ -303,16 +303,6 @@ TEST(ResolveSettings, AFailedCheckLeavesTheSettingsAlone) {
   EXPECT_EQ(settings_to_toml(config), before);
 }
 
-TEST(NearestWord, FindsTyposAndRefusesStrangers) {
-  const std::vector<std::string> known = {"seed", "rollout", "batch_size"};
-  EXPECT_EQ(nearest_word("rolout", known), "rollout");
-  EXPECT_EQ(nearest_word("Batch_Szie", known), "batch_size");
-  EXPECT_EQ(nearest_word("sede", known), "seed");
-  EXPECT_EQ(nearest_word("kangaroo", known), "");
-  EXPECT_EQ(nearest_word("", known), "");
-  EXPECT_EQ(nearest_word("seed", {}), "");
-}
-
 TEST(DataDir, TheEnvironmentWinsOverTheBuild) {
   const char* given = std::getenv("COMRAD_HOME");
   const std::string before = given == nullptr ? "" : given;
