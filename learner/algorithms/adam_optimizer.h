@@ -40,10 +40,10 @@ class AdamOptimizer {
   /// Largest exp_avg_sq; 0 before the first step.
   double max_second_moment() const;
 
-  /// Keys "<section>/<index>.exp_avg", ".exp_avg_sq", ".step"; a parameter without steps has none.
-  void save(StateDict& state, const std::string& section) const;
+  /// Keys "<section>/<prefix><index>.exp_avg", ".exp_avg_sq", ".step"; a parameter without steps has none.
+  void save(StateDict& state, const std::string& section, const std::string& prefix = "") const;
   /// Errors: kBadFormat when shapes differ.
-  Status load(const StateDict& state, const std::string& section);
+  Status load(const StateDict& state, const std::string& section, const std::string& prefix = "");
 
  private:
   struct State;
