@@ -306,11 +306,10 @@ Status Supervisor::start() {
 
 Expected<shm::ArenaShape> Supervisor::arena_shape() const {
   const RunConfig& config = plan_.config;
-  const int64_t rnn_floats = config.rnn_num_layers * config.rnn_size * (config.rnn_type == "lstm" ? 2 : 1);
   shm::ArenaShape shape;
   shape.trajectory.env = plan_.env;
   shape.trajectory.rollout_steps = static_cast<int32_t>(config.rollout);
-  shape.trajectory.recurrent_state_count = config.use_rnn ? static_cast<int32_t>(rnn_floats) : 0;
+  shape.trajectory.recurrent_state_count = static_cast<int32_t>(recurrent_state_count(config));
   shape.sim_worker_count = static_cast<int32_t>(config.num_workers);
   shape.envs_per_worker = static_cast<int32_t>(config.num_envs_per_worker);
   shape.splits_per_worker = static_cast<int32_t>(config.worker_num_splits);
@@ -327,9 +326,8 @@ Expected<shm::ArenaShape> Supervisor::arena_shape() const {
             ? 0
             : static_cast<int32_t>(std::min<int64_t>(plan_.decision_limit, INT32_MAX - 1)) + 1;
   }
-  // An upper bound: encoder, heads, normaliser statistics and framing in the constant, recurrent matrices (at
-  // most 2 x 4 gates of f32) in the rest. Pages that stay unused are never touched and cost nothing.
-  shape.weights_bytes = (int64_t{32} << 20) + 64 * config.rnn_size * config.rnn_size * config.rnn_num_layers;
+  shape.weights_bytes =
+      weights_bytes_limit(config, plan_.env.num_agents, plan_.env.frame_bytes(), plan_.env.logit_count());
   return shape;
 }
 

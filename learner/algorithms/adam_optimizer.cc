@@ -23,10 +23,10 @@ typename Map::key_type state_key(const Map&, const torch::Tensor& parameter) {
   }
 }
 
-std::string entry_prefix(const std::string& section, std::size_t index) {
+std::string entry_prefix(const std::string& section, const std::string& prefix, std::size_t index) {
   char number[16];
   std::snprintf(number, sizeof(number), "%03zu", index);
-  return section + "/" + number;
+  return section + "/" + prefix + number;
 }
 
 }  // namespace
@@ -59,6 +59,8 @@ AdamOptimizer::AdamOptimizer(std::vector<torch::Tensor> parameters, const AdamSe
 AdamOptimizer::~AdamOptimizer() = default;
 AdamOptimizer::AdamOptimizer(AdamOptimizer&&) noexcept = default;
 AdamOptimizer& AdamOptimizer::operator=(AdamOptimizer&&) noexcept = default;
+
+const std::vector<torch::Tensor>& AdamOptimizer::parameters() const { return state_->parameters; }
 
 void AdamOptimizer::zero_grad() {
   // Zeroed in place rather than dropped: the buffers of 13 MB are reused by every backward pass.
@@ -99,21 +101,22 @@ double AdamOptimizer::max_second_moment() const {
   return largest;
 }
 
-void AdamOptimizer::save(StateDict& state, const std::string& section) const {
+void AdamOptimizer::save(StateDict& state, const std::string& section, const std::string& prefix) const {
   for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
     const auto* moments = state_->moments(state_->parameters[i]);
     if (moments == nullptr) continue;
-    state.put(entry_prefix(section, i) + ".step", moments->step());
-    state.put(entry_prefix(section, i) + ".exp_avg", moments->exp_avg());
-    state.put(entry_prefix(section, i) + ".exp_avg_sq", moments->exp_avg_sq());
+    state.put(entry_prefix(section, prefix, i) + ".step", moments->step());
+    state.put(entry_prefix(section, prefix, i) + ".exp_avg", moments->exp_avg());
+    state.put(entry_prefix(section, prefix, i) + ".exp_avg_sq", moments->exp_avg_sq());
   }
 }
 
-Status AdamOptimizer::load(const StateDict& state, const std::string& section) {
+Status AdamOptimizer::load(const StateDict& state, const std::string& section,
+                           const std::string& key_prefix) {
   auto& map = state_->adam.state();
   map.clear();
   for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
-    const std::string prefix = entry_prefix(section, i);
+    const std::string prefix = entry_prefix(section, key_prefix, i);
     if (!state.has(prefix + ".step")) continue;
     const torch::Tensor& parameter = state_->parameters[i];
     auto moments = std::make_unique<torch::optim::AdamParamState>();

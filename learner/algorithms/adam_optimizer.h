@@ -31,6 +31,7 @@ class AdamOptimizer {
   AdamOptimizer(AdamOptimizer&&) noexcept;
   AdamOptimizer& operator=(AdamOptimizer&&) noexcept;
 
+  const std::vector<torch::Tensor>& parameters() const;
   void zero_grad();
   /// Scales all gradients by max_grad_norm / (norm + 1e-6) where that is below 1. Returns the norm before.
   /// A norm that is not finite leaves the gradients as they are.
@@ -40,10 +41,10 @@ class AdamOptimizer {
   /// Largest exp_avg_sq; 0 before the first step.
   double max_second_moment() const;
 
-  /// Keys "<section>/<index>.exp_avg", ".exp_avg_sq", ".step"; a parameter without steps has none.
-  void save(StateDict& state, const std::string& section) const;
+  /// Keys "<section>/<prefix><index>.exp_avg", ".exp_avg_sq", ".step"; a parameter without steps has none.
+  void save(StateDict& state, const std::string& section, const std::string& prefix = "") const;
   /// Errors: kBadFormat when shapes differ.
-  Status load(const StateDict& state, const std::string& section);
+  Status load(const StateDict& state, const std::string& section, const std::string& prefix = "");
 
  private:
   struct State;

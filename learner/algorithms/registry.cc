@@ -2,6 +2,7 @@
 #include <string>
 
 #include "learner/algorithms/algorithm.h"
+#include "learner/algorithms/happo.h"
 #include "learner/algorithms/ippo.h"
 #include "learner/algorithms/mappo.h"
 
@@ -21,6 +22,7 @@ struct Entry {
 constexpr Entry kAlgorithms[] = {
     {"ippo", make<Ippo>},
     {"mappo", make<Mappo>},
+    {"happo", make<Happo>},
 };
 
 }  // namespace

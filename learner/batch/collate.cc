@@ -247,6 +247,17 @@ Minibatch narrow_rows(const Minibatch& batch, int64_t begin, int64_t count) {
   return part;
 }
 
+Minibatch agent_rows(const Minibatch& batch, int64_t agent) {
+  const int64_t agents = batch.shape.env.num_agents;
+  COMRAD_CHECK(agent >= 0 && agent < agents, "the agent is one of the batch");
+  Minibatch part = batch;
+  visit_time_major(part, [&](Tensor& field) { field = field.slice(1, agent, c10::nullopt, agents); });
+  part.recurrent_state = part.recurrent_state.slice(0, agent, c10::nullopt, agents);
+  part.shape.env.num_agents = 1;
+  part.transitions = batch.transitions / agents;
+  return part;
+}
+
 Minibatch select_slabs(const Minibatch& batch, const std::vector<int64_t>& slab_index) {
   const int64_t agents = batch.shape.env.num_agents;
   std::vector<int64_t> row_index;

@@ -81,6 +81,8 @@ LagStats apply_lag_filter(Minibatch& batch, PolicyVersion learner_version, int64
 
 /// The rows `[begin, begin + count)` of a batch, as views. Whole worlds: both numbers are multiples of N.
 Minibatch narrow_rows(const Minibatch& batch, int64_t begin, int64_t count);
+/// The rows of one agent of every world, as views: a batch of N = 1.
+Minibatch agent_rows(const Minibatch& batch, int64_t agent);
 /// The worlds at `slab_index` (i64, positions) of a batch, copied, in that order.
 Minibatch select_slabs(const Minibatch& batch, const std::vector<int64_t>& slab_index);
 

@@ -18,11 +18,28 @@ constexpr int64_t kMeasurementFeatures = 128;
 struct ConvShape {
   int64_t channels, kernel, stride;
 };
-constexpr ConvShape kConvs[3] = {{32, 8, 4}, {64, 4, 2}, {128, 3, 2}};
+/// The plain convolution stacks by name; resnet_impala has a form of its own.
+struct ConvStack {
+  const char* name;
+  std::vector<ConvShape> convs;
+};
+const std::vector<ConvStack>& conv_stacks() {
+  static const std::vector<ConvStack> stacks = {
+      {"convnet_simple", {{32, 8, 4}, {64, 4, 2}, {128, 3, 2}}},
+      {"convnet_impala", {{16, 8, 4}, {32, 4, 2}}},
+      {"convnet_atari", {{32, 8, 4}, {64, 4, 2}, {64, 3, 1}}},
+  };
+  return stacks;
+}
+constexpr int64_t kResnetChannels[] = {16, 32, 32};
+constexpr int64_t kResidualBlocks = 2;  // per stage, two convolutions each
+constexpr size_t kConvsPerStage = 1 + 2 * kResidualBlocks;
 
 /// Rows that pass all layers of the pixel path together on a CPU: their activations stay in the caches on the
 /// way, and memory grows with the rows only by what the backward pass needs.
 constexpr int64_t kChunkRows = 64;
+/// The same for resnet_impala, whose first stage works at the frame's full size.
+constexpr int64_t kResnetChunkRows = 32;
 
 /// Rows [B, elements] of u8 on the CPU to f32: clamp(x * factor + offset).
 Tensor normalize_bytes(const Tensor& rows, const Tensor& factor, const Tensor& offset) {
@@ -53,14 +70,23 @@ Tensor elu_gradient(Tensor grad, const Tensor& y) {
 }
 
 /// ELU(x W^T + b) with autograd; in place, as the derivative is a function of the result.
-Tensor dense_elu(const Tensor& x, const Tensor& weight, const Tensor& bias) {
-  Tensor y = at::linear(x, weight, bias);
+Tensor dense_elu(const Tensor& x, const Tensor& weight, const Tensor& bias, Precision precision) {
+  Tensor y = linear(x, weight, bias, precision);
   at::elu_(y);
   return y;
 }
 
-/// The three convolutions on a CPU, in chunks, normalisation included: bytes [B, C, H, W] to features [B,
-/// 2304].
+/// A convolution with its bias; the product in the given precision, the result f32.
+Tensor convolve(const Tensor& x, const Tensor& weight, const Tensor& bias, int64_t stride, int64_t padding,
+                Precision precision) {
+  if (precision == Precision::kFp32) return at::conv2d(x, weight, bias, stride, padding);
+  const Tensor product =
+      at::conv2d(factor(x, precision), factor(weight, precision), Tensor(), stride, padding);
+  return to_f32(product) + bias.view({1, -1, 1, 1});
+}
+
+/// A stack of two or three convolutions on a CPU, in chunks, normalisation included: bytes [B, C, H, W] to
+/// features [B, K]. Of two layers the third has empty tensors.
 ///
 /// Autograd's own graph would hold the normalised pixels of the whole batch and pass every layer over the
 /// whole batch; this one keeps three activations per chunk and normalises the pixels a second time on the way
@@ -71,40 +97,50 @@ struct PixelPath : torch::autograd::Function<PixelPath> {
 
   static Tensor forward(Context* context, const Tensor& frame, const Tensor& factor, const Tensor& offset,
                         const Tensor& w1, const Tensor& b1, const Tensor& w2, const Tensor& b2,
-                        const Tensor& w3, const Tensor& b3) {
+                        const Tensor& w3, const Tensor& b3, const std::vector<int64_t>& strides,
+                        Precision precision) {
     const Tensor weights[] = {w1, w2, w3}, biases[] = {b1, b2, b3};
     TensorList saved = {w1, w2, w3, frame, factor, offset}, outputs;
     for (int64_t first = 0; first < frame.size(0); first += kChunkRows) {
       const Tensor chunk = frame.slice(0, first, first + kChunkRows);
       Tensor x = normalize_bytes(chunk.flatten(1), factor, offset).view_as(chunk);
-      for (size_t layer = 0; layer < 3; ++layer) {
-        x = at::conv2d(x, weights[layer], biases[layer], kConvs[layer].stride).contiguous();
+      for (size_t layer = 0; layer < strides.size(); ++layer) {
+        x = convolve(x, weights[layer], biases[layer], strides[layer], 0, precision).contiguous();
         elu_in_place(x);
         saved.push_back(x);
       }
       outputs.push_back(x.flatten(1));
     }
     context->save_for_backward(saved);
+    context->saved_data["strides"] = strides;
+    context->saved_data["precision"] = static_cast<int64_t>(precision);
     return at::cat(outputs);
   }
 
   static TensorList backward(Context* context, TensorList grad_outputs) {
+    const std::vector<int64_t> strides = context->saved_data["strides"].toIntVector();
+    const auto precision = static_cast<Precision>(context->saved_data["precision"].toInt());
+    const size_t layers = strides.size();
     const TensorList saved = context->get_saved_variables();
     const Tensor &frame = saved[3], &factor = saved[4], &offset = saved[5];
     Tensor weight_gradient[3], bias_gradient[3];
     size_t next = 6;
-    for (int64_t first = 0; first < frame.size(0); first += kChunkRows, next += 3) {
+    for (int64_t first = 0; first < frame.size(0); first += kChunkRows, next += layers) {
       const Tensor chunk = frame.slice(0, first, first + kChunkRows);
       // A copy: autograd may hand the same gradient to others.
-      Tensor grad = grad_outputs[0].slice(0, first, first + kChunkRows).clone().view_as(saved[next + 2]);
-      for (size_t layer = 3; layer-- > 0;) {
+      Tensor grad =
+          grad_outputs[0].slice(0, first, first + kChunkRows).clone().view_as(saved[next + layers - 1]);
+      for (size_t layer = layers; layer-- > 0;) {
         const Tensor x = layer > 0 ? saved[next + layer - 1]
                                    : normalize_bytes(chunk.flatten(1), factor, offset).view_as(chunk);
         grad = elu_gradient(grad, saved[next + layer]);
-        const int64_t stride = kConvs[layer].stride;
+        const int64_t stride = strides[layer];
         auto [to_input, to_weight, to_bias] = at::convolution_backward(
-            grad, x, saved[layer], at::OptionalIntArrayRef({kConvs[layer].channels}), {stride, stride},
-            {0, 0}, {1, 1}, false, {0, 0}, 1, {layer > 0, true, true});
+            policy::factor(grad, precision), policy::factor(x, precision),
+            policy::factor(saved[layer], precision), at::OptionalIntArrayRef({saved[layer].size(0)}),
+            {stride, stride}, {0, 0}, {1, 1}, false, {0, 0}, 1, {layer > 0, true, true});
+        to_weight = to_f32(to_weight);
+        to_bias = to_f32(to_bias);
         if (first == 0) {
           weight_gradient[layer] = to_weight;
           bias_gradient[layer] = to_bias;
@@ -112,11 +148,78 @@ struct PixelPath : torch::autograd::Function<PixelPath> {
           weight_gradient[layer].add_(to_weight);
           bias_gradient[layer].add_(to_bias);
         }
-        grad = to_input;
+        grad = layer > 0 ? to_f32(to_input) : to_input;
       }
     }
-    return {Tensor(),           Tensor(),         Tensor(),           weight_gradient[0], bias_gradient[0],
-            weight_gradient[1], bias_gradient[1], weight_gradient[2], bias_gradient[2]};
+    return {Tensor(),         Tensor(),           Tensor(),         weight_gradient[0],
+            bias_gradient[0], weight_gradient[1], bias_gradient[1], weight_gradient[2],
+            bias_gradient[2], Tensor(),           Tensor()};
+  }
+};
+
+/// The convolutions of resnet_impala on normalised pixels: per stage a convolution and a pooling that halves
+/// the picture, then residual blocks x + conv(elu(conv(elu(x)))); ELU at the end. Plain operators with
+/// autograd.
+Tensor resnet_maps(Tensor x, const std::vector<Tensor>& weights, const std::vector<Tensor>& biases,
+                   Precision precision) {
+  for (size_t index = 0; index < weights.size();) {
+    x = convolve(x, weights[index], biases[index], 1, 1, precision);
+    x = at::max_pool2d(x, 3, 2, 1);
+    ++index;
+    for (int64_t block = 0; block < kResidualBlocks; ++block, index += 2) {
+      Tensor inner = convolve(at::elu(x), weights[index], biases[index], 1, 1, precision);
+      at::elu_(inner);
+      x = x + convolve(inner, weights[index + 1], biases[index + 1], 1, 1, precision);
+    }
+  }
+  return at::elu(x).flatten(1);
+}
+
+/// resnet_impala on a CPU, in chunks that are computed a second time on the way back: its activations take 2
+/// MB a frame, so a graph over a whole micro-batch would not fit beside the rest of a small machine's work.
+/// All weights and biases come in one flat tensor, because a custom function takes a fixed number of them.
+struct ResnetPath : torch::autograd::Function<ResnetPath> {
+  using Context = torch::autograd::AutogradContext;
+  using TensorList = torch::autograd::tensor_list;
+
+  static Tensor maps(const Tensor& chunk, const Tensor& factor, const Tensor& offset, const Tensor& packed,
+                     Precision precision) {
+    std::vector<Tensor> weights, biases;
+    int64_t next = 0, inputs = chunk.size(1);
+    for (const int64_t channels : kResnetChannels)
+      for (size_t conv = 0; conv < kConvsPerStage; ++conv) {
+        const int64_t count = channels * inputs * 9;
+        weights.push_back(packed.slice(0, next, next + count).view({channels, inputs, 3, 3}));
+        biases.push_back(packed.slice(0, next + count, next + count + channels));
+        next += count + channels;
+        inputs = channels;
+      }
+    return resnet_maps(normalize_bytes(chunk.flatten(1), factor, offset).view_as(chunk), weights, biases,
+                       precision);
+  }
+
+  static Tensor forward(Context* context, const Tensor& frame, const Tensor& factor, const Tensor& offset,
+                        const Tensor& packed, Precision precision) {
+    TensorList outputs;
+    for (int64_t first = 0; first < frame.size(0); first += kResnetChunkRows)
+      outputs.push_back(
+          maps(frame.slice(0, first, first + kResnetChunkRows), factor, offset, packed, precision));
+    context->save_for_backward({frame, factor, offset, packed});
+    context->saved_data["precision"] = static_cast<int64_t>(precision);
+    return at::cat(outputs);
+  }
+
+  static TensorList backward(Context* context, TensorList grad_outputs) {
+    const TensorList saved = context->get_saved_variables();
+    const auto precision = static_cast<Precision>(context->saved_data["precision"].toInt());
+    torch::AutoGradMode with_gradient(true);
+    const Tensor packed = saved[3].detach().requires_grad_();
+    for (int64_t first = 0; first < saved[0].size(0); first += kResnetChunkRows) {
+      const Tensor output =
+          maps(saved[0].slice(0, first, first + kResnetChunkRows), saved[1], saved[2], packed, precision);
+      output.backward(grad_outputs[0].slice(0, first, first + kResnetChunkRows));
+    }
+    return {Tensor(), Tensor(), Tensor(), packed.grad().detach(), Tensor()};
   }
 };
 
@@ -151,6 +254,7 @@ InputNormalizer InputNormalizer::create(int64_t element_count, double scale, boo
 }
 
 void InputNormalizer::refresh() {
+  if (element_count_ == 0) return;
   if (enabled_) {
     const Tensor sigma = (variance_ + kVarianceFloor).sqrt();
     factor_ = (1.0 / (sigma * scale_)).to(torch::kFloat32);
@@ -221,31 +325,67 @@ NamedTensors InputNormalizer::named_buffers(const std::string& prefix) const {
   return {{prefix + ".mean", mean_}, {prefix + ".var", variance_}, {prefix + ".count", count_}};
 }
 
-Encoder Encoder::create(const EnvShape& env, double init_gain, bool normalize_input, at::Generator generator,
-                        torch::Device device) {
+std::shared_ptr<ObservationNormalizer> ObservationNormalizer::create(const EnvShape& env, bool enabled,
+                                                                     torch::Device device) {
+  auto normalizer = std::make_shared<ObservationNormalizer>();
+  normalizer->frame = InputNormalizer::create(env.frame_bytes(), 255.0, enabled, device);
+  if (env.measurement_count > 0)
+    normalizer->measurement = InputNormalizer::create(env.measurement_count, 1.0, enabled, device);
+  return normalizer;
+}
+
+void ObservationNormalizer::refresh() {
+  torch::NoGradGuard no_grad;
+  frame.refresh();
+  measurement.refresh();
+}
+
+NamedTensors ObservationNormalizer::named_buffers() const {
+  NamedTensors named = frame.named_buffers("normalizer.frame");
+  for (auto& entry : measurement.named_buffers("normalizer.measurement")) named.push_back(entry);
+  return named;
+}
+
+Encoder Encoder::create(const EncoderOptions& options, at::Generator generator, torch::Device device,
+                        std::shared_ptr<ObservationNormalizer> normalizer) {
+  const EnvShape& env = options.env;
   Encoder encoder;
   encoder.env_ = env;
   encoder.device_ = device;
-  encoder.frame_normalizer_ = InputNormalizer::create(env.frame_bytes(), 255.0, normalize_input, device);
-  auto make_layer = [&](at::IntArrayRef sizes) {
-    return Layer{orthogonal(sizes, init_gain, generator).to(device).requires_grad_(),
+  encoder.precision_ = options.precision;
+  encoder.normalizer_ = normalizer ? std::move(normalizer)
+                                   : ObservationNormalizer::create(env, options.normalize_input, device);
+  auto make_layer = [&](std::string name, at::IntArrayRef sizes) {
+    return Layer{std::move(name), orthogonal(sizes, options.init_gain, generator).to(device).requires_grad_(),
                  torch::zeros({sizes[0]}).to(device).requires_grad_()};
   };
   int64_t channels = env.channels, height = env.height, width = env.width;
-  for (size_t index = 0; index < 3; ++index) {
-    const ConvShape& conv = kConvs[index];
-    encoder.conv_[index] = make_layer({conv.channels, channels, conv.kernel, conv.kernel});
-    channels = conv.channels;
-    height = (height - conv.kernel) / conv.stride + 1;
-    width = (width - conv.kernel) / conv.stride + 1;
-    COMRAD_CHECK(height > 0 && width > 0, "frames must be large enough for convnet_simple (36 x 36 and up)");
+  const auto stack = std::ranges::find(conv_stacks(), options.architecture, &ConvStack::name);
+  if (stack != conv_stacks().end()) {
+    for (const ConvShape& conv : stack->convs) {
+      encoder.conv_.push_back(make_layer("conv" + std::to_string(encoder.conv_.size() + 1),
+                                         {conv.channels, channels, conv.kernel, conv.kernel}));
+      encoder.strides_.push_back(conv.stride);
+      channels = conv.channels;
+      height = (height - conv.kernel) / conv.stride + 1;
+      width = (width - conv.kernel) / conv.stride + 1;
+      COMRAD_CHECK(height > 0 && width > 0, "frames must be large enough for the encoder (36 x 36 and up)");
+    }
+  } else {
+    COMRAD_CHECK(options.architecture == "resnet_impala", "settings were resolved: the encoder is known");
+    encoder.is_resnet_ = true;
+    for (const int64_t stage_channels : kResnetChannels)
+      for (size_t conv = 0; conv < kConvsPerStage; ++conv) {
+        encoder.conv_.push_back(
+            make_layer("conv" + std::to_string(encoder.conv_.size() + 1), {stage_channels, channels, 3, 3}));
+        channels = stage_channels;
+        if (conv == 0) height = (height - 1) / 2 + 1, width = (width - 1) / 2 + 1;
+      }
   }
-  encoder.image_ = make_layer({kImageFeatures, channels * height * width});
+  encoder.image_ = make_layer("image", {kImageFeatures, channels * height * width});
   if (env.measurement_count > 0) {
-    encoder.measurement_normalizer_ =
-        InputNormalizer::create(env.measurement_count, 1.0, normalize_input, device);
-    encoder.measurement_[0] = make_layer({kMeasurementFeatures, env.measurement_count});
-    encoder.measurement_[1] = make_layer({kMeasurementFeatures, kMeasurementFeatures});
+    encoder.measurement_.push_back(make_layer("measurement1", {kMeasurementFeatures, env.measurement_count}));
+    encoder.measurement_.push_back(make_layer("measurement2", {kMeasurementFeatures, kMeasurementFeatures}));
   }
   return encoder;
 }
@@ -253,12 +393,26 @@ Encoder Encoder::create(const EnvShape& env, double init_gain, bool normalize_in
 Tensor Encoder::forward(const Tensor& frame, const Tensor& measurement) const {
   const Tensor bytes =
       frame.reshape({frame.size(0), env_.channels, env_.height, env_.width}).to(device_).contiguous();
-  if (device_.is_cpu())
+  const InputNormalizer& normalizer = normalizer_->frame;
+  if (!device_.is_cpu())
+    return features(convolutions(normalizer.normalize(bytes.flatten(1)).view_as(bytes)), measurement);
+  if (is_resnet_) {
+    std::vector<Tensor> flat;
+    for (const Layer& conv : conv_) {
+      flat.push_back(conv.weight.flatten());
+      flat.push_back(conv.bias);
+    }
     return features(
-        PixelPath::apply(bytes, frame_normalizer_.factor(), frame_normalizer_.offset(), conv_[0].weight,
-                         conv_[0].bias, conv_[1].weight, conv_[1].bias, conv_[2].weight, conv_[2].bias),
+        ResnetPath::apply(bytes, normalizer.factor(), normalizer.offset(), at::cat(flat), precision_),
         measurement);
-  return features(convolve(frame_normalizer_.normalize(bytes.flatten(1)).view_as(bytes)), measurement);
+  }
+  const Tensor none = torch::empty({0});
+  const bool has_third = conv_.size() > 2;
+  return features(
+      PixelPath::apply(bytes, normalizer.factor(), normalizer.offset(), conv_[0].weight, conv_[0].bias,
+                       conv_[1].weight, conv_[1].bias, has_third ? conv_[2].weight : none,
+                       has_third ? conv_[2].bias : none, strides_, precision_),
+      measurement);
 }
 
 Tensor Encoder::forward_rows(std::span<const uint8_t* const> frames, const Tensor& measurement) const {
@@ -273,20 +427,29 @@ Tensor Encoder::forward_rows(std::span<const uint8_t* const> frames, const Tenso
   }
   torch::NoGradGuard no_grad;
   std::vector<Tensor> maps;
-  for (int64_t first = 0; first < rows; first += kChunkRows) {
-    const int64_t count = std::min(kChunkRows, rows - first);
+  const int64_t chunk_rows = is_resnet_ ? kResnetChunkRows : kChunkRows;
+  for (int64_t first = 0; first < rows; first += chunk_rows) {
+    const int64_t count = std::min(chunk_rows, rows - first);
     const Tensor pixels = torch::empty({count, env_.channels, env_.height, env_.width});
-    frame_normalizer_.normalize_rows(frames.subspan(static_cast<size_t>(first), static_cast<size_t>(count)),
-                                     pixels.data_ptr<float>());
-    maps.push_back(convolve(pixels));
+    normalizer_->frame.normalize_rows(frames.subspan(static_cast<size_t>(first), static_cast<size_t>(count)),
+                                      pixels.data_ptr<float>());
+    maps.push_back(convolutions(pixels));
   }
   return features(maps.size() == 1 ? maps.front() : at::cat(maps), measurement);
 }
 
 /// The convolutions as plain operators: for accelerators, and for passes without a gradient.
-Tensor Encoder::convolve(Tensor x) const {
-  for (size_t index = 0; index < 3; ++index) {
-    x = at::conv2d(x, conv_[index].weight, conv_[index].bias, kConvs[index].stride);
+Tensor Encoder::convolutions(Tensor x) const {
+  if (is_resnet_) {
+    std::vector<Tensor> weights, biases;
+    for (const Layer& conv : conv_) {
+      weights.push_back(conv.weight);
+      biases.push_back(conv.bias);
+    }
+    return resnet_maps(x, weights, biases, precision_);
+  }
+  for (size_t index = 0; index < conv_.size(); ++index) {
+    x = convolve(x, conv_[index].weight, conv_[index].bias, strides_[index], 0, precision_);
     if (device_.is_cpu() && !at::GradMode::is_enabled())
       elu_in_place(x);
     else
@@ -296,25 +459,19 @@ Tensor Encoder::convolve(Tensor x) const {
 }
 
 Tensor Encoder::features(const Tensor& map, const Tensor& measurement) const {
-  const Tensor x = dense_elu(map, image_.weight, image_.bias);
+  const Tensor x = dense_elu(map, image_.weight, image_.bias, precision_);
   if (env_.measurement_count == 0) return x;
   COMRAD_CHECK(measurement.defined() && measurement.size(-1) == env_.measurement_count,
                "this shape has a measurement vector");
-  Tensor m =
-      measurement_normalizer_.normalize(measurement.reshape({x.size(0), env_.measurement_count}).to(device_));
-  for (const Layer& layer : measurement_) m = dense_elu(m, layer.weight, layer.bias);
+  Tensor m = normalizer_->measurement.normalize(
+      measurement.reshape({x.size(0), env_.measurement_count}).to(device_));
+  for (const Layer& layer : measurement_) m = dense_elu(m, layer.weight, layer.bias, precision_);
   return at::cat({x, m}, 1);
 }
 
 void Encoder::update_statistics(const Tensor& frame, const Tensor& measurement) {
-  frame_normalizer_.update(frame);
-  if (env_.measurement_count > 0 && measurement.defined()) measurement_normalizer_.update(measurement);
-}
-
-void Encoder::refresh_statistics() {
-  torch::NoGradGuard no_grad;
-  frame_normalizer_.refresh();
-  if (env_.measurement_count > 0) measurement_normalizer_.refresh();
+  normalizer_->frame.update(frame);
+  if (env_.measurement_count > 0 && measurement.defined()) normalizer_->measurement.update(measurement);
 }
 
 int64_t Encoder::feature_count() const {
@@ -323,29 +480,16 @@ int64_t Encoder::feature_count() const {
 
 NamedTensors Encoder::named_parameters() const {
   NamedTensors named;
-  for (size_t index = 0; index < 3; ++index) {
-    const std::string name = "encoder.conv" + std::to_string(index + 1);
-    named.emplace_back(name + ".weight", conv_[index].weight);
-    named.emplace_back(name + ".bias", conv_[index].bias);
-  }
-  named.emplace_back("encoder.image.weight", image_.weight);
-  named.emplace_back("encoder.image.bias", image_.bias);
-  if (env_.measurement_count > 0) {
-    for (size_t index = 0; index < 2; ++index) {
-      const std::string name = "encoder.measurement" + std::to_string(index + 1);
-      named.emplace_back(name + ".weight", measurement_[index].weight);
-      named.emplace_back(name + ".bias", measurement_[index].bias);
-    }
-  }
+  const auto add = [&](const Layer& layer) {
+    named.emplace_back("encoder." + layer.name + ".weight", layer.weight);
+    named.emplace_back("encoder." + layer.name + ".bias", layer.bias);
+  };
+  for (const Layer& layer : conv_) add(layer);
+  add(image_);
+  for (const Layer& layer : measurement_) add(layer);
   return named;
 }
 
-NamedTensors Encoder::named_buffers() const {
-  NamedTensors named = frame_normalizer_.named_buffers("normalizer.frame");
-  if (env_.measurement_count > 0)
-    for (auto& entry : measurement_normalizer_.named_buffers("normalizer.measurement"))
-      named.push_back(entry);
-  return named;
-}
+NamedTensors Encoder::named_buffers() const { return normalizer_->named_buffers(); }
 
 }  // namespace comrad::policy

@@ -1,16 +1,19 @@
-// From an agent's observation to features: running normalisation of every input element, the convnet_simple
-// pixel path and, where a scenario has one, the measurement branch (training spec 1.1 and 1.2).
+// From an agent's observation to features: running normalisation of every input element, the pixel path
+// (convnet_simple unless another is chosen) and, where a scenario has one, the measurement branch (training
+// spec 1.1 and 1.2).
 #pragma once
 
 #include <ATen/core/Generator.h>
 #include <torch/types.h>
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "policy_workers/policy/precision.h"
 #include "rollout_buffer/schema/spec.h"
 
 namespace comrad::policy {
@@ -57,13 +60,43 @@ class InputNormalizer {
   Tensor factor_, offset_;          // f32 [elements]
 };
 
-/// convnet_simple: three convolutions and a linear layer, ELU after each, with the measurement branch beside
-/// it.
+/// The normalisers of an observation. Networks that live together (one per agent, actor and critic) share
+/// one.
+struct ObservationNormalizer {
+  static std::shared_ptr<ObservationNormalizer> create(const EnvShape& env, bool enabled,
+                                                       torch::Device device);
+  void refresh();
+  NamedTensors named_buffers() const;
+
+  InputNormalizer frame, measurement;
+};
+
+/// What an encoder is made from.
+struct EncoderOptions {
+  EnvShape env = {};
+  std::string architecture = "convnet_simple";
+  double init_gain = 1.0;
+  bool normalize_input = true;
+  Precision precision = Precision::kFp32;
+};
+
+/// Convolutions and a linear layer to 512 features, ELU after each, with the measurement branch (128
+/// features) beside it. `channels@kernel/stride` without padding, parameters at 3 x 72 x 128:
+///
+///   convnet_simple  32@8/4 64@4/2 128@3/2                                                   1 293 024
+///   convnet_impala  16@8/4 32@4/2                                                           1 617 456
+///   convnet_atari   32@8/4 64@4/2 64@3/1                                                    2 042 528
+///   resnet_impala   3 stages of 16, 32, 32 channels: 3x3 convolution, 3x3/2 max-pooling,
+///                   2 residual blocks of two 3x3 convolutions, all padded by 1              2 457 408
+///
+/// Source: training spec 1.1; the shapes are those of Mnih et al. 2015 (atari) and Espeholt et al. 2018,
+/// IMPALA, arXiv:1802.01561, figure 3 (impala), with ELU and 512 features as the others.
 class Encoder {
  public:
   Encoder() = default;
-  static Encoder create(const EnvShape& env, double init_gain, bool normalize_input, at::Generator generator,
-                        torch::Device device);
+  /// Without `normalizer` the encoder makes its own.
+  static Encoder create(const EncoderOptions& options, at::Generator generator, torch::Device device,
+                        std::shared_ptr<ObservationNormalizer> normalizer = nullptr);
 
   /// Features [B, F] of frame u8 [B, C, H, W] and measurement f32 [B, M] (ignored when the shape has none).
   Tensor forward(const Tensor& frame, const Tensor& measurement) const;
@@ -71,7 +104,6 @@ class Encoder {
   Tensor forward_rows(std::span<const uint8_t* const> frames, const Tensor& measurement) const;
 
   void update_statistics(const Tensor& frame, const Tensor& measurement);
-  void refresh_statistics();
 
   int64_t feature_count() const;
   NamedTensors named_parameters() const;
@@ -79,17 +111,21 @@ class Encoder {
 
  private:
   struct Layer {
+    std::string name;
     Tensor weight, bias;
   };
-  Tensor convolve(Tensor pixels) const;
+  Tensor convolutions(Tensor pixels) const;
   Tensor features(const Tensor& map, const Tensor& measurement) const;
 
   EnvShape env_;
   torch::Device device_ = torch::kCPU;
-  InputNormalizer frame_normalizer_, measurement_normalizer_;
-  Layer conv_[3];
-  Layer image_;           // flattened map -> 512
-  Layer measurement_[2];  // M -> 128 -> 128
+  Precision precision_ = Precision::kFp32;
+  std::shared_ptr<ObservationNormalizer> normalizer_;
+  bool is_resnet_ = false;
+  std::vector<Layer> conv_;
+  std::vector<int64_t> strides_;    // of a plain stack
+  Layer image_;                     // flattened map -> 512
+  std::vector<Layer> measurement_;  // M -> 128 -> 128
 };
 
 /// Orthogonal matrix with `gain`, rows x columns being the first axis x all others; drawn from `generator`.

@@ -3,9 +3,10 @@
 #include <malloc.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cstring>
+#include <functional>
+#include <optional>
 #include <string_view>
 
 #include "policy_workers/policy/encoder.h"
@@ -16,65 +17,208 @@
 namespace comrad::policy {
 namespace {
 
-constexpr std::array<int64_t, 2> kCriticWidths = {512, 256};  // of a central critic, tanh after each
+struct Dense {
+  std::string name;
+  Tensor weight, bias;
+
+  Tensor operator()(const Tensor& x) const { return at::linear(x, weight, bias); }
+};
+
+void append(NamedTensors& named, const std::string& prefix, const Dense& layer) {
+  named.emplace_back(prefix + layer.name + ".weight", layer.weight);
+  named.emplace_back(prefix + layer.name + ".bias", layer.bias);
+}
+
+/// Rows [..., W * N, ...] of whole worlds along `axis` to those of one agent [..., W, ...], a view.
+Tensor rows_of_agent(const Tensor& rows, int64_t axis, int64_t agent, int64_t agents) {
+  return rows.defined() ? rows.slice(axis, agent, c10::nullopt, agents) : rows;
+}
+
+/// The inverse: N tensors [..., W, ...] to [..., W * N, ...].
+Tensor interleave(const std::vector<Tensor>& of_agents, int64_t axis) {
+  return of_agents.size() == 1 ? of_agents.front()
+                               : torch::stack(of_agents, axis + 1).flatten(axis, axis + 1);
+}
 
 }  // namespace
+
+/// Encoder, recurrent core and decoder: from an observation to features.
+struct Tower {
+  Encoder encoder;
+  RecurrentCore core;
+  std::vector<Dense> decoder;
+  Precision precision = Precision::kFp32;
+
+  int64_t feature_count() const {
+    return decoder.empty() ? core.feature_count() : decoder.back().weight.size(0);
+  }
+
+  Tensor decoded(Tensor x) const {
+    for (const Dense& layer : decoder) x = at::elu(linear(x, layer.weight, layer.bias, precision));
+    return x;
+  }
+
+  /// `encoded` [B, E] of one step; features [B, F] and the state behind it.
+  CoreOutput step(const Tensor& encoded, const Tensor& state) const {
+    CoreOutput after = core.step(encoded, state);
+    return {decoded(after.features), after.state};
+  }
+
+  /// `encoded` [T * B, E] of T steps; features [T * B, F].
+  Tensor sequence(const Tensor& encoded, const Tensor& state, const Tensor& reset, int64_t steps) const {
+    if (core.state_count() == 0) return decoded(encoded);
+    Tensor keep;
+    if (reset.defined()) keep = reset.to(encoded.device()).eq(0).to(torch::kFloat32).unsqueeze(-1);
+    const Tensor x = encoded.view({steps, encoded.size(0) / steps, encoded.size(1)});
+    return decoded(core.sequence(x, state.to(encoded.device()), keep).features.flatten(0, 1));
+  }
+
+  NamedTensors named_parameters(const std::string& prefix) const {
+    NamedTensors named;
+    for (auto& [name, tensor] : encoder.named_parameters()) named.emplace_back(prefix + name, tensor);
+    for (auto& [name, tensor] : core.named_parameters()) named.emplace_back(prefix + name, tensor);
+    for (const Dense& layer : decoder) append(named, prefix, layer);
+    return named;
+  }
+};
 
 /// The network's parts in the order that a frame passes them.
 class PolicyNetImpl {
  public:
+  /// One for all agents, or one per agent.
+  struct Actor {
+    std::string prefix;  // of its names in checkpoints
+    Tower tower;
+    Dense action_head;                // [A, F]
+    std::optional<Dense> value_head;  // kOwn
+  };
+
   PolicyNetOptions options;
   torch::Device device = torch::kCPU;
-  Encoder encoder;
-  RecurrentCore core;
-  Tensor action_weight, action_bias;  // [A, F], [A]
-  // From features to values: own features to one value, or the joint features of a world to N.
-  struct ValueLayer {
-    std::string name;
-    Tensor weight, bias;
-  };
-  std::vector<ValueLayer> value_layers;
+  std::shared_ptr<ObservationNormalizer> normalizer;
+  std::vector<Actor> actors;
+  std::vector<Tower> critic_towers;  // kJoint: one per agent
+  std::vector<Dense> critic;         // kCentral and kJoint: joint features of a world to values
 
-  /// Features [B, F] of the rows to their values [B].
-  Tensor value_of(const Tensor& features) const {
-    Tensor x = features;
-    if (options.central_critic)
-      x = x.reshape({x.size(0) / options.env.num_agents, x.size(1) * options.env.num_agents});
-    for (std::size_t i = 0; i < value_layers.size(); ++i) {
-      x = at::linear(x, value_layers[i].weight, value_layers[i].bias);
-      if (i + 1 < value_layers.size()) x = at::tanh(x);
+  int64_t agents() const { return options.env.num_agents; }
+  int64_t actor_state_count() const { return actors.front().tower.core.state_count(); }
+  bool critic_has_state() const {
+    return !critic_towers.empty() && critic_towers.front().core.state_count() > 0;
+  }
+
+  /// Encoded rows with the agent's index beside them, where the options ask for it. All agents' rows.
+  Tensor with_agent_id(const Tensor& encoded) const {
+    if (!options.agent_id_input) return encoded;
+    const Tensor id = torch::eye(agents(), encoded.options()).repeat({encoded.size(0) / agents(), 1});
+    return at::cat({encoded, id}, 1);
+  }
+
+  /// Joint features [worlds, F * N] to [worlds, 1 or N].
+  Tensor critic_values(Tensor x) const {
+    for (std::size_t i = 0; i < critic.size(); ++i) {
+      x = critic[i](x);
+      if (i + 1 < critic.size()) x = at::tanh(x);
     }
-    return x.flatten();
+    return x;
+  }
+
+  /// Values [B] of the rows whose features [B, F] the actors made.
+  Tensor values(const std::vector<Tensor>& features_of_actors) const {
+    if (options.critic == CriticKind::kCentral) {
+      const Tensor rows = interleave(features_of_actors, 0);
+      return critic_values(rows.reshape({rows.size(0) / agents(), rows.size(1) * agents()})).flatten();
+    }
+    std::vector<Tensor> of_actors;
+    for (std::size_t i = 0; i < actors.size(); ++i)
+      of_actors.push_back((*actors[i].value_head)(features_of_actors[i]));
+    return interleave(of_actors, 0).flatten();
+  }
+
+  /// Features [worlds, F] of each agent to the joint value, repeated for all agents: [worlds * N].
+  Tensor joint_values(const std::vector<Tensor>& features_of_agents) const {
+    return critic_values(at::cat(features_of_agents, 1)).expand({-1, agents()}).flatten();
+  }
+
+  /// One step. `encode(tower, agent)` gives a tower's encoded rows; agent is -1 for all of them.
+  template <typename Encode>
+  PolicyOutput act(Encode&& encode, const Tensor& recurrent_state) const {
+    const int64_t state_count = actor_state_count();
+    const Tensor state = recurrent_state.defined() && recurrent_state.size(1) > 0 ? recurrent_state.to(device)
+                                                                                  : recurrent_state;
+    const auto state_of = [&](int64_t first, int64_t count, int64_t agent) {
+      if (count == 0) return state;
+      const Tensor part = state.slice(1, first, first + count);
+      return agent < 0 ? part : rows_of_agent(part, 0, agent, agents());
+    };
+    std::vector<Tensor> features, logits, states, critic_features, critic_states;
+    for (std::size_t i = 0; i < actors.size(); ++i) {
+      const int64_t agent = actors.size() == 1 && !options.separate_agents ? -1 : static_cast<int64_t>(i);
+      const Tensor encoded = encode(actors[i].tower, agent);
+      CoreOutput after =
+          actors[i].tower.step(agent < 0 ? with_agent_id(encoded) : encoded, state_of(0, state_count, agent));
+      logits.push_back(actors[i].action_head(after.features));
+      features.push_back(after.features);
+      states.push_back(after.state);
+    }
+    Tensor value;
+    if (options.critic == CriticKind::kJoint) {
+      for (std::size_t i = 0; i < critic_towers.size(); ++i) {
+        const int64_t agent = static_cast<int64_t>(i);
+        const int64_t count = critic_towers[i].core.state_count();
+        CoreOutput after =
+            critic_towers[i].step(encode(critic_towers[i], agent), state_of(state_count, count, agent));
+        critic_features.push_back(after.features);
+        critic_states.push_back(after.state);
+      }
+      value = joint_values(critic_features);
+    } else {
+      value = values(features);
+    }
+    Tensor after = state_count > 0 ? interleave(states, 0) : recurrent_state;
+    if (critic_has_state())
+      after =
+          state_count > 0 ? at::cat({after, interleave(critic_states, 0)}, 1) : interleave(critic_states, 0);
+    return {interleave(logits, 0), value, after};
+  }
+
+  NamedTensors named_actor_parameters(std::size_t index) const {
+    const Actor& actor = actors[index];
+    NamedTensors named = actor.tower.named_parameters(actor.prefix);
+    append(named, actor.prefix, actor.action_head);
+    if (actor.value_head) append(named, actor.prefix, *actor.value_head);
+    return named;
+  }
+
+  NamedTensors named_critic_parameters() const {
+    NamedTensors named;
+    for (std::size_t i = 0; i < critic_towers.size(); ++i)
+      for (auto& entry : critic_towers[i].named_parameters("critic.agent" + std::to_string(i) + "."))
+        named.push_back(entry);
+    for (const Dense& layer : critic) append(named, "", layer);
+    return named;
   }
 
   NamedTensors named_parameters() const {
-    NamedTensors named = encoder.named_parameters();
-    for (auto& entry : core.named_parameters()) named.push_back(entry);
-    named.emplace_back("action_head.weight", action_weight);
-    named.emplace_back("action_head.bias", action_bias);
-    for (const ValueLayer& layer : value_layers) {
-      named.emplace_back(layer.name + ".weight", layer.weight);
-      named.emplace_back(layer.name + ".bias", layer.bias);
-    }
+    NamedTensors named;
+    for (std::size_t i = 0; i < actors.size(); ++i)
+      for (auto& entry : named_actor_parameters(i)) named.push_back(entry);
+    for (auto& entry : named_critic_parameters()) named.push_back(entry);
     return named;
   }
 
   NamedTensors named_state() const {
     NamedTensors named = named_parameters();
-    for (auto& entry : encoder.named_buffers()) named.push_back(entry);
+    for (auto& entry : normalizer->named_buffers()) named.push_back(entry);
     return named;
-  }
-
-  PolicyOutput act(const Tensor& encoded, const Tensor& recurrent_state) const {
-    Tensor state = recurrent_state;
-    if (core.state_count() > 0) state = state.to(device);
-    const CoreOutput after = core.step(encoded, state);
-    return {at::linear(after.features, action_weight, action_bias),
-            value_of(after.features), after.state};
   }
 };
 
 PolicyNetOptions PolicyNetOptions::from(const RunConfig& config, const EnvShape& env) {
+  const auto widths = [](const std::string& text) {
+    Expected<std::vector<int64_t>> parsed = parse_widths(text);
+    COMRAD_CHECK(parsed.has_value(), "settings were resolved: widths are numbers");
+    return *std::move(parsed);
+  };
   PolicyNetOptions options;
   options.env = env;
   options.encoder = config.encoder_conv_architecture;
@@ -82,21 +226,34 @@ PolicyNetOptions PolicyNetOptions::from(const RunConfig& config, const EnvShape&
   options.rnn_type = config.rnn_type;
   options.rnn_size = config.rnn_size;
   options.rnn_num_layers = config.rnn_num_layers;
+  options.decoder_widths = widths(config.decoder_mlp_layers);
   options.init_gain = config.policy_init_gain;
   options.normalize_input = config.normalize_input;
-  options.central_critic = config.algo == "mappo";
+  options.separate_agents = !config.share_parameters || config.algo == "happo";
+  options.agent_id_input = config.agent_id_input;
+  options.critic = config.algo == "mappo"   ? CriticKind::kCentral
+                   : config.algo == "happo" ? CriticKind::kJoint
+                                            : CriticKind::kOwn;
+  options.critic_widths = widths(config.critic_hidden_sizes);
+  options.critic_rnn = config.happo_critic_rnn;
+  options.precision = parse_precision(config.precision);
   return options;
 }
 
-int64_t PolicyNetOptions::recurrent_state_count() const {
+int64_t PolicyNetOptions::core_state_count() const {
   if (!use_rnn) return 0;
   return rnn_num_layers * rnn_size * (rnn_type == "lstm" ? 2 : 1);
 }
 
+int64_t PolicyNetOptions::recurrent_state_count() const {
+  return core_state_count() * (critic == CriticKind::kJoint && critic_rnn ? 2 : 1);
+}
+
 PolicyNet PolicyNet::create(const PolicyNetOptions& options, uint64_t seed, torch::Device device) {
-  COMRAD_CHECK(options.encoder == "convnet_simple", "settings were resolved: the encoder is convnet_simple");
   COMRAD_CHECK(!options.use_rnn || options.rnn_type == "gru" || options.rnn_type == "lstm",
                "settings were resolved: rnn_type is gru or lstm");
+  COMRAD_CHECK(!options.agent_id_input || !options.separate_agents,
+               "settings were resolved: an agent index is for a shared network");
   torch::NoGradGuard no_grad;
   at::Generator generator = at::make_generator<at::CPUGeneratorImpl>(seed);
   PolicyNet net;
@@ -104,28 +261,56 @@ PolicyNet PolicyNet::create(const PolicyNetOptions& options, uint64_t seed, torc
   PolicyNetImpl& impl = *net.impl_;
   impl.options = options;
   impl.device = device;
-  impl.encoder = Encoder::create(options.env, options.init_gain, options.normalize_input, generator, device);
-  const CoreKind kind = !options.use_rnn             ? CoreKind::kNone
-                        : options.rnn_type == "lstm" ? CoreKind::kLstm
-                                                     : CoreKind::kGru;
-  impl.core = RecurrentCore::create(kind, impl.encoder.feature_count(), options.rnn_size,
-                                    options.rnn_num_layers, generator, device);
-  const int64_t features = impl.core.feature_count(), logits = options.env.logit_count();
-  impl.action_weight =
-      orthogonal({logits, features}, options.init_gain, generator).to(device).requires_grad_();
-  impl.action_bias = torch::zeros({logits}).to(device).requires_grad_();
-  const auto add_value_layer = [&](const char* name, int64_t inputs, int64_t outputs) {
-    impl.value_layers.push_back(
-        {name, orthogonal({outputs, inputs}, options.init_gain, generator).to(device).requires_grad_(),
-         torch::zeros({outputs}).to(device).requires_grad_()});
+  impl.normalizer = ObservationNormalizer::create(options.env, options.normalize_input, device);
+  const int64_t agents = options.env.num_agents, logits = options.env.logit_count();
+
+  const auto make_dense = [&](std::string name, int64_t inputs, int64_t outputs) {
+    return Dense{std::move(name),
+                 orthogonal({outputs, inputs}, options.init_gain, generator).to(device).requires_grad_(),
+                 torch::zeros({outputs}).to(device).requires_grad_()};
   };
-  if (options.central_critic) {
-    const int64_t agents = options.env.num_agents;
-    add_value_layer("critic.0", features * agents, kCriticWidths[0]);
-    add_value_layer("critic.1", kCriticWidths[0], kCriticWidths[1]);
-    add_value_layer("critic.2", kCriticWidths[1], agents);
-  } else {
-    add_value_layer("value_head", features, 1);
+  const auto make_tower = [&](bool has_core, int64_t extra_inputs) {
+    Tower tower;
+    tower.precision = options.precision;
+    tower.encoder = Encoder::create({.env = options.env,
+                                     .architecture = options.encoder,
+                                     .init_gain = options.init_gain,
+                                     .normalize_input = options.normalize_input,
+                                     .precision = options.precision},
+                                    generator, device, impl.normalizer);
+    const CoreKind kind = !has_core                    ? CoreKind::kNone
+                          : options.rnn_type == "lstm" ? CoreKind::kLstm
+                                                       : CoreKind::kGru;
+    tower.core = RecurrentCore::create(kind, tower.encoder.feature_count() + extra_inputs, options.rnn_size,
+                                       options.rnn_num_layers, generator, device, options.precision);
+    for (const int64_t width : options.decoder_widths)
+      tower.decoder.push_back(
+          make_dense("decoder." + std::to_string(tower.decoder.size()), tower.feature_count(), width));
+    return tower;
+  };
+
+  const int64_t actor_count = options.separate_agents ? agents : 1;
+  for (int64_t i = 0; i < actor_count; ++i) {
+    PolicyNetImpl::Actor actor;
+    actor.prefix = options.separate_agents ? "agent" + std::to_string(i) + "." : "";
+    actor.tower = make_tower(options.use_rnn, options.agent_id_input ? agents : 0);
+    const int64_t features = actor.tower.feature_count();
+    actor.action_head = make_dense("action_head", features, logits);
+    if (options.critic == CriticKind::kOwn) actor.value_head = make_dense("value_head", features, 1);
+    impl.actors.push_back(std::move(actor));
+  }
+  if (options.critic == CriticKind::kJoint)
+    for (int64_t i = 0; i < agents; ++i)
+      impl.critic_towers.push_back(make_tower(options.use_rnn && options.critic_rnn, 0));
+  if (options.critic != CriticKind::kOwn) {
+    const Tower& last = impl.critic_towers.empty() ? impl.actors.back().tower : impl.critic_towers.back();
+    int64_t inputs = last.feature_count() * agents;
+    std::vector<int64_t> widths = options.critic_widths;
+    widths.push_back(options.critic == CriticKind::kCentral ? agents : 1);
+    for (const int64_t width : widths) {
+      impl.critic.push_back(make_dense("critic." + std::to_string(impl.critic.size()), inputs, width));
+      inputs = width;
+    }
   }
   return net;
 }
@@ -133,41 +318,120 @@ PolicyNet PolicyNet::create(const PolicyNetOptions& options, uint64_t seed, torc
 PolicyOutput PolicyNet::step(const Tensor& frame, const Tensor& measurement,
                              const Tensor& recurrent_state) const {
   torch::NoGradGuard no_grad;
-  return impl_->act(impl_->encoder.forward(frame, measurement), recurrent_state);
+  const int64_t agents = impl_->agents();
+  return impl_->act(
+      [&](const Tower& tower, int64_t agent) {
+        if (agent < 0) return tower.encoder.forward(frame, measurement);
+        return tower.encoder.forward(rows_of_agent(frame, 0, agent, agents),
+                                     rows_of_agent(measurement, 0, agent, agents));
+      },
+      recurrent_state);
 }
 
 PolicyOutput PolicyNet::step_rows(std::span<const uint8_t* const> frames, const Tensor& measurement,
                                   const Tensor& recurrent_state) const {
   torch::NoGradGuard no_grad;
-  return impl_->act(impl_->encoder.forward_rows(frames, measurement), recurrent_state);
+  const int64_t agents = impl_->agents();
+  std::vector<const uint8_t*> rows;
+  return impl_->act(
+      [&](const Tower& tower, int64_t agent) {
+        if (agent < 0) return tower.encoder.forward_rows(frames, measurement);
+        rows.clear();
+        for (std::size_t row = static_cast<std::size_t>(agent); row < frames.size();
+             row += static_cast<std::size_t>(agents))
+          rows.push_back(frames[row]);
+        return tower.encoder.forward_rows(rows, rows_of_agent(measurement, 0, agent, agents));
+      },
+      recurrent_state);
+}
+
+namespace {
+
+/// A tower's features [T * B, F] of a sequence; `first` and `count` say where its state lies in the rows'
+/// state.
+Tensor tower_sequence(const Tower& tower, const SequenceInput& input, int64_t first,
+                      const std::function<Tensor(const Tensor&)>& extend = {}) {
+  Tensor encoded = tower.encoder.forward(input.frame.flatten(0, 1), input.measurement.defined()
+                                                                        ? input.measurement.flatten(0, 1)
+                                                                        : input.measurement);
+  if (extend) encoded = extend(encoded);
+  const int64_t count = tower.core.state_count();
+  return tower.sequence(encoded, count > 0 ? input.recurrent_state.slice(1, first, first + count) : Tensor(),
+                        input.reset, input.frame.size(0));
+}
+
+SequenceInput input_of_agent(const SequenceInput& input, int64_t agent, int64_t agents) {
+  return {.frame = rows_of_agent(input.frame, 1, agent, agents),
+          .measurement = rows_of_agent(input.measurement, 1, agent, agents),
+          .recurrent_state = rows_of_agent(input.recurrent_state, 0, agent, agents),
+          .reset = rows_of_agent(input.reset, 1, agent, agents)};
+}
+
+}  // namespace
+
+SequenceOutput PolicyNet::sequence(const SequenceInput& input) const {
+  const PolicyNetImpl& impl = *impl_;
+  const int64_t steps = input.frame.size(0), rows = input.frame.size(1);
+  std::vector<Tensor> features, logits;
+  for (std::size_t i = 0; i < impl.actors.size(); ++i) {
+    const PolicyNetImpl::Actor& actor = impl.actors[i];
+    features.push_back(
+        impl.options.separate_agents
+            ? tower_sequence(actor.tower, input_of_agent(input, static_cast<int64_t>(i), impl.agents()), 0)
+            : tower_sequence(actor.tower, input, 0,
+                             [&](const Tensor& encoded) { return impl.with_agent_id(encoded); }));
+    logits.push_back(actor.action_head(features.back()));
+  }
+  const Tensor value = impl.options.critic == CriticKind::kJoint ? joint_value_sequence(input)
+                                                                 : impl.values(features).view({steps, rows});
+  return {interleave(logits, 0).view({steps, rows, -1}), value};
 }
 
 SequenceOutput PolicyNet::sequence(const Tensor& frame, const Tensor& measurement,
                                    const Tensor& recurrent_state, const Tensor& reset) const {
+  return sequence(
+      {.frame = frame, .measurement = measurement, .recurrent_state = recurrent_state, .reset = reset});
+}
+
+Tensor PolicyNet::actor_sequence(int64_t agent, const SequenceInput& input) const {
+  COMRAD_CHECK(impl_->options.separate_agents, "each agent has an actor of its own");
+  const PolicyNetImpl::Actor& actor = impl_->actors[static_cast<std::size_t>(agent)];
+  return actor.action_head(tower_sequence(actor.tower, input, 0))
+      .view({input.frame.size(0), input.frame.size(1), -1});
+}
+
+Tensor PolicyNet::joint_value_sequence(const SequenceInput& input) const {
   const PolicyNetImpl& impl = *impl_;
-  const int64_t steps = frame.size(0), rows = frame.size(1);
-  Tensor flat_measurement;
-  if (measurement.defined()) flat_measurement = measurement.flatten(0, 1);
-  Tensor features = impl.encoder.forward(frame.flatten(0, 1), flat_measurement);
-  if (impl.core.state_count() > 0) {
-    Tensor keep;
-    if (reset.defined()) keep = reset.to(impl.device).eq(0).to(torch::kFloat32).unsqueeze(-1);
-    features = impl.core
-                   .sequence(features.view({steps, rows, impl.encoder.feature_count()}),
-                             recurrent_state.to(impl.device), keep)
-                   .features.flatten(0, 1);
-  }
-  return {at::linear(features, impl.action_weight, impl.action_bias).view({steps, rows, -1}),
-          impl.value_of(features).view({steps, rows})};
+  COMRAD_CHECK(impl.options.critic == CriticKind::kJoint, "the network has a joint critic");
+  std::vector<Tensor> features;
+  for (std::size_t i = 0; i < impl.critic_towers.size(); ++i)
+    features.push_back(tower_sequence(impl.critic_towers[i],
+                                      input_of_agent(input, static_cast<int64_t>(i), impl.agents()),
+                                      impl.actor_state_count()));
+  return impl.joint_values(features).view({input.frame.size(0), input.frame.size(1)});
 }
 
 void PolicyNet::update_input_statistics(const Tensor& frame, const Tensor& measurement) const {
-  impl_->encoder.update_statistics(frame, measurement);
+  impl_->actors.front().tower.encoder.update_statistics(frame, measurement);
 }
 
 std::vector<Tensor> PolicyNet::parameters() const {
   std::vector<Tensor> parameters;
   for (auto& [name, tensor] : impl_->named_parameters()) parameters.push_back(tensor);
+  return parameters;
+}
+
+std::vector<Tensor> PolicyNet::actor_parameters(int64_t agent) const {
+  COMRAD_CHECK(impl_->options.separate_agents, "each agent has an actor of its own");
+  std::vector<Tensor> parameters;
+  for (auto& [name, tensor] : impl_->named_actor_parameters(static_cast<std::size_t>(agent)))
+    parameters.push_back(tensor);
+  return parameters;
+}
+
+std::vector<Tensor> PolicyNet::joint_critic_parameters() const {
+  std::vector<Tensor> parameters;
+  for (auto& [name, tensor] : impl_->named_critic_parameters()) parameters.push_back(tensor);
   return parameters;
 }
 
@@ -209,11 +473,11 @@ Status PolicyNet::read_weights(std::span<const std::byte> in) const {
     tensor.copy_(dense);
     at += dense.nbytes();
   }
-  impl_->encoder.refresh_statistics();
+  impl_->normalizer->refresh();
   return {};
 }
 
-void PolicyNet::state_changed() const { impl_->encoder.refresh_statistics(); }
+void PolicyNet::state_changed() const { impl_->normalizer->refresh(); }
 
 const PolicyNetOptions& PolicyNet::options() const { return impl_->options; }
 torch::Device PolicyNet::device() const { return impl_->device; }

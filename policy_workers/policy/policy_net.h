@@ -1,7 +1,8 @@
 // The network that both sides run: policy workers forward it one step at a time, the learner over whole
-// sequences. Encoder > recurrent core > action heads and value, which is the agent's own (IPPO) or comes from
-// the features of all agents of its world (MAPPO, training spec 1.5). Stage: forward (policy worker), update
-// (learner).
+// sequences. Encoder > recurrent core > decoder > action heads and value. One such tower serves all agents or
+// each agent has its own; the value is the agent's own (IPPO), comes from the features of all agents of its
+// world (MAPPO), or from encoders and cores of the critic alone (HAPPO; training spec 1.5). Stage: forward
+// (policy worker), update (learner).
 #pragma once
 
 #include <torch/types.h>
@@ -13,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "policy_workers/policy/precision.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
@@ -21,7 +23,15 @@ namespace comrad::policy {
 
 using torch::Tensor;
 
-/// Options of the network, from the settings and the shapes.
+/// Where values come from.
+enum class CriticKind {
+  kOwn,      ///< IPPO: the agent's own features to one value
+  kCentral,  ///< MAPPO: the N agents' core features side by side to N values, one per agent
+  kJoint,    ///< HAPPO: N encoders (and cores) of the critic's own, side by side to one value for all
+};
+
+/// Options of the network, from the settings and the shapes. With separate towers, an agent index or a critic
+/// other than kOwn the rows of every pass are whole worlds: row = world * N + agent.
 struct PolicyNetOptions {
   EnvShape env;
   std::string encoder = "convnet_simple";
@@ -29,15 +39,21 @@ struct PolicyNetOptions {
   std::string rnn_type = "gru";  ///< gru | lstm
   int64_t rnn_size = 512;
   int64_t rnn_num_layers = 1;
+  std::vector<int64_t> decoder_widths;  ///< ELU layers between core and heads
   double init_gain = 1.0;
   bool normalize_input = true;
-  /// MAPPO: values come from all N agents' core features side by side, one value per agent. The rows of every
-  /// pass are then whole worlds: row = world * N + agent.
-  bool central_critic = false;
+  bool separate_agents = false;  ///< a tower and heads per agent instead of one for all
+  bool agent_id_input = false;   ///< the agent's index, one-hot, beside the encoder's features
+  CriticKind critic = CriticKind::kOwn;
+  std::vector<int64_t> critic_widths = {512, 256};  ///< hidden, tanh after each; of kCentral and kJoint
+  bool critic_rnn = true;                           ///< kJoint: a core per agent in the critic
+  Precision precision = Precision::kFp32;
 
   static PolicyNetOptions from(const RunConfig& config, const EnvShape& env);
-  /// Floats of recurrent state per agent: layers * size for GRU, twice that for LSTM (all h, then all c); 0
+  /// Floats of one core's state per agent: layers * size for GRU, twice that for LSTM (all h, then all c); 0
   /// without.
+  int64_t core_state_count() const;
+  /// Floats of recurrent state per agent: the actor's core, then the critic's if it has one.
   int64_t recurrent_state_count() const;
 };
 
@@ -48,10 +64,18 @@ struct PolicyOutput {
   Tensor recurrent_state;  ///< [B, H] f32
 };
 
-/// A pass over T steps of B rows.
+/// A pass over T steps of B rows; what was not asked for stays undefined.
 struct SequenceOutput {
   Tensor logits;  ///< [T, B, A]
   Tensor value;   ///< [T, B]
+};
+
+/// T steps of B rows: what a network is shown.
+struct SequenceInput {
+  Tensor frame;            ///< u8  [T, B, C, H, W]
+  Tensor measurement;      ///< f32 [T, B, M], undefined when M = 0
+  Tensor recurrent_state;  ///< f32 [B, H] before step 0
+  Tensor reset;            ///< u8 or bool [T, B]: 1 where the state is zeroed before step t; may be undefined
 };
 
 class PolicyNetImpl;
@@ -78,6 +102,13 @@ class PolicyNet {
   SequenceOutput sequence(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state,
                           const Tensor& reset) const;
 
+  SequenceOutput sequence(const SequenceInput& input) const;
+
+  /// The logits [T, W, A] of one agent from the rows of that agent alone, W worlds. Separate agents only.
+  Tensor actor_sequence(int64_t agent, const SequenceInput& input) const;
+  /// The joint critic's values [T, B] of whole worlds, the same for all agents of a world. kJoint only.
+  Tensor joint_value_sequence(const SequenceInput& input) const;
+
   /// Merges a batch of frames (and measurements) into the running input statistics: mean and unbiased
   /// variance per element, parallel-variance merge, double precision (training spec 1.1). Learner only.
   void update_input_statistics(const Tensor& frame, const Tensor& measurement) const;
@@ -85,6 +116,9 @@ class PolicyNet {
   /// Parameters in a fixed order, for the optimizer; and named tensors (parameters and statistics) for
   /// checkpoints.
   std::vector<Tensor> parameters() const;
+  /// Those of one agent's actor (separate agents) and of the joint critic: disjoint, together parameters().
+  std::vector<Tensor> actor_parameters(int64_t agent) const;
+  std::vector<Tensor> joint_critic_parameters() const;
   std::vector<std::pair<std::string, Tensor>> named_state() const;
   int64_t parameter_count() const;
 

@@ -11,6 +11,20 @@ namespace {
 using torch::autograd::AutogradContext;
 using torch::autograd::tensor_list;
 
+/// out = bias + h W^T, W^T being a factor already.
+void product_out(Tensor& out, const Tensor& bias, const Tensor& h, const Tensor& weight_t,
+                 Precision precision) {
+  if (precision == Precision::kFp32)
+    at::addmm_out(out, bias, h, weight_t);
+  else
+    at::add_out(out, to_f32(factor(h, precision).mm(weight_t)), bias);
+}
+
+/// G^T h over all rows of all steps.
+Tensor weight_gradient(const Tensor& gradient, const Tensor& h, Precision precision) {
+  return to_f32(factor(gradient, precision).t().mm(factor(h, precision)));
+}
+
 /// The recurrent half of a GRU layer over a sequence. The input half, gi = W_ih x + b_ih, is one product
 /// outside.
 ///
@@ -21,14 +35,14 @@ using torch::autograd::tensor_list;
 /// product over all T B rows after the loop, which halves the time of the core's backward pass on a CPU.
 struct GruSequence : torch::autograd::Function<GruSequence> {
   static Tensor forward(AutogradContext* context, const Tensor& gi, const Tensor& h0, const Tensor& keep,
-                        const Tensor& weight_hh, const Tensor& bias_hh) {
+                        const Tensor& weight_hh, const Tensor& bias_hh, Precision precision) {
     const int64_t steps = gi.size(0), rows = gi.size(1), hidden = h0.size(1);
     const Tensor output = torch::empty({steps, rows, hidden}, gi.options());
     const Tensor h_in = torch::empty({steps, rows, hidden}, gi.options());
     const Tensor gates =
         torch::empty({steps, rows, 3 * hidden}, gi.options());  // r, z, n after their functions
     const Tensor gh_n = torch::empty({steps, rows, hidden}, gi.options());
-    const Tensor weight_t = weight_hh.t();
+    const Tensor weight_t = factor(weight_hh, precision).t();
     Tensor gh = torch::empty({rows, 3 * hidden}, gi.options());
     Tensor h = h0;
     for (int64_t t = 0; t < steps; ++t) {
@@ -37,7 +51,7 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
         at::mul_out(h_before, h, keep[t]);
       else
         h_before.copy_(h);
-      at::addmm_out(gh, bias_hh, h_before, weight_t);
+      product_out(gh, bias_hh, h_before, weight_t, precision);
       Tensor rz = gates[t].slice(1, 0, 2 * hidden);
       at::add_out(rz, gi[t].slice(1, 0, 2 * hidden), gh.slice(1, 0, 2 * hidden));
       rz.sigmoid_();
@@ -50,12 +64,15 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
       h.mul_(rz.slice(1, hidden)).add_(n);
     }
     context->save_for_backward({h_in, gates, gh_n, keep, weight_hh});
+    context->saved_data["precision"] = static_cast<int64_t>(precision);
     return output;
   }
 
   static tensor_list backward(AutogradContext* context, tensor_list grad_outputs) {
     const auto saved = context->get_saved_variables();
-    const Tensor &h_in = saved[0], &gates = saved[1], &gh_n = saved[2], &keep = saved[3], &weight = saved[4];
+    const auto precision = static_cast<Precision>(context->saved_data["precision"].toInt());
+    const Tensor &h_in = saved[0], &gates = saved[1], &gh_n = saved[2], &keep = saved[3];
+    const Tensor weight = factor(saved[4], precision);
     const Tensor& grad = grad_outputs[0];
     const int64_t steps = h_in.size(0), rows = h_in.size(1), hidden = h_in.size(2);
     const Tensor grad_gi = torch::empty_like(gates);
@@ -74,11 +91,15 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
       grad_gh[t].slice(1, 0, 2 * hidden).copy_(grad_gi[t].slice(1, 0, 2 * hidden));
       Tensor gh_n_gradient = grad_gh[t].slice(1, 2 * hidden);
       at::mul_out(gh_n_gradient, gi_n, r);
-      carried = at::addmm(grad_hz, grad_gh[t], weight);
+      carried = precision == Precision::kFp32
+                    ? at::addmm(grad_hz, grad_gh[t], weight)
+                    : to_f32(factor(grad_gh[t], precision).mm(weight)).add_(grad_hz);
       if (keep.numel() > 0) carried.mul_(keep[t]);
     }
     const Tensor flat = grad_gh.view({steps * rows, 3 * hidden});
-    return {grad_gi, carried, Tensor(), flat.t().mm(h_in.view({steps * rows, hidden})), flat.sum(0)};
+    return {grad_gi,     carried,
+            Tensor(),    weight_gradient(flat, h_in.view({steps * rows, hidden}), precision),
+            flat.sum(0), Tensor()};
   }
 };
 
@@ -87,14 +108,15 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
 ///   i, f, o = sigmoid, g = tanh of gi + W_hh h + b_hh;  c' = f c + i g;  h' = o tanh(c')
 struct LstmSequence : torch::autograd::Function<LstmSequence> {
   static tensor_list forward(AutogradContext* context, const Tensor& gi, const Tensor& h0, const Tensor& c0,
-                             const Tensor& keep, const Tensor& weight_hh, const Tensor& bias_hh) {
+                             const Tensor& keep, const Tensor& weight_hh, const Tensor& bias_hh,
+                             Precision precision) {
     const int64_t steps = gi.size(0), rows = gi.size(1), hidden = h0.size(1);
     const Tensor output = torch::empty({steps, rows, hidden}, gi.options());
     const Tensor h_in = torch::empty({steps, rows, hidden}, gi.options());
     const Tensor c_in = torch::empty({steps, rows, hidden}, gi.options());
     const Tensor tanh_c = torch::empty({steps, rows, hidden}, gi.options());
     const Tensor gates = torch::empty({steps, rows, 4 * hidden}, gi.options());
-    const Tensor weight_t = weight_hh.t();
+    const Tensor weight_t = factor(weight_hh, precision).t();
     Tensor h = h0, c = c0;
     for (int64_t t = 0; t < steps; ++t) {
       Tensor h_before = h_in[t], c_before = c_in[t], gate = gates[t];
@@ -105,7 +127,7 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
         h_before.copy_(h);
         c_before.copy_(c);
       }
-      at::addmm_out(gate, bias_hh, h_before, weight_t);
+      product_out(gate, bias_hh, h_before, weight_t, precision);
       gate.add_(gi[t]);
       Tensor input_forget = gate.slice(1, 0, 2 * hidden), g = gate.slice(1, 2 * hidden, 3 * hidden),
              o = gate.slice(1, 3 * hidden);
@@ -119,13 +141,15 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
       at::mul_out(h, o, squashed);
     }
     context->save_for_backward({h_in, c_in, tanh_c, gates, keep, weight_hh});
+    context->saved_data["precision"] = static_cast<int64_t>(precision);
     return {output, c};
   }
 
   static tensor_list backward(AutogradContext* context, tensor_list grad_outputs) {
     const auto saved = context->get_saved_variables();
-    const Tensor &h_in = saved[0], &c_in = saved[1], &tanh_c = saved[2], &gates = saved[3], &keep = saved[4],
-                 &weight = saved[5];
+    const auto precision = static_cast<Precision>(context->saved_data["precision"].toInt());
+    const Tensor &h_in = saved[0], &c_in = saved[1], &tanh_c = saved[2], &gates = saved[3], &keep = saved[4];
+    const Tensor weight = factor(saved[5], precision);
     const Tensor& grad = grad_outputs[0];
     const int64_t steps = h_in.size(0), rows = h_in.size(1), hidden = h_in.size(2);
     const Tensor grad_gi = torch::empty_like(gates);
@@ -142,7 +166,7 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
       at::mul_out(grad_i, grad_c, g).mul_(i).mul_(1 - i);
       at::mul_out(grad_f, grad_c, c_in[t]).mul_(f).mul_(1 - f);
       at::mul_out(grad_g, grad_c, i).mul_(1 - g.square());
-      carried_h = grad_gi[t].mm(weight);
+      carried_h = to_f32(factor(grad_gi[t], precision).mm(weight));
       carried_c = grad_c * f;
       if (keep.numel() > 0) {
         carried_h.mul_(keep[t]);
@@ -150,16 +174,23 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
       }
     }
     const Tensor flat = grad_gi.view({steps * rows, 4 * hidden});
-    return {grad_gi,    carried_h, carried_c, Tensor(), flat.t().mm(h_in.view({steps * rows, hidden})),
-            flat.sum(0)};
+    return {grad_gi,
+            carried_h,
+            carried_c,
+            Tensor(),
+            weight_gradient(flat, h_in.view({steps * rows, hidden}), precision),
+            flat.sum(0),
+            Tensor()};
   }
 };
 
 }  // namespace
 
 RecurrentCore RecurrentCore::create(CoreKind kind, int64_t input_count, int64_t hidden_count,
-                                    int64_t layer_count, at::Generator generator, torch::Device device) {
+                                    int64_t layer_count, at::Generator generator, torch::Device device,
+                                    Precision precision) {
   RecurrentCore core;
+  core.precision_ = precision;
   core.kind_ = kind;
   core.feature_count_ = input_count;
   if (kind == CoreKind::kNone) return core;
@@ -187,6 +218,10 @@ int64_t RecurrentCore::state_count() const {
 
 CoreOutput RecurrentCore::step(const Tensor& input, const Tensor& state) const {
   if (kind_ == CoreKind::kNone) return {input, state};
+  if (precision_ != Precision::kFp32) {  // the framework's cells multiply in f32
+    CoreOutput output = sequence(input.unsqueeze(0), state, {});
+    return {output.features.squeeze(0), output.state};
+  }
   const int64_t layer_count = static_cast<int64_t>(layers_.size());
   std::vector<Tensor> hidden, cells;
   Tensor x = input;
@@ -218,13 +253,13 @@ CoreOutput RecurrentCore::sequence(const Tensor& input, const Tensor& state, con
   for (int64_t layer = 0; layer < layer_count; ++layer) {
     const CoreLayer& w = layers_[static_cast<size_t>(layer)];
     const Tensor h0 = state.slice(1, layer * hidden_count_, (layer + 1) * hidden_count_);
-    const Tensor gi = at::linear(x, w.weight_ih, w.bias_ih);
+    const Tensor gi = linear(x, w.weight_ih, w.bias_ih, precision_);
     if (kind_ == CoreKind::kGru) {
-      x = GruSequence::apply(gi, h0, kept, w.weight_hh, w.bias_hh);
+      x = GruSequence::apply(gi, h0, kept, w.weight_hh, w.bias_hh, precision_);
     } else {
       const int64_t first = (layer_count + layer) * hidden_count_;
       const Tensor c0 = state.slice(1, first, first + hidden_count_);
-      const tensor_list outputs = LstmSequence::apply(gi, h0, c0, kept, w.weight_hh, w.bias_hh);
+      const tensor_list outputs = LstmSequence::apply(gi, h0, c0, kept, w.weight_hh, w.bias_hh, precision_);
       x = outputs[0];
       cells.push_back(outputs[1]);
     }

@@ -11,6 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "policy_workers/policy/precision.h"
+
 namespace comrad::policy {
 
 using torch::Tensor;
@@ -38,7 +40,8 @@ class RecurrentCore {
   RecurrentCore() = default;
   /// Weights and biases uniform in +-1/sqrt(hidden), PyTorch's default, drawn from `generator`.
   static RecurrentCore create(CoreKind kind, int64_t input_count, int64_t hidden_count, int64_t layer_count,
-                              at::Generator generator, torch::Device device);
+                              at::Generator generator, torch::Device device,
+                              Precision precision = Precision::kFp32);
 
   /// One step: input [B, input], state [B, H]. The caller decides whether gradients are recorded.
   CoreOutput step(const Tensor& input, const Tensor& state) const;
@@ -54,6 +57,7 @@ class RecurrentCore {
 
  private:
   CoreKind kind_ = CoreKind::kNone;
+  Precision precision_ = Precision::kFp32;
   int64_t hidden_count_ = 0;
   int64_t feature_count_ = 0;
   std::vector<CoreLayer> layers_;

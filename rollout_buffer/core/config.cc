@@ -17,7 +17,7 @@
 namespace comrad {
 namespace {
 
-constexpr std::array kAlgorithms = {"ippo", "mappo"};
+constexpr std::array kAlgorithms = {"ippo", "mappo", "happo"};
 
 /// Sample Factory calls independent PPO "APPO"; one spelling travels through the rest of the system.
 std::string canonical_algorithm(std::string_view algo) {
@@ -174,6 +174,7 @@ Status check_ranges(const RunConfig& c) {
   check.range("trajectory_slabs", c.trajectory_slabs, 0, 1 << 20);
   check.range("learner_threads", c.learner_threads, 0, 1024);
   check.range("policy_threads", c.policy_threads, 1, 1024);
+  check.one_of("precision", c.precision, {"fp32", "bf16"});
 
   check.range("env_frameskip", c.env_frameskip, 1, 100);
   check.that(is_size(c.render_size), "render_size", c.render_size, "WIDTHxHEIGHT, each from 16 to 4096");
@@ -192,7 +193,7 @@ Status check_ranges(const RunConfig& c) {
   check.range("num_epochs", c.num_epochs, 1, 1000);
   check.range("num_batches_to_accumulate", c.num_batches_to_accumulate, 1, 1024);
   check.range("micro_batch_size", c.micro_batch_size, 1, 1 << 26);
-  check.range("max_policy_lag", c.max_policy_lag, 1, 1'000'000'000);
+  check.range("max_policy_lag", c.max_policy_lag, 0, 1'000'000'000);
 
   check.fraction("gamma", c.gamma);
   check.fraction("gae_lambda", c.gae_lambda);
@@ -202,6 +203,12 @@ Status check_ranges(const RunConfig& c) {
   check.one_of("exploration_loss", c.exploration_loss, {"symmetric_kl", "entropy", "none"});
   check.at_least("exploration_loss_coeff", c.exploration_loss_coeff, 0);
   check.at_least("kl_loss_coeff", c.kl_loss_coeff, 0);
+  check.at_least("early_stop_kl", c.early_stop_kl, 0);
+  check.above("vtrace_rho", c.vtrace_rho, 0);
+  check.above("vtrace_c", c.vtrace_c, 0);
+  check.one_of("happo_agent_order", c.happo_agent_order, {"random", "fixed"});
+  check.that(c.happo_factor_clamp == 0 || c.happo_factor_clamp > 1, "happo_factor_clamp",
+             real_text(c.happo_factor_clamp), "greater than 1, or 0 for none");
 
   check.at_least("learning_rate", c.learning_rate, 0);
   check.one_of("lr_schedule", c.lr_schedule,
@@ -216,11 +223,16 @@ Status check_ranges(const RunConfig& c) {
              "at least 0 and below 1");
   check.at_least("max_grad_norm", c.max_grad_norm, 0);
 
-  check.one_of("encoder_conv_architecture", c.encoder_conv_architecture, {"convnet_simple"});
+  check.one_of("encoder_conv_architecture", c.encoder_conv_architecture,
+               {"convnet_simple", "convnet_impala", "convnet_atari", "resnet_impala"});
   check.one_of("rnn_type", c.rnn_type, {"gru", "lstm"});
   check.range("rnn_size", c.rnn_size, 1, 4096);
   check.range("rnn_num_layers", c.rnn_num_layers, 1, 8);
   check.above("policy_init_gain", c.policy_init_gain, 0);
+  for (const auto& [name, text] : {std::pair("decoder_mlp_layers", &c.decoder_mlp_layers),
+                                   std::pair("critic_hidden_sizes", &c.critic_hidden_sizes)})
+    check.that(parse_widths(*text).has_value(), name, *text,
+               "none, or up to 8 widths between 1 and 8192 as 512,256");
 
   check.above("save_every_sec", c.save_every_sec, 0);
   check.range("keep_checkpoints", c.keep_checkpoints, 1, 1'000'000);
@@ -231,6 +243,26 @@ Status check_ranges(const RunConfig& c) {
   check.above("progress_interval", c.progress_interval, 0);
   check.range("stats_avg", c.stats_avg, 1, 1'000'000);
   return check.status();
+}
+
+/// Settings of the on-policy algorithms that exclude each other.
+Status check_combinations(const RunConfig& c) {
+  const auto refuse = [](std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; };
+  if (c.with_vtrace && c.algo == "happo")
+    return refuse(
+        "with_vtrace is on; happo estimates advantages with GAE, V-trace works with ippo and mappo");
+  if (c.with_vtrace && c.normalize_returns)
+    return refuse(
+        "with_vtrace and normalize_returns are both on; V-trace mixes values of different versions, so their "
+        "scale must not move: add --normalize_returns=False");
+  if (c.algo == "happo" && c.share_parameters)
+    return refuse("share_parameters is on; happo updates one network per agent, so leave it off");
+  if (c.algo == "happo" && c.lr_schedule.starts_with("kl_adaptive"))
+    return refuse("lr_schedule is " + c.lr_schedule +
+                  "; happo's agents are updated one after the other, so it must be constant or linear_decay");
+  if (c.agent_id_input && !c.share_parameters)
+    return refuse("agent_id_input is on without share_parameters; a network of its own needs no agent index");
+  return {};
 }
 
 /// Lock step takes one rollout of every environment and cuts it into batches without a remainder.
@@ -386,7 +418,7 @@ Expected<RunConfig> load_run_config(const std::string& path) {
 
 Expected<SettingsLayer> algorithm_defaults(const std::string& algo) {
   const std::string name = canonical_algorithm(algo);
-  // Source: spec/training.md 3.1, the rows of IPPO and MAPPO; 3.2 is the built-in layer.
+  // Source: spec/training.md 3.1, the rows of IPPO, MAPPO and HAPPO; 3.2 is the built-in layer.
   if (name == "ippo" || name == "mappo")
     return SettingsLayer{"algorithm " + name,
                          {{"use_rnn", "true"},
@@ -395,6 +427,17 @@ Expected<SettingsLayer> algorithm_defaults(const std::string& algo) {
                           {"num_epochs", "4"},
                           {"batch_size", "4096"},
                           {"num_batches_per_epoch", "1"}}};
+  if (name == "happo")
+    return SettingsLayer{"algorithm " + name,
+                         {{"use_rnn", "true"},
+                          {"rnn_type", "gru"},
+                          {"rnn_size", "512"},
+                          {"num_epochs", "1"},
+                          {"batch_size", "4096"},
+                          {"num_batches_per_epoch", "1"},
+                          {"share_parameters", "false"},
+                          {"lr_schedule", "linear_decay"},
+                          {"max_policy_lag", "0"}}};
   const std::vector<std::string> known(kAlgorithms.begin(), kAlgorithms.end());
   const std::string near = nearest_word(name, known);
   return Error{ErrorCode::kBadInput, "unknown algorithm '" + algo + "'" +
@@ -407,6 +450,9 @@ Status resolve_settings(RunConfig& config, int core_count) {
   c.algo = canonical_algorithm(c.algo);
   COMRAD_TRY(algorithm_defaults(c.algo));
   COMRAD_TRY(check_ranges(c));
+  COMRAD_TRY(check_combinations(c));
+  // HAPPO makes a version per agent and one for the critic from every batch (training spec 2.3).
+  if (c.max_policy_lag == 0) c.max_policy_lag = c.algo == "happo" ? 1000 * (c.num_agents + 1) : 1000;
 
   const int64_t cores = std::max(core_count, 1);
   if (c.num_workers == 0) c.num_workers = std::min<int64_t>(cores, 1024);
@@ -464,6 +510,64 @@ Status resolve_settings(RunConfig& config, int core_count) {
                                            ", or 0 for auto"};
   config = std::move(c);
   return {};
+}
+
+Expected<std::vector<int64_t>> parse_widths(const std::string& text) {
+  std::vector<int64_t> widths;
+  std::string_view rest = trimmed(text);
+  if (rest == "none") return widths;
+  while (!rest.empty()) {
+    const std::size_t end = std::min(rest.find_first_of(", "), rest.size());
+    int64_t width = 0;
+    if (!parse_value(rest.substr(0, end), width) || width < 1 || width > 8192 || widths.size() == 8)
+      return Error{ErrorCode::kBadInput,
+                   "'" + text + "' must be none, or up to 8 widths between 1 and 8192 as 512,256"};
+    widths.push_back(width);
+    if (end < rest.size() && rest[end] == ',' && trimmed(rest.substr(end + 1)).empty())
+      return Error{ErrorCode::kBadInput, "'" + text + "' ends in a comma"};
+    rest = trimmed(rest.substr(std::min(end + 1, rest.size())));
+  }
+  return widths;
+}
+
+int64_t recurrent_state_count(const RunConfig& config) {
+  if (!config.use_rnn) return 0;
+  const int64_t core = config.rnn_num_layers * config.rnn_size * (config.rnn_type == "lstm" ? 2 : 1);
+  return core * (config.algo == "happo" && config.happo_critic_rnn ? 2 : 1);
+}
+
+int64_t weights_bytes_limit(const RunConfig& config, int64_t num_agents, int64_t frame_bytes,
+                            int64_t logits) {
+  const auto widths_of = [](const std::string& text) {
+    Expected<std::vector<int64_t>> widths = parse_widths(text);
+    return widths ? *std::move(widths) : std::vector<int64_t>();
+  };
+  // Convolutions and the image layer with its 512 features stay below 16 MiB for every encoder at 128x72, and
+  // in proportion to larger frames; all else is counted with inputs rounded up.
+  constexpr int64_t kEncoderParameters = int64_t{4} << 20, kFrameBytes = 3 * 72 * 128;
+  constexpr int64_t kInputsMax = 1024;  // image and measurement features, agent index
+  int64_t tower = kEncoderParameters * std::max<int64_t>(1, (frame_bytes + kFrameBytes - 1) / kFrameBytes);
+  int64_t features = kInputsMax;
+  if (config.use_rnn)
+    for (int64_t layer = 0; layer < config.rnn_num_layers; ++layer) {
+      tower += 4 * config.rnn_size * (features + config.rnn_size + 2);
+      features = config.rnn_size;
+    }
+  for (const int64_t width : widths_of(config.decoder_mlp_layers)) {
+    tower += width * (features + 1);
+    features = width;
+  }
+  tower += (logits + 1) * (features + 1);
+  const bool separate = config.algo == "happo" || !config.share_parameters;
+  const int64_t towers = (separate ? num_agents : 1) + (config.algo == "happo" ? num_agents : 0);
+  int64_t critic = 0, inputs = std::max(features, kInputsMax) * num_agents;
+  for (const int64_t width : widths_of(config.critic_hidden_sizes)) {
+    critic += width * (inputs + 1);
+    inputs = width;
+  }
+  critic += num_agents * (inputs + 1);
+  const int64_t statistics = 2 * 8 * (frame_bytes + kInputsMax) + (int64_t{1} << 20);
+  return 4 * (towers * tower + critic) + statistics;
 }
 
 std::string data_dir() {

@@ -43,6 +43,7 @@ struct RunConfig {
   int64_t trajectory_slabs = 0;
   int64_t learner_threads = 0;
   int64_t policy_threads = 1;
+  std::string precision = "fp32";
   bool set_workers_cpu_affinity = false;
 
   // Environment.
@@ -77,6 +78,12 @@ struct RunConfig {
   std::string exploration_loss = "symmetric_kl";
   double exploration_loss_coeff = 0.001;
   double kl_loss_coeff = 0.0;
+  double early_stop_kl = 0.0;
+  bool with_vtrace = false;
+  double vtrace_rho = 1.0;
+  double vtrace_c = 1.0;
+  std::string happo_agent_order = "random";
+  double happo_factor_clamp = 0.0;
 
   // Optimizer.
   double learning_rate = 1e-4;
@@ -95,7 +102,12 @@ struct RunConfig {
   std::string rnn_type = "gru";
   int64_t rnn_size = 512;
   int64_t rnn_num_layers = 1;
+  std::string decoder_mlp_layers = "none";
   double policy_init_gain = 1.0;
+  bool share_parameters = true;
+  bool agent_id_input = false;
+  std::string critic_hidden_sizes = "512,256";
+  bool happo_critic_rnn = true;
 
   // Records.
   double save_every_sec = 120.0;
@@ -114,7 +126,7 @@ template <typename Config, typename Visitor>
 void visit_settings(Config& c, Visitor&& visit) {
   using Names = std::initializer_list<const char*>;
   visit("scenario", c.scenario, "scenario to play; `comrad scenarios` lists them", Names{"env"});
-  visit("algo", c.algo, "learning algorithm: ippo", Names{});
+  visit("algo", c.algo, "learning algorithm: ippo, mappo or happo", Names{});
   visit("experiment", c.experiment, "run name; empty makes <scenario>_<ALGO>_<date>_<time>", Names{});
   visit("train_dir", c.train_dir, "folder that holds the runs", Names{});
   visit("restart_behavior", c.restart_behavior,
@@ -143,6 +155,8 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("trajectory_slabs", c.trajectory_slabs, "trajectory slabs in the arena; 0: auto", Names{});
   visit("learner_threads", c.learner_threads, "CPU threads of the learner; 0: auto", Names{});
   visit("policy_threads", c.policy_threads, "CPU threads of each policy worker", Names{});
+  visit("precision", c.precision,
+        "arithmetic of convolutions and matrix products, in inference and training: fp32 or bf16", Names{});
   visit("set_workers_cpu_affinity", c.set_workers_cpu_affinity, "pin simulator processes to cores", Names{});
 
   visit("env_frameskip", c.env_frameskip, "tics that one decision is held", Names{"frame_skip"});
@@ -164,7 +178,9 @@ void visit_settings(Config& c, Visitor&& visit) {
         Names{});
   visit("micro_batch_size", c.micro_batch_size,
         "rows in one forward and backward pass; same gradient, less memory", Names{});
-  visit("max_policy_lag", c.max_policy_lag, "decisions older than this many versions are masked", Names{});
+  visit("max_policy_lag", c.max_policy_lag,
+        "decisions older than this many versions are masked; 0: 1000, for happo 1000 x (agents + 1)",
+        Names{});
   visit("shuffle_minibatches", c.shuffle_minibatches, "draw the trajectories of a minibatch in random order",
         Names{});
 
@@ -179,6 +195,16 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("exploration_loss", c.exploration_loss, "symmetric_kl, entropy or none", Names{});
   visit("exploration_loss_coeff", c.exploration_loss_coeff, "weight of the exploration loss", Names{});
   visit("kl_loss_coeff", c.kl_loss_coeff, "weight of KL to the behaviour policy", Names{});
+  visit("early_stop_kl", c.early_stop_kl,
+        "leave a batch once KL to the behaviour policy is above this; 0: off", Names{});
+  visit("with_vtrace", c.with_vtrace, "V-trace instead of GAE (ippo, mappo; needs --normalize_returns=False)",
+        Names{});
+  visit("vtrace_rho", c.vtrace_rho, "cap of V-trace's weights of temporal differences", Names{});
+  visit("vtrace_c", c.vtrace_c, "cap of V-trace's trace weights", Names{});
+  visit("happo_agent_order", c.happo_agent_order, "order of HAPPO's agents in an update: random or fixed",
+        Names{});
+  visit("happo_factor_clamp", c.happo_factor_clamp,
+        "HAPPO: clamp each ratio in the factor M to [1/c, c]; 0: off", Names{});
 
   visit("learning_rate", c.learning_rate, "Adam's learning rate", Names{"lr"});
   visit("lr_schedule", c.lr_schedule, "constant, linear_decay, kl_adaptive_minibatch or kl_adaptive_epoch",
@@ -192,12 +218,23 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("adam_beta2", c.adam_beta2, "Adam's second decay", Names{});
   visit("max_grad_norm", c.max_grad_norm, "global gradient norm is clipped to this; 0: off", Names{});
 
-  visit("encoder_conv_architecture", c.encoder_conv_architecture, "pixel encoder: convnet_simple", Names{});
-  visit("use_rnn", c.use_rnn, "recurrent core", Names{});
+  visit("encoder_conv_architecture", c.encoder_conv_architecture,
+        "pixel encoder: convnet_simple, convnet_impala, convnet_atari or resnet_impala", Names{});
+  visit("use_rnn", c.use_rnn, "recurrent core; without it the network is feed-forward", Names{});
   visit("rnn_type", c.rnn_type, "gru or lstm", Names{});
   visit("rnn_size", c.rnn_size, "hidden units of the recurrent core", Names{});
   visit("rnn_num_layers", c.rnn_num_layers, "layers of the recurrent core", Names{});
+  visit("decoder_mlp_layers", c.decoder_mlp_layers,
+        "widths of ELU layers between core and heads, as 512,256; none: no layer", Names{});
   visit("policy_init_gain", c.policy_init_gain, "gain of the orthogonal initialisation", Names{});
+  visit("share_parameters", c.share_parameters,
+        "one network for all agents; off: one per agent (always so in happo)", Names{});
+  visit("agent_id_input", c.agent_id_input, "feed the agent's index, one-hot, to the shared network",
+        Names{});
+  visit("critic_hidden_sizes", c.critic_hidden_sizes,
+        "hidden widths of mappo's and happo's central critic, as 512,256; none: linear",
+        Names{"happo_critic_hidden_sizes"});
+  visit("happo_critic_rnn", c.happo_critic_rnn, "HAPPO's critic has a recurrent core per agent", Names{});
 
   visit("save_every_sec", c.save_every_sec, "seconds between checkpoints", Names{});
   visit("keep_checkpoints", c.keep_checkpoints, "newest checkpoints that are kept", Names{});
@@ -241,6 +278,19 @@ Expected<SettingsLayer> algorithm_defaults(const std::string& algo);
 /// combination (batch_size is rounded down to a multiple of rollout * num_agents).
 /// Errors: kBadInput naming the setting, its value and what it may be.
 Status resolve_settings(RunConfig& config, int core_count);
+
+/// The layer widths that `text` lists, separated by commas or blanks ("512,256"); none for "none" or empty
+/// text. Errors: kBadInput for more than 8 widths or one outside 1 to 8192.
+Expected<std::vector<int64_t>> parse_widths(const std::string& text);
+
+/// Floats of recurrent state per agent that the run's network carries from one decision to the next: layers x
+/// size for GRU, twice that for LSTM, twice again where HAPPO's critic is recurrent; 0 without a core.
+int64_t recurrent_state_count(const RunConfig& config);
+
+/// An upper bound of the bytes of the run's weights (parameters and input statistics of all networks), from
+/// which the arena is made; what is not used is never touched. `frame_bytes`: of one agent's frame,
+/// `logits`: choices of all action heads.
+int64_t weights_bytes_limit(const RunConfig& config, int64_t num_agents, int64_t frame_bytes, int64_t logits);
 
 /// To be asked before toml++ parses `text`: its 3.3 assumes, unchecked in release builds, that a table's
 /// header goes on with a key, so "[=]" would be undefined behaviour. Errors: kBadFormat as

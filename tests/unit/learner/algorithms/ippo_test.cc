@@ -188,6 +188,28 @@ TEST(Ippo, MicroBatchesGiveTheGradientOfTheWholeBatch) {
     EXPECT_LT(largest_relative_difference(results[0], results[i]), 2e-5) << "variant " << i;
 }
 
+TEST(Ippo, ThreadsWithAMicroBatchEachGiveTheSameGradientEveryTime) {
+  std::vector<std::vector<Tensor>> results;
+  for (const int64_t threads : {1, 3, 3, 3, 2}) {
+    RunConfig config = small_config();
+    config.micro_batch_size = 16;
+    config.learner_threads = threads;
+    const TrajectoryShape shape = small_shape(config);
+    Ippo ippo(config, shape.env, torch::kCPU);
+    Minibatch batch = noise_batch(shape, 7, 3);
+    apply_lag_filter(batch, 0, 1000);
+    ippo.prepare_targets(batch);
+    Ippo::LossSums sums;
+    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
+    results.push_back(gradients(ippo.net()));
+  }
+  for (std::size_t i = 1; i < results.size(); ++i)
+    EXPECT_LT(largest_relative_difference(results[0], results[i]), 2e-5) << "variant " << i;
+  for (const std::size_t again : {2u, 3u})
+    for (std::size_t i = 0; i < results[1].size(); ++i)
+      EXPECT_TRUE(torch::equal(results[1][i], results[again][i])) << "parameter " << i;
+}
+
 TEST(Ippo, AnAllInvalidTrajectoryAddsNothingToTheGradient) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
@@ -480,6 +502,154 @@ TEST(Ippo, LearnsTheBestArmOfABandit) {
     ASSERT_TRUE(ippo.update(batch, {}));
   }
   EXPECT_GT(best, 0.95);
+}
+
+RunConfig vtrace_config() {
+  RunConfig config = small_config();
+  config.with_vtrace = true;
+  config.normalize_returns = false;
+  return config;
+}
+
+TEST(IppoWithVtrace, OfFreshDataIsGaeWithLambdaOne) {
+  const RunConfig config = vtrace_config();
+  RunConfig gae_config = small_config();
+  gae_config.normalize_returns = false;
+  gae_config.gae_lambda = 1;
+  const TrajectoryShape shape = small_shape(config);
+  Ippo vtrace(config, shape.env, torch::kCPU), gae(gae_config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 3, 16);
+  act_with(vtrace.net(), batch);
+  batch.terminated[1][2] = 1;
+  batch.truncated[2][4] = 1;
+  batch.final_value[2][4] = 0.7f;
+  apply_lag_filter(batch, 0, 1000);
+  act_with(vtrace.net(), batch);  // again: the ends above reset the recurrent state
+  gae.prepare_targets(batch);
+  const Tensor advantage = batch.advantage.clone(), target = batch.target.clone();
+  vtrace.prepare_vtrace(batch);
+  EXPECT_TRUE(torch::allclose(batch.advantage, advantage, 1e-4, 1e-5));
+  EXPECT_TRUE(torch::allclose(batch.target, target, 1e-4, 1e-5));
+}
+
+TEST(IppoWithVtrace, LooksAtThePolicyInTraining) {
+  // Behaviour log-probabilities that say every action was half as likely: all ratios are 2, capped at 1.
+  const RunConfig config = vtrace_config();
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 2, 17);
+  act_with(ippo.net(), batch);
+  ippo.prepare_vtrace(batch);
+  const Tensor on_policy = batch.advantage.clone();
+  batch.log_prob.sub_(std::log(2.0));
+  ippo.prepare_vtrace(batch);
+  EXPECT_TRUE(torch::allclose(batch.advantage, on_policy, 1e-4, 1e-5));
+  batch.log_prob.add_(2 * std::log(2.0));  // ratio 1/2: not capped
+  ippo.prepare_vtrace(batch);
+  EXPECT_FALSE(torch::allclose(batch.advantage, on_policy, 1e-2, 1e-3));
+}
+
+TEST(IppoWithVtrace, AnInvalidStepCutsTheTraceAndAShortSlabBootstrapsFromItsStoredValue) {
+  const RunConfig config = vtrace_config();
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 2, 18);
+  act_with(ippo.net(), batch);
+  batch.valid[2][0] = 0;
+  apply_lag_filter(batch, 0, 1000);
+  ippo.prepare_vtrace(batch);
+  EXPECT_NEAR(batch.target[2][0].item<double>(), batch.value[2][0].item<double>(), 0.2);
+  EXPECT_EQ(batch.advantage[2][0].item<double>(), 0);
+  const Tensor before = batch.advantage.clone();
+  batch.reward[3][0] += 5;  // behind the cut
+  ippo.prepare_vtrace(batch);
+  EXPECT_EQ(batch.advantage[1][0].item<double>(), before[1][0].item<double>());
+  EXPECT_NE(batch.advantage[3][0].item<double>(), before[3][0].item<double>());
+  batch.value[4][1] += 1;  // the stored bootstrap behind the last step
+  ippo.prepare_vtrace(batch);
+  EXPECT_NEAR((batch.advantage - before)[3][1].item<double>(), 0.99, 1e-4);
+}
+
+TEST(IppoWithVtrace, TrainsAndMicroBatchesGiveTheSameGradient) {
+  std::vector<std::vector<Tensor>> results;
+  for (const int64_t micro_batch_size : {4096, 8}) {
+    RunConfig config = vtrace_config();
+    config.micro_batch_size = micro_batch_size;
+    const TrajectoryShape shape = small_shape(config);
+    Ippo ippo(config, shape.env, torch::kCPU);
+    Minibatch batch = noise_batch(shape, 5, 19);
+    apply_lag_filter(batch, 0, 1000);
+    Ippo::LossSums sums;
+    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
+    results.push_back(gradients(ippo.net()));
+    Minibatch again = noise_batch(shape, 5, 19);
+    EXPECT_EQ(ippo.update(again, {})->optimizer_steps, 1);
+  }
+  EXPECT_LT(largest_relative_difference(results[0], results[1]), 2e-5);
+}
+
+TEST(Ippo, LeavesABatchOnceThePolicyMovedTooFar) {
+  RunConfig config = small_config();
+  config.num_epochs = 6;
+  config.learning_rate = 1e-2;
+  const TrajectoryShape shape = small_shape(config);
+  std::map<double, int64_t> steps;
+  for (const double limit : {0.0, 1e-5, 1e9}) {
+    config.early_stop_kl = limit;
+    Ippo ippo(config, shape.env, torch::kCPU);
+    Minibatch batch = noise_batch(shape, 4, 20);
+    act_with(ippo.net(), batch);
+    steps[limit] = ippo.update(batch, {})->optimizer_steps;
+  }
+  EXPECT_EQ(steps[0.0], 6);
+  EXPECT_EQ(steps[1e9], 6);
+  EXPECT_EQ(steps[1e-5], 1);
+}
+
+TEST(Ippo, SeparateNetworksLearnFromTheirOwnAgentAlone) {
+  RunConfig config = small_config();
+  config.share_parameters = false;
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 4, 21);
+  batch.valid.slice(1, 1, c10::nullopt, 2).zero_();  // agent 1 has nothing to learn from
+  apply_lag_filter(batch, 0, 1000);
+  ippo.prepare_targets(batch);
+  Ippo::LossSums sums;
+  ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
+  for (const auto& [agent, learns] : {std::pair(0, true), {1, false}}) {
+    double norm = 0;
+    for (const Tensor& parameter : ippo.net().actor_parameters(agent))
+      norm += parameter.grad().abs().sum().item<double>();
+    EXPECT_EQ(norm > 0, learns) << agent;
+  }
+}
+
+TEST(Ippo, Bf16LossesAgreeWithFp32) {
+  for (const char* algo : {"ippo", "mappo"}) {
+    std::vector<Ippo::LossSums> sums;
+    std::vector<std::vector<Tensor>> results;
+    for (const char* precision : {"fp32", "bf16"}) {
+      RunConfig config = small_config();
+      config.algo = algo;
+      config.precision = precision;
+      const TrajectoryShape shape = small_shape(config);
+      Ippo ippo(config, shape.env, torch::kCPU);
+      Minibatch batch = noise_batch(shape, 8, 22);
+      apply_lag_filter(batch, 0, 1000);
+      ippo.prepare_targets(batch);
+      sums.emplace_back();
+      ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums.back()));
+      results.push_back(gradients(ippo.net()));
+    }
+    // bfloat16 keeps 8 bits, so single products are off by up to 0.4 %.
+    EXPECT_NEAR(sums[0].policy, sums[1].policy, 0.01) << algo;
+    EXPECT_NEAR(sums[0].value, sums[1].value, 0.02 * sums[0].value) << algo;
+    EXPECT_NEAR(sums[0].entropy, sums[1].entropy, 0.01 * sums[0].entropy) << algo;
+    EXPECT_NEAR(sums[0].exploration, sums[1].exploration, 0.02 * sums[0].exploration) << algo;
+    EXPECT_NE(sums[0].policy, sums[1].policy) << algo;
+    EXPECT_LT(largest_relative_difference(results[0], results[1]), 0.03) << algo;
+  }
 }
 
 TEST(MakeAlgorithm, NamesTheKnownOnesForAnUnknownName) {

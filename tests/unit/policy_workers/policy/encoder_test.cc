@@ -125,7 +125,7 @@ TEST(Orthogonal, RowsOrColumnsAreOrthonormalTimesGain) {
 
 TEST(Encoder, HasTheParameterCountOfTheSpecification) {
   torch::NoGradGuard no_grad;
-  const Encoder encoder = Encoder::create(EnvShape{}, 1.0, true, generator(1), torch::kCPU);
+  const Encoder encoder = Encoder::create({}, generator(1), torch::kCPU);
   int64_t count = 0;
   for (auto& [name, parameter] : encoder.named_parameters()) count += parameter.numel();
   EXPECT_EQ(count, 1'293'024);
@@ -134,7 +134,7 @@ TEST(Encoder, HasTheParameterCountOfTheSpecification) {
 
 TEST(Encoder, EqualsTheLayersWrittenOut) {
   torch::NoGradGuard no_grad;
-  const Encoder encoder = Encoder::create(EnvShape{}, 1.0, true, generator(1), torch::kCPU);
+  const Encoder encoder = Encoder::create({}, generator(1), torch::kCPU);
   const Tensor frame = torch::randint(0, 256, {3, 3, 72, 128}, torch::kUInt8);
   std::vector<Tensor> p;
   for (auto& [name, parameter] : encoder.named_parameters()) p.push_back(parameter.to(torch::kFloat64));
@@ -159,7 +159,7 @@ TEST(Encoder, HasTheGradientsOfTheLayersWrittenOut) {
   Encoder encoder;
   {
     torch::NoGradGuard no_grad;
-    encoder = Encoder::create(env, 1.0, true, generator(1), torch::kCPU);
+    encoder = Encoder::create({.env = env}, generator(1), torch::kCPU);
   }
   const Tensor frame = torch::randint(0, 256, {70, 3, 40, 44}, torch::kUInt8),
                weights = torch::randn({70, 512});
@@ -212,7 +212,7 @@ TEST(Encoder, MeasurementsAddTheirOwnBranch) {
   EnvShape env;
   env.measurement_count = 6;
   torch::NoGradGuard no_grad;
-  Encoder encoder = Encoder::create(env, 1.0, true, generator(1), torch::kCPU);
+  Encoder encoder = Encoder::create({.env = env}, generator(1), torch::kCPU);
   EXPECT_EQ(encoder.feature_count(), 640);
   const Tensor frame = torch::randint(0, 256, {3, 3, 72, 128}, torch::kUInt8),
                measurement = torch::randn({3, 6});

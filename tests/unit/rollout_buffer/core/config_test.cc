@@ -183,6 +183,23 @@ TEST(AlgorithmDefaults, IppoIsLstmWithFourEpochs) {
   }
 }
 
+TEST(AlgorithmDefaults, HappoIsGruWithOneEpochLinearDecayAndNetworksOfItsOwn) {
+  RunConfig config = two_agents();
+  const Expected<SettingsLayer> defaults = algorithm_defaults("HAPPO");
+  ASSERT_TRUE(defaults);
+  config.algo = "happo";
+  ASSERT_TRUE(apply_layer(config, *defaults));
+  EXPECT_EQ(config.rnn_type, "gru");
+  EXPECT_EQ(config.num_epochs, 1);
+  EXPECT_EQ(config.lr_schedule, "linear_decay");
+  EXPECT_FALSE(config.share_parameters);
+  ASSERT_TRUE(resolve_settings(config, 2));
+  EXPECT_EQ(config.max_policy_lag, 3000);  // a version per agent and one for the critic
+  EXPECT_EQ(recurrent_state_count(config), 2 * 512);
+  config.happo_critic_rnn = false;
+  EXPECT_EQ(recurrent_state_count(config), 512);
+}
+
 TEST(AlgorithmDefaults, AnUnknownAlgorithmNamesTheKnownOnes) {
   const Expected<SettingsLayer> unknown = algorithm_defaults("ipo");
   ASSERT_FALSE(unknown);
@@ -293,6 +310,40 @@ TEST(ResolveSettings, EveryRangeErrorNamesTheSettingAndItsValue) {
   expect([](RunConfig& c) { c.min_batch = 8, c.max_batch = 4; }, "max_batch is 4");
   expect([](RunConfig& c) { c.experiment = "../elsewhere"; }, "experiment is ../elsewhere");
   expect([](RunConfig& c) { c.shared_reward_alpha = -0.5; }, "shared_reward_alpha");
+}
+
+TEST(ResolveSettings, OnPolicySettingsThatExcludeEachOtherAreRefused) {
+  const auto expect = [](void (*spoil)(RunConfig&), const char* message) {
+    RunConfig config = two_agents();
+    config.algo = "happo";
+    config.share_parameters = false;
+    EXPECT_TRUE(resolve_settings(config, 2));
+    config = two_agents();
+    spoil(config);
+    EXPECT_THAT(resolve_error(config), HasSubstr(message));
+  };
+  expect([](RunConfig& c) { c.with_vtrace = true; }, "normalize_returns");
+  expect([](RunConfig& c) { c.algo = "happo"; }, "share_parameters is on");
+  expect([](RunConfig& c) { c.algo = "happo", c.share_parameters = false, c.with_vtrace = true; }, "GAE");
+  expect(
+      [](RunConfig& c) { c.algo = "happo", c.share_parameters = false, c.lr_schedule = "kl_adaptive_epoch"; },
+      "lr_schedule is kl_adaptive_epoch");
+  expect([](RunConfig& c) { c.agent_id_input = true, c.share_parameters = false; }, "agent_id_input");
+  expect([](RunConfig& c) { c.precision = "fp16"; }, "one of fp32, bf16");
+  expect([](RunConfig& c) { c.encoder_conv_architecture = "vit"; }, "resnet_impala");
+  expect([](RunConfig& c) { c.critic_hidden_sizes = "512,,256"; }, "critic_hidden_sizes is 512,,256");
+  expect([](RunConfig& c) { c.decoder_mlp_layers = "0"; }, "decoder_mlp_layers is 0");
+  expect([](RunConfig& c) { c.happo_factor_clamp = 0.5; }, "happo_factor_clamp is 0.5");
+}
+
+TEST(ParseWidths, AcceptsCommasAndBlanksAndRefusesTheRest) {
+  EXPECT_EQ(*parse_widths("512,256"), (std::vector<int64_t>{512, 256}));
+  EXPECT_EQ(*parse_widths(" 64 32  16 "), (std::vector<int64_t>{64, 32, 16}));
+  EXPECT_EQ(*parse_widths("8, 9"), (std::vector<int64_t>{8, 9}));
+  EXPECT_TRUE(parse_widths("none")->empty());
+  EXPECT_TRUE(parse_widths("")->empty());
+  for (const char* text : {"a", "512,", ",512", "-1", "9000", "1,,2", "1.5", "1 2 3 4 5 6 7 8 9", "none,1"})
+    EXPECT_FALSE(parse_widths(text)) << text;
 }
 
 TEST(ResolveSettings, AFailedCheckLeavesTheSettingsAlone) {

@@ -1,0 +1,149 @@
+#include "learner/algorithms/happo.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "learner/algorithms/ppo_loss.h"
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/check.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/rng.h"
+
+namespace comrad::learn {
+
+Tensor happo_ratio(const Tensor& new_log_prob, const Tensor& old_log_prob, const Tensor& valid,
+                   double clamp) {
+  const Tensor ratio = (new_log_prob - old_log_prob).exp();
+  const Tensor bounded = clamp > 0 ? ratio.clamp(1.0 / clamp, clamp) : ratio;
+  return torch::where(valid.to(torch::kBool), bounded, torch::ones({}, bounded.options()));
+}
+
+Happo::Happo(const RunConfig& config, const EnvShape& env, torch::Device device)
+    : OnPolicy(config, env, device) {
+  const AdamSettings settings = AdamSettings::from(config);
+  for (int64_t agent = 0; agent < env.num_agents; ++agent)
+    optimizers_.emplace_back("agent" + std::to_string(agent) + ".",
+                             AdamOptimizer(net_.actor_parameters(agent), settings));
+  optimizers_.emplace_back("critic.", AdamOptimizer(net_.joint_critic_parameters(), settings));
+}
+
+std::vector<int64_t> Happo::agent_order() const {
+  std::vector<int64_t> order(static_cast<std::size_t>(env_.num_agents));
+  std::iota(order.begin(), order.end(), 0);
+  if (config_.happo_agent_order == "fixed") return order;
+  Rng rng(RngKey(static_cast<uint64_t>(config_.seed)).split("agent_order").split(uint64_t{version_}));
+  for (std::size_t i = order.size() - 1; i > 0; --i)
+    std::swap(order[i], order[rng.below(static_cast<uint32_t>(i + 1))]);
+  return order;
+}
+
+OnPolicy::Forward Happo::actor(int64_t agent) const {
+  return [this, agent](const policy::SequenceInput& input) {
+    return policy::SequenceOutput{.logits = net_.actor_sequence(agent, input), .value = {}};
+  };
+}
+
+bool Happo::ended(PhaseEnd end, UpdateStats& stats) const {
+  stats.abandoned = end == PhaseEnd::kAbandoned;
+  return end != PhaseEnd::kDone;
+}
+
+Expected<Tensor> Happo::train_agent(const Minibatch& batch, int64_t agent, const UpdateContext& context,
+                                    UpdateStats& stats, LossSums& sums, bool& goes_on) {
+  const Minibatch rows = agent_rows(batch, agent);
+  Phase phase{.optimizer = optimizers_[static_cast<std::size_t>(agent)].second,
+              .forward = actor(agent),
+              .shuffle_key = static_cast<uint64_t>(agent)};
+  // With one minibatch the first forward pass of training is that of the old policy on all rows.
+  Tensor old_log_prob;
+  if (config_.num_batches_per_epoch == 1)
+    phase.first_log_prob = &old_log_prob;
+  else
+    old_log_prob = evaluate(rows, phase.forward).log_prob;
+  COMRAD_TRY_ASSIGN(const PhaseEnd end, train_phase(rows, phase, context, stats, sums));
+  goes_on = !ended(end, stats);
+  return old_log_prob;
+}
+
+Expected<bool> Happo::train_critic(const Minibatch& batch, const UpdateContext& context, UpdateStats& stats,
+                                   LossSums& sums) {
+  const Phase phase{.optimizer = optimizers_.back().second,
+                    .forward =
+                        [this](const policy::SequenceInput& input) {
+                          return policy::SequenceOutput{.logits = {},
+                                                        .value = net_.joint_value_sequence(input)};
+                        },
+                    .trains_policy = false,
+                    .shuffle_key = static_cast<uint64_t>(env_.num_agents)};
+  COMRAD_TRY_ASSIGN(const PhaseEnd end, train_phase(batch, phase, context, stats, sums));
+  return !ended(end, stats);
+}
+
+Expected<UpdateStats> Happo::update(Minibatch& batch, const UpdateContext& context) {
+  UpdateStats stats;
+  const std::vector<int64_t> order = agent_order();
+  if (!begin_update(batch, context, stats)) return stats;
+  const int64_t agents = env_.num_agents, steps = batch.steps(), worlds = batch.slab_count;
+  if (!has_warned_of_rewards_ && agents > 1) {
+    const Tensor reward = batch.reward.view({steps, worlds, agents});
+    if (!torch::equal(reward.amax(2), reward.amin(2))) {
+      has_warned_of_rewards_ = true;
+      spdlog::warn(
+          "happo: agents of a world are paid differently, its one value learns the mean of their returns; "
+          "--shared_reward_alpha 1 pays the team");
+    }
+  }
+  prepare_targets(batch);
+  // From here on `advantage` is M; the raw advantages are what reports show.
+  batch.advantage = standardize(batch.advantage, batch.valid);
+
+  const auto put = [&stats](const std::string& name, double value) {
+    stats.values.emplace_back(name, value);
+  };
+  LossSums all;
+  double grad_norm = 0;
+  Tensor factor = torch::ones({steps, worlds});  // M / A
+  const auto finish = [&]() -> UpdateStats {
+    if (stats.optimizer_steps == 0 || stats.abandoned) {
+      stats.values.clear();
+      return stats;
+    }
+    const double critic_norm = last_grad_norm_;
+    last_grad_norm_ = grad_norm;  // train/grad_norm is the mean over the actors
+    report(batch, all, stats);
+    put("happo/critic_grad_norm", critic_norm);
+    put("happo/factor_m_mean", factor.mean().item<double>());
+    put("happo/factor_m_max", factor.max().item<double>());
+    put("happo/agent_order_first", static_cast<double>(order.front()));
+    return stats;
+  };
+  for (const int64_t agent : order) {
+    LossSums sums;
+    bool goes_on = true;
+    const Tensor valid = batch.valid.slice(1, agent, c10::nullopt, agents);
+    const bool has_samples = valid.any().item<bool>();
+    Tensor old_log_prob;
+    if (has_samples) {
+      COMRAD_TRY_ASSIGN(old_log_prob, train_agent(batch, agent, context, stats, sums, goes_on));
+    }
+    if (stats.abandoned) return finish();
+    const std::string prefix = "happo/agent_" + std::to_string(agent);
+    all.add_policy(sums, 1.0 / static_cast<double>(agents));
+    grad_norm += last_grad_norm_ / static_cast<double>(agents);
+    put(prefix + "_policy_loss", sums.policy);
+    put(prefix + "_grad_norm", last_grad_norm_);
+    if (!goes_on) return finish();
+    if (agent == order.back() || !has_samples) continue;  // nobody is left to need the factor
+    const Tensor new_log_prob = evaluate(agent_rows(batch, agent), actor(agent)).log_prob;
+    const Tensor ratio = happo_ratio(new_log_prob, old_log_prob, valid, config_.happo_factor_clamp);
+    factor.mul_(ratio);
+    batch.advantage.view({steps, worlds, agents}).mul_(ratio.unsqueeze(2));
+    put(prefix + "_post_ratio_mean", ratio.mean().item<double>());
+  }
+  LossSums critic;
+  COMRAD_TRY(train_critic(batch, context, stats, critic));
+  all.take_value(critic);
+  return finish();
+}
+
+}  // namespace comrad::learn

@@ -1,0 +1,60 @@
+// HAPPO: the agents of a world improve one after the other, each against what those before it have already
+// become. Every agent has its own actor; one critic with an encoder (and core) per agent values the team's
+// joint observation.
+//
+//   M     <- A                                        GAE of the joint value, standardised over all valid
+//   samples agent i, in random order (happo_agent_order):
+//     pi_i by PPO on  - mean min(ratio_i M, clip(ratio_i) M) + exploration        num_epochs, its own Adam
+//     M   <- M exp(log pi_i^new(a_i) - log pi_i^old(a_i))                         for all agents of the
+//     transition
+//   critic by PPO's clipped value loss on whole transitions                       num_epochs, its own Adam
+//
+// ratio_i is relative to the behaviour policy as in IPPO, so data of a lagging worker is corrected; the
+// factor is relative to the agent's policy before its sub-update. It is 1 at invalid samples, and clamped to
+// [1/c, c] per agent where happo_factor_clamp = c > 1. A factor outside the min, as in the authors' code,
+// gives the same gradient, since it is positive. Every optimizer step is a version of its own, so a batch
+// makes num_epochs x num_batches_per_epoch x (N + 1) of them; all networks travel together under one
+// checksum, so nobody acts with half of an update.
+//
+// One value for all agents presumes a team reward. Where agents of a transition are paid differently the
+// critic learns the mean of their returns, and the first such batch is logged; shared_reward_alpha 1 makes
+// them equal. Source: Kuba et al. 2022, arXiv:2109.11251, algorithm 4 (HAPPO); training spec 1.5, 2.3.
+#pragma once
+
+#include <vector>
+
+#include "learner/algorithms/on_policy.h"
+
+namespace comrad::learn {
+
+/// exp(new - old) where valid, else 1; clamped to [1/clamp, clamp] when clamp > 0. Any shape, f32.
+Tensor happo_ratio(const Tensor& new_log_prob, const Tensor& old_log_prob, const Tensor& valid, double clamp);
+
+class Happo final : public OnPolicy {
+ public:
+  /// `config.algo` must be "happo": it gives the network an actor per agent and a joint critic.
+  Happo(const RunConfig& config, const EnvShape& env, torch::Device device);
+
+  Expected<UpdateStats> update(Minibatch& batch, const UpdateContext& context) override;
+
+  /// The order of the agents in the next update: a permutation keyed by seed and version, or 0..N-1.
+  std::vector<int64_t> agent_order() const;
+
+  /// The pieces of one update, for tests: what one agent's sub-update and the critic's phase change.
+  /// `advantage` of the batch is M; returns log pi_i^old [T, worlds].
+  Expected<Tensor> train_agent(const Minibatch& batch, int64_t agent, const UpdateContext& context,
+                               UpdateStats& stats, LossSums& sums, bool& goes_on);
+  Expected<bool> train_critic(const Minibatch& batch, const UpdateContext& context, UpdateStats& stats,
+                              LossSums& sums);
+
+ protected:
+  const char* name() const override { return "happo"; }
+
+ private:
+  Forward actor(int64_t agent) const;
+  bool ended(PhaseEnd end, UpdateStats& stats) const;
+
+  bool has_warned_of_rewards_ = false;
+};
+
+}  // namespace comrad::learn

@@ -1,0 +1,498 @@
+#include "learner/algorithms/on_policy.h"
+
+#include <torch/csrc/autograd/autograd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <numeric>
+#include <optional>
+
+#include "learner/algorithms/ppo_loss.h"
+#include "learner/estimators/gae.h"
+#include "policy_workers/policy/action_heads.h"
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/rng.h"
+
+namespace comrad::learn {
+namespace {
+
+constexpr double kEarlyStopLossChange = 1e-6;
+constexpr int64_t kSkippedInARowMax = 20;
+constexpr int64_t kSamplesInFlightMax = 2048;  // of all threads together; activations take memory
+
+/// One on a GPU, which is busy with one micro-batch.
+int threads_for_parts(const RunConfig& config, torch::Device device) {
+  if (!device.is_cpu()) return 1;
+  const int64_t fitting =
+      std::max<int64_t>(1, kSamplesInFlightMax / std::max<int64_t>(1, config.micro_batch_size));
+  return static_cast<int>(std::clamp<int64_t>(config.learner_threads, 1, fitting));
+}
+
+}  // namespace
+
+void OnPolicy::LossSums::add(const LossSums& part) {
+  policy += part.policy, value += part.value;
+  exploration += part.exploration, kl_penalty += part.kl_penalty;
+  kl += part.kl, entropy += part.entropy;
+  predicted_value += part.predicted_value, value_delta += part.value_delta;
+  ratio += part.ratio, clipped += part.clipped;
+  kl_max = std::max(kl_max, part.kl_max);
+  value_delta_max = std::max(value_delta_max, part.value_delta_max);
+  ratio_min = std::min(ratio_min, part.ratio_min);
+  ratio_max = std::max(ratio_max, part.ratio_max);
+  log_prob_max = std::max(log_prob_max, part.log_prob_max);
+}
+
+void OnPolicy::LossSums::add_policy(const LossSums& part, double share) {
+  policy += share * part.policy;
+  exploration += share * part.exploration;
+  kl_penalty += share * part.kl_penalty;
+  kl += share * part.kl;
+  kl_max = std::max(kl_max, part.kl_max);
+  entropy += share * part.entropy;
+  ratio += share * part.ratio;
+  ratio_min = std::min(ratio_min, part.ratio_min);
+  ratio_max = std::max(ratio_max, part.ratio_max);
+  clipped += share * part.clipped;
+  log_prob_max = std::max(log_prob_max, part.log_prob_max);
+}
+
+void OnPolicy::LossSums::take_value(const LossSums& part) {
+  value = part.value;
+  predicted_value = part.predicted_value;
+  value_delta = part.value_delta;
+  value_delta_max = part.value_delta_max;
+}
+
+OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device device)
+    : config_(config),
+      env_(env),
+      device_(device),
+      net_(policy::PolicyNet::create(policy::PolicyNetOptions::from(config, env),
+                                     RngKey(static_cast<uint64_t>(config.seed)).split("network").bits(),
+                                     device)),
+      schedule_(config),
+      pool_(threads_for_parts(config, device)) {}
+
+bool OnPolicy::begin_update(Minibatch& batch, const UpdateContext& context, UpdateStats& stats) {
+  schedule_.before_batch(context.env_frames);
+  stats.lag = apply_lag_filter(batch, version_, config_.max_policy_lag);
+  ++updates_;
+  if (stats.lag.valid_fraction == 0) {
+    spdlog::warn("update: no valid sample in the batch ({} too old); skipped", stats.lag.dropped);
+    ++stats.skipped_steps;
+    return false;
+  }
+  if (stats.lag.valid_fraction < 0.5)
+    spdlog::warn("update: only {:.0f}% of the batch is valid", 100 * stats.lag.valid_fraction);
+
+  if (config_.normalize_input) {
+    torch::NoGradGuard no_grad;
+    Tensor frame = batch.frame.flatten(0, 1);
+    Tensor measurement = batch.measurement.defined() ? batch.measurement.flatten(0, 1) : Tensor();
+    if (stats.lag.valid_fraction < 1) {
+      const Tensor index = batch.valid.flatten().nonzero().squeeze(1);
+      frame = frame.index_select(0, index);
+      if (measurement.defined()) measurement = measurement.index_select(0, index);
+    }
+    net_.update_input_statistics(frame.to(device_),
+                                 measurement.defined() ? measurement.to(device_) : measurement);
+  }
+  return true;
+}
+
+void OnPolicy::prepare_targets(Minibatch& batch) {
+  torch::NoGradGuard no_grad;
+  const auto natural = [this](const Tensor& value) {
+    return config_.normalize_returns ? returns_.denormalize(value) : value;
+  };
+  const Advantages result =
+      gae({.reward = batch.reward,
+           .terminated = batch.terminated,
+           .truncated = batch.truncated,
+           .value = natural(batch.value),
+           .final_value = natural(batch.final_value),
+           .valid = batch.valid,
+           .value_valid = batch.value_valid},
+          {.gamma = config_.gamma, .lambda = config_.gae_lambda, .legacy_timeouts = config_.legacy_timeouts});
+  batch.advantage = reported_advantage_ = result.advantage;
+  batch.target = result.target;
+  reported_valid_ = batch.valid;
+  if (!config_.normalize_returns) return;
+  if (!returns_.update(result.target, batch.valid))
+    spdlog::warn("update: returns are not finite; statistics kept");
+  batch.target = returns_.normalize(result.target);
+}
+
+Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const Minibatch& batch, const Phase& phase,
+                                                   const UpdateContext& context, UpdateStats& stats,
+                                                   LossSums& sums) {
+  const int64_t agents = batch.shape.env.num_agents;
+  std::vector<int64_t> order(static_cast<std::size_t>(batch.slab_count));
+  std::iota(order.begin(), order.end(), 0);
+  Rng rng(RngKey(static_cast<uint64_t>(config_.seed))
+              .split("shuffle")
+              .split(static_cast<uint64_t>(updates_))
+              .split(phase.shuffle_key));
+  const int64_t parts = std::clamp<int64_t>(config_.num_batches_per_epoch, 1, batch.slab_count);
+  double previous_actor_loss = 1e9;
+  bool is_first = true;
+  for (int64_t epoch = 0; epoch < config_.num_epochs; ++epoch) {
+    if (config_.shuffle_minibatches)
+      for (std::size_t i = order.size() - 1; i > 0; --i)
+        std::swap(order[i], order[rng.below(static_cast<uint32_t>(i + 1))]);
+    double actor_loss = 0, kl = 0;
+    int64_t trained = 0;
+    for (int64_t part = 0; part < parts; ++part) {
+      const int64_t begin = batch.slab_count * part / parts, end = batch.slab_count * (part + 1) / parts;
+      Minibatch minibatch =
+          config_.shuffle_minibatches && parts > 1
+              ? select_slabs(batch, std::vector<int64_t>(order.begin() + begin, order.begin() + end))
+              : narrow_rows(batch, begin * agents, (end - begin) * agents);
+      if (stats.optimizer_steps > 0 && context.begin_step && !context.begin_step()) return PhaseEnd::kStopped;
+      LossSums part_sums;
+      const StepResult result = train_minibatch(minibatch, phase, context, is_first, stats, part_sums);
+      is_first = false;
+      if (result == StepResult::kAbandoned) return PhaseEnd::kAbandoned;
+      if (result == StepResult::kKlReached) return PhaseEnd::kDone;
+      if (skipped_in_a_row_ >= kSkippedInARowMax)
+        return Error{
+            ErrorCode::kBadInput,
+            "loss or gradient was not finite in " + std::to_string(skipped_in_a_row_) +
+                " optimizer steps in a row; lower --learning_rate or --max_grad_norm and resume from the "
+                "last checkpoint"};
+      if (result == StepResult::kSkipped) continue;
+      sums = part_sums;
+      actor_loss += part_sums.actor();
+      kl += part_sums.kl;
+      ++trained;
+      if (phase.trains_policy) schedule_.after_minibatch(part_sums.kl);
+    }
+    if (trained == 0 || !phase.trains_policy) continue;
+    schedule_.after_epoch(kl / static_cast<double>(trained));
+    actor_loss /= static_cast<double>(trained);
+    if (std::abs(previous_actor_loss - actor_loss) < kEarlyStopLossChange) break;
+    previous_actor_loss = actor_loss;
+  }
+  return PhaseEnd::kDone;
+}
+
+OnPolicy::StepResult OnPolicy::train_minibatch(Minibatch& minibatch, const Phase& phase,
+                                               const UpdateContext& context, bool is_first,
+                                               UpdateStats& stats, LossSums& sums) {
+  const double valid_count = minibatch.valid.sum(torch::kFloat64).item<double>();
+  if (valid_count == 0) {
+    ++stats.skipped_steps;
+    return StepResult::kSkipped;
+  }
+  if (phase.prepare) phase.prepare(minibatch);
+  phase.optimizer.zero_grad();
+  Phase pass = phase;
+  if (!is_first) pass.first_log_prob = nullptr;
+  if (!accumulate(minibatch, pass, context, sums)) return StepResult::kAbandoned;
+  stats.rows_trained += minibatch.steps() * minibatch.rows();
+
+  // Not before the first step: lag alone must not cost a whole batch.
+  if (phase.trains_policy && !is_first && config_.early_stop_kl > 0 && sums.kl > config_.early_stop_kl)
+    return StepResult::kKlReached;
+
+  last_grad_norm_ = phase.optimizer.clip_gradients();
+  if (!std::isfinite(sums.total()) || !std::isfinite(last_grad_norm_)) {
+    ++skipped_in_a_row_;
+    ++stats.skipped_steps;
+    spdlog::error("update: loss {} with gradient norm {} at version {}; optimizer step skipped ({} in a row)",
+                  sums.total(), last_grad_norm_, version_, skipped_in_a_row_);
+    return StepResult::kSkipped;
+  }
+  skipped_in_a_row_ = 0;
+  const double valid_fraction = valid_count / static_cast<double>(minibatch.valid.numel());
+  last_learning_rate_ = schedule_.learning_rate() * valid_fraction;
+  phase.optimizer.step(last_learning_rate_);
+  ++version_;
+  ++stats.optimizer_steps;
+  if (context.after_step) context.after_step();
+  return StepResult::kTrained;
+}
+
+policy::SequenceInput OnPolicy::input_of(const Minibatch& rows) const {
+  const auto on_device = [this](const Tensor& tensor) {
+    return tensor.defined() ? tensor.to(device_) : tensor;
+  };
+  return {.frame = on_device(rows.frame),
+          .measurement = on_device(rows.measurement),
+          .recurrent_state = on_device(rows.recurrent_state),
+          .reset = on_device(rows.reset)};
+}
+
+int64_t OnPolicy::micro_rows(const Minibatch& minibatch) const {
+  const int64_t agents = minibatch.shape.env.num_agents;
+  const int64_t whole_worlds = minibatch.rows() / agents, threads = pool_.threads();
+  const int64_t shared_out = (whole_worlds + threads - 1) / threads * agents;
+  return std::max(agents,
+                  std::min(config_.micro_batch_size / minibatch.steps() / agents * agents, shared_out));
+}
+
+OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, double valid_count) const {
+  Part part;
+  const ExplorationLoss exploration_kind = parse_exploration_loss(config_.exploration_loss);
+  const double clip_high = 1.0 + config_.ppo_clip_ratio, clip_low = 1.0 / clip_high;
+  const auto on_device = [this](const Tensor& tensor) {
+    return tensor.defined() ? tensor.to(device_) : tensor;
+  };
+  const Tensor valid = on_device(micro.valid).to(torch::kBool);
+  const Tensor weight = valid.to(torch::kFloat32) / valid_count;
+  const policy::SequenceOutput output = phase.forward(input_of(micro));
+  const Tensor zero = torch::zeros({}, weight.options());
+
+  // Where a number of this micro-batch goes, and how; all of them leave the device at once.
+  struct Number {
+    double* sum;
+    enum { kAdd, kMax, kMin } how;
+  };
+  std::vector<Number> places;
+  std::vector<Tensor> numbers;
+  const auto add = [&](double& sum, const Tensor& number) {
+    places.push_back({&sum, Number::kAdd});
+    numbers.push_back(number.detach());
+  };
+  const auto add_mean = [&](double& sum, const Tensor& of_samples) { add(sum, (of_samples * weight).sum()); };
+  const auto add_extreme = [&](double& sum, const Tensor& of_samples, const Tensor& otherwise, bool is_max) {
+    const Tensor valid_samples = torch::where(valid, of_samples.detach(), otherwise);
+    places.push_back({&sum, is_max ? Number::kMax : Number::kMin});
+    numbers.push_back(is_max ? valid_samples.max() : valid_samples.min());
+  };
+
+  Tensor loss = zero;
+  Tensor log_probs, log_prob, ratio, kl, mask;
+  const auto divergence = [&] {
+    return policy::kl_divergence(log_probs, policy::head_log_probs(on_device(micro.logits), mask, env_),
+                                 env_);
+  };
+  if (output.logits.defined()) {
+    mask = on_device(micro.mask_or_undefined());
+    log_probs = policy::head_log_probs(output.logits, mask, env_);
+    log_prob = policy::action_log_prob(log_probs, on_device(micro.action), env_);
+    ratio = importance_ratio(log_prob, on_device(micro.log_prob));
+    const Tensor policy_loss =
+        -(clipped_objective(ratio, on_device(micro.advantage), config_.ppo_clip_ratio) * weight).sum();
+    loss = loss + policy_loss;
+    add(part.sums.policy, policy_loss);
+    if (exploration_kind != ExplorationLoss::kNone) {
+      const Tensor exploration = config_.exploration_loss_coeff *
+                                 (exploration_loss(log_probs, mask, env_, exploration_kind) * weight).sum();
+      loss = loss + exploration;
+      add(part.sums.exploration, exploration);
+    }
+    if (config_.kl_loss_coeff != 0) {
+      kl = divergence();
+      const Tensor penalty = config_.kl_loss_coeff * (kl * weight).sum();
+      loss = loss + penalty;
+      add(part.sums.kl_penalty, penalty);
+    }
+  }
+  Tensor old_value;
+  if (output.value.defined()) {
+    old_value = on_device(micro.value).narrow(0, 0, micro.steps());
+    const Tensor value_loss =
+        config_.value_loss_coeff *
+        (clipped_value_loss(output.value, old_value, on_device(micro.target), config_.ppo_clip_value) *
+         weight)
+            .sum();
+    loss = loss + value_loss;
+    add(part.sums.value, value_loss);
+  }
+  part.gradients = torch::autograd::grad({loss}, phase.optimizer.parameters(), /*grad_outputs=*/{},
+                                         /*retain_graph=*/c10::nullopt, /*create_graph=*/false,
+                                         /*allow_unused=*/true);
+
+  torch::NoGradGuard no_grad;
+  if (log_prob.defined()) {
+    if (phase.first_log_prob != nullptr) part.log_prob = log_prob.detach().cpu();
+    if (!kl.defined()) kl = divergence();
+    add_mean(part.sums.kl, kl);
+    add_extreme(part.sums.kl_max, kl, zero, true);
+    add_mean(part.sums.entropy, policy::entropy(log_probs, env_));
+    add_mean(part.sums.ratio, ratio);
+    add_extreme(part.sums.ratio_min, ratio, zero + 1, false);
+    add_extreme(part.sums.ratio_max, ratio, zero + 1, true);
+    add_mean(part.sums.clipped, ((ratio < clip_low) | (ratio > clip_high)).to(torch::kFloat32));
+    add_extreme(part.sums.log_prob_max, log_prob.abs(), zero, true);
+  }
+  if (output.value.defined()) {
+    const Tensor value_delta = (output.value - old_value).abs();
+    add_mean(part.sums.predicted_value, output.value);
+    add_mean(part.sums.value_delta, value_delta);
+    add_extreme(part.sums.value_delta_max, value_delta, zero, true);
+  }
+  const Tensor read = torch::stack(numbers).cpu();
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const double number = double{read.data_ptr<float>()[i]};
+    double& sum = *places[i].sum;
+    sum = places[i].how == Number::kAdd   ? sum + number
+          : places[i].how == Number::kMax ? std::max(sum, number)
+                                          : std::min(sum, number);
+  }
+  return part;
+}
+
+bool OnPolicy::accumulate(const Minibatch& minibatch, const Phase& phase, const UpdateContext& context,
+                          LossSums& sums) {
+  // What depends on the whole minibatch came before; each micro-batch adds its share of the same sums, so the
+  // gradient does not depend on micro_batch_size.
+  const double valid_count = std::max(1.0, minibatch.valid.sum(torch::kFloat64).item<double>());
+  const int64_t rows_max = micro_rows(minibatch);
+  const std::vector<Tensor>& parameters = phase.optimizer.parameters();
+  const auto count = static_cast<std::size_t>((minibatch.rows() + rows_max - 1) / rows_max);
+  std::vector<Tensor> first_log_prob;
+  const auto add = [&](const Part& part) {
+    sums.add(part.sums);
+    if (phase.first_log_prob != nullptr) first_log_prob.push_back(part.log_prob);
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+      const Tensor& gradient = part.gradients[i];
+      if (!gradient.defined()) continue;
+      Tensor& sum = parameters[i].mutable_grad();
+      if (sum.defined())
+        sum.add_(gradient);
+      else
+        sum = gradient.clone();
+    }
+  };
+  // A part that is done waits for those before it, then its gradient is freed.
+  std::mutex adding;
+  std::vector<std::optional<Part>> waiting(count);
+  std::size_t added = 0;
+  const auto work = [&](int64_t i) {
+    const int64_t begin = i * rows_max;
+    const Minibatch micro = narrow_rows(minibatch, begin, std::min(rows_max, minibatch.rows() - begin));
+    Part part = part_of(micro, phase, valid_count);
+    const torch::NoGradGuard no_grad;
+    const std::lock_guard lock(adding);
+    waiting[static_cast<std::size_t>(i)] = std::move(part);
+    for (; added < count && waiting[added]; ++added) {
+      add(*waiting[added]);
+      waiting[added].reset();
+    }
+  };
+  if (!pool_.run(static_cast<int64_t>(count), work, context.keep_going)) return false;
+  if (phase.first_log_prob != nullptr) *phase.first_log_prob = at::cat(first_log_prob, 1);
+  return true;
+}
+
+OnPolicy::Evaluation OnPolicy::evaluate(const Minibatch& batch, const Forward& forward) const {
+  const int64_t rows_max = micro_rows(batch);
+  std::vector<Evaluation> parts(static_cast<std::size_t>((batch.rows() + rows_max - 1) / rows_max));
+  const auto work = [&](int64_t i) {
+    torch::NoGradGuard no_grad;
+    const int64_t begin = i * rows_max;
+    const Minibatch micro = narrow_rows(batch, begin, std::min(rows_max, batch.rows() - begin));
+    const policy::SequenceOutput output = forward(input_of(micro));
+    Evaluation& part = parts[static_cast<std::size_t>(i)];
+    if (output.logits.defined()) {
+      const Tensor mask = micro.mask_or_undefined();
+      const Tensor of_choices =
+          policy::head_log_probs(output.logits, mask.defined() ? mask.to(device_) : mask, env_);
+      part.log_prob = policy::action_log_prob(of_choices, micro.action.to(device_), env_).cpu();
+    }
+    if (output.value.defined()) part.value = output.value.cpu();
+  };
+  (void)pool_.run(static_cast<int64_t>(parts.size()), work, nullptr);
+  std::vector<Tensor> log_probs, values;
+  for (const Evaluation& part : parts) {
+    if (part.log_prob.defined()) log_probs.push_back(part.log_prob);
+    if (part.value.defined()) values.push_back(part.value);
+  }
+  return {log_probs.empty() ? Tensor() : at::cat(log_probs, 1).contiguous(),
+          values.empty() ? Tensor() : at::cat(values, 1).contiguous()};
+}
+
+void OnPolicy::report(const Minibatch& batch, const LossSums& sums, UpdateStats& stats) const {
+  const auto put = [&stats](const char* name, double value) { stats.values.emplace_back(name, value); };
+  put("train/lr", schedule_.learning_rate());
+  put("train/actual_lr", last_learning_rate_);
+  put("train/loss", sums.total());
+  put("train/policy_loss", sums.policy);
+  put("train/value_loss", sums.value);
+  put("train/exploration_loss", sums.exploration);
+  put("train/kl_loss", sums.kl_penalty);
+  put("train/kl_divergence", sums.kl);
+  put("train/kl_divergence_max", sums.kl_max);
+  put("train/entropy", sums.entropy);
+  put("train/value", sums.predicted_value);
+  put("train/value_delta", sums.value_delta);
+  put("train/value_delta_max", sums.value_delta_max);
+  put("train/ratio_mean", sums.ratio);
+  put("train/ratio_min", sums.ratio_min);
+  put("train/ratio_max", sums.ratio_max);
+  put("train/fraction_clipped", sums.clipped);
+  put("train/max_abs_logprob", sums.log_prob_max);
+  put("train/grad_norm", last_grad_norm_);
+  double second_moment = 0;
+  for (const auto& [prefix, optimizer] : optimizers_)
+    second_moment = std::max(second_moment, optimizer.max_second_moment());
+  put("train/adam_max_second_moment", second_moment);
+
+  const Tensor advantage =
+      reported_advantage_.flatten().index_select(0, reported_valid_.flatten().nonzero().squeeze(1));
+  put("train/adv_mean", advantage.mean().item<double>());
+  put("train/adv_min", advantage.min().item<double>());
+  put("train/adv_max", advantage.max().item<double>());
+  put("train/adv_std", advantage.numel() > 1 ? advantage.std().item<double>() : 0.0);
+  const Tensor action =
+      batch.action.flatten(0, 1).index_select(0, batch.valid.flatten().nonzero().squeeze(1));
+  put("train/act_min", action.min().item<double>());
+  put("train/act_max", action.max().item<double>());
+  put("train/valids_fraction", stats.lag.valid_fraction);
+  put("train/num_sgd_steps", static_cast<double>(version_));
+  put("train/version_diff_avg", stats.lag.mean);
+  put("train/version_diff_min", static_cast<double>(stats.lag.min));
+  put("train/version_diff_max", static_cast<double>(stats.lag.max));
+  for (const auto& [name, tensor] : net_.named_state()) {  // means over all elements of a frame
+    if (name == "normalizer.frame.mean") put("train/obs_running_mean", tensor.mean().item<double>());
+    if (name == "normalizer.frame.var") put("train/obs_running_std", tensor.sqrt().mean().item<double>());
+  }
+  if (config_.normalize_returns) {
+    put("train/returns_running_mean", returns_.statistics().mean);
+    put("train/returns_running_std", returns_.sigma());
+  }
+}
+
+void OnPolicy::save(StateDict& state) const {
+  state.put("algorithm/name", std::string(name()));
+  state.put("algorithm/version", static_cast<int64_t>(version_));
+  state.put("algorithm/updates", updates_);
+  for (const auto& [name, tensor] : net_.named_state()) state.put("network/" + name, tensor);
+  for (const auto& [prefix, optimizer] : optimizers_) optimizer.save(state, "optimizer", prefix);
+  state.put("normalizer/returns_mean", returns_.statistics().mean);
+  state.put("normalizer/returns_variance", returns_.statistics().variance);
+  state.put("normalizer/returns_count", returns_.statistics().count);
+  state.put("schedule/learning_rate", schedule_.learning_rate());
+}
+
+Status OnPolicy::load(const StateDict& state) {
+  COMRAD_TRY_ASSIGN(const std::string maker, state.text("algorithm/name"));
+  if (maker != name())
+    return Error{ErrorCode::kBadFormat,
+                 "checkpoint was made by \"" + maker + "\", this run trains " + name()};
+  COMRAD_TRY_ASSIGN(const int64_t version, state.integer("algorithm/version"));
+  COMRAD_TRY_ASSIGN(const int64_t updates, state.integer("algorithm/updates"));
+  ReturnNormalizer::Statistics statistics;
+  COMRAD_TRY_ASSIGN(statistics.mean, state.number("normalizer/returns_mean"));
+  COMRAD_TRY_ASSIGN(statistics.variance, state.number("normalizer/returns_variance"));
+  COMRAD_TRY_ASSIGN(statistics.count, state.number("normalizer/returns_count"));
+  COMRAD_TRY_ASSIGN(const double learning_rate, state.number("schedule/learning_rate"));
+  for (const auto& [key, tensor] : net_.named_state())
+    COMRAD_TRY(state.copy_tensor("network/" + key, tensor));
+  net_.state_changed();
+  for (auto& [prefix, optimizer] : optimizers_) COMRAD_TRY(optimizer.load(state, "optimizer", prefix));
+  version_ = static_cast<PolicyVersion>(version);
+  updates_ = updates;
+  returns_.restore(statistics);
+  // Constant and linear schedules follow this run's flags; only the adaptive ones live from their last
+  // position.
+  if (config_.lr_schedule.starts_with("kl_adaptive")) schedule_.restore(learning_rate);
+  return {};
+}
+
+}  // namespace comrad::learn

@@ -1,0 +1,142 @@
+// What the on-policy algorithms share: lag filter, input statistics, advantages and normalised returns, the
+// loop over epochs and minibatches, PPO's loss accumulated over micro-batches, the guarded optimizer step,
+// reports and checkpoints. Ippo, Mappo and Happo say which networks an optimizer trains on which rows, in
+// which order.
+//
+//   ratio  = clamp(exp(log pi - log mu), 0.05, 20)
+//   loss   = - mean min(ratio A, clip(ratio, 1/(1+eps), 1+eps) A)             eps = ppo_clip_ratio
+//            + value_loss_coeff mean max((V-R)^2, (V_old + clamp(V-V_old, +-ppo_clip_value) - R)^2)
+//            + exploration_loss_coeff mean exploration(pi) + kl_loss_coeff mean KL(pi, mu)
+//
+// over valid samples, exploration being the symmetric KL to the uniform distribution or the negative entropy;
+// V and R in normalised units. Back-propagation through time runs over the whole rollout. Source: Schulman et
+// al. 2017, arXiv:1707.06347; training spec 2.1, 2.2. Stage: update.
+#pragma once
+
+#include <torch/types.h>
+
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "learner/algorithms/adam_optimizer.h"
+#include "learner/algorithms/algorithm.h"
+#include "learner/algorithms/lr_schedule.h"
+#include "learner/algorithms/part_pool.h"
+#include "learner/batch/normalizer.h"
+#include "policy_workers/policy/policy_net.h"
+
+namespace comrad::learn {
+
+class OnPolicy : public Algorithm {
+ public:
+  PolicyVersion version() const override { return version_; }
+  int64_t parameter_count() const override { return net_.parameter_count(); }
+  int64_t weights_bytes() const override { return net_.weights_bytes(); }
+  void write_weights(std::span<std::byte> out) const override { net_.write_weights(out); }
+  void save(StateDict& state) const override;
+  Status load(const StateDict& state) override;
+
+  /// Fills `advantage` and `target` of a lag-filtered batch: GAE on denormalised values with a true bootstrap
+  /// at time-outs, then the returns enter the running statistics and become normalised targets.
+  void prepare_targets(Minibatch& batch);
+
+  /// Sums that one minibatch collects over its micro-batches; means over valid samples unless said otherwise.
+  struct LossSums {
+    double policy = 0, value = 0, exploration = 0, kl_penalty = 0;
+    double kl = 0, kl_max = 0, entropy = 0, predicted_value = 0, value_delta = 0, value_delta_max = 0;
+    double ratio = 0, ratio_min = kRatioUnset, ratio_max = 0, clipped = 0, log_prob_max = 0;
+    static constexpr double kRatioUnset = 1e30;
+    double actor() const { return policy + exploration + kl_penalty; }
+    double total() const { return actor() + value; }
+    /// Adds the sums of another micro-batch of the same minibatch.
+    void add(const LossSums& part);
+    /// Adds what `part` knows of the policy, in the proportion `share`; extremes are merged.
+    void add_policy(const LossSums& part, double share);
+    /// Takes over what `part` knows of the value.
+    void take_value(const LossSums& part);
+  };
+
+  const policy::PolicyNet& net() const { return net_; }
+  const ReturnNormalizer& return_normalizer() const { return returns_; }
+
+ protected:
+  OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device device);
+
+  /// The networks' outputs for rows of a minibatch; undefined logits or values leave their losses out.
+  using Forward = std::function<policy::SequenceOutput(const policy::SequenceInput&)>;
+
+  /// Some epochs over some rows with one optimizer.
+  struct Phase {
+    AdamOptimizer& optimizer;
+    Forward forward;
+    bool trains_policy = true;  ///< KL and actor loss say when to stop
+    uint64_t shuffle_key = 0;   ///< tells the phases of one update apart
+    std::function<void(Minibatch&)> prepare =
+        {};                            ///< called with every minibatch before its gradient; may be empty
+    Tensor* first_log_prob = nullptr;  ///< set to log pi(a|o) [T, rows] before the first step when the
+                                       ///< phase has one minibatch per epoch
+  };
+  enum class PhaseEnd { kDone, kStopped, kAbandoned };
+
+  /// What checkpoints call the algorithm.
+  virtual const char* name() const = 0;
+
+  /// Moves the schedule, filters by lag, updates input statistics. False when nothing valid is left.
+  bool begin_update(Minibatch& batch, const UpdateContext& context, UpdateStats& stats);
+  /// num_epochs x num_batches_per_epoch optimizer steps; `sums` are those of the last one taken. kStopped
+  /// when begin_step, kAbandoned when keep_going said no. Errors: kBadInput after too many steps in a row
+  /// that were not finite.
+  Expected<PhaseEnd> train_phase(const Minibatch& batch, const Phase& phase, const UpdateContext& context,
+                                 UpdateStats& stats, LossSums& sums);
+  /// Adds the gradient of the loss over a whole minibatch to the parameters' .grad, with
+  /// `minibatch.advantage` as it is. On a CPU micro-batches are computed side by side and added in their
+  /// order: the sum does not depend on which thread was first. False when keep_going() said no.
+  bool accumulate(const Minibatch& minibatch, const Phase& phase, const UpdateContext& context,
+                  LossSums& sums);
+
+  /// What the networks say of a batch now, without gradient, on the CPU.
+  struct Evaluation {
+    Tensor log_prob;  ///< f32 [T, R] of the actions taken; undefined without logits
+    Tensor value;     ///< f32 [T, R]; undefined without values
+  };
+  Evaluation evaluate(const Minibatch& batch, const Forward& forward) const;
+
+  void report(const Minibatch& batch, const LossSums& sums, UpdateStats& stats) const;
+  policy::SequenceInput input_of(const Minibatch& rows) const;
+  /// Rows of a micro-batch of such minibatches: whole worlds, at least one, and no more than lets every
+  /// thread have one.
+  int64_t micro_rows(const Minibatch& minibatch) const;
+
+  RunConfig config_;
+  EnvShape env_;
+  torch::Device device_;
+  policy::PolicyNet net_;
+  /// With the prefix of their keys in checkpoints; derived classes make them.
+  std::vector<std::pair<std::string, AdamOptimizer>> optimizers_;
+  LrSchedule schedule_;
+  ReturnNormalizer returns_;
+  mutable PartPool pool_;  ///< for micro-batches
+  PolicyVersion version_ = 0;
+  int64_t updates_ = 0;  ///< batches seen; keys the shuffling
+  double last_grad_norm_ = 0;
+  Tensor reported_advantage_, reported_valid_;  ///< before standardisation
+
+ private:
+  enum class StepResult { kTrained, kSkipped, kAbandoned, kKlReached };
+  /// What one micro-batch adds.
+  struct Part {
+    std::vector<Tensor> gradients;  ///< as the optimizer's parameters; undefined where it does not reach
+    LossSums sums;
+    Tensor log_prob;  ///< without gradient; where the phase asks for it
+  };
+  Part part_of(const Minibatch& micro, const Phase& phase, double valid_count) const;
+  StepResult train_minibatch(Minibatch& minibatch, const Phase& phase, const UpdateContext& context,
+                             bool is_first, UpdateStats& stats, LossSums& sums);
+
+  int64_t skipped_in_a_row_ = 0;
+  double last_learning_rate_ = 0;  ///< after the valid fraction
+};
+
+}  // namespace comrad::learn

@@ -1,0 +1,34 @@
+// In which numbers convolutions and matrix products are computed. Weights, gradients, states, activations
+// between the products and all of the losses stay f32, as under autocast; heads and central critics are f32
+// as well, because ratios of probabilities are made from them. Serves forward and update.
+#pragma once
+
+#include <torch/types.h>
+
+#include <string>
+
+namespace comrad::policy {
+
+using torch::Tensor;
+
+/// kBf16 rounds both factors of a product to bfloat16 (8 bits of mantissa) and sums in f32. Where the machine
+/// has such instructions (CUDA, AVX-512 BF16, AMX) the product itself is a bfloat16 one; elsewhere f32
+/// instructions multiply the rounded factors, which gives the same numbers and no speed.
+enum class Precision { kFp32, kBf16 };
+
+/// The value of the setting `precision`.
+inline Precision parse_precision(const std::string& word) {
+  return word == "bf16" ? Precision::kBf16 : Precision::kFp32;
+}
+
+/// Whether `device` multiplies bfloat16 numbers itself.
+bool multiplies_bf16(torch::Device device);
+
+/// `x` as a factor of a product; the product's result goes through to_f32. Differentiable.
+Tensor factor(const Tensor& x, Precision precision);
+Tensor to_f32(const Tensor& product);
+
+/// x W^T + b in the given precision. Differentiable.
+Tensor linear(const Tensor& x, const Tensor& weight, const Tensor& bias, Precision precision);
+
+}  // namespace comrad::policy
