@@ -152,6 +152,66 @@ Expected<std::vector<PoolEntry>> make_curriculum_pool(const std::string& scenari
   return entries;
 }
 
+Expected<std::vector<PoolEntry>> make_grid_pool(const std::string& scenario, const GridRequest& request,
+                                                const std::string& folder) {
+  COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
+  std::vector<GridRequest::Axis> axes = request.axes;
+  if (axes.empty())
+    for (const LayoutAxis& axis : recipe.axes) {
+      GridRequest::Axis& own = axes.emplace_back(GridRequest::Axis{axis.name});
+      for (const auto& option : axis.options) own.options.emplace_back(option.begin(), option.end());
+    }
+  int64_t product = 1;
+  std::set<std::string> set_by;
+  for (const GridRequest::Axis& axis : axes) {
+    if (axis.options.empty()) return Error{ErrorCode::kBadInput, "axis " + axis.name + " has no options"};
+    product = std::min<int64_t>(product * static_cast<int64_t>(axis.options.size()), int64_t{1} << 40);
+    for (const auto& [name, value] : axis.options[0])
+      if (!set_by.insert(name).second) return Error{ErrorCode::kBadInput, "two axes of the grid set " + name};
+  }
+  const int64_t end = std::min(product, request.start + std::min<int64_t>(request.limit, 100'000));
+  if (request.start < 0 || request.start >= end)
+    return Error{ErrorCode::kBadInput, "the grid has " + std::to_string(product) +
+                                           " layouts; nothing is left from " + std::to_string(request.start) +
+                                           " on"};
+  COMRAD_TRY_ASSIGN(const std::string registry, begin_pool(folder));
+  const std::string stem = file_stem(scenario);
+  std::vector<PoolEntry> entries;
+  for (int64_t place = request.start; place < end; ++place) {
+    LayoutRequest one = request.layout;
+    PoolEntry entry;
+    int64_t rest = place;
+    for (auto axis = axes.rbegin(); axis != axes.rend(); ++axis) {  // the last one turns fastest
+      const auto count = static_cast<int64_t>(axis->options.size());
+      std::string choice;
+      for (const auto& [name, value] : axis->options[static_cast<std::size_t>(rest % count)]) {
+        choice += (choice.empty() ? "" : " ") + name + "=" + std::to_string(value);
+        if (name != "seed")
+          one.parameters.emplace_back(name, std::to_string(value));
+        else if (value < 0)
+          return Error{ErrorCode::kBadInput,
+                       "seed is " + std::to_string(value) + "; it must not be negative"};
+        else
+          one.seed = static_cast<uint64_t>(value);
+      }
+      entry.axis_choices.insert(entry.axis_choices.begin(), {axis->name, choice});
+      rest /= count;
+    }
+    COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
+    char number[24];
+    std::snprintf(number, sizeof(number), "%04lld", static_cast<long long>(place));
+    entry.id = stem + "_" + number;
+    entry.filename = entry.id + ".wad";
+    entry.content_hash = layout.content_hash;
+    entry.info = layout.info;
+    entry.retries = layout.info.attempt;
+    COMRAD_TRY(doomgen::write_file((fs::path(folder) / entry.filename).string(), layout.wad));
+    entries.push_back(std::move(entry));
+  }
+  COMRAD_TRY(doomgen::write_file(registry, pool_registry_text(PoolKind::kGrid, entries)));
+  return entries;
+}
+
 Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use) {
   std::string scenario;
   if (!use.scenario.empty()) {
@@ -243,7 +303,9 @@ std::string pool_registry_text(PoolKind kind, const std::vector<PoolEntry>& entr
     list.push_back({{"id", entry.id},
                     {"filename", entry.filename},
                     {"scenario", entry.info.scenario},
-                    {"split", kind == PoolKind::kEval ? "eval" : "train"},
+                    {"split", kind == PoolKind::kEval   ? "eval"
+                              : kind == PoolKind::kGrid ? ""
+                                                        : "train"},
                     {"seed", entry.info.seed},
                     {"attempt", entry.info.attempt},
                     {"content_hash", hex(entry.content_hash)},

@@ -15,7 +15,8 @@
 namespace comrad::scenarios {
 
 /// kCurriculum: the stages that a recipe names, in their order; they are for training.
-enum class PoolKind { kTrain, kEval, kCurriculum };
+/// kGrid: somebody's product of options, which belongs to neither.
+enum class PoolKind { kTrain, kEval, kCurriculum, kGrid };
 
 /// Seeds that published results hold out; in every evaluation pool, never in a training pool.
 constexpr uint64_t kHeldOutSeeds[] = {1009, 2027, 3037, 4051, 5099};
@@ -68,6 +69,26 @@ Expected<std::vector<PoolEntry>> make_curriculum_pool(const std::string& scenari
                                                       const LayoutRequest& request,
                                                       const std::string& folder);
 
+/// A full product of options, the last axis fastest.
+struct GridRequest {
+  struct Axis {
+    std::string name;
+    /// Each option sets one or more parameters; `seed` is the layout's seed.
+    std::vector<std::vector<std::pair<std::string, int64_t>>> options = {};
+  };
+  std::vector<Axis> axes = {};  ///< empty: the recipe's own
+  int64_t start = 0;            ///< first place of the product that is drawn
+  int64_t limit = 100'000;      ///< layouts drawn at most
+  LayoutRequest layout = {};    ///< what they have in common
+};
+
+/// Draws a product into `folder` as `<scenario>_<place>.wad`, places counted from 0 with four digits. Its
+/// registry belongs to no split: the seeds are whoever asks for them's, and are not those of another pool by
+/// construction. Errors: kBadInput where two axes set one parameter, or nothing is left to draw; as
+/// make_pool().
+Expected<std::vector<PoolEntry>> make_grid_pool(const std::string& scenario, const GridRequest& request,
+                                                const std::string& folder);
+
 /// What a pool is wanted for.
 struct PoolUse {
   std::string scenario = {};  ///< name or folder; empty: any
@@ -81,7 +102,7 @@ struct PoolUse {
 Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use);
 
 /// The registry's text: a list of objects with id, filename, scenario, seed, attempt, content_hash, config,
-/// axis_choices, split; of a curriculum also curriculum_stage and curriculum_metric_scale.
+/// axis_choices, split (none of a grid); of a curriculum also curriculum_stage and curriculum_metric_scale.
 std::string pool_registry_text(PoolKind kind, const std::vector<PoolEntry>& entries);
 
 /// Reads a pool's registry; without one, all .wad files of the folder in the order of their names. File names

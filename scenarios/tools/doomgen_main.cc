@@ -2,6 +2,7 @@
 // many. comrad-doomgen show FILE: a map from above. comrad-doomgen check FOLDER: is a pool whole?
 #include <CLI/CLI.hpp>
 
+#include <charconv>
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -156,6 +157,41 @@ int make_many(const std::string& name, const scenarios::PoolRequest& request, co
   return 0;
 }
 
+/// "name=value,value,..." as an axis.
+Expected<scenarios::GridRequest::Axis> parse_axis(const std::string& text) {
+  const auto bad = [&] {
+    return Error{ErrorCode::kBadInput, "--grid " + text + ": write name=value,value,... with whole numbers"};
+  };
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0) return bad();
+  scenarios::GridRequest::Axis axis{text.substr(0, equals)};
+  const char *at = text.data() + equals + 1, *end = text.data() + text.size();
+  while (at < end) {
+    int64_t value = 0;
+    const auto [stop, failure] = std::from_chars(at, end, value);
+    if (failure != std::errc() || (stop != end && (*stop != ',' || stop + 1 == end))) return bad();
+    axis.options.push_back({{axis.name, value}});
+    at = stop + 1;
+  }
+  if (axis.options.empty()) return bad();
+  return axis;
+}
+
+int make_grid(const std::string& name, const std::vector<std::string>& axes, scenarios::GridRequest request,
+              const std::string& folder) {
+  for (const std::string& text : axes) {
+    if (text == "axes") continue;
+    const auto axis = parse_axis(text);
+    if (!axis) return report(axis.error());
+    request.axes.push_back(*axis);
+  }
+  const auto pool = scenarios::make_grid_pool(name, request, folder);
+  if (!pool) return report(pool.error());
+  std::printf("%s: %zu layouts of %s, listed in %s\n", folder.c_str(), pool->size(), name.c_str(),
+              scenarios::kPoolRegistryName);
+  return 0;
+}
+
 int run(int argc, char** argv) {
   if (argc > 1 && std::string(argv[1]) == "show") return show(argc - 1, argv + 1);
   if (argc > 1 && std::string(argv[1]) == "check") return check(argc - 1, argv + 1);
@@ -185,6 +221,21 @@ int run(int argc, char** argv) {
   app.add_flag("--vary,!--no-vary", many.vary,
                "layouts of the pool draw an option of each of the recipe's axes (default)")
       ->needs(pool_option);
+  std::vector<std::string> axes;
+  scenarios::GridRequest grid;
+  CLI::Option* grid_option =
+      app.add_option(
+             "--grid", axes,
+             "draw a product: name=value,value,... for each axis (seed is one too), or the word axes for "
+             "all of the recipe's; may be repeated, the last axis turns fastest")
+          ->excludes(pool_option)
+          ->allow_extra_args(false);
+  app.add_option("--start", grid.start, "first place of the grid that is drawn")
+      ->capture_default_str()
+      ->needs(grid_option);
+  app.add_option("--limit", grid.limit, "layouts of the grid at most")
+      ->capture_default_str()
+      ->needs(grid_option);
   app.allow_extras();
   app.footer(parameter_help());
   try {
@@ -200,6 +251,10 @@ int run(int argc, char** argv) {
   }
   if (const Status taken = take_parameters(app.remaining(), request); !taken) return report(taken.error());
   request.format = format == "hexen" ? scenarios::MapFormat::kHexen : scenarios::MapFormat::kUdmf;
+  if (!axes.empty()) {
+    grid.layout = request;
+    return make_grid(name, axes, grid, path);
+  }
   if (pool.empty()) return make_one(name, request, path);
   if (pool == "curriculum" && !request.parameters.empty())
     return report({ErrorCode::kBadInput, "--pool curriculum: its stages have their own parameters"});

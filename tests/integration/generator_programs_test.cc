@@ -54,6 +54,19 @@ TEST(Doomgen, PoolsForTrainingAndEvaluationShareNothing) {
   EXPECT_THAT(refused.err, HasSubstr("for evaluation"));
 }
 
+TEST(Doomgen, AGridIsDrawnAndMistakesInItAreNamed) {
+  const ScratchFolder scratch;
+  const Ending made = comrad({"doomgen", "lava_maze", "--grid", "side=4,6", "--grid", "seed=0,1,2", "--limit",
+                              "5", "-o", scratch / "grid"});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_EQ(files(scratch / "grid", "lava_maze_", ".wad").size(), 5u);
+  for (const char* axis : {"side", "side=", "side=4,", "side=four", "=4"}) {
+    const Ending bad = comrad({"doomgen", "lava_maze", "--grid", axis, "-o", scratch / "bad"});
+    EXPECT_EQ(bad.exit_code, kExitBadInput) << axis;
+    EXPECT_THAT(bad.err, HasSubstr("name=value")) << axis;
+  }
+}
+
 TEST(Doomgen, AMapIsShownFromAbove) {
   const ScratchFolder scratch;
   ASSERT_EQ(comrad({"doomgen", "lava_pit", "-o", scratch / "map.wad"}).exit_code, 0);

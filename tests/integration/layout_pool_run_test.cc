@@ -93,7 +93,7 @@ size_t expect_same_run(const std::string& run_a, const std::string& run_b) {
 TEST(LayoutPoolRun, SimulatorsChangeLayoutsAndAResumeGoesOn) {
   const ScratchFolder scratch;
   const std::string pool = make_pool(scratch, "train", 3);
-  train(scratch, "run", 60'000, pool, {"--curriculum", "learning_progress"});
+  train(scratch, "run", 40'000, pool, {"--curriculum", "learning_progress"});
   const nlohmann::json before = curriculum_state(scratch / "run");
   ASSERT_TRUE(before.is_object());
   ASSERT_EQ(before["tasks"].size(), 3u);
@@ -109,7 +109,7 @@ TEST(LayoutPoolRun, SimulatorsChangeLayoutsAndAResumeGoesOn) {
     EXPECT_TRUE(reports.back().contains(name)) << name;
   EXPECT_EQ(reports.back()["curriculum/layouts_seen"], 3);
 
-  const std::string words = train(scratch, "run", 90'000, pool, {"--curriculum", "learning_progress"});
+  const std::string words = train(scratch, "run", 60'000, pool, {"--curriculum", "learning_progress"});
   EXPECT_THAT(words, HasSubstr("Resuming"));
   const nlohmann::json after = curriculum_state(scratch / "run");
   EXPECT_EQ(after["tasks"], before["tasks"]);
@@ -123,12 +123,12 @@ TEST(LayoutPoolRun, SimulatorsChangeLayoutsAndAResumeGoesOn) {
     EXPECT_EQ(ending.exit_code, kExitBadInput) << ending.err;
     return ending.err;
   };
-  EXPECT_THAT(refused(small_training(scratch, "run", 95'000, {"--layout_pool="})),
+  EXPECT_THAT(refused(small_training(scratch, "run", 70'000, {"--layout_pool="})),
               HasSubstr("--layout_pool"));
-  EXPECT_THAT(refused(training(scratch, "run", 95'000, pool, {"--curriculum", "plr"})),
+  EXPECT_THAT(refused(training(scratch, "run", 70'000, pool, {"--curriculum", "plr"})),
               HasSubstr("curriculum"));
   const Ending other =
-      RunningProgram(training(scratch, "run", 95'000, make_pool(scratch, "train", 4))).wait(60 * patience());
+      RunningProgram(training(scratch, "run", 70'000, make_pool(scratch, "train", 4))).wait(60 * patience());
   EXPECT_NE(other.exit_code, 0);
   EXPECT_THAT(other.err, HasSubstr("its list of tasks is another one"));
 }
@@ -138,7 +138,7 @@ TEST(LayoutPoolRun, LockStepIsBitIdenticalTwiceAndAcrossAResume) {
   const std::string pool = make_pool(scratch, "train", 4);
   const std::vector<std::string> lock_step = {"--deterministic=True", "--curriculum", "plr", "--plr_rho",
                                               "0.5"};
-  constexpr double kEnvSteps = 40'960;
+  constexpr double kEnvSteps = 20'480;
   train(scratch, "one", kEnvSteps, pool, lock_step);
   train(scratch, "two", kEnvSteps, pool, lock_step);
   EXPECT_GT(expect_same_run(scratch / "one", scratch / "two"), 20u);

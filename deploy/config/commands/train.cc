@@ -72,6 +72,13 @@ Expected<int> train(const CommandLine& line) {
   config.restart_behavior = asked.restart_behavior;
   COMRAD_TRY(find_iwad());
   if (!config.wad.empty()) COMRAD_TRY(check_wad(config.wad));
+  if (!config.interestingness_graph_path.empty()) {
+    if (!fs::is_regular_file(config.interestingness_graph_path, error))
+      return Error{ErrorCode::kNotFound, "interestingness_graph_path is " +
+                                             config.interestingness_graph_path + ", which is no file"};
+    config.interestingness_graph_path =
+        fs::absolute(config.interestingness_graph_path, error).lexically_normal().string();
+  }
   std::string layout_list;
   if (!config.layout_pool.empty() && !is_pool_to_draw(config.layout_pool)) {
     config.layout_pool = fs::absolute(config.layout_pool, error).lexically_normal().string();

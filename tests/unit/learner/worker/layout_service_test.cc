@@ -105,8 +105,8 @@ TEST_F(LayoutServiceTest, OutcomesReachTheCurriculumUnderTheirLayout) {
   service->serve(arena_);
   for (int env = 0; env < 8; ++env) EXPECT_EQ(take(env), 0u) << "the first of the sequence";
   service->serve(arena_);
-  report(0, 0.9f), report(5, 0.9f);
-  service->serve(arena_);  // task 0 is mastered; the grants that lie there are still of it
+  report(0, 9.0f), report(5, 9.0f);  // of 10, the layout's own scale
+  service->serve(arena_);            // task 0 is mastered; the grants that lie there are still of it
   EXPECT_EQ(service->curriculum().episode_counts()[0], 2);
   EXPECT_EQ(take(0), 0u) << "stale by one episode";
   service->serve(arena_);

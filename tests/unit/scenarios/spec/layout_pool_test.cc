@@ -169,5 +169,40 @@ TEST_F(LayoutPool, PlatformChainComesWithItsTwelveStages) {
               HasSubstr("these do: platform_chain"));
 }
 
+TEST_F(LayoutPool, AGridIsTheFullProductWithItsLastAxisFastest) {
+  const GridRequest request{.axes = {{"initial", {{{"initial", 3}}, {{"initial", 5}}}},
+                                     {"damage", {{{"damage", 10}}, {{"damage", 20}}}},
+                                     {"seed", {{{"seed", 0}}, {{"seed", 1}}, {{"seed", 2}}}}},
+                            .layout = {.parameters = {{"side", "6"}}}};
+  const auto made = make_grid_pool("lava_maze", request, folder("grid"));
+  ASSERT_TRUE(made) << made.error().message;
+  const auto pool = read_pool(folder("grid"));
+  ASSERT_TRUE(pool);
+  ASSERT_EQ(pool->size(), 12u);
+  for (int place = 0; place < 12; ++place) {
+    const PoolEntry& entry = (*pool)[static_cast<std::size_t>(place)];
+    EXPECT_EQ(entry.id, std::string("lava_maze_00") + (place < 10 ? "0" : "") + std::to_string(place));
+    EXPECT_EQ(entry.info.parameters.at("initial"), place < 6 ? 3 : 5);
+    EXPECT_EQ(entry.info.parameters.at("damage"), place % 6 < 3 ? 10 : 20);
+    EXPECT_EQ(entry.info.parameters.at("side"), 6);
+    EXPECT_EQ(entry.info.seed, static_cast<uint64_t>(place % 3));
+    EXPECT_TRUE(entry.split.empty());
+  }
+  const auto part =
+      make_grid_pool("lava_maze", {.axes = request.axes, .start = 10, .limit = 9}, folder("part"));
+  ASSERT_TRUE(part);
+  EXPECT_EQ(part->size(), 2u);
+  EXPECT_EQ((*part)[0].id, "lava_maze_0010");
+  EXPECT_THAT(make_grid_pool("lava_maze", {.axes = request.axes, .start = 12}, folder("x")).error().message,
+              HasSubstr("has 12 layouts"));
+  EXPECT_THAT(
+      make_grid_pool("lava_maze", {.axes = {request.axes[0], request.axes[0]}}, folder("x")).error().message,
+      HasSubstr("two axes of the grid set initial"));
+  // The recipe's own axes: the product that was published.
+  const auto own = make_grid_pool("lava_pit", {.start = 485}, folder("own"));
+  ASSERT_TRUE(own) << own.error().message;
+  EXPECT_EQ(own->size(), 1u) << "486 layouts";
+}
+
 }  // namespace
 }  // namespace comrad::scenarios
