@@ -12,8 +12,8 @@ Expected<std::unique_ptr<Oracle>> make_oracle(const DoomGame& game) {
     if (game.spec.name == entry.scenario) return entry.make(game);
   std::string known;
   for (const std::string& name : list_oracles()) known += (known.empty() ? "" : ", ") + name;
-  return Error{ErrorCode::kNotFound, "scenario " + game.spec.name + " has no oracle (scenarios/" + game.spec.name +
-                                         "/oracle.cc); those that have one: " + known};
+  return Error{ErrorCode::kNotFound, "scenario " + game.spec.name + " has no oracle (scenarios/" +
+                                         game.spec.name + "/oracle.cc); those that have one: " + known};
 }
 
 std::vector<std::string> list_oracles() {
@@ -54,6 +54,13 @@ class OracleEnvironmentSet::Guided final : public Environment {
 
   const EnvShape& shape() const override { return inner_.shape(); }
   uint64_t layout_id() const override { return inner_.layout_id(); }
+  Status choose_layout(int layout) override {
+    const DoomGame* before = &inner_.game();
+    COMRAD_TRY(inner_.choose_layout(layout));
+    if (&inner_.game() == before) return {};
+    COMRAD_TRY_ASSIGN(player_, OraclePlayer::create(inner_.game()));
+    return {};
+  }
   void reset(uint64_t episode_seed) override { player_.reset(inner_, episode_seed); }
   void step(std::span<const int32_t>) override { player_.step(inner_); }
   const Step& last_step() const override { return inner_.last_step(); }
@@ -65,9 +72,11 @@ class OracleEnvironmentSet::Guided final : public Environment {
   OraclePlayer player_;
 };
 
-OracleEnvironmentSet::OracleEnvironmentSet(std::unique_ptr<DoomEnvironmentSet> inner) : inner_(std::move(inner)) {}
+OracleEnvironmentSet::OracleEnvironmentSet(std::unique_ptr<DoomEnvironmentSet> inner)
+    : inner_(std::move(inner)) {}
 
-Expected<std::unique_ptr<EnvironmentSet>> OracleEnvironmentSet::create(std::unique_ptr<DoomEnvironmentSet> inner) {
+Expected<std::unique_ptr<EnvironmentSet>> OracleEnvironmentSet::create(
+    std::unique_ptr<DoomEnvironmentSet> inner) {
   std::unique_ptr<OracleEnvironmentSet> set(new OracleEnvironmentSet(std::move(inner)));
   for (int i = 0; i < set->size(); ++i) {
     DoomEnvironment& environment = set->inner_->at(i);
