@@ -9,6 +9,7 @@
 
 #include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/text.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/rng.h"
 
