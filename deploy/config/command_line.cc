@@ -7,6 +7,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "rollout_buffer/core/text.h"
+
 namespace comrad::deploy {
 namespace {
 

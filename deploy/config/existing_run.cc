@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
 

@@ -2,13 +2,16 @@
 
 #include <unistd.h>
 
+#include <charconv>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 
 #include "deploy/config/child_program.h"
+#include "rollout_buffer/core/layout_list.h"
 
 namespace comrad::deploy {
 namespace {
@@ -21,6 +24,25 @@ constexpr int64_t kDirectoryEntryBytes = 16;
 
 std::string layout_name(const RunConfig& config) {
   return scenario_file_name(config) + "_" + std::to_string(config.layout_seed) + ".wad";
+}
+
+/// What `train:<count>` and `eval:<count>` ask for.
+struct PoolToDraw {
+  std::string word;
+  int64_t count = 0;
+};
+
+std::optional<PoolToDraw> parse_pool(const std::string& layout_pool) {
+  for (const char* word : {"train", "eval"}) {
+    const std::string begin = std::string(word) + ":";
+    if (!layout_pool.starts_with(begin)) continue;
+    PoolToDraw pool{word, 0};
+    const char *first = layout_pool.data() + begin.size(), *last = layout_pool.data() + layout_pool.size();
+    const auto [end, failure] = std::from_chars(first, last, pool.count);
+    if (failure != std::errc() || end != last) pool.count = 0;
+    return pool;
+  }
+  return std::nullopt;
 }
 
 int32_t little_endian(const unsigned char* bytes) {
@@ -77,6 +99,60 @@ Status check_wad(const std::string& path) {
   return {};
 }
 
+bool is_pool_to_draw(const std::string& layout_pool) { return parse_pool(layout_pool).has_value(); }
+
+Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::string& made_in,
+                                         bool for_training) {
+  std::string folder = config.layout_pool;
+  std::error_code error;
+  if (const auto pool = parse_pool(config.layout_pool)) {
+    if (pool->count < 1 || pool->count > 100'000)
+      return Error{ErrorCode::kBadInput,
+                   "layout_pool is " + config.layout_pool + "; the number of layouts must be 1 to 100000"};
+    if (for_training && pool->word == "eval")
+      return Error{ErrorCode::kBadInput,
+                   "layout_pool is " + config.layout_pool +
+                       "; those layouts are for evaluation, train on train:" + std::to_string(pool->count)};
+    folder =
+        made_in + "/" + scenario_file_name(config) + "_" + pool->word + "_" + std::to_string(pool->count);
+    if (!fs::exists(folder + "/batch_registry.json", error)) {
+      COMRAD_TRY_ASSIGN(const ProgramResult made,
+                        run_program({sibling_program("comrad-doomgen"), config.scenario, "--pool", pool->word,
+                                     "--count", std::to_string(pool->count), "--num_agents",
+                                     std::to_string(config.num_agents), "-o", folder},
+                                    {.timeout_s = 120.0 + static_cast<double>(pool->count)}));
+      if (made.interrupted) return Error{ErrorCode::kSystem, "interrupted while layouts were drawn"};
+      if (made.exit_code != 0) return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made)};
+    }
+  } else if (!fs::is_directory(folder, error)) {
+    return Error{ErrorCode::kNotFound, "layout_pool is " + folder +
+                                           ", which is no folder; make one with `comrad doomgen " +
+                                           scenario_file_name(config) + " --pool train --count 100 -o " +
+                                           folder + "`, or say train:<count>"};
+  }
+  COMRAD_TRY_ASSIGN(const ProgramResult checked,
+                    run_program({sibling_program("comrad-doomgen"), "check", folder, "--scenario",
+                                 config.scenario, "--num_agents", std::to_string(config.num_agents), "--for",
+                                 for_training ? "train" : "eval", "--toml"},
+                                {.timeout_s = 600}));
+  if (checked.interrupted) return Error{ErrorCode::kSystem, "interrupted while layouts were checked"};
+  if (checked.exit_code != 0) return Error{ErrorCode::kBadInput, "layout_pool: " + last_words(checked)};
+  return checked.output;
+}
+
+Status write_layout_list(const std::string& run_dir, const std::string& text) {
+  const fs::path path = fs::path(run_dir) / kLayoutListFile, fresh = path.string() + ".tmp";
+  std::error_code error;
+  fs::create_directories(path.parent_path(), error);
+  std::ofstream file(fresh, std::ios::binary | std::ios::trunc);
+  file << text;
+  file.close();
+  if (file) fs::rename(fresh, path, error);
+  if (!file || error)
+    return Error{ErrorCode::kSystem, path.string() + ": cannot be written; is the disk full?"};
+  return {};
+}
+
 std::string scenario_file_name(const RunConfig& config) {
   std::string name = config.scenario;
   while (!name.empty() && name.back() == '/') name.pop_back();
@@ -95,6 +171,7 @@ void forget_stale_layout(const RunConfig& run, RunConfig& config) {
 }
 
 std::string layout_text(const RunConfig& config) {
+  if (!config.layout_pool.empty()) return "pool " + config.layout_pool;
   if (config.wad.empty() || is_generated_layout(config)) return "seed " + std::to_string(config.layout_seed);
   return config.wad;
 }

@@ -22,6 +22,20 @@ Status check_wad(const std::string& path);
 /// absolute. Errors: those of check_wad; kBadInput with the generator's words.
 Expected<std::string> ensure_layout(const RunConfig& config, const std::string& folder);
 
+/// The pool that `config.layout_pool` names, checked by comrad-doomgen, as the text of a run's
+/// layouts/pool.toml. A folder is taken as it is; `train:<count>` and `eval:<count>` are drawn into
+/// `<made_in>/<scenario>_<word>_<count>` unless such a pool is there already. Training refuses layouts for
+/// evaluation. Errors: kBadInput with the generator's words.
+Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::string& made_in,
+                                         bool for_training);
+
+/// Whether `layout_pool` asks for a pool to be drawn (`train:<count>`, `eval:<count>`) rather than naming a
+/// folder.
+bool is_pool_to_draw(const std::string& layout_pool);
+
+/// Puts the list where a run's workers read it. Errors: kSystem.
+Status write_layout_list(const std::string& run_dir, const std::string& text);
+
 /// The scenario's name for files: the folder's where the scenario is named by a path.
 std::string scenario_file_name(const RunConfig& config);
 
@@ -32,7 +46,8 @@ bool is_generated_layout(const RunConfig& config);
 /// now (a new layout seed) or that map is gone (a run folder that moved), so that ensure_layout() makes it.
 void forget_stale_layout(const RunConfig& run, RunConfig& config);
 
-/// The map in words, for results: "seed 42", or the path of the user's WAD.
+/// The map in words, for results: "seed 42", the path of the user's WAD, or "pool " and what layout_pool
+/// says.
 std::string layout_text(const RunConfig& config);
 
 }  // namespace comrad::deploy

@@ -8,6 +8,7 @@
 #include "deploy/config/commands/command.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/text.h"
 #include "rollout_buffer/schema/version.h"
 
 namespace {
@@ -22,7 +23,9 @@ const std::vector<Command>& commands() {
       {"eval", "play fresh episodes with a trained or a random policy and report the score", eval_command},
       {"bench", "measure throughput: sim, inference, learner or train", bench_command},
       {"scenarios", "list the scenarios, or describe one", scenarios_command},
-      {"doomgen", "generate a scenario's map as a WAD", doomgen_command},
+      {"doomgen", "draw a scenario's map as a WAD, or a pool of them; check a pool; show a map from above",
+       doomgen_command},
+      {"acs", "compile an ACS script", acs_command},
       {"trace", "play one player's buttons and write what came of it, tic by tic", trace_command},
       {"doctor", "check this machine and say what to do", doctor_command},
       {"test", "run the test suite", test_command},

@@ -26,7 +26,8 @@ constexpr std::array kFixedInARun = {"scenario",
                                      "happo_critic_rnn",
                                      "normalize_input",
                                      "normalize_returns",
-                                     "use_additional_input"};
+                                     "use_additional_input",
+                                     "curriculum"};
 
 /// What the automatic sizes are made from.
 constexpr std::array kSizesAnArena = {
@@ -51,6 +52,9 @@ Expected<SettingsLayer> file_layer(const UserSettings& user) {
 Expected<MergedSettings> complete(RunConfig config, ScenarioDescription scenario, int core_count) {
   config.num_agents = scenario.env.num_agents;
   if (config.shared_reward_alpha < 0) config.shared_reward_alpha = scenario.shared_reward_alpha;
+  if (config.seq_max_return == 0) config.seq_max_return = std::max(scenario.ceiling, 0.0);
+  if (config.lp_max_return == 0 && scenario.ceiling > config.lp_min_return)
+    config.lp_max_return = scenario.ceiling;
   COMRAD_TRY(resolve_settings(config, core_count));
   return MergedSettings{std::move(config), std::move(scenario)};
 }

@@ -19,7 +19,13 @@ Expected<TemporaryRun> TemporaryRun::create(RunConfig& config) {
     return Error{ErrorCode::kSystem, path + ": cannot be made: " + std::strerror(errno) + "; set TMPDIR"};
   TemporaryRun run(path);
 
-  COMRAD_TRY_ASSIGN(config.wad, ensure_layout(config, path + "/layouts"));
+  if (config.layout_pool.empty()) {
+    COMRAD_TRY_ASSIGN(config.wad, ensure_layout(config, path + "/layouts"));
+  } else {
+    COMRAD_TRY_ASSIGN(const std::string list,
+                      ensure_layout_pool(config, path + "/layouts", /*for_training=*/false));
+    COMRAD_TRY(write_layout_list(path, list));
+  }
   config.train_dir = std::filesystem::path(path).parent_path().string();
   config.experiment = std::filesystem::path(path).filename().string();
   for (const char* folder : {"/logs", "/checkpoint"}) {

@@ -12,8 +12,8 @@ namespace comrad::deploy {
 /// Made below $TMPDIR (or /tmp), removed with everything in it by the destructor. Move-only.
 class TemporaryRun {
  public:
-  /// Makes the folder, its map (unless config.wad is set) and config.toml; `config.wad` then names the map.
-  /// Errors: kSystem (folder, disk), those of find_iwad() and ensure_layout().
+  /// Makes the folder, its map or pool (unless config.wad is set) and config.toml; `config.wad` then names
+  /// the map. Errors: kSystem (folder, disk), those of find_iwad(), ensure_layout() and ensure_layout_pool().
   static Expected<TemporaryRun> create(RunConfig& config);
   TemporaryRun(TemporaryRun&& other) noexcept;
   TemporaryRun& operator=(TemporaryRun&&) = delete;

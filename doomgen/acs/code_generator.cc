@@ -7,11 +7,15 @@
 
 #include "doomgen/acs/declarations.h"
 #include "doomgen/acs/pcodes.h"
+#include "doomgen/wad/special_names.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::acs_compiler {
 namespace {
 
+using bytecode::Operation;
 using bytecode::PCode;
+using bytecode::VariableScope;
 
 constexpr uint32_t kHeadBytes = 8;
 constexpr std::size_t kCodeBytesMax = 16u << 20;
@@ -24,69 +28,42 @@ constexpr int32_t kSpecialsInOneByte = 255;
 
 // ---------------------------------------------------------------- p-codes of variables
 
-enum class Access : uint8_t {
-  kAssign,
-  kPush,
-  kAdd,
-  kSub,
-  kMul,
-  kDiv,
-  kMod,
-  kInc,
-  kDec,
-  kAnd,
-  kEor,
-  kOr,
-  kLeftShift,
-  kRightShift
-};
-
 PCode offset(PCode first, int by) { return static_cast<PCode>(static_cast<int>(first) + by); }
 
-/// The p-code that does `access` to a variable of a scope. Their numbers follow the history of the language.
-PCode variable_code(Access access, Scope scope, bool is_array) {
-  const int index = static_cast<int>(access);
-  const int scope_index = static_cast<int>(scope);
-  if (is_array && scope == Scope::kScript) return offset(PCode::kAssignScriptArray, index);
-  if (access >= Access::kAnd) {
-    const int place = is_array ? 3 + scope_index : scope_index;
-    return offset(PCode::kAndScriptVar, (index - static_cast<int>(Access::kAnd)) * 7 + place);
-  }
-  if (is_array) {  // here Push comes first
-    const int place = access == Access::kAssign ? 1 : access == Access::kPush ? 0 : index;
-    const PCode first = scope == Scope::kMap     ? PCode::kPushMapArray
-                        : scope == Scope::kWorld ? PCode::kPushWorldArray
-                                                 : PCode::kPushGlobalArray;
-    return offset(first, place);
-  }
-  if (scope == Scope::kGlobal) return offset(PCode::kAssignGlobalVar, index);
-  return offset(PCode::kAssignScriptVar, index * 3 + scope_index);
+/// The p-code that does `operation` to a variable of a scope of the source, or to an element of its array.
+PCode variable_code(Operation operation, Scope scope, bool is_array) {
+  constexpr VariableScope kPlain[] = {VariableScope::kScript, VariableScope::kMap, VariableScope::kWorld,
+                                      VariableScope::kGlobal};
+  constexpr VariableScope kArrays[] = {VariableScope::kScriptArray, VariableScope::kMapArray,
+                                       VariableScope::kWorldArray, VariableScope::kGlobalArray};
+  const auto index = static_cast<std::size_t>(scope);
+  return bytecode::variable_code(operation, is_array ? kArrays[index] : kPlain[index]);
 }
 
-Access access_of(Operator op) {
+Operation operation_of(Operator op) {
   switch (op) {
     case Operator::kAdd:
-      return Access::kAdd;
+      return Operation::kAdd;
     case Operator::kSubtract:
-      return Access::kSub;
+      return Operation::kSub;
     case Operator::kMultiply:
-      return Access::kMul;
+      return Operation::kMul;
     case Operator::kDivide:
-      return Access::kDiv;
+      return Operation::kDiv;
     case Operator::kModulus:
-      return Access::kMod;
+      return Operation::kMod;
     case Operator::kAnd:
-      return Access::kAnd;
+      return Operation::kAnd;
     case Operator::kEor:
-      return Access::kEor;
+      return Operation::kEor;
     case Operator::kOr:
-      return Access::kOr;
+      return Operation::kOr;
     case Operator::kLeftShift:
-      return Access::kLeftShift;
+      return Operation::kLeftShift;
     case Operator::kRightShift:
-      return Access::kRightShift;
+      return Operation::kRightShift;
     default:
-      return Access::kAssign;
+      return Operation::kAssign;
   }
 }
 
@@ -263,9 +240,8 @@ class Generator {
     for (const Routine& routine : program_.routines) {
       if (routine.is_script) {
         if (routine.imported) continue;
-        std::string lower(routine.name);
-        for (char& c : lower) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-        if (routine.named ? !names.insert(lower).second : !numbers.insert(routine.number).second)
+        if (routine.named ? !names.insert(lower_case(routine.name)).second
+                          : !numbers.insert(routine.number).second)
           error(routine.place,
                 "a second script " + (routine.named ? quoted(routine.name) : std::to_string(routine.number)),
                 "another number or name");
@@ -288,7 +264,7 @@ class Generator {
       }
       if (!functions_.emplace(routine.name, entry).second)
         error(routine.place, "a second function " + quoted(routine.name), "another name");
-      if (find_function(routine.name) || find_special(routine.name))
+      if (find_function(routine.name) || wad::find_special(routine.name))
         diagnostics_.warn(routine.place,
                           quoted(routine.name) + " hides what the game provides under this name");
     }
@@ -539,7 +515,7 @@ class Generator {
       if (!variable.initials.empty()) value(*variable.initials[0].second);
       const Symbol* symbol = add_local(variable.name, variable.place);
       if (symbol != nullptr && !variable.initials.empty())
-        emit(variable_code(Access::kAssign, Scope::kScript, false), {symbol->index});
+        emit(variable_code(Operation::kAssign, Scope::kScript, false), {symbol->index});
       return;
     }
     const Symbol* symbol = add_local(variable.name, variable.place, &variable.sizes);
@@ -783,7 +759,7 @@ class Generator {
         const Symbol* symbol = variable(node);
         if (symbol == nullptr) return;
         if (symbol->is_array) element(*symbol, node, false);
-        return emit(variable_code(Access::kPush, symbol->scope, symbol->is_array), {symbol->index});
+        return emit(variable_code(Operation::kPush, symbol->scope, symbol->is_array), {symbol->index});
       }
       case ExpressionKind::kUnary:
         value(*node.parts[0]);
@@ -904,8 +880,8 @@ class Generator {
       if (wanted) emit(PCode::kDuplicate);
     }
     value(*node.parts[1]);
-    emit(variable_code(access_of(node.op), symbol.scope, symbol.is_array), {symbol.index});
-    if (wanted) emit(variable_code(Access::kPush, symbol.scope, symbol.is_array), {symbol.index});
+    emit(variable_code(operation_of(node.op), symbol.scope, symbol.is_array), {symbol.index});
+    if (wanted) emit(variable_code(Operation::kPush, symbol.scope, symbol.is_array), {symbol.index});
   }
 
   void increment(const Expression& node, bool wanted) {
@@ -913,9 +889,9 @@ class Generator {
     const Symbol* found = variable(operand);
     if (found == nullptr) return;
     const Symbol symbol = *found;
-    const PCode step =
-        variable_code(node.op == Operator::kAdd ? Access::kInc : Access::kDec, symbol.scope, symbol.is_array);
-    const PCode read = variable_code(Access::kPush, symbol.scope, symbol.is_array);
+    const PCode step = variable_code(node.op == Operator::kAdd ? Operation::kInc : Operation::kDec,
+                                     symbol.scope, symbol.is_array);
+    const PCode read = variable_code(Operation::kPush, symbol.scope, symbol.is_array);
     if (symbol.is_array) element(symbol, operand, false);
     if (!wanted) return emit(step, {symbol.index});
     if (symbol.is_array) emit(PCode::kDuplicate);
@@ -949,7 +925,7 @@ class Generator {
   std::optional<int32_t> special_number(std::string_view name) const {
     if (const auto found = specials_.find(name); found != specials_.end() && found->second->number > 0)
       return found->second->number;
-    return find_special(name);
+    return wad::find_special(name);
   }
 
   // ---- calls
@@ -975,7 +951,7 @@ class Generator {
     }
     if (const std::optional<BuiltInFunction> function = find_function(node.text))
       return call_built_in(node, *function, wanted);
-    if (const std::optional<int32_t> special = find_special(node.text)) {
+    if (const std::optional<int32_t> special = wad::find_special(node.text)) {
       if (arguments_fit(node, 0, 5)) call_special(node, *special, wanted);
       return;
     }

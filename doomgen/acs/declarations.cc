@@ -6,6 +6,9 @@
 #include <unordered_map>
 #include <vector>
 
+#include "doomgen/wad/special_names.h"
+#include "rollout_buffer/core/text.h"
+
 namespace comrad::acs_compiler {
 namespace {
 
@@ -26,10 +29,6 @@ struct CallFunction {
   std::string_view name;
   BuiltIn number;
   int32_t args_min, args_max;
-};
-struct Special {
-  int32_t number;
-  std::string_view name;
 };
 
 // clang-format off
@@ -712,282 +711,14 @@ constexpr CallFunction kCallFunctions[] = {
     {"CheckProximity", BuiltIn::kCheckProximity, 3, 6},
     {"CheckActorState", BuiltIn::kCheckActorState, 2, 3},
 };
-
-constexpr Special kSpecials[] = {
-    {1, "Polyobj_StartLine"},
-    {2, "Polyobj_RotateLeft"},
-    {3, "Polyobj_RotateRight"},
-    {4, "Polyobj_Move"},
-    {5, "Polyobj_ExplicitLine"},
-    {6, "Polyobj_MoveTimes8"},
-    {7, "Polyobj_DoorSwing"},
-    {8, "Polyobj_DoorSlide"},
-    {9, "Line_Horizon"},
-    {10, "Door_Close"},
-    {11, "Door_Open"},
-    {12, "Door_Raise"},
-    {13, "Door_LockedRaise"},
-    {14, "Door_Animated"},
-    {15, "Autosave"},
-    {16, "Transfer_WallLight"},
-    {17, "Thing_Raise"},
-    {18, "StartConversation"},
-    {19, "Thing_Stop"},
-    {20, "Floor_LowerByValue"},
-    {21, "Floor_LowerToLowest"},
-    {22, "Floor_LowerToNearest"},
-    {23, "Floor_RaiseByValue"},
-    {24, "Floor_RaiseToHighest"},
-    {25, "Floor_RaiseToNearest"},
-    {26, "Stairs_BuildDown"},
-    {27, "Stairs_BuildUp"},
-    {28, "Floor_RaiseAndCrush"},
-    {29, "Pillar_Build"},
-    {30, "Pillar_Open"},
-    {31, "Stairs_BuildDownSync"},
-    {32, "Stairs_BuildUpSync"},
-    {33, "ForceField"},
-    {34, "ClearForceField"},
-    {35, "Floor_RaiseByValueTimes8"},
-    {36, "Floor_LowerByValueTimes8"},
-    {37, "Floor_MoveToValue"},
-    {38, "Ceiling_Waggle"},
-    {39, "Teleport_ZombieChanger"},
-    {40, "Ceiling_LowerByValue"},
-    {41, "Ceiling_RaiseByValue"},
-    {42, "Ceiling_CrushAndRaise"},
-    {43, "Ceiling_LowerAndCrush"},
-    {44, "Ceiling_CrushStop"},
-    {45, "Ceiling_CrushRaiseAndStay"},
-    {46, "Floor_CrushStop"},
-    {47, "Ceiling_MoveToValue"},
-    {48, "Sector_Attach3dMidtex"},
-    {49, "GlassBreak"},
-    {50, "ExtraFloor_LightOnly"},
-    {51, "Sector_SetLink"},
-    {52, "Scroll_Wall"},
-    {53, "Line_SetTextureOffset"},
-    {54, "Sector_ChangeFlags"},
-    {55, "Line_SetBlocking"},
-    {56, "Line_SetTextureScale"},
-    {57, "Sector_SetPortal"},
-    {58, "Sector_CopyScroller"},
-    {59, "Polyobj_OR_MoveToSpot"},
-    {60, "Plat_PerpetualRaise"},
-    {61, "Plat_Stop"},
-    {62, "Plat_DownWaitUpStay"},
-    {63, "Plat_DownByValue"},
-    {64, "Plat_UpWaitDownStay"},
-    {65, "Plat_UpByValue"},
-    {66, "Floor_LowerInstant"},
-    {67, "Floor_RaiseInstant"},
-    {68, "Floor_MoveToValueTimes8"},
-    {69, "Ceiling_MoveToValueTimes8"},
-    {70, "Teleport"},
-    {71, "Teleport_NoFog"},
-    {72, "ThrustThing"},
-    {73, "DamageThing"},
-    {74, "Teleport_NewMap"},
-    {75, "Teleport_EndGame"},
-    {76, "TeleportOther"},
-    {77, "TeleportGroup"},
-    {78, "TeleportInSector"},
-    {79, "Thing_SetConversation"},
-    {80, "ACS_Execute"},
-    {81, "ACS_Suspend"},
-    {82, "ACS_Terminate"},
-    {83, "ACS_LockedExecute"},
-    {84, "ACS_ExecuteWithResult"},
-    {85, "ACS_LockedExecuteDoor"},
-    {86, "Polyobj_MoveToSpot"},
-    {87, "Polyobj_Stop"},
-    {88, "Polyobj_MoveTo"},
-    {89, "Polyobj_OR_MoveTo"},
-    {90, "Polyobj_OR_RotateLeft"},
-    {91, "Polyobj_OR_RotateRight"},
-    {92, "Polyobj_OR_Move"},
-    {93, "Polyobj_OR_MoveTimes8"},
-    {94, "Pillar_BuildAndCrush"},
-    {95, "FloorAndCeiling_LowerByValue"},
-    {96, "FloorAndCeiling_RaiseByValue"},
-    {97, "Ceiling_LowerAndCrushDist"},
-    {98, "Sector_SetTranslucent"},
-    {99, "Floor_RaiseAndCrushDoom"},
-    {100, "Scroll_Texture_Left"},
-    {101, "Scroll_Texture_Right"},
-    {102, "Scroll_Texture_Up"},
-    {103, "Scroll_Texture_Down"},
-    {104, "Ceiling_CrushAndRaiseSilentDist"},
-    {105, "Door_WaitRaise"},
-    {106, "Door_WaitClose"},
-    {107, "Line_SetPortalTarget"},
-    {109, "Light_ForceLightning"},
-    {110, "Light_RaiseByValue"},
-    {111, "Light_LowerByValue"},
-    {112, "Light_ChangeToValue"},
-    {113, "Light_Fade"},
-    {114, "Light_Glow"},
-    {115, "Light_Flicker"},
-    {116, "Light_Strobe"},
-    {117, "Light_Stop"},
-    {118, "Plane_Copy"},
-    {119, "Thing_Damage"},
-    {120, "Radius_Quake"},
-    {121, "Line_SetIdentification"},
-    {125, "Thing_Move"},
-    {127, "Thing_SetSpecial"},
-    {128, "ThrustThingZ"},
-    {129, "UsePuzzleItem"},
-    {130, "Thing_Activate"},
-    {131, "Thing_Deactivate"},
-    {132, "Thing_Remove"},
-    {133, "Thing_Destroy"},
-    {134, "Thing_Projectile"},
-    {135, "Thing_Spawn"},
-    {136, "Thing_ProjectileGravity"},
-    {137, "Thing_SpawnNoFog"},
-    {138, "Floor_Waggle"},
-    {139, "Thing_SpawnFacing"},
-    {140, "Sector_ChangeSound"},
-    {145, "Player_SetTeam"},
-    {152, "Team_Score"},
-    {153, "Team_GivePoints"},
-    {154, "Teleport_NoStop"},
-    {156, "Line_SetPortal"},
-    {157, "SetGlobalFogParameter"},
-    {158, "FS_Execute"},
-    {159, "Sector_SetPlaneReflection"},
-    {160, "Sector_Set3DFloor"},
-    {161, "Sector_SetContents"},
-    {168, "Ceiling_CrushAndRaiseDist"},
-    {169, "Generic_Crusher2"},
-    {170, "Sector_SetCeilingScale2"},
-    {171, "Sector_SetFloorScale2"},
-    {172, "Plat_UpNearestWaitDownStay"},
-    {173, "NoiseAlert"},
-    {174, "SendToCommunicator"},
-    {175, "Thing_ProjectileIntercept"},
-    {176, "Thing_ChangeTID"},
-    {177, "Thing_Hate"},
-    {178, "Thing_ProjectileAimed"},
-    {179, "ChangeSkill"},
-    {180, "Thing_SetTranslation"},
-    {181, "Plane_Align"},
-    {182, "Line_Mirror"},
-    {183, "Line_AlignCeiling"},
-    {184, "Line_AlignFloor"},
-    {185, "Sector_SetRotation"},
-    {186, "Sector_SetCeilingPanning"},
-    {187, "Sector_SetFloorPanning"},
-    {188, "Sector_SetCeilingScale"},
-    {189, "Sector_SetFloorScale"},
-    {190, "Static_Init"},
-    {191, "SetPlayerProperty"},
-    {192, "Ceiling_LowerToHighestFloor"},
-    {193, "Ceiling_LowerInstant"},
-    {194, "Ceiling_RaiseInstant"},
-    {195, "Ceiling_CrushRaiseAndStayA"},
-    {196, "Ceiling_CrushAndRaiseA"},
-    {197, "Ceiling_CrushAndRaiseSilentA"},
-    {198, "Ceiling_RaiseByValueTimes8"},
-    {199, "Ceiling_LowerByValueTimes8"},
-    {200, "Generic_Floor"},
-    {201, "Generic_Ceiling"},
-    {202, "Generic_Door"},
-    {203, "Generic_Lift"},
-    {204, "Generic_Stairs"},
-    {205, "Generic_Crusher"},
-    {206, "Plat_DownWaitUpStayLip"},
-    {207, "Plat_PerpetualRaiseLip"},
-    {208, "TranslucentLine"},
-    {209, "Transfer_Heights"},
-    {210, "Transfer_FloorLight"},
-    {211, "Transfer_CeilingLight"},
-    {212, "Sector_SetColor"},
-    {213, "Sector_SetFade"},
-    {214, "Sector_SetDamage"},
-    {215, "Teleport_Line"},
-    {216, "Sector_SetGravity"},
-    {217, "Stairs_BuildUpDoom"},
-    {218, "Sector_SetWind"},
-    {219, "Sector_SetFriction"},
-    {220, "Sector_SetCurrent"},
-    {221, "Scroll_Texture_Both"},
-    {222, "Scroll_Texture_Model"},
-    {223, "Scroll_Floor"},
-    {224, "Scroll_Ceiling"},
-    {225, "Scroll_Texture_Offsets"},
-    {226, "ACS_ExecuteAlways"},
-    {227, "PointPush_SetForce"},
-    {228, "Plat_RaiseAndStayTx0"},
-    {229, "Thing_SetGoal"},
-    {230, "Plat_UpByValueStayTx"},
-    {231, "Plat_ToggleCeiling"},
-    {232, "Light_StrobeDoom"},
-    {233, "Light_MinNeighbor"},
-    {234, "Light_MaxNeighbor"},
-    {235, "Floor_TransferTrigger"},
-    {236, "Floor_TransferNumeric"},
-    {237, "ChangeCamera"},
-    {238, "Floor_RaiseToLowestCeiling"},
-    {239, "Floor_RaiseByValueTxTy"},
-    {240, "Floor_RaiseByTexture"},
-    {241, "Floor_LowerToLowestTxTy"},
-    {242, "Floor_LowerToHighest"},
-    {243, "Exit_Normal"},
-    {244, "Exit_Secret"},
-    {245, "Elevator_RaiseToNearest"},
-    {246, "Elevator_MoveToFloor"},
-    {247, "Elevator_LowerToNearest"},
-    {248, "HealThing"},
-    {249, "Door_CloseWaitOpen"},
-    {250, "Floor_Donut"},
-    {251, "FloorAndCeiling_LowerRaise"},
-    {252, "Ceiling_RaiseToNearest"},
-    {253, "Ceiling_LowerToLowest"},
-    {254, "Ceiling_LowerToFloor"},
-    {255, "Ceiling_CrushRaiseAndStaySilA"},
-    {256, "Floor_LowerToHighestEE"},
-    {257, "Floor_RaiseToLowest"},
-    {258, "Floor_LowerToLowestCeiling"},
-    {259, "Floor_RaiseToCeiling"},
-    {260, "Floor_ToCeilingInstant"},
-    {261, "Floor_LowerByTexture"},
-    {262, "Ceiling_RaiseToHighest"},
-    {263, "Ceiling_ToHighestInstant"},
-    {264, "Ceiling_LowerToNearest"},
-    {265, "Ceiling_RaiseToLowest"},
-    {266, "Ceiling_RaiseToHighestFloor"},
-    {267, "Ceiling_ToFloorInstant"},
-    {268, "Ceiling_RaiseByTexture"},
-    {269, "Ceiling_LowerByTexture"},
-    {270, "Stairs_BuildDownDoom"},
-    {271, "Stairs_BuildUpDoomSync"},
-    {272, "Stairs_BuildDownDoomSync"},
-    {273, "Stairs_BuildUpDoomCrush"},
-    {274, "Door_AnimatedClose"},
-    {275, "Floor_Stop"},
-    {276, "Ceiling_Stop"},
-    {277, "Sector_SetFloorGlow"},
-    {278, "Sector_SetCeilingGlow"},
-    {279, "Floor_MoveToValueAndCrush"},
-    {280, "Ceiling_MoveToValueAndCrush"},
-};
 // clang-format on
 
-std::string lower_case(std::string_view text) {
-  std::string result(text);
-  for (char& c : result) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return result;
-}
-
 struct Tables {
-  std::unordered_map<std::string, int32_t> constants, specials;
+  std::unordered_map<std::string, int32_t> constants;
   std::unordered_map<std::string, BuiltInFunction> functions;
 
   Tables() {
     for (const Constant& row : kConstants) constants.emplace(lower_case(row.name), row.value);
-    for (const Special& row : kSpecials) specials.emplace(lower_case(row.name), row.number);
     for (const CodeFunction& row : kCodeFunctions) {
       const bytecode::PCodeInfo& info = bytecode::kPCodes[static_cast<std::size_t>(row.code)];
       functions.emplace(lower_case(row.name), BuiltInFunction{.name = row.name,
@@ -1012,22 +743,6 @@ const Tables& tables() {
   return instance;
 }
 
-/// Letters to change, add or leave out between two words.
-std::size_t distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t replaced = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({replaced, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row[b.size()];
-}
-
 }  // namespace
 
 std::optional<int32_t> find_constant(std::string_view name) {
@@ -1040,23 +755,18 @@ std::optional<BuiltInFunction> find_function(std::string_view name) {
   return found != tables().functions.end() ? std::optional(found->second) : std::nullopt;
 }
 
-std::optional<int32_t> find_special(std::string_view name) {
-  const auto found = tables().specials.find(std::string(name));
-  return found != tables().specials.end() ? std::optional(found->second) : std::nullopt;
-}
-
 std::string_view nearest_name(std::string_view name) {
   if (name.size() < 4 || name.size() > 64) return {};
   std::string_view best;
   std::size_t least = name.size() / 4 + 1;
   const auto consider = [&](std::string_view candidate) {
-    const std::size_t far = distance(name, lower_case(candidate));
+    const std::size_t far = edit_distance(name, lower_case(candidate));
     if (far < least) least = far, best = candidate;
   };
   for (const Constant& row : kConstants) consider(row.name);
   for (const CodeFunction& row : kCodeFunctions) consider(row.name);
   for (const CallFunction& row : kCallFunctions) consider(row.name);
-  for (const Special& row : kSpecials) consider(row.name);
+  for (const wad::SpecialName& row : wad::special_names()) consider(row.name);
   return best;
 }
 

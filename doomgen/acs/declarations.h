@@ -1,5 +1,6 @@
-// What a program may name without declaring it: constants, functions, line specials. The numbers are the
-// public ones of Hexen and ZDoom; the declarations are this project's own.
+// What a program may name without declaring it: constants and functions; line specials are in
+// doomgen/wad/special_names.h. The numbers are the public ones of Hexen and ZDoom; the declarations are this
+// project's own.
 #pragma once
 
 #include <cstdint>
@@ -25,9 +26,6 @@ struct BuiltInFunction {
   bool waits = false;  ///< such as Delay, which a function of the program cannot do
 };
 std::optional<BuiltInFunction> find_function(std::string_view name);  ///< in lower case
-
-/// The number of a line special. `name` in lower case.
-std::optional<int32_t> find_special(std::string_view name);
 
 /// The built-in name closest to a mistyped one; empty where none is near.
 std::string_view nearest_name(std::string_view name);

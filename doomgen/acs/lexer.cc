@@ -3,6 +3,8 @@
 #include <array>
 #include <optional>
 
+#include "rollout_buffer/core/text.h"
+
 namespace comrad::acs_compiler {
 namespace {
 
@@ -17,12 +19,11 @@ constexpr std::array<std::string_view, 47> kSymbols = {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
-char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
 
 /// Digit of any radix up to 36; 99 for what is none.
 int digit_value(char c) {
   if (is_digit(c)) return c - '0';
-  const char letter = lower(c);
+  const char letter = lower_case(c);
   return letter >= 'a' && letter <= 'z' ? letter - 'a' + 10 : 99;
 }
 
@@ -107,7 +108,7 @@ class Lexer {
                          "at most " + std::to_string(kNameMax));
       text.resize(kNameMax);
     }
-    for (char& c : text) c = lower(c);
+    for (char& c : text) c = lower_case(c);
     add(TokenKind::kName, pool_.keep(std::move(text)));
   }
 
@@ -134,7 +135,7 @@ class Lexer {
 
   void number() {
     std::optional<uint32_t> value;
-    const char second = lower(peek(1));
+    const char second = lower_case(peek(1));
     if (peek() == '0' && (second == 'x' || second == 'o' || second == 'b') && digit_value(peek(2)) < 16) {
       at_ += 2;
       value = digits(second == 'x' ? 16 : second == 'o' ? 8 : 2);

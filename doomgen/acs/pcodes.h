@@ -424,6 +424,89 @@ constexpr std::array<PCodeInfo, kPCodeCount> kPCodes = {{
 #undef COMRAD_PCODE
 }};
 
+/// What a p-code does to a variable or an element of an array.
+enum class Operation : uint8_t {
+  kNone,
+  kAssign,
+  kPush,
+  kAdd,
+  kSub,
+  kMul,
+  kDiv,
+  kMod,
+  kInc,
+  kDec,
+  kAnd,
+  kEor,
+  kOr,
+  kLeftShift,
+  kRightShift
+};
+/// Where the variable lives; the arrays stand four further than the plain ones.
+enum class VariableScope : uint8_t {
+  kScript,
+  kMap,
+  kWorld,
+  kGlobal,
+  kScriptArray,
+  kMapArray,
+  kWorldArray,
+  kGlobalArray
+};
+constexpr bool is_array(VariableScope scope) { return scope >= VariableScope::kScriptArray; }
+
+struct VariableCode {
+  Operation operation = Operation::kNone;  ///< kNone: the p-code is about something else
+  VariableScope scope = VariableScope::kScript;
+  constexpr bool operator==(const VariableCode&) const = default;
+};
+
+/// By p-code. The numbers follow the history of the language: three scopes at first, then globals, arrays,
+/// bits.
+constexpr std::array<VariableCode, kPCodeCount> make_variable_codes() {
+  using enum Operation;
+  using enum VariableScope;
+  std::array<VariableCode, kPCodeCount> codes{};
+  std::size_t at = static_cast<std::size_t>(PCode::kAssignScriptVar);
+  for (const Operation operation : {kAssign, kPush, kAdd, kSub, kMul, kDiv, kMod, kInc, kDec})
+    for (const VariableScope scope : {kScript, kMap, kWorld}) codes[at++] = {operation, scope};
+  at = static_cast<std::size_t>(PCode::kAssignGlobalVar);
+  for (const Operation operation : {kAssign, kPush, kAdd, kSub, kMul, kDiv, kMod, kInc, kDec})
+    codes[at++] = {operation, kGlobal};
+  const auto arrays = [&](PCode first, VariableScope scope) {  // here Push comes first
+    std::size_t place = static_cast<std::size_t>(first);
+    for (const Operation operation : {kPush, kAssign, kAdd, kSub, kMul, kDiv, kMod, kInc, kDec})
+      codes[place++] = {operation, scope};
+  };
+  arrays(PCode::kPushMapArray, kMapArray);
+  arrays(PCode::kPushWorldArray, kWorldArray);
+  arrays(PCode::kPushGlobalArray, kGlobalArray);
+  at = static_cast<std::size_t>(PCode::kAndScriptVar);
+  for (const Operation operation : {kAnd, kEor, kOr, kLeftShift, kRightShift})
+    for (const VariableScope scope : {kScript, kMap, kWorld, kGlobal, kMapArray, kWorldArray, kGlobalArray})
+      codes[at++] = {operation, scope};
+  at = static_cast<std::size_t>(PCode::kAssignScriptArray);
+  for (const Operation operation :
+       {kAssign, kPush, kAdd, kSub, kMul, kDiv, kMod, kInc, kDec, kAnd, kEor, kOr, kLeftShift, kRightShift})
+    codes[at++] = {operation, kScriptArray};
+  return codes;
+}
+constexpr std::array<VariableCode, kPCodeCount> kVariableCodes = make_variable_codes();
+
+/// The p-code that does this to a variable of that scope; kNop for kNone.
+constexpr PCode variable_code(Operation operation, VariableScope scope) {
+  if (operation == Operation::kNone) return PCode::kNop;
+  for (std::size_t code = 0; code < kPCodeCount; ++code)
+    if (kVariableCodes[code] == VariableCode{operation, scope}) return static_cast<PCode>(code);
+  return PCode::kNop;
+}
+static_assert(variable_code(Operation::kDec, VariableScope::kWorld) == PCode::kDecWorldVar);
+static_assert(variable_code(Operation::kDec, VariableScope::kGlobalArray) == PCode::kDecGlobalArray);
+static_assert(variable_code(Operation::kRightShift, VariableScope::kGlobalArray) ==
+              PCode::kRightShiftGlobalArray);
+static_assert(variable_code(Operation::kRightShift, VariableScope::kScriptArray) ==
+              PCode::kRightShiftScriptArray);
+
 /// Bytes of one operand; of `n` and `t` the least that they take.
 constexpr int operand_bytes(char operand, bool compact) {
   switch (operand) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "rollout_buffer/core/text.h"
+
 namespace comrad::acs_compiler {
 namespace {
 
@@ -115,9 +117,8 @@ bool is_built_in_header(std::string_view name) {
   constexpr std::array<std::string_view, 8> kHeaders = {"zcommon.acs", "zdefs.acs",  "zspecial.acs",
                                                         "zwvars.acs",  "common.acs", "specials.acs",
                                                         "defs.acs",    "wvars.acs"};
-  std::string lower(name);
-  for (char& c : lower) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return std::find(kHeaders.begin(), kHeaders.end(), lower) != kHeaders.end();
+  return std::any_of(kHeaders.begin(), kHeaders.end(),
+                     [&](std::string_view header) { return same_ignoring_case(name, header); });
 }
 
 SourceTokens load_source(std::string_view source, const std::string& path, const CompileOptions& options,

@@ -63,7 +63,7 @@ Expected<Picture> draw_map(const wad::UdmfMap& map, int side) {
   }
   Canvas canvas;
   canvas.low_x = low_x, canvas.high_y = high_y;
-  canvas.scale = (side - 2.0 * kMargin) / std::max({1.0, high_x - low_x, high_y - low_y});
+  canvas.scale = (side - 1.0 - 2.0 * kMargin) / std::max({1.0, high_x - low_x, high_y - low_y});
   if (canvas.scale <= 0) canvas.scale = 1e-3;
   canvas.picture = Picture(static_cast<int>((high_x - low_x) * canvas.scale) + 2 * kMargin + 1,
                            static_cast<int>((high_y - low_y) * canvas.scale) + 2 * kMargin + 1, kBackground);

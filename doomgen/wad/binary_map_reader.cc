@@ -8,6 +8,7 @@
 
 #include "doomgen/wad/doom_specials.h"
 #include "doomgen/wad/map_records.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::wad {
 namespace {
@@ -58,7 +59,7 @@ constexpr int kHexenClassShift = 5;
 std::string name_of(const NameBytes& bytes) {
   std::string name(bytes.begin(), std::find(bytes.begin(), bytes.end(), '\0'));
   for (char& c : name) {
-    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
+    c = upper_case(c);
     if (c < ' ' || c > '~') c = '?';
   }
   return name.empty() ? "-" : name;

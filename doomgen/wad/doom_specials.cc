@@ -41,7 +41,7 @@ struct Row {
   Who who = kPlayers;
 };
 
-// By rising type. Numbers of the specials as in sim_workers/engine/specials/special_names.cc.
+// By rising type. Numbers of the specials as in special_names.cc.
 constexpr Row kRows[] = {
     {1, kDR, 12, {0, kDoor, kDoorWait}, kMonstersToo},
     {2, kW1, 11, {kTag, kDoor}},

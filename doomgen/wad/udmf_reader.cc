@@ -7,18 +7,13 @@
 #include <optional>
 #include <utility>
 
+#include "rollout_buffer/core/text.h"
+
 namespace comrad::wad {
 namespace {
 
-bool is_space(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == '\f' || c == '\v'; }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
-char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
-bool is_word_start(char c) { return (lower(c) >= 'a' && lower(c) <= 'z') || c == '_'; }
-
-std::string upper_case(std::string text) {
-  for (char& c : text) c = c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
-  return text;
-}
+bool is_word_start(char c) { return (lower_case(c) >= 'a' && lower_case(c) <= 'z') || c == '_'; }
 
 struct Token {
   enum class Kind { kEnd, kWord, kNumber, kText, kSign };
@@ -128,7 +123,7 @@ class Parser {
     if (is_word_start(c)) {
       token.kind = Token::Kind::kWord;
       while (!at_end() && (is_word_start(peek()) || is_digit(peek()))) {
-        token.text += lower(peek());
+        token.text += lower_case(peek());
         advance();
       }
       return token;
@@ -174,7 +169,7 @@ class Parser {
     const char* end = digits.data() + digits.size();
     uint64_t integer = 0;
     std::from_chars_result read{};
-    if (digits.size() > 2 && digits[0] == '0' && lower(digits[1]) == 'x') {
+    if (digits.size() > 2 && digits[0] == '0' && lower_case(digits[1]) == 'x') {
       read = std::from_chars(digits.data() + 2, end, integer, 16);
       token.is_integer = true;
     } else if (digits.size() > 1 && std::all_of(digits.begin(), digits.end(), is_digit) && digits[0] == '0') {

@@ -12,17 +12,10 @@
 #include <utility>
 
 #include "doomgen/wad/map_records.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::wad {
 namespace {
-
-char upper(char c) { return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c; }
-
-std::string upper_case(std::string_view text) {
-  std::string result(text);
-  std::transform(result.begin(), result.end(), result.begin(), upper);
-  return result;
-}
 
 template <typename Record>
 Record read_record(std::span<const uint8_t> bytes, std::size_t offset) {
@@ -121,7 +114,8 @@ Expected<WadFile> WadFile::parse(std::shared_ptr<const Storage> storage, std::st
         bytes, static_cast<std::size_t>(directory) + index * sizeof(DirectoryRecord));
     const auto* const end = std::find(record.name.begin(), record.name.end(), '\0');
     Lump lump;
-    lump.name = upper_case({record.name.data(), static_cast<std::size_t>(end - record.name.begin())});
+    lump.name =
+        upper_case(std::string_view(record.name.data(), static_cast<std::size_t>(end - record.name.begin())));
     // Markers may have any offset.
     if (record.size_bytes != 0) {
       const int64_t offset = record.offset_bytes, size = record.size_bytes;

@@ -60,6 +60,8 @@ AdamOptimizer::~AdamOptimizer() = default;
 AdamOptimizer::AdamOptimizer(AdamOptimizer&&) noexcept = default;
 AdamOptimizer& AdamOptimizer::operator=(AdamOptimizer&&) noexcept = default;
 
+const std::vector<torch::Tensor>& AdamOptimizer::parameters() const { return state_->parameters; }
+
 void AdamOptimizer::zero_grad() {
   // Zeroed in place rather than dropped: the buffers of 13 MB are reused by every backward pass.
   for (torch::Tensor& parameter : state_->parameters) {

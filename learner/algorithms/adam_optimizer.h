@@ -31,6 +31,7 @@ class AdamOptimizer {
   AdamOptimizer(AdamOptimizer&&) noexcept;
   AdamOptimizer& operator=(AdamOptimizer&&) noexcept;
 
+  const std::vector<torch::Tensor>& parameters() const;
   void zero_grad();
   /// Scales all gradients by max_grad_norm / (norm + 1e-6) where that is below 1. Returns the norm before.
   /// A norm that is not finite leaves the gradients as they are.

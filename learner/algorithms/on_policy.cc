@@ -1,8 +1,12 @@
 #include "learner/algorithms/on_policy.h"
 
+#include <torch/csrc/autograd/autograd.h>
+
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <numeric>
+#include <optional>
 
 #include "learner/algorithms/ppo_loss.h"
 #include "learner/estimators/gae.h"
@@ -16,8 +20,30 @@ namespace {
 
 constexpr double kEarlyStopLossChange = 1e-6;
 constexpr int64_t kSkippedInARowMax = 20;
+constexpr int64_t kSamplesInFlightMax = 2048;  // of all threads together; activations take memory
+
+/// One on a GPU, which is busy with one micro-batch.
+int threads_for_parts(const RunConfig& config, torch::Device device) {
+  if (!device.is_cpu()) return 1;
+  const int64_t fitting =
+      std::max<int64_t>(1, kSamplesInFlightMax / std::max<int64_t>(1, config.micro_batch_size));
+  return static_cast<int>(std::clamp<int64_t>(config.learner_threads, 1, fitting));
+}
 
 }  // namespace
+
+void OnPolicy::LossSums::add(const LossSums& part) {
+  policy += part.policy, value += part.value;
+  exploration += part.exploration, kl_penalty += part.kl_penalty;
+  kl += part.kl, entropy += part.entropy;
+  predicted_value += part.predicted_value, value_delta += part.value_delta;
+  ratio += part.ratio, clipped += part.clipped;
+  kl_max = std::max(kl_max, part.kl_max);
+  value_delta_max = std::max(value_delta_max, part.value_delta_max);
+  ratio_min = std::min(ratio_min, part.ratio_min);
+  ratio_max = std::max(ratio_max, part.ratio_max);
+  log_prob_max = std::max(log_prob_max, part.log_prob_max);
+}
 
 void OnPolicy::LossSums::add_policy(const LossSums& part, double share) {
   policy += share * part.policy;
@@ -47,7 +73,8 @@ OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device d
       net_(policy::PolicyNet::create(policy::PolicyNetOptions::from(config, env),
                                      RngKey(static_cast<uint64_t>(config.seed)).split("network").bits(),
                                      device)),
-      schedule_(config) {}
+      schedule_(config),
+      pool_(threads_for_parts(config, device)) {}
 
 bool OnPolicy::begin_update(Minibatch& batch, const UpdateContext& context, UpdateStats& stats) {
   schedule_.before_batch(context.env_frames);
@@ -201,7 +228,113 @@ policy::SequenceInput OnPolicy::input_of(const Minibatch& rows) const {
 
 int64_t OnPolicy::micro_rows(const Minibatch& minibatch) const {
   const int64_t agents = minibatch.shape.env.num_agents;
-  return std::max(agents, config_.micro_batch_size / minibatch.steps() / agents * agents);
+  const int64_t whole_worlds = minibatch.rows() / agents, threads = pool_.threads();
+  const int64_t shared_out = (whole_worlds + threads - 1) / threads * agents;
+  return std::max(agents,
+                  std::min(config_.micro_batch_size / minibatch.steps() / agents * agents, shared_out));
+}
+
+OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, double valid_count) const {
+  Part part;
+  const ExplorationLoss exploration_kind = parse_exploration_loss(config_.exploration_loss);
+  const double clip_high = 1.0 + config_.ppo_clip_ratio, clip_low = 1.0 / clip_high;
+  const auto on_device = [this](const Tensor& tensor) {
+    return tensor.defined() ? tensor.to(device_) : tensor;
+  };
+  const Tensor valid = on_device(micro.valid).to(torch::kBool);
+  const Tensor weight = valid.to(torch::kFloat32) / valid_count;
+  const policy::SequenceOutput output = phase.forward(input_of(micro));
+  const Tensor zero = torch::zeros({}, weight.options());
+
+  // Where a number of this micro-batch goes, and how; all of them leave the device at once.
+  struct Number {
+    double* sum;
+    enum { kAdd, kMax, kMin } how;
+  };
+  std::vector<Number> places;
+  std::vector<Tensor> numbers;
+  const auto add = [&](double& sum, const Tensor& number) {
+    places.push_back({&sum, Number::kAdd});
+    numbers.push_back(number.detach());
+  };
+  const auto add_mean = [&](double& sum, const Tensor& of_samples) { add(sum, (of_samples * weight).sum()); };
+  const auto add_extreme = [&](double& sum, const Tensor& of_samples, const Tensor& otherwise, bool is_max) {
+    const Tensor valid_samples = torch::where(valid, of_samples.detach(), otherwise);
+    places.push_back({&sum, is_max ? Number::kMax : Number::kMin});
+    numbers.push_back(is_max ? valid_samples.max() : valid_samples.min());
+  };
+
+  Tensor loss = zero;
+  Tensor log_probs, log_prob, ratio, kl, mask;
+  const auto divergence = [&] {
+    return policy::kl_divergence(log_probs, policy::head_log_probs(on_device(micro.logits), mask, env_),
+                                 env_);
+  };
+  if (output.logits.defined()) {
+    mask = on_device(micro.mask_or_undefined());
+    log_probs = policy::head_log_probs(output.logits, mask, env_);
+    log_prob = policy::action_log_prob(log_probs, on_device(micro.action), env_);
+    ratio = importance_ratio(log_prob, on_device(micro.log_prob));
+    const Tensor policy_loss =
+        -(clipped_objective(ratio, on_device(micro.advantage), config_.ppo_clip_ratio) * weight).sum();
+    loss = loss + policy_loss;
+    add(part.sums.policy, policy_loss);
+    if (exploration_kind != ExplorationLoss::kNone) {
+      const Tensor exploration = config_.exploration_loss_coeff *
+                                 (exploration_loss(log_probs, mask, env_, exploration_kind) * weight).sum();
+      loss = loss + exploration;
+      add(part.sums.exploration, exploration);
+    }
+    if (config_.kl_loss_coeff != 0) {
+      kl = divergence();
+      const Tensor penalty = config_.kl_loss_coeff * (kl * weight).sum();
+      loss = loss + penalty;
+      add(part.sums.kl_penalty, penalty);
+    }
+  }
+  Tensor old_value;
+  if (output.value.defined()) {
+    old_value = on_device(micro.value).narrow(0, 0, micro.steps());
+    const Tensor value_loss =
+        config_.value_loss_coeff *
+        (clipped_value_loss(output.value, old_value, on_device(micro.target), config_.ppo_clip_value) *
+         weight)
+            .sum();
+    loss = loss + value_loss;
+    add(part.sums.value, value_loss);
+  }
+  part.gradients = torch::autograd::grad({loss}, phase.optimizer.parameters(), /*grad_outputs=*/{},
+                                         /*retain_graph=*/c10::nullopt, /*create_graph=*/false,
+                                         /*allow_unused=*/true);
+
+  torch::NoGradGuard no_grad;
+  if (log_prob.defined()) {
+    if (phase.first_log_prob != nullptr) part.log_prob = log_prob.detach().cpu();
+    if (!kl.defined()) kl = divergence();
+    add_mean(part.sums.kl, kl);
+    add_extreme(part.sums.kl_max, kl, zero, true);
+    add_mean(part.sums.entropy, policy::entropy(log_probs, env_));
+    add_mean(part.sums.ratio, ratio);
+    add_extreme(part.sums.ratio_min, ratio, zero + 1, false);
+    add_extreme(part.sums.ratio_max, ratio, zero + 1, true);
+    add_mean(part.sums.clipped, ((ratio < clip_low) | (ratio > clip_high)).to(torch::kFloat32));
+    add_extreme(part.sums.log_prob_max, log_prob.abs(), zero, true);
+  }
+  if (output.value.defined()) {
+    const Tensor value_delta = (output.value - old_value).abs();
+    add_mean(part.sums.predicted_value, output.value);
+    add_mean(part.sums.value_delta, value_delta);
+    add_extreme(part.sums.value_delta_max, value_delta, zero, true);
+  }
+  const Tensor read = torch::stack(numbers).cpu();
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const double number = double{read.data_ptr<float>()[i]};
+    double& sum = *places[i].sum;
+    sum = places[i].how == Number::kAdd   ? sum + number
+          : places[i].how == Number::kMax ? std::max(sum, number)
+                                          : std::min(sum, number);
+  }
+  return part;
 }
 
 bool OnPolicy::accumulate(const Minibatch& minibatch, const Phase& phase, const UpdateContext& context,
@@ -209,130 +342,66 @@ bool OnPolicy::accumulate(const Minibatch& minibatch, const Phase& phase, const 
   // What depends on the whole minibatch came before; each micro-batch adds its share of the same sums, so the
   // gradient does not depend on micro_batch_size.
   const double valid_count = std::max(1.0, minibatch.valid.sum(torch::kFloat64).item<double>());
-  const int64_t steps = minibatch.steps(), rows_max = micro_rows(minibatch);
-  const ExplorationLoss exploration_kind = parse_exploration_loss(config_.exploration_loss);
-  const double clip_high = 1.0 + config_.ppo_clip_ratio, clip_low = 1.0 / clip_high;
+  const int64_t rows_max = micro_rows(minibatch);
+  const std::vector<Tensor>& parameters = phase.optimizer.parameters();
+  const auto count = static_cast<std::size_t>((minibatch.rows() + rows_max - 1) / rows_max);
   std::vector<Tensor> first_log_prob;
-
-  for (int64_t begin = 0; begin < minibatch.rows(); begin += rows_max) {
-    if (context.keep_going && !context.keep_going()) return false;
+  const auto add = [&](const Part& part) {
+    sums.add(part.sums);
+    if (phase.first_log_prob != nullptr) first_log_prob.push_back(part.log_prob);
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+      const Tensor& gradient = part.gradients[i];
+      if (!gradient.defined()) continue;
+      Tensor& sum = parameters[i].mutable_grad();
+      if (sum.defined())
+        sum.add_(gradient);
+      else
+        sum = gradient.clone();
+    }
+  };
+  // A part that is done waits for those before it, then its gradient is freed.
+  std::mutex adding;
+  std::vector<std::optional<Part>> waiting(count);
+  std::size_t added = 0;
+  const auto work = [&](int64_t i) {
+    const int64_t begin = i * rows_max;
     const Minibatch micro = narrow_rows(minibatch, begin, std::min(rows_max, minibatch.rows() - begin));
-    const auto on_device = [this](const Tensor& tensor) {
-      return tensor.defined() ? tensor.to(device_) : tensor;
-    };
-    const Tensor valid = on_device(micro.valid).to(torch::kBool);
-    const Tensor weight = valid.to(torch::kFloat32) / valid_count;
-    const policy::SequenceOutput output = phase.forward(input_of(micro));
-    const Tensor zero = torch::zeros({}, weight.options());
-
-    // Where a number of this micro-batch goes, and how; all of them leave the device at once.
-    struct Number {
-      double* sum;
-      enum { kAdd, kMax, kMin } how;
-    };
-    std::vector<Number> places;
-    std::vector<Tensor> numbers;
-    const auto add = [&](double& sum, const Tensor& number) {
-      places.push_back({&sum, Number::kAdd});
-      numbers.push_back(number.detach());
-    };
-    const auto add_mean = [&](double& sum, const Tensor& of_samples) {
-      add(sum, (of_samples * weight).sum());
-    };
-    const auto add_extreme = [&](double& sum, const Tensor& of_samples, const Tensor& otherwise,
-                                 bool is_max) {
-      const Tensor valid_samples = torch::where(valid, of_samples.detach(), otherwise);
-      places.push_back({&sum, is_max ? Number::kMax : Number::kMin});
-      numbers.push_back(is_max ? valid_samples.max() : valid_samples.min());
-    };
-
-    Tensor loss = zero;
-    Tensor log_probs, log_prob, ratio, kl, mask;
-    const auto divergence = [&] {
-      return policy::kl_divergence(log_probs, policy::head_log_probs(on_device(micro.logits), mask, env_),
-                                   env_);
-    };
-    if (output.logits.defined()) {
-      mask = on_device(micro.mask_or_undefined());
-      log_probs = policy::head_log_probs(output.logits, mask, env_);
-      log_prob = policy::action_log_prob(log_probs, on_device(micro.action), env_);
-      ratio = importance_ratio(log_prob, on_device(micro.log_prob));
-      const Tensor policy_loss =
-          -(clipped_objective(ratio, on_device(micro.advantage), config_.ppo_clip_ratio) * weight).sum();
-      loss = loss + policy_loss;
-      add(sums.policy, policy_loss);
-      if (exploration_kind != ExplorationLoss::kNone) {
-        const Tensor exploration = config_.exploration_loss_coeff *
-                                   (exploration_loss(log_probs, mask, env_, exploration_kind) * weight).sum();
-        loss = loss + exploration;
-        add(sums.exploration, exploration);
-      }
-      if (config_.kl_loss_coeff != 0) {
-        kl = divergence();
-        const Tensor penalty = config_.kl_loss_coeff * (kl * weight).sum();
-        loss = loss + penalty;
-        add(sums.kl_penalty, penalty);
-      }
+    Part part = part_of(micro, phase, valid_count);
+    const torch::NoGradGuard no_grad;
+    const std::lock_guard lock(adding);
+    waiting[static_cast<std::size_t>(i)] = std::move(part);
+    for (; added < count && waiting[added]; ++added) {
+      add(*waiting[added]);
+      waiting[added].reset();
     }
-    Tensor old_value;
-    if (output.value.defined()) {
-      old_value = on_device(micro.value).narrow(0, 0, steps);
-      const Tensor value_loss =
-          config_.value_loss_coeff *
-          (clipped_value_loss(output.value, old_value, on_device(micro.target), config_.ppo_clip_value) *
-           weight)
-              .sum();
-      loss = loss + value_loss;
-      add(sums.value, value_loss);
-    }
-    loss.backward();
-
-    torch::NoGradGuard no_grad;
-    if (log_prob.defined()) {
-      if (phase.first_log_prob != nullptr) first_log_prob.push_back(log_prob.detach().cpu());
-      if (!kl.defined()) kl = divergence();
-      add_mean(sums.kl, kl);
-      add_extreme(sums.kl_max, kl, zero, true);
-      add_mean(sums.entropy, policy::entropy(log_probs, env_));
-      add_mean(sums.ratio, ratio);
-      add_extreme(sums.ratio_min, ratio, zero + 1, false);
-      add_extreme(sums.ratio_max, ratio, zero + 1, true);
-      add_mean(sums.clipped, ((ratio < clip_low) | (ratio > clip_high)).to(torch::kFloat32));
-      add_extreme(sums.log_prob_max, log_prob.abs(), zero, true);
-    }
-    if (output.value.defined()) {
-      const Tensor value_delta = (output.value - old_value).abs();
-      add_mean(sums.predicted_value, output.value);
-      add_mean(sums.value_delta, value_delta);
-      add_extreme(sums.value_delta_max, value_delta, zero, true);
-    }
-    const Tensor read = torch::stack(numbers).cpu();
-    for (std::size_t i = 0; i < places.size(); ++i) {
-      const double number = double{read.data_ptr<float>()[i]};
-      double& sum = *places[i].sum;
-      sum = places[i].how == Number::kAdd   ? sum + number
-            : places[i].how == Number::kMax ? std::max(sum, number)
-                                            : std::min(sum, number);
-    }
-  }
+  };
+  if (!pool_.run(static_cast<int64_t>(count), work, context.keep_going)) return false;
   if (phase.first_log_prob != nullptr) *phase.first_log_prob = at::cat(first_log_prob, 1);
   return true;
 }
 
 OnPolicy::Evaluation OnPolicy::evaluate(const Minibatch& batch, const Forward& forward) const {
-  torch::NoGradGuard no_grad;
-  std::vector<Tensor> log_probs, values;
   const int64_t rows_max = micro_rows(batch);
-  for (int64_t begin = 0; begin < batch.rows(); begin += rows_max) {
+  std::vector<Evaluation> parts(static_cast<std::size_t>((batch.rows() + rows_max - 1) / rows_max));
+  const auto work = [&](int64_t i) {
+    torch::NoGradGuard no_grad;
+    const int64_t begin = i * rows_max;
     const Minibatch micro = narrow_rows(batch, begin, std::min(rows_max, batch.rows() - begin));
     const policy::SequenceOutput output = forward(input_of(micro));
+    Evaluation& part = parts[static_cast<std::size_t>(i)];
     if (output.logits.defined()) {
       const Tensor mask = micro.mask_or_undefined();
       const Tensor of_choices =
           policy::head_log_probs(output.logits, mask.defined() ? mask.to(device_) : mask, env_);
-      log_probs.push_back(policy::action_log_prob(of_choices, micro.action.to(device_), env_).cpu());
+      part.log_prob = policy::action_log_prob(of_choices, micro.action.to(device_), env_).cpu();
     }
-    if (output.value.defined()) values.push_back(output.value.cpu());
+    if (output.value.defined()) part.value = output.value.cpu();
+  };
+  (void)pool_.run(static_cast<int64_t>(parts.size()), work, nullptr);
+  std::vector<Tensor> log_probs, values;
+  for (const Evaluation& part : parts) {
+    if (part.log_prob.defined()) log_probs.push_back(part.log_prob);
+    if (part.value.defined()) values.push_back(part.value);
   }
   return {log_probs.empty() ? Tensor() : at::cat(log_probs, 1).contiguous(),
           values.empty() ? Tensor() : at::cat(values, 1).contiguous()};

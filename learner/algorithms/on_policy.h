@@ -23,6 +23,7 @@
 #include "learner/algorithms/adam_optimizer.h"
 #include "learner/algorithms/algorithm.h"
 #include "learner/algorithms/lr_schedule.h"
+#include "learner/algorithms/part_pool.h"
 #include "learner/batch/normalizer.h"
 #include "policy_workers/policy/policy_net.h"
 
@@ -49,6 +50,8 @@ class OnPolicy : public Algorithm {
     static constexpr double kRatioUnset = 1e30;
     double actor() const { return policy + exploration + kl_penalty; }
     double total() const { return actor() + value; }
+    /// Adds the sums of another micro-batch of the same minibatch.
+    void add(const LossSums& part);
     /// Adds what `part` knows of the policy, in the proportion `share`; extremes are merged.
     void add_policy(const LossSums& part, double share);
     /// Takes over what `part` knows of the value.
@@ -87,8 +90,9 @@ class OnPolicy : public Algorithm {
   /// that were not finite.
   Expected<PhaseEnd> train_phase(const Minibatch& batch, const Phase& phase, const UpdateContext& context,
                                  UpdateStats& stats, LossSums& sums);
-  /// Adds the gradient of the loss over a whole minibatch to the parameters' .grad, micro-batch by
-  /// micro-batch, with `minibatch.advantage` as it is. False when keep_going() said no.
+  /// Adds the gradient of the loss over a whole minibatch to the parameters' .grad, with
+  /// `minibatch.advantage` as it is. On a CPU micro-batches are computed side by side and added in their
+  /// order: the sum does not depend on which thread was first. False when keep_going() said no.
   bool accumulate(const Minibatch& minibatch, const Phase& phase, const UpdateContext& context,
                   LossSums& sums);
 
@@ -101,7 +105,8 @@ class OnPolicy : public Algorithm {
 
   void report(const Minibatch& batch, const LossSums& sums, UpdateStats& stats) const;
   policy::SequenceInput input_of(const Minibatch& rows) const;
-  /// Rows of a micro-batch of such minibatches: whole worlds, at least one.
+  /// Rows of a micro-batch of such minibatches: whole worlds, at least one, and no more than lets every
+  /// thread have one.
   int64_t micro_rows(const Minibatch& minibatch) const;
 
   RunConfig config_;
@@ -112,6 +117,7 @@ class OnPolicy : public Algorithm {
   std::vector<std::pair<std::string, AdamOptimizer>> optimizers_;
   LrSchedule schedule_;
   ReturnNormalizer returns_;
+  mutable PartPool pool_;  ///< for micro-batches
   PolicyVersion version_ = 0;
   int64_t updates_ = 0;  ///< batches seen; keys the shuffling
   double last_grad_norm_ = 0;
@@ -119,6 +125,13 @@ class OnPolicy : public Algorithm {
 
  private:
   enum class StepResult { kTrained, kSkipped, kAbandoned, kKlReached };
+  /// What one micro-batch adds.
+  struct Part {
+    std::vector<Tensor> gradients;  ///< as the optimizer's parameters; undefined where it does not reach
+    LossSums sums;
+    Tensor log_prob;  ///< without gradient; where the phase asks for it
+  };
+  Part part_of(const Minibatch& micro, const Phase& phase, double valid_count) const;
   StepResult train_minibatch(Minibatch& minibatch, const Phase& phase, const UpdateContext& context,
                              bool is_first, UpdateStats& stats, LossSums& sums);
 

@@ -8,6 +8,7 @@
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::learn {
 namespace {
@@ -63,7 +64,8 @@ class Sequential final : public Curriculum {
     outcomes_.push_back(outcome);
     if (static_cast<int>(outcomes_.size()) > options_.window) outcomes_.erase(outcomes_.begin());
     const double mean = std::accumulate(outcomes_.begin(), outcomes_.end(), 0.0) /
-                        static_cast<double>(outcomes_.size()) / std::max(options_.max_return, 1e-6);
+                        static_cast<double>(outcomes_.size()) /
+                        std::max(maximum(static_cast<std::size_t>(task)), 1e-6);
     if (static_cast<int>(outcomes_.size()) >= std::min(options_.window, options_.min_outcomes) &&
         mean >= options_.threshold && position() < task_count() - 1) {
       position_[0] += 1.0;
@@ -95,7 +97,7 @@ class LearningProgress final : public Curriculum {
 
  private:
   void record(int task, double outcome) override {
-    const double span = options_.max_return - options_.min_return, a = options_.smoothing;
+    const double span = maximum(static_cast<std::size_t>(task)) - options_.min_return, a = options_.smoothing;
     const double p = std::clamp((outcome - options_.min_return) / (span > 0.0 ? span : 1.0), 0.0, 1.0);
     if (seen_[task] == 0.0) {
       fast_[task] = slow_[task] = p;
@@ -151,8 +153,7 @@ class LearningProgress final : public Curriculum {
     for (const std::size_t k : order) {
       if (sort[k] != kOpen) continue;
       sort[k] = kInteresting;
-      if (raw_[k] < options_.omni_mastery * options_.max_return)
-        continue;  // not mastered: it says nothing yet
+      if (raw_[k] < options_.omni_mastery * maximum(k)) continue;  // not mastered: it says nothing yet
       const auto row = options_.uninteresting.find(task_names_[k]);
       if (row == options_.uninteresting.end()) continue;
       for (std::size_t other = 0; other < n; ++other)
@@ -318,7 +319,8 @@ Curriculum::Curriculum(const CurriculumOptions& options, std::vector<std::string
     : options_(options),
       task_names_(std::move(task_names)),
       weights_(task_names_.size(), 1.0 / static_cast<double>(task_names_.size())),
-      counts_(task_names_.size()) {}
+      counts_(task_names_.size()),
+      means_(task_names_.size()) {}
 
 Expected<std::unique_ptr<Curriculum>> Curriculum::create(const CurriculumOptions& options,
                                                          std::vector<std::string> task_names) {
@@ -368,6 +370,8 @@ int Curriculum::draw_from(uint64_t draw_seed) {
 
 void Curriculum::update(int task, double outcome) {
   COMRAD_CHECK(task >= 0 && task < task_count(), "an outcome names a task of the pool");
+  constexpr double kNewest = 0.1;  // share of the newest outcome in a task's mean score
+  means_[task] = counts_[task] == 0 ? outcome : kNewest * outcome + (1.0 - kNewest) * means_[task];
   ++counts_[task];
   record(task, outcome);
 }
@@ -387,13 +391,24 @@ std::vector<std::pair<std::string, double>> Curriculum::metrics() {
     positive += 1.0;
   }
   std::vector<std::pair<std::string, double>> result{{"entropy", entropy}, {"tasks", positive}};
+  double episodes = 0.0, played = 0.0, score = 0.0;
+  for (std::size_t k = 0; k < counts_.size(); ++k) {
+    episodes += static_cast<double>(counts_[k]);
+    played += counts_[k] > 0;
+    score += means_[k];
+  }
+  result.emplace_back("layouts_seen", played);
+  result.emplace_back("episodes", episodes);
+  result.emplace_back("draws", static_cast<double>(counter_));
+  result.emplace_back("weight_max", *std::max_element(weights_.begin(), weights_.end()));
+  if (played > 0.0) result.emplace_back("mean_score", score / played);
   strategy_metrics(result);
   return result;
 }
 
 std::string Curriculum::state() const {
   Json json{{"format", kFormat},   {"kind", options_.kind}, {"tasks", task_names_}, {"seed", options_.seed},
-            {"counter", counter_}, {"weights", weights_},   {"counts", counts_}};
+            {"counter", counter_}, {"weights", weights_},   {"counts", counts_},    {"means", means_}};
   for (const auto& [name, array] : const_cast<Curriculum*>(this)->arrays()) json["arrays"][name] = *array;
   return json.dump();
 }
@@ -413,8 +428,9 @@ Status Curriculum::restore(const std::string& text) {
       return bad(ErrorCode::kBadInput, "its list of tasks is another one; resume with the same pool");
     const auto weights = json.at("weights").get<std::vector<double>>();
     const auto counts = json.at("counts").get<std::vector<int64_t>>();
-    if (weights.size() != weights_.size() || counts.size() != counts_.size())
-      return bad(ErrorCode::kBadFormat, "weights or counts have another length");
+    const auto means = json.at("means").get<std::vector<double>>();
+    if (weights.size() != weights_.size() || counts.size() != counts_.size() || means.size() != means_.size())
+      return bad(ErrorCode::kBadFormat, "weights, counts or means have another length");
     std::vector<std::pair<std::vector<double>*, std::vector<double>>> read;
     for (const auto& [name, array] : arrays()) {
       auto values = json.at("arrays").at(name).get<std::vector<double>>();
@@ -426,6 +442,7 @@ Status Curriculum::restore(const std::string& text) {
     counter_ = json.at("counter").get<uint64_t>();
     weights_ = weights;
     counts_ = counts;
+    means_ = means;
     for (auto& [array, values] : read) *array = std::move(values);
   } catch (const Json::exception& error) {
     return bad(ErrorCode::kBadFormat, error.what());

@@ -40,7 +40,9 @@ struct CurriculumOptions {
   double boring_factor = 0.001;
   /// task -> tasks that it makes uninteresting once it is mastered; empty: each makes itself so (no effect)
   std::map<std::string, std::set<std::string>> uninteresting = {};
-  std::vector<double> task_scale = {};  ///< per task: raw scores are divided by it before OMNI compares them
+  /// Per task: its best score, where tasks differ (0: as the others). Stands for max_return then, and OMNI
+  /// compares scores as fractions of it.
+  std::vector<double> task_scale = {};
   // plr
   double max_score_coef = 0.0, alpha = 1.0, temperature = 0.1;
   PlrTransform transform = PlrTransform::kRank;
@@ -72,7 +74,8 @@ class Curriculum {
   virtual void score(int task, int64_t steps, double mean, double maximum);
   /// Current weights: not negative, sum 1.
   const std::vector<double>& weights();
-  /// Entropy of the weights, tasks with weight, and what the strategy adds.
+  /// Entropy of the weights, tasks with weight, tasks that were played, episodes, draws, largest weight, mean
+  /// over played tasks of their smoothed score, and what the strategy adds.
   std::vector<std::pair<std::string, double>> metrics();
 
   /// Everything that the next draw depends on, as text for a checkpoint.
@@ -82,6 +85,11 @@ class Curriculum {
 
  protected:
   Curriculum(const CurriculumOptions& options, std::vector<std::string> task_names);
+  /// The best score of a task.
+  double maximum(std::size_t task) const {
+    return task < options_.task_scale.size() && options_.task_scale[task] > 0.0 ? options_.task_scale[task]
+                                                                                : options_.max_return;
+  }
   virtual int draw_from(uint64_t draw_seed);
   virtual void record(int task, double outcome) = 0;
   virtual void refresh() {}
@@ -93,6 +101,7 @@ class Curriculum {
   std::vector<std::string> task_names_;
   std::vector<double> weights_;
   std::vector<int64_t> counts_;
+  std::vector<double> means_;  // smoothed outcome of each task; 0 before its first
   uint64_t counter_ = 0;
 };
 

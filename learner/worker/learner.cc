@@ -82,6 +82,9 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
                                            " bytes of weights, the arena holds " +
                                            std::to_string(learner->arena_.shape().weights_bytes) +
                                            "; learner and supervisor must read the same config.toml"};
+  if (!options.serve) {
+    COMRAD_TRY_ASSIGN(learner->layouts_, LayoutService::open(config, options.run_dir));
+  }
   COMRAD_TRY(learner->resume());
 
   shm::ControlBlock& control = learner->arena_.control();
@@ -94,6 +97,9 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
           "resume it from its last checkpoint"};
     learner->arena_.reclaim_learner();
     if (learner->journals_) COMRAD_TRY(learner->journals_->restore(learner->arena_));
+    if (learner->layouts_ && learner->journals_)
+      COMRAD_TRY(learner->layouts_->restore_desks(learner->arena_));
+    if (learner->layouts_) learner->layouts_->serve(learner->arena_);
   }
   control.learner_env_frames = learner->env_frames_;
   counters.decisions = learner->decisions_;
@@ -127,8 +133,12 @@ Status Learner::check_arena() const {
   return {};
 }
 
-Status Learner::load(const std::string& path) {
+Status Learner::load(const std::string& path, bool is_own) {
   COMRAD_TRY_ASSIGN(const StateDict state, read_checkpoint(path));
+  if (is_own && layouts_) {
+    const Status restored = layouts_->load(state);
+    if (!restored) return Error{restored.error().code, path + ": " + restored.error().message};
+  }
   const Status loaded = algorithm_->load(state);
   if (!loaded) return Error{loaded.error().code, path + ": " + loaded.error().message};
   COMRAD_TRY_ASSIGN(const int64_t env_frames, state.integer("counters/env_frames"));
@@ -178,7 +188,7 @@ Status Learner::resume() {
   if (options_.serve)
     return Error{ErrorCode::kNotFound,
                  "no checkpoint in " + options_.run_dir + "/checkpoint; name one with --checkpoint"};
-  if (!options_.checkpoint.empty()) return load(options_.checkpoint);
+  if (!options_.checkpoint.empty()) return load(options_.checkpoint, /*is_own=*/false);
   return {};
 }
 
@@ -310,6 +320,7 @@ Status Learner::run_lock_step() {
       }
     }
     publish();
+    if (layouts_) layouts_->serve(arena_), layouts_->capture_desks(arena_, boundary.has_value());
     journals_ = std::move(boundary);
     ++next_rollout_;
     COMRAD_TRY(save_if_due());
@@ -335,6 +346,7 @@ Status Learner::train(Minibatch& batch) {
   };
   COMRAD_TRY_ASSIGN(last_update_, algorithm_->update(batch, context));
   skipped_steps_ += static_cast<uint64_t>(last_update_.skipped_steps);
+  if (layouts_ && !last_update_.abandoned) layouts_->score(batch);
   if (last_update_.abandoned && last_update_.optimizer_steps == 0) return {};
 
   decisions_ += static_cast<uint64_t>(batch.transitions);
@@ -398,6 +410,7 @@ StateDict Learner::state() const {
   state.put("rng/seed", config_.seed);
   state.put("config/toml", settings_to_toml(config_));
   if (journals_) journals_->save(state);
+  if (layouts_) layouts_->save(state);
   return state;
 }
 
@@ -411,6 +424,9 @@ Status Learner::save_checkpoint() {
   saved_version_ = algorithm_->version();
   last_checkpoint_ = *path;
   spdlog::info("saved {}", *path);
+  if (layouts_)
+    if (const Status written = layouts_->write_file(options_.run_dir); !written)
+      spdlog::error("{}", written.error().message);
   return {};
 }
 
@@ -457,6 +473,8 @@ void Learner::poll() {
     }
     for (const dds::EpisodeResult& episode : bus_->take_episode_results()) episodes_.add(episode);
   }
+  // In lock step the desks are served between two rollouts alone, when no simulator is at them.
+  if (layouts_ && !lock_step_) layouts_->serve(arena_);
   if (now - last_stats_s_ >= kStatsIntervalS) {
     last_stats_s_ = now;
     set_state(state_name_.c_str());
@@ -510,6 +528,7 @@ void Learner::report_metrics() {
   values.emplace_back("stats/batches_waiting", queue_ ? queue_->waiting() : 0);
   values.emplace_back("stats/slabs_sealed", arena_.sealed_count());
   values.emplace_back("stats/episodes", static_cast<double>(episodes_.episodes()));
+  if (layouts_) layouts_->append_to(values);
   values.emplace_back("stats/broken_decisions", static_cast<double>(broken_decisions_));
   last_report_s_ = now;
   const Status written =

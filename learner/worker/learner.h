@@ -15,6 +15,7 @@
 #include "learner/checkpoint/checkpoint.h"
 #include "learner/worker/batch_queue.h"
 #include "learner/worker/journal_snapshot.h"
+#include "learner/worker/layout_service.h"
 #include "learner/worker/metrics.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
@@ -59,7 +60,8 @@ class Learner {
   // Start.
   Status check_arena() const;
   Status resume();
-  Status load(const std::string& path);
+  /// `is_own`: a checkpoint of this run, rather than one of another's to begin from.
+  Status load(const std::string& path, bool is_own = true);
 
   // The two ways to collect.
   Status run_asynchronous();
@@ -95,7 +97,8 @@ class Learner {
   std::unique_ptr<Algorithm> algorithm_;
   CheckpointStore store_;
   std::optional<MetricsWriter> metrics_;
-  std::unique_ptr<BatchQueue> queue_;  ///< asynchronous mode
+  std::unique_ptr<BatchQueue> queue_;       ///< asynchronous mode
+  std::unique_ptr<LayoutService> layouts_;  ///< null: the run plays one map
   std::vector<std::byte> weights_;
 
   // Counted over the whole run, kept in checkpoints.

@@ -7,23 +7,17 @@
 #include <cstdlib>
 #include <fstream>
 #include <limits>
-#include <numeric>
 #include <sstream>
 #include <type_traits>
 
 #include <toml++/toml.h>
 
+#include "rollout_buffer/core/text.h"
+
 namespace comrad {
 namespace {
 
 constexpr std::array kAlgorithms = {"ippo", "mappo", "happo"};
-
-std::string lower_case(std::string_view text) {
-  std::string lowered(text);
-  std::transform(lowered.begin(), lowered.end(), lowered.begin(),
-                 [](unsigned char c) { return static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c); });
-  return lowered;
-}
 
 /// Sample Factory calls independent PPO "APPO"; one spelling travels through the rest of the system.
 std::string canonical_algorithm(std::string_view algo) {
@@ -34,12 +28,6 @@ std::string canonical_algorithm(std::string_view algo) {
 std::string joined(const std::vector<std::string>& words) {
   std::string text;
   for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.front()))) text.remove_prefix(1);
-  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.remove_suffix(1);
   return text;
 }
 
@@ -114,23 +102,6 @@ std::string toml_text(const std::string& value) {
   return text + "\"";
 }
 
-/// Optimal string alignment distance: insertions, deletions, substitutions and swaps of neighbours.
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> before(b.size() + 1), last(b.size() + 1), now(b.size() + 1);
-  std::iota(last.begin(), last.end(), std::size_t{0});
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    now[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      now[j] = std::min({last[j] + 1, now[j - 1] + 1, last[j - 1] + (a[i - 1] != b[j - 1])});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
-        now[j] = std::min(now[j], before[j - 2] + 1);
-    }
-    before.swap(last);
-    last.swap(now);
-  }
-  return last[b.size()];
-}
-
 /// Collects the first violated range or choice, so that the table of checks below reads as a table.
 class Checks {
  public:
@@ -178,6 +149,39 @@ bool is_size(std::string_view size) {
          width >= 16 && width <= 4096 && height >= 16 && height <= 4096;
 }
 
+void check_curriculum(const RunConfig& c, Checks& check) {
+  check.one_of("curriculum", c.curriculum, {"uniform", "sequential", "learning_progress", "omni", "plr"});
+  check.that(c.curriculum == "uniform" || !c.layout_pool.empty(), "curriculum", c.curriculum,
+             "used with --layout_pool, the maps that it draws from");
+  check.fraction("seq_threshold", c.seq_threshold);
+  check.at_least("seq_max_return", c.seq_max_return, 0);
+  check.range("seq_window", c.seq_window, 1, 1'000'000);
+  check.range("seq_min_outcomes", c.seq_min_outcomes, 1, 1'000'000);
+  check.fraction("lp_p_theta", c.lp_p_theta);
+  check.that(c.lp_max_return == 0 || c.lp_max_return > c.lp_min_return, "lp_max_return",
+             real_text(c.lp_max_return), "greater than lp_min_return (" + real_text(c.lp_min_return) + ")");
+  check.fraction("lp_uniform_prob", c.lp_uniform_prob);
+  check.fraction("omni_mastery", c.omni_mastery);
+  check.that(c.interestingness_graph_path.empty() || c.curriculum == "omni", "interestingness_graph_path",
+             c.interestingness_graph_path, "left out, or used with --curriculum omni");
+  const std::vector<std::string> transforms = {"rank", "power", "softmax", "max", "eps_greedy", "constant"};
+  check.that(c.curriculum != "plr" || c.algo == "ippo" || c.algo == "mappo" || c.algo == "happo",
+             "curriculum", c.curriculum,
+             "another one with algo " + c.algo + ", which estimates no advantages");
+  check.one_of("plr_score_key", c.plr_score_key, {"mean_value_l1", "mean_advantage", "mean_entropy"});
+  check.fraction("plr_max_score_coef", c.plr_max_score_coef);
+  check.fraction("plr_alpha", c.plr_alpha);
+  check.one_of("plr_score_transform", c.plr_score_transform, transforms);
+  check.above("plr_temperature", c.plr_temperature, 0);
+  check.fraction("plr_staleness_coef", c.plr_staleness_coef);
+  check.one_of("plr_staleness_transform", c.plr_staleness_transform, transforms);
+  check.above("plr_staleness_temperature", c.plr_staleness_temperature, 0);
+  check.one_of("plr_replay_schedule", c.plr_replay_schedule, {"proportionate", "fixed"});
+  check.fraction("plr_replay_prob", c.plr_replay_prob);
+  check.fraction("plr_rho", c.plr_rho);
+  check.fraction("plr_eps", c.plr_eps);
+}
+
 Status check_ranges(const RunConfig& c) {
   Checks check;
   check.that(!c.scenario.empty(), "scenario", c.scenario, "the name of a scenario");
@@ -189,6 +193,9 @@ Status check_ranges(const RunConfig& c) {
   check.at_least("seed", static_cast<double>(c.seed), 0);
   check.range("num_agents", c.num_agents, 1, 8);
   check.at_least("layout_seed", static_cast<double>(c.layout_seed), 0);
+  check.that(c.layout_pool.empty() || c.wad.empty(), "layout_pool", c.layout_pool,
+             "left out where --wad names the one map to play");
+  check.range("layout_swap_every", c.layout_swap_every, 1, 1'000'000);
   check.above("train_for_env_steps", c.train_for_env_steps, 0);
   check.at_least("train_for_seconds", c.train_for_seconds, 0);
 
@@ -262,6 +269,8 @@ Status check_ranges(const RunConfig& c) {
                                    std::pair("critic_hidden_sizes", &c.critic_hidden_sizes)})
     check.that(parse_widths(*text).has_value(), name, *text,
                "none, or up to 8 widths between 1 and 8192 as 512,256");
+
+  check_curriculum(c, check);
 
   check.above("save_every_sec", c.save_every_sec, 0);
   check.range("keep_checkpoints", c.keep_checkpoints, 1, 1'000'000);
@@ -597,21 +606,6 @@ int64_t weights_bytes_limit(const RunConfig& config, int64_t num_agents, int64_t
   critic += num_agents * (inputs + 1);
   const int64_t statistics = 2 * 8 * (frame_bytes + kInputsMax) + (int64_t{1} << 20);
   return 4 * (towers * tower + critic) + statistics;
-}
-
-std::string nearest_word(std::string_view word, const std::vector<std::string>& known) {
-  const std::string wanted = lower_case(word);
-  const std::size_t farthest = std::max<std::size_t>(2, wanted.size() / 3);
-  std::string nearest;
-  std::size_t best = farthest + 1;
-  for (const std::string& candidate : known) {
-    const std::size_t distance = edit_distance(wanted, lower_case(candidate));
-    if (distance < best && distance < std::max(wanted.size(), candidate.size())) {
-      best = distance;
-      nearest = candidate;
-    }
-  }
-  return nearest;
 }
 
 std::string data_dir() {

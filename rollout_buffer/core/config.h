@@ -26,6 +26,8 @@ struct RunConfig {
   int64_t num_agents = 0;
   int64_t layout_seed = 42;
   std::string wad;
+  std::string layout_pool;
+  int64_t layout_swap_every = 5;
   double train_for_env_steps = 1e8;
   double train_for_seconds = 0;
 
@@ -109,6 +111,31 @@ struct RunConfig {
   std::string critic_hidden_sizes = "512,256";
   bool happo_critic_rnn = true;
 
+  // Curriculum over a layout pool (spec/curriculum.md).
+  std::string curriculum = "uniform";
+  double seq_threshold = 0.8;
+  double seq_max_return = 0;
+  int64_t seq_window = 100;
+  int64_t seq_min_outcomes = 20;
+  double lp_p_theta = 0.1;
+  double lp_min_return = 0;
+  double lp_max_return = 0;
+  double lp_uniform_prob = 0.25;
+  std::string interestingness_graph_path;
+  double omni_mastery = 0;
+  std::string plr_score_key = "mean_value_l1";
+  double plr_max_score_coef = 0;
+  double plr_alpha = 1.0;
+  std::string plr_score_transform = "rank";
+  double plr_temperature = 0.1;
+  double plr_staleness_coef = 0.1;
+  std::string plr_staleness_transform = "power";
+  double plr_staleness_temperature = 1.0;
+  std::string plr_replay_schedule = "proportionate";
+  double plr_replay_prob = 0.5;
+  double plr_rho = 1.0;
+  double plr_eps = 0.05;
+
   // Records.
   double save_every_sec = 120.0;
   int64_t keep_checkpoints = 2;
@@ -135,6 +162,13 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("num_agents", c.num_agents, "agents per environment; 0: the scenario's default", Names{});
   visit("layout_seed", c.layout_seed, "seed of the generated map", Names{});
   visit("wad", c.wad, "play this WAD instead of a generated one", Names{});
+  visit("layout_pool", c.layout_pool,
+        "play a pool of maps: a folder that `comrad doomgen --pool` made, or train:<count> or eval:<count> "
+        "to have one "
+        "made; empty: one map",
+        Names{"wad_batch"});
+  visit("layout_swap_every", c.layout_swap_every, "episodes of an environment between two draws of its map",
+        Names{"wad_swap_every"});
   visit("train_for_env_steps", c.train_for_env_steps, "stop after so many env frames (agents x tics)",
         Names{});
   visit("train_for_seconds", c.train_for_seconds, "stop after so many seconds of training; 0: no limit",
@@ -236,6 +270,43 @@ void visit_settings(Config& c, Visitor&& visit) {
         Names{"happo_critic_hidden_sizes"});
   visit("happo_critic_rnn", c.happo_critic_rnn, "HAPPO's critic has a recurrent core per agent", Names{});
 
+  visit("curriculum", c.curriculum,
+        "who draws from the layout pool: uniform, sequential, learning_progress, omni or plr",
+        Names{"wad_curriculum"});
+  visit("seq_threshold", c.seq_threshold, "sequential: the next map comes at this fraction of seq_max_return",
+        Names{});
+  visit("seq_max_return", c.seq_max_return, "sequential: best score; 0: the scenario's ceiling", Names{});
+  visit("seq_window", c.seq_window, "sequential: episodes of a map that its mean is taken over", Names{});
+  visit("seq_min_outcomes", c.seq_min_outcomes,
+        "sequential: episodes of a map before the next may come; 1: as published", Names{});
+  visit("lp_p_theta", c.lp_p_theta, "learning_progress, omni: theta of the reweighting", Names{});
+  visit("lp_min_return", c.lp_min_return, "learning_progress, omni: score that counts as no success",
+        Names{});
+  visit("lp_max_return", c.lp_max_return,
+        "learning_progress, omni: score that counts as full success; 0: the scenario's ceiling", Names{});
+  visit("lp_uniform_prob", c.lp_uniform_prob, "learning_progress, omni: share of draws that are uniform",
+        Names{});
+  visit("interestingness_graph_path", c.interestingness_graph_path,
+        "omni: JSON file, map -> other map -> is it still interesting; empty: the pool's own", Names{});
+  visit("omni_mastery", c.omni_mastery,
+        "omni: a map is mastered from this fraction of lp_max_return on; 0: as published", Names{});
+  visit("plr_score_key", c.plr_score_key,
+        "plr: what scores a map: mean_value_l1, mean_advantage or mean_entropy", Names{});
+  visit("plr_max_score_coef", c.plr_max_score_coef,
+        "plr: share of the maximum in a score, the rest is the mean", Names{});
+  visit("plr_alpha", c.plr_alpha, "plr: share of the newest score", Names{});
+  visit("plr_score_transform", c.plr_score_transform,
+        "plr: rank, power, softmax, max, eps_greedy or constant", Names{});
+  visit("plr_temperature", c.plr_temperature, "plr: temperature of the score's transform", Names{});
+  visit("plr_staleness_coef", c.plr_staleness_coef, "plr: share of staleness in the weights", Names{});
+  visit("plr_staleness_transform", c.plr_staleness_transform, "plr: as plr_score_transform", Names{});
+  visit("plr_staleness_temperature", c.plr_staleness_temperature,
+        "plr: temperature of the staleness's transform", Names{});
+  visit("plr_replay_schedule", c.plr_replay_schedule, "plr: proportionate or fixed", Names{});
+  visit("plr_replay_prob", c.plr_replay_prob, "plr: probability of a map that was played before", Names{});
+  visit("plr_rho", c.plr_rho, "plr: fraction of maps to score before any is replayed", Names{});
+  visit("plr_eps", c.plr_eps, "plr: epsilon of the transform eps_greedy", Names{});
+
   visit("save_every_sec", c.save_every_sec, "seconds between checkpoints", Names{});
   visit("keep_checkpoints", c.keep_checkpoints, "newest checkpoints that are kept", Names{});
   visit("save_best_every_sec", c.save_best_every_sec, "seconds between looks at the score for a new best",
@@ -296,9 +367,6 @@ int64_t weights_bytes_limit(const RunConfig& config, int64_t num_agents, int64_t
 /// header goes on with a key, so "[=]" would be undefined behaviour. Errors: kBadFormat as
 /// "label:line:column: what".
 Status check_toml_headers(std::string_view text, const std::string& label);
-
-/// The known word nearest to `word` by edit distance, or empty when none is near.
-std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
 
 /// The folder that holds scenarios/ and the other data files: $COMRAD_HOME, else the source folder of the
 /// build.

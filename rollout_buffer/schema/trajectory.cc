@@ -31,6 +31,7 @@ SlabLayout::SlabLayout(const TrajectoryShape& given) : shape(given) {
   terminated = place(steps);
   truncated = place(steps);
   final_index = place(steps * 4);
+  layout = place(steps * 4);
   recurrent_state = place(int64_t{shape.recurrent_snapshots} * agents * shape.recurrent_state_count * 4);
   action = place(steps * agents * shape.env.head_count * 4);
   log_prob = place(steps * agents * 4);
@@ -97,6 +98,10 @@ uint8_t& SlabView::truncated(int step) const {
 
 int32_t& SlabView::final_index(int step) const {
   return row(at<int32_t>(layout_->final_index), step, shape().rollout_steps, 1)[0];
+}
+
+int32_t& SlabView::layout(int step) const {
+  return row(at<int32_t>(layout_->layout), step, shape().rollout_steps, 1)[0];
 }
 
 std::span<uint8_t> SlabView::final_frame(int final_row, int agent) const {

@@ -25,6 +25,7 @@ struct SlabLayout {
   int64_t final_index = 0;        ///< i32 [T], -1 or k        simulator
   int64_t final_frame = 0;        ///< u8  [K, N, C, H, W]     simulator
   int64_t final_measurement = 0;  ///< f32 [K, N, M]           simulator
+  int64_t layout = 0;             ///< i32 [T], in the run's pool   simulator
   int64_t recurrent_state = 0;    ///< f32 [S, N, H]           policy worker
   int64_t action = 0;             ///< i32 [T, N, heads]       policy worker
   int64_t log_prob = 0;           ///< f32 [T, N]              policy worker
@@ -58,6 +59,7 @@ class SlabView {
   uint8_t& terminated(int step) const;
   uint8_t& truncated(int step) const;
   int32_t& final_index(int step) const;
+  int32_t& layout(int step) const;
   std::span<uint8_t> final_frame(int row, int agent) const;         ///< [C*H*W]
   std::span<float> final_measurement(int row, int agent) const;     ///< [M]
   std::span<float> recurrent_state(int snapshot, int agent) const;  ///< [H]

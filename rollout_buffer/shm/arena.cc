@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstring>
 #include <new>
 #include <type_traits>
@@ -112,6 +113,7 @@ struct Arena::Layout {
     journal_headers = place_array(static_cast<JournalHeader*>(nullptr), envs);
     journal_row = agents * shape.trajectory.env.head_count;
     journal_actions = place(envs * shape.journal_steps * journal_row);
+    layout_desks = place_array(static_cast<LayoutDesk*>(nullptr), envs);
     slab_headers = place_array(static_cast<SlabHeader*>(nullptr), shape.slab_count);
     slabs = place(shape.slab_count * slab.slab_bytes, kPageBytes);
     size_bytes = round_up(end, kPageBytes);
@@ -122,7 +124,7 @@ struct Arena::Layout {
   uint64_t run_id = 0;
   int64_t header, control, counters, slots, slots_ready, slots_acted, rounds, recurrent, recurrent_bytes;
   int64_t episode_rings, episodes, episode_capacity, weights_header, weights, weights_stride;
-  int64_t journal_headers, journal_actions, journal_row, slab_headers, slabs, size_bytes;
+  int64_t journal_headers, journal_actions, journal_row, layout_desks, slab_headers, slabs, size_bytes;
 };
 
 namespace {
@@ -137,6 +139,15 @@ void check_index(int64_t index, int64_t count, const char* what) {
 }
 
 }  // namespace
+
+uint64_t pack_outcome(const LayoutOutcome& outcome) {
+  return uint64_t{outcome.layout} << 32 | std::bit_cast<uint32_t>(outcome.score);
+}
+
+LayoutOutcome unpack_outcome(uint64_t word) {
+  return {.layout = static_cast<uint32_t>(word >> 32),
+          .score = std::bit_cast<float>(static_cast<uint32_t>(word))};
+}
 
 int64_t Arena::size_bytes(const ArenaShape& shape) { return Layout(shape).size_bytes; }
 
@@ -437,6 +448,11 @@ Expected<PolicyVersion> Arena::read_weights(std::vector<std::byte>& out) const {
   return Error{ErrorCode::kBadFormat, "weights: the checksum of version " +
                                           std::to_string(weights_version()) +
                                           " kept failing; the learner must publish again"};
+}
+
+LayoutDesk& Arena::layout_desk(int env_index) const {
+  check_index(env_index, shape().env_count(), "environment index is in range");
+  return part<LayoutDesk>(segment_, layout_->layout_desks, env_index);
 }
 
 JournalHeader& Arena::journal(int env_index) const {

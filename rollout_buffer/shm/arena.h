@@ -2,13 +2,14 @@
 // meet.
 //
 //   header | control | counters | step slots (one per environment) | episode ring | weights (two buffers) |
-//   environment journals (deterministic mode) | trajectory slabs
+//   environment journals (deterministic mode) | layout desks | trajectory slabs
 //
 // Every hand-over is a state word with one writer per state and a doorbell beside it. There are no linked
 // lists or index rings that a peer killed half way could leave broken: who owns what can always be read off
 // the state words, and the supervisor gives a dead owner's slabs and slots back with reclaim_*().
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -174,6 +175,36 @@ struct JournalHeader {
   uint32_t in_use;  ///< 1 once the environment has begun; a restarted simulator counts its ids on from here
 };
 
+constexpr std::size_t kDeskOutcomes = 8;
+
+/// Where one environment's maps come from while it trains on a pool of layouts: the simulator reports how its
+/// episodes ended and takes what it is granted; the learner's curriculum reads the one and writes the other.
+/// Nobody waits: a simulator whose draw is due while no new grant lies there plays its layout once more.
+///
+///   simulator  outcome[reported % 8], ++reported     granted != taken: playing = layout, taken = granted
+///   learner    reads outcomes [heard, reported)      granted == taken: layout = a draw, ++granted
+struct alignas(kCacheLineBytes) LayoutDesk {
+  // Simulator.
+  std::array<std::atomic<uint64_t>, kDeskOutcomes> outcome;  ///< pack_outcome() of finished episodes
+  alignas(kCacheLineBytes) std::atomic<uint64_t> reported;
+  std::atomic<uint32_t> taken;    ///< grants taken so far
+  std::atomic<uint32_t> playing;  ///< layout of the present episode, by its index in the pool
+  std::atomic<uint32_t> late;     ///< draws that were due while no new grant lay there
+  // Learner.
+  alignas(kCacheLineBytes) std::atomic<uint64_t> heard;
+  std::atomic<uint32_t> granted;  ///< grants given so far
+  std::atomic<uint32_t> layout;   ///< of the newest grant
+};
+static_assert(sizeof(LayoutDesk) == 3 * kCacheLineBytes, "changing this bumps kLayoutVersion");
+
+/// One finished episode in a word, so that it is never seen half written.
+struct LayoutOutcome {
+  uint32_t layout = 0;
+  float score = 0;  ///< J, team level
+};
+uint64_t pack_outcome(const LayoutOutcome& outcome);
+LayoutOutcome unpack_outcome(uint64_t word);
+
 /// A mapped arena. Move-only; all methods are safe to call from every process that has it mapped.
 class Arena {
  public:
@@ -246,6 +277,9 @@ class Arena {
   // Journals (deterministic mode).
   JournalHeader& journal(int env_index) const;
   std::span<uint8_t> journal_action(int env_index, int step) const;  ///< [N * heads]
+
+  // Layout pools.
+  LayoutDesk& layout_desk(int env_index) const;
 
   // Supervisor: after a worker died.
   /// Frees the slabs a dead simulator was filling (their rollouts are played again) and idles its slots.

@@ -199,21 +199,6 @@ class Hunters final : public Oracle {
     return (along_x ? kX : kY)[demon.move_direction] * std::min(way, 60.0);
   }
 
-  /// No wall between the two.
-  static bool is_clear(const doom::World& world, Place from, Place to) {
-    const doom::Level& level = world.level();
-    const auto side = [](Place a, Place b, Place c) {
-      return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
-    };
-    for (const doom::Linedef& line : level.linedefs) {
-      const Place a{doom::to_double(level.vertices[line.start].x),
-                    doom::to_double(level.vertices[line.start].y)};
-      const Place b{doom::to_double(level.vertices[line.end].x), doom::to_double(level.vertices[line.end].y)};
-      if (side(from, to, a) * side(from, to, b) < 0 && side(a, b, from) * side(a, b, to) < 0) return false;
-    }
-    return true;
-  }
-
   Navigator navigator_;
   bool together_;
   double proximity_;

@@ -2,12 +2,17 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "doomgen/layout/wad_writer.h"
+#include "doomgen/wad/binary_map_reader.h"
+#include "doomgen/wad/udmf_reader.h"
+#include "doomgen/wad/wad_reader.h"
 #include "scenarios/spec/scenario_files.h"
+#include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {
 namespace {
@@ -42,7 +47,194 @@ class SeedStream {
   uint64_t seed_ = 0;
 };
 
+/// Makes a pool's folder without a registry, which is written when all files are there. Gives its path.
+Expected<std::string> begin_pool(const std::string& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) return Error{ErrorCode::kSystem, folder + ": cannot be made: " + error.message()};
+  const std::string registry = (fs::path(folder) / kPoolRegistryName).string();
+  fs::remove(registry, error);
+  return registry;
+}
+
+/// The scenario's name for files: the folder's where the scenario is named by a path.
+std::string file_stem(std::string scenario) {
+  while (scenario.size() > 1 && scenario.back() == '/') scenario.pop_back();
+  return fs::path(scenario).filename().string();
+}
+
+/// What is wrong with one layout for this use; empty: nothing.
+Status check_entry(const PoolEntry& entry, const PoolUse& use, const std::string& scenario) {
+  const std::string where = entry.id + " (" + entry.filename + "): ";
+  const auto bad = [&](ErrorCode code, const std::string& what) { return Error{code, where + what}; };
+  Expected<std::string> bytes = read_scenario_file(entry.filename);
+  if (!bytes) return bad(bytes.error().code, "cannot be read; draw the pool again or correct its registry");
+  if (entry.content_hash != 0 && doomgen::content_hash(*bytes) != entry.content_hash)
+    return bad(ErrorCode::kBadFormat, "is not the file that " + std::string(kPoolRegistryName) +
+                                          " tells of (its content_hash is another); draw the pool again");
+  const auto wad = wad::WadFile::from_bytes({bytes->begin(), bytes->end()}, entry.filename);
+  if (!wad) return bad(wad.error().code, wad.error().message);
+  LayoutInfo info = entry.info;
+  if (const auto lump = wad->find(kLayoutInfoLump)) {
+    const Expected<LayoutInfo> parsed = parse_layout_info(wad->text(*lump));
+    if (!parsed) return bad(parsed.error().code, parsed.error().message);
+    info = *parsed;
+  }
+  if (!scenario.empty() && !info.scenario.empty() && info.scenario != scenario)
+    return bad(ErrorCode::kBadInput, "is a map of scenario " + info.scenario + ", not of " + scenario);
+  if (use.for_training && (entry.split == "eval" || (entry.split.empty() && is_held_out(info.seed))))
+    return bad(ErrorCode::kBadInput,
+               "is a layout for evaluation; train on a pool of `comrad doomgen NAME --pool train`, or on "
+               "--layout_pool train:<count>");
+  if (use.num_agents == 0) return {};
+  const std::vector<std::string> names = wad->map_names();
+  if (names.empty()) return bad(ErrorCode::kBadFormat, "there is no map in it");
+  COMRAD_TRY_ASSIGN(const wad::MapLumps lumps, wad->find_map(names[0]));
+  COMRAD_TRY_ASSIGN(const wad::UdmfMap map,
+                    lumps.textmap ? wad::parse_udmf(wad->text(*lumps.textmap), where + "TEXTMAP")
+                                  : wad::read_binary_map(*wad, lumps, where + names[0]));
+  std::set<int> starts;
+  for (const wad::UdmfThing& thing : map.things) {
+    if (thing.type >= 1 && thing.type <= 4) starts.insert(thing.type);
+    if (thing.type >= 4001 && thing.type <= 4004) starts.insert(thing.type - 3996);
+  }
+  for (int player = 1; player <= use.num_agents; ++player)
+    if (!starts.contains(player))
+      return bad(ErrorCode::kBadInput, "has no start for player " + std::to_string(player) + " of " +
+                                           std::to_string(use.num_agents) +
+                                           "; draw the pool with --num_agents " +
+                                           std::to_string(use.num_agents));
+  return {};
+}
+
 }  // namespace
+
+Expected<std::vector<PoolEntry>> make_curriculum_pool(const std::string& scenario,
+                                                      const LayoutRequest& request,
+                                                      const std::string& folder) {
+  COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
+  if (recipe.curriculum.empty()) {
+    std::string known;
+    for (const std::string& name : layout_recipes())
+      if (!layout_recipe(name)->curriculum.empty()) known += (known.empty() ? "" : ", ") + name;
+    return Error{ErrorCode::kBadInput,
+                 "scenario " + scenario + " comes with no curriculum; these do: " + known};
+  }
+  COMRAD_TRY_ASSIGN(const std::string registry, begin_pool(folder));
+  const std::string stem = file_stem(scenario);
+  std::vector<PoolEntry> entries;
+  Json graph = Json::object();
+  for (std::size_t i = 0; i < recipe.curriculum.size(); ++i) {
+    const CurriculumStage& stage = recipe.curriculum[i];
+    LayoutRequest one = request;
+    one.seed = stage.seed;
+    one.parameters.clear();
+    for (const auto& [name, value] : stage.values) one.parameters.emplace_back(name, std::to_string(value));
+    COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
+    char number[24];
+    std::snprintf(number, sizeof(number), "%02zu", i);
+    PoolEntry entry;
+    entry.id = stem + "_" + number + "_" + stage.name;
+    entry.filename = entry.id + ".wad";
+    entry.content_hash = layout.content_hash;
+    entry.info = layout.info;
+    entry.retries = layout.info.attempt;
+    entry.stage = stage.name;
+    entry.metric_scale = stage.metric_scale;
+    COMRAD_TRY(doomgen::write_file((fs::path(folder) / entry.filename).string(), layout.wad));
+    entries.push_back(std::move(entry));
+  }
+  for (std::size_t i = 0; i < entries.size(); ++i)
+    for (std::size_t other = 0; other < entries.size(); ++other)
+      graph[entries[i].id][entries[other].id] = other > i;
+  COMRAD_TRY(doomgen::write_file((fs::path(folder) / kInterestingnessName).string(), graph.dump(1) + "\n"));
+  COMRAD_TRY(doomgen::write_file(registry, pool_registry_text(PoolKind::kCurriculum, entries)));
+  return entries;
+}
+
+Expected<std::vector<PoolEntry>> make_grid_pool(const std::string& scenario, const GridRequest& request,
+                                                const std::string& folder) {
+  COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
+  std::vector<GridRequest::Axis> axes = request.axes;
+  if (axes.empty())
+    for (const LayoutAxis& axis : recipe.axes) {
+      GridRequest::Axis& own = axes.emplace_back(GridRequest::Axis{axis.name});
+      for (const auto& option : axis.options) own.options.emplace_back(option.begin(), option.end());
+    }
+  int64_t product = 1;
+  std::set<std::string> set_by;
+  for (const GridRequest::Axis& axis : axes) {
+    if (axis.options.empty()) return Error{ErrorCode::kBadInput, "axis " + axis.name + " has no options"};
+    product = std::min<int64_t>(product * static_cast<int64_t>(axis.options.size()), int64_t{1} << 40);
+    for (const auto& [name, value] : axis.options[0])
+      if (!set_by.insert(name).second) return Error{ErrorCode::kBadInput, "two axes of the grid set " + name};
+  }
+  const int64_t end = std::min(product, request.start + std::min<int64_t>(request.limit, 100'000));
+  if (request.start < 0 || request.start >= end)
+    return Error{ErrorCode::kBadInput, "the grid has " + std::to_string(product) +
+                                           " layouts; nothing is left from " + std::to_string(request.start) +
+                                           " on"};
+  COMRAD_TRY_ASSIGN(const std::string registry, begin_pool(folder));
+  const std::string stem = file_stem(scenario);
+  std::vector<PoolEntry> entries;
+  for (int64_t place = request.start; place < end; ++place) {
+    LayoutRequest one = request.layout;
+    PoolEntry entry;
+    int64_t rest = place;
+    for (auto axis = axes.rbegin(); axis != axes.rend(); ++axis) {  // the last one turns fastest
+      const auto count = static_cast<int64_t>(axis->options.size());
+      std::string choice;
+      for (const auto& [name, value] : axis->options[static_cast<std::size_t>(rest % count)]) {
+        choice += (choice.empty() ? "" : " ") + name + "=" + std::to_string(value);
+        if (name != "seed")
+          one.parameters.emplace_back(name, std::to_string(value));
+        else if (value < 0)
+          return Error{ErrorCode::kBadInput,
+                       "seed is " + std::to_string(value) + "; it must not be negative"};
+        else
+          one.seed = static_cast<uint64_t>(value);
+      }
+      entry.axis_choices.insert(entry.axis_choices.begin(), {axis->name, choice});
+      rest /= count;
+    }
+    COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
+    char number[24];
+    std::snprintf(number, sizeof(number), "%04lld", static_cast<long long>(place));
+    entry.id = stem + "_" + number;
+    entry.filename = entry.id + ".wad";
+    entry.content_hash = layout.content_hash;
+    entry.info = layout.info;
+    entry.retries = layout.info.attempt;
+    COMRAD_TRY(doomgen::write_file((fs::path(folder) / entry.filename).string(), layout.wad));
+    entries.push_back(std::move(entry));
+  }
+  COMRAD_TRY(doomgen::write_file(registry, pool_registry_text(PoolKind::kGrid, entries)));
+  return entries;
+}
+
+Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use) {
+  std::string scenario;
+  if (!use.scenario.empty()) {
+    COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(use.scenario));
+    scenario = spec.name;
+  }
+  COMRAD_TRY_ASSIGN(const std::vector<PoolEntry> entries, read_pool(folder));
+  LayoutList list;
+  std::set<std::string> ids;
+  std::error_code error;
+  for (const PoolEntry& entry : entries) {
+    if (!ids.insert(entry.id).second)
+      return Error{ErrorCode::kBadFormat, folder + ": two layouts have the id " + entry.id};
+    COMRAD_TRY(check_entry(entry, use, scenario));
+    list.layouts.push_back({.id = entry.id,
+                            .path = fs::absolute(entry.filename, error).lexically_normal().string(),
+                            .metric_scale = entry.metric_scale});
+  }
+  const fs::path graph = fs::path(folder) / kInterestingnessName;
+  if (scenario_file_exists(graph.string()))
+    list.interestingness_graph = fs::absolute(graph, error).lexically_normal().string();
+  return list;
+}
 
 PoolKind pool_of_seed(const std::string& scenario, uint64_t seed) {
   if (is_held_out(seed)) return PoolKind::kEval;
@@ -60,15 +252,12 @@ std::vector<uint64_t> pool_seeds(const std::string& scenario, PoolKind kind, int
 Expected<std::vector<PoolEntry>> make_pool(const std::string& scenario, const PoolRequest& request,
                                            const std::string& folder,
                                            const std::function<void(const PoolEntry&)>& progress) {
+  if (request.kind == PoolKind::kCurriculum) return make_curriculum_pool(scenario, request.layout, folder);
   if (request.count < 1 || request.count > 100'000)
     return Error{ErrorCode::kBadInput, "a pool has 1..100000 layouts, not " + std::to_string(request.count)};
   COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) return Error{ErrorCode::kSystem, folder + ": cannot be made: " + error.message()};
-  const std::string registry = (fs::path(folder) / kPoolRegistryName).string();
-  fs::remove(registry, error);  // written again when all files are there
-
+  COMRAD_TRY_ASSIGN(const std::string registry, begin_pool(folder));
+  const std::string stem = file_stem(scenario);
   SeedStream seeds(scenario, request.kind);
   std::vector<PoolEntry> entries;
   std::set<uint64_t> drawn;  // seeds that maps were really drawn from, attempts included
@@ -92,7 +281,7 @@ Expected<std::vector<PoolEntry>> make_pool(const std::string& scenario, const Po
     const uint64_t used = one.seed + 1000 * static_cast<uint64_t>(layout.info.attempt);
     // A retry may land on a seed of the other pool or on one that was used already.
     if (!drawn.insert(used).second || pool_of_seed(scenario, used) != request.kind) continue;
-    entry.id = scenario + "_" + std::to_string(one.seed);
+    entry.id = stem + "_" + std::to_string(one.seed);
     entry.filename = entry.id + ".wad";
     entry.content_hash = layout.content_hash;
     entry.info = layout.info;
@@ -114,12 +303,17 @@ std::string pool_registry_text(PoolKind kind, const std::vector<PoolEntry>& entr
     list.push_back({{"id", entry.id},
                     {"filename", entry.filename},
                     {"scenario", entry.info.scenario},
-                    {"split", kind == PoolKind::kTrain ? "train" : "eval"},
+                    {"split", kind == PoolKind::kEval   ? "eval"
+                              : kind == PoolKind::kGrid ? ""
+                                                        : "train"},
                     {"seed", entry.info.seed},
                     {"attempt", entry.info.attempt},
                     {"content_hash", hex(entry.content_hash)},
                     {"config", config},
                     {"axis_choices", choices}});
+    if (entry.stage.empty()) continue;
+    list.back()["curriculum_stage"] = entry.stage;
+    list.back()["curriculum_metric_scale"] = entry.metric_scale;
   }
   return list.dump(1) + "\n";
 }
@@ -147,6 +341,11 @@ Expected<std::vector<PoolEntry>> read_pool(const std::string& folder) {
       const fs::path file = one["filename"].get<std::string>();
       entry.filename = (file.is_absolute() ? file : fs::path(folder) / file).string();
       if (one.contains("scenario") && one["scenario"].is_string()) entry.info.scenario = one["scenario"];
+      if (one.contains("split") && one["split"].is_string()) entry.split = one["split"];
+      if (one.contains("curriculum_stage") && one["curriculum_stage"].is_string())
+        entry.stage = one["curriculum_stage"];
+      if (one.contains("curriculum_metric_scale") && one["curriculum_metric_scale"].is_number())
+        entry.metric_scale = one["curriculum_metric_scale"].get<double>();
       if (one.contains("seed") && one["seed"].is_number_integer())
         entry.info.seed = one["seed"].get<uint64_t>();
       if (one.contains("attempt") && one["attempt"].is_number_integer())

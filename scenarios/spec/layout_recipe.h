@@ -30,6 +30,14 @@ struct LayoutAxis {
   std::vector<std::vector<std::pair<const char*, int64_t>>> options;
 };
 
+/// One stage of a curriculum that was published with the scenario.
+struct CurriculumStage {
+  const char* name;
+  uint64_t seed;
+  std::vector<std::pair<const char*, int64_t>> values;  ///< over the recipe's defaults
+  double metric_scale = 0.0;  ///< what scores of this stage are divided by to be compared with others'
+};
+
 using ParameterValues = std::map<std::string, int64_t>;
 
 /// One attempt at a map.
@@ -68,6 +76,7 @@ struct LayoutRecipe {
   Expected<DrawnLayout> (*draw)(const LayoutDraw& draw) = nullptr;
   const char* players_parameter = nullptr;  ///< which parameter says how many starts the map has, if one does
   std::vector<LayoutAxis> axes = {};
+  std::vector<CurriculumStage> curriculum = {};  ///< `comrad doomgen NAME --pool curriculum`
 };
 
 }  // namespace comrad::scenarios

@@ -6,6 +6,7 @@
 #include <set>
 #include <sstream>
 
+#include "rollout_buffer/core/text.h"
 #include "scenarios/spec/game_names.h"
 #include "scenarios/spec/rewards.h"
 #include "scenarios/spec/scenario_files.h"

@@ -9,6 +9,7 @@
 #include "doomgen/layout/udmf_writer.h"
 #include "doomgen/layout/wad_writer.h"
 #include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/text.h"
 #include "scenarios/spec/recipe_table.h"
 #include "scenarios/spec/scenario_files.h"
 #include "scenarios/spec/scenario_spec.h"
@@ -156,11 +157,7 @@ std::string layout_script_text(const LayoutInfo& info, const DrawnLayout& layout
   };
   define("LAYOUT_SEED", static_cast<int64_t>(info.seed & 0x7FFFFFFF));
   define("LAYOUT_PLAYERS", start_count(layout.map));
-  for (const auto& [name, value] : info.parameters) {
-    std::string upper = name;
-    for (char& c : upper) c = c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
-    define("PARAM_" + upper, value);
-  }
+  for (const auto& [name, value] : info.parameters) define("PARAM_" + upper_case(name), value);
   for (const auto& [name, value] : layout.defines) define(name, value);
   for (const auto& [name, values] : layout.arrays) {
     text += "int " + name + "[" + std::to_string(std::max<std::size_t>(1, values.size())) + "] = {";

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/text.h"
 #include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {

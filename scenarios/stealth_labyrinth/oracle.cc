@@ -180,22 +180,6 @@ class Pair final : public Oracle {
     }
   }
 
-  /// No line of the map between the two that stops a bullet.
-  bool is_clear(const doom::World& world, Place from, Place to) const {
-    const doom::Level& level = world.level();
-    const auto side = [](Place a, Place b, Place c) {
-      return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
-    };
-    for (const doom::Linedef& line : level.linedefs) {
-      if (line.back) continue;
-      const Place a{doom::to_double(level.vertices[line.start].x),
-                    doom::to_double(level.vertices[line.start].y)};
-      const Place b{doom::to_double(level.vertices[line.end].x), doom::to_double(level.vertices[line.end].y)};
-      if (side(from, to, a) * side(from, to, b) < 0 && side(a, b, from) * side(a, b, to) < 0) return false;
-    }
-    return true;
-  }
-
   Navigator navigator_;
   std::vector<Sidestep> sidesteps_;
   std::vector<Stage> centres_;

@@ -1,8 +1,10 @@
 // comrad-doomgen NAME --seed N -o FILE: draws one layout of a scenario and writes it as a WAD; --pool draws
-// many. comrad-doomgen show FILE -o PNG: a map from above.
+// many. comrad-doomgen show FILE: a map from above. comrad-doomgen check FOLDER: is a pool whole?
 #include <CLI/CLI.hpp>
 
+#include <charconv>
 #include <cstdio>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -29,7 +31,9 @@ std::string parameter_help() {
     for (const scenarios::LayoutParameter& p : *parameters)
       text += "  " + std::string(p.name) + " = " + std::to_string(p.default_value) + ": " + p.help + "\n";
   }
-  return text + "A map from above: comrad-doomgen show FILE.wad -o PICTURE.png\n";
+  return text +
+         "A map from above: comrad doomgen show FILE.wad [-o PICTURE.png]\n"
+         "Is a pool whole, and what is in it: comrad doomgen check FOLDER\n";
 }
 
 Expected<wad::UdmfMap> read_map(const std::string& path, std::string name) {
@@ -59,7 +63,7 @@ int show(int argc, char** argv) {
   CLI::App app("Draws a map from above: floors shaded by height, walls white, starts green, spots blue.",
                "comrad-doomgen show");
   app.add_option("file", path, "WAD to look at")->required();
-  app.add_option("-o,--out", out, "PNG file to write")->required();
+  app.add_option("-o,--out", out, "PNG file to write; beside the WAD by default");
   app.add_option("--map", name, "map in the WAD; its first one by default");
   app.add_option("--size", side, "pixels of the longer side")->capture_default_str();
   try {
@@ -67,8 +71,49 @@ int show(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
+  if (out.empty()) out = std::filesystem::path(path).replace_extension(".png").string();
   const Status drawn = draw_picture(path, name, out, side);
   return drawn ? 0 : report(drawn.error());
+}
+
+Status check_folder(const std::string& folder, const scenarios::PoolUse& use, bool toml) {
+  COMRAD_TRY_ASSIGN(const LayoutList list, scenarios::check_pool(folder, use));
+  if (toml) {
+    std::fputs(layout_list_text(list).c_str(), stdout);
+    return {};
+  }
+  COMRAD_TRY_ASSIGN(const std::vector<scenarios::PoolEntry> entries, scenarios::read_pool(folder));
+  for (const scenarios::PoolEntry& entry : entries) {
+    std::string choices;
+    for (const auto& [axis, choice] : entry.axis_choices) choices += " " + axis + "(" + choice + ")";
+    std::printf("%s  seed %llu  %s%s%s\n", entry.id.c_str(), static_cast<unsigned long long>(entry.info.seed),
+                entry.split.empty() ? "no split" : entry.split.c_str(),
+                entry.stage.empty() ? "" : ("  " + entry.stage).c_str(), choices.c_str());
+  }
+  std::printf("%s: %zu layouts, all there and whole\n", folder.c_str(), entries.size());
+  return {};
+}
+
+int check(int argc, char** argv) {
+  std::string folder, purpose = "eval";
+  bool toml = false;
+  scenarios::PoolUse use;
+  CLI::App app("Reads every layout of a pool: files, hashes, maps, starts.", "comrad-doomgen check");
+  app.add_option("folder", folder, "the pool")->required();
+  app.add_option("--scenario", use.scenario, "scenario whose maps they must be");
+  app.add_option("--num_agents", use.num_agents, "agents that must find a start")->check(CLI::Range(0, 8));
+  app.add_option("--for", purpose, "train: refuse layouts for evaluation")
+      ->check(CLI::IsMember({"train", "eval"}))
+      ->capture_default_str();
+  app.add_flag("--toml", toml, "print what a run reads (layouts/pool.toml) and nothing else");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  use.for_training = purpose == "train";
+  const Status checked = check_folder(folder, use, toml);
+  return checked ? 0 : report(checked.error());
 }
 
 /// "--name value" and "--name=value", which the parser does not know, are layout parameters.
@@ -112,8 +157,44 @@ int make_many(const std::string& name, const scenarios::PoolRequest& request, co
   return 0;
 }
 
+/// "name=value,value,..." as an axis.
+Expected<scenarios::GridRequest::Axis> parse_axis(const std::string& text) {
+  const auto bad = [&] {
+    return Error{ErrorCode::kBadInput, "--grid " + text + ": write name=value,value,... with whole numbers"};
+  };
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0) return bad();
+  scenarios::GridRequest::Axis axis{text.substr(0, equals)};
+  const char *at = text.data() + equals + 1, *end = text.data() + text.size();
+  while (at < end) {
+    int64_t value = 0;
+    const auto [stop, failure] = std::from_chars(at, end, value);
+    if (failure != std::errc() || (stop != end && (*stop != ',' || stop + 1 == end))) return bad();
+    axis.options.push_back({{axis.name, value}});
+    at = stop + 1;
+  }
+  if (axis.options.empty()) return bad();
+  return axis;
+}
+
+int make_grid(const std::string& name, const std::vector<std::string>& axes, scenarios::GridRequest request,
+              const std::string& folder) {
+  for (const std::string& text : axes) {
+    if (text == "axes") continue;
+    const auto axis = parse_axis(text);
+    if (!axis) return report(axis.error());
+    request.axes.push_back(*axis);
+  }
+  const auto pool = scenarios::make_grid_pool(name, request, folder);
+  if (!pool) return report(pool.error());
+  std::printf("%s: %zu layouts of %s, listed in %s\n", folder.c_str(), pool->size(), name.c_str(),
+              scenarios::kPoolRegistryName);
+  return 0;
+}
+
 int run(int argc, char** argv) {
   if (argc > 1 && std::string(argv[1]) == "show") return show(argc - 1, argv + 1);
+  if (argc > 1 && std::string(argv[1]) == "check") return check(argc - 1, argv + 1);
   std::string name, path, pool, format = "udmf";
   std::vector<std::string> settings;
   scenarios::PoolRequest many;
@@ -131,13 +212,30 @@ int run(int argc, char** argv) {
       ->capture_default_str();
   app.add_flag("--nodes", request.nodes, "build nodes with zdbsp");
   CLI::Option* pool_option =
-      app.add_option("--pool", pool,
-                     "draw a pool of layouts for training or evaluation; the two never share one")
-          ->check(CLI::IsMember({"train", "eval"}));
+      app.add_option(
+             "--pool", pool,
+             "draw a pool of layouts for training or evaluation, which never share one, or the stages of "
+             "the scenario's published curriculum")
+          ->check(CLI::IsMember({"train", "eval", "curriculum"}));
   app.add_option("--count", many.count, "layouts of the pool")->capture_default_str()->needs(pool_option);
   app.add_flag("--vary,!--no-vary", many.vary,
                "layouts of the pool draw an option of each of the recipe's axes (default)")
       ->needs(pool_option);
+  std::vector<std::string> axes;
+  scenarios::GridRequest grid;
+  CLI::Option* grid_option =
+      app.add_option(
+             "--grid", axes,
+             "draw a product: name=value,value,... for each axis (seed is one too), or the word axes for "
+             "all of the recipe's; may be repeated, the last axis turns fastest")
+          ->excludes(pool_option)
+          ->allow_extra_args(false);
+  app.add_option("--start", grid.start, "first place of the grid that is drawn")
+      ->capture_default_str()
+      ->needs(grid_option);
+  app.add_option("--limit", grid.limit, "layouts of the grid at most")
+      ->capture_default_str()
+      ->needs(grid_option);
   app.allow_extras();
   app.footer(parameter_help());
   try {
@@ -153,8 +251,16 @@ int run(int argc, char** argv) {
   }
   if (const Status taken = take_parameters(app.remaining(), request); !taken) return report(taken.error());
   request.format = format == "hexen" ? scenarios::MapFormat::kHexen : scenarios::MapFormat::kUdmf;
+  if (!axes.empty()) {
+    grid.layout = request;
+    return make_grid(name, axes, grid, path);
+  }
   if (pool.empty()) return make_one(name, request, path);
-  many.kind = pool == "train" ? scenarios::PoolKind::kTrain : scenarios::PoolKind::kEval;
+  if (pool == "curriculum" && !request.parameters.empty())
+    return report({ErrorCode::kBadInput, "--pool curriculum: its stages have their own parameters"});
+  many.kind = pool == "train"  ? scenarios::PoolKind::kTrain
+              : pool == "eval" ? scenarios::PoolKind::kEval
+                               : scenarios::PoolKind::kCurriculum;
   return make_many(name, many, path);
 }
 

@@ -51,6 +51,15 @@ DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game,
   summary_.agent_return.resize(game_->num_agents);
 }
 
+Status DoomEnvironment::choose_layout(int layout) {
+  if (library_ == nullptr) return Environment::choose_layout(layout);
+  COMRAD_TRY_ASSIGN(std::shared_ptr<const DoomGame> game, library_->game(layout));
+  if (game == game_) return {};
+  game_ = std::move(game);
+  world_ = doom::World(game_->level, game_->catalog, game_->behavior);
+  return {};
+}
+
 void DoomEnvironment::reset(uint64_t episode_seed) {
   world_.reset({.player_count = game_->num_agents,
                 .seed = episode_seed,
@@ -185,15 +194,27 @@ uint64_t DoomEnvironment::state_hash() const {
 
 DoomEnvironmentSet::DoomEnvironmentSet(std::shared_ptr<const DoomGame> game,
                                        std::unique_ptr<doom::Renderer> renderer, int count,
-                                       ViewSize render_size, ResizeFilter filter)
-    : renderer_(std::move(renderer)), render_size_(render_size), filter_(filter) {
+                                       ViewSize render_size, ResizeFilter filter,
+                                       std::shared_ptr<LayoutLibrary> library)
+    : renderer_(std::move(renderer)),
+      library_(std::move(library)),
+      render_size_(render_size),
+      filter_(filter) {
   COMRAD_CHECK(filter != ResizeFilter::kNone || render_size == kObservationSize,
                "a view of another size is brought to 128x72 by a filter");
-  for (int i = 0; i < count; ++i) environments_.push_back(std::make_unique<DoomEnvironment>(game));
+  if (library_ != nullptr) library_->draw_with(renderer_.get());
+  for (int i = 0; i < count; ++i) {
+    environments_.push_back(std::make_unique<DoomEnvironment>(game));
+    environments_.back()->choose_from(library_);
+  }
   const std::size_t view_count = static_cast<std::size_t>(count) * game->num_agents;
   views_.reserve(view_count);
   if (filter_ != ResizeFilter::kNone)
     drawn_.resize(view_count * 3 * static_cast<std::size_t>(render_size_.width) * render_size_.height);
+}
+
+DoomEnvironmentSet::~DoomEnvironmentSet() {
+  if (library_ != nullptr) library_->draw_with(nullptr);
 }
 
 void DoomEnvironmentSet::observe(std::span<const int> indices, std::span<const ObservationTarget> targets) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -37,6 +38,33 @@ struct DoomGame {
   ActionMap actions;
 };
 
+/// The layouts of a pool as games, loaded when they are first asked for; of more than kGamesKept the one that
+/// was not asked for longest is forgotten. Environments of a set share it. Threads: one.
+class LayoutLibrary {
+ public:
+  static constexpr std::size_t kGamesKept = 64;
+
+  /// Loads the first layout. Errors: as load_doom_game().
+  static Expected<std::shared_ptr<LayoutLibrary>> create(const EnvironmentOptions& options);
+
+  int size() const { return static_cast<int>(options_.layouts.size()); }
+  /// Errors: kBadInput for an index outside the pool; those of load_doom_game() and Renderer::prepare().
+  Expected<std::shared_ptr<const DoomGame>> game(int layout);
+  /// Whose art is loaded with a level from now on; null: nobody's.
+  void draw_with(doom::Renderer* renderer) { renderer_ = renderer; }
+
+ private:
+  struct Kept {
+    std::shared_ptr<const DoomGame> game;
+    uint64_t asked = 0;  ///< when it was last asked for
+  };
+  explicit LayoutLibrary(const EnvironmentOptions& options) : options_(options) {}
+  EnvironmentOptions options_;
+  doom::Renderer* renderer_ = nullptr;
+  std::map<int, Kept> games_;
+  uint64_t clock_ = 0;
+};
+
 /// One environment. Time limits are tics: decision_limit counts decisions of 4 tics whatever frame_skip is,
 /// and the engine's own clock of 10 minutes ends everything; both truncate.
 class DoomEnvironment final : public Environment {
@@ -47,6 +75,9 @@ class DoomEnvironment final : public Environment {
 
   const EnvShape& shape() const override { return shape_; }
   uint64_t layout_id() const override { return game_->layout_id; }
+  Status choose_layout(int layout) override;
+  /// What choose_layout() chooses from; null: the game it was made with.
+  void choose_from(std::shared_ptr<LayoutLibrary> library) { library_ = std::move(library); }
   void reset(uint64_t episode_seed) override;
   void step(std::span<const int32_t> action) override;
   /// The same with what each agent presses [N], for frame_skip tics.
@@ -75,6 +106,7 @@ class DoomEnvironment final : public Environment {
   void finish_episode();
 
   std::shared_ptr<const DoomGame> game_;
+  std::shared_ptr<LayoutLibrary> library_;
   std::unique_ptr<doom::ScriptHost> rules_;
   EnvShape shape_;
   doom::World world_;
@@ -95,8 +127,11 @@ class DoomEnvironment final : public Environment {
 /// A worker's environments and their one renderer.
 class DoomEnvironmentSet final : public EnvironmentSet {
  public:
+  /// `library`: where the environments' layouts come from, `game` being its first; null: `game` alone.
   DoomEnvironmentSet(std::shared_ptr<const DoomGame> game, std::unique_ptr<doom::Renderer> renderer,
-                     int count, ViewSize render_size, ResizeFilter filter);
+                     int count, ViewSize render_size, ResizeFilter filter,
+                     std::shared_ptr<LayoutLibrary> library = nullptr);
+  ~DoomEnvironmentSet() override;
 
   int size() const override { return static_cast<int>(environments_.size()); }
   DoomEnvironment& at(int index) override { return *environments_[index]; }
@@ -104,6 +139,7 @@ class DoomEnvironmentSet final : public EnvironmentSet {
 
  private:
   std::unique_ptr<doom::Renderer> renderer_;
+  std::shared_ptr<LayoutLibrary> library_;
   std::vector<std::unique_ptr<DoomEnvironment>> environments_;
   ViewSize render_size_;
   ResizeFilter filter_;

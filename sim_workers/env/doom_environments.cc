@@ -16,8 +16,18 @@ Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const En
   if (filter == ResizeFilter::kNone && render_size != kObservationSize)
     return bad_input("render_size " + options.render_size +
                      " needs resize=nearest or resize=area to become 128x72");
-  COMRAD_TRY_ASSIGN(std::shared_ptr<const DoomGame> game, load_doom_game(options));
-  COMRAD_TRY_ASSIGN(auto art, doom::ArtArchive::open({}, {options.wad_path}));
+  std::shared_ptr<LayoutLibrary> library;
+  std::shared_ptr<const DoomGame> game;
+  if (options.layouts.empty()) {
+    COMRAD_TRY_ASSIGN(game, load_doom_game(options));
+  } else {
+    COMRAD_TRY_ASSIGN(library, LayoutLibrary::create(options));
+    COMRAD_TRY_ASSIGN(game, library->game(0));
+  }
+  // Layouts of one scenario bring the same pictures; those of a pool's last WAD win.
+  COMRAD_TRY_ASSIGN(auto art, doom::ArtArchive::open({}, options.layouts.empty()
+                                                             ? std::vector<std::string>{options.wad_path}
+                                                             : options.layouts));
   doom::RenderOptions render;
   render.width = render_size.width;
   render.height = render_size.height;
@@ -27,8 +37,8 @@ Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const En
   render.weapon = game->spec.weapon;
   COMRAD_TRY_ASSIGN(std::unique_ptr<doom::Renderer> renderer, doom::Renderer::create(art, render));
   COMRAD_TRY(renderer->prepare(game->level, game->catalog));
-  return std::make_unique<DoomEnvironmentSet>(std::move(game), std::move(renderer), options.count, render_size,
-                                              filter);
+  return std::make_unique<DoomEnvironmentSet>(std::move(game), std::move(renderer), options.count,
+                                              render_size, filter, std::move(library));
 }
 
 Expected<std::unique_ptr<EnvironmentSet>> make_doom_environments(const EnvironmentOptions& options) {

@@ -42,6 +42,14 @@ class Environment {
   virtual ~Environment() = default;
   virtual const EnvShape& shape() const = 0;
   virtual uint64_t layout_id() const = 0;
+  /// The next reset plays this layout of the set's pool, which is loaded if need be; a set without a pool has
+  /// layout 0 alone. What was played before is over. Errors: kNotFound and kBadFormat where the layout's file
+  /// went bad, kBadInput for an index outside the pool.
+  virtual Status choose_layout(int layout) {
+    if (layout == 0) return {};
+    return Error{ErrorCode::kBadInput,
+                 "layout " + std::to_string(layout) + " of a set that plays one map was asked for"};
+  }
   /// Starts an episode that is a pure function of `episode_seed` and the actions that follow.
   virtual void reset(uint64_t episode_seed) = 0;
   /// Advances frame_skip tics (fewer when the episode ends inside). `action` is [N, heads]; out-of-range
@@ -68,7 +76,8 @@ class EnvironmentSet {
 /// What a set of Doom environments is made from.
 struct EnvironmentOptions {
   std::string scenario;
-  std::string wad_path;  ///< the layout to play
+  std::string wad_path;                   ///< the layout to play
+  std::vector<std::string> layouts = {};  ///< instead of wad_path: the pool to choose_layout() from
   int num_agents = 2;
   int count = 16;
   int frame_skip = 4;

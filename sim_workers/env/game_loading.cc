@@ -36,6 +36,33 @@ uint64_t layout_id(const wad::WadFile& wad) {
 
 }  // namespace
 
+Expected<std::shared_ptr<LayoutLibrary>> LayoutLibrary::create(const EnvironmentOptions& options) {
+  std::shared_ptr<LayoutLibrary> library(new LayoutLibrary(options));
+  if (const auto first = library->game(0); !first) return first.error();
+  return library;
+}
+
+Expected<std::shared_ptr<const DoomGame>> LayoutLibrary::game(int layout) {
+  if (layout < 0 || layout >= size())
+    return bad_input("layout " + std::to_string(layout) + " was asked for; the pool has " +
+                     std::to_string(size()));
+  ++clock_;
+  if (const auto kept = games_.find(layout); kept != games_.end()) {
+    kept->second.asked = clock_;
+    return kept->second.game;
+  }
+  EnvironmentOptions options = options_;
+  options.wad_path = options_.layouts[static_cast<std::size_t>(layout)];
+  COMRAD_TRY_ASSIGN(std::shared_ptr<const DoomGame> game, load_doom_game(options));
+  if (renderer_ != nullptr) COMRAD_TRY(renderer_->prepare(game->level, game->catalog));
+  if (games_.size() >= kGamesKept)
+    games_.erase(std::min_element(games_.begin(), games_.end(), [](const auto& a, const auto& b) {
+      return a.second.asked < b.second.asked;
+    }));
+  games_[layout] = {game, clock_};
+  return game;
+}
+
 Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options) {
   COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::open(options.wad_path));
   return load_doom_game(options, wad);

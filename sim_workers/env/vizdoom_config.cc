@@ -10,6 +10,8 @@
 #include <limits>
 #include <sstream>
 
+#include "rollout_buffer/core/text.h"
+
 namespace comrad::sim {
 namespace {
 
@@ -25,27 +27,11 @@ struct Entry {
   int line = 0;
 };
 
-bool is_space(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == '\f' || c == '\v'; }
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
-  while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
-  return text;
-}
-
-char upper(char c) { return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c; }
-
 /// Letters and digits alone, in upper case: how keys and names compare.
 std::string folded(std::string_view text) {
   std::string result;
   for (const char c : text)
-    if (c != '_' && c != '-') result += upper(c);
-  return result;
-}
-
-std::string upper_case(std::string_view text) {
-  std::string result(text);
-  std::transform(result.begin(), result.end(), result.begin(), upper);
+    if (c != '_' && c != '-') result += upper_case(c);
   return result;
 }
 
@@ -70,21 +56,6 @@ std::string shown(std::string_view text) {
   std::string result;
   for (const char c : text.substr(0, kLengthMax)) result += c >= ' ' && c <= '~' ? c : '?';
   return text.size() > kLengthMax ? result + "..." : result;
-}
-
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t kept = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({kept, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row[b.size()];
 }
 
 /// Lines to entries. A '#' that begins a word starts a comment.

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "doomgen/wad/iwad_search.h"
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/env/game_variables.h"
 
 namespace comrad::sim {
@@ -15,14 +16,10 @@ std::string existing_path(const std::string& path) {
   std::error_code failure;
   const std::filesystem::path wanted(path);
   if (std::filesystem::exists(wanted, failure)) return path;
-  const auto lower = [](std::string text) {
-    std::transform(text.begin(), text.end(), text.begin(),
-                   [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
-    return text;
-  };
   const std::filesystem::path folder = wanted.has_parent_path() ? wanted.parent_path() : ".";
   for (const auto& entry : std::filesystem::directory_iterator(folder, failure))
-    if (lower(entry.path().filename().string()) == lower(wanted.filename().string())) return entry.path().string();
+    if (same_ignoring_case(entry.path().filename().string(), wanted.filename().string()))
+      return entry.path().string();
   return path;
 }
 

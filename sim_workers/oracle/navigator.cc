@@ -64,7 +64,7 @@ void Navigator::refresh(const doom::World& world) {
     }
   }
   const std::size_t count = sector_.size();
-  floor_.assign(count, 0), headroom_.assign(count, 0), cost_.assign(count, 0), blocked_.assign(count, 0);
+  floor_.assign(count, 0), cost_.assign(count, 0), blocked_.assign(count, 0);
   for (std::size_t cell = 0; cell < count; ++cell) {
     if (sector_[cell] < 0) {
       blocked_[cell] = 1;
@@ -73,8 +73,7 @@ void Navigator::refresh(const doom::World& world) {
     const auto index = static_cast<uint32_t>(sector_[cell]);
     const doom::Sector& sector = world.sectors()[index];
     floor_[cell] = doom::to_float(sector.floor_height);
-    headroom_[cell] = doom::to_float(sector.ceiling_height) - floor_[cell];
-    if (headroom_[cell] < kBodyHeight) blocked_[cell] = 1;
+    if (doom::to_float(sector.ceiling_height) - floor_[cell] < kBodyHeight) blocked_[cell] = 1;
     if (options_.sector_cost) {
       cost_[cell] = static_cast<float>(options_.sector_cost(world, index));
       if (cost_[cell] < 0) blocked_[cell] = 1;
@@ -118,12 +117,11 @@ void Navigator::refresh(const doom::World& world) {
       });
     }
   }
-  if (options_.player_blocking_things != 0)
-    for (const doom::Actor& actor : world.actors())
-      if (is_obstacle(actor)) {
-        const Place centre = place_of(actor);
-        block_round(centre, centre, (doom::to_double(actor.radius) + reach) * 1.2, [](int) { return true; });
-      }
+  for (const doom::Actor& actor : world.actors())
+    if (is_obstacle(actor)) {
+      const Place centre = place_of(actor);
+      block_round(centre, centre, (doom::to_double(actor.radius) + reach) * 1.2, [](int) { return true; });
+    }
 }
 
 int Navigator::cell_of(Place place) const {

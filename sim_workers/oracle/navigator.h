@@ -17,10 +17,8 @@ struct NavigatorOptions {
   double margin_units = 2.0;  ///< kept from walls, besides the body's radius of 16
   double step_units = 24;     ///< highest step up
   double drop_units = 1e9;    ///< deepest step down that it takes
-  double gap_units = 0;       ///< not used by walking; for rules of the caller's
   /// Extra cost, in cells, of standing in a sector; below 0: never enter. Null: none.
   std::function<double(const doom::World&, uint32_t sector)> sector_cost = nullptr;
-  int player_blocking_things = 1;  ///< 1: solid things other than players and monsters stand in the way
 };
 
 class Navigator {
@@ -58,7 +56,7 @@ class Navigator {
   double left_ = 0, bottom_ = 0;
   int columns_ = 0, rows_ = 0;
   std::vector<int32_t> sector_;  // [cell] of its centre, -1 in the void
-  std::vector<float> floor_, headroom_, cost_;
+  std::vector<float> floor_, cost_;
   std::vector<uint8_t> blocked_;
   std::map<int, Field> fields_;
 };

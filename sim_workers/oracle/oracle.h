@@ -30,6 +30,23 @@ Expected<std::unique_ptr<Oracle>> make_oracle(const DoomGame& game);
 /// Scenarios that have one, sorted.
 std::vector<std::string> list_oracles();
 
+/// An oracle at one environment's controls: a decision is what its wishes become through the action heads.
+class OraclePlayer {
+ public:
+  /// Errors: as make_oracle().
+  static Expected<OraclePlayer> create(const DoomGame& game);
+
+  /// Begins an episode of `environment`, which must be one of the game's.
+  void reset(DoomEnvironment& environment, uint64_t episode_seed);
+  void step(DoomEnvironment& environment);
+
+ private:
+  OraclePlayer(std::unique_ptr<Oracle> oracle, const DoomGame& game);
+  std::unique_ptr<Oracle> oracle_;
+  std::vector<doom::Buttons> buttons_;  // [N]
+  std::vector<int32_t> choice_;         // [N, heads]
+};
+
 /// Doom environments whose actions come from oracles: what is passed to step() is not looked at, and as nobody
 /// looks at pictures, none are drawn (frames stay black).
 class OracleEnvironmentSet final : public EnvironmentSet {

@@ -83,6 +83,21 @@ bool sees(const doom::World& world, const doom::Actor& looker, const doom::Actor
   return doom::can_see(const_cast<doom::World&>(world), looker, target);
 }
 
+bool is_clear(const doom::World& world, Place from, Place to) {
+  const doom::Level& level = world.level();
+  const auto place = [&](uint32_t vertex) {
+    return Place{doom::to_double(level.vertices[vertex].x), doom::to_double(level.vertices[vertex].y)};
+  };
+  const auto side = [](Place a, Place b, Place c) {
+    return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+  };
+  return std::none_of(level.linedefs.begin(), level.linedefs.end(), [&](const doom::Linedef& line) {
+    if (line.back) return false;
+    const Place a = place(line.start), b = place(line.end);
+    return side(from, to, a) * side(from, to, b) < 0 && side(a, b, from) * side(a, b, to) < 0;
+  });
+}
+
 bool walk_to(const doom::Actor& body, Place goal, const Gait& gait, doom::Buttons& buttons) {
   if (distance_between(place_of(body), goal) <= gait.stop_units) return true;
   if (gait.runs) buttons.speed = true;

@@ -38,6 +38,10 @@ double aim_at(const doom::Player& player, const doom::Actor& body, double bearin
 /// True where nothing but actors stands between the two.
 bool sees(const doom::World& world, const doom::Actor& looker, const doom::Actor& target);
 
+/// True where no wall (a one-sided line) stands between two places; heights do not count, and a wall that
+/// only touches the line between them does not either. For aiming where a body will be, not where it is.
+bool is_clear(const doom::World& world, Place from, Place to);
+
 /// Walks to `goal` without changing where it looks where it strafes: the best of eight directions; otherwise
 /// turns and walks ahead. True when it is there.
 bool walk_to(const doom::Actor& body, Place goal, const Gait& gait, doom::Buttons& buttons);

@@ -19,29 +19,23 @@ namespace {
 
 constexpr int kGapPixels = 4;
 
-/// Plays until the picture's moment.
-void play(const std::shared_ptr<const sim::DoomGame>& game, sim::Oracle* oracle, const GalleryOptions& options,
-          sim::DoomEnvironment& environment) {
-  environment.reset(options.seed);
-  if (oracle != nullptr) oracle->reset(environment.world());
-  const auto heads = static_cast<std::size_t>(environment.shape().head_count);
-  std::vector<doom::Buttons> buttons(static_cast<std::size_t>(game->num_agents));
-  std::vector<int32_t> choice(heads * buttons.size());
+/// Plays until the picture's moment: the oracle, or chance where there is none.
+void play(const GalleryOptions& options, sim::DoomEnvironment& environment) {
+  Expected<sim::OraclePlayer> oracle = sim::OraclePlayer::create(environment.game());
+  const EnvShape& shape = environment.shape();
+  std::vector<int32_t> choice(static_cast<std::size_t>(shape.num_agents * shape.head_count));
   Rng rng(RngKey(options.seed).split("gallery"));
-  for (int64_t decision = 0; decision < options.decisions; ++decision) {
-    std::fill(buttons.begin(), buttons.end(), doom::Buttons{});
-    if (oracle != nullptr) oracle->press(environment.world(), buttons);
-    for (std::size_t agent = 0; agent < buttons.size(); ++agent) {
-      const auto own = std::span(choice).subspan(agent * heads, heads);
-      if (oracle != nullptr) {
-        game->actions.choose(buttons[agent], own);
-      } else {
-        for (std::size_t head = 0; head < heads; ++head)
-          own[head] = static_cast<int32_t>(rng.below(static_cast<uint32_t>(environment.shape().head_sizes[head])));
-      }
+  oracle ? oracle->reset(environment, options.seed) : environment.reset(options.seed);
+  for (int64_t decision = 0; decision < options.decisions && !environment.last_step().episode_over();
+       ++decision) {
+    if (oracle) {
+      oracle->step(environment);
+      continue;
     }
+    for (std::size_t place = 0; place < choice.size(); ++place)
+      choice[place] = static_cast<int32_t>(rng.below(
+          static_cast<uint32_t>(shape.head_sizes[place % static_cast<std::size_t>(shape.head_count)])));
     environment.step(choice);
-    if (environment.last_step().episode_over()) return;
   }
 }
 
@@ -87,9 +81,8 @@ Expected<std::string> draw_row(const std::string& name, const GalleryOptions& op
   COMRAD_TRY_ASSIGN(const auto renderer, doom::Renderer::create(*art, render));
   COMRAD_TRY(renderer->prepare(game->level, game->catalog));
 
-  Expected<std::unique_ptr<sim::Oracle>> oracle = sim::make_oracle(*game);
   sim::DoomEnvironment environment(game);
-  play(game, oracle ? oracle->get() : nullptr, options, environment);
+  play(options, environment);
   std::vector<std::vector<uint8_t>> views(static_cast<std::size_t>(agents));
   std::vector<doom::ViewRequest> requests;
   for (int agent = 0; agent < agents; ++agent) {

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/env/button_press.h"
 
 namespace comrad::trace {
@@ -38,20 +39,6 @@ std::vector<ActionColumn> make_standard_columns() {
   std::vector<ActionColumn> columns;
   for (const auto& [name, button] : kNames) columns.push_back({name, scenarios::find_button(button).value()});
   return columns;
-}
-
-std::string_view trimmed(std::string_view text) {
-  const auto is_space = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
-  while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
-  while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
-  return text;
-}
-
-std::string upper_case(std::string_view text) {
-  std::string result(text);
-  for (char& c : result)
-    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
-  return result;
 }
 
 std::string shown(std::string_view text) {
@@ -198,12 +185,8 @@ ActionTable ActionTable::random(std::span<const scenarios::Button> buttons, std:
                                 int64_t tics, uint64_t seed) {
   ActionTable table;
   std::vector<std::size_t> target;
-  for (std::size_t i = 0; i < buttons.size(); ++i) {
-    std::string name = names[i];
-    for (char& c : name)
-      if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-    target.push_back(table.column_of(buttons[i], name));
-  }
+  for (std::size_t i = 0; i < buttons.size(); ++i)
+    target.push_back(table.column_of(buttons[i], lower_case(names[i])));
   Rng rng(RngKey(seed).split("trace actions"));
   std::vector<int> tics_left(buttons.size(), 0);
   std::vector<double> held(buttons.size(), 0);

@@ -1,5 +1,6 @@
 #include "sim_workers/trace/trace_game.h"
 
+#include "rollout_buffer/core/text.h"
 #include "scenarios/spec/registry.h"
 #include "sim_workers/env/doom_env.h"
 #include "sim_workers/env/game_variables.h"
@@ -70,11 +71,7 @@ class ScenarioTrace final : public TraceGame {
 };
 
 bool names_a_config(std::string_view target) {
-  if (target.size() < 4) return false;
-  std::string ending(target.substr(target.size() - 4));
-  for (char& c : ending)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  return ending == ".cfg";
+  return target.size() >= 4 && same_ignoring_case(target.substr(target.size() - 4), ".cfg");
 }
 
 Expected<std::unique_ptr<TraceGame>> open_scenario(const GameOptions& options) {

@@ -4,6 +4,7 @@
 #include <ctime>
 #include <vector>
 
+#include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/schema/trajectory.h"
@@ -44,6 +45,11 @@ BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options)
   std::vector<uint64_t> episode(static_cast<std::size_t>(count), 0);
   const auto reset = [&](int index) {
     const uint64_t number = episode[static_cast<std::size_t>(index)]++;
+    if (options.layout_count > 0) {
+      const uint64_t chosen =
+          (static_cast<uint64_t>(index) + number) % static_cast<uint64_t>(options.layout_count);
+      COMRAD_CHECK(environments.at(index).choose_layout(static_cast<int>(chosen)), "the pool's layouts load");
+    }
     environments.at(index).reset(
         run.split("episode").split(static_cast<uint64_t>(index)).split(number).bits());
   };

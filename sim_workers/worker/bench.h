@@ -15,6 +15,7 @@ struct BenchOptions {
   int splits = 2;
   int rollout_steps = 32;
   uint64_t seed = 42;
+  int layout_count = 0;  ///< of a pool: every episode of an environment plays the next one; 0: no pool
   RewardRules rewards{};
 };
 

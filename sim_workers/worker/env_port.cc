@@ -22,6 +22,7 @@ EnvPort::EnvPort(const shm::Arena& arena, Environment& environment, const PortRu
       env_index_(sim_worker * arena.shape().envs_per_worker + local_index),
       slot_(&arena.slot(env_index_)),
       journal_(&arena.journal(env_index_)),
+      desk_(&arena.layout_desk(env_index_)),
       slab_(arena.slab(0)) {}
 
 Status EnvPort::start() {
@@ -31,14 +32,12 @@ Status EnvPort::start() {
   if (rules_.evaluate) {
     const uint64_t first = journal_->in_use != 0 ? journal_->episode_id : env;
     journal_->in_use = 1;
-    begin_episode(first);
-    return {};
+    return begin_episode(first);
   }
   if (journal_->is_resume == 0) {
     const uint64_t first = journal_->in_use != 0 ? journal_->episode_id + 1 : 0;
     journal_->in_use = 1;
-    begin_episode(first);
-    return {};
+    return begin_episode(first);
   }
   // Exact resume: the same seed and the same actions give the same world back.
   const std::string name = "journal of environment " + std::to_string(env_index_);
@@ -49,6 +48,8 @@ Status EnvPort::start() {
                                             "; the checkpoint cannot be resumed exactly"};
   episode_id_ = journal_->episode_id;
   episode_seed_ = journal_->episode_seed;
+  if (rules_.layout_count > 0)
+    COMRAD_TRY(environment_.choose_layout(static_cast<int>(desk_->playing.load())));
   environment_.reset(episode_seed_);
   const EnvShape& shape = arena_.shape().trajectory.env;
   std::vector<int32_t> action(static_cast<std::size_t>(shape.num_agents * shape.head_count));
@@ -67,15 +68,16 @@ Status EnvPort::start() {
   return {};
 }
 
-void EnvPort::begin_episode(uint64_t episode_id) {
+Status EnvPort::begin_episode(uint64_t episode_id) {
   episode_id_ = episode_id;
   episode_step_ = 0;
   journal_->episode_id = episode_id;
   journal_->length = 0;
   if (rules_.evaluate && episode_id >= rules_.episodes) {
     stage_ = Stage::kDone;
-    return;
+    return {};
   }
+  COMRAD_TRY(choose_layout(episode_id));
   const RngKey run(rules_.seed);
   episode_seed_ =
       rules_.evaluate
@@ -83,10 +85,33 @@ void EnvPort::begin_episode(uint64_t episode_id) {
           : run.split("episode").split(static_cast<uint64_t>(env_index_)).split(episode_id).bits();
   journal_->episode_seed = episode_seed_;
   environment_.reset(episode_seed_);
+  return {};
+}
+
+/// Evaluation plays every layout in turn. Training asks the learner's curriculum every layout_swap_every
+/// episodes and stays where it is while no answer lies on the desk.
+Status EnvPort::choose_layout(uint64_t episode_id) {
+  if (rules_.layout_count == 0) return {};
+  if (rules_.evaluate) return environment_.choose_layout(static_cast<int>(episode_id % rules_.layout_count));
+  if (episode_id % rules_.layout_swap_every == 0) {
+    const uint32_t granted = desk_->granted.load(std::memory_order_acquire);
+    if (granted != desk_->taken.load(std::memory_order_relaxed)) {
+      desk_->playing.store(desk_->layout.load(std::memory_order_relaxed), std::memory_order_relaxed);
+      desk_->taken.store(granted, std::memory_order_release);
+    } else {
+      desk_->late.fetch_add(1, std::memory_order_relaxed);
+    }
+  }
+  return environment_.choose_layout(static_cast<int>(desk_->playing.load(std::memory_order_relaxed)));
 }
 
 void EnvPort::next_episode() {
-  begin_episode(episode_id_ + (rules_.evaluate ? static_cast<uint64_t>(arena_.shape().env_count()) : 1));
+  status_ =
+      begin_episode(episode_id_ + (rules_.evaluate ? static_cast<uint64_t>(arena_.shape().env_count()) : 1));
+  if (!status_) {  // the worker ends; the supervisor gives the slab back
+    stage_ = Stage::kDone;
+    return;
+  }
   if (stage_ != Stage::kDone) {
     stage_ = Stage::kRow;
     return;
@@ -152,6 +177,9 @@ void EnvPort::act() {
   slab_.terminated(step_) = step.terminated;
   slab_.truncated(step_) = step.truncated;
   slab_.final_index(step_) = -1;
+  slab_.layout(step_) = rules_.layout_count > 0 && !rules_.evaluate
+                            ? static_cast<int32_t>(desk_->playing.load(std::memory_order_relaxed))
+                            : 0;
   slab_.valid(step_) = 1;
   if (step.episode_over() && !rules_.evaluate) slab_.final_index(step_) = final_count_++;
   ++step_;
@@ -223,6 +251,12 @@ void EnvPort::push_record(const Step& last) {
         agent < summary.agent_score.size() ? summary.agent_score[agent] : summary.score;
   }
   (void)arena_.push_episode(record);  // a full ring counts what it drops
+  if (rules_.layout_count == 0 || rules_.evaluate) return;
+  const uint64_t reported = desk_->reported.load(std::memory_order_relaxed);
+  desk_->outcome[reported % shm::kDeskOutcomes].store(
+      shm::pack_outcome({.layout = desk_->playing.load(std::memory_order_relaxed), .score = summary.score}),
+      std::memory_order_release);
+  desk_->reported.store(reported + 1, std::memory_order_release);
 }
 
 void EnvPort::mark_observed() {
@@ -287,6 +321,7 @@ void EnvPort::pad_slab(int length) {
     std::copy_n(slab_.action(length - 1, 0).data(), agents * heads, slab_.action(step, 0).data());
     std::copy_n(slab_.logits(length - 1, 0).data(), agents * slab_.logits(0, 0).size(),
                 slab_.logits(step, 0).data());
+    slab_.layout(step) = slab_.layout(length - 1);
     std::copy_n(&slab_.log_prob(length - 1, 0), agents, &slab_.log_prob(step, 0));
     std::copy_n(&slab_.policy_version(length - 1, 0), agents, &slab_.policy_version(step, 0));
     std::copy_n(&slab_.value(length, 0), agents, &slab_.value(step + 1, 0));

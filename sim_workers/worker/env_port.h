@@ -19,6 +19,8 @@ struct PortRules {
   bool evaluate = false;  ///< play a fixed quota of episodes and never seal
   uint64_t episodes = 0;  ///< evaluation: episodes of the whole run
   RewardRules rewards{};
+  uint32_t layout_count = 0;       ///< of the run's pool; 0: one map and no pool
+  uint32_t layout_swap_every = 1;  ///< episodes between two draws; evaluation plays all layouts in turn
 };
 
 /// Drives one environment. SimWorker calls, in every round of the port's group and in this order:
@@ -46,8 +48,10 @@ class EnvPort {
 
   bool is_outstanding() const { return stage_ == Stage::kOutstanding; }
   bool is_parked() const { return stage_ == Stage::kParked; }
-  /// Evaluation: this environment's share of the episodes is played.
+  /// Evaluation: this environment's share of the episodes is played; or status() is an error.
   bool is_done() const { return stage_ == Stage::kDone; }
+  /// What ended this environment early: a layout of the pool that cannot be loaded.
+  const Status& status() const { return status_; }
   /// The policy worker has answered.
   bool has_answer() const { return slot_->state.load(std::memory_order_acquire) == shm::SlotState::kActed; }
 
@@ -73,7 +77,8 @@ class EnvPort {
   enum class Stage { kParked, kRow, kFinal, kObserved, kOutstanding, kDone };
 
   ObservationTarget target_of_row(const SlabView& slab, int step) const;
-  void begin_episode(uint64_t episode_id);
+  Status begin_episode(uint64_t episode_id);
+  Status choose_layout(uint64_t episode_id);
   void next_episode();
   void act();
   void append_to_journal(std::span<const int32_t> action);
@@ -89,6 +94,7 @@ class EnvPort {
   const int env_index_;
   shm::StepSlot* const slot_;
   shm::JournalHeader* const journal_;
+  shm::LayoutDesk* const desk_;
 
   Stage stage_ = Stage::kParked;
   shm::RequestKind request_ = shm::RequestKind::kAct;
@@ -101,6 +107,7 @@ class EnvPort {
   uint64_t episode_id_ = 0;
   uint64_t episode_seed_ = 0;
   uint32_t episode_step_ = 0;
+  Status status_;
 };
 
 }  // namespace comrad::sim

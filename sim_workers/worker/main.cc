@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/layout_list.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/arena_socket.h"
@@ -59,16 +60,27 @@ Expected<RunConfig> load_settings(const std::string& run_dir) {
     COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec scenario, scenarios::load_scenario(config.scenario));
     config.shared_reward_alpha = scenario.shared_reward_alpha;
   }
-  if (config.wad.empty())
+  if (config.wad.empty() && config.layout_pool.empty())
     return Error{
         ErrorCode::kBadInput,
         run_dir + "/config.toml: wad is empty; it must name the map to play (comrad-doomgen makes one)"};
   return config;
 }
 
-sim::EnvironmentOptions environment_options(const RunConfig& config, int num_agents, int count) {
+/// Paths of the run's layout pool, in its order; empty where it plays one map.
+Expected<std::vector<std::string>> pool_paths(const RunConfig& config, const std::string& run_dir) {
+  std::vector<std::string> paths;
+  if (config.layout_pool.empty()) return paths;
+  COMRAD_TRY_ASSIGN(const LayoutList list, read_layout_list(run_dir));
+  for (const LayoutEntry& layout : list.layouts) paths.push_back(layout.path);
+  return paths;
+}
+
+sim::EnvironmentOptions environment_options(const RunConfig& config, const std::vector<std::string>& layouts,
+                                            int num_agents, int count) {
   return {.scenario = config.scenario,
           .wad_path = config.wad,
+          .layouts = layouts,
           .num_agents = num_agents,
           .count = count,
           .frame_skip = static_cast<int>(config.env_frameskip),
@@ -79,16 +91,18 @@ sim::EnvironmentOptions environment_options(const RunConfig& config, int num_age
 
 Status bench(const Arguments& arguments) {
   COMRAD_TRY_ASSIGN(const RunConfig config, load_settings(arguments.run_dir));
+  COMRAD_TRY_ASSIGN(const std::vector<std::string> layouts, pool_paths(config, arguments.run_dir));
   // One core, so that the number is a core's: threads that the renderer may start share it.
   pin_to_core(sched_getcpu());
   COMRAD_TRY_ASSIGN(const auto environments, sim::make_doom_environments(environment_options(
-                                                 config, static_cast<int>(config.num_agents),
+                                                 config, layouts, static_cast<int>(config.num_agents),
                                                  static_cast<int>(config.num_envs_per_worker))));
   const sim::BenchResult result =
       sim::run_bench(*environments, {.seconds = arguments.bench_seconds,
                                      .splits = static_cast<int>(config.worker_num_splits),
                                      .rollout_steps = static_cast<int>(config.rollout),
                                      .seed = static_cast<uint64_t>(config.seed),
+                                     .layout_count = static_cast<int>(layouts.size()),
                                      .rewards = sim::RewardRules::from(config)});
   const double decisions_per_s = static_cast<double>(result.decisions) / result.seconds;
   const nlohmann::json report = {
@@ -104,7 +118,7 @@ Status bench(const Arguments& arguments) {
 }
 
 Expected<std::unique_ptr<sim::EnvironmentSet>> make_environments(const sim::EnvironmentOptions& options,
-                                                                bool oracle) {
+                                                                 bool oracle) {
   if (!oracle) return sim::make_doom_environments(options);
   COMRAD_TRY_ASSIGN(auto guided, sim::make_doom_environment_set(options));
   return sim::OracleEnvironmentSet::create(std::move(guided));
@@ -118,17 +132,23 @@ Status work(const Arguments& arguments) {
   COMRAD_TRY_ASSIGN(const shm::Arena arena, shm::join_arena(arguments.arena, request, kJoinTimeoutMs));
   if (config.set_workers_cpu_affinity)
     pin_to_core(arguments.worker_index % static_cast<int>(std::max(1u, std::thread::hardware_concurrency())));
-  COMRAD_TRY_ASSIGN(const auto environments,
-                    make_environments(environment_options(config, arena.shape().trajectory.env.num_agents,
-                                                          arena.shape().envs_per_worker),
-                                      arguments.oracle));
+  COMRAD_TRY_ASSIGN(const std::vector<std::string> layouts, pool_paths(config, arguments.run_dir));
+  COMRAD_TRY_ASSIGN(
+      const auto environments,
+      make_environments(environment_options(config, layouts, arena.shape().trajectory.env.num_agents,
+                                            arena.shape().envs_per_worker),
+                        arguments.oracle));
   COMRAD_TRY_ASSIGN(const auto worker,
-                    sim::SimWorker::create(*environments, arena,
-                                           {.worker_index = arguments.worker_index,
-                                            .rules = {.seed = static_cast<uint64_t>(config.seed),
-                                                      .evaluate = arguments.evaluate,
-                                                      .rewards = sim::RewardRules::from(config)}}));
-  spdlog::info("{} environments of {} on {}", arena.shape().envs_per_worker, config.scenario, config.wad);
+                    sim::SimWorker::create(
+                        *environments, arena,
+                        {.worker_index = arguments.worker_index,
+                         .rules = {.seed = static_cast<uint64_t>(config.seed),
+                                   .evaluate = arguments.evaluate,
+                                   .rewards = sim::RewardRules::from(config),
+                                   .layout_count = static_cast<uint32_t>(layouts.size()),
+                                   .layout_swap_every = static_cast<uint32_t>(config.layout_swap_every)}}));
+  spdlog::info("{} environments of {} on {}", arena.shape().envs_per_worker, config.scenario,
+               layouts.empty() ? config.wad : std::to_string(layouts.size()) + " layouts");
   COMRAD_TRY(worker->run(g_stop));
   spdlog::info("stopped");
   return {};
@@ -146,7 +166,8 @@ int main(int argc, char** argv) {
   app.add_option("--worker_index", arguments.worker_index, "which simulator this is, from 0")
       ->check(CLI::NonNegativeNumber);
   app.add_flag("--evaluate", arguments.evaluate, "play a fixed number of episodes, record no trajectories");
-  app.add_flag("--oracle", arguments.oracle, "the scenario's scripted team plays, whatever the policy workers answer");
+  app.add_flag("--oracle", arguments.oracle,
+               "the scenario's scripted team plays, whatever the policy workers answer");
   const auto* bench_option =
       app.add_option("--bench", arguments.bench_seconds,
                      "no run: random actions for so many seconds, prints one JSON object")

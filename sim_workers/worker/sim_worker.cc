@@ -87,6 +87,7 @@ Status SimWorker::run(const std::atomic<bool>& stop) {
         }
         counters.decisions.fetch_add(static_cast<uint64_t>(play_round(split)) * agents,
                                      std::memory_order_relaxed);
+        if (!failure_) return failure_;
         is_idle &=
             arena_.group_round(options_.worker_index, split).request_count.load(std::memory_order_relaxed) ==
             0;
@@ -171,6 +172,8 @@ int SimWorker::play_round(int split) {
   observe(&EnvPort::wants_final, &EnvPort::final_target, split);  // before any reset
   for (EnvPort& port : group)
     if (port.wants_final()) port.close_episode();
+  for (const EnvPort& port : group)
+    if (!port.status()) failure_ = port.status();
   observe(&EnvPort::wants_row, &EnvPort::row_target, split);
   for (EnvPort& port : group)
     if (port.wants_row()) port.mark_observed();

@@ -28,7 +28,8 @@ class SimWorker {
                                                      const SimWorkerOptions& options);
 
   /// Waits for the run to start and plays until `stop` is set or the run state is kStopping.
-  /// Errors: kBadFormat when a journal does not replay.
+  /// Errors: kBadFormat when a journal does not replay; those of choose_layout() when a layout of the pool
+  /// cannot be loaded.
   Status run(const std::atomic<bool>& stop);
 
  private:
@@ -48,6 +49,7 @@ class SimWorker {
   std::vector<int> observed_indices_;  // scratch of one observe() call
   std::vector<ObservationTarget> observed_targets_;
   int64_t waited_ns_ = 0;
+  Status failure_;  // of an environment, in the round played last
 };
 
 }  // namespace comrad::sim

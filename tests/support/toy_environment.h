@@ -8,6 +8,7 @@
 #include <cstring>
 #include <functional>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "rollout_buffer/core/rng.h"
@@ -20,6 +21,8 @@ struct ToyOptions {
   uint32_t min_length = 1;       ///< decisions of the shortest episode
   uint32_t max_length = 20;      ///< and of the longest; the seed decides
   double truncated_share = 0.5;  ///< of the episodes that end by truncation
+  int layout_count = 1;          ///< layouts to choose from
+  int broken_layout = -1;        ///< one that cannot be loaded
 };
 
 /// An episode is a pure function of its seed and the actions; its length and how it ends follow from the seed
@@ -34,11 +37,17 @@ class ToyEnvironment : public sim::Environment {
   }
 
   const EnvShape& shape() const override { return options_.shape; }
-  uint64_t layout_id() const override { return 77; }
+  uint64_t layout_id() const override { return 77 + static_cast<uint64_t>(layout_); }
+  Status choose_layout(int layout) override {
+    if (layout < 0 || layout >= options_.layout_count || layout == options_.broken_layout)
+      return Error{ErrorCode::kNotFound, "toy layout " + std::to_string(layout) + " is not there"};
+    layout_ = layout;
+    return {};
+  }
 
   void reset(uint64_t episode_seed) override {
     seed_ = episode_seed;
-    state_ = mix64(episode_seed);
+    state_ = mix64(episode_seed + static_cast<uint64_t>(layout_));
     step_ = 0;
     last_.terminated = last_.truncated = false;
     std::fill(summary_.agent_return.begin(), summary_.agent_return.end(), 0.0f);
@@ -94,6 +103,7 @@ class ToyEnvironment : public sim::Environment {
   ToyOptions options_;
   uint64_t seed_ = 0, state_ = 0;
   uint32_t step_ = 0, length_ = 1;
+  int layout_ = 0;
   bool ends_truncated_ = false;
   sim::Step last_;
   sim::EpisodeSummary summary_;

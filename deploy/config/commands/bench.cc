@@ -12,6 +12,7 @@
 #include "deploy/config/merged_settings.h"
 #include "deploy/config/temporary_run.h"
 #include "deploy/launch/supervisor.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
 namespace {

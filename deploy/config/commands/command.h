@@ -27,6 +27,7 @@ int eval_command(Arguments arguments);
 int bench_command(Arguments arguments);
 int scenarios_command(Arguments arguments);
 int doomgen_command(Arguments arguments);
+int acs_command(Arguments arguments);
 int trace_command(Arguments arguments);
 int doctor_command(Arguments arguments);
 int test_command(Arguments arguments);

@@ -1,5 +1,5 @@
-// `comrad eval`: plays fresh episodes, keyed by the evaluation seed, with a trained, a scripted or a random policy,
-// through the same processes that training uses. Nothing is written into the run that is looked at.
+// `comrad eval`: plays fresh episodes, keyed by the evaluation seed, with a trained, a scripted or a random
+// policy, through the same processes that training uses. Nothing is written into the run that is looked at.
 
 #include <unistd.h>
 
@@ -15,6 +15,7 @@
 #include "deploy/config/statistics.h"
 #include "deploy/config/temporary_run.h"
 #include "deploy/launch/supervisor.h"
+#include "rollout_buffer/core/layout_list.h"
 
 namespace comrad::deploy {
 namespace {
@@ -29,14 +30,27 @@ struct Evaluation {
   bool is_scripted() const { return policy == "random" || policy == "oracle"; }
 };
 
+/// Layouts that a run trained on a pool is evaluated on: fresh ones of the evaluation pool, which no training
+/// pool shares.
+constexpr const char* kEvaluationPool = "eval:20";
+
 /// The settings to evaluate with: a run's own, or new ones where there is no run.
 Expected<MergedSettings> settings_for(Evaluation& evaluation, const UserSettings& user,
-                                      const std::string& train_dir, int core_count) {
+                                      const RunConfig& typed, const CommandLine& line, int core_count) {
   if (evaluation.is_scripted()) return merge_new(user, describe_scenario, core_count);
-  COMRAD_TRY_ASSIGN(const std::string run_dir, find_run(evaluation.policy, train_dir));
+  COMRAD_TRY_ASSIGN(const std::string run_dir, find_run(evaluation.policy, typed.train_dir));
   COMRAD_TRY_ASSIGN(RunConfig run, load_run_config(run_dir + "/config.toml"));
   run.seed = RunConfig().seed;  // runs of different seeds meet the same evaluation episodes
   run.deterministic = false;
+  if (line.was_typed("layout_pool")) {
+    run.wad.clear();
+  } else if (line.was_typed("wad") || line.was_typed("layout_seed")) {
+    run.layout_pool.clear();
+  } else if (!run.layout_pool.empty()) {
+    run.layout_pool = kEvaluationPool;
+  }
+  if (run.layout_pool.empty())
+    run.curriculum = RunConfig().curriculum;  // no curriculum draws in an evaluation
   COMRAD_TRY_ASSIGN(MergedSettings merged, merge_onto_run(run, user, describe_scenario, core_count));
   forget_stale_layout(run, merged.config);
   COMRAD_TRY_ASSIGN(evaluation.checkpoint, find_checkpoint(run_dir, merged.config.load_checkpoint_kind));
@@ -44,7 +58,8 @@ Expected<MergedSettings> settings_for(Evaluation& evaluation, const UserSettings
 }
 
 nlohmann::ordered_json summarise(const Evaluation& evaluation, const MergedSettings& merged,
-                                 const std::string& layout, const RunOutcome& outcome) {
+                                 const std::string& layout, const LayoutList& pool,
+                                 const RunOutcome& outcome) {
   const size_t agents = static_cast<size_t>(merged.config.num_agents);
   std::vector<double> scores, returns, lengths;
   std::vector<double> agent_scores(agents, 0.0);
@@ -56,25 +71,41 @@ nlohmann::ordered_json summarise(const Evaluation& evaluation, const MergedSetti
       agent_scores[agent] += agent < episode.agent_score.size() ? episode.agent_score[agent] : std::nan("");
   }
   for (double& score : agent_scores) score /= static_cast<double>(outcome.episodes.size());
-  return {{"scenario", merged.config.scenario},
-          {"policy", evaluation.policy},
-          {"episodes", outcome.episodes.size()},
-          {"seed", merged.config.seed},
-          {"num_agents", merged.config.num_agents},
-          {"layout", layout},
-          {"J_mean", mean(scores)},
-          {"J_ci95", confidence_95(scores)},
-          {"J_per_agent", agent_scores},
-          {"return_mean", mean(returns)},
-          {"length_tics_mean", mean(lengths)},
-          {"ceiling", merged.scenario.ceiling},
-          {"greedy", evaluation.greedy},
-          {"checkpoint", evaluation.checkpoint}};
+  nlohmann::ordered_json summary = {{"scenario", merged.config.scenario},
+                                    {"policy", evaluation.policy},
+                                    {"episodes", outcome.episodes.size()},
+                                    {"seed", merged.config.seed},
+                                    {"num_agents", merged.config.num_agents},
+                                    {"layout", layout},
+                                    {"J_mean", mean(scores)},
+                                    {"J_ci95", confidence_95(scores)},
+                                    {"J_per_agent", agent_scores},
+                                    {"return_mean", mean(returns)},
+                                    {"length_tics_mean", mean(lengths)},
+                                    {"ceiling", merged.scenario.ceiling},
+                                    {"greedy", evaluation.greedy},
+                                    {"checkpoint", evaluation.checkpoint}};
+  if (pool.layouts.empty()) return summary;
+  // Simulators play the layouts of a pool in turn, by the number of the episode.
+  std::vector<std::vector<double>> by_layout(pool.layouts.size());
+  for (const dds::EpisodeResult& episode : outcome.episodes)
+    by_layout[episode.episode_id % by_layout.size()].push_back(episode.score);
+  std::vector<double> means;
+  nlohmann::ordered_json layouts = nlohmann::ordered_json::object();
+  for (std::size_t i = 0; i < by_layout.size(); ++i) {
+    if (by_layout[i].empty()) continue;
+    means.push_back(mean(by_layout[i]));
+    layouts[pool.layouts[i].id] = means.back();
+  }
+  summary["layouts"] = means.size();
+  summary["J_ci95_layouts"] = confidence_95(means);
+  summary["J_by_layout"] = layouts;
+  return summary;
 }
 
 void print_table(const nlohmann::ordered_json& summary, const std::string& score_name) {
   for (const auto& [key, value] : summary.items()) {
-    if (key == "checkpoint" && value == "") continue;
+    if ((key == "checkpoint" && value == "") || value.is_object()) continue;
     std::string text = value.is_string() ? value.get<std::string>() : value.dump();
     if (value.is_number_float()) {
       char rounded[32];
@@ -84,6 +115,9 @@ void print_table(const nlohmann::ordered_json& summary, const std::string& score
     if (key == "J_mean") text += "  (" + score_name + ")";
     std::printf("%-18s %s\n", key.c_str(), text.c_str());
   }
+  if (!summary.contains("J_by_layout")) return;
+  for (const auto& [layout, score] : summary["J_by_layout"].items())
+    std::printf("  %-32s %.4g\n", layout.c_str(), score.get<double>());
 }
 
 Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
@@ -97,16 +131,23 @@ Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
   const int core_count = usable_cores();
   RunConfig typed;
   COMRAD_TRY(apply_layer(typed, user.typed));
-  COMRAD_TRY_ASSIGN(MergedSettings merged, settings_for(evaluation, user, typed.train_dir, core_count));
+  COMRAD_TRY_ASSIGN(MergedSettings merged, settings_for(evaluation, user, typed, line, core_count));
   const auto episodes = static_cast<int64_t>(evaluation.episodes);
   const int64_t enough = (episodes + merged.config.num_workers - 1) / merged.config.num_workers;
   if (!line.was_typed("num_envs_per_worker") && enough < merged.config.num_envs_per_worker) {
     user.typed.values.emplace_back("num_envs_per_worker", std::to_string(enough));
-    COMRAD_TRY_ASSIGN(merged, settings_for(evaluation, user, typed.train_dir, core_count));
+    COMRAD_TRY_ASSIGN(merged, settings_for(evaluation, user, typed, line, core_count));
   }
 
   const std::string layout = layout_text(merged.config);
   COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
+  LayoutList pool;
+  if (!merged.config.layout_pool.empty()) {
+    COMRAD_TRY_ASSIGN(pool, read_layout_list(run.path()));
+    if (static_cast<std::size_t>(episodes) < pool.layouts.size())
+      std::fprintf(stderr, "comrad eval: %lld episodes reach the first %lld of %zu layouts alone\n",
+                   static_cast<long long>(episodes), static_cast<long long>(episodes), pool.layouts.size());
+  }
   LaunchPlan plan;
   plan.config = merged.config;
   plan.env = merged.scenario.env;
@@ -125,7 +166,7 @@ Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
                                            std::to_string(episodes) + " episodes were played" +
                                            (outcome.message.empty() ? "" : ": " + outcome.message)};
 
-  const nlohmann::ordered_json summary = summarise(evaluation, merged, layout, outcome);
+  const nlohmann::ordered_json summary = summarise(evaluation, merged, layout, pool, outcome);
   if (evaluation.json)
     std::printf("%s\n", summary.dump().c_str());
   else
@@ -141,8 +182,11 @@ int eval_command(Arguments arguments) {
       "eval --policy random|oracle|RUN [--episodes N] [--json] [settings]",
       "Plays N fresh episodes and reports the score J with its 95% confidence interval over episodes\n"
       "(Student t). RUN is a run directory or the name of an experiment below --train_dir; its own\n"
-      "settings are taken from its config.toml. Episodes are keyed by --seed.");
-  line.add_option("policy", evaluation.policy, "NAME", "random, oracle (the scenario's scripted team), a run directory, or an experiment's name");
+      "settings are taken from its config.toml. Episodes are keyed by --seed. With --layout_pool all its\n"
+      "layouts are played in turn; a run that was trained on a pool plays eval:20 unless told otherwise,\n"
+      "fresh layouts that no training pool holds.");
+  line.add_option("policy", evaluation.policy, "NAME",
+                  "random, oracle (the scenario's scripted team), a run directory, or an experiment's name");
   line.add_option("episodes", evaluation.episodes, "N", "episodes to play (default 100)");
   line.add_switch("greedy", evaluation.greedy, "take the most likely action (default True for a run)");
   line.add_switch("stochastic", evaluation.stochastic, "draw actions from the policy, as training does");

@@ -1,4 +1,4 @@
-// `comrad scenarios`: comrad-scenarios under the name that users look for.
+// `comrad scenarios`, `comrad doomgen` and `comrad acs`: programs under the names that users look for.
 
 #include "deploy/config/child_program.h"
 #include "deploy/config/commands/command.h"
@@ -20,6 +20,12 @@ int doomgen_command(Arguments arguments) {
   std::vector<std::string> command = {sibling_program("comrad-doomgen")};
   command.insert(command.end(), arguments.begin(), arguments.end());
   return report_error("doomgen", replace_process(command));
+}
+
+int acs_command(Arguments arguments) {
+  std::vector<std::string> command = {sibling_program("comrad-acs")};
+  command.insert(command.end(), arguments.begin(), arguments.end());
+  return report_error("acs", replace_process(command));
 }
 
 }  // namespace comrad::deploy

@@ -13,6 +13,7 @@
 #include "deploy/config/merged_settings.h"
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/supervisor.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
 namespace {
@@ -21,15 +22,13 @@ namespace fs = std::filesystem;
 
 /// <scenario>_<ALGO>_<YYYYMMDD_HHMMSS>[_j<Slurm job>], as Sample Factory users know it.
 std::string automatic_name(const RunConfig& config) {
-  std::string algo = config.algo;
-  for (char& c : algo) c = static_cast<char>(c >= 'a' && c <= 'z' ? c - 'a' + 'A' : c);
   const std::time_t now = std::time(nullptr);
   std::tm local{};
   localtime_r(&now, &local);
   char date[32];
   std::strftime(date, sizeof(date), "%Y%m%d_%H%M%S", &local);
   const char* job = std::getenv("SLURM_JOB_ID");
-  return scenario_file_name(config) + "_" + algo + "_" + date +
+  return scenario_file_name(config) + "_" + upper_case(config.algo) + "_" + date +
          (job != nullptr ? std::string("_j") + job : "");
 }
 
@@ -39,6 +38,11 @@ Expected<MergedSettings> settings_for(const std::string& run_dir, bool resumes, 
   if (!resumes) return merge_new(user, describe_scenario, core_count);
   COMRAD_TRY_ASSIGN(const RunConfig run, load_run_config(run_dir + "/config.toml"));
   COMRAD_TRY_ASSIGN(MergedSettings merged, merge_onto_run(run, user, describe_scenario, core_count));
+  if (run.layout_pool.empty() != merged.config.layout_pool.empty())
+    return Error{ErrorCode::kBadInput,
+                 "--layout_pool=" + merged.config.layout_pool + ": the run was made " +
+                     (run.layout_pool.empty() ? "without a pool" : "with " + run.layout_pool) +
+                     "; leave it out, or start anew with another --experiment or --restart_behavior=restart"};
   forget_stale_layout(run, merged.config);
   return merged;
 }
@@ -67,6 +71,18 @@ Expected<int> train(const CommandLine& line) {
   config.restart_behavior = asked.restart_behavior;
   COMRAD_TRY(find_iwad());
   if (!config.wad.empty()) COMRAD_TRY(check_wad(config.wad));
+  if (!config.interestingness_graph_path.empty()) {
+    if (!fs::is_regular_file(config.interestingness_graph_path, error))
+      return Error{ErrorCode::kNotFound, "interestingness_graph_path is " +
+                                             config.interestingness_graph_path + ", which is no file"};
+    config.interestingness_graph_path =
+        fs::absolute(config.interestingness_graph_path, error).lexically_normal().string();
+  }
+  std::string layout_list;
+  if (!config.layout_pool.empty() && !is_pool_to_draw(config.layout_pool)) {
+    config.layout_pool = fs::absolute(config.layout_pool, error).lexically_normal().string();
+    COMRAD_TRY_ASSIGN(layout_list, ensure_layout_pool(config, "", /*for_training=*/true));
+  }
 
   COMRAD_TRY_ASSIGN(const RunDirectory directory,
                     RunDirectory::open(train_dir, experiment, config.restart_behavior));
@@ -74,7 +90,15 @@ Expected<int> train(const CommandLine& line) {
     return Error{ErrorCode::kBadInput, run_dir + ": another run was made here just now; start again"};
   std::fprintf(stderr, "%s %s\n",
                resumes ? "Resuming the run in" : "Run directory:", directory.path().c_str());
-  COMRAD_TRY_ASSIGN(config.wad, ensure_layout(config, directory.path() + "/layouts"));
+  if (config.layout_pool.empty()) {
+    COMRAD_TRY_ASSIGN(config.wad, ensure_layout(config, directory.path() + "/layouts"));
+  } else {
+    if (layout_list.empty()) {
+      COMRAD_TRY_ASSIGN(layout_list,
+                        ensure_layout_pool(config, directory.path() + "/layouts", /*for_training=*/true));
+    }
+    COMRAD_TRY(write_layout_list(directory.path(), layout_list));
+  }
   COMRAD_TRY(directory.write_config(config));
 
   LaunchPlan plan;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/actor_properties.h"
 #include "sim_workers/engine/acs/strings.h"
 #include "sim_workers/engine/play/damage.h"
@@ -62,7 +63,9 @@ void each_owner(const Caller& caller, const Actor* actor, bool everyone, Visit v
   }
 }
 
-bool is_armor(std::string_view name) { return same_text(name, "Armor") || same_text(name, "BasicArmor"); }
+bool is_armor(std::string_view name) {
+  return same_ignoring_case(name, "Armor") || same_ignoring_case(name, "BasicArmor");
+}
 
 }  // namespace
 
@@ -336,7 +339,7 @@ int32_t unique_thing_id(World& world, int32_t first, int32_t limit) {
 void give_inventory(const Caller& caller, Actor* actor, bool everyone, int32_t name, int32_t amount) {
   if (amount <= 0) return;
   std::optional<uint32_t> type;
-  if (same_text(caller.text(name), "Armor")) {
+  if (same_ignoring_case(caller.text(name), "Armor")) {
     type = caller.world.catalog().find("BasicArmorPickup");
   } else {
     type = caller.type_named(name);
@@ -360,7 +363,7 @@ void take_inventory(const Caller& caller, Actor* actor, bool everyone, int32_t n
 int32_t check_inventory(const Caller& caller, const Actor* actor, int32_t name) {
   if (actor == nullptr) return 0;
   const std::string_view text = caller.text(name);
-  if (same_text(text, "Health")) return actor->health;
+  if (same_ignoring_case(text, "Health")) return actor->health;
   if (actor->player_index < 0 || actor->player_index >= caller.world.player_count()) return 0;
   if (is_armor(text)) return caller.world.player(actor->player_index).armor;
   const std::optional<uint32_t> type = caller.type_named(name);

@@ -4,6 +4,7 @@
 #include <array>
 #include <string>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/strings.h"
 #include "sim_workers/engine/play/damage.h"
 
@@ -255,10 +256,10 @@ bool check_actor_property(const Caller& caller, const Actor* actor, int32_t prop
   const ActorType& type = caller.world.type_of(*actor);
   switch (static_cast<ActorProperty>(property)) {
     case ActorProperty::kNameTag:
-      return same_text(type.name, caller.text(value));
+      return same_ignoring_case(type.name, caller.text(value));
     case ActorProperty::kSpecies: {
       const uint32_t species = type.species != kNoType ? type.species : actor->type;
-      return same_text(caller.world.catalog()[species].name, caller.text(value));
+      return same_ignoring_case(caller.world.catalog()[species].name, caller.text(value));
     }
     case ActorProperty::kDamageType:
       return caller.world.catalog().find_damage_type(caller.text(value)) == actor->damage_type;

@@ -1,5 +1,6 @@
 #include "sim_workers/engine/acs/behavior.h"
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/behavior_reader.h"
 #include "sim_workers/engine/acs/strings.h"
 
@@ -18,7 +19,7 @@ const Script* Behavior::find_script(int32_t number) const {
 
 const Script* Behavior::find_script(std::string_view name) const {
   for (const Script& script : scripts_)
-    if (!script.name.empty() && same_text(script.name, name)) return &script;
+    if (!script.name.empty() && same_ignoring_case(script.name, name)) return &script;
   return nullptr;
 }
 

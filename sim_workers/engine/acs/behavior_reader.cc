@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/strings.h"
 
 namespace comrad::doom::acs {

@@ -1,6 +1,7 @@
 #include "sim_workers/engine/acs/caller.h"
 
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/acs/strings.h"
 #include "sim_workers/engine/play/hitscan.h"
@@ -52,7 +53,7 @@ std::string_view Caller::text(int32_t index) const {
 std::optional<uint32_t> Caller::type_named(int32_t string_index) const {
   const std::string_view name = text(string_index);
   const std::optional<uint32_t> type = world.catalog().find(name);
-  if (!type && !name.empty() && !same_text(name, "None"))
+  if (!type && !name.empty() && !same_ignoring_case(name, "None"))
     warn(kWarnName + static_cast<uint32_t>(string_index) % 256, "there is no actor type \"" + printable(name) + "\"");
   return type;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/strings.h"
 
 namespace comrad::doom::acs {
@@ -31,10 +32,10 @@ int32_t seconds_to_tics(Fixed seconds) {
 }  // namespace
 
 int32_t find_text_color(std::string_view name) {
-  if (same_text(name, "Grey")) return 2;
-  if (same_text(name, "DarkGrey")) return 20;
+  if (same_ignoring_case(name, "Grey")) return 2;
+  if (same_ignoring_case(name, "DarkGrey")) return 20;
   for (std::size_t i = 0; i < kColors.size(); ++i)
-    if (same_text(kColors[i], name)) return static_cast<int32_t>(i);
+    if (same_ignoring_case(kColors[i], name)) return static_cast<int32_t>(i);
   return -1;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/actor_calls.h"
 #include "sim_workers/engine/acs/actor_properties.h"
 #include "sim_workers/engine/acs/hud.h"
@@ -21,74 +22,15 @@ namespace comrad::doom::acs {
 namespace {
 
 using bytecode::kPCodeCount;
+using bytecode::Operation;
 using bytecode::PCode;
+using bytecode::VariableCode;
+using Scope = bytecode::VariableScope;
 
 constexpr int32_t kExpensive = 50;  // instructions that a call counts for which looks at the whole world
 constexpr std::size_t kTextsMax = 64;
 
 // ---------------------------------------------------------------- tables
-
-enum class Operation : uint8_t {
-  kNone,
-  kAssign,
-  kPush,
-  kAdd,
-  kSub,
-  kMul,
-  kDiv,
-  kMod,
-  kInc,
-  kDec,
-  kAnd,
-  kEor,
-  kOr,
-  kLeftShift,
-  kRightShift
-};
-enum class Scope : uint8_t { kScript, kMap, kWorld, kGlobal, kScriptArray, kMapArray, kWorldArray, kGlobalArray };
-
-constexpr bool is_array(Scope scope) { return scope >= Scope::kScriptArray; }
-
-/// A p-code that works on a variable or an element.
-struct VariableCode {
-  Operation operation = Operation::kNone;
-  Scope scope = Scope::kScript;
-};
-
-// The numbers follow the history of the language: three scopes at first, then globals, arrays, bits.
-constexpr std::array<VariableCode, kPCodeCount> make_variable_codes() {
-  using enum Operation;
-  using enum Scope;
-  std::array<VariableCode, kPCodeCount> codes{};
-  auto at = static_cast<std::size_t>(PCode::kAssignScriptVar);
-  for (const Operation operation : {kAssign, kPush, kAdd, kSub, kMul, kDiv, kMod, kInc, kDec})
-    for (const Scope scope : {kScript, kMap, kWorld}) codes[at++] = {operation, scope};
-  at = static_cast<std::size_t>(PCode::kAssignGlobalVar);
-  for (const Operation operation : {kAssign, kPush, kAdd, kSub, kMul, kDiv, kMod, kInc, kDec})
-    codes[at++] = {operation, kGlobal};
-  at = static_cast<std::size_t>(PCode::kPushMapArray);
-  for (const Operation operation : {kPush, kAssign, kAdd, kSub, kMul, kDiv, kMod, kInc, kDec})
-    codes[at++] = {operation, kMapArray};
-  at = static_cast<std::size_t>(PCode::kPushWorldArray);
-  for (const Scope scope : {kWorldArray, kGlobalArray})
-    for (const Operation operation : {kPush, kAssign, kAdd, kSub, kMul, kDiv, kMod, kInc, kDec})
-      codes[at++] = {operation, scope};
-  at = static_cast<std::size_t>(PCode::kAndScriptVar);
-  for (const Operation operation : {kAnd, kEor, kOr, kLeftShift, kRightShift})
-    for (const Scope scope : {kScript, kMap, kWorld, kGlobal, kMapArray, kWorldArray, kGlobalArray})
-      codes[at++] = {operation, scope};
-  at = static_cast<std::size_t>(PCode::kAssignScriptArray);
-  for (const Operation operation :
-       {kAssign, kPush, kAdd, kSub, kMul, kDiv, kMod, kInc, kDec, kAnd, kEor, kOr, kLeftShift, kRightShift})
-    codes[at++] = {operation, kScriptArray};
-  return codes;
-}
-constexpr std::array<VariableCode, kPCodeCount> kVariableCodes = make_variable_codes();
-static_assert(kVariableCodes[static_cast<std::size_t>(PCode::kDecWorldVar)].operation == Operation::kDec);
-static_assert(kVariableCodes[static_cast<std::size_t>(PCode::kDecGlobalArray)].operation == Operation::kDec);
-static_assert(kVariableCodes[static_cast<std::size_t>(PCode::kRightShiftGlobalArray)].scope == Scope::kGlobalArray);
-static_assert(kVariableCodes[static_cast<std::size_t>(PCode::kRightShiftScriptArray)].operation ==
-              Operation::kRightShift);
 
 /// Bytes of operands, in plain and in compact code.
 constexpr std::array<std::array<uint8_t, 2>, kPCodeCount> make_operand_sizes() {
@@ -213,7 +155,7 @@ class Interpreter {
         fail("the operands of " + std::string(info.name) + " run out of the lump");
         break;
       }
-      const VariableCode& variable = kVariableCodes[number];
+      const VariableCode& variable = bytecode::kVariableCodes[number];
       if (variable.operation != Operation::kNone) {
         run_variable(variable);
       } else {
@@ -1321,7 +1263,7 @@ void Interpreter::execute_call(PCode code) {
       const Actor* actor = caller_.one_actor(thing_id);
       if (actor == nullptr) return push(0);
       const Sector& sector = state_.sectors[actor->sector_index];
-      return push(same_text(
+      return push(same_ignoring_case(
           code == PCode::kCheckActorFloorTexture ? sector.floor_texture : sector.ceiling_texture,
           caller_.text(texture)));
     }
@@ -1391,7 +1333,7 @@ void Interpreter::execute_call(PCode code) {
     case PCode::kCheckWeapon: {
       const int player = caller_.activator_player();
       const uint32_t ready = player >= 0 ? world_.player(player).ready_weapon : kNoType;
-      top() = ready != kNoType && same_text(world_.catalog()[ready].name, caller_.text(top()));
+      top() = ready != kNoType && same_ignoring_case(world_.catalog()[ready].name, caller_.text(top()));
       return;
     }
     case PCode::kGetAmmoCapacity: {

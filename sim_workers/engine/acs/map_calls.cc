@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/actor_calls.h"
 #include "sim_workers/engine/acs/actor_properties.h"
 #include "sim_workers/engine/acs/strings.h"

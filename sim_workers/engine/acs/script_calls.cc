@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/actor_calls.h"
 #include "sim_workers/engine/acs/actor_properties.h"
 #include "sim_workers/engine/acs/machine.h"
@@ -181,7 +182,7 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
       return value(check_actor_property(caller, caller.one_actor(args[0]), args[1], args[2]));
     case BuiltIn::kCheckActorClass: {
       const Actor* actor = caller.one_actor(args[0]);
-      return value(actor != nullptr && same_text(world.type_of(*actor).name, caller.text(args[1])));
+      return value(actor != nullptr && same_ignoring_case(world.type_of(*actor).name, caller.text(args[1])));
     }
     case BuiltIn::kGetActorClass: {
       const Actor* actor = caller.one_actor(args[0]);
@@ -265,7 +266,7 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
       if (!player_at(args[1])) return {};
       const Player& player = world.player(args[1]);
       const bool same = player.armor_type != kNoType &&
-                        same_text(world.catalog()[player.armor_type].name, caller.text(args[0]));
+                        same_ignoring_case(world.catalog()[player.armor_type].name, caller.text(args[0]));
       return value(same ? player.armor : 0);
     }
     case BuiltIn::kGetArmorInfo: {
@@ -409,7 +410,8 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
       return {};
     case BuiltIn::kCheckFont: {
       const std::string_view font = caller.text(args[0]);
-      return value(same_text(font, "SMALLFONT") || same_text(font, "BIGFONT") || same_text(font, "CONFONT"));
+      return value(same_ignoring_case(font, "SMALLFONT") || same_ignoring_case(font, "BIGFONT") ||
+                   same_ignoring_case(font, "CONFONT"));
     }
 
     // ---- air: nobody drowns here

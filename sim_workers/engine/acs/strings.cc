@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cstdio>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/behavior.h"
 #include "sim_workers/engine/acs/machine.h"
 
@@ -46,35 +47,15 @@ std::string_view string_at(const World& world, int32_t index) {
                                                           : std::string_view();
 }
 
-bool same_text(std::string_view a, std::string_view b) {
-  if (a.size() != b.size()) return false;
-  for (std::size_t i = 0; i < a.size(); ++i)
-    if (lower(a[i]) != lower(b[i])) return false;
-  return true;
-}
-
 int compare_text(std::string_view a, std::string_view b, bool any_case, std::size_t count) {
   a = a.substr(0, count), b = b.substr(0, count);
   const std::size_t shared = std::min(a.size(), b.size());
   for (std::size_t i = 0; i < shared; ++i) {
-    const auto left = static_cast<unsigned char>(any_case ? lower(a[i]) : a[i]);
-    const auto right = static_cast<unsigned char>(any_case ? lower(b[i]) : b[i]);
+    const auto left = static_cast<unsigned char>(any_case ? lower_case(a[i]) : a[i]);
+    const auto right = static_cast<unsigned char>(any_case ? lower_case(b[i]) : b[i]);
     if (left != right) return left < right ? -1 : 1;
   }
   return a.size() == b.size() ? 0 : a.size() < b.size() ? -1 : 1;
-}
-
-std::string lower_case(std::string_view text) {
-  std::string result(text);
-  for (char& c : result) c = lower(c);
-  return result;
-}
-
-std::string upper_case(std::string_view text) {
-  std::string result(text);
-  for (char& c : result)
-    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
-  return result;
 }
 
 std::string printable(std::string_view text) {
@@ -150,8 +131,7 @@ void append_number(std::string& out, int32_t value) {
 void append_unsigned(std::string& out, uint32_t value, uint32_t base) {
   char text[40];
   const auto result = std::to_chars(text, text + sizeof(text), value, static_cast<int>(base));
-  for (char* c = text; c != result.ptr; ++c)
-    if (*c >= 'a') *c = static_cast<char>(*c - 'a' + 'A');
+  for (char* c = text; c != result.ptr; ++c) *c = upper_case(*c);
   out.append(text, result.ptr);
 }
 

@@ -13,12 +13,8 @@ namespace comrad::doom::acs {
 
 constexpr std::size_t kTextMax = 1 << 16;  ///< bytes of one text that a script builds
 
-constexpr char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
-bool same_text(std::string_view a, std::string_view b);  ///< any case
 /// -1, 0, 1; of at most `count` letters.
 int compare_text(std::string_view a, std::string_view b, bool any_case, std::size_t count = SIZE_MAX);
-std::string lower_case(std::string_view text);
-std::string upper_case(std::string_view text);
 std::string printable(std::string_view text);  ///< for messages: other bytes as '?', cut at 64
 
 /// The number of a string with this text, for a script to keep: the same text has one number. Texts that nothing

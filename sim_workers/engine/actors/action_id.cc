@@ -5,7 +5,7 @@
 #include <string>
 #include <unordered_map>
 
-#include "sim_workers/engine/actors/text_case.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::doom {
 namespace {

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/actors/builtin.h"
 #include "sim_workers/engine/actors/flag_names.h"
 #include "sim_workers/engine/actors/state_labels.h"
-#include "sim_workers/engine/actors/text_case.h"
 
 namespace comrad::doom {
 
@@ -94,9 +94,7 @@ uint32_t ActorCatalog::add_args(std::span<const ActionArg> args) {
 }
 
 uint32_t ActorCatalog::add_sprite(std::string_view name) {
-  std::string upper(name.substr(0, 4));
-  for (char& letter : upper)
-    if (letter >= 'a' && letter <= 'z') letter = static_cast<char>(letter - 'a' + 'A');
+  std::string upper = upper_case(name.substr(0, 4));
   const auto found = std::find(sprites_.begin(), sprites_.end(), upper);
   if (found == sprites_.end()) sprites_.push_back(std::move(upper));
   else return static_cast<uint32_t>(found - sprites_.begin());

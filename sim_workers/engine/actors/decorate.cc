@@ -8,6 +8,7 @@
 #include <unordered_set>
 #include <utility>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/actors/action_arguments.h"
 #include "sim_workers/engine/actors/decorate_expression.h"
 #include "sim_workers/engine/actors/decorate_lexer.h"
@@ -15,7 +16,6 @@
 #include "sim_workers/engine/actors/flag_names.h"
 #include "sim_workers/engine/actors/state_labels.h"
 #include "sim_workers/engine/actors/state_program.h"
-#include "sim_workers/engine/actors/text_case.h"
 
 namespace comrad::doom {
 namespace {
@@ -479,7 +479,7 @@ class DecorateParser {
     }
 
     for (const char letter : frames.text) {
-      if (letter != '#') *frame = static_cast<char>(letter >= 'a' && letter <= 'z' ? letter - 'a' + 'A' : letter);
+      if (letter != '#') *frame = upper_case(letter);
       if (*frame < 'A' || *frame > ']')
         return error_at(frames, "'" + std::string(1, letter) + "' is no frame: they are A to Z, [, \\ and ]");
       state.frame = static_cast<uint8_t>(*frame - 'A');

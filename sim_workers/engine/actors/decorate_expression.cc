@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "sim_workers/engine/actors/text_case.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::doom {
 namespace {

@@ -3,7 +3,7 @@
 #include <array>
 #include <charconv>
 
-#include "sim_workers/engine/actors/text_case.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::doom {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <unordered_map>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/actors/flag_names.h"
-#include "sim_workers/engine/actors/text_case.h"
 
 namespace comrad::doom {
 namespace {

@@ -3,8 +3,8 @@
 #include <optional>
 #include <utility>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/actors/state_labels.h"
-#include "sim_workers/engine/actors/text_case.h"
 
 namespace comrad::doom {
 namespace {

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <string>
+#include <string_view>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/behavior.h"
 #include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/map/level_index.h"
@@ -32,7 +33,8 @@ int32_t add_saturated(int32_t total, int32_t amount) {
 
 /// Pushes the target away from what hit it, harder the lighter it is.
 void thrust_away(World& world, Actor& target, const Actor& inflictor, int32_t amount, int32_t kickback) {
-  if (target.mass <= 0 || target.has(ActorFlag::kNoClip) || inflictor.has(ActorFlag::kNoDamageThrust))
+  if (target.mass <= 0 || target.has(ActorFlag::kNoClip) || target.has(ActorFlag::kDontThrust) ||
+      inflictor.has(ActorFlag::kNoDamageThrust))
     return;
   Angle angle = angle_to(inflictor.x, inflictor.y, target.x, target.y);
   int64_t thrust = int64_t{amount} * (kFracUnit >> 3) * kickback / target.mass;
@@ -65,10 +67,17 @@ void take_revenge(World& world, Actor& target, Actor* source) {
   if (idles && type.state(StateLabel::kSee) != kNoState) world.set_label(target, StateLabel::kSee);
 }
 
-/// The state that a type has for one kind of damage ("Death.Fire"); kNoState where there is none.
-uint32_t state_for_damage(const World& world, const ActorType& type, const char* prefix, DamageType kind) {
+/// The state that a type has for one kind of damage ("Death.Fire"; the prefix has the point, in lower case);
+/// kNoState where there is none.
+uint32_t state_for_damage(const World& world, const ActorType& type, std::string_view prefix,
+                          DamageType kind) {
   if (kind == DamageType::kNormal || type.labels.empty()) return kNoState;
-  return type.find_label(prefix + std::string(world.catalog().damage_type_name(kind)));
+  const std::string_view name = world.catalog().damage_type_name(kind);
+  for (const ActorType::Label& label : type.labels)  // whose names are in lower case
+    if (label.name.starts_with(prefix) &&
+        same_ignoring_case(std::string_view(label.name).substr(prefix.size()), name))
+      return label.state;
+  return kNoState;
 }
 
 }  // namespace

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/play/actions.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/weapons.h"
@@ -34,11 +34,6 @@ struct Giving {
 };
 
 Player& player_at(World& world, int index) { return world.state().players[static_cast<std::size_t>(index)]; }
-
-bool same_name(std::string_view a, std::string_view b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
-}
 
 InventoryItem* find_item(Player& player, uint32_t type) {
   for (InventoryItem& item : player.inventory)
@@ -407,7 +402,7 @@ int32_t take_item(World& world, int player_index, uint32_t type, int32_t amount)
   Player& player = player_at(world, player_index);
   const ActorType& info = world.catalog()[type];
   const auto part = [amount](int32_t held) { return amount == 0 ? held : std::min(held, amount); };
-  if (same_name(info.name, "BasicArmor") || same_name(info.name, "Armor") ||
+  if (same_ignoring_case(info.name, "BasicArmor") || same_ignoring_case(info.name, "Armor") ||
       info.item_class == ItemClass::kArmor || info.item_class == ItemClass::kArmorBonus) {
     const int32_t taken = part(player.armor);
     player.armor -= taken;
@@ -443,8 +438,9 @@ int32_t count_item(const World& world, int player_index, uint32_t type) {
   if (info.item_class == ItemClass::kAmmo || info.item_class == ItemClass::kWeapon ||
       info.item_class == ItemClass::kKey)
     return 0;
-  if (same_name(info.name, "Health")) return player.health;
-  if (same_name(info.name, "Armor") || same_name(info.name, "BasicArmor")) return player.armor;
+  if (same_ignoring_case(info.name, "Health")) return player.health;
+  if (same_ignoring_case(info.name, "Armor") || same_ignoring_case(info.name, "BasicArmor"))
+    return player.armor;
   if (info.item_class == ItemClass::kBackpack) return player.has_backpack ? 1 : 0;
   for (const Power& power : player.powers)
     if (power.tics != 0 &&

@@ -70,12 +70,12 @@ Font Font::from_graphics(const ArtArchive& archive, std::string_view prefix) {
     std::snprintf(name, sizeof name, "%.5s%03d", std::string(prefix).c_str(), code);
     const Expected<IndexedImage> image = archive.graphic(name);
     if (!image) continue;
-    font.glyphs_.emplace(code, Glyph{.width = image->width,
-                                     .height = image->height,
-                                     .left_offset = image->left_offset,
-                                     .top_offset = image->top_offset,
-                                     .texels = image->texels,
-                                     .brightness = {}});
+    font.add(code, Glyph{.width = image->width,
+                         .height = image->height,
+                         .left_offset = image->left_offset,
+                         .top_offset = image->top_offset,
+                         .texels = image->texels,
+                         .brightness = {}});
   }
   if (const Glyph* wide = font.glyph('N')) font.space_width_ = (wide->width + 1) / 2;
   font.finish(archive);
@@ -131,7 +131,7 @@ Expected<Font> Font::from_fon2(std::span<const uint8_t> lump, const ArtArchive& 
       for (std::size_t k = 0; k < run; ++k) glyph.texels.push_back(colors[lump[at + (code >= 0 ? k : 0)]]);
       at += bytes;
     }
-    font.glyphs_.emplace(first + static_cast<int>(i), std::move(glyph));
+    font.add(first + static_cast<int>(i), std::move(glyph));
   }
   if (const Glyph* wide = font.glyph('N')) font.space_width_ = (wide->width + 1) / 2;
   font.finish(archive);
@@ -142,7 +142,7 @@ Expected<Font> Font::from_fon2(std::span<const uint8_t> lump, const ArtArchive& 
 void Font::finish(const ArtArchive& archive) {
   int darkest = 255, brightest = 0;
   const auto each = [&](auto visit) {
-    for (auto& [code, glyph] : glyphs_)
+    for (Glyph& glyph : glyphs_)
       for (std::size_t i = 0; i < glyph.texels.size(); ++i)
         if (glyph.texels[i] != kTransparentIndex)
           visit(glyph, i, luminance(archive.palette(0)[glyph.texels[i]]));
@@ -150,7 +150,7 @@ void Font::finish(const ArtArchive& archive) {
   each([&](Glyph&, std::size_t, int bright) {
     darkest = std::min(darkest, bright), brightest = std::max(brightest, bright);
   });
-  for (auto& [code, glyph] : glyphs_) {
+  for (Glyph& glyph : glyphs_) {
     glyph.brightness.assign(glyph.texels.size(), 0);
     height_ = std::max(height_, glyph.height - std::min(0, glyph.top_offset));
   }
@@ -159,11 +159,18 @@ void Font::finish(const ArtArchive& archive) {
   });
 }
 
+void Font::add(int letter, Glyph glyph) {
+  if (letter < 0 || letter > 255) return;
+  by_letter_[static_cast<std::size_t>(letter)] = static_cast<int16_t>(glyphs_.size());
+  glyphs_.push_back(std::move(glyph));
+}
+
 const Glyph* Font::glyph(unsigned char letter) const {
-  auto found = glyphs_.find(letter);
-  if (found == glyphs_.end() && std::isalpha(letter))
-    found = glyphs_.find(std::isupper(letter) ? std::tolower(letter) : std::toupper(letter));
-  return found == glyphs_.end() ? nullptr : &found->second;
+  int16_t found = by_letter_[letter];
+  if (found < 0 && std::isalpha(letter))
+    found = by_letter_[static_cast<unsigned char>(std::isupper(letter) ? std::tolower(letter)
+                                                                       : std::toupper(letter))];
+  return found < 0 ? nullptr : &glyphs_[static_cast<std::size_t>(found)];
 }
 
 int Font::advance(unsigned char letter) const {
@@ -434,27 +441,34 @@ void HudText::draw_glyph(const Glyph& glyph, int color, int x, int y, const Canv
   const std::array<uint8_t, 256>* shades = color == kTextColorPlain ? nullptr : &ramp(color);
   const std::size_t plane = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
   const int share = static_cast<int>(alpha * 256.0f + 0.5f);
+  const bool covers = share == 256 && !additive;
+  texel_columns_.clear();
+  for (int column = begin_x; column < end_x; ++column)
+    texel_columns_.push_back(std::clamp(
+        static_cast<int>(std::floor((static_cast<float>(column) + 0.5f - canvas.left) / canvas.scale_x)) - x,
+        0, glyph.width - 1));
   for (int row = begin_y; row < end_y; ++row) {
     const int from_y =
         std::clamp(static_cast<int>(std::floor((static_cast<float>(row) + 0.5f) / canvas.scale_y)) - y, 0,
                    glyph.height - 1);
-    for (int column = begin_x; column < end_x; ++column) {
-      const int from_x = std::clamp(
-          static_cast<int>(std::floor((static_cast<float>(column) + 0.5f - canvas.left) / canvas.scale_x)) -
-              x,
-          0, glyph.width - 1);
-      const std::size_t texel = static_cast<std::size_t>(from_y) * static_cast<std::size_t>(glyph.width) +
-                                static_cast<std::size_t>(from_x);
-      if (glyph.texels[texel] == kTransparentIndex) continue;
+    const std::size_t texel_row = static_cast<std::size_t>(from_y) * static_cast<std::size_t>(glyph.width);
+    const uint8_t* const texels = &glyph.texels[texel_row];
+    uint8_t* pixel = picture + static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+                     static_cast<std::size_t>(begin_x);
+    for (const int from_x : texel_columns_) {
+      uint8_t* const at = pixel++;
+      const uint8_t texel = texels[from_x];
+      if (texel == kTransparentIndex) continue;
       const uint32_t rgb =
-          colors[shades == nullptr ? glyph.texels[texel] : (*shades)[glyph.brightness[texel]]];
-      const std::size_t at =
-          static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(column);
+          colors[shades == nullptr
+                     ? texel
+                     : (*shades)[glyph.brightness[texel_row + static_cast<std::size_t>(from_x)]]];
       for (std::size_t channel = 0; channel < 3; ++channel) {
-        uint8_t& pixel = picture[channel * plane + at];
-        const int source = static_cast<int>(rgb >> (8 * channel) & 255);
-        pixel = static_cast<uint8_t>(additive ? std::min(255, pixel + (source * share >> 8))
-                                              : (source * share + pixel * (256 - share)) >> 8);
+        const int source = static_cast<int>(rgb >> (8 * channel) & 255), below = at[channel * plane];
+        at[channel * plane] =
+            static_cast<uint8_t>(covers     ? source
+                                 : additive ? std::min(255, below + (source * share >> 8))
+                                            : (source * share + below * (256 - share)) >> 8);
       }
     }
   }

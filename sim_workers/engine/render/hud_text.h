@@ -30,6 +30,7 @@ struct Glyph {
 
 class Font {
  public:
+  Font() { by_letter_.fill(-1); }
   /// STCFN033 and so on: letters as graphics. Small letters stand in for missing capitals and the reverse.
   static Font from_graphics(const ArtArchive& archive, std::string_view prefix);
   /// A FON2 lump. Errors: kBadFormat.
@@ -41,8 +42,10 @@ class Font {
   bool empty() const { return glyphs_.empty(); }
 
  private:
+  void add(int letter, Glyph glyph);
   void finish(const ArtArchive& archive);
-  std::unordered_map<int, Glyph> glyphs_;
+  std::vector<Glyph> glyphs_;
+  std::array<int16_t, 256> by_letter_;  // place in glyphs_; -1: none
   int height_ = 0, space_width_ = 4, kerning_ = 0;
 };
 
@@ -95,6 +98,7 @@ class HudText {
   std::array<std::array<uint8_t, 256>, kTextColorCount> ramps_{};  // [color][brightness] palette index
   std::array<bool, kTextColorCount> ramp_made_{};
   std::vector<Letter> letters_;
+  std::vector<int> texel_columns_;  // of a glyph, under the pixels of a row
   std::vector<Line> lines_;
 };
 

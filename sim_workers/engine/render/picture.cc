@@ -10,6 +10,37 @@ namespace {
 
 constexpr std::size_t kTablesKept = 512;
 
+/// `destination` is the pixel in the red plane.
+void blend_pixel(uint32_t word, const uint8_t* texels, const PictureColors& colors,
+                 std::span<const Blend> blends, std::size_t plane, uint8_t* destination) {
+  const std::size_t kind = word >> kTintShift;
+  if (kind >= blends.size()) return;
+  const Blend& blend = blends[kind];
+  const uint32_t color =
+      colors.colors[(word >> kAddressBits & (kLightRowCount - 1)) * 256 + texels[word & kAddressMask]];
+  const int alpha = blend.alpha;
+  for (std::size_t channel = 0; channel < 3; ++channel) {
+    uint8_t& pixel = destination[channel * plane];
+    const int source = static_cast<int>(color >> (8 * channel) & 255), below = pixel;
+    int mixed = below;
+    switch (blend.kind) {
+      case Blend::Kind::kMix:
+        mixed = (source * alpha + below * (255 - alpha) + 127) / 255;
+        break;
+      case Blend::Kind::kAdd:
+        mixed = std::min(255, below + source * alpha / 255);
+        break;
+      case Blend::Kind::kSubtract:
+        mixed = std::max(0, below - source * alpha / 255);
+        break;
+      case Blend::Kind::kDarken:
+        mixed = below * (255 - alpha) / 255;
+        break;
+    }
+    pixel = static_cast<uint8_t>(mixed);
+  }
+}
+
 }  // namespace
 
 /// What every index becomes under a coloured light, [row, index]: as in ZDoom the nearest colour that the
@@ -98,38 +129,18 @@ void convert(std::span<const uint32_t> words, const uint8_t* texels, const Pictu
   }
 }
 
-void blend_layer(std::span<const uint32_t> layer, const uint8_t* texels, const PictureColors& colors,
-                 std::span<const Blend> blends, std::size_t plane, uint8_t* destination) {
-  for (std::size_t i = 0; i < layer.size(); ++i) {
-    const uint32_t word = layer[i];
-    if (word == 0) continue;
-    const std::size_t kind = word >> kTintShift;
-    if (kind >= blends.size()) continue;
-    const Blend& blend = blends[kind];
-    const uint32_t color =
-        colors.colors[(word >> kAddressBits & (kLightRowCount - 1)) * 256 + texels[word & kAddressMask]];
-    const int alpha = blend.alpha;
-    for (std::size_t channel = 0; channel < 3; ++channel) {
-      uint8_t& pixel = destination[channel * plane + i];
-      const int source = static_cast<int>(color >> (8 * channel) & 255), below = pixel;
-      int mixed = below;
-      switch (blend.kind) {
-        case Blend::Kind::kMix:
-          mixed = (source * alpha + below * (255 - alpha) + 127) / 255;
-          break;
-        case Blend::Kind::kAdd:
-          mixed = std::min(255, below + source * alpha / 255);
-          break;
-        case Blend::Kind::kSubtract:
-          mixed = std::max(0, below - source * alpha / 255);
-          break;
-        case Blend::Kind::kDarken:
-          mixed = below * (255 - alpha) / 255;
-          break;
-      }
-      pixel = static_cast<uint8_t>(mixed);
+void blend_layer(std::span<const uint32_t> layer, const PixelBox& box, const uint8_t* texels,
+                 const PictureColors& colors, std::span<const Blend> blends, int width, std::size_t plane,
+                 uint8_t* destination) {
+  std::size_t next = 0;
+  for (int row = box.top; row < box.bottom; ++row)
+    for (int column = box.left; column < box.right; ++column) {
+      const uint32_t word = layer[next++];
+      if (word != 0)
+        blend_pixel(word, texels, colors, blends, plane,
+                    destination + static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
+                        static_cast<std::size_t>(column));
     }
-  }
 }
 
 }  // namespace comrad::doom

@@ -55,8 +55,11 @@ class ColorTables {
 void convert(std::span<const uint32_t> words, const uint8_t* texels, const PictureColors& colors,
              std::size_t plane, uint8_t* destination);
 
-/// Blends the see-through layer over a picture; see TexelWord.
-void blend_layer(std::span<const uint32_t> layer, const uint8_t* texels, const PictureColors& colors,
-                 std::span<const Blend> blends, std::size_t plane, uint8_t* destination);
+/// Blends the see-through layer over a picture `width` pixels wide; see TexelWord.
+///   layer  [box.bottom - box.top, box.right - box.left]: blend << kTintShift | light row << kAddressBits |
+///          address, 0 where nothing see-through is
+void blend_layer(std::span<const uint32_t> layer, const PixelBox& box, const uint8_t* texels,
+                 const PictureColors& colors, std::span<const Blend> blends, int width, std::size_t plane,
+                 uint8_t* destination);
 
 }  // namespace comrad::doom

@@ -3,8 +3,11 @@
 // slowly than the one pass over the finished picture that looks both up. Stage: render.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
@@ -23,39 +26,61 @@ class Rasterizer {
   /// Errors: kUnsupported when the context lacks what is needed.
   static Expected<std::unique_ptr<Rasterizer>> create(std::unique_ptr<ContextProvider> context, int width,
                                                       int rows);
+  /// How many pictures one pass draws at most.
+  int capacity() const { return capacity_; }
   /// Makes the texture equal to the atlas if that changed.
   void update_atlas(ArtAtlas* atlas);
-  /// Draws `list`; `words` [rows, width], top row first. `layer` of the same size is written where the list
-  /// has blended quads.
-  void draw(const DrawList& list, TexelWord* words, TexelWord* layer);
-  /// The same list as depths [rows, width], map units; 0 where nothing but sky is.
+  /// Draws pictures, all with blended quads or all without.
+  void draw(std::span<const DrawList* const> lists);
+  /// The picture at a place of the last draw(): `words` [rows, width], top row first.
+  void read(std::size_t place, TexelWord* words);
+  /// A box of its layer of blended texels: `layer` [bottom - top, right - left].
+  void read_layer(std::size_t place, const PixelBox& box, TexelWord* layer);
+  /// One picture as depths [rows, width], map units; 0 where nothing but sky is.
   void draw_depth(const DrawList& list, float* depth);
   unsigned driver_error() const { return gl_.GetError(); }
   void make_current() { (void)context_->make_current(); }
 
  private:
+  static constexpr int kPicturesMax = 16;
+  static constexpr int64_t kPassPixelsMax = int64_t{1} << 20;
+  /// A framebuffer with a layer per picture, and one per layer to read it with.
+  struct Target {
+    GLuint framebuffer = 0;
+    std::array<GLuint, 2> colors{};  ///< texel words; blended ones
+    std::vector<GLuint> readers;
+  };
+
   Rasterizer(std::unique_ptr<ContextProvider> context, const GlFunctions& gl, int width, int rows)
       : context_(std::move(context)), gl_(gl), width_(width), rows_(rows) {}
   Status set_up();
+  void choose_capacity();
   Expected<GLuint> link(const char* fragment_source);
-  Expected<GLuint> make_framebuffer(GLenum color_format);
-  void draw_range(uint32_t begin, uint32_t end);
-  void upload(const DrawList& list);
-  void draw_opaque(const DrawList& list, GLuint program);
+  Expected<const Target*> target(int pictures, bool blended);
+  void queue(std::size_t list, uint32_t begin, uint32_t end);
+  void draw_queued();
+  void upload(std::span<const DrawList* const> lists);
+  void draw_opaque(std::span<const DrawList* const> lists, GLuint program);
+  void draw_masked(std::span<const DrawList* const> lists, bool layered);
 
   std::unique_ptr<ContextProvider> context_;
   GlFunctions gl_;
   int width_, rows_;
+  int capacity_ = 1;
+  std::string vertex_header_;
   GLuint opaque_program_ = 0, masked_program_ = 0;
   GLuint opaque_depth_program_ = 0, masked_depth_program_ = 0;  // linked when they are first used
-  GLuint plain_framebuffer_ = 0, layered_framebuffer_ = 0;      // one channel; two, the second is the layer
-  bool layered_ = false;
   GLint layer_uniform_ = -1;
-  std::vector<TexelWord> pairs_;  // of the layered framebuffer
-  GLuint atlas_texture_ = 0, vertex_buffer_ = 0;
+  std::array<std::array<Target, 5>, 2> targets_;  // [blended, log2 of the pictures]
+  const Target* drawn_ = nullptr;
+  GLuint atlas_texture_ = 0;
   int atlas_height_ = 0;
-  std::size_t vertex_bytes_ = 0;
-  bool depth_test_ = false;
+  std::vector<QuadVertex> vertices_;  // of all lists
+  std::vector<GLint> bases_of_lists_;
+  std::vector<GLsizei> counts_;  // queued stretches
+  std::vector<const void*> offsets_;
+  std::vector<GLint> bases_;
+  std::vector<std::size_t> next_runs_;  // [list]
 };
 
 }  // namespace comrad::doom

@@ -50,7 +50,9 @@ class QuadRenderer : public Renderer {
 
   void draw(std::span<const ViewRequest> views) override {
     rasterizer_->make_current();
-    for (const ViewRequest& view : views) draw_one(view);
+    const auto capacity = static_cast<std::size_t>(rasterizer_->capacity());
+    for (std::size_t begin = 0; begin < views.size(); begin += capacity)
+      draw_pass(views.subspan(begin, std::min(capacity, views.size() - begin)));
   }
 
   int undrawn_pixels() const override {
@@ -66,10 +68,11 @@ class QuadRenderer : public Renderer {
     rasterizer_->make_current();
     SceneView view = view_of(world, player);
     view.hand = {};
-    builder_.build(view, &list_);
+    lists_.resize(std::max<std::size_t>(lists_.size(), 1));
+    builder_.build(view, &lists_[0]);
     rasterizer_->update_atlas(&atlas_);
     depth->resize(words_.size());
-    rasterizer_->draw_depth(list_, depth->data());
+    rasterizer_->draw_depth(lists_[0], depth->data());
     return projection_.rows;
   }
 
@@ -91,6 +94,7 @@ class QuadRenderer : public Renderer {
   void forget_art() {
     scenes_.clear(), sprites_.clear();
     atlas_.clear();
+    ++times_art_forgotten_;
   }
 
   const Scene& scene(const World& world) {
@@ -125,23 +129,52 @@ class QuadRenderer : public Renderer {
     return view;
   }
 
-  void draw_one(const ViewRequest& request) {
+  /// As many views as one pass of the rasterizer takes.
+  void draw_pass(std::span<const ViewRequest> views) {
+    lists_.resize(std::max(lists_.size(), views.size()));
+    bool atlas_full = false;
+    const int art_at_start = times_art_forgotten_;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      const SceneView view = view_of(*views[i].world, views[i].player);
+      if (i > 0 && times_art_forgotten_ != art_at_start) {
+        // The levels of these views do not fit the atlas together, and the lists so far point into the old
+        // one.
+        for (std::size_t alone = 0; alone < views.size(); ++alone) draw_pass(views.subspan(alone, 1));
+        return;
+      }
+      builder_.build(view, &lists_[i]);
+      atlas_full |= view.sprites->atlas_full();
+    }
+    rasterizer_->update_atlas(&atlas_);
+    for (const bool blended : {false, true}) {
+      drawn_together_.clear(), requests_.clear();
+      for (std::size_t i = 0; i < views.size(); ++i)
+        if (lists_[i].has_blended == blended)
+          drawn_together_.push_back(&lists_[i]), requests_.push_back(views[i]);
+      if (drawn_together_.empty()) continue;
+      rasterizer_->draw(drawn_together_);
+      for (std::size_t i = 0; i < requests_.size(); ++i) finish(requests_[i], i);
+    }
+    if (atlas_full) forget_art();
+  }
+
+  /// Colours of the picture that was drawn at a place of drawn_together_, and what lies over the view.
+  void finish(const ViewRequest& request, std::size_t place) {
+    const DrawList& list = *drawn_together_[place];
     const World& world = *request.world;
     const Player& player = world.player(request.player);
-    const SceneView view = view_of(world, request.player);
-    builder_.build(view, &list_);
-    rasterizer_->update_atlas(&atlas_);
-    rasterizer_->draw(list_, words_.data(), layer_.data());
-
+    rasterizer_->read(place, words_.data());
     const int palette = options_.screen_flashes ? screen_palette(player) : 0;
     const std::size_t plane =
         static_cast<std::size_t>(options_.width) * static_cast<std::size_t>(options_.height);
     const PictureColors colors =
-        colors_.select(palette, player_sight(player), std::span(list_.tints).first(list_.tint_count));
+        colors_.select(palette, player_sight(player), std::span(list.tints).first(list.tint_count));
     convert(words_, atlas_.texels(), colors, plane, request.destination);
-    if (list_.has_blended)
-      blend_layer(layer_, atlas_.texels(), colors, std::span(list_.blends).first(list_.blend_count), plane,
-                  request.destination);
+    if (list.has_blended) {
+      rasterizer_->read_layer(place, list.blended_box, layer_.data());
+      blend_layer(layer_, list.blended_box, atlas_.texels(), colors,
+                  std::span(list.blends).first(list.blend_count), options_.width, plane, request.destination);
+    }
     if (options_.crosshair && world.options().crosshair)
       overlay_.draw_crosshair(player.health, request.destination);
     const uint32_t* lit = colors_.lit(palette);
@@ -150,7 +183,6 @@ class QuadRenderer : public Renderer {
     overlay_.draw_boxes(world.hud(), request.player, request.destination);
     if (options_.hud_text)
       text_.draw(world.state().scripts.hud_messages, request.player, lit, request.destination);
-    if (view.sprites->atlas_full()) forget_art();
   }
 
   /// The player's eyes, or those of what its camera is; its weapon where the eyes are its own.
@@ -188,12 +220,15 @@ class QuadRenderer : public Renderer {
   RenderOptions options_;
   Projection projection_;
   ArtAtlas atlas_;
+  int times_art_forgotten_ = 0;
   std::unique_ptr<Rasterizer> rasterizer_;
   ViewBuilder builder_;
   Overlay overlay_;
   HudText text_;
   ColorTables colors_;
-  DrawList list_;
+  std::vector<DrawList> lists_;
+  std::vector<const DrawList*> drawn_together_;
+  std::vector<ViewRequest> requests_;  // [place in drawn_together_]
   std::vector<TexelWord> words_, layer_;
   std::array<HandSprite, 2> hand_;
   // Scenes and tables keep their level and catalog alive, so an address is never that of a newer one.

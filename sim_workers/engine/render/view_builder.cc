@@ -21,7 +21,9 @@ constexpr float kSkyHorizonRow = 108.5f;
 // fall to either side by rounding.
 constexpr float kTexelEpsilon = 1.0f / 256.0f;
 constexpr float kTwoPi = 6.28318530717958647692f;
-constexpr float kShadowAlpha = 0.3f;  // how much a spectre or a half invisible player takes of the light
+constexpr float kShadowAlpha = 0.3f;   // how much a spectre or a half invisible player takes of the light
+constexpr float kTuck = 1.0f / 16.0f;  // rows that a surface goes on below a nearer one
+constexpr std::size_t kPiecesLookedAt = 8;
 constexpr float kLightRowsPerFlash = 4.0f;  // a weapon's flash adds 16 light levels of 256
 
 /// Rasterizers place corners on a grid of 1/256 pixel; on the same grid, "is this pixel's centre inside" has
@@ -56,6 +58,56 @@ void split_at_borders(float left, float right, float top_left, float top_right, 
   for (int i = 0; i + 1 < count; ++i) {
     const auto at = static_cast<std::size_t>(i);
     if (cuts[at + 1] > cuts[at]) piece(cuts[at], cuts[at + 1]);
+  }
+}
+
+/// Calls corner(x, row) for the corners, clockwise from the upper left one, of the quads that make up what
+/// lies between two edges and in the picture. Edges that cross end the quad there.
+template <typename Corner>
+void cut_to_picture(float left, float right, float top_left, float top_right, float bottom_left,
+                    float bottom_right, float rows, Corner&& corner) {
+  if (std::max(bottom_left, bottom_right) <= 0 || std::min(top_left, top_right) >= rows) return;
+  const float height_left = bottom_left - top_left, height_right = bottom_right - top_right;
+  if (height_left <= 0 && height_right <= 0) return;
+  if (height_left < 0 || height_right < 0) {
+    const float t = height_left / (height_left - height_right), x = left + t * (right - left);
+    const float row = top_left + t * (top_right - top_left);
+    if (height_left < 0)
+      left = x, top_left = bottom_left = row;
+    else
+      right = x, top_right = bottom_right = row;
+    if (right <= left) return;
+  }
+  const auto along = [&](float at_left, float at_right, float x) {
+    return std::clamp(at_left + (at_right - at_left) * ((x - left) / (right - left)), 0.0f, rows);
+  };
+  split_at_borders(left, right, top_left, top_right, bottom_left, bottom_right, rows, [&](float a, float b) {
+    const float top_a = along(top_left, top_right, a), top_b = along(top_left, top_right, b);
+    const float bottom_a = along(bottom_left, bottom_right, a),
+                bottom_b = along(bottom_left, bottom_right, b);
+    if (bottom_a <= top_a && bottom_b <= top_b) return;
+    corner(a, top_a), corner(b, top_b), corner(b, bottom_b), corner(a, bottom_a);
+  });
+}
+
+/// Calls piece(a, b, upper, lower) for the runs of columns of [left, right] in which the lower of two upper
+/// edges and the higher of two lower ones are the same; edges are functions from x to a row.
+template <typename Top, typename OwnTop, typename Bottom, typename OwnBottom, typename Piece>
+void cut_by_edges(float left, float right, const Top& top, const OwnTop& own_top, const Bottom& bottom,
+                  const OwnBottom& own_bottom, const Piece& piece) {
+  const auto cuts = [&](float column) {
+    const float x = column + 0.5f;
+    return std::pair(top(x) > own_top(x), bottom(x) < own_bottom(x));
+  };
+  for (float x = left; x < right;) {
+    const auto cut = cuts(std::floor(x));
+    float end = std::floor(x) + 1.0f;
+    while (end < right && cuts(end) == cut) end += 1.0f;
+    end = std::min(end, right);
+    piece(
+        x, end, [&](float at) { return cut.first ? top(at) : own_top(at); },
+        [&](float at) { return cut.second ? bottom(at) : own_bottom(at); });
+    x = end;
   }
 }
 
@@ -101,42 +153,17 @@ void ViewBuilder::build(const SceneView& view, DrawList* list) {
     center_y_ -= static_cast<float>(std::round(projection_.focal_y * std::tan(down)));
   }
   sky_seen_ = false;
-  ceiling_highest_ = -1e9f;
-  if (scene_->has_sky)
-    for (const Sector& sector : view.sectors)
-      ceiling_highest_ = std::max(ceiling_highest_, to_float(sector.ceiling_height));
   collect_spans();
-  list->needs_depth = !partial_spans_.empty();
-
-  if (!list->needs_depth) {
+  if (partial_spans_.empty()) {
     emit_painted_planes();
     emit_all_walls();
-    list->painted_end = list->solid_end = list->plane_end = quad_count();
   } else {
-    if (scene_->has_sky) emit_sky();
-    list->painted_end = quad_count();
-    emit_all_walls();
-    for (const int32_t index : partial_spans_) {
-      const Span& span = spans_[static_cast<std::size_t>(index)];
-      for (int column = span.column_begin; column < span.column_end;) {
-        const auto hidden = [&](int at) {
-          return span.inverse_at(static_cast<float>(at) + 0.5f) <=
-                 column_inverse_[static_cast<std::size_t>(at)];
-        };
-        if (hidden(column)) {
-          ++column;
-          continue;
-        }
-        int end = column + 1;
-        while (end < span.column_end && !hidden(end)) ++end;
-        emit_walls(span, column, end);
-        column = end;
-      }
-    }
-    list->solid_end = quad_count();
-    emit_crossed_planes();
-    list->plane_end = quad_count();
+    collect_crossings();
+    collect_pieces();
+    if (sky_seen_) emit_sky();
+    for (const Piece& piece : pieces_) emit_piece(piece);
   }
+  list->opaque_end = quad_count();
   collect_sprites();
   emit_masked();
   emit_hand();
@@ -401,11 +428,10 @@ void ViewBuilder::measure_line(uint32_t line_index, LineView* seen) {
   }
   if (span.column_begin >= span.column_end) return;
   if (line.two_sided && !span.solid) {
-    const bool has_middle = side_now(from_back ? line.back : line.front).middle.present;
-    if (!has_middle &&
-        (span.near_sector == span.far_sector ||
-         same_look(sector(span.near_sector), sector(span.far_sector), span.near_sector, span.far_sector)))
-      return;
+    const bool alike =
+        span.near_sector == span.far_sector ||
+        same_look(sector(span.near_sector), sector(span.far_sector), span.near_sector, span.far_sector);
+    if (alike && !side_now(from_back ? line.back : line.front).middle.present) return;
   }
   // The texture runs from the near side's own start, which is always the span's left end.
   const float width = span.x_right - span.x_left;
@@ -482,7 +508,7 @@ void ViewBuilder::push(float x, float row, float inverse, float u, float v, cons
   const float w = 1.0f / inverse;
   list_->vertices.push_back({.x = (x * 2.0f / static_cast<float>(projection_.width) - 1.0f) * w,
                              .y = (row * 2.0f / static_cast<float>(projection_.rows) - 1.0f) * w,
-                             .z = w - 2.0f * kNearDepth,
+                             .z = 0,
                              .w = w,
                              .u = u,
                              .v = v,
@@ -518,36 +544,6 @@ void ViewBuilder::emit_sky() {
     push(right, 0, 1, sky_u(right), sky_v(0), region, 0, 0);
     push(right, rows, 1, sky_u(right), sky_v(rows), region, 0, 0);
     push(left, rows, 1, sky_u(left), sky_v(rows), region, 0, 0);
-  }
-}
-
-/// Where open sky ends at a line, nothing that lies behind it shows above: the sky again, at the line's
-/// depth.
-void ViewBuilder::emit_sky_wall(const Span& span, float left, float right, float bottom) {
-  if (bottom >= ceiling_highest_) return;
-  const auto rows = static_cast<float>(projection_.rows);
-  const auto row_at = [&](float x) {
-    return center_y_ - projection_.focal_y * (bottom - eye_z_) * span.inverse_at(x);
-  };
-  if (row_at(left) <= 0 && row_at(right) <= 0) return;
-  const auto corner = [&](float x, float row, float u) {
-    push(x, row, 1, u, sky_v(row), scene_->sky, 0, 0);
-    list_->vertices.back().z = 1.0f - 2.0f * kNearDepth * span.inverse_at(x);
-  };
-  const auto strip = static_cast<float>(kSkyStripColumns);
-  for (float begin = left; begin < right;) {
-    const float strip_left = std::floor(begin / strip) * strip, strip_right = strip_left + strip;
-    const float end = std::min(right, strip_right);
-    const float u_left = sky_u(strip_left),
-                u_slope = (sky_u(std::min(strip_right, static_cast<float>(projection_.width))) - u_left) /
-                          (std::min(strip_right, static_cast<float>(projection_.width)) - strip_left);
-    split_at_borders(begin, end, 0, 0, row_at(begin), row_at(end), rows, [&](float a, float b) {
-      const float bottom_a = std::clamp(row_at(a), 0.0f, rows), bottom_b = std::clamp(row_at(b), 0.0f, rows);
-      if (bottom_a <= 0 && bottom_b <= 0) return;
-      const float u_a = u_left + (a - strip_left) * u_slope, u_b = u_left + (b - strip_left) * u_slope;
-      corner(a, 0, u_a), corner(b, 0, u_b), corner(b, bottom_b, u_b), corner(a, bottom_a, u_a);
-    });
-    begin = end;
   }
 }
 
@@ -621,103 +617,91 @@ void ViewBuilder::emit_all_walls() {
   }
 }
 
+/// One wall of the nearest, from its ceiling to its floor.
 void ViewBuilder::emit_walls(const Span& span, int column_begin, int column_end) {
-  const SceneLine& line = scene_->lines[span.line];
-  const SceneSide& near = near_side(span);
-  const SectorNow now = sector(span.near_sector);
+  const SectorNow& now = sector(span.near_sector);
+  const SectorNow& beyond = sector(span.far_sector);
   const float left = std::max(span.x_left, static_cast<float>(column_begin));
   const float right = std::min(span.x_right, static_cast<float>(column_end));
   if (right <= left) return;
-  const float shade = wall_shade(now, near);
-  const auto height_of = [](const ScenePart& part) {
-    return static_cast<float>(part.region.height) / part.scale_y;
-  };
-  if (!line.two_sided) {
-    if (!near.middle.present) return;
-    const float texture_top = line.lower_unpegged ? now.floor + height_of(near.middle) : now.ceiling;
-    emit_wall_part(span, left, right, now.ceiling, now.floor, texture_top, near.middle, near, shade,
-                   now.tint);
-    return;
-  }
-  const SectorNow beyond = sector(span.far_sector);
-  const bool both_sky = now.ceiling_plane->sky && beyond.ceiling_plane->sky;
-  if (beyond.ceiling < now.ceiling && !both_sky && near.top.present) {
-    const float bottom = std::max(beyond.ceiling, now.floor);
-    const float texture_top = line.upper_unpegged ? now.ceiling : beyond.ceiling + height_of(near.top);
-    emit_wall_part(span, left, right, now.ceiling, bottom, texture_top, near.top, near, shade, now.tint);
-  }
-  if (beyond.floor > now.floor && near.bottom.present) {
-    const float top = std::min(beyond.floor, now.ceiling);
-    // Unpegged, the texture lines up with the ceiling, or with the upper edge of the opening under open sky.
-    const float texture_top = !line.lower_unpegged ? beyond.floor
-                              : both_sky           ? std::min(now.ceiling, beyond.ceiling)
-                                                   : now.ceiling;
-    emit_wall_part(span, left, right, top, now.floor, texture_top, near.bottom, near, shade, now.tint);
-  }
-  if (span.solid) return;  // nothing behind it is drawn
-  if (now.ceiling_plane->sky && (!both_sky || beyond.ceiling < now.ceiling))
-    emit_sky_wall(span, left, right, both_sky ? beyond.ceiling : now.ceiling);
-  // A floor that drops away hides what lies below its edge, a ceiling that rises what lies above. Planes
-  // write no depth (sprites may reach a little below their floor), so a curtain behind the edge does; the
-  // nearer plane covers it in the picture.
-  if (beyond.floor < now.floor)
-    emit_curtain(span, left, right, now.floor, beyond.floor, now.floor_plane->region, now.floor_shade,
-                 now.tint);
-  if (beyond.ceiling > now.ceiling && !now.ceiling_plane->sky)
-    emit_curtain(span, left, right, beyond.ceiling, now.ceiling, now.ceiling_plane->region, now.ceiling_shade,
-                 now.tint);
-}
-
-void ViewBuilder::emit_curtain(const Span& span, float x_left, float x_right, float top, float bottom,
-                               const AtlasRegion& region, float shade, int32_t tint) {
-  ScenePart part;
-  part.region = region;
-  SceneSide nowhere;
-  nowhere.sidedef = UINT32_MAX;
-  emit_wall_part(span, x_left, x_right, top, bottom, top, part, nowhere, shade, tint);
-}
-
-void ViewBuilder::emit_wall_part(const Span& span, float x_left, float x_right, float top, float bottom,
-                                 float texture_top, const ScenePart& part, const SceneSide& side, float shade,
-                                 int32_t tint) {
-  if (top <= bottom) return;
-  const auto rows = static_cast<float>(projection_.rows);
   const auto row_at = [&](float x, float height) {
     return center_y_ - projection_.focal_y * (height - eye_z_) * span.inverse_at(x);
   };
-  const float top_left = row_at(x_left, top), top_right = row_at(x_right, top);
-  const float bottom_left = row_at(x_left, bottom), bottom_right = row_at(x_right, bottom);
-  if (std::max(bottom_left, bottom_right) <= 0 || std::min(top_left, top_right) >= rows) return;
-  const auto texture_width = static_cast<float>(part.region.width),
-             texture_height = static_cast<float>(part.region.height);
-  float offset_x = part.offset_x, offset_y = part.offset_y;
-  if (side.sidedef < view_->sides.size()) {
-    offset_x += to_float(view_->sides[side.sidedef].scroll_x);
-    offset_y += to_float(view_->sides[side.sidedef].scroll_y);
-  }
-  const auto corner = [&](float x, float row) {
-    const float sample_x = x + projection_.wall_shift_x, sample_row = row + projection_.wall_shift_y;
-    const float inverse = std::max(span.inverse_at(sample_x), kFarInverse);
-    const float height = eye_z_ + (center_y_ - sample_row) / (projection_.focal_y * inverse);
-    push(x, row, inverse,
-         (span.u_at(sample_x) / inverse * part.scale_x + offset_x + kTexelEpsilon) / texture_width,
-         ((texture_top - height) * part.scale_y + offset_y + kTexelEpsilon) / texture_height, part.region,
-         shade, tint);
+  const auto part = [&](Piece::Kind kind, float top, float bottom) {
+    emit_wall_part(span, kind, left, right, row_at(left, top), row_at(right, top), row_at(left, bottom),
+                   row_at(right, bottom));
   };
-  split_at_borders(x_left, x_right, top_left, top_right, bottom_left, bottom_right, rows,
-                   [&](float a, float b) {
-                     const float top_a = std::clamp(row_at(a, top), 0.0f, rows),
-                                 top_b = std::clamp(row_at(b, top), 0.0f, rows);
-                     const float bottom_a = std::clamp(row_at(a, bottom), 0.0f, rows);
-                     const float bottom_b = std::clamp(row_at(b, bottom), 0.0f, rows);
-                     if (bottom_a <= top_a && bottom_b <= top_b) return;
-                     corner(a, top_a), corner(b, top_b), corner(b, bottom_b), corner(a, bottom_a);
-                   });
+  if (!scene_->lines[span.line].two_sided) {
+    part(Piece::Kind::kMiddle, now.ceiling, now.floor);
+    return;
+  }
+  if (beyond.ceiling < now.ceiling)
+    part(Piece::Kind::kUpper, now.ceiling, std::max(beyond.ceiling, now.floor));
+  if (beyond.floor > now.floor) part(Piece::Kind::kLower, std::min(beyond.floor, now.ceiling), now.floor);
 }
 
-/// Columns that look through the same openings to the same wall share the strips of floor and ceiling between
-/// them.
-void ViewBuilder::emit_crossed_planes() {
+bool ViewBuilder::same_plane_look(const SectorNow& a, const SectorNow& b, uint32_t a_index, uint32_t b_index,
+                                  bool floor) const {
+  if (a_index == b_index) return true;
+  if (a.tint != b.tint) return false;
+  const Sector &one = view_->sectors[a_index], &other = view_->sectors[b_index];
+  return floor ? a.floor == b.floor && a.floor_shade == b.floor_shade &&
+                     same_plane(*a.floor_plane, *b.floor_plane) &&
+                     same_placement(one.floor_placement, other.floor_placement)
+               : a.ceiling == b.ceiling && a.ceiling_shade == b.ceiling_shade &&
+                     same_plane(*a.ceiling_plane, *b.ceiling_plane) &&
+                     same_placement(one.ceiling_placement, other.ceiling_placement);
+}
+
+void ViewBuilder::measure_border(int32_t span_index) {
+  const Span& span = spans_[static_cast<std::size_t>(span_index)];
+  const SceneLine& line = scene_->lines[span.line];
+  const SceneSide& side = near_side(span);
+  Border& border = borders_[static_cast<std::size_t>(span_index)];
+  border = {};
+  const SectorNow& now = *(border.now = &sector(span.near_sector));
+  const SectorNow& beyond = *(border.beyond = &sector(span.far_sector));
+  const auto factor = [&](float height) { return projection_.focal_y * (eye_z_ - height); };
+  border.factor = {factor(now.floor), factor(now.ceiling), factor(std::min(beyond.floor, now.ceiling)),
+                   factor(std::max(beyond.ceiling, now.floor))};
+  border.draws_floor = now.floor < eye_z_ && !now.floor_plane->sky;
+  border.draws_ceiling = now.ceiling > eye_z_ && !now.ceiling_plane->sky;
+  // From below a floor hides nothing (an eye may be there while a lift rises past it).
+  border.floor_ends = now.floor < eye_z_;
+  border.ceiling_ends = now.ceiling > eye_z_;
+  if (!line.two_sided) {
+    border.middle = side.middle.present;
+    return;
+  }
+  const bool both_sky = now.ceiling_plane->sky && beyond.ceiling_plane->sky;
+  const bool ceiling_drops = beyond.ceiling<now.ceiling, floor_rises = beyond.floor> now.floor;
+  border.upper = ceiling_drops && !both_sky && side.top.present;
+  border.lower = floor_rises && side.bottom.present;
+  if (span.solid) return;
+  border.floor_ends &= !same_plane_look(now, beyond, span.near_sector, span.far_sector, true);
+  border.ceiling_ends &= !same_plane_look(now, beyond, span.near_sector, span.far_sector, false);
+  border.sky_goes_on = both_sky && !ceiling_drops;
+  // Where a texture is missing the floor or ceiling behind it runs on in its place, as in Doom.
+  border.closes_top = border.upper || (both_sky && ceiling_drops);
+  border.closes_bottom = border.lower;
+  if (border.closes_top)
+    border.sprite_top = edge(span_index, kFarCeiling);
+  else if (!ceiling_drops && !border.sky_goes_on && (beyond.ceiling > now.ceiling || now.ceiling_plane->sky))
+    border.sprite_top = edge(span_index, kNearCeiling);
+  if (border.closes_bottom)
+    border.sprite_bottom = edge(span_index, kFarFloor);
+  else if (beyond.floor < now.floor)
+    border.sprite_bottom = edge(span_index, kNearFloor);
+}
+
+float ViewBuilder::row_of(Edge at, float x) const {
+  if (at < 0) return at == kPictureTop ? 0.0f : static_cast<float>(projection_.rows);
+  const auto span = static_cast<std::size_t>(at / 4);
+  return center_y_ + borders_[span].factor[static_cast<std::size_t>(at % 4)] * spans_[span].inverse_at(x);
+}
+
+/// The partial spans of every column, near to far.
+void ViewBuilder::collect_crossings() {
   std::fill(crossing_count_.begin(), crossing_count_.end(), 0);
   for (const int32_t index : partial_spans_) {
     const Span& span = spans_[static_cast<std::size_t>(index)];
@@ -735,75 +719,208 @@ void ViewBuilder::emit_crossed_planes() {
       count = std::min(count + 1, kCrossingsMax);
     }
   }
-  const auto same_column = [&](int a, int b) {
-    const auto one = static_cast<std::size_t>(a), other = static_cast<std::size_t>(b);
-    if (column_span_[one] != column_span_[other] || crossing_count_[one] != crossing_count_[other])
-      return false;
-    for (int i = 0; i < crossing_count_[one]; ++i)
-      if (crossings_[one * kCrossingsMax + static_cast<std::size_t>(i)].span !=
-          crossings_[other * kCrossingsMax + static_cast<std::size_t>(i)].span)
-        return false;
-    return true;
-  };
-  int begin = 0;
-  while (begin < projection_.width) {
-    int end = begin + 1;
-    while (end < projection_.width && same_column(begin, end)) ++end;
-    const auto at = static_cast<std::size_t>(begin);
-    emit_plane_run(begin, end, &crossings_[at * kCrossingsMax], crossing_count_[at], column_span_[at]);
-    begin = end;
-  }
 }
 
-void ViewBuilder::emit_plane_run(int column_begin, int column_end, const Crossing* crossings, int count,
-                                 int32_t solid_span) {
-  const auto left = static_cast<float>(column_begin), right = static_cast<float>(column_end);
-  const auto rows = static_cast<float>(projection_.rows);
-  const auto inverse_of = [&](const Span& span, float x) {
-    return std::clamp(span.inverse_at(x), kFarInverse, 1.0f / kNearDepth);
-  };
-  const Span* near_edge = nullptr;
-  for (int i = 0; i <= count; ++i) {
-    const int32_t far_index = i < count ? crossings[i].span : solid_span;
-    if (far_index < 0) return;  // the map is open here: nothing ends this floor
-    const Span& far_edge = spans_[static_cast<std::size_t>(far_index)];
-    const SectorNow now = sector(far_edge.near_sector);
-    const Sector& source = view_->sectors[far_edge.near_sector];
-    const bool has_beyond = !far_edge.solid;
-    const SectorNow beyond = has_beyond ? sector(far_edge.far_sector) : now;
-    const float far_left = inverse_of(far_edge, left), far_right = inverse_of(far_edge, right);
-    const float near_left = near_edge ? inverse_of(*near_edge, left) : 0;
-    const float near_right = near_edge ? inverse_of(*near_edge, right) : 0;
-    // Under a wall that rises from the far edge the strip goes on for a pixel: the wall hides it, no gap can
-    // show.
-    const auto scale = [&](float height) { return projection_.focal_y * (eye_z_ - height); };
-    if (now.floor < eye_z_ && !now.floor_plane->sky) {
-      const float tuck = !has_beyond || beyond.floor > now.floor ? 1.0f : 0.0f;
-      const float unit = scale(now.floor), horizon = center_y_ + unit * kFarInverse;
-      emit_plane(left, right, std::max(horizon, center_y_ + unit * far_left - tuck),
-                 std::max(horizon, center_y_ + unit * far_right - tuck),
-                 near_edge ? center_y_ + unit * near_left : rows,
-                 near_edge ? center_y_ + unit * near_right : rows, now.floor, now.floor_plane->region,
-                 source.floor_placement, now.floor_shade, now.tint);
-    }
-    if (now.ceiling > eye_z_ && !now.ceiling_plane->sky) {
-      const float tuck = !has_beyond || beyond.ceiling < now.ceiling ? 1.0f : 0.0f;
-      const float unit = scale(now.ceiling), horizon = center_y_ + unit * kFarInverse;
-      emit_plane(left, right, near_edge ? center_y_ + unit * near_left : 0,
-                 near_edge ? center_y_ + unit * near_right : 0,
-                 std::min(horizon, center_y_ + unit * far_left + tuck),
-                 std::min(horizon, center_y_ + unit * far_right + tuck), now.ceiling,
-                 now.ceiling_plane->region, source.ceiling_placement, now.ceiling_shade, now.tint);
-    }
-    near_edge = &far_edge;
+/// The same surface between the same edges, in the next column.
+bool ViewBuilder::goes_on(const Piece& before, const Piece& now) const {
+  if (before.kind != now.kind || before.top != now.top || before.bottom != now.bottom) return false;
+  if (before.span == now.span) return true;
+  if (now.kind != Piece::Kind::kFloor && now.kind != Piece::Kind::kCeiling) return false;
+  const uint32_t a = spans_[static_cast<std::size_t>(before.span)].near_sector,
+                 b = spans_[static_cast<std::size_t>(now.span)].near_sector;
+  return same_plane_look(*borders_[static_cast<std::size_t>(before.span)].now,
+                         *borders_[static_cast<std::size_t>(now.span)].now, a, b,
+                         now.kind == Piece::Kind::kFloor);
+}
+
+/// Adds a piece of one column, as the continuation of one of the column before it where it is that, or else
+/// if it `holds_pixel`. Pieces of a column are in the same order as those of the one before; the search goes
+/// on behind the last that was found, and not far: a piece that is missed is drawn in two.
+void ViewBuilder::add_piece(const Piece& piece, bool holds_pixel, std::size_t* older) {
+  const std::size_t end = std::min(column_pieces_.size(), *older + kPiecesLookedAt);
+  for (std::size_t i = *older; i < end; ++i) {
+    Piece& before = column_pieces_[i];
+    if (!goes_on(before, piece)) continue;
+    next_column_pieces_.push_back(before);
+    next_column_pieces_.back().column_end = piece.column_end;
+    before.column_end = 0;  // it is not over
+    *older = i + 1;
+    return;
   }
+  if (holds_pixel) next_column_pieces_.push_back(piece);
+}
+
+/// Every column is looked through from near to far: what lies between the lowest upper and the highest lower
+/// edge so far still shows. Each pixel belongs to one piece; nothing is painted twice but a sliver below
+/// edges.
+void ViewBuilder::collect_pieces() {
+  borders_.resize(std::max(borders_.size(), spans_.size()));
+  for (std::size_t i = 0; i < spans_.size(); ++i) measure_border(static_cast<int32_t>(i));
+  pieces_.clear(), column_pieces_.clear();
+  const auto end_pieces = [&] {
+    for (const Piece& piece : column_pieces_)
+      if (piece.column_end > 0) pieces_.push_back(piece);
+  };
+  for (int column = 0; column < projection_.width; ++column) {
+    const auto at = static_cast<std::size_t>(column);
+    const Crossing* crossings = &crossings_[at * kCrossingsMax];
+    next_column_pieces_.clear();
+    std::size_t older = 0;
+    struct End {
+      Edge edge;
+      float row;
+    };
+    const auto add = [&](Piece::Kind kind, int32_t span, End from, End to) {
+      const Span& of = spans_[static_cast<std::size_t>(span)];
+      const bool holds_pixel = std::ceil(from.row - kTuck - 0.5f) < to.row + kTuck - 0.5f;
+      add_piece({.kind = kind,
+                 .span = span,
+                 .top = from.edge,
+                 .bottom = to.edge,
+                 .column_begin = column,
+                 .column_end = column + 1,
+                 .inverse = of.inverse_at(0.5f * static_cast<float>(of.column_begin + of.column_end))},
+                holds_pixel, &older);
+    };
+    End top{kPictureTop, 0}, bottom{kPictureBottom, static_cast<float>(projection_.rows)};
+    for (int i = 0; i <= crossing_count_[at]; ++i) {
+      const bool last = i == crossing_count_[at];
+      const int32_t index = last ? column_span_[at] : crossings[i].span;
+      if (index < 0) {  // the map is open here: nothing ends this floor
+        sky_seen_ = scene_->has_sky;
+        break;
+      }
+      const float inverse = last ? column_inverse_[at] : crossings[i].inverse;
+      const Border& border = borders_[static_cast<std::size_t>(index)];
+      const auto row = [&](EdgeHeight which) { return center_y_ + border.factor[which] * inverse; };
+      sky_seen_ |= border.now->ceiling_plane->sky || border.now->floor_plane->sky;
+      if (const End floor{edge(index, kNearFloor), row(kNearFloor)};
+          border.floor_ends && floor.row < bottom.row) {
+        if (border.draws_floor) add(Piece::Kind::kFloor, index, floor.row >= top.row ? floor : top, bottom);
+        bottom = floor;
+        if (bottom.row <= top.row) break;
+      }
+      if (const End ceiling{edge(index, kNearCeiling), row(kNearCeiling)};
+          border.ceiling_ends && !border.sky_goes_on && ceiling.row > top.row) {
+        if (border.draws_ceiling)
+          add(Piece::Kind::kCeiling, index, top, ceiling.row <= bottom.row ? ceiling : bottom);
+        top = ceiling;
+        if (bottom.row <= top.row) break;
+      }
+      if (border.middle) add(Piece::Kind::kMiddle, index, top, bottom);
+      const End opening_top{edge(index, kFarCeiling), row(kFarCeiling)};
+      const End opening_bottom{edge(index, kFarFloor), row(kFarFloor)};
+      if (border.upper && opening_top.row > top.row)
+        add(Piece::Kind::kUpper, index, top, opening_top.row <= bottom.row ? opening_top : bottom);
+      if (border.lower && opening_bottom.row < bottom.row)
+        add(Piece::Kind::kLower, index, opening_bottom.row >= top.row ? opening_bottom : top, bottom);
+      if (border.closes_top && opening_top.row > top.row) top = opening_top;
+      if (border.closes_bottom && opening_bottom.row < bottom.row) bottom = opening_bottom;
+      if (bottom.row <= top.row) break;
+    }
+    end_pieces();
+    std::swap(column_pieces_, next_column_pieces_);
+  }
+  end_pieces();
+  // Far to near, and at the same border its wall before the floor in front of it.
+  const auto farther = [](const Piece& a, const Piece& b) {
+    return a.inverse != b.inverse ? a.inverse < b.inverse : a.kind > b.kind;
+  };
+  std::stable_sort(pieces_.begin(), pieces_.end(), farther);
+}
+
+void ViewBuilder::emit_piece(const Piece& piece) {
+  const Span& span = spans_[static_cast<std::size_t>(piece.span)];
+  auto left = static_cast<float>(piece.column_begin), right = static_cast<float>(piece.column_end);
+  const bool wall = piece.kind != Piece::Kind::kFloor && piece.kind != Piece::Kind::kCeiling;
+  if (wall) left = std::max(left, span.x_left), right = std::min(right, span.x_right);
+  if (right <= left) return;
+  // Under what is nearer, and so painted later, it goes on a little: edges that are cut in different places
+  // are not rounded alike.
+  const Edge own_top = piece.kind == Piece::Kind::kFloor   ? edge(piece.span, kNearFloor)
+                       : piece.kind == Piece::Kind::kLower ? edge(piece.span, kFarFloor)
+                                                           : kPictureTop;
+  const Edge own_bottom = piece.kind == Piece::Kind::kCeiling ? edge(piece.span, kNearCeiling)
+                          : piece.kind == Piece::Kind::kUpper ? edge(piece.span, kFarCeiling)
+                                                              : kPictureBottom;
+  const float above = piece.top == own_top ? 0.0f : kTuck, below = piece.bottom == own_bottom ? 0.0f : kTuck;
+  const float top_left = row_of(piece.top, left) - above, top_right = row_of(piece.top, right) - above;
+  const float bottom_left = row_of(piece.bottom, left) + below,
+              bottom_right = row_of(piece.bottom, right) + below;
+  if (wall) {
+    emit_wall_part(span, piece.kind, left, right, top_left, top_right, bottom_left, bottom_right);
+    return;
+  }
+  const SectorNow& now = *borders_[static_cast<std::size_t>(piece.span)].now;
+  const Sector& source = view_->sectors[span.near_sector];
+  const bool floor = piece.kind == Piece::Kind::kFloor;
+  const float height = floor ? now.floor : now.ceiling;
+  const float horizon = center_y_ + projection_.focal_y * (eye_z_ - height) * kFarInverse;
+  if (floor)
+    emit_plane(left, right, std::max(top_left, horizon), std::max(top_right, horizon), bottom_left,
+               bottom_right, height, now.floor_plane->region, source.floor_placement, now.floor_shade,
+               now.tint);
+  else
+    emit_plane(left, right, top_left, top_right, std::min(bottom_left, horizon),
+               std::min(bottom_right, horizon), height, now.ceiling_plane->region, source.ceiling_placement,
+               now.ceiling_shade, now.tint);
+}
+
+/// The texture of a part of a wall between four corners.
+void ViewBuilder::emit_wall_part(const Span& span, Piece::Kind kind, float x_left, float x_right,
+                                 float top_left, float top_right, float bottom_left, float bottom_right) {
+  const SceneLine& line = scene_->lines[span.line];
+  const SceneSide& near = near_side(span);
+  const ScenePart& part = kind == Piece::Kind::kMiddle  ? near.middle
+                          : kind == Piece::Kind::kUpper ? near.top
+                                                        : near.bottom;
+  if (!part.present) return;
+  const SectorNow& now = sector(span.near_sector);
+  const SectorNow& beyond = sector(span.far_sector);
+  const float part_height = static_cast<float>(part.region.height) / part.scale_y;
+  float texture_top = now.ceiling;
+  if (kind == Piece::Kind::kMiddle) {
+    if (line.lower_unpegged) texture_top = now.floor + part_height;
+  } else if (kind == Piece::Kind::kUpper) {
+    if (!line.upper_unpegged) texture_top = beyond.ceiling + part_height;
+  } else {
+    // Unpegged, the texture lines up with the ceiling, or with the upper edge of the opening under open sky.
+    const bool both_sky = now.ceiling_plane->sky && beyond.ceiling_plane->sky;
+    texture_top = !line.lower_unpegged ? beyond.floor
+                  : both_sky           ? std::min(now.ceiling, beyond.ceiling)
+                                       : now.ceiling;
+  }
+  emit_textured(span, x_left, x_right, top_left, top_right, bottom_left, bottom_right, texture_top, part,
+                near, wall_shade(now, near), now.tint);
+}
+
+void ViewBuilder::emit_textured(const Span& span, float x_left, float x_right, float top_left,
+                                float top_right, float bottom_left, float bottom_right, float texture_top,
+                                const ScenePart& part, const SceneSide& side, float shade, int32_t tint) {
+  const auto rows = static_cast<float>(projection_.rows);
+  const auto texture_width = static_cast<float>(part.region.width),
+             texture_height = static_cast<float>(part.region.height);
+  float offset_x = part.offset_x, offset_y = part.offset_y;
+  if (side.sidedef < view_->sides.size()) {
+    offset_x += to_float(view_->sides[side.sidedef].scroll_x);
+    offset_y += to_float(view_->sides[side.sidedef].scroll_y);
+  }
+  const auto corner = [&](float x, float row) {
+    const float sample_x = x + projection_.wall_shift_x, sample_row = row + projection_.wall_shift_y;
+    const float inverse = std::max(span.inverse_at(sample_x), kFarInverse);
+    const float height = eye_z_ + (center_y_ - sample_row) / (projection_.focal_y * inverse);
+    push(x, row, inverse,
+         (span.u_at(sample_x) / inverse * part.scale_x + offset_x + kTexelEpsilon) / texture_width,
+         ((texture_top - height) * part.scale_y + offset_y + kTexelEpsilon) / texture_height, part.region,
+         shade, tint);
+  };
+  cut_to_picture(x_left, x_right, top_left, top_right, bottom_left, bottom_right, rows, corner);
 }
 
 void ViewBuilder::emit_plane(float x_left, float x_right, float top_left, float top_right, float bottom_left,
                              float bottom_right, float height, const AtlasRegion& region,
                              const FlatPlacement& placement, float shade, int32_t tint) {
   const auto rows = static_cast<float>(projection_.rows);
-  if (std::max(bottom_left, bottom_right) <= 0 || std::min(top_left, top_right) >= rows) return;
   const float inverse_per_row = 1.0f / (projection_.focal_y * (eye_z_ - height));
   // Texels per unit of the map along both axes, and where they begin.
   float along_x = 1, across = 0, scale_x = 1, scale_y = 1, offset_x = 0, offset_y = 0;
@@ -826,17 +943,7 @@ void ViewBuilder::emit_plane(float x_left, float x_right, float top_left, float 
     push(x, row, inverse, (texel_x - kTexelEpsilon) / static_cast<float>(region.width),
          (texel_y - kTexelEpsilon) / static_cast<float>(region.height), region, shade, tint);
   };
-  split_at_borders(
-      x_left, x_right, top_left, top_right, bottom_left, bottom_right, rows, [&](float a, float b) {
-        const auto along = [&](float at_left, float at_right, float x) {
-          return std::clamp(at_left + (at_right - at_left) * ((x - x_left) / (x_right - x_left)), 0.0f, rows);
-        };
-        const float top_a = along(top_left, top_right, a), top_b = along(top_left, top_right, b);
-        const float bottom_a = along(bottom_left, bottom_right, a),
-                    bottom_b = along(bottom_left, bottom_right, b);
-        if (bottom_a <= top_a && bottom_b <= top_b) return;
-        corner(a, top_a), corner(b, top_b), corner(b, bottom_b), corner(a, bottom_a);
-      });
+  cut_to_picture(x_left, x_right, top_left, top_right, bottom_left, bottom_right, rows, corner);
 }
 
 void ViewBuilder::collect_sprites() {
@@ -927,14 +1034,51 @@ void ViewBuilder::begin_masked(bool blended) {
   list_->has_blended |= blended;
 }
 
+/// Blended quads lie in this part of the picture, given in pixels.
+void ViewBuilder::cover_blended(float left, float top, float right, float bottom) {
+  const auto rows = static_cast<float>(projection_.rows), columns = static_cast<float>(projection_.width);
+  const PixelBox box{static_cast<int>(std::floor(std::clamp(left, 0.0f, columns))),
+                     static_cast<int>(std::floor(std::clamp(top, 0.0f, rows))),
+                     static_cast<int>(std::ceil(std::clamp(right, 0.0f, columns))),
+                     static_cast<int>(std::ceil(std::clamp(bottom, 0.0f, rows)))};
+  PixelBox& all = list_->blended_box;
+  if (all.right <= all.left || all.bottom <= all.top)
+    all = box;
+  else
+    all = {std::min(all.left, box.left), std::min(all.top, box.top), std::max(all.right, box.right),
+           std::max(all.bottom, box.bottom)};
+}
+
+/// What is left between the edges that are nearer than 1 / inverse and hide sprites.
+ViewBuilder::Clip ViewBuilder::clip_at(int column, float inverse, int32_t own_span) const {
+  Clip clip;
+  if (partial_spans_.empty()) return clip;
+  const auto at = static_cast<std::size_t>(column);
+  float top_row = 0, bottom_row = static_cast<float>(projection_.rows);
+  for (int i = 0; i < crossing_count_[at]; ++i) {
+    const Crossing& crossing = crossings_[at * kCrossingsMax + static_cast<std::size_t>(i)];
+    if (crossing.inverse <= inverse || crossing.span == own_span) break;
+    const Border& border = borders_[static_cast<std::size_t>(crossing.span)];
+    const auto row = [&](Edge edge_at) {
+      return center_y_ + border.factor[static_cast<std::size_t>(edge_at % 4)] * crossing.inverse;
+    };
+    if (border.sprite_top >= 0 && row(border.sprite_top) > top_row)
+      top_row = row(border.sprite_top), clip.top = border.sprite_top;
+    if (border.sprite_bottom >= 0 && row(border.sprite_bottom) < bottom_row)
+      bottom_row = row(border.sprite_bottom), clip.bottom = border.sprite_bottom;
+  }
+  return clip;
+}
+
 void ViewBuilder::emit_masked() {
   const auto rows = static_cast<float>(projection_.rows);
   for (const VisibleSprite& sprite : sprites_) {
     const Span* span = sprite.grating < 0 ? nullptr : &spans_[static_cast<std::size_t>(sprite.grating)];
+    const auto inverse_at = [&](int column) {
+      return span == nullptr ? sprite.inverse : span->inverse_at(static_cast<float>(column) + 0.5f);
+    };
     const auto visible = [&](int column) {
-      const float inverse =
-          span == nullptr ? sprite.inverse : span->inverse_at(static_cast<float>(column) + 0.5f);
-      return inverse > column_inverse_[static_cast<std::size_t>(column)];
+      return inverse_at(column) > column_inverse_[static_cast<std::size_t>(column)];
     };
     begin_masked(sprite.blend >= 0);
     const int32_t mark = sprite.blend >= 0
@@ -947,39 +1091,49 @@ void ViewBuilder::emit_masked() {
         ++column;
         continue;
       }
+      const Clip clip = clip_at(column, inverse_at(column), sprite.grating);
       int end = column + 1;
-      while (end < last && visible(end)) ++end;
+      while (end < last && visible(end) && clip_at(end, inverse_at(end), sprite.grating) == clip) ++end;
       const auto run_left = static_cast<float>(column), run_right = static_cast<float>(end);
       column = end;
-      if (span != nullptr) {
-        emit_grating(*span, sprite.blend >= 0 ? mark : sector(span->near_sector).tint, run_left, run_right);
-        continue;
+      if (span == nullptr) {
+        emit_sprite(sprite, mark, run_left, run_right, clip);
+      } else {
+        if (sprite.blend >= 0) cover_blended(run_left, 0, run_right, rows);
+        emit_grating(*span, sprite.blend >= 0 ? mark : sector(span->near_sector).tint, run_left, run_right,
+                     clip);
       }
-      const float left = std::max(sprite.x_left, run_left), right = std::min(sprite.x_right, run_right);
-      const float top = std::max(sprite.y_top, 0.0f), bottom = std::min(sprite.y_bottom, rows);
-      if (right <= left || bottom <= top) continue;
-      // A hair inside the picture, so that rounding never wraps to the other edge.
-      const auto inside = [](float value) { return std::clamp(value, 1e-4f, 1.0f - 1e-4f); };
-      const auto u_at = [&](float x) {
-        const float u = inside((x - sprite.x_left) / (sprite.x_right - sprite.x_left));
-        return sprite.mirrored ? 1.0f - u : u;
-      };
-      const auto v_at = [&](float row) {
-        return inside((row - sprite.y_top) / (sprite.y_bottom - sprite.y_top));
-      };
-      push(left, top, sprite.inverse, u_at(left), v_at(top), sprite.region, sprite.shade, mark);
-      push(right, top, sprite.inverse, u_at(right), v_at(top), sprite.region, sprite.shade, mark);
-      push(right, bottom, sprite.inverse, u_at(right), v_at(bottom), sprite.region, sprite.shade, mark);
-      push(left, bottom, sprite.inverse, u_at(left), v_at(bottom), sprite.region, sprite.shade, mark);
     }
   }
 }
 
-void ViewBuilder::emit_grating(const Span& span, int32_t tint_or_blend, float run_left, float run_right) {
+void ViewBuilder::emit_sprite(const VisibleSprite& sprite, int32_t mark, float run_left, float run_right,
+                              const Clip& clip) {
+  const auto rows = static_cast<float>(projection_.rows);
+  const float left = std::max(sprite.x_left, run_left), right = std::min(sprite.x_right, run_right);
+  if (right <= left) return;
+  if (sprite.blend >= 0) cover_blended(left, sprite.y_top, right, sprite.y_bottom);
+  // A hair inside the picture, so that rounding never wraps to the other edge.
+  const auto inside = [](float value) { return std::clamp(value, 1e-4f, 1.0f - 1e-4f); };
+  const auto corner = [&](float x, float row) {
+    const float u = inside((x - sprite.x_left) / (sprite.x_right - sprite.x_left));
+    const float v = inside((row - sprite.y_top) / (sprite.y_bottom - sprite.y_top));
+    push(x, row, sprite.inverse, sprite.mirrored ? 1.0f - u : u, v, sprite.region, sprite.shade, mark);
+  };
+  cut_by_edges(
+      left, right, [&](float x) { return row_of(clip.top, x); }, [&](float) { return sprite.y_top; },
+      [&](float x) { return row_of(clip.bottom, x); }, [&](float) { return sprite.y_bottom; },
+      [&](float a, float b, const auto& upper, const auto& lower) {
+        cut_to_picture(a, b, upper(a), upper(b), lower(a), lower(b), rows, corner);
+      });
+}
+
+void ViewBuilder::emit_grating(const Span& span, int32_t tint_or_blend, float run_left, float run_right,
+                               const Clip& clip) {
   const SceneLine& line = scene_->lines[span.line];
   const SceneSide& near = near_side(span);
-  const SectorNow now = sector(span.near_sector);
-  const SectorNow beyond = sector(span.far_sector);
+  const SectorNow& now = sector(span.near_sector);
+  const SectorNow& beyond = sector(span.far_sector);
   const float opening_top = std::min(now.ceiling, beyond.ceiling);
   const float opening_bottom = std::max(now.floor, beyond.floor);
   const float height = static_cast<float>(near.middle.region.height) / near.middle.scale_y;
@@ -991,14 +1145,19 @@ void ViewBuilder::emit_grating(const Span& span, int32_t tint_or_blend, float ru
   if (near.sidedef < view_->sides.size() && !line.wraps_middle)
     texture_top += to_float(view_->sides[near.sidedef].scroll_y) / part.scale_y;
   const float left = std::max(span.x_left, run_left), right = std::min(span.x_right, run_right);
-  const float shade = wall_shade(now, near);
-  if (line.wraps_middle)
-    emit_wall_part(span, left, right, opening_top, opening_bottom, texture_top, part, near, shade,
-                   tint_or_blend);
-  else
-    emit_wall_part(span, left, right, std::min(opening_top, texture_top),
-                   std::max(opening_bottom, texture_top - height), texture_top, part, near, shade,
-                   tint_or_blend);
+  if (right <= left) return;
+  const float top = line.wraps_middle ? opening_top : std::min(opening_top, texture_top);
+  const float bottom = line.wraps_middle ? opening_bottom : std::max(opening_bottom, texture_top - height);
+  const auto row_at = [&](float x, float at_height) {
+    return center_y_ - projection_.focal_y * (at_height - eye_z_) * span.inverse_at(x);
+  };
+  cut_by_edges(
+      left, right, [&](float x) { return row_of(clip.top, x); }, [&](float x) { return row_at(x, top); },
+      [&](float x) { return row_of(clip.bottom, x); }, [&](float x) { return row_at(x, bottom); },
+      [&](float a, float b, const auto& upper, const auto& lower) {
+        emit_textured(span, a, b, upper(a), upper(b), lower(a), lower(b), texture_top, part, near,
+                      wall_shade(now, near), tint_or_blend);
+      });
 }
 
 void ViewBuilder::emit_hand() {
@@ -1021,6 +1180,7 @@ void ViewBuilder::emit_hand() {
     const float y0 = std::max(top, 0.0f), y1 = std::min(bottom, rows);
     if (x0 >= x1 || y0 >= y1) continue;
     begin_masked(hand_blend >= 0);
+    if (hand_blend >= 0) cover_blended(x0, y0, x1, y1);
     const SectorNow& now = sector(eye_sector_);
     const float shade = held.bright ? 0 : now.shade;
     const int32_t mark =

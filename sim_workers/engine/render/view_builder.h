@@ -52,6 +52,12 @@ struct QuadVertex {
   float width, height;  ///< of the texture, texels
   float shade;          ///< light row at infinite distance; see light_shade()
   int32_t address;      ///< of the texture in the atlas; above it the tint, or the blend
+  int32_t picture = 0;  ///< which of the pictures of a pass; the rasterizer sets it
+};
+
+/// Pixels [left, right) x [top, bottom).
+struct PixelBox {
+  int left = 0, top = 0, right = 0, bottom = 0;
 };
 
 constexpr int kTintsMax = 8, kBlendsMax = 8;
@@ -66,12 +72,9 @@ struct Blend {
 /// Quads in drawing order; four vertices each. Ranges count quads.
 struct DrawList {
   std::vector<QuadVertex> vertices;
-  uint32_t painted_end = 0;  ///< [0, painted_end): opaque, in painter's order, no depth test
-  uint32_t solid_end = 0;    ///< [painted_end, solid_end): walls, depth tested and written
-  uint32_t plane_end = 0;    ///< [solid_end, plane_end): floors and ceilings, depth tested only
-  /// [plane_end, masked_end): sprites and gratings from far to near, then the weapon; transparent texels
+  uint32_t opaque_end = 0;  ///< [0, opaque_end): sky, walls, floors, ceilings, in painter's order
+  /// [opaque_end, masked_end): sprites and gratings from far to near, then the weapon; transparent texels
   uint32_t masked_end = 0;
-  bool needs_depth = false;  ///< false where no wall part can hide another: walls and floors tile the picture
   /// The masked range in stretches that are all opaque or all blended. A blended texel goes to a layer of its
   /// own, an opaque one takes the layer away: the nearest see-through surface of a pixel counts.
   struct Run {
@@ -80,6 +83,8 @@ struct DrawList {
   };
   std::vector<Run> masked_runs;
   bool has_blended = false;
+  PixelBox blended_box;                             ///< pixels that blended quads may cover
+  int32_t picture = 0;                              ///< which of the pictures of one pass this is
   std::array<uint32_t, kTintsMax> tints{0xFFFFFF};  ///< 0xRRGGBB by number; 0 is white
   uint32_t tint_count = 1;
   std::array<Blend, kBlendsMax> blends{};
@@ -87,8 +92,9 @@ struct DrawList {
 
   void clear() {
     vertices.clear(), masked_runs.clear();
-    painted_end = solid_end = plane_end = masked_end = 0;
-    needs_depth = has_blended = false;
+    opaque_end = masked_end = 0;
+    has_blended = false;
+    blended_box = {};
     tint_count = 1, blend_count = 0;
   }
 };
@@ -153,6 +159,32 @@ class ViewBuilder {
     float inverse = 0;
     int32_t span = -1;
   };
+  /// The upper or lower end of what shows of a surface: a height along a span (4 * span + which), or an end
+  /// of the picture.
+  using Edge = int32_t;
+  static constexpr Edge kPictureTop = -1, kPictureBottom = -2;
+  enum EdgeHeight : int32_t { kNearFloor, kNearCeiling, kFarFloor, kFarCeiling };
+  static Edge edge(int32_t span, EdgeHeight which) { return 4 * span + which; }
+  /// What a partial or solid span does to the columns that it covers. A row is center_y_ + factor / depth.
+  struct Border {
+    const SectorNow* now = nullptr;
+    const SectorNow* beyond = nullptr;
+    std::array<float, 4> factor{};                ///< by EdgeHeight, of the opening
+    bool floor_ends = true, ceiling_ends = true;  ///< they look otherwise behind it
+    bool draws_floor = false, draws_ceiling = false;
+    bool sky_goes_on = false;  ///< its ceiling is open sky, and so is the one behind it, no lower
+    bool upper = false, lower = false, middle = false;  ///< the parts of the wall that are drawn
+    bool closes_top = false, closes_bottom = false;     ///< nothing behind shows beyond the opening
+    Edge sprite_top = kPictureTop, sprite_bottom = kPictureBottom;  ///< what hides sprites behind it
+  };
+  /// A part of a surface between two edges, in a run of columns.
+  struct Piece {
+    enum class Kind : uint8_t { kFloor, kCeiling, kMiddle, kUpper, kLower } kind = Kind::kFloor;
+    int32_t span = -1;  ///< the wall's, or the one that ends the floor
+    Edge top = kPictureTop, bottom = kPictureBottom;
+    int column_begin = 0, column_end = 0;
+    float inverse = 0;  ///< in the middle of the span
+  };
   struct VisibleSprite {
     float inverse = 0, x_left = 0, x_right = 0, y_top = 0, y_bottom = 0, shade = 0;
     AtlasRegion region;
@@ -182,28 +214,42 @@ class ViewBuilder {
   void fill_columns(int32_t span_index);
   void emit_painted_planes();
   void emit_sky();
-  void emit_sky_wall(const Span& span, float left, float right, float bottom);
   float sky_u(float x) const;
   float sky_v(float row) const;
   void emit_all_walls();
   void emit_walls(const Span& span, int column_begin, int column_end);
-  void emit_wall_part(const Span& span, float x_left, float x_right, float top, float bottom,
-                      float texture_top, const ScenePart& part, const SceneSide& side, float shade,
-                      int32_t tint);
-  void emit_curtain(const Span& span, float x_left, float x_right, float top, float bottom,
-                    const AtlasRegion& region, float shade, int32_t tint);
-  void emit_crossed_planes();
-  void emit_plane_run(int column_begin, int column_end, const Crossing* crossings, int count,
-                      int32_t solid_span);
+  void measure_border(int32_t span_index);
+  bool same_plane_look(const SectorNow& a, const SectorNow& b, uint32_t a_index, uint32_t b_index,
+                       bool floor) const;
+  float row_of(Edge at, float x) const;
+  void collect_crossings();
+  void collect_pieces();
+  void add_piece(const Piece& piece, bool holds_pixel, std::size_t* older);
+  bool goes_on(const Piece& before, const Piece& now) const;
+  void emit_piece(const Piece& piece);
+  void emit_wall_part(const Span& span, Piece::Kind kind, float x_left, float x_right, float top_left,
+                      float top_right, float bottom_left, float bottom_right);
+  void emit_textured(const Span& span, float x_left, float x_right, float top_left, float top_right,
+                     float bottom_left, float bottom_right, float texture_top, const ScenePart& part,
+                     const SceneSide& side, float shade, int32_t tint);
   void emit_plane(float x_left, float x_right, float top_left, float top_right, float bottom_left,
                   float bottom_right, float height, const AtlasRegion& region, const FlatPlacement& placement,
                   float shade, int32_t tint);
+  struct Clip {
+    Edge top = kPictureTop, bottom = kPictureBottom;
+    bool operator==(const Clip&) const = default;
+  };
+  Clip clip_at(int column, float inverse, int32_t own_span) const;
   void collect_sprites();
   void collect_gratings();
   void emit_masked();
-  void emit_grating(const Span& span, int32_t tint_or_blend, float run_left, float run_right);
+  void emit_grating(const Span& span, int32_t tint_or_blend, float run_left, float run_right,
+                    const Clip& clip);
+  void emit_sprite(const VisibleSprite& sprite, int32_t mark, float run_left, float run_right,
+                   const Clip& clip);
   void emit_hand();
   void begin_masked(bool blended);
+  void cover_blended(float left, float top, float right, float bottom);
   void push(float x, float row, float inverse, float u, float v, const AtlasRegion& region, float shade,
             int32_t tint);
   uint32_t quad_count() const { return static_cast<uint32_t>(list_->vertices.size() / 4); }
@@ -214,8 +260,7 @@ class ViewBuilder {
   const Scene* scene_ = nullptr;
   DrawList* list_ = nullptr;
   float cosine_ = 1, sine_ = 0, eye_x_ = 0, eye_y_ = 0, eye_z_ = 0;
-  float center_y_ = 0;         // of the projection, moved by the pitch
-  float ceiling_highest_ = 0;  // of all sectors, in a level with sky
+  float center_y_ = 0;  // of the projection, moved by the pitch
   uint32_t eye_sector_ = 0;
   uint64_t stamp_ = 0;
   std::vector<SectorNow> sectors_;
@@ -233,6 +278,9 @@ class ViewBuilder {
   std::vector<int32_t> column_span_;
   std::vector<Crossing> crossings_;  // [column, kCrossingsMax]
   std::vector<int32_t> crossing_count_;
+  std::vector<Border> borders_;                            // [span]
+  std::vector<Piece> pieces_;                              // of the picture
+  std::vector<Piece> column_pieces_, next_column_pieces_;  // of a column, near to far
   std::vector<VisibleSprite> sprites_;
   bool sky_seen_ = false;
 };

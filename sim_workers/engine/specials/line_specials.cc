@@ -1,8 +1,11 @@
 #include "sim_workers/engine/specials/line_specials.h"
 
+#include <algorithm>
 #include <cctype>
+#include <iterator>
 #include <string>
 
+#include "doomgen/wad/special_names.h"
 #include "rollout_buffer/core/log.h"
 #include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/play/inventory.h"
@@ -12,9 +15,48 @@
 namespace comrad::doom {
 namespace {
 
+// By rising number: those with a name that do nothing here.
+constexpr int16_t kUnsupported[] = {
+    9,    // Line_Horizon
+    16,   // Transfer_WallLight
+    48,   // Sector_Attach3dMidtex
+    50,   // ExtraFloor_LightOnly
+    51,   // Sector_SetLink
+    56,   // Line_SetTextureScale
+    57,   // Sector_SetPortal
+    58,   // Sector_CopyScroller
+    79,   // Thing_SetConversation
+    98,   // Sector_SetTranslucent
+    107,  // Line_SetPortalTarget
+    118,  // Plane_Copy
+    145,  // Player_SetTeam
+    152,  // Team_Score
+    153,  // Team_GivePoints
+    156,  // Line_SetPortal
+    158,  // FS_Execute
+    159,  // Sector_SetPlaneReflection
+    160,  // Sector_Set3DFloor
+    161,  // Sector_SetContents
+    174,  // SendToCommunicator
+    179,  // ChangeSkill
+    181,  // Plane_Align
+    182,  // Line_Mirror
+    183,  // Line_AlignCeiling
+    184,  // Line_AlignFloor
+    190,  // Static_Init
+    209,  // Transfer_Heights
+    210,  // Transfer_FloorLight
+    211,  // Transfer_CeilingLight
+    274,  // Door_AnimatedClose
+    277,  // Sector_SetFloorGlow
+    278,  // Sector_SetCeilingGlow
+    279,  // Floor_MoveToValueAndCrush
+    280,  // Ceiling_MoveToValueAndCrush
+};
+
 void warn_once(const World& world, int32_t number, const char* what) {
   if (!world.index().warned_specials->first(number)) return;
-  const std::string_view name = special_name(number);
+  const std::string_view name = wad::special_name(number);
   spdlog::warn("{}: special {} {} {}", world.level().name, number, name.empty() ? "(without a name)" : name,
                what);
 }
@@ -202,6 +244,11 @@ std::optional<int32_t> execute_line_special(World& world, const SpecialCall& cal
 }
 
 }  // namespace
+
+bool special_is_supported(int32_t number) {
+  return !wad::special_name(number).empty() &&
+         !std::binary_search(std::begin(kUnsupported), std::end(kUnsupported), number);
+}
 
 int32_t execute_special(World& world, const SpecialCall& call) {
   if (call.number == 0) return 0;

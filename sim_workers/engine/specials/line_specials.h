@@ -4,8 +4,6 @@
 
 #include <array>
 #include <cstdint>
-#include <optional>
-#include <string_view>
 
 #include "sim_workers/engine/play/world.h"
 
@@ -23,9 +21,7 @@ struct SpecialCall {
 /// world's level.
 int32_t execute_special(World& world, const SpecialCall& call);
 
-/// "Door_Open" -> 11, in any case. Nothing for names that this engine does not know.
-std::optional<int32_t> find_special(std::string_view name);
-std::string_view special_name(int32_t number);
+/// Whether execute_special() knows the number (wad::special_name() has its name).
 bool special_is_supported(int32_t number);
 
 /// How a line was touched. Who touches it counts as much: any way of crossing (or using) by a player is a

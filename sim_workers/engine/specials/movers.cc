@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "doomgen/wad/special_names.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
 #include "sim_workers/engine/map/level_index.h"
@@ -196,7 +197,7 @@ Fixed texture_height(const World& world, const SpecialCall& call) {
     spdlog::warn(
         "{}: special {} {} moves a plane by the height of a texture; here that is {} units, whatever the "
         "texture. Use the special that moves it by a value",
-        world.level().name, call.number, special_name(call.number), kUnits);
+        world.level().name, call.number, wad::special_name(call.number), kUnits);
   return to_fixed(kUnits);
 }
 

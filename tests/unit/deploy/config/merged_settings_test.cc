@@ -21,6 +21,7 @@ Expected<ScenarioDescription> fake_scenario(const std::string& name, int64_t num
   scenario.env.measurement_count = use_measurements ? 5 : 0;
   scenario.supported_agents = {2, 4};
   scenario.shared_reward_alpha = 0.25;
+  scenario.ceiling = 40;
   scenario.training = {"scenario two_rooms",
                        {{"batch_size", "1024"}, {"num_epochs", "2"}, {"rnn_type", "gru"}}};
   return scenario;
@@ -151,6 +152,26 @@ TEST(SettingText, WritesEveryTypeAsConfigTomlDoes) {
   EXPECT_EQ(setting_text(config, "use_rnn"), "true");
   EXPECT_EQ(setting_text(config, "gamma"), "0.98999999999999999");
   EXPECT_EQ(setting_text(config, "no_such_setting"), "");
+}
+
+TEST(MergeNew, CurriculaMeasureAgainstTheScenariosCeiling) {
+  const auto merged =
+      merge_new(typed({{"layout_pool", "p"}, {"curriculum", "sequential"}}), fake_scenario, 2);
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(merged->config.seq_max_return, 40);
+  EXPECT_EQ(merged->config.lp_max_return, 40);
+  const auto own = merge_new(typed({{"layout_pool", "p"}, {"lp_max_return", "7"}}), fake_scenario, 2);
+  ASSERT_TRUE(own);
+  EXPECT_EQ(own->config.lp_max_return, 7);
+}
+
+TEST(MergeOntoRun, TheCurriculumStays) {
+  const auto merged = merge_new(typed({{"layout_pool", "p"}, {"curriculum", "plr"}}), fake_scenario, 2);
+  ASSERT_TRUE(merged) << merged.error().message;
+  const auto other =
+      merge_onto_run(merged->config, {"", {"command line", {{"curriculum", "uniform"}}}}, fake_scenario, 2);
+  ASSERT_FALSE(other);
+  EXPECT_THAT(other.error().message, HasSubstr("the run was made with plr"));
 }
 
 }  // namespace

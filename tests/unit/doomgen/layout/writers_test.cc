@@ -135,7 +135,7 @@ TEST(MapPicture, ShowsFloorsWallsAndStarts) {
   ASSERT_TRUE(map);
   const auto picture = draw_map(*map, 200);
   ASSERT_TRUE(picture) << picture.error().message;
-  EXPECT_EQ(picture->width, 200 + 1);
+  EXPECT_EQ(picture->width, 200);
   int walls = 0, starts = 0, floors = 0;
   for (const Colour& c : picture->pixels) {
     walls += c == Colour{240, 240, 240};

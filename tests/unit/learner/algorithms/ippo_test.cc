@@ -188,6 +188,28 @@ TEST(Ippo, MicroBatchesGiveTheGradientOfTheWholeBatch) {
     EXPECT_LT(largest_relative_difference(results[0], results[i]), 2e-5) << "variant " << i;
 }
 
+TEST(Ippo, ThreadsWithAMicroBatchEachGiveTheSameGradientEveryTime) {
+  std::vector<std::vector<Tensor>> results;
+  for (const int64_t threads : {1, 3, 3, 3, 2}) {
+    RunConfig config = small_config();
+    config.micro_batch_size = 16;
+    config.learner_threads = threads;
+    const TrajectoryShape shape = small_shape(config);
+    Ippo ippo(config, shape.env, torch::kCPU);
+    Minibatch batch = noise_batch(shape, 7, 3);
+    apply_lag_filter(batch, 0, 1000);
+    ippo.prepare_targets(batch);
+    Ippo::LossSums sums;
+    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
+    results.push_back(gradients(ippo.net()));
+  }
+  for (std::size_t i = 1; i < results.size(); ++i)
+    EXPECT_LT(largest_relative_difference(results[0], results[i]), 2e-5) << "variant " << i;
+  for (const std::size_t again : {2u, 3u})
+    for (std::size_t i = 0; i < results[1].size(); ++i)
+      EXPECT_TRUE(torch::equal(results[1][i], results[again][i])) << "parameter " << i;
+}
+
 TEST(Ippo, AnAllInvalidTrajectoryAddsNothingToTheGradient) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);

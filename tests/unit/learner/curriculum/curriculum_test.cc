@@ -73,6 +73,29 @@ TEST(Curriculum, SequentialGoesOnWhenTheMeanReachesTheThresholdAndNeverBack) {
   EXPECT_EQ(curriculum->draw(), 2);
 }
 
+TEST(Curriculum, ATaskWithAScaleOfItsOwnIsMeasuredAgainstIt) {
+  auto sequential = made({.kind = "sequential",
+                          .threshold = 0.5,
+                          .max_return = 100.0,
+                          .window = 4,
+                          .min_outcomes = 1,
+                          .task_scale = {10.0, 0.0}},
+                         3);
+  sequential->update(0, 4.9);
+  EXPECT_EQ(sequential->draw(), 0);
+  sequential->update(0, 5.5);  // mean 5.2 of 10
+  EXPECT_EQ(sequential->draw(), 1);
+  sequential->update(1, 49.0);  // without a scale: of 100
+  EXPECT_EQ(sequential->draw(), 1);
+  // Fractions, not points, decide which task OMNI takes for mastered: 9 of 10 beats 20 of 100.
+  CurriculumOptions options{.kind = "omni", .max_return = 100.0, .task_scale = {10.0, 100.0}};
+  options.uninteresting["task_0"] = {"task_1"};
+  options.uninteresting["task_1"] = {"task_0"};
+  auto omni = made(options, 2);
+  omni->update(0, 9.0), omni->update(1, 20.0);
+  EXPECT_LT(omni->weights()[1], 0.01);
+}
+
 TEST(LearningProgress, ReweightingIsThatOfTheFormula) {
   EXPECT_DOUBLE_EQ(learning_progress_reweight(0.5, 0.1), 0.5 * 0.9 / 0.5);
   EXPECT_DOUBLE_EQ(learning_progress_reweight(0.1, 0.1), 0.09 / (0.1 + 0.1 * 0.8));

@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <set>
 
 #include "rollout_buffer/core/rng.h"
@@ -354,16 +355,6 @@ TEST(ResolveSettings, AFailedCheckLeavesTheSettingsAlone) {
   EXPECT_EQ(settings_to_toml(config), before);
 }
 
-TEST(NearestWord, FindsTyposAndRefusesStrangers) {
-  const std::vector<std::string> known = {"seed", "rollout", "batch_size"};
-  EXPECT_EQ(nearest_word("rolout", known), "rollout");
-  EXPECT_EQ(nearest_word("Batch_Szie", known), "batch_size");
-  EXPECT_EQ(nearest_word("sede", known), "seed");
-  EXPECT_EQ(nearest_word("kangaroo", known), "");
-  EXPECT_EQ(nearest_word("", known), "");
-  EXPECT_EQ(nearest_word("seed", {}), "");
-}
-
 TEST(DataDir, TheEnvironmentWinsOverTheBuild) {
   const char* given = std::getenv("COMRAD_HOME");
   const std::string before = given == nullptr ? "" : given;
@@ -382,6 +373,37 @@ TEST(TomlHeaders, AHeaderWithoutANameIsAnErrorBeforeTheParserMeetsIt) {
   }
   EXPECT_TRUE(
       check_toml_headers("a = [1, [2], []]\n[b]\n[[ c ]]\n['d']\n[\"e\"]\nx = \"[=\"\n[", "file.toml"));
+}
+
+TEST(Resolve, APoolAndACurriculumAreChecked) {
+  const auto error = [](const std::function<void(RunConfig&)>& change) {
+    RunConfig config = two_agents();
+    config.layout_pool = "pool";
+    change(config);
+    return resolve_error(config);
+  };
+  EXPECT_EQ(error([](RunConfig& c) { c.curriculum = "plr"; }), "no error");
+  EXPECT_THAT(error([](RunConfig& c) { c.wad = "one.wad"; }), HasSubstr("--wad names the one map"));
+  EXPECT_THAT(error([](RunConfig& c) { c.layout_swap_every = 0; }), HasSubstr("layout_swap_every is 0"));
+  EXPECT_THAT(error([](RunConfig& c) { c.curriculum = "hardest"; }), HasSubstr("learning_progress"));
+  EXPECT_THAT(error([](RunConfig& c) { c.curriculum = "omni", c.layout_pool.clear(); }),
+              HasSubstr("--layout_pool"));
+  EXPECT_THAT(error([](RunConfig& c) { c.lp_min_return = 5, c.lp_max_return = 4; }),
+              HasSubstr("lp_max_return"));
+  EXPECT_THAT(error([](RunConfig& c) { c.seq_threshold = 1.5; }), HasSubstr("seq_threshold"));
+  EXPECT_THAT(error([](RunConfig& c) { c.plr_score_transform = "cube"; }), HasSubstr("eps_greedy"));
+  EXPECT_THAT(error([](RunConfig& c) { c.plr_temperature = 0; }), HasSubstr("plr_temperature"));
+  EXPECT_THAT(error([](RunConfig& c) { c.plr_score_key = "loss"; }), HasSubstr("mean_value_l1"));
+  EXPECT_THAT(error([](RunConfig& c) { c.interestingness_graph_path = "g.json"; }), HasSubstr("omni"));
+}
+
+TEST(ApplyLayer, ThePoolsOldNamesAreKnown) {
+  RunConfig config;
+  ASSERT_TRUE(
+      apply_layer(config, layer({{"wad_batch", "p"}, {"wad_swap_every", "1"}, {"wad_curriculum", "plr"}})));
+  EXPECT_EQ(config.layout_pool, "p");
+  EXPECT_EQ(config.layout_swap_every, 1);
+  EXPECT_EQ(config.curriculum, "plr");
 }
 
 }  // namespace

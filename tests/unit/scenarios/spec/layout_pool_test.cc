@@ -14,6 +14,7 @@
 namespace comrad::scenarios {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 namespace fs = std::filesystem;
 
@@ -90,6 +91,117 @@ TEST_F(LayoutPool, BadPoolsSayWhatIsWrong) {
   EXPECT_THAT(make_pool("stag_hunt_arena", {.count = 0}, folder("x")).error().message,
               HasSubstr("1..100000"));
   EXPECT_THAT(make_pool("no_such", {.count = 1}, folder("x")).error().message, HasSubstr("no_such"));
+}
+
+TEST_F(LayoutPool, CheckReadsEveryFileAndGivesWhatARunReads) {
+  ASSERT_TRUE(make_pool("foraging_commons", {.kind = PoolKind::kTrain, .count = 3}, folder("train")));
+  const auto list =
+      check_pool(folder("train"), {.scenario = "foraging_commons", .num_agents = 2, .for_training = true});
+  ASSERT_TRUE(list) << list.error().message;
+  ASSERT_EQ(list->layouts.size(), 3u);
+  for (const LayoutEntry& layout : list->layouts) {
+    EXPECT_TRUE(fs::path(layout.path).is_absolute());
+    EXPECT_TRUE(fs::exists(layout.path));
+  }
+  EXPECT_TRUE(list->interestingness_graph.empty());
+}
+
+TEST_F(LayoutPool, CheckNamesTheLayoutThatIsWrong) {
+  const auto error = [&](const char* name, const PoolUse& use) {
+    const auto list = check_pool(folder(name), use);
+    return list ? std::string("no error") : list.error().message;
+  };
+  ASSERT_TRUE(make_pool("foraging_commons", {.kind = PoolKind::kEval, .count = 2}, folder("eval")));
+  EXPECT_EQ(error("eval", {.scenario = "foraging_commons"}), "no error");
+  EXPECT_THAT(
+      error("eval", {.for_training = true}),
+      AllOf(HasSubstr("foraging_commons_1009"), HasSubstr("for evaluation"), HasSubstr("--pool train")));
+  EXPECT_THAT(error("eval", {.scenario = "rhythm_sync"}),
+              HasSubstr("a map of scenario foraging_commons, not of rhythm_sync"));
+  EXPECT_THAT(error("eval", {.num_agents = 8}), HasSubstr("no start for player 5 of 8"));
+  fs::remove(folder_ / "eval" / kPoolRegistryName);
+  EXPECT_THAT(error("eval", {.for_training = true}), HasSubstr("for evaluation"))
+      << "held-out seeds tell themselves without a registry";
+
+  ASSERT_TRUE(make_pool("foraging_commons", {.kind = PoolKind::kTrain, .count = 2}, folder("train")));
+  const auto pool = read_pool(folder("train"));
+  fs::copy_file((*pool)[0].filename, (*pool)[1].filename, fs::copy_options::overwrite_existing);
+  EXPECT_THAT(error("train", {}), AllOf(HasSubstr((*pool)[1].id), HasSubstr("content_hash")));
+  fs::remove((*pool)[1].filename);
+  EXPECT_THAT(error("train", {}), AllOf(HasSubstr((*pool)[1].filename), HasSubstr("cannot be read")));
+}
+
+TEST_F(LayoutPool, PlatformChainComesWithItsTwelveStages) {
+  const auto made = make_pool("platform_chain", {.kind = PoolKind::kCurriculum}, folder("stages"));
+  ASSERT_TRUE(made) << made.error().message;
+  const auto pool = read_pool(folder("stages"));
+  ASSERT_TRUE(pool);
+  ASSERT_EQ(pool->size(), 12u);
+  // The published table: levels, step, spacing, panels, tether, lava, seed; 0: the generator's default.
+  constexpr int64_t kStages[12][7] = {
+      {0, 10, 168, 2, 300, 20, 42},  {0, 10, 176, 4, 285, 30, 43},   {0, 11, 180, 6, 270, 40, 44},
+      {0, 12, 184, 8, 250, 50, 45},  {24, 10, 172, 4, 290, 25, 42},  {28, 11, 176, 6, 275, 35, 43},
+      {32, 12, 180, 6, 260, 45, 44}, {40, 11, 176, 6, 265, 35, 42},  {48, 12, 180, 8, 250, 50, 42},
+      {48, 12, 182, 8, 240, 50, 43}, {56, 12, 184, 10, 230, 60, 44}, {60, 13, 188, 12, 220, 70, 45}};
+  for (std::size_t i = 0; i < 12; ++i) {
+    const PoolEntry& stage = (*pool)[i];
+    SCOPED_TRACE(stage.id);
+    const auto& values = stage.info.parameters;
+    if (kStages[i][0] > 0) {
+      EXPECT_EQ(values.at("levels"), kStages[i][0]);
+    }
+    EXPECT_EQ(values.at("step"), kStages[i][1]);
+    EXPECT_EQ(values.at("spacing"), kStages[i][2]);
+    EXPECT_EQ(values.at("panels"), kStages[i][3]);
+    EXPECT_EQ(values.at("tether"), kStages[i][4]);
+    EXPECT_EQ(values.at("lava"), kStages[i][5]);
+    EXPECT_EQ(stage.info.seed, static_cast<uint64_t>(kStages[i][6]));
+    EXPECT_EQ(stage.metric_scale, static_cast<double>(values.at("levels") - 1));
+    EXPECT_FALSE(stage.stage.empty());
+    EXPECT_EQ(stage.split, "train");
+  }
+  const auto list =
+      check_pool(folder("stages"), {.scenario = "platform_chain", .num_agents = 2, .for_training = true});
+  ASSERT_TRUE(list) << list.error().message;
+  EXPECT_EQ(list->layouts[7].metric_scale, 39.0);
+  EXPECT_TRUE(fs::exists(list->interestingness_graph));
+  EXPECT_THAT(make_pool("rhythm_sync", {.kind = PoolKind::kCurriculum}, folder("none")).error().message,
+              HasSubstr("these do: platform_chain"));
+}
+
+TEST_F(LayoutPool, AGridIsTheFullProductWithItsLastAxisFastest) {
+  const GridRequest request{.axes = {{"initial", {{{"initial", 3}}, {{"initial", 5}}}},
+                                     {"damage", {{{"damage", 10}}, {{"damage", 20}}}},
+                                     {"seed", {{{"seed", 0}}, {{"seed", 1}}, {{"seed", 2}}}}},
+                            .layout = {.parameters = {{"side", "6"}}}};
+  const auto made = make_grid_pool("lava_maze", request, folder("grid"));
+  ASSERT_TRUE(made) << made.error().message;
+  const auto pool = read_pool(folder("grid"));
+  ASSERT_TRUE(pool);
+  ASSERT_EQ(pool->size(), 12u);
+  for (int place = 0; place < 12; ++place) {
+    const PoolEntry& entry = (*pool)[static_cast<std::size_t>(place)];
+    EXPECT_EQ(entry.id, std::string("lava_maze_00") + (place < 10 ? "0" : "") + std::to_string(place));
+    EXPECT_EQ(entry.info.parameters.at("initial"), place < 6 ? 3 : 5);
+    EXPECT_EQ(entry.info.parameters.at("damage"), place % 6 < 3 ? 10 : 20);
+    EXPECT_EQ(entry.info.parameters.at("side"), 6);
+    EXPECT_EQ(entry.info.seed, static_cast<uint64_t>(place % 3));
+    EXPECT_TRUE(entry.split.empty());
+  }
+  const auto part =
+      make_grid_pool("lava_maze", {.axes = request.axes, .start = 10, .limit = 9}, folder("part"));
+  ASSERT_TRUE(part);
+  EXPECT_EQ(part->size(), 2u);
+  EXPECT_EQ((*part)[0].id, "lava_maze_0010");
+  EXPECT_THAT(make_grid_pool("lava_maze", {.axes = request.axes, .start = 12}, folder("x")).error().message,
+              HasSubstr("has 12 layouts"));
+  EXPECT_THAT(
+      make_grid_pool("lava_maze", {.axes = {request.axes[0], request.axes[0]}}, folder("x")).error().message,
+      HasSubstr("two axes of the grid set initial"));
+  // The recipe's own axes: the product that was published.
+  const auto own = make_grid_pool("lava_pit", {.start = 485}, folder("own"));
+  ASSERT_TRUE(own) << own.error().message;
+  EXPECT_EQ(own->size(), 1u) << "486 layouts";
 }
 
 }  // namespace

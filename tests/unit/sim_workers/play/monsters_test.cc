@@ -1,5 +1,6 @@
 // How monsters notice, hunt, walk and choose whom to fight.
 #include "sim_workers/engine/play/monsters.h"
+#include "sim_workers/engine/actors/decorate.h"
 
 #include <gtest/gtest.h>
 
@@ -382,6 +383,47 @@ TEST(Monsters, HuntingAllocatesNothing) {
   stage.tics(35 * 20);  // buffers grow to their size
   const uint64_t before = testing::allocations_of_this_thread();
   stage.tics(35 * 20);
+  EXPECT_EQ(testing::allocations_of_this_thread() - before, 0u);
+}
+
+// ---------------------------------------------------------------- being hit
+
+TEST(DamageThrust, MovesTheOneThatIsHitUnlessEitherSideForbidsIt) {
+  for (const auto& [target_flag, inflictor_flag, is_pushed] :
+       {std::tuple{ActorFlag::kCount, ActorFlag::kCount, true},
+        {ActorFlag::kDontThrust, ActorFlag::kCount, false},
+        {ActorFlag::kNoClip, ActorFlag::kCount, false},
+        {ActorFlag::kCount, ActorFlag::kNoDamageThrust, false},
+        {ActorFlag::kCount, ActorFlag::kDontThrust, true}}) {
+    Stage stage;
+    const uint32_t id = stage.spawn("Demon", 200, 0, 180).id;
+    if (target_flag != ActorFlag::kCount) stage.at(id).set(target_flag);
+    if (inflictor_flag != ActorFlag::kCount) stage.body().set(inflictor_flag);
+    damage_actor(stage.world, stage.at(id), &stage.body(), &stage.body(), 20);
+    EXPECT_EQ(stage.at(id).health, 130);
+    EXPECT_EQ(stage.at(id).velocity_x > 0, is_pushed);
+    EXPECT_EQ(stage.at(id).velocity_x != 0, is_pushed);
+  }
+}
+
+TEST(TypedDamage, LooksForItsOwnPainStateWithoutAllocating) {
+  auto catalog = std::make_shared<ActorCatalog>();
+  std::vector<std::string> warnings;
+  ASSERT_TRUE(
+      parse_decorate("actor Kindling { health 1000 painchance 256 +SHOOTABLE radius 16 height 16\n"
+                     "states { Spawn: TNT1 A -1 stop Pain: TNT1 B 5 goto Spawn\n"
+                     "Pain.Fire: TNT1 C 5 goto Spawn Pain.FireBolt: TNT1 D 5 goto Spawn } }",
+                     "test", catalog.get(), &warnings));
+  Stage stage(test::big_room().build(), {}, catalog);
+  Actor& kindling = stage.spawn("Kindling", 200, 0);
+  const auto frame_after = [&](DamageType type) {
+    damage_actor(stage.world, kindling, nullptr, nullptr, 1, type);
+    return stage.catalog->state(kindling.state).frame;
+  };
+  const uint64_t before = testing::allocations_of_this_thread();
+  EXPECT_EQ(frame_after(DamageType::kFire), 2);
+  EXPECT_EQ(frame_after(DamageType::kInstantDeath), 1) << "no state of its own: any pain";
+  EXPECT_EQ(frame_after(DamageType::kFire), 2);
   EXPECT_EQ(testing::allocations_of_this_thread() - before, 0u);
 }
 

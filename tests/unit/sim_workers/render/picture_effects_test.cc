@@ -101,6 +101,30 @@ TEST(PictureEffects, ATranslucentGratingMixesWithWhatIsBehind) {
   EXPECT_EQ(in_row(picture, 12, kGrate), 0);
 }
 
+TEST(PictureEffects, SeeThroughAndPlainViewsDrawnTogetherAreAsAlone) {
+  const auto glass = caged_room("GRATE", [](Level& level) {
+    for (Linedef& line : level.linedefs) line.alpha = 0.5f;
+  });
+  const auto art = archive();
+  std::vector<World> worlds;
+  for (int i = 0; i < 37; ++i) {  // more than two passes
+    worlds.push_back(make_world(i % 3 == 0 ? glass : caged_room(i % 3 == 1 ? "GRATE" : "-")));
+    worlds.back().set_angle(worlds.back().body(0).id, static_cast<Angle>(i) * 0x01000000u);
+  }
+  RenderOptions options;
+  options.status_bar = options.crosshair = options.weapon = false;
+  auto renderer = Renderer::create(art, options);
+  ASSERT_TRUE(renderer.has_value());
+  std::vector<Picture> together(worlds.size());
+  std::vector<ViewRequest> requests;
+  for (std::size_t i = 0; i < worlds.size(); ++i)
+    requests.push_back({.world = &worlds[i], .player = 0, .destination = together[i].planar.data()});
+  (*renderer)->draw(requests);
+  EXPECT_EQ((*renderer)->driver_error(), 0u);
+  for (std::size_t i = 0; i < worlds.size(); ++i)
+    EXPECT_EQ(together[i].planar, draw(worlds[i], art).planar) << "view " << i;
+}
+
 TEST(PictureEffects, SpritesBlendAsTheirStyleSays) {
   LevelBuilder builder;
   builder.room(builder.sector(0, 128), -512, -512, 512, 512).thing(1, 0, 0);

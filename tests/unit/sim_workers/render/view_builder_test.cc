@@ -110,7 +110,7 @@ TEST(ViewBuilder, PutsACornerAtAKnownAngleIntoAKnownColumn) {
   // The corner (200, 100) lies 200 ahead and 100 to the left: column 64 - 64 * 100 / 200 = 32. The wall ahead
   // meets the floor at row 30 + 57.6 * 41 / 200.
   int at_corner = 0;
-  for (uint32_t i = 0; i < list.painted_end; ++i) {
+  for (uint32_t i = 0; i < list.opaque_end; ++i) {
     const PixelQuad quad = quad_at(list, camera.projection(), i);
     if (!camera.is_wall(*quad.corner)) continue;
     if (std::abs(quad.right - 32) < 1e-3) {
@@ -201,9 +201,8 @@ TEST(ViewBuilder, CoversEveryPixelOfRandomHallsOnceWithTheNearestSurface) {
     const double eye_x = rng.between(-60, 60), eye_y = rng.between(-60, 60),
                  degrees = rng.between(0, 359) + 0.37;
     const DrawList& list = camera.look(eye_x, eye_y, 41, degrees);
-    ASSERT_FALSE(list.needs_depth) << "solid walls only: painter's order is enough";
     std::vector<PixelQuad> quads;
-    for (uint32_t i = 0; i < list.painted_end; ++i) quads.push_back(quad_at(list, projection, i));
+    for (uint32_t i = 0; i < list.opaque_end; ++i) quads.push_back(quad_at(list, projection, i));
     int edge_pixels = 0;
     for (int column = 0; column < projection.width; ++column) {
       const double x = column + 0.5;
@@ -252,7 +251,7 @@ TEST(ViewBuilder, AShutDoorHidesWhatAnOpenOneShows) {
       camera.catalog()[camera.catalog().find("Stimpack").value()].state(StateLabel::kSpawn));
   kit.sprite = shown.sprite, kit.frame = shown.frame;
   camera.actors.push_back(kit);
-  const auto masked = [](const DrawList& list) { return list.masked_end - list.plane_end; };
+  const auto masked = [](const DrawList& list) { return list.masked_end - list.opaque_end; };
   EXPECT_EQ(masked(camera.look(0, 0, 41, 0)), 1u) << "open: the kit behind it is drawn";
   camera.sectors[door].ceiling_height = 0;
   const DrawList& shut = camera.look(0, 0, 41, 0);
@@ -262,14 +261,52 @@ TEST(ViewBuilder, AShutDoorHidesWhatAnOpenOneShows) {
 }
 
 TEST(ViewBuilder, LinesWithNothingToSeeCostNothing) {
-  LevelBuilder builder;
+  LevelBuilder builder, plain;
   const uint32_t room = builder.sector(0, 128), same = builder.sector(0, 128);
   builder.room(room, -256, -256, 512, 256).island(same, room, 128, -64, 160, 64);
-  Camera camera(test::with_open_lines(builder.build()));
-  EXPECT_FALSE(camera.look(0, 0, 41, 0).needs_depth) << "two sectors that look alike need no border";
+  plain.room(plain.sector(0, 128), -256, -256, 512, 256);
+  Camera camera(test::with_open_lines(builder.build())), empty(plain.build());
+  const auto quads = [&](double degrees) { return camera.look(0, 0, 41, degrees).opaque_end; };
+  const uint32_t alike = quads(0);
+  EXPECT_EQ(alike, empty.look(0, 0, 41, 0).opaque_end) << "two sectors that look alike need no border";
+  const uint32_t behind = quads(180);
   camera.sectors[same].floor_height = to_fixed(16);
-  EXPECT_TRUE(camera.look(0, 0, 41, 0).needs_depth);
-  EXPECT_FALSE(camera.look(0, 0, 41, 180).needs_depth) << "behind the eye";
+  EXPECT_GT(quads(0), alike);
+  EXPECT_EQ(quads(180), behind) << "behind the eye";
+}
+
+TEST(ViewBuilder, EveryPixelOfSteppedRoomsIsPaintedOnce) {
+  for (uint64_t seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Rng rng{seed};
+    LevelBuilder builder;
+    const uint32_t hall = builder.sector(0, 200);
+    builder.room(hall, -900, -900, 900, 900);
+    for (int row = -3; row < 3; ++row)
+      for (int column = -3; column < 3; ++column) {
+        const uint32_t block = builder.sector(rng.between(-64, 64), rng.between(100, 240));
+        const int x = 280 * column + rng.between(20, 80), y = 280 * row + rng.between(20, 80);
+        builder.island(block, hall, x, y, x + rng.between(40, 180), y + rng.between(40, 180));
+      }
+    Camera camera(test::with_open_lines(builder.build()));
+    const Projection& projection = camera.projection();
+    const DrawList& list = camera.look(-880, rng.between(-800, 800), 41, rng.between(-30, 30));
+    std::vector<PixelQuad> quads;
+    for (uint32_t i = 0; i < list.opaque_end; ++i) quads.push_back(quad_at(list, projection, i));
+    // Corners lie on a grid of 1/256 pixel; an edge through a pixel's centre has the pixel on its right.
+    constexpr double kCenter = 0.5 + 1.0 / 1024;
+    int twice = 0;
+    for (int column = 0; column < projection.width; ++column)
+      for (int row = 0; row < projection.rows; ++row) {
+        const auto layers = std::count_if(quads.begin(), quads.end(), [&](const PixelQuad& quad) {
+          return quad.holds(column + kCenter, row + kCenter);
+        });
+        ASSERT_GE(layers, 1) << "column " << column << " row " << row << " is bare";
+        twice += layers > 1;
+      }
+    // A surface goes on for a sixteenth of a row below a nearer one.
+    EXPECT_LT(twice, projection.width * projection.rows / 20);
+  }
 }
 
 TEST(ViewBuilder, AnEyeOutsideTheMapSeesNothingAndSurvives) {

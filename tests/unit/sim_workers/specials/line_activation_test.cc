@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "doomgen/wad/doom_specials.h"
+#include "doomgen/wad/special_names.h"
+#include "sim_workers/engine/map/level_index.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/specials/line_specials.h"
@@ -320,6 +322,21 @@ INSTANTIATE_TEST_SUITE_P(
                       DoomLine{"S1_floor_lower_turbo", 71, true, 64, 256, 100, 8, 256},
                       DoomLine{"W1_raise_24", 58, false, 0, 256, 60, 24, 256}),
     [](const auto& line) { return std::string(line.param.name); });
+
+// ---------------------------------------------------------------- the table of specials
+
+TEST(SpecialSupport, IsWhatTheEngineExecutesWithoutAWarning) {
+  EXPECT_FALSE(special_is_supported(0));
+  EXPECT_FALSE(special_is_supported(281));
+  for (const wad::SpecialName& special : wad::special_names()) {
+    if (special.name.ends_with("ByTexture")) continue;  // they warn that every texture counts as 64 units high
+    Strip strip;
+    const auto stage = strip.start();
+    execute_special(stage->world, {.number = special.number});
+    const bool warned = !stage->world.index().warned_specials->first(special.number);
+    EXPECT_EQ(special_is_supported(special.number), !warned) << special.number << " " << special.name;
+  }
+}
 
 }  // namespace
 }  // namespace comrad::doom

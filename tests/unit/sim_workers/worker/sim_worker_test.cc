@@ -731,5 +731,123 @@ TEST(SimWorker, RefusesEnvironmentsThatDoNotFitTheArena) {
   EXPECT_TRUE(SimWorker::create(good, arena, {.worker_index = 1, .rules = {}}));
 }
 
+/// Grants layouts by a rule, as the learner would, and collects what was played.
+class LayoutDeskClerk {
+ public:
+  explicit LayoutDeskClerk(const Arena& arena) : arena_(arena) {}
+
+  /// The k-th grant of an environment is layout (env + k) % count.
+  void serve(uint32_t count) {
+    for (int env = 0; env < arena_.shape().env_count(); ++env) {
+      shm::LayoutDesk& desk = arena_.layout_desk(env);
+      for (uint64_t heard = desk.heard.load(); heard < desk.reported.load(); ++heard) {
+        outcomes[env].push_back(shm::unpack_outcome(desk.outcome[heard % shm::kDeskOutcomes].load()));
+        desk.heard.store(heard + 1);
+      }
+      if (desk.taken.load() != desk.granted.load()) continue;
+      desk.layout.store((static_cast<uint32_t>(env) + desk.granted.load()) % count);
+      desk.granted.fetch_add(1);
+    }
+  }
+  std::map<int, std::vector<shm::LayoutOutcome>> outcomes;
+
+ private:
+  const Arena& arena_;
+};
+
+TEST(SimWorker, LayoutsComeFromTheDeskEveryFewEpisodes) {
+  ToyOptions options = toy(5, 5);
+  options.layout_count = 3;
+  ArenaShape shape = small_arena_shape();
+  Host host(shape, options, /*lock_step=*/true, {.seed = kSeed, .layout_count = 3, .layout_swap_every = 2});
+  LayoutDeskClerk clerk(host.arena);
+  clerk.serve(3);
+  host.start(0);
+  std::map<uint32_t, std::vector<int>> rows;  // layout of every decision of an environment
+  for (uint64_t rollout = 0; rollout < 10; ++rollout) {
+    host.allow(rollout + 1);
+    host.await([&] { return host.arena.sealed_count() == 8; }, "one slab of every environment");
+    for (const uint32_t index : host.arena.drain_slabs(100)) {
+      const shm::SlabHeader& header = host.arena.slab_header(static_cast<int>(index));
+      for (int step = 0; step < static_cast<int>(header.length); ++step)
+        rows[header.env_index].push_back(host.arena.slab(static_cast<int>(index)).layout(step));
+      host.arena.release_slab(index);
+    }
+    clerk.serve(3);
+  }
+  ASSERT_EQ(rows.size(), 8u);
+  for (const auto& [env, layouts] : rows) {
+    ASSERT_EQ(layouts.size(), 80u);
+    for (int decision = 0; decision < 80; ++decision)  // two episodes of five decisions on each grant
+      ASSERT_EQ(layouts[static_cast<std::size_t>(decision)], (static_cast<int>(env) + decision / 10) % 3)
+          << "environment " << env << ", decision " << decision;
+    const auto& outcomes = clerk.outcomes[static_cast<int>(env)];
+    ASSERT_GE(outcomes.size(), 15u);
+    for (std::size_t k = 0; k < outcomes.size(); ++k)
+      EXPECT_EQ(outcomes[k].layout, (env + k / 2) % 3)
+          << "the episode is told under the layout it was played on";
+    EXPECT_EQ(host.arena.layout_desk(static_cast<int>(env)).late.load(), 0u);
+  }
+}
+
+TEST(SimWorker, WithoutANewGrantTheLayoutIsPlayedOnceMore) {
+  ToyOptions options = toy(4, 4);
+  options.layout_count = 2;
+  ArenaShape shape = small_arena_shape();
+  shape.sim_worker_count = 1;
+  Host host(shape, options, true, {.seed = kSeed, .layout_count = 2, .layout_swap_every = 1});
+  LayoutDeskClerk clerk(host.arena);
+  clerk.serve(2);  // once and never again
+  host.start(3);
+  host.await([&] { return host.arena.sealed_count() == 12; }, "three rollouts of four environments");
+  for (const uint32_t index : host.arena.drain_slabs(100)) {
+    const shm::SlabHeader& header = host.arena.slab_header(static_cast<int>(index));
+    for (int step = 0; step < 8; ++step)
+      EXPECT_EQ(host.arena.slab(static_cast<int>(index)).layout(step),
+                static_cast<int>(header.env_index % 2));
+  }
+  EXPECT_GE(host.arena.layout_desk(0).late.load(), 5u);
+}
+
+TEST(SimWorker, ALayoutThatCannotBeLoadedEndsTheWorkerWithItsWords) {
+  ToyOptions options = toy(3, 3);
+  options.layout_count = 2;
+  options.broken_layout = 1;
+  ArenaShape shape = small_arena_shape();
+  shape.sim_worker_count = 1;
+  Host host(shape, options, false, {.seed = kSeed, .layout_count = 2, .layout_swap_every = 1});
+  for (int env = 0; env < shape.env_count(); ++env) host.arena.layout_desk(env).granted = 1;
+  host.start(1);
+  host.await([&] { return host.arena.layout_desk(0).taken.load() == 1; }, "the first grant is taken");
+  for (int env = 0; env < shape.env_count(); ++env) {
+    host.arena.layout_desk(env).layout = 1;
+    host.arena.layout_desk(env).granted = 2;
+  }
+  host.allow(5);
+  host.workers[0]->join();
+  ASSERT_FALSE(host.workers[0]->status);
+  EXPECT_THAT(host.workers[0]->status.error().message, HasSubstr("toy layout 1 is not there"));
+}
+
+TEST(SimWorker, EvaluationPlaysTheLayoutsInTurn) {
+  ToyOptions options = toy(3, 6);
+  options.layout_count = 3;
+  ArenaShape shape = small_arena_shape();
+  shape.slab_count = shape.env_count();
+  Host host(shape, options, false,
+            {.seed = kSeed, .evaluate = true, .episodes = 30, .layout_count = 3, .layout_swap_every = 5});
+  host.arena.control().episodes_per_run = 30;
+  host.start();
+  std::map<uint64_t, uint64_t> layout_of;
+  host.await(
+      [&] {
+        while (const auto record = host.arena.pop_episode())
+          layout_of[record->episode_id] = record->layout_id;
+        return layout_of.size() == 30;
+      },
+      "thirty episodes");
+  for (const auto& [episode, layout] : layout_of) EXPECT_EQ(layout, 77 + episode % 3) << episode;
+}
+
 }  // namespace
 }  // namespace comrad::sim

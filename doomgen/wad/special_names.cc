@@ -1,19 +1,13 @@
-// Names of the specials, by number: the public numbering of Hexen as ZDoom extended it.
+#include "doomgen/wad/special_names.h"
+
 #include <algorithm>
-#include <array>
-#include <cstddef>
+#include <string>
+#include <unordered_map>
 
-#include "sim_workers/engine/specials/line_specials.h"
+#include "rollout_buffer/core/text.h"
 
-namespace comrad::doom {
+namespace comrad::wad {
 namespace {
-
-struct SpecialName {
-  int16_t number;
-  std::string_view name;
-  bool supported = true;
-};
-constexpr bool kUnsupported = false;
 
 constexpr SpecialName kSpecials[] = {
     {1, "Polyobj_StartLine"},
@@ -24,16 +18,16 @@ constexpr SpecialName kSpecials[] = {
     {6, "Polyobj_MoveTimes8"},
     {7, "Polyobj_DoorSwing"},
     {8, "Polyobj_DoorSlide"},
-    {9, "Line_Horizon", kUnsupported},
+    {9, "Line_Horizon"},
     {10, "Door_Close"},
     {11, "Door_Open"},
     {12, "Door_Raise"},
     {13, "Door_LockedRaise"},
     {14, "Door_Animated"},
     {15, "Autosave"},
-    {16, "Transfer_WallLight", kUnsupported},
+    {16, "Transfer_WallLight"},
     {17, "Thing_Raise"},
-    {18, "StartConversation", kUnsupported},
+    {18, "StartConversation"},
     {19, "Thing_Stop"},
     {20, "Floor_LowerByValue"},
     {21, "Floor_LowerToLowest"},
@@ -63,17 +57,17 @@ constexpr SpecialName kSpecials[] = {
     {45, "Ceiling_CrushRaiseAndStay"},
     {46, "Floor_CrushStop"},
     {47, "Ceiling_MoveToValue"},
-    {48, "Sector_Attach3dMidtex", kUnsupported},
+    {48, "Sector_Attach3dMidtex"},
     {49, "GlassBreak"},
-    {50, "ExtraFloor_LightOnly", kUnsupported},
-    {51, "Sector_SetLink", kUnsupported},
+    {50, "ExtraFloor_LightOnly"},
+    {51, "Sector_SetLink"},
     {52, "Scroll_Wall"},
     {53, "Line_SetTextureOffset"},
     {54, "Sector_ChangeFlags"},
     {55, "Line_SetBlocking"},
-    {56, "Line_SetTextureScale", kUnsupported},
-    {57, "Sector_SetPortal", kUnsupported},
-    {58, "Sector_CopyScroller", kUnsupported},
+    {56, "Line_SetTextureScale"},
+    {57, "Sector_SetPortal"},
+    {58, "Sector_CopyScroller"},
     {59, "Polyobj_OR_MoveToSpot"},
     {60, "Plat_PerpetualRaise"},
     {61, "Plat_Stop"},
@@ -94,7 +88,7 @@ constexpr SpecialName kSpecials[] = {
     {76, "TeleportOther"},
     {77, "TeleportGroup"},
     {78, "TeleportInSector"},
-    {79, "Thing_SetConversation", kUnsupported},
+    {79, "Thing_SetConversation"},
     {80, "ACS_Execute"},
     {81, "ACS_Suspend"},
     {82, "ACS_Terminate"},
@@ -113,7 +107,7 @@ constexpr SpecialName kSpecials[] = {
     {95, "FloorAndCeiling_LowerByValue"},
     {96, "FloorAndCeiling_RaiseByValue"},
     {97, "Ceiling_LowerAndCrushDist"},
-    {98, "Sector_SetTranslucent", kUnsupported},
+    {98, "Sector_SetTranslucent"},
     {99, "Floor_RaiseAndCrushDoom"},
     {100, "Scroll_Texture_Left"},
     {101, "Scroll_Texture_Right"},
@@ -122,7 +116,7 @@ constexpr SpecialName kSpecials[] = {
     {104, "Ceiling_CrushAndRaiseSilentDist"},
     {105, "Door_WaitRaise"},
     {106, "Door_WaitClose"},
-    {107, "Line_SetPortalTarget", kUnsupported},
+    {107, "Line_SetPortalTarget"},
     {109, "Light_ForceLightning"},
     {110, "Light_RaiseByValue"},
     {111, "Light_LowerByValue"},
@@ -132,7 +126,7 @@ constexpr SpecialName kSpecials[] = {
     {115, "Light_Flicker"},
     {116, "Light_Strobe"},
     {117, "Light_Stop"},
-    {118, "Plane_Copy", kUnsupported},
+    {118, "Plane_Copy"},
     {119, "Thing_Damage"},
     {120, "Radius_Quake"},
     {121, "Line_SetIdentification"},
@@ -151,39 +145,39 @@ constexpr SpecialName kSpecials[] = {
     {138, "Floor_Waggle"},
     {139, "Thing_SpawnFacing"},
     {140, "Sector_ChangeSound"},
-    {145, "Player_SetTeam", kUnsupported},
-    {152, "Team_Score", kUnsupported},
-    {153, "Team_GivePoints", kUnsupported},
+    {145, "Player_SetTeam"},
+    {152, "Team_Score"},
+    {153, "Team_GivePoints"},
     {154, "Teleport_NoStop"},
-    {156, "Line_SetPortal", kUnsupported},
+    {156, "Line_SetPortal"},
     {157, "SetGlobalFogParameter"},
-    {158, "FS_Execute", kUnsupported},
-    {159, "Sector_SetPlaneReflection", kUnsupported},
-    {160, "Sector_Set3DFloor", kUnsupported},
-    {161, "Sector_SetContents", kUnsupported},
+    {158, "FS_Execute"},
+    {159, "Sector_SetPlaneReflection"},
+    {160, "Sector_Set3DFloor"},
+    {161, "Sector_SetContents"},
     {168, "Ceiling_CrushAndRaiseDist"},
     {169, "Generic_Crusher2"},
     {170, "Sector_SetCeilingScale2"},
     {171, "Sector_SetFloorScale2"},
     {172, "Plat_UpNearestWaitDownStay"},
     {173, "NoiseAlert"},
-    {174, "SendToCommunicator", kUnsupported},
+    {174, "SendToCommunicator"},
     {175, "Thing_ProjectileIntercept"},
     {176, "Thing_ChangeTID"},
     {177, "Thing_Hate"},
     {178, "Thing_ProjectileAimed"},
-    {179, "ChangeSkill", kUnsupported},
+    {179, "ChangeSkill"},
     {180, "Thing_SetTranslation"},
-    {181, "Plane_Align", kUnsupported},
-    {182, "Line_Mirror", kUnsupported},
-    {183, "Line_AlignCeiling", kUnsupported},
-    {184, "Line_AlignFloor", kUnsupported},
+    {181, "Plane_Align"},
+    {182, "Line_Mirror"},
+    {183, "Line_AlignCeiling"},
+    {184, "Line_AlignFloor"},
     {185, "Sector_SetRotation"},
     {186, "Sector_SetCeilingPanning"},
     {187, "Sector_SetFloorPanning"},
     {188, "Sector_SetCeilingScale"},
     {189, "Sector_SetFloorScale"},
-    {190, "Static_Init", kUnsupported},
+    {190, "Static_Init"},
     {191, "SetPlayerProperty"},
     {192, "Ceiling_LowerToHighestFloor"},
     {193, "Ceiling_LowerInstant"},
@@ -202,7 +196,7 @@ constexpr SpecialName kSpecials[] = {
     {206, "Plat_DownWaitUpStayLip"},
     {207, "Plat_PerpetualRaiseLip"},
     {208, "TranslucentLine"},
-    {209, "Transfer_Heights", kUnsupported},
+    {209, "Transfer_Heights"},
     {210, "Transfer_FloorLight"},
     {211, "Transfer_CeilingLight"},
     {212, "Sector_SetColor"},
@@ -267,42 +261,34 @@ constexpr SpecialName kSpecials[] = {
     {271, "Stairs_BuildUpDoomSync"},
     {272, "Stairs_BuildDownDoomSync"},
     {273, "Stairs_BuildUpDoomCrush"},
-    {274, "Door_AnimatedClose", kUnsupported},
+    {274, "Door_AnimatedClose"},
     {275, "Floor_Stop"},
     {276, "Ceiling_Stop"},
-    {277, "Sector_SetFloorGlow", kUnsupported},
-    {278, "Sector_SetCeilingGlow", kUnsupported},
-    {279, "Floor_MoveToValueAndCrush", kUnsupported},
-    {280, "Ceiling_MoveToValueAndCrush", kUnsupported},
+    {277, "Sector_SetFloorGlow"},
+    {278, "Sector_SetCeilingGlow"},
+    {279, "Floor_MoveToValueAndCrush"},
+    {280, "Ceiling_MoveToValueAndCrush"},
 };
-
-char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
-
-const SpecialName* find(int32_t number) {
-  const auto* const found =
-      std::lower_bound(std::begin(kSpecials), std::end(kSpecials), number,
-                       [](const SpecialName& special, int32_t wanted) { return special.number < wanted; });
-  return found != std::end(kSpecials) && found->number == number ? found : nullptr;
-}
 
 }  // namespace
 
+std::span<const SpecialName> special_names() { return kSpecials; }
+
 std::optional<int32_t> find_special(std::string_view name) {
-  for (const SpecialName& special : kSpecials)
-    if (std::equal(name.begin(), name.end(), special.name.begin(), special.name.end(),
-                   [](char a, char b) { return lower(a) == lower(b); }))
-      return special.number;
-  return std::nullopt;
+  static const auto by_name = [] {
+    std::unordered_map<std::string, int32_t> all;
+    for (const SpecialName& special : kSpecials) all.emplace(lower_case(special.name), special.number);
+    return all;
+  }();
+  const auto found = by_name.find(lower_case(name));
+  return found != by_name.end() ? std::optional(found->second) : std::nullopt;
 }
 
 std::string_view special_name(int32_t number) {
-  const SpecialName* const special = find(number);
-  return special != nullptr ? special->name : std::string_view{};
+  const auto* const found =
+      std::lower_bound(std::begin(kSpecials), std::end(kSpecials), number,
+                       [](const SpecialName& special, int32_t wanted) { return special.number < wanted; });
+  return found != std::end(kSpecials) && found->number == number ? found->name : std::string_view{};
 }
 
-bool special_is_supported(int32_t number) {
-  const SpecialName* const special = find(number);
-  return special != nullptr && special->supported;
-}
-
-}  // namespace comrad::doom
+}  // namespace comrad::wad

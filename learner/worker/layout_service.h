@@ -1,0 +1,91 @@
+// The one curriculum of a run at work: hears from the arena's layout desks how episodes ended, grants every
+// environment its next layout, and tells PLR what training saw of each layout. Lives in the learner's
+// training thread. Stage: reset, from the learner's side.
+//
+//   simulator ── outcome ──▶ desk ── serve ──▶ curriculum.update
+//   simulator ◀─── grant ─── desk ◀── serve ── curriculum.draw
+//   batch ── score ──▶ curriculum.score (PLR)
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "learner/batch/collate.h"
+#include "learner/checkpoint/checkpoint.h"
+#include "learner/curriculum/curriculum.h"
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/layout_list.h"
+#include "rollout_buffer/shm/arena.h"
+
+namespace comrad::learn {
+
+/// The curriculum's options as the run's settings and the pool's list have them. Errors: kNotFound and
+/// kBadFormat of the interestingness graph, kBadInput where it names a layout that is not in the pool.
+Expected<CurriculumOptions> curriculum_options(const RunConfig& config, const LayoutList& list);
+
+/// Reads an interestingness graph: a JSON object, layout -> (other layout -> is it still interesting?).
+/// Errors: kNotFound; kBadFormat with line and column, or naming the entry.
+Expected<std::map<std::string, std::set<std::string>>> read_interestingness_graph(const std::string& path);
+
+/// What a batch says about one layout, over its valid decisions.
+struct LayoutSignal {
+  int layout = 0;
+  int64_t decisions = 0;
+  double mean = 0, maximum = 0;
+};
+
+/// The signal `score_key` of every layout that is present in a trained batch, by rising index.
+///   mean_value_l1 |advantage|   mean_advantage advantage   mean_entropy entropy of the behaviour policy
+/// Decisions of layouts outside 0..layout_count-1 are left out.
+std::vector<LayoutSignal> layout_signals(const Minibatch& batch, const std::string& score_key,
+                                         int layout_count);
+
+class LayoutService {
+ public:
+  /// Reads the pool's list from the run directory. Null where the run plays one map.
+  /// Errors: those of read_layout_list(), curriculum_options() and Curriculum::create().
+  static Expected<std::unique_ptr<LayoutService>> open(const RunConfig& config, const std::string& run_dir);
+
+  /// Takes in what lies on the desks, in the order of the environments, then draws for every environment that
+  /// took its last grant. Never blocks.
+  void serve(const shm::Arena& arena);
+
+  /// A trained batch: masks and advantages are the algorithm's.
+  void score(const Minibatch& batch);
+
+  /// "curriculum/entropy", ... for the run's metrics.
+  void append_to(std::vector<std::pair<std::string, double>>& metrics);
+
+  /// Remembers the desks as they are between two rollouts, for exact resume; `exact` false forgets them.
+  void capture_desks(const shm::Arena& arena, bool exact);
+  /// Writes remembered desks into a fresh arena before simulators begin. Errors: kBadFormat where they are
+  /// those of another number of environments.
+  Status restore_desks(const shm::Arena& arena) const;
+
+  /// Section "curriculum" of a checkpoint.
+  void save(StateDict& state) const;
+  /// Errors: kBadInput where the checkpoint has no curriculum, or one of other layouts; kBadFormat.
+  Status load(const StateDict& state);
+  static bool is_in(const StateDict& state) { return state.has("curriculum/state"); }
+
+  /// Leaves `<run_dir>/curriculum_state.json` for eyes and scripts. Errors: kSystem.
+  Status write_file(const std::string& run_dir) const;
+
+  Curriculum& curriculum() { return *curriculum_; }
+
+ private:
+  LayoutService(std::unique_ptr<Curriculum> curriculum, std::string score_key)
+      : curriculum_(std::move(curriculum)), score_key_(std::move(score_key)) {}
+
+  std::unique_ptr<Curriculum> curriculum_;
+  std::string score_key_;       // empty: the strategy does not listen to training
+  std::vector<int64_t> desks_;  // [env, kDeskFields]; empty: none remembered
+  uint64_t lost_outcomes_ = 0;  // that desks had no room for
+  uint64_t late_draws_ = 0;
+};
+
+}  // namespace comrad::learn

@@ -1,0 +1,44 @@
+// Words of people and files: names compare without case, and a mistyped one gets a suggestion. Letters are
+// those of ASCII whatever the locale; other bytes stay as they are. Stage: loading and messages.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace comrad {
+
+constexpr char lower_case(char letter) {
+  return letter >= 'A' && letter <= 'Z' ? static_cast<char>(letter - 'A' + 'a') : letter;
+}
+constexpr char upper_case(char letter) {
+  return letter >= 'a' && letter <= 'z' ? static_cast<char>(letter - 'a' + 'A') : letter;
+}
+std::string lower_case(std::string_view text);
+std::string upper_case(std::string_view text);
+
+/// Neither text is copied.
+constexpr bool same_ignoring_case(std::string_view left, std::string_view right) {
+  if (left.size() != right.size()) return false;
+  for (std::size_t place = 0; place < left.size(); ++place)
+    if (lower_case(left[place]) != lower_case(right[place])) return false;
+  return true;
+}
+
+/// Space, tab, and what ends a line or a page.
+constexpr bool is_space(char letter) { return letter == ' ' || (letter >= '\t' && letter <= '\r'); }
+
+/// The text without the space before and after it.
+std::string_view trimmed(std::string_view text);
+
+/// How many typing errors lie between two words: the optimal string alignment distance. A letter too many, a
+/// letter missing, a wrong letter and two neighbours swapped count one each, and no part of a word is edited
+/// twice (so "ca" to "abc" is 3, where the unrestricted Damerau-Levenshtein distance is 2). Case counts.
+std::size_t edit_distance(std::string_view a, std::string_view b);
+
+/// The word among `known` that `word` was most likely meant to be, in any case; empty when none is close. The
+/// first of several that are as close.
+std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
+
+}  // namespace comrad
