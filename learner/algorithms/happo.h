@@ -2,12 +2,13 @@
 // become. Every agent has its own actor; one critic with an encoder (and core) per agent values the team's
 // joint observation.
 //
-//   M     <- A                                        GAE of the joint value, standardised over all valid
-//   samples agent i, in random order (happo_agent_order):
-//     pi_i by PPO on  - mean min(ratio_i M, clip(ratio_i) M) + exploration        num_epochs, its own Adam
-//     M   <- M exp(log pi_i^new(a_i) - log pi_i^old(a_i))                         for all agents of the
-//     transition
-//   critic by PPO's clipped value loss on whole transitions                       num_epochs, its own Adam
+//   M   <- A                           GAE of the joint value, standardised over all agents' valid samples
+//   for agent i in random order:       (happo_agent_order)
+//     train pi_i by PPO on             - mean min(ratio_i M, clip(ratio_i) M) + exploration
+//     M <- M pi_i^new(a_i) / pi_i^old(a_i)                            for all agents of the transition
+//   train the critic                   on whole transitions, PPO's clipped value loss
+//
+// Each training is num_epochs x num_batches_per_epoch steps of an Adam of its own.
 //
 // ratio_i is relative to the behaviour policy as in IPPO, so data of a lagging worker is corrected; the
 // factor is relative to the agent's policy before its sub-update. It is 1 at invalid samples, and clamped to

@@ -73,10 +73,10 @@ class OnPolicy : public Algorithm {
     Forward forward;
     bool trains_policy = true;  ///< KL and actor loss say when to stop
     uint64_t shuffle_key = 0;   ///< tells the phases of one update apart
-    std::function<void(Minibatch&)> prepare =
-        {};                            ///< called with every minibatch before its gradient; may be empty
-    Tensor* first_log_prob = nullptr;  ///< set to log pi(a|o) [T, rows] before the first step when the
-                                       ///< phase has one minibatch per epoch
+    /// Called with every minibatch before its gradient; may be empty.
+    std::function<void(Minibatch&)> prepare = {};
+    /// Set to log pi(a|o) [T, rows] of the first minibatch before the first step.
+    Tensor* first_log_prob = nullptr;
   };
   enum class PhaseEnd { kDone, kStopped, kAbandoned };
 

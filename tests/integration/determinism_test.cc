@@ -100,6 +100,18 @@ TEST(Deterministic, ResumingHalfWayEqualsNeverStopping) {
   EXPECT_GT(expect_same_training(scratch / "straight", scratch / "resumed"), 20u);
 }
 
+TEST(Deterministic, MappoAndHappoResumedHalfWayEqualNeverStopping) {
+  const ScratchFolder scratch;
+  for (const std::string algo : {"mappo", "happo"}) {
+    const std::vector<std::string> settings = {"--algo", algo, "--critic_hidden_sizes", "64,32"};
+    train(scratch, algo + "_straight", kEnvSteps, settings);
+    train(scratch, algo + "_resumed", kEnvSteps / 2, settings);
+    train(scratch, algo + "_resumed", kEnvSteps, settings);
+    EXPECT_GT(expect_same_training(scratch / (algo + "_straight"), scratch / (algo + "_resumed")), 20u)
+        << algo;
+  }
+}
+
 TEST(Deterministic, AnInterruptedAndResumedRunEqualsNeverStopping) {
   const ScratchFolder scratch;
   train(scratch, "straight", 2 * kEnvSteps);

@@ -301,6 +301,38 @@ TEST(Happo, MakesAVersionPerAgentAndCriticAndTellsEachOne) {
   for (std::size_t i = 0; i < told.size(); ++i) EXPECT_EQ(told[i], i + 1);
 }
 
+TEST(Happo, EveryVersionChangesExactlyOneNetwork) {
+  // What policy workers read after each sub-update: the weights of all networks, one of them new.
+  RunConfig config = small_config();
+  config.normalize_input = true;
+  const TrajectoryShape shape = small_shape(config);
+  Happo happo(config, shape.env, torch::kCPU);
+  const policy::PolicyNet worker =
+      policy::PolicyNet::create(policy::PolicyNetOptions::from(config, shape.env), 9, torch::kCPU);
+  const auto networks_of = [&](const policy::PolicyNet& net) {
+    std::vector<std::vector<Tensor>> networks;
+    for (int64_t agent = 0; agent < 3; ++agent) networks.push_back(copies(net.actor_parameters(agent)));
+    networks.push_back(copies(net.joint_critic_parameters()));
+    return networks;
+  };
+  std::vector<std::vector<Tensor>> before = networks_of(happo.net());
+  std::vector<std::size_t> changed;
+  const std::vector<int64_t> order = happo.agent_order();
+  UpdateContext context;
+  context.after_step = [&] {
+    ASSERT_TRUE(worker.read_weights(weights_of(happo)));
+    const std::vector<std::vector<Tensor>> after = networks_of(worker);
+    for (std::size_t i = 0; i < 4; ++i)
+      if (!same(before[i], after[i])) changed.push_back(i);
+    before = after;
+  };
+  Minibatch batch = noise_batch(shape, 4, 12);
+  ASSERT_TRUE(happo.update(batch, context));
+  ASSERT_EQ(changed.size(), 4u);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(changed[i], static_cast<std::size_t>(order[i]));
+  EXPECT_EQ(changed[3], 3u);
+}
+
 TEST(Happo, MicroBatchesChangeNothing) {
   std::vector<std::vector<Tensor>> results;
   for (const int64_t micro_batch_size : {4096, 12}) {

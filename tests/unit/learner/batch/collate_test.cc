@@ -192,5 +192,27 @@ TEST(Collate, SelectsAndNarrowsWholeWorlds) {
   EXPECT_TRUE(torch::equal(selected.value.narrow(1, 2, 2), batch.value.narrow(1, 0, 2)));
 }
 
+TEST(Collate, AnAgentsRowsAreABatchOfOneAgentAndShareTheMemory) {
+  const TrajectoryShape shape = small_shape();
+  const SlabPool pool(shape, 3);
+  pool.fill_with_noise(9);
+  Minibatch batch = make_minibatch(shape, 3);
+  clear(batch);
+  for (int i = 0; i < 3; ++i) collate_slab(batch, i, pool.view(i), 4);
+  apply_lag_filter(batch, 0, 1000);
+  const Minibatch second = agent_rows(batch, 1);
+  ASSERT_EQ(second.rows(), 3);
+  EXPECT_EQ(second.shape.env.num_agents, 1);
+  for (int64_t world = 0; world < 3; ++world) {
+    EXPECT_TRUE(torch::equal(second.frame.select(1, world), batch.frame.select(1, world * 2 + 1)));
+    EXPECT_TRUE(torch::equal(second.value.select(1, world), batch.value.select(1, world * 2 + 1)));
+    EXPECT_TRUE(torch::equal(second.recurrent_state[world], batch.recurrent_state[world * 2 + 1]));
+    EXPECT_TRUE(
+        torch::equal(narrow_rows(second, world, 1).reset[2], batch.reset[2].narrow(0, world * 2 + 1, 1)));
+  }
+  second.reward[2][1] = 77;
+  EXPECT_EQ(batch.reward[2][3].item<float>(), 77);
+}
+
 }  // namespace
 }  // namespace comrad::learn

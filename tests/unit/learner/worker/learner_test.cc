@@ -257,24 +257,29 @@ TEST_F(LearnerTest, RefusesToBeginAnewOverUnreadableCheckpoints) {
 }
 
 TEST_F(LearnerTest, LockStepGivesTheSameWeightsTwiceAndAcrossAResume) {
-  RunConfig config = small_config();
-  config.deterministic = true;
-  config.async_rl = false;
-  config.num_epochs = 2;
-  config.shuffle_minibatches = true;
-  const double per_rollout = 4 * 2 * 4 * 4;  // environments, agents, steps, tics
-  config.train_for_env_steps = 5 * per_rollout;
-  const Outcome whole = live(config, "whole"), again = live(config, "again");
-  ASSERT_TRUE(whole.status) << whole.status.error().message;
-  EXPECT_EQ(whole.version, 20u);  // 5 rollouts, 2 batches, 2 epochs
-  EXPECT_TRUE(whole.weights == again.weights);
-  config.train_for_env_steps = 2 * per_rollout;
-  ASSERT_TRUE(live(config, "halves").status);
-  config.train_for_env_steps = 5 * per_rollout;
-  const Outcome halves = live(config, "halves");
-  ASSERT_TRUE(halves.status) << halves.status.error().message;
-  EXPECT_EQ(halves.version, whole.version);
-  EXPECT_TRUE(halves.weights == whole.weights);
+  for (const auto& [algo, networks] : {std::pair("ippo", 1u), {"mappo", 1u}, {"happo", 3u}}) {
+    RunConfig config = small_config();
+    config.algo = algo;
+    config.critic_hidden_sizes = "16,8";
+    config.deterministic = true;
+    config.async_rl = false;
+    config.num_epochs = 2;
+    config.shuffle_minibatches = true;
+    const std::string name = algo;
+    const double per_rollout = 4 * 2 * 4 * 4;  // environments, agents, steps, tics
+    config.train_for_env_steps = 5 * per_rollout;
+    const Outcome whole = live(config, name + "_whole"), again = live(config, name + "_again");
+    ASSERT_TRUE(whole.status) << whole.status.error().message;
+    EXPECT_EQ(whole.version, 20u * networks);  // 5 rollouts, 2 batches, 2 epochs
+    EXPECT_TRUE(whole.weights == again.weights) << algo;
+    config.train_for_env_steps = 2 * per_rollout;
+    ASSERT_TRUE(live(config, name + "_halves").status);
+    config.train_for_env_steps = 5 * per_rollout;
+    const Outcome halves = live(config, name + "_halves");
+    ASSERT_TRUE(halves.status) << halves.status.error().message;
+    EXPECT_EQ(halves.version, whole.version);
+    EXPECT_TRUE(halves.weights == whole.weights) << algo;
+  }
 }
 
 TEST_F(LearnerTest, ADeterministicCheckpointBringsJournalsAndStatesBack) {

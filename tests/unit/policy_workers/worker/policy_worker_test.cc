@@ -85,6 +85,43 @@ TEST(PolicyWorker, WaitsForWeightsAndStampsTheVersionThatActed) {
   EXPECT_GT(arena.policy_counters(0).busy_ns.load(), 0u);
 }
 
+TEST(PolicyWorker, EveryAgentActsWithItsOwnNetworkAndTheCriticsStateAdvancesToo) {
+  RunConfig config = small_config();
+  config.algo = "happo";
+  config.critic_hidden_sizes = "12,6";
+  const PolicyNetOptions options = PolicyNetOptions::from(config, small_network().env);
+  const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
+  const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
+  publish(arena, learner, 3);
+  FakeGroup group(arena, 0, 0);
+  RunningWorker worker(config, arena, {});
+  Tensor state = torch::zeros({2, options.recurrent_state_count()});
+  ASSERT_EQ(state.size(1), 2 * 16);
+  for (int step = 0; step < 2; ++step) {
+    group.commit_act(step == 0);
+    ASSERT_TRUE(group.await());
+    FakeEnv& env = group.envs[0];
+    std::vector<Tensor> frames, measurements;
+    for (int agent = 0; agent < 2; ++agent) {
+      frames.push_back(
+          torch::from_blob(env.slab().frame(env.step(), agent).data(), {3, 40, 44}, torch::kUInt8).clone());
+      measurements.push_back(
+          torch::from_blob(env.slab().measurement(env.step(), agent).data(), {3}, torch::kFloat32).clone());
+    }
+    const PolicyOutput expected = learner.step(torch::stack(frames), torch::stack(measurements), state);
+    state = expected.recurrent_state;
+    for (int agent = 0; agent < 2; ++agent) {
+      EXPECT_NEAR(env.slab().value(env.step(), agent), expected.value[agent].item<float>(), 1e-5) << step;
+      for (int choice = 0; choice < 5; ++choice)
+        EXPECT_NEAR(env.slab().logits(env.step(), agent)[static_cast<size_t>(choice)],
+                    expected.logits[agent][choice].item<float>(), 1e-5)
+            << step << agent;
+    }
+    group.take_act();
+  }
+  EXPECT_TRUE(worker.stop());
+}
+
 TEST(PolicyWorker, RandomPlayNeedsNoWeights) {
   const shm::Arena arena = make_arena(small_network(), {});
   FakeGroup group(arena, 0, 1);
