@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "rollout_buffer/core/layout_list.h"
+
 namespace comrad::deploy {
 namespace {
 
@@ -121,6 +123,36 @@ TEST_F(GameFiles, ANewLayoutSeedOrAMovedRunForgetsTheGeneratedMap) {
   fs::remove(run.wad);
   forget_stale_layout(run, same);
   EXPECT_EQ(same.wad, "");
+}
+
+TEST(LayoutPools, OnesToDrawAreToldFromFolders) {
+  for (const char* pool : {"train:3", "eval:20", "train:many"}) EXPECT_TRUE(is_pool_to_draw(pool)) << pool;
+  for (const char* pool : {"", "pool", "train", "/data/train:3", "trains:3"})
+    EXPECT_FALSE(is_pool_to_draw(pool)) << pool;
+}
+
+TEST(LayoutPools, WhatCannotBeMeantIsRefusedWithoutAskingTheGenerator) {
+  RunConfig config;
+  config.scenario = "lava_pit";
+  const auto error = [&](const char* pool, bool for_training) {
+    config.layout_pool = pool;
+    const auto list = ensure_layout_pool(config, "/nowhere", for_training);
+    return list ? std::string("no error") : list.error().message;
+  };
+  EXPECT_THAT(error("train:0", true), HasSubstr("1 to 100000"));
+  EXPECT_THAT(error("train:9x", true), HasSubstr("1 to 100000"));
+  EXPECT_THAT(error("train:99999999999999999999", true), HasSubstr("1 to 100000"));
+  EXPECT_THAT(error("eval:5", true), HasSubstr("train on train:5"));
+  EXPECT_THAT(error("/nowhere/pool", false), HasSubstr("comrad doomgen lava_pit --pool train"));
+}
+
+TEST_F(GameFiles, ALayoutListLiesWhereWorkersReadIt) {
+  const LayoutList list{.layouts = {{"a", "/x/a.wad"}}, .interestingness_graph = ""};
+  ASSERT_TRUE(write_layout_list(folder_.string(), layout_list_text(list)));
+  const auto read = read_layout_list(folder_.string());
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->layouts[0].path, "/x/a.wad");
+  EXPECT_FALSE(write_layout_list("/proc/nowhere", "x"));
 }
 
 }  // namespace

@@ -48,6 +48,7 @@ std::vector<Field> fields_of(const SlabLayout& layout) {
           {"terminated", layout.terminated, T},
           {"truncated", layout.truncated, T},
           {"final_index", layout.final_index, T * 4},
+          {"layout", layout.layout, T * 4},
           {"recurrent_state", layout.recurrent_state, layout.shape.recurrent_snapshots * N * H * 4},
           {"action", layout.action, T * N * layout.shape.env.head_count * 4},
           {"log_prob", layout.log_prob, T * N * 4},
@@ -118,6 +119,7 @@ TEST(SlabView, EveryElementHasItsOwnBytes) {
     mark(&slab.terminated(step), 1);
     mark(&slab.truncated(step), 1);
     mark(&slab.final_index(step), 4);
+    mark(&slab.layout(step), 4);
     mark(&slab.valid(step), 1);
   }
   int64_t expected = 0;

@@ -85,6 +85,7 @@ TEST(Arena, PartsDoNotOverlap) {
   for (int env = 0; env < 8; ++env) {
     parts.emplace_back(&arena.slot(env), sizeof(StepSlot));
     parts.emplace_back(&arena.journal(env), sizeof(JournalHeader));
+    parts.emplace_back(&arena.layout_desk(env), sizeof(LayoutDesk));
     for (uint64_t parity = 0; parity < 2; ++parity)
       parts.emplace_back(arena.recurrent(env, parity).data(), arena.recurrent(env, parity).size_bytes());
     for (int step = 0; step < 64; ++step)
@@ -99,6 +100,14 @@ TEST(Arena, PartsDoNotOverlap) {
   for (std::size_t index = 1; index < parts.size(); ++index)
     EXPECT_LE(static_cast<const std::byte*>(parts[index - 1].first) + parts[index - 1].second,
               parts[index].first);
+}
+
+TEST(LayoutDesk, AnOutcomeIsOneWord) {
+  for (const float score : {0.0f, -1.5f, 8400.0f}) {
+    const LayoutOutcome outcome = unpack_outcome(pack_outcome({.layout = 0xFFFFFFFEu, .score = score}));
+    EXPECT_EQ(outcome.layout, 0xFFFFFFFEu);
+    EXPECT_EQ(outcome.score, score);
+  }
 }
 
 TEST(Arena, CreateRefusesBadShapes) {
