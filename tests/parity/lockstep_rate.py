@@ -1,0 +1,90 @@
+#!/usr/bin/env python3
+"""Decisions per second that ViZDoom makes with two players in lock step on one core: the number that
+`comrad bench sim` of the same scenario stands beside.
+
+    taskset -c 0 lockstep_rate.py --wad FILE [--seconds S] [--frame_skip 4]
+
+Each player is a process of its own, as in every ViZDoom multiplayer game; both press uniform random buttons, hold them
+for a decision and look at their 160x120 picture after it. A decision of one player counts as one. Episodes begin anew
+when they end. Needs a Python with `vizdoom`. Prints one JSON object.
+"""
+import argparse
+import json
+import multiprocessing
+import os
+import random
+import socket
+import tempfile
+import time
+
+PLAYERS = 2
+BUTTONS = ["MOVE_FORWARD", "MOVE_BACKWARD", "TURN_LEFT", "TURN_RIGHT", "MOVE_LEFT", "MOVE_RIGHT", "ATTACK"]
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def play(player, wad, port, frame_skip, seconds, folder, answer):
+    import vizdoom as vzd
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    os.chdir(folder)  # it leaves its settings where it runs
+    game = vzd.DoomGame()
+    game.set_doom_game_path(os.path.join(os.path.dirname(vzd.__file__), "freedoom2.wad"))
+    game.set_doom_scenario_path(wad)
+    game.set_doom_map("map01")
+    game.set_window_visible(False)
+    game.set_sound_enabled(False)
+    game.set_screen_resolution(vzd.ScreenResolution.RES_160X120)
+    game.set_screen_format(vzd.ScreenFormat.RGB24)
+    game.set_mode(vzd.Mode.PLAYER)
+    game.set_available_buttons([getattr(vzd.Button, name) for name in BUTTONS])
+    if player == 0:
+        game.add_game_args("-host %d -port %d +viz_connect_timeout 60 +sv_noautoaim 1" % (PLAYERS, port))
+    else:
+        game.add_game_args("-join 127.0.0.1 -port %d +viz_connect_timeout 60" % port)
+    game.init()
+    generator = random.Random(player)
+    decisions, frame_bytes, begin = 0, 0, time.monotonic()
+    while time.monotonic() - begin < seconds:
+        if game.is_player_dead():
+            game.respawn_player()
+        if game.is_episode_finished():
+            break  # both players leave a map together; one map is enough to measure
+        game.make_action([float(generator.random() < 0.3) for _ in BUTTONS], frame_skip)
+        state = game.get_state()
+        frame_bytes += 0 if state is None else state.screen_buffer.nbytes
+        decisions += 1
+    answer.put((decisions, frame_bytes, time.monotonic() - begin))
+    game.close()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--wad", required=True)
+    parser.add_argument("--seconds", type=float, default=10)
+    parser.add_argument("--frame_skip", type=int, default=4)
+    arguments = parser.parse_args()
+    context = multiprocessing.get_context("spawn")
+    answer, port = context.Queue(), free_port()
+    with tempfile.TemporaryDirectory() as folder:
+        players = [context.Process(target=play, args=(player, os.path.abspath(arguments.wad), port, arguments.frame_skip,
+                                                      arguments.seconds, folder, answer)) for player in range(PLAYERS)]
+        for player in players:
+            player.start()
+        results = [answer.get(timeout=arguments.seconds + 120) for _ in players]
+        for player in players:
+            player.join(20)
+            if player.is_alive():
+                player.kill()
+    seconds = max(result[2] for result in results)
+    decisions = sum(result[0] for result in results)
+    print(json.dumps({"players": PLAYERS, "decisions": decisions, "seconds": round(seconds, 2),
+                      "decisions_per_s": round(decisions / seconds, 1),
+                      "frame_bytes": sum(result[1] for result in results) // max(1, decisions)}))
+
+
+if __name__ == "__main__":
+    main()
