@@ -24,7 +24,7 @@ double cpu_seconds() {
   return static_cast<double>(used.tv_sec) + static_cast<double>(used.tv_nsec) * 1e-9;
 }
 
-/// A slab that looks like a sealed one: noise for frames, actions in range, one episode end.
+/// A slab that looks like a sealed one: noise for frames, actions in range, a team reward, one episode end.
 void fill_slab(const SlabView& slab, uint64_t seed) {
   Rng rng(RngKey(seed).split("bench"));
   const TrajectoryShape& shape = slab.shape();
@@ -38,7 +38,7 @@ void fill_slab(const SlabView& slab, uint64_t seed) {
       for (int head = 0; head < shape.env.head_count; ++head)
         slab.action(t, agent)[static_cast<std::size_t>(head)] = static_cast<int32_t>(
             rng.below(static_cast<uint32_t>(shape.env.head_sizes[static_cast<std::size_t>(head)])));
-      slab.reward(t, agent) = static_cast<float>(rng.uniform());
+      slab.reward(t, agent) = agent == 0 ? static_cast<float>(rng.uniform()) : slab.reward(t, 0);
       slab.log_prob(t, agent) = -3.0f;
     }
     if (t == shape.rollout_steps) continue;

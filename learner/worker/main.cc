@@ -85,6 +85,8 @@ int run(const CommandLine& command) {
   if (!config) return fail(config.error(), exit_code(config.error()));
   policy::tune_math(static_cast<int>(std::max<int64_t>(1, config->learner_threads)));
   if (command.bench_seconds > 0) {
+    // stdout is for the one JSON object.
+    if (const Status logging = init_log("learner", ""); !logging) return fail(logging.error(), 1);
     const Expected<EnvShape> env = bench_shape(command);
     if (!env) return fail(env.error(), 2);
     const Status done = run_bench(*config, *env, command.bench_seconds);
