@@ -204,9 +204,20 @@ def kolmogorov_smirnov(a, b):
         while j < len(b) and b[j] == value:
             j += 1
         largest = max(largest, abs(i / len(a) - j / len(b)))
-    root = math.sqrt(len(a) * len(b) / (len(a) + len(b)))
+    return kolmogorov_tail(largest, len(a) * len(b) / (len(a) + len(b)))
+
+
+def kolmogorov_smirnov_uniform(values):
+    """p of numbers in 0..1 that should be uniform."""
+    values, count = sorted(values), len(values)
+    return kolmogorov_tail(max(max((i + 1) / count - value, value - i / count) for i, value in enumerate(values)), count)
+
+
+def kolmogorov_tail(largest, count):
+    """P of a distance as large between a distribution and `count` draws of it, by Stephens's approximation."""
+    root = math.sqrt(count)
     z = (root + 0.12 + 0.11 / root) * largest
-    return min(1.0, 2.0 * sum((-1) ** (k - 1) * math.exp(-2.0 * k * k * z * z) for k in range(1, 101)))
+    return min(1.0, max(0.0, 2.0 * sum((-1) ** (k - 1) * math.exp(-2.0 * k * k * z * z) for k in range(1, 101))))
 
 
 class Report:

@@ -516,7 +516,7 @@ void Movement::move_horizontally(std::size_t slot, bool pushing) {
   }
 }
 
-void Movement::move_vertically(std::size_t slot) {
+void Movement::move_vertically(std::size_t slot, bool left_ledge) {
   Actor& body = state_.actors[slot];
   Player* player = body.player_index >= 0 && !body.is_corpse()
                        ? &state_.players[static_cast<std::size_t>(body.player_index)]
@@ -556,8 +556,8 @@ void Movement::move_vertically(std::size_t slot) {
       body.velocity_z = 0;
     }
   } else if (!body.has(ActorFlag::kNoGravity)) {
-    const Fixed gravity =
-        body.gravity == kFracUnit ? state_.gravity : fixed_mul(state_.gravity, body.gravity);
+    int64_t gravity = body.gravity == kFracUnit ? state_.gravity : fixed_mul(state_.gravity, body.gravity);
+    if (left_ledge && body.velocity_z == 0) gravity *= 2;
     body.velocity_z =
         static_cast<Fixed>(std::max<int64_t>(int64_t{body.velocity_z} - gravity, -to_fixed(1000)));
   }

@@ -62,8 +62,9 @@ class Movement {
   /// A tic of inertia: velocity applied, slides, friction. `pushing`: its player holds a direction.
   void move_horizontally(std::size_t slot, bool pushing);
 
-  /// A tic of gravity; floors and ceilings stop it.
-  void move_vertically(std::size_t slot);
+  /// A tic of gravity; floors and ceilings stop it. `left_ledge`: it stood until this tic's way led off the
+  /// floor, and gravity counts twice in this tic (as in ZDoom; not for who jumps).
+  void move_vertically(std::size_t slot, bool left_ledge);
 
   /// Puts the body at (x, y) and renews what it stands on from `check`.
   void place(std::size_t slot, Fixed x, Fixed y, const PositionCheck& check);

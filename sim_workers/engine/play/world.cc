@@ -431,9 +431,11 @@ void World::tic_actor(std::size_t slot) {
   const Player* owner = player >= 0 ? &state_.players[static_cast<std::size_t>(player)] : nullptr;
   const bool alive_player = owner != nullptr && owner->alive;
   const bool pushing = alive_player && PlayerThinker::pushes(owner->buttons);
+  const Fixed floor_before = actor.floor_z;
   if (actor.velocity_x != 0 || actor.velocity_y != 0 || actor.has(ActorFlag::kSkullFly))
     movement.move_horizontally(slot, pushing);
   if (actor.removed) return;
+  const bool left_ledge = actor.floor_z < floor_before && actor.z == floor_before;
   // Above the floor of its sector a body looks anew, each tic, what holds it: a ledge, another body,
   // nothing.
   const Fixed sector_floor = state_.sectors[actor.sector_index].floor_height;
@@ -444,7 +446,7 @@ void World::tic_actor(std::size_t slot) {
   }
   if (actor.velocity_z != 0 || actor.z != actor.floor_z) {
     if (actor.velocity_z != 0 || !actor.has(ActorFlag::kNoGravity) || actor.has(ActorFlag::kFloat))
-      movement.move_vertically(slot);
+      movement.move_vertically(slot, left_ledge);
   }
   if (actor.removed) return;
   if (alive_player && actor.velocity_x == 0 && actor.velocity_y == 0 && !pushing &&

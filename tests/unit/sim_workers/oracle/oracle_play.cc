@@ -1,5 +1,8 @@
-// oracle_play SCENARIO [EPISODES [LAYOUTS [AGENTS]]]: plays a scenario's scripted team without pipeline or pictures,
-// on as many layouts, and prints each episode's score. A tool for whoever writes an oracle.
+// oracle_play SCENARIO [EPISODES [LAYOUTS [AGENTS [FIRST_SEED]]]]: plays a scenario's scripted team without
+// pipeline or pictures, on layouts of as many seeds (from 1000000 on), and prints each episode's score, then
+// their mean with its 95 % interval. A tool for whoever writes an oracle.
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
@@ -11,16 +14,19 @@
 using namespace comrad;
 
 int main(int argc, char** argv) {
-  if (argc < 2) return std::fprintf(stderr, "usage: oracle_play SCENARIO [EPISODES [LAYOUTS [AGENTS]]]\n"), 2;
+  if (argc < 2)
+    return std::fprintf(stderr, "usage: oracle_play SCENARIO [EPISODES [LAYOUTS [AGENTS [FIRST_SEED]]]]\n"),
+           2;
   const std::string scenario = argv[1];
   const int episodes = argc > 2 ? std::atoi(argv[2]) : 5, layouts = argc > 3 ? std::atoi(argv[3]) : 1;
   const auto spec = scenarios::load_scenario(scenario);
   if (!spec) return std::fprintf(stderr, "%s\n", spec.error().message.c_str()), 1;
   const int agents = argc > 4 ? std::atoi(argv[4]) : spec->default_agents;
-  double sum = 0;
+  const uint64_t first_seed = argc > 5 ? std::strtoull(argv[5], nullptr, 10) : 1'000'000;
+  double sum = 0, squares = 0;
   for (int episode = 0; episode < episodes; ++episode) {
     scenarios::LayoutRequest request;
-    request.seed = layouts > 1 ? 1'000'000 + static_cast<uint64_t>(episode % layouts) : 42;
+    request.seed = layouts > 1 ? first_seed + static_cast<uint64_t>(episode % layouts) : 42;
     request.num_agents = agents;
     const auto layout = scenarios::generate_layout(scenario, request);
     if (!layout) return std::fprintf(stderr, "%s\n", layout.error().message.c_str()), 1;
@@ -36,8 +42,11 @@ int main(int argc, char** argv) {
     std::printf("episode %d layout %llu: J %.3f, %u tics, return %.2f\n", episode,
                 static_cast<unsigned long long>(request.seed), summary->score, summary->length_tics,
                 summary->agent_return.at(0));
-    sum += summary->score;
+    std::fflush(stdout);
+    sum += summary->score, squares += double{summary->score} * summary->score;
   }
-  std::printf("mean J %.3f of %d episodes (ceiling %.3f)\n", sum / episodes, episodes, spec->ceiling);
+  const double mean = sum / episodes, spread = std::sqrt(std::max(0.0, squares / episodes - mean * mean));
+  std::printf("mean J %.3f +- %.3f of %d episodes (ceiling %.3f)\n", mean,
+              episodes > 1 ? 1.96 * spread / std::sqrt(episodes - 1) : 0.0, episodes, spec->ceiling);
   return 0;
 }

@@ -160,6 +160,27 @@ TEST(Collision, APlayerWalksOffALedgeAndFalls) {
   EXPECT_EQ(world.player(0).health, 100) << "falling does not hurt";
 }
 
+TEST(Collision, GravityCountsTwiceInTheTicThatLeavesALedgeAndOnceForAJump) {
+  test::LevelBuilder builder;
+  const uint32_t low = builder.sector(0, 512), high = builder.sector(200, 512);
+  builder.room(low, -512, -512, 512, 512).island(high, low, -256, -256, 0, 256).thing(1, -64, 0);
+  for (const bool jumps : {false, true}) {
+    World world = world_of(builder.build());
+    std::vector<int> velocities;  // of each tic in the air, in whole units
+    for (int tic = 0; tic < 60 && velocities.size() < 24; ++tic) {
+      Buttons buttons = running();
+      buttons.jump = jumps && world.body(0).x > to_fixed(-24);
+      tics(world, buttons, 1);
+      if (world.body(0).velocity_z != 0) velocities.push_back(world.body(0).velocity_z >> kFracBits);
+    }
+    ASSERT_GE(velocities.size(), 4u);
+    // As in ViZDoom (lava_pit and platform_chain of tests/parity/scenario_parity.py).
+    const int first = jumps ? 7 : -2;
+    for (int tic = 0; tic < 4; ++tic)
+      EXPECT_EQ(velocities[static_cast<std::size_t>(tic)], first - tic) << jumps;
+  }
+}
+
 TEST(Collision, LowCeilingsAndBlockingLinesStop) {
   for (const bool low_ceiling : {true, false}) {
     test::LevelBuilder builder;
