@@ -72,7 +72,7 @@ Expected<AtlasRegion> ArtAtlas::add(const IndexedImage& image) {
   }
   changed_ = {std::min(changed_.first, top), std::max(changed_.second, top + height)};
   AtlasRegion region;
-  region.address = static_cast<uint32_t>(top) << kAtlasWidthBits | static_cast<uint32_t>(left);
+  region.address = static_cast<uint32_t>(top) * kAtlasWidth + static_cast<uint32_t>(left);
   region.width = static_cast<uint16_t>(image.width), region.height = static_cast<uint16_t>(image.height);
   region.masked = image.masked;
   return region;

@@ -27,6 +27,7 @@ layout(location = 4) in int picture;
 out vec2 uv;
 flat out vec3 surface;
 flat out int origin;
+flat out ivec2 corner;
 void main() {
   gl_Position = position;
 #ifdef MANY_PICTURES
@@ -35,6 +36,8 @@ void main() {
   uv = texture_position;
   surface = size_and_shade;
   origin = address;
+  int place = address & 0xFFFFFF;
+  corner = ivec2(place % 2112, place / 2112);
 }
 )";
 
@@ -47,7 +50,7 @@ out uvec4 word;
 void main() {
   ivec2 texel = ivec2(fract(uv) * surface.xy);
   int row = int(clamp(surface.z - min(24.0, 1280.0 * gl_FragCoord.w), 0.0, 31.0));
-  word = uvec4(origin + (texel.y << 11) + texel.x + (row << 24));
+  word = uvec4(origin + texel.y * 2112 + texel.x + (row << 24));
 }
 )";
 
@@ -57,12 +60,13 @@ uniform uint layer;
 in vec2 uv;
 flat in vec3 surface;
 flat in int origin;
+flat in ivec2 corner;
 layout(location = 0) out uvec4 word;
 layout(location = 1) out uvec4 blended;
 void main() {
   ivec2 texel = ivec2(fract(uv) * surface.xy);
-  int address = origin + (texel.y << 11) + texel.x;
-  if (texelFetch(atlas, ivec2(address & 2047, (address >> 11) & 8191), 0).r == 0u) discard;
+  if (texelFetch(atlas, corner + texel, 0).r == 0u) discard;
+  int address = origin + texel.y * 2112 + texel.x;
   int row = int(clamp(surface.z - min(24.0, 1280.0 * gl_FragCoord.w), 0.0, 31.0));
   uint value = uint(address + (row << 24));
   word = uvec4(value);
@@ -83,16 +87,15 @@ uniform usampler2D atlas;
 in vec2 uv;
 flat in vec3 surface;
 flat in int origin;
+flat in ivec2 corner;
 out uvec4 word;
 void main() {
   ivec2 texel = ivec2(fract(uv) * surface.xy);
-  int address = origin + (texel.y << 11) + texel.x;
-  if (texelFetch(atlas, ivec2(address & 2047, (address >> 11) & 8191), 0).r == 0u) discard;
+  if (texelFetch(atlas, corner + texel, 0).r == 0u) discard;
   word = uvec4(floatBitsToUint(gl_FragCoord.w));
 }
 )";
-static_assert(kLightReach == 1280.0f && kLightNearest == 24.0f && kAtlasWidthBits == 11 &&
-                  kAddressBits == 24 && kAtlasHeightMax == 8192,
+static_assert(kLightReach == 1280.0f && kLightNearest == 24.0f && kAtlasWidth == 2112 && kAddressBits == 24,
               "the shaders spell these out");
 
 }  // namespace
