@@ -12,8 +12,8 @@ Expected<std::unique_ptr<Oracle>> make_oracle(const DoomGame& game) {
     if (game.spec.name == entry.scenario) return entry.make(game);
   std::string known;
   for (const std::string& name : list_oracles()) known += (known.empty() ? "" : ", ") + name;
-  return Error{ErrorCode::kNotFound, "scenario " + game.spec.name + " has no oracle (scenarios/" +
-                                         game.spec.name + "/oracle.cc); those that have one: " + known};
+  return Error{ErrorCode::kNotFound, "scenario " + game.spec.name + " has no oracle (scenarios/" + game.spec.name +
+                                         "/oracle.cc); those that have one: " + known};
 }
 
 std::vector<std::string> list_oracles() {
@@ -27,9 +27,7 @@ std::vector<std::string> list_oracles() {
 class OracleEnvironmentSet::Guided final : public Environment {
  public:
   Guided(DoomEnvironment& inner, std::unique_ptr<Oracle> oracle)
-      : inner_(inner),
-        oracle_(std::move(oracle)),
-        buttons_(static_cast<std::size_t>(inner.shape().num_agents)) {}
+      : inner_(inner), oracle_(std::move(oracle)), buttons_(static_cast<std::size_t>(inner.shape().num_agents)) {}
 
   const EnvShape& shape() const override { return inner_.shape(); }
   uint64_t layout_id() const override { return inner_.layout_id(); }
@@ -64,11 +62,9 @@ class OracleEnvironmentSet::Guided final : public Environment {
   std::vector<int32_t> choice_;         // [N, heads]
 };
 
-OracleEnvironmentSet::OracleEnvironmentSet(std::unique_ptr<DoomEnvironmentSet> inner)
-    : inner_(std::move(inner)) {}
+OracleEnvironmentSet::OracleEnvironmentSet(std::unique_ptr<DoomEnvironmentSet> inner) : inner_(std::move(inner)) {}
 
-Expected<std::unique_ptr<EnvironmentSet>> OracleEnvironmentSet::create(
-    std::unique_ptr<DoomEnvironmentSet> inner) {
+Expected<std::unique_ptr<EnvironmentSet>> OracleEnvironmentSet::create(std::unique_ptr<DoomEnvironmentSet> inner) {
   std::unique_ptr<OracleEnvironmentSet> set(new OracleEnvironmentSet(std::move(inner)));
   for (int i = 0; i < set->size(); ++i) {
     DoomEnvironment& environment = set->inner_->at(i);
