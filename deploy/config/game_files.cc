@@ -122,7 +122,9 @@ Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::str
                                      std::to_string(config.num_agents), "-o", folder},
                                     {.timeout_s = 120.0 + static_cast<double>(pool->count)}));
       if (made.interrupted) return Error{ErrorCode::kSystem, "interrupted while layouts were drawn"};
-      if (made.exit_code != 0) return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made)};
+      if (made.exit_code != 0)
+        return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made) + " (layout_pool is " +
+                                               config.layout_pool + "; a folder of WADs will do as well)"};
     }
   } else if (!fs::is_directory(folder, error)) {
     return Error{ErrorCode::kNotFound, "layout_pool is " + folder +

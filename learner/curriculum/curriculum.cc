@@ -407,9 +407,11 @@ std::vector<std::pair<std::string, double>> Curriculum::metrics() {
 }
 
 std::string Curriculum::state() const {
+  auto& self = const_cast<Curriculum&>(*this);
+  self.refresh();  // whoever looked at the weights last must not show in the state
   Json json{{"format", kFormat},   {"kind", options_.kind}, {"tasks", task_names_}, {"seed", options_.seed},
             {"counter", counter_}, {"weights", weights_},   {"counts", counts_},    {"means", means_}};
-  for (const auto& [name, array] : const_cast<Curriculum*>(this)->arrays()) json["arrays"][name] = *array;
+  for (const auto& [name, array] : self.arrays()) json["arrays"][name] = *array;
   return json.dump();
 }
 

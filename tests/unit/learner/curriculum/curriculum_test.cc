@@ -240,6 +240,22 @@ TEST(Curriculum, AResumedOneDrawsTheSame) {
   }
 }
 
+TEST(Curriculum, LookingAtItLeavesNoTrace) {
+  for (const char* kind : {"uniform", "sequential", "learning_progress", "omni", "plr"}) {
+    SCOPED_TRACE(kind);
+    auto seen = made({.kind = kind, .seed = 5}, 4), alone = made({.kind = kind, .seed = 5}, 4);
+    for (int i = 0; i < 30; ++i) {
+      for (Curriculum* c : {seen.get(), alone.get()}) {
+        const int task = c->draw();
+        c->update(task, (task + i) % 5 / 5.0);
+        c->score(task, 4, task * 0.3, 1.0);
+      }
+      (void)seen->metrics();
+      ASSERT_EQ(seen->state(), alone->state());
+    }
+  }
+}
+
 TEST(Curriculum, RefusesAnotherPoolAndBrokenState) {
   auto curriculum = made({.kind = "plr"}, 3);
   const std::string state = curriculum->state();
