@@ -27,7 +27,19 @@ constexpr std::array kFixedInARun = {"scenario",
                                      "normalize_input",
                                      "normalize_returns",
                                      "use_additional_input",
-                                     "curriculum"};
+                                     "curriculum",
+                                     "mixer",
+                                     "qmix_embed_dim",
+                                     "qmix_hypernet_hidden",
+                                     "qplex_embed_dim",
+                                     "qplex_hypernet_embed",
+                                     "qplex_adv_hypernet_layers",
+                                     "qplex_adv_hypernet_embed",
+                                     "qplex_num_kernel",
+                                     "qplex_n_head",
+                                     "qplex_weighted_head",
+                                     "qplex_nonlinear",
+                                     "qplex_state_bias"};
 
 /// What the automatic sizes are made from.
 constexpr std::array kSizesAnArena = {
@@ -51,7 +63,9 @@ Expected<SettingsLayer> file_layer(const UserSettings& user) {
 
 Expected<MergedSettings> complete(RunConfig config, ScenarioDescription scenario, int core_count) {
   config.num_agents = scenario.env.num_agents;
-  if (config.shared_reward_alpha < 0) config.shared_reward_alpha = scenario.shared_reward_alpha;
+  // Sharing is for actor-critics; mixers add the rewards up, and idqn's agents learn from their own.
+  if (config.shared_reward_alpha < 0)
+    config.shared_reward_alpha = learns_q_values(config) ? 0 : scenario.shared_reward_alpha;
   if (config.seq_max_return == 0) config.seq_max_return = std::max(scenario.ceiling, 0.0);
   if (config.lp_max_return == 0 && scenario.ceiling > config.lp_min_return)
     config.lp_max_return = scenario.ceiling;
@@ -81,8 +95,9 @@ Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& des
                     describe(chosen.scenario, chosen.num_agents, chosen.use_additional_input));
 
   RunConfig config;
+  const SettingsLayer preset = qplex_preset_settings(chosen.qplex_preset);
   const SettingsLayer& training = scenario.training;
-  for (const SettingsLayer* layer : {&changes, &algorithm, &training, &file, &user.typed})
+  for (const SettingsLayer* layer : {&changes, &algorithm, &preset, &training, &file, &user.typed})
     COMRAD_TRY(apply_layer(config, *layer));
   if (config.use_additional_input != chosen.use_additional_input) {  // the scenario's own default decides
     COMRAD_TRY_ASSIGN(scenario, describe(chosen.scenario, chosen.num_agents, config.use_additional_input));

@@ -225,6 +225,7 @@ void Batcher::answer(const Batch& batch, const float* logits, const float* value
   const size_t state_count = static_cast<size_t>(states_.state_count());
   const size_t agents = static_cast<size_t>(env.num_agents);
   const float* state_in = batch.recurrent_state.data_ptr<float>();
+  const float epsilon = options_.is_greedy ? 0.0f : arena_->control().epsilon.load();
   for (size_t index = 0; index < batch.requests.size(); ++index) {
     const Request& request = batch.requests[index];
     shm::StepSlot& slot = arena_->slot(request.env_index);
@@ -253,9 +254,13 @@ void Batcher::answer(const Batch& batch, const float* logits, const float* value
       if (request.kind == RequestKind::kValue) continue;
       const std::span<const float> row_logits(logits + row * logit_count, logit_count);
       std::ranges::copy(row_logits, slab.logits(request.step, agent_index).begin());
-      slab.log_prob(request.step, agent_index) = sample_action(
-          row_logits, slab.action_mask(request.step, agent_index), env, key.split(uint64_t{agent}),
-          options_.is_greedy, slab.action(request.step, agent_index));
+      const auto mask = slab.action_mask(request.step, agent_index);
+      const RngKey agent_key = key.split(uint64_t{agent});
+      const auto action = slab.action(request.step, agent_index);
+      slab.log_prob(request.step, agent_index) =
+          options_.is_epsilon_greedy
+              ? explore_action(row_logits, mask, env, agent_key, epsilon, action)
+              : sample_action(row_logits, mask, env, agent_key, options_.is_greedy, action);
       slab.policy_version(request.step, agent_index) = version;
     }
     if (request.kind == RequestKind::kAct && state_count > 0)

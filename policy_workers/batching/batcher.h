@@ -21,12 +21,13 @@ namespace comrad::policy {
 /// How a policy worker fills its batches.
 struct BatcherOptions {
   int policy_worker = 0;
-  int64_t min_batch = 0;          ///< environments a batch waits for; 0: a third of the groups served
-  int64_t max_batch = 0;          ///< environments in a batch at most; 0: all that are served
-  int64_t max_wait_us = 2000;     ///< longest wait for min_batch, from the first request on
-  bool is_deterministic = false;  ///< one whole group per batch, whatever the limits say
-  bool is_greedy = false;         ///< most probable actions instead of drawn ones
-  uint64_t seed = 0;              ///< of the run; keys the action draws
+  int64_t min_batch = 0;           ///< environments a batch waits for; 0: a third of the groups served
+  int64_t max_batch = 0;           ///< environments in a batch at most; 0: all that are served
+  int64_t max_wait_us = 2000;      ///< longest wait for min_batch, from the first request on
+  bool is_deterministic = false;   ///< one whole group per batch, whatever the limits say
+  bool is_greedy = false;          ///< most probable actions instead of drawn ones
+  bool is_epsilon_greedy = false;  ///< outputs are Q-values; the learner's epsilon lies in the control block
+  uint64_t seed = 0;               ///< of the run; keys the action draws
 };
 
 /// A slot's question, copied and bounds-checked when it was gathered.

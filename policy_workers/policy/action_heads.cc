@@ -1,6 +1,7 @@
 #include "policy_workers/policy/action_heads.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -123,6 +124,41 @@ float sample_action(std::span<const float> logits, std::span<const uint8_t> mask
     log_prob += logit[chosen] - largest - std::log(sum);
   });
   return static_cast<float>(log_prob);
+}
+
+float explore_action(std::span<const float> q_values, std::span<const uint8_t> mask, const EnvShape& env,
+                     RngKey key, float epsilon, std::span<int32_t> action) {
+  std::array<int32_t, kMaxHeads> greedy{};
+  sample_action(q_values, mask, env, key, /*greedy=*/true, greedy);
+  const bool explores = key.split("explore").uniform() < epsilon;
+  double random_probability = 1.0;
+  bool is_greedy = true;
+  for_each_head(env, [&](int32_t head, int64_t first, int64_t size) {
+    const auto is_allowed = [&](int64_t choice) {
+      return mask.empty() || mask[static_cast<size_t>(first + choice)] != 0;
+    };
+    int64_t allowed = 0;
+    for (int64_t choice = 0; choice < size; ++choice) allowed += is_allowed(choice);
+    const bool everything = allowed == 0;  // a mask that forbids all is no mask
+    if (everything) allowed = size;
+    int32_t chosen = greedy[static_cast<size_t>(head)];
+    if (explores) {
+      int64_t rank = std::min(allowed - 1,
+                              static_cast<int64_t>(double{key.split(static_cast<uint64_t>(head)).uniform()} *
+                                                   static_cast<double>(allowed)));
+      for (int64_t choice = 0; choice < size; ++choice) {
+        if (!everything && !is_allowed(choice)) continue;
+        if (rank-- > 0) continue;
+        chosen = static_cast<int32_t>(choice);
+        break;
+      }
+    }
+    action[static_cast<size_t>(head)] = chosen;
+    is_greedy &= chosen == greedy[static_cast<size_t>(head)];
+    random_probability /= static_cast<double>(allowed);
+  });
+  return static_cast<float>(
+      std::log(double{epsilon} * random_probability + (is_greedy ? 1.0 - double{epsilon} : 0.0)));
 }
 
 }  // namespace comrad::policy

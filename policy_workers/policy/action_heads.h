@@ -34,4 +34,10 @@ Tensor symmetric_kl_to_uniform(const Tensor& log_probs, const Tensor& mask, cons
 float sample_action(std::span<const float> logits, std::span<const uint8_t> mask, const EnvShape& env,
                     RngKey key, bool greedy, std::span<int32_t> action);
 
+/// Chooses for one agent by its Q-values: with probability `epsilon` every head uniformly among its allowed
+/// choices, else each head's argmax. Same arguments and result as sample_action, the log-probability being
+/// that of this mixture. Source: training spec 2.7.
+float explore_action(std::span<const float> q_values, std::span<const uint8_t> mask, const EnvShape& env,
+                     RngKey key, float epsilon, std::span<int32_t> action);
+
 }  // namespace comrad::policy

@@ -225,6 +225,17 @@ struct ResnetPath : torch::autograd::Function<ResnetPath> {
 
 }  // namespace
 
+std::pair<Tensor, Tensor> initial_layer(at::IntArrayRef sizes, Initialization init, double gain,
+                                        at::Generator generator) {
+  if (init == Initialization::kOrthogonal)
+    return {orthogonal(sizes, gain, generator), torch::zeros({sizes[0]})};
+  int64_t inputs = 1;
+  for (const int64_t size : sizes.slice(1)) inputs *= size;
+  const double bound = 1.0 / std::sqrt(static_cast<double>(inputs));
+  const Tensor weight = torch::empty(sizes).uniform_(-bound, bound, generator);
+  return {weight, torch::empty({sizes[0]}).uniform_(-bound, bound, generator)};
+}
+
 Tensor orthogonal(at::IntArrayRef sizes, double gain, at::Generator generator) {
   const int64_t rows = sizes[0];
   int64_t columns = 1;
@@ -356,8 +367,8 @@ Encoder Encoder::create(const EncoderOptions& options, at::Generator generator, 
   encoder.normalizer_ = normalizer ? std::move(normalizer)
                                    : ObservationNormalizer::create(env, options.normalize_input, device);
   auto make_layer = [&](std::string name, at::IntArrayRef sizes) {
-    return Layer{std::move(name), orthogonal(sizes, options.init_gain, generator).to(device).requires_grad_(),
-                 torch::zeros({sizes[0]}).to(device).requires_grad_()};
+    const auto [weight, bias] = initial_layer(sizes, options.init, options.init_gain, generator);
+    return Layer{std::move(name), weight.to(device).requires_grad_(), bias.to(device).requires_grad_()};
   };
   int64_t channels = env.channels, height = env.height, width = env.width;
   const auto stack = std::ranges::find(conv_stacks(), options.architecture, &ConvStack::name);

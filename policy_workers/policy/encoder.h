@@ -71,10 +71,17 @@ struct ObservationNormalizer {
   InputNormalizer frame, measurement;
 };
 
+/// How weights of linear and convolution layers begin.
+enum class Initialization {
+  kOrthogonal,        ///< orthogonal with a gain, zero biases
+  kFrameworkDefault,  ///< weights and biases uniform in +-1/sqrt(inputs), PyTorch's default
+};
+
 /// What an encoder is made from.
 struct EncoderOptions {
   EnvShape env = {};
   std::string architecture = "convnet_simple";
+  Initialization init = Initialization::kOrthogonal;
   double init_gain = 1.0;
   bool normalize_input = true;
   Precision precision = Precision::kFp32;
@@ -127,6 +134,10 @@ class Encoder {
   Layer image_;                     // flattened map -> 512
   std::vector<Layer> measurement_;  // M -> 128 -> 128
 };
+
+/// Weight of these sizes (outputs first) and bias [outputs] of a fresh layer.
+std::pair<Tensor, Tensor> initial_layer(at::IntArrayRef sizes, Initialization init, double gain,
+                                        at::Generator generator);
 
 /// Orthogonal matrix with `gain`, rows x columns being the first axis x all others; drawn from `generator`.
 Tensor orthogonal(at::IntArrayRef sizes, double gain, at::Generator generator);

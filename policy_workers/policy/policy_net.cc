@@ -122,12 +122,26 @@ class PolicyNetImpl {
     return x;
   }
 
-  /// Values [B] of the rows whose features [B, F] the actors made.
+  /// The heads' largest Q-values, summed: [B] of Q-values [B, A].
+  Tensor greedy_values(const Tensor& q) const {
+    Tensor sum;
+    int64_t first = 0;
+    for (int32_t head = 0; head < options.env.head_count; ++head) {
+      const int64_t size = options.env.head_sizes[static_cast<std::size_t>(head)];
+      const Tensor largest = q.slice(1, first, first + size).amax(1);
+      sum = sum.defined() ? sum + largest : largest;
+      first += size;
+    }
+    return sum;
+  }
+
+  /// Values [B] of the rows whose features [B, F] the actors made; undefined without a critic.
   Tensor values(const std::vector<Tensor>& features_of_actors) const {
     if (options.critic == CriticKind::kCentral) {
       const Tensor rows = interleave(features_of_actors, 0);
       return critic_values(rows.reshape({rows.size(0) / agents(), rows.size(1) * agents()})).flatten();
     }
+    if (options.critic == CriticKind::kNone) return {};
     std::vector<Tensor> of_actors;
     for (std::size_t i = 0; i < actors.size(); ++i)
       of_actors.push_back((*actors[i].value_head)(features_of_actors[i]));
@@ -172,7 +186,7 @@ class PolicyNetImpl {
       }
       value = joint_values(critic_features);
     } else {
-      value = values(features);
+      value = options.critic == CriticKind::kNone ? greedy_values(interleave(logits, 0)) : values(features);
     }
     Tensor after = state_count > 0 ? interleave(states, 0) : recurrent_state;
     if (critic_has_state())
@@ -231,9 +245,11 @@ PolicyNetOptions PolicyNetOptions::from(const RunConfig& config, const EnvShape&
   options.normalize_input = config.normalize_input;
   options.separate_agents = !config.share_parameters || config.algo == "happo";
   options.agent_id_input = config.agent_id_input;
-  options.critic = config.algo == "mappo"   ? CriticKind::kCentral
-                   : config.algo == "happo" ? CriticKind::kJoint
-                                            : CriticKind::kOwn;
+  options.critic = config.algo == "mappo"    ? CriticKind::kCentral
+                   : config.algo == "happo"  ? CriticKind::kJoint
+                   : learns_q_values(config) ? CriticKind::kNone
+                                             : CriticKind::kOwn;
+  if (mixes_q_values(config)) options.init = Initialization::kFrameworkDefault;
   options.critic_widths = widths(config.critic_hidden_sizes);
   options.critic_rnn = config.happo_critic_rnn;
   options.precision = parse_precision(config.precision);
@@ -250,6 +266,20 @@ int64_t PolicyNetOptions::recurrent_state_count() const {
 }
 
 PolicyNet PolicyNet::create(const PolicyNetOptions& options, uint64_t seed, torch::Device device) {
+  return make(options, seed, device,
+              ObservationNormalizer::create(options.env, options.normalize_input, device));
+}
+
+PolicyNet PolicyNet::twin() const {
+  PolicyNet twin = make(options(), 0, device(), impl_->normalizer);
+  torch::NoGradGuard no_grad;
+  const std::vector<Tensor> mine = parameters(), its = twin.parameters();
+  for (std::size_t i = 0; i < mine.size(); ++i) its[i].copy_(mine[i]);
+  return twin;
+}
+
+PolicyNet PolicyNet::make(const PolicyNetOptions& options, uint64_t seed, torch::Device device,
+                          std::shared_ptr<ObservationNormalizer> normalizer) {
   COMRAD_CHECK(!options.use_rnn || options.rnn_type == "gru" || options.rnn_type == "lstm",
                "settings were resolved: rnn_type is gru or lstm");
   COMRAD_CHECK(!options.agent_id_input || !options.separate_agents,
@@ -261,19 +291,19 @@ PolicyNet PolicyNet::create(const PolicyNetOptions& options, uint64_t seed, torc
   PolicyNetImpl& impl = *net.impl_;
   impl.options = options;
   impl.device = device;
-  impl.normalizer = ObservationNormalizer::create(options.env, options.normalize_input, device);
+  impl.normalizer = std::move(normalizer);
   const int64_t agents = options.env.num_agents, logits = options.env.logit_count();
 
   const auto make_dense = [&](std::string name, int64_t inputs, int64_t outputs) {
-    return Dense{std::move(name),
-                 orthogonal({outputs, inputs}, options.init_gain, generator).to(device).requires_grad_(),
-                 torch::zeros({outputs}).to(device).requires_grad_()};
+    const auto [weight, bias] = initial_layer({outputs, inputs}, options.init, options.init_gain, generator);
+    return Dense{std::move(name), weight.to(device).requires_grad_(), bias.to(device).requires_grad_()};
   };
   const auto make_tower = [&](bool has_core, int64_t extra_inputs) {
     Tower tower;
     tower.precision = options.precision;
     tower.encoder = Encoder::create({.env = options.env,
                                      .architecture = options.encoder,
+                                     .init = options.init,
                                      .init_gain = options.init_gain,
                                      .normalize_input = options.normalize_input,
                                      .precision = options.precision},
@@ -302,7 +332,7 @@ PolicyNet PolicyNet::create(const PolicyNetOptions& options, uint64_t seed, torc
   if (options.critic == CriticKind::kJoint)
     for (int64_t i = 0; i < agents; ++i)
       impl.critic_towers.push_back(make_tower(options.use_rnn && options.critic_rnn, 0));
-  if (options.critic != CriticKind::kOwn) {
+  if (options.critic == CriticKind::kCentral || options.critic == CriticKind::kJoint) {
     const Tower& last = impl.critic_towers.empty() ? impl.actors.back().tower : impl.critic_towers.back();
     int64_t inputs = last.feature_count() * agents;
     std::vector<int64_t> widths = options.critic_widths;
@@ -382,8 +412,11 @@ SequenceOutput PolicyNet::sequence(const SequenceInput& input) const {
                              [&](const Tensor& encoded) { return impl.with_agent_id(encoded); }));
     logits.push_back(actor.action_head(features.back()));
   }
-  const Tensor value = impl.options.critic == CriticKind::kJoint ? joint_value_sequence(input)
-                                                                 : impl.values(features).view({steps, rows});
+  Tensor value;
+  if (impl.options.critic == CriticKind::kJoint)
+    value = joint_value_sequence(input);
+  else if (impl.options.critic != CriticKind::kNone)
+    value = impl.values(features).view({steps, rows});
   return {interleave(logits, 0).view({steps, rows, -1}), value};
 }
 
@@ -391,6 +424,41 @@ SequenceOutput PolicyNet::sequence(const Tensor& frame, const Tensor& measuremen
                                    const Tensor& recurrent_state, const Tensor& reset) const {
   return sequence(
       {.frame = frame, .measurement = measurement, .recurrent_state = recurrent_state, .reset = reset});
+}
+
+Tensor PolicyNet::encode(const Tensor& frame, const Tensor& measurement) const {
+  const PolicyNetImpl& impl = *impl_;
+  if (!impl.options.separate_agents)
+    return impl.with_agent_id(impl.actors.front().tower.encoder.forward(frame, measurement));
+  std::vector<Tensor> encoded;
+  for (std::size_t i = 0; i < impl.actors.size(); ++i) {
+    const int64_t agent = static_cast<int64_t>(i);
+    encoded.push_back(impl.actors[i].tower.encoder.forward(
+        rows_of_agent(frame, 0, agent, impl.agents()), rows_of_agent(measurement, 0, agent, impl.agents())));
+  }
+  return interleave(encoded, 0);
+}
+
+Tensor PolicyNet::logits_of(const Tensor& encoded, const Tensor& recurrent_state, const Tensor& reset) const {
+  const PolicyNetImpl& impl = *impl_;
+  const int64_t steps = encoded.size(0);
+  std::vector<Tensor> logits;
+  for (std::size_t i = 0; i < impl.actors.size(); ++i) {
+    const PolicyNetImpl::Actor& actor = impl.actors[i];
+    const auto own = [&](const Tensor& rows, int64_t axis) {
+      return impl.options.separate_agents ? rows_of_agent(rows, axis, static_cast<int64_t>(i), impl.agents())
+                                          : rows;
+    };
+    const Tensor features =
+        actor.tower.sequence(own(encoded, 1).flatten(0, 1), own(recurrent_state, 0), own(reset, 1), steps);
+    logits.push_back(actor.action_head(features));
+  }
+  return interleave(logits, 0).view({steps, encoded.size(1), -1});
+}
+
+int64_t PolicyNet::encoded_count() const {
+  return impl_->actors.front().tower.encoder.feature_count() +
+         (impl_->options.agent_id_input ? impl_->agents() : 0);
 }
 
 Tensor PolicyNet::actor_sequence(int64_t agent, const SequenceInput& input) const {
@@ -420,6 +488,8 @@ std::vector<Tensor> PolicyNet::parameters() const {
   for (auto& [name, tensor] : impl_->named_parameters()) parameters.push_back(tensor);
   return parameters;
 }
+
+NamedTensors PolicyNet::named_parameters() const { return impl_->named_parameters(); }
 
 std::vector<Tensor> PolicyNet::actor_parameters(int64_t agent) const {
   COMRAD_CHECK(impl_->options.separate_agents, "each agent has an actor of its own");

@@ -1,7 +1,8 @@
 // The network that both sides run: policy workers forward it one step at a time, the learner over whole
 // sequences. Encoder > recurrent core > decoder > action heads and value. One such tower serves all agents or
 // each agent has its own; the value is the agent's own (IPPO), comes from the features of all agents of its
-// world (MAPPO), or from encoders and cores of the critic alone (HAPPO; training spec 1.5). Stage: forward
+// world (MAPPO), or from encoders and cores of the critic alone (HAPPO; training spec 1.5). The networks of
+// Q-learning have no critic: their heads give a Q-value per choice (training spec 1.6). Stage: forward
 // (policy worker), update (learner).
 #pragma once
 
@@ -14,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "policy_workers/policy/encoder.h"
 #include "policy_workers/policy/precision.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
@@ -28,6 +30,7 @@ enum class CriticKind {
   kOwn,      ///< IPPO: the agent's own features to one value
   kCentral,  ///< MAPPO: the N agents' core features side by side to N values, one per agent
   kJoint,    ///< HAPPO: N encoders (and cores) of the critic's own, side by side to one value for all
+  kNone,     ///< Q-learning: logits are Q-values, the value of a row is the sum of its heads' maxima
 };
 
 /// Options of the network, from the settings and the shapes. With separate towers, an agent index or a critic
@@ -40,6 +43,7 @@ struct PolicyNetOptions {
   int64_t rnn_size = 512;
   int64_t rnn_num_layers = 1;
   std::vector<int64_t> decoder_widths;  ///< ELU layers between core and heads
+  Initialization init = Initialization::kOrthogonal;
   double init_gain = 1.0;
   bool normalize_input = true;
   bool separate_agents = false;  ///< a tower and heads per agent instead of one for all
@@ -67,7 +71,7 @@ struct PolicyOutput {
 /// A pass over T steps of B rows; what was not asked for stays undefined.
 struct SequenceOutput {
   Tensor logits;  ///< [T, B, A]
-  Tensor value;   ///< [T, B]
+  Tensor value;   ///< [T, B]; undefined without a critic
 };
 
 /// T steps of B rows: what a network is shown.
@@ -84,8 +88,8 @@ class PolicyNetImpl;
 class PolicyNet {
  public:
   PolicyNet() = default;
-  /// Deterministic initialisation from `seed`: orthogonal with the given gain for linear and convolution
-  /// weights, zero biases, framework defaults for the recurrent cell (training spec 1.4).
+  /// Deterministic initialisation from `seed`: by `init` for linear and convolution layers, framework
+  /// defaults for the recurrent cell (training spec 1.4, 1.6).
   static PolicyNet create(const PolicyNetOptions& options, uint64_t seed, torch::Device device);
 
   /// One step. frame u8 [B, C, H, W], measurement f32 [B, M] (may be undefined), state f32 [B, H].
@@ -109,6 +113,18 @@ class PolicyNet {
   /// The joint critic's values [T, B] of whole worlds, the same for all agents of a world. kJoint only.
   Tensor joint_value_sequence(const SequenceInput& input) const;
 
+  /// The two halves of a pass over a sequence, for who needs the features between them or steps that follow
+  /// no stored frame. Features [B, E] of frames u8 [B, C, H, W] and measurements; then logits [T, B, A] of
+  /// features [T, B, E], with state and reset as above. With gradient.
+  Tensor encode(const Tensor& frame, const Tensor& measurement) const;
+  Tensor logits_of(const Tensor& encoded, const Tensor& recurrent_state, const Tensor& reset) const;
+  /// E: features of a row's encoder.
+  int64_t encoded_count() const;
+
+  /// A network of the same options with weights of its own, equal to these now, that shares the input
+  /// statistics: a target network.
+  PolicyNet twin() const;
+
   /// Merges a batch of frames (and measurements) into the running input statistics: mean and unbiased
   /// variance per element, parallel-variance merge, double precision (training spec 1.1). Learner only.
   void update_input_statistics(const Tensor& frame, const Tensor& measurement) const;
@@ -119,7 +135,8 @@ class PolicyNet {
   /// Those of one agent's actor (separate agents) and of the joint critic: disjoint, together parameters().
   std::vector<Tensor> actor_parameters(int64_t agent) const;
   std::vector<Tensor> joint_critic_parameters() const;
-  std::vector<std::pair<std::string, Tensor>> named_state() const;
+  NamedTensors named_parameters() const;
+  NamedTensors named_state() const;
   int64_t parameter_count() const;
 
   /// All of named_state as flat bytes in that order: what travels from learner to policy workers.
@@ -135,6 +152,8 @@ class PolicyNet {
   torch::Device device() const;
 
  private:
+  static PolicyNet make(const PolicyNetOptions& options, uint64_t seed, torch::Device device,
+                        std::shared_ptr<ObservationNormalizer> normalizer);
   std::shared_ptr<PolicyNetImpl> impl_;
 };
 

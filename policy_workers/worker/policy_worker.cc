@@ -26,6 +26,8 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
                                                              .max_wait_us = config.max_wait_us,
                                                              .is_deterministic = config.deterministic,
                                                              .is_greedy = options.is_greedy,
+                                                             .is_epsilon_greedy = learns_q_values(config) &&
+                                                                                  !options.is_random,
                                                              .seed = static_cast<uint64_t>(config.seed)}));
   PolicyNet policy;
   if (!options.is_random) {

@@ -17,12 +17,39 @@
 namespace comrad {
 namespace {
 
-constexpr std::array kAlgorithms = {"ippo", "mappo", "happo"};
+constexpr std::array kAlgorithms = {"ippo", "mappo", "happo", "idqn", "vdn", "qmix", "qplex_d", "qplex_q"};
 
-/// Sample Factory calls independent PPO "APPO"; one spelling travels through the rest of the system.
+/// The mixers by the names that --mixer knows, and the algorithm that each makes.
+struct MixerName {
+  const char* mixer;
+  const char* algo;
+};
+constexpr MixerName kMixers[] = {
+    {"vdn", "vdn"}, {"qmix", "qmix"}, {"dmaq", "qplex_d"}, {"dmaq_qatten", "qplex_q"}};
+
+/// One spelling travels through the rest of the system: Sample Factory calls independent PPO "APPO", the
+/// reference says "DQN" for idqn and "QPLEX" with a mixer for qplex_d and qplex_q.
 std::string canonical_algorithm(std::string_view algo) {
   std::string name = lower_case(algo);
-  return name == "appo" ? "ippo" : name;
+  if (name == "appo") return "ippo";
+  if (name == "dqn") return "idqn";
+  if (name == "qplex") return "qplex_d";
+  return name;
+}
+
+const char* mixer_of(std::string_view algo) {
+  for (const MixerName& name : kMixers)
+    if (algo == name.algo) return name.mixer;
+  return "";
+}
+
+/// The algorithm that `mixer` makes of qmix or qplex; every other keeps its own.
+void settle_mixer(RunConfig& config) {
+  config.algo = canonical_algorithm(config.algo);
+  config.mixer = lower_case(config.mixer);
+  if (config.algo != "qmix" && config.algo != "qplex_d" && config.algo != "qplex_q") return;
+  for (const MixerName& name : kMixers)
+    if (config.mixer == name.mixer) config.algo = name.algo;
 }
 
 std::string joined(const std::vector<std::string>& words) {
@@ -182,6 +209,47 @@ void check_curriculum(const RunConfig& c, Checks& check) {
   check.fraction("plr_eps", c.plr_eps);
 }
 
+void check_q_learning(const RunConfig& c, Checks& check) {
+  check.fraction("epsilon_start", c.epsilon_start);
+  check.fraction("epsilon_end", c.epsilon_end);
+  check.above("epsilon_decay_steps", c.epsilon_decay_steps, 0);
+  check.that(c.target_update_tau > 0 && c.target_update_tau <= 1, "target_update_tau",
+             real_text(c.target_update_tau), "greater than 0 and at most 1");
+  check.range("target_update_interval", c.target_update_interval, 1, 1'000'000'000);
+  check.range("n_step", c.n_step, 1, 4096);
+  check.that(c.td_lambda <= 1, "td_lambda", real_text(c.td_lambda), "between 0 and 1, or below 0 for n_step");
+  check.at_least("q_value_clamp", c.q_value_clamp, 0);
+  check.at_least("dqn_reward_clip", c.dqn_reward_clip, 0);
+  check.one_of("team_reward", c.team_reward, {"auto", "sum", "mean"});
+  check.range("learning_starts", c.learning_starts, 0, int64_t{1} << 40);
+  check.range("train_frequency", c.train_frequency, 1, 1'000'000);
+  check.range("dqn_max_updates_per_batch", c.dqn_max_updates_per_batch, 1, 1'000'000);
+  check.at_least("replay_ratio", c.replay_ratio, 0);
+  check.range("dqn_batch_size", c.dqn_batch_size, 0, 1 << 20);
+  check.range("qmix_buffer_batch_size", c.qmix_buffer_batch_size, 1, 1 << 20);
+  check.range("qmix_sequence_batch_size", c.qmix_sequence_batch_size, 1, 1 << 16);
+  check.range("burn_in", c.burn_in, 0, 4096);
+
+  check.above("replay_gb", c.replay_gb, 0);
+  check.range("replay_buffer_size", c.replay_buffer_size, 1, int64_t{1} << 40);
+  check.at_least("per_omega", c.per_omega, 0);
+  check.fraction("per_beta_start", c.per_beta_start);
+  check.at_least("per_beta_frames", c.per_beta_frames, 0);
+
+  check.that(c.mixer.empty() || c.mixer == mixer_of(c.algo), "mixer", c.mixer,
+             "one of vdn, qmix, dmaq, dmaq_qatten with algo qmix or qplex, and left out with algo " + c.algo);
+  check.range("qmix_embed_dim", c.qmix_embed_dim, 1, 4096);
+  check.range("qmix_hypernet_hidden", c.qmix_hypernet_hidden, 1, 4096);
+  check.one_of("qplex_preset", c.qplex_preset, {"comrad", "paper"});
+  check.range("qplex_embed_dim", c.qplex_embed_dim, 1, 4096);
+  check.range("qplex_hypernet_embed", c.qplex_hypernet_embed, 1, 4096);
+  check.range("qplex_adv_hypernet_layers", c.qplex_adv_hypernet_layers, 1, 3);
+  check.range("qplex_adv_hypernet_embed", c.qplex_adv_hypernet_embed, 1, 4096);
+  check.range("qplex_num_kernel", c.qplex_num_kernel, 1, 256);
+  check.range("qplex_n_head", c.qplex_n_head, 1, 256);
+  check.at_least("qplex_attend_reg_coef", c.qplex_attend_reg_coef, 0);
+}
+
 Status check_ranges(const RunConfig& c) {
   Checks check;
   check.that(!c.scenario.empty(), "scenario", c.scenario, "the name of a scenario");
@@ -246,6 +314,8 @@ Status check_ranges(const RunConfig& c) {
   check.that(c.happo_factor_clamp == 0 || c.happo_factor_clamp > 1, "happo_factor_clamp",
              real_text(c.happo_factor_clamp), "greater than 1, or 0 for none");
 
+  check_q_learning(c, check);
+
   check.at_least("learning_rate", c.learning_rate, 0);
   check.one_of("lr_schedule", c.lr_schedule,
                {"constant", "linear_decay", "kl_adaptive_minibatch", "kl_adaptive_epoch"});
@@ -283,7 +353,32 @@ Status check_ranges(const RunConfig& c) {
   return check.status();
 }
 
-/// Settings of the on-policy algorithms that exclude each other.
+/// Settings that Q-learning cannot have together.
+Status check_q_combinations(const RunConfig& c) {
+  const auto refuse = [](std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; };
+  if (mixes_q_values(c) && c.num_agents < 2)
+    return refuse("num_agents is 1; " + c.algo + " mixes the values of at least 2 agents, use idqn for one");
+  if (c.use_rnn && c.rnn_type != "gru")
+    return refuse("rnn_type is " + c.rnn_type + "; " + c.algo + "'s core is a gru, or --use_rnn=False");
+  if (c.use_rnn && c.rollout < 2)
+    return refuse("rollout is 1; a recurrent core learns from sequences of at least 2 decisions");
+  if (c.td_lambda >= 0 && !c.use_rnn)
+    return refuse("td_lambda is " + real_text(c.td_lambda) +
+                  "; without a recurrent core single decisions are drawn, use --n_step");
+  if (c.n_step > c.rollout)
+    return refuse("n_step is " + std::to_string(c.n_step) + "; a trajectory holds rollout " +
+                  std::to_string(c.rollout) + " decisions");
+  if (c.burn_in > 0 && (!c.use_rnn || c.burn_in >= c.rollout))
+    return refuse("burn_in is " + std::to_string(c.burn_in) +
+                  "; it needs a recurrent core and must leave some of the rollout's " +
+                  std::to_string(c.rollout) + " decisions to learn from");
+  if (c.lr_schedule.starts_with("kl_adaptive"))
+    return refuse("lr_schedule is " + c.lr_schedule + "; " + c.algo +
+                  " has no policy whose KL it could follow, use constant or linear_decay");
+  return {};
+}
+
+/// Settings that exclude each other.
 Status check_combinations(const RunConfig& c) {
   const auto refuse = [](std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; };
   if (c.with_vtrace && c.algo == "happo")
@@ -300,7 +395,18 @@ Status check_combinations(const RunConfig& c) {
                   "; happo's agents are updated one after the other, so it must be constant or linear_decay");
   if (c.agent_id_input && !c.share_parameters)
     return refuse("agent_id_input is on without share_parameters; a network of its own needs no agent index");
+  if (learns_q_values(c)) return check_q_combinations(c);
   return {};
+}
+
+/// What the settings of Q-learning become once the others are known.
+void resolve_q_learning(RunConfig& c) {
+  c.mixer = mixer_of(c.algo);
+  if (c.use_rnn) c.per = false;  // whole sequences are drawn uniformly (training spec 2.9)
+  if (c.dqn_batch_size == 0) c.dqn_batch_size = std::min<int64_t>(c.batch_size, 256);
+  if (c.per_beta_frames == 0) c.per_beta_frames = c.train_for_env_steps;
+  if (c.team_reward == "auto") c.team_reward = c.shared_reward_alpha == 1 ? "mean" : "sum";
+  c.save_replay |= c.deterministic;
 }
 
 /// Lock step takes one rollout of every environment and cuts it into batches without a remainder.
@@ -368,7 +474,7 @@ Expected<std::string> text_of(const toml::node& node) {
 
 Status apply_layer(RunConfig& config, const SettingsLayer& layer) {
   for (const auto& [key, text] : layer.values) COMRAD_TRY(set_one(config, layer.origin, key, text));
-  config.algo = canonical_algorithm(config.algo);
+  settle_mixer(config);
   return {};
 }
 
@@ -456,7 +562,7 @@ Expected<RunConfig> load_run_config(const std::string& path) {
 
 Expected<SettingsLayer> algorithm_defaults(const std::string& algo) {
   const std::string name = canonical_algorithm(algo);
-  // Source: spec/training.md 3.1, the rows of IPPO, MAPPO and HAPPO; 3.2 is the built-in layer.
+  // Source: training spec 3.1; 3.2 is the built-in layer.
   if (name == "ippo" || name == "mappo")
     return SettingsLayer{"algorithm " + name,
                          {{"use_rnn", "true"},
@@ -476,6 +582,15 @@ Expected<SettingsLayer> algorithm_defaults(const std::string& algo) {
                           {"share_parameters", "false"},
                           {"lr_schedule", "linear_decay"},
                           {"max_policy_lag", "0"}}};
+  if (name == "idqn")
+    return SettingsLayer{"algorithm " + name, {{"use_rnn", "false"}, {"batch_size", "4096"}}};
+  if (*mixer_of(name) != '\0')
+    return SettingsLayer{"algorithm " + name,
+                         {{"use_rnn", "true"},
+                          {"rnn_type", "gru"},
+                          {"rnn_size", "512"},
+                          {"batch_size", "4096"},
+                          {"qmix_sequence_batch_size", name.starts_with("qplex") ? "16" : "64"}}};
   const std::vector<std::string> known(kAlgorithms.begin(), kAlgorithms.end());
   const std::string near = nearest_word(name, known);
   return Error{ErrorCode::kBadInput, "unknown algorithm '" + algo + "'" +
@@ -483,9 +598,22 @@ Expected<SettingsLayer> algorithm_defaults(const std::string& algo) {
                                          " (known: " + joined(known) + ")"};
 }
 
+SettingsLayer qplex_preset_settings(const std::string& preset) {
+  if (preset != "paper") return {};
+  return {"qplex_preset paper",
+          {{"qplex_weighted_head", "true"},
+           {"qplex_num_kernel", "10"},
+           {"qplex_adv_hypernet_layers", "3"},
+           {"qplex_state_bias", "true"}}};
+}
+
+bool learns_q_values(const RunConfig& config) { return config.algo == "idqn" || mixes_q_values(config); }
+
+bool mixes_q_values(const RunConfig& config) { return *mixer_of(config.algo) != '\0'; }
+
 Status resolve_settings(RunConfig& config, int core_count) {
   RunConfig c = config;
-  c.algo = canonical_algorithm(c.algo);
+  settle_mixer(c);
   COMRAD_TRY(algorithm_defaults(c.algo));
   COMRAD_TRY(check_ranges(c));
   COMRAD_TRY(check_combinations(c));
@@ -529,6 +657,8 @@ Status resolve_settings(RunConfig& config, int core_count) {
     c.async_rl = false;
     COMRAD_TRY(resolve_deterministic_batches(c));
   }
+
+  if (learns_q_values(c)) resolve_q_learning(c);
 
   // One slab in the hands of every environment, the batches that wait, one in training, and slack for the
   // moment between sealing and draining. In lock step a rollout is sealed while the next one may not begin

@@ -87,6 +87,56 @@ struct RunConfig {
   std::string happo_agent_order = "random";
   double happo_factor_clamp = 0.0;
 
+  // Q-learning: targets, exploration, pace.
+  double epsilon_start = 1.0;
+  double epsilon_end = 0.01;
+  double epsilon_decay_steps = 2e7;
+  bool double_dqn = true;
+  double target_update_tau = 0.005;
+  int64_t target_update_interval = 1000;
+  int64_t n_step = 1;
+  double td_lambda = -1.0;
+  double q_value_clamp = 100.0;
+  bool use_huber_loss = true;
+  double dqn_reward_clip = 1.0;
+  std::string team_reward = "auto";
+  int64_t learning_starts = 50000;
+  int64_t train_frequency = 4;
+  int64_t dqn_max_updates_per_batch = 4;
+  double replay_ratio = 0;
+  int64_t dqn_batch_size = 0;
+  int64_t qmix_buffer_batch_size = 32;
+  int64_t qmix_sequence_batch_size = 8;
+  int64_t burn_in = 0;
+
+  // Replay.
+  double replay_gb = 1.0;
+  int64_t replay_buffer_size = 1'000'000;
+  std::string replay_file;
+  bool replay_compress = false;
+  bool save_replay = false;
+  bool per = true;
+  double per_omega = 0.6;
+  double per_beta_start = 0.4;
+  double per_beta_frames = 0;
+
+  // Mixers.
+  std::string mixer;
+  int64_t qmix_embed_dim = 32;
+  int64_t qmix_hypernet_hidden = 64;
+  std::string qplex_preset = "comrad";
+  int64_t qplex_embed_dim = 32;
+  int64_t qplex_hypernet_embed = 64;
+  int64_t qplex_adv_hypernet_layers = 1;
+  int64_t qplex_adv_hypernet_embed = 64;
+  int64_t qplex_num_kernel = 4;
+  int64_t qplex_n_head = 4;
+  double qplex_attend_reg_coef = 0.001;
+  bool qplex_is_minus_one = true;
+  bool qplex_weighted_head = false;
+  bool qplex_nonlinear = false;
+  bool qplex_state_bias = false;
+
   // Optimizer.
   double learning_rate = 1e-4;
   std::string lr_schedule = "constant";
@@ -153,7 +203,8 @@ template <typename Config, typename Visitor>
 void visit_settings(Config& c, Visitor&& visit) {
   using Names = std::initializer_list<const char*>;
   visit("scenario", c.scenario, "scenario to play; `comrad scenarios` lists them", Names{"env"});
-  visit("algo", c.algo, "learning algorithm: ippo, mappo or happo", Names{});
+  visit("algo", c.algo, "learning algorithm: ippo, mappo, happo, idqn, vdn, qmix, qplex_d or qplex_q",
+        Names{});
   visit("experiment", c.experiment, "run name; empty makes <scenario>_<ALGO>_<date>_<time>", Names{});
   visit("train_dir", c.train_dir, "folder that holds the runs", Names{});
   visit("restart_behavior", c.restart_behavior,
@@ -239,6 +290,88 @@ void visit_settings(Config& c, Visitor&& visit) {
         Names{});
   visit("happo_factor_clamp", c.happo_factor_clamp,
         "HAPPO: clamp each ratio in the factor M to [1/c, c]; 0: off", Names{});
+
+  visit("epsilon_start", c.epsilon_start, "Q-learning: share of random decisions at first", Names{});
+  visit("epsilon_end", c.epsilon_end, "Q-learning: share of random decisions in the end", Names{});
+  visit("epsilon_decay_steps", c.epsilon_decay_steps, "Q-learning: env frames of the linear way between them",
+        Names{});
+  visit("double_dqn", c.double_dqn, "Q-learning: the online network chooses the next action of a target",
+        Names{});
+  visit(
+      "target_update_tau", c.target_update_tau,
+      "Q-learning: share of the online network that enters the target network after every optimizer step; 1: "
+      "a copy now and then",
+      Names{});
+  visit("target_update_interval", c.target_update_interval,
+        "Q-learning: optimizer steps between two copies; with target_update_tau 1", Names{});
+  visit("n_step", c.n_step, "Q-learning: rewards in a target before it bootstraps", Names{});
+  visit("td_lambda", c.td_lambda, "Q-learning: lambda of TD(lambda) targets over sequences; below 0: n_step",
+        Names{});
+  visit("q_value_clamp", c.q_value_clamp, "Q-learning: targets are clipped to +- this; 0: off; idqn never",
+        Names{});
+  visit("use_huber_loss", c.use_huber_loss, "Q-learning: Huber loss instead of the squared error", Names{});
+  visit("dqn_reward_clip", c.dqn_reward_clip, "idqn: rewards are clipped to +- this; 0: off", Names{});
+  visit("team_reward", c.team_reward,
+        "mixers: sum or mean of the agents' rewards; auto: the mean where shared_reward_alpha is 1, else the "
+        "sum",
+        Names{});
+  visit("learning_starts", c.learning_starts,
+        "Q-learning: agent decisions in the replay before training; half of the replay if that is less",
+        Names{});
+  visit("train_frequency", c.train_frequency, "Q-learning: new agent decisions per update", Names{});
+  visit("dqn_max_updates_per_batch", c.dqn_max_updates_per_batch,
+        "Q-learning: updates per batch_size new decisions at most", Names{});
+  visit("replay_ratio", c.replay_ratio,
+        "Q-learning: decisions trained on per new decision; 0: from train_frequency and "
+        "dqn_max_updates_per_batch",
+        Names{});
+  visit("dqn_batch_size", c.dqn_batch_size, "idqn: decisions in an update; 0: batch_size, 256 at most",
+        Names{});
+  visit("qmix_buffer_batch_size", c.qmix_buffer_batch_size,
+        "mixers without a recurrent core: joint decisions in an update", Names{});
+  visit("qmix_sequence_batch_size", c.qmix_sequence_batch_size,
+        "with a recurrent core: sequences in an update", Names{});
+  visit("burn_in", c.burn_in, "with a recurrent core: first steps of a sequence that only warm up the state",
+        Names{});
+
+  visit("replay_gb", c.replay_gb, "replay: capacity in gigabytes (1e9 bytes)", Names{});
+  visit("replay_buffer_size", c.replay_buffer_size,
+        "replay: capacity in agent decisions; the smaller of the two counts", Names{});
+  visit("replay_file", c.replay_file,
+        "replay: file that holds it, so that it may outgrow memory; empty: memory", Names{});
+  visit("replay_compress", c.replay_compress, "replay: frames are compressed with LZ4", Names{});
+  visit("save_replay", c.save_replay, "replay: saved with every checkpoint; always so in deterministic runs",
+        Names{});
+  visit("per", c.per, "replay: prioritised; uniform with a recurrent core in any case", Names{});
+  visit("per_omega", c.per_omega, "replay: exponent of priorities", Names{"per_alpha"});
+  visit("per_beta_start", c.per_beta_start, "replay: exponent of importance weights at first, 1 in the end",
+        Names{});
+  visit("per_beta_frames", c.per_beta_frames, "replay: env frames of that way; 0: the whole run", Names{});
+
+  visit("mixer", c.mixer,
+        "with algo qmix or qplex: vdn, qmix, dmaq (qplex_d) or dmaq_qatten (qplex_q); empty: the algorithm's",
+        Names{});
+  visit("qmix_embed_dim", c.qmix_embed_dim, "QMIX: width of the mixing layer", Names{});
+  visit("qmix_hypernet_hidden", c.qmix_hypernet_hidden, "QMIX: hidden width of the hypernetworks", Names{});
+  visit("qplex_preset", c.qplex_preset, "QPLEX: comrad (the benchmark's) or paper (the authors') settings",
+        Names{});
+  visit("qplex_embed_dim", c.qplex_embed_dim, "QPLEX: width of attention queries and keys", Names{});
+  visit("qplex_hypernet_embed", c.qplex_hypernet_embed, "QPLEX: hidden width of the weights' networks",
+        Names{});
+  visit("qplex_adv_hypernet_layers", c.qplex_adv_hypernet_layers,
+        "QPLEX: layers of the lambda networks, 1 to 3", Names{});
+  visit("qplex_adv_hypernet_embed", c.qplex_adv_hypernet_embed, "QPLEX: hidden width of the lambda networks",
+        Names{});
+  visit("qplex_num_kernel", c.qplex_num_kernel, "QPLEX: kernels of lambda", Names{});
+  visit("qplex_n_head", c.qplex_n_head, "QPLEX-Q: attention heads", Names{});
+  visit("qplex_attend_reg_coef", c.qplex_attend_reg_coef, "QPLEX-Q: weight of the attention logits' squares",
+        Names{});
+  visit("qplex_is_minus_one", c.qplex_is_minus_one, "QPLEX: lambda - 1 instead of lambda in the advantage",
+        Names{});
+  visit("qplex_weighted_head", c.qplex_weighted_head, "QPLEX: weights and biases of utilities by state",
+        Names{});
+  visit("qplex_nonlinear", c.qplex_nonlinear, "QPLEX-Q: keys see the utilities, too", Names{});
+  visit("qplex_state_bias", c.qplex_state_bias, "QPLEX-Q: a bias by state", Names{});
 
   visit("learning_rate", c.learning_rate, "Adam's learning rate", Names{"lr"});
   visit("lr_schedule", c.lr_schedule, "constant, linear_decay, kl_adaptive_minibatch or kl_adaptive_epoch",
@@ -344,6 +477,15 @@ Expected<RunConfig> load_run_config(const std::string& path);
 /// The defaults of an algorithm (training spec 3.1: LSTM and 4 epochs for IPPO), the layer below the
 /// scenario's. Errors: kBadInput for an unknown algorithm, naming the known ones.
 Expected<SettingsLayer> algorithm_defaults(const std::string& algo);
+
+/// The settings that --qplex_preset stands for, a layer above the algorithm's: empty for "comrad", the
+/// authors' own for "paper". Source: training spec 1.7 and 8; Wang et al. 2021, arXiv:2008.01062.
+SettingsLayer qplex_preset_settings(const std::string& preset);
+
+/// Whether the algorithm learns Q-values from a replay (idqn and the mixers), and whether it mixes them into
+/// a team's (vdn, qmix, qplex_d, qplex_q).
+bool learns_q_values(const RunConfig& config);
+bool mixes_q_values(const RunConfig& config);
 
 /// Replaces the zeros that mean "auto" by numbers for a host of `core_count` cores and checks every range and
 /// combination (batch_size is rounded down to a multiple of rollout * num_agents).
