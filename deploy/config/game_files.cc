@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "deploy/config/child_program.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/layout_list.h"
 
 namespace comrad::deploy {
@@ -143,16 +144,10 @@ Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::str
 }
 
 Status write_layout_list(const std::string& run_dir, const std::string& text) {
-  const fs::path path = fs::path(run_dir) / kLayoutListFile, fresh = path.string() + ".tmp";
+  const fs::path path = fs::path(run_dir) / kLayoutListFile;
   std::error_code error;
   fs::create_directories(path.parent_path(), error);
-  std::ofstream file(fresh, std::ios::binary | std::ios::trunc);
-  file << text;
-  file.close();
-  if (file) fs::rename(fresh, path, error);
-  if (!file || error)
-    return Error{ErrorCode::kSystem, path.string() + ": cannot be written; is the disk full?"};
-  return {};
+  return write_file_atomically(path.string(), text, /*durable=*/false);
 }
 
 std::string scenario_file_name(const RunConfig& config) {

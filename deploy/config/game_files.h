@@ -33,7 +33,7 @@ Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::str
 /// folder.
 bool is_pool_to_draw(const std::string& layout_pool);
 
-/// Puts the list where a run's workers read it. Errors: kSystem.
+/// Puts the list where a run's workers read it. Errors: kNoSpace, kSystem.
 Status write_layout_list(const std::string& run_dir, const std::string& text);
 
 /// The scenario's name for files: the folder's where the scenario is named by a path.

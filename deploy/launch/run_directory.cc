@@ -8,12 +8,13 @@
 
 #include <cerrno>
 #include <cstdio>
-#include <cstring>
+#include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
 namespace {
@@ -23,13 +24,6 @@ namespace fs = std::filesystem;
 constexpr double kOrphanWaitS =
     12.0;  // a learner without its supervisor has 10 s to write its last checkpoint
 constexpr int kMaxOldRuns = 9999;
-
-Error system_error(const std::string& what, int code) {
-  const bool is_full = code == ENOSPC || code == EDQUOT;
-  return Error{
-      is_full ? ErrorCode::kNoSpace : ErrorCode::kSystem,
-      what + ": " + std::strerror(code) + (is_full ? "; free disk space or choose another --train_dir" : "")};
-}
 
 Status check_name(const std::string& experiment) {
   bool is_good = !experiment.empty() && experiment.size() <= 200 && experiment[0] != '.';
@@ -57,7 +51,7 @@ Expected<int> lock_folder(const std::string& folder) {
   const std::string path = folder + "/.lock";
   for (const double give_up_s = monotonic_s() + kOrphanWaitS;;) {
     const int lock = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-    if (lock < 0) return system_error("run directory " + folder, errno);
+    if (lock < 0) return file_error("run directory " + folder, errno);
     if (flock(lock, LOCK_EX | LOCK_NB) == 0) {
       struct stat locked {
       }, named{};
@@ -65,7 +59,7 @@ Expected<int> lock_folder(const std::string& folder) {
         const std::string pid = std::to_string(getpid()) + "\n";
         if (ftruncate(lock, 0) != 0 ||
             pwrite(lock, pid.data(), pid.size(), 0) != static_cast<ssize_t>(pid.size())) {
-          const Error failed = system_error(path, errno);
+          const Error failed = file_error(path, errno);
           close(lock);
           return failed;
         }
@@ -77,7 +71,7 @@ Expected<int> lock_folder(const std::string& folder) {
     const int code = errno;
     const pid_t owner = owner_of(lock);
     close(lock);
-    if (code != EWOULDBLOCK) return system_error("cannot lock " + path, code);
+    if (code != EWOULDBLOCK) return file_error("cannot lock " + path, code);
     if (is_alive(owner)) {
       return Error{ErrorCode::kBadInput,
                    "run directory " + folder + " is used by a live run (pid " + std::to_string(owner) +
@@ -101,7 +95,7 @@ Expected<std::string> rename_away(const std::string& folder) {
     struct stat there {};
     if (lstat(old.c_str(), &there) == 0) continue;
     if (rename(folder.c_str(), old.c_str()) != 0)
-      return system_error("cannot rename " + folder + " to " + old, errno);
+      return file_error("cannot rename " + folder + " to " + old, errno);
     return old;
   }
   return Error{ErrorCode::kBadInput, folder + ": 9999 old runs of this name exist; delete some"};
@@ -120,7 +114,7 @@ Expected<RunDirectory> RunDirectory::open(const std::string& train_dir, const st
   std::error_code failed;
   const auto make = [&]() -> Expected<RunDirectory> {
     fs::create_directories(path, failed);
-    if (failed) return system_error("cannot make run directory " + path, failed.value());
+    if (failed) return file_error("cannot make run directory " + path, failed.value());
     COMRAD_TRY_ASSIGN(const int lock, lock_folder(path));
     return RunDirectory(path, lock);
   };
@@ -139,14 +133,14 @@ Expected<RunDirectory> RunDirectory::open(const std::string& train_dir, const st
                          " holds files but no config.toml, so it is no run; nothing was deleted"};
       }
       fs::remove_all(entry.path(), failed);
-      if (failed) return system_error("cannot delete " + entry.path().string(), failed.value());
+      if (failed) return file_error("cannot delete " + entry.path().string(), failed.value());
     }
   } else {
     directory.is_resumed_ = exists;
   }
   for (const char* folder : {"logs", "checkpoint"}) {
     fs::create_directories(fs::path(path) / folder, failed);
-    if (failed) return system_error("cannot make " + path + "/" + folder, failed.value());
+    if (failed) return file_error("cannot make " + path + "/" + folder, failed.value());
   }
   return directory;
 }
@@ -183,24 +177,6 @@ Status write_status(const std::string& run_dir, const RunStatus& status) {
   json["message"] = status.message;
   const std::string text = json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   return write_file_atomically(run_dir + "/status.json", text, /*durable=*/false);
-}
-
-Status write_file_atomically(const std::string& path, std::string_view text, bool durable) {
-  const std::string temporary = path + ".tmp";
-  const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file < 0) return system_error("cannot write " + temporary, errno);
-  int code = 0;
-  for (std::size_t done = 0; done < text.size() && code == 0;) {
-    const ssize_t written = write(file, text.data() + done, text.size() - done);
-    if (written > 0) done += static_cast<std::size_t>(written);
-    if (written < 0 && errno != EINTR) code = errno;
-  }
-  if (code == 0 && durable && fsync(file) != 0) code = errno;
-  if (close(file) != 0 && code == 0) code = errno;
-  if (code == 0 && rename(temporary.c_str(), path.c_str()) != 0) code = errno;
-  if (code == 0) return {};
-  unlink(temporary.c_str());
-  return system_error("cannot write " + path, code);
 }
 
 }  // namespace comrad::deploy

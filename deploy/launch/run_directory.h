@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
-#include <string_view>
 
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
@@ -63,9 +62,5 @@ struct RunStatus {
 
 /// Replaces `<run_dir>/status.json` atomically. Errors: kNoSpace, kSystem.
 Status write_status(const std::string& run_dir, const RunStatus& status);
-
-/// Writes `text` to `<path>.tmp` and renames it over `path`: a reader sees the old or the new file, never
-/// half of one. `durable` also flushes it to the disk. Errors: kNoSpace, kSystem; the old file stays.
-Status write_file_atomically(const std::string& path, std::string_view text, bool durable);
 
 }  // namespace comrad::deploy

@@ -226,12 +226,16 @@ policy::SequenceInput OnPolicy::input_of(const Minibatch& rows) const {
           .reset = on_device(rows.reset)};
 }
 
-int64_t OnPolicy::micro_rows(const Minibatch& minibatch) const {
-  const int64_t agents = minibatch.shape.env.num_agents;
-  const int64_t whole_worlds = minibatch.rows() / agents, threads = pool_.threads();
+std::vector<Minibatch> OnPolicy::micro_batches(const Minibatch& batch) const {
+  const int64_t agents = batch.shape.env.num_agents;
+  const int64_t whole_worlds = batch.rows() / agents, threads = pool_.threads();
   const int64_t shared_out = (whole_worlds + threads - 1) / threads * agents;
-  return std::max(agents,
-                  std::min(config_.micro_batch_size / minibatch.steps() / agents * agents, shared_out));
+  const int64_t fitting = config_.micro_batch_size / batch.steps() / agents * agents;
+  const int64_t rows_max = std::max(agents, std::min(fitting, shared_out));
+  std::vector<Minibatch> micros;
+  for (int64_t begin = 0; begin < batch.rows(); begin += rows_max)
+    micros.push_back(narrow_rows(batch, begin, std::min(rows_max, batch.rows() - begin)));
+  return micros;
 }
 
 OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, double valid_count) const {
@@ -342,9 +346,8 @@ bool OnPolicy::accumulate(const Minibatch& minibatch, const Phase& phase, const 
   // What depends on the whole minibatch came before; each micro-batch adds its share of the same sums, so the
   // gradient does not depend on micro_batch_size.
   const double valid_count = std::max(1.0, minibatch.valid.sum(torch::kFloat64).item<double>());
-  const int64_t rows_max = micro_rows(minibatch);
+  const std::vector<Minibatch> micros = micro_batches(minibatch);
   const std::vector<Tensor>& parameters = phase.optimizer.parameters();
-  const auto count = static_cast<std::size_t>((minibatch.rows() + rows_max - 1) / rows_max);
   std::vector<Tensor> first_log_prob;
   const auto add = [&](const Part& part) {
     sums.add(part.sums);
@@ -361,32 +364,30 @@ bool OnPolicy::accumulate(const Minibatch& minibatch, const Phase& phase, const 
   };
   // A part that is done waits for those before it, then its gradient is freed.
   std::mutex adding;
-  std::vector<std::optional<Part>> waiting(count);
+  std::vector<std::optional<Part>> waiting(micros.size());
   std::size_t added = 0;
   const auto work = [&](int64_t i) {
-    const int64_t begin = i * rows_max;
-    const Minibatch micro = narrow_rows(minibatch, begin, std::min(rows_max, minibatch.rows() - begin));
-    Part part = part_of(micro, phase, valid_count);
+    const auto index = static_cast<std::size_t>(i);
+    Part part = part_of(micros[index], phase, valid_count);
     const torch::NoGradGuard no_grad;
     const std::lock_guard lock(adding);
-    waiting[static_cast<std::size_t>(i)] = std::move(part);
-    for (; added < count && waiting[added]; ++added) {
+    waiting[index] = std::move(part);
+    for (; added < waiting.size() && waiting[added]; ++added) {
       add(*waiting[added]);
       waiting[added].reset();
     }
   };
-  if (!pool_.run(static_cast<int64_t>(count), work, context.keep_going)) return false;
+  if (!pool_.run(static_cast<int64_t>(micros.size()), work, context.keep_going)) return false;
   if (phase.first_log_prob != nullptr) *phase.first_log_prob = at::cat(first_log_prob, 1);
   return true;
 }
 
 OnPolicy::Evaluation OnPolicy::evaluate(const Minibatch& batch, const Forward& forward) const {
-  const int64_t rows_max = micro_rows(batch);
-  std::vector<Evaluation> parts(static_cast<std::size_t>((batch.rows() + rows_max - 1) / rows_max));
+  const std::vector<Minibatch> micros = micro_batches(batch);
+  std::vector<Evaluation> parts(micros.size());
   const auto work = [&](int64_t i) {
     torch::NoGradGuard no_grad;
-    const int64_t begin = i * rows_max;
-    const Minibatch micro = narrow_rows(batch, begin, std::min(rows_max, batch.rows() - begin));
+    const Minibatch& micro = micros[static_cast<std::size_t>(i)];
     const policy::SequenceOutput output = forward(input_of(micro));
     Evaluation& part = parts[static_cast<std::size_t>(i)];
     if (output.logits.defined()) {

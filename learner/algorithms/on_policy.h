@@ -105,9 +105,8 @@ class OnPolicy : public Algorithm {
 
   void report(const Minibatch& batch, const LossSums& sums, UpdateStats& stats) const;
   policy::SequenceInput input_of(const Minibatch& rows) const;
-  /// Rows of a micro-batch of such minibatches: whole worlds, at least one, and no more than lets every
-  /// thread have one.
-  int64_t micro_rows(const Minibatch& minibatch) const;
+  /// A batch in parts, as views: whole worlds, at least one, and no more than lets every thread have a part.
+  std::vector<Minibatch> micro_batches(const Minibatch& batch) const;
 
   RunConfig config_;
   EnvShape env_;

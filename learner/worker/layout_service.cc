@@ -2,28 +2,21 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <sstream>
+#include <optional>
 
 #include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
-#include "rollout_buffer/core/text.h"
 #include "rollout_buffer/core/check.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::learn {
 namespace {
 
 constexpr int64_t kDeskFields = 4;  // taken, playing, granted, layout
-
-Expected<std::string> read_text(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream bytes;
-  if (!file || !(bytes << file.rdbuf())) return Error{ErrorCode::kNotFound, path + ": cannot be read"};
-  return std::move(bytes).str();
-}
 
 PlrTransform transform_of(const std::string& name) {
   constexpr std::pair<const char*, PlrTransform> kNames[] = {{"rank", PlrTransform::kRank},
@@ -41,10 +34,11 @@ PlrTransform transform_of(const std::string& name) {
 }  // namespace
 
 Expected<std::map<std::string, std::set<std::string>>> read_interestingness_graph(const std::string& path) {
-  COMRAD_TRY_ASSIGN(const std::string text, read_text(path));
+  const std::optional<std::string> text = read_file(path);
+  if (!text) return Error{ErrorCode::kNotFound, path + ": cannot be read"};
   nlohmann::json graph;
   try {  // nlohmann throws with line and column; nothing of it leaves this block
-    graph = nlohmann::json::parse(text);
+    graph = nlohmann::json::parse(*text);
   } catch (const nlohmann::json::parse_error& error) {
     return Error{ErrorCode::kBadFormat, path + ": " + error.what()};
   }
@@ -265,13 +259,8 @@ Status LayoutService::load(const StateDict& state) {
 }
 
 Status LayoutService::write_file(const std::string& run_dir) const {
-  const std::string path = run_dir + "/curriculum_state.json", fresh = path + ".tmp";
-  std::ofstream file(fresh, std::ios::binary | std::ios::trunc);
-  file << curriculum_->state() << "\n";
-  file.close();
-  if (!file || std::rename(fresh.c_str(), path.c_str()) != 0)
-    return Error{ErrorCode::kSystem, path + ": cannot be written; is the disk full?"};
-  return {};
+  return write_file_atomically(run_dir + "/curriculum_state.json", curriculum_->state() + "\n",
+                               /*durable=*/false);
 }
 
 }  // namespace comrad::learn

@@ -72,7 +72,7 @@ class LayoutService {
   Status load(const StateDict& state);
   static bool is_in(const StateDict& state) { return state.has("curriculum/state"); }
 
-  /// Leaves `<run_dir>/curriculum_state.json` for eyes and scripts. Errors: kSystem.
+  /// Leaves `<run_dir>/curriculum_state.json` for eyes and scripts. Errors: kNoSpace, kSystem.
   Status write_file(const std::string& run_dir) const;
 
   Curriculum& curriculum() { return *curriculum_; }

@@ -5,13 +5,13 @@
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
-#include <fstream>
 #include <limits>
-#include <sstream>
+#include <optional>
 #include <type_traits>
 
 #include <toml++/toml.h>
 
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad {
@@ -513,15 +513,13 @@ Status check_toml_headers(std::string_view text, const std::string& label) {
 }
 
 Expected<SettingsLayer> read_settings_toml(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream bytes;
-  if (!file || !(bytes << file.rdbuf()))
+  const std::optional<std::string> words = read_file(path);
+  if (!words)
     return Error{ErrorCode::kNotFound, path + ": cannot be read; give the path of a TOML file of settings"};
   SettingsLayer layer{path, {}};
-  const std::string words = std::move(bytes).str();
-  COMRAD_TRY(check_toml_headers(words, path));
+  COMRAD_TRY(check_toml_headers(*words, path));
   try {
-    const toml::table document = toml::parse(words, path);
+    const toml::table document = toml::parse(*words, path);
     for (const auto& [key, node] : document) {
       Expected<std::string> text = text_of(node);
       if (!text)

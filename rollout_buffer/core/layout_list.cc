@@ -1,12 +1,13 @@
 #include "rollout_buffer/core/layout_list.h"
 
-#include <fstream>
+#include <optional>
 #include <set>
 #include <sstream>
 
 #include <toml++/toml.h>
 
 #include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/files.h"
 
 namespace comrad {
 
@@ -55,13 +56,12 @@ Expected<LayoutList> parse_layout_list(std::string_view text, const std::string&
 
 Expected<LayoutList> read_layout_list(const std::string& run_dir) {
   const std::string path = run_dir + "/" + kLayoutListFile;
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream bytes;
-  if (!file || !(bytes << file.rdbuf()))
+  const std::optional<std::string> text = read_file(path);
+  if (!text)
     return Error{
         ErrorCode::kNotFound,
         path + ": cannot be read; `comrad train` writes it from --layout_pool, start the run with it"};
-  return parse_layout_list(std::move(bytes).str(), path);
+  return parse_layout_list(*text, path);
 }
 
 }  // namespace comrad

@@ -13,18 +13,13 @@ import json
 import multiprocessing
 import os
 import random
-import socket
 import tempfile
 import time
 
+from scenario_parity import free_port
+
 PLAYERS = 2
 BUTTONS = ["MOVE_FORWARD", "MOVE_BACKWARD", "TURN_LEFT", "TURN_RIGHT", "MOVE_LEFT", "MOVE_RIGHT", "ATTACK"]
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def play(player, wad, port, frame_skip, seconds, folder, answer):

@@ -111,6 +111,10 @@ void cut_by_edges(float left, float right, const Top& top, const OwnTop& own_top
   }
 }
 
+/// A place in a sprite's picture from 0 to 1, kept a hair inside so that rounding never wraps it to the other
+/// edge.
+float inside(float value) { return std::clamp(value, 1e-4f, 1.0f - 1e-4f); }
+
 bool same_plane(const ScenePlane& a, const ScenePlane& b) {
   return a.sky == b.sky && a.region.address == b.region.address;
 }
@@ -443,11 +447,8 @@ void ViewBuilder::measure_line(uint32_t line_index, LineView* seen) {
 /// Sectors between which no border shows.
 bool ViewBuilder::same_look(const SectorNow& a, const SectorNow& b, uint32_t a_index,
                             uint32_t b_index) const {
-  return a.floor == b.floor && a.ceiling == b.ceiling && a.shade == b.shade && a.tint == b.tint &&
-         a.floor_shade == b.floor_shade && a.ceiling_shade == b.ceiling_shade &&
-         same_plane(*a.floor_plane, *b.floor_plane) && same_plane(*a.ceiling_plane, *b.ceiling_plane) &&
-         same_placement(view_->sectors[a_index].floor_placement, view_->sectors[b_index].floor_placement) &&
-         same_placement(view_->sectors[a_index].ceiling_placement, view_->sectors[b_index].ceiling_placement);
+  return a.shade == b.shade && same_plane_look(a, b, a_index, b_index, /*floor=*/true) &&
+         same_plane_look(a, b, a_index, b_index, /*floor=*/false);
 }
 
 void ViewBuilder::add_span(const Span& span) {
@@ -624,12 +625,9 @@ void ViewBuilder::emit_walls(const Span& span, int column_begin, int column_end)
   const float left = std::max(span.x_left, static_cast<float>(column_begin));
   const float right = std::min(span.x_right, static_cast<float>(column_end));
   if (right <= left) return;
-  const auto row_at = [&](float x, float height) {
-    return center_y_ - projection_.focal_y * (height - eye_z_) * span.inverse_at(x);
-  };
   const auto part = [&](Piece::Kind kind, float top, float bottom) {
-    emit_wall_part(span, kind, left, right, row_at(left, top), row_at(right, top), row_at(left, bottom),
-                   row_at(right, bottom));
+    emit_wall_part(span, kind, left, right, row_at(span, left, top), row_at(span, right, top),
+                   row_at(span, left, bottom), row_at(span, right, bottom));
   };
   if (!scene_->lines[span.line].two_sided) {
     part(Piece::Kind::kMiddle, now.ceiling, now.floor);
@@ -692,6 +690,10 @@ void ViewBuilder::measure_border(int32_t span_index) {
     border.sprite_bottom = edge(span_index, kFarFloor);
   else if (beyond.floor < now.floor)
     border.sprite_bottom = edge(span_index, kNearFloor);
+}
+
+float ViewBuilder::row_at(const Span& span, float x, float height) const {
+  return center_y_ - projection_.focal_y * (height - eye_z_) * span.inverse_at(x);
 }
 
 float ViewBuilder::row_of(Edge at, float x) const {
@@ -1113,8 +1115,6 @@ void ViewBuilder::emit_sprite(const VisibleSprite& sprite, int32_t mark, float r
   const float left = std::max(sprite.x_left, run_left), right = std::min(sprite.x_right, run_right);
   if (right <= left) return;
   if (sprite.blend >= 0) cover_blended(left, sprite.y_top, right, sprite.y_bottom);
-  // A hair inside the picture, so that rounding never wraps to the other edge.
-  const auto inside = [](float value) { return std::clamp(value, 1e-4f, 1.0f - 1e-4f); };
   const auto corner = [&](float x, float row) {
     const float u = inside((x - sprite.x_left) / (sprite.x_right - sprite.x_left));
     const float v = inside((row - sprite.y_top) / (sprite.y_bottom - sprite.y_top));
@@ -1148,12 +1148,10 @@ void ViewBuilder::emit_grating(const Span& span, int32_t tint_or_blend, float ru
   if (right <= left) return;
   const float top = line.wraps_middle ? opening_top : std::min(opening_top, texture_top);
   const float bottom = line.wraps_middle ? opening_bottom : std::max(opening_bottom, texture_top - height);
-  const auto row_at = [&](float x, float at_height) {
-    return center_y_ - projection_.focal_y * (at_height - eye_z_) * span.inverse_at(x);
-  };
   cut_by_edges(
-      left, right, [&](float x) { return row_of(clip.top, x); }, [&](float x) { return row_at(x, top); },
-      [&](float x) { return row_of(clip.bottom, x); }, [&](float x) { return row_at(x, bottom); },
+      left, right, [&](float x) { return row_of(clip.top, x); },
+      [&](float x) { return row_at(span, x, top); }, [&](float x) { return row_of(clip.bottom, x); },
+      [&](float x) { return row_at(span, x, bottom); },
       [&](float a, float b, const auto& upper, const auto& lower) {
         emit_textured(span, a, b, upper(a), upper(b), lower(a), lower(b), texture_top, part, near,
                       wall_shade(now, near), tint_or_blend);
@@ -1185,7 +1183,6 @@ void ViewBuilder::emit_hand() {
     const float shade = held.bright ? 0 : now.shade;
     const int32_t mark =
         hand_blend >= 0 ? static_cast<int32_t>(static_cast<uint32_t>(hand_blend) << kTintShift) : now.tint;
-    const auto inside = [](float value) { return std::clamp(value, 1e-4f, 1.0f - 1e-4f); };
     const bool mirrored = sides->mirrored[0];
     const auto u_at = [&](float x) {
       const float u = inside((x - left) / (right - left));

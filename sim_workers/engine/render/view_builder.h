@@ -221,6 +221,8 @@ class ViewBuilder {
   void measure_border(int32_t span_index);
   bool same_plane_look(const SectorNow& a, const SectorNow& b, uint32_t a_index, uint32_t b_index,
                        bool floor) const;
+  /// The row of a height where `span` stands in column x.
+  float row_at(const Span& span, float x, float height) const;
   float row_of(Edge at, float x) const;
   void collect_crossings();
   void collect_pieces();

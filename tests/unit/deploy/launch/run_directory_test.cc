@@ -1,11 +1,8 @@
 #include "deploy/launch/run_directory.h"
 
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/file.h>
-#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -200,35 +197,6 @@ TEST_F(RunDirectoryTest, StatusIsOneJsonObjectAndUnknownScoresAreNull) {
   status.score_mean = 612.5;
   ASSERT_TRUE(write_status(train_dir_, status));
   EXPECT_EQ(nlohmann::json::parse(std::ifstream(train_dir_ + "/status.json"))["J_mean"], 612.5);
-}
-
-TEST_F(RunDirectoryTest, AWriteThatFailsHalfWayKeepsTheOldFile) {
-  const std::string path = train_dir_ + "/config.toml";
-  ASSERT_TRUE(write_file_atomically(path, "old", true));
-  // A limit on the file size stands in for a full disk.
-  signal(SIGXFSZ, SIG_IGN);
-  rlimit before{}, small{};
-  getrlimit(RLIMIT_FSIZE, &before);
-  small = before;
-  small.rlim_cur = 1000;
-  setrlimit(RLIMIT_FSIZE, &small);
-  const Status written = write_file_atomically(path, std::string(5000, 'x'), true);
-  setrlimit(RLIMIT_FSIZE, &before);
-  ASSERT_FALSE(written);
-  EXPECT_THAT(written.error().message, HasSubstr(path));
-  std::string text;
-  std::getline(std::ifstream(path), text);
-  EXPECT_EQ(text, "old");
-  EXPECT_FALSE(exists("config.toml.tmp"));
-}
-
-TEST_F(RunDirectoryTest, AFullDiskIsCalledThat) {
-  if (access("/dev/full", W_OK) != 0) GTEST_SKIP() << "no /dev/full here";
-  fs::create_symlink("/dev/full", train_dir_ + "/config.toml.tmp");
-  const Status written = write_file_atomically(train_dir_ + "/config.toml", "text", false);
-  ASSERT_FALSE(written);
-  EXPECT_EQ(written.error().code, ErrorCode::kNoSpace);
-  EXPECT_THAT(written.error().message, HasSubstr("free disk space"));
 }
 
 }  // namespace

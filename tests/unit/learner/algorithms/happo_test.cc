@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <map>
 #include <set>
 #include <string>
 #include <vector>
@@ -10,71 +9,40 @@
 #include "learner/algorithms/ippo.h"
 #include "learner/algorithms/ppo_loss.h"
 #include "policy_workers/policy/torch_ops.h"
-#include "tests/support/slab_pool.h"
+#include "tests/support/noise_batch.h"
 
 namespace comrad::learn {
 namespace {
 
-using testing::SlabPool;
+using testing::all_equal;
+using testing::copies;
+using testing::values_of;
 
 RunConfig small_config() {
-  RunConfig config;
-  config.algo = "happo";
+  RunConfig config = testing::small_config("happo", 3);
   config.share_parameters = false;
-  config.rollout = 4;
-  config.batch_size = 4 * 3 * 4;
   config.rnn_size = 12;
   config.critic_hidden_sizes = "16,8";
-  config.normalize_input = false;
   config.learning_rate = 1e-3;
   return config;
 }
 
 TrajectoryShape small_shape(const RunConfig& config, int agents = 3) {
-  TrajectoryShape shape;
-  shape.env.num_agents = agents;
-  shape.env.height = shape.env.width = 36;
-  shape.env.head_count = 2;
-  shape.env.head_sizes = {3, 2};
-  shape.rollout_steps = static_cast<int32_t>(config.rollout);
-  shape.recurrent_state_count =
-      static_cast<int32_t>(policy::PolicyNetOptions::from(config, shape.env).recurrent_state_count());
-  return shape;
+  return testing::small_shape(config, agents);
 }
 
 /// Noise with team rewards: all agents of a world are paid alike.
 Minibatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
-  const SlabPool pool(shape, slab_count);
-  pool.fill_with_noise(seed);
-  Minibatch batch = make_minibatch(shape, slab_count);
-  clear(batch);
-  for (int i = 0; i < slab_count; ++i)
-    collate_slab(batch, i, pool.view(i), static_cast<uint32_t>(shape.rollout_steps));
+  Minibatch batch = testing::noise_batch(shape, slab_count, seed);
   const Tensor reward = batch.reward.view({batch.steps(), slab_count, shape.env.num_agents});
   reward.copy_(reward.select(2, 0).unsqueeze(2).expand_as(reward).clone());
   return batch;
-}
-
-std::vector<Tensor> copies(const std::vector<Tensor>& tensors) {
-  std::vector<Tensor> result;
-  for (const Tensor& tensor : tensors) result.push_back(tensor.detach().clone());
-  return result;
-}
-
-bool same(const std::vector<Tensor>& a, const std::vector<Tensor>& b) {
-  for (std::size_t i = 0; i < a.size(); ++i)
-    if (!torch::equal(a[i].detach(), b[i].detach())) return false;
-  return a.size() == b.size();
 }
 
 std::vector<std::byte> weights_of(const Algorithm& algorithm) {
   std::vector<std::byte> bytes(static_cast<std::size_t>(algorithm.weights_bytes()));
   algorithm.write_weights(bytes);
   return bytes;
-}
-
-std::map<std::string, double> values_of(const UpdateStats& stats) {
-  return {stats.values.begin(), stats.values.end()};
 }
 
 TEST(HappoFactor, MatchesTheKnownAnswer) {
@@ -122,14 +90,14 @@ TEST(Happo, OneAgentLearnsAsPpoDoes) {
     parameters.resize(parameters.size() - 2);  // without the value head
     return parameters;
   };
-  ASSERT_TRUE(same(happo.net().actor_parameters(0), actor_of_ppo()));
+  ASSERT_TRUE(all_equal(happo.net().actor_parameters(0), actor_of_ppo()));
   const std::vector<Tensor> before = copies(happo.net().actor_parameters(0));
   const Expected<UpdateStats> stats = happo.update(batch, {}), ppo_stats = ppo.update(ppo_batch, {});
   ASSERT_TRUE(stats);
   ASSERT_TRUE(ppo_stats);
   EXPECT_EQ(values_of(*stats)["train/policy_loss"], values_of(*ppo_stats)["train/policy_loss"]);
-  EXPECT_TRUE(same(happo.net().actor_parameters(0), actor_of_ppo()));
-  EXPECT_FALSE(same(happo.net().actor_parameters(0), before));
+  EXPECT_TRUE(all_equal(happo.net().actor_parameters(0), actor_of_ppo()));
+  EXPECT_FALSE(all_equal(happo.net().actor_parameters(0), before));
 }
 
 TEST(Happo, OnlyTheNetworkInTrainingChanges) {
@@ -153,9 +121,9 @@ TEST(Happo, OnlyTheNetworkInTrainingChanges) {
       ASSERT_TRUE(happo.train_critic(batch, {}, stats, sums));
     }
     for (int64_t agent = 0; agent < 3; ++agent)
-      EXPECT_EQ(same(before[static_cast<std::size_t>(agent)], happo.net().actor_parameters(agent)),
+      EXPECT_EQ(all_equal(before[static_cast<std::size_t>(agent)], happo.net().actor_parameters(agent)),
                 agent != part);
-    EXPECT_EQ(same(before[3], happo.net().joint_critic_parameters()), part != 3);
+    EXPECT_EQ(all_equal(before[3], happo.net().joint_critic_parameters()), part != 3);
   }
   EXPECT_EQ(happo.version(), 4u);
 }
@@ -323,7 +291,7 @@ TEST(Happo, EveryVersionChangesExactlyOneNetwork) {
     ASSERT_TRUE(worker.read_weights(weights_of(happo)));
     const std::vector<std::vector<Tensor>> after = networks_of(worker);
     for (std::size_t i = 0; i < 4; ++i)
-      if (!same(before[i], after[i])) changed.push_back(i);
+      if (!all_equal(before[i], after[i])) changed.push_back(i);
     before = after;
   };
   Minibatch batch = noise_batch(shape, 4, 12);
@@ -359,7 +327,7 @@ TEST(Happo, AnAgentWithoutValidSamplesIsLeftAlone) {
   const Expected<UpdateStats> stats = happo.update(batch, {});
   ASSERT_TRUE(stats);
   EXPECT_EQ(stats->optimizer_steps, 3);
-  EXPECT_TRUE(same(before, happo.net().actor_parameters(1)));
+  EXPECT_TRUE(all_equal(before, happo.net().actor_parameters(1)));
 }
 
 TEST(Happo, AStoppedUpdateEndsBetweenTwoSteps) {

@@ -10,45 +10,23 @@
 #include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/rng.h"
+#include "tests/support/noise_batch.h"
 #include "tests/support/slab_pool.h"
 
 namespace comrad::learn {
 namespace {
 
+using testing::all_equal;
+using testing::copies;
+using testing::gradients;
+using testing::noise_batch;
 using testing::SlabPool;
+using testing::values_of;
 
-RunConfig small_config() {
-  RunConfig config;
-  config.algo = "ippo";
-  config.rollout = 4;
-  config.batch_size = 4 * 2 * 4;
-  config.rnn_size = 16;
-  config.normalize_input = false;
-  return config;
-}
+constexpr int kAgents = 2;
 
-TrajectoryShape small_shape(const RunConfig& config) {
-  TrajectoryShape shape;
-  shape.env.num_agents = 2;
-  shape.env.height = 36;
-  shape.env.width = 36;
-  shape.env.head_count = 2;
-  shape.env.head_sizes = {3, 2};
-  shape.rollout_steps = static_cast<int32_t>(config.rollout);
-  shape.recurrent_state_count =
-      static_cast<int32_t>(policy::PolicyNetOptions::from(config, shape.env).recurrent_state_count());
-  return shape;
-}
-
-Minibatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
-  const SlabPool pool(shape, slab_count);
-  pool.fill_with_noise(seed);
-  Minibatch batch = make_minibatch(shape, slab_count);
-  clear(batch);
-  for (int i = 0; i < slab_count; ++i)
-    collate_slab(batch, i, pool.view(i), static_cast<uint32_t>(shape.rollout_steps));
-  return batch;
-}
+RunConfig small_config() { return testing::small_config("ippo", kAgents); }
+TrajectoryShape small_shape(const RunConfig& config) { return testing::small_shape(config, kAgents); }
 
 /// Makes the network itself the behaviour policy of the batch.
 void act_with(const policy::PolicyNet& net, Minibatch& batch) {
@@ -60,31 +38,6 @@ void act_with(const policy::PolicyNet& net, Minibatch& batch) {
   batch.logits.copy_(output.logits);
   batch.log_prob.copy_(policy::action_log_prob(log_probs, batch.action, batch.shape.env));
   batch.value.narrow(0, 0, batch.steps()).copy_(output.value);
-}
-
-std::map<std::string, double> values_of(const UpdateStats& stats) {
-  return {stats.values.begin(), stats.values.end()};
-}
-
-std::vector<Tensor> clone(const std::vector<Tensor>& tensors) {
-  std::vector<Tensor> copies;
-  for (const Tensor& tensor : tensors) copies.push_back(tensor.detach().clone());
-  return copies;
-}
-
-bool all_equal(const std::vector<Tensor>& a, const std::vector<Tensor>& b) {
-  for (std::size_t i = 0; i < a.size(); ++i)
-    if (!torch::equal(a[i].detach(), b[i].detach())) return false;
-  return a.size() == b.size();
-}
-
-std::vector<Tensor> gradients(const policy::PolicyNet& net) {
-  std::vector<Tensor> result;
-  for (Tensor& parameter : net.parameters()) {
-    result.push_back(parameter.grad().defined() ? parameter.grad().clone() : torch::zeros_like(parameter));
-    if (parameter.grad().defined()) parameter.mutable_grad().zero_();
-  }
-  return result;
 }
 
 double largest_relative_difference(const std::vector<Tensor>& a, const std::vector<Tensor>& b) {
@@ -378,7 +331,7 @@ TEST(Ippo, AnAbandonedStepChangesNothing) {
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
   Minibatch batch = noise_batch(shape, 4, 13);
-  const std::vector<Tensor> before = clone(ippo.net().parameters());
+  const std::vector<Tensor> before = copies(ippo.net().parameters());
   int asked = 0;
   UpdateContext context;
   context.keep_going = [&] { return ++asked < 3; };
@@ -393,7 +346,7 @@ TEST(Ippo, SkipsStepsThatAreNotFiniteAndGivesUpAfterTooManyInARow) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  const std::vector<Tensor> before = clone(ippo.net().parameters());
+  const std::vector<Tensor> before = copies(ippo.net().parameters());
   Minibatch batch = noise_batch(shape, 1, 14);
   const Tensor recurrent_state = batch.recurrent_state.clone();
   int skipped = 0;

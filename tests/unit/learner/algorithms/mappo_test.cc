@@ -7,43 +7,20 @@
 
 #include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
-#include "tests/support/slab_pool.h"
+#include "tests/support/noise_batch.h"
 
 namespace comrad::learn {
 namespace {
 
-using testing::SlabPool;
+using testing::gradients;
 
-RunConfig small_config() {
-  RunConfig config;
-  config.algo = "mappo";
-  config.rollout = 4;
-  config.batch_size = 4 * 3 * 4;
-  config.rnn_size = 16;
-  config.normalize_input = false;
-  return config;
-}
+constexpr int kAgents = 3;
 
-TrajectoryShape small_shape(const RunConfig& config) {
-  TrajectoryShape shape;
-  shape.env.num_agents = 3;
-  shape.env.height = 36;
-  shape.env.width = 36;
-  shape.env.head_count = 2;
-  shape.env.head_sizes = {3, 2};
-  shape.rollout_steps = static_cast<int32_t>(config.rollout);
-  shape.recurrent_state_count =
-      static_cast<int32_t>(policy::PolicyNetOptions::from(config, shape.env).recurrent_state_count());
-  return shape;
-}
+RunConfig small_config() { return testing::small_config("mappo", kAgents); }
+TrajectoryShape small_shape(const RunConfig& config) { return testing::small_shape(config, kAgents); }
 
 Minibatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
-  const SlabPool pool(shape, slab_count);
-  pool.fill_with_noise(seed);
-  Minibatch batch = make_minibatch(shape, slab_count);
-  clear(batch);
-  for (int i = 0; i < slab_count; ++i)
-    collate_slab(batch, i, pool.view(i), static_cast<uint32_t>(shape.rollout_steps));
+  Minibatch batch = testing::noise_batch(shape, slab_count, seed);
   apply_lag_filter(batch, 0, 1000);
   return batch;
 }
@@ -51,15 +28,6 @@ Minibatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t see
 policy::SequenceOutput run(const Mappo& mappo, const Minibatch& batch) {
   torch::NoGradGuard no_grad;
   return mappo.net().sequence(batch.frame, batch.measurement, batch.recurrent_state, batch.reset);
-}
-
-std::vector<Tensor> gradients(const policy::PolicyNet& net) {
-  std::vector<Tensor> result;
-  for (Tensor& parameter : net.parameters()) {
-    result.push_back(parameter.grad().defined() ? parameter.grad().clone() : torch::zeros_like(parameter));
-    if (parameter.grad().defined()) parameter.mutable_grad().zero_();
-  }
-  return result;
 }
 
 TEST(Mappo, TheCriticSeesAllAgentsOfTheSameStepAndNobodyElse) {

@@ -1,0 +1,25 @@
+// Whole files at once. Stage: loading and reports.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad {
+
+/// What went wrong with a file, in the system's words: `what` and the reason of errno `code`. kNoSpace with
+/// what to do where the disk is full, else kSystem.
+Error file_error(const std::string& what, int code);
+
+/// The bytes of a file; nothing where it cannot be read or is empty, for an empty file is of no use to
+/// those who read one here. The caller says what it should have been.
+std::optional<std::string> read_file(const std::string& path);
+
+/// Writes a file beside its place and renames it, so that nobody ever sees half of it; what lay there before
+/// is untouched by a failure. Durable: on the disk when this returns, not only in its cache. Errors:
+/// kNoSpace, kSystem.
+Status write_file_atomically(const std::string& path, std::string_view text, bool durable);
+
+}  // namespace comrad
