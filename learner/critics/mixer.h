@@ -1,0 +1,84 @@
+// What joins the agents' utilities into one team value: the interface of all mixers and their factory. Serves
+// update; policy workers never see a mixer, since every kind keeps the joint argmax at the agents' own.
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace comrad::learn {
+
+using torch::Tensor;
+using NamedTensors = std::vector<std::pair<std::string, Tensor>>;
+
+/// What a mixer is made from. The defaults are the benchmark's; paper_qplex() gives the authors' QPLEX.
+struct MixerOptions {
+  std::string kind = "vdn";  ///< vdn | qmix | dmaq (QPLEX-D) | dmaq_qatten (QPLEX-Q)
+
+  int64_t num_agents = 2;
+  int64_t state_count = 1024;  ///< S
+  int64_t logit_count = 14;    ///< A: sum of head sizes of one agent
+  int64_t state_slice = 512;   ///< entries of agent i's part u_i of the state; dmaq_qatten: S = N * slice
+
+  // qmix
+  int64_t embed_dim = 32;        ///< E: units of the mixing layer
+  int64_t hypernet_hidden = 64;  ///< units of the hypernets of W1 and W2
+
+  // dmaq and dmaq_qatten
+  int64_t qplex_embed_dim = 32;       ///< attention keys and selectors; hidden units of the state bias
+  int64_t qplex_hypernet_embed = 64;  ///< hidden units of selectors and of the weights' hypernets
+  int64_t adv_hypernet_layers = 1;    ///< 1..3 layers in each network behind lambda
+  int64_t adv_hypernet_embed = 64;    ///< their hidden units
+  int64_t num_kernel = 4;             ///< K: terms of lambda
+  int64_t n_head = 4;                 ///< attention heads
+  double attend_reg_coef = 0.001;     ///< of the squared attention logits
+  bool is_minus_one = true;           ///< A_tot weighs by lambda - 1 instead of lambda
+  bool weighted_head = false;         ///< dmaq: learn w, b; dmaq_qatten: weigh each head by |w_h(s)|
+  bool nonlinear = false;             ///< dmaq_qatten: an agent's key also sees its greedy utility
+  bool state_bias = false;            ///< dmaq_qatten: add c(s) to the total
+};
+
+/// `options` with QPLEX as its paper uses it: weighted heads, 10 kernels, 3 layers, state bias.
+MixerOptions paper_qplex(MixerOptions options);
+
+/// One row per (world, time). A mixer reads the fields its kind has a use for; the others may be undefined.
+struct MixerInput {
+  Tensor chosen = {};  ///< f32 [B, N]    Q_i(a_i), with gradient
+  Tensor greedy = {};  ///< f32 [B, N]    max_a Q_i(a), used detached          (dmaq, dmaq_qatten)
+  Tensor action = {};  ///< f32 [B, N*A]  multi-hot actions, agent by agent    (dmaq, dmaq_qatten)
+  Tensor state =
+      {};  ///< f32 [B, S]    used detached: no gradient into what it was made from    (all but vdn)
+};
+
+struct MixerOutput {
+  Tensor q_tot = {};              ///< [B]
+  Tensor v_tot = {}, a_tot = {};  ///< [B], q_tot = v_tot + a_tot; QPLEX only
+  Tensor regularizer = {};  ///< [B], already times its coefficient; its mean is a loss term; dmaq_qatten only
+  Tensor head_entropy = {};  ///< [B], nats, mean over attention heads, detached; dmaq_qatten only
+};
+
+/// A mixer with its parameters.
+///
+/// Parameters keep a hard order and names without prefix; those that an option leaves without use (the w and
+/// b of dmaq, the bias of dmaq_qatten in the benchmark's settings) exist all the same and get no gradient at
+/// all. Threads: mix() writes nothing; parameters must not change while it runs.
+class Mixer {
+ public:
+  virtual ~Mixer() = default;
+  /// Errors: none at run time; shapes are checked.
+  virtual MixerOutput mix(const MixerInput& input) const = 0;
+  virtual NamedTensors named_parameters() const = 0;
+};
+
+/// A mixer with fresh parameters; equal options and seeds give equal ones on every device. `options` must
+/// have been checked: see check_mixer().
+std::unique_ptr<Mixer> make_mixer(const MixerOptions& options, uint64_t seed, torch::Device device);
+
+/// What is wrong with `options`, in one sentence that names the setting; empty when nothing is.
+std::string check_mixer(const MixerOptions& options);
+
+}  // namespace comrad::learn

@@ -1,0 +1,54 @@
+#include "learner/critics/qmix_mixer.h"
+
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/check.h"
+
+namespace comrad::learn {
+namespace {
+
+constexpr double kLeastWeight = 1e-8;
+
+}  // namespace
+
+Tensor qmix_value(const Tensor& q, const QmixWeights& weights) {
+  const Tensor hidden = at::baddbmm(weights.b1.unsqueeze(1), q.unsqueeze(1), weights.w1);  // [B, 1, E]
+  return (at::elu(hidden.squeeze(1)) * weights.w2).sum(1) + weights.b2;
+}
+
+QmixMixer::QmixMixer(const MixerOptions& options, at::Generator generator, torch::Device device)
+    : options_(options) {
+  const int64_t state = options.state_count, embed = options.embed_dim, hidden = options.hypernet_hidden;
+  auto make = [&](const char* name, std::vector<int64_t> sizes) {
+    return Hypernet::create({.name = name, .sizes = std::move(sizes), .init = HypernetInit::kXavier},
+                            generator, device);
+  };
+  w1_ = make("w1", {state, hidden, options.num_agents * embed});
+  b1_ = make("b1", {state, embed});
+  w2_ = make("w2", {state, hidden, embed});
+  b2_ = make("b2", {state, embed, 1});
+}
+
+QmixWeights QmixMixer::weights(const Tensor& state) const {
+  const int64_t rows = state.size(0), agents = options_.num_agents, embed = options_.embed_dim;
+  return {.w1 = w1_.forward(state).view({rows, agents, embed}).abs() + kLeastWeight,
+          .b1 = b1_.forward(state).view({rows, embed}),
+          .w2 = w2_.forward(state).view({rows, embed}).abs() + kLeastWeight,
+          .b2 = b2_.forward(state).view({rows})};
+}
+
+MixerOutput QmixMixer::mix(const MixerInput& input) const {
+  COMRAD_CHECK(input.chosen.dim() == 2 && input.chosen.size(1) == options_.num_agents,
+               "utilities are [B, N]");
+  COMRAD_CHECK(input.state.dim() == 2 && input.state.size(0) == input.chosen.size(0) &&
+                   input.state.size(1) == options_.state_count,
+               "the mixer's state is [B, S]");
+  return {.q_tot = qmix_value(input.chosen, weights(input.state.detach()))};
+}
+
+NamedTensors QmixMixer::named_parameters() const {
+  NamedTensors named;
+  for (const Hypernet* net : {&w1_, &b1_, &w2_, &b2_}) net->append_parameters(named);
+  return named;
+}
+
+}  // namespace comrad::learn
