@@ -1,0 +1,219 @@
+#include "rollout_buffer/replay/item_layout.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <string>
+
+namespace comrad::replay {
+namespace {
+
+constexpr int64_t kFrameAlignmentBytes = 64;
+
+int64_t round_up(int64_t value, int64_t multiple) { return (value + multiple - 1) / multiple * multiple; }
+
+template <typename T>
+T* at(std::byte* base, int64_t offset) {
+  return reinterpret_cast<T*>(base + offset);
+}
+template <typename T>
+const T* at(const std::byte* base, int64_t offset) {
+  return reinterpret_cast<const T*>(base + offset);
+}
+
+bool all_finite(const float* values, int64_t count) {
+  for (int64_t i = 0; i < count; ++i)
+    if (!std::isfinite(values[i])) return false;
+  return true;
+}
+
+/// Copies floats of a peer; zeros and false where one of them is not finite. Checked after the copy: the peer
+/// may still write.
+bool take_floats(std::span<const float> source, float* target) {
+  std::copy(source.begin(), source.end(), target);
+  if (all_finite(target, static_cast<int64_t>(source.size()))) return true;
+  std::fill_n(target, source.size(), 0.0f);
+  return false;
+}
+
+/// Copies one agent's mask as 0 and 1; all ones and false where a head has nothing allowed.
+bool take_mask(const EnvShape& env, std::span<const uint8_t> source, uint8_t* target) {
+  bool sound = true;
+  std::size_t choice = 0;
+  for (int head = 0; head < env.head_count; ++head) {
+    bool any_allowed = false;
+    for (int i = 0; i < env.head_sizes[static_cast<std::size_t>(head)]; ++i, ++choice) {
+      target[choice] = source[choice] != 0;
+      any_allowed |= target[choice] != 0;
+    }
+    sound &= any_allowed;
+  }
+  if (!sound) std::fill_n(target, source.size(), uint8_t{1});
+  return sound;
+}
+
+}  // namespace
+
+ItemLayout::ItemLayout(const TrajectoryShape& shape, const ItemForm& form) {
+  const int64_t agents = shape.env.num_agents, measurements = shape.env.measurement_count;
+  const int64_t length = form.length, rows = length + 1, finals = form.finals;
+  int64_t end = 0;
+  const auto place = [&end](int64_t bytes) {
+    const int64_t start = end;
+    end += bytes;
+    return start;
+  };
+  frame_count = (rows + finals) * agents;
+  // Fields of four bytes first: nothing needs padding.
+  recurrent_state = place(form.has_state ? agents * shape.recurrent_state_count * 4 : 0);
+  measurement = place(rows * agents * measurements * 4);
+  final_measurement = place(finals * agents * measurements * 4);
+  reward = place(length * agents * 4);
+  frame_ends = place(form.compressed ? frame_count * 4 : 0);
+  action = place(length * agents * shape.env.head_count);
+  agent_active = place(rows * agents);
+  terminated = place(length);
+  truncated = place(length);
+  valid = place(length);
+  final_row = place(length);
+  action_mask = place(form.has_mask ? rows * agents * shape.env.logit_count() : 0);
+  frames = round_up(end, kFrameAlignmentBytes);
+  raw_bytes = frames + frame_count * shape.env.frame_bytes();
+}
+
+void pack_item(const TrajectoryShape& shape, bool keep_state, bool compress, const SlabView& slab,
+               uint32_t length, PackedItem& item) {
+  const EnvShape& env = shape.env;
+  const int agents = env.num_agents, steps = static_cast<int>(std::min<int64_t>(length, shape.rollout_steps));
+  const int64_t choices = env.logit_count(), measurements = env.measurement_count;
+  const auto cell = [agents](int row, int agent) { return static_cast<std::size_t>(row * agents + agent); };
+  item.form = {
+      .length = steps, .has_state = keep_state && shape.recurrent_state_count > 0, .compressed = compress};
+  item.final_rows.clear();
+  item.broken_decisions = 0;
+  if (steps == 0) return;
+
+  // What decides the layout: which final rows are used, and whether any mask forbids something.
+  std::vector<uint8_t> cut(static_cast<std::size_t>(steps)), final_is_sound(static_cast<std::size_t>(steps));
+  std::vector<int8_t> final_row(static_cast<std::size_t>(steps), -1);
+  for (int step = 0; step < steps; ++step) {
+    const auto index = static_cast<std::size_t>(step);
+    const int32_t row = slab.final_index(step);
+    cut[index] = slab.truncated(step) != 0;
+    final_is_sound[index] = row >= -1 && row < shape.final_capacity && (cut[index] == 0 || row >= 0);
+    if (cut[index] == 0 || final_is_sound[index] == 0) continue;
+    const auto known = std::find(item.final_rows.begin(), item.final_rows.end(), row);
+    final_row[index] = static_cast<int8_t>(known - item.final_rows.begin());
+    if (known == item.final_rows.end()) item.final_rows.push_back(row);
+  }
+  std::vector<uint8_t> mask(cell(steps + 1, 0) * static_cast<std::size_t>(choices));
+  std::vector<uint8_t> row_is_sound(cell(steps + 1, 0), 1);
+  for (int row = 0; row <= steps; ++row)
+    for (int agent = 0; agent < agents; ++agent)
+      row_is_sound[cell(row, agent)] =
+          take_mask(env, slab.action_mask(row, agent),
+                    mask.data() + cell(row, agent) * static_cast<std::size_t>(choices));
+  item.form.finals = static_cast<int32_t>(item.final_rows.size());
+  item.form.has_mask = std::find(mask.begin(), mask.end(), uint8_t{0}) != mask.end();
+  item.layout = ItemLayout(shape, item.form);
+  const ItemLayout& layout = item.layout;
+  item.head.assign(static_cast<std::size_t>(layout.frames), std::byte{0});
+  std::byte* base = item.head.data();
+
+  std::vector<uint8_t> state_is_sound(static_cast<std::size_t>(agents), 1);
+  for (int agent = 0; agent < agents && item.form.has_state; ++agent)
+    state_is_sound[static_cast<std::size_t>(agent)] =
+        take_floats(slab.recurrent_state(0, agent),
+                    at<float>(base, layout.recurrent_state) + int64_t{agent} * shape.recurrent_state_count);
+  std::vector<uint8_t> final_measurement_is_sound(item.final_rows.size() * static_cast<std::size_t>(agents),
+                                                  1);
+  for (int agent = 0; agent < agents; ++agent) {
+    for (int row = 0; row <= steps && measurements > 0; ++row)
+      row_is_sound[cell(row, agent)] &= take_floats(
+          slab.measurement(row, agent),
+          at<float>(base, layout.measurement) + static_cast<int64_t>(cell(row, agent)) * measurements);
+    for (int f = 0; f < item.form.finals && measurements > 0; ++f)
+      final_measurement_is_sound[cell(f, agent)] = take_floats(
+          slab.final_measurement(item.final_rows[static_cast<std::size_t>(f)], agent),
+          at<float>(base, layout.final_measurement) + static_cast<int64_t>(cell(f, agent)) * measurements);
+    for (int row = 0; row <= steps; ++row)
+      at<uint8_t>(base, layout.agent_active)[cell(row, agent)] = slab.agent_active(row, agent) != 0;
+  }
+  if (item.form.has_mask) std::memcpy(base + layout.action_mask, mask.data(), mask.size());
+
+  for (int step = 0; step < steps; ++step) {
+    const auto index = static_cast<std::size_t>(step);
+    const bool terminated = slab.terminated(step) != 0, is_cut = cut[index] != 0;
+    bool step_is_valid = slab.valid(step) != 0;
+    for (int agent = 0; agent < agents; ++agent) {
+      bool sound = final_is_sound[index] != 0 && state_is_sound[static_cast<std::size_t>(agent)] != 0 &&
+                   row_is_sound[cell(step, agent)] != 0;
+      if (final_row[index] >= 0) sound &= final_measurement_is_sound[cell(final_row[index], agent)] != 0;
+      const auto chosen = slab.action(step, agent);
+      uint8_t* const action =
+          at<uint8_t>(base, layout.action) + cell(step, agent) * static_cast<std::size_t>(env.head_count);
+      for (std::size_t head = 0; head < chosen.size(); ++head) {
+        const int32_t choice = chosen[head];
+        const bool in_range = choice >= 0 && choice < env.head_sizes[head];
+        action[head] = in_range ? static_cast<uint8_t>(choice) : uint8_t{0};
+        sound &= in_range;
+      }
+      const float value = slab.reward(step, agent);
+      sound &= std::isfinite(value);
+      at<float>(base, layout.reward)[cell(step, agent)] = sound ? value : 0.0f;
+      item.broken_decisions += !sound;
+      step_is_valid &= sound;
+      // The observation behind a step that ends an episode belongs to the next one.
+      if (!terminated && !is_cut) step_is_valid &= row_is_sound[cell(step + 1, agent)] != 0;
+    }
+    at<uint8_t>(base, layout.terminated)[step] = terminated;
+    at<uint8_t>(base, layout.truncated)[step] = is_cut;
+    at<uint8_t>(base, layout.valid)[step] = step_is_valid;
+    at<int8_t>(base, layout.final_row)[step] = final_row[index];
+  }
+}
+
+Status validate_item(const TrajectoryShape& shape, const ItemForm& form, const std::byte* bytes,
+                     int64_t byte_count) {
+  const auto bad = [](const char* what) { return Error{ErrorCode::kBadFormat, what}; };
+  const EnvShape& env = shape.env;
+  if (form.length < 1 || form.length > shape.rollout_steps)
+    return bad("a trajectory's length is out of range");
+  if (form.finals < 0 || form.finals > shape.final_capacity) return bad("too many last observations");
+  const ItemLayout layout(shape, form);
+  if (byte_count < layout.frames || (!form.compressed && byte_count != layout.raw_bytes))
+    return bad("a trajectory's size does not fit its length");
+  const int64_t agents = env.num_agents, rows = form.length + 1;
+  if (!all_finite(at<float>(bytes, 0), layout.reward / 4 + form.length * agents))
+    return bad("a number is not finite");
+  const auto flags_ok = [&](int64_t offset, int64_t count) {
+    return std::all_of(bytes + offset, bytes + offset + count,
+                       [](std::byte flag) { return std::to_integer<int>(flag) <= 1; });
+  };
+  if (!flags_ok(layout.agent_active, rows * agents) || !flags_ok(layout.terminated, 3 * form.length) ||
+      (form.has_mask && !flags_ok(layout.action_mask, rows * agents * env.logit_count())))
+    return bad("a flag is neither 0 nor 1");
+  for (int64_t i = 0; i < form.length * agents * env.head_count; ++i)
+    if (at<uint8_t>(bytes, layout.action)[i] >= env.head_sizes[static_cast<std::size_t>(i % env.head_count)])
+      return bad("an action lies outside its head");
+  for (int step = 0; step < form.length; ++step) {
+    const int row = at<int8_t>(bytes, layout.final_row)[step];
+    const bool cut = at<uint8_t>(bytes, layout.truncated)[step] != 0;
+    const bool valid = at<uint8_t>(bytes, layout.valid)[step] != 0;
+    if (row < -1 || row >= form.finals || (row >= 0 && !cut) || (valid && cut && row < 0))
+      return bad("a last observation is missing");
+  }
+  if (form.compressed) {
+    uint32_t end = 0;
+    for (int64_t frame = 0; frame < layout.frame_count; ++frame) {
+      const uint32_t next = at<uint32_t>(bytes, layout.frame_ends)[frame];
+      if (next <= end || next - end > env.frame_bytes()) return bad("a compressed frame is out of place");
+      end = next;
+    }
+    if (layout.frames + int64_t{end} != byte_count)
+      return bad("compressed frames do not fill their trajectory");
+  }
+  return {};
+}
+
+}  // namespace comrad::replay

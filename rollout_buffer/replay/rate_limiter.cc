@@ -1,0 +1,105 @@
+#include "rollout_buffer/replay/rate_limiter.h"
+
+#include <chrono>
+#include <cmath>
+#include <string>
+
+namespace comrad::replay {
+
+Status validate(const RateLimiterOptions& options, int64_t insert_piece, int64_t sample_piece) {
+  if (!std::isfinite(options.samples_per_insert) || options.samples_per_insert < 0)
+    return Error{ErrorCode::kBadInput, "samples per insert must be 0 (no limit) or above"};
+  if (options.min_size_to_sample < 1)
+    return Error{ErrorCode::kBadInput, "a replay must hold at least 1 transition before it is sampled"};
+  const double needed =
+      (static_cast<double>(insert_piece) * options.samples_per_insert + static_cast<double>(sample_piece)) /
+      2;
+  if (options.samples_per_insert > 0 && !(options.error_buffer >= needed))
+    return Error{ErrorCode::kBadInput,
+                 "the tolerance of " + std::to_string(options.error_buffer) + " samples is below " +
+                     std::to_string(needed) +
+                     "; with pieces of this size collecting and learning could wait for "
+                     "each other"};
+  return {};
+}
+
+bool RateLimiter::insert_is_due(int64_t count) const {
+  if (options_.samples_per_insert <= 0 || inserted_ + count <= options_.min_size_to_sample) return true;
+  const double ahead =
+      static_cast<double>(inserted_ + count - options_.min_size_to_sample) * options_.samples_per_insert -
+      static_cast<double>(sampled_);
+  return ahead <= options_.error_buffer;
+}
+
+bool RateLimiter::sample_is_due(int64_t count) const {
+  if (inserted_ < options_.min_size_to_sample) return false;
+  if (options_.samples_per_insert <= 0) return true;
+  const double ahead =
+      static_cast<double>(inserted_ - options_.min_size_to_sample) * options_.samples_per_insert -
+      static_cast<double>(sampled_ + count);
+  return ahead >= -options_.error_buffer;
+}
+
+void RateLimiter::inserted(int64_t count) {
+  const std::lock_guard lock(mutex_);
+  inserted_ += count;
+  changed_.notify_all();
+}
+
+void RateLimiter::sampled(int64_t count) {
+  const std::lock_guard lock(mutex_);
+  sampled_ += count;
+  changed_.notify_all();
+}
+
+bool RateLimiter::can_insert(int64_t count) const {
+  const std::lock_guard lock(mutex_);
+  return insert_is_due(count);
+}
+
+bool RateLimiter::can_sample(int64_t count) const {
+  const std::lock_guard lock(mutex_);
+  return sample_is_due(count);
+}
+
+template <typename Due>
+WaitResult RateLimiter::wait(int timeout_ms, Due&& due) {
+  std::unique_lock lock(mutex_);
+  const bool ready =
+      changed_.wait_for(lock, std::chrono::milliseconds(timeout_ms), [&] { return stopped_ || due(); });
+  if (stopped_) return WaitResult::kStopped;
+  return ready ? WaitResult::kReady : WaitResult::kTimeout;
+}
+
+WaitResult RateLimiter::wait_to_insert(int64_t count, int timeout_ms) {
+  return wait(timeout_ms, [&] { return insert_is_due(count); });
+}
+
+WaitResult RateLimiter::wait_to_sample(int64_t count, int timeout_ms) {
+  return wait(timeout_ms, [&] { return sample_is_due(count); });
+}
+
+void RateLimiter::stop() {
+  const std::lock_guard lock(mutex_);
+  stopped_ = true;
+  changed_.notify_all();
+}
+
+int64_t RateLimiter::insert_count() const {
+  const std::lock_guard lock(mutex_);
+  return inserted_;
+}
+
+int64_t RateLimiter::sample_count() const {
+  const std::lock_guard lock(mutex_);
+  return sampled_;
+}
+
+void RateLimiter::restore(int64_t insert_count, int64_t sample_count) {
+  const std::lock_guard lock(mutex_);
+  inserted_ = insert_count;
+  sampled_ = sample_count;
+  changed_.notify_all();
+}
+
+}  // namespace comrad::replay

@@ -1,0 +1,51 @@
+// The bytes behind a replay: anonymous memory, or a file mapped for reading. Writing a file goes through
+// pwrite, because a store into a mapped page that is not in memory would first read it from the disk, and
+// because a failing disk is then an error instead of a signal.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::replay {
+
+/// "1.5 GB", "20.0 MB".
+std::string bytes_text(int64_t bytes);
+
+/// Owns `size_bytes` of memory. Move-only.
+class RingMemory {
+ public:
+  /// Anonymous memory; pages are taken on first touch. Errors: kNoSpace when the host has less free memory
+  /// (needed, free, and the flags that help), kSystem.
+  static Expected<RingMemory> in_ram(int64_t size_bytes);
+  /// A new file of that size, of which all blocks are reserved at once. Its name is removed as soon as it is
+  /// open: the space comes back when the process ends, however it ends.
+  /// Errors: kBadInput (the name is taken), kNotFound (no such folder), kNoSpace, kSystem.
+  static Expected<RingMemory> in_file(const std::string& path, int64_t size_bytes);
+
+  RingMemory(RingMemory&& other) noexcept;
+  RingMemory& operator=(RingMemory&& other) noexcept;
+  ~RingMemory();
+
+  const std::byte* data() const { return data_; }
+  int64_t size_bytes() const { return size_bytes_; }
+  bool is_file() const { return descriptor_ >= 0; }
+  int descriptor() const { return descriptor_; }  ///< -1 where there is no file
+
+  /// Writes the parts one behind the other. Errors: kNoSpace, kSystem (of the disk).
+  Status write(int64_t offset, std::span<const std::span<const std::byte>> parts);
+  /// Asks the kernel to have these bytes in memory soon; nothing to do in RAM.
+  void prefetch(int64_t offset, int64_t byte_count) const;
+
+ private:
+  RingMemory() = default;
+  std::string path_;
+  std::byte* data_ = nullptr;
+  int64_t size_bytes_ = 0;
+  int descriptor_ = -1;
+};
+
+}  // namespace comrad::replay
