@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "learner/batch/collate.h"
+#include "learner/batch/replay_batch.h"
 #include "learner/checkpoint/checkpoint.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
@@ -46,11 +47,6 @@ class Algorithm {
  public:
   virtual ~Algorithm() = default;
 
-  /// Trains on one batch: num_epochs x num_batches_per_epoch optimizer steps. Masks, advantages and targets
-  /// are written into `batch`. A step whose loss or gradient is not finite is skipped and counted. Errors:
-  /// kBadInput when too many steps in a row were not finite; the weights are those of the last good step.
-  virtual Expected<UpdateStats> update(Minibatch& batch, const UpdateContext& context) = 0;
-
   /// Optimizer steps of the policy so far.
   virtual PolicyVersion version() const = 0;
   virtual int64_t parameter_count() const = 0;
@@ -59,11 +55,31 @@ class Algorithm {
   virtual int64_t weights_bytes() const = 0;
   virtual void write_weights(std::span<std::byte> out) const = 0;
 
-  /// All state, under the sections "network", "optimizer", "normalizer", "schedule" and "algorithm".
+  /// All state, under the sections "network", "optimizer", "normalizer", "schedule" and "algorithm", and of
+  /// Q-learning "target" and "mixer".
   virtual void save(StateDict& state) const = 0;
   /// Errors: kBadFormat when `state` was made by another algorithm, model or scenario; nothing is changed
   /// then that a second load does not repair.
   virtual Status load(const StateDict& state) = 0;
+};
+
+/// Learns from what its own policy just did: every batch once.
+class OnPolicyAlgorithm : public Algorithm {
+ public:
+  /// Trains on one batch: num_epochs x num_batches_per_epoch optimizer steps. Masks, advantages and targets
+  /// are written into `batch`. A step whose loss or gradient is not finite is skipped and counted. Errors:
+  /// kBadInput when too many steps in a row were not finite; the weights are those of the last good step.
+  virtual Expected<UpdateStats> update(Minibatch& batch, const UpdateContext& context) = 0;
+};
+
+/// Learns from a replay.
+class OffPolicyAlgorithm : public Algorithm {
+ public:
+  /// New decisions have come in: their frames u8 [B, C, H, W] and measurements f32 [B, M] (may be undefined)
+  /// enter the running input statistics, once.
+  virtual void observe(const Tensor& frame, const Tensor& measurement) = 0;
+  /// One optimizer step on a batch; writes `batch.abs_td`. Errors: as OnPolicyAlgorithm::update.
+  virtual Expected<UpdateStats> update(ReplayBatch& batch, const UpdateContext& context) = 0;
 };
 
 /// Makes the algorithm named `config.algo`, initialised from `config.seed`.

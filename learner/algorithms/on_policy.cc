@@ -4,10 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
 #include <numeric>
-#include <optional>
 
+#include "learner/algorithms/gradient_sum.h"
 #include "learner/algorithms/ppo_loss.h"
 #include "learner/estimators/gae.h"
 #include "policy_workers/policy/action_heads.h"
@@ -19,16 +18,6 @@ namespace comrad::learn {
 namespace {
 
 constexpr double kEarlyStopLossChange = 1e-6;
-constexpr int64_t kSkippedInARowMax = 20;
-constexpr int64_t kSamplesInFlightMax = 2048;  // of all threads together; activations take memory
-
-/// One on a GPU, which is busy with one micro-batch.
-int threads_for_parts(const RunConfig& config, torch::Device device) {
-  if (!device.is_cpu()) return 1;
-  const int64_t fitting =
-      std::max<int64_t>(1, kSamplesInFlightMax / std::max<int64_t>(1, config.micro_batch_size));
-  return static_cast<int>(std::clamp<int64_t>(config.learner_threads, 1, fitting));
-}
 
 }  // namespace
 
@@ -157,12 +146,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const Minibatch& batch, const
       is_first = false;
       if (result == StepResult::kAbandoned) return PhaseEnd::kAbandoned;
       if (result == StepResult::kKlReached) return PhaseEnd::kDone;
-      if (skipped_in_a_row_ >= kSkippedInARowMax)
-        return Error{
-            ErrorCode::kBadInput,
-            "loss or gradient was not finite in " + std::to_string(skipped_in_a_row_) +
-                " optimizer steps in a row; lower --learning_rate or --max_grad_norm and resume from the "
-                "last checkpoint"};
+      COMRAD_TRY(guard_.status());
       if (result == StepResult::kSkipped) continue;
       sums = part_sums;
       actor_loss += part_sums.actor();
@@ -198,20 +182,11 @@ OnPolicy::StepResult OnPolicy::train_minibatch(Minibatch& minibatch, const Phase
   if (phase.trains_policy && !is_first && config_.early_stop_kl > 0 && sums.kl > config_.early_stop_kl)
     return StepResult::kKlReached;
 
-  last_grad_norm_ = phase.optimizer.clip_gradients();
-  if (!std::isfinite(sums.total()) || !std::isfinite(last_grad_norm_)) {
-    ++skipped_in_a_row_;
-    ++stats.skipped_steps;
-    spdlog::error("update: loss {} with gradient norm {} at version {}; optimizer step skipped ({} in a row)",
-                  sums.total(), last_grad_norm_, version_, skipped_in_a_row_);
-    return StepResult::kSkipped;
-  }
-  skipped_in_a_row_ = 0;
   const double valid_fraction = valid_count / static_cast<double>(minibatch.valid.numel());
-  last_learning_rate_ = schedule_.learning_rate() * valid_fraction;
-  phase.optimizer.step(last_learning_rate_);
-  ++version_;
-  ++stats.optimizer_steps;
+  const bool stepped =
+      guard_.step(phase.optimizer, sums.total(), schedule_.learning_rate() * valid_fraction, version_, stats);
+  last_grad_norm_ = guard_.grad_norm();
+  if (!stepped) return StepResult::kSkipped;
   if (context.after_step) context.after_step();
   return StepResult::kTrained;
 }
@@ -347,37 +322,16 @@ bool OnPolicy::accumulate(const Minibatch& minibatch, const Phase& phase, const 
   // gradient does not depend on micro_batch_size.
   const double valid_count = std::max(1.0, minibatch.valid.sum(torch::kFloat64).item<double>());
   const std::vector<Minibatch> micros = micro_batches(minibatch);
-  const std::vector<Tensor>& parameters = phase.optimizer.parameters();
   std::vector<Tensor> first_log_prob;
-  const auto add = [&](const Part& part) {
-    sums.add(part.sums);
-    if (phase.first_log_prob != nullptr) first_log_prob.push_back(part.log_prob);
-    for (std::size_t i = 0; i < parameters.size(); ++i) {
-      const Tensor& gradient = part.gradients[i];
-      if (!gradient.defined()) continue;
-      Tensor& sum = parameters[i].mutable_grad();
-      if (sum.defined())
-        sum.add_(gradient);
-      else
-        sum = gradient.clone();
-    }
-  };
-  // A part that is done waits for those before it, then its gradient is freed.
-  std::mutex adding;
-  std::vector<std::optional<Part>> waiting(micros.size());
-  std::size_t added = 0;
-  const auto work = [&](int64_t i) {
-    const auto index = static_cast<std::size_t>(i);
-    Part part = part_of(micros[index], phase, valid_count);
-    const torch::NoGradGuard no_grad;
-    const std::lock_guard lock(adding);
-    waiting[index] = std::move(part);
-    for (; added < waiting.size() && waiting[added]; ++added) {
-      add(*waiting[added]);
-      waiting[added].reset();
-    }
-  };
-  if (!pool_.run(static_cast<int64_t>(micros.size()), work, context.keep_going)) return false;
+  const bool is_done = sum_gradients<Part>(
+      pool_, phase.optimizer.parameters(), static_cast<int64_t>(micros.size()),
+      [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], phase, valid_count); },
+      [&](const Part& part) {
+        sums.add(part.sums);
+        if (phase.first_log_prob != nullptr) first_log_prob.push_back(part.log_prob);
+      },
+      context.keep_going);
+  if (!is_done) return false;
   if (phase.first_log_prob != nullptr) *phase.first_log_prob = at::cat(first_log_prob, 1);
   return true;
 }
@@ -411,7 +365,7 @@ OnPolicy::Evaluation OnPolicy::evaluate(const Minibatch& batch, const Forward& f
 void OnPolicy::report(const Minibatch& batch, const LossSums& sums, UpdateStats& stats) const {
   const auto put = [&stats](const char* name, double value) { stats.values.emplace_back(name, value); };
   put("train/lr", schedule_.learning_rate());
-  put("train/actual_lr", last_learning_rate_);
+  put("train/actual_lr", guard_.learning_rate());
   put("train/loss", sums.total());
   put("train/policy_loss", sums.policy);
   put("train/value_loss", sums.value);

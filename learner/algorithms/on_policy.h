@@ -24,12 +24,13 @@
 #include "learner/algorithms/algorithm.h"
 #include "learner/algorithms/lr_schedule.h"
 #include "learner/algorithms/part_pool.h"
+#include "learner/algorithms/step_guard.h"
 #include "learner/batch/normalizer.h"
 #include "policy_workers/policy/policy_net.h"
 
 namespace comrad::learn {
 
-class OnPolicy : public Algorithm {
+class OnPolicy : public OnPolicyAlgorithm {
  public:
   PolicyVersion version() const override { return version_; }
   int64_t parameter_count() const override { return net_.parameter_count(); }
@@ -134,8 +135,7 @@ class OnPolicy : public Algorithm {
   StepResult train_minibatch(Minibatch& minibatch, const Phase& phase, const UpdateContext& context,
                              bool is_first, UpdateStats& stats, LossSums& sums);
 
-  int64_t skipped_in_a_row_ = 0;
-  double last_learning_rate_ = 0;  ///< after the valid fraction
+  StepGuard guard_;
 };
 
 }  // namespace comrad::learn

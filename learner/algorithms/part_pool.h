@@ -3,6 +3,8 @@
 // in two, because nobody waits at the end of every product. Stage: update.
 #pragma once
 
+#include <torch/types.h>
+
 #include <condition_variable>
 #include <cstdint>
 #include <exception>
@@ -11,7 +13,13 @@
 #include <thread>
 #include <vector>
 
+#include "rollout_buffer/core/config.h"
+
 namespace comrad::learn {
+
+/// How many micro-batches of a run's learner are computed at a time: learner_threads of them, fewer where
+/// their activations would take too much memory. One on a GPU, which is busy with one micro-batch.
+int threads_for_parts(const RunConfig& config, torch::Device device);
 
 class PartPool {
  public:

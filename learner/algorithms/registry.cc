@@ -3,8 +3,12 @@
 
 #include "learner/algorithms/algorithm.h"
 #include "learner/algorithms/happo.h"
+#include "learner/algorithms/idqn.h"
 #include "learner/algorithms/ippo.h"
 #include "learner/algorithms/mappo.h"
+#include "learner/algorithms/qmix.h"
+#include "learner/algorithms/qplex.h"
+#include "learner/algorithms/vdn.h"
 
 namespace comrad::learn {
 namespace {
@@ -20,9 +24,8 @@ struct Entry {
 };
 
 constexpr Entry kAlgorithms[] = {
-    {"ippo", make<Ippo>},
-    {"mappo", make<Mappo>},
-    {"happo", make<Happo>},
+    {"ippo", make<Ippo>}, {"mappo", make<Mappo>}, {"happo", make<Happo>},   {"idqn", make<Idqn>},
+    {"vdn", make<Vdn>},   {"qmix", make<Qmix>},   {"qplex_d", make<Qplex>}, {"qplex_q", make<Qplex>},
 };
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "learner/algorithms/algorithm.h"
 #include "learner/batch/collate.h"
 #include "learner/worker/learner.h"
+#include "learner/worker/replay_feed.h"
 #include "policy_workers/policy/policy_net.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/rng.h"
@@ -66,31 +67,60 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   std::vector<std::byte> bytes(static_cast<std::size_t>(layout.slab_bytes * slab_count));
   const auto slab = [&](int64_t index) { return SlabView(layout, bytes.data() + layout.slab_bytes * index); };
   for (int64_t i = 0; i < slab_count; ++i) fill_slab(slab(i), static_cast<uint64_t>(i));
-  Minibatch batch = make_minibatch(shape, slab_count);
   std::vector<std::byte> weights(static_cast<std::size_t>(algorithm->weights_bytes()));
+  UpdateContext context;
+  context.after_step = [&] { algorithm->write_weights(weights); };
+  auto* on_policy = dynamic_cast<OnPolicyAlgorithm*>(algorithm.get());
+  auto* off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm.get());
+  Minibatch batch = make_minibatch(shape, slab_count);
+  std::unique_ptr<ReplayFeed> feed;
+  if (off_policy != nullptr) {
+    RunConfig eager = config;
+    eager.learning_starts = 1;
+    COMRAD_TRY_ASSIGN(feed, ReplayFeed::create(eager, shape));
+  }
 
   int64_t rows = 0, decisions = 0, updates = 0;
-  double began_s = 0, elapsed_s = 0, cpu_began_s = 0;
-  for (int64_t round = 0; round < 2 || elapsed_s < seconds; ++round) {
-    if (round == 1) {  // round 0 warms up
-      began_s = monotonic_s();
-      cpu_began_s = cpu_seconds();
-    }
-    clear(batch);
+  // One batch of new slabs and the updates that it allows.
+  const auto round = [&]() -> Status {
+    context.env_frames = static_cast<double>(decisions * config.env_frameskip);
+    const auto trained = [&](const UpdateStats& stats) {
+      rows += stats.rows_trained;
+      updates += stats.optimizer_steps;
+    };
+    if (on_policy != nullptr) clear(batch);
     for (int64_t i = 0; i < slab_count; ++i) {
       for (int t = 0; t < shape.rollout_steps; ++t)
         for (int agent = 0; agent < env.num_agents; ++agent)
           slab(i).policy_version(t, agent) = algorithm->version();
-      collate_slab(batch, i, slab(i), static_cast<uint32_t>(shape.rollout_steps));
+      const auto length = static_cast<uint32_t>(shape.rollout_steps);
+      if (on_policy != nullptr)
+        collate_slab(batch, i, slab(i), length);
+      else
+        feed->insert(slab(i), length, algorithm->version());
     }
-    UpdateContext context;
-    context.env_frames = static_cast<double>(decisions * config.env_frameskip);
-    context.after_step = [&] { algorithm->write_weights(weights); };
-    COMRAD_TRY_ASSIGN(const UpdateStats stats, algorithm->update(batch, context));
-    if (round == 0) continue;
-    rows += stats.rows_trained;
-    decisions += batch.transitions;
-    updates += stats.optimizer_steps;
+    decisions += slab_count * shape.rollout_steps * env.num_agents;
+    if (on_policy != nullptr) {
+      COMRAD_TRY_ASSIGN(const UpdateStats stats, on_policy->update(batch, context));
+      trained(stats);
+      return {};
+    }
+    const Inserted inserted = feed->take_inserted();
+    if (inserted.frame.defined()) off_policy->observe(inserted.frame, inserted.measurement);
+    while (feed->is_update_due()) {
+      std::unique_ptr<ReplayBatch> drawn = feed->sample();
+      COMRAD_TRY_ASSIGN(const UpdateStats stats, off_policy->update(*drawn, context));
+      trained(stats);
+      feed->finish(std::move(drawn));
+    }
+    return {};
+  };
+  COMRAD_TRY(round());  // warms up
+  rows = decisions = updates = 0;
+  const double began_s = monotonic_s(), cpu_began_s = cpu_seconds();
+  double elapsed_s = 0;
+  while (elapsed_s < seconds) {
+    COMRAD_TRY(round());
     elapsed_s = monotonic_s() - began_s;
   }
   nlohmann::ordered_json line;

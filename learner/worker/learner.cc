@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 
+#include "learner/algorithms/q_learning.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/checksum.h"
@@ -76,6 +78,8 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
   COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(config.device));
   COMRAD_TRY_ASSIGN(learner->algorithm_,
                     make_algorithm(config, learner->arena_.shape().trajectory.env, device));
+  learner->on_policy_ = dynamic_cast<OnPolicyAlgorithm*>(learner->algorithm_.get());
+  learner->off_policy_ = dynamic_cast<OffPolicyAlgorithm*>(learner->algorithm_.get());
   const int64_t bytes = learner->algorithm_->weights_bytes();
   if (bytes > learner->arena_.shape().weights_bytes)
     return Error{ErrorCode::kBadInput, "the network has " + std::to_string(bytes) +
@@ -84,6 +88,9 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
                                            "; learner and supervisor must read the same config.toml"};
   if (!options.serve) {
     COMRAD_TRY_ASSIGN(learner->layouts_, LayoutService::open(config, options.run_dir));
+    if (learner->off_policy_ != nullptr) {
+      COMRAD_TRY_ASSIGN(learner->feed_, ReplayFeed::create(config, learner->arena_.shape().trajectory));
+    }
   }
   COMRAD_TRY(learner->resume());
 
@@ -101,7 +108,7 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
       COMRAD_TRY(learner->layouts_->restore_desks(learner->arena_));
     if (learner->layouts_) learner->layouts_->serve(learner->arena_);
   }
-  control.learner_env_frames = learner->env_frames_;
+  learner->count(0);
   counters.decisions = learner->decisions_;
   counters.batches = learner->algorithm_->version();
   learner->publish();
@@ -159,6 +166,7 @@ Status Learner::load(const std::string& path, bool is_own) {
     spdlog::warn("{} holds no journals; its environments begin anew, the run is not the uninterrupted one",
                  path);
   }
+  if (is_own && feed_) COMRAD_TRY(feed_->load(state, options_.run_dir + "/checkpoint"));
   saved_version_ = algorithm_->version();
   last_checkpoint_ = path;
   return {};
@@ -193,7 +201,10 @@ Status Learner::resume() {
 }
 
 Status Learner::run() {
-  Status result = options_.serve ? serve() : lock_step_ ? run_lock_step() : run_asynchronous();
+  Status result = options_.serve           ? serve()
+                  : lock_step_             ? run_lock_step()
+                  : off_policy_ != nullptr ? run_replay()
+                                           : run_asynchronous();
   queue_.reset();
   const bool diverged = !result;
   set_state(diverged ? "failed" : "stopping");
@@ -240,6 +251,26 @@ Status Learner::run_asynchronous() {
   return {};
 }
 
+Status Learner::run_replay() {
+  feed_->start(arena_);
+  while (!stop_requested() && !is_finished()) {
+    if (!wait_while_paused()) break;
+    const int64_t waited_from_ns = monotonic_ns();
+    std::unique_ptr<ReplayBatch> batch = feed_->pop(50);
+    arena_.learner_counters().wait_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - waited_from_ns));
+    poll();
+    take_inserted();
+    if (const std::string failure = feed_->failure(); !failure.empty())
+      return Error{ErrorCode::kSystem, "replay: " + failure};
+    if (batch != nullptr) {
+      COMRAD_TRY(train(*batch));
+      feed_->finish(std::move(batch));
+    }
+    COMRAD_TRY(save_if_due());
+  }
+  return {};
+}
+
 Expected<std::vector<uint32_t>> Learner::collect_rollout(uint64_t rollout) {
   const int env_count = arena_.shape().env_count();
   std::vector<std::optional<uint32_t>> slab_of(static_cast<std::size_t>(env_count));
@@ -280,10 +311,46 @@ Expected<std::vector<uint32_t>> Learner::collect_rollout(uint64_t rollout) {
   return slabs;
 }
 
-Status Learner::run_lock_step() {
+Expected<bool> Learner::train_rollout(const std::vector<uint32_t>& slabs) {
   const TrajectoryShape& shape = arena_.shape().trajectory;
   const int64_t per_batch = slabs_per_batch(config_, shape.env);
-  std::vector<Minibatch> batches;  // one full one, and one for a shorter rest if there is any
+  const int64_t slab_count = static_cast<int64_t>(slabs.size());
+  for (int64_t begin = 0; begin < slab_count; begin += per_batch) {
+    const int64_t count = std::min(per_batch, slab_count - begin);
+    auto batch = std::ranges::find(batches_, count, &Minibatch::slab_count);
+    if (batch == batches_.end()) batch = batches_.insert(batches_.end(), make_minibatch(shape, count));
+    clear(*batch);
+    for (int64_t i = 0; i < count; ++i) {
+      const int slab = static_cast<int>(slabs[static_cast<std::size_t>(begin + i)]);
+      broken_decisions_ +=
+          static_cast<uint64_t>(collate_slab(*batch, i, arena_.slab(slab), arena_.slab_header(slab).length));
+    }
+    COMRAD_TRY(train(*batch));
+    if (last_update_.abandoned) return false;
+  }
+  return true;
+}
+
+Expected<bool> Learner::replay_rollout(const std::vector<uint32_t>& slabs) {
+  const int64_t per_batch = slabs_per_batch(config_, arena_.shape().trajectory.env);
+  int64_t in_batch = 0;
+  for (std::size_t i = 0; i < slabs.size(); ++i) {
+    const int slab = static_cast<int>(slabs[i]);
+    feed_->insert(arena_.slab(slab), arena_.slab_header(slab).length, algorithm_->version());
+    if (++in_batch < per_batch && i + 1 < slabs.size()) continue;
+    in_batch = 0;
+    take_inserted();
+    while (feed_->is_update_due()) {
+      std::unique_ptr<ReplayBatch> batch = feed_->sample();
+      COMRAD_TRY(train(*batch));
+      if (last_update_.abandoned) return false;
+      feed_->finish(std::move(batch));
+    }
+  }
+  return true;
+}
+
+Status Learner::run_lock_step() {
   while (!stop_requested() && !is_finished()) {
     if (!wait_while_paused()) break;
     COMRAD_TRY_ASSIGN(const std::vector<uint32_t> slabs, collect_rollout(next_rollout_));
@@ -297,27 +364,15 @@ Status Learner::run_lock_step() {
       else
         spdlog::warn("{}; checkpoints of this boundary will not resume exactly", captured.error().message);
     }
-    const int64_t slab_count = static_cast<int64_t>(slabs.size());
-    for (int64_t begin = 0; begin < slab_count; begin += per_batch) {
-      const int64_t count = std::min(per_batch, slab_count - begin);
-      auto batch = std::ranges::find(batches, count, &Minibatch::slab_count);
-      if (batch == batches.end()) batch = batches.insert(batches.end(), make_minibatch(shape, count));
-      clear(*batch);
-      for (int64_t i = 0; i < count; ++i) {
-        const int slab = static_cast<int>(slabs[static_cast<std::size_t>(begin + i)]);
-        broken_decisions_ += static_cast<uint64_t>(
-            collate_slab(*batch, i, arena_.slab(slab), arena_.slab_header(slab).length));
-      }
-      const Status trained = train(*batch);
-      if (!trained || last_update_.abandoned) {
-        for (const uint32_t slab : slabs) arena_.release_slab(slab);
-        COMRAD_TRY(trained);
-        // Weights of half a rollout belong to no boundary; the checkpoint before stays the newest.
-        spdlog::warn("stopped within a rollout; the run resumes from {}",
-                     last_checkpoint_.empty() ? "its beginning" : last_checkpoint_);
-        saved_version_ = algorithm_->version();
-        return {};
-      }
+    const Expected<bool> trained = on_policy_ != nullptr ? train_rollout(slabs) : replay_rollout(slabs);
+    if (!trained || !*trained) {
+      for (const uint32_t slab : slabs) arena_.release_slab(slab);
+      if (!trained) return trained.error();
+      // Weights of half a rollout belong to no boundary; the checkpoint before stays the newest.
+      spdlog::warn("stopped within a rollout; the run resumes from {}",
+                   last_checkpoint_.empty() ? "its beginning" : last_checkpoint_);
+      saved_version_ = algorithm_->version();
+      return {};
     }
     publish();
     if (layouts_) layouts_->serve(arena_), layouts_->capture_desks(arena_, boundary.has_value());
@@ -332,8 +387,7 @@ Status Learner::run_lock_step() {
   return {};
 }
 
-Status Learner::train(Minibatch& batch) {
-  const int64_t began_ns = monotonic_ns();
+UpdateContext Learner::update_context() {
   UpdateContext context;
   context.env_frames = static_cast<double>(env_frames_);
   // Fresh weights after every optimizer step keep the lag low; lock step publishes at the boundary only.
@@ -344,21 +398,52 @@ Status Learner::train(Minibatch& batch) {
     return !stop_requested() ||
            seconds_since_stop() < (lock_step_ ? kAbandonRolloutAfterS : kAbandonStepAfterS);
   };
-  COMRAD_TRY_ASSIGN(last_update_, algorithm_->update(batch, context));
+  return context;
+}
+
+Status Learner::train(Minibatch& batch) {
+  const int64_t began_ns = monotonic_ns();
+  COMRAD_TRY_ASSIGN(last_update_, on_policy_->update(batch, update_context()));
+  last_lag_ = last_update_.lag;
   skipped_steps_ += static_cast<uint64_t>(last_update_.skipped_steps);
   if (layouts_ && !last_update_.abandoned) layouts_->score(batch);
   if (last_update_.abandoned && last_update_.optimizer_steps == 0) return {};
+  count(batch.transitions);
+  arena_.learner_counters().busy_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - began_ns));
+  poll();
+  return {};
+}
 
-  decisions_ += static_cast<uint64_t>(batch.transitions);
-  env_frames_ += static_cast<uint64_t>(batch.transitions * config_.env_frameskip);
-  rates_.add(monotonic_s(), env_frames_, decisions_);
-  arena_.control().learner_env_frames = env_frames_;
+Status Learner::train(ReplayBatch& batch) {
+  const int64_t began_ns = monotonic_ns();
+  COMRAD_TRY_ASSIGN(last_update_, off_policy_->update(batch, update_context()));
+  skipped_steps_ += static_cast<uint64_t>(last_update_.skipped_steps);
+  count(0);
+  arena_.learner_counters().busy_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - began_ns));
+  poll();
+  return {};
+}
+
+void Learner::take_inserted() {
+  const Inserted inserted = feed_->take_inserted();
+  if (inserted.transitions == 0) return;
+  last_lag_ = inserted.lag;
+  if (inserted.frame.defined()) off_policy_->observe(inserted.frame, inserted.measurement);
+  broken_decisions_ = static_cast<uint64_t>(feed_->broken_decisions());
+  count(inserted.transitions);
+  feed_->set_env_frames(static_cast<double>(env_frames_));
+}
+
+void Learner::count(int64_t transitions) {
+  decisions_ += static_cast<uint64_t>(transitions);
+  env_frames_ += static_cast<uint64_t>(transitions * config_.env_frameskip);
+  if (transitions > 0) rates_.add(monotonic_s(), env_frames_, decisions_);
+  shm::ControlBlock& control = arena_.control();
+  control.learner_env_frames = env_frames_;
+  control.epsilon = static_cast<float>(epsilon_at(config_, static_cast<double>(env_frames_)));
   shm::WorkerCounters& counters = arena_.learner_counters();
   counters.decisions = decisions_;
   counters.batches = algorithm_->version();
-  counters.busy_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - began_ns));
-  poll();
-  return {};
 }
 
 void Learner::publish() {
@@ -414,8 +499,38 @@ StateDict Learner::state() const {
   return state;
 }
 
+Status Learner::save_replay(StateDict& state) {
+  const std::string folder = options_.run_dir + "/checkpoint";
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  return feed_->save(
+      state, folder,
+      "replay_" + std::to_string(algorithm_->version()) + "_" + std::to_string(env_frames_) + ".bin");
+}
+
+void Learner::prune_replays() const {
+  std::vector<std::string> kept;
+  for (const CheckpointFile& file : store_.list())
+    kept.push_back("replay_" + std::to_string(file.version) + "_" + std::to_string(file.env_frames) + ".bin");
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(options_.run_dir + "/checkpoint", error)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with("replay_") && name.ends_with(".bin") && std::ranges::find(kept, name) == kept.end())
+      std::filesystem::remove(entry.path(), error);
+  }
+}
+
 Status Learner::save_checkpoint() {
-  const Expected<std::string> path = store_.save(state(), algorithm_->version(), env_frames_);
+  StateDict saved = state();
+  if (feed_ && config_.save_replay) {
+    if (const Status written = save_replay(saved); !written) {
+      last_save_s_ = monotonic_s();
+      spdlog::error("checkpoint: {}", written.error().message);
+      return written;
+    }
+  }
+  const Expected<std::string> path = store_.save(saved, algorithm_->version(), env_frames_);
+  if (feed_) prune_replays();
   last_save_s_ = monotonic_s();
   if (!path) {
     spdlog::error("checkpoint: {}", path.error().message);
@@ -496,11 +611,23 @@ void Learner::publish_stats() {
   stats.score_mean = episodes_.score_mean();
   stats.return_mean = episodes_.return_mean();
   stats.episodes = episodes_.episodes();
-  stats.policy_lag_mean = last_update_.lag.mean;
-  stats.policy_lag_max = static_cast<uint32_t>(last_update_.lag.max);
+  stats.policy_lag_mean = last_lag_.mean;
+  stats.policy_lag_max = static_cast<uint32_t>(last_lag_.max);
   stats.last_checkpoint = last_checkpoint_;
   const Status written = bus_->write(stats);
   if (!written) spdlog::warn("train stats: {}", written.error().message);
+}
+
+void Learner::append_replay(MetricValues& values) const {
+  const double env_frames = static_cast<double>(env_frames_);
+  values.emplace_back("train/epsilon", epsilon_at(config_, env_frames));
+  if (config_.per)
+    values.emplace_back("train/per_beta", feed_->replay().beta_at(static_cast<int64_t>(env_frames)));
+  values.emplace_back("train/buffer_size", feed_->replay().unit_count());
+  values.emplace_back("train/buffer_transitions", feed_->replay().transition_count());
+  values.emplace_back("train/version_diff_avg", last_lag_.mean);
+  values.emplace_back("train/version_diff_min", static_cast<double>(last_lag_.min));
+  values.emplace_back("train/version_diff_max", static_cast<double>(last_lag_.max));
 }
 
 void Learner::report_metrics() {
@@ -509,6 +636,7 @@ void Learner::report_metrics() {
   MetricValues values = last_update_.values;
   values.emplace_back("train/env_steps", static_cast<double>(env_frames_));
   values.emplace_back("train/skipped_sgd_steps", static_cast<double>(skipped_steps_));
+  if (feed_) append_replay(values);
   episodes_.append_to(values);
   values.emplace_back("perf/_fps", rates_.env_frames_per_s());
   values.emplace_back("perf/decisions_per_s", rates_.decisions_per_s());
@@ -525,7 +653,7 @@ void Learner::report_metrics() {
   const double busy = static_cast<double>(counters.busy_ns.load()),
                wait = static_cast<double>(counters.wait_ns.load());
   if (busy + wait > 0) values.emplace_back("stats/learner_busy_fraction", busy / (busy + wait));
-  values.emplace_back("stats/batches_waiting", queue_ ? queue_->waiting() : 0);
+  values.emplace_back("stats/batches_waiting", queue_ ? queue_->waiting() : feed_ ? feed_->waiting() : 0);
   values.emplace_back("stats/slabs_sealed", arena_.sealed_count());
   values.emplace_back("stats/episodes", static_cast<double>(episodes_.episodes()));
   if (layouts_) layouts_->append_to(values);

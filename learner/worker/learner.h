@@ -17,6 +17,7 @@
 #include "learner/worker/journal_snapshot.h"
 #include "learner/worker/layout_service.h"
 #include "learner/worker/metrics.h"
+#include "learner/worker/replay_feed.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus.h"
@@ -63,15 +64,25 @@ class Learner {
   /// `is_own`: a checkpoint of this run, rather than one of another's to begin from.
   Status load(const std::string& path, bool is_own = true);
 
-  // The two ways to collect.
+  // The ways to collect.
   Status run_asynchronous();
+  Status run_replay();
   Status run_lock_step();
   Status serve();
   /// Slab indices of rollout `rollout`, one per environment in order; empty when a stop came first.
   Expected<std::vector<uint32_t>> collect_rollout(uint64_t rollout);
 
-  // What both do.
+  /// Trains on one rollout's slabs, at once or by way of the replay. False when a stop came first.
+  Expected<bool> train_rollout(const std::vector<uint32_t>& slabs);
+  Expected<bool> replay_rollout(const std::vector<uint32_t>& slabs);
+
+  // What all do.
+  UpdateContext update_context();
   Status train(Minibatch& batch);
+  Status train(ReplayBatch& batch);
+  /// Counts and observes what came into the replay.
+  void take_inserted();
+  void count(int64_t transitions);
   void publish();
   bool is_finished() const;
   bool stop_requested();
@@ -80,6 +91,9 @@ class Learner {
 
   // Checkpoints.
   StateDict state() const;
+  Status save_replay(StateDict& state);
+  /// Removes replays of checkpoints that are no longer kept.
+  void prune_replays() const;
   Status save_checkpoint();
   Status save_if_due();
 
@@ -87,6 +101,7 @@ class Learner {
   void poll();
   void publish_stats();
   void report_metrics();
+  void append_replay(MetricValues& values) const;
   void set_state(const char* state);
 
   LearnerOptions options_;
@@ -95,9 +110,13 @@ class Learner {
   std::optional<dds::Bus> bus_;
   const std::atomic<bool>& stop_;
   std::unique_ptr<Algorithm> algorithm_;
+  OnPolicyAlgorithm* on_policy_ = nullptr;    ///< algorithm_, if it is one
+  OffPolicyAlgorithm* off_policy_ = nullptr;  ///< the same
   CheckpointStore store_;
   std::optional<MetricsWriter> metrics_;
-  std::unique_ptr<BatchQueue> queue_;       ///< asynchronous mode
+  std::unique_ptr<BatchQueue> queue_;       ///< on-policy, asynchronous mode
+  std::unique_ptr<ReplayFeed> feed_;        ///< off-policy
+  std::vector<Minibatch> batches_;          ///< on-policy, lock step: a full one, and one for a shorter rest
   std::unique_ptr<LayoutService> layouts_;  ///< null: the run plays one map
   std::vector<std::byte> weights_;
 
@@ -127,6 +146,7 @@ class Learner {
   RateWindow rates_;
   EpisodeWindow episodes_;
   UpdateStats last_update_;
+  LagStats last_lag_;  ///< of the newest data
   std::string state_name_ = "starting";
   std::string last_checkpoint_;
 };

@@ -67,10 +67,15 @@ struct Tower {
   /// `encoded` [T * B, E] of T steps; features [T * B, F].
   Tensor sequence(const Tensor& encoded, const Tensor& state, const Tensor& reset, int64_t steps) const {
     if (core.state_count() == 0) return decoded(encoded);
+    const Tensor x = encoded.view({steps, encoded.size(0) / steps, encoded.size(1)});
+    return decoded(unrolled(x, state, reset).features.flatten(0, 1));
+  }
+
+  /// The core over `encoded` [T, B, E].
+  CoreOutput unrolled(const Tensor& encoded, const Tensor& state, const Tensor& reset) const {
     Tensor keep;
     if (reset.defined()) keep = reset.to(encoded.device()).eq(0).to(torch::kFloat32).unsqueeze(-1);
-    const Tensor x = encoded.view({steps, encoded.size(0) / steps, encoded.size(1)});
-    return decoded(core.sequence(x, state.to(encoded.device()), keep).features.flatten(0, 1));
+    return core.sequence(encoded, state.to(encoded.device()), keep);
   }
 
   NamedTensors named_parameters(const std::string& prefix) const {
@@ -104,6 +109,11 @@ class PolicyNetImpl {
   int64_t actor_state_count() const { return actors.front().tower.core.state_count(); }
   bool critic_has_state() const {
     return !critic_towers.empty() && critic_towers.front().core.state_count() > 0;
+  }
+
+  /// All rows of a shared tower, those of one agent where each has its own.
+  Tensor rows_of_actor(const Tensor& rows, int64_t axis, std::size_t actor) const {
+    return options.separate_agents ? rows_of_agent(rows, axis, static_cast<int64_t>(actor), agents()) : rows;
   }
 
   /// Encoded rows with the agent's index beside them, where the options ask for it. All agents' rows.
@@ -444,16 +454,26 @@ Tensor PolicyNet::logits_of(const Tensor& encoded, const Tensor& recurrent_state
   const int64_t steps = encoded.size(0);
   std::vector<Tensor> logits;
   for (std::size_t i = 0; i < impl.actors.size(); ++i) {
-    const PolicyNetImpl::Actor& actor = impl.actors[i];
-    const auto own = [&](const Tensor& rows, int64_t axis) {
-      return impl.options.separate_agents ? rows_of_agent(rows, axis, static_cast<int64_t>(i), impl.agents())
-                                          : rows;
-    };
+    const Tower& tower = impl.actors[i].tower;
     const Tensor features =
-        actor.tower.sequence(own(encoded, 1).flatten(0, 1), own(recurrent_state, 0), own(reset, 1), steps);
-    logits.push_back(actor.action_head(features));
+        tower.sequence(impl.rows_of_actor(encoded, 1, i).flatten(0, 1),
+                       impl.rows_of_actor(recurrent_state, 0, i), impl.rows_of_actor(reset, 1, i), steps);
+    logits.push_back(impl.actors[i].action_head(features));
   }
   return interleave(logits, 0).view({steps, encoded.size(1), -1});
+}
+
+Tensor PolicyNet::state_after(const Tensor& encoded, const Tensor& recurrent_state,
+                              const Tensor& reset) const {
+  const PolicyNetImpl& impl = *impl_;
+  std::vector<Tensor> states;
+  for (std::size_t i = 0; i < impl.actors.size(); ++i)
+    states.push_back(impl.actors[i]
+                         .tower
+                         .unrolled(impl.rows_of_actor(encoded, 1, i),
+                                   impl.rows_of_actor(recurrent_state, 0, i), impl.rows_of_actor(reset, 1, i))
+                         .state);
+  return interleave(states, 0);
 }
 
 int64_t PolicyNet::encoded_count() const {

@@ -118,6 +118,8 @@ class PolicyNet {
   /// features [T, B, E], with state and reset as above. With gradient.
   Tensor encode(const Tensor& frame, const Tensor& measurement) const;
   Tensor logits_of(const Tensor& encoded, const Tensor& recurrent_state, const Tensor& reset) const;
+  /// The recurrent state [B, H] behind the last of encoded rows [T, B, E].
+  Tensor state_after(const Tensor& encoded, const Tensor& recurrent_state, const Tensor& reset) const;
   /// E: features of a row's encoder.
   int64_t encoded_count() const;
 

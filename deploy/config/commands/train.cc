@@ -116,7 +116,7 @@ Expected<int> train(const CommandLine& line) {
 
 int train_command(Arguments arguments) {
   CommandLine line(
-      "train --scenario NAME [--algo ippo|mappo|happo] [--seed N] [settings]",
+      "train --scenario NAME [--algo NAME] [--seed N] [settings]",
       "Trains agents: simulators, policy workers and the learner run as processes of their own until\n"
       "--train_for_env_steps env frames are learned from. Ctrl-C saves a checkpoint and stops. The run lies\n"
       "in <train_dir>/<experiment>; the same command with the same --experiment goes on where it stopped.");

@@ -1,0 +1,45 @@
+#include "learner/algorithms/idqn.h"
+
+#include "learner/critics/utilities.h"
+#include "learner/estimators/td_targets.h"
+#include "policy_workers/policy/torch_ops.h"
+
+namespace comrad::learn {
+
+Tensor Idqn::sample_valid(const ReplayBatch& batch) const {
+  return batch.valid.bitwise_and(batch.agent_active.narrow(0, 0, batch.steps()));
+}
+
+QLearning::SampleLoss Idqn::loss_of(const Scene& scene) const {
+  const ReplayBatch& batch = scene.batch;
+  const Tensor chosen = chosen_values(scene.online.now, batch.action, env_);  // [T, R, heads]
+  Tensor target;
+  {
+    torch::NoGradGuard no_grad;
+    const Tensor best =
+        greedy_action(config_.double_dqn ? scene.online.next : scene.target.next, scene.next_mask, env_);
+    const Tensor next = chosen_values(scene.target.next, best, env_) * batch.bootstrap.unsqueeze(-1);
+    const auto per_head = [&](const Tensor& of_rows) {
+      return of_rows.unsqueeze(-1).expand_as(next).flatten(1).contiguous();
+    };
+    target = td_targets({.reward = per_head(batch.reward),
+                         .terminated = per_head(batch.terminated),
+                         .truncated = per_head(batch.truncated),
+                         .next_value = next.flatten(1).contiguous(),
+                         .valid = per_head(batch.valid)},
+                        {.gamma = config_.gamma,
+                         .n_step = batch.steps() > 1 ? config_.n_step : 1,
+                         .lambda = config_.td_lambda,
+                         .legacy_timeouts = config_.legacy_timeouts})
+                 .view_as(next);
+  }
+  const Tensor error = chosen - target;
+  return {.loss = loss_of_error(error).mean(-1),
+          .regularizer = {},
+          .error = error.detach().abs().mean(-1),
+          .predicted = chosen.detach().mean(-1),
+          .target = target.mean(-1),
+          .head_entropy = {}};
+}
+
+}  // namespace comrad::learn

@@ -1,0 +1,27 @@
+// IDQN: every agent learns Q-values of its own decisions as if it were alone, by one shared network. Each
+// action head is a Q-function of its own that shares the reward:
+//
+//   y_h   = r + gamma (1 - terminated) Q_target,h(o', argmax_a Q_h(o', a))
+//   loss  = w mean_h huber(Q_h(o, a_h) - y_h)
+//
+// Rewards are clipped to +-dqn_reward_clip, targets are not. Drawn are single decisions of single agents,
+// prioritised by mean_h |TD_h|; with a recurrent core whole sequences. Source: Mnih et al. 2015; Schaul et
+// al. 2016, arXiv:1511.05952; training spec 2.4.
+#pragma once
+
+#include "learner/algorithms/q_learning.h"
+
+namespace comrad::learn {
+
+/// `config.algo` must be "idqn".
+class Idqn final : public QLearning {
+ public:
+  Idqn(const RunConfig& config, const EnvShape& env, torch::Device device) : QLearning(config, env, device) {}
+
+ protected:
+  SampleLoss loss_of(const Scene& scene) const override;
+  Tensor sample_valid(const ReplayBatch& batch) const override;
+  const char* name() const override { return "idqn"; }
+};
+
+}  // namespace comrad::learn

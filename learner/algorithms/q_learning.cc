@@ -1,0 +1,401 @@
+#include "learner/algorithms/q_learning.h"
+
+#include <torch/csrc/autograd/autograd.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "learner/algorithms/gradient_sum.h"
+#include "learner/critics/utilities.h"
+#include "learner/estimators/td_targets.h"
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/rng.h"
+
+namespace comrad::learn {
+namespace {
+
+uint64_t seed_of(const RunConfig& config, const char* purpose) {
+  return RngKey(static_cast<uint64_t>(config.seed)).split(purpose).bits();
+}
+
+MixerOptions mixer_options(const RunConfig& config, const EnvShape& env, int64_t features) {
+  return {.kind = config.mixer,
+          .num_agents = env.num_agents,
+          .state_count = features * env.num_agents,
+          .logit_count = env.logit_count(),
+          .state_slice = features,
+          .embed_dim = config.qmix_embed_dim,
+          .hypernet_hidden = config.qmix_hypernet_hidden,
+          .qplex_embed_dim = config.qplex_embed_dim,
+          .qplex_hypernet_embed = config.qplex_hypernet_embed,
+          .adv_hypernet_layers = config.qplex_adv_hypernet_layers,
+          .adv_hypernet_embed = config.qplex_adv_hypernet_embed,
+          .num_kernel = config.qplex_num_kernel,
+          .n_head = config.qplex_n_head,
+          .attend_reg_coef = config.qplex_attend_reg_coef,
+          .is_minus_one = config.qplex_is_minus_one,
+          .weighted_head = config.qplex_weighted_head,
+          .nonlinear = config.qplex_nonlinear,
+          .state_bias = config.qplex_state_bias};
+}
+
+/// A fresh mixer; equal ones for online and target, since both come from one seed. Null for idqn.
+std::unique_ptr<Mixer> mixer_of(const RunConfig& config, const EnvShape& env, const policy::PolicyNet& net) {
+  if (!mixes_q_values(config)) return nullptr;
+  return make_mixer(mixer_options(config, env, net.encoded_count()), seed_of(config, "mixer"), net.device());
+}
+
+std::vector<Tensor> parameters_of(const policy::PolicyNet& net, const Mixer* mixer) {
+  std::vector<Tensor> parameters = net.parameters();
+  if (mixer == nullptr) return parameters;
+  for (const auto& [name, tensor] : mixer->named_parameters()) parameters.push_back(tensor);
+  return parameters;
+}
+
+/// `rows` [T, R, ...] of the observations behind the steps, with those of cuts put in: value f of `finals`
+/// goes to (step[f], row[f]).
+Tensor with_finals(Tensor rows, const Tensor& step, const Tensor& row, const Tensor& finals) {
+  if (step.numel() == 0) return rows;
+  rows = rows.clone();
+  rows.index_put_({step, row}, finals);
+  return rows;
+}
+
+}  // namespace
+
+double epsilon_at(const RunConfig& config, double env_frames) {
+  const double way = std::clamp(env_frames / config.epsilon_decay_steps, 0.0, 1.0);
+  return config.epsilon_start + way * (config.epsilon_end - config.epsilon_start);
+}
+
+void QLearning::LossSums::add(const LossSums& part) {
+  loss += part.loss, regularizer += part.regularizer, td += part.td;
+  predicted += part.predicted, target += part.target, utility += part.utility, spread += part.spread;
+  terminated += part.terminated, truncated += part.truncated, head_entropy += part.head_entropy;
+  predicted_max = std::max(predicted_max, part.predicted_max);
+  target_max = std::max(target_max, part.target_max);
+  utility_max = std::max(utility_max, part.utility_max);
+  utility_min = std::min(utility_min, part.utility_min);
+}
+
+QLearning::QLearning(const RunConfig& config, const EnvShape& env, torch::Device device)
+    : config_(config),
+      env_(env),
+      device_(device),
+      net_(policy::PolicyNet::create(policy::PolicyNetOptions::from(config, env), seed_of(config, "network"),
+                                     device)),
+      target_net_(net_.twin()),
+      mixer_(mixer_of(config, env, net_)),
+      target_mixer_(mixer_of(config, env, net_)),
+      optimizer_(parameters_of(net_, mixer_.get()), AdamSettings::from(config)),
+      target_parameters_(parameters_of(target_net_, target_mixer_.get())),
+      schedule_(config),
+      pool_(threads_for_parts(config, device)) {}
+
+int64_t QLearning::parameter_count() const {
+  int64_t count = 0;
+  for (const Tensor& parameter : parameters()) count += parameter.numel();
+  return count;
+}
+
+void QLearning::observe(const Tensor& frame, const Tensor& measurement) {
+  if (!config_.normalize_input) return;
+  torch::NoGradGuard no_grad;
+  net_.update_input_statistics(frame.to(device_),
+                               measurement.defined() ? measurement.to(device_) : measurement);
+}
+
+Tensor QLearning::Scene::mask() const {
+  return batch.has_action_mask ? batch.action_mask.narrow(0, 0, batch.steps()) : Tensor();
+}
+
+Tensor QLearning::loss_of_error(const Tensor& error) const {
+  return config_.use_huber_loss ? huber(error) : error.square();
+}
+
+QLearning::QValues QLearning::q_values(const policy::PolicyNet& net, const ReplayBatch& batch,
+                                       bool has_gradient) const {
+  const int64_t steps = batch.steps(), rows = batch.rows();
+  const auto encode = [&](int64_t first, int64_t count) {
+    const Tensor frame = batch.frame.narrow(0, first, count).flatten(0, 1);
+    const Tensor measurement = batch.measurement.defined()
+                                   ? batch.measurement.narrow(0, first, count).flatten(0, 1)
+                                   : batch.measurement;
+    return net.encode(frame, measurement).view({count, rows, -1});
+  };
+  const bool has_core = net.options().use_rnn;
+  // A target without a recurrent core has no use for what was decided on.
+  const int64_t first = has_gradient || has_core ? 0 : 1;
+  Tensor encoded;
+  {
+    torch::NoGradGuard no_grad;  // nothing bootstraps with gradient
+    encoded = has_gradient ? encode(steps, 1) : encode(first, steps + 1 - first);
+  }
+  if (has_gradient) encoded = at::cat({encode(0, steps), encoded});
+  const Tensor reset = batch.reset.narrow(0, first, steps + 1 - first);
+  const Tensor q = net.logits_of(encoded, batch.recurrent_state, reset);
+
+  QValues values;
+  if (first == 0) {
+    values.now = q.narrow(0, 0, steps);
+    values.state = encoded.detach().narrow(0, 0, steps);
+  }
+  torch::NoGradGuard no_grad;
+  values.next = q.detach().narrow(0, 1 - first, steps);
+  values.next_state = encoded.detach().narrow(0, 1 - first, steps);
+  const int64_t final_count = static_cast<int64_t>(batch.final_row.size());
+  if (final_count == 0) return values;
+
+  // The cut episodes once more, each as a column of its own that goes on to its true last observation.
+  const Tensor row = torch::tensor(batch.final_row, torch::kInt64).to(device_);
+  const Tensor step = torch::tensor(batch.final_step, torch::kInt64).to(device_);
+  const Tensor column = torch::arange(final_count, row.options());
+  const Tensor final_encoded = net.encode(batch.final_frame, batch.final_measurement);
+  Tensor columns = encoded.detach().index_select(1, row);
+  columns.index_put_({step + 1, column}, final_encoded);
+  Tensor column_reset = reset.index_select(1, row);
+  column_reset.index_put_({step + 1, column}, torch::zeros({}, column_reset.options()));
+  const Tensor final_q = net.logits_of(columns, batch.recurrent_state.index_select(0, row), column_reset)
+                             .index({step + 1, column});
+  values.next = with_finals(values.next, step, row, final_q);
+  values.next_state = with_finals(values.next_state, step, row, final_encoded);
+  return values;
+}
+
+QLearning::Scene QLearning::scene_of(const ReplayBatch& micro) const {
+  Scene scene;
+  scene.batch = micro;
+  for (Tensor* field :
+       {&scene.batch.frame, &scene.batch.measurement, &scene.batch.action_mask, &scene.batch.agent_active,
+        &scene.batch.action, &scene.batch.reward, &scene.batch.bootstrap, &scene.batch.terminated,
+        &scene.batch.truncated, &scene.batch.valid, &scene.batch.reset, &scene.batch.recurrent_state,
+        &scene.batch.weight, &scene.batch.final_frame, &scene.batch.final_measurement})
+    if (field->defined()) *field = field->to(device_);
+  ReplayBatch& batch = scene.batch;
+  if (config_.burn_in > 0 && batch.steps() > config_.burn_in) {
+    // Each network warms up a state of its own; what follows is a shorter batch.
+    const auto warmed = [&](const policy::PolicyNet& net) {
+      torch::NoGradGuard no_grad;
+      const int64_t count = config_.burn_in;
+      const Tensor frame = batch.frame.narrow(0, 0, count).flatten(0, 1);
+      const Tensor measurement = batch.measurement.defined()
+                                     ? batch.measurement.narrow(0, 0, count).flatten(0, 1)
+                                     : batch.measurement;
+      return steps_from(batch, count,
+                        net.state_after(net.encode(frame, measurement).view({count, batch.rows(), -1}),
+                                        batch.recurrent_state, batch.reset.narrow(0, 0, count)));
+    };
+    const ReplayBatch for_target = warmed(target_net_);
+    batch = warmed(net_);
+    scene.online = q_values(net_, batch, true);
+    torch::NoGradGuard no_grad;
+    scene.target = q_values(target_net_, for_target, false);
+  } else {
+    scene.online = q_values(net_, batch, true);
+    torch::NoGradGuard no_grad;
+    scene.target = q_values(target_net_, batch, false);
+  }
+  const int64_t steps = batch.steps();
+  const Tensor row = torch::tensor(batch.final_row, torch::kInt64).to(device_);
+  const Tensor step = torch::tensor(batch.final_step, torch::kInt64).to(device_);
+  // The last observation of a cut episode has the masks of the decision before it.
+  const auto behind = [&](const Tensor& field) {
+    return with_finals(field.narrow(0, 1, steps), step, row, field.index({step, row}));
+  };
+  if (batch.has_action_mask) scene.next_mask = behind(batch.action_mask);
+  scene.next_active = behind(batch.agent_active);
+  return scene;
+}
+
+QLearning::Part QLearning::part_of(const ReplayBatch& micro, double valid_count) const {
+  Part part;
+  const Scene scene = scene_of(micro);
+  const SampleLoss sample = loss_of(scene);
+  const Tensor valid = sample_valid(scene.batch).to(torch::kFloat32);
+  const Tensor share = valid / valid_count;
+  const int64_t samples_of_world = valid.size(1) / micro.world_count;
+  const Tensor importance = scene.batch.weight.repeat_interleave(samples_of_world).unsqueeze(0);
+  Tensor loss = (sample.loss * share * importance).sum();
+  Tensor regularizer = torch::zeros({}, share.options());
+  if (sample.regularizer.defined()) regularizer = (sample.regularizer * share).sum();
+  part.gradients = torch::autograd::grad({loss + regularizer}, parameters(), /*grad_outputs=*/{},
+                                         /*retain_graph=*/c10::nullopt, /*create_graph=*/false,
+                                         /*allow_unused=*/true);
+
+  torch::NoGradGuard no_grad;
+  const Tensor is_valid = valid.to(torch::kBool);
+  const auto largest = [&](const Tensor& of_samples) {
+    return torch::where(is_valid, of_samples, torch::full({}, -1e30f, valid.options())).max();
+  };
+  const Tensor utility = chosen_utility(scene.online.now, scene.batch.action, env_).detach();
+  const Tensor taken = scene.batch.valid.to(torch::kBool);
+  const Tensor spread = scene.online.now.detach().std(-1, /*unbiased=*/false).mean();
+  const double rows_share = static_cast<double>(micro.world_count);
+  const Tensor of_row = scene.batch.valid.to(torch::kFloat32) / std::max(1.0, valid_count) *
+                        (static_cast<double>(valid.size(1)) / static_cast<double>(micro.rows()));
+  const std::vector<std::pair<double*, Tensor>> numbers = {
+      {&part.sums.loss, loss.detach()},
+      {&part.sums.regularizer, regularizer.detach()},
+      {&part.sums.td, (sample.error * share).sum()},
+      {&part.sums.predicted, (sample.predicted * share).sum()},
+      {&part.sums.predicted_max, largest(sample.predicted)},
+      {&part.sums.target, (sample.target * share).sum()},
+      {&part.sums.target_max, largest(sample.target)},
+      {&part.sums.utility, (utility * of_row).sum()},
+      {&part.sums.utility_max, torch::where(taken, utility, torch::full({}, -1e30f, valid.options())).max()},
+      {&part.sums.utility_min, torch::where(taken, utility, torch::full({}, 1e30f, valid.options())).min()},
+      {&part.sums.spread, spread * rows_share},
+      {&part.sums.terminated, (scene.batch.terminated.to(torch::kFloat32) * of_row).sum()},
+      {&part.sums.truncated, (scene.batch.truncated.to(torch::kFloat32) * of_row).sum()},
+      {&part.sums.head_entropy, sample.head_entropy.defined() ? (sample.head_entropy * share).sum()
+                                                              : torch::zeros({}, share.options())}};
+  std::vector<Tensor> read;
+  for (const auto& [place, number] : numbers) read.push_back(number);
+  const Tensor on_host = torch::stack(read).cpu();
+  for (std::size_t i = 0; i < numbers.size(); ++i) *numbers[i].first = double{on_host.data_ptr<float>()[i]};
+  const Tensor counted = valid.view({valid.size(0), micro.world_count, samples_of_world});
+  const Tensor errors = sample.error.view_as(counted) * counted;
+  part.abs_td = (errors.sum(2).sum(0) / counted.sum(2).sum(0).clamp_min(1.0)).cpu();
+  return part;
+}
+
+int64_t QLearning::micro_worlds(const ReplayBatch& batch) const {
+  const int64_t rows_of_world = (batch.steps() + 1) * batch.shape.env.num_agents, threads = pool_.threads();
+  const int64_t shared_out = (batch.world_count + threads - 1) / threads;
+  return std::max<int64_t>(1, std::min(config_.micro_batch_size / rows_of_world, shared_out));
+}
+
+bool QLearning::accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, LossSums& sums) {
+  Tensor valid = sample_valid(batch);
+  if (config_.burn_in > 0 && batch.steps() > config_.burn_in)
+    valid = valid.narrow(0, config_.burn_in, batch.steps() - config_.burn_in);
+  const double valid_count = std::max(1.0, valid.sum(torch::kFloat64).item<double>());
+  const int64_t worlds = micro_worlds(batch), count = (batch.world_count + worlds - 1) / worlds;
+  std::vector<Tensor> abs_td;
+  const bool is_done = sum_gradients<Part>(
+      pool_, parameters(), count,
+      [&](int64_t i) {
+        const int64_t begin = i * worlds;
+        return part_of(narrow_worlds(batch, begin, std::min(worlds, batch.world_count - begin)), valid_count);
+      },
+      [&](const Part& part) {
+        sums.add(part.sums);
+        abs_td.push_back(part.abs_td);
+      },
+      context.keep_going);
+  if (!is_done) return false;
+  sums.spread /= static_cast<double>(batch.world_count);
+  batch.abs_td = at::cat(abs_td);
+  return true;
+}
+
+Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext& context) {
+  UpdateStats stats;
+  schedule_.before_batch(context.env_frames);
+  ++updates_;
+  const Tensor valid = sample_valid(batch);
+  const double valid_count = valid.sum(torch::kFloat64).item<double>();
+  stats.lag.valid_fraction = valid_count / static_cast<double>(valid.numel());
+  if (valid_count == 0) {
+    spdlog::warn("update: no valid sample in the batch; skipped");
+    ++stats.skipped_steps;
+    batch.abs_td = torch::zeros({batch.world_count});
+    return stats;
+  }
+  optimizer_.zero_grad();
+  LossSums sums;
+  if (!accumulate_gradient(batch, context, sums)) {
+    stats.abandoned = true;
+    return stats;
+  }
+  stats.rows_trained += batch.steps() * batch.rows();
+  if (!guard_.step(optimizer_, sums.loss + sums.regularizer, schedule_.learning_rate(), version_, stats)) {
+    COMRAD_TRY(guard_.status());
+    batch.abs_td.zero_();
+    return stats;
+  }
+  update_targets();
+  report(sums, stats);
+  if (context.after_step) context.after_step();
+  return stats;
+}
+
+void QLearning::update_targets() {
+  torch::NoGradGuard no_grad;
+  const bool copies = config_.target_update_tau == 1;
+  if (copies && version_ % static_cast<PolicyVersion>(config_.target_update_interval) != 0) return;
+  for (std::size_t i = 0; i < target_parameters_.size(); ++i) {
+    if (copies)
+      target_parameters_[i].copy_(parameters()[i]);
+    else
+      target_parameters_[i].lerp_(parameters()[i], config_.target_update_tau);
+  }
+}
+
+void QLearning::report(const LossSums& sums, UpdateStats& stats) const {
+  const auto put = [&stats](const char* name, double value) { stats.values.emplace_back(name, value); };
+  put("train/lr", schedule_.learning_rate());
+  put("train/loss", sums.loss + sums.regularizer);
+  put(mixer_ ? "train/q_tot_mean" : "train/dqn_q_mean", sums.predicted);
+  put(mixer_ ? "train/q_tot_max" : "train/dqn_q_max", sums.predicted_max);
+  put(mixer_ ? "train/target_q_tot_mean" : "train/dqn_target_q_mean", sums.target);
+  put("train/target_q_max", sums.target_max);
+  put(mixer_ ? "train/td_error_mean" : "train/dqn_td_error_mean", sums.td);
+  put("train/agent_qs_mean", sums.utility);
+  put("train/agent_qs_max", sums.utility_max);
+  put("train/agent_qs_min", sums.utility_min);
+  put("train/q_std_across_actions", sums.spread);
+  put("train/done_ratio", sums.terminated);
+  put("train/timeout_ratio", sums.truncated);
+  if (config_.algo == "qplex_q") {
+    put("train/attend_mag_regs", sums.regularizer);
+    put("train/head_entropy_mean", sums.head_entropy);
+  }
+  put("train/grad_norm", guard_.grad_norm());
+  put("train/adam_max_second_moment", optimizer_.max_second_moment());
+  put("train/valids_fraction", stats.lag.valid_fraction);
+  put("train/num_sgd_steps", static_cast<double>(version_));
+  put("train/num_updates", static_cast<double>(updates_));
+}
+
+void QLearning::save(StateDict& state) const {
+  state.put("algorithm/name", std::string(name()));
+  state.put("algorithm/version", static_cast<int64_t>(version_));
+  state.put("algorithm/updates", updates_);
+  for (const auto& [key, tensor] : net_.named_state()) state.put("network/" + key, tensor);
+  for (const auto& [key, tensor] : target_net_.named_parameters()) state.put("target/" + key, tensor);
+  if (mixer_) {
+    for (const auto& [key, tensor] : mixer_->named_parameters()) state.put("mixer/" + key, tensor);
+    for (const auto& [key, tensor] : target_mixer_->named_parameters())
+      state.put("target_mixer/" + key, tensor);
+  }
+  optimizer_.save(state, "optimizer");
+  state.put("schedule/learning_rate", schedule_.learning_rate());
+}
+
+Status QLearning::load(const StateDict& state) {
+  COMRAD_TRY_ASSIGN(const std::string maker, state.text("algorithm/name"));
+  if (maker != name())
+    return Error{ErrorCode::kBadFormat,
+                 "checkpoint was made by \"" + maker + "\", this run trains " + name()};
+  COMRAD_TRY_ASSIGN(const int64_t version, state.integer("algorithm/version"));
+  COMRAD_TRY_ASSIGN(const int64_t updates, state.integer("algorithm/updates"));
+  for (const auto& [key, tensor] : net_.named_state())
+    COMRAD_TRY(state.copy_tensor("network/" + key, tensor));
+  for (const auto& [key, tensor] : target_net_.named_parameters())
+    COMRAD_TRY(state.copy_tensor("target/" + key, tensor));
+  if (mixer_) {
+    for (const auto& [key, tensor] : mixer_->named_parameters())
+      COMRAD_TRY(state.copy_tensor("mixer/" + key, tensor));
+    for (const auto& [key, tensor] : target_mixer_->named_parameters())
+      COMRAD_TRY(state.copy_tensor("target_mixer/" + key, tensor));
+  }
+  net_.state_changed();
+  COMRAD_TRY(optimizer_.load(state, "optimizer"));
+  version_ = static_cast<PolicyVersion>(version);
+  updates_ = updates;
+  return {};
+}
+
+}  // namespace comrad::learn

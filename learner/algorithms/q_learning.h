@@ -1,0 +1,130 @@
+// What the algorithms that learn Q-values share: online and target network (and mixer), Q-values of stored
+// observations and of those behind them, the loss accumulated over micro-batches, the guarded optimizer step,
+// reports and checkpoints. Idqn and ValueDecomposition say what a sample's loss is.
+//
+//   y     = r + gamma (1 - terminated) Q_target(o', a*)      a* = argmax_a Q(o', a), of the online network
+//   loss  = mean over valid samples of w huber(Q(o, a) - y)  (double_dqn; squared error: use_huber_loss off)
+//   theta_target <- (1 - tau) theta_target + tau theta       after every step; tau = 1: a copy now and then
+//
+// o' is the true observation behind the step: where time cut an episode, its own last one, with the recurrent
+// state that led there, and never the first of the next episode. Sequences start from the state stored when
+// they were played. Source: van Hasselt et al. 2016, arXiv:1509.06461; training spec 1.6, 2.4-2.6. Stage:
+// update.
+#pragma once
+
+#include <torch/types.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "learner/algorithms/adam_optimizer.h"
+#include "learner/algorithms/algorithm.h"
+#include "learner/algorithms/lr_schedule.h"
+#include "learner/algorithms/part_pool.h"
+#include "learner/algorithms/step_guard.h"
+#include "learner/critics/mixer.h"
+#include "policy_workers/policy/policy_net.h"
+
+namespace comrad::learn {
+
+/// Share of random decisions after so many env frames: linear from epsilon_start to epsilon_end.
+double epsilon_at(const RunConfig& config, double env_frames);
+
+class QLearning : public OffPolicyAlgorithm {
+ public:
+  PolicyVersion version() const override { return version_; }
+  int64_t parameter_count() const override;
+  int64_t weights_bytes() const override { return net_.weights_bytes(); }
+  void write_weights(std::span<std::byte> out) const override { net_.write_weights(out); }
+  void save(StateDict& state) const override;
+  Status load(const StateDict& state) override;
+
+  void observe(const Tensor& frame, const Tensor& measurement) override;
+  Expected<UpdateStats> update(ReplayBatch& batch, const UpdateContext& context) override;
+
+  /// Sums over the micro-batches of one batch; means over valid samples unless said otherwise.
+  struct LossSums {
+    double loss = 0, regularizer = 0, td = 0, predicted = 0, predicted_max = -1e30, target = 0,
+           target_max = -1e30;
+    double utility = 0, utility_max = -1e30, utility_min = 1e30, spread = 0;
+    double terminated = 0, truncated = 0, head_entropy = 0;
+    void add(const LossSums& part);
+  };
+  /// Adds the gradient of the loss over a whole batch to the parameters' .grad and writes batch.abs_td. False
+  /// when keep_going() said no.
+  bool accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, LossSums& sums);
+
+  const policy::PolicyNet& net() const { return net_; }
+  const policy::PolicyNet& target_net() const { return target_net_; }
+  const Mixer* mixer() const { return mixer_.get(); }
+  /// Of the network, then of the mixer; and those of the targets.
+  const std::vector<Tensor>& parameters() const { return optimizer_.parameters(); }
+  const std::vector<Tensor>& target_parameters() const { return target_parameters_; }
+
+ protected:
+  QLearning(const RunConfig& config, const EnvShape& env, torch::Device device);
+
+  /// What one network says of a batch.
+  struct QValues {
+    Tensor now;         ///< f32 [T, R, A]  of the observations that were decided on; undefined for a target
+                        ///<                without a recurrent core
+    Tensor next;        ///< f32 [T, R, A]  of the true observations behind them; no gradient
+    Tensor state;       ///< f32 [T, R, E]  encoder features of the former; detached; undefined as `now`
+    Tensor next_state;  ///< f32 [T, R, E]  encoder features of the latter; detached
+  };
+  /// A batch on the device, what lies behind its steps, and both networks' words.
+  struct Scene {
+    ReplayBatch batch;
+    Tensor next_mask;    ///< u8 [T, R, A]; undefined when everything was allowed
+    Tensor next_active;  ///< u8 [T, R]
+    QValues online, target;
+    Tensor mask() const;  ///< of the observations that were decided on; undefined as above
+  };
+  /// Loss of every sample; S = R (each agent's decision) or W (each world's).
+  struct SampleLoss {
+    Tensor loss;          ///< f32 [T, S]  with gradient
+    Tensor regularizer;   ///< f32 [T, S]  with gradient; may be undefined
+    Tensor error;         ///< f32 [T, S]  |TD error|, detached
+    Tensor predicted;     ///< f32 [T, S]  detached
+    Tensor target;        ///< f32 [T, S]
+    Tensor head_entropy;  ///< f32 [T, S]; may be undefined
+  };
+  virtual SampleLoss loss_of(const Scene& scene) const = 0;
+  /// u8 [T, S]: samples that count.
+  virtual Tensor sample_valid(const ReplayBatch& batch) const = 0;
+  /// What checkpoints call the algorithm.
+  virtual const char* name() const = 0;
+
+  /// The loss of an error by use_huber_loss.
+  Tensor loss_of_error(const Tensor& error) const;
+
+  RunConfig config_;
+  EnvShape env_;
+  torch::Device device_;
+  policy::PolicyNet net_, target_net_;
+  std::unique_ptr<Mixer> mixer_, target_mixer_;  ///< null: values of agents are not mixed
+
+ private:
+  struct Part {
+    std::vector<Tensor> gradients;
+    LossSums sums;
+    Tensor abs_td;  ///< [W]
+  };
+  Part part_of(const ReplayBatch& micro, double valid_count) const;
+  Scene scene_of(const ReplayBatch& micro) const;
+  QValues q_values(const policy::PolicyNet& net, const ReplayBatch& batch, bool has_gradient) const;
+  void update_targets();
+  void report(const LossSums& sums, UpdateStats& stats) const;
+  int64_t micro_worlds(const ReplayBatch& batch) const;
+
+  AdamOptimizer optimizer_;
+  std::vector<Tensor> target_parameters_;
+  LrSchedule schedule_;
+  StepGuard guard_;
+  PartPool pool_;
+  PolicyVersion version_ = 0;
+  int64_t updates_ = 0;  ///< batches seen
+};
+
+}  // namespace comrad::learn

@@ -1,0 +1,65 @@
+#include "learner/algorithms/value_decomposition.h"
+
+#include "learner/critics/utilities.h"
+#include "learner/estimators/td_targets.h"
+#include "policy_workers/policy/torch_ops.h"
+
+namespace comrad::learn {
+
+Tensor ValueDecomposition::sample_valid(const ReplayBatch& batch) const {
+  return batch.valid.view({batch.steps(), batch.world_count, batch.shape.env.num_agents}).amin(2);
+}
+
+QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
+  const ReplayBatch& batch = scene.batch;
+  const int64_t steps = batch.steps(), worlds = batch.world_count, agents = batch.shape.env.num_agents;
+  const auto of_worlds = [&](const Tensor& of_rows) { return of_rows.reshape({steps * worlds, -1}); };
+  // Row = world * N + agent: the last axes of [T, R, ...] fold into one row per world.
+  const auto input = [&](const QValues& values, bool is_next, const Tensor& action, const Tensor& mask,
+                         const Tensor& active) {
+    const Tensor& q = is_next ? values.next : values.now;
+    const Tensor is_active = active.to(torch::kFloat32);
+    return MixerInput{.chosen = of_worlds(chosen_utility(q, action, env_) * is_active),
+                      .greedy = of_worlds(greedy_utility(q.detach(), mask, env_) * is_active),
+                      .action = of_worlds(multi_hot(action, env_)),
+                      .state = of_worlds(is_next ? values.next_state : values.state)};
+  };
+  const MixerOutput mixed = mixer_->mix(
+      input(scene.online, false, batch.action, scene.mask(), batch.agent_active.narrow(0, 0, steps)));
+  const auto by_time = [&](const Tensor& of_samples) {
+    return of_samples.defined() ? of_samples.view({steps, worlds}) : of_samples;
+  };
+  const Tensor q_tot = by_time(mixed.q_tot);
+  Tensor target;
+  {
+    torch::NoGradGuard no_grad;
+    const Tensor best =
+        greedy_action(config_.double_dqn ? scene.online.next : scene.target.next, scene.next_mask, env_);
+    const Tensor next = by_time(
+        target_mixer_->mix(input(scene.target, true, best, scene.next_mask, scene.next_active)).q_tot);
+    const auto first_of = [&](const Tensor& of_rows) {
+      return of_rows.view({steps, worlds, agents}).select(2, 0).contiguous();
+    };
+    const Tensor rewards = batch.reward.view({steps, worlds, agents});
+    target =
+        td_targets({.reward = (config_.team_reward == "mean" ? rewards.mean(2) : rewards.sum(2)).contiguous(),
+                    .terminated = first_of(batch.terminated),
+                    .truncated = first_of(batch.truncated),
+                    .next_value = next * first_of(batch.bootstrap),
+                    .valid = sample_valid(batch).contiguous()},
+                   {.gamma = config_.gamma,
+                    .n_step = steps > 1 ? config_.n_step : 1,
+                    .lambda = config_.td_lambda,
+                    .clamp = config_.q_value_clamp,
+                    .legacy_timeouts = config_.legacy_timeouts});
+  }
+  const Tensor error = q_tot - target;
+  return {.loss = loss_of_error(error),
+          .regularizer = by_time(mixed.regularizer),
+          .error = error.detach().abs(),
+          .predicted = q_tot.detach(),
+          .target = target,
+          .head_entropy = by_time(mixed.head_entropy)};
+}
+
+}  // namespace comrad::learn

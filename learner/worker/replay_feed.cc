@@ -1,0 +1,303 @@
+#include "learner/worker/replay_feed.h"
+
+#include <pthread.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <exception>
+
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/shm/futex.h"
+
+namespace comrad::learn {
+namespace {
+
+constexpr int64_t kPollUs = 50'000;  ///< bound on every wait, so that a stop is seen
+constexpr std::size_t kBatchesAhead = 1;
+
+replay::Unit unit_of(const RunConfig& config) {
+  if (config.use_rnn) return replay::Unit::kSequence;
+  // One agent's decision is enough where agents learn alone and by one network that does not ask who they
+  // are.
+  const bool alone = config.algo == "idqn" && config.share_parameters && !config.agent_id_input;
+  return alone ? replay::Unit::kAgentStep : replay::Unit::kJointStep;
+}
+
+/// Units in an update.
+int64_t world_count(const RunConfig& config, int64_t num_agents) {
+  if (config.use_rnn) return config.qmix_sequence_batch_size;
+  if (config.algo != "idqn") return config.qmix_buffer_batch_size;
+  return unit_of(config) == replay::Unit::kAgentStep
+             ? config.dqn_batch_size
+             : std::max<int64_t>(1, config.dqn_batch_size / num_agents);
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config,
+                                                         const TrajectoryShape& shape) {
+  const replay::Unit unit = unit_of(config);
+  const int64_t agents = shape.env.num_agents;
+  COMRAD_TRY_ASSIGN(
+      std::unique_ptr<replay::Replay> replay,
+      replay::Replay::create({.store = {.shape = shape,
+                                        .capacity_bytes = static_cast<int64_t>(config.replay_gb * 1e9),
+                                        .capacity_transitions = config.replay_buffer_size,
+                                        .file = config.replay_file,
+                                        .compress = config.replay_compress},
+                              .unit = unit,
+                              .prioritized = config.per,
+                              .omega = config.per_omega,
+                              .beta_start = config.per_beta_start,
+                              .beta_steps = static_cast<int64_t>(config.per_beta_frames)}));
+  const int64_t capacity = replay->capacity_transitions();
+  spdlog::info("replay: room for {} agent decisions ({})", capacity,
+               capacity < config.replay_buffer_size ? "replay_gb decides, replay_buffer_size would allow more"
+                                                    : "replay_buffer_size decides");
+  const int64_t worlds = world_count(config, agents);
+  const int64_t samples = worlds * (unit == replay::Unit::kSequence    ? config.rollout * agents
+                                    : unit == replay::Unit::kJointStep ? agents
+                                                                       : 1);
+  if (capacity < 10 * samples)
+    spdlog::warn("replay: only {:.1f} batches of {} decisions fit; raise --replay_gb or lower the batch",
+                 static_cast<double>(capacity) / static_cast<double>(samples), samples);
+  int64_t starts = config.learning_starts;
+  if (starts >= capacity) {
+    starts = capacity / 2;
+    spdlog::info("replay: learning_starts is {}, more than fits; training begins with {} decisions",
+                 config.learning_starts, starts);
+  }
+  const double updates_per_batch = static_cast<double>(std::min(
+      std::max<int64_t>(1, config.batch_size / config.train_frequency), config.dqn_max_updates_per_batch));
+  const double ratio = config.replay_ratio > 0 ? config.replay_ratio
+                                               : updates_per_batch * static_cast<double>(samples) /
+                                                     static_cast<double>(config.batch_size);
+  const int64_t slab_transitions = config.rollout * agents;
+  const double ahead = static_cast<double>(config.num_batches_to_accumulate * config.batch_size) * ratio;
+  const replay::RateLimiterOptions rate{
+      .samples_per_insert = ratio,
+      .min_size_to_sample = std::max<int64_t>(1, starts),
+      .error_buffer =
+          std::max(ahead, static_cast<double>(slab_transitions) * ratio + static_cast<double>(samples))};
+  COMRAD_TRY(replay::validate(rate, slab_transitions, samples));
+  spdlog::info("replay: {:.3g} decisions are trained on for each new one, {} in an update", ratio, samples);
+  return std::unique_ptr<ReplayFeed>(new ReplayFeed(config, shape, std::move(replay), rate, samples));
+}
+
+ReplayFeed::ReplayFeed(const RunConfig& config, const TrajectoryShape& shape,
+                       std::unique_ptr<replay::Replay> replay, const replay::RateLimiterOptions& rate,
+                       int64_t samples_per_update)
+    : config_(config),
+      shape_(shape),
+      batch_options_{.shape = shape,
+                     .unit = unit_of(config),
+                     .world_count = world_count(config, shape.env.num_agents),
+                     .n_step = config.n_step,
+                     .gamma = config.gamma,
+                     .reward_clip = config.algo == "idqn" ? config.dqn_reward_clip : 0.0},
+      samples_per_update_(samples_per_update),
+      replay_(std::move(replay)),
+      limiter_(rate) {}
+
+ReplayFeed::~ReplayFeed() {
+  stop_ = true;
+  limiter_.stop();
+  changed_.notify_all();
+  if (feeder_.joinable()) feeder_.join();
+  if (sampler_.joinable()) sampler_.join();
+}
+
+void ReplayFeed::insert(const SlabView& slab, uint32_t length, PolicyVersion learner_version) {
+  const int64_t inserted = replay_->insert(slab, length);
+  {
+    const std::lock_guard lock(inserted_mutex_);
+    const int agents = shape_.env.num_agents;
+    const int steps = static_cast<int>(inserted / agents);
+    inserted_transitions_ += inserted;
+    for (int t = 0; t < steps; ++t) {
+      if (config_.normalize_input) {
+        const auto frames = slab.frames(t);
+        inserted_frames_.insert(inserted_frames_.end(), frames.begin(), frames.end());
+      }
+      for (int agent = 0; agent < agents; ++agent) {
+        if (config_.normalize_input)
+          for (const float number : slab.measurement(t, agent))
+            inserted_measurements_.push_back(std::isfinite(number) ? number : 0.0f);
+        const int64_t lag =
+            std::max<int64_t>(0, int64_t{learner_version} - int64_t{slab.policy_version(t, agent)});
+        lag_.max = std::max(lag_.max, lag);
+        lag_.min = lag_sum_ == 0 && t == 0 ? lag : std::min(lag_.min, lag);
+        lag_sum_ += static_cast<double>(lag);
+      }
+    }
+  }
+  limiter_.inserted(inserted);
+}
+
+Inserted ReplayFeed::take_inserted() {
+  const std::lock_guard lock(inserted_mutex_);
+  Inserted taken;
+  taken.transitions = inserted_transitions_;
+  taken.lag = lag_;
+  if (inserted_transitions_ > 0) taken.lag.mean = lag_sum_ / static_cast<double>(inserted_transitions_);
+  const EnvShape& env = shape_.env;
+  const int64_t rows = static_cast<int64_t>(inserted_frames_.size()) / env.frame_bytes();
+  if (rows > 0) {
+    taken.frame = torch::empty({rows, env.channels, env.height, env.width}, torch::kUInt8);
+    std::ranges::copy(inserted_frames_, taken.frame.data_ptr<uint8_t>());
+    if (env.measurement_count > 0) {
+      taken.measurement = torch::empty({rows, env.measurement_count}, torch::kFloat32);
+      std::ranges::copy(inserted_measurements_, taken.measurement.data_ptr<float>());
+    }
+  }
+  inserted_transitions_ = 0;
+  inserted_frames_.clear(), inserted_measurements_.clear();
+  lag_ = {};
+  lag_sum_ = 0;
+  return taken;
+}
+
+bool ReplayFeed::is_update_due() const {
+  return replay_->unit_count() > 0 && limiter_.can_sample(samples_per_update_);
+}
+
+std::unique_ptr<ReplayBatch> ReplayFeed::free_batch() {
+  const std::lock_guard lock(mutex_);
+  if (free_.empty()) return std::make_unique<ReplayBatch>(make_replay_batch(batch_options_));
+  std::unique_ptr<ReplayBatch> batch = std::move(free_.back());
+  free_.pop_back();
+  return batch;
+}
+
+void ReplayFeed::fill_next(ReplayBatch& batch) {
+  Rng rng(RngKey(static_cast<uint64_t>(config_.seed)).split("replay").split(static_cast<uint64_t>(draws_++)));
+  const double beta = replay_->beta_at(static_cast<int64_t>(env_frames_.load()));
+  const std::vector<replay::Draw> draws = replay_->draw(batch_options_.world_count, beta, rng);
+  fill(batch, batch_options_, *replay_, draws);
+  limiter_.sampled(samples_per_update_);
+}
+
+std::unique_ptr<ReplayBatch> ReplayFeed::sample() {
+  std::unique_ptr<ReplayBatch> batch = free_batch();
+  fill_next(*batch);
+  return batch;
+}
+
+void ReplayFeed::start(const shm::Arena& arena) {
+  arena_ = &arena;
+  feeder_ = std::thread([this] { run("replay-feed", &ReplayFeed::feed); });
+  sampler_ = std::thread([this] { run("replay-draw", &ReplayFeed::draw); });
+}
+
+void ReplayFeed::run(const char* name, void (ReplayFeed::*work)()) {
+  pthread_setname_np(pthread_self(), name);
+  try {
+    (this->*work)();
+  } catch (const std::exception& error) {
+    const std::lock_guard lock(mutex_);
+    failure_ = error.what();
+  }
+  changed_.notify_all();
+}
+
+void ReplayFeed::feed() {
+  const int64_t slab_transitions = config_.rollout * shape_.env.num_agents;
+  while (!stop_) {
+    // Slabs stay sealed while the learner is behind, so that simulators wait in the end.
+    if (limiter_.wait_to_insert(slab_transitions, kPollUs / 1000) != replay::WaitResult::kReady) continue;
+    shm::Doorbell& sealed = arena_->control().slab_sealed;
+    const uint32_t heard = shm::listen(sealed);
+    const std::vector<uint32_t> slabs = arena_->drain_slabs(1);
+    for (const uint32_t slab : slabs) {
+      const int index = static_cast<int>(slab);
+      insert(arena_->slab(index), arena_->slab_header(index).length, arena_->weights_version());
+      arena_->release_slab(slab);
+    }
+    if (const std::optional<Error> error = replay_->write_error()) {
+      const std::lock_guard lock(mutex_);
+      failure_ = error->message;
+      return;
+    }
+    if (slabs.empty()) shm::wait(sealed, heard, kPollUs);
+  }
+}
+
+void ReplayFeed::draw() {
+  while (!stop_) {
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait_for(lock, std::chrono::microseconds(kPollUs),
+                        [this] { return stop_ || full_.size() < kBatchesAhead; });
+      if (full_.size() >= kBatchesAhead) continue;
+    }
+    if (limiter_.wait_to_sample(samples_per_update_, kPollUs / 1000) != replay::WaitResult::kReady) continue;
+    if (replay_->unit_count() == 0) continue;
+    std::unique_ptr<ReplayBatch> batch = sample();
+    {
+      const std::lock_guard lock(mutex_);
+      full_.push_back(std::move(batch));
+    }
+    changed_.notify_all();
+  }
+}
+
+std::unique_ptr<ReplayBatch> ReplayFeed::pop(int timeout_ms) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, std::chrono::milliseconds(timeout_ms),
+                    [this] { return !full_.empty() || !failure_.empty(); });
+  if (full_.empty()) return nullptr;
+  std::unique_ptr<ReplayBatch> batch = std::move(full_.front());
+  full_.pop_front();
+  lock.unlock();
+  changed_.notify_all();
+  return batch;
+}
+
+void ReplayFeed::finish(std::unique_ptr<ReplayBatch> batch) {
+  if (config_.per && batch->abs_td.defined())
+    replay_->set_priorities(batch->serial, {batch->abs_td.data_ptr<float>(), batch->serial.size()});
+  const std::lock_guard lock(mutex_);
+  free_.push_back(std::move(batch));
+}
+
+int ReplayFeed::waiting() const {
+  const std::lock_guard lock(mutex_);
+  return static_cast<int>(full_.size());
+}
+
+std::string ReplayFeed::failure() const {
+  const std::lock_guard lock(mutex_);
+  return failure_;
+}
+
+Status ReplayFeed::save(StateDict& state, const std::string& folder, const std::string& file) const {
+  COMRAD_TRY(replay_->save(folder + "/" + file));
+  state.put("replay/file", file);
+  state.put("replay/inserted", limiter_.insert_count());
+  state.put("replay/sampled", limiter_.sample_count());
+  state.put("replay/draws", draws_);
+  return {};
+}
+
+Status ReplayFeed::load(const StateDict& state, const std::string& folder) {
+  if (!state.has("replay/file")) {
+    spdlog::warn("the checkpoint holds no replay (--save_replay was off); it fills up again before training");
+    return {};
+  }
+  COMRAD_TRY_ASSIGN(const std::string file, state.text("replay/file"));
+  COMRAD_TRY_ASSIGN(const int64_t inserted, state.integer("replay/inserted"));
+  COMRAD_TRY_ASSIGN(const int64_t sampled, state.integer("replay/sampled"));
+  COMRAD_TRY_ASSIGN(const int64_t draws, state.integer("replay/draws"));
+  if (file.find('/') != std::string::npos)
+    return Error{ErrorCode::kBadFormat, "replay/file is \"" + file + "\"; it must be a file of the folder"};
+  COMRAD_TRY(replay_->load(folder + "/" + file));
+  limiter_.restore(inserted, sampled);
+  draws_ = draws;
+  spdlog::info("replay: {} agent decisions restored", replay_->transition_count());
+  return {};
+}
+
+}  // namespace comrad::learn

@@ -1,0 +1,107 @@
+// The way of an off-policy run's data: sealed slabs go into the replay, batches come out of it.
+// Asynchronously a feeding and a sampling thread do both while the learner trains; in lock step the learner
+// does it itself, one thing after the other. Stage: drain > store > sample.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "learner/batch/replay_batch.h"
+#include "learner/checkpoint/checkpoint.h"
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/replay/rate_limiter.h"
+#include "rollout_buffer/shm/arena.h"
+
+namespace comrad::learn {
+
+/// What came in since the last look.
+struct Inserted {
+  int64_t transitions = 0;  ///< agent decisions
+  Tensor frame;        ///< u8  [B, C, H, W] what was decided on, for the input statistics; may be undefined
+  Tensor measurement;  ///< f32 [B, M]; undefined when M = 0
+  LagStats lag;        ///< learner's version minus the one that acted, when it came in
+};
+
+class ReplayFeed {
+ public:
+  /// Makes the replay that the settings ask for and says in the log how much it holds.
+  /// Errors: kBadInput, kNoSpace of the replay (naming the flags).
+  static Expected<std::unique_ptr<ReplayFeed>> create(const RunConfig& config, const TrajectoryShape& shape);
+  ~ReplayFeed();
+
+  /// Stores a slab. The rate at which samples may be drawn follows.
+  void insert(const SlabView& slab, uint32_t length, PolicyVersion learner_version);
+  Inserted take_inserted();
+  /// Env frames counted so far; places the importance weights' exponent.
+  void set_env_frames(double env_frames) { env_frames_ = env_frames; }
+
+  // Lock step.
+  bool is_update_due() const;
+  std::unique_ptr<ReplayBatch> sample();
+
+  // Asynchronous mode.
+  void start(const shm::Arena& arena);
+  /// The next batch, or null after `timeout_ms`: nothing drawn yet, or the learner is ahead of the
+  /// simulators.
+  std::unique_ptr<ReplayBatch> pop(int timeout_ms);
+  /// What ended a thread; empty while all is well.
+  std::string failure() const;
+
+  /// After the update: new priorities; the batch's memory is used again.
+  void finish(std::unique_ptr<ReplayBatch> batch);
+
+  const replay::Replay& replay() const { return *replay_; }
+  int waiting() const;
+  int64_t broken_decisions() const { return replay_->broken_decisions(); }
+
+  /// The replay to a file in `folder`, and its name and counters into `state`. Errors: those of Replay::save.
+  Status save(StateDict& state, const std::string& folder, const std::string& file) const;
+  /// Takes over what save() left; a state without a replay leaves this one empty, with a warning.
+  Status load(const StateDict& state, const std::string& folder);
+
+ private:
+  ReplayFeed(const RunConfig& config, const TrajectoryShape& shape, std::unique_ptr<replay::Replay> replay,
+             const replay::RateLimiterOptions& rate, int64_t samples_per_update);
+  void feed();
+  void draw();
+  void run(const char* name, void (ReplayFeed::*work)());
+  std::unique_ptr<ReplayBatch> free_batch();
+  void fill_next(ReplayBatch& batch);
+
+  const RunConfig config_;
+  const TrajectoryShape shape_;
+  const ReplayBatchOptions batch_options_;
+  const int64_t samples_per_update_;  ///< agent decisions
+  std::unique_ptr<replay::Replay> replay_;
+  replay::RateLimiter limiter_;
+  std::atomic<double> env_frames_ = 0;
+  int64_t draws_ = 0;  ///< batches drawn; keys the chance
+
+  const shm::Arena* arena_ = nullptr;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<std::unique_ptr<ReplayBatch>> full_;
+  std::vector<std::unique_ptr<ReplayBatch>> free_;
+  std::string failure_;
+
+  // Of take_inserted(), under inserted_mutex_.
+  std::mutex inserted_mutex_;
+  int64_t inserted_transitions_ = 0;
+  std::vector<uint8_t> inserted_frames_;
+  std::vector<float> inserted_measurements_;
+  double lag_sum_ = 0;
+  LagStats lag_;
+
+  std::atomic<bool> stop_ = false;
+  std::thread feeder_, sampler_;
+};
+
+}  // namespace comrad::learn
