@@ -96,7 +96,7 @@ Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& des
 
   RunConfig config;
   const SettingsLayer preset = qplex_preset_settings(chosen.qplex_preset);
-  const SettingsLayer& training = scenario.training;
+  const SettingsLayer training = settings_for_algorithm(scenario.training, chosen.algo);
   for (const SettingsLayer* layer : {&changes, &algorithm, &preset, &training, &file, &user.typed})
     COMRAD_TRY(apply_layer(config, *layer));
   if (config.use_additional_input != chosen.use_additional_input) {  // the scenario's own default decides

@@ -478,6 +478,16 @@ Status apply_layer(RunConfig& config, const SettingsLayer& layer) {
   return {};
 }
 
+SettingsLayer settings_for_algorithm(const SettingsLayer& layer, const std::string& algo) {
+  SettingsLayer chosen{layer.origin, {}};
+  const std::string prefix = algo + ".";
+  for (const auto& [key, value] : layer.values)
+    if (key.find('.') == std::string::npos) chosen.values.emplace_back(key, value);
+  for (const auto& [key, value] : layer.values)
+    if (key.starts_with(prefix)) chosen.values.emplace_back(key.substr(prefix.size()), value);
+  return chosen;
+}
+
 Status check_toml_headers(std::string_view text, const std::string& label) {
   const auto byte_at = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const auto is_blank = [](unsigned char c) {

@@ -464,6 +464,10 @@ struct SettingsLayer {
 /// value of the wrong type.
 Status apply_layer(RunConfig& config, const SettingsLayer& layer);
 
+/// What a layer says for one algorithm: its plain keys, then those that begin with the algorithm's name and a
+/// dot, without that.
+SettingsLayer settings_for_algorithm(const SettingsLayer& layer, const std::string& algo);
+
 /// Reads a TOML file of settings into a layer. Nested tables are not settings and are errors.
 /// Errors: kNotFound, kBadFormat with line and column.
 Expected<SettingsLayer> read_settings_toml(const std::string& path);

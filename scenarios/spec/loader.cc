@@ -273,33 +273,47 @@ Status read_render(const std::string& path, TableReader& root, ScenarioSpec& spe
   return reader.finish();
 }
 
+/// A setting's value as text; empty where it is neither text, a number, true nor false.
+std::string setting_text(const toml::node& node) {
+  if (const auto flag = node.value_exact<bool>()) return *flag ? "true" : "false";
+  if (const auto whole = node.value_exact<int64_t>()) return std::to_string(*whole);
+  if (const auto word = node.value_exact<std::string>()) return *word;
+  std::ostringstream out;
+  out.precision(17);
+  if (const auto real = node.value_exact<double>()) out << *real;
+  return out.str();
+}
+
 /// The scenario's layer of training settings; each is tried on a RunConfig, so that a wrong one is found
-/// here.
+/// here. A table [training.<algorithm>] holds settings of that algorithm alone; their keys get its name and a
+/// dot.
 Status read_training(TableReader& root, ScenarioSpec& spec) {
   spec.training.origin = "scenario " + spec.name;
   const toml::table* table = root.table("training");
   if (table == nullptr) return {};
   RunConfig scratch;
-  for (const auto& [key, node] : *table) {
-    std::string text;
-    if (const auto flag = node.value_exact<bool>())
-      text = *flag ? "true" : "false";
-    else if (const auto whole = node.value_exact<int64_t>())
-      text = std::to_string(*whole);
-    else if (const auto word = node.value_exact<std::string>())
-      text = *word;
-    else if (const auto real = node.value_exact<double>()) {
-      std::ostringstream out;
-      out.precision(17);
-      out << *real;
-      text = out.str();
-    }
-    const SettingsLayer one{spec.training.origin, {{std::string(key.str()), text}}};
+  const auto read = [&](const toml::key& key, const toml::node& node, const std::string& prefix) {
+    const SettingsLayer one{spec.training.origin, {{std::string(key.str()), setting_text(node)}}};
     if (const Status applied = apply_layer(scratch, one); !applied) {
       root.fail(key.source(), applied.error().message);
-      return {};  // finish() of the root reports it
+      return false;  // finish() of the root reports it
     }
-    spec.training.values.push_back(one.values[0]);
+    spec.training.values.emplace_back(prefix + one.values[0].first, one.values[0].second);
+    return true;
+  };
+  for (const auto& [key, node] : *table) {
+    const toml::table* of_algorithm = node.as_table();
+    if (of_algorithm == nullptr) {
+      if (!read(key, node, "")) return {};
+      continue;
+    }
+    const std::string algorithm(key.str());
+    if (const auto known = algorithm_defaults(algorithm); !known) {
+      root.fail(key.source(), known.error().message);
+      return {};
+    }
+    for (const auto& [own_key, own_node] : *of_algorithm)
+      if (!read(own_key, own_node, algorithm + ".")) return {};
   }
   return {};
 }

@@ -1,0 +1,437 @@
+#include "learner/algorithms/q_learning.h"
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "tests/support/noise_batch.h"
+
+namespace comrad::learn {
+namespace {
+
+using testing::copies;
+using testing::SlabPool;
+
+constexpr int kAgents = 2, kWorlds = 5;
+
+RunConfig q_config(const std::string& algo, bool use_rnn) {
+  RunConfig config = testing::small_config(algo, kAgents);
+  config.rollout = 6;
+  config.use_rnn = use_rnn;
+  config.mixer = algo == "vdn"       ? "vdn"
+                 : algo == "qmix"    ? "qmix"
+                 : algo == "qplex_d" ? "dmaq"
+                 : algo == "qplex_q" ? "dmaq_qatten"
+                                     : "";
+  config.team_reward = "sum";
+  config.learner_threads = 2;
+  config.learning_rate = 1e-3;
+  return config;
+}
+
+/// Noise with an end, a time-out, a short trajectory, forbidden choices and an agent that is out of the game.
+ReplayBatch q_batch(const RunConfig& config, uint64_t seed) {
+  const TrajectoryShape shape = testing::small_shape(config, kAgents);
+  SlabPool pool(shape, kWorlds);
+  pool.fill_with_noise(seed);
+  const SlabView cut = pool.view(0), ends = pool.view(1), masked = pool.view(2);
+  cut.truncated(2) = 1;
+  cut.final_index(2) = 0;
+  Rng rng(seed + 1);
+  for (int agent = 0; agent < kAgents; ++agent)
+    for (uint8_t& pixel : cut.final_frame(0, agent)) pixel = static_cast<uint8_t>(rng.next());
+  ends.terminated(3) = 1;
+  ends.agent_active(1, 1) = ends.agent_active(2, 1) = 0;
+  for (int t = 0; t <= 6; ++t) {
+    masked.action_mask(t, 0)[1] = 0;
+    if (t < 6) masked.action(t, 0)[0] = 2;
+  }
+  auto replay = *replay::Replay::create({.store = {.shape = shape, .capacity_bytes = 1 << 24}});
+  for (int i = 0; i < kWorlds; ++i) replay->insert(pool.view(i), i == 4 ? 3 : 6);
+
+  const replay::Unit unit = config.use_rnn          ? replay::Unit::kSequence
+                            : config.algo == "idqn" ? replay::Unit::kAgentStep
+                                                    : replay::Unit::kJointStep;
+  std::vector<replay::Draw> draws;
+  for (int item = 0; item < kWorlds; ++item) {
+    const int steps = config.use_rnn ? 1 : 3;
+    for (int step = 0; step < steps; ++step)
+      for (int agent = 0; agent < (unit == replay::Unit::kAgentStep ? kAgents : 1); ++agent)
+        draws.push_back({.item = item,
+                         .step = config.use_rnn ? -1 : step,
+                         .agent = agent,
+                         .weight = 0.5 + 0.1 * item,
+                         .serial = static_cast<int64_t>(draws.size())});
+  }
+  const ReplayBatchOptions options{.shape = shape,
+                                   .unit = unit,
+                                   .world_count = static_cast<int64_t>(draws.size()),
+                                   .n_step = config.n_step,
+                                   .gamma = config.gamma};
+  ReplayBatch batch = make_replay_batch(options);
+  fill(batch, options, *replay, draws);
+  return batch;
+}
+
+/// Q-values of a batch by one decision after the other, as a policy worker computes them.
+struct Stepped {
+  std::vector<Tensor> now;   ///< [T+1] of [R, A]
+  std::vector<Tensor> next;  ///< [T] of [R, A]: of the true observation behind the step
+};
+
+Stepped step_through(const policy::PolicyNet& net, const ReplayBatch& batch) {
+  Stepped stepped;
+  Tensor state = batch.recurrent_state;
+  std::vector<Tensor> states;
+  for (int64_t t = 0; t <= batch.steps(); ++t) {
+    if (state.size(1) > 0) state = state * batch.reset[t].eq(0).to(torch::kFloat32).unsqueeze(1);
+    const policy::PolicyOutput output = net.step(batch.frame[t], {}, state);
+    stepped.now.push_back(output.logits);
+    states.push_back(state = output.recurrent_state);
+  }
+  for (int64_t t = 0; t < batch.steps(); ++t) {
+    Tensor next = stepped.now[static_cast<std::size_t>(t + 1)].clone();
+    // A network of many agents is asked for whole worlds, so the cut's rows are put among the others'.
+    Tensor frame = batch.frame[t].clone();
+    for (std::size_t f = 0; f < batch.final_row.size(); ++f)
+      if (batch.final_step[f] == t) frame[batch.final_row[f]] = batch.final_frame[static_cast<int64_t>(f)];
+    const Tensor behind = net.step(frame, {}, states[static_cast<std::size_t>(t)]).logits;
+    for (std::size_t f = 0; f < batch.final_row.size(); ++f)
+      if (batch.final_step[f] == t) next[batch.final_row[f]] = behind[batch.final_row[f]];
+    stepped.next.push_back(next);
+  }
+  return stepped;
+}
+
+double huber_of(double x) { return std::abs(x) <= 1 ? 0.5 * x * x : std::abs(x) - 0.5; }
+
+/// Best allowed choice of a head.
+int64_t best_choice(const Tensor& q, const Tensor& mask, int64_t first, int64_t size) {
+  int64_t best = -1;
+  for (int64_t choice = first; choice < first + size; ++choice) {
+    if (mask[choice].item<int>() == 0) continue;
+    if (best < 0 || q[choice].item<float>() > q[best].item<float>()) best = choice;
+  }
+  return best - first;
+}
+
+/// The mean loss over valid samples, straight from the equations, for vdn and idqn.
+double plain_loss(const RunConfig& config, const QLearning& learner, const ReplayBatch& batch) {
+  const Stepped online = step_through(learner.net(), batch),
+                target = step_through(learner.target_net(), batch);
+  const int64_t agents = batch.shape.env.num_agents;
+  const std::vector<int64_t> first = {0, 3}, size = {3, 2};
+  double sum = 0, count = 0;
+  for (int64_t t = config.burn_in; t < batch.steps(); ++t)
+    for (int64_t world = 0; world < batch.world_count; ++world) {
+      const double weight = batch.weight[world].item<double>();
+      double team_q = 0, team_next = 0, team_reward = 0;
+      bool is_valid = true, ends = false;
+      double bootstrap = 1;
+      for (int64_t agent = 0; agent < agents; ++agent) {
+        const int64_t row = world * agents + agent;
+        const auto at = static_cast<std::size_t>(t);
+        const bool cut = batch.truncated[t][row].item<int>() != 0;
+        const Tensor mask = (batch.steps() > 1 && cut ? batch.action_mask[t] : batch.action_mask[t + 1])[row];
+        const double active = batch.agent_active[t][row].item<int>();
+        const double next_active =
+            (batch.steps() > 1 && cut ? batch.agent_active[t] : batch.agent_active[t + 1])[row].item<int>();
+        const double reward = batch.reward[t][row].item<double>();
+        ends = batch.terminated[t][row].item<int>() != 0;
+        bootstrap = batch.bootstrap[t][row].item<double>();
+        is_valid &= batch.valid[t][row].item<int>() != 0;
+        double of_heads = 0;
+        for (int64_t head = 0; head < 2; ++head) {
+          const auto h = static_cast<std::size_t>(head);
+          const int64_t chosen = first[h] + batch.action[t][row][head].item<int64_t>();
+          const int64_t best = first[h] + best_choice(online.next[at][row], mask, first[h], size[h]);
+          const double q = online.now[at][row][chosen].item<double>(),
+                       next = target.next[at][row][best].item<double>();
+          team_q += q * active;
+          team_next += next * next_active;
+          of_heads += huber_of(q - (reward + config.gamma * bootstrap * (ends ? 0 : next))) / 2;
+        }
+        team_reward += reward;
+        if (config.algo == "idqn" && active != 0 && batch.valid[t][row].item<int>() != 0) {
+          sum += weight * of_heads;
+          ++count;
+        }
+      }
+      if (config.algo == "idqn" || !is_valid) continue;
+      const double y = team_reward + config.gamma * bootstrap * (ends ? 0 : team_next);
+      sum += weight * huber_of(team_q - std::clamp(y, -config.q_value_clamp, config.q_value_clamp));
+      ++count;
+    }
+  return sum / count;
+}
+
+/// Moves the targets away from the online networks.
+void disturb_targets(const QLearning& learner) {
+  torch::NoGradGuard no_grad;
+  torch::manual_seed(3);
+  for (const Tensor& parameter : learner.target_parameters())
+    parameter.add_(torch::randn_like(parameter), 0.05);
+}
+
+std::unique_ptr<QLearning> q_learner(const RunConfig& config) {
+  auto made = make_algorithm(config, testing::small_shape(config, kAgents).env, torch::kCPU);
+  EXPECT_TRUE(made) << made.error().message;
+  return std::unique_ptr<QLearning>(dynamic_cast<QLearning*>(made->release()));
+}
+
+double loss_of(QLearning& learner, ReplayBatch& batch, double* regularizer = nullptr) {
+  QLearning::LossSums sums;
+  EXPECT_TRUE(learner.accumulate_gradient(batch, {}, sums));
+  if (regularizer != nullptr) *regularizer = sums.regularizer;
+  return sums.loss;
+}
+
+std::vector<Tensor> gradients_of(const QLearning& learner) {
+  std::vector<Tensor> result;
+  for (const Tensor& parameter : learner.parameters()) {
+    result.push_back(parameter.grad().defined() ? parameter.grad().clone() : torch::zeros_like(parameter));
+    if (parameter.grad().defined()) parameter.mutable_grad().zero_();
+  }
+  return result;
+}
+
+struct Case {
+  const char* algo;
+  bool use_rnn;
+};
+
+class PlainLoop : public ::testing::TestWithParam<Case> {};
+
+TEST_P(PlainLoop, TheLossIsThatOfTheEquations) {
+  RunConfig config = q_config(GetParam().algo, GetParam().use_rnn);
+  config.q_value_clamp = 0.8;
+  const auto learner = q_learner(config);
+  disturb_targets(*learner);
+  ReplayBatch batch = q_batch(config, 11);
+  EXPECT_NEAR(loss_of(*learner, batch), plain_loss(config, *learner, batch), 2e-5);
+}
+
+TEST_P(PlainLoop, SeparateNetworksLearnFromTheirOwnRows) {
+  RunConfig config = q_config(GetParam().algo, GetParam().use_rnn);
+  if (config.algo == "idqn" && !config.use_rnn)
+    GTEST_SKIP() << "single agents' decisions are for one network";
+  config.share_parameters = false;
+  const auto learner = q_learner(config);
+  disturb_targets(*learner);
+  ReplayBatch batch = q_batch(config, 12);
+  EXPECT_NEAR(loss_of(*learner, batch), plain_loss(config, *learner, batch), 2e-5);
+}
+
+TEST_P(PlainLoop, SeveralStepsOfRewardBootstrapBehindTheLast) {
+  RunConfig config = q_config(GetParam().algo, GetParam().use_rnn);
+  if (config.use_rnn) GTEST_SKIP() << "sequences: td_targets_test";
+  config.n_step = 3;
+  const auto learner = q_learner(config);
+  disturb_targets(*learner);
+  ReplayBatch batch = q_batch(config, 13);
+  EXPECT_LT(batch.bootstrap.min().item<float>(), 0.99f);
+  EXPECT_NEAR(loss_of(*learner, batch), plain_loss(config, *learner, batch), 2e-5);
+}
+
+INSTANTIATE_TEST_SUITE_P(QLearning, PlainLoop,
+                         ::testing::Values(Case{"vdn", true}, Case{"vdn", false}, Case{"idqn", true},
+                                           Case{"idqn", false}),
+                         [](const auto& info) {
+                           return std::string(info.param.algo) + (info.param.use_rnn ? "_gru" : "_flat");
+                         });
+
+TEST(QLearning, StepsOfTheBurnInOnlyWarmUpTheState) {
+  RunConfig config = q_config("vdn", true);
+  config.burn_in = 2;
+  const auto learner = q_learner(config);
+  disturb_targets(*learner);
+  ReplayBatch batch = q_batch(config, 14);
+  EXPECT_NEAR(loss_of(*learner, batch), plain_loss(config, *learner, batch), 2e-5);
+  EXPECT_EQ(batch.abs_td.numel(), kWorlds);
+}
+
+TEST(QLearning, ImportanceWeightsScaleTheLossOfTheirWorld) {
+  const RunConfig config = q_config("idqn", false);
+  const auto learner = q_learner(config);
+  ReplayBatch batch = q_batch(config, 15);
+  batch.weight.fill_(1);
+  const double whole = loss_of(*learner, batch);
+  batch.weight.fill_(0.25);
+  EXPECT_NEAR(loss_of(*learner, batch), whole / 4, 1e-6);
+}
+
+class EveryAlgorithm : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(EveryAlgorithm, TheGradientDoesNotDependOnMicroBatchesOrThreads) {
+  RunConfig config = q_config(GetParam(), true);
+  ReplayBatch batch = q_batch(config, 21);
+  config.micro_batch_size = 1000;
+  config.learner_threads = 1;
+  const auto whole = q_learner(config);
+  config.micro_batch_size = 1;  // one world at a time
+  config.learner_threads = 2;
+  const auto parts = q_learner(config);
+  EXPECT_NEAR(loss_of(*whole, batch), loss_of(*parts, batch), 1e-5);
+  const std::vector<Tensor> one = gradients_of(*whole), other = gradients_of(*parts);
+  for (std::size_t i = 0; i < one.size(); ++i)
+    EXPECT_TRUE(torch::allclose(one[i], other[i], 1e-3, 1e-6)) << i << " " << (one[i] - other[i]).abs().max();
+}
+
+TEST_P(EveryAlgorithm, TheGradientReachesEveryLayerOfTheNetwork) {
+  const RunConfig config = q_config(GetParam(), true);
+  const auto learner = q_learner(config);
+  ReplayBatch batch = q_batch(config, 22);
+  loss_of(*learner, batch);
+  const std::vector<Tensor> gradients = gradients_of(*learner);
+  const auto named = learner->net().named_parameters();
+  for (std::size_t i = 0; i < named.size(); ++i)
+    EXPECT_GT(gradients[i].abs().max().item<float>(), 0.0f) << named[i].first;
+  for (const Tensor& target : learner->target_parameters()) EXPECT_FALSE(target.grad().defined());
+}
+
+TEST_P(EveryAlgorithm, TheOrderOfWorldsDoesNotMatter) {
+  const RunConfig config = q_config(GetParam(), true);
+  const auto learner = q_learner(config);
+  ReplayBatch batch = q_batch(config, 23);
+  const double loss = loss_of(*learner, batch);
+  gradients_of(*learner);
+  double turned = 0;
+  for (const int64_t world : {3, 0, 4, 1, 2}) {
+    ReplayBatch one = narrow_worlds(batch, world, 1);
+    QLearning::LossSums sums;
+    ASSERT_TRUE(learner->accumulate_gradient(one, {}, sums));
+    const auto valid = one.valid.view({one.steps(), 1, kAgents});
+    const double count =
+        config.algo == "idqn"
+            ? one.valid.bitwise_and(one.agent_active.narrow(0, 0, one.steps())).sum().item<double>()
+            : valid.amin(2).sum().item<double>();
+    turned += sums.loss * count;
+  }
+  const auto all = batch.valid.view({batch.steps(), batch.world_count, kAgents});
+  const double count =
+      config.algo == "idqn"
+          ? batch.valid.bitwise_and(batch.agent_active.narrow(0, 0, batch.steps())).sum().item<double>()
+          : all.amin(2).sum().item<double>();
+  EXPECT_NEAR(turned / count, loss, 1e-5);
+}
+
+TEST_P(EveryAlgorithm, AnUpdateLowersTheLossOfItsBatchAndMovesTheTarget) {
+  const RunConfig config = q_config(GetParam(), true);
+  const auto learner = q_learner(config);
+  ReplayBatch batch = q_batch(config, 24);
+  const double before = loss_of(*learner, batch);
+  gradients_of(*learner);
+  for (int i = 0; i < 20; ++i) {
+    const std::vector<Tensor> target = copies(learner->target_parameters());
+    const auto stats = learner->update(batch, {});
+    ASSERT_TRUE(stats) << stats.error().message;
+    EXPECT_EQ(stats->optimizer_steps, 1);
+    for (std::size_t p = 0; p < target.size(); ++p)
+      EXPECT_TRUE(torch::allclose(
+          learner->target_parameters()[p],
+          target[p] + config.target_update_tau * (learner->parameters()[p].detach() - target[p]), 1e-4,
+          1e-6));
+  }
+  EXPECT_EQ(learner->version(), 20u);
+  EXPECT_LT(loss_of(*learner, batch), before);
+}
+
+TEST_P(EveryAlgorithm, ACheckpointGoesOnExactly) {
+  const RunConfig config = q_config(GetParam(), true);
+  const auto one = q_learner(config);
+  ReplayBatch batch = q_batch(config, 25);
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(one->update(batch, {}));
+  StateDict state;
+  one->save(state);
+  RunConfig another_seed = config;
+  another_seed.seed = 99;
+  const auto other = q_learner(another_seed);
+  const Status loaded = other->load(state);
+  ASSERT_TRUE(loaded) << loaded.error().message;
+  EXPECT_EQ(other->version(), one->version());
+  ASSERT_TRUE(one->update(batch, {}));
+  ASSERT_TRUE(other->update(batch, {}));
+  EXPECT_TRUE(testing::all_equal(one->parameters(), other->parameters()));
+  EXPECT_TRUE(testing::all_equal(one->target_parameters(), other->target_parameters()));
+
+  const auto stranger = q_learner(q_config(config.algo == "vdn" ? "idqn" : "vdn", true));
+  const Status refused = stranger->load(state);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find(config.algo), std::string::npos);
+}
+
+TEST_P(EveryAlgorithm, ALossThatIsNoNumberMovesNoWeight) {
+  const RunConfig config = q_config(GetParam(), true);
+  const auto learner = q_learner(config);
+  ReplayBatch batch = q_batch(config, 26);
+  batch.reward[0][0] = std::numeric_limits<float>::quiet_NaN();
+  const std::vector<Tensor> before = copies(learner->parameters());
+  const auto stats = learner->update(batch, {});
+  ASSERT_TRUE(stats);
+  EXPECT_EQ(stats->skipped_steps, 1);
+  EXPECT_TRUE(testing::all_equal(before, learner->parameters()));
+  Expected<UpdateStats> last = stats;
+  for (int i = 0; i < 20 && last; ++i) last = learner->update(batch, {});
+  EXPECT_FALSE(last);
+}
+
+INSTANTIATE_TEST_SUITE_P(QLearning, EveryAlgorithm,
+                         ::testing::Values("idqn", "vdn", "qmix", "qplex_d", "qplex_q"));
+
+TEST(QLearning, TargetsAreCopiedNowAndThenWhereTauIsOne) {
+  RunConfig config = q_config("qmix", true);
+  config.target_update_tau = 1;
+  config.target_update_interval = 3;
+  const auto learner = q_learner(config);
+  ReplayBatch batch = q_batch(config, 31);
+  for (int step = 1; step <= 6; ++step) {
+    ASSERT_TRUE(learner->update(batch, {}));
+    EXPECT_EQ(testing::all_equal(learner->parameters(), learner->target_parameters()), step % 3 == 0) << step;
+  }
+}
+
+TEST(QLearning, HasTheParameterCountsOfTheSpecification) {
+  EnvShape env;
+  env.num_agents = 2;
+  env.head_count = 5;
+  env.head_sizes = {3, 3, 3, 2, 3};
+  const auto count = [&](const char* algo) {
+    RunConfig config = q_config(algo, std::string(algo) != "idqn");
+    config.rnn_size = 512;
+    return (*make_algorithm(config, env, torch::kCPU))->parameter_count();
+  };
+  EXPECT_EQ(count("vdn"), 2'876'142);
+  EXPECT_EQ(count("qmix"), 2'876'142 + 203'073);
+  EXPECT_EQ(count("qplex_d"), 2'876'142 + 152'184);
+  EXPECT_EQ(count("qplex_q"), 2'876'142 + 389'685);
+  EXPECT_EQ(count("idqn"), 1'293'024 + 512 * 14 + 14);
+}
+
+TEST(QLearning, EpsilonFallsInAStraightLine) {
+  const RunConfig config;  // 1 to 0.01 over 20 M env frames
+  EXPECT_DOUBLE_EQ(epsilon_at(config, 0), 1.0);
+  EXPECT_NEAR(epsilon_at(config, 5e6), 0.7525, 1e-12);
+  EXPECT_NEAR(epsilon_at(config, 1e7), 0.505, 1e-12);
+  EXPECT_NEAR(epsilon_at(config, 2e7), 0.01, 1e-12);
+  EXPECT_NEAR(epsilon_at(config, 9e7), 0.01, 1e-12);
+}
+
+TEST(QLearning, ObservationsMoveTheStatisticsOfBothNetworks) {
+  RunConfig config = q_config("vdn", true);
+  config.normalize_input = true;
+  const auto learner = q_learner(config);
+  const ReplayBatch batch = q_batch(config, 32);
+  const Tensor before = learner->target_net().step(batch.frame[0], {}, batch.recurrent_state).logits.clone();
+  learner->observe(batch.frame[0], {});
+  const Tensor online = learner->net().step(batch.frame[0], {}, batch.recurrent_state).logits;
+  const Tensor target = learner->target_net().step(batch.frame[0], {}, batch.recurrent_state).logits;
+  EXPECT_FALSE(torch::allclose(before, target));
+  EXPECT_TRUE(torch::equal(online, target));  // equal weights, the same statistics
+}
+
+}  // namespace
+}  // namespace comrad::learn
