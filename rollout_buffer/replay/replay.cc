@@ -140,7 +140,7 @@ void Replay::read_each(
     std::span<const Draw> draws,
     const std::function<void(std::size_t index, const StoredTrajectory* trajectory)>& use) const {
   const bool ask = !options_.store.file.empty();
-  const bool steps = options_.unit != Unit::kSequence;
+  const bool steps = !draws.empty() && draws.front().step >= 0;
   if (ask && steps) prefetch(draws);
   if (ask && !steps) prefetch(draws.first(std::min(kPrefetchedDraws, draws.size())));
   for (std::size_t index = 0; index < draws.size(); ++index) {

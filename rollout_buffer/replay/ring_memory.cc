@@ -69,7 +69,7 @@ Expected<RingMemory> RingMemory::in_file(const std::string& path, int64_t size_b
   memory.path_ = path;
   memory.descriptor_ = open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   if (memory.descriptor_ < 0) {
-    if (errno == EEXIST)
+    if (errno == EEXIST || errno == EISDIR)
       return Error{ErrorCode::kBadInput,
                    "--replay_file " + path +
                        ": there is something of that name; the replay makes its file anew, "
@@ -146,6 +146,13 @@ void RingMemory::prefetch(int64_t offset, int64_t byte_count) const {
   const int64_t begin = offset / kPageBytes * kPageBytes;
   const int64_t end = std::min(size_bytes_, offset + byte_count);
   (void)madvise(data_ + begin, static_cast<std::size_t>(end - begin), MADV_WILLNEED);
+}
+
+void RingMemory::forget_cached() const {
+  if (!is_file()) return;
+  (void)fdatasync(descriptor_);
+  (void)madvise(data_, static_cast<std::size_t>(size_bytes_), MADV_DONTNEED);  // mapped pages are not dropped
+  (void)posix_fadvise(descriptor_, 0, 0, POSIX_FADV_DONTNEED);
 }
 
 }  // namespace comrad::replay

@@ -132,6 +132,8 @@ class TrajectoryStore {
   void prefetch(ItemId id) const;
   void prefetch_head(ItemId id) const;
   void prefetch_rows(ItemId id, int first, int last) const;
+  /// Begins a measurement cold: see RingMemory.
+  void forget_cached() const { memory_->forget_cached(); }
   /// The file behind the store, -1 in RAM.
   int descriptor() const { return memory_->descriptor(); }
 
