@@ -43,7 +43,8 @@ learn::StateDict last_checkpoint(const std::string& run) {
 
 /// Networks, optimizer, normalizers, schedules: everything that training made. Times and paths are not.
 bool is_trained(const std::string& key) {
-  for (const char* section : {"network/", "optimizer/", "normalizer/", "schedule/", "algorithm/"})
+  for (const char* section : {"network/", "optimizer/", "normalizer/", "schedule/", "algorithm/", "target/",
+                              "mixer/", "target_mixer/"})
     if (key.starts_with(section)) return true;
   return key == "counters/env_frames";
 }
@@ -111,6 +112,21 @@ TEST(Deterministic, MappoAndHappoResumedHalfWayEqualNeverStopping) {
     train(scratch, algo + "_resumed", kEnvSteps, settings);
     EXPECT_GT(expect_same_training(scratch / (algo + "_straight"), scratch / (algo + "_resumed")), 20u)
         << algo;
+  }
+}
+
+TEST(Deterministic, QmixAndIdqnResumedHalfWayEqualNeverStopping) {
+  const ScratchFolder scratch;
+  for (const std::string algo : {"qmix", "idqn"}) {
+    const std::vector<std::string> settings = {
+        "--algo",      algo,   "--learning_starts", "200", "--qmix_sequence_batch_size",  "4",
+        "--replay_gb", "0.05", "--dqn_batch_size",  "32",  "--dqn_max_updates_per_batch", "1"};
+    train(scratch, algo + "_straight", kEnvSteps, settings);
+    train(scratch, algo + "_resumed", kEnvSteps / 2, settings);
+    train(scratch, algo + "_resumed", kEnvSteps, settings);
+    EXPECT_GT(expect_same_training(scratch / (algo + "_straight"), scratch / (algo + "_resumed")), 20u)
+        << algo;
+    EXPECT_GT(*last_checkpoint(scratch / (algo + "_straight")).integer("algorithm/version"), 3) << algo;
   }
 }
 

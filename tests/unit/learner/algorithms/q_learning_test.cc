@@ -215,10 +215,11 @@ TEST_P(PlainLoop, TheLossIsThatOfTheEquations) {
   EXPECT_NEAR(loss_of(*learner, batch), plain_loss(config, *learner, batch), 2e-5);
 }
 
-TEST_P(PlainLoop, SeparateNetworksLearnFromTheirOwnRows) {
+/// Single agents' decisions are for one network.
+class SeparateNetworks : public PlainLoop {};
+
+TEST_P(SeparateNetworks, LearnFromTheirOwnRows) {
   RunConfig config = q_config(GetParam().algo, GetParam().use_rnn);
-  if (config.algo == "idqn" && !config.use_rnn)
-    GTEST_SKIP() << "single agents' decisions are for one network";
   config.share_parameters = false;
   const auto learner = q_learner(config);
   disturb_targets(*learner);
@@ -226,9 +227,11 @@ TEST_P(PlainLoop, SeparateNetworksLearnFromTheirOwnRows) {
   EXPECT_NEAR(loss_of(*learner, batch), plain_loss(config, *learner, batch), 2e-5);
 }
 
-TEST_P(PlainLoop, SeveralStepsOfRewardBootstrapBehindTheLast) {
+/// Sequences get theirs from td_targets.
+class SeveralSteps : public PlainLoop {};
+
+TEST_P(SeveralSteps, OfRewardBootstrapBehindTheLast) {
   RunConfig config = q_config(GetParam().algo, GetParam().use_rnn);
-  if (config.use_rnn) GTEST_SKIP() << "sequences: td_targets_test";
   config.n_step = 3;
   const auto learner = q_learner(config);
   disturb_targets(*learner);
@@ -237,12 +240,15 @@ TEST_P(PlainLoop, SeveralStepsOfRewardBootstrapBehindTheLast) {
   EXPECT_NEAR(loss_of(*learner, batch), plain_loss(config, *learner, batch), 2e-5);
 }
 
-INSTANTIATE_TEST_SUITE_P(QLearning, PlainLoop,
-                         ::testing::Values(Case{"vdn", true}, Case{"vdn", false}, Case{"idqn", true},
-                                           Case{"idqn", false}),
-                         [](const auto& info) {
-                           return std::string(info.param.algo) + (info.param.use_rnn ? "_gru" : "_flat");
-                         });
+std::string case_name(const ::testing::TestParamInfo<Case>& info) {
+  return std::string(info.param.algo) + (info.param.use_rnn ? "_gru" : "_flat");
+}
+constexpr Case kVdnGru{"vdn", true}, kVdnFlat{"vdn", false}, kIdqnGru{"idqn", true}, kIdqnFlat{"idqn", false};
+INSTANTIATE_TEST_SUITE_P(QLearning, PlainLoop, ::testing::Values(kVdnGru, kVdnFlat, kIdqnGru, kIdqnFlat),
+                         case_name);
+INSTANTIATE_TEST_SUITE_P(QLearning, SeparateNetworks, ::testing::Values(kVdnGru, kVdnFlat, kIdqnGru),
+                         case_name);
+INSTANTIATE_TEST_SUITE_P(QLearning, SeveralSteps, ::testing::Values(kVdnFlat, kIdqnFlat), case_name);
 
 TEST(QLearning, StepsOfTheBurnInOnlyWarmUpTheState) {
   RunConfig config = q_config("vdn", true);

@@ -282,6 +282,94 @@ TEST_F(LearnerTest, LockStepGivesTheSameWeightsTwiceAndAcrossAResume) {
   }
 }
 
+/// Q-learning with a replay of a few slabs, of which training begins with eight.
+RunConfig small_q_config(const std::string& algo) {
+  RunConfig config = small_config();
+  config.algo = algo;
+  config.mixer = algo == "vdn" ? "vdn" : algo == "qmix" ? "qmix" : algo == "qplex_q" ? "dmaq_qatten" : "";
+  config.use_rnn = algo != "idqn";
+  config.per = algo == "idqn";
+  config.team_reward = "sum";
+  config.replay_gb = 1e-3;
+  config.learning_starts = 64;
+  config.qmix_sequence_batch_size = 3;
+  config.dqn_batch_size = 12;
+  config.dqn_max_updates_per_batch = 2;
+  config.per_beta_frames = 1000;
+  config.epsilon_decay_steps = 1000;
+  return config;
+}
+
+TEST_F(LearnerTest, QLearningTrainsAtItsRateOnceTheReplayHasEnough) {
+  for (const char* algo : {"vdn", "idqn"}) {
+    RunConfig config = small_q_config(algo);
+    config.train_for_env_steps = 40 * 16 * 4;  // forty batches' worth of 16 decisions, four tics each
+    const Outcome outcome = live(config, algo);
+    ASSERT_TRUE(outcome.status) << outcome.status.error().message;
+    EXPECT_GE(outcome.env_frames, 40u * 16 * 4);
+    // Two updates for every 16 decisions behind the first 64, and what may wait or run ahead.
+    const double due = (static_cast<double>(outcome.env_frames) / 4 - 64) / 16 * 2;
+    EXPECT_NEAR(static_cast<double>(outcome.version), due, 10) << algo;
+    EXPECT_EQ(outcome.published, outcome.version);
+    std::ifstream lines(folder_ / algo / "metrics.jsonl");
+    std::string line, last;
+    while (std::getline(lines, line)) last = line;
+    const auto report = nlohmann::json::parse(last);
+    EXPECT_NEAR(report["train/epsilon"].get<double>(), 0.01, 1e-9);
+    EXPECT_GT(report["train/buffer_transitions"].get<double>(), 64);
+    EXPECT_GT(report["train/grad_norm"].get<double>(), 0);
+    EXPECT_TRUE(report.contains("train/version_diff_avg"));
+  }
+}
+
+TEST_F(LearnerTest, QLearningInLockStepIsTheSameTwiceAndAcrossAResume) {
+  for (const char* algo : {"vdn", "qplex_q", "idqn"}) {
+    RunConfig config = small_q_config(algo);
+    config.deterministic = true;
+    config.async_rl = false;
+    config.save_replay = true;
+    config.normalize_input = true;
+    const std::string name = algo;
+    const double per_rollout = 4 * 2 * 4 * 4;  // environments, agents, steps, tics
+    config.train_for_env_steps = 8 * per_rollout;
+    const Outcome whole = live(config, name + "_whole"), again = live(config, name + "_again");
+    ASSERT_TRUE(whole.status) << whole.status.error().message;
+    EXPECT_GT(whole.version, 10u);
+    EXPECT_TRUE(whole.weights == again.weights) << algo;
+    config.train_for_env_steps = 4 * per_rollout;
+    ASSERT_TRUE(live(config, name + "_halves").status);
+    config.train_for_env_steps = 8 * per_rollout;
+    const Outcome halves = live(config, name + "_halves");
+    ASSERT_TRUE(halves.status) << halves.status.error().message;
+    EXPECT_EQ(halves.version, whole.version);
+    EXPECT_TRUE(halves.weights == whole.weights) << algo;
+
+    // The replay that belongs to the newest checkpoint is gone: said, not guessed.
+    for (const auto& entry : fs::directory_iterator(folder_ / (name + "_halves") / "checkpoint"))
+      if (entry.path().extension() == ".bin") fs::remove(entry.path());
+    const Outcome refused = live(config, name + "_halves");
+    ASSERT_FALSE(refused.status);
+    EXPECT_NE(refused.status.error().message.find("replay_"), std::string::npos)
+        << refused.status.error().message;
+  }
+}
+
+TEST_F(LearnerTest, OnlyReplaysOfKeptCheckpointsStay) {
+  RunConfig config = small_q_config("vdn");
+  config.deterministic = true;
+  config.async_rl = false;
+  config.save_replay = true;
+  config.keep_checkpoints = 1;
+  for (int life = 1; life <= 3; ++life) {
+    config.train_for_env_steps = life * 2 * 4 * 2 * 4 * 4;
+    ASSERT_TRUE(live(config, "run").status);
+  }
+  int replays = 0;
+  for (const auto& entry : fs::directory_iterator(folder_ / "run/checkpoint"))
+    replays += entry.path().extension() == ".bin";
+  EXPECT_EQ(replays, 1);
+}
+
 TEST_F(LearnerTest, ADeterministicCheckpointBringsJournalsAndStatesBack) {
   RunConfig config = small_config();
   config.deterministic = true;
