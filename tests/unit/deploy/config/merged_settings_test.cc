@@ -64,6 +64,24 @@ TEST(MergeNew, ALaterLayerWins) {
   EXPECT_EQ(merged->config.batch_size, 512);  // command line over file
 }
 
+TEST(MergeNew, QLearningTakesItsOwnSettingsItsPresetAndNoSharedRewards) {
+  const auto describe = [](const std::string& name, int64_t num_agents, bool use_measurements) {
+    auto scenario = fake_scenario(name, num_agents, use_measurements);
+    if (scenario) scenario->training.values.emplace_back("qplex_q.qmix_sequence_batch_size", "5");
+    return scenario;
+  };
+  const auto merged =
+      merge_new(typed({{"algo", "qplex"}, {"mixer", "dmaq_qatten"}, {"qplex_preset", "paper"}}), describe, 2);
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(merged->config.algo, "qplex_q");
+  EXPECT_EQ(merged->config.qmix_sequence_batch_size, 5);
+  EXPECT_EQ(merged->config.qplex_num_kernel, 10);
+  EXPECT_EQ(merged->config.shared_reward_alpha, 0);
+  const auto other = merge_new(typed({{"algo", "qmix"}}), describe, 2);
+  ASSERT_TRUE(other) << other.error().message;
+  EXPECT_EQ(other->config.qmix_sequence_batch_size, 64);
+}
+
 TEST(MergeNew, ACommandsChangesLieBelowEverythingElse) {
   const SettingsLayer changes{"bench", {{"train_for_env_steps", "1e15"}, {"num_epochs", "9"}}};
   const auto merged = merge_new(typed({}), fake_scenario, 2, changes);

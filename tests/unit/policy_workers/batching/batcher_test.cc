@@ -337,6 +337,48 @@ TEST(Batcher, MaskedChoicesAreNeverAnswered) {
   }
 }
 
+TEST(Batcher, QValuesAreFollowedUpToTheLearnersEpsilon) {
+  PolicyNetOptions options = small_network();
+  options.critic = CriticKind::kNone;
+  const PolicyNet net = make_net(options);
+  for (const float epsilon : {0.0f, 0.5f, 1.0f}) {
+    for (const bool greedy : {false, true}) {
+      const shm::Arena arena = make_arena(options, {.envs_per_worker = 8, .splits = 1, .rollout_steps = 40});
+      arena.control().epsilon = epsilon;
+      Batcher batcher = make_batcher(
+          arena, {.min_batch = 1, .max_wait_us = 0, .is_greedy = greedy, .is_epsilon_greedy = true});
+      FakeGroup group(arena, 0, 0);
+      int best = 0, all = 0;
+      for (int step = 0; step < 40; ++step) {
+        group.announce(8);
+        for (FakeEnv& env : group.envs) env.commit_act();
+        ASSERT_EQ(answer_once(batcher, net), 8u);
+        for (FakeEnv& env : group.envs)
+          for (int agent = 0; agent < 2; ++agent) {
+            const SlabView slab = env.slab();
+            const auto q = slab.logits(env.step(), agent);
+            const auto largest = [&](int first, int size) {
+              return static_cast<int>(std::max_element(q.begin() + first, q.begin() + first + size) -
+                                      q.begin()) -
+                     first;
+            };
+            const auto action = slab.action(env.step(), agent);
+            best += action[0] == largest(0, 3) && action[1] == largest(3, 2);
+            ++all;
+            EXPECT_NEAR(
+                slab.value(env.step(), agent),
+                q[static_cast<std::size_t>(largest(0, 3))] + q[static_cast<std::size_t>(3 + largest(3, 2))],
+                1e-5);
+          }
+        group.take_act();
+      }
+      const double expected = greedy ? 1.0 : 1.0 - double{epsilon} * 5 / 6;  // one of six by chance
+      EXPECT_NEAR(best / double(all), expected, 4 * std::sqrt(expected * (1 - expected) / all) + 1e-9)
+          << epsilon << greedy;
+    }
+  }
+}
+
 TEST(Batcher, RandomAnswersAreUniform) {
   const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 8, .splits = 1});
   Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_wait_us = 0});

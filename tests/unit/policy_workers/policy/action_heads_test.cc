@@ -156,5 +156,41 @@ TEST(SampleAction, TheSameKeyGivesTheSameActionAndAnotherKeyAnother) {
   EXPECT_GT(distinct, 50);
 }
 
+TEST(ExploreAction, MixesUniformChoicesOfAllHeadsWithTheGreedyAction) {
+  const std::vector<float> q = {0.0f, 3.0f, 2.0f, 0.5f, -0.5f};
+  constexpr int kDraws = 200'000;
+  constexpr float kEpsilon = 0.3f;
+  int joint[3][2] = {};
+  for (int draw = 0; draw < kDraws; ++draw) {
+    int32_t action[2];
+    const float log_prob =
+        explore_action(q, {}, kTwoHeads, RngKey(9).split(static_cast<uint64_t>(draw)), kEpsilon, action);
+    ++joint[action[0]][action[1]];
+    const bool is_greedy = action[0] == 1 && action[1] == 0;
+    EXPECT_NEAR(log_prob, std::log(kEpsilon / 6 + (is_greedy ? 1 - kEpsilon : 0)), 1e-6);
+  }
+  for (int a = 0; a < 3; ++a)
+    for (int b = 0; b < 2; ++b) {
+      const double p = kEpsilon / 6 + (a == 1 && b == 0 ? 1 - kEpsilon : 0);
+      EXPECT_NEAR(joint[a][b] / double{kDraws}, p, 5 * std::sqrt(p * (1 - p) / kDraws)) << a << b;
+    }
+}
+
+TEST(ExploreAction, MasksHoldInExplorationAndGreedyChoice) {
+  const std::vector<float> q = {9.0f, 3.0f, 2.0f, 0.5f, 7.0f};
+  const std::vector<uint8_t> mask = {0, 1, 1, 1, 0};
+  int counts[3] = {};
+  for (uint64_t draw = 0; draw < 3000; ++draw) {
+    int32_t action[2];
+    explore_action(q, mask, kTwoHeads, RngKey(3).split(draw), 1.0f, action);
+    EXPECT_NE(action[0], 0);
+    EXPECT_EQ(action[1], 0);
+    ++counts[action[0]];
+    EXPECT_EQ(explore_action(q, mask, kTwoHeads, RngKey(3).split(draw), 0.0f, action), 0.0f);
+    EXPECT_EQ(action[0], 1);
+  }
+  EXPECT_NEAR(counts[1] / 3000.0, 0.5, 0.05);
+}
+
 }  // namespace
 }  // namespace comrad::policy

@@ -209,6 +209,87 @@ TEST(AlgorithmDefaults, AnUnknownAlgorithmNamesTheKnownOnes) {
   EXPECT_THAT(unknown.error().message, HasSubstr("known: ippo"));
 }
 
+TEST(AlgorithmDefaults, ValueDecompositionIsGruOverSequencesAndIdqnFeedForward) {
+  const auto resolved = [](const std::string& algo) {
+    RunConfig config = two_agents();
+    EXPECT_TRUE(apply_layer(config, layer({{"algo", algo}})));
+    EXPECT_TRUE(apply_layer(config, *algorithm_defaults(config.algo))) << algo;
+    const Status done = resolve_settings(config, 2);
+    EXPECT_TRUE(done) << done.error().message;
+    return config;
+  };
+  for (const char* algo : {"VDN", "qmix"}) {
+    const RunConfig config = resolved(algo);
+    EXPECT_EQ(config.qmix_sequence_batch_size, 64);
+    EXPECT_EQ(config.rnn_type, "gru");
+    EXPECT_FALSE(config.per);  // whole sequences are drawn uniformly
+    EXPECT_EQ(config.team_reward, "sum");
+    EXPECT_TRUE(learns_q_values(config) && mixes_q_values(config));
+  }
+  EXPECT_EQ(resolved("QPLEX_Q").mixer, "dmaq_qatten");
+  EXPECT_EQ(resolved("qplex_d").qmix_sequence_batch_size, 16);
+  const RunConfig idqn = resolved("dqn");
+  EXPECT_EQ(idqn.algo, "idqn");
+  EXPECT_FALSE(idqn.use_rnn);
+  EXPECT_TRUE(idqn.per);
+  EXPECT_EQ(idqn.dqn_batch_size, 256);
+  EXPECT_FALSE(mixes_q_values(idqn));
+}
+
+TEST(ApplyLayer, AMixerChoosesAmongQmixAndQplex) {
+  const auto algo_of = [](std::vector<std::pair<std::string, std::string>> values) {
+    RunConfig config = two_agents();
+    EXPECT_TRUE(apply_layer(config, layer(std::move(values))));
+    return config.algo;
+  };
+  EXPECT_EQ(algo_of({{"algo", "QPLEX"}}), "qplex_d");
+  EXPECT_EQ(algo_of({{"algo", "qplex"}, {"mixer", "dmaq"}}), "qplex_d");
+  EXPECT_EQ(algo_of({{"mixer", "DMAQ_QATTEN"}, {"algo", "QPLEX"}}), "qplex_q");
+  EXPECT_EQ(algo_of({{"algo", "qmix"}, {"mixer", "vdn"}}), "vdn");
+  EXPECT_EQ(algo_of({{"algo", "mappo"}, {"mixer", "qmix"}}), "mappo");
+  RunConfig config = two_agents();
+  ASSERT_TRUE(apply_layer(config, layer({{"algo", "mappo"}, {"mixer", "qmix"}})));
+  EXPECT_THAT(resolve_error(config), HasSubstr("mixer is qmix"));
+}
+
+TEST(QplexPreset, ThePapersSettingsLieAboveTheAlgorithms) {
+  RunConfig config = two_agents();
+  EXPECT_TRUE(qplex_preset_settings("comrad").values.empty());
+  ASSERT_TRUE(apply_layer(config, qplex_preset_settings("paper")));
+  EXPECT_TRUE(config.qplex_weighted_head && config.qplex_state_bias);
+  EXPECT_EQ(config.qplex_num_kernel, 10);
+  EXPECT_EQ(config.qplex_adv_hypernet_layers, 3);
+}
+
+TEST(SettingsForAlgorithm, OwnKeysComeLastAndOthersAreLeftOut) {
+  const SettingsLayer chosen = settings_for_algorithm(
+      layer({{"vdn.rollout", "16"}, {"rollout", "8"}, {"qmix.rollout", "4"}, {"gamma", "0.9"}}), "vdn");
+  using Values = std::vector<std::pair<std::string, std::string>>;
+  EXPECT_EQ(chosen.values, (Values{{"rollout", "8"}, {"gamma", "0.9"}, {"rollout", "16"}}));
+}
+
+TEST(ResolveSettings, QLearningSettingsThatExcludeEachOtherAreRefused) {
+  const auto expect = [](void (*spoil)(RunConfig&), const char* message) {
+    RunConfig config = two_agents();
+    config.algo = "vdn";
+    EXPECT_TRUE(resolve_settings(config, 2));
+    config = two_agents();
+    config.algo = "vdn";
+    spoil(config);
+    EXPECT_THAT(resolve_error(config), HasSubstr(message));
+  };
+  expect([](RunConfig& c) { c.num_agents = 1; }, "use idqn for one");
+  expect([](RunConfig& c) { c.rnn_type = "lstm"; }, "vdn's core is a gru");
+  expect([](RunConfig& c) { c.td_lambda = 0.8, c.use_rnn = false; }, "use --n_step");
+  expect([](RunConfig& c) { c.n_step = 64; }, "n_step is 64");
+  expect([](RunConfig& c) { c.burn_in = 32; }, "burn_in is 32");
+  expect([](RunConfig& c) { c.lr_schedule = "kl_adaptive_epoch"; }, "constant or linear_decay");
+  expect([](RunConfig& c) { c.replay_gb = 0; }, "replay_gb is 0");
+  expect([](RunConfig& c) { c.target_update_tau = 0; }, "target_update_tau is 0");
+  expect([](RunConfig& c) { c.qplex_adv_hypernet_layers = 4; }, "qplex_adv_hypernet_layers is 4");
+  expect([](RunConfig& c) { c.curriculum = "plr", c.layout_pool = "train:4"; }, "estimates no advantages");
+}
+
 TEST(ResolveSettings, AutoFitsASmallHost) {
   RunConfig config = two_agents();
   ASSERT_TRUE(resolve_settings(config, 2));

@@ -102,6 +102,15 @@ TEST_F(ScenarioLoader, ReadsEverything) {
   EXPECT_EQ(spec->shape(3, false).measurement_count, 0);
 }
 
+TEST_F(ScenarioLoader, SettingsOfOneAlgorithmStandInATableOfItsName) {
+  const auto spec = load(std::string(kGood) + "[training.vdn]\nrollout = 16\n");
+  ASSERT_TRUE(spec) << spec.error().message;
+  EXPECT_EQ(spec->training.values.back(), (std::pair<std::string, std::string>("vdn.rollout", "16")));
+  EXPECT_THAT(message(load(std::string(kGood) + "[training.vnd]\nrollout = 16\n")),
+              HasSubstr("did you mean 'vdn'"));
+  EXPECT_THAT(message(load(std::string(kGood) + "[training.vdn]\nrolout = 16\n")), HasSubstr("'rollout'"));
+}
+
 TEST_F(ScenarioLoader, UnknownKeysNameTheNearestOneAndTheirPlace) {
   EXPECT_THAT(
       message(load_with("decision_limit", "decision_limt = 1\ndecision_limit")),
