@@ -34,7 +34,7 @@ class SmallProject : public ::testing::Test {
           "cmake_minimum_required(VERSION 3.25)\nproject(small C)\n"
           "set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)\n"
           "foreach(name comrad comrad-sim-worker comrad-policy-worker comrad-learner comrad-doomgen "
-          "comrad-scenarios comrad-trace)\n"
+          "comrad-scenarios comrad-trace comrad-bench-replay)\n"
           "  add_executable(${name} deploy/main.c)\nendforeach()\n"
           "add_executable(suite tests/suite.c)\n");
     write("tests/suite.c", "int main(void) { return 0; }\n");

@@ -1,5 +1,5 @@
-// `comrad bench`: throughput of one stage alone (sim, inference, learner: the worker program's own --bench)
-// or of the whole pipeline (train).
+// `comrad bench`: throughput of one stage alone (sim, inference, learner: the worker program's own --bench;
+// replay: comrad-bench-replay with its own flags) or of the whole pipeline (train).
 
 #include <algorithm>
 #include <array>
@@ -19,7 +19,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::array kBenches = {"sim", "inference", "learner", "train"};
+constexpr std::array kBenches = {"sim", "inference", "learner", "train", "replay"};
 constexpr double kTrainWarmupSeconds = 5;
 
 /// The keys that every bench has, in their order.
@@ -127,8 +127,11 @@ Expected<int> bench(const std::string& what, double seconds, bool json, const Co
     const std::string nearest = nearest_word(what, {kBenches.begin(), kBenches.end()});
     return Error{ErrorCode::kBadInput, "unknown bench '" + what + "'" +
                                            (nearest.empty() ? "" : "; did you mean '" + nearest + "'?") +
-                                           " (sim, inference, learner, train)"};
+                                           " (sim, inference, learner, train, replay)"};
   }
+  if (what == "replay")
+    return Error{ErrorCode::kBadInput,
+                 "write `comrad bench replay [flags]`: the replay's bench has flags of its own"};
   if (!(seconds > 0) || seconds > 86400)
     return Error{ErrorCode::kBadInput, "--seconds must be above 0, at most 86400"};
 
@@ -151,15 +154,21 @@ Expected<int> bench(const std::string& what, double seconds, bool json, const Co
 }  // namespace
 
 int bench_command(Arguments arguments) {
+  if (!arguments.empty() && arguments[0] == "replay") {  // no run, no settings: its program does it all
+    std::vector<std::string> command = {sibling_program("comrad-bench-replay")};
+    command.insert(command.end(), arguments.begin() + 1, arguments.end());
+    return report_error("bench", replace_process(command));
+  }
   std::string what;
   double seconds = 20;
   bool json = false;
   CommandLine line(
-      "bench sim|inference|learner|train [--seconds S] [--json] [settings]",
+      "bench sim|inference|learner|train|replay [--seconds S] [--json] [settings]",
       "Measures agent decisions and env frames per second: sim (one simulator process with random\n"
       "actions), inference (one policy worker), learner (optimizer steps on made-up data), or train (the\n"
-      "whole pipeline, counted after the first update and a warm-up). Runs in a temporary directory.");
-  line.add_positional("WHAT", what, "sim, inference, learner or train");
+      "whole pipeline, counted after the first update and a warm-up). Runs in a temporary directory.\n"
+      "replay measures what the replay alone hands out; its flags: comrad bench replay --help.");
+  line.add_positional("WHAT", what, "sim, inference, learner, train or replay");
   line.add_option("seconds", seconds, "S", "how long to measure (default 20)");
   line.add_switch("json", json, "print one JSON object on stdout and nothing else");
   line.add_settings();
