@@ -40,7 +40,8 @@ class Reader {
     const Token mark = lexer_.next();
     if (++depth_ > kNestingMax) return error_at(mark, "an expression is nested too deeply");
     COMRAD_TRY_ASSIGN(DecorateValue yes, choice());
-    if (const Token colon = lexer_.next(); !colon.is(":")) return error_at(colon, "':' of a choice is missing");
+    if (const Token colon = lexer_.next(); !colon.is(":"))
+      return error_at(colon, "':' of a choice is missing");
     COMRAD_TRY_ASSIGN(DecorateValue no, choice());
     --depth_;
     return condition.number != 0.0 ? yes : no;
@@ -113,7 +114,8 @@ class Reader {
   DecorateValue known(DecorateValue value) const {
     if (value.kind != DecorateValue::Kind::kText || !value.name) return value;
     if (names_.unknown)
-      names_.unknown({.kind = Token::Kind::kName, .text = value.text, .line = value.line, .column = value.column});
+      names_.unknown(
+          {.kind = Token::Kind::kName, .text = value.text, .line = value.line, .column = value.column});
     DecorateValue zero;
     zero.line = value.line, zero.column = value.column;
     return zero;
@@ -146,7 +148,8 @@ class Reader {
     if (text == "|") left.number = static_cast<double>(x | y);
     if (text == "&") left.number = static_cast<double>(x & y);
     if (text == "^") left.number = static_cast<double>(x ^ y);
-    if (text == "<<") left.number = static_cast<double>(static_cast<int32_t>(static_cast<uint32_t>(x) << (y & 31)));
+    if (text == "<<")
+      left.number = static_cast<double>(static_cast<int32_t>(static_cast<uint32_t>(x) << (y & 31)));
     if (text == ">>") left.number = static_cast<double>(static_cast<int32_t>(x) >> (y & 31));
     if (text == "==") left.number = a == b;
     if (text == "!=") left.number = a != b;
@@ -156,7 +159,7 @@ class Reader {
     if (text == ">=") left.number = a >= b;
     if (text == "&&") left.number = a != 0.0 && b != 0.0;
     if (text == "||") left.number = a != 0.0 || b != 0.0;
-    return left;
+    return finite(symbol, left);
   }
 
   /// A draw can be moved and stretched; anything else of it is left to the running game, which this engine
@@ -178,7 +181,15 @@ class Reader {
       draw.number += symbol.is("-") ? -other : other;
       draw.high += symbol.is("-") ? -other : other;
     }
-    return draw;
+    return finite(symbol, draw);
+  }
+
+  /// Two numbers that can be written may have a result that no number says; infinity less infinity is none at
+  /// all, and every clamp lets it through.
+  static Expected<DecorateValue> finite(const Token& symbol, const DecorateValue& result) {
+    if (std::isfinite(result.number) && std::isfinite(result.high) && std::isfinite(result.step))
+      return result;
+    return error_at(symbol, "the result of '" + symbol.text + "' is too large");
   }
 
   Expected<DecorateValue> word(const Token& token, DecorateValue value) {

@@ -17,6 +17,7 @@ namespace comrad::doom {
 struct DecorateValue {
   enum class Kind : uint8_t { kNumber, kRandom, kText };
   Kind kind = Kind::kNumber;
+  // Always finite; what would not be is an error of the lump.
   double number = 0.0;  ///< of kRandom: the lowest
   double high = 0.0;    ///< of kRandom: the highest
   double step = 1.0;    ///< of kRandom: what the draw was multiplied with
