@@ -293,7 +293,15 @@ Status ReplayFeed::load(const StateDict& state, const std::string& folder) {
   COMRAD_TRY_ASSIGN(const int64_t draws, state.integer("replay/draws"));
   if (file.find('/') != std::string::npos)
     return Error{ErrorCode::kBadFormat, "replay/file is \"" + file + "\"; it must be a file of the folder"};
-  COMRAD_TRY(replay_->load(folder + "/" + file));
+  if (const Status loaded = replay_->load(folder + "/" + file); !loaded) {
+    if (config_.deterministic)
+      return Error{loaded.error().code,
+                   loaded.error().message +
+                       "; without it the run is not the uninterrupted one: restore the file, or "
+                       "begin anew with --restart_behavior restart"};
+    spdlog::warn("{}; the replay fills up again before training", loaded.error().message);
+    return {};
+  }
   limiter_.restore(inserted, sampled);
   draws_ = draws;
   spdlog::info("replay: {} agent decisions restored", replay_->transition_count());

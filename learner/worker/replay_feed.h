@@ -64,7 +64,8 @@ class ReplayFeed {
 
   /// The replay to a file in `folder`, and its name and counters into `state`. Errors: those of Replay::save.
   Status save(StateDict& state, const std::string& folder, const std::string& file) const;
-  /// Takes over what save() left; a state without a replay leaves this one empty, with a warning.
+  /// Takes over what save() left; without it this replay stays empty, with a warning. Errors: kBadFormat; in
+  /// deterministic runs also those of Replay::load.
   Status load(const StateDict& state, const std::string& folder);
 
  private:

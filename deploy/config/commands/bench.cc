@@ -136,8 +136,11 @@ Expected<int> bench(const std::string& what, double seconds, bool json, const Co
     return Error{ErrorCode::kBadInput, "--seconds must be above 0, at most 86400"};
 
   const int core_count = usable_cores();
-  const SettingsLayer endless{
-      "bench", {{"train_for_env_steps", "1e15"}, {"save_every_sec", "1e9"}, {"save_best_after", "1e15"}}};
+  const SettingsLayer endless{"bench",
+                              {{"train_for_env_steps", "1e15"},
+                               {"save_every_sec", "1e9"},
+                               {"save_best_after", "1e15"},
+                               {"learning_starts", "4096"}}};
   COMRAD_TRY_ASSIGN(MergedSettings merged,
                     merge_new({line.config_file(), line.typed()}, describe_scenario, core_count, endless));
   COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
