@@ -8,6 +8,7 @@
 
 #include "learner/algorithms/gradient_sum.h"
 #include "learner/algorithms/ppo_loss.h"
+#include "learner/algorithms/progress.h"
 #include "learner/estimators/gae.h"
 #include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
@@ -414,9 +415,7 @@ void OnPolicy::report(const Minibatch& batch, const LossSums& sums, UpdateStats&
 }
 
 void OnPolicy::save(StateDict& state) const {
-  state.put("algorithm/name", std::string(name()));
-  state.put("algorithm/version", static_cast<int64_t>(version_));
-  state.put("algorithm/updates", updates_);
+  Progress{version_, updates_}.save(state, name());
   for (const auto& [name, tensor] : net_.named_state()) state.put("network/" + name, tensor);
   for (const auto& [prefix, optimizer] : optimizers_) optimizer.save(state, "optimizer", prefix);
   state.put("normalizer/returns_mean", returns_.statistics().mean);
@@ -426,12 +425,7 @@ void OnPolicy::save(StateDict& state) const {
 }
 
 Status OnPolicy::load(const StateDict& state) {
-  COMRAD_TRY_ASSIGN(const std::string maker, state.text("algorithm/name"));
-  if (maker != name())
-    return Error{ErrorCode::kBadFormat,
-                 "checkpoint was made by \"" + maker + "\", this run trains " + name()};
-  COMRAD_TRY_ASSIGN(const int64_t version, state.integer("algorithm/version"));
-  COMRAD_TRY_ASSIGN(const int64_t updates, state.integer("algorithm/updates"));
+  COMRAD_TRY_ASSIGN(const Progress progress, Progress::load(state, name()));
   ReturnNormalizer::Statistics statistics;
   COMRAD_TRY_ASSIGN(statistics.mean, state.number("normalizer/returns_mean"));
   COMRAD_TRY_ASSIGN(statistics.variance, state.number("normalizer/returns_variance"));
@@ -441,8 +435,8 @@ Status OnPolicy::load(const StateDict& state) {
     COMRAD_TRY(state.copy_tensor("network/" + key, tensor));
   net_.state_changed();
   for (auto& [prefix, optimizer] : optimizers_) COMRAD_TRY(optimizer.load(state, "optimizer", prefix));
-  version_ = static_cast<PolicyVersion>(version);
-  updates_ = updates;
+  version_ = progress.version;
+  updates_ = progress.updates;
   returns_.restore(statistics);
   // Constant and linear schedules follow this run's flags; only the adaptive ones live from their last
   // position.

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "learner/algorithms/gradient_sum.h"
+#include "learner/algorithms/progress.h"
 #include "learner/critics/utilities.h"
 #include "learner/estimators/td_targets.h"
 #include "policy_workers/policy/torch_ops.h"
@@ -360,9 +361,7 @@ void QLearning::report(const LossSums& sums, UpdateStats& stats) const {
 }
 
 void QLearning::save(StateDict& state) const {
-  state.put("algorithm/name", std::string(name()));
-  state.put("algorithm/version", static_cast<int64_t>(version_));
-  state.put("algorithm/updates", updates_);
+  Progress{version_, updates_}.save(state, name());
   for (const auto& [key, tensor] : net_.named_state()) state.put("network/" + key, tensor);
   for (const auto& [key, tensor] : target_net_.named_parameters()) state.put("target/" + key, tensor);
   if (mixer_) {
@@ -375,12 +374,7 @@ void QLearning::save(StateDict& state) const {
 }
 
 Status QLearning::load(const StateDict& state) {
-  COMRAD_TRY_ASSIGN(const std::string maker, state.text("algorithm/name"));
-  if (maker != name())
-    return Error{ErrorCode::kBadFormat,
-                 "checkpoint was made by \"" + maker + "\", this run trains " + name()};
-  COMRAD_TRY_ASSIGN(const int64_t version, state.integer("algorithm/version"));
-  COMRAD_TRY_ASSIGN(const int64_t updates, state.integer("algorithm/updates"));
+  COMRAD_TRY_ASSIGN(const Progress progress, Progress::load(state, name()));
   for (const auto& [key, tensor] : net_.named_state())
     COMRAD_TRY(state.copy_tensor("network/" + key, tensor));
   for (const auto& [key, tensor] : target_net_.named_parameters())
@@ -393,8 +387,8 @@ Status QLearning::load(const StateDict& state) {
   }
   net_.state_changed();
   COMRAD_TRY(optimizer_.load(state, "optimizer"));
-  version_ = static_cast<PolicyVersion>(version);
-  updates_ = updates;
+  version_ = progress.version;
+  updates_ = progress.updates;
   return {};
 }
 

