@@ -122,9 +122,9 @@ void Replay::prefetch_draw(const Draw& draw) const {
   }
   // One frame and the next; a cut step also reads its true last observation, which lies behind the others.
   const StoredTrajectory trajectory = store_.item(draw.item);
-  store_.prefetch_rows(draw.item, draw.step, draw.step + 1);
+  store_.prefetch_rows(draw.item, draw.step, draw.step + 1, draw.agent);
   if (const int row = trajectory.final_row(draw.step); row >= 0)
-    store_.prefetch_rows(draw.item, trajectory.length() + 1 + row, trajectory.length() + 1 + row);
+    store_.prefetch_rows(draw.item, trajectory.length() + 1 + row, trajectory.length() + 1 + row, draw.agent);
 }
 
 void Replay::prefetch(std::span<const Draw> draws) const {

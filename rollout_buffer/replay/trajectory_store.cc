@@ -180,15 +180,24 @@ std::span<const float> StoredTrajectory::recurrent_state(int agent) const {
 }
 
 std::pair<int64_t, int64_t> StoredTrajectory::frame_range(int first, int last) const {
-  const int64_t begin = int64_t{first} * agents(), end = int64_t{last + 1} * agents();
+  return cell_range(int64_t{first} * agents(), int64_t{last + 1} * agents());
+}
+
+std::pair<int64_t, int64_t> StoredTrajectory::frame_range_of_agent(int row, int agent) const {
+  return cell_range(int64_t{row} * agents() + agent, int64_t{row} * agents() + agent + 1);
+}
+
+std::pair<int64_t, int64_t> StoredTrajectory::cell_range(int64_t begin, int64_t end) const {
   if (!form_.compressed) {
     const int64_t frame = shape_->env.frame_bytes();
     return {layout_.frames + begin * frame, (end - begin) * frame};
   }
   const auto ends = field<uint32_t>(layout_.frame_ends, 0, layout_.frame_count);
-  const int64_t from = begin == 0 ? 0 : ends[static_cast<std::size_t>(begin - 1)];
-  const int64_t to = ends[static_cast<std::size_t>(end - 1)];
-  return {layout_.frames + from, std::clamp<int64_t>(to - from, 0, byte_count_ - layout_.frames)};
+  // Bounded, because the ends may lie in a file that others can write.
+  const int64_t room = byte_count_ - layout_.frames;
+  const int64_t from = begin == 0 ? 0 : std::min<int64_t>(ends[static_cast<std::size_t>(begin - 1)], room);
+  const int64_t to = std::min<int64_t>(ends[static_cast<std::size_t>(end - 1)], room);
+  return {layout_.frames + from, std::max<int64_t>(to - from, 0)};
 }
 
 // -----------------------------------------------------------------------------------------------
@@ -387,11 +396,19 @@ void TrajectoryStore::prefetch_head(ItemId id) const {
   memory_->prefetch(slot.offset, ItemLayout(shape(), slot.form).frames);
 }
 
-void TrajectoryStore::prefetch_rows(ItemId id, int first, int last) const {
+void TrajectoryStore::prefetch_rows(ItemId id, int first, int last, int agent) const {
   if (!contains(id)) return;
   const Slot& slot = slots_[static_cast<std::size_t>(id - oldest())];
-  const auto [offset, byte_count] = item(id).frame_range(first, last);
-  memory_->prefetch(slot.offset + offset, byte_count);
+  const StoredTrajectory trajectory = item(id);
+  if (agent < 0) {
+    const auto [offset, byte_count] = trajectory.frame_range(first, last);
+    memory_->prefetch(slot.offset + offset, byte_count);
+    return;
+  }
+  for (int row = first; row <= last; ++row) {
+    const auto [offset, byte_count] = trajectory.frame_range_of_agent(row, agent);
+    memory_->prefetch(slot.offset + offset, byte_count);
+  }
 }
 
 // -----------------------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ constexpr ItemId kNoItem = -1;
 
 struct StoreOptions {
   TrajectoryShape shape;
-  int64_t capacity_bytes = 0;        ///< of trajectories; the index needs about 0.1 % of it on top
+  int64_t capacity_bytes = 0;        ///< of trajectories; the index needs 0.3 % of it at most on top
   int64_t capacity_transitions = 0;  ///< agent decisions; 0: bytes alone decide
   std::string file = {};             ///< empty: RAM; else a file that is made at that size and mapped
   bool compress = false;             ///< each frame as an LZ4 block
@@ -67,6 +67,8 @@ class StoredTrajectory {
 
   /// Where the frames of rows `first..last` (final rows follow row L) lie inside the item: {offset, bytes}.
   std::pair<int64_t, int64_t> frame_range(int first, int last) const;
+  /// The same of one agent's frame.
+  std::pair<int64_t, int64_t> frame_range_of_agent(int row, int agent) const;
   int64_t head_bytes() const { return layout_.frames; }
   std::span<const std::byte> bytes() const { return {bytes_, static_cast<std::size_t>(byte_count_)}; }
   const ItemForm& form() const { return form_; }
@@ -78,6 +80,7 @@ class StoredTrajectory {
   }
   uint8_t flag(int64_t offset, int step) const;
   void copy_cells(int64_t first, int64_t count, uint8_t* out) const;
+  std::pair<int64_t, int64_t> cell_range(int64_t begin, int64_t end) const;
   int agents() const { return shape_->env.num_agents; }
 
   const TrajectoryShape* shape_;
@@ -128,10 +131,11 @@ class TrajectoryStore {
   /// The first failure of the disk behind `file`; nothing is stored from then on where writing fails.
   const std::optional<Error>& write_error() const { return write_error_; }
 
-  /// Asks for an item's bytes ahead of time: all, or its small fields and the frames of rows first..last.
+  /// Asks for an item's bytes ahead of time: all, its small fields, or the frames of rows first..last, of all
+  /// agents or of one.
   void prefetch(ItemId id) const;
   void prefetch_head(ItemId id) const;
-  void prefetch_rows(ItemId id, int first, int last) const;
+  void prefetch_rows(ItemId id, int first, int last, int agent = -1) const;
   /// Begins a measurement cold: see RingMemory.
   void forget_cached() const { memory_->forget_cached(); }
   /// The file behind the store, -1 in RAM.
