@@ -123,7 +123,10 @@ TEST(Decorate, PropertiesDoWhatTheySay) {
       {"DamageFactor \"Fire\", 0.25",
        [](T t, C) { return t.damage_factor[static_cast<std::size_t>(DamageType::kFire)] == kFracUnit / 4; }},
       {"DamageFactor \"Taunt\", 0.0",
-       [](T t, C c) { return t.damage_factor[static_cast<std::size_t>(*c.find_damage_type("taunt"))] == 0; }},
+       [](T t, C c) {
+         const auto taunt = c.find_damage_type("taunt");
+         return taunt && t.damage_factor[static_cast<std::size_t>(*taunt)] == 0;
+       }},
       {"PainChance 99", [](T t, C) { return t.pain_chance == 99; }},
       {"PainChance \"Fire\", 12",
        [](T t, C) { return t.pain_chances.size() == 1 && t.pain_chances[0] == std::pair(DamageType::kFire, 12) &&
