@@ -132,7 +132,8 @@ int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* sourc
   if (attacker != nullptr && source != &target) {
     Player& shooter = world.state().players[static_cast<std::size_t>(source->player_index)];
     ++shooter.hits_dealt;
-    shooter.damage_dealt = add_saturated(shooter.damage_dealt, std::min(amount, target.health));
+    // Whole, however little health was left: ViZDoom counts it so (basic.wad: 10 or 15 for a target with 1).
+    shooter.damage_dealt = add_saturated(shooter.damage_dealt, amount);
   }
 
   const int32_t health_before = target.health;

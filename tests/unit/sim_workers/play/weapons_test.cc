@@ -218,6 +218,16 @@ TEST(WeaponDamage, APistolsFirstShotIsExactAndDoesFiveTenOrFifteen) {
   EXPECT_EQ(total, 300);
 }
 
+TEST(WeaponDamage, AKillCountsItsWholeDamage) {
+  Shooter stage("Pistol");
+  Actor& body = stage.dummy(300);
+  body.health = 1;
+  stage.shot_tics(1);
+  EXPECT_EQ(stage.player().kill_count, 1);
+  EXPECT_GE(stage.player().damage_dealt, 5);
+  EXPECT_EQ(stage.player().damage_dealt % 5, 0);
+}
+
 TEST(WeaponDamage, AFistDoesTwoToTwentyAndTenfoldWithStrength) {
   for (const auto& [damage, count] : damage_counts("Fist", 60, 200)) {
     EXPECT_GE(damage, 2);
