@@ -118,9 +118,20 @@ TEST(Deterministic, MappoAndHappoResumedHalfWayEqualNeverStopping) {
 TEST(Deterministic, QmixAndIdqnResumedHalfWayEqualNeverStopping) {
   const ScratchFolder scratch;
   for (const std::string algo : {"qmix", "idqn"}) {
-    const std::vector<std::string> settings = {
-        "--algo",      algo,   "--learning_starts", "200", "--qmix_sequence_batch_size",  "4",
-        "--replay_gb", "0.05", "--dqn_batch_size",  "32",  "--dqn_max_updates_per_batch", "1"};
+    const std::vector<std::string> settings = {"--algo",
+                                               algo,
+                                               "--learning_starts",
+                                               "200",
+                                               "--qmix_sequence_batch_size",
+                                               "4",
+                                               "--replay_gb",
+                                               "0.05",
+                                               "--dqn_batch_size",
+                                               "32",
+                                               "--dqn_max_updates_per_batch",
+                                               "1",
+                                               "--per_beta_frames",
+                                               "8192"};  // else the half run is over earlier
     train(scratch, algo + "_straight", kEnvSteps, settings);
     train(scratch, algo + "_resumed", kEnvSteps / 2, settings);
     train(scratch, algo + "_resumed", kEnvSteps, settings);

@@ -95,11 +95,11 @@ TEST(AmmoCarrier, AKillOfTheDefendersHealsBoth) {
   stage.run(4);
   EXPECT_EQ(stage.user(44), 1);
   EXPECT_EQ(stage.user(46), 1) << "the defender sees it";
-  stage.hurt(zombie, 100, kDefender);
+  stage.hurt(zombie, 30, kDefender);  // it has 20; the whole shot counts
   stage.run(4);
   EXPECT_EQ(stage.body(kDefender).health, 160);
   EXPECT_EQ(stage.body(kRunner).health, 200) << "never more than 200";
-  EXPECT_NEAR(stage.returns[kDefender], 1 + 0.001 * 20, 1e-3);
+  EXPECT_NEAR(stage.returns[kDefender], 1 + 0.001 * 30, 1e-3);
   stage.hurt(add_monster(stage, "CarrierZombie", -200, 0), 100, -1);
   stage.run(4);
   EXPECT_EQ(stage.body(kDefender).health, 160) << "nobody's kill";
