@@ -281,6 +281,26 @@ TEST(QmixMixer, RisesWithEveryUtilityAtTenThousandRandomPoints) {
   EXPECT_EQ(points, 10'000);
 }
 
+/// The ELU layer is convex, so what one agent's better utility adds grows with the other's. This bounds what
+/// QMIX can represent more tightly than monotonicity does (mixer_games_test).
+TEST(QmixMixer, HasIncreasingDifferences) {
+  at::Generator draws = generator(12);
+  for (uint64_t round = 0; round < 50; ++round) {
+    const MixerOptions options = small("qmix");
+    const auto mixer = make_mixer(options, round, torch::kCPU);
+    shake(*mixer, draws, round % 2 == 0 ? 0.0 : 0.3);
+    const Tensor low = normal({100, 2}, draws, 2.0), rise = normal({100, 2}, draws, 2.0).abs();
+    const Tensor state = normal({100, options.state_count}, draws, 2.0);
+    const auto value = [&](float first, float second) {
+      const Tensor chosen = low + rise * torch::tensor({first, second});
+      return mixer->mix({.chosen = chosen, .state = state}).q_tot;
+    };
+    const Tensor both = value(1, 1), neither = value(0, 0), one = value(1, 0), other = value(0, 1);
+    const Tensor rounding = 1e-5 * (1 + both.abs() + neither.abs() + one.abs() + other.abs());
+    EXPECT_GE((both + neither - one - other + rounding).min().item<double>(), 0.0) << round;
+  }
+}
+
 // ---- individual and global argmax agree, by enumeration
 
 void expect_igm(const MixerOptions& options, uint64_t seed) {
@@ -316,6 +336,8 @@ TEST(Igm, HoldsForRandomParametersOfEveryKind) {
       options.adv_hypernet_layers = 1 + static_cast<int64_t>(seed % 3);
       expect_igm(options, seed);
       expect_igm(paper_qplex(options), seed);
+      options.is_minus_one = false;
+      expect_igm(options, seed);
     }
   }
 }
