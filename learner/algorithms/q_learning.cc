@@ -54,6 +54,14 @@ std::vector<Tensor> parameters_of(const policy::PolicyNet& net, const Mixer* mix
   return parameters;
 }
 
+/// Encoder features [count, R, E] of the observations from step `first` on.
+Tensor encode(const policy::PolicyNet& net, const ReplayBatch& batch, int64_t first, int64_t count) {
+  const auto rows_of = [&](const Tensor& field) {
+    return field.defined() ? field.narrow(0, first, count).flatten(0, 1) : field;
+  };
+  return net.encode(rows_of(batch.frame), rows_of(batch.measurement)).view({count, batch.rows(), -1});
+}
+
 /// `rows` [T, R, ...] of the observations behind the steps, with those of cuts put in: value f of `finals`
 /// goes to (step[f], row[f]).
 Tensor with_finals(Tensor rows, const Tensor& step, const Tensor& row, const Tensor& finals) {
@@ -117,23 +125,16 @@ Tensor QLearning::loss_of_error(const Tensor& error) const {
 
 QLearning::QValues QLearning::q_values(const policy::PolicyNet& net, const ReplayBatch& batch,
                                        bool has_gradient) const {
-  const int64_t steps = batch.steps(), rows = batch.rows();
-  const auto encode = [&](int64_t first, int64_t count) {
-    const Tensor frame = batch.frame.narrow(0, first, count).flatten(0, 1);
-    const Tensor measurement = batch.measurement.defined()
-                                   ? batch.measurement.narrow(0, first, count).flatten(0, 1)
-                                   : batch.measurement;
-    return net.encode(frame, measurement).view({count, rows, -1});
-  };
+  const int64_t steps = batch.steps();
   const bool has_core = net.options().use_rnn;
   // A target without a recurrent core has no use for what was decided on.
   const int64_t first = has_gradient || has_core ? 0 : 1;
   Tensor encoded;
   {
     torch::NoGradGuard no_grad;  // nothing bootstraps with gradient
-    encoded = has_gradient ? encode(steps, 1) : encode(first, steps + 1 - first);
+    encoded = has_gradient ? encode(net, batch, steps, 1) : encode(net, batch, first, steps + 1 - first);
   }
-  if (has_gradient) encoded = at::cat({encode(0, steps), encoded});
+  if (has_gradient) encoded = at::cat({encode(net, batch, 0, steps), encoded});
   const Tensor reset = batch.reset.narrow(0, first, steps + 1 - first);
   const Tensor q = net.logits_of(encoded, batch.recurrent_state, reset);
 
@@ -179,13 +180,9 @@ QLearning::Scene QLearning::scene_of(const ReplayBatch& micro) const {
     const auto warmed = [&](const policy::PolicyNet& net) {
       torch::NoGradGuard no_grad;
       const int64_t count = config_.burn_in;
-      const Tensor frame = batch.frame.narrow(0, 0, count).flatten(0, 1);
-      const Tensor measurement = batch.measurement.defined()
-                                     ? batch.measurement.narrow(0, 0, count).flatten(0, 1)
-                                     : batch.measurement;
       return steps_from(batch, count,
-                        net.state_after(net.encode(frame, measurement).view({count, batch.rows(), -1}),
-                                        batch.recurrent_state, batch.reset.narrow(0, 0, count)));
+                        net.state_after(encode(net, batch, 0, count), batch.recurrent_state,
+                                        batch.reset.narrow(0, 0, count)));
     };
     const ReplayBatch for_target = warmed(target_net_);
     batch = warmed(net_);
@@ -232,7 +229,6 @@ QLearning::Part QLearning::part_of(const ReplayBatch& micro, double valid_count)
   const Tensor utility = chosen_utility(scene.online.now, scene.batch.action, env_).detach();
   const Tensor taken = scene.batch.valid.to(torch::kBool);
   const Tensor spread = scene.online.now.detach().std(-1, /*unbiased=*/false).mean();
-  const double rows_share = static_cast<double>(micro.world_count);
   const Tensor of_row = scene.batch.valid.to(torch::kFloat32) / std::max(1.0, valid_count) *
                         (static_cast<double>(valid.size(1)) / static_cast<double>(micro.rows()));
   const std::vector<std::pair<double*, Tensor>> numbers = {
@@ -246,7 +242,7 @@ QLearning::Part QLearning::part_of(const ReplayBatch& micro, double valid_count)
       {&part.sums.utility, (utility * of_row).sum()},
       {&part.sums.utility_max, torch::where(taken, utility, torch::full({}, -1e30f, valid.options())).max()},
       {&part.sums.utility_min, torch::where(taken, utility, torch::full({}, 1e30f, valid.options())).min()},
-      {&part.sums.spread, spread * rows_share},
+      {&part.sums.spread, spread * micro.world_count},
       {&part.sums.terminated, (scene.batch.terminated.to(torch::kFloat32) * of_row).sum()},
       {&part.sums.truncated, (scene.batch.truncated.to(torch::kFloat32) * of_row).sum()},
       {&part.sums.head_entropy, sample.head_entropy.defined() ? (sample.head_entropy * share).sum()
