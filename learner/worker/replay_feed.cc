@@ -52,7 +52,7 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
                               .prioritized = config.per,
                               .omega = config.per_omega,
                               .beta_start = config.per_beta_start,
-                              .beta_steps = static_cast<int64_t>(config.per_beta_frames)}));
+                              .beta_steps = static_cast<int64_t>(std::min(config.per_beta_frames, 9e15))}));
   const int64_t capacity = replay->capacity_transitions();
   spdlog::info("replay: room for {} agent decisions ({})", capacity,
                capacity < config.replay_buffer_size ? "replay_gb decides, replay_buffer_size would allow more"

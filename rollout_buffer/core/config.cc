@@ -230,9 +230,10 @@ void check_q_learning(const RunConfig& c, Checks& check) {
   check.range("qmix_sequence_batch_size", c.qmix_sequence_batch_size, 1, 1 << 16);
   check.range("burn_in", c.burn_in, 0, 4096);
 
-  check.above("replay_gb", c.replay_gb, 0);
+  check.that(c.replay_gb > 0 && c.replay_gb <= 1e6, "replay_gb", real_text(c.replay_gb),
+             "greater than 0 and at most 1000000");
   check.range("replay_buffer_size", c.replay_buffer_size, 1, int64_t{1} << 40);
-  check.at_least("per_omega", c.per_omega, 0);
+  check.fraction("per_omega", c.per_omega);
   check.fraction("per_beta_start", c.per_beta_start);
   check.at_least("per_beta_frames", c.per_beta_frames, 0);
 
