@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
 namespace {
@@ -28,10 +29,6 @@ std::vector<char*> argument_vector(const std::vector<std::string>& command) {
   for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
   arguments.push_back(nullptr);
   return arguments;
-}
-
-Error system_error(const std::string& what) {
-  return Error{ErrorCode::kSystem, what + ": " + std::strerror(errno)};
 }
 
 struct Descriptor {

@@ -11,6 +11,10 @@
 
 namespace comrad {
 
+Error system_error(const std::string& what) {
+  return Error{ErrorCode::kSystem, what + ": " + std::strerror(errno)};
+}
+
 Error file_error(const std::string& what, int code) {
   const bool is_full = code == ENOSPC || code == EDQUOT;
   return Error{

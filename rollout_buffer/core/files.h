@@ -9,6 +9,9 @@
 
 namespace comrad {
 
+/// What the system's last call failed with: `what` and errno's reason. kSystem.
+Error system_error(const std::string& what);
+
 /// What went wrong with a file, in the system's words: `what` and the reason of errno `code`. kNoSpace with
 /// what to do where the disk is full, else kSystem.
 Error file_error(const std::string& what, int code);

@@ -1,6 +1,8 @@
 #include "rollout_buffer/core/text.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdio>
 #include <numeric>
 
 namespace comrad {
@@ -21,6 +23,14 @@ std::string_view trimmed(std::string_view text) {
   while (!text.empty() && is_space(text.front())) text.remove_prefix(1);
   while (!text.empty() && is_space(text.back())) text.remove_suffix(1);
   return text;
+}
+
+std::string bytes_text(int64_t bytes) {
+  std::array<char, 32> text{};
+  const double mega = static_cast<double>(bytes) * 1e-6;
+  std::snprintf(text.data(), text.size(), mega < 1e3 ? "%.1f MB" : "%.1f GB",
+                mega < 1e3 ? mega : mega * 1e-3);
+  return text.data();
 }
 
 std::size_t edit_distance(std::string_view a, std::string_view b) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,6 +32,9 @@ constexpr bool is_space(char letter) { return letter == ' ' || (letter >= '\t' &
 
 /// The text without the space before and after it.
 std::string_view trimmed(std::string_view text);
+
+/// "20.0 MB", "1.5 GB".
+std::string bytes_text(int64_t bytes);
 
 /// How many typing errors lie between two words: the optimal string alignment distance. A letter too many, a
 /// letter missing, a wrong letter and two neighbours swapped count one each, and no part of a word is edited

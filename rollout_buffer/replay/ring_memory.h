@@ -9,11 +9,9 @@
 #include <string>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/mapping.h"
 
 namespace comrad::replay {
-
-/// "1.5 GB", "20.0 MB".
-std::string bytes_text(int64_t bytes);
 
 /// Owns `size_bytes` of memory. Move-only.
 class RingMemory {
@@ -26,14 +24,10 @@ class RingMemory {
   /// Errors: kBadInput (the name is taken), kNotFound (no such folder), kNoSpace, kSystem.
   static Expected<RingMemory> in_file(const std::string& path, int64_t size_bytes);
 
-  RingMemory(RingMemory&& other) noexcept;
-  RingMemory& operator=(RingMemory&& other) noexcept;
-  ~RingMemory();
-
-  const std::byte* data() const { return data_; }
-  int64_t size_bytes() const { return size_bytes_; }
-  bool is_file() const { return descriptor_ >= 0; }
-  int descriptor() const { return descriptor_; }  ///< -1 where there is no file
+  const std::byte* data() const { return mapping_.data; }
+  int64_t size_bytes() const { return mapping_.size_bytes; }
+  bool is_file() const { return mapping_.descriptor >= 0; }
+  int descriptor() const { return mapping_.descriptor; }  ///< -1 where there is no file
 
   /// Writes the parts one behind the other. Errors: kNoSpace, kSystem (of the disk).
   Status write(int64_t offset, std::span<const std::span<const std::byte>> parts);
@@ -46,9 +40,7 @@ class RingMemory {
  private:
   RingMemory() = default;
   std::string path_;
-  std::byte* data_ = nullptr;
-  int64_t size_bytes_ = 0;
-  int descriptor_ = -1;
+  Mapping mapping_;
 };
 
 }  // namespace comrad::replay

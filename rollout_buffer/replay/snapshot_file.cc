@@ -14,7 +14,7 @@
 #include <utility>
 
 #include "rollout_buffer/core/checksum.h"
-#include "rollout_buffer/replay/ring_memory.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::replay {
 namespace {

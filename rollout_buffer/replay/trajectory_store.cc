@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "rollout_buffer/core/check.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::replay {
 namespace {

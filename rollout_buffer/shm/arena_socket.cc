@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/files.h"
 
 namespace comrad::shm {
 namespace {
@@ -42,10 +43,6 @@ class Handle {
  private:
   int descriptor_;
 };
-
-Error system_error(const std::string& what) {
-  return Error{ErrorCode::kSystem, what + ": " + std::strerror(errno)};
-}
 
 /// An abstract address: a zero byte, then the name; the kernel forgets it with the socket.
 struct Address {

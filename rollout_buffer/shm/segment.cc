@@ -6,26 +6,20 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
 #include <fstream>
 #include <limits>
 #include <optional>
 #include <sstream>
-#include <utility>
 #include <vector>
+
+#include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::shm {
 namespace {
 
 constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;
 constexpr int64_t kUnlimited = std::numeric_limits<int64_t>::max();
-
-Error system_error(const std::string& what) {
-  return Error{ErrorCode::kSystem, what + ": " + std::strerror(errno)};
-}
 
 std::optional<int64_t> read_number(const std::string& path) {
   std::ifstream file(path);
@@ -80,14 +74,6 @@ int64_t control_group_room() {
   return room;
 }
 
-std::string bytes_text(int64_t bytes) {
-  std::array<char, 32> text{};
-  const double mega = static_cast<double>(bytes) * 1e-6;
-  std::snprintf(text.data(), text.size(), mega < 1e3 ? "%.1f MB" : "%.1f GB",
-                mega < 1e3 ? mega : mega * 1e-3);
-  return text.data();
-}
-
 }  // namespace
 
 int64_t free_memory_bytes() {
@@ -106,12 +92,12 @@ Expected<Segment> Segment::create(const std::string& name, int64_t size_bytes) {
                      " is free; lower --trajectory_slabs, --num_workers, --num_envs_per_worker, "
                      "--batch_size or --rollout, or free memory"};
   Segment segment;
-  segment.descriptor_ = memfd_create(name.c_str(), MFD_CLOEXEC | MFD_ALLOW_SEALING);
-  if (segment.descriptor_ < 0) return system_error("memfd_create " + name);
+  segment.mapping_.descriptor = memfd_create(name.c_str(), MFD_CLOEXEC | MFD_ALLOW_SEALING);
+  if (segment.mapping_.descriptor < 0) return system_error("memfd_create " + name);
   // Pages are taken on first touch; the size alone is fixed here, and for good.
-  if (ftruncate(segment.descriptor_, size_bytes) != 0)
+  if (ftruncate(segment.mapping_.descriptor, size_bytes) != 0)
     return system_error("shared memory " + name + ", setting its size");
-  if (fcntl(segment.descriptor_, F_ADD_SEALS, kSeals) != 0)
+  if (fcntl(segment.mapping_.descriptor, F_ADD_SEALS, kSeals) != 0)
     return system_error("shared memory " + name + ", sealing");
   COMRAD_TRY(segment.map(size_bytes));
   return segment;
@@ -119,7 +105,7 @@ Expected<Segment> Segment::create(const std::string& name, int64_t size_bytes) {
 
 Expected<Segment> Segment::adopt(int descriptor) {
   Segment segment;
-  segment.descriptor_ = descriptor;
+  segment.mapping_.descriptor = descriptor;
   const int seals = fcntl(descriptor, F_GET_SEALS);
   if (seals < 0 || (seals & kSeals) != kSeals)
     return Error{ErrorCode::kBadFormat, "shared memory from a peer is not a memfd sealed against resizing"};
@@ -131,29 +117,12 @@ Expected<Segment> Segment::adopt(int descriptor) {
 }
 
 Status Segment::map(int64_t size_bytes) {
-  void* address =
-      mmap(nullptr, static_cast<std::size_t>(size_bytes), PROT_READ | PROT_WRITE, MAP_SHARED, descriptor_, 0);
+  void* address = mmap(nullptr, static_cast<std::size_t>(size_bytes), PROT_READ | PROT_WRITE, MAP_SHARED,
+                       mapping_.descriptor, 0);
   if (address == MAP_FAILED) return system_error("mapping " + bytes_text(size_bytes) + " of shared memory");
-  data_ = static_cast<std::byte*>(address);
-  size_bytes_ = size_bytes;
+  mapping_.data = static_cast<std::byte*>(address);
+  mapping_.size_bytes = size_bytes;
   return {};
-}
-
-Segment::Segment(Segment&& other) noexcept
-    : data_(std::exchange(other.data_, nullptr)),
-      size_bytes_(std::exchange(other.size_bytes_, 0)),
-      descriptor_(std::exchange(other.descriptor_, -1)) {}
-
-Segment& Segment::operator=(Segment&& other) noexcept {
-  std::swap(data_, other.data_);
-  std::swap(size_bytes_, other.size_bytes_);
-  std::swap(descriptor_, other.descriptor_);
-  return *this;
-}
-
-Segment::~Segment() {
-  if (data_ != nullptr) munmap(data_, static_cast<std::size_t>(size_bytes_));
-  if (descriptor_ >= 0) close(descriptor_);
 }
 
 }  // namespace comrad::shm

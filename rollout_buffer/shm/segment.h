@@ -7,6 +7,7 @@
 #include <string>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/mapping.h"
 
 namespace comrad::shm {
 
@@ -24,20 +25,14 @@ class Segment {
   /// Maps a descriptor received from a peer; takes it over. Errors: kBadFormat (not a sealed memfd), kSystem.
   static Expected<Segment> adopt(int descriptor);
 
-  Segment(Segment&& other) noexcept;
-  Segment& operator=(Segment&& other) noexcept;
-  ~Segment();
-
-  std::byte* data() const { return data_; }
-  int64_t size_bytes() const { return size_bytes_; }
-  int descriptor() const { return descriptor_; }
+  std::byte* data() const { return mapping_.data; }
+  int64_t size_bytes() const { return mapping_.size_bytes; }
+  int descriptor() const { return mapping_.descriptor; }
 
  private:
   Segment() = default;
   Status map(int64_t size_bytes);
-  std::byte* data_ = nullptr;
-  int64_t size_bytes_ = 0;
-  int descriptor_ = -1;
+  Mapping mapping_;
 };
 
 }  // namespace comrad::shm

@@ -89,5 +89,13 @@ TEST(NearestWord, TheFirstOfEquallyNearOnesWins) {
   EXPECT_EQ(nearest_word("seet", {"seeb", "seed"}), "seeb");
 }
 
+TEST(BytesText, IsInMegabytesBelowAGigabyte) {
+  EXPECT_EQ(bytes_text(0), "0.0 MB");
+  EXPECT_EQ(bytes_text(20'000'000), "20.0 MB");
+  EXPECT_EQ(bytes_text(999'000'000), "999.0 MB");
+  EXPECT_EQ(bytes_text(1'000'000'000), "1.0 GB");
+  EXPECT_EQ(bytes_text(1'540'000'000'000), "1540.0 GB");
+}
+
 }  // namespace
 }  // namespace comrad
