@@ -1,8 +1,9 @@
 #include "learner/algorithms/idqn.h"
 
-#include "learner/critics/utilities.h"
 #include "learner/estimators/td_targets.h"
+#include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/policy/utilities.h"
 
 namespace comrad::learn {
 
@@ -12,13 +13,13 @@ Tensor Idqn::sample_valid(const ReplayBatch& batch) const {
 
 QLearning::SampleLoss Idqn::loss_of(const Scene& scene) const {
   const ReplayBatch& batch = scene.batch;
-  const Tensor chosen = chosen_values(scene.online.now, batch.action, env_);  // [T, R, heads]
+  const Tensor chosen = policy::chosen_entries(scene.online.now, batch.action, env_);  // [T, R, heads]
   Tensor target;
   {
     torch::NoGradGuard no_grad;
-    const Tensor best =
-        greedy_action(config_.double_dqn ? scene.online.next : scene.target.next, scene.next_mask, env_);
-    const Tensor next = chosen_values(scene.target.next, best, env_) * batch.bootstrap.unsqueeze(-1);
+    const Tensor best = policy::greedy_action(config_.double_dqn ? scene.online.next : scene.target.next,
+                                              scene.next_mask, env_);
+    const Tensor next = policy::chosen_entries(scene.target.next, best, env_) * batch.bootstrap.unsqueeze(-1);
     const auto per_head = [&](const Tensor& of_rows) {
       return of_rows.unsqueeze(-1).expand_as(next).flatten(1).contiguous();
     };

@@ -7,9 +7,9 @@
 
 #include "learner/algorithms/gradient_sum.h"
 #include "learner/algorithms/progress.h"
-#include "learner/critics/utilities.h"
 #include "learner/estimators/td_targets.h"
 #include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/policy/utilities.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
 
@@ -20,31 +20,11 @@ uint64_t seed_of(const RunConfig& config, const char* purpose) {
   return RngKey(static_cast<uint64_t>(config.seed)).split(purpose).bits();
 }
 
-MixerOptions mixer_options(const RunConfig& config, const EnvShape& env, int64_t features) {
-  return {.kind = config.mixer,
-          .num_agents = env.num_agents,
-          .state_count = features * env.num_agents,
-          .logit_count = env.logit_count(),
-          .state_slice = features,
-          .embed_dim = config.qmix_embed_dim,
-          .hypernet_hidden = config.qmix_hypernet_hidden,
-          .qplex_embed_dim = config.qplex_embed_dim,
-          .qplex_hypernet_embed = config.qplex_hypernet_embed,
-          .adv_hypernet_layers = config.qplex_adv_hypernet_layers,
-          .adv_hypernet_embed = config.qplex_adv_hypernet_embed,
-          .num_kernel = config.qplex_num_kernel,
-          .n_head = config.qplex_n_head,
-          .attend_reg_coef = config.qplex_attend_reg_coef,
-          .is_minus_one = config.qplex_is_minus_one,
-          .weighted_head = config.qplex_weighted_head,
-          .nonlinear = config.qplex_nonlinear,
-          .state_bias = config.qplex_state_bias};
-}
-
 /// A fresh mixer; equal ones for online and target, since both come from one seed. Null for idqn.
 std::unique_ptr<Mixer> mixer_of(const RunConfig& config, const EnvShape& env, const policy::PolicyNet& net) {
   if (!mixes_q_values(config)) return nullptr;
-  return make_mixer(mixer_options(config, env, net.encoded_count()), seed_of(config, "mixer"), net.device());
+  return make_mixer(MixerOptions::from(config, env, net.encoded_count()), seed_of(config, "mixer"),
+                    net.device());
 }
 
 std::vector<Tensor> parameters_of(const policy::PolicyNet& net, const Mixer* mixer) {
@@ -226,7 +206,7 @@ QLearning::Part QLearning::part_of(const ReplayBatch& micro, double valid_count)
   const auto largest = [&](const Tensor& of_samples) {
     return torch::where(is_valid, of_samples, torch::full({}, -1e30f, valid.options())).max();
   };
-  const Tensor utility = chosen_utility(scene.online.now, scene.batch.action, env_).detach();
+  const Tensor utility = policy::chosen_utility(scene.online.now, scene.batch.action, env_).detach();
   const Tensor taken = scene.batch.valid.to(torch::kBool);
   const Tensor spread = scene.online.now.detach().std(-1, /*unbiased=*/false).mean();
   const Tensor of_row = scene.batch.valid.to(torch::kFloat32) / std::max(1.0, valid_count) *

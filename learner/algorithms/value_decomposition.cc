@@ -1,8 +1,9 @@
 #include "learner/algorithms/value_decomposition.h"
 
-#include "learner/critics/utilities.h"
 #include "learner/estimators/td_targets.h"
+#include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/policy/utilities.h"
 
 namespace comrad::learn {
 
@@ -19,9 +20,9 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
                          const Tensor& active) {
     const Tensor& q = is_next ? values.next : values.now;
     const Tensor is_active = active.to(torch::kFloat32);
-    return MixerInput{.chosen = of_worlds(chosen_utility(q, action, env_) * is_active),
-                      .greedy = of_worlds(greedy_utility(q.detach(), mask, env_) * is_active),
-                      .action = of_worlds(multi_hot(action, env_)),
+    return MixerInput{.chosen = of_worlds(policy::chosen_utility(q, action, env_) * is_active),
+                      .greedy = of_worlds(policy::greedy_utility(q.detach(), mask, env_) * is_active),
+                      .action = of_worlds(policy::multi_hot(action, env_)),
                       .state = of_worlds(is_next ? values.next_state : values.state)};
   };
   const MixerOutput mixed = mixer_->mix(
@@ -33,8 +34,8 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
   Tensor target;
   {
     torch::NoGradGuard no_grad;
-    const Tensor best =
-        greedy_action(config_.double_dqn ? scene.online.next : scene.target.next, scene.next_mask, env_);
+    const Tensor best = policy::greedy_action(config_.double_dqn ? scene.online.next : scene.target.next,
+                                              scene.next_mask, env_);
     const Tensor next = by_time(
         target_mixer_->mix(input(scene.target, true, best, scene.next_mask, scene.next_active)).q_tot);
     const auto first_of = [&](const Tensor& of_rows) {

@@ -8,12 +8,25 @@
 
 namespace comrad::learn {
 
-MixerOptions paper_qplex(MixerOptions options) {
-  options.weighted_head = true;
-  options.num_kernel = 10;
-  options.adv_hypernet_layers = 3;
-  options.state_bias = true;
-  return options;
+MixerOptions MixerOptions::from(const RunConfig& config, const EnvShape& env, int64_t features) {
+  return {.kind = config.mixer,
+          .num_agents = env.num_agents,
+          .state_count = features * env.num_agents,
+          .logit_count = env.logit_count(),
+          .state_slice = features,
+          .embed_dim = config.qmix_embed_dim,
+          .hypernet_hidden = config.qmix_hypernet_hidden,
+          .qplex_embed_dim = config.qplex_embed_dim,
+          .qplex_hypernet_embed = config.qplex_hypernet_embed,
+          .adv_hypernet_layers = config.qplex_adv_hypernet_layers,
+          .adv_hypernet_embed = config.qplex_adv_hypernet_embed,
+          .num_kernel = config.qplex_num_kernel,
+          .n_head = config.qplex_n_head,
+          .attend_reg_coef = config.qplex_attend_reg_coef,
+          .is_minus_one = config.qplex_is_minus_one,
+          .weighted_head = config.qplex_weighted_head,
+          .nonlinear = config.qplex_nonlinear,
+          .state_bias = config.qplex_state_bias};
 }
 
 std::string check_mixer(const MixerOptions& options) {

@@ -10,12 +10,15 @@
 #include <utility>
 #include <vector>
 
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/schema/spec.h"
+
 namespace comrad::learn {
 
 using torch::Tensor;
 using NamedTensors = std::vector<std::pair<std::string, Tensor>>;
 
-/// What a mixer is made from. The defaults are the benchmark's; paper_qplex() gives the authors' QPLEX.
+/// What a mixer is made from. The defaults are the benchmark's.
 struct MixerOptions {
   std::string kind = "vdn";  ///< vdn | qmix | dmaq (QPLEX-D) | dmaq_qatten (QPLEX-Q)
 
@@ -40,10 +43,10 @@ struct MixerOptions {
   bool weighted_head = false;         ///< dmaq: learn w, b; dmaq_qatten: weigh each head by |w_h(s)|
   bool nonlinear = false;             ///< dmaq_qatten: an agent's key also sees its greedy utility
   bool state_bias = false;            ///< dmaq_qatten: add c(s) to the total
-};
 
-/// `options` with QPLEX as its paper uses it: weighted heads, 10 kernels, 3 layers, state bias.
-MixerOptions paper_qplex(MixerOptions options);
+  /// As a run's settings name them. The state is the agents' `features` side by side.
+  static MixerOptions from(const RunConfig& config, const EnvShape& env, int64_t features);
+};
 
 /// One row per (world, time). A mixer reads the fields its kind has a use for; the others may be undefined.
 struct MixerInput {

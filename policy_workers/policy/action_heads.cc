@@ -1,9 +1,7 @@
 #include "policy_workers/policy/action_heads.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
 
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
@@ -13,24 +11,68 @@ namespace {
 
 constexpr double kForbiddenLogit = -1e9;
 
-/// Calls `visit(head, first, size)` for every head's range of logits.
-template <typename Visitor>
-void for_each_head(const EnvShape& env, Visitor&& visit) {
-  int64_t first = 0;
-  for (int32_t head = 0; head < env.head_count; ++head) {
-    visit(head, first, int64_t{env.head_sizes[head]});
-    first += env.head_sizes[head];
-  }
+/// Choices are counted from each head's own 0; the offsets turn them into columns of a row.
+Tensor columns_of(const Tensor& action, const EnvShape& env) {
+  COMRAD_CHECK(action.size(-1) == env.head_count, "an action has one entry per head");
+  std::vector<int64_t> offsets;
+  for_each_head(env, [&](int32_t, int64_t first, int64_t) { offsets.push_back(first); });
+  return action + torch::tensor(offsets, torch::kInt64).to(action.device());
 }
 
-/// 1.0 where a choice of the head is allowed. A head without any allowed choice counts as unmasked, so that a
-/// dead agent's all-zero mask gives finite numbers everywhere.
-Tensor allowed_choices(const Tensor& mask, int64_t first, int64_t size, torch::ScalarType dtype) {
-  const Tensor allowed = mask.slice(-1, first, first + size).ne(0);
-  return allowed.logical_or(allowed.any(-1, /*keepdim=*/true).logical_not()).to(dtype);
+/// One head of one agent: its values and which of its choices are allowed.
+struct Head {
+  std::span<const float> value;
+  std::span<const uint8_t> mask;  ///< empty: everything is allowed
+
+  bool allows(std::size_t choice) const { return mask.empty() || mask[choice] != 0; }
+  std::size_t allowed_count() const {
+    return mask.empty() ? value.size()
+                        : value.size() - static_cast<std::size_t>(std::count(mask.begin(), mask.end(), 0));
+  }
+  /// The first of the largest allowed values.
+  std::size_t best() const {
+    std::size_t best = value.size();
+    for (std::size_t choice = 0; choice < value.size(); ++choice)
+      if (allows(choice) && (best == value.size() || value[choice] > value[best])) best = choice;
+    return best;
+  }
+  /// The allowed choice with `rank` allowed ones before it.
+  std::size_t allowed_at(std::size_t rank) const {
+    std::size_t choice = 0;
+    while (!allows(choice) || rank-- > 0) ++choice;
+    return choice;
+  }
+};
+
+/// A mask that forbids every choice is no mask.
+Head head_at(std::span<const float> values, std::span<const uint8_t> mask, int64_t first, int64_t size) {
+  const auto begin = static_cast<std::size_t>(first), count = static_cast<std::size_t>(size);
+  Head head{values.subspan(begin, count), {}};
+  if (mask.empty()) return head;
+  const std::span<const uint8_t> of_head = mask.subspan(begin, count);
+  if (std::any_of(of_head.begin(), of_head.end(), [](uint8_t byte) { return byte != 0; }))
+    head.mask = of_head;
+  return head;
 }
 
 }  // namespace
+
+Tensor allowed_choices(const Tensor& mask, int64_t first, int64_t size) {
+  const Tensor allowed = mask.slice(-1, first, first + size).ne(0);
+  return allowed.logical_or(allowed.any(-1, /*keepdim=*/true).logical_not());
+}
+
+Tensor chosen_entries(const Tensor& row, const Tensor& action, const EnvShape& env) {
+  COMRAD_CHECK(row.size(-1) == env.logit_count(), "a row ends in one entry per choice");
+  return row.gather(-1, columns_of(action, env));
+}
+
+Tensor multi_hot(const Tensor& action, const EnvShape& env) {
+  std::vector<int64_t> sizes = action.sizes().vec();
+  sizes.back() = env.logit_count();
+  const Tensor hot = torch::zeros(sizes, action.options().dtype(torch::kFloat32));
+  return hot.scatter_(-1, columns_of(action, env), 1.0);
+}
 
 Tensor head_log_probs(const Tensor& logits, const Tensor& mask, const EnvShape& env) {
   COMRAD_CHECK(logits.size(-1) == env.logit_count(), "logits end in one entry per choice");
@@ -38,7 +80,7 @@ Tensor head_log_probs(const Tensor& logits, const Tensor& mask, const EnvShape& 
   for_each_head(env, [&](int32_t, int64_t first, int64_t size) {
     Tensor head_logits = logits.slice(-1, first, first + size);
     if (mask.defined()) {
-      const Tensor allowed = allowed_choices(mask, first, size, logits.scalar_type());
+      const Tensor allowed = allowed_choices(mask, first, size).to(logits.scalar_type());
       head_logits = head_logits + (1 - allowed) * kForbiddenLogit;
     }
     heads.push_back(at::log_softmax(head_logits, -1));
@@ -47,12 +89,7 @@ Tensor head_log_probs(const Tensor& logits, const Tensor& mask, const EnvShape& 
 }
 
 Tensor action_log_prob(const Tensor& log_probs, const Tensor& action, const EnvShape& env) {
-  COMRAD_CHECK(action.size(-1) == env.head_count, "an action has one entry per head");
-  // Choices are counted from each head's own 0; the offsets turn them into columns of log_probs.
-  std::vector<int64_t> offsets;
-  for_each_head(env, [&](int32_t, int64_t first, int64_t) { offsets.push_back(first); });
-  const Tensor columns = action + torch::tensor(offsets, torch::kInt64).to(action.device());
-  return log_probs.gather(-1, columns).sum(-1);
+  return chosen_entries(log_probs, action, env).sum(-1);
 }
 
 Tensor entropy(const Tensor& log_probs, const EnvShape& env) {
@@ -73,7 +110,7 @@ Tensor symmetric_kl_to_uniform(const Tensor& log_probs, const Tensor& mask, cons
     const Tensor log_p = log_probs.slice(-1, first, first + size);
     Tensor uniform, log_uniform;  // [..., size] over the allowed choices, 0 elsewhere; [..., 1]
     if (mask.defined()) {
-      const Tensor allowed = allowed_choices(mask, first, size, log_probs.scalar_type());
+      const Tensor allowed = allowed_choices(mask, first, size).to(log_probs.scalar_type());
       const Tensor count = allowed.sum(-1, /*keepdim=*/true);
       uniform = allowed / count;
       log_uniform = -count.log();
@@ -93,68 +130,47 @@ float sample_action(std::span<const float> logits, std::span<const uint8_t> mask
   COMRAD_DCHECK(static_cast<int32_t>(logits.size()) == env.logit_count(), "one logit per choice");
   COMRAD_DCHECK(mask.empty() || mask.size() == logits.size(), "one mask byte per choice");
   double log_prob = 0.0;
-  for_each_head(env, [&](int32_t head, int64_t first, int64_t size) {
-    const float* logit = logits.data() + first;
-    const uint8_t* allowed = mask.empty() ? nullptr : mask.data() + first;
-    if (allowed != nullptr && std::all_of(allowed, allowed + size, [](uint8_t byte) { return byte == 0; }))
-      allowed = nullptr;
-    int64_t best = -1;
-    for (int64_t choice = 0; choice < size; ++choice) {
-      if (allowed != nullptr && allowed[choice] == 0) continue;
-      if (best < 0 || logit[choice] > logit[best]) best = choice;
-    }
-    const double largest = logit[best];
+  for_each_head(env, [&](int32_t index, int64_t first, int64_t size) {
+    const Head head = head_at(logits, mask, first, size);
+    std::size_t chosen = head.best();
+    const double largest = head.value[chosen];
     double sum = 0.0;
-    for (int64_t choice = 0; choice < size; ++choice)
-      if (allowed == nullptr || allowed[choice] != 0) sum += std::exp(logit[choice] - largest);
-    int64_t chosen = best;
+    for (std::size_t choice = 0; choice < head.value.size(); ++choice)
+      if (head.allows(choice)) sum += std::exp(head.value[choice] - largest);
     if (!greedy) {
       // Walks the distribution function; rounding can leave u at its very end, where the last allowed choice
       // is.
-      const double threshold = double{key.split(static_cast<uint64_t>(head)).uniform()} * sum;
+      const double threshold = double{key.split(static_cast<uint64_t>(index)).uniform()} * sum;
       double reached = 0.0;
-      for (int64_t choice = 0; choice < size; ++choice) {
-        if (allowed != nullptr && allowed[choice] == 0) continue;
+      for (std::size_t choice = 0; choice < head.value.size(); ++choice) {
+        if (!head.allows(choice)) continue;
         chosen = choice;
-        reached += std::exp(logit[choice] - largest);
+        reached += std::exp(head.value[choice] - largest);
         if (threshold < reached) break;
       }
     }
-    action[static_cast<size_t>(head)] = static_cast<int32_t>(chosen);
-    log_prob += logit[chosen] - largest - std::log(sum);
+    action[static_cast<std::size_t>(index)] = static_cast<int32_t>(chosen);
+    log_prob += head.value[chosen] - largest - std::log(sum);
   });
   return static_cast<float>(log_prob);
 }
 
 float explore_action(std::span<const float> q_values, std::span<const uint8_t> mask, const EnvShape& env,
                      RngKey key, float epsilon, std::span<int32_t> action) {
-  std::array<int32_t, kMaxHeads> greedy{};
-  sample_action(q_values, mask, env, key, /*greedy=*/true, greedy);
   const bool explores = key.split("explore").uniform() < epsilon;
   double random_probability = 1.0;
   bool is_greedy = true;
-  for_each_head(env, [&](int32_t head, int64_t first, int64_t size) {
-    const auto is_allowed = [&](int64_t choice) {
-      return mask.empty() || mask[static_cast<size_t>(first + choice)] != 0;
-    };
-    int64_t allowed = 0;
-    for (int64_t choice = 0; choice < size; ++choice) allowed += is_allowed(choice);
-    const bool everything = allowed == 0;  // a mask that forbids all is no mask
-    if (everything) allowed = size;
-    int32_t chosen = greedy[static_cast<size_t>(head)];
+  for_each_head(env, [&](int32_t index, int64_t first, int64_t size) {
+    const Head head = head_at(q_values, mask, first, size);
+    const std::size_t best = head.best(), allowed = head.allowed_count();
+    std::size_t chosen = best;
     if (explores) {
-      int64_t rank = std::min(allowed - 1,
-                              static_cast<int64_t>(double{key.split(static_cast<uint64_t>(head)).uniform()} *
-                                                   static_cast<double>(allowed)));
-      for (int64_t choice = 0; choice < size; ++choice) {
-        if (!everything && !is_allowed(choice)) continue;
-        if (rank-- > 0) continue;
-        chosen = static_cast<int32_t>(choice);
-        break;
-      }
+      const double u = key.split(static_cast<uint64_t>(index)).uniform();
+      chosen =
+          head.allowed_at(std::min(allowed - 1, static_cast<std::size_t>(u * static_cast<double>(allowed))));
     }
-    action[static_cast<size_t>(head)] = chosen;
-    is_greedy &= chosen == greedy[static_cast<size_t>(head)];
+    action[static_cast<std::size_t>(index)] = static_cast<int32_t>(chosen);
+    is_greedy &= chosen == best;
     random_probability /= static_cast<double>(allowed);
   });
   return static_cast<float>(

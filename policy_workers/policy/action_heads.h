@@ -1,9 +1,11 @@
-// Products of categorical distributions over factorised heads, with action masks that count everywhere alike:
-// in sampling, log-probabilities, entropy, divergences and argmax. Serves forward and update.
+// Factorised action heads side by side in one row, and products of categorical distributions over them, with
+// action masks that count everywhere alike: in sampling, log-probabilities, entropy, divergences and argmax.
+// Serves forward and update.
 #pragma once
 
 #include <torch/types.h>
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -14,6 +16,31 @@
 namespace comrad::policy {
 
 using torch::Tensor;
+
+/// Calls `visit(head, first, size)` for every head's range of columns.
+template <typename Visitor>
+void for_each_head(const EnvShape& env, Visitor&& visit) {
+  int64_t first = 0;
+  for (int32_t head = 0; head < env.head_count; ++head) {
+    const int64_t size = env.head_sizes[static_cast<std::size_t>(head)];
+    visit(head, first, size);
+    first += size;
+  }
+}
+
+/// True where a choice of the head at columns [first, first + size) is allowed; mask [..., A] u8, returns
+/// [..., size] bool. A head without any allowed choice counts as unmasked, so that a dead agent's all-zero
+/// mask gives finite numbers everywhere.
+Tensor allowed_choices(const Tensor& mask, int64_t first, int64_t size);
+
+/// The entry of every head's choice: Q_h(a_h) or log pi_h(a_h).
+///   row     [..., A]      f32  one entry per choice, heads side by side
+///   action  [..., heads]  i64  choices counted from each head's own 0
+///   returns [..., heads]  f32, differentiable in row
+Tensor chosen_entries(const Tensor& row, const Tensor& action, const EnvShape& env);
+
+/// One-hot vectors of all heads side by side: [..., heads] i64 -> [..., A] f32 on the action's device.
+Tensor multi_hot(const Tensor& action, const EnvShape& env);
 
 /// Log-probabilities of every choice of every head, masked choices at about -1e9 (training spec 1.4).
 ///   logits  [..., A] f32   mask  [..., A] u8 or undefined (all allowed)   returns [..., A] f32

@@ -12,6 +12,7 @@
 #include "policy_workers/policy/encoder.h"
 #include "policy_workers/policy/recurrent_core.h"
 #include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/policy/utilities.h"
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::policy {
@@ -132,19 +133,6 @@ class PolicyNetImpl {
     return x;
   }
 
-  /// The heads' largest Q-values, summed: [B] of Q-values [B, A].
-  Tensor greedy_values(const Tensor& q) const {
-    Tensor sum;
-    int64_t first = 0;
-    for (int32_t head = 0; head < options.env.head_count; ++head) {
-      const int64_t size = options.env.head_sizes[static_cast<std::size_t>(head)];
-      const Tensor largest = q.slice(1, first, first + size).amax(1);
-      sum = sum.defined() ? sum + largest : largest;
-      first += size;
-    }
-    return sum;
-  }
-
   /// Values [B] of the rows whose features [B, F] the actors made; undefined without a critic.
   Tensor values(const std::vector<Tensor>& features_of_actors) const {
     if (options.critic == CriticKind::kCentral) {
@@ -196,7 +184,8 @@ class PolicyNetImpl {
       }
       value = joint_values(critic_features);
     } else {
-      value = options.critic == CriticKind::kNone ? greedy_values(interleave(logits, 0)) : values(features);
+      value = options.critic == CriticKind::kNone ? greedy_utility(interleave(logits, 0), {}, options.env)
+                                                  : values(features);
     }
     Tensor after = state_count > 0 ? interleave(states, 0) : recurrent_state;
     if (critic_has_state())

@@ -19,10 +19,11 @@
 #include <vector>
 
 #include "learner/critics/mixer.h"
-#include "learner/critics/utilities.h"
 #include "learner/estimators/td_targets.h"
+#include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/policy/utilities.h"
 
 namespace comrad::learn {
 namespace {
@@ -150,7 +151,7 @@ class Team {
     column_ = ((state_index_.unsqueeze(1) * 2 + torch::arange(2)) * choices + action).flatten();
     const Tensor one_hot = torch::zeros({row.size(0), states}).scatter_(1, state_index_.unsqueeze(1), 1);
     state_ = at::cat({one_hot, one_hot}, 1);
-    multi_hot_ = multi_hot(action.unsqueeze(2), env_).flatten(1);
+    multi_hot_ = policy::multi_hot(action.unsqueeze(2), env_).flatten(1);
   }
 
   std::vector<Tensor> parameters() const {
@@ -188,7 +189,7 @@ class Team {
     return at::stack(value);
   }
   std::array<int64_t, 2> greedy(int64_t state) const {
-    const Tensor action = greedy_action(q_[state], {}, env_).flatten();
+    const Tensor action = policy::greedy_action(q_[state], {}, env_).flatten();
     return {action[0].item<int64_t>(), action[1].item<int64_t>()};
   }
 
@@ -245,10 +246,12 @@ Fit fit(const Table& payoff, const MixerOptions& options, uint64_t seed, double 
   return measure(team, payoff);
 }
 
-MixerOptions mixer(const char* kind) {
-  MixerOptions options;
-  options.kind = kind;
-  return options;
+/// A mixer in the settings that --qplex_preset names; the team sets its shape.
+MixerOptions mixer(const char* kind, const char* preset = "comrad") {
+  RunConfig config;
+  config.mixer = kind;
+  EXPECT_TRUE(apply_layer(config, qplex_preset_settings(preset)));
+  return MixerOptions::from(config, EnvShape{}, /*features=*/1);
 }
 
 /// A game and its exact answers under uniform data: least squares of a sum, the best monotone fit, and the
@@ -460,10 +463,10 @@ TEST_P(MixerGames, LambdaOfTheBenchmarksSettingsFitsEveryOtherCell) {
 
 /// From random tables, in the paper's settings.
 TEST_P(MixerGames, QplexDLearnsThePayoffs) {
-  EXPECT_TRUE(learns(GetParam(), "dmaq", paper_qplex(mixer("dmaq")), GetParam().dmaq_seed));
+  EXPECT_TRUE(learns(GetParam(), "dmaq", mixer("dmaq", "paper"), GetParam().dmaq_seed));
 }
 TEST_P(MixerGames, QplexQLearnsThePayoffs) {
-  EXPECT_TRUE(learns(GetParam(), "dmaq_qatten", paper_qplex(mixer("dmaq_qatten")), GetParam().qatten_seed));
+  EXPECT_TRUE(learns(GetParam(), "dmaq_qatten", mixer("dmaq_qatten", "paper"), GetParam().qatten_seed));
 }
 
 /// Each agent alone: the other's choice is noise, so a table learns the means of its rows.

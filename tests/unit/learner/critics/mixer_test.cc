@@ -17,14 +17,15 @@ namespace {
 constexpr const char* kKinds[] = {"vdn", "qmix", "dmaq", "dmaq_qatten"};
 
 /// A small mixer: N agents with one head of A choices, slices of 3 entries.
-MixerOptions small(const char* kind, int64_t agents = 2, int64_t choices = 3) {
-  MixerOptions options;
-  options.kind = kind;
-  options.num_agents = agents;
-  options.logit_count = choices;
-  options.state_slice = 3;
-  options.state_count = agents * options.state_slice;
-  return options;
+MixerOptions small(const char* kind, int64_t agents = 2, int64_t choices = 3, const char* preset = "comrad") {
+  RunConfig config;
+  config.mixer = kind;
+  EXPECT_TRUE(apply_layer(config, qplex_preset_settings(preset)));
+  EnvShape env;
+  env.num_agents = static_cast<int32_t>(agents);
+  env.head_count = 1;
+  env.head_sizes = {static_cast<int32_t>(choices)};
+  return MixerOptions::from(config, env, /*features=*/3);
 }
 
 at::Generator generator(uint64_t seed) { return at::make_generator<at::CPUGeneratorImpl>(seed); }
@@ -335,7 +336,9 @@ TEST(Igm, HoldsForRandomParametersOfEveryKind) {
       options.nonlinear = seed % 2 == 0;
       options.adv_hypernet_layers = 1 + static_cast<int64_t>(seed % 3);
       expect_igm(options, seed);
-      expect_igm(paper_qplex(options), seed);
+      MixerOptions paper = small(kind, agents, 4, "paper");
+      paper.nonlinear = options.nonlinear;
+      expect_igm(paper, seed);
       options.is_minus_one = false;
       expect_igm(options, seed);
     }

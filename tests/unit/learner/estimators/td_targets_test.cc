@@ -7,8 +7,9 @@
 #include <limits>
 #include <vector>
 
-#include "learner/critics/utilities.h"
+#include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
+#include "policy_workers/policy/utilities.h"
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad::learn {
@@ -42,12 +43,12 @@ TEST(TdTargets, MatchTheKnownAnswers) {
   EnvShape env;
   env.head_count = 2;
   env.head_sizes = {3, 2};
-  const Tensor chosen = greedy_action(torch::tensor({0.1f, 0.9f, 0.3f, 1.0f, 0.2f}), {}, env);
+  const Tensor chosen = policy::greedy_action(torch::tensor({0.1f, 0.9f, 0.3f, 1.0f, 0.2f}), {}, env);
   const Tensor target = torch::tensor({0.5f, 0.2f, 0.8f, 0.3f, 0.6f});
   // One target of the sum; one per head of IDQN, which share the reward.
-  const TdInput summed = make_input(column({0.5f}), chosen_utility(target, chosen, env).view({1, 1}));
+  const TdInput summed = make_input(column({0.5f}), policy::chosen_utility(target, chosen, env).view({1, 1}));
   const TdInput per_head =
-      make_input(torch::full({1, 2}, 0.5f), chosen_values(target, chosen, env).view({1, 2}));
+      make_input(torch::full({1, 2}, 0.5f), policy::chosen_entries(target, chosen, env).view({1, 2}));
   expect_values(td_targets(summed, {}), {0.995});
   expect_values(td_targets(per_head, {}), {0.698, 0.797});
 

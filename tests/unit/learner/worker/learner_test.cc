@@ -197,6 +197,24 @@ class LearnerTest : public ::testing::Test {
     return outcome;
   }
 
+  /// Trains `rollouts` in one life, in a second one, and in two lives that meet after `first`: bit for bit
+  /// the same weights, at `version`.
+  void expect_the_same_twice_and_resumed(RunConfig config, int first, int rollouts, uint64_t& version) {
+    config.train_for_env_steps = kFramesPerRollout * rollouts;
+    const Outcome whole = live(config, config.algo + "_whole"), again = live(config, config.algo + "_again");
+    ASSERT_TRUE(whole.status) << whole.status.error().message;
+    EXPECT_TRUE(whole.weights == again.weights) << config.algo;
+    config.train_for_env_steps = kFramesPerRollout * first;
+    ASSERT_TRUE(live(config, config.algo + "_halves").status);
+    config.train_for_env_steps = kFramesPerRollout * rollouts;
+    const Outcome halves = live(config, config.algo + "_halves");
+    ASSERT_TRUE(halves.status) << halves.status.error().message;
+    EXPECT_EQ(halves.version, whole.version);
+    EXPECT_TRUE(halves.weights == whole.weights) << config.algo;
+    version = whole.version;
+  }
+
+  static constexpr double kFramesPerRollout = 4 * 2 * 4 * 4;  ///< environments, agents, steps, tics
   fs::path folder_;
   std::atomic<bool> stop_{false};
   PolicyVersion stop_at_version_ = 0;  ///< raise stop_ when this version is published; 0: never
@@ -265,20 +283,9 @@ TEST_F(LearnerTest, LockStepGivesTheSameWeightsTwiceAndAcrossAResume) {
     config.async_rl = false;
     config.num_epochs = 2;
     config.shuffle_minibatches = true;
-    const std::string name = algo;
-    const double per_rollout = 4 * 2 * 4 * 4;  // environments, agents, steps, tics
-    config.train_for_env_steps = 5 * per_rollout;
-    const Outcome whole = live(config, name + "_whole"), again = live(config, name + "_again");
-    ASSERT_TRUE(whole.status) << whole.status.error().message;
-    EXPECT_EQ(whole.version, 20u * networks);  // 5 rollouts, 2 batches, 2 epochs
-    EXPECT_TRUE(whole.weights == again.weights) << algo;
-    config.train_for_env_steps = 2 * per_rollout;
-    ASSERT_TRUE(live(config, name + "_halves").status);
-    config.train_for_env_steps = 5 * per_rollout;
-    const Outcome halves = live(config, name + "_halves");
-    ASSERT_TRUE(halves.status) << halves.status.error().message;
-    EXPECT_EQ(halves.version, whole.version);
-    EXPECT_TRUE(halves.weights == whole.weights) << algo;
+    uint64_t version = 0;
+    ASSERT_NO_FATAL_FAILURE(expect_the_same_twice_and_resumed(config, 2, 5, version));
+    EXPECT_EQ(version, 20u * networks);  // 5 rollouts, 2 batches, 2 epochs
   }
 }
 
@@ -329,25 +336,15 @@ TEST_F(LearnerTest, QLearningInLockStepIsTheSameTwiceAndAcrossAResume) {
     config.async_rl = false;
     config.save_replay = true;
     config.normalize_input = true;
-    const std::string name = algo;
-    const double per_rollout = 4 * 2 * 4 * 4;  // environments, agents, steps, tics
-    config.train_for_env_steps = 8 * per_rollout;
-    const Outcome whole = live(config, name + "_whole"), again = live(config, name + "_again");
-    ASSERT_TRUE(whole.status) << whole.status.error().message;
-    EXPECT_GT(whole.version, 10u);
-    EXPECT_TRUE(whole.weights == again.weights) << algo;
-    config.train_for_env_steps = 4 * per_rollout;
-    ASSERT_TRUE(live(config, name + "_halves").status);
-    config.train_for_env_steps = 8 * per_rollout;
-    const Outcome halves = live(config, name + "_halves");
-    ASSERT_TRUE(halves.status) << halves.status.error().message;
-    EXPECT_EQ(halves.version, whole.version);
-    EXPECT_TRUE(halves.weights == whole.weights) << algo;
+    uint64_t version = 0;
+    ASSERT_NO_FATAL_FAILURE(expect_the_same_twice_and_resumed(config, 4, 8, version));
+    EXPECT_GT(version, 10u);
 
     // The replay that belongs to the newest checkpoint is gone: said, not guessed.
-    for (const auto& entry : fs::directory_iterator(folder_ / (name + "_halves") / "checkpoint"))
+    for (const auto& entry : fs::directory_iterator(folder_ / (config.algo + "_halves") / "checkpoint"))
       if (entry.path().extension() == ".bin") fs::remove(entry.path());
-    const Outcome refused = live(config, name + "_halves");
+    config.train_for_env_steps = kFramesPerRollout * 8;
+    const Outcome refused = live(config, config.algo + "_halves");
     ASSERT_FALSE(refused.status);
     EXPECT_NE(refused.status.error().message.find("replay_"), std::string::npos)
         << refused.status.error().message;

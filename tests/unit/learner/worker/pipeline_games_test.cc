@@ -11,7 +11,6 @@
 #include <thread>
 
 #include "learner/algorithms/q_learning.h"
-#include "learner/critics/utilities.h"
 #include "learner/worker/learner.h"
 #include "policy_workers/worker/policy_worker.h"
 #include "sim_workers/worker/sim_worker.h"

@@ -1,13 +1,14 @@
-#include "learner/critics/utilities.h"
+#include "policy_workers/policy/utilities.h"
 
 #include <gtest/gtest.h>
 
 #include <set>
 #include <vector>
 
+#include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
 
-namespace comrad::learn {
+namespace comrad::policy {
 namespace {
 
 /// Armory Siege's heads: 14 logits, 162 compound actions.
@@ -111,13 +112,13 @@ TEST(GreedyAction, TakesTheFirstOfEqualChoices) {
       2);
 }
 
-TEST(ChosenValues, PickOneEntryPerHeadOfEveryRow) {
+TEST(ChosenEntries, AreOnePerHeadOfEveryRow) {
   EnvShape env;
   env.head_count = 2;
   env.head_sizes = {3, 2};
   const Tensor q = torch::arange(20, torch::kFloat32).view({2, 2, 5}).requires_grad_();
   const Tensor action = torch::tensor({0, 1, 2, 0, 1, 1, 2, 1}, torch::kInt64).view({2, 2, 2});
-  const Tensor values = chosen_values(q, action, env);
+  const Tensor values = chosen_entries(q, action, env);
   EXPECT_TRUE(values.equal(torch::tensor({0.f, 4.f, 7.f, 8.f, 11.f, 14.f, 17.f, 19.f}).view({2, 2, 2})));
   EXPECT_TRUE(chosen_utility(q, action, env).equal(torch::tensor({4.f, 15.f, 25.f, 36.f}).view({2, 2})));
   chosen_utility(q, action, env).sum().backward();
@@ -144,10 +145,10 @@ TEST(DoubleQ, ValuesTheOnlineChoiceByTheTargetHeadByHead) {
   const Tensor online = torch::tensor({0.1f, 0.9f, 0.3f, 1.0f, 0.2f});
   const Tensor target = torch::tensor({0.5f, 0.2f, 0.8f, 0.3f, 0.6f});
   const Tensor chosen = greedy_action(online, {}, env);
-  EXPECT_TRUE(chosen_values(target, chosen, env).equal(torch::tensor({0.2f, 0.3f})));
+  EXPECT_TRUE(chosen_entries(target, chosen, env).equal(torch::tensor({0.2f, 0.3f})));
   EXPECT_NEAR(chosen_utility(target, chosen, env).item<double>(), 0.5, 1e-6);
   EXPECT_NEAR(greedy_utility(target, {}, env).item<double>(), 1.4, 1e-6);
 }
 
 }  // namespace
-}  // namespace comrad::learn
+}  // namespace comrad::policy
