@@ -30,6 +30,11 @@ constexpr std::size_t kBestEpisodesMin = 10;
 constexpr int kJournalTimeoutMs = 5000;
 constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();
 
+/// The replay that belongs to a checkpoint, beside it.
+std::string replay_file_name(uint64_t version, uint64_t env_frames) {
+  return "replay_" + std::to_string(version) + "_" + std::to_string(env_frames) + ".bin";
+}
+
 std::string host_name() {
   char name[256] = {};
   return gethostname(name, sizeof(name) - 1) == 0 ? name : "localhost";
@@ -503,15 +508,13 @@ Status Learner::save_replay(StateDict& state) {
   const std::string folder = options_.run_dir + "/checkpoint";
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  return feed_->save(
-      state, folder,
-      "replay_" + std::to_string(algorithm_->version()) + "_" + std::to_string(env_frames_) + ".bin");
+  return feed_->save(state, folder, replay_file_name(algorithm_->version(), env_frames_));
 }
 
 void Learner::prune_replays() const {
   std::vector<std::string> kept;
   for (const CheckpointFile& file : store_.list())
-    kept.push_back("replay_" + std::to_string(file.version) + "_" + std::to_string(file.env_frames) + ".bin");
+    kept.push_back(replay_file_name(file.version, file.env_frames));
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator(options_.run_dir + "/checkpoint", error)) {
     const std::string name = entry.path().filename().string();

@@ -39,8 +39,14 @@ int64_t world_count(const RunConfig& config, int64_t num_agents) {
 
 Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config,
                                                          const TrajectoryShape& shape) {
-  const replay::Unit unit = unit_of(config);
   const int64_t agents = shape.env.num_agents;
+  const ReplayBatchOptions batch_options{.shape = shape,
+                                         .unit = unit_of(config),
+                                         .world_count = world_count(config, agents),
+                                         .n_step = config.n_step,
+                                         .gamma = config.gamma,
+                                         .reward_clip = config.algo == "idqn" ? config.dqn_reward_clip : 0.0};
+  const replay::Unit unit = batch_options.unit;
   COMRAD_TRY_ASSIGN(
       std::unique_ptr<replay::Replay> replay,
       replay::Replay::create({.store = {.shape = shape,
@@ -57,10 +63,10 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
   spdlog::info("replay: room for {} agent decisions ({})", capacity,
                capacity < config.replay_buffer_size ? "replay_gb decides, replay_buffer_size would allow more"
                                                     : "replay_buffer_size decides");
-  const int64_t worlds = world_count(config, agents);
-  const int64_t samples = worlds * (unit == replay::Unit::kSequence    ? config.rollout * agents
-                                    : unit == replay::Unit::kJointStep ? agents
-                                                                       : 1);
+  const int64_t samples =
+      batch_options.world_count * (unit == replay::Unit::kSequence    ? config.rollout * agents
+                                   : unit == replay::Unit::kJointStep ? agents
+                                                                      : 1);
   if (capacity < 10 * samples)
     spdlog::warn("replay: only {:.1f} batches of {} decisions fit; raise --replay_gb or lower the batch",
                  static_cast<double>(capacity) / static_cast<double>(samples), samples);
@@ -84,20 +90,15 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
           std::max(ahead, static_cast<double>(slab_transitions) * ratio + static_cast<double>(samples))};
   COMRAD_TRY(replay::validate(rate, slab_transitions, samples));
   spdlog::info("replay: {:.3g} decisions are trained on for each new one, {} in an update", ratio, samples);
-  return std::unique_ptr<ReplayFeed>(new ReplayFeed(config, shape, std::move(replay), rate, samples));
+  return std::unique_ptr<ReplayFeed>(new ReplayFeed(config, batch_options, std::move(replay), rate, samples));
 }
 
-ReplayFeed::ReplayFeed(const RunConfig& config, const TrajectoryShape& shape,
+ReplayFeed::ReplayFeed(const RunConfig& config, const ReplayBatchOptions& batch_options,
                        std::unique_ptr<replay::Replay> replay, const replay::RateLimiterOptions& rate,
                        int64_t samples_per_update)
     : config_(config),
-      shape_(shape),
-      batch_options_{.shape = shape,
-                     .unit = unit_of(config),
-                     .world_count = world_count(config, shape.env.num_agents),
-                     .n_step = config.n_step,
-                     .gamma = config.gamma,
-                     .reward_clip = config.algo == "idqn" ? config.dqn_reward_clip : 0.0},
+      shape_(batch_options.shape),
+      batch_options_(batch_options),
       samples_per_update_(samples_per_update),
       replay_(std::move(replay)),
       limiter_(rate) {}

@@ -69,8 +69,9 @@ class ReplayFeed {
   Status load(const StateDict& state, const std::string& folder);
 
  private:
-  ReplayFeed(const RunConfig& config, const TrajectoryShape& shape, std::unique_ptr<replay::Replay> replay,
-             const replay::RateLimiterOptions& rate, int64_t samples_per_update);
+  ReplayFeed(const RunConfig& config, const ReplayBatchOptions& batch_options,
+             std::unique_ptr<replay::Replay> replay, const replay::RateLimiterOptions& rate,
+             int64_t samples_per_update);
   void feed();
   void draw();
   void run(const char* name, void (ReplayFeed::*work)());
