@@ -3,6 +3,7 @@
 #   tests/fuzz/run.sh TARGET SECONDS [BUILD_FOLDER]      TARGET: wad textmap decorate behavior machine picture config,
 #                                                        or build, which only builds
 # Ends with libFuzzer's line of executions and coverage; a finding is left in BUILD_FOLDER/findings and ends it non-zero.
+# 77: there is no libFuzzer, nothing was run.
 set -euo pipefail
 
 home="$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/../.." && pwd)"
@@ -12,7 +13,7 @@ build="${3:-${home}/build/fuzz}"
 
 skip() {
   printf '%s\n[  SKIPPED ] 1 test: fuzz_%s\n' "$1" "${target}"
-  exit 0
+  exit 77
 }
 
 clang="$(command -v "${COMRAD_CLANG:-clang++}" || true)"

@@ -32,7 +32,7 @@ import sys
 import tempfile
 import tomllib
 
-from vizdoom_parity import Report, find_python, kolmogorov_smirnov_uniform
+from vizdoom_parity import SKIPPED, Report, find_python, kolmogorov_smirnov_uniform
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SCENARIOS = os.path.join(HERE, "..", "..", "scenarios")
@@ -389,7 +389,7 @@ def main():
         python, why = find_python(arguments.venv)
         if python is None:
             print("[  SKIPPED ] 1 test, parity of scenarios with ViZDoom: " + why)
-            return 0
+            return SKIPPED
         os.execv(python, [python, "-B"] + sys.argv)
     arguments.doomgen, arguments.play = os.path.abspath(arguments.doomgen), os.path.abspath(arguments.play)
     report, results = Report(), []

@@ -15,7 +15,7 @@ by the two-sample Kolmogorov-Smirnov test, each at 1 in 10 000. Everything rando
 again.
 
 Needs a Python with `vizdoom`: COMRAD_TEST_PYTHON where it has it, else a virtual environment in --venv made with pip. Where
-that cannot be had the program says so in one line that begins with "[  SKIPPED ] 1" and ends with code 0.
+that cannot be had the program says so in one line that begins with "[  SKIPPED ] 1" and ends with code 77.
 """
 import argparse
 import csv
@@ -28,6 +28,7 @@ import subprocess
 import sys
 import tempfile
 
+SKIPPED = 77  # exit code that ctest reads as "skipped"
 BUTTONS = [
     ("fwd", "MOVE_FORWARD"), ("back", "MOVE_BACKWARD"), ("left", "MOVE_LEFT"), ("right", "MOVE_RIGHT"),
     ("turnl", "TURN_LEFT"), ("turnr", "TURN_RIGHT"), ("attack", "ATTACK"), ("speed", "SPEED"), ("use", "USE"),
@@ -567,7 +568,7 @@ def main():
         python, why = find_python(arguments.venv)
         if python is None:
             print("[  SKIPPED ] 1 test, parity with ViZDoom: " + why)
-            return 0
+            return SKIPPED
         os.execv(python, [python] + sys.argv)
     binary = os.path.abspath(arguments.trace)
     here = os.getcwd()
