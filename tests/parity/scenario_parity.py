@@ -40,10 +40,11 @@ AGENTS = 2
 TICS = 4  # of a decision
 TAIL = 1e-5
 USERS = ["USER%d" % number for number in range(1, 61)]
-OWN = ["HEALTH", "ARMOR", "DEAD", "KILLCOUNT", "DEATHCOUNT", "HITCOUNT", "HITS_TAKEN", "DAMAGECOUNT", "DAMAGE_TAKEN",
+# Compared; KILLCOUNT is only read for the rewards: in a game of several ViZDoom's is everybody's, ours a player's own.
+OWN = ["HEALTH", "ARMOR", "DEAD", "DEATHCOUNT", "HITCOUNT", "HITS_TAKEN", "DAMAGECOUNT", "DAMAGE_TAKEN",
        "SELECTED_WEAPON", "ATTACK_READY", "AMMO2", "AMMO3", "WEAPON1", "WEAPON2", "WEAPON3", "ITEMCOUNT",
        "POSITION_X", "POSITION_Y", "POSITION_Z", "ANGLE", "PLAYER_NUMBER"]
-VARIABLES = USERS + OWN
+VARIABLES = USERS + OWN + ["KILLCOUNT"]
 CONTINUOUS = {"POSITION_X": 0.01, "POSITION_Y": 0.01, "POSITION_Z": 0.01, "ANGLE": 1e-4}  # what still counts as equal
 
 
