@@ -13,7 +13,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -25,6 +24,7 @@
 #include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/arena_socket.h"
@@ -279,7 +279,7 @@ class Supervisor {
 
 Status Supervisor::start() {
   if (signals_.descriptor() < 0) {
-    return Error{ErrorCode::kSystem, std::string("signalfd: ") + std::strerror(errno)};
+    return system_error("signalfd");
   }
   COMRAD_TRY(init_log("supervisor", plan_.run_dir + "/logs/supervisor.log"));
   const RunConfig& config = plan_.config;
@@ -339,7 +339,7 @@ Status Supervisor::open_arena() {
   played_decisions_.start_from(0);
   uint64_t run_id = 0;
   if (getrandom(&run_id, sizeof run_id, 0) != sizeof run_id) {
-    return Error{ErrorCode::kSystem, std::string("getrandom: ") + std::strerror(errno)};
+    return system_error("getrandom");
   }
   char name[32];
   std::snprintf(name, sizeof name, "comrad-%016" PRIx64, run_id);

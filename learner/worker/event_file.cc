@@ -8,6 +8,7 @@
 #include <cstring>
 #include <ctime>
 
+#include "rollout_buffer/core/files.h"
 #include "tensorboard_event.pb.h"
 
 namespace comrad::learn {
@@ -73,7 +74,7 @@ Expected<EventFile> EventFile::create(const std::string& folder) {
   const std::string path = folder + "/events.out.tfevents." + std::to_string(static_cast<int64_t>(now)) +
                            "." + host + "." + std::to_string(getpid()) + ".0";
   const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-  if (descriptor < 0) return Error{ErrorCode::kSystem, "cannot create " + path + ": " + std::strerror(errno)};
+  if (descriptor < 0) return system_error("cannot create " + path);
   EventFile file(descriptor, path);
   tensorboard::Event version;
   version.set_wall_time(now);

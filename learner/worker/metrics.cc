@@ -11,6 +11,8 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "rollout_buffer/core/files.h"
+
 namespace comrad::learn {
 namespace {
 
@@ -91,7 +93,7 @@ Expected<MetricsWriter> MetricsWriter::open(const std::string& run_dir) {
   const std::string path = run_dir + "/metrics.jsonl";
   COMRAD_TRY_ASSIGN(EventFile events, EventFile::create(run_dir));
   const int descriptor = ::open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-  if (descriptor < 0) return Error{ErrorCode::kSystem, "cannot open " + path + ": " + std::strerror(errno)};
+  if (descriptor < 0) return system_error("cannot open " + path);
   MetricsWriter writer(descriptor, path, std::move(events));
   const off_t end = lseek(descriptor, 0, SEEK_END);
   char last = '\n';

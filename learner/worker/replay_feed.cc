@@ -97,7 +97,6 @@ ReplayFeed::ReplayFeed(const RunConfig& config, const ReplayBatchOptions& batch_
                        std::unique_ptr<replay::Replay> replay, const replay::RateLimiterOptions& rate,
                        int64_t samples_per_update)
     : config_(config),
-      shape_(batch_options.shape),
       batch_options_(batch_options),
       samples_per_update_(samples_per_update),
       replay_(std::move(replay)),
@@ -115,7 +114,7 @@ void ReplayFeed::insert(const SlabView& slab, uint32_t length, PolicyVersion lea
   const int64_t inserted = replay_->insert(slab, length);
   {
     const std::lock_guard lock(inserted_mutex_);
-    const int agents = shape_.env.num_agents;
+    const int agents = batch_options_.shape.env.num_agents;
     const int steps = static_cast<int>(inserted / agents);
     inserted_transitions_ += inserted;
     for (int t = 0; t < steps; ++t) {
@@ -144,7 +143,7 @@ Inserted ReplayFeed::take_inserted() {
   taken.transitions = inserted_transitions_;
   taken.lag = lag_;
   if (inserted_transitions_ > 0) taken.lag.mean = lag_sum_ / static_cast<double>(inserted_transitions_);
-  const EnvShape& env = shape_.env;
+  const EnvShape& env = batch_options_.shape.env;
   const int64_t rows = static_cast<int64_t>(inserted_frames_.size()) / env.frame_bytes();
   if (rows > 0) {
     taken.frame = torch::empty({rows, env.channels, env.height, env.width}, torch::kUInt8);
@@ -205,7 +204,7 @@ void ReplayFeed::run(const char* name, void (ReplayFeed::*work)()) {
 }
 
 void ReplayFeed::feed() {
-  const int64_t slab_transitions = config_.rollout * shape_.env.num_agents;
+  const int64_t slab_transitions = config_.rollout * batch_options_.shape.env.num_agents;
   while (!stop_) {
     // Slabs stay sealed while the learner is behind, so that simulators wait in the end.
     if (limiter_.wait_to_insert(slab_transitions, kPollUs / 1000) != replay::WaitResult::kReady) continue;

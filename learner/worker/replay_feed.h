@@ -79,7 +79,6 @@ class ReplayFeed {
   void fill_next(ReplayBatch& batch);
 
   const RunConfig config_;
-  const TrajectoryShape shape_;
   const ReplayBatchOptions batch_options_;
   const int64_t samples_per_update_;  ///< agent decisions
   std::unique_ptr<replay::Replay> replay_;
