@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
@@ -36,18 +37,16 @@ bool PartPool::run(int64_t parts, const std::function<void(int64_t)>& work,
     stopped_ = false, failure_ = nullptr;
     if (!alone) ++job_;
   }
-  if (alone) {
-    take_parts(keep_going);
-  } else {
+  // This thread's share is computed like the helpers': the result must not depend on who took a part.
+  const int own_threads = at::get_num_threads();
+  if (!alone) {
+    policy::set_math_threads(1);
     job_begins_.notify_all();
-    // This thread's share is computed like the helpers': the result must not depend on who took a part.
-    const int own_threads = at::get_num_threads();
-    at::set_num_threads(1);
-    take_parts(keep_going);
-    at::set_num_threads(own_threads);
   }
+  take_parts(keep_going);
   std::unique_lock lock(mutex_);
   job_ends_.wait(lock, [this] { return busy_ == 0; });
+  if (!alone) policy::set_math_threads(own_threads);
   work_ = nullptr;
   if (failure_) std::rethrow_exception(failure_);
   return !stopped_;

@@ -1,5 +1,6 @@
 #include "policy_workers/policy/policy_net.h"
 
+#include <dlfcn.h>
 #include <malloc.h>
 
 #include <algorithm>
@@ -592,8 +593,17 @@ void tune_allocator() {
   mallopt(M_TOP_PAD, 64 << 20);
 }
 
-void tune_math(int thread_count) {
+void set_math_threads(int thread_count) {
   at::set_num_threads(thread_count);
+  // OpenBLAS built on threads of its own asks nobody; its waiting threads take whole cores from those that
+  // compute. Built on OpenMP it would follow by itself; other libraries have no such function.
+  static const auto set_blas_threads =
+      reinterpret_cast<void (*)(int)>(dlsym(RTLD_DEFAULT, "openblas_set_num_threads"));
+  if (set_blas_threads != nullptr) set_blas_threads(thread_count);
+}
+
+void tune_math(int thread_count) {
+  set_math_threads(thread_count);
   at::globalContext().setFlushDenormal(true);
 }
 

@@ -167,8 +167,10 @@ Expected<torch::Device> choose_device(const std::string& setting);
 /// of main.
 void tune_allocator();
 
-/// CPU threads of this process's tensor operators, and denormals flushed to zero. Also per thread that
-/// computes.
+/// CPU threads of the calling thread's tensor operators, and of the matrix products of the whole process.
+void set_math_threads(int thread_count);
+
+/// set_math_threads(), and denormals flushed to zero. Also per thread that computes.
 void tune_math(int thread_count);
 
 }  // namespace comrad::policy

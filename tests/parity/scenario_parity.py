@@ -12,7 +12,8 @@ the host does, so it presses a tic earlier, and does not predict its own body.
 A quantity is compared in two ways. `exact`: equal in both engines after every decision of every episode. Else its last
 value in an episode is ranked among those of our worlds that were played with the same choices (ties and ends broken by a
 seeded draw): where both engines are alike the ranks of the K episodes are uniform, which a Kolmogorov-Smirnov test asks
-(p). A scenario fails where a quantity has p below 1 in 100 000 (there are some 600 of them), or where the WAD does not run.
+(p). A scenario fails where a quantity has p below 1 in 100 000 (there are some 600 of them), where the WAD does not run, or
+where in the episode without presses a quantity differs that left_to_chance.json does not list (--record writes that file).
 Everything random is seeded, so a run that passes passes again.
 
 Needs a Python with `vizdoom`, as vizdoom_parity.py does, and says so in the same way where it cannot be had.
@@ -22,6 +23,7 @@ import collections
 import concurrent.futures
 import csv
 import io
+import json
 import multiprocessing
 import os
 import random
@@ -36,6 +38,7 @@ from vizdoom_parity import SKIPPED, Report, find_python, kolmogorov_smirnov_unif
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SCENARIOS = os.path.join(HERE, "..", "..", "scenarios")
+LEFT_TO_CHANCE = os.path.join(HERE, "left_to_chance.json")  # scenario -> quantities that differ though nobody presses
 AGENTS = 2
 TICS = 4  # of a decision
 TAIL = 1e-5
@@ -382,8 +385,11 @@ def main():
     parser.add_argument("--jobs", type=int, default=2, help="games of ViZDoom at a time")
     parser.add_argument("--worlds", type=int, default=40)
     parser.add_argument("--table", default="", help="file for the table")
+    parser.add_argument("--record", action="store_true", help="write down what differs in the episodes without presses")
     parser.add_argument("--verbose", action="store_true")
     arguments = parser.parse_args()
+    with open(LEFT_TO_CHANCE) as file:
+        left_to_chance = json.load(file)
     try:
         import vizdoom  # noqa: F401
     except ImportError:
@@ -405,11 +411,21 @@ def main():
                 report.check(name, False, result.problem)
                 continue
             bad = {label: row for label, row in result.tested.items() if row[2] < TAIL}
+            if arguments.record:
+                left_to_chance[name] = sorted(result.off)
+            fixed = {label: row for label, row in result.off.items() if label not in left_to_chance.get(name, [])}
+            report.check(name + ", nobody presses", not fixed, "%d quantities equal where chance has no part%s" % (
+                len(quantities()) - len(left_to_chance.get(name, [])),
+                "".join("; %s after decision %d: %.4g here, %.4g there" % ((label,) + row) for label, row in fixed.items())))
             report.check(name, not bad, "%d of %d quantities equal after every decision, %d by chance, %d played again, least p %.2g%s" % (
                 len(result.exact), len(quantities()), len(result.tested), result.replayed, min(row[2] for row in result.tested.values()),
                 "".join("; %s %.4g against %.4g, p %.1g" % ((label,) + row) for label, row in bad.items())))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+    if arguments.record:
+        with open(LEFT_TO_CHANCE, "w") as file:
+            json.dump(left_to_chance, file, indent=1)
+            file.write("\n")
     text = table(results, arguments)
     print(text)
     if arguments.table:
