@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <optional>
 #include <string>
 
 #include "rollout_buffer/core/log.h"
@@ -32,17 +33,28 @@ constexpr std::size_t kTextsMax = 64;
 
 // ---------------------------------------------------------------- tables
 
-/// Bytes of operands, in plain and in compact code.
-constexpr std::array<std::array<uint8_t, 2>, kPCodeCount> make_operand_sizes() {
-  std::array<std::array<uint8_t, 2>, kPCodeCount> sizes{};
-  for (std::size_t code = 0; code < kPCodeCount; ++code)
-    for (const char operand : bytecode::kPCodes[code].operands)
+/// What is asked of every p-code before it is run.
+struct Step {
+  uint8_t pops = 0, pushes = 0;
+  std::array<uint8_t, 2> operand_bytes{};  ///< in plain and in compact code
+  VariableCode variable{};
+};
+
+constexpr std::array<Step, kPCodeCount> make_steps() {
+  std::array<Step, kPCodeCount> steps{};
+  for (std::size_t code = 0; code < kPCodeCount; ++code) {
+    const bytecode::PCodeInfo& info = bytecode::kPCodes[code];
+    Step& step = steps[code];
+    step.pops = info.pops, step.pushes = info.pushes;
+    step.variable = bytecode::kVariableCodes[code];
+    for (const char operand : info.operands)
       for (const bool compact : {false, true})
-        sizes[code][compact] =
-            static_cast<uint8_t>(sizes[code][compact] + bytecode::operand_bytes(operand, compact));
-  return sizes;
+        step.operand_bytes[compact] =
+            static_cast<uint8_t>(step.operand_bytes[compact] + bytecode::operand_bytes(operand, compact));
+  }
+  return steps;
 }
-constexpr std::array<std::array<uint8_t, 2>, kPCodeCount> kOperandSizes = make_operand_sizes();
+constexpr std::array<Step, kPCodeCount> kSteps = make_steps();
 
 // ---------------------------------------------------------------- arithmetic that wraps
 
@@ -136,28 +148,19 @@ class Interpreter {
     while (thread_.state == ThreadState::kRunning && !failed_) {
       at_ = pc_;
       if (--machine_.instructions_left < 0) {
-        ++machine_.runaway_count;
-        fail("has run " + std::to_string(machine_.instructions_per_tic) + " instructions in one tic without a Delay");
+        stop_runaway();
         break;
       }
       const uint32_t number = fetch();
       if (failed_) break;
-      const bytecode::PCodeInfo& info = bytecode::kPCodes[number];
-      if (sp_ < info.pops) {
-        fail("the stack is empty for " + std::string(info.name));
+      const Step& step = kSteps[number];
+      if (sp_ < step.pops || sp_ - step.pops + step.pushes > kStackMax ||
+          code_.size() - pc_ < step.operand_bytes[compact_]) {
+        fail_step(number);
         break;
       }
-      if (sp_ - info.pops + info.pushes > kStackMax) {
-        fail("the stack is full");
-        break;
-      }
-      if (code_.size() - pc_ < kOperandSizes[number][compact_]) {
-        fail("the operands of " + std::string(info.name) + " run out of the lump");
-        break;
-      }
-      const VariableCode& variable = bytecode::kVariableCodes[number];
-      if (variable.operation != Operation::kNone) {
-        run_variable(variable);
+      if (step.variable.operation != Operation::kNone) {
+        run_variable(step.variable);
       } else {
         execute(static_cast<PCode>(number));
       }
@@ -172,19 +175,18 @@ class Interpreter {
 
   uint32_t fetch() {
     const std::size_t left = code_.size() - pc_;
-    if (compact_ ? left < 1 : left < 4) return fail("runs out of the lump"), 0;
+    if (compact_ ? left < 1 : left < 4) return fail_fetch({});
     uint32_t number = 0;
     if (compact_) {
       number = code_[pc_++];
       if (number >= bytecode::kFirstWidePCode) {
-        if (left < 2) return fail("runs out of the lump"), 0;
+        if (left < 2) return fail_fetch({});
         number = bytecode::kFirstWidePCode + ((number - bytecode::kFirstWidePCode) << 8) + code_[pc_++];
       }
     } else {
       number = static_cast<uint32_t>(word());
     }
-    if (number >= kPCodeCount) return fail("there is no p-code " + std::to_string(number)), 0;
-    return number;
+    return number < kPCodeCount ? number : fail_fetch(number);
   }
 
   // Operands; their bytes have been counted before.
@@ -215,11 +217,36 @@ class Interpreter {
     return text;
   }
 
-  void fail(const std::string& what) {
+  // What ends a script is cold: its texts must not stand between the steps of a running one.
+  [[gnu::cold]] void fail(const std::string& what) {
     if (failed_) return;
     failed_ = true;
     machine_.last_error = caller_.script_label() + " at " + hex(at_) + ": " + what;
     if (behavior_.first_time(kWarnError)) spdlog::warn("{}; the script is stopped", machine_.last_error);
+  }
+
+  [[gnu::cold]] uint32_t fail_fetch(std::optional<uint32_t> unknown) {
+    fail(unknown ? "there is no p-code " + std::to_string(*unknown) : "runs out of the lump");
+    return 0;
+  }
+  [[gnu::cold]] void stop_runaway() {
+    ++machine_.runaway_count;
+    fail("has run " + std::to_string(machine_.instructions_per_tic) + " instructions in one tic without a Delay");
+  }
+  /// Says which of a step's demands is not met.
+  [[gnu::cold]] void fail_step(uint32_t number) {
+    const Step& step = kSteps[number];
+    const std::string name(bytecode::kPCodes[number].name);
+    if (sp_ < step.pops) return fail("the stack is empty for " + name);
+    if (sp_ - step.pops + step.pushes > kStackMax) return fail("the stack is full");
+    fail("the operands of " + name + " run out of the lump");
+  }
+  [[gnu::cold]] int32_t* fail_variable(Scope scope, uint32_t index) {
+    static constexpr std::array<const char*, 8> kNames = {"script variable", "map variable", "world variable",
+                                                          "global variable", "local array",  "map array",
+                                                          "world array",     "global array"};
+    fail("there is no " + std::string(kNames[static_cast<std::size_t>(scope)]) + " " + std::to_string(index));
+    return &scratch_;
   }
 
   // ---- stack; depth has been checked by the table, where the number of values is fixed
@@ -285,14 +312,10 @@ class Interpreter {
         if (index < state_.globals.size()) return grown(machine_.global_arrays, index, element, writes);
         break;
     }
-    static constexpr std::array<const char*, 8> kNames = {"script variable", "map variable", "world variable",
-                                                          "global variable", "local array",  "map array",
-                                                          "world array",     "global array"};
-    fail("there is no " + std::string(kNames[static_cast<std::size_t>(scope)]) + " " + std::to_string(index));
-    return &scratch_;
+    return fail_variable(scope, index);
   }
 
-  int32_t* outside(int32_t element) {
+  [[gnu::cold]] int32_t* outside(int32_t element) {
     caller_.warn(kWarnElement, "element " + std::to_string(element) + " lies outside its array and reads as 0");
     return &scratch_;
   }
@@ -1370,7 +1393,7 @@ void Interpreter::execute_call(PCode code) {
     case PCode::kSetMusicDirect:
     case PCode::kLocalSetMusicDirect:
     case PCode::kSetStyleDirect:
-      pc_ += kOperandSizes[static_cast<std::size_t>(code)][compact_];
+      pc_ += kSteps[static_cast<std::size_t>(code)].operand_bytes[compact_];
       return;
 
     // ---- what would change play, but is not there
@@ -1388,7 +1411,7 @@ void Interpreter::execute_call(PCode code) {
     case PCode::kUnmorphActor: {
       unsupported(code);
       const bytecode::PCodeInfo& info = bytecode::kPCodes[static_cast<std::size_t>(code)];
-      pc_ += kOperandSizes[static_cast<std::size_t>(code)][compact_];
+      pc_ += kSteps[static_cast<std::size_t>(code)].operand_bytes[compact_];
       drop(info.pops);
       for (int i = 0; i < info.pushes; ++i) push(0);
       return;

@@ -1,7 +1,10 @@
 #include "sim_workers/engine/render/picture.h"
 
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
+
 #include <algorithm>
-#include <cstring>
 
 #include "sim_workers/engine/render/art_atlas.h"
 
@@ -39,6 +42,30 @@ void blend_pixel(uint32_t word, const uint8_t* texels, const PictureColors& colo
     }
     pixel = static_cast<uint8_t>(mixed);
   }
+}
+
+constexpr std::size_t kBlock = 16;
+
+/// Sixteen colours 0xBBGGRR into sixteen bytes of each plane.
+void split_block(const std::array<uint32_t, kBlock>& colors, uint8_t* red, uint8_t* green, uint8_t* blue) {
+#ifdef __SSE2__
+  const __m128i byte = _mm_set1_epi32(255);
+  const auto bytes_of = [&](int shift) {
+    const auto four = [&](std::size_t first) {
+      const __m128i packed = _mm_load_si128(reinterpret_cast<const __m128i*>(&colors[first]));
+      return _mm_and_si128(_mm_srli_epi32(packed, shift), byte);
+    };
+    return _mm_packus_epi16(_mm_packs_epi32(four(0), four(4)), _mm_packs_epi32(four(8), four(12)));
+  };
+  _mm_storeu_si128(reinterpret_cast<__m128i*>(red), bytes_of(0));
+  _mm_storeu_si128(reinterpret_cast<__m128i*>(green), bytes_of(8));
+  _mm_storeu_si128(reinterpret_cast<__m128i*>(blue), bytes_of(16));
+#else
+  for (std::size_t k = 0; k < kBlock; ++k) {
+    red[k] = static_cast<uint8_t>(colors[k]), green[k] = static_cast<uint8_t>(colors[k] >> 8);
+    blue[k] = static_cast<uint8_t>(colors[k] >> 16);
+  }
+#endif
 }
 
 }  // namespace
@@ -105,22 +132,15 @@ void convert(std::span<const uint32_t> words, const uint8_t* texels, const Pictu
   uint8_t* green = destination + plane;
   uint8_t* blue = destination + 2 * plane;
   const uint32_t* table = colors.colors;
-  const uint32_t row_mask = colors.row_mask;
+  const uint32_t row_mask = colors.row_mask << 8;
   const auto color_of = [=](uint32_t word) {
-    return table[(word >> kAddressBits & row_mask) * 256 + texels[word & kAddressMask]];
+    return table[(word >> (kAddressBits - 8) & row_mask) | texels[word & kAddressMask]];
   };
+  alignas(16) std::array<uint32_t, kBlock> block;
   std::size_t i = 0;
-  for (; i + 4 <= words.size(); i += 4) {
-    const uint32_t a = color_of(words[i]), b = color_of(words[i + 1]);
-    const uint32_t c = color_of(words[i + 2]), d = color_of(words[i + 3]);
-    // Transposes four pixels into four bytes of each plane.
-    const uint32_t ab = (a & 0x00FF00FFu) | (b & 0x00FF00FFu) << 8, cd = (c & 0x00FF00FFu) | (d & 0x00FF00FFu)
-                                                                                                 << 8;
-    const uint32_t reds = (ab & 0xFFFFu) | cd << 16, blues = ab >> 16 | (cd & 0xFFFF0000u);
-    const uint32_t greens = (a >> 8 & 0xFFu) | (b & 0xFF00u) | (c & 0xFF00u) << 8 | (d & 0xFF00u) << 16;
-    std::memcpy(red + i, &reds, 4);
-    std::memcpy(green + i, &greens, 4);
-    std::memcpy(blue + i, &blues, 4);
+  for (; i + kBlock <= words.size(); i += kBlock) {
+    for (std::size_t k = 0; k < kBlock; ++k) block[k] = color_of(words[i + k]);
+    split_block(block, red + i, green + i, blue + i);
   }
   for (; i < words.size(); ++i) {
     const uint32_t color = color_of(words[i]);
