@@ -17,8 +17,7 @@ QLearning::SampleLoss Idqn::loss_of(const Scene& scene) const {
   Tensor target;
   {
     torch::NoGradGuard no_grad;
-    const Tensor best = policy::greedy_action(config_.double_dqn ? scene.online.next : scene.target.next,
-                                              scene.next_mask, env_);
+    const Tensor best = next_action(scene);
     const Tensor next = policy::chosen_entries(scene.target.next, best, env_) * batch.bootstrap.unsqueeze(-1);
     const auto per_head = [&](const Tensor& of_rows) {
       return of_rows.unsqueeze(-1).expand_as(next).flatten(1).contiguous();

@@ -99,6 +99,10 @@ Tensor QLearning::Scene::mask() const {
   return batch.has_action_mask ? batch.action_mask.narrow(0, 0, batch.steps()) : Tensor();
 }
 
+Tensor QLearning::next_action(const Scene& scene) const {
+  return policy::greedy_action(config_.double_dqn ? scene.online.next : scene.target.next, scene.next_mask, env_);
+}
+
 Tensor QLearning::loss_of_error(const Tensor& error) const {
   return config_.use_huber_loss ? huber(error) : error.square();
 }

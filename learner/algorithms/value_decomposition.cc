@@ -34,8 +34,7 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
   Tensor target;
   {
     torch::NoGradGuard no_grad;
-    const Tensor best = policy::greedy_action(config_.double_dqn ? scene.online.next : scene.target.next,
-                                              scene.next_mask, env_);
+    const Tensor best = next_action(scene);
     const Tensor next = by_time(
         target_mixer_->mix(input(scene.target, true, best, scene.next_mask, scene.next_active)).q_tot);
     const auto first_of = [&](const Tensor& of_rows) {
