@@ -93,7 +93,7 @@ size_t expect_same_run(const std::string& run_a, const std::string& run_b) {
 TEST(LayoutPoolRun, SimulatorsChangeLayoutsAndAResumeGoesOn) {
   const ScratchFolder scratch;
   const std::string pool = make_pool(scratch, "train", 3);
-  train(scratch, "run", 40'000, pool, {"--curriculum", "learning_progress"});
+  train(scratch, "run", 28'000, pool, {"--curriculum", "learning_progress"});
   const nlohmann::json before = curriculum_state(scratch / "run");
   ASSERT_TRUE(before.is_object());
   ASSERT_EQ(before["tasks"].size(), 3u);
@@ -109,7 +109,7 @@ TEST(LayoutPoolRun, SimulatorsChangeLayoutsAndAResumeGoesOn) {
     EXPECT_TRUE(reports.back().contains(name)) << name;
   EXPECT_EQ(reports.back()["curriculum/layouts_seen"], 3);
 
-  const std::string words = train(scratch, "run", 60'000, pool, {"--curriculum", "learning_progress"});
+  const std::string words = train(scratch, "run", 42'000, pool, {"--curriculum", "learning_progress"});
   EXPECT_THAT(words, HasSubstr("Resuming"));
   const nlohmann::json after = curriculum_state(scratch / "run");
   EXPECT_EQ(after["tasks"], before["tasks"]);
@@ -150,7 +150,7 @@ TEST(LayoutPoolRun, LockStepIsBitIdenticalTwiceAndAcrossAResume) {
 
 TEST(LayoutPoolRun, AKilledSimulatorAndAPoolDrawnOnTheSpot) {
   const ScratchFolder scratch;
-  RunningProgram run(training(scratch, "run", 60'000, "train:3"));
+  RunningProgram run(training(scratch, "run", 40'000, "train:3"));
   ASSERT_TRUE(wait_until([&] { return env_frames(scratch / "run") > 0; }, kRunTimeoutSeconds));
   const auto simulators = processes_of(scratch / "run", "comrad-sim-worker");
   ASSERT_FALSE(simulators.empty()) << "the run ended before it could be disturbed";
