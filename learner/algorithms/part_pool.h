@@ -31,9 +31,9 @@ class PartPool {
 
   int threads() const { return static_cast<int>(helpers_.size()) + 1; }
   /// Calls work(part) once for every part in [0, parts), in any order and thread; inside, libtorch and its
-  /// BLAS compute with one thread. `keep_going` is asked in the caller's thread before each of its parts and may be empty;
-  /// once it says no, no further part begins. Returns whether all were done. An exception of a part ends the
-  /// job and is thrown again here.
+  /// BLAS compute with one thread. `keep_going` is asked in the caller's thread before each of its parts and
+  /// may be empty; once it says no, no further part begins. Returns whether all were done. An exception of a
+  /// part ends the job and is thrown again here.
   bool run(int64_t parts, const std::function<void(int64_t)>& work, const std::function<bool()>& keep_going);
 
  private:

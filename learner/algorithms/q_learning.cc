@@ -100,7 +100,8 @@ Tensor QLearning::Scene::mask() const {
 }
 
 Tensor QLearning::next_action(const Scene& scene) const {
-  return policy::greedy_action(config_.double_dqn ? scene.online.next : scene.target.next, scene.next_mask, env_);
+  return policy::greedy_action(config_.double_dqn ? scene.online.next : scene.target.next, scene.next_mask,
+                               env_);
 }
 
 Tensor QLearning::loss_of_error(const Tensor& error) const {

@@ -96,8 +96,8 @@ class QLearning : public OffPolicyAlgorithm {
   /// What checkpoints call the algorithm.
   virtual const char* name() const = 0;
 
-  /// The actions that a target looks at, i64 [T, R, heads]: with double_dqn the online network's choice, else the
-  /// target network's own (van Hasselt et al. 2016, equation 4).
+  /// The actions that a target looks at, i64 [T, R, heads]: with double_dqn the online network's choice, else
+  /// the target network's own (van Hasselt et al. 2016, equation 4).
   Tensor next_action(const Scene& scene) const;
   /// The loss of an error by use_huber_loss.
   Tensor loss_of_error(const Tensor& error) const;

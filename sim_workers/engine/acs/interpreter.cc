@@ -91,8 +91,8 @@ int32_t apply(Operation operation, int32_t a, int32_t b) {
 
 // ---------------------------------------------------------------- the interpreter
 
-/// The angle of a vector as VectorAngle answers it: Doom's way over a table of 2 048 slopes, with its edges (measured
-/// in ViZDoom: north is 16383, slopes of less than 512 count as one eighth of a turn).
+/// The angle of a vector as VectorAngle answers it: Doom's way over a table of 2 048 slopes, with its edges
+/// (measured in ViZDoom: north is 16383, slopes of less than 512 count as one eighth of a turn).
 int32_t vector_angle(int32_t x, int32_t y) {
   constexpr uint32_t kSlopes = 2048;
   static const std::array<Angle, kSlopes + 1> kAngles = [] {
@@ -114,7 +114,8 @@ int32_t vector_angle(int32_t x, int32_t y) {
     return kAngles[std::min<uint64_t>((uint64_t{small} << 3) / (large >> 8), kSlopes)];
   };
   if (x == 0 && y == 0) return 0;
-  const uint32_t width = static_cast<uint32_t>(std::abs(int64_t{x})), height = static_cast<uint32_t>(std::abs(int64_t{y}));
+  const uint32_t width = static_cast<uint32_t>(std::abs(int64_t{x})),
+                 height = static_cast<uint32_t>(std::abs(int64_t{y}));
   Angle angle = 0;
   if (x >= 0 && y >= 0) {
     angle = width > height ? angle_of(height, width) : kAngle90 - 1 - angle_of(width, height);
@@ -123,7 +124,8 @@ int32_t vector_angle(int32_t x, int32_t y) {
   } else if (y >= 0) {
     angle = width > height ? kAngle180 - 1 - angle_of(height, width) : kAngle90 + angle_of(width, height);
   } else {
-    angle = width > height ? kAngle180 + angle_of(height, width) : kAngle180 + kAngle90 - 1 - angle_of(width, height);
+    angle = width > height ? kAngle180 + angle_of(height, width)
+                           : kAngle180 + kAngle90 - 1 - angle_of(width, height);
   }
   return from_angle(angle);
 }
@@ -231,7 +233,8 @@ class Interpreter {
   }
   [[gnu::cold]] void stop_runaway() {
     ++machine_.runaway_count;
-    fail("has run " + std::to_string(machine_.instructions_per_tic) + " instructions in one tic without a Delay");
+    fail("has run " + std::to_string(machine_.instructions_per_tic) +
+         " instructions in one tic without a Delay");
   }
   /// Says which of a step's demands is not met.
   [[gnu::cold]] void fail_step(uint32_t number) {
@@ -280,7 +283,8 @@ class Interpreter {
     const auto index = static_cast<uint32_t>(number);
     switch (scope) {
       case Scope::kScript:
-        if (index < thread_.locals.size() - thread_.local_base) return &thread_.locals[thread_.local_base + index];
+        if (index < thread_.locals.size() - thread_.local_base)
+          return &thread_.locals[thread_.local_base + index];
         break;
       case Scope::kMap:
         if (index < machine_.map_variables.size()) return &machine_.map_variables[index];
@@ -306,7 +310,8 @@ class Interpreter {
         return element_of(machine_.map_arrays[static_cast<std::size_t>(slot)], element, false);
       }
       case Scope::kWorldArray:
-        if (index < machine_.world_variables.size()) return grown(machine_.world_arrays, index, element, writes);
+        if (index < machine_.world_variables.size())
+          return grown(machine_.world_arrays, index, element, writes);
         break;
       case Scope::kGlobalArray:
         if (index < state_.globals.size()) return grown(machine_.global_arrays, index, element, writes);
@@ -316,7 +321,8 @@ class Interpreter {
   }
 
   [[gnu::cold]] int32_t* outside(int32_t element) {
-    caller_.warn(kWarnElement, "element " + std::to_string(element) + " lies outside its array and reads as 0");
+    caller_.warn(kWarnElement,
+                 "element " + std::to_string(element) + " lies outside its array and reads as 0");
     return &scratch_;
   }
   int32_t* element_of(std::vector<int32_t>& array, int32_t element, bool silent) {
@@ -343,7 +349,8 @@ class Interpreter {
   }
 
   const std::vector<LocalArray>& local_arrays() const {
-    if (thread_.function >= 0) return behavior_.functions()[static_cast<std::size_t>(thread_.function)].arrays;
+    if (thread_.function >= 0)
+      return behavior_.functions()[static_cast<std::size_t>(thread_.function)].arrays;
     return behavior_.scripts()[thread_.script_index].arrays;
   }
 
@@ -363,7 +370,8 @@ class Interpreter {
 
   void binary(Operation operation) {
     const int32_t b = pop();
-    if ((operation == Operation::kDiv || operation == Operation::kMod) && b == 0) return fail("divides by zero");
+    if ((operation == Operation::kDiv || operation == Operation::kMod) && b == 0)
+      return fail("divides by zero");
     top() = apply(operation, top(), b);
   }
 
@@ -374,7 +382,8 @@ class Interpreter {
     if (index < 0 || static_cast<std::size_t>(index) >= functions.size())
       return fail("there is no function " + std::to_string(index));
     const Function& function = functions[static_cast<std::size_t>(index)];
-    if (function.imported) return fail("calls \"" + printable(function.name) + "\" of a library that is not loaded");
+    if (function.imported)
+      return fail("calls \"" + printable(function.name) + "\" of a library that is not loaded");
     const auto arg_count = static_cast<std::size_t>(function.arg_count);
     const auto size = arg_count + static_cast<std::size_t>(function.variable_count);
     if (!has(arg_count)) return;
@@ -499,7 +508,8 @@ class Interpreter {
   int32_t random(int32_t low, int32_t high) {
     if (high < low) std::swap(low, high);
     const uint32_t span = static_cast<uint32_t>(high) - static_cast<uint32_t>(low) + 1u;
-    const uint32_t drawn = span == 0 ? static_cast<uint32_t>(world_.rng().next() >> 32) : world_.rng().below(span);
+    const uint32_t drawn =
+        span == 0 ? static_cast<uint32_t>(world_.rng().next() >> 32) : world_.rng().below(span);
     return static_cast<int32_t>(static_cast<uint32_t>(low) + drawn);
   }
   void wait(ThreadState how, int32_t data) {
@@ -546,7 +556,8 @@ class Interpreter {
   std::array<int32_t, kStackMax> stack_;
 };
 
-// The language itself: values, jumps, calls, waiting, texts. What reaches into the world is in execute_call().
+// The language itself: values, jumps, calls, waiting, texts. What reaches into the world is in
+// execute_call().
 void Interpreter::execute(PCode code) {
   switch (code) {
     case PCode::kNop:
@@ -1063,7 +1074,8 @@ void Interpreter::execute_call(PCode code) {
         state_.lines[static_cast<std::size_t>(thread_.line)].special = 0;
       return;
     case PCode::kGetLineRowOffset: {
-      const bool known = thread_.line >= 0 && static_cast<std::size_t>(thread_.line) < world_.level().linedefs.size();
+      const bool known =
+          thread_.line >= 0 && static_cast<std::size_t>(thread_.line) < world_.level().linedefs.size();
       if (!known) return push(0);
       const Linedef& line = world_.level().linedefs[static_cast<std::size_t>(thread_.line)];
       return push(world_.level().sidedefs[line.front].offset_y);
@@ -1345,7 +1357,8 @@ void Interpreter::execute_call(PCode code) {
       const auto [thing_id, name] = take<2>();
       const int32_t what = name;
       int32_t used = 0;
-      caller_.each_actor(thing_id, [&](Actor& actor) { used += use_inventory(caller_, &actor, false, what); });
+      caller_.each_actor(thing_id,
+                         [&](Actor& actor) { used += use_inventory(caller_, &actor, false, what); });
       return push(used);
     }
     case PCode::kSetWeapon: {

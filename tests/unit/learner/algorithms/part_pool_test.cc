@@ -47,7 +47,8 @@ double cpu_seconds(clockid_t clock) {
 TEST(PartPool, MatrixProductsOfAPartStayInItsThread) {
   const int before = at::get_num_threads();
   policy::set_math_threads(2);
-  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // threads that were made just now wait awake at first
+  std::this_thread::sleep_for(
+      std::chrono::milliseconds(300));  // threads that were made just now wait awake at first
   PartPool pool(2);
   const torch::Tensor factor = torch::ones({256, 256});
   std::mutex mutex;
