@@ -1,7 +1,5 @@
 #include "deploy/config/game_files.h"
 
-#include <unistd.h>
-
 #include <charconv>
 #include <cstdint>
 #include <cstdlib>
@@ -184,18 +182,13 @@ Expected<std::string> ensure_layout(const RunConfig& config, const std::string& 
   const fs::path path = fs::absolute(fs::path(folder) / layout_name(config), error);
   if (fs::exists(path, error) && check_wad(path.string())) return path.string();
 
-  const fs::path fresh = path.string() + ".tmp" + std::to_string(getpid());
+  // It writes its file beside the place and renames it: nobody sees half a map.
   COMRAD_TRY_ASSIGN(const ProgramResult made,
                     run_program({sibling_program("comrad-doomgen"), config.scenario, "--seed",
                                  std::to_string(config.layout_seed), "--num_agents",
-                                 std::to_string(config.num_agents), "-o", fresh.string()},
+                                 std::to_string(config.num_agents), "-o", path.string()},
                                 {.timeout_s = 120}));
-  if (made.exit_code != 0) {
-    fs::remove(fresh, error);
-    return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made)};
-  }
-  fs::rename(fresh, path, error);
-  if (error) return Error{ErrorCode::kSystem, path.string() + ": cannot be written: " + error.message()};
+  if (made.exit_code != 0) return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made)};
   return path.string();
 }
 

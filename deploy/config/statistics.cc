@@ -1,11 +1,16 @@
 #include "deploy/config/statistics.h"
 
+#include <Eigen/Core>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
 namespace comrad::deploy {
 namespace {
+
+Eigen::Map<const Eigen::ArrayXd> array(std::span<const double> values) {
+  return {values.data(), static_cast<Eigen::Index>(values.size())};
+}
 
 /// P(|T| <= t) for whole degrees of freedom nu.
 double two_sided(double t, int nu) {
@@ -25,9 +30,7 @@ double two_sided(double t, int nu) {
 }  // namespace
 
 double mean(std::span<const double> values) {
-  double sum = 0;
-  for (double value : values) sum += value;
-  return values.empty() ? std::numeric_limits<double>::quiet_NaN() : sum / static_cast<double>(values.size());
+  return values.empty() ? std::numeric_limits<double>::quiet_NaN() : array(values).mean();
 }
 
 double student_t_975(int degrees) {
@@ -42,9 +45,7 @@ double student_t_975(int degrees) {
 double confidence_95(std::span<const double> values) {
   const auto count = static_cast<double>(values.size());
   if (values.size() < 2) return std::numeric_limits<double>::quiet_NaN();
-  const double centre = mean(values);
-  double squares = 0;
-  for (double value : values) squares += (value - centre) * (value - centre);
+  const double squares = (array(values) - mean(values)).square().sum();
   return student_t_975(static_cast<int>(values.size()) - 1) * std::sqrt(squares / (count - 1) / count);
 }
 

@@ -1,13 +1,12 @@
 #include "deploy/config/temporary_run.h"
 
-#include <cerrno>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <utility>
 
 #include "deploy/config/game_files.h"
+#include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
 
@@ -16,7 +15,7 @@ Expected<TemporaryRun> TemporaryRun::create(RunConfig& config) {
   const char* parent = std::getenv("TMPDIR");
   std::string path = std::string(parent != nullptr && *parent != '\0' ? parent : "/tmp") + "/comrad-XXXXXX";
   if (mkdtemp(path.data()) == nullptr)
-    return Error{ErrorCode::kSystem, path + ": cannot be made: " + std::strerror(errno) + "; set TMPDIR"};
+    return system_error("cannot make " + path + " (TMPDIR names another place)");
   TemporaryRun run(path);
 
   if (config.layout_pool.empty()) {

@@ -217,6 +217,7 @@ class Supervisor {
   void count_work();
   void measure();
   void check_goals();
+  std::string limit_reached() const;
   void enforce_stop();
   void report();
 
@@ -530,7 +531,7 @@ void Supervisor::died(Worker& worker, const ExitStatus& how) {
     return;
   }
   if (worker.role == Role::kLearner && trains() && is_clean) {
-    complete("finished");
+    complete("finished" + limit_reached());
     return;
   }
   if (worker.last_line.empty()) worker.last_line = last_log_line(log_path(worker));
@@ -683,6 +684,17 @@ void Supervisor::measure() {
 void Supervisor::check_goals() {
   if (phase_ != Phase::kRunning) return;
   if (plan_.episodes > 0 && episodes_.size() >= plan_.episodes) complete("finished");
+}
+
+/// " (--train_for_...)", the limit that ended the training as the command line spells it: a resumed run may
+/// have nothing left of it. Empty where the learner had another reason.
+std::string Supervisor::limit_reached() const {
+  const RunConfig& config = plan_.config;
+  if (static_cast<double>(env_frames()) >= config.train_for_env_steps)
+    return " (--train_for_env_steps " + std::to_string(std::llround(config.train_for_env_steps)) + ")";
+  if (config.train_for_seconds > 0)
+    return " (--train_for_seconds " + std::to_string(std::llround(config.train_for_seconds)) + ")";
+  return "";
 }
 
 void Supervisor::stop(const std::string& why) {

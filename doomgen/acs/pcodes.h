@@ -1,5 +1,5 @@
-// The instructions of ACS bytecode: number, name, operands in the code, values taken from and left on the stack.
-// Shared by what writes a BEHAVIOR lump (doomgen/acs) and what runs it (sim_workers/engine/acs).
+// The instructions of ACS bytecode: number, name, operands in the code, values taken from and left on the
+// stack. Shared by what writes a BEHAVIOR lump (doomgen/acs) and what runs it (sim_workers/engine/acs).
 #pragma once
 
 #include <array>
@@ -13,9 +13,10 @@ namespace comrad::bytecode {
 ///   w  4 bytes                          b  1 byte in compact code, 4 in plain
 ///   B  1 byte                           h  2 bytes in compact code, 4 in plain
 ///   n  a count byte and that many bytes
-///   t  padding to a multiple of 4 from the start of the lump, a count, and that many pairs (value, address) of words
-/// What depends on the call (Call, CallFunc, PushBytes, the ends of HudMessage) pops and pushes more than the table says;
-/// CaseGoto and CaseGotoSorted drop their value only when they jump.
+///   t  padding to a multiple of 4 from the start of the lump, a count, and that many pairs of words
+///      (value, address)
+/// What depends on the call (Call, CallFunc, PushBytes, the ends of HudMessage) pops and pushes more than the
+/// table says; CaseGoto and CaseGotoSorted drop their value only when they jump.
 // clang-format off
 #define COMRAD_PCODES(X) \
   X(Nop, "", 0, 0)                                            /*   0 */ \

@@ -13,7 +13,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "doomgen/layout/wad_writer.h"
+#include "rollout_buffer/core/files.h"
 
 extern char** environ;
 
@@ -46,14 +46,15 @@ std::string last_line(std::string text) {
 
 Expected<std::string> build_nodes(const std::string& wad) {
   std::error_code error;
-  std::string pattern = (fs::temp_directory_path(error) / "comrad-nodes-XXXXXX").string();
+  const fs::path parent = fs::temp_directory_path(error);
+  if (error) return Error{ErrorCode::kSystem, "no folder for the node builder: " + error.message()};
+  std::string pattern = (parent / "comrad-nodes-XXXXXX").string();
   WorkFolder folder;
-  if (error || mkdtemp(pattern.data()) == nullptr)
-    return Error{ErrorCode::kSystem, "no folder for the node builder: " + std::string(std::strerror(errno))};
+  if (mkdtemp(pattern.data()) == nullptr) return system_error("no folder for the node builder: " + pattern);
   folder.path = pattern;
   const std::string input = folder.path + "/in.wad", output = folder.path + "/out.wad",
                     words = folder.path + "/words";
-  COMRAD_TRY(write_file(input, wad));
+  COMRAD_TRY(write_file_atomically(input, wad, /*durable=*/false));
 
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);

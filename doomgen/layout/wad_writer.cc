@@ -1,12 +1,6 @@
 #include "doomgen/layout/wad_writer.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
 
 namespace comrad::doomgen {
 namespace {
@@ -15,10 +9,6 @@ constexpr std::size_t kHeaderBytes = 12, kEntryBytes = 16, kNameBytes = 8;
 
 void put_u32(std::string& out, std::size_t value) {
   for (int shift = 0; shift < 32; shift += 8) out += static_cast<char>((value >> shift) & 0xFF);
-}
-
-Error file_error(const std::string& path, const char* what) {
-  return Error{ErrorCode::kSystem, path + ": " + what + ": " + std::strerror(errno)};
 }
 
 }  // namespace
@@ -89,30 +79,6 @@ uint64_t content_hash(std::string_view bytes) {
   uint64_t hash = 0xCBF29CE484222325ull;
   for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001B3ull;
   return hash;
-}
-
-Status write_file(const std::string& path, std::string_view bytes) {
-  const std::string temporary = path + ".tmp" + std::to_string(getpid());
-  const int file = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file < 0) return file_error(temporary, "cannot be written");
-  for (std::size_t done = 0; done < bytes.size();) {
-    const ssize_t count = write(file, bytes.data() + done, bytes.size() - done);
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) {
-      const Error error = file_error(temporary, "cannot be written");
-      close(file);
-      unlink(temporary.c_str());
-      return error;
-    }
-    done += static_cast<std::size_t>(count);
-  }
-  const bool synced = fsync(file) == 0;
-  if (close(file) != 0 || !synced || rename(temporary.c_str(), path.c_str()) != 0) {
-    const Error error = file_error(path, "cannot be written");
-    unlink(temporary.c_str());
-    return error;
-  }
-  return {};
 }
 
 }  // namespace comrad::doomgen

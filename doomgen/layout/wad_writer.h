@@ -39,8 +39,4 @@ class WadWriter {
 /// FNV-1a 64 over a file's bytes: the identity of a layout.
 uint64_t content_hash(std::string_view bytes);
 
-/// Writes `bytes` to `path` through a temporary file that is renamed, so that a reader never sees half of it.
-/// Errors: kSystem naming the path and the reason.
-Status write_file(const std::string& path, std::string_view bytes);
-
 }  // namespace comrad::doomgen

@@ -103,18 +103,9 @@ Expected<UpdateStats> Happo::update(Minibatch& batch, const UpdateContext& conte
   LossSums all;
   double grad_norm = 0;
   Tensor factor = torch::ones({steps, worlds});  // M / A
-  const auto finish = [&]() -> UpdateStats {
-    if (stats.optimizer_steps == 0 || stats.abandoned) {
-      stats.values.clear();
-      return stats;
-    }
-    const double critic_norm = last_grad_norm_;
-    last_grad_norm_ = grad_norm;  // train/grad_norm is the mean over the actors
-    report(batch, all, stats);
-    put("happo/critic_grad_norm", critic_norm);
-    put("happo/factor_m_mean", factor.mean().item<double>());
-    put("happo/factor_m_max", factor.max().item<double>());
-    put("happo/agent_order_first", static_cast<double>(order.front()));
+  // An update that ends before its last phase reports no values: they would lack agents, or the critic.
+  const auto cut_short = [&stats]() -> UpdateStats {
+    stats.values.clear();
     return stats;
   };
   for (const int64_t agent : order) {
@@ -126,13 +117,12 @@ Expected<UpdateStats> Happo::update(Minibatch& batch, const UpdateContext& conte
     if (has_samples) {
       COMRAD_TRY_ASSIGN(old_log_prob, train_agent(batch, agent, context, stats, sums, goes_on));
     }
-    if (stats.abandoned) return finish();
+    if (!goes_on) return cut_short();
     const std::string prefix = "happo/agent_" + std::to_string(agent);
     all.add_policy(sums, 1.0 / static_cast<double>(agents));
     grad_norm += last_grad_norm_ / static_cast<double>(agents);
     put(prefix + "_policy_loss", sums.policy);
     put(prefix + "_grad_norm", last_grad_norm_);
-    if (!goes_on) return finish();
     if (agent == order.back() || !has_samples) continue;  // nobody is left to need the factor
     const Tensor new_log_prob = evaluate(agent_rows(batch, agent), actor(agent)).log_prob;
     const Tensor ratio = happo_ratio(new_log_prob, old_log_prob, valid, config_.happo_factor_clamp);
@@ -141,9 +131,17 @@ Expected<UpdateStats> Happo::update(Minibatch& batch, const UpdateContext& conte
     put(prefix + "_post_ratio_mean", ratio.mean().item<double>());
   }
   LossSums critic;
-  COMRAD_TRY(train_critic(batch, context, stats, critic));
+  COMRAD_TRY_ASSIGN(const bool critic_done, train_critic(batch, context, stats, critic));
+  if (!critic_done || stats.optimizer_steps == 0) return cut_short();
   all.take_value(critic);
-  return finish();
+  const double critic_norm = last_grad_norm_;
+  last_grad_norm_ = grad_norm;  // train/grad_norm is the mean over the actors
+  report(batch, all, stats);
+  put("happo/critic_grad_norm", critic_norm);
+  put("happo/factor_m_mean", factor.mean().item<double>());
+  put("happo/factor_m_max", factor.max().item<double>());
+  put("happo/agent_order_first", static_cast<double>(order.front()));
+  return stats;
 }
 
 }  // namespace comrad::learn

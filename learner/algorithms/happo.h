@@ -19,7 +19,7 @@
 //
 // One value for all agents presumes a team reward. Where agents of a transition are paid differently the
 // critic learns the mean of their returns, and the first such batch is logged; shared_reward_alpha 1 makes
-// them equal. Source: Kuba et al. 2022, arXiv:2109.11251, algorithm 4 (HAPPO); training spec 1.5, 2.3.
+// them equal. Source: Kuba et al. 2022, arXiv:2109.11251, algorithm 4 (HAPPO).
 #pragma once
 
 #include <vector>

@@ -6,7 +6,7 @@
 //
 // Rewards are clipped to +-dqn_reward_clip, targets are not. Drawn are single decisions of single agents,
 // prioritised by mean_h |TD_h|; with a recurrent core whole sequences. Source: Mnih et al. 2015; Schaul et
-// al. 2016, arXiv:1511.05952; training spec 2.4.
+// al. 2016, arXiv:1511.05952.
 #pragma once
 
 #include "learner/algorithms/q_learning.h"

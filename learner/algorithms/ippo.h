@@ -5,7 +5,7 @@
 // V-trace (with_vtrace) takes ratios and values of the policy in training, anew for every minibatch, caps the
 // ratios at vtrace_rho and vtrace_c, and bootstraps behind the rollout and at time-outs from the values
 // stored there; an invalid step cuts the trace and counts as its own value. Source: de Witt et al. 2020,
-// arXiv:2011.09533; Espeholt et al. 2018, arXiv:1802.01561; training spec 2.1, 2.2.
+// arXiv:2011.09533; Espeholt et al. 2018, arXiv:1802.01561.
 #pragma once
 
 #include "learner/algorithms/on_policy.h"

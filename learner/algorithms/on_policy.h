@@ -10,7 +10,7 @@
 //
 // over valid samples, exploration being the symmetric KL to the uniform distribution or the negative entropy;
 // V and R in normalised units. Back-propagation through time runs over the whole rollout. Source: Schulman et
-// al. 2017, arXiv:1707.06347; training spec 2.1, 2.2. Stage: update.
+// al. 2017, arXiv:1707.06347. Stage: update.
 #pragma once
 
 #include <torch/types.h>

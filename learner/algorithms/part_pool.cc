@@ -31,18 +31,17 @@ PartPool::~PartPool() {
 bool PartPool::run(int64_t parts, const std::function<void(int64_t)>& work,
                    const std::function<bool()>& keep_going) {
   const bool alone = helpers_.empty() || parts <= 1;
+  // Before any helper may begin. This thread's share is computed like the helpers': the result must not
+  // depend on who took a part.
+  const int own_threads = at::get_num_threads();
+  if (!alone) policy::set_math_threads(1);
   {
     const std::lock_guard lock(mutex_);
     work_ = &work, parts_ = parts, next_ = 0;
     stopped_ = false, failure_ = nullptr;
     if (!alone) ++job_;
   }
-  // This thread's share is computed like the helpers': the result must not depend on who took a part.
-  const int own_threads = at::get_num_threads();
-  if (!alone) {
-    policy::set_math_threads(1);
-    job_begins_.notify_all();
-  }
+  if (!alone) job_begins_.notify_all();
   take_parts(keep_going);
   std::unique_lock lock(mutex_);
   job_ends_.wait(lock, [this] { return busy_ == 0; });

@@ -8,8 +8,8 @@
 //
 // o' is the true observation behind the step: where time cut an episode, its own last one, with the recurrent
 // state that led there, and never the first of the next episode. Sequences start from the state stored when
-// they were played. Source: van Hasselt et al. 2016, arXiv:1509.06461; training spec 1.6, 2.4-2.6. Stage:
-// update.
+// they were played. Source: van Hasselt et al. 2016, arXiv:1509.06461.
+// Stage: update.
 #pragma once
 
 #include <torch/types.h>

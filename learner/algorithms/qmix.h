@@ -3,7 +3,7 @@
 //
 //   Q_tot = ELU(Q^T W1(s) + b1(s)) W2(s) + b2(s)
 //
-// Source: Rashid et al. 2018, arXiv:1803.11485; training spec 1.7. Loss and targets: value_decomposition.h;
+// Source: Rashid et al. 2018, arXiv:1803.11485. Loss and targets: value_decomposition.h;
 // the mixing: critics/qmix_mixer.
 #pragma once
 

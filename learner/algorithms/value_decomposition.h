@@ -6,7 +6,7 @@
 //
 // R is the sum (or mean, team_reward) of the agents' rewards; the state s of the mixer is the N encoders'
 // features side by side, recomputed from the stored frames and detached. A world ends for all its agents at
-// once; an agent that is out of the game has utility 0. Source: training spec 1.6, 1.7, 2.5.
+// once; an agent that is out of the game has utility 0.
 #pragma once
 
 #include "learner/algorithms/q_learning.h"

@@ -15,6 +15,7 @@
 #include <filesystem>
 #include <string_view>
 
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/log.h"
 
 namespace comrad::learn {
@@ -23,16 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kFormatName = "comrad-checkpoint";
-constexpr std::string_view kTemporaryMark = ".tmp-";
 constexpr int64_t kFileBytesMax = int64_t{64} << 30;
-
-Error system_error(const std::string& what, const std::string& path) {
-  const int code = errno;
-  const bool full = code == ENOSPC || code == EDQUOT || code == EFBIG;
-  return Error{full ? ErrorCode::kNoSpace : ErrorCode::kSystem,
-               what + " " + path + ": " + std::strerror(code) +
-                   (full ? "; free some space, earlier checkpoints are untouched" : "")};
-}
 
 /// A file descriptor that closes itself.
 class Descriptor {
@@ -48,27 +40,6 @@ class Descriptor {
  private:
   int descriptor_;
 };
-
-Status write_and_sync(const std::string& path, const std::vector<char>& bytes) {
-  const Descriptor file(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644));
-  if (file.get() < 0) return system_error("cannot create", path);
-  std::size_t written = 0;
-  while (written < bytes.size()) {
-    const ssize_t count = write(file.get(), bytes.data() + written, bytes.size() - written);
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return system_error("cannot write", path);
-    written += static_cast<std::size_t>(count);
-  }
-  if (fsync(file.get()) != 0) return system_error("cannot fsync", path);
-  return {};
-}
-
-Status sync_folder(const std::string& folder) {
-  const Descriptor descriptor(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (descriptor.get() < 0 || fsync(descriptor.get()) != 0)
-    return system_error("cannot fsync folder", folder);
-  return {};
-}
 
 Error missing(const std::string& key, const char* kind) {
   return Error{ErrorCode::kBadFormat, "checkpoint has no " + std::string(kind) + " \"" + key + "\""};
@@ -227,32 +198,17 @@ Status write_checkpoint(const std::string& path, const StateDict& state) {
     return Error{ErrorCode::kSystem, "cannot pack checkpoint " + path + ": " + error.what()};
   }
 
-  const fs::path target(path);
-  const std::string folder = target.has_parent_path() ? target.parent_path().string() : ".";
-  const std::string temporary = folder + "/" + std::string(kTemporaryMark) + std::to_string(getpid()) + "-" +
-                                target.filename().string();
-  unlink(temporary.c_str());  // of an earlier process with this pid
-  const Status written = write_and_sync(temporary, bytes);
-  if (!written) {
-    unlink(temporary.c_str());
-    return written.error();
-  }
-  if (rename(temporary.c_str(), path.c_str()) != 0) {
-    const Error error = system_error("cannot rename checkpoint to", path);
-    unlink(temporary.c_str());
-    return error;
-  }
-  return sync_folder(folder);
+  return write_file_atomically(path, {bytes.data(), bytes.size()}, /*durable=*/true);
 }
 
 Expected<StateDict> read_checkpoint(const std::string& path) {
   const Descriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (file.get() < 0) {
     if (errno == ENOENT) return Error{ErrorCode::kNotFound, "no checkpoint at " + path};
-    return system_error("cannot open", path);
+    return file_error("cannot open " + path, errno);
   }
   struct stat information {};
-  if (fstat(file.get(), &information) != 0) return system_error("cannot stat", path);
+  if (fstat(file.get(), &information) != 0) return file_error("cannot stat " + path, errno);
   if (!S_ISREG(information.st_mode)) return Error{ErrorCode::kBadFormat, path + ": not a regular file"};
   if (information.st_size > kFileBytesMax)
     return Error{ErrorCode::kBadFormat, path + ": too large for a checkpoint"};
@@ -261,7 +217,7 @@ Expected<StateDict> read_checkpoint(const std::string& path) {
   while (have < bytes.size()) {
     const ssize_t count = read(file.get(), bytes.data() + have, bytes.size() - have);
     if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return system_error("cannot read", path);
+    if (count < 0) return file_error("cannot read " + path, errno);
     if (count == 0) break;
     have += static_cast<std::size_t>(count);
   }
@@ -289,7 +245,7 @@ Status CheckpointStore::prepare_folder() {
   if (code) return Error{ErrorCode::kSystem, "cannot make folder " + folder_ + ": " + code.message()};
   for (const fs::directory_entry& entry : fs::directory_iterator(folder_, code)) {
     std::error_code ignored;
-    if (entry.path().filename().string().starts_with(kTemporaryMark)) fs::remove(entry.path(), ignored);
+    if (entry.path().filename().string().starts_with(kHalfWrittenMark)) fs::remove(entry.path(), ignored);
   }
   is_prepared_ = true;
   return {};

@@ -18,31 +18,31 @@ namespace comrad::learn {
 using torch::Tensor;
 using NamedTensors = std::vector<std::pair<std::string, Tensor>>;
 
-/// What a mixer is made from. The defaults are the benchmark's.
+/// What a mixer is made from: RunConfig's settings (its defaults are the benchmark's) and sizes.
 struct MixerOptions {
-  std::string kind = "vdn";  ///< vdn | qmix | dmaq (QPLEX-D) | dmaq_qatten (QPLEX-Q)
+  std::string kind = {};  ///< vdn | qmix | dmaq (QPLEX-D) | dmaq_qatten (QPLEX-Q)
 
-  int64_t num_agents = 2;
-  int64_t state_count = 1024;  ///< S
-  int64_t logit_count = 14;    ///< A: sum of head sizes of one agent
-  int64_t state_slice = 512;   ///< entries of agent i's part u_i of the state; dmaq_qatten: S = N * slice
+  int64_t num_agents = {};
+  int64_t state_count = {};  ///< S
+  int64_t logit_count = {};  ///< A: sum of head sizes of one agent
+  int64_t state_slice = {};  ///< entries of agent i's part u_i of the state; dmaq_qatten: S = N * slice
 
   // qmix
-  int64_t embed_dim = 32;        ///< E: units of the mixing layer
-  int64_t hypernet_hidden = 64;  ///< units of the hypernets of W1 and W2
+  int64_t embed_dim = {};        ///< E: units of the mixing layer
+  int64_t hypernet_hidden = {};  ///< units of the hypernets of W1 and W2
 
   // dmaq and dmaq_qatten
-  int64_t qplex_embed_dim = 32;       ///< attention keys and selectors; hidden units of the state bias
-  int64_t qplex_hypernet_embed = 64;  ///< hidden units of selectors and of the weights' hypernets
-  int64_t adv_hypernet_layers = 1;    ///< 1..3 layers in each network behind lambda
-  int64_t adv_hypernet_embed = 64;    ///< their hidden units
-  int64_t num_kernel = 4;             ///< K: terms of lambda
-  int64_t n_head = 4;                 ///< attention heads
-  double attend_reg_coef = 0.001;     ///< of the squared attention logits
-  bool is_minus_one = true;           ///< A_tot weighs by lambda - 1 instead of lambda
-  bool weighted_head = false;         ///< dmaq: learn w, b; dmaq_qatten: weigh each head by |w_h(s)|
-  bool nonlinear = false;             ///< dmaq_qatten: an agent's key also sees its greedy utility
-  bool state_bias = false;            ///< dmaq_qatten: add c(s) to the total
+  int64_t qplex_embed_dim = {};       ///< attention keys and selectors; hidden units of the state bias
+  int64_t qplex_hypernet_embed = {};  ///< hidden units of selectors and of the weights' hypernets
+  int64_t adv_hypernet_layers = {};   ///< 1..3 layers in each network behind lambda
+  int64_t adv_hypernet_embed = {};    ///< their hidden units
+  int64_t num_kernel = {};            ///< K: terms of lambda
+  int64_t n_head = {};                ///< attention heads
+  double attend_reg_coef = {};        ///< of the squared attention logits
+  bool is_minus_one = {};             ///< A_tot weighs by lambda - 1 instead of lambda
+  bool weighted_head = {};            ///< dmaq: learn w, b; dmaq_qatten: weigh each head by |w_h(s)|
+  bool nonlinear = {};                ///< dmaq_qatten: an agent's key also sees its greedy utility
+  bool state_bias = {};               ///< dmaq_qatten: add c(s) to the total
 
   /// As a run's settings name them. The state is the agents' `features` side by side.
   static MixerOptions from(const RunConfig& config, const EnvShape& env, int64_t features);

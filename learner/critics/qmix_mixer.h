@@ -5,7 +5,7 @@
 //   W2(s) = |MLP_{S,64,E}(s)| + 1e-8      b2(s) = MLP_{S,E,1}(s)
 //   Q_tot = ELU(q^T W1 + b1) W2 + b2
 //
-// Source: Rashid et al. 2018, arXiv:1803.11485, section 4 and figure 2; sizes and start of training spec 1.7.
+// Source: Rashid et al. 2018, arXiv:1803.11485, section 4 and figure 2.
 #pragma once
 
 #include "learner/critics/hypernet.h"

@@ -13,16 +13,16 @@
 //
 // The two kinds differ in the transformation:
 //
-//   dmaq         w = 1, b = 0 unless `weighted_head`: w_i = |MLP_{S,64,N}(s)_i| + 1e-10, b_i =
-//   MLP_{S,64,N}(s)_i dmaq_qatten  w_i = sum_h v_h softmax_i(<selector_h(s), key_h(u_i)> / sqrt(embed)) +
-//   1e-10, v_h = 1 unless
-//                `weighted_head`: v_h = |MLP_{S,64,heads}(s)_h| + 1e-10;  b_i = c(s) / N with `state_bias`
+//   dmaq         w_i = 1, b_i = 0; with `weighted_head`
+//                w_i = |MLP_{S,64,N}(s)_i| + 1e-10, b_i = MLP_{S,64,N}(s)_i
+//   dmaq_qatten  w_i = sum_h v_h softmax_i(<selector_h(s), key_h(u_i)> / sqrt(embed)) + 1e-10, v_h = 1; with
+//                `weighted_head` v_h = |MLP_{S,64,heads}(s)_h| + 1e-10; with `state_bias` b_i = c(s) / N
 //
 // `nonlinear` shows the key of agent i its utility as well. Here that is m_i: with the chosen q_i the weights
 // would depend on the action, and the joint argmax would no longer be the agents' own.
 //
 // Source: Wang et al. 2021, arXiv:2008.01062, eqs. 6-12; attention: Yang et al. 2020, Qatten,
-// arXiv:2002.03939, section 4; sizes and the gradient's way of training spec 1.7.
+// arXiv:2002.03939, section 4.
 #pragma once
 
 #include "learner/critics/hypernet.h"

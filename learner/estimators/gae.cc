@@ -1,54 +1,42 @@
 #include "learner/estimators/gae.h"
 
-#include <vector>
-
+#include "learner/estimators/step_rows.h"
 #include "policy_workers/policy/torch_ops.h"
-#include "rollout_buffer/core/check.h"
 
 namespace comrad::learn {
-namespace {
-
-template <typename T>
-const T* data_of(const Tensor& tensor, at::IntArrayRef shape) {
-  COMRAD_CHECK(tensor.defined() && tensor.sizes() == shape, "estimator input has the batch's shape");
-  COMRAD_CHECK(tensor.is_contiguous() && tensor.device().is_cpu(),
-               "estimator input is contiguous on the CPU");
-  return tensor.data_ptr<T>();
-}
-
-}  // namespace
 
 Advantages gae(const ReturnInput& input, const GaeOptions& options) {
   COMRAD_CHECK(input.reward.dim() == 2, "reward is [T, B]");
-  const int64_t steps = input.reward.size(0), rows = input.reward.size(1);
-  const float* reward = data_of<float>(input.reward, {steps, rows});
-  const uint8_t* terminated = data_of<uint8_t>(input.terminated, {steps, rows});
-  const uint8_t* truncated = data_of<uint8_t>(input.truncated, {steps, rows});
-  const float* value = data_of<float>(input.value, {steps + 1, rows});
-  const float* final_value = data_of<float>(input.final_value, {steps, rows});
-  const uint8_t* valid = data_of<uint8_t>(input.valid, {steps, rows});
-  const uint8_t* value_valid = data_of<uint8_t>(input.value_valid, {steps + 1, rows});
+  const int64_t steps = input.reward.size(0), columns = input.reward.size(1);
+  const auto reward = step_rows<float>(input.reward, steps, columns);
+  const auto terminated = step_rows<uint8_t>(input.terminated, steps, columns);
+  const auto truncated = step_rows<uint8_t>(input.truncated, steps, columns);
+  const auto value = step_rows<float>(input.value, steps + 1, columns);
+  const auto final_value = step_rows<float>(input.final_value, steps, columns);
+  const auto valid = step_rows<uint8_t>(input.valid, steps, columns);
+  const auto value_valid = step_rows<uint8_t>(input.value_valid, steps + 1, columns);
 
-  Advantages result{torch::empty({steps, rows}), torch::empty({steps, rows})};
-  float* advantage = result.advantage.data_ptr<float>();
-  float* target = result.target.data_ptr<float>();
-  // The recursion runs in double: 4096-step rollouts keep their last digits, and it costs nothing here.
-  std::vector<double> carried(static_cast<std::size_t>(rows), 0.0);
+  Advantages result{torch::empty({steps, columns}), torch::empty({steps, columns})};
+  auto advantage = step_rows<float>(result.advantage, steps, columns);
+  auto target = step_rows<float>(result.target, steps, columns);
+  // Values that must not count are left out by select(), not by a factor of 0: they may be anything.
+  StepRow carried = StepRow::Zero(columns);  // A_{t+1}
   for (int64_t t = steps - 1; t >= 0; --t) {
-    for (int64_t b = 0; b < rows; ++b) {
-      const int64_t at = t * rows + b;
-      const bool is_valid = valid[at] != 0;
-      const bool done = terminated[at] != 0 || truncated[at] != 0;
-      double delta = is_valid ? static_cast<double>(reward[at]) - value[at] : 0.0;
-      if (!done && value_valid[at + rows] != 0) delta += options.gamma * value[at + rows];
-      const bool bootstraps_final = truncated[at] != 0 && terminated[at] == 0 && !options.legacy_timeouts;
-      if (is_valid && bootstraps_final) delta += options.gamma * final_value[at];
-      double& running = carried[static_cast<std::size_t>(b)];
-      const double factor = done ? 0.0 : is_valid ? options.gamma * options.lambda : 1.0;
-      running = delta + factor * running;
-      advantage[at] = static_cast<float>(running);
-      target[at] = static_cast<float>(running + value[at]);
-    }
+    const StepMask is_valid = valid.row(t) != 0, has_terminated = terminated.row(t) != 0;
+    const StepMask done = has_terminated || truncated.row(t) != 0;
+    const StepMask has_next = !done && value_valid.row(t + 1) != 0;
+    const StepMask has_final =
+        is_valid && done && !has_terminated && StepMask::Constant(columns, !options.legacy_timeouts);
+    const StepRow now = value.row(t).cast<double>();
+    const StepRow delta = is_valid.select(reward.row(t).cast<double>() - now, 0.0) +
+                          options.gamma * has_next.select(value.row(t + 1).cast<double>(), 0.0) +
+                          options.gamma * has_final.select(final_value.row(t).cast<double>(), 0.0);
+    const StepRow factor =
+        done.select(StepRow::Zero(columns),
+                    is_valid.select(StepRow::Constant(columns, options.gamma * options.lambda), 1.0));
+    carried = delta + factor * carried;
+    advantage.row(t) = carried.cast<float>();
+    target.row(t) = (carried + now).cast<float>();
   }
   return result;
 }

@@ -1,5 +1,5 @@
 // Generalised advantage estimation over sealed trajectories: from rewards and the behaviour policy's values
-// to advantages and return targets. Stage: update, before the loss; plain loops on the CPU.
+// to advantages and return targets. Stage: update, before the loss; on the CPU, with Eigen.
 #pragma once
 
 #include <torch/types.h>

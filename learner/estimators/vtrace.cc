@@ -1,55 +1,38 @@
 #include "learner/estimators/vtrace.h"
 
-#include <algorithm>
-#include <cmath>
-#include <vector>
-
+#include "learner/estimators/step_rows.h"
 #include "policy_workers/policy/torch_ops.h"
-#include "rollout_buffer/core/check.h"
 
 namespace comrad::learn {
-namespace {
-
-template <typename T>
-const T* data_of(const Tensor& tensor, at::IntArrayRef shape) {
-  COMRAD_CHECK(tensor.defined() && tensor.sizes() == shape, "estimator input has the batch's shape");
-  COMRAD_CHECK(tensor.is_contiguous() && tensor.device().is_cpu(),
-               "estimator input is contiguous on the CPU");
-  return tensor.data_ptr<T>();
-}
-
-}  // namespace
 
 Advantages vtrace(const Tensor& log_rho_tensor, const ReturnInput& input, const VtraceOptions& options) {
   COMRAD_CHECK(input.reward.dim() == 2, "reward is [T, B]");
-  const int64_t steps = input.reward.size(0), rows = input.reward.size(1);
-  const float* log_rho = data_of<float>(log_rho_tensor, {steps, rows});
-  const float* reward = data_of<float>(input.reward, {steps, rows});
-  const uint8_t* terminated = data_of<uint8_t>(input.terminated, {steps, rows});
-  const uint8_t* truncated = data_of<uint8_t>(input.truncated, {steps, rows});
-  const float* value = data_of<float>(input.value, {steps + 1, rows});
-  const float* final_value = data_of<float>(input.final_value, {steps, rows});
+  const int64_t steps = input.reward.size(0), columns = input.reward.size(1);
+  const auto log_rho = step_rows<float>(log_rho_tensor, steps, columns);
+  const auto reward = step_rows<float>(input.reward, steps, columns);
+  const auto terminated = step_rows<uint8_t>(input.terminated, steps, columns);
+  const auto truncated = step_rows<uint8_t>(input.truncated, steps, columns);
+  const auto value = step_rows<float>(input.value, steps + 1, columns);
+  const auto final_value = step_rows<float>(input.final_value, steps, columns);
 
-  Advantages result{torch::empty({steps, rows}), torch::empty({steps, rows})};
-  float* advantage = result.advantage.data_ptr<float>();
-  float* target = result.target.data_ptr<float>();
-  std::vector<double> next_target(static_cast<std::size_t>(rows));  // vs_{t+1}
-  for (int64_t b = 0; b < rows; ++b) next_target[static_cast<std::size_t>(b)] = value[steps * rows + b];
+  Advantages result{torch::empty({steps, columns}), torch::empty({steps, columns})};
+  auto advantage = step_rows<float>(result.advantage, steps, columns);
+  auto target = step_rows<float>(result.target, steps, columns);
+  StepRow next_target = value.row(steps).cast<double>();  // vs_{t+1}
   for (int64_t t = steps - 1; t >= 0; --t) {
-    for (int64_t b = 0; b < rows; ++b) {
-      const int64_t at = t * rows + b;
-      const double ratio = std::exp(static_cast<double>(log_rho[at]));
-      const double rho = std::min(ratio, options.rho_clip), c = std::min(ratio, options.c_clip);
-      const bool cut = truncated[at] != 0 && !options.legacy_timeouts;
-      const bool done = terminated[at] != 0 || truncated[at] != 0;
-      double& vs_next = next_target[static_cast<std::size_t>(b)];
-      const double v = value[at], v_next = value[at + rows];
-      const double at_end = cut && terminated[at] == 0 ? static_cast<double>(final_value[at]) : 0.0;
-      const double delta = rho * (reward[at] + options.gamma * (done ? at_end : v_next) - v);
-      advantage[at] = static_cast<float>(rho * (reward[at] + options.gamma * (done ? at_end : vs_next) - v));
-      vs_next = v + delta + (done ? 0.0 : options.gamma * c * (vs_next - v_next));
-      target[at] = static_cast<float>(vs_next);
-    }
+    const StepRow ratio = log_rho.row(t).cast<double>().exp();
+    const StepRow rho = ratio.min(options.rho_clip), c = ratio.min(options.c_clip);
+    const StepMask has_terminated = terminated.row(t) != 0;
+    const StepMask done = has_terminated || truncated.row(t) != 0;
+    const StepMask has_final =
+        done && !has_terminated && StepMask::Constant(columns, !options.legacy_timeouts);
+    const StepRow pay = reward.row(t).cast<double>(), now = value.row(t).cast<double>(),
+                  next = value.row(t + 1).cast<double>();
+    const StepRow at_end = has_final.select(final_value.row(t).cast<double>(), 0.0);
+    const StepRow delta = rho * (pay + options.gamma * done.select(at_end, next) - now);
+    advantage.row(t) = (rho * (pay + options.gamma * done.select(at_end, next_target) - now)).cast<float>();
+    next_target = now + delta + done.select(StepRow::Zero(columns), options.gamma * c * (next_target - next));
+    target.row(t) = next_target.cast<float>();
   }
   return result;
 }

@@ -1,5 +1,5 @@
 // V-trace: value targets and policy-gradient advantages of trajectories that an older policy collected.
-// Stage: update, before the loss; plain loops on the CPU.
+// Stage: update, before the loss; on the CPU, with Eigen.
 #pragma once
 
 #include <torch/types.h>
@@ -18,13 +18,12 @@ struct VtraceOptions {
 
 /// V-trace with a true bootstrap, x = min(ratio, cap):
 ///
-///   delta_t = rho_t (r_t + gamma N_t - V_t)      N_t = V_{t+1}, 0 where terminated, V(final_t) where
-///   truncated vs_t    = V_t + delta_t + gamma (1 - d_t) c_t (vs_{t+1} - V_{t+1}) adv_t   = rho_t (r_t +
-///   gamma M_t - V_t)      M_t = vs_{t+1}, with the same exceptions
+///   delta_t = rho_t (r_t + gamma N_t - V_t)      N_t = V_{t+1}; terminated: 0; truncated: V(final_t)
+///   vs_t    = V_t + delta_t + gamma (1 - d_t) c_t (vs_{t+1} - V_{t+1})
+///   adv_t   = rho_t (r_t + gamma M_t - V_t)      M_t = vs_{t+1}, with the same exceptions
 ///
 ///   log_rho  f32 [T, B]  log pi(a|o) - log mu(a|o), learner minus behaviour policy
-///   returns  advantage and target (vs), f32 [T, B], detached. `valid` masks are not read: callers mask the
-///   loss.
+///   returns  advantage and target (vs), f32 [T, B], detached. `valid` is not read: callers mask the loss.
 ///
 /// Errors: none at run time; shapes are checked.  Threads: pure function.
 /// Source: Espeholt et al. 2018, IMPALA, arXiv:1802.01561, eq. 1 and section 4.2.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <ctime>
 #include <nlohmann/json.hpp>
 #include <vector>
 
@@ -17,13 +16,6 @@
 
 namespace comrad::learn {
 namespace {
-
-/// CPU time of this process, which a busy machine does not stretch.
-double cpu_seconds() {
-  timespec used{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &used);
-  return static_cast<double>(used.tv_sec) + static_cast<double>(used.tv_nsec) * 1e-9;
-}
 
 /// A slab that looks like a sealed one: noise for frames, actions in range, a team reward, one episode end.
 void fill_slab(const SlabView& slab, uint64_t seed) {
@@ -117,7 +109,7 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   };
   COMRAD_TRY(round());  // warms up
   rows = decisions = updates = 0;
-  const double began_s = monotonic_s(), cpu_began_s = cpu_seconds();
+  const double began_s = monotonic_s(), cpu_began_s = process_cpu_s();
   double elapsed_s = 0;
   while (elapsed_s < seconds) {
     COMRAD_TRY(round());
@@ -131,7 +123,7 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   line["env_frames_per_s"] = static_cast<double>(decisions * config.env_frameskip) / elapsed_s;
   line["updates_per_s"] = static_cast<double>(updates) / elapsed_s;
   line["seconds"] = elapsed_s;
-  line["cpu_seconds"] = cpu_seconds() - cpu_began_s;
+  line["cpu_seconds"] = process_cpu_s() - cpu_began_s;
   std::printf("%s\n", line.dump().c_str());
   return {};
 }

@@ -6,8 +6,8 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
-#include <ctime>
 
+#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
 #include "tensorboard_event.pb.h"
 
@@ -29,12 +29,6 @@ constexpr std::array<uint32_t, 256> kCrcTable = make_crc_table();
 template <typename Integer>
 void append_little_endian(std::string& out, Integer value) {
   for (std::size_t i = 0; i < sizeof(value); ++i) out.push_back(static_cast<char>((value >> (8 * i)) & 0xFF));
-}
-
-double wall_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_REALTIME, &now);
-  return static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec) * 1e-9;
 }
 
 }  // namespace
@@ -59,9 +53,7 @@ Status write_all(int descriptor, std::string_view bytes, const std::string& path
   while (!bytes.empty()) {
     const ssize_t count = ::write(descriptor, bytes.data(), bytes.size());
     if (count < 0 && errno == EINTR) continue;
-    if (count < 0)
-      return Error{errno == ENOSPC || errno == EDQUOT ? ErrorCode::kNoSpace : ErrorCode::kSystem,
-                   "cannot write " + path + ": " + std::strerror(errno)};
+    if (count < 0) return file_error("cannot write " + path, errno);
     bytes.remove_prefix(static_cast<std::size_t>(count));
   }
   return {};
@@ -70,7 +62,7 @@ Status write_all(int descriptor, std::string_view bytes, const std::string& path
 Expected<EventFile> EventFile::create(const std::string& folder) {
   char host[256] = "localhost";
   if (gethostname(host, sizeof(host) - 1) != 0) std::strcpy(host, "localhost");
-  const double now = wall_seconds();
+  const double now = wall_s();
   const std::string path = folder + "/events.out.tfevents." + std::to_string(static_cast<int64_t>(now)) +
                            "." + host + "." + std::to_string(getpid()) + ".0";
   const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);

@@ -5,22 +5,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
 
 namespace comrad::learn {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-double wall_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_REALTIME, &now);
-  return static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec) * 1e-9;
-}
 
 }  // namespace
 
@@ -128,7 +122,7 @@ Status MetricsWriter::write(double time_s, uint64_t env_frames, uint64_t decisio
     if (std::isfinite(value)) finite.emplace_back(name, value);
   }
   COMRAD_TRY(write_all(descriptor_, line.dump() + "\n", path_));
-  return events_.write(wall_seconds(), static_cast<int64_t>(env_frames), finite);
+  return events_.write(wall_s(), static_cast<int64_t>(env_frames), finite);
 }
 
 }  // namespace comrad::learn

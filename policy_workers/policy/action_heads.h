@@ -42,7 +42,7 @@ Tensor chosen_entries(const Tensor& row, const Tensor& action, const EnvShape& e
 /// One-hot vectors of all heads side by side: [..., heads] i64 -> [..., A] f32 on the action's device.
 Tensor multi_hot(const Tensor& action, const EnvShape& env);
 
-/// Log-probabilities of every choice of every head, masked choices at about -1e9 (training spec 1.4).
+/// Log-probabilities of every choice of every head, masked choices at about -1e9.
 ///   logits  [..., A] f32   mask  [..., A] u8 or undefined (all allowed)   returns [..., A] f32
 Tensor head_log_probs(const Tensor& logits, const Tensor& mask, const EnvShape& env);
 
@@ -63,7 +63,7 @@ float sample_action(std::span<const float> logits, std::span<const uint8_t> mask
 
 /// Chooses for one agent by its Q-values: with probability `epsilon` every head uniformly among its allowed
 /// choices, else each head's argmax. Same arguments and result as sample_action, the log-probability being
-/// that of this mixture. Source: training spec 2.7.
+/// that of this mixture.
 float explore_action(std::span<const float> q_values, std::span<const uint8_t> mask, const EnvShape& env,
                      RngKey key, float epsilon, std::span<int32_t> action);
 

@@ -96,7 +96,7 @@ struct EncoderOptions {
 ///   resnet_impala   3 stages of 16, 32, 32 channels: 3x3 convolution, 3x3/2 max-pooling,
 ///                   2 residual blocks of two 3x3 convolutions, all padded by 1              2 457 408
 ///
-/// Source: training spec 1.1; the shapes are those of Mnih et al. 2015 (atari) and Espeholt et al. 2018,
+/// Source: the shapes are those of Mnih et al. 2015 (atari) and Espeholt et al. 2018,
 /// IMPALA, arXiv:1802.01561, figure 3 (impala), with ELU and 512 features as the others.
 class Encoder {
  public:

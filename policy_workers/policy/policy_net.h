@@ -1,8 +1,8 @@
 // The network that both sides run: policy workers forward it one step at a time, the learner over whole
 // sequences. Encoder > recurrent core > decoder > action heads and value. One such tower serves all agents or
 // each agent has its own; the value is the agent's own (IPPO), comes from the features of all agents of its
-// world (MAPPO), or from encoders and cores of the critic alone (HAPPO; training spec 1.5). The networks of
-// Q-learning have no critic: their heads give a Q-value per choice (training spec 1.6). Stage: forward
+// world (MAPPO), or from encoders and cores of the critic alone (HAPPO). The networks of
+// Q-learning have no critic: their heads give a Q-value per choice. Stage: forward
 // (policy worker), update (learner).
 #pragma once
 
@@ -89,7 +89,7 @@ class PolicyNet {
  public:
   PolicyNet() = default;
   /// Deterministic initialisation from `seed`: by `init` for linear and convolution layers, framework
-  /// defaults for the recurrent cell (training spec 1.4, 1.6).
+  /// defaults for the recurrent cell.
   static PolicyNet create(const PolicyNetOptions& options, uint64_t seed, torch::Device device);
 
   /// One step. frame u8 [B, C, H, W], measurement f32 [B, M] (may be undefined), state f32 [B, H].
@@ -128,7 +128,7 @@ class PolicyNet {
   PolicyNet twin() const;
 
   /// Merges a batch of frames (and measurements) into the running input statistics: mean and unbiased
-  /// variance per element, parallel-variance merge, double precision (training spec 1.1). Learner only.
+  /// variance per element, parallel-variance merge, double precision. Learner only.
   void update_input_statistics(const Tensor& frame, const Tensor& measurement) const;
 
   /// Parameters in a fixed order, for the optimizer; and named tensors (parameters and statistics) for

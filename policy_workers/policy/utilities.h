@@ -12,7 +12,7 @@ namespace comrad::policy {
 using torch::Tensor;
 
 /// Q_i(a) = sum_h Q_h(a_h). q [..., A] f32, action [..., heads] i64 counted from each head's own 0.
-/// Returns [...], differentiable in q. Source: training spec 1.6.
+/// Returns [...], differentiable in q.
 Tensor chosen_utility(const Tensor& q, const Tensor& action, const EnvShape& env);
 
 /// argmax_a Q_i(a), which is each head's argmax; of equal values the first, as sample_action takes it.

@@ -1,10 +1,16 @@
-// Monotonic time for waits and rates. Simulated time (tics) never comes from here.
+// Seconds for waits, rates and reports. Simulated time (tics) never comes from here.
 #pragma once
 
 #include <cstdint>
 #include <ctime>
 
 namespace comrad {
+
+inline double clock_s(clockid_t clock) {
+  timespec now{};
+  clock_gettime(clock, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
 
 /// Monotonic nanoseconds, comparable between the processes of one host.
 inline int64_t monotonic_ns() {
@@ -14,5 +20,12 @@ inline int64_t monotonic_ns() {
 }
 
 inline double monotonic_s() { return static_cast<double>(monotonic_ns()) * 1e-9; }
+
+/// Seconds since 1970 (UTC): for files that people read, not for differences.
+inline double wall_s() { return clock_s(CLOCK_REALTIME); }
+
+/// Processor time of this process or thread, which a busy machine does not stretch.
+inline double process_cpu_s() { return clock_s(CLOCK_PROCESS_CPUTIME_ID); }
+inline double thread_cpu_s() { return clock_s(CLOCK_THREAD_CPUTIME_ID); }
 
 }  // namespace comrad

@@ -403,7 +403,7 @@ Status check_combinations(const RunConfig& c) {
 /// What the settings of Q-learning become once the others are known.
 void resolve_q_learning(RunConfig& c) {
   c.mixer = mixer_of(c.algo);
-  if (c.use_rnn) c.per = false;  // whole sequences are drawn uniformly (training spec 2.9)
+  if (c.use_rnn) c.per = false;  // whole sequences are drawn uniformly
   if (c.dqn_batch_size == 0) c.dqn_batch_size = std::min<int64_t>(c.batch_size, 256);
   if (c.per_beta_frames == 0) c.per_beta_frames = c.train_for_env_steps;
   if (c.team_reward == "auto") c.team_reward = c.shared_reward_alpha == 1 ? "mean" : "sum";
@@ -571,7 +571,7 @@ Expected<RunConfig> load_run_config(const std::string& path) {
 
 Expected<SettingsLayer> algorithm_defaults(const std::string& algo) {
   const std::string name = canonical_algorithm(algo);
-  // Source: training spec 3.1; 3.2 is the built-in layer.
+  // What differs from the built-in layer, which is RunConfig's defaults.
   if (name == "ippo" || name == "mappo")
     return SettingsLayer{"algorithm " + name,
                          {{"use_rnn", "true"},
@@ -626,7 +626,7 @@ Status resolve_settings(RunConfig& config, int core_count) {
   COMRAD_TRY(algorithm_defaults(c.algo));
   COMRAD_TRY(check_ranges(c));
   COMRAD_TRY(check_combinations(c));
-  // HAPPO makes a version per agent and one for the critic from every batch (training spec 2.3).
+  // HAPPO makes a version per agent and one for the critic from every batch.
   if (c.max_policy_lag == 0) c.max_policy_lag = c.algo == "happo" ? 1000 * (c.num_agents + 1) : 1000;
 
   const int64_t cores = std::max(core_count, 1);

@@ -161,7 +161,7 @@ struct RunConfig {
   std::string critic_hidden_sizes = "512,256";
   bool happo_critic_rnn = true;
 
-  // Curriculum over a layout pool (spec/curriculum.md).
+  // Curriculum over a layout pool (learner/curriculum).
   std::string curriculum = "uniform";
   double seq_threshold = 0.8;
   double seq_max_return = 0;
@@ -478,12 +478,12 @@ std::string settings_to_toml(const RunConfig& config);
 /// Reads config.toml of a run: every worker's first step.
 Expected<RunConfig> load_run_config(const std::string& path);
 
-/// The defaults of an algorithm (training spec 3.1: LSTM and 4 epochs for IPPO), the layer below the
+/// The defaults of an algorithm (LSTM and 4 epochs for IPPO, ...), the layer below the
 /// scenario's. Errors: kBadInput for an unknown algorithm, naming the known ones.
 Expected<SettingsLayer> algorithm_defaults(const std::string& algo);
 
 /// The settings that --qplex_preset stands for, a layer above the algorithm's: empty for "comrad", the
-/// authors' own for "paper". Source: training spec 1.7 and 8; Wang et al. 2021, arXiv:2008.01062.
+/// authors' own for "paper". Source: Wang et al. 2021, arXiv:2008.01062.
 SettingsLayer qplex_preset_settings(const std::string& preset);
 
 /// Whether the algorithm learns Q-values from a replay (idqn and the mixers), and whether it mixes them into

@@ -11,15 +11,26 @@
 
 namespace comrad {
 
+namespace {
+
+/// A rename is on the disk when its folder is.
+Status sync_folder(const std::string& folder) {
+  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const int code = descriptor < 0 || fsync(descriptor) != 0 ? errno : 0;
+  if (descriptor >= 0) close(descriptor);
+  return code == 0 ? Status() : file_error("cannot write folder " + folder, code);
+}
+
+}  // namespace
+
 Error system_error(const std::string& what) {
   return Error{ErrorCode::kSystem, what + ": " + std::strerror(errno)};
 }
 
 Error file_error(const std::string& what, int code) {
-  const bool is_full = code == ENOSPC || code == EDQUOT;
-  return Error{
-      is_full ? ErrorCode::kNoSpace : ErrorCode::kSystem,
-      what + ": " + std::strerror(code) + (is_full ? "; free disk space or choose another --train_dir" : "")};
+  const bool is_full = code == ENOSPC || code == EDQUOT || code == EFBIG;
+  return Error{is_full ? ErrorCode::kNoSpace : ErrorCode::kSystem,
+               what + ": " + std::strerror(code) + (is_full ? "; free disk space or write elsewhere" : "")};
 }
 
 std::optional<std::string> read_file(const std::string& path) {
@@ -29,22 +40,27 @@ std::optional<std::string> read_file(const std::string& path) {
   return std::move(bytes).str();
 }
 
-Status write_file_atomically(const std::string& path, std::string_view text, bool durable) {
-  const std::string temporary = path + ".tmp";
+Status write_file_atomically(const std::string& path, std::string_view bytes, bool durable) {
+  const std::size_t slash = path.find_last_of('/');
+  const std::string folder = slash == std::string::npos ? "./" : path.substr(0, slash + 1);
+  const std::string temporary = folder + std::string(kHalfWrittenMark) + std::to_string(getpid()) + "-" +
+                                path.substr(slash + 1);  // npos + 1 is 0
   const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file < 0) return file_error("cannot write " + temporary, errno);
+  if (file < 0) return file_error("cannot write " + path, errno);
   int code = 0;
-  for (std::size_t done = 0; done < text.size() && code == 0;) {
-    const ssize_t written = write(file, text.data() + done, text.size() - done);
+  for (std::size_t done = 0; done < bytes.size() && code == 0;) {
+    const ssize_t written = write(file, bytes.data() + done, bytes.size() - done);
     if (written > 0) done += static_cast<std::size_t>(written);
     if (written < 0 && errno != EINTR) code = errno;
   }
   if (code == 0 && durable && fsync(file) != 0) code = errno;
   if (close(file) != 0 && code == 0) code = errno;
   if (code == 0 && rename(temporary.c_str(), path.c_str()) != 0) code = errno;
-  if (code == 0) return {};
-  unlink(temporary.c_str());
-  return file_error("cannot write " + path, code);
+  if (code != 0) {
+    unlink(temporary.c_str());
+    return file_error("cannot write " + path, code);
+  }
+  return durable ? sync_folder(folder) : Status();
 }
 
 }  // namespace comrad

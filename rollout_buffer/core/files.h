@@ -20,9 +20,12 @@ Error file_error(const std::string& what, int code);
 /// those who read one here. The caller says what it should have been.
 std::optional<std::string> read_file(const std::string& path);
 
-/// Writes a file beside its place and renames it, so that nobody ever sees half of it; what lay there before
-/// is untouched by a failure. Durable: on the disk when this returns, not only in its cache. Errors:
-/// kNoSpace, kSystem.
-Status write_file_atomically(const std::string& path, std::string_view text, bool durable);
+/// How the name of a half-written file begins; what a process that died left may be deleted.
+constexpr std::string_view kHalfWrittenMark = ".tmp-";
+
+/// Writes a file beside its place (`.tmp-<pid>-<name>`) and renames it, so that nobody ever sees half of it;
+/// what lay there before is untouched by a failure. Durable: on the disk when this returns, not only in its
+/// cache. Errors: kNoSpace, kSystem.
+Status write_file_atomically(const std::string& path, std::string_view bytes, bool durable);
 
 }  // namespace comrad

@@ -22,7 +22,7 @@ struct BusConfig {
 };
 
 /// Cyclone's configuration for a loopback-only run: no multicast, explicit peer, MaxAutoParticipantIndex 119,
-/// the run's tag, message sizes and buffers as measured in the design, Iceoryx off.
+/// the run's tag, its message sizes and buffers, Iceoryx off.
 std::string make_cyclone_config(const std::string& run_id, const std::string& interface_name);
 
 /// The configuration of a run, the same for everyone who knows its id: the partition and the discovery tag

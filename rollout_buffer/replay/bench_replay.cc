@@ -7,15 +7,14 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/replay/replay.h"
 #include "rollout_buffer/shm/segment.h"
@@ -43,19 +42,11 @@ struct Arguments {
 
 class Stopwatch {
  public:
-  double elapsed() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
-  }
-  double cpu_elapsed() const { return cpu_now() - cpu_begin_; }
+  double elapsed() const { return monotonic_s() - begin_; }
+  double cpu_elapsed() const { return thread_cpu_s() - cpu_begin_; }
 
  private:
-  static double cpu_now() {
-    timespec now{};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-  }
-  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
-  double cpu_begin_ = cpu_now();
+  double begin_ = monotonic_s(), cpu_begin_ = thread_cpu_s();
 };
 
 TrajectoryShape bench_shape(const Arguments& arguments) {

@@ -1,8 +1,8 @@
 // Holds collecting and learning together: so many samples for each inserted transition, within a tolerance,
 // and none before the replay has some. Whoever runs ahead waits. Stage: between drain and sample.
 //
-//   min_size * r - error_buffer  <=  inserted * r - sampled  <=  min_size * r + error_buffer,   r =
-//   samples_per_insert
+//   min_size * r - error_buffer  <=  inserted * r - sampled  <=  min_size * r + error_buffer
+//   r = samples_per_insert
 //
 // An insert must not go above the right side (unless the replay has not reached min_size yet), a sample not
 // below the left one. Source: Cassirer et al. 2021, Reverb: A Framework For Experience Replay,

@@ -155,7 +155,7 @@ struct alignas(kCacheLineBytes) ControlBlock {
   std::atomic<uint64_t> rollouts_allowed;    ///< deterministic mode: rollouts with index < this may start
   std::atomic<uint64_t> episodes_per_run;    ///< evaluation: episodes in all; UINT64_MAX while training
   std::atomic<uint64_t> slabs_sealed;        ///< next seal ticket
-  std::atomic<uint64_t> learner_env_frames;  ///< counted by the learner (training spec 3.4)
+  std::atomic<uint64_t> learner_env_frames;  ///< counted by the learner
   std::atomic<float> epsilon;  ///< Q-learning: share of random decisions, the same in all policy workers
   alignas(kCacheLineBytes) Doorbell run_state_changed;
   Doorbell slab_sealed;    ///< rung by simulators, heard by the learner

@@ -11,6 +11,7 @@
 #include "doomgen/wad/binary_map_reader.h"
 #include "doomgen/wad/udmf_reader.h"
 #include "doomgen/wad/wad_reader.h"
+#include "rollout_buffer/core/files.h"
 #include "scenarios/spec/scenario_files.h"
 #include "scenarios/spec/scenario_spec.h"
 
@@ -141,14 +142,17 @@ Expected<std::vector<PoolEntry>> make_curriculum_pool(const std::string& scenari
     entry.retries = layout.info.attempt;
     entry.stage = stage.name;
     entry.metric_scale = stage.metric_scale;
-    COMRAD_TRY(doomgen::write_file((fs::path(folder) / entry.filename).string(), layout.wad));
+    COMRAD_TRY(
+        write_file_atomically((fs::path(folder) / entry.filename).string(), layout.wad, /*durable=*/false));
     entries.push_back(std::move(entry));
   }
   for (std::size_t i = 0; i < entries.size(); ++i)
     for (std::size_t other = 0; other < entries.size(); ++other)
       graph[entries[i].id][entries[other].id] = other > i;
-  COMRAD_TRY(doomgen::write_file((fs::path(folder) / kInterestingnessName).string(), graph.dump(1) + "\n"));
-  COMRAD_TRY(doomgen::write_file(registry, pool_registry_text(PoolKind::kCurriculum, entries)));
+  COMRAD_TRY(write_file_atomically((fs::path(folder) / kInterestingnessName).string(), graph.dump(1) + "\n",
+                                   /*durable=*/true));
+  COMRAD_TRY(
+      write_file_atomically(registry, pool_registry_text(PoolKind::kCurriculum, entries), /*durable=*/true));
   return entries;
 }
 
@@ -205,10 +209,11 @@ Expected<std::vector<PoolEntry>> make_grid_pool(const std::string& scenario, con
     entry.content_hash = layout.content_hash;
     entry.info = layout.info;
     entry.retries = layout.info.attempt;
-    COMRAD_TRY(doomgen::write_file((fs::path(folder) / entry.filename).string(), layout.wad));
+    COMRAD_TRY(
+        write_file_atomically((fs::path(folder) / entry.filename).string(), layout.wad, /*durable=*/false));
     entries.push_back(std::move(entry));
   }
-  COMRAD_TRY(doomgen::write_file(registry, pool_registry_text(PoolKind::kGrid, entries)));
+  COMRAD_TRY(write_file_atomically(registry, pool_registry_text(PoolKind::kGrid, entries), /*durable=*/true));
   return entries;
 }
 
@@ -286,11 +291,12 @@ Expected<std::vector<PoolEntry>> make_pool(const std::string& scenario, const Po
     entry.content_hash = layout.content_hash;
     entry.info = layout.info;
     entry.retries = layout.info.attempt;
-    COMRAD_TRY(doomgen::write_file((fs::path(folder) / entry.filename).string(), layout.wad));
+    COMRAD_TRY(
+        write_file_atomically((fs::path(folder) / entry.filename).string(), layout.wad, /*durable=*/false));
     if (progress) progress(entry);
     entries.push_back(std::move(entry));
   }
-  COMRAD_TRY(doomgen::write_file(registry, pool_registry_text(request.kind, entries)));
+  COMRAD_TRY(write_file_atomically(registry, pool_registry_text(request.kind, entries), /*durable=*/true));
   return entries;
 }
 

@@ -29,7 +29,7 @@ struct MeasurementTerm {
   std::optional<double> low, high;  ///< further bounds
 };
 
-/// One reward term over a game variable (HEALTH, DEAD, USER4, ...), design section 10.
+/// One reward term over a game variable (HEALTH, DEAD, USER4, ...).
 struct RewardTerm {
   std::string name;
   std::string variable;

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "doomgen/layout/map_picture.h"
-#include "doomgen/layout/wad_writer.h"
 #include "doomgen/wad/binary_map_reader.h"
 #include "doomgen/wad/wad_reader.h"
+#include "rollout_buffer/core/files.h"
 #include "scenarios/spec/layout_pool.h"
 #include "scenarios/spec/registry.h"
 
@@ -51,7 +51,7 @@ Expected<wad::UdmfMap> read_map(const std::string& path, std::string name) {
 Status draw_picture(const std::string& path, const std::string& name, const std::string& out, int side) {
   COMRAD_TRY_ASSIGN(const wad::UdmfMap map, read_map(path, name));
   COMRAD_TRY_ASSIGN(const doomgen::Picture picture, doomgen::draw_map(map, side));
-  COMRAD_TRY(doomgen::write_file(out, doomgen::encode_png(picture)));
+  COMRAD_TRY(write_file_atomically(out, doomgen::encode_png(picture), /*durable=*/true));
   std::printf("%s: %dx%d pixels, %zu sectors, %zu lines, %zu things\n", out.c_str(), picture.width,
               picture.height, map.sectors.size(), map.linedefs.size(), map.things.size());
   return {};
@@ -140,7 +140,8 @@ int make_one(const std::string& name, const scenarios::LayoutRequest& request, c
     std::fprintf(stderr, "comrad-doomgen: %s\n", warning.c_str());
   for (const std::string& refusal : layout->refusals)
     std::fprintf(stderr, "comrad-doomgen: refused, trying the next: %s\n", refusal.c_str());
-  if (const Status written = doomgen::write_file(path, layout->wad); !written) return report(written.error());
+  if (const Status written = write_file_atomically(path, layout->wad, /*durable=*/true); !written)
+    return report(written.error());
   std::printf("%s: %s, seed %llu, attempt %d, %zu bytes, hash %016llx\n", path.c_str(), name.c_str(),
               static_cast<unsigned long long>(request.seed), layout->info.attempt, layout->wad.size(),
               static_cast<unsigned long long>(layout->content_hash));

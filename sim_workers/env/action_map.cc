@@ -12,7 +12,8 @@ Expected<ActionMap> ActionMap::create(const std::vector<scenarios::ActionHead>& 
       const auto button = scenarios::find_button(name);
       if (!button) return Error{ErrorCode::kBadInput, "'" + name + "' is no button"};
       if (button->is_delta())
-        return Error{ErrorCode::kBadInput, "'" + name + "' takes a number, and a head of choices cannot give it one"};
+        return Error{ErrorCode::kBadInput,
+                     "'" + name + "' takes a number, and a head of choices cannot give it one"};
       buttons.push_back(*button);
     }
   }

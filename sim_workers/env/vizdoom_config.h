@@ -1,5 +1,5 @@
-// ViZDoom's .cfg files: what to play, what may be pressed, what is shown, what pays. Keys compare without case
-// and underscores; what is unknown is one warning, what cannot be meant is an error. Stage: loading.
+// ViZDoom's .cfg files: what to play, what may be pressed, what is shown, what pays. Keys compare without
+// case and underscores; what is unknown is one warning, what cannot be meant is an error. Stage: loading.
 #pragma once
 
 #include <optional>
@@ -40,8 +40,8 @@ struct VizdoomConfig {
   int timeout_tics = 0;  ///< episode_timeout, counted from there; 0: none
   VizdoomRewards rewards;
   int width = 320, height = 240;  ///< screen_resolution
-  bool hud = false, minimal_hud = false, weapon = true, crosshair = false, screen_flashes = true, corpses = true,
-       decals = true, particles = true, effects_sprites = true, messages = false;
+  bool hud = false, minimal_hud = false, weapon = true, crosshair = false, screen_flashes = true,
+       corpses = true, decals = true, particles = true, effects_sprites = true, messages = false;
   doom::WorldOptions world;           ///< from doom_skill and the game_args that the engine knows
   std::vector<std::string> warnings;  ///< "path:line: ..." of what is not understood or not served
 };

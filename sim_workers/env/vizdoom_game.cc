@@ -25,7 +25,8 @@ std::string existing_path(const std::string& path) {
 
 }  // namespace
 
-Expected<std::shared_ptr<const VizdoomGame>> load_vizdoom_game(VizdoomConfig config, const std::string& wad_path) {
+Expected<std::shared_ptr<const VizdoomGame>> load_vizdoom_game(VizdoomConfig config,
+                                                               const std::string& wad_path) {
   auto game = std::make_shared<VizdoomGame>();
   if (!config.game_path.empty()) {
     game->iwad_path = existing_path(config.game_path);
@@ -45,7 +46,8 @@ Expected<std::shared_ptr<const VizdoomGame>> load_vizdoom_game(VizdoomConfig con
   }
   COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::open(path));
   COMRAD_TRY_ASSIGN(game->content, load_game_content(wad, config.map));
-  game->content.warnings.insert(game->content.warnings.begin(), config.warnings.begin(), config.warnings.end());
+  game->content.warnings.insert(game->content.warnings.begin(), config.warnings.begin(),
+                                config.warnings.end());
   game->config = std::move(config);
   return std::shared_ptr<const VizdoomGame>(std::move(game));
 }

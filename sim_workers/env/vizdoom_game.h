@@ -5,7 +5,8 @@
 //                      + map_exit_reward                in the step that ends the map
 //                      + each counting reward * the change of its variable
 //
-// An episode ends when the player dies, the map ends, or episode_timeout tics have passed since its first step.
+// An episode ends when the player dies, the map ends, or episode_timeout tics have passed since its first
+// step.
 #pragma once
 
 #include <array>
@@ -56,8 +57,8 @@ class VizdoomEpisode {
   /// What counting rewards compare.
   struct Counts {
     int32_t map_reward = 0;  ///< 16.16
-    int32_t kills = 0, secrets = 0, items = 0, frags = 0, hits = 0, damage_made = 0, hits_taken = 0, damage_taken = 0,
-            health = 0, armor = 0;
+    int32_t kills = 0, secrets = 0, items = 0, frags = 0, hits = 0, damage_made = 0, hits_taken = 0,
+            damage_taken = 0, health = 0, armor = 0;
   };
   Counts counts() const;
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <queue>
 
 #include "rollout_buffer/core/rng.h"
 #include "sim_workers/engine/map/level_index.h"
@@ -22,19 +21,22 @@ double distance_to_segment(Place p, Place a, Place b) {
 }
 
 bool is_obstacle(const doom::Actor& actor) {
-  return actor.has(doom::ActorFlag::kSolid) && actor.player_index < 0 && !actor.has(doom::ActorFlag::kIsMonster) &&
-         !actor.removed;
+  return actor.has(doom::ActorFlag::kSolid) && actor.player_index < 0 &&
+         !actor.has(doom::ActorFlag::kIsMonster) && !actor.removed;
 }
 
 /// Changes whenever something that decides about ways does.
 uint64_t fingerprint_of(const doom::World& world) {
   uint64_t hash = mix64(world.sectors().size());
   for (const doom::Sector& sector : world.sectors())
-    hash = mix64(hash ^ static_cast<uint32_t>(sector.floor_height) ^ (uint64_t{static_cast<uint32_t>(sector.ceiling_height)} << 32)) ^
+    hash = mix64(hash ^ static_cast<uint32_t>(sector.floor_height) ^
+                 (uint64_t{static_cast<uint32_t>(sector.ceiling_height)} << 32)) ^
            mix64(static_cast<uint64_t>(sector.special) * 31);
   for (const doom::LineState& line : world.lines()) hash = hash * 31 + line.flags;
   for (const doom::Actor& actor : world.actors())
-    if (is_obstacle(actor)) hash = mix64(hash ^ actor.id ^ (uint64_t{static_cast<uint32_t>(actor.x)} << 20) ^ static_cast<uint32_t>(actor.y));
+    if (is_obstacle(actor))
+      hash = mix64(hash ^ actor.id ^ (uint64_t{static_cast<uint32_t>(actor.x)} << 20) ^
+                   static_cast<uint32_t>(actor.y));
   return hash;
 }
 
@@ -59,7 +61,8 @@ void Navigator::refresh(const doom::World& world) {
     sector_.assign(static_cast<std::size_t>(columns_) * rows_, -1);
     for (int cell = 0; cell < columns_ * rows_; ++cell) {
       const Place centre = centre_of(cell);
-      const auto x = static_cast<doom::Fixed>(centre.x * 65536), y = static_cast<doom::Fixed>(centre.y * 65536);
+      const auto x = static_cast<doom::Fixed>(centre.x * 65536),
+                 y = static_cast<doom::Fixed>(centre.y * 65536);
       if (world.index().outline.contains(x, y)) sector_[cell] = static_cast<int32_t>(world.sector_at(x, y));
     }
   }
@@ -82,24 +85,31 @@ void Navigator::refresh(const doom::World& world) {
   // Whatever stops a body keeps its centre this far away.
   const double reach = kBodyRadius + options_.margin_units;
   const auto block_round = [&](Place a, Place b, double distance, auto&& is_kept_away) {
-    const int first_column = static_cast<int>((std::min(a.x, b.x) - distance - left_) / options_.cell_units) - 1;
-    const int last_column = static_cast<int>((std::max(a.x, b.x) + distance - left_) / options_.cell_units) + 1;
-    const int first_row = static_cast<int>((std::min(a.y, b.y) - distance - bottom_) / options_.cell_units) - 1;
-    const int last_row = static_cast<int>((std::max(a.y, b.y) + distance - bottom_) / options_.cell_units) + 1;
+    const int first_column =
+        static_cast<int>((std::min(a.x, b.x) - distance - left_) / options_.cell_units) - 1;
+    const int last_column =
+        static_cast<int>((std::max(a.x, b.x) + distance - left_) / options_.cell_units) + 1;
+    const int first_row =
+        static_cast<int>((std::min(a.y, b.y) - distance - bottom_) / options_.cell_units) - 1;
+    const int last_row =
+        static_cast<int>((std::max(a.y, b.y) + distance - bottom_) / options_.cell_units) + 1;
     for (int row = std::max(0, first_row); row <= std::min(rows_ - 1, last_row); ++row)
       for (int column = std::max(0, first_column); column <= std::min(columns_ - 1, last_column); ++column) {
         const int cell = row * columns_ + column;
-        if (blocked_[cell] == 0 && distance_to_segment(centre_of(cell), a, b) < distance && is_kept_away(cell))
+        if (blocked_[cell] == 0 && distance_to_segment(centre_of(cell), a, b) < distance &&
+            is_kept_away(cell))
           blocked_[cell] = 1;
       }
   };
   for (std::size_t i = 0; i < level.linedefs.size(); ++i) {
     const doom::Linedef& line = level.linedefs[i];
     if (line.in_polyobject) continue;
-    const Place a{doom::to_double(level.vertices[line.start].x), doom::to_double(level.vertices[line.start].y)};
+    const Place a{doom::to_double(level.vertices[line.start].x),
+                  doom::to_double(level.vertices[line.start].y)};
     const Place b{doom::to_double(level.vertices[line.end].x), doom::to_double(level.vertices[line.end].y)};
     const uint32_t flags = world.lines()[i].flags;
-    if (!line.back || (flags & (doom::kLineBlocking | doom::kLineBlockEverything | doom::kLineBlockPlayers)) != 0) {
+    if (!line.back ||
+        (flags & (doom::kLineBlocking | doom::kLineBlockEverything | doom::kLineBlockPlayers)) != 0) {
       block_round(a, b, reach, [](int) { return true; });
       continue;
     }
@@ -110,7 +120,8 @@ void Navigator::refresh(const doom::World& world) {
     if (opening < kBodyHeight) {
       block_round(a, b, reach, [](int) { return true; });
     } else {
-      // A body stands on the highest floor that it touches: below a ledge it is on the ledge, or not there at all.
+      // A body stands on the highest floor that it touches: below a ledge it is on the ledge, or not there at
+      // all.
       block_round(a, b, kBodyRadius, [&](int cell) {
         floor_[cell] = std::max(floor_[cell], static_cast<float>(floor));
         return false;
@@ -131,7 +142,8 @@ int Navigator::cell_of(Place place) const {
 }
 
 Place Navigator::centre_of(int cell) const {
-  return {left_ + (cell % columns_ + 0.5) * options_.cell_units, bottom_ + (cell / columns_ + 0.5) * options_.cell_units};
+  return {left_ + (cell % columns_ + 0.5) * options_.cell_units,
+          bottom_ + (cell / columns_ + 0.5) * options_.cell_units};
 }
 
 bool Navigator::is_open(Place place) const { return columns_ > 0 && blocked_[cell_of(place)] == 0; }
@@ -142,9 +154,9 @@ bool Navigator::can_step(int from, int to) const {
   return rise <= options_.step_units && -rise <= options_.drop_units;
 }
 
-int Navigator::open_cell_near(Place place, double reach_units, const Field* field) const {
+int Navigator::open_cell_near(Place place, double reach_units, Field* field) const {
   const auto is_good = [&](int cell) {
-    return blocked_[cell] == 0 && (field == nullptr || field->distance[cell] != kNever);
+    return blocked_[cell] == 0 && (field == nullptr || settle(*field, cell));
   };
   const int cell = cell_of(place);
   if (is_good(cell)) return cell;
@@ -156,7 +168,7 @@ int Navigator::open_cell_near(Place place, double reach_units, const Field* fiel
     for (int c = std::max(0, column - reach); c <= std::min(columns_ - 1, column + reach); ++c) {
       const int other = r * columns_ + c;
       const double distance = distance_between(place, centre_of(other));
-      if (is_good(other) && distance < best_distance) best = other, best_distance = distance;
+      if (distance < best_distance && is_good(other)) best = other, best_distance = distance;
     }
   return best;
 }
@@ -167,42 +179,46 @@ std::optional<Place> Navigator::nearest_open(Place place, double reach_units) co
   return cell == cell_of(place) ? place : centre_of(cell);
 }
 
-const Navigator::Field& Navigator::field_to(int goal_cell) {
+Navigator::Field& Navigator::field_to(int goal_cell) {
   if (const auto found = fields_.find(goal_cell); found != fields_.end()) return found->second;
   if (fields_.size() * sector_.size() >= kFieldCellsMax) fields_.clear();
   Field& field = fields_[goal_cell];
   field.distance.assign(sector_.size(), kNever);
-  using Entry = std::pair<float, int>;
-  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
   field.distance[goal_cell] = 0;
-  open.push({0.0f, goal_cell});
+  field.open.push({0.0f, goal_cell});
+  return field;
+}
+
+bool Navigator::settle(Field& field, int wanted) const {
   const auto unit = static_cast<float>(options_.cell_units);
-  while (!open.empty()) {
-    const auto [distance, cell] = open.top();
-    open.pop();
+  while (!field.open.empty() && field.open.top().first < field.distance[wanted]) {
+    const auto [distance, cell] = field.open.top();
+    field.open.pop();
     if (distance > field.distance[cell]) continue;
     const int column = cell % columns_, row = cell / columns_;
     for (int dr = -1; dr <= 1; ++dr)
       for (int dc = -1; dc <= 1; ++dc) {
-        if ((dr == 0 && dc == 0) || row + dr < 0 || row + dr >= rows_ || column + dc < 0 || column + dc >= columns_)
+        if ((dr == 0 && dc == 0) || row + dr < 0 || row + dr >= rows_ || column + dc < 0 ||
+            column + dc >= columns_)
           continue;
         const int other = cell + dr * columns_ + dc;
         if (blocked_[other] != 0 || !can_step(other, cell)) continue;
         if (dr != 0 && dc != 0 && (blocked_[cell + dc] != 0 || blocked_[cell + dr * columns_] != 0)) continue;
-        const float next = distance + unit * (dr != 0 && dc != 0 ? 1.41421356f : 1.0f) * (1.0f + cost_[other]);
+        const float next =
+            distance + unit * (dr != 0 && dc != 0 ? 1.41421356f : 1.0f) * (1.0f + cost_[other]);
         if (next < field.distance[other]) {
           field.distance[other] = next;
-          open.push({next, other});
+          field.open.push({next, other});
         }
       }
   }
-  return field;
+  return field.distance[wanted] != kNever;
 }
 
 std::optional<double> Navigator::way_length(Place from, Place goal) {
   const int end = open_cell_near(goal, 64);
   if (end < 0) return std::nullopt;
-  const Field& field = field_to(end);
+  Field& field = field_to(end);
   const int start = open_cell_near(from, 64, &field);
   if (start < 0) return std::nullopt;
   return field.distance[start];
@@ -225,7 +241,7 @@ bool Navigator::is_straight(Place from, Place to) const {
 std::optional<Place> Navigator::waypoint(Place from, Place goal) {
   const int end = open_cell_near(goal, 64);
   if (end < 0) return std::nullopt;
-  const Field& field = field_to(end);
+  Field& field = field_to(end);
   const int start = open_cell_near(from, 64, &field);
   if (start < 0) return std::nullopt;
   const Place target = is_open(goal) ? goal : centre_of(end);

@@ -6,6 +6,8 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <queue>
+#include <utility>
 #include <vector>
 
 #include "sim_workers/oracle/steering.h"
@@ -30,8 +32,8 @@ class Navigator {
 
   /// Steps to the goal from there, in map units along the way; nothing where there is no way.
   std::optional<double> way_length(Place from, Place goal);
-  /// A place some cells ahead on the way from `from` to `goal`, in a straight line that can be walked; the goal
-  /// itself when it is near. Nothing where there is no way.
+  /// A place some cells ahead on the way from `from` to `goal`, in a straight line that can be walked; the
+  /// goal itself when it is near. Nothing where there is no way.
   std::optional<Place> waypoint(Place from, Place goal);
   /// True where a body can stand.
   bool is_open(Place place) const;
@@ -39,16 +41,21 @@ class Navigator {
   std::optional<Place> nearest_open(Place place, double reach_units = 128) const;
 
  private:
+  /// Dijkstra's search from a goal, as far as somebody has asked.
   struct Field {
-    std::vector<float> distance;  // [cell] units to the goal; infinite where there is no way
+    using Entry = std::pair<float, int>;  // distance, cell
+    std::vector<float> distance;          // [cell] units to the goal; infinite where no way is known
+    std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
   };
   int cell_of(Place place) const;
   Place centre_of(int cell) const;
   bool can_step(int from, int to) const;
   bool is_straight(Place from, Place to) const;
-  const Field& field_to(int goal_cell);
+  Field& field_to(int goal_cell);
+  /// Searches on until the distance of `cell`, and every shorter one, is known. False where there is no way.
+  bool settle(Field& field, int cell) const;
   /// With `field`: the nearest from which there is a way.
-  int open_cell_near(Place place, double reach_units, const Field* field = nullptr) const;
+  int open_cell_near(Place place, double reach_units, Field* field = nullptr) const;
 
   NavigatorOptions options_;
   const doom::Level* level_ = nullptr;

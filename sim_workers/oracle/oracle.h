@@ -47,8 +47,8 @@ class OraclePlayer {
   std::vector<int32_t> choice_;         // [N, heads]
 };
 
-/// Doom environments whose actions come from oracles: what is passed to step() is not looked at, and as nobody
-/// looks at pictures, none are drawn (frames stay black).
+/// Doom environments whose actions come from oracles: what is passed to step() is not looked at, and as
+/// nobody looks at pictures, none are drawn (frames stay black).
 class OracleEnvironmentSet final : public EnvironmentSet {
  public:
   /// Takes over `inner`, whose environments must be Doom's. Errors: as make_oracle().

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <span>
 
-#include "doomgen/layout/wad_writer.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/rng.h"
 #include "scenarios/spec/registry.h"
 #include "scenarios/spec/scenario_spec.h"
@@ -46,9 +46,11 @@ std::vector<uint8_t> side_by_side(const std::vector<std::vector<uint8_t>>& views
   for (int view = 0; view < count; ++view)
     for (int plane = 0; plane < 3; ++plane)
       for (int y = 0; y < height; ++y)
-        std::copy_n(views[static_cast<std::size_t>(view)].begin() + (static_cast<std::ptrdiff_t>(plane) * height + y) * width,
+        std::copy_n(views[static_cast<std::size_t>(view)].begin() +
+                        (static_cast<std::ptrdiff_t>(plane) * height + y) * width,
                     width,
-                    joined.begin() + (static_cast<std::ptrdiff_t>(plane) * height + y) * row + view * (width + kGapPixels));
+                    joined.begin() + (static_cast<std::ptrdiff_t>(plane) * height + y) * row +
+                        view * (width + kGapPixels));
   return joined;
 }
 
@@ -67,7 +69,7 @@ Expected<std::string> draw_row(const std::string& name, const GalleryOptions& op
 
   // The art of the WAD comes from a file.
   const std::string path = options.folder + "/." + name + ".wad";
-  COMRAD_TRY(doomgen::write_file(path, layout.wad));
+  COMRAD_TRY(write_file_atomically(path, layout.wad, /*durable=*/false));
   auto art = doom::ArtArchive::open({}, {path});
   std::error_code ignored;
   std::filesystem::remove(path, ignored);
@@ -93,7 +95,8 @@ Expected<std::string> draw_row(const std::string& name, const GalleryOptions& op
   renderer->draw(requests);
   const std::string file = options.folder + "/" + name + ".png";
   const int row_width = agents * options.width + (agents - 1) * kGapPixels;
-  COMRAD_TRY(doom::write_png(file, side_by_side(views, options.width, options.height), row_width, options.height));
+  COMRAD_TRY(
+      doom::write_png(file, side_by_side(views, options.width, options.height), row_width, options.height));
   return file;
 }
 
@@ -104,7 +107,8 @@ Expected<std::vector<std::string>> draw_gallery(const GalleryOptions& options) {
   std::filesystem::create_directories(options.folder, failure);
   if (failure) return Error{ErrorCode::kSystem, options.folder + ": " + failure.message()};
   std::vector<std::string> files;
-  for (const std::string& name : options.scenarios.empty() ? scenarios::list_scenarios() : options.scenarios) {
+  for (const std::string& name :
+       options.scenarios.empty() ? scenarios::list_scenarios() : options.scenarios) {
     COMRAD_TRY_ASSIGN(std::string file, draw_row(name, options));
     files.push_back(std::move(file));
   }

@@ -1,5 +1,5 @@
-// Pictures of scenarios as their agents see them: one row of views per scenario, side by side, some way into an
-// episode. For READMEs. Stage: render.
+// Pictures of scenarios as their agents see them: one row of views per scenario, side by side, some way into
+// an episode. For READMEs. Stage: render.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,9 @@ struct GalleryOptions {
   uint64_t seed = 42;
 };
 
-/// Plays each scenario with its oracle (random actions where it has none) on its default map and writes the row of
-/// views. Returns the files, in order. Errors: as loading a game; kSystem for a file that cannot be written.
+/// Plays each scenario with its oracle (random actions where it has none) on its default map and writes the
+/// row of views. Returns the files, in order. Errors: as loading a game; kSystem for a file that cannot be
+/// written.
 Expected<std::vector<std::string>> draw_gallery(const GalleryOptions& options);
 
 }  // namespace comrad::trace

@@ -106,7 +106,8 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
-    if (argc > 1 && std::string_view(argv[1]).starts_with("--gallery")) return comrad::run_gallery(argc, argv);
+    if (argc > 1 && std::string_view(argv[1]).starts_with("--gallery"))
+      return comrad::run_gallery(argc, argv);
     return comrad::run(argc, argv);
   } catch (const std::exception& failure) {  // from libraries; ours do not throw
     std::fprintf(stderr, "comrad trace: error: %s\n", failure.what());

@@ -158,7 +158,8 @@ Expected<ActionTable> ActionTable::parse(std::string_view text, const std::strin
     const auto button = standard != standard_columns().end() ? std::optional(standard->button)
                                                              : scenarios::find_button(upper_case(name));
     if (!button)
-      return csv.error("column '" + shown(name) + "' is no button; columns are t, fwd, back, left, right, turnl, "
+      return csv.error("column '" + shown(name) +
+                       "' is no button; columns are t, fwd, back, left, right, turnl, "
                        "turnr, attack, speed, use, jump, crouch, turn180, dyaw, dpitch, dfwd, dside and "
                        "ViZDoom's names");
     sources.push_back({cell, table.column_of(*button, std::string(name)), std::string(name)});
@@ -181,8 +182,8 @@ Expected<ActionTable> ActionTable::load(const std::string& path) {
   return parse(text, path);
 }
 
-ActionTable ActionTable::random(std::span<const scenarios::Button> buttons, std::span<const std::string> names,
-                                int64_t tics, uint64_t seed) {
+ActionTable ActionTable::random(std::span<const scenarios::Button> buttons,
+                                std::span<const std::string> names, int64_t tics, uint64_t seed) {
   ActionTable table;
   std::vector<std::size_t> target;
   for (std::size_t i = 0; i < buttons.size(); ++i)
@@ -243,8 +244,10 @@ Expected<Pose> load_pose(const std::string& path) {
     if (name == "PITCH") COMRAD_TRY(angle(cell, &pose.pitch));
   }
   if (found < 8)
-    return Error{ErrorCode::kBadFormat, path + ": columns POSITION_X, _Y, _Z, ANGLE, PITCH, VELOCITY_X, _Y and _Z "
-                                               "are all needed to start from"};
+    return Error{ErrorCode::kBadFormat,
+                 path +
+                     ": columns POSITION_X, _Y, _Z, ANGLE, PITCH, VELOCITY_X, _Y and _Z "
+                     "are all needed to start from"};
   return pose;
 }
 

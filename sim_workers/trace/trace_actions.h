@@ -1,5 +1,5 @@
-// What one player presses, tic by tic: read from a CSV, or drawn. Columns are those of a trace (a_fwd .. a_dside)
-// and of a script (fwd .. dside); further columns are named by ViZDoom's buttons. Stage: step.
+// What one player presses, tic by tic: read from a CSV, or drawn. Columns are those of a trace (a_fwd ..
+// a_dside) and of a script (fwd .. dside); further columns are named by ViZDoom's buttons. Stage: step.
 #pragma once
 
 #include <array>
@@ -39,8 +39,8 @@ class ActionTable {
   static Expected<ActionTable> parse(std::string_view text, const std::string& label);
   static Expected<ActionTable> load(const std::string& path);
 
-  /// `tics` actions drawn from `seed`: each button of `buttons` is held for 1 to 12 tics at a time, deltas are
-  /// quarter steps.
+  /// `tics` actions drawn from `seed`: each button of `buttons` is held for 1 to 12 tics at a time, deltas
+  /// are quarter steps.
   static ActionTable random(std::span<const scenarios::Button> buttons, std::span<const std::string> names,
                             int64_t tics, uint64_t seed);
 

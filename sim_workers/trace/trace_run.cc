@@ -1,11 +1,10 @@
 #include "sim_workers/trace/trace_run.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 
+#include "rollout_buffer/core/files.h"
 #include "sim_workers/engine/render/art_archive.h"
 #include "sim_workers/engine/render/png_image.h"
 #include "sim_workers/trace/trace_table.h"
@@ -62,7 +61,7 @@ class Output {
     Output output;
     output.path_ = path.empty() ? "standard output" : path;
     output.file_.reset(path.empty() ? stdout : std::fopen(path.c_str(), "w"));
-    if (!output.file_) return Error{ErrorCode::kSystem, path + ": " + std::strerror(errno)};
+    if (!output.file_) return system_error("cannot write " + path);
     return output;
   }
   Status line(const std::string& text) {
@@ -77,7 +76,7 @@ class Output {
       if (file != stdout) std::fclose(file);
     }
   };
-  Status failure() const { return Error{ErrorCode::kSystem, path_ + ": " + std::strerror(errno)}; }
+  Status failure() const { return system_error("cannot write " + path_); }
   std::string path_;
   std::unique_ptr<std::FILE, Close> file_;
 };

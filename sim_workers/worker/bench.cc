@@ -1,7 +1,6 @@
 #include "sim_workers/worker/bench.h"
 
 #include <cstddef>
-#include <ctime>
 #include <vector>
 
 #include "rollout_buffer/core/check.h"
@@ -10,16 +9,6 @@
 #include "rollout_buffer/schema/trajectory.h"
 
 namespace comrad::sim {
-
-namespace {
-
-double cpu_s() {
-  timespec used{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &used);
-  return static_cast<double>(used.tv_sec) + static_cast<double>(used.tv_nsec) * 1e-9;
-}
-
-}  // namespace
 
 BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options) {
   const EnvShape env_shape = environments.at(0).shape();
@@ -94,13 +83,13 @@ BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options)
     if (now_ns < until_ns) continue;
     if (is_counting) {
       result.seconds = static_cast<double>(now_ns - began_ns) * 1e-9;
-      result.cpu_seconds = cpu_s() - began_cpu_s;
+      result.cpu_seconds = process_cpu_s() - began_cpu_s;
       return result;
     }
     is_counting = true;
     result = {};
     began_ns = monotonic_ns();
-    began_cpu_s = cpu_s();
+    began_cpu_s = process_cpu_s();
     until_ns = began_ns + static_cast<int64_t>(options.seconds * 1e9);
   }
 }

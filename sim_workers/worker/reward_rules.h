@@ -23,7 +23,7 @@ struct RewardRules {
 ///   raw     [N] f32  of one step
 ///   reward  [N] f32  result; may be the same memory
 ///
-/// Source: training spec 2.10.  Threads: pure function.
+/// Threads: pure function.
 void shape_rewards(std::span<const float> raw, const RewardRules& rules, std::span<float> reward);
 
 }  // namespace comrad::sim

@@ -1,4 +1,4 @@
-// Bad input and bad luck (design section 12): each case has one clear message, a non-zero exit and leaves
+// Bad input and bad luck: each case has one clear message, a non-zero exit and leaves
 // nothing.
 
 #include <gmock/gmock.h>

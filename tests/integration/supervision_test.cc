@@ -15,7 +15,7 @@ using ::testing::SizeIs;
 
 constexpr double kStartSeconds = 60;
 constexpr double kRunTimeoutSeconds = 120;
-constexpr double kStopSeconds = 10;  // design section 3
+constexpr double kStopSeconds = 10;
 
 /// Waits until the learner has trained on `frames` more than now.
 bool trains_on(const std::string& run, double frames, double timeout_s) {

@@ -68,11 +68,15 @@ TEST(Train, ResumesWhereItStopped) {
   EXPECT_GE(after["env_frames"], 8192);
   EXPECT_GE(before["env_frames"], 4096);
   EXPECT_GT(after["learner_version"], before["learner_version"]);
+  EXPECT_EQ(after["message"], "finished (--train_for_env_steps 8192)");
   double last = 0;  // had it started over, the count would fall back
   for (const nlohmann::json& report : read_json_lines(scratch / "run/metrics.jsonl")) {
     EXPECT_GE(report["env_frames"].get<double>(), last);
     last = report["env_frames"];
   }
+  // Seconds count from the run's beginning: none are left, and the last line names the limit.
+  const Ending over = train(scratch, "run", 1e6, {"--train_for_seconds", "1"});
+  EXPECT_THAT(over.err, HasSubstr("finished (--train_for_seconds 1): 0 env frames"));
   // Typed settings win over the run's own; what shapes the network is refused.
   const Ending refused = RunningProgram(small_training(scratch, "run", 8192, {"--rnn_size", "64"})).wait(60);
   EXPECT_EQ(refused.exit_code, 2);

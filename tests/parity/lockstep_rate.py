@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Decisions per second that ViZDoom makes with two players in lock step on one core: the number that
-`comrad bench sim` of the same scenario stands beside.
+"""Decisions per second that ViZDoom makes on one core, with two players in lock step or with one alone: the numbers
+that `comrad bench sim` of the same scenario stands beside. One alone also tells how fast a machine is.
 
-    taskset -c 0 lockstep_rate.py --wad FILE [--seconds S] [--frame_skip 4]
+    taskset -c 0 lockstep_rate.py --wad FILE [--players 2] [--seconds S] [--frame_skip 4]
 
-Each player is a process of its own, as in every ViZDoom multiplayer game; both press uniform random buttons, hold them
-for a decision and look at their 160x120 picture after it. A decision of one player counts as one. Episodes begin anew
-when they end. Needs a Python with `vizdoom`. Prints one JSON object.
+Each player is a process of its own, as in every ViZDoom multiplayer game; all press uniform random buttons, hold them
+for a decision and look at their 160x120 picture after it. A decision of one player counts as one. Alone, episodes begin
+anew when they end. Needs a Python with `vizdoom`. Prints one JSON object.
 """
 import argparse
 import json
@@ -18,11 +18,10 @@ import time
 
 from scenario_parity import free_port
 
-PLAYERS = 2
 BUTTONS = ["MOVE_FORWARD", "MOVE_BACKWARD", "TURN_LEFT", "TURN_RIGHT", "MOVE_LEFT", "MOVE_RIGHT", "ATTACK"]
 
 
-def play(player, wad, port, frame_skip, seconds, folder, answer):
+def play(player, players, wad, port, frame_skip, seconds, folder, answer):
     import vizdoom as vzd
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.chdir(folder)  # it leaves its settings where it runs
@@ -36,15 +35,17 @@ def play(player, wad, port, frame_skip, seconds, folder, answer):
     game.set_screen_format(vzd.ScreenFormat.RGB24)
     game.set_mode(vzd.Mode.PLAYER)
     game.set_available_buttons([getattr(vzd.Button, name) for name in BUTTONS])
-    if player == 0:
-        game.add_game_args("-host %d -port %d +viz_connect_timeout 60 +sv_noautoaim 1" % (PLAYERS, port))
-    else:
+    if players > 1 and player == 0:
+        game.add_game_args("-host %d -port %d +viz_connect_timeout 60 +sv_noautoaim 1" % (players, port))
+    elif players > 1:
         game.add_game_args("-join 127.0.0.1 -port %d +viz_connect_timeout 60" % port)
     game.init()
     generator = random.Random(player)
     decisions, frame_bytes, begin = 0, 0, time.monotonic()
     while time.monotonic() - begin < seconds:
-        if game.is_player_dead():
+        if players == 1 and game.is_episode_finished():
+            game.new_episode()
+        if players > 1 and game.is_player_dead():
             game.respawn_player()
         if game.is_episode_finished():
             break  # both players leave a map together; one map is enough to measure
@@ -59,14 +60,16 @@ def play(player, wad, port, frame_skip, seconds, folder, answer):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--wad", required=True)
+    parser.add_argument("--players", type=int, choices=(1, 2), default=2)
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--frame_skip", type=int, default=4)
     arguments = parser.parse_args()
     context = multiprocessing.get_context("spawn")
     answer, port = context.Queue(), free_port()
     with tempfile.TemporaryDirectory() as folder:
-        players = [context.Process(target=play, args=(player, os.path.abspath(arguments.wad), port, arguments.frame_skip,
-                                                      arguments.seconds, folder, answer)) for player in range(PLAYERS)]
+        players = [context.Process(target=play, args=(player, arguments.players, os.path.abspath(arguments.wad), port,
+                                                      arguments.frame_skip, arguments.seconds, folder, answer))
+                   for player in range(arguments.players)]
         for player in players:
             player.start()
         results = [answer.get(timeout=arguments.seconds + 120) for _ in players]
@@ -76,7 +79,7 @@ def main():
                 player.kill()
     seconds = max(result[2] for result in results)
     decisions = sum(result[0] for result in results)
-    print(json.dumps({"players": PLAYERS, "decisions": decisions, "seconds": round(seconds, 2),
+    print(json.dumps({"players": arguments.players, "decisions": decisions, "seconds": round(seconds, 2),
                       "decisions_per_s": round(decisions / seconds, 1),
                       "frame_bytes": sum(result[1] for result in results) // max(1, decisions)}))
 

@@ -388,8 +388,6 @@ def main():
     parser.add_argument("--record", action="store_true", help="write down what differs in the episodes without presses")
     parser.add_argument("--verbose", action="store_true")
     arguments = parser.parse_args()
-    with open(LEFT_TO_CHANCE) as file:
-        left_to_chance = json.load(file)
     try:
         import vizdoom  # noqa: F401
     except ImportError:
@@ -399,6 +397,8 @@ def main():
             return SKIPPED
         os.execv(python, [python, "-B"] + sys.argv)
     arguments.doomgen, arguments.play = os.path.abspath(arguments.doomgen), os.path.abspath(arguments.play)
+    with open(LEFT_TO_CHANCE) as file:
+        left_to_chance = json.load(file)
     report, results = Report(), []
     folder = tempfile.mkdtemp()
     try:

@@ -61,7 +61,8 @@ class BehaviorBuilder {
     return *this;
   }
   /// A function whose code begins here. Returns its number.
-  int32_t function(int arg_count, int variable_count, bool returns, std::string name = "f", bool imported = false) {
+  int32_t function(int arg_count, int variable_count, bool returns, std::string name = "f",
+                   bool imported = false) {
     functions_.push_back({arg_count, variable_count, returns, imported, address(), std::move(name), {}});
     last_is_function_ = true;
     return static_cast<int32_t>(functions_.size() - 1);
@@ -97,7 +98,8 @@ class BehaviorBuilder {
   }
   uint32_t address() const { return static_cast<uint32_t>(code_.size()); }
 
-  /// An instruction with its operands as the table says; of PushBytes all values, of CaseGotoSorted the pairs.
+  /// An instruction with its operands as the table says; of PushBytes all values, of CaseGotoSorted the
+  /// pairs.
   BehaviorBuilder& op(PCode code, std::vector<int32_t> operands = {}) {
     number(code);
     const std::string_view kinds = bytecode::kPCodes[static_cast<std::size_t>(code)].operands;
@@ -147,7 +149,8 @@ class BehaviorBuilder {
     std::vector<uint8_t> lump = code_;
     for (const auto& [place, label] : patches_) {
       const uint32_t target = labels_[label];
-      for (int i = 0; i < 4; ++i) lump[place + static_cast<std::size_t>(i)] = static_cast<uint8_t>(target >> (8 * i));
+      for (int i = 0; i < 4; ++i)
+        lump[place + static_cast<std::size_t>(i)] = static_cast<uint8_t>(target >> (8 * i));
     }
     while (lump.size() % 4 != 0) lump.push_back(0);
     return chunked() ? with_chunks(std::move(lump)) : with_directory(std::move(lump));
@@ -320,7 +323,8 @@ class BehaviorBuilder {
     put(lump, 0, 4), put(lump, 0, 4);  // no scripts, no strings for those who see the old format
     return lump;
   }
-  static void add_local_arrays(Bytes& lump, std::string_view tag, int number, const std::vector<int32_t>& sizes) {
+  static void add_local_arrays(Bytes& lump, std::string_view tag, int number,
+                               const std::vector<int32_t>& sizes) {
     if (sizes.empty()) return;
     Bytes bytes;
     put(bytes, static_cast<uint32_t>(number), 2);

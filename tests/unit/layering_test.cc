@@ -1,6 +1,6 @@
 // Reads every #include of the sources and keeps the picture of the layers true: includes point left along
 // rollout_buffer < doomgen < scenarios < sim_workers and rollout_buffer < policy_workers < learner, deploy
-// includes rollout_buffer alone, and a third-party library has one home.
+// includes rollout_buffer alone, and a third-party library has one home and a package that ./comrad installs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -43,18 +43,47 @@ const std::vector<std::string> kBufferLayers = {"core", "schema", "shm"};
 
 struct Library {
   const char* name;
+  const char* package;                // Debian's
   std::vector<std::string> prefixes;  // of the included header
-  std::vector<std::string> homes;     // folders that may include it
+  std::vector<std::string> homes;     // folders that may include it; none: all
 };
 
 const std::vector<Library>& libraries() {
   static const std::vector<Library> all = {
-      {"Cyclone DDS", {"dds/", "ddsc/", "org/eclipse/cyclonedds", "comrad.h"}, {"rollout_buffer/dds/"}},
-      {"OpenGL, OSMesa and EGL", {"GL/", "EGL/", "GLES"}, {"sim_workers/engine/render/"}},
-      {"libtorch", {"torch/", "ATen/", "c10/"}, {"policy_workers/", "learner/"}},
-      {"toml++", {"toml++/"}, {"rollout_buffer/core/", "scenarios/spec/"}},
+      {"Cyclone DDS",
+       "cyclonedds-dev",
+       {"dds/", "ddsc/", "org/eclipse/cyclonedds", "comrad.h"},
+       {"rollout_buffer/dds/"}},
+      {"OpenGL, OSMesa and EGL", "libosmesa6-dev", {"GL/", "EGL/", "GLES"}, {"sim_workers/engine/render/"}},
+      {"OpenCV", "libopencv-imgproc-dev", {"opencv2/"}, {"sim_workers/env/"}},
+      {"libpng", "libpng-dev", {"png.h"}, {"sim_workers/engine/render/"}},
+      {"libtorch", "libtorch-dev", {"torch/", "ATen/", "c10/", "caffe2/"}, {"policy_workers/", "learner/"}},
+      {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/config/"}},
+      {"toml++", "libtomlplusplus-dev", {"toml++/"}, {"rollout_buffer/core/", "scenarios/spec/"}},
+      {"lz4", "liblz4-dev", {"lz4.h"}, {"rollout_buffer/replay/"}},
+      {"CLI11", "libcli11-dev", {"CLI/"}, {}},
+      {"spdlog", "libspdlog-dev", {"spdlog/"}, {}},
+      {"nlohmann-json", "nlohmann-json3-dev", {"nlohmann/"}, {}},
+      {"GoogleTest", "libgtest-dev", {"gtest/"}, {"tests/"}},
+      {"GoogleMock", "libgmock-dev", {"gmock/"}, {"tests/"}},
+      {"Google Benchmark", "libbenchmark-dev", {"benchmark/"}, {"tests/"}},
   };
   return all;
+}
+
+bool is_of(const Library& library, const Include& include) {
+  return std::any_of(library.prefixes.begin(), library.prefixes.end(),
+                     [&](const std::string& prefix) { return include.target.starts_with(prefix); });
+}
+
+/// Headers of C++, of the C library, of Linux and of the compiler.
+bool is_of_the_system(const std::string& header) {
+  static const std::set<std::string> names = {"dirent.h", "dlfcn.h", "emmintrin.h", "fcntl.h", "ifaddrs.h",
+                                              "malloc.h", "poll.h",  "pthread.h",   "pty.h",   "sched.h",
+                                              "signal.h", "spawn.h", "stdio.h",     "time.h",  "unistd.h"};
+  for (const char* folder : {"sys/", "linux/", "net/", "netinet/"})
+    if (header.starts_with(folder)) return true;
+  return header.find_first_of("./") == std::string::npos || names.contains(header);
 }
 
 bool is_source(const fs::path& path) {
@@ -80,28 +109,32 @@ std::vector<Include> parse_includes(const std::string& file, std::istream& text)
   return found;
 }
 
-std::vector<Include> all_includes() {
+void add_includes_below(const std::string& folder, std::vector<Include>* all) {
   const fs::path root = COMRAD_SOURCE_DIR;
-  std::vector<Include> all;
-  for (const auto& [folder, allowed] : allowed_folders()) {
-    if (!fs::exists(root / folder)) continue;
-    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(root / folder)) {
-      if (!entry.is_regular_file() || !is_source(entry.path())) continue;
-      std::ifstream text(entry.path());
-      const std::vector<Include> found =
-          parse_includes(fs::relative(entry.path(), root).generic_string(), text);
-      all.insert(all.end(), found.begin(), found.end());
-    }
+  if (!fs::exists(root / folder)) return;
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(root / folder)) {
+    if (!entry.is_regular_file() || !is_source(entry.path())) continue;
+    std::ifstream text(entry.path());
+    const std::vector<Include> found =
+        parse_includes(fs::relative(entry.path(), root).generic_string(), text);
+    all->insert(all->end(), found.begin(), found.end());
   }
+}
+
+/// Of the sources, not of the tests.
+std::vector<Include> all_includes() {
+  std::vector<Include> all;
+  for (const auto& [folder, allowed] : allowed_folders()) add_includes_below(folder, &all);
   return all;
 }
 
 std::string folder_of(const std::string& path) { return path.substr(0, path.find('/')); }
 
-/// The layer that a file belongs to: its folder, but for a scenario's oracle, which plays the simulator's world
-/// and lies with its scenario.
+/// The layer that a file belongs to: its folder, but for a scenario's oracle, which plays the simulator's
+/// world and lies with its scenario.
 std::string layer_of(const std::string& file) {
-  return file.starts_with("scenarios/") && fs::path(file).stem() == "oracle" ? "sim_workers" : folder_of(file);
+  return file.starts_with("scenarios/") && fs::path(file).stem() == "oracle" ? "sim_workers"
+                                                                             : folder_of(file);
 }
 
 /// Why an include breaks the layers, or nothing.
@@ -126,13 +159,11 @@ std::string fault_of(const Include& include) {
   if (include.quoted && include.target.starts_with("../"))
     return "includes are written from the repository root";
   for (const Library& library : libraries()) {
-    const bool is_of_library =
-        std::any_of(library.prefixes.begin(), library.prefixes.end(),
-                    [&](const std::string& prefix) { return include.target.starts_with(prefix); });
-    const bool is_at_home =
-        std::any_of(library.homes.begin(), library.homes.end(),
-                    [&](const std::string& home) { return include.file.starts_with(home); });
-    if (is_of_library && !is_at_home)
+    const bool is_at_home = library.homes.empty() || std::any_of(library.homes.begin(), library.homes.end(),
+                                                                 [&](const std::string& home) {
+                                                                   return include.file.starts_with(home);
+                                                                 });
+    if (is_of(library, include) && !is_at_home)
       return std::string(library.name) + " belongs into " + library.homes.front();
   }
   return "";
@@ -143,6 +174,24 @@ TEST(Layering, EveryIncludePointsTheRightWay) {
   ASSERT_GT(includes.size(), 200u) << "the sources were not found below " COMRAD_SOURCE_DIR;
   for (const Include& include : includes)
     EXPECT_EQ(fault_of(include), "") << include.file << ":" << include.line << " includes " << include.target;
+}
+
+// A header of a library that no package brings builds here and on no fresh machine.
+TEST(Layering, EveryLibraryIsInstalledByTheBootstrap) {
+  std::ifstream file(std::string(COMRAD_SOURCE_DIR) + "/deploy/packages.txt");
+  std::set<std::string> packages;
+  for (std::string line; std::getline(file, line);) packages.insert(line.substr(0, line.find(' ')));
+  for (const Library& library : libraries())
+    EXPECT_TRUE(packages.contains(library.package)) << library.name << ": deploy/packages.txt lacks it";
+  std::vector<Include> includes = all_includes();
+  add_includes_below("tests", &includes);
+  for (const Include& include : includes) {
+    if (include.quoted || is_of_the_system(include.target)) continue;
+    EXPECT_TRUE(std::any_of(libraries().begin(), libraries().end(),
+                            [&](const Library& library) { return is_of(library, include); }))
+        << include.file << ":" << include.line << " includes <" << include.target
+        << ">: name its library and package above, and in deploy/packages.txt";
+  }
 }
 
 TEST(Layering, QuotedIncludesOfOursExist) {

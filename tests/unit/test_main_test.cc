@@ -1,4 +1,5 @@
-// The exit codes of test programs, which ctest reads: this program runs cases of its own that are disabled here.
+// The exit codes of test programs, which ctest reads: this program runs cases of its own that are disabled
+// here.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
@@ -28,9 +29,7 @@ TEST(ExitCode, TellsPassedSkippedAndFailedApart) {
   EXPECT_EQ(exit_code_of("Probe.DISABLED_Fails"), 1);
 }
 
-TEST(ExitCode, ASkippedCaseDoesNotHideAFailedOne) {
-  EXPECT_EQ(exit_code_of("Probe.*"), 1);
-}
+TEST(ExitCode, ASkippedCaseDoesNotHideAFailedOne) { EXPECT_EQ(exit_code_of("Probe.*"), 1); }
 
 }  // namespace
 }  // namespace comrad

@@ -86,11 +86,12 @@ int32_t spawn_thing(const Caller& caller, int32_t type_name, Fixed x, Fixed y, F
   return world.spawn(type, x, y, z, angle, thing_id, force).has_value() ? 1 : 0;
 }
 
-int32_t spawn_at_spots(const Caller& caller, int32_t type_name, int32_t spot_id, int32_t thing_id, Angle angle,
-                       bool facing, bool force) {
+int32_t spawn_at_spots(const Caller& caller, int32_t type_name, int32_t spot_id, int32_t thing_id,
+                       Angle angle, bool facing, bool force) {
   int32_t count = 0;
   caller.each_actor(spot_id, [&](Actor& spot) {
-    count += spawn_thing(caller, type_name, spot.x, spot.y, spot.z, thing_id, facing ? spot.angle : angle, force);
+    count +=
+        spawn_thing(caller, type_name, spot.x, spot.y, spot.z, thing_id, facing ? spot.angle : angle, force);
   });
   return count;
 }
@@ -183,7 +184,8 @@ int32_t warp(const Caller& caller, std::span<const int32_t> args) {
   world.set_angle(self->id, angle);
   if ((flags & kStop) != 0) self->velocity_x = self->velocity_y = self->velocity_z = 0;
   if ((flags & kCopyVelocity) != 0)
-    self->velocity_x = there->velocity_x, self->velocity_y = there->velocity_y, self->velocity_z = there->velocity_z;
+    self->velocity_x = there->velocity_x, self->velocity_y = there->velocity_y,
+    self->velocity_z = there->velocity_z;
   if ((flags & kCopyPitch) != 0) self->pitch = there->pitch;
   if (args.size() > 6) {
     const uint32_t state = find_state(caller, *self, caller.text(args[6]), arg(7) != 0);
@@ -253,7 +255,8 @@ int32_t set_actor_state(const Caller& caller, int32_t thing_id, int32_t label, b
 }
 
 int32_t damage_thing(const Caller& caller, int32_t thing_id, int32_t amount, int32_t type_name) {
-  const DamageType type = caller.world.catalog().find_damage_type(caller.text(type_name)).value_or(DamageType::kNormal);
+  const DamageType type =
+      caller.world.catalog().find_damage_type(caller.text(type_name)).value_or(DamageType::kNormal);
   return caller.each_actor(thing_id, [&](Actor& actor) {
     if (amount > 0) {
       if (actor.has(ActorFlag::kShootable))
@@ -374,7 +377,8 @@ int32_t use_inventory(const Caller& caller, Actor* actor, bool everyone, int32_t
   const std::optional<uint32_t> type = caller.type_named(name);
   if (!type) return 0;
   int32_t used = 0;
-  each_owner(caller, actor, everyone, [&](int player) { used += use_item(caller.world, player, *type) ? 1 : 0; });
+  each_owner(caller, actor, everyone,
+             [&](int player) { used += use_item(caller.world, player, *type) ? 1 : 0; });
   return used;
 }
 

@@ -18,8 +18,8 @@ constexpr int32_t from_angle(Angle angle) { return static_cast<int32_t>(angle >>
 int32_t spawn_thing(const Caller& caller, int32_t type_name, Fixed x, Fixed y, Fixed z, int32_t thing_id,
                     Angle angle, bool force);
 /// At every actor with `spot_id`; 0: at the activator.
-int32_t spawn_at_spots(const Caller& caller, int32_t type_name, int32_t spot_id, int32_t thing_id, Angle angle,
-                       bool facing, bool force);
+int32_t spawn_at_spots(const Caller& caller, int32_t type_name, int32_t spot_id, int32_t thing_id,
+                       Angle angle, bool facing, bool force);
 /// A missile (or anything) from every actor with `source_id`: speeds in eighths of a unit a tic.
 int32_t spawn_projectile(const Caller& caller, int32_t source_id, uint32_t type, Angle angle, int32_t speed,
                          int32_t rise, int32_t gravity, int32_t new_thing_id);

@@ -11,6 +11,7 @@
 namespace comrad::doom::acs {
 namespace {
 
+// clang-format off
 constexpr std::array<std::string_view, kActorPropertyCount> kNames = {
     "Health",      "Speed",        "Damage",    "Alpha",         "RenderStyle", "SeeSound",    "AttackSound",
     "PainSound",   "DeathSound",   "ActiveSound", "Ambush",      "Invulnerable", "JumpZ",      "ChaseGoal",
@@ -19,6 +20,7 @@ constexpr std::array<std::string_view, kActorPropertyCount> kNames = {
     "WaterLevel",  "ScaleX",       "ScaleY",    "Dormant",       "Mass",        "Accuracy",    "Stamina",
     "Height",      "Radius",       "ReactionTime", "MeleeRange", "ViewHeight",  "AttackZOffset", "StencilColor",
     "Friction",    "DamageMultiplier", "MaxStepHeight", "MaxDropOffHeight", "DamageType"};
+// clang-format on
 
 // Numbers of STYLE_ constants.
 struct StyleNumber {
@@ -40,7 +42,9 @@ constexpr std::array<StyleNumber, 12> kStyles = {{{0, RenderStyle::kNone},
 
 Fixed from_float(float value) {
   const float scaled = value * static_cast<float>(kFracUnit);
-  return scaled >= 2147483520.0f ? INT32_MAX : scaled <= -2147483520.0f ? INT32_MIN : static_cast<Fixed>(scaled);
+  return scaled >= 2147483520.0f    ? INT32_MAX
+         : scaled <= -2147483520.0f ? INT32_MIN
+                                    : static_cast<Fixed>(scaled);
 }
 
 int32_t thing_id_of(World& world, uint32_t actor_id) {
@@ -169,9 +173,10 @@ void set_actor_property(const Caller& caller, Actor& actor, int32_t property, in
       break;
   }
   const std::string_view name = actor_property_name(property);
-  caller.unsupported(kWarnProperty + (name.empty() ? kActorPropertyCount : static_cast<std::size_t>(property)),
-                     name.empty() ? "SetActorProperty " + std::to_string(property)
-                                  : "SetActorProperty " + std::string(name));
+  caller.unsupported(
+      kWarnProperty + (name.empty() ? kActorPropertyCount : static_cast<std::size_t>(property)),
+      name.empty() ? "SetActorProperty " + std::to_string(property)
+                   : "SetActorProperty " + std::string(name));
 }
 
 int32_t get_actor_property(const Caller& caller, const Actor* actor, int32_t property) {

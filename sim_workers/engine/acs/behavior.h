@@ -48,7 +48,7 @@ struct Script {
   int32_t number = 0;  ///< negative for named ones: -1 - index into names
   std::string name;    ///< of a named script, lower case
   ScriptType type = ScriptType::kClosed;
-  uint32_t address = 0;                         ///< offset in the lump
+  uint32_t address = 0;                        ///< offset in the lump
   int32_t arg_count = 0, variable_count = 20;  ///< variables: arguments and arrays included
   bool is_net = false, is_clientside = false;
   std::vector<LocalArray> arrays;
@@ -90,8 +90,8 @@ class Behavior {
   std::span<const uint32_t> jumps() const { return jumps_; }                 ///< targets of GotoStack
   const std::string& label() const { return label_; }
 
-  /// True the first time that it is asked about a p-code (`index`) or function (kPCodeCount + number): for one
-  /// warning per behavior, whichever world comes across it.
+  /// True the first time that it is asked about a p-code (`index`) or function (kPCodeCount + number): for
+  /// one warning per behavior, whichever world comes across it.
   bool first_time(std::size_t index) const {
     return index < warned_.size() && !warned_[index].load(std::memory_order_relaxed) &&
            !warned_[index].exchange(true, std::memory_order_relaxed);

@@ -32,7 +32,8 @@ std::string_view tag_at(std::span<const uint8_t> bytes, std::size_t at) {
   return {reinterpret_cast<const char*>(bytes.data()) + at, 4};
 }
 
-/// Texts with their escapes replaced, as ZDoom 2.8 does when it loads a text table (measured with StrLen and GetChar:
+/// Texts with their escapes replaced, as ZDoom 2.8 does when it loads a text table (measured with StrLen and
+/// GetChar:
 /// "\\n" is one letter, an unknown escape loses its backslash).
 std::string unescaped(std::string_view text) {
   if (text.find('\\') == std::string_view::npos) return std::string(text);
@@ -58,7 +59,8 @@ std::string unescaped(std::string_view text) {
       const std::size_t end = std::min(text.size(), i + 3);
       int value = 0;
       std::size_t place = c == 'x' ? i + 1 : i;
-      for (; place < end && digit(text[place], base) >= 0; ++place) value = value * base + digit(text[place], base);
+      for (; place < end && digit(text[place], base) >= 0; ++place)
+        value = value * base + digit(text[place], base);
       i = place - 1;
       if (value == 0) break;
       result += static_cast<char>(value);
@@ -185,7 +187,8 @@ Status BehaviorReader::read_chunks(Behavior& behavior, uint32_t first, bool wide
     if (tag == "SNAM") {
       COMRAD_TRY_ASSIGN(const std::vector<std::string> names, read_names(chunk));
       for (Script& script : behavior.scripts_) {
-        const std::size_t index = script.number < 0 ? static_cast<std::size_t>(-1 - script.number) : names.size();
+        const std::size_t index =
+            script.number < 0 ? static_cast<std::size_t>(-1 - script.number) : names.size();
         if (index < names.size()) script.name = lower_case(names[index]);
       }
     }
@@ -253,8 +256,8 @@ Status BehaviorReader::read_functions(Behavior& behavior, Bytes chunk) {
     function.address = u32(chunk, at + 4);
     function.imported = chunk[at + 3] != 0 || function.address == 0;  // 0: some library will have it
     if (!function.imported && function.address >= bytes_.size())
-      return error(offset_of(chunk) + at + 4, "function " + std::to_string(behavior.functions_.size()) +
-                                                  " begins outside the lump");
+      return error(offset_of(chunk) + at + 4,
+                   "function " + std::to_string(behavior.functions_.size()) + " begins outside the lump");
     behavior.functions_.push_back(std::move(function));
   }
   return {};
@@ -264,7 +267,8 @@ Status BehaviorReader::read_strings(Behavior& behavior, Bytes chunk, bool encryp
   if (chunk.size() < 12) return error(offset_of(chunk), "a string table without a head");
   const uint64_t count = u32(chunk, 4);
   if (count > (chunk.size() - 12) / 4)
-    return error(offset_of(chunk) + 4, "a table of " + std::to_string(count) + " strings does not fit its chunk");
+    return error(offset_of(chunk) + 4,
+                 "a table of " + std::to_string(count) + " strings does not fit its chunk");
   behavior.strings_.clear();
   std::size_t total = 0;
   for (uint64_t i = 0; i < count; ++i) {
@@ -302,7 +306,8 @@ Status BehaviorReader::read_arrays(Behavior& behavior, Bytes chunk) {
     if (index >= kMapVariableCount || behavior.array_slots_[index] >= 0)
       return error(offset_of(chunk) + at, "an array named by map variable " + std::to_string(index));
     if (total > kArrayElementsMax)
-      return error(offset_of(chunk) + at + 4, "arrays of more than " + std::to_string(kArrayElementsMax) + " elements");
+      return error(offset_of(chunk) + at + 4,
+                   "arrays of more than " + std::to_string(kArrayElementsMax) + " elements");
     behavior.array_slots_[index] = static_cast<int16_t>(behavior.arrays_.size());
     behavior.arrays_.push_back(
         {static_cast<int32_t>(index), std::vector<int32_t>(static_cast<std::size_t>(size), 0)});
@@ -315,7 +320,8 @@ Status BehaviorReader::read_variables(Behavior& behavior, Bytes chunk) {
   const uint32_t first = u32(chunk, 0);
   const std::size_t count = chunk.size() / 4 - 1;
   if (first > kMapVariableCount || count > kMapVariableCount - first)
-    return error(offset_of(chunk), std::to_string(count) + " map variables from " + std::to_string(first) + " on");
+    return error(offset_of(chunk),
+                 std::to_string(count) + " map variables from " + std::to_string(first) + " on");
   for (std::size_t i = 0; i < count; ++i) behavior.map_variables_[first + i] = i32(chunk, 4 + i * 4);
   return {};
 }
@@ -339,7 +345,8 @@ Status BehaviorReader::read_local_arrays(Bytes chunk, int32_t first, std::vector
   for (std::size_t at = 2; at + 4 <= chunk.size(); at += 4) {
     const int64_t size = u32(chunk, at);
     if (offset + size > kLocalsMax)
-      return error(offset_of(chunk) + at, "local arrays of more than " + std::to_string(kLocalsMax) + " elements");
+      return error(offset_of(chunk) + at,
+                   "local arrays of more than " + std::to_string(kLocalsMax) + " elements");
     arrays.push_back({static_cast<int32_t>(offset), static_cast<int32_t>(size)});
     offset += size;
   }
@@ -358,7 +365,8 @@ Expected<std::vector<std::string>> BehaviorReader::read_names(Bytes chunk) {
     std::optional<std::string> text = text_at(chunk, u32(chunk, 4 + i * 4));
     if (text && (total += text->size()) > kTextBytesMax)
       return error(offset_of(chunk) + 4 + i * 4, "more text than 16 MiB");
-    if (!text) return error(offset_of(chunk) + 4 + i * 4, "name " + std::to_string(i) + " runs out of its chunk");
+    if (!text)
+      return error(offset_of(chunk) + 4 + i * 4, "name " + std::to_string(i) + " runs out of its chunk");
     names.push_back(std::move(*text));
   }
   return names;
@@ -381,8 +389,8 @@ void BehaviorReader::warn_about_libraries(Bytes chunk) {
     at += name->size() + 1;
   }
   if (!names.empty())
-    spdlog::warn("{}: BEHAVIOR wants the libraries {}; they are not loaded, scripts that call them stop", label_,
-                 names);
+    spdlog::warn("{}: BEHAVIOR wants the libraries {}; they are not loaded, scripts that call them stop",
+                 label_, names);
 }
 
 }  // namespace comrad::doom::acs

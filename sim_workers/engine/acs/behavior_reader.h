@@ -15,10 +15,11 @@ namespace comrad::doom::acs {
 
 /// Three containers hold scripts:
 ///
-///   ACS0     "ACS\0", offset of a directory at 4: scripts of 12 bytes (1000 * type + number), then strings. Plain code.
+///   ACS0     "ACS\0", offset of a directory at 4: scripts of 12 bytes (1000 * type + number), then strings.
+///            Plain code.
 ///   ACSE/e   "ACSE" (plain) or "ACSe" (compact), offset of chunks at 4. SPTR entries of 12 bytes.
-///   hidden   "ACS\0" with an empty directory; the 8 bytes before it are the chunks' offset and "ACSE" or "ACSe".
-///            SPTR entries of 8 bytes.
+///   hidden   "ACS\0" with an empty directory; the 8 bytes before it are the chunks' offset and "ACSE" or
+///            "ACSe". SPTR entries of 8 bytes.
 class BehaviorReader {
  public:
   BehaviorReader(std::span<const uint8_t> lump, const std::string& label) : bytes_(lump), label_(label) {}

@@ -39,9 +39,10 @@ Actor* Caller::pointer_of(Actor* actor, int32_t selector) const {
 }
 
 std::string_view Caller::text(int32_t index) const {
-  const bool known = index >= kDynamicStringBase
-                         ? static_cast<std::size_t>(index - kDynamicStringBase) < machine().dynamic_strings.size()
-                         : index >= 0 && static_cast<std::size_t>(index) < behavior.strings().size();
+  const bool known =
+      index >= kDynamicStringBase
+          ? static_cast<std::size_t>(index - kDynamicStringBase) < machine().dynamic_strings.size()
+          : index >= 0 && static_cast<std::size_t>(index) < behavior.strings().size();
   if (!known) {
     if (index != 0)  // what scripts pass for "none"
       warn(kWarnString, "string " + std::to_string(index) + ", of which there is none, reads as empty");
@@ -54,7 +55,8 @@ std::optional<uint32_t> Caller::type_named(int32_t string_index) const {
   const std::string_view name = text(string_index);
   const std::optional<uint32_t> type = world.catalog().find(name);
   if (!type && !name.empty() && !same_ignoring_case(name, "None"))
-    warn(kWarnName + static_cast<uint32_t>(string_index) % 256, "there is no actor type \"" + printable(name) + "\"");
+    warn(kWarnName + static_cast<uint32_t>(string_index) % 256,
+         "there is no actor type \"" + printable(name) + "\"");
   return type;
 }
 

@@ -15,9 +15,9 @@ namespace comrad::doom::acs {
 
 /// Places of Behavior::first_time() besides the p-codes.
 enum WarningIndex : std::size_t {
-  kWarnFunction = bytecode::kPCodeCount,     ///< + number of a CallFunc function, below 256
-  kWarnProperty = kWarnFunction + 256,       ///< + actor property, below 128
-  kWarnName = kWarnProperty + 128,           ///< + string number % 256
+  kWarnFunction = bytecode::kPCodeCount,  ///< + number of a CallFunc function, below 256
+  kWarnProperty = kWarnFunction + 256,    ///< + actor property, below 128
+  kWarnName = kWarnProperty + 128,        ///< + string number % 256
   kWarnString = kWarnName + 256,
   kWarnElement,
   kWarnThreads,
@@ -36,7 +36,9 @@ struct Caller {
   /// The player that the activator is; -1 none.
   int activator_player() const;
   /// As scripts name actors: 0 the activator, else the first with this thing id. May be null.
-  Actor* one_actor(int32_t thing_id) const { return thing_id == 0 ? activator() : world.find_thing(thing_id); }
+  Actor* one_actor(int32_t thing_id) const {
+    return thing_id == 0 ? activator() : world.find_thing(thing_id);
+  }
   /// 0: the activator; else every actor with this thing id that there is now. Returns how many.
   template <typename Visit>
   int32_t each_actor(int32_t thing_id, Visit visit) const {
@@ -56,8 +58,8 @@ struct Caller {
     }
     return count;
   }
-  /// Another actor as seen from one: 0 itself, 1 nobody, 2 target, 4 master, 8 tracer, 16 whom a player aims at,
-  /// 64 << n player n.
+  /// Another actor as seen from one: 0 itself, 1 nobody, 2 target, 4 master, 8 tracer, 16 whom a player aims
+  /// at, 64 << n player n.
   Actor* pointer_of(Actor* actor, int32_t selector) const;
 
   std::string_view text(int32_t index) const;

@@ -21,12 +21,13 @@ constexpr uint32_t kKindMask = 0xFF, kLayerMask = 0xF000, kNoWrap = 0x08000000, 
 constexpr int kLayerShift = 12;
 
 constexpr std::array<std::string_view, 26> kColors = {
-    "Brick", "Tan",   "Gray",      "Green", "Brown", "Gold",      "Red",     "Blue",      "Orange",
-    "White", "Yellow", "Untranslated", "Black", "LightBlue", "Cream",     "Olive",   "DarkGreen", "DarkRed",
-    "DarkBrown", "Purple", "DarkGray",  "Cyan",  "Ice",       "Fire",      "Sapphire", "Teal"};
+    "Brick",     "Tan",    "Gray",         "Green", "Brown",     "Gold",  "Red",      "Blue",      "Orange",
+    "White",     "Yellow", "Untranslated", "Black", "LightBlue", "Cream", "Olive",    "DarkGreen", "DarkRed",
+    "DarkBrown", "Purple", "DarkGray",     "Cyan",  "Ice",       "Fire",  "Sapphire", "Teal"};
 
 int32_t seconds_to_tics(Fixed seconds) {
-  return static_cast<int32_t>(std::clamp<int64_t>((int64_t{seconds} * kTicRateHz) >> kFracBits, 0, INT32_MAX));
+  return static_cast<int32_t>(
+      std::clamp<int64_t>((int64_t{seconds} * kTicRateHz) >> kFracBits, 0, INT32_MAX));
 }
 
 }  // namespace
@@ -77,8 +78,7 @@ void show_hud_message(const Caller& caller, std::string text, std::span<const in
   if (!bold && caller.activator() != nullptr && message.player < 0) return;  // nobody's screen
   message.kind = static_cast<int32_t>(flags & kKindMask);
   message.id = args[1];
-  message.color = (flags & kColorByName) != 0 ? std::max(find_text_color(caller.text(args[2])), 0)
-                                              : args[2];
+  message.color = (flags & kColorByName) != 0 ? std::max(find_text_color(caller.text(args[2])), 0) : args[2];
   if (message.color < 0 || message.color >= static_cast<int32_t>(kColors.size())) message.color = 11;
   message.x = args[3], message.y = args[4];
   message.hold_tics = seconds_to_tics(args[5]);
@@ -89,8 +89,8 @@ void show_hud_message(const Caller& caller, std::string text, std::span<const in
       alpha_option = 1;
       break;
     case 2:
-      message.type_tics =
-          static_cast<int32_t>(std::clamp<int64_t>(int64_t{option(0, kTypeSeconds)} * kTicRateHz, 0, INT32_MAX));
+      message.type_tics = static_cast<int32_t>(
+          std::clamp<int64_t>(int64_t{option(0, kTypeSeconds)} * kTicRateHz, 0, INT32_MAX));
       message.fade_out_tics = seconds_to_tics(option(1, kHalfSecond));
       alpha_option = 2;
       break;
@@ -122,8 +122,10 @@ void show_print(const Caller& caller, std::string text, bool bold) {
   const Actor* actor = caller.activator();
   if (!bold && actor != nullptr) {
     // What a missile triggered is told to who fired it.
-    if (actor->player_index < 0 && actor->has(ActorFlag::kMissile)) actor = caller.world.actor(actor->target_id);
-    if (actor == nullptr || actor->player_index < 0 || actor->player_index >= caller.world.player_count()) return;
+    if (actor->player_index < 0 && actor->has(ActorFlag::kMissile))
+      actor = caller.world.actor(actor->target_id);
+    if (actor == nullptr || actor->player_index < 0 || actor->player_index >= caller.world.player_count())
+      return;
     message.player = actor->player_index;
   }
   message.id = kPrintMessageId;
@@ -137,7 +139,8 @@ void show_print(const Caller& caller, std::string text, bool bold) {
 
 int64_t message_life_tics(const HudMessage& message) {
   if (message.hold_tics == 0) return 0;
-  const int64_t typing = (int64_t{message.type_tics} * static_cast<int64_t>(message.text.size())) >> kFracBits;
+  const int64_t typing =
+      (int64_t{message.type_tics} * static_cast<int64_t>(message.text.size())) >> kFracBits;
   return int64_t{message.hold_tics} + message.fade_in_tics + message.fade_out_tics + typing;
 }
 

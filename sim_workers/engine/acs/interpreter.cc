@@ -1423,10 +1423,10 @@ void Interpreter::execute_call(PCode code) {
     case PCode::kMorphActor:
     case PCode::kUnmorphActor: {
       unsupported(code);
-      const bytecode::PCodeInfo& info = bytecode::kPCodes[static_cast<std::size_t>(code)];
-      pc_ += kSteps[static_cast<std::size_t>(code)].operand_bytes[compact_];
-      drop(info.pops);
-      for (int i = 0; i < info.pushes; ++i) push(0);
+      const Step& step = kSteps[static_cast<std::size_t>(code)];
+      pc_ += step.operand_bytes[compact_];
+      drop(step.pops);
+      for (int i = 0; i < step.pushes; ++i) push(0);
       return;
     }
     default:

@@ -19,7 +19,8 @@ namespace {
 
 Thread* find_registered(MachineState& machine, int32_t number) {
   for (Thread& thread : machine.threads)
-    if (thread.registered && thread.script == number && thread.state != ThreadState::kToBeRemoved) return &thread;
+    if (thread.registered && thread.script == number && thread.state != ThreadState::kToBeRemoved)
+      return &thread;
   return nullptr;
 }
 
@@ -46,14 +47,16 @@ Thread& new_thread(MachineState& machine, const Script& script, std::size_t scri
   thread.result = 1;
   thread.locals.resize(static_cast<std::size_t>(std::max(script.variable_count, 0)), 0);
   const auto arg_count = static_cast<std::size_t>(std::clamp(script.arg_count, 0, 4));
-  for (std::size_t i = 0; i < std::min(arg_count, thread.locals.size()); ++i) thread.locals[i] = options.args[i];
+  for (std::size_t i = 0; i < std::min(arg_count, thread.locals.size()); ++i)
+    thread.locals[i] = options.args[i];
   return thread;
 }
 
 void refuse(World& world, const Script& script, const std::string& why) {
   const Behavior& behavior = *world.behavior();
   MachineState& machine = world.state().scripts;
-  machine.last_error = behavior.label() + ": script " + std::to_string(script.number) + " does not start: " + why;
+  machine.last_error =
+      behavior.label() + ": script " + std::to_string(script.number) + " does not start: " + why;
   if (behavior.first_time(kWarnThreads)) spdlog::warn("{}", machine.last_error);
 }
 
@@ -146,11 +149,13 @@ int32_t start_script(World& world, std::string_view name, const StartOptions& op
 }
 
 void suspend_script(World& world, int32_t number) {
-  if (Thread* thread = find_registered(world.state().scripts, number)) thread->state = ThreadState::kSuspended;
+  if (Thread* thread = find_registered(world.state().scripts, number))
+    thread->state = ThreadState::kSuspended;
 }
 
 void terminate_script(World& world, int32_t number) {
-  if (Thread* thread = find_registered(world.state().scripts, number)) thread->state = ThreadState::kToBeRemoved;
+  if (Thread* thread = find_registered(world.state().scripts, number))
+    thread->state = ThreadState::kToBeRemoved;
 }
 
 void start_scripts_of_type(World& world, ScriptType type, uint32_t activator_id, int32_t arg) {
@@ -231,8 +236,9 @@ uint64_t hash_machine(const MachineState& machine) {
           message.fade_in_tics, message.type_tics})
       hash.add(static_cast<uint32_t>(value));
     hash.add_all(message.clip);
-    hash.add(static_cast<uint64_t>(message.hud_covers_bar) << 34 | static_cast<uint64_t>(message.additive) << 33 |
-             static_cast<uint64_t>(message.no_wrap) << 32 | static_cast<uint32_t>(message.wrap_width));
+    hash.add(static_cast<uint64_t>(message.hud_covers_bar) << 34 |
+             static_cast<uint64_t>(message.additive) << 33 | static_cast<uint64_t>(message.no_wrap) << 32 |
+             static_cast<uint32_t>(message.wrap_width));
     hash.add(std::bit_cast<uint32_t>(message.alpha));
     hash.add(message.text), hash.add(message.font);
   }

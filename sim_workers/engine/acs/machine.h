@@ -24,16 +24,16 @@ struct StartOptions {
 };
 
 /// Starts a script; a suspended one goes on. Returns what it answered where `immediate`, else 1; 0 where
-/// there is none, or where it runs already and `always` is not asked for. What a script starts begins in the next
-/// tic; what anything else starts, when the scripts of this tic run.
+/// there is none, or where it runs already and `always` is not asked for. What a script starts begins in the
+/// next tic; what anything else starts, when the scripts of this tic run.
 int32_t start_script(World& world, int32_t number, const StartOptions& options);
 int32_t start_script(World& world, std::string_view name, const StartOptions& options);
 /// Both mean the one that runs by itself, not those of ACS_ExecuteAlways.
 void suspend_script(World& world, int32_t number);
 void terminate_script(World& world, int32_t number);
 
-/// Starts all scripts of a type, with this activator (0: the world), by rising number. `arg`: the player that left,
-/// for DISCONNECT.
+/// Starts all scripts of a type, with this activator (0: the world), by rising number. `arg`: the player that
+/// left, for DISCONNECT.
 void start_scripts_of_type(World& world, ScriptType type, uint32_t activator_id, int32_t arg = 0);
 
 /// Initial map variables and arrays, no threads, no messages.

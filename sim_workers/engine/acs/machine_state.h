@@ -34,7 +34,8 @@ struct Thread {
   int32_t script = 0;         ///< number
   uint32_t script_index = 0;  ///< into Behavior::scripts()
   ThreadState state = ThreadState::kRunning;
-  bool registered = true;  ///< the one that suspend, terminate and ScriptWait mean; false for ACS_ExecuteAlways
+  bool registered =
+      true;  ///< the one that suspend, terminate and ScriptWait mean; false for ACS_ExecuteAlways
   int32_t state_data = 0;  ///< tics left, tag, polyobject or script number
   uint32_t address = 0;
   uint32_t activator_id = 0;  ///< actor, 0 the world
@@ -104,12 +105,12 @@ struct MachineState {
   uint64_t dynamic_bytes = 0;                ///< text in all of them
   std::vector<HudMessage> hud_messages;      ///< in order of drawing
   std::vector<PlaneWatcher> plane_watchers;
-  std::vector<uint32_t> old_buttons;  ///< [player] of the tic before, for GetPlayerInput
-  int32_t nesting = 0;                ///< scripts that run inside each other at this moment
-  int64_t instructions_left = 0;      ///< of the outermost one, in this tic
+  std::vector<uint32_t> old_buttons;         ///< [player] of the tic before, for GetPlayerInput
+  int32_t nesting = 0;                       ///< scripts that run inside each other at this moment
+  int64_t instructions_left = 0;             ///< of the outermost one, in this tic
   int64_t instructions_per_tic = 2'000'000;  ///< of a script with those whose results it waits for
-  int64_t runaway_count = 0;          ///< scripts that were stopped because they never yielded
-  std::string last_error;             ///< "MAP01: script 3 at 0x1f4: ...", the newest
+  int64_t runaway_count = 0;                 ///< scripts that were stopped because they never yielded
+  std::string last_error;                    ///< "MAP01: script 3 at 0x1f4: ...", the newest
 };
 
 constexpr int32_t kDynamicStringBase = 1 << 24;

@@ -14,7 +14,9 @@
 namespace comrad::doom::acs {
 namespace {
 
-std::string texture_name(std::string_view name) { return name.empty() ? "-" : upper_case(name.substr(0, 64)); }
+std::string texture_name(std::string_view name) {
+  return name.empty() ? "-" : upper_case(name.substr(0, 64));
+}
 
 // Which bit of SetLineActivation means which flag of a line.
 struct ActivationBit {
@@ -35,7 +37,8 @@ constexpr std::array<ActivationBit, 11> kActivationBits = {{{1 << 0, kLinePlayer
 
 }  // namespace
 
-void set_line_texture(const Caller& caller, int32_t line_id, int32_t side, int32_t part, std::string_view texture) {
+void set_line_texture(const Caller& caller, int32_t line_id, int32_t side, int32_t part,
+                      std::string_view texture) {
   World& world = caller.world;
   const std::string name = texture_name(texture);
   each_line(world, line_id, [&](std::size_t line, LineState&) {
@@ -140,7 +143,8 @@ void damage_sector(const Caller& caller, int32_t tag, int32_t amount, int32_t ty
                    int32_t flags) {
   constexpr int32_t kPlayers = 1, kOthers = 2, kInAir = 4;
   World& world = caller.world;
-  const DamageType type = caller.world.catalog().find_damage_type(caller.text(type_name)).value_or(DamageType::kNormal);
+  const DamageType type =
+      caller.world.catalog().find_damage_type(caller.text(type_name)).value_or(DamageType::kNormal);
   const bool can_be_protected = !caller.text(protection).empty();
   StableList<Actor>& actors = world.state().actors;
   const std::size_t end = actors.size();
@@ -168,8 +172,8 @@ bool polyobject_is_busy(const World& world, int32_t number) {
   return false;
 }
 
-void watch_plane(const Caller& caller, int32_t tag, Fixed height, int32_t special, const std::array<int32_t, 5>& args,
-                 bool ceiling) {
+void watch_plane(const Caller& caller, int32_t tag, Fixed height, int32_t special,
+                 const std::array<int32_t, 5>& args, bool ceiling) {
   constexpr std::size_t kWatchersMax = 1024;
   World& world = caller.world;
   std::vector<PlaneWatcher>& watchers = caller.machine().plane_watchers;
@@ -269,7 +273,8 @@ uint32_t button_bits(const Buttons& buttons) {
   add(buttons.attack, 0), add(buttons.use, 1), add(buttons.jump, 2), add(buttons.crouch, 3);
   add(buttons.turn_180, 4), add(buttons.alt_attack, 5), add(buttons.reload, 6), add(buttons.zoom, 7);
   add(buttons.speed, 8), add(buttons.strafe, 9), add(buttons.right, 10), add(buttons.left, 11);
-  add(buttons.backward, 12), add(buttons.forward, 13), add(buttons.turn_right, 14), add(buttons.turn_left, 15);
+  add(buttons.backward, 12), add(buttons.forward, 13), add(buttons.turn_right, 14),
+      add(buttons.turn_left, 15);
   add(buttons.look_up, 16), add(buttons.look_down, 17), add(buttons.move_up, 18), add(buttons.move_down, 19);
   return bits;
 }
@@ -285,8 +290,9 @@ int32_t player_input(const World& world, int32_t player, int32_t what) {
   const std::vector<uint32_t>& old = world.state().scripts.old_buttons;
   switch (what % 8) {
     case 0:
-      return static_cast<std::size_t>(player) < old.size() ? static_cast<int32_t>(old[static_cast<std::size_t>(player)])
-                                                           : 0;
+      return static_cast<std::size_t>(player) < old.size()
+                 ? static_cast<int32_t>(old[static_cast<std::size_t>(player)])
+                 : 0;
     case 1:
       return static_cast<int32_t>(button_bits(buttons));
     case 2: {
@@ -303,8 +309,8 @@ int32_t player_input(const World& world, int32_t player, int32_t what) {
       return axis(buttons.forward, buttons.backward, buttons.speed ? 50 : 25, buttons.forward_delta, 50);
     case 6:
       return axis(buttons.right || (buttons.strafe && buttons.turn_right),
-                  buttons.left || (buttons.strafe && buttons.turn_left), buttons.speed ? 40 : 24, buttons.side_delta,
-                  50);
+                  buttons.left || (buttons.strafe && buttons.turn_left), buttons.speed ? 40 : 24,
+                  buttons.side_delta, 50);
     case 7:
       return axis(buttons.move_up, buttons.move_down, buttons.speed ? 48 : 24, buttons.up_delta, 50);
     default:

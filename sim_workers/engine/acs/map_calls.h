@@ -17,7 +17,8 @@ void each_line(World& world, int32_t line_id, Visit visit) {
     if (lines[i].id == line_id) visit(i, lines[i]);
 }
 
-void set_line_texture(const Caller& caller, int32_t line_id, int32_t side, int32_t part, std::string_view texture);
+void set_line_texture(const Caller& caller, int32_t line_id, int32_t side, int32_t part,
+                      std::string_view texture);
 /// 0 nothing, 1 creatures, 2 everything, 3 railing, 4 players.
 void set_line_blocking(World& world, int32_t line_id, int32_t what);
 void set_line_activation(World& world, int32_t line_id, int32_t activation);
@@ -33,8 +34,8 @@ void damage_sector(const Caller& caller, int32_t tag, int32_t amount, int32_t ty
 bool tag_is_busy(const World& world, int32_t tag);
 bool polyobject_is_busy(const World& world, int32_t number);
 
-void watch_plane(const Caller& caller, int32_t tag, Fixed height, int32_t special, const std::array<int32_t, 5>& args,
-                 bool ceiling);
+void watch_plane(const Caller& caller, int32_t tag, Fixed height, int32_t special,
+                 const std::array<int32_t, 5>& args, bool ceiling);
 void tic_plane_watchers(World& world);
 
 /// LEVELINFO_ and PLAYERINFO_ numbers; 0 for unknown ones.

@@ -43,7 +43,8 @@ CallResult sub_text(const Caller& caller, int32_t index, int64_t first, int64_t 
 int32_t check_sight(const Caller& caller, int32_t source_id, int32_t target_id) {
   bool sees = false;
   caller.each_actor(source_id, [&](Actor& source) {
-    caller.each_actor(target_id, [&](Actor& target) { sees = sees || can_see(caller.world, source, target); });
+    caller.each_actor(target_id,
+                      [&](Actor& target) { sees = sees || can_see(caller.world, source, target); });
   });
   return sees ? 1 : 0;
 }
@@ -57,7 +58,8 @@ int32_t check_proximity(const Caller& caller, std::span<const int32_t> args) {
   int32_t count = 0;
   for (const Actor& actor : caller.world.actors()) {
     if (actor.removed || &actor == center || actor.health <= 0 || actor.type != *type) continue;
-    const int64_t dx = (int64_t{actor.x} - center->x) >> kFracBits, dy = (int64_t{actor.y} - center->y) >> kFracBits;
+    const int64_t dx = (int64_t{actor.x} - center->x) >> kFracBits,
+                  dy = (int64_t{actor.y} - center->y) >> kFracBits;
     const int64_t dz = (int64_t{actor.z} - center->z) >> kFracBits;
     if (dx * dx + dy * dy + dz * dz <= reach * reach) ++count;
   }
@@ -67,12 +69,13 @@ int32_t check_proximity(const Caller& caller, std::span<const int32_t> args) {
 int32_t line_attack_from(const Caller& caller, std::span<const int32_t> args) {
   const Angle pitch = to_angle(args[2]);
   const Fixed cosine = fine_cosine(pitch);
-  const int32_t slope = static_cast<int32_t>(
-      std::clamp<int64_t>(-int64_t{fixed_div(fine_sine(pitch), cosine == 0 ? 1 : cosine)}, -to_fixed(16), to_fixed(16)));
+  const int32_t slope = static_cast<int32_t>(std::clamp<int64_t>(
+      -int64_t{fixed_div(fine_sine(pitch), cosine == 0 ? 1 : cosine)}, -to_fixed(16), to_fixed(16)));
   uint32_t puff = caller.world.catalog().known().bullet_puff;
   if (!caller.text(args[4]).empty())
     if (const std::optional<uint32_t> named = caller.type_named(args[4])) puff = *named;
-  const DamageType type = caller.world.catalog().find_damage_type(caller.text(args[5])).value_or(DamageType::kNormal);
+  const DamageType type =
+      caller.world.catalog().find_damage_type(caller.text(args[5])).value_or(DamageType::kNormal);
   const Fixed range = args[6] != 0 ? std::clamp(args[6], 0, to_fixed(8192)) : to_fixed(2048);
   caller.each_actor(args[0], [&](Actor& shooter) {
     line_attack(caller.world, shooter, to_angle(args[1]), range, slope, args[3], type, puff);
@@ -80,7 +83,8 @@ int32_t line_attack_from(const Caller& caller, std::span<const int32_t> args) {
   return 0;
 }
 
-int32_t start_named(const Caller& caller, int32_t name, std::array<int32_t, 4> args, bool always, bool immediate) {
+int32_t start_named(const Caller& caller, int32_t name, std::array<int32_t, 4> args, bool always,
+                    bool immediate) {
   const StartOptions options{.args = args,
                              .activator_id = caller.thread.activator_id,
                              .line = caller.thread.line,
@@ -142,21 +146,20 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
       if (actor == nullptr) return {};
       return value(number == static_cast<int32_t>(BuiltIn::kGetActorVelX)   ? actor->velocity_x
                    : number == static_cast<int32_t>(BuiltIn::kGetActorVelY) ? actor->velocity_y
-                                                                             : actor->velocity_z);
+                                                                            : actor->velocity_z);
     }
     case BuiltIn::kSetActorVelocity:
-      return value(caller.each_actor(args[0],
-                                     [&](Actor& actor) {
-                                       // What moves faster than the map is wide comes from a broken script.
-                                       constexpr Fixed kFastest = to_fixed(4096);
-                                       const auto clamped = [&](int64_t velocity) {
-                                         return static_cast<Fixed>(std::clamp<int64_t>(velocity, -kFastest, kFastest));
-                                       };
-                                       const bool add = args[4] != 0;
-                                       actor.velocity_x = clamped(int64_t{add ? actor.velocity_x : 0} + args[1]);
-                                       actor.velocity_y = clamped(int64_t{add ? actor.velocity_y : 0} + args[2]);
-                                       actor.velocity_z = clamped(int64_t{add ? actor.velocity_z : 0} + args[3]);
-                                     }) != 0);
+      return value(caller.each_actor(args[0], [&](Actor& actor) {
+        // What moves faster than the map is wide comes from a broken script.
+        constexpr Fixed kFastest = to_fixed(4096);
+        const auto clamped = [&](int64_t velocity) {
+          return static_cast<Fixed>(std::clamp<int64_t>(velocity, -kFastest, kFastest));
+        };
+        const bool add = args[4] != 0;
+        actor.velocity_x = clamped(int64_t{add ? actor.velocity_x : 0} + args[1]);
+        actor.velocity_y = clamped(int64_t{add ? actor.velocity_y : 0} + args[2]);
+        actor.velocity_z = clamped(int64_t{add ? actor.velocity_z : 0} + args[3]);
+      }) != 0);
     case BuiltIn::kSetActivator: {
       const Actor* actor = args[0] == 0 ? nullptr : world.find_thing(args[0]);
       if (args[1] != 0) actor = caller.pointer_of(caller.one_actor(args[0]), args[1]);
@@ -166,7 +169,8 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
     case BuiltIn::kSetActivatorToTarget: {
       Actor* actor = caller.one_actor(args[0]);
       if (actor == nullptr) return {};
-      Actor* target = actor->player_index >= 0 ? aim_bullet(world, *actor).target : world.actor(actor->target_id);
+      Actor* target =
+          actor->player_index >= 0 ? aim_bullet(world, *actor).target : world.actor(actor->target_id);
       if (target == nullptr) return {};
       caller.thread.activator_id = target->id;
       return value(1);
@@ -215,7 +219,8 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
       return value(check_proximity(caller, args));
     case BuiltIn::kCheckActorState: {
       const Actor* actor = caller.one_actor(args[0]);
-      return value(actor != nullptr && find_state(caller, *actor, caller.text(args[1]), args[2] != 0) != kNoState);
+      return value(actor != nullptr &&
+                   find_state(caller, *actor, caller.text(args[1]), args[2] != 0) != kNoState);
     }
     case BuiltIn::kCanRaiseActor: {
       bool all = true;
@@ -233,8 +238,8 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
       return value(spawn_thing(caller, args[0], args[1], args[2], args[3], args[4],
                                static_cast<uint32_t>(args[5]) << 24, true));
     case BuiltIn::kSpawnSpotForced:
-      return value(
-          spawn_at_spots(caller, args[0], args[1], args[2], static_cast<uint32_t>(args[3]) << 24, false, true));
+      return value(spawn_at_spots(caller, args[0], args[1], args[2], static_cast<uint32_t>(args[3]) << 24,
+                                  false, true));
     case BuiltIn::kSpawnSpotFacingForced:
       return value(spawn_at_spots(caller, args[0], args[1], args[2], 0, true, true));
     case BuiltIn::kChangeActorAngle:
@@ -312,11 +317,12 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
     case BuiltIn::kSqrt:
       return value(args[0] <= 0 ? 0 : static_cast<int32_t>(integer_root(static_cast<uint64_t>(args[0]))));
     case BuiltIn::kFixedSqrt:
-      return value(args[0] <= 0 ? 0
-                                : static_cast<int32_t>(nearest_root(static_cast<uint64_t>(args[0]) << kFracBits)));
+      return value(
+          args[0] <= 0 ? 0 : static_cast<int32_t>(nearest_root(static_cast<uint64_t>(args[0]) << kFracBits)));
     case BuiltIn::kVectorLength: {
       const int64_t x = args[0], y = args[1];  // too long ones wrap (measured)
-      return value(static_cast<int32_t>(nearest_root(static_cast<uint64_t>(x * x) + static_cast<uint64_t>(y * y))));
+      return value(
+          static_cast<int32_t>(nearest_root(static_cast<uint64_t>(x * x) + static_cast<uint64_t>(y * y))));
     }
     case BuiltIn::kGetChar: {
       const std::string_view text = caller.text(args[0]);
@@ -377,7 +383,8 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
       for (Sector& sector : world.state().sectors) {
         if (sector.tag != args[0]) continue;
         const std::string_view type = given.size() > 2 ? caller.text(args[2]) : std::string_view();
-        sector.damage_type = static_cast<uint8_t>(world.catalog().find_damage_type(type).value_or(DamageType::kNormal));
+        sector.damage_type =
+            static_cast<uint8_t>(world.catalog().find_damage_type(type).value_or(DamageType::kNormal));
         sector.damage_leak = std::clamp(args[4], 0, 256);
       }
       return {};
@@ -441,8 +448,9 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
   }
   const std::string_view name = bytecode::built_in_name(number);
   const std::size_t index = number >= 0 && number < 256 ? static_cast<std::size_t>(number) : 255;
-  caller.unsupported(kWarnFunction + index,
-                     name.empty() ? "function " + std::to_string(number) + " of CallFunc" : std::string(name));
+  caller.unsupported(kWarnFunction + index, name.empty()
+                                                ? "function " + std::to_string(number) + " of CallFunc"
+                                                : std::string(name));
   return {};
 }
 

@@ -1,4 +1,5 @@
-// The functions that scripts call through CallFunc; names and numbers are in doomgen/acs/pcodes.h. Stage: tic.
+// The functions that scripts call through CallFunc; names and numbers are in doomgen/acs/pcodes.h. Stage:
+// tic.
 #pragma once
 
 #include <cstdint>

@@ -11,7 +11,7 @@
 namespace comrad::doom::acs {
 namespace {
 
-constexpr std::size_t kStringsMax = 1 << 12;     // alive at once
+constexpr std::size_t kStringsMax = 1 << 12;    // alive at once
 constexpr std::size_t kTextBytesMax = 1 << 24;  // in all of them
 
 // Marks every string number among values that scripts can still read. A number that merely looks like one
@@ -21,7 +21,8 @@ class Marks {
   explicit Marks(std::size_t count) : used_(count, false) {}
   void add(int32_t value) {
     const int64_t index = int64_t{value} - kDynamicStringBase;
-    if (index >= 0 && index < static_cast<int64_t>(used_.size())) used_[static_cast<std::size_t>(index)] = true;
+    if (index >= 0 && index < static_cast<int64_t>(used_.size()))
+      used_[static_cast<std::size_t>(index)] = true;
   }
   template <typename Values>
   void add_all(const Values& values) {
@@ -43,8 +44,9 @@ std::string_view string_at(const World& world, int32_t index) {
   }
   if (world.behavior() == nullptr || index < 0) return {};
   const auto strings = world.behavior()->strings();
-  return static_cast<std::size_t>(index) < strings.size() ? std::string_view(strings[static_cast<std::size_t>(index)])
-                                                          : std::string_view();
+  return static_cast<std::size_t>(index) < strings.size()
+             ? std::string_view(strings[static_cast<std::size_t>(index)])
+             : std::string_view();
 }
 
 int compare_text(std::string_view a, std::string_view b, bool any_case, std::size_t count) {

@@ -6,8 +6,8 @@
 namespace comrad::doom {
 namespace {
 
-// One letter per argument: n number, c class, s state label or count of states, t text; the last one counts for
-// those after it where it is a capital.
+// One letter per argument: n number, c class, s state label or count of states, t text; the last one counts
+// for those after it where it is a capital.
 constexpr std::pair<ActionId, std::string_view> kSignatures[] = {
     {ActionId::kChase, "ss"},
     {ActionId::kLookEx, "nnnnns"},
@@ -91,15 +91,19 @@ ArgumentMeaning argument_meaning(ActionId action, std::size_t index) {
   for (const auto& [known, signature] : kSignatures) {
     if (known != action) continue;
     const char last = signature.back();
-    const char letter = index < signature.size()          ? signature[index]
+    const char letter = index < signature.size()       ? signature[index]
                         : (last >= 'A' && last <= 'Z') ? last
-                                                         : 'n';
+                                                       : 'n';
     switch (letter) {
-      case 'c': return ArgumentMeaning::kClass;
+      case 'c':
+        return ArgumentMeaning::kClass;
       case 's':
-      case 'S': return ArgumentMeaning::kLabel;
-      case 't': return ArgumentMeaning::kText;
-      default: return ArgumentMeaning::kNumber;
+      case 'S':
+        return ArgumentMeaning::kLabel;
+      case 't':
+        return ArgumentMeaning::kText;
+      default:
+        return ArgumentMeaning::kNumber;
     }
   }
   return ArgumentMeaning::kNumber;

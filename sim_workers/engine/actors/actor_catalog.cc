@@ -96,8 +96,10 @@ uint32_t ActorCatalog::add_args(std::span<const ActionArg> args) {
 uint32_t ActorCatalog::add_sprite(std::string_view name) {
   std::string upper = upper_case(name.substr(0, 4));
   const auto found = std::find(sprites_.begin(), sprites_.end(), upper);
-  if (found == sprites_.end()) sprites_.push_back(std::move(upper));
-  else return static_cast<uint32_t>(found - sprites_.begin());
+  if (found == sprites_.end())
+    sprites_.push_back(std::move(upper));
+  else
+    return static_cast<uint32_t>(found - sprites_.begin());
   return static_cast<uint32_t>(sprites_.size() - 1);
 }
 

@@ -42,7 +42,9 @@ class RowReader {
   }
 
  private:
-  void check(bool good) const { COMRAD_CHECK(good, "row of a built-in actor's states: " + std::string(row_)); }
+  void check(bool good) const {
+    COMRAD_CHECK(good, "row of a built-in actor's states: " + std::string(row_));
+  }
 
   std::string_view next_word() {
     const std::size_t start = std::min(row_.find_first_not_of(' ', place_), row_.size());

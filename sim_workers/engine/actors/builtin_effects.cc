@@ -29,6 +29,7 @@ struct Effect {
 }  // namespace
 
 void add_effects(ActorCatalog* catalog) {
+  // clang-format off
   const Effect effects[] = {
       {"BulletPuff", 131, RenderStyle::kTranslucent, 0.5f, "Spawn: PUFF A 4*; B 4; Melee: CD 4; gone"},
       {"Blood", 130, RenderStyle::kNormal, 1.0f, "Spawn: BLUD CBA 8; gone"},
@@ -43,6 +44,7 @@ void add_effects(ActorCatalog* catalog) {
        "E 2* FireCrackle; FEFEFGHGHGH 2* Fire; gone"},
       {"RealGibs", 0, RenderStyle::kNormal, 1.0f, "Spawn: POL5 A -1; gone"},
   };
+  // clang-format on
   for (const Effect& row : effects) {
     ActorType type = start_type(*catalog, "Actor", row.name, -1, row.spawn_id);
     set_flags(&type, {kNoBlockmap, kNoGravity});
@@ -54,8 +56,11 @@ void add_effects(ActorCatalog* catalog) {
       type.mass = 5;
     }
     if (name == "BulletPuff") type.mass = 5, set_flags(&type, {kRandomize});
-    if (name == "TeleportFog" || name == "RevenantTracerSmoke" || name == "RocketSmokeTrail") set_flags(&type, {kNoTeleport});
-    if (name == "RealGibs") set_flags(&type, {kNoGravity, kNoBlockmap}, false), set_flags(&type, {kDropOff, kCorpse, kNoTeleport, kDontGib});
+    if (name == "TeleportFog" || name == "RevenantTracerSmoke" || name == "RocketSmokeTrail")
+      set_flags(&type, {kNoTeleport});
+    if (name == "RealGibs")
+      set_flags(&type, {kNoGravity, kNoBlockmap}, false),
+          set_flags(&type, {kDropOff, kCorpse, kNoTeleport, kDontGib});
     if (name == "SpawnFire") type.height = to_fixed(78);
     if (name == "BFGExtra") type.damage_type = DamageType::kNormal;
     add_type(catalog, std::move(type), row.program);
@@ -65,6 +70,7 @@ void add_effects(ActorCatalog* catalog) {
   constexpr const char* kRocket =
       "Spawn: MISL A 1*; again; Death: B 8* Explode; C 6*; D 4*; gone;"
       "BrainExplode: BC 10*; D 10* BrainExplode; gone";
+  // clang-format off
   const Missile missiles[] = {
       {"Rocket", -1, 127, 11, 8, 20, 0, 20, RenderStyle::kNormal, 1.0f, {kRandomize, kRocketTrail}, kRocket},
       {"PlasmaBall", -1, 51, 13, 8, 25, 0, 5, RenderStyle::kAdd, 0.75f, {kRandomize},
@@ -86,10 +92,11 @@ void add_effects(ActorCatalog* catalog) {
       {"SpawnShot", -1, 0, 6, 32, 10, 0, 3, RenderStyle::kNormal, 1.0f, {kNoClip, kRandomize},
        "Spawn: BOSF A 3* SpawnSound; BCD 3* SpawnFly; again"},
   };
+  // clang-format on
   for (const Missile& row : missiles) {
     ActorType type = start_type(*catalog, "Actor", row.name, row.number, row.spawn_id);
-    set_flags(&type, {kNoBlockmap, kNoGravity, kDropOff, kMissile, kNoTeleport, kActivateImpact,
-                      kActivateCross});
+    set_flags(&type,
+              {kNoBlockmap, kNoGravity, kDropOff, kMissile, kNoTeleport, kActivateImpact, kActivateCross});
     set_flags(&type, row.flags);
     if (std::string_view(row.name) == "SpawnShot") type.flags.set(kActivateCross, false);
     type.radius = to_fixed(row.radius), type.height = to_fixed(row.height);

@@ -55,6 +55,7 @@ struct PowerItem {
 };
 
 void add_powers(ActorCatalog* catalog) {
+  // clang-format off
   const Power powers[] = {
       {"PowerInvulnerable", PowerKind::kInvulnerable, 30 * kSecond, {}},
       {"PowerStrength", PowerKind::kStrength, -1, {255, 0, 0, 128}},
@@ -67,11 +68,13 @@ void add_powers(ActorCatalog* catalog) {
       {"PowerDamage", PowerKind::kDoubleDamage, 25 * kSecond, {}},
       {"PowerProtection", PowerKind::kProtection, 25 * kSecond, {}},
   };
+  // clang-format on
   for (const Power& row : powers) {
     ActorType type = start_type(*catalog, "Powerup", row.name);
     type.power = row.kind, type.power_tics = row.tics, type.power_color = row.color;
     add_type(catalog, std::move(type), "");
   }
+  // clang-format off
   const PowerItem items[] = {
       {"InvulnerabilitySphere", "PowerInvulnerable", 2022, 133, {kCountItem, kBigPowerup},
        "Spawn: PINV ABCD 6*; again"},
@@ -79,6 +82,7 @@ void add_powers(ActorCatalog* catalog) {
       {"RadSuit", "PowerIronFeet", 2025, 136, {}, "Spawn: SUIT A -1*; gone"},
       {"Infrared", "PowerLightAmp", 2045, 138, {kCountItem}, "Spawn: PVIS A 6*; B 6; again"},
   };
+  // clang-format on
   for (const PowerItem& row : items) {
     ActorType type = start_type(*catalog, "PowerupGiver", row.name, row.number, row.spawn_id);
     const ActorType& power = (*catalog)[type_index(*catalog, row.power)];
@@ -100,6 +104,7 @@ void add_powers(ActorCatalog* catalog) {
 }  // namespace
 
 void add_items(ActorCatalog* catalog) {
+  // clang-format off
   const Health health[] = {
       {"HealthBonus", 2014, 152, 1, 200, {kCountItem, kAlwaysPickup}, "Spawn: BON1 ABCDCB 6; again"},
       {"Stimpack", 2011, 23, 10, 0, {}, "Spawn: STIM A -1; gone"},
@@ -109,6 +114,7 @@ void add_items(ActorCatalog* catalog) {
       {"MegasphereHealth", -1, 0, 200, 200, {kAlwaysPickup}, ""},
       {"BerserkHealth", -1, 0, 100, 0, {kAlwaysPickup}, ""},
   };
+  // clang-format on
   for (const Health& row : health) {
     ActorType type = start_type(*catalog, "Health", row.name, row.number, row.spawn_id);
     type.amount = row.amount, type.max_amount = row.limit;
@@ -118,6 +124,7 @@ void add_items(ActorCatalog* catalog) {
 
   // ZDoom writes a third as 33.335 per cent.
   constexpr Fixed kThird = static_cast<Fixed>(0.33335 * kFracUnit), kHalf = kFracUnit / 2;
+  // clang-format off
   const Armor armor[] = {
       {"ArmorBonus", "BasicArmorBonus", 2015, 22, 1, 200, kThird, {kCountItem, kAlwaysPickup},
        "Spawn: BON2 ABCDCB 6; again"},
@@ -125,6 +132,7 @@ void add_items(ActorCatalog* catalog) {
       {"BlueArmor", "BasicArmorPickup", 2019, 69, 200, 0, kHalf, {}, "Spawn: ARM2 A 6; B 6*; again"},
       {"BlueArmorForMegasphere", "BlueArmor", -1, 0, 200, 0, kHalf, {kAlwaysPickup}, ""},
   };
+  // clang-format on
   for (const Armor& row : armor) {
     ActorType type = start_type(*catalog, row.parent, row.name, row.number, row.spawn_id);
     type.save_amount = row.amount, type.max_save_amount = row.limit, type.save_percent = row.percent;
@@ -132,6 +140,7 @@ void add_items(ActorCatalog* catalog) {
     add_type(catalog, std::move(type), row.program);
   }
 
+  // clang-format off
   const Ammo ammo[] = {
       {"Clip", "Ammo", 2007, 11, 10, 200, 10, 400, "Spawn: CLIP A -1; gone"},
       {"ClipBox", "Clip", 2048, 139, 50, 200, 10, 400, "Spawn: AMMO A -1; gone"},
@@ -142,6 +151,7 @@ void add_items(ActorCatalog* catalog) {
       {"Cell", "Ammo", 2047, 75, 20, 300, 20, 600, "Spawn: CELL A -1; gone"},
       {"CellPack", "Cell", 17, 142, 100, 300, 20, 600, "Spawn: CELP A -1; gone"},
   };
+  // clang-format on
   for (const Ammo& row : ammo) {
     ActorType type = start_type(*catalog, row.parent, row.name, row.number, row.spawn_id);
     type.amount = row.amount, type.max_amount = row.limit;
@@ -153,6 +163,7 @@ void add_items(ActorCatalog* catalog) {
   backpack.height = to_fixed(26);
   add_type(catalog, std::move(backpack), "Spawn: BPAK A -1; gone");
 
+  // clang-format off
   const Key keys[] = {
       {"RedCard", 13, 86, 1, "Spawn: RKEY A 10; B 10*; again"},
       {"BlueCard", 5, 85, 2, "Spawn: BKEY A 10; B 10*; again"},
@@ -161,6 +172,7 @@ void add_items(ActorCatalog* catalog) {
       {"BlueSkull", 40, 90, 5, "Spawn: BSKU A 10; B 10*; again"},
       {"YellowSkull", 39, 88, 6, "Spawn: YSKU A 10; B 10*; again"},
   };
+  // clang-format on
   for (const Key& row : keys) {
     ActorType type = start_type(*catalog, "DoomKey", row.name, row.number, row.spawn_id);
     type.lock_key = row.lock;
@@ -182,7 +194,8 @@ void add_custom_items(ActorCatalog* catalog) {
   set_flags(&megasphere, {kCountItem, kAlwaysPickup});
   add_type(catalog, std::move(megasphere),
            "Spawn: MEGA ABCD 6*; again;"
-           "Pickup: TNT1 A 0 GiveInventory(BlueArmorForMegasphere); A 0 GiveInventory(MegasphereHealth,200); gone");
+           "Pickup: TNT1 A 0 GiveInventory(BlueArmorForMegasphere); A 0 GiveInventory(MegasphereHealth,200); "
+           "gone");
 }
 
 }  // namespace comrad::doom

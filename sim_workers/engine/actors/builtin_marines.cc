@@ -45,12 +45,14 @@ void add_marines(ActorCatalog* catalog) {
       "Missile.Railgun: E 4 M_CheckAttack; F 6* M_FireRailgun; to See;"
       "Missile.Plasma: E 2 FaceTarget; E 0 FaceTarget; F 3* M_FirePlasma; A 0 M_Refire;"
       "to Missile.Plasma+1; A 0; to See;"
-      "Missile.BFG: E 5; EEEEE 5 FaceTarget; F 6* M_FireBFG; A 4 FaceTarget; A 0 M_Refire; again; A 0; to See;"
+      "Missile.BFG: E 5; EEEEE 5 FaceTarget; F 6* M_FireBFG; A 4 FaceTarget; A 0 M_Refire; again; A 0; to "
+      "See;"
       "Pain: G 4; G 4 Pain; to Idle;"
       "Death: H 10; I 10 Scream; J 10 NoBlocking; KLM 10; N -1; gone;"
       "XDeath: O 5; P 5 XScream; Q 5 NoBlocking; RSTUV 5; W -1; gone;"
       "Raise: MLKJIH 5; to See");
 
+  // clang-format off
   const Marine marines[] = {
       {"MarineFist", 9101, "Melee: to Melee.Fist; Missile: gone"},
       {"MarineBerserk", 9102, "Melee: to Melee.Berserk; Missile: gone"},
@@ -64,6 +66,7 @@ void add_marines(ActorCatalog* catalog) {
       {"MarineRailgun", 9110, "Missile: to Missile.Railgun"},
       {"MarineBFG", 9111, "Missile: to Missile.BFG"},
   };
+  // clang-format on
   for (const Marine& row : marines)
     add_type(catalog, start_type(*catalog, "ScriptedMarine", row.name, row.number), row.program);
 }

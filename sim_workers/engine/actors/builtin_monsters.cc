@@ -34,6 +34,7 @@ constexpr const char* kKnightProgram =
 }  // namespace
 
 void add_monsters(ActorCatalog* catalog) {
+  // clang-format off
   const Monster monsters[] = {
       {"ZombieMan", "Actor", 3004, 4, 20, 20, 56, 100, 8, 200, "Clip", {kFloorClip},
        "Spawn: POSS AB 10 Look; again; See: AABBCCDD 4 Chase; again;"
@@ -129,6 +130,7 @@ void add_monsters(ActorCatalog* catalog) {
        "Spawn: BBRN A -1; stay; Pain: B 36 BrainPain; to Spawn;"
        "Death: A 100 BrainScream; AA 10; A -1 BrainDie; gone"},
   };
+  // clang-format on
   for (const Monster& row : monsters) {
     ActorType type = start_type(*catalog, row.parent, row.name, row.number, row.spawn_id);
     set_flags(&type, {kSolid, kShootable, kCountKill, kIsMonster, kCanPass, kCanUseWalls, kPushWall,
@@ -146,8 +148,7 @@ void add_monsters(ActorCatalog* catalog) {
     if (name == "Cyberdemon" || name == "SpiderMastermind") type.min_missile_chance = 160;
     if (name == "BossBrain")
       set_flags(&type, {kIsMonster, kCountKill, kCanPass, kCanUseWalls, kPushWall, kActivateCross}, false);
-    if (name == "CommanderKeen")
-      set_flags(&type, {kCanPass, kCanUseWalls, kPushWall, kActivateCross}, false);
+    if (name == "CommanderKeen") set_flags(&type, {kCanPass, kCanUseWalls, kPushWall, kActivateCross}, false);
     add_type(catalog, std::move(type), row.program);
   }
   ActorType eye = start_type(*catalog, "Actor", "BossEye", 89);

@@ -28,6 +28,7 @@ struct Dead {
 void add_scenery(ActorCatalog* catalog) {
   const FlagList solid = {kSolid}, hanging = {kSolid, kNoGravity, kSpawnCeiling},
                  loose = {kNoGravity, kSpawnCeiling}, flat = {kNoBlockmap, kMoveWithSector};
+  // clang-format off
   const Scenery scenery[] = {
       {"TallGreenColumn", 30, 0, 16, 52, solid, "COL1 A -1"},
       {"ShortGreenColumn", 31, 0, 16, 40, solid, "COL2 A -1"},
@@ -79,6 +80,7 @@ void add_scenery(ActorCatalog* catalog) {
       {"SmallBloodPool", 80, 148, 20, 1, flat, "POB2 A -1"},
       {"BrainStem", 81, 150, 20, 4, flat, "BRS1 A -1"},
   };
+  // clang-format on
   for (const Scenery& row : scenery) {
     ActorType type = start_type(*catalog, "Actor", row.name, row.number, row.spawn_id);
     type.radius = to_fixed(row.radius), type.height = to_fixed(row.height);
@@ -86,6 +88,7 @@ void add_scenery(ActorCatalog* catalog) {
     add_type(catalog, std::move(type), std::string("Spawn: ") + row.program);
   }
 
+  // clang-format off
   const Dead dead[] = {
       {"GibbedMarine", 10, "PLAY W -1"},      {"GibbedMarineExtra", 12, "PLAY W -1"},
       {"DeadMarine", 15, "PLAY N -1"},        {"DeadZombieMan", 18, "POSS L -1"},
@@ -93,6 +96,7 @@ void add_scenery(ActorCatalog* catalog) {
       {"DeadDemon", 21, "SARG N -1"},         {"DeadCacodemon", 22, "HEAD L -1"},
       {"DeadLostSoul", 23, "SKUL K -1"},
   };
+  // clang-format on
   for (const Dead& row : dead) {
     ActorType type = start_type(*catalog, "Actor", row.name, row.number);
     add_type(catalog, std::move(type), std::string("Spawn: ") + row.program);
@@ -101,10 +105,11 @@ void add_scenery(ActorCatalog* catalog) {
   ActorType barrel = start_type(*catalog, "Actor", "ExplosiveBarrel", 2035, 125);
   barrel.health = 20, barrel.radius = to_fixed(10), barrel.height = to_fixed(42);
   set_flags(&barrel, {kSolid, kShootable, kNoBlood, kActivateCross, kDontGib, kNoIceDeath});
-  add_type(catalog, std::move(barrel),
-           "Spawn: BAR1 AB 6; again;"
-           "Death: BEXP A 5*; B 5* Scream; C 5*; D 10* Explode; E 10*; TNT1 A 1050 BarrelDestroy; A 5 Respawn;"
-           "stay");
+  add_type(
+      catalog, std::move(barrel),
+      "Spawn: BAR1 AB 6; again;"
+      "Death: BEXP A 5*; B 5* Scream; C 5*; D 10* Explode; E 10*; TNT1 A 1050 BarrelDestroy; A 5 Respawn;"
+      "stay");
 }
 
 }  // namespace comrad::doom

@@ -21,6 +21,7 @@ struct Weapon {
 }  // namespace
 
 void add_weapons(ActorCatalog* catalog) {
+  // clang-format off
   const Weapon weapons[] = {
       {"Fist", -1, 0, 1, 0, 3700, nullptr, 0, 0, {kWeaponWimpy, kWeaponMelee},
        "Ready: PUNG A 1 WeaponReady; again; Deselect: A 1 Lower; again; Select: A 1 Raise; again;"
@@ -58,6 +59,7 @@ void add_weapons(ActorCatalog* catalog) {
        "Fire: A 20 BFGsound; B 10 GunFlash; B 10 FireBFG; B 20 ReFire; to Ready;"
        "Flash: BFGF A 11* Light1; B 6* Light2; to LightDone; Spawn: BFUG A -1; gone"},
   };
+  // clang-format on
   for (const Weapon& row : weapons) {
     ActorType type = start_type(*catalog, "DoomWeapon", row.name, row.number, row.spawn_id);
     set_flags(&type, row.flags);

@@ -68,7 +68,8 @@ class DecorateParser {
             },
             .unknown =
                 [this](const Token& token) {
-                  warn(token, "'" + token.text + "' depends on the running game, which is not supported here");
+                  warn(token,
+                       "'" + token.text + "' depends on the running game, which is not supported here");
                 }};
   }
 
@@ -107,7 +108,8 @@ class DecorateParser {
   Status constants(const Token& keyword) {
     if (keyword.is_name("const")) {
       const Token kind = lexer_.next();
-      if (!kind.is_name("int") && !kind.is_name("float")) return error_at(kind, "'int' or 'float' is missing");
+      if (!kind.is_name("int") && !kind.is_name("float"))
+        return error_at(kind, "'int' or 'float' is missing");
       const Token name = lexer_.next();
       if (name.kind != Token::Kind::kName) return error_at(name, "the name of a constant is missing");
       COMRAD_TRY(expect("="));
@@ -212,7 +214,8 @@ class DecorateParser {
       const Token token = lexer_.next();
       if (token.is("}")) break;
       if (token.is(";")) continue;
-      if (token.kind == Token::Kind::kEnd) return error_at(token, "actor " + name.text + " has no closing '}'");
+      if (token.kind == Token::Kind::kEnd)
+        return error_at(token, "actor " + name.text + " has no closing '}'");
       if (token.kind == Token::Kind::kBroken) return error_at(token, token.text);
       target.warn = [&](const std::string& what) { warn(token, "actor " + name.text + ": " + what); };
       if (token.is("+") || token.is("-")) {
@@ -336,7 +339,8 @@ class DecorateParser {
         lexer_.next();
         continue;
       } else if (next.kind == Token::Kind::kEnd || next.kind == Token::Kind::kBroken) {
-        return error_at(next, next.text.empty() ? "States of " + actor_name + " have no closing '}'" : next.text);
+        return error_at(next,
+                        next.text.empty() ? "States of " + actor_name + " have no closing '}'" : next.text);
       }
       const Token word = lexer_.word();
       if (word.text.empty()) return error_at(word, "'" + lexer_.next().text + "' where a state must stand");
@@ -438,8 +442,7 @@ class DecorateParser {
     state.tics = static_cast<int16_t>(lowest);
     if (tics.kind == DecorateValue::Kind::kRandom) {
       state.tics = static_cast<int16_t>(std::max(lowest, 0));
-      state.random_tics =
-          static_cast<int16_t>(std::clamp(tics.high - state.tics, 0.0, 32767.0 - state.tics));
+      state.random_tics = static_cast<int16_t>(std::clamp(tics.high - state.tics, 0.0, 32767.0 - state.tics));
     }
 
     std::vector<PendingArg> args;
@@ -496,8 +499,8 @@ class DecorateParser {
     if (!lexer_.peek().is("(")) return {};
     lexer_.next();
     while (!lexer_.peek().is(")")) {
-      COMRAD_TRY_ASSIGN(PendingArg arg, argument(name, id ? argument_meaning(*id, args->size())
-                                                          : ArgumentMeaning::kText));
+      COMRAD_TRY_ASSIGN(PendingArg arg,
+                        argument(name, id ? argument_meaning(*id, args->size()) : ArgumentMeaning::kText));
       args->push_back(std::move(arg));
       if (args->size() > kArgsMax) return error_at(name, "too many arguments of " + name.text);
       if (!lexer_.peek().is(",")) break;

@@ -18,8 +18,8 @@ bool is_name_letter(char letter) {
          is_digit(letter);
 }
 
-constexpr std::array<std::string_view, 9> kTwoCharacterSymbols = {"::", "<<", ">>", "<=", ">=",
-                                                                  "==", "!=", "&&", "||"};
+constexpr std::array<std::string_view, 9> kTwoCharacterSymbols = {
+    "::", "<<", ">>", "<=", ">=", "==", "!=", "&&", "||"};
 
 }  // namespace
 

@@ -60,7 +60,8 @@ class Values {
     const std::string_view name = text(index);
     if (error) return std::nullopt;
     const std::optional<DamageType> type = target_.catalog->add_damage_type(name);
-    if (!type) target_.warn("damage type '" + std::string(name) + "' is one more than the 16 of a lump's own");
+    if (!type)
+      target_.warn("damage type '" + std::string(name) + "' is one more than the 16 of a lump's own");
     return type;
   }
   void fail(const std::string& what) {
@@ -102,8 +103,8 @@ void set_damage(Values& values) {
       return;
     }
     values.target().warn("Damage with a draw other than 1 to 8: its mean is dealt");
-    values.type().damage = {
-        static_cast<int32_t>(std::clamp((value.number + value.high) / 2, 0.0, 1e6)), true};
+    values.type().damage = {static_cast<int32_t>(std::clamp((value.number + value.high) / 2, 0.0, 1e6)),
+                            true};
     return;
   }
   values.type().damage = {values.integer_from(0, 1000000), value.in_parentheses};
@@ -151,8 +152,7 @@ void add_start_item(Values& values) {
   values.target().own_start_items = true;
   const uint32_t item = values.class_named();
   if (item == kNoType || values.type().start_items.size() >= kListMax) return;
-  values.type().start_items.push_back(
-      {.type = item, .amount = values.count() > 1 ? values.integer(1) : 1});
+  values.type().start_items.push_back({.type = item, .amount = values.count() > 1 ? values.integer(1) : 1});
 }
 
 void set_weapon_slot(Values& values) {
@@ -177,7 +177,8 @@ bool read_color(Values& values, std::size_t* index, std::array<uint8_t, 3>* colo
   const std::string& text = values.value((*index)++).text;
   std::size_t in_group = 0;
   for (const char letter : text) {
-    const bool is_hex = (letter >= '0' && letter <= '9') || (lower_case(letter) >= 'a' && lower_case(letter) <= 'f');
+    const bool is_hex =
+        (letter >= '0' && letter <= '9') || (lower_case(letter) >= 'a' && lower_case(letter) <= 'f');
     if (is_hex) {
       digits += letter, ++in_group;
     } else {
@@ -269,8 +270,8 @@ bool read_range(std::string_view text, std::array<uint8_t, 256>* table) {
   auto [from, to, first, last] = numbers;
   if (from > to) std::swap(from, to), std::swap(first, last);
   for (int color = from; color <= to; ++color)
-    (*table)[static_cast<std::size_t>(color)] = static_cast<uint8_t>(
-        to == from ? first : first + (last - first) * (color - from) / (to - from));
+    (*table)[static_cast<std::size_t>(color)] =
+        static_cast<uint8_t>(to == from ? first : first + (last - first) * (color - from) / (to - from));
   return true;
 }
 
@@ -313,13 +314,13 @@ void set_render_style(Values& values) {
 }
 
 void make_monster(Values& values) {
-  set_all(&values.type(), {kSolid, kShootable, kCountKill, kIsMonster, kCanPass, kCanUseWalls, kPushWall,
-                           kActivateCross});
+  set_all(&values.type(),
+          {kSolid, kShootable, kCountKill, kIsMonster, kCanPass, kCanUseWalls, kPushWall, kActivateCross});
 }
 
 void make_projectile(Values& values) {
-  set_all(&values.type(), {kNoBlockmap, kNoGravity, kDropOff, kMissile, kActivateImpact, kActivateCross,
-                           kNoTeleport});
+  set_all(&values.type(),
+          {kNoBlockmap, kNoGravity, kDropOff, kMissile, kActivateImpact, kActivateCross, kNoTeleport});
 }
 
 const std::unordered_map<std::string_view, Property>& properties() {
@@ -327,7 +328,8 @@ const std::unordered_map<std::string_view, Property>& properties() {
     std::unordered_map<std::string_view, Property> table = {
         // The body.
         {"health", {[](Values& v) { v.type().health = v.integer(); }}},
-        {"gibhealth", {[](Values& v) { v.type().gib_health = -std::abs(v.integer_from(-1000000, 1000000)); }}},
+        {"gibhealth",
+         {[](Values& v) { v.type().gib_health = -std::abs(v.integer_from(-1000000, 1000000)); }}},
         {"radius", {[](Values& v) { v.type().radius = v.size(); }}},
         {"height", {[](Values& v) { v.type().height = v.size(); }}},
         {"deathheight", {[](Values& v) { v.type().death_height = v.size(); }}},
@@ -344,15 +346,15 @@ const std::unordered_map<std::string_view, Property>& properties() {
         {"bouncecount", {[](Values& v) { v.type().bounce_count = v.integer_from(0, 100000); }}},
         {"bouncetype", {set_bounce_type}},
         {"args", {[](Values& v) {
-           for (std::size_t i = 0; i < std::min<std::size_t>(v.count(), 5); ++i) v.type().args[i] = v.integer(i);
+           for (std::size_t i = 0; i < std::min<std::size_t>(v.count(), 5); ++i)
+             v.type().args[i] = v.integer(i);
          }}},
         {"conversationid", {[](Values& v) { v.type().conversation_id = v.integer(); }}},
         {"spawnid", {[](Values& v) { v.type().spawn_id = v.integer_from(0, 65535); }}},
         // Harm.
         {"damage", {set_damage}},
-        {"damagetype", {[](Values& v) {
-           v.type().damage_type = v.damage_type().value_or(DamageType::kNormal);
-         }}},
+        {"damagetype",
+         {[](Values& v) { v.type().damage_type = v.damage_type().value_or(DamageType::kNormal); }}},
         {"damagefactor", {set_damage_factor}},
         {"painchance", {set_pain_chance}},
         {"painthreshold", {[](Values& v) { v.type().pain_threshold = v.integer(); }}},
@@ -394,7 +396,8 @@ const std::unordered_map<std::string_view, Property>& properties() {
         {"armor.saveamount", {[](Values& v) { v.type().save_amount = v.integer_from(0, 1000000); }}},
         {"armor.maxsaveamount", {[](Values& v) { v.type().max_save_amount = v.integer_from(0, 1000000); }}},
         {"armor.savepercent", {[](Values& v) {
-           v.type().save_percent = static_cast<Fixed>(std::clamp<int64_t>(v.fixed() / int64_t{100}, 0, kFracUnit));
+           v.type().save_percent =
+               static_cast<Fixed>(std::clamp<int64_t>(v.fixed() / int64_t{100}, 0, kFracUnit));
          }}},
         {"ammo.backpackamount", {[](Values& v) { v.type().backpack_amount = v.integer_from(0, INT32_MAX); }}},
         {"ammo.backpackmaxamount",
@@ -439,25 +442,97 @@ const std::unordered_map<std::string_view, Property>& properties() {
     table["weapon.ammouse1"] = table["weapon.ammouse"];
     table["weapon.ammogive1"] = table["weapon.ammogive"];
     // Sounds, words on the screen, other games: read and left alone.
-    for (const std::string_view name :
-         {"tag", "obituary", "hitobituary", "seesound", "deathsound", "painsound", "activesound", "attacksound",
-          "bouncesound", "wallbouncesound", "crushpainsound", "meleesound", "howlsound", "game", "decal",
-          "activation", "stencilcolor", "explosionradius", "explosiondamage", "distancecheck", "spritefile",
-          "burnheight", "cameraheight", "visibleangles", "visiblepitch", "designatedteam", "vspeed",
-          "woundhealth", "poisondamage", "radiusdamagefactor", "selfdamagefactor", "telefogsourcetype",
-          "telefogdesttype", "ripperlevel", "ripperlevelmin", "ripperlevelmax", "pushfactor", "accuracy", "stamina",
-          "inventory.pickupmessage", "inventory.pickupsound", "inventory.pickupflash", "inventory.usesound",
-          "inventory.icon", "inventory.giverquest", "inventory.forbiddento", "inventory.restrictedto",
-          "inventory.althudicon", "armor.maxbonus", "armor.maxbonusmax", "health.lowmessage", "healthpickup.autouse", "weapon.readysound",
-          "weapon.upsound", "weapon.sisterweapon", "weapon.bobstyle", "weapon.bobspeed", "weapon.bobrangex",
-          "weapon.bobrangey", "weapon.minselectionammo1", "weapon.minselectionammo2", "weapon.preferredskin",
-          "powerup.colormap", "powerup.mode", "powerup.strength", "puzzleitem.number", "puzzleitem.failmessage",
-          "player.displayname", "player.soundclass", "player.face", "player.portrait", "player.scoreicon",
-          "player.colorrange", "player.colorset", "player.colorsetfile", "player.clearcolorset",
-          "player.damagescreencolor", "player.crouchsprite", "player.spawnclass", "player.runhealth",
-          "player.aircapacity", "player.flechettetype", "player.gruntspeed", "player.fallingscreamspeed",
-          "player.healradiustype", "player.hexenarmor", "player.invulnerabilitymode", "player.morphweapon",
-          "player.teleportfreezetime", "player.viewbob", "player.userange"})
+    for (const std::string_view name : {"tag",
+                                        "obituary",
+                                        "hitobituary",
+                                        "seesound",
+                                        "deathsound",
+                                        "painsound",
+                                        "activesound",
+                                        "attacksound",
+                                        "bouncesound",
+                                        "wallbouncesound",
+                                        "crushpainsound",
+                                        "meleesound",
+                                        "howlsound",
+                                        "game",
+                                        "decal",
+                                        "activation",
+                                        "stencilcolor",
+                                        "explosionradius",
+                                        "explosiondamage",
+                                        "distancecheck",
+                                        "spritefile",
+                                        "burnheight",
+                                        "cameraheight",
+                                        "visibleangles",
+                                        "visiblepitch",
+                                        "designatedteam",
+                                        "vspeed",
+                                        "woundhealth",
+                                        "poisondamage",
+                                        "radiusdamagefactor",
+                                        "selfdamagefactor",
+                                        "telefogsourcetype",
+                                        "telefogdesttype",
+                                        "ripperlevel",
+                                        "ripperlevelmin",
+                                        "ripperlevelmax",
+                                        "pushfactor",
+                                        "accuracy",
+                                        "stamina",
+                                        "inventory.pickupmessage",
+                                        "inventory.pickupsound",
+                                        "inventory.pickupflash",
+                                        "inventory.usesound",
+                                        "inventory.icon",
+                                        "inventory.giverquest",
+                                        "inventory.forbiddento",
+                                        "inventory.restrictedto",
+                                        "inventory.althudicon",
+                                        "armor.maxbonus",
+                                        "armor.maxbonusmax",
+                                        "health.lowmessage",
+                                        "healthpickup.autouse",
+                                        "weapon.readysound",
+                                        "weapon.upsound",
+                                        "weapon.sisterweapon",
+                                        "weapon.bobstyle",
+                                        "weapon.bobspeed",
+                                        "weapon.bobrangex",
+                                        "weapon.bobrangey",
+                                        "weapon.minselectionammo1",
+                                        "weapon.minselectionammo2",
+                                        "weapon.preferredskin",
+                                        "powerup.colormap",
+                                        "powerup.mode",
+                                        "powerup.strength",
+                                        "puzzleitem.number",
+                                        "puzzleitem.failmessage",
+                                        "player.displayname",
+                                        "player.soundclass",
+                                        "player.face",
+                                        "player.portrait",
+                                        "player.scoreicon",
+                                        "player.colorrange",
+                                        "player.colorset",
+                                        "player.colorsetfile",
+                                        "player.clearcolorset",
+                                        "player.damagescreencolor",
+                                        "player.crouchsprite",
+                                        "player.spawnclass",
+                                        "player.runhealth",
+                                        "player.aircapacity",
+                                        "player.flechettetype",
+                                        "player.gruntspeed",
+                                        "player.fallingscreamspeed",
+                                        "player.healradiustype",
+                                        "player.hexenarmor",
+                                        "player.invulnerabilitymode",
+                                        "player.morphweapon",
+                                        "player.teleportfreezetime",
+                                        "player.viewbob",
+                                        "player.userange"})
       table.emplace(name, Property{nullptr});
     return table;
   }();

@@ -12,6 +12,7 @@ namespace {
 using enum ActorFlag;
 
 // Lower case, without prefix.
+// clang-format off
 constexpr std::pair<std::string_view, ActorFlag> kFlags[] = {
     {"solid", kSolid}, {"shootable", kShootable}, {"noblockmap", kNoBlockmap}, {"nosector", kNoSector},
     {"nogravity", kNoGravity}, {"lowgravity", kLowGravity}, {"float", kFloat}, {"fly", kFly},
@@ -62,8 +63,10 @@ constexpr std::pair<std::string_view, ActorFlag> kFlags[] = {
     {"readysndhalf", kWeaponReadySoundHalf}, {"ammo_checkboth", kWeaponAmmoCheckBoth},
     {"cheatnotweapon", kWeaponCheatNotWeapon},
 };
+// clang-format on
 
 // Flags of sounds, decals, other games, or of things that this engine never does.
+// clang-format off
 constexpr std::string_view kIdleFlags[] = {
     "actlikebridge", "allowpain", "allowparticles", "axeblood", "bfg", "blasted", "blockasplayer",
     "bossthink", "bot_explosive", "bot_meleeweapon", "bot_react_skill_thing", "bouncelikeheretic",
@@ -87,7 +90,9 @@ constexpr std::string_view kIdleFlags[] = {
     "useboltstate", "usekillscripts", "vfriction", "visibilitypulse", "vulnerable", "weaponspawn",
     "windthrust", "worldtouch", "xflip", "yflip", "zdoomtrans",
 };
+// clang-format on
 
+// clang-format off
 constexpr std::pair<std::string_view, DamageType> kDamageTypes[] = {
     {"none", DamageType::kNormal}, {"normal", DamageType::kNormal}, {"fire", DamageType::kFire},
     {"ice", DamageType::kIce}, {"slime", DamageType::kSlime}, {"drowning", DamageType::kDrowning},
@@ -96,7 +101,9 @@ constexpr std::pair<std::string_view, DamageType> kDamageTypes[] = {
     {"massacre", DamageType::kMassacre}, {"instantdeath", DamageType::kInstantDeath},
     {"electric", DamageType::kElectric}, {"poison", DamageType::kPoison},
 };
+// clang-format on
 
+// clang-format off
 constexpr std::pair<std::string_view, RenderStyle> kStyles[] = {
     {"none", RenderStyle::kNone}, {"normal", RenderStyle::kNormal}, {"fuzzy", RenderStyle::kFuzzy},
     {"soultrans", RenderStyle::kTranslucent}, {"optfuzzy", RenderStyle::kFuzzy},
@@ -105,7 +112,9 @@ constexpr std::pair<std::string_view, RenderStyle> kStyles[] = {
     {"translucent", RenderStyle::kTranslucent}, {"add", RenderStyle::kAdd}, {"addshaded", RenderStyle::kAdd},
     {"subtract", RenderStyle::kSubtract}, {"shadow", RenderStyle::kShadow},
 };
+// clang-format on
 
+// clang-format off
 constexpr std::pair<std::string_view, PowerKind> kPowers[] = {
     {"invulnerable", PowerKind::kInvulnerable}, {"strength", PowerKind::kStrength},
     {"invisibility", PowerKind::kInvisibility}, {"ghost", PowerKind::kInvisibility},
@@ -115,8 +124,10 @@ constexpr std::pair<std::string_view, PowerKind> kPowers[] = {
     {"flight", PowerKind::kFlight}, {"speed", PowerKind::kSpeed}, {"damage", PowerKind::kDoubleDamage},
     {"protection", PowerKind::kProtection},
 };
+// clang-format on
 
 // Bits of the flags that action functions take, and other words with a number.
+// clang-format off
 constexpr std::pair<std::string_view, int32_t> kConstants[] = {
     {"true", 1}, {"false", 0}, {"none", 0},
     // Chase
@@ -186,9 +197,11 @@ constexpr std::pair<std::string_view, int32_t> kConstants[] = {
     {"dmss_affectarmor", 2}, {"dmss_kill", 4}, {"ftf_remove", 1}, {"ftf_clamp", 2}, {"spf_forceclamp", 1},
     {"spf_interpolate", 2},
 };
+// clang-format on
 
 template <typename Value, std::size_t kSize>
-std::optional<Value> find_in(const std::pair<std::string_view, Value> (&table)[kSize], std::string_view name) {
+std::optional<Value> find_in(const std::pair<std::string_view, Value> (&table)[kSize],
+                             std::string_view name) {
   for (const auto& [known, value] : table)
     if (same_ignoring_case(known, name)) return value;
   return std::nullopt;
@@ -201,9 +214,7 @@ std::string_view without_prefix(std::string_view name) {
 
 }  // namespace
 
-std::optional<ActorFlag> find_flag(std::string_view name) {
-  return find_in(kFlags, without_prefix(name));
-}
+std::optional<ActorFlag> find_flag(std::string_view name) { return find_in(kFlags, without_prefix(name)); }
 
 bool has_effect(ActorFlag flag) {
   switch (flag) {

@@ -9,9 +9,9 @@ namespace comrad::doom {
 namespace {
 
 constexpr std::array<std::string_view, static_cast<std::size_t>(StateLabel::kCount)> kLabelNames = {
-    "spawn", "see",      "melee", "missile", "pain",   "death",    "xdeath", "crash", "raise",
-    "heal",  "idle",     "active", "inactive", "wound", "ready",   "select", "deselect", "fire",
-    "hold",  "flash",    "altfire", "pickup", "use",    "drop",    "crush"};
+    "spawn", "see",   "melee",   "missile",  "pain",  "death", "xdeath", "crash",    "raise",
+    "heal",  "idle",  "active",  "inactive", "wound", "ready", "select", "deselect", "fire",
+    "hold",  "flash", "altfire", "pickup",   "use",   "drop",  "crush"};
 
 }  // namespace
 

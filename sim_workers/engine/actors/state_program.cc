@@ -87,8 +87,7 @@ bool StateProgram::go_to(StateTarget target) {
   return linked_ = true;
 }
 
-Status StateProgram::finish(ActorCatalog* catalog, ActorType* type,
-                            std::vector<StateTarget>* missing) const {
+Status StateProgram::finish(ActorCatalog* catalog, ActorType* type, std::vector<StateTarget>* missing) const {
   const uint32_t base = static_cast<uint32_t>(catalog->state_count());
   const uint64_t end = uint64_t{base} + states_.size();
 
@@ -100,9 +99,9 @@ Status StateProgram::finish(ActorCatalog* catalog, ActorType* type,
   labelled.states = type->states;
   for (const Label& label : labels_)
     if (!label.is_alias)
-      set_label(&labelled, label.name,
-                label.gone || label.place >= states_.size() ? kNoState
-                                                            : base + static_cast<uint32_t>(label.place));
+      set_label(
+          &labelled, label.name,
+          label.gone || label.place >= states_.size() ? kNoState : base + static_cast<uint32_t>(label.place));
   const auto find = [&](const StateTarget& target) -> Expected<uint32_t> {
     const ActorType* owner = &labelled;
     if (!target.scope.empty()) owner = scope_type(*catalog, labelled, target.scope);
@@ -132,10 +131,18 @@ Status StateProgram::finish(ActorCatalog* catalog, ActorType* type,
     State state = step.state;
     const uint32_t own = base + static_cast<uint32_t>(place);
     switch (step.link) {
-      case Link::kNext: state.next = place + 1 < states_.size() ? own + 1 : kNoState; break;
-      case Link::kSelf: state.next = own; break;
-      case Link::kLoop: state.next = base + static_cast<uint32_t>(step.loop_to); break;
-      case Link::kGone: state.next = kNoState; break;
+      case Link::kNext:
+        state.next = place + 1 < states_.size() ? own + 1 : kNoState;
+        break;
+      case Link::kSelf:
+        state.next = own;
+        break;
+      case Link::kLoop:
+        state.next = base + static_cast<uint32_t>(step.loop_to);
+        break;
+      case Link::kGone:
+        state.next = kNoState;
+        break;
       case Link::kTarget: {
         COMRAD_TRY_ASSIGN(state.next, find(step.target));
         break;

@@ -88,11 +88,16 @@ constexpr int kSpecialThingSetGoal = 229;
 /// Whom an action means by ZDoom's AAPTR_ numbers; 0 is `fallback`.
 Actor* pointed(ActionCall& call, std::size_t index, Actor* fallback) {
   switch (call.integer(index, 0)) {
-    case 0: return fallback;
-    case 2: return target_of(call.world, call.self);
-    case 4: return call.world.actor(call.self.master_id);
-    case 8: return call.world.actor(call.self.tracer_id);
-    default: return nullptr;
+    case 0:
+      return fallback;
+    case 2:
+      return target_of(call.world, call.self);
+    case 4:
+      return call.world.actor(call.self.master_id);
+    case 8:
+      return call.world.actor(call.self.tracer_id);
+    default:
+      return nullptr;
   }
 }
 
@@ -171,8 +176,8 @@ void aim_at(const Actor& target, Fixed x, Fixed y, Fixed z, Fixed feet_z, Fixed 
   int64_t dz = int64_t{target.z} - feet_z;
   if (z >= int64_t{target.z} + target.height) dz = int64_t{target.z} + target.height - z;
   using Wide = unsigned __int128;
-  const Wide flat_squared = static_cast<Wide>(dx * static_cast<__int128>(dx)) +
-                            static_cast<Wide>(dy * static_cast<__int128>(dy));
+  const Wide flat_squared =
+      static_cast<Wide>(dx * static_cast<__int128>(dx)) + static_cast<Wide>(dy * static_cast<__int128>(dy));
   const int64_t flat = square_root(flat_squared);
   const int64_t length =
       std::max<int64_t>(square_root(flat_squared + static_cast<Wide>(dz * static_cast<__int128>(dz))), 1);
@@ -287,8 +292,8 @@ void look(ActionCall& call, const Senses& senses) {
   if (!senses.deaf) {
     Actor* heard = self.last_heard_id != 0 ? world.actor(self.last_heard_id) : nullptr;
     const Player* player = heard != nullptr ? world.player_of(*heard) : nullptr;
-    const bool too_far = heard != nullptr && senses.hears_within > 0 &&
-                         distance_between(self, *heard) > senses.hears_within;
+    const bool too_far =
+        heard != nullptr && senses.hears_within > 0 && distance_between(self, *heard) > senses.hears_within;
     if (heard != nullptr && heard->has(ActorFlag::kShootable) && !too_far &&
         !(player != nullptr && player->no_target)) {
       if (is_friend(self, *heard)) {
@@ -367,10 +372,12 @@ void action_FastChase(ActionCall& call) { action_Chase(call); }
 void action_Wander(ActionCall& call) { wander(call.world, call.self); }
 void action_FaceTarget(ActionCall& call) { face_target(call.world, call.self); }
 void action_FaceMaster(ActionCall& call) {
-  if (const Actor* master = call.world.actor(call.self.master_id)) call.self.angle = angle_between(call.self, *master);
+  if (const Actor* master = call.world.actor(call.self.master_id))
+    call.self.angle = angle_between(call.self, *master);
 }
 void action_FaceTracer(ActionCall& call) {
-  if (const Actor* tracer = call.world.actor(call.self.tracer_id)) call.self.angle = angle_between(call.self, *tracer);
+  if (const Actor* tracer = call.world.actor(call.self.tracer_id))
+    call.self.angle = angle_between(call.self, *tracer);
 }
 void action_ClearTarget(ActionCall& call) {
   call.self.target_id = call.self.last_heard_id = call.self.last_enemy_id = 0;
@@ -436,7 +443,8 @@ void action_Respawn(ActionCall& call) {
   if (self.has(ActorFlag::kCountKill)) ++world.state().monster_count;
   relink(world, self);
   if ((flags & kFog) != 0 && world.catalog().known().teleport_fog != kNoType)
-    world.spawn_unchecked(world.catalog().replacement(world.catalog().known().teleport_fog), self.x, self.y, self.z);
+    world.spawn_unchecked(world.catalog().replacement(world.catalog().known().teleport_fog), self.x, self.y,
+                          self.z);
   call.go_to(type.state(StateLabel::kSpawn));
 }
 
@@ -444,7 +452,8 @@ void action_FreezeDeath(ActionCall& call) {
   constexpr int kThawTics = 75;
   Actor& self = call.self;
   self.tics = kThawTics + call.world.random_byte() + call.world.random_byte();
-  for (const ActorFlag flag : {ActorFlag::kSolid, ActorFlag::kShootable, ActorFlag::kNoBlood, ActorFlag::kIceCorpse})
+  for (const ActorFlag flag :
+       {ActorFlag::kSolid, ActorFlag::kShootable, ActorFlag::kNoBlood, ActorFlag::kIceCorpse})
     self.set(flag);
   self.height = call.world.type_of(self).height;
   relink(call.world, self);
@@ -518,8 +527,7 @@ void action_CustomMissile(ActionCall& call) {
     way.angle = angle_to(from_x, from_y, target->x, target->y);
     const Fixed feet_z = from_muzzle ? clamp_fixed(int64_t{way.z} - to_fixed(32)) : self.z;
     aim_at(*target, from_x, from_y, way.z, feet_z, speed, way);
-    if (target->has(ActorFlag::kShadow))
-      way.angle += static_cast<Angle>(world.random_triangle()) << 20;
+    if (target->has(ActorFlag::kShadow)) way.angle += static_cast<Angle>(world.random_triangle()) << 20;
   }
   if (uses_pitch) {
     Angle pitch = angle_of_degrees(call.fixed(5, 0));  // positive down
@@ -566,8 +574,7 @@ void action_CustomBulletAttack(ActionCall& call) {
 void action_CustomMeleeAttack(ActionCall& call) {
   Actor* target = face_and_get_target(call);
   if (target == nullptr || !check_melee_range(call.world, call.self)) return;
-  damage_actor(call.world, *target, &call.self, &call.self, call.integer(0, 0),
-               damage_type_named(call, 3));
+  damage_actor(call.world, *target, &call.self, &call.self, call.integer(0, 0), damage_type_named(call, 3));
 }
 
 void action_CustomComboAttack(ActionCall& call) {
@@ -575,14 +582,13 @@ void action_CustomComboAttack(ActionCall& call) {
   Actor* target = face_and_get_target(call);
   if (target == nullptr) return;
   if (check_melee_range(call.world, call.self)) {
-    damage_actor(call.world, *target, &call.self, &call.self, call.integer(2, 0),
-                 damage_type_named(call, 4));
+    damage_actor(call.world, *target, &call.self, &call.self, call.integer(2, 0), damage_type_named(call, 4));
     return;
   }
   const uint32_t type = call.type(0);
   if (type == kNoType) return;
-  spawn_missile_z(call.world, call.self, clamp_fixed(int64_t{call.self.z} + call.fixed(1, to_fixed(32))), *target,
-                  call.world.catalog().replacement(type));
+  spawn_missile_z(call.world, call.self, clamp_fixed(int64_t{call.self.z} + call.fixed(1, to_fixed(32))),
+                  *target, call.world.catalog().replacement(type));
 }
 
 void action_MonsterRail(ActionCall& call) {
@@ -593,7 +599,8 @@ void action_MonsterRail(ActionCall& call) {
 
 void action_CustomRailgun(ActionCall& call) {
   if (face_and_get_target(call) == nullptr) return;
-  rail_attack(call.world, call.self, call.integer(0, 0), 0, call.type(7, call.world.catalog().known().bullet_puff));
+  rail_attack(call.world, call.self, call.integer(0, 0), 0,
+              call.type(7, call.world.catalog().known().bullet_puff));
 }
 
 void action_Explode(ActionCall& call) {
@@ -615,7 +622,8 @@ void action_RadiusThrust(ActionCall& call) {
   const int64_t distance = call.integer(1, -1) > 0 ? call.integer(1, -1) : std::abs(int64_t{force});
   const bool affects_source = (call.integer(2, kAffectSource) & kAffectSource) != 0;
   for (Actor& actor : world.state().actors) {
-    if (actor.removed || !actor.has(ActorFlag::kShootable) || actor.id == call.self.id || actor.mass <= 0) continue;
+    if (actor.removed || !actor.has(ActorFlag::kShootable) || actor.id == call.self.id || actor.mass <= 0)
+      continue;
     if (actor.has(ActorFlag::kNoDamageThrust) || actor.has(ActorFlag::kNoRadiusDamage)) continue;
     if (!affects_source && actor.id == call.self.target_id) continue;
     const int64_t away =
@@ -652,7 +660,8 @@ void action_SeekerMissile(ActionCall& call) {
   if (turn > at_once) turn = std::min(turn / 2, most);
   redirect(self, difference < 0 ? self.angle - turn : self.angle + turn, self.speed);
   if (int64_t{self.z} + self.height < target->z || int64_t{target->z} + target->height < self.z) {
-    const int64_t tics = std::max<int64_t>(distance_between(self, *target) / std::max(self.speed, Fixed{1}), 1);
+    const int64_t tics =
+        std::max<int64_t>(distance_between(self, *target) / std::max(self.speed, Fixed{1}), 1);
     self.velocity_z = clamp_fixed((int64_t{target->z} + target->height / 2 - self.z) / tics);
   }
 }
@@ -668,8 +677,8 @@ void action_SpawnItem(ActionCall& call) {
   Fixed ahead = call.fixed(1, 0);
   if (ahead == 0) ahead = clamp_fixed(int64_t{call.self.radius} + world.catalog()[type].radius);
   const Place place = beside(call.self, call.self.angle, ahead, 0);
-  Actor& item = world.spawn_unchecked(type, place.x, place.y, clamp_fixed(int64_t{call.self.z} + call.fixed(2, 0)),
-                                      call.self.angle);
+  Actor& item = world.spawn_unchecked(type, place.x, place.y,
+                                      clamp_fixed(int64_t{call.self.z} + call.fixed(2, 0)), call.self.angle);
   if (item.has(ActorFlag::kIsMonster)) {
     if (!fits_here(world, item)) {
       world.remove(item.id);
@@ -703,7 +712,8 @@ void action_SpawnItemEx(ActionCall& call) {
   if ((flags & kAbsolutePosition) == 0) place = beside(self, angle, forward, right);
   Fixed velocity_x = call.fixed(4, 0), velocity_y = call.fixed(5, 0);
   if ((flags & kAbsoluteVelocity) == 0) {
-    const int64_t ahead = velocity_x, aside = velocity_y, cosine = fine_cosine(angle), sine = fine_sine(angle);
+    const int64_t ahead = velocity_x, aside = velocity_y, cosine = fine_cosine(angle),
+                  sine = fine_sine(angle);
     velocity_x = clamp_fixed((ahead * cosine + aside * sine) >> kFracBits);
     velocity_y = clamp_fixed((ahead * sine - aside * cosine) >> kFracBits);
   }
@@ -771,21 +781,25 @@ void action_JumpIfHealthLower(ActionCall& call) {
 }
 
 void action_JumpIfCloser(ActionCall& call) {
-  const Actor* target = call.player != nullptr ? aim_line(call.world, call.self, call.self.angle, kMissileRange).target
-                                               : target_of(call.world, call.self);
+  const Actor* target = call.player != nullptr
+                            ? aim_line(call.world, call.self, call.self.angle, kMissileRange).target
+                            : target_of(call.world, call.self);
   if (is_within(call.self, target, call.fixed(0, 0), call.boolean(2))) jump(call, 1);
 }
 void action_JumpIfMasterCloser(ActionCall& call) {
-  if (is_within(call.self, call.world.actor(call.self.master_id), call.fixed(0, 0), call.boolean(2))) jump(call, 1);
+  if (is_within(call.self, call.world.actor(call.self.master_id), call.fixed(0, 0), call.boolean(2)))
+    jump(call, 1);
 }
 void action_JumpIfTracerCloser(ActionCall& call) {
-  if (is_within(call.self, call.world.actor(call.self.tracer_id), call.fixed(0, 0), call.boolean(2))) jump(call, 1);
+  if (is_within(call.self, call.world.actor(call.self.tracer_id), call.fixed(0, 0), call.boolean(2)))
+    jump(call, 1);
 }
 
 void action_JumpIfTargetInLOS(ActionCall& call) {
   constexpr int kNoSight = 2, kCheckMaster = 32, kCheckTracer = 64;
   const int flags = call.integer(2, 0);
-  Actor* target = call.player != nullptr ? aim_line(call.world, call.self, call.self.angle, kMissileRange).target
+  Actor* target = call.player != nullptr
+                      ? aim_line(call.world, call.self, call.self.angle, kMissileRange).target
                   : (flags & kCheckMaster) != 0 ? call.world.actor(call.self.master_id)
                   : (flags & kCheckTracer) != 0 ? call.world.actor(call.self.tracer_id)
                                                 : target_of(call.world, call.self);
@@ -978,7 +992,8 @@ void action_SetSpeed(ActionCall& call) {
 }
 
 void action_Warp(ActionCall& call) {
-  constexpr int kAbsoluteOffset = 1, kAbsoluteAngle = 2, kNoCheck = 4, kToFloor = 16, kStop = 128, kCopyVelocity = 8192;
+  constexpr int kAbsoluteOffset = 1, kAbsoluteAngle = 2, kNoCheck = 4, kToFloor = 16, kStop = 128,
+                kCopyVelocity = 8192;
   World& world = call.world;
   Actor& self = call.self;
   const Actor* base = pointed(call, 0, &self);
@@ -999,7 +1014,8 @@ void action_Warp(ActionCall& call) {
   self.angle = angle;
   if ((flags & kStop) != 0) self.velocity_x = self.velocity_y = self.velocity_z = 0;
   if ((flags & kCopyVelocity) != 0)
-    self.velocity_x = base->velocity_x, self.velocity_y = base->velocity_y, self.velocity_z = base->velocity_z;
+    self.velocity_x = base->velocity_x, self.velocity_y = base->velocity_y,
+    self.velocity_z = base->velocity_z;
   jump(call, 6);
 }
 
@@ -1044,8 +1060,8 @@ void action_CountdownArg(ActionCall& call) {
   } else if (call.self.has(ActorFlag::kShootable)) {
     kill(call.world, call.self, nullptr);
   } else {
-    const uint32_t death = call.label(1) != kNoState ? call.label(1)
-                                                     : call.world.type_of(call.self).state(StateLabel::kDeath);
+    const uint32_t death =
+        call.label(1) != kNoState ? call.label(1) : call.world.type_of(call.self).state(StateLabel::kDeath);
     call.go_to(death);
   }
 }
@@ -1059,19 +1075,20 @@ void action_KillChildren(ActionCall& call) {
   for_each_child(call, [&](Actor& child) { kill(call.world, child, &call.self); });
 }
 void action_DamageMaster(ActionCall& call) {
-  hurt(call.world, call.world.actor(call.self.master_id), call.self, call.integer(0, 0), damage_type_named(call, 1));
+  hurt(call.world, call.world.actor(call.self.master_id), call.self, call.integer(0, 0),
+       damage_type_named(call, 1));
 }
 void action_DamageChildren(ActionCall& call) {
   const int32_t amount = call.integer(0, 0);
-  for_each_child(call, [&](Actor& child) {
-    hurt(call.world, &child, call.self, amount, damage_type_named(call, 1));
-  });
+  for_each_child(
+      call, [&](Actor& child) { hurt(call.world, &child, call.self, amount, damage_type_named(call, 1)); });
 }
 void action_DamageSelf(ActionCall& call) {
   hurt(call.world, &call.self, call.self, call.integer(0, 0), damage_type_named(call, 1));
 }
 void action_DamageTarget(ActionCall& call) {
-  hurt(call.world, target_of(call.world, call.self), call.self, call.integer(0, 0), damage_type_named(call, 1));
+  hurt(call.world, target_of(call.world, call.self), call.self, call.integer(0, 0),
+       damage_type_named(call, 1));
 }
 void action_RemoveMaster(ActionCall& call) {
   Actor* master = call.world.actor(call.self.master_id);

@@ -21,7 +21,8 @@ enum DamageFlag : uint32_t {
 int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* source, int32_t amount,
                      DamageType type = DamageType::kNormal, uint32_t flags = 0);
 
-/// The end of `target`: counts, death special, death state (XDeath, or that of the damage type), drops, script events.
+/// The end of `target`: counts, death special, death state (XDeath, or that of the damage type), drops,
+/// script events.
 void kill_actor(World& world, Actor& target, Actor* inflictor, Actor* source,
                 DamageType type = DamageType::kNormal);
 

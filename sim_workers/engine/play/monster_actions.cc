@@ -143,10 +143,9 @@ void move_fire(World& world, Actor& fire) {
   const Actor* victim = world.actor(fire.tracer_id);
   const Actor* vile = target_of(world, fire);
   if (victim == nullptr || vile == nullptr || !can_see(world, *vile, *victim)) return;
-  world.set_position(fire.id,
-                     clamp_fixed(int64_t{victim->x} + fixed_mul(kFireDistance, fine_cosine(victim->angle))),
-                     clamp_fixed(int64_t{victim->y} + fixed_mul(kFireDistance, fine_sine(victim->angle))),
-                     victim->z);
+  world.set_position(
+      fire.id, clamp_fixed(int64_t{victim->x} + fixed_mul(kFireDistance, fine_cosine(victim->angle))),
+      clamp_fixed(int64_t{victim->y} + fixed_mul(kFireDistance, fine_sine(victim->angle))), victim->z);
 }
 
 // ---------------------------------------------------------------- boss brain
@@ -198,7 +197,8 @@ void hatch(World& world, Actor& cube) {
   if (const uint32_t fire = type_named(world, "SpawnFire"); fire != kNoType)
     world.spawn_unchecked(fire, x, y, z);
   const int draw = world.random_byte();
-  const auto chosen = std::find_if(kBrood.begin(), kBrood.end(), [&](const Brood& b) { return draw < b.below; });
+  const auto chosen =
+      std::find_if(kBrood.begin(), kBrood.end(), [&](const Brood& b) { return draw < b.below; });
   const uint32_t type = type_named(world, chosen->name);
   if (type != kNoType) {
     Actor& monster = world.spawn_unchecked(type, x, y, z);
@@ -309,7 +309,8 @@ void action_DualPainAttack(ActionCall& call) {
 void action_PainDie(ActionCall& call) {
   call.self.set(ActorFlag::kSolid, false);
   relink(call.world, call.self);
-  for (const Angle turn : {kAngle90, kAngle180, kAngle180 + kAngle90}) spit_skull(call, call.self.angle + turn);
+  for (const Angle turn : {kAngle90, kAngle180, kAngle180 + kAngle90})
+    spit_skull(call, call.self.angle + turn);
 }
 
 // ---------------------------------------------------------------- revenant
@@ -357,7 +358,8 @@ void action_Tracer(ActionCall& call) {
   const int64_t tics = std::max<int64_t>(distance_between(self, *target) / self.speed, 1);
   const int64_t aim_height = target->height >= to_fixed(56) ? to_fixed(40) : int64_t{self.height} * 2 / 3;
   const int64_t rise = (int64_t{target->z} + aim_height - self.z) / tics;
-  self.velocity_z = clamp_fixed(int64_t{self.velocity_z} + (rise < self.velocity_z ? -kFracUnit / 8 : kFracUnit / 8));
+  self.velocity_z =
+      clamp_fixed(int64_t{self.velocity_z} + (rise < self.velocity_z ? -kFracUnit / 8 : kFracUnit / 8));
 }
 
 // ---------------------------------------------------------------- mancubus
@@ -429,10 +431,9 @@ void action_VileAttack(ActionCall& call) {
     target->velocity_z = clamp_fixed(int64_t{to_fixed(1000)} / target->mass);
   if (Actor* fire = world.actor(call.self.tracer_id)) {
     // Between the two, so that the blast throws the victim away from the vile.
-    world.set_position(fire->id,
-                       clamp_fixed(int64_t{target->x} - fixed_mul(kFireDistance, fine_cosine(call.self.angle))),
-                       clamp_fixed(int64_t{target->y} - fixed_mul(kFireDistance, fine_sine(call.self.angle))),
-                       target->z);
+    world.set_position(
+        fire->id, clamp_fixed(int64_t{target->x} - fixed_mul(kFireDistance, fine_cosine(call.self.angle))),
+        clamp_fixed(int64_t{target->y} - fixed_mul(kFireDistance, fine_sine(call.self.angle))), target->z);
     radius_attack(world, *fire, &call.self, kBlast, to_fixed(kBlast), DamageType::kFire);
   }
 }
@@ -448,7 +449,8 @@ void action_BossDeath(ActionCall& call) { boss_death(call.world, call.self); }
 void action_KeenDie(ActionCall& call) {
   action_NoBlocking(call);
   for (const Actor& other : call.world.actors())
-    if (other.id != call.self.id && !other.removed && other.type == call.self.type && other.health > 0) return;
+    if (other.id != call.self.id && !other.removed && other.type == call.self.type && other.health > 0)
+      return;
   const int32_t tag = call.integer(0, 666);
   execute_special(call.world, {.number = kSpecialDoorOpen, .args = {tag != 0 ? tag : 666, 16}});
 }

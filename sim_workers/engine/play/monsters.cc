@@ -18,8 +18,8 @@ namespace {
 
 constexpr Fixed kCloseRange = to_fixed(64);         // nearer than this nobody goes unnoticed
 constexpr Fixed kFriendRange = to_fixed(16 * 128);  // how far friendly monsters look for enemies
-constexpr int kSpecialDoorOpen = 11, kSpecialFloorLower = 21,
-              kSpecialFloorRaiseByTexture = 240, kSpecialExitNormal = 243;
+constexpr int kSpecialDoorOpen = 11, kSpecialFloorLower = 21, kSpecialFloorRaiseByTexture = 240,
+              kSpecialExitNormal = 243;
 
 /// Steps of one unit, by Direction.
 constexpr Fixed kDiagonal = 46341;
@@ -291,8 +291,7 @@ void chase_once(World& world, Actor& monster, const ChaseOptions& options) {
   }
 
   Actor* goal = world.actor(monster.goal_id);
-  const bool walks_to_goal =
-      goal != nullptr && (goal == target || monster.has(ActorFlag::kOnlyChaseGoal));
+  const bool walks_to_goal = goal != nullptr && (goal == target || monster.has(ActorFlag::kOnlyChaseGoal));
   if (walks_to_goal && arrive_at_goal(world, monster, *goal)) return;
   if (goal == nullptr || goal != target) {
     // The frightened rarely fight.
@@ -301,8 +300,8 @@ void chase_once(World& world, Actor& monster, const ChaseOptions& options) {
       world.set_state(monster, options.melee_state);
       return;
     }
-    if (fights && options.missile_state != kNoState &&
-        (monster.move_count == 0 || is_fast(world, monster)) && check_missile_range(world, monster)) {
+    if (fights && options.missile_state != kNoState && (monster.move_count == 0 || is_fast(world, monster)) &&
+        check_missile_range(world, monster)) {
       monster.set(ActorFlag::kJustAttacked);
       monster.set(ActorFlag::kInCombat);
       world.set_state(monster, options.missile_state);
@@ -368,7 +367,8 @@ bool may_turn_against(World& world, Actor& monster, const Actor& other) {
   if (monster.threshold != 0 && !monster.has(ActorFlag::kQuickToRetaliate)) return false;
   if (is_friend(monster, other)) return false;
   if (monster.has(ActorFlag::kNoInfighting) && other.player_index < 0 && !rival_of(other)) return false;
-  if (monster.hate_thing_id != 0 && monster.hate_thing_id == other.hate_thing_id) return false;  // of one party
+  if (monster.hate_thing_id != 0 && monster.hate_thing_id == other.hate_thing_id)
+    return false;  // of one party
   if (monster.has(ActorFlag::kNoHatePlayers) && other.player_index >= 0) return false;
   // What it hates it does not give up at once.
   return !(target != nullptr && target->health > 0 && monster.hate_thing_id != 0 &&
@@ -485,9 +485,9 @@ void new_chase_direction(World& world, Actor& monster) {
       const Fixed distance = distance_between(monster, *aim);
       const Player* player = world.player_of(*aim);
       const ActorType& type = world.type_of(*aim);
-      flees = player != nullptr ? is_blade(world, *player) && distance < to_fixed(3 * 64)
-                                : type.state(StateLabel::kMelee) != kNoState &&
-                                      distance < type.melee_range + to_fixed(60);
+      flees = player != nullptr
+                  ? is_blade(world, *player) && distance < to_fixed(3 * 64)
+                  : type.state(StateLabel::kMelee) != kNoState && distance < type.melee_range + to_fixed(60);
     }
     if (flees) dx = -dx, dy = -dy;
   }

@@ -80,13 +80,13 @@ struct Player {
   int32_t refire = 0;                                         ///< shots of the present burst before this one
   bool attack_down = false, use_down = false, weapon_key_down = false;  ///< held since the last tic
   int32_t extra_light = 0;
-  bool weapon_ready = false;  ///< a state of WeaponReady lasts: it may fire (ViZDoom's ATTACK_READY)
-  uint8_t weapon_permissions = 0;   ///< WeaponPermission bits
-  int8_t select_weapon_down = -1;   ///< slot key held since the last tic; -1 none
-  Fixed weapon_bob = 0;             ///< of the sprite: follows `bob`, fades out while it fires
-  int32_t reload_counter = 0;       ///< of CheckForReload
-  uint8_t weapon_state_depth = 0;   ///< zero outside of set_weapon_state(): bounds its recursion
-  uint32_t attacker_id = 0;   ///< who hurt it last
+  bool weapon_ready = false;       ///< a state of WeaponReady lasts: it may fire (ViZDoom's ATTACK_READY)
+  uint8_t weapon_permissions = 0;  ///< WeaponPermission bits
+  int8_t select_weapon_down = -1;  ///< slot key held since the last tic; -1 none
+  Fixed weapon_bob = 0;            ///< of the sprite: follows `bob`, fades out while it fires
+  int32_t reload_counter = 0;      ///< of CheckForReload
+  uint8_t weapon_state_depth = 0;  ///< zero outside of set_weapon_state(): bounds its recursion
+  uint32_t attacker_id = 0;        ///< who hurt it last
 
   // Motion.
   bool on_ground = false;  ///< as its thinker last saw it, before the move of that tic
@@ -94,7 +94,8 @@ struct Player {
   int32_t turn_180_tics = 0;
   int32_t jump_tics = 0;  ///< until the next jump; -1 while in the air from one
   Fixed crouch_factor = kFracUnit;
-  bool stands_up = false;  ///< a jump ended its crouching, until the crouch key is pressed without the jump key
+  bool stands_up =
+      false;  ///< a jump ended its crouching, until the crouch key is pressed without the jump key
   Fixed eye_height = to_fixed(41);  ///< of one that stands: its class's, or a script's
   Fixed jump_speed = to_fixed(8), attack_z_offset = to_fixed(8);  ///< as that
   Fixed view_height = to_fixed(41);

@@ -6,7 +6,6 @@
 
 namespace comrad::doom {
 
-
 class PlayerThinker {
  public:
   explicit PlayerThinker(World& world) : world_(world) {}

@@ -31,8 +31,8 @@ int64_t slope_at(int64_t rise, __int128 near_area, __int128 whole_area) {
 
 /// False where the line ends the look. The order in which lines come does not matter.
 bool looks_past(const World& world, const BlockLine& line, Look& look) {
-  // Ends that lie on the other's line count as in front of it: of two walls that share a corner on the way, one
-  // stops it.
+  // Ends that lie on the other's line count as in front of it: of two walls that share a corner on the way,
+  // one stops it.
   __int128 start = side_area(line, look.way.x1, look.way.y1), end = side_area(line, look.way.x2, look.way.y2);
   if ((start >= 0) == (end >= 0)) return true;
   if ((look.way.side_of(line.x1, line.y1) >= 0) == (look.way.side_of(line.x2, line.y2) >= 0)) return true;

@@ -12,8 +12,8 @@ bool can_see(World& world, const Actor& looker, const Actor& target);
 bool can_notice(World& world, const Actor& looker, const Actor& target);
 
 /// A noise by `emitter` at its place: monsters in sectors that it reaches hear `target`. It passes openings,
-/// and at most one line that blocks sound. `distance_max` 0: as far as it goes. Only who is there now hears it
-/// (Actor::last_heard_id); A_Look reacts.
+/// and at most one line that blocks sound. `distance_max` 0: as far as it goes. Only who is there now hears
+/// it (Actor::last_heard_id); A_Look reacts.
 void alert_monsters(World& world, const Actor& target, const Actor& emitter, Fixed distance_max = 0);
 
 }  // namespace comrad::doom

@@ -15,12 +15,12 @@ namespace {
 
 constexpr Fixed kLowerSpeed = to_fixed(6), kRaiseSpeed = to_fixed(6);
 constexpr Fixed kPlayerRange = to_fixed(8192), kMeleeRange = to_fixed(64);
-constexpr int kBulletSpreadShift = 18;                  // triangular, 5.6 degrees at most
-constexpr Fixed kSawSpread = to_fixed(45) / 16;         // degrees, half of a fist's
-constexpr int kSuperShotgunSpreadShift = 19;            // 11.2 degrees
-constexpr int64_t kSuperShotgunRise = 332063;           // 7.1 degrees up and down, as an angle per step
+constexpr int kBulletSpreadShift = 18;           // triangular, 5.6 degrees at most
+constexpr Fixed kSawSpread = to_fixed(45) / 16;  // degrees, half of a fist's
+constexpr int kSuperShotgunSpreadShift = 19;     // 11.2 degrees
+constexpr int64_t kSuperShotgunRise = 332063;    // 7.1 degrees up and down, as an angle per step
 constexpr int kShotgunPellets = 7, kSuperShotgunPellets = 20;
-constexpr int32_t kBulletDamage = 5;                    // times 1..3
+constexpr int32_t kBulletDamage = 5;  // times 1..3
 
 // Bits of arguments, as DECORATE writes them.
 constexpr int32_t kReadyNoBob = 1, kReadyNoSwitch = 2, kReadyNoPrimary = 4, kReadyNoSecondary = 8,
@@ -35,7 +35,8 @@ int player_index(const ActionCall& call) { return call.self.player_index; }
 
 /// The weapon in hand; null where the state is not that of a player's weapon.
 const ActorType* weapon_of(const ActionCall& call) {
-  if (call.player == nullptr || player_index(call) < 0 || call.player->ready_weapon == kNoType) return nullptr;
+  if (call.player == nullptr || player_index(call) < 0 || call.player->ready_weapon == kNoType)
+    return nullptr;
   return &call.world.catalog()[call.player->ready_weapon];
 }
 
@@ -174,7 +175,8 @@ void action_Raise(ActionCall& call) {
 void action_ReFire(ActionCall& call) {
   if (weapon_of(call) == nullptr) return;
   Player& player = *call.player;
-  const bool leaves = player.pending_weapon != kNoType && (player.weapon_permissions & kMaySwitchInBurst) != 0;
+  const bool leaves =
+      player.pending_weapon != kNoType && (player.weapon_permissions & kMaySwitchInBurst) != 0;
   if (player.buttons.attack && !leaves && player.alive) {
     player.refire = std::min(player.refire + 1, 1'000'000);
     fire_weapon(call.world, player_index(call));
@@ -212,7 +214,8 @@ void action_SelectWeapon(ActionCall& call) {
 }
 
 void action_JumpIfNoAmmo(ActionCall& call) {
-  if (weapon_of(call) != nullptr && !check_ammo(call.world, player_index(call), false)) call.go_to(call.label(0));
+  if (weapon_of(call) != nullptr && !check_ammo(call.world, player_index(call), false))
+    call.go_to(call.label(0));
 }
 
 // ---------------------------------------------------------------- flash and light
@@ -358,8 +361,8 @@ void action_BFGSpray(ActionCall& call) {
   const Fixed high = call.fixed(5) > 0 ? call.fixed(5) : to_fixed(32);
   const int32_t exact_damage = call.integer(6);
   for (int32_t ray = 0; ray < rays; ++ray) {
-    const Angle angle = call.self.angle - degrees(wide / 2) + degrees(wide) / static_cast<uint32_t>(rays) *
-                                                                  static_cast<uint32_t>(ray);
+    const Angle angle = call.self.angle - degrees(wide / 2) +
+                        degrees(wide) / static_cast<uint32_t>(rays) * static_cast<uint32_t>(ray);
     // The rays start at the shooter, wherever its ball burst.
     const Aim aim = aim_line(world, *owner, angle, distance, high);
     if (aim.target == nullptr) continue;
@@ -424,9 +427,9 @@ void action_FireCustomMissile(ActionCall& call) {
   const Angle right = call.self.angle - kAngle90;
   const Angle held_pitch = call.self.pitch;
   call.self.pitch += pitch;
-  Actor* missile = spawn_player_missile(world, call.self, type, call.self.angle + (aims_there ? turn : 0),
-                                        fixed_mul(aside, fine_cosine(right)),
-                                        fixed_mul(aside, fine_sine(right)), height);
+  Actor* missile =
+      spawn_player_missile(world, call.self, type, call.self.angle + (aims_there ? turn : 0),
+                           fixed_mul(aside, fine_cosine(right)), fixed_mul(aside, fine_sine(right)), height);
   call.self.pitch = held_pitch;
   if (missile == nullptr || aims_there || turn == 0) return;
   // Aimed straight ahead, then turned: the speed along the floor stays.
@@ -470,8 +473,7 @@ void action_RailAttack(ActionCall& call) {
   if (call.boolean(2, true) && !use_ammo(world, player_index(call))) return;
   const auto wide = static_cast<int32_t>(degrees(call.fixed(8)));
   const auto turn = static_cast<Angle>(int64_t{world.random_triangle()} * (wide / 255));
-  rail_attack(world, call.self, call.integer(0), turn,
-              call.type(7, world.catalog().known().bullet_puff));
+  rail_attack(world, call.self, call.integer(0), turn, call.type(7, world.catalog().known().bullet_puff));
 }
 
 // ---------------------------------------------------------------- what only shows or sounds

@@ -44,7 +44,8 @@ Slot weapons_in(const ActorCatalog& catalog, int number) {
     if (catalog[type].item_class != ItemClass::kWeapon || catalog[type].weapon.slot != number) continue;
     if (slot.count == slot.types.size()) break;
     std::size_t place = slot.count++;
-    for (; place > 0 && before(type, slot.types[place - 1]); --place) slot.types[place] = slot.types[place - 1];
+    for (; place > 0 && before(type, slot.types[place - 1]); --place)
+      slot.types[place] = slot.types[place - 1];
     slot.types[place] = type;
   }
   return slot;
@@ -295,7 +296,8 @@ bool use_ammo(World& world, int player_index) {
       if (item.type == base) item.amount = std::max(0, item.amount - amount);
   };
   take(type.weapon.ammo_type, type.weapon.ammo_use);
-  if (type.flags.has(ActorFlag::kWeaponPrimaryUsesBoth)) take(type.weapon.ammo_type_2, type.weapon.ammo_use_2);
+  if (type.flags.has(ActorFlag::kWeaponPrimaryUsesBoth))
+    take(type.weapon.ammo_type_2, type.weapon.ammo_use_2);
   return true;
 }
 
@@ -310,8 +312,7 @@ void tic_weapon(World& world, int player_index) {
   for (int layer = 0; layer < 2; ++layer) tic_layer(world, player_index, layer);
 
   // A change, or death, comes before the trigger.
-  if ((player.weapon_permissions & kMaySwitch) != 0 &&
-      (player.pending_weapon != kNoType || !player.alive))
+  if ((player.weapon_permissions & kMaySwitch) != 0 && (player.pending_weapon != kNoType || !player.alive))
     drop_weapon(world, player_index);
   if ((player.weapon_permissions & kMayFire) != 0) {
     if (!player.buttons.attack) {
@@ -327,9 +328,7 @@ void tic_weapon(World& world, int player_index) {
   flash.x = player.weapon_sprites[0].x, flash.y = player.weapon_sprites[0].y;
 }
 
-uint32_t best_weapon(const World& world, int player_index) {
-  return best_of(world, player_index, kNoType);
-}
+uint32_t best_weapon(const World& world, int player_index) { return best_of(world, player_index, kNoType); }
 
 int selected_slot(const World& world, int player_index) {
   const uint32_t ready = world.player(player_index).ready_weapon;

@@ -26,10 +26,11 @@ uint32_t best_weapon(const World& world, int player);  ///< by selection order, 
 int selected_slot(const World& world,
                   int player);  ///< SELECTED_WEAPON: -1 for none and for weapons in no slot
 int selected_ammo(const World& world, int player);  ///< SELECTED_WEAPON_AMMO
-/// AMMO0..AMMO9: ammunition of the first weapon known for a slot; 0 where that needs none, as the fist in slot
-/// 1.
+/// AMMO0..AMMO9: ammunition of the first weapon known for a slot; 0 where that needs none, as the fist in
+/// slot 1.
 int ammo_of_slot(const World& world, int player, int slot);
-int weapons_of_slot(const World& world, int player, int slot);  ///< WEAPON0..WEAPON9: how many of them it owns
+int weapons_of_slot(const World& world, int player,
+                    int slot);  ///< WEAPON0..WEAPON9: how many of them it owns
 
 bool owns_weapon(const World& world, int player, uint32_t type);
 /// Enough ammunition for a shot of this weapon (or it needs none).

@@ -6,18 +6,17 @@
 // player. walk: a map of the IWAD (--map, default MAP01) along a walk of one player, which is played before
 // the clock starts.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <ctime>
 #include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "doomgen/wad/iwad_search.h"
+#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/rng.h"
 #include "sim_workers/engine/map/level_loader.h"
 #include "sim_workers/engine/play/world.h"
@@ -81,17 +80,9 @@ std::shared_ptr<const Level> make_arena(Rng* rng) {
 }
 
 struct Clock {
-  std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
-  double cpu_start = cpu();
-  static double cpu() {
-    timespec now{};
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-  }
-  double elapsed() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  }
-  double cpu_elapsed() const { return cpu() - cpu_start; }
+  double start = monotonic_s(), cpu_start = process_cpu_s();
+  double elapsed() const { return monotonic_s() - start; }
+  double cpu_elapsed() const { return process_cpu_s() - cpu_start; }
 };
 
 void write_pictures(const std::string& prefix, std::span<const uint8_t> frames, int count, int width,

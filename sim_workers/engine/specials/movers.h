@@ -28,7 +28,8 @@ bool change_sector(World& world, uint32_t sector, int32_t crush);
 
 /// For native rules. A ceiling that goes down to `gap` above its floor and up again for ever, hurting what it
 /// meets; false where the ceiling moves already.
-bool start_crusher(World& world, uint32_t sector, Fixed down_speed, Fixed up_speed, Fixed gap, int32_t damage);
+bool start_crusher(World& world, uint32_t sector, Fixed down_speed, Fixed up_speed, Fixed gap,
+                   int32_t damage);
 /// For native rules. Sends a floor to `target` even while it moves (specials leave a busy floor alone).
 void send_floor(World& world, uint32_t sector, Fixed target, Fixed speed);
 

@@ -42,7 +42,7 @@ TEST_F(ExistingRun, NamesTheNearestOne) {
 TEST_F(ExistingRun, LatestIsTheHighestVersionAndBestTheHighestScore) {
   touch("stag/checkpoint/checkpoint_000000009_1000.pt");
   touch("stag/checkpoint/checkpoint_000000010_2000.pt");
-  touch("stag/checkpoint/checkpoint_000000011_3000.pt.tmp");
+  touch("stag/checkpoint/.tmp-7-checkpoint_000000011_3000.pt");
   touch("stag/checkpoint/best_-12.50.pt");
   touch("stag/checkpoint/best_-2.25.pt");
   const std::string run = (folder_ / "stag").string();

@@ -2,10 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
-
 #include "doomgen/layout/udmf_writer.h"
 
 namespace comrad::doomgen {
@@ -44,25 +40,6 @@ TEST(WadWriter, ContentHashIsFnv1a64) {
   EXPECT_EQ(content_hash(""), 0xCBF29CE484222325ull);
   EXPECT_EQ(content_hash("a"), 0xAF63DC4C8601EC8Cull);
   EXPECT_EQ(content_hash("foobar"), 0x85944171F73967E8ull);
-}
-
-TEST(WriteFile, ReplacesTheFileAndLeavesNothingElse) {
-  const std::filesystem::path folder =
-      std::filesystem::path(testing::TempDir()) / ("comrad_write_file_" + std::to_string(getpid()));
-  std::filesystem::create_directories(folder);
-  const std::string path = (folder / "a.wad").string();
-  ASSERT_TRUE(write_file(path, "first"));
-  ASSERT_TRUE(write_file(path, "second"));
-  std::ifstream file(path);
-  EXPECT_EQ(std::string(std::istreambuf_iterator<char>(file), {}), "second");
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), {}), 1);
-  std::filesystem::remove_all(folder);
-}
-
-TEST(WriteFile, NamesThePathItCannotWrite) {
-  const Status status = write_file("/nonexistent_folder/a.wad", "x");
-  ASSERT_FALSE(status);
-  EXPECT_NE(status.error().message.find("/nonexistent_folder/a.wad"), std::string::npos);
 }
 
 TEST(UdmfWriter, PrintsEveryBlockAndLeavesDefaultsOut) {

@@ -343,6 +343,7 @@ TEST(Happo, AStoppedUpdateEndsBetweenTwoSteps) {
   EXPECT_FALSE(stats->abandoned);
   EXPECT_EQ(stats->optimizer_steps, 2);
   EXPECT_EQ(happo.version(), 2u);
+  EXPECT_TRUE(stats->values.empty());  // the other agent's and the critic's are missing
 }
 
 TEST(Happo, AReloadedRunContinuesBitForBit) {

@@ -1,5 +1,5 @@
 // Games whose best answers are known: what an algorithm can and cannot learn, with the real losses and
-// networks. Training spec 6.3 and 6.6.
+// networks.
 
 #include <gtest/gtest.h>
 

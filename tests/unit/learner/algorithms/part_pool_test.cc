@@ -1,7 +1,6 @@
 #include "learner/algorithms/part_pool.h"
 
 #include <gtest/gtest.h>
-#include <time.h>
 
 #include <atomic>
 #include <chrono>
@@ -11,6 +10,7 @@
 
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/clock.h"
 
 namespace comrad::learn {
 namespace {
@@ -37,34 +37,28 @@ TEST(PartPool, DoesEveryPartOnceWithOneComputingThreadEach) {
   EXPECT_EQ(at::get_num_threads(), before);
 }
 
-double cpu_seconds(clockid_t clock) {
-  timespec time{};
-  clock_gettime(clock, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
 // Threads of the BLAS's own would spin on the cores that the parts compute on.
 TEST(PartPool, MatrixProductsOfAPartStayInItsThread) {
   const int before = at::get_num_threads();
   policy::set_math_threads(2);
-  std::this_thread::sleep_for(
-      std::chrono::milliseconds(300));  // threads that were made just now wait awake at first
+  // Threads that were made just now wait awake at first.
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
   PartPool pool(2);
   const torch::Tensor factor = torch::ones({256, 256});
   std::mutex mutex;
   double of_parts = 0;
-  const double begin = cpu_seconds(CLOCK_PROCESS_CPUTIME_ID);
+  const double begin = process_cpu_s();
   EXPECT_TRUE(pool.run(
       2,
       [&](int64_t) {
-        const double part_begin = cpu_seconds(CLOCK_THREAD_CPUTIME_ID);
+        const double part_begin = thread_cpu_s();
         for (int i = 0; i < 200; ++i) (void)at::mm(factor, factor);
-        const double used = cpu_seconds(CLOCK_THREAD_CPUTIME_ID) - part_begin;
+        const double used = thread_cpu_s() - part_begin;
         const std::lock_guard lock(mutex);
         of_parts += used;
       },
       nullptr));
-  EXPECT_LT(cpu_seconds(CLOCK_PROCESS_CPUTIME_ID) - begin, 1.2 * of_parts + 0.005);
+  EXPECT_LT(process_cpu_s() - begin, 1.2 * of_parts + 0.005);
   EXPECT_EQ(at::get_num_threads(), 2);
   policy::set_math_threads(before);
 }

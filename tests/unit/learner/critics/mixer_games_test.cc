@@ -1,8 +1,8 @@
 // Games whose best answers are known in closed form: what each mixer can and cannot represent. The agents are
 // tables of Q-values under a constant observation, every joint action is in every batch exactly once, targets
-// are exact, and Adam with a learning rate that falls to 0 fits mixer and tables together. Training spec 6.6.
+// are exact, and Adam with a learning rate that falls to 0 fits mixer and tables together.
 //
-// QMIX has two limits. No monotone function fits better than the specification's bound; and its single ELU
+// QMIX has two limits. No monotone function fits better than the bound in the table; and its single ELU
 // layer with positive weights is a convex function of positive combinations of utilities, so it also has
 // increasing differences: Q(a', b') - Q(a', b) >= Q(a, b') - Q(a, b) where a' and b' are the higher
 // utilities. The best fit under both is computed here by exact least squares over all orders of the actions.

@@ -28,6 +28,17 @@ MixerOptions small(const char* kind, int64_t agents = 2, int64_t choices = 3, co
   return MixerOptions::from(config, env, /*features=*/3);
 }
 
+/// The benchmark's: two agents with heads of 3, 3, 3, 2 and 3 choices, 512 features each, a run's defaults.
+MixerOptions benchmark(const char* kind) {
+  RunConfig config;
+  config.mixer = kind;
+  EnvShape env;
+  env.num_agents = 2;
+  env.head_count = 5;
+  env.head_sizes = {3, 3, 3, 2, 3};
+  return MixerOptions::from(config, env, /*features=*/512);
+}
+
 at::Generator generator(uint64_t seed) { return at::make_generator<at::CPUGeneratorImpl>(seed); }
 
 Tensor normal(at::IntArrayRef sizes, at::Generator& draws, double deviation = 1.0) {
@@ -108,17 +119,16 @@ Tensor gradient(const Tensor& output, const Tensor& input) {
 // ---- all kinds
 
 TEST(Mixer, HasTheParametersOfTheBenchmark) {
-  MixerOptions options;
-  const auto count = [&](const char* kind) {
-    options.kind = kind;
+  const auto count = [](const char* kind, int64_t layers = 0) {
+    MixerOptions options = benchmark(kind);
+    if (layers > 0) options.adv_hypernet_layers = layers;
     return parameter_count(*make_mixer(options, 1, torch::kCPU));
   };
   EXPECT_EQ(count("vdn"), 0);
   EXPECT_EQ(count("qmix"), 203'073);
   EXPECT_EQ(count("dmaq"), 152'184);
   EXPECT_EQ(count("dmaq_qatten"), 389'685);
-  options.adv_hypernet_layers = 3;
-  EXPECT_EQ(count("dmaq"), 977'048);
+  EXPECT_EQ(count("dmaq", 3), 977'048);
 }
 
 TEST(Mixer, IsAFunctionOfItsSeed) {
@@ -240,9 +250,7 @@ TEST(QmixMixer, MakesTheKnownAnswersWeightsFromItsHypernets) {
 }
 
 TEST(QmixMixer, StartsAsXavierWithGainOneHalf) {
-  MixerOptions options;
-  options.kind = "qmix";
-  for (const auto& [name, tensor] : make_mixer(options, 2, torch::kCPU)->named_parameters()) {
+  for (const auto& [name, tensor] : make_mixer(benchmark("qmix"), 2, torch::kCPU)->named_parameters()) {
     if (name.ends_with(".bias")) {
       EXPECT_EQ(tensor.abs().max().item<float>(), 0.0f) << name;
       continue;
@@ -471,9 +479,8 @@ TEST(QplexMixer, LambdaOfSeveralLayersIsThatOfItsSeparateNetworks) {
 }
 
 TEST(QplexMixer, StartsAsTheFrameworksLayersDo) {
-  MixerOptions options;
-  options.kind = "dmaq_qatten";
-  for (const auto& [name, tensor] : make_mixer(options, 2, torch::kCPU)->named_parameters()) {
+  for (const auto& [name, tensor] :
+       make_mixer(benchmark("dmaq_qatten"), 2, torch::kCPU)->named_parameters()) {
     if (!name.ends_with(".weight")) continue;
     const double bound = 1.0 / std::sqrt(static_cast<double>(tensor.size(2)));
     const double largest = tensor.abs().max().item<double>();

@@ -38,7 +38,7 @@ void expect_values(const Tensor& actual, const std::vector<double>& expected) {
     EXPECT_NEAR(actual.flatten()[static_cast<int64_t>(t)].item<double>(), expected[t], 2e-6) << "entry " << t;
 }
 
-/// Training spec 6.4: r = 0.5 and a double-Q next value of (0.2, 0.3), 0.5 together.
+/// r = 0.5 and a double-Q next value of (0.2, 0.3), 0.5 together.
 TEST(TdTargets, MatchTheKnownAnswers) {
   EnvShape env;
   env.head_count = 2;

@@ -1,5 +1,5 @@
 // Games with known answers through the whole pipeline: simulator, policy worker and learner as the programs
-// run them, asynchronously, in threads of one process. Training spec 6.7.
+// run them, asynchronously, in threads of one process.
 
 #include <gtest/gtest.h>
 #include <unistd.h>

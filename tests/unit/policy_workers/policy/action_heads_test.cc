@@ -24,7 +24,7 @@ void expect_near(const Tensor& tensor, std::vector<double> expected, double tole
         << "entry " << index;
 }
 
-// Training spec 6.1: two-head policy, logits (0,1,2) and (0.5,-0.5).
+// Two-head policy, logits (0,1,2) and (0.5,-0.5).
 const EnvShape kTwoHeads = shape_of({3, 2});
 Tensor two_head_logits() { return torch::tensor({{0.0f, 1.0f, 2.0f, 0.5f, -0.5f}}); }
 

@@ -148,7 +148,7 @@ TEST(PolicyNet, HappoHasTheParameterCountOfTheSpecification) {
   env.head_sizes = {3, 3, 3, 2, 3};
   const PolicyNetOptions options = PolicyNetOptions::from(config, env);
   const PolicyNet net = PolicyNet::create(options, 1, torch::kCPU);
-  EXPECT_EQ(net.parameter_count(), 12'146'589);  // training spec 1.5
+  EXPECT_EQ(net.parameter_count(), 12'146'589);
   EXPECT_EQ(options.recurrent_state_count(), 2 * 512);
   int64_t critic_mlp = 0, critic = 0;
   for (auto& [name, tensor] : net.named_state())

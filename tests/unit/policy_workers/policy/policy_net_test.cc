@@ -36,7 +36,7 @@ double largest_difference(const Tensor& a, const Tensor& b) { return (a - b).abs
 TEST(PolicyNet, HasTheParameterCountsOfTheSpecification) {
   PolicyNetOptions central = full_options("lstm");
   central.critic = CriticKind::kCentral;
-  EXPECT_EQ(PolicyNet::create(central, 1, torch::kCPU).parameter_count(), 4'058'096);  // training spec 1.5
+  EXPECT_EQ(PolicyNet::create(central, 1, torch::kCPU).parameter_count(), 4'058'096);
   EXPECT_EQ(PolicyNet::create(full_options("lstm"), 1, torch::kCPU).parameter_count(), 3'401'967);
   EXPECT_EQ(PolicyNet::create(full_options("gru"), 1, torch::kCPU).parameter_count(),
             1'293'024 + 1'575'936 + 512 * 14 + 14 + 512 + 1);

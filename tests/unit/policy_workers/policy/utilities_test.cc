@@ -137,7 +137,7 @@ TEST(MultiHot, TellsAllCompoundActionsApart) {
   EXPECT_EQ(codes.size(), 162u);
 }
 
-/// Training spec 6.4: the online network chooses, the target network values.
+/// Double Q: the online network chooses, the target network values.
 TEST(DoubleQ, ValuesTheOnlineChoiceByTheTargetHeadByHead) {
   EnvShape env;
   env.head_count = 2;

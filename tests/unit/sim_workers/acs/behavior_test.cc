@@ -140,7 +140,8 @@ TEST(Behavior, NamesTheOffsetOfWhatIsBroken) {
     const auto behavior = load_bytes(lump);
     ASSERT_FALSE(behavior.has_value()) << bad.what;
     EXPECT_EQ(behavior.error().code, ErrorCode::kBadFormat);
-    EXPECT_NE(behavior.error().message.find("MAP01: BEHAVIOR at 0x"), std::string::npos) << behavior.error().message;
+    EXPECT_NE(behavior.error().message.find("MAP01: BEHAVIOR at 0x"), std::string::npos)
+        << behavior.error().message;
     EXPECT_NE(behavior.error().message.find(bad.message), std::string::npos) << behavior.error().message;
   }
 }

@@ -11,7 +11,8 @@
 namespace comrad::doom::acs::test {
 namespace {
 
-constexpr int32_t kNumbers[] = {0, 1, -1, 2, -2, 3, 7, -7, 31, 32, 100, 65536, -65536, 98304, INT32_MAX, INT32_MIN};
+constexpr int32_t kNumbers[] = {0,  1,  -1,  2,     -2,     3,     7,         -7,
+                                31, 32, 100, 65536, -65536, 98304, INT32_MAX, INT32_MIN};
 
 int32_t wrapped(int64_t value) { return static_cast<int32_t>(static_cast<uint64_t>(value)); }
 
@@ -89,31 +90,49 @@ TEST(Interpreter, ComputesUnaryOperationsAndRoots) {
                 a <= 0 ? 0 : static_cast<int32_t>(std::lround(std::sqrt(a / 65536.0) * 65536.0)));
     }
   }
-  EXPECT_EQ(evaluate(Container::kCompact, [](BehaviorBuilder& out) { out.push({98304, 32768}).op(PCode::kFixedDiv); }),
+  EXPECT_EQ(evaluate(Container::kCompact,
+                     [](BehaviorBuilder& out) {
+                       out.push({98304, 32768}).op(PCode::kFixedDiv);
+                     }),
             3 * 65536);
-  EXPECT_EQ(evaluate(Container::kCompact, [](BehaviorBuilder& out) { out.push({-5, 0}).op(PCode::kFixedDiv); }),
+  EXPECT_EQ(evaluate(Container::kCompact,
+                     [](BehaviorBuilder& out) {
+                       out.push({-5, 0}).op(PCode::kFixedDiv);
+                     }),
             INT32_MIN);
-  EXPECT_EQ(
-      evaluate(Container::kCompact,
-               [](BehaviorBuilder& out) { out.push({3 << 16, 4 << 16}).call(BuiltIn::kVectorLength, 2); }),
-      5 << 16);
+  EXPECT_EQ(evaluate(Container::kCompact,
+                     [](BehaviorBuilder& out) {
+                       out.push({3 << 16, 4 << 16}).call(BuiltIn::kVectorLength, 2);
+                     }),
+            5 << 16);
   // What ViZDoom answers.
   struct VectorCase {
     int32_t x, y, angle;
   };
-  for (const VectorCase& known : {VectorCase{65536, 0, 0}, {0, 65536, 16383}, {-65536, 0, 32767}, {0, -65536, 49152},
-                                  {65536, 65536, 8192}, {3, 4, 8192}, {100000, -300000, 52509}, {0, 0, 0}})
+  for (const VectorCase& known : {VectorCase{65536, 0, 0},
+                                  {0, 65536, 16383},
+                                  {-65536, 0, 32767},
+                                  {0, -65536, 49152},
+                                  {65536, 65536, 8192},
+                                  {3, 4, 8192},
+                                  {100000, -300000, 52509},
+                                  {0, 0, 0}})
     EXPECT_EQ(evaluate(Container::kCompact,
-                       [&](BehaviorBuilder& out) { out.push({known.x, known.y}).op(PCode::kVectorAngle); }),
+                       [&](BehaviorBuilder& out) {
+                         out.push({known.x, known.y}).op(PCode::kVectorAngle);
+                       }),
               known.angle)
         << known.x << " " << known.y;
   EXPECT_EQ(evaluate(Container::kCompact,
-                     [](BehaviorBuilder& out) { out.push({INT32_MAX, INT32_MAX}).call(BuiltIn::kVectorLength, 2); }),
+                     [](BehaviorBuilder& out) {
+                       out.push({INT32_MAX, INT32_MAX}).call(BuiltIn::kVectorLength, 2);
+                     }),
             -1257966797);
 }
 
 TEST(Interpreter, PushesConstantsOfEverySize) {
-  EXPECT_EQ(evaluate(Container::kCompact, [](BehaviorBuilder& out) { out.op(PCode::kPushByte, {200}); }), 200);
+  EXPECT_EQ(evaluate(Container::kCompact, [](BehaviorBuilder& out) { out.op(PCode::kPushByte, {200}); }),
+            200);
   EXPECT_EQ(evaluate(Container::kHiddenCompact,
                      [](BehaviorBuilder& out) {
                        out.op(PCode::kPush2Bytes, {1, 2}).op(PCode::kPush3Bytes, {3, 4, 5});
@@ -141,9 +160,9 @@ struct VariableFamily {
 
 const VariableFamily kFamilies[] = {
     {"script", PCode::kAssignScriptVar, PCode::kPushScriptVar, PCode::kAddScriptVar, PCode::kSubScriptVar,
-     PCode::kMulScriptVar, PCode::kDivScriptVar, PCode::kModScriptVar, PCode::kIncScriptVar, PCode::kDecScriptVar,
-     PCode::kAndScriptVar, PCode::kEorScriptVar, PCode::kOrScriptVar, PCode::kLeftShiftScriptVar,
-     PCode::kRightShiftScriptVar, false},
+     PCode::kMulScriptVar, PCode::kDivScriptVar, PCode::kModScriptVar, PCode::kIncScriptVar,
+     PCode::kDecScriptVar, PCode::kAndScriptVar, PCode::kEorScriptVar, PCode::kOrScriptVar,
+     PCode::kLeftShiftScriptVar, PCode::kRightShiftScriptVar, false},
     {"map", PCode::kAssignMapVar, PCode::kPushMapVar, PCode::kAddMapVar, PCode::kSubMapVar, PCode::kMulMapVar,
      PCode::kDivMapVar, PCode::kModMapVar, PCode::kIncMapVar, PCode::kDecMapVar, PCode::kAndMapVar,
      PCode::kEorMapVar, PCode::kOrMapVar, PCode::kLeftShiftMapVar, PCode::kRightShiftMapVar, false},
@@ -152,9 +171,9 @@ const VariableFamily kFamilies[] = {
      PCode::kAndWorldVar, PCode::kEorWorldVar, PCode::kOrWorldVar, PCode::kLeftShiftWorldVar,
      PCode::kRightShiftWorldVar, false},
     {"global", PCode::kAssignGlobalVar, PCode::kPushGlobalVar, PCode::kAddGlobalVar, PCode::kSubGlobalVar,
-     PCode::kMulGlobalVar, PCode::kDivGlobalVar, PCode::kModGlobalVar, PCode::kIncGlobalVar, PCode::kDecGlobalVar,
-     PCode::kAndGlobalVar, PCode::kEorGlobalVar, PCode::kOrGlobalVar, PCode::kLeftShiftGlobalVar,
-     PCode::kRightShiftGlobalVar, false},
+     PCode::kMulGlobalVar, PCode::kDivGlobalVar, PCode::kModGlobalVar, PCode::kIncGlobalVar,
+     PCode::kDecGlobalVar, PCode::kAndGlobalVar, PCode::kEorGlobalVar, PCode::kOrGlobalVar,
+     PCode::kLeftShiftGlobalVar, PCode::kRightShiftGlobalVar, false},
     {"script array", PCode::kAssignScriptArray, PCode::kPushScriptArray, PCode::kAddScriptArray,
      PCode::kSubScriptArray, PCode::kMulScriptArray, PCode::kDivScriptArray, PCode::kModScriptArray,
      PCode::kIncScriptArray, PCode::kDecScriptArray, PCode::kAndScriptArray, PCode::kEorScriptArray,
@@ -163,10 +182,10 @@ const VariableFamily kFamilies[] = {
      PCode::kMulMapArray, PCode::kDivMapArray, PCode::kModMapArray, PCode::kIncMapArray, PCode::kDecMapArray,
      PCode::kAndMapArray, PCode::kEorMapArray, PCode::kOrMapArray, PCode::kLeftShiftMapArray,
      PCode::kRightShiftMapArray, true},
-    {"world array", PCode::kAssignWorldArray, PCode::kPushWorldArray, PCode::kAddWorldArray, PCode::kSubWorldArray,
-     PCode::kMulWorldArray, PCode::kDivWorldArray, PCode::kModWorldArray, PCode::kIncWorldArray,
-     PCode::kDecWorldArray, PCode::kAndWorldArray, PCode::kEorWorldArray, PCode::kOrWorldArray,
-     PCode::kLeftShiftWorldArray, PCode::kRightShiftWorldArray, true},
+    {"world array", PCode::kAssignWorldArray, PCode::kPushWorldArray, PCode::kAddWorldArray,
+     PCode::kSubWorldArray, PCode::kMulWorldArray, PCode::kDivWorldArray, PCode::kModWorldArray,
+     PCode::kIncWorldArray, PCode::kDecWorldArray, PCode::kAndWorldArray, PCode::kEorWorldArray,
+     PCode::kOrWorldArray, PCode::kLeftShiftWorldArray, PCode::kRightShiftWorldArray, true},
     {"global array", PCode::kAssignGlobalArray, PCode::kPushGlobalArray, PCode::kAddGlobalArray,
      PCode::kSubGlobalArray, PCode::kMulGlobalArray, PCode::kDivGlobalArray, PCode::kModGlobalArray,
      PCode::kIncGlobalArray, PCode::kDecGlobalArray, PCode::kAndGlobalArray, PCode::kEorGlobalArray,
@@ -217,10 +236,10 @@ TEST(Interpreter, ArraysEndWhereTheyEnd) {
   BehaviorBuilder code(Container::kCompact);
   code.array(3, {5, 6, 7});
   code.script(1, kOpen);
-  code.push(3).op(PCode::kPushMapArray, {3}).store_global(1);        // reads 0
-  code.push(-1).push(9).op(PCode::kAssignMapArray, {3});             // goes nowhere
+  code.push(3).op(PCode::kPushMapArray, {3}).store_global(1);  // reads 0
+  code.push(-1).push(9).op(PCode::kAssignMapArray, {3});       // goes nowhere
   code.push(0).op(PCode::kPushMapArray, {3}).store_global(2);
-  code.push(4000).op(PCode::kPushWorldArray, {9}).store_global(3);   // never written: 0
+  code.push(4000).op(PCode::kPushWorldArray, {9}).store_global(3);  // never written: 0
   code.push(1).store_global(4).end();
   ScriptWorld game(code);
   game.world.state().globals[1] = 99;
@@ -285,7 +304,11 @@ TEST(Interpreter, FunctionsHaveTheirOwnVariablesAndMayCallThemselves) {
     const auto recurse = code.label();
     code.op(PCode::kPushScriptVar, {0}).push(1).op(PCode::kGreater).go(PCode::kIfGoto, recurse);
     code.push(1).op(PCode::kReturnValue);
-    code.bind(recurse).op(PCode::kPushScriptVar, {0}).op(PCode::kPushScriptVar, {0}).push(1).op(PCode::kSubtract);
+    code.bind(recurse)
+        .op(PCode::kPushScriptVar, {0})
+        .op(PCode::kPushScriptVar, {0})
+        .push(1)
+        .op(PCode::kSubtract);
     code.op(PCode::kCall, {factorial}).op(PCode::kMultiply).op(PCode::kReturnValue).end_function();
     code.script(1, kOpen).push(11).op(PCode::kAssignScriptVar, {0});
     code.push(10).op(PCode::kCall, {factorial}).store_global(1);
@@ -343,7 +366,8 @@ TEST(Interpreter, RandomStaysInItsRangeAndReachesItsEnds) {
 
 // ---- texts
 
-std::string printed(const std::function<void(BehaviorBuilder&)>& write, Container container = Container::kCompact) {
+std::string printed(const std::function<void(BehaviorBuilder&)>& write,
+                    Container container = Container::kCompact) {
   BehaviorBuilder code(container);
   code.array(4, {'a', 'b', 'c', 'd', 0, 'z'});
   code.script(1, kEnter).op(PCode::kBeginPrint);
@@ -387,7 +411,9 @@ TEST(Interpreter, KnowsItsWayRoundTexts) {
     return evaluate(Container::kCompact, write);
   };
   EXPECT_EQ(number([](BehaviorBuilder& out) { out.push_text("twelve bytes").op(PCode::kStrLen); }), 12);
-  EXPECT_EQ(number([](BehaviorBuilder& out) { out.push(text_number(out, "xyz")).push(1).call(BuiltIn::kGetChar, 2); }),
+  EXPECT_EQ(number([](BehaviorBuilder& out) {
+              out.push(text_number(out, "xyz")).push(1).call(BuiltIn::kGetChar, 2);
+            }),
             'y');
   EXPECT_EQ(number([](BehaviorBuilder& out) { out.push_text("xyz").push(3).call(BuiltIn::kGetChar, 2); }), 0);
   const auto compare = [&](BuiltIn function, const char* a, const char* b) {
@@ -403,7 +429,10 @@ TEST(Interpreter, KnowsItsWayRoundTexts) {
             0);
   const auto part = [](BuiltIn function, std::initializer_list<int32_t> args) {
     return printed([&](BehaviorBuilder& out) {
-      out.push_text("formation").push(args).call(function, 1 + static_cast<int>(args.size())).op(PCode::kPrintString);
+      out.push_text("formation")
+          .push(args)
+          .call(function, 1 + static_cast<int>(args.size()))
+          .op(PCode::kPrintString);
     });
   };
   EXPECT_EQ(part(BuiltIn::kStrLeft, {4}), "form");
@@ -428,7 +457,8 @@ TEST(Interpreter, CopiesTextsIntoArrays) {
     game.tic();
     EXPECT_EQ(game.error(), "");
     std::string result(1, static_cast<char>('0' + game.global(1)));
-    for (const int32_t letter : game.machine().map_arrays[0]) result += letter == 0 ? '0' : static_cast<char>(letter);
+    for (const int32_t letter : game.machine().map_arrays[0])
+      result += letter == 0 ? '0' : static_cast<char>(letter);
     return result;
   };
   EXPECT_EQ(copied(0, 8, 0), "1scout0..");
@@ -464,7 +494,8 @@ TEST(Interpreter, StopsABrokenScriptWithItsNameAndAddress) {
   const Broken cases[] = {
       {"the stack is empty", [](BehaviorBuilder& out) { out.op(PCode::kAdd); }},
       {"the stack is empty", [](BehaviorBuilder& out) { out.push(1).call(BuiltIn::kStrCmp, 2); }},
-      {"the stack is empty", [](BehaviorBuilder& out) { out.op(PCode::kBeginPrint).op(PCode::kEndHudMessage); }},
+      {"the stack is empty",
+       [](BehaviorBuilder& out) { out.op(PCode::kBeginPrint).op(PCode::kEndHudMessage); }},
       {"the stack is full",
        [](BehaviorBuilder& out) {
          const auto again = out.label();
@@ -472,15 +503,21 @@ TEST(Interpreter, StopsABrokenScriptWithItsNameAndAddress) {
        }},
       {"outside the lump", [](BehaviorBuilder& out) { out.op(PCode::kGoto, {0x7FFFFFFF}); }},
       {"outside the lump", [](BehaviorBuilder& out) { out.push(1).op(PCode::kIfGoto, {-4}); }},
-      {"divides by zero", [](BehaviorBuilder& out) { out.push({4, 0}).op(PCode::kDivide); }},
+      {"divides by zero",
+       [](BehaviorBuilder& out) {
+         out.push({4, 0}).op(PCode::kDivide);
+       }},
       {"divides by zero", [](BehaviorBuilder& out) { out.push(0).op(PCode::kModMapVar, {2}); }},
       {"there is no script variable 20", [](BehaviorBuilder& out) { out.op(PCode::kPushScriptVar, {20}); }},
       {"there is no map variable 128", [](BehaviorBuilder& out) { out.op(PCode::kIncMapVar, {128}); }},
       {"there is no global variable 64", [](BehaviorBuilder& out) { out.op(PCode::kIncGlobalVar, {64}); }},
       {"there is no map array 7", [](BehaviorBuilder& out) { out.push(0).op(PCode::kPushMapArray, {7}); }},
-      {"there is no local array 0", [](BehaviorBuilder& out) { out.push(0).op(PCode::kPushScriptArray, {0}); }},
+      {"there is no local array 0",
+       [](BehaviorBuilder& out) { out.push(0).op(PCode::kPushScriptArray, {0}); }},
       {"of a world or global array",
-       [](BehaviorBuilder& out) { out.push({1 << 30, 5}).op(PCode::kAssignGlobalArray, {1}); }},
+       [](BehaviorBuilder& out) {
+         out.push({1 << 30, 5}).op(PCode::kAssignGlobalArray, {1});
+       }},
       {"there is no function 9", [](BehaviorBuilder& out) { out.op(PCode::kCall, {9}); }},
       {"of a library that is not loaded", [](BehaviorBuilder& out) { out.op(PCode::kCall, {1}); }},
       {"too deep", [](BehaviorBuilder& out) { out.op(PCode::kCall, {0}); }},
@@ -518,7 +555,8 @@ TEST(Interpreter, StopsABrokenScriptWithItsNameAndAddress) {
       ScriptWorld game(code);
       game.tic();
       EXPECT_NE(game.error().find("TEST: script 31 at 0x"), std::string::npos) << game.error();
-      EXPECT_NE(game.error().find(broken.message), std::string::npos) << broken.message << " / " << game.error();
+      EXPECT_NE(game.error().find(broken.message), std::string::npos)
+          << broken.message << " / " << game.error();
       EXPECT_EQ(game.global(2), 1) << "other scripts go on";
       EXPECT_TRUE(game.machine().threads.empty());
     }
@@ -528,7 +566,7 @@ TEST(Interpreter, StopsABrokenScriptWithItsNameAndAddress) {
 TEST(Interpreter, RefusesCodeThatRunsOutOfTheLump) {
   std::vector<uint8_t> lump(40, 0);
   std::copy_n("ACS\0", 4, lump.begin());
-  lump[4] = 8;               // directory: one script at the last two bytes
+  lump[4] = 8;  // directory: one script at the last two bytes
   lump[8] = 1, lump[12] = 0xE9, lump[13] = 0x03, lump[16] = 38;
   auto behavior = Behavior::load(lump, "TEST");
   ASSERT_TRUE(behavior.has_value()) << behavior.error().message;
@@ -564,12 +602,14 @@ TEST(Interpreter, CalledResultsShareTheirCallersInstructions) {
 }
 
 TEST(Interpreter, TableKnowsEveryNumber) {
-  for (std::size_t code = 0; code < bytecode::kPCodeCount; ++code) EXPECT_FALSE(bytecode::kPCodes[code].name.empty());
+  for (std::size_t code = 0; code < bytecode::kPCodeCount; ++code)
+    EXPECT_FALSE(bytecode::kPCodes[code].name.empty());
   EXPECT_EQ(bytecode::kPCodes[245].name, "SetActorProperty");
   EXPECT_EQ(bytecode::kPCodes[283].name, "SetActorPosition");
   EXPECT_EQ(bytecode::kPCodes[351].name, "CallFunc");
   EXPECT_EQ(bytecode::kPCodes[382].name, "Lspec5ExResult");
-  for (uint64_t value : {uint64_t{0}, uint64_t{1}, uint64_t{15}, uint64_t{16}, uint64_t{1} << 62, UINT64_MAX}) {
+  for (uint64_t value :
+       {uint64_t{0}, uint64_t{1}, uint64_t{15}, uint64_t{16}, uint64_t{1} << 62, UINT64_MAX}) {
     const uint64_t root = integer_root(value);
     EXPECT_LE(root * root, value);
     EXPECT_TRUE(root == UINT32_MAX || (root + 1) * (root + 1) > value);

@@ -29,8 +29,8 @@ inline std::shared_ptr<const Behavior> load(const BehaviorBuilder& builder) {
   return behavior ? *behavior : nullptr;
 }
 
-/// The room of one_room() with whatever a test wants in it. Scripts of type OPEN and ENTER have started; the first
-/// tic() runs them.
+/// The room of one_room() with whatever a test wants in it. Scripts of type OPEN and ENTER have started; the
+/// first tic() runs them.
 class ScriptWorld {
  public:
   explicit ScriptWorld(const BehaviorBuilder& builder, int player_count = 1,

@@ -14,8 +14,8 @@
 #include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/map/level_loader.h"
 #include "sim_workers/engine/play/world.h"
-#include "tests/support/vizdoom_python.h"
 #include "tests/support/behavior_builder.h"
+#include "tests/support/vizdoom_python.h"
 #include "tests/support/wad_bytes.h"
 
 namespace comrad::doom::acs::test {
@@ -83,8 +83,8 @@ Reference play_in_vizdoom(const std::string& bytes, int tics) {
     reference.skip_reason = python.error().message;
     return reference;
   }
-  const std::string command = *python + " " COMRAD_SOURCE_DIR "/tests/parity/user_variables.py " + path + " " +
-                              std::to_string(tics) + " 2>/dev/null";
+  const std::string command = *python + " " COMRAD_SOURCE_DIR "/tests/parity/user_variables.py " + path +
+                              " " + std::to_string(tics) + " 2>/dev/null";
   FILE* pipe = ::popen(command.c_str(), "r");
   if (pipe == nullptr) {
     reference.skip_reason = "no process for ViZDoom";

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <set>
 
-#include "doomgen/layout/wad_writer.h"
+#include "rollout_buffer/core/files.h"
 #include "scenarios/spec/registry.h"
 #include "sim_workers/env/environment.h"
 
@@ -20,7 +20,7 @@ class DoomEnvironments : public testing::Test {
     path_ = testing::TempDir() + "/comrad_doom_environments_" + std::to_string(getpid()) + ".wad";
     const auto layout = scenarios::generate_layout("coop_health_gathering", {});
     ASSERT_TRUE(layout) << layout.error().message;
-    ASSERT_TRUE(doomgen::write_file(path_, layout->wad));
+    ASSERT_TRUE(write_file_atomically(path_, layout->wad, /*durable=*/false));
     options_.scenario = "coop_health_gathering";
     options_.wad_path = path_;
     options_.count = 3;

@@ -6,6 +6,7 @@
 #include "doomgen/layout/map_plan.h"
 #include "doomgen/layout/udmf_writer.h"
 #include "doomgen/layout/wad_writer.h"
+#include "rollout_buffer/core/files.h"
 #include "scenarios/spec/registry.h"
 #include "sim_workers/env/doom_env.h"
 
@@ -24,7 +25,9 @@ class GameLoading : public testing::Test {
     write(wad_);
   }
   void TearDown() override { std::filesystem::remove(path_); }
-  void write(const std::string& bytes) { ASSERT_TRUE(doomgen::write_file(path_, bytes)); }
+  void write(const std::string& bytes) {
+    ASSERT_TRUE(write_file_atomically(path_, bytes, /*durable=*/false));
+  }
   struct Wanted {
     std::string scenario = "coop_health_gathering";
     int num_agents = 2, frame_skip = 4;
@@ -67,8 +70,8 @@ TEST_F(GameLoading, AScenarioOfSomebodysOwnPlaysWithoutCode) {
   plan.add_start(2, {100, 300}, 0);
   doomgen::WadWriter wad;
   ASSERT_TRUE(wad.add_udmf_map("MAP01", doomgen::write_udmf(*plan.build())));
-  ASSERT_TRUE(doomgen::write_file((folder / "walk.wad").string(), *wad.bytes()));
-  ASSERT_TRUE(doomgen::write_file((folder / "scenario.toml").string(), "name = \"" + name + R"("
+  ASSERT_TRUE(write_file_atomically((folder / "walk.wad").string(), *wad.bytes(), /*durable=*/false));
+  ASSERT_TRUE(write_file_atomically((folder / "scenario.toml").string(), "name = \"" + name + R"("
 title = "Walk"
 summary = "East is good."
 difficulty = 1
@@ -91,7 +94,8 @@ variable = "ONE"
 kind = "value"
 weight = 100.0
 when = "TRUNCATED"
-)"));
+)",
+                                    /*durable=*/false));
   const auto layout = scenarios::generate_layout(folder.string(), {.num_agents = 2});
   ASSERT_TRUE(layout) << layout.error().message;
   write(layout->wad);

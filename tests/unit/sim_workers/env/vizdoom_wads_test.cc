@@ -7,9 +7,9 @@
 #include <filesystem>
 
 #include "rollout_buffer/core/rng.h"
-#include "tests/support/vizdoom_python.h"
 #include "sim_workers/engine/play/world.h"
 #include "sim_workers/env/game_content.h"
+#include "tests/support/vizdoom_python.h"
 
 namespace comrad::sim {
 namespace {

@@ -69,14 +69,20 @@ TEST(Jumps, LookAtHealthDistanceAndSight) {
 
 TEST(Inventory, GoesToPlayersAndHealthToMonsters) {
   Stage stage;
-  EXPECT_FALSE(act(stage, stage.body(), ActionId::kJumpIfInventory, {type(stage, "Shell"), number(5), state(5)}).jumps);
+  EXPECT_FALSE(
+      act(stage, stage.body(), ActionId::kJumpIfInventory, {type(stage, "Shell"), number(5), state(5)})
+          .jumps);
   act(stage, stage.body(), ActionId::kGiveInventory, {type(stage, "Shell"), number(5)});
-  EXPECT_TRUE(act(stage, stage.body(), ActionId::kJumpIfInventory, {type(stage, "Shell"), number(5), state(5)}).jumps);
+  EXPECT_TRUE(
+      act(stage, stage.body(), ActionId::kJumpIfInventory, {type(stage, "Shell"), number(5), state(5)})
+          .jumps);
   Actor& imp = stage.spawn("DoomImp", 300, 0);
   imp.target_id = stage.body().id;
-  EXPECT_TRUE(act(stage, imp, ActionId::kJumpIfInTargetInventory, {type(stage, "Shell"), number(5), state(5)}).jumps);
+  EXPECT_TRUE(
+      act(stage, imp, ActionId::kJumpIfInTargetInventory, {type(stage, "Shell"), number(5), state(5)}).jumps);
   act(stage, imp, ActionId::kTakeFromTarget, {type(stage, "Shell"), number(1)});
-  EXPECT_FALSE(act(stage, imp, ActionId::kJumpIfInTargetInventory, {type(stage, "Shell"), number(5), state(5)}).jumps);
+  EXPECT_FALSE(
+      act(stage, imp, ActionId::kJumpIfInTargetInventory, {type(stage, "Shell"), number(5), state(5)}).jumps);
   imp.health = 10;
   act(stage, imp, ActionId::kGiveInventory, {type(stage, "Medikit"), number(25)});
   EXPECT_EQ(imp.health, 35);
@@ -94,7 +100,7 @@ TEST(CustomMissile, StartsAtItsOffsetAndTurnsByItsAngle) {
   // It looks west: its right hand is north; a quarter to the left of west is south.
   EXPECT_NEAR(to_double(ball.x), 500, 0.1);
   EXPECT_NEAR(to_double(ball.y), 12 - 5, 0.1);  // half a step of 10 to the south
-  EXPECT_NEAR(to_double(ball.z), 40 , 0.6);
+  EXPECT_NEAR(to_double(ball.z), 40, 0.6);
   EXPECT_NEAR(to_double(ball.velocity_y), -10, 0.1);
   EXPECT_EQ(ball.target_id, imp.id);
 }
@@ -129,9 +135,11 @@ TEST(CustomBulletAttack, FiresAllItsBulletsWithinItsSpread) {
   stage.make_player_tough();
   Actor& imp = stage.spawn("ZombieMan", 300, 0, 180);
   imp.target_id = stage.body().id;
-  act(stage, imp, ActionId::kCustomBulletAttack, {number(0), number(0), number(4), number(5), type(stage, "BulletPuff"), number(0), number(2)});
+  act(stage, imp, ActionId::kCustomBulletAttack,
+      {number(0), number(0), number(4), number(5), type(stage, "BulletPuff"), number(0), number(2)});
   EXPECT_EQ(stage.player().damage_taken, 20);
-  act(stage, imp, ActionId::kCustomBulletAttack, {number(0), number(0), number(1), number(5), type(stage, "BulletPuff"), number(100)});
+  act(stage, imp, ActionId::kCustomBulletAttack,
+      {number(0), number(0), number(1), number(5), type(stage, "BulletPuff"), number(100)});
   EXPECT_EQ(stage.player().damage_taken, 20);  // out of range
 }
 
@@ -167,8 +175,8 @@ TEST(SpawnItemEx, PlacesAndPushesRelativeToItsActor) {
   Stage stage;
   Actor& imp = stage.spawn("DoomImp", 100, 200, 90);
   act(stage, imp, ActionId::kSpawnItemEx,
-      {type(stage, "BulletPuff"), number(30), number(10), number(5), number(2), number(0), number(1), number(0),
-       number(0), number(0), number(7)});
+      {type(stage, "BulletPuff"), number(30), number(10), number(5), number(2), number(0), number(1),
+       number(0), number(0), number(0), number(7)});
   const Actor& made = newest(stage);
   EXPECT_NEAR(to_double(made.x), 110, 0.1);  // north is ahead, east is right
   EXPECT_NEAR(to_double(made.y), 230, 0.1);
@@ -188,8 +196,8 @@ TEST(SpawnItemEx, LeavesMonstersOutThatDoNotFit) {
   act(stage, imp, ActionId::kSpawnItemEx, {type(stage, "Demon"), number(200)});
   EXPECT_EQ(stage.count("Demon"), 1);
   act(stage, imp, ActionId::kSpawnItemEx,
-      {type(stage, "Demon"), number(-200), number(0), number(0), number(0), number(0), number(0), number(0), number(0),
-       number(256)});
+      {type(stage, "Demon"), number(-200), number(0), number(0), number(0), number(0), number(0), number(0),
+       number(0), number(256)});
   EXPECT_EQ(stage.count("Demon"), 1);  // a chance of 256 to fail
 }
 
@@ -270,7 +278,8 @@ TEST(Actions, EveryOneStandsEmptyAndWildArguments) {
       std::vector<ActionArg> args;
       if (wild)
         for (int i = 0; i < 11; ++i)
-          args.push_back(i % 3 == 0 ? type(stage, "DoomImpBall") : number(i % 2 == 0 ? INT32_MAX : INT32_MIN));
+          args.push_back(i % 3 == 0 ? type(stage, "DoomImpBall")
+                                    : number(i % 2 == 0 ? INT32_MAX : INT32_MIN));
       act(stage, imp, static_cast<ActionId>(id), args);
       stage.tics(3);
     }

@@ -1,5 +1,5 @@
-// Every map of Freedoom 2, if it is installed, is played for 2 000 tics with its monsters and random buttons: nothing
-// breaks, bodies stay in the map, the same run is the same at every tic.
+// Every map of Freedoom 2, if it is installed, is played for 2 000 tics with its monsters and random buttons:
+// nothing breaks, bodies stay in the map, the same run is the same at every tic.
 #include <gtest/gtest.h>
 
 #include <string>

@@ -1,6 +1,6 @@
 // The attacks of Doom's monsters, by what they do to a player who stands still.
-#include <algorithm>
 #include <gtest/gtest.h>
+#include <algorithm>
 
 #include <cmath>
 #include <set>
@@ -51,11 +51,12 @@ TEST_P(EveryMonster, DiesAndLiesStill) {
 }
 
 INSTANTIATE_TEST_SUITE_P(OfDoom, EveryMonster,
-                         ::testing::Values("ZombieMan", "ShotgunGuy", "ChaingunGuy", "WolfensteinSS", "DoomImp",
-                                           "Demon", "Spectre", "LostSoul", "Cacodemon", "PainElemental",
-                                           "HellKnight", "BaronOfHell", "Arachnotron", "Fatso", "Revenant",
-                                           "Archvile", "Cyberdemon", "SpiderMastermind", "MarineChainsaw",
-                                           "MarinePistol", "MarineShotgun", "MarineRocket", "MarinePlasma"),
+                         ::testing::Values("ZombieMan", "ShotgunGuy", "ChaingunGuy", "WolfensteinSS",
+                                           "DoomImp", "Demon", "Spectre", "LostSoul", "Cacodemon",
+                                           "PainElemental", "HellKnight", "BaronOfHell", "Arachnotron",
+                                           "Fatso", "Revenant", "Archvile", "Cyberdemon", "SpiderMastermind",
+                                           "MarineChainsaw", "MarinePistol", "MarineShotgun", "MarineRocket",
+                                           "MarinePlasma"),
                          [](const auto& given) { return std::string(given.param); });
 
 // ---------------------------------------------------------------- numbers
@@ -86,15 +87,18 @@ TEST_P(Blows, DealWhatDoomDeals) {
   EXPECT_EQ(dealt, expected);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    OfDoom, Blows,
-    ::testing::Values(Dice{"DoomImp", ActionId::kTroopAttack, 50, 3, 8}, Dice{"Demon", ActionId::kSargAttack, 50, 4, 10},
-                      Dice{"Cacodemon", ActionId::kHeadAttack, 50, 10, 6},
-                      Dice{"BaronOfHell", ActionId::kBruisAttack, 50, 10, 8},
-                      Dice{"Revenant", ActionId::kSkelFist, 50, 6, 10}, Dice{"ZombieMan", ActionId::kPosAttack, 60, 3, 5},
-                      Dice{"ChaingunGuy", ActionId::kCPosAttack, 60, 3, 5},
-                      Dice{"LostSoul", ActionId::kBetaSkullAttack, 50, 3, 8}),
-    [](const auto& given) { return std::string(given.param.monster) + std::to_string(given.index); });
+INSTANTIATE_TEST_SUITE_P(OfDoom, Blows,
+                         ::testing::Values(Dice{"DoomImp", ActionId::kTroopAttack, 50, 3, 8},
+                                           Dice{"Demon", ActionId::kSargAttack, 50, 4, 10},
+                                           Dice{"Cacodemon", ActionId::kHeadAttack, 50, 10, 6},
+                                           Dice{"BaronOfHell", ActionId::kBruisAttack, 50, 10, 8},
+                                           Dice{"Revenant", ActionId::kSkelFist, 50, 6, 10},
+                                           Dice{"ZombieMan", ActionId::kPosAttack, 60, 3, 5},
+                                           Dice{"ChaingunGuy", ActionId::kCPosAttack, 60, 3, 5},
+                                           Dice{"LostSoul", ActionId::kBetaSkullAttack, 50, 3, 8}),
+                         [](const auto& given) {
+                           return std::string(given.param.monster) + std::to_string(given.index);
+                         });
 
 TEST(ShotgunGuy, FiresThreePelletsOfThreeToFifteen) {
   Stage stage;
@@ -126,8 +130,8 @@ TEST(ZombieMan, MissesFarTargetsAsOftenAsItsSpreadSays) {
     act(stage, zombie, ActionId::kPosAttack);
     hits += before != stage.body().health;
   }
-  // Spread: the difference of two draws of 0..255, times 1/4096 of a turn. The body covers about +-1.3 of 22.5
-  // degrees, a triangle's middle: 11 of 100.
+  // Spread: the difference of two draws of 0..255, times 1/4096 of a turn. The body covers about +-1.3
+  // of 22.5 degrees, a triangle's middle: 11 of 100.
   EXPECT_GT(hits, kShots * 7 / 100);
   EXPECT_LT(hits, kShots * 16 / 100);
 }
@@ -189,8 +193,10 @@ TEST(Archvile, RaisesTheDead) {
   EXPECT_FALSE(stage.at(imp_id).is_corpse());
   EXPECT_EQ(stage.at(imp_id).height, to_fixed(56));
   EXPECT_TRUE(stage.is_in(stage.at(vile.id), StateLabel::kHeal, 3));
-  EXPECT_TRUE(stage.tics_until(70, [&] { return stage.is_in(stage.at(imp_id), StateLabel::kSee) ||
-                                                stage.is_in(stage.at(imp_id), StateLabel::kSpawn, 2); }));
+  EXPECT_TRUE(stage.tics_until(70, [&] {
+    return stage.is_in(stage.at(imp_id), StateLabel::kSee) ||
+           stage.is_in(stage.at(imp_id), StateLabel::kSpawn, 2);
+  }));
 }
 
 TEST(Archvile, DoesNotRaiseWhereSomebodyStandsOnTheCorpse) {
@@ -261,7 +267,8 @@ TEST(BossBrain, ItsEyeSendsCubesThatBecomeMonsters) {
   stage.world.set_label(stage.at(eye), StateLabel::kSee);
   const auto monsters = [&] {
     int count = 0;
-    for (const Actor& actor : stage.world.actors()) count += actor.has(ActorFlag::kIsMonster) && actor.health > 0;
+    for (const Actor& actor : stage.world.actors())
+      count += actor.has(ActorFlag::kIsMonster) && actor.health > 0;
     return count;
   };
   EXPECT_EQ(monsters(), 0);

@@ -358,9 +358,9 @@ std::unique_ptr<Stage> crowd(uint64_t seed) {
   auto stage = std::make_unique<Stage>(builder.build(), WorldOptions{.player_count = 2, .seed = seed});
   stage->make_player_tough();
   int place = 0;
-  for (const char* type : {"ZombieMan", "ShotgunGuy", "ChaingunGuy", "DoomImp", "Demon", "Spectre", "LostSoul",
-                           "Cacodemon", "PainElemental", "HellKnight", "BaronOfHell", "Arachnotron", "Fatso",
-                           "Revenant", "Archvile", "Cyberdemon"})
+  for (const char* type : {"ZombieMan", "ShotgunGuy", "ChaingunGuy", "DoomImp", "Demon", "Spectre",
+                           "LostSoul", "Cacodemon", "PainElemental", "HellKnight", "BaronOfHell",
+                           "Arachnotron", "Fatso", "Revenant", "Archvile", "Cyberdemon"})
     for (int i = 0; i < 2; ++i, ++place)
       stage->spawn(type, -900 + 120 * (place % 15), place < 15 ? 800 : place < 30 ? -800 : 600, 0);
   return stage;

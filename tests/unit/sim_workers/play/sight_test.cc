@@ -38,7 +38,8 @@ TEST(CanSee, AFloorInBetweenHidesWhatIsLowBehindIt) {
     // 800 / 384, so one of 30 hides nothing, one of 46 leaves the head (50 to 56), one of 50 nothing.
     EXPECT_EQ(can_see(stage.world, other, stage.body()), height < 48) << height;
     other.z = to_fixed(150);
-    // From eyes at 192 the look over its far edge comes down to 192 + (height - 192) * 800 / 416: 73 for one of 130.
+    // From eyes at 192 the look over its far edge comes down to 192 + (height - 192) * 800 / 416: 73 for one
+    // of 130.
     EXPECT_EQ(can_see(stage.world, other, stage.body()), height < 120) << height;
     // Somebody on the ridge is in full view.
     Actor& above = stage.spawn("DoomImp", 0, 0, 0, height);

@@ -329,7 +329,8 @@ TEST(SpecialSupport, IsWhatTheEngineExecutesWithoutAWarning) {
   EXPECT_FALSE(special_is_supported(0));
   EXPECT_FALSE(special_is_supported(281));
   for (const wad::SpecialName& special : wad::special_names()) {
-    if (special.name.ends_with("ByTexture")) continue;  // they warn that every texture counts as 64 units high
+    if (special.name.ends_with("ByTexture"))
+      continue;  // they warn that every texture counts as 64 units high
     Strip strip;
     const auto stage = strip.start();
     execute_special(stage->world, {.number = special.number});

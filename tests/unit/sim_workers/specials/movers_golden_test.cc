@@ -219,7 +219,8 @@ TEST(MoversGolden, PolyobjectsPushBodiesAsRecorded) {
       const Polyobject& object = world.state().movers.polyobjects[0];
       const std::array<int32_t, 4> is = {object.position[0][0], object.position[0][1], world.body(0).x,
                                          world.body(0).y};
-      for (std::size_t i = 0; i < is.size(); ++i) ASSERT_NEAR(is[i], wanted[i], kPolyobjectSlack) << "tic " << tic;
+      for (std::size_t i = 0; i < is.size(); ++i)
+        ASSERT_NEAR(is[i], wanted[i], kPolyobjectSlack) << "tic " << tic;
       if (wanted[4] < 100) {  // ours hurts from the first touch on (sim_workers/README.md, known differences)
         ASSERT_LT(world.player(0).health, 100) << "tic " << tic;
       }
