@@ -22,11 +22,9 @@ Advantages gae(const ReturnInput& input, const GaeOptions& options) {
   // Values that must not count are left out by select(), not by a factor of 0: they may be anything.
   StepRow carried = StepRow::Zero(columns);  // A_{t+1}
   for (int64_t t = steps - 1; t >= 0; --t) {
-    const StepMask is_valid = valid.row(t) != 0, has_terminated = terminated.row(t) != 0;
-    const StepMask done = has_terminated || truncated.row(t) != 0;
+    const auto [done, bootstraps] = step_ends(terminated, truncated, t, options.legacy_timeouts);
+    const StepMask is_valid = valid.row(t) != 0, has_final = is_valid && bootstraps;
     const StepMask has_next = !done && value_valid.row(t + 1) != 0;
-    const StepMask has_final =
-        is_valid && done && !has_terminated && StepMask::Constant(columns, !options.legacy_timeouts);
     const StepRow now = value.row(t).cast<double>();
     const StepRow delta = is_valid.select(reward.row(t).cast<double>() - now, 0.0) +
                           options.gamma * has_next.select(value.row(t + 1).cast<double>(), 0.0) +

@@ -29,4 +29,17 @@ StepRows<T> step_rows(const Tensor& tensor, int64_t steps, int64_t columns) {
   return {tensor.data_ptr<T>(), steps, columns};
 }
 
+/// Which trajectories' episodes end in a step, and which of them go on from the value of their last
+/// observation: a time-out is no end of the world, unless `legacy_timeouts` takes it for one.
+struct StepEnds {
+  StepMask done, bootstraps;
+};
+
+inline StepEnds step_ends(const StepRows<uint8_t>& terminated, const StepRows<uint8_t>& truncated, int64_t t,
+                          bool legacy_timeouts) {
+  const StepMask by_rules = terminated.row(t) != 0, by_time = truncated.row(t) != 0;
+  return {.done = by_rules || by_time,
+          .bootstraps = by_time && !by_rules && StepMask::Constant(by_time.size(), !legacy_timeouts)};
+}
+
 }  // namespace comrad::learn

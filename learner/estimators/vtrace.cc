@@ -22,13 +22,10 @@ Advantages vtrace(const Tensor& log_rho_tensor, const ReturnInput& input, const 
   for (int64_t t = steps - 1; t >= 0; --t) {
     const StepRow ratio = log_rho.row(t).cast<double>().exp();
     const StepRow rho = ratio.min(options.rho_clip), c = ratio.min(options.c_clip);
-    const StepMask has_terminated = terminated.row(t) != 0;
-    const StepMask done = has_terminated || truncated.row(t) != 0;
-    const StepMask has_final =
-        done && !has_terminated && StepMask::Constant(columns, !options.legacy_timeouts);
+    const auto [done, bootstraps] = step_ends(terminated, truncated, t, options.legacy_timeouts);
     const StepRow pay = reward.row(t).cast<double>(), now = value.row(t).cast<double>(),
                   next = value.row(t + 1).cast<double>();
-    const StepRow at_end = has_final.select(final_value.row(t).cast<double>(), 0.0);
+    const StepRow at_end = bootstraps.select(final_value.row(t).cast<double>(), 0.0);
     const StepRow delta = rho * (pay + options.gamma * done.select(at_end, next) - now);
     advantage.row(t) = (rho * (pay + options.gamma * done.select(at_end, next_target) - now)).cast<float>();
     next_target = now + delta + done.select(StepRow::Zero(columns), options.gamma * c * (next_target - next));

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <array>
-#include <cerrno>
 #include <cstring>
 
 #include "rollout_buffer/core/clock.h"
@@ -47,16 +46,6 @@ std::string frame_record(std::string_view bytes) {
   record.append(bytes);
   append_little_endian(record, masked_crc32c(bytes));
   return record;
-}
-
-Status write_all(int descriptor, std::string_view bytes, const std::string& path) {
-  while (!bytes.empty()) {
-    const ssize_t count = ::write(descriptor, bytes.data(), bytes.size());
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return file_error("cannot write " + path, errno);
-    bytes.remove_prefix(static_cast<std::size_t>(count));
-  }
-  return {};
 }
 
 Expected<EventFile> EventFile::create(const std::string& folder) {

@@ -39,8 +39,4 @@ class EventFile {
   std::string path_;
 };
 
-/// Writes all bytes to a descriptor in as few system calls as it takes. Errors: kNoSpace, kSystem, naming
-/// `path`.
-Status write_all(int descriptor, std::string_view bytes, const std::string& path);
-
 }  // namespace comrad::learn

@@ -28,4 +28,17 @@ inline double wall_s() { return clock_s(CLOCK_REALTIME); }
 inline double process_cpu_s() { return clock_s(CLOCK_PROCESS_CPUTIME_ID); }
 inline double thread_cpu_s() { return clock_s(CLOCK_THREAD_CPUTIME_ID); }
 
+/// Seconds since it was made, on the wall and of the processor time of this thread or, with
+/// CLOCK_PROCESS_CPUTIME_ID, of the whole process.
+class Stopwatch {
+ public:
+  explicit Stopwatch(clockid_t cpu_clock = CLOCK_THREAD_CPUTIME_ID) : cpu_clock_(cpu_clock) {}
+  double elapsed() const { return monotonic_s() - begin_; }
+  double cpu_elapsed() const { return clock_s(cpu_clock_) - cpu_begin_; }
+
+ private:
+  clockid_t cpu_clock_;
+  double begin_ = monotonic_s(), cpu_begin_ = clock_s(cpu_clock_);
+};
+
 }  // namespace comrad

@@ -40,6 +40,15 @@ std::optional<std::string> read_file(const std::string& path) {
   return std::move(bytes).str();
 }
 
+Status write_all(int descriptor, std::string_view bytes, const std::string& path) {
+  while (!bytes.empty()) {
+    const ssize_t count = ::write(descriptor, bytes.data(), bytes.size());
+    if (count < 0 && errno != EINTR) return file_error("cannot write " + path, errno);
+    if (count > 0) bytes.remove_prefix(static_cast<std::size_t>(count));
+  }
+  return {};
+}
+
 Status write_file_atomically(const std::string& path, std::string_view bytes, bool durable) {
   const std::size_t slash = path.find_last_of('/');
   const std::string folder = slash == std::string::npos ? "./" : path.substr(0, slash + 1);
@@ -47,18 +56,16 @@ Status write_file_atomically(const std::string& path, std::string_view bytes, bo
                                 path.substr(slash + 1);  // npos + 1 is 0
   const int file = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (file < 0) return file_error("cannot write " + path, errno);
-  int code = 0;
-  for (std::size_t done = 0; done < bytes.size() && code == 0;) {
-    const ssize_t written = write(file, bytes.data() + done, bytes.size() - done);
-    if (written > 0) done += static_cast<std::size_t>(written);
-    if (written < 0 && errno != EINTR) code = errno;
-  }
-  if (code == 0 && durable && fsync(file) != 0) code = errno;
-  if (close(file) != 0 && code == 0) code = errno;
-  if (code == 0 && rename(temporary.c_str(), path.c_str()) != 0) code = errno;
-  if (code != 0) {
+  Status written = write_all(file, bytes, path);
+  const auto require = [&](int result) {
+    if (written && result != 0) written = file_error("cannot write " + path, errno);
+  };
+  if (written && durable) require(fsync(file));
+  require(close(file));
+  if (written) require(rename(temporary.c_str(), path.c_str()));
+  if (!written) {
     unlink(temporary.c_str());
-    return file_error("cannot write " + path, code);
+    return written;
   }
   return durable ? sync_folder(folder) : Status();
 }

@@ -1,4 +1,4 @@
-// Whole files at once. Stage: loading and reports.
+// Files written and read whole. Stage: loading and reports.
 #pragma once
 
 #include <optional>
@@ -19,6 +19,10 @@ Error file_error(const std::string& what, int code);
 /// The bytes of a file; nothing where it cannot be read or is empty, for an empty file is of no use to
 /// those who read one here. The caller says what it should have been.
 std::optional<std::string> read_file(const std::string& path);
+
+/// Appends all bytes to an open file, whatever part of them one call takes; `path` names it in errors.
+/// Errors: kNoSpace, kSystem.
+Status write_all(int descriptor, std::string_view bytes, const std::string& path);
 
 /// How the name of a half-written file begins; what a process that died left may be deleted.
 constexpr std::string_view kHalfWrittenMark = ".tmp-";

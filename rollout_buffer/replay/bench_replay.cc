@@ -40,15 +40,6 @@ struct Arguments {
   bool json = false;
 };
 
-class Stopwatch {
- public:
-  double elapsed() const { return monotonic_s() - begin_; }
-  double cpu_elapsed() const { return thread_cpu_s() - cpu_begin_; }
-
- private:
-  double begin_ = monotonic_s(), cpu_begin_ = thread_cpu_s();
-};
-
 TrajectoryShape bench_shape(const Arguments& arguments) {
   TrajectoryShape shape;
   shape.env.num_agents = arguments.num_agents;

@@ -4,9 +4,16 @@
 set -euo pipefail
 cd -- "$(dirname -- "${BASH_SOURCE[0]}")/../.."
 
-if ! clang-format --version 2>/dev/null | grep -q 'version 14\.'; then
+formatter=''
+for name in clang-format-14 clang-format; do
+  if "${name}" --version 2>/dev/null | grep -q 'version 14\.'; then
+    formatter="${name}"
+    break
+  fi
+done
+if [[ -z "${formatter}" ]]; then
   printf 'clang-format 14 is not installed (Debian 12: clang-format)\n[  SKIPPED ] 1 test: formatting_test\n'
   exit 77
 fi
 find rollout_buffer policy_workers learner sim_workers scenarios doomgen deploy tests \
-  \( -name '*.cc' -o -name '*.h' \) -print0 | xargs -0 -P2 -n 60 clang-format --dry-run -Werror
+  \( -name '*.cc' -o -name '*.h' \) -print0 | xargs -0 -P2 -n 60 "${formatter}" --dry-run -Werror

@@ -79,12 +79,6 @@ std::shared_ptr<const Level> make_arena(Rng* rng) {
   return std::make_shared<const Level>(std::move(level));
 }
 
-struct Clock {
-  double start = monotonic_s(), cpu_start = process_cpu_s();
-  double elapsed() const { return monotonic_s() - start; }
-  double cpu_elapsed() const { return process_cpu_s() - cpu_start; }
-};
-
 void write_pictures(const std::string& prefix, std::span<const uint8_t> frames, int count, int width,
                     int height) {
   const std::size_t plane = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
@@ -170,7 +164,7 @@ int run_room(Renderer* renderer, const RenderOptions& options, int players, doub
   for (int i = 0; i < 300; ++i) decide();  // sprites load, buffers grow
   if (!picture.empty()) write_pictures(picture, frames, players, options.width, options.height);
   steps = 0;
-  const Clock clock;
+  const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
   while (clock.elapsed() < seconds)
     for (int i = 0; i < 16; ++i) decide();
   const double count = static_cast<double>(steps) * players, cpu = clock.cpu_elapsed();
@@ -232,7 +226,7 @@ int run_walk(Renderer& renderer, const RenderOptions& options, const std::shared
       write_pictures(picture + "_" + std::to_string(i), frame, 1, options.width, options.height);
   }
   drawn = 0;
-  const Clock clock;
+  const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
   while (clock.elapsed() < seconds)
     for (const Place& place : walk) show(place);
   const double count = static_cast<double>(drawn), cpu = clock.cpu_elapsed();
@@ -353,7 +347,7 @@ int run(int argc, char** argv) {
   (*renderer)->draw(requests);  // shaders compile, buffers grow
   if (!picture.empty()) write_pictures(picture, frames, view_count, options.width, options.height);
   uint64_t drawn = 0;
-  const Clock clock;
+  const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
   std::vector<Buttons> buttons(2);
   while (clock.elapsed() < seconds) {
     for (World& world : worlds) {
