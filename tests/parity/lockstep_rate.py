@@ -12,6 +12,7 @@ import argparse
 import json
 import multiprocessing
 import os
+import queue
 import random
 import tempfile
 import time
@@ -24,7 +25,9 @@ BUTTONS = ["MOVE_FORWARD", "MOVE_BACKWARD", "TURN_LEFT", "TURN_RIGHT", "MOVE_LEF
 def play(player, players, wad, port, frame_skip, seconds, folder, answer):
     import vizdoom as vzd
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    os.chdir(folder)  # it leaves its settings where it runs
+    own_folder = os.path.join(folder, str(player))  # settings lie where it runs; two in one folder race to make theirs
+    os.mkdir(own_folder)
+    os.chdir(own_folder)
     game = vzd.DoomGame()
     game.set_doom_game_path(os.path.join(os.path.dirname(vzd.__file__), "freedoom2.wad"))
     game.set_doom_scenario_path(wad)
@@ -72,11 +75,15 @@ def main():
                    for player in range(arguments.players)]
         for player in players:
             player.start()
-        results = [answer.get(timeout=arguments.seconds + 120) for _ in players]
-        for player in players:
-            player.join(20)
-            if player.is_alive():
-                player.kill()
+        try:
+            results = [answer.get(timeout=arguments.seconds + 120) for _ in players]
+        except queue.Empty:
+            raise SystemExit("a player did not finish; what ViZDoom said is above") from None
+        finally:
+            for player in players:
+                player.join(20)
+                if player.is_alive():
+                    player.kill()
     seconds = max(result[2] for result in results)
     decisions = sum(result[0] for result in results)
     print(json.dumps({"players": arguments.players, "decisions": decisions, "seconds": round(seconds, 2),
