@@ -436,7 +436,8 @@ TEST_P(MixerGames, QmixComesNearWhatItCanRepresent) {
 
 /// Whether a start reaches the payoffs: the one known to is tried first, then the others. From many starts
 /// tables stay where two actions are worth the same, the more often the deeper the penalty beside the
-/// optimum.
+/// optimum. Which ones arrive depends on rounding: ctest sets AVX2 kernels (CMakeLists.txt); by hand, run it
+/// with ATEN_CPU_CAPABILITY=avx2 OPENBLAS_CORETYPE=Zen.
 bool learns(const Game& game, const char* name, const MixerOptions& options, uint64_t first_seed) {
   std::vector<uint64_t> seeds = {first_seed};
   seeds.insert(seeds.end(), std::begin(kSeeds), std::end(kSeeds));
