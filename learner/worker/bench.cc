@@ -109,11 +109,11 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   };
   COMRAD_TRY(round());  // warms up
   rows = decisions = updates = 0;
-  const double began_s = monotonic_s(), cpu_began_s = process_cpu_s();
+  const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
   double elapsed_s = 0;
   while (elapsed_s < seconds) {
     COMRAD_TRY(round());
-    elapsed_s = monotonic_s() - began_s;
+    elapsed_s = clock.elapsed();
   }
   nlohmann::ordered_json line;
   line["bench"] = "learner";
@@ -123,7 +123,7 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   line["env_frames_per_s"] = static_cast<double>(decisions * config.env_frameskip) / elapsed_s;
   line["updates_per_s"] = static_cast<double>(updates) / elapsed_s;
   line["seconds"] = elapsed_s;
-  line["cpu_seconds"] = process_cpu_s() - cpu_began_s;
+  line["cpu_seconds"] = clock.cpu_elapsed();
   std::printf("%s\n", line.dump().c_str());
   return {};
 }

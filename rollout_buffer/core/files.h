@@ -20,7 +20,7 @@ Error file_error(const std::string& what, int code);
 /// those who read one here. The caller says what it should have been.
 std::optional<std::string> read_file(const std::string& path);
 
-/// Appends all bytes to an open file, whatever part of them one call takes; `path` names it in errors.
+/// Writes all bytes to an open file, whatever part of them one call takes; `path` names it in errors.
 /// Errors: kNoSpace, kSystem.
 Status write_all(int descriptor, std::string_view bytes, const std::string& path);
 

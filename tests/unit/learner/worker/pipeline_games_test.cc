@@ -229,7 +229,7 @@ double two_step(const char* algo, int seed) {
   return result;
 }
 
-/// The best of three starts: what two asynchronous processes learn differs a little from run to run.
+/// The best of three starts at most: QPLEX finds it from most, not from all (learner/README.md).
 double best_two_step(const char* algo) {
   double best = 0;
   for (const int seed : {42, 68, 81}) {
@@ -240,7 +240,7 @@ double best_two_step(const char* algo) {
 }
 
 TEST(TwoStepGame, VdnCannotSeeTheBetterBranch) { EXPECT_EQ(two_step("vdn", 42), 7); }
-TEST(TwoStepGame, QmixFindsTheOptimum) { EXPECT_EQ(best_two_step("qmix"), 8); }
+TEST(TwoStepGame, QmixFindsTheOptimum) { EXPECT_EQ(two_step("qmix", 42), 8); }
 TEST(TwoStepGame, QplexDFindsTheOptimum) { EXPECT_EQ(best_two_step("qplex_d"), 8); }
 TEST(TwoStepGame, QplexQFindsTheOptimum) { EXPECT_EQ(best_two_step("qplex_q"), 8); }
 
