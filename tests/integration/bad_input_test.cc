@@ -25,7 +25,7 @@ Ending refused(const ScratchFolder& scratch, const std::vector<std::string>& mor
   RunningProgram training(small_training(scratch, "refused", 8192, more), environment);
   Ending ending = training.wait(60);
   EXPECT_FALSE(ending.timed_out);
-  EXPECT_TRUE(processes_of(scratch.path()).empty());
+  EXPECT_TRUE(processes_of(scratch.string()).empty());
   EXPECT_EQ(ending.out, "");
   return ending;
 }
@@ -122,7 +122,8 @@ TEST(BadInput, ARunDirectoryThatCannotBeMadeIsNamed) {
 
 TEST(BadInput, EvaluationNamesARunThatIsNotThere) {
   const ScratchFolder scratch;
-  const Ending ending = comrad({"eval", "--policy", "no_such_run", "--train_dir", scratch.path(), "--json"});
+  const Ending ending =
+      comrad({"eval", "--policy", "no_such_run", "--train_dir", scratch.string(), "--json"});
   EXPECT_EQ(ending.exit_code, kExitBadInput);
   EXPECT_EQ(ending.out, "");
   EXPECT_THAT(ending.err, HasSubstr("no_such_run"));

@@ -112,11 +112,12 @@ TEST_F(SmallProject, InstallsWhatIsMissingWithAptGet) {
     fs::permissions(home_ / ("bin/" + name), fs::perms::owner_all);
   };
   tool("dpkg-query", "echo 'cmake=installed ninja-build=not-installed '");
-  tool("apt-get",
-       "echo \"$@\" >>'" + home_ / "apt" + "'; [ \"$1\" != install ] || [ ! -e '" + home_ / "full" + "' ]");
+  tool("apt-get", "echo \"$@\" >>'" + (home_ / "apt").string() + "'; [ \"$1\" != install ] || [ ! -e '" +
+                      (home_ / "full").string() + "' ]");
   tool("sudo", "exec \"$@\"");
   write("deploy/packages.txt", "cmake\nninja-build\nlibosmesa6-dev  # rendering\n");
-  const Environment environment = {{"COMRAD_NO_INSTALL", ""}, {"PATH", home_ / "bin:" + std::getenv("PATH")}};
+  const Environment environment = {{"COMRAD_NO_INSTALL", ""},
+                                   {"PATH", (home_ / "bin:").string() + std::getenv("PATH")}};
   write("full", "no space left");
   const Ending failed = run({"version"}, environment);
   EXPECT_EQ(failed.exit_code, 1);

@@ -101,7 +101,7 @@ TEST(LayoutPoolRun, SimulatorsChangeLayoutsAndAResumeGoesOn) {
     EXPECT_GT(count, 0) << "every layout was played: " << before.dump();
   EXPECT_GT(before["counter"], 8) << "more draws than environments: some changed their layout";
 
-  const auto reports = read_json_lines(scratch / "run" + "/metrics.jsonl");
+  const auto reports = read_json_lines(scratch / "run" / "metrics.jsonl");
   ASSERT_FALSE(reports.empty());
   for (const char* name :
        {"curriculum/entropy", "curriculum/tasks", "curriculum/layouts_seen", "curriculum/draws",
@@ -159,7 +159,7 @@ TEST(LayoutPoolRun, AKilledSimulatorAndAPoolDrawnOnTheSpot) {
   ASSERT_EQ(ending.exit_code, 0) << ending.err;
   EXPECT_THAT(ending.err, HasSubstr("died"));
   EXPECT_EQ(curriculum_state(scratch / "run")["tasks"].size(), 3u);
-  EXPECT_EQ(files(scratch / "run" + "/layouts/coop_health_gathering_train_3", "", ".wad").size(), 3u);
+  EXPECT_EQ(files(scratch / "run" / "layouts/coop_health_gathering_train_3", "", ".wad").size(), 3u);
 
   // Its evaluation plays fresh layouts that no training pool holds.
   const Ending eval =
@@ -184,7 +184,7 @@ TEST(LayoutPoolRun, BadPoolsAreRefusedBeforeARunIsMade) {
     const Ending ending =
         RunningProgram(training(scratch, "refused", 8192, pool, more)).wait(60 * patience());
     EXPECT_EQ(ending.exit_code, kExitBadInput) << ending.err;
-    EXPECT_TRUE(processes_of(scratch.path()).empty());
+    EXPECT_TRUE(processes_of(scratch.string()).empty());
     return ending.err;
   };
   EXPECT_THAT(refused(scratch / "nowhere"), AllOf(HasSubstr("nowhere"), HasSubstr("comrad doomgen")));
@@ -201,7 +201,7 @@ TEST(LayoutPoolRun, BadPoolsAreRefusedBeforeARunIsMade) {
   std::ofstream(pool + "/batch_registry.json", std::ios::trunc)
       << "[{\"id\": \"a\", \"filename\": \"gone.wad\"}]";
   EXPECT_THAT(refused(pool), AllOf(HasSubstr("gone.wad"), HasSubstr("cannot be read")));
-  EXPECT_FALSE(fs::exists(scratch / "refused" + "/config.toml"));
+  EXPECT_FALSE(fs::exists(scratch / "refused" / "config.toml"));
 }
 
 }  // namespace

@@ -20,10 +20,10 @@ size_t leftovers(const std::string& folder) { return files(folder, "comrad-").si
 nlohmann::json json_of(std::vector<std::string> arguments, double timeout_s) {
   const ScratchFolder scratch;
   arguments.push_back("--json");
-  const Ending ending = comrad(arguments, timeout_s, {{"TMPDIR", scratch.path()}});
+  const Ending ending = comrad(arguments, timeout_s, {{"TMPDIR", scratch.string()}});
   EXPECT_FALSE(ending.timed_out) << ending.err;
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
-  EXPECT_EQ(leftovers(scratch.path()), 0u);
+  EXPECT_EQ(leftovers(scratch.string()), 0u);
   EXPECT_EQ(std::count(ending.out.begin(), ending.out.end(), '\n'), 1) << ending.out;
   return nlohmann::json::parse(ending.out, nullptr, false);
 }
@@ -71,7 +71,7 @@ TEST(Eval, PlaysATrainedRunGreedilyAndLeavesItAlone) {
   const std::string config = read_text(scratch / "run/config.toml");
   const auto entries = files(scratch / "run", "");
   const auto summary =
-      json_of({"eval", "--policy", "run", "--train_dir", scratch.path(), "--episodes", "2"}, 120);
+      json_of({"eval", "--policy", "run", "--train_dir", scratch.string(), "--episodes", "2"}, 120);
   expect_keys(summary, kEvalKeys);
   EXPECT_EQ(summary["policy"], "run");
   EXPECT_EQ(summary["episodes"], 2);

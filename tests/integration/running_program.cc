@@ -95,23 +95,13 @@ Ending comrad(const std::vector<std::string>& arguments, double timeout_s, const
   return RunningProgram(command, environment).wait(timeout_s);
 }
 
-ScratchFolder::ScratchFolder() {
-  std::string path = (fs::temp_directory_path() / "comrad-test-XXXXXX").string();
-  if (mkdtemp(path.data()) != nullptr) path_ = path;
-}
-
-ScratchFolder::~ScratchFolder() {
-  std::error_code error;
-  if (!path_.empty()) fs::remove_all(path_, error);
-}
-
 std::vector<std::string> small_training(const ScratchFolder& scratch, const std::string& experiment,
                                         double env_steps, const std::vector<std::string>& more) {
   std::vector<std::string> command = {program("comrad"), "train"};
   for (const auto& [flag, value] : std::vector<std::pair<std::string, std::string>>{
            {"--scenario", "coop_health_gathering"},
            {"--algo", "ippo"},
-           {"--train_dir", scratch.path()},
+           {"--train_dir", scratch.string()},
            {"--experiment", experiment},
            {"--seed", "42"},
            {"--num_workers", "2"},

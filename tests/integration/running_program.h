@@ -10,7 +10,11 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/scratch_folder.h"
+
 namespace comrad::testing {
+
+using test::ScratchFolder;
 
 /// How a program ended.
 struct Ending {
@@ -51,18 +55,6 @@ std::string program(const std::string& name);
 /// Runs `comrad <arguments>` to its end.
 Ending comrad(const std::vector<std::string>& arguments, double timeout_s = 60,
               const Environment& environment = {});
-
-/// A fresh folder below the system's temporary one, removed with the object.
-class ScratchFolder {
- public:
-  ScratchFolder();
-  ~ScratchFolder();
-  std::string operator/(const std::string& name) const { return (path_ / name).string(); }
-  std::string path() const { return path_.string(); }
-
- private:
-  std::filesystem::path path_;
-};
 
 /// `comrad train` of a run that two cores finish in seconds: small core, small batches, 8 environments.
 std::vector<std::string> small_training(const ScratchFolder& scratch, const std::string& experiment,

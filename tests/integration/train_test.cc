@@ -88,12 +88,12 @@ TEST(Train, RestartKeepsTheOldRunAndOverwriteDoesNot) {
   train(scratch, "run", 1024);
   std::ofstream(scratch / "run/note.txt") << "mine";
   train(scratch, "run", 1024, {"--restart_behavior", "restart"});
-  ASSERT_THAT(files(scratch.path(), "run_old"), SizeIs(1));
-  EXPECT_EQ(read_text(files(scratch.path(), "run_old")[0] + "/note.txt"), "mine");
+  ASSERT_THAT(files(scratch.string(), "run_old"), SizeIs(1));
+  EXPECT_EQ(read_text(files(scratch.string(), "run_old")[0] + "/note.txt"), "mine");
   EXPECT_LT(env_frames(scratch / "run"), 2 * 1024 + 1024);
   std::ofstream(scratch / "run/note.txt") << "mine";
   train(scratch, "run", 1024, {"--restart_behavior=overwrite"});
-  EXPECT_THAT(files(scratch.path(), "run_old"), SizeIs(1));
+  EXPECT_THAT(files(scratch.string(), "run_old"), SizeIs(1));
   EXPECT_FALSE(fs::exists(scratch / "run/note.txt"));
 }
 
@@ -121,7 +121,7 @@ TEST(Train, TwoRunsAtOnceDoNotMeet) {
   EXPECT_EQ(first.exit_code, 0) << first.err;
   EXPECT_EQ(second.exit_code, 0) << second.err;
   for (const char* run : {"one", "two"}) {
-    EXPECT_EQ(read_json(scratch / run + "/status.json")["state"], "finished");
+    EXPECT_EQ(read_json(scratch / run / "status.json")["state"], "finished");
     EXPECT_GE(env_frames(scratch / run), 4096);
   }
 }
@@ -130,7 +130,7 @@ TEST(Train, NamesItselfAfterScenarioAlgorithmAndTime) {
   const ScratchFolder scratch;
   std::vector<std::string> command = small_training(scratch, "", 1024);
   ASSERT_EQ(RunningProgram(command).wait(kRunTimeoutSeconds).exit_code, 0);
-  const auto runs = files(scratch.path(), "coop_health_gathering_IPPO_2");
+  const auto runs = files(scratch.string(), "coop_health_gathering_IPPO_2");
   ASSERT_THAT(runs, SizeIs(1));
   EXPECT_EQ(read_json(runs[0] + "/status.json")["state"], "finished");
 }

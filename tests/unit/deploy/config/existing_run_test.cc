@@ -2,27 +2,23 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <filesystem>
-#include <fstream>
+#include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
 namespace {
 
 using ::testing::EndsWith;
 using ::testing::HasSubstr;
-namespace fs = std::filesystem;
 
 class ExistingRun : public ::testing::Test {
  protected:
-  ExistingRun() : folder_(fs::temp_directory_path() / ("existing_run_test." + std::to_string(getpid()))) {
-    fs::create_directories(folder_ / "stag" / "checkpoint");
+  ExistingRun() {
+    std::filesystem::create_directories(folder_ / "stag" / "checkpoint");
     touch("stag/config.toml");
   }
-  ~ExistingRun() override { fs::remove_all(folder_); }
-  void touch(const std::string& name) { std::ofstream(folder_ / name) << "x"; }
-  fs::path folder_;
+  void touch(const std::string& name) { folder_.write(name, "x"); }
+  test::ScratchFolder folder_;
 };
 
 TEST_F(ExistingRun, IsFoundByFolderAndByName) {

@@ -2,13 +2,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 
 #include "rollout_buffer/core/layout_list.h"
+#include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
 namespace {
@@ -29,18 +27,9 @@ std::string small_wad() {
 
 class GameFiles : public ::testing::Test {
  protected:
-  GameFiles() : folder_(fs::temp_directory_path() / ("game_files_test." + std::to_string(getpid()))) {
-    fs::create_directories(folder_);
-  }
-  ~GameFiles() override {
-    unsetenv("COMRAD_IWAD");
-    fs::remove_all(folder_);
-  }
-  std::string write(const std::string& name, const std::string& bytes) {
-    std::ofstream(folder_ / name, std::ios::binary) << bytes;
-    return (folder_ / name).string();
-  }
-  fs::path folder_;
+  ~GameFiles() override { unsetenv("COMRAD_IWAD"); }
+  std::string write(const std::string& name, const std::string& bytes) { return folder_.write(name, bytes); }
+  test::ScratchFolder folder_;
 };
 
 TEST_F(GameFiles, AWholeWadPasses) { EXPECT_TRUE(check_wad(write("a.wad", small_wad()))); }

@@ -3,8 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
-#include <fstream>
+#include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
 namespace {
@@ -32,21 +31,6 @@ UserSettings typed(std::vector<std::pair<std::string, std::string>> values) {
   return {"", {"command line", std::move(values)}};
 }
 
-class SettingsFile {
- public:
-  explicit SettingsFile(const std::string& text)
-      : path_(
-            (std::filesystem::temp_directory_path() / ("merged_settings_test." + std::to_string(::getpid())))
-                .string()) {
-    std::ofstream(path_) << text;
-  }
-  ~SettingsFile() { std::filesystem::remove(path_); }
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
-
 TEST(MergeNew, ALaterLayerWins) {
   const auto defaults = merge_new(typed({}), fake_scenario, 2);
   ASSERT_TRUE(defaults) << defaults.error().message;
@@ -55,9 +39,10 @@ TEST(MergeNew, ALaterLayerWins) {
   EXPECT_EQ(defaults->config.rnn_type, "gru");  // scenario over the algorithm's lstm
   EXPECT_EQ(defaults->config.batch_size, 1024);
 
-  const SettingsFile file("num_epochs = 3\nbatch_size = 2048\n");
+  const test::ScratchFolder folder;
+  const std::string file = folder.write("settings.toml", "num_epochs = 3\nbatch_size = 2048\n");
   UserSettings user = typed({{"batch_size", "512"}});
-  user.config_file = file.path();
+  user.config_file = file;
   const auto merged = merge_new(user, fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(merged->config.num_epochs, 3);    // file over scenario
@@ -108,12 +93,13 @@ TEST(MergeNew, TheTeamSizeReachesTheShape) {
 }
 
 TEST(MergeNew, NamesTheLayerOfAnUnknownKey) {
-  const SettingsFile file("batchsize = 3\n");
+  const test::ScratchFolder folder;
+  const std::string file = folder.write("settings.toml", "batchsize = 3\n");
   UserSettings user = typed({});
-  user.config_file = file.path();
+  user.config_file = file;
   const auto merged = merge_new(user, fake_scenario, 2);
   ASSERT_FALSE(merged);
-  EXPECT_THAT(merged.error().message, HasSubstr(file.path()));
+  EXPECT_THAT(merged.error().message, HasSubstr(file));
   EXPECT_THAT(merged.error().message, HasSubstr("batch_size"));
 }
 

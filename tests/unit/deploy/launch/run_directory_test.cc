@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rollout_buffer/core/clock.h"
+#include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
 namespace {
@@ -21,13 +22,6 @@ using testing::HasSubstr;
 
 class RunDirectoryTest : public testing::Test {
  protected:
-  void SetUp() override {
-    char name[] = "/tmp/comrad_runs_XXXXXX";
-    ASSERT_NE(mkdtemp(name), nullptr);
-    train_dir_ = name;
-  }
-  void TearDown() override { fs::remove_all(train_dir_); }
-
   /// A run that wrote its config and one checkpoint, and ended.
   void leave_a_run(const std::string& experiment) {
     auto run = RunDirectory::open(train_dir_, experiment, "resume");
@@ -37,7 +31,8 @@ class RunDirectoryTest : public testing::Test {
   }
   bool exists(const std::string& path) const { return fs::exists(train_dir_ + "/" + path); }
 
-  std::string train_dir_;
+  const test::ScratchFolder folder_;
+  const std::string train_dir_ = folder_.string();
 };
 
 TEST_F(RunDirectoryTest, ResumeOfAFreshNameJustStarts) {

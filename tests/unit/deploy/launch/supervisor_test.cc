@@ -17,6 +17,7 @@
 #include <sstream>
 
 #include "rollout_buffer/core/clock.h"
+#include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
 namespace {
@@ -42,19 +43,13 @@ bool eventually(double limit_s, const std::function<bool()>& done) {
 /// directory.
 class Launch : public testing::Test {
  protected:
-  void SetUp() override {
-    char name[] = "/tmp/comrad_launch_XXXXXX";
-    ASSERT_NE(mkdtemp(name), nullptr);
-    run_dir_ = name;
-    fs::create_directories(run_dir_ + "/logs");
-  }
+  Launch() { fs::create_directories(run_dir_ + "/logs"); }
   void TearDown() override {
     if (probe_ > 0) {
       kill(probe_, SIGKILL);
       waitpid(probe_, nullptr, 0);
     }
     EXPECT_TRUE(eventually(3, [&] { return living_workers().empty(); })) << "workers outlived the supervisor";
-    fs::remove_all(run_dir_);
   }
 
   void start(const std::string& habits, const std::vector<std::string>& options = {}) {
@@ -124,7 +119,8 @@ class Launch : public testing::Test {
   }
   std::string progress() const { return read_file(run_dir_ + "/progress.txt"); }
 
-  std::string run_dir_;
+  const test::ScratchFolder folder_;
+  const std::string run_dir_ = folder_.string();
   pid_t probe_ = -1;
 };
 

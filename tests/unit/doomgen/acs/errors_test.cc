@@ -9,6 +9,7 @@
 
 #include "doomgen/acs/compiler.h"
 #include "rollout_buffer/core/rng.h"
+#include "tests/support/scratch_folder.h"
 
 namespace comrad::acs_compiler {
 namespace {
@@ -199,16 +200,11 @@ TEST(AcsLimits, AreReportedNotReached) {
 class AcsFiles : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() / ("comrad_acs_files_" + std::to_string(::getpid()));
     std::filesystem::create_directories(folder_ / "lib");
     std::filesystem::create_directories(folder_ / "headers");
   }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-  std::string write(const std::string& name, const std::string& text) {
-    std::ofstream(folder_ / name, std::ios::binary) << text;
-    return (folder_ / name).string();
-  }
-  std::filesystem::path folder_;
+  std::string write(const std::string& name, const std::string& text) { return folder_.write(name, text); }
+  const comrad::test::ScratchFolder folder_;
 };
 
 TEST_F(AcsFiles, AreIncludedFromBesideAndFromFolders) {

@@ -11,6 +11,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "tests/support/scratch_folder.h"
 #include "tests/support/vizdoom_python.h"
 #include "tests/unit/doomgen/acs/program_runner.h"
 
@@ -72,17 +73,9 @@ class VizdoomParity : public ::testing::Test {
     const Expected<std::string> python = comrad::test::vizdoom_python();
     if (!python) GTEST_SKIP() << python.error().message;
     python_ = *python;
-    folder_ = std::filesystem::temp_directory_path() / ("comrad_acs_parity_" + std::to_string(::getpid()));
-    std::filesystem::create_directories(folder_);
-    std::ofstream(folder_ / "play.py") << kPlayer;
+    folder_.write("play.py", kPlayer);
   }
-  void TearDown() override {
-    if (!folder_.empty()) std::filesystem::remove_all(folder_);
-  }
-  void write(const std::string& name, const std::vector<uint8_t>& bytes) const {
-    std::ofstream(folder_ / name, std::ios::binary)
-        .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  }
+  void write(const std::string& name, const std::vector<uint8_t>& bytes) const { folder_.write(name, bytes); }
 
   /// USER1 to USER60 (index 0 unused) after kTics tics of main.o in the original engine.
   std::array<int32_t, 61> play() const {
@@ -109,7 +102,7 @@ class VizdoomParity : public ::testing::Test {
   }
 
   std::string python_;
-  std::filesystem::path folder_;
+  const comrad::test::ScratchFolder folder_;
 };
 
 std::string declarations() {

@@ -9,6 +9,7 @@
 
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/rng.h"
+#include "tests/support/scratch_folder.h"
 
 namespace comrad::learn {
 namespace {
@@ -17,14 +18,6 @@ namespace fs = std::filesystem;
 
 class CheckpointTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("comrad_checkpoint_test_" + std::to_string(::getpid()) + "_" +
-                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
 
   static StateDict sample_state() {
@@ -38,7 +31,7 @@ class CheckpointTest : public ::testing::Test {
     return state;
   }
 
-  fs::path folder_;
+  const test::ScratchFolder folder_;
 };
 
 TEST_F(CheckpointTest, ReturnsEveryValueThatWasWritten) {

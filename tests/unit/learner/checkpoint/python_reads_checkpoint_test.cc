@@ -2,15 +2,13 @@
 // real one. COMRAD_TEST_PYTHON names an interpreter with PyTorch (default: python3); without one the test is
 // skipped.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <string>
 
 #include "learner/checkpoint/checkpoint.h"
 #include "policy_workers/policy/torch_ops.h"
+#include "tests/support/scratch_folder.h"
 
 namespace comrad::learn {
 namespace {
@@ -21,9 +19,7 @@ TEST(PythonReadsCheckpoint, WithWeightsOnlyAndEveryValue) {
   if (std::system((python + " -c 'import torch' > /dev/null 2>&1").c_str()) != 0)
     GTEST_SKIP() << python << " has no PyTorch; set COMRAD_TEST_PYTHON";
 
-  const auto folder =
-      std::filesystem::temp_directory_path() / ("comrad_python_checkpoint_" + std::to_string(getpid()));
-  std::filesystem::create_directories(folder);
+  const test::ScratchFolder folder;
   StateDict state;
   state.put("network/encoder.weight", torch::arange(12, torch::kFloat32).view({3, 4}));
   state.put("network/statistics", torch::arange(3, torch::kFloat64));
@@ -33,7 +29,7 @@ TEST(PythonReadsCheckpoint, WithWeightsOnlyAndEveryValue) {
   state.put("schedule/learning_rate", 1e-4);
   state.put("config/toml", std::string("algo = \"ippo\"\n"));
   ASSERT_TRUE(write_checkpoint((folder / "a.pt").string(), state));
-  std::ofstream(folder / "read.py") << R"(
+  folder.write("read.py", R"(
 import sys, torch
 d = torch.load(sys.argv[1], weights_only=True)
 assert d["format"] == "comrad-checkpoint" and d["layout_version"] == 1, d
@@ -44,10 +40,9 @@ assert torch.equal(d["journal"]["header"], torch.full((2, 5), -7))
 assert d["counters"]["env_frames"] == 1 << 40
 assert d["schedule"]["learning_rate"] == 1e-4
 assert d["config"]["toml"] == 'algo = "ippo"\n'
-)";
+)");
   const std::string command = python + " " + (folder / "read.py").string() + " " + (folder / "a.pt").string();
   EXPECT_EQ(std::system(command.c_str()), 0);
-  std::filesystem::remove_all(folder);
 }
 
 }  // namespace

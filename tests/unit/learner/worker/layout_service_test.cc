@@ -9,6 +9,7 @@
 #include <fstream>
 #include <numeric>
 
+#include "tests/support/scratch_folder.h"
 #include "tests/support/slab_pool.h"
 #include "tests/support/small_arena.h"
 
@@ -22,15 +23,12 @@ using testing::small_arena_shape;
 
 class LayoutServiceTest : public ::testing::Test {
  protected:
-  LayoutServiceTest()
-      : folder_(fs::temp_directory_path() / ("layout_service_test." + std::to_string(getpid()))),
-        arena_(*shm::Arena::create(small_arena_shape(), 1)) {
+  LayoutServiceTest() : arena_(*shm::Arena::create(small_arena_shape(), 1)) {
     fs::create_directories(folder_ / "layouts");
     write_pool(4);
     config_.layout_pool = "pool";
     config_.lp_max_return = config_.seq_max_return = 1.0;
   }
-  ~LayoutServiceTest() override { fs::remove_all(folder_); }
 
   void write_pool(int count) const {
     LayoutList list;
@@ -38,11 +36,10 @@ class LayoutServiceTest : public ::testing::Test {
       const std::string id = "task_" + std::to_string(i);
       list.layouts.push_back({id, "/nowhere/" + id + ".wad", 10.0 + i});
     }
-    std::ofstream(folder_ / kLayoutListFile) << layout_list_text(list);
+    folder_.write(kLayoutListFile, layout_list_text(list));
   }
   std::string write(const std::string& name, const std::string& text) const {
-    std::ofstream(folder_ / name) << text;
-    return (folder_ / name).string();
+    return folder_.write(name, text);
   }
   std::unique_ptr<LayoutService> open() const {
     auto service = LayoutService::open(config_, folder_.string());
@@ -71,7 +68,7 @@ class LayoutServiceTest : public ::testing::Test {
     return desk.playing.load();
   }
 
-  fs::path folder_;
+  const test::ScratchFolder folder_;
   shm::Arena arena_;
   RunConfig config_;
 };

@@ -15,6 +15,7 @@
 #include "policy_workers/policy/policy_net.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/shm/futex.h"
+#include "tests/support/scratch_folder.h"
 
 namespace comrad::learn {
 namespace {
@@ -142,14 +143,6 @@ class FakeSimulator {
 
 class LearnerTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("comrad_learner_test_" + std::to_string(::getpid()) + "_" +
-                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   struct Outcome {
     Status status;
     uint64_t env_frames = 0;
@@ -215,7 +208,7 @@ class LearnerTest : public ::testing::Test {
   }
 
   static constexpr double kFramesPerRollout = 4 * 2 * 4 * 4;  ///< environments, agents, steps, tics
-  fs::path folder_;
+  const test::ScratchFolder folder_;
   std::atomic<bool> stop_{false};
   PolicyVersion stop_at_version_ = 0;  ///< raise stop_ when this version is published; 0: never
   std::chrono::steady_clock::time_point stopped_at_;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "tensorboard_event.pb.h"
+#include "tests/support/scratch_folder.h"
 
 namespace comrad::learn {
 namespace {
@@ -48,19 +49,12 @@ std::vector<tensorboard::Event> read_events(const std::string& bytes) {
 
 class MetricsTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("comrad_metrics_test_" + std::to_string(::getpid()) + "_" +
-                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   fs::path event_file() const {
     for (const auto& entry : fs::directory_iterator(folder_))
       if (entry.path().filename().string().starts_with("events.out.tfevents.")) return entry.path();
     return {};
   }
-  fs::path folder_;
+  const test::ScratchFolder folder_;
 };
 
 dds::EpisodeResult episode(double score, std::vector<double> agent_return, uint32_t length_tics) {

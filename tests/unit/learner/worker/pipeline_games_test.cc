@@ -2,12 +2,10 @@
 // run them, asynchronously, in threads of one process.
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
-#include <filesystem>
 #include <functional>
 #include <thread>
 
@@ -15,6 +13,7 @@
 #include "learner/worker/learner.h"
 #include "policy_workers/worker/policy_worker.h"
 #include "sim_workers/worker/sim_worker.h"
+#include "tests/support/scratch_folder.h"
 
 namespace comrad::learn {
 namespace {
@@ -148,9 +147,7 @@ RunConfig game_config(const std::string& algo) {
 std::unique_ptr<QLearning> train(const RunConfig& config,
                                  const std::function<std::unique_ptr<Game>()>& make) {
   policy::tune_math(1);
-  const std::filesystem::path folder =
-      std::filesystem::temp_directory_path() / ("comrad_pipeline_games_" + std::to_string(getpid()));
-  std::filesystem::create_directories(folder);
+  const test::ScratchFolder folder;
   shm::ArenaShape shape;
   shape.trajectory.env = game_shape();
   shape.trajectory.rollout_steps = static_cast<int32_t>(config.rollout);
@@ -194,7 +191,6 @@ std::unique_ptr<QLearning> train(const RunConfig& config,
   (*learner)->algorithm().save(state);
   auto learned = make_algorithm(config, game_shape(), torch::kCPU);
   EXPECT_TRUE((*learned)->load(state));
-  std::filesystem::remove_all(folder);
   return std::unique_ptr<QLearning>(dynamic_cast<QLearning*>(learned->release()));
 }
 

@@ -4,13 +4,12 @@
 #include <sys/wait.h>
 
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <thread>
 
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/unit/policy_workers/fake_simulators.h"
 
 namespace comrad::policy {
@@ -186,12 +185,10 @@ std::pair<int, std::string> run_program(const std::string& arguments) {
 }
 
 TEST(PolicyWorkerProgram, BenchPrintsOneObjectAndBadInputExitsWithTwo) {
-  const std::filesystem::path run_dir =
-      std::filesystem::temp_directory_path() / ("comrad_policy_worker_test_" + std::to_string(getpid()));
-  std::filesystem::create_directories(run_dir);
+  const test::ScratchFolder run_dir;
   RunConfig config = small_config();
   config.num_envs_per_worker = 2;
-  std::ofstream(run_dir / "config.toml") << settings_to_toml(config);
+  run_dir.write("config.toml", settings_to_toml(config));
   const auto [code, output] =
       run_program("--run_dir " + run_dir.string() + " --bench 0.05 --heads 3,2 --measurements 1");
   EXPECT_EQ(code, 0);
@@ -205,7 +202,6 @@ TEST(PolicyWorkerProgram, BenchPrintsOneObjectAndBadInputExitsWithTwo) {
       arguments.replace(at, 3, run_dir.string());
     EXPECT_EQ(run_program(arguments).first, 2) << arguments;
   }
-  std::filesystem::remove_all(run_dir);
 }
 
 }  // namespace

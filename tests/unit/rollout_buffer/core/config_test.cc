@@ -2,15 +2,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <functional>
 #include <set>
 
 #include "rollout_buffer/core/rng.h"
+#include "tests/support/scratch_folder.h"
 
 namespace comrad {
 namespace {
@@ -19,14 +17,6 @@ using ::testing::HasSubstr;
 
 SettingsLayer layer(std::vector<std::pair<std::string, std::string>> values) {
   return {"test layer", std::move(values)};
-}
-
-std::string write_file(const std::string& name, const std::string& text) {
-  const std::string path = (std::filesystem::temp_directory_path() /
-                            ("comrad_config_test_" + std::to_string(getpid()) + "_" + name))
-                               .string();
-  std::ofstream(path, std::ios::binary) << text;
-  return path;
 }
 
 RunConfig two_agents() {
@@ -124,7 +114,12 @@ TEST(VisitSettings, NoNameOrAliasIsUsedTwice) {
   });
 }
 
-TEST(SettingsToml, TheWrittenDocumentReadsBackWithoutLoss) {
+class SettingsToml : public ::testing::Test {
+ protected:
+  const test::ScratchFolder folder_;
+};
+
+TEST_F(SettingsToml, TheWrittenDocumentReadsBackWithoutLoss) {
   RunConfig config;
   config.experiment = "quoted \"name\"\\ with\ttab and \xC3\xA9";
   config.learning_rate = 0.1 + 0.2;
@@ -132,7 +127,8 @@ TEST(SettingsToml, TheWrittenDocumentReadsBackWithoutLoss) {
   config.adam_eps = 1e-300;
   config.seed = 9007199254740993;
   config.async_rl = false;
-  const Expected<RunConfig> read = load_run_config(write_file("round_trip.toml", settings_to_toml(config)));
+  const Expected<RunConfig> read =
+      load_run_config(folder_.write("round_trip.toml", settings_to_toml(config)));
   ASSERT_TRUE(read) << read.error().message;
   EXPECT_EQ(settings_to_toml(*read), settings_to_toml(config));
   EXPECT_EQ(read->experiment, config.experiment);
@@ -140,31 +136,31 @@ TEST(SettingsToml, TheWrittenDocumentReadsBackWithoutLoss) {
   EXPECT_EQ(read->seed, config.seed);
 }
 
-TEST(SettingsToml, BadDocumentsSayWhere) {
+TEST_F(SettingsToml, BadDocumentsSayWhere) {
   const Expected<SettingsLayer> syntax =
-      read_settings_toml(write_file("syntax.toml", "seed = 1\nrollout = = 3\n"));
+      read_settings_toml(folder_.write("syntax.toml", "seed = 1\nrollout = = 3\n"));
   ASSERT_FALSE(syntax);
   EXPECT_EQ(syntax.error().code, ErrorCode::kBadFormat);
   EXPECT_THAT(syntax.error().message, HasSubstr("syntax.toml:2:"));
   const Expected<SettingsLayer> table =
-      read_settings_toml(write_file("table.toml", "seed = 1\n[learner]\nrollout = 3\n"));
+      read_settings_toml(folder_.write("table.toml", "seed = 1\n[learner]\nrollout = 3\n"));
   ASSERT_FALSE(table);
   EXPECT_THAT(table.error().message, HasSubstr("table.toml:2:"));
   EXPECT_THAT(table.error().message, HasSubstr("'learner'"));
   const Expected<SettingsLayer> absent = read_settings_toml("/nonexistent/settings.toml");
   ASSERT_FALSE(absent);
   EXPECT_EQ(absent.error().code, ErrorCode::kNotFound);
-  EXPECT_FALSE(load_run_config(write_file("unknown.toml", "sede = 1\n")));
+  EXPECT_FALSE(load_run_config(folder_.write("unknown.toml", "sede = 1\n")));
 }
 
-TEST(SettingsToml, SeededNoiseNeverCrashesTheReader) {
+TEST_F(SettingsToml, SeededNoiseNeverCrashesTheReader) {
   const std::string valid = settings_to_toml(RunConfig{});
   for (uint64_t seed = 0; seed < 200; ++seed) {
     Rng rng(seed);
     std::string text = valid.substr(0, rng.below(static_cast<uint32_t>(valid.size())));
     for (int flip = 0; flip < 8 && !text.empty(); ++flip)
       text[rng.below(static_cast<uint32_t>(text.size()))] = static_cast<char>(rng.below(256));
-    const Expected<RunConfig> read = load_run_config(write_file("noise.toml", text));
+    const Expected<RunConfig> read = load_run_config(folder_.write("noise.toml", text));
     if (!read) {
       EXPECT_NE(read.error().message, "") << "seed " << seed;
     }

@@ -9,6 +9,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tests/support/scratch_folder.h"
+
 namespace comrad {
 namespace {
 
@@ -18,19 +20,12 @@ using testing::Optional;
 
 class FilesTest : public testing::Test {
  protected:
-  void SetUp() override {
-    char name[] = "/tmp/comrad_files_XXXXXX";
-    ASSERT_NE(mkdtemp(name), nullptr);
-    folder_ = name;
-    path_ = folder_ + "/config.toml";
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   std::ptrdiff_t files() const {
     return std::distance(fs::directory_iterator(folder_), fs::directory_iterator());
   }
 
-  std::string folder_, path_;
+  const test::ScratchFolder scratch_;
+  const std::string folder_ = scratch_.string(), path_ = folder_ + "/config.toml";
 };
 
 TEST_F(FilesTest, EveryByteIsReadBack) {

@@ -17,8 +17,8 @@ using ::testing::HasSubstr;
 constexpr const char* kSmall = "--replay_gb 0.02 --seconds 0.05 --batch 2 ";
 
 TEST(BenchReplay, PrintsOneObjectWithTheKeysOfEveryBenchAndItsOwn) {
-  const TemporaryFolder folder;
-  const BenchRun run = run_bench(std::string(kSmall) + "--json --replay_file " + (folder / "ring"));
+  const test::ScratchFolder folder;
+  const BenchRun run = run_bench(std::string(kSmall) + "--json --replay_file " + (folder / "ring").string());
   ASSERT_EQ(run.exit_code, 0);
   EXPECT_EQ(std::count(run.output.begin(), run.output.end(), '\n'), 1);
   const json report = json::parse(run.output);
@@ -53,15 +53,16 @@ TEST(BenchReplay, PrintsATableForPeople) {
 }
 
 TEST(BenchReplay, PicturesOfAFileAreUsed) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   std::ofstream(folder / "black") << std::string(2 * 27648, '\0');
-  const BenchRun run = run_bench(std::string(kSmall) + "--json --modes lz4 --pictures " + (folder / "black"));
+  const BenchRun run =
+      run_bench(std::string(kSmall) + "--json --modes lz4 --pictures " + (folder / "black").string());
   ASSERT_EQ(run.exit_code, 0);
   EXPECT_GT(json::parse(run.output)["modes"]["lz4"]["compression_ratio"].get<double>(), 50);
 }
 
 TEST(BenchReplay, AFlagThatCannotBeUsedIsNamedAndNothingRuns) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   std::ofstream(folder / "taken") << "x";
   const std::vector<std::pair<std::string, std::string>> cases = {
       {"--replay_gb 0", "--replay_gb"},
@@ -76,7 +77,7 @@ TEST(BenchReplay, AFlagThatCannotBeUsedIsNamedAndNothingRuns) {
       {"--replay_gb 0.001", "holds not one trajectory"},
       {"--pictures /no/such/file", "/no/such/file"},
       {"--modes mapped --replay_gb 0.02 --replay_file /no/such/folder/ring", "folder does not exist"},
-      {"--modes mapped --replay_gb 0.02 --replay_file " + (folder / "taken"), "taken"},
+      {"--modes mapped --replay_gb 0.02 --replay_file " + (folder / "taken").string(), "taken"},
   };
   for (const auto& [flags, expected] : cases) {
     const BenchRun run = run_bench(flags + " 2>&1");

@@ -63,10 +63,10 @@ class MemoryGroup {
 TEST(MappedReplay, FourTimesTheMemoryLimitReadsAtHalfTheDisksRateOrMore) {
   const std::optional<MemoryGroup> group = MemoryGroup::create(kLimitBytes);
   if (!group) GTEST_SKIP() << "no right to make a control group with a limit of memory";
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   const std::string flags = "--json --modes mapped --seconds 2 --batch 8 --replay_gb " +
                             std::to_string(4e-9 * static_cast<double>(kLimitBytes)) + " --replay_file " +
-                            (folder / "ring");
+                            (folder / "ring").string();
   double best = 0;
   for (int attempt = 0; attempt < kAttempts && best < 0.5; ++attempt) {
     const BenchRun run = run_bench(flags, "echo $$ > " + group->path() + "/cgroup.procs && ");

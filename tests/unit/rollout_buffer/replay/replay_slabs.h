@@ -6,13 +6,13 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <ostream>
 #include <string>
 #include <vector>
 
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/replay/trajectory_store.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/support/slab_pool.h"
 
 namespace comrad::replay {
@@ -27,22 +27,6 @@ inline TrajectoryShape small_shape() {
   shape.final_capacity = 3;
   return shape;
 }
-
-/// A folder that goes away with the test.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "comrad-replay-XXXXXX").string();
-    path_ = mkdtemp(name.data());
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
-  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
-
- private:
-  std::string path_;
-};
 
 /// Where and how a store keeps its bytes; every test of content runs on all four.
 struct Backing {

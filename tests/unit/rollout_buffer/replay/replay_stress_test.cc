@@ -25,7 +25,7 @@ class ReplayUnderLoad : public ::testing::TestWithParam<std::tuple<Unit, Backing
 TEST_P(ReplayUnderLoad, ReadersNeverSeeBytesOfAnotherTrajectory) {
   const auto& [unit, backing] = GetParam();
   const TrajectoryShape shape = small_shape();
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   auto created = Replay::create({.store = {.shape = shape,
                                            .capacity_bytes = 30'000,
                                            .file = backing.mapped ? folder / "ring" : "",

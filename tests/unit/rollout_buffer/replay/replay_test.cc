@@ -216,7 +216,7 @@ class ReplaySnapshot : public ::testing::TestWithParam<std::tuple<Unit, bool, Ba
                  .file = backing.mapped ? folder_ / file : "",
                  .compress = backing.compressed});
   }
-  TemporaryFolder folder_;
+  test::ScratchFolder folder_;
 };
 
 TEST_P(ReplaySnapshot, ARestoredReplayDrawsOnAsTheSavedOneWouldHave) {
@@ -257,7 +257,7 @@ INSTANTIATE_TEST_SUITE_P(All, ReplaySnapshot,
                          });
 
 TEST(ReplaySnapshot, OfAnotherKindOfUnitKeepsContentAndForgetsPriorities) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   const auto saved = make(Unit::kJointStep, true), loaded = make(Unit::kAgentStep, true);
   insert(*saved, 1);
   insert(*saved, 2);
@@ -270,7 +270,7 @@ TEST(ReplaySnapshot, OfAnotherKindOfUnitKeepsContentAndForgetsPriorities) {
 }
 
 TEST(ReplaySnapshot, DamagedPrioritiesLeaveAnEmptyReplayThatWorks) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   const auto saved = make(Unit::kAgentStep, true), loaded = make(Unit::kAgentStep, true);
   for (uint64_t number = 0; number < 5; ++number) insert(*saved, number);
   ASSERT_TRUE(saved->save(folder / "replay").has_value());

@@ -61,7 +61,7 @@ class SnapshotBetween : public ::testing::TestWithParam<std::tuple<Backing, Back
 
 TEST_P(SnapshotBetween, ComesBackWhole) {
   const auto& [from, to] = GetParam();
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   TrajectoryStore saver = make(small_shape(), kCapacity, from.compressed, from.mapped ? folder / "a" : "");
   append(saver, 0, 40);
   ASSERT_TRUE(saver.save(folder / "replay").has_value());
@@ -87,7 +87,7 @@ INSTANTIATE_TEST_SUITE_P(Backings, SnapshotBetween,
                          });
 
 TEST(Snapshot, GoesOnExactlyAsTheSavedOne) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   TrajectoryStore saver = make(small_shape()), loader = make(small_shape());
   append(saver, 0, 57);  // somewhere in a later round of the ring
   ASSERT_TRUE(saver.save(folder / "replay").has_value());
@@ -102,7 +102,7 @@ TEST(Snapshot, GoesOnExactlyAsTheSavedOne) {
 }
 
 TEST(Snapshot, TheNewestComeBackWhereNotAllFit) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   TrajectoryStore saver = make(small_shape(), 60'000), loader = make(small_shape(), kCapacity);
   append(saver, 0, 25);
   ASSERT_TRUE(saver.save(folder / "replay").has_value());
@@ -114,7 +114,7 @@ TEST(Snapshot, TheNewestComeBackWhereNotAllFit) {
 }
 
 TEST(Snapshot, AnEmptyOneIsOneToo) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   TrajectoryStore saver = make(small_shape()), loader = make(small_shape());
   ASSERT_TRUE(saver.save(folder / "replay").has_value());
   append(loader, 0, 3);
@@ -123,7 +123,7 @@ TEST(Snapshot, AnEmptyOneIsOneToo) {
 }
 
 TEST(Snapshot, AnotherShapeIsNamed) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   TrajectoryStore saver = make(small_shape());
   append(saver, 0, 2);
   ASSERT_TRUE(saver.save(folder / "replay").has_value());
@@ -141,7 +141,7 @@ TEST(Snapshot, AnotherShapeIsNamed) {
 }
 
 TEST(Snapshot, APathThatCannotBeUsedIsNamed) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   TrajectoryStore store = make(small_shape());
   append(store, 0, 2);
   Status status = store.load(folder / "nothing");
@@ -157,7 +157,7 @@ TEST(Snapshot, APathThatCannotBeUsedIsNamed) {
 }
 
 TEST(Snapshot, ADiskThatFillsUpLeavesTheOlderOne) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   TrajectoryStore store = make(small_shape());
   append(store, 0, 4);
   ASSERT_TRUE(store.save(folder / "replay").has_value());
@@ -198,7 +198,7 @@ class DamagedSnapshot : public ::testing::Test {
     EXPECT_THAT(loaded.error().message, HasSubstr("damaged"));  // the file's name at least
     return loaded.error().message;
   }
-  TemporaryFolder folder_;
+  test::ScratchFolder folder_;
   std::string sound_;
   TrajectoryStore store_ = make(small_shape());
 };
@@ -312,7 +312,7 @@ TEST_F(DamagedSnapshot, NonsenseWithRightChecksumsIsRefusedOrHarmless) {
 }
 
 TEST(Snapshot, DamageInACompressedOneIsRefusedOrHarmless) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   TrajectoryStore saver = make(small_shape(), kCapacity, true), loader = make(small_shape());
   append(saver, 0, 10);
   ASSERT_TRUE(saver.save(folder / "replay").has_value());

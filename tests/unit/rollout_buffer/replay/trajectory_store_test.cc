@@ -32,7 +32,7 @@ class StoreContent : public ::testing::TestWithParam<Backing> {
     EXPECT_TRUE(store.has_value()) << store.error().message;
     return std::move(*store);
   }
-  TemporaryFolder folder_;
+  test::ScratchFolder folder_;
 };
 
 TEST_P(StoreContent, GivesBackEveryFieldOfEveryAgent) {
@@ -103,7 +103,7 @@ INSTANTIATE_TEST_SUITE_P(Backings, StoreContent, ::testing::ValuesIn(backings())
 TEST(TrajectoryStore, AMappedFileHoldsTheSameBytesAsMemory) {
   const TrajectoryShape shape = small_shape();
   const SlabPool pool(shape, 1);
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   auto ram = TrajectoryStore::create({.shape = shape, .capacity_bytes = 20'000});
   auto file = TrajectoryStore::create({.shape = shape, .capacity_bytes = 20'000, .file = folder / "ring"});
   ASSERT_TRUE(ram && file);
@@ -304,7 +304,7 @@ TEST(TrajectoryStore, ACapacityBelowOneTrajectoryIsRefused) {
 }
 
 TEST(TrajectoryStore, MoreMemoryOrDiskThanThereIsIsRefusedWithNumbersAndFlags) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   const int64_t absurd = int64_t{1} << 55;
   const auto ram = TrajectoryStore::create({.shape = small_shape(), .capacity_bytes = absurd});
   ASSERT_FALSE(ram);
@@ -320,7 +320,7 @@ TEST(TrajectoryStore, MoreMemoryOrDiskThanThereIsIsRefusedWithNumbersAndFlags) {
 }
 
 TEST(TrajectoryStore, AFileThatCannotBeMadeIsNamed) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   const auto create = [&](const std::string& path) {
     const auto store =
         TrajectoryStore::create({.shape = small_shape(), .capacity_bytes = 100'000, .file = path});
@@ -339,7 +339,7 @@ TEST(TrajectoryStore, AFileThatCannotBeMadeIsNamed) {
 }
 
 TEST(TrajectoryStore, AFileVanishesWithItsStore) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   auto store =
       TrajectoryStore::create({.shape = small_shape(), .capacity_bytes = 100'000, .file = folder / "ring"});
   ASSERT_TRUE(store);

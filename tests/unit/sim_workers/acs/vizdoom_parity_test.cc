@@ -4,17 +4,14 @@
 
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <functional>
 #include <sstream>
-
-#include <unistd.h>
 
 #include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/map/level_loader.h"
 #include "sim_workers/engine/play/world.h"
 #include "tests/support/behavior_builder.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/support/vizdoom_python.h"
 #include "tests/support/wad_bytes.h"
 
@@ -74,15 +71,13 @@ std::string room_text() {
 
 Reference play_in_vizdoom(const std::string& bytes, int tics) {
   Reference reference;
-  const std::string path =
-      (std::filesystem::temp_directory_path() / ("comrad_parity_" + std::to_string(::getpid()) + ".wad"))
-          .string();
-  std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   const Expected<std::string> python = comrad::test::vizdoom_python();
   if (!python) {
     reference.skip_reason = python.error().message;
     return reference;
   }
+  const comrad::test::ScratchFolder folder;
+  const std::string path = folder.write("map.wad", bytes);
   const std::string command = *python + " " COMRAD_SOURCE_DIR "/tests/parity/user_variables.py " + path +
                               " " + std::to_string(tics) + " 2>/dev/null";
   FILE* pipe = ::popen(command.c_str(), "r");
@@ -94,7 +89,6 @@ Reference play_in_vizdoom(const std::string& bytes, int tics) {
   char buffer[4096];
   while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) output += buffer;
   const int status = ::pclose(pipe);
-  std::filesystem::remove(path);
   std::istringstream lines(output);
   std::string line;
   if (status != 0) {

@@ -1,11 +1,10 @@
 // Our pictures beside ViZDoom's of the same map, tests/golden/render/vizdoom/gallery.udmf, from a dozen
 // places: one of each thing that can be drawn wrongly. COMRAD_PICTURES=DIR writes theirs (left) and ours
 // (right). gallery.py in that folder made map and pictures.
-#include <unistd.h>
-
 #include <cstdlib>
 #include <sstream>
 
+#include "tests/support/scratch_folder.h"
 #include "tests/support/wad_bytes.h"
 #include "tests/unit/sim_workers/render/vizdoom_pictures.h"
 
@@ -18,14 +17,10 @@ TEST(GalleryParity, EachViewIsViZDoomsButForAFewTexels) {
   if (const auto art = ArtArchive::open(); !art) GTEST_SKIP() << art.error().message;
   const std::vector<uint8_t> map = test::file_bytes(kFolder + "gallery.udmf");
   ASSERT_FALSE(map.empty());
-  const std::filesystem::path folder =
-      std::filesystem::temp_directory_path() / ("comrad_gallery_" + std::to_string(::getpid()));
-  std::filesystem::create_directories(folder);
+  const comrad::test::ScratchFolder folder;
   wad::test::WadBytes wad;
   wad.add("MAP01").add("TEXTMAP", std::string(map.begin(), map.end())).add("ENDMAP");
-  const std::vector<uint8_t> bytes = wad.build();
-  std::ofstream(folder / "gallery.wad", std::ios::binary)
-      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  folder.write("gallery.wad", wad.build());
   const char* pictures = std::getenv("COMRAD_PICTURES");
   std::ifstream poses(kFolder + "poses.csv");
   std::string line;
@@ -64,7 +59,6 @@ TEST(GalleryParity, EachViewIsViZDoomsButForAFewTexels) {
     edges.add(*difference);
     sum += difference->mean_absolute, ++views;
   }
-  std::filesystem::remove_all(folder);
   ASSERT_GE(views, 10);
   edges.expect_few();
   std::printf("%-34s %8.2f\n", "mean", sum / views);

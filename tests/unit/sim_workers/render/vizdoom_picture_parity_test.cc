@@ -8,6 +8,7 @@
 #include <map>
 #include <sstream>
 
+#include "tests/support/scratch_folder.h"
 #include "tests/support/vizdoom_python.h"
 #include "tests/unit/sim_workers/render/vizdoom_pictures.h"
 
@@ -66,17 +67,12 @@ class VizdoomPictureParity : public ::testing::Test {
     if (!python) GTEST_SKIP() << python.error().message;
     if (const auto art = ArtArchive::open(); !art) GTEST_SKIP() << art.error().message;
     python_ = *python;
-    folder_ = std::filesystem::temp_directory_path() / ("comrad_pictures_" + std::to_string(::getpid()));
-    std::filesystem::create_directories(folder_);
     scenarios_ =
         shell("'" + python_ + "' -c 'import os, vizdoom; print(os.path.dirname(vizdoom.__file__))'") +
         "/scenarios/";
     iwad_ = wad::find_iwad("").value();
   }
-  void TearDown() override {
-    edges_.expect_few();
-    if (!folder_.empty()) std::filesystem::remove_all(folder_);
-  }
+  void TearDown() override { edges_.expect_few(); }
 
   static Expected<std::string> test_python() {
     static const Expected<std::string> python = comrad::test::vizdoom_python();
@@ -165,7 +161,7 @@ class VizdoomPictureParity : public ::testing::Test {
   }
 
   std::string python_, scenarios_, iwad_;
-  std::filesystem::path folder_;
+  const comrad::test::ScratchFolder folder_;
   test::EdgeCount edges_;
 };
 

@@ -18,6 +18,7 @@
 #include "rollout_buffer/shm/arena_socket.h"
 #include "scenarios/spec/scenario_spec.h"
 #include "tests/support/fake_policy.h"
+#include "tests/support/scratch_folder.h"
 
 namespace comrad {
 namespace {
@@ -38,14 +39,11 @@ std::string read_text(const fs::path& path) {
 class SimProgram : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    suite_dir() = fs::temp_directory_path() / ("comrad_sim_program_test_" + std::to_string(getpid()));
-    fs::create_directories(suite_dir());
     const std::string command = std::string(COMRAD_DOOMGEN) + " " + kScenario +
                                 " --seed 42 --num_agents 2 -o " + (suite_dir() / "map.wad").string() +
                                 " > /dev/null";
     ASSERT_EQ(std::system(command.c_str()), 0) << command;
   }
-  static void TearDownTestSuite() { fs::remove_all(suite_dir()); }
 
   void SetUp() override {
     run_dir_ = suite_dir() / ::testing::UnitTest::GetInstance()->current_test_info()->name();
@@ -107,9 +105,9 @@ class SimProgram : public ::testing::Test {
     return shape;
   }
 
-  static fs::path& suite_dir() {
-    static fs::path path;
-    return path;
+  static const test::ScratchFolder& suite_dir() {
+    static const test::ScratchFolder folder;
+    return folder;
   }
   fs::path run_dir_;
   std::vector<pid_t> children_;
