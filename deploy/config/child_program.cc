@@ -9,7 +9,6 @@
 
 #include <cerrno>
 #include <csignal>
-#include <cstring>
 #include <filesystem>
 #include <thread>
 
@@ -100,8 +99,7 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
   int reason = 0;
   if (read(exec_failure.read_end.value, &reason, sizeof(reason)) == sizeof(reason)) {
     waitpid(child, nullptr, 0);
-    return Error{reason == ENOENT ? ErrorCode::kNotFound : ErrorCode::kSystem,
-                 command[0] + ": " + std::strerror(reason)};
+    return file_error(command[0], reason);
   }
 
   ProgramResult result;
@@ -166,8 +164,9 @@ std::string last_words(const ProgramResult& result) {
 
 Error replace_process(const std::vector<std::string>& command) {
   execvp(command[0].c_str(), argument_vector(command).data());
-  return Error{errno == ENOENT ? ErrorCode::kNotFound : ErrorCode::kSystem,
-               command[0] + ": " + std::strerror(errno) + "; build it with ./comrad"};
+  Error failed = file_error(command[0], errno);
+  failed.message += "; build it with ./comrad";
+  return failed;
 }
 
 }  // namespace comrad::deploy

@@ -11,6 +11,8 @@
 #include <cstring>
 #include <map>
 
+#include "rollout_buffer/core/files.h"
+
 extern char** environ;
 
 namespace comrad::deploy {
@@ -78,10 +80,7 @@ std::string ExitStatus::text() const {
 }
 
 Expected<ChildProcess> ChildProcess::spawn(const ChildOptions& options) {
-  const auto failed = [&](int code) {
-    return Error{code == ENOENT ? ErrorCode::kNotFound : ErrorCode::kSystem,
-                 "cannot start " + options.program + ": " + std::strerror(code)};
-  };
+  const auto failed = [&](int code) { return file_error("cannot start " + options.program, code); };
   Image image(options);
   int output[2], report[2];
   if (pipe2(output, O_CLOEXEC) != 0) return failed(errno);

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "doomgen/wad/map_records.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::wad {
@@ -60,9 +61,7 @@ struct WadFile::Storage {
 
 Expected<WadFile> WadFile::open(const std::string& path) {
   const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor < 0)
-    return Error{errno == ENOENT ? ErrorCode::kNotFound : ErrorCode::kSystem,
-                 path + ": cannot open the WAD: " + std::strerror(errno)};
+  if (descriptor < 0) return file_error(path + ": cannot open the WAD", errno);
   struct stat status {};
   if (fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) {
     ::close(descriptor);
@@ -73,9 +72,9 @@ Expected<WadFile> WadFile::open(const std::string& path) {
     void* mapping =
         mmap(nullptr, static_cast<std::size_t>(status.st_size), PROT_READ, MAP_PRIVATE, descriptor, 0);
     if (mapping == MAP_FAILED) {
-      const int reason = errno;
+      const Error failed = file_error(path + ": cannot map the WAD", errno);
       ::close(descriptor);
-      return Error{ErrorCode::kSystem, path + ": cannot map the WAD: " + std::strerror(reason)};
+      return failed;
     }
     storage->mapping = mapping;
     storage->mapping_bytes = static_cast<std::size_t>(status.st_size);

@@ -29,7 +29,10 @@ Error system_error(const std::string& what) {
 
 Error file_error(const std::string& what, int code) {
   const bool is_full = code == ENOSPC || code == EDQUOT || code == EFBIG;
-  return Error{is_full ? ErrorCode::kNoSpace : ErrorCode::kSystem,
+  const bool is_missing = code == ENOENT || code == ENOTDIR;
+  return Error{is_full      ? ErrorCode::kNoSpace
+               : is_missing ? ErrorCode::kNotFound
+                            : ErrorCode::kSystem,
                what + ": " + std::strerror(code) + (is_full ? "; free disk space or write elsewhere" : "")};
 }
 

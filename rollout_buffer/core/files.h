@@ -12,8 +12,8 @@ namespace comrad {
 /// What the system's last call failed with: `what` and errno's reason. kSystem.
 Error system_error(const std::string& what);
 
-/// What went wrong with a file, in the system's words: `what` and the reason of errno `code`. kNoSpace with
-/// what to do where the disk is full, else kSystem.
+/// What went wrong with a file or program, in the system's words: `what` and the reason of errno `code`. kNoSpace with
+/// what to do where the disk is full, kNotFound where nothing lies there, else kSystem.
 Error file_error(const std::string& what, int code);
 
 /// The bytes of a file; nothing where it cannot be read or is empty, for an empty file is of no use to
@@ -21,7 +21,7 @@ Error file_error(const std::string& what, int code);
 std::optional<std::string> read_file(const std::string& path);
 
 /// Writes all bytes to an open file, whatever part of them one call takes; `path` names it in errors.
-/// Errors: kNoSpace, kSystem.
+/// Errors: as file_error.
 Status write_all(int descriptor, std::string_view bytes, const std::string& path);
 
 /// How the name of a half-written file begins; what a process that died left may be deleted.
@@ -29,7 +29,7 @@ constexpr std::string_view kHalfWrittenMark = ".tmp-";
 
 /// Writes a file beside its place (`.tmp-<pid>-<name>`) and renames it, so that nobody ever sees half of it;
 /// what lay there before is untouched by a failure. Durable: on the disk when this returns, not only in its
-/// cache. Errors: kNoSpace, kSystem.
+/// cache. Errors: as file_error.
 Status write_file_atomically(const std::string& path, std::string_view bytes, bool durable);
 
 }  // namespace comrad

@@ -9,11 +9,11 @@
 #include <cerrno>
 #include <cstddef>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <utility>
 
 #include "rollout_buffer/core/checksum.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::replay {
@@ -24,10 +24,7 @@ namespace fs = std::filesystem;
 constexpr std::size_t kSummedHeaderBytes = offsetof(SectionHeader, header_sum);
 
 Error disk_error(const std::string& what, const std::string& path) {
-  const ErrorCode code = errno == ENOSPC || errno == EDQUOT    ? ErrorCode::kNoSpace
-                         : errno == ENOENT || errno == ENOTDIR ? ErrorCode::kNotFound
-                                                               : ErrorCode::kSystem;
-  return Error{code, what + " replay snapshot " + path + ": " + std::strerror(errno)};
+  return file_error(what + " replay snapshot " + path, errno);
 }
 
 std::string folder_of(const std::string& path) {

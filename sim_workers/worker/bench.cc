@@ -50,9 +50,7 @@ BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options)
   BenchResult result;
   int row = 0;
   bool is_counting = false;
-  int64_t began_ns = monotonic_ns();
-  double began_cpu_s = 0;
-  int64_t until_ns = began_ns + static_cast<int64_t>(options.warmup_seconds * 1e9);
+  Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
   for (;;) {
     for (int split = 0; split < options.splits; ++split) {
       const int first = count * split / options.splits, last = count * (split + 1) / options.splits;
@@ -79,18 +77,16 @@ BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options)
       result.decisions += static_cast<uint64_t>(last - first) * agents;
     }
     row = (row + 1) % options.rollout_steps;
-    const int64_t now_ns = monotonic_ns();
-    if (now_ns < until_ns) continue;
+    const double elapsed_s = clock.elapsed();
+    if (elapsed_s < (is_counting ? options.seconds : options.warmup_seconds)) continue;
     if (is_counting) {
-      result.seconds = static_cast<double>(now_ns - began_ns) * 1e-9;
-      result.cpu_seconds = process_cpu_s() - began_cpu_s;
+      result.seconds = elapsed_s;
+      result.cpu_seconds = clock.cpu_elapsed();
       return result;
     }
     is_counting = true;
     result = {};
-    began_ns = monotonic_ns();
-    began_cpu_s = process_cpu_s();
-    until_ns = began_ns + static_cast<int64_t>(options.seconds * 1e9);
+    clock = Stopwatch(CLOCK_PROCESS_CPUTIME_ID);
   }
 }
 

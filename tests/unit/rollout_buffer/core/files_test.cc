@@ -55,7 +55,7 @@ TEST_F(FilesTest, AWriteReplacesTheOldFileAndLeavesNothingBeside) {
 TEST_F(FilesTest, AWriteIntoAMissingFolderSaysWhere) {
   const Status written = write_file_atomically(folder_ + "/missing/config.toml", "text", false);
   ASSERT_FALSE(written);
-  EXPECT_EQ(written.error().code, ErrorCode::kSystem);
+  EXPECT_EQ(written.error().code, ErrorCode::kNotFound);
   EXPECT_THAT(written.error().message, HasSubstr(folder_ + "/missing/config.toml"));
 }
 
