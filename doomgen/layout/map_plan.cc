@@ -608,7 +608,7 @@ Status MapPlan::check_pieces(const std::vector<PlaneEdge>& all) const {
       int64_t surface = 0;
       for (std::size_t current = first; !used[current];) {
         used[current] = true;
-        const auto [a, b] = edges[current];
+        const Point a = edges[current].first, b = edges[current].second;
         surface += int64_t{a.x} * b.y - int64_t{b.x} * a.y;
         // The next edge leaves b; of several the one that turns most to the right.
         const auto range = std::equal_range(edges.begin(), edges.end(), std::pair(b, Point{}),

@@ -249,10 +249,11 @@ Status Replay::load_sampler(SnapshotReader& reader) {
     if (bytes.size() < sizeof header) return bad;
     std::memcpy(&header, bytes.data(), sizeof header);
     const auto room = static_cast<int64_t>((bytes.size() - sizeof header) / sizeof(double));
-    if (header.priority_count != room || header.first < 0 || header.first > INT64_MAX / 4 ||
-        header.leaf_capacity < 0 || header.leaf_capacity > 8 * (header.unit_count + 1024) ||
-        !is_priority(header.max_priority) || (room != 0 && room != header.unit_count) ||
-        header.unit_count < 0)
+    constexpr int64_t kMostUnits = INT64_MAX / 32;  // sums and multiples below stay numbers
+    if (header.unit_count < 0 || header.unit_count > kMostUnits || header.first < 0 ||
+        header.first > kMostUnits || header.leaf_capacity < 0 || header.leaf_capacity > 8 * (room + 1024) ||
+        header.priority_count != room || (room != 0 && room != header.unit_count) ||
+        !is_priority(header.max_priority))
       return bad;
     // Units of another kind, or fewer because less fits, get what is known of them.
     const int64_t left_out = header.unit_count - unit_count;

@@ -52,8 +52,8 @@ std::set<std::tuple<ItemId, int, int>> expected_units(Unit unit, uint64_t number
 class EveryUnit : public ::testing::TestWithParam<std::tuple<Unit, bool>> {};
 
 TEST_P(EveryUnit, DrawsEveryValidUnitThatIsThereAndNoOther) {
-  const auto [unit, prioritized] = GetParam();
-  const auto replay = make(unit, prioritized, 20'000);
+  const Unit unit = std::get<0>(GetParam());
+  const auto replay = make(unit, std::get<1>(GetParam()), 20'000);
   Rng rng(uint64_t{4});
   EXPECT_TRUE(replay->draw(3, 1, rng).empty()) << "nothing there yet";
   for (uint64_t number = 0; number < 20; ++number)
@@ -295,12 +295,17 @@ TEST(ReplaySnapshot, DamagedPrioritiesLeaveAnEmptyReplayThatWorks) {
   const auto set = [](std::size_t word, auto value) {
     return [=](std::vector<std::byte>& bytes) { std::memcpy(bytes.data() + 8 * word, &value, 8); };
   };
+  // Says to be uniform (no priorities), and wants a tree that no memory holds.
+  const auto endless = [&](std::vector<std::byte>& bytes) {
+    bytes.resize(8 * 6);
+    set(1, INT64_MAX / 64)(bytes), set(3, INT64_MAX / 64)(bytes), set(4, int64_t{0})(bytes);
+  };
   EXPECT_EQ(loaded->item_count(), 5);
   for (const auto& status :
        {load_with(set(6, -1.0)), load_with(set(7, 0.0 / 0.0)), load_with(set(5, 0.0)),
         load_with(set(5, 1.0 / 0.0)), load_with(set(4, int64_t{1} << 60)),
         load_with(set(3, int64_t{1} << 60)), load_with(set(3, int64_t{-1})), load_with(set(2, INT64_MAX)),
-        load_with(set(1, int64_t{-5})), load_with(set(1, INT64_MAX)),
+        load_with(set(1, int64_t{-5})), load_with(set(1, INT64_MAX)), load_with(endless),
         load_with([](auto& bytes) { bytes.resize(20); }), load_with([](auto& bytes) { bytes.clear(); })}) {
     ASSERT_FALSE(status.has_value());
     EXPECT_THAT(status.error().message, HasSubstr("priorities do not fit"));
