@@ -19,7 +19,7 @@ skip() {
 clang="$(command -v "${COMRAD_CLANG:-clang++}" || true)"
 [[ -n "${clang}" ]] || skip "clang++ is not installed (Debian's clang and libclang-rt-14-dev), so libFuzzer cannot run"
 probe="$(mktemp -d)"
-trap 'rm -rf "${probe}"' EXIT
+trap 'rm -rf "${probe}"' EXIT  # and by hand before the exec below, which runs no trap
 printf 'extern "C" int LLVMFuzzerTestOneInput(const unsigned char*, unsigned long) { return 0; }\n' >"${probe}/probe.cc"
 "${clang}" -fsanitize=fuzzer,address,undefined "${probe}/probe.cc" -o "${probe}/probe" 2>/dev/null ||
   skip "clang++ has no libFuzzer (Debian's libclang-rt-14-dev), so the fuzzers cannot be built"
@@ -37,6 +37,7 @@ mkdir -p "${build}/findings"
   "${build}/bin/fuzz_seeds" "${build}/seeds"
 ) 9>"${build}/.lock"
 [[ "${target}" != build ]] || exit 0
+rm -rf "${probe}"
 
 corpus="${build}/corpus/${target}"
 mkdir -p "${corpus}"

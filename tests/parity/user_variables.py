@@ -1,22 +1,15 @@
 """Plays a WAD in ViZDoom without pressing anything and prints USER1..USER60, one line per tic.
 
-usage: user_variables.py WAD TICS
-Exit code 77: the package vizdoom is not there."""
+usage: user_variables.py WAD TICS"""
 
 import os
 import sys
 import tempfile
 
-try:
-    import vizdoom
-except ImportError as problem:
-    print(f"the Python package vizdoom cannot be imported ({problem}); pip install vizdoom")
-    sys.exit(77)
+import vizdoom
 
 
-def main() -> None:
-    wad, tics = os.path.abspath(sys.argv[1]), int(sys.argv[2])
-    os.chdir(tempfile.mkdtemp())  # the engine leaves its settings where it runs
+def play(wad: str, tics: int) -> None:
     game = vizdoom.DoomGame()
     game.set_doom_scenario_path(wad)
     game.set_doom_map("map01")
@@ -36,4 +29,8 @@ def main() -> None:
     game.close()
 
 
-main()
+wad_path, tic_count = os.path.abspath(sys.argv[1]), int(sys.argv[2])
+with tempfile.TemporaryDirectory() as folder:
+    os.chdir(folder)  # the engine leaves its settings where it runs
+    play(wad_path, tic_count)
+    os.chdir("/")

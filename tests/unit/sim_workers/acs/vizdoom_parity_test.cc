@@ -7,6 +7,7 @@
 #include <functional>
 #include <sstream>
 
+#include "rollout_buffer/core/files.h"
 #include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/map/level_loader.h"
 #include "sim_workers/engine/play/world.h"
@@ -19,11 +20,6 @@ namespace comrad::doom::acs::test {
 namespace {
 
 using Row = std::array<int64_t, 61>;  // USER numbers; 0 stays empty
-
-struct Reference {
-  std::vector<Row> rows;
-  std::string skip_reason;
-};
 
 /// A room of 2048 units with a sector of its own in one corner (tag 5), a spot and a monster.
 std::string room_text() {
@@ -69,41 +65,30 @@ std::string room_text() {
   return text;
 }
 
-Reference play_in_vizdoom(const std::string& bytes, int tics) {
-  Reference reference;
-  const Expected<std::string> python = comrad::test::vizdoom_python();
-  if (!python) {
-    reference.skip_reason = python.error().message;
-    return reference;
-  }
+/// USER1 to USER60 of ViZDoom after each tic.
+std::vector<Row> play_in_vizdoom(const std::string& python, const std::vector<uint8_t>& wad, int tics) {
   const comrad::test::ScratchFolder folder;
-  const std::string path = folder.write("map.wad", bytes);
-  const std::string command = *python + " " COMRAD_SOURCE_DIR "/tests/parity/user_variables.py " + path +
-                              " " + std::to_string(tics) + " 2>/dev/null";
+  const std::string errors = (folder / "errors.txt").string();
+  const std::string command = python + " " COMRAD_SOURCE_DIR "/tests/parity/user_variables.py " +
+                              folder.write("map.wad", wad) + " " + std::to_string(tics) + " 2>" + errors;
+  std::vector<Row> rows;
   FILE* pipe = ::popen(command.c_str(), "r");
   if (pipe == nullptr) {
-    reference.skip_reason = "no process for ViZDoom";
-    return reference;
+    ADD_FAILURE() << "cannot start " << command;
+    return rows;
   }
   std::string output;
   char buffer[4096];
   while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) output += buffer;
-  const int status = ::pclose(pipe);
+  EXPECT_EQ(::pclose(pipe), 0) << command << "\n" << read_file(errors).value_or("");
   std::istringstream lines(output);
-  std::string line;
-  if (status != 0) {
-    std::getline(lines, line);
-    reference.skip_reason =
-        line.empty() ? "ViZDoom does not run here (" + command.substr(0, command.find(' ')) + ")" : line;
-    return reference;
-  }
-  while (std::getline(lines, line)) {
+  for (std::string line; std::getline(lines, line);) {
     std::istringstream numbers(line);
     Row row{};
     for (std::size_t i = 1; i < row.size(); ++i) numbers >> row[i];
-    reference.rows.push_back(row);
+    rows.push_back(row);
   }
-  return reference;
+  return rows;
 }
 
 /// Our own rows, one per tic.
@@ -137,23 +122,23 @@ void compare(const BehaviorBuilder& program, int tics,
       .add("TEXTMAP", room_text())
       .add("BEHAVIOR", std::string(behavior.begin(), behavior.end()))
       .add("ENDMAP");
-  const std::vector<uint8_t> bytes = wad.build();
-  const Reference reference = play_in_vizdoom(std::string(bytes.begin(), bytes.end()), tics);
-  if (!reference.skip_reason.empty()) GTEST_SKIP() << reference.skip_reason;
-  ASSERT_EQ(reference.rows.size(), static_cast<std::size_t>(tics));
+  const Expected<std::string> python = comrad::test::vizdoom_python();
+  if (!python) GTEST_SKIP() << python.error().message;
+  const std::vector<Row> reference = play_in_vizdoom(*python, wad.build(), tics);
+  ASSERT_EQ(reference.size(), static_cast<std::size_t>(tics));
   std::string error;
   const std::vector<Row> ours = play_here(behavior, tics + 4, &error);
   EXPECT_EQ(error, "");
   std::size_t shift = 0;
-  while (shift < 4 && ours[shift][60] != reference.rows[0][60]) ++shift;
-  ASSERT_LT(shift, 4u) << "the clocks never agree: " << reference.rows[0][60] << " and " << ours[0][60];
+  while (shift < 4 && ours[shift][60] != reference[0][60]) ++shift;
+  ASSERT_LT(shift, 4u) << "the clocks never agree: " << reference[0][60] << " and " << ours[0][60];
   int shown = 0;
-  for (std::size_t tic = 0; tic < reference.rows.size() && shown < 12; ++tic)
+  for (std::size_t tic = 0; tic < reference.size() && shown < 12; ++tic)
     for (int i = 1; i <= 60; ++i) {
       const auto user = static_cast<std::size_t>(i);
-      if (ours[tic + shift][user] == reference.rows[tic][user]) continue;
+      if (ours[tic + shift][user] == reference[tic][user]) continue;
       ADD_FAILURE() << "tic " << tic << " USER" << i << (names ? " (" + names(i) + ")" : "") << ": ViZDoom "
-                    << reference.rows[tic][user] << ", here " << ours[tic + shift][user];
+                    << reference[tic][user] << ", here " << ours[tic + shift][user];
       ++shown;
     }
 }
