@@ -7,6 +7,8 @@
 #include <thread>
 #include <type_traits>
 
+#include "rollout_buffer/core/text.h"
+
 namespace comrad::deploy {
 namespace {
 
@@ -50,11 +52,7 @@ constexpr std::array kAutomaticSizes = {"trajectory_slabs", "min_batch", "max_ba
 std::string to_text(const std::string& value) { return value; }
 std::string to_text(bool value) { return value ? "true" : "false"; }
 std::string to_text(int64_t value) { return std::to_string(value); }
-std::string to_text(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.17g", value);
-  return text;
-}
+std::string to_text(double value) { return real_text(value); }
 
 Expected<SettingsLayer> file_layer(const UserSettings& user) {
   if (user.config_file.empty()) return SettingsLayer{};

@@ -103,14 +103,6 @@ const char* type_words() {
   return "text";
 }
 
-std::string real_text(double value) {
-  std::array<char, 40> digits{};
-  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
-  std::string text(digits.data(), end);
-  if (text.find_first_of(".en") == std::string::npos) text += ".0";  // keeps it a TOML float
-  return text;
-}
-
 std::string toml_text(const std::string& value) {
   std::string text = "\"";
   for (const char c : value) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cstdio>
 #include <numeric>
 
@@ -31,6 +32,14 @@ std::string bytes_text(int64_t bytes) {
   std::snprintf(text.data(), text.size(), mega < 1e3 ? "%.1f MB" : "%.1f GB",
                 mega < 1e3 ? mega : mega * 1e-3);
   return text.data();
+}
+
+std::string real_text(double value) {
+  std::array<char, 40> digits{};
+  const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
+  std::string text(digits.data(), end);
+  if (text.find_first_of(".en") == std::string::npos) text += ".0";
+  return text;
 }
 
 std::size_t edit_distance(std::string_view a, std::string_view b) {

@@ -36,6 +36,10 @@ std::string_view trimmed(std::string_view text);
 /// "20.0 MB", "1.5 GB".
 std::string bytes_text(int64_t bytes);
 
+/// The shortest decimal that reads back as the same value: "0.9995", "4e-04", "2.0", "inf", "nan". A whole number keeps
+/// a ".0", so that TOML reads it as a real one.
+std::string real_text(double value);
+
 /// How many typing errors lie between two words: the optimal string alignment distance. A letter too many, a
 /// letter missing, a wrong letter and two neighbours swapped count one each, and no part of a word is edited
 /// twice (so "ca" to "abc" is 3, where the unrestricted Damerau-Levenshtein distance is 2). Case counts.

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <filesystem>
 #include <set>
-#include <sstream>
 
 #include "rollout_buffer/core/text.h"
 #include "scenarios/spec/game_names.h"
@@ -278,10 +277,8 @@ std::string setting_text(const toml::node& node) {
   if (const auto flag = node.value_exact<bool>()) return *flag ? "true" : "false";
   if (const auto whole = node.value_exact<int64_t>()) return std::to_string(*whole);
   if (const auto word = node.value_exact<std::string>()) return *word;
-  std::ostringstream out;
-  out.precision(17);
-  if (const auto real = node.value_exact<double>()) out << *real;
-  return out.str();
+  if (const auto real = node.value_exact<double>()) return real_text(*real);
+  return {};
 }
 
 /// The scenario's layer of training settings; each is tried on a RunConfig, so that a wrong one is found

@@ -154,7 +154,7 @@ TEST(SettingText, WritesEveryTypeAsConfigTomlDoes) {
   EXPECT_EQ(setting_text(config, "rnn_type"), "gru");
   EXPECT_EQ(setting_text(config, "rollout"), "32");
   EXPECT_EQ(setting_text(config, "use_rnn"), "true");
-  EXPECT_EQ(setting_text(config, "gamma"), "0.98999999999999999");
+  EXPECT_EQ(setting_text(config, "gamma"), "0.99");
   EXPECT_EQ(setting_text(config, "no_such_setting"), "");
 }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "rollout_buffer/core/rng.h"
 
@@ -95,6 +96,16 @@ TEST(BytesText, IsInMegabytesBelowAGigabyte) {
   EXPECT_EQ(bytes_text(999'000'000), "999.0 MB");
   EXPECT_EQ(bytes_text(1'000'000'000), "1.0 GB");
   EXPECT_EQ(bytes_text(1'540'000'000'000), "1540.0 GB");
+}
+
+TEST(RealText, IsTheShortestThatReadsBack) {
+  EXPECT_EQ(real_text(0.9995), "0.9995");
+  EXPECT_EQ(real_text(0.1 + 0.2), "0.30000000000000004");
+  EXPECT_EQ(real_text(-2), "-2.0") << "still a real number in TOML";
+  EXPECT_EQ(real_text(0), "0.0");
+  EXPECT_EQ(std::stod(real_text(4e-4)), 4e-4);
+  EXPECT_EQ(std::stod(real_text(1e-300)), 1e-300);
+  EXPECT_EQ(real_text(INFINITY), "inf");
 }
 
 }  // namespace
