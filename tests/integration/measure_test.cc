@@ -3,15 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
-
 #include "tests/integration/running_program.h"
 
 namespace comrad::testing {
 namespace {
 
 using ::testing::HasSubstr;
-namespace fs = std::filesystem;
 
 /// Temporary run directories below `folder` that a command left.
 size_t leftovers(const std::string& folder) { return files(folder, "comrad-").size(); }

@@ -33,4 +33,3 @@ wad_path, tic_count = os.path.abspath(sys.argv[1]), int(sys.argv[2])
 with tempfile.TemporaryDirectory() as folder:
     os.chdir(folder)  # the engine leaves its settings where it runs
     play(wad_path, tic_count)
-    os.chdir("/")

@@ -40,9 +40,8 @@ TEST(MergeNew, ALaterLayerWins) {
   EXPECT_EQ(defaults->config.batch_size, 1024);
 
   const test::ScratchFolder folder;
-  const std::string file = folder.write("settings.toml", "num_epochs = 3\nbatch_size = 2048\n");
   UserSettings user = typed({{"batch_size", "512"}});
-  user.config_file = file;
+  user.config_file = folder.write("settings.toml", "num_epochs = 3\nbatch_size = 2048\n");
   const auto merged = merge_new(user, fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(merged->config.num_epochs, 3);    // file over scenario
@@ -94,12 +93,11 @@ TEST(MergeNew, TheTeamSizeReachesTheShape) {
 
 TEST(MergeNew, NamesTheLayerOfAnUnknownKey) {
   const test::ScratchFolder folder;
-  const std::string file = folder.write("settings.toml", "batchsize = 3\n");
   UserSettings user = typed({});
-  user.config_file = file;
+  user.config_file = folder.write("settings.toml", "batchsize = 3\n");
   const auto merged = merge_new(user, fake_scenario, 2);
   ASSERT_FALSE(merged);
-  EXPECT_THAT(merged.error().message, HasSubstr(file));
+  EXPECT_THAT(merged.error().message, HasSubstr(user.config_file));
   EXPECT_THAT(merged.error().message, HasSubstr("batch_size"));
 }
 

@@ -64,11 +64,11 @@ TEST(DurationText, HasTwoUnitsAtMost) {
 // The next bytes of the descriptor, at most `size`: fewer once nothing more has come for two seconds. A terminal hands
 // one write over in several pieces when the kernel is busy, so a single read may see less than was written.
 std::string next_text(int descriptor, std::size_t size) {
-  constexpr int PATIENCE_MS = 2000;
+  constexpr int kPatienceMs = 2000;
   std::string text(size, '\0');
   std::size_t filled = 0;
   pollfd readable{.fd = descriptor, .events = POLLIN, .revents = 0};
-  while (filled < size && poll(&readable, 1, PATIENCE_MS) > 0) {
+  while (filled < size && poll(&readable, 1, kPatienceMs) > 0) {
     const ssize_t got = read(descriptor, text.data() + filled, size - filled);
     if (got <= 0) break;
     filled += static_cast<std::size_t>(got);

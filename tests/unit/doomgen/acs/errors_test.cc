@@ -1,10 +1,8 @@
 // What does not compile: where the message points, what it says, and that nothing makes the compiler stumble.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 #include <string>
 
 #include "doomgen/acs/compiler.h"

@@ -2,12 +2,10 @@
 // agree. COMRAD_TEST_PYTHON names an interpreter with the vizdoom package (default: python3); without one the
 // test is skipped.
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <array>
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <sstream>
 

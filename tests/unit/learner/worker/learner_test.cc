@@ -1,7 +1,6 @@
 #include "learner/worker/learner.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <chrono>

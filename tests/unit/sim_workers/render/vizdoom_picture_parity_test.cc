@@ -1,7 +1,6 @@
 // Our pictures beside those that ViZDoom's pip package draws now, on its own maps along a script of moves,
 // with and without monsters. Play is not what is compared: every frame takes pose and actors from ViZDoom.
 // COMRAD_PICTURES=DIR writes theirs (left) and ours (right).
-#include <unistd.h>
 
 #include <cmath>
 #include <cstdlib>
