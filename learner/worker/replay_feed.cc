@@ -50,10 +50,10 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
   COMRAD_TRY_ASSIGN(
       std::unique_ptr<replay::Replay> replay,
       replay::Replay::create({.store = {.shape = shape,
-                                        .capacity_bytes = static_cast<int64_t>(config.replay_gb * 1e9),
+                                        .capacity_bytes = static_cast<int64_t>((config.replay_gb > 0 ? config.replay_gb : 1.0) * 1e9),
                                         .capacity_transitions = config.replay_buffer_size,
                                         .file = config.replay_file,
-                                        .compress = config.replay_compress},
+                                        .compress = config.replay_compress == "true"},
                               .unit = unit,
                               .prioritized = config.per,
                               .omega = config.per_omega,

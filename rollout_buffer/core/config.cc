@@ -222,12 +222,14 @@ void check_q_learning(const RunConfig& c, Checks& check) {
   check.range("qmix_sequence_batch_size", c.qmix_sequence_batch_size, 1, 1 << 16);
   check.range("burn_in", c.burn_in, 0, 4096);
 
-  check.that(c.replay_gb > 0 && c.replay_gb <= 1e6, "replay_gb", real_text(c.replay_gb),
-             "greater than 0 and at most 1000000");
+  check.that(c.replay_gb >= 0 && c.replay_gb <= 1e6, "replay_gb", real_text(c.replay_gb),
+             "at most 1000000, or 0 for what memory allows");
+  check.one_of("replay_compress", c.replay_compress, {"auto", "true", "false"});
   check.range("replay_buffer_size", c.replay_buffer_size, 1, int64_t{1} << 40);
   check.fraction("per_omega", c.per_omega);
   check.fraction("per_beta_start", c.per_beta_start);
   check.at_least("per_beta_frames", c.per_beta_frames, 0);
+  check.fraction("per_eta", c.per_eta);
 
   check.that(c.mixer.empty() || c.mixer == mixer_of(c.algo), "mixer", c.mixer,
              "one of vdn, qmix, dmaq, dmaq_qatten with algo qmix or qplex, and left out with algo " + c.algo);
@@ -247,6 +249,7 @@ Status check_ranges(const RunConfig& c) {
   Checks check;
   check.that(!c.scenario.empty(), "scenario", c.scenario, "the name of a scenario");
   check.one_of("algo", c.algo, {kAlgorithms.begin(), kAlgorithms.end()});
+  check.one_of("preset", c.preset, {"paper", "small"});
   check.that(c.experiment.find('/') == std::string::npos && c.experiment != "." && c.experiment != "..",
              "experiment", c.experiment, "a folder name without '/'");
   check.that(!c.train_dir.empty(), "train_dir", c.train_dir, "a folder");
@@ -294,6 +297,7 @@ Status check_ranges(const RunConfig& c) {
 
   check.fraction("gamma", c.gamma);
   check.fraction("gae_lambda", c.gae_lambda);
+  check.at_least("returns_clip", c.returns_clip, 0);
   check.above("ppo_clip_ratio", c.ppo_clip_ratio, 0);
   check.above("ppo_clip_value", c.ppo_clip_value, 0);
   check.at_least("value_loss_coeff", c.value_loss_coeff, 0);
@@ -332,6 +336,8 @@ Status check_ranges(const RunConfig& c) {
                                    std::pair("critic_hidden_sizes", &c.critic_hidden_sizes)})
     check.that(parse_widths(*text).has_value(), name, *text,
                "none, or up to 8 widths between 1 and 8192 as 512,256");
+
+  check.one_of("mappo_critic_view", c.mappo_critic_view, {"own_first", "position"});
 
   check_curriculum(c, check);
 
@@ -395,7 +401,7 @@ Status check_combinations(const RunConfig& c) {
 /// What the settings of Q-learning become once the others are known.
 void resolve_q_learning(RunConfig& c) {
   c.mixer = mixer_of(c.algo);
-  if (c.use_rnn) c.per = false;  // whole sequences are drawn uniformly
+  if (c.use_rnn) c.per = c.per && c.per_sequences;
   if (c.dqn_batch_size == 0) c.dqn_batch_size = std::min<int64_t>(c.batch_size, 256);
   if (c.per_beta_frames == 0) c.per_beta_frames = c.train_for_env_steps;
   if (c.team_reward == "auto") c.team_reward = c.shared_reward_alpha == 1 ? "mean" : "sum";

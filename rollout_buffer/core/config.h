@@ -19,6 +19,7 @@ struct RunConfig {
   // What to train.
   std::string scenario = "coop_health_gathering";
   std::string algo = "ippo";
+  std::string preset = "small";
   std::string experiment;
   std::string train_dir = "train_dir";
   std::string restart_behavior = "resume";
@@ -72,6 +73,7 @@ struct RunConfig {
   double gamma = 0.99;
   double gae_lambda = 0.95;
   bool normalize_returns = true;
+  double returns_clip = 5.0;
   bool normalize_input = true;
   bool legacy_timeouts = false;
   double ppo_clip_ratio = 0.1;
@@ -91,12 +93,14 @@ struct RunConfig {
   double epsilon_start = 1.0;
   double epsilon_end = 0.01;
   double epsilon_decay_steps = 2e7;
+  bool epsilon_per_head = true;
   bool double_dqn = true;
   double target_update_tau = 0.005;
   int64_t target_update_interval = 1000;
   int64_t n_step = 1;
   double td_lambda = -1.0;
   double q_value_clamp = 100.0;
+  bool normalize_q_values = false;
   bool use_huber_loss = true;
   double dqn_reward_clip = 1.0;
   std::string team_reward = "auto";
@@ -110,15 +114,17 @@ struct RunConfig {
   int64_t burn_in = 0;
 
   // Replay.
-  double replay_gb = 1.0;
+  double replay_gb = 0;
   int64_t replay_buffer_size = 1'000'000;
   std::string replay_file;
-  bool replay_compress = false;
+  std::string replay_compress = "auto";
   bool save_replay = false;
   bool per = true;
   double per_omega = 0.6;
   double per_beta_start = 0.4;
   double per_beta_frames = 0;
+  bool per_sequences = false;
+  double per_eta = 0.9;
 
   // Mixers.
   std::string mixer;
@@ -159,6 +165,7 @@ struct RunConfig {
   bool share_parameters = true;
   bool agent_id_input = false;
   std::string critic_hidden_sizes = "512,256";
+  std::string mappo_critic_view = "own_first";
   bool happo_critic_rnn = true;
 
   // Curriculum over a layout pool (learner/curriculum).
@@ -204,6 +211,10 @@ void visit_settings(Config& c, Visitor&& visit) {
   using Names = std::initializer_list<const char*>;
   visit("scenario", c.scenario, "scenario to play; `comrad scenarios` lists them", Names{"env"});
   visit("algo", c.algo, "learning algorithm: ippo, mappo, happo, idqn, vdn, qmix, qplex_d or qplex_q",
+        Names{});
+  visit("preset", c.preset,
+        "recipe: paper (the published configuration, its faults mended) or small (what learns most per hour on "
+        "a few cores)",
         Names{});
   visit("experiment", c.experiment, "run name; empty makes <scenario>_<ALGO>_<date>_<time>", Names{});
   visit("train_dir", c.train_dir, "folder that holds the runs", Names{});
@@ -272,6 +283,8 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("gamma", c.gamma, "discount per decision", Names{});
   visit("gae_lambda", c.gae_lambda, "lambda of generalised advantage estimation", Names{});
   visit("normalize_returns", c.normalize_returns, "the critic predicts normalised returns", Names{});
+  visit("returns_clip", c.returns_clip,
+        "with normalize_returns: targets and values are clipped to +- this many deviations; 0: off", Names{});
   visit("normalize_input", c.normalize_input, "running mean and deviation of every input element", Names{});
   visit("legacy_timeouts", c.legacy_timeouts, "treat time-outs as terminal, as the reference does", Names{});
   visit("ppo_clip_ratio", c.ppo_clip_ratio, "epsilon of the clip interval [1/(1+eps), 1+eps]", Names{});
@@ -295,6 +308,10 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("epsilon_end", c.epsilon_end, "Q-learning: share of random decisions in the end", Names{});
   visit("epsilon_decay_steps", c.epsilon_decay_steps, "Q-learning: env frames of the linear way between them",
         Names{});
+  visit("epsilon_per_head", c.epsilon_per_head,
+        "Q-learning: every action head explores on its own; off: all heads of an exploring agent at once, as "
+        "published",
+        Names{});
   visit("double_dqn", c.double_dqn, "Q-learning: the online network chooses the next action of a target",
         Names{});
   visit(
@@ -307,7 +324,10 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("n_step", c.n_step, "Q-learning: rewards in a target before it bootstraps", Names{});
   visit("td_lambda", c.td_lambda, "Q-learning: lambda of TD(lambda) targets over sequences; below 0: n_step",
         Names{});
-  visit("q_value_clamp", c.q_value_clamp, "Q-learning: targets are clipped to +- this; 0: off; idqn never",
+  visit("q_value_clamp", c.q_value_clamp, "Q-learning: targets are clipped to +- this; 0 turns it off; ignored by idqn",
+        Names{});
+  visit("normalize_q_values", c.normalize_q_values,
+        "Q-learning: networks predict Q-values in units of the targets' running deviation (PopArt's scale)",
         Names{});
   visit("use_huber_loss", c.use_huber_loss, "Q-learning: Huber loss instead of the squared error", Names{});
   visit("dqn_reward_clip", c.dqn_reward_clip, "idqn: rewards are clipped to +- this; 0: off", Names{});
@@ -334,19 +354,25 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("burn_in", c.burn_in, "with a recurrent core: first steps of a sequence that only warm up the state",
         Names{});
 
-  visit("replay_gb", c.replay_gb, "replay: capacity in gigabytes (1e9 bytes)", Names{});
+  visit("replay_gb", c.replay_gb, "replay: capacity in gigabytes (1e9 bytes); 0: from free memory", Names{});
   visit("replay_buffer_size", c.replay_buffer_size,
         "replay: capacity in agent decisions; the smaller of the two counts", Names{});
   visit("replay_file", c.replay_file,
-        "replay: file that holds it, so that it may outgrow memory; empty: memory", Names{});
-  visit("replay_compress", c.replay_compress, "replay: frames are compressed with LZ4", Names{});
+        "replay: file that holds it, so that it may outgrow memory; empty: memory, or a file in the run's folder "
+        "where memory is too small",
+        Names{});
+  visit("replay_compress", c.replay_compress, "replay: frames are compressed with LZ4: auto (where it pays), true or false",
+        Names{});
   visit("save_replay", c.save_replay, "replay: saved with every checkpoint; always so in deterministic runs",
         Names{});
-  visit("per", c.per, "replay: prioritised; uniform with a recurrent core in any case", Names{});
+  visit("per", c.per, "replay: prioritised; with a recurrent core only where per_sequences is on", Names{});
   visit("per_omega", c.per_omega, "replay: exponent of priorities", Names{"per_alpha"});
   visit("per_beta_start", c.per_beta_start, "replay: exponent of importance weights at first, 1 in the end",
         Names{});
   visit("per_beta_frames", c.per_beta_frames, "replay: env frames of that way; 0: the whole run", Names{});
+  visit("per_sequences", c.per_sequences, "replay: sequences are prioritised, too (R2D2)", Names{});
+  visit("per_eta", c.per_eta,
+        "replay: share of the largest |TD error| in a sequence's priority, the rest is their mean", Names{});
 
   visit("mixer", c.mixer,
         "with algo qmix or qplex: vdn, qmix, dmaq (qplex_d) or dmaq_qatten (qplex_q); empty: the algorithm's",
@@ -401,6 +427,10 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("critic_hidden_sizes", c.critic_hidden_sizes,
         "hidden widths of mappo's and happo's central critic, as 512,256; none: linear",
         Names{"happo_critic_hidden_sizes"});
+  visit("mappo_critic_view", c.mappo_critic_view,
+        "what mappo's critic sees for an agent's value: own_first (its own features, then the mean of its "
+        "partners') or position (all in order, a value a position, as published)",
+        Names{});
   visit("happo_critic_rnn", c.happo_critic_rnn, "HAPPO's critic has a recurrent core per agent", Names{});
 
   visit("curriculum", c.curriculum,
