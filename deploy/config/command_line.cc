@@ -254,7 +254,10 @@ std::string CommandLine::help() const {
   for (const Parser::Flag& flag : parser_->flags) (flag.is_setting ? settings : own) += flag.help_text;
   if (!own.empty()) text += "\nThis command:\n" + own;
   if (!settings.empty())
-    text += "\nSettings (built-in < algorithm < scenario < TOML file < command line):\n" + settings;
+    text +=
+        "\nSettings (built-in < algorithm < preset < TOML file < command line; `comrad config` shows the "
+        "result):\n" +
+        settings;
   return text;
 }
 

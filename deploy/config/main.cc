@@ -22,6 +22,8 @@ const std::vector<Command>& commands() {
       {"train", "train agents on a scenario", train_command},
       {"eval", "play fresh episodes with a trained or a random policy and report the score", eval_command},
       {"bench", "measure throughput: sim, inference, learner, replay or train", bench_command},
+      {"config", "print the settings that train would use, and the layer that each came from",
+       config_command},
       {"scenarios", "list the scenarios, or describe one", scenarios_command},
       {"doomgen", "draw a scenario's map as a WAD, or a pool of them; check a pool; show a map from above",
        doomgen_command},

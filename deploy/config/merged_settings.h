@@ -1,10 +1,14 @@
 // Merges the layers of settings into the one RunConfig that a run directory's config.toml holds:
 //
-//   built-in < algorithm < scenario < TOML file < command line          a new run
-//   config.toml of the run          < TOML file < command line          resuming or evaluating a run
+//   built-in < algorithm < preset < TOML file < command line          a new run
+//   config.toml of the run        < TOML file < command line          resuming or evaluating a run
+//
+// A preset's layer has three parts, the later over the earlier: its rows for the algorithm, what --qplex_preset stands
+// for, and the scenario's rows for preset and algorithm.
 #pragma once
 
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -20,6 +24,10 @@ using Describe = std::function<Expected<ScenarioDescription>(const std::string&,
 struct MergedSettings {
   RunConfig config;              ///< no zero that means "auto" is left
   ScenarioDescription scenario;  ///< for config.num_agents
+  /// Setting -> the layer that its value came from: "built-in" (or "run", on top of a run's config.toml), "algorithm",
+  /// "preset", "scenario", "file", "command line", the name of a command's `changes`, or "automatic" where the value
+  /// was worked out or rounded from others and the host.
+  std::map<std::string, std::string> from;
 };
 
 /// The layers above the scenario's: a TOML file when `config_file` is set, then what was typed.
@@ -28,8 +36,8 @@ struct UserSettings {
   SettingsLayer typed{"command line", {}};
 };
 
-/// A new run's settings. `changes` are put on top of the built-in defaults first, for commands whose own
-/// defaults differ (a bench has no end by frames). Errors: kBadInput and kBadFormat of any layer, naming it;
+/// A new run's settings. `changes` lie above the preset and below the file, for commands whose own defaults differ
+/// (a bench has no end by frames). Errors: kBadInput and kBadFormat of any layer, naming it;
 /// those of resolve_settings.
 Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& describe, int core_count,
                                    const SettingsLayer& changes = {});

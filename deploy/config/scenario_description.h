@@ -21,8 +21,9 @@ struct ScenarioDescription {
   int64_t decision_limit = 0;  ///< decisions after which an episode is truncated
   double ceiling = 0;          ///< best possible score J
   double shared_reward_alpha = 0;
-  std::string score;       ///< what J is: survival_tics, ...
-  SettingsLayer training;  ///< its own training defaults, origin "scenario <name>"
+  std::string score;  ///< what J is: survival_tics, ...
+  SettingsLayer
+      training;  ///< its rows of the recipes, keys "<preset>.<algorithm>.<setting>"; origin "scenario <name>"
 };
 
 /// Reads the JSON of `comrad-scenarios describe`. Errors: kBadFormat naming the key that is missing or wrong.

@@ -12,12 +12,11 @@
 #include <toml++/toml.h>
 
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/recipes.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad {
 namespace {
-
-constexpr std::array kAlgorithms = {"ippo", "mappo", "happo", "idqn", "vdn", "qmix", "qplex_d", "qplex_q"};
 
 /// The mixers by the names that --mixer knows, and the algorithm that each makes.
 struct MixerName {
@@ -26,16 +25,6 @@ struct MixerName {
 };
 constexpr MixerName kMixers[] = {
     {"vdn", "vdn"}, {"qmix", "qmix"}, {"dmaq", "qplex_d"}, {"dmaq_qatten", "qplex_q"}};
-
-/// One spelling travels through the rest of the system: Sample Factory calls independent PPO "APPO", the
-/// reference says "DQN" for idqn and "QPLEX" with a mixer for qplex_d and qplex_q.
-std::string canonical_algorithm(std::string_view algo) {
-  std::string name = lower_case(algo);
-  if (name == "appo") return "ippo";
-  if (name == "dqn") return "idqn";
-  if (name == "qplex") return "qplex_d";
-  return name;
-}
 
 const char* mixer_of(std::string_view algo) {
   for (const MixerName& name : kMixers)
@@ -248,8 +237,8 @@ void check_q_learning(const RunConfig& c, Checks& check) {
 Status check_ranges(const RunConfig& c) {
   Checks check;
   check.that(!c.scenario.empty(), "scenario", c.scenario, "the name of a scenario");
-  check.one_of("algo", c.algo, {kAlgorithms.begin(), kAlgorithms.end()});
-  check.one_of("preset", c.preset, {"paper", "small"});
+  check.one_of("algo", c.algo, algorithm_names());
+  check.one_of("preset", c.preset, preset_names());
   check.that(c.experiment.find('/') == std::string::npos && c.experiment != "." && c.experiment != "..",
              "experiment", c.experiment, "a folder name without '/'");
   check.that(!c.train_dir.empty(), "train_dir", c.train_dir, "a folder");
@@ -477,16 +466,6 @@ Status apply_layer(RunConfig& config, const SettingsLayer& layer) {
   return {};
 }
 
-SettingsLayer settings_for_algorithm(const SettingsLayer& layer, const std::string& algo) {
-  SettingsLayer chosen{layer.origin, {}};
-  const std::string prefix = algo + ".";
-  for (const auto& [key, value] : layer.values)
-    if (key.find('.') == std::string::npos) chosen.values.emplace_back(key, value);
-  for (const auto& [key, value] : layer.values)
-    if (key.starts_with(prefix)) chosen.values.emplace_back(key.substr(prefix.size()), value);
-  return chosen;
-}
-
 Status check_toml_headers(std::string_view text, const std::string& label) {
   const auto byte_at = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const auto is_blank = [](unsigned char c) {
@@ -565,53 +544,6 @@ Expected<RunConfig> load_run_config(const std::string& path) {
   RunConfig config;
   COMRAD_TRY(apply_layer(config, layer));
   return config;
-}
-
-Expected<SettingsLayer> algorithm_defaults(const std::string& algo) {
-  const std::string name = canonical_algorithm(algo);
-  // What differs from the built-in layer, which is RunConfig's defaults.
-  if (name == "ippo" || name == "mappo")
-    return SettingsLayer{"algorithm " + name,
-                         {{"use_rnn", "true"},
-                          {"rnn_type", "lstm"},
-                          {"rnn_size", "512"},
-                          {"num_epochs", "4"},
-                          {"batch_size", "4096"},
-                          {"num_batches_per_epoch", "1"}}};
-  if (name == "happo")
-    return SettingsLayer{"algorithm " + name,
-                         {{"use_rnn", "true"},
-                          {"rnn_type", "gru"},
-                          {"rnn_size", "512"},
-                          {"num_epochs", "1"},
-                          {"batch_size", "4096"},
-                          {"num_batches_per_epoch", "1"},
-                          {"share_parameters", "false"},
-                          {"lr_schedule", "linear_decay"},
-                          {"max_policy_lag", "0"}}};
-  if (name == "idqn")
-    return SettingsLayer{"algorithm " + name, {{"use_rnn", "false"}, {"batch_size", "4096"}}};
-  if (*mixer_of(name) != '\0')
-    return SettingsLayer{"algorithm " + name,
-                         {{"use_rnn", "true"},
-                          {"rnn_type", "gru"},
-                          {"rnn_size", "512"},
-                          {"batch_size", "4096"},
-                          {"qmix_sequence_batch_size", name.starts_with("qplex") ? "16" : "64"}}};
-  const std::vector<std::string> known(kAlgorithms.begin(), kAlgorithms.end());
-  const std::string near = nearest_word(name, known);
-  return Error{ErrorCode::kBadInput, "unknown algorithm '" + algo + "'" +
-                                         (near.empty() ? "" : "; did you mean '" + near + "'?") +
-                                         " (known: " + joined(known) + ")"};
-}
-
-SettingsLayer qplex_preset_settings(const std::string& preset) {
-  if (preset != "paper") return {};
-  return {"qplex_preset paper",
-          {{"qplex_weighted_head", "true"},
-           {"qplex_num_kernel", "10"},
-           {"qplex_adv_hypernet_layers", "3"},
-           {"qplex_state_bias", "true"}}};
 }
 
 bool learns_q_values(const RunConfig& config) { return config.algo == "idqn" || mixes_q_values(config); }

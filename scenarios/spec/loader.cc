@@ -1,10 +1,12 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <set>
 
+#include "rollout_buffer/core/recipes.h"
 #include "rollout_buffer/core/text.h"
 #include "scenarios/spec/game_names.h"
 #include "scenarios/spec/rewards.h"
@@ -281,38 +283,55 @@ std::string setting_text(const toml::node& node) {
   return {};
 }
 
-/// The scenario's layer of training settings; each is tried on a RunConfig, so that a wrong one is found
-/// here. A table [training.<algorithm>] holds settings of that algorithm alone; their keys get its name and a
-/// dot.
-Status read_training(TableReader& root, ScenarioSpec& spec) {
-  spec.training.origin = "scenario " + spec.name;
-  const toml::table* table = root.table("training");
-  if (table == nullptr) return {};
+/// One table [training.<preset>.<algorithm>]: the keys of its settings get "<preset>.<algorithm>." in front. Each is tried
+/// on a RunConfig, so that a wrong one is found here. False after root.fail().
+bool read_recipe(TableReader& root, const std::string& preset, const std::string& algorithm,
+                 const toml::table& table, SettingsLayer& training) {
+  constexpr std::array kChooseARecipe = {"scenario", "env", "algo", "mixer", "preset", "qplex_preset"};
   RunConfig scratch;
-  const auto read = [&](const toml::key& key, const toml::node& node, const std::string& prefix) {
-    const SettingsLayer one{spec.training.origin, {{std::string(key.str()), setting_text(node)}}};
+  for (const auto& [key, node] : table) {
+    const std::string name(key.str());
+    if (std::count(kChooseARecipe.begin(), kChooseARecipe.end(), name) > 0) {
+      root.fail(key.source(), "'" + name + "' chooses the recipe and cannot stand in one; take it out");
+      return false;
+    }
+    const SettingsLayer one{training.origin, {{name, setting_text(node)}}};
     if (const Status applied = apply_layer(scratch, one); !applied) {
       root.fail(key.source(), applied.error().message);
-      return false;  // finish() of the root reports it
+      return false;
     }
-    spec.training.values.emplace_back(prefix + one.values[0].first, one.values[0].second);
-    return true;
-  };
-  for (const auto& [key, node] : *table) {
-    const toml::table* of_algorithm = node.as_table();
-    if (of_algorithm == nullptr) {
-      if (!read(key, node, "")) return {};
-      continue;
-    }
-    const std::string algorithm(key.str());
-    if (const auto known = algorithm_defaults(algorithm); !known) {
-      root.fail(key.source(), known.error().message);
-      return {};
-    }
-    for (const auto& [own_key, own_node] : *of_algorithm)
-      if (!read(own_key, own_node, algorithm + ".")) return {};
+    training.values.emplace_back(preset + "." + algorithm + "." + name, one.values[0].second);
   }
-  return {};
+  return true;
+}
+
+/// The scenario's rows of the recipes, tables [training.<preset>.<algorithm>] and nothing else: a value for all
+/// algorithms would silently take the place of each one's own. finish() of the root reports what is wrong.
+void read_training(TableReader& root, ScenarioSpec& spec) {
+  spec.training.origin = "scenario " + spec.name;
+  const toml::table* training = root.table("training");
+  if (training == nullptr) return;
+  const auto refuse = [&](const toml::key& key, const std::string& what) {
+    root.fail(key.source(), what +
+                                "; a scenario sets values for one preset and algorithm, in a table such as "
+                                "[training.small.ippo]");
+  };
+  for (const auto& [preset_key, preset_node] : *training) {
+    const std::string preset(preset_key.str());
+    if (const auto known = preset_settings(preset, "ippo"); !known)
+      return refuse(preset_key, known.error().message);
+    const toml::table* of_preset = preset_node.as_table();
+    if (of_preset == nullptr) return refuse(preset_key, "'training." + preset + "' is no table");
+    for (const auto& [algorithm_key, algorithm_node] : *of_preset) {
+      const std::string name(algorithm_key.str());
+      if (const auto known = algorithm_defaults(name); !known)
+        return refuse(algorithm_key, known.error().message);
+      const toml::table* of_algorithm = algorithm_node.as_table();
+      if (of_algorithm == nullptr)
+        return refuse(algorithm_key, "'training." + preset + "." + name + "' is no table");
+      if (!read_recipe(root, preset, canonical_algorithm(name), *of_algorithm, spec.training)) return;
+    }
+  }
 }
 
 Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec& spec) {
@@ -363,7 +382,7 @@ Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& nam
   COMRAD_TRY(read_measurements(path, root, spec));
   COMRAD_TRY(read_rewards(path, root, spec));
   COMRAD_TRY(read_render(path, root, spec));
-  COMRAD_TRY(read_training(root, spec));
+  read_training(root, spec);
   COMRAD_TRY(check_spec(root, name, spec));
   return spec;
 }

@@ -69,7 +69,7 @@ struct ScenarioSpec {
   std::vector<RewardTerm> rewards;
   std::vector<MaskTerm> masks;
   bool hud = true, crosshair = false, screen_flashes = true, weapon = true;
-  SettingsLayer training;  ///< default training settings of this scenario
+  SettingsLayer training;  ///< its rows of the recipes; keys "<preset>.<algorithm>.<setting>"
   std::string folder;      ///< where scenario.toml lies
 
   EnvShape shape(int num_agents, bool use_measurements) const;

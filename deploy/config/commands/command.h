@@ -25,6 +25,7 @@ struct Command {
 int train_command(Arguments arguments);
 int eval_command(Arguments arguments);
 int bench_command(Arguments arguments);
+int config_command(Arguments arguments);
 int scenarios_command(Arguments arguments);
 int doomgen_command(Arguments arguments);
 int acs_command(Arguments arguments);

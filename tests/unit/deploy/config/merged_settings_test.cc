@@ -22,7 +22,10 @@ Expected<ScenarioDescription> fake_scenario(const std::string& name, int64_t num
   scenario.shared_reward_alpha = 0.25;
   scenario.ceiling = 40;
   scenario.training = {"scenario two_rooms",
-                       {{"batch_size", "1024"}, {"num_epochs", "2"}, {"rnn_type", "gru"}}};
+                       {{"small.ippo.batch_size", "2048"},
+                        {"small.ippo.num_epochs", "2"},
+                        {"paper.ippo.num_epochs", "7"},
+                        {"small.qplex_q.qmix_sequence_batch_size", "5"}}};
   return scenario;
 }
 
@@ -34,44 +37,104 @@ UserSettings typed(std::vector<std::pair<std::string, std::string>> values) {
 TEST(MergeNew, ALaterLayerWins) {
   const auto defaults = merge_new(typed({}), fake_scenario, 2);
   ASSERT_TRUE(defaults) << defaults.error().message;
-  EXPECT_EQ(defaults->config.rnn_size, 512);    // built-in or algorithm
-  EXPECT_EQ(defaults->config.num_epochs, 2);    // scenario over the algorithm's 4
-  EXPECT_EQ(defaults->config.rnn_type, "gru");  // scenario over the algorithm's lstm
-  EXPECT_EQ(defaults->config.batch_size, 1024);
+  EXPECT_EQ(defaults->config.rnn_size, 512);        // algorithm
+  EXPECT_EQ(defaults->config.rnn_type, "gru");      // preset over the algorithm's lstm
+  EXPECT_EQ(defaults->config.learning_rate, 4e-4);  // preset over built-in
+  EXPECT_EQ(defaults->config.num_epochs, 2);        // scenario over the preset's 1
+  EXPECT_EQ(defaults->config.batch_size, 2048);     // scenario over the preset's 1024
 
   const test::ScratchFolder folder;
   UserSettings user = typed({{"batch_size", "512"}});
-  user.config_file = folder.write("settings.toml", "num_epochs = 3\nbatch_size = 2048\n");
+  user.config_file = folder.write("settings.toml", "num_epochs = 3\nbatch_size = 1024\n");
   const auto merged = merge_new(user, fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(merged->config.num_epochs, 3);    // file over scenario
   EXPECT_EQ(merged->config.batch_size, 512);  // command line over file
 }
 
-TEST(MergeNew, QLearningTakesItsOwnSettingsItsPresetAndNoSharedRewards) {
-  const auto describe = [](const std::string& name, int64_t num_agents, bool use_measurements) {
-    auto scenario = fake_scenario(name, num_agents, use_measurements);
-    if (scenario) scenario->training.values.emplace_back("qplex_q.qmix_sequence_batch_size", "5");
-    return scenario;
+TEST(MergeNew, ThePresetChoosesItsOwnRowsAndTheScenarios) {
+  const auto paper = merge_new(typed({{"preset", "paper"}}), fake_scenario, 2);
+  ASSERT_TRUE(paper) << paper.error().message;
+  EXPECT_EQ(paper->config.rnn_type, "lstm");
+  EXPECT_EQ(paper->config.batch_size, 4096);
+  EXPECT_EQ(paper->config.num_epochs, 7) << "the scenario's row of this preset";
+  const test::ScratchFolder folder;
+  UserSettings by_file = typed({});
+  by_file.config_file = folder.write("settings.toml", "preset = \"paper\"\n");
+  const auto same = merge_new(by_file, fake_scenario, 2);
+  ASSERT_TRUE(same) << same.error().message;
+  EXPECT_EQ(settings_to_toml(same->config), settings_to_toml(paper->config));
+  EXPECT_EQ(same->from.at("preset"), "file");
+  const auto unknown = merge_new(typed({{"preset", "papers"}}), fake_scenario, 2);
+  ASSERT_FALSE(unknown);
+  EXPECT_THAT(unknown.error().message, HasSubstr("did you mean 'paper'"));
+}
+
+TEST(MergeNew, TellsTheLayerThatEachValueCameFrom) {
+  const test::ScratchFolder folder;
+  UserSettings user =
+      typed({{"algo", "ippo"}, {"rollout", "32"}, {"micro_batch_size", "70"}, {"seed", "42"}});
+  user.config_file = folder.write("settings.toml", "lr = 1e-3\nrollout = 16\n");
+  const auto merged = merge_new(user, fake_scenario, 2);
+  ASSERT_TRUE(merged) << merged.error().message;
+  const auto& from = merged->from;
+  EXPECT_EQ(from.at("gamma"), "built-in");
+  EXPECT_EQ(from.at("rnn_size"), "algorithm");
+  EXPECT_EQ(from.at("ppo_clip_ratio"), "preset");
+  EXPECT_EQ(from.at("num_epochs"), "scenario");
+  EXPECT_EQ(from.at("shared_reward_alpha"), "scenario");
+  EXPECT_EQ(from.at("num_agents"), "scenario");
+  EXPECT_EQ(from.at("learning_rate"), "file") << "under its old name";
+  EXPECT_EQ(from.at("rollout"), "command line");
+  EXPECT_EQ(from.at("seed"), "command line") << "typed, though it is the built-in value";
+  EXPECT_EQ(from.at("num_workers"), "automatic");
+  EXPECT_EQ(from.at("micro_batch_size"), "automatic") << "rounded down to 64";
+  size_t settings = 0;
+  visit_settings(merged->config, [&](const char* name, const auto&, const char*, auto) {
+    ++settings;
+    EXPECT_TRUE(from.contains(name)) << name;
+  });
+  EXPECT_EQ(from.size(), settings);
+}
+
+TEST(MergeNew, SharesOfRewards) {
+  const auto alpha = [](std::vector<std::pair<std::string, std::string>> flags) {
+    const auto merged = merge_new(typed(std::move(flags)), fake_scenario, 2);
+    EXPECT_TRUE(merged) << merged.error().message;
+    return merged ? merged->config.shared_reward_alpha : -2;
   };
-  const auto merged =
-      merge_new(typed({{"algo", "qplex"}, {"mixer", "dmaq_qatten"}, {"qplex_preset", "paper"}}), describe, 2);
+  for (const char* preset : {"paper", "small"}) {
+    EXPECT_EQ(alpha({{"preset", preset}, {"algo", "ippo"}}), 0.25) << "the scenario's";
+    EXPECT_EQ(alpha({{"preset", preset}, {"algo", "mappo"}}), 0.25) << "the scenario's";
+    EXPECT_EQ(alpha({{"preset", preset}, {"algo", "happo"}}), 1) << "its joint critic needs one reward";
+    EXPECT_EQ(alpha({{"preset", preset}, {"algo", "happo"}, {"shared_reward_alpha", "0"}}), 0) << "asked for";
+    EXPECT_EQ(alpha({{"preset", preset}, {"algo", "idqn"}}), 0);
+    EXPECT_EQ(alpha({{"preset", preset}, {"algo", "qmix"}}), 0);
+  }
+}
+
+TEST(MergeNew, QplexPresetLiesBetweenThePresetAndTheScenariosRows) {
+  const auto merged = merge_new(
+      typed({{"algo", "qplex"}, {"mixer", "dmaq_qatten"}, {"qplex_preset", "paper"}}), fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(merged->config.algo, "qplex_q");
   EXPECT_EQ(merged->config.qmix_sequence_batch_size, 5);
   EXPECT_EQ(merged->config.qplex_num_kernel, 10);
-  EXPECT_EQ(merged->config.shared_reward_alpha, 0);
-  const auto other = merge_new(typed({{"algo", "qmix"}}), describe, 2);
+  EXPECT_EQ(merged->from.at("qplex_num_kernel"), "preset");
+  const auto other = merge_new(typed({{"algo", "qmix"}}), fake_scenario, 2);
   ASSERT_TRUE(other) << other.error().message;
-  EXPECT_EQ(other->config.qmix_sequence_batch_size, 64);
+  EXPECT_EQ(other->config.qmix_sequence_batch_size, 4) << "small's, not the row of qplex_q";
 }
 
-TEST(MergeNew, ACommandsChangesLieBelowEverythingElse) {
-  const SettingsLayer changes{"bench", {{"train_for_env_steps", "1e15"}, {"num_epochs", "9"}}};
-  const auto merged = merge_new(typed({}), fake_scenario, 2, changes);
+TEST(MergeNew, ACommandsChangesLieBelowWhatTheUserAsks) {
+  const SettingsLayer changes{"bench",
+                              {{"train_for_env_steps", "1e15"}, {"num_epochs", "9"}, {"gamma", "0.5"}}};
+  const auto merged = merge_new(typed({{"gamma", "0.9"}}), fake_scenario, 2, changes);
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(merged->config.train_for_env_steps, 1e15);
-  EXPECT_EQ(merged->config.num_epochs, 2);
+  EXPECT_EQ(merged->config.num_epochs, 9);
+  EXPECT_EQ(merged->from.at("num_epochs"), "bench");
+  EXPECT_EQ(merged->config.gamma, 0.9);
 }
 
 TEST(MergeNew, LeavesNoAutomaticValue) {
@@ -128,6 +191,19 @@ TEST(MergeOntoRun, RefusesToChangeWhatShapesTheNetwork) {
   ASSERT_FALSE(merged);
   EXPECT_EQ(merged.error().code, ErrorCode::kBadInput);
   EXPECT_THAT(merged.error().message, HasSubstr("--rnn_size=64: the run was made with 512"));
+}
+
+TEST(MergeOntoRun, AnotherPresetIsAnErrorAndNeverAnotherValue) {
+  RunConfig run = made_run();
+  run.learning_rate = 0.5;
+  const auto other = merge_onto_run(run, typed({{"preset", "paper"}}), fake_scenario, 2);
+  ASSERT_FALSE(other);
+  EXPECT_THAT(other.error().message, HasSubstr("--preset=paper: the run was made with small; leave it out"));
+  const auto same = merge_onto_run(run, typed({{"preset", "small"}, {"gamma", "0.9"}}), fake_scenario, 2);
+  ASSERT_TRUE(same) << same.error().message;
+  EXPECT_EQ(same->config.learning_rate, 0.5);
+  EXPECT_EQ(same->from.at("learning_rate"), "run");
+  EXPECT_EQ(same->from.at("gamma"), "command line");
 }
 
 TEST(MergeOntoRun, AsksForTheScenariosTeamSizeMeansTheRunsOne) {

@@ -167,71 +167,6 @@ TEST_F(SettingsToml, SeededNoiseNeverCrashesTheReader) {
   }
 }
 
-TEST(AlgorithmDefaults, IppoIsLstmWithFourEpochs) {
-  for (const char* name : {"ippo", "IPPO", "appo", "APPO"}) {
-    RunConfig config;
-    const Expected<SettingsLayer> defaults = algorithm_defaults(name);
-    ASSERT_TRUE(defaults) << name;
-    ASSERT_TRUE(apply_layer(config, *defaults));
-    EXPECT_EQ(config.rnn_type, "lstm");
-    EXPECT_TRUE(config.use_rnn);
-    EXPECT_EQ(config.num_epochs, 4);
-    EXPECT_EQ(config.batch_size, 4096);
-  }
-}
-
-TEST(AlgorithmDefaults, HappoIsGruWithOneEpochLinearDecayAndNetworksOfItsOwn) {
-  RunConfig config = two_agents();
-  const Expected<SettingsLayer> defaults = algorithm_defaults("HAPPO");
-  ASSERT_TRUE(defaults);
-  config.algo = "happo";
-  ASSERT_TRUE(apply_layer(config, *defaults));
-  EXPECT_EQ(config.rnn_type, "gru");
-  EXPECT_EQ(config.num_epochs, 1);
-  EXPECT_EQ(config.lr_schedule, "linear_decay");
-  EXPECT_FALSE(config.share_parameters);
-  ASSERT_TRUE(resolve_settings(config, 2));
-  EXPECT_EQ(config.max_policy_lag, 3000);  // a version per agent and one for the critic
-  EXPECT_EQ(recurrent_state_count(config), 2 * 512);
-  config.happo_critic_rnn = false;
-  EXPECT_EQ(recurrent_state_count(config), 512);
-}
-
-TEST(AlgorithmDefaults, AnUnknownAlgorithmNamesTheKnownOnes) {
-  const Expected<SettingsLayer> unknown = algorithm_defaults("ipo");
-  ASSERT_FALSE(unknown);
-  EXPECT_EQ(unknown.error().code, ErrorCode::kBadInput);
-  EXPECT_THAT(unknown.error().message, HasSubstr("did you mean 'ippo'"));
-  EXPECT_THAT(unknown.error().message, HasSubstr("known: ippo"));
-}
-
-TEST(AlgorithmDefaults, ValueDecompositionIsGruOverSequencesAndIdqnFeedForward) {
-  const auto resolved = [](const std::string& algo) {
-    RunConfig config = two_agents();
-    EXPECT_TRUE(apply_layer(config, layer({{"algo", algo}})));
-    EXPECT_TRUE(apply_layer(config, *algorithm_defaults(config.algo))) << algo;
-    const Status done = resolve_settings(config, 2);
-    EXPECT_TRUE(done) << done.error().message;
-    return config;
-  };
-  for (const char* algo : {"VDN", "qmix"}) {
-    const RunConfig config = resolved(algo);
-    EXPECT_EQ(config.qmix_sequence_batch_size, 64);
-    EXPECT_EQ(config.rnn_type, "gru");
-    EXPECT_FALSE(config.per);  // whole sequences are drawn uniformly
-    EXPECT_EQ(config.team_reward, "sum");
-    EXPECT_TRUE(learns_q_values(config) && mixes_q_values(config));
-  }
-  EXPECT_EQ(resolved("QPLEX_Q").mixer, "dmaq_qatten");
-  EXPECT_EQ(resolved("qplex_d").qmix_sequence_batch_size, 16);
-  const RunConfig idqn = resolved("dqn");
-  EXPECT_EQ(idqn.algo, "idqn");
-  EXPECT_FALSE(idqn.use_rnn);
-  EXPECT_TRUE(idqn.per);
-  EXPECT_EQ(idqn.dqn_batch_size, 256);
-  EXPECT_FALSE(mixes_q_values(idqn));
-}
-
 TEST(ApplyLayer, AMixerChoosesAmongQmixAndQplex) {
   const auto algo_of = [](std::vector<std::pair<std::string, std::string>> values) {
     RunConfig config = two_agents();
@@ -246,22 +181,6 @@ TEST(ApplyLayer, AMixerChoosesAmongQmixAndQplex) {
   RunConfig config = two_agents();
   ASSERT_TRUE(apply_layer(config, layer({{"algo", "mappo"}, {"mixer", "qmix"}})));
   EXPECT_THAT(resolve_error(config), HasSubstr("mixer is qmix"));
-}
-
-TEST(QplexPreset, ThePapersSettingsLieAboveTheAlgorithms) {
-  RunConfig config = two_agents();
-  EXPECT_TRUE(qplex_preset_settings("comrad").values.empty());
-  ASSERT_TRUE(apply_layer(config, qplex_preset_settings("paper")));
-  EXPECT_TRUE(config.qplex_weighted_head && config.qplex_state_bias);
-  EXPECT_EQ(config.qplex_num_kernel, 10);
-  EXPECT_EQ(config.qplex_adv_hypernet_layers, 3);
-}
-
-TEST(SettingsForAlgorithm, OwnKeysComeLastAndOthersAreLeftOut) {
-  const SettingsLayer chosen = settings_for_algorithm(
-      layer({{"vdn.rollout", "16"}, {"rollout", "8"}, {"qmix.rollout", "4"}, {"gamma", "0.9"}}), "vdn");
-  using Values = std::vector<std::pair<std::string, std::string>>;
-  EXPECT_EQ(chosen.values, (Values{{"rollout", "8"}, {"gamma", "0.9"}, {"rollout", "16"}}));
 }
 
 TEST(ResolveSettings, QLearningSettingsThatExcludeEachOtherAreRefused) {

@@ -5,14 +5,17 @@
 #include <filesystem>
 #include <fstream>
 
+#include "rollout_buffer/core/recipes.h"
 #include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {
 namespace {
 
 using testing::AllOf;
+using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::Pair;
 
 constexpr const char* kGood = R"(name = "toy"
 title = "Toy"
@@ -35,7 +38,7 @@ name = "life"
 variable = "HEALTH"
 kind = "rise"
 weight = 0.1
-[training]
+[training.small.ippo]
 batch_size = 1024
 learning_rate = 3e-4
 async_rl = false
@@ -89,7 +92,7 @@ TEST_F(ScenarioLoader, ReadsEverything) {
   EXPECT_EQ(spec->measurements[0].scale, 0.5);
   ASSERT_EQ(spec->training.values.size(), 3u);
   RunConfig config;
-  ASSERT_TRUE(apply_layer(config, spec->training));
+  ASSERT_TRUE(apply_layer(config, scenario_settings(spec->training, "small", "ippo")));
   EXPECT_EQ(config.batch_size, 1024);
   EXPECT_EQ(config.learning_rate, 3e-4);
   EXPECT_FALSE(config.async_rl);
@@ -102,13 +105,34 @@ TEST_F(ScenarioLoader, ReadsEverything) {
   EXPECT_EQ(spec->shape(3, false).measurement_count, 0);
 }
 
-TEST_F(ScenarioLoader, SettingsOfOneAlgorithmStandInATableOfItsName) {
-  const auto spec = load(std::string(kGood) + "[training.vdn]\nrollout = 16\n");
+TEST_F(ScenarioLoader, SettingsStandInATableOfTheirPresetAndAlgorithm) {
+  const auto spec = load(std::string(kGood) + "[training.paper.DQN]\nrollout = 16\n");
   ASSERT_TRUE(spec) << spec.error().message;
-  EXPECT_EQ(spec->training.values.back(), (std::pair<std::string, std::string>("vdn.rollout", "16")));
-  EXPECT_THAT(message(load(std::string(kGood) + "[training.vnd]\nrollout = 16\n")),
-              HasSubstr("did you mean 'vdn'"));
-  EXPECT_THAT(message(load(std::string(kGood) + "[training.vdn]\nrolout = 16\n")), HasSubstr("'rollout'"));
+  EXPECT_THAT(spec->training.values, Contains(Pair("paper.idqn.rollout", "16")));
+  EXPECT_THAT(spec->training.values, Contains(Pair("small.ippo.batch_size", "1024")));
+}
+
+TEST_F(ScenarioLoader, ASettingForEveryAlgorithmIsRefusedWithItsPlace) {
+  const auto refusal = [this](const std::string& tables) {
+    return message(load(std::string(kGood) + tables));
+  };
+  EXPECT_THAT(refusal("[training]\nbatch_size = 512\n"),
+              AllOf(HasSubstr("scenario.toml:27:1: unknown preset 'batch_size'"),
+                    HasSubstr("[training.small.ippo]")));
+  EXPECT_THAT(
+      refusal("[training.vdn]\nrollout = 16\n"),
+      AllOf(HasSubstr(":26:"), HasSubstr("unknown preset 'vdn'"), HasSubstr("[training.small.ippo]")));
+  EXPECT_THAT(
+      refusal("[training.small]\nrollout = 16\n"),
+      AllOf(HasSubstr("27:1"), HasSubstr("unknown algorithm 'rollout'"), HasSubstr("[training.small.ippo]")));
+  EXPECT_THAT(refusal("[training.small]\nvdn = 16\n"), HasSubstr("'training.small.vdn' is no table"));
+  EXPECT_THAT(refusal("[training]\npaper = 16\n"), HasSubstr("'training.paper' is no table"));
+  EXPECT_THAT(refusal("[training.smal.vdn]\nrollout = 16\n"), HasSubstr("did you mean 'small'"));
+  EXPECT_THAT(refusal("[training.small.vnd]\nrollout = 16\n"), HasSubstr("did you mean 'vdn'"));
+  EXPECT_THAT(refusal("[training.small.vdn]\nrolout = 16\n"),
+              AllOf(HasSubstr("27:1"), HasSubstr("'rollout'")));
+  EXPECT_THAT(refusal("[training.small.vdn]\nrollout = \"long\"\n"), HasSubstr("it must be a whole number"));
+  EXPECT_THAT(refusal("[training.small.vdn]\nalgo = \"qmix\"\n"), HasSubstr("'algo' chooses the recipe"));
 }
 
 TEST_F(ScenarioLoader, UnknownKeysNameTheNearestOneAndTheirPlace) {

@@ -1,0 +1,86 @@
+// `comrad config`: the settings that `comrad train` would use with the same flags, and the layer that each value came
+// from. Nothing is started but `comrad-scenarios describe`, and nothing is written.
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <tuple>
+#include <vector>
+
+#include "deploy/config/command_line.h"
+#include "deploy/config/commands/command.h"
+#include "deploy/config/merged_settings.h"
+
+namespace comrad::deploy {
+namespace {
+
+using nlohmann::ordered_json;
+
+ordered_json to_json(const MergedSettings& merged) {
+  ordered_json settings = ordered_json::object();
+  visit_settings(merged.config,
+                 [&](const char* name, const auto& value, const char*, std::initializer_list<const char*>) {
+                   settings[name] = {{"value", value}, {"from", merged.from.at(name)}};
+                 });
+  return {{"settings", settings}};
+}
+
+/// A setting's name, value and layer.
+using Row = std::tuple<std::string, std::string, std::string>;
+
+void print_rows(const std::vector<Row>& rows) {
+  size_t name_width = 0, value_width = 0;
+  for (const auto& [name, value, from] : rows) {
+    name_width = std::max(name_width, name.size());
+    value_width = std::max(value_width, std::min<size_t>(value.size(), 32));
+  }
+  for (const auto& [name, value, from] : rows)
+    std::printf("%-*s  %-*s  %s\n", static_cast<int>(name_width), name.c_str(), static_cast<int>(value_width),
+                value.c_str(), from.c_str());
+}
+
+void print_tables(const MergedSettings& merged) {
+  std::vector<Row> chosen, built_in;
+  visit_settings(
+      merged.config, [&](const char* name, const auto&, const char*, std::initializer_list<const char*>) {
+        const std::string text = setting_text(merged.config, name), from = merged.from.at(name);
+        (from == "built-in" ? built_in : chosen).emplace_back(name, text.empty() ? "\"\"" : text, from);
+      });
+  std::printf("%s, %s, preset %s: what a layer above the built-in one says\n\n",
+              merged.config.scenario.c_str(), merged.config.algo.c_str(), merged.config.preset.c_str());
+  print_rows(chosen);
+  std::printf("\nAll the others\n\n");
+  print_rows(built_in);
+}
+
+}  // namespace
+
+int config_command(Arguments arguments) {
+  bool json = false;
+  CommandLine line("config --scenario NAME --algo NAME [--preset paper|small] [--json] [settings]",
+                   "Prints the settings that `comrad train` would use with the same flags on this machine, "
+                   "and the layer that\n"
+                   "each value came from: built-in, algorithm, preset, scenario (its rows of the preset), "
+                   "file, command line, or\n"
+                   "automatic where it was worked out or rounded from the others and the machine. Starts and "
+                   "writes nothing.");
+  line.add_switch("json", json,
+                  "print one JSON object on stdout and nothing else: {\"settings\": {NAME: {\"value\": V, "
+                  "\"from\": LAYER}}}");
+  line.add_settings();
+  if (const Status parsed = line.parse(arguments); !parsed) return report_error("config", parsed.error());
+  if (line.help_requested()) {
+    std::fputs(line.help().c_str(), stdout);
+    return kExitDone;
+  }
+  const Expected<MergedSettings> merged =
+      merge_new({line.config_file(), line.typed()}, describe_scenario, usable_cores());
+  if (!merged) return report_error("config", merged.error());
+  if (json)
+    std::printf("%s\n", to_json(*merged).dump().c_str());
+  else
+    print_tables(*merged);
+  return kExitDone;
+}
+
+}  // namespace comrad::deploy

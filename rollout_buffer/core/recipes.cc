@@ -1,0 +1,170 @@
+#include "rollout_buffer/core/recipes.h"
+
+#include "rollout_buffer/core/text.h"
+
+namespace comrad {
+namespace {
+
+// What differs from RunConfig's defaults. Those are the benchmark's own ("effective defaults" of its May 2026 logs) with
+// the corrections that the specification asks for (training.md, sections 7 and 8: time-outs bootstrap, every head explores
+// on its own, PER's beta takes the whole run, ...), so the algorithm's rows over them are the published launch, and the
+// preset `paper` adds only what one value for all presets cannot say.
+//
+// `small` is what learns most per hour on a few cores. To try another value, change it here.
+constexpr RecipeRow kRows[] = {
+    // The algorithm's own, in every preset.
+    {"", "ippo mappo", "use_rnn", "true", "a benchmark launch: LSTM of 512 units"},
+    {"", "ippo mappo", "rnn_type", "lstm", "a benchmark launch: LSTM of 512 units"},
+    {"", "ippo mappo", "rnn_size", "512", "a benchmark launch: LSTM of 512 units"},
+    {"", "ippo mappo", "num_epochs", "4", "a benchmark launch: four passes over every batch"},
+    {"", "ippo mappo happo", "batch_size", "4096", "a benchmark launch: 128 trajectories of 32 decisions"},
+    {"", "ippo mappo happo", "num_batches_per_epoch", "1", "a benchmark launch: whole batches"},
+    {"", "happo", "use_rnn", "true", "a benchmark launch: GRU of 512 units in actors and critic"},
+    {"", "happo", "rnn_type", "gru", "a benchmark launch: GRU of 512 units in actors and critic"},
+    {"", "happo", "rnn_size", "512", "a benchmark launch: GRU of 512 units in actors and critic"},
+    {"", "happo", "happo_critic_rnn", "true", "a benchmark launch: GRU of 512 units in actors and critic"},
+    {"", "happo", "num_epochs", "1", "a benchmark launch: one pass, agent after agent"},
+    {"", "happo", "share_parameters", "false", "HAPPO updates one network per agent"},
+    {"", "happo", "lr_schedule", "linear_decay", "a benchmark launch"},
+    {"", "happo", "max_policy_lag", "0",
+     "automatic, 1000 x (agents + 1): a batch makes a version for every agent and one for the critic"},
+    {"", "ippo mappo happo", "adam_eps", "1e-6", "the benchmark's, and Sample Factory's"},
+    {"", "idqn", "use_rnn", "false", "a benchmark launch: feed-forward"},
+    {"", "idqn", "batch_size", "4096", "a benchmark launch: four updates for every 4096 decisions"},
+    {"", "vdn qmix qplex_d qplex_q", "use_rnn", "true", "a benchmark launch: GRU of 512 units"},
+    {"", "vdn qmix qplex_d qplex_q", "rnn_type", "gru", "a benchmark launch: GRU of 512 units"},
+    {"", "vdn qmix qplex_d qplex_q", "rnn_size", "512", "a benchmark launch: GRU of 512 units"},
+    {"", "vdn qmix qplex_d qplex_q", "batch_size", "4096",
+     "a benchmark launch: four updates for every 4096 decisions"},
+    {"", "vdn qmix", "qmix_sequence_batch_size", "64", "a benchmark launch"},
+    {"", "qplex_d qplex_q", "qmix_sequence_batch_size", "16", "a benchmark launch: its mixer is larger"},
+    {"", "idqn vdn qmix qplex_d qplex_q", "adam_eps", "1e-8",
+     "gradients of Q-values are small: with 1e-6 the square root of Adam's second moment lay below epsilon "
+     "in the gates of "
+     "recurrent cores, whose steps shrank up to a hundredfold; also what the reference's mixers use"},
+
+    // paper: the published configuration where the algorithm's row says something else.
+    {"paper", "idqn", "adam_eps", "1e-6", "published; only the reference's mixers leave it at 1e-8"},
+
+    // small: on-policy.
+    {"small", "ippo mappo happo", "batch_size", "1024",
+     "four times as many updates per frame; a run of 8 M env frames has 2 000"},
+    {"small", "ippo mappo happo", "num_epochs", "1",
+     "on two cores a further pass costs more time than the frames that it saves; a second one hurt IPPO"},
+    {"small", "ippo mappo happo", "num_batches_to_accumulate", "1",
+     "one batch in waiting keeps the policy lag near 4"},
+    {"small", "ippo mappo happo", "num_envs_per_worker", "8",
+     "as fast as 16 on two cores, and the data is half as old"},
+    {"small", "ippo mappo happo", "rnn_type", "gru", "three quarters of an LSTM's arithmetic"},
+    {"small", "ippo mappo happo", "learning_rate", "4e-4",
+     "four times the published rate, for 2 000 updates instead of 24 000"},
+    {"small", "ippo mappo happo", "ppo_clip_ratio", "0.2",
+     "learns twice as fast at first: at this rate many samples lie outside the interval of 0.1"},
+
+    // small: Q-learning. Every decision is trained on once, in many small updates.
+    {"small", "idqn vdn qmix qplex_d qplex_q", "batch_size", "1024",
+     "updates come four times as often, a quarter as many at once"},
+    {"small", "idqn vdn qmix qplex_d qplex_q", "num_batches_to_accumulate", "1",
+     "decisions enter the replay sooner"},
+    {"small", "vdn qmix qplex_d qplex_q", "qmix_sequence_batch_size", "4",
+     "4 updates of 4 sequences for every 1024 decisions of two agents: each is trained on once"},
+    {"small", "vdn qmix qplex_d qplex_q", "dqn_max_updates_per_batch", "4",
+     "4 updates of 4 sequences for every 1024 decisions of two agents: each is trained on once"},
+    {"small", "idqn", "dqn_batch_size", "256",
+     "4 updates of 256 decisions for every 1024: each is trained on once"},
+    {"small", "idqn vdn qmix", "learning_rate", "2e-4", "twice the published rate, for the small batches"},
+    {"small", "qplex_d qplex_q", "learning_rate", "1e-4",
+     "the published rate: one of three QPLEX runs on a small game went wrong at 3e-4 (learner/README.md)"},
+    {"small", "idqn vdn qmix qplex_d qplex_q", "epsilon_decay_steps", "5e5",
+     "the published 20 M env frames are longer than a run on two cores"},
+    {"small", "idqn vdn qmix qplex_d qplex_q", "epsilon_end", "0.05",
+     "the way down is forty times shorter, so some exploration stays"},
+    {"small", "idqn vdn qmix qplex_d qplex_q", "learning_starts", "10000",
+     "the published 50 000 decisions are a tenth of a run of 2 M env frames"},
+};
+
+Error unknown_word(const char* what, const std::string& word, const std::vector<std::string>& known) {
+  std::string list;
+  for (const std::string& one : known) list += (list.empty() ? "" : ", ") + one;
+  const std::string near = nearest_word(word, known);
+  return Error{ErrorCode::kBadInput, std::string("unknown ") + what + " '" + word + "'" +
+                                         (near.empty() ? "" : "; did you mean '" + near + "'?") +
+                                         " (known: " + list + ")"};
+}
+
+SettingsLayer rows_of(std::string origin, std::string_view preset, std::string_view algorithm) {
+  SettingsLayer layer{std::move(origin), {}};
+  for (const RecipeRow& row : kRows)
+    if (row.preset == preset && row.is_for(algorithm)) layer.values.emplace_back(row.setting, row.value);
+  return layer;
+}
+
+bool knows(const std::vector<std::string>& words, std::string_view word) {
+  for (const std::string& known : words)
+    if (known == word) return true;
+  return false;
+}
+
+}  // namespace
+
+bool RecipeRow::is_for(std::string_view algorithm) const {
+  std::string_view rest = algorithms;
+  while (!rest.empty()) {
+    const std::size_t blank = rest.find(' ');
+    if (rest.substr(0, blank) == algorithm) return true;
+    rest = blank == std::string_view::npos ? std::string_view() : rest.substr(blank + 1);
+  }
+  return false;
+}
+
+std::span<const RecipeRow> recipe_rows() { return kRows; }
+
+const std::vector<std::string>& preset_names() {
+  static const std::vector<std::string> names = {"paper", "small"};
+  return names;
+}
+
+const std::vector<std::string>& algorithm_names() {
+  static const std::vector<std::string> names = {"ippo", "mappo", "happo",   "idqn",
+                                                 "vdn",  "qmix",  "qplex_d", "qplex_q"};
+  return names;
+}
+
+std::string canonical_algorithm(std::string_view algorithm) {
+  std::string name = lower_case(algorithm);
+  if (name == "appo") return "ippo";
+  if (name == "dqn") return "idqn";
+  if (name == "qplex") return "qplex_d";
+  return name;
+}
+
+Expected<SettingsLayer> algorithm_defaults(const std::string& algo) {
+  const std::string name = canonical_algorithm(algo);
+  if (!knows(algorithm_names(), name)) return unknown_word("algorithm", algo, algorithm_names());
+  return rows_of("algorithm " + name, "", name);
+}
+
+Expected<SettingsLayer> preset_settings(const std::string& preset, const std::string& algorithm) {
+  if (!knows(preset_names(), preset)) return unknown_word("preset", preset, preset_names());
+  return rows_of("preset " + preset, preset, canonical_algorithm(algorithm));
+}
+
+SettingsLayer qplex_preset_settings(const std::string& preset) {
+  if (preset != "paper") return {};
+  return {"qplex_preset paper",
+          {{"qplex_weighted_head", "true"},
+           {"qplex_num_kernel", "10"},
+           {"qplex_adv_hypernet_layers", "3"},
+           {"qplex_state_bias", "true"}}};
+}
+
+SettingsLayer scenario_settings(const SettingsLayer& training, const std::string& preset,
+                                const std::string& algorithm) {
+  SettingsLayer chosen{training.origin, {}};
+  const std::string prefix = preset + "." + algorithm + ".";
+  for (const auto& [key, value] : training.values)
+    if (key.starts_with(prefix)) chosen.values.emplace_back(key.substr(prefix.size()), value);
+  return chosen;
+}
+
+}  // namespace comrad
