@@ -57,6 +57,7 @@ std::string training_line(const TrainingProgress& p) {
   if (std::isfinite(p.return_mean))
     text += format("%s return %.3g", std::isfinite(p.score_mean) ? "," : " |", p.return_mean);
   if (std::isfinite(p.lag_mean)) text += format(" | lag %.1f (max %u)", p.lag_mean, p.lag_max);
+  if (p.env_frames_lost > 0) text += " | learner went back " + count_text(p.env_frames_lost) + " env frames";
   return text;
 }
 

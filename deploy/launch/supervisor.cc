@@ -162,12 +162,19 @@ std::vector<int> allowed_cpus() {
 /// there.
 class Growth {
  public:
-  void see(uint64_t count) {
+  /// Gives by how much the counter fell.
+  uint64_t see(uint64_t count) {
     if (count > seen_) total_ += count - seen_;
-    seen_ = count;
+    return start_from(count);
   }
-  void start_from(uint64_t count) { seen_ = count; }
+  /// What the counter grew by until now was no work of this run. Gives by how much it fell.
+  uint64_t start_from(uint64_t count) {
+    const uint64_t before = std::exchange(seen_, count);
+    return before > count ? before - count : 0;
+  }
   uint64_t total() const { return total_; }
+  /// The counter as it was last seen.
+  uint64_t seen() const { return seen_; }
 
  private:
   uint64_t seen_ = 0;
@@ -215,6 +222,8 @@ class Supervisor {
   void drain_episodes();
   void take_stats();
   void count_work();
+  void note_going_back(uint64_t decisions);
+  std::string going_back_text() const;
   void measure();
   void check_goals();
   std::string limit_reached() const;
@@ -271,6 +280,7 @@ class Supervisor {
   // Rates over the run and over the measured window.
   Growth trained_decisions_, trained_updates_, played_decisions_;
   uint32_t learner_epoch_ = 0;
+  int goings_back_ = 0;  // of the learner, to its last checkpoint
   double first_work_s_ = 0;
   double window_began_s_ = 0;
   uint64_t window_decisions_ = 0, window_updates_ = 0;
@@ -654,12 +664,32 @@ void Supervisor::count_work() {
   if (learner.state.load(std::memory_order_acquire) < kCounterRunning) return;
   const uint64_t trained = learner.decisions.load(std::memory_order_relaxed);
   const uint64_t updates = learner.batches.load(std::memory_order_relaxed);
+  uint64_t fallen = 0;
   if (const uint32_t epoch = learner.epoch.load(); std::exchange(learner_epoch_, epoch) != epoch) {
-    trained_decisions_.start_from(trained);
+    fallen = trained_decisions_.start_from(trained);
     trained_updates_.start_from(updates);
   }
-  trained_decisions_.see(trained);
+  fallen += trained_decisions_.see(trained);
   trained_updates_.see(updates);
+  if (fallen > 0 && trains()) note_going_back(fallen);
+}
+
+/// A learner that starts again has forgotten what it learned since its last checkpoint.
+void Supervisor::note_going_back(uint64_t decisions) {
+  ++goings_back_;
+  outcome_.env_frames_lost += decisions * static_cast<uint64_t>(plan_.config.env_frameskip);
+  // The dead one's last report is no longer true; the new one's comes later.
+  outcome_.last_stats.env_frames = arena_->control().learner_env_frames.load(std::memory_order_relaxed);
+  outcome_.last_stats.decisions = trained_decisions_.seen();
+  note(going_back_text());
+}
+
+/// How much learning was lost; empty where none was.
+std::string Supervisor::going_back_text() const {
+  if (goings_back_ == 0) return "";
+  return "learner went back " + count_text(static_cast<double>(outcome_.env_frames_lost)) +
+         " env frames to its last checkpoint" +
+         (goings_back_ > 1 ? ", in " + std::to_string(goings_back_) + " restarts" : "");
 }
 
 void Supervisor::measure() {
@@ -873,6 +903,7 @@ std::string Supervisor::progress_text() const {
   }
   TrainingProgress progress;
   progress.env_frames = static_cast<double>(env_frames());
+  progress.env_frames_lost = static_cast<double>(outcome_.env_frames_lost);
   progress.env_frames_total = plan_.seconds > 0 ? 0 : plan_.config.train_for_env_steps;
   progress.env_frames_per_s = stats.env_frames_per_s;
   progress.decisions_per_s = stats.decisions_per_s;
@@ -893,7 +924,7 @@ RunStatus Supervisor::status_now(const std::string& state, const std::string& me
   status.message = message;
   if (trains()) {
     status.env_frames = env_frames();
-    status.decisions = std::max(stats.decisions, trained_decisions_.total());
+    status.decisions = std::max(stats.decisions, trained_decisions_.seen());
     if (stats.episodes > 0) status.score_mean = stats.score_mean;
     status.env_frames_per_s = stats.env_frames_per_s;
   } else {
@@ -941,23 +972,30 @@ Expected<RunOutcome> Supervisor::finish() {
     state = "failed";
     outcome_.message = error_->message;
   }
-  warn_once(write_status(plan_.run_dir, status_now(state, outcome_.message)));
+  const std::string lost = going_back_text();
+  warn_once(
+      write_status(plan_.run_dir, status_now(state, outcome_.message + (lost.empty() ? "" : "; " + lost))));
   if (error_) return *error_;
 
   const double worked_s = (stopping_since_s_ > 0 ? stopping_since_s_ : monotonic_s()) -
                           (running_since_s_ > 0 ? running_since_s_ : started_s_);
   const double per_s = worked_s > 0 ? static_cast<double>(decisions()) / worked_s : 0;
   const double frame_skip = static_cast<double>(plan_.config.env_frameskip);
+  // What the run has learned from, and, where earlier runs or a learner that went back make a difference, what this
+  // process trained on.
+  const std::string worked = count_text(static_cast<double>(decisions()) * frame_skip);
+  const std::string learned = trains() ? count_text(static_cast<double>(env_frames())) : worked;
   char rates[160];
-  std::snprintf(rates, sizeof rates, ": %s env frames in %s, %.0f env frames/s, %.0f decisions/s",
-                count_text(static_cast<double>(decisions()) * frame_skip).c_str(),
+  std::snprintf(rates, sizeof rates, " in %s, %.0f env frames/s, %.0f decisions/s",
                 duration_text(worked_s).c_str(), per_s * frame_skip, per_s);
-  std::string summary = outcome_.message + rates;
+  std::string summary = outcome_.message + ": " + learned + " env frames" +
+                        (worked == learned ? "" : ", " + worked + " trained on") + rates;
   if (trains() && outcome_.last_stats.episodes > 0 && std::isfinite(outcome_.last_stats.score_mean)) {
     char score[48];
     std::snprintf(score, sizeof score, ", J %.1f", outcome_.last_stats.score_mean);
     summary += score;
   }
+  if (!lost.empty()) summary += "; " + lost;
   if (!outcome_.last_stats.last_checkpoint.empty())
     summary += "; checkpoint " + outcome_.last_stats.last_checkpoint;
   if (outcome_.restarts > 0) {

@@ -53,7 +53,8 @@ struct RunOutcome {
   uint64_t measured_decisions = 0;  ///< agent decisions the learner trained on (or simulators took) in it
   uint64_t measured_updates = 0;    ///< optimizer steps in it
   double lag_mean = 0;
-  uint64_t steps_lost = 0;  ///< agent decisions lost to restarts
+  uint64_t steps_lost = 0;       ///< agent decisions lost to restarts
+  uint64_t env_frames_lost = 0;  ///< trained on, then forgotten by a learner that went back to its checkpoint
   uint32_t restarts = 0;
 };
 

@@ -7,7 +7,7 @@
 //   exit CODE         leave with CODE right after joining; `exit_once` only the first time
 //   deaf 0            ignore SIGTERM and the run state
 //   finish MS         learner: leave with 0 after MS milliseconds of running
-//   restored COUNT    counters begin at COUNT, as those of a resumed learner do
+//   restored COUNT    counters begin at COUNT, as those of a resumed learner do, env frames at 4 x COUNT
 //   episodes COUNT    sim: finish COUNT episodes, then play on
 //   fill 0            sim: take a slab and hold it with 5 rows filled
 #include <fcntl.h>
@@ -101,7 +101,12 @@ int main(int argc, char** argv) {
                                                      : arena->learner_counters();
   counters.epoch += 1;
   counters.state = 1;
-  if (habits.contains("restored")) counters.decisions = counters.batches = std::stoull(habits["restored"]);
+  dds::TrainStats stats;
+  if (habits.contains("restored")) {
+    counters.decisions = counters.batches = stats.decisions = std::stoull(habits["restored"]);
+    stats.env_frames = 4 * stats.decisions;
+    control.learner_env_frames.store(stats.env_frames);
+  }
   counters.state = 2;
   std::optional<dds::Bus> bus;
   if (role == "learner") {
@@ -119,12 +124,12 @@ int main(int argc, char** argv) {
   double running_since_s = 0;
   uint64_t episodes = 0;
   const bool is_deaf = habits.contains("deaf");
-  dds::TrainStats stats;
   while (is_deaf || (!terminated && control.run_state.load() != shm::RunState::kStopping)) {
     if (control.run_state.load() == shm::RunState::kRunning) {
       if (running_since_s == 0) {
         running_since_s = monotonic_s();
         tell("running");
+        if (role == "learner") usleep(300'000);  // simulators collect a first batch
       }
       counters.decisions += role == "learner" ? 64 : 10;
       counters.batches += 1;
@@ -142,6 +147,7 @@ int main(int argc, char** argv) {
       }
       if (bus) {
         stats.env_frames += 256;
+        stats.decisions += 64;
         stats.learner_version += 1;
         stats.score_mean = 123.5;
         stats.episodes = 3;

@@ -49,6 +49,7 @@ int main(int argc, char** argv) {
   json["message"] = outcome->message;
   json["restarts"] = outcome->restarts;
   json["steps_lost"] = outcome->steps_lost;
+  json["env_frames_lost"] = outcome->env_frames_lost;
   json["learner_version"] = outcome->last_stats.learner_version;
   json["measured_seconds"] = outcome->measured_seconds;
   json["measured_decisions"] = outcome->measured_decisions;

@@ -1,5 +1,6 @@
 #include "deploy/launch/progress.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <pty.h>
@@ -22,6 +23,9 @@ TEST(TrainingLine, ShowsEverythingOnce) {
       training_line(progress),
       "1.2M/100M env frames (1.2%), ETA 7h48m | 3512 env frames/s, 878 decisions/s | J 412.3, return 1.23 | "
       "lag 3.2 (max 9)");
+  progress.env_frames_lost = 205'000;
+  EXPECT_THAT(training_line(progress),
+              ::testing::EndsWith("| lag 3.2 (max 9) | learner went back 205k env frames"));
 }
 
 TEST(TrainingLine, LeavesOutWhatIsNotKnownYet) {

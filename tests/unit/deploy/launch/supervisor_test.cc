@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "deploy/launch/progress.h"
 #include "rollout_buffer/core/clock.h"
 #include "tests/support/scratch_folder.h"
 
@@ -319,6 +320,7 @@ TEST_F(Launch, ARestoredCountIsNotTakenForWorkOfThisRun) {
 TEST_F(Launch, InLockStepOneDeathSendsEverybodyBackToTheCheckpoint) {
   start("learner restored 1000000\n", {"deterministic=1"});
   ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  usleep(700'000);
   kill(pids("sim-1").back(), SIGKILL);
   ASSERT_TRUE(eventually(10, [&] { return pids("").size() == 8; })) << progress();
   EXPECT_TRUE(eventually(10, [&] {
@@ -327,7 +329,40 @@ TEST_F(Launch, InLockStepOneDeathSendsEverybodyBackToTheCheckpoint) {
   }));
   kill(probe_, SIGTERM);
   EXPECT_EQ(wait_for_end(5), 0);
-  EXPECT_THAT(std::string(outcome()["message"]), Not(HasSubstr("M env frames")));
+  EXPECT_THAT(std::string(outcome()["message"]), HasSubstr(": 4M env frames, "));
+  EXPECT_THAT(std::string(outcome()["message"]), Not(HasSubstr("M trained on")));
+  EXPECT_GT(outcome()["env_frames_lost"], 0);
+  EXPECT_LT(outcome()["env_frames_lost"], 1'000'000);
+}
+
+TEST_F(Launch, ALearnerThatGoesBackSaysHowMuchLearningWasLost) {
+  // Every life of the learner begins at its checkpoint of 100 000 decisions.
+  start("learner restored 100000\n");
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  usleep(900'000);
+  kill(pids("learner").back(), SIGKILL);
+  ASSERT_TRUE(eventually(10, [&] {
+    const std::vector<std::string> all = events();
+    return std::count(all.begin(), all.end(), "learner running") == 2;
+  })) << progress();
+  ASSERT_TRUE(eventually(5, [&] { return progress().find("| learner went back ") != std::string::npos; }))
+      << progress();
+  kill(probe_, SIGTERM);
+  ASSERT_EQ(wait_for_end(5), 0);
+
+  const nlohmann::json result = outcome();
+  const auto lost = result["env_frames_lost"].get<uint64_t>(),
+             learned = status()["env_frames"].get<uint64_t>();
+  EXPECT_GE(lost, 256 * 4) << "some 12 updates of 256 env frames, one in 50 ms";
+  EXPECT_EQ(lost % 256, 0u);
+  EXPECT_GT(learned, 400'000u);
+  EXPECT_EQ(status()["decisions"].get<uint64_t>(), learned / 4) << "the checkpoint's count, not the work's";
+  const std::string both =
+      ": " + count_text(learned) + " env frames, " + count_text(learned - 400'000 + lost) + " trained on in ";
+  const std::string back = "learner went back " + count_text(lost) + " env frames to its last checkpoint";
+  EXPECT_THAT(std::string(result["message"]), testing::AllOf(HasSubstr(both), HasSubstr("; " + back)));
+  EXPECT_THAT(std::string(status()["message"]), HasSubstr("; " + back));
+  EXPECT_THAT(progress(), HasSubstr(back + "\n")) << "at once, and in every line of progress";
 }
 
 TEST_F(Launch, AnArenaThatDoesNotFitSaysSo) {
