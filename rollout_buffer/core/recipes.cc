@@ -39,9 +39,8 @@ constexpr RecipeRow kRows[] = {
     {"", "vdn qmix", "qmix_sequence_batch_size", "64", "a benchmark launch"},
     {"", "qplex_d qplex_q", "qmix_sequence_batch_size", "16", "a benchmark launch: its mixer is larger"},
     {"", "idqn vdn qmix qplex_d qplex_q", "adam_eps", "1e-8",
-     "gradients of Q-values are small: with 1e-6 the square root of Adam's second moment lay below epsilon "
-     "in the gates of "
-     "recurrent cores, whose steps shrank up to a hundredfold; also what the reference's mixers use"},
+     "Q-gradients are small: with 1e-6 the root of Adam's second moment lay below epsilon in the gates of "
+     "recurrent cores, whose steps shrank up to a hundredfold; the reference's mixers use 1e-8, too"},
 
     // paper: the published configuration where the algorithm's row says something else.
     {"paper", "idqn", "adam_eps", "1e-6", "published; only the reference's mixers leave it at 1e-8"},

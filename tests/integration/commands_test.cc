@@ -1,0 +1,113 @@
+// What holds for every command: --help prints a help and starts nothing. And `comrad config`, which starts nothing either.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/integration/running_program.h"
+
+namespace comrad::testing {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::AnyOf;
+using ::testing::HasSubstr;
+
+/// The commands that `comrad help` lists, with their words before the flags.
+std::vector<std::vector<std::string>> commands_of_the_overview() {
+  std::vector<std::vector<std::string>> commands;
+  std::istringstream overview(comrad({"help"}, 30).out);
+  bool is_list = false;
+  for (std::string line; std::getline(overview, line);) {
+    if (line.starts_with("usage: ")) is_list = true;
+    if (!is_list || !line.starts_with("  ")) continue;
+    std::istringstream words(line);
+    std::string name;
+    if (words >> name && name != "help" && name != "version") commands.push_back({name});
+  }
+  return commands;
+}
+
+TEST(Help, EveryCommandAndSubcommandPrintsItAndStartsNothing) {
+  std::vector<std::vector<std::string>> commands = commands_of_the_overview();
+  EXPECT_GE(commands.size(), 10u);
+  for (const std::vector<std::string>& more :
+       std::vector<std::vector<std::string>>{{"bench", "sim"},
+                                             {"bench", "inference"},
+                                             {"bench", "learner"},
+                                             {"bench", "train"},
+                                             {"bench", "replay"},
+                                             {"bench", "train", "--seconds", "60"},
+                                             {"scenarios", "list"},
+                                             {"scenarios", "describe"},
+                                             {"scenarios", "--gallery"},
+                                             {"doomgen", "lava_pit"},
+                                             {"eval", "--policy", "random"},
+                                             {"train", "--scenario", "lava_pit"},
+                                             {"config", "--json"},
+                                             {"doctor", "--json"},
+                                             {"test", "-L", "unit"}})
+    commands.push_back(more);
+  for (const std::vector<std::string>& command : commands)
+    for (const char* flag : {"--help", "-h"}) {
+      const ScratchFolder scratch;
+      std::vector<std::string> words = command;
+      words.emplace_back(flag);
+      std::string said;
+      for (const std::string& word : words) said += word + " ";
+      const Ending ending = comrad(words, 20, {{"TMPDIR", scratch.string()}});
+      EXPECT_FALSE(ending.timed_out) << said;
+      EXPECT_EQ(ending.exit_code, 0) << said << ending.err;
+      EXPECT_THAT(ending.out, AnyOf(HasSubstr("usage: comrad " + command[0]), HasSubstr("Usage: comrad")))
+          << said;
+      EXPECT_EQ(ending.err, "") << said;
+      EXPECT_TRUE(files(scratch.string(), "").empty()) << said << "left something in the temporary folder";
+    }
+  EXPECT_FALSE(std::filesystem::exists("--help")) << "a folder of pictures";
+}
+
+TEST(Config, PrintsEverySettingWithItsTypeAndLayer) {
+  const ScratchFolder scratch;
+  std::ofstream(scratch / "own.toml") << "preset = \"paper\"\nrollout = 16\n";
+  const Ending ending = comrad({"config", "--scenario", "lava_pit", "--algo", "mappo", "--config",
+                                scratch / "own.toml", "--lr", "3e-4", "--json"},
+                               30);
+  ASSERT_EQ(ending.exit_code, 0) << ending.err;
+  const auto document = nlohmann::json::parse(ending.out, nullptr, false);
+  ASSERT_TRUE(document.is_object() && document.size() == 1 && document["settings"].is_object()) << ending.out;
+  const nlohmann::json& settings = document["settings"];
+  EXPECT_EQ(settings["learning_rate"], (nlohmann::json{{"value", 3e-4}, {"from", "command line"}}));
+  EXPECT_EQ(settings["rollout"], (nlohmann::json{{"value", 16}, {"from", "file"}}));
+  EXPECT_EQ(settings["preset"], (nlohmann::json{{"value", "paper"}, {"from", "file"}}));
+  EXPECT_EQ(settings["rnn_type"], (nlohmann::json{{"value", "lstm"}, {"from", "algorithm"}}));
+  EXPECT_EQ(settings["gamma"], (nlohmann::json{{"value", 0.99}, {"from", "built-in"}}))
+      << "small has the scenario's";
+  EXPECT_EQ(settings["use_rnn"]["value"], true);
+  EXPECT_EQ(settings["shared_reward_alpha"], (nlohmann::json{{"value", 1.0}, {"from", "scenario"}}));
+  EXPECT_EQ(settings["num_agents"], (nlohmann::json{{"value", 2}, {"from", "scenario"}}));
+  EXPECT_EQ(settings["trajectory_slabs"]["from"], "automatic");
+  for (const auto& [name, setting] : settings.items()) EXPECT_EQ(setting.size(), 2u) << name;
+
+  const Ending small = comrad({"config", "--scenario", "lava_pit", "--algo", "mappo"}, 30);
+  ASSERT_EQ(small.exit_code, 0) << small.err;
+  EXPECT_THAT(small.out, ::testing::ContainsRegex("\ngamma +0\\.9995 +scenario\n"));
+  EXPECT_THAT(small.out, ::testing::ContainsRegex("\nrnn_type +gru +preset\n"));
+}
+
+TEST(Config, RefusesWhatTrainRefuses) {
+  const auto refusal = [](std::vector<std::string> more) {
+    more.insert(more.begin(), "config");
+    const Ending ending = comrad(more, 30);
+    EXPECT_EQ(ending.exit_code, 2) << ending.err;
+    EXPECT_EQ(ending.out, "");
+    return ending.err;
+  };
+  EXPECT_THAT(refusal({"--preset", "papr"}),
+              AllOf(HasSubstr("comrad config: error:"), HasSubstr("did you mean 'paper'")));
+  EXPECT_THAT(refusal({"--gama", "1"}), HasSubstr("did you mean --gamma"));
+  EXPECT_THAT(refusal({"--gamma", "2"}), HasSubstr("gamma is 2.0"));
+  EXPECT_THAT(refusal({"--scenario", "lava_pt"}), HasSubstr("did you mean 'lava_pit'"));
+  EXPECT_THAT(refusal({"--config", "/no/such.toml"}), HasSubstr("/no/such.toml: cannot be read"));
+}
+
+}  // namespace
+}  // namespace comrad::testing
