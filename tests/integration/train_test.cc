@@ -76,7 +76,8 @@ TEST(Train, ResumesWhereItStopped) {
   }
   // Seconds count from the run's beginning: none are left, and the last line names the limit.
   const Ending over = train(scratch, "run", 1e6, {"--train_for_seconds", "1"});
-  EXPECT_THAT(over.err, HasSubstr("finished (--train_for_seconds 1): 0 env frames"));
+  EXPECT_THAT(over.err, ::testing::ContainsRegex(
+                            "finished \\(--train_for_seconds 1\\): [0-9.]+k env frames, 0 trained on in "));
   // Typed settings win over the run's own; what shapes the network is refused.
   const Ending refused = RunningProgram(small_training(scratch, "run", 8192, {"--rnn_size", "64"})).wait(60);
   EXPECT_EQ(refused.exit_code, 2);
