@@ -107,9 +107,9 @@ void OnPolicy::prepare_targets(Minibatch& batch) {
            .valid = batch.valid,
            .value_valid = batch.value_valid},
           {.gamma = config_.gamma, .lambda = config_.gae_lambda, .legacy_timeouts = config_.legacy_timeouts});
-  batch.advantage = reported_advantage_ = result.advantage;
+  batch.advantage = batch.raw_advantage = reported_advantage_ = result.advantage;
   batch.target = result.target;
-  reported_valid_ = batch.valid;
+  reported_acting_ = batch.acting();
   if (!config_.normalize_returns) return;
   if (!returns_.update(result.target, batch.valid))
     spdlog::warn("update: returns are not finite; statistics kept");
@@ -152,6 +152,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const Minibatch& batch, const
       sums = part_sums;
       actor_loss += part_sums.actor();
       kl += part_sums.kl;
+      if (!part_sums.has_policy) continue;  // of dead agents alone: its KL is no news
       ++trained;
       if (phase.trains_policy) schedule_.after_minibatch(part_sums.kl);
     }
@@ -168,7 +169,9 @@ OnPolicy::StepResult OnPolicy::train_minibatch(Minibatch& minibatch, const Phase
                                                const UpdateContext& context, bool is_first,
                                                UpdateStats& stats, LossSums& sums) {
   const double valid_count = minibatch.valid.sum(torch::kFloat64).item<double>();
-  if (valid_count == 0) {
+  sums.has_policy = phase.trains_policy && minibatch.acting().any().item<bool>();
+  // Without anything to learn Adam's momentum would still move the weights.
+  if (valid_count == 0 || (!sums.has_policy && !phase.trains_value)) {
     ++stats.skipped_steps;
     return StepResult::kSkipped;
   }
@@ -214,7 +217,8 @@ std::vector<Minibatch> OnPolicy::micro_batches(const Minibatch& batch) const {
   return micros;
 }
 
-OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, double valid_count) const {
+OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase,
+                                 const SampleCounts& counts) const {
   Part part;
   const ExplorationLoss exploration_kind = parse_exploration_loss(config_.exploration_loss);
   const double clip_high = 1.0 + config_.ppo_clip_ratio, clip_low = 1.0 / clip_high;
@@ -222,7 +226,9 @@ OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, dou
     return tensor.defined() ? tensor.to(device_) : tensor;
   };
   const Tensor valid = on_device(micro.valid).to(torch::kBool);
-  const Tensor weight = valid.to(torch::kFloat32) / valid_count;
+  const Tensor acting = on_device(micro.acting()).to(torch::kBool);
+  const Tensor weight = acting.to(torch::kFloat32) / counts.acting;
+  const Tensor value_weight = valid.to(torch::kFloat32) / counts.valid;
   const policy::SequenceOutput output = phase.forward(input_of(micro));
   const Tensor zero = torch::zeros({}, weight.options());
 
@@ -238,10 +244,14 @@ OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, dou
     numbers.push_back(number.detach());
   };
   const auto add_mean = [&](double& sum, const Tensor& of_samples) { add(sum, (of_samples * weight).sum()); };
-  const auto add_extreme = [&](double& sum, const Tensor& of_samples, const Tensor& otherwise, bool is_max) {
-    const Tensor valid_samples = torch::where(valid, of_samples.detach(), otherwise);
+  const auto add_value_mean = [&](double& sum, const Tensor& of_samples) {
+    add(sum, (of_samples * value_weight).sum());
+  };
+  const auto add_extreme = [&](double& sum, const Tensor& of_samples, const Tensor& counted,
+                               const Tensor& otherwise, bool is_max) {
+    const Tensor samples = torch::where(counted, of_samples.detach(), otherwise);
     places.push_back({&sum, is_max ? Number::kMax : Number::kMin});
-    numbers.push_back(is_max ? valid_samples.max() : valid_samples.min());
+    numbers.push_back(is_max ? samples.max() : samples.min());
   };
 
   Tensor loss = zero;
@@ -278,7 +288,7 @@ OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, dou
     const Tensor value_loss =
         config_.value_loss_coeff *
         (clipped_value_loss(output.value, old_value, on_device(micro.target), config_.ppo_clip_value) *
-         weight)
+         value_weight)
             .sum();
     loss = loss + value_loss;
     add(part.sums.value, value_loss);
@@ -292,19 +302,19 @@ OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, dou
     if (phase.first_log_prob != nullptr) part.log_prob = log_prob.detach().cpu();
     if (!kl.defined()) kl = divergence();
     add_mean(part.sums.kl, kl);
-    add_extreme(part.sums.kl_max, kl, zero, true);
+    add_extreme(part.sums.kl_max, kl, acting, zero, true);
     add_mean(part.sums.entropy, policy::entropy(log_probs, env_));
     add_mean(part.sums.ratio, ratio);
-    add_extreme(part.sums.ratio_min, ratio, zero + 1, false);
-    add_extreme(part.sums.ratio_max, ratio, zero + 1, true);
+    add_extreme(part.sums.ratio_min, ratio, acting, zero + 1, false);
+    add_extreme(part.sums.ratio_max, ratio, acting, zero + 1, true);
     add_mean(part.sums.clipped, ((ratio < clip_low) | (ratio > clip_high)).to(torch::kFloat32));
-    add_extreme(part.sums.log_prob_max, log_prob.abs(), zero, true);
+    add_extreme(part.sums.log_prob_max, log_prob.abs(), acting, zero, true);
   }
   if (output.value.defined()) {
     const Tensor value_delta = (output.value - old_value).abs();
-    add_mean(part.sums.predicted_value, output.value);
-    add_mean(part.sums.value_delta, value_delta);
-    add_extreme(part.sums.value_delta_max, value_delta, zero, true);
+    add_value_mean(part.sums.predicted_value, output.value);
+    add_value_mean(part.sums.value_delta, value_delta);
+    add_extreme(part.sums.value_delta_max, value_delta, valid, zero, true);
   }
   const Tensor read = torch::stack(numbers).cpu();
   for (std::size_t i = 0; i < places.size(); ++i) {
@@ -321,12 +331,15 @@ bool OnPolicy::accumulate(const Minibatch& minibatch, const Phase& phase, const 
                           LossSums& sums) {
   // What depends on the whole minibatch came before; each micro-batch adds its share of the same sums, so the
   // gradient does not depend on micro_batch_size.
-  const double valid_count = std::max(1.0, minibatch.valid.sum(torch::kFloat64).item<double>());
+  const auto count_of = [](const Tensor& mask) {
+    return std::max(1.0, mask.sum(torch::kFloat64).item<double>());
+  };
+  const SampleCounts counts{.valid = count_of(minibatch.valid), .acting = count_of(minibatch.acting())};
   const std::vector<Minibatch> micros = micro_batches(minibatch);
   std::vector<Tensor> first_log_prob;
   const bool is_done = sum_gradients<Part>(
       pool_, phase.optimizer.parameters(), static_cast<int64_t>(micros.size()),
-      [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], phase, valid_count); },
+      [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], phase, counts); },
       [&](const Part& part) {
         sums.add(part.sums);
         if (phase.first_log_prob != nullptr) first_log_prob.push_back(part.log_prob);
@@ -389,16 +402,21 @@ void OnPolicy::report(const Minibatch& batch, const LossSums& sums, UpdateStats&
     second_moment = std::max(second_moment, optimizer.max_second_moment());
   put("train/adam_max_second_moment", second_moment);
 
-  const Tensor advantage =
-      reported_advantage_.flatten().index_select(0, reported_valid_.flatten().nonzero().squeeze(1));
-  put("train/adv_mean", advantage.mean().item<double>());
-  put("train/adv_min", advantage.min().item<double>());
-  put("train/adv_max", advantage.max().item<double>());
-  put("train/adv_std", advantage.numel() > 1 ? advantage.std().item<double>() : 0.0);
-  const Tensor action =
-      batch.action.flatten(0, 1).index_select(0, batch.valid.flatten().nonzero().squeeze(1));
-  put("train/act_min", action.min().item<double>());
-  put("train/act_max", action.max().item<double>());
+  const auto acting_samples = [](const Tensor& samples, const Tensor& acting) {
+    return samples.flatten(0, 1).index_select(0, acting.flatten().nonzero().squeeze(1));
+  };
+  const Tensor advantage = acting_samples(reported_advantage_, reported_acting_);
+  if (advantage.numel() > 0) {
+    put("train/adv_mean", advantage.mean().item<double>());
+    put("train/adv_min", advantage.min().item<double>());
+    put("train/adv_max", advantage.max().item<double>());
+    put("train/adv_std", advantage.numel() > 1 ? advantage.std().item<double>() : 0.0);
+  }
+  const Tensor action = acting_samples(batch.action, batch.acting());
+  if (action.numel() > 0) {
+    put("train/act_min", action.min().item<double>());
+    put("train/act_max", action.max().item<double>());
+  }
   put("train/valids_fraction", stats.lag.valid_fraction);
   put("train/num_sgd_steps", static_cast<double>(version_));
   put("train/version_diff_avg", stats.lag.mean);

@@ -279,6 +279,85 @@ TEST(Ippo, InvalidSamplesLowerTheLearningRateByTheirFraction) {
   EXPECT_NEAR(values_of(*stats)["train/lr"], 1e-4, 1e-12);
 }
 
+TEST(Ippo, ADeadAgentsActionsMoveNoWeightAndLowerNoLearningRate) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  std::vector<std::vector<Tensor>> results;
+  for (const int64_t shift : {0, 1}) {  // another action in every head, taken after another policy
+    Ippo ippo(config, shape.env, torch::kCPU);
+    Minibatch batch = noise_batch(shape, 4, 10);
+    batch.agent_active.narrow(0, 2, 2).narrow(1, 0, 3).zero_();
+    const Tensor is_dead = batch.agent_active.eq(0);
+    const Tensor others = batch.action.add(shift).remainder(2);
+    batch.action.copy_(torch::where(is_dead.unsqueeze(2), others, batch.action));
+    batch.log_prob.sub_(is_dead * shift);
+    batch.logits.add_(is_dead.unsqueeze(2) * torch::arange(5) * shift);
+    apply_lag_filter(batch, 0, 1000);
+    ippo.prepare_targets(batch);
+    Minibatch whole = batch;
+    Ippo::LossSums sums;
+    ASSERT_TRUE(ippo.accumulate_gradient(whole, {}, sums));
+    results.push_back(gradients(ippo.net()));
+    EXPECT_NEAR(values_of(*ippo.update(batch, {}))["train/actual_lr"], 1e-4, 1e-12);
+  }
+  EXPECT_TRUE(all_equal(results[0], results[1]));
+}
+
+TEST(Ippo, AMinibatchOfTheDeadTrainsTheirValuesAlone) {
+  RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  for (const double value_loss_coeff : {0.0, 0.5}) {
+    config.value_loss_coeff = value_loss_coeff;
+    Ippo ippo(config, shape.env, torch::kCPU);
+    Minibatch batch = noise_batch(shape, 4, 10);
+    batch.agent_active.zero_();
+    apply_lag_filter(batch, 0, 1000);
+    ippo.prepare_targets(batch);
+    Ippo::LossSums sums;
+    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
+    EXPECT_EQ(sums.actor(), 0);
+    double largest = 0;
+    for (const Tensor& gradient : gradients(ippo.net())) {
+      EXPECT_TRUE(gradient.isfinite().all().item<bool>());
+      largest = std::max(largest, gradient.abs().max().item<double>());
+    }
+    EXPECT_EQ(largest > 0, value_loss_coeff > 0);
+    const Expected<UpdateStats> stats = ippo.update(batch, {});
+    ASSERT_TRUE(stats);
+    EXPECT_EQ(stats->skipped_steps, 0);
+    EXPECT_FALSE(values_of(*stats).contains("train/adv_mean"));
+  }
+}
+
+TEST(Ippo, ARewardPaidAfterDeathReachesTheLastLivingDecision) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  std::vector<Tensor> advantages;
+  for (const float reward : {0.0f, 1.0f}) {
+    const SlabPool pool(shape, 1);
+    pool.fill_with_noise(3);
+    const SlabView slab = pool.view(0);
+    for (int t = 2; t < 4; ++t) {  // dead since step 1: nothing is allowed any more
+      slab.agent_active(t, 0) = 0;
+      std::ranges::fill(slab.action_mask(t, 0), uint8_t{0});
+    }
+    slab.reward(2, 0) = reward;
+    Minibatch batch = make_minibatch(shape, 1);
+    clear(batch);
+    ASSERT_EQ(collate_slab(batch, 0, slab, 4), 0);
+    apply_lag_filter(batch, 0, 1000);
+    Ippo(config, shape.env, torch::kCPU).prepare_targets(batch);
+    EXPECT_EQ(batch.acting()[1][0].item<int>(), 1);
+    EXPECT_EQ(batch.acting()[2][0].item<int>(), 0);
+    EXPECT_EQ(batch.valid[2][0].item<int>(), 1);
+    advantages.push_back(batch.raw_advantage);
+  }
+  const Tensor paid = advantages[1] - advantages[0];
+  EXPECT_NEAR(paid[1][0].item<double>(), config.gamma * config.gae_lambda, 1e-5);
+  EXPECT_NEAR(paid[2][0].item<double>(), 1, 1e-5);
+  EXPECT_EQ(paid[1][1].item<double>(), 0);
+}
+
 TEST(Ippo, ReportsTheRunningStatisticsOfFramesAndReturns) {
   RunConfig config = small_config();
   config.normalize_input = true;
