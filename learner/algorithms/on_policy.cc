@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "learner/algorithms/gradient_sum.h"
+#include "learner/algorithms/part_statistics.h"
 #include "learner/algorithms/ppo_loss.h"
 #include "learner/algorithms/progress.h"
 #include "learner/estimators/gae.h"
@@ -19,6 +20,15 @@ namespace comrad::learn {
 namespace {
 
 constexpr double kEarlyStopLossChange = 1e-6;
+
+/// 1 - Var(R - V) / Var(R) over valid samples: 1 when values foretell the returns, 0 when they say no more than
+/// their mean, below when they mislead. NaN where all returns are the same.
+double explained_variance(const Tensor& target, const Tensor& value, const Tensor& valid) {
+  const Tensor index = valid.flatten().nonzero().squeeze(1);
+  const Tensor of_target = target.flatten().index_select(0, index).to(torch::kFloat64);
+  const Tensor error = of_target - value.flatten().index_select(0, index);
+  return 1 - error.var(/*unbiased=*/false).item<double>() / of_target.var(/*unbiased=*/false).item<double>();
+}
 
 }  // namespace
 
@@ -33,6 +43,9 @@ void OnPolicy::LossSums::add(const LossSums& part) {
   ratio_min = std::min(ratio_min, part.ratio_min);
   ratio_max = std::max(ratio_max, part.ratio_max);
   log_prob_max = std::max(log_prob_max, part.log_prob_max);
+  value_clipped += part.value_clipped;
+  for (std::size_t head = 0; head < head_entropy.size(); ++head)
+    head_entropy[head] += part.head_entropy[head];
 }
 
 void OnPolicy::LossSums::add_policy(const LossSums& part, double share) {
@@ -47,6 +60,10 @@ void OnPolicy::LossSums::add_policy(const LossSums& part, double share) {
   ratio_max = std::max(ratio_max, part.ratio_max);
   clipped += share * part.clipped;
   log_prob_max = std::max(log_prob_max, part.log_prob_max);
+  kl_first += share * part.kl_first;
+  clipped_first += share * part.clipped_first;
+  for (std::size_t head = 0; head < head_entropy.size(); ++head)
+    head_entropy[head] += share * part.head_entropy[head];
 }
 
 void OnPolicy::LossSums::take_value(const LossSums& part) {
@@ -54,6 +71,7 @@ void OnPolicy::LossSums::take_value(const LossSums& part) {
   predicted_value = part.predicted_value;
   value_delta = part.value_delta;
   value_delta_max = part.value_delta_max;
+  value_clipped = part.value_clipped;
 }
 
 OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device device)
@@ -64,6 +82,7 @@ OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device d
                                      RngKey(static_cast<uint64_t>(config.seed)).split("network").bits(),
                                      device)),
       schedule_(config),
+      returns_(config.returns_clip),
       pool_(threads_for_parts(config, device)) {}
 
 bool OnPolicy::begin_update(Minibatch& batch, const UpdateContext& context, UpdateStats& stats) {
@@ -98,11 +117,12 @@ void OnPolicy::prepare_targets(Minibatch& batch) {
   const auto natural = [this](const Tensor& value) {
     return config_.normalize_returns ? returns_.denormalize(value) : value;
   };
+  const Tensor value = natural(batch.value);
   const Advantages result =
       gae({.reward = batch.reward,
            .terminated = batch.terminated,
            .truncated = batch.truncated,
-           .value = natural(batch.value),
+           .value = value,
            .final_value = natural(batch.final_value),
            .valid = batch.valid,
            .value_valid = batch.value_valid},
@@ -110,10 +130,12 @@ void OnPolicy::prepare_targets(Minibatch& batch) {
   batch.advantage = batch.raw_advantage = reported_advantage_ = result.advantage;
   batch.target = result.target;
   reported_acting_ = batch.acting();
+  explained_variance_ = explained_variance(result.target, value.narrow(0, 0, batch.steps()), batch.valid);
   if (!config_.normalize_returns) return;
   if (!returns_.update(result.target, batch.valid))
     spdlog::warn("update: returns are not finite; statistics kept");
   batch.target = returns_.normalize(result.target);
+  targets_clipped_ = returns_.clipped_fraction(result.target, batch.valid);
 }
 
 Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const Minibatch& batch, const Phase& phase,
@@ -127,7 +149,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const Minibatch& batch, const
               .split(static_cast<uint64_t>(updates_))
               .split(phase.shuffle_key));
   const int64_t parts = std::clamp<int64_t>(config_.num_batches_per_epoch, 1, batch.slab_count);
-  double previous_actor_loss = 1e9;
+  double previous_actor_loss = 1e9, kl_first = 0, clipped_first = 0;
   bool is_first = true;
   for (int64_t epoch = 0; epoch < config_.num_epochs; ++epoch) {
     if (config_.shuffle_minibatches)
@@ -144,12 +166,15 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const Minibatch& batch, const
       if (stats.optimizer_steps > 0 && context.begin_step && !context.begin_step()) return PhaseEnd::kStopped;
       LossSums part_sums;
       const StepResult result = train_minibatch(minibatch, phase, context, is_first, stats, part_sums);
+      if (is_first) kl_first = part_sums.kl, clipped_first = part_sums.clipped;
       is_first = false;
       if (result == StepResult::kAbandoned) return PhaseEnd::kAbandoned;
       if (result == StepResult::kKlReached) return PhaseEnd::kDone;
       COMRAD_TRY(guard_.status());
       if (result == StepResult::kSkipped) continue;
       sums = part_sums;
+      sums.kl_first = kl_first;
+      sums.clipped_first = clipped_first;
       actor_loss += part_sums.actor();
       kl += part_sums.kl;
       if (!part_sums.has_policy) continue;  // of dead agents alone: its KL is no news
@@ -285,13 +310,13 @@ OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase,
   Tensor old_value;
   if (output.value.defined()) {
     old_value = on_device(micro.value).narrow(0, 0, micro.steps());
-    const Tensor value_loss =
-        config_.value_loss_coeff *
-        (clipped_value_loss(output.value, old_value, on_device(micro.target), config_.ppo_clip_value) *
-         value_weight)
-            .sum();
+    const Tensor target = on_device(micro.target);
+    const Tensor of_samples = clipped_value_loss(output.value, old_value, target, config_.ppo_clip_value);
+    const Tensor value_loss = config_.value_loss_coeff * (of_samples * value_weight).sum();
     loss = loss + value_loss;
     add(part.sums.value, value_loss);
+    add_value_mean(part.sums.value_clipped,
+                   (of_samples.detach() > (output.value.detach() - target).square()).to(torch::kFloat32));
   }
   part.gradients = torch::autograd::grad({loss}, phase.optimizer.parameters(), /*grad_outputs=*/{},
                                          /*retain_graph=*/c10::nullopt, /*create_graph=*/false,
@@ -303,7 +328,10 @@ OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase,
     if (!kl.defined()) kl = divergence();
     add_mean(part.sums.kl, kl);
     add_extreme(part.sums.kl_max, kl, acting, zero, true);
-    add_mean(part.sums.entropy, policy::entropy(log_probs, env_));
+    const Tensor head_entropy = policy::head_entropies(log_probs, env_);
+    add_mean(part.sums.entropy, head_entropy.sum(-1));
+    for (int64_t head = 0; head < env_.head_count; ++head)
+      add_mean(part.sums.head_entropy[static_cast<std::size_t>(head)], head_entropy.select(-1, head));
     add_mean(part.sums.ratio, ratio);
     add_extreme(part.sums.ratio_min, ratio, acting, zero + 1, false);
     add_extreme(part.sums.ratio_max, ratio, acting, zero + 1, true);
@@ -387,14 +415,21 @@ void OnPolicy::report(const Minibatch& batch, const LossSums& sums, UpdateStats&
   put("train/kl_loss", sums.kl_penalty);
   put("train/kl_divergence", sums.kl);
   put("train/kl_divergence_max", sums.kl_max);
+  put("train/kl_first", sums.kl_first);
   put("train/entropy", sums.entropy);
+  for (int32_t head = 0; head < env_.head_count; ++head)
+    put(("train/entropy_head_" + std::to_string(head)).c_str(),
+        sums.head_entropy[static_cast<std::size_t>(head)]);
   put("train/value", sums.predicted_value);
   put("train/value_delta", sums.value_delta);
   put("train/value_delta_max", sums.value_delta_max);
+  put("train/value_clip_fraction", sums.value_clipped);
+  put("train/explained_variance", explained_variance_);
   put("train/ratio_mean", sums.ratio);
   put("train/ratio_min", sums.ratio_min);
   put("train/ratio_max", sums.ratio_max);
   put("train/fraction_clipped", sums.clipped);
+  put("train/fraction_clipped_first", sums.clipped_first);
   put("train/max_abs_logprob", sums.log_prob_max);
   put("train/grad_norm", last_grad_norm_);
   double second_moment = 0;
@@ -429,7 +464,15 @@ void OnPolicy::report(const Minibatch& batch, const LossSums& sums, UpdateStats&
   if (config_.normalize_returns) {
     put("train/returns_running_mean", returns_.statistics().mean);
     put("train/returns_running_std", returns_.sigma());
+    put("train/targets_clipped_fraction", targets_clipped_);
   }
+}
+
+void OnPolicy::append_diagnostics(NamedNumbers& values) const {
+  PartStatistics parts;
+  const policy::NamedTensors named = net_.named_parameters();
+  for (const auto& [prefix, optimizer] : optimizers_) parts.add(optimizer, named);
+  parts.append_to(values);
 }
 
 void OnPolicy::save(StateDict& state) const {
@@ -439,7 +482,7 @@ void OnPolicy::save(StateDict& state) const {
   state.put("normalizer/returns_mean", returns_.statistics().mean);
   state.put("normalizer/returns_variance", returns_.statistics().variance);
   state.put("normalizer/returns_count", returns_.statistics().count);
-  state.put("schedule/learning_rate", schedule_.learning_rate());
+  schedule_.save(state);
 }
 
 Status OnPolicy::load(const StateDict& state) {
@@ -448,17 +491,23 @@ Status OnPolicy::load(const StateDict& state) {
   COMRAD_TRY_ASSIGN(statistics.mean, state.number("normalizer/returns_mean"));
   COMRAD_TRY_ASSIGN(statistics.variance, state.number("normalizer/returns_variance"));
   COMRAD_TRY_ASSIGN(statistics.count, state.number("normalizer/returns_count"));
-  COMRAD_TRY_ASSIGN(const double learning_rate, state.number("schedule/learning_rate"));
-  for (const auto& [key, tensor] : net_.named_state())
-    COMRAD_TRY(state.copy_tensor("network/" + key, tensor));
+  for (const auto& [key, tensor] : net_.named_state()) {
+    const Status copied = state.copy_tensor("network/" + key, tensor);
+    if (copied) continue;
+    const bool is_view = config_.algo == "mappo" && key.starts_with("critic.");
+    return Error{copied.error().code,
+                 copied.error().message +
+                     (is_view ? " (mappo_critic_view is " + config_.mappo_critic_view +
+                                    " here; a run made before that setting was there saw by position: put "
+                                    "mappo_critic_view = \"position\" into its config.toml)"
+                              : "")};
+  }
   net_.state_changed();
   for (auto& [prefix, optimizer] : optimizers_) COMRAD_TRY(optimizer.load(state, "optimizer", prefix));
+  COMRAD_TRY(schedule_.load(state));
   version_ = progress.version;
   updates_ = progress.updates;
   returns_.restore(statistics);
-  // Constant and linear schedules follow this run's flags; only the adaptive ones live from their last
-  // position.
-  if (config_.lr_schedule.starts_with("kl_adaptive")) schedule_.restore(learning_rate);
   return {};
 }
 

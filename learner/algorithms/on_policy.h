@@ -18,6 +18,7 @@
 
 #include <torch/types.h>
 
+#include <array>
 #include <functional>
 #include <string>
 #include <utility>
@@ -39,6 +40,7 @@ class OnPolicy : public OnPolicyAlgorithm {
   int64_t parameter_count() const override { return net_.parameter_count(); }
   int64_t weights_bytes() const override { return net_.weights_bytes(); }
   void write_weights(std::span<std::byte> out) const override { net_.write_weights(out); }
+  void append_diagnostics(NamedNumbers& values) const override;
   void save(StateDict& state) const override;
   Status load(const StateDict& state) override;
 
@@ -52,6 +54,10 @@ class OnPolicy : public OnPolicyAlgorithm {
     double policy = 0, value = 0, exploration = 0, kl_penalty = 0;
     double kl = 0, kl_max = 0, entropy = 0, predicted_value = 0, value_delta = 0, value_delta_max = 0;
     double ratio = 0, ratio_min = kRatioUnset, ratio_max = 0, clipped = 0, log_prob_max = 0;
+    double value_clipped = 0;  ///< share in which ppo_clip_value decides about the value loss
+    double kl_first = 0,
+           clipped_first = 0;  ///< of the phase's first minibatch, before its first step: staleness
+    std::array<double, kMaxHeads> head_entropy{};
     bool has_policy = false;  ///< some sample was an acting one, and the phase trains the policy
     static constexpr double kRatioUnset = 1e30;
     double actor() const { return policy + exploration + kl_penalty; }
@@ -127,7 +133,8 @@ class OnPolicy : public OnPolicyAlgorithm {
   PolicyVersion version_ = 0;
   int64_t updates_ = 0;  ///< batches seen; keys the shuffling
   double last_grad_norm_ = 0;
-  Tensor reported_advantage_, reported_acting_;  ///< before standardisation
+  Tensor reported_advantage_, reported_acting_;          ///< before standardisation
+  double explained_variance_ = 0, targets_clipped_ = 0;  ///< of the newest batch
 
  private:
   enum class StepResult { kTrained, kSkipped, kAbandoned, kKlReached };

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -301,6 +302,76 @@ TEST(Ippo, ADeadAgentsActionsMoveNoWeightAndLowerNoLearningRate) {
     EXPECT_NEAR(values_of(*ippo.update(batch, {}))["train/actual_lr"], 1e-4, 1e-12);
   }
   EXPECT_TRUE(all_equal(results[0], results[1]));
+}
+
+TEST(Ippo, ReportsWhatTheValuesExplainAndWhatIsClipped) {
+  RunConfig config = small_config();
+  config.returns_clip = 1.0;
+  config.ppo_clip_value = 1e-3;
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 4, 12);
+  batch.valid[1][2] = 0;
+  apply_lag_filter(batch, 0, 1000);
+  Minibatch looked_at = batch;
+  Ippo twin(config, shape.env, torch::kCPU);
+  twin.prepare_targets(looked_at);
+  torch::NoGradGuard no_grad;
+  const Tensor now = twin.net().sequence(batch.frame, {}, batch.recurrent_state, batch.reset).value;
+  // Plain loops over the valid samples, in natural units: returns are advantages and values.
+  const auto& returns = twin.return_normalizer();
+  std::vector<double> errors, targets;
+  double clipped = 0, decides = 0;
+  for (int64_t t = 0; t < 4; ++t)
+    for (int64_t row = 0; row < 8; ++row) {
+      if (batch.valid[t][row].item<int>() == 0) continue;
+      const double error = looked_at.raw_advantage[t][row].item<double>();
+      const double old_value = batch.value[t][row].item<double>();
+      const double target =
+          std::clamp(old_value, -1.0, 1.0) * std::sqrt(1 + 1e-5) + error;  // fresh statistics
+      errors.push_back(error);
+      targets.push_back(target);
+      const double wide = (target - returns.statistics().mean) / returns.sigma();
+      clipped += std::abs(wide) > 1;
+      const double goal = std::clamp(wide, -1.0, 1.0), value = now[t][row].item<double>();
+      const double near = old_value + std::clamp(value - old_value, -1e-3, 1e-3);
+      decides += (near - goal) * (near - goal) > (value - goal) * (value - goal);
+    }
+  const auto variance = [](const std::vector<double>& x) {
+    double mean = 0, squares = 0;
+    for (const double one : x) mean += one / static_cast<double>(x.size());
+    for (const double one : x) squares += (one - mean) * (one - mean);
+    return squares;
+  };
+  torch::AutoGradMode with_gradient(true);
+  auto values = values_of(*ippo.update(batch, {}));
+  EXPECT_NEAR(values.at("train/explained_variance"), 1 - variance(errors) / variance(targets), 1e-4);
+  EXPECT_NEAR(values.at("train/targets_clipped_fraction"), clipped / 31, 1e-9);
+  EXPECT_GT(clipped, 0);
+  EXPECT_NEAR(values.at("train/value_clip_fraction"), decides / 31, 1e-6);
+  EXPECT_GT(decides, 0);
+  EXPECT_NEAR(values.at("train/entropy_head_0") + values.at("train/entropy_head_1"),
+              values.at("train/entropy"), 1e-6);
+  EXPECT_LE(values.at("train/entropy_head_0"), std::log(3.0) + 1e-6);
+  EXPECT_LE(values.at("train/entropy_head_1"), std::log(2.0) + 1e-6);
+}
+
+TEST(Ippo, TheFirstPassOverABatchShowsStalenessAlone) {
+  RunConfig config = small_config();
+  config.num_epochs = 4;
+  config.learning_rate = 1e-2;
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch fresh = noise_batch(shape, 4, 1);
+  act_with(ippo.net(), fresh);
+  auto values = values_of(*ippo.update(fresh, {}));
+  EXPECT_NEAR(values.at("train/kl_first"), 0, 1e-6);
+  EXPECT_EQ(values.at("train/fraction_clipped_first"), 0);
+  EXPECT_GT(values.at("train/kl_divergence"), 1e-5);
+  Minibatch stale = noise_batch(shape, 4, 2);  // of another policy
+  values = values_of(*ippo.update(stale, {}));
+  EXPECT_GT(values.at("train/kl_first"), 1e-3);
+  EXPECT_GT(values.at("train/fraction_clipped_first"), 0);
 }
 
 TEST(Ippo, AMinibatchOfTheDeadTrainsTheirValuesAlone) {
