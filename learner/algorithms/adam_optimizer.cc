@@ -40,8 +40,9 @@ AdamSettings AdamSettings::from(const RunConfig& config) {
 
 struct AdamOptimizer::State {
   std::vector<torch::Tensor> parameters;
-  double max_grad_norm;
+  AdamSettings settings;
   torch::optim::Adam adam;
+  std::vector<double> gradient_norms;  // of the last clip_gradients()
 
   /// The moments of a parameter, or null before its first step.
   torch::optim::AdamParamState* moments(const torch::Tensor& parameter) {
@@ -52,10 +53,12 @@ struct AdamOptimizer::State {
 };
 
 AdamOptimizer::AdamOptimizer(std::vector<torch::Tensor> parameters, const AdamSettings& settings)
-    : state_(new State{parameters, settings.max_grad_norm,
-                       torch::optim::Adam(parameters, torch::optim::AdamOptions(1e-4)
-                                                          .betas({settings.beta1, settings.beta2})
-                                                          .eps(settings.epsilon))}) {}
+    : state_(new State{
+          parameters, settings,
+          torch::optim::Adam(
+              parameters,
+              torch::optim::AdamOptions(1e-4).betas({settings.beta1, settings.beta2}).eps(settings.epsilon)),
+          std::vector<double>(parameters.size(), 0.0)}) {}
 AdamOptimizer::~AdamOptimizer() = default;
 AdamOptimizer::AdamOptimizer(AdamOptimizer&&) noexcept = default;
 AdamOptimizer& AdamOptimizer::operator=(AdamOptimizer&&) noexcept = default;
@@ -73,14 +76,15 @@ void AdamOptimizer::zero_grad() {
 double AdamOptimizer::clip_gradients() {
   torch::NoGradGuard no_grad;
   double squares = 0;
-  for (const torch::Tensor& parameter : state_->parameters) {
-    if (!parameter.grad().defined()) continue;
-    const double norm = parameter.grad().norm().item<double>();
+  for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
+    const torch::Tensor& gradient = state_->parameters[i].grad();
+    const double norm = gradient.defined() ? gradient.norm().item<double>() : 0.0;
+    state_->gradient_norms[i] = norm;
     squares += norm * norm;
   }
-  const double norm = std::sqrt(squares);
-  if (!std::isfinite(norm) || !(state_->max_grad_norm > 0)) return norm;
-  const double factor = state_->max_grad_norm / (norm + 1e-6);
+  const double norm = std::sqrt(squares), limit = state_->settings.max_grad_norm;
+  if (!std::isfinite(norm) || !(limit > 0)) return norm;
+  const double factor = limit / (norm + 1e-6);
   if (factor < 1.0)
     for (const torch::Tensor& parameter : state_->parameters)
       if (parameter.grad().defined()) parameter.grad().mul_(factor);
@@ -90,6 +94,22 @@ double AdamOptimizer::clip_gradients() {
 void AdamOptimizer::step(double learning_rate) {
   for (auto& group : state_->adam.param_groups()) group.options().set_lr(learning_rate);
   state_->adam.step();
+}
+
+bool AdamOptimizer::has_stepped(std::size_t index) const {
+  return state_->moments(state_->parameters[index]) != nullptr;
+}
+
+double AdamOptimizer::gradient_norm(std::size_t index) const { return state_->gradient_norms[index]; }
+
+double AdamOptimizer::step_multiplier(std::size_t index) const {
+  torch::NoGradGuard no_grad;
+  const auto* moments = state_->moments(state_->parameters[index]);
+  if (moments == nullptr) return 0;
+  const AdamSettings& settings = state_->settings;
+  const double correction = 1 - std::pow(settings.beta2, static_cast<double>(moments->step()));
+  const torch::Tensor s = (moments->exp_avg_sq() / correction).sqrt();
+  return (s / (s + settings.epsilon)).mean().item<double>();
 }
 
 double AdamOptimizer::max_second_moment() const {

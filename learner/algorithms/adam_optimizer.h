@@ -38,6 +38,13 @@ class AdamOptimizer {
   double clip_gradients();
   void step(double learning_rate);
 
+  /// Of parameter `index`: whether it has moments, the norm of its gradient at the last clip_gradients() (before
+  /// it was clipped; 0 before the first), and the mean over its elements of s / (s + epsilon),
+  /// s = sqrt(exp_avg_sq / (1 - beta2^step)), 0 before the first step.
+  bool has_stepped(std::size_t index) const;
+  double gradient_norm(std::size_t index) const;
+  double step_multiplier(std::size_t index) const;
+
   /// Largest exp_avg_sq; 0 before the first step.
   double max_second_moment() const;
 

@@ -32,6 +32,9 @@ struct UpdateContext {
   std::function<bool()> keep_going;  ///< asked before every micro-batch; false abandons the step in hand
 };
 
+/// Numbers for a report by name, in the order they are written.
+using NamedNumbers = std::vector<std::pair<std::string, double>>;
+
 /// What one update did.
 struct UpdateStats {
   int64_t optimizer_steps = 0;
@@ -39,7 +42,7 @@ struct UpdateStats {
   int64_t rows_trained = 0;   ///< agent decisions times epochs that went forward and backward
   bool abandoned = false;     ///< keep_going said no
   LagStats lag;
-  std::vector<std::pair<std::string, double>> values;  ///< "train/policy_loss", ... of the last minibatch
+  NamedNumbers values;  ///< "train/policy_loss", ... of the last minibatch
 };
 
 /// One of the learning algorithms. Not thread-safe: the learner's training thread owns it.
@@ -54,6 +57,10 @@ class Algorithm {
   /// The behaviour policy's weights as policy workers read them.
   virtual int64_t weights_bytes() const = 0;
   virtual void write_weights(std::span<std::byte> out) const = 0;
+
+  /// Numbers that are too dear for every update, for a report that is written: gradient norm and Adam's step
+  /// of every part of the networks (part_statistics.h), after the last update.
+  virtual void append_diagnostics(NamedNumbers& values) const = 0;
 
   /// All state, under the sections "network", "optimizer", "normalizer", "schedule" and "algorithm", and of
   /// Q-learning "target" and "mixer".

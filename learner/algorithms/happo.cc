@@ -53,6 +53,7 @@ Expected<Tensor> Happo::train_agent(const Minibatch& batch, int64_t agent, const
   const Minibatch rows = agent_rows(batch, agent);
   Phase phase{.optimizer = optimizers_[static_cast<std::size_t>(agent)].second,
               .forward = actor(agent),
+              .trains_value = false,
               .shuffle_key = static_cast<uint64_t>(agent)};
   // With one minibatch the first forward pass of training is that of the old policy on all rows.
   Tensor old_log_prob;
@@ -94,8 +95,9 @@ Expected<UpdateStats> Happo::update(Minibatch& batch, const UpdateContext& conte
     }
   }
   prepare_targets(batch);
-  // From here on `advantage` is M; the raw advantages are what reports show.
-  batch.advantage = standardize(batch.advantage, batch.valid);
+  // From here on `advantage` is M.
+  const Tensor acting = batch.acting();
+  batch.advantage = standardize(batch.advantage, acting);
 
   const auto put = [&stats](const std::string& name, double value) {
     stats.values.emplace_back(name, value);
@@ -111,8 +113,8 @@ Expected<UpdateStats> Happo::update(Minibatch& batch, const UpdateContext& conte
   for (const int64_t agent : order) {
     LossSums sums;
     bool goes_on = true;
-    const Tensor valid = batch.valid.slice(1, agent, c10::nullopt, agents);
-    const bool has_samples = valid.any().item<bool>();
+    const Tensor of_agent = acting.slice(1, agent, c10::nullopt, agents);
+    const bool has_samples = of_agent.any().item<bool>();
     Tensor old_log_prob;
     if (has_samples) {
       COMRAD_TRY_ASSIGN(old_log_prob, train_agent(batch, agent, context, stats, sums, goes_on));
@@ -125,7 +127,7 @@ Expected<UpdateStats> Happo::update(Minibatch& batch, const UpdateContext& conte
     put(prefix + "_grad_norm", last_grad_norm_);
     if (agent == order.back() || !has_samples) continue;  // nobody is left to need the factor
     const Tensor new_log_prob = evaluate(agent_rows(batch, agent), actor(agent)).log_prob;
-    const Tensor ratio = happo_ratio(new_log_prob, old_log_prob, valid, config_.happo_factor_clamp);
+    const Tensor ratio = happo_ratio(new_log_prob, old_log_prob, of_agent, config_.happo_factor_clamp);
     factor.mul_(ratio);
     batch.advantage.view({steps, worlds, agents}).mul_(ratio.unsqueeze(2));
     put(prefix + "_post_ratio_mean", ratio.mean().item<double>());

@@ -2,7 +2,7 @@
 // become. Every agent has its own actor; one critic with an encoder (and core) per agent values the team's
 // joint observation.
 //
-//   M   <- A                           GAE of the joint value, standardised over all agents' valid samples
+//   M   <- A                           GAE of the joint value, standardised over all agents' acting samples
 //   for agent i in random order:       (happo_agent_order)
 //     train pi_i by PPO on             - mean min(ratio_i M, clip(ratio_i) M) + exploration
 //     M <- M pi_i^new(a_i) / pi_i^old(a_i)                            for all agents of the transition
@@ -11,11 +11,11 @@
 // Each training is num_epochs x num_batches_per_epoch steps of an Adam of its own.
 //
 // ratio_i is relative to the behaviour policy as in IPPO, so data of a lagging worker is corrected; the
-// factor is relative to the agent's policy before its sub-update. It is 1 at invalid samples, and clamped to
-// [1/c, c] per agent where happo_factor_clamp = c > 1. A factor outside the min, as in the authors' code,
-// gives the same gradient, since it is positive. Every optimizer step is a version of its own, so a batch
-// makes num_epochs x num_batches_per_epoch x (N + 1) of them; all networks travel together under one
-// checksum, so nobody acts with half of an update.
+// factor is relative to the agent's policy before its sub-update. It is 1 where the sample is invalid or the
+// agent dead, and clamped to [1/c, c] per agent where happo_factor_clamp = c > 1. A factor outside the min, as
+// in the authors' code, gives the same gradient, since it is positive. Every optimizer step is a version of
+// its own, so a batch makes num_epochs x num_batches_per_epoch x (N + 1) of them; all networks travel together
+// under one checksum, so nobody acts with half of an update.
 //
 // One value for all agents presumes a team reward. Where agents of a transition are paid differently the
 // critic learns the mean of their returns, and the first such batch is logged; shared_reward_alpha 1 makes

@@ -19,7 +19,7 @@ OnPolicy::Phase Ippo::phase() {
           .prepare =
               [this](Minibatch& minibatch) {
                 if (config_.with_vtrace) prepare_vtrace(minibatch);
-                minibatch.advantage = standardize(minibatch.advantage, minibatch.valid);
+                minibatch.advantage = standardize(minibatch.advantage, minibatch.acting());
               }};
 }
 
@@ -37,8 +37,11 @@ Expected<UpdateStats> Ippo::update(Minibatch& batch, const UpdateContext& contex
 void Ippo::prepare_vtrace(Minibatch& minibatch) {
   torch::NoGradGuard no_grad;
   const Evaluation now = evaluate(minibatch, phase().forward);
-  // A ratio of 0 at an invalid step makes its target its own value and lets no trace through.
-  const Tensor log_rho = torch::where(minibatch.valid.to(torch::kBool), now.log_prob - minibatch.log_prob,
+  // A ratio of 0 at an invalid step makes its target its own value and lets no trace through. Whatever a dead
+  // agent chooses, the same follows: its ratio is 1.
+  const Tensor of_alive = torch::where(minibatch.agent_active.to(torch::kBool),
+                                       now.log_prob - minibatch.log_prob, torch::zeros({}));
+  const Tensor log_rho = torch::where(minibatch.valid.to(torch::kBool), of_alive,
                                       torch::full({}, -std::numeric_limits<float>::infinity()));
   // Behind the last step taken stands the stored bootstrap; there is no frame to look at again.
   Tensor value = minibatch.value.clone();
@@ -58,7 +61,7 @@ void Ippo::prepare_vtrace(Minibatch& minibatch) {
                                     .legacy_timeouts = config_.legacy_timeouts});
   minibatch.advantage = reported_advantage_ = result.advantage;
   minibatch.target = result.target;
-  reported_valid_ = minibatch.valid.contiguous();
+  reported_acting_ = minibatch.acting();
 }
 
 bool Ippo::accumulate_gradient(Minibatch& minibatch, const UpdateContext& context, LossSums& sums) {

@@ -11,9 +11,8 @@ constexpr double kAdaptiveFactor = 1.5;
 }  // namespace
 
 LrSchedule::LrSchedule(const RunConfig& config)
-    : initial_(config.learning_rate),
-      learning_rate_(config.learning_rate),
-      env_frames_total_(config.train_for_env_steps),
+    : learning_rate_(config.learning_rate),
+      line_(config.learning_rate, 0.0, config.train_for_env_steps),
       kl_threshold_(config.lr_schedule_kl_threshold),
       min_(config.lr_adaptive_min),
       max_(config.lr_adaptive_max) {
@@ -23,8 +22,8 @@ LrSchedule::LrSchedule(const RunConfig& config)
 }
 
 void LrSchedule::before_batch(double env_frames) {
-  if (kind_ != Kind::kLinearDecay || !(env_frames_total_ > 0)) return;
-  learning_rate_ = initial_ * std::max(0.0, 1.0 - env_frames / env_frames_total_);
+  env_frames_ = env_frames;
+  if (kind_ == Kind::kLinearDecay) learning_rate_ = line_.at(env_frames);
 }
 
 void LrSchedule::after_minibatch(double kl) {
@@ -33,6 +32,23 @@ void LrSchedule::after_minibatch(double kl) {
 
 void LrSchedule::after_epoch(double mean_kl) {
   if (kind_ == Kind::kKlEpoch) adapt(mean_kl);
+}
+
+void LrSchedule::save(StateDict& state) const {
+  state.put("schedule/learning_rate", learning_rate_);
+  if (kind_ != Kind::kLinearDecay) return;
+  state.put("schedule/env_frames", env_frames_);
+  line_.save(state, "schedule/line");
+}
+
+Status LrSchedule::load(const StateDict& state) {
+  COMRAD_TRY_ASSIGN(const double learning_rate, state.number("schedule/learning_rate"));
+  if (kind_ == Kind::kKlMinibatch || kind_ == Kind::kKlEpoch) learning_rate_ = learning_rate;
+  if (kind_ != Kind::kLinearDecay || !state.has("schedule/env_frames")) return {};
+  COMRAD_TRY_ASSIGN(env_frames_, state.number("schedule/env_frames"));
+  COMRAD_TRY(line_.load(state, "schedule/line", env_frames_));
+  learning_rate_ = line_.at(env_frames_);
+  return {};
 }
 
 void LrSchedule::adapt(double kl) {

@@ -1,40 +1,47 @@
 // How the learning rate moves: not at all, linearly to zero over the run's env frames, or after the KL
-// between new and behaviour policy. Stage: update.
+// between new and behaviour policy. Stage: update, checkpoint.
 #pragma once
 
 #include <cstdint>
 #include <string>
 
+#include "learner/algorithms/linear_schedule.h"
+#include "learner/checkpoint/checkpoint.h"
 #include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/expected.h"
 
 namespace comrad::learn {
 
 /// The learning rate of one optimizer. Its position is a function of the run's env frames (linear_decay) or
-/// the current rate itself (kl_adaptive_*); a checkpoint keeps both.
+/// the current rate itself (kl_adaptive_*).
 class LrSchedule {
  public:
   explicit LrSchedule(const RunConfig& config);
 
   double learning_rate() const { return learning_rate_; }
   /// Before a batch is trained: `env_frames` counted so far. linear_decay moves here:
-  /// lr = lr_0 * max(0, 1 - env_frames / train_for_env_steps).
+  /// lr = lr_0 * max(0, 1 - env_frames / train_for_env_steps). A run that is resumed with another
+  /// train_for_env_steps goes on from the rate it had, in a line to 0 at the new end (linear_schedule.h).
   void before_batch(double env_frames);
   /// After an optimizer step with the minibatch's mean KL; kl_adaptive_minibatch moves here.
   void after_minibatch(double kl);
   /// After an epoch with the mean KL of its minibatches; kl_adaptive_epoch moves here.
   void after_epoch(double mean_kl);
 
-  /// Continues from a checkpoint.
-  void restore(double learning_rate) { learning_rate_ = learning_rate; }
+  /// Section "schedule" of a checkpoint.
+  void save(StateDict& state) const;
+  /// Constant and linear schedules follow this run's flags, the latter on its saved line; the adaptive ones
+  /// live from their last position. Errors: kBadFormat.
+  Status load(const StateDict& state);
 
  private:
   enum class Kind { kConstant, kLinearDecay, kKlMinibatch, kKlEpoch };
   void adapt(double kl);
 
   Kind kind_ = Kind::kConstant;
-  double initial_ = 0;
   double learning_rate_ = 0;
-  double env_frames_total_ = 0;
+  double env_frames_ = 0;  // of the last batch
+  LinearSchedule line_;    // kLinearDecay
   double kl_threshold_ = 0;
   double min_ = 0;
   double max_ = 0;

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "learner/algorithms/gradient_sum.h"
+#include "learner/algorithms/part_statistics.h"
 #include "learner/algorithms/ppo_loss.h"
 #include "learner/algorithms/progress.h"
 #include "learner/estimators/gae.h"
@@ -19,6 +20,15 @@ namespace comrad::learn {
 namespace {
 
 constexpr double kEarlyStopLossChange = 1e-6;
+
+/// 1 - Var(R - V) / Var(R) over valid samples: 1 when values foretell the returns, 0 when they say no more than
+/// their mean, below when they mislead. NaN where all returns are the same.
+double explained_variance(const Tensor& target, const Tensor& value, const Tensor& valid) {
+  const Tensor index = valid.flatten().nonzero().squeeze(1);
+  const Tensor of_target = target.flatten().index_select(0, index).to(torch::kFloat64);
+  const Tensor error = of_target - value.flatten().index_select(0, index);
+  return 1 - error.var(/*unbiased=*/false).item<double>() / of_target.var(/*unbiased=*/false).item<double>();
+}
 
 }  // namespace
 
@@ -33,6 +43,9 @@ void OnPolicy::LossSums::add(const LossSums& part) {
   ratio_min = std::min(ratio_min, part.ratio_min);
   ratio_max = std::max(ratio_max, part.ratio_max);
   log_prob_max = std::max(log_prob_max, part.log_prob_max);
+  value_clipped += part.value_clipped;
+  for (std::size_t head = 0; head < head_entropy.size(); ++head)
+    head_entropy[head] += part.head_entropy[head];
 }
 
 void OnPolicy::LossSums::add_policy(const LossSums& part, double share) {
@@ -47,6 +60,10 @@ void OnPolicy::LossSums::add_policy(const LossSums& part, double share) {
   ratio_max = std::max(ratio_max, part.ratio_max);
   clipped += share * part.clipped;
   log_prob_max = std::max(log_prob_max, part.log_prob_max);
+  kl_first += share * part.kl_first;
+  clipped_first += share * part.clipped_first;
+  for (std::size_t head = 0; head < head_entropy.size(); ++head)
+    head_entropy[head] += share * part.head_entropy[head];
 }
 
 void OnPolicy::LossSums::take_value(const LossSums& part) {
@@ -54,6 +71,7 @@ void OnPolicy::LossSums::take_value(const LossSums& part) {
   predicted_value = part.predicted_value;
   value_delta = part.value_delta;
   value_delta_max = part.value_delta_max;
+  value_clipped = part.value_clipped;
 }
 
 OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device device)
@@ -64,6 +82,7 @@ OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device d
                                      RngKey(static_cast<uint64_t>(config.seed)).split("network").bits(),
                                      device)),
       schedule_(config),
+      returns_(config.returns_clip),
       pool_(threads_for_parts(config, device)) {}
 
 bool OnPolicy::begin_update(Minibatch& batch, const UpdateContext& context, UpdateStats& stats) {
@@ -98,22 +117,25 @@ void OnPolicy::prepare_targets(Minibatch& batch) {
   const auto natural = [this](const Tensor& value) {
     return config_.normalize_returns ? returns_.denormalize(value) : value;
   };
+  const Tensor value = natural(batch.value);
   const Advantages result =
       gae({.reward = batch.reward,
            .terminated = batch.terminated,
            .truncated = batch.truncated,
-           .value = natural(batch.value),
+           .value = value,
            .final_value = natural(batch.final_value),
            .valid = batch.valid,
            .value_valid = batch.value_valid},
           {.gamma = config_.gamma, .lambda = config_.gae_lambda, .legacy_timeouts = config_.legacy_timeouts});
-  batch.advantage = reported_advantage_ = result.advantage;
+  batch.advantage = batch.raw_advantage = reported_advantage_ = result.advantage;
   batch.target = result.target;
-  reported_valid_ = batch.valid;
+  reported_acting_ = batch.acting();
+  explained_variance_ = explained_variance(result.target, value.narrow(0, 0, batch.steps()), batch.valid);
   if (!config_.normalize_returns) return;
   if (!returns_.update(result.target, batch.valid))
     spdlog::warn("update: returns are not finite; statistics kept");
   batch.target = returns_.normalize(result.target);
+  targets_clipped_ = returns_.clipped_fraction(result.target, batch.valid);
 }
 
 Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const Minibatch& batch, const Phase& phase,
@@ -127,7 +149,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const Minibatch& batch, const
               .split(static_cast<uint64_t>(updates_))
               .split(phase.shuffle_key));
   const int64_t parts = std::clamp<int64_t>(config_.num_batches_per_epoch, 1, batch.slab_count);
-  double previous_actor_loss = 1e9;
+  double previous_actor_loss = 1e9, kl_first = 0, clipped_first = 0;
   bool is_first = true;
   for (int64_t epoch = 0; epoch < config_.num_epochs; ++epoch) {
     if (config_.shuffle_minibatches)
@@ -144,14 +166,18 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const Minibatch& batch, const
       if (stats.optimizer_steps > 0 && context.begin_step && !context.begin_step()) return PhaseEnd::kStopped;
       LossSums part_sums;
       const StepResult result = train_minibatch(minibatch, phase, context, is_first, stats, part_sums);
+      if (is_first) kl_first = part_sums.kl, clipped_first = part_sums.clipped;
       is_first = false;
       if (result == StepResult::kAbandoned) return PhaseEnd::kAbandoned;
       if (result == StepResult::kKlReached) return PhaseEnd::kDone;
       COMRAD_TRY(guard_.status());
       if (result == StepResult::kSkipped) continue;
       sums = part_sums;
+      sums.kl_first = kl_first;
+      sums.clipped_first = clipped_first;
       actor_loss += part_sums.actor();
       kl += part_sums.kl;
+      if (!part_sums.has_policy) continue;  // of dead agents alone: its KL is no news
       ++trained;
       if (phase.trains_policy) schedule_.after_minibatch(part_sums.kl);
     }
@@ -168,7 +194,9 @@ OnPolicy::StepResult OnPolicy::train_minibatch(Minibatch& minibatch, const Phase
                                                const UpdateContext& context, bool is_first,
                                                UpdateStats& stats, LossSums& sums) {
   const double valid_count = minibatch.valid.sum(torch::kFloat64).item<double>();
-  if (valid_count == 0) {
+  sums.has_policy = phase.trains_policy && minibatch.acting().any().item<bool>();
+  // Without anything to learn Adam's momentum would still move the weights.
+  if (valid_count == 0 || (!sums.has_policy && !phase.trains_value)) {
     ++stats.skipped_steps;
     return StepResult::kSkipped;
   }
@@ -214,7 +242,8 @@ std::vector<Minibatch> OnPolicy::micro_batches(const Minibatch& batch) const {
   return micros;
 }
 
-OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, double valid_count) const {
+OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase,
+                                 const SampleCounts& counts) const {
   Part part;
   const ExplorationLoss exploration_kind = parse_exploration_loss(config_.exploration_loss);
   const double clip_high = 1.0 + config_.ppo_clip_ratio, clip_low = 1.0 / clip_high;
@@ -222,7 +251,9 @@ OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, dou
     return tensor.defined() ? tensor.to(device_) : tensor;
   };
   const Tensor valid = on_device(micro.valid).to(torch::kBool);
-  const Tensor weight = valid.to(torch::kFloat32) / valid_count;
+  const Tensor acting = on_device(micro.acting()).to(torch::kBool);
+  const Tensor weight = acting.to(torch::kFloat32) / counts.acting;
+  const Tensor value_weight = valid.to(torch::kFloat32) / counts.valid;
   const policy::SequenceOutput output = phase.forward(input_of(micro));
   const Tensor zero = torch::zeros({}, weight.options());
 
@@ -238,10 +269,14 @@ OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, dou
     numbers.push_back(number.detach());
   };
   const auto add_mean = [&](double& sum, const Tensor& of_samples) { add(sum, (of_samples * weight).sum()); };
-  const auto add_extreme = [&](double& sum, const Tensor& of_samples, const Tensor& otherwise, bool is_max) {
-    const Tensor valid_samples = torch::where(valid, of_samples.detach(), otherwise);
+  const auto add_value_mean = [&](double& sum, const Tensor& of_samples) {
+    add(sum, (of_samples * value_weight).sum());
+  };
+  const auto add_extreme = [&](double& sum, const Tensor& of_samples, const Tensor& counted,
+                               const Tensor& otherwise, bool is_max) {
+    const Tensor samples = torch::where(counted, of_samples.detach(), otherwise);
     places.push_back({&sum, is_max ? Number::kMax : Number::kMin});
-    numbers.push_back(is_max ? valid_samples.max() : valid_samples.min());
+    numbers.push_back(is_max ? samples.max() : samples.min());
   };
 
   Tensor loss = zero;
@@ -275,13 +310,13 @@ OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, dou
   Tensor old_value;
   if (output.value.defined()) {
     old_value = on_device(micro.value).narrow(0, 0, micro.steps());
-    const Tensor value_loss =
-        config_.value_loss_coeff *
-        (clipped_value_loss(output.value, old_value, on_device(micro.target), config_.ppo_clip_value) *
-         weight)
-            .sum();
+    const Tensor target = on_device(micro.target);
+    const Tensor of_samples = clipped_value_loss(output.value, old_value, target, config_.ppo_clip_value);
+    const Tensor value_loss = config_.value_loss_coeff * (of_samples * value_weight).sum();
     loss = loss + value_loss;
     add(part.sums.value, value_loss);
+    add_value_mean(part.sums.value_clipped,
+                   (of_samples.detach() > (output.value.detach() - target).square()).to(torch::kFloat32));
   }
   part.gradients = torch::autograd::grad({loss}, phase.optimizer.parameters(), /*grad_outputs=*/{},
                                          /*retain_graph=*/c10::nullopt, /*create_graph=*/false,
@@ -292,19 +327,22 @@ OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase, dou
     if (phase.first_log_prob != nullptr) part.log_prob = log_prob.detach().cpu();
     if (!kl.defined()) kl = divergence();
     add_mean(part.sums.kl, kl);
-    add_extreme(part.sums.kl_max, kl, zero, true);
-    add_mean(part.sums.entropy, policy::entropy(log_probs, env_));
+    add_extreme(part.sums.kl_max, kl, acting, zero, true);
+    const Tensor head_entropy = policy::head_entropies(log_probs, env_);
+    add_mean(part.sums.entropy, head_entropy.sum(-1));
+    for (int64_t head = 0; head < env_.head_count; ++head)
+      add_mean(part.sums.head_entropy[static_cast<std::size_t>(head)], head_entropy.select(-1, head));
     add_mean(part.sums.ratio, ratio);
-    add_extreme(part.sums.ratio_min, ratio, zero + 1, false);
-    add_extreme(part.sums.ratio_max, ratio, zero + 1, true);
+    add_extreme(part.sums.ratio_min, ratio, acting, zero + 1, false);
+    add_extreme(part.sums.ratio_max, ratio, acting, zero + 1, true);
     add_mean(part.sums.clipped, ((ratio < clip_low) | (ratio > clip_high)).to(torch::kFloat32));
-    add_extreme(part.sums.log_prob_max, log_prob.abs(), zero, true);
+    add_extreme(part.sums.log_prob_max, log_prob.abs(), acting, zero, true);
   }
   if (output.value.defined()) {
     const Tensor value_delta = (output.value - old_value).abs();
-    add_mean(part.sums.predicted_value, output.value);
-    add_mean(part.sums.value_delta, value_delta);
-    add_extreme(part.sums.value_delta_max, value_delta, zero, true);
+    add_value_mean(part.sums.predicted_value, output.value);
+    add_value_mean(part.sums.value_delta, value_delta);
+    add_extreme(part.sums.value_delta_max, value_delta, valid, zero, true);
   }
   const Tensor read = torch::stack(numbers).cpu();
   for (std::size_t i = 0; i < places.size(); ++i) {
@@ -321,12 +359,15 @@ bool OnPolicy::accumulate(const Minibatch& minibatch, const Phase& phase, const 
                           LossSums& sums) {
   // What depends on the whole minibatch came before; each micro-batch adds its share of the same sums, so the
   // gradient does not depend on micro_batch_size.
-  const double valid_count = std::max(1.0, minibatch.valid.sum(torch::kFloat64).item<double>());
+  const auto count_of = [](const Tensor& mask) {
+    return std::max(1.0, mask.sum(torch::kFloat64).item<double>());
+  };
+  const SampleCounts counts{.valid = count_of(minibatch.valid), .acting = count_of(minibatch.acting())};
   const std::vector<Minibatch> micros = micro_batches(minibatch);
   std::vector<Tensor> first_log_prob;
   const bool is_done = sum_gradients<Part>(
       pool_, phase.optimizer.parameters(), static_cast<int64_t>(micros.size()),
-      [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], phase, valid_count); },
+      [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], phase, counts); },
       [&](const Part& part) {
         sums.add(part.sums);
         if (phase.first_log_prob != nullptr) first_log_prob.push_back(part.log_prob);
@@ -374,14 +415,21 @@ void OnPolicy::report(const Minibatch& batch, const LossSums& sums, UpdateStats&
   put("train/kl_loss", sums.kl_penalty);
   put("train/kl_divergence", sums.kl);
   put("train/kl_divergence_max", sums.kl_max);
+  put("train/kl_first", sums.kl_first);
   put("train/entropy", sums.entropy);
+  for (int32_t head = 0; head < env_.head_count; ++head)
+    put(("train/entropy_head_" + std::to_string(head)).c_str(),
+        sums.head_entropy[static_cast<std::size_t>(head)]);
   put("train/value", sums.predicted_value);
   put("train/value_delta", sums.value_delta);
   put("train/value_delta_max", sums.value_delta_max);
+  put("train/value_clip_fraction", sums.value_clipped);
+  put("train/explained_variance", explained_variance_);
   put("train/ratio_mean", sums.ratio);
   put("train/ratio_min", sums.ratio_min);
   put("train/ratio_max", sums.ratio_max);
   put("train/fraction_clipped", sums.clipped);
+  put("train/fraction_clipped_first", sums.clipped_first);
   put("train/max_abs_logprob", sums.log_prob_max);
   put("train/grad_norm", last_grad_norm_);
   double second_moment = 0;
@@ -389,16 +437,21 @@ void OnPolicy::report(const Minibatch& batch, const LossSums& sums, UpdateStats&
     second_moment = std::max(second_moment, optimizer.max_second_moment());
   put("train/adam_max_second_moment", second_moment);
 
-  const Tensor advantage =
-      reported_advantage_.flatten().index_select(0, reported_valid_.flatten().nonzero().squeeze(1));
-  put("train/adv_mean", advantage.mean().item<double>());
-  put("train/adv_min", advantage.min().item<double>());
-  put("train/adv_max", advantage.max().item<double>());
-  put("train/adv_std", advantage.numel() > 1 ? advantage.std().item<double>() : 0.0);
-  const Tensor action =
-      batch.action.flatten(0, 1).index_select(0, batch.valid.flatten().nonzero().squeeze(1));
-  put("train/act_min", action.min().item<double>());
-  put("train/act_max", action.max().item<double>());
+  const auto acting_samples = [](const Tensor& samples, const Tensor& acting) {
+    return samples.flatten(0, 1).index_select(0, acting.flatten().nonzero().squeeze(1));
+  };
+  const Tensor advantage = acting_samples(reported_advantage_, reported_acting_);
+  if (advantage.numel() > 0) {
+    put("train/adv_mean", advantage.mean().item<double>());
+    put("train/adv_min", advantage.min().item<double>());
+    put("train/adv_max", advantage.max().item<double>());
+    put("train/adv_std", advantage.numel() > 1 ? advantage.std().item<double>() : 0.0);
+  }
+  const Tensor action = acting_samples(batch.action, batch.acting());
+  if (action.numel() > 0) {
+    put("train/act_min", action.min().item<double>());
+    put("train/act_max", action.max().item<double>());
+  }
   put("train/valids_fraction", stats.lag.valid_fraction);
   put("train/num_sgd_steps", static_cast<double>(version_));
   put("train/version_diff_avg", stats.lag.mean);
@@ -411,7 +464,15 @@ void OnPolicy::report(const Minibatch& batch, const LossSums& sums, UpdateStats&
   if (config_.normalize_returns) {
     put("train/returns_running_mean", returns_.statistics().mean);
     put("train/returns_running_std", returns_.sigma());
+    put("train/targets_clipped_fraction", targets_clipped_);
   }
+}
+
+void OnPolicy::append_diagnostics(NamedNumbers& values) const {
+  PartStatistics parts;
+  const policy::NamedTensors named = net_.named_parameters();
+  for (const auto& [prefix, optimizer] : optimizers_) parts.add(optimizer, named);
+  parts.append_to(values);
 }
 
 void OnPolicy::save(StateDict& state) const {
@@ -421,7 +482,7 @@ void OnPolicy::save(StateDict& state) const {
   state.put("normalizer/returns_mean", returns_.statistics().mean);
   state.put("normalizer/returns_variance", returns_.statistics().variance);
   state.put("normalizer/returns_count", returns_.statistics().count);
-  state.put("schedule/learning_rate", schedule_.learning_rate());
+  schedule_.save(state);
 }
 
 Status OnPolicy::load(const StateDict& state) {
@@ -430,17 +491,23 @@ Status OnPolicy::load(const StateDict& state) {
   COMRAD_TRY_ASSIGN(statistics.mean, state.number("normalizer/returns_mean"));
   COMRAD_TRY_ASSIGN(statistics.variance, state.number("normalizer/returns_variance"));
   COMRAD_TRY_ASSIGN(statistics.count, state.number("normalizer/returns_count"));
-  COMRAD_TRY_ASSIGN(const double learning_rate, state.number("schedule/learning_rate"));
-  for (const auto& [key, tensor] : net_.named_state())
-    COMRAD_TRY(state.copy_tensor("network/" + key, tensor));
+  for (const auto& [key, tensor] : net_.named_state()) {
+    const Status copied = state.copy_tensor("network/" + key, tensor);
+    if (copied) continue;
+    const bool is_view = config_.algo == "mappo" && key.starts_with("critic.");
+    return Error{copied.error().code,
+                 copied.error().message +
+                     (is_view ? " (mappo_critic_view is " + config_.mappo_critic_view +
+                                    " here; a run made before that setting was there saw by position: put "
+                                    "mappo_critic_view = \"position\" into its config.toml)"
+                              : "")};
+  }
   net_.state_changed();
   for (auto& [prefix, optimizer] : optimizers_) COMRAD_TRY(optimizer.load(state, "optimizer", prefix));
+  COMRAD_TRY(schedule_.load(state));
   version_ = progress.version;
   updates_ = progress.updates;
   returns_.restore(statistics);
-  // Constant and linear schedules follow this run's flags; only the adaptive ones live from their last
-  // position.
-  if (config_.lr_schedule.starts_with("kl_adaptive")) schedule_.restore(learning_rate);
   return {};
 }
 

@@ -8,13 +8,17 @@
 //            + value_loss_coeff mean max((V-R)^2, (V_old + clamp(V-V_old, +-ppo_clip_value) - R)^2)
 //            + exploration_loss_coeff mean exploration(pi) + kl_loss_coeff mean KL(pi, mu)
 //
-// over valid samples, exploration being the symmetric KL to the uniform distribution or the negative entropy;
-// V and R in normalised units. Back-propagation through time runs over the whole rollout. Source: Schulman et
-// al. 2017, arXiv:1707.06347. Stage: update.
+// exploration being the symmetric KL to the uniform distribution or the negative entropy; V and R in
+// normalised units. The value's mean runs over valid samples, the others over those of them in which the
+// agent was alive (Minibatch::acting): a dead agent's actions teach nothing, but its values go on being
+// trained, because GAE carries what is paid after a death through them to the last living decision.
+// Back-propagation through time runs over the whole rollout. Source: Schulman et al. 2017,
+// arXiv:1707.06347. Stage: update.
 #pragma once
 
 #include <torch/types.h>
 
+#include <array>
 #include <functional>
 #include <string>
 #include <utility>
@@ -36,6 +40,7 @@ class OnPolicy : public OnPolicyAlgorithm {
   int64_t parameter_count() const override { return net_.parameter_count(); }
   int64_t weights_bytes() const override { return net_.weights_bytes(); }
   void write_weights(std::span<std::byte> out) const override { net_.write_weights(out); }
+  void append_diagnostics(NamedNumbers& values) const override;
   void save(StateDict& state) const override;
   Status load(const StateDict& state) override;
 
@@ -43,11 +48,17 @@ class OnPolicy : public OnPolicyAlgorithm {
   /// at time-outs, then the returns enter the running statistics and become normalised targets.
   void prepare_targets(Minibatch& batch);
 
-  /// Sums that one minibatch collects over its micro-batches; means over valid samples unless said otherwise.
+  /// Sums that one minibatch collects over its micro-batches: means over valid samples of what is said of
+  /// values, over acting ones of what is said of the policy.
   struct LossSums {
     double policy = 0, value = 0, exploration = 0, kl_penalty = 0;
     double kl = 0, kl_max = 0, entropy = 0, predicted_value = 0, value_delta = 0, value_delta_max = 0;
     double ratio = 0, ratio_min = kRatioUnset, ratio_max = 0, clipped = 0, log_prob_max = 0;
+    double value_clipped = 0;  ///< share in which ppo_clip_value decides about the value loss
+    double kl_first = 0,
+           clipped_first = 0;  ///< of the phase's first minibatch, before its first step: staleness
+    std::array<double, kMaxHeads> head_entropy{};
+    bool has_policy = false;  ///< some sample was an acting one, and the phase trains the policy
     static constexpr double kRatioUnset = 1e30;
     double actor() const { return policy + exploration + kl_penalty; }
     double total() const { return actor() + value; }
@@ -73,6 +84,7 @@ class OnPolicy : public OnPolicyAlgorithm {
     AdamOptimizer& optimizer;
     Forward forward;
     bool trains_policy = true;  ///< KL and actor loss say when to stop
+    bool trains_value = true;   ///< a minibatch without an acting sample is trained on, too
     uint64_t shuffle_key = 0;   ///< tells the phases of one update apart
     /// Called with every minibatch before its gradient; may be empty.
     std::function<void(Minibatch&)> prepare = {};
@@ -121,7 +133,8 @@ class OnPolicy : public OnPolicyAlgorithm {
   PolicyVersion version_ = 0;
   int64_t updates_ = 0;  ///< batches seen; keys the shuffling
   double last_grad_norm_ = 0;
-  Tensor reported_advantage_, reported_valid_;  ///< before standardisation
+  Tensor reported_advantage_, reported_acting_;          ///< before standardisation
+  double explained_variance_ = 0, targets_clipped_ = 0;  ///< of the newest batch
 
  private:
   enum class StepResult { kTrained, kSkipped, kAbandoned, kKlReached };
@@ -131,7 +144,11 @@ class OnPolicy : public OnPolicyAlgorithm {
     LossSums sums;
     Tensor log_prob;  ///< without gradient; where the phase asks for it
   };
-  Part part_of(const Minibatch& micro, const Phase& phase, double valid_count) const;
+  /// Samples of a whole minibatch, 1 at least: what means divide by.
+  struct SampleCounts {
+    double valid = 1, acting = 1;
+  };
+  Part part_of(const Minibatch& micro, const Phase& phase, const SampleCounts& counts) const;
   StepResult train_minibatch(Minibatch& minibatch, const Phase& phase, const UpdateContext& context,
                              bool is_first, UpdateStats& stats, LossSums& sums);
 

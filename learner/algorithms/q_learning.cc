@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "learner/algorithms/gradient_sum.h"
+#include "learner/algorithms/part_statistics.h"
 #include "learner/algorithms/progress.h"
 #include "learner/estimators/td_targets.h"
 #include "policy_workers/policy/torch_ops.h"
@@ -341,6 +342,13 @@ void QLearning::report(const LossSums& sums, UpdateStats& stats) const {
   put("train/num_updates", static_cast<double>(updates_));
 }
 
+void QLearning::append_diagnostics(NamedNumbers& values) const {
+  PartStatistics parts;
+  parts.add(optimizer_, net_.named_parameters());
+  if (mixer_) parts.add(optimizer_, mixer_->named_parameters(), "mixer");
+  parts.append_to(values);
+}
+
 void QLearning::save(StateDict& state) const {
   Progress{version_, updates_}.save(state, name());
   for (const auto& [key, tensor] : net_.named_state()) state.put("network/" + key, tensor);
@@ -351,7 +359,7 @@ void QLearning::save(StateDict& state) const {
       state.put("target_mixer/" + key, tensor);
   }
   optimizer_.save(state, "optimizer");
-  state.put("schedule/learning_rate", schedule_.learning_rate());
+  schedule_.save(state);
 }
 
 Status QLearning::load(const StateDict& state) {
@@ -368,6 +376,7 @@ Status QLearning::load(const StateDict& state) {
   }
   net_.state_changed();
   COMRAD_TRY(optimizer_.load(state, "optimizer"));
+  COMRAD_TRY(schedule_.load(state));
   version_ = progress.version;
   updates_ = progress.updates;
   return {};

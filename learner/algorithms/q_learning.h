@@ -37,6 +37,7 @@ class QLearning : public OffPolicyAlgorithm {
   int64_t parameter_count() const override;
   int64_t weights_bytes() const override { return net_.weights_bytes(); }
   void write_weights(std::span<std::byte> out) const override { net_.write_weights(out); }
+  void append_diagnostics(NamedNumbers& values) const override;
   void save(StateDict& state) const override;
   Status load(const StateDict& state) override;
 

@@ -13,11 +13,12 @@ namespace {
 /// The fields that have rows in dimension 1 (after time), for views and selections.
 template <typename Visitor>
 void visit_time_major(Minibatch& batch, Visitor&& visit) {
-  for (Tensor* field :
-       {&batch.frame,      &batch.measurement, &batch.action_mask,    &batch.agent_active, &batch.action,
-        &batch.log_prob,   &batch.logits,      &batch.value,          &batch.final_value,  &batch.reward,
-        &batch.terminated, &batch.truncated,   &batch.policy_version, &batch.layout,       &batch.filled,
-        &batch.valid,      &batch.value_valid, &batch.reset,          &batch.advantage,    &batch.target}) {
+  for (Tensor* field : {&batch.frame,          &batch.measurement, &batch.action_mask, &batch.agent_active,
+                        &batch.action,         &batch.log_prob,    &batch.logits,      &batch.value,
+                        &batch.final_value,    &batch.reward,      &batch.terminated,  &batch.truncated,
+                        &batch.policy_version, &batch.layout,      &batch.filled,      &batch.valid,
+                        &batch.value_valid,    &batch.reset,       &batch.advantage,   &batch.raw_advantage,
+                        &batch.target}) {
     if (field->defined()) visit(*field);
   }
 }
@@ -29,6 +30,8 @@ bool all_finite(const float* values, int64_t count) {
 }
 
 }  // namespace
+
+Tensor Minibatch::acting() const { return valid * agent_active; }
 
 Minibatch make_minibatch(const TrajectoryShape& shape, int64_t slab_count) {
   COMRAD_CHECK(slab_count > 0, "a batch holds at least one slab");
@@ -144,6 +147,7 @@ int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, u
           sound = false;
         }
       }
+      const bool is_active = slab.agent_active(t, agent) != 0;
       const auto mask = slab.action_mask(t, agent);
       const auto chosen = slab.action(t, agent);
       int64_t offset = 0;
@@ -160,7 +164,8 @@ int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, u
           batch.has_action_mask |= allowed == 0;
           any_allowed |= allowed != 0;
         }
-        sound &= any_allowed;
+        // A dead agent may have an all-zero mask; as an invalid row it would take what is paid now with it.
+        sound &= any_allowed || !is_active;
         offset += size;
       }
       const auto behaviour = slab.logits(t, agent);
@@ -171,7 +176,7 @@ int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, u
       final_value[at] = cut && final_is_sound ? slab.final_value(final_row, agent) : 0.0f;
       sound &= all_finite(logits + at * choices, choices) && std::isfinite(log_prob[at]) &&
                std::isfinite(value[at]) && std::isfinite(reward[at]) && std::isfinite(final_value[at]);
-      agent_active[at] = slab.agent_active(t, agent) != 0;
+      agent_active[at] = is_active;
       terminated[at] = slab.terminated(t) != 0;
       truncated[at] = cut;
       policy_version[at] = slab.policy_version(t, agent);

@@ -43,11 +43,15 @@ struct Minibatch {
   Tensor value_valid;      ///< u8  [T+1, R]   made by apply_lag_filter
   Tensor reset;            ///< u8  [T, R]     state is zeroed before this step; made by apply_lag_filter
 
-  Tensor advantage;  ///< f32 [T, R]     made by the algorithm
-  Tensor target;     ///< f32 [T, R]     what the critic should predict; made by the algorithm
+  Tensor advantage;      ///< f32 [T, R]  made by the algorithm, which may standardise and weigh it
+  Tensor raw_advantage;  ///< f32 [T, R]  in units of the rewards; made by the algorithm, then left alone
+  Tensor target;         ///< f32 [T, R]  what the critic should predict; made by the algorithm
 
   int64_t steps() const { return shape.rollout_steps; }
   int64_t rows() const { return slab_count * shape.env.num_agents; }
+  /// u8 [T, R]: decisions that a policy can learn from, valid ones of an agent that was alive. What a dead
+  /// agent "does" changes nothing; what it sees and is paid still counts in values (`valid`).
+  Tensor acting() const;
   /// The action mask, or an undefined tensor when everything was allowed.
   Tensor mask_or_undefined() const { return has_action_mask ? action_mask : Tensor(); }
 };

@@ -8,7 +8,6 @@
 namespace comrad::learn {
 namespace {
 
-constexpr double kClip = 5.0;
 constexpr double kVarianceFloor = 1e-5;
 
 }  // namespace
@@ -48,11 +47,24 @@ bool ReturnNormalizer::update(const torch::Tensor& values, const torch::Tensor& 
 }
 
 torch::Tensor ReturnNormalizer::normalize(const torch::Tensor& values) const {
-  return ((values - statistics_.mean) / sigma()).clamp(-kClip, kClip);
+  return clipped((values - statistics_.mean) / sigma());
 }
 
 torch::Tensor ReturnNormalizer::denormalize(const torch::Tensor& values) const {
-  return values.clamp(-kClip, kClip) * sigma() + statistics_.mean;
+  return clipped(values) * sigma() + statistics_.mean;
+}
+
+torch::Tensor ReturnNormalizer::clipped(const torch::Tensor& deviations) const {
+  return clip_ > 0 ? deviations.clamp(-clip_, clip_) : deviations;
+}
+
+double ReturnNormalizer::clipped_fraction(const torch::Tensor& values, const torch::Tensor& valid) const {
+  if (!(clip_ > 0)) return 0;
+  const torch::Tensor counted =
+      valid.defined() ? valid.to(torch::kBool) : torch::ones_like(values).to(torch::kBool);
+  const double count = counted.sum().item<double>();
+  const torch::Tensor outside = ((values - statistics_.mean) / sigma()).abs() > clip_;
+  return count == 0 ? 0 : outside.logical_and(counted).sum().item<double>() / count;
 }
 
 }  // namespace comrad::learn

@@ -118,18 +118,18 @@ std::vector<LayoutSignal> layout_signals(const Minibatch& batch, const std::stri
   if (score_key == "mean_entropy")
     signal = policy::entropy(policy::head_log_probs(batch.logits, batch.mask_or_undefined(), batch.shape.env),
                              batch.shape.env);
-  else if (batch.advantage.defined())
-    signal = score_key == "mean_advantage" ? batch.advantage : batch.advantage.abs();
+  else if (batch.raw_advantage.defined())  // `advantage` has no unit any more where it was standardised
+    signal = score_key == "mean_advantage" ? batch.raw_advantage : batch.raw_advantage.abs();
   if (!signal.defined()) return {};
   signal = signal.to(torch::kCPU, torch::kFloat32).contiguous();
-  const Tensor valid = batch.valid.contiguous(), layout = batch.layout.contiguous();
-  COMRAD_CHECK(signal.numel() == valid.numel(), "one number for each decision");
+  const Tensor acting = batch.acting(), layout = batch.layout.contiguous();
+  COMRAD_CHECK(signal.numel() == acting.numel(), "one number for each decision");
   const float* value = signal.data_ptr<float>();
-  const uint8_t* counts = valid.data_ptr<uint8_t>();
+  const uint8_t* counts = acting.data_ptr<uint8_t>();
   const int32_t* of = layout.data_ptr<int32_t>();
 
   std::map<int, LayoutSignal> found;
-  for (int64_t i = 0; i < valid.numel(); ++i) {
+  for (int64_t i = 0; i < acting.numel(); ++i) {
     if (counts[i] == 0 || of[i] < 0 || of[i] >= layout_count || !std::isfinite(value[i])) continue;
     LayoutSignal& one =
         found.try_emplace(of[i], LayoutSignal{of[i], 0, 0.0, -std::numeric_limits<double>::infinity()})

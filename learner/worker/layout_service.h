@@ -31,7 +31,7 @@ Expected<CurriculumOptions> curriculum_options(const RunConfig& config, const La
 /// Errors: kNotFound; kBadFormat with line and column, or naming the entry.
 Expected<std::map<std::string, std::set<std::string>>> read_interestingness_graph(const std::string& path);
 
-/// What a batch says about one layout, over its valid decisions.
+/// What a batch says about one layout, over its decisions of living agents (Minibatch::acting).
 struct LayoutSignal {
   int layout = 0;
   int64_t decisions = 0;
@@ -40,6 +40,7 @@ struct LayoutSignal {
 
 /// The signal `score_key` of every layout that is present in a trained batch, by rising index.
 ///   mean_value_l1 |advantage|   mean_advantage advantage   mean_entropy entropy of the behaviour policy
+/// Advantages are raw ones: ten times the reward scores ten times as much, whatever the algorithm.
 /// Decisions of layouts outside 0..layout_count-1 are left out.
 std::vector<LayoutSignal> layout_signals(const Minibatch& batch, const std::string& score_key,
                                          int layout_count);

@@ -26,9 +26,11 @@ constexpr double kAbandonStepAfterS = 4.0;
 /// Lock step can only save at a boundary, so it gets more time to reach it.
 constexpr double kAbandonRolloutAfterS = 7.5;
 constexpr double kBestImprovement = 1e-3;
-constexpr std::size_t kBestEpisodesMin = 10;
 constexpr int kJournalTimeoutMs = 5000;
 constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();
+
+/// The last episodes in a checkpoint, f64 [n, EpisodeWindow::kFields]; n is stats_avg at most.
+constexpr const char* kEpisodesKey = "episodes/window";
 
 /// The replay that belongs to a checkpoint, beside it.
 std::string replay_file_name(uint64_t version, uint64_t env_frames) {
@@ -158,10 +160,7 @@ Status Learner::load(const std::string& path, bool is_own) {
   COMRAD_TRY_ASSIGN(train_seconds_before_, state.number("counters/train_seconds"));
   env_frames_ = static_cast<uint64_t>(env_frames);
   decisions_ = static_cast<uint64_t>(decisions);
-  has_best_ = state.has("counters/best_score");
-  if (has_best_) {
-    COMRAD_TRY_ASSIGN(best_score_, state.number("counters/best_score"));
-  }
+  COMRAD_TRY(load_episodes(state, path, is_own));
   journals_.reset();
   next_rollout_ = 0;
   if (config_.deterministic && !options_.serve && JournalSnapshot::is_in(state)) {
@@ -174,6 +173,32 @@ Status Learner::load(const std::string& path, bool is_own) {
   if (is_own && feed_) COMRAD_TRY(feed_->load(state, options_.run_dir + "/checkpoint"));
   saved_version_ = algorithm_->version();
   last_checkpoint_ = path;
+  return {};
+}
+
+Status Learner::load_episodes(const StateDict& state, const std::string& path, bool is_own) {
+  has_best_ = false;
+  if (!is_own || !state.has(kEpisodesKey)) {
+    // Before there was a window in checkpoints, the luckiest ten episodes made a best one.
+    if (is_own && state.has("counters/best_score"))
+      spdlog::info(
+          "{} does not say over how many episodes its best score was taken; the best is looked for anew",
+          path);
+    return {};
+  }
+  COMRAD_TRY_ASSIGN(const Tensor saved, state.tensor(kEpisodesKey));
+  if (saved.scalar_type() != torch::kFloat64)
+    return Error{ErrorCode::kBadFormat,
+                 path + ": " + kEpisodesKey + " has another type than this build writes"};
+  const Tensor dense = saved.contiguous();
+  const Status restored =
+      episodes_.restore({dense.data_ptr<double>(), static_cast<std::size_t>(dense.numel())});
+  if (!restored) return Error{restored.error().code, path + ": " + restored.error().message};
+  // Where stats_avg was raised since, the best was that of a shorter window.
+  has_best_ = state.has("counters/best_score") && episodes_.is_full();
+  if (has_best_) {
+    COMRAD_TRY_ASSIGN(best_score_, state.number("counters/best_score"));
+  }
   return {};
 }
 
@@ -496,6 +521,10 @@ StateDict Learner::state() const {
   state.put("counters/decisions", static_cast<int64_t>(decisions_));
   state.put("counters/train_seconds", train_seconds_before_ + monotonic_s() - started_s_);
   if (has_best_) state.put("counters/best_score", best_score_);
+  const std::vector<double> episodes = episodes_.state();
+  state.put(kEpisodesKey, torch::tensor(episodes, torch::kFloat64)
+                              .view({static_cast<int64_t>(episodes_.size()),
+                                     static_cast<int64_t>(EpisodeWindow::kFields)}));
   // Every random draw is a function of the seed and of counters above; there is no other generator state.
   state.put("rng/seed", config_.seed);
   state.put("config/toml", settings_to_toml(config_));
@@ -557,13 +586,26 @@ Status Learner::save_if_due() {
     // A full disk costs this checkpoint, not the run; the last one, at the end, decides about the exit code.
     (void)save_checkpoint();
   }
-  if (now - last_best_look_s_ < config_.save_best_every_sec) return {};
-  last_best_look_s_ = now;
-  const bool enough =
-      episodes_.size() >= std::min(kBestEpisodesMin, static_cast<std::size_t>(config_.stats_avg)) &&
-      static_cast<double>(env_frames_) >= config_.save_best_after;
+  if (now - last_best_look_s_ >= config_.save_best_every_sec) {
+    last_best_look_s_ = now;
+    save_if_best();
+  }
+  return {};
+}
+
+void Learner::save_if_best() {
+  if (static_cast<double>(env_frames_) < config_.save_best_after) return;
+  if (!episodes_.is_full()) {
+    if (!has_best_ && !told_of_no_best_)
+      spdlog::info(
+          "no best checkpoint before stats_avg {} episodes have ended ({} so far); a run that ends before "
+          "leaves none, --stats_avg asks for fewer",
+          config_.stats_avg, episodes_.size());
+    told_of_no_best_ = true;
+    return;
+  }
   const double score = episodes_.score_mean();
-  if (!enough || !std::isfinite(score) || (has_best_ && score <= best_score_ + kBestImprovement)) return {};
+  if (!std::isfinite(score) || (has_best_ && score <= best_score_ + kBestImprovement)) return;
   const double previous = best_score_;
   const bool had_best = has_best_;
   best_score_ = score;
@@ -576,7 +618,6 @@ Status Learner::save_if_due() {
     best_score_ = previous;
     has_best_ = had_best;
   }
-  return {};
 }
 
 void Learner::poll() {
@@ -639,6 +680,7 @@ void Learner::report_metrics() {
   MetricValues values = last_update_.values;
   values.emplace_back("train/env_steps", static_cast<double>(env_frames_));
   values.emplace_back("train/skipped_sgd_steps", static_cast<double>(skipped_steps_));
+  algorithm_->append_diagnostics(values);
   if (feed_) append_replay(values);
   episodes_.append_to(values);
   values.emplace_back("perf/_fps", rates_.env_frames_per_s());

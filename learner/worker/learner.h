@@ -63,6 +63,8 @@ class Learner {
   Status resume();
   /// `is_own`: a checkpoint of this run, rather than one of another's to begin from.
   Status load(const std::string& path, bool is_own = true);
+  /// The window of the last episodes, and the best score that a full one had.
+  Status load_episodes(const StateDict& state, const std::string& path, bool is_own);
 
   // The ways to collect.
   Status run_asynchronous();
@@ -96,6 +98,8 @@ class Learner {
   void prune_replays() const;
   Status save_checkpoint();
   Status save_if_due();
+  /// Saves a best checkpoint when the mean score of a full window of episodes grew.
+  void save_if_best();
 
   // Reports.
   void poll();
@@ -128,6 +132,7 @@ class Learner {
   std::optional<JournalSnapshot> journals_;  ///< of the last boundary, deterministic mode
   double best_score_ = 0;
   bool has_best_ = false;
+  bool told_of_no_best_ = false;
 
   // Of this process.
   double started_s_ = 0;

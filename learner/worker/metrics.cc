@@ -23,7 +23,7 @@ void RateWindow::add(double time_s, uint64_t env_frames, uint64_t decisions) {
   while (samples_.size() > 2 && samples_[1].time_s <= time_s - window_s_) samples_.pop_front();
 }
 
-double RateWindow::rate(uint64_t Sample::*counter) const {
+double RateWindow::rate(uint64_t Sample::* counter) const {
   if (samples_.size() < 2) return 0;
   const Sample &first = samples_.front(), &last = samples_.back();
   const double seconds = last.time_s - first.time_s;
@@ -43,9 +43,37 @@ void EpisodeWindow::add(const dds::EpisodeResult& episode) {
     entry.return_min = *low;
     entry.return_max = *high;
   }
-  window_.push_back(entry);
-  if (window_.size() > static_cast<std::size_t>(capacity_)) window_.pop_front();
+  push(entry);
   ++episodes_;
+}
+
+void EpisodeWindow::push(const Episode& episode) {
+  window_.push_back(episode);
+  if (window_.size() > static_cast<std::size_t>(capacity_)) window_.pop_front();
+}
+
+std::vector<double> EpisodeWindow::state() const {
+  std::vector<double> numbers;
+  numbers.reserve(window_.size() * kFields);
+  for (const Episode& episode : window_)
+    for (const double number :
+         {episode.score, episode.return_mean, episode.return_min, episode.return_max, episode.length_tics})
+      numbers.push_back(number);
+  return numbers;
+}
+
+Status EpisodeWindow::restore(std::span<const double> state) {
+  if (state.size() % kFields != 0)
+    return Error{ErrorCode::kBadFormat, "a window of episodes has " + std::to_string(state.size()) +
+                                            " numbers, " + std::to_string(kFields) + " make an episode"};
+  window_.clear();
+  for (; !state.empty(); state = state.subspan(kFields))
+    push({.score = state[0],
+          .return_mean = state[1],
+          .return_min = state[2],
+          .return_max = state[3],
+          .length_tics = state[4]});
+  return {};
 }
 
 double EpisodeWindow::score_mean() const {
@@ -62,14 +90,17 @@ double EpisodeWindow::return_mean() const {
 
 void EpisodeWindow::append_to(MetricValues& values) const {
   if (window_.empty()) return;
-  const auto least = [this](double Episode::*member) {
+  const auto least = [this](double Episode::* member) {
     return (*std::ranges::min_element(window_, {}, member)).*member;
   };
-  const auto most = [this](double Episode::*member) {
+  const auto most = [this](double Episode::* member) {
     return (*std::ranges::max_element(window_, {}, member)).*member;
   };
-  double length = 0;
-  for (const Episode& episode : window_) length += episode.length_tics;
+  double length = 0, paid = 0;
+  for (const Episode& episode : window_) {
+    length += episode.length_tics;
+    paid += episode.return_min != 0 || episode.return_max != 0;
+  }
   values.emplace_back("reward/reward", return_mean());
   values.emplace_back("reward/reward_min", least(&Episode::return_min));
   values.emplace_back("reward/reward_max", most(&Episode::return_max));
@@ -79,6 +110,7 @@ void EpisodeWindow::append_to(MetricValues& values) const {
   values.emplace_back("policy_stats/avg_true_objective", score_mean());
   values.emplace_back("policy_stats/avg_true_objective_min", least(&Episode::score));
   values.emplace_back("policy_stats/avg_true_objective_max", most(&Episode::score));
+  values.emplace_back("stats/rewarded_episodes_fraction", paid / static_cast<double>(window_.size()));
 }
 
 Expected<MetricsWriter> MetricsWriter::open(const std::string& run_dir) {

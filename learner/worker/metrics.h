@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -35,7 +36,7 @@ class RateWindow {
     uint64_t env_frames;
     uint64_t decisions;
   };
-  double rate(uint64_t Sample::*counter) const;
+  double rate(uint64_t Sample::* counter) const;
   double window_s_;
   std::deque<Sample>
       samples_;  ///< the oldest one is the newest that left the window, so the window is never empty
@@ -49,10 +50,20 @@ class EpisodeWindow {
   void add(const dds::EpisodeResult& episode);
   uint64_t episodes() const { return episodes_; }      ///< since the learner began
   std::size_t size() const { return window_.size(); }  ///< in the window
-  double score_mean() const;                           ///< NaN before the first
-  double return_mean() const;                          ///< over episodes and agents; NaN before the first
-  /// reward/reward, len/len and policy_stats/avg_true_objective with _min and _max; nothing before the first.
+  /// Whether as many episodes are in the window as it holds: means over fewer are luck.
+  bool is_full() const { return window_.size() == static_cast<std::size_t>(capacity_); }
+  double score_mean() const;   ///< NaN before the first
+  double return_mean() const;  ///< over episodes and agents; NaN before the first
+  /// reward/reward, len/len and policy_stats/avg_true_objective with _min and _max, and the share of episodes
+  /// in which some agent's return was not 0; nothing before the first.
   void append_to(MetricValues& values) const;
+
+  /// The window as numbers, kFields of each episode, oldest first, and back. restore() keeps the newest that
+  /// the window holds; those it brings do not count in episodes(). Errors: kBadFormat where the numbers are no
+  /// whole episodes.
+  static constexpr std::size_t kFields = 5;
+  std::vector<double> state() const;
+  Status restore(std::span<const double> state);
 
  private:
   struct Episode {
@@ -62,6 +73,8 @@ class EpisodeWindow {
     double return_max;
     double length_tics;
   };
+  void push(const Episode& episode);
+
   int64_t capacity_;
   uint64_t episodes_ = 0;
   std::deque<Episode> window_;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/clock.h"
@@ -259,7 +258,7 @@ void Batcher::answer(const Batch& batch, const float* logits, const float* value
       const auto action = slab.action(request.step, agent_index);
       slab.log_prob(request.step, agent_index) =
           options_.is_epsilon_greedy
-              ? explore_action(row_logits, mask, env, agent_key, epsilon, action)
+              ? explore_action(row_logits, mask, env, agent_key, epsilon, options_.exploration, action)
               : sample_action(row_logits, mask, env, agent_key, options_.is_greedy, action);
       slab.policy_version(request.step, agent_index) = version;
     }

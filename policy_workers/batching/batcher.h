@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "policy_workers/batching/recurrent_state_table.h"
+#include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/policy_net.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/core/rng.h"
@@ -27,7 +28,8 @@ struct BatcherOptions {
   bool is_deterministic = false;   ///< one whole group per batch, whatever the limits say
   bool is_greedy = false;          ///< most probable actions instead of drawn ones
   bool is_epsilon_greedy = false;  ///< outputs are Q-values; the learner's epsilon lies in the control block
-  uint64_t seed = 0;               ///< of the run; keys the action draws
+  Exploration exploration = Exploration::kPerHead;  ///< how epsilon is drawn
+  uint64_t seed = 0;                                ///< of the run; keys the action draws
 };
 
 /// A slot's question, copied and bounds-checked when it was gathered.

@@ -98,6 +98,16 @@ Tensor entropy(const Tensor& log_probs, const EnvShape& env) {
   return -(log_probs.exp() * log_probs).sum(-1);
 }
 
+Tensor head_entropies(const Tensor& log_probs, const EnvShape& env) {
+  COMRAD_CHECK(log_probs.size(-1) == env.logit_count(), "log_probs end in one entry per choice");
+  const Tensor terms = log_probs.exp() * log_probs;
+  std::vector<Tensor> heads;
+  for_each_head(env, [&](int32_t, int64_t first, int64_t size) {
+    heads.push_back(-terms.slice(-1, first, first + size).sum(-1));
+  });
+  return torch::stack(heads, -1);
+}
+
 Tensor kl_divergence(const Tensor& log_probs_p, const Tensor& log_probs_q, const EnvShape& env) {
   COMRAD_CHECK(log_probs_p.size(-1) == env.logit_count(), "log_probs end in one entry per choice");
   return (log_probs_p.exp() * (log_probs_p - log_probs_q)).sum(-1);
@@ -156,25 +166,32 @@ float sample_action(std::span<const float> logits, std::span<const uint8_t> mask
 }
 
 float explore_action(std::span<const float> q_values, std::span<const uint8_t> mask, const EnvShape& env,
-                     RngKey key, float epsilon, std::span<int32_t> action) {
-  const bool explores = key.split("explore").uniform() < epsilon;
-  double random_probability = 1.0;
+                     RngKey key, float epsilon, Exploration exploration, std::span<int32_t> action) {
+  const bool per_head = exploration == Exploration::kPerHead;
+  const bool all_explore = !per_head && key.split("explore").uniform() < epsilon;
+  const double greedy_probability = 1.0 - double{epsilon};
+  double per_head_log_prob = 0.0, random_probability = 1.0;
   bool is_greedy = true;
   for_each_head(env, [&](int32_t index, int64_t first, int64_t size) {
     const Head head = head_at(q_values, mask, first, size);
+    const RngKey head_key = key.split(static_cast<uint64_t>(index));
     const std::size_t best = head.best(), allowed = head.allowed_count();
+    const bool explores = per_head ? head_key.split("explore").uniform() < epsilon : all_explore;
     std::size_t chosen = best;
     if (explores) {
-      const double u = key.split(static_cast<uint64_t>(index)).uniform();
+      const double u = head_key.uniform();
       chosen =
           head.allowed_at(std::min(allowed - 1, static_cast<std::size_t>(u * static_cast<double>(allowed))));
     }
     action[static_cast<std::size_t>(index)] = static_cast<int32_t>(chosen);
     is_greedy &= chosen == best;
     random_probability /= static_cast<double>(allowed);
+    per_head_log_prob += std::log(double{epsilon} / static_cast<double>(allowed) +
+                                  (chosen == best ? greedy_probability : 0.0));
   });
+  if (per_head) return static_cast<float>(per_head_log_prob);
   return static_cast<float>(
-      std::log(double{epsilon} * random_probability + (is_greedy ? 1.0 - double{epsilon} : 0.0)));
+      std::log(double{epsilon} * random_probability + (is_greedy ? greedy_probability : 0.0)));
 }
 
 }  // namespace comrad::policy

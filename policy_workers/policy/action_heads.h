@@ -49,6 +49,9 @@ Tensor head_log_probs(const Tensor& logits, const Tensor& mask, const EnvShape& 
 /// log pi(a|o), summed over heads. action i64 [..., heads]; log_probs from head_log_probs. Returns [...].
 Tensor action_log_prob(const Tensor& log_probs, const Tensor& action, const EnvShape& env);
 
+/// Entropy of every head, in nats: [..., heads].
+Tensor head_entropies(const Tensor& log_probs, const EnvShape& env);
+
 /// Entropy, KL(p||q) and symmetric KL to the uniform distribution over allowed choices, summed over heads.
 /// [...].
 Tensor entropy(const Tensor& log_probs, const EnvShape& env);
@@ -61,10 +64,15 @@ Tensor symmetric_kl_to_uniform(const Tensor& log_probs, const Tensor& mask, cons
 float sample_action(std::span<const float> logits, std::span<const uint8_t> mask, const EnvShape& env,
                     RngKey key, bool greedy, std::span<int32_t> action);
 
-/// Chooses for one agent by its Q-values: with probability `epsilon` every head uniformly among its allowed
-/// choices, else each head's argmax. Same arguments and result as sample_action, the log-probability being
-/// that of this mixture.
+/// Whether chance decides for each head of an agent apart, or for all of them at once.
+enum class Exploration { kPerHead, kAllHeads };
+
+/// Chooses for one agent by its Q-values: with probability `epsilon` a head uniformly among its allowed
+/// choices, else its argmax. kPerHead draws that for every head anew, so that mostly one head alone leaves
+/// the greedy action; of H heads all keep to it with (1 - epsilon)^H, not counting chance hits. kAllHeads, the
+/// reference's way, draws once, and all heads explore together: what one head's deviation is worth is hardly
+/// ever seen. Arguments and result as sample_action, the log-probability being that of this mixture.
 float explore_action(std::span<const float> q_values, std::span<const uint8_t> mask, const EnvShape& env,
-                     RngKey key, float epsilon, std::span<int32_t> action);
+                     RngKey key, float epsilon, Exploration exploration, std::span<int32_t> action);
 
 }  // namespace comrad::policy

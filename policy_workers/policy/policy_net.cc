@@ -125,7 +125,19 @@ class PolicyNetImpl {
     return at::cat({encoded, id}, 1);
   }
 
-  /// Joint features [worlds, F * N] to [worlds, 1 or N].
+  /// Features [worlds * N, F] to the critic's input for each agent, [worlds * N, F or 2F]: its own features
+  /// first, then the mean of the others'.
+  Tensor own_first(const Tensor& rows) const {
+    const int64_t count = agents();
+    if (count == 1) return rows;
+    // One product with the matrix of weights 1/(N-1), 0 on the diagonal: subtracting an agent from the sum of
+    // all would round differently for every agent.
+    const Tensor others = (1 - torch::eye(count, rows.options())) / static_cast<double>(count - 1);
+    const Tensor of_worlds = rows.view({rows.size(0) / count, count, rows.size(1)});
+    return at::cat({rows, at::matmul(others, of_worlds).flatten(0, 1)}, 1);
+  }
+
+  /// The critic's input to its outputs: [worlds, F * N] to [worlds, 1 or N], own_first() to [worlds * N, 1].
   Tensor critic_values(Tensor x) const {
     for (std::size_t i = 0; i < critic.size(); ++i) {
       x = critic[i](x);
@@ -138,6 +150,7 @@ class PolicyNetImpl {
   Tensor values(const std::vector<Tensor>& features_of_actors) const {
     if (options.critic == CriticKind::kCentral) {
       const Tensor rows = interleave(features_of_actors, 0);
+      if (options.critic_view == CriticView::kOwnFirst) return critic_values(own_first(rows)).flatten();
       return critic_values(rows.reshape({rows.size(0) / agents(), rows.size(1) * agents()})).flatten();
     }
     if (options.critic == CriticKind::kNone) return {};
@@ -250,6 +263,8 @@ PolicyNetOptions PolicyNetOptions::from(const RunConfig& config, const EnvShape&
                    : learns_q_values(config) ? CriticKind::kNone
                                              : CriticKind::kOwn;
   if (mixes_q_values(config)) options.init = Initialization::kFrameworkDefault;
+  options.critic_view =
+      config.mappo_critic_view == "position" ? CriticView::kPosition : CriticView::kOwnFirst;
   options.critic_widths = widths(config.critic_hidden_sizes);
   options.critic_rnn = config.happo_critic_rnn;
   options.precision = parse_precision(config.precision);
@@ -334,9 +349,11 @@ PolicyNet PolicyNet::make(const PolicyNetOptions& options, uint64_t seed, torch:
       impl.critic_towers.push_back(make_tower(options.use_rnn && options.critic_rnn, 0));
   if (options.critic == CriticKind::kCentral || options.critic == CriticKind::kJoint) {
     const Tower& last = impl.critic_towers.empty() ? impl.actors.back().tower : impl.critic_towers.back();
-    int64_t inputs = last.feature_count() * agents;
+    const bool is_own_first =
+        options.critic == CriticKind::kCentral && options.critic_view == CriticView::kOwnFirst;
+    int64_t inputs = last.feature_count() * (is_own_first ? std::min<int64_t>(agents, 2) : agents);
     std::vector<int64_t> widths = options.critic_widths;
-    widths.push_back(options.critic == CriticKind::kCentral ? agents : 1);
+    widths.push_back(options.critic == CriticKind::kCentral && !is_own_first ? agents : 1);
     for (const int64_t width : widths) {
       impl.critic.push_back(make_dense("critic." + std::to_string(impl.critic.size()), inputs, width));
       inputs = width;

@@ -28,9 +28,17 @@ using torch::Tensor;
 /// Where values come from.
 enum class CriticKind {
   kOwn,      ///< IPPO: the agent's own features to one value
-  kCentral,  ///< MAPPO: the N agents' core features side by side to N values, one per agent
+  kCentral,  ///< MAPPO: the core features of all N agents of a world to a value for each, by CriticView
   kJoint,    ///< HAPPO: N encoders (and cores) of the critic's own, side by side to one value for all
   kNone,     ///< Q-learning: logits are Q-values, the value of a row is the sum of its heads' maxima
+};
+
+/// What a central critic is shown for the value of one agent.
+enum class CriticView {
+  kOwnFirst,  ///< the agent's own features, then the mean of its partners' (alone: its own only). One
+              ///< function for all agents: exchanging agents exchanges their values, and the number of
+              ///< parameters does not grow with N
+  kPosition,  ///< all agents' features in their order; one output per position, as published
 };
 
 /// Options of the network, from the settings and the shapes. With separate towers, an agent index or a critic
@@ -49,6 +57,7 @@ struct PolicyNetOptions {
   bool separate_agents = false;  ///< a tower and heads per agent instead of one for all
   bool agent_id_input = false;   ///< the agent's index, one-hot, beside the encoder's features
   CriticKind critic = CriticKind::kOwn;
+  CriticView critic_view = CriticView::kOwnFirst;   ///< kCentral
   std::vector<int64_t> critic_widths = {512, 256};  ///< hidden, tanh after each; of kCentral and kJoint
   bool critic_rnn = true;                           ///< kJoint: a core per agent in the critic
   Precision precision = Precision::kFp32;

@@ -20,15 +20,18 @@ enum WorkerState : uint32_t { kStarting = 1, kRunning = 2, kStopped = 3 };
 Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::Arena& arena,
                                             const PolicyWorkerOptions& options, dds::Bus* bus) {
   const TrajectoryShape& shape = arena.shape().trajectory;
-  COMRAD_TRY_ASSIGN(Batcher batcher, Batcher::create(arena, {.policy_worker = options.worker_index,
-                                                             .min_batch = config.min_batch,
-                                                             .max_batch = config.max_batch,
-                                                             .max_wait_us = config.max_wait_us,
-                                                             .is_deterministic = config.deterministic,
-                                                             .is_greedy = options.is_greedy,
-                                                             .is_epsilon_greedy = learns_q_values(config) &&
-                                                                                  !options.is_random,
-                                                             .seed = static_cast<uint64_t>(config.seed)}));
+  COMRAD_TRY_ASSIGN(
+      Batcher batcher,
+      Batcher::create(
+          arena, {.policy_worker = options.worker_index,
+                  .min_batch = config.min_batch,
+                  .max_batch = config.max_batch,
+                  .max_wait_us = config.max_wait_us,
+                  .is_deterministic = config.deterministic,
+                  .is_greedy = options.is_greedy,
+                  .is_epsilon_greedy = learns_q_values(config) && !options.is_random,
+                  .exploration = config.epsilon_per_head ? Exploration::kPerHead : Exploration::kAllHeads,
+                  .seed = static_cast<uint64_t>(config.seed)}));
   PolicyNet policy;
   if (!options.is_random) {
     const PolicyNetOptions network = PolicyNetOptions::from(config, shape.env);

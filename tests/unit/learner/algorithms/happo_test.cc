@@ -330,6 +330,30 @@ TEST(Happo, AnAgentWithoutValidSamplesIsLeftAlone) {
   EXPECT_TRUE(all_equal(before, happo.net().actor_parameters(1)));
 }
 
+TEST(Happo, AnAgentThatIsDeadAllAlongIsLeftAloneAndLeavesTheFactorAlone) {
+  RunConfig config = small_config();
+  config.num_epochs = 2;
+  const TrajectoryShape shape = small_shape(config);
+  Happo happo(config, shape.env, torch::kCPU);
+  const auto update = [&](int64_t dead) {
+    Minibatch batch = noise_batch(shape, 4, 9);
+    if (dead >= 0) batch.agent_active.slice(1, dead, c10::nullopt, 3).zero_();
+    return *happo.update(batch, {});
+  };
+  (void)update(-1);  // so that Adam has a momentum
+  const std::vector<Tensor> dead = copies(happo.net().actor_parameters(1)),
+                            alive = copies(happo.net().actor_parameters(0)),
+                            critic = copies(happo.net().joint_critic_parameters());
+  const UpdateStats stats = update(1);
+  EXPECT_EQ(stats.optimizer_steps, 6);  // two agents and the critic, two epochs
+  EXPECT_EQ(stats.skipped_steps, 0);
+  EXPECT_TRUE(all_equal(dead, happo.net().actor_parameters(1)));
+  EXPECT_FALSE(all_equal(alive, happo.net().actor_parameters(0)));
+  EXPECT_FALSE(all_equal(critic, happo.net().joint_critic_parameters()));
+  EXPECT_FALSE(values_of(stats).contains("happo/agent_1_post_ratio_mean"));
+  EXPECT_TRUE(std::isfinite(values_of(stats)["train/loss"]));
+}
+
 TEST(Happo, AStoppedUpdateEndsBetweenTwoSteps) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);

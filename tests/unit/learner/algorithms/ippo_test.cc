@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -277,6 +278,155 @@ TEST(Ippo, InvalidSamplesLowerTheLearningRateByTheirFraction) {
   ASSERT_TRUE(stats);
   EXPECT_NEAR(values_of(*stats)["train/actual_lr"], 0.75e-4, 1e-12);
   EXPECT_NEAR(values_of(*stats)["train/lr"], 1e-4, 1e-12);
+}
+
+TEST(Ippo, ADeadAgentsActionsMoveNoWeightAndLowerNoLearningRate) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  std::vector<std::vector<Tensor>> results;
+  for (const int64_t shift : {0, 1}) {  // another action in every head, taken after another policy
+    Ippo ippo(config, shape.env, torch::kCPU);
+    Minibatch batch = noise_batch(shape, 4, 10);
+    batch.agent_active.narrow(0, 2, 2).narrow(1, 0, 3).zero_();
+    const Tensor is_dead = batch.agent_active.eq(0);
+    const Tensor others = batch.action.add(shift).remainder(2);
+    batch.action.copy_(torch::where(is_dead.unsqueeze(2), others, batch.action));
+    batch.log_prob.sub_(is_dead * shift);
+    batch.logits.add_(is_dead.unsqueeze(2) * torch::arange(5) * shift);
+    apply_lag_filter(batch, 0, 1000);
+    ippo.prepare_targets(batch);
+    Minibatch whole = batch;
+    Ippo::LossSums sums;
+    ASSERT_TRUE(ippo.accumulate_gradient(whole, {}, sums));
+    results.push_back(gradients(ippo.net()));
+    EXPECT_NEAR(values_of(*ippo.update(batch, {}))["train/actual_lr"], 1e-4, 1e-12);
+  }
+  EXPECT_TRUE(all_equal(results[0], results[1]));
+}
+
+TEST(Ippo, ReportsWhatTheValuesExplainAndWhatIsClipped) {
+  RunConfig config = small_config();
+  config.returns_clip = 1.0;
+  config.ppo_clip_value = 1e-3;
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 4, 12);
+  batch.valid[1][2] = 0;
+  apply_lag_filter(batch, 0, 1000);
+  Minibatch looked_at = batch;
+  Ippo twin(config, shape.env, torch::kCPU);
+  twin.prepare_targets(looked_at);
+  torch::NoGradGuard no_grad;
+  const Tensor now = twin.net().sequence(batch.frame, {}, batch.recurrent_state, batch.reset).value;
+  // Plain loops over the valid samples, in natural units: returns are advantages and values.
+  const auto& returns = twin.return_normalizer();
+  std::vector<double> errors, targets;
+  double clipped = 0, decides = 0;
+  for (int64_t t = 0; t < 4; ++t)
+    for (int64_t row = 0; row < 8; ++row) {
+      if (batch.valid[t][row].item<int>() == 0) continue;
+      const double error = looked_at.raw_advantage[t][row].item<double>();
+      const double old_value = batch.value[t][row].item<double>();
+      const double target =
+          std::clamp(old_value, -1.0, 1.0) * std::sqrt(1 + 1e-5) + error;  // fresh statistics
+      errors.push_back(error);
+      targets.push_back(target);
+      const double wide = (target - returns.statistics().mean) / returns.sigma();
+      clipped += std::abs(wide) > 1;
+      const double goal = std::clamp(wide, -1.0, 1.0), value = now[t][row].item<double>();
+      const double near = old_value + std::clamp(value - old_value, -1e-3, 1e-3);
+      decides += (near - goal) * (near - goal) > (value - goal) * (value - goal);
+    }
+  const auto variance = [](const std::vector<double>& x) {
+    double mean = 0, squares = 0;
+    for (const double one : x) mean += one / static_cast<double>(x.size());
+    for (const double one : x) squares += (one - mean) * (one - mean);
+    return squares;
+  };
+  torch::AutoGradMode with_gradient(true);
+  auto values = values_of(*ippo.update(batch, {}));
+  EXPECT_NEAR(values.at("train/explained_variance"), 1 - variance(errors) / variance(targets), 1e-4);
+  EXPECT_NEAR(values.at("train/targets_clipped_fraction"), clipped / 31, 1e-9);
+  EXPECT_GT(clipped, 0);
+  EXPECT_NEAR(values.at("train/value_clip_fraction"), decides / 31, 1e-6);
+  EXPECT_GT(decides, 0);
+  EXPECT_NEAR(values.at("train/entropy_head_0") + values.at("train/entropy_head_1"),
+              values.at("train/entropy"), 1e-6);
+  EXPECT_LE(values.at("train/entropy_head_0"), std::log(3.0) + 1e-6);
+  EXPECT_LE(values.at("train/entropy_head_1"), std::log(2.0) + 1e-6);
+}
+
+TEST(Ippo, TheFirstPassOverABatchShowsStalenessAlone) {
+  RunConfig config = small_config();
+  config.num_epochs = 4;
+  config.learning_rate = 1e-2;
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch fresh = noise_batch(shape, 4, 1);
+  act_with(ippo.net(), fresh);
+  auto values = values_of(*ippo.update(fresh, {}));
+  EXPECT_NEAR(values.at("train/kl_first"), 0, 1e-6);
+  EXPECT_EQ(values.at("train/fraction_clipped_first"), 0);
+  EXPECT_GT(values.at("train/kl_divergence"), 1e-5);
+  Minibatch stale = noise_batch(shape, 4, 2);  // of another policy
+  values = values_of(*ippo.update(stale, {}));
+  EXPECT_GT(values.at("train/kl_first"), 1e-3);
+  EXPECT_GT(values.at("train/fraction_clipped_first"), 0);
+}
+
+TEST(Ippo, AMinibatchOfTheDeadTrainsTheirValuesAlone) {
+  RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  for (const double value_loss_coeff : {0.0, 0.5}) {
+    config.value_loss_coeff = value_loss_coeff;
+    Ippo ippo(config, shape.env, torch::kCPU);
+    Minibatch batch = noise_batch(shape, 4, 10);
+    batch.agent_active.zero_();
+    apply_lag_filter(batch, 0, 1000);
+    ippo.prepare_targets(batch);
+    Ippo::LossSums sums;
+    ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
+    EXPECT_EQ(sums.actor(), 0);
+    double largest = 0;
+    for (const Tensor& gradient : gradients(ippo.net())) {
+      EXPECT_TRUE(gradient.isfinite().all().item<bool>());
+      largest = std::max(largest, gradient.abs().max().item<double>());
+    }
+    EXPECT_EQ(largest > 0, value_loss_coeff > 0);
+    const Expected<UpdateStats> stats = ippo.update(batch, {});
+    ASSERT_TRUE(stats);
+    EXPECT_EQ(stats->skipped_steps, 0);
+    EXPECT_FALSE(values_of(*stats).contains("train/adv_mean"));
+  }
+}
+
+TEST(Ippo, ARewardPaidAfterDeathReachesTheLastLivingDecision) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  std::vector<Tensor> advantages;
+  for (const float reward : {0.0f, 1.0f}) {
+    const SlabPool pool(shape, 1);
+    pool.fill_with_noise(3);
+    const SlabView slab = pool.view(0);
+    for (int t = 2; t < 4; ++t) {  // dead since step 1: nothing is allowed any more
+      slab.agent_active(t, 0) = 0;
+      std::ranges::fill(slab.action_mask(t, 0), uint8_t{0});
+    }
+    slab.reward(2, 0) = reward;
+    Minibatch batch = make_minibatch(shape, 1);
+    clear(batch);
+    ASSERT_EQ(collate_slab(batch, 0, slab, 4), 0);
+    apply_lag_filter(batch, 0, 1000);
+    Ippo(config, shape.env, torch::kCPU).prepare_targets(batch);
+    EXPECT_EQ(batch.acting()[1][0].item<int>(), 1);
+    EXPECT_EQ(batch.acting()[2][0].item<int>(), 0);
+    EXPECT_EQ(batch.valid[2][0].item<int>(), 1);
+    advantages.push_back(batch.raw_advantage);
+  }
+  const Tensor paid = advantages[1] - advantages[0];
+  EXPECT_NEAR(paid[1][0].item<double>(), config.gamma * config.gae_lambda, 1e-5);
+  EXPECT_NEAR(paid[2][0].item<double>(), 1, 1e-5);
+  EXPECT_EQ(paid[1][1].item<double>(), 0);
 }
 
 TEST(Ippo, ReportsTheRunningStatisticsOfFramesAndReturns) {

@@ -32,6 +32,43 @@ TEST(LrSchedule, LinearDecayReachesZeroAtTheLastEnvFrame) {
   EXPECT_DOUBLE_EQ(schedule.learning_rate(), 0);
 }
 
+TEST(LrSchedule, AnExtendedRunGoesOnFromTheRateItHadToZeroAtItsNewEnd) {
+  LrSchedule first(config_with("linear_decay"));
+  first.before_batch(800);
+  StateDict state;
+  first.save(state);
+  RunConfig longer = config_with("linear_decay");
+  longer.train_for_env_steps = 2000;
+  LrSchedule second(longer);
+  ASSERT_TRUE(second.load(state));
+  EXPECT_DOUBLE_EQ(second.learning_rate(), 0.2e-4);
+  second.before_batch(800);
+  EXPECT_DOUBLE_EQ(second.learning_rate(), 0.2e-4);
+  second.before_batch(1400);
+  EXPECT_DOUBLE_EQ(second.learning_rate(), 0.1e-4);
+  StateDict later;
+  second.save(later);
+  LrSchedule third(longer);  // an ordinary resume stays on that line
+  ASSERT_TRUE(third.load(later));
+  third.before_batch(1700);
+  EXPECT_DOUBLE_EQ(third.learning_rate(), 0.05e-4);
+  third.before_batch(2000);
+  EXPECT_DOUBLE_EQ(third.learning_rate(), 0);
+}
+
+TEST(LrSchedule, OlderCheckpointsAndOtherKindsFollowTheFlags) {
+  StateDict state;
+  state.put("schedule/learning_rate", 3e-5);  // all that older checkpoints have
+  LrSchedule linear(config_with("linear_decay")), constant(config_with("constant")),
+      adaptive(config_with("kl_adaptive_epoch"));
+  for (LrSchedule* schedule : {&linear, &constant, &adaptive}) ASSERT_TRUE(schedule->load(state));
+  linear.before_batch(500);
+  EXPECT_DOUBLE_EQ(linear.learning_rate(), 0.5e-4);
+  EXPECT_DOUBLE_EQ(constant.learning_rate(), 1e-4);
+  EXPECT_DOUBLE_EQ(adaptive.learning_rate(), 3e-5);
+  EXPECT_FALSE(adaptive.load(StateDict()));
+}
+
 TEST(LrSchedule, KlAdaptiveMovesByAFactorOutsideTheBand) {
   LrSchedule schedule(config_with("kl_adaptive_minibatch"));
   schedule.after_minibatch(0.008);  // inside the band

@@ -110,6 +110,21 @@ TEST(Mappo, TheValueGradientReachesTheEncoder) {
   EXPECT_GT(gradients(mappo.net()).front().abs().max().item<double>(), 0);
 }
 
+TEST(Mappo, ACheckpointOfTheOtherViewIsRefusedAndTheSettingNamed) {
+  RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  Mappo own_first(config, shape.env, torch::kCPU);
+  config.mappo_critic_view = "position";
+  const Mappo position(config, shape.env, torch::kCPU);
+  StateDict state;
+  position.save(state);
+  const Status loaded = own_first.load(state);
+  ASSERT_FALSE(loaded);
+  EXPECT_EQ(loaded.error().code, ErrorCode::kBadFormat);
+  EXPECT_NE(loaded.error().message.find("mappo_critic_view = \"position\""), std::string::npos)
+      << loaded.error().message;
+}
+
 TEST(Mappo, ACheckpointOfIppoIsRefused) {
   RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);

@@ -40,6 +40,21 @@ TEST(ReturnNormalizer, KeepsItsStatisticsWhenABatchHasNothingToSay) {
   EXPECT_EQ(normalizer.statistics().count, 1);
 }
 
+TEST(ReturnNormalizer, ClipsWhereItIsToldAndSaysHowOftenItDid) {
+  const torch::Tensor values = torch::tensor({-7.0f, 0.0f, 3.0f, 100.0f});
+  const torch::Tensor valid = torch::tensor({1, 1, 1, 0}, torch::kUInt8);
+  ReturnNormalizer unbounded(0), three(3);
+  for (ReturnNormalizer* normalizer : {&unbounded, &three}) normalizer->restore({0.0, 4.0, 1.0});
+  EXPECT_NEAR(unbounded.normalize(values)[3].item<double>(), 50, 1e-3);
+  EXPECT_NEAR(unbounded.denormalize(values)[3].item<double>(), 200, 1e-3);
+  EXPECT_EQ(unbounded.clipped_fraction(values, valid), 0);
+  EXPECT_NEAR(three.normalize(values)[3].item<double>(), 3, 1e-6);
+  EXPECT_NEAR(three.denormalize(values)[0].item<double>(), -6, 1e-3);
+  EXPECT_NEAR(three.clipped_fraction(values, valid), 1.0 / 3, 1e-9);
+  EXPECT_NEAR(three.clipped_fraction(values, {}), 0.5, 1e-9);
+  EXPECT_EQ(three.clipped_fraction(values, torch::zeros({4}, torch::kUInt8)), 0);
+}
+
 TEST(ReturnNormalizer, ClipsAtFiveDeviationsBothWays) {
   ReturnNormalizer normalizer;
   normalizer.restore({.mean = 10, .variance = 4 - 1e-5, .count = 100});

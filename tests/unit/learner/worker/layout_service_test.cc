@@ -8,6 +8,8 @@
 #include <fstream>
 #include <numeric>
 
+#include "learner/algorithms/algorithm.h"
+#include "tests/support/noise_batch.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/slab_pool.h"
 #include "tests/support/small_arena.h"
@@ -223,10 +225,11 @@ Minibatch batch_of_layouts() {
   Minibatch batch = make_minibatch(shape, 2);
   clear(batch);
   for (int i = 0; i < 2; ++i) collate_slab(batch, i, pool.view(i), 4);
-  batch.advantage = torch::zeros({4, 4});
+  batch.raw_advantage = torch::zeros({4, 4});
   for (int t = 0; t < 4; ++t)
-    for (int row = 0; row < 4; ++row) batch.advantage[t][row] = (row % 2 == 0 ? 1.0 : -1.0) * (t + 1);
-  batch.valid[2][1] = 0;  // layout 1, agent 1: -3 does not count
+    for (int row = 0; row < 4; ++row) batch.raw_advantage[t][row] = (row % 2 == 0 ? 1.0 : -1.0) * (t + 1);
+  batch.advantage = torch::full({4, 4}, 1e6);  // what the algorithm made of it is not the signal
+  batch.valid[2][1] = 0;                       // layout 1, agent 1: -3 does not count
   return batch;
 }
 
@@ -246,6 +249,38 @@ TEST(LayoutSignals, AreMeansAndMaximaOverEachLayoutsValidDecisions) {
   EXPECT_DOUBLE_EQ(signed_mean[0].mean, 0.0);
   EXPECT_DOUBLE_EQ(signed_mean[1].mean, 3.0);
   EXPECT_DOUBLE_EQ(signed_mean[2].maximum, 4.0);
+}
+
+TEST(LayoutSignals, DecisionsOfTheDeadDoNotCount) {
+  Minibatch batch = batch_of_layouts();
+  batch.agent_active[0][0] = 0;  // layout 0, agent 0: 1 does not count
+  const auto signals = layout_signals(batch, "mean_advantage", 4);
+  EXPECT_EQ(signals[0].decisions, 3);
+  EXPECT_DOUBLE_EQ(signals[0].mean, -1.0 / 3.0);
+}
+
+TEST(LayoutSignals, TenTimesTheRewardScoresTenTimesAsMuchForEveryAlgorithm) {
+  for (const char* algo : {"ippo", "mappo", "happo"}) {
+    std::vector<double> scores;
+    for (const double scale : {1.0, 10.0}) {
+      RunConfig config = testing::small_config(algo, 2);
+      config.share_parameters = config.algo != "happo";
+      config.critic_hidden_sizes = "16";
+      const TrajectoryShape shape = testing::small_shape(config, 2);
+      const auto made = make_algorithm(config, shape.env, torch::kCPU);
+      ASSERT_TRUE(made);
+      StateDict state;
+      (*made)->save(state);
+      state.put("normalizer/returns_mean", 0.3 * scale);  // statistics that saw rewards of this scale
+      state.put("normalizer/returns_variance", 2.0 * scale * scale);
+      ASSERT_TRUE((*made)->load(state));
+      Minibatch batch = testing::noise_batch(shape, 4, 7);
+      batch.reward.mul_(scale);
+      ASSERT_TRUE(dynamic_cast<OnPolicyAlgorithm&>(**made).update(batch, {}));
+      scores.push_back(layout_signals(batch, "mean_value_l1", 1).front().mean);
+    }
+    EXPECT_NEAR(scores[1] / scores[0], 10, 1e-3) << algo;
+  }
 }
 
 TEST(LayoutSignals, EntropyIsThatOfTheBehaviourPolicy) {

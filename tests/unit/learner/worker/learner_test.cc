@@ -9,9 +9,12 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
+#include <tuple>
+#include <variant>
 #include <vector>
 
 #include "policy_workers/policy/policy_net.h"
+#include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/shm/futex.h"
 #include "tests/support/scratch_folder.h"
@@ -232,9 +235,9 @@ TEST_F(LearnerTest, TrainsUntilTheLastEnvFrameAndLeavesACheckpointAndMetrics) {
   const auto report = nlohmann::json::parse(last);
   EXPECT_EQ(report["env_frames"], 320);
   EXPECT_EQ(report["decisions"], 80);
-  for (const char* name :
-       {"train/policy_loss", "train/value_loss", "train/kl_divergence", "train/grad_norm",
-        "train/num_sgd_steps", "train/version_diff_avg", "perf/_fps", "stats/slabs_sealed"})
+  for (const char* name : {"train/policy_loss", "train/value_loss", "train/kl_divergence", "train/grad_norm",
+                           "train/num_sgd_steps", "train/version_diff_avg", "perf/_fps", "stats/slabs_sealed",
+                           "train/adam_gain_core", "train/grad_norm_encoder"})
     EXPECT_TRUE(report.contains(name)) << name;
 }
 
@@ -254,6 +257,54 @@ TEST_F(LearnerTest, GoesOnFromTheNewestCheckpointThatCanBeRead) {
   ASSERT_TRUE(third.status) << third.status.error().message;
   EXPECT_EQ(third.version, 3u);
   EXPECT_EQ(third.env_frames, 3u * 16 * 4);
+}
+
+TEST_F(LearnerTest, ABestCheckpointNeedsAFullWindowAndTheWindowOutlivesTheProcess) {
+  RunConfig config = small_config();
+  config.stats_avg = 12;
+  config.save_best_every_sec = 1e-3;
+  config.save_best_after = 0;
+  for (const auto& [episodes, best, is_saved] :
+       {std::tuple(11, -1.0, false), {12, -1.0, true}, {12, 0.4999, false}, {12, 0.4, true}}) {
+    const std::string run = "run" + std::to_string(episodes) + std::to_string(best);
+    config.train_for_env_steps = 2 * 16 * 4;
+    ASSERT_TRUE(live(config, run).status);
+    const CheckpointStore store((folder_ / run / "checkpoint").string(), 2);
+    EXPECT_EQ(store.best(), "") << "no episode has ended";
+    // As if so many episodes had ended with scores 0 and 1, and the best window so far had `best`.
+    StateDict state = *read_checkpoint(store.list().front().path);
+    ASSERT_EQ(state.tensor("episodes/window")->sizes(), at::IntArrayRef({0, 5}));
+    Tensor window = torch::zeros({episodes, 5}, torch::kFloat64);
+    window.select(1, 0).slice(0, 1, c10::nullopt, 2).fill_(1);
+    state.put("episodes/window", window);
+    if (best >= 0) state.put("counters/best_score", best);
+    ASSERT_TRUE(write_checkpoint(store.list().front().path, state));
+    config.train_for_env_steps = 30 * 16 * 4;
+    ASSERT_TRUE(live(config, run).status);
+    EXPECT_EQ(!store.best().empty(), is_saved) << run;
+    if (is_saved) {
+      EXPECT_NE(store.best().find("best_0.500.pt"), std::string::npos) << store.best();
+    }
+    EXPECT_TRUE(torch::equal(*read_checkpoint(store.list().front().path)->tensor("episodes/window"), window));
+  }
+}
+
+TEST_F(LearnerTest, ABestScoreOfACheckpointWithoutItsWindowIsForgotten) {
+  RunConfig config = small_config();
+  config.stats_avg = 1;
+  config.train_for_env_steps = 2 * 16 * 4;
+  ASSERT_TRUE(live(config, "run").status);
+  const CheckpointStore store((folder_ / "run/checkpoint").string(), 2);
+  StateDict state = *read_checkpoint(store.list().front().path), old;
+  for (const auto& [key, value] : state.values())
+    if (!key.starts_with("episodes/")) std::visit([&](const auto& held) { old.put(key, held); }, value);
+  old.put("counters/best_score", 1e9);  // of the luckiest ten
+  ASSERT_TRUE(write_checkpoint(store.list().front().path, old));
+  config.train_for_env_steps = 4 * 16 * 4;
+  const Outcome outcome = live(config, "run");
+  ASSERT_TRUE(outcome.status) << outcome.status.error().message;
+  EXPECT_EQ(outcome.version, 4u);
+  EXPECT_FALSE(read_checkpoint(store.list().front().path)->has("counters/best_score"));
 }
 
 TEST_F(LearnerTest, RefusesToBeginAnewOverUnreadableCheckpoints) {

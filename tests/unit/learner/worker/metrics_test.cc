@@ -167,6 +167,52 @@ TEST(EpisodeWindow, AveragesTheLastEpisodesOnly) {
   EXPECT_DOUBLE_EQ(find("policy_stats/avg_true_objective_max"), 20);
 }
 
+TEST(EpisodeWindow, CountsEpisodesInWhichAnyAgentsReturnIsNotZero) {
+  EpisodeWindow window(4);
+  window.add(episode(0, {0, 0}, 40));
+  window.add(episode(0, {0, -1}, 40));
+  window.add(episode(0, {2, -2}, 40));
+  window.add(episode(7, {0, 0}, 40));
+  MetricValues values;
+  window.append_to(values);
+  EXPECT_EQ(values.back().first, "stats/rewarded_episodes_fraction");
+  EXPECT_DOUBLE_EQ(values.back().second, 0.5);
+}
+
+TEST(EpisodeWindow, GoesOnInAnotherProcessWhereItStood) {
+  EpisodeWindow window(3);
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_EQ(window.is_full(), i == 3) << i;
+    window.add(episode(i, {1.0 * i, 2.0 * i}, 40));
+  }
+  EpisodeWindow again(3);
+  ASSERT_TRUE(again.restore(window.state()));
+  EXPECT_TRUE(again.is_full());
+  EXPECT_EQ(again.episodes(), 0u);
+  MetricValues before, after;
+  window.append_to(before);
+  again.append_to(after);
+  EXPECT_EQ(before, after);
+  window.add(episode(10, {0, 0}, 4));
+  again.add(episode(10, {0, 0}, 4));
+  EXPECT_DOUBLE_EQ(again.score_mean(), window.score_mean());
+}
+
+TEST(EpisodeWindow, TakesTheNewestThatFitAndNoBrokenOnes) {
+  EpisodeWindow window(10);
+  for (int i = 0; i < 10; ++i) window.add(episode(i, {0}, 40));
+  EpisodeWindow shorter(2), longer(20);
+  ASSERT_TRUE(shorter.restore(window.state()));
+  EXPECT_DOUBLE_EQ(shorter.score_mean(), 8.5);
+  ASSERT_TRUE(longer.restore(window.state()));
+  EXPECT_FALSE(longer.is_full());
+  std::vector<double> broken = window.state();
+  broken.pop_back();
+  EXPECT_FALSE(longer.restore(broken));
+  ASSERT_TRUE(longer.restore({}));
+  EXPECT_EQ(longer.size(), 0u);
+}
+
 TEST(RateWindow, IsTheSlopeOverTheWindow) {
   RateWindow rates(10);
   EXPECT_EQ(rates.env_frames_per_s(), 0);

@@ -341,12 +341,18 @@ TEST(Batcher, QValuesAreFollowedUpToTheLearnersEpsilon) {
   PolicyNetOptions options = small_network();
   options.critic = CriticKind::kNone;
   const PolicyNet net = make_net(options);
-  for (const float epsilon : {0.0f, 0.5f, 1.0f}) {
+  for (const auto& [epsilon, exploration] : {std::pair(0.0f, Exploration::kPerHead),
+                                             {0.5f, Exploration::kPerHead},
+                                             {1.0f, Exploration::kPerHead},
+                                             {0.5f, Exploration::kAllHeads}}) {
     for (const bool greedy : {false, true}) {
       const shm::Arena arena = make_arena(options, {.envs_per_worker = 8, .splits = 1, .rollout_steps = 40});
       arena.control().epsilon = epsilon;
-      Batcher batcher = make_batcher(
-          arena, {.min_batch = 1, .max_wait_us = 0, .is_greedy = greedy, .is_epsilon_greedy = true});
+      Batcher batcher = make_batcher(arena, {.min_batch = 1,
+                                             .max_wait_us = 0,
+                                             .is_greedy = greedy,
+                                             .is_epsilon_greedy = true,
+                                             .exploration = exploration});
       FakeGroup group(arena, 0, 0);
       int best = 0, all = 0;
       for (int step = 0; step < 40; ++step) {
@@ -372,7 +378,11 @@ TEST(Batcher, QValuesAreFollowedUpToTheLearnersEpsilon) {
           }
         group.take_act();
       }
-      const double expected = greedy ? 1.0 : 1.0 - double{epsilon} * 5 / 6;  // one of six by chance
+      const double e =
+          double{epsilon};  // a greedy action comes up by chance, too: of six, or of three and two
+      const double expected = greedy                                  ? 1.0
+                              : exploration == Exploration::kAllHeads ? 1.0 - e * 5 / 6
+                                                                      : (1.0 - e * 2 / 3) * (1.0 - e / 2);
       EXPECT_NEAR(best / double(all), expected, 4 * std::sqrt(expected * (1 - expected) / all) + 1e-9)
           << epsilon << greedy;
     }

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "policy_workers/policy/torch_ops.h"
@@ -156,6 +157,58 @@ TEST(SampleAction, TheSameKeyGivesTheSameActionAndAnotherKeyAnother) {
   EXPECT_GT(distinct, 50);
 }
 
+TEST(ExploreAction, DrawsEveryHeadForItself) {
+  const std::vector<float> q = {0.0f, 3.0f, 2.0f, 0.5f, -0.5f};
+  constexpr int kDraws = 200'000;
+  constexpr float kEpsilon = 0.3f;
+  int joint[3][2] = {};
+  for (int draw = 0; draw < kDraws; ++draw) {
+    int32_t action[2];
+    const float log_prob = explore_action(q, {}, kTwoHeads, RngKey(9).split(static_cast<uint64_t>(draw)),
+                                          kEpsilon, Exploration::kPerHead, action);
+    ++joint[action[0]][action[1]];
+    EXPECT_NEAR(log_prob,
+                std::log(kEpsilon / 3 + (action[0] == 1 ? 1 - kEpsilon : 0)) +
+                    std::log(kEpsilon / 2 + (action[1] == 0 ? 1 - kEpsilon : 0)),
+                1e-6);
+  }
+  for (int a = 0; a < 3; ++a)
+    for (int b = 0; b < 2; ++b) {
+      const double p =
+          (kEpsilon / 3 + (a == 1 ? 1 - kEpsilon : 0)) * (kEpsilon / 2 + (b == 0 ? 1 - kEpsilon : 0));
+      EXPECT_NEAR(joint[a][b] / double{kDraws}, p, 5 * std::sqrt(p * (1 - p) / kDraws)) << a << b;
+    }
+}
+
+TEST(ExploreAction, OneHeadAloneLeavesTheGreedyActionOfFiveAsOftenAsEpsilonSays) {
+  const EnvShape env = shape_of({3, 3, 3, 2, 3});  // the 162 compound actions of Armory Siege
+  const std::vector<float> q = {1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0};
+  constexpr int kDraws = 20'000;
+  constexpr double kEpsilon = 0.1;
+  int greedy = 0, single = 0, single_together = 0;
+  for (int draw = 0; draw < kDraws; ++draw) {
+    const RngKey key = RngKey(4).split(static_cast<uint64_t>(draw));
+    for (const Exploration exploration : {Exploration::kPerHead, Exploration::kAllHeads}) {
+      int32_t action[5];
+      explore_action(q, {}, env, key, kEpsilon, exploration, action);
+      const auto deviating = std::count_if(action, action + 5, [](int32_t choice) { return choice != 0; });
+      if (exploration == Exploration::kAllHeads) {
+        single_together += deviating == 1;
+      } else {
+        greedy += deviating == 0;
+        single += deviating == 1;
+      }
+    }
+  }
+  // A head keeps to its best with 1 - epsilon (1 - 1/size).
+  const double of_three = 1 - kEpsilon * 2 / 3, of_two = 1 - kEpsilon / 2;
+  const double all_greedy = std::pow(of_three, 4) * of_two;
+  const double one = all_greedy * (4 * (1 - of_three) / of_three + (1 - of_two) / of_two);
+  EXPECT_NEAR(greedy / double{kDraws}, all_greedy, 0.015);
+  EXPECT_NEAR(single / double{kDraws}, one, 0.015);
+  EXPECT_NEAR(single_together / double{kDraws}, kEpsilon * 9 / 162, 0.004);  // 9 of 162 differ in one head
+}
+
 TEST(ExploreAction, MixesUniformChoicesOfAllHeadsWithTheGreedyAction) {
   const std::vector<float> q = {0.0f, 3.0f, 2.0f, 0.5f, -0.5f};
   constexpr int kDraws = 200'000;
@@ -163,8 +216,8 @@ TEST(ExploreAction, MixesUniformChoicesOfAllHeadsWithTheGreedyAction) {
   int joint[3][2] = {};
   for (int draw = 0; draw < kDraws; ++draw) {
     int32_t action[2];
-    const float log_prob =
-        explore_action(q, {}, kTwoHeads, RngKey(9).split(static_cast<uint64_t>(draw)), kEpsilon, action);
+    const float log_prob = explore_action(q, {}, kTwoHeads, RngKey(9).split(static_cast<uint64_t>(draw)),
+                                          kEpsilon, Exploration::kAllHeads, action);
     ++joint[action[0]][action[1]];
     const bool is_greedy = action[0] == 1 && action[1] == 0;
     EXPECT_NEAR(log_prob, std::log(kEpsilon / 6 + (is_greedy ? 1 - kEpsilon : 0)), 1e-6);
@@ -179,17 +232,19 @@ TEST(ExploreAction, MixesUniformChoicesOfAllHeadsWithTheGreedyAction) {
 TEST(ExploreAction, MasksHoldInExplorationAndGreedyChoice) {
   const std::vector<float> q = {9.0f, 3.0f, 2.0f, 0.5f, 7.0f};
   const std::vector<uint8_t> mask = {0, 1, 1, 1, 0};
-  int counts[3] = {};
-  for (uint64_t draw = 0; draw < 3000; ++draw) {
-    int32_t action[2];
-    explore_action(q, mask, kTwoHeads, RngKey(3).split(draw), 1.0f, action);
-    EXPECT_NE(action[0], 0);
-    EXPECT_EQ(action[1], 0);
-    ++counts[action[0]];
-    EXPECT_EQ(explore_action(q, mask, kTwoHeads, RngKey(3).split(draw), 0.0f, action), 0.0f);
-    EXPECT_EQ(action[0], 1);
+  for (const Exploration how : {Exploration::kPerHead, Exploration::kAllHeads}) {
+    int counts[3] = {};
+    for (uint64_t draw = 0; draw < 3000; ++draw) {
+      int32_t action[2];
+      explore_action(q, mask, kTwoHeads, RngKey(3).split(draw), 1.0f, how, action);
+      EXPECT_NE(action[0], 0);
+      EXPECT_EQ(action[1], 0);
+      ++counts[action[0]];
+      EXPECT_EQ(explore_action(q, mask, kTwoHeads, RngKey(3).split(draw), 0.0f, how, action), 0.0f);
+      EXPECT_EQ(action[0], 1);
+    }
+    EXPECT_NEAR(counts[1] / 3000.0, 0.5, 0.05);
   }
-  EXPECT_NEAR(counts[1] / 3000.0, 0.5, 0.05);
 }
 
 }  // namespace

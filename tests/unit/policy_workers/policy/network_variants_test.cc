@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <set>
 
 #include "policy_workers/policy/encoder.h"
@@ -37,6 +38,7 @@ PolicyNetOptions variant(const std::string& name) {
   if (has("separate")) options.separate_agents = true;
   if (has("id")) options.agent_id_input = true;
   if (has("central")) options.critic = CriticKind::kCentral;
+  if (has("position")) options.critic_view = CriticView::kPosition;
   if (has("joint")) options.critic = CriticKind::kJoint, options.separate_agents = true;
   if (has("plain")) options.critic_rnn = false;
   if (has("impala")) options.encoder = has("resnet") ? "resnet_impala" : "convnet_impala";
@@ -135,10 +137,11 @@ TEST_P(Variants, WeightsTravelAsBytes) {
 
 INSTANTIATE_TEST_SUITE_P(PolicyNet, Variants,
                          testing::Values("separate", "separate_lstm", "id", "id_feedforward", "central_id",
-                                         "central_separate", "joint", "joint_lstm_deep", "joint_plain",
-                                         "joint_feedforward", "decoder", "joint_decoder", "atari", "impala",
-                                         "resnet_impala", "bf16", "bf16_lstm", "bf16_joint",
-                                         "bf16_resnet_impala"));
+                                         "central_separate", "central_position_id",
+                                         "central_position_separate", "bf16_central", "joint",
+                                         "joint_lstm_deep", "joint_plain", "joint_feedforward", "decoder",
+                                         "joint_decoder", "atari", "impala", "resnet_impala", "bf16",
+                                         "bf16_lstm", "bf16_joint", "bf16_resnet_impala"));
 
 TEST(PolicyNet, HappoHasTheParameterCountOfTheSpecification) {
   RunConfig config;
@@ -198,8 +201,11 @@ TEST(PolicyNet, ASharedNetworkTellsAgentsApartOnlyByTheirIndex) {
 }
 
 TEST(PolicyNet, OnlyCriticsOfAllAgentsSeeAnotherAgentsFrame) {
-  for (const auto& [name, value_changes] :
-       {std::pair("separate", false), {"id", false}, {"central", true}, {"joint", true}}) {
+  for (const auto& [name, value_changes] : {std::pair("separate", false),
+                                            {"id", false},
+                                            {"central", true},
+                                            {"central_position", true},
+                                            {"joint", true}}) {
     const PolicyNetOptions options = variant(name);
     const PolicyNet net = PolicyNet::create(options, 3, torch::kCPU);
     const Rows rows = random_rows(options, 1, 2);
@@ -258,22 +264,121 @@ TEST(PolicyNet, TheJointValueIsTheSameForAllAgentsOfAWorld) {
 }
 
 TEST(PolicyNet, ALinearCentralCriticOfOneAgentIsIppoBitForBit) {
-  PolicyNetOptions own = small_options();
-  own.env.num_agents = 1;
-  PolicyNetOptions central = own;
-  central.critic = CriticKind::kCentral;
-  central.critic_widths = {};
-  const PolicyNet ippo = PolicyNet::create(own, 3, torch::kCPU),
-                  mappo = PolicyNet::create(central, 3, torch::kCPU);
-  const Rows rows = random_rows(own, 3, 2);
-  const SequenceOutput a = ippo.sequence(input_of(rows)), b = mappo.sequence(input_of(rows));
-  EXPECT_TRUE(torch::equal(a.logits, b.logits));
-  EXPECT_TRUE(torch::equal(a.value, b.value));
-  (a.logits.square().sum() + a.value.square().sum()).backward();
-  (b.logits.square().sum() + b.value.square().sum()).backward();
-  const auto p = ippo.parameters(), q = mappo.parameters();
-  ASSERT_EQ(p.size(), q.size());
-  for (size_t i = 0; i < p.size(); ++i) EXPECT_TRUE(torch::equal(p[i].grad(), q[i].grad())) << i;
+  for (const char* name : {"central", "central_position"}) {
+    PolicyNetOptions own = small_options();
+    own.env.num_agents = 1;
+    PolicyNetOptions central = variant(name);
+    central.env.num_agents = 1;
+    central.critic_widths = {};
+    const PolicyNet ippo = PolicyNet::create(own, 3, torch::kCPU),
+                    mappo = PolicyNet::create(central, 3, torch::kCPU);
+    const Rows rows = random_rows(own, 3, 2);
+    const SequenceOutput a = ippo.sequence(input_of(rows)), b = mappo.sequence(input_of(rows));
+    EXPECT_TRUE(torch::equal(a.logits, b.logits));
+    EXPECT_TRUE(torch::equal(a.value, b.value));
+    (a.logits.square().sum() + a.value.square().sum()).backward();
+    (b.logits.square().sum() + b.value.square().sum()).backward();
+    const auto p = ippo.parameters(), q = mappo.parameters();
+    ASSERT_EQ(p.size(), q.size());
+    for (size_t i = 0; i < p.size(); ++i) EXPECT_TRUE(torch::equal(p[i].grad(), q[i].grad())) << name << i;
+  }
+}
+
+/// The rows of every world in another order of its agents.
+Rows permuted(const Rows& rows, const std::vector<int64_t>& order) {
+  const int64_t agents = static_cast<int64_t>(order.size()), worlds = rows.state.size(0) / agents;
+  std::vector<int64_t> index;
+  for (int64_t world = 0; world < worlds; ++world)
+    for (const int64_t agent : order) index.push_back(world * agents + agent);
+  const Tensor at = torch::tensor(index, torch::kInt64);
+  return {rows.frame.index_select(1, at), rows.measurement.index_select(1, at),
+          rows.state.index_select(0, at), rows.reset.index_select(1, at)};
+}
+
+TEST(PolicyNet, ExchangingAgentsExchangesTheirValues) {
+  for (const std::vector<int64_t>& order : {std::vector<int64_t>{1, 0}, {2, 0, 1}, {3, 2, 0, 4, 1}})
+    for (const char* name : {"central", "central_position"}) {
+      PolicyNetOptions options = variant(name);
+      options.env.num_agents = static_cast<int32_t>(order.size());
+      const PolicyNet net = PolicyNet::create(options, 3, torch::kCPU);
+      const Rows rows = random_rows(options, 3, 2), other = permuted(rows, order);
+      torch::NoGradGuard no_grad;
+      const Tensor value = net.sequence(input_of(rows)).value, of_other = net.sequence(input_of(other)).value;
+      const Tensor step = net.step(rows.frame[0], rows.measurement[0], rows.state).value,
+                   other_step = net.step(other.frame[0], other.measurement[0], other.state).value;
+      double difference = 0, step_difference = 0;
+      for (int64_t world = 0; world < 2; ++world)
+        for (size_t place = 0; place < order.size(); ++place) {
+          const int64_t first = world * static_cast<int64_t>(order.size());
+          const int64_t from = first + order[place], to = first + static_cast<int64_t>(place);
+          difference =
+              std::max(difference, largest_difference(value.select(1, from), of_other.select(1, to)));
+          step_difference = std::max(step_difference, largest_difference(step[from], other_step[to]));
+        }
+      const bool is_symmetric = options.critic_view == CriticView::kOwnFirst;
+      EXPECT_EQ(difference < 1e-5, is_symmetric) << name << order.size();
+      EXPECT_EQ(step_difference < 1e-5, is_symmetric) << name << order.size();
+    }
+}
+
+TEST(PolicyNet, OwnFirstIsTheCriticOfOwnFeaturesAndTheMeanOfTheOthers) {
+  PolicyNetOptions options = variant("central_feedforward");
+  options.critic_widths = {};  // linear, so that weights are read off: no core, no decoder, own | mean
+  const PolicyNet net = PolicyNet::create(options, 3, torch::kCPU);
+  const Rows rows = random_rows(options, 1, 2);
+  torch::NoGradGuard no_grad;
+  const Tensor features = net.encode(rows.frame[0], rows.measurement[0]);
+  const auto parameters = net.named_parameters();
+  const Tensor weight = parameters[parameters.size() - 2].second, bias = parameters.back().second;
+  const int64_t count = features.size(1);
+  ASSERT_EQ(weight.sizes(), at::IntArrayRef({1, 2 * count}));
+  const Tensor value = net.step(rows.frame[0], rows.measurement[0], rows.state).value;
+  for (int64_t row = 0; row < 6; ++row) {
+    double expected = bias.item<double>();
+    for (int64_t i = 0; i < count; ++i) {
+      double others = 0;
+      for (int64_t other = row / 3 * 3; other < row / 3 * 3 + 3; ++other)
+        if (other != row) others += features[other][i].item<double>() / 2;
+      expected += weight[0][i].item<double>() * features[row][i].item<double>() +
+                  weight[0][count + i].item<double>() * others;
+    }
+    EXPECT_NEAR(value[row].item<double>(), expected, 1e-4) << row;
+  }
+}
+
+TEST(PolicyNet, AnAgentsValueLearnsFromItsPartnersObservations) {
+  for (const char* name : {"central", "central_position"}) {
+    const PolicyNetOptions options = variant(name);
+    const PolicyNet net = PolicyNet::create(options, 3, torch::kCPU);
+    Rows rows = random_rows(options, 2, 2);
+    rows.measurement.requires_grad_();
+    net.sequence(input_of(rows)).value[1][0].backward();  // agent 0 of world 0 in the last step
+    const Tensor gradient = rows.measurement.grad().abs().sum(2);
+    for (int64_t row = 0; row < 6; ++row)
+      EXPECT_EQ(gradient[1][row].item<double>() > 0, row < 3) << name << row;
+  }
+}
+
+TEST(PolicyNet, OnlyTheCriticByPositionGrowsWithTheNumberOfAgents) {
+  std::map<std::string, std::vector<int64_t>> counts;
+  for (const int32_t agents : {1, 2, 8})
+    for (const char* view : {"own_first", "position"}) {
+      RunConfig config;
+      config.algo = "mappo";
+      config.mappo_critic_view = view;
+      EnvShape env;
+      env.num_agents = agents;
+      const PolicyNet net = PolicyNet::create(PolicyNetOptions::from(config, env), 1, torch::kCPU);
+      int64_t critic = 0;
+      for (const auto& [name, tensor] : net.named_parameters())
+        if (name.starts_with("critic.")) critic += tensor.numel();
+      counts[view].push_back(critic);
+      EXPECT_LE(net.weights_bytes(),
+                weights_bytes_limit(config, agents, env.frame_bytes(), env.logit_count()));
+    }
+  // 512 or 1024 features to 512, 256 and 1 output; of 512 N to 512, 256 and N.
+  EXPECT_EQ(counts["own_first"], (std::vector<int64_t>{394'241, 656'385, 656'385}));
+  EXPECT_EQ(counts["position"], (std::vector<int64_t>{394'241, 656'642, 2'231'048}));
 }
 
 // Encoders.

@@ -36,6 +36,7 @@ double largest_difference(const Tensor& a, const Tensor& b) { return (a - b).abs
 TEST(PolicyNet, HasTheParameterCountsOfTheSpecification) {
   PolicyNetOptions central = full_options("lstm");
   central.critic = CriticKind::kCentral;
+  central.critic_view = CriticView::kPosition;
   EXPECT_EQ(PolicyNet::create(central, 1, torch::kCPU).parameter_count(), 4'058'096);
   EXPECT_EQ(PolicyNet::create(full_options("lstm"), 1, torch::kCPU).parameter_count(), 3'401'967);
   EXPECT_EQ(PolicyNet::create(full_options("gru"), 1, torch::kCPU).parameter_count(),
