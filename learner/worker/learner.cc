@@ -340,8 +340,7 @@ Expected<bool> Learner::replay_rollout(const std::vector<uint32_t>& slabs) {
   const int64_t per_batch = slabs_per_batch(config_, arena_.shape().trajectory.env);
   int64_t in_batch = 0;
   for (std::size_t i = 0; i < slabs.size(); ++i) {
-    const int slab = static_cast<int>(slabs[i]);
-    feed_->insert(arena_.slab(slab), arena_.slab_header(slab).length, algorithm_->version());
+    feed_->insert(arena_, slabs[i], algorithm_->version());
     if (++in_batch < per_batch && i + 1 < slabs.size()) continue;
     in_batch = 0;
     take_inserted();

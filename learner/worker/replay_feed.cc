@@ -40,20 +40,24 @@ int64_t world_count(const RunConfig& config, int64_t num_agents) {
 Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config,
                                                          const TrajectoryShape& shape) {
   const int64_t agents = shape.env.num_agents;
-  const ReplayBatchOptions batch_options{.shape = shape,
-                                         .unit = unit_of(config),
-                                         .world_count = world_count(config, agents),
-                                         .n_step = config.n_step,
-                                         .gamma = config.gamma,
-                                         .reward_clip = config.algo == "idqn" ? config.dqn_reward_clip : 0.0};
+  const bool alone = config.algo == "idqn";
+  const ReplayBatchOptions batch_options{
+      .shape = shape,
+      .unit = unit_of(config),
+      .world_count = world_count(config, agents),
+      .n_step = config.n_step,
+      .pay = {.gamma = config.gamma, .reward_clip = alone ? config.dqn_reward_clip : 0.0},
+      .agents_end = alone};
   const replay::Unit unit = batch_options.unit;
   COMRAD_TRY_ASSIGN(
       std::unique_ptr<replay::Replay> replay,
       replay::Replay::create({.store = {.shape = shape,
-                                        .capacity_bytes = static_cast<int64_t>((config.replay_gb > 0 ? config.replay_gb : 1.0) * 1e9),
+                                        .capacity_bytes = static_cast<int64_t>(
+                                            (config.replay_gb > 0 ? config.replay_gb : 1.0) * 1e9),
                                         .capacity_transitions = config.replay_buffer_size,
                                         .file = config.replay_file,
-                                        .compress = config.replay_compress == "true"},
+                                        .compress = config.replay_compress == "true",
+                                        .late_pay = alone ? std::optional(batch_options.pay) : std::nullopt},
                               .unit = unit,
                               .prioritized = config.per,
                               .omega = config.per_omega,
@@ -110,8 +114,18 @@ ReplayFeed::~ReplayFeed() {
   if (sampler_.joinable()) sampler_.join();
 }
 
-void ReplayFeed::insert(const SlabView& slab, uint32_t length, PolicyVersion learner_version) {
-  const int64_t inserted = replay_->insert(slab, length);
+void ReplayFeed::insert(const shm::Arena& arena, uint32_t slab, PolicyVersion learner_version) {
+  const int index = static_cast<int>(slab);
+  const shm::SlabHeader& header = arena.slab_header(index);
+  insert(arena.slab(index), header.length, learner_version,
+         {.env_index = header.env_index,
+          .rollout_index = header.rollout_index,
+          .first_episode_id = header.first_episode.episode_id});
+}
+
+void ReplayFeed::insert(const SlabView& slab, uint32_t length, PolicyVersion learner_version,
+                        const replay::SlabOrigin& origin) {
+  const int64_t inserted = replay_->insert(slab, length, origin);
   {
     const std::lock_guard lock(inserted_mutex_);
     const int agents = batch_options_.shape.env.num_agents;
@@ -212,8 +226,7 @@ void ReplayFeed::feed() {
     const uint32_t heard = shm::listen(sealed);
     const std::vector<uint32_t> slabs = arena_->drain_slabs(1);
     for (const uint32_t slab : slabs) {
-      const int index = static_cast<int>(slab);
-      insert(arena_->slab(index), arena_->slab_header(index).length, arena_->weights_version());
+      insert(*arena_, slab, arena_->weights_version());
       arena_->release_slab(slab);
     }
     if (const std::optional<Error> error = replay_->write_error()) {

@@ -38,7 +38,9 @@ class ReplayFeed {
   ~ReplayFeed();
 
   /// Stores a slab. The rate at which samples may be drawn follows.
-  void insert(const SlabView& slab, uint32_t length, PolicyVersion learner_version);
+  void insert(const SlabView& slab, uint32_t length, PolicyVersion learner_version,
+              const replay::SlabOrigin& origin = {});
+  void insert(const shm::Arena& arena, uint32_t slab, PolicyVersion learner_version);
   Inserted take_inserted();
   /// Env frames counted so far; places the importance weights' exponent.
   void set_env_frames(double env_frames) { env_frames_ = env_frames; }

@@ -74,10 +74,10 @@ void Replay::list_units(ItemId id, std::vector<UnitPlace>& units) const {
   }
 }
 
-int64_t Replay::insert(const SlabView& slab, uint32_t length) {
+int64_t Replay::insert(const SlabView& slab, uint32_t length, const SlabOrigin& origin) {
   store_.prepare(slab, length);  // this thread's own part of the store
   const auto lock = lock_for_writing();
-  const ItemId id = store_.commit(slab);
+  const ItemId id = store_.commit(slab, origin);
   std::vector<UnitPlace> fresh;
   if (id != kNoItem) list_units(id, fresh);
   const std::lock_guard unit_lock(unit_mutex_);

@@ -55,7 +55,7 @@ class Replay {
 
   /// Stores a sealed slab. Returns the agent decisions that went in: 0 where it had no steps or the disk
   /// failed (write_error()). Threads: one inserting thread.
-  int64_t insert(const SlabView& slab, uint32_t length);
+  int64_t insert(const SlabView& slab, uint32_t length, const SlabOrigin& origin = {});
 
   /// `count` units with replacement; none while unit_count() is 0. Prioritised: one from each of `count`
   /// segments of equal probability mass, with weights of exponent `beta`.
