@@ -18,7 +18,8 @@ QLearning::SampleLoss Idqn::loss_of(const Scene& scene) const {
   {
     torch::NoGradGuard no_grad;
     const Tensor best = next_action(scene);
-    const Tensor next = policy::chosen_entries(scene.target.next, best, env_) * batch.bootstrap.unsqueeze(-1);
+    const Tensor next =
+        policy::chosen_entries(scene.target.next, best, env_) * (batch.bootstrap.unsqueeze(-1) * q_sigma());
     const auto per_head = [&](const Tensor& of_rows) {
       return of_rows.unsqueeze(-1).expand_as(next).flatten(1).contiguous();
     };
@@ -33,12 +34,13 @@ QLearning::SampleLoss Idqn::loss_of(const Scene& scene) const {
                          .legacy_timeouts = config_.legacy_timeouts})
                  .view_as(next);
   }
-  const Tensor error = chosen - target;
+  const Tensor error = chosen - target / q_sigma();
   return {.loss = loss_of_error(error).mean(-1),
           .regularizer = {},
-          .error = error.detach().abs().mean(-1),
-          .predicted = chosen.detach().mean(-1),
+          .error = error.detach().abs().mean(-1) * q_sigma(),
+          .predicted = chosen.detach().mean(-1) * q_sigma(),
           .target = target.mean(-1),
+          .clipped = {},
           .head_entropy = {}};
 }
 

@@ -4,7 +4,9 @@
 //   y_h   = r + gamma (1 - terminated) Q_target,h(o', argmax_a Q_h(o', a))
 //   loss  = w mean_h huber(Q_h(o, a_h) - y_h)
 //
-// Rewards are clipped to +-dqn_reward_clip, targets are not. Drawn are single decisions of single agents,
+// An agent's way ends where it leaves the game, also while the world goes on: then y_h is r alone, plus what the
+// agent is paid while it is out, discounted (rollout_buffer/replay/late_pay.h). Every reward is clipped to
+// +-dqn_reward_clip by itself, targets are not. Drawn are single decisions of single agents,
 // prioritised by mean_h |TD_h|; with a recurrent core whole sequences. Source: Mnih et al. 2015; Schaul et
 // al. 2016, arXiv:1511.05952.
 #pragma once

@@ -35,6 +35,22 @@ std::vector<Tensor> parameters_of(const policy::PolicyNet& net, const Mixer* mix
   return parameters;
 }
 
+/// Weights and biases of the layers that give Q-values, one pair per tower.
+std::vector<Tensor> heads_of(const policy::PolicyNet& net) {
+  std::vector<Tensor> heads;
+  for (const auto& [parameter, tensor] : net.named_parameters())
+    if (parameter.ends_with("action_head.weight") || parameter.ends_with("action_head.bias"))
+      heads.push_back(tensor);
+  return heads;
+}
+
+/// Root mean square of the rewards of a batch's valid samples, agent by agent.
+double reward_rms(const ReplayBatch& batch) {
+  const Tensor valid = batch.valid.to(torch::kFloat64);
+  const Tensor square = batch.reward.to(torch::kFloat64).square();
+  return std::sqrt((square * valid).sum().item<double>() / std::max(1.0, valid.sum().item<double>()));
+}
+
 /// Encoder features [count, R, E] of the observations from step `first` on.
 Tensor encode(const policy::PolicyNet& net, const ReplayBatch& batch, int64_t first, int64_t count) {
   const auto rows_of = [&](const Tensor& field) {
@@ -63,6 +79,7 @@ void QLearning::LossSums::add(const LossSums& part) {
   loss += part.loss, regularizer += part.regularizer, td += part.td;
   predicted += part.predicted, target += part.target, utility += part.utility, spread += part.spread;
   terminated += part.terminated, truncated += part.truncated, head_entropy += part.head_entropy;
+  target_square += part.target_square, clipped += part.clipped;
   predicted_max = std::max(predicted_max, part.predicted_max);
   target_max = std::max(target_max, part.target_max);
   utility_max = std::max(utility_max, part.utility_max);
@@ -232,14 +249,20 @@ QLearning::Part QLearning::part_of(const ReplayBatch& micro, double valid_count)
       {&part.sums.terminated, (scene.batch.terminated.to(torch::kFloat32) * of_row).sum()},
       {&part.sums.truncated, (scene.batch.truncated.to(torch::kFloat32) * of_row).sum()},
       {&part.sums.head_entropy, sample.head_entropy.defined() ? (sample.head_entropy * share).sum()
-                                                              : torch::zeros({}, share.options())}};
+                                                              : torch::zeros({}, share.options())},
+      {&part.sums.target_square, (sample.target.square() * share).sum()},
+      {&part.sums.clipped,
+       sample.clipped.defined() ? (sample.clipped * share).sum() : torch::zeros({}, share.options())}};
   std::vector<Tensor> read;
   for (const auto& [place, number] : numbers) read.push_back(number);
   const Tensor on_host = torch::stack(read).cpu();
   for (std::size_t i = 0; i < numbers.size(); ++i) *numbers[i].first = double{on_host.data_ptr<float>()[i]};
   const Tensor counted = valid.view({valid.size(0), micro.world_count, samples_of_world});
-  const Tensor errors = sample.error.view_as(counted) * counted;
-  part.abs_td = (errors.sum(2).sum(0) / counted.sum(2).sum(0).clamp_min(1.0)).cpu();
+  const Tensor errors = sample.error.view_as(counted) * counted / q_sigma();
+  part.abs_td = errors.sum(2).sum(0) / counted.sum(2).sum(0).clamp_min(1.0);
+  if (config_.per_sequences && valid.size(0) > 1)
+    part.abs_td = config_.per_eta * errors.amax({0, 2}) + (1 - config_.per_eta) * part.abs_td;
+  part.abs_td = part.abs_td.cpu();
   return part;
 }
 
@@ -286,6 +309,7 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
     batch.abs_td = torch::zeros({batch.world_count});
     return stats;
   }
+  if (config_.normalize_q_values && !scale_.has_begun()) scale_.begin(reward_rms(batch));
   optimizer_.zero_grad();
   LossSums sums;
   if (!accumulate_gradient(batch, context, sums)) {
@@ -300,6 +324,13 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   }
   update_targets();
   report(sums, stats);
+  if (batch.rewards_read > 0)
+    stats.values.emplace_back("train/rewards_clipped_fraction", static_cast<double>(batch.rewards_clipped) /
+                                                                    static_cast<double>(batch.rewards_read));
+  if (config_.normalize_q_values) {
+    const double before = q_sigma();
+    rescale_outputs(before, scale_.observe(sums.target_square));
+  }
   if (context.after_step) context.after_step();
   return stats;
 }
@@ -316,6 +347,17 @@ void QLearning::update_targets() {
   }
 }
 
+void QLearning::rescale_outputs(double before, double after) {
+  if (before == after) return;
+  torch::NoGradGuard no_grad;
+  const double factor = before / after;
+  const bool are_linear = !mixer_ || mixer_->scales_with_utilities();
+  for (const policy::PolicyNet* net : {&net_, &target_net_})
+    for (Tensor& parameter : are_linear ? heads_of(*net) : std::vector<Tensor>()) parameter.mul_(factor);
+  for (Mixer* mixer : {mixer_.get(), target_mixer_.get()})
+    if (mixer != nullptr) mixer->rescale(factor);
+}
+
 void QLearning::report(const LossSums& sums, UpdateStats& stats) const {
   const auto put = [&stats](const char* name, double value) { stats.values.emplace_back(name, value); };
   put("train/lr", schedule_.learning_rate());
@@ -325,10 +367,14 @@ void QLearning::report(const LossSums& sums, UpdateStats& stats) const {
   put(mixer_ ? "train/target_q_tot_mean" : "train/dqn_target_q_mean", sums.target);
   put("train/target_q_max", sums.target_max);
   put(mixer_ ? "train/td_error_mean" : "train/dqn_td_error_mean", sums.td);
-  put("train/agent_qs_mean", sums.utility);
-  put("train/agent_qs_max", sums.utility_max);
-  put("train/agent_qs_min", sums.utility_min);
-  put("train/q_std_across_actions", sums.spread);
+  // QMIX's utilities have no unit of their own: the mixer gives them one.
+  const double unit = !mixer_ || mixer_->scales_with_utilities() ? q_sigma() : 1;
+  put("train/agent_qs_mean", sums.utility * unit);
+  put("train/agent_qs_max", sums.utility_max * unit);
+  put("train/agent_qs_min", sums.utility_min * unit);
+  put("train/q_std_across_actions", sums.spread * unit);
+  put("train/q_sigma", q_sigma());
+  if (mixer_) put("train/targets_clipped_fraction", sums.clipped);
   put("train/done_ratio", sums.terminated);
   put("train/timeout_ratio", sums.truncated);
   if (config_.algo == "qplex_q") {
@@ -360,6 +406,7 @@ void QLearning::save(StateDict& state) const {
   }
   optimizer_.save(state, "optimizer");
   schedule_.save(state);
+  if (config_.normalize_q_values) scale_.save(state);
 }
 
 Status QLearning::load(const StateDict& state) {
@@ -379,6 +426,16 @@ Status QLearning::load(const StateDict& state) {
   COMRAD_TRY(schedule_.load(state));
   version_ = progress.version;
   updates_ = progress.updates;
+  scale_ = QScale();
+  if (QScale::is_in(state)) {
+    COMRAD_TRY_ASSIGN(scale_, QScale::load(state));
+    if (!config_.normalize_q_values) {  // these networks go on in natural units
+      rescale_outputs(scale_.sigma(), 1);
+      scale_ = QScale();
+    }
+  } else if (version_ > 0) {
+    scale_.begin_natural();
+  }
   return {};
 }
 

@@ -9,7 +9,8 @@
 // o' is the true observation behind the step: where time cut an episode, its own last one, with the recurrent
 // state that led there, and never the first of the next episode. Sequences start from the state stored when
 // they were played. Source: van Hasselt et al. 2016, arXiv:1509.06461.
-// Stage: update.
+// With normalize_q_values a network's Q is in units of sigma (q_scale.h); y, the clamp and all reports are in
+// natural units, the loss compares Q and y / sigma. Stage: update.
 #pragma once
 
 #include <torch/types.h>
@@ -22,6 +23,7 @@
 #include "learner/algorithms/algorithm.h"
 #include "learner/algorithms/lr_schedule.h"
 #include "learner/algorithms/part_pool.h"
+#include "learner/algorithms/q_scale.h"
 #include "learner/algorithms/step_guard.h"
 #include "learner/critics/mixer.h"
 #include "policy_workers/policy/policy_net.h"
@@ -50,11 +52,20 @@ class QLearning : public OffPolicyAlgorithm {
            target_max = -1e30;
     double utility = 0, utility_max = -1e30, utility_min = 1e30, spread = 0;
     double terminated = 0, truncated = 0, head_entropy = 0;
+    double target_square = 0, clipped = 0;
     void add(const LossSums& part);
   };
-  /// Adds the gradient of the loss over a whole batch to the parameters' .grad and writes batch.abs_td. False
-  /// when keep_going() said no.
+  /// Adds the gradient of the loss over a whole batch to the parameters' .grad and writes batch.abs_td, in
+  /// units of sigma: the mean |TD error| of a world's valid samples or, with per_sequences, eta max + (1 - eta)
+  /// mean over those behind the burn-in (of all agents; Kapturowski et al. 2019, R2D2, section 2.3). False when
+  /// keep_going() said no.
   bool accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, LossSums& sums);
+
+  /// What the networks' Q-values are multiplied by to be in natural units; 1 without normalize_q_values.
+  double q_sigma() const { return scale_.sigma(); }
+  /// Rescales the last layers of the online and target networks (of mixers that are not linear in the utilities,
+  /// their own) from units of `before` to units of `after`: Q-values in natural units stay, to f32 rounding.
+  void rescale_outputs(double before, double after);
 
   const policy::PolicyNet& net() const { return net_; }
   const policy::PolicyNet& target_net() const { return target_net_; }
@@ -86,9 +97,10 @@ class QLearning : public OffPolicyAlgorithm {
   struct SampleLoss {
     Tensor loss;          ///< f32 [T, S]  with gradient
     Tensor regularizer;   ///< f32 [T, S]  with gradient; may be undefined
-    Tensor error;         ///< f32 [T, S]  |TD error|, detached
+    Tensor error;         ///< f32 [T, S]  |TD error|, detached; this and the next two in natural units
     Tensor predicted;     ///< f32 [T, S]  detached
     Tensor target;        ///< f32 [T, S]
+    Tensor clipped;       ///< bool [T, S] targets that q_value_clamp changed; may be undefined
     Tensor head_entropy;  ///< f32 [T, S]; may be undefined
   };
   virtual SampleLoss loss_of(const Scene& scene) const = 0;
@@ -125,6 +137,7 @@ class QLearning : public OffPolicyAlgorithm {
   AdamOptimizer optimizer_;
   std::vector<Tensor> target_parameters_;
   LrSchedule schedule_;
+  QScale scale_;
   StepGuard guard_;
   PartPool pool_;
   PolicyVersion version_ = 0;

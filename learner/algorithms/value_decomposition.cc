@@ -20,10 +20,12 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
                          const Tensor& active) {
     const Tensor& q = is_next ? values.next : values.now;
     const Tensor is_active = active.to(torch::kFloat32);
-    return MixerInput{.chosen = of_worlds(policy::chosen_utility(q, action, env_) * is_active),
-                      .greedy = of_worlds(policy::greedy_utility(q.detach(), mask, env_) * is_active),
-                      .action = of_worlds(policy::multi_hot(action, env_)),
-                      .state = of_worlds(is_next ? values.next_state : values.state)};
+    return MixerInput{
+        .chosen = of_worlds(policy::chosen_utility(q, action, env_) * is_active),
+        .greedy = of_worlds(policy::greedy_utility(q.detach(), mask, env_) * is_active),
+        // What an agent that is out of the game was asked to do says nothing of the team's value.
+        .action = of_worlds(policy::multi_hot(action, env_) * is_active.unsqueeze(-1)),
+        .state = of_worlds(is_next ? values.next_state : values.state)};
   };
   const MixerOutput mixed = mixer_->mix(
       input(scene.online, false, batch.action, scene.mask(), batch.agent_active.narrow(0, 0, steps)));
@@ -31,7 +33,7 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
     return of_samples.defined() ? of_samples.view({steps, worlds}) : of_samples;
   };
   const Tensor q_tot = by_time(mixed.q_tot);
-  Tensor target;
+  Tensor target, clipped;
   {
     torch::NoGradGuard no_grad;
     const Tensor best = next_action(scene);
@@ -45,20 +47,25 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
         td_targets({.reward = (config_.team_reward == "mean" ? rewards.mean(2) : rewards.sum(2)).contiguous(),
                     .terminated = first_of(batch.terminated),
                     .truncated = first_of(batch.truncated),
-                    .next_value = next * first_of(batch.bootstrap),
+                    .next_value = next * (first_of(batch.bootstrap) * q_sigma()),
                     .valid = sample_valid(batch).contiguous()},
                    {.gamma = config_.gamma,
                     .n_step = steps > 1 ? config_.n_step : 1,
                     .lambda = config_.td_lambda,
-                    .clamp = config_.q_value_clamp,
                     .legacy_timeouts = config_.legacy_timeouts});
+    if (config_.q_value_clamp > 0) {
+      const Tensor whole = target;
+      target = whole.clamp(-config_.q_value_clamp, config_.q_value_clamp);
+      clipped = target.ne(whole);
+    }
   }
-  const Tensor error = q_tot - target;
+  const Tensor error = q_tot - target / q_sigma();
   return {.loss = loss_of_error(error),
           .regularizer = by_time(mixed.regularizer),
-          .error = error.detach().abs(),
-          .predicted = q_tot.detach(),
+          .error = error.detach().abs() * q_sigma(),
+          .predicted = q_tot.detach() * q_sigma(),
           .target = target,
+          .clipped = clipped,
           .head_entropy = by_time(mixed.head_entropy)};
 }
 

@@ -18,7 +18,8 @@ class WorldWriter {
   WorldWriter(ReplayBatch& batch, const ReplayBatchOptions& options, int64_t world)
       : batch_(batch),
         env_(options.shape.env),
-        reward_clip_(static_cast<float>(options.reward_clip)),
+        pay_(options.pay),
+        agents_end_(options.agents_end),
         agents_(batch.shape.env.num_agents),
         first_(world * agents_) {}
 
@@ -52,19 +53,25 @@ class WorldWriter {
     }
   }
 
-  void decide(int64_t t, const StoredTrajectory& from, int step, int agent) {
+  /// The actions of row t.
+  void choose(int64_t t, const StoredTrajectory& from, int step, int agent) {
+    const auto action = from.action(step);
     for (int64_t i = 0; i < agents_; ++i) {
       const int64_t source = agent < 0 ? i : agent, at = index(t, i);
-      const auto action = from.action(step);
       for (int64_t head = 0; head < env_.head_count; ++head)
         batch_.action.data_ptr<int64_t>()[at * env_.head_count + head] =
             action[static_cast<std::size_t>(source * env_.head_count + head)];
+    }
+  }
+  /// The actions of all agents at a step of a sequence, and what they led to.
+  void decide(int64_t t, const StoredTrajectory& from, int step) {
+    choose(t, from, step, -1);
+    for (int64_t i = 0; i < agents_; ++i)
       end(t, i,
-          {.reward = clipped(from.reward(step)[static_cast<std::size_t>(source)]),
-           .terminated = from.terminated(step),
+          {.reward = static_cast<float>(paid(from, step, static_cast<int>(i))),
+           .terminated = from.terminated(step) || is_last(from, step, static_cast<int>(i)),
            .truncated = from.truncated(step),
            .valid = from.valid(step)});
-    }
   }
   void decide_nothing(int64_t t) {
     for (int64_t i = 0; i < agents_; ++i) {
@@ -88,8 +95,22 @@ class WorldWriter {
     batch_.valid.data_ptr<uint8_t>()[at] = outcome.valid;
   }
 
-  float clipped(float reward) const {
-    return reward_clip_ > 0 ? std::clamp(reward, -reward_clip_, reward_clip_) : reward;
+  /// What the decision of an agent pays, and whether its way ends with it.
+  double paid(const StoredTrajectory& from, int step, int agent) {
+    if (agents_end_) {
+      const replay::PaidDecision decision = replay::paid_decision(from, step, agent, pay_);
+      batch_.rewards_read += decision.payments;
+      batch_.rewards_clipped += decision.clipped_payments;
+      return decision.reward;
+    }
+    const double reward = double{from.reward(step)[static_cast<std::size_t>(agent)]};
+    const double clipped = pay_.clipped(reward);
+    ++batch_.rewards_read;
+    batch_.rewards_clipped += clipped != reward;
+    return clipped;
+  }
+  bool is_last(const StoredTrajectory& from, int step, int agent) const {
+    return agents_end_ && replay::is_last_decision(from, step, agent);
   }
 
   void reset(int64_t t, bool is_reset) {
@@ -129,7 +150,8 @@ class WorldWriter {
 
   ReplayBatch& batch_;
   const EnvShape& env_;
-  float reward_clip_;
+  replay::LatePay pay_;
+  bool agents_end_;
   int64_t agents_, first_;
 };
 
@@ -167,7 +189,7 @@ void write_sequence(ReplayBatch& batch, const ReplayBatchOptions& options, int64
       writer.decide_nothing(t);
       continue;
     }
-    writer.decide(t, from, t, -1);
+    writer.decide(t, from, t);
     const int row = from.final_row(t);
     if (!from.truncated(t) || row < 0) continue;
     const std::size_t bytes = static_cast<std::size_t>(env.num_agents * env.frame_bytes());
@@ -190,23 +212,27 @@ void write_decision(ReplayBatch& batch, const ReplayBatchOptions& options, int64
   writer.no_state();
   writer.reset(0, false), writer.reset(1, false);
   writer.observe(0, from, step, agent);
-  writer.decide(0, from, step, agent);
+  writer.choose(0, from, step, agent);
 
-  // n rewards, fewer where the episode or the trajectory ends before.
+  // n rewards, fewer where the episode or the trajectory ends before, or the agent's own way.
   int last = step;
   while (last - step + 1 < options.n_step && last + 1 < from.length() && !from.terminated(last) &&
          !from.truncated(last) && from.valid(last + 1))
     ++last;
   for (int64_t i = 0; i < batch.shape.env.num_agents; ++i) {
+    const int source = agent < 0 ? static_cast<int>(i) : agent;
     double sum = 0, discount = 1;
-    for (int t = step; t <= last; ++t, discount *= options.gamma)
-      sum +=
-          discount * double{writer.clipped(from.reward(t)[static_cast<std::size_t>(agent < 0 ? i : agent)])};
+    int end = step;
+    for (int t = step;; ++t, discount *= options.pay.gamma) {
+      sum += discount * writer.paid(from, t, source);
+      end = t;
+      if (t == last || writer.is_last(from, t, source)) break;
+    }
     writer.end(0, i,
                {.reward = static_cast<float>(sum),
-                .bootstrap = static_cast<float>(discount / options.gamma),
-                .terminated = from.terminated(last),
-                .truncated = from.truncated(last),
+                .bootstrap = static_cast<float>(discount),
+                .terminated = from.terminated(end) || writer.is_last(from, end, source),
+                .truncated = from.truncated(end),
                 .valid = from.valid(step)});
   }
   if (from.truncated(last) && from.final_row(last) >= 0)
@@ -281,6 +307,7 @@ void fill(ReplayBatch& batch, const ReplayBatchOptions& options, const replay::R
   Finals finals;
   batch.has_action_mask = false;
   batch.final_step.clear(), batch.final_row.clear(), batch.serial.clear();
+  batch.rewards_read = batch.rewards_clipped = 0;
   batch.abs_td = Tensor();
   replay.read_each(draws, [&](std::size_t index, const StoredTrajectory* from) {
     const replay::Draw& draw = draws[index];

@@ -32,7 +32,7 @@ struct ReplayBatch {
   Tensor action;           ///< i64 [T, R, heads]
   Tensor reward;           ///< f32 [T, R]  of single decisions the sum of n discounted ones
   Tensor bootstrap;        ///< f32 [T, R]  gamma^(n-1): what else the value behind is multiplied by
-  Tensor terminated;       ///< u8  [T, R]
+  Tensor terminated;       ///< u8  [T, R]  with agents_end also the last decision of an agent
   Tensor truncated;        ///< u8  [T, R]
   Tensor valid;            ///< u8  [T, R]
   Tensor reset;            ///< u8  [T+1, R] state is zeroed before this step
@@ -45,7 +45,10 @@ struct ReplayBatch {
   std::vector<int64_t> final_row;   ///< [F] ascending
 
   std::vector<int64_t> serial;  ///< [W] the replay's handles, for priorities
-  Tensor abs_td;                ///< f32 [W] made by the algorithm: mean |TD error| of a world's valid steps
+  Tensor abs_td;                ///< f32 [W] made by the algorithm, see QLearning
+
+  int64_t rewards_read = 0;     ///< payments that the rewards are made of
+  int64_t rewards_clipped = 0;  ///< of those, changed by reward_clip
 
   int64_t steps() const { return shape.rollout_steps; }
   int64_t rows() const { return world_count * shape.env.num_agents; }
@@ -57,8 +60,11 @@ struct ReplayBatchOptions {
   replay::Unit unit = replay::Unit::kSequence;
   int64_t world_count = 1;
   int64_t n_step = 1;      ///< single decisions
-  double gamma = 0.99;     ///< single decisions
-  double reward_clip = 0;  ///< rewards are clipped to +- this; 0: off
+  replay::LatePay pay =
+      {};  ///< discount inside the rewards of single decisions, and the clip of each payment
+  /// Agents learn each on its own: where one leaves the game while the world goes on, its last decision is
+  /// terminated and paid what follows (see late_pay.h). Off: a team is paid, and goes on without it.
+  bool agents_end = false;
 };
 
 /// Allocates; reuse it.

@@ -58,6 +58,17 @@ Tensor Hypernet::forward(const Tensor& x) const {
   return h.view({rows, count, layers_.back().weight.size(1)});
 }
 
+void Hypernet::scale_outputs(double factor) {
+  torch::NoGradGuard no_grad;
+  layers_.back().weight.mul_(factor);
+  if (layers_.back().bias.defined()) layers_.back().bias.mul_(factor);
+}
+
+void Hypernet::scale_last_input(double factor) {
+  torch::NoGradGuard no_grad;
+  layers_.front().weight.select(2, layers_.front().weight.size(2) - 1).mul_(factor);
+}
+
 void Hypernet::append_parameters(NamedTensors& named) const {
   for (size_t index = 0; index < layers_.size(); ++index) {
     const std::string prefix = name_ + "." + std::to_string(index);

@@ -34,6 +34,9 @@ class Hypernet {
   /// x [B, inputs] -> [B, K, outputs].
   Tensor forward(const Tensor& x) const;
   void append_parameters(NamedTensors& named) const;
+  /// Multiplies all outputs, or the first layer's weights of the last input, in place and without gradient.
+  void scale_outputs(double factor);
+  void scale_last_input(double factor);
 
  private:
   struct Layer {

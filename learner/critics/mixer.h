@@ -75,6 +75,11 @@ class Mixer {
   /// Errors: none at run time; shapes are checked.
   virtual MixerOutput mix(const MixerInput& input) const = 0;
   virtual NamedTensors named_parameters() const = 0;
+
+  /// Makes Q_tot `factor` > 0 times what it is, in place and to f32 rounding: where `scales_with_utilities()`, of
+  /// utilities that are `factor` times what they were, else of the same utilities. Nothing else changes.
+  virtual void rescale(double factor) = 0;
+  virtual bool scales_with_utilities() const = 0;
 };
 
 /// A mixer with fresh parameters; equal options and seeds give equal ones on every device. `options` must

@@ -45,6 +45,11 @@ MixerOutput QmixMixer::mix(const MixerInput& input) const {
   return {.q_tot = qmix_value(input.chosen, weights(input.state.detach()))};
 }
 
+void QmixMixer::rescale(double factor) {
+  w2_.scale_outputs(factor);
+  b2_.scale_outputs(factor);
+}
+
 NamedTensors QmixMixer::named_parameters() const {
   NamedTensors named;
   for (const Hypernet* net : {&w1_, &b1_, &w2_, &b2_}) net->append_parameters(named);

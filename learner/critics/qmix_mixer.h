@@ -30,6 +30,9 @@ class QmixMixer : public Mixer {
 
   MixerOutput mix(const MixerInput& input) const override;
   NamedTensors named_parameters() const override;
+  /// Q_tot is not linear in the utilities (ELU), but it is in W2 and b2.
+  void rescale(double factor) override;
+  bool scales_with_utilities() const override { return false; }
 
   /// What the hypernets make of state [B, S].
   QmixWeights weights(const Tensor& state) const;

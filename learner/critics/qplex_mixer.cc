@@ -116,6 +116,12 @@ MixerOutput QplexMixer::mix(const MixerInput& input) const {
                      options_.is_minus_one);
 }
 
+void QplexMixer::rescale(double factor) {
+  if (!attends_ && options_.weighted_head) bias_.scale_outputs(factor);
+  if (attends_ && options_.state_bias) value_.scale_outputs(factor);
+  if (attends_ && options_.nonlinear) attention_key_.scale_last_input(1 / factor);
+}
+
 NamedTensors QplexMixer::named_parameters() const {
   NamedTensors named;
   if (attends_) {

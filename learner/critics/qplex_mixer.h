@@ -62,6 +62,10 @@ class QplexMixer : public Mixer {
 
   MixerOutput mix(const MixerInput& input) const override;
   NamedTensors named_parameters() const override;
+  /// Weights and lambda multiply utilities and stay; biases by state are values themselves, and with
+  /// `nonlinear` a key must see the utility that it saw.
+  void rescale(double factor) override;
+  bool scales_with_utilities() const override { return true; }
 
   /// w and b of state [B, S]; greedy [B, N] is read with `nonlinear` only.
   QplexTransform transform(const Tensor& state, const Tensor& greedy) const;

@@ -13,6 +13,8 @@ class VdnMixer : public Mixer {
  public:
   MixerOutput mix(const MixerInput& input) const override;
   NamedTensors named_parameters() const override { return {}; }
+  void rescale(double /*factor*/) override {}
+  bool scales_with_utilities() const override { return true; }
 };
 
 }  // namespace comrad::learn

@@ -47,7 +47,6 @@ Tensor td_targets(const TdInput& input, const TdOptions& options) {
       target = at::cat({at::where(goes_on, longer, end.slice(0, 0, steps - 1)), end.slice(0, steps - 1)}, 0);
     }
   }
-  if (options.clamp > 0) target = target.clamp(-options.clamp, options.clamp);
   return target.to(torch::kFloat32);
 }
 

@@ -26,7 +26,6 @@ struct TdOptions {
   double gamma = 0.99;
   int64_t n_step = 1;            ///< rewards in a target, at most
   double lambda = -1;            ///< 0..1: TD(lambda) instead of n_step; negative: off
-  double clamp = 0;              ///< targets are held within +-clamp; 0: they are not
   bool legacy_timeouts = false;  ///< treat time-outs as terminal
 };
 

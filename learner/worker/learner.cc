@@ -96,7 +96,8 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
   if (!options.serve) {
     COMRAD_TRY_ASSIGN(learner->layouts_, LayoutService::open(config, options.run_dir));
     if (learner->off_policy_ != nullptr) {
-      COMRAD_TRY_ASSIGN(learner->feed_, ReplayFeed::create(config, learner->arena_.shape().trajectory));
+      COMRAD_TRY_ASSIGN(learner->feed_,
+                        ReplayFeed::create(config, learner->arena_.shape().trajectory, options.run_dir));
     }
   }
   COMRAD_TRY(learner->resume());
@@ -170,7 +171,7 @@ Status Learner::load(const std::string& path, bool is_own) {
     spdlog::warn("{} holds no journals; its environments begin anew, the run is not the uninterrupted one",
                  path);
   }
-  if (is_own && feed_) COMRAD_TRY(feed_->load(state, options_.run_dir + "/checkpoint"));
+  if (feed_) COMRAD_TRY(feed_->load(state, options_.run_dir + "/checkpoint", is_own));
   saved_version_ = algorithm_->version();
   last_checkpoint_ = path;
   return {};
@@ -365,8 +366,7 @@ Expected<bool> Learner::replay_rollout(const std::vector<uint32_t>& slabs) {
   const int64_t per_batch = slabs_per_batch(config_, arena_.shape().trajectory.env);
   int64_t in_batch = 0;
   for (std::size_t i = 0; i < slabs.size(); ++i) {
-    const int slab = static_cast<int>(slabs[i]);
-    feed_->insert(arena_.slab(slab), arena_.slab_header(slab).length, algorithm_->version());
+    feed_->insert(arena_, slabs[i], algorithm_->version());
     if (++in_batch < per_batch && i + 1 < slabs.size()) continue;
     in_batch = 0;
     take_inserted();
@@ -530,6 +530,7 @@ StateDict Learner::state() const {
   state.put("config/toml", settings_to_toml(config_));
   if (journals_) journals_->save(state);
   if (layouts_) layouts_->save(state);
+  if (feed_) feed_->save_position(state);
   return state;
 }
 
@@ -665,10 +666,12 @@ void Learner::publish_stats() {
 void Learner::append_replay(MetricValues& values) const {
   const double env_frames = static_cast<double>(env_frames_);
   values.emplace_back("train/epsilon", epsilon_at(config_, env_frames));
-  if (config_.per)
-    values.emplace_back("train/per_beta", feed_->replay().beta_at(static_cast<int64_t>(env_frames)));
+  if (config_.per) values.emplace_back("train/per_beta", feed_->beta());
   values.emplace_back("train/buffer_size", feed_->replay().unit_count());
   values.emplace_back("train/buffer_transitions", feed_->replay().transition_count());
+  values.emplace_back("train/buffer_capacity", feed_->replay().capacity_transitions());
+  values.emplace_back("train/buffer_bytes", feed_->replay().used_bytes());
+  values.emplace_back("train/buffer_capacity_bytes", feed_->replay().capacity_bytes());
   values.emplace_back("train/version_diff_avg", last_lag_.mean);
   values.emplace_back("train/version_diff_min", static_cast<double>(last_lag_.min));
   values.emplace_back("train/version_diff_max", static_cast<double>(last_lag_.max));

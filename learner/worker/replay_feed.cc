@@ -10,6 +10,8 @@
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/core/text.h"
+#include "rollout_buffer/replay/replay_plan.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::learn {
@@ -17,6 +19,8 @@ namespace {
 
 constexpr int64_t kPollUs = 50'000;  ///< bound on every wait, so that a stop is seen
 constexpr std::size_t kBatchesAhead = 1;
+/// Of a resumed run without its replay: fewer, and a batch would be the same few decisions again and again.
+constexpr int64_t kBatchesBeforeTraining = 4;
 
 replay::Unit unit_of(const RunConfig& config) {
   if (config.use_rnn) return replay::Unit::kSequence;
@@ -38,31 +42,35 @@ int64_t world_count(const RunConfig& config, int64_t num_agents) {
 }  // namespace
 
 Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config,
-                                                         const TrajectoryShape& shape) {
+                                                         const TrajectoryShape& shape,
+                                                         const std::string& run_dir) {
   const int64_t agents = shape.env.num_agents;
-  const ReplayBatchOptions batch_options{.shape = shape,
-                                         .unit = unit_of(config),
-                                         .world_count = world_count(config, agents),
-                                         .n_step = config.n_step,
-                                         .gamma = config.gamma,
-                                         .reward_clip = config.algo == "idqn" ? config.dqn_reward_clip : 0.0};
+  const bool alone = config.algo == "idqn";
+  const ReplayBatchOptions batch_options{
+      .shape = shape,
+      .unit = unit_of(config),
+      .world_count = world_count(config, agents),
+      .n_step = config.n_step,
+      .pay = {.gamma = config.gamma, .reward_clip = alone ? config.dqn_reward_clip : 0.0},
+      .agents_end = alone};
   const replay::Unit unit = batch_options.unit;
+  COMRAD_TRY_ASSIGN(const replay::ReplayPlan plan,
+                    replay::replay_plan(config, shape, replay::probe_space(run_dir),
+                                        replay::reserved_bytes(config, shape), run_dir));
   COMRAD_TRY_ASSIGN(
       std::unique_ptr<replay::Replay> replay,
       replay::Replay::create({.store = {.shape = shape,
-                                        .capacity_bytes = static_cast<int64_t>((config.replay_gb > 0 ? config.replay_gb : 1.0) * 1e9),
-                                        .capacity_transitions = config.replay_buffer_size,
-                                        .file = config.replay_file,
-                                        .compress = config.replay_compress == "true"},
+                                        .capacity_bytes = plan.capacity_bytes,
+                                        .capacity_transitions = plan.capacity_transitions,
+                                        .file = plan.file,
+                                        .compress = plan.compress,
+                                        .late_pay = alone ? std::optional(batch_options.pay) : std::nullopt},
                               .unit = unit,
                               .prioritized = config.per,
-                              .omega = config.per_omega,
-                              .beta_start = config.per_beta_start,
-                              .beta_steps = static_cast<int64_t>(std::min(config.per_beta_frames, 9e15))}));
+                              .omega = config.per_omega}));
   const int64_t capacity = replay->capacity_transitions();
-  spdlog::info("replay: room for {} agent decisions ({})", capacity,
-               capacity < config.replay_buffer_size ? "replay_gb decides, replay_buffer_size would allow more"
-                                                    : "replay_buffer_size decides");
+  spdlog::info("replay: room for {} agent decisions in {} ({})", capacity, bytes_text(plan.capacity_bytes),
+               plan.reason);
   const int64_t samples =
       batch_options.world_count * (unit == replay::Unit::kSequence    ? config.rollout * agents
                                    : unit == replay::Unit::kJointStep ? agents
@@ -100,7 +108,9 @@ ReplayFeed::ReplayFeed(const RunConfig& config, const ReplayBatchOptions& batch_
       batch_options_(batch_options),
       samples_per_update_(samples_per_update),
       replay_(std::move(replay)),
-      limiter_(rate) {}
+      limiter_(rate),
+      min_size_to_sample_(rate.min_size_to_sample),
+      beta_(config.per_beta_start, 1.0, config.per_beta_frames) {}
 
 ReplayFeed::~ReplayFeed() {
   stop_ = true;
@@ -110,8 +120,18 @@ ReplayFeed::~ReplayFeed() {
   if (sampler_.joinable()) sampler_.join();
 }
 
-void ReplayFeed::insert(const SlabView& slab, uint32_t length, PolicyVersion learner_version) {
-  const int64_t inserted = replay_->insert(slab, length);
+void ReplayFeed::insert(const shm::Arena& arena, uint32_t slab, PolicyVersion learner_version) {
+  const int index = static_cast<int>(slab);
+  const shm::SlabHeader& header = arena.slab_header(index);
+  insert(arena.slab(index), header.length, learner_version,
+         {.env_index = header.env_index,
+          .rollout_index = header.rollout_index,
+          .first_episode_id = header.first_episode.episode_id});
+}
+
+void ReplayFeed::insert(const SlabView& slab, uint32_t length, PolicyVersion learner_version,
+                        const replay::SlabOrigin& origin) {
+  const int64_t inserted = replay_->insert(slab, length, origin);
   {
     const std::lock_guard lock(inserted_mutex_);
     const int agents = batch_options_.shape.env.num_agents;
@@ -174,8 +194,7 @@ std::unique_ptr<ReplayBatch> ReplayFeed::free_batch() {
 
 void ReplayFeed::fill_next(ReplayBatch& batch) {
   Rng rng(RngKey(static_cast<uint64_t>(config_.seed)).split("replay").split(static_cast<uint64_t>(draws_++)));
-  const double beta = replay_->beta_at(static_cast<int64_t>(env_frames_.load()));
-  const std::vector<replay::Draw> draws = replay_->draw(batch_options_.world_count, beta, rng);
+  const std::vector<replay::Draw> draws = replay_->draw(batch_options_.world_count, beta(), rng);
   fill(batch, batch_options_, *replay_, draws);
   limiter_.sampled(samples_per_update_);
 }
@@ -212,8 +231,7 @@ void ReplayFeed::feed() {
     const uint32_t heard = shm::listen(sealed);
     const std::vector<uint32_t> slabs = arena_->drain_slabs(1);
     for (const uint32_t slab : slabs) {
-      const int index = static_cast<int>(slab);
-      insert(arena_->slab(index), arena_->slab_header(index).length, arena_->weights_version());
+      insert(*arena_, slab, arena_->weights_version());
       arena_->release_slab(slab);
     }
     if (const std::optional<Error> error = replay_->write_error()) {
@@ -279,28 +297,55 @@ Status ReplayFeed::save(StateDict& state, const std::string& folder, const std::
   state.put("replay/inserted", limiter_.insert_count());
   state.put("replay/sampled", limiter_.sample_count());
   state.put("replay/draws", draws_);
+  state.put("replay/capacity_bytes", replay_->capacity_bytes());
+  state.put("replay/compressed", int64_t{replay_->options().store.compress});
   return {};
 }
 
-Status ReplayFeed::load(const StateDict& state, const std::string& folder) {
-  if (!state.has("replay/file")) {
-    spdlog::warn("the checkpoint holds no replay (--save_replay was off); it fills up again before training");
-    return {};
-  }
+void ReplayFeed::save_position(StateDict& state) const { beta_.save(state, "replay/per_beta"); }
+
+Status ReplayFeed::begin_without_replay(const StateDict& state, const std::string& reason) {
+  COMRAD_TRY_ASSIGN(const int64_t version, state.integer("algorithm/version"));
+  if (version > 0)
+    limiter_.set_min_size(std::min(min_size_to_sample_, kBatchesBeforeTraining * samples_per_update_));
+  const std::string begins = version == 0 ? std::to_string(min_size_to_sample_) + " decisions"
+                                          : "the first " + std::to_string(kBatchesBeforeTraining) +
+                                                " batches of new decisions, since its policy is trained";
+  spdlog::warn("{}; training begins again with {}", reason, begins);
+  return {};
+}
+
+Status ReplayFeed::load(const StateDict& state, const std::string& folder, bool is_own) {
+  COMRAD_TRY_ASSIGN(const int64_t env_frames, state.integer("counters/env_frames"));
+  env_frames_ = static_cast<double>(env_frames);
+  COMRAD_TRY(beta_.load(state, "replay/per_beta", env_frames_));
+  if (!is_own) return begin_without_replay(state, "the replay of another run's checkpoint is not read");
+  if (!state.has("replay/file"))
+    return begin_without_replay(state, "the checkpoint holds no replay (--save_replay was off)");
   COMRAD_TRY_ASSIGN(const std::string file, state.text("replay/file"));
   COMRAD_TRY_ASSIGN(const int64_t inserted, state.integer("replay/inserted"));
   COMRAD_TRY_ASSIGN(const int64_t sampled, state.integer("replay/sampled"));
   COMRAD_TRY_ASSIGN(const int64_t draws, state.integer("replay/draws"));
   if (file.find('/') != std::string::npos)
     return Error{ErrorCode::kBadFormat, "replay/file is \"" + file + "\"; it must be a file of the folder"};
+  if (config_.deterministic && state.has("replay/capacity_bytes")) {
+    // What was free when the run began decided when its items leave; the same now is another number.
+    replay::ReplayOptions options = replay_->options();
+    COMRAD_TRY_ASSIGN(options.store.capacity_bytes, state.integer("replay/capacity_bytes"));
+    COMRAD_TRY_ASSIGN(const int64_t compressed, state.integer("replay/compressed"));
+    options.store.compress = compressed != 0;
+    if (options.store.capacity_bytes != replay_->capacity_bytes() ||
+        options.store.compress != replay_->options().store.compress) {
+      COMRAD_TRY_ASSIGN(replay_, replay::Replay::create(options));
+    }
+  }
   if (const Status loaded = replay_->load(folder + "/" + file); !loaded) {
     if (config_.deterministic)
       return Error{loaded.error().code,
                    loaded.error().message +
                        "; without it the run is not the uninterrupted one: restore the file, or "
                        "begin anew with --restart_behavior restart"};
-    spdlog::warn("{}; the replay fills up again before training", loaded.error().message);
-    return {};
+    return begin_without_replay(state, loaded.error().message);
   }
   limiter_.restore(inserted, sampled);
   draws_ = draws;

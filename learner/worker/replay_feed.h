@@ -14,6 +14,7 @@
 #include <thread>
 #include <vector>
 
+#include "learner/algorithms/linear_schedule.h"
 #include "learner/batch/replay_batch.h"
 #include "learner/checkpoint/checkpoint.h"
 #include "rollout_buffer/core/config.h"
@@ -32,16 +33,22 @@ struct Inserted {
 
 class ReplayFeed {
  public:
-  /// Makes the replay that the settings ask for and says in the log how much it holds.
-  /// Errors: kBadInput, kNoSpace of the replay (naming the flags).
-  static Expected<std::unique_ptr<ReplayFeed>> create(const RunConfig& config, const TrajectoryShape& shape);
+  /// Makes the replay that the settings ask for (replay_plan.h) and says in the log how much it holds.
+  /// `run_dir`: where its file is made if memory is too small. Errors: kBadInput, kNoSpace of the replay (naming
+  /// the flags).
+  static Expected<std::unique_ptr<ReplayFeed>> create(const RunConfig& config, const TrajectoryShape& shape,
+                                                      const std::string& run_dir = "");
   ~ReplayFeed();
 
   /// Stores a slab. The rate at which samples may be drawn follows.
-  void insert(const SlabView& slab, uint32_t length, PolicyVersion learner_version);
+  void insert(const SlabView& slab, uint32_t length, PolicyVersion learner_version,
+              const replay::SlabOrigin& origin = {});
+  void insert(const shm::Arena& arena, uint32_t slab, PolicyVersion learner_version);
   Inserted take_inserted();
   /// Env frames counted so far; places the importance weights' exponent.
   void set_env_frames(double env_frames) { env_frames_ = env_frames; }
+  /// The importance weights' exponent now: in a line from per_beta_start to 1, see LinearSchedule.
+  double beta() const { return beta_.at(env_frames_); }
 
   // Lock step.
   bool is_update_due() const;
@@ -64,14 +71,19 @@ class ReplayFeed {
 
   /// The replay to a file in `folder`, and its name and counters into `state`. Errors: those of Replay::save.
   Status save(StateDict& state, const std::string& folder, const std::string& file) const;
-  /// Takes over what save() left; without it this replay stays empty, with a warning. Errors: kBadFormat; in
+  /// What belongs into a checkpoint without its replay, too.
+  void save_position(StateDict& state) const;
+  /// Goes on from a checkpoint. Of this run (`is_own`): takes over what save() left. Without a replay this one
+  /// stays empty, and training begins again when a few batches are there: the policy is trained already, so its
+  /// decisions are not the chance ones that learning_starts waits for. Before start(). Errors: kBadFormat; in
   /// deterministic runs also those of Replay::load.
-  Status load(const StateDict& state, const std::string& folder);
+  Status load(const StateDict& state, const std::string& folder, bool is_own);
 
  private:
   ReplayFeed(const RunConfig& config, const ReplayBatchOptions& batch_options,
              std::unique_ptr<replay::Replay> replay, const replay::RateLimiterOptions& rate,
              int64_t samples_per_update);
+  Status begin_without_replay(const StateDict& state, const std::string& reason);
   void feed();
   void draw();
   void run(const char* name, void (ReplayFeed::*work)());
@@ -83,6 +95,8 @@ class ReplayFeed {
   const int64_t samples_per_update_;  ///< agent decisions
   std::unique_ptr<replay::Replay> replay_;
   replay::RateLimiter limiter_;
+  const int64_t min_size_to_sample_;  ///< agent decisions, of a fresh run
+  LinearSchedule beta_;
   std::atomic<double> env_frames_ = 0;
   int64_t draws_ = 0;  ///< batches drawn; keys the chance
 

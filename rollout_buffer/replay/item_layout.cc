@@ -69,6 +69,7 @@ ItemLayout::ItemLayout(const TrajectoryShape& shape, const ItemForm& form) {
   measurement = place(rows * agents * measurements * 4);
   final_measurement = place(finals * agents * measurements * 4);
   reward = place(length * agents * 4);
+  late_reward = place(form.has_late ? agents * 4 : 0);
   frame_ends = place(form.compressed ? frame_count * 4 : 0);
   action = place(length * agents * shape.env.head_count);
   agent_active = place(rows * agents);
@@ -81,14 +82,16 @@ ItemLayout::ItemLayout(const TrajectoryShape& shape, const ItemForm& form) {
   raw_bytes = frames + frame_count * shape.env.frame_bytes();
 }
 
-void pack_item(const TrajectoryShape& shape, bool keep_state, bool compress, const SlabView& slab,
-               uint32_t length, PackedItem& item) {
+void pack_item(const TrajectoryShape& shape, const ItemForm& kept, const SlabView& slab, uint32_t length,
+               PackedItem& item) {
   const EnvShape& env = shape.env;
   const int agents = env.num_agents, steps = static_cast<int>(std::min<int64_t>(length, shape.rollout_steps));
   const int64_t choices = env.logit_count(), measurements = env.measurement_count;
   const auto cell = [agents](int row, int agent) { return static_cast<std::size_t>(row * agents + agent); };
-  item.form = {
-      .length = steps, .has_state = keep_state && shape.recurrent_state_count > 0, .compressed = compress};
+  item.form = {.length = steps,
+               .has_state = kept.has_state && shape.recurrent_state_count > 0,
+               .compressed = kept.compressed,
+               .has_late = kept.has_late};
   item.final_rows.clear();
   item.broken_decisions = 0;
   if (steps == 0) return;
@@ -184,8 +187,7 @@ Status validate_item(const TrajectoryShape& shape, const ItemForm& form, const s
   if (byte_count < layout.frames || (!form.compressed && byte_count != layout.raw_bytes))
     return bad("a trajectory's size does not fit its length");
   const int64_t agents = env.num_agents, rows = form.length + 1;
-  if (!all_finite(at<float>(bytes, 0), layout.reward / 4 + form.length * agents))
-    return bad("a number is not finite");
+  if (!all_finite(at<float>(bytes, 0), layout.frame_ends / 4)) return bad("a number is not finite");
   const auto flags_ok = [&](int64_t offset, int64_t count) {
     return std::all_of(bytes + offset, bytes + offset + count,
                        [](std::byte flag) { return std::to_integer<int>(flag) <= 1; });

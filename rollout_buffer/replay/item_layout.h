@@ -18,6 +18,7 @@ struct ItemForm {
   bool has_mask = false;    ///< some choice was forbidden somewhere; else no mask is stored
   bool has_state = false;   ///< the recurrent state before step 0 is stored
   bool compressed = false;  ///< each frame is an LZ4 block of its own
+  bool has_late = false;    ///< there is room for rewards that are paid behind the trajectory
 };
 
 /// Byte offsets from the start of an item, a pure function of shape and form.
@@ -29,6 +30,7 @@ struct ItemLayout {
   int64_t measurement = 0;        ///< f32 [L+1, N, M]
   int64_t final_measurement = 0;  ///< f32 [F, N, M]
   int64_t reward = 0;             ///< f32 [L, N]
+  int64_t late_reward = 0;        ///< f32 [N], see late_pay.h
   int64_t frame_ends = 0;    ///< u32 [(L+1+F) * N], end of each LZ4 block behind `frames`; compressed only
   int64_t action = 0;        ///< u8  [L, N, heads]
   int64_t agent_active = 0;  ///< u8  [L+1, N]
@@ -59,8 +61,9 @@ struct PackedItem {
 /// is not finite breaks every decision of its agent. A broken decision makes its step invalid for all agents,
 /// and so does a broken observation behind the step. Numbers that were not finite become 0, actions 0, masks
 /// all ones. True last observations are kept of truncated steps: nothing bootstraps from a terminated one.
-void pack_item(const TrajectoryShape& shape, bool keep_state, bool compress, const SlabView& slab,
-               uint32_t length, PackedItem& item);
+/// `kept` says what the form keeps: has_state, compressed and has_late are read; its other fields are found.
+void pack_item(const TrajectoryShape& shape, const ItemForm& kept, const SlabView& slab, uint32_t length,
+               PackedItem& item);
 
 /// Checks bytes that come from a file: flags are 0 or 1, actions lie inside their heads, final rows exist,
 /// numbers are finite, LZ4 blocks are in order, the size is right. Errors: kBadFormat.

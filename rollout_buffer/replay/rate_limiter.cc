@@ -1,5 +1,6 @@
 #include "rollout_buffer/replay/rate_limiter.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <string>
@@ -99,6 +100,12 @@ void RateLimiter::restore(int64_t insert_count, int64_t sample_count) {
   const std::lock_guard lock(mutex_);
   inserted_ = insert_count;
   sampled_ = sample_count;
+  changed_.notify_all();
+}
+
+void RateLimiter::set_min_size(int64_t min_size_to_sample) {
+  const std::lock_guard lock(mutex_);
+  options_.min_size_to_sample = std::max<int64_t>(1, min_size_to_sample);
   changed_.notify_all();
 }
 

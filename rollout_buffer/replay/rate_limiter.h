@@ -49,6 +49,8 @@ class RateLimiter {
   int64_t sample_count() const;
   /// Takes over the counts of a checkpoint.
   void restore(int64_t insert_count, int64_t sample_count);
+  /// The first sample comes after so many inserts, at least 1. Before the first one.
+  void set_min_size(int64_t min_size_to_sample);
 
  private:
   bool insert_is_due(int64_t count) const;
@@ -56,7 +58,7 @@ class RateLimiter {
   template <typename Due>
   WaitResult wait(int timeout_ms, Due&& due);
 
-  const RateLimiterOptions options_;
+  RateLimiterOptions options_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   int64_t inserted_ = 0;

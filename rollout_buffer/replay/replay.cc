@@ -34,9 +34,8 @@ std::unique_ptr<Sampler> make_sampler(const ReplayOptions& options) {
 }  // namespace
 
 Expected<std::unique_ptr<Replay>> Replay::create(const ReplayOptions& options) {
-  const auto is_share = [](double value) { return value >= 0 && value <= 1; };  // false for NaN
-  if (!is_share(options.omega) || !is_share(options.beta_start))
-    return Error{ErrorCode::kBadInput, "the exponents of a prioritised replay lie in 0..1"};
+  if (!(options.omega >= 0 && options.omega <= 1))  // also NaN
+    return Error{ErrorCode::kBadInput, "the exponent of a prioritised replay lies in 0..1"};
   ReplayOptions used = options;
   used.store.keep_recurrent_state = options.unit == Unit::kSequence;
   COMRAD_TRY_ASSIGN(TrajectoryStore store, TrajectoryStore::create(used.store));
@@ -74,10 +73,10 @@ void Replay::list_units(ItemId id, std::vector<UnitPlace>& units) const {
   }
 }
 
-int64_t Replay::insert(const SlabView& slab, uint32_t length) {
+int64_t Replay::insert(const SlabView& slab, uint32_t length, const SlabOrigin& origin) {
   store_.prepare(slab, length);  // this thread's own part of the store
   const auto lock = lock_for_writing();
-  const ItemId id = store_.commit(slab);
+  const ItemId id = store_.commit(slab, origin);
   std::vector<UnitPlace> fresh;
   if (id != kNoItem) list_units(id, fresh);
   const std::lock_guard unit_lock(unit_mutex_);
@@ -101,12 +100,6 @@ std::vector<Draw> Replay::draw(int64_t count, double beta, Rng& rng) {
     draws.push_back({place.item, place.step, place.agent, pick.weight, pick.serial});
   }
   return draws;
-}
-
-double Replay::beta_at(int64_t env_frames) const {
-  if (options_.beta_steps <= 0) return 1;
-  const double share = static_cast<double>(env_frames) / static_cast<double>(options_.beta_steps);
-  return options_.beta_start + (1 - options_.beta_start) * std::clamp(share, 0.0, 1.0);
 }
 
 void Replay::read(const std::function<void(const TrajectoryStore&)>& use) const {

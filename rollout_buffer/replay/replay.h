@@ -43,25 +43,21 @@ struct ReplayOptions {
   StoreOptions store;  ///< keep_recurrent_state is set by the unit: only sequences keep it
   Unit unit = Unit::kSequence;
   bool prioritized = false;
-  double omega = 0.6;            ///< exponent of priorities, 0 (uniform) to 1
-  double beta_start = 0.4;       ///< exponent of importance weights, rising to 1 in a line ...
-  int64_t beta_steps = 100'000;  ///< ... over so many env frames
+  double omega = 0.6;  ///< exponent of priorities, 0 (uniform) to 1
 };
 
 class Replay {
  public:
-  /// Errors: those of TrajectoryStore::create; kBadInput where an exponent lies outside [0, 1].
+  /// Errors: those of TrajectoryStore::create; kBadInput where the exponent lies outside [0, 1].
   static Expected<std::unique_ptr<Replay>> create(const ReplayOptions& options);
 
   /// Stores a sealed slab. Returns the agent decisions that went in: 0 where it had no steps or the disk
   /// failed (write_error()). Threads: one inserting thread.
-  int64_t insert(const SlabView& slab, uint32_t length);
+  int64_t insert(const SlabView& slab, uint32_t length, const SlabOrigin& origin = {});
 
   /// `count` units with replacement; none while unit_count() is 0. Prioritised: one from each of `count`
   /// segments of equal probability mass, with weights of exponent `beta`.
   std::vector<Draw> draw(int64_t count, double beta, Rng& rng);
-  /// beta_start to 1, by the env frames collected so far.
-  double beta_at(int64_t env_frames) const;
 
   /// Calls `use(store)` under the lock that keeps items alive. Not for long: an insert waits meanwhile. No
   /// call of this object from inside.

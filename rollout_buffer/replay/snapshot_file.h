@@ -17,7 +17,7 @@ enum class SectionTag : uint32_t { kHeader = 1, kItem = 2, kSampler = 3, kEnd = 
 /// Stands before the bytes of a section.
 struct SectionHeader {
   uint32_t tag = 0;
-  uint32_t flags = 0;       ///< of an item: bit 0 mask, 1 recurrent state, 2 compressed
+  uint32_t flags = 0;       ///< of an item: bit 0 mask, 1 recurrent state, 2 compressed, 3 late rewards
   int32_t length = 0;       ///< of an item
   int32_t finals = 0;       ///< of an item
   int64_t id = 0;           ///< of an item

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <utility>
@@ -16,8 +17,8 @@ namespace {
 
 constexpr int64_t kSlotAlignmentBytes = 64;
 constexpr std::array<char, 8> kSnapshotMagic = {'C', 'O', 'M', 'R', 'P', 'L', 'A', 'Y'};
-constexpr int32_t kSnapshotVersion = 1;
-constexpr uint32_t kFlagMask = 1, kFlagState = 2, kFlagCompressed = 4;
+constexpr int32_t kSnapshotVersion = 2;  // 1 had no late rewards; it is read, too
+constexpr uint32_t kFlagMask = 1, kFlagState = 2, kFlagCompressed = 4, kFlagLate = 8;
 
 int64_t round_up(int64_t value) {
   return (value + kSlotAlignmentBytes - 1) / kSlotAlignmentBytes * kSlotAlignmentBytes;
@@ -83,7 +84,7 @@ std::string difference(const SnapshotHeader& saved, const SnapshotHeader& ours) 
 
 uint32_t flags_of(const ItemForm& form) {
   return (form.has_mask ? kFlagMask : 0) | (form.has_state ? kFlagState : 0) |
-         (form.compressed ? kFlagCompressed : 0);
+         (form.compressed ? kFlagCompressed : 0) | (form.has_late ? kFlagLate : 0);
 }
 
 std::span<const std::byte> frame_bytes_of(std::span<const uint8_t> frames) { return std::as_bytes(frames); }
@@ -170,6 +171,11 @@ std::span<const float> StoredTrajectory::reward(int step) const {
   return field<float>(layout_.reward, step, agents());
 }
 
+float StoredTrajectory::late_reward(int agent) const {
+  COMRAD_DCHECK(agent >= 0 && agent < agents(), "the agent exists");
+  return form_.has_late ? field<float>(layout_.late_reward, 0, agents())[static_cast<std::size_t>(agent)] : 0;
+}
+
 bool StoredTrajectory::terminated(int step) const { return flag(layout_.terminated, step) != 0; }
 bool StoredTrajectory::truncated(int step) const { return flag(layout_.truncated, step) != 0; }
 bool StoredTrajectory::valid(int step) const { return flag(layout_.valid, step) != 0; }
@@ -223,7 +229,8 @@ Expected<TrajectoryStore> TrajectoryStore::create(const StoreOptions& options) {
                    .finals = shape.final_capacity,
                    .has_mask = true,
                    .has_state = options.keep_recurrent_state && shape.recurrent_state_count > 0,
-                   .compressed = options.compress};
+                   .compressed = options.compress,
+                   .has_late = options.late_pay.has_value()};
   const int64_t largest_bytes = round_up(ItemLayout(shape, largest).raw_bytes);
   if (largest_bytes > int64_t{std::numeric_limits<uint32_t>::max()})
     return Error{ErrorCode::kBadInput, "a trajectory of " + bytes_text(largest_bytes) +
@@ -249,9 +256,9 @@ TrajectoryStore::TrajectoryStore(const StoreOptions& options, RingMemory memory)
       all_ones_(static_cast<std::size_t>(options.shape.env.num_agents * options.shape.env.logit_count()), 1) {
 }
 
-ItemId TrajectoryStore::append(const SlabView& slab, uint32_t length) {
+ItemId TrajectoryStore::append(const SlabView& slab, uint32_t length, const SlabOrigin& origin) {
   prepare(slab, length);
-  return commit(slab);
+  return commit(slab, origin);
 }
 
 void TrajectoryStore::prepare(const SlabView& slab, uint32_t length) {
@@ -263,7 +270,11 @@ void TrajectoryStore::prepare(const SlabView& slab, uint32_t length) {
                    slab.shape().final_capacity == shape().final_capacity &&
                    slab.shape().recurrent_state_count == shape().recurrent_state_count,
                "slab and replay have the same shape");
-  pack_item(shape(), options_.keep_recurrent_state, options_.compress, slab, length, packed_);
+  pack_item(shape(),
+            {.has_state = options_.keep_recurrent_state,
+             .compressed = options_.compress,
+             .has_late = options_.late_pay.has_value()},
+            slab, length, packed_);
   block_bytes_ = 0;
   if (!options_.compress || packed_.form.length == 0) return;
   const int agents = ours.num_agents, rows = packed_.form.length + 1;
@@ -290,7 +301,7 @@ void TrajectoryStore::compress_frame(std::span<const uint8_t> frame, int64_t ind
   std::memcpy(packed_.head.data() + packed_.layout.frame_ends + index * 4, &end, sizeof end);
 }
 
-ItemId TrajectoryStore::commit(const SlabView& slab) {
+ItemId TrajectoryStore::commit(const SlabView& slab, const SlabOrigin& origin) {
   const int32_t length = std::exchange(packed_.form.length, 0);  // an item is committed once
   if (length == 0) return kNoItem;
   ItemForm form = packed_.form;
@@ -311,7 +322,24 @@ ItemId TrajectoryStore::commit(const SlabView& slab) {
     if (!write_error_) write_error_ = put.error();
     return kNoItem;
   }
-  return end_ - 1;
+  const ItemId id = end_ - 1;
+  if (options_.late_pay) {
+    for (const LatePayLedger::Payment& payment : ledger_.enter(item(id), id, origin, *options_.late_pay)) {
+      const Status paid = add_late_reward(payment.item, payment.agent, payment.amount);
+      if (!paid && !write_error_) write_error_ = paid.error();
+    }
+  }
+  return id;
+}
+
+Status TrajectoryStore::add_late_reward(ItemId id, int agent, double amount) {
+  if (!contains(id)) return {};  // evicted meanwhile
+  const Slot& slot = slots_[static_cast<std::size_t>(id - oldest())];
+  const auto sum = static_cast<float>(item(id).late_reward(agent) + amount);
+  if (!slot.form.has_late || !std::isfinite(sum)) return {};  // read from a snapshot that has no room for it
+  const auto bytes = std::as_bytes(std::span<const float>(&sum, 1));
+  return memory_->write(slot.offset + ItemLayout(shape(), slot.form).late_reward + int64_t{agent} * 4,
+                        std::array{bytes});
 }
 
 StoredTrajectory TrajectoryStore::item(ItemId id) const {
@@ -417,12 +445,13 @@ void TrajectoryStore::prefetch_rows(ItemId id, int first, int last, int agent) c
 
 void TrajectoryStore::clear() {
   slots_.clear();
+  ledger_.clear();
   write_offset_ = transition_count_ = used_bytes_ = 0;
 }
 
 int64_t TrajectoryStore::snapshot_bytes() const {
   return used_bytes_ + (item_count() + 4) * static_cast<int64_t>(sizeof(SectionHeader)) +
-         static_cast<int64_t>(sizeof(SnapshotHeader));
+         static_cast<int64_t>(sizeof(SnapshotHeader)) + static_cast<int64_t>(ledger_.bytes().size());
 }
 
 Status TrajectoryStore::save(const std::string& path) const {
@@ -437,8 +466,12 @@ Status TrajectoryStore::write(SnapshotWriter& writer) const {
   header.item_count = item_count();
   header.end_id = end_;
   header.broken_decisions = broken_decisions_;
-  COMRAD_TRY(writer.write({.tag = static_cast<uint32_t>(SectionTag::kHeader)},
-                          std::as_bytes(std::span<const SnapshotHeader>(&header, 1))));
+  // The ledger of late rewards follows the header in its section.
+  std::vector<std::byte> head(sizeof header);
+  std::memcpy(head.data(), &header, sizeof header);
+  const std::vector<std::byte> ledger = ledger_.bytes();
+  head.insert(head.end(), ledger.begin(), ledger.end());
+  COMRAD_TRY(writer.write({.tag = static_cast<uint32_t>(SectionTag::kHeader)}, head));
   for (ItemId id = oldest(); id < end_; ++id) {
     const Slot& slot = slots_[static_cast<std::size_t>(id - oldest())];
     COMRAD_TRY(writer.write({.tag = static_cast<uint32_t>(SectionTag::kItem),
@@ -491,10 +524,11 @@ Status TrajectoryStore::read_items(SnapshotReader& reader) {
     return bad("it does not begin with a header");
   std::memcpy(&saved, bytes.data(), std::min(bytes.size(), sizeof saved));
   if (saved.magic != kSnapshotMagic) return bad("it is none of COMRAD's");
-  if (saved.version != kSnapshotVersion)
-    return bad("it has version " + std::to_string(saved.version) + ", this program reads version " +
+  if (saved.version < 1 || saved.version > kSnapshotVersion)
+    return bad("it has version " + std::to_string(saved.version) + ", this program reads versions 1 to " +
                std::to_string(kSnapshotVersion));
-  if (bytes.size() != sizeof saved) return bad("its header has a wrong size");
+  if (bytes.size() < sizeof saved) return bad("its header has a wrong size");
+  const std::vector<std::byte> ledger(bytes.begin() + sizeof saved, bytes.end());
   if (const std::string differs = difference(saved, header_of(options_)); !differs.empty())
     return Error{ErrorCode::kBadInput, reader.path() + ": replay snapshot of another shape: " + differs};
   if (saved.item_count < 0 || saved.end_id < saved.item_count ||
@@ -508,13 +542,15 @@ Status TrajectoryStore::read_items(SnapshotReader& reader) {
   bool wrapped = false;
   for (int64_t index = 0; index < saved.item_count; ++index) {
     COMRAD_TRY_ASSIGN(const SectionHeader section, reader.next(bytes));
-    if (section.tag != static_cast<uint32_t>(SectionTag::kItem) || section.id != end_ || section.flags > 7)
+    if (section.tag != static_cast<uint32_t>(SectionTag::kItem) || section.id != end_ ||
+        section.flags >= 2 * kFlagLate)
       return bad("trajectories are missing or out of order");
     const ItemForm form{.length = section.length,
                         .finals = section.finals,
                         .has_mask = (section.flags & kFlagMask) != 0,
                         .has_state = (section.flags & kFlagState) != 0,
-                        .compressed = (section.flags & kFlagCompressed) != 0};
+                        .compressed = (section.flags & kFlagCompressed) != 0,
+                        .has_late = (section.flags & kFlagLate) != 0};
     const bool keeps_state = options_.keep_recurrent_state && shape().recurrent_state_count > 0;
     if (form.has_state != keeps_state || form.compressed != (saved.compressed != 0))
       return bad("a trajectory does not fit the header");
@@ -544,6 +580,7 @@ Status TrajectoryStore::read_items(SnapshotReader& reader) {
          transition_count_ > options_.capacity_transitions)
     evict_oldest();
   broken_decisions_ = saved.broken_decisions;
+  if (!ledger_.restore(ledger, shape().env.num_agents)) return bad("its late rewards make no sense");
   return {};
 }
 

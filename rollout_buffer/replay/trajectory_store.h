@@ -13,6 +13,7 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/replay/item_layout.h"
+#include "rollout_buffer/replay/late_pay.h"
 #include "rollout_buffer/replay/ring_memory.h"
 #include "rollout_buffer/replay/snapshot_file.h"
 #include "rollout_buffer/schema/trajectory.h"
@@ -31,6 +32,9 @@ struct StoreOptions {
   bool compress = false;             ///< each frame as an LZ4 block
   /// The recurrent state before step 0 is kept. Single transitions have no use for it.
   bool keep_recurrent_state = true;
+  /// Where agents learn each on its own: what is paid to an agent that is out of the game in a later trajectory
+  /// is added to the one that holds its last decision.
+  std::optional<LatePay> late_pay = {};
 };
 
 /// A view of one live item. Valid until the next append(), commit() or load().
@@ -56,6 +60,9 @@ class StoredTrajectory {
   std::span<const uint8_t> agent_active(int step) const;  ///< [N], step 0..L
   std::span<const uint8_t> action(int step) const;        ///< [N*heads], step 0..L-1
   std::span<const float> reward(int step) const;          ///< [N]
+  /// What was paid in later trajectories for the last decision in this one to an agent that is out of the game
+  /// at its end, discounted to row L. 0 for others.
+  float late_reward(int agent) const;
   bool terminated(int step) const;
   bool truncated(int step) const;
   bool valid(int step) const;     ///< may be learned from, for every agent
@@ -108,11 +115,12 @@ class TrajectoryStore {
   /// Stores the `length` filled steps of a slab (more than T counts as T). What peers wrote is checked: see
   /// pack_item. Returns its id, or kNoItem where nothing was stored: no steps, or a failing disk
   /// (write_error()).
-  ItemId append(const SlabView& slab, uint32_t length);
+  /// `origin` ties it to the trajectory before it, for late_pay.
+  ItemId append(const SlabView& slab, uint32_t length, const SlabOrigin& origin = {});
   /// append() in two halves: prepare checks and compresses and changes nothing a reader sees, commit takes
   /// the room and copies. The slab must not change between the two.
   void prepare(const SlabView& slab, uint32_t length);
-  ItemId commit(const SlabView& slab);
+  ItemId commit(const SlabView& slab, const SlabOrigin& origin = {});
 
   ItemId oldest() const { return end_ - item_count(); }
   ItemId end() const { return end_; }  ///< the next id
@@ -172,6 +180,7 @@ class TrajectoryStore {
   void compress_frame(std::span<const uint8_t> frame, int64_t index);
   Status read_items(SnapshotReader& reader);
   Status adopt(const ItemForm& form, std::span<const std::byte> bytes, int64_t offset);
+  Status add_late_reward(ItemId id, int agent, double amount);
 
   StoreOptions options_;
   std::unique_ptr<RingMemory> memory_;
@@ -183,6 +192,7 @@ class TrajectoryStore {
   int64_t used_bytes_ = 0;
   int64_t broken_decisions_ = 0;
   std::optional<Error> write_error_;
+  LatePayLedger ledger_;
   // What prepare() leaves for commit().
   PackedItem packed_;
   std::vector<std::byte> blocks_;

@@ -133,8 +133,7 @@ TEST_F(ReplayBatchTest, AnAgentsDecisionAddsUpRewardsUntilNOrTheEnd) {
                                    .unit = Unit::kAgentStep,
                                    .world_count = 4,
                                    .n_step = 3,
-                                   .gamma = kGamma,
-                                   .reward_clip = 0.3};
+                                   .pay = {.gamma = kGamma, .reward_clip = 0.3}};
   const ReplayBatch got =
       batch(options, {Draw{.item = 0, .step = 0, .agent = 1}, Draw{.item = 0, .step = 1, .agent = 0},
                       Draw{.item = 0, .step = 3, .agent = 0}, Draw{.item = 1, .step = 2, .agent = 1}});
@@ -158,6 +157,87 @@ TEST_F(ReplayBatchTest, AnAgentsDecisionAddsUpRewardsUntilNOrTheEnd) {
   EXPECT_EQ(got.frame[1][0].to(torch::kInt64).min().item<int64_t>(), 201);
   EXPECT_EQ(got.terminated[0][2].item<int>(), 1);
   EXPECT_TRUE(is_frame(got.frame[1][3], pool_.view(1).frame(4, 1)));
+}
+
+/// Agent 1 leaves the game behind step 1 and is paid at step 3, while the world goes on to step 4.
+class DeadAgentTest : public ReplayBatchTest {
+ protected:
+  DeadAgentTest() {
+    const SlabView first = pool_.view(0);
+    first.truncated(2) = 0;
+    first.final_index(2) = -1;
+    first.agent_active(2, 1) = 0, first.agent_active(4, 1) = 0;  // row 3 is inactive already
+    for (int t = 0; t < 6; ++t) first.reward(t, 1) = 0.1f * static_cast<float>(t + 1);
+    first.reward(3, 1) = -5;
+  }
+  ReplayBatchOptions options(Unit unit, int64_t n_step, bool agents_end = true) const {
+    return {.shape = shape_of(),
+            .unit = unit,
+            .world_count = 1,
+            .n_step = n_step,
+            .pay = {.gamma = kGamma, .reward_clip = 1},
+            .agents_end = agents_end};
+  }
+  /// Of step 1: its own reward and those of steps 2 to 4, at which the episode ends.
+  const double paid_ = 0.2 + kGamma * 0.3 - kGamma * kGamma + std::pow(kGamma, 3) * 0.5;
+};
+
+TEST_F(DeadAgentTest, ItsLastDecisionIsTerminatedAndPaidWhatFollows) {
+  for (const Unit unit : {Unit::kAgentStep, Unit::kJointStep}) {
+    const int64_t row = unit == Unit::kJointStep ? 1 : 0;
+    const ReplayBatch got = batch(options(unit, 1), {Draw{.item = 0, .step = 1, .agent = 1}});
+    EXPECT_NEAR(got.reward[0][row].item<double>(), paid_, 1e-6);
+    EXPECT_EQ(got.terminated[0][row].item<int>(), 1);
+    EXPECT_EQ(got.rewards_clipped, 1);
+  }
+  const ReplayBatch before = batch(options(Unit::kAgentStep, 1), {Draw{.item = 0, .step = 0, .agent = 1}});
+  EXPECT_NEAR(before.reward[0][0].item<double>(), 0.1, 1e-6);
+  EXPECT_EQ(before.terminated[0][0].item<int>(), 0);
+  EXPECT_EQ(before.rewards_read, 1);
+}
+
+TEST_F(DeadAgentTest, ManyStepsOfRewardEndWithItsWayAndTheOtherAgentGoesOn) {
+  const ReplayBatch got = batch(options(Unit::kJointStep, 3), {Draw{.item = 0, .step = 0}});
+  EXPECT_NEAR(got.reward[0][1].item<double>(), 0.1 + kGamma * paid_, 1e-6);
+  EXPECT_EQ(got.terminated[0][1].item<int>(), 1);
+  double other = 0;
+  for (int t = 0; t < 3; ++t) other += std::pow(kGamma, t) * double{pool_.view(0).reward(t, 0)};
+  EXPECT_NEAR(got.reward[0][0].item<double>(), other, 1e-6);
+  EXPECT_EQ(got.terminated[0][0].item<int>(), 0);
+  EXPECT_NEAR(got.bootstrap[0][0].item<double>(), kGamma * kGamma, 1e-6);
+}
+
+TEST_F(DeadAgentTest, ASequenceEndsForItAlone) {
+  const ReplayBatch got = batch(options(Unit::kSequence, 1), {Draw{.item = 0, .step = -1}});
+  for (int t = 0; t < 6; ++t) {
+    EXPECT_EQ(got.terminated[t][0].item<int>(), t == 4) << t;
+    EXPECT_EQ(got.terminated[t][1].item<int>(), t == 1 || t == 4) << t;
+    EXPECT_EQ(got.reset[t][1].item<int>(), t == 5) << "the core runs on, " << t;
+  }
+  EXPECT_NEAR(got.reward[1][1].item<double>(), paid_, 1e-6);
+}
+
+TEST_F(DeadAgentTest, ATeamGoesOnWithoutIt) {
+  for (const Unit unit : {Unit::kSequence, Unit::kJointStep}) {
+    const int step = unit == Unit::kSequence ? -1 : 1;
+    const ReplayBatch got = batch(options(unit, 1, false), {Draw{.item = 0, .step = step}});
+    const int64_t t = unit == Unit::kSequence ? 1 : 0;
+    EXPECT_FLOAT_EQ(got.reward[t][1].item<float>(), 0.2f);
+    EXPECT_EQ(got.terminated[t][1].item<int>(), 0);
+  }
+}
+
+TEST_F(ReplayBatchTest, ADiscountOfZeroLeavesTheRewardAlone) {
+  for (const int64_t n_step : {1, 3}) {
+    const ReplayBatch got = batch({.shape = shape_of(),
+                                   .unit = Unit::kAgentStep,
+                                   .world_count = 1,
+                                   .n_step = n_step,
+                                   .pay = {.gamma = 0}},
+                                  {Draw{.item = 0, .step = 0, .agent = 0}});
+    EXPECT_EQ(got.reward[0][0].item<float>(), pool_.view(0).reward(0, 0));
+    EXPECT_EQ(got.bootstrap[0][0].item<float>(), n_step == 1 ? 1.0f : 0.0f);
+  }
 }
 
 TEST_F(ReplayBatchTest, AnEvictedTrajectoryLeavesAWorldWithoutValidSteps) {

@@ -86,12 +86,6 @@ TEST(TdTargets, LambdaZeroIsOneStepAndLambdaOneRunsToTheEnd) {
   EXPECT_LT(difference.abs().max().item<double>(), 1e-6);
 }
 
-TEST(TdTargets, AreHeldWithinTheClamp) {
-  const TdInput input = make_input(column({500, -500, 1}), column({0, 0, 0}));
-  expect_values(td_targets(input, {.clamp = 100}), {100, -100, 1});
-  expect_values(td_targets(input, {}), {500, -500, 1});
-}
-
 TEST(TdTargets, NeverReadWhatHasNoMeaning) {
   TdInput input = make_input(column({1, kNan, 3, 4}), column({2, kNan, kNan, 5}));
   input.valid[1][0] = 0;
@@ -148,7 +142,7 @@ double plain_target(const TdInput& input, const TdOptions& options, int64_t t, i
       target += (1 - options.lambda) * weight * n_step(n);
     target += weight * n_step(length);
   }
-  return options.clamp > 0 ? std::clamp(target, -options.clamp, options.clamp) : target;
+  return target;
 }
 
 TEST(TdTargets, MatchPlainLoopsOverRandomSequences) {
@@ -166,8 +160,7 @@ TEST(TdTargets, MatchPlainLoopsOverRandomSequences) {
     for (const TdOptions& options :
          {TdOptions{.n_step = 1}, TdOptions{.n_step = 3}, TdOptions{.gamma = 0.8, .n_step = 20},
           TdOptions{.gamma = 0.9, .lambda = 0.0}, TdOptions{.gamma = 0.9, .lambda = 0.7},
-          TdOptions{.lambda = 1.0}, TdOptions{.n_step = 5, .clamp = 2},
-          TdOptions{.n_step = 4, .legacy_timeouts = true},
+          TdOptions{.lambda = 1.0}, TdOptions{.n_step = 5}, TdOptions{.n_step = 4, .legacy_timeouts = true},
           TdOptions{.lambda = 0.6, .legacy_timeouts = true}}) {
       const Tensor target = td_targets(input, options);
       for (int64_t t = 0; t < steps; ++t)

@@ -199,7 +199,7 @@ TEST(ResolveSettings, QLearningSettingsThatExcludeEachOtherAreRefused) {
   expect([](RunConfig& c) { c.n_step = 64; }, "n_step is 64");
   expect([](RunConfig& c) { c.burn_in = 32; }, "burn_in is 32");
   expect([](RunConfig& c) { c.lr_schedule = "kl_adaptive_epoch"; }, "constant or linear_decay");
-  expect([](RunConfig& c) { c.replay_gb = 0; }, "replay_gb is 0");
+  expect([](RunConfig& c) { c.replay_gb = -1; }, "replay_gb is -1");
   expect([](RunConfig& c) { c.target_update_tau = 0; }, "target_update_tau is 0");
   expect([](RunConfig& c) { c.qplex_adv_hypernet_layers = 4; }, "qplex_adv_hypernet_layers is 4");
   expect([](RunConfig& c) { c.curriculum = "plr", c.layout_pool = "train:4"; }, "estimates no advantages");

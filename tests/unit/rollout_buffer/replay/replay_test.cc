@@ -156,14 +156,6 @@ TEST(Replay, PrioritiesDecideWhatIsDrawnAndHowItIsWeighed) {
   for (std::size_t i = 0; i < 4; ++i) EXPECT_NEAR(counts[i] / 2e5, probabilities[i], 0.01 * probabilities[i]);
 }
 
-TEST(Replay, BetaRisesInALine) {
-  const auto replay = make(Unit::kSequence, true);
-  EXPECT_DOUBLE_EQ(replay->beta_at(0), 0.4);
-  EXPECT_DOUBLE_EQ(replay->beta_at(50'000), 0.7);
-  EXPECT_DOUBLE_EQ(replay->beta_at(100'000), 1);
-  EXPECT_DOUBLE_EQ(replay->beta_at(1'000'000'000), 1);
-}
-
 TEST(Replay, ADrawnItemThatLeftBeforeItWasReadIsNoticed) {
   const auto replay = make(Unit::kJointStep, true, 20'000);
   for (uint64_t number = 0; number < 10; ++number) insert(*replay, number);
@@ -201,7 +193,6 @@ TEST(Replay, ExponentsOutsideTheirRangeAreRefused) {
   const StoreOptions store{.shape = small_shape(), .capacity_bytes = 100'000};
   for (const double bad : {-0.1, 1.1, 0.0 / 0.0}) {
     EXPECT_FALSE(Replay::create({.store = store, .omega = bad}));
-    EXPECT_FALSE(Replay::create({.store = store, .beta_start = bad}));
   }
 }
 

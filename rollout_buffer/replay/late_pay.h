@@ -1,0 +1,90 @@
+// Rewards of an agent that is out of the game. Where agents learn each on its own (IDQN), an agent's way ends
+// with its death although the world goes on: its last decision leads to
+//
+//   r_t + gamma r_{t+1} + ... + gamma^k r_{t+k}      and to no value behind it
+//
+// where rows t+1 to t+k are those in which it is out of the game, up to the end of its episode or until it is
+// back. A penalty for dying is usually paid in one of them. Coming back is the game's doing, not a result of
+// that decision, so the value of the life after it does not count, either; it begins a new way.
+//
+// Rows t+1 to t+k may lie in later trajectories of the same environment: the ledger knows which agents are
+// still owed something, and by which item. Stage: seal > drain > replay > sample.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "rollout_buffer/schema/spec.h"
+
+namespace comrad::replay {
+
+class StoredTrajectory;
+
+/// How payments count.
+struct LatePay {
+  double gamma = 0.99;
+  double reward_clip = 0;  ///< each payment is clipped to +- this before it is discounted; 0: off
+
+  double clipped(double reward) const;
+};
+
+/// Where a slab comes from. The next slab of an environment has the next rollout index, and goes on in the
+/// episode with which the one before ended.
+struct SlabOrigin {
+  int64_t env_index = -1;  ///< -1: unknown, nothing carries over
+  uint64_t rollout_index = 0;
+  uint64_t first_episode_id = 0;
+};
+
+/// Whether `agent` was in the game at `step`, is out of it behind the step, and the episode goes on.
+bool is_last_decision(const StoredTrajectory& trajectory, int step, int agent);
+
+/// What `agent` is paid for its decision at `step`: the reward and, if it is the last decision, what follows,
+/// discounted.
+struct PaidDecision {
+  double reward = 0;
+  int payments = 0;          ///< rewards that were read in this trajectory
+  int clipped_payments = 0;  ///< of those, changed by the clip
+};
+PaidDecision paid_decision(const StoredTrajectory& trajectory, int step, int agent, const LatePay& pay);
+
+/// Who is out of the game at the end of an environment's newest trajectory, and where its last decision is.
+/// Threads: none of its own and no locks.
+class LatePayLedger {
+ public:
+  struct Payment {
+    int64_t item = 0;
+    int agent = 0;
+    double amount = 0;  ///< discounted to row L of that item
+  };
+
+  /// Takes a trajectory in, which is item `id`. Returns what it pays to agents that went out of the game in
+  /// earlier ones.
+  std::vector<Payment> enter(const StoredTrajectory& trajectory, int64_t id, const SlabOrigin& origin,
+                             const LatePay& pay);
+  void clear() { tails_.clear(); }
+
+  /// For snapshots. Errors of restore (false, and an empty ledger): bytes that make no sense.
+  std::vector<std::byte> bytes() const;
+  bool restore(std::span<const std::byte> bytes, int num_agents);
+
+ private:
+  /// Of one environment. As it lies in snapshots.
+  struct Tail {
+    int64_t env_index = 0;
+    uint64_t next_rollout_index = 0;
+    uint64_t episode_id = 0;                 ///< in which the next trajectory must begin
+    std::array<int64_t, kMaxAgents> item{};  ///< that holds the last decision; -1: nothing is owed
+    std::array<double, kMaxAgents>
+        discount{};  ///< of the next trajectory's first reward, from that item's end
+  };
+  static_assert(sizeof(Tail) == 24 + kMaxAgents * 16, "no padding reaches the disk");
+
+  std::map<int64_t, Tail> tails_;  // only environments in which somebody is owed
+};
+
+}  // namespace comrad::replay
