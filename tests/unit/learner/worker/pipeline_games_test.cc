@@ -101,15 +101,13 @@ double two_step(const char* algo, int seed) {
 TEST(TwoStepGame, VdnCannotSeeTheBetterBranch) { EXPECT_EQ(two_step("vdn", 42), 7); }
 TEST(TwoStepGame, QmixFindsTheOptimum) { EXPECT_EQ(two_step("qmix", 42), 8); }
 
-/// QPLEX finds it from most starts, not from all.
-class QplexTwoStepGame : public ::testing::TestWithParam<const char*> {};
-TEST_P(QplexTwoStepGame, FindsTheOptimumFromTwoOfThreeStarts) {
+/// QPLEX finds it from most starts, not from all (21 of 21 on 2026-11-22, fewer at higher rates).
+TEST(TwoStepGame, QplexFindsTheOptimumFromThreeOfFourStarts) {
   int found = 0;
-  for (const int seed : {42, 68, 81}) found += two_step(GetParam(), seed) == 8;
-  EXPECT_GE(found, 2);
+  for (const char* form : {"qplex_d", "qplex_q"})
+    for (const int seed : {42, 68}) found += two_step(form, seed) == 8;
+  EXPECT_GE(found, 3);
 }
-INSTANTIATE_TEST_SUITE_P(Forms, QplexTwoStepGame, ::testing::Values("qplex_d", "qplex_q"),
-                         [](const auto& form) { return std::string(form.param); });
 
 double value_of_paying_game(bool ends_by_time) {
   RunConfig config = game_config("idqn");
