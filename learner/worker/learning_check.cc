@@ -27,7 +27,7 @@ constexpr double kAdamGainMin = 0.1;
 constexpr double kTargetsClippedMax = 0.1;
 /// Rows that are too old, or of dead agents, are computed and thrown away. At a half the run costs twice.
 constexpr double kValidsMin = 0.5;
-/// Queues hold two or three batches of a run that keeps up. From ten on nothing that PPO assumes of the
+/// The queues of a run that keeps up hold two to five batches. From ten on nothing that PPO assumes of the
 /// behaviour policy holds.
 constexpr double kLagBatchesMax = 10;
 /// Noise of a minibatch makes 0 a hard limit, so it has to be crossed for twice as long.

@@ -22,14 +22,16 @@ using testing::TrainedGame;
 
 constexpr int kDecisions = 7;
 /// The mean of 400 episodes of chance has a standard deviation of 0.025 where both agents always turn alike.
-constexpr GameGoal kGoal{.score = 0.9, .episodes = 400};
+constexpr GameGoal kRemembers{.score = 0.9, .episodes = 400};
+/// That of 1000 has one of 0.016; the highest of many windows stays below 0.65.
+constexpr GameGoal kGuesses{.episodes = 1000};
+constexpr double kGuessedMax = 0.65;
 
 class TMaze : public PipelineGame {
  public:
-  explicit TMaze(float reward) : reward_(reward) {}
   void step(std::span<const int32_t> action) override {
     PipelineGame::step(action);
-    summary_.score /= 2 * reward_;
+    summary_.score /= 2;
   }
 
  protected:
@@ -39,14 +41,13 @@ class TMaze : public PipelineGame {
   void play(std::span<const int32_t> action) override {
     last_.terminated = step_ == kDecisions - 1;
     for (std::size_t agent = 0; agent < 2; ++agent)
-      last_.reward[agent] = last_.terminated && action[agent] == side_ ? reward_ : 0.0f;
+      last_.reward[agent] = last_.terminated && action[agent] == side_ ? 1.0f : 0.0f;
   }
   /// The sides are dark and bright, the corridor is grey. The junction is grey, too: agents count the way, or
   /// turn all along.
   int visible_state() const override { return step_ == 0 ? 2 * side_ : 1; }
 
  private:
-  float reward_;
   int side_ = 0;
 };
 
@@ -86,20 +87,19 @@ RunConfig maze_config(const Case& one) {
   return config;
 }
 
-double best_score(const Case& one, const RunConfig& config, float reward = 1) {
+double best_score(const Case& one, const RunConfig& config, const GameGoal& goal) {
   const TrainedGame trained = testing::train_game(
-      config, [&] { return std::make_unique<TMaze>(reward); }, kGoal);
+      config, [] { return std::make_unique<TMaze>(); }, goal);
   std::printf(
       "t-maze, %s, seed %d: best mean of %zu episodes %.3f after %.0f decisions, %u updates, %.1f s\n",
-      one.name, static_cast<int>(config.seed), kGoal.episodes, trained.best_score, trained.env_frames / 4,
+      one.name, static_cast<int>(config.seed), goal.episodes, trained.best_score, trained.env_frames / 4,
       trained.algorithm->version(), trained.seconds);
-  std::fflush(stdout);
   return trained.best_score;
 }
 
 class TMazeGame : public ::testing::TestWithParam<Case> {};
 TEST_P(TMazeGame, ARecurrentCoreRemembersTheSide) {
-  EXPECT_GE(best_score(GetParam(), maze_config(GetParam())), kGoal.score);
+  EXPECT_GE(best_score(GetParam(), maze_config(GetParam()), kRemembers), kRemembers.score);
 }
 INSTANTIATE_TEST_SUITE_P(Learners, TMazeGame,
                          ::testing::Values(Case{"ippo_gru", "ippo"}, Case{"ippo_lstm", "ippo", "lstm"},
@@ -111,10 +111,10 @@ INSTANTIATE_TEST_SUITE_P(Learners, TMazeGame,
 class TMazeWithoutMemory : public ::testing::TestWithParam<Case> {};
 TEST_P(TMazeWithoutMemory, StaysAtChance) {
   RunConfig config = maze_config(GetParam());
-  config.train_for_env_steps = 4 * 60'000;  // the others need 31 000 to 51 000 decisions
-  const double score = best_score(GetParam(), config);
-  EXPECT_GT(score, 0.4);
-  EXPECT_LT(score, 0.65);
+  config.train_for_env_steps = 4 * 64'000;  // the others needed 62 000 decisions at most
+  const double score = best_score(GetParam(), config, kGuesses);
+  EXPECT_GT(score, 0) << "no window of episodes was full";
+  EXPECT_LT(score, kGuessedMax);
 }
 INSTANTIATE_TEST_SUITE_P(Learners, TMazeWithoutMemory,
                          ::testing::Values(Case{"ippo_feed_forward", "ippo", "none"},

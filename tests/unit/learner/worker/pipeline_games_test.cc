@@ -4,6 +4,7 @@
 
 #include <cstdio>
 #include <memory>
+#include <string>
 
 #include "learner/algorithms/q_learning.h"
 #include "tests/support/pipeline_game.h"
