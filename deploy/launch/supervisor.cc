@@ -18,6 +18,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "deploy/launch/child_process.h"
@@ -133,6 +134,12 @@ std::string last_log_line(const std::string& path) {
   while (!tail.empty() && (tail.back() == '\n' || tail.back() == '\r')) tail.pop_back();
   const std::size_t line = tail.rfind('\n');
   return line == std::string::npos ? tail : tail.substr(line + 1);
+}
+
+/// The words of a log line that a worker means for the user, from "warning: " on; empty for any other line.
+std::string warning_in(const std::string& line) {
+  const std::size_t at = line.find(": warning: ");
+  return at == std::string::npos ? "" : line.substr(at + 2);
 }
 
 std::string own_folder() {
@@ -269,6 +276,7 @@ class Supervisor {
   bool is_complete_ = false;  // the goal was reached before anybody interrupted
   bool learner_was_killed_ = false;
   bool bus_warned_ = false;
+  std::set<std::string> warnings_shown_;  // without their numbers
   int interrupts_ = 0;
   uint64_t episodes_dropped_ = 0;
   double started_s_ = monotonic_s();
@@ -498,6 +506,13 @@ void Supervisor::hear_children() {
     for (const std::string& line : worker.process->read_lines()) {
       worker.last_line = line;
       spdlog::info("{} says: {}", worker.name, line);
+      if (const std::string words = warning_in(line); !words.empty()) {
+        // A restarted worker says it again, with other numbers.
+        std::string kind = words;
+        std::erase_if(kind, [](char letter) { return letter == '.' || (letter >= '0' && letter <= '9'); });
+        if (warnings_shown_.insert(kind).second) printer_.note(words);
+        continue;
+      }
       if (now_s - worker.minute_began_s > 60) {
         worker.minute_began_s = now_s;
         worker.lines_shown = 0;

@@ -68,7 +68,8 @@ Learner::Learner(const LearnerOptions& options, const RunConfig& config, shm::Ar
       stop_(stop),
       store_(options.run_dir + "/checkpoint", config.keep_checkpoints),
       lock_step_(config.deterministic || !config.async_rl),
-      episodes_(config.stats_avg) {}
+      episodes_(config.stats_avg),
+      check_(config) {}
 
 Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options, const RunConfig& config,
                                                   shm::Arena arena, std::optional<dds::Bus> bus,
@@ -128,6 +129,7 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
   spdlog::info("learner: {} with {} parameters on {}, version {}, {} env frames so far", config.algo,
                learner->algorithm_->parameter_count(), device.str(), learner->algorithm_->version(),
                learner->env_frames_);
+  if (!options.serve) learner->warn(learner->check_.judge_settings());
   return learner;
 }
 
@@ -707,9 +709,19 @@ void Learner::report_metrics() {
   if (layouts_) layouts_->append_to(values);
   values.emplace_back("stats/broken_decisions", static_cast<double>(broken_decisions_));
   last_report_s_ = now;
+  warn(check_.judge(values));
   const Status written =
       metrics_->write(train_seconds_before_ + now - started_s_, env_frames_, decisions_, values);
   if (!written) spdlog::error("metrics: {}", written.error().message);
+}
+
+/// The supervisor reads warnings from standard error; those that begin with this word it shows the user as they
+/// are (deploy/launch/supervisor.cc).
+void Learner::warn(const std::vector<std::string>& findings) {
+  for (const std::string& finding : findings) {
+    last_warning_ = "warning: " + finding;
+    spdlog::warn("{}", last_warning_);
+  }
 }
 
 void Learner::set_state(const char* state) {
@@ -722,7 +734,7 @@ void Learner::set_state(const char* state) {
                                                        .role = "learner",
                                                        .state = state_name_,
                                                        .decisions_per_s = rates_.decisions_per_s(),
-                                                       .message = ""});
+                                                       .message = last_warning_});
   if (!written) spdlog::warn("worker status: {}", written.error().message);
 }
 

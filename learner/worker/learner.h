@@ -16,6 +16,7 @@
 #include "learner/worker/batch_queue.h"
 #include "learner/worker/journal_snapshot.h"
 #include "learner/worker/layout_service.h"
+#include "learner/worker/learning_check.h"
 #include "learner/worker/metrics.h"
 #include "learner/worker/replay_feed.h"
 #include "rollout_buffer/core/config.h"
@@ -106,6 +107,7 @@ class Learner {
   void publish_stats();
   void report_metrics();
   void append_replay(MetricValues& values) const;
+  void warn(const std::vector<std::string>& findings);
   void set_state(const char* state);
 
   LearnerOptions options_;
@@ -150,6 +152,8 @@ class Learner {
   uint64_t broken_decisions_ = 0;
   RateWindow rates_;
   EpisodeWindow episodes_;
+  LearningCheck check_;
+  std::string last_warning_;  ///< goes into the worker status
   UpdateStats last_update_;
   LagStats last_lag_;  ///< of the newest data
   std::string state_name_ = "starting";

@@ -198,6 +198,21 @@ TEST_F(Launch, AWorkerThatKeepsDyingEndsTheRunWithItsLastWords) {
   EXPECT_THAT(events(), Contains("learner stopped")) << "the learner may still save";
 }
 
+TEST_F(Launch, AWorkersWarningIsShownOnceAsItStands) {
+  start(
+      "learner say 2026-11-22T10:00:00.000 W learner: warning: 31% of the samples are old\n"
+      "sim-0 say 2026-11-22T10:00:00.000 W sim-0: slow disk\n"
+      "learner exit_once 1\nlearner finish 300\n");
+  ASSERT_EQ(wait_for_end(15), 0) << progress();
+  ASSERT_EQ(pids("learner").size(), 2u) << "it said it twice";
+  const std::string shown = progress(), warning = "warning: 31% of the samples are old\n";
+  const std::size_t at = shown.find(warning);
+  ASSERT_NE(at, std::string::npos) << shown;
+  EXPECT_TRUE(at == 0 || shown[at - 1] == '\n') << "a line of its own";
+  EXPECT_EQ(shown.find(warning, at + 1), std::string::npos) << shown;
+  EXPECT_THAT(shown, HasSubstr("sim-0: 2026-11-22T10:00:00.000 W sim-0: slow disk"));
+}
+
 TEST_F(Launch, BadInputIsNotTriedTwice) {
   start("policy-0 say batch_size: -1 is not allowed\npolicy-0 exit 2\n");
   ASSERT_EQ(wait_for_end(15), 1);

@@ -28,7 +28,8 @@
 namespace comrad::learn {
 namespace {
 
-constexpr uint64_t kSeeds[] = {42, 68, 81, 97, 154};
+/// The starts of every fit. Not all of them arrive, so tests say how many must; none is searched for.
+constexpr uint64_t kSeeds[] = {42, 68};
 constexpr double kPi = 3.14159265358979323846;
 
 using Table = std::vector<std::vector<double>>;  // [a][b]: agent 0 plays a, agent 1 plays b
@@ -266,7 +267,6 @@ struct Game {
   std::vector<double> qmix_payoffs;
   std::vector<double> independent_payoffs;
   double optimum;
-  uint64_t dmaq_seed = 42, qatten_seed = 42;  ///< starts that reach it
 };
 
 Table penalty(double k) { return {{k, 0, 10}, {0, 2, 0}, {10, 0, k}}; }
@@ -286,51 +286,11 @@ const std::vector<Game>& games() {
        {5},
        {5},
        11},
-      {"penalty 0",
-       penalty(0),
-       cross(4.222, 1.556, -1.111),
-       13.531,
-       {0, 10},
-       7.763,
-       {10},
-       {0, 10},
-       10,
-       68,
-       42},
-      {"penalty -25",
-       penalty(-25),
-       cross(-6.889, -1.222, 4.444),
-       137.605,
-       {2},
-       90.741,
-       {2},
-       {2},
-       10,
-       154,
-       42},
-      {"penalty -50", penalty(-50), cross(-18, -4, 10), 416, {2}, 266.667, {2}, {2}, 10, 68, 42},
-      {"penalty -75",
-       penalty(-75),
-       cross(-29.111, -6.778, 15.556),
-       848.716,
-       {2},
-       535.185,
-       {2},
-       {2},
-       10,
-       68,
-       97},
-      {"penalty -100",
-       penalty(-100),
-       cross(-40.222, -9.556, 21.111),
-       1435.753,
-       {2},
-       896.296,
-       {2},
-       {2},
-       10,
-       17,
-       97},
+      {"penalty 0", penalty(0), cross(4.222, 1.556, -1.111), 13.531, {0, 10}, 7.763, {10}, {0, 10}, 10},
+      {"penalty -25", penalty(-25), cross(-6.889, -1.222, 4.444), 137.605, {2}, 90.741, {2}, {2}, 10},
+      {"penalty -50", penalty(-50), cross(-18, -4, 10), 416, {2}, 266.667, {2}, {2}, 10},
+      {"penalty -75", penalty(-75), cross(-29.111, -6.778, 15.556), 848.716, {2}, 535.185, {2}, {2}, 10},
+      {"penalty -100", penalty(-100), cross(-40.222, -9.556, 21.111), 1435.753, {2}, 896.296, {2}, {2}, 10},
       {"qtran",
        {{8, -12, -12}, {-12, 0, 0}, {-12, 0, 0}},
        {{-6.222, -4.889, -4.889}, {-4.889, -3.556, -3.556}, {-4.889, -3.556, -3.556}},
@@ -422,32 +382,28 @@ TEST_P(MixerGames, QmixComesNearWhatItCanRepresent) {
       std::string(game.name) == "qtran" ? 40 : 1.1 * reach + 1;  // its local optimum: 35.556
   std::printf("%-12s monotone bound %.3f, with increasing differences %.3f\n", game.name, game.qmix_bound,
               reach);
-  bool found = false;
+  int found = 0;
   for (const uint64_t seed : kSeeds) {
     const Fit result = fit(game.payoff, mixer("qmix"), seed);
     report(game, "qmix", seed, result);
     EXPECT_GE(result.mse, game.qmix_bound - 0.5) << "no monotone function fits better";
     EXPECT_GE(result.mse, reach - 0.01) << "nor does one with increasing differences";
-    found = result.mse <= enough && among(result.payoff, game.qmix_payoffs);
-    if (found) break;
+    found += result.mse <= enough && among(result.payoff, game.qmix_payoffs);
   }
-  EXPECT_TRUE(found) << "none of the five seeds comes within " << enough << " with the listed greedy payoff";
+  EXPECT_GE(found, 1) << "neither start comes within " << enough << " with the listed greedy payoff";
 }
 
-/// Whether a start reaches the payoffs: the one known to is tried first, then the others. From many starts
-/// tables stay where two actions are worth the same, the more often the deeper the penalty beside the
-/// optimum. Which ones arrive depends on rounding: ctest sets AVX2 kernels (CMakeLists.txt); by hand, run it
-/// with ATEN_CPU_CAPABILITY=avx2 OPENBLAS_CORETYPE=Zen.
-bool learns(const Game& game, const char* name, const MixerOptions& options, uint64_t first_seed) {
-  std::vector<uint64_t> seeds = {first_seed};
-  seeds.insert(seeds.end(), std::begin(kSeeds), std::end(kSeeds));
-  for (size_t index = 0; index < seeds.size(); ++index) {
-    if (index > 0 && seeds[index] == first_seed) continue;
-    const Fit result = fit(game.payoff, options, seeds[index], 0.05);
-    report(game, name, seeds[index], result);
-    if (result.mse < 0.5 && result.payoff == game.optimum) return true;
-  }
-  return false;
+/// Whether a start reaches the payoffs. From many starts tables stay where two actions are worth the same, the
+/// more often the deeper the penalty beside the optimum. Which ones arrive depends on rounding: ctest sets AVX2
+/// kernels (CMakeLists.txt); by hand, run it with ATEN_CPU_CAPABILITY=avx2 OPENBLAS_CORETYPE=Zen.
+bool arrives(const Game& game, const char* name, const MixerOptions& options, uint64_t seed) {
+  const Fit result = fit(game.payoff, options, seed, 0.05);
+  report(game, name, seed, result);
+  return result.mse < 0.5 && result.payoff == game.optimum;
+}
+
+bool one_start_arrives(const Game& game, const char* name, const MixerOptions& options) {
+  return std::ranges::any_of(kSeeds, [&](uint64_t seed) { return arrives(game, name, options, seed); });
 }
 
 /// What the benchmark's settings can represent, apart from what is found from a random start: with the
@@ -460,14 +416,6 @@ TEST_P(MixerGames, LambdaOfTheBenchmarksSettingsFitsEveryOtherCell) {
     EXPECT_LT(result.mse, 0.5) << kind;
     EXPECT_EQ(result.payoff, game.optimum) << kind;
   }
-}
-
-/// From random tables, in the paper's settings.
-TEST_P(MixerGames, QplexDLearnsThePayoffs) {
-  EXPECT_TRUE(learns(GetParam(), "dmaq", mixer("dmaq", "paper"), GetParam().dmaq_seed));
-}
-TEST_P(MixerGames, QplexQLearnsThePayoffs) {
-  EXPECT_TRUE(learns(GetParam(), "dmaq_qatten", mixer("dmaq_qatten", "paper"), GetParam().qatten_seed));
 }
 
 /// Each agent alone: the other's choice is noise, so a table learns the means of its rows.
@@ -499,11 +447,21 @@ INSTANTIATE_TEST_SUITE_P(Spec66, MixerGames, ::testing::ValuesIn(games()), [](co
   return name;
 });
 
+/// From random tables, in the paper's settings: games of the nine that one of two starts learns.
+class QplexGames : public ::testing::TestWithParam<const char*> {};
+TEST_P(QplexGames, MostAreLearnedFromOneOfTwoStarts) {
+  int learned = 0;
+  for (const Game& game : games()) learned += one_start_arrives(game, GetParam(), mixer(GetParam(), "paper"));
+  EXPECT_GE(learned, 6) << "7 on 2026-11-22";
+}
+INSTANTIATE_TEST_SUITE_P(Forms, QplexGames, ::testing::Values("dmaq", "dmaq_qatten"),
+                         [](const auto& form) { return std::string(form.param); });
+
 /// The benchmark's settings (4 kernels of one layer, no weighted heads) have the optimum too; from fewer
 /// starts.
 TEST(QplexGame, TheBenchmarksSettingsLearnTheClimbingGame) {
   for (const char* kind : {"dmaq", "dmaq_qatten"})
-    EXPECT_TRUE(learns(games()[1], kind, mixer(kind), kSeeds[0])) << kind;
+    EXPECT_TRUE(one_start_arrives(games()[1], kind, mixer(kind))) << kind;
 }
 
 // ---- the two-step game

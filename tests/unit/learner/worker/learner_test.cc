@@ -1,6 +1,9 @@
 #include "learner/worker/learner.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ringbuffer_sink.h>
+#include <spdlog/spdlog.h>
 
 #include <atomic>
 #include <chrono>
@@ -370,6 +373,33 @@ TEST_F(LearnerTest, QLearningTrainsAtItsRateOnceTheReplayHasEnough) {
     EXPECT_GT(report["train/grad_norm"].get<double>(), 0);
     EXPECT_TRUE(report.contains("train/version_diff_avg"));
   }
+}
+
+TEST_F(LearnerTest, WarnsInWordsOfWhatReportsShowAndOfSettingsAtTheStart) {
+  const auto heard = std::make_shared<spdlog::sinks::ringbuffer_sink_mt>(64);
+  const auto before = spdlog::default_logger();
+  spdlog::set_default_logger(std::make_shared<spdlog::logger>("test", heard));
+  const auto warnings = [&] {
+    std::string all;
+    for (const std::string& line : heard->last_formatted())
+      if (line.find("warning: ") != std::string::npos) all += line;
+    return all;
+  };
+  RunConfig config = small_config();
+  config.ppo_clip_ratio = 1e-9;  // every sample lies outside
+  config.experiment_summaries_interval = 0.05;
+  config.train_for_seconds = 1.5;
+  ASSERT_TRUE(live(config, "clipped").status);
+  EXPECT_THAT(warnings(),
+              ::testing::HasSubstr("warning: 100% of the samples lie outside PPO's clip interval"));
+  EXPECT_THAT(warnings(), ::testing::Not(::testing::HasSubstr("epsilon")));
+
+  config = small_q_config("vdn");
+  config.epsilon_decay_steps = 1e6;
+  config.train_for_env_steps = 4096;
+  ASSERT_TRUE(live(config, "explores").status);
+  spdlog::set_default_logger(before);
+  EXPECT_THAT(warnings(), ::testing::HasSubstr("warning: the run ends at epsilon 1.00"));
 }
 
 TEST_F(LearnerTest, QLearningInLockStepIsTheSameTwiceAndAcrossAResume) {
