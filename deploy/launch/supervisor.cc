@@ -748,7 +748,12 @@ void Supervisor::stop(const std::string& why) {
   stopping_since_s_ = monotonic_s();
   outcome_.message = why;
   spdlog::info("stopping: {}", why);
-  for (Worker& worker : workers_) worker.restart_at_s = 0;
+  for (Worker& worker : workers_) {
+    // A dead learner that waits for its next start saves nothing any more; a bench needs nothing of it.
+    learner_was_killed_ |=
+        worker.role == Role::kLearner && trains() && worker.restart_at_s > 0 && plan_.seconds <= 0;
+    worker.restart_at_s = 0;
+  }
   if (!arena_ || !bus_) return;
   write_control("stopping");  // the learner hears it first; then everybody on this host
   shm::ControlBlock& control = arena_->control();

@@ -6,13 +6,13 @@
 namespace comrad::deploy {
 namespace {
 
-using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Pair;
+using ::testing::UnorderedElementsAre;
 
 const std::string kGood = R"({"name":"two_rooms","title":"Two Rooms","num_agents":2,"supported_agents":[2,4],
   "heads":[3,4],"head_buttons":[["A","B"],["C","D","E"]],"measurements":7,"decision_limit":2100,"ceiling":8400,
-  "shared_reward_alpha":0.5,"score":"survival_tics","training":{"batch_size":"1024","num_epochs":2}})";
+  "shared_reward_alpha":0.5,"score":"survival_tics","training":{"small.ippo.batch_size":"1024","paper.vdn.gamma":0.9}})";
 
 std::string replaced(std::string text, const std::string& from, const std::string& to) {
   return text.replace(text.find(from), from.size(), to);
@@ -30,7 +30,8 @@ TEST(ParseDescription, ReadsEveryField) {
   EXPECT_EQ(scenario->ceiling, 8400);
   EXPECT_EQ(scenario->shared_reward_alpha, 0.5);
   EXPECT_EQ(scenario->training.origin, "scenario two_rooms");
-  EXPECT_THAT(scenario->training.values, ElementsAre(Pair("batch_size", "1024"), Pair("num_epochs", "2")));
+  EXPECT_THAT(scenario->training.values,
+              UnorderedElementsAre(Pair("small.ippo.batch_size", "1024"), Pair("paper.vdn.gamma", "0.9")));
 }
 
 TEST(ParseDescription, NamesTheKeyThatIsMissingOrOfTheWrongType) {

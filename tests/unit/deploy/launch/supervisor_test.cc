@@ -250,6 +250,17 @@ TEST_F(Launch, ALearnerThatCannotSaveInTimeMakesTheExitCodeNonZero) {
   EXPECT_THAT(std::string(status()["message"]), HasSubstr("did not save a last checkpoint"));
 }
 
+TEST_F(Launch, ARunThatIsStoppedWhileItsLearnerIsDeadSaysThatNothingWasSaved) {
+  start("", {"delay=30"});
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  kill(pids("learner").back(), SIGKILL);
+  ASSERT_TRUE(eventually(5, [&] { return progress().find("learner died") != std::string::npos; }));
+  kill(probe_, SIGTERM);
+  ASSERT_EQ(wait_for_end(5), 1);
+  EXPECT_THAT(std::string(status()["message"]), HasSubstr("did not save a last checkpoint"));
+  EXPECT_EQ(pids("learner").size(), 1u);
+}
+
 TEST_F(Launch, ASecondSigintStopsAtOnce) {
   start("learner deaf 0\nsim-0 deaf 0\n");
   ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
