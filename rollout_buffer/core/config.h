@@ -212,10 +212,11 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("scenario", c.scenario, "scenario to play; `comrad scenarios` lists them", Names{"env"});
   visit("algo", c.algo, "learning algorithm: ippo, mappo, happo, idqn, vdn, qmix, qplex_d or qplex_q",
         Names{});
-  visit("preset", c.preset,
-        "recipe: paper (the published configuration, its faults mended) or small (what learns most per hour on "
-        "a few cores)",
-        Names{});
+  visit(
+      "preset", c.preset,
+      "recipe: paper (the published configuration, its faults mended) or small (what learns most per hour on "
+      "a few cores)",
+      Names{});
   visit("experiment", c.experiment, "run name; empty makes <scenario>_<ALGO>_<date>_<time>", Names{});
   visit("train_dir", c.train_dir, "folder that holds the runs", Names{});
   visit("restart_behavior", c.restart_behavior,
@@ -262,8 +263,8 @@ void visit_settings(Config& c, Visitor&& visit) {
         "feed the scenario's measurement vector to the network", Names{});
   visit("reward_scale", c.reward_scale, "factor on every reward", Names{});
   visit("reward_clip", c.reward_clip, "rewards are clipped to +- this", Names{});
-  visit("shared_reward_alpha", c.shared_reward_alpha, "share of the team's reward; -1: the scenario's",
-        Names{});
+  visit("shared_reward_alpha", c.shared_reward_alpha,
+        "share of the team's reward; -1: the scenario's, for happo 1, for Q-learning 0", Names{});
   visit("shared_reward_scalarisation", c.shared_reward_scalarisation, "team reward: sum or mean", Names{});
 
   visit("rollout", c.rollout, "decisions in a trajectory, T", Names{});
@@ -324,8 +325,8 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("n_step", c.n_step, "Q-learning: rewards in a target before it bootstraps", Names{});
   visit("td_lambda", c.td_lambda, "Q-learning: lambda of TD(lambda) targets over sequences; below 0: n_step",
         Names{});
-  visit("q_value_clamp", c.q_value_clamp, "Q-learning: targets are clipped to +- this; 0 turns it off; ignored by idqn",
-        Names{});
+  visit("q_value_clamp", c.q_value_clamp,
+        "Q-learning: targets are clipped to +- this; 0 turns it off; ignored by idqn", Names{});
   visit("normalize_q_values", c.normalize_q_values,
         "Q-learning: networks predict Q-values in units of the targets' running deviation (PopArt's scale)",
         Names{});
@@ -358,11 +359,12 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("replay_buffer_size", c.replay_buffer_size,
         "replay: capacity in agent decisions; the smaller of the two counts", Names{});
   visit("replay_file", c.replay_file,
-        "replay: file that holds it, so that it may outgrow memory; empty: memory, or a file in the run's folder "
+        "replay: file that holds it, so that it may outgrow memory; empty: memory, or a file in the run's "
+        "folder "
         "where memory is too small",
         Names{});
-  visit("replay_compress", c.replay_compress, "replay: frames are compressed with LZ4: auto (where it pays), true or false",
-        Names{});
+  visit("replay_compress", c.replay_compress,
+        "replay: frames are compressed with LZ4: auto (where it pays), true or false", Names{});
   visit("save_replay", c.save_replay, "replay: saved with every checkpoint; always so in deterministic runs",
         Names{});
   visit("per", c.per, "replay: prioritised; with a recurrent core only where per_sequences is on", Names{});
@@ -494,10 +496,6 @@ struct SettingsLayer {
 /// value of the wrong type.
 Status apply_layer(RunConfig& config, const SettingsLayer& layer);
 
-/// What a layer says for one algorithm: its plain keys, then those that begin with the algorithm's name and a
-/// dot, without that.
-SettingsLayer settings_for_algorithm(const SettingsLayer& layer, const std::string& algo);
-
 /// Reads a TOML file of settings into a layer. Nested tables are not settings and are errors.
 /// Errors: kNotFound, kBadFormat with line and column.
 Expected<SettingsLayer> read_settings_toml(const std::string& path);
@@ -509,11 +507,11 @@ std::string settings_to_toml(const RunConfig& config);
 Expected<RunConfig> load_run_config(const std::string& path);
 
 /// The defaults of an algorithm (LSTM and 4 epochs for IPPO, ...), the layer below the
-/// scenario's. Errors: kBadInput for an unknown algorithm, naming the known ones.
+/// preset's (core/recipes.h). Errors: kBadInput for an unknown algorithm, naming the known ones.
 Expected<SettingsLayer> algorithm_defaults(const std::string& algo);
 
-/// The settings that --qplex_preset stands for, a layer above the algorithm's: empty for "comrad", the
-/// authors' own for "paper". Source: Wang et al. 2021, arXiv:2008.01062.
+/// The settings that --qplex_preset stands for, in the preset's layer above its rows for the algorithm and below
+/// the scenario's: empty for "comrad", the authors' own for "paper". Source: Wang et al. 2021, arXiv:2008.01062.
 SettingsLayer qplex_preset_settings(const std::string& preset);
 
 /// Whether the algorithm learns Q-values from a replay (idqn and the mixers), and whether it mixes them into
