@@ -59,7 +59,7 @@ struct ReplayBatchOptions {
   TrajectoryShape shape;  ///< of the stored trajectories
   replay::Unit unit = replay::Unit::kSequence;
   int64_t world_count = 1;
-  int64_t n_step = 1;      ///< single decisions
+  int64_t n_step = 1;  ///< single decisions
   replay::LatePay pay =
       {};  ///< discount inside the rewards of single decisions, and the clip of each payment
   /// Agents learn each on its own: where one leaves the game while the world goes on, its last decision is

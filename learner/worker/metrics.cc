@@ -23,7 +23,7 @@ void RateWindow::add(double time_s, uint64_t env_frames, uint64_t decisions) {
   while (samples_.size() > 2 && samples_[1].time_s <= time_s - window_s_) samples_.pop_front();
 }
 
-double RateWindow::rate(uint64_t Sample::* counter) const {
+double RateWindow::rate(uint64_t Sample::*counter) const {
   if (samples_.size() < 2) return 0;
   const Sample &first = samples_.front(), &last = samples_.back();
   const double seconds = last.time_s - first.time_s;
@@ -90,10 +90,10 @@ double EpisodeWindow::return_mean() const {
 
 void EpisodeWindow::append_to(MetricValues& values) const {
   if (window_.empty()) return;
-  const auto least = [this](double Episode::* member) {
+  const auto least = [this](double Episode::*member) {
     return (*std::ranges::min_element(window_, {}, member)).*member;
   };
-  const auto most = [this](double Episode::* member) {
+  const auto most = [this](double Episode::*member) {
     return (*std::ranges::max_element(window_, {}, member)).*member;
   };
   double length = 0, paid = 0;

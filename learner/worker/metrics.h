@@ -36,7 +36,7 @@ class RateWindow {
     uint64_t env_frames;
     uint64_t decisions;
   };
-  double rate(uint64_t Sample::* counter) const;
+  double rate(uint64_t Sample::*counter) const;
   double window_s_;
   std::deque<Sample>
       samples_;  ///< the oldest one is the newest that left the window, so the window is never empty

@@ -35,7 +35,7 @@ HostSpace probe_space(const std::string& folder) {
   std::error_code error;
   std::filesystem::path place = std::filesystem::absolute(folder.empty() ? "." : folder, error);
   while (!std::filesystem::exists(place, error) && place.has_relative_path()) place = place.parent_path();
-  struct statvfs facts{};
+  struct statvfs facts {};
   if (statvfs(place.c_str(), &facts) == 0)
     space.disk_bytes = static_cast<int64_t>(facts.f_bavail) * static_cast<int64_t>(facts.f_frsize);
   return space;
