@@ -5,7 +5,7 @@
 //   sigma_t = sqrt(nu_t / (1 - (1 - beta)^t))             within [1e-4, 1e6]; beta = 1e-3
 //
 // When sigma moves, the last layers are divided by as much, so Q-values in natural units stay (QLearning::
-// set_q_sigma). That is PopArt with its scale alone: a shift would not pass through a mixer. Until the first
+// rescale_outputs). That is PopArt with its scale alone: a shift would not pass through a mixer. Until the first
 // reward nothing is known of the size, and sigma is 1; then it begins with the size of that batch's rewards.
 // Source: van Hasselt et al. 2016, Learning values across many orders of magnitude, arXiv:1602.07714, eqs. 5-7
 // and proposition 1. Stage: update, checkpoint.

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <exception>
 
+#include "learner/algorithms/q_learning.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
@@ -311,7 +312,8 @@ Status ReplayFeed::begin_without_replay(const StateDict& state, const std::strin
   const std::string begins = version == 0 ? std::to_string(min_size_to_sample_) + " decisions"
                                           : "the first " + std::to_string(kBatchesBeforeTraining) +
                                                 " batches of new decisions, since its policy is trained";
-  spdlog::warn("{}; training begins again with {}", reason, begins);
+  spdlog::warn("{}; training begins again with {}, its agents act with an epsilon of {:.3g}", reason, begins,
+               epsilon_at(config_, env_frames_));
   return {};
 }
 

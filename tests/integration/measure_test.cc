@@ -134,6 +134,19 @@ TEST(Doctor, PrintsOneObjectAndFindsThisMachineFit) {
   for (const nlohmann::json& check : report["checks"]) EXPECT_NE(check["level"], "FAIL") << check.dump();
 }
 
+TEST(Config, ShowsTheReplayThatIsChosenForThisMachine) {
+  const auto config = json_of({"config", "--scenario", "lava_pit", "--algo", "vdn", "--replay_gb", "0.05",
+                               "--replay_buffer_size", "1000000"},
+                              60);
+  expect_keys(config, {"settings", "replay"});
+  EXPECT_EQ(config["replay"]["capacity_bytes"], 50'000'000);
+  EXPECT_EQ(config["replay"]["compress"], true) << "a million decisions take more";
+  EXPECT_EQ(config["replay"]["file"], "");
+  EXPECT_FALSE(json_of({"config", "--scenario", "lava_pit", "--algo", "ippo"}, 60).contains("replay"));
+  const Ending words = comrad({"config", "--scenario", "lava_pit", "--algo", "vdn"});
+  EXPECT_THAT(words.out, HasSubstr("Replay on this machine now: "));
+}
+
 TEST(Scenarios, ListTheOnesThatTrainTakes) {
   const Ending ending = comrad({"scenarios"});
   EXPECT_EQ(ending.exit_code, 0) << ending.err;

@@ -4,17 +4,35 @@
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <tuple>
 #include <vector>
 
 #include "deploy/config/command_line.h"
 #include "deploy/config/commands/command.h"
 #include "deploy/config/merged_settings.h"
+#include "rollout_buffer/core/text.h"
+#include "rollout_buffer/replay/replay_plan.h"
 
 namespace comrad::deploy {
 namespace {
 
 using nlohmann::ordered_json;
+
+/// What the learner would choose now; `comrad train` looks again when the run's programs are there. Nothing for
+/// algorithms without a replay.
+std::optional<Expected<replay::ReplayPlan>> chosen_replay(const MergedSettings& merged) {
+  const RunConfig& config = merged.config;
+  if (!learns_q_values(config)) return std::nullopt;
+  TrajectoryShape shape;
+  shape.env = merged.scenario.env;
+  shape.rollout_steps = static_cast<int32_t>(config.rollout);
+  shape.recurrent_state_count = static_cast<int32_t>(recurrent_state_count(config));
+  const std::string run_dir =
+      config.train_dir + "/" + (config.experiment.empty() ? "<run>" : config.experiment);
+  return replay::replay_plan(config, shape, replay::probe_space(run_dir),
+                             replay::reserved_bytes(config, shape), run_dir);
+}
 
 ordered_json to_json(const MergedSettings& merged) {
   ordered_json settings = ordered_json::object();
@@ -22,7 +40,14 @@ ordered_json to_json(const MergedSettings& merged) {
                  [&](const char* name, const auto& value, const char*, std::initializer_list<const char*>) {
                    settings[name] = {{"value", value}, {"from", merged.from.at(name)}};
                  });
-  return {{"settings", settings}};
+  ordered_json document = {{"settings", settings}};
+  if (const auto plan = chosen_replay(merged); plan && *plan)
+    document["replay"] = {{"capacity_bytes", (*plan)->capacity_bytes},
+                          {"capacity_decisions", (*plan)->capacity_transitions},
+                          {"compress", (*plan)->compress},
+                          {"file", (*plan)->file},
+                          {"reason", (*plan)->reason}};
+  return document;
 }
 
 /// A setting's name, value and layer.
@@ -51,6 +76,11 @@ void print_tables(const MergedSettings& merged) {
   print_rows(chosen);
   std::printf("\nAll the others\n\n");
   print_rows(built_in);
+  if (const auto plan = chosen_replay(merged)) {
+    const std::string words =
+        *plan ? bytes_text((*plan)->capacity_bytes) + " (" + (*plan)->reason + ")" : plan->error().message;
+    std::printf("\nReplay on this machine now: %s\n", words.c_str());
+  }
 }
 
 }  // namespace
@@ -64,9 +94,10 @@ int config_command(Arguments arguments) {
                    "file, command line, or\n"
                    "automatic where it was worked out or rounded from the others and the machine. Starts and "
                    "writes nothing.");
-  line.add_switch("json", json,
-                  "print one JSON object on stdout and nothing else: {\"settings\": {NAME: {\"value\": V, "
-                  "\"from\": LAYER}}}");
+  line.add_switch(
+      "json", json,
+      "print one JSON object on stdout and nothing else: {\"settings\": {NAME: {\"value\": V, "
+      "\"from\": LAYER}}}, and for algorithms that have one the \"replay\" chosen for this machine");
   line.add_settings();
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("config", parsed.error());
   if (line.help_requested()) {
