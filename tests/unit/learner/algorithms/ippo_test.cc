@@ -673,6 +673,25 @@ TEST(IppoWithVtrace, AnInvalidStepCutsTheTraceAndAShortSlabBootstrapsFromItsStor
   EXPECT_NEAR((batch.advantage - before)[3][1].item<double>(), 0.99, 1e-4);
 }
 
+TEST(IppoWithVtrace, WhatADeadAgentDoesNeitherCutsNorBendsTheTrace) {
+  const RunConfig config = vtrace_config();
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  Minibatch batch = noise_batch(shape, 2, 18);
+  act_with(ippo.net(), batch);
+  batch.agent_active[2][0] = batch.agent_active[3][0] = 0;
+  apply_lag_filter(batch, 0, 1000);
+  ippo.prepare_vtrace(batch);
+  const Tensor before = batch.advantage.clone(), target = batch.target.clone();
+  batch.log_prob[2][0] += 5;  // another policy would hardly have done that
+  ippo.prepare_vtrace(batch);
+  EXPECT_TRUE(torch::equal(batch.advantage, before));
+  EXPECT_TRUE(torch::equal(batch.target, target));
+  batch.reward[3][0] += 1;
+  ippo.prepare_vtrace(batch);
+  EXPECT_NEAR((batch.advantage - before)[1][0].item<double>(), 0.99 * 0.99, 1e-3);
+}
+
 TEST(IppoWithVtrace, TrainsAndMicroBatchesGiveTheSameGradient) {
   std::vector<std::vector<Tensor>> results;
   for (const int64_t micro_batch_size : {4096, 8}) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numeric>
 
 #include "tests/support/noise_batch.h"
@@ -610,6 +611,34 @@ TEST(QLearning, TargetsAreCopiedNowAndThenWhereTauIsOne) {
   for (int step = 1; step <= 6; ++step) {
     ASSERT_TRUE(learner->update(batch, {}));
     EXPECT_EQ(testing::all_equal(learner->parameters(), learner->target_parameters()), step % 3 == 0) << step;
+  }
+}
+
+TEST(QLearning, ReportsGradientAndStepOfEveryPart) {
+  for (const auto& [algo, parts] :
+       {std::pair<std::string, std::vector<std::string>>("idqn", {"encoder", "core", "heads"}),
+        {"vdn", {"encoder", "core", "heads"}},
+        {"qmix", {"encoder", "core", "heads", "mixer"}}}) {
+    const RunConfig config = q_config(algo, true);
+    const auto learner = q_learner(config);
+    NamedNumbers values;
+    learner->append_diagnostics(values);
+    EXPECT_TRUE(values.empty()) << algo << " has taken no step";
+    ReplayBatch batch = q_batch(config, 31);
+    const auto stats = learner->update(batch, {});
+    ASSERT_TRUE(stats);
+    learner->append_diagnostics(values);
+    const std::map<std::string, double> numbers(values.begin(), values.end());
+    EXPECT_EQ(numbers.size(), 2 * parts.size()) << algo;
+    double squares = 0;
+    for (const std::string& part : parts) {
+      ASSERT_TRUE(numbers.contains("train/grad_norm_" + part)) << algo << part;
+      squares += std::pow(numbers.at("train/grad_norm_" + part), 2);
+      EXPECT_GT(numbers.at("train/adam_gain_" + part), 0) << algo << part;
+      EXPECT_LT(numbers.at("train/adam_gain_" + part), 1) << algo << part;
+    }
+    const double norm = testing::values_of(*stats)["train/grad_norm"];
+    EXPECT_NEAR(std::sqrt(squares), norm, 1e-4 * norm) << algo;
   }
 }
 
