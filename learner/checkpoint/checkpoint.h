@@ -17,7 +17,7 @@
 
 namespace comrad::learn {
 
-/// Raised whenever the sections or their meaning change; see Layout history in learner/README.md.
+/// Raised whenever the sections or their meaning change; see Layout history in learner/CHECKPOINTS.md.
 constexpr int64_t kCheckpointLayoutVersion = 1;
 
 /// Named values, keys spelled "section/name" ("network/encoder.conv1.weight", "counters/env_frames").

@@ -73,7 +73,7 @@ constexpr RecipeRow kRows[] = {
      "4 updates of 256 decisions for every 1024: each is trained on once"},
     {"small", "idqn vdn qmix", "learning_rate", "2e-4", "twice the published rate, for the small batches"},
     {"small", "qplex_d qplex_q", "learning_rate", "1e-4",
-     "the published rate: one of three QPLEX runs on a small game went wrong at 3e-4 (learner/README.md)"},
+     "the published rate: one of three QPLEX runs on a small game went wrong at 3e-4 (learner/NOTES.md)"},
     {"small", "idqn vdn qmix qplex_d qplex_q", "epsilon_decay_steps", "5e5",
      "the published 20 M env frames are longer than a run on two cores"},
     {"small", "idqn vdn qmix qplex_d qplex_q", "epsilon_end", "0.05",
