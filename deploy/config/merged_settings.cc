@@ -166,6 +166,10 @@ Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& des
   COMRAD_TRY(layers.put(changes, changes.origin));
   COMRAD_TRY(layers.put(file, "file"));
   COMRAD_TRY(layers.put(user.typed, "command line"));
+  // TD(lambda) runs over sequences. Where somebody turns the recurrent core off the preset's row falls away; one
+  // that was asked for is refused by resolve_settings.
+  if (!layers.config().use_rnn && layers.from().at("td_lambda") == "preset")
+    COMRAD_TRY(layers.put({"", {{"td_lambda", real_text(RunConfig().td_lambda)}}}, "automatic"));
   if (layers.config().use_additional_input !=
       chosen.use_additional_input) {  // the scenario's own row decides
     COMRAD_TRY_ASSIGN(scenario,

@@ -126,6 +126,20 @@ TEST(MergeNew, QplexPresetLiesBetweenThePresetAndTheScenariosRows) {
   EXPECT_EQ(other->config.qmix_sequence_batch_size, 4) << "small's, not the row of qplex_q";
 }
 
+TEST(MergeNew, WithoutARecurrentCoreThePresetsTdLambdaFallsAwayAndATypedOneIsRefused) {
+  const auto recurrent = merge_new(typed({{"algo", "vdn"}}), fake_scenario, 2);
+  ASSERT_TRUE(recurrent) << recurrent.error().message;
+  EXPECT_EQ(recurrent->config.td_lambda, 0.8);
+  const auto flat = merge_new(typed({{"algo", "vdn"}, {"use_rnn", "false"}}), fake_scenario, 2);
+  ASSERT_TRUE(flat) << flat.error().message;
+  EXPECT_EQ(flat->config.td_lambda, -1);
+  EXPECT_EQ(flat->from.at("td_lambda"), "automatic");
+  const auto asked =
+      merge_new(typed({{"algo", "vdn"}, {"use_rnn", "false"}, {"td_lambda", "0.5"}}), fake_scenario, 2);
+  ASSERT_FALSE(asked);
+  EXPECT_THAT(asked.error().message, HasSubstr("td_lambda"));
+}
+
 TEST(MergeNew, ACommandsChangesLieBelowWhatTheUserAsks) {
   const SettingsLayer changes{"bench",
                               {{"train_for_env_steps", "1e15"}, {"num_epochs", "9"}, {"gamma", "0.5"}}};

@@ -160,12 +160,16 @@ constexpr Row kSmall[] = {
     {"num_epochs", "1"},
     {"num_batches_to_accumulate", "1"},
     {"rnn_type", "gru"},
-    {"learning_rate", "4e-4 4e-4 4e-4 2e-4 2e-4 2e-4 1e-4 1e-4"},
+    {"learning_rate", "4e-4 4e-4 4e-4 2e-4 5e-4 5e-4 1e-4 1e-4"},
     {"ppo_clip_ratio", "0.2 0.2 0.2 0.1 0.1 0.1 0.1 0.1"},
-    {"epsilon_decay_steps", "2e7 2e7 2e7 5e5 5e5 5e5 5e5 5e5"},
+    {"epsilon_decay_steps", "2e7 2e7 2e7 3e5 3e5 3e5 3e5 3e5"},
     {"epsilon_end", "0.01 0.01 0.01 0.05 0.05 0.05 0.05 0.05"},
     {"learning_starts", "50000 50000 50000 10000 10000 10000 10000 10000"},
     {"qmix_sequence_batch_size", "8 8 8 8 4 4 4 4"},
+    {"replay_ratio", "0 0 0 0 4 4 4 4"},
+    {"td_lambda", "-1 -1 -1 -1 0.8 0.8 0.8 0.8"},
+    {"target_update_tau", "0.005 0.005 0.005 0.005 0.02 0.02 0.02 0.02"},
+    {"dqn_reward_clip", "1 1 1 0 1 1 1 1"},
     {"adam_eps", "1e-6 1e-6 1e-6 1e-8 1e-8 1e-8 1e-8 1e-8"},
 };
 
@@ -176,6 +180,7 @@ struct ScenarioRow {
 };
 constexpr ScenarioRow kSmallScenarios[] = {
     {"lava_pit", {"gamma", "0.9995 0.9995 0.9995 0.99 0.99 0.99 0.99 0.99"}},
+    {"stag_hunt_arena", {"q_value_clamp", "100 100 100 100 0 0 0 0"}},
 };
 
 /// What changes neither what is learned from nor how: the run, its processes, memory, records, and which maps are drawn.
