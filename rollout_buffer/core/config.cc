@@ -41,12 +41,6 @@ void settle_mixer(RunConfig& config) {
     if (config.mixer == name.mixer) config.algo = name.algo;
 }
 
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
-
 bool parse_value(std::string_view text, std::string& value) {
   value = text;
   return true;

@@ -1,5 +1,7 @@
 #include "rollout_buffer/core/recipes.h"
 
+#include <algorithm>
+
 #include "rollout_buffer/core/text.h"
 
 namespace comrad {
@@ -59,21 +61,20 @@ constexpr RecipeRow kRows[] = {
      "four times the published rate, for 2 000 updates instead of 24 000"},
     {"small", "ippo mappo happo", "ppo_clip_ratio", "0.2",
      "at this rate and lag a third to a half of the samples lay outside the interval of 0.1 on their first "
-     "pass; "
-     "with it and 8 environments IPPO's score on Platform Chain was 2.3 to 3.3 times as high after 1 M env "
-     "frames"},
+     "pass; with 8 environments and this IPPO scored 2.3 to 3.3 times as much on Platform Chain "
+     "(RECIPES.md)"},
 
     // small: Q-learning.
-    {"small", "idqn vdn qmix qplex_d qplex_q", "batch_size", "1024",
-     "updates come four times as often, a quarter as many at once"},
+    {"small", "idqn", "batch_size", "1024", "updates come four times as often, a quarter as many at once"},
+    {"small", "vdn qmix qplex_d qplex_q", "batch_size", "1024",
+     "simulators and learner wait for each other sooner: a quarter of the decisions may be ahead"},
     {"small", "idqn vdn qmix qplex_d qplex_q", "num_batches_to_accumulate", "1",
      "decisions enter the replay sooner"},
     {"small", "vdn qmix qplex_d qplex_q", "qmix_sequence_batch_size", "4",
      "many updates from few sequences: 256 decisions of two agents"},
     {"small", "vdn qmix qplex_d qplex_q", "replay_ratio", "4",
-     "an update for every 64 new decisions; QMIX on Platform Chain learned in 5 minutes, and nothing in 4 "
-     "with a ratio "
-     "of 1"},
+     "an update for every 64 new decisions; QMIX learned Platform Chain's first steps in 5 minutes, and "
+     "nothing in 4 with a ratio of 1 (RECIPES.md)"},
     {"small", "vdn qmix qplex_d qplex_q", "td_lambda", "0.8",
      "rewards reach earlier decisions of a sequence in fewer updates"},
     {"small", "vdn qmix qplex_d qplex_q", "target_update_tau", "0.02",
@@ -95,12 +96,10 @@ constexpr RecipeRow kRows[] = {
 };
 
 Error unknown_word(const char* what, const std::string& word, const std::vector<std::string>& known) {
-  std::string list;
-  for (const std::string& one : known) list += (list.empty() ? "" : ", ") + one;
   const std::string near = nearest_word(word, known);
   return Error{ErrorCode::kBadInput, std::string("unknown ") + what + " '" + word + "'" +
                                          (near.empty() ? "" : "; did you mean '" + near + "'?") +
-                                         " (known: " + list + ")"};
+                                         " (known: " + joined(known) + ")"};
 }
 
 SettingsLayer rows_of(std::string origin, std::string_view preset, std::string_view algorithm) {
@@ -111,9 +110,7 @@ SettingsLayer rows_of(std::string origin, std::string_view preset, std::string_v
 }
 
 bool knows(const std::vector<std::string>& words, std::string_view word) {
-  for (const std::string& known : words)
-    if (known == word) return true;
-  return false;
+  return std::ranges::find(words, word) != words.end();
 }
 
 }  // namespace

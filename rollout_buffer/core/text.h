@@ -49,4 +49,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b);
 /// first of several that are as close.
 std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
 
+/// "a, b, c".
+std::string joined(const std::vector<std::string>& words);
+
 }  // namespace comrad

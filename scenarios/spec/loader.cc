@@ -18,12 +18,6 @@ namespace {
 
 constexpr std::size_t kMaxFileBytes = 1 << 20;
 
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
-
 /// Reads one table key by key; afterwards finish() reports keys that nobody asked for. The first error is
 /// kept.
 class TableReader {

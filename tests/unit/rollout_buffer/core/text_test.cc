@@ -108,5 +108,11 @@ TEST(RealText, IsTheShortestThatReadsBack) {
   EXPECT_EQ(real_text(INFINITY), "inf");
 }
 
+TEST(Joined, SeparatesWordsByCommas) {
+  EXPECT_EQ(joined({}), "");
+  EXPECT_EQ(joined({"ippo"}), "ippo");
+  EXPECT_EQ(joined({"ippo", "mappo", "happo"}), "ippo, mappo, happo");
+}
+
 }  // namespace
 }  // namespace comrad
