@@ -100,18 +100,25 @@ Status check_wad(const std::string& path) {
 
 bool is_pool_to_draw(const std::string& layout_pool) { return parse_pool(layout_pool).has_value(); }
 
+Status check_pool_to_draw(const std::string& layout_pool, bool for_training) {
+  const auto pool = parse_pool(layout_pool);
+  if (!pool) return {};
+  if (pool->count < 1 || pool->count > 100'000)
+    return Error{ErrorCode::kBadInput,
+                 "layout_pool is " + layout_pool + "; the number of layouts must be 1 to 100000"};
+  if (for_training && pool->word == "eval")
+    return Error{ErrorCode::kBadInput,
+                 "layout_pool is " + layout_pool +
+                     "; those layouts are for evaluation, train on train:" + std::to_string(pool->count)};
+  return {};
+}
+
 Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::string& made_in,
                                          bool for_training) {
   std::string folder = config.layout_pool;
   std::error_code error;
+  COMRAD_TRY(check_pool_to_draw(config.layout_pool, for_training));
   if (const auto pool = parse_pool(config.layout_pool)) {
-    if (pool->count < 1 || pool->count > 100'000)
-      return Error{ErrorCode::kBadInput,
-                   "layout_pool is " + config.layout_pool + "; the number of layouts must be 1 to 100000"};
-    if (for_training && pool->word == "eval")
-      return Error{ErrorCode::kBadInput,
-                   "layout_pool is " + config.layout_pool +
-                       "; those layouts are for evaluation, train on train:" + std::to_string(pool->count)};
     folder =
         made_in + "/" + scenario_file_name(config) + "_" + pool->word + "_" + std::to_string(pool->count);
     if (!fs::exists(folder + "/batch_registry.json", error)) {

@@ -33,6 +33,10 @@ Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::str
 /// folder.
 bool is_pool_to_draw(const std::string& layout_pool);
 
+/// Errors: kBadInput for a pool to be drawn of no or too many layouts, or of those for evaluation where training is
+/// meant; nothing is drawn yet.
+Status check_pool_to_draw(const std::string& layout_pool, bool for_training);
+
 /// Puts the list where a run's workers read it. Errors: kNoSpace, kSystem.
 Status write_layout_list(const std::string& run_dir, const std::string& text);
 

@@ -104,6 +104,14 @@ std::string toml_text(const std::string& value) {
   return text + "\"";
 }
 
+constexpr std::size_t kSettingsBytesMax = 1 << 20;
+
+// Upper bounds of reals that have no nearer one: beyond them numbers overflow on the way, or mean nothing.
+constexpr double kCoefficientMax = 1e6;
+constexpr double kScoreMax = 1e12;   // rewards, returns, scores
+constexpr double kFramesMax = 1e15;  // env frames: counters stay exact in a double
+constexpr double kSecondsMax = 1e9;  // 31 years
+
 /// Collects the first violated range or choice, so that the table of checks below reads as a table.
 class Checks {
  public:
@@ -116,11 +124,13 @@ class Checks {
     that(value >= low && value <= high, name, std::to_string(value),
          "between " + std::to_string(low) + " and " + std::to_string(high));
   }
-  void at_least(const char* name, double value, double low) {
-    that(value >= low, name, real_text(value), "at least " + real_text(low));
+  void real(const char* name, double value, double low, double high) {
+    that(value >= low && value <= high, name, real_text(value),
+         "between " + real_text(low) + " and " + real_text(high));
   }
-  void above(const char* name, double value, double low) {
-    that(value > low, name, real_text(value), "greater than " + real_text(low));
+  void above(const char* name, double value, double low, double high) {
+    that(value > low && value <= high, name, real_text(value),
+         "greater than " + real_text(low) + " and at most " + real_text(high));
   }
   void fraction(const char* name, double value) {
     that(value >= 0 && value <= 1, name, real_text(value), "between 0 and 1");
@@ -156,10 +166,12 @@ void check_curriculum(const RunConfig& c, Checks& check) {
   check.that(c.curriculum == "uniform" || !c.layout_pool.empty(), "curriculum", c.curriculum,
              "used with --layout_pool, the maps that it draws from");
   check.fraction("seq_threshold", c.seq_threshold);
-  check.at_least("seq_max_return", c.seq_max_return, 0);
+  check.real("seq_max_return", c.seq_max_return, 0, kScoreMax);
   check.range("seq_window", c.seq_window, 1, 1'000'000);
   check.range("seq_min_outcomes", c.seq_min_outcomes, 1, 1'000'000);
   check.fraction("lp_p_theta", c.lp_p_theta);
+  check.real("lp_min_return", c.lp_min_return, -kScoreMax, kScoreMax);
+  check.real("lp_max_return", c.lp_max_return, -kScoreMax, kScoreMax);
   check.that(c.lp_max_return == 0 || c.lp_max_return > c.lp_min_return, "lp_max_return",
              real_text(c.lp_max_return), "greater than lp_min_return (" + real_text(c.lp_min_return) + ")");
   check.fraction("lp_uniform_prob", c.lp_uniform_prob);
@@ -174,10 +186,10 @@ void check_curriculum(const RunConfig& c, Checks& check) {
   check.fraction("plr_max_score_coef", c.plr_max_score_coef);
   check.fraction("plr_alpha", c.plr_alpha);
   check.one_of("plr_score_transform", c.plr_score_transform, transforms);
-  check.above("plr_temperature", c.plr_temperature, 0);
+  check.above("plr_temperature", c.plr_temperature, 0, 1e6);
   check.fraction("plr_staleness_coef", c.plr_staleness_coef);
   check.one_of("plr_staleness_transform", c.plr_staleness_transform, transforms);
-  check.above("plr_staleness_temperature", c.plr_staleness_temperature, 0);
+  check.above("plr_staleness_temperature", c.plr_staleness_temperature, 0, 1e6);
   check.one_of("plr_replay_schedule", c.plr_replay_schedule, {"proportionate", "fixed"});
   check.fraction("plr_replay_prob", c.plr_replay_prob);
   check.fraction("plr_rho", c.plr_rho);
@@ -187,19 +199,20 @@ void check_curriculum(const RunConfig& c, Checks& check) {
 void check_q_learning(const RunConfig& c, Checks& check) {
   check.fraction("epsilon_start", c.epsilon_start);
   check.fraction("epsilon_end", c.epsilon_end);
-  check.above("epsilon_decay_steps", c.epsilon_decay_steps, 0);
+  check.above("epsilon_decay_steps", c.epsilon_decay_steps, 0, kFramesMax);
   check.that(c.target_update_tau > 0 && c.target_update_tau <= 1, "target_update_tau",
              real_text(c.target_update_tau), "greater than 0 and at most 1");
   check.range("target_update_interval", c.target_update_interval, 1, 1'000'000'000);
   check.range("n_step", c.n_step, 1, 4096);
-  check.that(c.td_lambda <= 1, "td_lambda", real_text(c.td_lambda), "between 0 and 1, or below 0 for n_step");
-  check.at_least("q_value_clamp", c.q_value_clamp, 0);
-  check.at_least("dqn_reward_clip", c.dqn_reward_clip, 0);
+  check.that(c.td_lambda >= -1 && c.td_lambda <= 1, "td_lambda", real_text(c.td_lambda),
+             "between 0 and 1, or -1 for n_step");
+  check.real("q_value_clamp", c.q_value_clamp, 0, kScoreMax);
+  check.real("dqn_reward_clip", c.dqn_reward_clip, 0, kScoreMax);
   check.one_of("team_reward", c.team_reward, {"auto", "sum", "mean"});
   check.range("learning_starts", c.learning_starts, 0, int64_t{1} << 40);
   check.range("train_frequency", c.train_frequency, 1, 1'000'000);
   check.range("dqn_max_updates_per_batch", c.dqn_max_updates_per_batch, 1, 1'000'000);
-  check.at_least("replay_ratio", c.replay_ratio, 0);
+  check.real("replay_ratio", c.replay_ratio, 0, 1e4);
   check.range("dqn_batch_size", c.dqn_batch_size, 0, 1 << 20);
   check.range("qmix_buffer_batch_size", c.qmix_buffer_batch_size, 1, 1 << 20);
   check.range("qmix_sequence_batch_size", c.qmix_sequence_batch_size, 1, 1 << 16);
@@ -211,7 +224,7 @@ void check_q_learning(const RunConfig& c, Checks& check) {
   check.range("replay_buffer_size", c.replay_buffer_size, 1, int64_t{1} << 40);
   check.fraction("per_omega", c.per_omega);
   check.fraction("per_beta_start", c.per_beta_start);
-  check.at_least("per_beta_frames", c.per_beta_frames, 0);
+  check.real("per_beta_frames", c.per_beta_frames, 0, kFramesMax);
   check.fraction("per_eta", c.per_eta);
 
   check.that(c.mixer.empty() || c.mixer == mixer_of(c.algo), "mixer", c.mixer,
@@ -225,11 +238,16 @@ void check_q_learning(const RunConfig& c, Checks& check) {
   check.range("qplex_adv_hypernet_embed", c.qplex_adv_hypernet_embed, 1, 4096);
   check.range("qplex_num_kernel", c.qplex_num_kernel, 1, 256);
   check.range("qplex_n_head", c.qplex_n_head, 1, 256);
-  check.at_least("qplex_attend_reg_coef", c.qplex_attend_reg_coef, 0);
+  check.real("qplex_attend_reg_coef", c.qplex_attend_reg_coef, 0, kCoefficientMax);
 }
 
 Status check_ranges(const RunConfig& c) {
   Checks check;
+  visit_settings(c, [&check](const char* name, const auto& member, const char* /*help*/,
+                             std::initializer_list<const char*> /*aliases*/) {
+    if constexpr (std::is_same_v<std::remove_cvref_t<decltype(member)>, std::string>)
+      check.that(is_utf8(member), name, "no UTF-8", "text in UTF-8");
+  });
   check.that(!c.scenario.empty(), "scenario", c.scenario, "the name of a scenario");
   check.one_of("algo", c.algo, algorithm_names());
   check.one_of("preset", c.preset, preset_names());
@@ -237,14 +255,14 @@ Status check_ranges(const RunConfig& c) {
              "experiment", c.experiment, "a folder name without '/'");
   check.that(!c.train_dir.empty(), "train_dir", c.train_dir, "a folder");
   check.one_of("restart_behavior", c.restart_behavior, {"resume", "restart", "overwrite"});
-  check.at_least("seed", static_cast<double>(c.seed), 0);
+  check.range("seed", c.seed, 0, std::numeric_limits<int64_t>::max());
   check.range("num_agents", c.num_agents, 1, 8);
-  check.at_least("layout_seed", static_cast<double>(c.layout_seed), 0);
+  check.range("layout_seed", c.layout_seed, 0, std::numeric_limits<int64_t>::max());
   check.that(c.layout_pool.empty() || c.wad.empty(), "layout_pool", c.layout_pool,
              "left out where --wad names the one map to play");
   check.range("layout_swap_every", c.layout_swap_every, 1, 1'000'000);
-  check.above("train_for_env_steps", c.train_for_env_steps, 0);
-  check.at_least("train_for_seconds", c.train_for_seconds, 0);
+  check.above("train_for_env_steps", c.train_for_env_steps, 0, kFramesMax);
+  check.real("train_for_seconds", c.train_for_seconds, 0, kSecondsMax);
 
   check.that(is_device(c.device), "device", c.device, "auto, cpu, cuda or cuda:<number>");
   check.range("num_workers", c.num_workers, 0, 1024);
@@ -264,7 +282,8 @@ Status check_ranges(const RunConfig& c) {
   check.one_of("resize", c.resize, {"none", "nearest", "area"});
   check.that(c.resize != "none" || c.render_size == "128x72", "render_size", c.render_size,
              "128x72, unless --resize nearest or --resize area brings the view to that size");
-  check.above("reward_clip", c.reward_clip, 0);
+  check.real("reward_scale", c.reward_scale, -kCoefficientMax, kCoefficientMax);
+  check.above("reward_clip", c.reward_clip, 0, kScoreMax);
   check.that(c.shared_reward_alpha == -1 || (c.shared_reward_alpha >= 0 && c.shared_reward_alpha <= 1),
              "shared_reward_alpha", real_text(c.shared_reward_alpha),
              "between 0 and 1, or -1 for the scenario's");
@@ -280,41 +299,43 @@ Status check_ranges(const RunConfig& c) {
 
   check.fraction("gamma", c.gamma);
   check.fraction("gae_lambda", c.gae_lambda);
-  check.at_least("returns_clip", c.returns_clip, 0);
-  check.above("ppo_clip_ratio", c.ppo_clip_ratio, 0);
-  check.above("ppo_clip_value", c.ppo_clip_value, 0);
-  check.at_least("value_loss_coeff", c.value_loss_coeff, 0);
+  check.real("returns_clip", c.returns_clip, 0, kCoefficientMax);
+  check.above("ppo_clip_ratio", c.ppo_clip_ratio, 0, 100);
+  check.above("ppo_clip_value", c.ppo_clip_value, 0, kScoreMax);
+  check.real("value_loss_coeff", c.value_loss_coeff, 0, kCoefficientMax);
   check.one_of("exploration_loss", c.exploration_loss, {"symmetric_kl", "entropy", "none"});
-  check.at_least("exploration_loss_coeff", c.exploration_loss_coeff, 0);
-  check.at_least("kl_loss_coeff", c.kl_loss_coeff, 0);
-  check.at_least("early_stop_kl", c.early_stop_kl, 0);
-  check.above("vtrace_rho", c.vtrace_rho, 0);
-  check.above("vtrace_c", c.vtrace_c, 0);
+  check.real("exploration_loss_coeff", c.exploration_loss_coeff, 0, kCoefficientMax);
+  check.real("kl_loss_coeff", c.kl_loss_coeff, 0, kCoefficientMax);
+  check.real("early_stop_kl", c.early_stop_kl, 0, kCoefficientMax);
+  check.above("vtrace_rho", c.vtrace_rho, 0, kCoefficientMax);
+  check.above("vtrace_c", c.vtrace_c, 0, kCoefficientMax);
   check.one_of("happo_agent_order", c.happo_agent_order, {"random", "fixed"});
-  check.that(c.happo_factor_clamp == 0 || c.happo_factor_clamp > 1, "happo_factor_clamp",
-             real_text(c.happo_factor_clamp), "greater than 1, or 0 for none");
+  check.that(
+      c.happo_factor_clamp == 0 || (c.happo_factor_clamp > 1 && c.happo_factor_clamp <= kCoefficientMax),
+      "happo_factor_clamp", real_text(c.happo_factor_clamp),
+      "greater than 1 and at most " + real_text(kCoefficientMax) + ", or 0 for none");
 
   check_q_learning(c, check);
 
-  check.at_least("learning_rate", c.learning_rate, 0);
+  check.real("learning_rate", c.learning_rate, 0, 1);
   check.one_of("lr_schedule", c.lr_schedule,
                {"constant", "linear_decay", "kl_adaptive_minibatch", "kl_adaptive_epoch"});
-  check.above("lr_schedule_kl_threshold", c.lr_schedule_kl_threshold, 0);
-  check.above("lr_adaptive_min", c.lr_adaptive_min, 0);
-  check.at_least("lr_adaptive_max", c.lr_adaptive_max, c.lr_adaptive_min);
-  check.above("adam_eps", c.adam_eps, 0);
+  check.above("lr_schedule_kl_threshold", c.lr_schedule_kl_threshold, 0, 100);
+  check.above("lr_adaptive_min", c.lr_adaptive_min, 0, 1);
+  check.real("lr_adaptive_max", c.lr_adaptive_max, c.lr_adaptive_min, 1);
+  check.above("adam_eps", c.adam_eps, 0, 1);
   check.that(c.adam_beta1 >= 0 && c.adam_beta1 < 1, "adam_beta1", real_text(c.adam_beta1),
              "at least 0 and below 1");
   check.that(c.adam_beta2 >= 0 && c.adam_beta2 < 1, "adam_beta2", real_text(c.adam_beta2),
              "at least 0 and below 1");
-  check.at_least("max_grad_norm", c.max_grad_norm, 0);
+  check.real("max_grad_norm", c.max_grad_norm, 0, kCoefficientMax);
 
   check.one_of("encoder_conv_architecture", c.encoder_conv_architecture,
                {"convnet_simple", "convnet_impala", "convnet_atari", "resnet_impala"});
   check.one_of("rnn_type", c.rnn_type, {"gru", "lstm"});
   check.range("rnn_size", c.rnn_size, 1, 4096);
   check.range("rnn_num_layers", c.rnn_num_layers, 1, 8);
-  check.above("policy_init_gain", c.policy_init_gain, 0);
+  check.above("policy_init_gain", c.policy_init_gain, 0, 100);
   for (const auto& [name, text] : {std::pair("decoder_mlp_layers", &c.decoder_mlp_layers),
                                    std::pair("critic_hidden_sizes", &c.critic_hidden_sizes)})
     check.that(parse_widths(*text).has_value(), name, *text,
@@ -324,13 +345,13 @@ Status check_ranges(const RunConfig& c) {
 
   check_curriculum(c, check);
 
-  check.above("save_every_sec", c.save_every_sec, 0);
+  check.above("save_every_sec", c.save_every_sec, 0, kSecondsMax);
   check.range("keep_checkpoints", c.keep_checkpoints, 1, 1'000'000);
-  check.above("save_best_every_sec", c.save_best_every_sec, 0);
-  check.at_least("save_best_after", c.save_best_after, 0);
+  check.above("save_best_every_sec", c.save_best_every_sec, 0, kSecondsMax);
+  check.real("save_best_after", c.save_best_after, 0, kFramesMax);
   check.one_of("load_checkpoint_kind", c.load_checkpoint_kind, {"latest", "best"});
-  check.above("experiment_summaries_interval", c.experiment_summaries_interval, 0);
-  check.above("progress_interval", c.progress_interval, 0);
+  check.above("experiment_summaries_interval", c.experiment_summaries_interval, 0, kSecondsMax);
+  check.above("progress_interval", c.progress_interval, 0, kSecondsMax);
   check.range("stats_avg", c.stats_avg, 1, 1'000'000);
   return check.status();
 }
@@ -460,6 +481,56 @@ Status apply_layer(RunConfig& config, const SettingsLayer& layer) {
   return {};
 }
 
+namespace {
+
+/// Where the string that begins at text[at] ends: the place behind its last quote. One that is left open ends with
+/// its line, or with the text where three quotes began it; toml++ reports it.
+std::size_t end_of_toml_string(std::string_view text, std::size_t at) {
+  const char quote = text[at];
+  const std::string three(3, quote);
+  const bool is_long = text.substr(at, 3) == three;
+  for (std::size_t i = at + (is_long ? 3 : 1); i < text.size(); ++i) {
+    if (text[i] == '\\' && quote == '"') {
+      ++i;
+    } else if (is_long ? text.substr(i, 3) == three : text[i] == quote) {
+      return i + (is_long ? 3 : 1);
+    } else if (text[i] == '\n' && !is_long) {
+      return i;
+    }
+  }
+  return text.size();
+}
+
+/// A key of thousands of parts makes as many tables in one another, and taking those down overflows the stack.
+Status check_toml_depth(std::string_view text, const std::string& label) {
+  constexpr int kPartsMax = 64;
+  int dots = 0;
+  std::size_t line = 1, line_begin = 0;
+  const auto count_line = [&](std::size_t newline) { ++line, line_begin = newline + 1; };
+  for (std::size_t i = 0; i < text.size();) {
+    const char c = text[i];
+    if (c == '"' || c == '\'') {
+      const std::size_t end = end_of_toml_string(text, i);
+      for (; i < end; ++i)
+        if (text[i] == '\n') count_line(i);
+      continue;
+    }
+    if (c == '#') {
+      i = std::min(text.find('\n', i), text.size());
+      continue;
+    }
+    if (c == '.' && ++dots > kPartsMax)
+      return Error{ErrorCode::kBadFormat, label + ":" + std::to_string(line) + ":" +
+                                              std::to_string(i - line_begin + 1) + ": a key of more than " +
+                                              std::to_string(kPartsMax) + " parts"};
+    if (std::string_view("=,[]{}\n").find(c) != std::string_view::npos) dots = 0;
+    if (c == '\n') count_line(i);
+    ++i;
+  }
+  return {};
+}
+
+/// toml++ 3.3 assumes, unchecked in release builds, that a table's header goes on with a key.
 Status check_toml_headers(std::string_view text, const std::string& label) {
   const auto byte_at = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const auto is_blank = [](unsigned char c) {
@@ -494,12 +565,19 @@ Status check_toml_headers(std::string_view text, const std::string& label) {
   return {};
 }
 
+}  // namespace
+
+Status check_toml_text(std::string_view text, const std::string& label) {
+  COMRAD_TRY(check_toml_depth(text, label));
+  return check_toml_headers(text, label);
+}
+
 Expected<SettingsLayer> read_settings_toml(const std::string& path) {
-  const std::optional<std::string> words = read_file(path);
+  const Expected<std::string> words = read_short_file(path, kSettingsBytesMax);
   if (!words)
-    return Error{ErrorCode::kNotFound, path + ": cannot be read; give the path of a TOML file of settings"};
+    return Error{words.error().code, words.error().message + "; give the path of a TOML file of settings"};
   SettingsLayer layer{path, {}};
-  COMRAD_TRY(check_toml_headers(*words, path));
+  COMRAD_TRY(check_toml_text(*words, path));
   try {
     const toml::table document = toml::parse(*words, path);
     for (const auto& [key, node] : document) {

@@ -537,10 +537,10 @@ int64_t recurrent_state_count(const RunConfig& config);
 /// `logits`: choices of all action heads.
 int64_t weights_bytes_limit(const RunConfig& config, int64_t num_agents, int64_t frame_bytes, int64_t logits);
 
-/// To be asked before toml++ parses `text`: its 3.3 assumes, unchecked in release builds, that a table's
-/// header goes on with a key, so "[=]" would be undefined behaviour. Errors: kBadFormat as
-/// "label:line:column: what".
-Status check_toml_headers(std::string_view text, const std::string& label);
+/// To be asked before toml++ parses `text`, for what its 3.3 does not survive: a table's header without a key
+/// ("[=]" is undefined behaviour in release builds), and a key of more than 64 parts, whose tables lie in one
+/// another. Errors: kBadFormat as "label:line:column: what".
+Status check_toml_text(std::string_view text, const std::string& label);
 
 /// The folder that holds scenarios/ and the other data files: $COMRAD_HOME, else the source folder of the
 /// build.

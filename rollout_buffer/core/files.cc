@@ -1,6 +1,7 @@
 #include "rollout_buffer/core/files.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -30,10 +31,13 @@ Error system_error(const std::string& what) {
 Error file_error(const std::string& what, int code) {
   const bool is_full = code == ENOSPC || code == EDQUOT || code == EFBIG;
   const bool is_missing = code == ENOENT || code == ENOTDIR;
+  const char* what_to_do = code == EFBIG ? "; raise the limit of file size (ulimit -f)"
+                           : is_full     ? "; free disk space or write elsewhere"
+                                         : "";
   return Error{is_full      ? ErrorCode::kNoSpace
                : is_missing ? ErrorCode::kNotFound
                             : ErrorCode::kSystem,
-               what + ": " + std::strerror(code) + (is_full ? "; free disk space or write elsewhere" : "")};
+               what + ": " + std::strerror(code) + what_to_do};
 }
 
 std::optional<std::string> read_file(const std::string& path) {
@@ -41,6 +45,29 @@ std::optional<std::string> read_file(const std::string& path) {
   std::ostringstream bytes;
   if (!file || !(bytes << file.rdbuf())) return std::nullopt;
   return std::move(bytes).str();
+}
+
+Expected<std::string> read_short_file(const std::string& path, std::size_t max_bytes) {
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return file_error("cannot read " + path, errno);
+  struct Closer {
+    int file;
+    ~Closer() { close(file); }
+  } const closer{file};
+  struct stat kind {};
+  if (fstat(file, &kind) != 0) return file_error("cannot read " + path, errno);
+  if (!S_ISREG(kind.st_mode) && !S_ISFIFO(kind.st_mode))
+    return Error{ErrorCode::kBadFormat, path + ": is no file"};
+  std::string bytes;
+  char block[65536];
+  while (bytes.size() <= max_bytes) {
+    const ssize_t count = ::read(file, block, sizeof block);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) return file_error("cannot read " + path, errno);
+    if (count == 0) return bytes;
+    bytes.append(block, static_cast<std::size_t>(count));
+  }
+  return Error{ErrorCode::kBadFormat, path + ": longer than " + std::to_string(max_bytes >> 10) + " kB"};
 }
 
 Status write_all(int descriptor, std::string_view bytes, const std::string& path) {

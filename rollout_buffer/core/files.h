@@ -20,6 +20,10 @@ Error file_error(const std::string& what, int code);
 /// those who read one here. The caller says what it should have been.
 std::optional<std::string> read_file(const std::string& path);
 
+/// The bytes of a file that a user names and that should be short (settings): a plain file or a pipe, never more
+/// than `max_bytes` of it. Errors: as file_error; kBadFormat where it is longer or a folder or device.
+Expected<std::string> read_short_file(const std::string& path, std::size_t max_bytes);
+
 /// Writes all bytes to an open file, whatever part of them one call takes; `path` names it in errors.
 /// Errors: as file_error.
 Status write_all(int descriptor, std::string_view bytes, const std::string& path);

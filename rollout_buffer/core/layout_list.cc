@@ -28,7 +28,7 @@ std::string layout_list_text(const LayoutList& list) {
 
 Expected<LayoutList> parse_layout_list(std::string_view text, const std::string& label) {
   const auto bad = [&](const std::string& what) { return Error{ErrorCode::kBadFormat, label + ": " + what}; };
-  COMRAD_TRY(check_toml_headers(text, label));
+  COMRAD_TRY(check_toml_text(text, label));
   LayoutList list;
   std::set<std::string> ids;
   try {

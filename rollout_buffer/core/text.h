@@ -30,6 +30,9 @@ constexpr bool same_ignoring_case(std::string_view left, std::string_view right)
 /// Space, tab, and what ends a line or a page.
 constexpr bool is_space(char letter) { return letter == ' ' || (letter >= '\t' && letter <= '\r'); }
 
+/// Whether the bytes are UTF-8 (Unicode 15, table 3-7: no overlong forms, no surrogates, at most U+10FFFF).
+bool is_utf8(std::string_view text);
+
 /// The text without the space before and after it.
 std::string_view trimmed(std::string_view text);
 

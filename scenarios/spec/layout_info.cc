@@ -28,7 +28,7 @@ std::string write_layout_info(const LayoutInfo& info) {
 
 Expected<LayoutInfo> parse_layout_info(std::string_view text) {
   if (text.size() > kMaxTextBytes) return bad("longer than 64 KB");
-  COMRAD_TRY(check_toml_headers(text, std::string("lump ") + kLayoutInfoLump));
+  COMRAD_TRY(check_toml_text(text, std::string("lump ") + kLayoutInfoLump));
   LayoutInfo info;
   try {  // toml++ throws; nothing of it leaves this function
     const toml::table table = toml::parse(text);

@@ -398,7 +398,7 @@ Expected<ScenarioSpec> load_scenario(const std::string& name) {
   const std::string path = folder + "/scenario.toml";
   COMRAD_TRY_ASSIGN(const std::string text, read_scenario_file(path));
   if (text.size() > kMaxFileBytes) return Error{ErrorCode::kBadFormat, path + ": longer than 1 MB"};
-  COMRAD_TRY(check_toml_headers(text, path));
+  COMRAD_TRY(check_toml_text(text, path));
   try {  // toml++ throws; nothing of it leaves this function
     const toml::table table = toml::parse(text, path);
     COMRAD_TRY_ASSIGN(ScenarioSpec spec,

@@ -363,12 +363,11 @@ TEST(DataDir, TheEnvironmentWinsOverTheBuild) {
 
 TEST(TomlHeaders, AHeaderWithoutANameIsAnErrorBeforeTheParserMeetsIt) {
   for (const char* text : {"[=]", "a = 1\n [[\x1e name]]", "[\n]", "\xC2\xA0[+]"}) {
-    const Status checked = check_toml_headers(text, "file.toml");
+    const Status checked = check_toml_text(text, "file.toml");
     ASSERT_FALSE(checked) << text;
     EXPECT_TRUE(checked.error().message.starts_with("file.toml:")) << checked.error().message;
   }
-  EXPECT_TRUE(
-      check_toml_headers("a = [1, [2], []]\n[b]\n[[ c ]]\n['d']\n[\"e\"]\nx = \"[=\"\n[", "file.toml"));
+  EXPECT_TRUE(check_toml_text("a = [1, [2], []]\n[b]\n[[ c ]]\n['d']\n[\"e\"]\nx = \"[=\"\n[", "file.toml"));
 }
 
 TEST(Resolve, APoolAndACurriculumAreChecked) {
@@ -400,6 +399,59 @@ TEST(ApplyLayer, ThePoolsOldNamesAreKnown) {
   EXPECT_EQ(config.layout_pool, "p");
   EXPECT_EQ(config.layout_swap_every, 1);
   EXPECT_EQ(config.curriculum, "plr");
+}
+
+TEST(Settings, EveryRealHasBounds) {
+  int reals = 0;
+  RunConfig names;
+  visit_settings(names, [&](const char* name, auto& member, const char*, std::initializer_list<const char*>) {
+    if constexpr (std::is_same_v<std::remove_cvref_t<decltype(member)>, double>) {
+      ++reals;
+      for (const char* absurd : {"1e300", "-1e300"}) {
+        RunConfig config = two_agents();
+        ASSERT_TRUE(apply_layer(config, layer({{name, absurd}}))) << name;
+        const Status checked = resolve_settings(config, 2);
+        ASSERT_FALSE(checked) << name << " " << absurd;
+        EXPECT_THAT(checked.error().message, HasSubstr(name));
+      }
+    }
+  });
+  EXPECT_GE(reals, 60);
+}
+
+TEST(Settings, TextThatIsNoUtf8IsRefused) {
+  RunConfig config = two_agents();
+  config.experiment = "caf\xE9";
+  const Status checked = resolve_settings(config, 2);
+  ASSERT_FALSE(checked);
+  EXPECT_THAT(checked.error().message, HasSubstr("experiment"));
+  config.experiment = "caf\xC3\xA9";
+  EXPECT_TRUE(resolve_settings(config, 2));
+}
+
+TEST(Settings, KeysOfThousandsOfPartsAreRefusedBeforeTheyAreParsed) {
+  std::string deep = "a", numbers;
+  for (int i = 0; i < 100'000; ++i) deep += ".a";
+  for (int i = 0; i < 1000; ++i) numbers += "0.5, ";
+  for (const std::string& text : {deep + " = 1\n", "[" + deep + "]\n", "x = {" + deep + " = 1}\n",
+                                  "s = \"\"\"\n.\"\"\"\n" + deep + " = 1\n"}) {
+    const Status checked = check_toml_text(text, "file.toml");
+    ASSERT_FALSE(checked);
+    EXPECT_THAT(checked.error().message, HasSubstr("a key of more than 64 parts"));
+    EXPECT_THAT(checked.error().message, ::testing::StartsWith("file.toml:"));
+  }
+  const std::string dots(1000, '.');
+  EXPECT_TRUE(check_toml_text(
+      "a = \"" + dots + "\" # " + dots + "\nb = '''" + dots + "\n" + dots + "'''\nc = [" + numbers + "]\n",
+      "file.toml"));
+}
+
+TEST(Settings, AFileThatNeverEndsIsNotReadWhole) {
+  for (const char* path : {"/dev/zero", "/proc"}) {
+    const auto read = read_settings_toml(path);
+    ASSERT_FALSE(read) << path;
+    EXPECT_THAT(read.error().message, HasSubstr(path));
+  }
 }
 
 }  // namespace
