@@ -88,6 +88,7 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
     const int null_input = open("/dev/null", O_RDONLY | O_CLOEXEC);
     if (null_input >= 0) dup2(null_input, STDIN_FILENO);
     pthread_sigmask(SIG_SETMASK, &previous_mask, nullptr);
+    signal(SIGPIPE, SIG_DFL), signal(SIGXFSZ, SIG_DFL);  // prepare_process() is for our own programs
     execvp(arguments[0], arguments.data());
     const int reason = errno;
     (void)!write(exec_failure.write_end.value, &reason, sizeof(reason));
@@ -163,6 +164,7 @@ std::string last_words(const ProgramResult& result) {
 }
 
 Error replace_process(const std::vector<std::string>& command) {
+  signal(SIGPIPE, SIG_DFL), signal(SIGXFSZ, SIG_DFL);  // prepare_process() is for our own programs
   execvp(command[0].c_str(), argument_vector(command).data());
   Error failed = file_error(command[0], errno);
   failed.message += "; build it with ./comrad";

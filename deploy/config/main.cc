@@ -8,6 +8,7 @@
 #include "deploy/config/commands/command.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/schema/version.h"
 
@@ -58,13 +59,13 @@ int unknown_command(const std::string& name) {
   const std::string nearest = comrad::nearest_word(name, known);
   std::fprintf(stderr, "comrad: error: unknown command '%s'%s (comrad help lists them)\n", name.c_str(),
                nearest.empty() ? "" : ("; did you mean '" + nearest + "'?").c_str());
-  return comrad::deploy::kExitBadInput;
+  return comrad::kExitBadInput;
 }
 
 int dispatch(const std::vector<std::string>& words) {
   if (words.empty()) {
     print_overview(stderr);
-    return comrad::deploy::kExitBadInput;
+    return comrad::kExitBadInput;
   }
   const std::string& name = words[0];
   if (name == "help" && words.size() > 1) {
@@ -74,11 +75,11 @@ int dispatch(const std::vector<std::string>& words) {
   }
   if (name == "help" || name == "--help" || name == "-h") {
     print_overview(stdout);
-    return comrad::deploy::kExitDone;
+    return comrad::kExitDone;
   }
   if (name == "version" || name == "--version") {
     std::printf("comrad %s (arena layout %u)\n", COMRAD_VERSION, comrad::kLayoutVersion);
-    return comrad::deploy::kExitDone;
+    return comrad::kExitDone;
   }
   const Command* command = find(name);
   return command == nullptr ? unknown_command(name) : command->run(Arguments(words).subspan(1));
@@ -87,11 +88,12 @@ int dispatch(const std::vector<std::string>& words) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (!comrad::init_log("comrad", "")) return comrad::deploy::kExitFailed;  // stdout is for results alone
+  comrad::prepare_process();
+  if (!comrad::init_log("comrad", "")) return comrad::kExitFailed;  // stdout is for results alone
   try {
     return dispatch(std::vector<std::string>(argv + 1, argv + argc));
   } catch (const std::exception& exception) {  // from libraries; our own code returns errors
     std::fprintf(stderr, "comrad: error: %s\n", exception.what());
-    return comrad::deploy::kExitFailed;
+    return comrad::kExitFailed;
   }
 }

@@ -6,8 +6,10 @@
 #include <vector>
 
 #include "doomgen/acs/compiler.h"
+#include "rollout_buffer/core/process.h"
 
 int main(int argc, char** argv) {
+  comrad::prepare_process();
   CLI::App app("Compiles an ACS source into a BEHAVIOR lump.", "comrad-acs");
   std::string source, output;
   std::vector<std::string> folders;

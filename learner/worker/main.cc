@@ -13,6 +13,7 @@
 #include "learner/worker/learner.h"
 #include "policy_workers/policy/policy_net.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/shm/arena_socket.h"
 
 namespace comrad::learn {
@@ -40,9 +41,9 @@ int exit_code(const Error& error) {
     case ErrorCode::kBadFormat:
     case ErrorCode::kNotFound:
     case ErrorCode::kUnsupported:
-      return 2;
+      return kExitBadInput;
     default:
-      return 1;
+      return kExitFailed;
   }
 }
 
@@ -66,7 +67,7 @@ Expected<EnvShape> bench_shape(const CommandLine& command) {
   return env;
 }
 
-Status train_or_serve(const CommandLine& command, const RunConfig& config) {
+Status train_or_serve(const CommandLine& command, const RunConfig& config, bool& is_unsaved) {
   shm::JoinRequest request;
   std::snprintf(request.role, sizeof(request.role), "learner");
   COMRAD_TRY_ASSIGN(shm::Arena arena, shm::join_arena(command.arena, request, kJoinTimeoutMs));
@@ -75,6 +76,7 @@ Status train_or_serve(const CommandLine& command, const RunConfig& config) {
       const std::unique_ptr<Learner> learner,
       Learner::start(command.learner, config, std::move(arena), std::move(bus), stop_signalled));
   const Status result = learner->run();
+  is_unsaved = learner->is_unsaved();
   // A run that diverged is no user's mistake that another start would repair.
   if (!result) return Error{ErrorCode::kSystem, result.error().message};
   return {};
@@ -95,11 +97,12 @@ int run(const CommandLine& command) {
   const Status logging = init_log("learner", command.learner.run_dir + "/logs/learner-0.log");
   if (!logging) return fail(logging.error(), 1);
   has_log = true;
-  const Status done = train_or_serve(command, *config);
+  bool is_unsaved = false;
+  const Status done = train_or_serve(command, *config, is_unsaved);
   if (!done) {
     spdlog::error("{}", done.error().message);  // init_log sends errors to stderr as well
     spdlog::default_logger()->flush();
-    return exit_code(done.error());
+    return is_unsaved ? kExitNotSaved : exit_code(done.error());
   }
   spdlog::info("learner: stopped");
   spdlog::default_logger()->flush();
@@ -110,6 +113,7 @@ int run(const CommandLine& command) {
 }  // namespace comrad::learn
 
 int main(int argc, char** argv) {
+  comrad::prepare_process();
   comrad::policy::tune_allocator();
   comrad::learn::CommandLine command;
   CLI::App app("Trains the policy of one COMRAD run; normally started by `comrad train`.", "comrad-learner");

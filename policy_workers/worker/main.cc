@@ -14,6 +14,7 @@
 #include "policy_workers/worker/policy_worker.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/arena_socket.h"
@@ -22,7 +23,6 @@ namespace {
 
 using namespace comrad;
 
-constexpr int kExitBadInput = 2;
 constexpr int kJoinTimeoutMs = 20'000;
 
 std::atomic<bool> g_stop{false};  // a signal handler has no other way to speak
@@ -94,6 +94,7 @@ Status work(const Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  comrad::prepare_process();
   policy::tune_allocator();
   Arguments arguments;
   CLI::App app{

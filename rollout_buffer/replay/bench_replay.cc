@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/replay/replay.h"
 #include "rollout_buffer/shm/segment.h"
@@ -24,7 +25,6 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr int kExitFailed = 1, kExitBadInput = 2;
 constexpr double kTicsPerDecision = 4;
 constexpr int kSlabCount = 8;  // different trajectories that the fill repeats
 
@@ -335,6 +335,7 @@ Status run(const Arguments& arguments) {
 }  // namespace comrad::replay
 
 int main(int argc, char** argv) {
+  comrad::prepare_process();
   using namespace comrad;
   replay::Arguments arguments;
   CLI::App app{
@@ -364,7 +365,7 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& failure) {
-    return app.exit(failure) == 0 ? 0 : replay::kExitBadInput;
+    return app.exit(failure) == 0 ? 0 : kExitBadInput;
   }
   if (arguments.modes.empty()) {
     arguments.modes = {"ram", "lz4"};
@@ -373,7 +374,7 @@ int main(int argc, char** argv) {
   const bool wants_file = std::ranges::count(arguments.modes, "mapped") > 0;
   if (wants_file && arguments.replay_file.empty()) {
     std::fprintf(stderr, "comrad bench replay: error: mode mapped needs --replay_file PATH\n");
-    return replay::kExitBadInput;
+    return kExitBadInput;
   }
   try {
     const Status done = replay::run(arguments);
@@ -381,10 +382,10 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "comrad bench replay: error: %s\n", done.error().message.c_str());
     const ErrorCode code = done.error().code;
     return code == ErrorCode::kBadInput || code == ErrorCode::kNotFound || code == ErrorCode::kBadFormat
-               ? replay::kExitBadInput
-               : replay::kExitFailed;
+               ? kExitBadInput
+               : kExitFailed;
   } catch (const std::exception& failure) {  // from libraries; ours do not throw
     std::fprintf(stderr, "comrad bench replay: error: %s\n", failure.what());
-    return replay::kExitFailed;
+    return kExitFailed;
   }
 }

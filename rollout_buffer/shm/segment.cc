@@ -96,7 +96,7 @@ Expected<Segment> Segment::create(const std::string& name, int64_t size_bytes) {
   if (segment.mapping_.descriptor < 0) return system_error("memfd_create " + name);
   // Pages are taken on first touch; the size alone is fixed here, and for good.
   if (ftruncate(segment.mapping_.descriptor, size_bytes) != 0)
-    return system_error("shared memory " + name + ", setting its size");
+    return file_error("shared memory " + name + ", setting its size", errno);
   if (fcntl(segment.mapping_.descriptor, F_ADD_SEALS, kSeals) != 0)
     return system_error("shared memory " + name + ", sealing");
   COMRAD_TRY(segment.map(size_bytes));

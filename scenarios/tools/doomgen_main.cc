@@ -12,6 +12,7 @@
 #include "doomgen/wad/binary_map_reader.h"
 #include "doomgen/wad/wad_reader.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/process.h"
 #include "scenarios/spec/layout_pool.h"
 #include "scenarios/spec/registry.h"
 
@@ -268,4 +269,7 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace comrad
 
-int main(int argc, char** argv) { return comrad::run(argc, argv); }
+int main(int argc, char** argv) {
+  comrad::prepare_process();
+  return comrad::run(argc, argv);
+}

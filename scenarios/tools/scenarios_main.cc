@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "rollout_buffer/core/process.h"
 #include "scenarios/spec/registry.h"
 #include "scenarios/spec/scenario_spec.h"
 
@@ -102,4 +103,7 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace comrad
 
-int main(int argc, char** argv) { return comrad::run(argc, argv); }
+int main(int argc, char** argv) {
+  comrad::prepare_process();
+  return comrad::run(argc, argv);
+}

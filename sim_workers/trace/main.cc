@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "rollout_buffer/core/process.h"
 #include "sim_workers/env/observation.h"
 #include "sim_workers/trace/gallery.h"
 #include "sim_workers/trace/trace_run.h"
@@ -105,6 +106,7 @@ int run(int argc, char** argv) {
 }  // namespace comrad
 
 int main(int argc, char** argv) {
+  comrad::prepare_process();
   try {
     if (argc > 1 && std::string_view(argv[1]).starts_with("--gallery"))
       return comrad::run_gallery(argc, argv);

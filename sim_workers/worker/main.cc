@@ -14,6 +14,7 @@
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/layout_list.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/arena_socket.h"
 #include "scenarios/spec/scenario_spec.h"
@@ -26,7 +27,6 @@ namespace {
 
 using namespace comrad;
 
-constexpr int kExitBadInput = 2;
 constexpr int kJoinTimeoutMs = 20'000;
 
 std::atomic<bool> g_stop{false};  // a signal handler has no other way to speak
@@ -157,6 +157,7 @@ Status work(const Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  comrad::prepare_process();
   Arguments arguments;
   CLI::App app{
       "One simulator process of a run: renders observations into the arena and plays the actions that come "

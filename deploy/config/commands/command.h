@@ -1,5 +1,5 @@
 // The commands of `comrad`, one source file each. A command parses its own arguments, does its work and
-// returns an exit code: 0 done, 1 failed, 2 bad input.
+// returns an exit code: see core/process.h.
 #pragma once
 
 #include <span>
@@ -7,14 +7,11 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/process.h"
 
 namespace comrad::deploy {
 
 using Arguments = std::span<const std::string>;
-
-constexpr int kExitDone = 0;
-constexpr int kExitFailed = 1;
-constexpr int kExitBadInput = 2;
 
 struct Command {
   std::string name;
