@@ -48,7 +48,7 @@ void become(const ChildOptions& options, Image& image, pid_t parent, int null_in
   if (getppid() != parent) _exit(1);  // the parent died before the line above
   signal(SIGINT, SIG_IGN);
   signal(SIGHUP, SIG_IGN);
-  for (const int number : {SIGTERM, SIGPIPE, SIGCHLD}) signal(number, SIG_DFL);
+  for (const int number : {SIGTERM, SIGPIPE, SIGXFSZ, SIGCHLD}) signal(number, SIG_DFL);
   sigset_t none;
   sigemptyset(&none);
   sigprocmask(SIG_SETMASK, &none, nullptr);
@@ -178,6 +178,14 @@ const std::optional<ExitStatus>& ChildProcess::poll_exit() {
                                 : ExitStatus{.code = WEXITSTATUS(status), .signal = 0};
   }
   return exit_;
+}
+
+bool ChildProcess::is_stopped() const {
+  const std::string stat = read_file("/proc/" + std::to_string(pid_) + "/stat").value_or("");
+  // The state is the letter behind the name, which stands in brackets and may hold anything (proc(5)).
+  const std::size_t name_end = stat.rfind(')');
+  return name_end != std::string::npos && name_end + 2 < stat.size() &&
+         (stat[name_end + 2] == 'T' || stat[name_end + 2] == 't');
 }
 
 void ChildProcess::send_signal(int signal) {

@@ -50,6 +50,8 @@ class ChildProcess {
   const std::optional<ExitStatus>& poll_exit();
   /// Sends a signal, unless the child was reaped.
   void send_signal(int signal);
+  /// Whether it stands still because somebody sent it SIGSTOP (or a debugger holds it).
+  bool is_stopped() const;
 
  private:
   ChildProcess(pid_t pid, int output) : pid_(pid), output_(output) {}

@@ -1,10 +1,14 @@
 #include "deploy/launch/progress.h"
 
+#include <fcntl.h>
+#include <poll.h>
 #include <sys/ioctl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstdio>
+#include <utility>
 
 namespace comrad::deploy {
 namespace {
@@ -57,12 +61,24 @@ std::string training_line(const TrainingProgress& p) {
   if (std::isfinite(p.return_mean))
     text += format("%s return %.3g", std::isfinite(p.score_mean) ? "," : " |", p.return_mean);
   if (std::isfinite(p.lag_mean)) text += format(" | lag %.1f (max %u)", p.lag_mean, p.lag_max);
+  if (!p.silence.empty()) text += " | " + p.silence;
   if (p.env_frames_lost > 0) text += " | learner went back " + count_text(p.env_frames_lost) + " env frames";
   return text;
 }
 
 ProgressPrinter::ProgressPrinter(int descriptor, bool show)
-    : descriptor_(descriptor), show_(show), is_terminal_(isatty(descriptor) == 1) {}
+    : descriptor_(descriptor), show_(show), is_terminal_(isatty(descriptor) == 1) {
+  // O_NONBLOCK belongs to the open file, which others share (the shell's terminal); so one of our own is needed.
+  // A plain file never blocks for long and would be written from its beginning.
+  struct stat kind {};
+  if (fstat(descriptor, &kind) != 0 || !(S_ISFIFO(kind.st_mode) || S_ISCHR(kind.st_mode))) return;
+  const std::string path = "/proc/self/fd/" + std::to_string(descriptor);
+  own_descriptor_ = open(path.c_str(), O_WRONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+}
+
+ProgressPrinter::~ProgressPrinter() {
+  if (own_descriptor_ >= 0) close(own_descriptor_);
+}
 
 void ProgressPrinter::line(const std::string& text) {
   if (!show_) return;
@@ -93,11 +109,28 @@ void ProgressPrinter::end() {
 }
 
 void ProgressPrinter::put(const std::string& text) {
-  for (std::size_t done = 0; done < text.size();) {
-    const ssize_t written = write(descriptor_, text.data() + done, text.size() - done);
-    if (written > 0) done += static_cast<std::size_t>(written);
-    if (written < 0 && errno != EINTR) return;  // nobody reads any more: the run goes on without
+  if (!write_some(rest_)) {
+    ++dropped_;
+    return;
   }
+  rest_ = text;
+  if (dropped_ > 0)
+    rest_ = "(" + std::to_string(std::exchange(dropped_, 0)) + " lines dropped: nobody read them)\n" + text;
+  write_some(rest_);
+}
+
+bool ProgressPrinter::write_some(std::string& text) {
+  const int descriptor = own_descriptor_ >= 0 ? own_descriptor_ : descriptor_;
+  while (!text.empty()) {
+    pollfd ready{.fd = descriptor, .events = POLLOUT, .revents = 0};
+    // A pipe or terminal that could not be opened anew: at least not while it is full.
+    if (own_descriptor_ < 0 && poll(&ready, 1, 0) == 0) return false;
+    const ssize_t written = write(descriptor, text.data(), text.size());
+    if (written > 0) text.erase(0, static_cast<std::size_t>(written));
+    if (written < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return false;
+    if (written < 0 && errno != EINTR) text.clear();  // nobody reads any more: the run goes on without
+  }
+  return true;
 }
 
 }  // namespace comrad::deploy

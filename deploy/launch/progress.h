@@ -19,6 +19,7 @@ struct TrainingProgress {
   double return_mean = std::nan("");
   double lag_mean = std::nan("");
   uint32_t lag_max = 0;
+  std::string silence = {};    ///< workers that stand still; empty is left out
   double env_frames_lost = 0;  ///< forgotten when the learner went back to a checkpoint; 0 is left out
 };
 
@@ -31,11 +32,15 @@ std::string count_text(double count);
 /// 5 -> "5s", 65 -> "1m05s", 3'660 -> "1h01m", 90'000 -> "1d01h".
 std::string duration_text(double seconds);
 
-/// Writes progress to a descriptor. Threads: one.
+/// Writes progress to a descriptor, and never waits for who reads it: while a pipe is full or a terminal stands
+/// still (Ctrl-S), what is written is dropped and counted. Threads: one.
 class ProgressPrinter {
  public:
   /// `show` false keeps progress lines back; notes and the summary are still written.
   ProgressPrinter(int descriptor, bool show);
+  ProgressPrinter(const ProgressPrinter&) = delete;
+  ProgressPrinter& operator=(const ProgressPrinter&) = delete;
+  ~ProgressPrinter();
 
   /// Replaces the line on a terminal; elsewhere appends it.
   void line(const std::string& text);
@@ -46,10 +51,15 @@ class ProgressPrinter {
 
  private:
   void put(const std::string& text);
+  /// Writes what it can; the rest stays in `text`. False where the reader takes no more now.
+  bool write_some(std::string& text);
   int descriptor_;
+  int own_descriptor_ = -1;  ///< the same pipe or terminal, opened anew so that writes do not block
   bool show_;
   bool is_terminal_;
   std::string standing_;  ///< the line in place
+  std::string rest_;      ///< what of the last text was not taken yet
+  int dropped_ = 0;       ///< texts since the reader took one
 };
 
 }  // namespace comrad::deploy

@@ -27,6 +27,7 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/arena_socket.h"
 
@@ -38,10 +39,10 @@ constexpr double kTermAfterS = 8.0;  // of a stop: SIGTERM to who is still there
 constexpr double kKillAfterS = 9.5;  // of a stop: SIGKILL, so that 10 s hold
 constexpr double kJoinTimeoutS = 120.0;  // a worker that has not joined by then is stuck
 constexpr double kStatusIntervalS = 2.0;
+constexpr double kSilentAfterS = 10.0;  // a worker whose counter stands still so long is named
 constexpr double kWorkerStatusIntervalS = 1.0;
 constexpr int kLinesShownPerMinute = 20;  // of one worker's output on the terminal; the log has them all
 constexpr uint32_t kCounterRunning = 2;   // WorkerCounters::state
-constexpr int kExitBadInput = 2;          // a worker's exit code: starting it again cannot help
 
 enum class Role { kSim, kPolicy, kLearner };
 enum class Phase { kStarting, kRunning, kStopping };
@@ -70,13 +71,13 @@ const char* word_of(Role role) {
   return "";
 }
 
-/// Takes over SIGINT, SIGTERM, SIGHUP and SIGCHLD as a descriptor to poll, and gives them back at the end.
+/// Takes over SIGINT, SIGTERM, SIGHUP, SIGUSR1 and SIGCHLD as a descriptor to poll, and gives them back at the end.
 class SignalDesk {
  public:
   SignalDesk() {
     sigset_t mask;
     sigemptyset(&mask);
-    for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGCHLD}) sigaddset(&mask, number);
+    for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGCHLD}) sigaddset(&mask, number);
     descriptor_ = signalfd(-1, &mask, SFD_CLOEXEC | SFD_NONBLOCK);
     sigaddset(&mask, SIGPIPE);  // a reader of our progress that leaves must not end the run
     taken_ = mask;
@@ -121,6 +122,8 @@ struct Worker {
   int lines_shown = 0;
   int stop_signal = 0;  ///< sent because it did not leave by itself
   uint64_t decisions_at_report = 0;
+  uint64_t decisions_heard = 0;  ///< of its counter, and when it moved last
+  double heard_s = 0;
 };
 
 /// The last line of a worker's log file, for a worker that died without a word.
@@ -231,7 +234,9 @@ class Supervisor {
   void count_work();
   void note_going_back(uint64_t decisions);
   std::string going_back_text() const;
+  std::string unsaved_text() const;
   void measure();
+  void listen_to_workers();
   void check_goals();
   std::string limit_reached() const;
   void enforce_stop();
@@ -256,6 +261,10 @@ class Supervisor {
   uint64_t decisions() const;
   uint64_t env_frames() const;
   std::string progress_text() const;
+  std::string silence_text() const;
+  /// Whether no simulator has played for so long that the last rate is no longer true.
+  bool stands_still() const;
+  shm::WorkerCounters& counters_of(const Worker& worker) const;
   std::string joined_text() const;
   RunStatus status_now(const std::string& state, const std::string& message) const;
 
@@ -288,7 +297,8 @@ class Supervisor {
   // Rates over the run and over the measured window.
   Growth trained_decisions_, trained_updates_, played_decisions_;
   uint32_t learner_epoch_ = 0;
-  int goings_back_ = 0;  // of the learner, to its last checkpoint
+  uint64_t report_sequence_ = 0;  // of the learner's report that was read last
+  int goings_back_ = 0;           // of the learner, to its last checkpoint
   double first_work_s_ = 0;
   double window_began_s_ = 0;
   uint64_t window_decisions_ = 0, window_updates_ = 0;
@@ -355,23 +365,30 @@ Status Supervisor::open_arena() {
   bus_.reset();
   arena_.reset();
   learner_epoch_ = 0;
+  report_sequence_ = 0;
   played_decisions_.start_from(0);
   uint64_t run_id = 0;
   if (getrandom(&run_id, sizeof run_id, 0) != sizeof run_id) {
     return system_error("getrandom");
   }
+  // The socket's name is there for every user of the host to see; the bus's ids follow from the run id, which only
+  // the arena's members can read.
+  uint64_t name_id = 0;
+  if (getrandom(&name_id, sizeof name_id, 0) != sizeof name_id) {
+    return system_error("getrandom");
+  }
   char name[32];
-  std::snprintf(name, sizeof name, "comrad-%016" PRIx64, run_id);
+  std::snprintf(name, sizeof name, "comrad-%016" PRIx64, name_id);
   COMRAD_TRY_ASSIGN(const shm::ArenaShape shape, arena_shape());
   COMRAD_TRY_ASSIGN(arena_, shm::Arena::create(shape, run_id));
   shm::ControlBlock& control = arena_->control();
   control.run_state.store(shm::RunState::kStarting);
   if (plan_.episodes > 0) control.episodes_per_run.store(plan_.episodes);
   if (!trains()) control.rollouts_allowed.store(UINT64_MAX);  // no learner will
+  control.env_frames_lost.store(outcome_.env_frames_lost);
   COMRAD_TRY_ASSIGN(shm::ArenaServer server, shm::ArenaServer::listen(name, *arena_));
   server_.emplace(std::move(server));
   COMRAD_TRY_ASSIGN(bus_, dds::Bus::open(dds::bus_config_for_run(run_id)));
-  bus_->take_train_stats();  // makes the reader before the learner speaks
   write_control("running");
   spdlog::info("run {} in {}: arena of {:.1f} MB, {} slabs", name, plan_.run_dir,
                static_cast<double>(shm::Arena::size_bytes(shape)) * 1e-6, shape.slab_count);
@@ -426,10 +443,7 @@ Status Supervisor::spawn(Worker& worker) {
   worker.restart_at_s = 0;
   worker.started_s = monotonic_s();
   worker.last_line.clear();
-  shm::WorkerCounters& counters = worker.role == Role::kSim      ? arena_->sim_counters(worker.index)
-                                  : worker.role == Role::kPolicy ? arena_->policy_counters(worker.index)
-                                                                 : arena_->learner_counters();
-  worker.decisions_at_start = counters.decisions.load();
+  worker.decisions_at_start = counters_of(worker).decisions.load();
   COMRAD_TRY_ASSIGN(worker.process, ChildProcess::spawn(options));
   spdlog::info("started {} (pid {})", worker.name, worker.process->pid());
   return {};
@@ -457,6 +471,7 @@ void Supervisor::tick() {
   drain_episodes();
   take_stats();
   measure();
+  listen_to_workers();
   check_goals();
   enforce_stop();
   report();
@@ -465,6 +480,13 @@ void Supervisor::tick() {
 void Supervisor::hear_signals() {
   for (int number; (number = signals_.next()) != 0;) {
     if (number == SIGCHLD) continue;  // bury_the_dead() looks anyway
+    if (number == SIGUSR1) {
+      if (trains() && arena_) {
+        arena_->control().checkpoint_seq.fetch_add(1);
+        note("SIGUSR1: a checkpoint is saved after this optimizer step");
+      }
+      continue;
+    }
     if (!is_complete_) outcome_.interrupted = true;
     if (number == SIGINT && ++interrupts_ >= 2) {
       killed_at_once_ = true;
@@ -556,12 +578,23 @@ void Supervisor::died(Worker& worker, const ExitStatus& how) {
     return;
   }
   if (worker.role == Role::kLearner && trains() && is_clean) {
-    complete("finished" + limit_reached());
+    if (arena_->control().goal_reached.load() != 0) {
+      complete("finished" + limit_reached());
+    } else {
+      outcome_.interrupted = true;
+      stop("the learner was told to stop (SIGTERM) before the run's goal");
+    }
     return;
   }
   if (worker.last_line.empty()) worker.last_line = last_log_line(log_path(worker));
   const std::string said =
       worker.last_line.empty() ? "it said nothing" : "its last line: " + worker.last_line;
+  if (how.signal == 0 && how.code == kExitNotSaved) {
+    // Starting it again would train the same frames once more, for the same end.
+    fail({ErrorCode::kNoSpace, "the last checkpoint could not be written, " + unsaved_text() +
+                                   "; make room and start the same command again (" + said + ")"});
+    return;
+  }
   if (how.signal == 0 && how.code == kExitBadInput) {
     fail({ErrorCode::kBadInput, worker.name + " cannot run: " + said});
     return;
@@ -652,6 +685,7 @@ void Supervisor::drain_episodes() {
         .length_tics = record->length_tics,
         .terminated = record->terminated != 0,
     };
+    if (trains()) arena_->forward_episode(*record);
     warn_once(bus_->write(result));
     if (plan_.episodes > 0 && result.episode_id < plan_.episodes)
       episodes_.emplace(result.episode_id, std::move(result));
@@ -663,11 +697,23 @@ void Supervisor::drain_episodes() {
 }
 
 void Supervisor::take_stats() {
-  const std::optional<dds::TrainStats> stats = bus_->take_train_stats();
-  if (!stats) return;
-  outcome_.last_stats = *stats;
-  if (window_began_s_ > 0 && std::isfinite(stats->policy_lag_mean)) {
-    lag_sum_ += stats->policy_lag_mean;
+  const std::optional<shm::LearnerReport> report = arena_->read_report(report_sequence_);
+  if (!report) return;
+  outcome_.last_stats = {.time_s = report->time_s,
+                         .env_frames = report->env_frames,
+                         .decisions = report->decisions,
+                         .learner_version = report->learner_version,
+                         .env_frames_per_s = report->env_frames_per_s,
+                         .decisions_per_s = report->decisions_per_s,
+                         .score_mean = report->score_mean,
+                         .return_mean = report->return_mean,
+                         .episodes = report->episodes,
+                         .policy_lag_mean = report->policy_lag_mean,
+                         .policy_lag_max = report->policy_lag_max,
+                         .last_checkpoint = report->last_checkpoint};
+  warn_once(bus_->write(outcome_.last_stats));
+  if (window_began_s_ > 0 && std::isfinite(report->policy_lag_mean)) {
+    lag_sum_ += report->policy_lag_mean;
     ++lag_count_;
   }
 }
@@ -693,10 +739,20 @@ void Supervisor::count_work() {
 void Supervisor::note_going_back(uint64_t decisions) {
   ++goings_back_;
   outcome_.env_frames_lost += decisions * static_cast<uint64_t>(plan_.config.env_frameskip);
+  arena_->control().env_frames_lost.store(outcome_.env_frames_lost);
   // The dead one's last report is no longer true; the new one's comes later.
   outcome_.last_stats.env_frames = arena_->control().learner_env_frames.load(std::memory_order_relaxed);
   outcome_.last_stats.decisions = trained_decisions_.seen();
   note(going_back_text());
+}
+
+/// What is lost when no further checkpoint is written.
+std::string Supervisor::unsaved_text() const {
+  const uint64_t saved = arena_ ? arena_->control().saved_env_frames.load(std::memory_order_relaxed) : 0;
+  const uint64_t now = env_frames();
+  return count_text(static_cast<double>(now > saved ? now - saved : 0)) + " env frames since " +
+         (saved > 0 ? "the one at " + count_text(static_cast<double>(saved)) : "the run's beginning") +
+         " are lost";
 }
 
 /// How much learning was lost; empty where none was.
@@ -724,6 +780,42 @@ void Supervisor::measure() {
     outcome_.measured_updates = trained_updates_.total() - window_updates_;
     complete("measured");
   }
+}
+
+void Supervisor::listen_to_workers() {
+  const double now_s = monotonic_s();
+  const bool is_at_work =
+      phase_ == Phase::kRunning && arena_->control().run_state.load() == shm::RunState::kRunning;
+  for (Worker& worker : workers_) {
+    const uint64_t decisions = counters_of(worker).decisions.load(std::memory_order_relaxed);
+    if (!is_at_work || !worker.process || std::exchange(worker.decisions_heard, decisions) != decisions)
+      worker.heard_s = now_s;
+  }
+}
+
+/// "sim-0 silent for 12s (SIGSTOP)"; empty where nobody is. Who waits for others is not to blame: a worker is named
+/// where somebody stopped it, or where another of its kind goes on.
+std::string Supervisor::silence_text() const {
+  const double now_s = monotonic_s();
+  const auto silent_s = [now_s](const Worker& worker) { return now_s - worker.heard_s; };
+  std::string text;
+  for (const Worker& worker : workers_) {
+    if (!worker.process || silent_s(worker) < kSilentAfterS) continue;
+    const bool is_stopped = worker.process->is_stopped();
+    const bool others_work = std::any_of(workers_.begin(), workers_.end(), [&](const Worker& other) {
+      return other.role == worker.role && silent_s(other) < kSilentAfterS;
+    });
+    if (!is_stopped && !others_work) continue;
+    text += (text.empty() ? "" : ", ") + worker.name + " silent for " + duration_text(silent_s(worker)) +
+            (is_stopped ? " (SIGSTOP)" : "");
+  }
+  return text;
+}
+
+bool Supervisor::stands_still() const {
+  return std::none_of(workers_.begin(), workers_.end(), [now_s = monotonic_s()](const Worker& worker) {
+    return worker.role == Role::kSim && now_s - worker.heard_s < kSilentAfterS;
+  });
 }
 
 void Supervisor::check_goals() {
@@ -870,6 +962,12 @@ uint64_t Supervisor::sim_decisions() const {
   return sum;
 }
 
+shm::WorkerCounters& Supervisor::counters_of(const Worker& worker) const {
+  return worker.role == Role::kSim      ? arena_->sim_counters(worker.index)
+         : worker.role == Role::kPolicy ? arena_->policy_counters(worker.index)
+                                        : arena_->learner_counters();
+}
+
 /// Agent decisions of this process's life: those trained on, or those played where nobody trains.
 uint64_t Supervisor::decisions() const {
   return trains() ? trained_decisions_.total() : played_decisions_.total();
@@ -933,6 +1031,8 @@ std::string Supervisor::progress_text() const {
   }
   progress.lag_mean = stats.policy_lag_mean;
   progress.lag_max = stats.policy_lag_max;
+  progress.silence = silence_text();
+  if (stands_still()) progress.env_frames_per_s = progress.decisions_per_s = 0;
   return training_line(progress);
 }
 
@@ -946,7 +1046,7 @@ RunStatus Supervisor::status_now(const std::string& state, const std::string& me
     status.env_frames = env_frames();
     status.decisions = std::max(stats.decisions, trained_decisions_.seen());
     if (stats.episodes > 0) status.score_mean = stats.score_mean;
-    status.env_frames_per_s = stats.env_frames_per_s;
+    status.env_frames_per_s = stands_still() ? 0 : stats.env_frames_per_s;
   } else {
     status.decisions = played_decisions_.total();
     status.env_frames = status.decisions * static_cast<uint64_t>(plan_.config.env_frameskip);
@@ -979,7 +1079,7 @@ Expected<RunOutcome> Supervisor::finish() {
     state = "paused";
   } else if (learner_was_killed_) {
     outcome_.exit_code = 1;
-    outcome_.message += "; the learner did not save a last checkpoint, the run goes on from the one before";
+    outcome_.message += "; the learner did not save a last checkpoint: " + unsaved_text();
     state = "paused";
   } else if (outcome_.interrupted && !is_complete_) {
     if (trains()) {

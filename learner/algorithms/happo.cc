@@ -83,7 +83,8 @@ Expected<bool> Happo::train_critic(const Minibatch& batch, const UpdateContext& 
 Expected<UpdateStats> Happo::update(Minibatch& batch, const UpdateContext& context) {
   UpdateStats stats;
   const std::vector<int64_t> order = agent_order();
-  if (!begin_update(batch, context, stats)) return stats;
+  COMRAD_TRY_ASSIGN(const bool is_valid, begin_update(batch, context, stats));
+  if (!is_valid) return stats;
   const int64_t agents = env_.num_agents, steps = batch.steps(), worlds = batch.slab_count;
   if (!has_warned_of_rewards_ && agents > 1) {
     const Tensor reward = batch.reward.view({steps, worlds, agents});

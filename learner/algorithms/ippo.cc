@@ -25,7 +25,8 @@ OnPolicy::Phase Ippo::phase() {
 
 Expected<UpdateStats> Ippo::update(Minibatch& batch, const UpdateContext& context) {
   UpdateStats stats;
-  if (!begin_update(batch, context, stats)) return stats;
+  COMRAD_TRY_ASSIGN(const bool is_valid, begin_update(batch, context, stats));
+  if (!is_valid) return stats;
   prepare_targets(batch);
   LossSums sums;
   COMRAD_TRY_ASSIGN(const PhaseEnd end, train_phase(batch, phase(), context, stats, sums));

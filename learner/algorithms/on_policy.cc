@@ -85,13 +85,12 @@ OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device d
       returns_(config.returns_clip),
       pool_(threads_for_parts(config, device)) {}
 
-bool OnPolicy::begin_update(Minibatch& batch, const UpdateContext& context, UpdateStats& stats) {
+Expected<bool> OnPolicy::begin_update(Minibatch& batch, const UpdateContext& context, UpdateStats& stats) {
   schedule_.before_batch(context.env_frames);
   stats.lag = apply_lag_filter(batch, version_, config_.max_policy_lag);
   ++updates_;
   if (stats.lag.valid_fraction == 0) {
-    spdlog::warn("update: no valid sample in the batch ({} too old); skipped", stats.lag.dropped);
-    ++stats.skipped_steps;
+    COMRAD_TRY(guard_.skip_invalid_batch(stats.lag.dropped, stats));
     return false;
   }
   if (stats.lag.valid_fraction < 0.5)

@@ -96,8 +96,9 @@ class OnPolicy : public OnPolicyAlgorithm {
   /// What checkpoints call the algorithm.
   virtual const char* name() const = 0;
 
-  /// Moves the schedule, filters by lag, updates input statistics. False when nothing valid is left.
-  bool begin_update(Minibatch& batch, const UpdateContext& context, UpdateStats& stats);
+  /// Moves the schedule, filters by lag, updates input statistics. False when nothing valid is left. Errors:
+  /// kBadInput where that was so in too many batches in a row.
+  Expected<bool> begin_update(Minibatch& batch, const UpdateContext& context, UpdateStats& stats);
   /// num_epochs x num_batches_per_epoch optimizer steps; `sums` are those of the last one taken. kStopped
   /// when begin_step, kAbandoned when keep_going said no. Errors: kBadInput after too many steps in a row
   /// that were not finite.

@@ -304,8 +304,7 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   const double valid_count = valid.sum(torch::kFloat64).item<double>();
   stats.lag.valid_fraction = valid_count / static_cast<double>(valid.numel());
   if (valid_count == 0) {
-    spdlog::warn("update: no valid sample in the batch; skipped");
-    ++stats.skipped_steps;
+    COMRAD_TRY(guard_.skip_invalid_batch(0, stats));
     batch.abs_td = torch::zeros({batch.world_count});
     return stats;
   }

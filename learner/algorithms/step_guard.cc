@@ -21,7 +21,7 @@ bool StepGuard::step(AdamOptimizer& optimizer, double loss, double learning_rate
                   loss, grad_norm_, version, skipped_in_a_row_);
     return false;
   }
-  skipped_in_a_row_ = 0;
+  skipped_in_a_row_ = invalid_in_a_row_ = 0;
   learning_rate_ = learning_rate;
   optimizer.step(learning_rate);
   ++version;
@@ -29,7 +29,21 @@ bool StepGuard::step(AdamOptimizer& optimizer, double loss, double learning_rate
   return true;
 }
 
+Status StepGuard::skip_invalid_batch(int64_t dropped, UpdateStats& stats) {
+  ++invalid_in_a_row_;
+  ++stats.skipped_steps;
+  spdlog::warn("update: no valid sample in the batch ({} too old); skipped ({} in a row)", dropped,
+               invalid_in_a_row_);
+  return status();
+}
+
 Status StepGuard::status() const {
+  if (invalid_in_a_row_ >= kSkippedInARowMax)
+    return Error{
+        ErrorCode::kBadInput,
+        "no sample was valid in " + std::to_string(invalid_in_a_row_) +
+            " batches in a row, so nothing is learned: either the policy gives numbers that are not finite "
+            "(resume from an earlier checkpoint) or all data is older than --max_policy_lag"};
   if (skipped_in_a_row_ < kSkippedInARowMax) return {};
   return Error{ErrorCode::kBadInput,
                "loss or gradient was not finite in " + std::to_string(skipped_in_a_row_) +

@@ -6,6 +6,7 @@
 #include <torch/csrc/jit/serialization/pickle.h>
 #include <torch/csrc/jit/serialization/pickler.h>
 #include <unistd.h>
+#include <zip.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -13,6 +14,7 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 #include <string_view>
 
 #include "rollout_buffer/core/files.h"
@@ -25,6 +27,11 @@ namespace fs = std::filesystem;
 
 constexpr const char* kFormatName = "comrad-checkpoint";
 constexpr int64_t kFileBytesMax = int64_t{64} << 30;
+constexpr zip_uint32_t kFolderAttribute = 0x10;  // of MS-DOS
+constexpr const char* kBrokenMark = ".broken";
+/// Sections whose tensors a network computes with: one NaN there makes every later number one.
+constexpr std::string_view kFiniteSections[] = {"network", "optimizer", "normalizer",
+                                                "target",  "mixer",     "target_mixer"};
 
 /// A file descriptor that closes itself.
 class Descriptor {
@@ -91,6 +98,66 @@ Expected<StateDict> from_ivalue(const c10::IValue& root, const std::string& path
                  path + ": checkpoint layout " + std::to_string(layout_version) + ", this build reads 1.." +
                      std::to_string(kCheckpointLayoutVersion) + "; use a newer build"};
   return state;
+}
+
+/// Reads every file of the archive once, because libtorch does not look at their CRC-32.
+Status check_archive(const std::vector<char>& bytes, const std::string& path) {
+  const auto damaged = [&](zip_error_t* error) {
+    const std::string why = zip_error_strerror(error);
+    zip_error_fini(error);
+    return Error{ErrorCode::kBadFormat, path + ": truncated or damaged torch archive (" + why + ")"};
+  };
+  zip_error_t error;
+  zip_error_init(&error);
+  zip_source_t* source = zip_source_buffer_create(bytes.data(), bytes.size(), /*freep=*/0, &error);
+  if (source == nullptr) return damaged(&error);
+  const std::unique_ptr<zip_t, decltype(&zip_discard)> archive(
+      zip_open_from_source(source, ZIP_RDONLY | ZIP_CHECKCONS, &error), &zip_discard);
+  if (archive == nullptr) {
+    zip_source_free(source);
+    return damaged(&error);
+  }
+  std::vector<char> block(1 << 20);
+  const zip_int64_t count = zip_get_num_entries(archive.get(), 0);
+  for (zip_int64_t entry = 0; entry < count; ++entry) {
+    const zip_uint64_t index = static_cast<zip_uint64_t>(entry);
+    // libtorch reads nothing of an entry that calls itself a folder, and takes what memory holds for its bytes.
+    zip_uint8_t system = 0;
+    zip_uint32_t attributes = 0;
+    if (zip_file_get_external_attributes(archive.get(), index, 0, &system, &attributes) != 0 ||
+        (attributes & kFolderAttribute) != 0)
+      return Error{ErrorCode::kBadFormat,
+                   path + ": truncated or damaged torch archive (an entry is no file)"};
+    zip_file_t* file = zip_fopen_index(archive.get(), index, 0);
+    if (file == nullptr) return damaged(zip_get_error(archive.get()));
+    zip_int64_t got = 0;
+    while ((got = zip_fread(file, block.data(), block.size())) > 0) {
+    }
+    if (got < 0) {
+      Error failed = damaged(zip_file_get_error(file));
+      zip_fclose(file);
+      return failed;
+    }
+    zip_fclose(file);
+  }
+  return {};
+}
+
+/// Errors: kBadFormat naming the first tensor of a network that holds an infinity or NaN.
+Status check_finite(const StateDict& state, const std::string& path) {
+  for (const auto& [key, value] : state.values()) {
+    const auto* tensor = std::get_if<torch::Tensor>(&value);
+    const std::string_view section = std::string_view(key).substr(0, key.find('/'));
+    if (tensor == nullptr || !tensor->is_floating_point() ||
+        std::ranges::find(kFiniteSections, section) == std::end(kFiniteSections))
+      continue;
+    if (!torch::isfinite(*tensor).all().item<bool>())
+      return Error{ErrorCode::kBadFormat,
+                   path + ": tensor \"" + key +
+                       "\" holds numbers that are not finite; the file is damaged, or was "
+                       "written by a run that diverged"};
+  }
+  return {};
 }
 
 /// A torch archive of `root`, as pickle_save writes it but without type tags: those name a Python function
@@ -202,7 +269,8 @@ Status write_checkpoint(const std::string& path, const StateDict& state) {
 }
 
 Expected<StateDict> read_checkpoint(const std::string& path) {
-  const Descriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  // Not to wait for the writer of a pipe that lies there under a checkpoint's name.
+  const Descriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (file.get() < 0) {
     if (errno == ENOENT) return Error{ErrorCode::kNotFound, "no checkpoint at " + path};
     return file_error("cannot open " + path, errno);
@@ -225,8 +293,11 @@ Expected<StateDict> read_checkpoint(const std::string& path) {
   // A torch archive is a zip; anything else would only produce a long message from deep inside libtorch.
   if (bytes.size() < 4 || std::memcmp(bytes.data(), "PK\x03\x04", 4) != 0)
     return Error{ErrorCode::kBadFormat, path + ": not a torch archive"};
+  COMRAD_TRY(check_archive(bytes, path));
   try {
-    return from_ivalue(torch::jit::pickle_load(bytes), path);
+    COMRAD_TRY_ASSIGN(StateDict state, from_ivalue(torch::jit::pickle_load(bytes), path));
+    COMRAD_TRY(check_finite(state, path));
+    return state;
   } catch (const c10::Error& error) {
     return Error{ErrorCode::kBadFormat,
                  path + ": truncated or damaged torch archive (" + error.what_without_backtrace() + ")"};
@@ -318,9 +389,17 @@ std::string CheckpointStore::best() const {
   return path;
 }
 
+std::size_t CheckpointStore::set_aside_count() const {
+  std::size_t count = 0;
+  std::error_code code;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_, code))
+    count += entry.path().filename().string().ends_with(std::string(".pt") + kBrokenMark);
+  return count;
+}
+
 void CheckpointStore::set_aside(const std::string& path) const {
   std::error_code code;
-  fs::rename(path, path + ".broken", code);
+  fs::rename(path, path + kBrokenMark, code);
   if (code) spdlog::warn("cannot set {} aside: {}", path, code.message());
 }
 

@@ -82,6 +82,8 @@ class CheckpointStore {
   /// Moves an unreadable checkpoint out of the way (adds ".broken"), so that it is not tried or counted
   /// again.
   void set_aside(const std::string& path) const;
+  /// How many checkpoints lie there that were set aside.
+  std::size_t set_aside_count() const;
 
  private:
   Status prepare_folder();

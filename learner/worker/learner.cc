@@ -120,6 +120,8 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
   learner->count(0);
   counters.decisions = learner->decisions_;
   counters.batches = learner->algorithm_->version();
+  control.goal_reached = 0;
+  control.saved_env_frames = learner->env_frames_;
   learner->publish();
   // Last of all: simulators read journals once this is above 0.
   control.rollouts_allowed = learner->lock_step_ && !options.serve ? learner->next_rollout_ + 1 : kUnlimited;
@@ -221,11 +223,13 @@ Status Learner::resume() {
     spdlog::info("resumed from {}", path);
     return {};
   }
-  if (!candidates.empty())
-    return Error{ErrorCode::kBadFormat, "none of the " + std::to_string(candidates.size()) +
-                                            " checkpoints in " + options_.run_dir +
-                                            "/checkpoint can be read; restore one, or begin anew with "
-                                            "--restart_behavior restart"};
+  // Those that an earlier start set aside count, too: a second start must not train from nothing.
+  const std::size_t damaged = store_.set_aside_count() + (options_.serve ? candidates.size() : 0);
+  if (damaged > 0)
+    return Error{ErrorCode::kBadFormat,
+                 "none of the " + std::to_string(damaged) + " checkpoints in " + options_.run_dir +
+                     "/checkpoint can be read (damaged ones end in .broken); restore one, "
+                     "or begin anew with --restart_behavior restart"};
   if (options_.serve)
     return Error{ErrorCode::kNotFound,
                  "no checkpoint in " + options_.run_dir + "/checkpoint; name one with --checkpoint"};
@@ -240,8 +244,12 @@ Status Learner::run() {
                                            : run_asynchronous();
   queue_.reset();
   const bool diverged = !result;
+  if (!diverged && !options_.serve && is_finished()) arena_.control().goal_reached = 1;
   set_state(diverged ? "failed" : "stopping");
-  if (!options_.serve && !diverged && algorithm_->version() != saved_version_) result = save_checkpoint();
+  if (!options_.serve && !diverged && algorithm_->version() != saved_version_) {
+    result = save_checkpoint();
+    is_unsaved_ = !result;
+  }
   if (!options_.serve) {
     report_metrics();
     publish_stats();
@@ -495,8 +503,8 @@ bool Learner::is_finished() const {
 }
 
 bool Learner::stop_requested() {
-  const bool stopping = stop_.load(std::memory_order_relaxed) || run_control_stopping_ ||
-                        arena_.control().run_state.load() == shm::RunState::kStopping;
+  const bool stopping =
+      stop_.load(std::memory_order_relaxed) || arena_.control().run_state.load() == shm::RunState::kStopping;
   if (stopping && stop_seen_s_ == 0) stop_seen_s_ = monotonic_s();
   return stopping;
 }
@@ -504,7 +512,7 @@ bool Learner::stop_requested() {
 double Learner::seconds_since_stop() const { return stop_seen_s_ == 0 ? 0 : monotonic_s() - stop_seen_s_; }
 
 bool Learner::wait_while_paused() {
-  while (run_control_paused_ || arena_.control().run_state.load() == shm::RunState::kPaused) {
+  while (arena_.control().run_state.load() == shm::RunState::kPaused) {
     if (stop_requested()) return false;
     if (state_name_ != "paused") set_state("paused");
     shm::Doorbell& changed = arena_.control().run_state_changed;
@@ -573,6 +581,7 @@ Status Learner::save_checkpoint() {
   }
   saved_version_ = algorithm_->version();
   last_checkpoint_ = *path;
+  arena_.control().saved_env_frames = env_frames_;
   spdlog::info("saved {}", *path);
   if (layouts_)
     if (const Status written = layouts_->write_file(options_.run_dir); !written)
@@ -583,9 +592,10 @@ Status Learner::save_checkpoint() {
 Status Learner::save_if_due() {
   const double now = monotonic_s();
   if (last_save_s_ == 0) last_save_s_ = last_best_look_s_ = now;
-  const bool wanted = checkpoint_seq_wanted_ != checkpoint_seq_done_;
+  const uint32_t checkpoint_seq = arena_.control().checkpoint_seq.load(std::memory_order_relaxed);
+  const bool wanted = checkpoint_seq != checkpoint_seq_done_;
   if (wanted || (now - last_save_s_ >= config_.save_every_sec && algorithm_->version() != saved_version_)) {
-    checkpoint_seq_done_ = checkpoint_seq_wanted_;
+    checkpoint_seq_done_ = checkpoint_seq;
     // A full disk costs this checkpoint, not the run; the last one, at the end, decides about the exit code.
     (void)save_checkpoint();
   }
@@ -627,14 +637,8 @@ void Learner::poll() {
   const double now = monotonic_s();
   if (now - last_poll_s_ < kPollIntervalS) return;
   last_poll_s_ = now;
-  if (bus_) {
-    if (const auto control = bus_->take_run_control()) {
-      run_control_stopping_ = control->run_state == "stopping";
-      run_control_paused_ = control->run_state == "paused";
-      checkpoint_seq_wanted_ = std::max(checkpoint_seq_wanted_, control->checkpoint_seq);
-    }
-    for (const dds::EpisodeResult& episode : bus_->take_episode_results()) episodes_.add(episode);
-  }
+  while (const std::optional<shm::EpisodeRecord> episode = arena_.pop_forwarded_episode())
+    episodes_.add(*episode, arena_.shape().trajectory.env.num_agents);
   // In lock step the desks are served between two rollouts alone, when no simulator is at them.
   if (layouts_ && !lock_step_) layouts_->serve(arena_);
   if (now - last_stats_s_ >= kStatsIntervalS) {
@@ -647,22 +651,20 @@ void Learner::poll() {
 }
 
 void Learner::publish_stats() {
-  if (!bus_) return;
-  dds::TrainStats stats;
-  stats.time_s = train_seconds_before_ + monotonic_s() - started_s_;
-  stats.env_frames = env_frames_;
-  stats.decisions = decisions_;
-  stats.learner_version = algorithm_->version();
-  stats.env_frames_per_s = rates_.env_frames_per_s();
-  stats.decisions_per_s = rates_.decisions_per_s();
-  stats.score_mean = episodes_.score_mean();
-  stats.return_mean = episodes_.return_mean();
-  stats.episodes = episodes_.episodes();
-  stats.policy_lag_mean = last_lag_.mean;
-  stats.policy_lag_max = static_cast<uint32_t>(last_lag_.max);
-  stats.last_checkpoint = last_checkpoint_;
-  const Status written = bus_->write(stats);
-  if (!written) spdlog::warn("train stats: {}", written.error().message);
+  shm::LearnerReport report;
+  report.time_s = train_seconds_before_ + monotonic_s() - started_s_;
+  report.env_frames = env_frames_;
+  report.decisions = decisions_;
+  report.learner_version = algorithm_->version();
+  report.env_frames_per_s = rates_.env_frames_per_s();
+  report.decisions_per_s = rates_.decisions_per_s();
+  report.score_mean = episodes_.score_mean();
+  report.return_mean = episodes_.return_mean();
+  report.episodes = episodes_.episodes();
+  report.policy_lag_mean = last_lag_.mean;
+  report.policy_lag_max = static_cast<uint32_t>(last_lag_.max);
+  last_checkpoint_.copy(report.last_checkpoint, shm::kCheckpointPathBytes - 1);
+  arena_.publish_report(report);
 }
 
 void Learner::append_replay(MetricValues& values) const {
@@ -708,6 +710,8 @@ void Learner::report_metrics() {
   values.emplace_back("stats/episodes", static_cast<double>(episodes_.episodes()));
   if (layouts_) layouts_->append_to(values);
   values.emplace_back("stats/broken_decisions", static_cast<double>(broken_decisions_));
+  values.emplace_back("stats/env_frames_lost",
+                      static_cast<double>(arena_.control().env_frames_lost.load(std::memory_order_relaxed)));
   last_report_s_ = now;
   warn(check_.judge(values));
   const Status written =

@@ -53,6 +53,8 @@ class Learner {
   Status run();
 
   uint64_t env_frames() const { return env_frames_; }
+  /// After run() failed: the training itself is done, its last checkpoint could not be written.
+  bool is_unsaved() const { return is_unsaved_; }
   const Algorithm& algorithm() const { return *algorithm_; }
 
  private:
@@ -134,15 +136,13 @@ class Learner {
   std::optional<JournalSnapshot> journals_;  ///< of the last boundary, deterministic mode
   double best_score_ = 0;
   bool has_best_ = false;
+  bool is_unsaved_ = false;
   bool told_of_no_best_ = false;
 
   // Of this process.
   double started_s_ = 0;
   double stop_seen_s_ = 0;
-  bool run_control_stopping_ = false;
-  bool run_control_paused_ = false;
   uint32_t checkpoint_seq_done_ = 0;
-  uint32_t checkpoint_seq_wanted_ = 0;
   PolicyVersion saved_version_ = 0;
   bool lock_step_ = false;
   double last_save_s_ = 0, last_best_look_s_ = 0, last_stats_s_ = 0, last_report_s_ = 0, last_poll_s_ = 0;

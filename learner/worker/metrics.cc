@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
@@ -30,20 +31,14 @@ double RateWindow::rate(uint64_t Sample::*counter) const {
   return seconds > 0 ? static_cast<double>(last.*counter - first.*counter) / seconds : 0;
 }
 
-void EpisodeWindow::add(const dds::EpisodeResult& episode) {
-  Episode entry{.score = episode.score,
-                .return_mean = 0,
-                .return_min = 0,
-                .return_max = 0,
-                .length_tics = static_cast<double>(episode.length_tics)};
-  if (!episode.agent_return.empty()) {
-    for (const double value : episode.agent_return) entry.return_mean += value;
-    entry.return_mean /= static_cast<double>(episode.agent_return.size());
-    const auto [low, high] = std::minmax_element(episode.agent_return.begin(), episode.agent_return.end());
-    entry.return_min = *low;
-    entry.return_max = *high;
-  }
-  push(entry);
+void EpisodeWindow::add(const shm::EpisodeRecord& episode, int num_agents) {
+  const std::span<const float> returns(episode.agent_return, static_cast<std::size_t>(num_agents));
+  const auto [low, high] = std::minmax_element(returns.begin(), returns.end());
+  push({.score = episode.score,
+        .return_mean = std::accumulate(returns.begin(), returns.end(), 0.0) / num_agents,
+        .return_min = *low,
+        .return_max = *high,
+        .length_tics = static_cast<double>(episode.length_tics)});
   ++episodes_;
 }
 

@@ -13,7 +13,7 @@
 
 #include "learner/worker/event_file.h"
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/shm/arena.h"
 
 namespace comrad::learn {
 
@@ -47,7 +47,7 @@ class EpisodeWindow {
  public:
   explicit EpisodeWindow(int64_t capacity) : capacity_(capacity < 1 ? 1 : capacity) {}
 
-  void add(const dds::EpisodeResult& episode);
+  void add(const shm::EpisodeRecord& episode, int num_agents);
   uint64_t episodes() const { return episodes_; }      ///< since the learner began
   std::size_t size() const { return window_.size(); }  ///< in the window
   /// Whether as many episodes are in the window as it holds: means over fewer are luck.

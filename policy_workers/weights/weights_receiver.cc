@@ -1,8 +1,5 @@
 #include "policy_workers/weights/weights_receiver.h"
 
-#include <algorithm>
-#include <string>
-
 namespace comrad::policy {
 
 Expected<bool> WeightsReceiver::refresh(const PolicyNet& policy) {
@@ -16,18 +13,8 @@ Expected<bool> WeightsReceiver::refresh(const PolicyNet& policy) {
   return true;
 }
 
-Status WeightsReceiver::hear(const dds::WeightsUpdate& update, const PolicyNet& policy) {
-  announced_ = std::max(announced_, update.version);
-  if (update.bytes != 0 && update.bytes != static_cast<uint64_t>(policy.weights_bytes()))
-    return Error{ErrorCode::kBadFormat, "the learner announces weights of " + std::to_string(update.bytes) +
-                                            " bytes, this network has " +
-                                            std::to_string(policy.weights_bytes())};
-  return {};
-}
-
 uint32_t WeightsReceiver::behind() const {
-  const PolicyVersion newest =
-      std::max(announced_, arena_->control().policy_version.load(std::memory_order_acquire));
+  const PolicyVersion newest = arena_->control().policy_version.load(std::memory_order_acquire);
   return version_ && newest > *version_ ? newest - *version_ : 0;
 }
 

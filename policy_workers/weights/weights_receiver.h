@@ -1,6 +1,5 @@
 // The policy worker's end of the weights: between two batches it looks whether the learner published a newer
-// version and copies it into the network. Stage: refresh. The bytes and the version word in the arena are the
-// truth; the notice on DDS only tells what to expect.
+// version and copies it into the network. Stage: refresh.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +8,6 @@
 
 #include "policy_workers/policy/policy_net.h"
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::policy {
@@ -24,19 +22,14 @@ class WeightsReceiver {
   /// network then keeps the weights it had.
   Expected<bool> refresh(const PolicyNet& policy);
 
-  /// A version notice from the bus. Errors: kBadFormat when the learner's network has another size than
-  /// `policy`.
-  Status hear(const dds::WeightsUpdate& update, const PolicyNet& policy);
-
   /// Version in the network; nothing before the first refresh.
   std::optional<PolicyVersion> version() const { return version_; }
-  /// Newest version that was announced and is not in the network yet, by how many steps.
+  /// By how many steps the newest published version is ahead of the one in the network.
   uint32_t behind() const;
 
  private:
   const shm::Arena* arena_;
   std::optional<PolicyVersion> version_;
-  PolicyVersion announced_ = 0;
   std::vector<std::byte> buffer_;
 };
 

@@ -153,9 +153,6 @@ void PolicyWorker::report(const char* state) {
       .message = fmt::format("batch {:.1f} rows, weights {} behind", batch_rows, weights_.behind())};
   if (const Status written = bus_->write(status); !written)
     spdlog::warn("status: {}", written.error().message);
-  if (const auto update = bus_->take_weights_update(); update && !options_.is_random)
-    if (const Status heard = weights_.hear(*update, policy_); !heard)
-      spdlog::warn("{}", heard.error().message);
 }
 
 InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, double seconds) {

@@ -45,12 +45,17 @@ struct WeightsHeader {
   alignas(kCacheLineBytes) std::atomic<uint32_t> current;  ///< 0: nothing yet; else buffer index + 1
 };
 
-/// One simulator's finished episodes; `written` and `read` count up for ever, cells are taken modulo the
-/// capacity.
+/// Finished episodes, of one simulator for the supervisor or of all for the learner; `written` and `read`
+/// count up for ever, cells are taken modulo the capacity.
 struct EpisodeRing {
-  alignas(kCacheLineBytes) std::atomic<uint64_t> written;  ///< simulator
-  std::atomic<uint64_t> dropped;                           ///< simulator
-  alignas(kCacheLineBytes) std::atomic<uint64_t> read;     ///< supervisor
+  alignas(kCacheLineBytes) std::atomic<uint64_t> written;  ///< simulator; of the last ring the supervisor
+  std::atomic<uint64_t> dropped;                           ///< the same
+  alignas(kCacheLineBytes) std::atomic<uint64_t> read;     ///< supervisor; of the last ring the learner
+};
+
+struct ReportBlock {
+  alignas(kCacheLineBytes) std::atomic<uint64_t> sequence;  ///< odd: being written; 0: none yet
+  LearnerReport report;
 };
 
 Status check_range(const char* name, int64_t value, int64_t low, int64_t high) {
@@ -105,8 +110,10 @@ struct Arena::Layout {
     recurrent = place(envs * 2 * recurrent_bytes);
     episode_capacity = std::max<int64_t>(
         64, (shape.episode_ring_capacity + shape.sim_worker_count - 1) / shape.sim_worker_count);
-    episode_rings = place_array(static_cast<EpisodeRing*>(nullptr), shape.sim_worker_count);
-    episodes = place_array(static_cast<EpisodeRecord*>(nullptr), shape.sim_worker_count * episode_capacity);
+    episode_rings = place_array(static_cast<EpisodeRing*>(nullptr), int64_t{shape.sim_worker_count} + 1);
+    episodes = place_array(static_cast<EpisodeRecord*>(nullptr),
+                           (int64_t{shape.sim_worker_count} + 1) * episode_capacity);
+    report = place_array(static_cast<ReportBlock*>(nullptr), 1);
     weights_header = place_array(static_cast<WeightsHeader*>(nullptr), 1);
     weights_stride = round_up(shape.weights_bytes, kPageBytes);
     weights = place(kWeightsBuffers * weights_stride, kPageBytes);
@@ -123,7 +130,7 @@ struct Arena::Layout {
   SlabLayout slab;
   uint64_t run_id = 0;
   int64_t header, control, counters, slots, slots_ready, slots_acted, rounds, recurrent, recurrent_bytes;
-  int64_t episode_rings, episodes, episode_capacity, weights_header, weights, weights_stride;
+  int64_t episode_rings, episodes, episode_capacity, report, weights_header, weights, weights_stride;
   int64_t journal_headers, journal_actions, journal_row, layout_desks, slab_headers, slabs, size_bytes;
 };
 
@@ -347,36 +354,78 @@ void Arena::release_slab(uint32_t slab_index) const {
   if (released) ring(control().slab_released);
 }
 
-bool Arena::push_episode(const EpisodeRecord& record) const {
-  const int sim_worker = static_cast<int>(record.env_index) / shape().envs_per_worker;
-  check_index(sim_worker, shape().sim_worker_count, "an episode record's environment is in range");
-  EpisodeRing& ring = part<EpisodeRing>(segment_, layout_->episode_rings, sim_worker);
-  const uint64_t capacity = static_cast<uint64_t>(layout_->episode_capacity);
-  const uint64_t written = ring.written.load(std::memory_order_relaxed);
-  if (written - ring.read.load(std::memory_order_acquire) >= capacity) {
-    ring.dropped.fetch_add(1, std::memory_order_relaxed);
-    return false;
-  }
-  part<EpisodeRecord>(segment_, layout_->episodes,
-                      sim_worker * layout_->episode_capacity + static_cast<int64_t>(written % capacity)) =
-      record;
-  ring.written.store(written + 1, std::memory_order_release);
-  return true;
-}
+/// Ring `ring_index` with its cells. One writer, one reader.
+struct Arena::EpisodeQueue {
+  EpisodeQueue(const Arena& arena, int ring_index)
+      : ring(part<EpisodeRing>(arena.segment_, arena.layout_->episode_rings, ring_index)),
+        cells(&part<EpisodeRecord>(arena.segment_, arena.layout_->episodes,
+                                   ring_index * arena.layout_->episode_capacity)),
+        capacity(static_cast<uint64_t>(arena.layout_->episode_capacity)) {}
 
-std::optional<EpisodeRecord> Arena::pop_episode() const {
-  const uint64_t capacity = static_cast<uint64_t>(layout_->episode_capacity);
-  for (int sim_worker = 0; sim_worker < shape().sim_worker_count; ++sim_worker) {
-    EpisodeRing& ring = part<EpisodeRing>(segment_, layout_->episode_rings, sim_worker);
+  bool push(const EpisodeRecord& record) {
+    const uint64_t written = ring.written.load(std::memory_order_relaxed);
+    if (written - ring.read.load(std::memory_order_acquire) >= capacity) {
+      ring.dropped.fetch_add(1, std::memory_order_relaxed);
+      return false;
+    }
+    cells[written % capacity] = record;
+    ring.written.store(written + 1, std::memory_order_release);
+    return true;
+  }
+
+  std::optional<EpisodeRecord> pop() {
     const uint64_t read = ring.read.load(std::memory_order_relaxed);
-    if (read == ring.written.load(std::memory_order_acquire)) continue;
-    const EpisodeRecord record =
-        part<EpisodeRecord>(segment_, layout_->episodes,
-                            sim_worker * layout_->episode_capacity + static_cast<int64_t>(read % capacity));
+    if (read == ring.written.load(std::memory_order_acquire)) return std::nullopt;
+    const EpisodeRecord record = cells[read % capacity];
     ring.read.store(read + 1, std::memory_order_release);
     return record;
   }
+
+  EpisodeRing& ring;
+  EpisodeRecord* cells;
+  uint64_t capacity;
+};
+
+bool Arena::push_episode(const EpisodeRecord& record) const {
+  const int sim_worker = static_cast<int>(record.env_index) / shape().envs_per_worker;
+  check_index(sim_worker, shape().sim_worker_count, "an episode record's environment is in range");
+  return EpisodeQueue(*this, sim_worker).push(record);
+}
+
+std::optional<EpisodeRecord> Arena::pop_episode() const {
+  for (int sim_worker = 0; sim_worker < shape().sim_worker_count; ++sim_worker)
+    if (auto record = EpisodeQueue(*this, sim_worker).pop()) return record;
   return std::nullopt;
+}
+
+bool Arena::forward_episode(const EpisodeRecord& record) const {
+  return EpisodeQueue(*this, shape().sim_worker_count).push(record);
+}
+
+std::optional<EpisodeRecord> Arena::pop_forwarded_episode() const {
+  return EpisodeQueue(*this, shape().sim_worker_count).pop();
+}
+
+void Arena::publish_report(const LearnerReport& report) const {
+  ReportBlock& block = part<ReportBlock>(segment_, layout_->report);
+  const uint64_t writing = (block.sequence.load(std::memory_order_relaxed) + 1) | 1;
+  block.sequence.store(writing, std::memory_order_relaxed);
+  std::atomic_thread_fence(std::memory_order_seq_cst);
+  block.report = report;
+  std::atomic_thread_fence(std::memory_order_release);
+  block.sequence.store(writing + 1, std::memory_order_release);
+}
+
+std::optional<LearnerReport> Arena::read_report(uint64_t& sequence) const {
+  const ReportBlock& block = part<ReportBlock>(segment_, layout_->report);
+  const uint64_t before = block.sequence.load(std::memory_order_acquire);
+  if (before == sequence || before % 2 != 0) return std::nullopt;
+  LearnerReport report = block.report;
+  std::atomic_thread_fence(std::memory_order_acquire);
+  if (block.sequence.load(std::memory_order_relaxed) != before) return std::nullopt;
+  report.last_checkpoint[kCheckpointPathBytes - 1] = 0;
+  sequence = before;
+  return report;
 }
 
 uint64_t Arena::episodes_dropped() const {

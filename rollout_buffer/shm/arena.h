@@ -148,7 +148,7 @@ struct alignas(kCacheLineBytes) WorkerCounters {
   std::atomic<uint32_t> state;  ///< 0 absent, 1 starting, 2 running, 3 stopped
 };
 
-/// Simulators' copy of the desired state and of limits that the supervisor or learner set.
+/// The desired state, limits that the supervisor or the learner sets, and what they tell each other in a word.
 struct alignas(kCacheLineBytes) ControlBlock {
   std::atomic<RunState> run_state;
   std::atomic<uint32_t> policy_version;      ///< newest version in the weights buffers
@@ -157,10 +157,32 @@ struct alignas(kCacheLineBytes) ControlBlock {
   std::atomic<uint64_t> slabs_sealed;        ///< next seal ticket
   std::atomic<uint64_t> learner_env_frames;  ///< counted by the learner
   std::atomic<float> epsilon;  ///< Q-learning: share of random decisions, the same in all policy workers
+  std::atomic<uint32_t> checkpoint_seq;    ///< grows: the learner is to save a checkpoint (supervisor)
+  std::atomic<uint32_t> goal_reached;      ///< 1: the learner ended because a limit of the run was reached
+  std::atomic<uint64_t> saved_env_frames;  ///< of the newest checkpoint (learner)
+  std::atomic<uint64_t> env_frames_lost;   ///< by learners that went back to a checkpoint (supervisor)
   alignas(kCacheLineBytes) Doorbell run_state_changed;
   Doorbell slab_sealed;    ///< rung by simulators, heard by the learner
   Doorbell slab_released;  ///< rung by the learner (and when rollouts_allowed grows), heard by simulators
   Doorbell weights_published;
+};
+
+constexpr std::size_t kCheckpointPathBytes = 512;
+
+/// What the learner says of itself once a second, for the supervisor.
+struct LearnerReport {
+  double time_s = 0;  ///< of training, earlier processes included
+  uint64_t env_frames = 0;
+  uint64_t decisions = 0;
+  double env_frames_per_s = 0;
+  double decisions_per_s = 0;
+  double score_mean = 0;  ///< J over the last stats_avg episodes; NaN before the first
+  double return_mean = 0;
+  uint64_t episodes = 0;
+  double policy_lag_mean = 0;
+  uint32_t learner_version = 0;
+  uint32_t policy_lag_max = 0;
+  char last_checkpoint[kCheckpointPathBytes] = {};  ///< ends in 0; a longer path is cut
 };
 
 /// What exact resume needs of one environment (deterministic mode): replaying `actions` from `episode_seed`
@@ -264,6 +286,15 @@ class Arena {
   bool push_episode(const EpisodeRecord& record) const;
   std::optional<EpisodeRecord> pop_episode() const;
   uint64_t episodes_dropped() const;
+  // One more ring, from the supervisor to the learner. What a learner that is away does not take is dropped.
+  bool forward_episode(const EpisodeRecord& record) const;
+  std::optional<EpisodeRecord> pop_forwarded_episode() const;
+
+  // The learner's report, behind a sequence lock: one writer (the learner), one reader (the supervisor).
+  void publish_report(const LearnerReport& report) const;
+  /// The newest report if `sequence` is not its number, which is stored there; nothing otherwise, or while one
+  /// is being written (a learner killed half way leaves none until its successor speaks).
+  std::optional<LearnerReport> read_report(uint64_t& sequence) const;
 
   // Weights: two buffers behind a sequence lock.
   /// Copies `bytes` into the older buffer, then makes it current as `version`.
@@ -294,6 +325,7 @@ class Arena {
 
  private:
   struct Layout;
+  struct EpisodeQueue;
   Arena(Segment segment, std::unique_ptr<Layout> layout);
   Segment segment_;
   std::unique_ptr<Layout> layout_;

@@ -7,10 +7,10 @@
 
 #include <csignal>
 #include <filesystem>
-#include <variant>
 
 #include "learner/checkpoint/checkpoint.h"
 #include "tests/integration/running_program.h"
+#include "tests/support/same_value.h"
 
 namespace comrad::testing {
 namespace {
@@ -50,15 +50,6 @@ bool is_trained(const std::string& key) {
   return key == "counters/env_frames";
 }
 
-bool same(const learn::StateDict::Value& a, const learn::StateDict::Value& b) {
-  if (a.index() != b.index()) return false;
-  if (const auto* tensor = std::get_if<torch::Tensor>(&a))
-    return torch::equal(*tensor, std::get<torch::Tensor>(b));
-  if (const auto* count = std::get_if<int64_t>(&a)) return *count == std::get<int64_t>(b);
-  if (const auto* number = std::get_if<double>(&a)) return *number == std::get<double>(b);
-  return std::get<std::string>(a) == std::get<std::string>(b);
-}
-
 /// Compares two runs' last checkpoints bit for bit; returns how many values were compared.
 size_t expect_same_training(const std::string& run_a, const std::string& run_b) {
   const learn::StateDict a = last_checkpoint(run_a), b = last_checkpoint(run_b);
@@ -71,7 +62,7 @@ size_t expect_same_training(const std::string& run_a, const std::string& run_b) 
       ADD_FAILURE() << key << " is only in " << run_a;
       continue;
     }
-    EXPECT_TRUE(same(value, other->second)) << key;
+    EXPECT_TRUE(test::same_value(value, other->second)) << key;
     ++compared;
   }
   return compared;
@@ -81,7 +72,7 @@ size_t expect_same_training(const std::string& run_a, const std::string& run_b) 
 bool differ(const std::string& run_a, const std::string& run_b) {
   const learn::StateDict a = last_checkpoint(run_a), b = last_checkpoint(run_b);
   for (const auto& [key, value] : a.values())
-    if (key.starts_with("network/") && !same(value, b.values().at(key))) return true;
+    if (key.starts_with("network/") && !test::same_value(value, b.values().at(key))) return true;
   return false;
 }
 

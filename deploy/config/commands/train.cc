@@ -1,6 +1,8 @@
 // `comrad train`: merges the settings, makes or resumes the run directory, makes the map once, and hands the
 // plan to the supervisor. Everything that can be refused is refused before the run directory is touched.
 
+#include <unistd.h>
+
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
@@ -11,6 +13,7 @@
 #include "deploy/config/existing_run.h"
 #include "deploy/config/game_files.h"
 #include "deploy/config/merged_settings.h"
+#include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/supervisor.h"
 #include "rollout_buffer/core/text.h"
@@ -78,6 +81,7 @@ Expected<int> train(const CommandLine& line) {
     config.interestingness_graph_path =
         fs::absolute(config.interestingness_graph_path, error).lexically_normal().string();
   }
+  COMRAD_TRY(check_pool_to_draw(config.layout_pool, /*for_training=*/true));
   std::string layout_list;
   if (!config.layout_pool.empty() && !is_pool_to_draw(config.layout_pool)) {
     config.layout_pool = fs::absolute(config.layout_pool, error).lexically_normal().string();
@@ -108,7 +112,8 @@ Expected<int> train(const CommandLine& line) {
   plan.run_dir = directory.path();
   plan.lock_descriptor = directory.lock_descriptor();
   COMRAD_TRY_ASSIGN(const RunOutcome outcome, deploy::run(plan));
-  if (!outcome.message.empty()) std::fprintf(stderr, "%s\n", outcome.message.c_str());
+  // As all that a run says: a terminal that stands still must not keep it.
+  if (!outcome.message.empty()) ProgressPrinter(STDERR_FILENO, /*show=*/true).note(outcome.message);
   return outcome.exit_code;
 }
 

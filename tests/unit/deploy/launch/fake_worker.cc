@@ -6,7 +6,10 @@
 //   say TEXT...       print TEXT on standard error at the start
 //   exit CODE         leave with CODE right after joining; `exit_once` only the first time
 //   deaf 0            ignore SIGTERM and the run state
-//   finish MS         learner: leave with 0 after MS milliseconds of running
+//   finish MS         learner: reach the run's goal and leave with 0 after MS milliseconds of running
+//   leave MS          learner: the same without having reached it
+//   unsaved MS        learner: reach the goal, but fail to save (exit code 3)
+//   stand_still 0     sim: join and make no decision
 //   restored COUNT    counters begin at COUNT, as those of a resumed learner do, env frames at 4 x COUNT
 //   episodes COUNT    sim: finish COUNT episodes, then play on
 //   fill 0            sim: take a slab and hold it with 5 rows filled
@@ -26,7 +29,7 @@
 #include <string>
 
 #include "rollout_buffer/core/clock.h"
-#include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/shm/arena_socket.h"
 
 namespace {
@@ -101,22 +104,14 @@ int main(int argc, char** argv) {
                                                      : arena->learner_counters();
   counters.epoch += 1;
   counters.state = 1;
-  dds::TrainStats stats;
+  shm::LearnerReport report;
   if (habits.contains("restored")) {
-    counters.decisions = counters.batches = stats.decisions = std::stoull(habits["restored"]);
-    stats.env_frames = 4 * stats.decisions;
-    control.learner_env_frames.store(stats.env_frames);
+    counters.decisions = counters.batches = report.decisions = std::stoull(habits["restored"]);
+    report.env_frames = 4 * report.decisions;
+    control.learner_env_frames.store(report.env_frames);
+    control.saved_env_frames.store(report.env_frames);
   }
   counters.state = 2;
-  std::optional<dds::Bus> bus;
-  if (role == "learner") {
-    auto opened = dds::Bus::open(dds::bus_config_for_run(arena->run_id()));
-    if (!opened) {
-      std::fprintf(stderr, "%s\n", opened.error().message.c_str());
-      return 1;
-    }
-    bus.emplace(std::move(opened).value());
-  }
   if (habits.contains("fill")) {
     if (const auto slab = arena->acquire_slab(index)) arena->slab_header(static_cast<int>(*slab)).length = 5;
   }
@@ -131,7 +126,7 @@ int main(int argc, char** argv) {
         tell("running");
         if (role == "learner") usleep(300'000);  // simulators collect a first batch
       }
-      counters.decisions += role == "learner" ? 64 : 10;
+      if (!habits.contains("stand_still")) counters.decisions += role == "learner" ? 64 : 10;
       counters.batches += 1;
       for (; episodes < episode_count; ++episodes) {
         shm::EpisodeRecord record{};
@@ -145,23 +140,28 @@ int main(int argc, char** argv) {
         record.agent_return[1] = -1.0f;
         arena->push_episode(record);
       }
-      if (bus) {
-        stats.env_frames += 256;
-        stats.decisions += 64;
-        stats.learner_version += 1;
-        stats.score_mean = 123.5;
-        stats.episodes = 3;
-        stats.policy_lag_mean = 2.0;
-        stats.env_frames_per_s = 5120;
-        stats.decisions_per_s = 1280;
-        stats.last_checkpoint = "checkpoint/fake.pt";
-        control.learner_env_frames.store(stats.env_frames);
-        if (Status written = bus->write(stats); !written) return 1;
+      if (role == "learner") {
+        report.env_frames += 256;
+        report.decisions += 64;
+        report.learner_version += 1;
+        report.score_mean = 123.5;
+        report.episodes = 3;
+        report.policy_lag_mean = 2.0;
+        report.env_frames_per_s = 5120;
+        report.decisions_per_s = 1280;
+        std::strcpy(report.last_checkpoint, "checkpoint/fake.pt");
+        control.learner_env_frames.store(report.env_frames);
+        arena->publish_report(report);
       }
-      if (habits.contains("finish") && monotonic_s() - running_since_s > 1e-3 * std::stod(habits["finish"])) {
+      const auto is_due = [&](const char* habit) {
+        return habits.contains(habit) && monotonic_s() - running_since_s > 1e-3 * std::stod(habits[habit]);
+      };
+      if (is_due("finish") || is_due("unsaved")) {
+        control.goal_reached = 1;
         tell("finished");
-        return 0;
+        return is_due("finish") ? kExitDone : kExitNotSaved;
       }
+      if (is_due("leave")) return kExitDone;
     }
     usleep(50'000);
   }

@@ -1,5 +1,6 @@
 #include "deploy/launch/progress.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -125,6 +126,46 @@ TEST(ProgressPrinter, RewritesOneLineOfATerminalAndNeverWraps) {
   printer.end();
   expect_next(leader, "\r\n");
   expect_nothing_left(leader);
+  close(leader);
+  close(terminal);
+}
+
+/// Everything that lies in a pipe or behind a terminal, as long as something does.
+std::string read_all(int descriptor) {
+  std::string text;
+  char bytes[4096];
+  for (pollfd readable{.fd = descriptor, .events = POLLIN, .revents = 0}; poll(&readable, 1, 20) == 1;) {
+    const ssize_t size = read(descriptor, bytes, sizeof bytes);
+    if (size <= 0) break;
+    text.append(bytes, static_cast<std::size_t>(size));
+  }
+  return text;
+}
+
+/// Writes until the reader has lost lines, and sees that what it reads then tells of them.
+void expect_drops_and_says_so(int writer, int reader) {
+  ProgressPrinter printer(writer, true);
+  const std::string line(1000, 'x');
+  for (int i = 0; i < 500; ++i) printer.note(line);  // half a megabyte: more than pipes and terminals hold
+  const std::string before = read_all(reader);
+  EXPECT_LT(before.size(), 400'000u) << "the reader was never slow enough for this test";
+  printer.note("here again");
+  const std::string after = read_all(reader);
+  EXPECT_NE(after.find(" lines dropped: nobody read them)"), std::string::npos) << after;
+  EXPECT_TRUE(after.ends_with("here again\n") || after.ends_with("here again\r\n")) << after;
+  const int flags = fcntl(writer, F_GETFL);
+  EXPECT_EQ(flags & O_NONBLOCK, 0) << "others that share the descriptor would get EAGAIN";
+}
+
+TEST(ProgressPrinter, NeverWaitsForAReaderThatPauses) {
+  int ends[2];
+  ASSERT_EQ(pipe(ends), 0);
+  expect_drops_and_says_so(ends[1], ends[0]);
+  close(ends[0]);
+  close(ends[1]);
+  int leader = -1, terminal = -1;
+  ASSERT_EQ(openpty(&leader, &terminal, nullptr, nullptr, nullptr), 0);
+  expect_drops_and_says_so(terminal, leader);
   close(leader);
   close(terminal);
 }

@@ -391,6 +391,56 @@ TEST_F(Launch, ALearnerThatGoesBackSaysHowMuchLearningWasLost) {
   EXPECT_THAT(progress(), HasSubstr(back + "\n")) << "at once, and in every line of progress";
 }
 
+TEST_F(Launch, ALearnerThatEndsBeforeTheGoalHasNotFinishedTheRun) {
+  start("learner leave 800\n");
+  ASSERT_EQ(wait_for_end(15), 0) << progress();
+  EXPECT_THAT(std::string(outcome()["message"]), HasSubstr("before the run's goal"));
+  EXPECT_EQ(outcome()["interrupted"], true);
+  EXPECT_EQ(status()["state"], "paused");
+}
+
+TEST_F(Launch, ALastCheckpointThatCannotBeWrittenEndsTheRunAtOnce) {
+  start("learner unsaved 800\nlearner restored 100000\n");
+  ASSERT_EQ(wait_for_end(15), 1) << progress();
+  EXPECT_EQ(pids("learner").size(), 1u) << "the same frames were trained on again";
+  EXPECT_THAT(
+      std::string(outcome()["error"]),
+      testing::MatchesRegex("the last checkpoint could not be written, [0-9.]+k? env frames since the one at "
+                            "400k are lost; .*"));
+  EXPECT_EQ(status()["state"], "failed");
+}
+
+TEST_F(Launch, AskedForACheckpointItPassesTheWishOn) {
+  start("learner finish 2000\n");
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  kill(probe_, SIGUSR1);
+  EXPECT_TRUE(eventually(5, [&] { return progress().find("SIGUSR1: a checkpoint") != std::string::npos; }));
+  ASSERT_EQ(wait_for_end(15), 0) << "SIGUSR1 ended it";
+}
+
+TEST_F(Launch, AWorkerThatStandsStillIsNamedAndTheRateIsZero) {
+  start("");
+  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  const pid_t stopped = pids("sim-0").back();
+  kill(stopped, SIGSTOP);
+  EXPECT_TRUE(eventually(15, [&] {
+    return progress().find("| sim-0 silent for 10s (SIGSTOP)") != std::string::npos;
+  })) << progress();
+  EXPECT_EQ(progress().find("| sim-1 silent"), std::string::npos) << progress();
+  kill(pids("sim-1").back(), SIGSTOP);
+  EXPECT_TRUE(eventually(15, [&] {
+    return progress().find("| 0 env frames/s, 0 decisions/s") != std::string::npos;
+  })) << progress();
+  kill(stopped, SIGCONT);
+  EXPECT_TRUE(eventually(5, [&] {
+    const std::string said = progress();
+    return said.substr(said.rfind('\n', said.size() - 2)).find("sim-0 silent") == std::string::npos;
+  })) << progress();
+  kill(pids("sim-1").back(), SIGCONT);
+  kill(probe_, SIGTERM);
+  EXPECT_EQ(wait_for_end(12), 0);
+}
+
 TEST_F(Launch, AnArenaThatDoesNotFitSaysSo) {
   start("", {"slabs=1000000"});
   ASSERT_EQ(wait_for_end(5), 1);

@@ -57,12 +57,12 @@ class MetricsTest : public ::testing::Test {
   const test::ScratchFolder folder_;
 };
 
-dds::EpisodeResult episode(double score, std::vector<double> agent_return, uint32_t length_tics) {
-  dds::EpisodeResult result;
-  result.score = score;
-  result.agent_return = std::move(agent_return);
-  result.length_tics = length_tics;
-  return result;
+shm::EpisodeRecord episode(float score, std::array<float, 2> agent_return, uint32_t length_tics) {
+  shm::EpisodeRecord record{};
+  record.score = score;
+  std::ranges::copy(agent_return, record.agent_return);
+  record.length_tics = length_tics;
+  return record;
 }
 
 TEST(MaskedCrc32c, MatchesTheCheckValueOfThePolynomial) {
@@ -146,9 +146,9 @@ TEST_F(MetricsTest, AMissingFolderIsAClearError) {
 TEST(EpisodeWindow, AveragesTheLastEpisodesOnly) {
   EpisodeWindow window(2);
   EXPECT_TRUE(std::isnan(window.score_mean()));
-  window.add(episode(100, {1, 1}, 40));
-  window.add(episode(10, {2, 4}, 80));
-  window.add(episode(20, {6, 10}, 120));
+  window.add(episode(100, {1, 1}, 40), 2);
+  window.add(episode(10, {2, 4}, 80), 2);
+  window.add(episode(20, {6, 10}, 120), 2);
   EXPECT_EQ(window.episodes(), 3u);
   EXPECT_DOUBLE_EQ(window.score_mean(), 15);
   EXPECT_DOUBLE_EQ(window.return_mean(), (3 + 8) / 2.0);
@@ -169,10 +169,10 @@ TEST(EpisodeWindow, AveragesTheLastEpisodesOnly) {
 
 TEST(EpisodeWindow, CountsEpisodesInWhichAnyAgentsReturnIsNotZero) {
   EpisodeWindow window(4);
-  window.add(episode(0, {0, 0}, 40));
-  window.add(episode(0, {0, -1}, 40));
-  window.add(episode(0, {2, -2}, 40));
-  window.add(episode(7, {0, 0}, 40));
+  window.add(episode(0, {0, 0}, 40), 2);
+  window.add(episode(0, {0, -1}, 40), 2);
+  window.add(episode(0, {2, -2}, 40), 2);
+  window.add(episode(7, {0, 0}, 40), 2);
   MetricValues values;
   window.append_to(values);
   EXPECT_EQ(values.back().first, "stats/rewarded_episodes_fraction");
@@ -183,7 +183,8 @@ TEST(EpisodeWindow, GoesOnInAnotherProcessWhereItStood) {
   EpisodeWindow window(3);
   for (int i = 0; i < 4; ++i) {
     EXPECT_EQ(window.is_full(), i == 3) << i;
-    window.add(episode(i, {1.0 * i, 2.0 * i}, 40));
+    window.add(
+        episode(static_cast<float>(i), {1.0f * static_cast<float>(i), 2.0f * static_cast<float>(i)}, 40), 2);
   }
   EpisodeWindow again(3);
   ASSERT_TRUE(again.restore(window.state()));
@@ -193,14 +194,14 @@ TEST(EpisodeWindow, GoesOnInAnotherProcessWhereItStood) {
   window.append_to(before);
   again.append_to(after);
   EXPECT_EQ(before, after);
-  window.add(episode(10, {0, 0}, 4));
-  again.add(episode(10, {0, 0}, 4));
+  window.add(episode(10, {0, 0}, 4), 2);
+  again.add(episode(10, {0, 0}, 4), 2);
   EXPECT_DOUBLE_EQ(again.score_mean(), window.score_mean());
 }
 
 TEST(EpisodeWindow, TakesTheNewestThatFitAndNoBrokenOnes) {
   EpisodeWindow window(10);
-  for (int i = 0; i < 10; ++i) window.add(episode(i, {0}, 40));
+  for (int i = 0; i < 10; ++i) window.add(episode(static_cast<float>(i), {0, 0}, 40), 2);
   EpisodeWindow shorter(2), longer(20);
   ASSERT_TRUE(shorter.restore(window.state()));
   EXPECT_DOUBLE_EQ(shorter.score_mean(), 8.5);

@@ -1,0 +1,354 @@
+// What a careless or hostile neighbour does to a run: damaged files, limits, signals, terminals that stand still,
+// strangers on the bus. Nothing may be lost without a word, and nobody may be let in.
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <torch/torch.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+
+#include "learner/checkpoint/checkpoint.h"
+#include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/shm/arena_socket.h"
+#include "tests/integration/running_program.h"
+#include "tests/support/same_value.h"
+
+namespace comrad::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AnyOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr double kRunSeconds = 120;
+constexpr double kStartSeconds = 60;
+constexpr double kStopSeconds = 10;
+constexpr int kBadInput = 2, kFailed = 1;
+
+/// The command as words of one shell line, each quoted.
+std::string shell_words(const std::vector<std::string>& command) {
+  std::string line;
+  for (const std::string& word : command) line += "'" + word + "' ";
+  return line;
+}
+
+/// Runs a line of bash in which $RUN is the command.
+std::vector<std::string> in_shell(const std::string& line) { return {"/bin/bash", "-c", line}; }
+
+Ending run(const std::vector<std::string>& command, double timeout_s = kRunSeconds) {
+  return RunningProgram(command).wait(timeout_s);
+}
+
+std::vector<std::string> checkpoints_of(const std::string& run_dir) {
+  return files(run_dir + "/checkpoint", "checkpoint_", ".pt");
+}
+
+std::string read_bytes(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+void write_bytes(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
+}
+
+/// A short run with one checkpoint.
+class FinishedRun : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const Ending ending = run(small_training(scratch_, "run", 8192, {"--keep_checkpoints", "1"}));
+    ASSERT_EQ(ending.exit_code, 0) << ending.err;
+    ASSERT_EQ(checkpoints_of(run_).size(), 1u);
+    checkpoint_ = checkpoints_of(run_)[0];
+    if (checkpoint_.find('/') == std::string::npos) checkpoint_ = run_ + "/checkpoint/" + checkpoint_;
+  }
+
+  ScratchFolder scratch_;
+  const std::string run_ = scratch_ / "run";
+  std::string checkpoint_;
+};
+
+TEST_F(FinishedRun, ADamagedLastCheckpointIsRefusedEveryTime) {
+  fs::resize_file(checkpoint_, fs::file_size(checkpoint_) / 2);
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    const Ending ending = run(small_training(scratch_, "run", 16384));
+    EXPECT_NE(ending.exit_code, 0) << "attempt " << attempt << " trained from nothing";
+    EXPECT_THAT(ending.err, HasSubstr("--restart_behavior restart"));
+  }
+  const Ending anew = run(small_training(scratch_, "run", 8192, {"--restart_behavior", "restart"}));
+  EXPECT_EQ(anew.exit_code, 0) << anew.err;
+}
+
+TEST_F(FinishedRun, ATensorOfGarbageIsSeenByTrainingAndByEvaluation) {
+  std::string bytes = read_bytes(checkpoint_);
+  bytes.replace(bytes.size() / 2, 4096, 4096, '\xFF');  // the largest tensors lie in the middle
+  write_bytes(checkpoint_, bytes);
+  const Ending eval = run({program("comrad"), "eval", "--policy", run_, "--episodes", "2"});
+  EXPECT_NE(eval.exit_code, 0) << "a score was reported for garbage: " << eval.out;
+  EXPECT_THAT(eval.err, HasSubstr("damaged"));
+  const Ending ending = run(small_training(scratch_, "run", 16384));
+  EXPECT_NE(ending.exit_code, 0);
+  EXPECT_THAT(ending.err, HasSubstr("damaged"));
+}
+
+TEST_F(FinishedRun, FlippedBitsAreFoundOrDoNoHarm) {
+  const std::string intact = read_bytes(checkpoint_);
+  const auto written = learn::read_checkpoint(checkpoint_);
+  ASSERT_TRUE(written) << written.error().message;
+  const uint64_t seed = 20261123;
+  Rng rng(seed);
+  int refused = 0;
+  for (int round = 0; round < 24; ++round) {
+    std::string damaged = intact;
+    for (int flip = 0; flip < 3; ++flip) {
+      const std::size_t at = rng.below(static_cast<uint32_t>(damaged.size()));
+      damaged[at] = static_cast<char>(damaged[at] ^ (1 << rng.below(8)));
+    }
+    write_bytes(scratch_ / "damaged.pt", damaged);
+    const auto read = learn::read_checkpoint(scratch_ / "damaged.pt");
+    refused += !read;
+    if (!read) continue;
+    for (const auto& [key, value] : written->values())
+      EXPECT_TRUE(read->has(key) && test::same_value(value, read->values().at(key)))
+          << key << ", seed " << seed << " round " << round;
+  }
+  EXPECT_GE(refused, 20) << "three flips hit a record nearly always";
+}
+
+TEST_F(FinishedRun, DamagedSmallFilesEndInWordsNotInCrashes) {
+  const uint64_t seed = 20261124;
+  Rng rng(seed);
+  for (const char* name : {"config.toml", "status.json"}) {
+    const std::string path = run_ + "/" + name, intact = read_bytes(path);
+    ASSERT_FALSE(intact.empty()) << path;
+    for (int round = 0; round < 6; ++round) {
+      std::string damaged = intact;
+      for (int flip = 0; flip < 8; ++flip) {
+        const std::size_t at = rng.below(static_cast<uint32_t>(damaged.size()));
+        damaged[at] = static_cast<char>(damaged[at] ^ (1 << rng.below(8)));
+      }
+      write_bytes(path, damaged);
+      const Ending eval =
+          run({program("comrad"), "eval", "--policy", run_, "--episodes", "1", "--seed", "3", "--json"});
+      EXPECT_THAT(eval.exit_code, AnyOf(0, kFailed, kBadInput))
+          << name << ", seed " << seed << " round " << round << ": " << eval.err;
+      if (eval.exit_code != 0) {
+        EXPECT_THAT(eval.err, HasSubstr("error")) << name << " round " << round;
+      }
+    }
+    write_bytes(path, intact);
+  }
+}
+
+TEST_F(FinishedRun, APipeUnderACheckpointsNameIsNoReasonToHang) {
+  ASSERT_EQ(mkfifo((run_ + "/checkpoint/checkpoint_000009999_99999999.pt").c_str(), 0600), 0);
+  const Ending ending = run(small_training(scratch_, "run", 16384), 60);
+  EXPECT_FALSE(ending.timed_out);
+  EXPECT_EQ(ending.exit_code, 0) << ending.err;  // the checkpoint before it is whole
+}
+
+/// An endless small run that has begun to train.
+class VictimRun : public ::testing::Test {
+ protected:
+  void begin(const std::vector<std::string>& more = {}) {
+    training_ = std::make_unique<RunningProgram>(small_training(scratch_, "run", 1e9, more));
+    ASSERT_TRUE(wait_until([this] { return env_frames(run_) > 0 || !training_->running(); }, kStartSeconds));
+    ASSERT_TRUE(training_->running()) << training_->wait(1).err;
+  }
+  bool trains_on(double frames, double timeout_s) {
+    const double before = env_frames(run_);
+    return wait_until([&] { return env_frames(run_) >= before + frames; }, timeout_s);
+  }
+
+  ScratchFolder scratch_;
+  const std::string run_ = scratch_ / "run";
+  std::unique_ptr<RunningProgram> training_;
+};
+
+TEST_F(VictimRun, SaysWhatRandomKillsCost) {
+  begin({"--save_every_sec", "2"});
+  const uint64_t seed = 20261125;
+  Rng rng(seed);
+  const char* const kinds[] = {"comrad-sim-worker", "comrad-policy-worker", "comrad-learner"};
+  int learners = 0;
+  for (int round = 0; round < 6; ++round) {
+    const char* kind = round == 3 ? kinds[2] : kinds[rng.below(3)];
+    const auto alive = processes_of(run_, kind);
+    if (alive.empty()) continue;
+    kill(alive[rng.below(static_cast<uint32_t>(alive.size()))], SIGKILL);
+    learners += kind == kinds[2];
+    ASSERT_TRUE(trains_on(2048, 60)) << "after a " << kind << " was killed; seed " << seed << " round "
+                                     << round;
+  }
+  training_->signal(SIGTERM);
+  const Ending ending = training_->wait(3 * kStopSeconds);
+  ASSERT_EQ(ending.exit_code, 0) << ending.err;
+  ASSERT_GT(learners, 0);
+  EXPECT_THAT(ending.err, HasSubstr("learner went back "));
+  const std::vector<nlohmann::json> metrics = read_json_lines(run_ + "/metrics.jsonl");
+  ASSERT_FALSE(metrics.empty());
+  EXPECT_GT(metrics.back()["stats/env_frames_lost"].get<double>(), 0) << "a killed learner forgot nothing?";
+  EXPECT_THAT(std::string(read_json(run_ + "/status.json")["message"]), HasSubstr("learner went back "));
+}
+
+TEST_F(VictimRun, ALearnerThatIsToldToStopHasNotFinishedTheRun) {
+  begin();
+  const auto learner = processes_of(run_, "comrad-learner");
+  ASSERT_EQ(learner.size(), 1u);
+  kill(learner[0], SIGTERM);
+  const Ending ending = training_->wait(30);
+  EXPECT_THAT(ending.err, Not(HasSubstr("finished")));
+  EXPECT_EQ(read_json(run_ + "/status.json")["state"], "paused");
+  EXPECT_FALSE(checkpoints_of(run_).empty());
+}
+
+TEST_F(VictimRun, AStrangerOnTheBusChangesNothing) {
+  begin();
+  // The worst case: a stranger that has guessed the run id, which only members of the arena can read.
+  const auto learner = processes_of(run_, "comrad-learner");
+  ASSERT_EQ(learner.size(), 1u);
+  std::string words = read_bytes("/proc/" + std::to_string(learner[0]) + "/cmdline");
+  const std::size_t flag = words.find(std::string("--arena") + '\0');
+  ASSERT_NE(flag, std::string::npos);
+  const std::string socket = words.substr(flag + 8).c_str();
+  shm::JoinRequest request;
+  std::strcpy(request.role, "monitor");
+  auto arena = shm::join_arena(socket, request, 5000);
+  ASSERT_TRUE(arena) << arena.error().message;
+  char hex[17];
+  std::snprintf(hex, sizeof hex, "%016llx", static_cast<unsigned long long>(arena->run_id()));
+  EXPECT_THAT(socket, Not(HasSubstr(hex))) << "the socket's name, which every user sees, gives the bus away";
+
+  auto bus = dds::Bus::open(dds::bus_config_for_run(arena->run_id()));
+  ASSERT_TRUE(bus) << bus.error().message;
+  dds::EpisodeResult episode;
+  episode.scenario = "coop_health_gathering";
+  episode.score = 1e9;
+  episode.agent_return = episode.agent_score = {1e9, 1e9};
+  dds::TrainStats stats;
+  stats.env_frames = 1'000'000'000'000;
+  stats.score_mean = 1e9;
+  stats.episodes = 1000;
+  const double began_s = now_s();
+  while (now_s() - began_s < 8) {
+    for (const char* state : {"paused", "stopping"})
+      ASSERT_TRUE(bus->write(dds::RunControl{.run_state = state, .checkpoint_seq = 7, .settings_epoch = 1}));
+    ASSERT_TRUE(bus->write(stats));
+    for (int i = 0; i < 20; ++i) ASSERT_TRUE(bus->write(episode));
+    sleep_s(0.1);
+  }
+  EXPECT_TRUE(trains_on(2048, 30)) << "the stranger stopped or paused the run";
+  const nlohmann::json status = read_json(run_ + "/status.json");
+  EXPECT_LT(status["env_frames"].get<double>(), 1e9);
+  if (!status["J_mean"].is_null()) {
+    EXPECT_LT(status["J_mean"].get<double>(), 1e6);
+  }
+  EXPECT_TRUE(files(run_ + "/checkpoint", "best_", ".pt").empty());
+  training_->signal(SIGTERM);
+  const Ending ending = training_->wait(3 * kStopSeconds);
+  EXPECT_EQ(ending.exit_code, 0);
+  for (const nlohmann::json& report : read_json_lines(run_ + "/metrics.jsonl"))
+    if (report.contains("policy_stats/avg_true_objective") &&
+        report["policy_stats/avg_true_objective"].is_number()) {
+      EXPECT_LT(report["policy_stats/avg_true_objective"].get<double>(), 1e6);
+    }
+}
+
+TEST(Attack, ATerminalThatStandsStillNeverStopsARun) {
+  const ScratchFolder scratch;
+  int ends[2];
+  ASSERT_EQ(pipe(ends), 0);  // nobody ever reads it
+  ASSERT_GE(fcntl(ends[1], F_SETPIPE_SZ, 4096), 0);
+  fcntl(ends[0], F_SETFD, FD_CLOEXEC);
+  RunningProgram training(
+      in_shell("exec " + shell_words(small_training(scratch, "run", 1e9, {"--progress_interval", "0.1"})) +
+               "2>&" + std::to_string(ends[1])));
+  close(ends[1]);
+  const std::string run_dir = scratch / "run";
+  ASSERT_TRUE(wait_until([&] { return env_frames(run_dir) > 0; }, kStartSeconds));
+  sleep_s(8);  // of ten lines a second: the pipe has long been full
+  const double before = env_frames(run_dir);
+  EXPECT_TRUE(wait_until([&] { return env_frames(run_dir) > before; }, 30)) << "status.json stands still";
+  training.signal(SIGTERM);
+  const Ending ending = training.wait(kStopSeconds + 5);
+  EXPECT_FALSE(ending.timed_out) << "SIGTERM was ignored";
+  EXPECT_EQ(ending.exit_code, 0);
+  close(ends[0]);
+}
+
+TEST(Attack, ALastCheckpointThatCannotBeWrittenEndsTheRunOnceAndSaysWhatIsLost) {
+  const ScratchFolder scratch;
+  const std::string run_dir = scratch / "run";
+  RunningProgram training(small_training(scratch, "run", 65536));
+  ASSERT_TRUE(wait_until([&] { return env_frames(run_dir) > 0 || !training.running(); }, kStartSeconds));
+  fs::rename(run_dir + "/checkpoint", run_dir + "/gone");
+  write_bytes(run_dir + "/checkpoint", "no folder");
+  const Ending ending = training.wait(kRunSeconds);
+  EXPECT_FALSE(ending.timed_out);
+  EXPECT_EQ(ending.exit_code, kFailed) << ending.err;
+  EXPECT_THAT(ending.err, HasSubstr("the last checkpoint could not be written"));
+  EXPECT_THAT(ending.err, HasSubstr("env frames since the run's beginning are lost"));
+  EXPECT_THAT(ending.err, Not(HasSubstr("starts again"))) << "the same frames were trained on again";
+  EXPECT_EQ(read_json(run_dir + "/status.json")["state"], "failed");
+}
+
+TEST(Attack, ALimitOfFileSizeIsNamed) {
+  const ScratchFolder scratch;
+  for (const char* kilobytes : {"4", "512"}) {  // too little for the map, and for shared memory
+    const Ending ending = run(in_shell(std::string("ulimit -f ") + kilobytes + "; exec " +
+                                       shell_words(small_training(scratch, "run", 16384))));
+    EXPECT_THAT(ending.exit_code, AnyOf(kFailed, kBadInput)) << ending.err;
+    EXPECT_THAT(ending.err, HasSubstr("ulimit -f"));
+  }
+}
+
+TEST(Attack, AReaderThatLeavesOrClosedDescriptorsDoNotMatter) {
+  const ScratchFolder scratch;
+  const Ending piped = run(in_shell(shell_words(small_training(scratch, "piped", 8192)) +
+                                    "2>&1 | head -1; exit ${PIPESTATUS[0]}"));
+  EXPECT_EQ(piped.exit_code, 0) << piped.out;
+  EXPECT_EQ(read_json(scratch / "piped/status.json")["state"], "finished");
+  const Ending closed =
+      run(in_shell("exec " + shell_words(small_training(scratch, "closed", 8192)) + "<&- >&-"));
+  EXPECT_EQ(closed.exit_code, 0) << closed.err;
+  const Ending all_closed =
+      run(in_shell("exec " + shell_words(small_training(scratch, "all", 8192)) + "<&- >&- 2>&-"));
+  EXPECT_EQ(all_closed.exit_code, 0);
+  EXPECT_EQ(read_json(scratch / "all/status.json")["state"], "finished");
+}
+
+TEST(Attack, AbsurdInputIsRefusedBeforeAnythingIsMade) {
+  const ScratchFolder scratch;
+  std::string deep = "a";
+  for (int i = 0; i < 100'000; ++i) deep += ".a";
+  scratch.write("deep.toml", deep + " = 1\n");
+  scratch.write("scenario/scenario.toml", deep + " = 1\n");
+  const std::vector<std::vector<std::string>> absurd = {
+      {"--config", scratch / "deep.toml"},  {"--config", "/dev/zero"},
+      {"--scenario", scratch / "scenario"}, {"--learning_rate", "1e300"},
+      {"--layout_pool", "train:0"},         {"--reward_scale", "-1e200"},
+      {"--experiment", "caf\xE9"},          {"--train_for_env_steps", "1e300"},
+  };
+  fs::create_directories(scratch / "runs");
+  for (const auto& flags : absurd) {
+    std::vector<std::string> command = small_training(scratch, "run", 8192, flags);
+    *std::find(command.begin(), command.end(), scratch.string()) = (scratch / "runs").string();
+    const Ending ending = run(command, 30);
+    EXPECT_FALSE(ending.timed_out) << flags[0] << " " << flags[1];
+    EXPECT_EQ(ending.exit_code, kBadInput) << flags[0] << " " << flags[1] << ": " << ending.err;
+    EXPECT_THAT(ending.err, HasSubstr("error")) << flags[0];
+    EXPECT_TRUE(fs::is_empty(scratch / "runs")) << flags[0] << " " << flags[1] << " left a folder";
+  }
+}
+
+}  // namespace
+}  // namespace comrad::testing
