@@ -93,17 +93,20 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
 
 /// Has the team the time to eat as much as hunger takes, and to give the field back what that and the decay
 /// cost it? In the long run the two must not ask for more of its time than there is, nor for more bonuses than
-/// grow. The numbers of script.acs, and three that were measured with the scripted team.
+/// grow. The numbers of script.acs, and some that were measured with the scripted team.
 Status check_resources(const LayoutTask& task) {
   constexpr double kDrainTics = 35, kDecayTics = 45, kSpawnTics = 15, kHeal = 2, kRates = 101;
   constexpr double kWalk = 8.3;             // units a tic
   constexpr double kStepOut = 20;           // tics from a cleanup's end to the next one's beginning
   constexpr double kCleanupsOfAVisit = 10;  // before the cleaner is too hungry
   constexpr double kKeptRate = 75;          // that a good team holds on average
-  constexpr double kTicsPerUnit = 0.0096;   // of the field's side: from one bonus to the next
+  constexpr double kTicsPerUnit = 0.006;    // of the field's side: from one bonus to the next
+  constexpr double kMostCleaning = 0.68;    // of a team's time: who cleans must eat before and after
+  constexpr double kShared = 0.8;           // of what grows: more than two get into each other's way
   const auto value = [&](const char* name) { return static_cast<double>(task.value(name)); };
   const double eaten = task.num_agents * value("drain") / kHeal / kDrainTics;  // bonuses a tic
-  const double grown = task.num_agents / kSpawnTics * kKeptRate / kRates;
+  const double grown =
+      task.num_agents / kSpawnTics * kKeptRate / kRates * (task.num_agents > 2 ? kShared : 1.0);
   const double lost = value("decay") / kDecayTics + eaten * value("harvest_cost");  // rate a tic
   const double cleanups = lost > 0 ? lost / std::max(value("boost"), 1e-6) : 0.0;
   const int64_t way =
@@ -116,13 +119,13 @@ Status check_resources(const LayoutTask& task) {
   };
   if (eaten > grown)
     return Error{ErrorCode::kBadInput, "they need " + percent(eaten, grown) +
-                                           " of the bonuses that grow while the rate is " +
+                                           " of the bonuses that they can get while the rate is " +
                                            std::to_string(static_cast<int>(kKeptRate)) + "; lower drain"};
-  if (eating + cleaning <= task.num_agents) return {};
-  return Error{ErrorCode::kBadInput,
-               "eating takes " + percent(eating, task.num_agents) + " of their time and cleaning " +
-                   percent(cleaning, task.num_agents) +
-                   "; lower drain, harvest_cost, decay, cleanup_tics, field or distance, or raise boost"};
+  if (eating + cleaning <= task.num_agents && cleaning <= kMostCleaning * task.num_agents) return {};
+  return Error{ErrorCode::kBadInput, "eating takes " + percent(eating, task.num_agents) +
+                                         " of their time and cleaning " + percent(cleaning, task.num_agents) +
+                                         " (of which 68 % can be); lower drain, harvest_cost, decay, "
+                                         "cleanup_tics, field or distance, or raise boost"};
 }
 
 }  // namespace

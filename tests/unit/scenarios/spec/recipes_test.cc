@@ -212,7 +212,7 @@ TEST(Resources, AMapThatGivesTooLittleIsRefusedWithAReason) {
       {"start_rate", "70"}, {"harvest_cost", "3"}, {"decay", "2"}, {"boost", "12"}, {"cleanup_tics", "88"}};
   EXPECT_THAT(error("foraging_commons", 2, poor),
               AllOf(HasSubstr("of their time and cleaning"), HasSubstr("raise boost")));
-  EXPECT_THAT(error("foraging_commons", 2, {{"drain", "20"}}), HasSubstr("bonuses that grow"));
+  EXPECT_THAT(error("foraging_commons", 2, {{"drain", "20"}}), HasSubstr("bonuses that they can get"));
   EXPECT_EQ(error("foraging_commons", 4, {{"drain", "0"}, {"decay", "0"}, {"boost", "0"}}), "no error");
   EXPECT_THAT(error("ammo_carrier", 2, {{"density", "4000"}}), HasSubstr("2210 appear"));
   EXPECT_EQ(error("ammo_carrier", 2, {{"density", "1250"}, {"depots", "3"}}), "no error");
