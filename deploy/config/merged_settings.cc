@@ -126,9 +126,6 @@ Expected<MergedSettings> complete(Layers layers, ScenarioDescription scenario, i
   }));
   COMRAD_TRY(layers.change("scenario", [&scenario](RunConfig& config) -> Status {
     config.num_agents = scenario.env.num_agents;
-    if (config.seq_max_return == 0) config.seq_max_return = std::max(scenario.ceiling, 0.0);
-    if (config.lp_max_return == 0 && scenario.ceiling > config.lp_min_return)
-      config.lp_max_return = scenario.ceiling;
     return {};
   }));
   COMRAD_TRY(

@@ -679,6 +679,7 @@ void Supervisor::drain_episodes() {
         .episode_seed = record->episode_seed,
         .env_index = record->env_index,
         .score = record->score,
+        .ceiling = record->ceiling,
         .agent_return = std::vector<double>(record->agent_return, record->agent_return + agents),
         .agent_score = std::vector<double>(record->agent_score, record->agent_score + agents),
         .length_steps = record->length_steps,

@@ -40,8 +40,8 @@ struct CurriculumOptions {
   double boring_factor = 0.001;
   /// task -> tasks that it makes uninteresting once it is mastered; empty: each makes itself so (no effect)
   std::map<std::string, std::set<std::string>> uninteresting = {};
-  /// Per task: its best score, where tasks differ (0: as the others). Stands for max_return then, and OMNI
-  /// compares scores as fractions of it.
+  /// Per task: its best score (0: max_return). Stands for max_return then, and OMNI compares scores as
+  /// fractions of it.
   std::vector<double> task_scale = {};
   // plr
   double max_score_coef = 0.0, alpha = 1.0, temperature = 0.1;

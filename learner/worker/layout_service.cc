@@ -67,15 +67,26 @@ Expected<CurriculumOptions> curriculum_options(const RunConfig& config, const La
   options.p_theta = config.lp_p_theta;
   options.min_return = config.lp_min_return;
   options.uniform_prob = config.lp_uniform_prob;
-  // Two settings, one for each family of strategies; a scenario without a ceiling leaves them at 0.
+  // Two settings, one for each family of strategies. 0: what each layout allows; a score that somebody names
+  // counts for all of them. What a published stage is divided by goes before either.
   options.max_return = config.curriculum == "sequential" ? config.seq_max_return : config.lp_max_return;
   const bool needs_maximum = config.curriculum == "sequential" || config.curriculum == "learning_progress" ||
                              config.curriculum == "omni";
-  if (needs_maximum && !(options.max_return > 0))
-    return Error{ErrorCode::kBadInput,
-                 std::string(config.curriculum == "sequential" ? "seq_max_return" : "lp_max_return") +
-                     " is 0, and scenario " + config.scenario +
-                     " has no ceiling; give the best possible score"};
+  const bool is_set = options.max_return != 0;
+  for (const LayoutEntry& layout : list.layouts) {
+    const double best = layout.metric_scale > 0 ? layout.metric_scale : is_set ? 0.0 : layout.ceiling;
+    if (needs_maximum && !is_set && !(best > 0))
+      return Error{ErrorCode::kBadInput,
+                   std::string(config.curriculum == "sequential" ? "seq_max_return" : "lp_max_return") +
+                       " is 0, and layout " + layout.id + " of scenario " + config.scenario +
+                       " has no ceiling; give the best possible score"};
+    if (needs_maximum && config.curriculum != "sequential" && best > 0 && !(best > options.min_return))
+      return Error{ErrorCode::kBadInput, "lp_min_return is " + real_text(options.min_return) +
+                                             "; it must be below the ceiling of layout " + layout.id + ", " +
+                                             real_text(best)};
+    options.task_scale.push_back(best);
+    if (!is_set) options.max_return = std::max(options.max_return, best);
+  }
   if (!needs_maximum) options.max_return = options.min_return + 1.0;
   if (config.curriculum == "sequential") options.min_return = std::min(options.min_return, 0.0);
   options.omni_mastery = config.omni_mastery;
@@ -90,7 +101,6 @@ Expected<CurriculumOptions> curriculum_options(const RunConfig& config, const La
   options.replay_prob = config.plr_replay_prob;
   options.rho = config.plr_rho;
   options.eps = config.plr_eps;
-  for (const LayoutEntry& layout : list.layouts) options.task_scale.push_back(layout.metric_scale);
   if (config.curriculum != "omni") return options;
   const std::string& graph = config.interestingness_graph_path.empty() ? list.interestingness_graph
                                                                        : config.interestingness_graph_path;

@@ -197,7 +197,8 @@ Status Learner::load_episodes(const StateDict& state, const std::string& path, b
                  path + ": " + kEpisodesKey + " has another type than this build writes"};
   const Tensor dense = saved.contiguous();
   const Status restored =
-      episodes_.restore({dense.data_ptr<double>(), static_cast<std::size_t>(dense.numel())});
+      episodes_.restore({dense.data_ptr<double>(), static_cast<std::size_t>(dense.numel())},
+                        dense.dim() == 2 ? static_cast<std::size_t>(dense.size(1)) : EpisodeWindow::kFields);
   if (!restored) return Error{restored.error().code, path + ": " + restored.error().message};
   // Where stats_avg was raised since, the best was that of a shorter window.
   has_best_ = state.has("counters/best_score") && episodes_.is_full();

@@ -38,7 +38,8 @@ void EpisodeWindow::add(const shm::EpisodeRecord& episode, int num_agents) {
         .return_mean = std::accumulate(returns.begin(), returns.end(), 0.0) / num_agents,
         .return_min = *low,
         .return_max = *high,
-        .length_tics = static_cast<double>(episode.length_tics)});
+        .length_tics = static_cast<double>(episode.length_tics),
+        .score_share = episode.ceiling > 0 ? episode.score / episode.ceiling : kNaN});
   ++episodes_;
 }
 
@@ -51,23 +52,25 @@ std::vector<double> EpisodeWindow::state() const {
   std::vector<double> numbers;
   numbers.reserve(window_.size() * kFields);
   for (const Episode& episode : window_)
-    for (const double number :
-         {episode.score, episode.return_mean, episode.return_min, episode.return_max, episode.length_tics})
+    for (const double number : {episode.score, episode.return_mean, episode.return_min, episode.return_max,
+                                episode.length_tics, episode.score_share})
       numbers.push_back(number);
   return numbers;
 }
 
-Status EpisodeWindow::restore(std::span<const double> state) {
-  if (state.size() % kFields != 0)
+Status EpisodeWindow::restore(std::span<const double> state, std::size_t fields) {
+  if (fields + 1 < kFields || fields > kFields || state.size() % fields != 0)
     return Error{ErrorCode::kBadFormat, "a window of episodes has " + std::to_string(state.size()) +
-                                            " numbers, " + std::to_string(kFields) + " make an episode"};
+                                            " numbers by " + std::to_string(fields) + ", " +
+                                            std::to_string(kFields) + " make an episode"};
   window_.clear();
-  for (; !state.empty(); state = state.subspan(kFields))
+  for (; !state.empty(); state = state.subspan(fields))
     push({.score = state[0],
           .return_mean = state[1],
           .return_min = state[2],
           .return_max = state[3],
-          .length_tics = state[4]});
+          .length_tics = state[4],
+          .score_share = fields < kFields ? kNaN : state[5]});
   return {};
 }
 
@@ -105,6 +108,12 @@ void EpisodeWindow::append_to(MetricValues& values) const {
   values.emplace_back("policy_stats/avg_true_objective", score_mean());
   values.emplace_back("policy_stats/avg_true_objective_min", least(&Episode::score));
   values.emplace_back("policy_stats/avg_true_objective_max", most(&Episode::score));
+  double share = 0;
+  int64_t shares = 0;
+  for (const Episode& episode : window_)
+    if (std::isfinite(episode.score_share)) share += episode.score_share, ++shares;
+  if (shares > 0)
+    values.emplace_back("policy_stats/avg_true_objective_share", share / static_cast<double>(shares));
   values.emplace_back("stats/rewarded_episodes_fraction", paid / static_cast<double>(window_.size()));
 }
 

@@ -54,16 +54,18 @@ class EpisodeWindow {
   bool is_full() const { return window_.size() == static_cast<std::size_t>(capacity_); }
   double score_mean() const;   ///< NaN before the first
   double return_mean() const;  ///< over episodes and agents; NaN before the first
-  /// reward/reward, len/len and policy_stats/avg_true_objective with _min and _max, and the share of episodes
-  /// in which some agent's return was not 0; nothing before the first.
+  /// reward/reward, len/len and policy_stats/avg_true_objective with _min and _max, J as a share of the best
+  /// that each map allows (over episodes on maps that say it), and the share of episodes in which some agent's
+  /// return was not 0; nothing before the first.
   void append_to(MetricValues& values) const;
 
   /// The window as numbers, kFields of each episode, oldest first, and back. restore() keeps the newest that
-  /// the window holds; those it brings do not count in episodes(). Errors: kBadFormat where the numbers are no
-  /// whole episodes.
-  static constexpr std::size_t kFields = 5;
+  /// the window holds; those it brings do not count in episodes(). `fields` is how many numbers make an
+  /// episode there: kFields, or one less in checkpoints from before the share was counted. Errors: kBadFormat
+  /// for another number of them, or where the numbers are no whole episodes.
+  static constexpr std::size_t kFields = 6;
   std::vector<double> state() const;
-  Status restore(std::span<const double> state);
+  Status restore(std::span<const double> state, std::size_t fields = kFields);
 
  private:
   struct Episode {
@@ -72,6 +74,7 @@ class EpisodeWindow {
     double return_min;
     double return_max;
     double length_tics;
+    double score_share;  ///< score / ceiling; NaN where the map says none
   };
   void push(const Episode& episode);
 

@@ -440,7 +440,7 @@ void visit_settings(Config& c, Visitor&& visit) {
         Names{"wad_curriculum"});
   visit("seq_threshold", c.seq_threshold, "sequential: the next map comes at this fraction of seq_max_return",
         Names{});
-  visit("seq_max_return", c.seq_max_return, "sequential: best score; 0: the scenario's ceiling", Names{});
+  visit("seq_max_return", c.seq_max_return, "sequential: best score; 0: each map's own ceiling", Names{});
   visit("seq_window", c.seq_window, "sequential: episodes of a map that its mean is taken over", Names{});
   visit("seq_min_outcomes", c.seq_min_outcomes,
         "sequential: episodes of a map before the next may come; 1: as published", Names{});
@@ -448,7 +448,7 @@ void visit_settings(Config& c, Visitor&& visit) {
   visit("lp_min_return", c.lp_min_return, "learning_progress, omni: score that counts as no success",
         Names{});
   visit("lp_max_return", c.lp_max_return,
-        "learning_progress, omni: score that counts as full success; 0: the scenario's ceiling", Names{});
+        "learning_progress, omni: score that counts as full success; 0: each map's own ceiling", Names{});
   visit("lp_uniform_prob", c.lp_uniform_prob, "learning_progress, omni: share of draws that are uniform",
         Names{});
   visit("interestingness_graph_path", c.interestingness_graph_path,

@@ -16,6 +16,7 @@ std::string layout_list_text(const LayoutList& list) {
   for (const LayoutEntry& layout : list.layouts) {
     toml::table one{{"id", layout.id}, {"path", layout.path}};
     if (layout.metric_scale > 0) one.insert("metric_scale", layout.metric_scale);
+    if (layout.ceiling > 0) one.insert("ceiling", layout.ceiling);
     layouts.push_back(std::move(one));
   }
   toml::table document{{"layout", std::move(layouts)}};
@@ -44,7 +45,8 @@ Expected<LayoutList> parse_layout_list(std::string_view text, const std::string&
       const auto path = one == nullptr ? std::nullopt : (*one)["path"].value<std::string>();
       if (!id || !path) return bad(where + " needs the texts 'id' and 'path'");
       if (!ids.insert(*id).second) return bad(where + ": there is another one named " + *id);
-      list.layouts.push_back({*id, *path, (*one)["metric_scale"].value_or(0.0)});
+      list.layouts.push_back(
+          {*id, *path, (*one)["metric_scale"].value_or(0.0), (*one)["ceiling"].value_or(0.0)});
     }
   } catch (const toml::parse_error& failure) {
     return Error{ErrorCode::kBadFormat, label + ":" + std::to_string(failure.source().begin.line) + ":" +

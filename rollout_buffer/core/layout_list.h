@@ -19,6 +19,7 @@ struct LayoutEntry {
   std::string id;           ///< task name
   std::string path;         ///< of the WAD, absolute
   double metric_scale = 0;  ///< what scores of this layout are divided by to be compared; 0: nothing
+  double ceiling = 0;       ///< the best J that it allows the run's team; 0: not known
 };
 
 struct LayoutList {

@@ -27,7 +27,7 @@
 namespace comrad::dds {
 namespace {
 
-constexpr int kBusVersion = 1;  // part of the partition: builds that disagree on comrad.idl do not meet
+constexpr int kBusVersion = 2;  // part of the partition: builds that disagree on comrad.idl do not meet
 constexpr int kMaxParticipantIndex = 119;
 constexpr uint32_t kDomainCount = 100;
 constexpr uint32_t kPortBase = 7400;  // RTPS: two ports per participant from kPortBase + 250 * domain + 10
@@ -474,6 +474,7 @@ Status Bus::write(const EpisodeResult& result) {
   out.episode_seed = result.episode_seed;
   out.env_index = result.env_index;
   out.score = result.score;
+  out.ceiling = result.ceiling;
   out.agent_return = view(result.agent_return);
   out.agent_score = view(result.agent_score);
   out.length_steps = result.length_steps;
@@ -544,6 +545,7 @@ std::vector<EpisodeResult> Bus::take_episode_results() {
                        .episode_seed = in.episode_seed,
                        .env_index = in.env_index,
                        .score = in.score,
+                       .ceiling = in.ceiling,
                        .agent_return = get(in.agent_return),
                        .agent_score = get(in.agent_score),
                        .length_steps = in.length_steps,

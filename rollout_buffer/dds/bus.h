@@ -64,6 +64,7 @@ struct EpisodeResult {
   uint64_t episode_seed = 0;
   uint32_t env_index = 0;
   double score = 0;                  ///< J
+  double ceiling = 0;                ///< the best J that the map allows so many agents; 0: not known
   std::vector<double> agent_return;  ///< [N]
   std::vector<double> agent_score;   ///< [N]
   uint32_t length_steps = 0;

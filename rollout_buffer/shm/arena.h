@@ -129,6 +129,7 @@ struct EpisodeRecord {
   uint32_t length_tics;
   uint32_t terminated;             ///< 1 terminated, 0 truncated
   float score;                     ///< J, team level
+  float ceiling;                   ///< the best J that the map allows so many agents; 0: not known
   float agent_return[kMaxAgents];  ///< sum of rewards before scale, clip and sharing
   float agent_score[kMaxAgents];   ///< J per agent, where the scenario tells them apart; else J
 };

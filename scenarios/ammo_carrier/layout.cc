@@ -43,10 +43,41 @@ std::vector<int64_t> column(const std::vector<Point>& points, int32_t Point::*ax
 
 Error refused(const std::string& what) { return Error{ErrorCode::kBadInput, "ammo_carrier: " + what}; }
 
+/// How often monsters come: one in so many spots brings one, in the first wave and in later ones.
+struct Waves {
+  int64_t first_odds, odds, tics;
+};
+Waves waves_of(int64_t density) {
+  return {1 + std::max<int64_t>(1, rounded(2000, density) - 1),
+          1 + std::max<int64_t>(1, rounded(3000, density)), std::max<int64_t>(70, rounded(175'000, density))};
+}
+
+/// The bullets that appear in an episode against those that its monsters take, on average.
+Status check_resources(const LayoutTask& task) {
+  // Of script.acs: every 70 tics a box of 50 one time of five, else a clip of 10; kinds of monsters in elevenths.
+  constexpr double kStartBullets = 50, kItemTics = 70, kItem = (50 + 4 * 10) / 5.0, kFirstWaveTics = 70;
+  constexpr double kHealth = (1 * 150 + 1 * 30 + 3 * 60 + 6 * 20) / 11.0;
+  constexpr double kDamage = 10;  // of a bullet on average; the last one is half wasted
+  constexpr double kHits = 0.5;   // of the bullets, at what comes through doors far away
+  const Waves waves = waves_of(task.value("density"));
+  const double tics = task.limit_tics;
+  const double monsters = static_cast<double>(kHubSpotCount) / static_cast<double>(waves.first_odds) +
+                          (tics - kFirstWaveTics) / static_cast<double>(waves.tics) *
+                              static_cast<double>(kHubSpotCount + task.value("depots")) /
+                              static_cast<double>(waves.odds);
+  const double needed = monsters * (kHealth / kDamage + 0.5) / kHits;
+  const double given = kStartBullets + tics / kItemTics * kItem;
+  if (needed <= given) return {};
+  return Error{ErrorCode::kBadInput, "some " + std::to_string(static_cast<int64_t>(monsters)) +
+                                         " monsters take " + std::to_string(static_cast<int64_t>(needed)) +
+                                         " bullets, and " + std::to_string(static_cast<int64_t>(given)) +
+                                         " appear; lower density or depots"};
+}
+
 Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   const int depot_count = wanted.value32("depots");
   const int32_t jitter = wanted.value32("jitter");
-  const int64_t density = wanted.value("density");
+  const Waves waves = waves_of(wanted.value("density"));
 
   MapPlan plan;
   const AreaId hub = plan.add_area(
@@ -119,10 +150,9 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
       {"HUB_SPOTS", kHubSpotCount},
       {"AMMO_SPOTS", static_cast<int64_t>(ammo.size())},
       {"RUNNER_SPOTS", kRunnerSpotCount},
-      // One in so many spots brings a monster: in the first wave, and later.
-      {"FIRST_WAVE_ODDS", 1 + std::max<int64_t>(1, rounded(2000, density) - 1)},
-      {"WAVE_ODDS", 1 + std::max<int64_t>(1, rounded(3000, density))},
-      {"WAVE_TICS", std::max<int64_t>(70, rounded(175'000, density))},
+      {"FIRST_WAVE_ODDS", waves.first_odds},
+      {"WAVE_ODDS", waves.odds},
+      {"WAVE_TICS", waves.tics},
   };
   layout.arrays = {{"enemy_x", column(enemies, &Point::x)},  {"enemy_y", column(enemies, &Point::y)},
                    {"ammo_x", column(ammo, &Point::x)},      {"ammo_y", column(ammo, &Point::y)},
@@ -137,7 +167,8 @@ LayoutRecipe recipe() {
           .draw = draw,
           .axes = {{"radius", {{{"radius", 1000}}, {{"radius", 1200}}, {{"radius", 1400}}}},
                    {"depots", {{{"depots", 1}}, {{"depots", 2}}, {{"depots", 3}}}},
-                   {"density", {{{"density", 750}}, {{"density", 1000}}, {{"density", 1250}}}}}};
+                   {"density", {{{"density", 750}}, {{"density", 1000}}, {{"density", 1250}}}}},
+          .check_resources = check_resources};
 }
 
 }  // namespace comrad::scenarios::ammo_carrier

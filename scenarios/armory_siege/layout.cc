@@ -105,6 +105,62 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   return layout;
 }
 
+// What script.acs and scenario.toml pay, in points of the own return.
+constexpr double kKill = 3.0, kHit = 0.2, kRound = 0.012, kHealth = 0.01, kAtLimit = 10.0;
+constexpr double kWeapons =
+    1.0 + 0.3;  // the first one and the other slot; a death costs 2 and earns them again
+constexpr int kPistolRounds = 20, kShotgunShells = 8, kClipRounds = 10, kBoxShells = 20, kMedikit = 25;
+constexpr int kLeastDamage = 5;  // of a pellet: 5, 10 or 15
+
+int64_t wave_tics(int64_t window) { return window * 4 - 50; }
+
+/// What a door's timetable puts down in an episode, as script.acs does it.
+int64_t items_of_door(int64_t door, int64_t window, int64_t limit) {
+  const int64_t first = window * 2 / 3 * door, second = first + window * 5 / 3;
+  const auto is_due = [&](int64_t time) {
+    return (time >= first && time < first + window) || (time >= second && time < second + window) ||
+           (door == 0 && time >= window * 10 / 3);
+  };
+  int64_t items = 0, age = 0;
+  bool open = false;
+  for (int64_t tic = 0; tic < limit; ++tic) {
+    const bool due = is_due(tic % (window * 4));
+    if (due && !open) age = 0, ++items;
+    if (due && open && window > 300 && ++age % 300 == 0) ++items;
+    open = due;
+  }
+  return items;
+}
+
+/// The own return, averaged over agents, of a team that takes everything, kills every monster that can come as
+/// it comes, hurts it with as many pellets as it has health for (each of the least damage), and loses nothing.
+double most_return(const LayoutTask& task) {
+  const int64_t window = task.value("window"), difficulty = task.value("difficulty"), limit = task.limit_tics;
+  constexpr int64_t kZombie = 20, kImp = 60, kDemon = 150;
+  const int64_t toughest[] = {kZombie, kImp, kDemon};  // of waves 0, 1, and all later ones
+  double team = 0;
+  for (int64_t tic = 1; tic < limit; ++tic) {
+    const int64_t wave = tic / wave_tics(window), interval = wave < 8 ? 200 - 20 * wave : 40;
+    if (tic % interval != 0) continue;
+    int64_t health = toughest[std::min<int64_t>(wave, 2)];
+    if (difficulty < 1000) health = std::max<int64_t>(1, health * difficulty / 1000);
+    team += kKill + kHit * static_cast<double>((health + kLeastDamage - 1) / kLeastDamage);
+    if (wave < 2) team += kRound * kClipRounds;  // zombies drop a clip
+  }
+  team += kRound * static_cast<double>(3 * (kPistolRounds + kClipRounds) +
+                                       kShotgunShells * items_of_door(0, window, limit) +
+                                       kBoxShells * items_of_door(1, window, limit));
+  team += kHealth * static_cast<double>(kMedikit * items_of_door(2, window, limit));
+  // Weapons that lie about in a game of several can be taken once by everybody.
+  return team / task.num_agents + kWeapons + kRound * (kPistolRounds + kShotgunShells) + kAtLimit;
+}
+
+Status check_resources(const LayoutTask& task) {
+  if (wave_tics(task.value("window")) > 0) return {};
+  return Error{ErrorCode::kBadInput, "with window " + std::to_string(task.value("window")) +
+                                         " a wave (4 windows less 50 tics) has no time; give 13 at least"};
+}
+
 }  // namespace
 
 LayoutRecipe recipe() {
@@ -120,7 +176,9 @@ LayoutRecipe recipe() {
                {"corridor", {{{"corridor", 135}}, {{"corridor", 225}}, {{"corridor", 315}}}},
                {"window", {{{"window", 150}}, {{"window", 300}}, {{"window", 450}}}},
                {"core", {{{"core_health", 600}}, {{"core_health", 1000}}, {{"core_health", 1400}}}},
-               {"difficulty", {{{"difficulty", 500}}, {{"difficulty", 1000}}, {{"difficulty", 1500}}}}}};
+               {"difficulty", {{{"difficulty", 500}}, {{"difficulty", 1000}}, {{"difficulty", 1500}}}}},
+      .ceiling = most_return,
+      .check_resources = check_resources};
 }
 
 }  // namespace comrad::scenarios::armory_siege

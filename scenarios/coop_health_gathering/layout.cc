@@ -1,5 +1,8 @@
 #include "scenarios/coop_health_gathering/layout.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "doomgen/layout/map_builder.h"
 #include "doomgen/layout/reachability.h"
 #include "rollout_buffer/core/rng.h"
@@ -169,6 +172,33 @@ Expected<DrawnLayout> draw(uint64_t seed, const std::map<std::string, int64_t>& 
                      .arrays = {{"spot_x", std::move(spot_x)}, {"spot_y", std::move(spot_y)}}};
 }
 
+namespace {
+
+/// The kits that come against what the floor takes, and the time to walk from one to the next.
+Status check_resources(const LayoutTask& task) {
+  // Of script.acs: three kits every 35 tics, 10 health three times of four, else 25; damage every 32 tics.
+  constexpr double kKit = (3 * 10 + 25) / 4.0, kKitsATic = 3 / 35.0, kDamageTics = 32;
+  constexpr double kWalk = 8.3;        // units a tic
+  constexpr double kArenaShare = 2.0;  // the outline's area in squares of the radius
+  constexpr double kTourShare = 0.71;  // a way through n points of an area A: 0.71 sqrt(n A)
+  constexpr double kSpare = 0.8;       // more of the kits, or of the time, nobody can use
+  const double lost = static_cast<double>(task.value("damage")) / kDamageTics;  // of one agent in a tic
+  const double radius = static_cast<double>(task.value("radius"));
+  const double kit_cap = static_cast<double>(std::max<int64_t>(1, task.value("kit_cap")));
+  const double walk = kTourShare * radius * std::sqrt(kArenaShare / kit_cap) / kWalk;
+  const auto percent = [](double part) { return std::to_string(static_cast<int64_t>(100 * part)) + " %"; };
+  if (const double part = task.num_agents * lost / (kKit * kKitsATic); part > kSpare)
+    return Error{ErrorCode::kBadInput,
+                 "the floor takes " + percent(part) + " of what kits give (80 % can be used); lower damage"};
+  if (const double part = lost * walk / kKit; part > kSpare)
+    return Error{ErrorCode::kBadInput, "fetching kits takes " + percent(part) +
+                                           " of their time (80 % can be used); lower damage or radius, or "
+                                           "raise kit_cap"};
+  return {};
+}
+
+}  // namespace
+
 LayoutRecipe recipe() {
   return {.parameters = parameters(),
           .draw = [](const LayoutDraw& wanted) { return draw(wanted.seed, wanted.values); },
@@ -177,7 +207,8 @@ LayoutRecipe recipe() {
                    {"tether", {{{"tether", 320}}, {{"tether", 400}}, {{"tether", 480}}}},
                    {"damage", {{{"damage", 3}}, {{"damage", 5}}, {{"damage", 7}}}},
                    {"kit_cap", {{{"kit_cap", 60}}, {{"kit_cap", 80}}, {{"kit_cap", 100}}}},
-                   {"density", {{{"density", 450}}, {{"density", 600}}, {{"density", 750}}}}}};
+                   {"density", {{{"density", 450}}, {{"density", 600}}, {{"density", 750}}}}},
+          .check_resources = check_resources};
 }
 
 }  // namespace comrad::scenarios::coop_health_gathering

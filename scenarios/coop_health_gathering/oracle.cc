@@ -12,6 +12,8 @@ namespace comrad::sim {
 namespace {
 
 constexpr double kTetherSlack = 60;  // kept from the tether's end
+constexpr double kPartnersKit = 8;   // health that a partner's kit counts for the leader of more than two
+constexpr int kLeadsOnHealth = 6;    // that somebody must be weaker to lead instead, of more than two
 
 struct Kit {
   uint32_t id = 0;
@@ -32,6 +34,7 @@ class Forager final : public Oracle {
 
   void reset(const doom::World& world) override {
     targets_.assign(static_cast<std::size_t>(world.player_count()), 0);
+    leader_ = 0;
     sidesteps_.assign(static_cast<std::size_t>(world.player_count()), Sidestep{});
     stimpack_ = world.catalog().find("Stimpack"), medikit_ = world.catalog().find("Medikit");
   }
@@ -44,11 +47,7 @@ class Forager final : public Oracle {
       kits.push_back({actor.id, place_of(actor), actor.type == medikit_ ? 25 : 10});
     }
     const auto count = static_cast<std::size_t>(world.player_count());
-    std::vector<std::size_t> order(count);
-    std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-      return world.player(static_cast<int>(a)).health < world.player(static_cast<int>(b)).health;
-    });
+    const std::vector<std::size_t> order = order_of(world);
     std::vector<Place> goals(count);
     std::vector<bool> decided(count, false);
     for (const std::size_t agent : order) {
@@ -65,7 +64,7 @@ class Forager final : public Oracle {
         if (!way) continue;
         const double gain = std::min<double>(kit.heals, hunger + *way / 10.0 * 5.0 / 32.0);
         if (gain < kit.heals * 0.7) continue;  // it would be wasted
-        double value = gain / (*way + 90.0);
+        double value = (gain + for_partners(kit, kits, agent)) / (*way + 90.0);
         if (kit.id == targets_[agent]) value *= 1.25;  // no dithering
         if (value > best_value) best_value = value, best = &kit;
       }
@@ -85,6 +84,47 @@ class Forager final : public Oracle {
   }
 
  private:
+  /// The weakest leads; then its neighbours in the tether, theirs, and so on: each decides with one neighbour's
+  /// goal before it, so that the chain never has two leaders.
+  std::vector<std::size_t> order_of(const doom::World& world) {
+    const auto count = static_cast<std::size_t>(world.player_count());
+    const auto health = [&](std::size_t agent) { return world.player(static_cast<int>(agent)).health; };
+    for (std::size_t agent = 0; agent < count; ++agent)
+      if (health(agent) + (count > 2 ? kLeadsOnHealth : 0) < health(leader_)) leader_ = agent;
+    std::vector<std::size_t> order(count);
+    std::iota(order.begin(), order.end(), 0);
+    const auto links = [&](std::size_t agent) { return agent > leader_ ? agent - leader_ : leader_ - agent; };
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      return links(a) != links(b) ? links(a) < links(b) : health(a) < health(b);
+    });
+    return order;
+  }
+
+  /// What the leader of more than two finds for those behind it where `kit` lies, as health.
+  double for_partners(const Kit& kit, const std::vector<Kit>& kits, std::size_t agent) const {
+    if (targets_.size() < 3 || agent != leader_) return 0;
+    std::size_t near = 0;
+    for (const Kit& other : kits)
+      near += other.id != kit.id && tether_distance(kit.place, other.place) < tether_;
+    return kPartnersKit * static_cast<double>(std::min(near, targets_.size() - 1));
+  }
+
+  /// A place beside the way of a partner that wants to pass; none: nobody does.
+  std::optional<Place> aside_of(const doom::World& world, std::size_t agent, std::size_t other,
+                                Place goal) const {
+    constexpr double kTouching = 72;
+    const Place here = place_of(world.body(static_cast<int>(agent))),
+                there = place_of(world.body(static_cast<int>(other)));
+    if (distance_between(here, there) >= kTouching) return std::nullopt;
+    const double way = std::max(1.0, distance_between(there, goal));
+    const double across_x = -(goal.y - there.y) / way, across_y = (goal.x - there.x) / way;
+    for (const double side : {96.0, -96.0, 64.0, -64.0}) {
+      const Place aside{here.x + across_x * side, here.y + across_y * side};
+      if (navigator_.is_open(aside)) return aside;
+    }
+    return goal;  // too narrow: ahead of it
+  }
+
   bool taken_by_another(uint32_t kit, std::size_t agent, const std::vector<bool>& decided) const {
     for (std::size_t other = 0; other < targets_.size(); ++other)
       if (other != agent && decided[other] && targets_[other] == kit) return true;
@@ -104,21 +144,12 @@ class Forager final : public Oracle {
   Place fallback(const doom::World& world, const std::vector<Kit>& kits, const std::vector<Place>& goals,
                  const std::vector<bool>& decided, std::size_t agent) {
     const Place here = place_of(world.body(static_cast<int>(agent)));
+    for (std::size_t other = 0; other < goals.size(); ++other)
+      if (other != agent && decided[other])
+        if (const auto aside = aside_of(world, agent, other, goals[other])) return *aside;
     for (const std::size_t other : {agent - 1, agent + 1})
       if (other < goals.size() && decided[other]) {
         const double far = distance_between(here, goals[other]);
-        // Out of the way of a partner who wants to pass.
-        const Place there = place_of(world.body(static_cast<int>(other)));
-        if (distance_between(here, there) < 72) {
-          const double way = std::max(1.0, distance_between(there, goals[other]));
-          const double across_x = -(goals[other].y - there.y) / way,
-                       across_y = (goals[other].x - there.x) / way;
-          for (const double side : {96.0, -96.0, 64.0, -64.0}) {
-            const Place aside{here.x + across_x * side, here.y + across_y * side};
-            if (navigator_.is_open(aside)) return aside;
-          }
-          return goals[other];  // too narrow: ahead of it
-        }
         if (far < 120) return here;
         return {goals[other].x + (here.x - goals[other].x) * 100 / far,
                 goals[other].y + (here.y - goals[other].y) * 100 / far};
@@ -170,7 +201,8 @@ class Forager final : public Oracle {
   Navigator navigator_;
   double tether_;
   std::vector<Sidestep> sidesteps_;  // [N]
-  std::vector<uint32_t> targets_;    // [N] actor id of the kit on the way to, 0 none
+  std::size_t leader_ = 0;
+  std::vector<uint32_t> targets_;  // [N] actor id of the kit on the way to, 0 none
   std::optional<uint32_t> stimpack_, medikit_;
 };
 

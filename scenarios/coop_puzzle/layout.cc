@@ -114,7 +114,8 @@ LayoutRecipe recipe() {
                      {{"plates", 2}, {"plate_size", 72}},
                      {{"plates", 3}, {"plate_size", 56}}}},
                    {"sync", {{{"sync_period", 2}}, {{"sync_period", 3}}, {{"sync_period", 4}}}},
-                   {"colours", {{{"colours", 0}}, {{"colours", 1}}}}}};
+                   {"colours", {{{"colours", 0}}, {{"colours", 1}}}}},
+          .ceiling = [](const LayoutTask& task) { return static_cast<double>(task.value("zones") / 2); }};
 }
 
 }  // namespace comrad::scenarios::coop_puzzle

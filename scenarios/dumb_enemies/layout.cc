@@ -16,7 +16,8 @@ LayoutRecipe recipe() {
                {"obstacles", {{{"obstacles", 18}}, {{"obstacles", 30}}, {{"obstacles", 42}}}},
                {"cap", {{{"cap", 6}}, {{"cap", 10}}, {{"cap", 14}}}},
                {"interval", {{{"interval", 2}}, {{"interval", 3}}, {{"interval", 4}}}},
-               {"proximity", {{{"proximity", 384}}, {{"proximity", 512}}, {{"proximity", 640}}}}}};
+               {"proximity", {{{"proximity", 384}}, {{"proximity", 512}}, {{"proximity", 640}}}}},
+      .ceiling = smart_enemies::most_kills};
 }
 
 }  // namespace comrad::scenarios::dumb_enemies

@@ -30,11 +30,15 @@ std::vector<NamedBytes> bar_pictures() {
   return pictures;
 }
 
+/// A large field and a near station would overlap: the station then moves off until a corridor fits between.
+int64_t station_distance(int64_t distance, int64_t field, int64_t station) {
+  return std::max(distance, (field + station) / 2 + kShortestCorridor);
+}
+
 Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   const int32_t field = wanted.value32("field"), station = wanted.value32("station"),
                 corridor = wanted.value32("corridor");
-  // A large field and a near station would overlap: the station then moves off until a corridor fits between.
-  const int32_t distance = std::max(wanted.value32("distance"), (field + station) / 2 + kShortestCorridor);
+  const auto distance = static_cast<int32_t>(station_distance(wanted.value32("distance"), field, station));
   const Box field_box = Box::around({0, 0}, field, field),
             station_box = Box::around({0, -distance}, station, station);
   MapPlan plan;
@@ -87,6 +91,43 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                      .textures = bar_pictures()};
 }
 
+/// Has the team the time to eat as much as hunger takes, and to give the field back what that and the decay
+/// cost it? In the long run the two must not ask for more of its time than there is, nor for more bonuses than
+/// grow. The numbers of script.acs, and some that were measured with the scripted team.
+Status check_resources(const LayoutTask& task) {
+  constexpr double kDrainTics = 35, kDecayTics = 45, kSpawnTics = 15, kHeal = 2, kRates = 101;
+  constexpr double kWalk = 8.3;             // units a tic
+  constexpr double kStepOut = 20;           // tics from a cleanup's end to the next one's beginning
+  constexpr double kCleanupsOfAVisit = 10;  // before the cleaner is too hungry
+  constexpr double kKeptRate = 75;          // that a good team holds on average
+  constexpr double kTicsPerUnit = 0.006;    // of the field's side: from one bonus to the next
+  constexpr double kMostCleaning = 0.68;    // of a team's time: who cleans must eat before and after
+  constexpr double kShared = 0.8;           // of what grows: more than two get into each other's way
+  const auto value = [&](const char* name) { return static_cast<double>(task.value(name)); };
+  const double eaten = task.num_agents * value("drain") / kHeal / kDrainTics;  // bonuses a tic
+  const double grown =
+      task.num_agents / kSpawnTics * kKeptRate / kRates * (task.num_agents > 2 ? kShared : 1.0);
+  const double lost = value("decay") / kDecayTics + eaten * value("harvest_cost");  // rate a tic
+  const double cleanups = lost > 0 ? lost / std::max(value("boost"), 1e-6) : 0.0;
+  const int64_t way =
+      2 * station_distance(task.value("distance"), task.value("field"), task.value("station"));
+  const double eating = eaten * value("field") * kTicsPerUnit;
+  const double cleaning =
+      cleanups * (value("cleanup_tics") + kStepOut + static_cast<double>(way) / kWalk / kCleanupsOfAVisit);
+  const auto percent = [](double part, double whole) {
+    return std::to_string(static_cast<int64_t>(std::min(100.0 * part / whole, 1e6))) + " %";
+  };
+  if (eaten > grown)
+    return Error{ErrorCode::kBadInput, "they need " + percent(eaten, grown) +
+                                           " of the bonuses that they can get while the rate is " +
+                                           std::to_string(static_cast<int>(kKeptRate)) + "; lower drain"};
+  if (eating + cleaning <= task.num_agents && cleaning <= kMostCleaning * task.num_agents) return {};
+  return Error{ErrorCode::kBadInput, "eating takes " + percent(eating, task.num_agents) +
+                                         " of their time and cleaning " + percent(cleaning, task.num_agents) +
+                                         " (of which 68 % can be); lower drain, harvest_cost, decay, "
+                                         "cleanup_tics, field or distance, or raise boost"};
+}
+
 }  // namespace
 
 LayoutRecipe recipe() {
@@ -104,18 +145,19 @@ LayoutRecipe recipe() {
                      {"drain", 2, 0, 100, "health lost every 35 tics (axis: 1, 2, 3)"},
                      {"spots", 16, 1, 64, "bonus spots (axis: 12, 16, 20)"}},
       .draw = draw,
-      .axes = {
-          {"size",
-           {{{"field", 1400}, {"station", 320}, {"corridor", 120}},
-            {{"field", 1600}, {"station", 384}, {"corridor", 200}},
-            {{"field", 1800}, {"station", 448}, {"corridor", 280}}}},
-          {"distance", {{{"distance", 900}}, {{"distance", 1200}}, {{"distance", 1500}}}},
-          {"rate",
-           {{{"start_rate", 90}, {"harvest_cost", 1}, {"decay", 1}, {"boost", 18}, {"cleanup_tics", 56}},
-            {{"start_rate", 80}, {"harvest_cost", 2}, {"decay", 1}, {"boost", 15}, {"cleanup_tics", 72}},
-            {{"start_rate", 70}, {"harvest_cost", 3}, {"decay", 2}, {"boost", 12}, {"cleanup_tics", 88}}}},
-          {"drain", {{{"drain", 1}}, {{"drain", 2}}, {{"drain", 3}}}},
-          {"spots", {{{"spots", 12}}, {{"spots", 16}}, {{"spots", 20}}}}}};
+      .axes =
+          {{"size",
+            {{{"field", 1400}, {"station", 320}, {"corridor", 120}},
+             {{"field", 1600}, {"station", 384}, {"corridor", 200}},
+             {{"field", 1800}, {"station", 448}, {"corridor", 280}}}},
+           {"distance", {{{"distance", 900}}, {{"distance", 1200}}, {{"distance", 1500}}}},
+           {"rate",
+            {{{"start_rate", 90}, {"harvest_cost", 1}, {"decay", 1}, {"boost", 18}, {"cleanup_tics", 56}},
+             {{"start_rate", 80}, {"harvest_cost", 2}, {"decay", 1}, {"boost", 15}, {"cleanup_tics", 72}},
+             {{"start_rate", 70}, {"harvest_cost", 3}, {"decay", 2}, {"boost", 12}, {"cleanup_tics", 88}}}},
+           {"drain", {{{"drain", 1}}, {{"drain", 2}}, {{"drain", 3}}}},
+           {"spots", {{{"spots", 12}}, {{"spots", 16}}, {{"spots", 20}}}}},
+      .check_resources = check_resources};
 }
 
 }  // namespace comrad::scenarios::foraging_commons

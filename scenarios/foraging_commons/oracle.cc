@@ -1,5 +1,5 @@
 // The scripted team of Foraging Commons: everybody eats what lies nearest; when the field tires, the best fed
-// one goes cleaning until it has recovered.
+// of them go cleaning until it has recovered, the more of them the lower the rate.
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -13,9 +13,17 @@ namespace comrad::sim {
 namespace {
 
 constexpr int kRateVariable = 1, kFirstCleanupVariable = 8;
-constexpr int kTiredRate = 62, kFreshRate = 92;
-constexpr int kFull = 196;       // more would be wasted
-constexpr int kHungry = 50;      // whoever has less than this does not clean
+constexpr int kLyingVariable = 24;
+// Rates from which on one, two (of more than two) and three (of four, where little lies about) clean, and until
+// when.
+constexpr int kTiredRate = 62, kSpentRate = 45, kBareRate = 35, kFreshRate = 92;
+constexpr int kLittle = 16;  // bonuses
+constexpr int kFull = 196;   // more would be wasted
+constexpr int kHungry = 50;  // whoever has less than this does not clean
+constexpr int kMostHealth = 200, kHeal = 2;
+constexpr double kHeap = 40;     // bonuses so near to each other are taken together
+constexpr double kTurn = 80;     // units that a turn costs
+constexpr double kThrough = 64;  // units
 constexpr double kStepOut = 40;  // from the station's edge, to be let clean again
 
 class Foragers final : public Oracle {
@@ -29,19 +37,18 @@ class Foragers final : public Oracle {
 
   void reset(const doom::World& world) override {
     bonus_ = world.catalog().find("ForageBonus");
-    cleaner_ = -1;
+    cleaners_.assign(static_cast<std::size_t>(world.player_count()), {});
     sidesteps_.assign(static_cast<std::size_t>(world.player_count()), {});
-    cleanups_ = 0;
-    leaves_ = false;
   }
 
   void press(const doom::World& world, std::span<doom::Buttons> buttons) override {
     navigator_.refresh(world);
-    choose_cleaner(world);
-    std::vector<uint32_t> taken;
+    choose_cleaners(world);
+    std::vector<Place> taken;
     for (int agent = 0; agent < world.player_count(); ++agent) {
       const doom::Actor& body = world.body(agent);
-      const Place goal = agent == cleaner_ ? cleaning_place(world, agent) : food(world, agent, taken);
+      const Place goal = cleaners_[static_cast<std::size_t>(agent)].cleans ? cleaning_place(world, agent)
+                                                                           : food(world, agent, taken);
       go_to(body, navigator_.waypoint(place_of(body), goal).value_or(goal), {.stop_units = 8},
             buttons[agent]);
       sidesteps_[static_cast<std::size_t>(agent)].apply(body, buttons[agent]);
@@ -49,53 +56,91 @@ class Foragers final : public Oracle {
   }
 
  private:
-  void choose_cleaner(const doom::World& world) {
-    const int rate = world.exported(kRateVariable);
-    if (cleaner_ >= 0 && (rate >= kFreshRate || world.player(cleaner_).health < kHungry)) cleaner_ = -1;
-    if (cleaner_ >= 0 || rate > kTiredRate) return;
-    int best = 0;
-    for (int agent = 1; agent < world.player_count(); ++agent)
-      if (world.player(agent).health > world.player(best).health) best = agent;
-    if (world.player(best).health <= kHungry) return;
-    cleaner_ = best;
-    cleanups_ = world.exported(kFirstCleanupVariable + best);
-    leaves_ = false;
-  }
+  struct Cleaner {
+    bool cleans = false;
+    int cleanups = 0;     // when last looked at
+    bool leaves = false;  // it must step out first
+  };
 
-  /// Into the station just behind its door; out of it after each cleanup, and in again.
-  Place cleaning_place(const doom::World& world, int agent) {
-    const double top = -distance_ + station_ / 2, y = place_of(world.body(agent)).y;
-    if (const int done = world.exported(kFirstCleanupVariable + agent); done != cleanups_)
-      cleanups_ = done, leaves_ = true;
-    if (leaves_ && y > top + 4) leaves_ = false;
-    return {0, leaves_ ? top + kStepOut : top - 24};
-  }
-
-  /// The nearest bonus that nobody before goes for; without one, or full, the middle of the southern half.
-  Place food(const doom::World& world, int agent, std::vector<uint32_t>& taken) {
-    const Place here = place_of(world.body(agent));
-    Place best{agent % 2 == 0 ? -96.0 : 96.0, -field_ / 8};
-    if (world.player(agent).health > kFull || !bonus_) return best;
-    uint32_t chosen = 0;
-    double nearest = 1e9;
-    for (const doom::Actor& actor : world.actors()) {
-      if (actor.removed || actor.type != *bonus_ ||
-          std::find(taken.begin(), taken.end(), actor.id) != taken.end())
-        continue;
-      const double away = distance_between(here, place_of(actor));
-      if (away < nearest) nearest = away, chosen = actor.id, best = place_of(actor);
+  void choose_cleaners(const doom::World& world) {
+    const int rate = world.exported(kRateVariable), team = world.player_count();
+    int cleaning = 0;
+    for (int agent = 0; agent < team; ++agent) {
+      Cleaner& one = cleaners_[static_cast<std::size_t>(agent)];
+      if (rate >= kFreshRate || world.player(agent).health < kHungry) one.cleans = false;
+      cleaning += one.cleans;
     }
-    if (chosen != 0) taken.push_back(chosen);
-    return best;
+    if (rate <= 0) return;  // before the script's first tic
+    int wanted = 0;
+    if (rate <= kTiredRate) ++wanted;
+    if (team > 2 && rate <= kSpentRate) ++wanted;
+    if (team > 3 && rate <= kBareRate && world.exported(kLyingVariable) < kLittle) ++wanted;
+    for (; cleaning < wanted; ++cleaning) {
+      int best = -1;
+      for (int agent = 0; agent < team; ++agent)
+        if (!cleaners_[static_cast<std::size_t>(agent)].cleans &&
+            (best < 0 || world.player(agent).health > world.player(best).health))
+          best = agent;
+      if (best < 0 || world.player(best).health <= kHungry) return;
+      cleaners_[static_cast<std::size_t>(best)] = {true, world.exported(kFirstCleanupVariable + best), false};
+    }
+  }
+
+  /// Into the station just behind its door, each at a place of its own; out of it after each cleanup, and in
+  /// again.
+  Place cleaning_place(const doom::World& world, int agent) {
+    Cleaner& one = cleaners_[static_cast<std::size_t>(agent)];
+    const double top = -distance_ + station_ / 2, y = place_of(world.body(agent)).y;
+    if (const int done = world.exported(kFirstCleanupVariable + agent); done != one.cleanups)
+      one.cleanups = done, one.leaves = true;
+    if (one.leaves && y > top + 4) one.leaves = false;
+    const double x = world.player_count() == 2 ? 0 : agent % 2 == 0 ? -24 : 24;
+    return {x, one.leaves ? top + kStepOut : top - 24};
+  }
+
+  /// Where most bonuses lie for the way, and nobody before goes; without one, or full, the middle of the
+  /// southern half.
+  Place food(const doom::World& world, int agent, std::vector<Place>& taken) {
+    const Place here = place_of(world.body(agent));
+    const Place wait{agent % 2 == 0 ? -96.0 : 96.0, -field_ / 8};
+    const int room = (kMostHealth - world.player(agent).health) / kHeal;
+    if (world.player(agent).health > kFull || !bonus_) return wait;
+    std::vector<std::pair<Place, int>> heaps;
+    for (const doom::Actor& actor : world.actors()) {
+      if (actor.removed || actor.type != *bonus_) continue;
+      const Place there = place_of(actor);
+      const auto heap = std::find_if(heaps.begin(), heaps.end(), [&](const auto& one) {
+        return distance_between(one.first, there) < kHeap;
+      });
+      if (heap != heaps.end())
+        ++heap->second;
+      else
+        heaps.emplace_back(there, 1);
+    }
+    double most = 0;
+    Place best = wait;
+    for (const auto& [there, count] : heaps) {
+      if (std::any_of(taken.begin(), taken.end(),
+                      [&](Place place) { return distance_between(place, there) < kHeap; }))
+        continue;
+      const double value = std::min(count, room) / (distance_between(here, there) + kTurn);
+      if (value > most) most = value, best = there;
+    }
+    if (most == 0) return wait;
+    taken.push_back(best);
+    // It is taken by touch: on through it rather than to a halt there.
+    const double far = distance_between(here, best);
+    if (far < 1) return best;
+    const Place beyond{best.x + (best.x - here.x) / far * kThrough,
+                       best.y + (best.y - here.y) / far * kThrough};
+    return navigator_.is_open(beyond) ? beyond : best;
   }
 
   Navigator navigator_;
   double field_, station_, distance_;
   std::optional<uint32_t> bonus_;
   std::vector<Sidestep> sidesteps_;
-  int cleaner_ = -1;     // who cleans; -1 nobody
-  int cleanups_ = 0;     // of the cleaner, when last looked at
-  bool leaves_ = false;  // it must step out first
+  std::vector<Cleaner> cleaners_;  // [N]
 };
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "scenarios/lava_maze/layout.h"
 
+#include <algorithm>
 #include <array>
 
 #include "doomgen/layout/map_checks.h"
@@ -109,6 +110,11 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   return drawn;
 }
 
+/// LEVELS of script.acs; the first path is walked even where that is none.
+double levels(const LayoutTask& task) {
+  return static_cast<double>(std::max<int64_t>(1, (task.value("maximum") - task.value("initial") + 1) / 2));
+}
+
 }  // namespace
 
 LayoutRecipe recipe() {
@@ -120,7 +126,8 @@ LayoutRecipe recipe() {
                           "units from a path down to the lava; 24 can be climbed (axis: 24, 64)"}},
           .draw = draw,
           .axes = {{"initial", {{{"initial", 6}}, {{"initial", 8}}, {{"initial", 10}}}},
-                   {"maximum", {{{"maximum", 20}}, {{"maximum", 25}}}}}};
+                   {"maximum", {{{"maximum", 20}}, {{"maximum", 25}}}}},
+          .ceiling = levels};
 }
 
 }  // namespace comrad::scenarios::lava_maze

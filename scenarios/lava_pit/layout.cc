@@ -335,7 +335,8 @@ LayoutRecipe recipe() {
                       {"plate_scale", 160},
                       {"latch", 70}}}},
                    {"damage", {{{"damage", 60}}, {{"damage", 100}}, {{"damage", 140}}}},
-                   {"script_jitter", {{{"script_jitter", 0}}, {{"script_jitter", 20}}}}}};
+                   {"script_jitter", {{{"script_jitter", 0}}, {{"script_jitter", 20}}}}},
+          .ceiling = [](const LayoutTask& task) { return static_cast<double>(task.value("platforms") - 1); }};
 }
 
 }  // namespace comrad::scenarios::lava_pit

@@ -179,7 +179,8 @@ LayoutRecipe recipe() {
                    {"tether", {{{"tether", 220}}, {{"tether", 250}}, {{"tether", 280}}}},
                    {"lava", {{{"lava", 35}}, {{"lava", 50}}, {{"lava", 70}}}},
                    {"panels", {{{"panels", 4}}, {{"panels", 12}}}}},
-          .curriculum = curriculum()};
+          .curriculum = curriculum(),
+          .ceiling = [](const LayoutTask& task) { return static_cast<double>(task.value("levels") - 1); }};
 }
 
 }  // namespace comrad::scenarios::platform_chain

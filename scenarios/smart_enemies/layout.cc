@@ -141,6 +141,17 @@ Expected<DrawnLayout> draw_arena(const LayoutDraw& draw) {
   return DrawnLayout{.map = std::move(map), .defines = {{"SPOT_COUNT", kSpotCount}}};
 }
 
+double most_kills(const LayoutTask& task) {
+  // Numbers of script.acs; the floor hurts at clock 32, 64, ...
+  constexpr int64_t kHitTics = 32, kHit = 2, kStartHealth = 100, kKillHealth = 7;
+  const int64_t interval = task.value("interval") * 35;
+  const auto came = [&](int64_t tic) { return 1 + tic / interval; };
+  int64_t end = task.limit_tics - 1;
+  for (int64_t tic = kHitTics; tic <= end; tic += kHitTics)
+    if (kStartHealth + kKillHealth * came(tic) <= kHit * tic / kHitTics) end = tic;
+  return static_cast<double>(came(end)) / task.num_agents;
+}
+
 LayoutRecipe recipe() {
   return {
       .parameters = {{"radius", 800, 500, 4000, "radius of the arena, units (axis: 700, 850, 1000)"},
@@ -153,7 +164,8 @@ LayoutRecipe recipe() {
                {"obstacles", {{{"obstacles", 18}}, {{"obstacles", 30}}, {{"obstacles", 42}}}},
                {"cap", {{{"cap", 3}}, {{"cap", 5}}, {{"cap", 7}}}},
                {"interval", {{{"interval", 2}}, {{"interval", 3}}, {{"interval", 4}}}},
-               {"proximity", {{{"proximity", 384}}, {{"proximity", 512}}, {{"proximity", 640}}}}}};
+               {"proximity", {{{"proximity", 384}}, {{"proximity", 512}}, {{"proximity", 640}}}}},
+      .ceiling = most_kills};
 }
 
 }  // namespace comrad::scenarios::smart_enemies

@@ -13,6 +13,10 @@ constexpr int kSpotCount = 50;
 /// Errors: kBadInput where there is no place for a spot that a demon can leave.
 Expected<DrawnLayout> draw_arena(const LayoutDraw& draw);
 
+/// The most kills that an agent can have on average: of all demons that come while the team can live, were
+/// each of them killed as it comes. The floor takes more than the kills bring back where demons come slowly.
+double most_kills(const LayoutTask& task);
+
 LayoutRecipe recipe();
 
 }  // namespace comrad::scenarios::smart_enemies

@@ -2,9 +2,12 @@
 
 #include <toml++/toml.h>
 
+#include <charconv>
+#include <cmath>
 #include <string>
 
 #include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::scenarios {
 namespace {
@@ -23,6 +26,10 @@ std::string write_layout_info(const LayoutInfo& info) {
                      "\"\nseed = " + std::to_string(static_cast<int64_t>(info.seed)) +
                      "\nattempt = " + std::to_string(info.attempt) + "\n\n[parameters]\n";
   for (const auto& [name, value] : info.parameters) text += name + " = " + std::to_string(value) + "\n";
+  if (info.ceiling.empty()) return text;
+  text += "\n[ceiling]\n";
+  for (const auto& [agents, ceiling] : info.ceiling)
+    text += std::to_string(agents) + " = " + real_text(ceiling) + "\n";
   return text;
 }
 
@@ -46,6 +53,17 @@ Expected<LayoutInfo> parse_layout_info(std::string_view text) {
         const auto number = value.value_exact<int64_t>();
         if (!number) return bad("parameter " + std::string(key.str()) + " is no whole number");
         info.parameters[std::string(key.str())] = *number;
+      }
+    if (const toml::table* ceilings = table["ceiling"].as_table())
+      for (const auto& [key, value] : *ceilings) {
+        int agents = 0;
+        const std::string_view digits = key.str();
+        const auto [end, failure] = std::from_chars(digits.data(), digits.data() + digits.size(), agents);
+        const auto number = value.value<double>();
+        if (failure != std::errc() || end != digits.data() + digits.size() || agents < 1 || !number ||
+            !(*number > 0) || !std::isfinite(*number))
+          return bad("ceiling " + std::string(digits) + " is no positive number for a number of agents");
+        info.ceiling[agents] = *number;
       }
   } catch (const toml::parse_error& error) {
     return bad("line " + std::to_string(error.source().begin.line) + ", column " +

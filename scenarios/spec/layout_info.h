@@ -21,6 +21,9 @@ struct LayoutInfo {
   uint64_t seed = 42;
   int attempt = 0;  ///< the seed that drew the map is seed + 1000 * attempt
   std::map<std::string, int64_t> parameters;
+  /// By team size: the best score J that the map allows. Sizes that cannot solve it are not in it; empty:
+  /// nothing is known.
+  std::map<int, double> ceiling = {};
 
   /// The parameter, or `otherwise` where the WAD does not give it.
   int64_t parameter(const std::string& name, int64_t otherwise) const {

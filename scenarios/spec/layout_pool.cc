@@ -64,8 +64,8 @@ std::string file_stem(std::string scenario) {
   return fs::path(scenario).filename().string();
 }
 
-/// What is wrong with one layout for this use; empty: nothing.
-Status check_entry(const PoolEntry& entry, const PoolUse& use, const std::string& scenario) {
+/// What is wrong with one layout for this use; empty: nothing. The entry learns its ceilings from its file.
+Status check_entry(PoolEntry& entry, const PoolUse& use, const std::string& scenario) {
   const std::string where = entry.id + " (" + entry.filename + "): ";
   const auto bad = [&](ErrorCode code, const std::string& what) { return Error{code, where + what}; };
   Expected<std::string> bytes = read_scenario_file(entry.filename);
@@ -87,6 +87,9 @@ Status check_entry(const PoolEntry& entry, const PoolUse& use, const std::string
     return bad(ErrorCode::kBadInput,
                "is a layout for evaluation; train on a pool of `comrad doomgen NAME --pool train`, or on "
                "--layout_pool train:<count>");
+  entry.info.ceiling = info.ceiling;
+  if (info.ceiling.empty() && !info.parameters.empty())  // drawn before maps said it
+    if (const auto ceilings = layout_ceilings(info.scenario, info.parameters)) entry.info.ceiling = *ceilings;
   if (use.num_agents == 0) return {};
   const std::vector<std::string> names = wad->map_names();
   if (names.empty()) return bad(ErrorCode::kBadFormat, "there is no map in it");
@@ -105,6 +108,10 @@ Status check_entry(const PoolEntry& entry, const PoolUse& use, const std::string
                                            std::to_string(use.num_agents) +
                                            "; draw the pool with --num_agents " +
                                            std::to_string(use.num_agents));
+  if (!entry.info.ceiling.empty() && !entry.info.ceiling.contains(use.num_agents))
+    return bad(ErrorCode::kBadInput, "has not enough for " + std::to_string(use.num_agents) +
+                                         " agents to solve it; draw the pool with --num_agents " +
+                                         std::to_string(use.num_agents));
   return {};
 }
 
@@ -201,6 +208,12 @@ Expected<std::vector<PoolEntry>> make_grid_pool(const std::string& scenario, con
       entry.axis_choices.insert(entry.axis_choices.begin(), {axis->name, choice});
       rest /= count;
     }
+    if (const Status enough = check_resources(scenario, one); !enough) {
+      if (enough.error().code != ErrorCode::kUnsupported) return enough.error();
+      if (request.left_out) request.left_out(place, enough.error());
+      if (place + 1 == end && entries.empty()) return enough.error();
+      continue;
+    }
     COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
     char number[24];
     std::snprintf(number, sizeof(number), "%04lld", static_cast<long long>(place));
@@ -219,21 +232,27 @@ Expected<std::vector<PoolEntry>> make_grid_pool(const std::string& scenario, con
 
 Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use) {
   std::string scenario;
+  int default_agents = 0;
+  double own_ceiling = 0;  // of maps that say nothing themselves
   if (!use.scenario.empty()) {
     COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(use.scenario));
     scenario = spec.name;
+    default_agents = spec.default_agents;
+    own_ceiling = spec.ceiling;
   }
-  COMRAD_TRY_ASSIGN(const std::vector<PoolEntry> entries, read_pool(folder));
+  COMRAD_TRY_ASSIGN(std::vector<PoolEntry> entries, read_pool(folder));
   LayoutList list;
   std::set<std::string> ids;
   std::error_code error;
-  for (const PoolEntry& entry : entries) {
+  for (PoolEntry& entry : entries) {
     if (!ids.insert(entry.id).second)
       return Error{ErrorCode::kBadFormat, folder + ": two layouts have the id " + entry.id};
     COMRAD_TRY(check_entry(entry, use, scenario));
+    const auto ceiling = entry.info.ceiling.find(use.num_agents > 0 ? use.num_agents : default_agents);
     list.layouts.push_back({.id = entry.id,
                             .path = fs::absolute(entry.filename, error).lexically_normal().string(),
-                            .metric_scale = entry.metric_scale});
+                            .metric_scale = entry.metric_scale,
+                            .ceiling = ceiling != entry.info.ceiling.end() ? ceiling->second : own_ceiling});
   }
   const fs::path graph = fs::path(folder) / kInterestingnessName;
   if (scenario_file_exists(graph.string()))
@@ -265,6 +284,9 @@ Expected<std::vector<PoolEntry>> make_pool(const std::string& scenario, const Po
   const std::string stem = file_stem(scenario);
   SeedStream seeds(scenario, request.kind);
   std::vector<PoolEntry> entries;
+  int64_t left_out = 0;
+  // A pool of which one layout in fifty can be solved is still drawn; one of which none can be ends.
+  const int64_t left_out_max = request.vary ? 100 + int64_t{50} * request.count : 0;
   std::set<uint64_t> drawn;  // seeds that maps were really drawn from, attempts included
   while (static_cast<int>(entries.size()) < request.count) {
     LayoutRequest one = request.layout;
@@ -281,6 +303,11 @@ Expected<std::vector<PoolEntry>> make_pool(const std::string& scenario, const Po
         }
         entry.axis_choices.emplace_back(axis.name, choice);
       }
+    }
+    // Options that do not go together, with what the team needs to solve the map, are drawn from the next seed.
+    if (const Status enough = check_resources(scenario, one); !enough) {
+      if (enough.error().code != ErrorCode::kUnsupported || ++left_out > left_out_max) return enough.error();
+      continue;
     }
     COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
     const uint64_t used = one.seed + 1000 * static_cast<uint64_t>(layout.info.attempt);
@@ -317,6 +344,8 @@ std::string pool_registry_text(PoolKind kind, const std::vector<PoolEntry>& entr
                     {"content_hash", hex(entry.content_hash)},
                     {"config", config},
                     {"axis_choices", choices}});
+    for (const auto& [agents, ceiling] : entry.info.ceiling)
+      list.back()["ceiling"][std::to_string(agents)] = ceiling;
     if (entry.stage.empty()) continue;
     list.back()["curriculum_stage"] = entry.stage;
     list.back()["curriculum_metric_scale"] = entry.metric_scale;
@@ -352,6 +381,16 @@ Expected<std::vector<PoolEntry>> read_pool(const std::string& folder) {
         entry.stage = one["curriculum_stage"];
       if (one.contains("curriculum_metric_scale") && one["curriculum_metric_scale"].is_number())
         entry.metric_scale = one["curriculum_metric_scale"].get<double>();
+      if (one.contains("ceiling") && one["ceiling"].is_object())
+        for (const auto& [agents, ceiling] : one["ceiling"].items()) {
+          int count = 0;
+          const auto [end, failure] = std::from_chars(agents.data(), agents.data() + agents.size(), count);
+          if (failure != std::errc() || end != agents.data() + agents.size() || !ceiling.is_number() ||
+              !(ceiling.get<double>() > 0))
+            return Error{ErrorCode::kBadFormat,
+                         where + ": 'ceiling' must be an object, number of agents -> the best score"};
+          entry.info.ceiling[count] = ceiling.get<double>();
+        }
       if (one.contains("seed") && one["seed"].is_number_integer())
         entry.info.seed = one["seed"].get<uint64_t>();
       if (one.contains("attempt") && one["attempt"].is_number_integer())

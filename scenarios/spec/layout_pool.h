@@ -55,7 +55,7 @@ constexpr const char* kPoolRegistryName = "batch_registry.json";
 constexpr const char* kInterestingnessName = "interestingness.json";
 
 /// Draws a pool into `folder` (made if need be) and writes the registry last, so that a pool with a registry
-/// is whole. `progress` hears of every layout. Two seeds that end in the same map (a retry that meets another
+/// is whole. A seed whose options give the team too little to solve the map (check_resources()) is left out. `progress` hears of every layout. Two seeds that end in the same map (a retry that meets another
 /// seed) are told apart: the later one is left out and replaced by the next seed.
 /// Errors: as generate_layout(), kBadInput for a count outside 1..100000, kSystem.
 Expected<std::vector<PoolEntry>> make_pool(const std::string& scenario, const PoolRequest& request,
@@ -80,6 +80,8 @@ struct GridRequest {
   int64_t start = 0;            ///< first place of the product that is drawn
   int64_t limit = 100'000;      ///< layouts drawn at most
   LayoutRequest layout = {};    ///< what they have in common
+  /// Hears of places that are left out because their parameters give the team too little (check_resources()).
+  std::function<void(int64_t place, const Error& why)> left_out = nullptr;
 };
 
 /// Draws a product into `folder` as `<scenario>_<place>.wad`, places counted from 0 with four digits. Its
@@ -97,12 +99,12 @@ struct PoolUse {
 };
 
 /// Reads a pool and every file of it: that they are there, have the registry's hashes, hold a map of the
-/// scenario with enough starts, and are nobody's evaluation layouts where training is meant. Gives what a run
+/// scenario with enough starts and resources, and are nobody's evaluation layouts where training is meant. Gives what a run
 /// reads. Errors: those of read_pool(); kNotFound, kBadFormat and kBadInput naming layout and file.
 Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use);
 
 /// The registry's text: a list of objects with id, filename, scenario, seed, attempt, content_hash, config,
-/// axis_choices, split (none of a grid); of a curriculum also curriculum_stage and curriculum_metric_scale.
+/// axis_choices, split (none of a grid), ceiling (team size -> the best score); of a curriculum also curriculum_stage and curriculum_metric_scale.
 std::string pool_registry_text(PoolKind kind, const std::vector<PoolEntry>& entries);
 
 /// Reads a pool's registry; without one, all .wad files of the folder in the order of their names. File names

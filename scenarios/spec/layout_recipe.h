@@ -52,6 +52,15 @@ struct LayoutDraw {
   int32_t value32(const std::string& name) const { return static_cast<int32_t>(values.at(name)); }
 };
 
+/// A team before a map of some parameters.
+struct LayoutTask {
+  const ParameterValues& values;  ///< every parameter of the recipe
+  int num_agents = 2;
+  int32_t limit_tics = 0;  ///< when episodes are cut off
+
+  int64_t value(const std::string& name) const { return values.at(name); }
+};
+
 /// A lump beside the map.
 struct NamedBytes {
   std::string name, bytes;
@@ -77,6 +86,12 @@ struct LayoutRecipe {
   const char* players_parameter = nullptr;  ///< which parameter says how many starts the map has, if one does
   std::vector<LayoutAxis> axes = {};
   std::vector<CurriculumStage> curriculum = {};  ///< `comrad doomgen NAME --pool curriculum`
+  /// The best score J that such a map allows: an upper bound by the rules, above which no episode ends.
+  /// None: the ceiling of scenario.toml, which no parameter and no team size changes.
+  double (*ceiling)(const LayoutTask& task) = nullptr;
+  /// Whether what the map gives (ammunition, food, ...) suffices to solve it. Errors say what lacks and which
+  /// parameters to change; such a map is not made. None: whatever the parameters are, it does.
+  Status (*check_resources)(const LayoutTask& task) = nullptr;
 };
 
 }  // namespace comrad::scenarios

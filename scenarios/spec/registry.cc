@@ -68,6 +68,30 @@ Expected<ParameterValues> parameter_values(const std::string& scenario, const La
   return values;
 }
 
+/// Of each team size that a map of these parameters is enough for. One that it is not enough for is left out.
+std::map<int, double> ceilings_of(const ScenarioSpec& spec, const LayoutRecipe& recipe,
+                                  const ParameterValues& values) {
+  std::map<int, double> ceilings;
+  for (const int agents : spec.supported_agents) {
+    const LayoutTask task{values, agents, spec.limit_tics()};
+    if (recipe.check_resources != nullptr && !recipe.check_resources(task)) continue;
+    const double ceiling = recipe.ceiling != nullptr ? recipe.ceiling(task) : spec.ceiling;
+    if (ceiling > 0) ceilings[agents] = ceiling;
+  }
+  return ceilings;
+}
+
+Status check_task(const ScenarioSpec& spec, const LayoutRecipe& recipe, const ParameterValues& values,
+                  int num_agents) {
+  if (recipe.check_resources == nullptr) return {};
+  const LayoutTask task{values, num_agents > 0 ? num_agents : spec.default_agents, spec.limit_tics()};
+  const Status enough = recipe.check_resources(task);
+  if (enough) return {};
+  return Error{ErrorCode::kUnsupported, "scenario " + spec.name + " cannot be solved by " +
+                                            std::to_string(task.num_agents) +
+                                            " agents: " + enough.error().message};
+}
+
 int start_count(const doomgen::MapData& map) {
   return static_cast<int>(
       std::count_if(map.things.begin(), map.things.end(), [](const doomgen::ThingData& thing) {
@@ -150,6 +174,29 @@ Expected<std::vector<LayoutParameter>> layout_parameters(const std::string& scen
   return std::move(recipe.parameters);
 }
 
+Expected<std::map<int, double>> layout_ceilings(const std::string& scenario, const ParameterValues& values) {
+  COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
+  COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(scenario));
+  return ceilings_of(spec, recipe, values);
+}
+
+Expected<std::map<int, double>> default_ceilings(const ScenarioSpec& spec) {
+  const RecipeEntry* const entry = find_entry(spec.name);
+  const LayoutRecipe recipe = entry != nullptr ? entry->recipe() : LayoutRecipe{};
+  COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(spec.name, recipe, {}));
+  return ceilings_of(spec, recipe, values);
+}
+
+Status check_resources(const std::string& scenario, const LayoutRequest& request) {
+  const RecipeEntry* const entry = find_entry(scenario);
+  if (entry == nullptr) return {};
+  const LayoutRecipe recipe = entry->recipe();
+  COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(scenario, recipe, request));
+  if (recipe.check_resources == nullptr) return {};
+  COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(scenario));
+  return check_task(spec, recipe, values, request.num_agents);
+}
+
 std::string layout_script_text(const LayoutInfo& info, const DrawnLayout& layout) {
   std::string text = "// Layout of " + info.scenario + ", made by comrad doomgen.\n";
   const auto define = [&](const std::string& name, int64_t value) {
@@ -183,6 +230,8 @@ Expected<GeneratedLayout> generate_layout(const std::string& scenario, const Lay
   COMRAD_TRY_ASSIGN(const std::string folder, find_scenario_folder(scenario));
   const LayoutRecipe recipe = entry->recipe();
   COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(scenario, recipe, request));
+  COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(scenario));
+  COMRAD_TRY(check_task(spec, recipe, values, request.num_agents));
   GeneratedLayout layout;
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     const uint64_t seed = request.seed + kSeedStep * attempt;
@@ -196,7 +245,7 @@ Expected<GeneratedLayout> generate_layout(const std::string& scenario, const Lay
       return Error{ErrorCode::kBadInput, "scenario " + scenario + ": its map has starts for " +
                                              std::to_string(starts) + " players, not for " +
                                              std::to_string(request.num_agents)};
-    layout.info = {scenario, request.seed, attempt, values};
+    layout.info = {scenario, request.seed, attempt, values, ceilings_of(spec, recipe, values)};
     COMRAD_TRY(write_wad(folder, request, *drawn, layout));
     return layout;
   }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "rollout_buffer/core/expected.h"
 #include "scenarios/spec/layout_info.h"
 #include "scenarios/spec/layout_recipe.h"
+#include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {
 
@@ -44,12 +46,24 @@ Expected<LayoutRecipe> layout_recipe(const std::string& scenario);
 /// The parameters of a recipe. Errors: kNotFound naming the known recipes.
 Expected<std::vector<LayoutParameter>> layout_parameters(const std::string& scenario);
 
+/// The best score J that a map of these parameters allows, by team size (LayoutInfo::ceiling): a recipe's own
+/// bound, else the ceiling of scenario.toml. `values` holds every parameter of the recipe.
+/// Errors: kNotFound for an unknown recipe; those of load_scenario().
+Expected<std::map<int, double>> layout_ceilings(const std::string& scenario, const ParameterValues& values);
+
+/// The same for the recipe's default map, or for the map that the scenario brings along.
+Expected<std::map<int, double>> default_ceilings(const ScenarioSpec& spec);
+
+/// Whether a map of `request`'s parameters gives its team (0: the scenario's default one) what it needs; the
+/// seed is not read. A scenario without a recipe has nothing to check.
+/// Errors: kUnsupported saying what lacks; kBadInput for a parameter that is unknown or out of range.
+Status check_resources(const std::string& scenario, const LayoutRequest& request);
+
 /// Makes the WAD of a scenario. `scenario` is a name, or the path of a folder with a scenario.toml. With a
 /// recipe: a pure function of its arguments and the folder's files, the same bytes on every machine. Without
 /// one: the WAD that scenario.toml names (`wad = "arena.wad"`), as it is.
-/// Errors: kNotFound for an unknown scenario; kBadInput for a parameter that is unknown or out of range, or
-/// when none of 20 attempts passes the checks (with the last reason); kBadFormat of script.acs by file and
-/// line.
+/// Errors: kNotFound for an unknown scenario; those of check_resources(); kBadInput when none of 20 attempts
+/// passes the checks (with the last reason); kBadFormat of script.acs by file and line.
 Expected<GeneratedLayout> generate_layout(const std::string& scenario, const LayoutRequest& request);
 
 /// The text that script.acs finds as "layout.acs": seed, parameters, the recipe's own numbers and arrays.

@@ -2,6 +2,7 @@
 // elsewhere than in its folder. Stage: what a frame, an action and a reward mean.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -49,6 +50,9 @@ struct MaskTerm {
   std::vector<std::string> allowed;
 };
 
+constexpr int kTicsPerDecision = 4;       ///< what decision limits are counted in
+constexpr int kEngineLimitTics = 21'000;  ///< ten minutes, after which no episode goes on
+
 struct ScenarioSpec {
   std::string name, title, summary;
   int difficulty = 0;
@@ -63,8 +67,8 @@ struct ScenarioSpec {
   int score_agent_stride = 0;
   double score_scale = 1.0;   ///< J = variable * scale
   std::string score_divisor;  ///< a game variable that J is divided by (1 where it is 0); empty: none
-  double ceiling = 0.0;
-  std::string wad;  ///< a scenario without recipe: its map, in its folder
+  double ceiling = 0.0;       ///< the best J on the default map of the default team; 0: not known
+  std::string wad;            ///< a scenario without recipe: its map, in its folder
   std::vector<MeasurementTerm> measurements;
   std::vector<RewardTerm> rewards;
   std::vector<MaskTerm> masks;
@@ -73,6 +77,8 @@ struct ScenarioSpec {
   std::string folder;      ///< where scenario.toml lies
 
   EnvShape shape(int num_agents, bool use_measurements) const;
+  /// When episodes are cut off, tics.
+  int limit_tics() const { return std::min(kTicsPerDecision * decision_limit, kEngineLimitTics); }
 };
 
 /// Reads the scenario.toml of a scenario, by its name or by the path of its folder (scenario_files.h).

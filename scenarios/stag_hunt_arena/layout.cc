@@ -87,6 +87,17 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   return layout;
 }
 
+/// Stags that fall in the poll after the one that brings them; script.acs counts in polls of 4 tics.
+double most_stags(const LayoutTask& task) {
+  constexpr int64_t kPollTics = 4;
+  const auto in_polls = [](int64_t tics) {
+    return std::max<int64_t>(1, (tics + kPollTics - 1) / kPollTics) * kPollTics;
+  };
+  const int64_t first = in_polls(task.value("stag_first")) + kPollTics,
+                next = in_polls(task.value("stag_respawn")) + kPollTics;
+  return static_cast<double>(first > task.limit_tics ? 1 : 1 + (task.limit_tics - first) / next);
+}
+
 }  // namespace
 
 LayoutRecipe recipe() {
@@ -120,7 +131,8 @@ LayoutRecipe recipe() {
                      {{"hare_interval", 14}, {"hare_cap", 16}, {"hare_speed", 28}, {"hare_radius", 640}}}},
                    {"payoff",
                     {{{"hare_heal", 4}, {"stag_heal", 40}, {"stag_shells", 16}},
-                     {{"hare_heal", 2}, {"stag_heal", 60}, {"stag_shells", 24}}}}}};
+                     {{"hare_heal", 2}, {"stag_heal", 60}, {"stag_shells", 24}}}}},
+          .ceiling = most_stags};
 }
 
 }  // namespace comrad::scenarios::stag_hunt_arena

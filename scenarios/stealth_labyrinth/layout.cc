@@ -25,6 +25,7 @@ constexpr int32_t kStartLight = 224, kHubLight = 160, kStartCorridorLight = 160,
                   kCorridorLight = 176;
 constexpr int32_t kLampJitter = 24;       // lamps stand this far from their published places at most
 constexpr int32_t kTurretClearance = 26;  // the radius of a turret and a little
+constexpr int kBullets = 240;             // of the gunner, for good
 constexpr int32_t kTechLamp = 85, kTallRedPillar = 32, kFloorLamp = 2028;
 
 /// A branch goes north, west or east; `forward` along it, `left` to the left of that.
@@ -92,6 +93,28 @@ Plan plan(const LayoutDraw& draw) {
 
 namespace {
 
+/// The gunner's bullets against the turrets. A bullet takes 5, 10 or 15, so that a turret of `health` takes
+/// (health + 10 / 3) / 10 of them on average; and some miss.
+Status check_bullets(int64_t health, int64_t turrets) {
+  constexpr int64_t kHits = 85;  // of 100 bullets
+  const int64_t hits = (3 * health + 10 * turrets) / 30;
+  if (100 * hits <= kHits * kBullets) return {};
+  return Error{ErrorCode::kBadInput, std::to_string(turrets) + " turrets of " + std::to_string(health) +
+                                         " health in all take " + std::to_string(hits) +
+                                         " hits, and of the gunner's " + std::to_string(kBullets) +
+                                         " bullets " + std::to_string(kHits) +
+                                         " % hit; lower health, first_health, turrets_low, turrets_high, "
+                                         "rooms or branches"};
+}
+
+/// With as few turrets as may be drawn; draw_layout() looks at those that were.
+Status check_resources(const LayoutTask& task) {
+  const int64_t rooms = task.value("rooms"), each = rooms == 1 ? 1 : task.value("turrets_low"),
+                branches = task.value("branches");
+  return check_bullets(branches * each * (task.value("first_health") + (rooms - 1) * task.value("health")),
+                       branches * rooms * each);
+}
+
 struct Areas {
   std::vector<int64_t> tag, light, left, right, bottom, top;
   void add(int32_t area_tag, int32_t level, const Box& box, int32_t margin) {
@@ -119,6 +142,13 @@ Status check(const Plan& plan, const doomgen::MapData& map, Point start) {
 
 Expected<DrawnLayout> draw_layout(const LayoutDraw& draw) {
   const Plan where = plan(draw);
+  int64_t turret_health = 0, turrets = 0;
+  for (const Room& room : where.rooms) {
+    turrets += static_cast<int64_t>(room.turrets.size());
+    turret_health += static_cast<int64_t>(room.turrets.size()) * room.turret_health;
+  }
+  if (const Status enough = check_bullets(turret_health, turrets); !enough)
+    return Error{enough.error().code, "stealth_labyrinth: " + enough.error().message};
   MapPlan map;
   Areas areas;
   const auto area = [&](std::string name, int32_t tag, const Box& box, const char* floor, const char* wall) {
@@ -166,7 +196,8 @@ Expected<DrawnLayout> draw_layout(const LayoutDraw& draw) {
   COMRAD_TRY_ASSIGN(doomgen::MapData data, map.build());
   COMRAD_TRY(check(where, data, {-40, -592}));
   return DrawnLayout{.map = std::move(data),
-                     .defines = {{"AREA_COUNT", static_cast<int64_t>(areas.tag.size())},
+                     .defines = {{"BULLETS", kBullets},
+                                 {"AREA_COUNT", static_cast<int64_t>(areas.tag.size())},
                                  {"ROOM_COUNT", static_cast<int64_t>(where.rooms.size())},
                                  {"TURRET_COUNT", static_cast<int64_t>(health.size())}},
                      .arrays = {{"area_tag", areas.tag},
@@ -217,7 +248,8 @@ LayoutRecipe recipe() {
                      {{"strength", 2}, {"health", 180}}}},
                    {"first_room",
                     {{{"first_health", 70}, {"first_margin", 360}},
-                     {{"first_health", 110}, {"first_margin", 280}}}}}};
+                     {{"first_health", 110}, {"first_margin", 280}}}}},
+          .check_resources = check_resources};
 }
 
 }  // namespace comrad::scenarios::stealth_labyrinth

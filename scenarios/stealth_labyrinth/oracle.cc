@@ -14,7 +14,9 @@ namespace {
 constexpr int kTargetLit = 45;  // exported by the script
 constexpr int32_t kFirstRoomTag = 102, kFirstCorridorTag = 201, kRoomsMax = 9;
 constexpr int32_t kFirstTurretId = 6000, kTurretsMax = 18;
-constexpr double kShotRange = 360;      // the gunner comes this near
+constexpr double kShotRange = 640;      // the gunner comes this near: bolts from further away are dodged
+constexpr double kBurstRange = 300;     // from here on shots are single pairs
+constexpr double kTurretRadius = 20;    // a little less than it is
 constexpr double kBoltLookahead = 300;  // a bolt this far away is dodged
 
 class Pair final : public Oracle {
@@ -149,9 +151,10 @@ class Pair final : public Oracle {
     const bool in_sight = is_clear(world, here, turret);
     const bool aside = step_aside(world, gunner, 1, buttons);
     if (in_sight && distance < kShotRange + 260) {
-      const bool aimed =
-          turn_to(gunner, bearing_degrees(here, turret), buttons, std::max(3.6, 20.0 / distance * 57.3));
-      if (aimed && lit) buttons.attack = true;
+      const double off = aim_at(world.player(1), gunner, bearing_degrees(here, turret), buttons);
+      const double wide = std::atan2(kTurretRadius, distance) * 57.3;
+      // Only the first pair of a burst is exact: single pairs at what is far.
+      if (off < wide && lit) buttons.attack = distance < kBurstRange || world.player(1).refire == 0;
     }
     if (aside) return;
     if (!lit) {  // wait behind the torch, out of the turret's sight

@@ -187,6 +187,10 @@ int make_grid(const std::string& name, const std::vector<std::string>& axes, sce
     if (!axis) return report(axis.error());
     request.axes.push_back(*axis);
   }
+  request.left_out = [](int64_t place, const Error& why) {
+    std::fprintf(stderr, "comrad-doomgen: place %lld is left out: %s\n", static_cast<long long>(place),
+                 why.message.c_str());
+  };
   const auto pool = scenarios::make_grid_pool(name, request, folder);
   if (!pool) return report(pool.error());
   std::printf("%s: %zu layouts of %s, listed in %s\n", folder.c_str(), pool->size(), name.c_str(),

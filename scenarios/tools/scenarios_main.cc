@@ -38,6 +38,8 @@ Expected<Json> describe(const std::string& name, int num_agents, bool use_measur
   }
   for (const auto& [key, value] : spec.training.values) training[key] = value;
   const auto recipes = scenarios::layout_recipes();
+  COMRAD_TRY_ASSIGN(const auto ceilings, scenarios::default_ceilings(spec));
+  const auto ceiling = ceilings.find(num_agents);
   return Json{{"name", spec.name},
               {"title", spec.title},
               {"summary", spec.summary},
@@ -48,7 +50,7 @@ Expected<Json> describe(const std::string& name, int num_agents, bool use_measur
               {"head_buttons", head_buttons},
               {"measurements", shape.measurement_count},
               {"decision_limit", spec.decision_limit},
-              {"ceiling", spec.ceiling},
+              {"ceiling", ceiling != ceilings.end() ? ceiling->second : 0.0},
               {"shared_reward_alpha", spec.shared_reward_alpha},
               {"score", spec.score},
               {"has_layout_recipe", std::count(recipes.begin(), recipes.end(), name) > 0},

@@ -7,8 +7,6 @@
 namespace comrad::sim {
 namespace {
 
-constexpr uint64_t kTicsPerDecision = 4;       // what decision limits are counted in
-constexpr uint64_t kEngineLimitTics = 21'000;  // ten minutes
 constexpr int kSkill = 3;
 
 }  // namespace
@@ -24,7 +22,7 @@ DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game,
       world_(game_->level, game_->catalog, game_->behavior),
       rewards_(game_->spec.rewards, game_->num_agents),
       buttons_(game_->num_agents),
-      limit_tics_(std::min(kTicsPerDecision * game_->spec.decision_limit, kEngineLimitTics)) {
+      limit_tics_(static_cast<uint64_t>(game_->spec.limit_tics())) {
   const auto variable_of = [](const std::string& name) {
     const auto variable = scenarios::find_term_variable(name);
     COMRAD_CHECK(variable.has_value(), "the loader refuses unknown variables");
@@ -164,6 +162,7 @@ void DoomEnvironment::finish_episode() {
     sum += own;
   }
   summary_.score = sum / static_cast<float>(game_->num_agents);
+  summary_.ceiling = static_cast<float>(game_->ceiling);
 }
 
 void DoomEnvironment::observe_numbers(const ObservationTarget& target) const {

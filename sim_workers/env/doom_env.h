@@ -32,6 +32,7 @@ struct DoomGame {
   std::shared_ptr<const doom::ActorCatalog> catalog;
   std::shared_ptr<const doom::acs::Behavior> behavior;  ///< null: no scripts
   int num_agents = 2;
+  double ceiling = 0.0;  ///< the best J that this map allows so many agents; 0: not known
   int frame_skip = 4;
   bool use_measurements = false;
   bool no_monsters = false;

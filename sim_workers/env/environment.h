@@ -33,6 +33,7 @@ struct Step {
 struct EpisodeSummary {
   uint32_t length_steps = 0, length_tics = 0;
   float score = 0;                  ///< J, team level
+  float ceiling = 0;                ///< the best J that the map allows so many agents; 0: not known
   std::vector<float> agent_score;   ///< [N]
   std::vector<float> agent_return;  ///< [N]
 };

@@ -87,6 +87,10 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
   COMRAD_TRY_ASSIGN(game->actions, ActionMap::create(game->spec.heads));
 
   COMRAD_TRY_ASSIGN(game->layout, read_layout_info(wad, game->spec.name));
+  const auto ceiling = game->layout.ceiling.find(options.num_agents);
+  game->ceiling = ceiling != game->layout.ceiling.end() ? ceiling->second
+                  : game->layout.ceiling.empty()        ? game->spec.ceiling
+                                                        : 0.0;
   COMRAD_TRY_ASSIGN(GameContent content, load_game_content(wad));
   // A map that somebody brought along may do without scripts; a generated one without them is a broken build.
   if (content.behavior == nullptr && game->spec.wad.empty())

@@ -244,6 +244,7 @@ void EnvPort::push_record(const Step& last) {
   record.length_tics = summary.length_tics;
   record.terminated = last.terminated;
   record.score = summary.score;
+  record.ceiling = summary.ceiling;
   const std::size_t agents = static_cast<std::size_t>(slab_.shape().env.num_agents);
   for (std::size_t agent = 0; agent < agents; ++agent) {
     record.agent_return[agent] = agent < summary.agent_return.size() ? summary.agent_return[agent] : 0.0f;

@@ -30,9 +30,9 @@ void expect_keys(const nlohmann::json& object, const std::vector<std::string>& k
   for (const std::string& key : keys) EXPECT_TRUE(object.contains(key)) << key;
 }
 
-const std::vector<std::string> kEvalKeys = {"scenario",    "policy",      "episodes",         "seed",
-                                            "num_agents",  "layout",      "J_mean",           "J_ci95",
-                                            "J_per_agent", "return_mean", "length_tics_mean", "ceiling"};
+const std::vector<std::string> kEvalKeys = {
+    "scenario",    "policy",      "episodes",         "seed",    "num_agents", "layout", "J_mean", "J_ci95",
+    "J_per_agent", "return_mean", "length_tics_mean", "ceiling", "J_share"};
 const std::vector<std::string> kBenchKeys = {
     "bench", "scenario", "algo", "num_agents", "cores", "seconds", "decisions_per_s", "env_frames_per_s"};
 
@@ -51,6 +51,26 @@ TEST(Eval, RandomPolicyPlaysTheEpisodesItIsAskedFor) {
   EXPECT_GT(summary["J_mean"], 0);
   EXPECT_LE(summary["J_mean"], summary["ceiling"]);
   EXPECT_GE(summary["J_ci95"], 0);
+}
+
+TEST(Eval, AScriptedTeamsScoresAreSharesOfWhatEachLayoutAllows) {
+  const auto summary = json_of({"eval", "--policy", "oracle", "--scenario", "coop_puzzle", "--layout_pool",
+                                "eval:6", "--episodes", "6", "--each", "--num_workers", "1"},
+                               90);
+  expect_keys(summary, kEvalKeys);
+  ASSERT_EQ(summary["each"].size(), 6u);
+  std::set<double> ceilings;
+  double share = 0;
+  for (const auto& one : summary["each"]) {
+    const std::string layout = one["layout"];
+    EXPECT_EQ(one["ceiling"], summary["ceiling_by_layout"][layout]) << layout;
+    EXPECT_EQ(one["J"], summary["J_by_layout"][layout]) << layout;
+    ceilings.insert(one["ceiling"].get<double>());
+    share += one["J"].get<double>() / one["ceiling"].get<double>() / 6;
+  }
+  EXPECT_GT(ceilings.size(), 1u) << "six layouts with as many zones";
+  EXPECT_NEAR(summary["J_share"].get<double>(), share, 1e-9);
+  EXPECT_EQ(summary["J_share"], 1.0);
 }
 
 TEST(Eval, TheSameSeedPlaysTheSameEpisodes) {

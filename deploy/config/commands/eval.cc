@@ -26,6 +26,7 @@ struct Evaluation {
   bool greedy = true;
   bool stochastic = false;
   bool json = false;
+  bool each = false;       ///< report every episode, too
   std::string checkpoint;  ///< file; empty without a network
   bool is_scripted() const { return policy == "random" || policy == "oracle"; }
 };
@@ -61,7 +62,7 @@ nlohmann::ordered_json summarise(const Evaluation& evaluation, const MergedSetti
                                  const std::string& layout, const LayoutList& pool,
                                  const RunOutcome& outcome) {
   const size_t agents = static_cast<size_t>(merged.config.num_agents);
-  std::vector<double> scores, returns, lengths;
+  std::vector<double> scores, returns, lengths, ceilings, shares;
   std::vector<double> agent_scores(agents, 0.0);
   for (const dds::EpisodeResult& episode : outcome.episodes) {
     scores.push_back(episode.score);
@@ -69,6 +70,9 @@ nlohmann::ordered_json summarise(const Evaluation& evaluation, const MergedSetti
     lengths.push_back(episode.length_tics);
     for (size_t agent = 0; agent < agents; ++agent)
       agent_scores[agent] += agent < episode.agent_score.size() ? episode.agent_score[agent] : std::nan("");
+    if (!(episode.ceiling > 0)) continue;
+    ceilings.push_back(episode.ceiling);
+    shares.push_back(episode.score / episode.ceiling);
   }
   for (double& score : agent_scores) score /= static_cast<double>(outcome.episodes.size());
   nlohmann::ordered_json summary = {{"scenario", merged.config.scenario},
@@ -82,30 +86,52 @@ nlohmann::ordered_json summarise(const Evaluation& evaluation, const MergedSetti
                                     {"J_per_agent", agent_scores},
                                     {"return_mean", mean(returns)},
                                     {"length_tics_mean", mean(lengths)},
-                                    {"ceiling", merged.scenario.ceiling},
+                                    {"ceiling", ceilings.empty() ? 0.0 : mean(ceilings)},
+                                    {"J_share", nullptr},
                                     {"greedy", evaluation.greedy},
                                     {"checkpoint", evaluation.checkpoint}};
-  if (pool.layouts.empty()) return summary;
+  if (!shares.empty()) summary["J_share"] = mean(shares);
   // Simulators play the layouts of a pool in turn, by the number of the episode.
+  if (evaluation.each)
+    for (const dds::EpisodeResult& episode : outcome.episodes)
+      summary["each"].push_back(
+          {{"episode", episode.episode_id},
+           {"layout",
+            pool.layouts.empty() ? layout : pool.layouts[episode.episode_id % pool.layouts.size()].id},
+           {"J", episode.score},
+           {"ceiling", episode.ceiling},
+           {"length_tics", episode.length_tics},
+           {"terminated", episode.terminated},
+           {"return", mean(episode.agent_return)}});
+  if (pool.layouts.empty()) return summary;
   std::vector<std::vector<double>> by_layout(pool.layouts.size());
   for (const dds::EpisodeResult& episode : outcome.episodes)
     by_layout[episode.episode_id % by_layout.size()].push_back(episode.score);
   std::vector<double> means;
-  nlohmann::ordered_json layouts = nlohmann::ordered_json::object();
+  nlohmann::ordered_json layouts = nlohmann::ordered_json::object(), allowed = layouts;
   for (std::size_t i = 0; i < by_layout.size(); ++i) {
     if (by_layout[i].empty()) continue;
     means.push_back(mean(by_layout[i]));
     layouts[pool.layouts[i].id] = means.back();
+    if (pool.layouts[i].ceiling > 0) allowed[pool.layouts[i].id] = pool.layouts[i].ceiling;
   }
   summary["layouts"] = means.size();
   summary["J_ci95_layouts"] = confidence_95(means);
   summary["J_by_layout"] = layouts;
+  summary["ceiling_by_layout"] = allowed;
   return summary;
 }
 
 void print_table(const nlohmann::ordered_json& summary, const std::string& score_name) {
+  if (summary.contains("each"))
+    for (const auto& one : summary["each"])
+      std::printf("episode %llu  %s  J %.4g of %.4g  %u tics  return %.4g\n",
+                  one["episode"].get<unsigned long long>(), one["layout"].get<std::string>().c_str(),
+                  one["J"].get<double>(), one["ceiling"].get<double>(), one["length_tics"].get<unsigned>(),
+                  one["return"].get<double>());
   for (const auto& [key, value] : summary.items()) {
-    if ((key == "checkpoint" && value == "") || value.is_object()) continue;
+    if (key == "each") continue;
+    if ((key == "checkpoint" && value == "") || value.is_object() || value.is_null()) continue;
     std::string text = value.is_string() ? value.get<std::string>() : value.dump();
     if (value.is_number_float()) {
       char rounded[32];
@@ -113,11 +139,16 @@ void print_table(const nlohmann::ordered_json& summary, const std::string& score
       text = rounded;
     }
     if (key == "J_mean") text += "  (" + score_name + ")";
+    if (key == "J_share") text += "  (of what each episode's map allows)";
     std::printf("%-18s %s\n", key.c_str(), text.c_str());
   }
   if (!summary.contains("J_by_layout")) return;
-  for (const auto& [layout, score] : summary["J_by_layout"].items())
-    std::printf("  %-32s %.4g\n", layout.c_str(), score.get<double>());
+  for (const auto& [layout, score] : summary["J_by_layout"].items()) {
+    std::printf("  %-32s %.4g", layout.c_str(), score.get<double>());
+    if (summary["ceiling_by_layout"].contains(layout))
+      std::printf(" of %.4g", summary["ceiling_by_layout"][layout].get<double>());
+    std::puts("");
+  }
 }
 
 Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
@@ -184,12 +215,15 @@ int eval_command(Arguments arguments) {
       "(Student t). RUN is a run directory or the name of an experiment below --train_dir; its own\n"
       "settings are taken from its config.toml. Episodes are keyed by --seed. With --layout_pool all its\n"
       "layouts are played in turn; a run that was trained on a pool plays eval:20 unless told otherwise,\n"
-      "fresh layouts that no training pool holds.");
+      "fresh layouts that no training pool holds. J_share is J divided by the best score that each "
+      "episode's\n"
+      "map allows so many agents.");
   line.add_option("policy", evaluation.policy, "NAME",
                   "random, oracle (the scenario's scripted team), a run directory, or an experiment's name");
   line.add_option("episodes", evaluation.episodes, "N", "episodes to play (default 100)");
   line.add_switch("greedy", evaluation.greedy, "take the most likely action (default True for a run)");
   line.add_switch("stochastic", evaluation.stochastic, "draw actions from the policy, as training does");
+  line.add_switch("each", evaluation.each, "report every episode as well");
   line.add_switch("json", evaluation.json, "print one JSON object on stdout and nothing else");
   line.add_settings();
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("eval", parsed.error());

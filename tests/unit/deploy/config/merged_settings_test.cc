@@ -246,12 +246,12 @@ TEST(SettingText, WritesEveryTypeAsConfigTomlDoes) {
   EXPECT_EQ(setting_text(config, "no_such_setting"), "");
 }
 
-TEST(MergeNew, CurriculaMeasureAgainstTheScenariosCeiling) {
+TEST(MergeNew, CurriculaMeasureAgainstEachMapsOwnCeilingUnlessAScoreIsNamed) {
   const auto merged =
       merge_new(typed({{"layout_pool", "p"}, {"curriculum", "sequential"}}), fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
-  EXPECT_EQ(merged->config.seq_max_return, 40);
-  EXPECT_EQ(merged->config.lp_max_return, 40);
+  EXPECT_EQ(merged->config.seq_max_return, 0);
+  EXPECT_EQ(merged->config.lp_max_return, 0);
   const auto own = merge_new(typed({{"layout_pool", "p"}, {"lp_max_return", "7"}}), fake_scenario, 2);
   ASSERT_TRUE(own);
   EXPECT_EQ(own->config.lp_max_return, 7);

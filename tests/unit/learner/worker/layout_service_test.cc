@@ -18,6 +18,7 @@ namespace comrad::learn {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::DoubleNear;
 using ::testing::HasSubstr;
 using testing::small_arena_shape;
@@ -36,6 +37,15 @@ class LayoutServiceTest : public ::testing::Test {
     for (int i = 0; i < count; ++i) {
       const std::string id = "task_" + std::to_string(i);
       list.layouts.push_back({id, "/nowhere/" + id + ".wad", 10.0 + i});
+    }
+    folder_.write(kLayoutListFile, layout_list_text(list));
+  }
+  /// A pool whose layouts allow these scores (0: not known).
+  void write_ceilings(const std::vector<double>& ceilings) const {
+    LayoutList list;
+    for (const double ceiling : ceilings) {
+      const std::string id = "task_" + std::to_string(list.layouts.size());
+      list.layouts.push_back({.id = id, .path = "/nowhere/" + id + ".wad", .ceiling = ceiling});
     }
     folder_.write(kLayoutListFile, layout_list_text(list));
   }
@@ -186,7 +196,16 @@ TEST_F(LayoutServiceTest, ResumingWithoutStateOrWithOtherLayoutsIsRefused) {
 TEST_F(LayoutServiceTest, SettingsAndFilesThatAreWrongAreNamed) {
   config_.curriculum = "sequential";
   config_.seq_max_return = 0;
-  EXPECT_THAT(open_error(), HasSubstr("seq_max_return is 0"));
+  write_ceilings({35, 0});
+  EXPECT_THAT(open_error(), AllOf(HasSubstr("seq_max_return is 0"), HasSubstr("layout task_1")));
+  config_.curriculum = "learning_progress";
+  config_.lp_min_return = 40;
+  config_.lp_max_return = 0;
+  write_ceilings({47, 35});
+  EXPECT_THAT(open_error(), AllOf(HasSubstr("lp_min_return is 40"), HasSubstr("layout task_1, 35")));
+  write_pool(4);
+  config_.lp_min_return = 0;
+  config_.lp_max_return = 1;
   config_.curriculum = "omni";
   config_.interestingness_graph_path = (folder_ / "none.json").string();
   EXPECT_THAT(open_error(), HasSubstr("none.json: cannot be read"));
@@ -200,6 +219,29 @@ TEST_F(LayoutServiceTest, SettingsAndFilesThatAreWrongAreNamed) {
   EXPECT_EQ(open_error(), "no error");
   fs::remove(folder_ / kLayoutListFile);
   EXPECT_THAT(open_error(), HasSubstr("pool.toml"));
+}
+
+TEST_F(LayoutServiceTest, SequentialGoesPastALayoutThatAllowsLessThanTheDefaultMap) {
+  // A chain of 36 platforms allows 35, that of the scenario's default map 47: 0.8 of 47 is out of reach there.
+  write_ceilings({35, 47, 59});
+  config_.curriculum = "sequential";
+  config_.seq_max_return = 0;
+  config_.seq_min_outcomes = 5;
+  const auto service = open();
+  ASSERT_NE(service, nullptr);
+  Curriculum& curriculum = service->curriculum();
+  for (int episode = 0; episode < 5; ++episode) curriculum.update(0, 34);
+  EXPECT_EQ(curriculum.draw(), 1);
+  for (int episode = 0; episode < 5; ++episode) curriculum.update(1, 37);
+  EXPECT_EQ(curriculum.draw(), 1) << "37 of 47 is less than 0.8";
+  for (int episode = 0; episode < 5; ++episode) curriculum.update(1, 47);
+  EXPECT_EQ(curriculum.draw(), 2);
+  // A score that somebody names counts for every layout.
+  config_.seq_max_return = 10;
+  const auto named = open();
+  ASSERT_NE(named, nullptr);
+  for (int episode = 0; episode < 5; ++episode) named->curriculum().update(0, 9);
+  EXPECT_EQ(named->curriculum().draw(), 1);
 }
 
 TEST_F(LayoutServiceTest, TheGraphAndTheScalesReachOmni) {

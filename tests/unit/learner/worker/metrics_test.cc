@@ -179,6 +179,35 @@ TEST(EpisodeWindow, CountsEpisodesInWhichAnyAgentsReturnIsNotZero) {
   EXPECT_DOUBLE_EQ(values.back().second, 0.5);
 }
 
+TEST(EpisodeWindow, TellsScoresAsSharesOfWhatEachMapAllows) {
+  const auto share_of = [](const EpisodeWindow& window) {
+    MetricValues values;
+    window.append_to(values);
+    for (const auto& [key, value] : values)
+      if (key == "policy_stats/avg_true_objective_share") return value;
+    return -1.0;
+  };
+  EpisodeWindow window(4);
+  window.add(episode(7, {0, 0}, 40), 2);
+  EXPECT_EQ(share_of(window), -1) << "no map said its ceiling";
+  for (const auto& [score, ceiling] : {std::pair{35.0f, 35.0f}, {23.5f, 47.0f}}) {
+    shm::EpisodeRecord record = episode(score, {0, 0}, 40);
+    record.ceiling = ceiling;
+    window.add(record, 2);
+  }
+  EXPECT_DOUBLE_EQ(share_of(window), 0.75);
+  EpisodeWindow again(4);
+  ASSERT_TRUE(again.restore(window.state()));
+  EXPECT_DOUBLE_EQ(share_of(again), 0.75);
+  // Checkpoints from before there were shares have a number less.
+  const std::vector<double> older(2 * (EpisodeWindow::kFields - 1), 3.0);
+  ASSERT_TRUE(again.restore(older, EpisodeWindow::kFields - 1));
+  EXPECT_EQ(again.size(), 2u);
+  EXPECT_DOUBLE_EQ(again.score_mean(), 3);
+  EXPECT_EQ(share_of(again), -1);
+  EXPECT_FALSE(again.restore(older, EpisodeWindow::kFields - 2));
+}
+
 TEST(EpisodeWindow, GoesOnInAnotherProcessWhereItStood) {
   EpisodeWindow window(3);
   for (int i = 0; i < 4; ++i) {

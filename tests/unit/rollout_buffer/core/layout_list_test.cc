@@ -15,7 +15,7 @@ std::string error_of(std::string_view text) {
 
 TEST(LayoutListFile, WhatIsWrittenIsReadBack) {
   const LayoutList list{
-      .layouts = {{"a_1", "/pool/a \"quoted\".wad", 47.0}, {"b", "/pool/\xC3\xA4/b.wad", 0.0}},
+      .layouts = {{"a_1", "/pool/a \"quoted\".wad", 47.0, 35.5}, {"b", "/pool/\xC3\xA4/b.wad", 0.0}},
       .interestingness_graph = "/pool/interestingness.json"};
   const auto read = parse_layout_list(layout_list_text(list), "pool.toml");
   ASSERT_TRUE(read) << read.error().message;
@@ -24,6 +24,7 @@ TEST(LayoutListFile, WhatIsWrittenIsReadBack) {
     EXPECT_EQ(read->layouts[i].id, list.layouts[i].id);
     EXPECT_EQ(read->layouts[i].path, list.layouts[i].path);
     EXPECT_EQ(read->layouts[i].metric_scale, list.layouts[i].metric_scale);
+    EXPECT_EQ(read->layouts[i].ceiling, list.layouts[i].ceiling);
   }
   EXPECT_EQ(read->interestingness_graph, list.interestingness_graph);
 }

@@ -55,6 +55,7 @@ int main(int argc, char** argv) {
                                         .episode_seed = 1ull << 63,
                                         .env_index = 5,
                                         .score = 612.5,
+                                        .ceiling = 8400.0,
                                         .agent_return = {1.0, -2.0, 3.0},
                                         .agent_score = {4.0, 5.0, 6.0},
                                         .length_steps = 153,

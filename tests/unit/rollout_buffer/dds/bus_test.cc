@@ -140,6 +140,7 @@ TEST(Bus, CarriesEveryTopicFromOneProcessToAnother) {
   EXPECT_EQ(episodes[0].episode_seed, 1ull << 63);
   EXPECT_EQ(episodes[0].env_index, 5u);
   EXPECT_EQ(episodes[0].score, 612.5);
+  EXPECT_EQ(episodes[0].ceiling, 8400.0);
   EXPECT_THAT(episodes[0].agent_return, testing::ElementsAre(1.0, -2.0, 3.0));
   EXPECT_THAT(episodes[0].agent_score, testing::ElementsAre(4.0, 5.0, 6.0));
   EXPECT_EQ(episodes[0].length_steps, 153u);

@@ -160,8 +160,8 @@ TEST_P(DemonHunting, TheScriptedHuntersReachAQuarterOfTheCeiling) {
 
 INSTANTIATE_TEST_SUITE_P(
     Scenarios, DemonHunting,
-    ::testing::Values(HuntRules{"smart_enemies", "HuntedDemon", 100, 4, 105, 0.3, "700", 84},
-                      HuntRules{"dumb_enemies", "SkittishDemon", 500, 10, 260, 0.1, "850", 90}),
+    ::testing::Values(HuntRules{"smart_enemies", "HuntedDemon", 100, 4, 105, 0.3, "700", 86},
+                      HuntRules{"dumb_enemies", "SkittishDemon", 500, 10, 260, 0.1, "850", 86}),
     [](const auto& one) { return std::string(one.param.scenario); });
 
 }  // namespace

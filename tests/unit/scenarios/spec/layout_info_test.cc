@@ -17,6 +17,19 @@ TEST(LayoutInfo, ComesBackAsItWasWritten) {
   EXPECT_EQ(again->parameters, info.parameters);
   EXPECT_EQ(again->parameter("radius", 1), 2000);
   EXPECT_EQ(again->parameter("absent", 1), 1);
+  EXPECT_TRUE(again->ceiling.empty());
+}
+
+TEST(LayoutInfo, KeepsTheCeilingOfEachTeamSize) {
+  const LayoutInfo info{"armory_siege", 1, 0, {}, {{2, 906.774}, {8, 235.42}}};
+  const auto again = parse_layout_info(write_layout_info(info));
+  ASSERT_TRUE(again) << again.error().message;
+  EXPECT_EQ(again->ceiling, info.ceiling);
+  for (const char* wrong : {"two = 1", "0 = 1", "2 = 0", "2 = -1", "2 = nan", "2 = \"x\""}) {
+    const std::string text =
+        std::string("format = 1\nscenario = \"x\"\nseed = 1\nattempt = 0\n[ceiling]\n") + wrong;
+    EXPECT_FALSE(parse_layout_info(text)) << wrong;
+  }
 }
 
 TEST(LayoutInfo, RefusesWhatItDoesNotKnow) {

@@ -106,6 +106,69 @@ TEST_F(LayoutPool, CheckReadsEveryFileAndGivesWhatARunReads) {
   EXPECT_TRUE(list->interestingness_graph.empty());
 }
 
+TEST_F(LayoutPool, EveryLayoutHasTheCeilingOfItsTeam) {
+  ASSERT_TRUE(make_pool("platform_chain", {.kind = PoolKind::kEval, .count = 8}, folder("chain")));
+  const auto pool = read_pool(folder("chain"));
+  const auto list = check_pool(folder("chain"), {.scenario = "platform_chain", .num_agents = 2});
+  ASSERT_TRUE(list) << list.error().message;
+  std::set<double> ceilings;
+  for (std::size_t i = 0; i < pool->size(); ++i) {
+    const double last = static_cast<double>((*pool)[i].info.parameters.at("levels") - 1);
+    EXPECT_EQ((*pool)[i].info.ceiling, (std::map<int, double>{{2, last}}));
+    EXPECT_EQ(list->layouts[i].ceiling, last);
+    ceilings.insert(last);
+  }
+  EXPECT_GT(ceilings.size(), 1u) << "eight layouts of one length";
+  ASSERT_TRUE(make_pool("dumb_enemies", {.kind = PoolKind::kEval, .count = 1, .vary = false}, folder("d")));
+  EXPECT_DOUBLE_EQ(check_pool(folder("d"), {.scenario = "dumb_enemies", .num_agents = 4})->layouts[0].ceiling,
+                   43);
+  EXPECT_DOUBLE_EQ(check_pool(folder("d"), {.scenario = "dumb_enemies"})->layouts[0].ceiling, 86)
+      << "of the scenario's default team where none is named";
+  std::ofstream(folder_ / "d" / kPoolRegistryName)
+      << R"([{"id": "a", "filename": "dumb_enemies_1009.wad", "ceiling": {"two": 1}}])";
+  EXPECT_THAT(read_pool(folder("d")).error().message, AllOf(HasSubstr("entry 0"), HasSubstr("'ceiling'")));
+}
+
+TEST_F(LayoutPool, LayoutsThatGiveTooLittleAreLeftOut) {
+  // The third option of the rate cannot feed two, and the second one not two whose hunger is 3.
+  const auto pool = make_pool("foraging_commons", {.kind = PoolKind::kTrain, .count = 40}, folder("train"));
+  ASSERT_TRUE(pool) << pool.error().message;
+  EXPECT_EQ(pool->size(), 40u);
+  std::set<int64_t> costs;
+  for (const PoolEntry& entry : *pool) {
+    EXPECT_TRUE(entry.info.ceiling.contains(2)) << entry.id;
+    costs.insert(entry.info.parameters.at("harvest_cost"));
+    EXPECT_TRUE(entry.info.parameters.at("harvest_cost") == 1 || entry.info.parameters.at("drain") < 3);
+  }
+  EXPECT_EQ(costs, (std::set<int64_t>{1, 2}));
+  const auto none =
+      make_pool("foraging_commons", {.count = 3, .vary = false, .layout = {.parameters = {{"drain", "3"}}}},
+                folder("none"));
+  ASSERT_FALSE(none);
+  EXPECT_THAT(none.error().message, HasSubstr("cannot be solved by 2 agents"));
+
+  std::vector<int64_t> left_out;
+  const auto grid =
+      make_grid_pool("foraging_commons",
+                     {.axes = {{"drain", {{{"drain", 1}}, {{"drain", 3}}, {{"drain", 2}}}}},
+                      .left_out = [&](int64_t place, const Error&) { left_out.push_back(place); }},
+                     folder("grid"));
+  ASSERT_TRUE(grid) << grid.error().message;
+  EXPECT_EQ(left_out, std::vector<int64_t>{1});
+  ASSERT_EQ(grid->size(), 2u);
+  EXPECT_EQ((*grid)[1].id, "foraging_commons_0002") << "places keep their numbers";
+
+  // A pool for two that four cannot live on.
+  ASSERT_TRUE(
+      make_pool("coop_health_gathering",
+                {.count = 1, .vary = false, .layout = {.num_agents = 2, .parameters = {{"damage", "8"}}}},
+                folder("two")));
+  EXPECT_TRUE(check_pool(folder("two"), {.scenario = "coop_health_gathering", .num_agents = 2}));
+  const auto four = check_pool(folder("two"), {.scenario = "coop_health_gathering", .num_agents = 4});
+  ASSERT_FALSE(four);
+  EXPECT_THAT(four.error().message, HasSubstr("not enough for 4 agents"));
+}
+
 TEST_F(LayoutPool, CheckNamesTheLayoutThatIsWrong) {
   const auto error = [&](const char* name, const PoolUse& use) {
     const auto list = check_pool(folder(name), use);

@@ -18,6 +18,7 @@
 namespace comrad::scenarios {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 class EveryRecipe : public testing::TestWithParam<std::string> {};
@@ -115,6 +116,18 @@ TEST_P(EveryRecipe, ItsScenarioFileIsWholeAndItsTeamsFindStarts) {
 INSTANTIATE_TEST_SUITE_P(All, EveryRecipe, testing::ValuesIn(layout_recipes()),
                          [](const auto& one) { return one.param; });
 
+TEST_P(EveryRecipe, ItsScenarioFileSaysTheCeilingOfTheDefaultMap) {
+  const auto spec = load_scenario(GetParam());
+  ASSERT_TRUE(spec) << spec.error().message;
+  const auto ceilings = default_ceilings(*spec);
+  ASSERT_TRUE(ceilings) << ceilings.error().message;
+  EXPECT_NEAR(ceilings->at(spec->default_agents), spec->ceiling, 1e-9);
+  for (const int agents : spec->supported_agents)
+    EXPECT_TRUE(ceilings->contains(agents)) << "the default map is not enough for " << agents;
+}
+
+/// Ceilings are the published ones, but for three: Armory Siege's 100 lies below what a scripted team gets,
+/// Smart Enemies' 84 and Dumb Enemies' 90 are not what two agents can have of 172 demons.
 TEST(ScenarioFiles, ActionSpacesLimitsAndCeilingsAreThePublishedOnes) {
   struct Row {
     int difficulty;
@@ -128,11 +141,11 @@ TEST(ScenarioFiles, ActionSpacesLimitsAndCeilingsAreThePublishedOnes) {
       {"foraging_commons", {3, 27, 8, 5250, 0, 21000}},
       {"coop_puzzle", {3, 18, 0, 1200, 1, 5}},
       {"platform_chain", {4, 54, 0, 5250, 1, 47}},
-      {"armory_siege", {4, 162, 9, 4500, 0, 100}},
+      {"armory_siege", {4, 162, 9, 4500, 0, 906.774}},
       {"coop_health_gathering", {4, 27, 0, 2100, 0, 8400}},
       {"lava_pit", {5, 36, 0, 1000, 1, 11}},
-      {"smart_enemies", {5, 54, 0, 4500, 0, 84}},
-      {"dumb_enemies", {5, 54, 0, 4500, 0, 90}},
+      {"smart_enemies", {5, 54, 0, 4500, 0, 86}},
+      {"dumb_enemies", {5, 54, 0, 4500, 0, 86}},
       {"ammo_carrier", {6, 36, 10, 2100, 0, 8400}},
       {"stealth_labyrinth", {7, 54, 0, 5250, 1, 1}},
       {"lava_maze", {7, 90, 7, 5250, 1, 6}},
@@ -152,6 +165,71 @@ TEST(ScenarioFiles, ActionSpacesLimitsAndCeilingsAreThePublishedOnes) {
     EXPECT_EQ(spec->ceiling, row->second.ceiling);
     EXPECT_EQ(spec->default_agents, 2);
   }
+}
+
+TEST(Ceilings, FollowTheParametersAndTheTeam) {
+  const auto of = [](const std::string& scenario, int agents,
+                     std::vector<std::pair<std::string, std::string>> parameters) {
+    const auto layout = generate_layout(scenario, {.parameters = std::move(parameters)});
+    EXPECT_TRUE(layout) << layout.error().message;
+    return layout ? layout->info.ceiling.at(agents) : 0.0;
+  };
+  EXPECT_EQ(of("platform_chain", 2, {{"levels", "36"}}), 35);
+  EXPECT_EQ(of("platform_chain", 2, {{"levels", "60"}}), 59);
+  EXPECT_EQ(of("coop_puzzle", 2, {{"zones", "12"}}), 6);
+  EXPECT_EQ(of("lava_pit", 2, {{"platforms", "14"}}), 13);
+  EXPECT_EQ(of("lava_maze", 2, {{"initial", "6"}, {"maximum", "25"}}), 10);
+  EXPECT_EQ(of("lava_maze", 2, {{"initial", "10"}, {"maximum", "4"}}), 1)
+      << "the first path is always walked";
+  EXPECT_EQ(of("stag_hunt_arena", 4, {{"stag_respawn", "420"}, {"stag_first", "210"}}), 42);
+  EXPECT_EQ(of("coop_health_gathering", 3, {}), 8400);
+  // 172 demons come; with one every 4 s the floor takes more than they bring, and the
+  // team dies at clock 8 096, after 58 demons at most: 100 + 58 * 7 health against 253 hits of 2.
+  EXPECT_DOUBLE_EQ(of("smart_enemies", 3, {}), 172 / 3.0);
+  EXPECT_DOUBLE_EQ(of("dumb_enemies", 4, {}), 43);
+  EXPECT_DOUBLE_EQ(of("dumb_enemies", 2, {{"interval", "4"}}), 29);
+  EXPECT_GT(of("armory_siege", 2, {{"difficulty", "1000"}}), of("armory_siege", 2, {}));
+  EXPECT_LT(of("armory_siege", 8, {}), of("armory_siege", 2, {}) / 3);
+}
+
+TEST(Resources, AMapThatGivesTooLittleIsRefusedWithAReason) {
+  const auto error = [](const std::string& scenario, int agents,
+                        std::vector<std::pair<std::string, std::string>> parameters) {
+    const auto layout =
+        generate_layout(scenario, {.num_agents = agents, .parameters = std::move(parameters)});
+    if (layout) return std::string("no error");
+    EXPECT_EQ(layout.error().code, ErrorCode::kUnsupported);
+    return layout.error().message;
+  };
+  // 3 branches of (110 + 2 * 180) * 2: 2 820 health against 240 bullets of 10.
+  const std::string bullets = error(
+      "stealth_labyrinth", 2,
+      {{"branches", "3"}, {"rooms", "3"}, {"turrets_low", "2"}, {"health", "180"}, {"first_health", "110"}});
+  EXPECT_THAT(bullets, AllOf(HasSubstr("cannot be solved by 2 agents"), HasSubstr("18 turrets of 2820"),
+                             HasSubstr("288 hits"), HasSubstr("240 bullets"), HasSubstr("lower health")));
+  EXPECT_EQ(error("stealth_labyrinth", 2, {{"branches", "3"}, {"rooms", "3"}}), "no error");
+  const std::vector<std::pair<std::string, std::string>> poor = {
+      {"start_rate", "70"}, {"harvest_cost", "3"}, {"decay", "2"}, {"boost", "12"}, {"cleanup_tics", "88"}};
+  EXPECT_THAT(error("foraging_commons", 2, poor),
+              AllOf(HasSubstr("of their time and cleaning"), HasSubstr("raise boost")));
+  EXPECT_THAT(error("foraging_commons", 2, {{"drain", "20"}}), HasSubstr("bonuses that they can get"));
+  EXPECT_EQ(error("foraging_commons", 4, {{"drain", "0"}, {"decay", "0"}, {"boost", "0"}}), "no error");
+  EXPECT_THAT(error("ammo_carrier", 2, {{"density", "4000"}}), HasSubstr("2210 appear"));
+  EXPECT_EQ(error("ammo_carrier", 2, {{"density", "1250"}, {"depots", "3"}}), "no error");
+  EXPECT_THAT(error("coop_health_gathering", 4, {{"damage", "8"}}), HasSubstr("of what kits give"));
+  EXPECT_EQ(error("coop_health_gathering", 2, {{"damage", "8"}}), "no error");
+  EXPECT_THAT(error("coop_health_gathering", 2, {{"damage", "7"}, {"kit_cap", "20"}, {"radius", "3000"}}),
+              HasSubstr("raise kit_cap"));
+  EXPECT_THAT(error("armory_siege", 2, {{"window", "12"}}), HasSubstr("13 at least"));
+}
+
+TEST(Resources, TeamSizesThatAMapIsNotEnoughForHaveNoCeiling) {
+  // 2 agents live where 4 do not: kits come for all.
+  const auto layout =
+      generate_layout("coop_health_gathering", {.num_agents = 2, .parameters = {{"damage", "8"}}});
+  ASSERT_TRUE(layout) << layout.error().message;
+  EXPECT_TRUE(layout->info.ceiling.contains(2));
+  EXPECT_FALSE(layout->info.ceiling.contains(4));
 }
 
 TEST(LayoutScriptText, DefinesWhatTheRecipeKnows) {
