@@ -100,6 +100,49 @@ TEST(Programs, AFreshBuildHasEachThatTheLauncherStarts) {
   for (const std::string& name : started) EXPECT_THAT(built, Contains(name)) << "not in the target programs";
 }
 
+TEST(Scenarios, HelpNamesTheGalleryAndItsFlagsAreRead) {
+  const ScratchFolder scratch;
+  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
+           {"--help"}, {"--gallery", "--help"}, {"--gallery", scratch / "x", "-h"}}) {
+    std::vector<std::string> command = {"scenarios"};
+    command.insert(command.end(), words.begin(), words.end());
+    const Ending help = comrad(command, 30);
+    EXPECT_EQ(help.exit_code, 0) << help.err;
+    EXPECT_THAT(help.out, AllOf(HasSubstr("--gallery DIR"), HasSubstr("--decisions"), HasSubstr("describe")));
+  }
+  EXPECT_FALSE(std::filesystem::exists(scratch / "x"));
+  EXPECT_THAT(comrad({"help"}, 30).out, HasSubstr("--gallery DIR"));
+
+  const Ending nowhere = comrad({"scenarios", "--gallery"}, 30);
+  EXPECT_EQ(nowhere.exit_code, 2);
+  EXPECT_THAT(nowhere.err, HasSubstr("--gallery needs a folder"));
+  const Ending lonely = comrad({"scenarios", "--decisions", "3"}, 30);
+  EXPECT_EQ(lonely.exit_code, 2);
+  EXPECT_THAT(lonely.err, HasSubstr("--gallery"));
+  const Ending word = comrad({"scenarios", "lava_pit"}, 30);
+  EXPECT_EQ(word.exit_code, 2);
+  EXPECT_THAT(word.err, HasSubstr("comrad scenarios describe lava_pit"));
+
+  const Ending drawn = comrad(
+      {"scenarios", "--decisions", "2", "--size", "64x48", "--gallery", scratch / "pictures", "lava_pit"},
+      60);
+  EXPECT_EQ(drawn.exit_code, 0) << drawn.err;
+  EXPECT_TRUE(std::filesystem::exists(scratch / "pictures/lava_pit.png"));
+}
+
+TEST(Scenarios, DescribeCountsMeasurementsAndListsTerms) {
+  const Ending ending = comrad({"scenarios", "describe", "ammo_carrier", "--json"}, 30);
+  ASSERT_EQ(ending.exit_code, 0) << ending.err;
+  const auto described = nlohmann::json::parse(ending.out, nullptr, false);
+  ASSERT_TRUE(described.is_object());
+  EXPECT_GT(described["measurements"], 0);
+  for (const char* list : {"rewards", "exported_variables", "layout_parameters"})
+    EXPECT_FALSE(described[list].empty()) << list;
+  EXPECT_THAT(comrad({"scenarios", "describe", "ammo_carrier"}, 30).out,
+              AllOf(HasSubstr("Rewards"), HasSubstr("Measurements"), HasSubstr("Exported variables"),
+                    HasSubstr("Layout parameters")));
+}
+
 TEST(Config, PrintsEverySettingWithItsTypeAndLayer) {
   const ScratchFolder scratch;
   std::ofstream(scratch / "own.toml") << "preset = \"paper\"\nrollout = 16\n";
