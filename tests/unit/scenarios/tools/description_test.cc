@@ -30,8 +30,7 @@ TEST(Describe, HasEveryTermOfEveryScenario) {
     EXPECT_EQ((*described)["layout_parameters"].size(), parameters->size()) << name;
     const std::string text = description_text(*described);
     for (const RewardTerm& term : spec->rewards) EXPECT_THAT(text, HasSubstr(term.name)) << name;
-    for (const LayoutParameter& one : *layout_parameters(name))
-      EXPECT_THAT(text, HasSubstr(one.help)) << name;
+    for (const LayoutParameter& one : *parameters) EXPECT_THAT(text, HasSubstr(one.help)) << name;
     if (spec->score.starts_with("USER")) {
       bool is_there = false;
       for (const auto& one : (*described)["exported_variables"])
