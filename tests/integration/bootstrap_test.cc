@@ -125,7 +125,8 @@ class SmallProjectWithTools : public SmallProject {
     write("tests/suite.c", "int main(void) { return 0; }\n");
     write("deploy/main.c",
           "#include <stdio.h>\n#include <stdlib.h>\n"
-          "int main(void) { const char *p = getenv(\"COMRAD_TEST_PYTHON\"); puts(p && *p ? p : \"none\"); return "
+          "int main(void) { const char *p = getenv(\"COMRAD_TEST_PYTHON\"); puts(p && *p ? p : \"none\"); "
+          "return "
           "0; }\n");
   }
   void tool(const std::string& name, const std::string& script) {

@@ -40,7 +40,8 @@ assert d["counters"]["env_frames"] == 1 << 40
 assert d["schedule"]["learning_rate"] == 1e-4
 assert d["config"]["toml"] == 'algo = "ippo"\n'
 )");
-  const std::string command = *python + " " + (folder / "read.py").string() + " " + (folder / "a.pt").string();
+  const std::string command =
+      *python + " " + (folder / "read.py").string() + " " + (folder / "a.pt").string();
   EXPECT_EQ(std::system(command.c_str()), 0);
 }
 
