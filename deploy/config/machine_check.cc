@@ -83,27 +83,85 @@ std::string per_second(double rate) {
   return std::to_string(static_cast<long>(rate)) + " decisions/s in a try of 1 s";
 }
 
-}  // namespace
+/// The lines of a list without comments, which begin with #.
+Expected<std::vector<std::string>> entries_of(const std::string& list) {
+  const std::string path = data_dir() + "/" + list;
+  std::ifstream file(path);
+  if (!file) return Error{ErrorCode::kNotFound, "no " + path};
+  std::vector<std::string> entries;
+  for (std::string line; std::getline(file, line);) {
+    line.erase(std::min(line.find('#'), line.size()));
+    while (!line.empty() && (line.back() == ' ' || line.back() == '\t' || line.back() == '\r'))
+      line.pop_back();
+    if (!line.empty()) entries.push_back(line);
+  }
+  return entries;
+}
 
-CheckResult check_packages() {
-  const std::string name = "packages";
-  std::ifstream list(data_dir() + "/deploy/packages.txt");
-  if (!list)
-    return warn(name, "no " + data_dir() + "/deploy/packages.txt", "set COMRAD_HOME to the source folder");
+/// Which Debian packages of a list in deploy/ are installed. `action` stands before the command that installs the others.
+CheckResult check_package_list(const std::string& name, const std::string& file, const std::string& action) {
+  const std::string list = "deploy/" + file;
+  const auto wanted = entries_of(list);
+  if (!wanted) return warn(name, wanted.error().message, "set COMRAD_HOME to the source folder");
   std::vector<std::string> command = {"dpkg-query", "-W", "-f", "${Package} ${db:Status-Status}\n"};
-  std::vector<std::string> wanted;
-  for (std::string line; std::getline(list, line);)
-    if (!line.empty() && line[0] != '#') wanted.push_back(line);
-  command.insert(command.end(), wanted.begin(), wanted.end());
+  command.insert(command.end(), wanted->begin(), wanted->end());
   const auto listed = run_program(command);
-  if (!listed) return warn(name, "no dpkg here", "have the equivalents of deploy/packages.txt installed");
+  if (!listed) return warn(name, "no dpkg here", "have the equivalents of " + list + " installed");
   std::string missing;
-  for (const std::string& package : wanted)
+  for (const std::string& package : *wanted)
     if (("\n" + listed->output).find("\n" + package + " installed") == std::string::npos)
       missing += " " + package;
-  if (missing.empty())
-    return ok(name, std::to_string(wanted.size()) + " of " + std::to_string(wanted.size()));
-  return warn(name, "missing:" + missing, "apt-get install --no-install-recommends" + missing);
+  if (missing.empty()) return ok(name, list + ": all " + std::to_string(wanted->size()));
+  return warn(name, list + ", missing:" + missing,
+              action + "apt-get install --no-install-recommends" + missing);
+}
+
+}  // namespace
+
+CheckResult check_packages() { return check_package_list("packages", "packages.txt", ""); }
+
+CheckResult check_test_packages() {
+  return check_package_list("test packages", "packages_test.txt", "./comrad test installs them: ");
+}
+
+CheckResult check_test_python() {
+  const std::string name = "test python", list = "deploy/requirements_test.txt";
+  const auto wanted = entries_of(list);
+  if (!wanted) return warn(name, wanted.error().message, "set COMRAD_HOME to the source folder");
+  const char* chosen = std::getenv("COMRAD_TEST_PYTHON");
+  std::error_code error;
+  std::string python = build_folder() + "/test-python/bin/python";
+  if (chosen != nullptr && *chosen != '\0') {
+    python = chosen;
+  } else if (!fs::exists(python, error)) {
+    python = "python3";
+  }
+  // Prints those of its arguments, NAME==VERSION, that are not installed in that version (or in a build of it: 1.0+cpu).
+  std::vector<std::string> command = {python, "-c", R"python(
+import importlib.metadata, sys
+for wanted in sys.argv[1:]:
+    name, _, version = wanted.partition("==")
+    try:
+        found = importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        found = ""
+    if not found or version and found.partition("+")[0] != version:
+        print(wanted + (" (there: " + found + ")" if found else ""))
+)python"};
+  ;
+  command.insert(command.end(), wanted->begin(), wanted->end());
+  const auto asked = run_program(command);
+  const std::string action =
+      "./comrad test installs them, or set COMRAD_TEST_PYTHON to a Python that has them";
+  if (!asked || asked->exit_code != 0)
+    return warn(
+        name, list + ": " + python + " does not run: " + (asked ? last_words(*asked) : asked.error().message),
+        action);
+  std::string missing;
+  std::istringstream lines(asked->output);
+  for (std::string line; std::getline(lines, line);) missing += (missing.empty() ? "" : ", ") + line;
+  if (!missing.empty()) return warn(name, list + ", missing in " + python + ": " + missing, action);
+  return ok(name, list + ": all " + std::to_string(wanted->size()) + " in " + python);
 }
 
 CheckResult check_iwad() {

@@ -18,7 +18,12 @@ struct CheckResult {
   std::string action;  ///< what to do; empty when nothing
 };
 
+/// Debian packages of deploy/packages.txt.
 CheckResult check_packages();
+/// What the tests alone need: Debian packages of deploy/packages_test.txt, and packages of deploy/requirements_test.txt in the
+/// Python that the tests ask (COMRAD_TEST_PYTHON, the build folder's test-python, python3). Never kFail.
+CheckResult check_test_packages();
+CheckResult check_test_python();
 CheckResult check_iwad();
 CheckResult check_blas();
 /// Memory that is free against what a default run takes.

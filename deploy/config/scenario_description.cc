@@ -78,28 +78,27 @@ Expected<ScenarioDescription> parse_description(std::string_view text) {
 
 Expected<ScenarioDescription> describe_scenario(const std::string& name, int64_t num_agents,
                                                 bool use_measurements) {
-  auto ask = [&](int64_t agents) -> Expected<ProgramResult> {
+  const auto ask = [&](int64_t agents) -> Expected<ScenarioDescription> {
     std::vector<std::string> command = {sibling_program("comrad-scenarios"), "describe", name, "--json"};
     if (agents > 0) command.insert(command.end(), {"--num_agents", std::to_string(agents)});
-    if (use_measurements) command.push_back("--use_measurements");
-    return run_program(command);
+    COMRAD_TRY_ASSIGN(const ProgramResult described, run_program(command));
+    if (described.exit_code != 0) {
+      const std::string reason = last_words(described);
+      return Error{ErrorCode::kBadInput,
+                   reason.empty() ? "--scenario=" + name + ": comrad-scenarios failed" : reason};
+    }
+    COMRAD_TRY_ASSIGN(ScenarioDescription scenario, parse_description(described.output));
+    if (!use_measurements) scenario.env.measurement_count = 0;
+    return scenario;
   };
-  COMRAD_TRY_ASSIGN(ProgramResult described, ask(0));
-  if (described.exit_code != 0) {
-    const std::string reason = last_words(described);
-    return Error{ErrorCode::kBadInput,
-                 reason.empty() ? "--scenario=" + name + ": comrad-scenarios failed" : reason};
-  }
-  COMRAD_TRY_ASSIGN(ScenarioDescription scenario, parse_description(described.output));
+  COMRAD_TRY_ASSIGN(ScenarioDescription scenario, ask(0));
   if (num_agents == 0 || num_agents == scenario.env.num_agents) return scenario;
 
   const std::vector<int>& supported = scenario.supported_agents;
   if (std::find(supported.begin(), supported.end(), num_agents) == supported.end())
     return Error{ErrorCode::kBadInput, "--num_agents=" + std::to_string(num_agents) + ": " + name +
                                            " supports " + join(supported) + " agents"};
-  COMRAD_TRY_ASSIGN(described, ask(num_agents));
-  if (described.exit_code != 0) return Error{ErrorCode::kBadInput, last_words(described)};
-  return parse_description(described.output);
+  return ask(num_agents);
 }
 
 }  // namespace comrad::deploy

@@ -29,8 +29,8 @@ struct ScenarioDescription {
 /// Reads the JSON of `comrad-scenarios describe`. Errors: kBadFormat naming the key that is missing or wrong.
 Expected<ScenarioDescription> parse_description(std::string_view json);
 
-/// Starts `comrad-scenarios describe`. `num_agents` 0 asks for the scenario's default; `use_measurements`
-/// counts the measurement vector into the shape. Errors: kBadInput for an unknown scenario or team size,
+/// Starts `comrad-scenarios describe`. `num_agents` 0 asks for the scenario's default; without
+/// `use_measurements` the shape has none. Errors: kBadInput for an unknown scenario or team size,
 /// naming the known ones; kNotFound without the program.
 Expected<ScenarioDescription> describe_scenario(const std::string& name, int64_t num_agents,
                                                 bool use_measurements);

@@ -59,7 +59,7 @@ struct WadFile::Storage {
   }
 };
 
-Expected<WadFile> WadFile::open(const std::string& path) {
+Expected<WadFile> WadFile::open(const std::string& path, const std::string& label) {
   const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (descriptor < 0) return file_error(path + ": cannot open the WAD", errno);
   struct stat status {};
@@ -80,7 +80,7 @@ Expected<WadFile> WadFile::open(const std::string& path) {
     storage->mapping_bytes = static_cast<std::size_t>(status.st_size);
   }
   ::close(descriptor);
-  return parse(std::move(storage), path);
+  return parse(std::move(storage), label.empty() ? path : label);
 }
 
 Expected<WadFile> WadFile::from_bytes(std::vector<uint8_t> bytes, std::string label) {

@@ -36,8 +36,9 @@ struct MapLumps {
 /// One WAD in memory; copies share the bytes.
 class WadFile {
  public:
-  /// Maps the file at `path`. Errors: kNotFound, kSystem, kBadFormat with the offending lump.
-  static Expected<WadFile> open(const std::string& path);
+  /// Maps the file at `path`; messages about what is in it name `label` where that is not empty. Errors: kNotFound,
+  /// kSystem, kBadFormat with the offending lump.
+  static Expected<WadFile> open(const std::string& path, const std::string& label = {});
   /// Takes bytes that are in memory already; `label` stands for the path in messages. Errors: kBadFormat.
   static Expected<WadFile> from_bytes(std::vector<uint8_t> bytes, std::string label);
 

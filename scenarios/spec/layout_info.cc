@@ -33,6 +33,14 @@ std::string write_layout_info(const LayoutInfo& info) {
   return text;
 }
 
+Status check_scenario(const LayoutInfo& info, const std::string& scenario, const std::string& path) {
+  if (info.scenario == scenario) return {};
+  return Error{ErrorCode::kBadInput, path + " is a map of scenario " + info.scenario + ", not of " +
+                                         scenario + "; play it with --scenario " + info.scenario +
+                                         ", or draw it for your own with `comrad doomgen " + info.scenario +
+                                         " --as " + scenario + " -o " + path + "`"};
+}
+
 Expected<LayoutInfo> parse_layout_info(std::string_view text) {
   if (text.size() > kMaxTextBytes) return bad("longer than 64 KB");
   COMRAD_TRY(check_toml_text(text, std::string("lump ") + kLayoutInfoLump));

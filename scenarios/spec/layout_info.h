@@ -35,6 +35,9 @@ struct LayoutInfo {
 /// The lump's text.
 std::string write_layout_info(const LayoutInfo& info);
 
+/// That the WAD at `path`, which says `info` of itself, is a map of `scenario`. Errors: kBadInput with two ways out.
+Status check_scenario(const LayoutInfo& info, const std::string& scenario, const std::string& path);
+
 /// Reads the lump's text. Errors: kBadFormat with line and column.
 Expected<LayoutInfo> parse_layout_info(std::string_view text);
 

@@ -18,15 +18,15 @@ namespace {
 
 constexpr std::size_t kMaxFileBytes = 1 << 20;
 
-/// Reads one table key by key; afterwards finish() reports keys that nobody asked for. The first error is
-/// kept.
+/// Reads one table key by key. finish() reports, in this order, a key that nobody asked for (it may be a misspelt one that
+/// is missing), a key that is missing, and the first wrong value.
 class TableReader {
  public:
   TableReader(std::string path, const toml::table& table) : path_(std::move(path)), table_(table) {}
 
   template <typename T>
   void required(const char* key, T& value) {
-    if (!read(key, value) && status_) fail(table_.source(), std::string("'") + key + "' is missing");
+    if (!read(key, value)) note_missing(key);
   }
   template <typename T>
   void optional(const char* key, T& value) {
@@ -35,14 +35,14 @@ class TableReader {
   /// A key whose value is one of `known`.
   void choice(const char* key, std::string& value, const std::vector<std::string>& known, bool is_required) {
     if (!read(key, value)) {
-      if (is_required && status_) fail(table_.source(), std::string("'") + key + "' is missing");
+      if (is_required) note_missing(key);
       return;
     }
     check_word(key, value, known, table_.get(key)->source());
   }
   void words(const char* key, std::vector<std::string>& values, const std::vector<std::string>& known) {
     const toml::node* node = find(key);
-    if (node == nullptr) return fail(table_.source(), std::string("'") + key + "' is missing");
+    if (node == nullptr) return note_missing(key);
     const toml::array* array = node->as_array();
     if (array == nullptr) return fail(node->source(), std::string("'") + key + "' is no list");
     for (const toml::node& element : *array) {
@@ -82,26 +82,44 @@ class TableReader {
            std::string("'") + key + "' must be " + must);
   }
   void fail(const toml::source_region& where, const std::string& what) {
-    if (!status_) return;
-    status_ = Error{ErrorCode::kBadFormat, path_ + ":" + std::to_string(where.begin.line) + ":" +
-                                               std::to_string(where.begin.column) + ": " + what};
+    if (status_) status_ = error_at(where, what);
   }
+  /// Keys that are read later, so that finish() knows them.
+  void expect(const std::vector<std::string>& keys) { asked_.insert(keys.begin(), keys.end()); }
+  /// Whether the table has the key.
+  bool has(const char* key) const { return table_.contains(key); }
   Status finish() {
-    if (!status_) return status_;
-    const std::vector<std::string> known(asked_.begin(), asked_.end());
-    for (const auto& [key, value] : table_) {
-      const std::string name(key.str());
-      if (asked_.contains(name)) continue;
-      const std::string near = nearest_word(name, known);
-      fail(key.source(),
-           "unknown key '" + name + "'" +
-               (near.empty() ? "; known here: " + joined(known) : "; did you mean '" + near + "'?"));
-      break;
+    if (const toml::key* unknown = first_unknown_key()) {
+      const std::string name(unknown->str());
+      // What is missing is likelier meant than what is there already.
+      std::string near = nearest_word(name, missing_);
+      const std::vector<std::string> known(asked_.begin(), asked_.end());
+      if (near.empty()) near = nearest_word(name, known);
+      return error_at(unknown->source(), "unknown key '" + name + "'" +
+                                             (near.empty() ? "; known here: " + joined(known)
+                                                           : "; did you mean '" + near + "'?"));
     }
+    if (!missing_.empty()) return error_at(table_.source(), "'" + missing_[0] + "' is missing");
     return status_;
   }
 
  private:
+  Error error_at(const toml::source_region& where, const std::string& what) const {
+    return Error{ErrorCode::kBadFormat, path_ + ":" + std::to_string(where.begin.line) + ":" +
+                                            std::to_string(where.begin.column) + ": " + what};
+  }
+  void note_missing(const char* key) {
+    if (!has(key)) missing_.emplace_back(key);  // else its value is wrong
+  }
+  /// In the order of the file; null where each was asked for.
+  const toml::key* first_unknown_key() const {
+    const toml::key* first = nullptr;
+    for (const auto& [key, value] : table_) {
+      if (asked_.contains(std::string(key.str()))) continue;
+      if (first == nullptr || key.source().begin < first->source().begin) first = &key;
+    }
+    return first;
+  }
   const toml::node* find(const char* key) {
     asked_.insert(key);
     return table_.get(key);
@@ -165,6 +183,7 @@ class TableReader {
   std::string path_;
   const toml::table& table_;
   std::set<std::string> asked_;
+  std::vector<std::string> missing_;  // required, not there
   Status status_;
 };
 
@@ -329,6 +348,7 @@ void read_training(TableReader& root, ScenarioSpec& spec) {
 }
 
 Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec& spec) {
+  const bool score_is_a_variable = find_variable(spec.score).has_value();
   root.require(spec.name == name, "name", "the name of the folder, '" + name + "'");
   root.require(!spec.heads.empty() && spec.heads.size() <= kMaxHeads, "heads",
                "1 to " + std::to_string(kMaxHeads) + " tables [[heads]]");
@@ -347,8 +367,12 @@ Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec
                "in 0..21000");
   root.require(spec.wad.find('/') == std::string::npos && (spec.wad.empty() || spec.wad[0] != '.'), "wad",
                "the name of a file in the scenario's folder");
-  root.require(spec.score == "survival_tics" || spec.score == "return" || find_variable(spec.score), "score",
+  root.require(spec.score == "survival_tics" || spec.score == "return" || score_is_a_variable, "score",
                "survival_tics, return or a game variable");
+  for (const char* key : {"score_scale", "score_divisor", "score_agent_stride"})
+    root.require(
+        !root.has(key) || score_is_a_variable, key,
+        "left out where the score is " + spec.score + ": it belongs to a score that is a game variable");
   return root.finish();
 }
 
@@ -371,6 +395,8 @@ Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& nam
   root.choice("score_divisor", spec.score_divisor, variable_names(), false);
   read_stride(root, "score_agent_stride", spec.score, spec.score_agent_stride, spec);
   root.required("ceiling", spec.ceiling);
+  root.expect({"heads", "masks", "measurements", "rewards", "render", "training"});
+  COMRAD_TRY(root.finish());  // before the tables, which count on these
   COMRAD_TRY(read_heads(path, root, spec));
   COMRAD_TRY(read_masks(path, root, spec));
   COMRAD_TRY(read_measurements(path, root, spec));

@@ -8,6 +8,7 @@
 #include "doomgen/layout/node_builder.h"
 #include "doomgen/layout/udmf_writer.h"
 #include "doomgen/layout/wad_writer.h"
+#include "doomgen/wad/wad_reader.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/text.h"
 #include "scenarios/spec/recipe_table.h"
@@ -140,10 +141,23 @@ Expected<GeneratedLayout> ready_made(const ScenarioSpec& spec, const LayoutReque
   if (!request.parameters.empty())
     return Error{ErrorCode::kBadInput, "scenario " + spec.name + " has a map of its own (" + spec.wad +
                                            ") and no layout parameter '" + request.parameters[0].first + "'"};
+  if (!request.as.empty())
+    return Error{ErrorCode::kBadInput, "scenario " + spec.name + " has a map of its own (" + spec.wad +
+                                           "); --as is for maps that are drawn, copy this one"};
   GeneratedLayout layout;
-  COMRAD_TRY_ASSIGN(layout.wad, read_scenario_file(spec.folder + "/" + spec.wad));
+  layout.file = spec.folder + "/" + spec.wad;
+  COMRAD_TRY_ASSIGN(layout.wad, read_scenario_file(layout.file));
   if (!layout.wad.starts_with("PWAD") && !layout.wad.starts_with("IWAD"))
-    return Error{ErrorCode::kBadFormat, spec.folder + "/" + spec.wad + ": is no WAD"};
+    return Error{ErrorCode::kBadFormat, layout.file + ": is no WAD"};
+  // Here rather than in the programs that play a copy of it.
+  COMRAD_TRY_ASSIGN(
+      const wad::WadFile opened,
+      wad::WadFile::from_bytes(std::vector<uint8_t>(layout.wad.begin(), layout.wad.end()), layout.file));
+  if (const auto lump = opened.find(kLayoutInfoLump)) {
+    const Expected<LayoutInfo> info = parse_layout_info(opened.text(*lump));
+    if (!info) return Error{info.error().code, layout.file + ": " + info.error().message};
+    COMRAD_TRY(check_scenario(*info, spec.name, layout.file));
+  }
   layout.info.scenario = spec.name;
   layout.info.seed = request.seed;
   if (request.nodes) {
@@ -245,7 +259,8 @@ Expected<GeneratedLayout> generate_layout(const std::string& scenario, const Lay
       return Error{ErrorCode::kBadInput, "scenario " + scenario + ": its map has starts for " +
                                              std::to_string(starts) + " players, not for " +
                                              std::to_string(request.num_agents)};
-    layout.info = {scenario, request.seed, attempt, values, ceilings_of(spec, recipe, values)};
+    layout.info = {request.as.empty() ? scenario : request.as, request.seed, attempt, values,
+                   ceilings_of(spec, recipe, values)};
     COMRAD_TRY(write_wad(folder, request, *drawn, layout));
     return layout;
   }

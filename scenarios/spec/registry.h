@@ -25,7 +25,8 @@ struct LayoutRequest {
   /// `--set key=value`, over the recipe's defaults.
   std::vector<std::pair<std::string, std::string>> parameters = {};
   MapFormat format = MapFormat::kUdmf;
-  bool nodes = false;  ///< run zdbsp; the bytes then depend on its version
+  bool nodes = false;   ///< run zdbsp; the bytes then depend on its version
+  std::string as = {};  ///< the scenario whose map it says it is; empty: the one that draws it
 };
 
 /// A finished layout.
@@ -33,6 +34,7 @@ struct GeneratedLayout {
   std::string wad;            ///< bytes of the file
   uint64_t content_hash = 0;  ///< FNV-1a 64 of them
   LayoutInfo info;
+  std::string file = {};  ///< of a map that the scenario brings along: where it lies; empty for a drawn one
   std::vector<std::string> refusals = {};  ///< why each attempt before this one was not accepted
   std::vector<std::string> warnings = {};  ///< of the script compiler and the writers
 };

@@ -227,6 +227,11 @@ int run(int argc, char** argv) {
   app.add_flag("--vary,!--no-vary", many.vary,
                "layouts of the pool draw an option of each of the recipe's axes (default)")
       ->needs(pool_option);
+  CLI::Option* as_option =
+      app.add_option("--as", request.as,
+                     "the scenario of your own that the map is for (its name): the map and its script "
+                     "stay, and your scenario.toml, with wad = the file, says what is paid")
+          ->excludes(pool_option);
   std::vector<std::string> axes;
   scenarios::GridRequest grid;
   CLI::Option* grid_option =
@@ -235,6 +240,7 @@ int run(int argc, char** argv) {
              "draw a product: name=value,value,... for each axis (seed is one too), or the word axes for "
              "all of the recipe's; may be repeated, the last axis turns fastest")
           ->excludes(pool_option)
+          ->excludes(as_option)
           ->allow_extra_args(false);
   app.add_option("--start", grid.start, "first place of the grid that is drawn")
       ->capture_default_str()
@@ -256,6 +262,9 @@ int run(int argc, char** argv) {
     request.parameters.emplace_back(setting.substr(0, equals), setting.substr(equals + 1));
   }
   if (const Status taken = take_parameters(app.remaining(), request); !taken) return report(taken.error());
+  if (*as_option && (request.as.empty() || request.as.find('/') != std::string::npos))
+    return report(
+        {ErrorCode::kBadInput, "--as '" + request.as + "': give the scenario's name, which is its folder's"});
   request.format = format == "hexen" ? scenarios::MapFormat::kHexen : scenarios::MapFormat::kUdmf;
   if (!axes.empty()) {
     grid.layout = request;

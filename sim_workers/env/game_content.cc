@@ -28,7 +28,8 @@ void warn_of_unknown_things(const doom::Level& level, const doom::ActorCatalog& 
 
 }  // namespace
 
-Expected<GameContent> load_game_content(const wad::WadFile& wad, std::string_view map) {
+Expected<GameContent> load_game_content(const wad::WadFile& wad, std::string_view map,
+                                        const std::string& decorate_name) {
   GameContent content;
   COMRAD_TRY_ASSIGN(content.level, doom::load_level(wad, map));
   const std::string label = wad.path() + " " + content.level->name;
@@ -36,8 +37,9 @@ Expected<GameContent> load_game_content(const wad::WadFile& wad, std::string_vie
   auto catalog = std::make_shared<doom::ActorCatalog>();
   for (std::size_t lump = 0; lump < wad.lump_count(); ++lump)
     if (wad.lump(lump).name == "DECORATE")
-      COMRAD_TRY(
-          doom::parse_decorate(wad.text(lump), wad.path() + " DECORATE", catalog.get(), &content.warnings));
+      COMRAD_TRY(doom::parse_decorate(wad.text(lump),
+                                      decorate_name.empty() ? wad.path() + " DECORATE" : decorate_name,
+                                      catalog.get(), &content.warnings));
   content.catalog = std::move(catalog);
 
   COMRAD_TRY_ASSIGN(const wad::MapLumps lumps, wad.find_map(content.level->name));

@@ -22,8 +22,10 @@ struct GameContent {
   std::vector<std::string> warnings;                    ///< one line for each thing that is not served
 };
 
-/// Loads map `map` of `wad` (empty: its first), with every DECORATE lump and the map's BEHAVIOR.
+/// Loads map `map` of `wad` (empty: its first), with every DECORATE lump and the map's BEHAVIOR. Messages call a DECORATE
+/// lump `decorate_name` (empty: by the WAD's path).
 /// Errors: kNotFound for the map; kBadFormat with the lump and the place in it.
-Expected<GameContent> load_game_content(const wad::WadFile& wad, std::string_view map = {});
+Expected<GameContent> load_game_content(const wad::WadFile& wad, std::string_view map = {},
+                                        const std::string& decorate_name = {});
 
 }  // namespace comrad::sim

@@ -5,6 +5,7 @@
 #include "doomgen/layout/wad_writer.h"
 #include "doomgen/wad/wad_reader.h"
 #include "rollout_buffer/core/log.h"
+#include "scenarios/spec/scenario_files.h"
 #include "sim_workers/env/doom_env.h"
 #include "sim_workers/env/game_content.h"
 
@@ -21,9 +22,26 @@ Expected<scenarios::LayoutInfo> read_layout_info(const wad::WadFile& wad, const 
   if (!lump) return info;
   Expected<scenarios::LayoutInfo> parsed = scenarios::parse_layout_info(wad.text(*lump));
   if (!parsed) return Error{parsed.error().code, wad.path() + ": " + parsed.error().message};
-  if (parsed->scenario != scenario)
-    return bad_input(wad.path() + " is a map of scenario " + parsed->scenario + ", not of " + scenario);
+  COMRAD_TRY(scenarios::check_scenario(*parsed, scenario, wad.path()));
   return parsed;
+}
+
+/// What messages call the WAD at `path`. A run plays its own copy of a map that a scenario brings along; its author knows
+/// the file in the scenario's folder, as long as both are the same.
+std::string name_for_messages(const std::string& path, const scenarios::ScenarioSpec& spec) {
+  if (spec.wad.empty()) return path;
+  const std::string original = spec.folder + "/" + spec.wad;
+  const auto copied = scenarios::read_scenario_file(path), brought = scenarios::read_scenario_file(original);
+  return copied && brought && *copied == *brought ? original : path;
+}
+
+/// What messages call the WAD's DECORATE lump: the scenario's actors.decorate where that is what it holds.
+std::string decorate_name(const wad::WadFile& wad, const scenarios::ScenarioSpec& spec) {
+  const std::string original = spec.folder + "/actors.decorate";
+  const std::optional<std::size_t> lump = wad.find("DECORATE");
+  if (!lump || !scenarios::scenario_file_exists(original)) return wad.path() + " DECORATE";
+  const auto text = scenarios::read_scenario_file(original);
+  return text && *text == wad.text(*lump) ? original : wad.path() + " DECORATE";
 }
 
 /// Hash of the whole file's lumps in order: the same for the same layout wherever it lies.
@@ -64,7 +82,9 @@ Expected<std::shared_ptr<const DoomGame>> LayoutLibrary::game(int layout) {
 }
 
 Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options) {
-  COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::open(options.wad_path));
+  COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec spec, scenarios::load_scenario(options.scenario));
+  COMRAD_TRY_ASSIGN(const wad::WadFile wad,
+                    wad::WadFile::open(options.wad_path, name_for_messages(options.wad_path, spec)));
   return load_doom_game(options, wad);
 }
 
@@ -91,7 +111,7 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
   game->ceiling = ceiling != game->layout.ceiling.end() ? ceiling->second
                   : game->layout.ceiling.empty()        ? game->spec.ceiling
                                                         : 0.0;
-  COMRAD_TRY_ASSIGN(GameContent content, load_game_content(wad));
+  COMRAD_TRY_ASSIGN(GameContent content, load_game_content(wad, {}, decorate_name(wad, game->spec)));
   // A map that somebody brought along may do without scripts; a generated one without them is a broken build.
   if (content.behavior == nullptr && game->spec.wad.empty())
     return Error{ErrorCode::kUnsupported,

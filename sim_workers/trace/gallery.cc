@@ -61,14 +61,15 @@ Expected<std::string> draw_row(const std::string& name, const GalleryOptions& op
   request.num_agents = agents;
   COMRAD_TRY_ASSIGN(const scenarios::GeneratedLayout layout, scenarios::generate_layout(name, request));
   const std::vector<uint8_t> bytes(layout.wad.begin(), layout.wad.end());
-  COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::from_bytes(bytes, name));
+  COMRAD_TRY_ASSIGN(const wad::WadFile wad,
+                    wad::WadFile::from_bytes(bytes, layout.file.empty() ? name : layout.file));
   sim::EnvironmentOptions environment_options;
   environment_options.scenario = name;
   environment_options.num_agents = agents;
   COMRAD_TRY_ASSIGN(const auto game, sim::load_doom_game(environment_options, wad));
 
   // The art of the WAD comes from a file.
-  const std::string path = options.folder + "/." + name + ".wad";
+  const std::string path = options.folder + "/." + spec.name + ".wad";
   COMRAD_TRY(write_file_atomically(path, layout.wad, /*durable=*/false));
   auto art = doom::ArtArchive::open({}, {path});
   std::error_code ignored;
@@ -93,7 +94,7 @@ Expected<std::string> draw_row(const std::string& name, const GalleryOptions& op
     requests.push_back({&environment.world(), agent, view.data()});
   }
   renderer->draw(requests);
-  const std::string file = options.folder + "/" + name + ".png";
+  const std::string file = options.folder + "/" + spec.name + ".png";
   const int row_width = agents * options.width + (agents - 1) * kGapPixels;
   COMRAD_TRY(
       doom::write_png(file, side_by_side(views, options.width, options.height), row_width, options.height));

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/process.h"
+#include "scenarios/tools/gallery_flags.h"
 #include "sim_workers/env/observation.h"
 #include "sim_workers/trace/gallery.h"
 #include "sim_workers/trace/trace_run.h"
@@ -21,26 +22,26 @@ int report(const Error& error) {
 
 /// comrad-trace --gallery DIR [SCENARIO...]: what `comrad scenarios --gallery` runs.
 int run_gallery(int argc, char** argv) {
-  trace::GalleryOptions options;
-  std::string size = std::to_string(options.width) + "x" + std::to_string(options.height);
+  scenarios::GalleryFlags flags;
   CLI::App app("Draws what the agents of each scenario see, side by side, one PNG for each scenario.",
                "comrad scenarios");
-  app.add_option("--gallery", options.folder, "folder for the pictures")->required();
-  app.add_option("scenarios", options.scenarios, "names; default: all");
-  app.add_option("--num_agents", options.num_agents, "default: the scenario's own")->check(CLI::Range(1, 8));
-  app.add_option("--decisions", options.decisions, "played before the picture is taken")
-      ->check(CLI::Range(int64_t{0}, int64_t{1'000'000}))
-      ->capture_default_str();
-  app.add_option("--size", size, "of one view")->capture_default_str();
-  app.add_option("--seed", options.seed, "of the episode")->capture_default_str();
+  scenarios::add_gallery_flags(app, flags);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
-  const Expected<sim::ViewSize> view = sim::parse_view_size(size);
+  if (flags.folder.empty())
+    return report({ErrorCode::kBadInput, "--gallery needs a folder for the pictures: --gallery DIR"});
+  const Expected<sim::ViewSize> view = sim::parse_view_size(flags.size);
   if (!view) return report(view.error());
-  options.width = view->width, options.height = view->height;
+  const trace::GalleryOptions options{.folder = flags.folder,
+                                      .scenarios = flags.scenarios,
+                                      .num_agents = flags.num_agents,
+                                      .decisions = flags.decisions,
+                                      .width = view->width,
+                                      .height = view->height,
+                                      .seed = flags.seed};
   const Expected<std::vector<std::string>> files = trace::draw_gallery(options);
   if (!files) return report(files.error());
   for (const std::string& file : *files) std::printf("%s\n", file.c_str());
@@ -108,8 +109,9 @@ int run(int argc, char** argv) {
 int main(int argc, char** argv) {
   comrad::prepare_process();
   try {
-    if (argc > 1 && std::string_view(argv[1]).starts_with("--gallery"))
-      return comrad::run_gallery(argc, argv);
+    for (int i = 1; i < argc; ++i)
+      if (const std::string_view word = argv[i]; word == "--gallery" || word.starts_with("--gallery="))
+        return comrad::run_gallery(argc, argv);
     return comrad::run(argc, argv);
   } catch (const std::exception& failure) {  // from libraries; ours do not throw
     std::fprintf(stderr, "comrad trace: error: %s\n", failure.what());

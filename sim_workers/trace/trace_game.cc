@@ -89,9 +89,11 @@ Expected<std::unique_ptr<TraceGame>> open_scenario(const GameOptions& options) {
     request.num_agents = spec.default_agents;
     COMRAD_TRY_ASSIGN(const scenarios::GeneratedLayout layout,
                       scenarios::generate_layout(options.target, request));
-    COMRAD_TRY_ASSIGN(wad,
-                      wad::WadFile::from_bytes(std::vector<uint8_t>(layout.wad.begin(), layout.wad.end()),
-                                               options.target + " layout " + std::to_string(request.seed)));
+    COMRAD_TRY_ASSIGN(
+        wad,
+        wad::WadFile::from_bytes(
+            std::vector<uint8_t>(layout.wad.begin(), layout.wad.end()),
+            layout.file.empty() ? options.target + " layout " + std::to_string(request.seed) : layout.file));
   }
   COMRAD_TRY_ASSIGN(const auto loaded, sim::load_doom_game(environment, *wad));
   auto game = std::make_shared<sim::DoomGame>(*loaded);

@@ -42,7 +42,15 @@ struct Arguments {
 
 int fail(const Error& error) {
   spdlog::error("{}", error.message);
-  return error.code == ErrorCode::kBadInput || error.code == ErrorCode::kNotFound ? kExitBadInput : 1;
+  switch (error.code) {
+    case ErrorCode::kBadInput:
+    case ErrorCode::kNotFound:
+    case ErrorCode::kBadFormat:    // a map that cannot be read
+    case ErrorCode::kUnsupported:  // or played
+      return kExitBadInput;        // starting again cannot help
+    default:
+      return 1;
+  }
 }
 
 void pin_to_core(int core) {

@@ -17,12 +17,12 @@ skip() {
 }
 
 clang="$(command -v "${COMRAD_CLANG:-clang++}" || true)"
-[[ -n "${clang}" ]] || skip "clang++ is not installed (Debian's clang and libclang-rt-14-dev), so libFuzzer cannot run"
+[[ -n "${clang}" ]] || skip "clang++ is not installed (deploy/packages_test.txt; ./comrad test installs it), so libFuzzer cannot run"
 probe="$(mktemp -d)"
 trap 'rm -rf "${probe}"' EXIT  # and by hand before the exec below, which runs no trap
 printf 'extern "C" int LLVMFuzzerTestOneInput(const unsigned char*, unsigned long) { return 0; }\n' >"${probe}/probe.cc"
 "${clang}" -fsanitize=fuzzer,address,undefined "${probe}/probe.cc" -o "${probe}/probe" 2>/dev/null ||
-  skip "clang++ has no libFuzzer (Debian's libclang-rt-14-dev), so the fuzzers cannot be built"
+  skip "clang++ has no libFuzzer (libclang-rt-14-dev of deploy/packages_test.txt), so the fuzzers cannot be built"
 
 mkdir -p "${build}/findings"
 (

@@ -14,6 +14,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 namespace fs = std::filesystem;
 
 constexpr int kExitFailed = 1;
@@ -90,6 +91,60 @@ TEST(BadInput, ATruncatedWadIsNamedBeforeAnythingStarts) {
     EXPECT_THAT(ending.err, HasSubstr("cut.wad")) << length;
   }
   EXPECT_FALSE(fs::exists(scratch / "refused/config.toml"));
+}
+
+/// A scenario of somebody's own in `folder`: its map is my.wad.
+void write_own_scenario(const ScratchFolder& folder, const std::string& wad) {
+  folder.write("my_scenario/scenario.toml",
+               "name = \"my_scenario\"\ntitle = \"Mine\"\nsummary = \"Mine.\"\ndifficulty = 1\n"
+               "default_agents = 2\nsupported_agents = [2]\ndecision_limit = 20\nscore = \"survival_tics\"\n"
+               "ceiling = 80\nwad = \"my.wad\"\n[[heads]]\nbuttons = [\"MOVE_FORWARD\"]\n");
+  folder.write("my_scenario/my.wad", wad);
+}
+
+/// What each command that plays a map of its own making says of the scenario in `folder`.
+std::vector<std::string> complaints(const ScratchFolder& folder) {
+  const std::string own = folder / "my_scenario";
+  std::vector<std::string> said;
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"eval", "--policy", "random", "--episodes", "1", "--num_workers", "1", "--scenario", own},
+           {"bench", "sim", "--seconds", "1", "--scenario", own},
+           {"train", "--train_dir", folder / "runs", "--num_workers", "1", "--scenario", own},
+           {"trace", own, "--random", "5"},
+           {"scenarios", "--gallery", folder / "pictures", own}}) {
+    const Ending ending = comrad(command, 60);
+    EXPECT_FALSE(ending.timed_out) << command[0];
+    EXPECT_NE(ending.exit_code, 0) << command[0];
+    EXPECT_THAT(ending.err, Not(HasSubstr("starts again"))) << "a map does not get better";
+    said.push_back(ending.err);
+  }
+  return said;
+}
+
+TEST(BadInput, AMapOfOnesOwnIsCalledByItsOwnName) {
+  const ScratchFolder scratch;
+  const std::string own = (scratch / "my_scenario/my.wad").string();
+  ASSERT_EQ(comrad({"doomgen", "lava_pit", "-o", scratch / "pit.wad"}).exit_code, 0);
+  write_own_scenario(scratch, read_text(scratch / "pit.wad"));
+  for (const std::string& said : complaints(scratch))
+    EXPECT_THAT(said, AllOf(HasSubstr(own + " is a map of scenario lava_pit, not of my_scenario"),
+                            HasSubstr("comrad doomgen lava_pit --as my_scenario -o " + own),
+                            Not(HasSubstr("/layouts/"))));
+
+  ASSERT_EQ(comrad({"doomgen", "lava_pit", "--as", "my_scenario", "-o", own}).exit_code, 0);
+  const Ending played = comrad({"eval", "--policy", "random", "--episodes", "1", "--num_workers", "1",
+                                "--scenario", scratch / "my_scenario"},
+                               60);
+  EXPECT_EQ(played.exit_code, 0) << played.err;
+
+  // What only the engine finds out is said of the author's file, too.
+  std::string broken = read_text(own);
+  const std::size_t at = broken.find("heightceiling");
+  ASSERT_NE(at, std::string::npos);
+  broken.replace(at, 13, "heightceil=+=");
+  std::ofstream(own, std::ios::binary) << broken;
+  for (const std::string& said : complaints(scratch))
+    EXPECT_THAT(said, AllOf(HasSubstr(own + ": TEXTMAP of MAP01"), Not(HasSubstr("/layouts/"))));
 }
 
 TEST(BadInput, TooLittleMemorySaysWhatLowersIt) {

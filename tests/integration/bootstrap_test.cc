@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <cstdlib>
 #include <filesystem>
@@ -17,6 +18,16 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 namespace fs = std::filesystem;
+
+/// Of all that ended and was waited for.
+double processor_seconds_of_children() {
+  rusage usage{};
+  getrusage(RUSAGE_CHILDREN, &usage);
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
 
 /// A source tree with this repository's ./comrad and programs of a few lines.
 class SmallProject : public ::testing::Test {
@@ -33,9 +44,9 @@ class SmallProject : public ::testing::Test {
     write("CMakeLists.txt",
           "cmake_minimum_required(VERSION 3.25)\nproject(small C)\n"
           "set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)\n"
-          "foreach(name comrad comrad-sim-worker comrad-policy-worker comrad-learner comrad-doomgen "
-          "comrad-scenarios comrad-trace comrad-bench-replay)\n"
-          "  add_executable(${name} deploy/main.c)\nendforeach()\n"
+          "add_custom_target(programs)\n"
+          "foreach(name comrad comrad-newest)\n"
+          "  add_executable(${name} deploy/main.c)\n  add_dependencies(programs ${name})\nendforeach()\n"
           "add_executable(suite tests/suite.c)\n");
     write("tests/suite.c", "int main(void) { return 0; }\n");
   }
@@ -58,15 +69,15 @@ TEST_F(SmallProject, BuildsOnceThenOnlyRuns) {
   EXPECT_EQ(first.exit_code, 3) << first.err;  // the program's own exit code
   EXPECT_EQ(first.out, "[train][--seed][1]");
   EXPECT_THAT(first.err, HasSubstr("comrad: built in"));
-  EXPECT_FALSE(fs::exists(home_ / "build/bin/suite"));  // the suite is built for `test` alone
+  EXPECT_TRUE(fs::exists(home_ / "build/bin/comrad-newest"));  // the script has no list of programs
+  EXPECT_FALSE(fs::exists(home_ / "build/bin/suite"));         // the suite is built for `test` alone
 
-  Ending again = run({"version"});
-  for (int i = 0; i < 4 && again.seconds > 0.1; ++i)
-    again = run({"version"});  // another process may take the core
+  const double before_s = processor_seconds_of_children();
+  const Ending again = run({"version"});
   EXPECT_EQ(again.exit_code, 0);
   EXPECT_EQ(again.out, "[version]");
   EXPECT_EQ(again.err, "");
-  EXPECT_LT(again.seconds, 0.1);
+  EXPECT_LT(processor_seconds_of_children() - before_s, 0.1);  // other work on the machine does not count
 
   EXPECT_EQ(run({"test"}).out, "[test]");
   EXPECT_TRUE(fs::exists(home_ / "build/bin/suite"));
@@ -105,30 +116,119 @@ TEST_F(SmallProject, NamesMissingPackagesAndInstallsNoneWhenTold) {
                                 Not(HasSubstr("cmake"))));
 }
 
-TEST_F(SmallProject, InstallsWhatIsMissingWithAptGet) {
-  fs::create_directories(home_ / "bin");
-  const auto tool = [&](const std::string& name, const std::string& script) {
+/// apt-get, dpkg-query and python3 that write down what they are asked for.
+class SmallProjectWithTools : public SmallProject {
+ protected:
+  void SetUp() override {
+    SmallProject::SetUp();
+    fs::create_directories(home_ / "bin");
+    tool("dpkg-query", "echo 'cmake=installed ninja-build=not-installed clang=not-installed '");
+    tool("apt-get", "echo \"$@\" >>'" + asked_for("apt") + "'; [ \"$1\" != install ] || [ ! -e '" +
+                        (home_ / "full").string() + "' ]");
+    tool("sudo", "exec \"$@\"");
+    // `-m venv FOLDER` puts this same program there, `-m pip install ... NAME` fails for the names in `offline`.
+    tool("python3",
+         "echo \"$@\" >>'" + asked_for("python") +
+             "'\n[ \"$2\" != venv ] || { mkdir -p \"$3/bin\" && cp \"$0\" \"$3/bin/python\"; exit; }\n"
+             "for last; do :; done\n! grep -qsx \"$last\" '" +
+             (home_ / "offline").string() + "'");
+    write("tests/suite.c", "int main(void) { return 0; }\n");
+    write("deploy/main.c",
+          "#include <stdio.h>\n#include <stdlib.h>\n"
+          "int main(void) { const char *p = getenv(\"COMRAD_TEST_PYTHON\"); puts(p && *p ? p : \"none\"); "
+          "return "
+          "0; }\n");
+  }
+  void tool(const std::string& name, const std::string& script) {
     write("bin/" + name, "#!/bin/sh\n" + script + "\n");
     fs::permissions(home_ / ("bin/" + name), fs::perms::owner_all);
-  };
-  tool("dpkg-query", "echo 'cmake=installed ninja-build=not-installed '");
-  tool("apt-get", "echo \"$@\" >>'" + (home_ / "apt").string() + "'; [ \"$1\" != install ] || [ ! -e '" +
-                      (home_ / "full").string() + "' ]");
-  tool("sudo", "exec \"$@\"");
+  }
+  std::string asked_for(const std::string& what) const { return (home_ / (what + ".asked")).string(); }
+  Ending run_with_tools(const std::vector<std::string>& arguments, Environment more = {}) {
+    more.insert({{"COMRAD_NO_INSTALL", ""},
+                 {"COMRAD_TEST_PYTHON", ""},
+                 {"PATH", (home_ / "bin:").string() + std::getenv("PATH")}});
+    return run(arguments, more);
+  }
+  /// What a tool was asked for since this was last called.
+  std::string take_asked_for(const std::string& what) {
+    const std::string text = fs::exists(asked_for(what)) ? read_text(asked_for(what)) : "";
+    fs::remove(asked_for(what));
+    return text;
+  }
+  const std::string test_python_ = home_ / "build/test-python/bin/python";
+};
+
+TEST_F(SmallProjectWithTools, InstallsWhatIsMissingWithAptGet) {
   write("deploy/packages.txt", "cmake\nninja-build\nlibosmesa6-dev  # rendering\n");
-  const Environment environment = {{"COMRAD_NO_INSTALL", ""},
-                                   {"PATH", (home_ / "bin:").string() + std::getenv("PATH")}};
   write("full", "no space left");
-  const Ending failed = run({"version"}, environment);
+  const Ending failed = run_with_tools({"version"});
   EXPECT_EQ(failed.exit_code, 1);
   EXPECT_THAT(failed.err, HasSubstr("could not be installed"));
   fs::remove(home_ / "full");
-  fs::remove(home_ / "apt");
-  const Ending installed = run({"version"}, environment);
+  take_asked_for("apt");
+  const Ending installed = run_with_tools({"version"});
   EXPECT_EQ(installed.exit_code, 0) << installed.err;
   EXPECT_THAT(installed.err, HasSubstr("installing 2 Debian packages"));
-  EXPECT_EQ(read_text(home_ / "apt"),
+  EXPECT_EQ(take_asked_for("apt"),
             "update -q\ninstall -q -y --no-install-recommends ninja-build libosmesa6-dev\n");
+  EXPECT_EQ(take_asked_for("python"), "") << "that is for `test` alone";
+}
+
+TEST_F(SmallProjectWithTools, InstallsWhatTheTestsNeedOnce) {
+  write("deploy/packages_test.txt", "# fuzzers\ncmake\nclang\n");
+  write("deploy/requirements_test.txt", "numpy==1  # comparisons\ntorch==2\n");
+  const Ending first = run_with_tools({"test"});
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_EQ(first.out, test_python_ + "\n") << "the tests hear of it";
+  EXPECT_THAT(first.err, AllOf(HasSubstr("installing 1 Debian packages of deploy/packages_test.txt: clang"),
+                               HasSubstr("installing 2 Python packages"), HasSubstr("numpy==1 torch==2")));
+  EXPECT_EQ(take_asked_for("apt"), "update -q\ninstall -q -y --no-install-recommends clang\n");
+  EXPECT_THAT(take_asked_for("python"),
+              AllOf(HasSubstr("-m venv " + (home_ / "build/test-python").string() + "\n"),
+                    HasSubstr(" numpy==1\n"), HasSubstr(" torch==2\n")));
+
+  const Ending again = run_with_tools({"test"});
+  EXPECT_EQ(again.out, test_python_ + "\n");
+  EXPECT_EQ(again.err, "");
+  EXPECT_EQ(take_asked_for("apt") + take_asked_for("python"), "");
+
+  write("deploy/requirements_test.txt", "numpy==2\n");
+  EXPECT_EQ(run_with_tools({"test", "--help"}).exit_code, 0);
+  EXPECT_EQ(take_asked_for("python"), "") << "help installs nothing";
+  EXPECT_EQ(run_with_tools({"test"}, {{"COMRAD_TEST_PYTHON", "/my/python"}}).out, "/my/python\n");
+  EXPECT_THAT(take_asked_for("python"), Not(HasSubstr("pip"))) << "a Python of one's own is left as it is";
+  write("deploy/requirements_test.txt", "numpy==3\n");
+  EXPECT_EQ(run_with_tools({"test"}).exit_code, 0);
+  EXPECT_THAT(take_asked_for("python"), HasSubstr(" numpy==3\n")) << "a list that changed is read again";
+}
+
+TEST_F(SmallProjectWithTools, GoesOnWhereTheTestsNeedWhatCannotBeHad) {
+  write("deploy/packages_test.txt", "clang\n");
+  write("deploy/requirements_test.txt", "numpy==1\ntorch==2\n");
+  write("full", "no network");
+  write("offline", "torch==2\n");
+  const Ending ending = run_with_tools({"test"});
+  EXPECT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_EQ(ending.out, "none\n") << "the tests look for what is there themselves";
+  EXPECT_THAT(ending.err, AllOf(HasSubstr("apt-get install --no-install-recommends clang"),
+                                HasSubstr("pip could not install torch==2 ("), HasSubstr("are skipped")));
+  fs::remove(home_ / "full");
+  fs::remove(home_ / "offline");
+  take_asked_for("apt");
+  EXPECT_THAT(run_with_tools({"test"}).err, HasSubstr("installing 2 Python packages")) << "it tries again";
+  EXPECT_THAT(take_asked_for("apt"), HasSubstr("install -q -y --no-install-recommends clang"));
+}
+
+TEST_F(SmallProjectWithTools, InstallsNothingForTheTestsWhenTold) {
+  write("deploy/packages_test.txt", "clang\n");
+  write("deploy/requirements_test.txt", "numpy==1\n");
+  const Ending ending = run_with_tools({"test"}, {{"COMRAD_NO_INSTALL", "1"}});
+  EXPECT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_EQ(ending.out, "none\n");
+  EXPECT_THAT(ending.err, Not(HasSubstr("installing")));
+  EXPECT_EQ(take_asked_for("apt"), "");
+  EXPECT_THAT(take_asked_for("python"), Not(HasSubstr("pip")));
 }
 
 TEST_F(SmallProject, TwoAtOnceWaitForEachOther) {

@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <regex>
+#include <set>
+
 #include "tests/integration/running_program.h"
 
 namespace comrad::testing {
@@ -10,7 +13,9 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::AnyOf;
+using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::IsSupersetOf;
 
 /// The commands that `comrad help` lists, with their words before the flags.
 std::vector<std::vector<std::string>> commands_of_the_overview() {
@@ -63,6 +68,79 @@ TEST(Help, EveryCommandAndSubcommandPrintsItAndStartsNothing) {
       EXPECT_TRUE(files(scratch.string(), "").empty()) << said << "left something in the temporary folder";
     }
   EXPECT_FALSE(std::filesystem::exists("--help")) << "a folder of pictures";
+}
+
+/// What a text of the form "comrad-..." in `folder`'s sources names.
+std::set<std::string> programs_named_in(const std::filesystem::path& folder) {
+  std::set<std::string> names = {"comrad"};
+  const std::regex literal("\"(comrad-[a-z-]+)\"");
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    if (entry.path().extension() != ".cc") continue;
+    const std::string text = read_text(entry.path().string());
+    for (std::sregex_iterator found(text.begin(), text.end(), literal), end; found != end; ++found)
+      if (std::filesystem::exists(program((*found)[1]))) names.insert((*found)[1]);
+  }
+  return names;
+}
+
+TEST(Programs, AFreshBuildHasEachThatTheLauncherStarts) {
+  const std::set<std::string> started = programs_named_in(COMRAD_SOURCE_DIR "/deploy");
+  EXPECT_THAT(started, IsSupersetOf({"comrad-acs", "comrad-bench-replay", "comrad-doomgen", "comrad-learner",
+                                     "comrad-policy-worker", "comrad-scenarios", "comrad-sim-worker",
+                                     "comrad-trace"}));
+  // What `cmake --build . --target programs` makes, by the build system's own word.
+  const std::string build = std::filesystem::path(COMRAD_BIN_DIR).parent_path().string();
+  const Ending query =
+      RunningProgram({"/bin/sh", "-c", "ninja -C '" + build + "' -t query programs"}).wait(60);
+  ASSERT_EQ(query.exit_code, 0) << query.err;
+  std::set<std::string> built;
+  std::istringstream words(query.out.substr(0, query.out.find("outputs:")));
+  for (std::string word; words >> word;)
+    if (word.starts_with("bin/")) built.insert(word.substr(4));
+  for (const std::string& name : started) EXPECT_THAT(built, Contains(name)) << "not in the target programs";
+}
+
+TEST(Scenarios, HelpNamesTheGalleryAndItsFlagsAreRead) {
+  const ScratchFolder scratch;
+  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
+           {"--help"}, {"--gallery", "--help"}, {"--gallery", scratch / "x", "-h"}}) {
+    std::vector<std::string> command = {"scenarios"};
+    command.insert(command.end(), words.begin(), words.end());
+    const Ending help = comrad(command, 30);
+    EXPECT_EQ(help.exit_code, 0) << help.err;
+    EXPECT_THAT(help.out, AllOf(HasSubstr("--gallery DIR"), HasSubstr("--decisions"), HasSubstr("describe")));
+  }
+  EXPECT_FALSE(std::filesystem::exists(scratch / "x"));
+  EXPECT_THAT(comrad({"help"}, 30).out, HasSubstr("--gallery DIR"));
+
+  const Ending nowhere = comrad({"scenarios", "--gallery"}, 30);
+  EXPECT_EQ(nowhere.exit_code, 2);
+  EXPECT_THAT(nowhere.err, HasSubstr("--gallery needs a folder"));
+  const Ending lonely = comrad({"scenarios", "--decisions", "3"}, 30);
+  EXPECT_EQ(lonely.exit_code, 2);
+  EXPECT_THAT(lonely.err, HasSubstr("--gallery"));
+  const Ending word = comrad({"scenarios", "lava_pit"}, 30);
+  EXPECT_EQ(word.exit_code, 2);
+  EXPECT_THAT(word.err, HasSubstr("comrad scenarios describe lava_pit"));
+
+  const Ending drawn = comrad(
+      {"scenarios", "--decisions", "2", "--size", "64x48", "--gallery", scratch / "pictures", "lava_pit"},
+      60);
+  EXPECT_EQ(drawn.exit_code, 0) << drawn.err;
+  EXPECT_TRUE(std::filesystem::exists(scratch / "pictures/lava_pit.png"));
+}
+
+TEST(Scenarios, DescribeCountsMeasurementsAndListsTerms) {
+  const Ending ending = comrad({"scenarios", "describe", "ammo_carrier", "--json"}, 30);
+  ASSERT_EQ(ending.exit_code, 0) << ending.err;
+  const auto described = nlohmann::json::parse(ending.out, nullptr, false);
+  ASSERT_TRUE(described.is_object());
+  EXPECT_GT(described["measurements"], 0);
+  for (const char* list : {"rewards", "exported_variables", "layout_parameters"})
+    EXPECT_FALSE(described[list].empty()) << list;
+  EXPECT_THAT(comrad({"scenarios", "describe", "ammo_carrier"}, 30).out,
+              AllOf(HasSubstr("Rewards"), HasSubstr("Measurements"), HasSubstr("Exported variables"),
+                    HasSubstr("Layout parameters")));
 }
 
 TEST(Config, PrintsEverySettingWithItsTypeAndLayer) {

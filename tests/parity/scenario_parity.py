@@ -377,7 +377,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--doomgen", required=True, help="the program comrad-doomgen")
     parser.add_argument("--play", required=True, help="the program scenario_play")
-    parser.add_argument("--venv", default=os.path.join(tempfile.gettempdir(), "comrad-parity-venv"))
+    parser.add_argument("--venv", default=os.path.join(os.path.dirname(__file__), "../../build/test-python"))
     parser.add_argument("--only", default="", help="names with commas between")
     parser.add_argument("--episodes", type=int, default=8)
     parser.add_argument("--decisions", type=int, default=175)

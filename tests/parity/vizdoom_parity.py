@@ -14,8 +14,9 @@ Distributions are compared by two-sample chi-square tests (cells of less than 10
 by the two-sample Kolmogorov-Smirnov test, each at 1 in 10 000. Everything random is seeded, so a run that passes passes
 again.
 
-Needs a Python with `vizdoom`: COMRAD_TEST_PYTHON where it has it, else a virtual environment in --venv made with pip. Where
-that cannot be had the program says so in one line that begins with "[  SKIPPED ] 1" and ends with code 77.
+Needs a Python with `vizdoom` and `numpy`: COMRAD_TEST_PYTHON alone where that is set, else the one in --venv, which
+`./comrad test` makes, else the one that runs this. Where none has them the program says so in one line that begins with
+"[  SKIPPED ] 1" and ends with code 77.
 """
 import argparse
 import csv
@@ -51,23 +52,14 @@ def has_vizdoom(python):
 
 def find_python(venv):
     """The path of a Python that can import vizdoom; None and why where there is none."""
-    for python in (os.environ.get("COMRAD_TEST_PYTHON"), sys.executable, os.path.join(venv, "bin", "python")):
-        if python and os.path.exists(python) and has_vizdoom(python):
+    chosen = os.environ.get("COMRAD_TEST_PYTHON")
+    for python in [chosen] if chosen else [os.path.join(venv, "bin", "python"), sys.executable]:
+        if shutil.which(python) and has_vizdoom(python):
             return python, ""
-    if os.environ.get("COMRAD_TEST_PYTHON"):
-        return None, "COMRAD_TEST_PYTHON has no vizdoom"
-    made = subprocess.run([sys.executable, "-m", "venv", venv], capture_output=True, text=True)
-    if made.returncode:
-        return None, "python -m venv failed"
-    python = os.path.join(venv, "bin", "python")
-    try:
-        done = subprocess.run([python, "-m", "pip", "install", "--quiet", "--retries", "1", "--timeout", "10", "vizdoom"],
-                              capture_output=True, text=True, timeout=240)
-    except subprocess.TimeoutExpired:
-        return None, "pip install vizdoom took too long"
-    if done.returncode or not has_vizdoom(python):
-        return None, "pip has no network or no vizdoom"
-    return python, ""
+    if chosen:
+        return None, f"COMRAD_TEST_PYTHON={chosen} cannot import vizdoom and numpy"
+    return None, ("no Python here can import vizdoom and numpy: ./comrad test installs them "
+                  "(deploy/requirements_test.txt), or set COMRAD_TEST_PYTHON to one that can")
 
 
 # ---------------------------------------------------------------- the two engines
@@ -559,7 +551,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("suite", choices=("traces", "weapons", "monsters", "scenarios"))
     parser.add_argument("--trace", required=True, help="the program comrad-trace")
-    parser.add_argument("--venv", default=os.path.join(tempfile.gettempdir(), "comrad-parity-venv"))
+    parser.add_argument("--venv", default=os.path.join(os.path.dirname(__file__), "../../build/test-python"))
     parser.add_argument("--only", default="")
     arguments = parser.parse_args()
     try:

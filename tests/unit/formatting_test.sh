@@ -12,7 +12,7 @@ for name in clang-format-14 clang-format; do
   fi
 done
 if [[ -z "${formatter}" ]]; then
-  printf 'clang-format 14 is not installed (Debian 12: clang-format)\n[  SKIPPED ] 1 test: formatting_test\n'
+  printf 'clang-format 14 is not installed (deploy/packages_test.txt; ./comrad test installs it)\n[  SKIPPED ] 1 test: formatting_test\n'
   exit 77
 fi
 find rollout_buffer policy_workers learner sim_workers scenarios doomgen deploy tests \

@@ -39,6 +39,8 @@ int examine(bool json) {
     std::fflush(stdout);
   };
   report(check_packages());
+  report(check_test_packages());
+  report(check_test_python());
   report(check_iwad());
   report(check_blas());
   report(check_memory());
@@ -58,7 +60,8 @@ int doctor_command(Arguments arguments) {
   bool json = false;
   CommandLine line(
       "doctor [--json]",
-      "Checks packages, IWAD, BLAS, memory, disk, limits, DDS over loopback, rendering, inference and CUDA.\n"
+      "Checks packages, what the tests need, IWAD, BLAS, memory, disk, limits, DDS over loopback, rendering, "
+      "inference and CUDA.\n"
       "Every line says OK, WARN or FAIL and, where there is something to do, what. Exit code 1 on FAIL.");
   line.add_switch("json", json, "print one JSON object on stdout and nothing else");
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("doctor", parsed.error());

@@ -90,10 +90,11 @@ int test_command(Arguments arguments) {
   if (has_flag(arguments, {"-h", "--help"})) {
     std::printf(
         "usage: comrad test [ctest arguments]\n\n"
-        "Builds what is missing (./comrad does) and runs the test suite with ctest, everything but the label "
-        "long.\n"
+        "Builds what is missing and installs what the tests need (./comrad does; COMRAD_NO_INSTALL=1 keeps "
+        "it from "
+        "installing),\nthen runs the test suite with ctest, everything but the label long.\n"
         "Arguments go to ctest:  comrad test -L unit    comrad test -R arena -j4    comrad test -L long\n"
-        "Labels: unit integration golden fuzz stress long.\n");
+        "Labels: unit games integration golden fuzz stress parity long.\n");
     return kExitDone;
   }
   const Expected<int> done = run_suite(arguments);

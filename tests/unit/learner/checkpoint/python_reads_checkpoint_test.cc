@@ -1,6 +1,5 @@
 // Python's torch.load(path, weights_only=True) is the reader that checkpoints are promised to; this asks a
-// real one. COMRAD_TEST_PYTHON names an interpreter with PyTorch (default: python3); without one the test is
-// skipped.
+// real one (tests/support/test_python.h); without one the test is skipped.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -9,15 +8,14 @@
 #include "learner/checkpoint/checkpoint.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "tests/support/scratch_folder.h"
+#include "tests/support/test_python.h"
 
 namespace comrad::learn {
 namespace {
 
 TEST(PythonReadsCheckpoint, WithWeightsOnlyAndEveryValue) {
-  const char* given = std::getenv("COMRAD_TEST_PYTHON");
-  const std::string python = given != nullptr ? given : "python3";
-  if (std::system((python + " -c 'import torch' > /dev/null 2>&1").c_str()) != 0)
-    GTEST_SKIP() << python << " has no PyTorch; set COMRAD_TEST_PYTHON";
+  const Expected<std::string> python = test::python_with("torch");
+  if (!python) GTEST_SKIP() << python.error().message;
 
   const test::ScratchFolder folder;
   StateDict state;
@@ -42,7 +40,8 @@ assert d["counters"]["env_frames"] == 1 << 40
 assert d["schedule"]["learning_rate"] == 1e-4
 assert d["config"]["toml"] == 'algo = "ippo"\n'
 )");
-  const std::string command = python + " " + (folder / "read.py").string() + " " + (folder / "a.pt").string();
+  const std::string command =
+      *python + " " + (folder / "read.py").string() + " " + (folder / "a.pt").string();
   EXPECT_EQ(std::system(command.c_str()), 0);
 }
 

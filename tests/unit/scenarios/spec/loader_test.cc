@@ -144,6 +144,42 @@ TEST_F(ScenarioLoader, UnknownKeysNameTheNearestOneAndTheirPlace) {
   EXPECT_THAT(message(load_with("kind = \"rise\"", "kind = \"rise\"\nweigth = 1")), HasSubstr("'weight'"));
 }
 
+TEST_F(ScenarioLoader, AMisspeltKeyThatIsRequiredIsNamedAtItsOwnPlace) {
+  const auto refusal = [this](const std::string& from, const std::string& to) {
+    return message(load_with(from, to));
+  };
+  EXPECT_THAT(refusal("title =", "titel ="),
+              HasSubstr("scenario.toml:2:1: unknown key 'titel'; did you mean 'title'?"));
+  EXPECT_THAT(
+      refusal("supported_agents", "suported_agents"),
+      HasSubstr("scenario.toml:6:1: unknown key 'suported_agents'; did you mean 'supported_agents'?"));
+  EXPECT_THAT(refusal("score =", "scores ="), HasSubstr(":8:1: unknown key 'scores'; did you mean 'score'?"))
+      << "rather than score_scale";
+  EXPECT_THAT(refusal("buttons = [\"ATTACK\"]", "button = [\"ATTACK\"]"),
+              HasSubstr("scenario.toml:13:1: unknown key 'button'; did you mean 'buttons'?"));
+  EXPECT_THAT(refusal("weight = 0.1", "wieght = 0.1"),
+              HasSubstr(":21:1: unknown key 'wieght'; did you mean 'weight'?"));
+  EXPECT_THAT(refusal("variable = \"USER7\"", "varable = \"USER7\""),
+              HasSubstr(":15:1: unknown key 'varable'; did you mean 'variable'?"));
+  std::string text = kGood;
+  for (std::size_t at; (at = text.find("[[heads]]")) != std::string::npos;) text.replace(at, 9, "[[head]]");
+  EXPECT_THAT(message(load(text)), AllOf(HasSubstr(":10:"), HasSubstr("did you mean 'heads'?")));
+  EXPECT_THAT(refusal("title = \"Toy\"\n", ""), HasSubstr("'title' is missing"));
+}
+
+TEST_F(ScenarioLoader, WhatBelongsToAScoreThatIsAVariableIsRefusedElsewhere) {
+  for (const char* score : {"survival_tics", "return"})
+    for (const auto& [key, value] : std::vector<std::pair<std::string, std::string>>{
+             {"score_divisor", "\"USER2\""}, {"score_scale", "0.5"}, {"score_agent_stride", "0"}})
+      EXPECT_THAT(message(load_with("score = \"survival_tics\"",
+                                    "score = \"" + std::string(score) + "\"\n" + key + " = " + value)),
+                  AllOf(HasSubstr("scenario.toml:9:"), HasSubstr("'" + key + "' must be left out"),
+                        HasSubstr(score), HasSubstr("game variable")));
+  const auto divided = load_with("score = \"survival_tics\"", "score = \"USER1\"\nscore_divisor = \"USER2\"");
+  ASSERT_TRUE(divided) << divided.error().message;
+  EXPECT_EQ(divided->score_divisor, "USER2");
+}
+
 TEST_F(ScenarioLoader, UnknownWordsNameTheNearestOneAndTheirPlace) {
   EXPECT_THAT(message(load_with("\"rise\"", "\"rises\"")),
               AllOf(HasSubstr("20:"), HasSubstr("did you mean 'rise'")));

@@ -175,6 +175,25 @@ TEST_F(OwnScenario, AMutatedFileLoadsOrNamesFileAndLine) {
   EXPECT_GT(refused, 500);
 }
 
+TEST_F(OwnScenario, AMapOfAnotherScenarioIsRefusedWithWaysOut) {
+  write("my.wad", generate_layout("lava_pit", {})->wad);
+  const auto refused = generate_layout(folder_.string(), {});
+  ASSERT_FALSE(refused);
+  const std::string file = (folder_ / "my.wad").string();
+  EXPECT_THAT(refused.error().message,
+              AllOf(HasSubstr(file + " is a map of scenario lava_pit, not of my_scenario"),
+                    HasSubstr("--scenario lava_pit"),
+                    HasSubstr("comrad doomgen lava_pit --as my_scenario -o " + file)));
+  const auto drawn = generate_layout("lava_pit", {.as = "my_scenario"});
+  ASSERT_TRUE(drawn);
+  write("my.wad", drawn->wad);
+  const auto accepted = generate_layout(folder_.string(), {});
+  ASSERT_TRUE(accepted) << accepted.error().message;
+  EXPECT_EQ(accepted->wad, drawn->wad);
+  EXPECT_EQ(accepted->file, file);
+  EXPECT_THAT(generate_layout(folder_.string(), {.as = "third"}).error().message, HasSubstr("--as"));
+}
+
 TEST_F(OwnScenario, AMapThatIsMissingOrNoneIsAnError) {
   write("my.wad", "hello");
   EXPECT_THAT(generate_layout(folder_.string(), {}).error().message, HasSubstr("no WAD"));

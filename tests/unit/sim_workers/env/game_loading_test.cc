@@ -9,6 +9,7 @@
 #include "rollout_buffer/core/files.h"
 #include "scenarios/spec/registry.h"
 #include "sim_workers/env/doom_env.h"
+#include "tests/support/scratch_folder.h"
 
 namespace comrad::sim {
 namespace {
@@ -56,6 +57,36 @@ TEST_F(GameLoading, ReadsScenarioLevelAndParameters) {
   EXPECT_EQ((*game)->level->sectors.size(), 1u);
   EXPECT_NE((*game)->behavior, nullptr);
   EXPECT_TRUE((*game)->catalog->find("TetherHot"));
+}
+
+TEST_F(GameLoading, MistakesAreSaidOfTheFilesThatTheirAuthorEdits) {
+  const test::ScratchFolder folder;
+  const std::string actors = "actor Lamp {\n  Health fourty\n}\n";
+  const auto load_with = [&](const std::string& decorate) {
+    doomgen::MapPlan plan;
+    plan.add_area({.name = "hall"}, doomgen::Box{{0, 0}, {512, 512}});
+    plan.add_start(1, {100, 100}, 0);
+    plan.add_start(2, {100, 300}, 0);
+    doomgen::WadWriter wad;
+    EXPECT_TRUE(wad.add("DECORATE", decorate));
+    EXPECT_TRUE(wad.add_udmf_map("MAP01", doomgen::write_udmf(*plan.build())));
+    write(*wad.bytes());
+    folder.write("mine/mine.wad", *wad.bytes());
+    return message({.scenario = (folder / "mine").string()});
+  };
+  folder.write(
+      "mine/scenario.toml",
+      "name = \"mine\"\ntitle = \"Mine\"\nsummary = \"Mine.\"\ndifficulty = 1\ndefault_agents = 2\n"
+      "supported_agents = [2]\ndecision_limit = 10\nscore = \"return\"\nceiling = 1\nwad = \"mine.wad\"\n"
+      "[[heads]]\nbuttons = [\"MOVE_FORWARD\"]\n");
+  EXPECT_THAT(load_with(actors), testing::StartsWith((folder / "mine/mine.wad").string() + " DECORATE:2"));
+  folder.write("mine/actors.decorate", actors);
+  EXPECT_THAT(load_with(actors), testing::StartsWith((folder / "mine/actors.decorate").string() + ":2"));
+  const std::string other = load_with(actors + "// another text\n");
+  EXPECT_THAT(other, testing::StartsWith((folder / "mine/mine.wad").string() + " DECORATE:2"));
+  folder.write("mine/mine.wad", "edited since");
+  EXPECT_THAT(message({.scenario = (folder / "mine").string()}), testing::StartsWith(path_))
+      << "then the copy is another file";
 }
 
 /// A fourteenth scenario, from a folder with a WAD and a scenario.toml alone: it loads, plays, pays and ends.

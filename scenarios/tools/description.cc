@@ -1,0 +1,216 @@
+#include "scenarios/tools/description.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "scenarios/spec/exported_variables.h"
+#include "scenarios/spec/registry.h"
+#include "scenarios/spec/scenario_spec.h"
+
+namespace comrad::scenarios {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json bound(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
+
+Json rewards_of(const ScenarioSpec& spec) {
+  Json rewards = Json::array();
+  for (const RewardTerm& term : spec.rewards)
+    rewards.push_back({{"name", term.name},
+                       {"variable", term.variable},
+                       {"agent_stride", term.agent_stride},
+                       {"kind", term.kind},
+                       {"weight", term.weight},
+                       {"scope", term.scope},
+                       {"per_agent", term.per_agent},
+                       {"cap", term.cap},
+                       {"when", term.when},
+                       {"unless", term.unless}});
+  return rewards;
+}
+
+Json measurements_of(const ScenarioSpec& spec) {
+  Json terms = Json::array();
+  for (const MeasurementTerm& term : spec.measurements)
+    terms.push_back({{"variable", term.variable},
+                     {"agent_stride", term.agent_stride},
+                     {"scale", term.scale},
+                     {"offset", term.offset},
+                     {"clip", term.clip},
+                     {"low", bound(term.low)},
+                     {"high", bound(term.high)}});
+  return terms;
+}
+
+Json masks_of(const ScenarioSpec& spec) {
+  Json masks = Json::array();
+  for (const MaskTerm& term : spec.masks)
+    masks.push_back({{"agent", term.agent}, {"head", term.head}, {"allowed", term.allowed}});
+  return masks;
+}
+
+/// Of the recipe that this build has for the scenario's name; none for a map that was brought along.
+Json layout_parameters_of(const ScenarioSpec& spec) {
+  Json parameters = Json::array();
+  if (const auto known = layout_parameters(spec.name); known && spec.wad.empty())
+    for (const LayoutParameter& one : *known)
+      parameters.push_back({{"name", one.name},
+                            {"default", one.default_value},
+                            {"low", one.low},
+                            {"high", one.high},
+                            {"help", one.help}});
+  return parameters;
+}
+
+std::string words_of(const Json& list) {
+  std::string text;
+  for (const Json& one : list)
+    text += (text.empty() ? "" : ", ") + (one.is_string() ? one.get<std::string>() : one.dump());
+  return text;
+}
+
+/// A title, then a line for each row; columns as wide as their longest cell. Nothing where there are no rows.
+std::string table(const std::string& title, const std::vector<std::vector<std::string>>& rows) {
+  if (rows.empty()) return "";
+  std::vector<std::size_t> widths;
+  for (const auto& row : rows)
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      if (i == widths.size()) widths.push_back(0);
+      widths[i] = std::max(widths[i], row[i].size());
+    }
+  std::string text = "\n" + title + "\n";
+  for (const auto& row : rows) {
+    std::string line;
+    for (std::size_t i = 0; i < row.size(); ++i)
+      line += "  " + row[i] + std::string(widths[i] - row[i].size(), ' ');
+    line.erase(line.find_last_not_of(' ') + 1);
+    text += line + "\n";
+  }
+  return text;
+}
+
+std::string number(const Json& value) {
+  if (!value.is_number_float()) return value.dump();
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value.get<double>());
+  return text;
+}
+
+std::string variable_text(const Json& term) {
+  const int stride = term["agent_stride"].get<int>();
+  return term["variable"].get<std::string>() +
+         (stride == 0 ? "" : " + " + std::to_string(stride) + " for each agent");
+}
+
+std::vector<std::string> reward_row(const Json& term) {
+  std::string rest = term["scope"] == "team" ? "of the team" : "own";
+  if (term["per_agent"].get<bool>()) rest += ", divided by the agents";
+  if (term["cap"].get<double>() > 0) rest += ", clipped to +-" + number(term["cap"]);
+  if (term["when"] != "") rest += ", when " + term["when"].get<std::string>();
+  if (term["unless"] != "") rest += ", unless " + term["unless"].get<std::string>();
+  return {term["name"].get<std::string>(), number(term["weight"]), term["kind"].get<std::string>(),
+          variable_text(term), rest};
+}
+
+std::vector<std::string> measurement_row(const Json& term) {
+  std::string bounds;
+  if (term["clip"].get<double>() > 0) bounds = "clipped to +-" + number(term["clip"]);
+  if (!term["low"].is_null()) bounds += (bounds.empty() ? "at least " : ", at least ") + number(term["low"]);
+  if (!term["high"].is_null()) bounds += (bounds.empty() ? "at most " : ", at most ") + number(term["high"]);
+  return {variable_text(term), "x " + number(term["scale"]), "+ " + number(term["offset"]), bounds};
+}
+
+}  // namespace
+
+Expected<Json> describe(const std::string& name, int num_agents) {
+  COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(name));
+  if (num_agents == 0) num_agents = spec.default_agents;
+  if (std::count(spec.supported_agents.begin(), spec.supported_agents.end(), num_agents) == 0) {
+    std::string known;
+    for (const int n : spec.supported_agents) known += (known.empty() ? "" : ", ") + std::to_string(n);
+    return Error{ErrorCode::kBadInput, "scenario " + name + " is not for " + std::to_string(num_agents) +
+                                           " agents; num_agents may be " + known};
+  }
+  const EnvShape shape = spec.shape(num_agents, /*use_measurements=*/true);
+  Json head_sizes = Json::array(), head_buttons = Json::array(), training = Json::object();
+  for (int head = 0; head < shape.head_count; ++head) {
+    head_sizes.push_back(shape.head_sizes[head]);
+    head_buttons.push_back(spec.heads[head].buttons);
+  }
+  for (const auto& [key, value] : spec.training.values) training[key] = value;
+  Json exported = Json::array();
+  COMRAD_TRY_ASSIGN(const std::vector<ExportedVariable> variables, exported_variables(spec, num_agents));
+  for (const ExportedVariable& one : variables)
+    exported.push_back({{"variable", "USER" + std::to_string(one.user)},
+                        {"name", one.name},
+                        {"meaning", one.meaning},
+                        {"read_by", one.read_by}});
+  const std::vector<std::string> recipes = layout_recipes();
+  COMRAD_TRY_ASSIGN(const auto ceilings, default_ceilings(spec));
+  const auto ceiling = ceilings.find(num_agents);
+  return Json{{"name", spec.name},
+              {"title", spec.title},
+              {"summary", spec.summary},
+              {"difficulty", spec.difficulty},
+              {"num_agents", num_agents},
+              {"supported_agents", spec.supported_agents},
+              {"heads", head_sizes},
+              {"head_buttons", head_buttons},
+              {"masks", masks_of(spec)},
+              {"measurements", shape.measurement_count},
+              {"measurement_terms", measurements_of(spec)},
+              {"rewards", rewards_of(spec)},
+              {"exported_variables", exported},
+              {"decision_limit", spec.decision_limit},
+              {"ceiling", ceiling != ceilings.end() ? ceiling->second : 0.0},
+              {"shared_reward_alpha", spec.shared_reward_alpha},
+              {"score", spec.score},
+              {"score_scale", spec.score_scale},
+              {"score_divisor", spec.score_divisor},
+              {"has_layout_recipe", std::count(recipes.begin(), recipes.end(), name) > 0},
+              {"wad", spec.wad},
+              {"layout_parameters", layout_parameters_of(spec)},
+              {"training", training}};
+}
+
+std::string description_text(const Json& description) {
+  const auto word = [&](const char* key) { return description[key].get<std::string>(); };
+  std::string score = word("score");
+  if (description["score_scale"] != 1.0) score += " x " + number(description["score_scale"]);
+  if (!word("score_divisor").empty()) score += " / " + word("score_divisor");
+  std::string text = word("title") + " (" + word("name") + "), difficulty " +
+                     number(description["difficulty"]) + "\n" + word("summary") + "\n\n";
+  text += "agents          " + number(description["num_agents"]) + " (it supports " +
+          words_of(description["supported_agents"]) + ")\n";
+  text += "decision limit  " + number(description["decision_limit"]) + "\n";
+  text += "score J         " + score + ", ceiling " + number(description["ceiling"]) + "\n";
+  text += "shared reward   " + number(description["shared_reward_alpha"]) + "\n";
+  text += "map             " + (word("wad").empty() ? "drawn by comrad doomgen" : word("wad")) + "\n";
+
+  std::vector<std::vector<std::string>> heads, masks, rewards, measurements, exported, parameters, training;
+  for (std::size_t head = 0; head < description["head_buttons"].size(); ++head)
+    heads.push_back({std::to_string(head), words_of(description["head_buttons"][head])});
+  for (const Json& mask : description["masks"])
+    masks.push_back(
+        {"agent " + number(mask["agent"]), "head " + number(mask["head"]), words_of(mask["allowed"])});
+  for (const Json& term : description["rewards"]) rewards.push_back(reward_row(term));
+  for (const Json& term : description["measurement_terms"]) measurements.push_back(measurement_row(term));
+  for (const Json& one : description["exported_variables"])
+    exported.push_back({one["variable"].get<std::string>(), one["name"].get<std::string>(),
+                        words_of(one["read_by"]), one["meaning"].get<std::string>()});
+  for (const Json& one : description["layout_parameters"])
+    parameters.push_back({one["name"].get<std::string>() + " = " + number(one["default"]),
+                          number(one["low"]) + ".." + number(one["high"]), one["help"].get<std::string>()});
+  for (const auto& [key, value] : description["training"].items())
+    training.push_back({key, words_of({value})});
+  return text + table("Action heads (choice 0 presses nothing)", heads) +
+         table("Masks: what one agent may choose", masks) +
+         table("Rewards: name, weight, kind, variable, scope", rewards) +
+         table("Measurements, with --use_additional_input", measurements) +
+         table("Exported variables: number, name in script.acs, read by, meaning", exported) +
+         table("Layout parameters: default, range, meaning", parameters) +
+         table("Training settings of its own", training);
+}
+
+}  // namespace comrad::scenarios
