@@ -46,6 +46,9 @@ LEFT_TO_CHANCE = os.path.join(HERE, "left_to_chance.json")  # scenario -> quanti
 AGENTS = 2
 TICS = 4  # of a decision
 TAIL = 1e-5
+# Slides along slanted walls are not followed to the bit (sim_workers/README.md): 0.33 units were the most in five scripts.
+SLANTED_WALLS = {"dumb_enemies", "smart_enemies"}
+SLANTED_TOLERANCE = 1.0
 AGREED_SHOWN = 6  # differences of a scenario, the earliest ones
 USERS = ["USER%d" % number for number in range(1, 61)]
 # Compared; KILLCOUNT is only read for the rewards: in a game of several ViZDoom's is everybody's, ours a player's own.
@@ -308,12 +311,14 @@ def agreed_values(ours):
     return found
 
 
-def unlike(agreed, theirs):
+def unlike(agreed, theirs, position_tolerance):
     """Of the agreed values those that ViZDoom has not, the first one of each quantity, {key: (ours, theirs)}."""
     found, seen = {}, set()
     for key, value in agreed.items():
         decision, label, name, agent = key
         if label in seen or is_over(theirs, decision):
+            continue
+        if name.startswith("POSITION") and abs(value - theirs[decision][agent][name]) <= position_tolerance:
             continue
         if not is_equal(name, value, theirs[decision][agent][name]):
             seen.add(label)
@@ -363,12 +368,13 @@ def compare(scenario, arguments, folder):
         def agreed_but_unlike(seed, ours, theirs):
             """(values compared, [(decision, quantity, seed, ours, theirs)]) of one script."""
             agreed = agreed_values(ours)
-            off = unlike(agreed, theirs)
+            tolerance = SLANTED_TOLERANCE if scenario in SLANTED_WALLS else 0.0
+            off = unlike(agreed, theirs, tolerance)
             for again in range(1, arguments.again + 1):
                 if not off:
                     break
                 other = play_vizdoom(wad, spec, heads, scripts[seed], (seed + 7919 * again) * 2654435761 % 2**31, folder)
-                off = {key: row for key, row in off.items() if unlike({key: row[0]}, other)}
+                off = {key: row for key, row in off.items() if unlike({key: row[0]}, other, tolerance)}
             return len(agreed), sorted((decision, label, seed) + row for (decision, label, _, _), row in off.items())
 
         with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:  # of processes that wait for each other

@@ -24,7 +24,6 @@ namespace {
 constexpr std::size_t kSpareActors = 256;  // room for what scripts spawn, so that the step path rarely grows
 constexpr std::size_t kActorsSpare = 64;   // places for those that come when there are too many
 constexpr int kStatesAtOnceMax = 64;       // states without tics that one change may run through
-constexpr int32_t kDeathmatchStart = 11;
 
 }  // namespace
 
@@ -90,17 +89,23 @@ void World::reset(const WorldOptions& options, ScriptHost* scripts) {
 void World::spawn_players() {
   const uint32_t type = catalog_->known().player;
   COMRAD_CHECK(type != kNoType, "the catalog has a player");
+  std::vector<const MapThing*> deathmatch_starts;
+  if (options_.start_at_deathmatch_starts || options_.deathmatch)
+    for (const MapThing& thing : level_->things)
+      if (thing.editor_number == kDeathmatchStart) deathmatch_starts.push_back(&thing);
   for (int index = 0; index < player_count(); ++index) {
     const MapThing* start = nullptr;
-    const MapThing* any_deathmatch_start = nullptr;
-    for (const MapThing& thing : level_->things) {
+    for (const MapThing& thing : level_->things)
       if (player_of_start(thing.editor_number) == index)
         start = &thing;  // the last of a number counts, as in Doom
-      if (thing.editor_number == kDeathmatchStart && any_deathmatch_start == nullptr)
-        any_deathmatch_start = &thing;
+    if (start == nullptr && !deathmatch_starts.empty()) {
+      // Who plays alone takes the first; of several each draws one of those that nobody has.
+      const std::size_t drawn =
+          player_count() == 1 ? 0 : state_.rng.below(static_cast<uint32_t>(deathmatch_starts.size()));
+      start = deathmatch_starts[drawn];
+      if (deathmatch_starts.size() > 1)
+        deathmatch_starts.erase(deathmatch_starts.begin() + static_cast<std::ptrdiff_t>(drawn));
     }
-    if (start == nullptr && (options_.start_at_deathmatch_starts || options_.deathmatch))
-      start = any_deathmatch_start;
     const Fixed x = start != nullptr ? start->x : 0, y = start != nullptr ? start->y : 0;
     const Angle angle = start != nullptr ? degrees_to_angle(start->angle_degrees) : 0;
     const std::size_t slot = append_actor(type, x, y, state_.sectors[sector_at(x, y)].floor_height, angle, 0);
