@@ -419,6 +419,26 @@ std::optional<TranslatedLine> translate_doom_line(int32_t type, int32_t tag, Udm
   return result;
 }
 
+void translate_doom_map(UdmfMap& map) {
+  int unknown = 0, first_text_line = 0;
+  for (UdmfSector& sector : map.sectors) sector.special = translate_doom_sector(sector.special);
+  for (UdmfLinedef& line : map.linedefs) {
+    const int32_t type = line.special, tag = line.args[0];
+    line.special = 0, line.args = {};
+    const std::optional<TranslatedLine> translated = translate_doom_line(type, tag, line);
+    if (!translated) {
+      if (unknown++ == 0) first_text_line = line.text_line;
+    } else if (!translated->uses_tag || tag != 0) {
+      line.special = translated->special, line.args = translated->args;
+    }
+  }
+  if (unknown > 0)
+    map.warnings.push_back(std::to_string(unknown) +
+                           " linedefs of types that are not known, the first in line " +
+                           std::to_string(first_text_line) + "; they do nothing");
+  map.name_space = "zdoom";
+}
+
 int32_t translate_doom_sector(int32_t type) {
   constexpr int32_t kSecret = 0x400;
   if (type < 0) return 0;

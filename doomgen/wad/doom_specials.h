@@ -24,4 +24,9 @@ std::optional<TranslatedLine> translate_doom_line(int32_t type, int32_t tag, Udm
 /// A Doom sector type, Boom's generalized bits included, as ZDoom's.
 int32_t translate_doom_sector(int32_t type);
 
+/// Turns a map of UDMF's namespace "ZDoomTranslated", whose line and sector types are Doom's, into one of "zdoom".
+/// A line's first argument is its tag (measured in ViZDoom 1.3.2: its id does not count). Types that are not known
+/// do nothing and are a warning of the map.
+void translate_doom_map(UdmfMap& map);
+
 }  // namespace comrad::wad

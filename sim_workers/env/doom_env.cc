@@ -65,7 +65,8 @@ void DoomEnvironment::reset(uint64_t episode_seed) {
                 .crosshair = game_->spec.crosshair,
                 .no_monsters = game_->no_monsters,
                 .forced_respawn = game_->spec.respawn,
-                .respawn_delay_tics = game_->spec.respawn_delay_tics},
+                .respawn_delay_tics = game_->spec.respawn_delay_tics,
+                .start_at_deathmatch_starts = true},
                rules_.get());
   step_count_ = 0;
   std::fill(step_.reward.begin(), step_.reward.end(), 0.0f);

@@ -11,7 +11,7 @@ namespace {
 
 /// Editor numbers that are places rather than actors: deathmatch starts, anchors and starts of polyobjects.
 bool is_place(int32_t editor_number) {
-  return doom::player_of_start(editor_number) || editor_number == 11 ||
+  return doom::player_of_start(editor_number) || editor_number == doom::kDeathmatchStart ||
          (editor_number >= 3000 && editor_number <= 3002) || (editor_number >= 9300 && editor_number <= 9303);
 }
 

@@ -127,9 +127,16 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
     start_count += std::any_of(
         game->level->things.begin(), game->level->things.end(),
         [&](const doom::MapThing& thing) { return doom::player_of_start(thing.editor_number) == player; });
-  if (start_count < options.num_agents)
-    return bad_input(wad.path() + " has starts for " + std::to_string(start_count) + " players, not for " +
-                     std::to_string(options.num_agents));
+  // Whoever has none begins at a deathmatch start, one each.
+  const auto deathmatch_starts = static_cast<int>(std::count_if(
+      game->level->things.begin(), game->level->things.end(),
+      [](const doom::MapThing& thing) { return thing.editor_number == doom::kDeathmatchStart; }));
+  if (start_count + deathmatch_starts < options.num_agents)
+    return bad_input(wad.path() + " has starts for " + std::to_string(start_count + deathmatch_starts) +
+                     " players (" + std::to_string(deathmatch_starts) + " of them for deathmatch), not for " +
+                     std::to_string(options.num_agents) + ": put things 1 to " +
+                     std::to_string(options.num_agents) +
+                     " or deathmatch starts (thing 11) on the map, or play with fewer");
   return std::shared_ptr<const DoomGame>(std::move(game));
 }
 

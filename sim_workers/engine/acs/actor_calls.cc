@@ -135,11 +135,7 @@ bool set_position(const Caller& caller, Actor& actor, Fixed x, Fixed y, Fixed z,
   if (!on_map(x, y, z)) return false;
   World& world = caller.world;
   const Fixed old_x = actor.x, old_y = actor.y, old_z = actor.z;
-  world.set_position(actor.id, x, y, z);
-  if (!fits_here(world, actor)) {
-    world.set_position(actor.id, old_x, old_y, old_z);
-    return false;
-  }
+  if (!put_where_it_fits(world, actor, x, y, z)) return false;
   if (fog) {
     spawn_fog(world, actor);
     if (world.catalog().known().teleport_fog != kNoType)

@@ -18,6 +18,9 @@ namespace comrad::doom {
 
 constexpr int kPlayersMax = 8;
 
+/// Editor number of the places where players of a deathmatch begin.
+constexpr int32_t kDeathmatchStart = 11;
+
 /// The player, from 0, whose start a THINGS editor number is: 1-4 and 4001-4004. Nothing for other numbers.
 constexpr std::optional<int> player_of_start(int32_t editor_number) {
   if (editor_number >= 1 && editor_number <= 4) return editor_number - 1;

@@ -54,6 +54,10 @@ class Blockmap {
   int rows() const { return rows_; }
   int column_of(int64_t x) const { return cell_of(x - origin_x_, columns_); }
   int row_of(int64_t y) const { return cell_of(y - origin_y_, rows_); }
+  /// Whether x lies exactly on the edge between two columns, counted from the westmost vertex; y and the rows
+  /// likewise.
+  bool on_column_edge(int64_t x) const { return on_edge(x - origin_x_); }
+  bool on_row_edge(int64_t y) const { return on_edge(y - origin_y_); }
   const std::vector<BlockLine>& lines() const { return lines_; }
 
   /// Calls visit(line) for every line whose own box overlaps `box`, until it returns false. A line that lies
@@ -82,6 +86,9 @@ class Blockmap {
   static int cell_of(int64_t offset, int count) {
     return static_cast<int>(std::clamp<int64_t>(offset >> (kFracBits + 7), 0, count - 1));
   }
+
+  /// The origin lies one step outside the vertices (see build()).
+  static bool on_edge(int64_t offset) { return ((offset - 1) & ((int64_t{1} << (kFracBits + 7)) - 1)) == 0; }
 
   int64_t origin_x_ = 0, origin_y_ = 0;
   int columns_ = 1, rows_ = 1;

@@ -7,7 +7,9 @@
 #include <utility>
 
 #include "doomgen/wad/binary_map_reader.h"
+#include "doomgen/wad/doom_specials.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/actors/actor_type.h"
 #include "sim_workers/engine/map/level_index.h"
 
@@ -58,9 +60,9 @@ class Loader {
 
   Expected<Level> load() {
     // Namespaces differ in the numbers of line specials; ours are Hexen's, as in zdoom.
-    if (map_.name_space != "zdoom")
-      return Error{ErrorCode::kUnsupported,
-                   label_ + ": namespace \"" + map_.name_space + "\"; this engine reads \"zdoom\""};
+    if (!same_ignoring_case(map_.name_space, "zdoom"))
+      return Error{ErrorCode::kUnsupported, label_ + ": namespace \"" + map_.name_space +
+                                                "\"; this engine reads \"zdoom\" and \"ZDoomTranslated\""};
     if (map_.sectors.empty()) return Error{ErrorCode::kBadFormat, label_ + ": a map without sectors"};
     if (map_.linedefs.empty()) return Error{ErrorCode::kBadFormat, label_ + ": a map without linedefs"};
     level_.warnings = map_.warnings;
@@ -442,8 +444,9 @@ Expected<std::shared_ptr<const Level>> load_level(const wad::WadFile& wad, std::
   COMRAD_TRY_ASSIGN(const wad::MapLumps lumps, wad.find_map(map_name));
   const std::string& shown_name = wad.lump(lumps.marker).name;
   const std::string label = wad.path() + (lumps.textmap ? ": TEXTMAP of " : ": map ") + shown_name;
-  COMRAD_TRY_ASSIGN(const wad::UdmfMap map, lumps.textmap ? wad::parse_udmf(wad.text(*lumps.textmap), label)
-                                                          : wad::read_binary_map(wad, lumps, label));
+  COMRAD_TRY_ASSIGN(wad::UdmfMap map, lumps.textmap ? wad::parse_udmf(wad.text(*lumps.textmap), label)
+                                                    : wad::read_binary_map(wad, lumps, label));
+  if (same_ignoring_case(map.name_space, "zdoomtranslated")) wad::translate_doom_map(map);
   COMRAD_TRY_ASSIGN(Level level, Loader(map, shown_name, label).load());
   level.format = lumps.textmap                 ? MapFormat::kUdmf
                  : wad::is_hexen_format(lumps) ? MapFormat::kHexen

@@ -1,5 +1,5 @@
 // Makes a Level from the bytes of a map: the one place where indices, sizes and references of a map are
-// checked. UDMF (namespace zdoom), Hexen's and Doom's format.
+// checked. UDMF (namespaces zdoom and ZDoomTranslated), Hexen's and Doom's format.
 #pragma once
 
 #include <memory>

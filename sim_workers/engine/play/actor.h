@@ -32,9 +32,12 @@ struct Actor {
   Angle angle = 0;
   Angle pitch = 0;  ///< positive down
   Fixed radius = 0, height = 0;
-  Fixed floor_z = 0, ceiling_z = 0, dropoff_z = 0;  ///< of the opening it stands in
-  uint32_t sector_index = 0;                        ///< of its centre
-  uint32_t floor_sector_index = 0;                  ///< that gives floor_z
+  Fixed floor_z = 0, ceiling_z = 0, dropoff_z = 0;  ///< of the opening it stands in, other bodies included
+  /// The same without other bodies, as it was when it moved last or a plane near it did. Under its whole box;
+  /// of a body that was put somewhere (born, or placed by a script) under its centre alone.
+  Fixed ground_z = 0, roof_z = 0;
+  uint32_t sector_index = 0;        ///< of its centre
+  uint32_t floor_sector_index = 0;  ///< that gives floor_z
   ActorFlags flags;
   int32_t health = 0;
   uint32_t state = kNoState;  ///< index into the catalog's states

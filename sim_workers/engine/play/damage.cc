@@ -93,9 +93,6 @@ int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* sourc
   Player* player = world.player_of(target);
   const Player* attacker = source != nullptr ? world.player_of(*source) : nullptr;
   if (!forced) {
-    // Friends in a cooperative game.
-    if (player != nullptr && attacker != nullptr && source != &target && !world.options().deathmatch)
-      return 0;
     if (player != nullptr && world.options().skill <= 1 && (flags & kDamageNoSkill) == 0)
       amount = std::max(amount / 2, 1);
     if ((flags & kDamageNoFactor) == 0) {
@@ -118,6 +115,9 @@ int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* sourc
                                  : 100;
     thrust_away(world, target, *inflictor, std::min(amount, 10'000), kickback);
   }
+  // Friends in a cooperative game push each other, but do not hurt: neither health nor any count changes.
+  if (!forced && player != nullptr && attacker != nullptr && source != &target && !world.options().deathmatch)
+    return 0;
 
   if (player != nullptr) {
     if ((flags & kDamageNoArmor) == 0 && !forced)

@@ -213,6 +213,7 @@ bool Movement::check_line(const BlockLine& line, const Actor& body, PositionChec
     check.ceiling_line = static_cast<int32_t>(line.linedef_index);
   }
   const Fixed floor = std::max(front.floor_height, back.floor_height);
+  check.ground_z = std::max(check.ground_z, floor), check.roof_z = std::min(check.roof_z, ceiling);
   if (floor > check.floor_z) {
     check.floor_z = floor;
     check.floor_sector_index =
@@ -238,15 +239,19 @@ bool Movement::check_lines(std::size_t slot, Fixed x, Fixed y, PositionCheck& ch
 }
 
 PositionCheck Movement::check_position(std::size_t slot, Fixed x, Fixed y, bool touch) {
-  PositionCheck check;
-  check.sector_index = check.floor_sector_index = world_.index().sectors.sector_at(x, y);
-  const Sector& sector = state_.sectors[check.sector_index];
-  check.floor_z = check.lowest_floor_z = sector.floor_height;
-  check.ceiling_z = sector.ceiling_height;
+  PositionCheck check = opening_of_point(world_, x, y);
   if (state_.actors[slot].has(ActorFlag::kNoClip)) return check;
   // Things first, as in Doom: an item is taken even where a wall then refuses the move.
   if (check_things(slot, x, y, touch, check)) check_lines(slot, x, y, check);
   return check;
+}
+
+void Movement::look_for_bodies(std::size_t slot) {
+  Actor& body = state_.actors[slot];
+  PositionCheck check;
+  check.floor_z = body.ground_z, check.ceiling_z = body.roof_z;
+  if (check_things(slot, body.x, body.y, false, check))
+    body.floor_z = check.floor_z, body.ceiling_z = check.ceiling_z;
 }
 
 void Movement::place(std::size_t slot, Fixed x, Fixed y, const PositionCheck& check) {
@@ -254,8 +259,16 @@ void Movement::place(std::size_t slot, Fixed x, Fixed y, const PositionCheck& ch
   world_.unlink(body);
   body.x = x, body.y = y;
   body.floor_z = check.floor_z, body.ceiling_z = check.ceiling_z, body.dropoff_z = check.lowest_floor_z;
+  body.ground_z = check.ground_z, body.roof_z = check.roof_z;
   body.sector_index = check.sector_index, body.floor_sector_index = check.floor_sector_index;
   world_.link(body);
+}
+
+bool Movement::could_step_to(std::size_t slot, Fixed x, Fixed y) {
+  const PositionCheck check = check_position(slot, x, y, false);
+  const Actor& body = state_.actors[slot];
+  return check.fits && int64_t{check.ceiling_z} - std::max(check.floor_z, body.z) >= body.height &&
+         int64_t{check.floor_z} - body.z <= world_.type_of(body).max_step_height;
 }
 
 bool Movement::try_move(std::size_t slot, Fixed x, Fixed y) { return try_move_with_result(slot, x, y).moved; }
@@ -334,6 +347,10 @@ void Movement::trace_corner(int64_t x, int64_t y, Fixed dx, Fixed dy, const Acto
   const auto clamp_fixed = [](int64_t value) {
     return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN + 1, INT32_MAX));
   };
+  // A quirk of Doom's: no trace begins on the edge of a blockmap cell; it begins a unit further east or north.
+  // Who touches the western or southern wall of a map to the bit thus slides along it with its whole speed.
+  if (world_.index().blockmap.on_column_edge(x)) x += kFracUnit, dx -= kFracUnit;
+  if (world_.index().blockmap.on_row_edge(y)) y += kFracUnit, dy -= kFracUnit;
   const Box box = {clamp_fixed(std::min(x, x + dx) - 1), clamp_fixed(std::max(x, x + dx) + 1),
                    clamp_fixed(std::min(y, y + dy) - 1), clamp_fixed(std::max(y, y + dy) + 1)};
   // A quirk of Doom's: a short way meets every line of its cells as if the line had no ends.
@@ -545,9 +562,11 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
       explode_missile(world_, body, nullptr);
       return;
     }
-    if (player != nullptr) {
-      if (player->jump_tics < 0) player->jump_tics = kJumpDelayTics;
-      if (body.velocity_z < -8 * kGravity) player->view_height_delta = body.velocity_z >> 3;
+    if (player != nullptr && body.velocity_z < 0) {  // no landing: who jumps onto a ledge while it rises
+      // After a jump, and after a fall that was hard enough to bend the knees, the next jump has to wait.
+      const bool hard = body.velocity_z < kHardLanding;
+      if (player->jump_tics < 0 || hard) player->jump_tics = kJumpDelayTics;
+      if (hard) player->view_height_delta = body.velocity_z >> 3;
     }
     body.z = body.floor_z;
     if (body.has(ActorFlag::kSkullFly)) {
@@ -582,16 +601,26 @@ MoveResult try_move_monster(World& world, Actor& monster, Fixed x, Fixed y) {
   return Movement(world).try_move_with_result(world.slot_of(monster), x, y);
 }
 
-PositionCheck look_again(World& world, Actor& actor) {
-  const PositionCheck check = Movement(world).check_position(world.slot_of(actor), actor.x, actor.y, false);
-  actor.floor_z = check.floor_z, actor.ceiling_z = check.ceiling_z, actor.dropoff_z = check.lowest_floor_z;
-  actor.sector_index = check.sector_index, actor.floor_sector_index = check.floor_sector_index;
+PositionCheck opening_of_point(const World& world, Fixed x, Fixed y) {
+  PositionCheck check;
+  check.sector_index = check.floor_sector_index = world.index().sectors.sector_at(x, y);
+  const Sector& sector = world.state().sectors[check.sector_index];
+  check.floor_z = check.ground_z = check.lowest_floor_z = sector.floor_height;
+  check.ceiling_z = check.roof_z = sector.ceiling_height;
   return check;
 }
 
 bool fits_here(World& world, Actor& actor) {
-  const PositionCheck check = Movement(world).check_position(world.slot_of(actor), actor.x, actor.y, false);
-  return check.fits && actor.z >= check.floor_z && int64_t{actor.z} + actor.height <= check.ceiling_z;
+  return actor.z >= actor.ground_z && int64_t{actor.z} + actor.height <= actor.roof_z &&
+         Movement(world).check_position(world.slot_of(actor), actor.x, actor.y, false).fits;
+}
+
+bool put_where_it_fits(World& world, Actor& actor, Fixed x, Fixed y, Fixed z) {
+  const Fixed old_x = actor.x, old_y = actor.y, old_z = actor.z;
+  world.set_position(actor.id, x, y, z);
+  if (fits_here(world, actor)) return true;
+  world.set_position(actor.id, old_x, old_y, old_z);
+  return false;
 }
 
 }  // namespace comrad::doom

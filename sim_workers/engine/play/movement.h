@@ -16,8 +16,9 @@ constexpr Fixed kGravity = kFracUnit;      ///< units/tic^2
 constexpr Fixed kGroundFriction = 0xE800;  ///< factor per tic, 0.90625
 constexpr Fixed kStopSpeed = 0x1000;       ///< slower than this and nothing pressed: stands still
 constexpr Fixed kJumpSpeed = to_fixed(8);
-constexpr int kJumpDelayTics = 7;            ///< from the landing to the next jump
-constexpr Fixed kSlideGap = kFracUnit / 32;  ///< of a move, kept free before a wall
+constexpr int kJumpDelayTics = 7;             ///< from a landing to the next jump
+constexpr Fixed kHardLanding = to_fixed(-8);  ///< faster ones delay a jump and bend the eye down
+constexpr Fixed kSlideGap = kFracUnit / 32;   ///< of a move, kept free before a wall
 constexpr std::size_t kTouchedLinesMax = 16;
 
 /// What a body meets at a position.
@@ -28,6 +29,7 @@ struct PositionCheck {
   int32_t blocking_line = -1;
   Fixed floor_z = 0;                ///< highest floor below the body, tops of solid bodies below it included
   Fixed ceiling_z = 0;              ///< lowest ceiling above it
+  Fixed ground_z = 0, roof_z = 0;   ///< floor_z and ceiling_z without bodies
   Fixed lowest_floor_z = 0;         ///< bottom of the deepest drop it hangs over
   uint32_t sector_index = 0;        ///< of its centre
   uint32_t floor_sector_index = 0;  ///< that gives floor_z
@@ -55,6 +57,9 @@ class Movement {
   /// there, and a missile strikes what it meets.
   PositionCheck check_position(std::size_t slot, Fixed x, Fixed y, bool touch);
 
+  /// Whether a step there is not too high and leaves it room. Nothing is touched.
+  bool could_step_to(std::size_t slot, Fixed x, Fixed y);
+
   /// Moves the body there if it fits and the step is not too high. Leaves z alone. Lines it crosses act.
   bool try_move(std::size_t slot, Fixed x, Fixed y);
   MoveResult try_move_with_result(std::size_t slot, Fixed x, Fixed y);
@@ -65,6 +70,9 @@ class Movement {
   /// A tic of gravity; floors and ceilings stop it. `left_ledge`: it stood until this tic's way led off the
   /// floor, and gravity counts twice in this tic (as in ZDoom; not for who jumps).
   void move_vertically(std::size_t slot, bool left_ledge);
+
+  /// Looks anew which bodies below and above hold the one in `slot`; its ground stays as it is.
+  void look_for_bodies(std::size_t slot);
 
   /// Puts the body at (x, y) and renews what it stands on from `check`.
   void place(std::size_t slot, Fixed x, Fixed y, const PositionCheck& check);
@@ -99,10 +107,15 @@ class Movement {
 /// afterwards.
 MoveResult try_move_monster(World& world, Actor& monster, Fixed x, Fixed y);
 
-/// What holds the body at its place, renewed (after a floor moved or a thing below it went away).
-PositionCheck look_again(World& world, Actor& actor);
+/// The floor and the ceiling at a point, without regard to what a body there would touch.
+PositionCheck opening_of_point(const World& world, Fixed x, Fixed y);
 
-/// True where the body would fit at its own place now.
+/// True where nothing is in the way of a body that was put somewhere. Its height is held against the floor and
+/// the ceiling of its centre alone, so a script may put it half into a ledge (measured: ViZDoom 1.3.2,
+/// `SetActorPosition` with 15 of 16 units of the radius over a floor 100 higher).
 bool fits_here(World& world, Actor& actor);
+
+/// Puts the body there, as SetActorPosition and Thing_Move do; false, and it stays, where it does not fit.
+bool put_where_it_fits(World& world, Actor& actor, Fixed x, Fixed y, Fixed z);
 
 }  // namespace comrad::doom

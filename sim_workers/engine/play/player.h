@@ -92,7 +92,7 @@ struct Player {
   bool on_ground = false;  ///< as its thinker last saw it, before the move of that tic
   int32_t turn_held_tics = 0;
   int32_t turn_180_tics = 0;
-  int32_t jump_tics = 0;  ///< until the next jump; -1 while in the air from one
+  int32_t jump_tics = 0;  ///< until the next jump; below 0 since a jump that has not landed, counting down
   Fixed crouch_factor = kFracUnit;
   bool stands_up =
       false;  ///< a jump ended its crouching, until the crouch key is pressed without the jump key

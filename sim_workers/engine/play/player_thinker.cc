@@ -19,6 +19,7 @@ constexpr int kSlowTurnTics = 5;
 constexpr int32_t kForwardWalk = 25, kForwardRun = 50, kSideWalk = 24, kSideRun = 40;
 constexpr Fixed kPushUnit = kFracUnit / 32;
 constexpr int kTurnAroundTics = 9;
+constexpr int kJumpForgottenTics = 19;  // from a jump without a landing to the next, plus one
 constexpr int32_t kLookWalk = 450, kLookRun = 512;
 constexpr Fixed kCrouchStep = kFracUnit / 12, kCrouchFactorMin = kFracUnit / 2;
 constexpr int64_t kPushMax = int64_t{to_fixed(1000)};
@@ -90,18 +91,21 @@ void PlayerThinker::crouch(Player& player, Actor& body, const Buttons& buttons) 
   const bool ducks = presses && !player.stands_up;
   if (presses) player.stands_up = false;
   Fixed wanted = player.crouch_factor;
+  const Fixed full_height = world_.type_of(body).height;
   if (ducks) {
     wanted = std::max(wanted - kCrouchStep, kCrouchFactorMin);
   } else if (wanted < kFracUnit && int64_t{body.z} + body.height < body.ceiling_z) {
+    // Room for the whole step is needed, also for the last one, which is cut short: below 61 units nobody of 56
+    // gets up far enough to jump.
+    const Fixed height = body.height;
+    body.height = fixed_mul(full_height, wanted + kCrouchStep);
+    const bool fits = Movement(world_).could_step_to(world_.slot_of(body), body.x, body.y);
+    body.height = height;
+    if (!fits) return;
     wanted = std::min(wanted + kCrouchStep, kFracUnit);
   }
   if (wanted == player.crouch_factor) return;
-  const Fixed height = body.height;
-  body.height = fixed_mul(world_.type_of(body).height, wanted);
-  if (wanted > player.crouch_factor && !fits_here(world_, body)) {
-    body.height = height;
-    return;
-  }
+  body.height = fixed_mul(full_height, wanted);
   player.crouch_factor = wanted;
   player.view_height = eye_height(player);
 }
@@ -115,18 +119,17 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
   const Fixed air_control = world_.state().air_control;
   // Ice and mud.
   const Sector& ground = world_.state().sectors[body.sector_index];
-  const int32_t move_factor = on_ground && ground.special_friction && body.z <= ground.floor_height
-                                  ? ground.move_factor
-                                  : kSectorMoveFactor;
+  const int32_t move_factor = !on_ground ? fixed_mul(kSectorMoveFactor, air_control)
+                              : ground.special_friction && body.z <= ground.floor_height ? ground.move_factor
+                                                                                         : kSectorMoveFactor;
   // Scripts make players faster or slower (APROP_Speed); who crouches is slower too. 256 to a unit of the
   // keys.
   const auto strength_of = [&](int32_t units) {
     return fixed_mul(fixed_mul(units * 256, body.speed), player.crouch_factor);
   };
   const auto thrust = [&](int32_t strength, Angle angle) {
-    const Fixed full =
+    const auto force =
         static_cast<Fixed>(std::clamp<int64_t>(int64_t{strength} * move_factor / 256, -kPushMax, kPushMax));
-    const Fixed force = on_ground ? full : fixed_mul(full, air_control);
     body.velocity_x += fixed_mul(force, fine_cosine(angle));
     body.velocity_y += fixed_mul(force, fine_sine(angle));
   };
@@ -137,7 +140,11 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
   if ((forward != 0 || side != 0) && body.state == world_.type_of(body).state(StateLabel::kSpawn))
     world_.set_label(body, StateLabel::kSee);
 
-  if (player.jump_tics > 0) --player.jump_tics;
+  if (player.jump_tics != 0) {
+    --player.jump_tics;
+    // A jump that a low ceiling ended at once has no landing: it is forgotten after a while.
+    if (on_ground && player.jump_tics <= -kJumpForgottenTics) player.jump_tics = 0;
+  }
   if (buttons.jump && player.crouch_factor != kFracUnit) player.stands_up = true;
   if (buttons.jump && player.crouch_factor == kFracUnit && on_ground && player.jump_tics == 0 &&
       world_.options().allow_jump) {

@@ -24,7 +24,6 @@ namespace {
 constexpr std::size_t kSpareActors = 256;  // room for what scripts spawn, so that the step path rarely grows
 constexpr std::size_t kActorsSpare = 64;   // places for those that come when there are too many
 constexpr int kStatesAtOnceMax = 64;       // states without tics that one change may run through
-constexpr int32_t kDeathmatchStart = 11;
 
 }  // namespace
 
@@ -90,17 +89,23 @@ void World::reset(const WorldOptions& options, ScriptHost* scripts) {
 void World::spawn_players() {
   const uint32_t type = catalog_->known().player;
   COMRAD_CHECK(type != kNoType, "the catalog has a player");
+  std::vector<const MapThing*> deathmatch_starts;
+  if (options_.start_at_deathmatch_starts || options_.deathmatch)
+    for (const MapThing& thing : level_->things)
+      if (thing.editor_number == kDeathmatchStart) deathmatch_starts.push_back(&thing);
   for (int index = 0; index < player_count(); ++index) {
     const MapThing* start = nullptr;
-    const MapThing* any_deathmatch_start = nullptr;
-    for (const MapThing& thing : level_->things) {
+    for (const MapThing& thing : level_->things)
       if (player_of_start(thing.editor_number) == index)
         start = &thing;  // the last of a number counts, as in Doom
-      if (thing.editor_number == kDeathmatchStart && any_deathmatch_start == nullptr)
-        any_deathmatch_start = &thing;
+    if (start == nullptr && !deathmatch_starts.empty()) {
+      // Who plays alone takes the first; of several each draws one of those that nobody has.
+      const std::size_t drawn =
+          player_count() == 1 ? 0 : state_.rng.below(static_cast<uint32_t>(deathmatch_starts.size()));
+      start = deathmatch_starts[drawn];
+      if (deathmatch_starts.size() > 1)
+        deathmatch_starts.erase(deathmatch_starts.begin() + static_cast<std::ptrdiff_t>(drawn));
     }
-    if (start == nullptr && (options_.start_at_deathmatch_starts || options_.deathmatch))
-      start = any_deathmatch_start;
     const Fixed x = start != nullptr ? start->x : 0, y = start != nullptr ? start->y : 0;
     const Angle angle = start != nullptr ? degrees_to_angle(start->angle_degrees) : 0;
     const std::size_t slot = append_actor(type, x, y, state_.sectors[sector_at(x, y)].floor_height, angle, 0);
@@ -124,6 +129,7 @@ void World::spawn_player(int index, Fixed x, Fixed y, Angle angle) {
   // The floor of the whole body, not of its centre alone.
   const PositionCheck check = Movement(*this).check_position(slot_of(body), x, y, false);
   body.floor_z = check.floor_z, body.ceiling_z = check.ceiling_z;
+  body.ground_z = check.ground_z, body.roof_z = check.roof_z;
   body.z = check.floor_z;
   const ActorType& type = type_of(body);
   player.eye_height = type.view_height, player.jump_speed = type.jump_speed;
@@ -219,8 +225,8 @@ std::size_t World::append_actor(uint32_t type_index, Fixed x, Fixed y, Fixed z, 
   actor.thing_id = thing_id;
   actor.special = type.special, actor.args = type.args;
   actor.sector_index = actor.floor_sector_index = sector_at(x, y);
-  actor.floor_z = actor.dropoff_z = state_.sectors[actor.sector_index].floor_height;
-  actor.ceiling_z = state_.sectors[actor.sector_index].ceiling_height;
+  actor.floor_z = actor.ground_z = actor.dropoff_z = state_.sectors[actor.sector_index].floor_height;
+  actor.ceiling_z = actor.roof_z = state_.sectors[actor.sector_index].ceiling_height;
   actor.z = z == kOnFloor ? actor.floor_z : z == kOnCeiling ? actor.ceiling_z - actor.height : z;
   actor.speed = options_.skill >= 5 && type.fast_speed >= 0 ? type.fast_speed : type.speed;
   actor.float_speed = type.float_speed;
@@ -436,14 +442,12 @@ void World::tic_actor(std::size_t slot) {
     movement.move_horizontally(slot, pushing);
   if (actor.removed) return;
   const bool left_ledge = actor.floor_z < floor_before && actor.z == floor_before;
-  // Above the floor of its sector a body looks anew, each tic, what holds it: a ledge, another body,
-  // nothing.
+  // Above the floor of its sector a body looks anew, each tic, whether another body holds it. Its ground does
+  // not change while it stands still.
   const Fixed sector_floor = state_.sectors[actor.sector_index].floor_height;
   if ((player >= 0 || actor.has(ActorFlag::kIsMonster)) &&
-      (actor.floor_z != sector_floor || actor.z > sector_floor)) {
-    const PositionCheck check = movement.check_position(slot, actor.x, actor.y, false);
-    if (check.fits) actor.floor_z = check.floor_z, actor.ceiling_z = check.ceiling_z;
-  }
+      (actor.floor_z != sector_floor || actor.z > sector_floor))
+    movement.look_for_bodies(slot);
   if (actor.velocity_z != 0 || actor.z != actor.floor_z) {
     if (actor.velocity_z != 0 || !actor.has(ActorFlag::kNoGravity) || actor.has(ActorFlag::kFloat))
       movement.move_vertically(slot, left_ledge);
@@ -506,6 +510,7 @@ uint64_t World::hash() const {
     add_pair(actor.velocity_z, actor.sector_index);
     add_pair(actor.radius, actor.height);
     add_pair(actor.floor_z, actor.ceiling_z);
+    add_pair(actor.ground_z, actor.roof_z);
     add_pair(actor.health, actor.thing_id);
     add_pair(actor.state, actor.tics);
     add_pair(actor.player_index, actor.removed);
@@ -571,17 +576,13 @@ std::optional<uint32_t> World::spawn(uint32_t type, Fixed x, Fixed y, Fixed z, A
   if (options_.no_monsters && (*catalog_)[type].flags.has(ActorFlag::kIsMonster)) return std::nullopt;
   const std::size_t slot = append_actor(type, x, y, z, angle, thing_id);
   Actor& actor = state_.actors[slot];
-  if (!force) {
-    const PositionCheck check = Movement(*this).check_position(slot, x, y, false);
-    if (!check.fits || actor.z < check.floor_z || int64_t{actor.z} + actor.height > check.ceiling_z) {
-      unlink_slot(slot);
-      --state_.type_counts[type];
-      state_.actors.pop_back();
-      state_.links.pop_back();
-      --state_.next_actor_id;
-      return std::nullopt;
-    }
-    actor.floor_z = check.floor_z, actor.ceiling_z = check.ceiling_z;
+  if (!force && !fits_here(*this, actor)) {
+    unlink_slot(slot);
+    --state_.type_counts[type];
+    state_.actors.pop_back();
+    state_.links.pop_back();
+    --state_.next_actor_id;
+    return std::nullopt;
   }
   if (actor.has(ActorFlag::kCountKill)) ++state_.monster_count;
   return actor.id;
@@ -611,11 +612,7 @@ bool World::try_teleport(uint32_t actor_id, Fixed x, Fixed y) {
 void World::set_position(uint32_t actor_id, Fixed x, Fixed y, Fixed z) {
   const std::optional<std::size_t> slot = find_slot(actor_id);
   if (!slot) return;
-  PositionCheck check;
-  check.sector_index = check.floor_sector_index = sector_at(x, y);
-  check.floor_z = check.lowest_floor_z = state_.sectors[check.sector_index].floor_height;
-  check.ceiling_z = state_.sectors[check.sector_index].ceiling_height;
-  Movement(*this).place(*slot, x, y, check);
+  Movement(*this).place(*slot, x, y, opening_of_point(*this, x, y));
   state_.actors[*slot].z = z;
 }
 

@@ -11,7 +11,7 @@ namespace comrad::doom {
 namespace {
 
 constexpr char kEscape = '\x1C';
-constexpr int kReferenceRows = 120;  // of the screen that unscaled text is drawn for
+constexpr int kReferenceRows = 120;  // text is no larger than on this screen; on a smaller one it shrinks
 constexpr int kTextColorBold = 10;
 
 /// Darkest and brightest shade of each text colour.
@@ -63,9 +63,9 @@ uint32_t u16(std::span<const uint8_t> bytes, std::size_t at) {
 
 }  // namespace
 
-Font Font::from_graphics(const ArtArchive& archive, std::string_view prefix) {
+Font Font::from_graphics(const ArtArchive& archive, std::string_view prefix, int last_letter) {
   Font font;
-  for (int code = 33; code < 127; ++code) {
+  for (int code = '!'; code <= last_letter; ++code) {
     char name[16];
     std::snprintf(name, sizeof name, "%.5s%03d", std::string(prefix).c_str(), code);
     const Expected<IndexedImage> image = archive.graphic(name);
@@ -133,7 +133,11 @@ Expected<Font> Font::from_fon2(std::span<const uint8_t> lump, const ArtArchive& 
     }
     font.add(first + static_cast<int>(i), std::move(glyph));
   }
-  if (const Glyph* wide = font.glyph('N')) font.space_width_ = (wide->width + 1) / 2;
+  if (const Glyph* space = font.glyph(' ')) {
+    font.space_width_ = space->width;
+  } else if (const Glyph* wide = font.glyph('N')) {
+    font.space_width_ = (wide->width + 1) / 2;
+  }
   font.finish(archive);
   font.height_ = height;
   return font;
@@ -176,7 +180,7 @@ const Glyph* Font::glyph(unsigned char letter) const {
 int Font::advance(unsigned char letter) const {
   const Glyph* found = glyph(letter);
   if (found != nullptr) return found->width + kerning_;
-  return letter == ' ' ? space_width_ + kerning_ : 0;
+  return space_width_ + kerning_;  // a letter that the font does not have leaves a gap
 }
 
 HudText::HudText(std::shared_ptr<const ArtArchive> archive, int width, int height, int view_rows,
@@ -200,7 +204,8 @@ const Font& HudText::font(std::string_view name) {
     if (read) made = std::move(read).value();
     if (!made.empty()) break;
   }
-  if (made.empty()) made = Font::from_graphics(*archive_, "STCFN");
+  // As in ZDoom the small font has no letters behind the underscore: `|`, `{` and `}` are gaps.
+  if (made.empty()) made = Font::from_graphics(*archive_, "STCFN", key == "SMALLFONT" ? '_' : '~');
   if (made.empty())
     spdlog::warn("font {}: no letters in the IWAD or the PWADs; its texts are not drawn", key);
   return fonts_.emplace(std::move(key), std::move(made)).first->second;
@@ -336,11 +341,14 @@ HudText::Canvas HudText::canvas(const acs::HudMessage& message) const {
         height * (message.hud_covers_bar ? 1.0f : below) / static_cast<float>(message.hud_height);
     canvas.left = width * (1 - wide) / 2;
   } else {
-    const double columns = kReferenceRows * screen_aspect_;
+    // A texel a pixel, as in ZDoom. Pictures smaller than its smallest screen show that one made smaller.
+    const bool small = height_ < kReferenceRows;
+    const double columns = small ? kReferenceRows * screen_aspect_ : width;
+    const double rows = small ? kReferenceRows : height;
     canvas.width = static_cast<int>(std::lround(columns));
-    canvas.height = static_cast<int>(std::lround(kReferenceRows * below));
+    canvas.height = static_cast<int>(std::lround(rows * below));
     canvas.scale_x = width / static_cast<float>(columns);
-    canvas.scale_y = height / static_cast<float>(kReferenceRows);
+    canvas.scale_y = height / static_cast<float>(rows);
   }
   canvas.clip[2] = width_, canvas.clip[3] = height_;
   if (message.clip[2] > 0 && message.clip[3] > 0) {

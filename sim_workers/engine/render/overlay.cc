@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstdlib>
 #include <cstring>
 
 namespace comrad::doom {
@@ -10,6 +12,57 @@ namespace {
 constexpr std::size_t kBarsKept = 1024;
 constexpr int kFlashTail = 4 * 32;  // a power's last tics blink: on for 8, off for 8
 constexpr int kRadiationPalette = 13;
+
+// The smallest screen of the reference engine. A smaller picture shows what that screen shows, made smaller by
+// taking the nearest pixels, because numbers of the bar that are drawn at 128x72 directly are hard to tell apart.
+constexpr int kReferenceWidth = 160, kReferenceHeight = 120, kReferenceViewRows = 100;
+
+// The crosshair is a plus of 5 x 5, of 9 x 9 with wide arms on screens from 640 on, and lets the view shine
+// through (shares of 256, and the colours below, were fitted to ViZDoom 1.3.2 at 160x120 and 640x480).
+constexpr int kCrosshairReach = 2, kLargeCrosshairReach = 4, kLargeCrosshairFrom = 640;
+constexpr int kCrosshairShare = 192, kFaintShare = 58;
+constexpr int kGreenFrom = 85, kRedBelow = 25, kYellowBand = 30;  // points of health
+
+struct Rgb {
+  int red = 0, green = 0, blue = 0;
+};
+
+Rgb unpack(uint32_t color) {
+  return {static_cast<int>(color & 255), static_cast<int>(color >> 8 & 255),
+          static_cast<int>(color >> 16 & 255)};
+}
+
+/// From red over yellow to green.
+Rgb crosshair_color(int health) {
+  if (health >= kGreenFrom) return {0, 255, 0};
+  const int above = std::clamp(health - kRedBelow, 0, 2 * kYellowBand);
+  return above < kYellowBand ? Rgb{255, above * 255 / kYellowBand, 0}
+                             : Rgb{(2 * kYellowBand - above) * 255 / kYellowBand, 255, 0};
+}
+
+/// Of 256 colours the one nearest to `wanted`; the first one is a hole.
+Rgb nearest(const uint32_t* colors, const Rgb& wanted) {
+  int best = INT32_MAX;
+  Rgb found;
+  for (std::size_t i = 1; i < 256; ++i) {
+    const Rgb color = unpack(colors[i]);
+    const int red = color.red - wanted.red, green = color.green - wanted.green,
+              blue = color.blue - wanted.blue;
+    const int distance = red * red + green * green + blue * blue;
+    if (distance < best) best = distance, found = color;
+  }
+  return found;
+}
+
+/// Of the crosshair's colour at (x, y) from its middle, in 256ths; 0 outside.
+int crosshair_share(int x, int y, bool large) {
+  const int across = std::abs(x), down = std::abs(y);
+  const int reach = large ? kLargeCrosshairReach : kCrosshairReach;
+  if (across > reach || down > reach) return 0;
+  if (x == 0 && y == 0) return kFaintShare;
+  if (x == 0 || y == 0) return kCrosshairShare;
+  return large && std::min(across, down) == 1 ? kFaintShare : 0;
+}
 
 }  // namespace
 
@@ -48,11 +101,22 @@ void Overlay::draw_status_bar(const StatusBarState& state, int palette, const ui
   auto found = bars_.find(key);
   if (found == bars_.end()) {
     if (bars_.size() >= kBarsKept) bars_.clear();
-    bar_->compose(state, {.width = width_, .height = height_, .rows_above = view_rows_}, &indices_);
+    const StatusBar::Canvas canvas =
+        is_small() ? StatusBar::Canvas{kReferenceWidth, kReferenceHeight, kReferenceViewRows}
+                   : StatusBar::Canvas{width_, height_, view_rows_};
+    bar_->compose(state, canvas, &indices_);
     std::vector<uint8_t> scaled(3 * bar_plane);
-    for (std::size_t at = 0; at < bar_plane; ++at)
-      for (std::size_t channel = 0; channel < 3; ++channel)
-        scaled[channel * bar_plane + at] = static_cast<uint8_t>(colors[indices_[at]] >> (8 * channel));
+    for (int row = 0; row < bar_rows; ++row) {
+      const int from_row =
+          std::max((view_rows_ + row) * canvas.height / height_ - canvas.rows_above, 0) * canvas.width;
+      for (int column = 0; column < width_; ++column) {
+        const uint32_t color =
+            colors[indices_[static_cast<std::size_t>(from_row + column * canvas.width / width_)]];
+        for (std::size_t channel = 0; channel < 3; ++channel)
+          scaled[channel * bar_plane + static_cast<std::size_t>(row * width_ + column)] =
+              static_cast<uint8_t>(color >> (8 * channel));
+      }
+    }
     found = bars_.emplace(key, std::move(scaled)).first;
   }
   for (std::size_t channel = 0; channel < 3; ++channel)
@@ -85,15 +149,33 @@ void Overlay::draw_boxes(std::span<const HudBox> boxes, int player, uint8_t* pic
   }
 }
 
-void Overlay::draw_crosshair(int health, uint8_t* picture) const {
-  // A small plus, from red over yellow to green with the player's health.
-  const int level = std::clamp(health, 0, 100);
-  const std::array<uint8_t, 3> color{static_cast<uint8_t>(level >= 50 ? (100 - level) * 255 / 50 : 255),
-                                     static_cast<uint8_t>(level >= 50 ? 255 : level * 255 / 50), 0};
-  const int x = width_ / 2, y = view_rows_ / 2;
-  const int arm = std::max(1, width_ / 80), thickness = std::max(1, width_ / 160);
-  fill(x - arm, y, x + arm + thickness, y + thickness, color, picture);
-  fill(x, y - arm, x + thickness, y + arm + thickness, color, picture);
+bool Overlay::is_small() const { return width_ < kReferenceWidth || height_ < kReferenceHeight; }
+
+void Overlay::draw_crosshair(int health, const uint32_t* colors, uint8_t* picture) const {
+  const int width = is_small() ? kReferenceWidth : width_, height = is_small() ? kReferenceHeight : height_;
+  const int view_rows = is_small() ? view_rows_ * kReferenceHeight / height_ : view_rows_;
+  const bool large = width >= kLargeCrosshairFrom;
+  const int reach = large ? kLargeCrosshairReach : kCrosshairReach;
+  const int middle_x = width / 2, middle_y = view_rows / 2;
+  const Rgb paint = nearest(colors, crosshair_color(health));
+  const std::size_t plane = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+  for (int row = (middle_y - reach) * height_ / height; row <= (middle_y + reach) * height_ / height; ++row) {
+    for (int column = (middle_x - reach) * width_ / width; column <= (middle_x + reach) * width_ / width;
+         ++column) {
+      const int share =
+          crosshair_share(column * width / width_ - middle_x, row * height / height_ - middle_y, large);
+      if (share == 0 || row < 0 || column < 0 || row >= view_rows_ || column >= width_) continue;
+      uint8_t* const at = picture + static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+                          static_cast<std::size_t>(column);
+      const auto mix = [&](std::size_t channel, int own) {
+        return (at[channel * plane] * (256 - share) + own * share) / 256;
+      };
+      const Rgb mixed = nearest(colors, {mix(0, paint.red), mix(1, paint.green), mix(2, paint.blue)});
+      at[0] = static_cast<uint8_t>(mixed.red);
+      at[plane] = static_cast<uint8_t>(mixed.green);
+      at[2 * plane] = static_cast<uint8_t>(mixed.blue);
+    }
+  }
 }
 
 }  // namespace comrad::doom

@@ -33,9 +33,12 @@ class Overlay {
   /// Copies the bar below the view. `colors`: the 256 packed colours (0xBBGGRR) of the present palette.
   void draw_status_bar(const StatusBarState& state, int palette, const uint32_t* colors, uint8_t* picture);
   void draw_boxes(std::span<const HudBox> boxes, int player, uint8_t* picture) const;
-  void draw_crosshair(int health, uint8_t* picture) const;
+  /// A see-through plus in the middle of the view, from red to green with the player's health.
+  void draw_crosshair(int health, const uint32_t* colors, uint8_t* picture) const;
 
  private:
+  /// Smaller than any screen of the reference engine.
+  bool is_small() const;
   void fill(int left, int top, int right, int bottom, const std::array<uint8_t, 3>& color,
             uint8_t* picture) const;
 

@@ -175,9 +175,9 @@ class QuadRenderer : public Renderer {
       blend_layer(layer_, list.blended_box, atlas_.texels(), colors,
                   std::span(list.blends).first(list.blend_count), options_.width, plane, request.destination);
     }
-    if (options_.crosshair && world.options().crosshair)
-      overlay_.draw_crosshair(player.health, request.destination);
     const uint32_t* lit = colors_.lit(palette);
+    if (options_.crosshair && world.options().crosshair)
+      overlay_.draw_crosshair(player.health, lit, request.destination);
     if (options_.status_bar)
       overlay_.draw_status_bar(status_bar_state(world, request.player), palette, lit, request.destination);
     overlay_.draw_boxes(world.hud(), request.player, request.destination);

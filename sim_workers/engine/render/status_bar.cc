@@ -14,7 +14,7 @@ constexpr int kRampageShots = 10;  // of one burst: the face of one who fires on
 // Places in the 320x32 bar (Doom's screen coordinates less 168 rows); numbers are right-aligned.
 constexpr int kNumberRow = 3, kAmmoRight = 44, kHealthRight = 90, kArmorRight = 221, kArmsLeft = 104;
 constexpr int kArmsNumberLeft = 111, kArmsNumberTop = 4, kArmsStepX = 12, kArmsStepY = 10;
-constexpr int kFaceLeft = 143, kFaceTop = 0, kTeamFieldTop = 1;
+constexpr int kFaceLeft = 143, kFaceTop = 0, kTeamFieldTop = 1, kTeamFieldWidth = 35, kTeamFieldHeight = 31;
 constexpr int kKeyLeft = 239, kKeyTop = 3, kKeyStep = 10;
 constexpr int kOwnedRight = 288, kMaxRight = 314;
 constexpr int kOwnedRow[4] = {5, 11, 17, 23};  // bullets, shells, rockets, cells as printed on the bar
@@ -33,6 +33,22 @@ StatusBarState::Face pained_face(const World& world, const Player& player, const
   const Angle aside = angle_to(body.x, body.y, attacker->x, attacker->y) - body.angle;
   if (aside < kAngle45 || aside > 0u - kAngle45) return Face::kHurt;
   return aside < kAngle180 ? Face::kTurnLeft : Face::kTurnRight;
+}
+
+/// Behind the face in a game of several: the player's colour, which is the same bright green for all (measured: what
+/// ViZDoom 1.3.2 draws there; the IWAD's own STFB0 is dark).
+IndexedImage team_field(const ArtArchive& archive) {
+  IndexedImage field;
+  field.width = kTeamFieldWidth, field.height = kTeamFieldHeight;
+  const uint8_t inside = archive.nearest({95, 207, 87}), left_top = archive.nearest({91, 191, 79}),
+                right = archive.nearest({83, 175, 71}), bottom = archive.nearest({75, 159, 63});
+  for (int y = 0; y < field.height; ++y)
+    for (int x = 0; x < field.width; ++x)
+      field.texels.push_back(y == field.height - 1  ? bottom
+                             : x == 0 || y == 0     ? left_top
+                             : x == field.width - 1 ? right
+                                                    : inside);
+  return field;
 }
 
 }  // namespace
@@ -114,7 +130,7 @@ Expected<StatusBar> StatusBar::create(const ArtArchive& archive) {
   COMRAD_TRY_ASSIGN(bar.bar_, archive.graphic("STBAR"));
   COMRAD_TRY_ASSIGN(bar.arms_, archive.graphic("STARMS"));
   COMRAD_TRY_ASSIGN(bar.percent_, archive.graphic("STTPRCNT"));
-  COMRAD_TRY_ASSIGN(bar.team_field_, archive.graphic("STFB0"));
+  bar.team_field_ = team_field(archive);
   COMRAD_TRY_ASSIGN(bar.god_face_, archive.graphic("STFGOD0"));
   COMRAD_TRY_ASSIGN(bar.dead_face_, archive.graphic("STFDEAD0"));
   for (std::size_t digit = 0; digit < 10; ++digit) {

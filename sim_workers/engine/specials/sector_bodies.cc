@@ -17,6 +17,7 @@ constexpr int kPushDepthMax = 16;  // bodies on bodies on bodies
 struct Opening {
   Fixed floor_z = 0, ceiling_z = 0, lowest_floor_z = 0;
   uint32_t floor_sector = 0;
+  Fixed ground_z = 0, roof_z = 0;  // without bodies
 };
 
 bool is_solid_body(const Actor& body) {
@@ -68,6 +69,7 @@ Opening opening_at(World& world, const Actor& body) {
     }
     return true;
   });
+  opening.ground_z = opening.floor_z, opening.roof_z = opening.ceiling_z;
   if (is_solid_body(body)) {
     for_each_overlapping(world, body, [&](const Actor& other) {
       const int64_t top = int64_t{other.z} + other.height;
@@ -86,6 +88,7 @@ Fixed renew_opening(World& world, Actor& body) {
   const Fixed old_floor_z = body.floor_z;
   const Opening opening = opening_at(world, body);
   body.floor_z = opening.floor_z, body.ceiling_z = opening.ceiling_z;
+  body.ground_z = opening.ground_z, body.roof_z = opening.roof_z;
   body.dropoff_z = opening.lowest_floor_z, body.floor_sector_index = opening.floor_sector;
   return old_floor_z;
 }

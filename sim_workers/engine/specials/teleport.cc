@@ -222,12 +222,7 @@ bool teleport_move(World& world, Actor& actor, Fixed x, Fixed y, Fixed z, Angle 
   }
   const Fixed from_x = actor.x, from_y = actor.y, from_z = actor.z;
   PositionCheck check = movement.check_position(slot, x, y, false);
-  if (!check.fits) {
-    // Against a wall or a pillar: the floor of its centre holds it.
-    check.sector_index = check.floor_sector_index = sector_index;
-    check.floor_z = check.lowest_floor_z = sector.floor_height;
-    check.ceiling_z = sector.ceiling_height;
-  }
+  if (!check.fits) check = opening_of_point(world, x, y);  // against a wall or a pillar
   movement.place(slot, x, y, check);
   const int64_t highest = std::max<int64_t>(int64_t{check.ceiling_z} - actor.height, check.floor_z);
   actor.z =

@@ -5,6 +5,7 @@
 
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/missiles.h"
+#include "sim_workers/engine/play/movement.h"
 #include "sim_workers/engine/play/sight.h"
 #include "sim_workers/engine/specials/special_families.h"
 
@@ -377,8 +378,14 @@ std::optional<int32_t> execute_thing_special(World& world, const SpecialCall& ca
     case 125: {  // Thing_Move: thing, spot, no fog
       const Actor* const spot = world.find_thing(a[1]);
       Actor* const actor = a[0] != 0 ? world.find_thing(a[0]) : activator;
-      return spot != nullptr && actor != nullptr && actor != spot &&
-             teleport_move(world, *actor, spot->x, spot->y, spot->z, actor->angle, a[2] == 0, true, false);
+      if (spot == nullptr || actor == nullptr || actor == spot) return 0;
+      const Fixed old_x = actor->x, old_y = actor->y, old_z = actor->z;
+      if (!put_where_it_fits(world, *actor, spot->x, spot->y, spot->z)) return 0;
+      if (a[2] == 0) {
+        spawn_fog(world, actor->x, actor->y, actor->z);
+        spawn_fog(world, old_x, old_y, old_z);
+      }
+      return 1;
     }
     case 127:  // Thing_SetSpecial: things, special, three arguments
       return for_each_thing(world, a[0], activator, [&](Actor& actor) {

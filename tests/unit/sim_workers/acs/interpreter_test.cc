@@ -601,6 +601,27 @@ TEST(Interpreter, CalledResultsShareTheirCallersInstructions) {
   EXPECT_TRUE(game.machine().threads.empty());
 }
 
+// Probe: OPEN scripts 2, "Zzz", 1 and "Aaa", in this order, each write their digit behind the others. ViZDoom 1.3.2
+// reads 1342 after the first tic (the script that was started last runs first), 321 for "Zzz", "Aaa", "Mmm".
+TEST(Interpreter, NamedScriptsStartInTheirOrderAndBeforeNumberedOnes) {
+  BehaviorBuilder code(Container::kCompact);
+  const auto digit = [&](int32_t value) {
+    code.op(PCode::kPushGlobalVar, {1})
+        .push(10)
+        .op(PCode::kMultiply)
+        .push(value)
+        .op(PCode::kAdd)
+        .store_global(1)
+        .end();
+  };
+  code.script(2, kOpen), digit(1);
+  code.named_script("Zzz", kOpen), digit(2);
+  code.script(1, kOpen), digit(3);
+  code.named_script("Aaa", kOpen), digit(4);
+  ScriptWorld game(code);
+  EXPECT_EQ(game.tic().global(1), 1342);
+}
+
 TEST(Interpreter, TableKnowsEveryNumber) {
   for (std::size_t code = 0; code < bytecode::kPCodeCount; ++code)
     EXPECT_FALSE(bytecode::kPCodes[code].name.empty());

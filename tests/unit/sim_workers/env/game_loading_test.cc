@@ -147,6 +147,31 @@ when = "TRUNCATED"
   std::filesystem::remove_all(folder);
 }
 
+TEST_F(GameLoading, DeathmatchStartsDoForATeam) {
+  const auto with_starts = [&](int own_starts, const std::string& others) {
+    std::string bytes = wad_;
+    for (int player = own_starts + 1; player <= 4; ++player) {
+      const std::string from = "type = " + std::to_string(player) + ";";
+      const std::size_t at = bytes.find(from);
+      ASSERT_NE(at, std::string::npos);
+      bytes.replace(at, from.size(), others);
+    }
+    write(bytes);
+  };
+  with_starts(1, "type =11;");
+  const auto game = load({.num_agents = 4});
+  ASSERT_TRUE(game) << game.error().message;
+  DoomEnvironment env(*game);
+  env.reset(3);
+  for (int a = 0; a < 4; ++a)
+    for (int b = 0; b < a; ++b)
+      EXPECT_TRUE(env.world().body(a).x != env.world().body(b).x ||
+                  env.world().body(a).y != env.world().body(b).y);
+  with_starts(1, "type = 5;");
+  EXPECT_THAT(message({.num_agents = 4}),
+              HasSubstr("has starts for 1 players (0 of them for deathmatch), not for 4"));
+}
+
 TEST_F(GameLoading, TheLayoutIdBelongsToTheContent) {
   const uint64_t first = (*load({}))->layout_id;
   EXPECT_EQ((*load({}))->layout_id, first);

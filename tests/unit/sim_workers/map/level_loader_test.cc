@@ -76,6 +76,33 @@ TEST(LevelLoader, RefusesOtherNamespacesAndEmptyMaps) {
   EXPECT_THAT(load_level(wad_with("namespace = \"zdoom\";")).error().message, HasSubstr("without sectors"));
 }
 
+// Probe in ViZDoom 1.3.2: line type 58 (raise a tagged floor by 24) in namespace ZDoomTranslated moves the floor of sector
+// 5 with arg0 = 5 and does nothing with id = 5; sector type 7 costs 5 health.
+TEST(LevelLoader, TheTranslatedNamespaceHasDoomsNumbers) {
+  std::string text = wad::test::square_room_text();
+  const auto put = [&text](const std::string& from, const std::string& to) {
+    text.replace(text.find(from), from.size(), to);
+  };
+  put("\"zdoom\"", "\"ZDoomTranslated\"");
+  put("sidefront = 0; blocking = true;", "sidefront = 0; blocking = true; special = 58; arg0 = 5;");
+  put("sidefront = 1; blocking = true;", "sidefront = 1; blocking = true; special = 58; id = 5;");
+  put("sidefront = 2; blocking = true;", "sidefront = 2; blocking = true; special = 52;");
+  put("sidefront = 3; blocking = true;", "sidefront = 3; blocking = true; special = 9999;");
+  put("lightlevel = 200;", "lightlevel = 200; special = 7;");
+  const auto level = load_level(wad_with(text));
+  ASSERT_TRUE(level) << level.error().message;
+  constexpr int kRaiseByValue = 23, kExitNormal = 243, kNukage = 64 + 7;
+  const std::vector<Linedef>& lines = (*level)->linedefs;
+  EXPECT_EQ(lines[0].special, kRaiseByValue);
+  EXPECT_EQ(lines[0].args[0], 5);
+  EXPECT_EQ(lines[0].args[2], 24);
+  EXPECT_EQ(lines[1].special, 0) << "no tag";
+  EXPECT_EQ(lines[2].special, kExitNormal);
+  EXPECT_EQ(lines[3].special, 0);
+  EXPECT_EQ((*level)->sectors[0].special, kNukage);
+  EXPECT_THAT((*level)->warnings, testing::Contains(HasSubstr("1 linedefs of types that are not known")));
+}
+
 // ---------------------------------------------------------------- binary formats
 
 std::shared_ptr<const Level> level_of(const wad::test::WadBytes& bytes) {

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "sim_workers/engine/actors/actor_catalog.h"
 #include "tests/support/arena.h"
 #include "tests/support/level_builder.h"
@@ -65,6 +67,29 @@ struct Game {
 };
 
 // ---------------------------------------------------------------- start
+
+// As on the maps of ViZDoom's multi_deathmatch, multi_duel and cig, which have no starts 1 to 8.
+TEST(World, PlayersWithoutAStartTakeADeathmatchStartEach) {
+  constexpr int kDeathmatchStartNumber = 11;
+  test::LevelBuilder builder;
+  builder.room(builder.sector(0, 128), -512, -512, 512, 512).thing(1, -400, -400);
+  for (const int x : {-200, 0, 200}) builder.thing(kDeathmatchStartNumber, x, 100);
+  const auto level = builder.build();
+  World world(level, catalog());
+  std::set<Fixed> second_player;
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    world.reset({.player_count = 4, .seed = seed, .start_at_deathmatch_starts = true}, nullptr);
+    EXPECT_EQ(world.body(0).x, to_fixed(-400)) << "its own start";
+    std::set<Fixed> taken;
+    for (int player = 1; player < 4; ++player) {
+      EXPECT_EQ(world.body(player).y, to_fixed(100));
+      taken.insert(world.body(player).x);
+    }
+    EXPECT_EQ(taken.size(), 3u) << "nobody stands in another";
+    second_player.insert(world.body(1).x);
+  }
+  EXPECT_EQ(second_player.size(), 3u) << "which one is drawn";
+}
 
 TEST(World, StartsWithPlayersAtTheirStartsAndCallsScriptsInOrder) {
   Game game(test::one_room(), 2);

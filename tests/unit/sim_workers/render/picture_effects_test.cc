@@ -306,6 +306,33 @@ TEST_F(HudMessages, StandWhereTheScriptPutsThem) {
   EXPECT_NEAR(middle[1] + middle[3], kHeight, 2);
 }
 
+// ViZDoom 1.3.2 draws `||||||||||` in the small font as nothing, though the IWAD has a picture of that letter; text
+// behind it begins a space of each later.
+TEST_F(HudMessages, LeaveGapsForLettersBehindTheUnderscore) {
+  constexpr int kBar = 100;
+  art_ = archive([](wad::test::WadBytes& pwad) {
+    pwad.add("STCFN124", test::filled_picture(4, 8, kBar))
+        .add("STCFN078", test::filled_picture(9, 8, kLetter + 2));
+  });
+  const Picture picture = show({message("||||A|", 0, 0)});
+  EXPECT_EQ(picture.count(kBar), 0);
+  EXPECT_NEAR(box(picture, kLetter)[0], 4 * 5 * 0.8, 1) << "a space is half as wide as an N";
+}
+
+TEST_F(HudMessages, AreATexelAPixelOnLargerScreens) {
+  world_->state().scripts.hud_messages = {message("A", 0, 0)};
+  RenderOptions options;
+  options.width = 320, options.height = 240;
+  options.status_bar = options.crosshair = options.weapon = false;
+  auto renderer = Renderer::create(art_, options);
+  ASSERT_TRUE(renderer.has_value()) << renderer.error().message;
+  std::vector<uint8_t> planar(3 * 320 * 240);
+  const ViewRequest request{.world = &*world_, .player = 0, .destination = planar.data()};
+  (*renderer)->draw({&request, 1});
+  EXPECT_EQ(std::count(planar.begin(), planar.begin() + 320 * 240, kLetter), 8 * 8);
+  EXPECT_EQ(planar[7 * 320 + 7], kLetter);
+}
+
 TEST_F(HudMessages, UseTheScriptsOwnScreenSize) {
   acs::HudMessage scaled = message("A", 320.1, 240.1);  // .1: upper left corner there
   scaled.hud_width = 640, scaled.hud_height = 480;

@@ -1,0 +1,34 @@
+// Texts of the scenarios' scripts.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+namespace comrad::scenarios {
+namespace {
+
+// A bar made of `|` was the only cue of a load and could not be seen in ViZDoom, whose small font ends at the
+// underscore; small letters are drawn as capitals.
+TEST(ScriptTexts, UseLettersThatTheSmallFontHas) {
+  int files = 0;
+  for (const auto& folder :
+       std::filesystem::directory_iterator(std::string(COMRAD_SOURCE_DIR) + "/scenarios")) {
+    std::ifstream file(folder.path() / "script.acs");
+    if (!file) continue;
+    ++files;
+    bool quoted = false;
+    int line = 1;
+    for (std::istreambuf_iterator<char> at(file), end; at != end; ++at) {
+      if (*at == '\n') ++line, quoted = false;
+      if (*at == '"') quoted = !quoted;
+      if (quoted && (*at == '|' || *at == '{' || *at == '}' || *at == '~' || *at == '`'))
+        ADD_FAILURE() << folder.path() << ", line " << line << ": ViZDoom draws nothing for " << *at;
+    }
+  }
+  EXPECT_GE(files, 13);
+}
+
+}  // namespace
+}  // namespace comrad::scenarios
