@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
@@ -82,6 +83,40 @@ TEST_F(SmallProject, BuildsOnceThenOnlyRuns) {
   EXPECT_EQ(run({"test"}).out, "[test]");
   EXPECT_TRUE(fs::exists(home_ / "build/bin/suite"));
   EXPECT_EQ(run({"version"}).err, "");  // building all brought the programs up to date too
+}
+
+TEST_F(SmallProject, ASecondUserRunsTheFinishedBuildOrIsToldWhatToDo) {
+  if (geteuid() != 0 || !fs::exists("/usr/bin/setpriv"))
+    GTEST_SKIP() << "only root can become another user (with util-linux's setpriv)";
+  const auto as_nobody = [&](const std::vector<std::string>& words) {
+    std::vector<std::string> command = {"/usr/bin/setpriv", "--reuid",   "65534",         "--regid", "65534",
+                                        "--clear-groups",   "/bin/bash", home_ / "comrad"};
+    command.insert(command.end(), words.begin(), words.end());
+    const std::string build = home_ / "build";
+    return RunningProgram(command, {{"COMRAD_NO_INSTALL", "1"}, {"COMRAD_BUILD_DIR", build}, {"CI", ""}})
+        .wait(60);
+  };
+  // A commit, whose owner git does not trust for another user, is a part of the stamp.
+  const std::string home = home_.string();
+  ASSERT_EQ(
+      RunningProgram(
+          {"/bin/bash", "-c",
+           "cd '" + home +
+               "' && git init -q && git add comrad && git -c user.name=a -c user.email=a@b commit -qm a"})
+          .wait(20)
+          .exit_code,
+      0);
+  fs::permissions(home, fs::perms(0755));
+  ASSERT_EQ(run({"version"}).exit_code, 0);
+  const Ending theirs = as_nobody({"version"});
+  EXPECT_EQ(theirs.exit_code, 0) << theirs.err;
+  EXPECT_EQ(theirs.out, "[version]");
+  EXPECT_EQ(theirs.err, "");
+
+  write("deploy/main.c", "int main(void) { return 0; }\n");
+  const Ending stale = as_nobody({"version"});
+  EXPECT_EQ(stale.exit_code, 1);
+  EXPECT_THAT(stale.err, AllOf(HasSubstr("belongs to root"), HasSubstr("COMRAD_BUILD_DIR")));
 }
 
 TEST_F(SmallProject, RebuildsWhenASourceChangedOrWent) {
