@@ -22,6 +22,9 @@ struct LayoutParameter {
   const char* name;
   int64_t default_value, low, high;
   const char* help;
+  /// Not written into WADs where it has its default value, so that maps drawn before there was such a
+  /// parameter keep their bytes; script.acs may not name it.
+  bool hide_default = false;
 };
 
 /// One axis of a layout pool: each option sets one or more parameters. Axes do not share parameters.
@@ -76,6 +79,8 @@ struct LayoutRecipe {
   Expected<DrawnLayout> (*draw)(const LayoutDraw& draw) = nullptr;
   const char* players_parameter = nullptr;  ///< which parameter says how many starts the map has, if one does
   std::vector<LayoutAxis> axes = {};
+  /// What pools that vary set beside their axes. Grids, single maps and published maps keep the defaults.
+  std::vector<std::pair<const char*, int64_t>> pool_values = {};
   std::vector<CurriculumStage> curriculum = {};  ///< `comrad doomgen NAME --pool curriculum`
 };
 

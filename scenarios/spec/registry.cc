@@ -10,6 +10,7 @@
 #include "doomgen/layout/wad_writer.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/text.h"
+#include "scenarios/spec/layout_content.h"
 #include "scenarios/spec/recipe_table.h"
 #include "scenarios/spec/scenario_files.h"
 #include "scenarios/spec/scenario_spec.h"
@@ -108,6 +109,9 @@ Status write_wad(const std::string& folder, const LayoutRequest& request, const 
     COMRAD_TRY_ASSIGN(layout.wad, doomgen::build_nodes(layout.wad));
   }
   layout.content_hash = doomgen::content_hash(layout.wad);
+  COMRAD_TRY_ASSIGN(const wad::WadFile file,
+                    wad::WadFile::from_bytes({layout.wad.begin(), layout.wad.end()}, layout.info.scenario));
+  COMRAD_TRY_ASSIGN(layout.map_hash, layout_content(file));
   return {};
 }
 
@@ -126,6 +130,9 @@ Expected<GeneratedLayout> ready_made(const ScenarioSpec& spec, const LayoutReque
     COMRAD_TRY_ASSIGN(layout.wad, doomgen::build_nodes(layout.wad));
   }
   layout.content_hash = doomgen::content_hash(layout.wad);
+  const auto file = wad::WadFile::from_bytes({layout.wad.begin(), layout.wad.end()}, spec.wad);
+  if (const auto content = file ? layout_content(*file) : Expected<uint64_t>(file.error()); content)
+    layout.map_hash = *content;
   return layout;
 }
 
@@ -151,7 +158,7 @@ Expected<std::vector<LayoutParameter>> layout_parameters(const std::string& scen
 }
 
 std::string layout_script_text(const LayoutInfo& info, const DrawnLayout& layout) {
-  std::string text = "// Layout of " + info.scenario + ", made by comrad doomgen.\n";
+  std::string text = kLayoutScriptHead + info.scenario + ", made by comrad doomgen.\n";
   const auto define = [&](const std::string& name, int64_t value) {
     text += "#define " + name + " " + std::to_string(value) + "\n";
   };
@@ -197,6 +204,9 @@ Expected<GeneratedLayout> generate_layout(const std::string& scenario, const Lay
                                              std::to_string(starts) + " players, not for " +
                                              std::to_string(request.num_agents)};
     layout.info = {scenario, request.seed, attempt, values};
+    for (const LayoutParameter& parameter : recipe.parameters)
+      if (parameter.hide_default && values.at(parameter.name) == parameter.default_value)
+        layout.info.parameters.erase(parameter.name);
     COMRAD_TRY(write_wad(folder, request, *drawn, layout));
     return layout;
   }

@@ -1,6 +1,6 @@
-// oracle_play SCENARIO [EPISODES [LAYOUTS [AGENTS [FIRST_SEED]]]]: plays a scenario's scripted team without
-// pipeline or pictures, on layouts of as many seeds (from 1000000 on), and prints each episode's score, then
-// their mean with its 95 % interval. A tool for whoever writes an oracle.
+// oracle_play SCENARIO [EPISODES [LAYOUTS [AGENTS [FIRST_SEED [NAME=VALUE...]]]]]: plays a scenario's scripted
+// team without pipeline or pictures, on layouts of as many seeds (from 1000000 on) with those parameters, and
+// prints each episode's score, then their mean with its 95 % interval. A tool for whoever writes an oracle.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -15,7 +15,9 @@ using namespace comrad;
 
 int main(int argc, char** argv) {
   if (argc < 2)
-    return std::fprintf(stderr, "usage: oracle_play SCENARIO [EPISODES [LAYOUTS [AGENTS [FIRST_SEED]]]]\n"),
+    return std::fprintf(
+               stderr,
+               "usage: oracle_play SCENARIO [EPISODES [LAYOUTS [AGENTS [FIRST_SEED [NAME=VALUE...]]]]]\n"),
            2;
   const std::string scenario = argv[1];
   const int episodes = argc > 2 ? std::atoi(argv[2]) : 5, layouts = argc > 3 ? std::atoi(argv[3]) : 1;
@@ -28,6 +30,11 @@ int main(int argc, char** argv) {
     scenarios::LayoutRequest request;
     request.seed = layouts > 1 ? first_seed + static_cast<uint64_t>(episode % layouts) : 42;
     request.num_agents = agents;
+    for (int i = 6; i < argc; ++i) {
+      const std::string setting = argv[i];
+      const std::size_t equals = std::min(setting.find('='), setting.size() - 1);
+      request.parameters.emplace_back(setting.substr(0, equals), setting.substr(equals + 1));
+    }
     const auto layout = scenarios::generate_layout(scenario, request);
     if (!layout) return std::fprintf(stderr, "%s\n", layout.error().message.c_str()), 1;
     const auto wad = wad::WadFile::from_bytes({layout->wad.begin(), layout->wad.end()}, scenario);
