@@ -16,6 +16,7 @@ using namespace doomgen;  // NOLINT: a recipe is written in its words
 constexpr int32_t kCell = 128, kFirstCellTag = 100, kPitTag = 99, kFirstGalleryTag = 200, kClosetSpot = 2000;
 constexpr int32_t kPitHalf = 1200, kGalleryGap = 64, kGalleryWidth = 100, kGalleryFloor = 350;
 constexpr int32_t kTall = 1024;  // of all ceilings, so that no step hangs in the way of the eye
+constexpr int32_t kFieldHalf = 1600, kFieldCells = 12'000;  // of organic outlines
 constexpr int32_t kRocksMax = 3, kRockTries = 40;
 constexpr int32_t kRockHeight = 32;  // nobody steps up so far, and nothing is hidden from the gallery
 constexpr int32_t kPathFloors = 8;   // that the script knows
@@ -116,6 +117,7 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   const int32_t inner = half + variety.gallery_gap, outer = inner + variety.gallery_width,
                 middle = inner + variety.gallery_width / 2;
   MapPlan plan;
+  use_organic_outlines(plan, wanted, Box::around({0, 0}, 2 * kFieldHalf, 2 * kFieldHalf), kFieldCells);
   const AreaId pit = plan.add_area({.name = "pit",
                                     .floor = lava_floor,
                                     .ceiling = kTall,
@@ -200,7 +202,8 @@ LayoutRecipe recipe() {
                      {"depth", 64, 24, 256,
                       "units from a path down to the lava; 24 can be climbed (axis: 24, 64)"},
                      variety_parameter("1: outline of the pit, gallery, up to 3 rocks that paths go round, "
-                                       "textures and light come from the seed (pools set it)")},
+                                       "textures and light come from the seed (pools set it)"),
+                     organic_parameter()},
       .draw = draw,
       .axes = {{"initial", {{{"initial", 6}}, {{"initial", 8}}, {{"initial", 10}}}},
                {"maximum", {{{"maximum", 20}}, {{"maximum", 25}}}}},

@@ -1,12 +1,13 @@
-// What several recipes draw where their parameter `variety` is 1: looks and bent outlines. Published maps have
-// variety 0 and draw none of it; pools set it (LayoutRecipe::pool_values), so every map can be drawn again from
-// its parameters and its seed.
+// What several recipes share: what they draw where their parameter `variety` is 1 (looks and bent outlines) and
+// the jagged outlines of `organic`. Published maps have 0 of both; pools set `variety`
+// (LayoutRecipe::pool_values), so every map can be drawn again from its parameters and its seed.
 #pragma once
 
 #include <algorithm>
 #include <span>
 
 #include "doomgen/layout/geometry.h"
+#include "doomgen/layout/map_plan.h"
 #include "rollout_buffer/core/rng.h"
 #include "scenarios/spec/layout_recipe.h"
 
@@ -14,6 +15,17 @@ namespace comrad::scenarios {
 
 /// The parameter; `what` says what the seed varies.
 constexpr LayoutParameter variety_parameter(const char* what) { return {"variety", 0, 0, 1, what, true}; }
+
+/// The parameter of recipes that were published with walls along the cells of a random field.
+constexpr LayoutParameter organic_parameter() {
+  return {"organic", 0, 0, 1, "1: walls follow random cells, jagged, instead of straight lines", true};
+}
+
+/// Gives the plan jagged outlines where `organic` is 1; before its first question.
+inline void use_organic_outlines(doomgen::MapPlan& plan, const LayoutDraw& draw, const doomgen::Box& bounds,
+                                 int cell_count) {
+  if (draw.value("organic") != 0) plan.use_organic_outlines(bounds, cell_count, draw.key.split("outlines"));
+}
 
 /// A uniform one of several names.
 inline const char* one_of(std::span<const char* const> names, Rng& rng) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <set>
 
@@ -99,6 +100,39 @@ TEST(VariedRecipes, AreTheSixWhosePublishedSeedHardlyVaries) {
   std::vector<std::string> names;
   for (const auto& [name, hash] : kPublishedMaps) names.push_back(name);
   EXPECT_EQ(varied_recipes(), names);
+}
+
+/// Recipes whose maps were published with walls along random cells.
+constexpr std::size_t kOrganicSeeds = 6;
+const std::vector<std::string> kOrganicRecipes = {"ammo_carrier", "dumb_enemies",  "lava_maze",
+                                                  "lava_pit",     "smart_enemies", "stealth_labyrinth"};
+
+TEST(OrganicRecipes, FollowRandomCellsWhereTheyAreAskedTo) {
+  for (const std::string& name : layout_recipes()) {
+    SCOPED_TRACE(name);
+    const auto jagged = generate_layout(name, {.seed = 42, .parameters = {{"organic", "1"}}});
+    const auto listed = std::find(kOrganicRecipes.begin(), kOrganicRecipes.end(), name);
+    if (listed == kOrganicRecipes.end()) {
+      EXPECT_THAT(jagged.error().message, testing::HasSubstr("no layout parameter 'organic'"));
+      continue;
+    }
+    ASSERT_TRUE(jagged) << jagged.error().message;
+    const auto plain = generate_layout(name, {.seed = 42});
+    EXPECT_GT(jagged->wad.size(), 2 * plain->wad.size()) << "one line for each cell along a wall";
+    EXPECT_NE(jagged->map_hash, plain->map_hash);
+    EXPECT_FALSE(plain->info.parameters.contains("organic"));
+    // The cells come from the seed; nearly every seed gives a valid map.
+    const LayoutRecipe recipe = *layout_recipe(name);
+    std::set<uint64_t> maps;
+    for (uint64_t seed = 0; seed < kOrganicSeeds; ++seed) {
+      LayoutDraw draw{seed, {}, RngKey(seed).split(name), 0};
+      for (const LayoutParameter& p : recipe.parameters) draw.values[p.name] = p.default_value;
+      draw.values["organic"] = 1;
+      if (const auto drawn = recipe.draw(draw))
+        maps.insert(doomgen::content_hash(doomgen::write_udmf(drawn->map)));
+    }
+    EXPECT_GE(maps.size(), kOrganicSeeds - 1);
+  }
 }
 
 TEST(BentBox, KeepsItsCornersAndBendsWithinItsBounds) {
