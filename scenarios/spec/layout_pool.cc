@@ -82,7 +82,7 @@ Error out_of_maps(const std::string& scenario, const LayoutRecipe& recipe, const
   if (!request.vary)
     more = "leave out --no-vary";
   else if (!request.layout.parameters.empty())
-    more = "set fewer parameters than " + std::to_string(request.layout.parameters.size());
+    more = "leave out some of the parameters that were set";
   std::string parameters;
   for (const LayoutParameter& parameter : recipe.parameters)
     parameters += (parameters.empty() ? "" : ", ") + std::string(parameter.name);
@@ -153,10 +153,15 @@ Status check_entry(const PoolEntry& entry, const PoolUse& use, const std::string
       COMRAD_TRY_ASSIGN(splits[info.scenario], ContentSplit::of(info.scenario));
     }
     if (use.for_training && splits[info.scenario].is_for_evaluation(*content))
-      return bad(ErrorCode::kBadInput,
-                 "is for evaluation: its map is a held-out one, or its content is among the one in ten that "
-                 "`comrad doomgen NAME --pool eval` draws. Train on a pool of `--pool train`, on "
-                 "--layout_pool train:<count>, or on a grid drawn with --for train");
+      return bad(
+          ErrorCode::kBadInput,
+          std::string("is for evaluation: its map is a held-out one, or its content is among the one in "
+                      "ten that `comrad doomgen NAME --pool eval` draws") +
+              (entry.split == "train" ? " (the pool was drawn by an older version, which looked at seeds "
+                                        "alone; draw it again)"
+                                      : "") +
+              ". Train on a pool of `--pool train`, on --layout_pool train:<count>, or on a grid drawn "
+              "with --for train");
   }
   if (use.num_agents == 0) return {};
   const std::vector<std::string> names = wad->map_names();

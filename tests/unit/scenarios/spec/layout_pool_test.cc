@@ -101,7 +101,7 @@ TEST_F(LayoutPool, AMapIsInAPoolOnceAndAnExhaustedRecipeSaysHowManyThereAre) {
   EXPECT_EQ(made.error().code, ErrorCode::kBadInput);
   EXPECT_THAT(made.error().message,
               AllOf(HasSubstr("40 layouts for training were asked for"), HasSubstr("repetitions"),
-                    HasSubstr("set fewer parameters than 1")));
+                    HasSubstr("leave out some of the parameters that were set")));
   EXPECT_GT(tally.repeated, 100);
   const auto maps = count_distinct_maps("lava_maze", request, 300);
   ASSERT_TRUE(maps) << maps.error().message;
@@ -157,6 +157,9 @@ TEST_F(LayoutPool, CheckFindsOneMapTwice) {
   for (std::size_t at = 0; (at = registry.find("\"split\": \"\"", at)) != std::string::npos; ++at)
     registry.replace(at, 11, "\"split\": \"train\"");
   std::ofstream(folder_ / "pool" / kPoolRegistryName) << registry;
+  EXPECT_THAT(check_pool(folder("pool"), {.for_training = true}).error().message,
+              HasSubstr("drawn by an older version"))
+      << "its map is the held-out one";
   const auto twice = check_pool(folder("pool"), {});
   ASSERT_FALSE(twice);
   EXPECT_THAT(twice.error().message,
