@@ -174,5 +174,7 @@ TEST(ArmorySiegeLayout, ThirtySeedsOfEveryDistanceGiveMaps) {
 
 TEST(ArmorySiegeOracle, EarnsHalfOfTheCeiling) { EXPECT_GE(oracle_mean("armory_siege", 4), 50); }
 
+TEST(ArmorySiegeOracle, EarnsItOnVariedMapsToo) { EXPECT_GE(oracle_mean("armory_siege", 4, kVaried), 50); }
+
 }  // namespace
 }  // namespace comrad::sim
