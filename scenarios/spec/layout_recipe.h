@@ -63,8 +63,8 @@ struct NamedBytes {
 /// What a recipe draws.
 struct DrawnLayout {
   doomgen::MapData map;
-  /// `#define NAME value` for script.acs, besides PARAM_<NAME> for every parameter, LAYOUT_SEED and
-  /// LAYOUT_PLAYERS (starts on the map).
+  /// `#define NAME value` for script.acs, besides PARAM_<NAME> for every parameter, LAYOUT_PLAYERS (starts on
+  /// the map) and LAYOUT_SEED, which makes no other map of it (layout_content.h).
   std::vector<std::pair<std::string, int64_t>> defines = {};
   /// `int name[] = {...}` for script.acs.
   std::vector<std::pair<std::string, std::vector<int64_t>>> arrays = {};
