@@ -6,6 +6,7 @@
 #include "doomgen/layout/map_checks.h"
 #include "doomgen/layout/map_plan.h"
 #include "rollout_buffer/core/rng.h"
+#include "scenarios/spec/variety.h"
 
 namespace comrad::scenarios::ammo_carrier {
 namespace {
@@ -17,6 +18,8 @@ using doomgen::Point;
 
 constexpr int32_t kHubSize = 700, kDepotSize = 400, kPadSize = 96, kPadOffset = 200;
 constexpr int32_t kSpokeWidth = 256, kRingWidth = 192;
+constexpr int32_t kFieldMargin = 512, kFieldCells = 8'000;  // of organic outlines
+constexpr int32_t kJaggedWall = 40;  // that such a wall may reach inwards, and a little
 constexpr int32_t kHubSpotDistance = 320;
 constexpr int32_t kBodyClearance = 32;  // the widest monster has radius 30
 constexpr int32_t kItemClearance = 48;  // a runner takes an item without touching a wall
@@ -27,6 +30,7 @@ std::vector<LayoutParameter> parameters() {
       {"depots", 1, 1, 3, "places where bullets appear (axis: 1, 2, 3)"},
       {"density", 1000, 250, 4000, "how many monsters come, thousandths (axis: 750, 1000, 1250)"},
       {"jitter", 64, 0, 128, "depots are moved by up to this along either axis, units"},
+      organic_parameter(),
   };
 }
 
@@ -80,6 +84,8 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   const Waves waves = waves_of(wanted.value("density"));
 
   MapPlan plan;
+  const int32_t field = 2 * (wanted.value32("radius") + kFieldMargin);
+  use_organic_outlines(plan, wanted, Box::around({0, 0}, field, field), kFieldCells);
   const AreaId hub = plan.add_area(
       {.name = "hub", .ceiling = 256, .floor_texture = "FLOOR4_8", .wall_texture = "STONE3", .light = 224},
       Box::around({0, 0}, kHubSize, kHubSize));
@@ -125,8 +131,8 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   if (static_cast<int>(enemies.size()) != depot_count ||
       static_cast<int>(ammo.size()) != kAmmoSpotsPerDepot * depot_count)
     return refused("a depot has no room for its spots");
-  for (const Point& p : {Point{0, kHubSpotDistance}, Point{kHubSpotDistance, 0}, Point{0, -kHubSpotDistance},
-                         Point{-kHubSpotDistance, 0}})
+  const int32_t hub_spot = kHubSpotDistance - (wanted.value("organic") != 0 ? kJaggedWall : 0);
+  for (const Point& p : {Point{0, hub_spot}, Point{hub_spot, 0}, Point{0, -hub_spot}, Point{-hub_spot, 0}})
     enemies.push_back(p);
   for (int i = 0; i < kRunnerSpotCount; ++i) {
     const AreaId depot = depots[runner_rng.below(static_cast<uint32_t>(depot_count))];

@@ -1,6 +1,9 @@
 #include "scenarios/armory_siege/layout.h"
 
 #include <algorithm>
+#include <numeric>
+
+#include "scenarios/spec/variety.h"
 
 namespace comrad::scenarios::armory_siege {
 namespace {
@@ -13,37 +16,94 @@ constexpr int kCoreSpots = 5, kAgentSpots = 10, kItemSpots = 5,
               kEnemySpots = 5;  // items, enemies: of each room, corridor
 /// Nearer rooms would touch the hall beside their doors.
 constexpr int32_t kNearestRoom = 592;
+constexpr int32_t kCorridorReserve = 24;  ///< further off where rooms and corridors vary
 
-Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
+/// What the seed varies where `variety` is 1; as published otherwise.
+struct Variety {
+  Point centre[3];   ///< of rooms A, B, C
+  Point towards[3];  ///< from the hall's middle, at 2^30 = 1 unit: where their corridors lead
+  int32_t side[3] = {kRoom, kRoom, kRoom}, corridor[3] = {};
+  const char* floor[3] = {"CEIL5_2", "FLAT5_4", "MFLR8_1"};
+  const char* walls[3] = {"STONE2", "BROWN1", "STARGR1"};
+  const char* hall_floor = "FLOOR4_8";
+  const char* hall_ceiling = "TLITE6_4";
+  const char* hall_walls = "STARTAN3";
+  const char* corridor_floor = "RROCK19";
+  int32_t light[5] = {160, 160, 160, 160, 160};  ///< of the rooms, the hall, the corridors
+  Polygon hall = Box::around({0, 0}, kHall, kHall).polygon();
+};
+
+Variety draw_variety(const LayoutDraw& wanted) {
+  Variety drawn;
   const int32_t distance = std::max(wanted.value32("distance"), kNearestRoom),
                 width = wanted.value32("corridor");
-  const Point centre[] = {
-      {0, distance}, {distance * 866 / 1000, -distance / 2}, {-distance * 866 / 1000, -distance / 2}};
+  constexpr int32_t kEast[] = {0, 866, -866};  // thousandths of the distance
+  const bool varies = wanted.value("variety") != 0;
+  Rng shape(wanted.key.split("shape")), look(wanted.key.split("look"));
+  int order[] = {0, 1, 2};
+  int32_t north = 1;
+  if (varies) {  // which room lies where; two of them north or south of the hall
+    for (int i = 2; i > 0; --i) std::swap(order[i], order[shape.below(static_cast<uint32_t>(i) + 1)]);
+    north = shape.below(2) == 0 ? 1 : -1;
+  }
+  for (int i = 0; i < 3; ++i) {
+    const int place = order[i];
+    if (varies) drawn.side[i] = stepped(352, 416, 16, shape);
+    // A wide room stands further off, so that its corridor keeps room for all spots.
+    const int32_t nearest = kNearestRoom + std::max(0, drawn.side[i] - kRoom) + kCorridorReserve;
+    const int32_t far = varies ? std::max(nearest, distance + stepped(-64, 96, 8, shape)) : distance;
+    drawn.corridor[i] = varies ? std::clamp(width + stepped(-16, 24, 8, shape), 128, 320) : width;
+    drawn.centre[i] = {far * kEast[place] / 1000, place == 0 ? north * far : -north * (far / 2)};
+    const SineCosine turn = sine_cosine_of_turn(north * (3 - 4 * place), 12);
+    drawn.towards[i] = {static_cast<int32_t>(turn.cosine), static_cast<int32_t>(turn.sine)};
+  }
+  if (!varies) return drawn;
+  drawn.hall = bent_box(Box::around({0, 0}, kHall, kHall), 3, 40, 0, shape);
+  constexpr const char* kFloors[] = {"CEIL5_2", "FLAT5_4", "MFLR8_1", "FLOOR5_1",
+                                     "FLAT1",   "RROCK10", "FLAT19"};
+  constexpr const char* kWalls[] = {"STONE2", "BROWN1", "STARGR1", "STARTAN3", "METAL1", "GRAY5", "BRICK7"};
+  constexpr const char* kCeilings[] = {"TLITE6_4", "CEIL3_5", "CEIL5_2", "FLAT10"};
+  for (int i = 0; i < 3; ++i) drawn.floor[i] = one_of(kFloors, look), drawn.walls[i] = one_of(kWalls, look);
+  drawn.hall_floor = one_of(kFloors, look);
+  drawn.hall_ceiling = one_of(kCeilings, look);
+  drawn.hall_walls = one_of(kWalls, look);
+  drawn.corridor_floor = one_of(kFloors, look);
+  for (int32_t& light : drawn.light) light = stepped(136, 208, 8, look);
+  return drawn;
+}
+
+Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
+  const Variety variety = draw_variety(wanted);
   const char* const letter[] = {"A", "B", "C"};
-  const char* const floor[] = {"CEIL5_2", "FLAT5_4", "MFLR8_1"};
-  const char* const walls[] = {"STONE2", "BROWN1", "STARGR1"};
   MapPlan plan;
-  const AreaId hall =
-      plan.add_area({.name = "hall", .ceiling = 192, .ceiling_texture = "TLITE6_4", .tag = kHallTag},
-                    Box::around({0, 0}, kHall, kHall));
+  const AreaId hall = plan.add_area({.name = "hall",
+                                     .ceiling = 192,
+                                     .floor_texture = variety.hall_floor,
+                                     .ceiling_texture = variety.hall_ceiling,
+                                     .wall_texture = variety.hall_walls,
+                                     .light = variety.light[3],
+                                     .tag = kHallTag},
+                                    variety.hall);
   std::vector<AreaId> rooms, corridors;
   for (int i = 0; i < 3; ++i)
     rooms.push_back(plan.add_area({.name = std::string("room ") + letter[i],
                                    .ceiling = 160,
-                                   .floor_texture = floor[i],
-                                   .wall_texture = walls[i],
+                                   .floor_texture = variety.floor[i],
+                                   .wall_texture = variety.walls[i],
+                                   .light = variety.light[i],
                                    .tag = kFirstRoomTag + i},
-                                  Box::around(centre[i], kRoom, kRoom)));
+                                  Box::around(variety.centre[i], variety.side[i], variety.side[i])));
   for (int i = 0; i < 3; ++i) {
     // A strip from the hall's middle to the room's, of which only the rock between them becomes corridor.
-    const SineCosine turn = sine_cosine_of_turn(3 - 4 * i, 12);
-    const auto half = static_cast<int32_t>(width / 2);
-    const Point side{static_cast<int32_t>(-turn.sine * half / (int64_t{1} << 30)),
-                     static_cast<int32_t>(turn.cosine * half / (int64_t{1} << 30))};
-    const Point end = centre[i];
+    const int64_t half = variety.corridor[i] / 2;
+    const Point side{static_cast<int32_t>(-variety.towards[i].y * half / (int64_t{1} << 30)),
+                     static_cast<int32_t>(variety.towards[i].x * half / (int64_t{1} << 30))};
+    const Point end = variety.centre[i];
     corridors.push_back(plan.add_area(
         {.name = std::string("corridor ") + letter[i],
-         .floor_texture = "RROCK19",
+         .floor_texture = variety.corridor_floor,
+         .wall_texture = variety.hall_walls,
+         .light = variety.light[4],
          .tag = kFirstCorridorTag + i},
         Polygon{side, {-side.x, -side.y}, {end.x - side.x, end.y - side.y}, {end.x + side.x, end.y + side.y}},
         Claim::kOnlyRock));
@@ -51,7 +111,7 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   std::vector<int32_t> door_tags;
   for (int i = 0; i < 3; ++i) {
     plan.add_door({.name = std::string("door ") + letter[i],
-                   .floor_texture = floor[i],
+                   .floor_texture = variety.floor[i],
                    .ceiling_texture = "GATE1",
                    .wall_texture = "BIGDOOR2",
                    .tag = kFirstDoorTag + i},
@@ -170,13 +230,16 @@ LayoutRecipe recipe() {
                      {"corridor", 225, 128, 320, "width of the corridors, units (axis: 135, 225, 315)"},
                      {"window", 300, 10, 3000, "tics that a door stays open (axis: 150, 300, 450)"},
                      {"core_health", 1000, 1, 100000, "of the defence core (axis: 600, 1000, 1400)"},
-                     {"difficulty", 500, 100, 3000, "of the enemies, thousandths (axis: 500, 1000, 1500)"}},
+                     {"difficulty", 500, 100, 3000, "of the enemies, thousandths (axis: 500, 1000, 1500)"},
+                     variety_parameter("1: which room lies where, distances, sizes, corridors, the hall's "
+                                       "walls, textures and light come from the seed (pools set it)")},
       .draw = draw,
       .axes = {{"distance", {{{"distance", 500}}, {{"distance", 700}}, {{"distance", 900}}}},
                {"corridor", {{{"corridor", 135}}, {{"corridor", 225}}, {{"corridor", 315}}}},
                {"window", {{{"window", 150}}, {{"window", 300}}, {{"window", 450}}}},
                {"core", {{{"core_health", 600}}, {{"core_health", 1000}}, {{"core_health", 1400}}}},
                {"difficulty", {{{"difficulty", 500}}, {{"difficulty", 1000}}, {{"difficulty", 1500}}}}},
+      .pool_values = {{"variety", 1}},
       .ceiling = most_return,
       .check_resources = check_resources};
 }

@@ -1,6 +1,9 @@
 // The scripted team of Co-op Puzzle: whoever has the lit plate stands on it until the partner is through.
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "sim_workers/oracle/oracle.h"
@@ -9,19 +12,28 @@
 namespace comrad::sim {
 namespace {
 
-constexpr double kDoorDepth = 32, kBody = 16, kMargin = 42;
+constexpr double kDoorDepth = 32, kBody = 16;
+constexpr int kFirstSyncTag = 100, kFirstZoneTag = 200, kTagsPerZone = 1000;
 constexpr double kPassable = 60;  // of a door's opening
 
 class Lanes final : public Oracle {
  public:
   explicit Lanes(const DoomGame& game)
-      : zones_(number(game, "zones", 10)),
-        plates_(number(game, "plates", 2)),
-        period_(number(game, "sync_period", 3)),
-        length_(number(game, "length", 384)),
-        lane_(number(game, "lane", 240)),
-        gap_(number(game, "gap", 0)),
-        size_(number(game, "plate_size", 72)) {}
+      : zones_(number(game, "zones", 10)), period_(number(game, "sync_period", 3)) {
+    edge_.assign(static_cast<std::size_t>(zones_) + 2, 0);
+    for (std::size_t sector = 0; sector < game.level->sectors.size(); ++sector) {
+      const int tag = game.level->sectors[sector].tag;
+      const Extent extent = extent_of(*game.level, sector);
+      if (const int zone = tag - kFirstZoneTag; zone >= 1 && zone <= zones_) {
+        const auto index = static_cast<std::size_t>(zone);
+        edge_[index] = extent.low.x;
+        if (zone == zones_) edge_[index + 1] = extent.high.x;
+        middle_ = std::max(middle_, extent.middle().y);
+      }
+      if (const int zone = tag - kFirstSyncTag; zone >= 1 && zone <= zones_)
+        sync_[{zone, extent.middle().y > 0 ? 0 : 1}] = extent.middle();
+    }
+  }
 
   void reset(const doom::World&) override { lit_.clear(); }
 
@@ -38,29 +50,31 @@ class Lanes final : public Oracle {
  private:
   struct Plate {
     int lane = -1;  // -1: none
-    double x = 0;
+    Place middle;
   };
 
   void find_lit_plates(const doom::World& world) {
     lit_.assign(static_cast<std::size_t>(zones_) + 1, Plate{});
-    for (int zone = 1; zone <= zones_; ++zone)
-      for (int lane = 0; lane < 2; ++lane)
-        for (int index = 0; index < plates_; ++index)
-          if (const doom::Sector* sector = find_sector(world, zone * 1000 + (lane == 0 ? 1 : 101) + index);
-              sector != nullptr && sector->floor_texture.starts_with("AQF"))
-            lit_[static_cast<std::size_t>(zone)] = {lane,
-                                                    west_of(zone) + (index + 1) * length_ / (plates_ + 1)};
+    for (std::size_t i = 0; i < world.sectors().size(); ++i) {
+      const doom::Sector& sector = world.sectors()[i];
+      const int zone = sector.tag / kTagsPerZone;
+      if (zone >= 1 && zone <= zones_ && sector.floor_texture.starts_with("AQF")) {
+        const Place middle = extent_of(world.level(), i).middle();
+        lit_[static_cast<std::size_t>(zone)] = {middle.y > 0 ? 0 : 1, middle};
+      }
+    }
   }
 
   static int number(const DoomGame& game, const char* name, int otherwise) {
     return static_cast<int>(game.layout.parameter(name, otherwise));
   }
-  double west_of(int zone) const { return (zone - 1) * length_ - length_ / 2.0; }
-  double middle_of(int who) const { return (who == 0 ? 1 : -1) * (gap_ / 2.0 + lane_ / 2.0); }
-  double plate_y(int who) const {
-    return middle_of(who) + (who == 0 ? 1 : -1) * (lane_ / 2.0 - size_ / 2.0 - kMargin);
+  double west_of(int zone) const { return edge_[static_cast<std::size_t>(zone)]; }
+  double middle_of(int who) const { return who == 0 ? middle_ : -middle_; }
+  int zone_of(double x) const {
+    int zone = 1;
+    while (zone < zones_ && x >= west_of(zone + 1)) ++zone;
+    return zone;
   }
-  int zone_of(double x) const { return static_cast<int>(std::floor((x + length_ / 2.0) / length_)) + 1; }
   bool is_sync(int pair) const {
     return pair > period_ && (pair - (period_ + 1)) % period_ == 0 && 2 * pair < zones_;
   }
@@ -80,26 +94,28 @@ class Lanes final : public Oracle {
     const int zone = zone_of(x), pair = (zone + 1) / 2;
     const double door_x = west_of(2 * pair);  // the eastern side of the pair's door
     const Place onward{x + 128, middle_of(who)};
-    const auto plate = [&](double plate_x) { return Place{plate_x, plate_y(who)}; };
     const Plate& lit = lit_[static_cast<std::size_t>(std::min(zone, zones_))];
     const bool partner_is_through = partner_x > door_x + kBody + 8;
     if (zone % 2 == 0) {
-      if (lit.lane == who && !partner_is_through) return plate(lit.x);
-      return zone >= zones_ ? Place{west_of(zone) + length_ / 2.0, middle_of(who)} : onward;
+      if (lit.lane == who && !partner_is_through) return lit.middle;
+      return zone >= zones_ ? Place{(west_of(zone) + west_of(zone + 1)) / 2, middle_of(who)} : onward;
     }
     if (x > door_x - kDoorDepth - kBody || door_is_open(world, pair, who)) {
       if (lit.lane != who || partner_is_through || is_sync(pair)) return onward;
     }
     if (is_sync(pair)) {
       // Wait on the plate until the partner has come into the zone as well, then until the doors open.
-      return plate(west_of(zone) + length_ / 3);
+      return sync_.at({zone, who});
     }
-    if (lit.lane == who && !partner_is_through) return plate(lit.x);
+    if (lit.lane == who && !partner_is_through) return lit.middle;
     return {door_x - kDoorDepth - kBody - 10, middle_of(who)};
   }
 
-  int zones_, plates_, period_, length_, lane_, gap_, size_;
-  std::vector<Plate> lit_;  // [zone]
+  int zones_, period_;
+  std::vector<double> edge_;                   // [zone] its west; one more: the last one's east
+  double middle_ = 0;                          // of lane A; lane B's lies opposite
+  std::map<std::pair<int, int>, Place> sync_;  // (zone, lane) -> its plate
+  std::vector<Plate> lit_;                     // [zone]
 };
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "scenarios/dumb_enemies/layout.h"
 
 #include "scenarios/smart_enemies/layout.h"
+#include "scenarios/spec/variety.h"
 
 namespace comrad::scenarios::dumb_enemies {
 
@@ -10,7 +11,8 @@ LayoutRecipe recipe() {
                      {"obstacles", 30, 0, 200, "obstacles (axis: 18, 30, 42)"},
                      {"cap", 10, 1, 32, "demons that live at a time (axis: 6, 10, 14)"},
                      {"interval", 3, 1, 60, "seconds between two demons (axis: 2, 3, 4)"},
-                     {"proximity", 512, 64, 2000, "how near a hunter counts, units (axis: 384, 512, 640)"}},
+                     {"proximity", 512, 64, 2000, "how near a hunter counts, units (axis: 384, 512, 640)"},
+                     organic_parameter()},
       .draw = smart_enemies::draw_arena,
       .axes = {{"radius", {{{"radius", 850}}, {{"radius", 1000}}, {{"radius", 1150}}}},
                {"obstacles", {{{"obstacles", 18}}, {{"obstacles", 30}}, {{"obstacles", 42}}}},

@@ -6,6 +6,7 @@
 #include "doomgen/layout/map_checks.h"
 #include "doomgen/layout/map_plan.h"
 #include "doomgen/layout/picture.h"
+#include "scenarios/spec/variety.h"
 
 namespace comrad::scenarios::lava_maze {
 namespace {
@@ -15,6 +16,10 @@ using namespace doomgen;  // NOLINT: a recipe is written in its words
 constexpr int32_t kCell = 128, kFirstCellTag = 100, kPitTag = 99, kFirstGalleryTag = 200, kClosetSpot = 2000;
 constexpr int32_t kPitHalf = 1200, kGalleryGap = 64, kGalleryWidth = 100, kGalleryFloor = 350;
 constexpr int32_t kTall = 1024;  // of all ceilings, so that no step hangs in the way of the eye
+constexpr int32_t kFieldHalf = 1600, kFieldCells = 12'000;  // of organic outlines
+constexpr int32_t kRocksMax = 3, kRockTries = 40;
+constexpr int32_t kRockHeight = 32;  // nobody steps up so far, and nothing is hidden from the gallery
+constexpr int32_t kPathFloors = 8;   // that the script knows
 constexpr int32_t kBlackWidth = 32, kBlackHeight = 20;  // of the pictures that cover the navigator's screen
 
 struct Paint {
@@ -36,28 +41,102 @@ constexpr std::array<Paint, 5> kScreens = {{{"LMSCR0", {0, 0, 0}},
                                             {"LMSCR3", {255, 255, 0}},
                                             {"LMSCR4", {0, 0, 255}}}};
 
+/// What the seed varies where `variety` is 1; as published otherwise.
+struct Variety {
+  int32_t gallery_gap = kGalleryGap, gallery_width = kGalleryWidth, gallery_floor = kGalleryFloor;
+  Polygon pit = Box::around({0, 0}, 2 * kPitHalf, 2 * kPitHalf).polygon();
+  const char* walls = "LMGREY";
+  int32_t path_floor = 0;  ///< of the script's textures for paths
+  int32_t light = 255;
+  std::vector<int64_t> rocks;  ///< [cell] 1: a rock in the lava, which paths go round
+};
+
+/// Cells of the neighbour `far` cells away in direction 0..3; -1 outside the maze.
+int32_t neighbour(int32_t cell, int direction, int32_t far, int32_t side) {
+  constexpr int32_t kDx[] = {1, 0, -1, 0}, kDy[] = {0, 1, 0, -1};
+  const int32_t x = cell % side + kDx[direction] * far, y = cell / side + kDy[direction] * far;
+  return x < 0 || y < 0 || x >= side || y >= side ? -1 : y * side + x;
+}
+
+/// How many of the cells that a path from `start` may turn on can be got to: every other one.
+int32_t path_nodes(int32_t start, int32_t side, const std::vector<int64_t>& rocks) {
+  std::vector<int32_t> nodes{start};
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    for (int d = 0; d < 4; ++d) {
+      const int32_t between = neighbour(nodes[i], d, 1, side), next = neighbour(nodes[i], d, 2, side);
+      if (next < 0 || rocks[between] != 0 || rocks[next] != 0) continue;
+      if (std::find(nodes.begin(), nodes.end(), next) == nodes.end()) nodes.push_back(next);
+    }
+  return static_cast<int32_t>(nodes.size());
+}
+
+/// Rocks keep no path from its full size: from every free cell as many cells can be got to as the longest
+/// path asks for, or as there are without rocks.
+bool paths_fit(const LayoutDraw& wanted, const std::vector<int64_t>& rocks) {
+  const int32_t side = wanted.value32("side");
+  const int32_t longest = std::max(wanted.value32("initial"), wanted.value32("maximum"));
+  const std::vector<int64_t> none(rocks.size(), 0);
+  for (int32_t cell = 0; cell < side * side; ++cell)
+    if (rocks[cell] == 0 &&
+        path_nodes(cell, side, rocks) < std::min(longest / 2 + 1, path_nodes(cell, side, none)))
+      return false;
+  return true;
+}
+
+Variety draw_variety(const LayoutDraw& wanted) {
+  Variety drawn;
+  const int32_t side = wanted.value32("side");
+  drawn.rocks.assign(static_cast<std::size_t>(side * side), 0);
+  if (wanted.value("variety") == 0) return drawn;
+  Rng shape(wanted.key.split("shape")), look(wanted.key.split("look")), rocks(wanted.key.split("rocks"));
+  drawn.gallery_gap = stepped(kGalleryGap, 128, 8, shape);
+  drawn.gallery_width = stepped(80, 144, 8, shape);
+  drawn.gallery_floor = stepped(320, 416, 8, shape);
+  drawn.pit = bent_box(Box::around({0, 0}, 2 * kPitHalf, 2 * kPitHalf), 4, 200, 96, shape);
+  constexpr const char* kWalls[] = {"LMGREY", "ASHWALL2", "ASHWALL4", "ROCK4", "STONE4", "BSTONE1"};
+  drawn.walls = one_of(kWalls, look);
+  drawn.path_floor = look.between(0, kPathFloors - 1);
+  drawn.light = stepped(207, 255, 8, look);
+  const int wanted_rocks = rocks.between(0, kRocksMax);
+  for (int i = 0, tries = 0; i < wanted_rocks && tries < kRockTries; ++tries) {
+    const auto cell = static_cast<int32_t>(rocks.below(static_cast<uint32_t>(side * side)));
+    // The cell where player 1 starts and the one beside it, which the checks ask about, stay free.
+    if (drawn.rocks[cell] != 0 || cell == side + 1 || cell == side + 2) continue;
+    drawn.rocks[cell] = 1;
+    if (paths_fit(wanted, drawn.rocks))
+      ++i;
+    else
+      drawn.rocks[cell] = 0;
+  }
+  return drawn;
+}
+
 Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   const int32_t side = wanted.value32("side"), half = side * kCell / 2, lava_floor = -wanted.value32("depth");
-  const int32_t inner = half + kGalleryGap, outer = inner + kGalleryWidth, middle = inner + kGalleryWidth / 2;
+  const Variety variety = draw_variety(wanted);
+  const int32_t inner = half + variety.gallery_gap, outer = inner + variety.gallery_width,
+                middle = inner + variety.gallery_width / 2;
   MapPlan plan;
+  use_organic_outlines(plan, wanted, Box::around({0, 0}, 2 * kFieldHalf, 2 * kFieldHalf), kFieldCells);
   const AreaId pit = plan.add_area({.name = "pit",
                                     .floor = lava_floor,
                                     .ceiling = kTall,
                                     .floor_texture = "LAVA1",
-                                    .wall_texture = "LMGREY",
-                                    .light = 255,
+                                    .wall_texture = variety.walls,
+                                    .light = variety.light,
                                     .tag = kPitTag,
                                     .in_pieces = true}  // inside and outside of the gallery
                                    ,
-                                   Box::around({0, 0}, 2 * kPitHalf, 2 * kPitHalf));
+                                   variety.pit);
   for (int32_t cell = 0; cell < side * side; ++cell) {
     const Point low{-half + cell % side * kCell, -half + cell / side * kCell};
+    const bool is_rock = variety.rocks[cell] != 0;
     plan.add_area({.name = "cell " + std::to_string(cell),
-                   .floor = lava_floor,
+                   .floor = is_rock ? kRockHeight : lava_floor,
                    .ceiling = kTall,
-                   .floor_texture = "LAVA1",
-                   .wall_texture = "LMGREY",
-                   .light = 255,
+                   .floor_texture = is_rock ? "RROCK10" : "LAVA1",
+                   .wall_texture = is_rock ? "ASHWALL3" : variety.walls,
+                   .light = variety.light,
                    .tag = kFirstCellTag + cell},
                   Box{low, {low.x + kCell, low.y + kCell}});
   }
@@ -68,11 +147,11 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
        {"LMBLUE", Box{{-outer, -outer}, {outer, -inner}}}}};
   for (std::size_t i = 0; i < sides.size(); ++i) {
     const AreaId gallery = plan.add_area({.name = std::string("gallery ") + sides[i].first,
-                                          .floor = kGalleryFloor,
+                                          .floor = variety.gallery_floor,
                                           .ceiling = kTall,
                                           .floor_texture = sides[i].first,
                                           .wall_texture = sides[i].first,
-                                          .light = 255,
+                                          .light = variety.light,
                                           .tag = kFirstGalleryTag + static_cast<int32_t>(i)},
                                          sides[i].second);
     plan.connect(gallery, pit, Passage::window(""));
@@ -97,12 +176,14 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   DrawnLayout drawn{.map = std::move(map)};
   drawn.defines = {{"HALF", half},
                    {"RING", middle},
-                   {"GALLERY_FLOOR", kGalleryFloor},
+                   {"GALLERY_FLOOR", variety.gallery_floor},
                    {"CELL_TAG_FIRST", kFirstCellTag},
                    {"PIT_TAG", kPitTag},
                    {"CLOSET_SPOT", kClosetSpot},
                    {"SCREEN_WIDTH", kBlackWidth},
-                   {"SCREEN_HEIGHT", kBlackHeight}};
+                   {"SCREEN_HEIGHT", kBlackHeight},
+                   {"PATH_FLOOR", variety.path_floor}};
+  drawn.arrays = {{"rock", variety.rocks}};
   for (const Paint& paint : kPaints)
     drawn.textures.push_back({paint.name, encode_png(Picture(16, 16, paint.colour))});
   for (const Paint& paint : kScreens)
@@ -118,16 +199,21 @@ double levels(const LayoutTask& task) {
 }  // namespace
 
 LayoutRecipe recipe() {
-  return {.parameters = {{"side", 8, 4, 8, "cells of a side of the maze (axis: 4, 6, 8)"},
-                         {"initial", 8, 2, 64, "size of the first path (axis: 3, 5, 6, 8, 10)"},
-                         {"maximum", 20, 2, 64, "size of the last path; it grows by 2 (axis: 4, 12, 20, 25)"},
-                         {"damage", 35, 1, 100, "health that lava takes every 32 tics (axis: 10, 20, 35)"},
-                         {"depth", 64, 24, 256,
-                          "units from a path down to the lava; 24 can be climbed (axis: 24, 64)"}},
-          .draw = draw,
-          .axes = {{"initial", {{{"initial", 6}}, {{"initial", 8}}, {{"initial", 10}}}},
-                   {"maximum", {{{"maximum", 20}}, {{"maximum", 25}}}}},
-          .ceiling = levels};
+  return {
+      .parameters = {{"side", 8, 4, 8, "cells of a side of the maze (axis: 4, 6, 8)"},
+                     {"initial", 8, 2, 64, "size of the first path (axis: 3, 5, 6, 8, 10)"},
+                     {"maximum", 20, 2, 64, "size of the last path; it grows by 2 (axis: 4, 12, 20, 25)"},
+                     {"damage", 35, 1, 100, "health that lava takes every 32 tics (axis: 10, 20, 35)"},
+                     {"depth", 64, 24, 256,
+                      "units from a path down to the lava; 24 can be climbed (axis: 24, 64)"},
+                     variety_parameter("1: outline of the pit, gallery, up to 3 rocks that paths go round, "
+                                       "textures and light come from the seed (pools set it)"),
+                     organic_parameter()},
+      .draw = draw,
+      .axes = {{"initial", {{{"initial", 6}}, {{"initial", 8}}, {{"initial", 10}}}},
+               {"maximum", {{{"maximum", 20}}, {{"maximum", 25}}}}},
+      .pool_values = {{"variety", 1}},
+      .ceiling = levels};
 }
 
 }  // namespace comrad::scenarios::lava_maze

@@ -8,6 +8,7 @@
 #include "doomgen/layout/map_checks.h"
 #include "doomgen/layout/map_plan.h"
 #include "rollout_buffer/core/rng.h"
+#include "scenarios/spec/variety.h"
 
 namespace comrad::scenarios::lava_pit {
 namespace {
@@ -18,10 +19,11 @@ using doomgen::MapPlan;
 using doomgen::Point;
 
 constexpr int32_t kSea = 560, kDepth = -80, kCeiling = 512;
-constexpr int32_t kFirstJitter = 24;   // of platforms reached by bootstrap bridges
-constexpr int32_t kBridgeMargin = 4;   // between a plate and the bridge's end on the platform
-constexpr int32_t kDropToCentre = 64;  // from a plate's centre to any drop
-constexpr int32_t kWayMin = 64;        // common width of a bridge and its platforms
+constexpr int32_t kFirstJitter = 24;          // of platforms reached by bootstrap bridges
+constexpr int32_t kBridgeMargin = 4;          // between a plate and the bridge's end on the platform
+constexpr int32_t kDropToCentre = 64;         // from a plate's centre to any drop
+constexpr int32_t kWayMin = 64;               // common width of a bridge and its platforms
+constexpr int kFieldCellsPerPlatform = 1000;  // of organic outlines
 constexpr int64_t kLengthMax = 44'000;
 
 std::vector<LayoutParameter> parameters() {
@@ -46,6 +48,7 @@ std::vector<LayoutParameter> parameters() {
       {"damage", 100, 1, 1000, "of the lava, every tic where 50 or more (axis: 60, 100, 140)"},
       {"script_jitter", 0, 0, 70,
        "extra tics between the script's looks at the plates, at most (axis: 0, 20)"},
+      organic_parameter(),
   };
 }
 
@@ -157,6 +160,9 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   if (sea.high.x - sea.low.x > 2 * 15'000) return refused("the chain is too long for a map");
 
   MapPlan plan;
+  const bool organic = wanted.value("organic") != 0;
+  use_organic_outlines(plan, wanted, sea.grown(kSea),
+                       std::clamp(kFieldCellsPerPlatform * std::min(count, 28), 9'000, 30'000));
   plan.add_area({.name = "lava",
                  .floor = kDepth,
                  .ceiling = kCeiling,
@@ -174,7 +180,8 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                    .ceiling_texture = "CEIL5_2",
                    .wall_texture = "STARTAN3",
                    .light = goal ? 252 : 232,
-                   .tag = kPlatformTag + i},
+                   .tag = kPlatformTag + i,
+                   .in_pieces = organic},  // plates may cut off single cells
                   chain[i].box());
   }
   std::vector<Box> bridges;

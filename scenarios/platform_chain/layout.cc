@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "doomgen/layout/picture.h"
+#include "scenarios/spec/variety.h"
 
 namespace comrad::scenarios::platform_chain {
 namespace {
@@ -13,6 +14,7 @@ using namespace doomgen;  // NOLINT: a recipe is written in its words
 constexpr int32_t kColumns = 12, kSize = 112, kCeiling = 2048, kLavaFloor = -96, kBasinHalf = 1750;
 constexpr int32_t kFirstPlatformTag = 8000, kFirstBridgeTag = 8200, kLavaTag = 900;
 constexpr int32_t kBridgeWidth = 36, kBridgeRise = 4, kFirstBridge = 6, kBridgePeriod = 4;
+constexpr int32_t kSpacingMin = 140, kSpacingMax = 188;  // of the parameter; of the published curriculum
 constexpr int32_t kPanelLength = 56, kPanelDepth = 20, kPanelGap = 10;
 constexpr int kBarSegments = 20, kSegmentPitch = 5, kSegmentHeight = 6;  // of a screen of 320x240
 
@@ -36,38 +38,92 @@ std::vector<NamedBytes> bar_pictures() {
   return pictures;
 }
 
+/// What the seed varies where `variety` is 1; as published otherwise.
+struct Variety {
+  int32_t columns = kColumns;
+  std::vector<int32_t> column_x, row_y;  ///< of the platforms' centres
+  int32_t first_bridge = kFirstBridge, bridge_period = kBridgePeriod;
+  Polygon basin = Box::around({0, 0}, 2 * kBasinHalf, 2 * kBasinHalf).polygon();
+  int32_t lava_floor = kLavaFloor, platform_light = 208, lava_light = 196;
+  const char* floor = "FLOOR4_8";
+  const char* sides = "METAL2";
+  const char* ceiling = "RROCK16";
+};
+
+/// Columns are as far apart in every row, and rows in every column, so that panels swing through gaps alone.
+Variety draw_variety(const LayoutDraw& wanted) {
+  Variety drawn;
+  const int32_t levels = wanted.value32("levels"), spacing = wanted.value32("spacing");
+  const bool varies = wanted.value("variety") != 0;
+  Rng shape(wanted.key.split("shape")), look(wanted.key.split("look"));
+  if (varies) drawn.columns = shape.between(10, 14);
+  const int32_t rows = (levels + drawn.columns - 1) / drawn.columns;
+  const auto places = [&](int32_t count) {
+    std::vector<int32_t> place{0};
+    for (int32_t i = 1; i < count; ++i) {
+      const int32_t gap = varies ? std::clamp(spacing + stepped(-12, 8, 2, shape), kSpacingMin,
+                                              std::max(spacing, kSpacingMax))
+                                 : spacing;
+      place.push_back(place.back() + gap);
+    }
+    const int32_t middle = place.back() / 2;
+    for (int32_t& one : place) one -= middle;
+    return place;
+  };
+  drawn.column_x = places(drawn.columns);
+  drawn.row_y = places(rows);
+  if (!varies) return drawn;
+  drawn.first_bridge = shape.between(5, 8);
+  drawn.bridge_period = shape.between(3, 5);
+  drawn.basin = bent_box(Box::around({0, 0}, 2 * kBasinHalf, 2 * kBasinHalf), 5, 200, 64, shape);
+  drawn.lava_floor = stepped(-128, -80, 8, shape);
+  drawn.platform_light = stepped(176, 240, 8, look);
+  drawn.lava_light = stepped(176, 224, 8, look);
+  // Not the ones of lifts, crushers, bridges and lava.
+  constexpr const char* kFloors[] = {"FLOOR4_8", "FLOOR5_1", "FLAT5_4", "MFLR8_1",
+                                     "FLAT1",    "FLAT19",   "RROCK10"};
+  constexpr const char* kSides[] = {"METAL2", "METAL1", "STONE2", "BROWN96", "GRAY5", "BSTONE1", "ROCK2"};
+  constexpr const char* kCeilings[] = {"RROCK16", "CEIL5_2", "CEIL3_5", "FLAT10"};
+  drawn.floor = one_of(kFloors, look);
+  drawn.sides = one_of(kSides, look);
+  drawn.ceiling = one_of(kCeilings, look);
+  return drawn;
+}
+
 Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
-  const int32_t levels = wanted.value32("levels"), spacing = wanted.value32("spacing"),
-                rise = wanted.value32("step"), panels = wanted.value32("panels");
-  const int32_t rows = (levels + kColumns - 1) / kColumns;
+  const int32_t levels = wanted.value32("levels"), rise = wanted.value32("step"),
+                panels = wanted.value32("panels");
+  const Variety variety = draw_variety(wanted);
+  const int32_t columns = variety.columns;
+  const auto is_turn = [&](int32_t i) { return i % columns == columns - 1; };
   std::vector<Point> centre;
   for (int32_t i = 0; i < levels; ++i) {
-    const int32_t row = i / kColumns, column = row % 2 == 0 ? i % kColumns : kColumns - 1 - i % kColumns;
-    centre.push_back(
-        {spacing * column - spacing * (kColumns - 1) / 2, spacing * row - spacing * (rows - 1) / 2});
+    const int32_t row = i / columns, column = row % 2 == 0 ? i % columns : columns - 1 - i % columns;
+    centre.push_back({variety.column_x[column], variety.row_y[row]});
   }
   MapPlan plan;
   plan.add_area({.name = "lava",
-                 .floor = kLavaFloor,
+                 .floor = variety.lava_floor,
                  .ceiling = kCeiling,
                  .floor_texture = "LAVA1",
-                 .ceiling_texture = "RROCK16",
-                 .wall_texture = "METAL2",
-                 .light = 196,
+                 .ceiling_texture = variety.ceiling,
+                 .wall_texture = variety.sides,
+                 .light = variety.lava_light,
                  .tag = kLavaTag},
-                Box::around({0, 0}, 2 * kBasinHalf, 2 * kBasinHalf));
+                variety.basin);
   for (int32_t i = 0; i < levels; ++i)
     plan.add_area({.name = "platform " + std::to_string(i),
                    .floor = rise * i,
                    .ceiling = kCeiling,
-                   .floor_texture = "FLOOR4_8",
-                   .ceiling_texture = "RROCK16",
-                   .wall_texture = "METAL2",
-                   .light = 208,
+                   .floor_texture = variety.floor,
+                   .ceiling_texture = variety.ceiling,
+                   .wall_texture = variety.sides,
+                   .light = variety.platform_light,
                    .tag = kFirstPlatformTag + i},
                   Box::around(centre[i], kSize, kSize));
   std::vector<int64_t> bridges;
-  for (int32_t i = kFirstBridge; i + 1 < levels; i += kBridgePeriod) {
+  for (int32_t i = variety.first_bridge; i + 1 < levels; i += variety.bridge_period) {
+    if (wanted.value("variety") != 0 && is_turn(i)) continue;
     // From edge to edge; where the way turns the strip runs north.
     const Point a = centre[i], b = centre[i + 1];
     const Box strip = a.y == b.y ? Box{{std::min(a.x, b.x) + kSize / 2, a.y - kBridgeWidth / 2},
@@ -78,8 +134,8 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                    .floor = rise * i + kBridgeRise,
                    .ceiling = kCeiling,
                    .floor_texture = "STEP1",
-                   .ceiling_texture = "RROCK16",
-                   .wall_texture = "METAL2",
+                   .ceiling_texture = variety.ceiling,
+                   .wall_texture = variety.sides,
                    .light = 220,
                    .tag = kFirstBridgeTag + static_cast<int32_t>(bridges.size())},
                   strip);
@@ -88,19 +144,21 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   std::vector<int64_t> panel_pairs;
   for (int32_t k = 1; k <= panels; ++k) {
     int32_t i = (levels - 1) * k / (panels + 1);
-    if (i % kColumns == kColumns - 1) --i;  // panels stand between platforms that lie east and west
+    if (is_turn(i)) --i;  // panels stand between platforms that lie east and west
     const Point a = centre[i], b = centre[i + 1];
     plan.add_polyobject({.number = k,
                          .outline = Box::around({0, 0}, kPanelLength, kPanelDepth).polygon(),
                          .spot = {(a.x + b.x) / 2, a.y + kPanelDepth / 2 + kPanelGap},
                          .wall_texture = "METAL",
-                         .floor = kLavaFloor,
+                         .floor = variety.lava_floor,
                          .ceiling = kCeiling});
     panel_pairs.push_back(i);
   }
-  for (int32_t i = 14; i < levels; i += 7)
+  for (int32_t i = 14; i < levels; i += 7) {
+    if (wanted.value("variety") != 0 && (is_turn(i) || is_turn(i - 1))) continue;
     plan.add_thing(
         {.position = {centre[i].x + 18, centre[i].y - 14}, .editor_number = i / 7 % 2 == 0 ? 30 : 31});
+  }
   for (int player = 1; player <= 4; ++player) plan.add_start(player, centre[player - 1], 0);
 
   COMRAD_TRY_ASSIGN(MapData map, plan.build());
@@ -117,7 +175,7 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                   {"BRIDGES", static_cast<int64_t>(bridges.size())},
                   {"LAVA_TAG", kLavaTag},
                   {"PANELS", panels},
-                  {"ROW_LENGTH", kColumns},
+                  {"ROW_LENGTH", columns},
                   {"PLATFORM_HALF", kSize / 2}},
       .arrays = {{"platform_x", x}, {"platform_y", y}, {"bridge_from", bridges}, {"panel_pair", panel_pairs}},
       .textures = bar_pictures()};
@@ -172,13 +230,16 @@ LayoutRecipe recipe() {
                          {"lava", 50, 1, 1000, "damage of the lava; every tic from 50 on (axis: 35, 50, 70)"},
                          {"panels", 8, 0, 16, "moving panels (axis: 4, 12)"},
                          {"safe_min", 1, 0, 96, "static platforms at the beginning, at least (axis: 1, 4)"},
-                         {"safe_max", 3, 0, 96, "and at most (axis: 1, 4)"}},
+                         {"safe_max", 3, 0, 96, "and at most (axis: 1, 4)"},
+                         variety_parameter("1: length of rows, distances, bridges, outline of the lava, "
+                                           "textures and light come from the seed (pools set it)")},
           .draw = draw,
           .axes = {{"levels", {{{"levels", 36}}, {{"levels", 48}}, {{"levels", 60}}}},
                    {"safe", {{{"safe_min", 1}, {"safe_max", 1}}, {{"safe_min", 4}, {"safe_max", 4}}}},
                    {"tether", {{{"tether", 220}}, {{"tether", 250}}, {{"tether", 280}}}},
                    {"lava", {{{"lava", 35}}, {{"lava", 50}}, {{"lava", 70}}}},
                    {"panels", {{{"panels", 4}}, {{"panels", 12}}}}},
+          .pool_values = {{"variety", 1}},
           .curriculum = curriculum(),
           .ceiling = [](const LayoutTask& task) { return static_cast<double>(task.value("levels") - 1); }};
 }

@@ -13,7 +13,8 @@
 namespace comrad::sim {
 namespace {
 
-constexpr int kColumns = 12, kFirstPlatformTag = 8000, kFirstCheckpoint = 56, kTicsPerDecision = 4;
+constexpr int kTallColumn = 30, kShortColumn = 31;  // editor numbers
+constexpr int kFirstPlatformTag = 8000, kFirstCheckpoint = 56, kTicsPerDecision = 4;
 constexpr double kHalf = 56, kBody = 16;
 // Along the way (s) and across it (l), from the platform's centre.
 constexpr double kStartS = -30, kJumpS = 38, kEdgeS = 66, kLandS = -6;
@@ -40,21 +41,21 @@ enum class Phase { kWait, kRun, kFly };
 class Climbers final : public Oracle {
  public:
   explicit Climbers(const DoomGame& game) {
-    const auto number = [&](const char* name, int otherwise) {
-      return static_cast<int>(game.layout.parameter(name, otherwise));
-    };
-    const int levels = number("levels", 48), spacing = number("spacing", 180), panels = number("panels", 8);
-    const int rows = (levels + kColumns - 1) / kColumns;
-    platforms_.resize(static_cast<std::size_t>(levels));
-    for (int i = 0; i < levels; ++i) {
-      const int row = i / kColumns, column = row % 2 == 0 ? i % kColumns : kColumns - 1 - i % kColumns;
-      at(i).centre = {static_cast<double>(spacing * column - spacing * (kColumns - 1) / 2),
-                      static_cast<double>(spacing * row - spacing * (rows - 1) / 2)};
-      at(i).has_column = i >= 14 && i % 7 == 0;
+    const auto levels = static_cast<std::size_t>(game.layout.parameter("levels", 48));
+    platforms_.resize(levels);
+    for (std::size_t sector = 0; sector < game.level->sectors.size(); ++sector) {
+      const int i = game.level->sectors[sector].tag - kFirstPlatformTag;
+      if (i >= 0 && i < static_cast<int>(levels)) at(i).centre = extent_of(*game.level, sector).middle();
     }
+    for (const doom::MapThing& thing : game.level->things)
+      if (thing.editor_number == kTallColumn || thing.editor_number == kShortColumn)
+        for (Platform& platform : platforms_)
+          platform.has_column |=
+              distance_between(platform.centre, {doom::to_double(thing.x), doom::to_double(thing.y)}) < kHalf;
+    const int panels = static_cast<int>(game.layout.parameter("panels", 8));
     for (int k = 1; k <= panels; ++k) {
-      int i = (levels - 1) * k / (panels + 1);
-      if (i % kColumns == kColumns - 1) --i;
+      int i = last() * k / (panels + 1);
+      if (goes_north(i)) --i;
       const int j = k - 1;
       panels_.push_back({(at(i).centre.x + at(i + 1).centre.x) / 2, at(i).centre.y + 20, 128.0 + 32 * (j % 3),
                          j % 2 == 0 ? -1.0 : 1.0});
@@ -104,11 +105,12 @@ class Climbers final : public Oracle {
   Platform& at(int i) { return platforms_[static_cast<std::size_t>(i)]; }
   const Platform& at(int i) const { return platforms_[static_cast<std::size_t>(i)]; }
   int last() const { return static_cast<int>(platforms_.size()) - 1; }
-  bool goes_north(int i) const { return i < last() && i % kColumns == kColumns - 1; }
+  bool goes_north(int i) const { return i < last() && at(i + 1).centre.y > at(i).centre.y; }
   /// Of the way from i to i + 1: +-1 east or west; 0 where it goes north.
   double east_sign(int i) const {
     if (goes_north(i)) return 0;
-    return i / kColumns % 2 == 0 ? 1 : -1;
+    const int from = std::min(i, last() - 1);
+    return at(from + 1).centre.x > at(from).centre.x ? 1 : -1;
   }
   double lane(int i) const {
     if (goes_north(i)) return kNorthLane;

@@ -4,6 +4,8 @@
 #include <optional>
 #include <string>
 
+#include "scenarios/spec/variety.h"
+
 namespace comrad::scenarios::smart_enemies {
 namespace {
 
@@ -12,6 +14,7 @@ using doomgen::MapPlan;
 using doomgen::Point;
 using doomgen::Polygon;
 
+constexpr int32_t kFieldMargin = 256, kFieldCells = 12'000;  // of organic outlines
 constexpr int kArenaCorners = 64, kCircleCorners = 12;
 constexpr int32_t kInnerRadius = 200;  // obstacles have their places from here ...
 constexpr int32_t kFreeRadius = 128;   // ... and leave this much around the middle free
@@ -101,6 +104,8 @@ std::optional<Polygon> draw_obstacle(int32_t radius, Rng& rng) {
 Expected<DrawnLayout> draw_arena(const LayoutDraw& draw) {
   const int32_t radius = draw.value32("radius");
   MapPlan plan;
+  use_organic_outlines(
+      plan, draw, Box::around({0, 0}, 2 * (radius + kFieldMargin), 2 * (radius + kFieldMargin)), kFieldCells);
   Polygon outline;
   for (int i = 0; i < kArenaCorners; ++i) outline.push_back(doomgen::polar_point(radius, i, kArenaCorners));
   // Obstacles may seal off pockets; nobody starts or comes from there.
@@ -158,7 +163,8 @@ LayoutRecipe recipe() {
                      {"obstacles", 30, 0, 200, "obstacles (axis: 18, 30, 42)"},
                      {"cap", 4, 1, 32, "demons that live at a time (axis: 3, 5, 7)"},
                      {"interval", 3, 1, 60, "seconds between two demons (axis: 2, 3, 4)"},
-                     {"proximity", 512, 64, 2000, "how near a hunter counts, units (axis: 384, 512, 640)"}},
+                     {"proximity", 512, 64, 2000, "how near a hunter counts, units (axis: 384, 512, 640)"},
+                     organic_parameter()},
       .draw = draw_arena,
       .axes = {{"radius", {{{"radius", 700}}, {{"radius", 850}}, {{"radius", 1000}}}},
                {"obstacles", {{{"obstacles", 18}}, {{"obstacles", 30}}, {{"obstacles", 42}}}},

@@ -4,7 +4,9 @@
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 
 #include "doomgen/layout/wad_writer.h"
@@ -27,26 +29,74 @@ std::string hex(uint64_t value) {
   return text;
 }
 
-bool is_held_out(uint64_t seed) {
-  return std::find(std::begin(kHeldOutSeeds), std::end(kHeldOutSeeds), seed) != std::end(kHeldOutSeeds);
-}
+/// Draws that bring nothing new, one after the other, before a recipe counts as exhausted.
+constexpr int kFruitlessDraws = 300;
 
 /// Seeds of a pool, one after the other.
 class SeedStream {
  public:
-  SeedStream(std::string scenario, PoolKind kind) : scenario_(std::move(scenario)), kind_(kind) {}
+  explicit SeedStream(PoolKind kind) : kind_(kind) {}
   uint64_t next() {
     if (kind_ == PoolKind::kEval && held_out_ < std::size(kHeldOutSeeds)) return kHeldOutSeeds[held_out_++];
-    while (is_held_out(seed_) || pool_of_seed(scenario_, seed_) != kind_) ++seed_;
+    while (is_held_out_seed(seed_)) ++seed_;
     return seed_++;
   }
 
  private:
-  std::string scenario_;
   PoolKind kind_;
   std::size_t held_out_ = 0;
   uint64_t seed_ = 0;
 };
+
+/// One layout of a pool as it is to be drawn: options of the axes by its seed, the choices noted.
+LayoutRequest request_of_seed(const std::string& scenario, const LayoutRecipe& recipe,
+                              const PoolRequest& request, uint64_t seed,
+                              std::vector<std::pair<std::string, std::string>>* choices = nullptr) {
+  LayoutRequest one = request.layout;
+  one.seed = seed;
+  if (!request.vary) return one;
+  const auto is_set = [&](const char* name) {
+    return std::any_of(request.layout.parameters.begin(), request.layout.parameters.end(),
+                       [&](const auto& parameter) { return parameter.first == name; });
+  };
+  for (const auto& [name, value] : recipe.pool_values)
+    if (!is_set(name)) one.parameters.emplace_back(name, std::to_string(value));
+  Rng rng(RngKey(seed).split(scenario).split("axes"));
+  for (const LayoutAxis& axis : recipe.axes) {
+    const auto& option = axis.options[rng.below(static_cast<uint32_t>(axis.options.size()))];
+    std::string choice;
+    for (const auto& [name, value] : option) {
+      if (is_set(name)) continue;
+      one.parameters.emplace_back(name, std::to_string(value));
+      choice += (choice.empty() ? "" : " ") + std::string(name) + "=" + std::to_string(value);
+    }
+    if (choices != nullptr && !choice.empty()) choices->emplace_back(axis.name, choice);
+  }
+  return one;
+}
+
+/// A recipe has run out of maps: how many there are, and what gives more.
+Error out_of_maps(const std::string& scenario, const LayoutRecipe& recipe, const PoolRequest& request,
+                  std::size_t found, const PoolTally& tally) {
+  const bool for_evaluation = request.kind == PoolKind::kEval;
+  std::string more;
+  if (!request.vary)
+    more = "leave out --no-vary";
+  else if (!request.layout.parameters.empty())
+    more = "leave out some of the parameters that were set";
+  std::string parameters;
+  for (const LayoutParameter& parameter : recipe.parameters)
+    parameters += (parameters.empty() ? "" : ", ") + std::string(parameter.name);
+  return Error{ErrorCode::kBadInput,
+               "scenario " + scenario + ": " + std::to_string(request.count) + " layouts for " +
+                   (for_evaluation ? "evaluation" : "training") + " were asked for, but " +
+                   std::to_string(tally.draws) + " draws gave only " + std::to_string(found) +
+                   " distinct ones (" + std::to_string(tally.other_pool) + " draws belong to " +
+                   (for_evaluation ? "training" : "evaluation") + ", " + std::to_string(tally.repeated) +
+                   " were repetitions). For more, " + (more.empty() ? "" : more + ", or ") +
+                   "give other values with --set NAME=VALUE: " + parameters +
+                   "; or ask for fewer with --count"};
+}
 
 /// Makes a pool's folder without a registry, which is written when all files are there. Gives its path.
 Expected<std::string> begin_pool(const std::string& folder) {
@@ -64,8 +114,10 @@ std::string file_stem(std::string scenario) {
   return fs::path(scenario).filename().string();
 }
 
-/// What is wrong with one layout for this use; empty: nothing. The entry learns its ceilings from its file.
-Status check_entry(PoolEntry& entry, const PoolUse& use, const std::string& scenario) {
+/// What is wrong with one layout for this use; empty: nothing. The entry learns its ceilings from its file,
+/// `contents` gets its content; `splits` are those of the scenarios met so far.
+Status check_entry(PoolEntry& entry, const PoolUse& use, const std::string& scenario,
+                   std::map<uint64_t, std::string>& contents, std::map<std::string, ContentSplit>& splits) {
   const std::string where = entry.id + " (" + entry.filename + "): ";
   const auto bad = [&](ErrorCode code, const std::string& what) { return Error{code, where + what}; };
   Expected<std::string> bytes = read_scenario_file(entry.filename);
@@ -76,6 +128,7 @@ Status check_entry(PoolEntry& entry, const PoolUse& use, const std::string& scen
   const auto wad = wad::WadFile::from_bytes({bytes->begin(), bytes->end()}, entry.filename);
   if (!wad) return bad(wad.error().code, wad.error().message);
   LayoutInfo info = entry.info;
+  const bool is_ours = wad->find(kLayoutInfoLump).has_value();
   if (const auto lump = wad->find(kLayoutInfoLump)) {
     const Expected<LayoutInfo> parsed = parse_layout_info(wad->text(*lump));
     if (!parsed) return bad(parsed.error().code, parsed.error().message);
@@ -83,13 +136,37 @@ Status check_entry(PoolEntry& entry, const PoolUse& use, const std::string& scen
   }
   if (!scenario.empty() && !info.scenario.empty() && info.scenario != scenario)
     return bad(ErrorCode::kBadInput, "is a map of scenario " + info.scenario + ", not of " + scenario);
-  if (use.for_training && (entry.split == "eval" || (entry.split.empty() && is_held_out(info.seed))))
+  if (use.for_training && entry.split == "eval")
     return bad(ErrorCode::kBadInput,
                "is a layout for evaluation; train on a pool of `comrad doomgen NAME --pool train`, or on "
                "--layout_pool train:<count>");
   entry.info.ceiling = info.ceiling;
   if (info.ceiling.empty() && !info.parameters.empty())  // drawn before maps said it
     if (const auto ceilings = layout_ceilings(info.scenario, info.parameters)) entry.info.ceiling = *ceilings;
+  if (is_ours) {
+    const Expected<uint64_t> content = layout_content(*wad);
+    if (!content) return bad(content.error().code, content.error().message);
+    if (entry.map_hash != 0 && entry.map_hash != *content)
+      return bad(ErrorCode::kBadFormat, "its map is not the one that " + std::string(kPoolRegistryName) +
+                                            " tells of (its map_hash is another); draw the pool again");
+    const auto [same, is_new] = contents.emplace(*content, entry.id);
+    if (!is_new && !entry.split.empty() && entry.stage.empty())
+      return bad(ErrorCode::kBadFormat,
+                 "is the same map as " + same->second + ", but for its seed; draw the pool again");
+    if (use.for_training && !splits.contains(info.scenario)) {
+      COMRAD_TRY_ASSIGN(splits[info.scenario], ContentSplit::of(info.scenario));
+    }
+    if (use.for_training && splits[info.scenario].is_for_evaluation(*content))
+      return bad(
+          ErrorCode::kBadInput,
+          std::string("is for evaluation: its map is a held-out one, or its content is among the one in "
+                      "ten that `comrad doomgen NAME --pool eval` draws") +
+              (entry.split == "train" ? " (the pool was drawn by an older version, which looked at seeds "
+                                        "alone; draw it again)"
+                                      : "") +
+              ". Train on a pool of `--pool train`, on --layout_pool train:<count>, or on a grid drawn "
+              "with --for train");
+  }
   if (use.num_agents == 0) return {};
   const std::vector<std::string> names = wad->map_names();
   if (names.empty()) return bad(ErrorCode::kBadFormat, "there is no map in it");
@@ -145,6 +222,7 @@ Expected<std::vector<PoolEntry>> make_curriculum_pool(const std::string& scenari
     entry.id = stem + "_" + number + "_" + stage.name;
     entry.filename = entry.id + ".wad";
     entry.content_hash = layout.content_hash;
+    entry.map_hash = layout.map_hash;
     entry.info = layout.info;
     entry.retries = layout.info.attempt;
     entry.stage = stage.name;
@@ -186,6 +264,10 @@ Expected<std::vector<PoolEntry>> make_grid_pool(const std::string& scenario, con
                                            " layouts; nothing is left from " + std::to_string(request.start) +
                                            " on"};
   COMRAD_TRY_ASSIGN(const std::string registry, begin_pool(folder));
+  ContentSplit split;
+  if (request.for_training) {
+    COMRAD_TRY_ASSIGN(split, ContentSplit::of(scenario));
+  }
   const std::string stem = file_stem(scenario);
   std::vector<PoolEntry> entries;
   for (int64_t place = request.start; place < end; ++place) {
@@ -215,11 +297,13 @@ Expected<std::vector<PoolEntry>> make_grid_pool(const std::string& scenario, con
       continue;
     }
     COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
+    if (request.for_training && split.is_for_evaluation(layout.map_hash)) continue;
     char number[24];
     std::snprintf(number, sizeof(number), "%04lld", static_cast<long long>(place));
     entry.id = stem + "_" + number;
     entry.filename = entry.id + ".wad";
     entry.content_hash = layout.content_hash;
+    entry.map_hash = layout.map_hash;
     entry.info = layout.info;
     entry.retries = layout.info.attempt;
     COMRAD_TRY(
@@ -243,11 +327,13 @@ Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use) {
   COMRAD_TRY_ASSIGN(std::vector<PoolEntry> entries, read_pool(folder));
   LayoutList list;
   std::set<std::string> ids;
+  std::map<uint64_t, std::string> contents;
+  std::map<std::string, ContentSplit> splits;
   std::error_code error;
   for (PoolEntry& entry : entries) {
     if (!ids.insert(entry.id).second)
       return Error{ErrorCode::kBadFormat, folder + ": two layouts have the id " + entry.id};
-    COMRAD_TRY(check_entry(entry, use, scenario));
+    COMRAD_TRY(check_entry(entry, use, scenario, contents, splits));
     const auto ceiling = entry.info.ceiling.find(use.num_agents > 0 ? use.num_agents : default_agents);
     list.layouts.push_back({.id = entry.id,
                             .path = fs::absolute(entry.filename, error).lexically_normal().string(),
@@ -260,62 +346,53 @@ Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use) {
   return list;
 }
 
-PoolKind pool_of_seed(const std::string& scenario, uint64_t seed) {
-  if (is_held_out(seed)) return PoolKind::kEval;
-  const uint64_t hash = doomgen::content_hash(scenario + "_" + std::to_string(seed));
-  return hash % 10 == 0 ? PoolKind::kEval : PoolKind::kTrain;
-}
-
-std::vector<uint64_t> pool_seeds(const std::string& scenario, PoolKind kind, int count) {
-  SeedStream stream(scenario, kind);
-  std::vector<uint64_t> seeds;
-  for (int i = 0; i < count; ++i) seeds.push_back(stream.next());
-  return seeds;
-}
-
 Expected<std::vector<PoolEntry>> make_pool(const std::string& scenario, const PoolRequest& request,
                                            const std::string& folder,
-                                           const std::function<void(const PoolEntry&)>& progress) {
+                                           const std::function<void(const PoolEntry&)>& progress,
+                                           PoolTally* tally) {
   if (request.kind == PoolKind::kCurriculum) return make_curriculum_pool(scenario, request.layout, folder);
   if (request.count < 1 || request.count > 100'000)
     return Error{ErrorCode::kBadInput, "a pool has 1..100000 layouts, not " + std::to_string(request.count)};
   COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
+  COMRAD_TRY_ASSIGN(const ContentSplit split, ContentSplit::of(scenario));
   COMRAD_TRY_ASSIGN(const std::string registry, begin_pool(folder));
   const std::string stem = file_stem(scenario);
-  SeedStream seeds(scenario, request.kind);
+  SeedStream seeds(request.kind);
+  PoolTally counted;
+  PoolTally& count = tally == nullptr ? counted : *tally;
   std::vector<PoolEntry> entries;
-  int64_t left_out = 0;
-  // A pool of which one layout in fifty can be solved is still drawn; one of which none can be ends.
-  const int64_t left_out_max = request.vary ? 100 + int64_t{50} * request.count : 0;
-  std::set<uint64_t> drawn;  // seeds that maps were really drawn from, attempts included
-  while (static_cast<int>(entries.size()) < request.count) {
-    LayoutRequest one = request.layout;
-    one.seed = seeds.next();
-    PoolEntry entry;
-    if (request.vary) {
-      Rng rng(RngKey(one.seed).split(scenario).split("axes"));
-      for (const LayoutAxis& axis : recipe.axes) {
-        const auto& option = axis.options[rng.below(static_cast<uint32_t>(axis.options.size()))];
-        std::string choice;
-        for (const auto& [name, value] : option) {
-          one.parameters.emplace_back(name, std::to_string(value));
-          choice += (choice.empty() ? "" : " ") + std::string(name) + "=" + std::to_string(value);
-        }
-        entry.axis_choices.emplace_back(axis.name, choice);
-      }
+  std::set<uint64_t> contents;
+  std::optional<Error> lacking;
+  for (int fruitless = 0; static_cast<int>(entries.size()) < request.count; ++fruitless) {
+    if (fruitless == kFruitlessDraws) {
+      std::error_code error;  // a folder of WADs would be a pool
+      for (const PoolEntry& entry : entries) fs::remove(fs::path(folder) / entry.filename, error);
+      if (lacking && count.draws == 0) return *lacking;
+      return out_of_maps(scenario, recipe, request, entries.size(), count);
     }
+    PoolEntry entry;
+    const LayoutRequest one = request_of_seed(scenario, recipe, request, seeds.next(), &entry.axis_choices);
     // Options that do not go together, with what the team needs to solve the map, are drawn from the next seed.
     if (const Status enough = check_resources(scenario, one); !enough) {
-      if (enough.error().code != ErrorCode::kUnsupported || ++left_out > left_out_max) return enough.error();
+      if (enough.error().code != ErrorCode::kUnsupported || !request.vary) return enough.error();
+      lacking = enough.error();
       continue;
     }
     COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
-    const uint64_t used = one.seed + 1000 * static_cast<uint64_t>(layout.info.attempt);
-    // A retry may land on a seed of the other pool or on one that was used already.
-    if (!drawn.insert(used).second || pool_of_seed(scenario, used) != request.kind) continue;
+    ++count.draws;
+    if (split.is_for_evaluation(layout.map_hash) != (request.kind == PoolKind::kEval)) {
+      ++count.other_pool;
+      continue;
+    }
+    if (!contents.insert(layout.map_hash).second) {
+      ++count.repeated;
+      continue;
+    }
+    fruitless = -1;  // the loop counts on
     entry.id = stem + "_" + std::to_string(one.seed);
     entry.filename = entry.id + ".wad";
     entry.content_hash = layout.content_hash;
+    entry.map_hash = layout.map_hash;
     entry.info = layout.info;
     entry.retries = layout.info.attempt;
     COMRAD_TRY(
@@ -325,6 +402,22 @@ Expected<std::vector<PoolEntry>> make_pool(const std::string& scenario, const Po
   }
   COMRAD_TRY(write_file_atomically(registry, pool_registry_text(request.kind, entries), /*durable=*/true));
   return entries;
+}
+
+Expected<DistinctMaps> count_distinct_maps(const std::string& scenario, const PoolRequest& request,
+                                           int draws) {
+  if (draws < 2 || draws > 100'000)
+    return Error{ErrorCode::kBadInput,
+                 "distinct maps are counted with 2..100000 draws, not " + std::to_string(draws)};
+  COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
+  SeedStream seeds(PoolKind::kTrain);
+  std::vector<uint64_t> contents;
+  for (int i = 0; i < draws; ++i) {
+    COMRAD_TRY_ASSIGN(const GeneratedLayout layout,
+                      generate_layout(scenario, request_of_seed(scenario, recipe, request, seeds.next())));
+    contents.push_back(layout.map_hash);
+  }
+  return distinct_maps(contents);
 }
 
 std::string pool_registry_text(PoolKind kind, const std::vector<PoolEntry>& entries) {
@@ -342,6 +435,7 @@ std::string pool_registry_text(PoolKind kind, const std::vector<PoolEntry>& entr
                     {"seed", entry.info.seed},
                     {"attempt", entry.info.attempt},
                     {"content_hash", hex(entry.content_hash)},
+                    {"map_hash", hex(entry.map_hash)},
                     {"config", config},
                     {"axis_choices", choices}});
     for (const auto& [agents, ceiling] : entry.info.ceiling)
@@ -401,10 +495,12 @@ Expected<std::vector<PoolEntry>> read_pool(const std::string& folder) {
       if (one.contains("axis_choices") && one["axis_choices"].is_object())
         for (const auto& [axis, choice] : one["axis_choices"].items())
           if (choice.is_string()) entry.axis_choices.emplace_back(axis, choice.get<std::string>());
-      if (one.contains("content_hash") && one["content_hash"].is_string()) {
-        const std::string digits = one["content_hash"];
-        std::from_chars(digits.data(), digits.data() + digits.size(), entry.content_hash, 16);
-      }
+      for (const auto& [name, hash] :
+           {std::pair{"content_hash", &entry.content_hash}, std::pair{"map_hash", &entry.map_hash}})
+        if (one.contains(name) && one[name].is_string()) {
+          const std::string digits = one[name];
+          std::from_chars(digits.data(), digits.data() + digits.size(), *hash, 16);
+        }
       entries.push_back(std::move(entry));
     }
   } else {

@@ -22,6 +22,9 @@ struct LayoutParameter {
   const char* name;
   int64_t default_value, low, high;
   const char* help;
+  /// Not written into WADs where it has its default value, so that maps drawn before there was such a
+  /// parameter keep their bytes; script.acs may not name it.
+  bool hide_default = false;
 };
 
 /// One axis of a layout pool: each option sets one or more parameters. Axes do not share parameters.
@@ -69,8 +72,8 @@ struct NamedBytes {
 /// What a recipe draws.
 struct DrawnLayout {
   doomgen::MapData map;
-  /// `#define NAME value` for script.acs, besides PARAM_<NAME> for every parameter, LAYOUT_SEED and
-  /// LAYOUT_PLAYERS (starts on the map).
+  /// `#define NAME value` for script.acs, besides PARAM_<NAME> for every parameter, LAYOUT_PLAYERS (starts on
+  /// the map) and LAYOUT_SEED, which makes no other map of it (layout_content.h).
   std::vector<std::pair<std::string, int64_t>> defines = {};
   /// `int name[] = {...}` for script.acs.
   std::vector<std::pair<std::string, std::vector<int64_t>>> arrays = {};
@@ -85,6 +88,8 @@ struct LayoutRecipe {
   Expected<DrawnLayout> (*draw)(const LayoutDraw& draw) = nullptr;
   const char* players_parameter = nullptr;  ///< which parameter says how many starts the map has, if one does
   std::vector<LayoutAxis> axes = {};
+  /// What pools that vary set beside their axes. Grids, single maps and published maps keep the defaults.
+  std::vector<std::pair<const char*, int64_t>> pool_values = {};
   std::vector<CurriculumStage> curriculum = {};  ///< `comrad doomgen NAME --pool curriculum`
   /// The best score J that such a map allows: an upper bound by the rules, above which no episode ends.
   /// None: the ceiling of scenario.toml, which no parameter and no team size changes.

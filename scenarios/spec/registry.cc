@@ -11,6 +11,7 @@
 #include "doomgen/wad/wad_reader.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/text.h"
+#include "scenarios/spec/layout_content.h"
 #include "scenarios/spec/recipe_table.h"
 #include "scenarios/spec/scenario_files.h"
 #include "scenarios/spec/scenario_spec.h"
@@ -133,6 +134,9 @@ Status write_wad(const std::string& folder, const LayoutRequest& request, const 
     COMRAD_TRY_ASSIGN(layout.wad, doomgen::build_nodes(layout.wad));
   }
   layout.content_hash = doomgen::content_hash(layout.wad);
+  COMRAD_TRY_ASSIGN(const wad::WadFile file,
+                    wad::WadFile::from_bytes({layout.wad.begin(), layout.wad.end()}, layout.info.scenario));
+  COMRAD_TRY_ASSIGN(layout.map_hash, layout_content(file));
   return {};
 }
 
@@ -164,6 +168,9 @@ Expected<GeneratedLayout> ready_made(const ScenarioSpec& spec, const LayoutReque
     COMRAD_TRY_ASSIGN(layout.wad, doomgen::build_nodes(layout.wad));
   }
   layout.content_hash = doomgen::content_hash(layout.wad);
+  const auto file = wad::WadFile::from_bytes({layout.wad.begin(), layout.wad.end()}, spec.wad);
+  if (const auto content = file ? layout_content(*file) : Expected<uint64_t>(file.error()); content)
+    layout.map_hash = *content;
   return layout;
 }
 
@@ -212,7 +219,7 @@ Status check_resources(const std::string& scenario, const LayoutRequest& request
 }
 
 std::string layout_script_text(const LayoutInfo& info, const DrawnLayout& layout) {
-  std::string text = "// Layout of " + info.scenario + ", made by comrad doomgen.\n";
+  std::string text = kLayoutScriptHead + info.scenario + ", made by comrad doomgen.\n";
   const auto define = [&](const std::string& name, int64_t value) {
     text += "#define " + name + " " + std::to_string(value) + "\n";
   };
@@ -261,6 +268,9 @@ Expected<GeneratedLayout> generate_layout(const std::string& scenario, const Lay
                                              std::to_string(request.num_agents)};
     layout.info = {request.as.empty() ? scenario : request.as, request.seed, attempt, values,
                    ceilings_of(spec, recipe, values)};
+    for (const LayoutParameter& parameter : recipe.parameters)
+      if (parameter.hide_default && values.at(parameter.name) == parameter.default_value)
+        layout.info.parameters.erase(parameter.name);
     COMRAD_TRY(write_wad(folder, request, *drawn, layout));
     return layout;
   }

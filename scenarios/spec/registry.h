@@ -33,6 +33,7 @@ struct LayoutRequest {
 struct GeneratedLayout {
   std::string wad;            ///< bytes of the file
   uint64_t content_hash = 0;  ///< FNV-1a 64 of them
+  uint64_t map_hash = 0;      ///< layout_content() of them; 0 of a ready-made WAD whose map cannot be read
   LayoutInfo info;
   std::string file = {};  ///< of a map that the scenario brings along: where it lies; empty for a drawn one
   std::vector<std::string> refusals = {};  ///< why each attempt before this one was not accepted
@@ -67,6 +68,9 @@ Status check_resources(const std::string& scenario, const LayoutRequest& request
 /// Errors: kNotFound for an unknown scenario; those of check_resources(); kBadInput when none of 20 attempts
 /// passes the checks (with the last reason); kBadFormat of script.acs by file and line.
 Expected<GeneratedLayout> generate_layout(const std::string& scenario, const LayoutRequest& request);
+
+/// How layout_script_text() begins.
+constexpr const char* kLayoutScriptHead = "// Layout of ";
 
 /// The text that script.acs finds as "layout.acs": seed, parameters, the recipe's own numbers and arrays.
 std::string layout_script_text(const LayoutInfo& info, const DrawnLayout& layout);

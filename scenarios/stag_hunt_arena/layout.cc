@@ -6,6 +6,7 @@
 #include "doomgen/layout/map_checks.h"
 #include "doomgen/layout/map_plan.h"
 #include "rollout_buffer/core/rng.h"
+#include "scenarios/spec/variety.h"
 
 namespace comrad::scenarios::stag_hunt_arena {
 namespace {
@@ -17,6 +18,8 @@ using doomgen::Point;
 
 constexpr int32_t kWallToStart = 128, kStartOffset = 64, kStartRows = 64;
 constexpr int32_t kHareClearance = 24;  // more than a hare's radius
+constexpr int kWallBends = 7;           // of each wall, where it is bent
+constexpr int32_t kWallBend = 56;       // units to either side; starts and spots keep their room
 
 std::vector<LayoutParameter> parameters() {
   return {
@@ -37,6 +40,7 @@ std::vector<LayoutParameter> parameters() {
       {"hare_heal", 3, 0, 200, "health for the hare's killer"},
       {"stag_heal", 50, 0, 200, "health for every hunter at a stag's death"},
       {"stag_shells", 20, 0, 200, "shells for every hunter at a stag's death"},
+      variety_parameter("1: bent walls, height, textures and light come from the seed (pools set it)"),
   };
 }
 
@@ -50,14 +54,30 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
   const int32_t half = wanted.value32("side") / 2, jitter = wanted.value32("jitter");
   const int outer_count = wanted.value32("outer_spots");
 
+  const Box square{{-half, -half}, {half, half}};
+  doomgen::AreaSpec arena{.name = "arena",
+                          .ceiling = 384,
+                          .floor_texture = "FLOOR4_8",
+                          .ceiling_texture = "CEIL3_5",
+                          .wall_texture = "STONE2",
+                          .light = 200};
+  doomgen::Polygon outline = square.polygon();
+  if (wanted.value("variety") != 0) {
+    Rng shape(wanted.key.split("shape")), look(wanted.key.split("look"));
+    outline = bent_box(square, kWallBends, kWallBend, kWallBend, shape);
+    constexpr const char* kFloors[] = {"FLOOR4_8", "FLOOR5_1", "FLAT1", "FLAT5_4",
+                                       "MFLR8_1",  "RROCK16",  "GRASS1"};
+    constexpr const char* kCeilings[] = {"CEIL3_5", "CEIL5_2", "FLAT10", "RROCK19", "CEIL4_1"};
+    constexpr const char* kWalls[] = {"STONE2", "STONE3", "BROWN1", "BRICK7", "GRAY5", "ROCK2", "BIGBRIK1"};
+    arena.floor_texture = one_of(kFloors, look);
+    arena.ceiling_texture = one_of(kCeilings, look);
+    arena.wall_texture = one_of(kWalls, look);
+    arena.light = stepped(168, 232, 8, look);
+    arena.ceiling = stepped(320, 448, 16, look);
+  }
+
   MapPlan plan;
-  plan.add_area({.name = "arena",
-                 .ceiling = 384,
-                 .floor_texture = "FLOOR4_8",
-                 .ceiling_texture = "CEIL3_5",
-                 .wall_texture = "STONE2",
-                 .light = 200},
-                Box{{-half, -half}, {half, half}});
+  plan.add_area(arena, outline);
   for (int player = 0; player < 4; ++player)
     plan.add_start(
         player + 1,
@@ -66,11 +86,12 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
 
   Rng rng(wanted.key.split("hare spots"));
   std::vector<Point> hares;
+  const int32_t clearance = kHareClearance + (wanted.value("variety") != 0 ? kWallBend : 0);
   const auto add_ring = [&](int count, int32_t radius, int64_t offset_halves) {
     for (int i = 0; i < count; ++i) {
       Point p = doomgen::polar_point(radius, 2 * i + offset_halves, 2 * count);
-      p.x = std::clamp(p.x + rng.between(-jitter, jitter), -half + kHareClearance, half - kHareClearance);
-      p.y = std::clamp(p.y + rng.between(-jitter, jitter), -half + kHareClearance, half - kHareClearance);
+      p.x = std::clamp(p.x + rng.between(-jitter, jitter), -half + clearance, half - clearance);
+      p.y = std::clamp(p.y + rng.between(-jitter, jitter), -half + clearance, half - clearance);
       hares.push_back(p);
     }
   };
@@ -132,6 +153,7 @@ LayoutRecipe recipe() {
                    {"payoff",
                     {{{"hare_heal", 4}, {"stag_heal", 40}, {"stag_shells", 16}},
                      {{"hare_heal", 2}, {"stag_heal", 60}, {"stag_shells", 24}}}}},
+          .pool_values = {{"variety", 1}},
           .ceiling = most_stags};
 }
 

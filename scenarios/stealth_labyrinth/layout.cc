@@ -6,6 +6,7 @@
 
 #include "doomgen/layout/map_plan.h"
 #include "doomgen/layout/reachability.h"
+#include "scenarios/spec/variety.h"
 
 namespace comrad::scenarios::stealth_labyrinth {
 namespace {
@@ -18,7 +19,8 @@ constexpr int32_t kCeiling = 192;
 constexpr int32_t kStartSide = 320, kHubSide = 448;
 constexpr Point kStartCentre{0, -560};
 constexpr int32_t kFirstRoomDistance = 980, kRoomGap = 128;
-constexpr int32_t kCellUnits = 54;   // the published generator's; a corridor of w cells is 2w - 1 across
+constexpr int32_t kCellUnits = 54;  // the published generator's; a corridor of w cells is 2w - 1 across
+constexpr int32_t kFieldMargin = 512, kFieldCells = 16'000;  // of organic outlines
 constexpr int32_t kRoomMargin = 64;  // the torch lights a room or corridor from this far outside it
 constexpr int32_t kHallMargin = 72;  // start room and hub
 constexpr int32_t kStartLight = 224, kHubLight = 160, kStartCorridorLight = 160, kRoomLight = 224,
@@ -150,6 +152,9 @@ Expected<DrawnLayout> draw_layout(const LayoutDraw& draw) {
   if (const Status enough = check_bullets(turret_health, turrets); !enough)
     return Error{enough.error().code, "stealth_labyrinth: " + enough.error().message};
   MapPlan map;
+  std::vector<Point> corners{where.start.low, where.start.high, where.hub.low, where.hub.high};
+  for (const Room& room : where.rooms) corners.push_back(room.box.low), corners.push_back(room.box.high);
+  use_organic_outlines(map, draw, doomgen::bounds_of(corners).grown(kFieldMargin), kFieldCells);
   Areas areas;
   const auto area = [&](std::string name, int32_t tag, const Box& box, const char* floor, const char* wall) {
     map.add_area({.name = std::move(name),
@@ -230,7 +235,8 @@ LayoutRecipe recipe() {
                          {"first_health", 90, 1, 10'000,
                           "the same in the first room of a branch (axis: 70, 110)"},
                          {"first_margin", 320, 32, 640,
-                          "units from a first room's turret to the far wall (axis: 360, 280)"}},
+                          "units from a first room's turret to the far wall (axis: 360, 280)"},
+                         organic_parameter()},
           .draw = draw_layout,
           .axes = {{"branches", {{{"branches", 1}}, {{"branches", 2}}, {{"branches", 3}}}},
                    {"rooms", {{{"rooms", 1}}, {{"rooms", 2}}, {{"rooms", 3}}}},

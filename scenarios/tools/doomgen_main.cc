@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -77,6 +78,14 @@ int show(int argc, char** argv) {
   return drawn ? 0 : report(drawn.error());
 }
 
+/// ", 190 distinct maps"; empty where the registry does not say.
+std::string distinct_words(const std::vector<scenarios::PoolEntry>& entries) {
+  std::set<uint64_t> maps;
+  for (const scenarios::PoolEntry& entry : entries) maps.insert(entry.map_hash);
+  if (maps.contains(0)) return {};
+  return ", " + std::to_string(maps.size()) + (maps.size() == 1 ? " distinct map" : " distinct maps");
+}
+
 Status check_folder(const std::string& folder, const scenarios::PoolUse& use, bool toml) {
   COMRAD_TRY_ASSIGN(const LayoutList list, scenarios::check_pool(folder, use));
   if (toml) {
@@ -91,7 +100,8 @@ Status check_folder(const std::string& folder, const scenarios::PoolUse& use, bo
                 entry.split.empty() ? "no split" : entry.split.c_str(),
                 entry.stage.empty() ? "" : ("  " + entry.stage).c_str(), choices.c_str());
   }
-  std::printf("%s: %zu layouts, all there and whole\n", folder.c_str(), entries.size());
+  std::printf("%s: %zu layouts, all there and whole%s\n", folder.c_str(), entries.size(),
+              distinct_words(entries).c_str());
   return {};
 }
 
@@ -143,19 +153,32 @@ int make_one(const std::string& name, const scenarios::LayoutRequest& request, c
     std::fprintf(stderr, "comrad-doomgen: refused, trying the next: %s\n", refusal.c_str());
   if (const Status written = write_file_atomically(path, layout->wad, /*durable=*/true); !written)
     return report(written.error());
-  std::printf("%s: %s, seed %llu, attempt %d, %zu bytes, hash %016llx\n", path.c_str(), name.c_str(),
-              static_cast<unsigned long long>(request.seed), layout->info.attempt, layout->wad.size(),
-              static_cast<unsigned long long>(layout->content_hash));
+  std::printf("%s: %s, seed %llu, attempt %d, %zu bytes, hash %016llx, map %016llx\n", path.c_str(),
+              name.c_str(), static_cast<unsigned long long>(request.seed), layout->info.attempt,
+              layout->wad.size(), static_cast<unsigned long long>(layout->content_hash),
+              static_cast<unsigned long long>(layout->map_hash));
   return 0;
 }
 
 int make_many(const std::string& name, const scenarios::PoolRequest& request, const std::string& folder) {
   int retries = 0;
+  scenarios::PoolTally tally;
   const auto pool = scenarios::make_pool(
-      name, request, folder, [&](const scenarios::PoolEntry& entry) { retries += entry.retries; });
+      name, request, folder, [&](const scenarios::PoolEntry& entry) { retries += entry.retries; }, &tally);
   if (!pool) return report(pool.error());
-  std::printf("%s: %zu layouts of %s, %d retries, listed in %s\n", folder.c_str(), pool->size(), name.c_str(),
-              retries, scenarios::kPoolRegistryName);
+  std::printf("%s: %zu layouts of %s%s, %d retries, listed in %s", folder.c_str(), pool->size(), name.c_str(),
+              distinct_words(*pool).c_str(), retries, scenarios::kPoolRegistryName);
+  if (tally.draws > 0)
+    std::printf("; %d drawn, of which %d are for %s and %d were there already", tally.draws, tally.other_pool,
+                request.kind == scenarios::PoolKind::kEval ? "training" : "evaluation", tally.repeated);
+  std::printf("\n");
+  return 0;
+}
+
+int count_distinct(const std::string& name, const scenarios::PoolRequest& request, int draws) {
+  const auto maps = scenarios::count_distinct_maps(name, request, draws);
+  if (!maps) return report(maps.error());
+  std::printf("%s: %s\n", name.c_str(), scenarios::distinct_maps_text(*maps).c_str());
   return 0;
 }
 
@@ -193,8 +216,8 @@ int make_grid(const std::string& name, const std::vector<std::string>& axes, sce
   };
   const auto pool = scenarios::make_grid_pool(name, request, folder);
   if (!pool) return report(pool.error());
-  std::printf("%s: %zu layouts of %s, listed in %s\n", folder.c_str(), pool->size(), name.c_str(),
-              scenarios::kPoolRegistryName);
+  std::printf("%s: %zu layouts of %s%s, listed in %s\n", folder.c_str(), pool->size(), name.c_str(),
+              distinct_words(*pool).c_str(), scenarios::kPoolRegistryName);
   return 0;
 }
 
@@ -209,7 +232,7 @@ int run(int argc, char** argv) {
   app.add_option("name,--scenario", name, "scenario whose map is drawn: a name, or the path of a folder")
       ->required();
   app.add_option("--seed", request.seed, "seed of the layout")->capture_default_str();
-  app.add_option("-o,--out", path, "file to write; with --pool the folder")->required();
+  app.add_option("-o,--out", path, "file to write; with --pool and --grid the folder");
   app.add_option("--num_agents", request.num_agents, "agents that must find a start; 0: the recipe's number")
       ->check(CLI::Range(0, 8));
   app.add_option("--set", settings, "a layout parameter as name=value; may be repeated");
@@ -220,18 +243,26 @@ int run(int argc, char** argv) {
   CLI::Option* pool_option =
       app.add_option(
              "--pool", pool,
-             "draw a pool of layouts for training or evaluation, which never share one, or the stages of "
-             "the scenario's published curriculum")
+             "draw a pool of distinct layouts for training or evaluation, which never share a map, or the "
+             "stages of the scenario's published curriculum")
           ->check(CLI::IsMember({"train", "eval", "curriculum"}));
   app.add_option("--count", many.count, "layouts of the pool")->capture_default_str()->needs(pool_option);
   app.add_flag("--vary,!--no-vary", many.vary,
-               "layouts of the pool draw an option of each of the recipe's axes (default)")
+               "layouts of the pool draw an option of each of the recipe's axes and have all of its variety "
+               "(default)")
       ->needs(pool_option);
   CLI::Option* as_option =
       app.add_option("--as", request.as,
                      "the scenario of your own that the map is for (its name): the map and its script "
                      "stay, and your scenario.toml, with wad = the file, says what is paid")
           ->excludes(pool_option);
+  int draws = 0;
+  app.add_option(
+         "--distinct", draws,
+         "write nothing, but draw so many layouts as a pool does and say how many distinct maps there "
+         "are: all of them, an estimate, or a number that is at least there")
+      ->excludes(pool_option)
+      ->check(CLI::Range(2, 100'000));
   std::vector<std::string> axes;
   scenarios::GridRequest grid;
   CLI::Option* grid_option =
@@ -247,6 +278,10 @@ int run(int argc, char** argv) {
       ->needs(grid_option);
   app.add_option("--limit", grid.limit, "layouts of the grid at most")
       ->capture_default_str()
+      ->needs(grid_option);
+  std::string purpose;
+  app.add_option("--for", purpose, "train: leave out layouts of the grid that belong to evaluation")
+      ->check(CLI::IsMember({"train"}))
       ->needs(grid_option);
   app.allow_extras();
   app.footer(parameter_help());
@@ -266,8 +301,11 @@ int run(int argc, char** argv) {
     return report(
         {ErrorCode::kBadInput, "--as '" + request.as + "': give the scenario's name, which is its folder's"});
   request.format = format == "hexen" ? scenarios::MapFormat::kHexen : scenarios::MapFormat::kUdmf;
+  if (draws > 0) return count_distinct(name, many, draws);
+  if (path.empty()) return report({ErrorCode::kBadInput, "say where to write with -o"});
   if (!axes.empty()) {
     grid.layout = request;
+    grid.for_training = purpose == "train";
     return make_grid(name, axes, grid, path);
   }
   if (pool.empty()) return make_one(name, request, path);

@@ -45,6 +45,17 @@ double best_aim(double off, int held_tics, int depth, int* first) {
 
 }  // namespace
 
+Extent extent_of(const doom::Level& level, std::size_t sector) {
+  Extent extent{{1e9, 1e9}, {-1e9, -1e9}};
+  for (const uint32_t line : level.sector_linedefs[sector])
+    for (const uint32_t end : {level.linedefs[line].start, level.linedefs[line].end}) {
+      const double x = doom::to_double(level.vertices[end].x), y = doom::to_double(level.vertices[end].y);
+      extent.low = {std::min(extent.low.x, x), std::min(extent.low.y, y)};
+      extent.high = {std::max(extent.high.x, x), std::max(extent.high.y, y)};
+    }
+  return extent;
+}
+
 double distance_between(Place a, Place b) { return std::hypot(a.x - b.x, a.y - b.y); }
 Place place_of(const doom::Actor& actor) { return {doom::to_double(actor.x), doom::to_double(actor.y)}; }
 double bearing_degrees(Place from, Place to) {

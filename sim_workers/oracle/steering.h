@@ -10,6 +10,13 @@ struct Place {
   double x = 0, y = 0;
 };
 
+/// The rectangle around one of a level's sectors, as the map was drawn.
+struct Extent {
+  Place low, high;
+  Place middle() const { return {(low.x + high.x) / 2, (low.y + high.y) / 2}; }
+};
+Extent extent_of(const doom::Level& level, std::size_t sector);
+
 double distance_between(Place a, Place b);
 Place place_of(const doom::Actor& actor);
 /// The angle from one place to another, degrees, counter-clockwise from east, in (-180, 180].

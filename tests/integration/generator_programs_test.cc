@@ -32,26 +32,57 @@ TEST(Doomgen, TheSameSeedGivesTheSameBytesAndAnotherOneOthers) {
 
 TEST(Doomgen, PoolsForTrainingAndEvaluationShareNothing) {
   const ScratchFolder scratch;
-  std::set<std::string> ids, hashes;
+  std::set<std::string> maps;
   for (const char* kind : {"train", "eval"}) {
     const std::string folder = scratch / kind;
     const Ending made = comrad({"doomgen", "rhythm_sync", "--pool", kind, "--count", "6", "-o", folder});
     ASSERT_EQ(made.exit_code, 0) << made.err;
+    EXPECT_THAT(made.out,
+                AllOf(HasSubstr("6 layouts of rhythm_sync, 6 distinct maps"), HasSubstr(" drawn, of which "),
+                      HasSubstr(std::string(kind) == "eval" ? "are for training" : "are for evaluation")));
     const nlohmann::json registry = read_json(folder + "/batch_registry.json");
     ASSERT_EQ(registry.size(), 6u);
     for (const auto& layout : registry) {
       EXPECT_EQ(layout["split"], kind);
       EXPECT_TRUE(fs::exists(folder + "/" + layout["filename"].get<std::string>()));
-      EXPECT_TRUE(ids.insert(layout["id"].get<std::string>()).second);
-      EXPECT_TRUE(hashes.insert(layout["content_hash"].get<std::string>()).second);
+      EXPECT_TRUE(maps.insert(layout["map_hash"].get<std::string>()).second);
     }
     const Ending checked = comrad({"doomgen", "check", folder, "--scenario", "rhythm_sync"});
     EXPECT_EQ(checked.exit_code, 0) << checked.err;
-    EXPECT_THAT(checked.out, HasSubstr("6 layouts, all there and whole"));
+    EXPECT_THAT(checked.out, HasSubstr("6 layouts, all there and whole, 6 distinct maps"));
   }
   const Ending refused = comrad({"doomgen", "check", scratch / "eval", "--for", "train"});
   EXPECT_EQ(refused.exit_code, kExitBadInput);
   EXPECT_THAT(refused.err, HasSubstr("for evaluation"));
+}
+
+TEST(Doomgen, SaysHowManyMapsARecipeCanMake) {
+  const auto said = [](std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"doomgen", "lava_maze", "--distinct"});
+    const Ending counted = comrad(arguments);
+    EXPECT_EQ(counted.exit_code, 0) << counted.err;
+    return counted.out;
+  };
+  EXPECT_THAT(said({"60", "--no-vary"}), HasSubstr("lava_maze: 1 map (all there are: 60 draws"));
+  EXPECT_THAT(said({"150", "--set", "variety=0"}), HasSubstr("lava_maze: 6 distinct maps (all there are"));
+  EXPECT_THAT(said({"60"}),
+              HasSubstr("at least 591 distinct maps (95 % confidence: 60 draws, all different)"));
+  const ScratchFolder scratch;
+  const Ending few = comrad(
+      {"doomgen", "lava_maze", "--pool", "train", "--count", "9", "--variety", "0", "-o", scratch / "few"});
+  EXPECT_EQ(few.exit_code, kExitBadInput);
+  EXPECT_THAT(few.err, AllOf(HasSubstr("9 layouts for training were asked for"), HasSubstr("distinct ones"),
+                             HasSubstr("--count")));
+  EXPECT_TRUE(fs::is_empty(scratch / "few")) << "a folder of WADs would be a pool";
+}
+
+TEST(Doomgen, OrganicOutlinesAreAFlag) {
+  const ScratchFolder scratch;
+  ASSERT_EQ(comrad({"doomgen", "smart_enemies", "-o", scratch / "plain.wad"}).exit_code, 0);
+  const Ending organic =
+      comrad({"doomgen", "smart_enemies", "--organic", "1", "-o", scratch / "organic.wad"});
+  ASSERT_EQ(organic.exit_code, 0) << organic.err;
+  EXPECT_GT(read_text(scratch / "organic.wad").size(), 2 * read_text(scratch / "plain.wad").size());
 }
 
 TEST(Doomgen, AGridIsDrawnAndMistakesInItAreNamed) {
@@ -112,6 +143,8 @@ TEST(Doomgen, MistakesAreNamed) {
   EXPECT_THAT(error({"lava_pit", "--pool", "testing", "-o", out}), HasSubstr("curriculum"));
   EXPECT_THAT(error({"lava_pit", "--pool", "curriculum", "-o", out}), HasSubstr("platform_chain"));
   EXPECT_THAT(error({"check", scratch / "nowhere"}), HasSubstr("nowhere"));
+  EXPECT_THAT(error({"lava_pit"}), HasSubstr("-o"));
+  EXPECT_THAT(error({"lava_pit", "--distinct", "1"}), HasSubstr("--distinct"));
 }
 
 TEST(Acs, AScriptIsCompiledAndAMistakeHasItsPlace) {

@@ -121,11 +121,13 @@ class PlayedScenario {
 };
 
 /// Mean score of the scripted team over layouts 1000000.. (one episode each).
-inline double oracle_mean(const std::string& scenario, int layouts) {
+inline double oracle_mean(const std::string& scenario, int layouts,
+                          const std::vector<std::pair<std::string, std::string>>& parameters = {}) {
   double sum = 0;
   for (int i = 0; i < layouts; ++i) {
-    const auto game =
-        make_game(scenario, {.layout_seed = 1'000'000u + static_cast<uint64_t>(i), .frame_skip = 4});
+    const auto game = make_game(
+        scenario,
+        {.layout_seed = 1'000'000u + static_cast<uint64_t>(i), .parameters = parameters, .frame_skip = 4});
     if (game == nullptr) return 0;
     const auto summary = play_oracle_episode(game, static_cast<uint64_t>(i));
     if (!summary) return ADD_FAILURE() << summary.error().message, 0;
@@ -133,5 +135,8 @@ inline double oracle_mean(const std::string& scenario, int layouts) {
   }
   return sum / layouts;
 }
+
+/// What pools set so that maps vary with the seed.
+inline const std::vector<std::pair<std::string, std::string>> kVaried = {{"variety", "1"}};
 
 }  // namespace comrad::sim

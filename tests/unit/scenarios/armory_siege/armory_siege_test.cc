@@ -174,5 +174,7 @@ TEST(ArmorySiegeLayout, ThirtySeedsOfEveryDistanceGiveMaps) {
 
 TEST(ArmorySiegeOracle, EarnsMoreThanThePublishedCeiling) { EXPECT_GE(oracle_mean("armory_siege", 4), 100); }
 
+TEST(ArmorySiegeOracle, EarnsItOnVariedMapsToo) { EXPECT_GE(oracle_mean("armory_siege", 4, kVaried), 50); }
+
 }  // namespace
 }  // namespace comrad::sim

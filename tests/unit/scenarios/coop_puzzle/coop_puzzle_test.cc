@@ -139,6 +139,10 @@ TEST(CoopPuzzle, TheTimeLimitCostsOneForTheTeam) {
 
 TEST(CoopPuzzle, ScriptedTeamSolvesAllPairs) { EXPECT_EQ(oracle_mean(kScenario, 4), 5); }
 
+TEST(CoopPuzzle, ScriptedTeamSolvesAllPairsOnVariedMapsToo) {
+  EXPECT_EQ(oracle_mean(kScenario, 8, kVaried), 5);
+}
+
 TEST(CoopPuzzle, ThirtySeedsGiveValidLayoutsAndSoDoesEveryWidth) {
   for (uint64_t seed = 0; seed < 30; ++seed)
     EXPECT_TRUE(scenarios::generate_layout(kScenario, {.seed = seed}));

@@ -136,6 +136,31 @@ TEST(LavaMaze, MasksGiveEachRoleItsOwnHalfOfTheActions) {
 
 TEST(LavaMaze, ScriptedTeamClearsSixLevels) { EXPECT_EQ(oracle_mean(kScenario, 4), 6); }
 
+TEST(LavaMaze, ScriptedTeamClearsSixLevelsOnVariedMapsToo) {
+  EXPECT_EQ(oracle_mean(kScenario, 8, kVaried), 6);
+}
+
+TEST(LavaMaze, PathsGoRoundRocksAndKeepTheirSize) {
+  constexpr int kFirstOpenBits = 19, kBits = 27;
+  int rocks = 0;
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    SCOPED_TRACE(seed);
+    PlayedScenario game(kScenario, {.layout_seed = seed,
+                                    .episode_seed = seed,
+                                    .parameters = {{"variety", "1"}, {"initial", "20"}, {"maximum", "25"}}});
+    game.run(3);
+    EXPECT_EQ(game.user(kPathCells), 21);
+    for (const doom::Sector& sector : game.world().sectors()) {
+      const int cell = sector.tag - 100;
+      if (cell < 0 || cell >= 64 || sector.floor_texture != "RROCK10") continue;
+      ++rocks;
+      EXPECT_EQ(doom::to_double(sector.floor_height), 32) << "it neither sinks nor rises";
+      EXPECT_EQ(game.user(kFirstOpenBits + cell / kBits) >> cell % kBits & 1, 0) << "no path crosses it";
+    }
+  }
+  EXPECT_GT(rocks, 10);
+}
+
 TEST(LavaMaze, ThirtySeedsGiveValidLayouts) {
   for (uint64_t seed = 0; seed < 30; ++seed)
     EXPECT_TRUE(scenarios::generate_layout(kScenario, {.seed = seed}));

@@ -128,6 +128,8 @@ TEST(PlatformChain, EightPanelsSwingAndComeBack) {
 
 TEST(PlatformChain, ScriptedTeamGetsBeyondTheFirstRow) { EXPECT_GT(oracle_mean(kScenario, 8), 12); }
 
+TEST(PlatformChain, ScriptedTeamGetsAsFarOnVariedMaps) { EXPECT_GT(oracle_mean(kScenario, 8, kVaried), 12); }
+
 TEST(PlatformChain, ThirtySeedsGiveValidLayouts) {
   for (uint64_t seed = 0; seed < 30; ++seed)
     EXPECT_TRUE(scenarios::generate_layout(kScenario, {.seed = seed}));

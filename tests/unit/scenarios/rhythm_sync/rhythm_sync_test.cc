@@ -243,5 +243,14 @@ TEST(RhythmSync, TheScriptedPairCompletesEveryStage) {
   }
 }
 
+TEST(RhythmSync, TheScriptedPairCompletesVariedRoomsToo) {
+  for (uint64_t seed : {0, 1, 2, 47}) {
+    const auto game = test::generated_game(kScenario, 1'000'000 + seed, {{"variety", "1"}});
+    const auto summary = play_oracle_episode(game, seed);
+    ASSERT_TRUE(summary) << summary.error().message;
+    EXPECT_FLOAT_EQ(summary->score, 1.0f) << seed;
+  }
+}
+
 }  // namespace
 }  // namespace comrad::sim

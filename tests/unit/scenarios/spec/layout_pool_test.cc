@@ -6,9 +6,11 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <set>
 
 #include "doomgen/layout/wad_writer.h"
+#include "doomgen/wad/wad_reader.h"
 #include "scenarios/spec/scenario_files.h"
 
 namespace comrad::scenarios {
@@ -28,21 +30,140 @@ class LayoutPool : public testing::Test {
   fs::path folder_;
 };
 
-TEST(PoolSeeds, NoSeedIsInBothPools) {
-  const std::vector<uint64_t> train = pool_seeds("stag_hunt_arena", PoolKind::kTrain, 2000);
-  const std::vector<uint64_t> eval = pool_seeds("stag_hunt_arena", PoolKind::kEval, 300);
-  const std::set<uint64_t> trained(train.begin(), train.end());
-  EXPECT_EQ(trained.size(), train.size());
-  for (const uint64_t seed : eval) EXPECT_FALSE(trained.contains(seed)) << seed;
-  for (const uint64_t seed : kHeldOutSeeds) EXPECT_FALSE(trained.contains(seed)) << seed;
-  EXPECT_THAT(std::vector<uint64_t>(eval.begin(), eval.begin() + 5),
-              testing::ElementsAre(1009, 2027, 3037, 4051, 5099));
+/// The contents of a pool's files, read from them rather than from the registry.
+std::vector<uint64_t> contents_of(const std::string& folder) {
+  std::vector<uint64_t> contents;
+  const auto pool = read_pool(folder);
+  EXPECT_TRUE(pool) << pool.error().message;
+  for (const PoolEntry& entry : *pool) {
+    const auto wad = wad::WadFile::open(entry.filename);
+    const auto content = wad ? layout_content(*wad) : Expected<uint64_t>(wad.error());
+    EXPECT_TRUE(content) << content.error().message;
+    EXPECT_EQ(*content, entry.map_hash) << entry.id;
+    contents.push_back(*content);
+  }
+  return contents;
 }
 
-TEST(PoolSeeds, OneSeedInTenIsForEvaluation) {
-  int eval = 0;
-  for (uint64_t seed = 0; seed < 10'000; ++seed) eval += pool_of_seed("lava_pit", seed) == PoolKind::kEval;
-  EXPECT_NEAR(eval, 1000, 120);
+TEST_F(LayoutPool, TrainingAndEvaluationShareNoMapWhateverTheParametersAre) {
+  // Recipes with few maps, drawn in ways that meet the same maps from other seeds, formats and team sizes.
+  using Pairs = std::vector<std::pair<std::string, std::string>>;
+  std::map<uint64_t, PoolKind> pool_of;
+  int part = 0, meetings = 0;
+  for (const PoolKind kind : {PoolKind::kTrain, PoolKind::kEval})
+    for (const MapFormat format : {MapFormat::kUdmf, MapFormat::kHexen})
+      for (const Pairs& parameters : {Pairs{}, Pairs{{"variety", "0"}}, Pairs{{"damage", "35"}}}) {
+        SCOPED_TRACE(testing::Message() << "pool " << part);
+        PoolRequest request{.kind = kind, .count = kind == PoolKind::kTrain ? 4 : 1};
+        request.layout = {.parameters = parameters, .format = format};
+        const std::string where = folder(("part" + std::to_string(part++)).c_str());
+        const auto made = make_pool("lava_maze", request, where);
+        if (!made) {  // none of its few maps belongs to this pool
+          EXPECT_THAT(made.error().message, HasSubstr("draws gave only"));
+          EXPECT_FALSE(fs::exists(fs::path(where) / kPoolRegistryName));
+          EXPECT_TRUE(fs::is_empty(where));
+          continue;
+        }
+        for (const uint64_t content : contents_of(where)) {
+          const auto [known, is_new] = pool_of.emplace(content, kind);
+          meetings += !is_new;
+          EXPECT_EQ(known->second, kind);
+        }
+      }
+  EXPECT_GT(meetings, 3) << "these pools were to meet the same maps";
+}
+
+TEST_F(LayoutPool, HeldOutMapsAreInEveryEvaluationPoolAndInNoneForTraining) {
+  PoolRequest request{.kind = PoolKind::kEval, .count = 6, .vary = false};
+  const auto held_out = make_pool("stag_hunt_arena", request, folder("held_out"));
+  ASSERT_TRUE(held_out) << held_out.error().message;
+  const auto split = ContentSplit::of("stag_hunt_arena");
+  ASSERT_TRUE(split);
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_EQ((*held_out)[i].info.seed, kHeldOutSeeds[i]);
+    EXPECT_TRUE(split->is_for_evaluation((*held_out)[i].map_hash));
+  }
+  // Where all seeds give the held-out map there is nothing to train on.
+  const auto none =
+      make_pool("lava_maze", {.kind = PoolKind::kTrain, .count = 1, .vary = false}, folder("x"));
+  ASSERT_FALSE(none);
+  EXPECT_THAT(none.error().message,
+              AllOf(HasSubstr("300 draws gave only 0 distinct ones (300 draws belong to evaluation"),
+                    HasSubstr("--no-vary"), HasSubstr("--set NAME=VALUE: side"), HasSubstr("--count")));
+}
+
+TEST_F(LayoutPool, AMapIsInAPoolOnceAndAnExhaustedRecipeSaysHowManyThereAre) {
+  PoolRequest request{.kind = PoolKind::kTrain, .count = 40};
+  request.layout.parameters = {{"variety", "0"}};
+  PoolTally tally;
+  const auto made = make_pool("lava_maze", request, folder("train"), nullptr, &tally);
+  ASSERT_FALSE(made);
+  EXPECT_EQ(made.error().code, ErrorCode::kBadInput);
+  EXPECT_THAT(made.error().message,
+              AllOf(HasSubstr("40 layouts for training were asked for"), HasSubstr("repetitions"),
+                    HasSubstr("leave out some of the parameters that were set")));
+  EXPECT_GT(tally.repeated, 100);
+  const auto maps = count_distinct_maps("lava_maze", request, 300);
+  ASSERT_TRUE(maps) << maps.error().message;
+  EXPECT_EQ(maps->kind, DistinctMaps::Kind::kAll);
+  EXPECT_EQ(maps->count, 6);
+  EXPECT_FALSE(count_distinct_maps("lava_maze", request, 1));
+}
+
+TEST_F(LayoutPool, WhatIsSetStaysAsItIsWhereAxesAreDrawn) {
+  PoolRequest request{.kind = PoolKind::kTrain, .count = 1};
+  request.layout.parameters = {{"initial", "3"}, {"variety", "0"}, {"damage", "11"}};
+  const auto made = make_pool("lava_maze", request, folder("train"));
+  ASSERT_TRUE(made) << made.error().message;
+  EXPECT_EQ((*made)[0].info.parameters.at("initial"), 3);
+  EXPECT_FALSE((*made)[0].info.parameters.contains("variety")) << "0, and then it is not written";
+  ASSERT_EQ((*made)[0].axis_choices.size(), 1u);
+  EXPECT_EQ((*made)[0].axis_choices[0].first, "maximum");
+}
+
+TEST_F(LayoutPool, CheckFindsMapsForEvaluationByTheirContent) {
+  // A grid belongs to no split: what is for evaluation in it is found by its content.
+  const auto split = ContentSplit::of("stag_hunt_arena");
+  ASSERT_TRUE(split);
+  GridRequest request{.axes = {{"seed", {}}}};
+  for (int64_t seed = 0; seed < 40; ++seed) request.axes[0].options.push_back({{"seed", seed}});
+  const auto all = make_grid_pool("stag_hunt_arena", request, folder("grid"));
+  ASSERT_TRUE(all);
+  std::string first;
+  for (const PoolEntry& entry : *all)
+    if (first.empty() && split->is_for_evaluation(entry.map_hash)) first = entry.id;
+  ASSERT_FALSE(first.empty());
+  EXPECT_TRUE(check_pool(folder("grid"), {.scenario = "stag_hunt_arena"}));
+  for (const bool with_registry : {true, false}) {
+    if (!with_registry) fs::remove(folder_ / "grid" / kPoolRegistryName);
+    const auto refused = check_pool(folder("grid"), {.for_training = true});
+    ASSERT_FALSE(refused);
+    EXPECT_THAT(refused.error().message,
+                AllOf(HasSubstr(first), HasSubstr("is for evaluation"), HasSubstr("--for train")));
+  }
+  request.for_training = true;
+  const auto part = make_grid_pool("stag_hunt_arena", request, folder("part"));
+  ASSERT_TRUE(part);
+  EXPECT_LT(part->size(), all->size());
+  EXPECT_TRUE(check_pool(folder("part"), {.for_training = true}));
+}
+
+TEST_F(LayoutPool, CheckFindsOneMapTwice) {
+  // As pools were before maps were compared by content: two seeds, one map.
+  ASSERT_TRUE(
+      make_grid_pool("lava_maze", {.axes = {{"seed", {{{"seed", 1}}, {{"seed", 2}}}}}}, folder("pool")));
+  EXPECT_TRUE(check_pool(folder("pool"), {})) << "a grid may hold a map twice";
+  std::string registry = *read_scenario_file((folder_ / "pool" / kPoolRegistryName).string());
+  for (std::size_t at = 0; (at = registry.find("\"split\": \"\"", at)) != std::string::npos; ++at)
+    registry.replace(at, 11, "\"split\": \"train\"");
+  std::ofstream(folder_ / "pool" / kPoolRegistryName) << registry;
+  EXPECT_THAT(check_pool(folder("pool"), {.for_training = true}).error().message,
+              HasSubstr("drawn by an older version"))
+      << "its map is the held-out one";
+  const auto twice = check_pool(folder("pool"), {});
+  ASSERT_FALSE(twice);
+  EXPECT_THAT(twice.error().message,
+              AllOf(HasSubstr("lava_maze_0001"), HasSubstr("the same map as lava_maze_0000")));
 }
 
 TEST_F(LayoutPool, FilesRegistryAndHashesAgree) {
@@ -59,7 +180,6 @@ TEST_F(LayoutPool, FilesRegistryAndHashesAgree) {
     ASSERT_TRUE(bytes);
     EXPECT_EQ(doomgen::content_hash(*bytes), entry.content_hash);
     EXPECT_EQ(entry.axis_choices.size(), layout_recipe("foraging_commons")->axes.size());
-    EXPECT_EQ(pool_of_seed("foraging_commons", entry.info.seed), PoolKind::kTrain);
     hashes.insert(entry.content_hash);
     // The registry suffices to draw the layout again.
     LayoutRequest again{.seed = entry.info.seed};
@@ -176,15 +296,14 @@ TEST_F(LayoutPool, CheckNamesTheLayoutThatIsWrong) {
   };
   ASSERT_TRUE(make_pool("foraging_commons", {.kind = PoolKind::kEval, .count = 2}, folder("eval")));
   EXPECT_EQ(error("eval", {.scenario = "foraging_commons"}), "no error");
-  EXPECT_THAT(
-      error("eval", {.for_training = true}),
-      AllOf(HasSubstr("foraging_commons_1009"), HasSubstr("for evaluation"), HasSubstr("--pool train")));
+  EXPECT_THAT(error("eval", {.for_training = true}),
+              AllOf(HasSubstr("foraging_commons_"), HasSubstr("for evaluation"), HasSubstr("--pool train")));
   EXPECT_THAT(error("eval", {.scenario = "rhythm_sync"}),
               HasSubstr("a map of scenario foraging_commons, not of rhythm_sync"));
   EXPECT_THAT(error("eval", {.num_agents = 8}), HasSubstr("no start for player 5 of 8"));
   fs::remove(folder_ / "eval" / kPoolRegistryName);
   EXPECT_THAT(error("eval", {.for_training = true}), HasSubstr("for evaluation"))
-      << "held-out seeds tell themselves without a registry";
+      << "their contents tell it without a registry";
 
   ASSERT_TRUE(make_pool("foraging_commons", {.kind = PoolKind::kTrain, .count = 2}, folder("train")));
   const auto pool = read_pool(folder("train"));

@@ -28,6 +28,8 @@ LayoutDraw draw_of(const std::string& name, const LayoutRecipe& recipe, uint64_t
   for (const LayoutParameter& p : recipe.parameters) draw.values[p.name] = p.default_value;
   Rng rng(RngKey(seed).split("axes"));
   if (vary)
+    for (const auto& [key, value] : recipe.pool_values) draw.values[key] = value;
+  if (vary)
     for (const LayoutAxis& axis : recipe.axes)
       for (const auto& [key, value] : axis.options[rng.below(static_cast<uint32_t>(axis.options.size()))])
         draw.values[key] = value;
@@ -81,6 +83,11 @@ TEST_P(EveryRecipe, ParametersAndAxesAgree) {
         EXPECT_GE(value, known.at(name).low) << name;
         EXPECT_LE(value, known.at(name).high) << name;
       }
+    for (const auto& [name, value] : recipe.pool_values) {
+      ASSERT_TRUE(known.contains(name)) << name;
+      EXPECT_FALSE(here.contains(name)) << "a pool sets " << name << " twice";
+      EXPECT_TRUE(value >= known.at(name).low && value <= known.at(name).high) << name;
+    }
     for (const std::string& name : here) EXPECT_TRUE(used.insert(name).second) << "two axes set " << name;
   }
 }

@@ -173,5 +173,9 @@ TEST(StagHuntArenaLayout, ThirtySeedsGiveMaps) {
 
 TEST(StagHuntArenaOracle, Kills24Stags) { EXPECT_GE(oracle_mean("stag_hunt_arena", 4), 24); }
 
+TEST(StagHuntArenaOracle, KillsThemInBentWallsToo) {
+  EXPECT_GE(oracle_mean("stag_hunt_arena", 4, kVaried), 24);
+}
+
 }  // namespace
 }  // namespace comrad::sim
