@@ -200,6 +200,24 @@ TEST(Ippo, AnAllInvalidBatchLeavesWeightsAndVersionAlone) {
   EXPECT_TRUE(all_equal(before, after));
 }
 
+TEST(Ippo, TwentyBatchesInARowWithoutAValidSampleEndTheRun) {
+  const RunConfig config = small_config();
+  const TrajectoryShape shape = small_shape(config);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  const auto update = [&](bool is_valid) {
+    Minibatch batch = noise_batch(shape, 2, 5);
+    if (!is_valid) batch.valid.zero_();
+    return ippo.update(batch, {});
+  };
+  for (int i = 0; i < 19; ++i) ASSERT_TRUE(update(false)) << i;
+  ASSERT_TRUE(update(true));  // one that is valid, and counting begins anew
+  for (int i = 0; i < 19; ++i) ASSERT_TRUE(update(false)) << i;
+  const Expected<UpdateStats> last = update(false);
+  ASSERT_FALSE(last);
+  EXPECT_NE(last.error().message.find("no sample was valid in 20 batches in a row"), std::string::npos)
+      << last.error().message;
+}
+
 TEST(Ippo, BackPropagationThroughADoneEqualsTwoSeparateRollouts) {
   for (const char* rnn_type : {"gru", "lstm"}) {
     RunConfig config = small_config();
