@@ -299,6 +299,57 @@ TEST(Episodes, AFullRingDropsTheNewestCountsItAndWrapsAround) {
   EXPECT_EQ(arena.episodes_dropped(), 18u);
 }
 
+TEST(Episodes, TheLearnersRingIsApartFromTheSimulators) {
+  const Arena arena = make_arena();
+  EpisodeRecord record{};
+  for (record.episode_id = 0; record.episode_id < 70; ++record.episode_id)
+    EXPECT_EQ(arena.forward_episode(record), record.episode_id < 64)
+        << "nobody takes them: the newest are dropped";
+  EXPECT_FALSE(arena.pop_episode());
+  EXPECT_EQ(arena.episodes_dropped(), 0u) << "those of simulators alone are counted";
+  for (uint64_t id = 0; id < 64; ++id) {
+    const std::optional<EpisodeRecord> popped = arena.pop_forwarded_episode();
+    ASSERT_TRUE(popped);
+    EXPECT_EQ(popped->episode_id, id);
+  }
+  EXPECT_FALSE(arena.pop_forwarded_episode());
+}
+
+TEST(Report, TheNewestIsReadOnceAndNeverHalf) {
+  const Arena arena = make_arena();
+  uint64_t seen = 0;
+  EXPECT_FALSE(arena.read_report(seen)) << "none was published";
+  std::atomic<bool> done = false;
+  std::thread learner([&] {
+    LearnerReport report;
+    for (uint64_t i = 1; i <= 200'000; ++i) {
+      report.env_frames = report.decisions = report.episodes = i;
+      std::memset(report.last_checkpoint, 'a' + static_cast<int>(i % 26), kCheckpointPathBytes);
+      arena.publish_report(report);
+    }
+    done = true;
+  });
+  uint64_t newest = 0;
+  int read = 0;
+  for (bool last = false; !last;) {
+    last = done;
+    const std::optional<LearnerReport> report = arena.read_report(seen);
+    if (!report) continue;
+    ++read;
+    EXPECT_GT(report->env_frames, newest);
+    newest = report->env_frames;
+    EXPECT_EQ(report->decisions, newest);
+    EXPECT_EQ(report->episodes, newest);
+    const std::string path = report->last_checkpoint;
+    EXPECT_EQ(path, std::string(kCheckpointPathBytes - 1, static_cast<char>('a' + newest % 26)));
+    if (testing::Test::HasFailure()) break;
+  }
+  learner.join();
+  EXPECT_GT(read, 0);
+  EXPECT_EQ(newest, 200'000u);
+  EXPECT_FALSE(arena.read_report(seen)) << "the same report twice";
+}
+
 TEST(Weights, TheNewestVersionIsRead) {
   const Arena arena = make_arena();
   std::vector<std::byte> out;
