@@ -119,6 +119,17 @@ TEST_F(MetricsTest, AnEventIsTheWireFormatThatTensorboardReads) {
   EXPECT_EQ(second.substr(12, second.size() - 16), expected);
 }
 
+TEST_F(MetricsTest, AZeroIsOnTheWire) {
+  {
+    Expected<EventFile> file = EventFile::create(folder_.string());
+    ASSERT_TRUE(file);
+    ASSERT_TRUE(file->write(1.0, 3, {{"a", 0.0}}));
+  }
+  const std::vector<tensorboard::Event> events = read_events(read_file(event_file()));
+  ASSERT_EQ(events.size(), 2u);
+  EXPECT_TRUE(events[1].summary().value(0).has_simple_value()) << "TensorBoard drops a point without a value";
+}
+
 TEST_F(MetricsTest, ClosesAHalfLineOfACrashBeforeItAppends) {
   std::ofstream(folder_ / "metrics.jsonl") << "{\"time_s\": 1}\n{\"time_s\": 2, \"env_fr";
   {
