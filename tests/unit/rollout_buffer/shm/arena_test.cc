@@ -342,7 +342,7 @@ TEST(Report, TheNewestIsReadOnceAndNeverHalf) {
     EXPECT_EQ(report->episodes, newest);
     const std::string path = report->last_checkpoint;
     EXPECT_EQ(path, std::string(kCheckpointPathBytes - 1, static_cast<char>('a' + newest % 26)));
-    if (testing::Test::HasFailure()) break;
+    if (::testing::Test::HasFailure()) break;
   }
   learner.join();
   EXPECT_GT(read, 0);
