@@ -249,8 +249,7 @@ int run(int argc, char** argv) {
   app.add_option("--count", many.count, "layouts of the pool")->capture_default_str()->needs(pool_option);
   app.add_flag("--vary,!--no-vary", many.vary,
                "layouts of the pool draw an option of each of the recipe's axes and have all of its variety "
-               "(default)")
-      ->needs(pool_option);
+               "(default)");
   CLI::Option* as_option =
       app.add_option("--as", request.as,
                      "the scenario of your own that the map is for (its name): the map and its script "

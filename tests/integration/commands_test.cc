@@ -184,7 +184,7 @@ TEST(Config, RefusesWhatTrainRefuses) {
   EXPECT_THAT(refusal({"--gama", "1"}), HasSubstr("did you mean --gamma"));
   EXPECT_THAT(refusal({"--gamma", "2"}), HasSubstr("gamma is 2.0"));
   EXPECT_THAT(refusal({"--scenario", "lava_pt"}), HasSubstr("did you mean 'lava_pit'"));
-  EXPECT_THAT(refusal({"--config", "/no/such.toml"}), HasSubstr("/no/such.toml: cannot be read"));
+  EXPECT_THAT(refusal({"--config", "/no/such.toml"}), HasSubstr("cannot read /no/such.toml"));
 }
 
 }  // namespace

@@ -46,6 +46,8 @@ LEFT_TO_CHANCE = os.path.join(HERE, "left_to_chance.json")  # scenario -> quanti
 AGENTS = 2
 TICS = 4  # of a decision
 TAIL = 1e-5
+# Counters of scripts that left_to_chance.json lists (how many demons there are, for one) are ranked, but not agreed either:
+# ViZDoom's early draws are alike for many seeds, so that a rare draw can come back in each play of it and in none of our worlds.
 # Slides along slanted walls are not followed to the bit (sim_workers/README.md), and what is off grows: positions are ranked
 # here, but not agreed.
 SLANTED_WALLS = {"dumb_enemies", "smart_enemies"}
@@ -329,7 +331,7 @@ def unlike(agreed, theirs, lasting):
     return found
 
 
-def compare(scenario, arguments, folder):
+def compare(scenario, arguments, folder, left_to_chance):
     result = Comparison(scenario)
     wad = os.path.join(folder, scenario + ".wad")
     done = subprocess.run([arguments.doomgen, scenario, "--num_agents", str(AGENTS), "--out", wad], capture_output=True, text=True)
@@ -371,7 +373,8 @@ def compare(scenario, arguments, folder):
         def agreed_but_unlike(seed, ours, theirs):
             """(values compared, [(decision, quantity, seed, ours, theirs)]) of one script."""
             agreed = {key: value for key, value in agreed_values(ours).items()
-                      if not (scenario in SLANTED_WALLS and key[2].startswith("POSITION"))}
+                      if not (scenario in SLANTED_WALLS and key[2].startswith("POSITION")) and
+                      not (key[2].startswith("USER") and key[1] in left_to_chance)}
             first_world, confirmed = next(iter(ours.values())), False
             if turns and lost_press(first_world, theirs):
                 return len(agreed), []
@@ -483,7 +486,7 @@ def main():
         for name in scenario_names():
             if arguments.only and name not in arguments.only.split(","):
                 continue
-            result = compare(name, arguments, folder)
+            result = compare(name, arguments, folder, left_to_chance.get(name, []))
             results.append(result)
             if result.problem:
                 report.check(name, False, result.problem)

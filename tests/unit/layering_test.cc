@@ -61,6 +61,7 @@ const std::vector<Library>& libraries() {
       {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/config/"}},
       {"toml++", "libtomlplusplus-dev", {"toml++/"}, {"rollout_buffer/core/", "scenarios/spec/"}},
       {"lz4", "liblz4-dev", {"lz4.h"}, {"rollout_buffer/replay/"}},
+      {"libzip", "libzip-dev", {"zip.h"}, {"learner/checkpoint/"}},
       {"CLI11", "libcli11-dev", {"CLI/"}, {}},
       {"spdlog", "libspdlog-dev", {"spdlog/"}, {}},
       {"nlohmann-json", "nlohmann-json3-dev", {"nlohmann/"}, {}},

@@ -276,8 +276,8 @@ TEST_F(LearnerTest, ABestCheckpointNeedsAFullWindowAndTheWindowOutlivesTheProces
     EXPECT_EQ(store.best(), "") << "no episode has ended";
     // As if so many episodes had ended with scores 0 and 1, and the best window so far had `best`.
     StateDict state = *read_checkpoint(store.list().front().path);
-    ASSERT_EQ(state.tensor("episodes/window")->sizes(), at::IntArrayRef({0, 5}));
-    Tensor window = torch::zeros({episodes, 5}, torch::kFloat64);
+    ASSERT_EQ(state.tensor("episodes/window")->sizes(), at::IntArrayRef({0, 6}));
+    Tensor window = torch::zeros({episodes, 6}, torch::kFloat64);
     window.select(1, 0).slice(0, 1, c10::nullopt, 2).fill_(1);
     state.put("episodes/window", window);
     if (best >= 0) state.put("counters/best_score", best);

@@ -244,7 +244,7 @@ TEST_F(SimProgram, BadInputHasOneClearLineAndExitCodeTwo) {
   write_config("num_agentz = 2\n");
   expect({"--bench", "1"}, "did you mean 'num_agents'");
   fs::remove(run_dir_ / "config.toml");
-  expect({"--bench", "1"}, "config.toml: cannot be read");
+  expect({"--bench", "1"}, "config.toml: No such file or directory; give the path");
 }
 
 TEST_F(SimProgram, ATruncatedMapIsRefused) {
