@@ -1,5 +1,6 @@
-// The scripted team of Co-op Health Gathering: whoever is weakest takes the kit that pays best, the others
-// take what lies within the tether of it, and nobody walks away from a partner who is at the end of it.
+// The scripted team of Co-op Health Gathering: of all ways to send each agent after one of its best kits, the
+// one that together is worth most within the tether, more for the weak; and nobody walks away from a partner
+// who is at the end of it.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -11,9 +12,20 @@
 namespace comrad::sim {
 namespace {
 
-constexpr double kTetherSlack = 60;  // kept from the tether's end
-constexpr double kPartnersKit = 8;   // health that a partner's kit counts for the leader of more than two
-constexpr int kLeadsOnHealth = 6;    // that somebody must be weaker to lead instead, of more than two
+constexpr double kTetherSlack = 20;      // goals keep this much from the tether's end
+constexpr double kClosesUp = 20;         // and here an agent closes up to the partner who leads
+constexpr double kWaits = 10;            // or waits for the one who follows
+constexpr int kLeadsOnHealth = 6;        // that somebody must be weaker to lead instead, of more than two
+constexpr double kSight = 1400;          // kits further away do not count
+constexpr std::size_t kOptions = 6;      // kits that an agent chooses from
+constexpr double kPickUp = 60;           // way that turning to a kit costs besides
+constexpr double kWaste = 0.7;           // part of a kit that must be of use
+constexpr double kKeeps = 1.25;          // factor of the kit on the way to: no dithering
+constexpr double kUrgency = 40;          // health at which a kit counts half of what it does for the dying
+constexpr double kNeighbours = 600;      // kits this near to a kit make it worth more ...
+constexpr double kNeighboursPart = 0.1;  // ... by this part of what they heal
+constexpr double kGlideTics = 6;         // ways begin where the body is going
+constexpr double kRunThrough = 100;      // it aims beyond a kit, so as not to brake
 
 struct Kit {
   uint32_t id = 0;
@@ -30,7 +42,9 @@ double tether_distance(Place a, Place b) {
 class Forager final : public Oracle {
  public:
   explicit Forager(const DoomGame& game)
-      : navigator_({.cell_units = 24}), tether_(static_cast<double>(game.layout.parameter("tether", 400))) {}
+      : navigator_({.cell_units = 24}),
+        tether_(static_cast<double>(game.layout.parameter("tether", 400))),
+        damage_(static_cast<double>(game.layout.parameter("damage", 5))) {}
 
   void reset(const doom::World& world) override {
     targets_.assign(static_cast<std::size_t>(world.player_count()), 0);
@@ -47,34 +61,15 @@ class Forager final : public Oracle {
       kits.push_back({actor.id, place_of(actor), actor.type == medikit_ ? 25 : 10});
     }
     const auto count = static_cast<std::size_t>(world.player_count());
+    choose_kits(world, kits);
     const std::vector<std::size_t> order = order_of(world);
     std::vector<Place> goals(count);
     std::vector<bool> decided(count, false);
+    for (std::size_t agent = 0; agent < count; ++agent)
+      if (chosen_[agent] != nullptr) goals[agent] = chosen_[agent]->place, decided[agent] = true;
     for (const std::size_t agent : order) {
-      const doom::Actor& body = world.body(static_cast<int>(agent));
-      const Place here = place_of(body);
-      const double hunger = 100.0 - body.health;
-      const Kit* best = nullptr;
-      double best_value = 0;
-      for (const Kit& kit : kits) {
-        if (taken_by_another(kit.id, agent, decided)) continue;
-        if (distance_between(here, kit.place) > 1400) continue;
-        if (!within_tether(kit.place, goals, decided, agent)) continue;
-        const auto way = navigator_.way_length(here, kit.place);
-        if (!way) continue;
-        const double gain = std::min<double>(kit.heals, hunger + *way / 10.0 * 5.0 / 32.0);
-        if (gain < kit.heals * 0.7) continue;  // it would be wasted
-        double value = (gain + for_partners(kit, kits, agent)) / (*way + 90.0);
-        if (kit.id == targets_[agent]) value *= 1.25;  // no dithering
-        if (value > best_value) best_value = value, best = &kit;
-      }
-      if (best != nullptr) {
-        targets_[agent] = best->id;
-        goals[agent] = best->place;
-      } else {
-        targets_[agent] = 0;
-        goals[agent] = fallback(world, kits, goals, decided, agent);
-      }
+      targets_[agent] = chosen_[agent] != nullptr ? chosen_[agent]->id : 0;
+      if (chosen_[agent] == nullptr) goals[agent] = fallback(world, kits, goals, decided, agent);
       decided[agent] = true;
     }
     for (std::size_t agent = 0; agent < count; ++agent) {
@@ -84,6 +79,85 @@ class Forager final : public Oracle {
   }
 
  private:
+  /// A kit that an agent may go for.
+  struct Option {
+    const Kit* kit = nullptr;
+    double value = 0;  // health in a unit of way
+  };
+
+  /// What each agent goes for: of its best kits, those that together are worth most within the tether.
+  void choose_kits(const doom::World& world, const std::vector<Kit>& kits) {
+    const std::size_t count = targets_.size();
+    options_.assign(count, {});
+    for (std::size_t agent = 0; agent < count; ++agent) {
+      const doom::Actor& body = world.body(static_cast<int>(agent));
+      const Place here = place_of(body);
+      Place from{here.x + doom::to_double(body.velocity_x) * kGlideTics,
+                 here.y + doom::to_double(body.velocity_y) * kGlideTics};
+      if (!navigator_.is_open(from)) from = here;
+      const double urgency = kUrgency / (body.health + kUrgency);
+      for (const Kit& kit : kits) {
+        if (distance_between(here, kit.place) > kSight) continue;
+        const auto way = navigator_.way_length(from, kit.place);
+        if (!way) continue;
+        const double hunger = 100.0 - body.health + *way / 10.0 * damage_ / 32.0;
+        if (hunger < kit.heals * kWaste) continue;  // it would be wasted
+        double value = (std::min<double>(kit.heals, hunger) + kNeighboursPart * riches(kit, kits)) * urgency /
+                       (*way + kPickUp);
+        if (kit.id == targets_[agent]) value *= kKeeps;
+        options_[agent].push_back({&kit, value});
+      }
+      auto& options = options_[agent];
+      std::sort(options.begin(), options.end(),
+                [](const Option& a, const Option& b) { return a.value > b.value; });
+      if (options.size() > kOptions) options.resize(kOptions);
+    }
+    chosen_.assign(count, nullptr);
+    trial_.assign(count, nullptr);
+    best_value_ = -1;
+    try_options(0, 0);
+  }
+
+  /// What lies near a kit, as if it were health: it counts the less the farther it is.
+  static double riches(const Kit& kit, const std::vector<Kit>& kits) {
+    double sum = 0;
+    for (const Kit& other : kits) {
+      const double far = distance_between(kit.place, other.place);
+      if (&other != &kit && far < kNeighbours) sum += other.heals * (1 - far / kNeighbours);
+    }
+    return sum;
+  }
+
+  void try_options(std::size_t agent, double value) {
+    if (agent == options_.size()) {
+      if (value > best_value_) best_value_ = value, chosen_ = trial_;
+      return;
+    }
+    trial_[agent] = nullptr;
+    try_options(agent + 1, value);
+    for (const Option& option : options_[agent]) {
+      if (!fits(*option.kit, agent)) continue;
+      trial_[agent] = option.kit;
+      try_options(agent + 1, value + option.value);
+    }
+    trial_[agent] = nullptr;
+  }
+
+  /// Nobody before `agent` in the chain has it, and the tether reaches there from the last one's.
+  bool fits(const Kit& kit, std::size_t agent) const {
+    bool is_last = true;
+    for (std::size_t links = 1; links <= agent; ++links) {
+      const Kit* other = trial_[agent - links];
+      if (other == nullptr) continue;
+      if (other == &kit) return false;
+      if (is_last &&
+          tether_distance(kit.place, other->place) > static_cast<double>(links) * (tether_ - kTetherSlack))
+        return false;
+      is_last = false;
+    }
+    return true;
+  }
+
   /// The weakest leads; then its neighbours in the tether, theirs, and so on: each decides with one neighbour's
   /// goal before it, so that the chain never has two leaders.
   std::vector<std::size_t> order_of(const doom::World& world) {
@@ -100,15 +174,6 @@ class Forager final : public Oracle {
     return order;
   }
 
-  /// What the leader of more than two finds for those behind it where `kit` lies, as health.
-  double for_partners(const Kit& kit, const std::vector<Kit>& kits, std::size_t agent) const {
-    if (targets_.size() < 3 || agent != leader_) return 0;
-    std::size_t near = 0;
-    for (const Kit& other : kits)
-      near += other.id != kit.id && tether_distance(kit.place, other.place) < tether_;
-    return kPartnersKit * static_cast<double>(std::min(near, targets_.size() - 1));
-  }
-
   /// A place beside the way of a partner that wants to pass; none: nobody does.
   std::optional<Place> aside_of(const doom::World& world, std::size_t agent, std::size_t other,
                                 Place goal) const {
@@ -123,21 +188,6 @@ class Forager final : public Oracle {
       if (navigator_.is_open(aside)) return aside;
     }
     return goal;  // too narrow: ahead of it
-  }
-
-  bool taken_by_another(uint32_t kit, std::size_t agent, const std::vector<bool>& decided) const {
-    for (std::size_t other = 0; other < targets_.size(); ++other)
-      if (other != agent && decided[other] && targets_[other] == kit) return true;
-    return false;
-  }
-
-  bool within_tether(Place place, const std::vector<Place>& goals, const std::vector<bool>& decided,
-                     std::size_t agent) const {
-    for (const std::size_t other : {agent - 1, agent + 1})
-      if (other < goals.size() && decided[other] &&
-          tether_distance(place, goals[other]) > tether_ - kTetherSlack)
-        return false;
-    return true;
   }
 
   /// Nothing to take: beside the neighbour who knows where to go, or where most kits lie.
@@ -186,20 +236,29 @@ class Forager final : public Oracle {
       const Place me_ahead{here.x + doom::to_double(body.velocity_x) * 8,
                            here.y + doom::to_double(body.velocity_y) * 8};
       const double apart = tether_distance(me_ahead, ahead);
-      if (apart < tether_ - 45) continue;
+      if (apart < tether_ - kClosesUp) continue;
       const bool recedes = tether_distance(goal, there) > tether_distance(here, there);
       if (rank(other) < rank(agent)) {
         goal = there;
-      } else if (recedes && tether_distance(here, there) > tether_ - 35) {
+      } else if (recedes && tether_distance(here, there) > tether_ - kWaits) {
         return;  // wait for it
       }
     }
-    const std::optional<Place> next = navigator_.waypoint(here, goal);
-    go_to(body, next.value_or(goal), {}, buttons);
+    Place next = navigator_.waypoint(here, goal).value_or(goal);
+    if (targets_[agent] != 0) {
+      const double far = std::max(1.0, distance_between(here, next));
+      const Place beyond{next.x + (next.x - here.x) / far * kRunThrough,
+                         next.y + (next.y - here.y) / far * kRunThrough};
+      if (far < kRunThrough && navigator_.is_open(beyond)) next = beyond;
+    }
+    go_to(body, next, {}, buttons);
   }
 
   Navigator navigator_;
-  double tether_;
+  double tether_, damage_;
+  std::vector<std::vector<Option>> options_;  // [N], best first
+  std::vector<const Kit*> chosen_, trial_;    // [N], null: none
+  double best_value_ = 0;
   std::vector<Sidestep> sidesteps_;  // [N]
   std::size_t leader_ = 0;
   std::vector<uint32_t> targets_;  // [N] actor id of the kit on the way to, 0 none

@@ -14,7 +14,8 @@ namespace {
 
 constexpr int32_t kFirstDemonId = 10000, kDemonsMax = 32;
 constexpr double kDemonRadius = 30;
-constexpr double kFireRange = 400;   // most pellets hit from here
+constexpr double kFireRange = 480;   // pellets fly 500
+constexpr double kAimSlack = 1.2;    // of the angle that a demon takes up: pellets spread, turning costs time
 constexpr double kCloseRange = 140;  // no nearer than this
 constexpr double kLeadTics = 5;      // from the decision to the shot
 constexpr int kWeighEvery = 4;       // decisions
@@ -177,7 +178,7 @@ class Hunters final : public Oracle {
       const Place there{seen.x + lead(*mark, true), seen.y + lead(*mark, false)};
       const double distance = distance_between(here, seen);
       const double half_angle = std::atan2(kDemonRadius, distance) * 57.3;
-      if (turn_to(body, bearing_degrees(here, there), buttons, std::max(3.6, half_angle * 0.8)))
+      if (turn_to(body, bearing_degrees(here, there), buttons, std::max(3.6, half_angle * kAimSlack)))
         buttons.attack = true;
       if (mark->id == targets_[agent] || together_) goal = seen, stays = distance < kCloseRange;
       if (stays) return;

@@ -223,10 +223,16 @@ TEST(Resources, AMapThatGivesTooLittleIsRefusedWithAReason) {
   EXPECT_EQ(error("foraging_commons", 4, {{"drain", "0"}, {"decay", "0"}, {"boost", "0"}}), "no error");
   EXPECT_THAT(error("ammo_carrier", 2, {{"density", "4000"}}), HasSubstr("2210 appear"));
   EXPECT_EQ(error("ammo_carrier", 2, {{"density", "1250"}, {"depots", "3"}}), "no error");
-  EXPECT_THAT(error("coop_health_gathering", 4, {{"damage", "8"}}), HasSubstr("of what kits give"));
+  EXPECT_THAT(error("coop_health_gathering", 4, {{"damage", "8"}}),
+              HasSubstr("more than 4 agents can fetch"));
+  // What the published axes have: three cannot live on it, two can.
+  const std::vector<std::pair<std::string, std::string>> hot = {{"damage", "7"}, {"kit_cap", "60"}};
+  EXPECT_THAT(error("coop_health_gathering", 3, hot), HasSubstr("down to"));
+  EXPECT_EQ(error("coop_health_gathering", 2, hot), "no error");
+  for (const int agents : {2, 3, 4}) EXPECT_EQ(error("coop_health_gathering", agents, {}), "no error");
   EXPECT_EQ(error("coop_health_gathering", 2, {{"damage", "8"}}), "no error");
   EXPECT_THAT(error("coop_health_gathering", 2, {{"damage", "7"}, {"kit_cap", "20"}, {"radius", "3000"}}),
-              HasSubstr("raise kit_cap"));
+              HasSubstr("or take fewer agents"));
   EXPECT_THAT(error("armory_siege", 2, {{"window", "12"}}), HasSubstr("13 at least"));
 }
 
