@@ -454,5 +454,29 @@ TEST(Settings, AFileThatNeverEndsIsNotReadWhole) {
   }
 }
 
+TEST(Settings, RandomTomlIsReadOrRefusedWithItsPlace) {
+  const test::ScratchFolder folder;
+  const uint64_t seed = 20261123;
+  Rng rng(seed);
+  const std::vector<std::string> parts = {
+      "a", ".",   "=",  "[",  "]",      "{",    "}",
+      ",", "\n",  "\"", "'",  "\"\"\"", "'''",  "#",
+      "1", "0.5", " ",  "\\", "seed",   "true", ".a.a.a.a.a.a.a.a.a.a.a.a.a.a"};
+  int read = 0;
+  for (int round = 0; round < 3000; ++round) {
+    std::string text;
+    for (uint32_t i = rng.below(200); i > 0; --i) {
+      const std::string& part = parts[rng.below(static_cast<uint32_t>(parts.size()))];
+      for (uint32_t times = rng.below(8) == 0 ? rng.below(100) : 1; times > 0; --times) text += part;
+    }
+    const auto layer = read_settings_toml(folder.write("random.toml", text));
+    read += layer.has_value();
+    if (!layer) {
+      EXPECT_THAT(layer.error().message, HasSubstr("random.toml")) << "seed " << seed << " round " << round;
+    }
+  }
+  EXPECT_GT(read, 0) << "an empty text is one";
+}
+
 }  // namespace
 }  // namespace comrad
