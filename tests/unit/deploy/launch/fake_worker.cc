@@ -9,7 +9,6 @@
 //   finish MS         learner: reach the run's goal and leave with 0 after MS milliseconds of running
 //   leave MS          learner: the same without having reached it
 //   unsaved MS        learner: reach the goal, but fail to save (exit code 3)
-//   stand_still 0     sim: join and make no decision
 //   restored COUNT    counters begin at COUNT, as those of a resumed learner do, env frames at 4 x COUNT
 //   episodes COUNT    sim: finish COUNT episodes, then play on
 //   fill 0            sim: take a slab and hold it with 5 rows filled
@@ -126,7 +125,7 @@ int main(int argc, char** argv) {
         tell("running");
         if (role == "learner") usleep(300'000);  // simulators collect a first batch
       }
-      if (!habits.contains("stand_still")) counters.decisions += role == "learner" ? 64 : 10;
+      counters.decisions += role == "learner" ? 64 : 10;
       counters.batches += 1;
       for (; episodes < episode_count; ++episodes) {
         shm::EpisodeRecord record{};
