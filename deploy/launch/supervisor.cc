@@ -601,23 +601,20 @@ void Supervisor::died(Worker& worker, const ExitStatus& how) {
   }
 
   uint64_t lost = 0;
-  bool did_work = false;
   const TrajectoryShape& shape = arena_->shape().trajectory;
   switch (worker.role) {
     case Role::kSim:
       lost = arena_->reclaim_sim_worker(worker.index);
-      did_work = arena_->sim_counters(worker.index).decisions.load() != worker.decisions_at_start;
       break;
     case Role::kPolicy:
       arena_->reclaim_policy_worker(worker.index);  // its questions are asked again, nothing is lost
-      did_work = arena_->policy_counters(worker.index).decisions.load() != worker.decisions_at_start;
       break;
     case Role::kLearner:
       lost = static_cast<uint64_t>(arena_->reclaim_learner()) * static_cast<uint64_t>(shape.rollout_steps) *
              static_cast<uint64_t>(shape.env.num_agents);
-      did_work = arena_->learner_counters().decisions.load() != worker.decisions_at_start;
       break;
   }
+  const bool did_work = counters_of(worker).decisions.load() != worker.decisions_at_start;
   outcome_.steps_lost += lost;
   ++outcome_.restarts;
   const double now_s = monotonic_s();
