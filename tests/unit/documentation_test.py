@@ -23,10 +23,14 @@ WORDS_MAX_OF = {
     "scenarios/README.md": 1800,  # holds the reference of scenario.toml
 }
 NOT_OURS = {".git", "build", "train_dir"}
+MADE_BY_TOOLS = {"CMakeCache.txt", "pyvenv.cfg"}  # a build folder, a Python environment: whatever they are called
 
 
 def markdown_files(root):
     for folder, folders, names in os.walk(root):
+        if MADE_BY_TOOLS & set(names):
+            folders[:] = []
+            continue
         folders[:] = sorted(name for name in folders if name not in NOT_OURS)
         for name in sorted(names):
             if name.endswith(".md"):
@@ -137,7 +141,8 @@ SAMPLE = """# A sample
 def check_itself():
     with tempfile.TemporaryDirectory() as root:
         os.makedirs(os.path.join(root, "part"))
-        texts = {"there.md": "# A heading\n", "part/one.h": "", "part/one.cc": "", "part/two.h": "",
+        os.makedirs(os.path.join(root, "made"))
+        texts = {"there.md": "# A heading\n", "made/CMakeCache.txt": "", "made/foreign.md": "[bad](nowhere.md)", "part/one.h": "", "part/one.cc": "", "part/two.h": "",
                  "README.md": SAMPLE, "part/README.md": "word " * (WORDS_MAX + 1)}
         for name, text in texts.items():
             with open(os.path.join(root, name), "w", encoding="utf-8") as file:
