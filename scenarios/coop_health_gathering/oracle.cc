@@ -12,16 +12,18 @@
 namespace comrad::sim {
 namespace {
 
-constexpr double kTetherSlack = 20;      // goals keep this much from the tether's end
-constexpr double kClosesUp = 20;         // and here an agent closes up to the partner who leads
-constexpr double kWaits = 10;            // or waits for the one who follows
-constexpr int kLeadsOnHealth = 6;        // that somebody must be weaker to lead instead, of more than two
-constexpr double kSight = 1400;          // kits further away do not count
-constexpr std::size_t kOptions = 6;      // kits that an agent chooses from
-constexpr double kPickUp = 60;           // way that turning to a kit costs besides
-constexpr double kWaste = 0.7;           // part of a kit that must be of use
-constexpr double kKeeps = 1.25;          // factor of the kit on the way to: no dithering
-constexpr double kUrgency = 40;          // health at which a kit counts half of what it does for the dying
+constexpr double kTetherSlack = 20;  // goals keep this much from the tether's end
+constexpr double kClosesUp = 20;     // and here an agent closes up to the partner who leads
+constexpr double kWaits = 10;        // or waits for the one who follows
+constexpr int kLeadsOnHealth = 6;    // that somebody must be weaker to lead instead, of more than two
+constexpr double kSight = 1400;      // kits further away do not count
+constexpr std::size_t kOptions = 8;  // kits that an agent chooses from
+constexpr double kFurtherLink =
+    0.4;                         // of a tether for each link after the first: a chain at full length stalls
+constexpr double kPickUp = 60;   // way that turning to a kit costs besides
+constexpr double kWaste = 0.7;   // part of a kit that must be of use
+constexpr double kKeeps = 1.25;  // factor of the kit on the way to: no dithering
+constexpr double kUrgency = 40;  // health at which a kit counts half of what it does for the dying
 constexpr double kNeighbours = 600;      // kits this near to a kit make it worth more ...
 constexpr double kNeighboursPart = 0.1;  // ... by this part of what they heal
 constexpr double kGlideTics = 6;         // ways begin where the body is going
@@ -150,9 +152,8 @@ class Forager final : public Oracle {
       const Kit* other = trial_[agent - links];
       if (other == nullptr) continue;
       if (other == &kit) return false;
-      if (is_last &&
-          tether_distance(kit.place, other->place) > static_cast<double>(links) * (tether_ - kTetherSlack))
-        return false;
+      const double reach = (1 + kFurtherLink * static_cast<double>(links - 1)) * (tether_ - kTetherSlack);
+      if (is_last && tether_distance(kit.place, other->place) > reach) return false;
       is_last = false;
     }
     return true;

@@ -1,6 +1,9 @@
 #include "scenarios/smart_enemies/layout.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <numbers>
 #include <optional>
 #include <string>
 
@@ -22,6 +25,7 @@ constexpr int kPlacements = 64;        // tried for one obstacle
 constexpr int32_t kStartDistance = 32;
 constexpr doomgen::Body kDemon{.radius = 30, .height = 56, .step = 24};
 constexpr int32_t kSpotClearance = 32;
+constexpr int64_t kRadius = 800, kCap = 4, kInterval = 3;  // of the default map
 
 int32_t root(int64_t value) {
   int32_t low = 0, high = 1 << 15;
@@ -146,32 +150,131 @@ Expected<DrawnLayout> draw_arena(const LayoutDraw& draw) {
   return DrawnLayout{.map = std::move(map), .defines = {{"SPOT_COUNT", kSpotCount}}};
 }
 
+namespace {
+
+// Numbers of script.acs; the floor hurts at clock 32, 64, ...
+constexpr int64_t kHitTics = 32, kHit = 2, kStartHealth = 100, kKillHealth = 7;
+
+int64_t interval_tics(const LayoutTask& task) { return task.value("interval") * 35; }
+
+/// Demons that have come until then, were none of them missing for the cap.
+int64_t came(const LayoutTask& task, int64_t tic) { return 1 + tic / interval_tics(task); }
+
+}  // namespace
+
 double most_kills(const LayoutTask& task) {
-  // Numbers of script.acs; the floor hurts at clock 32, 64, ...
-  constexpr int64_t kHitTics = 32, kHit = 2, kStartHealth = 100, kKillHealth = 7;
-  const int64_t interval = task.value("interval") * 35;
-  const auto came = [&](int64_t tic) { return 1 + tic / interval; };
   int64_t end = task.limit_tics - 1;
   for (int64_t tic = kHitTics; tic <= end; tic += kHitTics)
-    if (kStartHealth + kKillHealth * came(tic) <= kHit * tic / kHitTics) end = tic;
-  return static_cast<double>(came(end)) / task.num_agents;
+    if (kStartHealth + kKillHealth * came(task, tic) <= kHit * tic / kHitTics) end = tic;
+  return static_cast<double>(came(task, end)) / task.num_agents;
 }
+
+double Hunt::tics() const {
+  constexpr double kToTheWall = 32 / (9 * std::numbers::pi);       // of a disc of radius 1
+  constexpr double kWalk = 11.5;                                   // units a tic, askance
+  constexpr double kTurn = 90 / 3.5;                               // tics of a quarter turn
+  constexpr double kHealth = 100, kShot = 7 * 10, kShotTics = 37;  // of a demon without armour; of one gun
+  return std::max(0.0, kToTheWall * radius - reach) / kWalk + kTurn + kHealth / (kShot * guns) * kShotTics;
+}
+
+double Hunt::caught_share() const {
+  // Chances of n demons in units of that of none: a^n / n! while a party is free for each, then a / c each.
+  const double load = tics() / interval_tics;
+  double chance = 1, sum = 1;
+  for (int demons = 1; demons <= cap; ++demons) {
+    chance *= load / std::min(demons, parties);
+    sum += chance;
+  }
+  return 1 - chance / sum;
+}
+
+Status check_hunt(const LayoutTask& task, const Hunt& hunt, const Hunt& published) {
+  constexpr double kAsPublished = 0.9;  // of the share that is caught on the default map
+  const auto percent = [](double share) { return std::to_string(std::lround(100 * share)) + " %"; };
+  const int64_t floor = kHit * (task.limit_tics / kHitTics);
+  const int64_t needed = (floor - kStartHealth) / kKillHealth + 1, demons = came(task, task.limit_tics - 1);
+  const double caught = hunt.caught_share();
+  if (caught * static_cast<double>(demons) < static_cast<double>(needed))
+    return Error{ErrorCode::kBadInput,
+                 "the floor takes " + std::to_string(floor) + " health in all, so that " +
+                     std::to_string(needed) + " demons must be killed; " + std::to_string(demons) +
+                     " come, and of those " + percent(caught) +
+                     " can be caught; lower interval or radius, or raise cap or proximity"};
+  if (caught < kAsPublished * published.caught_share())
+    return Error{ErrorCode::kBadInput, "of the demons that come " + percent(caught) +
+                                           " can be caught, on the default map " +
+                                           percent(published.caught_share()) +
+                                           "; raise interval, cap or proximity, or lower radius"};
+  return {};
+}
+
+namespace {
+
+/// Of all places where another hunter may stand, the part that is not within `proximity` of a demon, in the mean
+/// of the spots, which lie at random where demons can be.
+double share_apart(const std::vector<Point>& spots, int64_t proximity) {
+  int64_t pairs = 0, apart = 0;
+  for (const Point& demon : spots)
+    for (const Point& hunter : spots)
+      if (&demon != &hunter)
+        ++pairs, apart += doomgen::distance_squared(demon, hunter) >= proximity * proximity;
+  return pairs > 0 ? static_cast<double>(apart) / static_cast<double>(pairs) : 0.0;
+}
+
+/// The largest team that finds room to hunt apart. Where a team's other hunters stand anywhere, a demon is alone
+/// with its own in share_apart()^(N - 1) of all cases, of which there must be kAlone.
+int most_hunters(const std::vector<Point>& spots, int64_t proximity) {
+  constexpr double kAlone = 0.15;  // measured: ../POOLS.md
+  constexpr int kMost = 8;
+  const double apart = share_apart(spots, proximity);
+  double alone = 1;
+  for (int hunters = 1; hunters < kMost; ++hunters)
+    if ((alone *= apart) < kAlone) return hunters;
+  return kMost;
+}
+
+Expected<DrawnLayout> draw_with_room(const LayoutDraw& draw) {
+  COMRAD_TRY_ASSIGN(DrawnLayout drawn, draw_arena(draw));
+  std::vector<Point> spots;
+  for (const doomgen::ThingData& thing : drawn.map.things)
+    if (thing.id >= kFirstSpotId && thing.id < kFirstSpotId + kSpotCount) spots.push_back(thing.position);
+  drawn.most_agents = most_hunters(spots, draw.value("proximity"));
+  return drawn;
+}
+
+/// Each hunter is a party.
+Hunt hunt_of(int64_t radius, int64_t interval, int64_t cap, int num_agents) {
+  return {.radius = static_cast<double>(radius),
+          .reach = kPelletReach,
+          .interval_tics = static_cast<double>(interval) * 35,
+          .cap = static_cast<int>(cap),
+          .parties = num_agents};
+}
+
+Status check_resources(const LayoutTask& task) {
+  return check_hunt(task,
+                    hunt_of(task.value("radius"), task.value("interval"), task.value("cap"), task.num_agents),
+                    hunt_of(kRadius, kInterval, kCap, task.num_agents));
+}
+
+}  // namespace
 
 LayoutRecipe recipe() {
   return {
-      .parameters = {{"radius", 800, 500, 4000, "radius of the arena, units (axis: 700, 850, 1000)"},
+      .parameters = {{"radius", kRadius, 500, 4000, "radius of the arena, units (axis: 700, 850, 1000)"},
                      {"obstacles", 30, 0, 200, "obstacles (axis: 18, 30, 42)"},
-                     {"cap", 4, 1, 32, "demons that live at a time (axis: 3, 5, 7)"},
-                     {"interval", 3, 1, 60, "seconds between two demons (axis: 2, 3, 4)"},
+                     {"cap", kCap, 1, 32, "demons that live at a time (axis: 3, 5, 7)"},
+                     {"interval", kInterval, 1, 60, "seconds between two demons (axis: 2, 3, 4)"},
                      {"proximity", 512, 64, 2000, "how near a hunter counts, units (axis: 384, 512, 640)"},
                      organic_parameter()},
-      .draw = draw_arena,
+      .draw = draw_with_room,
       .axes = {{"radius", {{{"radius", 700}}, {{"radius", 850}}, {{"radius", 1000}}}},
                {"obstacles", {{{"obstacles", 18}}, {{"obstacles", 30}}, {{"obstacles", 42}}}},
                {"cap", {{{"cap", 3}}, {{"cap", 5}}, {{"cap", 7}}}},
                {"interval", {{{"interval", 2}}, {{"interval", 3}}, {{"interval", 4}}}},
                {"proximity", {{{"proximity", 384}}, {{"proximity", 512}}, {{"proximity", 640}}}}},
-      .ceiling = most_kills};
+      .ceiling = most_kills,
+      .check_resources = check_resources};
 }
 
 }  // namespace comrad::scenarios::smart_enemies

@@ -24,7 +24,7 @@ constexpr double kCrowdMargin = 60;  // kept from the distance at which a second
 class Hunters final : public Oracle {
  public:
   Hunters(const DoomGame& game, bool together)
-      : navigator_({.cell_units = 24}),
+      : navigator_({.cell_units = 16}),
         together_(together),
         proximity_(static_cast<double>(game.layout.parameter("proximity", 512))) {}
 

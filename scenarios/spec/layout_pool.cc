@@ -290,13 +290,14 @@ Expected<std::vector<PoolEntry>> make_grid_pool(const std::string& scenario, con
       entry.axis_choices.insert(entry.axis_choices.begin(), {axis->name, choice});
       rest /= count;
     }
-    if (const Status enough = check_resources(scenario, one); !enough) {
-      if (enough.error().code != ErrorCode::kUnsupported) return enough.error();
-      if (request.left_out) request.left_out(place, enough.error());
-      if (place + 1 == end && entries.empty()) return enough.error();
+    const Expected<GeneratedLayout> drawn = generate_layout(scenario, one);
+    if (!drawn) {
+      if (drawn.error().code != ErrorCode::kUnsupported) return drawn.error();
+      if (request.left_out) request.left_out(place, drawn.error());
+      if (place + 1 == end && entries.empty()) return drawn.error();
       continue;
     }
-    COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
+    const GeneratedLayout& layout = *drawn;
     if (request.for_training && split.is_for_evaluation(layout.map_hash)) continue;
     char number[24];
     std::snprintf(number, sizeof(number), "%04lld", static_cast<long long>(place));
@@ -372,13 +373,14 @@ Expected<std::vector<PoolEntry>> make_pool(const std::string& scenario, const Po
     }
     PoolEntry entry;
     const LayoutRequest one = request_of_seed(scenario, recipe, request, seeds.next(), &entry.axis_choices);
+    const Expected<GeneratedLayout> drawn = generate_layout(scenario, one);
     // Options that do not go together, with what the team needs to solve the map, are drawn from the next seed.
-    if (const Status enough = check_resources(scenario, one); !enough) {
-      if (enough.error().code != ErrorCode::kUnsupported || !request.vary) return enough.error();
-      lacking = enough.error();
+    if (!drawn) {
+      if (drawn.error().code != ErrorCode::kUnsupported || !request.vary) return drawn.error();
+      lacking = drawn.error();
       continue;
     }
-    COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
+    const GeneratedLayout& layout = *drawn;
     ++count.draws;
     if (split.is_for_evaluation(layout.map_hash) != (request.kind == PoolKind::kEval)) {
       ++count.other_pool;
@@ -414,15 +416,15 @@ Expected<DistinctMaps> count_distinct_maps(const std::string& scenario, const Po
   std::vector<uint64_t> contents;
   for (int lacking = 0; static_cast<int>(contents.size()) < draws;) {
     const LayoutRequest one = request_of_seed(scenario, recipe, request, seeds.next());
+    const Expected<GeneratedLayout> layout = generate_layout(scenario, one);
     // As in make_pool(): options that give the team too little are no draw.
-    if (const Status enough = check_resources(scenario, one); !enough) {
-      if (enough.error().code != ErrorCode::kUnsupported || !request.vary || ++lacking == kFruitlessDraws)
-        return enough.error();
+    if (!layout) {
+      if (layout.error().code != ErrorCode::kUnsupported || !request.vary || ++lacking == kFruitlessDraws)
+        return layout.error();
       continue;
     }
     lacking = 0;
-    COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
-    contents.push_back(layout.map_hash);
+    contents.push_back(layout->map_hash);
   }
   return distinct_maps(contents);
 }

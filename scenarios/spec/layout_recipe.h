@@ -79,6 +79,7 @@ struct DrawnLayout {
   std::vector<std::pair<std::string, std::vector<int64_t>>> arrays = {};
   std::vector<NamedBytes> textures = {};  ///< PNG or patch lumps between TX_START and TX_END
   std::vector<NamedBytes> lumps = {};     ///< any others, as they are
+  int most_agents = 0;  ///< the largest team that this map has room for; 0: the parameters decide alone
 };
 
 /// How to draw one scenario's maps.

@@ -70,11 +70,13 @@ Expected<ParameterValues> parameter_values(const std::string& scenario, const La
   return values;
 }
 
-/// Of each team size that a map of these parameters is enough for. One that it is not enough for is left out.
+/// Of each team size that a map of these parameters is enough for. One that it is not enough for is left out, and
+/// so are teams of more than `most_agents` (0: any).
 std::map<int, double> ceilings_of(const ScenarioSpec& spec, const LayoutRecipe& recipe,
-                                  const ParameterValues& values) {
+                                  const ParameterValues& values, int most_agents = 0) {
   std::map<int, double> ceilings;
   for (const int agents : spec.supported_agents) {
+    if (most_agents > 0 && agents > most_agents) continue;
     const LayoutTask task{values, agents, spec.limit_tics()};
     if (recipe.check_resources != nullptr && !recipe.check_resources(task)) continue;
     const double ceiling = recipe.ceiling != nullptr ? recipe.ceiling(task) : spec.ceiling;
@@ -254,12 +256,21 @@ Expected<GeneratedLayout> generate_layout(const std::string& scenario, const Lay
   COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(scenario));
   COMRAD_TRY(check_task(spec, recipe, values, request.num_agents));
   GeneratedLayout layout;
+  const int team = request.num_agents > 0 ? request.num_agents : spec.default_agents;
+  bool only_room_lacks = true;
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     const uint64_t seed = request.seed + kSeedStep * attempt;
     const Expected<DrawnLayout> drawn =
         recipe.draw({seed, values, RngKey(seed).split(scenario), request.num_agents});
     if (!drawn) {
       layout.refusals.push_back("seed " + std::to_string(seed) + ": " + drawn.error().message);
+      only_room_lacks = false;
+      continue;
+    }
+    if (drawn->most_agents > 0 && drawn->most_agents < team) {
+      layout.refusals.push_back("seed " + std::to_string(seed) + ": " + scenario + ": there is room for " +
+                                std::to_string(drawn->most_agents) + " agents, not for " +
+                                std::to_string(team));
       continue;
     }
     if (const int starts = start_count(drawn->map); starts < request.num_agents)
@@ -267,17 +278,17 @@ Expected<GeneratedLayout> generate_layout(const std::string& scenario, const Lay
                                              std::to_string(starts) + " players, not for " +
                                              std::to_string(request.num_agents)};
     layout.info = {request.as.empty() ? scenario : request.as, request.seed, attempt, values,
-                   ceilings_of(spec, recipe, values)};
+                   ceilings_of(spec, recipe, values, drawn->most_agents)};
     for (const LayoutParameter& parameter : recipe.parameters)
       if (parameter.hide_default && values.at(parameter.name) == parameter.default_value)
         layout.info.parameters.erase(parameter.name);
     COMRAD_TRY(write_wad(folder, request, *drawn, layout));
     return layout;
   }
-  return Error{ErrorCode::kBadInput, "scenario " + scenario + ": none of " + std::to_string(kAttempts) +
-                                         " attempts from seed " + std::to_string(request.seed) +
-                                         " gave a valid map; the last one failed because " +
-                                         layout.refusals.back()};
+  return Error{only_room_lacks ? ErrorCode::kUnsupported : ErrorCode::kBadInput,
+               "scenario " + scenario + ": none of " + std::to_string(kAttempts) + " attempts from seed " +
+                   std::to_string(request.seed) + " gave a valid map; the last one failed because " +
+                   layout.refusals.back()};
 }
 
 }  // namespace comrad::scenarios

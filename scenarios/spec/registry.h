@@ -65,8 +65,9 @@ Status check_resources(const std::string& scenario, const LayoutRequest& request
 /// Makes the WAD of a scenario. `scenario` is a name, or the path of a folder with a scenario.toml. With a
 /// recipe: a pure function of its arguments and the folder's files, the same bytes on every machine. Without
 /// one: the WAD that scenario.toml names (`wad = "arena.wad"`), as it is.
-/// Errors: kNotFound for an unknown scenario; those of check_resources(); kBadInput when none of 20 attempts
-/// passes the checks (with the last reason); kBadFormat of script.acs by file and line.
+/// Errors: kNotFound for an unknown scenario; those of check_resources(); kUnsupported when none of 20 attempts
+/// has room for the team, kBadInput when none passes the checks for any other reason (with the last one);
+/// kBadFormat of script.acs by file and line.
 Expected<GeneratedLayout> generate_layout(const std::string& scenario, const LayoutRequest& request);
 
 /// How layout_script_text() begins.

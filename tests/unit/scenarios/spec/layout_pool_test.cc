@@ -284,7 +284,7 @@ TEST_F(LayoutPool, LayoutsThatGiveTooLittleAreLeftOut) {
   // A pool for two that four cannot live on.
   ASSERT_TRUE(
       make_pool("coop_health_gathering",
-                {.count = 1, .vary = false, .layout = {.num_agents = 2, .parameters = {{"damage", "8"}}}},
+                {.count = 1, .vary = false, .layout = {.num_agents = 2, .parameters = {{"radius", "2400"}}}},
                 folder("two")));
   EXPECT_TRUE(check_pool(folder("two"), {.scenario = "coop_health_gathering", .num_agents = 2}));
   const auto four = check_pool(folder("two"), {.scenario = "coop_health_gathering", .num_agents = 4});

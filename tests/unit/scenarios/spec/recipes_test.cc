@@ -194,7 +194,12 @@ TEST(Ceilings, FollowTheParametersAndTheTeam) {
   // team dies at clock 8 096, after 58 demons at most: 100 + 58 * 7 health against 253 hits of 2.
   EXPECT_DOUBLE_EQ(of("smart_enemies", 3, {}), 172 / 3.0);
   EXPECT_DOUBLE_EQ(of("dumb_enemies", 4, {}), 43);
-  EXPECT_DOUBLE_EQ(of("dumb_enemies", 2, {{"interval", "4"}}), 29);
+  EXPECT_DOUBLE_EQ(of("smart_enemies", 2, {{"interval", "2"}, {"cap", "7"}}), 129);
+  ParameterValues slow;
+  const LayoutRecipe hunt = *layout_recipe("dumb_enemies");
+  for (const LayoutParameter& parameter : hunt.parameters) slow[parameter.name] = parameter.default_value;
+  slow["interval"] = 4;
+  EXPECT_DOUBLE_EQ(hunt.ceiling({slow, 2, 18000}), 29) << "no such map is made";
   EXPECT_GT(of("armory_siege", 2, {{"difficulty", "1000"}}), of("armory_siege", 2, {}));
   EXPECT_LT(of("armory_siege", 8, {}), of("armory_siege", 2, {}) / 3);
 }
@@ -226,20 +231,44 @@ TEST(Resources, AMapThatGivesTooLittleIsRefusedWithAReason) {
   EXPECT_THAT(error("coop_health_gathering", 4, {{"damage", "8"}}),
               HasSubstr("more than 4 agents can fetch"));
   // What the published axes have: three cannot live on it, two can.
-  const std::vector<std::pair<std::string, std::string>> hot = {{"damage", "7"}, {"kit_cap", "60"}};
-  EXPECT_THAT(error("coop_health_gathering", 3, hot), HasSubstr("down to"));
+  const std::vector<std::pair<std::string, std::string>> hot = {{"radius", "2400"}};
+  EXPECT_THAT(error("coop_health_gathering", 3, hot),
+              HasSubstr("falls to 78 health on average (80 are needed)"));
   EXPECT_EQ(error("coop_health_gathering", 2, hot), "no error");
   for (const int agents : {2, 3, 4}) EXPECT_EQ(error("coop_health_gathering", agents, {}), "no error");
-  EXPECT_EQ(error("coop_health_gathering", 2, {{"damage", "8"}}), "no error");
   EXPECT_THAT(error("coop_health_gathering", 2, {{"damage", "7"}, {"kit_cap", "20"}, {"radius", "3000"}}),
               HasSubstr("or take fewer agents"));
   EXPECT_THAT(error("armory_siege", 2, {{"window", "12"}}), HasSubstr("13 at least"));
+  // 562 hits of 2 less 100 health need 147 kills of 7; at one demon every 4 s there are 129.
+  for (const char* hunt : {"smart_enemies", "dumb_enemies"})
+    for (const int agents : {2, 3, 4}) {
+      EXPECT_EQ(error(hunt, agents, {}), "no error");
+      EXPECT_THAT(
+          error(hunt, agents, {{"interval", "4"}}),
+          AllOf(HasSubstr("takes 1124 health in all"), HasSubstr("147 demons"), HasSubstr("129 come")));
+    }
+  EXPECT_THAT(error("smart_enemies", 2, {{"interval", "2"}, {"cap", "3"}}), HasSubstr("on the default map"));
+  EXPECT_THAT(error("dumb_enemies", 2, {{"radius", "1150"}, {"cap", "6"}}), HasSubstr("can be caught"));
+}
+
+TEST(Resources, HuntersWhoHaveNoRoomToKeepApartGetNoMap) {
+  // Walls shut most of the arena off: of 20 seeds none leaves four hunters 640 units from one another's demons.
+  const auto layout = generate_layout(
+      "smart_enemies",
+      {.num_agents = 4, .parameters = {{"radius", "700"}, {"obstacles", "42"}, {"proximity", "640"}}});
+  ASSERT_FALSE(layout);
+  EXPECT_EQ(layout.error().code, ErrorCode::kUnsupported);
+  EXPECT_THAT(layout.error().message, AllOf(HasSubstr("there is room for"), HasSubstr("not for 4")));
+  const auto pair = generate_layout("smart_enemies", {.num_agents = 2, .parameters = {{"proximity", "700"}}});
+  ASSERT_TRUE(pair) << pair.error().message;
+  EXPECT_TRUE(pair->info.ceiling.contains(2));
+  EXPECT_FALSE(pair->info.ceiling.contains(4)) << "a larger team has no ceiling on it";
 }
 
 TEST(Resources, TeamSizesThatAMapIsNotEnoughForHaveNoCeiling) {
   // 2 agents live where 4 do not: kits come for all.
   const auto layout =
-      generate_layout("coop_health_gathering", {.num_agents = 2, .parameters = {{"damage", "8"}}});
+      generate_layout("coop_health_gathering", {.num_agents = 2, .parameters = {{"radius", "2400"}}});
   ASSERT_TRUE(layout) << layout.error().message;
   EXPECT_TRUE(layout->info.ceiling.contains(2));
   EXPECT_FALSE(layout->info.ceiling.contains(4));

@@ -62,7 +62,8 @@ TEST_P(AThousandLayouts, AreValidAndComeAtTwentyASecond) {
   std::printf("%s: %d layouts, %d failed, %d left out, %d attempts refused, %zu distinct, %.0f a second\n",
               GetParam().c_str(), count, failed, left_out, refused, hashes.size(), count / seconds);
   EXPECT_EQ(failed, 0);
-  EXPECT_LT(left_out, count / 3);
+  // Of the half that draws axes; Dumb Enemies for two makes one combination in six.
+  EXPECT_LT(left_out, count * 9 / 20);
   EXPECT_GE(static_cast<int>(hashes.size()), count / 2 - left_out)
       << "every layout with drawn axes is a map of its own";
   EXPECT_LE(refused, count / 20);

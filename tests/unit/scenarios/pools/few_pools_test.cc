@@ -1,0 +1,36 @@
+// Scripted teams on a few layouts of pools whose recipes refuse what gives too little. every_pool_test (label
+// long) plays all scenarios and team sizes.
+#include <gtest/gtest.h>
+
+#include "tests/unit/scenarios/pools/pool_share.h"
+
+namespace comrad::sim {
+namespace {
+
+struct Pool {
+  const char* scenario;
+  int num_agents, layouts;
+};
+
+class FewPools : public testing::TestWithParam<Pool> {};
+
+TEST_P(FewPools, TheTeamDoesOnThemWhatItDoesOnTheDefaultMap) {
+  // Six layouts tell less than twenty: the bar is 0.9 in every_pool_test.
+  constexpr double kLeast = 0.8;
+  const test::PoolShare share =
+      test::pool_share(GetParam().scenario, GetParam().num_agents, GetParam().layouts);
+  EXPECT_GE(share.relative(), kLeast) << "default map " << share.on_default << ", pool " << share.on_pool;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, FewPools,
+                         testing::Values(Pool{"coop_health_gathering", 2, 6},
+                                         Pool{"coop_health_gathering", 3, 6}, Pool{"foraging_commons", 3, 12},
+                                         Pool{"stealth_labyrinth", 2, 12}, Pool{"smart_enemies", 3, 6},
+                                         Pool{"dumb_enemies", 4, 4}),
+                         [](const auto& one) {
+                           return std::string(one.param.scenario) + "_" +
+                                  std::to_string(one.param.num_agents);
+                         });
+
+}  // namespace
+}  // namespace comrad::sim
