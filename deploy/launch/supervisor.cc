@@ -42,7 +42,6 @@ constexpr double kStatusIntervalS = 2.0;
 constexpr double kSilentAfterS = 10.0;  // a worker whose counter stands still so long is named
 constexpr double kWorkerStatusIntervalS = 1.0;
 constexpr int kLinesShownPerMinute = 20;  // of one worker's output on the terminal; the log has them all
-constexpr uint32_t kCounterRunning = 2;   // WorkerCounters::state
 
 enum class Role { kSim, kPolicy, kLearner };
 enum class Phase { kStarting, kRunning, kStopping };
@@ -720,7 +719,7 @@ void Supervisor::count_work() {
   played_decisions_.see(sim_decisions());
   // A learner sets its counters to those of the checkpoint it resumes, then its state to running.
   const shm::WorkerCounters& learner = arena_->learner_counters();
-  if (learner.state.load(std::memory_order_acquire) < kCounterRunning) return;
+  if (learner.state.load(std::memory_order_acquire) < shm::WorkerState::kRunning) return;
   const uint64_t trained = learner.decisions.load(std::memory_order_relaxed);
   const uint64_t updates = learner.batches.load(std::memory_order_relaxed);
   uint64_t fallen = 0;
