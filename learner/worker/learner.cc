@@ -719,7 +719,7 @@ void Learner::report_metrics() {
 }
 
 /// The supervisor reads warnings from standard error; those that begin with this word it shows the user as they
-/// are (deploy/launch/supervisor.cc).
+/// are (deploy/launch/worker_table.cc).
 void Learner::warn(const std::vector<std::string>& findings) {
   for (const std::string& finding : findings) {
     last_warning_ = "warning: " + finding;
