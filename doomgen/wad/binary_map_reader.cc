@@ -8,6 +8,7 @@
 
 #include "doomgen/wad/doom_specials.h"
 #include "doomgen/wad/map_records.h"
+#include "doomgen/wad/special_names.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::wad {
@@ -219,20 +220,20 @@ class Reader {
       line.player_cross = line.player_use = line.pass_use = line.monster_cross = line.impact = false;
     // These carry the line's own id among their arguments.
     switch (line.special) {
-      case 1:  // Polyobj_StartLine
+      case Special::kPolyobj_StartLine:
         line.id = line.args[3];
         break;
-      case 5:  // Polyobj_ExplicitLine
+      case Special::kPolyobj_ExplicitLine:
         line.id = line.args[4];
         break;
-      case 121:  // Line_SetIdentification, which is nothing else
+      case Special::kLine_SetIdentification:  // which is nothing else
         line.id = line.args[0] + 256 * line.args[4];
         line.block_floaters = (line.args[1] & 2) != 0;
         line.special = 0;
         break;
-      case 208:  // TranslucentLine
-      case 215:  // Teleport_Line
-      case 222:  // Scroll_Texture_Model
+      case Special::kTranslucentLine:
+      case Special::kTeleport_Line:
+      case Special::kScroll_Texture_Model:
         line.id = line.args[0];
         break;
       default:

@@ -48,9 +48,6 @@ TICS = 4  # of a decision
 TAIL = 1e-5
 # Counters of scripts that left_to_chance.json lists (how many demons there are, for one) are ranked, but not agreed either:
 # ViZDoom's early draws are alike for many seeds, so that a rare draw can come back in each play of it and in none of our worlds.
-# Slides along slanted walls are not followed to the bit (sim_workers/README.md), and what is off grows: positions are ranked
-# here, but not agreed.
-SLANTED_WALLS = {"dumb_enemies", "smart_enemies"}
 CONFIRMATIONS = 3  # plays without a lost press in which an agreed value has to differ: late steps without a turn are not seen
 AGREED_SHOWN = 6  # differences of a scenario, the earliest ones
 USERS = ["USER%d" % number for number in range(1, 61)]
@@ -374,8 +371,7 @@ def compare(scenario, arguments, folder, left_to_chance):
         def agreed_but_unlike(seed, ours, theirs):
             """(values compared, [(decision, quantity, seed, ours, theirs)]) of one script."""
             agreed = {key: value for key, value in agreed_values(ours).items()
-                      if not (scenario in SLANTED_WALLS and key[2].startswith("POSITION")) and
-                      not (key[2].startswith("USER") and key[1] in left_to_chance)}
+                      if not (key[2].startswith("USER") and key[1] in left_to_chance)}
             first_world, confirmed = next(iter(ours.values())), 0
             if turns and lost_press(first_world, theirs):
                 return len(agreed), []

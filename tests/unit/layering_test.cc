@@ -204,6 +204,34 @@ TEST(Layering, QuotedIncludesOfOursExist) {
     }
 }
 
+/// Whether a test lies where its source lies: tests/unit/shm/x_test.cc for shm/x.h or shm/x.cc. The folders of
+/// sim_workers/engine stand in tests/unit/sim_workers.
+bool mirrors_a_source(const fs::path& test) {
+  const fs::path root = COMRAD_SOURCE_DIR;
+  const std::string stem = test.stem().string();
+  const fs::path folder = fs::relative(test.parent_path(), root / "tests/unit");
+  const fs::path engine = "sim_workers/engine" / fs::relative(folder, "sim_workers");
+  for (const fs::path& place : {folder, engine})
+    for (const char* extension : {".h", ".cc"})
+      if (fs::exists(root / place / (stem.substr(0, stem.size() - std::string("_test").size()) + extension)))
+        return true;
+  return false;
+}
+
+TEST(Layering, EveryTestMirrorsASourceOrSaysWhatItCovers) {
+  int count = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(COMRAD_SOURCE_DIR "/tests/unit")) {
+    if (!entry.path().string().ends_with("_test.cc")) continue;
+    ++count;
+    std::string first_line;
+    std::getline(std::ifstream(entry.path()), first_line);
+    EXPECT_TRUE(first_line.starts_with("// ") || mirrors_a_source(entry.path()))
+        << entry.path()
+        << ": no source of that name in the folder that it mirrors; say in its first line what it covers";
+  }
+  EXPECT_GT(count, 100);
+}
+
 TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   const auto is_fault = [](const char* file, const char* target, bool quoted = true) {
     return !fault_of({file, 1, target, quoted}).empty();

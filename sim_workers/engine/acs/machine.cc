@@ -1,13 +1,10 @@
 #include "sim_workers/engine/acs/machine.h"
 
 #include <algorithm>
-#include <bit>
-#include <iterator>
 #include <utility>
 #include <vector>
 
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/core/rng.h"
 #include "sim_workers/engine/acs/caller.h"
 #include "sim_workers/engine/acs/hud.h"
 #include "sim_workers/engine/acs/interpreter.h"
@@ -120,24 +117,6 @@ bool wake(World& world, Thread& thread) {
   return true;
 }
 
-class Hash {
- public:
-  void add(uint64_t value) { value_ = mix64(value_ ^ value) + kGoldenGamma; }
-  void add(std::string_view text) {
-    add(text.size());
-    for (const char c : text) add(static_cast<unsigned char>(c));
-  }
-  template <typename Values>
-  void add_all(const Values& values) {
-    add(std::size(values));
-    for (const auto value : values) add(static_cast<uint64_t>(static_cast<uint32_t>(value)));
-  }
-  uint64_t value() const { return value_; }
-
- private:
-  uint64_t value_ = 0xAC5;
-};
-
 }  // namespace
 
 int32_t start_script(World& world, int32_t number, const StartOptions& options) {
@@ -203,53 +182,6 @@ void tic_machine(World& world) {
   machine.old_buttons.resize(static_cast<std::size_t>(world.player_count()));
   for (int player = 0; player < world.player_count(); ++player)
     machine.old_buttons[static_cast<std::size_t>(player)] = button_bits(world.player(player).buttons);
-}
-
-uint64_t hash_machine(const MachineState& machine) {
-  Hash hash;
-  hash.add(machine.threads.size());
-  for (const Thread& thread : machine.threads) {
-    hash.add(static_cast<uint32_t>(thread.script));
-    hash.add(static_cast<uint64_t>(thread.state) << 32 | thread.address);
-    hash.add(static_cast<uint64_t>(thread.registered) << 32 | static_cast<uint32_t>(thread.state_data));
-    hash.add(static_cast<uint64_t>(thread.back_side) << 32 | static_cast<uint32_t>(thread.line));
-    hash.add(static_cast<uint64_t>(thread.activator_id) << 32 | thread.local_base);
-    hash.add(static_cast<uint32_t>(thread.result));
-    hash.add_all(thread.stack), hash.add_all(thread.locals);
-    hash.add(thread.calls.size());
-    for (const CallFrame& frame : thread.calls)
-      hash.add(static_cast<uint64_t>(frame.return_address) << 32 | frame.local_base);
-    hash.add(thread.print_buffer), hash.add_all(thread.print_starts);
-    hash.add(static_cast<uint64_t>(static_cast<uint32_t>(thread.function)) << 32 |
-             static_cast<uint32_t>(thread.option_start));
-    hash.add(thread.font), hash.add_all(thread.clip);
-    hash.add(static_cast<uint64_t>(thread.hud_covers_bar) << 32 | static_cast<uint32_t>(thread.wrap_width));
-    hash.add(static_cast<uint64_t>(static_cast<uint32_t>(thread.hud_width)) << 32 |
-             static_cast<uint32_t>(thread.hud_height));
-  }
-  hash.add_all(machine.map_variables), hash.add_all(machine.world_variables);
-  for (const auto& array : machine.map_arrays) hash.add_all(array);
-  for (const auto& array : machine.world_arrays) hash.add_all(array);
-  for (const auto& array : machine.global_arrays) hash.add_all(array);
-  for (const std::string& text : machine.dynamic_strings) hash.add(text);
-  for (const HudMessage& message : machine.hud_messages) {
-    for (const int32_t value :
-         {message.id, message.player, message.kind, message.color, message.x, message.y, message.hud_width,
-          message.hud_height, message.layer, message.age_tics, message.hold_tics, message.fade_out_tics,
-          message.fade_in_tics, message.type_tics})
-      hash.add(static_cast<uint32_t>(value));
-    hash.add_all(message.clip);
-    hash.add(static_cast<uint64_t>(message.hud_covers_bar) << 34 |
-             static_cast<uint64_t>(message.additive) << 33 | static_cast<uint64_t>(message.no_wrap) << 32 |
-             static_cast<uint32_t>(message.wrap_width));
-    hash.add(std::bit_cast<uint32_t>(message.alpha));
-    hash.add(message.text), hash.add(message.font);
-  }
-  for (const PlaneWatcher& watcher : machine.plane_watchers)
-    hash.add(static_cast<uint64_t>(watcher.sector) << 32 | static_cast<uint32_t>(watcher.last));
-  hash.add_all(machine.old_buttons);
-  hash.add(static_cast<uint64_t>(machine.runaway_count));
-  return hash.value();
 }
 
 }  // namespace comrad::doom::acs

@@ -45,7 +45,4 @@ void tic_machine(World& world);
 /// A string by number: the lump's, or a dynamic one. Empty for numbers of none.
 std::string_view string_at(const World& world, int32_t index);
 
-/// All of it that scripts can notice, and what it shows.
-uint64_t hash_machine(const MachineState& machine);
-
 }  // namespace comrad::doom::acs

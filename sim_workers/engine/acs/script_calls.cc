@@ -22,7 +22,6 @@ using bytecode::BuiltIn;
 namespace {
 
 constexpr const char* kTooManyTexts = "more texts than the machine keeps";
-constexpr int32_t kSpecialRadiusQuake = 120;
 constexpr int32_t kFullAirTics = 20 * 35;
 
 CallResult text_result(const Caller& caller, std::string_view text) {
@@ -398,7 +397,7 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
     case BuiltIn::kQuakeEx: {
       // Quakes in all axes shake as plain ones do.
       const bool wide = number == static_cast<int32_t>(BuiltIn::kQuakeEx);
-      execute_special(world, {.number = kSpecialRadiusQuake,
+      execute_special(world, {.number = Special::kRadius_Quake,
                               .args = {args[1], wide ? args[4] : args[2], wide ? args[5] : args[3],
                                        wide ? args[6] : args[4], args[0]},
                               .activator = caller.activator(),

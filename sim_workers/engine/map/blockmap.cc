@@ -18,12 +18,19 @@ Box Box::around(Fixed x, Fixed y, Fixed radius) {
           saturate(int64_t{y} + radius)};
 }
 
-bool BlockLine::crosses(const Box& other) const {
+bool BlockLine::passes_through(const Box& other) const {
   // The two corners that lie farthest to either side of the line: which ones depends on its slope.
   const bool rising = (dx() >= 0) == (dy() >= 0);
   const int first = rising ? side_of(other.left, other.top) : side_of(other.right, other.top);
   const int second = rising ? side_of(other.right, other.bottom) : side_of(other.left, other.bottom);
   return first * second < 0;
+}
+
+bool BlockLine::crosses(const Box& other) const {
+  if (x1 == x2 || y1 == y2) return passes_through(other);
+  const bool rising = (dx() > 0) == (dy() > 0);
+  return rising ? is_behind(other.left, other.top) != is_behind(other.right, other.bottom)
+                : is_behind(other.right, other.top) != is_behind(other.left, other.bottom);
 }
 
 Blockmap Blockmap::build(const Level& level) {
@@ -69,7 +76,7 @@ Blockmap Blockmap::build(const Level& level) {
         const int64_t cell_bottom = map.origin_y_ + (int64_t{row} << (kFracBits + 7));
         const Box cell_box = {saturate(cell_left - 2), saturate(cell_left + to_fixed(kCellUnits) + 2),
                               saturate(cell_bottom - 2), saturate(cell_bottom + to_fixed(kCellUnits) + 2)};
-        if (straight || line.crosses(cell_box))
+        if (straight || line.passes_through(cell_box))
           entries.emplace_back(static_cast<uint32_t>(row * map.columns_ + column), index);
       }
     }

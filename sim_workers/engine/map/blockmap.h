@@ -39,7 +39,16 @@ struct BlockLine {
     const __int128 cross = static_cast<__int128>(dy()) * (x - x1) - static_cast<__int128>(dx()) * (y - y1);
     return (cross > 0) - (cross < 0);
   }
-  /// True where the line passes through the inside of `other`.
+  /// Whether the original engine takes (x, y) to be behind the line. It reads the side from the upper half of a
+  /// product, so that a strip behind the line counts as before it: 1/16 unit for a line of 16, 1/64 for one of 64.
+  bool is_behind(int64_t x, int64_t y) const {
+    const __int128 area = static_cast<__int128>(y - y1) * dx() + static_cast<__int128>(x1 - x) * dy();
+    return (area >> 32) > 0;
+  }
+  /// True where the endless line passes through the inside of `other`; exact.
+  bool passes_through(const Box& other) const;
+  /// True where a body that fills `other` is in the way of the endless line. For a slanted line the sides of the
+  /// two corners are those of is_behind(), so that a body may reach over it by a little.
   bool crosses(const Box& other) const;
 };
 

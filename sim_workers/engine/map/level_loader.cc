@@ -8,6 +8,7 @@
 
 #include "doomgen/wad/binary_map_reader.h"
 #include "doomgen/wad/doom_specials.h"
+#include "doomgen/wad/special_names.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/actors/actor_type.h"
@@ -27,29 +28,6 @@ float float_clamped(double value, double low, double high) {
   return static_cast<float>(std::clamp(value, low, high));
 }
 int32_t light_from(int32_t light) { return std::clamp(light, 0, 255); }
-
-/// What a map may ask for and does not get: it is loaded without.
-struct Missing {
-  int32_t special;
-  const char* what;
-};
-constexpr Missing kMissingSpecials[] = {
-    {9, "Line_Horizon (9)"},
-    {48, "Sector_Attach3dMidtex (48)"},
-    {50, "ExtraFloor_LightOnly (50)"},
-    {51, "Sector_SetLink (51)"},
-    {57, "Sector_SetPortal (57)"},
-    {107, "Line_SetPortalTarget (107)"},
-    {118, "Plane_Copy (118)"},
-    {156, "Line_SetPortal (156)"},
-    {159, "Sector_SetPlaneReflection (159)"},
-    {160, "Sector_Set3DFloor (160)"},
-    {161, "Sector_SetContents (161)"},
-    {181, "Plane_Align (181)"},
-    {182, "Line_Mirror (182)"},
-    {190, "Static_Init (190)"},
-    {209, "Transfer_Heights (209)"},
-};
 
 /// Checks one map and builds the Level beside it; every message names the line of the text, or the record.
 class Loader {
@@ -278,7 +256,7 @@ class Loader {
       line.lock_number = from.lock_number;
       line.arg0_text = from.arg0_text;
       // Static_Init's kin: these only say what the line is.
-      if (from.special == 121) line.special = 0;
+      if (from.special == wad::Special::kLine_SetIdentification) line.special = 0;
       has_3d_midtex |= from.midtex_3d;
       level_.linedefs.push_back(std::move(line));
     }
@@ -298,7 +276,7 @@ class Loader {
   /// TranslucentLine(id, amount, additive) on a line speaks of all lines with that id.
   void apply_translucency() {
     for (std::size_t i = 0; i < level_.linedefs.size(); ++i) {
-      if (level_.linedefs[i].special != 208) continue;
+      if (level_.linedefs[i].special != wad::Special::kTranslucentLine) continue;
       const std::array<int32_t, 5> args = level_.linedefs[i].args;
       const auto apply = [&](Linedef& line) {
         line.alpha = static_cast<float>(light_from(args[1])) / 255.0f;
@@ -368,12 +346,15 @@ class Loader {
     }
   }
 
+  /// What the map asks for and does not get: it is loaded without.
   void warn_of_missing() {
-    for (const Missing& missing : kMissingSpecials) {
+    for (const wad::SpecialName& missing : wad::special_names()) {
+      if (missing.support != wad::SpecialSupport::kUnsupportedShape) continue;
       const auto count = std::count_if(level_.linedefs.begin(), level_.linedefs.end(),
-                                       [&](const Linedef& line) { return line.special == missing.special; });
+                                       [&](const Linedef& line) { return line.special == missing.number; });
       if (count > 0)
-        level_.warnings.push_back(std::string(missing.what) + " on " + std::to_string(count) +
+        level_.warnings.push_back(std::string(missing.name) + " (" + std::to_string(missing.number) +
+                                  ") on " + std::to_string(count) +
                                   " linedefs is not supported and has no effect");
     }
   }
@@ -387,13 +368,12 @@ class Loader {
 /// Lines of polyobjects are drawn somewhere and stand elsewhere: no walls of the map. A polyobject is a ring
 /// of lines that begins with Polyobj_StartLine, or all lines with the same Polyobj_ExplicitLine.
 void mark_polyobject_lines(Level& level) {
-  constexpr int32_t kStartLine = 1, kExplicitLine = 5;
   std::vector<std::vector<uint32_t>> leaving;  // [vertex] lines
   for (Linedef& line : level.linedefs) line.in_polyobject = false;
   for (uint32_t index = 0; index < level.linedefs.size(); ++index) {
     Linedef& line = level.linedefs[index];
-    if (line.special == kExplicitLine) line.in_polyobject = true;
-    if (line.special != kStartLine) continue;
+    if (line.special == wad::Special::kPolyobj_ExplicitLine) line.in_polyobject = true;
+    if (line.special != wad::Special::kPolyobj_StartLine) continue;
     if (leaving.empty()) {
       leaving.resize(level.vertices.size());
       for (uint32_t other = 0; other < level.linedefs.size(); ++other)

@@ -83,8 +83,6 @@ void relink(World& world, Actor& actor) {
 
 namespace {
 
-constexpr int kSpecialThingSetGoal = 229;
-
 /// Whom an action means by ZDoom's AAPTR_ numbers; 0 is `fallback`.
 Actor* pointed(ActionCall& call, std::size_t index, Actor* fallback) {
   switch (call.integer(index, 0)) {
@@ -263,7 +261,7 @@ void start_hunt(ActionCall& call, uint32_t see) {
 
 /// A map gives patrols to its monsters by Thing_SetGoal as their special.
 void take_goal_of_special(World& world, Actor& self) {
-  if (self.special != kSpecialThingSetGoal || self.args[0] != 0) return;
+  if (self.special != Special::kThing_SetGoal || self.args[0] != 0) return;
   self.special = 0;
   for (Actor* point = world.find_thing(self.args[1]); point != nullptr;
        point = world.find_thing(self.args[1], point->id)) {

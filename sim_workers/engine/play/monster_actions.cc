@@ -21,7 +21,6 @@ constexpr Fixed kSkullSpeed = to_fixed(20);
 constexpr Angle kMancubusSpread = kAngle90 / 8;
 constexpr Angle kTracerTurn = 0x0C000000u;  // 17 degrees
 constexpr Fixed kFireDistance = to_fixed(24);
-constexpr int kSpecialDoorOpen = 11;
 
 void bite(ActionCall& call, int32_t sides, int32_t factor) {
   Actor* target = face_and_get_target(call);
@@ -452,7 +451,7 @@ void action_KeenDie(ActionCall& call) {
     if (other.id != call.self.id && !other.removed && other.type == call.self.type && other.health > 0)
       return;
   const int32_t tag = call.integer(0, 666);
-  execute_special(call.world, {.number = kSpecialDoorOpen, .args = {tag != 0 ? tag : 666, 16}});
+  execute_special(call.world, {.number = Special::kDoor_Open, .args = {tag != 0 ? tag : 666, 16}});
 }
 
 void action_BarrelDestroy(ActionCall& call) { call.world.remove(call.self.id); }

@@ -18,8 +18,6 @@ namespace {
 
 constexpr Fixed kCloseRange = to_fixed(64);         // nearer than this nobody goes unnoticed
 constexpr Fixed kFriendRange = to_fixed(16 * 128);  // how far friendly monsters look for enemies
-constexpr int kSpecialDoorOpen = 11, kSpecialFloorLower = 21, kSpecialFloorRaiseByTexture = 240,
-              kSpecialExitNormal = 243;
 
 /// Steps of one unit, by Direction.
 constexpr Fixed kDiagonal = 46341;
@@ -595,17 +593,17 @@ void boss_death(World& world, Actor& boss) {
 
   struct Rule {
     std::string_view level, monster;
-    int special;
+    Special special;
     std::array<int32_t, 5> args;
   };
   static constexpr std::array<Rule, 7> kRules = {{
-      {"MAP07", "Fatso", kSpecialFloorLower, {666, 8}},
-      {"MAP07", "Arachnotron", kSpecialFloorRaiseByTexture, {667, 8}},
-      {"E1M8", "BaronOfHell", kSpecialFloorLower, {666, 8}},
-      {"E2M8", "Cyberdemon", kSpecialExitNormal, {}},
-      {"E3M8", "SpiderMastermind", kSpecialExitNormal, {}},
-      {"E4M6", "Cyberdemon", kSpecialDoorOpen, {666, 64}},
-      {"E4M8", "SpiderMastermind", kSpecialFloorLower, {666, 8}},
+      {"MAP07", "Fatso", Special::kFloor_LowerToLowest, {666, 8}},
+      {"MAP07", "Arachnotron", Special::kFloor_RaiseByTexture, {667, 8}},
+      {"E1M8", "BaronOfHell", Special::kFloor_LowerToLowest, {666, 8}},
+      {"E2M8", "Cyberdemon", Special::kExit_Normal, {}},
+      {"E3M8", "SpiderMastermind", Special::kExit_Normal, {}},
+      {"E4M6", "Cyberdemon", Special::kDoor_Open, {666, 64}},
+      {"E4M8", "SpiderMastermind", Special::kFloor_LowerToLowest, {666, 8}},
   }};
   for (const Rule& rule : kRules)
     if (rule.level == world.level().name && world.catalog().is_a(boss.type, rule.monster))

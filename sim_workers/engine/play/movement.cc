@@ -28,21 +28,6 @@ bool moves_apart(const Actor& body, const Actor& other, Fixed x, Fixed y) {
   return present < reach && distance(x, y) >= present && (x != body.x || y != body.y);
 }
 
-/// The part of (dx, dy) that runs along a line of this direction.
-void project_on(int64_t line_dx, int64_t line_dy, Fixed& dx, Fixed& dy) {
-  if (line_dy == 0) {
-    dy = 0;
-  } else if (line_dx == 0) {
-    dx = 0;
-  } else {
-    const __int128 length_squared =
-        static_cast<__int128>(line_dx) * line_dx + static_cast<__int128>(line_dy) * line_dy;
-    const __int128 along = static_cast<__int128>(line_dx) * dx + static_cast<__int128>(line_dy) * dy;
-    dx = static_cast<Fixed>(along * line_dx / length_squared);
-    dy = static_cast<Fixed>(along * line_dy / length_squared);
-  }
-}
-
 bool is_polyobject_line(const WorldState& state, uint32_t line) {
   for (const Polyobject& polyobject : state.movers.polyobjects)
     if (std::find(polyobject.lines.begin(), polyobject.lines.end(), line) != polyobject.lines.end())
@@ -79,6 +64,38 @@ void for_each_line_near(const World& world, const Box& box, Visit&& visit) {
 }
 
 }  // namespace
+
+int64_t meeting_fraction(const Way& way, const Way& other) {
+  __int128 numerator = static_cast<__int128>(other.dy) * (way.x - other.x) -
+                       static_cast<__int128>(other.dx) * (way.y - other.y);
+  __int128 denominator = static_cast<__int128>(other.dx) * way.dy - static_cast<__int128>(other.dy) * way.dx;
+  if (denominator == 0) return 0;
+  if (denominator < 0) numerator = -numerator, denominator = -denominator;
+  numerator *= kFracUnit;
+  __int128 fraction = numerator / denominator, rest = numerator % denominator;
+  if (rest < 0) --fraction, rest += denominator;
+  if (2 * rest > denominator || (2 * rest == denominator && (fraction & 1) != 0)) ++fraction;
+  return static_cast<int64_t>(fraction);
+}
+
+void turn_along(const Way& wall, Way& move) {
+  if (wall.dy == 0) {
+    move.dy = 0;
+  } else if (wall.dx == 0) {
+    move.dx = 0;
+  } else {
+    const Way across{move.x, move.y, wall.dy, -wall.dx};
+    const int64_t way_along = meeting_fraction(wall, move) - meeting_fraction(wall, across);
+    const int64_t moves = meeting_fraction(move, wall);
+    // Of a body whose centre lies on the wall rounding leaves nothing; it does not jump.
+    const int64_t longest = moves == 0 ? 0 : 2 * (std::abs(move.dx) + std::abs(move.dy));
+    const auto part = [&](int64_t wall_part) {
+      const __int128 turned = static_cast<__int128>(way_along) * wall_part / (moves == 0 ? 1 : moves);
+      return static_cast<int64_t>(std::clamp<__int128>(turned, -longest, longest));
+    };
+    move.dx = part(wall.dx), move.dy = part(wall.dy);
+  }
+}
 
 bool Movement::line_stops(const BlockLine& line, uint32_t flags, const Actor& body) const {
   if (line.back_sector < 0 || (flags & kLineBlockEverything) != 0) return true;
@@ -357,14 +374,7 @@ void Movement::trace_corner(int64_t x, int64_t y, Fixed dx, Fixed dy, const Acto
   constexpr Fixed kShortWay = to_fixed(16);
   const bool endless = std::abs(int64_t{dx}) <= kShortWay && std::abs(int64_t{dy}) <= kShortWay;
   const auto meet = [&](const BlockLine& line, uint32_t flags) {
-    // The side is taken from the upper half of a product alone, so that behind a line a strip counts as
-    // before it: 1/16 unit for a line of 16, 1/64 for one of 64.
-    const auto is_behind = [&line](int64_t px, int64_t py) {
-      const __int128 area =
-          static_cast<__int128>(py - line.y1) * line.dx() + static_cast<__int128>(line.x1 - px) * line.dy();
-      return (area >> 32) > 0;
-    };
-    if (is_behind(x, y) == is_behind(x + dx, y + dy)) return true;
+    if (line.is_behind(x, y) == line.is_behind(x + dx, y + dy)) return true;
     if (!endless) {
       const __int128 first =
           static_cast<__int128>(dy) * (line.x1 - x) - static_cast<__int128>(dx) * (line.y1 - y);
@@ -373,7 +383,7 @@ void Movement::trace_corner(int64_t x, int64_t y, Fixed dx, Fixed dy, const Acto
       if ((first > 0 && second > 0) || (first < 0 && second < 0)) return true;
     }
     if (line.back_sector < 0) {
-      if (is_behind(body.x, body.y)) return true;  // from behind there is nothing
+      if (line.is_behind(body.x, body.y)) return true;  // from behind there is nothing
     } else if (!line_stops(line, flags, body)) {
       const Sector& front = state_.sectors[static_cast<std::size_t>(line.front_sector)];
       const Sector& back = state_.sectors[static_cast<std::size_t>(line.back_sector)];
@@ -383,18 +393,11 @@ void Movement::trace_corner(int64_t x, int64_t y, Fixed dx, Fixed dy, const Acto
           floor_z - body.z <= kStepUpMax)
         return true;
     }
-    __int128 numerator =
-        static_cast<__int128>(line.dy()) * (x - line.x1) - static_cast<__int128>(line.dx()) * (y - line.y1);
-    __int128 denominator = static_cast<__int128>(line.dx()) * dy - static_cast<__int128>(line.dy()) * dx;
-    if (denominator == 0) return true;
-    if (denominator < 0) numerator = -numerator, denominator = -denominator;
-    // Rounded to nearest, as the traces show.
-    const auto fraction =
-        static_cast<int64_t>(((numerator << (kFracBits + 1)) + denominator) / (2 * denominator));
+    const Way wall{line.x1, line.y1, line.dx(), line.dy()};
+    if (wall.dx * dy == wall.dy * dx) return true;
+    const int64_t fraction = meeting_fraction({x, y, dx, dy}, wall);
     if (fraction >= 0 && fraction <= kFracUnit && fraction < hit.fraction)
-      hit = {static_cast<Fixed>(fraction), true,
-             static_cast<Fixed>(std::clamp<int64_t>(line.dx(), INT32_MIN, INT32_MAX)),
-             static_cast<Fixed>(std::clamp<int64_t>(line.dy(), INT32_MIN, INT32_MAX))};
+      hit = {static_cast<Fixed>(fraction), true, wall};
     return true;
   };
   if (!endless || !state_.movers.polyobjects.empty()) {
@@ -428,9 +431,10 @@ void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps
     if (rest_fraction <= 0) return;
     // A quirk of corners: the next attempt starts from the rest of the way as it was, not as it was turned.
     dx = fixed_mul(dx, rest_fraction), dy = fixed_mul(dy, rest_fraction);
-    Fixed along_x = dx, along_y = dy;
-    project_on(hit.line_dx, hit.line_dy, along_x, along_y);
     Actor& moved = state_.actors[slot];
+    Way along{moved.x, moved.y, dx, dy};
+    turn_along(hit.wall, along);
+    const auto along_x = static_cast<Fixed>(along.dx), along_y = static_cast<Fixed>(along.dy);
     moved.velocity_x = along_x * steps, moved.velocity_y = along_y * steps;
     if (try_move(slot, moved.x + along_x, moved.y + along_y)) return;
   }
@@ -499,7 +503,8 @@ void Movement::move_horizontally(std::size_t slot, bool pushing) {
         if (last_.blocked_by_actor) {
           slide_along_body(slot, x, y);
         } else {
-          slide_along_walls(slot, x - state_.actors[slot].x, y - state_.actors[slot].y, steps);
+          // Not the way to (x, y): that is longer by what the steps before lost to rounding.
+          slide_along_walls(slot, move_x / steps, move_y / steps, steps);
         }
         if (body.removed) return;
       } else if (body.has(ActorFlag::kMissile)) {

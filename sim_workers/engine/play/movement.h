@@ -21,6 +21,21 @@ constexpr Fixed kHardLanding = to_fixed(-8);  ///< faster ones delay a jump and 
 constexpr Fixed kSlideGap = kFracUnit / 32;   ///< of a move, kept free before a wall
 constexpr std::size_t kTouchedLinesMax = 16;
 
+/// A move, or a wall from its start to its end.
+struct Way {
+  int64_t x = 0, y = 0;  ///< where it begins
+  int64_t dx = 0, dy = 0;
+};
+
+/// The part of `way` after which it meets the endless line of `other`: 16.16, rounded to nearest, halves to even;
+/// negative where it leads away; 0 where both are parallel.
+int64_t meeting_fraction(const Way& way, const Way& other);
+
+/// Turns `move`, of a body whose centre is where it begins, along a wall. The result is the projection on the wall,
+/// but made of rounded fractions, as measured in ViZDoom 1.3.2: those of the wall at which the body stands and at
+/// which the move would meet it, and the fraction of the move that this takes.
+void turn_along(const Way& wall, Way& move);
+
 /// What a body meets at a position.
 struct PositionCheck {
   bool fits = true;               ///< no wall and no solid body in the way
@@ -82,7 +97,7 @@ class Movement {
   struct WallHit {
     Fixed fraction = kFracUnit + 1;  ///< of the way; above one: none
     bool found = false;
-    Fixed line_dx = 0, line_dy = 0;
+    Way wall;
   };
 
   MoveResult attempt_move(std::size_t slot, Fixed x, Fixed y);

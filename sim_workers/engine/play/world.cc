@@ -15,6 +15,7 @@
 #include "sim_workers/engine/play/movement.h"
 #include "sim_workers/engine/play/player_thinker.h"
 #include "sim_workers/engine/play/weapons.h"
+#include "sim_workers/engine/play/world_hash.h"
 #include "sim_workers/engine/specials/line_specials.h"
 #include "sim_workers/engine/specials/movers.h"
 
@@ -491,80 +492,7 @@ int World::count_actors(uint32_t type) const {
   return type < state_.type_counts.size() ? state_.type_counts[type] : 0;
 }
 
-uint64_t World::hash() const {
-  uint64_t state = kGoldenGamma;
-  const auto add = [&state](auto value) {
-    state = mix64(state ^ static_cast<uint64_t>(value)) + kGoldenGamma;
-  };
-  const auto add_pair = [&](auto high, auto low) {
-    add(static_cast<uint64_t>(static_cast<uint32_t>(high)) << 32 | static_cast<uint32_t>(low));
-  };
-  add(state_.tic_count);
-  add_pair(state_.next_actor_id, state_.level_exited);
-  add(state_.rng.state());
-  for (const Actor& actor : state_.actors) {
-    add_pair(actor.id, actor.type);
-    add_pair(actor.x, actor.y);
-    add_pair(actor.z, actor.angle);
-    add_pair(actor.velocity_x, actor.velocity_y);
-    add_pair(actor.velocity_z, actor.sector_index);
-    add_pair(actor.radius, actor.height);
-    add_pair(actor.floor_z, actor.ceiling_z);
-    add_pair(actor.ground_z, actor.roof_z);
-    add_pair(actor.health, actor.thing_id);
-    add_pair(actor.state, actor.tics);
-    add_pair(actor.player_index, actor.removed);
-    add_pair(actor.pitch, actor.special);
-    add_pair(actor.target_id, actor.tracer_id);
-    add_pair(actor.master_id, actor.goal_id);
-    add_pair(int32_t{actor.move_direction} << 16 | (actor.move_count & 0xFFFF), actor.reaction_tics);
-    add_pair(actor.threshold, actor.special_1);
-    add_pair(actor.special_2, actor.speed);
-    add_pair(actor.amount, actor.mass);
-    add(actor.flags.hash());
-  }
-  for (const Player& player : state_.players) {
-    add_pair(player.actor_id, player.health);
-    add_pair(player.armor, player.alive);
-    add_pair(player.armor_save, player.refire);
-    add_pair(player.ready_weapon, player.pending_weapon);
-    for (const WeaponSprite& sprite : player.weapon_sprites) {
-      add_pair(sprite.state, sprite.tics);
-      add_pair(sprite.x, sprite.y);
-    }
-    add_pair(player.weapon_permissions << 8 | uint8_t(player.select_weapon_down), player.weapon_bob);
-    add_pair(player.reload_counter, player.weapon_sprites[0].own_y);
-    for (const InventoryItem& item : player.inventory) add_pair(item.type, item.amount);
-    for (const Power& power : player.powers) add_pair(static_cast<int32_t>(power.kind), power.tics);
-    add_pair(player.turn_held_tics, player.jump_tics);
-    add_pair(player.crouch_factor, player.turn_180_tics << 1 | int32_t{player.stands_up});
-    add_pair(player.damage_flash, player.bonus_flash);
-    add_pair(player.view_height, player.view_z);
-    add_pair(player.eye_height, player.jump_speed);
-    add_pair(player.view_height_delta, player.damage_taken);
-    add_pair(player.pickup_count, player.kill_count);
-    add_pair(player.attack_down << 2 | player.use_down << 1 | player.weapon_key_down, player.respawn_tics);
-    add(player.death_tic);
-  }
-  for (const Sector& sector : state_.sectors) {
-    add_pair(sector.floor_height, sector.ceiling_height);
-    add_pair(sector.light, sector.special);
-    add_pair(sector.damage_amount, sector.damage_interval);
-  }
-  for (const LineState& line : state_.lines) add_pair(line.special, line.flags);
-  for (const SectorMover& mover : state_.movers.sectors) {
-    add_pair(mover.sector, static_cast<int32_t>(mover.phase));
-    add_pair(mover.left_tics, mover.speed);
-  }
-  for (const LightEffect& light : state_.movers.lights) add_pair(light.sector, light.left_tics);
-  for (const Polyobject& polyobject : state_.movers.polyobjects) {
-    add_pair(polyobject.x, polyobject.y);
-    add_pair(polyobject.angle, polyobject.left_tics);
-  }
-  for (int32_t value : state_.globals) add(static_cast<uint32_t>(value));
-  add(acs::hash_machine(state_.scripts));
-  return state;
-}
+uint64_t World::hash() const { return hash_of(state_); }
 
 // ---------------------------------------------------------------- what scripts do
 

@@ -166,7 +166,7 @@ class World {
   const std::shared_ptr<const acs::Behavior>& behavior() const { return behavior_; }
   std::span<const HudBox> hud() const { return state_.hud; }
   uint32_t sector_at(Fixed x, Fixed y) const;
-  uint64_t hash() const;  ///< 64-bit hash of the whole world
+  uint64_t hash() const;  ///< hash_of(state())
   const WorldOptions& options() const { return options_; }
   int32_t exported(int index) const;  ///< USER1..USER60: index 1..60
   const WorldState& state() const { return state_; }

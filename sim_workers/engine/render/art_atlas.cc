@@ -96,7 +96,7 @@ Expected<AtlasRegion> ArtAtlas::flat(std::string_view name) {
   return region;
 }
 
-Expected<int32_t> ArtAtlas::sprite_lump(uint32_t lump, const Translation* translation) {
+Expected<uint32_t> ArtAtlas::sprite_lump(uint32_t lump, const Translation* translation) {
   std::pair<uint32_t, std::string> key(lump, {});
   if (translation != nullptr) key.second.assign(translation->begin(), translation->end());
   if (const auto found = sprite_of_lump_.find(key); found != sprite_of_lump_.end()) return found->second;
@@ -109,7 +109,7 @@ Expected<int32_t> ArtAtlas::sprite_lump(uint32_t lump, const Translation* transl
     }
   }
   COMRAD_TRY_ASSIGN(const AtlasRegion region, add(image));
-  const auto index = static_cast<int32_t>(sprites_.size());
+  const auto index = static_cast<uint32_t>(sprites_.size());
   sprites_.push_back({.region = region, .left_offset = image.left_offset, .top_offset = image.top_offset});
   sprite_of_lump_.emplace(std::move(key), index);
   return index;

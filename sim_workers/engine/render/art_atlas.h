@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -45,10 +46,9 @@ struct SpriteArt {
   int left_offset = 0, top_offset = 0;
 };
 
-/// The eight sides of one sprite frame; art[i] indexes into ArtAtlas::sprites(), -1 where the archive has
-/// none.
+/// The eight sides of one sprite frame; art[i] indexes into ArtAtlas::sprites(), where the archive has it.
 struct SpriteSides {
-  std::array<int32_t, 8> art{-1, -1, -1, -1, -1, -1, -1, -1};
+  std::array<std::optional<uint32_t>, 8> art;
   std::array<bool, 8> mirrored{};
   bool rotates = false;
 };
@@ -86,7 +86,7 @@ class ArtAtlas {
     void operator()(uint8_t* bytes) const { std::free(bytes); }
   };
   Expected<AtlasRegion> add(const IndexedImage& image);
-  Expected<int32_t> sprite_lump(uint32_t lump, const Translation* translation);
+  Expected<uint32_t> sprite_lump(uint32_t lump, const Translation* translation);
 
   std::shared_ptr<const ArtArchive> archive_;
   std::unique_ptr<uint8_t, Free>
@@ -96,7 +96,7 @@ class ArtAtlas {
   std::pair<int, int> changed_{kAtlasHeightMax, 0};
   AtlasRegion checkerboard_;
   std::unordered_map<std::string, AtlasRegion> walls_, flats_;
-  std::map<std::pair<uint32_t, std::string>, int32_t> sprite_of_lump_;  // lump, translation
+  std::map<std::pair<uint32_t, std::string>, uint32_t> sprite_of_lump_;  // lump, translation
   std::vector<SpriteArt> sprites_;
 };
 

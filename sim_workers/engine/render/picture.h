@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "sim_workers/engine/render/art_archive.h"
-#include "sim_workers/engine/render/view_builder.h"
+#include "sim_workers/engine/render/draw_list.h"
 
 namespace comrad::doom {
 

@@ -11,9 +11,10 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "sim_workers/engine/render/art_atlas.h"
 #include "sim_workers/engine/render/context_provider.h"
+#include "sim_workers/engine/render/draw_list.h"
 #include "sim_workers/engine/render/gl_functions.h"
-#include "sim_workers/engine/render/view_builder.h"
 
 namespace comrad::doom {
 

@@ -9,8 +9,7 @@
 namespace comrad::doom {
 namespace {
 
-constexpr int32_t kButtonTics = 35;  // until a switch that works again flips back
-constexpr int32_t kDoorRaise = 12, kTeleport = 70, kTeleportNoFog = 71;
+constexpr int32_t kButtonTics = 35;     // until a switch that works again flips back
 constexpr int32_t kSlowDoorBelow = 64;  // speed: monsters open doors that are slower than this
 
 /// What the activator is to a line.
@@ -58,8 +57,8 @@ bool monster_may(const LineState& line, Activation how) {
   if ((line.flags & players) == 0) return false;
   if ((line.flags & kLineMonsterActivate) != 0) return true;
   // Plain doors and teleporters are theirs as well.
-  if (uses) return line.special == kDoorRaise && line.args[0] == 0 && line.args[1] < kSlowDoorBelow;
-  return crosses && (line.special == kTeleport || line.special == kTeleportNoFog);
+  if (uses) return line.special == Special::kDoor_Raise && line.args[0] == 0 && line.args[1] < kSlowDoorBelow;
+  return crosses && (line.special == Special::kTeleport || line.special == Special::kTeleport_NoFog);
 }
 
 bool may_activate(const LineState& line, Kind kind, bool back_side, Activation how) {

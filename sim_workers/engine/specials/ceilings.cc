@@ -164,119 +164,121 @@ std::optional<int32_t> execute_ceiling(World& world, const SpecialCall& call) {
     return [&world, find](uint32_t sector) { return find(world, sector); };
   };
   switch (call.number) {
-    case 40:  // Ceiling_LowerByValue: tag, speed, height, change
+    case Special::kCeiling_LowerByValue:  // tag, speed, height, change
       order.change = a[3];
       return order_ceiling(world, call, false, order, by(-int64_t{units(a[2])}));
-    case 41:  // Ceiling_RaiseByValue: tag, speed, height, change
+    case Special::kCeiling_RaiseByValue:  // tag, speed, height, change
       order.change = a[3];
       return order_ceiling(world, call, true, order, by(units(a[2])));
-    case 42:  // Ceiling_CrushAndRaise: tag, speed, crush, crush mode
+    case Special::kCeiling_CrushAndRaise:  // tag, speed, crush, crush mode
       crusher.crush = crush_of(a[2]), crusher.hexen_crush = is_hexen_crush(a[3]);
       return order_crusher(world, call, crusher);
-    case 43:  // Ceiling_LowerAndCrush: tag, speed, crush, crush mode
+    case Special::kCeiling_LowerAndCrush:  // tag, speed, crush, crush mode
       order.crush = crush_of(a[2]), order.hexen_crush = is_hexen_crush(a[3]);
       return order_ceiling(world, call, false, order,
                            [&](uint32_t sector) { return height_sum(floor_of(world, sector), kCrushGap); });
-    case 44:  // Ceiling_CrushStop: tag, 3 for good
+    case Special::kCeiling_CrushStop:  // tag, 3 for good
       return a[1] == 3 ? stop_ceilings(world, a[0]) : hold_crushers(world, a[0]);
-    case 276:  // Ceiling_Stop
+    case Special::kCeiling_Stop:
       return stop_ceilings(world, a[0]);
-    case 45:  // Ceiling_CrushRaiseAndStay: tag, speed, crush, crush mode
+    case Special::kCeiling_CrushRaiseAndStay:  // tag, speed, crush, crush mode
       crusher.type = kRaiseAndStay;
       crusher.crush = crush_of(a[2]), crusher.hexen_crush = is_hexen_crush(a[3]);
       return order_crusher(world, call, crusher);
-    case 47:  // Ceiling_MoveToValue: tag, speed, height, below zero, change
-    case 69: {
+    case Special::kCeiling_MoveToValue:  // tag, speed, height, below zero, change
+    case Special::kCeiling_MoveToValueTimes8: {
       order.change = a[4];
-      const int64_t height = int64_t{a[2]} * (call.number == 69 ? 8 : 1) * (a[3] != 0 ? -1 : 1);
+      const int64_t height =
+          int64_t{a[2]} * (call.number == Special::kCeiling_MoveToValueTimes8 ? 8 : 1) * (a[3] != 0 ? -1 : 1);
       return order_ceiling_to(world, call, units(height), order);
     }
-    case 97:  // Ceiling_LowerAndCrushDist: tag, speed, crush, distance, crush mode; the engine that ours
-              // follows ignores the distance
+    case Special::kCeiling_LowerAndCrushDist:
+      // tag, speed, crush, distance, crush mode; the engine that ours follows ignores the distance
       order.crush = crush_of(a[2]), order.hexen_crush = is_hexen_crush(a[4]);
       return order_ceiling(world, call, false, order,
                            [&](uint32_t sector) { return floor_of(world, sector); });
-    case 104:  // Ceiling_CrushAndRaiseSilentDist: tag, distance, speed, crush, crush mode
-    case 168:  // Ceiling_CrushAndRaiseDist
+    case Special::kCeiling_CrushAndRaiseSilentDist:  // tag, distance, speed, crush, crush mode
+    case Special::kCeiling_CrushAndRaiseDist:
       crusher.gap = units(a[1]);
       crusher.speed = crusher.return_speed = speed_of(a[2]);
       crusher.crush = crush_of(a[3]), crusher.hexen_crush = is_hexen_crush(a[4]);
       return order_crusher(world, call, crusher);
-    case 169:  // Generic_Crusher2
-    case 205:  // Generic_Crusher: tag, speed down, speed up, silent, crush
+    case Special::kGeneric_Crusher2:
+    case Special::kGeneric_Crusher:  // tag, speed down, speed up, silent, crush
       crusher.return_speed = speed_of(a[2]);
       crusher.crush = crush_of(a[4]);
-      crusher.hexen_crush = call.number == 169;
+      crusher.hexen_crush = call.number == Special::kGeneric_Crusher2;
       return order_crusher(world, call, crusher);
-    case 192:  // Ceiling_LowerToHighestFloor: tag, speed, change, -, gap
+    case Special::kCeiling_LowerToHighestFloor:  // tag, speed, change, -, gap
       order.change = a[2];
       return order_ceiling(world, call, false, order, [&](uint32_t sector) {
         return height_sum(highest_floor_around(world, sector), units(a[4]));
       });
-    case 193:    // Ceiling_LowerInstant: tag, -, height in 8 units, change
-    case 194: {  // Ceiling_RaiseInstant: tag, -, height in 8 units, change
+    case Special::kCeiling_LowerInstant:    // tag, -, height in 8 units, change
+    case Special::kCeiling_RaiseInstant: {  // tag, -, height in 8 units, change
       const Fixed height = units(int64_t{a[2]} * 8);
       order.speed = std::max(height, 0), order.change = a[3];
-      return order_ceiling(world, call, call.number == 194, order,
-                           by(call.number == 194 ? int64_t{height} : -int64_t{height}));
+      return order_ceiling(
+          world, call, call.number == Special::kCeiling_RaiseInstant, order,
+          by(call.number == Special::kCeiling_RaiseInstant ? int64_t{height} : -int64_t{height}));
     }
-    case 195:  // Ceiling_CrushRaiseAndStayA: tag, speed down, speed up, crush, crush mode
-    case 255:  // Ceiling_CrushRaiseAndStaySilA
+    case Special::kCeiling_CrushRaiseAndStayA:  // tag, speed down, speed up, crush, crush mode
+    case Special::kCeiling_CrushRaiseAndStaySilA:
       crusher.type = kRaiseAndStay;
       [[fallthrough]];
-    case 196:  // Ceiling_CrushAndRaiseA
-    case 197:  // Ceiling_CrushAndRaiseSilentA
+    case Special::kCeiling_CrushAndRaiseA:
+    case Special::kCeiling_CrushAndRaiseSilentA:
       crusher.return_speed = speed_of(a[2]);
       crusher.crush = crush_of(a[3]), crusher.hexen_crush = is_hexen_crush(a[4]);
       return order_crusher(world, call, crusher);
-    case 198:  // Ceiling_RaiseByValueTimes8: tag, speed, height, change
+    case Special::kCeiling_RaiseByValueTimes8:  // tag, speed, height, change
       order.change = a[3];
       return order_ceiling(world, call, true, order, by(units(int64_t{a[2]} * 8)));
-    case 199:  // Ceiling_LowerByValueTimes8: tag, speed, height, change
+    case Special::kCeiling_LowerByValueTimes8:  // tag, speed, height, change
       order.change = a[3];
       return order_ceiling(world, call, false, order, by(-int64_t{units(int64_t{a[2]} * 8)}));
-    case 201:
+    case Special::kGeneric_Ceiling:
       return generic_ceiling(world, call);
-    case 251: {  // FloorAndCeiling_LowerRaise: tag, floor speed, ceiling speed
+    case Special::kFloorAndCeiling_LowerRaise: {  // tag, floor speed, ceiling speed
       SpecialCall floor = call;
-      floor.number = 21, floor.args = {a[0], a[1], 0, 0, 0};
+      floor.number = Special::kFloor_LowerToLowest, floor.args = {a[0], a[1], 0, 0, 0};
       order.speed = speed_of(a[2]);
       const int32_t ceiling_result = order_ceiling(world, call, true, order, around(highest_ceiling_around));
       return execute_floor(world, floor).value_or(0) | ceiling_result;
     }
-    case 252:  // Ceiling_RaiseToNearest: tag, speed, change
+    case Special::kCeiling_RaiseToNearest:  // tag, speed, change
       order.change = a[2];
       return order_ceiling(world, call, true, order, around(next_higher_ceiling));
-    case 253:  // Ceiling_LowerToLowest: tag, speed, change
+    case Special::kCeiling_LowerToLowest:  // tag, speed, change
       order.change = a[2];
       return order_ceiling(world, call, false, order, around(lowest_ceiling_around));
-    case 254:  // Ceiling_LowerToFloor: tag, speed, change, -, gap
+    case Special::kCeiling_LowerToFloor:  // tag, speed, change, -, gap
       order.change = a[2];
       return order_ceiling(world, call, false, order,
                            [&](uint32_t sector) { return height_sum(floor_of(world, sector), units(a[4])); });
-    case 262:  // Ceiling_RaiseToHighest: tag, speed, change
+    case Special::kCeiling_RaiseToHighest:  // tag, speed, change
       order.change = a[2];
       return order_ceiling(world, call, true, order, around(highest_ceiling_around));
-    case 263:  // Ceiling_ToHighestInstant: tag, change, crush
+    case Special::kCeiling_ToHighestInstant:  // tag, change, crush
       order.speed = units(16000), order.change = a[1], order.crush = crush_of(a[2]);
       return order_ceiling(world, call, true, order, around(highest_ceiling_around));
-    case 264:  // Ceiling_LowerToNearest: tag, speed, change, crush
+    case Special::kCeiling_LowerToNearest:  // tag, speed, change, crush
       order.change = a[2], order.crush = crush_of(a[3]);
       return order_ceiling(world, call, false, order, around(next_lower_ceiling));
-    case 265:  // Ceiling_RaiseToLowest: tag, speed, change
+    case Special::kCeiling_RaiseToLowest:  // tag, speed, change
       order.change = a[2];
       return order_ceiling(world, call, true, order, around(lowest_ceiling_around));
-    case 266:  // Ceiling_RaiseToHighestFloor: tag, speed, change
+    case Special::kCeiling_RaiseToHighestFloor:  // tag, speed, change
       order.change = a[2];
       return order_ceiling(world, call, true, order, around(highest_floor_around));
-    case 267:  // Ceiling_ToFloorInstant: tag, change, crush, gap
+    case Special::kCeiling_ToFloorInstant:  // tag, change, crush, gap
       order.speed = units(16000), order.change = a[1], order.crush = crush_of(a[2]);
       return order_ceiling(world, call, false, order,
                            [&](uint32_t sector) { return height_sum(floor_of(world, sector), units(a[3])); });
-    case 268:  // Ceiling_RaiseByTexture: tag, speed, change
+    case Special::kCeiling_RaiseByTexture:  // tag, speed, change
       order.change = a[2];
       return order_ceiling(world, call, true, order, by(texture_height(world, call)));
-    case 269:  // Ceiling_LowerByTexture: tag, speed, change, crush
+    case Special::kCeiling_LowerByTexture:  // tag, speed, change, crush
       order.change = a[2], order.crush = crush_of(a[3]);
       return order_ceiling(world, call, false, order, by(-int64_t{texture_height(world, call)}));
     default:

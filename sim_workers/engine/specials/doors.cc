@@ -104,31 +104,31 @@ std::optional<int32_t> execute_door(World& world, const SpecialCall& call) {
   DoorOrder order;
   order.speed = speed_of(a[1]);
   switch (call.number) {
-    case 10:  // Door_Close: tag, speed, light tag
+    case Special::kDoor_Close:  // tag, speed, light tag
       order.type = kClose, order.light_tag = a[2];
       break;
-    case 11:  // Door_Open
+    case Special::kDoor_Open:
       order.type = kOpen, order.light_tag = a[2];
       break;
-    case 12:  // Door_Raise: tag, speed, wait, light tag
+    case Special::kDoor_Raise:  // tag, speed, wait, light tag
       order.type = kRaise, order.wait_tics = wait_of(a[2]), order.light_tag = a[3];
       break;
-    case 13:  // Door_LockedRaise: tag, speed, wait, lock, light tag
+    case Special::kDoor_LockedRaise:  // tag, speed, wait, lock, light tag
       order.type = a[2] != 0 ? kRaise : kOpen;
       order.wait_tics = wait_of(a[2]), order.lock = a[3], order.light_tag = a[4];
       break;
-    case 14:  // Door_Animated: tag, speed, wait, lock; its pictures are not ours
+    case Special::kDoor_Animated:  // tag, speed, wait, lock; its pictures are not ours
       order.type = a[2] != 0 ? kRaise : kOpen;
       order.wait_tics = wait_of(a[2]), order.lock = a[3];
       break;
-    case 105:  // Door_WaitRaise: tag, speed, wait, first wait, light tag
+    case Special::kDoor_WaitRaise:  // tag, speed, wait, first wait, light tag
       order.type = kWaitRaise, order.wait_tics = wait_of(a[2]);
       order.first_wait_tics = wait_of(a[3]), order.light_tag = a[4];
       break;
-    case 106:  // Door_WaitClose: tag, speed, first wait, light tag
+    case Special::kDoor_WaitClose:  // tag, speed, first wait, light tag
       order.type = kWaitClose, order.first_wait_tics = wait_of(a[2]), order.light_tag = a[3];
       break;
-    case 202: {  // Generic_Door: tag, speed, kind, wait in octics, lock
+    case Special::kGeneric_Door: {  // tag, speed, kind, wait in octics, lock
       constexpr DoorType kKinds[] = {kRaise, kOpen, kCloseWaitOpen, kClose};
       const int32_t kind = a[2] & 127;
       if (kind > 3) return 0;
@@ -138,7 +138,7 @@ std::optional<int32_t> execute_door(World& world, const SpecialCall& call) {
       order.light_tag = tag_is_light ? a[0] : 0;
       return order_door(world, call, tag_is_light ? 0 : a[0], order);
     }
-    case 249:  // Door_CloseWaitOpen: tag, speed, wait in octics, light tag
+    case Special::kDoor_CloseWaitOpen:  // tag, speed, wait in octics, light tag
       order.type = kCloseWaitOpen, order.wait_tics = octics(a[2]), order.light_tag = a[3];
       break;
     default:

@@ -156,78 +156,84 @@ std::optional<int32_t> execute_floor(World& world, const SpecialCall& call) {
     return [&world, find](uint32_t sector) { return find(world, sector); };
   };
   switch (call.number) {
-    case 20:  // Floor_LowerByValue: tag, speed, height, change
+    case Special::kFloor_LowerByValue:  // tag, speed, height, change
       order.change = a[3];
       return order_floor(world, call, tag, false, order, by(-int64_t{units(a[2])}));
-    case 21:  // Floor_LowerToLowest: tag, speed, change
+    case Special::kFloor_LowerToLowest:  // tag, speed, change
       order.change = a[2];
       return order_floor(world, call, tag, false, order, around(lowest_floor_around));
-    case 22:  // Floor_LowerToNearest
+    case Special::kFloor_LowerToNearest:
       order.change = a[2];
       return order_floor(world, call, tag, false, order, around(next_lower_floor));
-    case 23:  // Floor_RaiseByValue: tag, speed, height, change
+    case Special::kFloor_RaiseByValue:  // tag, speed, height, change
       order.change = a[3];
       return order_floor(world, call, tag, true, order, by(units(a[2])));
-    case 24:  // Floor_RaiseToHighest: tag, speed, change
+    case Special::kFloor_RaiseToHighest:  // tag, speed, change
       order.change = a[2];
       return order_floor(world, call, tag, true, order, around(highest_floor_around));
-    case 25:  // Floor_RaiseToNearest
+    case Special::kFloor_RaiseToNearest:
       order.change = a[2];
       return order_floor(world, call, tag, true, order, around(next_higher_floor));
-    case 28:  // Floor_RaiseAndCrush: tag, speed, crush, crush mode
-    case 99:  // Floor_RaiseAndCrushDoom: up to the lowest ceiling around
+    case Special::kFloor_RaiseAndCrush:      // tag, speed, crush, crush mode
+    case Special::kFloor_RaiseAndCrushDoom:  // up to the lowest ceiling around
       order.crush = crush_of(a[2]), order.hexen_crush = is_hexen_crush(a[3]);
       return order_floor(world, call, tag, true, order, [&](uint32_t sector) {
-        const Fixed ceiling =
-            call.number == 28 ? world.sectors()[sector].ceiling_height : lowest_ceiling(world, sector);
+        const Fixed ceiling = call.number == Special::kFloor_RaiseAndCrush
+                                  ? world.sectors()[sector].ceiling_height
+                                  : lowest_ceiling(world, sector);
         return height_sum(ceiling, -int64_t{kCrushGap});
       });
-    case 35:  // Floor_RaiseByValueTimes8: tag, speed, height, change
+    case Special::kFloor_RaiseByValueTimes8:  // tag, speed, height, change
       order.change = a[3];
       return order_floor(world, call, tag, true, order, by(units(int64_t{a[2]} * 8)));
-    case 36:  // Floor_LowerByValueTimes8
+    case Special::kFloor_LowerByValueTimes8:
       order.change = a[3];
       return order_floor(world, call, tag, false, order, by(-int64_t{units(int64_t{a[2]} * 8)}));
-    case 37:  // Floor_MoveToValue: tag, speed, height, below zero, change
-    case 68: {
+    case Special::kFloor_MoveToValue:  // tag, speed, height, below zero, change
+    case Special::kFloor_MoveToValueTimes8: {
       order.change = a[4];
-      const int64_t height = int64_t{a[2]} * (call.number == 68 ? 8 : 1) * (a[3] != 0 ? -1 : 1);
+      const int64_t height =
+          int64_t{a[2]} * (call.number == Special::kFloor_MoveToValueTimes8 ? 8 : 1) * (a[3] != 0 ? -1 : 1);
       return order_floor_to(world, call, units(height), order);
     }
-    case 46:     // Floor_CrushStop: tag
-    case 275: {  // Floor_Stop
+    case Special::kFloor_CrushStop:  // tag
+    case Special::kFloor_Stop: {
       bool any = false;
       for (SectorMover& mover : world.state().movers.sectors) {
         if (mover.removed || (mover.kind != MoverKind::kFloor && mover.kind != MoverKind::kStair)) continue;
-        if (world.sectors()[mover.sector].tag != tag || (call.number == 46 && mover.crush < 0)) continue;
+        if (world.sectors()[mover.sector].tag != tag ||
+            (call.number == Special::kFloor_CrushStop && mover.crush < 0))
+          continue;
         stop_mover(world, mover);
         any = true;
       }
       return any ? 1 : 0;
     }
-    case 66:    // Floor_LowerInstant: tag, -, height in 8 units, change
-    case 67: {  // Floor_RaiseInstant: tag, -, height in 8 units, change
+    case Special::kFloor_LowerInstant:    // tag, -, height in 8 units, change
+    case Special::kFloor_RaiseInstant: {  // tag, -, height in 8 units, change
       const Fixed height = units(int64_t{a[2]} * 8);
       order.speed = std::max(height, 0), order.change = a[3];
-      return order_floor(world, call, tag, call.number == 67, order,
-                         by(call.number == 67 ? int64_t{height} : -int64_t{height}));
+      return order_floor(
+          world, call, tag, call.number == Special::kFloor_RaiseInstant, order,
+          by(call.number == Special::kFloor_RaiseInstant ? int64_t{height} : -int64_t{height}));
     }
-    case 38:  // Ceiling_Waggle
+    case Special::kCeiling_Waggle:
       return order_waggle(world, call, kCeilingPlane);
-    case 138:  // Floor_Waggle
+    case Special::kFloor_Waggle:
       return order_waggle(world, call, kFloorPlane);
-    case 95:  // FloorAndCeiling_LowerByValue: tag, speed, height
+    case Special::kFloorAndCeiling_LowerByValue:  // tag, speed, height
       return order_elevator(world, call, by(-int64_t{units(a[2])}));
-    case 96:  // FloorAndCeiling_RaiseByValue
+    case Special::kFloorAndCeiling_RaiseByValue:
       return order_elevator(world, call, by(units(a[2])));
-    case 200:
+    case Special::kGeneric_Floor:
       return generic_floor(world, call);
-    case 235:    // Floor_TransferTrigger: tag
-    case 236: {  // Floor_TransferNumeric
+    case Special::kFloor_TransferTrigger:  // tag
+    case Special::kFloor_TransferNumeric: {
       return for_each_target(world, call, tag, [&](uint32_t sector) {
         const std::optional<uint32_t> model =
-            call.number == 235 ? front_sector_of(world, call)
-                               : neighbour_with_floor(world, sector, floor_of(world, sector));
+            call.number == Special::kFloor_TransferTrigger
+                ? front_sector_of(world, call)
+                : neighbour_with_floor(world, sector, floor_of(world, sector));
         if (!model) return false;
         Sector& changed = world.state().sectors[sector];
         changed.floor_texture = world.sectors()[*model].floor_texture;
@@ -235,52 +241,54 @@ std::optional<int32_t> execute_floor(World& world, const SpecialCall& call) {
         return true;
       });
     }
-    case 238:  // Floor_RaiseToLowestCeiling: tag, speed, change
+    case Special::kFloor_RaiseToLowestCeiling:  // tag, speed, change
       order.change = a[2];
       return order_floor(world, call, tag, true, order,
                          [&](uint32_t sector) { return lowest_ceiling(world, sector); });
-    case 239:  // Floor_RaiseByValueTxTy: tag, speed, height
+    case Special::kFloor_RaiseByValueTxTy:  // tag, speed, height
       order.change = 3, order.change_now = true;
       return order_floor(world, call, tag, true, order, by(units(a[2])));
-    case 240:  // Floor_RaiseByTexture: tag, speed, change
+    case Special::kFloor_RaiseByTexture:  // tag, speed, change
       order.change = a[2];
       return order_floor(world, call, tag, true, order, by(texture_height(world, call)));
-    case 261:  // Floor_LowerByTexture
+    case Special::kFloor_LowerByTexture:
       order.change = a[2];
       return order_floor(world, call, tag, false, order, by(-int64_t{texture_height(world, call)}));
-    case 241:  // Floor_LowerToLowestTxTy: tag, speed
+    case Special::kFloor_LowerToLowestTxTy:  // tag, speed
       order.change = 7;
       return order_floor(world, call, tag, false, order, around(lowest_floor_around));
-    case 242:    // Floor_LowerToHighest: tag, speed, adjust, always adjust
-    case 256: {  // Floor_LowerToHighestEE: tag, speed, change
-      if (call.number == 256) order.change = a[2];
+    case Special::kFloor_LowerToHighest:      // tag, speed, adjust, always adjust
+    case Special::kFloor_LowerToHighestEE: {  // tag, speed, change
+      if (call.number == Special::kFloor_LowerToHighestEE) order.change = a[2];
       return order_floor(world, call, tag, false, order, [&](uint32_t sector) {
         const Fixed height = highest_floor_around(world, sector);
-        if (call.number == 256 || (a[3] != 1 && height == floor_of(world, sector))) return height;
+        if (call.number == Special::kFloor_LowerToHighestEE ||
+            (a[3] != 1 && height == floor_of(world, sector)))
+          return height;
         return height_sum(height, units(int64_t{a[2]} - 128));
       });
     }
-    case 245:  // Elevator_RaiseToNearest: tag, speed
+    case Special::kElevator_RaiseToNearest:  // tag, speed
       return order_elevator(world, call, around(next_higher_floor));
-    case 247:  // Elevator_LowerToNearest
+    case Special::kElevator_LowerToNearest:
       return order_elevator(world, call, around(next_lower_floor));
-    case 246: {  // Elevator_MoveToFloor: to the floor in front of the calling line
+    case Special::kElevator_MoveToFloor: {  // to the floor in front of the calling line
       const std::optional<uint32_t> front = front_sector_of(world, call);
       if (!front) return 0;
       return order_elevator(world, call, [&](uint32_t) { return floor_of(world, *front); });
     }
-    case 257:  // Floor_RaiseToLowest: tag, speed, change, crush
+    case Special::kFloor_RaiseToLowest:  // tag, speed, change, crush
       order.change = a[2], order.crush = crush_of(a[3]);
       return order_floor(world, call, tag, true, order, around(lowest_floor_around));
-    case 258:  // Floor_LowerToLowestCeiling: tag, speed, change
+    case Special::kFloor_LowerToLowestCeiling:  // tag, speed, change
       order.change = a[2];
       return order_floor(world, call, tag, false, order, around(lowest_ceiling_around));
-    case 259:  // Floor_RaiseToCeiling: tag, speed, change, crush, gap
+    case Special::kFloor_RaiseToCeiling:  // tag, speed, change, crush, gap
       order.change = a[2], order.crush = crush_of(a[3]);
       return order_floor(world, call, tag, true, order, [&](uint32_t sector) {
         return height_sum(world.sectors()[sector].ceiling_height, -int64_t{units(a[4])});
       });
-    case 260:  // Floor_ToCeilingInstant: tag, change, crush, gap
+    case Special::kFloor_ToCeilingInstant:  // tag, change, crush, gap
       order.speed = units(16000), order.change = a[1], order.crush = crush_of(a[2]);
       return order_floor(world, call, tag, true, order, [&](uint32_t sector) {
         return height_sum(world.sectors()[sector].ceiling_height, -int64_t{units(a[3])});

@@ -231,34 +231,34 @@ std::optional<int32_t> execute_light(World& world, const SpecialCall& call) {
     sectors[sector].light = static_cast<int32_t>(std::clamp<int64_t>(light, 0, 255));
   };
   switch (call.number) {
-    case 109:  // Light_ForceLightning: there is no lightning
+    case Special::kLight_ForceLightning:  // there is no lightning
       return 0;
-    case 110:  // Light_RaiseByValue: tag, value
+    case Special::kLight_RaiseByValue:  // tag, value
       return change_lights(world, a[0], [&](uint32_t i) { set(i, int64_t{sectors[i].light} + a[1]); });
-    case 111:  // Light_LowerByValue
+    case Special::kLight_LowerByValue:
       return change_lights(world, a[0], [&](uint32_t i) { set(i, int64_t{sectors[i].light} - a[1]); });
-    case 112:  // Light_ChangeToValue
+    case Special::kLight_ChangeToValue:
       return change_lights(world, a[0], [&](uint32_t i) { set(i, a[1]); });
-    case 113:  // Light_Fade: tag, value, tics
+    case Special::kLight_Fade:  // tag, value, tics
       return change_lights(world, a[0],
                            [&](uint32_t i) { start_ramp(world, i, sectors[i].light, a[1], a[2], false); });
-    case 114:  // Light_Glow: tag, upper, lower, tics
+    case Special::kLight_Glow:  // tag, upper, lower, tics
       return change_lights(world, a[0], [&](uint32_t i) { start_ramp(world, i, a[1], a[2], a[3], true); });
-    case 115:  // Light_Flicker: tag, upper, lower
+    case Special::kLight_Flicker:  // tag, upper, lower
       return change_lights(world, a[0], [&](uint32_t i) { start_flicker_between(world, i, a[1], a[2]); });
-    case 116:  // Light_Strobe: tag, upper, lower, upper tics, lower tics
+    case Special::kLight_Strobe:  // tag, upper, lower, upper tics, lower tics
       return change_lights(world, a[0],
                            [&](uint32_t i) { start_strobe_between(world, i, a[1], a[2], a[3], a[4]); });
-    case 117:  // Light_Stop: tag
+    case Special::kLight_Stop:  // tag
       return change_lights(world, a[0], [&](uint32_t i) { stop_lights(world, i); });
-    case 232:  // Light_StrobeDoom: tag, upper tics, lower tics
+    case Special::kLight_StrobeDoom:  // tag, upper tics, lower tics
       return change_lights(world, a[0], [&](uint32_t i) {
         start_strobe(world, i, std::max(a[1], 1), std::max(a[2], 1), false);
       });
-    case 233:  // Light_MinNeighbor: tag
+    case Special::kLight_MinNeighbor:  // tag
       return change_lights(world, a[0],
                            [&](uint32_t i) { set(i, min_light_around(world, i, sectors[i].light)); });
-    case 234:  // Light_MaxNeighbor
+    case Special::kLight_MaxNeighbor:
       return change_lights(world, a[0], [&](uint32_t i) { set(i, max_light_around(world, i)); });
     default:
       return std::nullopt;

@@ -15,45 +15,6 @@
 namespace comrad::doom {
 namespace {
 
-// By rising number: those with a name that do nothing here.
-constexpr int16_t kUnsupported[] = {
-    9,    // Line_Horizon
-    16,   // Transfer_WallLight
-    48,   // Sector_Attach3dMidtex
-    50,   // ExtraFloor_LightOnly
-    51,   // Sector_SetLink
-    56,   // Line_SetTextureScale
-    57,   // Sector_SetPortal
-    58,   // Sector_CopyScroller
-    79,   // Thing_SetConversation
-    98,   // Sector_SetTranslucent
-    107,  // Line_SetPortalTarget
-    118,  // Plane_Copy
-    145,  // Player_SetTeam
-    152,  // Team_Score
-    153,  // Team_GivePoints
-    156,  // Line_SetPortal
-    158,  // FS_Execute
-    159,  // Sector_SetPlaneReflection
-    160,  // Sector_Set3DFloor
-    161,  // Sector_SetContents
-    174,  // SendToCommunicator
-    179,  // ChangeSkill
-    181,  // Plane_Align
-    182,  // Line_Mirror
-    183,  // Line_AlignCeiling
-    184,  // Line_AlignFloor
-    190,  // Static_Init
-    209,  // Transfer_Heights
-    210,  // Transfer_FloorLight
-    211,  // Transfer_CeilingLight
-    274,  // Door_AnimatedClose
-    277,  // Sector_SetFloorGlow
-    278,  // Sector_SetCeilingGlow
-    279,  // Floor_MoveToValueAndCrush
-    280,  // Ceiling_MoveToValueAndCrush
-};
-
 void warn_once(const World& world, int32_t number, const char* what) {
   if (!world.index().warned_specials->first(number)) return;
   const std::string_view name = wad::special_name(number);
@@ -96,22 +57,23 @@ int32_t start_script(World& world, const SpecialCall& call, acs::StartOptions op
 std::optional<int32_t> execute_script_special(World& world, const SpecialCall& call) {
   const auto& a = call.args;
   switch (call.number) {
-    case 80:   // ACS_Execute: script, map, arguments
-    case 226:  // ACS_ExecuteAlways
+    case Special::kACS_Execute:  // script, map, arguments
+    case Special::kACS_ExecuteAlways:
       if (!is_of_this_map(world, call, a[1])) return 0;
-      return start_script(world, call, {.args = {a[2], a[3], a[4]}, .always = call.number == 226});
-    case 81:  // ACS_Suspend: script, map
+      return start_script(world, call,
+                          {.args = {a[2], a[3], a[4]}, .always = call.number == Special::kACS_ExecuteAlways});
+    case Special::kACS_Suspend:  // script, map
       if (is_of_this_map(world, call, a[1])) acs::suspend_script(world, a[0]);
       return 1;
-    case 82:  // ACS_Terminate
+    case Special::kACS_Terminate:
       if (is_of_this_map(world, call, a[1])) acs::terminate_script(world, a[0]);
       return 1;
-    case 83:  // ACS_LockedExecute: script, map, two arguments, lock
-    case 85:  // ACS_LockedExecuteDoor
+    case Special::kACS_LockedExecute:  // script, map, two arguments, lock
+    case Special::kACS_LockedExecuteDoor:
       if (a[4] != 0 && (call.activator == nullptr || !has_key(world, *call.activator, a[4]))) return 0;
       if (!is_of_this_map(world, call, a[1])) return 0;
       return start_script(world, call, {.args = {a[2], a[3]}});
-    case 84:  // ACS_ExecuteWithResult: script, arguments
+    case Special::kACS_ExecuteWithResult:  // script, arguments
       return start_script(world, call, {.args = {a[1], a[2], a[3], a[4]}, .always = true, .immediate = true});
     default:
       return std::nullopt;
@@ -190,16 +152,16 @@ int32_t set_force_field(World& world, int32_t tag, bool on) {
 std::optional<int32_t> execute_line_special(World& world, const SpecialCall& call) {
   const auto& a = call.args;
   switch (call.number) {
-    case 15:   // Autosave
-    case 120:  // Radius_Quake: nothing shakes
-    case 140:  // Sector_ChangeSound
-    case 157:  // SetGlobalFogParameter
+    case Special::kAutosave:
+    case Special::kRadius_Quake:  // nothing shakes
+    case Special::kSector_ChangeSound:
+    case Special::kSetGlobalFogParameter:
       return 1;
-    case 33:  // ForceField: the line itself says no
+    case Special::kForceField:  // the line itself says no
       return 0;
-    case 34:  // ClearForceField: tag
+    case Special::kClearForceField:  // tag
       return set_force_field(world, a[0], false);
-    case 49: {  // GlassBreak: the pane goes, whoever stood behind it can be seen
+    case Special::kGlassBreak: {  // the pane goes, whoever stood behind it can be seen
       if (call.line < 0) return 0;
       const Linedef& linedef = world.level().linedefs[static_cast<std::size_t>(call.line)];
       if (!linedef.back) return 0;
@@ -211,29 +173,29 @@ std::optional<int32_t> execute_line_special(World& world, const SpecialCall& cal
       }
       return 1;
     }
-    case 53:  // Line_SetTextureOffset: line id, x, y, side, flags
+    case Special::kLine_SetTextureOffset:  // line id, x, y, side, flags
       return for_each_line_with_id(world, call, a[0],
                                    [&](uint32_t line) { set_texture_offset(world, line, call); }) > 0;
-    case 55:  // Line_SetBlocking: line id, set, clear
+    case Special::kLine_SetBlocking:  // line id, set, clear
       for_each_line_with_id(world, call, a[0], [&](uint32_t line) {
         LineState& state = world.state().lines[line];
         state.flags = (state.flags & ~blocking_flags(a[2])) | blocking_flags(a[1]);
       });
       return 1;
-    case 74:   // Teleport_NewMap: map, position, keep facing
-    case 75:   // Teleport_EndGame
-    case 243:  // Exit_Normal: position
+    case Special::kTeleport_NewMap:  // map, position, keep facing
+    case Special::kTeleport_EndGame:
+    case Special::kExit_Normal:  // position
       world.exit_level();
       return 1;
-    case 244:  // Exit_Secret
+    case Special::kExit_Secret:
       world.state().exited_secretly = true;
       world.exit_level();
       return 1;
-    case 121:  // Line_SetIdentification: the loader saw to it
+    case Special::kLine_SetIdentification:  // the loader saw to it
       return 0;
-    case 129:  // UsePuzzleItem: no puzzle items in Doom
+    case Special::kUsePuzzleItem:  // no puzzle items in Doom
       return 0;
-    case 208:  // TranslucentLine: line id, amount, additive
+    case Special::kTranslucentLine:  // line id, amount, additive
       for_each_line_with_id(world, call, a[0], [&](uint32_t line) {
         world.state().lines[line].alpha = static_cast<float>(std::clamp(a[1], 0, 255)) / 255.0f;
       });
@@ -244,11 +206,6 @@ std::optional<int32_t> execute_line_special(World& world, const SpecialCall& cal
 }
 
 }  // namespace
-
-bool special_is_supported(int32_t number) {
-  return !wad::special_name(number).empty() &&
-         !std::binary_search(std::begin(kUnsupported), std::end(kUnsupported), number);
-}
 
 int32_t execute_special(World& world, const SpecialCall& call) {
   if (call.number == 0) return 0;

@@ -1,13 +1,16 @@
-// Line specials in Hexen's numbering, called from lines, things, scripts and states: one table of numbers.
+// Line specials, called from lines, things, scripts and states; doomgen/wad/special_names.h lists them.
 // What moves sectors is in movers.h. Stage: tic.
 #pragma once
 
 #include <array>
 #include <cstdint>
 
+#include "doomgen/wad/special_names.h"
 #include "sim_workers/engine/play/world.h"
 
 namespace comrad::doom {
+
+using wad::Special;
 
 struct SpecialCall {
   int32_t number = 0;
@@ -20,9 +23,6 @@ struct SpecialCall {
 /// Does it. False (0) where nothing happened; scripts get the number. An unknown special is one warning per
 /// world's level.
 int32_t execute_special(World& world, const SpecialCall& call);
-
-/// Whether execute_special() knows the number (wad::special_name() has its name).
-bool special_is_supported(int32_t number);
 
 /// How a line was touched. Who touches it counts as much: any way of crossing (or using) by a player is a
 /// player's, by a missile a missile's, by anybody else a monster's. A line that is activated by whatever

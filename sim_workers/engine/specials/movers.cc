@@ -6,7 +6,6 @@
 
 #include "doomgen/wad/special_names.h"
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/core/rng.h"
 #include "sim_workers/engine/map/level_index.h"
 #include "sim_workers/engine/specials/mover_families.h"
 #include "sim_workers/engine/specials/sector_bodies.h"
@@ -138,27 +137,6 @@ bool move_ceiling(World& world, uint32_t sector, Fixed height, int32_t crush) {
 bool sector_is_moving(const World& world, uint32_t sector) {
   const MoverState& movers = world.state().movers;
   return sector < movers.plane_busy.size() && movers.plane_busy[sector] != 0;
-}
-
-uint64_t hash_movers(const MoverState& movers) {
-  uint64_t state = kGoldenGamma;
-  const auto add = [&state](auto... values) {
-    ((state = mix64(state ^ static_cast<uint64_t>(values)) + kGoldenGamma), ...);
-  };
-  for (const SectorMover& mover : movers.sectors) {
-    add(mover.sector, static_cast<int>(mover.kind), static_cast<int>(mover.phase), mover.type, mover.speed,
-        mover.return_speed, mover.low, mover.high, mover.low_2, mover.high_2, mover.target, mover.left_tics,
-        mover.wait_tics, mover.crush, mover.phase_offset, mover.amplitude, mover.step_left_tics,
-        mover.pause_tics, mover.removed);
-  }
-  for (const LightEffect& light : movers.lights)
-    add(light.sector, static_cast<int>(light.kind), light.left_tics, light.direction, light.elapsed);
-  add(movers.scrollers.size());
-  for (const SwitchTimer& timer : movers.switches) add(timer.side, timer.part, timer.left_tics);
-  for (const Polyobject& object : movers.polyobjects)
-    add(object.number, object.x, object.y, object.angle, object.kind, object.speed, object.distance_left,
-        object.turn_left, object.left_tics, object.closing);
-  return state;
 }
 
 // ---------------------------------------------------------------- what the families share

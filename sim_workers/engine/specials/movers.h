@@ -35,7 +35,6 @@ void send_floor(World& world, uint32_t sector, Fixed target, Fixed speed);
 
 bool sector_is_moving(const World& world, uint32_t sector);     ///< for TagWait
 bool polyobject_is_moving(const World& world, int32_t number);  ///< for PolyWait
-uint64_t hash_movers(const MoverState& movers);                 ///< for World::hash()
 
 /// Lines of polyobjects near a box, with their present ends; the blockmap leaves them out. `visit(line, x1,
 /// y1, x2, y2)` returns false to stop.

@@ -187,27 +187,27 @@ std::optional<int32_t> execute_plat(World& world, const SpecialCall& call) {
   order.speed = speed_of(a[1]);
   order.wait_tics = wait_of(a[2]);
   switch (call.number) {
-    case 60:  // Plat_PerpetualRaise: tag, speed, wait
+    case Special::kPlat_PerpetualRaise:  // tag, speed, wait
       order.type = kPerpetualRaise, order.lip = units(kPlatLip);
       break;
-    case 61:  // Plat_Stop: tag
+    case Special::kPlat_Stop:  // tag
       return hold_plats(world, a[0]);
-    case 62:  // Plat_DownWaitUpStay: tag, speed, wait
+    case Special::kPlat_DownWaitUpStay:  // tag, speed, wait
       order.type = kDownWaitUpStay, order.lip = units(kPlatLip);
       break;
-    case 63:  // Plat_DownByValue: tag, speed, wait, height in 8 units
+    case Special::kPlat_DownByValue:  // tag, speed, wait, height in 8 units
       order.type = kDownByValue, order.height = units(int64_t{a[3]} * 8);
       break;
-    case 64:  // Plat_UpWaitDownStay
+    case Special::kPlat_UpWaitDownStay:
       order.type = kUpWaitDownStay;
       break;
-    case 65:  // Plat_UpByValue: tag, speed, wait, height in 8 units
+    case Special::kPlat_UpByValue:  // tag, speed, wait, height in 8 units
       order.type = kUpByValue, order.height = units(int64_t{a[3]} * 8);
       break;
-    case 172:  // Plat_UpNearestWaitDownStay
+    case Special::kPlat_UpNearestWaitDownStay:
       order.type = kUpNearestWaitDownStay;
       break;
-    case 203: {  // Generic_Lift: tag, speed, wait in octics, kind, height in 8 units
+    case Special::kGeneric_Lift: {  // tag, speed, wait in octics, kind, height in 8 units
       constexpr PlatType kKinds[] = {kUpByValue, kDownWaitUpStay, kDownToNearestFloor, kDownToLowestCeiling,
                                      kPerpetualRaise};
       if (a[3] < 0 || a[3] > 4) return 0;
@@ -215,21 +215,21 @@ std::optional<int32_t> execute_plat(World& world, const SpecialCall& call) {
       order.wait_tics = octics(a[2]), order.height = units(int64_t{a[4]} * 8);
       break;
     }
-    case 206:  // Plat_DownWaitUpStayLip: tag, speed, wait, lip
+    case Special::kPlat_DownWaitUpStayLip:  // tag, speed, wait, lip
       order.type = kDownWaitUpStay, order.lip = units(a[3]);
       break;
-    case 207:  // Plat_PerpetualRaiseLip: tag, speed, wait, lip
+    case Special::kPlat_PerpetualRaiseLip:  // tag, speed, wait, lip
       order.type = kPerpetualRaise, order.lip = units(a[3]);
       break;
-    case 228:  // Plat_RaiseAndStayTx0: tag, speed, lockout
+    case Special::kPlat_RaiseAndStayTx0:  // tag, speed, lockout
       order.type = a[2] == 1 ? kRaiseAndStayLockout : kRaiseAndStay;
       order.wait_tics = 0, order.change = 1;
       break;
-    case 230:  // Plat_UpByValueStayTx: tag, speed, height in 8 units
+    case Special::kPlat_UpByValueStayTx:  // tag, speed, height in 8 units
       order.type = kUpByValueStay, order.height = units(int64_t{a[2]} * 8);
       order.wait_tics = 0, order.change = 2;
       break;
-    case 231:  // Plat_ToggleCeiling: tag
+    case Special::kPlat_ToggleCeiling:  // tag
       order.type = kToggle, order.speed = 0, order.wait_tics = 0;
       break;
     default:

@@ -11,7 +11,6 @@ namespace {
 
 enum Motion : int32_t { kNone, kMove, kRotate, kDoorSlide, kDoorSwing };
 
-constexpr int32_t kStartLine = 1, kExplicitLine = 5;
 constexpr int32_t kAnchor = 9300, kSpot = 9301, kSpotCrush = 9302, kSpotHurt = 9303;
 // Hexen's own numbers. In Doom 3001 and 3002 are monsters, so that these count only beside an anchor 3000.
 constexpr int32_t kHexenAnchor = 3000, kHexenSpot = 3001, kHexenSpotCrush = 3002;
@@ -35,7 +34,7 @@ std::vector<uint32_t> lines_of(const Level& level, int32_t number, int32_t& mirr
   };
   for (uint32_t first = 0; first < level.linedefs.size(); ++first) {
     const Linedef& start = level.linedefs[first];
-    if (start.special != kStartLine || start.args[0] != number) continue;
+    if (start.special != Special::kPolyobj_StartLine || start.args[0] != number) continue;
     mirror = start.args[1];
     lines.push_back(first);
     uint32_t end = start.end;
@@ -52,7 +51,8 @@ std::vector<uint32_t> lines_of(const Level& level, int32_t number, int32_t& mirr
     return lines;
   }
   for (uint32_t i = 0; i < level.linedefs.size(); ++i)
-    if (level.linedefs[i].special == kExplicitLine && level.linedefs[i].args[0] == number) lines.push_back(i);
+    if (level.linedefs[i].special == Special::kPolyobj_ExplicitLine && level.linedefs[i].args[0] == number)
+      lines.push_back(i);
   std::stable_sort(lines.begin(), lines.end(), [&](uint32_t a, uint32_t b) {
     return level.linedefs[a].args[1] < level.linedefs[b].args[1];
   });
@@ -350,40 +350,41 @@ void tic_swing(World& world, std::size_t index) {
 std::optional<int32_t> execute_polyobject(World& world, const SpecialCall& call) {
   const auto& a = call.args;
   switch (call.number) {
-    case kStartLine:
-    case kExplicitLine:
+    case Special::kPolyobj_StartLine:
+    case Special::kPolyobj_ExplicitLine:
       return 0;  // they say what belongs to a polyobject, and do nothing
-    case 2:
-    case 3:
-      return order_rotation(world, call, call.number == 2, false);
-    case 90:
-    case 91:
-      return order_rotation(world, call, call.number == 90, true);
-    case 4:
+    case Special::kPolyobj_RotateLeft:
+    case Special::kPolyobj_RotateRight:
+      return order_rotation(world, call, call.number == Special::kPolyobj_RotateLeft, false);
+    case Special::kPolyobj_OR_RotateLeft:
+    case Special::kPolyobj_OR_RotateRight:
+      return order_rotation(world, call, call.number == Special::kPolyobj_OR_RotateLeft, true);
+    case Special::kPolyobj_Move:
       return order_move(world, call, 1, false);
-    case 6:
+    case Special::kPolyobj_MoveTimes8:
       return order_move(world, call, 8, false);
-    case 92:
+    case Special::kPolyobj_OR_Move:
       return order_move(world, call, 1, true);
-    case 93:
+    case Special::kPolyobj_OR_MoveTimes8:
       return order_move(world, call, 8, true);
-    case 7:
+    case Special::kPolyobj_DoorSwing:
       return order_swing(world, call);
-    case 8:
+    case Special::kPolyobj_DoorSlide:
       return order_slide(world, call);
-    case 59:
+    case Special::kPolyobj_OR_MoveToSpot:
       return order_move_to_spot(world, call, true);
-    case 86:
+    case Special::kPolyobj_MoveToSpot:
       return order_move_to_spot(world, call, false);
-    case 87: {  // Polyobj_Stop
+    case Special::kPolyobj_Stop: {
       Polyobject* object = find_polyobject(world, a[0]);
       if (object == nullptr) return 0;
       object->kind = kNone;
       return 1;
     }
-    case 88:
-    case 89:
-      return order_move_to(world, a[0], a[1], units(a[2]), units(a[3]), call.number == 89);
+    case Special::kPolyobj_MoveTo:
+    case Special::kPolyobj_OR_MoveTo:
+      return order_move_to(world, a[0], a[1], units(a[2]), units(a[3]),
+                           call.number == Special::kPolyobj_OR_MoveTo);
     default:
       return std::nullopt;
   }
@@ -398,7 +399,7 @@ void start_polyobjects(World& world) {
     if (find_polyobject(world, thing.angle_degrees) != nullptr) continue;
     std::optional<Polyobject> object = make_polyobject(level, thing, hexen ? kHexenAnchor : kAnchor);
     if (!object || object->lines.empty()) {
-      if (!hexen && world.index().warned_specials->first(kStartLine))
+      if (!hexen && world.index().warned_specials->first(Special::kPolyobj_StartLine))
         spdlog::warn("{}: polyobject {} has a start spot but no {}; it is left out", level.name,
                      thing.angle_degrees,
                      object ? "lines (special 1 or 5 with its number)" : "anchor (thing 9300 of that angle)");

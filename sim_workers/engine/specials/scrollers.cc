@@ -287,11 +287,11 @@ std::optional<int32_t> execute_scroller(World& world, const SpecialCall& call) {
     return 1;
   };
   switch (call.number) {
-    case 52: {  // Scroll_Wall: line id, x, y (16.16 per tic), side, parts
+    case Special::kScroll_Wall: {  // line id, x, y (16.16 per tic), side, parts
       return for_each_line_with_id(
           world, a[0], [&](uint32_t line) { scroll_line(world, line, a[3] != 0, a[4], a[1], a[2]); });
     }
-    case 54: {  // Sector_ChangeFlags: tag, set, clear
+    case Special::kSector_ChangeFlags: {  // tag, set, clear
       for_each_tagged_sector(world, a[0], [&](uint32_t index) {
         Sector& sector = world.state().sectors[index];
         const auto change = [&](int32_t bit, bool& flag) {
@@ -301,36 +301,36 @@ std::optional<int32_t> execute_scroller(World& world, const SpecialCall& call) {
       });
       return 1;
     }
-    case 100:  // Scroll_Texture_Left: speed in 64ths, parts
+    case Special::kScroll_Texture_Left:  // speed in 64ths, parts
       return own_line(texture_speed(a[0]), 0);
-    case 101:  // Scroll_Texture_Right
+    case Special::kScroll_Texture_Right:
       return own_line(-texture_speed(a[0]), 0);
-    case 102:  // Scroll_Texture_Up
+    case Special::kScroll_Texture_Up:
       return own_line(0, texture_speed(a[0]));
-    case 103:  // Scroll_Texture_Down
+    case Special::kScroll_Texture_Down:
       return own_line(0, -texture_speed(a[0]));
-    case 186:  // Sector_SetCeilingPanning
+    case Special::kSector_SetCeilingPanning:
       return set_panning(world, call, &Sector::ceiling_placement);
-    case 187:  // Sector_SetFloorPanning
+    case Special::kSector_SetFloorPanning:
       return set_panning(world, call, &Sector::floor_placement);
-    case 188:  // Sector_SetCeilingScale
+    case Special::kSector_SetCeilingScale:
       return set_scale(world, call, &Sector::ceiling_placement);
-    case 189:  // Sector_SetFloorScale
+    case Special::kSector_SetFloorScale:
       return set_scale(world, call, &Sector::floor_placement);
-    case 185:  // Sector_SetRotation: tag, floor, ceiling, in degrees
+    case Special::kSector_SetRotation:  // tag, floor, ceiling, in degrees
       for_each_tagged_sector(world, a[0], [&](uint32_t index) {
         Sector& sector = world.state().sectors[index];
         sector.floor_placement.rotation_degrees = static_cast<float>(a[1] % 360);
         sector.ceiling_placement.rotation_degrees = static_cast<float>(a[2] % 360);
       });
       return 1;
-    case 218:  // Sector_SetWind
+    case Special::kSector_SetWind:
       return set_wind(world, call, kWindSector);
-    case 219:  // Sector_SetFriction
+    case Special::kSector_SetFriction:
       return set_friction(world, call);
-    case 220:  // Sector_SetCurrent
+    case Special::kSector_SetCurrent:
       return set_wind(world, call, kCurrent);
-    case 221: {  // Scroll_Texture_Both: line id (0: its own), left, right, down, up
+    case Special::kScroll_Texture_Both: {  // line id (0: its own), left, right, down, up
       const Fixed dx = texture_speed(int64_t{a[1]} - a[2]), dy = texture_speed(int64_t{a[4]} - a[3]);
       if (a[0] != 0)
         return for_each_line_with_id(world, a[0],
@@ -339,7 +339,8 @@ std::optional<int32_t> execute_scroller(World& world, const SpecialCall& call) {
       scroll_line(world, static_cast<uint32_t>(call.line), call.back_side, 0, dx, dy);
       return 1;
     }
-    case 222: {  // Scroll_Texture_Model: line id, bits; by the calling line's vector along each of the lines
+    case Special::
+        kScroll_Texture_Model: {  // line id, bits; by the calling line's vector along each of the lines
       const auto vector = line_vector(world, call);
       if (!vector) return 0;
       return for_each_line_with_id(world, a[0], [&](uint32_t line) {
@@ -354,11 +355,11 @@ std::optional<int32_t> execute_scroller(World& world, const SpecialCall& call) {
         scroll_line(world, line, false, 0, static_cast<Fixed>(-along), static_cast<Fixed>(across));
       });
     }
-    case 223:  // Scroll_Floor
+    case Special::kScroll_Floor:
       return scroll_plane(world, call, true);
-    case 224:  // Scroll_Ceiling
+    case Special::kScroll_Ceiling:
       return scroll_plane(world, call, false);
-    case 225: {  // Scroll_Texture_Offsets: by the front side's own offsets
+    case Special::kScroll_Texture_Offsets: {  // by the front side's own offsets
       if (!has_line(world, call)) return 0;
       const Linedef& line = world.level().linedefs[static_cast<std::size_t>(call.line)];
       const Sidedef& side = world.level().sidedefs[line.front];
@@ -366,7 +367,7 @@ std::optional<int32_t> execute_scroller(World& world, const SpecialCall& call) {
                   units(side.offset_y));
       return 1;
     }
-    case 227:  // PointPush_SetForce
+    case Special::kPointPush_SetForce:
       return set_point_push(world, call);
     default:
       return std::nullopt;
@@ -377,7 +378,9 @@ void start_scrollers(World& world) {
   for (uint32_t index = 0; index < world.sectors().size(); ++index) start_sector_type(world, index);
   // Lines that say once how their sides, sectors or things behave.
   const auto is_static = [](int32_t special) {
-    return (special >= 100 && special <= 103) || (special >= 218 && special <= 225) || special == 227;
+    return (special >= Special::kScroll_Texture_Left && special <= Special::kScroll_Texture_Down) ||
+           (special >= Special::kSector_SetWind && special <= Special::kScroll_Texture_Offsets) ||
+           special == Special::kPointPush_SetForce;
   };
   for (uint32_t index = 0; index < world.lines().size(); ++index) {
     LineState& line = world.state().lines[index];

@@ -154,31 +154,32 @@ void tic_player_in_sector(World& world, int player_index) {
 
 std::optional<int32_t> execute_sector_special(World& world, const SpecialCall& call) {
   switch (call.number) {
-    case 212:  // Sector_SetColor: tag, red, green, blue
+    case Special::kSector_SetColor:  // tag, red, green, blue
       return for_each_tag(world, call, [](Sector& sector, const SpecialCall& c) {
         sector.light_color = color_from(c.args[1], c.args[2], c.args[3]);
       });
-    case 213:  // Sector_SetFade
+    case Special::kSector_SetFade:
       return for_each_tag(world, call, [](Sector& sector, const SpecialCall& c) {
         sector.fade_color = color_from(c.args[1], c.args[2], c.args[3]);
       });
-    case 214:  // Sector_SetDamage: tag, amount, kind, interval, leak
+    case Special::kSector_SetDamage:  // tag, amount, kind, interval, leak
       return for_each_tag(world, call, [](Sector& sector, const SpecialCall& c) {
         sector.damage_amount = c.args[1];
         sector.damage_type = static_cast<uint8_t>(damage_type_of(c.args[2]));
         sector.damage_interval = std::max(c.args[3], 0);
         sector.damage_leak = std::clamp(c.args[4], 0, kAlways);
       });
-    case 216:  // Sector_SetGravity: tag, whole, hundredths
+    case Special::kSector_SetGravity:  // tag, whole, hundredths
       return for_each_tag(world, call, [](Sector& sector, const SpecialCall& c) {
         sector.gravity =
             clamped_units(std::clamp(c.args[1], -100, 100)) + std::clamp(c.args[2], 0, 99) * kFracUnit / 100;
       });
-    case 170:    // Sector_SetCeilingScale2: tag, x, y (16.16)
-    case 171: {  // Sector_SetFloorScale2
+    case Special::kSector_SetCeilingScale2:  // tag, x, y (16.16)
+    case Special::kSector_SetFloorScale2: {
       for_each_tagged_sector(world, call.args[0], [&](uint32_t index) {
         Sector& sector = world.state().sectors[index];
-        FlatPlacement& placement = call.number == 170 ? sector.ceiling_placement : sector.floor_placement;
+        FlatPlacement& placement = call.number == Special::kSector_SetCeilingScale2 ? sector.ceiling_placement
+                                                                                    : sector.floor_placement;
         if (call.args[1] > 0) placement.scale_x = to_float(call.args[1]);
         if (call.args[2] > 0) placement.scale_y = to_float(call.args[2]);
       });

@@ -179,17 +179,17 @@ std::optional<int32_t> execute_stairs(World& world, const SpecialCall& call) {
   StairsOrder order;
   order.speed = speed_of(a[1]), order.step = units(std::max(a[2], 0));
   switch (call.number) {
-    case 26:  // Stairs_BuildDown: tag, speed, step, delay, reset
-    case 27:  // Stairs_BuildUp
-      order.up = call.number == 27, order.marked = true;
+    case Special::kStairs_BuildDown:  // tag, speed, step, delay, reset
+    case Special::kStairs_BuildUp:
+      order.up = call.number == Special::kStairs_BuildUp, order.marked = true;
       order.delay_tics = wait_of(a[3]), order.reset_tics = wait_of(a[4]);
       return build_stairs(world, call, a[0], order);
-    case 31:  // Stairs_BuildDownSync: tag, speed, step, reset
-    case 32:  // Stairs_BuildUpSync
-      order.up = call.number == 32, order.marked = order.together = true;
+    case Special::kStairs_BuildDownSync:  // tag, speed, step, reset
+    case Special::kStairs_BuildUpSync:
+      order.up = call.number == Special::kStairs_BuildUpSync, order.marked = order.together = true;
       order.reset_tics = wait_of(a[3]);
       return build_stairs(world, call, a[0], order);
-    case 204: {  // Generic_Stairs: tag, speed, step, flags (1 up, 2 any texture), reset
+    case Special::kGeneric_Stairs: {  // tag, speed, step, flags (1 up, 2 any texture), reset
       order.up = (a[3] & 1) != 0, order.any_texture = (a[3] & 2) != 0;
       order.reset_tics = wait_of(a[4]);
       const int32_t result = build_stairs(world, call, a[0], order);
@@ -199,24 +199,25 @@ std::optional<int32_t> execute_stairs(World& world, const SpecialCall& call) {
         world.state().lines[static_cast<std::size_t>(call.line)].args[3] ^= 1;
       return result;
     }
-    case 217:  // Stairs_BuildUpDoom: tag, speed, step, delay, reset
-    case 270:  // Stairs_BuildDownDoom
-    case 273:  // Stairs_BuildUpDoomCrush
-      order.up = call.number != 270, order.crush = call.number == 273 ? 10 : -1;
+    case Special::kStairs_BuildUpDoom:  // tag, speed, step, delay, reset
+    case Special::kStairs_BuildDownDoom:
+    case Special::kStairs_BuildUpDoomCrush:
+      order.up = call.number != Special::kStairs_BuildDownDoom,
+      order.crush = call.number == Special::kStairs_BuildUpDoomCrush ? 10 : -1;
       order.delay_tics = wait_of(a[3]), order.reset_tics = wait_of(a[4]);
       return build_stairs(world, call, a[0], order);
-    case 271:  // Stairs_BuildUpDoomSync: tag, speed, step, reset
-    case 272:  // Stairs_BuildDownDoomSync
-      order.up = call.number == 271, order.together = true;
+    case Special::kStairs_BuildUpDoomSync:  // tag, speed, step, reset
+    case Special::kStairs_BuildDownDoomSync:
+      order.up = call.number == Special::kStairs_BuildUpDoomSync, order.together = true;
       order.reset_tics = wait_of(a[3]);
       return build_stairs(world, call, a[0], order);
-    case 29:  // Pillar_Build: tag, speed, height
+    case Special::kPillar_Build:  // tag, speed, height
       return build_pillar(world, call, -1);
-    case 94:  // Pillar_BuildAndCrush: tag, speed, height, crush, crush mode
+    case Special::kPillar_BuildAndCrush:  // tag, speed, height, crush, crush mode
       return build_pillar(world, call, crush_of(a[3]));
-    case 30:  // Pillar_Open: tag, speed, floor's way, ceiling's way
+    case Special::kPillar_Open:  // tag, speed, floor's way, ceiling's way
       return open_pillar(world, call);
-    case 250:  // Floor_Donut: tag, speed of the pillar, speed of the ring
+    case Special::kFloor_Donut:  // tag, speed of the pillar, speed of the ring
       return make_donut(world, call);
     default:
       return std::nullopt;

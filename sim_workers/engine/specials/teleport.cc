@@ -260,11 +260,11 @@ std::optional<int32_t> execute_teleport_special(World& world, const SpecialCall&
     return to && travel(world, *call.activator, *to, journey) ? 1 : 0;
   };
   switch (call.number) {
-    case 39:  // Teleport_ZombieChanger: thing, tag
+    case Special::kTeleport_ZombieChanger:  // thing, tag
       return send(a[0], a[1], {.source_fog = false, .destination_fog = false});
-    case 70:  // Teleport: thing, tag, no fog at the start
+    case Special::kTeleport:  // thing, tag, no fog at the start
       return send(a[0], a[1], {.source_fog = a[2] == 0});
-    case 71: {  // Teleport_NoFog: thing, facing, tag, keep height
+    case Special::kTeleport_NoFog: {  // thing, facing, tag, keep height
       Journey journey{.source_fog = false, .destination_fog = false, .keep_height = a[3] != 0};
       if (a[1] == 0) journey.turn = Turn::kKeep;
       if (a[1] >= 2 && call.line >= 0) {
@@ -273,9 +273,9 @@ std::optional<int32_t> execute_teleport_special(World& world, const SpecialCall&
       }
       return send(a[0], a[2], journey);
     }
-    case 154:  // Teleport_NoStop: thing, tag, no fog at the start
+    case Special::kTeleport_NoStop:  // thing, tag, no fog at the start
       return send(a[0], a[1], {.source_fog = a[2] == 0, .keep_velocity = true});
-    case 76: {  // TeleportOther: things, thing, fog
+    case Special::kTeleportOther: {  // things, thing, fog
       bool any = false;
       for_each_thing(world, a[0], nullptr, [&](Actor& other) {
         if (const std::optional<Destination> to = find_destination(world, a[1], 0))
@@ -283,9 +283,9 @@ std::optional<int32_t> execute_teleport_special(World& world, const SpecialCall&
       });
       return any;
     }
-    case 77:    // TeleportGroup: things, source, destination, source moves too, fog
-    case 78: {  // TeleportInSector: tag, source, destination, fog, things (0 all)
-      const bool in_sector = call.number == 78;
+    case Special::kTeleportGroup:       // things, source, destination, source moves too, fog
+    case Special::kTeleportInSector: {  // tag, source, destination, fog, things (0 all)
+      const bool in_sector = call.number == Special::kTeleportInSector;
       Actor* const from = world.find_thing(a[1]);
       const Actor* const to = world.find_thing(a[2]);
       if (from == nullptr || to == nullptr) return 0;
@@ -312,7 +312,7 @@ std::optional<int32_t> execute_teleport_special(World& world, const SpecialCall&
       }
       return any;
     }
-    case 215: {  // Teleport_Line: its own id, id of the other line, flip
+    case Special::kTeleport_Line: {  // its own id, id of the other line, flip
       if (call.activator == nullptr || call.line < 0 || call.back_side || a[1] == 0) return 0;
       for (uint32_t line = 0; line < world.lines().size(); ++line) {
         if (static_cast<int32_t>(line) == call.line || world.lines()[line].id != a[1]) continue;

@@ -349,19 +349,19 @@ std::optional<int32_t> execute_thing_special(World& world, const SpecialCall& ca
   Actor* const activator = call.activator;
   int32_t any = 0;
   switch (call.number) {
-    case 17:  // Thing_Raise: things
+    case Special::kThing_Raise:  // things
       for_each_thing(world, a[0], activator, [&](Actor& actor) { any |= raise_thing(world, actor); });
       return any;
-    case 18:  // StartConversation: nobody talks
+    case Special::kStartConversation:  // nobody talks
       return 0;
-    case 19:  // Thing_Stop: things
+    case Special::kThing_Stop:  // things
       return for_each_thing(world, a[0], activator, [](Actor& actor) {
                actor.velocity_x = actor.velocity_y = actor.velocity_z = 0;
              }) > 0;
-    case 72:  // ThrustThing: angle, force, unlimited, things
+    case Special::kThrustThing:  // angle, force, unlimited, things
       return for_each_thing(world, a[3], activator,
                             [&](Actor& actor) { thrust(actor, a[0], a[1], a[2] != 0); }) > 0;
-    case 73:  // DamageThing: amount (0: dead), kind
+    case Special::kDamageThing:  // amount (0: dead), kind
       if (activator == nullptr) return 0;
       if (a[0] == 0) {
         damage_actor(world, *activator, nullptr, nullptr, kTelefragDamage, damage_type_of(a[1]));
@@ -369,13 +369,13 @@ std::optional<int32_t> execute_thing_special(World& world, const SpecialCall& ca
         hurt_or_heal(world, *activator, nullptr, a[0], damage_type_of(a[1]));
       }
       return 1;
-    case 119:  // Thing_Damage: things, amount, kind
+    case Special::kThing_Damage:  // things, amount, kind
       return for_each_thing(world, a[0], activator, [&](Actor& actor) {
                if (actor.has(ActorFlag::kShootable))
                  hurt_or_heal(world, actor, activator != &actor ? activator : nullptr, a[1],
                               damage_type_of(a[2]));
              }) > 0;
-    case 125: {  // Thing_Move: thing, spot, no fog
+    case Special::kThing_Move: {  // thing, spot, no fog
       const Actor* const spot = world.find_thing(a[1]);
       Actor* const actor = a[0] != 0 ? world.find_thing(a[0]) : activator;
       if (spot == nullptr || actor == nullptr || actor == spot) return 0;
@@ -387,22 +387,23 @@ std::optional<int32_t> execute_thing_special(World& world, const SpecialCall& ca
       }
       return 1;
     }
-    case 127:  // Thing_SetSpecial: things, special, three arguments
+    case Special::kThing_SetSpecial:  // things, special, three arguments
       return for_each_thing(world, a[0], activator, [&](Actor& actor) {
                actor.special = a[1];
                actor.args = {a[2], a[3], a[4], 0, 0};
              }) > 0;
-    case 128:  // ThrustThingZ: things, speed in quarter units, down, add
+    case Special::kThrustThingZ:  // things, speed in quarter units, down, add
       return for_each_thing(world, a[0], activator, [&](Actor& actor) {
                const int64_t speed = int64_t{clamped_units(a[1])} / 4 * (a[2] != 0 ? -1 : 1);
                actor.velocity_z = clamped_fixed(speed + (a[3] != 0 ? actor.velocity_z : 0));
              }) > 0;
-    case 130:  // Thing_Activate: things
-    case 131:  // Thing_Deactivate
-      for_each_thing(world, a[0], activator,
-                     [&](Actor& actor) { any |= set_active(world, actor, call.number == 130); });
+    case Special::kThing_Activate:  // things
+    case Special::kThing_Deactivate:
+      for_each_thing(world, a[0], activator, [&](Actor& actor) {
+        any |= set_active(world, actor, call.number == Special::kThing_Activate);
+      });
       return any;
-    case 132:  // Thing_Remove: things
+    case Special::kThing_Remove:  // things
       for_each_thing(world, a[0], activator, [&](Actor& actor) {
         if (actor.player_index >= 0) return;
         if (actor.has(ActorFlag::kCountKill) && actor.health > 0) --world.state().monster_count;
@@ -411,54 +412,55 @@ std::optional<int32_t> execute_thing_special(World& world, const SpecialCall& ca
         any = 1;
       });
       return any;
-    case 133:
+    case Special::kThing_Destroy:
       return destroy(world, call);
-    case 134:  // Thing_Projectile: spots, kind, angle, speed, vertical speed
-    case 136:  // Thing_ProjectileGravity
+    case Special::kThing_Projectile:  // spots, kind, angle, speed, vertical speed
+    case Special::kThing_ProjectileGravity:
       return throw_from_spots(world, activator,
                               {.spots = a[0],
                                .spawn_id = a[1],
                                .byte_angle = a[2],
                                .speed = a[3],
                                .vertical_speed = a[4],
-                               .falls = call.number == 136});
-    case 175:  // Thing_ProjectileIntercept: spots, kind, speed, targets, new id
-    case 178:  // Thing_ProjectileAimed
+                               .falls = call.number == Special::kThing_ProjectileGravity});
+    case Special::kThing_ProjectileIntercept:  // spots, kind, speed, targets, new id
+    case Special::kThing_ProjectileAimed:
       if (a[3] == 0) return 0;
       return throw_from_spots(world, activator,
                               {.spots = a[0],
                                .spawn_id = a[1],
                                .speed = a[2],
                                .target = a[3],
-                               .leads = call.number == 175,
+                               .leads = call.number == Special::kThing_ProjectileIntercept,
                                .new_id = a[4]});
-    case 135:  // Thing_Spawn: spots, kind, angle, new id
-    case 137:  // Thing_SpawnNoFog
-      return spawn_at_spots(world, a[0], activator, a[1], false, a[2], call.number == 135, a[3]);
-    case 139:  // Thing_SpawnFacing: spots, kind, no fog, new id
+    case Special::kThing_Spawn:  // spots, kind, angle, new id
+    case Special::kThing_SpawnNoFog:
+      return spawn_at_spots(world, a[0], activator, a[1], false, a[2], call.number == Special::kThing_Spawn,
+                            a[3]);
+    case Special::kThing_SpawnFacing:  // spots, kind, no fog, new id
       return spawn_at_spots(world, a[0], activator, a[1], true, 0, a[2] == 0, a[3]);
-    case 173: {  // NoiseAlert: target, emitter
+    case Special::kNoiseAlert: {  // target, emitter
       const Actor* const target = a[0] != 0 ? world.find_thing(a[0]) : activator;
       const Actor* const emitter = a[1] != 0 ? world.find_thing(a[1]) : activator;
       if (target != nullptr && emitter != nullptr) alert_monsters(world, *target, *emitter);
       return 1;
     }
-    case 176:  // Thing_ChangeTID: things, new id
+    case Special::kThing_ChangeTID:  // things, new id
       return for_each_thing(world, a[0], activator, [&](Actor& actor) { world.set_thing_id(actor, a[1]); }) >
              0;
-    case 177:
+    case Special::kThing_Hate:
       return hate(world, call);
-    case 180:  // Thing_SetTranslation: things, number; only back to its own colours
+    case Special::kThing_SetTranslation:  // things, number; only back to its own colours
       return for_each_thing(world, a[0], activator, [&](Actor& actor) {
                if (a[1] == 0) actor.translation = world.type_of(actor).translation;
              }) > 0;
-    case 191:
+    case Special::kSetPlayerProperty:
       return set_player_property(world, call);
-    case 229:
+    case Special::kThing_SetGoal:
       return set_goal(world, call);
-    case 237:
+    case Special::kChangeCamera:
       return change_camera(world, call);
-    case 248: {  // HealThing: amount, limit (0: its own health; 1: a soul sphere's)
+    case Special::kHealThing: {  // amount, limit (0: its own health; 1: a soul sphere's)
       if (activator == nullptr) return 0;
       const int32_t limit = a[1] == 1 ? 200 : std::max(a[1], 0);
       heal_actor(world, *activator, a[0], activator->player_index >= 0 ? limit : 0);

@@ -1,11 +1,14 @@
 #!/usr/bin/env python3
-"""Records how a player of ViZDoom 1.3.2 moves over steps and under low ceilings.
+"""Records how a player of ViZDoom 1.3.2 moves over steps, under low ceilings and along slanted walls.
 
-    record.py NUMBER...        writes NUMBER.textmap and NUMBER.csv beside this file
+    record.py NAME...          writes NAME.textmap and NAME.csv beside this file
 
-A map is twelve strips side by side from west to east, with floors and ceilings drawn from the number; so is the script of
+The map of a NUMBER is twelve strips side by side from west to east, with floors and ceilings drawn from the number. That of
+slanted_NUMBER is a room of seven to eleven walls with five pillars and platforms in it, none of which need lie along an axis;
+its corners lie on a grid of 16 units, so that fractions of walls are often halves. The number also draws the script of
 600 tics, in which a key is held for up to 15 tics. Needs a Python with `vizdoom`.
 """
+import math
 import os
 import random
 import struct
@@ -18,6 +21,11 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 HALF_DEPTH, OPEN_CEILING, STRIPS, TICS = 128, 512, 12, 600
 KEYS = [("fwd", "MOVE_FORWARD", 0.6), ("back", "MOVE_BACKWARD", 0.2), ("left", "MOVE_LEFT", 0.2),
         ("right", "MOVE_RIGHT", 0.2), ("jump", "JUMP", 0.5), ("crouch", "CROUCH", 0.08), ("speed", "SPEED", 0.5)]
+# Among slanted walls: how often each key is held. It mostly runs into walls.
+SLANTED_CHANCES = [0.85, 0.1, 0.25, 0.25, 0.03, 0.0, 0.6]
+TURN, SLANTED_TURN = (0.1, 25), (0.06, 60)  # how often and how far in degrees at most
+START = ("thing { x = %d.0; y = 0.0; angle = 0; type = 1; skill1 = true; skill2 = true; skill3 = true; skill4 = true; "
+         "skill5 = true; single = true; coop = true; dm = true; class1 = true; }\n")
 STATE = ["POSITION_X", "POSITION_Y", "POSITION_Z", "VELOCITY_X", "VELOCITY_Y", "VELOCITY_Z"]
 
 
@@ -33,6 +41,7 @@ def strips(number):
 
 
 def textmap(rooms):
+    """The strips."""
     text, x = 'namespace = "zdoom";\n', 0
     for width in [0] + [width for _, _, width in rooms]:
         x += width
@@ -64,31 +73,85 @@ def textmap(rooms):
     for floor, ceiling, _ in rooms:
         text += ('sector { heightfloor = %d; heightceiling = %d; texturefloor = "FLAT4"; textureceiling = "FLOOR0_1"; }\n' %
                  (floor, ceiling))
-    return text + ("thing { x = %d.0; y = 0.0; angle = 0; type = 1; skill1 = true; skill2 = true; skill3 = true; skill4 = true; "
-                   "skill5 = true; single = true; coop = true; dm = true; class1 = true; }\n" % (rooms[0][2] // 2))
+    return text + START % (rooms[0][2] // 2)
 
 
-def script(number):
+def slanted_rings(number):
+    """[(corners, floor height)]: the room, its corners in clockwise order, then what stands in it, counter-clockwise; a pillar
+    has no floor. Fronts of lines are on their right, so inside the room and outside of the others."""
+    generator = random.Random(number)
+
+    def ring(centre_x, centre_y, directions, radius_min, radius_max):
+        corners = []
+        for direction in directions:
+            radius = generator.uniform(radius_min, radius_max)
+            corners.append((16 * round((centre_x + radius * math.cos(direction)) / 16),
+                            16 * round((centre_y + radius * math.sin(direction)) / 16)))
+        return corners
+
+    walls = generator.randint(7, 11)
+    rings = [(ring(0, 0, [-2 * math.pi * i / walls + generator.uniform(-0.2, 0.2) for i in range(walls)], 320, 560), 0)]
+    for i in range(5):
+        direction, corners = 2 * math.pi * (i + generator.uniform(-0.2, 0.2)) / 5, generator.randint(3, 4)
+        first = generator.uniform(0, 2 * math.pi)
+        rings.append((ring(210 * math.cos(direction), 210 * math.sin(direction),
+                           [first + 2 * math.pi * corner / corners for corner in range(corners)], 28, 64),
+                      generator.choice([None, None, 40, 24, 16])))
+    return rings
+
+
+def slanted_textmap(rings):
+    text, vertices, sides, sectors = 'namespace = "zdoom";\n', 0, [], []
+    lines = ""
+    for number, (corners, floor) in enumerate(rings):
+        if floor is not None:
+            sectors.append(floor)
+        for i, corner in enumerate(corners):
+            text += "vertex { x = %d.0; y = %d.0; }\n" % corner
+            lines += "linedef { v1 = %d; v2 = %d; sidefront = %d; " % (
+                vertices + i, vertices + (i + 1) % len(corners), len(sides))
+            solid = number == 0 or floor is None
+            sides.append((0, solid))
+            if solid:
+                lines += "blocking = true; }\n"
+            else:
+                lines += "sideback = %d; twosided = true; }\n" % len(sides)
+                sides.append((len(sectors) - 1, False))
+        vertices += len(corners)
+    text += lines
+    for sector, solid in sides:
+        text += 'sidedef { sector = %d; texturetop = "BRICK9"; texturebottom = "BRICK9"; texturemiddle = "%s"; }\n' % (
+            sector, "BRICK9" if solid else "-")
+    for floor in sectors:
+        text += 'sector { heightfloor = %d; heightceiling = 256; texturefloor = "FLAT4"; textureceiling = "FLOOR0_1"; }\n' % floor
+    return text + START % 0
+
+
+def script(number, chances, turn):
     """Rows of the keys and, last, degrees turned to the right."""
     generator = random.Random(number + 1000)
     left, held, rows = [0] * len(KEYS), [0] * len(KEYS), []
     for _ in range(TICS):
-        for key, (_, _, chance) in enumerate(KEYS):
+        for key, chance in enumerate(chances):
             if left[key] == 0:
                 left[key], held[key] = generator.randint(1, 15), int(generator.random() < chance)
             left[key] -= 1
-        rows.append(held + [round(generator.uniform(-25, 25), 2) if generator.random() < 0.1 else 0])
+        rows.append(held + [round(generator.uniform(-turn[1], turn[1]), 2) if generator.random() < turn[0] else 0])
     return rows
 
 
-def record(number):
-    text = textmap(strips(number))
-    with open(os.path.join(HERE, "%d.textmap" % number), "w") as file:
+def record(name):
+    slanted, number = name.startswith("slanted_"), int(name.removeprefix("slanted_"))
+    if slanted:
+        text, keys = slanted_textmap(slanted_rings(number)), script(number, SLANTED_CHANCES, SLANTED_TURN)
+    else:
+        text, keys = textmap(strips(number)), script(number, [chance for _, _, chance in KEYS], TURN)
+    with open(os.path.join(HERE, name + ".textmap"), "w") as file:
         file.write(text)
     lumps = [("MAP01", b""), ("TEXTMAP", text.encode()), ("ENDMAP", b"")]
     body, directory = b"", b""
-    for name, data in lumps:
-        directory += struct.pack("<ii8s", 12 + len(body), len(data), name.encode())
+    for lump, data in lumps:
+        directory += struct.pack("<ii8s", 12 + len(body), len(data), lump.encode())
         body += data
     os.chdir(tempfile.mkdtemp())  # ViZDoom leaves its settings where it runs
     with open("terrain.wad", "wb") as file:
@@ -104,18 +167,18 @@ def record(number):
     game.set_episode_start_time(14)
     game.set_available_buttons([getattr(vzd.Button, name) for _, name, _ in KEYS] + [vzd.Button.TURN_LEFT_RIGHT_DELTA])
     game.init()
-    fixed = lambda name: round(game.get_game_variable(getattr(vzd.GameVariable, name)) * 65536)
-    with open(os.path.join(HERE, "%d.csv" % number), "w") as file:
+    fixed = lambda variable: round(game.get_game_variable(getattr(vzd.GameVariable, variable)) * 65536)
+    with open(os.path.join(HERE, name + ".csv"), "w") as file:
         file.write("map_tic," + ",".join(key for key, _, _ in KEYS) + ",x,y,z,velocity_x,velocity_y,velocity_z,angle_degrees\n")
-        for pressed in [None] + script(number):
+        for pressed in [None] + keys:
             if pressed is not None:
                 game.make_action([float(value) for value in pressed], 1)
-            keys = pressed[:-1] if pressed is not None else [0] * len(KEYS)
-            file.write(",".join(str(value) for value in [game.get_episode_time()] + keys + [fixed(name) for name in STATE]) +
+            held = pressed[:-1] if pressed is not None else [0] * len(KEYS)
+            file.write(",".join(str(value) for value in [game.get_episode_time()] + held + [fixed(variable) for variable in STATE]) +
                        ",%.9f\n" % game.get_game_variable(vzd.GameVariable.ANGLE))
     game.close()
 
 
 if __name__ == "__main__":
     for argument in sys.argv[1:]:
-        record(int(argument))
+        record(argument)

@@ -1,3 +1,4 @@
+// The files of rollout_buffer/replay/samplers: the sum tree, the prioritized and the uniform sampler.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Ammo Carrier: both roles, the exchange of bullets, supplies, monsters, endings; layouts; the scripted team.
 #include <cmath>
 #include <set>
 

@@ -1,3 +1,4 @@
+// Armory Siege: the timetable of doors and items, waves, the core, rewards and endings; layouts; the scripted team.
 #include <cmath>
 
 #include "tests/support/played_scenario.h"

@@ -1,3 +1,4 @@
+// Lava Pit: bridges and plates, lava, progress, milestones and endings; layouts; the scripted team.
 #include <cmath>
 
 #include "scenarios/lava_pit/layout.h"

@@ -1,3 +1,4 @@
+// Stag Hunt Arena: the stag with its shield, hares, rewards, respawns; layouts; the scripted team.
 #include <cmath>
 
 #include "tests/support/played_scenario.h"

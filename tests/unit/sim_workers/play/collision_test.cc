@@ -106,6 +106,89 @@ TEST(Collision, ASlantedWallTurnsTheMoveAlongItself) {
   EXPECT_FALSE(stuck_in_a_wall(world, world.body(0)));
 }
 
+TEST(Collision, AMeetingFractionRoundsToNearestAndHalvesToEven) {
+  const Way wall{0, 0, 0, to_fixed(1)};
+  // From x to the wall at 0, on a way of 2 * 65536 * 65536 steps: the fraction is -x / 131072.
+  const auto fraction = [&](int64_t x) { return meeting_fraction({x, 0, int64_t{1} << 33, 0}, wall); };
+  const std::pair<int64_t, int64_t> cases[] = {{-262144, 2}, {-327679, 2}, {-327680, 2}, {-327681, 3},
+                                               {-458752, 4}, {65535, 0},   {65536, 0},   {65537, -1},
+                                               {196608, -2}, {0, 0}};
+  for (const auto& [x, expected] : cases) EXPECT_EQ(fraction(x), expected) << x;
+  EXPECT_EQ(meeting_fraction({to_fixed(-8), 5, to_fixed(-32), 0}, wall), -kFracUnit / 4) << "leads away";
+  EXPECT_EQ(meeting_fraction({to_fixed(-8), 5, 0, to_fixed(3)}, wall), 0) << "parallel";
+}
+
+TEST(Collision, AWayTurnsAlongAWallInRoundedFractions) {
+  Way straight{to_fixed(3), to_fixed(-7), -300, 500};
+  turn_along({0, 0, to_fixed(64), 0}, straight);
+  EXPECT_EQ(straight.dx, -300);
+  EXPECT_EQ(straight.dy, 0);
+
+  Rng rng(uint64_t{7});
+  int rounded = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const auto between = [&](int low, int high) { return low + static_cast<int>(rng.below(high - low + 1)); };
+    const Way wall{to_fixed(between(-500, 500)), to_fixed(between(-500, 500)), to_fixed(between(100, 400)),
+                   to_fixed(between(100, 400))};
+    // A body 16 to 23 units in front of the middle of the wall, on its way into it.
+    const double length = std::hypot(wall.dx, wall.dy), gap = to_fixed(between(16, 23));
+    Way move{wall.x + wall.dx / 2 + std::llround(gap * wall.dy / length),
+             wall.y + wall.dy / 2 - std::llround(gap * wall.dx / length), 0, 0};
+    const double along = to_fixed(between(-10, 10)), into = to_fixed(between(1, 10));
+    move.dx = std::llround((along * wall.dx - into * wall.dy) / length);
+    move.dy = std::llround((along * wall.dy + into * wall.dx) / length);
+    const double exact = (move.dx * wall.dx + move.dy * wall.dy) / length;
+    turn_along(wall, move);
+    const double turned = (move.dx * wall.dx + move.dy * wall.dy) / length;
+    // Each of the two fractions of the wall is off by half a step at most, the third scales what lies between.
+    const double off_max = length / kFracUnit * into / gap + std::abs(exact) / kFracUnit + 2;
+    ASSERT_NEAR(turned, exact, off_max) << i;
+    rounded += std::abs(turned - exact) > 2;
+  }
+  EXPECT_GT(rounded, 500) << "a projection that is exact is not the original engine's";
+}
+
+TEST(Collision, ABodyWhoseCentreLiesOnAWallIsNotThrownAlongIt) {
+  for (const int64_t aside : {0, 1, 2, -1}) {
+    Way move{to_fixed(100) + aside, to_fixed(100), to_fixed(-5), to_fixed(8)};
+    turn_along({0, 0, to_fixed(20000), to_fixed(20000)}, move);
+    EXPECT_LE(std::abs(move.dx), 2 * to_fixed(13)) << aside;
+    EXPECT_LE(std::abs(move.dy), 2 * to_fixed(13)) << aside;
+  }
+}
+
+TEST(Collision, AStripBehindALineCountsAsBeforeIt) {
+  for (const int length : {16, 64, 256}) {
+    BlockLine line;
+    line.x2 = to_fixed(length);  // its front is in the south
+    const Fixed strip = kFracUnit / length;
+    EXPECT_FALSE(line.is_behind(to_fixed(8), to_fixed(-1)));
+    EXPECT_FALSE(line.is_behind(to_fixed(8), 0));
+    EXPECT_FALSE(line.is_behind(to_fixed(8), strip - 1)) << length;
+    EXPECT_TRUE(line.is_behind(to_fixed(8), strip)) << length;
+  }
+}
+
+TEST(Collision, ABodyMayReachOverASlantedLineByTheStripButNotOverAStraightOne) {
+  const auto square = [](Fixed x, Fixed y) { return Box::around(x, y, to_fixed(16)); };
+  BlockLine slanted;  // its front is in the south-east
+  slanted.x2 = slanted.y2 = to_fixed(64);
+  // The north-western corner reaches over the line by the number of fixed-point steps along each axis.
+  const auto corner_over = [&](Fixed over) {
+    return square(to_fixed(40) + 16 * kFracUnit - over, to_fixed(24));
+  };
+  EXPECT_FALSE(slanted.passes_through(corner_over(0)));
+  EXPECT_TRUE(slanted.passes_through(corner_over(1)));
+  EXPECT_FALSE(slanted.crosses(corner_over(1)));
+  EXPECT_FALSE(slanted.crosses(corner_over(kFracUnit / 64 - 1)));
+  EXPECT_TRUE(slanted.crosses(corner_over(kFracUnit / 64)));
+
+  BlockLine straight;
+  straight.x2 = to_fixed(64);
+  EXPECT_FALSE(straight.crosses(square(to_fixed(32), to_fixed(-16))));
+  EXPECT_TRUE(straight.crosses(square(to_fixed(32), to_fixed(-16) + 1)));
+}
+
 TEST(Collision, ACornerHoldsTheBodyWithoutThrowingIt) {
   World world = world_of(test::one_room());
   world.set_angle(world.player(0).actor_id, degrees_to_angle(40));

@@ -1,4 +1,5 @@
-// Plays the recorded scripts on steps and under low ceilings, and compares every tic with ViZDoom's, bit for bit.
+// Plays the recorded scripts on steps, under low ceilings and along slanted walls, and compares every tic with
+// ViZDoom's, bit for bit.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -52,10 +53,10 @@ std::vector<Row> load_trace(const std::string& name) {
   return rows;
 }
 
-class TerrainGolden : public ::testing::TestWithParam<int> {};
+class TerrainGolden : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(TerrainGolden, FollowsTheTraceBitForBit) {
-  const std::string name = std::to_string(GetParam());
+  const std::string name = GetParam();
   std::ifstream text(folder() + name + ".textmap");
   const std::string textmap((std::istreambuf_iterator<char>(text)), {});
   const auto wad = wad::WadFile::from_bytes(
@@ -88,7 +89,9 @@ TEST_P(TerrainGolden, FollowsTheTraceBitForBit) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Strips, TerrainGolden, ::testing::Values(1, 2, 3, 5, 7, 9));
+INSTANTIATE_TEST_SUITE_P(Strips, TerrainGolden, ::testing::Values("1", "2", "3", "5", "7", "9"));
+INSTANTIATE_TEST_SUITE_P(SlantedWalls, TerrainGolden,
+                         ::testing::Values("slanted_4", "slanted_34", "slanted_41"));
 
 }  // namespace
 }  // namespace comrad::doom
