@@ -77,9 +77,7 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
   std::unique_ptr<Learner> learner(new Learner(options, config, std::move(arena), std::move(bus), stop));
   learner->started_s_ = monotonic_s();
   shm::WorkerCounters& counters = learner->arena_.learner_counters();
-  counters.pid = static_cast<uint32_t>(getpid());
-  counters.epoch.fetch_add(1);
-  counters.state = 1;
+  counters.begin_life();
   learner->set_state("starting");
 
   COMRAD_TRY(learner->check_arena());
@@ -126,7 +124,7 @@ Expected<std::unique_ptr<Learner>> Learner::start(const LearnerOptions& options,
   // Last of all: simulators read journals once this is above 0.
   control.rollouts_allowed = learner->lock_step_ && !options.serve ? learner->next_rollout_ + 1 : kUnlimited;
   shm::ring(control.slab_released);
-  counters.state = 2;
+  counters.state = shm::WorkerState::kRunning;
   learner->set_state("running");
   spdlog::info("learner: {} with {} parameters on {}, version {}, {} env frames so far", config.algo,
                learner->algorithm_->parameter_count(), device.str(), learner->algorithm_->version(),
@@ -248,14 +246,14 @@ Status Learner::run() {
   if (!diverged && !options_.serve && is_finished()) arena_.control().goal_reached = 1;
   set_state(diverged ? "failed" : "stopping");
   if (!options_.serve && !diverged && algorithm_->version() != saved_version_) {
-    result = save_checkpoint();
-    is_unsaved_ = !result;
+    if (const Status saved = save_checkpoint(); !saved)
+      result = Error{ErrorCode::kNotSaved, saved.error().message};
   }
   if (!options_.serve) {
     report_metrics();
     publish_stats();
   }
-  arena_.learner_counters().state = 3;
+  arena_.learner_counters().state = shm::WorkerState::kStopped;
   return result;
 }
 
@@ -721,7 +719,7 @@ void Learner::report_metrics() {
 }
 
 /// The supervisor reads warnings from standard error; those that begin with this word it shows the user as they
-/// are (deploy/launch/supervisor.cc).
+/// are (deploy/launch/worker_table.cc).
 void Learner::warn(const std::vector<std::string>& findings) {
   for (const std::string& finding : findings) {
     last_warning_ = "warning: " + finding;

@@ -48,13 +48,10 @@ class Learner {
                                                   const std::atomic<bool>& stop);
 
   /// Trains (or serves) until the run's end or a stop; saves the last checkpoint.
-  /// Errors: kBadInput when training diverged, kNoSpace or kSystem when the last checkpoint could not be
-  /// written.
+  /// Errors: kBadInput when training diverged, kNotSaved when the last checkpoint could not be written.
   Status run();
 
   uint64_t env_frames() const { return env_frames_; }
-  /// After run() failed: the training itself is done, its last checkpoint could not be written.
-  bool is_unsaved() const { return is_unsaved_; }
   const Algorithm& algorithm() const { return *algorithm_; }
 
  private:
@@ -136,7 +133,6 @@ class Learner {
   std::optional<JournalSnapshot> journals_;  ///< of the last boundary, deterministic mode
   double best_score_ = 0;
   bool has_best_ = false;
-  bool is_unsaved_ = false;
   bool told_of_no_best_ = false;
 
   // Of this process.

@@ -412,9 +412,16 @@ Expected<DistinctMaps> count_distinct_maps(const std::string& scenario, const Po
   COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
   SeedStream seeds(PoolKind::kTrain);
   std::vector<uint64_t> contents;
-  for (int i = 0; i < draws; ++i) {
-    COMRAD_TRY_ASSIGN(const GeneratedLayout layout,
-                      generate_layout(scenario, request_of_seed(scenario, recipe, request, seeds.next())));
+  for (int lacking = 0; static_cast<int>(contents.size()) < draws;) {
+    const LayoutRequest one = request_of_seed(scenario, recipe, request, seeds.next());
+    // As in make_pool(): options that give the team too little are no draw.
+    if (const Status enough = check_resources(scenario, one); !enough) {
+      if (enough.error().code != ErrorCode::kUnsupported || !request.vary || ++lacking == kFruitlessDraws)
+        return enough.error();
+      continue;
+    }
+    lacking = 0;
+    COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
     contents.push_back(layout.map_hash);
   }
   return distinct_maps(contents);

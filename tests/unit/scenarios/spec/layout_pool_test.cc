@@ -261,6 +261,9 @@ TEST_F(LayoutPool, LayoutsThatGiveTooLittleAreLeftOut) {
     EXPECT_TRUE(entry.info.parameters.at("harvest_cost") == 1 || entry.info.parameters.at("drain") < 3);
   }
   EXPECT_EQ(costs, (std::set<int64_t>{1, 2}));
+  const auto maps = count_distinct_maps("foraging_commons", {}, 40);
+  ASSERT_TRUE(maps) << maps.error().message;
+  EXPECT_EQ(maps->draws, 40) << "options that are left out are no draws";
   const auto none =
       make_pool("foraging_commons", {.count = 3, .vary = false, .layout = {.parameters = {{"drain", "3"}}}},
                 folder("none"));
