@@ -199,7 +199,7 @@ TEST(Collision, ABodyPassesTheEndOfASlantedWallThatItOnlyTouches) {
     builder.room(sector, {{corner, 0}, {corner + 60, -30}, {corner + 60, 30}}).thing(1, 0, -200);
     World world = world_of(builder.build());
     world.set_angle(world.player(0).actor_id, kAngle90);
-    tics(world, running(), 12);
+    tics(world, running(), 30);
     EXPECT_EQ(world.body(0).x == 0, inside == 0);
   }
 }
