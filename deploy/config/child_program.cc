@@ -1,8 +1,6 @@
 #include "deploy/config/child_program.h"
 
-#include <fcntl.h>
 #include <poll.h>
-#include <sys/prctl.h>
 #include <sys/signalfd.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -12,6 +10,7 @@
 #include <filesystem>
 #include <thread>
 
+#include "deploy/launch/process_start.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
 
@@ -30,26 +29,6 @@ std::vector<char*> argument_vector(const std::vector<std::string>& command) {
   return arguments;
 }
 
-struct Descriptor {
-  int value = -1;
-  ~Descriptor() { close(); }
-  void close() {
-    if (value >= 0) ::close(value);
-    value = -1;
-  }
-};
-
-struct Pipe {
-  Descriptor read_end, write_end;
-  bool open() {
-    int ends[2];
-    if (pipe2(ends, O_CLOEXEC) != 0) return false;
-    read_end.value = ends[0];
-    write_end.value = ends[1];
-    return true;
-  }
-};
-
 }  // namespace
 
 std::string sibling_program(const std::string& name) {
@@ -62,8 +41,8 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
   if (command[0].find('/') != std::string::npos && access(command[0].c_str(), X_OK) != 0)
     return Error{ErrorCode::kNotFound, command[0] + ": no such program; build it with ./comrad"};
 
-  Pipe out, err, exec_failure;
-  if (!out.open() || !err.open() || !exec_failure.open()) return system_error("pipe");
+  COMRAD_TRY_ASSIGN(Pipe out, Pipe::open());
+  COMRAD_TRY_ASSIGN(Pipe err, Pipe::open());
   sigset_t stop_signals, previous_mask;
   sigemptyset(&stop_signals);
   sigaddset(&stop_signals, SIGINT);
@@ -73,35 +52,15 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
     sigset_t* mask;
     ~RestoreMask() { pthread_sigmask(SIG_SETMASK, mask, nullptr); }
   } restore{&previous_mask};
-  Descriptor signals{signalfd(-1, &stop_signals, SFD_CLOEXEC | SFD_NONBLOCK)};
-
-  const pid_t parent = getpid();
-  std::vector<char*> arguments = argument_vector(command);
-  const pid_t child = fork();
-  if (child < 0) return system_error("fork");
-  if (child == 0) {
-    prctl(PR_SET_PDEATHSIG, SIGTERM);
-    if (getppid() != parent) _exit(127);
-    setpgid(0, 0);  // a terminal's Ctrl-C reaches us alone; we pass it on
-    dup2(out.write_end.value, STDOUT_FILENO);
-    dup2(err.write_end.value, STDERR_FILENO);
-    const int null_input = open("/dev/null", O_RDONLY | O_CLOEXEC);
-    if (null_input >= 0) dup2(null_input, STDIN_FILENO);
-    pthread_sigmask(SIG_SETMASK, &previous_mask, nullptr);
-    signal(SIGPIPE, SIG_DFL), signal(SIGXFSZ, SIG_DFL);  // prepare_process() is for our own programs
-    execvp(arguments[0], arguments.data());
-    const int reason = errno;
-    (void)!write(exec_failure.write_end.value, &reason, sizeof(reason));
-    _exit(127);
-  }
+  const Descriptor signals(signalfd(-1, &stop_signals, SFD_CLOEXEC | SFD_NONBLOCK));
+  // In a group of its own: a terminal's Ctrl-C reaches us alone, and we pass it on.
+  COMRAD_TRY_ASSIGN(const pid_t child, start_process({.command = command,
+                                                      .environment = {},
+                                                      .output = out.write_end.get(),
+                                                      .error_output = err.write_end.get(),
+                                                      .has_own_group = true}));
   out.write_end.close();
   err.write_end.close();
-  exec_failure.write_end.close();
-  int reason = 0;
-  if (read(exec_failure.read_end.value, &reason, sizeof(reason)) == sizeof(reason)) {
-    waitpid(child, nullptr, 0);
-    return file_error(command[0], reason);
-  }
 
   ProgramResult result;
   size_t line_begin = 0;
@@ -109,14 +68,14 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
   bool timed_out = false;
   auto drain = [&](Descriptor& from, std::string& into) {
     char bytes[65536];
-    const ssize_t count = read(from.value, bytes, sizeof(bytes));
+    const ssize_t count = read(from.get(), bytes, sizeof(bytes));
     if (count > 0)
       into.append(bytes, static_cast<size_t>(count));
     else if (count == 0 || errno != EINTR)
       from.close();
     return count > 0 ? std::string_view(bytes, static_cast<size_t>(count)) : std::string_view();
   };
-  while (out.read_end.value >= 0 || err.read_end.value >= 0) {
+  while (out.read_end.is_open() || err.read_end.is_open()) {
     const double left_s = deadline_s - monotonic_s();
     if (left_s <= 0) {
       timed_out = true;
@@ -124,7 +83,7 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
       break;
     }
     pollfd waits[3] = {
-        {out.read_end.value, POLLIN, 0}, {err.read_end.value, POLLIN, 0}, {signals.value, POLLIN, 0}};
+        {out.read_end.get(), POLLIN, 0}, {err.read_end.get(), POLLIN, 0}, {signals.get(), POLLIN, 0}};
     if (poll(waits, 3, static_cast<int>(std::min(left_s, 1.0) * 1000) + 1) < 0 && errno != EINTR) break;
     if (waits[0].revents != 0) {
       drain(out.read_end, result.output);
@@ -137,7 +96,7 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
       if (options.echo_stderr) (void)!write(STDERR_FILENO, fresh.data(), fresh.size());
     }
     signalfd_siginfo received;
-    if (waits[2].revents != 0 && read(signals.value, &received, sizeof(received)) == sizeof(received)) {
+    if (waits[2].revents != 0 && read(signals.get(), &received, sizeof(received)) == sizeof(received)) {
       kill(-child, result.interrupted ? SIGKILL : SIGTERM);
       result.interrupted = true;
     }

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "deploy/launch/process_start.h"
 #include "rollout_buffer/core/expected.h"
 
 namespace comrad::deploy {
@@ -32,9 +33,8 @@ struct ExitStatus {
 /// A running child. Destroying it kills (SIGKILL) and reaps a child that still runs.
 class ChildProcess {
  public:
-  /// Starts the program: standard input is /dev/null, standard output and error are one pipe to us; SIGINT
-  /// and SIGHUP are ignored (the supervisor decides); SIGTERM comes when the calling thread ends, however it
-  /// ends. All other descriptors are closed. Errors: kNotFound or kSystem when it cannot be executed.
+  /// Starts the program as process_start.h says: standard output and error are one pipe to us; SIGINT and SIGHUP are
+  /// ignored (the supervisor decides). Errors: kNotFound or kSystem when it cannot be executed.
   /// Threads: call from a thread that outlives the child.
   static Expected<ChildProcess> spawn(const ChildOptions& options);
 
@@ -43,7 +43,7 @@ class ChildProcess {
   ~ChildProcess();
 
   pid_t pid() const { return pid_; }
-  int output_descriptor() const { return output_; }
+  int output_descriptor() const { return output_.get(); }
   /// Whole lines printed since the last call; never blocks. At the end of output also an unfinished one.
   std::vector<std::string> read_lines();
   /// Set once the child has ended; reaps it. Never blocks.
@@ -54,10 +54,10 @@ class ChildProcess {
   bool is_stopped() const;
 
  private:
-  ChildProcess(pid_t pid, int output) : pid_(pid), output_(output) {}
+  ChildProcess(pid_t pid, Descriptor output) : pid_(pid), output_(std::move(output)) {}
   void end();
   pid_t pid_ = -1;
-  int output_ = -1;
+  Descriptor output_;
   std::string partial_;
   std::optional<ExitStatus> exit_;
 };

@@ -13,7 +13,6 @@ namespace {
 
 constexpr int64_t kGatherTimeoutUs = 50'000;  // how often an idle worker looks at its stop flag
 constexpr int64_t kReportNs = 1'000'000'000;
-enum WorkerState : uint32_t { kStarting = 1, kRunning = 2, kStopped = 3 };
 
 }  // namespace
 
@@ -66,9 +65,7 @@ PolicyWorker::PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& o
 
 Status PolicyWorker::run(const std::atomic<bool>& stop) {
   shm::WorkerCounters& counters = arena_->policy_counters(options_.worker_index);
-  counters.pid.store(static_cast<uint32_t>(getpid()));
-  counters.epoch.fetch_add(1);
-  counters.state.store(kStarting);
+  counters.begin_life();
   report("starting");
   if (const int orphans = batcher_.adopt_orphans(); orphans > 0)
     spdlog::warn("{} requests of this worker's predecessor are answered again", orphans);
@@ -92,10 +89,10 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
       }
       count_batch(batch, monotonic_ns() - began_ns);
     }
-    counters.state.store(kRunning, std::memory_order_relaxed);
+    counters.state.store(shm::WorkerState::kRunning, std::memory_order_relaxed);
     if (monotonic_ns() - reported_ns_ >= kReportNs) report("running");
   }
-  counters.state.store(kStopped);
+  counters.state.store(shm::WorkerState::kStopped);
   report("stopping");
   return {};
 }

@@ -20,6 +20,7 @@ enum class ErrorCode {
   kUnsupported,  ///< valid input that this build or machine cannot serve
   kSystem,       ///< a system call failed
   kTimeout,      ///< a bounded wait ended
+  kNotSaved,     ///< the work is done, what it made could not be written
 };
 
 /// What went wrong: `message` says what, where and what to do, in one line.

@@ -1,12 +1,18 @@
 // What every program of COMRAD does first, and what it says with its exit code.
 #pragma once
 
+#include "rollout_buffer/core/expected.h"
+
 namespace comrad {
 
 constexpr int kExitDone = 0;
 constexpr int kExitFailed = 1;
 constexpr int kExitBadInput = 2;  ///< starting it again cannot help
 constexpr int kExitNotSaved = 3;  ///< the learner: its work is done, its last checkpoint could not be written
+
+/// The exit code that an error stands for: kExitBadInput where what the program was given cannot be used (bad input
+/// or format, something that is not there or that this build cannot do), kExitNotSaved, else kExitFailed.
+int exit_code(const Error& error);
 
 /// Call first in main(). Opens descriptors 0 to 2 on /dev/null where the caller closed them, so that no file of
 /// ours gets their numbers; a closed pipe and a limit of file size (`ulimit -f`) become errors of write() instead

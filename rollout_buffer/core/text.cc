@@ -92,10 +92,11 @@ bool is_utf8(std::string_view text) {
   return true;
 }
 
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
+std::string did_you_mean(std::string_view word, const std::vector<std::string>& known) {
+  const std::string near = nearest_word(word, known);
+  return near.empty() ? "" : "; did you mean '" + near + "'?";
 }
+
+std::string joined(const std::vector<std::string>& words) { return joined<std::vector<std::string>>(words); }
 
 }  // namespace comrad

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 namespace comrad {
@@ -52,7 +53,26 @@ std::size_t edit_distance(std::string_view a, std::string_view b);
 /// first of several that are as close.
 std::string nearest_word(std::string_view word, const std::vector<std::string>& known);
 
+/// "; did you mean 'rollout'?", the end of a message about a word that is not among `known`; empty when none is close.
+std::string did_you_mean(std::string_view word, const std::vector<std::string>& known);
+
 /// "a, b, c".
 std::string joined(const std::vector<std::string>& words);
+
+/// The same of any words or whole numbers, with any `separator` between them.
+template <typename Items>
+std::string joined(const Items& items, std::string_view separator = ", ") {
+  std::string text;
+  bool is_first = true;
+  for (const auto& item : items) {
+    if (!is_first) text += separator;
+    is_first = false;
+    if constexpr (std::is_convertible_v<decltype(item), std::string_view>)
+      text += std::string_view(item);
+    else
+      text += std::to_string(item);
+  }
+  return text;
+}
 
 }  // namespace comrad

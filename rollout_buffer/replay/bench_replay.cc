@@ -380,10 +380,7 @@ int main(int argc, char** argv) {
     const Status done = replay::run(arguments);
     if (done) return 0;
     std::fprintf(stderr, "comrad bench replay: error: %s\n", done.error().message.c_str());
-    const ErrorCode code = done.error().code;
-    return code == ErrorCode::kBadInput || code == ErrorCode::kNotFound || code == ErrorCode::kBadFormat
-               ? kExitBadInput
-               : kExitFailed;
+    return exit_code(done.error());
   } catch (const std::exception& failure) {  // from libraries; ours do not throw
     std::fprintf(stderr, "comrad bench replay: error: %s\n", failure.what());
     return kExitFailed;

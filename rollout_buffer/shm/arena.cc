@@ -147,6 +147,12 @@ void check_index(int64_t index, int64_t count, const char* what) {
 
 }  // namespace
 
+void WorkerCounters::begin_life() {
+  pid.store(static_cast<uint32_t>(getpid()));
+  epoch.fetch_add(1);
+  state.store(WorkerState::kStarting);
+}
+
 uint64_t pack_outcome(const LayoutOutcome& outcome) {
   return uint64_t{outcome.layout} << 32 | std::bit_cast<uint32_t>(outcome.score);
 }

@@ -137,6 +137,8 @@ struct EpisodeRecord {
 /// What everybody should do, not a command: a late or restarted reader does the right thing.
 enum class RunState : uint32_t { kStarting, kRunning, kPaused, kStopping };
 
+enum class WorkerState : uint32_t { kAbsent, kStarting, kRunning, kStopped };
+
 /// Per-worker rates and totals, one writer each.
 struct alignas(kCacheLineBytes) WorkerCounters {
   std::atomic<uint64_t>
@@ -146,8 +148,12 @@ struct alignas(kCacheLineBytes) WorkerCounters {
   std::atomic<uint64_t> busy_ns;
   std::atomic<uint32_t> pid;
   std::atomic<uint32_t> epoch;  ///< starts of this worker
-  std::atomic<uint32_t> state;  ///< 0 absent, 1 starting, 2 running, 3 stopped
+  std::atomic<WorkerState> state;
+
+  /// A worker's first words in a new life: kStarting, with this process's pid.
+  void begin_life();
 };
+static_assert(std::atomic<WorkerState>::is_always_lock_free);
 
 /// The desired state, limits that the supervisor or the learner sets, and what they tell each other in a word.
 struct alignas(kCacheLineBytes) ControlBlock {

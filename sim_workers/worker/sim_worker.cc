@@ -1,7 +1,5 @@
 #include "sim_workers/worker/sim_worker.h"
 
-#include <unistd.h>
-
 #include <string>
 
 #include "rollout_buffer/core/clock.h"
@@ -11,8 +9,6 @@ namespace comrad::sim {
 namespace {
 
 constexpr int64_t kWaitUs = 50'000;  // how often a waiting worker looks at its stop flag
-
-enum WorkerState : uint32_t { kStarting = 1, kRunning = 2, kStopped = 3 };
 
 std::string shape_text(const EnvShape& shape) {
   std::string heads;
@@ -64,16 +60,14 @@ SimWorker::SimWorker(EnvironmentSet& environments, const shm::Arena& arena, cons
 
 Status SimWorker::run(const std::atomic<bool>& stop) {
   shm::WorkerCounters& counters = arena_.sim_counters(options_.worker_index);
-  counters.pid.store(static_cast<uint32_t>(getpid()));
-  counters.epoch.fetch_add(1);
-  counters.state.store(kStarting);
+  counters.begin_life();
   // A predecessor of this index may have died; what it held is ours to give back before we take more.
   if (const uint64_t lost = arena_.reclaim_sim_worker(options_.worker_index); lost > 0)
     spdlog::warn("{} agent decisions of this worker's predecessor are lost", lost);
   if (await_start(stop)) {
     options_.rules.episodes = arena_.control().episodes_per_run.load(std::memory_order_acquire);
     for (EnvPort& port : ports_) COMRAD_TRY(port.start());
-    counters.state.store(kRunning);
+    counters.state.store(shm::WorkerState::kRunning);
 
     const uint64_t agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
     while (!is_stopping(stop)) {
@@ -100,7 +94,7 @@ Status SimWorker::run(const std::atomic<bool>& stop) {
                                  std::memory_order_relaxed);
     }
   }
-  counters.state.store(kStopped);
+  counters.state.store(shm::WorkerState::kStopped);
   return {};
 }
 

@@ -92,12 +92,12 @@ Expected<ordered_json> bench_train(const MergedSettings& merged, const std::stri
   plan.warmup_seconds = std::min(kTrainWarmupSeconds, seconds);
   COMRAD_TRY_ASSIGN(const RunOutcome outcome, deploy::run(plan));
   if (outcome.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
-  if (outcome.exit_code != 0 || outcome.measured_seconds <= 0)
+  if (outcome.exit_code != 0 || outcome.measured.seconds <= 0)
     return Error{ErrorCode::kPeerLost, outcome.message.empty() ? "nothing was measured" : outcome.message};
   ordered_json summary =
-      common_keys("train", config, core_count, outcome.measured_seconds,
-                  static_cast<double>(outcome.measured_decisions) / outcome.measured_seconds);
-  summary["updates_per_s"] = static_cast<double>(outcome.measured_updates) / outcome.measured_seconds;
+      common_keys("train", config, core_count, outcome.measured.seconds,
+                  static_cast<double>(outcome.measured.decisions) / outcome.measured.seconds);
+  summary["updates_per_s"] = static_cast<double>(outcome.measured.updates) / outcome.measured.seconds;
   summary["policy_lag_mean"] = outcome.lag_mean;
   summary["steps_lost"] = outcome.steps_lost;
   summary["restarts"] = outcome.restarts;

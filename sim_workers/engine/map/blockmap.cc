@@ -18,6 +18,15 @@ Box Box::around(Fixed x, Fixed y, Fixed radius) {
           saturate(int64_t{y} + radius)};
 }
 
+Box Box::around_ends(Fixed x1, Fixed y1, Fixed x2, Fixed y2) {
+  return {std::min(x1, x2), std::max(x1, x2), std::min(y1, y2), std::max(y1, y2)};
+}
+
+Box Box::grown(Fixed margin) const {
+  return {saturate(int64_t{left} - margin), saturate(int64_t{right} + margin),
+          saturate(int64_t{bottom} - margin), saturate(int64_t{top} + margin)};
+}
+
 bool BlockLine::passes_through(const Box& other) const {
   // The two corners that lie farthest to either side of the line: which ones depends on its slope.
   const bool rising = (dx() >= 0) == (dy() >= 0);
@@ -36,7 +45,7 @@ bool BlockLine::crosses(const Box& other) const {
 Blockmap Blockmap::build(const Level& level) {
   Blockmap map;
   map.lines_.reserve(level.linedefs.size());
-  int64_t left = 0, right = 0, bottom = 0, top = 0;
+  int64_t left = 0, right = 0, bottom = 0, top = 0;  // one step outside the vertices
   bool first = true;
   for (uint32_t index = 0; index < level.linedefs.size(); ++index) {
     const Linedef& linedef = level.linedefs[index];
@@ -44,18 +53,16 @@ Blockmap Blockmap::build(const Level& level) {
     const Vertex& end = level.vertices[linedef.end];
     BlockLine line;
     line.x1 = start.x, line.y1 = start.y, line.x2 = end.x, line.y2 = end.y;
-    // A box of no width would overlap nothing: widen it by the smallest step to either side.
-    line.box = {
-        saturate(int64_t{std::min(start.x, end.x)} - 1), saturate(int64_t{std::max(start.x, end.x)} + 1),
-        saturate(int64_t{std::min(start.y, end.y)} - 1), saturate(int64_t{std::max(start.y, end.y)} + 1)};
+    line.box = Box::around_ends(start.x, start.y, end.x, end.y);
     line.front_sector = static_cast<int32_t>(level.sidedefs[linedef.front].sector_index);
     line.back_sector = linedef.back ? static_cast<int32_t>(level.sidedefs[*linedef.back].sector_index) : -1;
     line.flags = linedef.flags;
     line.linedef_index = index;
-    left = first ? line.box.left : std::min<int64_t>(left, line.box.left);
-    right = first ? line.box.right : std::max<int64_t>(right, line.box.right);
-    bottom = first ? line.box.bottom : std::min<int64_t>(bottom, line.box.bottom);
-    top = first ? line.box.top : std::max<int64_t>(top, line.box.top);
+    const Box reach = line.box.grown(1);
+    left = first ? reach.left : std::min<int64_t>(left, reach.left);
+    right = first ? reach.right : std::max<int64_t>(right, reach.right);
+    bottom = first ? reach.bottom : std::min<int64_t>(bottom, reach.bottom);
+    top = first ? reach.top : std::max<int64_t>(top, reach.top);
     first = false;
     map.lines_.push_back(line);
   }
@@ -70,8 +77,9 @@ Blockmap Blockmap::build(const Level& level) {
     const BlockLine& line = map.lines_[index];
     if (level.linedefs[index].in_polyobject) continue;
     const bool straight = line.x1 == line.x2 || line.y1 == line.y2;
-    for (int row = map.row_of(line.box.bottom); row <= map.row_of(line.box.top); ++row) {
-      for (int column = map.column_of(line.box.left); column <= map.column_of(line.box.right); ++column) {
+    const Box reach = line.box.grown(1);  // on the edge of two cells it belongs to both
+    for (int row = map.row_of(reach.bottom); row <= map.row_of(reach.top); ++row) {
+      for (int column = map.column_of(reach.left); column <= map.column_of(reach.right); ++column) {
         const int64_t cell_left = map.origin_x_ + (int64_t{column} << (kFracBits + 7));
         const int64_t cell_bottom = map.origin_y_ + (int64_t{row} << (kFracBits + 7));
         const Box cell_box = {saturate(cell_left - 2), saturate(cell_left + to_fixed(kCellUnits) + 2),

@@ -17,7 +17,11 @@ struct Box {
 
   /// The square of half side `radius` round (x, y), cut off at the ends of the number range.
   static Box around(Fixed x, Fixed y, Fixed radius);
-  /// True where the interiors overlap; touching edges do not count.
+  /// The smallest box that holds both points; of a line along an axis it has no width.
+  static Box around_ends(Fixed x1, Fixed y1, Fixed x2, Fixed y2);
+  /// With its sides moved outwards, cut off at the ends of the number range.
+  Box grown(Fixed margin) const;
+  /// True where the interiors overlap, and where a box without width lies inside; touching edges do not count.
   bool overlaps(const Box& other) const {
     return right > other.left && left < other.right && top > other.bottom && bottom < other.top;
   }
@@ -26,7 +30,7 @@ struct Box {
 /// What collision needs of a linedef, in one place.
 struct BlockLine {
   Fixed x1 = 0, y1 = 0, x2 = 0, y2 = 0;
-  Box box;
+  Box box;  ///< round its ends
   int32_t front_sector = 0;
   int32_t back_sector = -1;  ///< -1: one-sided
   uint32_t flags = 0;

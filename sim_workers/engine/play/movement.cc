@@ -39,7 +39,7 @@ bool is_polyobject_line(const WorldState& state, uint32_t line) {
 BlockLine moved_line(const World& world, uint32_t line, Fixed x1, Fixed y1, Fixed x2, Fixed y2) {
   BlockLine moved = world.index().blockmap.lines()[line];
   moved.x1 = x1, moved.y1 = y1, moved.x2 = x2, moved.y2 = y2;
-  moved.box = {std::min(x1, x2) - 1, std::max(x1, x2) + 1, std::min(y1, y2) - 1, std::max(y1, y2) + 1};
+  moved.box = Box::around_ends(x1, y1, x2, y2);
   return moved;
 }
 
@@ -352,10 +352,9 @@ void Movement::cross_lines(std::size_t slot, Fixed old_x, Fixed old_y, const Pos
   const Fixed x = body.x, y = body.y;
   for (std::size_t i = check.touched_count; i-- > 0;) {  // the last touched acts first, as in Doom
     const BlockLine& line = world_.index().blockmap.lines()[check.touched_lines[i]];
-    // On the line counts as its back.
-    const bool was_front = line.side_of(old_x, old_y) > 0, is_front = line.side_of(x, y) > 0;
-    if (was_front == is_front) continue;
-    activate_line(world_, line.linedef_index, body, !was_front, how);
+    const bool was_behind = line.is_behind(old_x, old_y);
+    if (was_behind == line.is_behind(x, y)) continue;
+    activate_line(world_, line.linedef_index, body, was_behind, how);
     if (body.removed || body.x != x || body.y != y) return;  // teleported
   }
 }
@@ -424,9 +423,14 @@ void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps
 
     // Up to the wall, less a gap; the rest of the way along it.
     const Fixed free_fraction = hit.fraction - kSlideGap;
-    if (free_fraction > 0 &&
-        !try_move(slot, body.x + fixed_mul(dx, free_fraction), body.y + fixed_mul(dy, free_fraction)))
-      break;
+    if (free_fraction > 0) {
+      const Fixed speed_x = body.velocity_x, speed_y = body.velocity_y;
+      if (!try_move(slot, body.x + fixed_mul(dx, free_fraction), body.y + fixed_mul(dy, free_fraction)))
+        break;
+      const Actor& moved = state_.actors[slot];
+      if (moved.velocity_x != speed_x || moved.velocity_y != speed_y)
+        return;  // a line that it crossed pushed it
+    }
     const Fixed rest_fraction = std::min<Fixed>(kFracUnit - hit.fraction, kFracUnit);
     if (rest_fraction <= 0) return;
     // A quirk of corners: the next attempt starts from the rest of the way as it was, not as it was turned.
@@ -488,15 +492,13 @@ void Movement::move_horizontally(std::size_t slot, bool pushing) {
     const int64_t fastest = std::max(std::abs(int64_t{move_x}), std::abs(int64_t{move_y}));
     const auto steps = static_cast<int>(1 + fastest / step_max);
     Fixed start_x = body.x, start_y = body.y;
-    int done = 0;
     for (int step = 1; step <= steps; ++step) {
-      const auto x = static_cast<Fixed>(start_x + int64_t{move_x} * (step - done) / steps);
-      const auto y = static_cast<Fixed>(start_y + int64_t{move_y} * (step - done) / steps);
-      const Fixed speed_x = body.velocity_x, speed_y = body.velocity_y;
+      const auto x = static_cast<Fixed>(start_x + int64_t{move_x} * step / steps);
+      const auto y = static_cast<Fixed>(start_y + int64_t{move_y} * step / steps);
       if (try_move(slot, x, y)) {
         if (body.removed) return;
-        if (body.x == x && body.y == y && body.velocity_x == speed_x && body.velocity_y == speed_y) continue;
-        break;  // a line it crossed sent it elsewhere
+        if (body.x != x || body.y != y) break;  // a line it crossed sent it elsewhere
+        continue;                               // a line that pushed it counts from the next tic on
       }
       if (body.removed) return;
       if (slides) {
@@ -519,8 +521,8 @@ void Movement::move_horizontally(std::size_t slot, bool pushing) {
       // The steps that are left go on from here with what is left of the velocity.
       const Actor& slid = state_.actors[slot];
       move_x = slid.velocity_x, move_y = slid.velocity_y;
-      start_x = slid.x, start_y = slid.y;
-      done = step;
+      start_x = static_cast<Fixed>(slid.x - int64_t{move_x} * step / steps);
+      start_y = static_cast<Fixed>(slid.y - int64_t{move_y} * step / steps);
       if (move_x == 0 && move_y == 0) break;
     }
   }

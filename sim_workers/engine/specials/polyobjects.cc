@@ -118,8 +118,7 @@ bool meets_bodies(World& world, std::size_t index) {
         line.x1 = object.position[v][0], line.y1 = object.position[v][1];
       if (object.vertices[v] == linedef.end) line.x2 = object.position[v][0], line.y2 = object.position[v][1];
     }
-    line.box = {std::min(line.x1, line.x2) - 1, std::max(line.x1, line.x2) + 1,
-                std::min(line.y1, line.y2) - 1, std::max(line.y1, line.y2) + 1};
+    line.box = Box::around_ends(line.x1, line.y1, line.x2, line.y2);
     for (std::size_t slot = 0; slot < body_count; ++slot) {
       Actor& body = state.actors[slot];
       if (body.removed || !body.has(ActorFlag::kSolid) || body.has(ActorFlag::kNoClip) || body.is_corpse() ||

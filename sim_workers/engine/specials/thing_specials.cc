@@ -13,7 +13,7 @@ namespace comrad::doom {
 namespace {
 
 constexpr int32_t kTelefragDamage = 1'000'000;
-constexpr int32_t kThrustMax = 30;  // units per tic, unless unlimited is asked for
+constexpr Fixed kThrustSpeedMax = to_fixed(30);  // along each axis, unless unlimited is asked for
 
 Fixed along(int64_t length, Angle angle, bool sine) {
   return clamped_fixed((length * (sine ? fine_sine(angle) : fine_cosine(angle))) >> kFracBits);
@@ -109,10 +109,15 @@ int32_t throw_from_spots(World& world, Actor* activator, const Throw& what) {
 // ---------------------------------------------------------------- one thing
 
 int32_t thrust(Actor& actor, int32_t byte_angle, int32_t force, bool unlimited) {
-  const Fixed length = clamped_units(unlimited ? force : std::min(force, kThrustMax));
+  const Fixed length = clamped_units(force);
   const Angle angle = angle_of_byte(byte_angle);
   actor.velocity_x = clamped_fixed(int64_t{actor.velocity_x} + along(length, angle, false));
   actor.velocity_y = clamped_fixed(int64_t{actor.velocity_y} + along(length, angle, true));
+  if (!unlimited) {
+    // What it flew at before counts, too: a thrust also slows down what is faster.
+    actor.velocity_x = std::clamp(actor.velocity_x, -kThrustSpeedMax, kThrustSpeedMax);
+    actor.velocity_y = std::clamp(actor.velocity_y, -kThrustSpeedMax, kThrustSpeedMax);
+  }
   return 1;
 }
 

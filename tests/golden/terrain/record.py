@@ -5,8 +5,9 @@
 
 The map of a NUMBER is twelve strips side by side from west to east, with floors and ceilings drawn from the number. That of
 slanted_NUMBER is a room of seven to eleven walls with five pillars and platforms in it, none of which need lie along an axis;
-its corners lie on a grid of 16 units, so that fractions of walls are often halves. The number also draws the script of
-600 tics, in which a key is held for up to 15 tics. Needs a Python with `vizdoom`.
+its corners lie on a grid of 16 units, so that fractions of walls are often halves. That of pushed_NUMBER is a square with 48
+triangles on its floor whose lines push who crosses them. The number also draws the script of 600 tics, in which a key is
+held for up to 15 tics. Needs a Python with `vizdoom`.
 """
 import math
 import os
@@ -21,9 +22,12 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 HALF_DEPTH, OPEN_CEILING, STRIPS, TICS = 128, 512, 12, 600
 KEYS = [("fwd", "MOVE_FORWARD", 0.6), ("back", "MOVE_BACKWARD", 0.2), ("left", "MOVE_LEFT", 0.2),
         ("right", "MOVE_RIGHT", 0.2), ("jump", "JUMP", 0.5), ("crouch", "CROUCH", 0.08), ("speed", "SPEED", 0.5)]
-# Among slanted walls: how often each key is held. It mostly runs into walls.
+# How often each key is held among slanted walls, where it mostly runs into them, and among lines that push.
 SLANTED_CHANCES = [0.85, 0.1, 0.25, 0.25, 0.03, 0.0, 0.6]
+PUSHED_CHANCES = [0.6, 0.3, 0.3, 0.3, 0.0, 0.0, 0.1]
 TURN, SLANTED_TURN = (0.1, 25), (0.06, 60)  # how often and how far in degrees at most
+SOLID, OPEN = "blocking = true; }\n", "twosided = true; }\n"
+THRUST = "twosided = true; special = 72; arg0 = %d; arg1 = %d; repeatspecial = true; playercross = true; }\n"
 START = ("thing { x = %d.0; y = 0.0; angle = 0; type = 1; skill1 = true; skill2 = true; skill3 = true; skill4 = true; "
          "skill5 = true; single = true; coop = true; dm = true; class1 = true; }\n")
 STATE = ["POSITION_X", "POSITION_Y", "POSITION_Z", "VELOCITY_X", "VELOCITY_Y", "VELOCITY_Z"]
@@ -100,7 +104,20 @@ def slanted_rings(number):
     return rings
 
 
-def slanted_textmap(rings):
+def pushed_rings(number):
+    generator = random.Random(number)
+    radius, rings = generator.choice([8, 12, 16, 24]), [([(-160, -160), (-160, 160), (160, 160), (160, -160)], 0)]
+    for x in range(-132, 133, 44):
+        for y in range(-132, 133, 44):
+            if (x, y) != (0, 0):
+                first = generator.uniform(0, 2 * math.pi)
+                rings.append(([(round(x + radius * math.cos(first + 2 * math.pi * corner / 3)),
+                                round(y + radius * math.sin(first + 2 * math.pi * corner / 3))) for corner in range(3)], 0))
+    return rings
+
+
+def rings_textmap(rings, two_sided):
+    """`two_sided()` ends each line between a platform and the room."""
     text, vertices, sides, sectors = 'namespace = "zdoom";\n', 0, [], []
     lines = ""
     for number, (corners, floor) in enumerate(rings):
@@ -113,9 +130,9 @@ def slanted_textmap(rings):
             solid = number == 0 or floor is None
             sides.append((0, solid))
             if solid:
-                lines += "blocking = true; }\n"
+                lines += SOLID
             else:
-                lines += "sideback = %d; twosided = true; }\n" % len(sides)
+                lines += "sideback = %d; " % len(sides) + two_sided()
                 sides.append((len(sectors) - 1, False))
         vertices += len(corners)
     text += lines
@@ -141,9 +158,13 @@ def script(number, chances, turn):
 
 
 def record(name):
-    slanted, number = name.startswith("slanted_"), int(name.removeprefix("slanted_"))
-    if slanted:
-        text, keys = slanted_textmap(slanted_rings(number)), script(number, SLANTED_CHANCES, SLANTED_TURN)
+    kind, number = name.rpartition("_")[0], int(name.rpartition("_")[2])
+    generator = random.Random(number + 2000)
+    if kind == "slanted":
+        text, keys = rings_textmap(slanted_rings(number), lambda: OPEN), script(number, SLANTED_CHANCES, SLANTED_TURN)
+    elif kind == "pushed":
+        push = lambda: THRUST % (generator.randrange(256), generator.choice([1, 5, 40, 100]))
+        text, keys = rings_textmap(pushed_rings(number), push), script(number, PUSHED_CHANCES, SLANTED_TURN)
     else:
         text, keys = textmap(strips(number)), script(number, [chance for _, _, chance in KEYS], TURN)
     with open(os.path.join(HERE, name + ".textmap"), "w") as file:

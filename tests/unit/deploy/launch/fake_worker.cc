@@ -101,8 +101,7 @@ int main(int argc, char** argv) {
   shm::WorkerCounters& counters = role == "sim"      ? arena->sim_counters(index)
                                   : role == "policy" ? arena->policy_counters(index)
                                                      : arena->learner_counters();
-  counters.epoch += 1;
-  counters.state = 1;
+  counters.begin_life();
   shm::LearnerReport report;
   if (habits.contains("restored")) {
     counters.decisions = counters.batches = report.decisions = std::stoull(habits["restored"]);
@@ -110,7 +109,7 @@ int main(int argc, char** argv) {
     control.learner_env_frames.store(report.env_frames);
     control.saved_env_frames.store(report.env_frames);
   }
-  counters.state = 2;
+  counters.state = shm::WorkerState::kRunning;
   if (habits.contains("fill")) {
     if (const auto slab = arena->acquire_slab(index)) arena->slab_header(static_cast<int>(*slab)).length = 5;
   }

@@ -52,9 +52,9 @@ int main(int argc, char** argv) {
   json["steps_lost"] = outcome->steps_lost;
   json["env_frames_lost"] = outcome->env_frames_lost;
   json["learner_version"] = outcome->last_stats.learner_version;
-  json["measured_seconds"] = outcome->measured_seconds;
-  json["measured_decisions"] = outcome->measured_decisions;
-  json["measured_updates"] = outcome->measured_updates;
+  json["measured_seconds"] = outcome->measured.seconds;
+  json["measured_decisions"] = outcome->measured.decisions;
+  json["measured_updates"] = outcome->measured.updates;
   json["lag_mean"] = outcome->lag_mean;
   for (const dds::EpisodeResult& episode : outcome->episodes) {
     json["episodes"].push_back(

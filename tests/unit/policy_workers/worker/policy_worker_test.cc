@@ -80,7 +80,7 @@ TEST(PolicyWorker, WaitsForWeightsAndStampsTheVersionThatActed) {
   EXPECT_LT(monotonic_ns() - began_ns, 2'000'000'000);
   EXPECT_EQ(arena.policy_counters(0).decisions.load(), 8u);
   EXPECT_EQ(arena.policy_counters(0).batches.load(), 2u);
-  EXPECT_EQ(arena.policy_counters(0).state.load(), 3u);
+  EXPECT_EQ(arena.policy_counters(0).state.load(), shm::WorkerState::kStopped);
   EXPECT_GT(arena.policy_counters(0).busy_ns.load(), 0u);
 }
 

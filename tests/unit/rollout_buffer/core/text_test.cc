@@ -88,6 +88,8 @@ TEST(NearestWord, FindsTyposAndRefusesStrangers) {
 
 TEST(NearestWord, TheFirstOfEquallyNearOnesWins) {
   EXPECT_EQ(nearest_word("seet", {"seeb", "seed"}), "seeb");
+  EXPECT_EQ(did_you_mean("rolout", {"rollout"}), "; did you mean 'rollout'?");
+  EXPECT_EQ(did_you_mean("kangaroo", {"rollout"}), "");
 }
 
 TEST(BytesText, IsInMegabytesBelowAGigabyte) {
@@ -112,6 +114,9 @@ TEST(Joined, SeparatesWordsByCommas) {
   EXPECT_EQ(joined({}), "");
   EXPECT_EQ(joined({"ippo"}), "ippo");
   EXPECT_EQ(joined({"ippo", "mappo", "happo"}), "ippo, mappo, happo");
+  EXPECT_EQ(joined(std::vector<std::string>{"", "", "x"}), ", , x") << "an empty word keeps its place";
+  EXPECT_EQ(joined(std::vector<int>{3, 3, 2}, ","), "3,3,2");
+  EXPECT_EQ(joined(std::vector<std::string_view>{"a", "b"}, " | "), "a | b");
 }
 
 }  // namespace

@@ -189,6 +189,21 @@ TEST(Collision, ABodyMayReachOverASlantedLineByTheStripButNotOverAStraightOne) {
   EXPECT_TRUE(straight.crosses(square(to_fixed(32), to_fixed(-16) + 1)));
 }
 
+TEST(Collision, ABodyPassesTheEndOfASlantedWallThatItOnlyTouches) {
+  for (const int inside : {0, 1}) {
+    test::LevelBuilder builder;
+    const uint32_t sector = builder.sector(0, 128);
+    builder.room(sector, -512, -512, 512, 512);
+    // The player runs north; the pillar's western corner lies at the edge of its box, or one unit inside.
+    const int corner = 16 - inside;
+    builder.room(sector, {{corner, 0}, {corner + 60, -30}, {corner + 60, 30}}).thing(1, 0, -200);
+    World world = world_of(builder.build());
+    world.set_angle(world.player(0).actor_id, kAngle90);
+    tics(world, running(), 30);
+    EXPECT_EQ(world.body(0).x == 0, inside == 0);
+  }
+}
+
 TEST(Collision, ACornerHoldsTheBodyWithoutThrowingIt) {
   World world = world_of(test::one_room());
   world.set_angle(world.player(0).actor_id, degrees_to_angle(40));

@@ -1,5 +1,5 @@
-// Plays the recorded scripts on steps, under low ceilings and along slanted walls, and compares every tic with
-// ViZDoom's, bit for bit.
+// Plays the recorded scripts on steps, under low ceilings, along slanted walls and over lines that push, and
+// compares every tic with ViZDoom's, bit for bit.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -92,6 +92,7 @@ TEST_P(TerrainGolden, FollowsTheTraceBitForBit) {
 INSTANTIATE_TEST_SUITE_P(Strips, TerrainGolden, ::testing::Values("1", "2", "3", "5", "7", "9"));
 INSTANTIATE_TEST_SUITE_P(SlantedWalls, TerrainGolden,
                          ::testing::Values("slanted_4", "slanted_34", "slanted_41"));
+INSTANTIATE_TEST_SUITE_P(LinesThatPush, TerrainGolden, ::testing::Values("pushed_1"));
 
 }  // namespace
 }  // namespace comrad::doom

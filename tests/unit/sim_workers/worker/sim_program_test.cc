@@ -157,7 +157,7 @@ TEST_F(SimProgram, JoinsPlaysSurvivesAKillAndLeavesOnSigterm) {
   pid_t child = join();
   drain(arena, 20, &rollouts);
   EXPECT_EQ(arena.sim_counters(0).pid.load(), static_cast<uint32_t>(child));
-  EXPECT_EQ(arena.sim_counters(0).state.load(), 2u);
+  EXPECT_EQ(arena.sim_counters(0).state.load(), shm::WorkerState::kRunning);
 
   kill(child, SIGKILL);
   EXPECT_EQ(wait_for(child), -SIGKILL);
@@ -174,7 +174,7 @@ TEST_F(SimProgram, JoinsPlaysSurvivesAKillAndLeavesOnSigterm) {
   kill(child, SIGTERM);
   EXPECT_EQ(wait_for(child), 0) << errors();
   EXPECT_LT(monotonic_s() - began_s, 4.0);
-  EXPECT_EQ(arena.sim_counters(0).state.load(), 3u);
+  EXPECT_EQ(arena.sim_counters(0).state.load(), shm::WorkerState::kStopped);
   EXPECT_EQ(policy.faults(), 0);
   EXPECT_THAT(read_text(run_dir_ / "logs" / "sim-0.log"), HasSubstr("stopped"));
 }

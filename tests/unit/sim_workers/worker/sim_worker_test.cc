@@ -659,7 +659,7 @@ TEST(SimWorker, StopsSoonEvenWhenNobodyAnswers) {
   worker.join();
   EXPECT_LT(monotonic_s() - began_s, 2.0);
   EXPECT_TRUE(worker.status);
-  EXPECT_EQ(arena.sim_counters(0).state.load(), 3u);
+  EXPECT_EQ(arena.sim_counters(0).state.load(), shm::WorkerState::kStopped);
 }
 
 TEST(SimWorker, StopsWhileItWaitsForTheStart) {

@@ -1,0 +1,51 @@
+// What a run on this host is to do: the merged settings, who chooses the actions, when it ends.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "deploy/launch/restart_policy.h"
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/shm/arena.h"
+
+namespace comrad::deploy {
+
+/// Who chooses the actions.
+enum class PolicySource {
+  kTraining,    ///< a learner trains and publishes
+  kCheckpoint,  ///< a learner in serve mode publishes one checkpoint's weights
+  kRandom,      ///< uniform over each head; no learner
+  kOracle,      ///< the scenario's scripted team, inside the simulators; no learner
+};
+
+/// What to run. `config` is merged and resolved; `run_dir` exists and holds config.toml.
+struct LaunchPlan {
+  RunConfig config;
+  EnvShape env;                ///< from `comrad-scenarios describe`
+  int64_t decision_limit = 0;  ///< of the scenario; sizes journals in deterministic mode
+  std::string run_dir;
+  PolicySource policy = PolicySource::kTraining;
+  std::string checkpoint;     ///< kCheckpoint: the file to serve
+  bool greedy = false;        ///< argmax actions
+  uint64_t episodes = 0;      ///< > 0: evaluation; stop after so many (fixed quota per environment)
+  double seconds = 0;         ///< > 0: stop after so long (bench); measured after the first update
+  double warmup_seconds = 0;  ///< not counted in `seconds`
+  bool show_progress = true;  ///< one line on a terminal, plain lines when piped; to stderr
+  int lock_descriptor = -1;   ///< RunDirectory::lock_descriptor(); the learner holds it too until it has left
+  std::string bin_dir;        ///< where the worker programs lie; empty: beside this program
+  RestartLimits restarts;
+
+  bool trains() const { return policy == PolicySource::kTraining; }
+  bool has_learner() const { return policy != PolicySource::kRandom && policy != PolicySource::kOracle; }
+  /// Simulators play on in one slab each: nobody drains sealed ones unless a learner trains.
+  bool evaluates() const { return episodes > 0 || !trains(); }
+  /// Rollout by rollout, everybody waiting for everybody.
+  bool is_lock_step() const { return trains() && (config.deterministic || !config.async_rl); }
+};
+
+/// The shared memory that the plan needs. Errors: kBadInput when a deterministic run's journals cannot be sized.
+Expected<shm::ArenaShape> arena_shape(const LaunchPlan& plan);
+
+}  // namespace comrad::deploy

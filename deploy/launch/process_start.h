@@ -1,0 +1,60 @@
+// How this program starts another one: fork and exec in one place, for the workers of a run (child_process.h) and for
+// the programs that a command asks (deploy/config/child_program.h).
+#pragma once
+
+#include <sys/types.h>
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::deploy {
+
+/// A descriptor that closes itself.
+class Descriptor {
+ public:
+  explicit Descriptor(int value = -1) : value_(value) {}
+  Descriptor(Descriptor&& other) noexcept : value_(std::exchange(other.value_, -1)) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(value_, other.value_);
+    return *this;
+  }
+  ~Descriptor() { close(); }
+
+  int get() const { return value_; }
+  bool is_open() const { return value_ >= 0; }
+  void close();
+
+ private:
+  int value_;
+};
+
+/// Two ends that a child does not inherit by itself.
+struct Pipe {
+  Descriptor read_end, write_end;
+  /// Errors: kSystem.
+  static Expected<Pipe> open();
+};
+
+/// What to start.
+struct ProcessOptions {
+  std::vector<std::string> command;                              ///< first a path, or a name that PATH knows
+  std::vector<std::pair<std::string, std::string>> environment;  ///< on top of ours
+  int output = -1;                                               ///< becomes standard output
+  int error_output = -1;                                         ///< becomes standard error
+  int inherited_descriptor = -1;                                 ///< kept open in the child; -1: none
+  int cpu = -1;                                                  ///< pinned to this core; -1: anywhere
+  bool ignores_interrupts = false;  ///< SIGINT and SIGHUP, which a terminal sends to all processes
+  bool has_own_group =
+      false;  ///< what a terminal sends does not reach it, and kill(-pid) reaches its children
+};
+
+/// Starts the program and returns its pid once it runs. Its standard input is /dev/null; SIGTERM comes when the
+/// calling thread ends, however it ends; other signals have their defaults and none is blocked (prepare_process() is
+/// for our own programs); all other descriptors are closed.
+/// Errors: kNotFound, or kSystem, when it cannot be executed.  Threads: call from a thread that outlives the child.
+Expected<pid_t> start_process(const ProcessOptions& options);
+
+}  // namespace comrad::deploy

@@ -1,0 +1,155 @@
+#include "deploy/launch/run_hub.h"
+
+#include <poll.h>
+#include <sys/random.h>
+#include <unistd.h>
+
+#include <cinttypes>
+#include <cstdio>
+#include <utility>
+
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/log.h"
+
+namespace comrad::deploy {
+namespace {
+
+std::string host_name() {
+  char name[256] = {};
+  gethostname(name, sizeof name - 1);
+  return name;
+}
+
+dds::RunControl desired(const char* state) {
+  return {.run_state = state, .checkpoint_seq = 0, .settings_epoch = 0};
+}
+
+}  // namespace
+
+Status RunHub::open() {
+  // The old arena goes before the new one comes: both may not fit.
+  meter_.use(nullptr);
+  server_.reset();
+  bus_.reset();
+  arena_.reset();
+  // The socket's name is there for every user of the host to see; the bus's ids follow from the run id, which only
+  // the arena's members can read.
+  uint64_t run_id = 0, name_id = 0;
+  for (uint64_t* id : {&run_id, &name_id})
+    if (getrandom(id, sizeof *id, 0) != sizeof *id) return system_error("getrandom");
+  char name[32];
+  std::snprintf(name, sizeof name, "comrad-%016" PRIx64, name_id);
+  COMRAD_TRY_ASSIGN(const shm::ArenaShape shape, arena_shape(plan_));
+  COMRAD_TRY_ASSIGN(arena_, shm::Arena::create(shape, run_id));
+  shm::ControlBlock& control = arena_->control();
+  control.run_state.store(shm::RunState::kStarting);
+  if (plan_.episodes > 0) control.episodes_per_run.store(plan_.episodes);
+  if (!plan_.trains()) control.rollouts_allowed.store(UINT64_MAX);  // no learner will
+  meter_.use(&*arena_);
+  COMRAD_TRY_ASSIGN(shm::ArenaServer server, shm::ArenaServer::listen(name, *arena_));
+  server_.emplace(std::move(server));
+  COMRAD_TRY_ASSIGN(bus_, dds::Bus::open(dds::bus_config_for_run(run_id)));
+  tell(desired("running"));
+  spdlog::info("run {} in {}: arena of {:.1f} MB, {} slabs", name, plan_.run_dir,
+               static_cast<double>(shm::Arena::size_bytes(shape)) * 1e-6, shape.slab_count);
+  return {};
+}
+
+std::optional<shm::JoinRequest> RunHub::next_join() {
+  pollfd waiting{.fd = socket(), .events = POLLIN, .revents = 0};
+  if (poll(&waiting, 1, 0) <= 0) return std::nullopt;
+  const Expected<shm::JoinRequest> request = server_->serve_one();
+  if (request) return *request;
+  spdlog::info("{}", request.error().message);
+  return std::nullopt;
+}
+
+void RunHub::begin() {
+  arena_->control().run_state.store(shm::RunState::kRunning, std::memory_order_release);
+  shm::ring(arena_->control().run_state_changed);
+}
+
+void RunHub::stop() {
+  tell(desired("stopping"));
+  shm::ControlBlock& control = arena_->control();
+  control.run_state.store(shm::RunState::kStopping, std::memory_order_release);
+  for (shm::Doorbell* bell : {&control.run_state_changed, &control.slab_sealed, &control.slab_released,
+                              &control.weights_published}) {
+    shm::ring(*bell);
+  }
+  const shm::ArenaShape& shape = arena_->shape();
+  for (int policy = 0; policy < shape.policy_worker_count; ++policy) shm::ring(arena_->slots_ready(policy));
+  for (int sim = 0; sim < shape.sim_worker_count; ++sim)
+    for (int split = 0; split < shape.splits_per_worker; ++split) shm::ring(arena_->slots_acted(sim, split));
+}
+
+void RunHub::drain_episodes() {
+  const auto agents = static_cast<std::size_t>(arena_->shape().trajectory.env.num_agents);
+  while (const std::optional<shm::EpisodeRecord> record = arena_->pop_episode()) {
+    dds::EpisodeResult result{
+        .scenario = plan_.config.scenario,
+        .layout_id = record->layout_id,
+        .episode_id = record->episode_id,
+        .episode_seed = record->episode_seed,
+        .env_index = record->env_index,
+        .score = record->score,
+        .ceiling = record->ceiling,
+        .agent_return = std::vector<double>(record->agent_return, record->agent_return + agents),
+        .agent_score = std::vector<double>(record->agent_score, record->agent_score + agents),
+        .length_steps = record->length_steps,
+        .length_tics = record->length_tics,
+        .terminated = record->terminated != 0,
+    };
+    if (plan_.trains()) arena_->forward_episode(*record);
+    tell(result);
+    if (result.episode_id < plan_.episodes) meter_.add(std::move(result));
+  }
+  if (const uint64_t dropped = arena_->episodes_dropped(); dropped > episodes_dropped_) {
+    episodes_dropped_ = dropped;
+    const std::string text =
+        std::to_string(dropped) + " episode records were lost: the supervisor was held up";
+    spdlog::info("{}", text);
+    printer_.note(text);
+  }
+}
+
+void RunHub::tell_of_workers(const std::vector<Worker>& workers, const std::string& state) {
+  static const std::string host = host_name();
+  const double now_s = monotonic_s();
+  const double elapsed_s = workers_told_s_ > 0 ? now_s - workers_told_s_ : 0;
+  workers_told_s_ = now_s;
+  decisions_told_.resize(static_cast<std::size_t>(arena_->shape().sim_worker_count));
+  tell(dds::WorkerStatus{.worker_id = "supervisor",
+                         .host = host,
+                         .pid = getpid(),
+                         .role = "supervisor",
+                         .state = state,
+                         .decisions_per_s = 0,
+                         .message = plan_.run_dir});
+  for (const Worker& worker : workers) {
+    if (worker.role != Role::kSim) continue;
+    const uint64_t count = counters_of(worker, *arena_).decisions.load(std::memory_order_relaxed);
+    const uint64_t before = std::exchange(decisions_told_[static_cast<std::size_t>(worker.index)], count);
+    const std::string gone = state == "stopping" ? state : "failed";
+    tell(dds::WorkerStatus{.worker_id = worker.name,
+                           .host = host,
+                           .pid = worker.process ? worker.process->pid() : 0,
+                           .role = "sim",
+                           .state = !worker.process      ? gone
+                                    : !worker.has_joined ? "starting"
+                                                         : state,
+                           .decisions_per_s = elapsed_s > 0 && count >= before
+                                                  ? static_cast<double>(count - before) / elapsed_s
+                                                  : 0,
+                           .message = worker.last_line});
+  }
+}
+
+void RunHub::warn_once(const Status& status) {
+  if (status) return;
+  spdlog::info("{}", status.error().message);
+  if (!std::exchange(has_warned_, true)) printer_.note("warning: " + status.error().message);
+}
+
+}  // namespace comrad::deploy

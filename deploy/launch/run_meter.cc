@@ -1,0 +1,129 @@
+#include "deploy/launch/run_meter.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "deploy/launch/progress.h"
+
+namespace comrad::deploy {
+
+void RunMeter::use(const shm::Arena* arena) {
+  arena_ = arena;
+  learner_epoch_ = 0;
+  report_sequence_ = 0;
+  played_decisions_.start_from(0);
+  if (arena_ != nullptr) arena_->control().env_frames_lost.store(env_frames_lost_);
+}
+
+uint64_t RunMeter::simulators_decisions() const {
+  uint64_t sum = 0;
+  for (int sim = 0; sim < arena_->shape().sim_worker_count; ++sim)
+    sum += arena_->sim_counters(sim).decisions.load(std::memory_order_relaxed);
+  return sum;
+}
+
+bool RunMeter::count() {
+  if (arena_ == nullptr) return false;
+  played_decisions_.see(simulators_decisions());
+  // A learner sets its counters to those of the checkpoint it resumes, then its state to running.
+  const shm::WorkerCounters& learner = arena_->learner_counters();
+  if (learner.state.load(std::memory_order_acquire) < shm::WorkerState::kRunning) return false;
+  const uint64_t trained = learner.decisions.load(std::memory_order_relaxed);
+  const uint64_t updates = learner.batches.load(std::memory_order_relaxed);
+  uint64_t fallen = 0;
+  if (const uint32_t epoch = learner.epoch.load(); std::exchange(learner_epoch_, epoch) != epoch) {
+    fallen = trained_decisions_.start_from(trained);
+    trained_updates_.start_from(updates);
+  }
+  fallen += trained_decisions_.see(trained);
+  trained_updates_.see(updates);
+  if (fallen == 0 || !plan_.trains()) return false;
+  // A learner that starts again has forgotten what it learned since its last checkpoint.
+  ++goings_back_;
+  env_frames_lost_ += fallen * static_cast<uint64_t>(plan_.config.env_frameskip);
+  arena_->control().env_frames_lost.store(env_frames_lost_);
+  // The dead one's last report is no longer true; the new one's comes later.
+  last_stats_.env_frames = arena_->control().learner_env_frames.load(std::memory_order_relaxed);
+  last_stats_.decisions = trained_decisions_.seen();
+  return true;
+}
+
+std::optional<dds::TrainStats> RunMeter::take_report() {
+  if (arena_ == nullptr) return std::nullopt;
+  const std::optional<shm::LearnerReport> report = arena_->read_report(report_sequence_);
+  if (!report) return std::nullopt;
+  last_stats_ = {.time_s = report->time_s,
+                 .env_frames = report->env_frames,
+                 .decisions = report->decisions,
+                 .learner_version = report->learner_version,
+                 .env_frames_per_s = report->env_frames_per_s,
+                 .decisions_per_s = report->decisions_per_s,
+                 .score_mean = report->score_mean,
+                 .return_mean = report->return_mean,
+                 .episodes = report->episodes,
+                 .policy_lag_mean = report->policy_lag_mean,
+                 .policy_lag_max = report->policy_lag_max,
+                 .last_checkpoint = report->last_checkpoint};
+  if (window_began_s_ > 0 && std::isfinite(report->policy_lag_mean)) {
+    lag_sum_ += report->policy_lag_mean;
+    ++lag_count_;
+  }
+  return last_stats_;
+}
+
+void RunMeter::add(dds::EpisodeResult episode) { episodes_.emplace(episode.episode_id, std::move(episode)); }
+
+bool RunMeter::measure(double now_s) {
+  const bool has_begun = plan_.trains() ? trained_updates_.total() > 0 : played_decisions_.total() > 0;
+  if (has_begun && first_work_s_ == 0) first_work_s_ = now_s;
+  if (plan_.seconds <= 0 || first_work_s_ == 0 || window_.seconds > 0) return false;
+  if (window_began_s_ == 0) {
+    if (now_s < first_work_s_ + plan_.warmup_seconds) return false;
+    window_began_s_ = now_s;
+    decisions_before_window_ = decisions();
+    updates_before_window_ = trained_updates_.total();
+  }
+  if (now_s < window_began_s_ + plan_.seconds) return false;
+  window_ = {.seconds = now_s - window_began_s_,
+             .decisions = decisions() - decisions_before_window_,
+             .updates = trained_updates_.total() - updates_before_window_};
+  return true;
+}
+
+uint64_t RunMeter::decisions_of_run() const {
+  return std::max(last_stats_.decisions, trained_decisions_.seen());
+}
+
+uint64_t RunMeter::env_frames() const {
+  const uint64_t live =
+      arena_ == nullptr ? 0 : arena_->control().learner_env_frames.load(std::memory_order_relaxed);
+  return std::max(live, last_stats_.env_frames);
+}
+
+double RunMeter::episode_score_mean() const {
+  double sum = 0;
+  for (const auto& [id, episode] : episodes_) sum += episode.score;
+  return episodes_.empty() ? std::nan("") : sum / static_cast<double>(episodes_.size());
+}
+
+double RunMeter::lag_mean() const {
+  return lag_count_ > 0 ? lag_sum_ / lag_count_ : last_stats_.policy_lag_mean;
+}
+
+std::string RunMeter::going_back_text() const {
+  if (goings_back_ == 0) return "";
+  return "learner went back " + count_text(static_cast<double>(env_frames_lost_)) +
+         " env frames to its last checkpoint" +
+         (goings_back_ > 1 ? ", in " + std::to_string(goings_back_) + " restarts" : "");
+}
+
+std::string RunMeter::unsaved_text() const {
+  const uint64_t saved =
+      arena_ == nullptr ? 0 : arena_->control().saved_env_frames.load(std::memory_order_relaxed);
+  const uint64_t now = env_frames();
+  return count_text(static_cast<double>(now > saved ? now - saved : 0)) + " env frames since " +
+         (saved > 0 ? "the one at " + count_text(static_cast<double>(saved)) : "the run's beginning") +
+         " are lost";
+}
+
+}  // namespace comrad::deploy

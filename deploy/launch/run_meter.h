@@ -1,0 +1,112 @@
+// What a run has done so far: the counters in the arena, the learner's reports, the episodes of an evaluation, and
+// the window that a bench measures.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "deploy/launch/launch_plan.h"
+#include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/shm/arena.h"
+
+namespace comrad::deploy {
+
+/// The growth of a counter. Where it falls its writer went back to a checkpoint, and counting goes on from there.
+class Growth {
+ public:
+  /// Gives by how much the counter fell.
+  uint64_t see(uint64_t count) {
+    if (count > seen_) total_ += count - seen_;
+    return start_from(count);
+  }
+  /// What the counter grew by until now was no work of this run. Gives by how much it fell.
+  uint64_t start_from(uint64_t count) {
+    const uint64_t before = std::exchange(seen_, count);
+    return before > count ? before - count : 0;
+  }
+  uint64_t total() const { return total_; }
+  /// The counter as it was last seen.
+  uint64_t seen() const { return seen_; }
+
+ private:
+  uint64_t seen_ = 0;
+  uint64_t total_ = 0;
+};
+
+/// The counted window of a bench; all 0 for other runs.
+struct MeasuredWindow {
+  double seconds = 0;
+  uint64_t decisions = 0;  ///< agent decisions that the learner trained on (or simulators took) in it
+  uint64_t updates = 0;    ///< optimizer steps in it
+};
+
+/// Reads the arena, and writes one word into it: the env frames that a learner forgot. Threads: the supervisor's.
+class RunMeter {
+ public:
+  /// The plan outlives the meter.
+  explicit RunMeter(const LaunchPlan& plan) : plan_(plan) {}
+
+  /// From now on the counters of `arena` count, which begin at 0; null: there is none. It is not owned.
+  void use(const shm::Arena* arena);
+
+  /// Reads the counters. True when the learner was seen to have gone back to a checkpoint.
+  bool count();
+  /// The learner's report, if there is a new one.
+  std::optional<dds::TrainStats> take_report();
+  /// An episode of an evaluation. A restarted simulator plays some again; they count once.
+  void add(dds::EpisodeResult episode);
+
+  /// All workers are there at `now_s`; after everything was restarted, again.
+  void begin(double now_s) { running_since_s_ = now_s; }
+  /// Opens and closes the bench's window. True once, when it is over.
+  bool measure(double now_s);
+
+  /// Agent decisions of this process's life: those trained on, or those played where nobody trains.
+  uint64_t decisions() const {
+    return plan_.trains() ? trained_decisions_.total() : played_decisions_.total();
+  }
+  uint64_t played_decisions() const { return played_decisions_.total(); }
+  /// Agent decisions and env frames that the run has learned from, earlier lives included.
+  uint64_t decisions_of_run() const;
+  uint64_t env_frames() const;
+  /// Forgotten by learners that went back to a checkpoint.
+  uint64_t env_frames_lost() const { return env_frames_lost_; }
+  const dds::TrainStats& last_stats() const { return last_stats_; }
+  const std::map<uint64_t, dds::EpisodeResult>& episodes() const { return episodes_; }
+  /// NaN before the first episode.
+  double episode_score_mean() const;
+  const MeasuredWindow& window() const { return window_; }
+  /// Mean of the policy lag: over the window, else the learner's last.
+  double lag_mean() const;
+  double running_since_s() const { return running_since_s_; }  ///< 0: not yet
+
+  /// "learner went back 205k env frames to its last checkpoint"; empty where it did not.
+  std::string going_back_text() const;
+  /// What is lost when no further checkpoint is written.
+  std::string unsaved_text() const;
+
+ private:
+  uint64_t simulators_decisions() const;
+
+  const LaunchPlan& plan_;
+  const shm::Arena* arena_ = nullptr;
+  Growth trained_decisions_, trained_updates_, played_decisions_;
+  uint32_t learner_epoch_ = 0;
+  uint64_t report_sequence_ = 0;  // of the learner's report that was read last
+  dds::TrainStats last_stats_;
+  int goings_back_ = 0;
+  uint64_t env_frames_lost_ = 0;
+  std::map<uint64_t, dds::EpisodeResult> episodes_;
+  double running_since_s_ = 0;
+  double first_work_s_ = 0;
+  double window_began_s_ = 0;
+  uint64_t decisions_before_window_ = 0, updates_before_window_ = 0;
+  MeasuredWindow window_;
+  double lag_sum_ = 0;
+  int lag_count_ = 0;
+};
+
+}  // namespace comrad::deploy

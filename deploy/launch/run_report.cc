@@ -1,0 +1,113 @@
+#include "deploy/launch/run_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "deploy/launch/progress.h"
+#include "rollout_buffer/core/clock.h"
+
+namespace comrad::deploy {
+namespace {
+
+/// "512 env frames/s, 128 decisions/s".
+std::string rates_text(double decisions_per_s, int64_t frame_skip) {
+  char text[96];
+  std::snprintf(text, sizeof text, "%.0f env frames/s, %.0f decisions/s",
+                decisions_per_s * static_cast<double>(frame_skip), decisions_per_s);
+  return text;
+}
+
+std::string score_text(double score) {
+  char text[32];
+  std::snprintf(text, sizeof text, "J %.1f", score);
+  return text;
+}
+
+}  // namespace
+
+std::string RunReport::evaluation_line() const {
+  std::string text;
+  if (plan_.episodes > 0) {
+    text = "episodes " + std::to_string(meter_.episodes().size()) + "/" + std::to_string(plan_.episodes);
+    if (!meter_.episodes().empty()) text += " | " + score_text(meter_.episode_score_mean());
+    text += " | ";
+  }
+  const double elapsed_s = std::max(monotonic_s() - meter_.running_since_s(), 1e-3);
+  return text +
+         rates_text(static_cast<double>(meter_.played_decisions()) / elapsed_s, plan_.config.env_frameskip);
+}
+
+std::string RunReport::progress_line() const {
+  if (!plan_.trains()) return evaluation_line();
+  const dds::TrainStats& stats = meter_.last_stats();
+  if (stats.learner_version == 0 && stats.env_frames == 0)
+    return "collecting the first batch: " + count_text(static_cast<double>(meter_.played_decisions())) +
+           " decisions played";
+  TrainingProgress progress;
+  progress.env_frames = static_cast<double>(meter_.env_frames());
+  progress.env_frames_lost = static_cast<double>(meter_.env_frames_lost());
+  progress.env_frames_total = plan_.seconds > 0 ? 0 : plan_.config.train_for_env_steps;
+  progress.env_frames_per_s = stats.env_frames_per_s;
+  progress.decisions_per_s = stats.decisions_per_s;
+  if (stats.episodes > 0) {
+    progress.score_mean = stats.score_mean;
+    progress.return_mean = stats.return_mean;
+  }
+  progress.lag_mean = stats.policy_lag_mean;
+  progress.lag_max = stats.policy_lag_max;
+  progress.silence = workers_.silence_text();
+  if (workers_.stands_still()) progress.env_frames_per_s = progress.decisions_per_s = 0;
+  return training_line(progress);
+}
+
+RunStatus RunReport::status(const std::string& state, const std::string& message) const {
+  const dds::TrainStats& stats = meter_.last_stats();
+  RunStatus status;
+  status.state = state;
+  status.learner_version = stats.learner_version;
+  status.message = message;
+  if (plan_.trains()) {
+    status.env_frames = meter_.env_frames();
+    status.decisions = meter_.decisions_of_run();
+    if (stats.episodes > 0) status.score_mean = stats.score_mean;
+    status.env_frames_per_s = workers_.stands_still() ? 0 : stats.env_frames_per_s;
+  } else {
+    status.decisions = meter_.played_decisions();
+    status.env_frames = status.decisions * static_cast<uint64_t>(plan_.config.env_frameskip);
+    status.score_mean = meter_.episode_score_mean();
+    const double elapsed_s = monotonic_s() - meter_.running_since_s();
+    if (meter_.running_since_s() > 0 && elapsed_s > 0)
+      status.env_frames_per_s = static_cast<double>(status.env_frames) / elapsed_s;
+  }
+  return status;
+}
+
+std::string RunReport::summary(const std::string& how_it_ended, double worked_s) const {
+  const double decisions = static_cast<double>(meter_.decisions());
+  // What the run has learned from, and, where earlier runs or a learner that went back make a difference, what this
+  // process trained on.
+  const std::string worked = count_text(decisions * static_cast<double>(plan_.config.env_frameskip));
+  const std::string learned = plan_.trains() ? count_text(static_cast<double>(meter_.env_frames())) : worked;
+  std::string text = how_it_ended + ": " + learned + " env frames" +
+                     (worked == learned ? "" : ", " + worked + " trained on") + " in " +
+                     duration_text(worked_s) + ", " +
+                     rates_text(worked_s > 0 ? decisions / worked_s : 0, plan_.config.env_frameskip);
+  const dds::TrainStats& stats = meter_.last_stats();
+  if (plan_.trains() && stats.episodes > 0 && std::isfinite(stats.score_mean))
+    text += ", " + score_text(stats.score_mean);
+  if (const std::string lost = meter_.going_back_text(); !lost.empty()) text += "; " + lost;
+  if (!stats.last_checkpoint.empty()) text += "; checkpoint " + stats.last_checkpoint;
+  return text;
+}
+
+std::string RunReport::limit_reached() const {
+  const RunConfig& config = plan_.config;
+  if (static_cast<double>(meter_.env_frames()) >= config.train_for_env_steps)
+    return " (--train_for_env_steps " + std::to_string(std::llround(config.train_for_env_steps)) + ")";
+  if (config.train_for_seconds > 0)
+    return " (--train_for_seconds " + std::to_string(std::llround(config.train_for_seconds)) + ")";
+  return "";
+}
+
+}  // namespace comrad::deploy

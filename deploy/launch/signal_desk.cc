@@ -1,0 +1,33 @@
+#include "deploy/launch/signal_desk.h"
+
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <initializer_list>
+
+namespace comrad::deploy {
+
+SignalDesk::SignalDesk() {
+  sigset_t mask;
+  sigemptyset(&mask);
+  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGCHLD}) sigaddset(&mask, number);
+  descriptor_ = signalfd(-1, &mask, SFD_CLOEXEC | SFD_NONBLOCK);
+  sigaddset(&mask, SIGPIPE);
+  taken_ = mask;
+  pthread_sigmask(SIG_BLOCK, &mask, &before_);
+}
+
+SignalDesk::~SignalDesk() {
+  if (descriptor_ >= 0) close(descriptor_);
+  const timespec at_once{};
+  while (sigtimedwait(&taken_, nullptr, &at_once) > 0) {
+  }
+  pthread_sigmask(SIG_SETMASK, &before_, nullptr);
+}
+
+int SignalDesk::next() {
+  signalfd_siginfo info{};
+  return read(descriptor_, &info, sizeof info) == sizeof info ? static_cast<int>(info.ssi_signo) : 0;
+}
+
+}  // namespace comrad::deploy

@@ -1,0 +1,288 @@
+#include "deploy/launch/worker_table.h"
+
+#include <sched.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/text.h"
+
+namespace comrad::deploy {
+namespace {
+
+constexpr double kJoinTimeoutS = 120.0;   // a worker that has not joined by then is stuck
+constexpr double kSilentAfterS = 10.0;    // a worker whose counter stands still so long is named
+constexpr int kLinesShownPerMinute = 20;  // of one worker's output on the terminal; the log has them all
+
+/// What tells the three kinds apart, in the order of Role.
+struct Kind {
+  const char* word;  ///< as it joins, and in its name
+  const char* program;
+  const char* plural;
+};
+constexpr Kind kKinds[] = {{"sim", "comrad-sim-worker", "simulators"},
+                           {"policy", "comrad-policy-worker", "policy workers"},
+                           {"learner", "comrad-learner", "learner"}};
+
+const Kind& kind_of(const Worker& worker) { return kKinds[static_cast<std::size_t>(worker.role)]; }
+
+/// The last line of a worker's log file, for a worker that died without a word.
+std::string last_log_line(const std::string& path) {
+  std::ifstream file(path, std::ios::binary | std::ios::ate);
+  if (!file) return "";
+  const std::streamoff size = file.tellg(), take = std::min<std::streamoff>(size, 4096);
+  std::string tail(static_cast<std::size_t>(take), '\0');
+  file.seekg(size - take);
+  file.read(tail.data(), take);
+  while (!tail.empty() && (tail.back() == '\n' || tail.back() == '\r')) tail.pop_back();
+  const std::size_t line = tail.rfind('\n');
+  return line == std::string::npos ? tail : tail.substr(line + 1);
+}
+
+/// The words of a log line that a worker means for the user, from "warning: " on; empty for any other line.
+std::string warning_in(const std::string& line) {
+  const std::size_t at = line.find(": warning: ");
+  return at == std::string::npos ? "" : line.substr(at + 2);
+}
+
+std::string own_folder() {
+  std::error_code failed;
+  return std::filesystem::read_symlink("/proc/self/exe", failed).parent_path().string();
+}
+
+/// Cores this process may use.
+std::vector<int> allowed_cpus() {
+  cpu_set_t cpus;
+  CPU_ZERO(&cpus);
+  std::vector<int> allowed;
+  if (sched_getaffinity(0, sizeof cpus, &cpus) != 0) return allowed;
+  for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu)
+    if (CPU_ISSET(static_cast<std::size_t>(cpu), &cpus)) allowed.push_back(cpu);
+  return allowed;
+}
+
+}  // namespace
+
+WorkerTable::WorkerTable(const LaunchPlan& plan) : plan_(plan) {
+  const auto add = [&](Role role, int64_t count) {
+    for (int i = 0; i < count; ++i) {
+      Worker& worker = workers_.emplace_back();
+      worker.role = role;
+      worker.index = i;
+      worker.name = kind_of(worker).word;
+      if (role != Role::kLearner) worker.name += "-" + std::to_string(i);
+      worker.history = RestartHistory(plan.restarts);
+    }
+  };
+  add(Role::kSim, plan.config.num_workers);
+  add(Role::kPolicy, plan.config.policy_workers);
+  if (plan.has_learner()) add(Role::kLearner, 1);
+}
+
+ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& server) const {
+  const RunConfig& config = plan_.config;
+  ChildOptions options;
+  options.program = (plan_.bin_dir.empty() ? own_folder() : plan_.bin_dir) + "/" + kind_of(worker).program;
+  options.arguments = {"--run_dir", plan_.run_dir, "--arena", server};
+  const auto add = [&](auto... words) { (options.arguments.emplace_back(words), ...); };
+  const auto set = [&](const char* name, const std::string& value) {
+    options.environment.emplace_back(name, value);
+  };
+  const auto suggest = [&](const char* name, const char* value) {
+    if (std::getenv(name) == nullptr) set(name, value);
+  };
+  const auto set_threads = [&](int64_t count) {
+    for (const char* name : {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"})
+      set(name, std::to_string(count));
+    suggest("OMP_WAIT_POLICY", "PASSIVE");  // a thread that spins at a barrier takes a simulator's core
+  };
+  if (worker.role != Role::kLearner) add("--worker_index", std::to_string(worker.index));
+  switch (worker.role) {
+    case Role::kSim:
+      if (plan_.evaluates()) add("--evaluate");
+      if (plan_.policy == PolicySource::kOracle) add("--oracle");
+      set_threads(1);
+      set("LP_NUM_THREADS", "0");  // llvmpipe draws on the calling thread: one core per simulator
+      suggest("GALLIUM_DRIVER", "llvmpipe");
+      if (config.set_workers_cpu_affinity) {
+        const std::vector<int> cpus = allowed_cpus();
+        if (!cpus.empty()) options.cpu = cpus[static_cast<std::size_t>(worker.index) % cpus.size()];
+      }
+      break;
+    case Role::kPolicy:
+      if (plan_.greedy) add("--greedy");
+      if (!plan_.has_learner()) add("--random");  // an oracle's simulators do not look at the answers
+      if (plan_.evaluates()) add("--evaluate");
+      set_threads(config.policy_threads);
+      break;
+    case Role::kLearner:
+      add("--mode", plan_.trains() ? "train" : "serve");
+      if (plan_.policy == PolicySource::kCheckpoint) add("--checkpoint", plan_.checkpoint);
+      set_threads(std::max<int64_t>(1, config.learner_threads));
+      options.inherited_descriptor = plan_.lock_descriptor;
+      break;
+  }
+  return options;
+}
+
+Status WorkerTable::start(Worker& worker, const shm::Arena& arena, const std::string& server) {
+  worker.has_joined = false;
+  worker.restart_at_s = 0;
+  worker.started_s = monotonic_s();
+  worker.last_line.clear();
+  worker.decisions_at_start = counters_of(worker, arena).decisions.load();
+  COMRAD_TRY_ASSIGN(worker.process, ChildProcess::spawn(options_of(worker, server)));
+  spdlog::info("started {} (pid {})", worker.name, worker.process->pid());
+  return {};
+}
+
+void WorkerTable::restart_all(double restart_at_s) {
+  for (Worker& worker : workers_) {
+    worker.process.reset();  // kills and reaps
+    worker.has_joined = false;
+    worker.restart_at_s = restart_at_s;
+  }
+}
+
+void WorkerTable::signal_all(int number) {
+  for (Worker& worker : workers_)
+    if (worker.process) worker.process->send_signal(number);
+}
+
+void WorkerTable::note_joined(const shm::JoinRequest& request) {
+  const std::string role(request.role, strnlen(request.role, sizeof request.role));
+  for (Worker& worker : workers_)
+    if (role == kind_of(worker).word && request.worker_index == static_cast<uint32_t>(worker.index))
+      worker.has_joined = true;
+  spdlog::info("{}-{} joined", role, request.worker_index);
+}
+
+bool WorkerTable::any_alive() const {
+  return std::ranges::any_of(workers_, [](const Worker& worker) { return worker.process.has_value(); });
+}
+
+bool WorkerTable::all_joined() const {
+  return std::ranges::all_of(workers_, [](const Worker& worker) { return worker.has_joined; });
+}
+
+std::string WorkerTable::joined_text() const {
+  std::vector<std::string> parts;
+  for (const Role role : {Role::kSim, Role::kPolicy, Role::kLearner}) {
+    const auto is_of_role = [role](const Worker& worker) { return worker.role == role; };
+    const auto expected = std::ranges::count_if(workers_, is_of_role);
+    const auto here = std::ranges::count_if(
+        workers_, [&](const Worker& worker) { return is_of_role(worker) && worker.has_joined; });
+    if (expected > 0)
+      parts.push_back(std::to_string(here) + "/" + std::to_string(expected) + " " +
+                      kKinds[static_cast<std::size_t>(role)].plural);
+  }
+  return joined(parts);
+}
+
+void WorkerTable::append_outputs(std::vector<pollfd>& sources) const {
+  for (const Worker& worker : workers_)
+    if (worker.process && worker.process->output_descriptor() >= 0)
+      sources.push_back({.fd = worker.process->output_descriptor(), .events = POLLIN, .revents = 0});
+}
+
+void WorkerTable::read_output(ProgressPrinter& printer) {
+  const double now_s = monotonic_s();
+  for (Worker& worker : workers_) {
+    if (!worker.process) continue;
+    for (const std::string& line : worker.process->read_lines()) {
+      worker.last_line = line;
+      spdlog::info("{} says: {}", worker.name, line);
+      if (const std::string words = warning_in(line); !words.empty()) {
+        // A restarted worker says it again, with other numbers.
+        std::string kind = words;
+        std::erase_if(kind, [](char letter) { return letter == '.' || (letter >= '0' && letter <= '9'); });
+        if (warnings_shown_.insert(kind).second) printer.note(words);
+        continue;
+      }
+      if (now_s - worker.minute_began_s > 60) {
+        worker.minute_began_s = now_s;
+        worker.lines_shown = 0;
+      }
+      if (++worker.lines_shown <= kLinesShownPerMinute) printer.note(worker.name + ": " + line);
+      if (worker.lines_shown == kLinesShownPerMinute)
+        printer.note(worker.name + ": (more in logs/supervisor.log)");
+    }
+  }
+}
+
+std::vector<std::pair<Worker*, ExitStatus>> WorkerTable::reap_exited(bool is_stopping) {
+  std::vector<std::pair<Worker*, ExitStatus>> exited;
+  for (Worker& worker : workers_) {
+    if (!worker.process) continue;
+    if (!is_stopping && !worker.has_joined && monotonic_s() - worker.started_s > kJoinTimeoutS) {
+      worker.last_line =
+          "did not join the run within " + std::to_string(static_cast<int>(kJoinTimeoutS)) + " s";
+      worker.process->send_signal(SIGKILL);
+    }
+    if (const std::optional<ExitStatus>& how = worker.process->poll_exit()) {
+      for (const std::string& line : worker.process->read_lines()) worker.last_line = line;
+      exited.emplace_back(&worker, *how);
+      worker.process.reset();
+      worker.has_joined = false;
+      spdlog::info("{} left: {}", worker.name, exited.back().second.text());
+    }
+  }
+  // Simulators last: taking one's slots back waits for the answers of policy workers, dead ones give none.
+  std::ranges::stable_sort(exited,
+                           [](const auto& a, const auto& b) { return a.first->role > b.first->role; });
+  return exited;
+}
+
+void WorkerTable::listen(const shm::Arena& arena, bool at_work) {
+  const double now_s = monotonic_s();
+  for (Worker& worker : workers_) {
+    const uint64_t decisions = counters_of(worker, arena).decisions.load(std::memory_order_relaxed);
+    if (!at_work || !worker.process || std::exchange(worker.decisions_heard, decisions) != decisions)
+      worker.heard_s = now_s;
+  }
+}
+
+std::string WorkerTable::silence_text() const {
+  const double now_s = monotonic_s();
+  const auto silent_s = [now_s](const Worker& worker) { return now_s - worker.heard_s; };
+  std::vector<std::string> parts;
+  for (const Worker& worker : workers_) {
+    if (!worker.process || silent_s(worker) < kSilentAfterS) continue;
+    const bool is_stopped = worker.process->is_stopped();
+    const bool others_work = std::ranges::any_of(workers_, [&](const Worker& other) {
+      return other.role == worker.role && silent_s(other) < kSilentAfterS;
+    });
+    if (!is_stopped && !others_work) continue;
+    parts.push_back(worker.name + " silent for " + duration_text(silent_s(worker)) +
+                    (is_stopped ? " (SIGSTOP)" : ""));
+  }
+  return joined(parts);
+}
+
+bool WorkerTable::stands_still() const {
+  return std::ranges::none_of(workers_, [now_s = monotonic_s()](const Worker& worker) {
+    return worker.role == Role::kSim && now_s - worker.heard_s < kSilentAfterS;
+  });
+}
+
+std::string WorkerTable::last_words(const Worker& worker) const {
+  return worker.last_line.empty() ? last_log_line(log_path(worker)) : worker.last_line;
+}
+
+std::string WorkerTable::log_path(const Worker& worker) const {
+  return plan_.run_dir + "/logs/" + kind_of(worker).word + "-" + std::to_string(worker.index) + ".log";
+}
+
+shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena) {
+  return worker.role == Role::kSim      ? arena.sim_counters(worker.index)
+         : worker.role == Role::kPolicy ? arena.policy_counters(worker.index)
+                                        : arena.learner_counters();
+}
+
+}  // namespace comrad::deploy

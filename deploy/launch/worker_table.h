@@ -1,0 +1,96 @@
+// The workers of a run: who they are, how each is started, what they print, whether they still play.
+#pragma once
+
+#include <poll.h>
+
+#include <cstdint>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "deploy/launch/child_process.h"
+#include "deploy/launch/launch_plan.h"
+#include "deploy/launch/progress.h"
+#include "deploy/launch/restart_policy.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/shm/arena.h"
+#include "rollout_buffer/shm/arena_socket.h"
+
+namespace comrad::deploy {
+
+enum class Role { kSim, kPolicy, kLearner };
+
+/// One worker's place in the run; the process in it may change.
+struct Worker {
+  Role role = Role::kSim;
+  int index = 0;
+  std::string name;  ///< "sim-0", "policy-0", "learner"
+  std::optional<ChildProcess> process;
+  RestartHistory history;
+  bool has_joined = false;
+  double started_s = 0;
+  double restart_at_s = 0;          ///< 0: no restart is due
+  uint64_t decisions_at_start = 0;  ///< of its counter in the arena
+  std::string last_line;            ///< of its output
+  double minute_began_s = 0;
+  int lines_shown = 0;           ///< since then
+  int stop_signal = 0;           ///< sent because it did not leave by itself
+  uint64_t decisions_heard = 0;  ///< of its counter, and when it moved last
+  double heard_s = 0;
+};
+
+/// All workers of one run, simulators first, the learner last. Threads: the supervisor's.
+class WorkerTable {
+ public:
+  /// The places that `plan` asks for, all empty. The plan outlives the table.
+  explicit WorkerTable(const LaunchPlan& plan);
+
+  std::vector<Worker>& workers() { return workers_; }
+  const std::vector<Worker>& workers() const { return workers_; }
+
+  /// Starts the worker's program, which will join `server`. Errors: those of ChildProcess::spawn.
+  Status start(Worker& worker, const shm::Arena& arena, const std::string& server);
+  /// Kills and reaps every worker; `restart_at_s` is when they start again.
+  void restart_all(double restart_at_s);
+  void signal_all(int number);
+  void note_joined(const shm::JoinRequest& request);
+
+  bool any_alive() const;
+  bool all_joined() const;
+  /// "1/2 simulators, 0/1 policy workers, 1/1 learner": how many have joined.
+  std::string joined_text() const;
+
+  /// What poll() waits for: the output of every worker.
+  void append_outputs(std::vector<pollfd>& sources) const;
+  /// Logs what the workers have printed, and shows it: 20 lines a minute of each, and every warning once.
+  void read_output(ProgressPrinter& printer);
+  /// Takes out the workers that have ended, learner first. One that has not joined after two minutes is killed, unless
+  /// the run `is_stopping`.
+  std::vector<std::pair<Worker*, ExitStatus>> reap_exited(bool is_stopping);
+
+  /// Looks whose counter has moved. Nobody is silent while the run is not `at_work`.
+  void listen(const shm::Arena& arena, bool at_work);
+  /// "sim-0 silent for 12s (SIGSTOP)"; empty where nobody is. Who waits for others is not to blame: a worker is named
+  /// where somebody stopped it, or where another of its kind goes on.
+  std::string silence_text() const;
+  /// Whether no simulator has played for so long that the last rate is no longer true.
+  bool stands_still() const;
+
+  /// The worker's last line; where it printed none, that of its log.
+  std::string last_words(const Worker& worker) const;
+  std::string log_path(const Worker& worker) const;
+
+ private:
+  ChildOptions options_of(const Worker& worker, const std::string& server) const;
+
+  const LaunchPlan& plan_;
+  std::vector<Worker> workers_;
+  std::set<std::string> warnings_shown_;  // without their numbers
+};
+
+/// The worker's counters in the arena.
+shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena);
+
+}  // namespace comrad::deploy

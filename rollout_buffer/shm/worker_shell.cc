@@ -1,0 +1,121 @@
+#include "rollout_buffer/shm/worker_shell.h"
+
+#include <signal.h>
+#include <sys/prctl.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <utility>
+
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/process.h"
+#include "rollout_buffer/shm/arena_socket.h"
+
+namespace comrad::shm {
+namespace {
+
+constexpr int kJoinTimeoutMs = 20'000;
+
+std::atomic<bool> stop_signalled{false};  // a signal handler has no other way to speak
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler writes it");
+
+void take_signals_of_a_run() {
+  struct sigaction on_term {};
+  on_term.sa_handler = [](int) { stop_signalled.store(true); };
+  sigaction(SIGTERM, &on_term, nullptr);  // without SA_RESTART: a waiting worker wakes at once
+  signal(SIGINT, SIG_IGN);                // Ctrl-C reaches the whole process group; the supervisor decides
+  prctl(PR_SET_PDEATHSIG, SIGTERM);
+}
+
+}  // namespace
+
+WorkerShell::WorkerShell(WorkerProgram program)
+    : program_(std::move(program)), flags_(std::make_unique<CLI::App>(program_.description, program_.name)) {
+  prepare_process();
+  flags_->add_option("--run_dir", run_dir_, "the run's folder, with config.toml")->required();
+  flags_->add_option("--arena", arena_, "name of the run's socket");
+  if (!program_.is_single)
+    flags_->add_option("--worker_index", worker_index_, "which of its kind this is, from 0")
+        ->check(CLI::NonNegativeNumber);
+  flags_
+      ->add_option("--bench", bench_seconds_,
+                   "no run: measures for so many seconds alone, prints one JSON object")
+      ->check(CLI::Range(0.01, 86400.0));
+}
+
+WorkerShell::~WorkerShell() = default;
+
+const std::atomic<bool>& WorkerShell::stop() const { return stop_signalled; }
+
+int WorkerShell::run(int argc, char** argv, const WorkerJobs& jobs) {
+  try {
+    flags_->parse(argc, argv);
+  } catch (const CLI::ParseError& failure) {
+    return flags_->exit(failure) == 0 ? kExitDone : kExitBadInput;
+  }
+  is_bench_ = flags_->count("--bench") > 0;
+  if (!is_bench_ && flags_->count("--arena") == 0)
+    return fail("give --arena NAME to join a run, or --bench SECONDS", kExitBadInput);
+  if (!is_bench_) take_signals_of_a_run();
+  try {
+    const std::string index = std::to_string(worker_index_);
+    const std::string name = program_.is_single ? program_.role : program_.role + "-" + index;
+    // The standard output of a bench is for its one JSON object.
+    const Status log =
+        init_log(name, is_bench_ ? "" : run_dir_ + "/logs/" + program_.role + "-" + index + ".log");
+    if (!log) return fail(log.error().message, exit_code(log.error()));
+    has_log_ = true;
+    const Status done = do_job(jobs);
+    if (!done) return fail(done.error().message, exit_code(done.error()));
+    if (!is_bench_) spdlog::info("stopped");
+    return kExitDone;
+  } catch (const std::exception& failure) {  // from libraries; ours do not throw
+    return fail(failure.what(), kExitFailed);
+  }
+}
+
+Status WorkerShell::do_job(const WorkerJobs& jobs) const {
+  COMRAD_TRY_ASSIGN(const RunConfig config, load_run_config(run_dir_ + "/config.toml"));
+  return is_bench_ ? jobs.bench(config, bench_seconds_) : jobs.work(config);
+}
+
+int WorkerShell::fail(const std::string& message, int code) const {
+  if (has_log_)
+    spdlog::error("{}", message);  // init_log sends errors to standard error as well
+  else
+    std::fprintf(stderr, "%s: %s\n", program_.name.c_str(), message.c_str());
+  return code;
+}
+
+Expected<Arena> WorkerShell::join() const {
+  JoinRequest request;
+  std::strncpy(request.role, program_.role.c_str(), sizeof request.role - 1);
+  request.worker_index = static_cast<uint32_t>(worker_index_);
+  return join_arena(arena_, request, kJoinTimeoutMs);
+}
+
+void BenchShape::add_flags(CLI::App& flags) {
+  flags.add_option("--num_agents", num_agents, "bench: agents per environment")
+      ->check(CLI::Range(1, kMaxAgents));
+  flags.add_option("--heads", heads, "bench: sizes of the action heads, 3,3,3")->delimiter(',');
+  flags.add_option("--measurements", measurements, "bench: length of the measurement vector")
+      ->check(CLI::Range(0, 1024));
+}
+
+Expected<EnvShape> BenchShape::env() const {
+  if (heads.empty() || heads.size() > static_cast<std::size_t>(kMaxHeads))
+    return Error{ErrorCode::kBadInput, "--heads has " + std::to_string(heads.size()) +
+                                           " entries; it needs 1 to " + std::to_string(kMaxHeads)};
+  TrajectoryShape shape;
+  shape.env.num_agents = num_agents;
+  shape.env.measurement_count = measurements;
+  shape.env.head_count = static_cast<int32_t>(heads.size());
+  std::ranges::copy(heads, shape.env.head_sizes.begin());
+  COMRAD_TRY(validate(shape));
+  return shape.env;
+}
+
+}  // namespace comrad::shm

@@ -1,0 +1,170 @@
+#include "deploy/launch/run_meter.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "tests/support/small_arena.h"
+
+namespace comrad::deploy {
+namespace {
+
+using ::testing::HasSubstr;
+
+class RunMeterTest : public ::testing::Test {
+ protected:
+  RunMeterTest() { plan_.config.env_frameskip = 4; }
+
+  /// What a learner in its `epoch`-th life has counted.
+  void learner_says(uint64_t decisions, uint64_t updates, uint32_t epoch) {
+    shm::WorkerCounters& counters = arena_.learner_counters();
+    counters.epoch = epoch;
+    counters.decisions = decisions;
+    counters.batches = updates;
+    counters.state = shm::WorkerState::kRunning;
+    arena_.control().learner_env_frames = 4 * decisions;
+  }
+  void report(double lag) const {
+    shm::LearnerReport report;
+    report.policy_lag_mean = lag;
+    arena_.publish_report(report);
+  }
+
+  shm::Arena arena_ = *shm::Arena::create(testing::small_arena_shape(), 1);
+  LaunchPlan plan_;
+};
+
+TEST(Growth, ACounterThatFallsIsCountedOnFromThere) {
+  Growth growth;
+  EXPECT_EQ(growth.see(10), 0u);
+  EXPECT_EQ(growth.see(4), 6u);
+  EXPECT_EQ(growth.see(9), 0u);
+  EXPECT_EQ(growth.total(), 15u);
+  EXPECT_EQ(growth.start_from(100), 0u);
+  EXPECT_EQ(growth.see(101), 0u);
+  EXPECT_EQ(growth.total(), 16u) << "91 were no work of ours";
+  EXPECT_EQ(growth.seen(), 101u);
+}
+
+TEST_F(RunMeterTest, WithoutAnArenaNothingIsCounted) {
+  RunMeter meter(plan_);
+  EXPECT_FALSE(meter.count());
+  EXPECT_FALSE(meter.take_report());
+  EXPECT_EQ(meter.decisions(), 0u);
+  EXPECT_EQ(meter.env_frames(), 0u);
+  EXPECT_TRUE(std::isnan(meter.episode_score_mean()));
+}
+
+TEST_F(RunMeterTest, WhatAResumedLearnerBeginsWithIsNoWorkOfThisProcess) {
+  RunMeter meter(plan_);
+  meter.use(&arena_);
+  learner_says(1000, 10, 1);
+  arena_.learner_counters().state = shm::WorkerState::kStarting;
+  EXPECT_FALSE(meter.count());
+  EXPECT_EQ(meter.decisions_of_run(), 0u) << "a learner that is starting has not set its counters";
+  arena_.learner_counters().state = shm::WorkerState::kRunning;
+  EXPECT_FALSE(meter.count());
+  learner_says(1064, 11, 1);
+  EXPECT_FALSE(meter.count());
+  EXPECT_EQ(meter.decisions(), 64u);
+  EXPECT_EQ(meter.decisions_of_run(), 1064u);
+  EXPECT_EQ(meter.env_frames(), 4 * 1064u);
+}
+
+TEST_F(RunMeterTest, ALearnerThatGoesBackIsNoticedAndWhatItForgotIsKept) {
+  RunMeter meter(plan_);
+  meter.use(&arena_);
+  learner_says(0, 0, 1);
+  (void)meter.count();
+  learner_says(1000, 10, 1);
+  EXPECT_FALSE(meter.count());
+  EXPECT_EQ(meter.going_back_text(), "");
+  learner_says(750, 7, 2);
+  EXPECT_TRUE(meter.count());
+  EXPECT_EQ(meter.env_frames_lost(), 1000u);
+  EXPECT_EQ(arena_.control().env_frames_lost.load(), 1000u);
+  EXPECT_THAT(meter.going_back_text(), HasSubstr("went back 1k env frames to its last checkpoint"));
+  EXPECT_EQ(meter.env_frames(), 3000u) << "not those of the dead one's last report";
+  learner_says(800, 8, 2);
+  EXPECT_FALSE(meter.count());
+  EXPECT_EQ(meter.decisions(), 1050u) << "all that was trained on, also what was forgotten";
+
+  // A fresh arena, where its counters begin anew, hears of it.
+  const shm::Arena fresh = *shm::Arena::create(testing::small_arena_shape(), 2);
+  meter.use(&fresh);
+  EXPECT_EQ(fresh.control().env_frames_lost.load(), 1000u);
+}
+
+TEST_F(RunMeterTest, UnsavedIsWhatCameAfterTheLastCheckpoint) {
+  RunMeter meter(plan_);
+  meter.use(&arena_);
+  learner_says(1000, 10, 1);
+  EXPECT_EQ(meter.unsaved_text(), "4k env frames since the run's beginning are lost");
+  arena_.control().saved_env_frames = 3000;
+  EXPECT_EQ(meter.unsaved_text(), "1k env frames since the one at 3k are lost");
+}
+
+TEST_F(RunMeterTest, TheWindowOpensAfterTheFirstUpdateAndTheWarmUp) {
+  plan_.seconds = 2;
+  plan_.warmup_seconds = 1;
+  RunMeter meter(plan_);
+  meter.use(&arena_);
+  learner_says(0, 0, 1);
+  (void)meter.count();
+  EXPECT_FALSE(meter.measure(100)) << "no update yet";
+  learner_says(64, 1, 1);
+  (void)meter.count();
+  report(7);
+  (void)meter.take_report();
+  EXPECT_FALSE(meter.measure(110)) << "it warms up";
+  EXPECT_FALSE(meter.measure(111)) << "the window opens";
+  learner_says(320, 5, 1);
+  (void)meter.count();
+  for (const double lag : {2.0, 4.0, std::nan("")}) {
+    report(lag);
+    ASSERT_TRUE(meter.take_report());
+  }
+  EXPECT_FALSE(meter.take_report()) << "it was read before";
+  EXPECT_FALSE(meter.measure(112.9));
+  EXPECT_TRUE(meter.measure(113.5));
+  EXPECT_DOUBLE_EQ(meter.window().seconds, 2.5);
+  EXPECT_EQ(meter.window().decisions, 256u);
+  EXPECT_EQ(meter.window().updates, 4u);
+  EXPECT_DOUBLE_EQ(meter.lag_mean(), 3.0) << "of the window alone";
+  EXPECT_FALSE(meter.measure(120)) << "it is over once";
+}
+
+TEST_F(RunMeterTest, WhereNobodyTrainsWhatSimulatorsPlayCounts) {
+  plan_.policy = PolicySource::kRandom;
+  RunMeter meter(plan_);
+  meter.use(&arena_);
+  arena_.sim_counters(0).decisions = 30;
+  arena_.sim_counters(1).decisions = 12;
+  EXPECT_FALSE(meter.count());
+  EXPECT_EQ(meter.decisions(), 42u);
+  arena_.sim_counters(1).decisions = 0;  // it began anew
+  (void)meter.count();
+  arena_.sim_counters(1).decisions = 5;
+  (void)meter.count();
+  EXPECT_EQ(meter.decisions(), 47u);
+}
+
+TEST_F(RunMeterTest, AnEpisodePlayedTwiceCountsOnce) {
+  RunMeter meter(plan_);
+  const auto add = [&](uint64_t id, double score) {
+    dds::EpisodeResult episode;
+    episode.episode_id = id;
+    episode.score = score;
+    meter.add(episode);
+  };
+  add(3, 10);
+  add(1, 20);
+  add(3, 70);
+  EXPECT_EQ(meter.episodes().size(), 2u);
+  EXPECT_DOUBLE_EQ(meter.episode_score_mean(), 15);
+}
+
+}  // namespace
+}  // namespace comrad::deploy
