@@ -536,7 +536,7 @@ TEST_F(LearnerTest, AStalledLearnerBoundsWhatIsCollected) {
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   EXPECT_EQ(queue.waiting(), 2);
   EXPECT_EQ(arena->sealed_count(), 16);
-  std::unique_ptr<Minibatch> batch = queue.pop(1000);
+  std::unique_ptr<RolloutBatch> batch = queue.pop(1000);
   ASSERT_NE(batch, nullptr);
   EXPECT_EQ(batch->transitions, 16);
   queue.recycle(std::move(batch));
