@@ -5,6 +5,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -12,13 +13,12 @@
 #include <vector>
 
 #include "learner/algorithms/algorithm.h"
-#include "learner/checkpoint/checkpoint.h"
-#include "learner/worker/batch_queue.h"
-#include "learner/worker/journal_snapshot.h"
+#include "learner/worker/batch_source.h"
+#include "learner/worker/checkpoint_keeper.h"
 #include "learner/worker/layout_service.h"
-#include "learner/worker/learning_check.h"
-#include "learner/worker/metrics.h"
-#include "learner/worker/replay_feed.h"
+#include "learner/worker/reporter.h"
+#include "learner/worker/run_totals.h"
+#include "learner/worker/stop_signal.h"
 #include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus.h"
@@ -33,16 +33,12 @@ struct LearnerOptions {
       checkpoint;  ///< serve: the file; train: where to begin when the run has no checkpoint of its own
 };
 
-/// The device that `name` (auto, cpu, cuda, cuda:<n>) means here. Errors: kUnsupported when there is no such
-/// device.
-Expected<torch::Device> choose_device(const std::string& name);
-
 /// One learner. Made by start(), which leaves weights published and simulators allowed to begin.
 class Learner {
  public:
   /// Opens everything in the order that others depend on: algorithm, checkpoint, weights, journals,
   /// permission. `stop` is raised by a signal handler. Errors: kBadInput (settings, arena of another shape),
-  /// kBadFormat (checkpoint), kSystem.
+  /// kBadFormat (checkpoint), kUnsupported (device), kSystem.
   static Expected<std::unique_ptr<Learner>> start(const LearnerOptions& options, const RunConfig& config,
                                                   shm::Arena arena, std::optional<dds::Bus> bus,
                                                   const std::atomic<bool>& stop);
@@ -51,7 +47,7 @@ class Learner {
   /// Errors: kBadInput when training diverged, kNotSaved when the last checkpoint could not be written.
   Status run();
 
-  uint64_t env_frames() const { return env_frames_; }
+  uint64_t env_frames() const { return totals_.env_frames; }
   const Algorithm& algorithm() const { return *algorithm_; }
 
  private:
@@ -59,101 +55,47 @@ class Learner {
           std::optional<dds::Bus> bus, const std::atomic<bool>& stop);
 
   // Start.
+  Status open();
+  Status make_network();
   Status check_arena() const;
   Status resume();
   /// `is_own`: a checkpoint of this run, rather than one of another's to begin from.
-  Status load(const std::string& path, bool is_own = true);
-  /// The window of the last episodes, and the best score that a full one had.
-  Status load_episodes(const StateDict& state, const std::string& path, bool is_own);
+  Status load(const CheckpointKeeper::Found& found, bool is_own);
+  Status load(const std::string& path, bool is_own);
+  Status prepare_training();
 
-  // The ways to collect.
-  Status run_asynchronous();
-  Status run_replay();
-  Status run_lock_step();
+  // Run.
+  Status train();
   Status serve();
-  /// Slab indices of rollout `rollout`, one per environment in order; empty when a stop came first.
-  Expected<std::vector<uint32_t>> collect_rollout(uint64_t rollout);
-
-  /// Trains on one rollout's slabs, at once or by way of the replay. False when a stop came first.
-  Expected<bool> train_rollout(const std::vector<uint32_t>& slabs);
-  Expected<bool> replay_rollout(const std::vector<uint32_t>& slabs);
-
-  // What all do.
+  void take_in(const Inserted& inserted);
+  Expected<UpdateStats> update(Sample& sample);
   UpdateContext update_context();
-  Status train(Minibatch& batch);
-  Status train(ReplayBatch& batch);
-  /// Counts and observes what came into the replay.
-  void take_inserted();
-  void count(int64_t transitions);
   void publish();
-  bool is_finished() const;
-  bool stop_requested();
-  double seconds_since_stop() const;
+  void close_rollout();
+  void give_up_rollout();
   bool wait_while_paused();
 
-  // Checkpoints.
-  StateDict state() const;
-  Status save_replay(StateDict& state);
-  /// Removes replays of checkpoints that are no longer kept.
-  void prune_replays() const;
-  Status save_checkpoint();
-  Status save_if_due();
-  /// Saves a best checkpoint when the mean score of a full window of episodes grew.
-  void save_if_best();
-
-  // Reports.
+  // What all do now and then.
+  void count(int64_t transitions);
   void poll();
-  void publish_stats();
-  void report_metrics();
-  void append_replay(MetricValues& values) const;
-  void warn(const std::vector<std::string>& findings);
-  void set_state(const char* state);
+  StateDict state() const;
+  void note_saved();
+  bool is_finished() const { return totals_.reach_the_goal_of(config_); }
 
-  LearnerOptions options_;
-  RunConfig config_;
+  const LearnerOptions options_;
+  const RunConfig config_;
+  const bool lock_step_;
   shm::Arena arena_;
   std::optional<dds::Bus> bus_;
-  const std::atomic<bool>& stop_;
+  StopSignal stop_;
+  RunTotals totals_;
+  Reporter reporter_;
+  CheckpointKeeper checkpoints_;
   std::unique_ptr<Algorithm> algorithm_;
-  OnPolicyAlgorithm* on_policy_ = nullptr;    ///< algorithm_, if it is one
-  OffPolicyAlgorithm* off_policy_ = nullptr;  ///< the same
-  CheckpointStore store_;
-  std::optional<MetricsWriter> metrics_;
-  std::unique_ptr<BatchQueue> queue_;       ///< on-policy, asynchronous mode
-  std::unique_ptr<ReplayFeed> feed_;        ///< off-policy
-  std::vector<Minibatch> batches_;          ///< on-policy, lock step: a full one, and one for a shorter rest
   std::unique_ptr<LayoutService> layouts_;  ///< null: the run plays one map
+  std::unique_ptr<BatchSource> source_;     ///< null: it only serves
   std::vector<std::byte> weights_;
-
-  // Counted over the whole run, kept in checkpoints.
-  uint64_t env_frames_ = 0;
-  uint64_t decisions_ = 0;
-  double train_seconds_before_ = 0;
-  uint64_t next_rollout_ = 0;                ///< lock step
-  std::optional<JournalSnapshot> journals_;  ///< of the last boundary, deterministic mode
-  double best_score_ = 0;
-  bool has_best_ = false;
-  bool told_of_no_best_ = false;
-
-  // Of this process.
-  double started_s_ = 0;
-  double stop_seen_s_ = 0;
-  uint32_t checkpoint_seq_done_ = 0;
-  PolicyVersion saved_version_ = 0;
-  bool lock_step_ = false;
-  double last_save_s_ = 0, last_best_look_s_ = 0, last_stats_s_ = 0, last_report_s_ = 0, last_poll_s_ = 0;
-  double last_sampled_s_ = 0;
-  uint64_t last_sampled_decisions_ = 0;
-  uint64_t skipped_steps_ = 0;
-  uint64_t broken_decisions_ = 0;
-  RateWindow rates_;
-  EpisodeWindow episodes_;
-  LearningCheck check_;
-  std::string last_warning_;  ///< goes into the worker status
-  UpdateStats last_update_;
-  LagStats last_lag_;  ///< of the newest data
-  std::string state_name_ = "starting";
-  std::string last_checkpoint_;
+  double last_poll_s_ = 0;
 };
 
 }  // namespace comrad::learn

@@ -16,6 +16,7 @@
 #include <variant>
 #include <vector>
 
+#include "learner/worker/batch_queue.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/rng.h"

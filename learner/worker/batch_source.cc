@@ -1,0 +1,341 @@
+#include "learner/worker/batch_source.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "learner/worker/batch_queue.h"
+#include "learner/worker/journal_snapshot.h"
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/shm/futex.h"
+
+namespace comrad::learn {
+namespace {
+
+constexpr int kPopTimeoutMs = 50;
+constexpr int64_t kSealedTimeoutUs = 50'000;
+constexpr int kJournalTimeoutMs = 5000;
+constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();
+
+/// Counts the time from its making on as waiting.
+class WaitClock {
+ public:
+  explicit WaitClock(const shm::Arena& arena) : arena_(arena) {}
+  WaitClock(const WaitClock&) = delete;
+  WaitClock& operator=(const WaitClock&) = delete;
+  ~WaitClock() {
+    arena_.learner_counters().wait_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - from_ns_));
+  }
+
+ private:
+  const shm::Arena& arena_;
+  const int64_t from_ns_ = monotonic_ns();
+};
+
+/// On-policy, asynchronous: a thread fills batches while the learner trains.
+class QueueSource final : public BatchSource {
+ public:
+  explicit QueueSource(const SourceOptions& options) : options_(options) {}
+
+  Status start() override {
+    queue_ = std::make_unique<BatchQueue>(
+        options_.arena, slabs_per_batch(options_.config, options_.arena.shape().trajectory.env),
+        options_.config.num_batches_to_accumulate);
+    return {};
+  }
+  uint64_t rollouts_allowed() const override { return kUnlimited; }
+
+  Expected<bool> drain() override {
+    const WaitClock clock(options_.arena);
+    next_ = queue_->pop(kPopTimeoutMs);
+    if (next_ != nullptr) return true;
+    if (const std::string failure = queue_->failure(); !failure.empty())
+      return Error{ErrorCode::kSystem, "collating batches failed: " + failure};
+    return false;
+  }
+  std::optional<Sample> sample(PolicyVersion) override {
+    if (next_ == nullptr) return std::nullopt;
+    return Sample{.inserted = {}, .minibatch = std::move(next_), .replay_batch = nullptr};
+  }
+  void finish(Sample sample) override { queue_->recycle(std::move(sample.minibatch)); }
+  void stop() override {
+    broken_decisions_ = broken_decisions();
+    queue_.reset();
+  }
+
+  int waiting() const override { return queue_ ? queue_->waiting() : 0; }
+  uint64_t broken_decisions() const override {
+    return queue_ ? queue_->broken_decisions() : broken_decisions_;
+  }
+
+ private:
+  const SourceOptions options_;
+  std::unique_ptr<BatchQueue> queue_;
+  std::unique_ptr<Minibatch> next_;
+  uint64_t broken_decisions_ = 0;  ///< of the queue that was
+};
+
+/// Off-policy, asynchronous: one thread fills the replay, another draws from it.
+class ReplaySource final : public BatchSource {
+ public:
+  ReplaySource(const SourceOptions& options, std::unique_ptr<ReplayFeed> feed)
+      : options_(options), feed_(std::move(feed)) {}
+
+  Status start() override {
+    feed_->start(options_.arena);
+    return {};
+  }
+  uint64_t rollouts_allowed() const override { return kUnlimited; }
+
+  Expected<bool> drain() override {
+    const WaitClock clock(options_.arena);
+    next_.replay_batch = feed_->pop(kPopTimeoutMs);
+    next_.inserted = feed_->take_inserted();
+    if (const std::string failure = feed_->failure(); !failure.empty())
+      return Error{ErrorCode::kSystem, "replay: " + failure};
+    return next_.has_batch() || next_.inserted.transitions > 0;
+  }
+  std::optional<Sample> sample(PolicyVersion) override {
+    if (!next_.has_batch() && next_.inserted.transitions == 0) return std::nullopt;
+    return std::exchange(next_, {});
+  }
+  void finish(Sample sample) override { feed_->finish(std::move(sample.replay_batch)); }
+
+  ReplayFeed* feed() override { return feed_.get(); }
+  int waiting() const override { return feed_->waiting(); }
+  uint64_t broken_decisions() const override { return static_cast<uint64_t>(feed_->broken_decisions()); }
+
+ private:
+  const SourceOptions options_;
+  std::unique_ptr<ReplayFeed> feed_;
+  Sample next_;
+};
+
+/// Lock step, on-policy or with a replay: waits for slab r of every environment, hands them out in the environments'
+/// order, and only then lets rollout r + 1 begin. So the result does not depend on timing.
+class LockStepSource final : public BatchSource {
+ public:
+  /// `feed` is null on-policy.
+  LockStepSource(const SourceOptions& options, std::unique_ptr<ReplayFeed> feed)
+      : options_(options),
+        per_batch_(
+            static_cast<std::size_t>(slabs_per_batch(options.config, options.arena.shape().trajectory.env))),
+        feed_(std::move(feed)) {}
+  ~LockStepSource() override { release_slabs(); }
+
+  Status start() override { return journals_ ? journals_->restore(options_.arena) : Status(); }
+  uint64_t rollouts_allowed() const override { return next_rollout_ + 1; }
+
+  Expected<bool> drain() override;
+  std::optional<Sample> sample(PolicyVersion version) override;
+  void finish(Sample sample) override;
+  void close_rollout() override;
+  bool resumes_exactly() const override { return journals_.has_value(); }
+  void open_rollout(bool goes_on) override;
+
+  Status load(const StateDict& state, const std::string& path, bool is_own) override;
+  void save(StateDict& state) const override;
+
+  ReplayFeed* feed() override { return feed_.get(); }
+  int waiting() const override { return feed_ ? feed_->waiting() : 0; }
+  uint64_t broken_decisions() const override {
+    return feed_ ? static_cast<uint64_t>(feed_->broken_decisions()) : broken_decisions_;
+  }
+
+ private:
+  Status take(uint32_t slab, std::vector<std::optional<uint32_t>>& slab_of);
+  Expected<bool> collect();
+  void capture_journals();
+  std::unique_ptr<Minibatch> collate_next();
+  void release_slabs();
+
+  const SourceOptions options_;
+  const std::size_t per_batch_;  ///< slabs
+  std::unique_ptr<ReplayFeed> feed_;
+  std::vector<std::unique_ptr<Minibatch>> free_;  ///< of a full batch, and of a shorter rest
+  std::vector<uint32_t> slabs_;                   ///< of the rollout in hand, by environment
+  std::size_t used_ = 0;                          ///< of them
+  std::optional<JournalSnapshot> journals_;       ///< of the last boundary, deterministic mode
+  std::optional<JournalSnapshot> boundary_;       ///< behind the rollout in hand
+  uint64_t next_rollout_ = 0;
+  uint64_t broken_decisions_ = 0;
+};
+
+Expected<bool> LockStepSource::drain() {
+  COMRAD_TRY_ASSIGN(const bool is_whole, collect());
+  if (is_whole) capture_journals();
+  return is_whole;
+}
+
+Status LockStepSource::take(uint32_t slab, std::vector<std::optional<uint32_t>>& slab_of) {
+  const shm::SlabHeader& header = options_.arena.slab_header(static_cast<int>(slab));
+  const uint32_t env_index = header.env_index;
+  if (env_index < slab_of.size() && header.rollout_index == next_rollout_ && !slab_of[env_index]) {
+    slab_of[env_index] = slab;
+    return {};
+  }
+  return Error{ErrorCode::kPeerLost, "environment " + std::to_string(env_index) + " sealed rollout " +
+                                         std::to_string(header.rollout_index) +
+                                         " while the learner waits for rollout " +
+                                         std::to_string(next_rollout_) +
+                                         "; a simulator left lock step, resume from the last checkpoint"};
+}
+
+/// Waits for the rollout's slab of every environment; false, and all slabs back, when a stop came first.
+Expected<bool> LockStepSource::collect() {
+  const shm::Arena& arena = options_.arena;
+  std::vector<std::optional<uint32_t>> slab_of(static_cast<std::size_t>(arena.shape().env_count()));
+  std::size_t missing = slab_of.size();
+  used_ = 0;
+  while (missing > 0) {
+    if (options_.stop.requested()) {
+      release_slabs();
+      return false;
+    }
+    {
+      const WaitClock clock(arena);
+      shm::Doorbell& sealed = arena.control().slab_sealed;
+      const uint32_t heard = shm::listen(sealed);
+      const std::vector<uint32_t> drained = arena.drain_slabs(static_cast<int>(missing));
+      slabs_.insert(slabs_.end(), drained.begin(), drained.end());
+      for (const uint32_t slab : drained)
+        if (const Status taken = take(slab, slab_of); !taken) {
+          release_slabs();
+          return taken.error();
+        }
+      missing -= drained.size();
+      if (missing > 0 && drained.empty()) shm::wait(sealed, heard, kSealedTimeoutUs);
+    }
+    options_.poll();
+  }
+  std::ranges::transform(slab_of, slabs_.begin(), [](const std::optional<uint32_t>& slab) { return *slab; });
+  return true;
+}
+
+void LockStepSource::capture_journals() {
+  boundary_.reset();
+  if (!options_.config.deterministic || options_.arena.shape().journal_steps <= 0) return;
+  Expected<JournalSnapshot> captured =
+      JournalSnapshot::capture(options_.arena, next_rollout_ + 1, kJournalTimeoutMs);
+  if (captured)
+    boundary_ = std::move(captured).value();
+  else
+    spdlog::warn("{}; checkpoints of this boundary will not resume exactly", captured.error().message);
+}
+
+std::optional<Sample> LockStepSource::sample(PolicyVersion version) {
+  Sample next;
+  if (feed_ == nullptr) {
+    if (used_ == slabs_.size()) return std::nullopt;
+    next.minibatch = collate_next();
+    return next;
+  }
+  // Every batch's worth of slabs is stored, and then trained on as often as it is due.
+  if (used_ > 0 && feed_->is_update_due()) {
+    next.replay_batch = feed_->sample();
+    return next;
+  }
+  if (used_ == slabs_.size()) return std::nullopt;
+  const std::size_t end = std::min(used_ + per_batch_, slabs_.size());
+  for (; used_ < end; ++used_) feed_->insert(options_.arena, slabs_[used_], version);
+  next.inserted = feed_->take_inserted();
+  return next;
+}
+
+std::unique_ptr<Minibatch> LockStepSource::collate_next() {
+  const shm::Arena& arena = options_.arena;
+  const auto count = static_cast<int64_t>(std::min(per_batch_, slabs_.size() - used_));
+  std::unique_ptr<Minibatch> batch;
+  if (const auto fits = std::ranges::find(free_, count, [](const auto& one) { return one->slab_count; });
+      fits != free_.end()) {
+    batch = std::move(*fits);
+    free_.erase(fits);
+    clear(*batch);
+  } else {
+    batch = std::make_unique<Minibatch>(make_minibatch(arena.shape().trajectory, count));
+  }
+  for (int64_t i = 0; i < count; ++i, ++used_) {
+    const int slab = static_cast<int>(slabs_[used_]);
+    broken_decisions_ +=
+        static_cast<uint64_t>(collate_slab(*batch, i, arena.slab(slab), arena.slab_header(slab).length));
+  }
+  return batch;
+}
+
+void LockStepSource::finish(Sample sample) {
+  if (sample.replay_batch) feed_->finish(std::move(sample.replay_batch));
+  if (sample.minibatch) free_.push_back(std::move(sample.minibatch));
+}
+
+void LockStepSource::close_rollout() {
+  journals_ = std::exchange(boundary_, std::nullopt);
+  ++next_rollout_;
+}
+
+void LockStepSource::open_rollout(bool goes_on) {
+  release_slabs();
+  if (!goes_on) return;
+  options_.arena.control().rollouts_allowed = rollouts_allowed();
+  shm::ring(options_.arena.control().slab_released);
+}
+
+void LockStepSource::release_slabs() {
+  for (const uint32_t slab : slabs_) options_.arena.release_slab(slab);
+  slabs_.clear();
+  used_ = 0;
+}
+
+Status LockStepSource::load(const StateDict& state, const std::string& path, bool is_own) {
+  journals_.reset();
+  next_rollout_ = 0;
+  if (options_.config.deterministic && JournalSnapshot::is_in(state)) {
+    COMRAD_TRY_ASSIGN(journals_, JournalSnapshot::load(state));
+    next_rollout_ = journals_->next_rollout;
+  } else if (options_.config.deterministic) {
+    spdlog::warn("{} holds no journals; its environments begin anew, the run is not the uninterrupted one",
+                 path);
+  }
+  return BatchSource::load(state, path, is_own);
+}
+
+void LockStepSource::save(StateDict& state) const {
+  if (journals_) journals_->save(state);
+  BatchSource::save(state);
+}
+
+}  // namespace
+
+Status BatchSource::load(const StateDict& state, const std::string& path, bool is_own) {
+  if (feed() == nullptr) return {};
+  const std::size_t slash = path.rfind('/');
+  return feed()->load(state, slash == std::string::npos ? "." : path.substr(0, slash), is_own);
+}
+
+void BatchSource::save(StateDict& state) const {
+  if (feed() != nullptr) feed()->save_position(state);
+}
+
+int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env) {
+  return std::max<int64_t>(
+      1, config.batch_size * config.num_batches_per_epoch / (config.rollout * env.num_agents));
+}
+
+Expected<std::unique_ptr<BatchSource>> make_batch_source(const SourceOptions& options) {
+  std::unique_ptr<ReplayFeed> feed;
+  if (options.is_off_policy) {
+    COMRAD_TRY_ASSIGN(feed,
+                      ReplayFeed::create(options.config, options.arena.shape().trajectory, options.run_dir));
+  }
+  std::unique_ptr<BatchSource> source;
+  if (options.config.deterministic || !options.config.async_rl)
+    source = std::make_unique<LockStepSource>(options, std::move(feed));
+  else if (options.is_off_policy)
+    source = std::make_unique<ReplaySource>(options, std::move(feed));
+  else
+    source = std::make_unique<QueueSource>(options);
+  return source;
+}
+
+}  // namespace comrad::learn

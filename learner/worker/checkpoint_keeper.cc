@@ -1,0 +1,167 @@
+#include "learner/worker/checkpoint_keeper.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <utility>
+#include <vector>
+
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/log.h"
+
+namespace comrad::learn {
+namespace {
+
+constexpr double kBestImprovement = 1e-3;
+constexpr const char* kBestScoreKey = "counters/best_score";
+
+/// The last episodes, f64 [n, EpisodeWindow::kFields]; n is stats_avg at most.
+constexpr const char* kEpisodesKey = "episodes/window";
+
+/// The replay that belongs to a checkpoint, beside it.
+std::string replay_file_name(uint64_t version, uint64_t env_frames) {
+  return "replay_" + std::to_string(version) + "_" + std::to_string(env_frames) + ".bin";
+}
+
+}  // namespace
+
+CheckpointKeeper::CheckpointKeeper(const RunConfig& config, const std::string& run_dir,
+                                   const RunTotals& totals, EpisodeWindow& episodes)
+    : config_(config),
+      totals_(totals),
+      episodes_(episodes),
+      folder_(run_dir + "/checkpoint"),
+      store_(folder_, config.keep_checkpoints) {}
+
+Expected<std::optional<CheckpointKeeper::Found>> CheckpointKeeper::find(bool is_reader) {
+  std::vector<std::string> candidates;
+  if (config_.load_checkpoint_kind == "best" && !store_.best().empty()) candidates.push_back(store_.best());
+  for (const CheckpointFile& file : store_.list()) candidates.push_back(file.path);
+  for (const std::string& path : candidates) {
+    Expected<StateDict> state = read_checkpoint(path);
+    if (state) return std::optional<Found>({.path = path, .state = std::move(state).value()});
+    if (state.error().code != ErrorCode::kBadFormat) return state.error();
+    spdlog::warn("{}; trying the one before", state.error().message);
+    if (!is_reader) store_.set_aside(path);
+  }
+  // Those that an earlier start set aside count, too: a second start must not train from nothing.
+  const std::size_t damaged = store_.set_aside_count() + (is_reader ? candidates.size() : 0);
+  if (damaged > 0)
+    return Error{ErrorCode::kBadFormat, "none of the " + std::to_string(damaged) + " checkpoints in " +
+                                            folder_ +
+                                            " can be read (damaged ones end in .broken); restore one, "
+                                            "or begin anew with --restart_behavior restart"};
+  return std::optional<Found>();
+}
+
+Status CheckpointKeeper::resumed_from(const Found& found, PolicyVersion version, bool is_own) {
+  last_path_ = found.path;
+  settled_version_ = version;
+  best_score_.reset();
+  if (!is_own) return {};
+  if (found.state.has(kEpisodesKey)) return restore_episodes(found);
+  // Before there was a window in checkpoints, the luckiest ten episodes made a best one.
+  if (found.state.has(kBestScoreKey))
+    spdlog::info(
+        "{} does not say over how many episodes its best score was taken; the best is looked for anew",
+        found.path);
+  return {};
+}
+
+Status CheckpointKeeper::restore_episodes(const Found& found) {
+  COMRAD_TRY_ASSIGN(const torch::Tensor saved, found.state.tensor(kEpisodesKey));
+  if (saved.scalar_type() != torch::kFloat64)
+    return Error{ErrorCode::kBadFormat,
+                 found.path + ": " + kEpisodesKey + " has another type than this build writes"};
+  const torch::Tensor dense = saved.contiguous();
+  const Status restored =
+      episodes_.restore({dense.data_ptr<double>(), static_cast<std::size_t>(dense.numel())},
+                        dense.dim() == 2 ? static_cast<std::size_t>(dense.size(1)) : EpisodeWindow::kFields);
+  if (!restored) return Error{restored.error().code, found.path + ": " + restored.error().message};
+  // Where stats_avg was raised since, the best was that of a shorter window.
+  if (found.state.has(kBestScoreKey) && episodes_.is_full()) {
+    COMRAD_TRY_ASSIGN(best_score_, found.state.number(kBestScoreKey));
+  }
+  return {};
+}
+
+void CheckpointKeeper::append_to(StateDict& state) const {
+  if (best_score_) state.put(kBestScoreKey, *best_score_);
+  state.put(kEpisodesKey, torch::tensor(episodes_.state(), torch::kFloat64)
+                              .view({static_cast<int64_t>(episodes_.size()),
+                                     static_cast<int64_t>(EpisodeWindow::kFields)}));
+}
+
+Status CheckpointKeeper::save(PolicyVersion version) {
+  const auto write_both = [&]() -> Expected<std::string> {
+    StateDict state = contents_.state();
+    if (contents_.save_replay && config_.save_replay) {
+      std::error_code error;
+      std::filesystem::create_directories(folder_, error);
+      COMRAD_TRY(contents_.save_replay(state, folder_, replay_file_name(version, totals_.env_frames)));
+    }
+    Expected<std::string> path = store_.save(state, version, totals_.env_frames);
+    if (contents_.save_replay) prune_replays();
+    return path;
+  };
+  const Expected<std::string> path = write_both();
+  last_save_s_ = monotonic_s();
+  if (!path) {
+    spdlog::error("checkpoint: {}", path.error().message);
+    return path.error();
+  }
+  settled_version_ = version;
+  last_path_ = *path;
+  spdlog::info("saved {}", *path);
+  contents_.was_saved();
+  return {};
+}
+
+void CheckpointKeeper::prune_replays() const {
+  std::vector<std::string> kept;
+  for (const CheckpointFile& file : store_.list())
+    kept.push_back(replay_file_name(file.version, file.env_frames));
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_, error)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with("replay_") && name.ends_with(".bin") && std::ranges::find(kept, name) == kept.end())
+      std::filesystem::remove(entry.path(), error);
+  }
+}
+
+void CheckpointKeeper::save_if_due(PolicyVersion version, uint32_t wish) {
+  const double now_s = monotonic_s();
+  if (last_save_s_ == 0) last_save_s_ = last_best_look_s_ = now_s;
+  const bool is_wanted = std::exchange(wish_done_, wish) != wish;
+  if (is_wanted || (now_s - last_save_s_ >= config_.save_every_sec && !is_settled(version)))
+    (void)save(version);  // it is in the log; the last one, at the end, decides about the exit code
+  if (now_s - last_best_look_s_ >= config_.save_best_every_sec) {
+    last_best_look_s_ = now_s;
+    save_if_best();
+  }
+}
+
+void CheckpointKeeper::save_if_best() {
+  if (static_cast<double>(totals_.env_frames) < config_.save_best_after) return;
+  if (!episodes_.is_full()) {
+    if (!best_score_ && !std::exchange(told_of_no_best_, true))
+      spdlog::info(
+          "no best checkpoint before stats_avg {} episodes have ended ({} so far); a run that ends before "
+          "leaves none, --stats_avg asks for fewer",
+          config_.stats_avg, episodes_.size());
+    return;
+  }
+  const double score = episodes_.score_mean();
+  if (!std::isfinite(score) || (best_score_ && score <= *best_score_ + kBestImprovement)) return;
+  const std::optional<double> previous = std::exchange(best_score_, score);
+  const Expected<std::string> path = store_.save_best(contents_.state(), score);
+  if (path) {
+    spdlog::info("saved {}", *path);
+  } else {
+    spdlog::error("best checkpoint: {}", path.error().message);
+    best_score_ = previous;
+  }
+}
+
+}  // namespace comrad::learn

@@ -1,0 +1,82 @@
+// Which checkpoint a run goes on from, when one is written, and which score was the best. What lies in them is the
+// learner's.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "learner/checkpoint/checkpoint.h"
+#include "learner/worker/metrics.h"
+#include "learner/worker/run_totals.h"
+#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/schema/version.h"
+
+namespace comrad::learn {
+
+/// What the learner does for its checkpoints.
+struct CheckpointContents {
+  std::function<StateDict()> state;
+  /// Writes the replay to `file` in `folder` and its name into the state; empty: there is none to write.
+  std::function<Status(StateDict& state, const std::string& folder, const std::string& file)> save_replay;
+  std::function<void()> was_saved;  ///< a periodic checkpoint
+};
+
+/// Threads: the learner's.
+class CheckpointKeeper {
+ public:
+  /// What the references name outlives the keeper.
+  CheckpointKeeper(const RunConfig& config, const std::string& run_dir, const RunTotals& totals,
+                   EpisodeWindow& episodes);
+  void write(CheckpointContents contents) { contents_ = std::move(contents); }
+
+  struct Found {
+    std::string path;
+    StateDict state;
+  };
+  /// The run's newest checkpoint that can be read (with --load_checkpoint_kind best, the best one first); none in a run
+  /// without any. Damaged ones are set aside, unless the learner only serves (`is_reader`).
+  /// Errors: kBadFormat when none of several can be read.
+  Expected<std::optional<Found>> find(bool is_reader);
+  /// The run goes on from this checkpoint, which makes `version`. Episodes and the best score are taken over from one
+  /// of its own (`is_own`). Errors: kBadFormat.
+  Status resumed_from(const Found& found, PolicyVersion version, bool is_own);
+  /// The last episodes and the best score, for the state.
+  void append_to(StateDict& state) const;
+
+  /// Writes a periodic checkpoint. Errors: those of CheckpointStore::save and of the replay; they are logged, too.
+  Status save(PolicyVersion version);
+  /// Does so when save_every_sec are over, or the supervisor's `wish` has grown; and writes a best checkpoint when
+  /// the mean score of a full window of episodes grew. A full disk costs this checkpoint, not the run.
+  void save_if_due(PolicyVersion version, uint32_t wish);
+
+  /// Whether `version` needs no checkpoint: it lies in one, or none is to be made of it.
+  bool is_settled(PolicyVersion version) const { return version == settled_version_; }
+  void settle(PolicyVersion version) { settled_version_ = version; }
+  /// Path of the newest checkpoint; empty before the first.
+  const std::string& last_path() const { return last_path_; }
+  const std::string& folder() const { return folder_; }
+
+ private:
+  Status restore_episodes(const Found& found);
+  void save_if_best();
+  /// Removes replays of checkpoints that are no longer kept.
+  void prune_replays() const;
+
+  const RunConfig& config_;
+  const RunTotals& totals_;
+  EpisodeWindow& episodes_;
+  const std::string folder_;
+  CheckpointStore store_;
+  CheckpointContents contents_;
+  std::string last_path_;
+  PolicyVersion settled_version_ = 0;
+  uint32_t wish_done_ = 0;
+  double last_save_s_ = 0, last_best_look_s_ = 0;
+  std::optional<double> best_score_;
+  bool told_of_no_best_ = false;
+};
+
+}  // namespace comrad::learn
