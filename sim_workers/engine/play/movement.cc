@@ -9,8 +9,7 @@
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/missiles.h"
 #include "sim_workers/engine/play/monsters.h"
-#include "sim_workers/engine/specials/line_specials.h"
-#include "sim_workers/engine/specials/movers.h"
+#include "sim_workers/engine/world/polyobject_lines.h"
 
 namespace comrad::doom {
 namespace {
@@ -300,8 +299,9 @@ MoveResult Movement::try_move_with_result(std::size_t slot, Fixed x, Fixed y) {
     Actor& body = state_.actors[slot];
     if (state.special != 0 && (state.flags & kLinePlayerPush) != 0 && body.player_index >= 0 &&
         !body.is_corpse())
-      activate_line(world_, line, body, world_.index().blockmap.lines()[line].side_of(body.x, body.y) <= 0,
-                    Activation::kPush);
+      world_.events().activate_line(world_, line, body,
+                                    world_.index().blockmap.lines()[line].side_of(body.x, body.y) <= 0,
+                                    Activation::kPush);
   }
   return result;
 }
@@ -355,7 +355,7 @@ void Movement::cross_lines(std::size_t slot, Fixed old_x, Fixed old_y, const Pos
     const BlockLine& line = world_.index().blockmap.lines()[check.touched_lines[i]];
     const bool was_behind = line.is_behind(old_x, old_y);
     if (was_behind == line.is_behind(x, y)) continue;
-    activate_line(world_, line.linedef_index, body, was_behind, how);
+    world_.events().activate_line(world_, line.linedef_index, body, was_behind, how);
     if (body.removed || body.x != x || body.y != y) return;  // teleported
   }
 }
@@ -476,7 +476,8 @@ void Movement::stop_missile(std::size_t slot) {
   if (!last_.blocked_by_actor && last_.blocking_line >= 0) {
     const BlockLine& line = world_.index().blockmap.lines()[static_cast<std::size_t>(last_.blocking_line)];
     if (state_.lines[line.linedef_index].special != 0)
-      activate_line(world_, line.linedef_index, body, line.side_of(body.x, body.y) <= 0, Activation::kImpact);
+      world_.events().activate_line(world_, line.linedef_index, body, line.side_of(body.x, body.y) <= 0,
+                                    Activation::kImpact);
     if (body.removed) return;
   }
   explode_missile(world_, body, world_.actor(last_.blocking_actor_id));
@@ -624,14 +625,6 @@ PositionCheck opening_of_point(const World& world, Fixed x, Fixed y) {
 bool fits_here(World& world, Actor& actor) {
   return actor.z >= actor.ground_z && int64_t{actor.z} + actor.height <= actor.roof_z &&
          Movement(world).check_position(world.slot_of(actor), actor.x, actor.y, false).fits;
-}
-
-bool put_where_it_fits(World& world, Actor& actor, Fixed x, Fixed y, Fixed z) {
-  const Fixed old_x = actor.x, old_y = actor.y, old_z = actor.z;
-  world.set_position(actor.id, x, y, z);
-  if (fits_here(world, actor)) return true;
-  world.set_position(actor.id, old_x, old_y, old_z);
-  return false;
 }
 
 }  // namespace comrad::doom
