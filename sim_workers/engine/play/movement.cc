@@ -74,7 +74,8 @@ int64_t meeting_fraction(const Way& way, const Way& other) {
   __int128 fraction = numerator / denominator, rest = numerator % denominator;
   if (rest < 0) --fraction, rest += denominator;
   if (2 * rest > denominator || (2 * rest == denominator && (fraction & 1) != 0)) ++fraction;
-  return static_cast<int64_t>(fraction);
+  constexpr int64_t kFarthest = int64_t{1} << 61;  // so that two of them have a difference
+  return static_cast<int64_t>(std::clamp<__int128>(fraction, -kFarthest, kFarthest));
 }
 
 void turn_along(const Way& wall, Way& move) {
@@ -86,7 +87,7 @@ void turn_along(const Way& wall, Way& move) {
     const Way across{move.x, move.y, wall.dy, -wall.dx};
     const int64_t way_along = meeting_fraction(wall, move) - meeting_fraction(wall, across);
     const int64_t moves = meeting_fraction(move, wall);
-    // Of a body whose centre lies on the wall rounding leaves nothing; it does not jump.
+    // Where the body's centre all but lies on the wall these fractions say nothing; it is not thrown along it.
     const int64_t longest = moves == 0 ? 0 : 2 * (std::abs(move.dx) + std::abs(move.dy));
     const auto part = [&](int64_t wall_part) {
       const __int128 turned = static_cast<__int128>(way_along) * wall_part / (moves == 0 ? 1 : moves);
@@ -439,7 +440,10 @@ void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps
     Way along{moved.x, moved.y, dx, dy};
     turn_along(hit.wall, along);
     const auto along_x = static_cast<Fixed>(along.dx), along_y = static_cast<Fixed>(along.dy);
-    moved.velocity_x = along_x * steps, moved.velocity_y = along_y * steps;
+    const auto of_all_steps = [&](int64_t of_one) {
+      return static_cast<Fixed>(std::clamp<int64_t>(of_one * steps, INT32_MIN, INT32_MAX));
+    };
+    moved.velocity_x = of_all_steps(along_x), moved.velocity_y = of_all_steps(along_y);
     if (try_move(slot, moved.x + along_x, moved.y + along_y)) return;
   }
   // Wedged in, or stopped by something between the corners: one axis at a time.

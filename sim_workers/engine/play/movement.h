@@ -28,7 +28,7 @@ struct Way {
 };
 
 /// The part of `way` after which it meets the endless line of `other`: 16.16, rounded to nearest, halves to even;
-/// negative where it leads away; 0 where both are parallel.
+/// negative where it leads away; 0 where both are parallel; cut off at 2^61.
 int64_t meeting_fraction(const Way& way, const Way& other);
 
 /// Turns `move`, of a body whose centre is where it begins, along a wall. The result is the projection on the wall,
