@@ -23,10 +23,8 @@ Expected<std::string> find_run(const std::string& name, const std::string& train
   for (const auto& entry : fs::directory_iterator(train_dir, error))
     if (fs::exists(entry.path() / "config.toml", error))
       experiments.push_back(entry.path().filename().string());
-  const std::string nearest = nearest_word(name, experiments);
   return Error{ErrorCode::kNotFound, "no run '" + name + "' (neither a folder with config.toml nor in " +
-                                         train_dir + ")" +
-                                         (nearest.empty() ? "" : "; did you mean '" + nearest + "'?")};
+                                         train_dir + ")" + did_you_mean(name, experiments)};
 }
 
 Expected<std::string> find_checkpoint(const std::string& run_dir, const std::string& kind) {

@@ -16,6 +16,7 @@
 #include "deploy/config/merged_settings.h"
 #include "deploy/config/temporary_run.h"
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/text.h"
 #include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/shm/arena.h"
 
@@ -157,10 +158,10 @@ for wanted in sys.argv[1:]:
     return warn(
         name, list + ": " + python + " does not run: " + (asked ? last_words(*asked) : asked.error().message),
         action);
-  std::string missing;
+  std::vector<std::string> missing;
   std::istringstream lines(asked->output);
-  for (std::string line; std::getline(lines, line);) missing += (missing.empty() ? "" : ", ") + line;
-  if (!missing.empty()) return warn(name, list + ", missing in " + python + ": " + missing, action);
+  for (std::string line; std::getline(lines, line);) missing.push_back(line);
+  if (!missing.empty()) return warn(name, list + ", missing in " + python + ": " + joined(missing), action);
   return ok(name, list + ": all " + std::to_string(wanted->size()) + " in " + python);
 }
 

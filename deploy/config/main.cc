@@ -57,9 +57,8 @@ void print_overview(FILE* to) {
 int unknown_command(const std::string& name) {
   std::vector<std::string> known = {"help", "version"};
   for (const Command& command : commands()) known.push_back(command.name);
-  const std::string nearest = comrad::nearest_word(name, known);
   std::fprintf(stderr, "comrad: error: unknown command '%s'%s (comrad help lists them)\n", name.c_str(),
-               nearest.empty() ? "" : ("; did you mean '" + nearest + "'?").c_str());
+               comrad::did_you_mean(name, known).c_str());
   return comrad::kExitBadInput;
 }
 

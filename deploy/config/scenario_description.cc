@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "deploy/config/child_program.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
 namespace {
@@ -38,12 +39,6 @@ Status read(const json& from, const char* key, std::vector<int>& into) {
     into.push_back(element.get<int>());
   }
   return {};
-}
-
-std::string join(const std::vector<int>& numbers) {
-  std::string text;
-  for (int number : numbers) text += (text.empty() ? "" : ", ") + std::to_string(number);
-  return text;
 }
 
 }  // namespace
@@ -97,7 +92,7 @@ Expected<ScenarioDescription> describe_scenario(const std::string& name, int64_t
   const std::vector<int>& supported = scenario.supported_agents;
   if (std::find(supported.begin(), supported.end(), num_agents) == supported.end())
     return Error{ErrorCode::kBadInput, "--num_agents=" + std::to_string(num_agents) + ": " + name +
-                                           " supports " + join(supported) + " agents"};
+                                           " supports " + joined(supported) + " agents"};
   return ask(num_agents);
 }
 

@@ -76,7 +76,7 @@ class OnPolicyAlgorithm : public Algorithm {
   /// Trains on one batch: num_epochs x num_batches_per_epoch optimizer steps. Masks, advantages and targets
   /// are written into `batch`. A step whose loss or gradient is not finite is skipped and counted. Errors:
   /// kBadInput when too many steps in a row were not finite; the weights are those of the last good step.
-  virtual Expected<UpdateStats> update(Minibatch& batch, const UpdateContext& context) = 0;
+  virtual Expected<UpdateStats> update(RolloutBatch& batch, const UpdateContext& context) = 0;
 };
 
 /// Learns from a replay.

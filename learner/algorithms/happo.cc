@@ -48,9 +48,9 @@ bool Happo::ended(PhaseEnd end, UpdateStats& stats) const {
   return end != PhaseEnd::kDone;
 }
 
-Expected<Tensor> Happo::train_agent(const Minibatch& batch, int64_t agent, const UpdateContext& context,
+Expected<Tensor> Happo::train_agent(const RolloutBatch& batch, int64_t agent, const UpdateContext& context,
                                     UpdateStats& stats, LossSums& sums, bool& goes_on) {
-  const Minibatch rows = agent_rows(batch, agent);
+  const RolloutBatch rows = agent_rows(batch, agent);
   Phase phase{.optimizer = optimizers_[static_cast<std::size_t>(agent)].second,
               .forward = actor(agent),
               .trains_value = false,
@@ -66,8 +66,8 @@ Expected<Tensor> Happo::train_agent(const Minibatch& batch, int64_t agent, const
   return old_log_prob;
 }
 
-Expected<bool> Happo::train_critic(const Minibatch& batch, const UpdateContext& context, UpdateStats& stats,
-                                   LossSums& sums) {
+Expected<bool> Happo::train_critic(const RolloutBatch& batch, const UpdateContext& context,
+                                   UpdateStats& stats, LossSums& sums) {
   const Phase phase{.optimizer = optimizers_.back().second,
                     .forward =
                         [this](const policy::SequenceInput& input) {
@@ -80,7 +80,7 @@ Expected<bool> Happo::train_critic(const Minibatch& batch, const UpdateContext& 
   return !ended(end, stats);
 }
 
-Expected<UpdateStats> Happo::update(Minibatch& batch, const UpdateContext& context) {
+Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& context) {
   UpdateStats stats;
   const std::vector<int64_t> order = agent_order();
   COMRAD_TRY_ASSIGN(const bool is_valid, begin_update(batch, context, stats));

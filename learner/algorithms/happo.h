@@ -36,16 +36,16 @@ class Happo final : public OnPolicy {
   /// `config.algo` must be "happo": it gives the network an actor per agent and a joint critic.
   Happo(const RunConfig& config, const EnvShape& env, torch::Device device);
 
-  Expected<UpdateStats> update(Minibatch& batch, const UpdateContext& context) override;
+  Expected<UpdateStats> update(RolloutBatch& batch, const UpdateContext& context) override;
 
   /// The order of the agents in the next update: a permutation keyed by seed and version, or 0..N-1.
   std::vector<int64_t> agent_order() const;
 
   /// The pieces of one update, for tests: what one agent's sub-update and the critic's phase change.
   /// `advantage` of the batch is M; returns log pi_i^old [T, worlds].
-  Expected<Tensor> train_agent(const Minibatch& batch, int64_t agent, const UpdateContext& context,
+  Expected<Tensor> train_agent(const RolloutBatch& batch, int64_t agent, const UpdateContext& context,
                                UpdateStats& stats, LossSums& sums, bool& goes_on);
-  Expected<bool> train_critic(const Minibatch& batch, const UpdateContext& context, UpdateStats& stats,
+  Expected<bool> train_critic(const RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats,
                               LossSums& sums);
 
  protected:

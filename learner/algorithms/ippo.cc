@@ -17,13 +17,13 @@ OnPolicy::Phase Ippo::phase() {
   return {.optimizer = optimizers_.front().second,
           .forward = [this](const policy::SequenceInput& input) { return net_.sequence(input); },
           .prepare =
-              [this](Minibatch& minibatch) {
+              [this](RolloutBatch& minibatch) {
                 if (config_.with_vtrace) prepare_vtrace(minibatch);
                 minibatch.advantage = standardize(minibatch.advantage, minibatch.acting());
               }};
 }
 
-Expected<UpdateStats> Ippo::update(Minibatch& batch, const UpdateContext& context) {
+Expected<UpdateStats> Ippo::update(RolloutBatch& batch, const UpdateContext& context) {
   UpdateStats stats;
   COMRAD_TRY_ASSIGN(const bool is_valid, begin_update(batch, context, stats));
   if (!is_valid) return stats;
@@ -35,7 +35,7 @@ Expected<UpdateStats> Ippo::update(Minibatch& batch, const UpdateContext& contex
   return stats;
 }
 
-void Ippo::prepare_vtrace(Minibatch& minibatch) {
+void Ippo::prepare_vtrace(RolloutBatch& minibatch) {
   torch::NoGradGuard no_grad;
   const Evaluation now = evaluate(minibatch, phase().forward);
   // A ratio of 0 at an invalid step makes its target its own value and lets no trace through. Whatever a dead
@@ -65,7 +65,7 @@ void Ippo::prepare_vtrace(Minibatch& minibatch) {
   reported_acting_ = minibatch.acting();
 }
 
-bool Ippo::accumulate_gradient(Minibatch& minibatch, const UpdateContext& context, LossSums& sums) {
+bool Ippo::accumulate_gradient(RolloutBatch& minibatch, const UpdateContext& context, LossSums& sums) {
   const Phase whole = phase();
   whole.prepare(minibatch);
   return accumulate(minibatch, whole, context, sums);

@@ -16,14 +16,14 @@ class Ippo : public OnPolicy {
  public:
   Ippo(const RunConfig& config, const EnvShape& env, torch::Device device);
 
-  Expected<UpdateStats> update(Minibatch& batch, const UpdateContext& context) override;
+  Expected<UpdateStats> update(RolloutBatch& batch, const UpdateContext& context) override;
 
   /// Adds the gradient of the loss over a whole minibatch to the parameters' .grad. Makes
   /// `minibatch.advantage` (and under V-trace `target`) what the loss reads. False when keep_going() said no.
-  bool accumulate_gradient(Minibatch& minibatch, const UpdateContext& context, LossSums& sums);
+  bool accumulate_gradient(RolloutBatch& minibatch, const UpdateContext& context, LossSums& sums);
 
   /// Advantages and targets by V-trace with the network as it is now.
-  void prepare_vtrace(Minibatch& minibatch);
+  void prepare_vtrace(RolloutBatch& minibatch);
 
  protected:
   const char* name() const override { return "ippo"; }

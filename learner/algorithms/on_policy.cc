@@ -85,7 +85,7 @@ OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device d
       returns_(config.returns_clip),
       pool_(threads_for_parts(config, device)) {}
 
-Expected<bool> OnPolicy::begin_update(Minibatch& batch, const UpdateContext& context, UpdateStats& stats) {
+Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats) {
   schedule_.before_batch(context.env_frames);
   stats.lag = apply_lag_filter(batch, version_, config_.max_policy_lag);
   ++updates_;
@@ -111,7 +111,7 @@ Expected<bool> OnPolicy::begin_update(Minibatch& batch, const UpdateContext& con
   return true;
 }
 
-void OnPolicy::prepare_targets(Minibatch& batch) {
+void OnPolicy::prepare_targets(RolloutBatch& batch) {
   torch::NoGradGuard no_grad;
   const auto natural = [this](const Tensor& value) {
     return config_.normalize_returns ? returns_.denormalize(value) : value;
@@ -137,7 +137,7 @@ void OnPolicy::prepare_targets(Minibatch& batch) {
   targets_clipped_ = returns_.clipped_fraction(result.target, batch.valid);
 }
 
-Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const Minibatch& batch, const Phase& phase,
+Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, const Phase& phase,
                                                    const UpdateContext& context, UpdateStats& stats,
                                                    LossSums& sums) {
   const int64_t agents = batch.shape.env.num_agents;
@@ -158,7 +158,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const Minibatch& batch, const
     int64_t trained = 0;
     for (int64_t part = 0; part < parts; ++part) {
       const int64_t begin = batch.slab_count * part / parts, end = batch.slab_count * (part + 1) / parts;
-      Minibatch minibatch =
+      RolloutBatch minibatch =
           config_.shuffle_minibatches && parts > 1
               ? select_slabs(batch, std::vector<int64_t>(order.begin() + begin, order.begin() + end))
               : narrow_rows(batch, begin * agents, (end - begin) * agents);
@@ -189,7 +189,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const Minibatch& batch, const
   return PhaseEnd::kDone;
 }
 
-OnPolicy::StepResult OnPolicy::train_minibatch(Minibatch& minibatch, const Phase& phase,
+OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Phase& phase,
                                                const UpdateContext& context, bool is_first,
                                                UpdateStats& stats, LossSums& sums) {
   const double valid_count = minibatch.valid.sum(torch::kFloat64).item<double>();
@@ -219,7 +219,7 @@ OnPolicy::StepResult OnPolicy::train_minibatch(Minibatch& minibatch, const Phase
   return StepResult::kTrained;
 }
 
-policy::SequenceInput OnPolicy::input_of(const Minibatch& rows) const {
+policy::SequenceInput OnPolicy::input_of(const RolloutBatch& rows) const {
   const auto on_device = [this](const Tensor& tensor) {
     return tensor.defined() ? tensor.to(device_) : tensor;
   };
@@ -229,19 +229,19 @@ policy::SequenceInput OnPolicy::input_of(const Minibatch& rows) const {
           .reset = on_device(rows.reset)};
 }
 
-std::vector<Minibatch> OnPolicy::micro_batches(const Minibatch& batch) const {
+std::vector<RolloutBatch> OnPolicy::micro_batches(const RolloutBatch& batch) const {
   const int64_t agents = batch.shape.env.num_agents;
   const int64_t whole_worlds = batch.rows() / agents, threads = pool_.threads();
   const int64_t shared_out = (whole_worlds + threads - 1) / threads * agents;
   const int64_t fitting = config_.micro_batch_size / batch.steps() / agents * agents;
   const int64_t rows_max = std::max(agents, std::min(fitting, shared_out));
-  std::vector<Minibatch> micros;
+  std::vector<RolloutBatch> micros;
   for (int64_t begin = 0; begin < batch.rows(); begin += rows_max)
     micros.push_back(narrow_rows(batch, begin, std::min(rows_max, batch.rows() - begin)));
   return micros;
 }
 
-OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase,
+OnPolicy::Part OnPolicy::part_of(const RolloutBatch& micro, const Phase& phase,
                                  const SampleCounts& counts) const {
   Part part;
   const ExplorationLoss exploration_kind = parse_exploration_loss(config_.exploration_loss);
@@ -354,7 +354,7 @@ OnPolicy::Part OnPolicy::part_of(const Minibatch& micro, const Phase& phase,
   return part;
 }
 
-bool OnPolicy::accumulate(const Minibatch& minibatch, const Phase& phase, const UpdateContext& context,
+bool OnPolicy::accumulate(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
                           LossSums& sums) {
   // What depends on the whole minibatch came before; each micro-batch adds its share of the same sums, so the
   // gradient does not depend on micro_batch_size.
@@ -362,7 +362,7 @@ bool OnPolicy::accumulate(const Minibatch& minibatch, const Phase& phase, const 
     return std::max(1.0, mask.sum(torch::kFloat64).item<double>());
   };
   const SampleCounts counts{.valid = count_of(minibatch.valid), .acting = count_of(minibatch.acting())};
-  const std::vector<Minibatch> micros = micro_batches(minibatch);
+  const std::vector<RolloutBatch> micros = micro_batches(minibatch);
   std::vector<Tensor> first_log_prob;
   const bool is_done = sum_gradients<Part>(
       pool_, phase.optimizer.parameters(), static_cast<int64_t>(micros.size()),
@@ -377,12 +377,12 @@ bool OnPolicy::accumulate(const Minibatch& minibatch, const Phase& phase, const 
   return true;
 }
 
-OnPolicy::Evaluation OnPolicy::evaluate(const Minibatch& batch, const Forward& forward) const {
-  const std::vector<Minibatch> micros = micro_batches(batch);
+OnPolicy::Evaluation OnPolicy::evaluate(const RolloutBatch& batch, const Forward& forward) const {
+  const std::vector<RolloutBatch> micros = micro_batches(batch);
   std::vector<Evaluation> parts(micros.size());
   const auto work = [&](int64_t i) {
     torch::NoGradGuard no_grad;
-    const Minibatch& micro = micros[static_cast<std::size_t>(i)];
+    const RolloutBatch& micro = micros[static_cast<std::size_t>(i)];
     const policy::SequenceOutput output = forward(input_of(micro));
     Evaluation& part = parts[static_cast<std::size_t>(i)];
     if (output.logits.defined()) {
@@ -403,7 +403,7 @@ OnPolicy::Evaluation OnPolicy::evaluate(const Minibatch& batch, const Forward& f
           values.empty() ? Tensor() : at::cat(values, 1).contiguous()};
 }
 
-void OnPolicy::report(const Minibatch& batch, const LossSums& sums, UpdateStats& stats) const {
+void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateStats& stats) const {
   const auto put = [&stats](const char* name, double value) { stats.values.emplace_back(name, value); };
   put("train/lr", schedule_.learning_rate());
   put("train/actual_lr", guard_.learning_rate());

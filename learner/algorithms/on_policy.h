@@ -10,7 +10,7 @@
 //
 // exploration being the symmetric KL to the uniform distribution or the negative entropy; V and R in
 // normalised units. The value's mean runs over valid samples, the others over those of them in which the
-// agent was alive (Minibatch::acting): a dead agent's actions teach nothing, but its values go on being
+// agent was alive (RolloutBatch::acting): a dead agent's actions teach nothing, but its values go on being
 // trained, because GAE carries what is paid after a death through them to the last living decision.
 // Back-propagation through time runs over the whole rollout. Source: Schulman et al. 2017,
 // arXiv:1707.06347. Stage: update.
@@ -46,7 +46,7 @@ class OnPolicy : public OnPolicyAlgorithm {
 
   /// Fills `advantage` and `target` of a lag-filtered batch: GAE on denormalised values with a true bootstrap
   /// at time-outs, then the returns enter the running statistics and become normalised targets.
-  void prepare_targets(Minibatch& batch);
+  void prepare_targets(RolloutBatch& batch);
 
   /// Sums that one minibatch collects over its micro-batches: means over valid samples of what is said of
   /// values, over acting ones of what is said of the policy.
@@ -87,7 +87,7 @@ class OnPolicy : public OnPolicyAlgorithm {
     bool trains_value = true;   ///< a minibatch without an acting sample is trained on, too
     uint64_t shuffle_key = 0;   ///< tells the phases of one update apart
     /// Called with every minibatch before its gradient; may be empty.
-    std::function<void(Minibatch&)> prepare = {};
+    std::function<void(RolloutBatch&)> prepare = {};
     /// Set to log pi(a|o) [T, rows] of the first minibatch before the first step.
     Tensor* first_log_prob = nullptr;
   };
@@ -98,16 +98,16 @@ class OnPolicy : public OnPolicyAlgorithm {
 
   /// Moves the schedule, filters by lag, updates input statistics. False when nothing valid is left. Errors:
   /// kBadInput where that was so in too many batches in a row.
-  Expected<bool> begin_update(Minibatch& batch, const UpdateContext& context, UpdateStats& stats);
+  Expected<bool> begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats);
   /// num_epochs x num_batches_per_epoch optimizer steps; `sums` are those of the last one taken. kStopped
   /// when begin_step, kAbandoned when keep_going said no. Errors: kBadInput after too many steps in a row
   /// that were not finite.
-  Expected<PhaseEnd> train_phase(const Minibatch& batch, const Phase& phase, const UpdateContext& context,
+  Expected<PhaseEnd> train_phase(const RolloutBatch& batch, const Phase& phase, const UpdateContext& context,
                                  UpdateStats& stats, LossSums& sums);
   /// Adds the gradient of the loss over a whole minibatch to the parameters' .grad, with
   /// `minibatch.advantage` as it is. On a CPU micro-batches are computed side by side and added in their
   /// order: the sum does not depend on which thread was first. False when keep_going() said no.
-  bool accumulate(const Minibatch& minibatch, const Phase& phase, const UpdateContext& context,
+  bool accumulate(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
                   LossSums& sums);
 
   /// What the networks say of a batch now, without gradient, on the CPU.
@@ -115,12 +115,12 @@ class OnPolicy : public OnPolicyAlgorithm {
     Tensor log_prob;  ///< f32 [T, R] of the actions taken; undefined without logits
     Tensor value;     ///< f32 [T, R]; undefined without values
   };
-  Evaluation evaluate(const Minibatch& batch, const Forward& forward) const;
+  Evaluation evaluate(const RolloutBatch& batch, const Forward& forward) const;
 
-  void report(const Minibatch& batch, const LossSums& sums, UpdateStats& stats) const;
-  policy::SequenceInput input_of(const Minibatch& rows) const;
+  void report(const RolloutBatch& batch, const LossSums& sums, UpdateStats& stats) const;
+  policy::SequenceInput input_of(const RolloutBatch& rows) const;
   /// A batch in parts, as views: whole worlds, at least one, and no more than lets every thread have a part.
-  std::vector<Minibatch> micro_batches(const Minibatch& batch) const;
+  std::vector<RolloutBatch> micro_batches(const RolloutBatch& batch) const;
 
   RunConfig config_;
   EnvShape env_;
@@ -149,8 +149,8 @@ class OnPolicy : public OnPolicyAlgorithm {
   struct SampleCounts {
     double valid = 1, acting = 1;
   };
-  Part part_of(const Minibatch& micro, const Phase& phase, const SampleCounts& counts) const;
-  StepResult train_minibatch(Minibatch& minibatch, const Phase& phase, const UpdateContext& context,
+  Part part_of(const RolloutBatch& micro, const Phase& phase, const SampleCounts& counts) const;
+  StepResult train_minibatch(RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
                              bool is_first, UpdateStats& stats, LossSums& sums);
 
   StepGuard guard_;

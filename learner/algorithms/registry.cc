@@ -1,5 +1,6 @@
 // The learning algorithms, one line each.
 #include <string>
+#include <vector>
 
 #include "learner/algorithms/algorithm.h"
 #include "learner/algorithms/happo.h"
@@ -9,6 +10,7 @@
 #include "learner/algorithms/qmix.h"
 #include "learner/algorithms/qplex.h"
 #include "learner/algorithms/vdn.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::learn {
 namespace {
@@ -32,12 +34,12 @@ constexpr Entry kAlgorithms[] = {
 
 Expected<std::unique_ptr<Algorithm>> make_algorithm(const RunConfig& config, const EnvShape& env,
                                                     torch::Device device) {
-  std::string known;
+  std::vector<std::string> known;
   for (const Entry& entry : kAlgorithms) {
     if (config.algo == entry.name) return entry.make(config, env, device);
-    known += (known.empty() ? "" : ", ") + std::string(entry.name);
+    known.emplace_back(entry.name);
   }
-  return Error{ErrorCode::kBadInput, "algo is \"" + config.algo + "\"; this build knows: " + known};
+  return Error{ErrorCode::kBadInput, "algo is \"" + config.algo + "\"; this build knows: " + joined(known)};
 }
 
 }  // namespace comrad::learn

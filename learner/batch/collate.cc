@@ -1,18 +1,20 @@
 #include "learner/batch/collate.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
+#include "rollout_buffer/schema/slab_check.h"
 
 namespace comrad::learn {
 namespace {
 
 /// The fields that have rows in dimension 1 (after time), for views and selections.
 template <typename Visitor>
-void visit_time_major(Minibatch& batch, Visitor&& visit) {
+void visit_time_major(RolloutBatch& batch, Visitor&& visit) {
   for (Tensor* field : {&batch.frame,          &batch.measurement, &batch.action_mask, &batch.agent_active,
                         &batch.action,         &batch.log_prob,    &batch.logits,      &batch.value,
                         &batch.final_value,    &batch.reward,      &batch.terminated,  &batch.truncated,
@@ -23,23 +25,17 @@ void visit_time_major(Minibatch& batch, Visitor&& visit) {
   }
 }
 
-bool all_finite(const float* values, int64_t count) {
-  for (int64_t i = 0; i < count; ++i)
-    if (!std::isfinite(values[i])) return false;
-  return true;
-}
-
 }  // namespace
 
-Tensor Minibatch::acting() const { return valid * agent_active; }
+Tensor RolloutBatch::acting() const { return valid * agent_active; }
 
-Minibatch make_minibatch(const TrajectoryShape& shape, int64_t slab_count) {
+RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count) {
   COMRAD_CHECK(slab_count > 0, "a batch holds at least one slab");
   const EnvShape& env = shape.env;
   const int64_t steps = shape.rollout_steps, rows = slab_count * env.num_agents;
   const auto f32 = torch::kFloat32;
   const auto u8 = torch::kUInt8;
-  Minibatch batch;
+  RolloutBatch batch;
   batch.shape = shape;
   batch.slab_count = slab_count;
   batch.frame = torch::empty({steps, rows, env.channels, env.height, env.width}, u8);
@@ -64,14 +60,14 @@ Minibatch make_minibatch(const TrajectoryShape& shape, int64_t slab_count) {
   return batch;
 }
 
-void clear(Minibatch& batch) {
+void clear(RolloutBatch& batch) {
   batch.transitions = 0;
   batch.has_action_mask = false;
   batch.filled.zero_();
   batch.valid.zero_();
 }
 
-int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, uint32_t length) {
+int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab, uint32_t length) {
   COMRAD_CHECK(position >= 0 && position < batch.slab_count, "slab position lies in the batch");
   const EnvShape& env = batch.shape.env;
   const int64_t agents = env.num_agents, rows = batch.rows(), first = position * agents;
@@ -101,12 +97,8 @@ int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, u
   std::vector<uint8_t> state_is_sound(static_cast<std::size_t>(agents), 1);
   for (int agent = 0; agent < agents; ++agent) {
     if (hidden == 0) break;
-    const auto source = slab.recurrent_state(0, agent);
-    float* target = state + (first + agent) * hidden;
-    std::copy(source.begin(), source.end(), target);
-    if (all_finite(target, hidden)) continue;
-    state_is_sound[static_cast<std::size_t>(agent)] = 0;
-    std::fill_n(target, hidden, 0.0f);
+    state_is_sound[static_cast<std::size_t>(agent)] =
+        take_floats(slab.recurrent_state(0, agent), state + (first + agent) * hidden);
   }
 
   int64_t broken_count = 0;
@@ -132,53 +124,26 @@ int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, u
     }
     const auto frames = slab.frames(t);
     std::memcpy(frames_of_step, frames.data(), frames.size_bytes());
-    const int32_t final_row = slab.final_index(t);
-    const bool cut = slab.truncated(t) != 0;
-    const bool final_is_sound =
-        final_row >= -1 && final_row < batch.shape.final_capacity && (!cut || final_row >= 0);
+    const StepEnd end = take_end(slab, t);
     for (int agent = 0; agent < agents; ++agent) {
       const int64_t at = t * rows + first + agent;
-      bool sound = final_is_sound && state_is_sound[static_cast<std::size_t>(agent)] != 0;
-      if (measurement != nullptr) {
-        const auto source = slab.measurement(t, agent);
-        std::copy(source.begin(), source.end(), measurement + at * measurements);
-        if (!all_finite(measurement + at * measurements, measurements)) {
-          std::fill_n(measurement + at * measurements, measurements, 0.0f);
-          sound = false;
-        }
-      }
+      bool sound = end.is_sound && state_is_sound[static_cast<std::size_t>(agent)] != 0;
+      if (measurement != nullptr)
+        sound &= take_floats(slab.measurement(t, agent), measurement + at * measurements);
       const bool is_active = slab.agent_active(t, agent) != 0;
-      const auto mask = slab.action_mask(t, agent);
-      const auto chosen = slab.action(t, agent);
-      int64_t offset = 0;
-      for (int head = 0; head < heads; ++head) {
-        const int32_t size = env.head_sizes[static_cast<std::size_t>(head)];
-        const int32_t choice = chosen[static_cast<std::size_t>(head)];
-        const bool in_range = choice >= 0 && choice < size;
-        action[at * heads + head] = in_range ? choice : 0;
-        sound &= in_range;
-        bool any_allowed = false;
-        for (int64_t i = offset; i < offset + size; ++i) {
-          const uint8_t allowed = mask[static_cast<std::size_t>(i)] != 0;
-          action_mask[at * choices + i] = allowed;
-          batch.has_action_mask |= allowed == 0;
-          any_allowed |= allowed != 0;
-        }
-        // A dead agent may have an all-zero mask; as an invalid row it would take what is paid now with it.
-        sound &= any_allowed || !is_active;
-        offset += size;
-      }
-      const auto behaviour = slab.logits(t, agent);
-      std::copy(behaviour.begin(), behaviour.end(), logits + at * choices);
+      uint8_t* mask = action_mask + at * choices;
+      sound &= take_mask(env, slab.action_mask(t, agent), mask) || !is_active;
+      batch.has_action_mask |= std::find(mask, mask + choices, uint8_t{0}) != mask + choices;
+      sound &= take_action(env, slab.action(t, agent), action + at * heads);
+      sound &= take_floats(slab.logits(t, agent), logits + at * choices);
       log_prob[at] = slab.log_prob(t, agent);
       value[at] = slab.value(t, agent);
       reward[at] = slab.reward(t, agent);
-      final_value[at] = cut && final_is_sound ? slab.final_value(final_row, agent) : 0.0f;
-      sound &= all_finite(logits + at * choices, choices) && std::isfinite(log_prob[at]) &&
-               std::isfinite(value[at]) && std::isfinite(reward[at]) && std::isfinite(final_value[at]);
+      final_value[at] = end.final_row >= 0 ? slab.final_value(end.final_row, agent) : 0.0f;
+      sound &= all_finite(std::array{log_prob[at], value[at], reward[at], final_value[at]});
       agent_active[at] = is_active;
-      terminated[at] = slab.terminated(t) != 0;
-      truncated[at] = cut;
+      terminated[at] = end.is_terminated;
+      truncated[at] = end.is_truncated;
       policy_version[at] = slab.policy_version(t, agent);
       layout[at] = slab.layout(t);
       taken[at] = 1;
@@ -187,7 +152,7 @@ int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, u
       ++broken_count;
       // Numbers that multiply a zero weight later must still be finite.
       std::fill_n(logits + at * choices, choices, 0.0f);
-      std::fill_n(action_mask + at * choices, choices, uint8_t{1});
+      std::fill_n(mask, choices, uint8_t{1});
       log_prob[at] = value[at] = reward[at] = final_value[at] = 0.0f;
     }
   }
@@ -202,7 +167,7 @@ int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, u
   return broken_count;
 }
 
-LagStats apply_lag_filter(Minibatch& batch, PolicyVersion learner_version, int64_t max_policy_lag) {
+LagStats apply_lag_filter(RolloutBatch& batch, PolicyVersion learner_version, int64_t max_policy_lag) {
   const int64_t steps = batch.steps(), rows = batch.rows();
   uint8_t* valid = batch.valid.data_ptr<uint8_t>();
   uint8_t* value_valid = batch.value_valid.data_ptr<uint8_t>();
@@ -246,20 +211,20 @@ LagStats apply_lag_filter(Minibatch& batch, PolicyVersion learner_version, int64
   return stats;
 }
 
-Minibatch narrow_rows(const Minibatch& batch, int64_t begin, int64_t count) {
+RolloutBatch narrow_rows(const RolloutBatch& batch, int64_t begin, int64_t count) {
   const int64_t agents = batch.shape.env.num_agents;
   COMRAD_CHECK(begin % agents == 0 && count % agents == 0, "a micro-batch holds whole worlds");
-  Minibatch part = batch;
+  RolloutBatch part = batch;
   visit_time_major(part, [&](Tensor& field) { field = field.narrow(1, begin, count); });
   part.recurrent_state = part.recurrent_state.narrow(0, begin, count);
   part.slab_count = count / agents;
   return part;
 }
 
-Minibatch agent_rows(const Minibatch& batch, int64_t agent) {
+RolloutBatch agent_rows(const RolloutBatch& batch, int64_t agent) {
   const int64_t agents = batch.shape.env.num_agents;
   COMRAD_CHECK(agent >= 0 && agent < agents, "the agent is one of the batch");
-  Minibatch part = batch;
+  RolloutBatch part = batch;
   visit_time_major(part, [&](Tensor& field) { field = field.slice(1, agent, c10::nullopt, agents); });
   part.recurrent_state = part.recurrent_state.slice(0, agent, c10::nullopt, agents);
   part.shape.env.num_agents = 1;
@@ -267,14 +232,14 @@ Minibatch agent_rows(const Minibatch& batch, int64_t agent) {
   return part;
 }
 
-Minibatch select_slabs(const Minibatch& batch, const std::vector<int64_t>& slab_index) {
+RolloutBatch select_slabs(const RolloutBatch& batch, const std::vector<int64_t>& slab_index) {
   const int64_t agents = batch.shape.env.num_agents;
   std::vector<int64_t> row_index;
   row_index.reserve(slab_index.size() * static_cast<std::size_t>(agents));
   for (int64_t slab : slab_index)
     for (int64_t agent = 0; agent < agents; ++agent) row_index.push_back(slab * agents + agent);
   const Tensor index = torch::tensor(row_index, torch::kInt64);
-  Minibatch part = batch;
+  RolloutBatch part = batch;
   visit_time_major(part, [&](Tensor& field) { field = field.index_select(1, index); });
   part.recurrent_state = part.recurrent_state.index_select(0, index);
   part.slab_count = static_cast<int64_t>(slab_index.size());

@@ -14,10 +14,11 @@ namespace comrad::learn {
 
 using torch::Tensor;
 
-/// A training batch of T steps and R rows. A row is the trajectory of one agent; the N agents of one world
+/// What on-policy algorithms learn from before they draw their minibatches, the rows of one optimizer step: T steps and
+/// R rows. (ReplayBatch is the off-policy one.) A row is the trajectory of one agent; the N agents of one world
 /// are neighbours: row = slab position * N + agent. Steps behind the end of a slab that was sealed early are
 /// padding: invalid, terminated, action 0, zero frame.
-struct Minibatch {
+struct RolloutBatch {
   TrajectoryShape shape;
   int64_t slab_count = 0;   ///< worlds; R = slab_count * N
   int64_t transitions = 0;  ///< agent decisions that were taken, valid or not; without padding
@@ -57,17 +58,17 @@ struct Minibatch {
 };
 
 /// Allocates a batch for `slab_count` slabs; reuse it, a fresh one costs a page fault per 4 KB.
-Minibatch make_minibatch(const TrajectoryShape& shape, int64_t slab_count);
+RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count);
 
 /// Forgets the slabs collated so far; the tensors stay allocated. Call before the first collate_slab of a
 /// batch.
-void clear(Minibatch& batch);
+void clear(RolloutBatch& batch);
 
 /// Copies one sealed slab into place `position`. `length` rows are filled (more than T counts as T).
-/// What a peer wrote is not trusted: a step with an action outside its head, a non-finite number or a final
+/// What a peer wrote is not trusted (schema/slab_check.h): a step with an action outside its head, a non-finite number or a final
 /// row out of range becomes invalid, and a non-finite recurrent state invalidates its trajectory. Returns the
 /// agent decisions that were found broken.
-int64_t collate_slab(Minibatch& batch, int64_t position, const SlabView& slab, uint32_t length);
+int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab, uint32_t length);
 
 /// Policy lag over the taken decisions of a batch.
 struct LagStats {
@@ -82,13 +83,13 @@ struct LagStats {
 /// value_valid (the row behind the last filled one repeats its validity) and reset (after the end of an
 /// episode and after an invalid step). A version from the future, left by a learner that died, counts as lag
 /// 0.
-LagStats apply_lag_filter(Minibatch& batch, PolicyVersion learner_version, int64_t max_policy_lag);
+LagStats apply_lag_filter(RolloutBatch& batch, PolicyVersion learner_version, int64_t max_policy_lag);
 
 /// The rows `[begin, begin + count)` of a batch, as views. Whole worlds: both numbers are multiples of N.
-Minibatch narrow_rows(const Minibatch& batch, int64_t begin, int64_t count);
+RolloutBatch narrow_rows(const RolloutBatch& batch, int64_t begin, int64_t count);
 /// The rows of one agent of every world, as views: a batch of N = 1.
-Minibatch agent_rows(const Minibatch& batch, int64_t agent);
+RolloutBatch agent_rows(const RolloutBatch& batch, int64_t agent);
 /// The worlds at `slab_index` (i64, positions) of a batch, copied, in that order.
-Minibatch select_slabs(const Minibatch& batch, const std::vector<int64_t>& slab_index);
+RolloutBatch select_slabs(const RolloutBatch& batch, const std::vector<int64_t>& slab_index);
 
 }  // namespace comrad::learn

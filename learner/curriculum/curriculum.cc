@@ -348,10 +348,9 @@ Expected<std::unique_ptr<Curriculum>> Curriculum::create(const CurriculumOptions
   else if (options.kind == "plr")
     made = std::make_unique<PrioritizedReplay>(options, std::move(task_names));
   else {
-    const std::string near = nearest_word(options.kind, kinds());
     return bad("there is no '" + options.kind +
                "'; it may be uniform, sequential, learning_progress, omni or plr" +
-               (near.empty() ? "" : "; did you mean '" + near + "'?"));
+               did_you_mean(options.kind, kinds()));
   }
   return made;
 }

@@ -27,19 +27,19 @@ BatchQueue::~BatchQueue() {
   thread_.join();
 }
 
-std::unique_ptr<Minibatch> BatchQueue::pop(int timeout_ms) {
+std::unique_ptr<RolloutBatch> BatchQueue::pop(int timeout_ms) {
   std::unique_lock lock(mutex_);
   changed_.wait_for(lock, std::chrono::milliseconds(timeout_ms),
                     [this] { return !full_.empty() || !failure_.empty(); });
   if (full_.empty()) return nullptr;
-  std::unique_ptr<Minibatch> batch = std::move(full_.front());
+  std::unique_ptr<RolloutBatch> batch = std::move(full_.front());
   full_.pop_front();
   lock.unlock();
   changed_.notify_all();
   return batch;
 }
 
-void BatchQueue::recycle(std::unique_ptr<Minibatch> batch) {
+void BatchQueue::recycle(std::unique_ptr<RolloutBatch> batch) {
   {
     const std::lock_guard lock(mutex_);
     free_.push_back(std::move(batch));
@@ -72,7 +72,7 @@ void BatchQueue::run() {
 
 void BatchQueue::fill() {
   while (!stop_) {
-    std::unique_ptr<Minibatch> batch;
+    std::unique_ptr<RolloutBatch> batch;
     {
       std::unique_lock lock(mutex_);
       // One batch beyond the waiting ones is in training; this one is the next to wait.
@@ -85,7 +85,7 @@ void BatchQueue::fill() {
       }
     }
     if (batch == nullptr)
-      batch = std::make_unique<Minibatch>(make_minibatch(arena_.shape().trajectory, slabs_per_batch_));
+      batch = std::make_unique<RolloutBatch>(make_rollout_batch(arena_.shape().trajectory, slabs_per_batch_));
     if (!collect(*batch)) return;
     {
       const std::lock_guard lock(mutex_);
@@ -95,7 +95,7 @@ void BatchQueue::fill() {
   }
 }
 
-bool BatchQueue::collect(Minibatch& batch) {
+bool BatchQueue::collect(RolloutBatch& batch) {
   clear(batch);
   int64_t position = 0;
   while (!stop_) {

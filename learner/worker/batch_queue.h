@@ -29,9 +29,9 @@ class BatchQueue {
   BatchQueue& operator=(const BatchQueue&) = delete;
 
   /// The oldest full batch, or null after `timeout_ms`.
-  std::unique_ptr<Minibatch> pop(int timeout_ms);
+  std::unique_ptr<RolloutBatch> pop(int timeout_ms);
   /// Hands a trained batch back for reuse.
-  void recycle(std::unique_ptr<Minibatch> batch);
+  void recycle(std::unique_ptr<RolloutBatch> batch);
 
   int waiting() const;                                          ///< full batches
   uint64_t broken_decisions() const { return broken_.load(); }  ///< that collate found damaged
@@ -41,15 +41,15 @@ class BatchQueue {
  private:
   void run();
   void fill();
-  bool collect(Minibatch& batch);
+  bool collect(RolloutBatch& batch);
 
   const shm::Arena& arena_;
   const int64_t slabs_per_batch_;
   const int64_t capacity_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
-  std::deque<std::unique_ptr<Minibatch>> full_;
-  std::vector<std::unique_ptr<Minibatch>> free_;
+  std::deque<std::unique_ptr<RolloutBatch>> full_;
+  std::vector<std::unique_ptr<RolloutBatch>> free_;
   std::string failure_;
   std::atomic<uint64_t> broken_{0};
   std::atomic<bool> stop_{false};

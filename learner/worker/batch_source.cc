@@ -57,9 +57,9 @@ class QueueSource final : public BatchSource {
   }
   std::optional<Sample> sample(PolicyVersion) override {
     if (next_ == nullptr) return std::nullopt;
-    return Sample{.inserted = {}, .minibatch = std::move(next_), .replay_batch = nullptr};
+    return Sample{.inserted = {}, .rollout_batch = std::move(next_), .replay_batch = nullptr};
   }
-  void finish(Sample sample) override { queue_->recycle(std::move(sample.minibatch)); }
+  void finish(Sample sample) override { queue_->recycle(std::move(sample.rollout_batch)); }
   void stop() override {
     broken_decisions_ = broken_decisions();
     queue_.reset();
@@ -73,7 +73,7 @@ class QueueSource final : public BatchSource {
  private:
   const SourceOptions options_;
   std::unique_ptr<BatchQueue> queue_;
-  std::unique_ptr<Minibatch> next_;
+  std::unique_ptr<RolloutBatch> next_;
   uint64_t broken_decisions_ = 0;  ///< of the queue that was
 };
 
@@ -148,17 +148,17 @@ class LockStepSource final : public BatchSource {
   Status take(uint32_t slab, std::vector<std::optional<uint32_t>>& slab_of);
   Expected<bool> collect();
   void capture_journals();
-  std::unique_ptr<Minibatch> collate_next();
+  std::unique_ptr<RolloutBatch> collate_next();
   void release_slabs();
 
   const SourceOptions options_;
   const std::size_t per_batch_;  ///< slabs
   std::unique_ptr<ReplayFeed> feed_;
-  std::vector<std::unique_ptr<Minibatch>> free_;  ///< of a full batch, and of a shorter rest
-  std::vector<uint32_t> slabs_;                   ///< of the rollout in hand, by environment
-  std::size_t used_ = 0;                          ///< of them
-  std::optional<JournalSnapshot> journals_;       ///< of the last boundary, deterministic mode
-  std::optional<JournalSnapshot> boundary_;       ///< behind the rollout in hand
+  std::vector<std::unique_ptr<RolloutBatch>> free_;  ///< of a full batch, and of a shorter rest
+  std::vector<uint32_t> slabs_;                      ///< of the rollout in hand, by environment
+  std::size_t used_ = 0;                             ///< of them
+  std::optional<JournalSnapshot> journals_;          ///< of the last boundary, deterministic mode
+  std::optional<JournalSnapshot> boundary_;          ///< behind the rollout in hand
   uint64_t next_rollout_ = 0;
   uint64_t broken_decisions_ = 0;
 };
@@ -229,7 +229,7 @@ std::optional<Sample> LockStepSource::sample(PolicyVersion version) {
   Sample next;
   if (feed_ == nullptr) {
     if (used_ == slabs_.size()) return std::nullopt;
-    next.minibatch = collate_next();
+    next.rollout_batch = collate_next();
     return next;
   }
   // Every batch's worth of slabs is stored, and then trained on as often as it is due.
@@ -244,17 +244,17 @@ std::optional<Sample> LockStepSource::sample(PolicyVersion version) {
   return next;
 }
 
-std::unique_ptr<Minibatch> LockStepSource::collate_next() {
+std::unique_ptr<RolloutBatch> LockStepSource::collate_next() {
   const shm::Arena& arena = options_.arena;
   const auto count = static_cast<int64_t>(std::min(per_batch_, slabs_.size() - used_));
-  std::unique_ptr<Minibatch> batch;
+  std::unique_ptr<RolloutBatch> batch;
   if (const auto fits = std::ranges::find(free_, count, [](const auto& one) { return one->slab_count; });
       fits != free_.end()) {
     batch = std::move(*fits);
     free_.erase(fits);
     clear(*batch);
   } else {
-    batch = std::make_unique<Minibatch>(make_minibatch(arena.shape().trajectory, count));
+    batch = std::make_unique<RolloutBatch>(make_rollout_batch(arena.shape().trajectory, count));
   }
   for (int64_t i = 0; i < count; ++i, ++used_) {
     const int slab = static_cast<int>(slabs_[used_]);
@@ -266,7 +266,7 @@ std::unique_ptr<Minibatch> LockStepSource::collate_next() {
 
 void LockStepSource::finish(Sample sample) {
   if (sample.replay_batch) feed_->finish(std::move(sample.replay_batch));
-  if (sample.minibatch) free_.push_back(std::move(sample.minibatch));
+  if (sample.rollout_batch) free_.push_back(std::move(sample.rollout_batch));
 }
 
 void LockStepSource::close_rollout() {

@@ -23,11 +23,11 @@ namespace comrad::learn {
 /// What the learner does next with what was drained: counts and observes what is new in the replay, then trains on
 /// the batch, if there is one. At most one batch is set.
 struct Sample {
-  Inserted inserted;                          ///< off-policy
-  std::unique_ptr<Minibatch> minibatch;       ///< on-policy
-  std::unique_ptr<ReplayBatch> replay_batch;  ///< off-policy
+  Inserted inserted;                            ///< off-policy
+  std::unique_ptr<RolloutBatch> rollout_batch;  ///< on-policy
+  std::unique_ptr<ReplayBatch> replay_batch;    ///< off-policy
 
-  bool has_batch() const { return minibatch != nullptr || replay_batch != nullptr; }
+  bool has_batch() const { return rollout_batch != nullptr || replay_batch != nullptr; }
 };
 
 /// What every source works with; all of it outlives the source.

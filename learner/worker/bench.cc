@@ -64,7 +64,7 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   context.after_step = [&] { algorithm->write_weights(weights); };
   auto* on_policy = dynamic_cast<OnPolicyAlgorithm*>(algorithm.get());
   auto* off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm.get());
-  Minibatch batch = make_minibatch(shape, slab_count);
+  RolloutBatch batch = make_rollout_batch(shape, slab_count);
   std::unique_ptr<ReplayFeed> feed;
   if (off_policy != nullptr) {
     RunConfig eager = config;

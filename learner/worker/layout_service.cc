@@ -113,15 +113,14 @@ Expected<CurriculumOptions> curriculum_options(const RunConfig& config, const La
     named.push_back(layout);
     for (const std::string& name : named) {
       if (known.contains(name)) continue;
-      const std::string near = nearest_word(name, {known.begin(), known.end()});
       return Error{ErrorCode::kBadInput, graph + ": '" + name + "' is no layout of the pool" +
-                                             (near.empty() ? "" : "; did you mean '" + near + "'?")};
+                                             did_you_mean(name, {known.begin(), known.end()})};
     }
   }
   return options;
 }
 
-std::vector<LayoutSignal> layout_signals(const Minibatch& batch, const std::string& score_key,
+std::vector<LayoutSignal> layout_signals(const RolloutBatch& batch, const std::string& score_key,
                                          int layout_count) {
   torch::NoGradGuard no_grad;
   Tensor signal;
@@ -198,7 +197,7 @@ void LayoutService::serve(const shm::Arena& arena) {
   }
 }
 
-void LayoutService::score(const Minibatch& batch) {
+void LayoutService::score(const RolloutBatch& batch) {
   if (score_key_.empty()) return;
   for (const LayoutSignal& signal : layout_signals(batch, score_key_, curriculum_->task_count()))
     curriculum_->score(signal.layout, signal.decisions, signal.mean, signal.maximum);

@@ -31,7 +31,7 @@ Expected<CurriculumOptions> curriculum_options(const RunConfig& config, const La
 /// Errors: kNotFound; kBadFormat with line and column, or naming the entry.
 Expected<std::map<std::string, std::set<std::string>>> read_interestingness_graph(const std::string& path);
 
-/// What a batch says about one layout, over its decisions of living agents (Minibatch::acting).
+/// What a batch says about one layout, over its decisions of living agents (RolloutBatch::acting).
 struct LayoutSignal {
   int layout = 0;
   int64_t decisions = 0;
@@ -42,7 +42,7 @@ struct LayoutSignal {
 ///   mean_value_l1 |advantage|   mean_advantage advantage   mean_entropy entropy of the behaviour policy
 /// Advantages are raw ones: ten times the reward scores ten times as much, whatever the algorithm.
 /// Decisions of layouts outside 0..layout_count-1 are left out.
-std::vector<LayoutSignal> layout_signals(const Minibatch& batch, const std::string& score_key,
+std::vector<LayoutSignal> layout_signals(const RolloutBatch& batch, const std::string& score_key,
                                          int layout_count);
 
 class LayoutService {
@@ -56,7 +56,7 @@ class LayoutService {
   void serve(const shm::Arena& arena);
 
   /// A trained batch: masks and advantages are the algorithm's.
-  void score(const Minibatch& batch);
+  void score(const RolloutBatch& batch);
 
   /// "curriculum/entropy", ... for the run's metrics.
   void append_to(std::vector<std::pair<std::string, double>>& metrics);

@@ -230,16 +230,16 @@ Expected<UpdateStats> Learner::update(Sample& sample) {
   const UpdateContext context = update_context();
   COMRAD_TRY_ASSIGN(
       const UpdateStats stats,
-      sample.minibatch
-          ? dynamic_cast<OnPolicyAlgorithm&>(*algorithm_).update(*sample.minibatch, context)
+      sample.rollout_batch
+          ? dynamic_cast<OnPolicyAlgorithm&>(*algorithm_).update(*sample.rollout_batch, context)
           : dynamic_cast<OffPolicyAlgorithm&>(*algorithm_).update(*sample.replay_batch, context));
   reporter_.updated(stats);
-  if (sample.minibatch) {
+  if (sample.rollout_batch) {
     reporter_.heard_lag(stats.lag);
-    if (layouts_ && !stats.abandoned) layouts_->score(*sample.minibatch);
+    if (layouts_ && !stats.abandoned) layouts_->score(*sample.rollout_batch);
     if (stats.abandoned && stats.optimizer_steps == 0) return stats;  // nothing was learned from it
   }
-  count(sample.minibatch ? sample.minibatch->transitions : 0);
+  count(sample.rollout_batch ? sample.rollout_batch->transitions : 0);
   arena_.learner_counters().busy_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - began_ns));
   poll();
   return stats;

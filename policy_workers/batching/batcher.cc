@@ -35,10 +35,6 @@ Batcher::Batcher(const shm::Arena& arena, const BatcherOptions& options)
       env_count_ += shape.split_end(split) - shape.split_begin(split);
     }
   }
-  // A batch is full with a third of the groups served, at least one.
-  const int64_t group_count = static_cast<int64_t>(groups_.size());
-  const int64_t group_envs = group_count == 0 ? 1 : (env_count_ + group_count - 1) / group_count;
-  if (options_.min_batch == 0) options_.min_batch = std::max<int64_t>(1, group_count / 3) * group_envs;
   if (options_.max_batch == 0) options_.max_batch = std::max<int64_t>(1, env_count_);
   options_.min_batch = std::clamp<int64_t>(options_.min_batch, 1, std::max<int64_t>(1, env_count_));
   options_.max_batch = std::max(options_.max_batch, options_.min_batch);

@@ -22,7 +22,7 @@ namespace comrad::policy {
 /// How a policy worker fills its batches.
 struct BatcherOptions {
   int policy_worker = 0;
-  int64_t min_batch = 0;           ///< environments a batch waits for; 0: a third of the groups served
+  int64_t min_batch = 1;           ///< environments a batch waits for (core/config.cc knows what "auto" is)
   int64_t max_batch = 0;           ///< environments in a batch at most; 0: all that are served
   int64_t max_wait_us = 2000;      ///< longest wait for min_batch, from the first request on
   bool is_deterministic = false;   ///< one whole group per batch, whatever the limits say

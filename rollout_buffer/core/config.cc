@@ -9,11 +9,10 @@
 #include <optional>
 #include <type_traits>
 
-#include <toml++/toml.h>
-
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/recipes.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/core/toml_text.h"
 
 namespace comrad {
 namespace {
@@ -459,18 +458,9 @@ Status set_one(RunConfig& config, const std::string& origin, const std::string& 
                                                type_words<std::remove_reference_t<decltype(member)>>()};
   });
   if (found) return status;
-  const std::string near = nearest_word(key, known);
+  const std::string hint = did_you_mean(key, known);
   return Error{ErrorCode::kBadInput, origin + ": unknown setting '" + key + "'" +
-                                         (near.empty() ? "; `comrad train --help` lists them all"
-                                                       : "; did you mean '" + near + "'?")};
-}
-
-Expected<std::string> text_of(const toml::node& node) {
-  if (const auto* value = node.as_string()) return value->get();
-  if (const auto* value = node.as_integer()) return std::to_string(value->get());
-  if (const auto* value = node.as_floating_point()) return real_text(value->get());
-  if (const auto* value = node.as_boolean()) return std::string(value->get() ? "true" : "false");
-  return Error{ErrorCode::kBadFormat, "is neither text, a number, true nor false"};
+                                         (hint.empty() ? "; `comrad train --help` lists them all" : hint)};
 }
 
 }  // namespace
@@ -581,11 +571,12 @@ Expected<SettingsLayer> read_settings_toml(const std::string& path) {
   try {
     const toml::table document = toml::parse(*words, path);
     for (const auto& [key, node] : document) {
-      Expected<std::string> text = text_of(node);
+      std::optional<std::string> text = toml_scalar_text(node);
       if (!text)
         return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(node.source().begin.line) + ":" +
                                                 std::to_string(node.source().begin.column) + ": setting '" +
-                                                std::string(key.str()) + "' " + text.error().message};
+                                                std::string(key.str()) +
+                                                "' is neither text, a number, true nor false"};
       layer.values.emplace_back(std::string(key.str()), *std::move(text));
     }
   } catch (const toml::parse_error& failure) {

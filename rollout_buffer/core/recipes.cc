@@ -96,10 +96,8 @@ constexpr RecipeRow kRows[] = {
 };
 
 Error unknown_word(const char* what, const std::string& word, const std::vector<std::string>& known) {
-  const std::string near = nearest_word(word, known);
   return Error{ErrorCode::kBadInput, std::string("unknown ") + what + " '" + word + "'" +
-                                         (near.empty() ? "" : "; did you mean '" + near + "'?") +
-                                         " (known: " + joined(known) + ")"};
+                                         did_you_mean(word, known) + " (known: " + joined(known) + ")"};
 }
 
 SettingsLayer rows_of(std::string origin, std::string_view preset, std::string_view algorithm) {

@@ -5,6 +5,8 @@
 #include <cstring>
 #include <string>
 
+#include "rollout_buffer/schema/slab_check.h"
+
 namespace comrad::replay {
 namespace {
 
@@ -19,37 +21,6 @@ T* at(std::byte* base, int64_t offset) {
 template <typename T>
 const T* at(const std::byte* base, int64_t offset) {
   return reinterpret_cast<const T*>(base + offset);
-}
-
-bool all_finite(const float* values, int64_t count) {
-  for (int64_t i = 0; i < count; ++i)
-    if (!std::isfinite(values[i])) return false;
-  return true;
-}
-
-/// Copies floats of a peer; zeros and false where one of them is not finite. Checked after the copy: the peer
-/// may still write.
-bool take_floats(std::span<const float> source, float* target) {
-  std::copy(source.begin(), source.end(), target);
-  if (all_finite(target, static_cast<int64_t>(source.size()))) return true;
-  std::fill_n(target, source.size(), 0.0f);
-  return false;
-}
-
-/// Copies one agent's mask as 0 and 1; all ones and false where a head has nothing allowed.
-bool take_mask(const EnvShape& env, std::span<const uint8_t> source, uint8_t* target) {
-  bool sound = true;
-  std::size_t choice = 0;
-  for (int head = 0; head < env.head_count; ++head) {
-    bool any_allowed = false;
-    for (int i = 0; i < env.head_sizes[static_cast<std::size_t>(head)]; ++i, ++choice) {
-      target[choice] = source[choice] != 0;
-      any_allowed |= target[choice] != 0;
-    }
-    sound &= any_allowed;
-  }
-  if (!sound) std::fill_n(target, source.size(), uint8_t{1});
-  return sound;
 }
 
 }  // namespace
@@ -97,25 +68,26 @@ void pack_item(const TrajectoryShape& shape, const ItemForm& kept, const SlabVie
   if (steps == 0) return;
 
   // What decides the layout: which final rows are used, and whether any mask forbids something.
-  std::vector<uint8_t> cut(static_cast<std::size_t>(steps)), final_is_sound(static_cast<std::size_t>(steps));
+  std::vector<StepEnd> ends(static_cast<std::size_t>(steps));
   std::vector<int8_t> final_row(static_cast<std::size_t>(steps), -1);
   for (int step = 0; step < steps; ++step) {
     const auto index = static_cast<std::size_t>(step);
-    const int32_t row = slab.final_index(step);
-    cut[index] = slab.truncated(step) != 0;
-    final_is_sound[index] = row >= -1 && row < shape.final_capacity && (cut[index] == 0 || row >= 0);
-    if (cut[index] == 0 || final_is_sound[index] == 0) continue;
-    const auto known = std::find(item.final_rows.begin(), item.final_rows.end(), row);
+    ends[index] = take_end(slab, step);
+    if (ends[index].final_row < 0) continue;
+    const auto known = std::find(item.final_rows.begin(), item.final_rows.end(), ends[index].final_row);
     final_row[index] = static_cast<int8_t>(known - item.final_rows.begin());
-    if (known == item.final_rows.end()) item.final_rows.push_back(row);
+    if (known == item.final_rows.end()) item.final_rows.push_back(ends[index].final_row);
   }
   std::vector<uint8_t> mask(cell(steps + 1, 0) * static_cast<std::size_t>(choices));
-  std::vector<uint8_t> row_is_sound(cell(steps + 1, 0), 1);
+  std::vector<uint8_t> is_active(cell(steps + 1, 0)), row_is_sound(cell(steps + 1, 0), 1);
   for (int row = 0; row <= steps; ++row)
-    for (int agent = 0; agent < agents; ++agent)
+    for (int agent = 0; agent < agents; ++agent) {
+      is_active[cell(row, agent)] = slab.agent_active(row, agent) != 0;
       row_is_sound[cell(row, agent)] =
           take_mask(env, slab.action_mask(row, agent),
-                    mask.data() + cell(row, agent) * static_cast<std::size_t>(choices));
+                    mask.data() + cell(row, agent) * static_cast<std::size_t>(choices)) ||
+          is_active[cell(row, agent)] == 0;
+    }
   item.form.finals = static_cast<int32_t>(item.final_rows.size());
   item.form.has_mask = std::find(mask.begin(), mask.end(), uint8_t{0}) != mask.end();
   item.layout = ItemLayout(shape, item.form);
@@ -139,38 +111,31 @@ void pack_item(const TrajectoryShape& shape, const ItemForm& kept, const SlabVie
       final_measurement_is_sound[cell(f, agent)] = take_floats(
           slab.final_measurement(item.final_rows[static_cast<std::size_t>(f)], agent),
           at<float>(base, layout.final_measurement) + static_cast<int64_t>(cell(f, agent)) * measurements);
-    for (int row = 0; row <= steps; ++row)
-      at<uint8_t>(base, layout.agent_active)[cell(row, agent)] = slab.agent_active(row, agent) != 0;
   }
+  std::memcpy(base + layout.agent_active, is_active.data(), is_active.size());
   if (item.form.has_mask) std::memcpy(base + layout.action_mask, mask.data(), mask.size());
 
   for (int step = 0; step < steps; ++step) {
     const auto index = static_cast<std::size_t>(step);
-    const bool terminated = slab.terminated(step) != 0, is_cut = cut[index] != 0;
+    const StepEnd& end = ends[index];
     bool step_is_valid = slab.valid(step) != 0;
     for (int agent = 0; agent < agents; ++agent) {
-      bool sound = final_is_sound[index] != 0 && state_is_sound[static_cast<std::size_t>(agent)] != 0 &&
+      bool sound = end.is_sound && state_is_sound[static_cast<std::size_t>(agent)] != 0 &&
                    row_is_sound[cell(step, agent)] != 0;
       if (final_row[index] >= 0) sound &= final_measurement_is_sound[cell(final_row[index], agent)] != 0;
-      const auto chosen = slab.action(step, agent);
-      uint8_t* const action =
-          at<uint8_t>(base, layout.action) + cell(step, agent) * static_cast<std::size_t>(env.head_count);
-      for (std::size_t head = 0; head < chosen.size(); ++head) {
-        const int32_t choice = chosen[head];
-        const bool in_range = choice >= 0 && choice < env.head_sizes[head];
-        action[head] = in_range ? static_cast<uint8_t>(choice) : uint8_t{0};
-        sound &= in_range;
-      }
+      sound &= take_action(
+          env, slab.action(step, agent),
+          at<uint8_t>(base, layout.action) + cell(step, agent) * static_cast<std::size_t>(env.head_count));
       const float value = slab.reward(step, agent);
       sound &= std::isfinite(value);
       at<float>(base, layout.reward)[cell(step, agent)] = sound ? value : 0.0f;
       item.broken_decisions += !sound;
       step_is_valid &= sound;
       // The observation behind a step that ends an episode belongs to the next one.
-      if (!terminated && !is_cut) step_is_valid &= row_is_sound[cell(step + 1, agent)] != 0;
+      if (!end.is_terminated && !end.is_truncated) step_is_valid &= row_is_sound[cell(step + 1, agent)] != 0;
     }
-    at<uint8_t>(base, layout.terminated)[step] = terminated;
-    at<uint8_t>(base, layout.truncated)[step] = is_cut;
+    at<uint8_t>(base, layout.terminated)[step] = end.is_terminated;
+    at<uint8_t>(base, layout.truncated)[step] = end.is_truncated;
     at<uint8_t>(base, layout.valid)[step] = step_is_valid;
     at<int8_t>(base, layout.final_row)[step] = final_row[index];
   }
@@ -187,7 +152,8 @@ Status validate_item(const TrajectoryShape& shape, const ItemForm& form, const s
   if (byte_count < layout.frames || (!form.compressed && byte_count != layout.raw_bytes))
     return bad("a trajectory's size does not fit its length");
   const int64_t agents = env.num_agents, rows = form.length + 1;
-  if (!all_finite(at<float>(bytes, 0), layout.frame_ends / 4)) return bad("a number is not finite");
+  if (!all_finite({at<float>(bytes, 0), static_cast<std::size_t>(layout.frame_ends / 4)}))
+    return bad("a number is not finite");
   const auto flags_ok = [&](int64_t offset, int64_t count) {
     return std::all_of(bytes + offset, bytes + offset + count,
                        [](std::byte flag) { return std::to_integer<int>(flag) <= 1; });

@@ -56,9 +56,9 @@ struct PackedItem {
 /// Fills `item` from a slab of which `length` steps are filled (more than T counts as T; 0 gives an item of
 /// length 0 that is not to be stored).
 ///
-/// What peers wrote is not trusted. A decision is broken where its action lies outside its head, its mask
-/// allows nothing in a head, a number is not finite, or its final row is out of range; a recurrent state that
-/// is not finite breaks every decision of its agent. A broken decision makes its step invalid for all agents,
+/// What peers wrote is not trusted (schema/slab_check.h). A decision is broken where its action lies outside its head,
+/// its agent is alive and its mask allows nothing in a head, a number is not finite, or its final row is out of range; a
+/// recurrent state that is not finite breaks every decision of its agent. A broken decision makes its step invalid for all agents,
 /// and so does a broken observation behind the step. Numbers that were not finite become 0, actions 0, masks
 /// all ones. True last observations are kept of truncated steps: nothing bootstraps from a terminated one.
 /// `kept` says what the form keeps: has_state, compressed and has_late are read; its other fields are found.

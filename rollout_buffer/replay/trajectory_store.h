@@ -76,7 +76,6 @@ class StoredTrajectory {
   std::pair<int64_t, int64_t> frame_range(int first, int last) const;
   /// The same of one agent's frame.
   std::pair<int64_t, int64_t> frame_range_of_agent(int row, int agent) const;
-  int64_t head_bytes() const { return layout_.frames; }
   std::span<const std::byte> bytes() const { return {bytes_, static_cast<std::size_t>(byte_count_)}; }
   const ItemForm& form() const { return form_; }
 

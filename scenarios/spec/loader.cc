@@ -8,6 +8,7 @@
 
 #include "rollout_buffer/core/recipes.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/core/toml_text.h"
 #include "scenarios/spec/game_names.h"
 #include "scenarios/spec/rewards.h"
 #include "scenarios/spec/scenario_files.h"
@@ -287,15 +288,6 @@ Status read_render(const std::string& path, TableReader& root, ScenarioSpec& spe
   return reader.finish();
 }
 
-/// A setting's value as text; empty where it is neither text, a number, true nor false.
-std::string setting_text(const toml::node& node) {
-  if (const auto flag = node.value_exact<bool>()) return *flag ? "true" : "false";
-  if (const auto whole = node.value_exact<int64_t>()) return std::to_string(*whole);
-  if (const auto word = node.value_exact<std::string>()) return *word;
-  if (const auto real = node.value_exact<double>()) return real_text(*real);
-  return {};
-}
-
 /// One table [training.<preset>.<algorithm>]: the keys of its settings get "<preset>.<algorithm>." in front. Each is tried
 /// on a RunConfig, so that a wrong one is found here. False after root.fail().
 bool read_recipe(TableReader& root, const std::string& preset, const std::string& algorithm,
@@ -308,7 +300,7 @@ bool read_recipe(TableReader& root, const std::string& preset, const std::string
       root.fail(key.source(), "'" + name + "' chooses the recipe and cannot stand in one; take it out");
       return false;
     }
-    const SettingsLayer one{training.origin, {{name, setting_text(node)}}};
+    const SettingsLayer one{training.origin, {{name, toml_scalar_text(node).value_or("")}}};
     if (const Status applied = apply_layer(scratch, one); !applied) {
       root.fail(key.source(), applied.error().message);
       return false;

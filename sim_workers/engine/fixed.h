@@ -23,6 +23,10 @@ constexpr Fixed fixed_div(Fixed a, Fixed b) {
   const int64_t quotient = (int64_t{a} << kFracBits) / b;
   return quotient > INT32_MAX ? INT32_MAX : quotient < INT32_MIN ? INT32_MIN : static_cast<Fixed>(quotient);
 }
+/// A sum kept inside the number range.
+constexpr Fixed clamped_fixed(int64_t value) {
+  return value > INT32_MAX ? INT32_MAX : value <= INT32_MIN ? INT32_MIN + 1 : static_cast<Fixed>(value);
+}
 constexpr double to_double(Fixed value) { return value / 65536.0; }
 constexpr float to_float(Fixed value) { return static_cast<float>(value) * (1.0f / 65536.0f); }
 constexpr Angle degrees_to_angle(int degrees) {
@@ -34,5 +38,10 @@ constexpr double angle_to_radians(Angle angle) { return angle * (6.2831853071795
 /// same on every machine.
 Fixed fine_sine(Angle angle);
 Fixed fine_cosine(Angle angle);
+
+/// Distance of two points as Doom estimates it: the longer axis plus half of the shorter one.
+Fixed approximate_distance(Fixed dx, Fixed dy);
+/// The angle from one point to another, from an arctangent table: the same on every machine.
+Angle angle_to(Fixed from_x, Fixed from_y, Fixed to_x, Fixed to_y);
 
 }  // namespace comrad::doom

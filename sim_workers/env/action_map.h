@@ -8,7 +8,7 @@
 #include "rollout_buffer/core/expected.h"
 #include "scenarios/spec/game_names.h"
 #include "scenarios/spec/scenario_spec.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::sim {
 

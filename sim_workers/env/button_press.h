@@ -2,7 +2,7 @@
 #pragma once
 
 #include "scenarios/spec/game_names.h"
-#include "sim_workers/engine/play/player.h"
+#include "sim_workers/engine/world/player.h"
 
 namespace comrad::sim {
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "sim_workers/engine/tic/tic.h"
 #include "sim_workers/env/game_variables.h"
 
 namespace comrad::sim {
@@ -59,15 +60,16 @@ Status DoomEnvironment::choose_layout(int layout) {
 }
 
 void DoomEnvironment::reset(uint64_t episode_seed) {
-  world_.reset({.player_count = game_->num_agents,
-                .seed = episode_seed,
-                .skill = kSkill,
-                .crosshair = game_->spec.crosshair,
-                .no_monsters = game_->no_monsters,
-                .forced_respawn = game_->spec.respawn,
-                .respawn_delay_tics = game_->spec.respawn_delay_tics,
-                .start_at_deathmatch_starts = true},
-               rules_.get());
+  reset_world(world_,
+              {.player_count = game_->num_agents,
+               .seed = episode_seed,
+               .skill = kSkill,
+               .crosshair = game_->spec.crosshair,
+               .no_monsters = game_->no_monsters,
+               .forced_respawn = game_->spec.respawn,
+               .respawn_delay_tics = game_->spec.respawn_delay_tics,
+               .start_at_deathmatch_starts = true},
+              rules_.get());
   step_count_ = 0;
   std::fill(step_.reward.begin(), step_.reward.end(), 0.0f);
   step_.terminated = step_.truncated = false;
@@ -87,7 +89,7 @@ void DoomEnvironment::step(std::span<const int32_t> action) {
 void DoomEnvironment::press(std::span<const doom::Buttons> buttons) {
   COMRAD_CHECK(!step_.episode_over(), "an episode that is over is reset before the next step");
   for (int i = 0; i < game_->frame_skip && !step_.episode_over(); ++i) {
-    world_.tic(buttons);
+    run_tic(world_, buttons);
     if (world_.level_exited())
       step_.terminated = true;
     else if (world_.tic_count() >= limit_tics_)

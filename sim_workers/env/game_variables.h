@@ -2,7 +2,7 @@
 #pragma once
 
 #include "scenarios/spec/game_names.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::sim {
 

@@ -9,7 +9,7 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "scenarios/spec/game_names.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::sim {
 

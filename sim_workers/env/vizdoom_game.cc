@@ -6,6 +6,7 @@
 
 #include "doomgen/wad/iwad_search.h"
 #include "rollout_buffer/core/text.h"
+#include "sim_workers/engine/tic/tic.h"
 #include "sim_workers/env/game_variables.h"
 
 namespace comrad::sim {
@@ -60,10 +61,10 @@ void VizdoomEpisode::reset(uint64_t seed) {
   options.player_count = 1;
   options.seed = seed;
   options.start_at_deathmatch_starts = true;  // where the map has no start of player 1
-  world_.reset(options, nullptr);
+  reset_world(world_, options, nullptr);
   const doom::Buttons nothing;
   while (world_.tic_count() < static_cast<uint64_t>(game_->config.start_tics) && !world_.level_exited())
-    world_.tic({&nothing, 1});
+    run_tic(world_, {&nothing, 1});
   first_tic_ = world_.tic_count();
   before_ = counts();
   finished_ = world_.level_exited() || !world_.player(0).alive;
@@ -74,7 +75,7 @@ double VizdoomEpisode::step(const doom::Buttons& buttons, int tics) {
   const uint64_t tic_before = world_.tic_count();
   const uint64_t timeout = static_cast<uint64_t>(game_->config.timeout_tics);
   for (int i = 0; i < tics && !finished_; ++i) {
-    world_.tic({&buttons, 1});
+    run_tic(world_, {&buttons, 1});
     finished_ = world_.level_exited() || !world_.player(0).alive ||
                 (timeout > 0 && world_.tic_count() >= first_tic_ + timeout);
   }

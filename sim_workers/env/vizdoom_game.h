@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 #include "sim_workers/env/game_content.h"
 #include "sim_workers/env/vizdoom_config.h"
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 #include "sim_workers/env/doom_env.h"
 #include "sim_workers/env/environment.h"
 

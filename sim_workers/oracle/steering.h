@@ -1,7 +1,7 @@
 // From "go there, look there" to the buttons of one decision. Stage: step.
 #pragma once
 
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::sim {
 

@@ -11,7 +11,7 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "scenarios/spec/game_names.h"
-#include "sim_workers/engine/play/player.h"
+#include "sim_workers/engine/world/player.h"
 
 namespace comrad::trace {
 

@@ -2,6 +2,7 @@
 
 #include "rollout_buffer/core/text.h"
 #include "scenarios/spec/registry.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/env/doom_env.h"
 #include "sim_workers/env/game_variables.h"
 #include "sim_workers/env/vizdoom_game.h"
@@ -118,7 +119,7 @@ Expected<std::unique_ptr<TraceGame>> open_trace_game(const GameOptions& options)
 void set_pose(doom::World& world, const Pose& pose) {
   doom::Actor* const body = world.body_of(0);
   if (body == nullptr) return;
-  world.set_position(body->id, pose.x, pose.y, pose.z);
+  set_position(world, body->id, pose.x, pose.y, pose.z);
   world.set_angle(body->id, pose.angle);
   body->pitch = pose.pitch;
   body->velocity_x = pose.velocity_x;

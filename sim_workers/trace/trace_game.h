@@ -8,8 +8,8 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "scenarios/spec/game_names.h"
-#include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/render/renderer.h"
+#include "sim_workers/engine/world/world.h"
 #include "sim_workers/trace/trace_actions.h"
 
 namespace comrad::trace {

@@ -47,7 +47,6 @@ class EnvPort {
   Status start();
 
   bool is_outstanding() const { return stage_ == Stage::kOutstanding; }
-  bool is_parked() const { return stage_ == Stage::kParked; }
   /// Evaluation: this environment's share of the episodes is played; or status() is an error.
   bool is_done() const { return stage_ == Stage::kDone; }
   /// What ended this environment early: a layout of the pool that cannot be loaded.

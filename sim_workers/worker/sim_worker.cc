@@ -1,9 +1,11 @@
 #include "sim_workers/worker/sim_worker.h"
 
+#include <span>
 #include <string>
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::sim {
 namespace {
@@ -11,9 +13,8 @@ namespace {
 constexpr int64_t kWaitUs = 50'000;  // how often a waiting worker looks at its stop flag
 
 std::string shape_text(const EnvShape& shape) {
-  std::string heads;
-  for (int head = 0; head < shape.head_count; ++head)
-    heads += (head == 0 ? "" : ",") + std::to_string(shape.head_sizes[static_cast<std::size_t>(head)]);
+  const std::string heads =
+      joined(std::span(shape.head_sizes).first(static_cast<std::size_t>(shape.head_count)), ",");
   return std::to_string(shape.num_agents) + " agents, frame " + std::to_string(shape.channels) + "x" +
          std::to_string(shape.height) + "x" + std::to_string(shape.width) + ", " +
          std::to_string(shape.measurement_count) + " measurements, heads " + heads;

@@ -1,5 +1,6 @@
 // A DECORATE lump; the actors that it makes are put into a room with two players.
 #include "sim_workers/engine/actors/decorate.h"
+#include "sim_workers/engine/play/spawning.h"
 #include "tests/fuzz/play.h"
 #include "tests/support/level_builder.h"
 
@@ -22,7 +23,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, std::size_t size) {
   for (uint32_t type = static_cast<uint32_t>(known); type < end; ++type) {
     if ((*catalog)[type].is_player) continue;
     const int place = static_cast<int>(type - known);
-    world.spawn(type, to_fixed(-400 + 70 * place), to_fixed(100), kOnFloor, 0);
+    spawn_actor(world, type, to_fixed(-400 + 70 * place), to_fixed(100), kOnFloor, 0);
   }
   comrad::fuzz::play(world, 12);
   return 0;

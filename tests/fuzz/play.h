@@ -7,7 +7,8 @@
 #include <cstdlib>
 #include <memory>
 
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::fuzz {
 
@@ -37,11 +38,11 @@ inline std::array<doom::Buttons, 2> pressed(int tic, uint32_t salt) {
 }
 
 inline void play(doom::World& world, int tics, uint32_t salt = 0x5A5A33) {
-  for (int tic = 0; tic < tics; ++tic) world.tic(pressed(tic, salt));
+  for (int tic = 0; tic < tics; ++tic) run_tic(world, pressed(tic, salt));
 }
 
 inline void start(doom::World& world, int64_t instructions_per_tic = 20'000) {
-  world.reset({.player_count = 2, .seed = 7}, nullptr);
+  reset_world(world, {.player_count = 2, .seed = 7}, nullptr);
   world.state().scripts.instructions_per_tic = instructions_per_tic;
 }
 

@@ -61,7 +61,7 @@ class MatrixGame {
     shape.env = env_;
     shape.rollout_steps = static_cast<int32_t>(config.rollout);
     shape.recurrent_state_count = 0;
-    batch_ = learn::make_minibatch(shape, worlds);
+    batch_ = learn::make_rollout_batch(shape, worlds);
     batch_.frame.fill_(128);
   }
 
@@ -142,7 +142,7 @@ class MatrixGame {
   Learner learner_;
   RngKey key_;
   torch::Tensor picture_;
-  learn::Minibatch batch_;
+  learn::RolloutBatch batch_;
   uint64_t updates_ = 0;
 };
 

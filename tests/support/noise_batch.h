@@ -42,10 +42,10 @@ inline TrajectoryShape small_shape(const RunConfig& config, int agents) {
 }
 
 /// `slab_count` worlds of noise, in which every step is valid and nothing ends.
-inline learn::Minibatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
+inline learn::RolloutBatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
   const SlabPool pool(shape, slab_count);
   pool.fill_with_noise(seed);
-  learn::Minibatch batch = learn::make_minibatch(shape, slab_count);
+  learn::RolloutBatch batch = learn::make_rollout_batch(shape, slab_count);
   learn::clear(batch);
   for (int i = 0; i < slab_count; ++i)
     learn::collate_slab(batch, i, pool.view(i), static_cast<uint32_t>(shape.rollout_steps));

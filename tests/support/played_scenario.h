@@ -13,6 +13,7 @@
 #include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/inventory.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/env/doom_env.h"
 #include "sim_workers/env/game_variables.h"
 #include "sim_workers/oracle/oracle.h"
@@ -76,7 +77,7 @@ class PlayedScenario {
   void put(int agent, double x, double y) {
     doom::Actor& actor = body(agent);
     const doom::Fixed fx = static_cast<doom::Fixed>(x * 65536), fy = static_cast<doom::Fixed>(y * 65536);
-    world().set_position(actor.id, fx, fy, world().sectors()[world().sector_at(fx, fy)].floor_height);
+    set_position(world(), actor.id, fx, fy, world().sectors()[world().sector_at(fx, fy)].floor_height);
     actor.velocity_x = actor.velocity_y = actor.velocity_z = 0;
   }
   void look(int agent, double degrees) {

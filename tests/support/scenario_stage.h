@@ -19,6 +19,8 @@
 #include "sim_workers/engine/actors/decorate.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/inventory.h"
+#include "sim_workers/engine/play/placement.h"
+#include "sim_workers/engine/tic/tic.h"
 #include "sim_workers/env/doom_env.h"
 
 namespace comrad::sim::test {
@@ -54,11 +56,11 @@ class ScenarioStage {
   ScenarioStage(const std::string& scenario, const std::string& layout_text,
                 std::shared_ptr<const doom::Level> level, uint64_t seed = 1, int player_count = 2)
       : content_(scenario, layout_text), world(std::move(level), content_.catalog, content_.behavior) {
-    world.reset({.player_count = player_count, .seed = seed}, nullptr);
+    reset_world(world, {.player_count = player_count, .seed = seed}, nullptr);
   }
   void tics(int count, const doom::Buttons& first = {}, const doom::Buttons& second = {}) {
     const std::array<doom::Buttons, 2> buttons = {first, second};
-    for (int i = 0; i < count; ++i) world.tic(buttons);
+    for (int i = 0; i < count; ++i) run_tic(world, buttons);
   }
   int count(const char* type) const { return world.count_actors(*world.catalog().find(type)); }
   int user(int index) const { return world.exported(index); }
@@ -113,7 +115,7 @@ class ScenarioGame {
   void release() { buttons_.assign(buttons_.size(), {}); }
   void put(int agent, int x, int y) {
     doom::Actor& body = *world().body_of(agent);
-    world().set_position(body.id, doom::to_fixed(x), doom::to_fixed(y), body.z);
+    set_position(world(), body.id, doom::to_fixed(x), doom::to_fixed(y), body.z);
     body.velocity_x = body.velocity_y = 0;
   }
   int count(const char* type) { return world().count_actors(*world().catalog().find(type)); }

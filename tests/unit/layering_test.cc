@@ -1,6 +1,6 @@
 // Reads every #include of the sources and keeps the picture of the layers true: includes point left along
-// rollout_buffer < doomgen < scenarios < sim_workers and rollout_buffer < policy_workers < learner, deploy
-// includes rollout_buffer alone, and a third-party library has one home and a package that ./comrad installs.
+// rollout_buffer < doomgen < scenarios < sim_workers and rollout_buffer < policy_workers < learner, and upwards
+// inside rollout_buffer, sim_workers and learner; deploy includes rollout_buffer alone, and a third-party library has one home and a package that ./comrad installs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -38,8 +38,18 @@ const std::map<std::string, std::set<std::string>>& allowed_folders() {
   return allowed;
 }
 
-/// The same inside rollout_buffer, lowest first. Folders that are not named may include all of these.
-const std::vector<std::string> kBufferLayers = {"core", "schema", "shm"};
+/// The same inside a folder, lowest first; a name may stand for a folder in a folder. What is not named lies above
+/// all of these, but for single files beside them (engine/fixed.h), which lie below.
+const std::map<std::string, std::vector<std::string>>& layers_inside() {
+  static const std::map<std::string, std::vector<std::string>> layers = {
+      {"rollout_buffer", {"core", "schema", "shm"}},
+      {"sim_workers",
+       {"engine/actors", "engine/map", "engine/world", "engine/play", "engine/specials", "engine/acs",
+        "engine/tic", "engine/render", "env", "oracle", "worker", "trace"}},
+      {"learner", {"batch", "estimators", "critics", "checkpoint", "algorithms", "curriculum", "worker"}},
+  };
+  return layers;
+}
 
 struct Library {
   const char* name;
@@ -138,6 +148,19 @@ std::string layer_of(const std::string& file) {
                                                                              : folder_of(file);
 }
 
+/// Place among the layers of its own folder.
+std::size_t rank_of(const std::string& file) {
+  // A scenario's oracle is one of the simulator's.
+  const std::string path = layer_of(file) == folder_of(file) ? file : layer_of(file) + "/oracle/oracle.cc";
+  const std::string inner = fs::path(path.substr(path.find('/') + 1)).parent_path().string();
+  const std::vector<std::string>& layers = layers_inside().at(folder_of(path));
+  for (std::size_t i = 0; i < layers.size(); ++i) {
+    if ((inner + "/").starts_with(layers[i] + "/")) return i + 1;
+    if (layers[i].starts_with(inner + "/")) return 0;
+  }
+  return layers.size() + 1;
+}
+
 /// Why an include breaks the layers, or nothing.
 std::string fault_of(const Include& include) {
   const std::string from = layer_of(include.file), to = folder_of(include.target);
@@ -145,15 +168,9 @@ std::string fault_of(const Include& include) {
   if (allowed_folders().contains(to) && include.target.find('/') != std::string::npos && to != from &&
       !allowed_folders().at(from).contains(to))
     return from + " may not include " + to;
-  if (from == "rollout_buffer" && to == "rollout_buffer") {
-    const auto rank_of = [](const std::string& path) {
-      const std::string inner = path.substr(path.find('/') + 1);
-      const auto found = std::find(kBufferLayers.begin(), kBufferLayers.end(), folder_of(inner));
-      return found - kBufferLayers.begin();
-    };
-    if (rank_of(include.target) > rank_of(include.file))
-      return "rollout_buffer: core < schema < shm < the rest";
-  }
+  if (from == to && layers_inside().contains(from) && rank_of(include.target) > rank_of(include.file))
+    return from + ": " + fs::path(include.target).parent_path().string() + " lies above " +
+           fs::path(include.file).parent_path().string();
   // The arena and the bus do not know each other; whoever needs both joins them.
   if (include.file.starts_with("rollout_buffer/dds/") && include.target.starts_with("rollout_buffer/shm/"))
     return "rollout_buffer/dds may not include rollout_buffer/shm";
@@ -244,6 +261,16 @@ TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   EXPECT_TRUE(is_fault("rollout_buffer/core/config.cc", "rollout_buffer/schema/spec.h"));
   EXPECT_TRUE(is_fault("rollout_buffer/schema/spec.cc", "rollout_buffer/shm/arena.h"));
   EXPECT_TRUE(is_fault("rollout_buffer/dds/bus.cc", "rollout_buffer/shm/arena.h"));
+  EXPECT_TRUE(is_fault("sim_workers/engine/play/damage.cc", "sim_workers/engine/specials/line_specials.h"));
+  EXPECT_TRUE(is_fault("sim_workers/engine/specials/doors.cc", "sim_workers/engine/acs/machine.h"));
+  EXPECT_TRUE(is_fault("sim_workers/engine/world/world.h", "sim_workers/engine/tic/tic.h"));
+  EXPECT_TRUE(is_fault("sim_workers/engine/fixed.cc", "sim_workers/engine/actors/actor_type.h"));
+  EXPECT_TRUE(is_fault("scenarios/lava_pit/oracle.cc", "sim_workers/worker/sim_worker.h"));
+  EXPECT_TRUE(is_fault("learner/estimators/gae.cc", "learner/algorithms/ippo.h"));
+  EXPECT_FALSE(is_fault("sim_workers/engine/acs/map_calls.cc", "sim_workers/engine/specials/movers.h"));
+  EXPECT_FALSE(is_fault("sim_workers/engine/actors/actor_type.h", "sim_workers/engine/fixed.h"));
+  EXPECT_FALSE(is_fault("scenarios/lava_pit/oracle.cc", "sim_workers/oracle/steering.h"));
+  EXPECT_FALSE(is_fault("learner/worker/main.cc", "learner/curriculum/curriculum.h"));
   EXPECT_TRUE(is_fault("sim_workers/worker/main.cc", "torch/torch.h", false));
   EXPECT_TRUE(is_fault("learner/worker/main.cc", "dds/dds.h", false));
   EXPECT_TRUE(is_fault("sim_workers/env/doom_env.cc", "GL/osmesa.h", false));

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <span>
 
 #include "deploy/config/child_program.h"
 #include "deploy/config/command_line.h"
@@ -44,9 +45,7 @@ std::vector<std::string> worker_command(const std::string& bench, const MergedSe
                                       std::to_string(seconds)};
   if (bench == "sim") return command;
   const EnvShape& env = merged.scenario.env;
-  std::string heads;
-  for (int head = 0; head < env.head_count; ++head)
-    heads += (head == 0 ? "" : ",") + std::to_string(env.head_sizes[static_cast<size_t>(head)]);
+  const std::string heads = joined(std::span(env.head_sizes).first(static_cast<size_t>(env.head_count)), ",");
   command.insert(command.end(), {"--num_agents", std::to_string(env.num_agents), "--heads", heads,
                                  "--measurements", std::to_string(env.measurement_count)});
   return command;
@@ -124,10 +123,9 @@ void print_table(const ordered_json& summary) {
 
 Expected<int> bench(const std::string& what, double seconds, bool json, const CommandLine& line) {
   if (std::find(kBenches.begin(), kBenches.end(), what) == kBenches.end()) {
-    const std::string nearest = nearest_word(what, {kBenches.begin(), kBenches.end()});
     return Error{ErrorCode::kBadInput, "unknown bench '" + what + "'" +
-                                           (nearest.empty() ? "" : "; did you mean '" + nearest + "'?") +
-                                           " (sim, inference, learner, train, replay)"};
+                                           did_you_mean(what, {kBenches.begin(), kBenches.end()}) + " (" +
+                                           joined(kBenches) + ")"};
   }
   if (what == "replay")
     return Error{ErrorCode::kBadInput,

@@ -5,11 +5,14 @@
 #include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/acs/actor_properties.h"
 #include "sim_workers/engine/acs/strings.h"
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/hitscan.h"
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/missiles.h"
 #include "sim_workers/engine/play/movement.h"
+#include "sim_workers/engine/play/placement.h"
+#include "sim_workers/engine/play/spawning.h"
 
 namespace comrad::doom::acs {
 namespace {
@@ -83,7 +86,7 @@ int32_t spawn_thing(const Caller& caller, int32_t type_name, Fixed x, Fixed y, F
   World& world = caller.world;
   const uint32_t type = world.catalog().replacement(*named);
   if (world.options().no_monsters && world.catalog()[type].flags.has(ActorFlag::kIsMonster)) return 0;
-  return world.spawn(type, x, y, z, angle, thing_id, force).has_value() ? 1 : 0;
+  return spawn_actor(world, type, x, y, z, angle, thing_id, force).has_value() ? 1 : 0;
 }
 
 int32_t spawn_at_spots(const Caller& caller, int32_t type_name, int32_t spot_id, int32_t thing_id,
@@ -171,10 +174,10 @@ int32_t warp(const Caller& caller, std::span<const int32_t> args) {
   if ((flags & kToFloor) != 0)
     new_z = clamp_fixed(int64_t{world.sectors()[world.sector_at(new_x, new_y)].floor_height} +
                         ((flags & kAbsolutePosition) != 0 ? 0 : arg(3)));
-  world.set_position(self->id, new_x, new_y, new_z);
+  set_position(world, self->id, new_x, new_y, new_z);
   const bool fits = (flags & kNoCheckPosition) != 0 || fits_here(world, *self);
   if (!fits || (flags & kTestOnly) != 0) {
-    world.set_position(self->id, old_x, old_y, old_z);
+    set_position(world, self->id, old_x, old_y, old_z);
     return fits ? 1 : 0;
   }
   world.set_angle(self->id, angle);
@@ -185,7 +188,7 @@ int32_t warp(const Caller& caller, std::span<const int32_t> args) {
   if ((flags & kCopyPitch) != 0) self->pitch = there->pitch;
   if (args.size() > 6) {
     const uint32_t state = find_state(caller, *self, caller.text(args[6]), arg(7) != 0);
-    if (state != kNoState) world.set_state(*self, state);
+    if (state != kNoState) set_state(world, *self, state);
   }
   return 1;
 }
@@ -244,7 +247,7 @@ int32_t set_actor_state(const Caller& caller, int32_t thing_id, int32_t label, b
   caller.each_actor(thing_id, [&](Actor& actor) {
     const uint32_t state = find_state(caller, actor, caller.text(label), exact);
     if (state == kNoState) return;
-    caller.world.set_state(actor, state);
+    set_state(caller.world, actor, state);
     ++count;
   });
   return count;

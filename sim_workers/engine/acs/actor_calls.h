@@ -5,6 +5,7 @@
 #include <span>
 
 #include "sim_workers/engine/acs/caller.h"
+#include "sim_workers/engine/play/placement.h"
 
 namespace comrad::doom::acs {
 

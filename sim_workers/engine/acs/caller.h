@@ -8,8 +8,8 @@
 #include <string_view>
 
 #include "sim_workers/engine/acs/behavior.h"
-#include "sim_workers/engine/acs/machine_state.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/machine_state.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom::acs {
 

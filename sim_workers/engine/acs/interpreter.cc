@@ -16,6 +16,7 @@
 #include "sim_workers/engine/acs/script_calls.h"
 #include "sim_workers/engine/acs/strings.h"
 #include "sim_workers/engine/play/inventory.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/play/weapons.h"
 #include "sim_workers/engine/specials/line_specials.h"
 
@@ -521,11 +522,11 @@ class Interpreter {
   }
   int32_t special(int32_t number, const std::array<int32_t, 5>& args) {
     charge();
-    return execute_special(world_, {.number = number,
-                                    .args = args,
-                                    .activator = caller_.activator(),
-                                    .line = thread_.line,
-                                    .back_side = thread_.back_side});
+    return world_.events().run_special(world_, {.number = number,
+                                                .args = args,
+                                                .activator = caller_.activator(),
+                                                .line = thread_.line,
+                                                .back_side = thread_.back_side});
   }
   void charge() { machine_.instructions_left -= kExpensive; }
   /// For work that grows with a text or with how many there are: a script in a loop of it must end as well.

@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "sim_workers/engine/acs/behavior.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom::acs {
 

@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "sim_workers/engine/acs/behavior.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom::acs {
 

@@ -209,11 +209,12 @@ void tic_plane_watchers(World& world) {
     }
     const PlaneWatcher due = watcher;
     watchers.erase(watchers.begin() + static_cast<std::ptrdiff_t>(i));
-    execute_special(world, {.number = due.special,
-                            .args = due.args,
-                            .activator = due.activator_id != 0 ? world.actor(due.activator_id) : nullptr,
-                            .line = due.line,
-                            .back_side = due.back_side});
+    world.events().run_special(world,
+                               {.number = due.special,
+                                .args = due.args,
+                                .activator = due.activator_id != 0 ? world.actor(due.activator_id) : nullptr,
+                                .line = due.line,
+                                .back_side = due.back_side});
   }
 }
 

@@ -397,12 +397,12 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
     case BuiltIn::kQuakeEx: {
       // Quakes in all axes shake as plain ones do.
       const bool wide = number == static_cast<int32_t>(BuiltIn::kQuakeEx);
-      execute_special(world, {.number = Special::kRadius_Quake,
-                              .args = {args[1], wide ? args[4] : args[2], wide ? args[5] : args[3],
-                                       wide ? args[6] : args[4], args[0]},
-                              .activator = caller.activator(),
-                              .line = caller.thread.line,
-                              .back_side = caller.thread.back_side});
+      world.events().run_special(world, {.number = Special::kRadius_Quake,
+                                         .args = {args[1], wide ? args[4] : args[2], wide ? args[5] : args[3],
+                                                  wide ? args[6] : args[4], args[0]},
+                                         .activator = caller.activator(),
+                                         .line = caller.thread.line,
+                                         .back_side = caller.thread.back_side});
       return value(1);
     }
 

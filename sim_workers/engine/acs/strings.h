@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom::acs {
 

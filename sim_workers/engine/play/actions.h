@@ -7,7 +7,7 @@
 #include <span>
 
 #include "sim_workers/engine/actors/action_id.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 

@@ -6,7 +6,6 @@
 #include <optional>
 #include <string>
 
-#include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/play/actions.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/hitscan.h"
@@ -15,8 +14,8 @@
 #include "sim_workers/engine/play/monster_attacks.h"
 #include "sim_workers/engine/play/monsters.h"
 #include "sim_workers/engine/play/movement.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/play/sight.h"
-#include "sim_workers/engine/specials/line_specials.h"
 
 namespace comrad::doom {
 
@@ -215,10 +214,10 @@ void for_each_child(ActionCall& call, Visit visit) {
 }
 
 /// A special of scripts and things, called by a state.
-void run_special(ActionCall& call, int number) {
+void call_special(ActionCall& call, int32_t number) {
   SpecialCall special{.number = number, .activator = &call.self};
   for (std::size_t i = 0; i < special.args.size(); ++i) special.args[i] = call.integer(i, 0);
-  execute_special(call.world, special);
+  call.world.events().run_special(call.world, special);
 }
 
 /// Gives to a player, or heals another actor.
@@ -427,11 +426,11 @@ void action_Respawn(ActionCall& call) {
     self.velocity_x = self.velocity_y = self.velocity_z = 0;
   };
   revive();
-  world.set_position(self.id, self.spawn_x, self.spawn_y, self.spawn_z);
+  set_position(world, self.id, self.spawn_x, self.spawn_y, self.spawn_z);
   if (!fits_here(world, self)) {  // somebody stands there: not yet
     self.flags = before.flags, self.health = before.health;
     self.radius = before.radius, self.height = before.height;
-    world.set_position(self.id, before.x, before.y, before.z);
+    set_position(world, self.id, before.x, before.y, before.z);
     relink(world, self);
     return;
   }
@@ -880,20 +879,20 @@ void action_ChangeFlag(ActionCall& call) {
   if (flag) set_flag(call, *flag, call.boolean(1));
 }
 
-void action_ACS_Execute(ActionCall& call) { run_special(call, 80); }
-void action_ACS_ExecuteAlways(ActionCall& call) { run_special(call, 226); }
-void action_ACS_ExecuteWithResult(ActionCall& call) { run_special(call, 84); }
-void action_ACS_Terminate(ActionCall& call) { run_special(call, 82); }
+void action_ACS_Execute(ActionCall& call) { call_special(call, Special::kACS_Execute); }
+void action_ACS_ExecuteAlways(ActionCall& call) { call_special(call, Special::kACS_ExecuteAlways); }
+void action_ACS_ExecuteWithResult(ActionCall& call) { call_special(call, Special::kACS_ExecuteWithResult); }
+void action_ACS_Terminate(ActionCall& call) { call_special(call, Special::kACS_Terminate); }
 void action_ACS_NamedExecuteAlways(ActionCall& call) {
-  acs::StartOptions options{.activator_id = call.self.id, .always = true};
-  for (std::size_t i = 0; i < 3; ++i) options.args[i] = call.integer(i + 2, 0);
-  acs::start_script(call.world, text_of(call, 0), options);
+  std::array<int32_t, 4> args{};
+  for (std::size_t i = 0; i < 3; ++i) args[i] = call.integer(i + 2, 0);
+  call.world.events().start_named_script(call.world, text_of(call, 0), call.self.id, args);
 }
 void action_Thing_Remove(ActionCall& call) {
   if (call.integer(0, 0) == 0) {
     remove_self(call);
   } else {
-    run_special(call, 132);
+    call_special(call, Special::kThing_Remove);
   }
 }
 
@@ -1004,9 +1003,9 @@ void action_Warp(ActionCall& call) {
   if ((flags & kAbsoluteOffset) == 0) place = beside(*base, angle, forward, right);
   const Fixed z = clamp_fixed(int64_t{(flags & kToFloor) != 0 ? base->floor_z : base->z} + up);
   const Fixed old_x = self.x, old_y = self.y, old_z = self.z;
-  world.set_position(self.id, place.x, place.y, z);
+  set_position(world, self.id, place.x, place.y, z);
   if ((flags & kNoCheck) == 0 && !fits_here(world, self)) {
-    world.set_position(self.id, old_x, old_y, old_z);
+    set_position(world, self.id, old_x, old_y, old_z);
     return;
   }
   self.angle = angle;

@@ -6,20 +6,17 @@
 #include <string_view>
 
 #include "rollout_buffer/core/text.h"
-#include "sim_workers/engine/acs/behavior.h"
-#include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/map/level_index.h"
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/sight.h"
 #include "sim_workers/engine/play/weapons.h"
-#include "sim_workers/engine/specials/line_specials.h"
 
 namespace comrad::doom {
 namespace {
 
 constexpr int32_t kDamageFlashMax = 100;
 constexpr int32_t kHoldTargetTics = 100;  // a monster keeps who hurt it last for so long
-constexpr int32_t kTelefragDamage = 1'000'000;
 constexpr Fixed kThrustMax = to_fixed(200);
 
 Fixed scale(Fixed factor, int32_t amount) {
@@ -64,7 +61,7 @@ void take_revenge(World& world, Actor& target, Actor* source) {
   const uint32_t spawn = type.state(StateLabel::kSpawn);
   const bool idles =
       spawn != kNoState && (target.state == spawn || target.state == world.catalog().state(spawn).next);
-  if (idles && type.state(StateLabel::kSee) != kNoState) world.set_label(target, StateLabel::kSee);
+  if (idles && type.state(StateLabel::kSee) != kNoState) set_label(world, target, StateLabel::kSee);
 }
 
 /// The state that a type has for one kind of damage ("Death.Fire"; the prefix has the point, in lower case);
@@ -157,9 +154,9 @@ int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* sourc
   if (feels && world.random_byte() < chance) {
     target.set(ActorFlag::kJustHit);  // strikes back
     if (const uint32_t own = state_for_damage(world, target_type, "pain.", type); own != kNoState) {
-      world.set_state(target, own);
+      set_state(world, target, own);
     } else {
-      world.set_label(target, StateLabel::kPain);
+      set_label(world, target, StateLabel::kPain);
     }
   }
   if (world.actor(id) == nullptr) return amount;
@@ -224,12 +221,11 @@ void kill_actor(World& world, Actor& target, Actor* inflictor, Actor* source, Da
   uint32_t next = extreme && torn != kNoState ? torn : death;
   if (const uint32_t own = state_for_damage(world, type, "death.", damage_type); own != kNoState) next = own;
   if (next != kNoState || player == nullptr) {
-    if (world.set_state(target, next) && target.tics > 1)
+    if (set_state(world, target, next) && target.tics > 1)
       target.tics = std::max(1, target.tics - (world.random_byte() & 3));
   }
   if (player_index >= 0) {
-    acs::start_scripts_of_type(world, acs::ScriptType::kDeath, id);
-    if (world.script_host() != nullptr) world.script_host()->on_death(world, player_index);
+    world.events().player_died(world, player_index, id);
   }
 }
 
@@ -282,6 +278,13 @@ void radius_attack(World& world, Actor& spot, Actor* source, int32_t damage, Fix
   }
 }
 
+void damage_player(World& world, int player_index, int32_t amount) {
+  if (player_index < 0 || player_index >= world.player_count() || amount <= 0) return;
+  if (Actor* body = world.body_of(player_index))
+    damage_actor(world, *body, nullptr, nullptr, std::min(amount, 1'000'000), DamageType::kNormal,
+                 kDamageNoArmor);
+}
+
 int32_t heal_actor(World& world, Actor& actor, int32_t amount, int32_t limit) {
   if (actor.health <= 0 || amount <= 0) return 0;
   Player* player = world.player_of(actor);
@@ -297,7 +300,7 @@ void run_actor_special(World& world, Actor& actor, Actor* activator) {
   if (actor.special == 0) return;
   const SpecialCall call{.number = actor.special, .args = actor.args, .activator = activator};
   actor.special = 0;
-  execute_special(world, call);
+  world.events().run_special(world, call);
 }
 
 }  // namespace comrad::doom

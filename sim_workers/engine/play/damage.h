@@ -3,9 +3,11 @@
 
 #include <cstdint>
 
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
+
+constexpr int32_t kTelefragDamage = 1'000'000;  ///< so much or more goes through every protection
 
 enum DamageFlag : uint32_t {
   kDamageNoArmor = 1u << 0,
@@ -20,6 +22,9 @@ enum DamageFlag : uint32_t {
 /// Players do not hurt players in cooperative play. Returns the health it lost.
 int32_t damage_actor(World& world, Actor& target, Actor* inflictor, Actor* source, int32_t amount,
                      DamageType type = DamageType::kNormal, uint32_t flags = 0);
+
+/// For scripts and rules: no armour helps.
+void damage_player(World& world, int player, int32_t amount);
 
 /// The end of `target`: counts, death special, death state (XDeath, or that of the damage type), drops,
 /// script events.

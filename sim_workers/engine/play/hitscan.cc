@@ -6,9 +6,9 @@
 #include <tuple>
 
 #include "sim_workers/engine/map/level_index.h"
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
-#include "sim_workers/engine/specials/line_specials.h"
-#include "sim_workers/engine/specials/movers.h"
+#include "sim_workers/engine/world/polyobject_lines.h"
 
 namespace comrad::doom {
 namespace {
@@ -340,7 +340,7 @@ ShotEnd follow_shot(World& world, const Ray& ray, Actor& shooter, Hits&& hits) {
     }
     // A line that acts when shot does so when the bullet only passes it, too.
     if (world.lines()[crossing.index].special != 0)
-      activate_line(world, crossing.index, shooter, sides.from_back, Activation::kImpact);
+      world.events().activate_line(world, crossing.index, shooter, sides.from_back, Activation::kImpact);
     if (wall) {
       end = {sky ? ShotEnd::Kind::kNothing : ShotEnd::Kind::kWall, crossing.fraction, nullptr};
       return false;
@@ -375,11 +375,11 @@ void spawn_puff(World& world, Actor& shooter, uint32_t puff_type, const Ray& ray
   puff.angle = angle_to(puff.x, puff.y, shooter.x, shooter.y);
   if (puff.has(ActorFlag::kPuffGetsOwner)) puff.target_id = shooter.id;
   if (!on_actor && world.type_of(puff).state(StateLabel::kCrash) != kNoState) {
-    world.set_label(puff, StateLabel::kCrash);
+    set_label(world, puff, StateLabel::kCrash);
   } else if (on_actor && world.type_of(puff).state(StateLabel::kXDeath) != kNoState) {
-    world.set_label(puff, StateLabel::kXDeath);
+    set_label(world, puff, StateLabel::kXDeath);
   } else if (ray.distance <= kMeleeRange && world.type_of(puff).state(StateLabel::kMelee) != kNoState) {
-    world.set_label(puff, StateLabel::kMelee);
+    set_label(world, puff, StateLabel::kMelee);
   }
   shorten(world, puff);
 }
@@ -398,7 +398,7 @@ void spawn_blood(World& world, Actor& victim, const Ray& ray, int64_t fraction, 
   int skipped = damage < 9 ? 2 : damage <= 12 ? 1 : 0;
   for (; skipped > 0 && blood.state != kNoState; --skipped) {
     const uint32_t next = world.catalog().state(blood.state).next;
-    if (next == kNoState || !world.set_state(blood, next)) return;
+    if (next == kNoState || !set_state(world, blood, next)) return;
   }
   shorten(world, blood);
 }
@@ -552,8 +552,8 @@ bool use_lines(World& world, Actor& user) {
       // it is passed over.
       const bool back = sides_of(world, crossing.index, path.x, path.y).from_back;
       if ((flags & (back ? kLinePlayerUseBack : kLinePlayerUse)) == 0) return !one_sided;
-      answered |=
-          activate_line(world, crossing.index, user, back, back ? Activation::kUseBack : Activation::kUse);
+      answered |= world.events().activate_line(world, crossing.index, user, back,
+                                               back ? Activation::kUseBack : Activation::kUse);
       return (flags & kLinePassUse) != 0 && !one_sided && opening_of(world, crossing.index).range() > 0;
     }
     const bool wall = one_sided || (flags & (kLineBlockEverything | kLineBlockUse)) != 0;

@@ -6,7 +6,7 @@
 #include <functional>
 #include <optional>
 
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 

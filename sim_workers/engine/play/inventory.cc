@@ -384,7 +384,7 @@ bool touch_item(World& world, Actor& body, Actor& item) {
   // The special is an item's message to scripts. It may move and remove things: the item leaves first.
   if (!stays) world.remove(item.id);
   if (item.special != 0) run_actor_special(world, item, &body);
-  if (world.script_host() != nullptr) world.script_host()->on_pickup(world, player_index, item);
+  world.events().item_taken(world, player_index, item);
   return true;
 }
 

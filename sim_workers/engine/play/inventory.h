@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/hitscan.h"
 #include "sim_workers/engine/play/movement.h"
@@ -51,7 +52,7 @@ void explode_missile(World& world, Actor& missile, Actor* struck) {
     return;
   }
   const bool randomized = missile.has(ActorFlag::kRandomize);
-  if (world.set_state(missile, next) && randomized && missile.tics > 1)
+  if (set_state(world, missile, next) && randomized && missile.tics > 1)
     missile.tics = std::max(1, missile.tics - (world.random_byte() & 3));
 }
 

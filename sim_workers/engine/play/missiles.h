@@ -1,7 +1,7 @@
 // Missiles: how they start, fly, and end. Stage: tic.
 #pragma once
 
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 

@@ -4,6 +4,7 @@
 #include <cstdlib>
 
 #include "sim_workers/engine/play/actions.h"
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/hitscan.h"
 #include "sim_workers/engine/play/inventory.h"
@@ -11,8 +12,8 @@
 #include "sim_workers/engine/play/monster_attacks.h"
 #include "sim_workers/engine/play/monsters.h"
 #include "sim_workers/engine/play/movement.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/play/sight.h"
-#include "sim_workers/engine/specials/line_specials.h"
 
 namespace comrad::doom {
 namespace {
@@ -134,7 +135,7 @@ void raise_corpse(World& world, Actor& corpse, const Actor& vile) {
   corpse.last_heard_id = vile.last_heard_id;
   world.link(corpse);
   if (corpse.has(ActorFlag::kCountKill)) ++world.state().monster_count;
-  world.set_label(corpse, StateLabel::kRaise);
+  set_label(world, corpse, StateLabel::kRaise);
 }
 
 /// Keeps the fire in front of the eyes of its victim, as long as the vile sees it.
@@ -142,8 +143,8 @@ void move_fire(World& world, Actor& fire) {
   const Actor* victim = world.actor(fire.tracer_id);
   const Actor* vile = target_of(world, fire);
   if (victim == nullptr || vile == nullptr || !can_see(world, *vile, *victim)) return;
-  world.set_position(
-      fire.id, clamp_fixed(int64_t{victim->x} + fixed_mul(kFireDistance, fine_cosine(victim->angle))),
+  set_position(
+      world, fire.id, clamp_fixed(int64_t{victim->x} + fixed_mul(kFireDistance, fine_cosine(victim->angle))),
       clamp_fixed(int64_t{victim->y} + fixed_mul(kFireDistance, fine_sine(victim->angle))), victim->z);
 }
 
@@ -202,7 +203,7 @@ void hatch(World& world, Actor& cube) {
   if (type != kNoType) {
     Actor& monster = world.spawn_unchecked(type, x, y, z);
     if (monster.has(ActorFlag::kCountKill)) ++world.state().monster_count;
-    if (look_for_players(world, monster, true)) world.set_label(monster, StateLabel::kSee);
+    if (look_for_players(world, monster, true)) set_label(world, monster, StateLabel::kSee);
     if (!monster.removed) teleport_move(world, monster, x, y, z, monster.angle, false, false, true);
   }
   world.remove(cube.id);
@@ -326,8 +327,8 @@ void action_SkelMissile(ActionCall& call) {
   if (missile == nullptr) return;
   missile->tracer_id = target->id;
   // A step ahead of its shoulder.
-  call.world.set_position(missile->id, clamp_fixed(int64_t{missile->x} + missile->velocity_x),
-                          clamp_fixed(int64_t{missile->y} + missile->velocity_y), missile->z);
+  set_position(call.world, missile->id, clamp_fixed(int64_t{missile->x} + missile->velocity_x),
+               clamp_fixed(int64_t{missile->y} + missile->velocity_y), missile->z);
 }
 
 void action_Tracer(ActionCall& call) {
@@ -401,7 +402,7 @@ bool vile_raises(World& world, Actor& vile) {
   vile.angle = angle_between(vile, *corpse);
   vile.set(ActorFlag::kAmbush, false);
   raise_corpse(world, *corpse, vile);
-  world.set_label(vile, StateLabel::kHeal);
+  set_label(world, vile, StateLabel::kHeal);
   return true;
 }
 
@@ -430,9 +431,10 @@ void action_VileAttack(ActionCall& call) {
     target->velocity_z = clamp_fixed(int64_t{to_fixed(1000)} / target->mass);
   if (Actor* fire = world.actor(call.self.tracer_id)) {
     // Between the two, so that the blast throws the victim away from the vile.
-    world.set_position(
-        fire->id, clamp_fixed(int64_t{target->x} - fixed_mul(kFireDistance, fine_cosine(call.self.angle))),
-        clamp_fixed(int64_t{target->y} - fixed_mul(kFireDistance, fine_sine(call.self.angle))), target->z);
+    set_position(world, fire->id,
+                 clamp_fixed(int64_t{target->x} - fixed_mul(kFireDistance, fine_cosine(call.self.angle))),
+                 clamp_fixed(int64_t{target->y} - fixed_mul(kFireDistance, fine_sine(call.self.angle))),
+                 target->z);
     radius_attack(world, *fire, &call.self, kBlast, to_fixed(kBlast), DamageType::kFire);
   }
 }
@@ -451,7 +453,8 @@ void action_KeenDie(ActionCall& call) {
     if (other.id != call.self.id && !other.removed && other.type == call.self.type && other.health > 0)
       return;
   const int32_t tag = call.integer(0, 666);
-  execute_special(call.world, {.number = Special::kDoor_Open, .args = {tag != 0 ? tag : 666, 16}});
+  call.world.events().run_special(call.world,
+                                  {.number = Special::kDoor_Open, .args = {tag != 0 ? tag : 666, 16}});
 }
 
 void action_BarrelDestroy(ActionCall& call) { call.world.remove(call.self.id); }

@@ -6,12 +6,11 @@
 #include <string_view>
 
 #include "sim_workers/engine/map/level_index.h"
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/missiles.h"
 #include "sim_workers/engine/play/movement.h"
 #include "sim_workers/engine/play/sight.h"
-#include "sim_workers/engine/specials/line_specials.h"
-#include "sim_workers/engine/specials/movers.h"
 
 namespace comrad::doom {
 namespace {
@@ -217,7 +216,7 @@ bool arrive_at_goal(World& world, Actor& monster, Actor& goal) {
     for (Actor* spot = world.find_thing(goal_thing_id); spot != nullptr;
          spot = world.find_thing(goal_thing_id, spot->id)) {
       if (spot->special == 0 || !world.catalog().is_a(spot->type, "PatrolSpecial")) continue;
-      execute_special(world, {.number = spot->special, .args = spot->args, .activator = &monster});
+      world.events().run_special(world, {.number = spot->special, .args = spot->args, .activator = &monster});
     }
   }
   Actor* next = next_thing_id != 0 ? world.find_thing(next_thing_id) : nullptr;
@@ -295,14 +294,14 @@ void chase_once(World& world, Actor& monster, const ChaseOptions& options) {
     // The frightened rarely fight.
     const bool fights = !monster.has(ActorFlag::kFrightened) || world.random_byte() < 43;
     if (fights && options.melee_state != kNoState && check_melee_range(world, monster)) {
-      world.set_state(monster, options.melee_state);
+      set_state(world, monster, options.melee_state);
       return;
     }
     if (fights && options.missile_state != kNoState && (monster.move_count == 0 || is_fast(world, monster)) &&
         check_missile_range(world, monster)) {
       monster.set(ActorFlag::kJustAttacked);
       monster.set(ActorFlag::kInCombat);
-      world.set_state(monster, options.missile_state);
+      set_state(world, monster, options.missile_state);
       return;
     }
   }
@@ -455,9 +454,9 @@ bool monster_move(World& world, Actor& monster) {
   for (std::size_t i = touched.count; i-- > 0;) {
     bool worked = false;
     if (monster.has(ActorFlag::kCanUseWalls))
-      worked = activate_line(world, touched.lines[i], monster, false, Activation::kMonsterUse);
+      worked = world.events().activate_line(world, touched.lines[i], monster, false, Activation::kMonsterUse);
     if (!monster.removed && monster.has(ActorFlag::kPushWall))
-      worked |= activate_line(world, touched.lines[i], monster, false, Activation::kPush);
+      worked |= world.events().activate_line(world, touched.lines[i], monster, false, Activation::kPush);
     if (monster.removed) return true;
     const bool blocking = static_cast<int32_t>(touched.lines[i]) == step.blocking_line;
     opened_blocking |= worked && blocking;
@@ -555,7 +554,7 @@ void face_target(World& world, Actor& monster) {
 void set_idle(World& world, Actor& actor) {
   const ActorType& type = world.type_of(actor);
   const uint32_t idle = type.state(StateLabel::kIdle);
-  world.set_state(actor, idle != kNoState ? idle : type.state(StateLabel::kSpawn));
+  set_state(world, actor, idle != kNoState ? idle : type.state(StateLabel::kSpawn));
 }
 
 void chase(World& world, Actor& monster, const ChaseOptions& options) {
@@ -607,7 +606,7 @@ void boss_death(World& world, Actor& boss) {
   }};
   for (const Rule& rule : kRules)
     if (rule.level == world.level().name && world.catalog().is_a(boss.type, rule.monster))
-      execute_special(world, {.number = rule.special, .args = rule.args});
+      world.events().run_special(world, {.number = rule.special, .args = rule.args});
 }
 
 void skull_struck(World& world, Actor& skull, Actor* struck) {
@@ -624,7 +623,7 @@ void skull_struck(World& world, Actor& skull, Actor* struck) {
     damage_actor(world, *struck, &skull, &skull, damage);
     if (skull.health <= 0 || skull.removed) return;  // what it bit exploded
   }
-  if (!world.set_label(skull, StateLabel::kSee) && !skull.removed) set_idle(world, skull);
+  if (!set_label(world, skull, StateLabel::kSee) && !skull.removed) set_idle(world, skull);
 }
 
 }  // namespace comrad::doom

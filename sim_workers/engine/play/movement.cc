@@ -9,8 +9,7 @@
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/missiles.h"
 #include "sim_workers/engine/play/monsters.h"
-#include "sim_workers/engine/specials/line_specials.h"
-#include "sim_workers/engine/specials/movers.h"
+#include "sim_workers/engine/world/polyobject_lines.h"
 
 namespace comrad::doom {
 namespace {
@@ -75,7 +74,8 @@ int64_t meeting_fraction(const Way& way, const Way& other) {
   __int128 fraction = numerator / denominator, rest = numerator % denominator;
   if (rest < 0) --fraction, rest += denominator;
   if (2 * rest > denominator || (2 * rest == denominator && (fraction & 1) != 0)) ++fraction;
-  return static_cast<int64_t>(fraction);
+  constexpr int64_t kFarthest = int64_t{1} << 61;  // so that two of them have a difference
+  return static_cast<int64_t>(std::clamp<__int128>(fraction, -kFarthest, kFarthest));
 }
 
 void turn_along(const Way& wall, Way& move) {
@@ -87,7 +87,7 @@ void turn_along(const Way& wall, Way& move) {
     const Way across{move.x, move.y, wall.dy, -wall.dx};
     const int64_t way_along = meeting_fraction(wall, move) - meeting_fraction(wall, across);
     const int64_t moves = meeting_fraction(move, wall);
-    // Of a body whose centre lies on the wall rounding leaves nothing; it does not jump.
+    // Where the body's centre all but lies on the wall these fractions say nothing; it is not thrown along it.
     const int64_t longest = moves == 0 ? 0 : 2 * (std::abs(move.dx) + std::abs(move.dy));
     const auto part = [&](int64_t wall_part) {
       const __int128 turned = static_cast<__int128>(way_along) * wall_part / (moves == 0 ? 1 : moves);
@@ -299,8 +299,9 @@ MoveResult Movement::try_move_with_result(std::size_t slot, Fixed x, Fixed y) {
     Actor& body = state_.actors[slot];
     if (state.special != 0 && (state.flags & kLinePlayerPush) != 0 && body.player_index >= 0 &&
         !body.is_corpse())
-      activate_line(world_, line, body, world_.index().blockmap.lines()[line].side_of(body.x, body.y) <= 0,
-                    Activation::kPush);
+      world_.events().activate_line(world_, line, body,
+                                    world_.index().blockmap.lines()[line].side_of(body.x, body.y) <= 0,
+                                    Activation::kPush);
   }
   return result;
 }
@@ -354,7 +355,7 @@ void Movement::cross_lines(std::size_t slot, Fixed old_x, Fixed old_y, const Pos
     const BlockLine& line = world_.index().blockmap.lines()[check.touched_lines[i]];
     const bool was_behind = line.is_behind(old_x, old_y);
     if (was_behind == line.is_behind(x, y)) continue;
-    activate_line(world_, line.linedef_index, body, was_behind, how);
+    world_.events().activate_line(world_, line.linedef_index, body, was_behind, how);
     if (body.removed || body.x != x || body.y != y) return;  // teleported
   }
 }
@@ -439,7 +440,10 @@ void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps
     Way along{moved.x, moved.y, dx, dy};
     turn_along(hit.wall, along);
     const auto along_x = static_cast<Fixed>(along.dx), along_y = static_cast<Fixed>(along.dy);
-    moved.velocity_x = along_x * steps, moved.velocity_y = along_y * steps;
+    const auto of_all_steps = [&](int64_t of_one) {
+      return static_cast<Fixed>(std::clamp<int64_t>(of_one * steps, INT32_MIN, INT32_MAX));
+    };
+    moved.velocity_x = of_all_steps(along_x), moved.velocity_y = of_all_steps(along_y);
     if (try_move(slot, moved.x + along_x, moved.y + along_y)) return;
   }
   // Wedged in, or stopped by something between the corners: one axis at a time.
@@ -472,7 +476,8 @@ void Movement::stop_missile(std::size_t slot) {
   if (!last_.blocked_by_actor && last_.blocking_line >= 0) {
     const BlockLine& line = world_.index().blockmap.lines()[static_cast<std::size_t>(last_.blocking_line)];
     if (state_.lines[line.linedef_index].special != 0)
-      activate_line(world_, line.linedef_index, body, line.side_of(body.x, body.y) <= 0, Activation::kImpact);
+      world_.events().activate_line(world_, line.linedef_index, body, line.side_of(body.x, body.y) <= 0,
+                                    Activation::kImpact);
     if (body.removed) return;
   }
   explode_missile(world_, body, world_.actor(last_.blocking_actor_id));
@@ -620,14 +625,6 @@ PositionCheck opening_of_point(const World& world, Fixed x, Fixed y) {
 bool fits_here(World& world, Actor& actor) {
   return actor.z >= actor.ground_z && int64_t{actor.z} + actor.height <= actor.roof_z &&
          Movement(world).check_position(world.slot_of(actor), actor.x, actor.y, false).fits;
-}
-
-bool put_where_it_fits(World& world, Actor& actor, Fixed x, Fixed y, Fixed z) {
-  const Fixed old_x = actor.x, old_y = actor.y, old_z = actor.z;
-  world.set_position(actor.id, x, y, z);
-  if (fits_here(world, actor)) return true;
-  world.set_position(actor.id, old_x, old_y, old_z);
-  return false;
 }
 
 }  // namespace comrad::doom

@@ -7,7 +7,7 @@
 #include <cstdint>
 
 #include "sim_workers/engine/map/blockmap.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 
@@ -28,7 +28,7 @@ struct Way {
 };
 
 /// The part of `way` after which it meets the endless line of `other`: 16.16, rounded to nearest, halves to even;
-/// negative where it leads away; 0 where both are parallel.
+/// negative where it leads away; 0 where both are parallel; cut off at 2^61.
 int64_t meeting_fraction(const Way& way, const Way& other);
 
 /// Turns `move`, of a body whose centre is where it begins, along a wall. The result is the projection on the wall,
@@ -129,8 +129,5 @@ PositionCheck opening_of_point(const World& world, Fixed x, Fixed y);
 /// the ceiling of its centre alone, so a script may put it half into a ledge (measured: ViZDoom 1.3.2,
 /// `SetActorPosition` with 15 of 16 units of the radius over a floor 100 higher).
 bool fits_here(World& world, Actor& actor);
-
-/// Puts the body there, as SetActorPosition and Thing_Move do; false, and it stays, where it does not fit.
-bool put_where_it_fits(World& world, Actor& actor, Fixed x, Fixed y, Fixed z);
 
 }  // namespace comrad::doom

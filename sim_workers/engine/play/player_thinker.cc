@@ -2,12 +2,13 @@
 
 #include <algorithm>
 
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/hitscan.h"
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/movement.h"
+#include "sim_workers/engine/play/spawning.h"
 #include "sim_workers/engine/play/weapons.h"
-#include "sim_workers/engine/specials/line_specials.h"
 
 namespace comrad::doom {
 namespace {
@@ -138,7 +139,7 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
   if (side != 0) thrust(side, body.angle - kAngle90);
 
   if ((forward != 0 || side != 0) && body.state == world_.type_of(body).state(StateLabel::kSpawn))
-    world_.set_label(body, StateLabel::kSee);
+    set_label(world_, body, StateLabel::kSee);
 
   if (player.jump_tics != 0) {
     --player.jump_tics;
@@ -204,10 +205,10 @@ void PlayerThinker::think_dead(int player_index, Player& player, Actor& body) {
     --player.respawn_tics;
     return;
   }
-  if (world_.options().forced_respawn) world_.respawn_player(player_index);
+  if (world_.options().forced_respawn) respawn_player(world_, player_index);
 }
 
-void PlayerThinker::think(int player_index, const Buttons& buttons) {
+bool PlayerThinker::think(int player_index, const Buttons& buttons) {
   Player& player = world_.state().players[static_cast<std::size_t>(player_index)];
   if (buttons.turn_180 && !player.buttons.turn_180 && player.turn_180_tics == 0)
     player.turn_180_tics = kTurnAroundTics;
@@ -215,10 +216,10 @@ void PlayerThinker::think(int player_index, const Buttons& buttons) {
   player.damage_flash = std::max(player.damage_flash - 1, 0);
   player.bonus_flash = std::max(player.bonus_flash - 1, 0);
   Actor* body = world_.actor(player.actor_id);
-  if (body == nullptr) return;
+  if (body == nullptr) return false;
   if (!player.alive) {
     think_dead(player_index, player, *body);
-    return;
+    return false;
   }
   // Counted while any turn is held, also across a change of direction, and whether the turn counts or not.
   player.turn_held_tics = buttons.turn_left || buttons.turn_right ? player.turn_held_tics + 1 : 0;
@@ -242,8 +243,7 @@ void PlayerThinker::think(int player_index, const Buttons& buttons) {
     tic_weapon(world_, player_index);
     player.attack_down = buttons.attack;
   }
-  if (body->removed || !player.alive) return;
-  tic_player_in_sector(world_, player_index);
+  return !body->removed && player.alive;
 }
 
 }  // namespace comrad::doom

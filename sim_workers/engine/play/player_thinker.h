@@ -1,8 +1,7 @@
-// What a player does with its body each tic before bodies move: turn, thrust, jump, eye height, and the
-// damage of the floor it stands on. Stage: tic.
+// What a player does with its body each tic before bodies move: turn, thrust, jump, eye height. Stage: tic.
 #pragma once
 
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 
@@ -10,8 +9,9 @@ class PlayerThinker {
  public:
   explicit PlayerThinker(World& world) : world_(world) {}
 
-  /// One player's tic. A dead player's body is left to inertia; its eye sinks to the ground.
-  void think(int player_index, const Buttons& buttons);
+  /// One player's tic. A dead player's body is left to inertia; its eye sinks to the ground. True where it lives
+  /// and so feels the floor on which it stands.
+  bool think(int player_index, const Buttons& buttons);
 
   /// True where the buttons push the body: opposite directions cancel.
   static bool pushes(const Buttons& buttons);

@@ -4,7 +4,7 @@
 #include <cstdlib>
 
 #include "sim_workers/engine/map/level_index.h"
-#include "sim_workers/engine/specials/movers.h"
+#include "sim_workers/engine/world/polyobject_lines.h"
 
 namespace comrad::doom {
 namespace {

@@ -1,7 +1,7 @@
 // Who sees whom. Stage: tic.
 #pragma once
 
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 

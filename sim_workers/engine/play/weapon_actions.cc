@@ -5,9 +5,11 @@
 #include <string_view>
 
 #include "sim_workers/engine/play/actions.h"
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/hitscan.h"
 #include "sim_workers/engine/play/missiles.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/play/weapons.h"
 
 namespace comrad::doom {
@@ -60,7 +62,7 @@ Fixed tilted(Fixed slope, int64_t turn) {
 /// The body shows the flash of its weapon.
 void show_attack(ActionCall& call) {
   if (call.world.type_of(call.self).state(StateLabel::kMelee) != kNoState)
-    call.world.set_label(call.self, StateLabel::kMelee);
+    set_label(call.world, call.self, StateLabel::kMelee);
 }
 
 void show_flash(ActionCall& call, uint32_t offset = 0) {
@@ -134,7 +136,7 @@ void action_WeaponReady(ActionCall& call) {
     uint32_t state = type.state(label);
     for (int i = 0; i < 8 && state != kNoState && state != idle; ++i) {
       if (call.self.state == state) {
-        call.world.set_state(call.self, idle);
+        set_state(call.world, call.self, idle);
         return;
       }
       state = call.world.catalog().state(state).next;
@@ -491,7 +493,7 @@ void action_KickBack(ActionCall& call) {
 void action_RestoreSpecialPosition(ActionCall& call) {
   Actor& item = call.self;
   if (call.player != nullptr) return;
-  call.world.set_position(item.id, item.spawn_x, item.spawn_y, item.spawn_z);
+  set_position(call.world, item.id, item.spawn_x, item.spawn_y, item.spawn_z);
 }
 
 void action_RestoreSpecialThing1(ActionCall& call) { call.self.set(ActorFlag::kInvisible, false); }

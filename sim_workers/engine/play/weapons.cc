@@ -4,6 +4,7 @@
 #include <array>
 
 #include "sim_workers/engine/play/actions.h"
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/sight.h"
 
@@ -268,7 +269,7 @@ void fire_weapon(World& world, int player_index) {
   Actor* body = world.body_of(player_index);
   if (body == nullptr) return;
   if (world.type_of(*body).state(StateLabel::kMissile) != kNoState)
-    world.set_label(*body, StateLabel::kMissile);
+    set_label(world, *body, StateLabel::kMissile);
   uint32_t state = player.refire > 0 ? label_of(world, weapon, StateLabel::kHold) : kNoState;
   if (state == kNoState) state = label_of(world, weapon, StateLabel::kFire);
   set_weapon_state(world, player_index, 0, state);

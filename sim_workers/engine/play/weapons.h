@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 

@@ -19,10 +19,14 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/rng.h"
 #include "sim_workers/engine/map/level_loader.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/play/actor_states.h"
+#include "sim_workers/engine/play/placement.h"
+#include "sim_workers/engine/play/spawning.h"
 #include "sim_workers/engine/render/art_archive.h"
 #include "sim_workers/engine/render/png_image.h"
 #include "sim_workers/engine/render/renderer.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 namespace {
@@ -115,21 +119,21 @@ int run_room(Renderer* renderer, const RenderOptions& options, int players, doub
   Rng rng{uint64_t{7}};
   const uint32_t monster = catalog->find("DoomImp").value_or(0);
   const auto start = [&](uint64_t seed) {
-    world.reset({.player_count = players, .seed = seed}, nullptr);
+    reset_world(world, {.player_count = players, .seed = seed}, nullptr);
     for (int i = 0; i < kMonsters; ++i) {
       const auto id =
-          world.spawn(monster, to_fixed(static_cast<int>(rng.next() % 1801) - 900),
+          spawn_actor(world, monster, to_fixed(static_cast<int>(rng.next() % 1801) - 900),
                       to_fixed(static_cast<int>(rng.next() % 1801) - 900), 0, static_cast<Angle>(rng.next()));
       Actor* const actor = id ? world.actor(*id) : nullptr;
       if (actor == nullptr) continue;
       actor->target_id = world.body(i % players).id;  // awake: they walk
-      world.set_label(*actor, StateLabel::kSee);
+      set_label(world, *actor, StateLabel::kSee);
     }
     for (int player = 0; player < players; ++player) {  // all over the room, looking anywhere
       world.state().players[static_cast<std::size_t>(player)].god_mode = true;
       for (int attempt = 0; attempt < 100; ++attempt)
-        if (world.try_teleport(world.body(player).id, to_fixed(static_cast<int>(rng.next() % 1801) - 900),
-                               to_fixed(static_cast<int>(rng.next() % 1801) - 900)))
+        if (try_teleport(world, world.body(player).id, to_fixed(static_cast<int>(rng.next() % 1801) - 900),
+                         to_fixed(static_cast<int>(rng.next() % 1801) - 900)))
           break;
       world.set_angle(world.body(player).id, static_cast<Angle>(rng.next()));
     }
@@ -157,7 +161,7 @@ int run_room(Renderer* renderer, const RenderOptions& options, int players, doub
                  .backward = (rng.next() & 3) == 0,
                  .turn_left = (rng.next() & 3) == 0,
                  .turn_right = (rng.next() & 3) == 0};
-    for (int tic = 0; tic < 4; ++tic) world.tic(buttons);
+    for (int tic = 0; tic < 4; ++tic) run_tic(world, buttons);
     if (renderer != nullptr) renderer->draw(requests);
     if (++steps % 250 == 0) start(steps);
   };
@@ -188,7 +192,7 @@ int run_walk(Renderer& renderer, const RenderOptions& options, const std::shared
     return 1;
   }
   World world(level, catalog);
-  world.reset({.player_count = 1, .seed = 3}, nullptr);
+  reset_world(world, {.player_count = 1, .seed = 3}, nullptr);
   world.state().players[0].god_mode = true;
   struct Place {
     Fixed x, y, z, view_z;
@@ -203,7 +207,7 @@ int run_walk(Renderer& renderer, const RenderOptions& options, const std::shared
     const Actor before = world.body(0);
     if (turning > 0) --turning, (left ? pressed.turn_left : pressed.turn_right) = true;
     pressed.use = tic % 16 == 0;
-    world.tic({&pressed, 1});
+    run_tic(world, {&pressed, 1});
     const Actor& body = world.body(0);
     const bool stuck = std::abs(body.x - before.x) + std::abs(body.y - before.y) < to_fixed(4);
     if (turning == 0 && (stuck || rng.next() % 64 == 0))
@@ -214,7 +218,7 @@ int run_walk(Renderer& renderer, const RenderOptions& options, const std::shared
   const ViewRequest request{.world = &world, .player = 0, .destination = frame.data()};
   uint64_t drawn = 0;
   const auto show = [&](const Place& place) {
-    world.set_position(world.body(0).id, place.x, place.y, place.z);
+    set_position(world, world.body(0).id, place.x, place.y, place.z);
     world.set_angle(world.body(0).id, place.angle);
     world.state().players[0].view_z = place.view_z;
     renderer.draw({&request, 1});
@@ -317,14 +321,15 @@ int run(int argc, char** argv) {
   const auto place = [&] { return to_fixed(static_cast<int>(rng.next() % 2001) - 1000); };
   for (int w = 0; w < world_count; ++w) {
     World world(level, catalog);
-    world.reset({.player_count = 2, .seed = static_cast<uint64_t>(w)}, nullptr);
-    for (int i = 0; i < kKits; ++i) (void)world.spawn(i % 4 ? stimpack : medikit, place(), place(), 0, 0);
+    reset_world(world, {.player_count = 2, .seed = static_cast<uint64_t>(w)}, nullptr);
+    for (int i = 0; i < kKits; ++i)
+      (void)spawn_actor(world, i % 4 ? stimpack : medikit, place(), place(), 0, 0);
     // The first player anywhere, the second near it as a tether would keep it.
     for (int attempt = 0; attempt < 100; ++attempt)
-      if (world.try_teleport(world.body(0).id, place(), place())) break;
+      if (try_teleport(world, world.body(0).id, place(), place())) break;
     const Actor first = world.body(0);
     for (int attempt = 0; attempt < 100; ++attempt)
-      if (world.try_teleport(world.body(1).id, first.x + place() / 4, first.y + place() / 4)) break;
+      if (try_teleport(world, world.body(1).id, first.x + place() / 4, first.y + place() / 4)) break;
     for (int player = 0; player < 2; ++player)
       world.set_angle(world.body(player).id, static_cast<Angle>(rng.next()));
     const Actor a = world.body(0), b = world.body(1);
@@ -332,7 +337,7 @@ int run(int argc, char** argv) {
       const auto along = [&](Fixed from, Fixed to) {
         return static_cast<Fixed>(from + (static_cast<int64_t>(to) - from) * (i + 1) / (kTetherNodes + 1));
       };
-      world.spawn(node_type, along(a.x, b.x), along(a.y, b.y), to_fixed(20), 0, 0, true);
+      spawn_actor(world, node_type, along(a.x, b.x), along(a.y, b.y), to_fixed(20), 0, 0, true);
     }
     worlds.push_back(std::move(world));
   }
@@ -356,7 +361,7 @@ int run(int argc, char** argv) {
       for (int tic = 0; tic < 4 && step; ++tic) {
         for (Buttons& pressed : buttons)
           pressed = {.forward = (rng.next() & 1) != 0, .turn_left = (rng.next() & 1) != 0};
-        world.tic(buttons);
+        run_tic(world, buttons);
       }
     }
     (*renderer)->draw(requests);

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
-#include "sim_workers/engine/acs/machine_state.h"
 #include "sim_workers/engine/render/art_archive.h"
+#include "sim_workers/engine/world/machine_state.h"
 
 namespace comrad::doom {
 

@@ -10,9 +10,9 @@
 #include <unordered_map>
 #include <vector>
 
-#include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/render/picture.h"
 #include "sim_workers/engine/render/status_bar.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 

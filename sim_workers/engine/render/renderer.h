@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 

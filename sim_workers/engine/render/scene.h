@@ -12,8 +12,8 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "sim_workers/engine/map/level.h"
-#include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/render/art_atlas.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 

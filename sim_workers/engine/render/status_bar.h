@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
-#include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/render/art_archive.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 

@@ -9,10 +9,10 @@
 #include <utility>
 #include <vector>
 
-#include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/render/draw_list.h"
 #include "sim_workers/engine/render/projection.h"
 #include "sim_workers/engine/render/scene.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 

@@ -149,11 +149,11 @@ bool activate_line(World& world, uint32_t line, Actor& activator, bool back_side
   if ((before.flags & kLineCheckSwitchRange) != 0 && how != Activation::kImpact && by_hand &&
       !switch_in_reach(world, line, activator))
     return false;
-  const int32_t done = execute_special(world, {.number = before.special,
-                                               .args = before.args,
-                                               .activator = who,
-                                               .line = static_cast<int32_t>(line),
-                                               .back_side = back_side});
+  const int32_t done = world.events().run_special(world, {.number = before.special,
+                                                          .args = before.args,
+                                                          .activator = who,
+                                                          .line = static_cast<int32_t>(line),
+                                                          .back_side = back_side});
   if (done == 0) return false;
   const bool repeats = (before.flags & kLineRepeatable) != 0;
   LineState& after = world.state().lines[line];

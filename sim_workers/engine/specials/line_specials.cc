@@ -1,84 +1,17 @@
 #include "sim_workers/engine/specials/line_specials.h"
 
 #include <algorithm>
-#include <cctype>
 #include <iterator>
 #include <string>
 
 #include "doomgen/wad/special_names.h"
 #include "rollout_buffer/core/log.h"
-#include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/specials/movers.h"
 #include "sim_workers/engine/specials/special_families.h"
 
 namespace comrad::doom {
 namespace {
-
-void warn_once(const World& world, int32_t number, const char* what) {
-  if (!world.index().warned_specials->first(number)) return;
-  const std::string_view name = wad::special_name(number);
-  spdlog::warn("{}: special {} {} {}", world.level().name, number, name.empty() ? "(without a name)" : name,
-               what);
-}
-
-// ---------------------------------------------------------------- scripts
-
-/// The number at the end of a map's name: 7 of MAP07; 0 where there is none.
-int32_t map_number(const std::string& name) {
-  int32_t number = 0;
-  std::size_t first_digit = name.size();
-  while (first_digit > 0 && std::isdigit(static_cast<unsigned char>(name[first_digit - 1])) != 0)
-    --first_digit;
-  for (std::size_t i = first_digit; i < name.size() && number < 100'000; ++i)
-    number = number * 10 + (name[i] - '0');
-  return number;
-}
-
-/// There is one map at a time; scripts of others do not run.
-bool is_of_this_map(const World& world, const SpecialCall& call, int32_t map) {
-  if (map == 0 || map == map_number(world.level().name)) return true;
-  warn_once(world, call.number, "asks for another map, which is not supported");
-  return false;
-}
-
-int32_t start_script(World& world, const SpecialCall& call, acs::StartOptions options) {
-  options.activator_id = call.activator != nullptr ? call.activator->id : 0;
-  options.line = call.line;
-  options.back_side = call.back_side;
-  if (call.line >= 0) {
-    const Linedef& line = world.level().linedefs[static_cast<std::size_t>(call.line)];
-    if (!line.arg0_text.empty() && line.special == call.number)
-      return acs::start_script(world, line.arg0_text, options);
-  }
-  return acs::start_script(world, call.args[0], options);
-}
-
-std::optional<int32_t> execute_script_special(World& world, const SpecialCall& call) {
-  const auto& a = call.args;
-  switch (call.number) {
-    case Special::kACS_Execute:  // script, map, arguments
-    case Special::kACS_ExecuteAlways:
-      if (!is_of_this_map(world, call, a[1])) return 0;
-      return start_script(world, call,
-                          {.args = {a[2], a[3], a[4]}, .always = call.number == Special::kACS_ExecuteAlways});
-    case Special::kACS_Suspend:  // script, map
-      if (is_of_this_map(world, call, a[1])) acs::suspend_script(world, a[0]);
-      return 1;
-    case Special::kACS_Terminate:
-      if (is_of_this_map(world, call, a[1])) acs::terminate_script(world, a[0]);
-      return 1;
-    case Special::kACS_LockedExecute:  // script, map, two arguments, lock
-    case Special::kACS_LockedExecuteDoor:
-      if (a[4] != 0 && (call.activator == nullptr || !has_key(world, *call.activator, a[4]))) return 0;
-      if (!is_of_this_map(world, call, a[1])) return 0;
-      return start_script(world, call, {.args = {a[2], a[3]}});
-    case Special::kACS_ExecuteWithResult:  // script, arguments
-      return start_script(world, call, {.args = {a[1], a[2], a[3], a[4]}, .always = true, .immediate = true});
-    default:
-      return std::nullopt;
-  }
-}
 
 // ---------------------------------------------------------------- lines and the game
 
@@ -207,15 +140,22 @@ std::optional<int32_t> execute_line_special(World& world, const SpecialCall& cal
 
 }  // namespace
 
+void warn_of_special(const World& world, int32_t number, const char* what) {
+  if (!world.index().warned_specials->first(number)) return;
+  const std::string_view name = wad::special_name(number);
+  spdlog::warn("{}: special {} {} {}", world.level().name, number, name.empty() ? "(without a name)" : name,
+               what);
+}
+
 int32_t execute_special(World& world, const SpecialCall& call) {
   if (call.number == 0) return 0;
   SpecialCall checked = call;
   if (checked.line >= static_cast<int64_t>(world.level().linedefs.size())) checked.line = -1;
   if (const auto result = execute_mover_special(world, checked)) return *result;
-  for (const auto family : {execute_thing_special, execute_teleport_special, execute_sector_special,
-                            execute_script_special, execute_line_special})
+  for (const auto family :
+       {execute_thing_special, execute_teleport_special, execute_sector_special, execute_line_special})
     if (const std::optional<int32_t> result = family(world, checked)) return *result;
-  warn_once(world, call.number, "is not supported and has no effect");
+  warn_of_special(world, call.number, "is not supported and has no effect");
   return 0;
 }
 

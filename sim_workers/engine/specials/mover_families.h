@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <optional>
 
-#include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/specials/line_specials.h"
-#include "sim_workers/engine/specials/mover_state.h"
+#include "sim_workers/engine/world/mover_state.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 

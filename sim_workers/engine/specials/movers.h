@@ -4,8 +4,8 @@
 
 #include <cstdint>
 
-#include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/specials/line_specials.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 
@@ -36,12 +36,4 @@ void send_floor(World& world, uint32_t sector, Fixed target, Fixed speed);
 bool sector_is_moving(const World& world, uint32_t sector);     ///< for TagWait
 bool polyobject_is_moving(const World& world, int32_t number);  ///< for PolyWait
 
-/// Lines of polyobjects near a box, with their present ends; the blockmap leaves them out. `visit(line, x1,
-/// y1, x2, y2)` returns false to stop.
-template <typename Visit>
-bool for_each_polyobject_line(const World& world, Fixed left, Fixed right, Fixed bottom, Fixed top,
-                              Visit visit);
-
 }  // namespace comrad::doom
-
-#include "sim_workers/engine/specials/polyobject_lines.h"

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "sim_workers/engine/map/level_index.h"
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/specials/movers.h"
 
@@ -99,9 +100,9 @@ bool resists_crushing(World& world, Actor& body) {
     body.set(ActorFlag::kSolid, false);
     body.set(ActorFlag::kDontGib);
     body.height = 0, body.radius = 0;
-    if (!world.set_label(body, StateLabel::kCrush) && !body.removed) {
+    if (!set_label(world, body, StateLabel::kCrush) && !body.removed) {
       const uint32_t gibs = world.catalog().known().gibs_state;
-      if (gibs != kNoState) world.set_state(body, gibs);
+      if (gibs != kNoState) set_state(world, body, gibs);
     }
     return false;
   }

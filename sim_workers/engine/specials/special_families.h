@@ -7,8 +7,8 @@
 #include <optional>
 
 #include "sim_workers/engine/map/level_index.h"
-#include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/specials/line_specials.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 
@@ -24,9 +24,6 @@ constexpr int32_t kArgumentMax = 16000;  // units; larger arguments mean no more
 
 constexpr Fixed clamped_units(int64_t units) {
   return static_cast<Fixed>(std::clamp<int64_t>(units, -kArgumentMax, kArgumentMax) * kFracUnit);
-}
-constexpr Fixed clamped_fixed(int64_t value) {
-  return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN + 1, INT32_MAX));
 }
 /// 256 to the turn.
 constexpr Angle angle_of_byte(int32_t arg) { return static_cast<Angle>(arg) << 24; }
@@ -50,12 +47,6 @@ int32_t for_each_thing(World& world, int32_t thing_id, Actor* activator, Visit v
     actor = world.find_thing(thing_id, id);
   }
   return count;
-}
-
-/// Makes the fog of a teleport, where the catalog knows it.
-inline void spawn_fog(World& world, Fixed x, Fixed y, Fixed z) {
-  if (const uint32_t fog = world.catalog().known().teleport_fog; fog != kNoType)
-    world.spawn_unchecked(fog, x, y, z);
 }
 
 }  // namespace comrad::doom

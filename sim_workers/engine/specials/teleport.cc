@@ -5,6 +5,7 @@
 
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/movement.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/specials/special_families.h"
 
 namespace comrad::doom {
@@ -12,8 +13,6 @@ namespace {
 
 constexpr int32_t kDestinationThing = 14, kDestinationWithGravity = 9043, kDestinationInAir = 9044;
 constexpr int32_t kFreezeTics = 18;  // a player just teleported stands still
-constexpr int kFogAhead = 20;        // units in front of who arrives
-constexpr int32_t kTelefragDamage = 1'000'000;
 constexpr int kNudges = 10;
 
 struct Destination {
@@ -196,50 +195,6 @@ bool travel_by_line(World& world, Actor& actor, uint32_t from_line, uint32_t to_
 }
 
 }  // namespace
-
-bool teleport_move(World& world, Actor& actor, Fixed x, Fixed y, Fixed z, Angle angle, bool fog,
-                   bool keep_velocity, bool telefrag) {
-  if (actor.removed) return false;
-  WorldState& state = world.state();
-  Movement movement(world);
-  const std::size_t slot = world.slot_of(actor);
-  const uint32_t sector_index = world.sector_at(x, y);
-  const Sector& sector = world.sectors()[sector_index];
-  const bool touches = actor.has(ActorFlag::kSolid) || actor.has(ActorFlag::kShootable);
-  const Fixed bottom = z == kOnFloor ? sector.floor_height : z;
-  const std::size_t count = state.actors.size();
-  for (std::size_t i = 0; touches && i < count; ++i) {
-    Actor& other = state.actors[i];
-    if (i == slot || other.removed || !other.has(ActorFlag::kShootable) || other.has(ActorFlag::kNoBlockmap))
-      continue;
-    const int64_t reach = int64_t{actor.radius} + other.radius;
-    if (std::abs(int64_t{other.x} - x) >= reach || std::abs(int64_t{other.y} - y) >= reach) continue;
-    if (bottom >= int64_t{other.z} + other.height || int64_t{bottom} + actor.height <= other.z) continue;
-    if (!telefrag) return false;
-    damage_actor(world, other, &actor, &actor, kTelefragDamage, DamageType::kTelefrag,
-                 kDamageForced | kDamageThrustless);
-    if (actor.removed) return false;
-  }
-  const Fixed from_x = actor.x, from_y = actor.y, from_z = actor.z;
-  PositionCheck check = movement.check_position(slot, x, y, false);
-  if (!check.fits) check = opening_of_point(world, x, y);  // against a wall or a pillar
-  movement.place(slot, x, y, check);
-  const int64_t highest = std::max<int64_t>(int64_t{check.ceiling_z} - actor.height, check.floor_z);
-  actor.z =
-      z == kOnFloor ? check.floor_z : static_cast<Fixed>(std::clamp<int64_t>(z, check.floor_z, highest));
-  actor.angle = angle;
-  if (!keep_velocity) actor.velocity_x = actor.velocity_y = actor.velocity_z = 0;
-  if (Player* const player = world.player_of(actor)) {
-    player->view_z = clamped_fixed(int64_t{actor.z} + player->view_height);
-    player->view_height_delta = 0;
-  }
-  if (fog) {
-    spawn_fog(world, from_x, from_y, from_z);
-    spawn_fog(world, clamped_fixed(int64_t{x} + int64_t{kFogAhead} * fine_cosine(angle)),
-              clamped_fixed(int64_t{y} + int64_t{kFogAhead} * fine_sine(angle)), actor.z);
-  }
-  return true;
-}
 
 bool teleport_to(World& world, Actor& actor, int32_t thing_id, int32_t sector_tag, bool fog,
                  bool keep_orientation) {

@@ -3,16 +3,18 @@
 #include <cmath>
 #include <cstdint>
 
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/missiles.h"
 #include "sim_workers/engine/play/movement.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/play/sight.h"
+#include "sim_workers/engine/play/spawning.h"
 #include "sim_workers/engine/specials/special_families.h"
 
 namespace comrad::doom {
 namespace {
 
-constexpr int32_t kTelefragDamage = 1'000'000;
 constexpr Fixed kThrustSpeedMax = to_fixed(30);  // along each axis, unless unlimited is asked for
 
 Fixed along(int64_t length, Angle angle, bool sine) {
@@ -29,7 +31,7 @@ int32_t spawn_at_spots(World& world, int32_t thing_id, Actor* activator, int32_t
   int32_t made = 0;
   for_each_thing(world, thing_id, activator, [&](Actor& spot) {
     const Angle angle = faces ? spot.angle : angle_of_byte(byte_angle);
-    const std::optional<uint32_t> id = world.spawn(*type, spot.x, spot.y, spot.z, angle, new_id);
+    const std::optional<uint32_t> id = spawn_actor(world, *type, spot.x, spot.y, spot.z, angle, new_id);
     if (!id) return;
     ++made;
     if (fog) spawn_fog(world, spot.x, spot.y, spot.z);
@@ -137,10 +139,10 @@ bool set_active(World& world, Actor& actor, bool active) {
     if (actor.health <= 0 || actor.has(ActorFlag::kDormant) != active) return false;
     actor.set(ActorFlag::kDormant, !active);
     actor.tics = active ? 1 : -1;
-    if (type.state(label) != kNoState) world.set_label(actor, label);
+    if (type.state(label) != kNoState) set_label(world, actor, label);
     return true;
   }
-  return type.state(label) != kNoState && world.set_label(actor, label);
+  return type.state(label) != kNoState && set_label(world, actor, label);
 }
 
 /// A corpse gets up again.
@@ -158,7 +160,7 @@ bool raise_thing(World& world, Actor& actor) {
   actor.velocity_x = actor.velocity_y = actor.velocity_z = 0;
   world.link(actor);
   if (actor.has(ActorFlag::kCountKill)) ++world.state().monster_count;
-  world.set_label(actor, StateLabel::kRaise);
+  set_label(world, actor, StateLabel::kRaise);
   return true;
 }
 
@@ -194,7 +196,7 @@ int32_t hate(World& world, const SpecialCall& call) {
     if (kind != 0 && has_other_aim) return;
     hater.last_enemy_id = hater.target_id;
     hater.target_id = hated->id;
-    if (!hater.has(ActorFlag::kDormant)) world.set_label(hater, StateLabel::kSee);
+    if (!hater.has(ActorFlag::kDormant)) set_label(world, hater, StateLabel::kSee);
   });
   return haters > 0;
 }
@@ -218,7 +220,7 @@ int32_t set_goal(World& world, const SpecialCall& call) {
       actor.reaction_tics = static_cast<int32_t>(std::min<int64_t>(
           int64_t{a[2]} * 35 + static_cast<int64_t>(std::min<uint64_t>(world.tic_count(), 1u << 30)),
           INT32_MAX));
-    world.set_label(actor, StateLabel::kSee);
+    set_label(world, actor, StateLabel::kSee);
   });
   return any;
 }

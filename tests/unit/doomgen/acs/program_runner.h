@@ -12,7 +12,8 @@
 #include "doomgen/acs/compiler.h"
 #include "sim_workers/engine/acs/behavior.h"
 #include "sim_workers/engine/acs/machine.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 #include "tests/support/level_builder.h"
 
 namespace comrad::acs_compiler::test {
@@ -45,10 +46,10 @@ class ProgramRunner {
     doom::WorldOptions world_options;
     world_options.player_count = player_count;
     world_options.seed = 1;
-    world.reset(world_options, nullptr);
+    reset_world(world, world_options, nullptr);
   }
   ProgramRunner& tic(int count = 1) {
-    for (int i = 0; i < count; ++i) world.tic({});
+    for (int i = 0; i < count; ++i) run_tic(world, {});
     return *this;
   }
   int32_t global(std::size_t index) const { return world.state().globals[index]; }

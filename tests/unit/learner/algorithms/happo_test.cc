@@ -32,8 +32,8 @@ TrajectoryShape small_shape(const RunConfig& config, int agents = 3) {
 }
 
 /// Noise with team rewards: all agents of a world are paid alike.
-Minibatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
-  Minibatch batch = testing::noise_batch(shape, slab_count, seed);
+RolloutBatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
+  RolloutBatch batch = testing::noise_batch(shape, slab_count, seed);
   const Tensor reward = batch.reward.view({batch.steps(), slab_count, shape.env.num_agents});
   reward.copy_(reward.select(2, 0).unsqueeze(2).expand_as(reward).clone());
   return batch;
@@ -74,13 +74,13 @@ TEST(Happo, OneAgentLearnsAsPpoDoes) {
   config.num_epochs = 3;
   const TrajectoryShape shape = small_shape(config, 1);
   Happo happo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 1);
+  RolloutBatch batch = noise_batch(shape, 4, 1);
   RunConfig ppo_config = config;
   ppo_config.algo = "ippo";
   ppo_config.value_loss_coeff = 0;
   const TrajectoryShape ppo_shape = small_shape(ppo_config, 1);
   Ippo ppo(ppo_config, ppo_shape.env, torch::kCPU);
-  Minibatch ppo_batch = batch;
+  RolloutBatch ppo_batch = batch;
   ppo_batch.shape = ppo_shape;
   ppo_batch.recurrent_state = batch.recurrent_state.slice(1, 0, 12);
   for (Tensor* field : {&ppo_batch.valid, &ppo_batch.value_valid, &ppo_batch.reset}) *field = field->clone();
@@ -104,7 +104,7 @@ TEST(Happo, OnlyTheNetworkInTrainingChanges) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   Happo happo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 2);
+  RolloutBatch batch = noise_batch(shape, 4, 2);
   apply_lag_filter(batch, 0, 1000);
   happo.prepare_targets(batch);
   batch.advantage = standardize(batch.advantage, batch.valid);
@@ -134,9 +134,9 @@ TEST(Happo, TheFactorCarriesWhatEarlierAgentsBecame) {
   config.happo_agent_order = "fixed";
   const TrajectoryShape shape = small_shape(config);
   Happo whole(config, shape.env, torch::kCPU), pieces(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 3);
+  RolloutBatch batch = noise_batch(shape, 4, 3);
   batch.valid[1][4] = 0;  // agent 1 of world 1: its ratio counts as 1
-  Minibatch other = noise_batch(shape, 4, 3);
+  RolloutBatch other = noise_batch(shape, 4, 3);
   other.valid[1][4] = 0;
   ASSERT_TRUE(whole.update(batch, {}));
 
@@ -148,7 +148,7 @@ TEST(Happo, TheFactorCarriesWhatEarlierAgentsBecame) {
   bool goes_on = true;
   const auto log_prob_of = [&](int64_t agent) {
     torch::NoGradGuard no_grad;
-    const Minibatch rows = agent_rows(other, agent);
+    const RolloutBatch rows = agent_rows(other, agent);
     const Tensor log_probs =
         torch::cat({torch::log_softmax(pieces.net()
                                            .actor_sequence(agent, {.frame = rows.frame,
@@ -198,13 +198,13 @@ TEST(Happo, WithoutALearningRateTheFactorStaysOne) {
   config.learning_rate = 0;
   const TrajectoryShape shape = small_shape(config);
   Happo happo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 4);
+  RolloutBatch batch = noise_batch(shape, 4, 4);
   auto values = values_of(*happo.update(batch, {}));
   EXPECT_NEAR(values.at("happo/factor_m_mean"), 1, 1e-6);
   EXPECT_NEAR(values.at("happo/factor_m_max"), 1, 1e-5);
   config.learning_rate = 1e-2;
   Happo moving(config, shape.env, torch::kCPU);
-  Minibatch again = noise_batch(shape, 4, 4);
+  RolloutBatch again = noise_batch(shape, 4, 4);
   EXPECT_GT(values_of(*moving.update(again, {})).at("happo/factor_m_max"), 1.001);
 }
 
@@ -219,7 +219,7 @@ TEST(Happo, TheOrderIsAPermutationKeyedByTheVersion) {
     seen.insert(order);
     std::sort(order.begin(), order.end());
     EXPECT_EQ(order, (std::vector<int64_t>{0, 1, 2, 3, 4}));
-    Minibatch batch = noise_batch(shape, 1, 5), same_batch = noise_batch(shape, 1, 5);
+    RolloutBatch batch = noise_batch(shape, 1, 5), same_batch = noise_batch(shape, 1, 5);
     ASSERT_TRUE(happo.update(batch, {}));
     ASSERT_TRUE(twin.update(same_batch, {}));
   }
@@ -244,7 +244,7 @@ TEST(Happo, TheOrderOfTheAgentsMatters) {
     first.seed = 42;
     const Happo origin(first, shape.env, torch::kCPU);
     ASSERT_TRUE(happo.net().read_weights(weights_of(origin)));
-    Minibatch batch = noise_batch(shape, 4, 6);
+    RolloutBatch batch = noise_batch(shape, 4, 6);
     ASSERT_TRUE(happo.update(batch, {}));
     results.push_back(weights_of(happo));
   }
@@ -258,7 +258,7 @@ TEST(Happo, MakesAVersionPerAgentAndCriticAndTellsEachOne) {
   config.shuffle_minibatches = true;
   const TrajectoryShape shape = small_shape(config);
   Happo happo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 7);
+  RolloutBatch batch = noise_batch(shape, 4, 7);
   std::vector<PolicyVersion> told;
   UpdateContext context;
   context.after_step = [&] { told.push_back(happo.version()); };
@@ -294,7 +294,7 @@ TEST(Happo, EveryVersionChangesExactlyOneNetwork) {
       if (!all_equal(before[i], after[i])) changed.push_back(i);
     before = after;
   };
-  Minibatch batch = noise_batch(shape, 4, 12);
+  RolloutBatch batch = noise_batch(shape, 4, 12);
   ASSERT_TRUE(happo.update(batch, context));
   ASSERT_EQ(changed.size(), 4u);
   for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(changed[i], static_cast<std::size_t>(order[i]));
@@ -309,7 +309,7 @@ TEST(Happo, MicroBatchesChangeNothing) {
     config.learning_rate = 1e-4;
     const TrajectoryShape shape = small_shape(config);
     Happo happo(config, shape.env, torch::kCPU);
-    Minibatch batch = noise_batch(shape, 5, 8);
+    RolloutBatch batch = noise_batch(shape, 5, 8);
     ASSERT_TRUE(happo.update(batch, {}));
     results.push_back(copies(happo.net().parameters()));
   }
@@ -322,7 +322,7 @@ TEST(Happo, AnAgentWithoutValidSamplesIsLeftAlone) {
   const TrajectoryShape shape = small_shape(config);
   Happo happo(config, shape.env, torch::kCPU);
   const std::vector<Tensor> before = copies(happo.net().actor_parameters(1));
-  Minibatch batch = noise_batch(shape, 4, 9);
+  RolloutBatch batch = noise_batch(shape, 4, 9);
   batch.valid.slice(1, 1, c10::nullopt, 3).zero_();
   const Expected<UpdateStats> stats = happo.update(batch, {});
   ASSERT_TRUE(stats);
@@ -336,7 +336,7 @@ TEST(Happo, AnAgentThatIsDeadAllAlongIsLeftAloneAndLeavesTheFactorAlone) {
   const TrajectoryShape shape = small_shape(config);
   Happo happo(config, shape.env, torch::kCPU);
   const auto update = [&](int64_t dead) {
-    Minibatch batch = noise_batch(shape, 4, 9);
+    RolloutBatch batch = noise_batch(shape, 4, 9);
     if (dead >= 0) batch.agent_active.slice(1, dead, c10::nullopt, 3).zero_();
     return *happo.update(batch, {});
   };
@@ -358,7 +358,7 @@ TEST(Happo, AStoppedUpdateEndsBetweenTwoSteps) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   Happo happo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 10);
+  RolloutBatch batch = noise_batch(shape, 4, 10);
   int asked = 0;
   UpdateContext context;
   context.begin_step = [&] { return ++asked < 2; };
@@ -380,7 +380,7 @@ TEST(Happo, AReloadedRunContinuesBitForBit) {
   const TrajectoryShape shape = small_shape(config);
   const auto train = [&](Happo& happo, uint64_t first, uint64_t last) {
     for (uint64_t seed = first; seed < last; ++seed) {
-      Minibatch batch = noise_batch(shape, 3, seed);
+      RolloutBatch batch = noise_batch(shape, 3, seed);
       UpdateContext context;
       context.env_frames = static_cast<double>(seed);
       ASSERT_TRUE(happo.update(batch, context));
@@ -405,8 +405,8 @@ TEST(Happo, TheOrderOfWorldsInABatchChangesNothing) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   Happo straight(config, shape.env, torch::kCPU), shuffled(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 11);
-  Minibatch other = select_slabs(batch, {2, 0, 3, 1});
+  RolloutBatch batch = noise_batch(shape, 4, 11);
+  RolloutBatch other = select_slabs(batch, {2, 0, 3, 1});
   ASSERT_TRUE(straight.update(batch, {}));
   ASSERT_TRUE(shuffled.update(other, {}));
   const std::vector<Tensor> a = straight.net().parameters(), b = shuffled.net().parameters();

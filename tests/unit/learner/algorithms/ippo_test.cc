@@ -30,7 +30,7 @@ RunConfig small_config() { return testing::small_config("ippo", kAgents); }
 TrajectoryShape small_shape(const RunConfig& config) { return testing::small_shape(config, kAgents); }
 
 /// Makes the network itself the behaviour policy of the batch.
-void act_with(const policy::PolicyNet& net, Minibatch& batch) {
+void act_with(const policy::PolicyNet& net, RolloutBatch& batch) {
   torch::NoGradGuard no_grad;
   apply_lag_filter(batch, 0, 1000);
   const policy::SequenceOutput output =
@@ -54,7 +54,7 @@ TEST(Ippo, TheFirstUpdateOfFreshDataHasRatioOneAndClipsNothing) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 1);
+  RolloutBatch batch = noise_batch(shape, 4, 1);
   act_with(ippo.net(), batch);
   const Expected<UpdateStats> stats = ippo.update(batch, {});
   ASSERT_TRUE(stats);
@@ -107,7 +107,7 @@ TEST(Ippo, TrainingRepeatsTheLogProbOfSamplingWithMasksAndResets) {
       slab.value(t, agent) = output.value[agent].item<float>();
     }
   }
-  Minibatch batch = make_minibatch(shape, 1);
+  RolloutBatch batch = make_rollout_batch(shape, 1);
   clear(batch);
   ASSERT_EQ(collate_slab(batch, 0, slab, 4), 0);
   ASSERT_TRUE(batch.has_action_mask);
@@ -129,7 +129,7 @@ TEST(Ippo, MicroBatchesGiveTheGradientOfTheWholeBatch) {
     config.kl_loss_coeff = 0.1;
     const TrajectoryShape shape = small_shape(config);
     Ippo ippo(config, shape.env, torch::kCPU);
-    Minibatch batch = noise_batch(shape, 5, 3);
+    RolloutBatch batch = noise_batch(shape, 5, 3);
     batch.policy_version[2][3] = -5000;  // one sample too old, so that the valid counts differ
     batch.terminated[1][2] = 1;
     apply_lag_filter(batch, 0, 1000);
@@ -150,7 +150,7 @@ TEST(Ippo, ThreadsWithAMicroBatchEachGiveTheSameGradientEveryTime) {
     config.learner_threads = threads;
     const TrajectoryShape shape = small_shape(config);
     Ippo ippo(config, shape.env, torch::kCPU);
-    Minibatch batch = noise_batch(shape, 7, 3);
+    RolloutBatch batch = noise_batch(shape, 7, 3);
     apply_lag_filter(batch, 0, 1000);
     ippo.prepare_targets(batch);
     Ippo::LossSums sums;
@@ -170,7 +170,7 @@ TEST(Ippo, AnAllInvalidTrajectoryAddsNothingToTheGradient) {
   std::vector<std::vector<Tensor>> results;
   for (const int slab_count : {3, 4}) {  // the first three hold the same noise
     Ippo ippo(config, shape.env, torch::kCPU);
-    Minibatch batch = noise_batch(shape, slab_count, 4);
+    RolloutBatch batch = noise_batch(shape, slab_count, 4);
     if (slab_count == 4) batch.valid.narrow(1, 6, 2).zero_();
     apply_lag_filter(batch, 0, 1000);
     ippo.prepare_targets(batch);
@@ -186,7 +186,7 @@ TEST(Ippo, AnAllInvalidBatchLeavesWeightsAndVersionAlone) {
   config.normalize_input = true;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 2, 5);
+  RolloutBatch batch = noise_batch(shape, 2, 5);
   batch.policy_version.fill_(-1000);
   std::vector<Tensor> before;
   for (const auto& [name, tensor] : ippo.net().named_state()) before.push_back(tensor.detach().clone());
@@ -205,7 +205,7 @@ TEST(Ippo, TwentyBatchesInARowWithoutAValidSampleEndTheRun) {
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
   const auto update = [&](bool is_valid) {
-    Minibatch batch = noise_batch(shape, 2, 5);
+    RolloutBatch batch = noise_batch(shape, 2, 5);
     if (!is_valid) batch.valid.zero_();
     return ippo.update(batch, {});
   };
@@ -225,7 +225,7 @@ TEST(Ippo, BackPropagationThroughADoneEqualsTwoSeparateRollouts) {
     config.rollout = 6;
     const TrajectoryShape shape = small_shape(config);
     Ippo ippo(config, shape.env, torch::kCPU);
-    Minibatch batch = noise_batch(shape, 1, 6);
+    RolloutBatch batch = noise_batch(shape, 1, 6);
     batch.terminated[2].fill_(1);
     apply_lag_filter(batch, 0, 1000);
     const Tensor weight = torch::randn({6, 2, 6}, torch::make_generator<at::CPUGeneratorImpl>(7));
@@ -251,7 +251,7 @@ TEST(Ippo, AnotherAgentsFrameChangesNeitherValueNorLogits) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   const Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 1, 8);
+  RolloutBatch batch = noise_batch(shape, 1, 8);
   torch::NoGradGuard no_grad;
   apply_lag_filter(batch, 0, 1000);
   const policy::SequenceOutput before =
@@ -277,7 +277,7 @@ TEST(Ippo, ScalingRewardsLeavesNormalizedTargetsUnchanged) {
     state.put("normalizer/returns_variance", 2.0 * scale * scale);
     state.put("normalizer/returns_count", 500.0);
     ASSERT_TRUE(ippo.load(state));
-    Minibatch batch = noise_batch(shape, 4, 9);
+    RolloutBatch batch = noise_batch(shape, 4, 9);
     batch.reward.mul_(scale);
     apply_lag_filter(batch, 0, 1000);
     ippo.prepare_targets(batch);
@@ -290,7 +290,7 @@ TEST(Ippo, InvalidSamplesLowerTheLearningRateByTheirFraction) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 10);
+  RolloutBatch batch = noise_batch(shape, 4, 10);
   batch.valid.narrow(1, 0, 2).zero_();
   const Expected<UpdateStats> stats = ippo.update(batch, {});
   ASSERT_TRUE(stats);
@@ -304,7 +304,7 @@ TEST(Ippo, ADeadAgentsActionsMoveNoWeightAndLowerNoLearningRate) {
   std::vector<std::vector<Tensor>> results;
   for (const int64_t shift : {0, 1}) {  // another action in every head, taken after another policy
     Ippo ippo(config, shape.env, torch::kCPU);
-    Minibatch batch = noise_batch(shape, 4, 10);
+    RolloutBatch batch = noise_batch(shape, 4, 10);
     batch.agent_active.narrow(0, 2, 2).narrow(1, 0, 3).zero_();
     const Tensor is_dead = batch.agent_active.eq(0);
     const Tensor others = batch.action.add(shift).remainder(2);
@@ -313,7 +313,7 @@ TEST(Ippo, ADeadAgentsActionsMoveNoWeightAndLowerNoLearningRate) {
     batch.logits.add_(is_dead.unsqueeze(2) * torch::arange(5) * shift);
     apply_lag_filter(batch, 0, 1000);
     ippo.prepare_targets(batch);
-    Minibatch whole = batch;
+    RolloutBatch whole = batch;
     Ippo::LossSums sums;
     ASSERT_TRUE(ippo.accumulate_gradient(whole, {}, sums));
     results.push_back(gradients(ippo.net()));
@@ -328,10 +328,10 @@ TEST(Ippo, ReportsWhatTheValuesExplainAndWhatIsClipped) {
   config.ppo_clip_value = 1e-3;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 12);
+  RolloutBatch batch = noise_batch(shape, 4, 12);
   batch.valid[1][2] = 0;
   apply_lag_filter(batch, 0, 1000);
-  Minibatch looked_at = batch;
+  RolloutBatch looked_at = batch;
   Ippo twin(config, shape.env, torch::kCPU);
   twin.prepare_targets(looked_at);
   torch::NoGradGuard no_grad;
@@ -380,13 +380,13 @@ TEST(Ippo, TheFirstPassOverABatchShowsStalenessAlone) {
   config.learning_rate = 1e-2;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch fresh = noise_batch(shape, 4, 1);
+  RolloutBatch fresh = noise_batch(shape, 4, 1);
   act_with(ippo.net(), fresh);
   auto values = values_of(*ippo.update(fresh, {}));
   EXPECT_NEAR(values.at("train/kl_first"), 0, 1e-6);
   EXPECT_EQ(values.at("train/fraction_clipped_first"), 0);
   EXPECT_GT(values.at("train/kl_divergence"), 1e-5);
-  Minibatch stale = noise_batch(shape, 4, 2);  // of another policy
+  RolloutBatch stale = noise_batch(shape, 4, 2);  // of another policy
   values = values_of(*ippo.update(stale, {}));
   EXPECT_GT(values.at("train/kl_first"), 1e-3);
   EXPECT_GT(values.at("train/fraction_clipped_first"), 0);
@@ -398,7 +398,7 @@ TEST(Ippo, AMinibatchOfTheDeadTrainsTheirValuesAlone) {
   for (const double value_loss_coeff : {0.0, 0.5}) {
     config.value_loss_coeff = value_loss_coeff;
     Ippo ippo(config, shape.env, torch::kCPU);
-    Minibatch batch = noise_batch(shape, 4, 10);
+    RolloutBatch batch = noise_batch(shape, 4, 10);
     batch.agent_active.zero_();
     apply_lag_filter(batch, 0, 1000);
     ippo.prepare_targets(batch);
@@ -431,7 +431,7 @@ TEST(Ippo, ARewardPaidAfterDeathReachesTheLastLivingDecision) {
       std::ranges::fill(slab.action_mask(t, 0), uint8_t{0});
     }
     slab.reward(2, 0) = reward;
-    Minibatch batch = make_minibatch(shape, 1);
+    RolloutBatch batch = make_rollout_batch(shape, 1);
     clear(batch);
     ASSERT_EQ(collate_slab(batch, 0, slab, 4), 0);
     apply_lag_filter(batch, 0, 1000);
@@ -452,7 +452,7 @@ TEST(Ippo, ReportsTheRunningStatisticsOfFramesAndReturns) {
   config.normalize_input = true;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 15);
+  RolloutBatch batch = noise_batch(shape, 4, 15);
   auto values = values_of(*ippo.update(batch, {}));
   // 32 uniform bytes merged with the fresh statistics (mean 0, one sample); in units of the network's input.
   const double scale = values.at("train/obs_running_mean") > 1 ? 1.0 : 255.0;
@@ -468,7 +468,7 @@ TEST(Ippo, StopsEarlyWhenTheActorLossStandsStill) {
   config.learning_rate = 0;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 2, 11);
+  RolloutBatch batch = noise_batch(shape, 2, 11);
   EXPECT_EQ(ippo.update(batch, {})->optimizer_steps, 2);
   config.learning_rate = 1e-2;
   Ippo moving(config, shape.env, torch::kCPU);
@@ -482,7 +482,7 @@ TEST(Ippo, CountsOneVersionPerOptimizerStepAndTellsEachOne) {
   config.shuffle_minibatches = true;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 5, 12);
+  RolloutBatch batch = noise_batch(shape, 5, 12);
   std::vector<PolicyVersion> told;
   UpdateContext context;
   context.after_step = [&] { told.push_back(ippo.version()); };
@@ -498,7 +498,7 @@ TEST(Ippo, AnAbandonedStepChangesNothing) {
   config.micro_batch_size = 8;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 13);
+  RolloutBatch batch = noise_batch(shape, 4, 13);
   const std::vector<Tensor> before = copies(ippo.net().parameters());
   int asked = 0;
   UpdateContext context;
@@ -515,7 +515,7 @@ TEST(Ippo, SkipsStepsThatAreNotFiniteAndGivesUpAfterTooManyInARow) {
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
   const std::vector<Tensor> before = copies(ippo.net().parameters());
-  Minibatch batch = noise_batch(shape, 1, 14);
+  RolloutBatch batch = noise_batch(shape, 1, 14);
   const Tensor recurrent_state = batch.recurrent_state.clone();
   int skipped = 0;
   Expected<UpdateStats> stats = UpdateStats{};
@@ -543,7 +543,7 @@ TEST(Ippo, AReloadedRunContinuesBitForBit) {
   const TrajectoryShape shape = small_shape(config);
   const auto train = [&](Ippo& ippo, uint64_t first, uint64_t last) {
     for (uint64_t seed = first; seed < last; ++seed) {
-      Minibatch batch = noise_batch(shape, 4, seed);
+      RolloutBatch batch = noise_batch(shape, 4, seed);
       UpdateContext context;
       context.env_frames = static_cast<double>(seed);
       ASSERT_TRUE(ippo.update(batch, context));
@@ -596,7 +596,7 @@ TEST(Ippo, LearnsTheBestArmOfABandit) {
   shape.recurrent_state_count = 0;
   Ippo ippo(config, shape.env, torch::kCPU);
   const SlabPool pool(shape, 4);
-  Minibatch batch = make_minibatch(shape, 4);
+  RolloutBatch batch = make_rollout_batch(shape, 4);
   const Tensor frame = torch::full({1, 3, 36, 36}, 128, torch::kUInt8);
   const RngKey key = RngKey(1).split("bandit");
   double best = 0;
@@ -639,7 +639,7 @@ TEST(IppoWithVtrace, OfFreshDataIsGaeWithLambdaOne) {
   gae_config.gae_lambda = 1;
   const TrajectoryShape shape = small_shape(config);
   Ippo vtrace(config, shape.env, torch::kCPU), gae(gae_config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 3, 16);
+  RolloutBatch batch = noise_batch(shape, 3, 16);
   act_with(vtrace.net(), batch);
   batch.terminated[1][2] = 1;
   batch.truncated[2][4] = 1;
@@ -658,7 +658,7 @@ TEST(IppoWithVtrace, LooksAtThePolicyInTraining) {
   const RunConfig config = vtrace_config();
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 2, 17);
+  RolloutBatch batch = noise_batch(shape, 2, 17);
   act_with(ippo.net(), batch);
   ippo.prepare_vtrace(batch);
   const Tensor on_policy = batch.advantage.clone();
@@ -674,7 +674,7 @@ TEST(IppoWithVtrace, AnInvalidStepCutsTheTraceAndAShortSlabBootstrapsFromItsStor
   const RunConfig config = vtrace_config();
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 2, 18);
+  RolloutBatch batch = noise_batch(shape, 2, 18);
   act_with(ippo.net(), batch);
   batch.valid[2][0] = 0;
   apply_lag_filter(batch, 0, 1000);
@@ -695,7 +695,7 @@ TEST(IppoWithVtrace, WhatADeadAgentDoesNeitherCutsNorBendsTheTrace) {
   const RunConfig config = vtrace_config();
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 2, 18);
+  RolloutBatch batch = noise_batch(shape, 2, 18);
   act_with(ippo.net(), batch);
   batch.agent_active[2][0] = batch.agent_active[3][0] = 0;
   apply_lag_filter(batch, 0, 1000);
@@ -717,12 +717,12 @@ TEST(IppoWithVtrace, TrainsAndMicroBatchesGiveTheSameGradient) {
     config.micro_batch_size = micro_batch_size;
     const TrajectoryShape shape = small_shape(config);
     Ippo ippo(config, shape.env, torch::kCPU);
-    Minibatch batch = noise_batch(shape, 5, 19);
+    RolloutBatch batch = noise_batch(shape, 5, 19);
     apply_lag_filter(batch, 0, 1000);
     Ippo::LossSums sums;
     ASSERT_TRUE(ippo.accumulate_gradient(batch, {}, sums));
     results.push_back(gradients(ippo.net()));
-    Minibatch again = noise_batch(shape, 5, 19);
+    RolloutBatch again = noise_batch(shape, 5, 19);
     EXPECT_EQ(ippo.update(again, {})->optimizer_steps, 1);
   }
   EXPECT_LT(largest_relative_difference(results[0], results[1]), 2e-5);
@@ -737,7 +737,7 @@ TEST(Ippo, LeavesABatchOnceThePolicyMovedTooFar) {
   for (const double limit : {0.0, 1e-5, 1e9}) {
     config.early_stop_kl = limit;
     Ippo ippo(config, shape.env, torch::kCPU);
-    Minibatch batch = noise_batch(shape, 4, 20);
+    RolloutBatch batch = noise_batch(shape, 4, 20);
     act_with(ippo.net(), batch);
     steps[limit] = ippo.update(batch, {})->optimizer_steps;
   }
@@ -751,7 +751,7 @@ TEST(Ippo, SeparateNetworksLearnFromTheirOwnAgentAlone) {
   config.share_parameters = false;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 21);
+  RolloutBatch batch = noise_batch(shape, 4, 21);
   batch.valid.slice(1, 1, c10::nullopt, 2).zero_();  // agent 1 has nothing to learn from
   apply_lag_filter(batch, 0, 1000);
   ippo.prepare_targets(batch);
@@ -775,7 +775,7 @@ TEST(Ippo, Bf16LossesAgreeWithFp32) {
       config.precision = precision;
       const TrajectoryShape shape = small_shape(config);
       Ippo ippo(config, shape.env, torch::kCPU);
-      Minibatch batch = noise_batch(shape, 8, 22);
+      RolloutBatch batch = noise_batch(shape, 8, 22);
       apply_lag_filter(batch, 0, 1000);
       ippo.prepare_targets(batch);
       sums.emplace_back();

@@ -19,13 +19,13 @@ constexpr int kAgents = 3;
 RunConfig small_config() { return testing::small_config("mappo", kAgents); }
 TrajectoryShape small_shape(const RunConfig& config) { return testing::small_shape(config, kAgents); }
 
-Minibatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
-  Minibatch batch = testing::noise_batch(shape, slab_count, seed);
+RolloutBatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
+  RolloutBatch batch = testing::noise_batch(shape, slab_count, seed);
   apply_lag_filter(batch, 0, 1000);
   return batch;
 }
 
-policy::SequenceOutput run(const Mappo& mappo, const Minibatch& batch) {
+policy::SequenceOutput run(const Mappo& mappo, const RolloutBatch& batch) {
   torch::NoGradGuard no_grad;
   return mappo.net().sequence(batch.frame, batch.measurement, batch.recurrent_state, batch.reset);
 }
@@ -34,7 +34,7 @@ TEST(Mappo, TheCriticSeesAllAgentsOfTheSameStepAndNobodyElse) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   const Mappo mappo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 3, 1);
+  RolloutBatch batch = noise_batch(shape, 3, 1);
   const Tensor before = run(mappo, batch).value;
   // Another frame for agent 1 of world 1 in the last step.
   const int64_t agents = 3, world = 1, last = batch.steps() - 1;
@@ -61,10 +61,10 @@ TEST(Mappo, TheOrderOfWorldsInABatchChangesNeitherValuesNorGradient) {
   config.micro_batch_size = 12;  // a world at a time
   const TrajectoryShape shape = small_shape(config);
   Mappo mappo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 4, 3);
+  RolloutBatch batch = noise_batch(shape, 4, 3);
   mappo.prepare_targets(batch);
   const std::vector<int64_t> order = {2, 0, 3, 1};
-  Minibatch shuffled = select_slabs(batch, order);
+  RolloutBatch shuffled = select_slabs(batch, order);
   const Tensor value = run(mappo, batch).value, other = run(mappo, shuffled).value;
   for (std::size_t place = 0; place < order.size(); ++place)
     for (int64_t agent = 0; agent < 3; ++agent)
@@ -85,7 +85,7 @@ TEST(Mappo, TrainingSeesTheValuesOfSampling) {
   const RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   const Mappo mappo(config, shape.env, torch::kCPU);
-  const Minibatch batch = noise_batch(shape, 2, 4);
+  const RolloutBatch batch = noise_batch(shape, 2, 4);
   const Tensor sequence = run(mappo, batch).value;
   torch::NoGradGuard no_grad;
   Tensor state = batch.recurrent_state.clone();
@@ -102,7 +102,7 @@ TEST(Mappo, TheValueGradientReachesTheEncoder) {
   config.exploration_loss_coeff = 0;
   const TrajectoryShape shape = small_shape(config);
   Mappo mappo(config, shape.env, torch::kCPU);
-  Minibatch batch = noise_batch(shape, 2, 5);
+  RolloutBatch batch = noise_batch(shape, 2, 5);
   mappo.prepare_targets(batch);
   batch.advantage.zero_();
   Ippo::LossSums sums;

@@ -108,7 +108,7 @@ TEST(PartStatistics, EveryAlgorithmReportsItsParts) {
     NamedNumbers none;
     (*made)->append_diagnostics(none);
     EXPECT_TRUE(none.empty()) << "before the first step";
-    Minibatch batch = testing::noise_batch(shape, 4, 3);
+    RolloutBatch batch = testing::noise_batch(shape, 4, 3);
     const auto stats = dynamic_cast<OnPolicyAlgorithm&>(**made).update(batch, {});
     ASSERT_TRUE(stats);
     NamedNumbers values;

@@ -37,7 +37,7 @@ TEST(Collate, CopiesEveryFieldOfEveryAgentToItsRow) {
         pool.view(i).policy_version(t, agent) = static_cast<uint32_t>(100 * i + 10 * t + agent);
   for (int i = 0; i < 2; ++i)
     for (int t = 0; t < 4; ++t) pool.view(i).layout(t) = 7 * i + t;
-  Minibatch batch = make_minibatch(shape, 2);
+  RolloutBatch batch = make_rollout_batch(shape, 2);
   clear(batch);
   EXPECT_EQ(collate_slab(batch, 0, pool.view(1), 4), 0);  // order is the caller's
   EXPECT_EQ(collate_slab(batch, 1, pool.view(0), 4), 0);
@@ -80,7 +80,7 @@ TEST(Collate, TakesTheFinalValueOfTheEpisodeThatWasCut) {
   slab.final_value(0, 0) = 0.25f;
   slab.final_value(0, 1) = 0.75f;
   slab.final_value(1, 0) = 9.0f;  // of a termination: not a bootstrap
-  Minibatch batch = make_minibatch(shape, 1);
+  RolloutBatch batch = make_rollout_batch(shape, 1);
   clear(batch);
   EXPECT_EQ(collate_slab(batch, 0, slab, 4), 0);
   apply_lag_filter(batch, 0, 1000);
@@ -97,7 +97,7 @@ TEST(Collate, PadsASlabThatWasSealedEarlyAndKeepsItsBootstrap) {
   const TrajectoryShape shape = small_shape();
   const SlabPool pool(shape, 2);
   pool.fill_with_noise(5);
-  Minibatch batch = make_minibatch(shape, 1);
+  RolloutBatch batch = make_rollout_batch(shape, 1);
   clear(batch);
   collate_slab(batch, 0, pool.view(0), 4);  // leaves data behind that must not show
   clear(batch);
@@ -121,7 +121,7 @@ TEST(Collate, RemembersWhetherAnyActionWasForbidden) {
   const TrajectoryShape shape = small_shape();
   const SlabPool pool(shape, 1);
   pool.view(0).action_mask(2, 1)[0] = 0;
-  Minibatch batch = make_minibatch(shape, 1);
+  RolloutBatch batch = make_rollout_batch(shape, 1);
   clear(batch);
   collate_slab(batch, 0, pool.view(0), 4);
   EXPECT_TRUE(batch.has_action_mask);
@@ -140,7 +140,7 @@ TEST(Collate, MasksWhatAPeerBrokeAndKeepsTheRest) {
   slab.reward(1, 0) = std::numeric_limits<float>::quiet_NaN();
   slab.final_index(2) = 77;
   slab.recurrent_state(0, 1)[2] = std::numeric_limits<float>::infinity();
-  Minibatch batch = make_minibatch(shape, 1);
+  RolloutBatch batch = make_rollout_batch(shape, 1);
   clear(batch);
   EXPECT_EQ(collate_slab(batch, 0, slab, 0xFFFFFFFFu), 7);  // agent 1: all four steps, agent 0: steps 0, 1, 2
   EXPECT_EQ(batch.valid[3][0].item<int>(), 1);
@@ -157,7 +157,7 @@ TEST(LagFilter, MasksAtTheLimitAndKeepsOneBelow) {
   for (int t = 0; t < 4; ++t)
     for (int agent = 0; agent < 2; ++agent) pool.view(0).policy_version(t, agent) = agent == 0 ? 1000 : 1001;
   pool.view(0).policy_version(3, 1) = 5000;  // of a learner that died: lag 0
-  Minibatch batch = make_minibatch(shape, 1);
+  RolloutBatch batch = make_rollout_batch(shape, 1);
   clear(batch);
   collate_slab(batch, 0, pool.view(0), 4);
   const LagStats lag = apply_lag_filter(batch, 2000, 1000);
@@ -180,10 +180,10 @@ TEST(Collate, SelectsAndNarrowsWholeWorlds) {
   const TrajectoryShape shape = small_shape();
   const SlabPool pool(shape, 3);
   pool.fill_with_noise(9);
-  Minibatch batch = make_minibatch(shape, 3);
+  RolloutBatch batch = make_rollout_batch(shape, 3);
   clear(batch);
   for (int i = 0; i < 3; ++i) collate_slab(batch, i, pool.view(i), 4);
-  const Minibatch selected = select_slabs(batch, {2, 0}), narrowed = narrow_rows(batch, 4, 2);
+  const RolloutBatch selected = select_slabs(batch, {2, 0}), narrowed = narrow_rows(batch, 4, 2);
   EXPECT_EQ(selected.rows(), 4);
   EXPECT_EQ(narrowed.rows(), 2);
   EXPECT_TRUE(torch::equal(selected.frame.narrow(1, 0, 2), narrowed.frame));
@@ -196,11 +196,11 @@ TEST(Collate, AnAgentsRowsAreABatchOfOneAgentAndShareTheMemory) {
   const TrajectoryShape shape = small_shape();
   const SlabPool pool(shape, 3);
   pool.fill_with_noise(9);
-  Minibatch batch = make_minibatch(shape, 3);
+  RolloutBatch batch = make_rollout_batch(shape, 3);
   clear(batch);
   for (int i = 0; i < 3; ++i) collate_slab(batch, i, pool.view(i), 4);
   apply_lag_filter(batch, 0, 1000);
-  const Minibatch second = agent_rows(batch, 1);
+  const RolloutBatch second = agent_rows(batch, 1);
   ASSERT_EQ(second.rows(), 3);
   EXPECT_EQ(second.shape.env.num_agents, 1);
   for (int64_t world = 0; world < 3; ++world) {

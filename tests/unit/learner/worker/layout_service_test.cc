@@ -256,7 +256,7 @@ TEST_F(LayoutServiceTest, TheGraphAndTheScalesReachOmni) {
 }
 
 /// One slab of layouts 0,0,1,2 and another of 2,2,2,5 (which is in no pool of four).
-Minibatch batch_of_layouts() {
+RolloutBatch batch_of_layouts() {
   TrajectoryShape shape = small_arena_shape().trajectory;
   shape.rollout_steps = 4;
   const testing::SlabPool pool(shape, 2);
@@ -264,7 +264,7 @@ Minibatch batch_of_layouts() {
   constexpr int kLayouts[2][4] = {{0, 0, 1, 2}, {2, 2, 2, 5}};
   for (int i = 0; i < 2; ++i)
     for (int t = 0; t < 4; ++t) pool.view(i).layout(t) = kLayouts[i][t];
-  Minibatch batch = make_minibatch(shape, 2);
+  RolloutBatch batch = make_rollout_batch(shape, 2);
   clear(batch);
   for (int i = 0; i < 2; ++i) collate_slab(batch, i, pool.view(i), 4);
   batch.raw_advantage = torch::zeros({4, 4});
@@ -276,7 +276,7 @@ Minibatch batch_of_layouts() {
 }
 
 TEST(LayoutSignals, AreMeansAndMaximaOverEachLayoutsValidDecisions) {
-  const Minibatch batch = batch_of_layouts();
+  const RolloutBatch batch = batch_of_layouts();
   const auto l1 = layout_signals(batch, "mean_value_l1", 4);
   ASSERT_EQ(l1.size(), 3u);
   EXPECT_EQ(l1[0].layout, 0);
@@ -294,7 +294,7 @@ TEST(LayoutSignals, AreMeansAndMaximaOverEachLayoutsValidDecisions) {
 }
 
 TEST(LayoutSignals, DecisionsOfTheDeadDoNotCount) {
-  Minibatch batch = batch_of_layouts();
+  RolloutBatch batch = batch_of_layouts();
   batch.agent_active[0][0] = 0;  // layout 0, agent 0: 1 does not count
   const auto signals = layout_signals(batch, "mean_advantage", 4);
   EXPECT_EQ(signals[0].decisions, 3);
@@ -316,7 +316,7 @@ TEST(LayoutSignals, TenTimesTheRewardScoresTenTimesAsMuchForEveryAlgorithm) {
       state.put("normalizer/returns_mean", 0.3 * scale);  // statistics that saw rewards of this scale
       state.put("normalizer/returns_variance", 2.0 * scale * scale);
       ASSERT_TRUE((*made)->load(state));
-      Minibatch batch = testing::noise_batch(shape, 4, 7);
+      RolloutBatch batch = testing::noise_batch(shape, 4, 7);
       batch.reward.mul_(scale);
       ASSERT_TRUE(dynamic_cast<OnPolicyAlgorithm&>(**made).update(batch, {}));
       scores.push_back(layout_signals(batch, "mean_value_l1", 1).front().mean);
@@ -326,7 +326,7 @@ TEST(LayoutSignals, TenTimesTheRewardScoresTenTimesAsMuchForEveryAlgorithm) {
 }
 
 TEST(LayoutSignals, EntropyIsThatOfTheBehaviourPolicy) {
-  Minibatch batch = batch_of_layouts();
+  RolloutBatch batch = batch_of_layouts();
   batch.logits.zero_();  // uniform over 3 and over 4 choices
   for (const LayoutSignal& one : layout_signals(batch, "mean_entropy", 4))
     EXPECT_NEAR(one.mean, std::log(3.0) + std::log(4.0), 1e-6);

@@ -5,11 +5,13 @@
 #include <spdlog/sinks/ringbuffer_sink.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <thread>
 #include <tuple>
@@ -19,6 +21,7 @@
 #include "learner/worker/batch_queue.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/shm/futex.h"
 #include "tests/support/scratch_folder.h"
@@ -92,7 +95,9 @@ void fill_slab(const SlabView& slab, uint64_t env_index, uint64_t rollout, uint3
 /// Plays all environments of an arena in one thread, as one simulator process with a policy worker would.
 class FakeSimulator {
  public:
-  explicit FakeSimulator(const shm::Arena& arena) : arena_(*shm::Arena::adopt(dup(arena.descriptor()))) {
+  /// `is_sound` false: no decision that it plays may be learned from.
+  explicit FakeSimulator(const shm::Arena& arena, bool is_sound = true)
+      : arena_(*shm::Arena::adopt(dup(arena.descriptor()))), is_sound_(is_sound) {
     thread_ = std::thread([this] { run(); });
   }
   ~FakeSimulator() {
@@ -126,6 +131,7 @@ class FakeSimulator {
         header.rollout_index = rollout;
         fill_slab(arena_.slab(static_cast<int>(*slab)), static_cast<uint64_t>(env), rollout,
                   arena_.control().policy_version.load());
+        if (!is_sound_) std::ranges::fill(valid_of(arena_.slab(static_cast<int>(*slab))), uint8_t{0});
         ++rollout;
         shm::JournalHeader& journal = arena_.journal(env);
         journal.episode_seed = 1000 + static_cast<uint64_t>(env);
@@ -142,7 +148,12 @@ class FakeSimulator {
     }
   }
 
+  static std::span<uint8_t> valid_of(const SlabView& slab) {
+    return {&slab.valid(0), static_cast<std::size_t>(slab.shape().rollout_steps)};
+  }
+
   shm::Arena arena_;
+  const bool is_sound_;
   std::atomic<bool> stop_{false};
   std::thread thread_;
 };
@@ -173,7 +184,7 @@ class LearnerTest : public ::testing::Test {
       return outcome;
     }
     std::optional<FakeSimulator> simulator;
-    if (mode == "train") simulator.emplace(observer);
+    if (mode == "train") simulator.emplace(observer, simulator_is_sound_);
     std::thread stopper;
     if (stop_at_version_ > 0)
       stopper = std::thread([&] {
@@ -216,6 +227,7 @@ class LearnerTest : public ::testing::Test {
   static constexpr double kFramesPerRollout = 4 * 2 * 4 * 4;  ///< environments, agents, steps, tics
   const test::ScratchFolder folder_;
   std::atomic<bool> stop_{false};
+  bool simulator_is_sound_ = true;
   PolicyVersion stop_at_version_ = 0;  ///< raise stop_ when this version is published; 0: never
   std::chrono::steady_clock::time_point stopped_at_;
 };
@@ -243,6 +255,26 @@ TEST_F(LearnerTest, TrainsUntilTheLastEnvFrameAndLeavesACheckpointAndMetrics) {
                            "train/num_sgd_steps", "train/version_diff_avg", "perf/_fps", "stats/slabs_sealed",
                            "train/adam_gain_core", "train/grad_norm_encoder"})
     EXPECT_TRUE(report.contains(name)) << name;
+}
+
+TEST_F(LearnerTest, TrainingThatCannotLearnIsBadInputAndLeavesNoCheckpoint) {
+  simulator_is_sound_ = false;
+  const Outcome outcome = live(small_config(), "run");
+  ASSERT_FALSE(outcome.status);
+  EXPECT_EQ(exit_code(outcome.status.error()), kExitBadInput) << "another start would end as this one did";
+  EXPECT_EQ(outcome.version, 0u);
+  EXPECT_TRUE(CheckpointStore((folder_ / "run/checkpoint").string(), 2).list().empty());
+}
+
+TEST_F(LearnerTest, ALastCheckpointThatCannotBeWrittenHasAnExitCodeOfItsOwn) {
+  RunConfig config = small_config();
+  config.train_for_env_steps = 2 * 16 * 4;
+  fs::create_directories(folder_ / "run");
+  std::ofstream(folder_ / "run/checkpoint") << "no folder";
+  const Outcome outcome = live(config, "run");
+  ASSERT_FALSE(outcome.status);
+  EXPECT_EQ(exit_code(outcome.status.error()), kExitNotSaved);
+  EXPECT_EQ(outcome.version, 2u) << "it is trained";
 }
 
 TEST_F(LearnerTest, GoesOnFromTheNewestCheckpointThatCanBeRead) {
@@ -536,7 +568,7 @@ TEST_F(LearnerTest, AStalledLearnerBoundsWhatIsCollected) {
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   EXPECT_EQ(queue.waiting(), 2);
   EXPECT_EQ(arena->sealed_count(), 16);
-  std::unique_ptr<Minibatch> batch = queue.pop(1000);
+  std::unique_ptr<RolloutBatch> batch = queue.pop(1000);
   ASSERT_NE(batch, nullptr);
   EXPECT_EQ(batch->transitions, 16);
   queue.recycle(std::move(batch));

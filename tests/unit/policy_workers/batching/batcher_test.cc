@@ -275,12 +275,12 @@ TEST(Batcher, ServesOnlyItsOwnGroups) {
   EXPECT_EQ(refused.error().code, ErrorCode::kBadInput);
 }
 
-TEST(Batcher, AutomaticLimitsFollowTheGroupsServed) {
+TEST(Batcher, LimitsStayWithinWhatIsServed) {
   const shm::Arena arena = make_arena(small_network(), {.sim_workers = 6, .envs_per_worker = 4});
-  EXPECT_EQ(make_batcher(arena).min_batch(), 4 * 2) << "a third of 12 groups, 2 environments each";
   EXPECT_EQ(make_batcher(arena).max_batch(), 24);
-  const shm::Arena small = make_arena(small_network(), {});
-  EXPECT_EQ(make_batcher(small).min_batch(), 2) << "one group at least";
+  EXPECT_EQ(make_batcher(arena, {.min_batch = 100}).min_batch(), 24) << "more would never be there";
+  EXPECT_EQ(make_batcher(arena, {.min_batch = 0}).min_batch(), 1);
+  EXPECT_EQ(make_batcher(arena, {.min_batch = 8, .max_batch = 4}).max_batch(), 8);
 }
 
 TEST(Batcher, RefusesIndicesOutOfRange) {

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <set>
 
+#include "sim_workers/engine/play/spawning.h"
 #include "tests/support/played_scenario.h"
 
 namespace comrad::sim {
@@ -16,8 +17,8 @@ void spare(PlayedScenario& stage) {
 
 doom::Actor& add_monster(PlayedScenario& stage, const char* type, double x, double y) {
   const auto id =
-      stage.world().spawn(*stage.world().catalog().find(type), static_cast<doom::Fixed>(x * 65536),
-                          static_cast<doom::Fixed>(y * 65536), 0, 0, kMonsterId);
+      spawn_actor(stage.world(), *stage.world().catalog().find(type), static_cast<doom::Fixed>(x * 65536),
+                  static_cast<doom::Fixed>(y * 65536), 0, 0, kMonsterId);
   return *stage.world().actor(id.value_or(0));
 }
 

@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "sim_workers/engine/tic/tic.h"
 #include "sim_workers/oracle/oracle.h"
 #include "tests/support/level_builder.h"
 #include "tests/support/scenario_stage.h"
@@ -239,7 +240,7 @@ TEST(CoopHealthGatheringRules, AResetStartsTheRulesAnew) {
   doom::Buttons backward;
   backward.backward = true;
   used.tics(300, backward, backward);
-  used.world.reset({.player_count = 2, .seed = 1}, nullptr);
+  reset_world(used.world, {.player_count = 2, .seed = 1}, nullptr);
   used.tics(100);
   fresh.tics(100);
   EXPECT_EQ(used.world.hash(), fresh.world.hash());

@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "sim_workers/engine/play/placement.h"
 #include "tests/support/scenario_stage.h"
 
 namespace comrad::sim::test {
@@ -26,7 +27,7 @@ struct DemonHunt : ScenarioGame {
     for (int agent = 0; agent < 2; ++agent) world().body_of(agent)->set(doom::ActorFlag::kNoClip);
     actor.set(doom::ActorFlag::kNoClip);
     for (int i = 0; i < 3; ++i) {  // it walks on between the script's looks
-      world().set_position(actor.id, 0, 0, actor.z);
+      set_position(world(), actor.id, 0, 0, actor.z);
       put(0, first_distance, 0), put(1, 0, second_distance);
       decide();
     }

@@ -1,6 +1,7 @@
 // Stag Hunt Arena: the stag with its shield, hares, rewards, respawns; layouts; the scripted team.
 #include <cmath>
 
+#include "sim_workers/engine/play/placement.h"
 #include "tests/support/played_scenario.h"
 
 namespace comrad::sim {
@@ -144,7 +145,7 @@ TEST(StagHuntArena, HaresAreVulnerableOnlyNearAHunter) {
   // Both hunters into a corner, all hares into the far one.
   stage.put(0, -980, -980), stage.put(1, -920, -980);
   for (doom::Actor* hare : stage.things(kHareId))
-    stage.world().set_position(hare->id, doom::to_fixed(900), doom::to_fixed(900), 0);
+    set_position(stage.world(), hare->id, doom::to_fixed(900), doom::to_fixed(900), 0);
   stage.run(20);
   for (doom::Actor* hare : stage.things(kHareId))
     if (place_of(*hare).x > 400 && place_of(*hare).y > 400) {

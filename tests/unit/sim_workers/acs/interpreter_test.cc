@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "sim_workers/engine/acs/script_calls.h"
+#include "sim_workers/engine/tic/tic.h"
 #include "tests/unit/sim_workers/acs/script_world.h"
 
 namespace comrad::doom::acs::test {
@@ -571,8 +572,8 @@ TEST(Interpreter, RefusesCodeThatRunsOutOfTheLump) {
   auto behavior = Behavior::load(lump, "TEST");
   ASSERT_TRUE(behavior.has_value()) << behavior.error().message;
   World world(doom::test::one_room(), shared_catalog(), *behavior);
-  world.reset({}, nullptr);
-  world.tic({});
+  reset_world(world, {}, nullptr);
+  run_tic(world, {});
   EXPECT_NE(world.state().scripts.last_error.find("runs out of the lump"), std::string::npos);
 }
 

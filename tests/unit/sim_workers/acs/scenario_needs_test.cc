@@ -5,8 +5,10 @@
 #include <set>
 
 #include "sim_workers/engine/actors/decorate.h"
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/inventory.h"
+#include "sim_workers/engine/tic/tic.h"
 #include "tests/unit/sim_workers/acs/script_world.h"
 
 namespace comrad::doom::acs::test {
@@ -36,14 +38,14 @@ struct Scene {
         buttons(static_cast<std::size_t>(players)) {
     WorldOptions options;
     options.player_count = players;
-    world.reset(options, nullptr);
+    reset_world(world, options, nullptr);
   }
   Actor& spawn(std::string_view type, int x, int y, int degrees = 0) {
     return world.spawn_unchecked(*catalog->find(type), to_fixed(x), to_fixed(y), kOnFloor,
                                  degrees_to_angle(degrees));
   }
   void tics(int count) {
-    for (int i = 0; i < count; ++i) world.tic(buttons);
+    for (int i = 0; i < count; ++i) run_tic(world, buttons);
   }
   Actor& body(int player = 0) { return *world.body_of(player); }
   int32_t user(int index) const { return world.exported(index); }
@@ -154,7 +156,7 @@ TEST(ScenarioNeeds, AMeleeZombieHitsForExactlyTen) {
   Actor& zombie = scene.spawn("MeleeZombie", 50, 0, 180);
   zombie.target_id = scene.body().id;
   zombie.move_direction = kWest;  // not from the walk east that it is born with
-  scene.world.set_label(zombie, StateLabel::kSee);
+  set_label(scene.world, zombie, StateLabel::kSee);
   std::vector<int32_t> losses;
   int32_t health = 100;
   for (int tic = 0; tic < 400 && scene.world.player(0).alive; ++tic) {
@@ -458,10 +460,10 @@ TEST(ScenarioNeeds, PlayersComeBackWithTheirRespawnScript) {
   World world(hall(), catalog, load(code));
   WorldOptions options;
   options.player_count = 2, options.forced_respawn = true, options.respawn_delay_tics = 10;
-  world.reset(options, nullptr);
-  world.tic({});
+  reset_world(world, options, nullptr);
+  run_tic(world, {});
   damage_actor(world, *world.body_of(1), nullptr, nullptr, 500);
-  for (int tic = 0; tic < 60; ++tic) world.tic({});
+  for (int tic = 0; tic < 60; ++tic) run_tic(world, {});
   EXPECT_EQ(world.exported(3), 1);
   EXPECT_EQ(world.exported(1), 1);
   EXPECT_EQ(world.exported(2), 1);

@@ -10,7 +10,8 @@
 
 #include "sim_workers/engine/acs/behavior.h"
 #include "sim_workers/engine/acs/machine.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 #include "tests/support/behavior_builder.h"
 #include "tests/support/level_builder.h"
 
@@ -39,10 +40,10 @@ class ScriptWorld {
     WorldOptions options;
     options.player_count = player_count;
     options.seed = seed;
-    world.reset(options, nullptr);
+    reset_world(world, options, nullptr);
   }
   ScriptWorld& tic(int count = 1) {
-    for (int i = 0; i < count; ++i) world.tic({});
+    for (int i = 0; i < count; ++i) run_tic(world, {});
     return *this;
   }
   int32_t global(std::size_t index) const { return world.state().globals[index]; }

@@ -10,7 +10,8 @@
 #include "rollout_buffer/core/files.h"
 #include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/map/level_loader.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 #include "tests/support/behavior_builder.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/vizdoom_python.h"
@@ -100,10 +101,10 @@ std::vector<Row> play_here(const std::vector<uint8_t>& behavior_bytes, int tics,
   const auto behavior = Behavior::load(behavior_bytes, "parity");
   EXPECT_TRUE(behavior.has_value()) << (behavior ? "" : behavior.error().message);
   World world(*level, std::make_shared<const ActorCatalog>(), *behavior);
-  world.reset({}, nullptr);
+  reset_world(world, {}, nullptr);
   std::vector<Row> rows;
   for (int tic = 0; tic < tics; ++tic) {
-    world.tic({});
+    run_tic(world, {});
     Row row{};
     for (int i = 1; i <= 60; ++i) row[static_cast<std::size_t>(i)] = world.exported(i);
     rows.push_back(row);

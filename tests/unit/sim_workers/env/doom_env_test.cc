@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "sim_workers/engine/play/damage.h"
 #include "tests/support/level_builder.h"
 
 namespace comrad::sim {
@@ -18,7 +19,7 @@ class ClockRules final : public doom::ScriptHost {
   void on_tic(doom::World& world) override {
     world.set_export(1, world.exported(1) + 1);
     const int tic = world.exported(1) - 1000;
-    if (tic == death_tic) world.damage_player(0, 1000);
+    if (tic == death_tic) damage_player(world, 0, 1000);
     if (tic == exit_tic) world.exit_level();
   }
   int exit_tic = 0, death_tic = 0;

@@ -7,7 +7,8 @@
 #include <filesystem>
 
 #include "rollout_buffer/core/rng.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 #include "sim_workers/env/game_content.h"
 #include "tests/support/vizdoom_python.h"
 
@@ -51,7 +52,7 @@ TEST(VizdoomWads, EveryMapRunsTwoThousandTicsOfRandomPlay) {
       options.player_count = number == 1 ? 2 : 1;
       options.start_at_deathmatch_starts = true, options.forced_respawn = true;
       options.seed = 5;
-      world.reset(options, nullptr);
+      reset_world(world, options, nullptr);
       // Maps for deathmatch have no starts of players, but enough for a team.
       if (const std::string name = path.stem();
           number == 1 && (name.starts_with("cig") || name.starts_with("multi"))) {
@@ -71,8 +72,8 @@ TEST(VizdoomWads, EveryMapRunsTwoThousandTicsOfRandomPlay) {
             pressed.attack = (bits & 256) != 0, pressed.use = (bits & 512) != 0,
             pressed.speed = (bits & 1024) != 0;
           }
-        world.tic(buttons);
-        if (world.level_exited()) world.reset(options, nullptr);
+        run_tic(world, buttons);
+        if (world.level_exited()) reset_world(world, options, nullptr);
       }
       EXPECT_EQ(world.state().scripts.last_error, "") << map;
       EXPECT_EQ(world.state().scripts.runaway_count, 0) << map;

@@ -3,7 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "sim_workers/engine/map/level_loader.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 #include "tests/support/binary_map_bytes.h"
 #include "tests/support/random_bytes.h"
 #include "tests/support/wad_bytes.h"
@@ -29,10 +30,10 @@ TEST(LevelFuzz, EveryAcceptedMapCanBePlayed) {
       continue;
     }
     World world(*level, catalog);
-    world.reset({.player_count = 2}, nullptr);
+    reset_world(world, {.player_count = 2}, nullptr);
     std::array<Buttons, 2> buttons;
     buttons[0].forward = buttons[0].speed = buttons[1].left = true;
-    for (int tic = 0; tic < 35; ++tic) world.tic(buttons);
+    for (int tic = 0; tic < 35; ++tic) run_tic(world, buttons);
     ++played;
   }
   EXPECT_GT(played, 0);
@@ -60,12 +61,12 @@ TEST(LevelFuzz, EveryAcceptedBinaryMapCanBePlayed) {
       continue;
     }
     World world(*level, catalog);
-    world.reset({.player_count = 1}, nullptr);
+    reset_world(world, {.player_count = 1}, nullptr);
     std::array<Buttons, 1> buttons;
     buttons[0].forward = buttons[0].speed = true;
     for (int tic = 0; tic < 35; ++tic) {
       buttons[0].use = tic % 2 == 0;
-      world.tic(buttons);
+      run_tic(world, buttons);
     }
     ++played;
   }

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "sim_workers/engine/tic/tic.h"
 #include "tests/support/level_builder.h"
 
 namespace comrad::sim {
@@ -11,7 +12,7 @@ using doom::to_fixed;
 
 std::unique_ptr<doom::World> play(const std::shared_ptr<const doom::Level>& level) {
   auto world = std::make_unique<doom::World>(level, std::make_shared<const doom::ActorCatalog>());
-  world->reset({.player_count = 1}, nullptr);
+  reset_world(*world, {.player_count = 1}, nullptr);
   return world;
 }
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "sim_workers/engine/play/actions.h"
+#include "sim_workers/engine/play/placement.h"
 #include "tests/unit/sim_workers/play/monster_stage.h"
 
 namespace comrad::doom {
@@ -232,10 +233,10 @@ TEST(Flags, SolidityAndShootabilityChangeWithTheLists) {
   Actor& imp = stage.spawn("DoomImp", 100, 0);
   act(stage, imp, ActionId::kUnsetSolid);
   EXPECT_FALSE(imp.has(ActorFlag::kSolid));
-  EXPECT_TRUE(stage.world.try_teleport(stage.body().id, to_fixed(100), 0));
-  stage.world.try_teleport(stage.body().id, 0, 0);
+  EXPECT_TRUE(try_teleport(stage.world, stage.body().id, to_fixed(100), 0));
+  try_teleport(stage.world, stage.body().id, 0, 0);
   act(stage, imp, ActionId::kSetSolid);
-  EXPECT_FALSE(stage.world.try_teleport(stage.body().id, to_fixed(100), 0));
+  EXPECT_FALSE(try_teleport(stage.world, stage.body().id, to_fixed(100), 0));
   act(stage, imp, ActionId::kUnSetShootable);
   EXPECT_FALSE(imp.has(ActorFlag::kShootable));
   act(stage, imp, ActionId::kSetShootable);

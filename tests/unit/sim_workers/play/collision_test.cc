@@ -5,7 +5,10 @@
 
 #include "sim_workers/engine/map/level_index.h"
 #include "sim_workers/engine/play/movement.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/play/placement.h"
+#include "sim_workers/engine/play/spawning.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 #include "tests/support/arena.h"
 #include "tests/support/level_builder.h"
 
@@ -19,14 +22,14 @@ const std::shared_ptr<const ActorCatalog>& catalog() {
 
 World world_of(std::shared_ptr<const Level> level, int players = 1) {
   World world(std::move(level), catalog());
-  world.reset({.player_count = players}, nullptr);
+  reset_world(world, {.player_count = players}, nullptr);
   for (int player = 0; player < players; ++player)
     world.body_of(player)->reaction_tics = 0;  // no birth pause
   return world;
 }
 
 void tics(World& world, const Buttons& buttons, int count) {
-  for (int i = 0; i < count; ++i) world.tic({&buttons, 1});
+  for (int i = 0; i < count; ++i) run_tic(world, {&buttons, 1});
 }
 
 Buttons running() {
@@ -62,7 +65,7 @@ TEST(Collision, ABodyNeverEntersAWallOrLeavesTheArena) {
           player.speed = rng.below(2) == 0;
           player.turn_left = rng.below(4) == 0, player.turn_right = rng.below(4) == 0;
         }
-      world.tic(buttons);
+      run_tic(world, buttons);
       for (int player = 0; player < 2; ++player) {
         const Actor& body = world.body(player);
         ASSERT_FALSE(stuck_in_a_wall(world, body)) << "tic " << tic;
@@ -297,7 +300,7 @@ TEST(Collision, PlayersAreSolidToEachOther) {
   std::array<Buttons, 2> buttons;
   buttons[0] = running();
   for (int tic = 0; tic < 200; ++tic) {
-    world.tic(buttons);
+    run_tic(world, buttons);
     const Actor &first = world.body(0), &second = world.body(1);
     ASSERT_TRUE(std::abs(first.x - second.x) >= to_fixed(32) || std::abs(first.y - second.y) >= to_fixed(32));
   }
@@ -306,28 +309,28 @@ TEST(Collision, PlayersAreSolidToEachOther) {
 
 TEST(Collision, ABodySlidesPastAnotherOne) {
   World world = world_of(test::one_room(), 2);
-  world.set_position(world.player(1).actor_id, to_fixed(128), to_fixed(20), 0);
+  set_position(world, world.player(1).actor_id, to_fixed(128), to_fixed(20), 0);
   world.set_angle(world.player(0).actor_id, degrees_to_angle(-20));
   std::array<Buttons, 2> buttons;
   buttons[0] = running();
-  for (int tic = 0; tic < 60; ++tic) world.tic(buttons);
+  for (int tic = 0; tic < 60; ++tic) run_tic(world, buttons);
   EXPECT_GT(world.body(0).x, to_fixed(200));
 }
 
 TEST(Collision, BodiesThatOverlapComeApart) {
   World world = world_of(test::one_room(), 2);
-  world.set_position(world.player(1).actor_id, world.body(0).x + to_fixed(4), world.body(0).y, 0);
+  set_position(world, world.player(1).actor_id, world.body(0).x + to_fixed(4), world.body(0).y, 0);
   std::array<Buttons, 2> buttons;
   buttons[1].backward = true;  // faces west, so backs away to the east
-  for (int tic = 0; tic < 30; ++tic) world.tic(buttons);
+  for (int tic = 0; tic < 30; ++tic) run_tic(world, buttons);
   EXPECT_GT(world.body(1).x - world.body(0).x, to_fixed(32));
 }
 
 TEST(Collision, APlayerStandsOnASolidThingAndFallsWhenItGoes) {
   World world = world_of(test::one_room());
   const uint32_t pillar =
-      world.spawn(catalog()->find("ShortGreenColumn").value(), 0, to_fixed(200), 0, 0).value();
-  world.set_position(world.player(0).actor_id, 0, to_fixed(200), to_fixed(100));
+      spawn_actor(world, catalog()->find("ShortGreenColumn").value(), 0, to_fixed(200), 0, 0).value();
+  set_position(world, world.player(0).actor_id, 0, to_fixed(200), to_fixed(100));
   const Buttons nothing;
   tics(world, nothing, 40);
   EXPECT_EQ(world.body(0).z, to_fixed(40));
@@ -340,11 +343,11 @@ TEST(Collision, TeleportsOnlyWhereTheBodyFits) {
   World world = world_of(test::one_room(), 2);
   const uint32_t body = world.player(0).actor_id;
   const Actor before = world.body(0);
-  EXPECT_FALSE(world.try_teleport(body, to_fixed(500), 0)) << "in the wall";
-  EXPECT_FALSE(world.try_teleport(body, world.body(1).x + to_fixed(31), 0)) << "in the other player";
+  EXPECT_FALSE(try_teleport(world, body, to_fixed(500), 0)) << "in the wall";
+  EXPECT_FALSE(try_teleport(world, body, world.body(1).x + to_fixed(31), 0)) << "in the other player";
   EXPECT_EQ(world.body(0).x, before.x);
-  EXPECT_TRUE(world.try_teleport(body, world.body(1).x - to_fixed(32), 0));
-  EXPECT_TRUE(world.try_teleport(body, to_fixed(-300), to_fixed(300)));
+  EXPECT_TRUE(try_teleport(world, body, world.body(1).x - to_fixed(32), 0));
+  EXPECT_TRUE(try_teleport(world, body, to_fixed(-300), to_fixed(300)));
   EXPECT_EQ(world.body(0).y, to_fixed(300));
 }
 
@@ -355,26 +358,26 @@ TEST(Collision, NothingTeleportsOrSpawnsIntoTheVoid) {
   World world = world_of(builder.build());
   const uint32_t body = world.player(0).actor_id;
   const uint32_t medikit = catalog()->find("Medikit").value();
-  EXPECT_FALSE(world.try_teleport(body, to_fixed(256), to_fixed(256)))
+  EXPECT_FALSE(try_teleport(world, body, to_fixed(256), to_fixed(256)))
       << "deep inside the pillar, no line touched";
-  EXPECT_FALSE(world.try_teleport(body, to_fixed(2000), 0)) << "outside the map";
-  EXPECT_FALSE(world.spawn(medikit, to_fixed(256), to_fixed(256), 0, 0));
-  EXPECT_TRUE(world.try_teleport(body, to_fixed(64), to_fixed(256)));
-  EXPECT_TRUE(world.spawn(medikit, to_fixed(450), to_fixed(256), 0, 0));
+  EXPECT_FALSE(try_teleport(world, body, to_fixed(2000), 0)) << "outside the map";
+  EXPECT_FALSE(spawn_actor(world, medikit, to_fixed(256), to_fixed(256), 0, 0));
+  EXPECT_TRUE(try_teleport(world, body, to_fixed(64), to_fixed(256)));
+  EXPECT_TRUE(spawn_actor(world, medikit, to_fixed(450), to_fixed(256), 0, 0));
 }
 
 TEST(Collision, SpawnsOnlyWhereTheActorFits) {
   World world = world_of(test::one_room());
   const uint32_t column = catalog()->find("TallGreenColumn").value();
   const uint32_t medikit = catalog()->find("Medikit").value();
-  EXPECT_FALSE(world.spawn(column, to_fixed(500), 0, 0, 0)) << "in the wall";
-  EXPECT_FALSE(world.spawn(column, world.body(0).x, world.body(0).y, 0, 0)) << "in the player";
-  EXPECT_FALSE(world.spawn(medikit, to_fixed(500), 0, 0, 0)) << "items too need room";
-  EXPECT_FALSE(world.spawn(medikit, 0, 0, to_fixed(-1), 0)) << "below the floor";
-  EXPECT_FALSE(world.spawn(9999, 0, 0, 0, 0));
+  EXPECT_FALSE(spawn_actor(world, column, to_fixed(500), 0, 0, 0)) << "in the wall";
+  EXPECT_FALSE(spawn_actor(world, column, world.body(0).x, world.body(0).y, 0, 0)) << "in the player";
+  EXPECT_FALSE(spawn_actor(world, medikit, to_fixed(500), 0, 0, 0)) << "items too need room";
+  EXPECT_FALSE(spawn_actor(world, medikit, 0, 0, to_fixed(-1), 0)) << "below the floor";
+  EXPECT_FALSE(spawn_actor(world, 9999, 0, 0, 0, 0));
   EXPECT_EQ(world.actors().size(), 1u);
-  EXPECT_TRUE(world.spawn(column, to_fixed(500), 0, 0, 0, 0, true)) << "forced";
-  EXPECT_TRUE(world.spawn(medikit, world.body(0).x, world.body(0).y, 0, 0)) << "items are not solid";
+  EXPECT_TRUE(spawn_actor(world, column, to_fixed(500), 0, 0, 0, 0, true)) << "forced";
+  EXPECT_TRUE(spawn_actor(world, medikit, world.body(0).x, world.body(0).y, 0, 0)) << "items are not solid";
 }
 
 }  // namespace

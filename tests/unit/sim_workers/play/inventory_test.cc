@@ -6,7 +6,9 @@
 #include <string>
 
 #include "sim_workers/engine/play/damage.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/play/weapons.h"
+#include "sim_workers/engine/tic/tic.h"
 #include "tests/unit/sim_workers/play/monster_stage.h"
 
 namespace comrad::doom {
@@ -251,7 +253,7 @@ TEST(Drops, TheDeadLeaveWhatTheyCarriedAndHalfOfItsAmmunition) {
       if (actor.type == type_of(item)) dropped = &actor;
     ASSERT_NE(dropped, nullptr);
     EXPECT_TRUE(dropped->has(ActorFlag::kDropped));
-    stage.world.set_position(stage.body().id, dropped->x, dropped->y, 0);
+    set_position(stage.world, stage.body().id, dropped->x, dropped->y, 0);
     EXPECT_TRUE(touch_item(stage.world, stage.body(), *dropped));
     EXPECT_EQ(held(stage, counted) - before, amount) << monster;
   }
@@ -263,7 +265,7 @@ TEST(Respawn, BringsAPlayerBackAtItsStartWithItsFirstThings) {
   Stage stage(builder.build(), {.player_count = 2, .forced_respawn = true, .respawn_delay_tics = 35});
   touch(stage, "Shotgun");
   touch(stage, "BlueArmor");
-  stage.world.set_position(stage.body().id, to_fixed(200), to_fixed(200), 0);
+  set_position(stage.world, stage.body().id, to_fixed(200), to_fixed(200), 0);
   const uint32_t old_body = stage.body().id;
   damage_actor(stage.world, stage.body(), nullptr, nullptr, 1000);
   EXPECT_EQ(stage.player().death_count, 1);
@@ -286,12 +288,12 @@ TEST(Respawn, WaitsWhileSomebodyStandsOnTheStart) {
   LevelBuilder builder = test::big_room();
   builder.thing(2, 300, 0);
   Stage stage(builder.build(), {.player_count = 2, .forced_respawn = true});
-  stage.world.set_position(stage.body(0).id, to_fixed(-400), 0, 0);
-  stage.world.set_position(stage.body(1).id, to_fixed(5), 0, 0);
+  set_position(stage.world, stage.body(0).id, to_fixed(-400), 0, 0);
+  set_position(stage.world, stage.body(1).id, to_fixed(5), 0, 0);
   damage_actor(stage.world, stage.body(0), nullptr, nullptr, 1000);
   stage.tics(20);
   EXPECT_FALSE(stage.player(0).alive);
-  stage.world.set_position(stage.body(1).id, to_fixed(300), 0, 0);
+  set_position(stage.world, stage.body(1).id, to_fixed(300), 0, 0);
   stage.tics(2);
   EXPECT_TRUE(stage.player(0).alive);
 }
@@ -310,7 +312,7 @@ TEST(Players, AreSolidToEachOther) {
 TEST(Players, OneWhoIsBornCannotMoveForEightTicsUnlessItIsHurt) {
   Stage calm, hurt;
   for (Stage* stage : {&calm, &hurt}) {
-    stage->world.reset({}, nullptr);
+    reset_world(stage->world, {}, nullptr);
     stage->buttons[0].forward = true;
   }
   calm.tics(8);

@@ -6,7 +6,9 @@
 #include <set>
 
 #include "sim_workers/engine/play/actions.h"
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/play/sight.h"
 #include "tests/unit/sim_workers/play/monster_stage.h"
 
@@ -167,7 +169,7 @@ TEST(Revenant, ItsMissileFollowsAPlayerWhoStepsAside) {
     revenant.tics = -1;
     revenant.target_id = stage.body().id;
     act(stage, revenant, ActionId::kSkelMissile);
-    stage.world.set_position(stage.body().id, 0, to_fixed(300), 0);
+    set_position(stage.world, stage.body().id, 0, to_fixed(300), 0);
     stage.tics(35 * 5);
     hits += stage.player().damage_taken > 0;
   }
@@ -264,7 +266,7 @@ TEST(BossBrain, ItsEyeSendsCubesThatBecomeMonsters) {
   Stage stage(builder.build());
   stage.make_player_tough();
   const uint32_t eye = stage.spawn("BossEye", 500, 0, 180).id;
-  stage.world.set_label(stage.at(eye), StateLabel::kSee);
+  set_label(stage.world, stage.at(eye), StateLabel::kSee);
   const auto monsters = [&] {
     int count = 0;
     for (const Actor& actor : stage.world.actors())

@@ -7,7 +7,8 @@
 #include <vector>
 
 #include "sim_workers/engine/play/monsters.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom::test {
@@ -29,7 +30,7 @@ struct Stage {
   explicit Stage(std::shared_ptr<const Level> level = big_room().build(), WorldOptions options = {},
                  std::shared_ptr<const ActorCatalog> actors = game_catalog())
       : catalog(std::move(actors)), world(std::move(level), catalog) {
-    world.reset(options, nullptr);
+    reset_world(world, options, nullptr);
     for (int player = 0; player < options.player_count; ++player)
       body(player).reaction_tics = 0;  // no birth pause
     buttons.resize(static_cast<std::size_t>(options.player_count));
@@ -52,7 +53,7 @@ struct Stage {
     }
   }
   void tics(int count) {
-    for (int i = 0; i < count; ++i) world.tic(buttons);
+    for (int i = 0; i < count; ++i) run_tic(world, buttons);
   }
   /// Until `done`; false when `limit` tics were not enough.
   bool tics_until(int limit, const std::function<bool()>& done) {

@@ -1,10 +1,12 @@
 // How monsters notice, hunt, walk and choose whom to fight.
 #include "sim_workers/engine/play/monsters.h"
-#include "sim_workers/engine/actors/decorate.h"
 
 #include <gtest/gtest.h>
 
+#include "sim_workers/engine/actors/decorate.h"
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/play/sight.h"
 #include "tests/support/allocation_count.h"
 #include "tests/unit/sim_workers/play/monster_stage.h"
@@ -39,7 +41,7 @@ TEST(Look, NoiseWakesWhoLooksAwayButAnAmbushWaitsForSight) {
     alert_monsters(stage.world, stage.body(), stage.body());
     stage.tics(30);
     EXPECT_EQ(stage.at(id).target_id != 0, !ambush);
-    stage.world.set_position(stage.body().id, to_fixed(300), to_fixed(600), 0);
+    set_position(stage.world, stage.body().id, to_fixed(300), to_fixed(600), 0);
     stage.tics(30);
     EXPECT_EQ(stage.at(id).target_id, stage.body().id);
   }
@@ -78,7 +80,7 @@ TEST(Chase, ADemonFindsItsWayRoundAPillarAndBites) {
   Stage stage(builder.build());
   Actor& demon = stage.spawn("Demon", 450, 0, 180);
   demon.target_id = stage.body().id;
-  stage.world.set_label(demon, StateLabel::kSee);
+  set_label(stage.world, demon, StateLabel::kSee);
   EXPECT_TRUE(stage.tics_until(35 * 20, [&] { return stage.player().hits_taken > 0; }));
 }
 
@@ -134,7 +136,7 @@ TEST(MonsterMove, AFlyerRisesOverALedge) {
   Actor& head = stage.spawn("Cacodemon", -60, 0, 0);
   head.target_id = stage.body().id;
   const uint32_t id = head.id;
-  stage.world.set_label(head, StateLabel::kSee);
+  set_label(stage.world, head, StateLabel::kSee);
   EXPECT_TRUE(stage.tics_until(35 * 20, [&] { return stage.at(id).x > to_fixed(60); }));
   EXPECT_GE(stage.at(id).z, to_fixed(100));
 }
@@ -145,7 +147,7 @@ TEST(Chase, TheFrightenedRunAwayAndAlmostNeverFight) {
   demon.set(ActorFlag::kFrightened);
   demon.target_id = stage.body().id;
   const uint32_t id = demon.id;
-  stage.world.set_label(demon, StateLabel::kSee);
+  set_label(stage.world, demon, StateLabel::kSee);
   stage.tics(70);
   EXPECT_GT(stage.at(id).x, to_fixed(400));
 }
@@ -158,7 +160,7 @@ TEST(Chase, OnTheHighestSkillDemonsAreTwiceAsFast) {
     demon.target_id = stage.body().id;
     demon.move_direction = kWest;  // not from the walk east that it is born with
     const uint32_t id = demon.id;
-    stage.world.set_label(demon, StateLabel::kSee);
+    set_label(stage.world, demon, StateLabel::kSee);
     stage.tics(70);
     return to_double(to_fixed(1000) - stage.at(id).x);
   };
@@ -171,7 +173,7 @@ TEST(Chase, ATargetThatDiesIsForgotten) {
   Actor& imp = stage.spawn("DoomImp", 300, 0, 180);
   imp.target_id = stage.body().id;
   const uint32_t id = imp.id;
-  stage.world.set_label(imp, StateLabel::kSee);
+  set_label(stage.world, imp, StateLabel::kSee);
   damage_actor(stage.world, stage.body(), nullptr, nullptr, 1000);
   stage.tics(60);  // an attack that has begun ends first
   EXPECT_EQ(stage.at(id).target_id, 0u);
@@ -298,7 +300,7 @@ TEST(Patrol, WalksFromPointToPointUntilItSeesAnEnemy) {
   EXPECT_LT(distance_between(stage.at(id), *first), to_fixed(80));
   EXPECT_TRUE(stage.tics_until(35 * 60, [&] { return stage.at(id).goal_id == first->id; }));
   EXPECT_LT(distance_between(stage.at(id), *second), to_fixed(80));
-  stage.world.set_position(stage.body().id, to_fixed(700), 0, 0);
+  set_position(stage.world, stage.body().id, to_fixed(700), 0, 0);
   EXPECT_TRUE(stage.tics_until(35 * 20, [&] { return stage.at(id).target_id == stage.body().id; }));
 }
 

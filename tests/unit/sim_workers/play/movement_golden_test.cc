@@ -9,7 +9,8 @@
 #include <vector>
 
 #include "sim_workers/engine/play/player_thinker.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
@@ -53,9 +54,9 @@ World room_of_the_traces() {
   builder.sector_at(sector).damage_amount = 8;
   builder.room(sector, 0, 0, 1216, 1216).thing(1, 608, 608);
   World world(builder.build(), std::make_shared<const ActorCatalog>());
-  world.reset({.player_count = 1}, nullptr);
+  reset_world(world, {.player_count = 1}, nullptr);
   const Buttons nothing;
-  world.tic({&nothing, 1});
+  run_tic(world, {&nothing, 1});
   return world;
 }
 
@@ -72,7 +73,7 @@ void follow(World& world, const std::vector<Row>& rows) {
       buttons.speed = pressed(row, "a_speed"), buttons.jump = pressed(row, "a_jump");
       // Turning by a given angle is no button of ours yet: take the angle as recorded.
       if (pressed(row, "a_dyaw")) world.set_angle(world.player(0).actor_id, angle_of(row));
-      world.tic({&buttons, 1});
+      run_tic(world, {&buttons, 1});
     }
     const Actor& body = world.body(0);
     SCOPED_TRACE("t = " + std::to_string(t));

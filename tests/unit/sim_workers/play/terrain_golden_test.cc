@@ -11,7 +11,8 @@
 
 #include "doomgen/wad/wad_reader.h"
 #include "sim_workers/engine/map/level_loader.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 #include "tests/support/wad_bytes.h"
 
 namespace comrad::doom {
@@ -68,15 +69,15 @@ TEST_P(TerrainGolden, FollowsTheTraceBitForBit) {
   ASSERT_GT(rows.size(), 500u) << "the trace is not there";
 
   World world(*level, std::make_shared<const ActorCatalog>());
-  world.reset({.player_count = 1, .allow_crouch = true}, nullptr);
+  reset_world(world, {.player_count = 1, .allow_crouch = true}, nullptr);
   const Buttons nothing;
-  for (uint64_t tic = 0; tic < kIdleTics; ++tic) world.tic({&nothing, 1});
+  for (uint64_t tic = 0; tic < kIdleTics; ++tic) run_tic(world, {&nothing, 1});
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Row& row = rows[i];
     SCOPED_TRACE("map tic " + std::to_string(row.map_tic));
     if (i > 0) {
       world.set_angle(world.player(0).actor_id, row.angle);  // turns are part of the recording
-      world.tic({&row.buttons, 1});
+      run_tic(world, {&row.buttons, 1});
     }
     const Actor& body = world.body(0);
     ASSERT_EQ(world.tic_count(), row.map_tic);

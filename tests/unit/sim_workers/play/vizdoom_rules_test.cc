@@ -6,8 +6,11 @@
 
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/movement.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/play/placement.h"
+#include "sim_workers/engine/play/spawning.h"
 #include "sim_workers/engine/specials/line_specials.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
@@ -33,11 +36,11 @@ std::shared_ptr<const Level> cliff(int step, int ceiling, int start_x, int start
 struct Game {
   explicit Game(std::shared_ptr<const Level> level, WorldOptions options = {})
       : world(std::move(level), catalog()) {
-    world.reset(options, nullptr);
+    reset_world(world, options, nullptr);
     for (int player = 0; player < options.player_count; ++player) world.body_of(player)->reaction_tics = 0;
   }
   Actor& body() { return *world.body_of(0); }
-  void tic(const Buttons& buttons = {}) { world.tic({&buttons, 1}); }
+  void tic(const Buttons& buttons = {}) { run_tic(world, {&buttons, 1}); }
   /// Tics until its feet leave the ground while the jump key is held; -1: not within `limit`.
   int tics_to_jump(int limit) {
     Buttons jump;
@@ -109,7 +112,7 @@ TEST(VizdoomRules, AJumpThatACeilingSwallowedIsForgottenAfter18Tics) {
   game.tic(jump);
   ASSERT_EQ(game.body().z, 0);
   for (int tic = 0; tic < 5; ++tic) game.tic();
-  game.world.set_position(game.body().id, to_fixed(400), 0, 0);
+  set_position(game.world, game.body().id, to_fixed(400), 0, 0);
   EXPECT_EQ(game.tics_to_jump(40), 18 - 5);
 }
 
@@ -171,13 +174,13 @@ TEST(VizdoomRules, SpawnAsksForTheFloorOfTheCentreToo) {
     Game game(cliff(kUpperFloor, 200, 100));
     const uint32_t type = catalog()->find(name).value();
     const auto spawns = [&](int x, int z) {
-      return game.world.spawn(type, to_fixed(x), 0, to_fixed(z), 0, 0, false).has_value();
+      return spawn_actor(game.world, type, to_fixed(x), 0, to_fixed(z), 0, 0, false).has_value();
     };
     EXPECT_TRUE(spawns(490, 0)) << name;
     EXPECT_FALSE(spawns(560, 90)) << name;
     EXPECT_TRUE(spawns(620, 100)) << name;
     Game beside(cliff(kUpperFloor, 200, 100));
-    EXPECT_TRUE(beside.world.spawn(type, to_fixed(504), 0, to_fixed(50), 0, 0, false)) << name;
+    EXPECT_TRUE(spawn_actor(beside.world, type, to_fixed(504), 0, to_fixed(50), 0, 0, false)) << name;
   }
 }
 
@@ -193,9 +196,9 @@ TEST(VizdoomRules, ThingMoveUsesTheFloorOfTheCentreAndTeleportThatOfTheBox) {
     if (teleports) {
       EXPECT_TRUE(teleport_to(game.world, game.body(), 50, 0, false, false));
     } else {
-      game.world.spawn(catalog()->find("MapSpot").value(), to_fixed(504), 0, 0, 0, 50, true);
+      spawn_actor(game.world, catalog()->find("MapSpot").value(), to_fixed(504), 0, 0, 0, 50, true);
       SpecialCall call{.number = kThingMove, .args = {0, 50, 1, 0, 0}, .activator = &game.body()};
-      EXPECT_NE(execute_special(game.world, call), 0);
+      EXPECT_NE(game.world.events().run_special(game.world, call), 0);
     }
     EXPECT_EQ(game.body().x, to_fixed(504));
     EXPECT_EQ(game.body().z, to_fixed(teleports ? kUpperFloor : 0));

@@ -10,6 +10,7 @@
 
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/inventory.h"
+#include "sim_workers/engine/play/placement.h"
 #include "tests/unit/sim_workers/play/monster_stage.h"
 
 namespace comrad::doom {
@@ -278,7 +279,7 @@ TEST(WeaponDamage, PlasmaDoesFiveToForty) {
 
 TEST(WeaponDamage, ARocketsBlastThrowsItsOwnerBackAndHurtsHim) {
   Shooter stage("RocketLauncher");
-  stage.world.set_position(stage.body().id, to_fixed(1024 - 60), 0, 0);
+  set_position(stage.world, stage.body().id, to_fixed(1024 - 60), 0, 0);
   stage.make_player_tough(1000);
   stage.buttons[0].attack = true;
   stage.tics(1);

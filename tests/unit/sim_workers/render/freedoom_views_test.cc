@@ -8,8 +8,10 @@
 #include "doomgen/wad/iwad_search.h"
 #include "rollout_buffer/core/rng.h"
 #include "sim_workers/engine/map/level_loader.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/render/art_archive.h"
 #include "sim_workers/engine/render/renderer.h"
+#include "sim_workers/engine/tic/tic.h"
 
 namespace comrad::doom {
 namespace {
@@ -31,7 +33,7 @@ void look_around(Renderer& renderer, World& world, const std::string& map) {
       const Sector& sector = world.sectors()[world.sector_at(thing.x, thing.y)];
       const Fixed floor = sector.floor_height;
       if (sector.ceiling_height - floor < to_fixed(56)) continue;  // shut: nobody's eye is there
-      world.set_position(world.body(0).id, thing.x, thing.y, floor);
+      set_position(world, world.body(0).id, thing.x, thing.y, floor);
       world.state().players[0].view_z = floor + to_fixed(41);
     }
     for (int direction = 0; direction < kDirections; ++direction) {
@@ -78,7 +80,7 @@ TEST(FreedoomViews, EveryMapIsDrawnWithoutHolesFromEverywhere) {
         EXPECT_TRUE(texture->empty() || *texture == "-" || (*art)->has_surface(*texture))
             << name << " " << *texture;
     World world(*level, catalog);
-    world.reset({.player_count = 1, .seed = 1}, nullptr);
+    reset_world(world, {.player_count = 1, .seed = 1}, nullptr);
     const Status prepared = (*renderer)->prepare(*level, catalog);
     ASSERT_TRUE(prepared.has_value()) << name << ": " << prepared.error().message;
     look_around(**renderer, world, name);

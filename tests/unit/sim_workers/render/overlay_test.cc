@@ -6,6 +6,8 @@
 #include <cstdlib>
 #include <utility>
 
+#include "sim_workers/engine/play/damage.h"
+#include "sim_workers/engine/tic/tic.h"
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
@@ -218,18 +220,18 @@ TEST(FlashPalette, FollowsDoomsSteps) {
 
 TEST(StatusBarStates, TellAPlayersConditionApart) {
   World world(test::one_room(), std::make_shared<const ActorCatalog>());
-  world.reset({.player_count = 2, .seed = 3}, nullptr);
+  reset_world(world, {.player_count = 2, .seed = 3}, nullptr);
   EXPECT_TRUE(status_bar_state(world, 0).team);
   const uint64_t fresh = status_bar_state(world, 0).key();
-  world.damage_player(0, 10);
+  damage_player(world, 0, 10);
   const StatusBarState hurt = status_bar_state(world, 0);
   EXPECT_EQ(hurt.health, 90);
   EXPECT_EQ(hurt.face, StatusBarState::Face::kHurt);
   EXPECT_NE(hurt.key(), fresh);
-  world.damage_player(0, 30);
+  damage_player(world, 0, 30);
   EXPECT_EQ(status_bar_state(world, 0).health, 60);
   EXPECT_EQ(status_bar_state(world, 0).face, StatusBarState::Face::kOuch) << "more than 20 points at once";
-  world.damage_player(0, 1000);
+  damage_player(world, 0, 1000);
   EXPECT_EQ(status_bar_state(world, 0).face, StatusBarState::Face::kDead);
   EXPECT_EQ(status_bar_state(world, 0).health, 0);
 }

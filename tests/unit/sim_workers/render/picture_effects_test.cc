@@ -8,6 +8,7 @@
 
 #include "sim_workers/engine/render/renderer.h"
 #include "sim_workers/engine/specials/movers.h"
+#include "sim_workers/engine/tic/tic.h"
 #include "tests/unit/sim_workers/render/open_level.h"
 #include "tests/unit/sim_workers/render/tiny_iwad.h"
 
@@ -57,7 +58,7 @@ Picture draw(const World& world, const std::shared_ptr<const ArtArchive>& art, R
 
 World make_world(std::shared_ptr<const Level> level) {
   World world(std::move(level), std::make_shared<const ActorCatalog>());
-  world.reset({.player_count = 1, .seed = 1}, nullptr);
+  reset_world(world, {.player_count = 1, .seed = 1}, nullptr);
   return world;
 }
 
@@ -170,7 +171,7 @@ TEST(PictureEffects, PolyobjectsAreSeenWhereTheyAreNow) {
   EXPECT_EQ(before.red(64, 50), kWall);
   execute_mover_special(world, {.number = 4, .args = {7, 64, 64, 320, 0}});  // Polyobj_Move to the north
   const Buttons nothing;
-  for (int tic = 0; tic < 80; ++tic) world.tic({&nothing, 1});
+  for (int tic = 0; tic < 80; ++tic) run_tic(world, {&nothing, 1});
   const Picture after = draw(world, art);
   EXPECT_EQ(after.red(64, 50), kFloor) << "it has moved aside";
 }
@@ -215,7 +216,7 @@ TEST(PictureEffects, FullBrightStatesIgnoreTheSectorsLight) {
   builder.sector_at(room).light = 64;
   builder.room(room, -512, -512, 512, 512).thing(1, 0, 0);
   World world(builder.build(), catalog);
-  world.reset({.player_count = 1, .seed = 1}, nullptr);
+  reset_world(world, {.player_count = 1, .seed = 1}, nullptr);
   const auto art = light_meter();
   Actor& actor = world.spawn_unchecked(bright, to_fixed(256), 0, to_fixed(40));
   EXPECT_EQ(draw(world, art).red(64, 35), 100) << "row 0";

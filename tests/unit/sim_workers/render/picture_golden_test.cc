@@ -7,8 +7,11 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "sim_workers/engine/play/damage.h"
+#include "sim_workers/engine/play/spawning.h"
 #include "sim_workers/engine/render/art_archive.h"
 #include "sim_workers/engine/render/renderer.h"
+#include "sim_workers/engine/tic/tic.h"
 #include "tests/unit/sim_workers/render/open_level.h"
 
 namespace comrad::doom {
@@ -34,11 +37,11 @@ std::shared_ptr<const Level> hall() {
 World scene() {
   auto catalog = std::make_shared<const ActorCatalog>();
   World world(hall(), catalog);
-  world.reset({.player_count = 2, .seed = 5}, nullptr);
+  reset_world(world, {.player_count = 2, .seed = 5}, nullptr);
   const uint32_t stimpack = catalog->find("Stimpack").value(), medikit = catalog->find("Medikit").value();
-  world.spawn(medikit, to_fixed(128), to_fixed(-48), 0, 0, 0, true);
-  world.spawn(stimpack, to_fixed(256), to_fixed(-128), to_fixed(16), 0, 0, true);
-  world.spawn(stimpack, to_fixed(520), to_fixed(-40), 0, 0, 0, true);
+  spawn_actor(world, medikit, to_fixed(128), to_fixed(-48), 0, 0, 0, true);
+  spawn_actor(world, stimpack, to_fixed(256), to_fixed(-128), to_fixed(16), 0, 0, true);
+  spawn_actor(world, stimpack, to_fixed(520), to_fixed(-40), 0, 0, 0, true);
   return world;
 }
 
@@ -93,7 +96,7 @@ TEST_F(PictureGolden, AnAgentsView) { compare("hall_128x72", scene(), {}); }
 
 TEST_F(PictureGolden, AnAgentsViewInPain) {
   World world = scene();
-  world.damage_player(0, 40);
+  damage_player(world, 0, 40);
   HudBox box;
   box.x = 0.5f, box.y = 0.9f, box.width = 0.2f, box.height = 0.03f, box.color = {255, 180, 0};
   world.set_hud({box});

@@ -6,8 +6,11 @@
 #include <cmath>
 #include <numeric>
 
+#include "sim_workers/engine/play/placement.h"
+#include "sim_workers/engine/play/spawning.h"
 #include "sim_workers/engine/render/projection.h"
 #include "sim_workers/engine/render/scene.h"
+#include "sim_workers/engine/tic/tic.h"
 #include "tests/unit/sim_workers/render/open_level.h"
 #include "tests/unit/sim_workers/render/tiny_iwad.h"
 
@@ -38,7 +41,7 @@ std::vector<uint8_t> draw(Renderer& renderer, const World& world, int player = 0
 
 World make_world(std::shared_ptr<const Level> level, int players = 1) {
   World world(std::move(level), std::make_shared<const ActorCatalog>());
-  world.reset({.player_count = players, .seed = 1}, nullptr);
+  reset_world(world, {.player_count = players, .seed = 1}, nullptr);
   return world;
 }
 
@@ -112,7 +115,7 @@ TEST(Renderer, ShowsInEveryPixelWhatARayThroughItMeets) {
   int pixels = 0, wrong = 0;
   for (const auto& [x, y] : places) {
     for (int degrees = 0; degrees < 360; degrees += 30) {
-      world.set_position(world.body(0).id, to_fixed(x), to_fixed(y), 0);
+      set_position(world, world.body(0).id, to_fixed(x), to_fixed(y), 0);
       world.set_angle(world.body(0).id, degrees_to_angle(degrees));
       const double eye_z = to_double(world.player(0).view_z);
       const std::vector<uint8_t> picture = draw(*renderer, world);
@@ -146,7 +149,7 @@ TEST(Renderer, ShowsTheSkyWhereTheCeilingIsOpen) {
   EXPECT_EQ(picture[2], kSky) << "above the yard";
   EXPECT_EQ(picture[29 * 128 + 64], kWall);
   EXPECT_EQ(picture[71 * 128 + 64], kFloor);
-  world.set_position(world.body(0).id, to_fixed(256), 0, 0);
+  set_position(world, world.body(0).id, to_fixed(256), 0, 0);
   picture = draw(*renderer, world);
   EXPECT_EQ(picture[64], kCeiling) << "under the hut's roof";
 }
@@ -163,9 +166,9 @@ TEST(Renderer, DrawsItemsWhereTheyStandAndNotBehindWalls) {
     return std::count(picture.begin(), picture.begin() + 72 * 128, kKit);
   };
   EXPECT_EQ(count(), 0);
-  ASSERT_TRUE(world.spawn(kit, to_fixed(300), 0, 0, 0, 0, true).has_value());
+  ASSERT_TRUE(spawn_actor(world, kit, to_fixed(300), 0, 0, 0, 0, true).has_value());
   EXPECT_EQ(count(), 0) << "hidden by the pillar";
-  ASSERT_TRUE(world.spawn(kit, to_fixed(128), to_fixed(64), 0, 0, 0, true).has_value());
+  ASSERT_TRUE(spawn_actor(world, kit, to_fixed(128), to_fixed(64), 0, 0, 0, true).has_value());
   const std::vector<uint8_t> picture = draw(*renderer, world);
   // 8x8 texels at depth 128, 64 to the left: 4 columns round column 32, feet at row 36 + 57.6 * 41 / 128.
   const int feet = static_cast<int>(36 + 57.6 * to_double(world.player(0).view_z) / 128) - 1;
@@ -185,7 +188,8 @@ TEST(Renderer, ViewsDrawnTogetherEqualViewsDrawnAlone) {
     worlds.push_back(make_world(i % 3 == 2 ? other.build() : level));
     World& world = worlds.back();
     world.set_angle(world.body(0).id, static_cast<Angle>(i) * 0x2A3B4C5Du);
-    world.spawn(world.catalog().find("Stimpack").value(), to_fixed(64 + 8 * i), to_fixed(-32), 0, 0, 0, true);
+    spawn_actor(world, world.catalog().find("Stimpack").value(), to_fixed(64 + 8 * i), to_fixed(-32), 0, 0, 0,
+                true);
   }
   const auto renderer = make_renderer();
   std::vector<std::vector<uint8_t>> alone;
@@ -224,9 +228,9 @@ TEST(Renderer, AnUnknownSpriteIsLeftOut) {
   const auto level = builder.build();
   ASSERT_TRUE(renderer->prepare(level, catalog).has_value());
   World world(level, catalog);
-  world.reset({.player_count = 1, .seed = 1}, nullptr);
+  reset_world(world, {.player_count = 1, .seed = 1}, nullptr);
   const std::vector<uint8_t> before = draw(*renderer, world);
-  world.spawn(catalog->find("TetherGhost").value(), to_fixed(100), 0, 0, 0, 0, true);
+  spawn_actor(world, catalog->find("TetherGhost").value(), to_fixed(100), 0, 0, 0, 0, true);
   EXPECT_EQ(draw(*renderer, world), before);
 }
 

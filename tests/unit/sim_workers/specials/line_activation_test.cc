@@ -10,6 +10,7 @@
 #include "sim_workers/engine/map/level_index.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/inventory.h"
+#include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/specials/line_specials.h"
 #include "tests/unit/sim_workers/play/monster_stage.h"
 
@@ -73,11 +74,11 @@ TEST(UseLine, OpensADoorInReachOnlyAndOnlyWhenTheKeyGoesDown) {
   Strip strip(0, 0);
   strip.special(4, 12, {0, 16, 35, 0, 0}, kUse | kAgain).turn(4);
   auto stage = strip.start();
-  stage->world.set_position(stage->body().id, to_fixed(-8), 0, 0);
+  set_position(stage->world, stage->body().id, to_fixed(-8), 0, 0);
   press_use(*stage);
   stage->tics(5);
   EXPECT_EQ(ceiling_of(*stage), 0) << "72 units away";
-  stage->world.set_position(stage->body().id, to_fixed(16), 0, 0);
+  set_position(stage->world, stage->body().id, to_fixed(16), 0, 0);
   stage->buttons[0].use = true;
   stage->tics(10);
   EXPECT_GT(ceiling_of(*stage), 0);
@@ -92,7 +93,7 @@ TEST(UseLine, ALockedDoorWantsItsKey) {
   Strip strip(0, 0);
   strip.special(4, 13, {7, 16, 35, 1, 0}, kLinePlayerUseBack | kAgain);
   auto stage = strip.start();
-  stage->world.set_position(stage->body().id, to_fixed(16), 0, 0);
+  set_position(stage->world, stage->body().id, to_fixed(16), 0, 0);
   press_use(*stage);
   stage->tics(5);
   EXPECT_EQ(ceiling_of(*stage), 0);
@@ -106,10 +107,10 @@ TEST(UseLine, ADoorClosingOnABodyOpensAgain) {
   Strip strip(0, 0);
   strip.special(4, 12, {7, 16, 35, 0, 0}, kLinePlayerUseBack | kAgain);
   auto stage = strip.start();
-  stage->world.set_position(stage->body().id, to_fixed(16), 0, 0);
+  set_position(stage->world, stage->body().id, to_fixed(16), 0, 0);
   press_use(*stage);
   stage->tics(120);
-  stage->world.set_position(stage->body().id, to_fixed(96), 0, 0);
+  set_position(stage->world, stage->body().id, to_fixed(96), 0, 0);
   Fixed lowest = to_fixed(256);
   for (int i = 0; i < 300; ++i) stage->tics(1), lowest = std::min(lowest, ceiling_of(*stage));
   EXPECT_GE(lowest, to_fixed(56));
@@ -125,7 +126,7 @@ TEST(UseLine, ASwitchTurnsAndTurnsBackAfterASecond) {
   with_switch.sidedefs[with_switch.linedefs[3].front].middle = "SW1BRN1";
   Stage stage(std::make_shared<const Level>(with_switch));
   const uint32_t side = with_switch.linedefs[3].front;
-  stage.world.set_position(stage.body().id, 0, to_fixed(-470), 0);
+  set_position(stage.world, stage.body().id, 0, to_fixed(-470), 0);
   stage.world.set_angle(stage.body().id, 0u - kAngle90);
   press_use(stage);
   EXPECT_EQ(stage.world.sides()[side].middle, "SW2BRN1");
@@ -138,7 +139,7 @@ TEST(UseLine, ALineWithoutTheRepeatFlagWorksOnce) {
     Strip strip;
     strip.special(3, 35, {7, 64, 1, 0, 0}, kUse | (again ? kAgain : 0u));  // Floor_RaiseByValueTimes8
     auto stage = strip.start();
-    stage->world.set_position(stage->body().id, 0, to_fixed(-470), 0);
+    set_position(stage->world, stage->body().id, 0, to_fixed(-470), 0);
     stage->world.set_angle(stage->body().id, 0u - kAngle90);
     for (int i = 0; i < 3; ++i) {
       press_use(*stage);
@@ -152,7 +153,7 @@ TEST(UseLine, AnExitSwitchEndsTheLevel) {
   Strip strip;
   strip.special(3, 243, {}, kUse);
   auto stage = strip.start();
-  stage->world.set_position(stage->body().id, 0, to_fixed(-470), 0);
+  set_position(stage->world, stage->body().id, 0, to_fixed(-470), 0);
   stage->world.set_angle(stage->body().id, 0u - kAngle90);
   EXPECT_FALSE(stage->world.level_exited());
   press_use(*stage);
@@ -211,7 +212,7 @@ TEST(CrossLine, MonstersUseWhatIsTheirs) {
     strip.special(4, special, {7, special == 70 ? 0 : 64, special == 70 ? 0 : 64, 0, 0}, flags);
     strip.builder.thing(14, -300, 200, 90, 7);
     auto stage = strip.start();
-    stage->world.set_position(stage->body().id, to_fixed(-400), to_fixed(-400), 0);
+    set_position(stage->world, stage->body().id, to_fixed(-400), to_fixed(-400), 0);
     Actor& imp = stage->spawn("DoomImp", 100, 0, 180);
     imp.move_direction = kWest;
     const uint32_t id = imp.id;
@@ -297,11 +298,11 @@ TEST_P(DoomSpecials, DoWhatTheyDoInDoom) {
   strip.special(trigger, translated->special, translated->args, flags | kAgain);
   auto stage = strip.start();
   if (line.by_use) {
-    stage->world.set_position(stage->body().id, 0, to_fixed(-470), 0);
+    set_position(stage->world, stage->body().id, 0, to_fixed(-470), 0);
     stage->world.set_angle(stage->body().id, 0u - kAngle90);
     press_use(*stage);
   } else {
-    stage->world.set_position(stage->body().id, to_fixed(-90), to_fixed(-350), 0);
+    set_position(stage->world, stage->body().id, to_fixed(-90), to_fixed(-350), 0);
     walk_to(*stage, -62, 40);
   }
   stage->tics(line.tics);
@@ -331,7 +332,7 @@ TEST(SpecialSupport, IsWhatTheEngineExecutesWithoutAWarning) {
       continue;  // they warn that every texture counts as 64 units high
     Strip strip;
     const auto stage = strip.start();
-    execute_special(stage->world, {.number = special.number});
+    stage->world.events().run_special(stage->world, {.number = special.number});
     const bool warned = !stage->world.index().warned_specials->first(special.number);
     EXPECT_EQ(special.support == wad::SpecialSupport::kSupported, !warned)
         << special.number << " " << special.name;

@@ -8,8 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/specials/movers.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
@@ -61,13 +62,13 @@ World island_world(int floor, int ceiling, int player_x, int player_y) {
   builder.room(room, -512, -512, 512, 512).island(island, room, 0, 0, 128, 128);
   builder.thing(1, player_x, player_y);
   World world(builder.build(), catalog());
-  world.reset({.player_count = 1}, nullptr);
+  reset_world(world, {.player_count = 1}, nullptr);
   return world;
 }
 
 void idle(World& world, int tics) {
   const Buttons nothing;
-  for (int i = 0; i < tics; ++i) world.tic({&nothing, 1});
+  for (int i = 0; i < tics; ++i) run_tic(world, {&nothing, 1});
 }
 
 TEST(MoversGolden, PlanesMoveAsRecorded) {
@@ -134,7 +135,7 @@ TEST(MoversGolden, StairsRiseAsRecorded) {
     }
     builder.row(room, steps, 0, 0, 64, 64);
     World world(builder.build(), catalog());
-    world.reset({.player_count = 1}, nullptr);
+    reset_world(world, {.player_count = 1}, nullptr);
     execute_mover_special(world, call);
     std::vector<std::vector<Fixed>> heights(4);  // [step][tic]
     for (auto& step : heights) {
@@ -169,7 +170,7 @@ World polyobject_world(bool mirror, int spot, int player_x, int player_y) {
     builder.thing(9300, 1200, 1200, 8).thing(9301, 200, 200, 8);
   }
   World world(builder.build(), catalog());
-  world.reset({.player_count = 1}, nullptr);
+  reset_world(world, {.player_count = 1}, nullptr);
   return world;
 }
 

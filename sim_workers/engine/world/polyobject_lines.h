@@ -1,12 +1,13 @@
-// for_each_polyobject_line() of movers.h.
+// Walls that move: the blockmap leaves them out. Stage: tic.
 #pragma once
 
 #include <algorithm>
 
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 
+/// Lines of polyobjects near a box, with their present ends. `visit(line, x1, y1, x2, y2)` returns false to stop.
 template <typename Visit>
 bool for_each_polyobject_line(const World& world, Fixed left, Fixed right, Fixed bottom, Fixed top,
                               Visit visit) {

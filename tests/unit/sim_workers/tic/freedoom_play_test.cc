@@ -9,7 +9,8 @@
 #include "doomgen/wad/wad_reader.h"
 #include "sim_workers/engine/map/level_index.h"
 #include "sim_workers/engine/map/level_loader.h"
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 namespace {
@@ -49,13 +50,13 @@ TEST_P(FreedoomPlay, TwoPlayersPlayTwoThousandTics) {
   std::vector<uint64_t> first;
   for (int repeat = 0; repeat < 2; ++repeat) {
     World world(*level, kCatalog);
-    world.reset({.player_count = 2, .seed = 3, .skill = 4, .forced_respawn = true}, nullptr);
+    reset_world(world, {.player_count = 2, .seed = 3, .skill = 4, .forced_respawn = true}, nullptr);
     EXPECT_GT(world.state().monster_count, 0);
     Rng rng(RngKey(9).split("freedoom"));
     std::vector<Buttons> held(2);
     for (int tic = 0; tic < kTics && !world.level_exited(); ++tic) {
       held = random_buttons(rng, held);
-      world.tic(held);
+      run_tic(world, held);
       if (tic % 10 != 0) continue;
       const uint64_t hash = world.hash();
       if (repeat == 0) {

@@ -1,5 +1,5 @@
 // Rules of the world: items, floors that hurt, death, scripts' calls, snapshots and determinism.
-#include "sim_workers/engine/play/world.h"
+#include "sim_workers/engine/tic/tic.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,6 +7,9 @@
 #include <set>
 
 #include "sim_workers/engine/actors/actor_catalog.h"
+#include "sim_workers/engine/play/damage.h"
+#include "sim_workers/engine/play/spawning.h"
+#include "sim_workers/engine/world/world.h"
 #include "tests/support/arena.h"
 #include "tests/support/level_builder.h"
 
@@ -53,13 +56,13 @@ struct Game {
                 void (*at_open)(World&) = nullptr)
       : world(std::move(level), catalog()) {
     scripts.at_open = at_open;
-    world.reset({.player_count = players, .seed = seed}, &scripts);
+    reset_world(world, {.player_count = players, .seed = seed}, &scripts);
     buttons.resize(static_cast<std::size_t>(players));
     for (int player = 0; player < players; ++player)
       world.body_of(player)->reaction_tics = 0;  // no birth pause
   }
   void tics(int count) {
-    for (int i = 0; i < count; ++i) world.tic(buttons);
+    for (int i = 0; i < count; ++i) run_tic(world, buttons);
   }
   Recorder scripts;
   World world;
@@ -78,7 +81,7 @@ TEST(World, PlayersWithoutAStartTakeADeathmatchStartEach) {
   World world(level, catalog());
   std::set<Fixed> second_player;
   for (uint64_t seed = 0; seed < 20; ++seed) {
-    world.reset({.player_count = 4, .seed = seed, .start_at_deathmatch_starts = true}, nullptr);
+    reset_world(world, {.player_count = 4, .seed = seed, .start_at_deathmatch_starts = true}, nullptr);
     EXPECT_EQ(world.body(0).x, to_fixed(-400)) << "its own start";
     std::set<Fixed> taken;
     for (int player = 1; player < 4; ++player) {
@@ -142,13 +145,13 @@ TEST(World, AThingWithoutTheSkillFlagDoesNotAppear) {
 
 TEST(World, ResetBringsBackTheVeryStart) {
   Game game(test::one_room(), 2);
-  game.world.reset(game.world.options(), &game.scripts);
+  reset_world(game.world, game.world.options(), &game.scripts);
   const uint64_t start = game.world.hash();
   game.buttons[0] = forward();
   game.world.set_sector_damage(900, 50, 0);
   game.tics(20);
   EXPECT_NE(game.world.hash(), start);
-  game.world.reset(game.world.options(), &game.scripts);
+  reset_world(game.world, game.world.options(), &game.scripts);
   EXPECT_EQ(game.world.hash(), start);
 }
 
@@ -157,8 +160,8 @@ TEST(World, ResetBringsBackTheVeryStart) {
 /// A player at `health` walks over an item of that name; true where it is taken.
 bool takes(const char* item, int health, int* health_after = nullptr) {
   Game game;
-  game.world.damage_player(0, 100 - health);
-  game.world.spawn(type_of(item), game.world.body(0).x + to_fixed(80), 0, 0, 0);
+  damage_player(game.world, 0, 100 - health);
+  spawn_actor(game.world, type_of(item), game.world.body(0).x + to_fixed(80), 0, 0, 0);
   game.buttons[0] = forward();
   game.tics(20);
   if (health_after != nullptr) *health_after = game.world.player(0).health;
@@ -184,8 +187,8 @@ TEST(Pickups, StayWhereTheyAreAtFullHealth) {
 
 TEST(Pickups, FlashCountAndTellTheScript) {
   Game game;
-  game.world.damage_player(0, 50);
-  game.world.spawn(type_of("Stimpack"), game.world.body(0).x + to_fixed(37), 0, 0, 0);
+  damage_player(game.world, 0, 50);
+  spawn_actor(game.world, type_of("Stimpack"), game.world.body(0).x + to_fixed(37), 0, 0, 0);
   game.buttons[0] = forward();
   game.tics(2);
   EXPECT_EQ(game.world.player(0).bonus_flash, 6);
@@ -198,8 +201,8 @@ TEST(Pickups, FlashCountAndTellTheScript) {
 
 TEST(Pickups, AreTakenByMovingOnly) {
   Game game;
-  game.world.damage_player(0, 50);
-  game.world.spawn(type_of("Stimpack"), game.world.body(0).x, game.world.body(0).y, 0, 0);
+  damage_player(game.world, 0, 50);
+  spawn_actor(game.world, type_of("Stimpack"), game.world.body(0).x, game.world.body(0).y, 0, 0);
   game.tics(10);
   EXPECT_EQ(game.world.player(0).pickup_count, 0);
   game.buttons[0] = forward();
@@ -213,11 +216,11 @@ TEST(Pickups, AreReachedFrom32BelowTheFeetToTheHead) {
     const uint32_t type = hovering.find("Medikit").value();
     hovering.edit(type).flags.set(ActorFlag::kNoGravity);
     World world(test::one_room(), std::make_shared<const ActorCatalog>(hovering));
-    world.reset({}, nullptr);
-    world.damage_player(0, 50);  // which wakes it as well
-    world.spawn(type, world.body(0).x, world.body(0).y, to_fixed(z), 0);
+    reset_world(world, {}, nullptr);
+    damage_player(world, 0, 50);  // which wakes it as well
+    spawn_actor(world, type, world.body(0).x, world.body(0).y, to_fixed(z), 0);
     const Buttons buttons = forward();
-    world.tic({&buttons, 1});
+    run_tic(world, {&buttons, 1});
     EXPECT_EQ(world.player(0).pickup_count, reached ? 1 : 0) << z;
   }
 }
@@ -225,9 +228,9 @@ TEST(Pickups, AreReachedFrom32BelowTheFeetToTheHead) {
 TEST(Pickups, TouchSquaresNotCircles) {
   for (const auto& [offset, taken] : {std::pair{35, true}, std::pair{36, false}}) {
     Game game;
-    game.world.damage_player(0, 50);
+    damage_player(game.world, 0, 50);
     // Far enough ahead in y only; moving along x keeps |dy|.
-    game.world.spawn(type_of("Stimpack"), game.world.body(0).x + to_fixed(30), to_fixed(offset), 0, 0);
+    spawn_actor(game.world, type_of("Stimpack"), game.world.body(0).x + to_fixed(30), to_fixed(offset), 0, 0);
     game.buttons[0] = forward();
     game.tics(10);
     EXPECT_EQ(game.world.player(0).pickup_count, taken ? 1 : 0) << offset;
@@ -284,7 +287,7 @@ TEST(SectorDamage, FlashesRedAndFades) {
 
 TEST(Death, LeavesACorpseThatIsNotSolidAndDoesNotObey) {
   Game game(test::one_room(), 2);
-  game.world.damage_player(1, 1000);
+  damage_player(game.world, 1, 1000);
   EXPECT_EQ(game.world.player(1).health, 0);
   EXPECT_TRUE(game.world.body(1).is_corpse());
   const ActorType& type = (*catalog())[game.world.body(1).type];
@@ -296,7 +299,7 @@ TEST(Death, LeavesACorpseThatIsNotSolidAndDoesNotObey) {
   EXPECT_EQ(game.world.body(1).x, x);
   EXPECT_GT(game.world.body(0).x, x + to_fixed(40)) << "walked through";
   EXPECT_EQ(game.world.player(1).view_height, to_fixed(6));
-  game.world.damage_player(1, 10);
+  damage_player(game.world, 1, 10);
   EXPECT_EQ(std::count(game.scripts.log.begin(), game.scripts.log.end(), "death 1 at 0"), 1);
 }
 
@@ -304,7 +307,7 @@ TEST(Death, ACorpseSlidesOnWithFriction) {
   Game game;
   game.buttons[0] = forward();
   game.tics(15);
-  game.world.damage_player(0, 100);
+  damage_player(game.world, 0, 100);
   const Fixed x = game.world.body(0).x;
   game.tics(60);
   EXPECT_GT(game.world.body(0).x, x + to_fixed(20));
@@ -332,7 +335,7 @@ TEST(Frames, ThePlayerWalksWhileItMovesAndStandsStillAfter) {
 
 TEST(Frames, AHealthBonusGoesThroughItsLetters) {
   Game game;
-  const uint32_t bonus = game.world.spawn(type_of("HealthBonus"), 0, to_fixed(200), 0, 0).value();
+  const uint32_t bonus = spawn_actor(game.world, type_of("HealthBonus"), 0, to_fixed(200), 0, 0).value();
   std::string letters;
   for (int tic = 0; tic < 36; tic += 6) {
     letters += static_cast<char>('A' + game.world.find_actor(bonus)->frame);
@@ -371,8 +374,8 @@ TEST(Actors, StaySortedCompactAndFindableWhileTheyComeAndGo) {
   std::vector<uint32_t> alive;
   for (int tic = 0; tic < 500; ++tic) {
     for (int i = 0; i < 5; ++i) {
-      const auto id = game.world.spawn(type_of("Medikit"), to_fixed(rng.between(-900, 900)),
-                                       to_fixed(rng.between(-900, 900)), 0, 0);
+      const auto id = spawn_actor(game.world, type_of("Medikit"), to_fixed(rng.between(-900, 900)),
+                                  to_fixed(rng.between(-900, 900)), 0, 0);
       if (id) alive.push_back(*id);
     }
     while (alive.size() > 60) {
@@ -396,12 +399,12 @@ TEST(Actors, StaySortedCompactAndFindableWhileTheyComeAndGo) {
 TEST(Actors, ItemsFoundThroughTheGridAreThoseThatOverlap) {
   // Every item lies where a slow player will pass; after the walk exactly those within reach are gone.
   Game game;
-  game.world.damage_player(0, 99);
+  damage_player(game.world, 0, 99);
   Rng rng(5);
   std::vector<std::pair<uint32_t, bool>> items;
   for (int i = 0; i < 200; ++i) {
     const int x = rng.between(-60, 300), y = rng.between(-200, 200);
-    const auto id = game.world.spawn(type_of("HealthBonus"), to_fixed(x), to_fixed(y), 0, 0);
+    const auto id = spawn_actor(game.world, type_of("HealthBonus"), to_fixed(x), to_fixed(y), 0, 0);
     items.emplace_back(id.value(), std::abs(y) < 36);
   }
   game.buttons[0] = forward();
@@ -426,7 +429,7 @@ class KitScript : public ScriptHost {
   void on_tic(World& world) override {
     if (world.tic_count() % 35 != 0) return;
     const Fixed x = to_fixed(world.rng().between(-900, 900)), y = to_fixed(world.rng().between(-900, 900));
-    world.spawn(type_of(world.rng().below(4) == 0 ? "Medikit" : "Stimpack"), x, y, 0, 0);
+    spawn_actor(world, type_of(world.rng().below(4) == 0 ? "Medikit" : "Stimpack"), x, y, 0, 0);
   }
 };
 
@@ -446,20 +449,20 @@ TEST(Determinism, SameSeedAndActionsGiveTheSameHashAtEveryTicEvenInterleaved) {
   std::vector<uint64_t> alone;
   {
     World world(level, catalog());
-    world.reset({.player_count = 2, .seed = 7}, &scripts);
+    reset_world(world, {.player_count = 2, .seed = 7}, &scripts);
     Rng rng(11);
     for (int tic = 0; tic < 600; ++tic) {
-      world.tic(random_buttons(rng, 2));
+      run_tic(world, random_buttons(rng, 2));
       alone.push_back(world.hash());
     }
   }
   World first(level, catalog()), second(level, catalog());
-  first.reset({.player_count = 2, .seed = 7}, &scripts);
-  second.reset({.player_count = 3, .seed = 8}, &scripts);
+  reset_world(first, {.player_count = 2, .seed = 7}, &scripts);
+  reset_world(second, {.player_count = 3, .seed = 8}, &scripts);
   Rng first_rng(11), second_rng(12);
   for (int tic = 0; tic < 600; ++tic) {
-    second.tic(random_buttons(second_rng, 3));
-    first.tic(random_buttons(first_rng, 2));
+    run_tic(second, random_buttons(second_rng, 3));
+    run_tic(first, random_buttons(first_rng, 2));
     ASSERT_EQ(first.hash(), alone[static_cast<std::size_t>(tic)]) << "tic " << tic;
   }
   EXPECT_NE(first.hash(), second.hash());
@@ -468,16 +471,16 @@ TEST(Determinism, SameSeedAndActionsGiveTheSameHashAtEveryTicEvenInterleaved) {
 TEST(Determinism, ACopyIsASnapshotThatGoesOnAsTheOriginal) {
   KitScript scripts;
   World world(test::star_arena(), catalog());
-  world.reset({.player_count = 2, .seed = 7}, &scripts);
+  reset_world(world, {.player_count = 2, .seed = 7}, &scripts);
   Rng rng(11);
-  for (int tic = 0; tic < 300; ++tic) world.tic(random_buttons(rng, 2));
+  for (int tic = 0; tic < 300; ++tic) run_tic(world, random_buttons(rng, 2));
   World snapshot = world;
   EXPECT_EQ(snapshot.hash(), world.hash());
   const uint64_t state = rng.state();
-  for (int tic = 0; tic < 300; ++tic) world.tic(random_buttons(rng, 2));
+  for (int tic = 0; tic < 300; ++tic) run_tic(world, random_buttons(rng, 2));
   EXPECT_NE(snapshot.hash(), world.hash());
   rng = Rng::restore(state);
-  for (int tic = 0; tic < 300; ++tic) snapshot.tic(random_buttons(rng, 2));
+  for (int tic = 0; tic < 300; ++tic) run_tic(snapshot, random_buttons(rng, 2));
   EXPECT_EQ(snapshot.hash(), world.hash());
 }
 
@@ -485,11 +488,11 @@ TEST(Determinism, TheSeedMattersAndSoDoesEveryButton) {
   KitScript scripts;
   World world(test::star_arena(), catalog());
   const auto hash_of = [&](uint64_t seed, auto&& press) {
-    world.reset({.player_count = 1, .seed = seed}, &scripts);
+    reset_world(world, {.player_count = 1, .seed = seed}, &scripts);
     world.body_of(0)->reaction_tics = 0;
     Buttons buttons;
     press(buttons);
-    world.tic({&buttons, 1});
+    run_tic(world, {&buttons, 1});
     return world.hash();
   };
   const uint64_t idle = hash_of(1, [](Buttons&) {});

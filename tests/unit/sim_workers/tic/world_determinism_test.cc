@@ -7,8 +7,9 @@
 #include <memory>
 #include <vector>
 
-#include "sim_workers/engine/play/world.h"
 #include "sim_workers/engine/specials/line_specials.h"
+#include "sim_workers/engine/tic/tic.h"
+#include "sim_workers/engine/world/world.h"
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
@@ -102,11 +103,11 @@ WorldOptions options_of(uint64_t seed) {
 
 std::vector<uint64_t> run(uint64_t seed, int tics = kTics) {
   World world(battlefield(), catalog());
-  world.reset(options_of(seed), nullptr);
+  reset_world(world, options_of(seed), nullptr);
   RandomHands hands(seed, 4);
   std::vector<uint64_t> hashes;
   for (int tic = 0; tic < tics; ++tic) {
-    world.tic(hands.next());
+    run_tic(world, hands.next());
     hashes.push_back(world.hash());
   }
   return hashes;
@@ -128,9 +129,9 @@ TEST(Determinism, TenThousandTicsGiveTheCommittedHashInEveryBuild) {
 TEST(Determinism, ABattleIsGoingOn) {
   // What the other cases compare is worth comparing.
   World world(battlefield(), catalog());
-  world.reset(options_of(1), nullptr);
+  reset_world(world, options_of(1), nullptr);
   RandomHands hands(1, 4);
-  for (int tic = 0; tic < kTics; ++tic) world.tic(hands.next());
+  for (int tic = 0; tic < kTics; ++tic) run_tic(world, hands.next());
   int deaths = 0, pickups = 0, dealt = 0;
   for (int player = 0; player < 4; ++player) {
     deaths += world.player(player).death_count, pickups += world.player(player).pickup_count;
@@ -150,12 +151,12 @@ TEST(Determinism, SixteenWorldsInOneProcessDoNotDisturbEachOther) {
   for (uint64_t i = 0; i < 16; ++i) {
     worlds.push_back(std::make_unique<World>(level, catalog()));
     const uint64_t seed = i % 4 == 0 ? 1 : i;
-    worlds.back()->reset(options_of(seed), nullptr);
+    reset_world(*worlds.back(), options_of(seed), nullptr);
     hands.emplace_back(seed, 4);
   }
   constexpr int kTogether = 2'000;
   for (int tic = 0; tic < kTogether; ++tic) {
-    for (std::size_t i = 0; i < worlds.size(); ++i) worlds[i]->tic(hands[i].next());
+    for (std::size_t i = 0; i < worlds.size(); ++i) run_tic(*worlds[i], hands[i].next());
     for (std::size_t i = 0; i < worlds.size(); i += 4)
       ASSERT_EQ(worlds[i]->hash(), alone[static_cast<std::size_t>(tic)]) << "world " << i << " tic " << tic;
   }
@@ -165,13 +166,13 @@ TEST(Determinism, SixteenWorldsInOneProcessDoNotDisturbEachOther) {
 TEST(Determinism, ASnapshotGoesOnAsTheOriginalDid) {
   const std::vector<uint64_t>& straight = run_of_one();
   World world(battlefield(), catalog());
-  world.reset(options_of(1), nullptr);
+  reset_world(world, options_of(1), nullptr);
   RandomHands hands(1, 4);
-  for (int tic = 0; tic < 3'000; ++tic) world.tic(hands.next());
+  for (int tic = 0; tic < 3'000; ++tic) run_tic(world, hands.next());
   World snapshot = world;
   const RandomHands snapshot_hands = hands;
   EXPECT_EQ(snapshot.hash(), world.hash());
-  for (int tic = 3'000; tic < 4'000; ++tic) world.tic(hands.next());
+  for (int tic = 3'000; tic < 4'000; ++tic) run_tic(world, hands.next());
   ASSERT_EQ(world.hash(), straight[3'999]);
   EXPECT_NE(snapshot.hash(), world.hash());
   for (int restore = 0; restore < 2; ++restore) {
@@ -179,7 +180,7 @@ TEST(Determinism, ASnapshotGoesOnAsTheOriginalDid) {
     world = snapshot;
     hands = snapshot_hands;
     for (int tic = 3'000; tic < 4'000; ++tic) {
-      world.tic(hands.next());
+      run_tic(world, hands.next());
       ASSERT_EQ(world.hash(), straight[static_cast<std::size_t>(tic)]) << "tic " << tic;
     }
   }
@@ -187,13 +188,13 @@ TEST(Determinism, ASnapshotGoesOnAsTheOriginalDid) {
 
 TEST(Determinism, AResetForgetsThePast) {
   World world(battlefield(), catalog());
-  world.reset(options_of(5), nullptr);
+  reset_world(world, options_of(5), nullptr);
   RandomHands hands(5, 4);
-  for (int tic = 0; tic < 500; ++tic) world.tic(hands.next());
-  world.reset(options_of(1), nullptr);
+  for (int tic = 0; tic < 500; ++tic) run_tic(world, hands.next());
+  reset_world(world, options_of(1), nullptr);
   hands = RandomHands(1, 4);
   for (int tic = 0; tic < 500; ++tic) {
-    world.tic(hands.next());
+    run_tic(world, hands.next());
     ASSERT_EQ(world.hash(), run_of_one()[static_cast<std::size_t>(tic)]) << "tic " << tic;
   }
 }
@@ -210,9 +211,9 @@ TEST(Memory, AThousandEpisodesDoNotGrow) {
   const auto play = [&](int episodes, uint64_t first_seed) {
     for (int episode = 0; episode < episodes; ++episode) {
       const uint64_t seed = first_seed + static_cast<uint64_t>(episode) % 50;
-      world.reset(options_of(seed), nullptr);
+      reset_world(world, options_of(seed), nullptr);
       RandomHands hands(seed, 4);
-      for (int tic = 0; tic < 60; ++tic) world.tic(hands.next());
+      for (int tic = 0; tic < 60; ++tic) run_tic(world, hands.next());
     }
   };
   play(100, 0);
@@ -228,9 +229,9 @@ TEST(Memory, AFurtherWorldOfALevelCostsLessThanFourMegabytes) {
   std::vector<std::unique_ptr<World>> worlds;
   const auto add = [&](uint64_t seed) {
     worlds.push_back(std::make_unique<World>(level, catalog()));
-    worlds.back()->reset(options_of(seed), nullptr);
+    reset_world(*worlds.back(), options_of(seed), nullptr);
     RandomHands hands(seed, 4);
-    for (int tic = 0; tic < 200; ++tic) worlds.back()->tic(hands.next());
+    for (int tic = 0; tic < 200; ++tic) run_tic(*worlds.back(), hands.next());
   };
   add(1);
   const std::size_t before = bytes_in_use();

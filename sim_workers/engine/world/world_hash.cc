@@ -1,4 +1,4 @@
-#include "sim_workers/engine/play/world_hash.h"
+#include "sim_workers/engine/world/world_hash.h"
 
 #include <array>
 #include <bit>

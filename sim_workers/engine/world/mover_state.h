@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "sim_workers/engine/fixed.h"
-#include "sim_workers/engine/play/stable_list.h"
+#include "sim_workers/engine/world/stable_list.h"
 
 namespace comrad::doom {
 

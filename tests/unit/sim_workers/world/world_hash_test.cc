@@ -1,9 +1,10 @@
-#include "sim_workers/engine/play/world_hash.h"
+#include "sim_workers/engine/world/world_hash.h"
 
 #include <gtest/gtest.h>
 
 #include <memory>
 
+#include "sim_workers/engine/tic/tic.h"
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
@@ -11,7 +12,7 @@ namespace {
 
 WorldState state_with_some_of_everything() {
   World world(test::one_room(), std::make_shared<const ActorCatalog>());
-  world.reset({.player_count = 2, .seed = 1}, nullptr);
+  reset_world(world, {.player_count = 2, .seed = 1}, nullptr);
   WorldState& state = world.state();
   state.players[0].inventory.push_back({});
   state.players[0].powers.push_back({});

@@ -1,0 +1,117 @@
+#include "sim_workers/engine/tic/tic.h"
+
+#include <array>
+#include <cstddef>
+#include <optional>
+#include <string_view>
+
+#include "sim_workers/engine/acs/machine.h"
+#include "sim_workers/engine/acs/script_specials.h"
+#include "sim_workers/engine/play/actor_states.h"
+#include "sim_workers/engine/play/movement.h"
+#include "sim_workers/engine/play/player_thinker.h"
+#include "sim_workers/engine/play/spawning.h"
+#include "sim_workers/engine/specials/line_specials.h"
+#include "sim_workers/engine/specials/movers.h"
+
+namespace comrad::doom {
+namespace {
+
+/// Specials, scripts and native rules, for the systems below them.
+class Systems final : public WorldEvents {
+ public:
+  int32_t run_special(World& world, const SpecialCall& call) const override {
+    if (const std::optional<int32_t> result = acs::execute_script_special(world, call)) return *result;
+    return execute_special(world, call);
+  }
+  bool activate_line(World& world, uint32_t line, Actor& activator, bool back_side,
+                     Activation how) const override {
+    return doom::activate_line(world, line, activator, back_side, how);
+  }
+  void start_named_script(World& world, std::string_view name, uint32_t activator_id,
+                          const std::array<int32_t, 4>& args) const override {
+    acs::start_script(world, name, {.args = args, .activator_id = activator_id, .always = true});
+  }
+  void player_died(World& world, int player, uint32_t body_id) const override {
+    acs::start_scripts_of_type(world, acs::ScriptType::kDeath, body_id);
+    if (ScriptHost* const rules = world.script_host()) rules->on_death(world, player);
+  }
+  void player_respawned(World& world, int /*player*/, uint32_t body_id) const override {
+    acs::start_scripts_of_type(world, acs::ScriptType::kRespawn, body_id);
+  }
+  void item_taken(World& world, int player, const Actor& item) const override {
+    if (ScriptHost* const rules = world.script_host()) rules->on_pickup(world, player, item);
+  }
+};
+const Systems kSystems{};
+
+void tic_actor(World& world, std::size_t slot) {
+  Actor& actor = world.state().actors[slot];
+  if (actor.removed || actor.has(ActorFlag::kDormant)) return;
+  Movement movement(world);
+  const int player = actor.player_index;
+  const Player* owner = player >= 0 ? &world.state().players[static_cast<std::size_t>(player)] : nullptr;
+  const bool alive_player = owner != nullptr && owner->alive;
+  const bool pushing = alive_player && PlayerThinker::pushes(owner->buttons);
+  const Fixed floor_before = actor.floor_z;
+  if (actor.velocity_x != 0 || actor.velocity_y != 0 || actor.has(ActorFlag::kSkullFly))
+    movement.move_horizontally(slot, pushing);
+  if (actor.removed) return;
+  const bool left_ledge = actor.floor_z < floor_before && actor.z == floor_before;
+  // Above the floor of its sector a body looks anew, each tic, whether another body holds it. Its ground does
+  // not change while it stands still.
+  const Fixed sector_floor = world.state().sectors[actor.sector_index].floor_height;
+  if ((player >= 0 || actor.has(ActorFlag::kIsMonster)) &&
+      (actor.floor_z != sector_floor || actor.z > sector_floor))
+    movement.look_for_bodies(slot);
+  if (actor.velocity_z != 0 || actor.z != actor.floor_z) {
+    if (actor.velocity_z != 0 || !actor.has(ActorFlag::kNoGravity) || actor.has(ActorFlag::kFloat))
+      movement.move_vertically(slot, left_ledge);
+  }
+  if (actor.removed) return;
+  if (alive_player && actor.velocity_x == 0 && actor.velocity_y == 0 && !pushing &&
+      PlayerThinker::is_walking(world, actor))
+    set_label(world, actor, StateLabel::kSpawn);
+  if (actor.tics < 0 || --actor.tics > 0 || actor.state == kNoState) return;
+  set_state(world, actor, world.catalog().state(actor.state).next);
+}
+
+}  // namespace
+
+void reset_world(World& world, const WorldOptions& options, ScriptHost* scripts) {
+  world.start(options, &kSystems, scripts);
+  acs::reset_machine(world);
+  start_sector_specials(world);
+  start_movers(world);
+  spawn_players(world);
+  spawn_map_things(world);
+  // The newest script runs first, so that OPEN comes before ENTER in the first tic.
+  for (const Player& player : world.state().players)
+    acs::start_scripts_of_type(world, acs::ScriptType::kEnter, player.actor_id);
+  acs::start_scripts_of_type(world, acs::ScriptType::kOpen, 0);
+  if (scripts != nullptr) {
+    scripts->on_open(world);
+    for (int player = 0; player < world.player_count(); ++player) scripts->on_enter(world, player);
+  }
+  world.compact();
+}
+
+void run_tic(World& world, std::span<const Buttons> buttons) {
+  if (world.level_exited()) return;
+  static constexpr Buttons kNothing{};
+  PlayerThinker thinker(world);
+  for (int player = 0; player < world.player_count(); ++player) {
+    const auto index = static_cast<std::size_t>(player);
+    if (thinker.think(player, index < buttons.size() ? buttons[index] : kNothing))
+      tic_player_in_sector(world, player);
+  }
+  for (std::size_t slot = 0; slot < world.actors().size(); ++slot)
+    tic_actor(world, slot);  // grows while things spawn
+  tic_movers(world);
+  acs::tic_machine(world);
+  if (world.script_host() != nullptr) world.script_host()->on_tic(world);
+  world.compact();
+  ++world.state().tic_count;
+}
+
+}  // namespace comrad::doom

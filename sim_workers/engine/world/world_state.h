@@ -1,0 +1,105 @@
+// What changes while a map is played, as plain data; a copy is a snapshot. Actors, players, movers and scripts
+// have headers of their own. Stage: tic.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/rng.h"
+#include "sim_workers/engine/fixed.h"
+#include "sim_workers/engine/map/level.h"
+#include "sim_workers/engine/world/actor.h"
+#include "sim_workers/engine/world/machine_state.h"
+#include "sim_workers/engine/world/mover_state.h"
+#include "sim_workers/engine/world/player.h"
+#include "sim_workers/engine/world/stable_list.h"
+
+namespace comrad::doom {
+
+/// A square of a HUD drawn by native rules (tether bar and the like), in the frame of one player.
+struct HudBox {
+  int player = -1;                    ///< -1: everyone
+  float x = 0.5f, y = 0.5f;           ///< centre as a fraction of the screen
+  float width = 0.0f, height = 0.0f;  ///< fractions of the screen
+  std::array<uint8_t, 3> color{};
+};
+
+struct WorldOptions {
+  int player_count = 1;
+  uint64_t seed = 0;
+  int skill = 3;
+  bool crosshair = true;
+  bool no_monsters = false;
+  bool autoaim =
+      false;  ///< sv_noautoaim 0: full auto-aim; false: only the slope that free look's absence gives
+  bool free_look = false;
+  bool allow_crouch = false, allow_jump = true;
+  bool forced_respawn = false;  ///< dead players come back by themselves
+  int respawn_delay_tics = 0;
+  bool deathmatch = false;
+  bool infinite_ammo = false;
+  bool start_at_deathmatch_starts = false;  ///< where a map has no start of a player's own
+};
+
+/// A linedef as play changes it.
+struct LineState {
+  int32_t special = 0;
+  std::array<int32_t, 5> args{};
+  uint32_t flags = 0;
+  int32_t id = 0;
+  float alpha = -1.0f;  ///< of its middle textures; below 0 as the level says
+};
+
+/// A sidedef as play changes it.
+struct SideState {
+  std::string top, bottom, middle;
+  Fixed scroll_x = 0, scroll_y = 0;  ///< added to its offsets
+  bool retextured = false;           ///< differs from the level: the renderer looks the names up anew
+};
+
+/// Place of an actor in the lists of solid and touchable things, by slots of `actors`.
+struct ThingLink {
+  int32_t next = -1, previous = -1;
+  int32_t cell = -1;  ///< -1: in no list
+};
+
+/// Everything that changes while a world runs; a plain value. Play, specials and scripts write it; env/ and
+/// render/ read it.
+struct WorldState {
+  uint64_t tic_count = 0;
+  bool level_exited = false;
+  bool exited_secretly = false;
+  uint32_t next_actor_id = 1;
+  StableList<Actor> actors;
+  StableList<ThingLink> links;                ///< parallel to actors
+  std::vector<int32_t> cell_heads;            ///< [cell of the blockmap] slot of the first thing, -1: none
+  std::vector<int32_t> type_counts;           ///< [type] live actors
+  std::vector<uint32_t> sector_sound_target;  ///< [sector] id of who made the last noise heard there
+  std::vector<uint64_t> sector_sound_tic;
+  std::vector<uint8_t> sound_blocks;  ///< scratch of alert_monsters(), as the next two; not part of the hash
+  std::vector<uint32_t> sound_queue, sound_queue_later;
+  Fixed radius_max = 0;  ///< of the things in the lists; never shrinks within an episode
+  bool has_removed = false;
+  std::vector<Player> players;
+  std::vector<Sector> sectors;
+  std::vector<LineState> lines;
+  std::vector<SideState> sides;
+  MoverState movers;                  ///< doors, lifts, lights, scrollers, polyobjects (specials/)
+  acs::MachineState scripts;          ///< running scripts, map variables, HUD messages (acs/)
+  std::array<int32_t, 64> globals{};  ///< ACS global variables; 1..60 are USER1..USER60, 0 ViZDoom's reward
+  std::vector<HudBox> hud;
+  int32_t monster_count = 0, item_total = 0, secret_total = 0;  ///< of the map
+  int32_t kill_total = 0, item_taken = 0, secret_found = 0;     ///< by all
+  Fixed gravity = kFracUnit;                                    ///< units/tic^2
+  Fixed air_control = 256;
+  std::vector<uint32_t> corpse_ids;
+  struct BrainState {
+    uint32_t next_spot = 0;
+    bool easy_skip = false;
+  } brain;
+  Rng rng{uint64_t{0}};
+};
+
+}  // namespace comrad::doom
