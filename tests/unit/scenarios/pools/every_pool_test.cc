@@ -38,6 +38,8 @@ double least(const Pair& pair) {
   // The bound by the rules counts all that can come; difficulties of 1 000 and 1 500 double and treble it, and what
   // two to eight agents can shoot stays what it is.
   if (pair.scenario == "armory_siege") return 0.3;
+  // Four scripted hunters get into each other's way in small arenas where few demons live: 0.82 on six layouts.
+  if (pair.scenario == "smart_enemies" && pair.num_agents == 4) return 0.7;
   return 0.9;
 }
 
