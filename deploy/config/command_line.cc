@@ -1,13 +1,13 @@
 #include "deploy/config/command_line.h"
 
-#include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
-#include <deque>
 #include <functional>
-#include <type_traits>
+#include <optional>
 #include <utility>
 
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
 namespace {
@@ -21,21 +21,36 @@ bool is_boolean_word(const std::string& word) {
   return false;
 }
 
-std::string default_text(const std::string& value) { return value.empty() ? "empty" : value; }
-std::string default_text(int64_t value) { return std::to_string(value); }
-std::string default_text(bool value) { return value ? "True" : "False"; }
-std::string default_text(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.10g", value);
-  return text;
+const char* value_name(SettingKind kind) {
+  switch (kind) {
+    case SettingKind::kBool:
+      return "BOOL";
+    case SettingKind::kInt:
+      return "INT";
+    case SettingKind::kReal:
+      return "NUMBER";
+    case SettingKind::kText:
+      return "TEXT";
+    case SettingKind::kWord:
+      return "WORD";
+  }
+  return "";
 }
 
-template <typename T>
-std::string value_name(const T&) {
-  if constexpr (std::is_same_v<T, bool>) return "BOOL";
-  if constexpr (std::is_same_v<T, int64_t>) return "INT";
-  if constexpr (std::is_same_v<T, double>) return "NUMBER";
-  return "TEXT";
+/// The help of a setting: what it is, the words that it takes where the help does not name them, default, old names.
+std::string setting_help(const SettingRow& row, const RunConfig& defaults) {
+  std::string help(row.help);
+  if (row.kind == SettingKind::kWord)
+    for (const std::string& word : row.words())
+      if (row.help.find(word) == std::string_view::npos) {
+        help += ": one of " + joined(row.words());
+        break;
+      }
+  const std::string value = row.text(defaults);
+  help += " (default " + (value.empty() ? "empty" : value);
+  for (const std::string_view old : row.traits.old_names)
+    if (!old.empty()) help += "; also --" + std::string(old);
+  return help + ")";
 }
 
 /// "  --name VALUE   help", the help broken at kHelpWidth and aligned.
@@ -67,37 +82,31 @@ std::string help_line(const std::string& left, const std::string& help) {
 
 }  // namespace
 
-/// CLI11's view of the flags: each one is a text option; types are checked where the text is used.
 struct CommandLine::Parser {
   struct Flag {
     std::string name;                       ///< canonical, no dashes
-    std::vector<std::string> spelled = {};  ///< canonical and old names
+    std::vector<std::string> spelled = {};  ///< canonical and old names; none for a positional
     std::string help_text = {};             ///< ready to print
     bool is_boolean = false;
     bool is_setting = false;
-    bool is_positional = false;
-    std::string text = {};  ///< what was typed last
-    CLI::Option* option = nullptr;
+    bool is_required = false;
     std::function<Status(const std::string&)> assign = {};  ///< empty for settings
+    std::optional<std::string> typed = {};                  ///< what was typed last
   };
 
-  CLI::App app;
-  std::deque<Flag> flags;  ///< a deque: CLI11 keeps references to `text`
+  std::vector<Flag> flags;
 
-  Flag& add(Flag flag) {
-    flags.push_back(std::move(flag));
-    Flag& kept = flags.back();
-    std::string spelled;
-    for (const std::string& name : kept.spelled) spelled += (spelled.empty() ? "--" : ",--") + name;
-    if (kept.is_positional) spelled = kept.name;
-    kept.option = app.add_option(spelled, kept.text)->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
-    return kept;
+  void add(Flag flag) { flags.push_back(std::move(flag)); }
+
+  Flag* find(std::string_view spelled) {
+    for (Flag& flag : flags)
+      if (std::ranges::find(flag.spelled, spelled) != flag.spelled.end()) return &flag;
+    return nullptr;
   }
-
-  const Flag* find(const std::string& spelled) const {
-    for (const Flag& flag : flags)
-      for (const std::string& name : flag.spelled)
-        if (name == spelled) return &flag;
+  /// The first positional that nothing was typed for.
+  Flag* next_positional() {
+    for (Flag& flag : flags)
+      if (flag.spelled.empty() && !flag.typed) return &flag;
     return nullptr;
   }
 
@@ -109,30 +118,25 @@ struct CommandLine::Parser {
 };
 
 CommandLine::CommandLine(std::string usage, std::string about)
-    : parser_(std::make_unique<Parser>()), usage_(std::move(usage)), about_(std::move(about)) {
-  parser_->app.set_help_flag("");
-  parser_->app.set_config();  // files of settings go through read_settings_toml, which names unknown keys
-}
+    : parser_(std::make_unique<Parser>()), usage_(std::move(usage)), about_(std::move(about)) {}
 
 CommandLine::~CommandLine() = default;
 
 void CommandLine::add_settings() {
   add_option("config", config_file_, "FILE",
              "settings from a TOML file; flags on the command line win over it");
-  RunConfig defaults;
-  visit_settings(defaults, [this](const char* name, auto& value, const char* help,
-                                  std::initializer_list<const char*> aliases) {
+  const RunConfig defaults;
+  for (const SettingRow& row : setting_rows()) {
     Parser::Flag flag;
-    flag.name = name;
-    flag.spelled = {name};
-    for (const char* alias : aliases) flag.spelled.push_back(alias);
+    flag.name = row.name;
+    flag.spelled = {flag.name};
+    for (const std::string_view old : row.traits.old_names)
+      if (!old.empty()) flag.spelled.emplace_back(old);
     flag.is_setting = true;
-    flag.is_boolean = std::is_same_v<std::decay_t<decltype(value)>, bool>;
-    std::string text = std::string(help) + " (default " + default_text(value);
-    for (const char* alias : aliases) text += std::string("; also --") + alias;
-    flag.help_text = help_line("--" + flag.name + " " + value_name(value), text + ")");
+    flag.is_boolean = row.kind == SettingKind::kBool;
+    flag.help_text = help_line("--" + flag.name + " " + value_name(row.kind), setting_help(row, defaults));
     parser_->add(std::move(flag));
-  });
+  }
 }
 
 void CommandLine::add_option(const std::string& name, std::string& target, const std::string& value_name,
@@ -174,19 +178,17 @@ void CommandLine::add_switch(const std::string& name, bool& target, const std::s
 }
 
 void CommandLine::add_positional(const std::string& name, std::string& target, const std::string& help) {
-  Parser::Flag flag{.name = name, .help_text = help_line(name, help), .is_positional = true};
+  Parser::Flag flag{.name = name, .help_text = help_line(name, help), .is_required = target.empty()};
   flag.assign = [&target](const std::string& text) {
     target = text;
     return Status();
   };
-  Parser::Flag& kept = parser_->add(std::move(flag));
-  if (target.empty()) kept.option->required();
+  parser_->add(std::move(flag));
 }
 
 Status CommandLine::parse(std::span<const std::string> arguments) {
-  // Unknown flags are named before CLI11 sees anything, so that it can never take one for a value. A boolean
-  // is given its value here: CLI11 has no option that takes the next word only if it is a boolean.
-  std::vector<std::string> words;
+  const auto bad = [](std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; };
+  std::string extras;
   for (size_t i = 0; i < arguments.size(); ++i) {
     const std::string& word = arguments[i];
     if (word == "-h" || word == "--help") {
@@ -194,57 +196,47 @@ Status CommandLine::parse(std::span<const std::string> arguments) {
       return {};
     }
     if (!word.starts_with("--")) {
-      words.push_back(word);
+      if (Parser::Flag* positional = parser_->next_positional())
+        positional->typed = word;
+      else
+        extras += " '" + word + "'";
       continue;
     }
     const size_t equals = word.find('=');
     const std::string name = word.substr(2, equals == std::string::npos ? equals : equals - 2);
-    const Parser::Flag* flag = parser_->find(name);
+    Parser::Flag* flag = parser_->find(name);
     if (flag == nullptr) {
       const std::string nearest = nearest_word(name, parser_->known_names());
-      return Error{ErrorCode::kBadInput, "unknown flag --" + name +
-                                             (nearest.empty() ? "" : "; did you mean --" + nearest + "?") +
-                                             " (comrad help lists every flag)"};
+      return bad("unknown flag --" + name + (nearest.empty() ? "" : "; did you mean --" + nearest + "?") +
+                 " (comrad help lists every flag)");
     }
+    const bool has_next = i + 1 < arguments.size();
     if (equals != std::string::npos) {
-      words.push_back("--" + name);
-      words.push_back(word.substr(equals + 1));
+      flag->typed = word.substr(equals + 1);
     } else if (flag->is_boolean) {
-      const bool has_value = i + 1 < arguments.size() && is_boolean_word(arguments[i + 1]);
-      words.push_back(word);
-      words.push_back(has_value ? arguments[++i] : "True");
+      flag->typed = has_next && is_boolean_word(arguments[i + 1]) ? arguments[++i] : "True";
     } else {
-      if (i + 1 >= arguments.size() || arguments[i + 1].starts_with("--"))
-        return Error{ErrorCode::kBadInput, "--" + name + " needs a value"};
-      words.push_back(word);
-      words.push_back(arguments[++i]);
+      if (!has_next || arguments[i + 1].starts_with("--")) return bad("--" + name + " needs a value");
+      flag->typed = arguments[++i];
     }
   }
-
-  try {
-    std::vector<std::string> reversed(words.rbegin(), words.rend());
-    parser_->app.parse(reversed);
-  } catch (const CLI::ExtrasError&) {
-    std::string extras;
-    for (const std::string& word : parser_->app.remaining()) extras += " '" + word + "'";
-    return Error{ErrorCode::kBadInput, "unexpected argument" + extras + "; usage: comrad " + usage_};
-  } catch (const CLI::ParseError& error) {
-    return Error{ErrorCode::kBadInput, std::string(error.what()) + "; usage: comrad " + usage_};
-  }
+  if (!extras.empty()) return bad("unexpected argument" + extras + "; usage: comrad " + usage_);
+  for (const Parser::Flag& flag : parser_->flags)
+    if (flag.is_required && !flag.typed) return bad(flag.name + " is missing; usage: comrad " + usage_);
 
   for (const Parser::Flag& flag : parser_->flags) {
-    if (flag.option->count() == 0) continue;
+    if (!flag.typed) continue;
     if (flag.is_setting)
-      typed_.values.emplace_back(flag.name, flag.text);
+      typed_.values.emplace_back(flag.name, *flag.typed);
     else
-      COMRAD_TRY(flag.assign(flag.text));
+      COMRAD_TRY(flag.assign(*flag.typed));
   }
   return {};
 }
 
 bool CommandLine::was_typed(const std::string& name) const {
   for (const Parser::Flag& flag : parser_->flags)
-    if (flag.name == name) return flag.option->count() > 0;
+    if (flag.name == name) return flag.typed.has_value();
   return false;
 }
 

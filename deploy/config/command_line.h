@@ -1,4 +1,4 @@
-// The flags of one command: every setting of rollout_buffer/core/config.h under its name and its old names,
+// The flags of one command: every setting of rollout_buffer/settings under its name and its old names,
 // plus what the command adds for itself. Nothing is merged here; what the user typed leaves as one settings
 // layer.
 #pragma once
@@ -8,8 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
 
@@ -24,7 +25,7 @@ class CommandLine {
   CommandLine(const CommandLine&) = delete;
   CommandLine& operator=(const CommandLine&) = delete;
 
-  /// Every setting of visit_settings, and `--config FILE.toml`.
+  /// Every setting of setting_rows(), and `--config FILE.toml`.
   void add_settings();
   /// A flag of this command alone, without dashes; `value_name` shows in the help.
   void add_option(const std::string& name, std::string& target, const std::string& value_name,

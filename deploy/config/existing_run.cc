@@ -5,7 +5,6 @@
 #include <limits>
 #include <string_view>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
@@ -27,8 +26,8 @@ Expected<std::string> find_run(const std::string& name, const std::string& train
                                          train_dir + ")" + did_you_mean(name, experiments)};
 }
 
-Expected<std::string> find_checkpoint(const std::string& run_dir, const std::string& kind) {
-  const std::string prefix = kind == "best" ? "best_" : "checkpoint_";
+Expected<std::string> find_checkpoint(const std::string& run_dir, CheckpointKind kind) {
+  const std::string prefix = kind == CheckpointKind::kBest ? "best_" : "checkpoint_";
   std::string chosen;
   double highest = -std::numeric_limits<double>::infinity();
   std::error_code error;
@@ -42,8 +41,9 @@ Expected<std::string> find_checkpoint(const std::string& run_dir, const std::str
     }
   }
   if (chosen.empty())
-    return Error{ErrorCode::kNotFound, run_dir + "/checkpoint holds no " + prefix + "*.pt" +
-                                           (kind == "best" ? "; try --load_checkpoint_kind latest" : "")};
+    return Error{ErrorCode::kNotFound,
+                 run_dir + "/checkpoint holds no " + prefix + "*.pt" +
+                     (kind == CheckpointKind::kBest ? "; try --load_checkpoint_kind latest" : "")};
   return chosen;
 }
 

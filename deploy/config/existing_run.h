@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/words.h"
 
 namespace comrad::deploy {
 
@@ -12,8 +13,8 @@ namespace comrad::deploy {
 /// Errors: kNotFound naming the nearest experiment.
 Expected<std::string> find_run(const std::string& name, const std::string& train_dir);
 
-/// The checkpoint of `kind` "latest" (highest version) or "best" (highest score) in a run directory.
+/// The latest checkpoint (highest version) or the best (highest score) in a run directory.
 /// Errors: kNotFound saying what there is.
-Expected<std::string> find_checkpoint(const std::string& run_dir, const std::string& kind);
+Expected<std::string> find_checkpoint(const std::string& run_dir, CheckpointKind kind);
 
 }  // namespace comrad::deploy

@@ -22,7 +22,7 @@ constexpr int64_t kHeaderBytes = 12;
 constexpr int64_t kDirectoryEntryBytes = 16;
 
 std::string layout_name(const RunConfig& config) {
-  return scenario_file_name(config) + "_" + std::to_string(config.layout_seed) + ".wad";
+  return scenario_file_name(config) + "_" + std::to_string(config.environment.layout_seed) + ".wad";
 }
 
 /// What `train:<count>` and `eval:<count>` ask for.
@@ -115,22 +115,23 @@ Status check_pool_to_draw(const std::string& layout_pool, bool for_training) {
 
 Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::string& made_in,
                                          bool for_training) {
-  std::string folder = config.layout_pool;
+  std::string folder = config.environment.layout_pool;
   std::error_code error;
-  COMRAD_TRY(check_pool_to_draw(config.layout_pool, for_training));
-  if (const auto pool = parse_pool(config.layout_pool)) {
+  COMRAD_TRY(check_pool_to_draw(config.environment.layout_pool, for_training));
+  if (const auto pool = parse_pool(config.environment.layout_pool)) {
     folder =
         made_in + "/" + scenario_file_name(config) + "_" + pool->word + "_" + std::to_string(pool->count);
     if (!fs::exists(folder + "/batch_registry.json", error)) {
       COMRAD_TRY_ASSIGN(const ProgramResult made,
-                        run_program({sibling_program("comrad-doomgen"), config.scenario, "--pool", pool->word,
-                                     "--count", std::to_string(pool->count), "--num_agents",
-                                     std::to_string(config.num_agents), "-o", folder},
+                        run_program({sibling_program("comrad-doomgen"), config.run.scenario, "--pool",
+                                     pool->word, "--count", std::to_string(pool->count), "--num_agents",
+                                     std::to_string(config.environment.num_agents), "-o", folder},
                                     {.timeout_s = 120.0 + static_cast<double>(pool->count)}));
       if (made.interrupted) return Error{ErrorCode::kSystem, "interrupted while layouts were drawn"};
       if (made.exit_code != 0)
         return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made) + " (layout_pool is " +
-                                               config.layout_pool + "; a folder of WADs will do as well)"};
+                                               config.environment.layout_pool +
+                                               "; a folder of WADs will do as well)"};
     }
   } else if (!fs::is_directory(folder, error)) {
     return Error{ErrorCode::kNotFound, "layout_pool is " + folder +
@@ -138,11 +139,12 @@ Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::str
                                            scenario_file_name(config) + " --pool train --count 100 -o " +
                                            folder + "`, or say train:<count>"};
   }
-  COMRAD_TRY_ASSIGN(const ProgramResult checked,
-                    run_program({sibling_program("comrad-doomgen"), "check", folder, "--scenario",
-                                 config.scenario, "--num_agents", std::to_string(config.num_agents), "--for",
-                                 for_training ? "train" : "eval", "--toml"},
-                                {.timeout_s = 600}));
+  COMRAD_TRY_ASSIGN(
+      const ProgramResult checked,
+      run_program({sibling_program("comrad-doomgen"), "check", folder, "--scenario", config.run.scenario,
+                   "--num_agents", std::to_string(config.environment.num_agents), "--for",
+                   for_training ? "train" : "eval", "--toml"},
+                  {.timeout_s = 600}));
   if (checked.interrupted) return Error{ErrorCode::kSystem, "interrupted while layouts were checked"};
   if (checked.exit_code != 0) return Error{ErrorCode::kBadInput, "layout_pool: " + last_words(checked)};
   return checked.output;
@@ -156,33 +158,36 @@ Status write_layout_list(const std::string& run_dir, const std::string& text) {
 }
 
 std::string scenario_file_name(const RunConfig& config) {
-  std::string name = config.scenario;
+  std::string name = config.run.scenario;
   while (!name.empty() && name.back() == '/') name.pop_back();
   return name.substr(name.find_last_of('/') + 1);
 }
 
 bool is_generated_layout(const RunConfig& config) {
-  const fs::path path = config.wad;
+  const fs::path path = config.environment.wad;
   return path.filename() == layout_name(config) && path.parent_path().filename() == "layouts";
 }
 
 void forget_stale_layout(const RunConfig& run, RunConfig& config) {
-  if (!is_generated_layout(run) || config.wad != run.wad) return;
+  if (!is_generated_layout(run) || config.environment.wad != run.environment.wad) return;
   std::error_code error;
-  if (config.layout_seed != run.layout_seed || !fs::exists(config.wad, error)) config.wad.clear();
+  if (config.environment.layout_seed != run.environment.layout_seed ||
+      !fs::exists(config.environment.wad, error))
+    config.environment.wad.clear();
 }
 
 std::string layout_text(const RunConfig& config) {
-  if (!config.layout_pool.empty()) return "pool " + config.layout_pool;
-  if (config.wad.empty() || is_generated_layout(config)) return "seed " + std::to_string(config.layout_seed);
-  return config.wad;
+  if (!config.environment.layout_pool.empty()) return "pool " + config.environment.layout_pool;
+  if (config.environment.wad.empty() || is_generated_layout(config))
+    return "seed " + std::to_string(config.environment.layout_seed);
+  return config.environment.wad;
 }
 
 Expected<std::string> ensure_layout(const RunConfig& config, const std::string& folder) {
   std::error_code error;
-  if (!config.wad.empty()) {
-    COMRAD_TRY(check_wad(config.wad));
-    return fs::absolute(config.wad, error).string();
+  if (!config.environment.wad.empty()) {
+    COMRAD_TRY(check_wad(config.environment.wad));
+    return fs::absolute(config.environment.wad, error).string();
   }
   fs::create_directories(folder, error);
   if (error) return Error{ErrorCode::kSystem, folder + ": cannot be made: " + error.message()};
@@ -191,9 +196,9 @@ Expected<std::string> ensure_layout(const RunConfig& config, const std::string& 
 
   // It writes its file beside the place and renames it: nobody sees half a map.
   COMRAD_TRY_ASSIGN(const ProgramResult made,
-                    run_program({sibling_program("comrad-doomgen"), config.scenario, "--seed",
-                                 std::to_string(config.layout_seed), "--num_agents",
-                                 std::to_string(config.num_agents), "-o", path.string()},
+                    run_program({sibling_program("comrad-doomgen"), config.run.scenario, "--seed",
+                                 std::to_string(config.environment.layout_seed), "--num_agents",
+                                 std::to_string(config.environment.num_agents), "-o", path.string()},
                                 {.timeout_s = 120}));
   if (made.exit_code != 0) return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made)};
   return path.string();

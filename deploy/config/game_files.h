@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {
 
@@ -22,7 +22,7 @@ Status check_wad(const std::string& path);
 /// absolute. Errors: those of check_wad; kBadInput with the generator's words.
 Expected<std::string> ensure_layout(const RunConfig& config, const std::string& folder);
 
-/// The pool that `config.layout_pool` names, checked by comrad-doomgen, as the text of a run's
+/// The pool that `config.environment.layout_pool` names, checked by comrad-doomgen, as the text of a run's
 /// layouts/pool.toml. A folder is taken as it is; `train:<count>` and `eval:<count>` are drawn into
 /// `<made_in>/<scenario>_<word>_<count>` unless such a pool is there already. Training refuses layouts for
 /// evaluation. Errors: kBadInput with the generator's words.
@@ -46,7 +46,7 @@ std::string scenario_file_name(const RunConfig& config);
 /// Whether `wad` is a map that ensure_layout() made for `config` (rather than one that the user gave).
 bool is_generated_layout(const RunConfig& config);
 
-/// Clears `config.wad` where it still names the map that was generated for `run` and another one is wanted
+/// Clears `config.environment.wad` where it still names the map that was generated for `run` and another one is wanted
 /// now (a new layout seed) or that map is gone (a run folder that moved), so that ensure_layout() makes it.
 void forget_stale_layout(const RunConfig& run, RunConfig& config);
 

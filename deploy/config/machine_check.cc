@@ -16,6 +16,8 @@
 #include "deploy/config/merged_settings.h"
 #include "deploy/config/temporary_run.h"
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/cores.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/shm/arena.h"
@@ -197,13 +199,13 @@ CheckResult check_memory() {
   const RunConfig& config = merged->config;
   shm::ArenaShape shape;
   shape.trajectory.env = merged->scenario.env;
-  shape.trajectory.rollout_steps = static_cast<int32_t>(config.rollout);
-  shape.sim_worker_count = static_cast<int32_t>(config.num_workers);
-  shape.envs_per_worker = static_cast<int32_t>(config.num_envs_per_worker);
-  shape.slab_count = static_cast<int32_t>(config.trajectory_slabs);
+  shape.trajectory.rollout_steps = static_cast<int32_t>(config.collection.rollout);
+  shape.sim_worker_count = static_cast<int32_t>(config.collection.num_workers);
+  shape.envs_per_worker = static_cast<int32_t>(config.collection.num_envs_per_worker);
+  shape.slab_count = static_cast<int32_t>(config.collection.trajectory_slabs);
   const double needed = static_cast<double>(shm::Arena::size_bytes(shape)) +
-                        static_cast<double>(config.policy_workers + 1) * kBytesPerTorchProcess +
-                        static_cast<double>(config.num_workers) * kBytesPerSimulator;
+                        static_cast<double>(config.collection.policy_workers + 1) * kBytesPerTorchProcess +
+                        static_cast<double>(config.collection.num_workers) * kBytesPerSimulator;
   const std::string found = gigabytes(available) + " free, a default run takes about " + gigabytes(needed);
   if (available >= needed) return ok(name, found);
   return fail(name, found,

@@ -5,8 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "rollout_buffer/core/config.h"
-
 namespace comrad::deploy {
 
 enum class CheckLevel { kOk, kWarn, kFail };

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "deploy/config/commands/command.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/text.h"

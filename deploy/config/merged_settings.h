@@ -13,8 +13,10 @@
 #include <string>
 
 #include "deploy/config/scenario_description.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/resolve.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {
 
@@ -23,7 +25,7 @@ using Describe = std::function<Expected<ScenarioDescription>(const std::string&,
 
 struct MergedSettings {
   RunConfig config;              ///< no zero that means "auto" is left
-  ScenarioDescription scenario;  ///< for config.num_agents
+  ScenarioDescription scenario;  ///< for config.environment.num_agents
   /// Setting -> the layer that its value came from: "built-in" (or "run", on top of a run's config.toml), "algorithm",
   /// "preset", "scenario", "file", "command line", the name of a command's `changes`, or "automatic" where the value
   /// was worked out or rounded from others and the host.
@@ -46,11 +48,5 @@ Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& des
 /// network or the data and so cannot change; a different value is an error that names the run's.
 Expected<MergedSettings> merge_onto_run(const RunConfig& run, const UserSettings& user,
                                         const Describe& describe, int core_count);
-
-/// Cores this process may use: its CPU mask and its cgroup's quota.
-int usable_cores();
-
-/// A short text form of a setting, as config.toml has it; empty for an unknown name.
-std::string setting_text(const RunConfig& config, const std::string& name);
 
 }  // namespace comrad::deploy

@@ -7,9 +7,9 @@
 #include <string_view>
 #include <vector>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/settings/layers.h"
 
 namespace comrad::deploy {
 

@@ -7,6 +7,7 @@
 
 #include "deploy/config/game_files.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/settings/layers.h"
 
 namespace comrad::deploy {
 
@@ -18,15 +19,15 @@ Expected<TemporaryRun> TemporaryRun::create(RunConfig& config) {
     return system_error("cannot make " + path + " (TMPDIR names another place)");
   TemporaryRun run(path);
 
-  if (config.layout_pool.empty()) {
-    COMRAD_TRY_ASSIGN(config.wad, ensure_layout(config, path + "/layouts"));
+  if (config.environment.layout_pool.empty()) {
+    COMRAD_TRY_ASSIGN(config.environment.wad, ensure_layout(config, path + "/layouts"));
   } else {
     COMRAD_TRY_ASSIGN(const std::string list,
                       ensure_layout_pool(config, path + "/layouts", /*for_training=*/false));
     COMRAD_TRY(write_layout_list(path, list));
   }
-  config.train_dir = std::filesystem::path(path).parent_path().string();
-  config.experiment = std::filesystem::path(path).filename().string();
+  config.run.train_dir = std::filesystem::path(path).parent_path().string();
+  config.run.experiment = std::filesystem::path(path).filename().string();
   for (const char* folder : {"/logs", "/checkpoint"}) {
     std::error_code error;
     std::filesystem::create_directories(path + folder, error);

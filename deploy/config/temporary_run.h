@@ -4,15 +4,15 @@
 
 #include <string>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {
 
 /// Made below $TMPDIR (or /tmp), removed with everything in it by the destructor. Move-only.
 class TemporaryRun {
  public:
-  /// Makes the folder, its map or pool (unless config.wad is set) and config.toml; `config.wad` then names
+  /// Makes the folder, its map or pool (unless config.environment.wad is set) and config.toml; `config.environment.wad` then names
   /// the map. Errors: kSystem (folder, disk), those of find_iwad(), ensure_layout() and ensure_layout_pool().
   static Expected<TemporaryRun> create(RunConfig& config);
   TemporaryRun(TemporaryRun&& other) noexcept;

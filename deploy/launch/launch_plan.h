@@ -5,9 +5,10 @@
 #include <string>
 
 #include "deploy/launch/restart_policy.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/schema/network_size.h"
 #include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::deploy {
@@ -24,6 +25,7 @@ enum class PolicySource {
 struct LaunchPlan {
   RunConfig config;
   EnvShape env;                ///< from `comrad-scenarios describe`
+  NetworkSize network;         ///< from `comrad-policy-worker --describe`
   int64_t decision_limit = 0;  ///< of the scenario; sizes journals in deterministic mode
   std::string run_dir;
   PolicySource policy = PolicySource::kTraining;
@@ -42,7 +44,9 @@ struct LaunchPlan {
   /// Simulators play on in one slab each: nobody drains sealed ones unless a learner trains.
   bool evaluates() const { return episodes > 0 || !trains(); }
   /// Rollout by rollout, everybody waiting for everybody.
-  bool is_lock_step() const { return trains() && (config.deterministic || !config.async_rl); }
+  bool is_lock_step() const {
+    return trains() && (config.collection.deterministic || !config.collection.async_rl);
+  }
 };
 
 /// The shared memory that the plan needs. Errors: kBadInput when a deterministic run's journals cannot be sized.

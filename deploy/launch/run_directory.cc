@@ -15,6 +15,7 @@
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/settings/layers.h"
 
 namespace comrad::deploy {
 namespace {
@@ -104,12 +105,8 @@ Expected<std::string> rename_away(const std::string& folder) {
 }  // namespace
 
 Expected<RunDirectory> RunDirectory::open(const std::string& train_dir, const std::string& experiment,
-                                          const std::string& restart_behavior) {
+                                          RestartBehavior restart_behavior) {
   COMRAD_TRY(check_name(experiment));
-  if (restart_behavior != "resume" && restart_behavior != "restart" && restart_behavior != "overwrite") {
-    return Error{ErrorCode::kBadInput,
-                 "restart_behavior is '" + restart_behavior + "'; it must be resume, restart or overwrite"};
-  }
   const std::string path = (fs::path(train_dir) / experiment).lexically_normal().string();
   std::error_code failed;
   const auto make = [&]() -> Expected<RunDirectory> {
@@ -121,10 +118,10 @@ Expected<RunDirectory> RunDirectory::open(const std::string& train_dir, const st
   COMRAD_TRY_ASSIGN(RunDirectory directory, make());
 
   const bool exists = fs::exists(path + "/config.toml", failed);
-  if (restart_behavior == "restart" && exists) {
+  if (restart_behavior == RestartBehavior::kRestart && exists) {
     COMRAD_TRY(rename_away(path));
     COMRAD_TRY_ASSIGN(directory, make());
-  } else if (restart_behavior == "overwrite") {
+  } else if (restart_behavior == RestartBehavior::kOverwrite) {
     for (const fs::directory_entry& entry : fs::directory_iterator(path, failed)) {
       if (entry.path().filename() == ".lock") continue;
       if (!exists) {

@@ -7,8 +7,8 @@
 #include <cstdint>
 #include <string>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {
 
@@ -28,7 +28,7 @@ class RunDirectory {
   /// A lock whose owner died is waited for up to 12 s: its learner may still be writing the last checkpoint.
   /// Errors: kBadInput (name, behaviour, another live run, with its pid), kNoSpace, kSystem.
   static Expected<RunDirectory> open(const std::string& train_dir, const std::string& experiment,
-                                     const std::string& restart_behavior);
+                                     RestartBehavior restart_behavior);
 
   RunDirectory(RunDirectory&& other) noexcept;
   RunDirectory& operator=(RunDirectory&& other) noexcept;

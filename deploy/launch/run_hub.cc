@@ -88,7 +88,7 @@ void RunHub::drain_episodes() {
   const auto agents = static_cast<std::size_t>(arena_->shape().trajectory.env.num_agents);
   while (const std::optional<shm::EpisodeRecord> record = arena_->pop_episode()) {
     dds::EpisodeResult result{
-        .scenario = plan_.config.scenario,
+        .scenario = plan_.config.run.scenario,
         .layout_id = record->layout_id,
         .episode_id = record->episode_id,
         .episode_seed = record->episode_seed,

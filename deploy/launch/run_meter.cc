@@ -40,7 +40,7 @@ bool RunMeter::count() {
   if (fallen == 0 || !plan_.trains()) return false;
   // A learner that starts again has forgotten what it learned since its last checkpoint.
   ++goings_back_;
-  env_frames_lost_ += fallen * static_cast<uint64_t>(plan_.config.env_frameskip);
+  env_frames_lost_ += fallen * static_cast<uint64_t>(plan_.config.environment.env_frameskip);
   arena_->control().env_frames_lost.store(env_frames_lost_);
   // The dead one's last report is no longer true; the new one's comes later.
   last_stats_.env_frames = arena_->control().learner_env_frames.load(std::memory_order_relaxed);

@@ -34,8 +34,8 @@ std::string RunReport::evaluation_line() const {
     text += " | ";
   }
   const double elapsed_s = std::max(monotonic_s() - meter_.running_since_s(), 1e-3);
-  return text +
-         rates_text(static_cast<double>(meter_.played_decisions()) / elapsed_s, plan_.config.env_frameskip);
+  return text + rates_text(static_cast<double>(meter_.played_decisions()) / elapsed_s,
+                           plan_.config.environment.env_frameskip);
 }
 
 std::string RunReport::progress_line() const {
@@ -47,7 +47,7 @@ std::string RunReport::progress_line() const {
   TrainingProgress progress;
   progress.env_frames = static_cast<double>(meter_.env_frames());
   progress.env_frames_lost = static_cast<double>(meter_.env_frames_lost());
-  progress.env_frames_total = plan_.seconds > 0 ? 0 : plan_.config.train_for_env_steps;
+  progress.env_frames_total = plan_.seconds > 0 ? 0 : plan_.config.run.train_for_env_steps;
   progress.env_frames_per_s = stats.env_frames_per_s;
   progress.decisions_per_s = stats.decisions_per_s;
   if (stats.episodes > 0) {
@@ -74,7 +74,7 @@ RunStatus RunReport::status(const std::string& state, const std::string& message
     status.env_frames_per_s = workers_.stands_still() ? 0 : stats.env_frames_per_s;
   } else {
     status.decisions = meter_.played_decisions();
-    status.env_frames = status.decisions * static_cast<uint64_t>(plan_.config.env_frameskip);
+    status.env_frames = status.decisions * static_cast<uint64_t>(plan_.config.environment.env_frameskip);
     status.score_mean = meter_.episode_score_mean();
     const double elapsed_s = monotonic_s() - meter_.running_since_s();
     if (meter_.running_since_s() > 0 && elapsed_s > 0)
@@ -87,12 +87,13 @@ std::string RunReport::summary(const std::string& how_it_ended, double worked_s)
   const double decisions = static_cast<double>(meter_.decisions());
   // What the run has learned from, and, where earlier runs or a learner that went back make a difference, what this
   // process trained on.
-  const std::string worked = count_text(decisions * static_cast<double>(plan_.config.env_frameskip));
+  const std::string worked =
+      count_text(decisions * static_cast<double>(plan_.config.environment.env_frameskip));
   const std::string learned = plan_.trains() ? count_text(static_cast<double>(meter_.env_frames())) : worked;
-  std::string text = how_it_ended + ": " + learned + " env frames" +
-                     (worked == learned ? "" : ", " + worked + " trained on") + " in " +
-                     duration_text(worked_s) + ", " +
-                     rates_text(worked_s > 0 ? decisions / worked_s : 0, plan_.config.env_frameskip);
+  std::string text =
+      how_it_ended + ": " + learned + " env frames" +
+      (worked == learned ? "" : ", " + worked + " trained on") + " in " + duration_text(worked_s) + ", " +
+      rates_text(worked_s > 0 ? decisions / worked_s : 0, plan_.config.environment.env_frameskip);
   const dds::TrainStats& stats = meter_.last_stats();
   if (plan_.trains() && stats.episodes > 0 && std::isfinite(stats.score_mean))
     text += ", " + score_text(stats.score_mean);
@@ -103,10 +104,10 @@ std::string RunReport::summary(const std::string& how_it_ended, double worked_s)
 
 std::string RunReport::limit_reached() const {
   const RunConfig& config = plan_.config;
-  if (static_cast<double>(meter_.env_frames()) >= config.train_for_env_steps)
-    return " (--train_for_env_steps " + std::to_string(std::llround(config.train_for_env_steps)) + ")";
-  if (config.train_for_seconds > 0)
-    return " (--train_for_seconds " + std::to_string(std::llround(config.train_for_seconds)) + ")";
+  if (static_cast<double>(meter_.env_frames()) >= config.run.train_for_env_steps)
+    return " (--train_for_env_steps " + std::to_string(std::llround(config.run.train_for_env_steps)) + ")";
+  if (config.run.train_for_seconds > 0)
+    return " (--train_for_seconds " + std::to_string(std::llround(config.run.train_for_seconds)) + ")";
   return "";
 }
 

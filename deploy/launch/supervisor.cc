@@ -122,7 +122,8 @@ Status Supervisor::start() {
   COMRAD_TRY(hub_.open());
   for (Worker& worker : table_.workers()) COMRAD_TRY(table_.start(worker, hub_.arena(), hub_.socket_name()));
   printer_.line(report_.starting_line());  // at once: a network library takes seconds to load
-  line_timer_.wait_until(monotonic_s() + std::max(plan_.config.progress_interval, kShortestLineIntervalS));
+  line_timer_.wait_until(monotonic_s() +
+                         std::max(plan_.config.run.progress_interval, kShortestLineIntervalS));
   return {};
 }
 
@@ -348,7 +349,7 @@ void Supervisor::report() {
                                                    is_stopping ? "stopping: " + outcome_.message : line())));
   }
   if (phase_ != Phase::kStopping &&
-      line_timer_.is_due(now_s, std::max(plan_.config.progress_interval, kShortestLineIntervalS)))
+      line_timer_.is_due(now_s, std::max(plan_.config.run.progress_interval, kShortestLineIntervalS)))
     printer_.line(line());
 }
 

@@ -1,6 +1,5 @@
 #include "deploy/launch/worker_table.h"
 
-#include <sched.h>
 #include <signal.h>
 
 #include <algorithm>
@@ -10,6 +9,7 @@
 #include <fstream>
 
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/text.h"
 
@@ -56,17 +56,6 @@ std::string own_folder() {
   return std::filesystem::read_symlink("/proc/self/exe", failed).parent_path().string();
 }
 
-/// Cores this process may use.
-std::vector<int> allowed_cpus() {
-  cpu_set_t cpus;
-  CPU_ZERO(&cpus);
-  std::vector<int> allowed;
-  if (sched_getaffinity(0, sizeof cpus, &cpus) != 0) return allowed;
-  for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu)
-    if (CPU_ISSET(static_cast<std::size_t>(cpu), &cpus)) allowed.push_back(cpu);
-  return allowed;
-}
-
 }  // namespace
 
 WorkerTable::WorkerTable(const LaunchPlan& plan) : plan_(plan) {
@@ -80,8 +69,8 @@ WorkerTable::WorkerTable(const LaunchPlan& plan) : plan_(plan) {
       worker.history = RestartHistory(plan.restarts);
     }
   };
-  add(Role::kSim, plan.config.num_workers);
-  add(Role::kPolicy, plan.config.policy_workers);
+  add(Role::kSim, plan.config.collection.num_workers);
+  add(Role::kPolicy, plan.config.collection.policy_workers);
   if (plan.has_learner()) add(Role::kLearner, 1);
 }
 
@@ -110,21 +99,21 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
       set_threads(1);
       set("LP_NUM_THREADS", "0");  // llvmpipe draws on the calling thread: one core per simulator
       suggest("GALLIUM_DRIVER", "llvmpipe");
-      if (config.set_workers_cpu_affinity) {
+      if (config.collection.set_workers_cpu_affinity) {
         const std::vector<int> cpus = allowed_cpus();
-        if (!cpus.empty()) options.cpu = cpus[static_cast<std::size_t>(worker.index) % cpus.size()];
+        options.cpu = cpus[static_cast<std::size_t>(worker.index) % cpus.size()];
       }
       break;
     case Role::kPolicy:
       if (plan_.greedy) add("--greedy");
       if (!plan_.has_learner()) add("--random");  // an oracle's simulators do not look at the answers
       if (plan_.evaluates()) add("--evaluate");
-      set_threads(config.policy_threads);
+      set_threads(config.collection.policy_threads);
       break;
     case Role::kLearner:
       add("--mode", plan_.trains() ? "train" : "serve");
       if (plan_.policy == PolicySource::kCheckpoint) add("--checkpoint", plan_.checkpoint);
-      set_threads(std::max<int64_t>(1, config.learner_threads));
+      set_threads(std::max<int64_t>(1, config.collection.learner_threads));
       options.inherited_descriptor = plan_.lock_descriptor;
       break;
   }

@@ -32,10 +32,10 @@ std::string entry_prefix(const std::string& section, const std::string& prefix, 
 }  // namespace
 
 AdamSettings AdamSettings::from(const RunConfig& config) {
-  return {.beta1 = config.adam_beta1,
-          .beta2 = config.adam_beta2,
-          .epsilon = config.adam_eps,
-          .max_grad_norm = config.max_grad_norm};
+  return {.beta1 = config.optimisation.adam_beta1,
+          .beta2 = config.optimisation.adam_beta2,
+          .epsilon = config.optimisation.adam_eps,
+          .max_grad_norm = config.optimisation.max_grad_norm};
 }
 
 struct AdamOptimizer::State {

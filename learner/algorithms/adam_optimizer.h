@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "learner/checkpoint/checkpoint.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::learn {
 

@@ -16,10 +16,10 @@
 #include "learner/batch/collate.h"
 #include "learner/batch/replay_batch.h"
 #include "learner/checkpoint/checkpoint.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
 #include "rollout_buffer/schema/version.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::learn {
 
@@ -89,8 +89,12 @@ class OffPolicyAlgorithm : public Algorithm {
   virtual Expected<UpdateStats> update(ReplayBatch& batch, const UpdateContext& context) = 0;
 };
 
-/// Makes the algorithm named `config.algo`, initialised from `config.seed`.
-/// Errors: kBadInput for an unknown name, naming the known ones.
+/// A learner for an algorithm of one's own, whose row add_algorithm() made known before. Threads: one, before any is made.
+using MakeAlgorithm = std::unique_ptr<Algorithm> (*)(const RunConfig&, const EnvShape&, torch::Device);
+void add_learner(const std::string& name, MakeAlgorithm make);
+
+/// Makes the algorithm named `config.run.algo`, initialised from `config.run.seed`.
+/// Errors: kBadInput where it has a row and no learner.
 Expected<std::unique_ptr<Algorithm>> make_algorithm(const RunConfig& config, const EnvShape& env,
                                                     torch::Device device);
 

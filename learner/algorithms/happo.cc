@@ -30,8 +30,8 @@ Happo::Happo(const RunConfig& config, const EnvShape& env, torch::Device device)
 std::vector<int64_t> Happo::agent_order() const {
   std::vector<int64_t> order(static_cast<std::size_t>(env_.num_agents));
   std::iota(order.begin(), order.end(), 0);
-  if (config_.happo_agent_order == "fixed") return order;
-  Rng rng(RngKey(static_cast<uint64_t>(config_.seed)).split("agent_order").split(uint64_t{version_}));
+  if (config_.on_policy.happo_agent_order == AgentOrder::kFixed) return order;
+  Rng rng(RngKey(static_cast<uint64_t>(config_.run.seed)).split("agent_order").split(uint64_t{version_}));
   for (std::size_t i = order.size() - 1; i > 0; --i)
     std::swap(order[i], order[rng.below(static_cast<uint32_t>(i + 1))]);
   return order;
@@ -57,7 +57,7 @@ Expected<Tensor> Happo::train_agent(const RolloutBatch& batch, int64_t agent, co
               .shuffle_key = static_cast<uint64_t>(agent)};
   // With one minibatch the first forward pass of training is that of the old policy on all rows.
   Tensor old_log_prob;
-  if (config_.num_batches_per_epoch == 1)
+  if (config_.optimisation.num_batches_per_epoch == 1)
     phase.first_log_prob = &old_log_prob;
   else
     old_log_prob = evaluate(rows, phase.forward).log_prob;
@@ -128,7 +128,8 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
     put(prefix + "_grad_norm", last_grad_norm_);
     if (agent == order.back() || !has_samples) continue;  // nobody is left to need the factor
     const Tensor new_log_prob = evaluate(agent_rows(batch, agent), actor(agent)).log_prob;
-    const Tensor ratio = happo_ratio(new_log_prob, old_log_prob, of_agent, config_.happo_factor_clamp);
+    const Tensor ratio =
+        happo_ratio(new_log_prob, old_log_prob, of_agent, config_.on_policy.happo_factor_clamp);
     factor.mul_(ratio);
     batch.advantage.view({steps, worlds, agents}).mul_(ratio.unsqueeze(2));
     put(prefix + "_post_ratio_mean", ratio.mean().item<double>());

@@ -33,7 +33,7 @@ Tensor happo_ratio(const Tensor& new_log_prob, const Tensor& old_log_prob, const
 
 class Happo final : public OnPolicy {
  public:
-  /// `config.algo` must be "happo": it gives the network an actor per agent and a joint critic.
+  /// `config.run.algo` must be "happo": it gives the network an actor per agent and a joint critic.
   Happo(const RunConfig& config, const EnvShape& env, torch::Device device);
 
   Expected<UpdateStats> update(RolloutBatch& batch, const UpdateContext& context) override;
@@ -49,8 +49,6 @@ class Happo final : public OnPolicy {
                               LossSums& sums);
 
  protected:
-  const char* name() const override { return "happo"; }
-
  private:
   Forward actor(int64_t agent) const;
   bool ended(PhaseEnd end, UpdateStats& stats) const;

@@ -28,10 +28,10 @@ QLearning::SampleLoss Idqn::loss_of(const Scene& scene) const {
                          .truncated = per_head(batch.truncated),
                          .next_value = next.flatten(1).contiguous(),
                          .valid = per_head(batch.valid)},
-                        {.gamma = config_.gamma,
-                         .n_step = batch.steps() > 1 ? config_.n_step : 1,
-                         .lambda = config_.td_lambda,
-                         .legacy_timeouts = config_.legacy_timeouts})
+                        {.gamma = config_.optimisation.gamma,
+                         .n_step = batch.steps() > 1 ? config_.q_learning.n_step : 1,
+                         .lambda = config_.q_learning.td_lambda,
+                         .legacy_timeouts = config_.optimisation.legacy_timeouts})
                  .view_as(next);
   }
   const Tensor error = chosen - target / q_sigma();

@@ -15,7 +15,7 @@
 
 namespace comrad::learn {
 
-/// `config.algo` must be "idqn".
+/// `config.run.algo` must be "idqn".
 class Idqn final : public QLearning {
  public:
   Idqn(const RunConfig& config, const EnvShape& env, torch::Device device) : QLearning(config, env, device) {}
@@ -23,7 +23,6 @@ class Idqn final : public QLearning {
  protected:
   SampleLoss loss_of(const Scene& scene) const override;
   Tensor sample_valid(const ReplayBatch& batch) const override;
-  const char* name() const override { return "idqn"; }
 };
 
 }  // namespace comrad::learn

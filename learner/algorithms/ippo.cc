@@ -18,7 +18,7 @@ OnPolicy::Phase Ippo::phase() {
           .forward = [this](const policy::SequenceInput& input) { return net_.sequence(input); },
           .prepare =
               [this](RolloutBatch& minibatch) {
-                if (config_.with_vtrace) prepare_vtrace(minibatch);
+                if (config_.on_policy.with_vtrace) prepare_vtrace(minibatch);
                 minibatch.advantage = standardize(minibatch.advantage, minibatch.acting());
               }};
 }
@@ -56,10 +56,10 @@ void Ippo::prepare_vtrace(RolloutBatch& minibatch) {
                                     .final_value = minibatch.final_value.contiguous(),
                                     .valid = minibatch.valid,
                                     .value_valid = minibatch.value_valid},
-                                   {.gamma = config_.gamma,
-                                    .rho_clip = config_.vtrace_rho,
-                                    .c_clip = config_.vtrace_c,
-                                    .legacy_timeouts = config_.legacy_timeouts});
+                                   {.gamma = config_.optimisation.gamma,
+                                    .rho_clip = config_.on_policy.vtrace_rho,
+                                    .c_clip = config_.on_policy.vtrace_c,
+                                    .legacy_timeouts = config_.optimisation.legacy_timeouts});
   minibatch.advantage = reported_advantage_ = result.advantage;
   minibatch.target = result.target;
   reported_acting_ = minibatch.acting();

@@ -25,9 +25,6 @@ class Ippo : public OnPolicy {
   /// Advantages and targets by V-trace with the network as it is now.
   void prepare_vtrace(RolloutBatch& minibatch);
 
- protected:
-  const char* name() const override { return "ippo"; }
-
  private:
   Phase phase();
 };

@@ -7,8 +7,8 @@
 
 #include "learner/algorithms/linear_schedule.h"
 #include "learner/checkpoint/checkpoint.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::learn {
 
@@ -35,10 +35,9 @@ class LrSchedule {
   Status load(const StateDict& state);
 
  private:
-  enum class Kind { kConstant, kLinearDecay, kKlMinibatch, kKlEpoch };
   void adapt(double kl);
 
-  Kind kind_ = Kind::kConstant;
+  RateSchedule kind_;
   double learning_rate_ = 0;
   double env_frames_ = 0;  // of the last batch
   LinearSchedule line_;    // kLinearDecay

@@ -19,13 +19,10 @@
 
 namespace comrad::learn {
 
-/// `config.algo` must be "mappo": it gives the network its central critic.
+/// `config.run.algo` must be "mappo": it gives the network its central critic.
 class Mappo final : public Ippo {
  public:
   using Ippo::Ippo;
-
- protected:
-  const char* name() const override { return "mappo"; }
 };
 
 }  // namespace comrad::learn

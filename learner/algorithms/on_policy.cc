@@ -79,15 +79,15 @@ OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device d
       env_(env),
       device_(device),
       net_(policy::PolicyNet::create(policy::PolicyNetOptions::from(config, env),
-                                     RngKey(static_cast<uint64_t>(config.seed)).split("network").bits(),
+                                     RngKey(static_cast<uint64_t>(config.run.seed)).split("network").bits(),
                                      device)),
       schedule_(config),
-      returns_(config.returns_clip),
+      returns_(config.optimisation.returns_clip),
       pool_(threads_for_parts(config, device)) {}
 
 Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats) {
   schedule_.before_batch(context.env_frames);
-  stats.lag = apply_lag_filter(batch, version_, config_.max_policy_lag);
+  stats.lag = apply_lag_filter(batch, version_, config_.collection.max_policy_lag);
   ++updates_;
   if (stats.lag.valid_fraction == 0) {
     COMRAD_TRY(guard_.skip_invalid_batch(stats.lag.dropped, stats));
@@ -96,7 +96,7 @@ Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& 
   if (stats.lag.valid_fraction < 0.5)
     spdlog::warn("update: only {:.0f}% of the batch is valid", 100 * stats.lag.valid_fraction);
 
-  if (config_.normalize_input) {
+  if (config_.network.normalize_input) {
     torch::NoGradGuard no_grad;
     Tensor frame = batch.frame.flatten(0, 1);
     Tensor measurement = batch.measurement.defined() ? batch.measurement.flatten(0, 1) : Tensor();
@@ -114,23 +114,24 @@ Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& 
 void OnPolicy::prepare_targets(RolloutBatch& batch) {
   torch::NoGradGuard no_grad;
   const auto natural = [this](const Tensor& value) {
-    return config_.normalize_returns ? returns_.denormalize(value) : value;
+    return config_.optimisation.normalize_returns ? returns_.denormalize(value) : value;
   };
   const Tensor value = natural(batch.value);
-  const Advantages result =
-      gae({.reward = batch.reward,
-           .terminated = batch.terminated,
-           .truncated = batch.truncated,
-           .value = value,
-           .final_value = natural(batch.final_value),
-           .valid = batch.valid,
-           .value_valid = batch.value_valid},
-          {.gamma = config_.gamma, .lambda = config_.gae_lambda, .legacy_timeouts = config_.legacy_timeouts});
+  const Advantages result = gae({.reward = batch.reward,
+                                 .terminated = batch.terminated,
+                                 .truncated = batch.truncated,
+                                 .value = value,
+                                 .final_value = natural(batch.final_value),
+                                 .valid = batch.valid,
+                                 .value_valid = batch.value_valid},
+                                {.gamma = config_.optimisation.gamma,
+                                 .lambda = config_.on_policy.gae_lambda,
+                                 .legacy_timeouts = config_.optimisation.legacy_timeouts});
   batch.advantage = batch.raw_advantage = reported_advantage_ = result.advantage;
   batch.target = result.target;
   reported_acting_ = batch.acting();
   explained_variance_ = explained_variance(result.target, value.narrow(0, 0, batch.steps()), batch.valid);
-  if (!config_.normalize_returns) return;
+  if (!config_.optimisation.normalize_returns) return;
   if (!returns_.update(result.target, batch.valid))
     spdlog::warn("update: returns are not finite; statistics kept");
   batch.target = returns_.normalize(result.target);
@@ -143,15 +144,15 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
   const int64_t agents = batch.shape.env.num_agents;
   std::vector<int64_t> order(static_cast<std::size_t>(batch.slab_count));
   std::iota(order.begin(), order.end(), 0);
-  Rng rng(RngKey(static_cast<uint64_t>(config_.seed))
+  Rng rng(RngKey(static_cast<uint64_t>(config_.run.seed))
               .split("shuffle")
               .split(static_cast<uint64_t>(updates_))
               .split(phase.shuffle_key));
-  const int64_t parts = std::clamp<int64_t>(config_.num_batches_per_epoch, 1, batch.slab_count);
+  const int64_t parts = std::clamp<int64_t>(config_.optimisation.num_batches_per_epoch, 1, batch.slab_count);
   double previous_actor_loss = 1e9, kl_first = 0, clipped_first = 0;
   bool is_first = true;
-  for (int64_t epoch = 0; epoch < config_.num_epochs; ++epoch) {
-    if (config_.shuffle_minibatches)
+  for (int64_t epoch = 0; epoch < config_.optimisation.num_epochs; ++epoch) {
+    if (config_.optimisation.shuffle_minibatches)
       for (std::size_t i = order.size() - 1; i > 0; --i)
         std::swap(order[i], order[rng.below(static_cast<uint32_t>(i + 1))]);
     double actor_loss = 0, kl = 0;
@@ -159,7 +160,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
     for (int64_t part = 0; part < parts; ++part) {
       const int64_t begin = batch.slab_count * part / parts, end = batch.slab_count * (part + 1) / parts;
       RolloutBatch minibatch =
-          config_.shuffle_minibatches && parts > 1
+          config_.optimisation.shuffle_minibatches && parts > 1
               ? select_slabs(batch, std::vector<int64_t>(order.begin() + begin, order.begin() + end))
               : narrow_rows(batch, begin * agents, (end - begin) * agents);
       if (stats.optimizer_steps > 0 && context.begin_step && !context.begin_step()) return PhaseEnd::kStopped;
@@ -207,7 +208,8 @@ OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Ph
   stats.rows_trained += minibatch.steps() * minibatch.rows();
 
   // Not before the first step: lag alone must not cost a whole batch.
-  if (phase.trains_policy && !is_first && config_.early_stop_kl > 0 && sums.kl > config_.early_stop_kl)
+  if (phase.trains_policy && !is_first && config_.on_policy.early_stop_kl > 0 &&
+      sums.kl > config_.on_policy.early_stop_kl)
     return StepResult::kKlReached;
 
   const double valid_fraction = valid_count / static_cast<double>(minibatch.valid.numel());
@@ -233,7 +235,7 @@ std::vector<RolloutBatch> OnPolicy::micro_batches(const RolloutBatch& batch) con
   const int64_t agents = batch.shape.env.num_agents;
   const int64_t whole_worlds = batch.rows() / agents, threads = pool_.threads();
   const int64_t shared_out = (whole_worlds + threads - 1) / threads * agents;
-  const int64_t fitting = config_.micro_batch_size / batch.steps() / agents * agents;
+  const int64_t fitting = config_.optimisation.micro_batch_size / batch.steps() / agents * agents;
   const int64_t rows_max = std::max(agents, std::min(fitting, shared_out));
   std::vector<RolloutBatch> micros;
   for (int64_t begin = 0; begin < batch.rows(); begin += rows_max)
@@ -244,8 +246,8 @@ std::vector<RolloutBatch> OnPolicy::micro_batches(const RolloutBatch& batch) con
 OnPolicy::Part OnPolicy::part_of(const RolloutBatch& micro, const Phase& phase,
                                  const SampleCounts& counts) const {
   Part part;
-  const ExplorationLoss exploration_kind = parse_exploration_loss(config_.exploration_loss);
-  const double clip_high = 1.0 + config_.ppo_clip_ratio, clip_low = 1.0 / clip_high;
+  const ExplorationLoss exploration_kind = config_.on_policy.exploration_loss;
+  const double clip_high = 1.0 + config_.on_policy.ppo_clip_ratio, clip_low = 1.0 / clip_high;
   const auto on_device = [this](const Tensor& tensor) {
     return tensor.defined() ? tensor.to(device_) : tensor;
   };
@@ -290,18 +292,19 @@ OnPolicy::Part OnPolicy::part_of(const RolloutBatch& micro, const Phase& phase,
     log_prob = policy::action_log_prob(log_probs, on_device(micro.action), env_);
     ratio = importance_ratio(log_prob, on_device(micro.log_prob));
     const Tensor policy_loss =
-        -(clipped_objective(ratio, on_device(micro.advantage), config_.ppo_clip_ratio) * weight).sum();
+        -(clipped_objective(ratio, on_device(micro.advantage), config_.on_policy.ppo_clip_ratio) * weight)
+             .sum();
     loss = loss + policy_loss;
     add(part.sums.policy, policy_loss);
     if (exploration_kind != ExplorationLoss::kNone) {
-      const Tensor exploration = config_.exploration_loss_coeff *
+      const Tensor exploration = config_.on_policy.exploration_loss_coeff *
                                  (exploration_loss(log_probs, mask, env_, exploration_kind) * weight).sum();
       loss = loss + exploration;
       add(part.sums.exploration, exploration);
     }
-    if (config_.kl_loss_coeff != 0) {
+    if (config_.on_policy.kl_loss_coeff != 0) {
       kl = divergence();
-      const Tensor penalty = config_.kl_loss_coeff * (kl * weight).sum();
+      const Tensor penalty = config_.on_policy.kl_loss_coeff * (kl * weight).sum();
       loss = loss + penalty;
       add(part.sums.kl_penalty, penalty);
     }
@@ -310,8 +313,9 @@ OnPolicy::Part OnPolicy::part_of(const RolloutBatch& micro, const Phase& phase,
   if (output.value.defined()) {
     old_value = on_device(micro.value).narrow(0, 0, micro.steps());
     const Tensor target = on_device(micro.target);
-    const Tensor of_samples = clipped_value_loss(output.value, old_value, target, config_.ppo_clip_value);
-    const Tensor value_loss = config_.value_loss_coeff * (of_samples * value_weight).sum();
+    const Tensor of_samples =
+        clipped_value_loss(output.value, old_value, target, config_.on_policy.ppo_clip_value);
+    const Tensor value_loss = config_.on_policy.value_loss_coeff * (of_samples * value_weight).sum();
     loss = loss + value_loss;
     add(part.sums.value, value_loss);
     add_value_mean(part.sums.value_clipped,
@@ -460,7 +464,7 @@ void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateSta
     if (name == "normalizer.frame.mean") put("train/obs_running_mean", tensor.mean().item<double>());
     if (name == "normalizer.frame.var") put("train/obs_running_std", tensor.sqrt().mean().item<double>());
   }
-  if (config_.normalize_returns) {
+  if (config_.optimisation.normalize_returns) {
     put("train/returns_running_mean", returns_.statistics().mean);
     put("train/returns_running_std", returns_.sigma());
     put("train/targets_clipped_fraction", targets_clipped_);
@@ -475,7 +479,7 @@ void OnPolicy::append_diagnostics(NamedNumbers& values) const {
 }
 
 void OnPolicy::save(StateDict& state) const {
-  Progress{version_, updates_}.save(state, name());
+  Progress{version_, updates_}.save(state, config_.run.algo.name());
   for (const auto& [name, tensor] : net_.named_state()) state.put("network/" + name, tensor);
   for (const auto& [prefix, optimizer] : optimizers_) optimizer.save(state, "optimizer", prefix);
   state.put("normalizer/returns_mean", returns_.statistics().mean);
@@ -485,7 +489,7 @@ void OnPolicy::save(StateDict& state) const {
 }
 
 Status OnPolicy::load(const StateDict& state) {
-  COMRAD_TRY_ASSIGN(const Progress progress, Progress::load(state, name()));
+  COMRAD_TRY_ASSIGN(const Progress progress, Progress::load(state, config_.run.algo.name()));
   ReturnNormalizer::Statistics statistics;
   COMRAD_TRY_ASSIGN(statistics.mean, state.number("normalizer/returns_mean"));
   COMRAD_TRY_ASSIGN(statistics.variance, state.number("normalizer/returns_variance"));
@@ -493,13 +497,14 @@ Status OnPolicy::load(const StateDict& state) {
   for (const auto& [key, tensor] : net_.named_state()) {
     const Status copied = state.copy_tensor("network/" + key, tensor);
     if (copied) continue;
-    const bool is_view = config_.algo == "mappo" && key.starts_with("critic.");
-    return Error{copied.error().code,
-                 copied.error().message +
-                     (is_view ? " (mappo_critic_view is " + config_.mappo_critic_view +
-                                    " here; a run made before that setting was there saw by position: put "
-                                    "mappo_critic_view = \"position\" into its config.toml)"
-                              : "")};
+    const bool is_view = config_.run.algo->critic == CriticKind::kCentral && key.starts_with("critic.");
+    return Error{
+        copied.error().code,
+        copied.error().message +
+            (is_view ? " (mappo_critic_view is " + std::string(word_of(config_.network.mappo_critic_view)) +
+                           " here; a run made before that setting was there saw by position: put "
+                           "mappo_critic_view = \"position\" into its config.toml)"
+                     : "")};
   }
   net_.state_changed();
   for (auto& [prefix, optimizer] : optimizers_) COMRAD_TRY(optimizer.load(state, "optimizer", prefix));

@@ -94,7 +94,6 @@ class OnPolicy : public OnPolicyAlgorithm {
   enum class PhaseEnd { kDone, kStopped, kAbandoned };
 
   /// What checkpoints call the algorithm.
-  virtual const char* name() const = 0;
 
   /// Moves the schedule, filters by lag, updates input statistics. False when nothing valid is left. Errors:
   /// kBadInput where that was so in too many batches in a row.

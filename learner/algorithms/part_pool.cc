@@ -11,8 +11,8 @@ int threads_for_parts(const RunConfig& config, torch::Device device) {
   constexpr int64_t kSamplesInFlightMax = 2048;
   if (!device.is_cpu()) return 1;
   const int64_t fitting =
-      std::max<int64_t>(1, kSamplesInFlightMax / std::max<int64_t>(1, config.micro_batch_size));
-  return static_cast<int>(std::clamp<int64_t>(config.learner_threads, 1, fitting));
+      std::max<int64_t>(1, kSamplesInFlightMax / std::max<int64_t>(1, config.optimisation.micro_batch_size));
+  return static_cast<int>(std::clamp<int64_t>(config.collection.learner_threads, 1, fitting));
 }
 
 PartPool::PartPool(int threads) {

@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::learn {
 

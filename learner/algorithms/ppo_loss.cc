@@ -37,12 +37,6 @@ Tensor standardize(const Tensor& advantage, const Tensor& valid) {
   return (centred / std::max(std::sqrt(variance), kStandardDeviationFloor)).to(torch::kFloat32);
 }
 
-ExplorationLoss parse_exploration_loss(const std::string& name) {
-  if (name == "symmetric_kl") return ExplorationLoss::kSymmetricKl;
-  if (name == "entropy") return ExplorationLoss::kEntropy;
-  return ExplorationLoss::kNone;
-}
-
 Tensor exploration_loss(const Tensor& log_probs, const Tensor& mask, const EnvShape& env,
                         ExplorationLoss kind) {
   if (kind == ExplorationLoss::kEntropy) return -policy::entropy(log_probs, env);

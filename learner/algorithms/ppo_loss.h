@@ -8,6 +8,7 @@
 #include <string>
 
 #include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/settings/words.h"
 
 namespace comrad::learn {
 
@@ -33,12 +34,6 @@ Tensor clipped_value_loss(const Tensor& value, const Tensor& old_value, const Te
 /// becomes 0.
 ///   advantage f32, valid u8 of the same shape
 Tensor standardize(const Tensor& advantage, const Tensor& valid);
-
-enum class ExplorationLoss { kNone, kSymmetricKl, kEntropy };
-
-/// The value of the setting `exploration_loss`; kNone for words that settings validation does not let
-/// through.
-ExplorationLoss parse_exploration_loss(const std::string& name);
 
 /// Loss per sample, to be minimised: symmetric KL to the uniform distribution over allowed choices, or
 /// negative entropy, summed over heads. Capped at 30; non-finite counts as 0.

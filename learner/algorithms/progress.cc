@@ -4,13 +4,13 @@
 
 namespace comrad::learn {
 
-void Progress::save(StateDict& state, const char* algorithm) const {
-  state.put("algorithm/name", std::string(algorithm));
+void Progress::save(StateDict& state, const std::string& algorithm) const {
+  state.put("algorithm/name", algorithm);
   state.put("algorithm/version", static_cast<int64_t>(version));
   state.put("algorithm/updates", updates);
 }
 
-Expected<Progress> Progress::load(const StateDict& state, const char* algorithm) {
+Expected<Progress> Progress::load(const StateDict& state, const std::string& algorithm) {
   COMRAD_TRY_ASSIGN(const std::string maker, state.text("algorithm/name"));
   if (maker != algorithm)
     return Error{ErrorCode::kBadFormat,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "learner/checkpoint/checkpoint.h"
 #include "rollout_buffer/core/expected.h"
@@ -14,9 +15,9 @@ struct Progress {
   PolicyVersion version = 0;  ///< optimizer steps taken
   int64_t updates = 0;        ///< batches seen; keys the shuffling
 
-  void save(StateDict& state, const char* algorithm) const;
+  void save(StateDict& state, const std::string& algorithm) const;
   /// Errors: kBadFormat when another algorithm made `state`.
-  static Expected<Progress> load(const StateDict& state, const char* algorithm);
+  static Expected<Progress> load(const StateDict& state, const std::string& algorithm);
 };
 
 }  // namespace comrad::learn

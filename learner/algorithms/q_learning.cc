@@ -18,12 +18,12 @@ namespace comrad::learn {
 namespace {
 
 uint64_t seed_of(const RunConfig& config, const char* purpose) {
-  return RngKey(static_cast<uint64_t>(config.seed)).split(purpose).bits();
+  return RngKey(static_cast<uint64_t>(config.run.seed)).split(purpose).bits();
 }
 
 /// A fresh mixer; equal ones for online and target, since both come from one seed. Null for idqn.
 std::unique_ptr<Mixer> mixer_of(const RunConfig& config, const EnvShape& env, const policy::PolicyNet& net) {
-  if (!mixes_q_values(config)) return nullptr;
+  if (!config.run.algo->mixes_q_values()) return nullptr;
   return make_mixer(MixerOptions::from(config, env, net.encoded_count()), seed_of(config, "mixer"),
                     net.device());
 }
@@ -71,8 +71,9 @@ Tensor with_finals(Tensor rows, const Tensor& step, const Tensor& row, const Ten
 }  // namespace
 
 double epsilon_at(const RunConfig& config, double env_frames) {
-  const double way = std::clamp(env_frames / config.epsilon_decay_steps, 0.0, 1.0);
-  return config.epsilon_start + way * (config.epsilon_end - config.epsilon_start);
+  const double way = std::clamp(env_frames / config.q_learning.epsilon_decay_steps, 0.0, 1.0);
+  return config.q_learning.epsilon_start +
+         way * (config.q_learning.epsilon_end - config.q_learning.epsilon_start);
 }
 
 void QLearning::LossSums::add(const LossSums& part) {
@@ -107,7 +108,7 @@ int64_t QLearning::parameter_count() const {
 }
 
 void QLearning::observe(const Tensor& frame, const Tensor& measurement) {
-  if (!config_.normalize_input) return;
+  if (!config_.network.normalize_input) return;
   torch::NoGradGuard no_grad;
   net_.update_input_statistics(frame.to(device_),
                                measurement.defined() ? measurement.to(device_) : measurement);
@@ -118,12 +119,12 @@ Tensor QLearning::Scene::mask() const {
 }
 
 Tensor QLearning::next_action(const Scene& scene) const {
-  return policy::greedy_action(config_.double_dqn ? scene.online.next : scene.target.next, scene.next_mask,
-                               env_);
+  return policy::greedy_action(config_.q_learning.double_dqn ? scene.online.next : scene.target.next,
+                               scene.next_mask, env_);
 }
 
 Tensor QLearning::loss_of_error(const Tensor& error) const {
-  return config_.use_huber_loss ? huber(error) : error.square();
+  return config_.q_learning.use_huber_loss ? huber(error) : error.square();
 }
 
 QLearning::QValues QLearning::q_values(const policy::PolicyNet& net, const ReplayBatch& batch,
@@ -178,11 +179,11 @@ QLearning::Scene QLearning::scene_of(const ReplayBatch& micro) const {
         &scene.batch.weight, &scene.batch.final_frame, &scene.batch.final_measurement})
     if (field->defined()) *field = field->to(device_);
   ReplayBatch& batch = scene.batch;
-  if (config_.burn_in > 0 && batch.steps() > config_.burn_in) {
+  if (config_.q_learning.burn_in > 0 && batch.steps() > config_.q_learning.burn_in) {
     // Each network warms up a state of its own; what follows is a shorter batch.
     const auto warmed = [&](const policy::PolicyNet& net) {
       torch::NoGradGuard no_grad;
-      const int64_t count = config_.burn_in;
+      const int64_t count = config_.q_learning.burn_in;
       return steps_from(batch, count,
                         net.state_after(encode(net, batch, 0, count), batch.recurrent_state,
                                         batch.reset.narrow(0, 0, count)));
@@ -260,8 +261,8 @@ QLearning::Part QLearning::part_of(const ReplayBatch& micro, double valid_count)
   const Tensor counted = valid.view({valid.size(0), micro.world_count, samples_of_world});
   const Tensor errors = sample.error.view_as(counted) * counted / q_sigma();
   part.abs_td = errors.sum(2).sum(0) / counted.sum(2).sum(0).clamp_min(1.0);
-  if (config_.per_sequences && valid.size(0) > 1)
-    part.abs_td = config_.per_eta * errors.amax({0, 2}) + (1 - config_.per_eta) * part.abs_td;
+  if (config_.replay.per_sequences && valid.size(0) > 1)
+    part.abs_td = config_.replay.per_eta * errors.amax({0, 2}) + (1 - config_.replay.per_eta) * part.abs_td;
   part.abs_td = part.abs_td.cpu();
   return part;
 }
@@ -269,13 +270,13 @@ QLearning::Part QLearning::part_of(const ReplayBatch& micro, double valid_count)
 int64_t QLearning::micro_worlds(const ReplayBatch& batch) const {
   const int64_t rows_of_world = (batch.steps() + 1) * batch.shape.env.num_agents, threads = pool_.threads();
   const int64_t shared_out = (batch.world_count + threads - 1) / threads;
-  return std::max<int64_t>(1, std::min(config_.micro_batch_size / rows_of_world, shared_out));
+  return std::max<int64_t>(1, std::min(config_.optimisation.micro_batch_size / rows_of_world, shared_out));
 }
 
 bool QLearning::accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, LossSums& sums) {
   Tensor valid = sample_valid(batch);
-  if (config_.burn_in > 0 && batch.steps() > config_.burn_in)
-    valid = valid.narrow(0, config_.burn_in, batch.steps() - config_.burn_in);
+  if (config_.q_learning.burn_in > 0 && batch.steps() > config_.q_learning.burn_in)
+    valid = valid.narrow(0, config_.q_learning.burn_in, batch.steps() - config_.q_learning.burn_in);
   const double valid_count = std::max(1.0, valid.sum(torch::kFloat64).item<double>());
   const int64_t worlds = micro_worlds(batch), count = (batch.world_count + worlds - 1) / worlds;
   std::vector<Tensor> abs_td;
@@ -308,7 +309,7 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
     batch.abs_td = torch::zeros({batch.world_count});
     return stats;
   }
-  if (config_.normalize_q_values && !scale_.has_begun()) scale_.begin(reward_rms(batch));
+  if (config_.q_learning.normalize_q_values && !scale_.has_begun()) scale_.begin(reward_rms(batch));
   optimizer_.zero_grad();
   LossSums sums;
   if (!accumulate_gradient(batch, context, sums)) {
@@ -326,7 +327,7 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   if (batch.rewards_read > 0)
     stats.values.emplace_back("train/rewards_clipped_fraction", static_cast<double>(batch.rewards_clipped) /
                                                                     static_cast<double>(batch.rewards_read));
-  if (config_.normalize_q_values) {
+  if (config_.q_learning.normalize_q_values) {
     const double before = q_sigma();
     rescale_outputs(before, scale_.observe(sums.target_square));
   }
@@ -336,13 +337,13 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
 
 void QLearning::update_targets() {
   torch::NoGradGuard no_grad;
-  const bool copies = config_.target_update_tau == 1;
-  if (copies && version_ % static_cast<PolicyVersion>(config_.target_update_interval) != 0) return;
+  const bool copies = config_.q_learning.target_update_tau == 1;
+  if (copies && version_ % static_cast<PolicyVersion>(config_.q_learning.target_update_interval) != 0) return;
   for (std::size_t i = 0; i < target_parameters_.size(); ++i) {
     if (copies)
       target_parameters_[i].copy_(parameters()[i]);
     else
-      target_parameters_[i].lerp_(parameters()[i], config_.target_update_tau);
+      target_parameters_[i].lerp_(parameters()[i], config_.q_learning.target_update_tau);
   }
 }
 
@@ -376,7 +377,7 @@ void QLearning::report(const LossSums& sums, UpdateStats& stats) const {
   if (mixer_) put("train/targets_clipped_fraction", sums.clipped);
   put("train/done_ratio", sums.terminated);
   put("train/timeout_ratio", sums.truncated);
-  if (config_.algo == "qplex_q") {
+  if (config_.run.algo->mixer == MixerKind::kQplexAttention) {
     put("train/attend_mag_regs", sums.regularizer);
     put("train/head_entropy_mean", sums.head_entropy);
   }
@@ -395,7 +396,7 @@ void QLearning::append_diagnostics(NamedNumbers& values) const {
 }
 
 void QLearning::save(StateDict& state) const {
-  Progress{version_, updates_}.save(state, name());
+  Progress{version_, updates_}.save(state, config_.run.algo.name());
   for (const auto& [key, tensor] : net_.named_state()) state.put("network/" + key, tensor);
   for (const auto& [key, tensor] : target_net_.named_parameters()) state.put("target/" + key, tensor);
   if (mixer_) {
@@ -405,11 +406,11 @@ void QLearning::save(StateDict& state) const {
   }
   optimizer_.save(state, "optimizer");
   schedule_.save(state);
-  if (config_.normalize_q_values) scale_.save(state);
+  if (config_.q_learning.normalize_q_values) scale_.save(state);
 }
 
 Status QLearning::load(const StateDict& state) {
-  COMRAD_TRY_ASSIGN(const Progress progress, Progress::load(state, name()));
+  COMRAD_TRY_ASSIGN(const Progress progress, Progress::load(state, config_.run.algo.name()));
   for (const auto& [key, tensor] : net_.named_state())
     COMRAD_TRY(state.copy_tensor("network/" + key, tensor));
   for (const auto& [key, tensor] : target_net_.named_parameters())
@@ -428,7 +429,7 @@ Status QLearning::load(const StateDict& state) {
   scale_ = QScale();
   if (QScale::is_in(state)) {
     COMRAD_TRY_ASSIGN(scale_, QScale::load(state));
-    if (!config_.normalize_q_values) {  // these networks go on in natural units
+    if (!config_.q_learning.normalize_q_values) {  // these networks go on in natural units
       rescale_outputs(scale_.sigma(), 1);
       scale_ = QScale();
     }

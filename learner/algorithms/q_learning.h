@@ -107,7 +107,6 @@ class QLearning : public OffPolicyAlgorithm {
   /// u8 [T, S]: samples that count.
   virtual Tensor sample_valid(const ReplayBatch& batch) const = 0;
   /// What checkpoints call the algorithm.
-  virtual const char* name() const = 0;
 
   /// The actions that a target looks at, i64 [T, R, heads]: with double_dqn the online network's choice, else
   /// the target network's own (van Hasselt et al. 2016, equation 4).

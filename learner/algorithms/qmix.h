@@ -11,13 +11,10 @@
 
 namespace comrad::learn {
 
-/// `config.algo` must be "qmix".
+/// `config.run.algo` must be "qmix".
 class Qmix final : public ValueDecomposition {
  public:
   using ValueDecomposition::ValueDecomposition;
-
- protected:
-  const char* name() const override { return "qmix"; }
 };
 
 }  // namespace comrad::learn

@@ -13,13 +13,10 @@
 
 namespace comrad::learn {
 
-/// `config.algo` must be "qplex_d" or "qplex_q".
+/// `config.run.algo` must be "qplex_d" or "qplex_q".
 class Qplex final : public ValueDecomposition {
  public:
   using ValueDecomposition::ValueDecomposition;
-
- protected:
-  const char* name() const override { return config_.algo == "qplex_q" ? "qplex_q" : "qplex_d"; }
 };
 
 }  // namespace comrad::learn

@@ -1,5 +1,7 @@
-// The learning algorithms, one line each.
+// The learning algorithms, one line each; what the rest of the system asks of them stands in
+// rollout_buffer/settings/algorithms.cc.
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "learner/algorithms/algorithm.h"
@@ -10,7 +12,7 @@
 #include "learner/algorithms/qmix.h"
 #include "learner/algorithms/qplex.h"
 #include "learner/algorithms/vdn.h"
-#include "rollout_buffer/core/text.h"
+#include "rollout_buffer/core/check.h"
 
 namespace comrad::learn {
 namespace {
@@ -21,25 +23,32 @@ std::unique_ptr<Algorithm> make(const RunConfig& config, const EnvShape& env, to
 }
 
 struct Entry {
-  const char* name;
-  std::unique_ptr<Algorithm> (*make)(const RunConfig&, const EnvShape&, torch::Device);
+  std::string name;
+  MakeAlgorithm make;
 };
 
-constexpr Entry kAlgorithms[] = {
-    {"ippo", make<Ippo>}, {"mappo", make<Mappo>}, {"happo", make<Happo>},   {"idqn", make<Idqn>},
-    {"vdn", make<Vdn>},   {"qmix", make<Qmix>},   {"qplex_d", make<Qplex>}, {"qplex_q", make<Qplex>},
-};
+std::vector<Entry>& algorithms() {
+  static std::vector<Entry> all = {
+      {"ippo", make<Ippo>}, {"mappo", make<Mappo>}, {"happo", make<Happo>},   {"idqn", make<Idqn>},
+      {"vdn", make<Vdn>},   {"qmix", make<Qmix>},   {"qplex_d", make<Qplex>}, {"qplex_q", make<Qplex>},
+  };
+  return all;
+}
 
 }  // namespace
 
+void add_learner(const std::string& name, MakeAlgorithm make) {
+  COMRAD_CHECK(find_algorithm(name) != nullptr,
+               "add_algorithm() comes first: the settings must know the name");
+  algorithms().push_back({name, make});
+}
+
 Expected<std::unique_ptr<Algorithm>> make_algorithm(const RunConfig& config, const EnvShape& env,
                                                     torch::Device device) {
-  std::vector<std::string> known;
-  for (const Entry& entry : kAlgorithms) {
-    if (config.algo == entry.name) return entry.make(config, env, device);
-    known.emplace_back(entry.name);
-  }
-  return Error{ErrorCode::kBadInput, "algo is \"" + config.algo + "\"; this build knows: " + joined(known)};
+  for (const Entry& entry : algorithms())
+    if (config.run.algo->name == entry.name) return entry.make(config, env, device);
+  return Error{ErrorCode::kBadInput,
+               "algo is " + config.run.algo.name() + "; this build has no learner for it"};
 }
 
 }  // namespace comrad::learn

@@ -43,19 +43,20 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
       return of_rows.view({steps, worlds, agents}).select(2, 0).contiguous();
     };
     const Tensor rewards = batch.reward.view({steps, worlds, agents});
-    target =
-        td_targets({.reward = (config_.team_reward == "mean" ? rewards.mean(2) : rewards.sum(2)).contiguous(),
-                    .terminated = first_of(batch.terminated),
-                    .truncated = first_of(batch.truncated),
-                    .next_value = next * (first_of(batch.bootstrap) * q_sigma()),
-                    .valid = sample_valid(batch).contiguous()},
-                   {.gamma = config_.gamma,
-                    .n_step = steps > 1 ? config_.n_step : 1,
-                    .lambda = config_.td_lambda,
-                    .legacy_timeouts = config_.legacy_timeouts});
-    if (config_.q_value_clamp > 0) {
+    target = td_targets(
+        {.reward = (config_.q_learning.team_reward == TeamReward::kMean ? rewards.mean(2) : rewards.sum(2))
+                       .contiguous(),
+         .terminated = first_of(batch.terminated),
+         .truncated = first_of(batch.truncated),
+         .next_value = next * (first_of(batch.bootstrap) * q_sigma()),
+         .valid = sample_valid(batch).contiguous()},
+        {.gamma = config_.optimisation.gamma,
+         .n_step = steps > 1 ? config_.q_learning.n_step : 1,
+         .lambda = config_.q_learning.td_lambda,
+         .legacy_timeouts = config_.optimisation.legacy_timeouts});
+    if (config_.q_learning.q_value_clamp > 0) {
       const Tensor whole = target;
-      target = whole.clamp(-config_.q_value_clamp, config_.q_value_clamp);
+      target = whole.clamp(-config_.q_learning.q_value_clamp, config_.q_learning.q_value_clamp);
       clipped = target.ne(whole);
     }
   }

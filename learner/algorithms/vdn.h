@@ -7,13 +7,10 @@
 
 namespace comrad::learn {
 
-/// `config.algo` must be "vdn".
+/// `config.run.algo` must be "vdn".
 class Vdn final : public ValueDecomposition {
  public:
   using ValueDecomposition::ValueDecomposition;
-
- protected:
-  const char* name() const override { return "vdn"; }
 };
 
 }  // namespace comrad::learn

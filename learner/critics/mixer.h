@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::learn {
 
@@ -20,7 +20,7 @@ using NamedTensors = std::vector<std::pair<std::string, Tensor>>;
 
 /// What a mixer is made from: RunConfig's settings (its defaults are the benchmark's) and sizes.
 struct MixerOptions {
-  std::string kind = {};  ///< vdn | qmix | dmaq (QPLEX-D) | dmaq_qatten (QPLEX-Q)
+  MixerKind kind = MixerKind::kVdn;
 
   int64_t num_agents = {};
   int64_t state_count = {};  ///< S

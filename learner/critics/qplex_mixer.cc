@@ -44,7 +44,7 @@ QplexTransform qatten_weights(const Tensor& selector, const Tensor& key, const T
 }
 
 QplexMixer::QplexMixer(const MixerOptions& options, at::Generator generator, torch::Device device)
-    : options_(options), attends_(options.kind == "dmaq_qatten") {
+    : options_(options), attends_(options.kind == MixerKind::kQplexAttention) {
   const int64_t state = options.state_count, agents = options.num_agents;
   const int64_t hidden = options.qplex_hypernet_embed, embed = options.qplex_embed_dim;
   auto make = [&](HypernetOptions net) { return Hypernet::create(net, generator, device); };

@@ -6,9 +6,7 @@
 #include <numeric>
 
 #include "rollout_buffer/core/check.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/rng.h"
-#include "rollout_buffer/core/text.h"
 
 namespace comrad::learn {
 namespace {
@@ -16,8 +14,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Arrays = std::vector<std::pair<std::string, std::vector<double>*>>;
 constexpr int kFormat = 1;
-
-std::vector<std::string> kinds() { return {"uniform", "sequential", "learning_progress", "omni", "plr"}; }
 
 /// Makes the weights sum to 1; uniform where they are all 0.
 void normalise(std::vector<double>& weights) {
@@ -136,7 +132,7 @@ class LearningProgress final : public Curriculum {
     for (double& w : weights_)
       w = (1.0 - options_.uniform_prob) * w + options_.uniform_prob / static_cast<double>(n);
     normalise(weights_);
-    if (options_.kind == "omni") leave_out_what_is_boring();
+    if (options_.kind == CurriculumKind::kOmni) leave_out_what_is_boring();
   }
   void leave_out_what_is_boring() {
     const std::size_t n = weights_.size();
@@ -339,18 +335,20 @@ Expected<std::unique_ptr<Curriculum>> Curriculum::create(const CurriculumOptions
   if (!(options.temperature > 0.0) || !(options.staleness_temperature > 0.0))
     return bad("temperatures must be positive");
   std::unique_ptr<Curriculum> made;
-  if (options.kind == "uniform")
-    made = std::make_unique<Uniform>(options, std::move(task_names));
-  else if (options.kind == "sequential")
-    made = std::make_unique<Sequential>(options, std::move(task_names));
-  else if (options.kind == "learning_progress" || options.kind == "omni")
-    made = std::make_unique<LearningProgress>(options, std::move(task_names));
-  else if (options.kind == "plr")
-    made = std::make_unique<PrioritizedReplay>(options, std::move(task_names));
-  else {
-    return bad("there is no '" + options.kind +
-               "'; it may be uniform, sequential, learning_progress, omni or plr" +
-               did_you_mean(options.kind, kinds()));
+  switch (options.kind) {
+    case CurriculumKind::kUniform:
+      made = std::make_unique<Uniform>(options, std::move(task_names));
+      break;
+    case CurriculumKind::kSequential:
+      made = std::make_unique<Sequential>(options, std::move(task_names));
+      break;
+    case CurriculumKind::kLearningProgress:
+    case CurriculumKind::kOmni:
+      made = std::make_unique<LearningProgress>(options, std::move(task_names));
+      break;
+    case CurriculumKind::kPlr:
+      made = std::make_unique<PrioritizedReplay>(options, std::move(task_names));
+      break;
   }
   return made;
 }
@@ -408,8 +406,10 @@ std::vector<std::pair<std::string, double>> Curriculum::metrics() {
 std::string Curriculum::state() const {
   auto& self = const_cast<Curriculum&>(*this);
   self.refresh();  // whoever looked at the weights last must not show in the state
-  Json json{{"format", kFormat},   {"kind", options_.kind}, {"tasks", task_names_}, {"seed", options_.seed},
-            {"counter", counter_}, {"weights", weights_},   {"counts", counts_},    {"means", means_}};
+  Json json{{"format", kFormat},    {"kind", word_of(options_.kind)},
+            {"tasks", task_names_}, {"seed", options_.seed},
+            {"counter", counter_},  {"weights", weights_},
+            {"counts", counts_},    {"means", means_}};
   for (const auto& [name, array] : self.arrays()) json["arrays"][name] = *array;
   return json.dump();
 }
@@ -422,9 +422,9 @@ Status Curriculum::restore(const std::string& text) {
   try {  // nlohmann throws on wrong types; nothing of it leaves this function
     if (!json.is_object() || json.at("format") != kFormat)
       return bad(ErrorCode::kBadFormat, "no JSON of format 1");
-    if (json.at("kind") != options_.kind)
-      return bad(ErrorCode::kBadInput,
-                 "it is of kind " + json.at("kind").get<std::string>() + ", this run's is " + options_.kind);
+    if (json.at("kind") != word_of(options_.kind))
+      return bad(ErrorCode::kBadInput, "it is of kind " + json.at("kind").get<std::string>() +
+                                           ", this run's is " + word_of(options_.kind));
     if (json.at("tasks").get<std::vector<std::string>>() != task_names_)
       return bad(ErrorCode::kBadInput, "its list of tasks is another one; resume with the same pool");
     const auto weights = json.at("weights").get<std::vector<double>>();

@@ -19,14 +19,12 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/words.h"
 
 namespace comrad::learn {
 
-/// How PLR turns scores and staleness into weights.
-enum class PlrTransform { kRank, kPower, kSoftmax, kMax, kEpsGreedy, kConstant };
-
 struct CurriculumOptions {
-  std::string kind = "uniform";  ///< uniform, sequential, learning_progress, omni, plr
+  CurriculumKind kind = CurriculumKind::kUniform;
   uint64_t seed = 0;
   // sequential
   double threshold = 0.8,
@@ -55,7 +53,7 @@ struct CurriculumOptions {
 /// One run's curriculum over n tasks. Not thread-safe: the learner's process owns it.
 class Curriculum {
  public:
-  /// Errors: kBadInput for an unknown kind, no tasks, or an option out of range, by its name.
+  /// Errors: kBadInput for no tasks, or an option out of range, by its name.
   static Expected<std::unique_ptr<Curriculum>> create(const CurriculumOptions& options,
                                                       std::vector<std::string> task_names);
   virtual ~Curriculum() = default;

@@ -42,7 +42,7 @@ class QueueSource final : public BatchSource {
   Status start() override {
     queue_ = std::make_unique<BatchQueue>(
         options_.arena, slabs_per_batch(options_.config, options_.arena.shape().trajectory.env),
-        options_.config.num_batches_to_accumulate);
+        options_.config.collection.num_batches_to_accumulate);
     return {};
   }
   uint64_t rollouts_allowed() const override { return kUnlimited; }
@@ -216,7 +216,7 @@ Expected<bool> LockStepSource::collect() {
 
 void LockStepSource::capture_journals() {
   boundary_.reset();
-  if (!options_.config.deterministic || options_.arena.shape().journal_steps <= 0) return;
+  if (!options_.config.collection.deterministic || options_.arena.shape().journal_steps <= 0) return;
   Expected<JournalSnapshot> captured =
       JournalSnapshot::capture(options_.arena, next_rollout_ + 1, kJournalTimeoutMs);
   if (captured)
@@ -290,10 +290,10 @@ void LockStepSource::release_slabs() {
 Status LockStepSource::load(const StateDict& state, const std::string& path, bool is_own) {
   journals_.reset();
   next_rollout_ = 0;
-  if (options_.config.deterministic && JournalSnapshot::is_in(state)) {
+  if (options_.config.collection.deterministic && JournalSnapshot::is_in(state)) {
     COMRAD_TRY_ASSIGN(journals_, JournalSnapshot::load(state));
     next_rollout_ = journals_->next_rollout;
-  } else if (options_.config.deterministic) {
+  } else if (options_.config.collection.deterministic) {
     spdlog::warn("{} holds no journals; its environments begin anew, the run is not the uninterrupted one",
                  path);
   }
@@ -318,18 +318,18 @@ void BatchSource::save(StateDict& state) const {
 }
 
 int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env) {
-  return std::max<int64_t>(
-      1, config.batch_size * config.num_batches_per_epoch / (config.rollout * env.num_agents));
+  return std::max<int64_t>(1, config.optimisation.batch_size * config.optimisation.num_batches_per_epoch /
+                                  (config.collection.rollout * env.num_agents));
 }
 
 Expected<std::unique_ptr<BatchSource>> make_batch_source(const SourceOptions& options) {
   std::unique_ptr<ReplayFeed> feed;
   if (options.is_off_policy) {
-    COMRAD_TRY_ASSIGN(feed,
-                      ReplayFeed::create(options.config, options.arena.shape().trajectory, options.run_dir));
+    COMRAD_TRY_ASSIGN(feed, ReplayFeed::create(options.config, options.arena.shape().trajectory,
+                                               options.arena.shape().weights_bytes, options.run_dir));
   }
   std::unique_ptr<BatchSource> source;
-  if (options.config.deterministic || !options.config.async_rl)
+  if (options.config.collection.deterministic || !options.config.collection.async_rl)
     source = std::make_unique<LockStepSource>(options, std::move(feed));
   else if (options.is_off_policy)
     source = std::make_unique<ReplaySource>(options, std::move(feed));

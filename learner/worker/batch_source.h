@@ -13,9 +13,9 @@
 #include "learner/checkpoint/checkpoint.h"
 #include "learner/worker/replay_feed.h"
 #include "learner/worker/stop_signal.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/version.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::learn {

@@ -46,15 +46,16 @@ void fill_slab(const SlabView& slab, uint64_t seed) {
 Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   TrajectoryShape shape;
   shape.env = env;
-  shape.rollout_steps = static_cast<int32_t>(config.rollout);
+  shape.rollout_steps = static_cast<int32_t>(config.collection.rollout);
   shape.recurrent_state_count =
       static_cast<int32_t>(policy::PolicyNetOptions::from(config, env).recurrent_state_count());
   COMRAD_TRY(validate(shape));
-  COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(config.device));
+  COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(config.collection.device));
   COMRAD_TRY_ASSIGN(const std::unique_ptr<Algorithm> algorithm, make_algorithm(config, env, device));
 
-  const int64_t slab_count = std::max<int64_t>(
-      1, config.batch_size * config.num_batches_per_epoch / (config.rollout * env.num_agents));
+  const int64_t slab_count =
+      std::max<int64_t>(1, config.optimisation.batch_size * config.optimisation.num_batches_per_epoch /
+                               (config.collection.rollout * env.num_agents));
   const SlabLayout layout(shape);
   std::vector<std::byte> bytes(static_cast<std::size_t>(layout.slab_bytes * slab_count));
   const auto slab = [&](int64_t index) { return SlabView(layout, bytes.data() + layout.slab_bytes * index); };
@@ -68,14 +69,14 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   std::unique_ptr<ReplayFeed> feed;
   if (off_policy != nullptr) {
     RunConfig eager = config;
-    eager.learning_starts = 1;
-    COMRAD_TRY_ASSIGN(feed, ReplayFeed::create(eager, shape));
+    eager.q_learning.learning_starts = 1;
+    COMRAD_TRY_ASSIGN(feed, ReplayFeed::create(eager, shape, algorithm->weights_bytes()));
   }
 
   int64_t rows = 0, decisions = 0, updates = 0;
   // One batch of new slabs and the updates that it allows.
   const auto round = [&]() -> Status {
-    context.env_frames = static_cast<double>(decisions * config.env_frameskip);
+    context.env_frames = static_cast<double>(decisions * config.environment.env_frameskip);
     const auto trained = [&](const UpdateStats& stats) {
       rows += stats.rows_trained;
       updates += stats.optimizer_steps;
@@ -117,10 +118,10 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   }
   nlohmann::ordered_json line;
   line["bench"] = "learner";
-  line["algo"] = config.algo;
+  line["algo"] = config.run.algo.name();
   line["rows_per_s"] = static_cast<double>(rows) / elapsed_s;
   line["decisions_per_s"] = static_cast<double>(decisions) / elapsed_s;
-  line["env_frames_per_s"] = static_cast<double>(decisions * config.env_frameskip) / elapsed_s;
+  line["env_frames_per_s"] = static_cast<double>(decisions * config.environment.env_frameskip) / elapsed_s;
   line["updates_per_s"] = static_cast<double>(updates) / elapsed_s;
   line["seconds"] = elapsed_s;
   line["cpu_seconds"] = clock.cpu_elapsed();

@@ -1,9 +1,9 @@
 // How fast the learner alone is: synthetic slabs, collated and trained on in this process. Stage: update.
 #pragma once
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::learn {
 

@@ -32,11 +32,12 @@ CheckpointKeeper::CheckpointKeeper(const RunConfig& config, const std::string& r
       totals_(totals),
       episodes_(episodes),
       folder_(run_dir + "/checkpoint"),
-      store_(folder_, config.keep_checkpoints) {}
+      store_(folder_, config.run.keep_checkpoints) {}
 
 Expected<std::optional<CheckpointKeeper::Found>> CheckpointKeeper::find(bool is_reader) {
   std::vector<std::string> candidates;
-  if (config_.load_checkpoint_kind == "best" && !store_.best().empty()) candidates.push_back(store_.best());
+  if (config_.run.load_checkpoint_kind == CheckpointKind::kBest && !store_.best().empty())
+    candidates.push_back(store_.best());
   for (const CheckpointFile& file : store_.list()) candidates.push_back(file.path);
   for (const std::string& path : candidates) {
     Expected<StateDict> state = read_checkpoint(path);
@@ -96,7 +97,7 @@ void CheckpointKeeper::append_to(StateDict& state) const {
 Status CheckpointKeeper::save(PolicyVersion version) {
   const auto write_both = [&]() -> Expected<std::string> {
     StateDict state = contents_.state();
-    if (contents_.save_replay && config_.save_replay) {
+    if (contents_.save_replay && config_.replay.save_replay) {
       std::error_code error;
       std::filesystem::create_directories(folder_, error);
       COMRAD_TRY(contents_.save_replay(state, folder_, replay_file_name(version, totals_.env_frames)));
@@ -134,22 +135,22 @@ void CheckpointKeeper::save_if_due(PolicyVersion version, uint32_t wish) {
   const double now_s = monotonic_s();
   if (last_save_s_ == 0) last_save_s_ = last_best_look_s_ = now_s;
   const bool is_wanted = std::exchange(wish_done_, wish) != wish;
-  if (is_wanted || (now_s - last_save_s_ >= config_.save_every_sec && !is_settled(version)))
+  if (is_wanted || (now_s - last_save_s_ >= config_.run.save_every_sec && !is_settled(version)))
     (void)save(version);  // it is in the log; the last one, at the end, decides about the exit code
-  if (now_s - last_best_look_s_ >= config_.save_best_every_sec) {
+  if (now_s - last_best_look_s_ >= config_.run.save_best_every_sec) {
     last_best_look_s_ = now_s;
     save_if_best();
   }
 }
 
 void CheckpointKeeper::save_if_best() {
-  if (static_cast<double>(totals_.env_frames) < config_.save_best_after) return;
+  if (static_cast<double>(totals_.env_frames) < config_.run.save_best_after) return;
   if (!episodes_.is_full()) {
     if (!best_score_ && !std::exchange(told_of_no_best_, true))
       spdlog::info(
           "no best checkpoint before stats_avg {} episodes have ended ({} so far); a run that ends before "
           "leaves none, --stats_avg asks for fewer",
-          config_.stats_avg, episodes_.size());
+          config_.run.stats_avg, episodes_.size());
     return;
   }
   const double score = episodes_.score_mean();

@@ -10,9 +10,9 @@
 #include "learner/checkpoint/checkpoint.h"
 #include "learner/worker/metrics.h"
 #include "learner/worker/run_totals.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/version.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::learn {
 

@@ -18,19 +18,6 @@ namespace {
 
 constexpr int64_t kDeskFields = 4;  // taken, playing, granted, layout
 
-PlrTransform transform_of(const std::string& name) {
-  constexpr std::pair<const char*, PlrTransform> kNames[] = {{"rank", PlrTransform::kRank},
-                                                             {"power", PlrTransform::kPower},
-                                                             {"softmax", PlrTransform::kSoftmax},
-                                                             {"max", PlrTransform::kMax},
-                                                             {"eps_greedy", PlrTransform::kEpsGreedy},
-                                                             {"constant", PlrTransform::kConstant}};
-  for (const auto& [known, transform] : kNames)
-    if (name == known) return transform;
-  COMRAD_CHECK(false, "resolve_settings() knows the transforms");
-  return PlrTransform::kRank;
-}
-
 }  // namespace
 
 Expected<std::map<std::string, std::set<std::string>>> read_interestingness_graph(const std::string& path) {
@@ -59,28 +46,34 @@ Expected<std::map<std::string, std::set<std::string>>> read_interestingness_grap
 
 Expected<CurriculumOptions> curriculum_options(const RunConfig& config, const LayoutList& list) {
   CurriculumOptions options;
-  options.kind = config.curriculum;
-  options.seed = RngKey(static_cast<uint64_t>(config.seed)).split("curriculum").bits();
-  options.threshold = config.seq_threshold;
-  options.window = static_cast<int>(config.seq_window);
-  options.min_outcomes = static_cast<int>(config.seq_min_outcomes);
-  options.p_theta = config.lp_p_theta;
-  options.min_return = config.lp_min_return;
-  options.uniform_prob = config.lp_uniform_prob;
+  options.kind = config.curriculum.curriculum;
+  options.seed = RngKey(static_cast<uint64_t>(config.run.seed)).split("curriculum").bits();
+  options.threshold = config.curriculum.seq_threshold;
+  options.window = static_cast<int>(config.curriculum.seq_window);
+  options.min_outcomes = static_cast<int>(config.curriculum.seq_min_outcomes);
+  options.p_theta = config.curriculum.lp_p_theta;
+  options.min_return = config.curriculum.lp_min_return;
+  options.uniform_prob = config.curriculum.lp_uniform_prob;
   // Two settings, one for each family of strategies. 0: what each layout allows; a score that somebody names
   // counts for all of them. What a published stage is divided by goes before either.
-  options.max_return = config.curriculum == "sequential" ? config.seq_max_return : config.lp_max_return;
-  const bool needs_maximum = config.curriculum == "sequential" || config.curriculum == "learning_progress" ||
-                             config.curriculum == "omni";
+  options.max_return = config.curriculum.curriculum == CurriculumKind::kSequential
+                           ? config.curriculum.seq_max_return
+                           : config.curriculum.lp_max_return;
+  const bool needs_maximum = config.curriculum.curriculum == CurriculumKind::kSequential ||
+                             config.curriculum.curriculum == CurriculumKind::kLearningProgress ||
+                             config.curriculum.curriculum == CurriculumKind::kOmni;
   const bool is_set = options.max_return != 0;
   for (const LayoutEntry& layout : list.layouts) {
     const double best = layout.metric_scale > 0 ? layout.metric_scale : is_set ? 0.0 : layout.ceiling;
     if (needs_maximum && !is_set && !(best > 0))
-      return Error{ErrorCode::kBadInput,
-                   std::string(config.curriculum == "sequential" ? "seq_max_return" : "lp_max_return") +
-                       " is 0, and layout " + layout.id + " of scenario " + config.scenario +
-                       " has no ceiling; give the best possible score"};
-    if (needs_maximum && config.curriculum != "sequential" && best > 0 && !(best > options.min_return))
+      return Error{
+          ErrorCode::kBadInput,
+          std::string(config.curriculum.curriculum == CurriculumKind::kSequential ? "seq_max_return"
+                                                                                  : "lp_max_return") +
+              " is 0, and layout " + layout.id + " of scenario " + config.run.scenario +
+              " has no ceiling; give the best possible score"};
+    if (needs_maximum && config.curriculum.curriculum != CurriculumKind::kSequential && best > 0 &&
+        !(best > options.min_return))
       return Error{ErrorCode::kBadInput, "lp_min_return is " + real_text(options.min_return) +
                                              "; it must be below the ceiling of layout " + layout.id + ", " +
                                              real_text(best)};
@@ -88,22 +81,24 @@ Expected<CurriculumOptions> curriculum_options(const RunConfig& config, const La
     if (!is_set) options.max_return = std::max(options.max_return, best);
   }
   if (!needs_maximum) options.max_return = options.min_return + 1.0;
-  if (config.curriculum == "sequential") options.min_return = std::min(options.min_return, 0.0);
-  options.omni_mastery = config.omni_mastery;
-  options.max_score_coef = config.plr_max_score_coef;
-  options.alpha = config.plr_alpha;
-  options.temperature = config.plr_temperature;
-  options.transform = transform_of(config.plr_score_transform);
-  options.staleness_coef = config.plr_staleness_coef;
-  options.staleness_temperature = config.plr_staleness_temperature;
-  options.staleness_transform = transform_of(config.plr_staleness_transform);
-  options.proportionate = config.plr_replay_schedule == "proportionate";
-  options.replay_prob = config.plr_replay_prob;
-  options.rho = config.plr_rho;
-  options.eps = config.plr_eps;
-  if (config.curriculum != "omni") return options;
-  const std::string& graph = config.interestingness_graph_path.empty() ? list.interestingness_graph
-                                                                       : config.interestingness_graph_path;
+  if (config.curriculum.curriculum == CurriculumKind::kSequential)
+    options.min_return = std::min(options.min_return, 0.0);
+  options.omni_mastery = config.curriculum.omni_mastery;
+  options.max_score_coef = config.curriculum.plr_max_score_coef;
+  options.alpha = config.curriculum.plr_alpha;
+  options.temperature = config.curriculum.plr_temperature;
+  options.transform = config.curriculum.plr_score_transform;
+  options.staleness_coef = config.curriculum.plr_staleness_coef;
+  options.staleness_temperature = config.curriculum.plr_staleness_temperature;
+  options.staleness_transform = config.curriculum.plr_staleness_transform;
+  options.proportionate = config.curriculum.plr_replay_schedule == PlrSchedule::kProportionate;
+  options.replay_prob = config.curriculum.plr_replay_prob;
+  options.rho = config.curriculum.plr_rho;
+  options.eps = config.curriculum.plr_eps;
+  if (config.curriculum.curriculum != CurriculumKind::kOmni) return options;
+  const std::string& graph = config.curriculum.interestingness_graph_path.empty()
+                                 ? list.interestingness_graph
+                                 : config.curriculum.interestingness_graph_path;
   if (graph.empty()) return options;
   COMRAD_TRY_ASSIGN(options.uninteresting, read_interestingness_graph(graph));
   std::set<std::string> known;
@@ -120,15 +115,14 @@ Expected<CurriculumOptions> curriculum_options(const RunConfig& config, const La
   return options;
 }
 
-std::vector<LayoutSignal> layout_signals(const RolloutBatch& batch, const std::string& score_key,
-                                         int layout_count) {
+std::vector<LayoutSignal> layout_signals(const RolloutBatch& batch, PlrScore score_key, int layout_count) {
   torch::NoGradGuard no_grad;
   Tensor signal;
-  if (score_key == "mean_entropy")
+  if (score_key == PlrScore::kMeanEntropy)
     signal = policy::entropy(policy::head_log_probs(batch.logits, batch.mask_or_undefined(), batch.shape.env),
                              batch.shape.env);
   else if (batch.raw_advantage.defined())  // `advantage` has no unit any more where it was standardised
-    signal = score_key == "mean_advantage" ? batch.raw_advantage : batch.raw_advantage.abs();
+    signal = score_key == PlrScore::kMeanAdvantage ? batch.raw_advantage : batch.raw_advantage.abs();
   if (!signal.defined()) return {};
   signal = signal.to(torch::kCPU, torch::kFloat32).contiguous();
   const Tensor acting = batch.acting(), layout = batch.layout.contiguous();
@@ -157,14 +151,16 @@ std::vector<LayoutSignal> layout_signals(const RolloutBatch& batch, const std::s
 
 Expected<std::unique_ptr<LayoutService>> LayoutService::open(const RunConfig& config,
                                                              const std::string& run_dir) {
-  if (config.layout_pool.empty()) return std::unique_ptr<LayoutService>();
+  if (config.environment.layout_pool.empty()) return std::unique_ptr<LayoutService>();
   COMRAD_TRY_ASSIGN(const LayoutList list, read_layout_list(run_dir));
   COMRAD_TRY_ASSIGN(const CurriculumOptions options, curriculum_options(config, list));
   std::vector<std::string> names;
   for (const LayoutEntry& layout : list.layouts) names.push_back(layout.id);
   COMRAD_TRY_ASSIGN(std::unique_ptr<Curriculum> curriculum, Curriculum::create(options, std::move(names)));
   return std::unique_ptr<LayoutService>(
-      new LayoutService(std::move(curriculum), config.curriculum == "plr" ? config.plr_score_key : ""));
+      new LayoutService(std::move(curriculum), config.curriculum.curriculum == CurriculumKind::kPlr
+                                                   ? std::optional(config.curriculum.plr_score_key)
+                                                   : std::nullopt));
 }
 
 void LayoutService::serve(const shm::Arena& arena) {
@@ -198,8 +194,8 @@ void LayoutService::serve(const shm::Arena& arena) {
 }
 
 void LayoutService::score(const RolloutBatch& batch) {
-  if (score_key_.empty()) return;
-  for (const LayoutSignal& signal : layout_signals(batch, score_key_, curriculum_->task_count()))
+  if (!score_key_) return;
+  for (const LayoutSignal& signal : layout_signals(batch, *score_key_, curriculum_->task_count()))
     curriculum_->score(signal.layout, signal.decisions, signal.mean, signal.maximum);
 }
 

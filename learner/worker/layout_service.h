@@ -16,9 +16,9 @@
 #include "learner/batch/collate.h"
 #include "learner/checkpoint/checkpoint.h"
 #include "learner/curriculum/curriculum.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/core/layout_list.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::learn {
@@ -42,8 +42,7 @@ struct LayoutSignal {
 ///   mean_value_l1 |advantage|   mean_advantage advantage   mean_entropy entropy of the behaviour policy
 /// Advantages are raw ones: ten times the reward scores ten times as much, whatever the algorithm.
 /// Decisions of layouts outside 0..layout_count-1 are left out.
-std::vector<LayoutSignal> layout_signals(const RolloutBatch& batch, const std::string& score_key,
-                                         int layout_count);
+std::vector<LayoutSignal> layout_signals(const RolloutBatch& batch, PlrScore score_key, int layout_count);
 
 class LayoutService {
  public:
@@ -79,13 +78,13 @@ class LayoutService {
   Curriculum& curriculum() { return *curriculum_; }
 
  private:
-  LayoutService(std::unique_ptr<Curriculum> curriculum, std::string score_key)
-      : curriculum_(std::move(curriculum)), score_key_(std::move(score_key)) {}
+  LayoutService(std::unique_ptr<Curriculum> curriculum, std::optional<PlrScore> score_key)
+      : curriculum_(std::move(curriculum)), score_key_(score_key) {}
 
   std::unique_ptr<Curriculum> curriculum_;
-  std::string score_key_;       // empty: the strategy does not listen to training
-  std::vector<int64_t> desks_;  // [env, kDeskFields]; empty: none remembered
-  uint64_t lost_outcomes_ = 0;  // that desks had no room for
+  std::optional<PlrScore> score_key_;  // none: the strategy does not listen to training
+  std::vector<int64_t> desks_;         // [env, kDeskFields]; empty: none remembered
+  uint64_t lost_outcomes_ = 0;         // that desks had no room for
   uint64_t late_draws_ = 0;
 };
 

@@ -9,6 +9,7 @@
 #include "rollout_buffer/core/checksum.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::learn {
@@ -28,7 +29,7 @@ Learner::Learner(const LearnerOptions& options, const RunConfig& config, shm::Ar
                  std::optional<dds::Bus> bus, const std::atomic<bool>& stop)
     : options_(options),
       config_(config),
-      lock_step_(config.deterministic || !config.async_rl),
+      lock_step_(config.collection.deterministic || !config.collection.async_rl),
       arena_(std::move(arena)),
       bus_(std::move(bus)),
       stop_(stop, arena_),
@@ -72,14 +73,14 @@ Status Learner::open() {
   shm::ring(control.slab_released);
   counters.state = shm::WorkerState::kRunning;
   reporter_.set_state("running");
-  spdlog::info("learner: {} with {} parameters, version {}, {} env frames so far", config_.algo,
+  spdlog::info("learner: {} with {} parameters, version {}, {} env frames so far", config_.run.algo.name(),
                algorithm_->parameter_count(), algorithm_->version(), totals_.env_frames);
   if (!options_.serve) reporter_.judge_settings();
   return {};
 }
 
 Status Learner::make_network() {
-  COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(config_.device));
+  COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(config_.collection.device));
   COMRAD_TRY_ASSIGN(algorithm_, make_algorithm(config_, arena_.shape().trajectory.env, device));
   spdlog::info("learner: trains on {}", device.str());
   if (const int64_t bytes = algorithm_->weights_bytes(); bytes > arena_.shape().weights_bytes)
@@ -93,12 +94,12 @@ Status Learner::make_network() {
 Status Learner::check_arena() const {
   const TrajectoryShape& shape = arena_.shape().trajectory;
   const int64_t state_count = policy::PolicyNetOptions::from(config_, shape.env).recurrent_state_count();
-  if (shape.rollout_steps != config_.rollout || shape.recurrent_state_count != state_count)
+  if (shape.rollout_steps != config_.collection.rollout || shape.recurrent_state_count != state_count)
     return Error{ErrorCode::kBadInput,
                  "the arena was made for rollout " + std::to_string(shape.rollout_steps) + " and " +
                      std::to_string(shape.recurrent_state_count) +
-                     " floats of recurrent state, config.toml says " + std::to_string(config_.rollout) +
-                     " and " + std::to_string(state_count)};
+                     " floats of recurrent state, config.toml says " +
+                     std::to_string(config_.collection.rollout) + " and " + std::to_string(state_count)};
   const int64_t needed = lock_step_ ? arena_.shape().env_count() : slabs_per_batch(config_, shape.env);
   if (!options_.serve && arena_.shape().slab_count < needed)
     return Error{ErrorCode::kBadInput, "the arena has " + std::to_string(arena_.shape().slab_count) +
@@ -298,7 +299,7 @@ bool Learner::wait_while_paused() {
 
 void Learner::count(int64_t transitions) {
   totals_.decisions += static_cast<uint64_t>(transitions);
-  totals_.env_frames += static_cast<uint64_t>(transitions * config_.env_frameskip);
+  totals_.env_frames += static_cast<uint64_t>(transitions * config_.environment.env_frameskip);
   if (transitions > 0) reporter_.counted();
   shm::ControlBlock& control = arena_.control();
   control.learner_env_frames = totals_.env_frames;
@@ -325,7 +326,7 @@ StateDict Learner::state() const {
   state.put("counters/decisions", static_cast<int64_t>(totals_.decisions));
   state.put("counters/train_seconds", totals_.train_seconds());
   // Every random draw is a function of the seed and of counters above; there is no other generator state.
-  state.put("rng/seed", config_.seed);
+  state.put("rng/seed", config_.run.seed);
   state.put("config/toml", settings_to_toml(config_));
   checkpoints_.append_to(state);
   source_->save(state);

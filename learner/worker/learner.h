@@ -19,9 +19,9 @@
 #include "learner/worker/reporter.h"
 #include "learner/worker/run_totals.h"
 #include "learner/worker/stop_signal.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::learn {

@@ -72,13 +72,13 @@ bool LearningCheck::shows(const std::string& name, bool bad, int reports) {
 
 std::vector<std::string> LearningCheck::judge_settings() {
   std::vector<std::string> told;
-  const double last = epsilon_at(config_, config_.train_for_env_steps);
-  const bool is_meant = config_.epsilon_end > kLastEpsilonMax;
-  if (learns_q_values(config_) && shows("epsilon", last > kLastEpsilonMax && !is_meant, 1))
-    told.push_back(
-        format("the run ends at epsilon %.2f: agents then still choose %.0f%% of their actions by chance; "
-               "set epsilon_decay_steps (%.3g env frames) below train_for_env_steps (%.3g)",
-               last, per_cent(last), config_.epsilon_decay_steps, config_.train_for_env_steps));
+  const double last = epsilon_at(config_, config_.run.train_for_env_steps);
+  const bool is_meant = config_.q_learning.epsilon_end > kLastEpsilonMax;
+  if (config_.run.algo->learns_q_values() && shows("epsilon", last > kLastEpsilonMax && !is_meant, 1))
+    told.push_back(format(
+        "the run ends at epsilon %.2f: agents then still choose %.0f%% of their actions by chance; "
+        "set epsilon_decay_steps (%.3g env frames) below train_for_env_steps (%.3g)",
+        last, per_cent(last), config_.q_learning.epsilon_decay_steps, config_.run.train_for_env_steps));
   return told;
 }
 
@@ -93,23 +93,23 @@ std::vector<std::string> LearningCheck::judge(const MetricValues& values) {
 /// What comes into the updates.
 void LearningCheck::judge_batches(const MetricValues& values, std::vector<std::string>& told) {
   const std::optional<double> rewarded = find(values, "stats/rewarded_episodes_fraction");
-  const double enough = std::max(kEpisodesMin, static_cast<double>(config_.stats_avg));
+  const double enough = std::max(kEpisodesMin, static_cast<double>(config_.run.stats_avg));
   if (rewarded && find(values, "stats/episodes").value_or(0) >= enough &&
       shows("rewarded", *rewarded == 0, kReports))
     told.push_back(
         format("none of the last %d episodes brought any reward, so there is nothing to learn from; "
                "explore more (exploration_loss_coeff, epsilon_decay_steps) or begin on an easier map",
-               static_cast<int>(config_.stats_avg)));
+               static_cast<int>(config_.run.stats_avg)));
 
   // Later epochs move away from the behaviour policy on purpose, so their share shows nothing.
   std::optional<double> clipped = find(values, "train/fraction_clipped_first");
-  if (!clipped && config_.num_epochs == 1) clipped = find(values, "train/fraction_clipped");
+  if (!clipped && config_.optimisation.num_epochs == 1) clipped = find(values, "train/fraction_clipped");
   if (clipped && shows("clipped", *clipped > kClippedMax, kReports))
     told.push_back(format(
         "%.0f%% of the samples lie outside PPO's clip interval before the first step on them: they come from "
         "a policy that is too different by now, and many teach nothing; lower learning_rate or "
         "num_envs_per_worker, or raise ppo_clip_ratio (%g)",
-        per_cent(*clipped), config_.ppo_clip_ratio));
+        per_cent(*clipped), config_.on_policy.ppo_clip_ratio));
 
   const std::optional<double> valid = find(values, "train/valids_fraction");
   if (valid && shows("valid", *valid < kValidsMin, kReports))
@@ -117,13 +117,14 @@ void LearningCheck::judge_batches(const MetricValues& values, std::vector<std::s
         format("only %.0f%% of the decisions in a batch can be trained on; the others are older than "
                "max_policy_lag (%d optimizer steps) or of agents that are dead: fewer environments "
                "(num_workers, num_envs_per_worker) make them younger",
-               per_cent(*valid), static_cast<int>(config_.max_policy_lag)));
+               per_cent(*valid), static_cast<int>(config_.collection.max_policy_lag)));
 
-  if (learns_q_values(config_)) return;  // a replay is old on purpose
+  if (config_.run.algo->learns_q_values()) return;  // a replay is old on purpose
   const std::optional<double> lag = find(values, "train/version_diff_avg");
   // HAPPO makes a version for each agent's turn and one for the critic.
-  const double steps = static_cast<double>(config_.num_epochs * config_.num_batches_per_epoch *
-                                           (config_.algo == "happo" ? config_.num_agents + 1 : 1));
+  const double steps =
+      static_cast<double>(config_.optimisation.num_epochs * config_.optimisation.num_batches_per_epoch *
+                          config_.run.algo->versions_per_batch(config_.environment.num_agents));
   if (lag && shows("lag", *lag > kLagBatchesMax * steps, kReports))
     told.push_back(
         format("decisions are %.0f optimizer steps (%.0f batches) old when they are trained on, too old "
@@ -142,7 +143,8 @@ void LearningCheck::judge_optimizer(const MetricValues& values, std::vector<std:
     told.push_back(
         format("gradients of the network's part \"%s\" are so small that Adam's epsilon leaves %.2g of "
                "their step: it hardly learns; lower adam_eps (%g) or raise reward_scale (%g)",
-               name.substr(kGain.size()).c_str(), gain, config_.adam_eps, config_.reward_scale));
+               name.substr(kGain.size()).c_str(), gain, config_.optimisation.adam_eps,
+               config_.environment.reward_scale));
   }
 }
 
@@ -150,12 +152,13 @@ void LearningCheck::judge_optimizer(const MetricValues& values, std::vector<std:
 void LearningCheck::judge_targets(const MetricValues& values, std::vector<std::string>& told) {
   const std::optional<double> clipped = find(values, "train/targets_clipped_fraction");
   if (clipped && shows("targets", *clipped > kTargetsClippedMax, kReports)) {
-    const bool is_q = learns_q_values(config_);
+    const bool is_q = config_.run.algo->learns_q_values();
     told.push_back(
         format("%.0f%% of the value targets are cut off at the limit %s (%g), so values above it cannot "
                "be told apart; raise it or lower reward_scale (%g)",
                per_cent(*clipped), is_q ? "q_value_clamp" : "returns_clip",
-               is_q ? config_.q_value_clamp : config_.returns_clip, config_.reward_scale));
+               is_q ? config_.q_learning.q_value_clamp : config_.optimisation.returns_clip,
+               config_.environment.reward_scale));
   }
   const std::optional<double> explained = find(values, "train/explained_variance");
   if (explained && !is_early(values) && !is_unpaid(values) &&
@@ -163,7 +166,7 @@ void LearningCheck::judge_targets(const MetricValues& values, std::vector<std::s
     told.push_back(
         format("the critic predicts returns worse than their mean would (explained variance %.2f), so "
                "advantages are mostly noise; raise value_loss_coeff (%g) or batch_size, or lower gamma (%g)",
-               *explained, config_.value_loss_coeff, config_.gamma));
+               *explained, config_.on_policy.value_loss_coeff, config_.optimisation.gamma));
 }
 
 }  // namespace comrad::learn

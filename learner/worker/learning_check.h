@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "learner/worker/metrics.h"
-#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::learn {
 

@@ -16,7 +16,7 @@ namespace {
 using namespace comrad;
 
 void tune_math(const RunConfig& config) {
-  policy::tune_math(static_cast<int>(std::max<int64_t>(1, config.learner_threads)));
+  policy::tune_math(static_cast<int>(std::max<int64_t>(1, config.collection.learner_threads)));
 }
 
 Status train_or_serve(const shm::WorkerShell& shell, const RunConfig& config, learn::LearnerOptions options) {

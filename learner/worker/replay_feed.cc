@@ -24,40 +24,42 @@ constexpr std::size_t kBatchesAhead = 1;
 constexpr int64_t kBatchesBeforeTraining = 4;
 
 replay::Unit unit_of(const RunConfig& config) {
-  if (config.use_rnn) return replay::Unit::kSequence;
+  if (config.network.use_rnn) return replay::Unit::kSequence;
   // One agent's decision is enough where agents learn alone and by one network that does not ask who they
   // are.
-  const bool alone = config.algo == "idqn" && config.share_parameters && !config.agent_id_input;
+  const bool alone =
+      config.run.algo->learns_alone() && config.network.share_parameters && !config.network.agent_id_input;
   return alone ? replay::Unit::kAgentStep : replay::Unit::kJointStep;
 }
 
 /// Units in an update.
 int64_t world_count(const RunConfig& config, int64_t num_agents) {
-  if (config.use_rnn) return config.qmix_sequence_batch_size;
-  if (config.algo != "idqn") return config.qmix_buffer_batch_size;
+  if (config.network.use_rnn) return config.q_learning.qmix_sequence_batch_size;
+  if (!config.run.algo->learns_alone()) return config.q_learning.qmix_buffer_batch_size;
   return unit_of(config) == replay::Unit::kAgentStep
-             ? config.dqn_batch_size
-             : std::max<int64_t>(1, config.dqn_batch_size / num_agents);
+             ? config.q_learning.dqn_batch_size
+             : std::max<int64_t>(1, config.q_learning.dqn_batch_size / num_agents);
 }
 
 }  // namespace
 
 Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config,
-                                                         const TrajectoryShape& shape,
+                                                         const TrajectoryShape& shape, int64_t weights_bytes,
                                                          const std::string& run_dir) {
   const int64_t agents = shape.env.num_agents;
-  const bool alone = config.algo == "idqn";
+  const bool alone = config.run.algo->learns_alone();
   const ReplayBatchOptions batch_options{
       .shape = shape,
       .unit = unit_of(config),
       .world_count = world_count(config, agents),
-      .n_step = config.n_step,
-      .pay = {.gamma = config.gamma, .reward_clip = alone ? config.dqn_reward_clip : 0.0},
+      .n_step = config.q_learning.n_step,
+      .pay = {.gamma = config.optimisation.gamma,
+              .reward_clip = alone ? config.q_learning.dqn_reward_clip : 0.0},
       .agents_end = alone};
   const replay::Unit unit = batch_options.unit;
   COMRAD_TRY_ASSIGN(const replay::ReplayPlan plan,
                     replay::replay_plan(config, shape, replay::probe_space(run_dir),
-                                        replay::reserved_bytes(config, shape), run_dir));
+                                        replay::reserved_bytes(config, shape, weights_bytes), run_dir));
   COMRAD_TRY_ASSIGN(
       std::unique_ptr<replay::Replay> replay,
       replay::Replay::create({.store = {.shape = shape,
@@ -67,31 +69,35 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
                                         .compress = plan.compress,
                                         .late_pay = alone ? std::optional(batch_options.pay) : std::nullopt},
                               .unit = unit,
-                              .prioritized = config.per,
-                              .omega = config.per_omega}));
+                              .prioritized = config.replay.per,
+                              .omega = config.replay.per_omega}));
   const int64_t capacity = replay->capacity_transitions();
   spdlog::info("replay: room for {} agent decisions in {} ({})", capacity, bytes_text(plan.capacity_bytes),
                plan.reason);
   const int64_t samples =
-      batch_options.world_count * (unit == replay::Unit::kSequence    ? config.rollout * agents
+      batch_options.world_count * (unit == replay::Unit::kSequence    ? config.collection.rollout * agents
                                    : unit == replay::Unit::kJointStep ? agents
                                                                       : 1);
   if (capacity < 10 * samples)
     spdlog::warn("replay: only {:.1f} batches of {} decisions fit; raise --replay_gb or lower the batch",
                  static_cast<double>(capacity) / static_cast<double>(samples), samples);
-  int64_t starts = config.learning_starts;
+  int64_t starts = config.q_learning.learning_starts;
   if (starts >= capacity) {
     starts = capacity / 2;
     spdlog::info("replay: learning_starts is {}, more than fits; training begins with {} decisions",
-                 config.learning_starts, starts);
+                 config.q_learning.learning_starts, starts);
   }
-  const double updates_per_batch = static_cast<double>(std::min(
-      std::max<int64_t>(1, config.batch_size / config.train_frequency), config.dqn_max_updates_per_batch));
-  const double ratio = config.replay_ratio > 0 ? config.replay_ratio
-                                               : updates_per_batch * static_cast<double>(samples) /
-                                                     static_cast<double>(config.batch_size);
-  const int64_t slab_transitions = config.rollout * agents;
-  const double ahead = static_cast<double>(config.num_batches_to_accumulate * config.batch_size) * ratio;
+  const double updates_per_batch = static_cast<double>(
+      std::min(std::max<int64_t>(1, config.optimisation.batch_size / config.q_learning.train_frequency),
+               config.q_learning.dqn_max_updates_per_batch));
+  const double ratio = config.q_learning.replay_ratio > 0
+                           ? config.q_learning.replay_ratio
+                           : updates_per_batch * static_cast<double>(samples) /
+                                 static_cast<double>(config.optimisation.batch_size);
+  const int64_t slab_transitions = config.collection.rollout * agents;
+  const double ahead =
+      static_cast<double>(config.collection.num_batches_to_accumulate * config.optimisation.batch_size) *
+      ratio;
   const replay::RateLimiterOptions rate{
       .samples_per_insert = ratio,
       .min_size_to_sample = std::max<int64_t>(1, starts),
@@ -111,7 +117,7 @@ ReplayFeed::ReplayFeed(const RunConfig& config, const ReplayBatchOptions& batch_
       replay_(std::move(replay)),
       limiter_(rate),
       min_size_to_sample_(rate.min_size_to_sample),
-      beta_(config.per_beta_start, 1.0, config.per_beta_frames) {}
+      beta_(config.replay.per_beta_start, 1.0, config.replay.per_beta_frames) {}
 
 ReplayFeed::~ReplayFeed() {
   stop_ = true;
@@ -139,12 +145,12 @@ void ReplayFeed::insert(const SlabView& slab, uint32_t length, PolicyVersion lea
     const int steps = static_cast<int>(inserted / agents);
     inserted_transitions_ += inserted;
     for (int t = 0; t < steps; ++t) {
-      if (config_.normalize_input) {
+      if (config_.network.normalize_input) {
         const auto frames = slab.frames(t);
         inserted_frames_.insert(inserted_frames_.end(), frames.begin(), frames.end());
       }
       for (int agent = 0; agent < agents; ++agent) {
-        if (config_.normalize_input)
+        if (config_.network.normalize_input)
           for (const float number : slab.measurement(t, agent))
             inserted_measurements_.push_back(std::isfinite(number) ? number : 0.0f);
         const int64_t lag =
@@ -194,7 +200,8 @@ std::unique_ptr<ReplayBatch> ReplayFeed::free_batch() {
 }
 
 void ReplayFeed::fill_next(ReplayBatch& batch) {
-  Rng rng(RngKey(static_cast<uint64_t>(config_.seed)).split("replay").split(static_cast<uint64_t>(draws_++)));
+  Rng rng(
+      RngKey(static_cast<uint64_t>(config_.run.seed)).split("replay").split(static_cast<uint64_t>(draws_++)));
   const std::vector<replay::Draw> draws = replay_->draw(batch_options_.world_count, beta(), rng);
   fill(batch, batch_options_, *replay_, draws);
   limiter_.sampled(samples_per_update_);
@@ -224,7 +231,7 @@ void ReplayFeed::run(const char* name, void (ReplayFeed::*work)()) {
 }
 
 void ReplayFeed::feed() {
-  const int64_t slab_transitions = config_.rollout * batch_options_.shape.env.num_agents;
+  const int64_t slab_transitions = config_.collection.rollout * batch_options_.shape.env.num_agents;
   while (!stop_) {
     // Slabs stay sealed while the learner is behind, so that simulators wait in the end.
     if (limiter_.wait_to_insert(slab_transitions, kPollUs / 1000) != replay::WaitResult::kReady) continue;
@@ -276,7 +283,7 @@ std::unique_ptr<ReplayBatch> ReplayFeed::pop(int timeout_ms) {
 }
 
 void ReplayFeed::finish(std::unique_ptr<ReplayBatch> batch) {
-  if (config_.per && batch->abs_td.defined())
+  if (config_.replay.per && batch->abs_td.defined())
     replay_->set_priorities(batch->serial, {batch->abs_td.data_ptr<float>(), batch->serial.size()});
   const std::lock_guard lock(mutex_);
   free_.push_back(std::move(batch));
@@ -330,7 +337,7 @@ Status ReplayFeed::load(const StateDict& state, const std::string& folder, bool 
   COMRAD_TRY_ASSIGN(const int64_t draws, state.integer("replay/draws"));
   if (file.find('/') != std::string::npos)
     return Error{ErrorCode::kBadFormat, "replay/file is \"" + file + "\"; it must be a file of the folder"};
-  if (config_.deterministic && state.has("replay/capacity_bytes")) {
+  if (config_.collection.deterministic && state.has("replay/capacity_bytes")) {
     // What was free when the run began decided when its items leave; the same now is another number.
     replay::ReplayOptions options = replay_->options();
     COMRAD_TRY_ASSIGN(options.store.capacity_bytes, state.integer("replay/capacity_bytes"));
@@ -342,7 +349,7 @@ Status ReplayFeed::load(const StateDict& state, const std::string& folder, bool 
     }
   }
   if (const Status loaded = replay_->load(folder + "/" + file); !loaded) {
-    if (config_.deterministic)
+    if (config_.collection.deterministic)
       return Error{loaded.error().code,
                    loaded.error().message +
                        "; without it the run is not the uninterrupted one: restore the file, or "

@@ -17,8 +17,8 @@
 #include "learner/algorithms/linear_schedule.h"
 #include "learner/batch/replay_batch.h"
 #include "learner/checkpoint/checkpoint.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/replay/rate_limiter.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::learn {
@@ -37,7 +37,7 @@ class ReplayFeed {
   /// `run_dir`: where its file is made if memory is too small. Errors: kBadInput, kNoSpace of the replay (naming
   /// the flags).
   static Expected<std::unique_ptr<ReplayFeed>> create(const RunConfig& config, const TrajectoryShape& shape,
-                                                      const std::string& run_dir = "");
+                                                      int64_t weights_bytes, const std::string& run_dir = "");
   ~ReplayFeed();
 
   /// Stores a slab. The rate at which samples may be drawn follows.

@@ -65,7 +65,7 @@ void Reporter::report_if_due() {
     publish_stats();
   }
   if (last_metrics_s_ == 0) last_metrics_s_ = now_s;
-  if (now_s - last_metrics_s_ >= config_.experiment_summaries_interval) write_metrics();
+  if (now_s - last_metrics_s_ >= config_.run.experiment_summaries_interval) write_metrics();
 }
 
 void Reporter::report_now() {
@@ -93,7 +93,7 @@ void Reporter::publish_stats() {
 
 void Reporter::append_replay(MetricValues& values, const ReplayFeed& feed) const {
   values.emplace_back("train/epsilon", epsilon_at(config_, static_cast<double>(totals_.env_frames)));
-  if (config_.per) values.emplace_back("train/per_beta", feed.beta());
+  if (config_.replay.per) values.emplace_back("train/per_beta", feed.beta());
   values.emplace_back("train/buffer_size", feed.replay().unit_count());
   values.emplace_back("train/buffer_transitions", feed.replay().transition_count());
   values.emplace_back("train/buffer_capacity", feed.replay().capacity_transitions());

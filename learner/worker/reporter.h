@@ -13,9 +13,9 @@
 #include "learner/worker/learning_check.h"
 #include "learner/worker/metrics.h"
 #include "learner/worker/run_totals.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::learn {
@@ -29,7 +29,7 @@ class Reporter {
         totals_(totals),
         arena_(arena),
         bus_(bus),
-        episodes_(config.stats_avg),
+        episodes_(config.run.stats_avg),
         check_(config) {}
 
   /// What reports are about, once it is there: the algorithm, its batches, its layouts (null: one map). Opens the

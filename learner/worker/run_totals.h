@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "rollout_buffer/core/clock.h"
-#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::learn {
 
@@ -17,8 +17,8 @@ struct RunTotals {
   double train_seconds() const { return seconds_before + monotonic_s() - started_s; }
   /// Whether a limit of the run is reached.
   bool reach_the_goal_of(const RunConfig& config) const {
-    if (static_cast<double>(env_frames) >= config.train_for_env_steps) return true;
-    return config.train_for_seconds > 0 && train_seconds() >= config.train_for_seconds;
+    if (static_cast<double>(env_frames) >= config.run.train_for_env_steps) return true;
+    return config.run.train_for_seconds > 0 && train_seconds() >= config.run.train_for_seconds;
   }
 };
 

@@ -6,6 +6,7 @@
 #include "policy_workers/policy/kernels.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::policy {
 namespace {
@@ -15,22 +16,16 @@ constexpr double kClip = 5.0;
 constexpr int64_t kImageFeatures = 512;
 constexpr int64_t kMeasurementFeatures = 128;
 
-struct ConvShape {
-  int64_t channels, kernel, stride;
-};
-/// The plain convolution stacks by name; resnet_impala has a form of its own.
-struct ConvStack {
-  const char* name;
-  std::vector<ConvShape> convs;
-};
-const std::vector<ConvStack>& conv_stacks() {
-  static const std::vector<ConvStack> stacks = {
+/// The plain convolution stacks; resnet_impala has a form of its own.
+std::vector<ConvStack>& conv_stacks() {
+  static std::vector<ConvStack> stacks = {
       {"convnet_simple", {{32, 8, 4}, {64, 4, 2}, {128, 3, 2}}},
       {"convnet_impala", {{16, 8, 4}, {32, 4, 2}}},
       {"convnet_atari", {{32, 8, 4}, {64, 4, 2}, {64, 3, 1}}},
   };
   return stacks;
 }
+constexpr const char* kResnetName = "resnet_impala";
 constexpr int64_t kResnetChannels[] = {16, 32, 32};
 constexpr int64_t kResidualBlocks = 2;  // per stage, two convolutions each
 constexpr size_t kConvsPerStage = 1 + 2 * kResidualBlocks;
@@ -357,6 +352,25 @@ NamedTensors ObservationNormalizer::named_buffers() const {
   return named;
 }
 
+void add_encoder(ConvStack stack) {
+  COMRAD_CHECK(!check_encoder(stack.name).has_value(), "an encoder's name must be new");
+  conv_stacks().push_back(std::move(stack));
+}
+
+std::vector<std::string> encoder_names() {
+  std::vector<std::string> names;
+  for (const ConvStack& stack : conv_stacks()) names.push_back(stack.name);
+  names.emplace_back(kResnetName);
+  return names;
+}
+
+Status check_encoder(const std::string& name) {
+  const std::vector<std::string> known = encoder_names();
+  if (std::ranges::find(known, name) != known.end()) return {};
+  return Error{ErrorCode::kBadInput,
+               "encoder_conv_architecture is " + name + "; it must be one of " + joined(known)};
+}
+
 Encoder Encoder::create(const EncoderOptions& options, at::Generator generator, torch::Device device,
                         std::shared_ptr<ObservationNormalizer> normalizer) {
   const EnvShape& env = options.env;
@@ -383,7 +397,7 @@ Encoder Encoder::create(const EncoderOptions& options, at::Generator generator, 
       COMRAD_CHECK(height > 0 && width > 0, "frames must be large enough for the encoder (36 x 36 and up)");
     }
   } else {
-    COMRAD_CHECK(options.architecture == "resnet_impala", "settings were resolved: the encoder is known");
+    COMRAD_CHECK(check_encoder(options.architecture).has_value(), "the encoder was checked: it is known");
     encoder.is_resnet_ = true;
     for (const int64_t stage_channels : kResnetChannels)
       for (size_t conv = 0; conv < kConvsPerStage; ++conv) {

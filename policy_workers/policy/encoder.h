@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "policy_workers/policy/precision.h"
+#include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
 
 namespace comrad::policy {
@@ -86,6 +87,23 @@ struct EncoderOptions {
   bool normalize_input = true;
   Precision precision = Precision::kFp32;
 };
+
+/// One convolution: kernels of kernel x kernel, no padding.
+struct ConvShape {
+  int64_t channels, kernel, stride;
+};
+/// An encoder by its convolutions, each followed by ELU; a linear layer to 512 features ends it.
+struct ConvStack {
+  std::string name;
+  std::vector<ConvShape> convs;
+};
+/// Makes an encoder of one's own known. `stack.name` must be new. Threads: one, before networks are made.
+void add_encoder(ConvStack stack);
+
+/// What --encoder_conv_architecture may be called.
+std::vector<std::string> encoder_names();
+/// Errors: kBadInput for an unknown encoder, naming the known ones.
+Status check_encoder(const std::string& name);
 
 /// Convolutions and a linear layer to 512 features, ELU after each, with the measurement branch (128
 /// features) beside it. `channels@kernel/stride` without padding, parameters at 3 x 72 x 128:

@@ -15,6 +15,7 @@
 #include "policy_workers/policy/torch_ops.h"
 #include "policy_workers/policy/utilities.h"
 #include "rollout_buffer/core/check.h"
+#include "rollout_buffer/settings/setting.h"
 
 namespace comrad::policy {
 namespace {
@@ -248,32 +249,28 @@ PolicyNetOptions PolicyNetOptions::from(const RunConfig& config, const EnvShape&
   };
   PolicyNetOptions options;
   options.env = env;
-  options.encoder = config.encoder_conv_architecture;
-  options.use_rnn = config.use_rnn;
-  options.rnn_type = config.rnn_type;
-  options.rnn_size = config.rnn_size;
-  options.rnn_num_layers = config.rnn_num_layers;
-  options.decoder_widths = widths(config.decoder_mlp_layers);
-  options.init_gain = config.policy_init_gain;
-  options.normalize_input = config.normalize_input;
-  options.separate_agents = !config.share_parameters || config.algo == "happo";
-  options.agent_id_input = config.agent_id_input;
-  options.critic = config.algo == "mappo"    ? CriticKind::kCentral
-                   : config.algo == "happo"  ? CriticKind::kJoint
-                   : learns_q_values(config) ? CriticKind::kNone
-                                             : CriticKind::kOwn;
-  if (mixes_q_values(config)) options.init = Initialization::kFrameworkDefault;
-  options.critic_view =
-      config.mappo_critic_view == "position" ? CriticView::kPosition : CriticView::kOwnFirst;
-  options.critic_widths = widths(config.critic_hidden_sizes);
-  options.critic_rnn = config.happo_critic_rnn;
-  options.precision = parse_precision(config.precision);
+  options.encoder = config.network.encoder_conv_architecture;
+  options.use_rnn = config.network.use_rnn;
+  options.rnn_type = config.network.rnn_type;
+  options.rnn_size = config.network.rnn_size;
+  options.rnn_num_layers = config.network.rnn_num_layers;
+  options.decoder_widths = widths(config.network.decoder_mlp_layers);
+  options.init_gain = config.network.policy_init_gain;
+  options.normalize_input = config.network.normalize_input;
+  options.separate_agents = !config.network.share_parameters || config.run.algo->separate_agents;
+  options.agent_id_input = config.network.agent_id_input;
+  options.critic = config.run.algo->critic;
+  if (config.run.algo->mixes_q_values()) options.init = Initialization::kFrameworkDefault;
+  options.critic_view = config.network.mappo_critic_view;
+  options.critic_widths = widths(config.network.critic_hidden_sizes);
+  options.critic_rnn = config.network.happo_critic_rnn;
+  options.precision = config.collection.precision;
   return options;
 }
 
 int64_t PolicyNetOptions::core_state_count() const {
   if (!use_rnn) return 0;
-  return rnn_num_layers * rnn_size * (rnn_type == "lstm" ? 2 : 1);
+  return rnn_num_layers * rnn_size * (rnn_type == RnnType::kLstm ? 2 : 1);
 }
 
 int64_t PolicyNetOptions::recurrent_state_count() const {
@@ -295,8 +292,6 @@ PolicyNet PolicyNet::twin() const {
 
 PolicyNet PolicyNet::make(const PolicyNetOptions& options, uint64_t seed, torch::Device device,
                           std::shared_ptr<ObservationNormalizer> normalizer) {
-  COMRAD_CHECK(!options.use_rnn || options.rnn_type == "gru" || options.rnn_type == "lstm",
-               "settings were resolved: rnn_type is gru or lstm");
   COMRAD_CHECK(!options.agent_id_input || !options.separate_agents,
                "settings were resolved: an agent index is for a shared network");
   torch::NoGradGuard no_grad;
@@ -323,9 +318,9 @@ PolicyNet PolicyNet::make(const PolicyNetOptions& options, uint64_t seed, torch:
                                      .normalize_input = options.normalize_input,
                                      .precision = options.precision},
                                     generator, device, impl.normalizer);
-    const CoreKind kind = !has_core                    ? CoreKind::kNone
-                          : options.rnn_type == "lstm" ? CoreKind::kLstm
-                                                       : CoreKind::kGru;
+    const CoreKind kind = !has_core                            ? CoreKind::kNone
+                          : options.rnn_type == RnnType::kLstm ? CoreKind::kLstm
+                                                               : CoreKind::kGru;
     tower.core = RecurrentCore::create(kind, tower.encoder.feature_count() + extra_inputs, options.rnn_size,
                                        options.rnn_num_layers, generator, device, options.precision);
     for (const int64_t width : options.decoder_widths)

@@ -17,29 +17,13 @@
 
 #include "policy_workers/policy/encoder.h"
 #include "policy_workers/policy/precision.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::policy {
 
 using torch::Tensor;
-
-/// Where values come from.
-enum class CriticKind {
-  kOwn,      ///< IPPO: the agent's own features to one value
-  kCentral,  ///< MAPPO: the core features of all N agents of a world to a value for each, by CriticView
-  kJoint,    ///< HAPPO: N encoders (and cores) of the critic's own, side by side to one value for all
-  kNone,     ///< Q-learning: logits are Q-values, the value of a row is the sum of its heads' maxima
-};
-
-/// What a central critic is shown for the value of one agent.
-enum class CriticView {
-  kOwnFirst,  ///< the agent's own features, then the mean of its partners' (alone: its own only). One
-              ///< function for all agents: exchanging agents exchanges their values, and the number of
-              ///< parameters does not grow with N
-  kPosition,  ///< all agents' features in their order; one output per position, as published
-};
 
 /// Options of the network, from the settings and the shapes. With separate towers, an agent index or a critic
 /// other than kOwn the rows of every pass are whole worlds: row = world * N + agent.
@@ -47,7 +31,7 @@ struct PolicyNetOptions {
   EnvShape env;
   std::string encoder = "convnet_simple";
   bool use_rnn = true;
-  std::string rnn_type = "gru";  ///< gru | lstm
+  RnnType rnn_type = RnnType::kGru;
   int64_t rnn_size = 512;
   int64_t rnn_num_layers = 1;
   std::vector<int64_t> decoder_widths;  ///< ELU layers between core and heads

@@ -5,21 +5,15 @@
 
 #include <torch/types.h>
 
-#include <string>
+#include "rollout_buffer/settings/words.h"
 
 namespace comrad::policy {
 
 using torch::Tensor;
 
-/// kBf16 rounds both factors of a product to bfloat16 (8 bits of mantissa) and sums in f32. Where the machine
-/// has such instructions (CUDA, AVX-512 BF16, AMX) the product itself is a bfloat16 one; elsewhere f32
-/// instructions multiply the rounded factors, which gives the same numbers and no speed.
-enum class Precision { kFp32, kBf16 };
-
-/// The value of the setting `precision`.
-inline Precision parse_precision(const std::string& word) {
-  return word == "bf16" ? Precision::kBf16 : Precision::kFp32;
-}
+// Precision (rollout_buffer/settings/words.h): kBf16 rounds both factors of a product to bfloat16 (8 bits of mantissa) and sums in f32. Where the machine
+// has such instructions (CUDA, AVX-512 BF16, AMX) the product itself is a bfloat16 one; elsewhere f32
+// instructions multiply the rounded factors, which gives the same numbers and no speed.
 
 /// Whether `device` multiplies bfloat16 numbers itself.
 bool multiplies_bf16(torch::Device device);

@@ -21,16 +21,16 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
   const TrajectoryShape& shape = arena.shape().trajectory;
   COMRAD_TRY_ASSIGN(
       Batcher batcher,
-      Batcher::create(
-          arena, {.policy_worker = options.worker_index,
-                  .min_batch = config.min_batch,
-                  .max_batch = config.max_batch,
-                  .max_wait_us = config.max_wait_us,
-                  .is_deterministic = config.deterministic,
-                  .is_greedy = options.is_greedy,
-                  .is_epsilon_greedy = learns_q_values(config) && !options.is_random,
-                  .exploration = config.epsilon_per_head ? Exploration::kPerHead : Exploration::kAllHeads,
-                  .seed = static_cast<uint64_t>(config.seed)}));
+      Batcher::create(arena, {.policy_worker = options.worker_index,
+                              .min_batch = config.collection.min_batch,
+                              .max_batch = config.collection.max_batch,
+                              .max_wait_us = config.collection.max_wait_us,
+                              .is_deterministic = config.collection.deterministic,
+                              .is_greedy = options.is_greedy,
+                              .is_epsilon_greedy = config.run.algo->learns_q_values() && !options.is_random,
+                              .exploration = config.q_learning.epsilon_per_head ? Exploration::kPerHead
+                                                                                : Exploration::kAllHeads,
+                              .seed = static_cast<uint64_t>(config.run.seed)}));
   PolicyNet policy;
   if (!options.is_random) {
     const PolicyNetOptions network = PolicyNetOptions::from(config, shape.env);
@@ -40,8 +40,8 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
                                              " floats of recurrent state, the arena was made for " +
                                              std::to_string(shape.recurrent_state_count) +
                                              "; all processes of a run must read the same config.toml"};
-    COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(config.device));
-    policy = PolicyNet::create(network, static_cast<uint64_t>(config.seed), device);
+    COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(config.collection.device));
+    policy = PolicyNet::create(network, static_cast<uint64_t>(config.run.seed), device);
     if (policy.weights_bytes() > arena.shape().weights_bytes)
       return Error{ErrorCode::kBadInput,
                    "the network's weights need " + std::to_string(policy.weights_bytes()) +

@@ -10,9 +10,9 @@
 #include "policy_workers/batching/batcher.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/weights/weights_receiver.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::policy {

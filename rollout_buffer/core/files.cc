@@ -6,6 +6,7 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <sstream>
@@ -98,6 +99,11 @@ Status write_file_atomically(const std::string& path, std::string_view bytes, bo
     return written;
   }
   return durable ? sync_folder(folder) : Status();
+}
+
+std::string data_dir() {
+  if (const char* home = std::getenv("COMRAD_HOME"); home != nullptr && *home != '\0') return home;
+  return COMRAD_SOURCE_DIR;
 }
 
 }  // namespace comrad

@@ -6,8 +6,8 @@
 
 #include <toml++/toml.h>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/toml_text.h"
 
 namespace comrad {
 

@@ -97,6 +97,12 @@ std::string did_you_mean(std::string_view word, const std::vector<std::string>& 
   return near.empty() ? "" : "; did you mean '" + near + "'?";
 }
 
+std::string unknown_word(std::string_view what, std::string_view word,
+                         const std::vector<std::string>& known) {
+  return "unknown " + std::string(what) + " '" + std::string(word) + "'" + did_you_mean(word, known) +
+         " (known: " + joined(known) + ")";
+}
+
 std::string joined(const std::vector<std::string>& words) { return joined<std::vector<std::string>>(words); }
 
 }  // namespace comrad

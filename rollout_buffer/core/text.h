@@ -75,4 +75,7 @@ std::string joined(const Items& items, std::string_view separator = ", ") {
   return text;
 }
 
+/// "unknown algorithm 'ipo'; did you mean 'ippo'? (known: ippo, mappo)".
+std::string unknown_word(std::string_view what, std::string_view word, const std::vector<std::string>& known);
+
 }  // namespace comrad

@@ -24,7 +24,7 @@ constexpr int64_t kWeightCopies = 8;  // both networks, gradients of several thr
 
 /// Of a whole trajectory with one cut.
 int64_t trajectory_bytes(const RunConfig& config, TrajectoryShape shape) {
-  if (!config.use_rnn) shape.recurrent_state_count = 0;  // single decisions keep none
+  if (!config.network.use_rnn) shape.recurrent_state_count = 0;  // single decisions keep none
   return TrajectoryStore::item_bytes(shape, std::min(1, shape.final_capacity), false);
 }
 
@@ -41,37 +41,40 @@ HostSpace probe_space(const std::string& folder) {
   return space;
 }
 
-int64_t reserved_bytes(const RunConfig& config, const TrajectoryShape& shape) {
+int64_t reserved_bytes(const RunConfig& config, const TrajectoryShape& shape, int64_t weights_bytes) {
   const EnvShape& env = shape.env;
   shm::ArenaShape arena;
   arena.trajectory = shape;
-  arena.sim_worker_count = static_cast<int32_t>(std::max<int64_t>(1, config.num_workers));
-  arena.envs_per_worker = static_cast<int32_t>(config.num_envs_per_worker);
-  arena.splits_per_worker = static_cast<int32_t>(config.worker_num_splits);
-  arena.policy_worker_count = static_cast<int32_t>(std::max<int64_t>(1, config.policy_workers));
-  arena.slab_count = static_cast<int32_t>(std::max<int64_t>(1, config.trajectory_slabs));
-  arena.weights_bytes = weights_bytes_limit(config, env.num_agents, env.frame_bytes(), env.logit_count());
+  arena.sim_worker_count = static_cast<int32_t>(std::max<int64_t>(1, config.collection.num_workers));
+  arena.envs_per_worker = static_cast<int32_t>(config.collection.num_envs_per_worker);
+  arena.splits_per_worker = static_cast<int32_t>(config.collection.worker_num_splits);
+  arena.policy_worker_count = static_cast<int32_t>(std::max<int64_t>(1, config.collection.policy_workers));
+  arena.slab_count = static_cast<int32_t>(std::max<int64_t>(1, config.collection.trajectory_slabs));
+  arena.weights_bytes = weights_bytes;
   // One batch in training, one that waits, and what a micro-batch leaves for its gradient.
   const int64_t batch_rows =
-      config.use_rnn ? config.qmix_sequence_batch_size * (config.rollout + 1) * env.num_agents
-                     : 2 * std::max(config.dqn_batch_size, config.qmix_buffer_batch_size * env.num_agents);
+      config.network.use_rnn
+          ? config.q_learning.qmix_sequence_batch_size * (config.collection.rollout + 1) * env.num_agents
+          : 2 * std::max(config.q_learning.dqn_batch_size,
+                         config.q_learning.qmix_buffer_batch_size * env.num_agents);
   return shm::Arena::size_bytes(arena) + kWeightCopies * arena.weights_bytes +
-         3 * batch_rows * env.frame_bytes() + (1 + config.policy_workers) * kTorchProgramBytes +
-         config.num_workers * kSimulatorBytes;
+         3 * batch_rows * env.frame_bytes() + (1 + config.collection.policy_workers) * kTorchProgramBytes +
+         config.collection.num_workers * kSimulatorBytes;
 }
 
 Expected<ReplayPlan> replay_plan(const RunConfig& config, const TrajectoryShape& shape,
                                  const HostSpace& space, int64_t reserved_bytes, const std::string& run_dir) {
   const int64_t per_trajectory = trajectory_bytes(config, shape);
   const int64_t decisions = int64_t{shape.rollout_steps} * shape.env.num_agents;
-  const int64_t trajectories = (config.replay_buffer_size + decisions - 1) / decisions;
+  const int64_t trajectories = (config.replay.replay_buffer_size + decisions - 1) / decisions;
   const auto wanted = static_cast<int64_t>(
       std::min(kSlack * static_cast<double>(trajectories + 1) * static_cast<double>(per_trajectory), 4e18));
   const int64_t left = std::max<int64_t>(0, space.memory_bytes - reserved_bytes);
-  ReplayPlan plan{.capacity_transitions = config.replay_buffer_size, .file = config.replay_file};
+  ReplayPlan plan{.capacity_transitions = config.replay.replay_buffer_size,
+                  .file = config.replay.replay_file};
   int64_t allowed = 0;
-  if (config.replay_gb > 0) {
-    allowed = static_cast<int64_t>(std::min(config.replay_gb * kBytesPerGigabyte, 4e18));
+  if (config.replay.replay_gb > 0) {
+    allowed = static_cast<int64_t>(std::min(config.replay.replay_gb * kBytesPerGigabyte, 4e18));
     plan.reason = "replay_gb is " + bytes_text(allowed);
     // The estimate of what the rest takes must not drive a small replay out of memory.
     const int64_t memory_allows = std::max(left, space.memory_bytes / kShareOfMemory);
@@ -97,8 +100,9 @@ Expected<ReplayPlan> replay_plan(const RunConfig& config, const TrajectoryShape&
         bytes_text(allowed) + " is a third of what is free " + (on_disk ? "on the disk" : "in memory");
   }
   const bool fits = wanted <= allowed;
-  plan.compress = config.replay_compress == "true" || (config.replay_compress == "auto" && !fits);
-  plan.reason += "; replay_buffer_size " + std::to_string(config.replay_buffer_size) + " takes " +
+  plan.compress = config.replay.replay_compress == Compress::kTrue ||
+                  (config.replay.replay_compress == Compress::kAuto && !fits);
+  plan.reason += "; replay_buffer_size " + std::to_string(config.replay.replay_buffer_size) + " takes " +
                  bytes_text(wanted) + " uncompressed" + (fits ? ", and decides" : "") +
                  (plan.compress ? "; LZ4 on" : "");
   return plan;

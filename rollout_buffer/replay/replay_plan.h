@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <string>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::replay {
 
@@ -23,7 +23,7 @@ HostSpace probe_space(const std::string& folder);
 
 /// Memory that the rest of a run takes: arena, weights with gradients and moments, batches, programs. An
 /// estimate from above. `config` must be resolved.
-int64_t reserved_bytes(const RunConfig& config, const TrajectoryShape& shape);
+int64_t reserved_bytes(const RunConfig& config, const TrajectoryShape& shape, int64_t weights_bytes);
 
 struct ReplayPlan {
   int64_t capacity_bytes = 0;

@@ -12,6 +12,7 @@
 
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
+#include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/shm/arena_socket.h"
 
 namespace comrad::shm {
@@ -44,6 +45,9 @@ WorkerShell::WorkerShell(WorkerProgram program)
       ->add_option("--bench", bench_seconds_,
                    "no run: measures for so many seconds alone, prints one JSON object")
       ->check(CLI::Range(0.01, 86400.0));
+  if (program_.describes)
+    flags_->add_flag("--describe", is_description_,
+                     "no run: says of what size its part of config.toml is, in one JSON object");
 }
 
 WorkerShell::~WorkerShell() = default;
@@ -57,20 +61,20 @@ int WorkerShell::run(int argc, char** argv, const WorkerJobs& jobs) {
     return flags_->exit(failure) == 0 ? kExitDone : kExitBadInput;
   }
   is_bench_ = flags_->count("--bench") > 0;
-  if (!is_bench_ && flags_->count("--arena") == 0)
+  if (is_in_a_run() && flags_->count("--arena") == 0)
     return fail("give --arena NAME to join a run, or --bench SECONDS", kExitBadInput);
-  if (!is_bench_) take_signals_of_a_run();
+  if (is_in_a_run()) take_signals_of_a_run();
   try {
     const std::string index = std::to_string(worker_index_);
     const std::string name = program_.is_single ? program_.role : program_.role + "-" + index;
-    // The standard output of a bench is for its one JSON object.
+    // The standard output of the others is for their one JSON object.
     const Status log =
-        init_log(name, is_bench_ ? "" : run_dir_ + "/logs/" + program_.role + "-" + index + ".log");
+        init_log(name, !is_in_a_run() ? "" : run_dir_ + "/logs/" + program_.role + "-" + index + ".log");
     if (!log) return fail(log.error().message, exit_code(log.error()));
     has_log_ = true;
     const Status done = do_job(jobs);
     if (!done) return fail(done.error().message, exit_code(done.error()));
-    if (!is_bench_) spdlog::info("stopped");
+    if (is_in_a_run()) spdlog::info("stopped");
     return kExitDone;
   } catch (const std::exception& failure) {  // from libraries; ours do not throw
     return fail(failure.what(), kExitFailed);
@@ -79,6 +83,7 @@ int WorkerShell::run(int argc, char** argv, const WorkerJobs& jobs) {
 
 Status WorkerShell::do_job(const WorkerJobs& jobs) const {
   COMRAD_TRY_ASSIGN(const RunConfig config, load_run_config(run_dir_ + "/config.toml"));
+  if (is_description_) return jobs.describe(config);
   return is_bench_ ? jobs.bench(config, bench_seconds_) : jobs.work(config);
 }
 
@@ -98,10 +103,10 @@ Expected<Arena> WorkerShell::join() const {
 }
 
 void BenchShape::add_flags(CLI::App& flags) {
-  flags.add_option("--num_agents", num_agents, "bench: agents per environment")
+  flags.add_option("--num_agents", num_agents, "bench, describe: agents per environment")
       ->check(CLI::Range(1, kMaxAgents));
-  flags.add_option("--heads", heads, "bench: sizes of the action heads, 3,3,3")->delimiter(',');
-  flags.add_option("--measurements", measurements, "bench: length of the measurement vector")
+  flags.add_option("--heads", heads, "bench, describe: sizes of the action heads, 3,3,3")->delimiter(',');
+  flags.add_option("--measurements", measurements, "bench, describe: length of the measurement vector")
       ->check(CLI::Range(0, 1024));
 }
 

@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace CLI {
@@ -26,12 +26,14 @@ struct WorkerProgram {
   std::string role;         ///< "sim", "policy", "learner": how it joins; its log is logs/<role>-<index>.log
   std::string description;  ///< for --help
   bool is_single = false;   ///< a run has one of it, so it has no --worker_index
+  bool describes = false;   ///< it has --describe
 };
 
 /// What main() wants done, with the settings of <run_dir>/config.toml.
 struct WorkerJobs {
   std::function<Status(const RunConfig& config)> work;                   ///< --arena: as a member of a run
   std::function<Status(const RunConfig& config, double seconds)> bench;  ///< --bench: alone
+  std::function<Status(const RunConfig& config)> describe = {};          ///< --describe: alone
 };
 
 /// One worker program's way from its command line to its exit code:
@@ -54,7 +56,7 @@ class WorkerShell {
   /// command line that cannot be read. Errors, exceptions included, go to the log and to standard error.
   ///
   /// In a run SIGTERM raises stop(), SIGINT is the supervisor's to answer, and the process ends with its parent. A bench
-  /// is left to the signals' defaults.
+  /// or a description is left to the signals' defaults.
   int run(int argc, char** argv, const WorkerJobs& jobs);
 
   // While a job is done.
@@ -66,6 +68,7 @@ class WorkerShell {
   Expected<Arena> join() const;
 
  private:
+  bool is_in_a_run() const { return !is_bench_ && !is_description_; }
   Status do_job(const WorkerJobs& jobs) const;
   int fail(const std::string& message, int code) const;
 
@@ -76,10 +79,11 @@ class WorkerShell {
   int worker_index_ = 0;
   double bench_seconds_ = 0;
   bool is_bench_ = false;
+  bool is_description_ = false;
   bool has_log_ = false;
 };
 
-/// Flags of a bench that has no scenario: the shape that its synthetic data have.
+/// Flags of a bench or description that has no scenario: the shape of the data.
 struct BenchShape {
   int num_agents = 2;
   std::vector<int> heads = {3, 3, 3};

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <string>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/core/toml_text.h"
 
 namespace comrad::scenarios {
 namespace {

@@ -6,9 +6,12 @@
 #include <filesystem>
 #include <set>
 
-#include "rollout_buffer/core/recipes.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/core/toml_text.h"
+#include "rollout_buffer/settings/algorithms.h"
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/recipes.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "scenarios/spec/game_names.h"
 #include "scenarios/spec/rewards.h"
 #include "scenarios/spec/scenario_files.h"
@@ -323,18 +326,19 @@ void read_training(TableReader& root, ScenarioSpec& spec) {
   };
   for (const auto& [preset_key, preset_node] : *training) {
     const std::string preset(preset_key.str());
-    if (const auto known = preset_settings(preset, "ippo"); !known)
-      return refuse(preset_key, known.error().message);
+    if (std::ranges::find(Words<Preset>::words, std::string_view(preset)) == Words<Preset>::words.end())
+      return refuse(preset_key, unknown_word("preset", preset,
+                                             {Words<Preset>::words.begin(), Words<Preset>::words.end()}));
     const toml::table* of_preset = preset_node.as_table();
     if (of_preset == nullptr) return refuse(preset_key, "'training." + preset + "' is no table");
     for (const auto& [algorithm_key, algorithm_node] : *of_preset) {
       const std::string name(algorithm_key.str());
-      if (const auto known = algorithm_defaults(name); !known)
-        return refuse(algorithm_key, known.error().message);
+      const Expected<const AlgorithmRow*> known = algorithm_named(name);
+      if (!known) return refuse(algorithm_key, known.error().message);
       const toml::table* of_algorithm = algorithm_node.as_table();
       if (of_algorithm == nullptr)
         return refuse(algorithm_key, "'training." + preset + "." + name + "' is no table");
-      if (!read_recipe(root, preset, canonical_algorithm(name), *of_algorithm, spec.training)) return;
+      if (!read_recipe(root, preset, std::string((*known)->name), *of_algorithm, spec.training)) return;
     }
   }
 }

@@ -9,7 +9,6 @@
 #include "doomgen/layout/udmf_writer.h"
 #include "doomgen/layout/wad_writer.h"
 #include "doomgen/wad/wad_reader.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/text.h"
 #include "scenarios/spec/layout_content.h"
 #include "scenarios/spec/recipe_table.h"

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 #include "scenarios/spec/scenario_spec.h"
 

@@ -10,9 +10,10 @@
 #include <utility>
 #include <vector>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/settings/layers.h"
 
 namespace comrad::scenarios {
 

@@ -196,13 +196,13 @@ uint64_t DoomEnvironment::state_hash() const {
 
 DoomEnvironmentSet::DoomEnvironmentSet(std::shared_ptr<const DoomGame> game,
                                        std::unique_ptr<doom::Renderer> renderer, int count,
-                                       ViewSize render_size, ResizeFilter filter,
+                                       ViewSize render_size, Resize filter,
                                        std::shared_ptr<LayoutLibrary> library)
     : renderer_(std::move(renderer)),
       library_(std::move(library)),
       render_size_(render_size),
       filter_(filter) {
-  COMRAD_CHECK(filter != ResizeFilter::kNone || render_size == kObservationSize,
+  COMRAD_CHECK(filter != Resize::kNone || render_size == kObservationSize,
                "a view of another size is brought to 128x72 by a filter");
   if (library_ != nullptr) library_->draw_with(renderer_.get());
   for (int i = 0; i < count; ++i) {
@@ -211,7 +211,7 @@ DoomEnvironmentSet::DoomEnvironmentSet(std::shared_ptr<const DoomGame> game,
   }
   const std::size_t view_count = static_cast<std::size_t>(count) * game->num_agents;
   views_.reserve(view_count);
-  if (filter_ != ResizeFilter::kNone)
+  if (filter_ != Resize::kNone)
     drawn_.resize(view_count * 3 * static_cast<std::size_t>(render_size_.width) * render_size_.height);
 }
 
@@ -230,11 +230,11 @@ void DoomEnvironmentSet::observe(std::span<const int> indices, std::span<const O
     const int64_t frame_bytes = environment.shape().frame_bytes();
     for (int agent = 0; agent < environment.shape().num_agents; ++agent)
       views_.push_back({&environment.world(), agent,
-                        filter_ == ResizeFilter::kNone ? targets[i].frame + agent * frame_bytes
-                                                       : drawn_.data() + views_.size() * drawn_bytes});
+                        filter_ == Resize::kNone ? targets[i].frame + agent * frame_bytes
+                                                 : drawn_.data() + views_.size() * drawn_bytes});
   }
   renderer_->draw(views_);
-  if (filter_ == ResizeFilter::kNone) return;
+  if (filter_ == Resize::kNone) return;
   std::size_t view = 0;
   for (std::size_t i = 0; i < indices.size(); ++i) {
     const EnvShape& shape = environments_[indices[i]]->shape();

@@ -131,7 +131,7 @@ class DoomEnvironmentSet final : public EnvironmentSet {
  public:
   /// `library`: where the environments' layouts come from, `game` being its first; null: `game` alone.
   DoomEnvironmentSet(std::shared_ptr<const DoomGame> game, std::unique_ptr<doom::Renderer> renderer,
-                     int count, ViewSize render_size, ResizeFilter filter,
+                     int count, ViewSize render_size, Resize filter,
                      std::shared_ptr<LayoutLibrary> library = nullptr);
   ~DoomEnvironmentSet() override;
 
@@ -144,7 +144,7 @@ class DoomEnvironmentSet final : public EnvironmentSet {
   std::shared_ptr<LayoutLibrary> library_;
   std::vector<std::unique_ptr<DoomEnvironment>> environments_;
   ViewSize render_size_;
-  ResizeFilter filter_;
+  Resize filter_;
   std::vector<doom::ViewRequest> views_;
   std::vector<uint8_t> drawn_;  // [count * N, 3, height, width] where a filter brings them to size
 };

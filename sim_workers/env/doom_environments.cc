@@ -12,8 +12,8 @@ Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const En
   if (options.count < 1 || options.count > 4096)
     return bad_input("num_envs_per_worker is " + std::to_string(options.count) + "; it must lie in 1..4096");
   COMRAD_TRY_ASSIGN(const ViewSize render_size, parse_view_size(options.render_size));
-  COMRAD_TRY_ASSIGN(const ResizeFilter filter, parse_resize_filter(options.resize));
-  if (filter == ResizeFilter::kNone && render_size != kObservationSize)
+  const Resize filter = options.resize;
+  if (filter == Resize::kNone && render_size != kObservationSize)
     return bad_input("render_size " + options.render_size +
                      " needs resize=nearest or resize=area to become 128x72");
   std::shared_ptr<LayoutLibrary> library;

@@ -10,6 +10,7 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
+#include "rollout_buffer/settings/words.h"
 
 namespace comrad::sim {
 
@@ -84,7 +85,7 @@ struct EnvironmentOptions {
   int frame_skip = 4;
   bool use_measurements = false;
   std::string render_size = "128x72";
-  std::string resize = "none";
+  Resize resize = Resize::kNone;
 };
 
 /// Makes `count` environments of a scenario (env/doom_env.cc). Errors: kNotFound (scenario, WAD, IWAD),

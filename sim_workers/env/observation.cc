@@ -20,14 +20,7 @@ Expected<ViewSize> parse_view_size(const std::string& text) {
                "render_size is '" + text + "'; write WIDTHxHEIGHT with both in 16..4096"};
 }
 
-Expected<ResizeFilter> parse_resize_filter(const std::string& text) {
-  if (text == "none") return ResizeFilter::kNone;
-  if (text == "nearest") return ResizeFilter::kNearest;
-  if (text == "area") return ResizeFilter::kArea;
-  return Error{ErrorCode::kBadInput, "resize is '" + text + "'; it may be none, nearest or area"};
-}
-
-void resize_planes(const uint8_t* source, ViewSize source_size, ResizeFilter filter, uint8_t* destination) {
+void resize_planes(const uint8_t* source, ViewSize source_size, Resize filter, uint8_t* destination) {
   const std::size_t source_bytes = std::size_t(source_size.width) * source_size.height;
   const std::size_t destination_bytes = std::size_t{kObservationSize.width} * kObservationSize.height;
   for (int plane = 0; plane < 3; ++plane) {
@@ -36,7 +29,7 @@ void resize_planes(const uint8_t* source, ViewSize source_size, ResizeFilter fil
                        const_cast<uint8_t*>(source + plane * source_bytes));
     cv::Mat to(kObservationSize.height, kObservationSize.width, CV_8UC1,
                destination + plane * destination_bytes);
-    cv::resize(from, to, to.size(), 0, 0, filter == ResizeFilter::kArea ? cv::INTER_AREA : cv::INTER_NEAREST);
+    cv::resize(from, to, to.size(), 0, 0, filter == Resize::kArea ? cv::INTER_AREA : cv::INTER_NEAREST);
   }
 }
 

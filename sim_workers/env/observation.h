@@ -6,10 +6,9 @@
 #include <string>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/words.h"
 
 namespace comrad::sim {
-
-enum class ResizeFilter { kNone, kNearest, kArea };
 
 struct ViewSize {
   int width = 128, height = 72;
@@ -21,12 +20,9 @@ constexpr ViewSize kObservationSize{128, 72};
 /// Reads "160x120". Errors: kBadInput naming the text and the range 16..4096.
 Expected<ViewSize> parse_view_size(const std::string& text);
 
-/// Reads none, nearest or area. Errors: kBadInput naming the three.
-Expected<ResizeFilter> parse_resize_filter(const std::string& text);
-
 /// Resizes a planar picture, plane by plane.
 ///   source       [3, source_size.height, source_size.width] u8
 ///   destination  [3, 72, 128] u8
-void resize_planes(const uint8_t* source, ViewSize source_size, ResizeFilter filter, uint8_t* destination);
+void resize_planes(const uint8_t* source, ViewSize source_size, Resize filter, uint8_t* destination);
 
 }  // namespace comrad::sim

@@ -7,11 +7,11 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <thread>
 
-#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/layout_list.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/worker_shell.h"
 #include "scenarios/spec/scenario_spec.h"
@@ -40,11 +40,11 @@ void pin_to_core(int core) {
 
 /// The settings of the run, with the scenario's share of the team reward where none was chosen.
 Expected<RunConfig> checked_settings(RunConfig config, const std::string& run_dir) {
-  if (config.shared_reward_alpha < 0) {
-    COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec scenario, scenarios::load_scenario(config.scenario));
-    config.shared_reward_alpha = scenario.shared_reward_alpha;
+  if (config.environment.shared_reward_alpha < 0) {
+    COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec scenario, scenarios::load_scenario(config.run.scenario));
+    config.environment.shared_reward_alpha = scenario.shared_reward_alpha;
   }
-  if (config.wad.empty() && config.layout_pool.empty())
+  if (config.environment.wad.empty() && config.environment.layout_pool.empty())
     return Error{
         ErrorCode::kBadInput,
         run_dir + "/config.toml: wad is empty; it must name the map to play (comrad-doomgen makes one)"};
@@ -54,7 +54,7 @@ Expected<RunConfig> checked_settings(RunConfig config, const std::string& run_di
 /// Paths of the run's layout pool, in its order; empty where it plays one map.
 Expected<std::vector<std::string>> pool_paths(const RunConfig& config, const std::string& run_dir) {
   std::vector<std::string> paths;
-  if (config.layout_pool.empty()) return paths;
+  if (config.environment.layout_pool.empty()) return paths;
   COMRAD_TRY_ASSIGN(const LayoutList list, read_layout_list(run_dir));
   for (const LayoutEntry& layout : list.layouts) paths.push_back(layout.path);
   return paths;
@@ -62,15 +62,15 @@ Expected<std::vector<std::string>> pool_paths(const RunConfig& config, const std
 
 sim::EnvironmentOptions environment_options(const RunConfig& config, const std::vector<std::string>& layouts,
                                             int num_agents, int count) {
-  return {.scenario = config.scenario,
-          .wad_path = config.wad,
+  return {.scenario = config.run.scenario,
+          .wad_path = config.environment.wad,
           .layouts = layouts,
           .num_agents = num_agents,
           .count = count,
-          .frame_skip = static_cast<int>(config.env_frameskip),
-          .use_measurements = config.use_additional_input,
-          .render_size = config.render_size,
-          .resize = config.resize};
+          .frame_skip = static_cast<int>(config.environment.env_frameskip),
+          .use_measurements = config.environment.use_additional_input,
+          .render_size = config.environment.render_size,
+          .resize = config.environment.resize};
 }
 
 Status bench(const shm::WorkerShell& shell, const RunConfig& given, double seconds) {
@@ -78,22 +78,23 @@ Status bench(const shm::WorkerShell& shell, const RunConfig& given, double secon
   COMRAD_TRY_ASSIGN(const std::vector<std::string> layouts, pool_paths(config, shell.run_dir()));
   // One core, so that the number is a core's: threads that the renderer may start share it.
   pin_to_core(sched_getcpu());
-  COMRAD_TRY_ASSIGN(const auto environments, sim::make_doom_environments(environment_options(
-                                                 config, layouts, static_cast<int>(config.num_agents),
-                                                 static_cast<int>(config.num_envs_per_worker))));
+  COMRAD_TRY_ASSIGN(const auto environments,
+                    sim::make_doom_environments(
+                        environment_options(config, layouts, static_cast<int>(config.environment.num_agents),
+                                            static_cast<int>(config.collection.num_envs_per_worker))));
   const sim::BenchResult result =
       sim::run_bench(*environments, {.seconds = seconds,
-                                     .splits = static_cast<int>(config.worker_num_splits),
-                                     .rollout_steps = static_cast<int>(config.rollout),
-                                     .seed = static_cast<uint64_t>(config.seed),
+                                     .splits = static_cast<int>(config.collection.worker_num_splits),
+                                     .rollout_steps = static_cast<int>(config.collection.rollout),
+                                     .seed = static_cast<uint64_t>(config.run.seed),
                                      .layout_count = static_cast<int>(layouts.size()),
                                      .rewards = sim::RewardRules::from(config)});
   const double decisions_per_s = static_cast<double>(result.decisions) / result.seconds;
   const nlohmann::json report = {
       {"decisions_per_s", decisions_per_s},
-      {"env_frames_per_s", decisions_per_s * static_cast<double>(config.env_frameskip)},
-      {"num_agents", config.num_agents},
-      {"num_envs", config.num_envs_per_worker},
+      {"env_frames_per_s", decisions_per_s * static_cast<double>(config.environment.env_frameskip)},
+      {"num_agents", config.environment.num_agents},
+      {"num_envs", config.collection.num_envs_per_worker},
       {"episodes", result.episodes},
       {"seconds", result.seconds},
       {"cpu_seconds", result.cpu_seconds}};
@@ -111,25 +112,29 @@ Expected<std::unique_ptr<sim::EnvironmentSet>> make_environments(const sim::Envi
 Status work(const shm::WorkerShell& shell, const RunConfig& given, const Roles& roles) {
   COMRAD_TRY_ASSIGN(const RunConfig config, checked_settings(given, shell.run_dir()));
   COMRAD_TRY_ASSIGN(const shm::Arena arena, shell.join());
-  if (config.set_workers_cpu_affinity)
-    pin_to_core(shell.worker_index() % static_cast<int>(std::max(1u, std::thread::hardware_concurrency())));
+  if (config.collection.set_workers_cpu_affinity) {
+    // Of those that it was given: the supervisor gives each simulator one already.
+    const std::vector<int> cpus = allowed_cpus();
+    pin_to_core(cpus[static_cast<std::size_t>(shell.worker_index()) % cpus.size()]);
+  }
   COMRAD_TRY_ASSIGN(const std::vector<std::string> layouts, pool_paths(config, shell.run_dir()));
   COMRAD_TRY_ASSIGN(
       const auto environments,
       make_environments(environment_options(config, layouts, arena.shape().trajectory.env.num_agents,
                                             arena.shape().envs_per_worker),
                         roles.oracle));
-  COMRAD_TRY_ASSIGN(const auto worker,
-                    sim::SimWorker::create(
-                        *environments, arena,
-                        {.worker_index = shell.worker_index(),
-                         .rules = {.seed = static_cast<uint64_t>(config.seed),
-                                   .evaluate = roles.evaluate,
-                                   .rewards = sim::RewardRules::from(config),
-                                   .layout_count = static_cast<uint32_t>(layouts.size()),
-                                   .layout_swap_every = static_cast<uint32_t>(config.layout_swap_every)}}));
-  spdlog::info("{} environments of {} on {}", arena.shape().envs_per_worker, config.scenario,
-               layouts.empty() ? config.wad : std::to_string(layouts.size()) + " layouts");
+  COMRAD_TRY_ASSIGN(
+      const auto worker,
+      sim::SimWorker::create(
+          *environments, arena,
+          {.worker_index = shell.worker_index(),
+           .rules = {.seed = static_cast<uint64_t>(config.run.seed),
+                     .evaluate = roles.evaluate,
+                     .rewards = sim::RewardRules::from(config),
+                     .layout_count = static_cast<uint32_t>(layouts.size()),
+                     .layout_swap_every = static_cast<uint32_t>(config.environment.layout_swap_every)}}));
+  spdlog::info("{} environments of {} on {}", arena.shape().envs_per_worker, config.run.scenario,
+               layouts.empty() ? config.environment.wad : std::to_string(layouts.size()) + " layouts");
   return worker->run(shell.stop());
 }
 

@@ -8,10 +8,10 @@
 namespace comrad::sim {
 
 RewardRules RewardRules::from(const RunConfig& config) {
-  return {.share = static_cast<float>(std::max(0.0, config.shared_reward_alpha)),
-          .share_is_mean = config.shared_reward_scalarisation == "mean",
-          .scale = static_cast<float>(config.reward_scale),
-          .clip = static_cast<float>(config.reward_clip)};
+  return {.share = static_cast<float>(std::max(0.0, config.environment.shared_reward_alpha)),
+          .share_is_mean = config.environment.shared_reward_scalarisation == Scalarisation::kMean,
+          .scale = static_cast<float>(config.environment.reward_scale),
+          .clip = static_cast<float>(config.environment.reward_clip)};
 }
 
 void shape_rewards(std::span<const float> raw, const RewardRules& rules, std::span<float> reward) {

@@ -4,7 +4,7 @@
 
 #include <span>
 
-#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::sim {
 

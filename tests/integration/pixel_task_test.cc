@@ -13,7 +13,7 @@
 #include "doomgen/layout/picture.h"
 #include "doomgen/layout/udmf_writer.h"
 #include "doomgen/layout/wad_writer.h"
-#include "rollout_buffer/core/config.h"
+#include "rollout_buffer/core/files.h"
 #include "scenarios/spec/script_build.h"
 #include "tests/integration/running_program.h"
 

@@ -33,17 +33,17 @@ inline EnvShape matrix_game_shape(const PayoffTable& payoff) {
 /// batch.
 inline RunConfig matrix_game_config(const std::string& algo, uint64_t seed) {
   RunConfig config;
-  config.algo = algo;
-  config.share_parameters = algo != "happo";
-  config.seed = static_cast<int64_t>(seed);
-  config.rollout = 4;
-  config.use_rnn = false;
-  config.normalize_input = false;
-  config.encoder_conv_architecture = "convnet_impala";
-  config.critic_hidden_sizes = "64,32";
-  config.learning_rate = 1e-3;
-  config.num_epochs = 4;
-  config.train_for_env_steps = 1e12;
+  config.run.algo = algo;
+  config.network.share_parameters = algo != "happo";
+  config.run.seed = static_cast<int64_t>(seed);
+  config.collection.rollout = 4;
+  config.network.use_rnn = false;
+  config.network.normalize_input = false;
+  config.network.encoder_conv_architecture = "convnet_impala";
+  config.network.critic_hidden_sizes = "64,32";
+  config.optimisation.learning_rate = 1e-3;
+  config.optimisation.num_epochs = 4;
+  config.run.train_for_env_steps = 1e12;
   return config;
 }
 
@@ -55,11 +55,11 @@ class MatrixGame {
       : payoff_(std::move(payoff)),
         env_(matrix_game_shape(payoff_)),
         learner_(config, env_, torch::kCPU),
-        key_(RngKey(static_cast<uint64_t>(config.seed)).split("matrix_game")),
+        key_(RngKey(static_cast<uint64_t>(config.run.seed)).split("matrix_game")),
         picture_(torch::full({2, 3, 20, 20}, 128, torch::kUInt8)) {
     TrajectoryShape shape;
     shape.env = env_;
-    shape.rollout_steps = static_cast<int32_t>(config.rollout);
+    shape.rollout_steps = static_cast<int32_t>(config.collection.rollout);
     shape.recurrent_state_count = 0;
     batch_ = learn::make_rollout_batch(shape, worlds);
     batch_.frame.fill_(128);

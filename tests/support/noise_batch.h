@@ -11,8 +11,8 @@
 #include "learner/algorithms/algorithm.h"
 #include "learner/batch/collate.h"
 #include "policy_workers/policy/policy_net.h"
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/schema/trajectory.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "tests/support/slab_pool.h"
 
 namespace comrad::testing {
@@ -20,11 +20,11 @@ namespace comrad::testing {
 /// Four steps and batches of four worlds of `agents`, for a network of 16 units; no input statistics.
 inline RunConfig small_config(const std::string& algo, int agents) {
   RunConfig config;
-  config.algo = algo;
-  config.rollout = 4;
-  config.batch_size = 4 * agents * 4;
-  config.rnn_size = 16;
-  config.normalize_input = false;
+  config.run.algo = algo;
+  config.collection.rollout = 4;
+  config.optimisation.batch_size = 4 * agents * 4;
+  config.network.rnn_size = 16;
+  config.network.normalize_input = false;
   return config;
 }
 
@@ -35,7 +35,7 @@ inline TrajectoryShape small_shape(const RunConfig& config, int agents) {
   shape.env.height = shape.env.width = 36;
   shape.env.head_count = 2;
   shape.env.head_sizes = {3, 2};
-  shape.rollout_steps = static_cast<int32_t>(config.rollout);
+  shape.rollout_steps = static_cast<int32_t>(config.collection.rollout);
   shape.recurrent_state_count =
       static_cast<int32_t>(policy::PolicyNetOptions::from(config, shape.env).recurrent_state_count());
   return shape;

@@ -20,6 +20,7 @@
 #include "policy_workers/policy/torch_ops.h"
 #include "policy_workers/worker/policy_worker.h"
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/settings/resolve.h"
 #include "sim_workers/worker/sim_worker.h"
 #include "tests/support/scratch_folder.h"
 
@@ -105,18 +106,18 @@ class PipelineGameSet : public sim::EnvironmentSet {
 /// end. A test changes it and then calls resolve_settings.
 inline RunConfig pipeline_game_config(const std::string& algo) {
   RunConfig config;
-  config.algo = algo;
-  config.num_agents = 2;
-  config.seed = 42;
-  config.device = "cpu";
-  config.num_workers = 1;
-  config.num_envs_per_worker = kGameEnvironments;
-  config.use_rnn = false;
-  config.encoder_conv_architecture = "convnet_impala";
-  config.share_parameters = algo != "happo";
-  config.shared_reward_alpha = 0;
-  config.replay_gb = 0.01;
-  config.save_every_sec = 1e6;
+  config.run.algo = algo;
+  config.environment.num_agents = 2;
+  config.run.seed = 42;
+  config.collection.device = "cpu";
+  config.collection.num_workers = 1;
+  config.collection.num_envs_per_worker = kGameEnvironments;
+  config.network.use_rnn = false;
+  config.network.encoder_conv_architecture = "convnet_impala";
+  config.network.share_parameters = algo != "happo";
+  config.environment.shared_reward_alpha = 0;
+  config.replay.replay_gb = 0.01;
+  config.run.save_every_sec = 1e6;
   return config;
 }
 
@@ -133,19 +134,20 @@ struct TrainedGame {
   double seconds = 0;
 };
 
-/// Trains through the pipeline until `config.train_for_env_steps` or the goal.
+/// Trains through the pipeline until `config.run.train_for_env_steps` or the goal.
 inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, const GameGoal& goal = {}) {
   const double began_s = monotonic_s();
   policy::tune_math(1);
   const test::ScratchFolder folder;
+  const auto network = policy::PolicyNetOptions::from(config, pipeline_game_shape());
   shm::ArenaShape shape;
   shape.trajectory.env = pipeline_game_shape();
-  shape.trajectory.rollout_steps = static_cast<int32_t>(config.rollout);
-  shape.trajectory.recurrent_state_count = static_cast<int32_t>(recurrent_state_count(config));
+  shape.trajectory.rollout_steps = static_cast<int32_t>(config.collection.rollout);
+  shape.trajectory.recurrent_state_count = static_cast<int32_t>(network.recurrent_state_count());
   shape.sim_worker_count = 1;
   shape.envs_per_worker = kGameEnvironments;
-  shape.slab_count = static_cast<int32_t>(config.trajectory_slabs);
-  shape.weights_bytes = weights_bytes_limit(config, 2, shape.trajectory.env.frame_bytes(), 2);
+  shape.slab_count = static_cast<int32_t>(config.collection.trajectory_slabs);
+  shape.weights_bytes = policy::PolicyNet::create(network, 1, torch::kCPU).weights_bytes();
   Expected<shm::Arena> arena = shm::Arena::create(shape, 1);
   EXPECT_TRUE(arena) << arena.error().message;
   const shm::Arena of_workers = *shm::Arena::adopt(dup(arena->descriptor()));
@@ -159,7 +161,7 @@ inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, co
   PipelineGameSet games(make);
   auto simulator = sim::SimWorker::create(
       games, of_workers,
-      {.rules = {.seed = static_cast<uint64_t>(config.seed), .rewards = sim::RewardRules::from(config)}});
+      {.rules = {.seed = static_cast<uint64_t>(config.run.seed), .rewards = sim::RewardRules::from(config)}});
   EXPECT_TRUE(simulator) << simulator.error().message;
   auto policy_worker = policy::PolicyWorker::create(config, of_workers, {}, nullptr);
   EXPECT_TRUE(policy_worker) << policy_worker.error().message;

@@ -42,7 +42,7 @@ const std::map<std::string, std::set<std::string>>& allowed_folders() {
 /// all of these, but for single files beside them (engine/fixed.h), which lie below.
 const std::map<std::string, std::vector<std::string>>& layers_inside() {
   static const std::map<std::string, std::vector<std::string>> layers = {
-      {"rollout_buffer", {"core", "schema", "shm"}},
+      {"rollout_buffer", {"core", "settings", "schema", "shm"}},
       {"sim_workers",
        {"engine/actors", "engine/map", "engine/world", "engine/play", "engine/specials", "engine/acs",
         "engine/tic", "engine/render", "env", "oracle", "worker", "trace"}},
@@ -69,7 +69,10 @@ const std::vector<Library>& libraries() {
       {"libpng", "libpng-dev", {"png.h"}, {"sim_workers/engine/render/"}},
       {"libtorch", "libtorch-dev", {"torch/", "ATen/", "c10/", "caffe2/"}, {"policy_workers/", "learner/"}},
       {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/config/"}},
-      {"toml++", "libtomlplusplus-dev", {"toml++/"}, {"rollout_buffer/core/", "scenarios/spec/"}},
+      {"toml++",
+       "libtomlplusplus-dev",
+       {"toml++/"},
+       {"rollout_buffer/core/", "rollout_buffer/settings/", "scenarios/spec/"}},
       {"lz4", "liblz4-dev", {"lz4.h"}, {"rollout_buffer/replay/"}},
       {"libzip", "libzip-dev", {"zip.h"}, {"learner/checkpoint/"}},
       {"CLI11", "libcli11-dev", {"CLI/"}, {}},
@@ -258,7 +261,7 @@ TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   EXPECT_TRUE(is_fault("policy_workers/worker/main.cc", "sim_workers/env/environment.h"));
   EXPECT_TRUE(is_fault("learner/worker/main.cc", "scenarios/spec/scenario_spec.h"));
   EXPECT_TRUE(is_fault("deploy/launch/supervisor.cc", "learner/checkpoint/checkpoint.h"));
-  EXPECT_TRUE(is_fault("rollout_buffer/core/config.cc", "rollout_buffer/schema/spec.h"));
+  EXPECT_TRUE(is_fault("rollout_buffer/settings/layers.cc", "rollout_buffer/schema/spec.h"));
   EXPECT_TRUE(is_fault("rollout_buffer/schema/spec.cc", "rollout_buffer/shm/arena.h"));
   EXPECT_TRUE(is_fault("rollout_buffer/dds/bus.cc", "rollout_buffer/shm/arena.h"));
   EXPECT_TRUE(is_fault("sim_workers/engine/play/damage.cc", "sim_workers/engine/specials/line_specials.h"));

@@ -11,9 +11,13 @@
 #include "deploy/config/command_line.h"
 #include "deploy/config/commands/command.h"
 #include "deploy/config/merged_settings.h"
+#include "deploy/config/network_description.h"
 #include "deploy/config/temporary_run.h"
 #include "deploy/launch/supervisor.h"
+#include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
 namespace {
@@ -27,13 +31,13 @@ constexpr double kTrainWarmupSeconds = 5;
 ordered_json common_keys(const std::string& bench, const RunConfig& config, int64_t cores, double seconds,
                          double decisions_per_s) {
   return {{"bench", bench},
-          {"scenario", config.scenario},
-          {"algo", config.algo},
-          {"num_agents", config.num_agents},
+          {"scenario", config.run.scenario},
+          {"algo", config.run.algo.name()},
+          {"num_agents", config.environment.num_agents},
           {"cores", cores},
           {"seconds", seconds},
           {"decisions_per_s", decisions_per_s},
-          {"env_frames_per_s", decisions_per_s * static_cast<double>(config.env_frameskip)}};
+          {"env_frames_per_s", decisions_per_s * static_cast<double>(config.environment.env_frameskip)}};
 }
 
 std::vector<std::string> worker_command(const std::string& bench, const MergedSettings& merged,
@@ -67,8 +71,8 @@ Expected<ordered_json> bench_worker(const std::string& bench, const MergedSettin
     return Error{ErrorCode::kBadFormat, "the worker's bench printed no object with decisions_per_s"};
   const RunConfig& config = merged.config;
   const int64_t cores = bench == "sim"         ? 1
-                        : bench == "inference" ? config.policy_threads
-                                               : config.learner_threads;
+                        : bench == "inference" ? config.collection.policy_threads
+                                               : config.collection.learner_threads;
   const auto took = measured.find("seconds");
   ordered_json summary = common_keys(
       bench, config, cores, took != measured.end() && took->is_number() ? took->get<double>() : seconds,
@@ -85,6 +89,7 @@ Expected<ordered_json> bench_train(const MergedSettings& merged, const std::stri
   LaunchPlan plan;
   plan.config = config;
   plan.env = merged.scenario.env;
+  COMRAD_TRY_ASSIGN(plan.network, describe_network(config, plan.env));
   plan.decision_limit = merged.scenario.decision_limit;
   plan.run_dir = run_dir;
   plan.seconds = seconds;

@@ -1,5 +1,5 @@
 // `comrad config`: the settings that `comrad train` would use with the same flags, and the layer that each value came
-// from. Nothing is started but `comrad-scenarios describe`, and nothing is written.
+// from. Nothing is started but `comrad-scenarios describe` and `comrad-policy-worker --describe`, and nothing is written.
 
 #include <algorithm>
 #include <cstdio>
@@ -11,8 +11,11 @@
 #include "deploy/config/command_line.h"
 #include "deploy/config/commands/command.h"
 #include "deploy/config/merged_settings.h"
+#include "deploy/config/network_description.h"
+#include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/replay/replay_plan.h"
+#include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
 namespace {
@@ -23,23 +26,27 @@ using nlohmann::ordered_json;
 /// algorithms without a replay.
 std::optional<Expected<replay::ReplayPlan>> chosen_replay(const MergedSettings& merged) {
   const RunConfig& config = merged.config;
-  if (!learns_q_values(config)) return std::nullopt;
+  if (!config.run.algo->learns_q_values()) return std::nullopt;
+  const Expected<NetworkSize> network = describe_network(config, merged.scenario.env);
+  if (!network) return Expected<replay::ReplayPlan>(network.error());
   TrajectoryShape shape;
   shape.env = merged.scenario.env;
-  shape.rollout_steps = static_cast<int32_t>(config.rollout);
-  shape.recurrent_state_count = static_cast<int32_t>(recurrent_state_count(config));
+  shape.rollout_steps = static_cast<int32_t>(config.collection.rollout);
+  shape.recurrent_state_count = network->recurrent_state_count;
   const std::string run_dir =
-      config.train_dir + "/" + (config.experiment.empty() ? "<run>" : config.experiment);
+      config.run.train_dir + "/" + (config.run.experiment.empty() ? "<run>" : config.run.experiment);
   return replay::replay_plan(config, shape, replay::probe_space(run_dir),
-                             replay::reserved_bytes(config, shape), run_dir);
+                             replay::reserved_bytes(config, shape, network->weights_bytes), run_dir);
 }
 
 ordered_json to_json(const MergedSettings& merged) {
   ordered_json settings = ordered_json::object();
-  visit_settings(merged.config,
-                 [&](const char* name, const auto& value, const char*, std::initializer_list<const char*>) {
-                   settings[name] = {{"value", value}, {"from", merged.from.at(name)}};
-                 });
+  for (const SettingRow& row : setting_rows()) {
+    const bool is_text = row.kind == SettingKind::kText || row.kind == SettingKind::kWord;
+    const std::string text = row.text(merged.config), name(row.name);
+    settings[name] = {{"value", is_text ? ordered_json(text) : ordered_json::parse(text)},
+                      {"from", merged.from.at(name)}};
+  }
   ordered_json document = {{"settings", settings}};
   if (const auto plan = chosen_replay(merged); plan && *plan)
     document["replay"] = {{"capacity_bytes", (*plan)->capacity_bytes},
@@ -66,13 +73,13 @@ void print_rows(const std::vector<Row>& rows) {
 
 void print_tables(const MergedSettings& merged) {
   std::vector<Row> chosen, built_in;
-  visit_settings(
-      merged.config, [&](const char* name, const auto&, const char*, std::initializer_list<const char*>) {
-        const std::string text = setting_text(merged.config, name), from = merged.from.at(name);
-        (from == "built-in" ? built_in : chosen).emplace_back(name, text.empty() ? "\"\"" : text, from);
-      });
+  for (const SettingRow& row : setting_rows()) {
+    const std::string text = row.text(merged.config), name(row.name), from = merged.from.at(name);
+    (from == "built-in" ? built_in : chosen).emplace_back(name, text.empty() ? "\"\"" : text, from);
+  }
   std::printf("%s, %s, preset %s: what a layer above the built-in one says\n\n",
-              merged.config.scenario.c_str(), merged.config.algo.c_str(), merged.config.preset.c_str());
+              merged.config.run.scenario.c_str(), merged.config.run.algo.name().c_str(),
+              word_of(merged.config.run.preset));
   print_rows(chosen);
   std::printf("\nAll the others\n\n");
   print_rows(built_in);

@@ -12,10 +12,13 @@
 #include "deploy/config/existing_run.h"
 #include "deploy/config/game_files.h"
 #include "deploy/config/merged_settings.h"
+#include "deploy/config/network_description.h"
 #include "deploy/config/statistics.h"
 #include "deploy/config/temporary_run.h"
 #include "deploy/launch/supervisor.h"
+#include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/layout_list.h"
+#include "rollout_buffer/settings/layers.h"
 
 namespace comrad::deploy {
 namespace {
@@ -39,29 +42,29 @@ constexpr const char* kEvaluationPool = "eval:20";
 Expected<MergedSettings> settings_for(Evaluation& evaluation, const UserSettings& user,
                                       const RunConfig& typed, const CommandLine& line, int core_count) {
   if (evaluation.is_scripted()) return merge_new(user, describe_scenario, core_count);
-  COMRAD_TRY_ASSIGN(const std::string run_dir, find_run(evaluation.policy, typed.train_dir));
+  COMRAD_TRY_ASSIGN(const std::string run_dir, find_run(evaluation.policy, typed.run.train_dir));
   COMRAD_TRY_ASSIGN(RunConfig run, load_run_config(run_dir + "/config.toml"));
-  run.seed = RunConfig().seed;  // runs of different seeds meet the same evaluation episodes
-  run.deterministic = false;
+  run.run.seed = RunConfig().run.seed;  // runs of different seeds meet the same evaluation episodes
+  run.collection.deterministic = false;
   if (line.was_typed("layout_pool")) {
-    run.wad.clear();
+    run.environment.wad.clear();
   } else if (line.was_typed("wad") || line.was_typed("layout_seed")) {
-    run.layout_pool.clear();
-  } else if (!run.layout_pool.empty()) {
-    run.layout_pool = kEvaluationPool;
+    run.environment.layout_pool.clear();
+  } else if (!run.environment.layout_pool.empty()) {
+    run.environment.layout_pool = kEvaluationPool;
   }
-  if (run.layout_pool.empty())
+  if (run.environment.layout_pool.empty())
     run.curriculum = RunConfig().curriculum;  // no curriculum draws in an evaluation
   COMRAD_TRY_ASSIGN(MergedSettings merged, merge_onto_run(run, user, describe_scenario, core_count));
   forget_stale_layout(run, merged.config);
-  COMRAD_TRY_ASSIGN(evaluation.checkpoint, find_checkpoint(run_dir, merged.config.load_checkpoint_kind));
+  COMRAD_TRY_ASSIGN(evaluation.checkpoint, find_checkpoint(run_dir, merged.config.run.load_checkpoint_kind));
   return merged;
 }
 
 nlohmann::ordered_json summarise(const Evaluation& evaluation, const MergedSettings& merged,
                                  const std::string& layout, const LayoutList& pool,
                                  const RunOutcome& outcome) {
-  const size_t agents = static_cast<size_t>(merged.config.num_agents);
+  const size_t agents = static_cast<size_t>(merged.config.environment.num_agents);
   std::vector<double> scores, returns, lengths, ceilings, shares;
   std::vector<double> agent_scores(agents, 0.0);
   for (const dds::EpisodeResult& episode : outcome.episodes) {
@@ -75,11 +78,11 @@ nlohmann::ordered_json summarise(const Evaluation& evaluation, const MergedSetti
     shares.push_back(episode.score / episode.ceiling);
   }
   for (double& score : agent_scores) score /= static_cast<double>(outcome.episodes.size());
-  nlohmann::ordered_json summary = {{"scenario", merged.config.scenario},
+  nlohmann::ordered_json summary = {{"scenario", merged.config.run.scenario},
                                     {"policy", evaluation.policy},
                                     {"episodes", outcome.episodes.size()},
-                                    {"seed", merged.config.seed},
-                                    {"num_agents", merged.config.num_agents},
+                                    {"seed", merged.config.run.seed},
+                                    {"num_agents", merged.config.environment.num_agents},
                                     {"layout", layout},
                                     {"J_mean", mean(scores)},
                                     {"J_ci95", confidence_95(scores)},
@@ -164,8 +167,9 @@ Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
   COMRAD_TRY(apply_layer(typed, user.typed));
   COMRAD_TRY_ASSIGN(MergedSettings merged, settings_for(evaluation, user, typed, line, core_count));
   const auto episodes = static_cast<int64_t>(evaluation.episodes);
-  const int64_t enough = (episodes + merged.config.num_workers - 1) / merged.config.num_workers;
-  if (!line.was_typed("num_envs_per_worker") && enough < merged.config.num_envs_per_worker) {
+  const int64_t enough =
+      (episodes + merged.config.collection.num_workers - 1) / merged.config.collection.num_workers;
+  if (!line.was_typed("num_envs_per_worker") && enough < merged.config.collection.num_envs_per_worker) {
     user.typed.values.emplace_back("num_envs_per_worker", std::to_string(enough));
     COMRAD_TRY_ASSIGN(merged, settings_for(evaluation, user, typed, line, core_count));
   }
@@ -173,7 +177,7 @@ Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
   const std::string layout = layout_text(merged.config);
   COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
   LayoutList pool;
-  if (!merged.config.layout_pool.empty()) {
+  if (!merged.config.environment.layout_pool.empty()) {
     COMRAD_TRY_ASSIGN(pool, read_layout_list(run.path()));
     if (static_cast<std::size_t>(episodes) < pool.layouts.size())
       std::fprintf(stderr, "comrad eval: %lld episodes reach the first %lld of %zu layouts alone\n",
@@ -182,6 +186,7 @@ Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
   LaunchPlan plan;
   plan.config = merged.config;
   plan.env = merged.scenario.env;
+  COMRAD_TRY_ASSIGN(plan.network, describe_network(merged.config, plan.env));
   plan.decision_limit = merged.scenario.decision_limit;
   plan.run_dir = run.path();
   plan.policy = evaluation.policy == "oracle"   ? PolicySource::kOracle

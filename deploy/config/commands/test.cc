@@ -11,6 +11,7 @@
 #include "deploy/config/commands/command.h"
 #include "deploy/config/merged_settings.h"
 #include "deploy/config/test_report.h"
+#include "rollout_buffer/core/cores.h"
 
 namespace comrad::deploy {
 namespace {

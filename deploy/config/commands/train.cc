@@ -13,10 +13,13 @@
 #include "deploy/config/existing_run.h"
 #include "deploy/config/game_files.h"
 #include "deploy/config/merged_settings.h"
+#include "deploy/config/network_description.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/supervisor.h"
+#include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/layers.h"
 
 namespace comrad::deploy {
 namespace {
@@ -31,7 +34,7 @@ std::string automatic_name(const RunConfig& config) {
   char date[32];
   std::strftime(date, sizeof(date), "%Y%m%d_%H%M%S", &local);
   const char* job = std::getenv("SLURM_JOB_ID");
-  return scenario_file_name(config) + "_" + upper_case(config.algo) + "_" + date +
+  return scenario_file_name(config) + "_" + upper_case(config.run.algo->name) + "_" + date +
          (job != nullptr ? std::string("_j") + job : "");
 }
 
@@ -41,11 +44,12 @@ Expected<MergedSettings> settings_for(const std::string& run_dir, bool resumes, 
   if (!resumes) return merge_new(user, describe_scenario, core_count);
   COMRAD_TRY_ASSIGN(const RunConfig run, load_run_config(run_dir + "/config.toml"));
   COMRAD_TRY_ASSIGN(MergedSettings merged, merge_onto_run(run, user, describe_scenario, core_count));
-  if (run.layout_pool.empty() != merged.config.layout_pool.empty())
-    return Error{ErrorCode::kBadInput,
-                 "--layout_pool=" + merged.config.layout_pool + ": the run was made " +
-                     (run.layout_pool.empty() ? "without a pool" : "with " + run.layout_pool) +
-                     "; leave it out, or start anew with another --experiment or --restart_behavior=restart"};
+  if (run.environment.layout_pool.empty() != merged.config.environment.layout_pool.empty())
+    return Error{
+        ErrorCode::kBadInput,
+        "--layout_pool=" + merged.config.environment.layout_pool + ": the run was made " +
+            (run.environment.layout_pool.empty() ? "without a pool" : "with " + run.environment.layout_pool) +
+            "; leave it out, or start anew with another --experiment or --restart_behavior=restart"};
   forget_stale_layout(run, merged.config);
   return merged;
 }
@@ -59,43 +63,48 @@ Expected<int> train(const CommandLine& line) {
   }
   COMRAD_TRY(apply_layer(asked, user.typed));
   std::error_code error;
-  const std::string train_dir = fs::absolute(asked.train_dir, error).lexically_normal().string();
-  const std::string experiment = asked.experiment.empty() ? automatic_name(asked) : asked.experiment;
+  const std::string train_dir = fs::absolute(asked.run.train_dir, error).lexically_normal().string();
+  const std::string experiment = asked.run.experiment.empty() ? automatic_name(asked) : asked.run.experiment;
   const std::string run_dir = (fs::path(train_dir) / experiment).string();
 
-  const bool exists = asked.restart_behavior == "resume" && fs::exists(run_dir + "/config.toml", error);
+  const bool exists =
+      asked.run.restart_behavior == RestartBehavior::kResume && fs::exists(run_dir + "/config.toml", error);
   // A run that never saved has nothing to go on from; it may have been refused for the settings in its
   // config.toml.
-  const bool resumes = exists && find_checkpoint(run_dir, "latest").has_value();
+  const bool resumes = exists && find_checkpoint(run_dir, CheckpointKind::kLatest).has_value();
   COMRAD_TRY_ASSIGN(MergedSettings merged, settings_for(run_dir, resumes, user));
   RunConfig& config = merged.config;
-  config.train_dir = train_dir;
-  config.experiment = experiment;
-  config.restart_behavior = asked.restart_behavior;
+  config.run.train_dir = train_dir;
+  config.run.experiment = experiment;
+  config.run.restart_behavior = asked.run.restart_behavior;
   COMRAD_TRY(find_iwad());
-  if (!config.wad.empty()) COMRAD_TRY(check_wad(config.wad));
-  if (!config.interestingness_graph_path.empty()) {
-    if (!fs::is_regular_file(config.interestingness_graph_path, error))
+  if (!config.environment.wad.empty()) COMRAD_TRY(check_wad(config.environment.wad));
+  if (!config.curriculum.interestingness_graph_path.empty()) {
+    if (!fs::is_regular_file(config.curriculum.interestingness_graph_path, error))
       return Error{ErrorCode::kNotFound, "interestingness_graph_path is " +
-                                             config.interestingness_graph_path + ", which is no file"};
-    config.interestingness_graph_path =
-        fs::absolute(config.interestingness_graph_path, error).lexically_normal().string();
+                                             config.curriculum.interestingness_graph_path +
+                                             ", which is no file"};
+    config.curriculum.interestingness_graph_path =
+        fs::absolute(config.curriculum.interestingness_graph_path, error).lexically_normal().string();
   }
-  COMRAD_TRY(check_pool_to_draw(config.layout_pool, /*for_training=*/true));
+  COMRAD_TRY(check_pool_to_draw(config.environment.layout_pool, /*for_training=*/true));
   std::string layout_list;
-  if (!config.layout_pool.empty() && !is_pool_to_draw(config.layout_pool)) {
-    config.layout_pool = fs::absolute(config.layout_pool, error).lexically_normal().string();
+  if (!config.environment.layout_pool.empty() && !is_pool_to_draw(config.environment.layout_pool)) {
+    config.environment.layout_pool =
+        fs::absolute(config.environment.layout_pool, error).lexically_normal().string();
     COMRAD_TRY_ASSIGN(layout_list, ensure_layout_pool(config, "", /*for_training=*/true));
   }
 
+  // Before anything is written: an encoder that is not known is refused here.
+  COMRAD_TRY_ASSIGN(const NetworkSize network, describe_network(config, merged.scenario.env));
   COMRAD_TRY_ASSIGN(const RunDirectory directory,
-                    RunDirectory::open(train_dir, experiment, config.restart_behavior));
+                    RunDirectory::open(train_dir, experiment, config.run.restart_behavior));
   if (directory.is_resumed() != exists)
     return Error{ErrorCode::kBadInput, run_dir + ": another run was made here just now; start again"};
   std::fprintf(stderr, "%s %s\n",
                resumes ? "Resuming the run in" : "Run directory:", directory.path().c_str());
-  if (config.layout_pool.empty()) {
-    COMRAD_TRY_ASSIGN(config.wad, ensure_layout(config, directory.path() + "/layouts"));
+  if (config.environment.layout_pool.empty()) {
+    COMRAD_TRY_ASSIGN(config.environment.wad, ensure_layout(config, directory.path() + "/layouts"));
   } else {
     if (layout_list.empty()) {
       COMRAD_TRY_ASSIGN(layout_list,
@@ -108,6 +117,7 @@ Expected<int> train(const CommandLine& line) {
   LaunchPlan plan;
   plan.config = config;
   plan.env = merged.scenario.env;
+  plan.network = network;
   plan.decision_limit = merged.scenario.decision_limit;
   plan.run_dir = directory.path();
   plan.lock_descriptor = directory.lock_descriptor();

@@ -23,7 +23,7 @@ inline PolicyNetOptions small_network(const std::string& core = "gru") {
   options.env.head_count = 2;
   options.env.head_sizes = {3, 2};
   options.use_rnn = core != "none";
-  options.rnn_type = core;
+  options.rnn_type = core == "lstm" ? RnnType::kLstm : RnnType::kGru;
   options.rnn_size = 16;
   return options;
 }

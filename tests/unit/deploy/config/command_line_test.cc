@@ -5,6 +5,8 @@
 
 #include <sstream>
 
+#include "rollout_buffer/settings/setting.h"
+
 namespace comrad::deploy {
 namespace {
 
@@ -128,10 +130,8 @@ TEST(CommandLine, HelpNamesEverySettingWithItsDefaultAndOldName) {
   ASSERT_EQ(parse(line, {"--help"}), "");
   EXPECT_TRUE(line.help_requested());
   const std::string help = line.help();
-  RunConfig config;
-  visit_settings(config, [&](const char* name, auto&, const char*, std::initializer_list<const char*>) {
-    EXPECT_THAT(help, HasSubstr("--" + std::string(name) + " "));
-  });
+  for (const SettingRow& row : setting_rows())
+    EXPECT_THAT(help, HasSubstr("--" + std::string(row.name) + " "));
   EXPECT_THAT(help, HasSubstr("also --env"));
   EXPECT_THAT(help, HasSubstr("rollout INT                   decisions in a trajectory, T (default 32)"));
 }

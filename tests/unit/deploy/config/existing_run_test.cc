@@ -42,15 +42,15 @@ TEST_F(ExistingRun, LatestIsTheHighestVersionAndBestTheHighestScore) {
   touch("stag/checkpoint/best_-12.50.pt");
   touch("stag/checkpoint/best_-2.25.pt");
   const std::string run = (folder_ / "stag").string();
-  ASSERT_TRUE(find_checkpoint(run, "latest"));
-  EXPECT_THAT(*find_checkpoint(run, "latest"), EndsWith("checkpoint_000000010_2000.pt"));
-  ASSERT_TRUE(find_checkpoint(run, "best"));
-  EXPECT_THAT(*find_checkpoint(run, "best"), EndsWith("best_-2.25.pt"));
+  ASSERT_TRUE(find_checkpoint(run, CheckpointKind::kLatest));
+  EXPECT_THAT(*find_checkpoint(run, CheckpointKind::kLatest), EndsWith("checkpoint_000000010_2000.pt"));
+  ASSERT_TRUE(find_checkpoint(run, CheckpointKind::kBest));
+  EXPECT_THAT(*find_checkpoint(run, CheckpointKind::kBest), EndsWith("best_-2.25.pt"));
 }
 
 TEST_F(ExistingRun, SaysWhatItLacks) {
   touch("stag/checkpoint/checkpoint_000000009_1000.pt");
-  const auto best = find_checkpoint((folder_ / "stag").string(), "best");
+  const auto best = find_checkpoint((folder_ / "stag").string(), CheckpointKind::kBest);
   ASSERT_FALSE(best);
   EXPECT_THAT(best.error().message, HasSubstr("--load_checkpoint_kind latest"));
 }

@@ -73,45 +73,45 @@ TEST_F(GameFiles, TheIwadComesFromTheEnvironmentFirst) {
 
 TEST_F(GameFiles, AUsersWadIsTakenAsItIs) {
   RunConfig config;
-  config.wad = write("mine.wad", small_wad());
+  config.environment.wad = write("mine.wad", small_wad());
   const auto layout = ensure_layout(config, (folder_ / "layouts").string());
   ASSERT_TRUE(layout) << layout.error().message;
-  EXPECT_EQ(*layout, config.wad);
-  EXPECT_EQ(layout_text(config), config.wad);
+  EXPECT_EQ(*layout, config.environment.wad);
+  EXPECT_EQ(layout_text(config), config.environment.wad);
   EXPECT_FALSE(fs::exists(folder_ / "layouts"));
 }
 
 TEST(Layouts, AGeneratedOneIsToldByItsNameAndFolder) {
   RunConfig config;
-  config.scenario = "two_rooms";
-  config.layout_seed = 7;
-  config.wad = "/runs/a/layouts/two_rooms_7.wad";
+  config.run.scenario = "two_rooms";
+  config.environment.layout_seed = 7;
+  config.environment.wad = "/runs/a/layouts/two_rooms_7.wad";
   EXPECT_TRUE(is_generated_layout(config));
   EXPECT_EQ(layout_text(config), "seed 7");
-  config.wad = "/home/me/two_rooms_7.wad";
+  config.environment.wad = "/home/me/two_rooms_7.wad";
   EXPECT_FALSE(is_generated_layout(config));
 }
 
 TEST_F(GameFiles, ANewLayoutSeedOrAMovedRunForgetsTheGeneratedMap) {
   fs::create_directories(folder_ / "layouts");
   RunConfig run;
-  run.layout_seed = 42;
-  run.wad = write("layouts/" + run.scenario + "_42.wad", small_wad());
+  run.environment.layout_seed = 42;
+  run.environment.wad = write("layouts/" + run.run.scenario + "_42.wad", small_wad());
   RunConfig same = run;
   forget_stale_layout(run, same);
-  EXPECT_EQ(same.wad, run.wad);
+  EXPECT_EQ(same.environment.wad, run.environment.wad);
   RunConfig reseeded = run;
-  reseeded.layout_seed = 43;
+  reseeded.environment.layout_seed = 43;
   forget_stale_layout(run, reseeded);
-  EXPECT_EQ(reseeded.wad, "");
+  EXPECT_EQ(reseeded.environment.wad, "");
   RunConfig chosen = run;
-  chosen.layout_seed = 43;
-  chosen.wad = "/home/me/mine.wad";
+  chosen.environment.layout_seed = 43;
+  chosen.environment.wad = "/home/me/mine.wad";
   forget_stale_layout(run, chosen);
-  EXPECT_EQ(chosen.wad, "/home/me/mine.wad");
-  fs::remove(run.wad);
+  EXPECT_EQ(chosen.environment.wad, "/home/me/mine.wad");
+  fs::remove(run.environment.wad);
   forget_stale_layout(run, same);
-  EXPECT_EQ(same.wad, "");
+  EXPECT_EQ(same.environment.wad, "");
 }
 
 TEST(LayoutPools, OnesToDrawAreToldFromFolders) {
@@ -122,9 +122,9 @@ TEST(LayoutPools, OnesToDrawAreToldFromFolders) {
 
 TEST(LayoutPools, WhatCannotBeMeantIsRefusedWithoutAskingTheGenerator) {
   RunConfig config;
-  config.scenario = "lava_pit";
+  config.run.scenario = "lava_pit";
   const auto error = [&](const char* pool, bool for_training) {
-    config.layout_pool = pool;
+    config.environment.layout_pool = pool;
     const auto list = ensure_layout_pool(config, "/nowhere", for_training);
     return list ? std::string("no error") : list.error().message;
   };

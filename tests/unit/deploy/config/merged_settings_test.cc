@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/setting.h"
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
@@ -37,27 +39,27 @@ UserSettings typed(std::vector<std::pair<std::string, std::string>> values) {
 TEST(MergeNew, ALaterLayerWins) {
   const auto defaults = merge_new(typed({}), fake_scenario, 2);
   ASSERT_TRUE(defaults) << defaults.error().message;
-  EXPECT_EQ(defaults->config.rnn_size, 512);        // algorithm
-  EXPECT_EQ(defaults->config.rnn_type, "gru");      // preset over the algorithm's lstm
-  EXPECT_EQ(defaults->config.learning_rate, 4e-4);  // preset over built-in
-  EXPECT_EQ(defaults->config.num_epochs, 2);        // scenario over the preset's 1
-  EXPECT_EQ(defaults->config.batch_size, 2048);     // scenario over the preset's 1024
+  EXPECT_EQ(defaults->config.network.rnn_size, 512);             // algorithm
+  EXPECT_EQ(defaults->config.network.rnn_type, RnnType::kGru);   // preset over the algorithm's lstm
+  EXPECT_EQ(defaults->config.optimisation.learning_rate, 4e-4);  // preset over built-in
+  EXPECT_EQ(defaults->config.optimisation.num_epochs, 2);        // scenario over the preset's 1
+  EXPECT_EQ(defaults->config.optimisation.batch_size, 2048);     // scenario over the preset's 1024
 
   const test::ScratchFolder folder;
   UserSettings user = typed({{"batch_size", "512"}});
   user.config_file = folder.write("settings.toml", "num_epochs = 3\nbatch_size = 1024\n");
   const auto merged = merge_new(user, fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
-  EXPECT_EQ(merged->config.num_epochs, 3);    // file over scenario
-  EXPECT_EQ(merged->config.batch_size, 512);  // command line over file
+  EXPECT_EQ(merged->config.optimisation.num_epochs, 3);    // file over scenario
+  EXPECT_EQ(merged->config.optimisation.batch_size, 512);  // command line over file
 }
 
 TEST(MergeNew, ThePresetChoosesItsOwnRowsAndTheScenarios) {
   const auto paper = merge_new(typed({{"preset", "paper"}}), fake_scenario, 2);
   ASSERT_TRUE(paper) << paper.error().message;
-  EXPECT_EQ(paper->config.rnn_type, "lstm");
-  EXPECT_EQ(paper->config.batch_size, 4096);
-  EXPECT_EQ(paper->config.num_epochs, 7) << "the scenario's row of this preset";
+  EXPECT_EQ(paper->config.network.rnn_type, RnnType::kLstm);
+  EXPECT_EQ(paper->config.optimisation.batch_size, 4096);
+  EXPECT_EQ(paper->config.optimisation.num_epochs, 7) << "the scenario's row of this preset";
   const test::ScratchFolder folder;
   UserSettings by_file = typed({});
   by_file.config_file = folder.write("settings.toml", "preset = \"paper\"\n");
@@ -89,19 +91,15 @@ TEST(MergeNew, TellsTheLayerThatEachValueCameFrom) {
   EXPECT_EQ(from.at("seed"), "command line") << "typed, though it is the built-in value";
   EXPECT_EQ(from.at("num_workers"), "automatic");
   EXPECT_EQ(from.at("micro_batch_size"), "automatic") << "rounded down to 64";
-  size_t settings = 0;
-  visit_settings(merged->config, [&](const char* name, const auto&, const char*, auto) {
-    ++settings;
-    EXPECT_TRUE(from.contains(name)) << name;
-  });
-  EXPECT_EQ(from.size(), settings);
+  for (const SettingRow& row : setting_rows()) EXPECT_TRUE(from.contains(std::string(row.name))) << row.name;
+  EXPECT_EQ(from.size(), setting_rows().size());
 }
 
 TEST(MergeNew, SharesOfRewards) {
   const auto alpha = [](std::vector<std::pair<std::string, std::string>> flags) {
     const auto merged = merge_new(typed(std::move(flags)), fake_scenario, 2);
     EXPECT_TRUE(merged) << merged.error().message;
-    return merged ? merged->config.shared_reward_alpha : -2;
+    return merged ? merged->config.environment.shared_reward_alpha : -2;
   };
   for (const char* preset : {"paper", "small"}) {
     EXPECT_EQ(alpha({{"preset", preset}, {"algo", "ippo"}}), 0.25) << "the scenario's";
@@ -117,22 +115,22 @@ TEST(MergeNew, QplexPresetLiesBetweenThePresetAndTheScenariosRows) {
   const auto merged = merge_new(
       typed({{"algo", "qplex"}, {"mixer", "dmaq_qatten"}, {"qplex_preset", "paper"}}), fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
-  EXPECT_EQ(merged->config.algo, "qplex_q");
-  EXPECT_EQ(merged->config.qmix_sequence_batch_size, 5);
-  EXPECT_EQ(merged->config.qplex_num_kernel, 10);
+  EXPECT_EQ(merged->config.run.algo, "qplex_q");
+  EXPECT_EQ(merged->config.q_learning.qmix_sequence_batch_size, 5);
+  EXPECT_EQ(merged->config.mixers.qplex_num_kernel, 10);
   EXPECT_EQ(merged->from.at("qplex_num_kernel"), "preset");
   const auto other = merge_new(typed({{"algo", "qmix"}}), fake_scenario, 2);
   ASSERT_TRUE(other) << other.error().message;
-  EXPECT_EQ(other->config.qmix_sequence_batch_size, 4) << "small's, not the row of qplex_q";
+  EXPECT_EQ(other->config.q_learning.qmix_sequence_batch_size, 4) << "small's, not the row of qplex_q";
 }
 
 TEST(MergeNew, WithoutARecurrentCoreThePresetsTdLambdaFallsAwayAndATypedOneIsRefused) {
   const auto recurrent = merge_new(typed({{"algo", "vdn"}}), fake_scenario, 2);
   ASSERT_TRUE(recurrent) << recurrent.error().message;
-  EXPECT_EQ(recurrent->config.td_lambda, 0.8);
+  EXPECT_EQ(recurrent->config.q_learning.td_lambda, 0.8);
   const auto flat = merge_new(typed({{"algo", "vdn"}, {"use_rnn", "false"}}), fake_scenario, 2);
   ASSERT_TRUE(flat) << flat.error().message;
-  EXPECT_EQ(flat->config.td_lambda, -1);
+  EXPECT_EQ(flat->config.q_learning.td_lambda, -1);
   EXPECT_EQ(flat->from.at("td_lambda"), "automatic");
   const auto asked =
       merge_new(typed({{"algo", "vdn"}, {"use_rnn", "false"}, {"td_lambda", "0.5"}}), fake_scenario, 2);
@@ -145,19 +143,19 @@ TEST(MergeNew, ACommandsChangesLieBelowWhatTheUserAsks) {
                               {{"train_for_env_steps", "1e15"}, {"num_epochs", "9"}, {"gamma", "0.5"}}};
   const auto merged = merge_new(typed({{"gamma", "0.9"}}), fake_scenario, 2, changes);
   ASSERT_TRUE(merged) << merged.error().message;
-  EXPECT_EQ(merged->config.train_for_env_steps, 1e15);
-  EXPECT_EQ(merged->config.num_epochs, 9);
+  EXPECT_EQ(merged->config.run.train_for_env_steps, 1e15);
+  EXPECT_EQ(merged->config.optimisation.num_epochs, 9);
   EXPECT_EQ(merged->from.at("num_epochs"), "bench");
-  EXPECT_EQ(merged->config.gamma, 0.9);
+  EXPECT_EQ(merged->config.optimisation.gamma, 0.9);
 }
 
 TEST(MergeNew, LeavesNoAutomaticValue) {
   const auto merged = merge_new(typed({}), fake_scenario, 3);
   ASSERT_TRUE(merged) << merged.error().message;
-  EXPECT_EQ(merged->config.num_agents, 2);
-  EXPECT_EQ(merged->config.shared_reward_alpha, 0.25);
-  EXPECT_EQ(merged->config.num_workers, 3);
-  EXPECT_GT(merged->config.trajectory_slabs, 0);
+  EXPECT_EQ(merged->config.environment.num_agents, 2);
+  EXPECT_EQ(merged->config.environment.shared_reward_alpha, 0.25);
+  EXPECT_EQ(merged->config.collection.num_workers, 3);
+  EXPECT_GT(merged->config.collection.trajectory_slabs, 0);
 }
 
 TEST(MergeNew, TheTeamSizeReachesTheShape) {
@@ -192,12 +190,12 @@ RunConfig made_run() {
 
 TEST(MergeOntoRun, KeepsTheRunsSettingsUnlessTyped) {
   RunConfig run = made_run();
-  run.learning_rate = 0.5;
+  run.optimisation.learning_rate = 0.5;
   const auto merged = merge_onto_run(run, typed({{"gamma", "0.9"}}), fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
-  EXPECT_EQ(merged->config.learning_rate, 0.5);
-  EXPECT_EQ(merged->config.gamma, 0.9);
-  EXPECT_EQ(merged->config.num_epochs, 2);
+  EXPECT_EQ(merged->config.optimisation.learning_rate, 0.5);
+  EXPECT_EQ(merged->config.optimisation.gamma, 0.9);
+  EXPECT_EQ(merged->config.optimisation.num_epochs, 2);
 }
 
 TEST(MergeOntoRun, RefusesToChangeWhatShapesTheNetwork) {
@@ -209,13 +207,13 @@ TEST(MergeOntoRun, RefusesToChangeWhatShapesTheNetwork) {
 
 TEST(MergeOntoRun, AnotherPresetIsAnErrorAndNeverAnotherValue) {
   RunConfig run = made_run();
-  run.learning_rate = 0.5;
+  run.optimisation.learning_rate = 0.5;
   const auto other = merge_onto_run(run, typed({{"preset", "paper"}}), fake_scenario, 2);
   ASSERT_FALSE(other);
   EXPECT_THAT(other.error().message, HasSubstr("--preset=paper: the run was made with small; leave it out"));
   const auto same = merge_onto_run(run, typed({{"preset", "small"}, {"gamma", "0.9"}}), fake_scenario, 2);
   ASSERT_TRUE(same) << same.error().message;
-  EXPECT_EQ(same->config.learning_rate, 0.5);
+  EXPECT_EQ(same->config.optimisation.learning_rate, 0.5);
   EXPECT_EQ(same->from.at("learning_rate"), "run");
   EXPECT_EQ(same->from.at("gamma"), "command line");
 }
@@ -223,18 +221,18 @@ TEST(MergeOntoRun, AnotherPresetIsAnErrorAndNeverAnotherValue) {
 TEST(MergeOntoRun, AsksForTheScenariosTeamSizeMeansTheRunsOne) {
   const auto merged = merge_onto_run(made_run(), typed({{"num_agents", "0"}}), fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
-  EXPECT_EQ(merged->config.num_agents, 2);
+  EXPECT_EQ(merged->config.environment.num_agents, 2);
 }
 
 TEST(MergeOntoRun, SizesTheArenaAnewWhenItsPartsChange) {
   const RunConfig run = made_run();
   const auto larger = merge_onto_run(run, typed({{"num_workers", "8"}}), fake_scenario, 2);
   ASSERT_TRUE(larger) << larger.error().message;
-  EXPECT_GT(larger->config.trajectory_slabs, run.trajectory_slabs);
+  EXPECT_GT(larger->config.collection.trajectory_slabs, run.collection.trajectory_slabs);
   const auto fixed =
       merge_onto_run(run, typed({{"num_workers", "8"}, {"trajectory_slabs", "999"}}), fake_scenario, 2);
   ASSERT_TRUE(fixed) << fixed.error().message;
-  EXPECT_EQ(fixed->config.trajectory_slabs, 999);
+  EXPECT_EQ(fixed->config.collection.trajectory_slabs, 999);
 }
 
 TEST(SettingText, WritesEveryTypeAsConfigTomlDoes) {
@@ -250,11 +248,11 @@ TEST(MergeNew, CurriculaMeasureAgainstEachMapsOwnCeilingUnlessAScoreIsNamed) {
   const auto merged =
       merge_new(typed({{"layout_pool", "p"}, {"curriculum", "sequential"}}), fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
-  EXPECT_EQ(merged->config.seq_max_return, 0);
-  EXPECT_EQ(merged->config.lp_max_return, 0);
+  EXPECT_EQ(merged->config.curriculum.seq_max_return, 0);
+  EXPECT_EQ(merged->config.curriculum.lp_max_return, 0);
   const auto own = merge_new(typed({{"layout_pool", "p"}, {"lp_max_return", "7"}}), fake_scenario, 2);
   ASSERT_TRUE(own);
-  EXPECT_EQ(own->config.lp_max_return, 7);
+  EXPECT_EQ(own->config.curriculum.lp_max_return, 7);
 }
 
 TEST(MergeOntoRun, TheCurriculumStays) {

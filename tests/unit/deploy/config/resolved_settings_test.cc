@@ -12,7 +12,10 @@
 #include <sstream>
 
 #include "deploy/config/merged_settings.h"
-#include "rollout_buffer/core/recipes.h"
+#include "rollout_buffer/settings/algorithms.h"
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/run_config.h"
+#include "rollout_buffer/settings/setting.h"
 #include "scenarios/spec/scenario_files.h"
 #include "scenarios/spec/scenario_spec.h"
 
@@ -314,14 +317,13 @@ TEST(ResolvedSettings, AreThoseOfTheSpecificationForEveryScenarioAlgorithmAndPre
 
 TEST(ResolvedSettings, EverySettingIsEitherLearnedWithOrNot) {
   const auto learned = expected_texts("lava_pit", 0, false);
-  RunConfig config;
-  size_t settings = 0;
-  visit_settings(config, [&](const char* name, const auto&, const char*, auto) {
-    ++settings;
+  for (const SettingRow& row : setting_rows()) {
+    const std::string name(row.name);
     EXPECT_NE(learned.contains(name), kNotLearning.contains(name))
         << name << " must stand in one of the two lists";
-  });
-  EXPECT_EQ(settings, learned.size() + kNotLearning.size()) << "a list names a setting that does not exist";
+  }
+  EXPECT_EQ(setting_rows().size(), learned.size() + kNotLearning.size())
+      << "a list names a setting that does not exist";
 }
 
 TEST(ResolvedSettings, PaperChoosesLearningValuesOnly) {
@@ -341,7 +343,8 @@ TEST(ResolvedSettings, SmallHalvesTheEnvironmentsOfTheOnPolicyOnes) {
   for (size_t algorithm = 0; algorithm < std::size(kAlgorithms); ++algorithm) {
     const auto resolved = merged("foraging_commons", kAlgorithms[algorithm], "small");
     ASSERT_TRUE(resolved) << resolved.error().message;
-    EXPECT_EQ(resolved->config.num_envs_per_worker, algorithm < 3 ? 8 : 16) << kAlgorithms[algorithm];
+    EXPECT_EQ(resolved->config.collection.num_envs_per_worker, algorithm < 3 ? 8 : 16)
+        << kAlgorithms[algorithm];
   }
 }
 

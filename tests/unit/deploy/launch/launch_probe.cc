@@ -16,13 +16,13 @@ int main(int argc, char** argv) {
   plan.env.head_sizes = {3, 3, 3};
   plan.decision_limit = 100;
   plan.restarts = {.first_delay_s = 0.05, .max_delay_s = 0.2, .window_s = 60, .deaths = 4};
-  plan.config.num_workers = 2;
-  plan.config.num_envs_per_worker = 2;
-  plan.config.trajectory_slabs = 8;
-  plan.config.rollout = 8;
-  plan.config.rnn_size = 16;
-  plan.config.learner_threads = 2;
-  plan.config.progress_interval = 0.2;
+  plan.config.collection.num_workers = 2;
+  plan.config.collection.num_envs_per_worker = 2;
+  plan.config.collection.trajectory_slabs = 8;
+  plan.config.collection.rollout = 8;
+  plan.config.network.rnn_size = 16;
+  plan.config.collection.learner_threads = 2;
+  plan.config.run.progress_interval = 0.2;
   for (int i = 3; i < argc; ++i) {
     const std::string word = argv[i];
     const std::size_t equals = word.find('=');
@@ -34,9 +34,9 @@ int main(int argc, char** argv) {
     if (name == "seconds") plan.seconds = std::stod(value);
     if (name == "warmup") plan.warmup_seconds = std::stod(value);
     if (name == "lock") plan.lock_descriptor = std::atoi(value.c_str());
-    if (name == "deterministic") plan.config.deterministic = true;
+    if (name == "deterministic") plan.config.collection.deterministic = true;
     if (name == "delay") plan.restarts.first_delay_s = plan.restarts.max_delay_s = std::stod(value);
-    if (name == "slabs") plan.config.trajectory_slabs = std::stoll(value);
+    if (name == "slabs") plan.config.collection.trajectory_slabs = std::stoll(value);
   }
   const Expected<deploy::RunOutcome> outcome = deploy::run(plan);
   nlohmann::json json;

@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/settings/layers.h"
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
@@ -24,7 +25,7 @@ class RunDirectoryTest : public testing::Test {
  protected:
   /// A run that wrote its config and one checkpoint, and ended.
   void leave_a_run(const std::string& experiment) {
-    auto run = RunDirectory::open(train_dir_, experiment, "resume");
+    auto run = RunDirectory::open(train_dir_, experiment, RestartBehavior::kResume);
     ASSERT_TRUE(run) << run.error().message;
     ASSERT_TRUE(run->write_config(RunConfig{}));
     std::ofstream(run->path() + "/checkpoint/one.pt") << "weights";
@@ -36,7 +37,7 @@ class RunDirectoryTest : public testing::Test {
 };
 
 TEST_F(RunDirectoryTest, ResumeOfAFreshNameJustStarts) {
-  auto run = RunDirectory::open(train_dir_, "first", "resume");
+  auto run = RunDirectory::open(train_dir_, "first", RestartBehavior::kResume);
   ASSERT_TRUE(run) << run.error().message;
   EXPECT_FALSE(run->is_resumed());
   EXPECT_EQ(run->path(), train_dir_ + "/first");
@@ -46,7 +47,7 @@ TEST_F(RunDirectoryTest, ResumeOfAFreshNameJustStarts) {
 
 TEST_F(RunDirectoryTest, ResumeKeepsWhatIsThere) {
   leave_a_run("run");
-  auto run = RunDirectory::open(train_dir_, "run", "resume");
+  auto run = RunDirectory::open(train_dir_, "run", RestartBehavior::kResume);
   ASSERT_TRUE(run) << run.error().message;
   EXPECT_TRUE(run->is_resumed());
   EXPECT_TRUE(exists("run/checkpoint/one.pt"));
@@ -55,7 +56,7 @@ TEST_F(RunDirectoryTest, ResumeKeepsWhatIsThere) {
 TEST_F(RunDirectoryTest, RestartRenamesTheOldRunToTheNextFreeNumber) {
   for (int life = 0; life < 2; ++life) {
     leave_a_run("run");
-    auto run = RunDirectory::open(train_dir_, "run", "restart");
+    auto run = RunDirectory::open(train_dir_, "run", RestartBehavior::kRestart);
     ASSERT_TRUE(run) << run.error().message;
     EXPECT_FALSE(run->is_resumed());
     EXPECT_FALSE(exists("run/checkpoint/one.pt"));
@@ -66,7 +67,7 @@ TEST_F(RunDirectoryTest, RestartRenamesTheOldRunToTheNextFreeNumber) {
 
 TEST_F(RunDirectoryTest, OverwriteEmptiesARun) {
   leave_a_run("run");
-  auto run = RunDirectory::open(train_dir_, "run", "overwrite");
+  auto run = RunDirectory::open(train_dir_, "run", RestartBehavior::kOverwrite);
   ASSERT_TRUE(run) << run.error().message;
   EXPECT_FALSE(run->is_resumed());
   EXPECT_FALSE(exists("run/checkpoint/one.pt"));
@@ -77,7 +78,7 @@ TEST_F(RunDirectoryTest, OverwriteEmptiesARun) {
 TEST_F(RunDirectoryTest, OverwriteNeverEmptiesAFolderThatIsNoRun) {
   fs::create_directories(train_dir_ + "/thesis");
   std::ofstream(train_dir_ + "/thesis/chapter1.tex") << "important";
-  auto run = RunDirectory::open(train_dir_, "thesis", "overwrite");
+  auto run = RunDirectory::open(train_dir_, "thesis", RestartBehavior::kOverwrite);
   ASSERT_FALSE(run);
   EXPECT_EQ(run.error().code, ErrorCode::kBadInput);
   EXPECT_THAT(run.error().message, HasSubstr("no config.toml"));
@@ -85,15 +86,16 @@ TEST_F(RunDirectoryTest, OverwriteNeverEmptiesAFolderThatIsNoRun) {
 }
 
 TEST_F(RunDirectoryTest, ASecondLiveRunIsRefusedWithThePidOfTheFirst) {
-  for (const char* behavior : {"resume", "restart", "overwrite"}) {
+  for (const RestartBehavior behavior :
+       {RestartBehavior::kResume, RestartBehavior::kRestart, RestartBehavior::kOverwrite}) {
     leave_a_run("run");
-    auto first = RunDirectory::open(train_dir_, "run", "resume");
+    auto first = RunDirectory::open(train_dir_, "run", RestartBehavior::kResume);
     ASSERT_TRUE(first);
     auto second = RunDirectory::open(train_dir_, "run", behavior);
-    ASSERT_FALSE(second) << behavior;
+    ASSERT_FALSE(second) << word_of(behavior);
     EXPECT_EQ(second.error().code, ErrorCode::kBadInput);
     EXPECT_THAT(second.error().message, HasSubstr("live run (pid " + std::to_string(getpid()) + ")"));
-    EXPECT_TRUE(exists("run/checkpoint/one.pt")) << behavior << " must not touch a live run";
+    EXPECT_TRUE(exists("run/checkpoint/one.pt")) << word_of(behavior) << " must not touch a live run";
     EXPECT_FALSE(exists("run_old0001"));
   }
 }
@@ -104,7 +106,7 @@ TEST_F(RunDirectoryTest, TheLockEndsWithItsOwner) {
   ASSERT_EQ(pipe(ready), 0);
   const pid_t owner = fork();
   if (owner == 0) {
-    auto run = RunDirectory::open(train_dir_, "run", "resume");
+    auto run = RunDirectory::open(train_dir_, "run", RestartBehavior::kResume);
     [[maybe_unused]] const ssize_t told = write(ready[1], run ? "y" : "n", 1);
     pause();
     _exit(0);
@@ -112,10 +114,10 @@ TEST_F(RunDirectoryTest, TheLockEndsWithItsOwner) {
   char answer = 0;
   ASSERT_EQ(read(ready[0], &answer, 1), 1);
   EXPECT_EQ(answer, 'y');
-  EXPECT_FALSE(RunDirectory::open(train_dir_, "run", "resume"));
+  EXPECT_FALSE(RunDirectory::open(train_dir_, "run", RestartBehavior::kResume));
   kill(owner, SIGKILL);
   waitpid(owner, nullptr, 0);
-  EXPECT_TRUE(RunDirectory::open(train_dir_, "run", "resume"));
+  EXPECT_TRUE(RunDirectory::open(train_dir_, "run", RestartBehavior::kResume));
 }
 
 TEST_F(RunDirectoryTest, ALearnerThatOutlivesItsSupervisorIsWaitedFor) {
@@ -123,7 +125,7 @@ TEST_F(RunDirectoryTest, ALearnerThatOutlivesItsSupervisorIsWaitedFor) {
   // The supervisor takes the lock and dies; its child inherited it and needs another half second.
   const pid_t supervisor = fork();
   if (supervisor == 0) {
-    auto run = RunDirectory::open(train_dir_, "run", "resume");
+    auto run = RunDirectory::open(train_dir_, "run", RestartBehavior::kResume);
     if (fork() == 0) {
       usleep(500'000);
       _exit(0);
@@ -134,7 +136,7 @@ TEST_F(RunDirectoryTest, ALearnerThatOutlivesItsSupervisorIsWaitedFor) {
   waitpid(supervisor, &status, 0);
   ASSERT_EQ(WEXITSTATUS(status), 0);
   const double start_s = monotonic_s();
-  auto run = RunDirectory::open(train_dir_, "run", "resume");
+  auto run = RunDirectory::open(train_dir_, "run", RestartBehavior::kResume);
   EXPECT_TRUE(run) << run.error().message;
   EXPECT_GT(monotonic_s() - start_s, 0.2);
 }
@@ -142,33 +144,30 @@ TEST_F(RunDirectoryTest, ALearnerThatOutlivesItsSupervisorIsWaitedFor) {
 TEST_F(RunDirectoryTest, NamesThatLeadElsewhereAreRefused) {
   for (const std::string& name : {std::string(""), std::string(".."), std::string("a/b"), std::string("/etc"),
                                   std::string(".hidden"), std::string("a\nb"), std::string(201, 'x')}) {
-    auto run = RunDirectory::open(train_dir_, name, "resume");
+    auto run = RunDirectory::open(train_dir_, name, RestartBehavior::kResume);
     ASSERT_FALSE(run) << name;
     EXPECT_EQ(run.error().code, ErrorCode::kBadInput);
   }
-  auto run = RunDirectory::open(train_dir_, "run", "retry");
-  ASSERT_FALSE(run);
-  EXPECT_THAT(run.error().message, HasSubstr("resume, restart or overwrite"));
 }
 
 TEST_F(RunDirectoryTest, AFolderThatCannotBeMadeIsNamed) {
   std::ofstream(train_dir_ + "/file") << "no folder";
-  auto run = RunDirectory::open(train_dir_ + "/file", "run", "resume");
+  auto run = RunDirectory::open(train_dir_ + "/file", "run", RestartBehavior::kResume);
   ASSERT_FALSE(run);
   EXPECT_THAT(run.error().message, HasSubstr(train_dir_ + "/file/run"));
 }
 
 TEST_F(RunDirectoryTest, ConfigSurvivesTheRoundTrip) {
-  auto run = RunDirectory::open(train_dir_, "run", "resume");
+  auto run = RunDirectory::open(train_dir_, "run", RestartBehavior::kResume);
   ASSERT_TRUE(run);
   RunConfig config;
-  config.seed = 7;
-  config.rnn_type = "lstm";
+  config.run.seed = 7;
+  config.network.rnn_type = RnnType::kLstm;
   ASSERT_TRUE(run->write_config(config));
   auto read = load_run_config(run->path() + "/config.toml");
   ASSERT_TRUE(read) << read.error().message;
-  EXPECT_EQ(read->seed, 7);
-  EXPECT_EQ(read->rnn_type, "lstm");
+  EXPECT_EQ(read->run.seed, 7);
+  EXPECT_EQ(read->network.rnn_type, RnnType::kLstm);
 }
 
 TEST_F(RunDirectoryTest, StatusIsOneJsonObjectAndUnknownScoresAreNull) {

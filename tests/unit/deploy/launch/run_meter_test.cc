@@ -15,7 +15,7 @@ using ::testing::HasSubstr;
 
 class RunMeterTest : public ::testing::Test {
  protected:
-  RunMeterTest() { plan_.config.env_frameskip = 4; }
+  RunMeterTest() { plan_.config.environment.env_frameskip = 4; }
 
   /// What a learner in its `epoch`-th life has counted.
   void learner_says(uint64_t decisions, uint64_t updates, uint32_t epoch) {

@@ -476,8 +476,8 @@ TEST_F(Launch, AMissingProgramIsNamed) {
   plan.run_dir = run_dir_;
   plan.bin_dir = run_dir_;
   plan.env.head_sizes = {3, 3, 3};
-  plan.config.num_workers = 1;
-  plan.config.trajectory_slabs = 8;
+  plan.config.collection.num_workers = 1;
+  plan.config.collection.trajectory_slabs = 8;
   plan.show_progress = false;
   const Expected<RunOutcome> result = run(plan);
   ASSERT_FALSE(result);

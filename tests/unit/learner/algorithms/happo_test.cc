@@ -20,10 +20,10 @@ using testing::values_of;
 
 RunConfig small_config() {
   RunConfig config = testing::small_config("happo", 3);
-  config.share_parameters = false;
-  config.rnn_size = 12;
-  config.critic_hidden_sizes = "16,8";
-  config.learning_rate = 1e-3;
+  config.network.share_parameters = false;
+  config.network.rnn_size = 12;
+  config.network.critic_hidden_sizes = "16,8";
+  config.optimisation.learning_rate = 1e-3;
   return config;
 }
 
@@ -71,13 +71,13 @@ TEST(HappoFactor, IsOneWhereInvalidAndClampedOnRequest) {
 TEST(Happo, OneAgentLearnsAsPpoDoes) {
   // Without a value loss IPPO's network has the same actor, seed and gradient.
   RunConfig config = small_config();
-  config.num_epochs = 3;
+  config.optimisation.num_epochs = 3;
   const TrajectoryShape shape = small_shape(config, 1);
   Happo happo(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 4, 1);
   RunConfig ppo_config = config;
-  ppo_config.algo = "ippo";
-  ppo_config.value_loss_coeff = 0;
+  ppo_config.run.algo = "ippo";
+  ppo_config.on_policy.value_loss_coeff = 0;
   const TrajectoryShape ppo_shape = small_shape(ppo_config, 1);
   Ippo ppo(ppo_config, ppo_shape.env, torch::kCPU);
   RolloutBatch ppo_batch = batch;
@@ -131,7 +131,7 @@ TEST(Happo, OnlyTheNetworkInTrainingChanges) {
 TEST(Happo, TheFactorCarriesWhatEarlierAgentsBecame) {
   // The whole update against its pieces in the same order, with the factor computed outside.
   RunConfig config = small_config();
-  config.happo_agent_order = "fixed";
+  config.on_policy.happo_agent_order = AgentOrder::kFixed;
   const TrajectoryShape shape = small_shape(config);
   Happo whole(config, shape.env, torch::kCPU), pieces(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 4, 3);
@@ -195,14 +195,14 @@ TEST(Happo, TheFactorCarriesWhatEarlierAgentsBecame) {
 
 TEST(Happo, WithoutALearningRateTheFactorStaysOne) {
   RunConfig config = small_config();
-  config.learning_rate = 0;
+  config.optimisation.learning_rate = 0;
   const TrajectoryShape shape = small_shape(config);
   Happo happo(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 4, 4);
   auto values = values_of(*happo.update(batch, {}));
   EXPECT_NEAR(values.at("happo/factor_m_mean"), 1, 1e-6);
   EXPECT_NEAR(values.at("happo/factor_m_max"), 1, 1e-5);
-  config.learning_rate = 1e-2;
+  config.optimisation.learning_rate = 1e-2;
   Happo moving(config, shape.env, torch::kCPU);
   RolloutBatch again = noise_batch(shape, 4, 4);
   EXPECT_GT(values_of(*moving.update(again, {})).at("happo/factor_m_max"), 1.001);
@@ -225,23 +225,23 @@ TEST(Happo, TheOrderIsAPermutationKeyedByTheVersion) {
   }
   EXPECT_GT(seen.size(), 3u);
   EXPECT_TRUE(weights_of(happo) == weights_of(twin));
-  config.happo_agent_order = "fixed";
+  config.on_policy.happo_agent_order = AgentOrder::kFixed;
   Happo fixed(config, shape.env, torch::kCPU);
   EXPECT_EQ(fixed.agent_order(), (std::vector<int64_t>{0, 1, 2, 3, 4}));
 }
 
 TEST(Happo, TheOrderOfTheAgentsMatters) {
   RunConfig config = small_config();
-  config.learning_rate = 1e-2;
+  config.optimisation.learning_rate = 1e-2;
   const TrajectoryShape shape = small_shape(config, 2);
   std::vector<std::vector<std::byte>> results;
-  for (const char* order : {"fixed", "random"}) {
-    config.happo_agent_order = order;
-    for (config.seed = 42; config.happo_agent_order == "random"; ++config.seed)
+  for (const AgentOrder order : {AgentOrder::kFixed, AgentOrder::kRandom}) {
+    config.on_policy.happo_agent_order = order;
+    for (config.run.seed = 42; config.on_policy.happo_agent_order == AgentOrder::kRandom; ++config.run.seed)
       if (Happo(config, shape.env, torch::kCPU).agent_order().front() == 1) break;
     Happo happo(config, shape.env, torch::kCPU);
     RunConfig first = config;  // the same weights for both
-    first.seed = 42;
+    first.run.seed = 42;
     const Happo origin(first, shape.env, torch::kCPU);
     ASSERT_TRUE(happo.net().read_weights(weights_of(origin)));
     RolloutBatch batch = noise_batch(shape, 4, 6);
@@ -253,9 +253,9 @@ TEST(Happo, TheOrderOfTheAgentsMatters) {
 
 TEST(Happo, MakesAVersionPerAgentAndCriticAndTellsEachOne) {
   RunConfig config = small_config();
-  config.num_epochs = 2;
-  config.num_batches_per_epoch = 2;
-  config.shuffle_minibatches = true;
+  config.optimisation.num_epochs = 2;
+  config.optimisation.num_batches_per_epoch = 2;
+  config.optimisation.shuffle_minibatches = true;
   const TrajectoryShape shape = small_shape(config);
   Happo happo(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 4, 7);
@@ -272,7 +272,7 @@ TEST(Happo, MakesAVersionPerAgentAndCriticAndTellsEachOne) {
 TEST(Happo, EveryVersionChangesExactlyOneNetwork) {
   // What policy workers read after each sub-update: the weights of all networks, one of them new.
   RunConfig config = small_config();
-  config.normalize_input = true;
+  config.network.normalize_input = true;
   const TrajectoryShape shape = small_shape(config);
   Happo happo(config, shape.env, torch::kCPU);
   const policy::PolicyNet worker =
@@ -305,8 +305,8 @@ TEST(Happo, MicroBatchesChangeNothing) {
   std::vector<std::vector<Tensor>> results;
   for (const int64_t micro_batch_size : {4096, 12}) {
     RunConfig config = small_config();
-    config.micro_batch_size = micro_batch_size;
-    config.learning_rate = 1e-4;
+    config.optimisation.micro_batch_size = micro_batch_size;
+    config.optimisation.learning_rate = 1e-4;
     const TrajectoryShape shape = small_shape(config);
     Happo happo(config, shape.env, torch::kCPU);
     RolloutBatch batch = noise_batch(shape, 5, 8);
@@ -332,7 +332,7 @@ TEST(Happo, AnAgentWithoutValidSamplesIsLeftAlone) {
 
 TEST(Happo, AnAgentThatIsDeadAllAlongIsLeftAloneAndLeavesTheFactorAlone) {
   RunConfig config = small_config();
-  config.num_epochs = 2;
+  config.optimisation.num_epochs = 2;
   const TrajectoryShape shape = small_shape(config);
   Happo happo(config, shape.env, torch::kCPU);
   const auto update = [&](int64_t dead) {
@@ -372,11 +372,11 @@ TEST(Happo, AStoppedUpdateEndsBetweenTwoSteps) {
 
 TEST(Happo, AReloadedRunContinuesBitForBit) {
   RunConfig config = small_config();
-  config.normalize_input = true;
-  config.rnn_type = "lstm";
-  config.num_epochs = 2;
-  config.lr_schedule = "linear_decay";
-  config.train_for_env_steps = 100;
+  config.network.normalize_input = true;
+  config.network.rnn_type = RnnType::kLstm;
+  config.optimisation.num_epochs = 2;
+  config.optimisation.lr_schedule = RateSchedule::kLinearDecay;
+  config.run.train_for_env_steps = 100;
   const TrajectoryShape shape = small_shape(config);
   const auto train = [&](Happo& happo, uint64_t first, uint64_t last) {
     for (uint64_t seed = first; seed < last; ++seed) {

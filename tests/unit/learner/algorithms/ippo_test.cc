@@ -125,8 +125,8 @@ TEST(Ippo, MicroBatchesGiveTheGradientOfTheWholeBatch) {
   std::vector<std::vector<Tensor>> results;
   for (const int64_t micro_batch_size : {4096, 16, 8, 1}) {
     RunConfig config = small_config();
-    config.micro_batch_size = micro_batch_size;
-    config.kl_loss_coeff = 0.1;
+    config.optimisation.micro_batch_size = micro_batch_size;
+    config.on_policy.kl_loss_coeff = 0.1;
     const TrajectoryShape shape = small_shape(config);
     Ippo ippo(config, shape.env, torch::kCPU);
     RolloutBatch batch = noise_batch(shape, 5, 3);
@@ -146,8 +146,8 @@ TEST(Ippo, ThreadsWithAMicroBatchEachGiveTheSameGradientEveryTime) {
   std::vector<std::vector<Tensor>> results;
   for (const int64_t threads : {1, 3, 3, 3, 2}) {
     RunConfig config = small_config();
-    config.micro_batch_size = 16;
-    config.learner_threads = threads;
+    config.optimisation.micro_batch_size = 16;
+    config.collection.learner_threads = threads;
     const TrajectoryShape shape = small_shape(config);
     Ippo ippo(config, shape.env, torch::kCPU);
     RolloutBatch batch = noise_batch(shape, 7, 3);
@@ -183,7 +183,7 @@ TEST(Ippo, AnAllInvalidTrajectoryAddsNothingToTheGradient) {
 
 TEST(Ippo, AnAllInvalidBatchLeavesWeightsAndVersionAlone) {
   RunConfig config = small_config();
-  config.normalize_input = true;
+  config.network.normalize_input = true;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 2, 5);
@@ -219,10 +219,10 @@ TEST(Ippo, TwentyBatchesInARowWithoutAValidSampleEndTheRun) {
 }
 
 TEST(Ippo, BackPropagationThroughADoneEqualsTwoSeparateRollouts) {
-  for (const char* rnn_type : {"gru", "lstm"}) {
+  for (const RnnType rnn_type : {RnnType::kGru, RnnType::kLstm}) {
     RunConfig config = small_config();
-    config.rnn_type = rnn_type;
-    config.rollout = 6;
+    config.network.rnn_type = rnn_type;
+    config.collection.rollout = 6;
     const TrajectoryShape shape = small_shape(config);
     Ippo ippo(config, shape.env, torch::kCPU);
     RolloutBatch batch = noise_batch(shape, 1, 6);
@@ -242,8 +242,8 @@ TEST(Ippo, BackPropagationThroughADoneEqualsTwoSeparateRollouts) {
     const Tensor first = loss_of(0, 3, batch.recurrent_state, no_reset);
     const Tensor second = loss_of(3, 3, torch::zeros_like(batch.recurrent_state), no_reset);
     (first + second).backward();
-    EXPECT_NEAR(whole.item<double>(), (first + second).item<double>(), 1e-4) << rnn_type;
-    EXPECT_LT(largest_relative_difference(of_whole, gradients(ippo.net())), 1e-5) << rnn_type;
+    EXPECT_NEAR(whole.item<double>(), (first + second).item<double>(), 1e-4) << word_of(rnn_type);
+    EXPECT_LT(largest_relative_difference(of_whole, gradients(ippo.net())), 1e-5) << word_of(rnn_type);
   }
 }
 
@@ -324,8 +324,8 @@ TEST(Ippo, ADeadAgentsActionsMoveNoWeightAndLowerNoLearningRate) {
 
 TEST(Ippo, ReportsWhatTheValuesExplainAndWhatIsClipped) {
   RunConfig config = small_config();
-  config.returns_clip = 1.0;
-  config.ppo_clip_value = 1e-3;
+  config.optimisation.returns_clip = 1.0;
+  config.on_policy.ppo_clip_value = 1e-3;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 4, 12);
@@ -376,8 +376,8 @@ TEST(Ippo, ReportsWhatTheValuesExplainAndWhatIsClipped) {
 
 TEST(Ippo, TheFirstPassOverABatchShowsStalenessAlone) {
   RunConfig config = small_config();
-  config.num_epochs = 4;
-  config.learning_rate = 1e-2;
+  config.optimisation.num_epochs = 4;
+  config.optimisation.learning_rate = 1e-2;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
   RolloutBatch fresh = noise_batch(shape, 4, 1);
@@ -396,7 +396,7 @@ TEST(Ippo, AMinibatchOfTheDeadTrainsTheirValuesAlone) {
   RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   for (const double value_loss_coeff : {0.0, 0.5}) {
-    config.value_loss_coeff = value_loss_coeff;
+    config.on_policy.value_loss_coeff = value_loss_coeff;
     Ippo ippo(config, shape.env, torch::kCPU);
     RolloutBatch batch = noise_batch(shape, 4, 10);
     batch.agent_active.zero_();
@@ -442,14 +442,14 @@ TEST(Ippo, ARewardPaidAfterDeathReachesTheLastLivingDecision) {
     advantages.push_back(batch.raw_advantage);
   }
   const Tensor paid = advantages[1] - advantages[0];
-  EXPECT_NEAR(paid[1][0].item<double>(), config.gamma * config.gae_lambda, 1e-5);
+  EXPECT_NEAR(paid[1][0].item<double>(), config.optimisation.gamma * config.on_policy.gae_lambda, 1e-5);
   EXPECT_NEAR(paid[2][0].item<double>(), 1, 1e-5);
   EXPECT_EQ(paid[1][1].item<double>(), 0);
 }
 
 TEST(Ippo, ReportsTheRunningStatisticsOfFramesAndReturns) {
   RunConfig config = small_config();
-  config.normalize_input = true;
+  config.network.normalize_input = true;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 4, 15);
@@ -464,22 +464,22 @@ TEST(Ippo, ReportsTheRunningStatisticsOfFramesAndReturns) {
 
 TEST(Ippo, StopsEarlyWhenTheActorLossStandsStill) {
   RunConfig config = small_config();
-  config.num_epochs = 5;
-  config.learning_rate = 0;
+  config.optimisation.num_epochs = 5;
+  config.optimisation.learning_rate = 0;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 2, 11);
   EXPECT_EQ(ippo.update(batch, {})->optimizer_steps, 2);
-  config.learning_rate = 1e-2;
+  config.optimisation.learning_rate = 1e-2;
   Ippo moving(config, shape.env, torch::kCPU);
   EXPECT_EQ(moving.update(batch, {})->optimizer_steps, 5);
 }
 
 TEST(Ippo, CountsOneVersionPerOptimizerStepAndTellsEachOne) {
   RunConfig config = small_config();
-  config.num_epochs = 2;
-  config.num_batches_per_epoch = 3;
-  config.shuffle_minibatches = true;
+  config.optimisation.num_epochs = 2;
+  config.optimisation.num_batches_per_epoch = 3;
+  config.optimisation.shuffle_minibatches = true;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 5, 12);
@@ -495,7 +495,7 @@ TEST(Ippo, CountsOneVersionPerOptimizerStepAndTellsEachOne) {
 
 TEST(Ippo, AnAbandonedStepChangesNothing) {
   RunConfig config = small_config();
-  config.micro_batch_size = 8;
+  config.optimisation.micro_batch_size = 8;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 4, 13);
@@ -536,10 +536,10 @@ TEST(Ippo, SkipsStepsThatAreNotFiniteAndGivesUpAfterTooManyInARow) {
 
 TEST(Ippo, AReloadedRunContinuesBitForBit) {
   RunConfig config = small_config();
-  config.normalize_input = true;
-  config.num_epochs = 2;
-  config.shuffle_minibatches = true;
-  config.num_batches_per_epoch = 2;
+  config.network.normalize_input = true;
+  config.optimisation.num_epochs = 2;
+  config.optimisation.shuffle_minibatches = true;
+  config.optimisation.num_batches_per_epoch = 2;
   const TrajectoryShape shape = small_shape(config);
   const auto train = [&](Ippo& ippo, uint64_t first, uint64_t last) {
     for (uint64_t seed = first; seed < last; ++seed) {
@@ -572,7 +572,7 @@ TEST(Ippo, RefusesACheckpointOfAnotherModel) {
   const Ippo small(config, shape.env, torch::kCPU);
   StateDict state;
   small.save(state);
-  config.rnn_size = 24;
+  config.network.rnn_size = 24;
   Ippo large(config, shape.env, torch::kCPU);
   const Status loaded = large.load(state);
   ASSERT_FALSE(loaded);
@@ -582,11 +582,11 @@ TEST(Ippo, RefusesACheckpointOfAnotherModel) {
 
 TEST(Ippo, LearnsTheBestArmOfABandit) {
   RunConfig config;
-  config.algo = "ippo";
-  config.rollout = 8;
-  config.use_rnn = false;
-  config.normalize_input = false;
-  config.learning_rate = 1e-2;
+  config.run.algo = "ippo";
+  config.collection.rollout = 8;
+  config.network.use_rnn = false;
+  config.network.normalize_input = false;
+  config.optimisation.learning_rate = 1e-2;
   TrajectoryShape shape;
   shape.env.num_agents = 1;
   shape.env.height = shape.env.width = 36;
@@ -627,16 +627,16 @@ TEST(Ippo, LearnsTheBestArmOfABandit) {
 
 RunConfig vtrace_config() {
   RunConfig config = small_config();
-  config.with_vtrace = true;
-  config.normalize_returns = false;
+  config.on_policy.with_vtrace = true;
+  config.optimisation.normalize_returns = false;
   return config;
 }
 
 TEST(IppoWithVtrace, OfFreshDataIsGaeWithLambdaOne) {
   const RunConfig config = vtrace_config();
   RunConfig gae_config = small_config();
-  gae_config.normalize_returns = false;
-  gae_config.gae_lambda = 1;
+  gae_config.optimisation.normalize_returns = false;
+  gae_config.on_policy.gae_lambda = 1;
   const TrajectoryShape shape = small_shape(config);
   Ippo vtrace(config, shape.env, torch::kCPU), gae(gae_config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 3, 16);
@@ -714,7 +714,7 @@ TEST(IppoWithVtrace, TrainsAndMicroBatchesGiveTheSameGradient) {
   std::vector<std::vector<Tensor>> results;
   for (const int64_t micro_batch_size : {4096, 8}) {
     RunConfig config = vtrace_config();
-    config.micro_batch_size = micro_batch_size;
+    config.optimisation.micro_batch_size = micro_batch_size;
     const TrajectoryShape shape = small_shape(config);
     Ippo ippo(config, shape.env, torch::kCPU);
     RolloutBatch batch = noise_batch(shape, 5, 19);
@@ -730,12 +730,12 @@ TEST(IppoWithVtrace, TrainsAndMicroBatchesGiveTheSameGradient) {
 
 TEST(Ippo, LeavesABatchOnceThePolicyMovedTooFar) {
   RunConfig config = small_config();
-  config.num_epochs = 6;
-  config.learning_rate = 1e-2;
+  config.optimisation.num_epochs = 6;
+  config.optimisation.learning_rate = 1e-2;
   const TrajectoryShape shape = small_shape(config);
   std::map<double, int64_t> steps;
   for (const double limit : {0.0, 1e-5, 1e9}) {
-    config.early_stop_kl = limit;
+    config.on_policy.early_stop_kl = limit;
     Ippo ippo(config, shape.env, torch::kCPU);
     RolloutBatch batch = noise_batch(shape, 4, 20);
     act_with(ippo.net(), batch);
@@ -748,7 +748,7 @@ TEST(Ippo, LeavesABatchOnceThePolicyMovedTooFar) {
 
 TEST(Ippo, SeparateNetworksLearnFromTheirOwnAgentAlone) {
   RunConfig config = small_config();
-  config.share_parameters = false;
+  config.network.share_parameters = false;
   const TrajectoryShape shape = small_shape(config);
   Ippo ippo(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 4, 21);
@@ -769,10 +769,10 @@ TEST(Ippo, Bf16LossesAgreeWithFp32) {
   for (const char* algo : {"ippo", "mappo"}) {
     std::vector<Ippo::LossSums> sums;
     std::vector<std::vector<Tensor>> results;
-    for (const char* precision : {"fp32", "bf16"}) {
+    for (const Precision precision : {Precision::kFp32, Precision::kBf16}) {
       RunConfig config = small_config();
-      config.algo = algo;
-      config.precision = precision;
+      config.run.algo = algo;
+      config.collection.precision = precision;
       const TrajectoryShape shape = small_shape(config);
       Ippo ippo(config, shape.env, torch::kCPU);
       RolloutBatch batch = noise_batch(shape, 8, 22);
@@ -796,7 +796,7 @@ TEST(MakeAlgorithm, NamesTheKnownOnesForAnUnknownName) {
   RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   EXPECT_TRUE(make_algorithm(config, shape.env, torch::kCPU));
-  config.algo = "reinforce";
+  config.run.algo = "reinforce";
   const auto made = make_algorithm(config, shape.env, torch::kCPU);
   ASSERT_FALSE(made);
   EXPECT_NE(made.error().message.find("ippo"), std::string::npos);

@@ -5,15 +5,15 @@
 namespace comrad::learn {
 namespace {
 
-RunConfig config_with(const char* schedule) {
+RunConfig config_with(RateSchedule schedule) {
   RunConfig config;
-  config.lr_schedule = schedule;
-  config.train_for_env_steps = 1000;
+  config.optimisation.lr_schedule = schedule;
+  config.run.train_for_env_steps = 1000;
   return config;
 }
 
 TEST(LrSchedule, ConstantStaysConstant) {
-  LrSchedule schedule(config_with("constant"));
+  LrSchedule schedule(config_with(RateSchedule::kConstant));
   schedule.before_batch(999);
   schedule.after_minibatch(1.0);
   schedule.after_epoch(1.0);
@@ -21,7 +21,7 @@ TEST(LrSchedule, ConstantStaysConstant) {
 }
 
 TEST(LrSchedule, LinearDecayReachesZeroAtTheLastEnvFrame) {
-  LrSchedule schedule(config_with("linear_decay"));
+  LrSchedule schedule(config_with(RateSchedule::kLinearDecay));
   schedule.before_batch(0);
   EXPECT_DOUBLE_EQ(schedule.learning_rate(), 1e-4);
   schedule.before_batch(500);
@@ -33,12 +33,12 @@ TEST(LrSchedule, LinearDecayReachesZeroAtTheLastEnvFrame) {
 }
 
 TEST(LrSchedule, AnExtendedRunGoesOnFromTheRateItHadToZeroAtItsNewEnd) {
-  LrSchedule first(config_with("linear_decay"));
+  LrSchedule first(config_with(RateSchedule::kLinearDecay));
   first.before_batch(800);
   StateDict state;
   first.save(state);
-  RunConfig longer = config_with("linear_decay");
-  longer.train_for_env_steps = 2000;
+  RunConfig longer = config_with(RateSchedule::kLinearDecay);
+  longer.run.train_for_env_steps = 2000;
   LrSchedule second(longer);
   ASSERT_TRUE(second.load(state));
   EXPECT_DOUBLE_EQ(second.learning_rate(), 0.2e-4);
@@ -59,8 +59,8 @@ TEST(LrSchedule, AnExtendedRunGoesOnFromTheRateItHadToZeroAtItsNewEnd) {
 TEST(LrSchedule, OlderCheckpointsAndOtherKindsFollowTheFlags) {
   StateDict state;
   state.put("schedule/learning_rate", 3e-5);  // all that older checkpoints have
-  LrSchedule linear(config_with("linear_decay")), constant(config_with("constant")),
-      adaptive(config_with("kl_adaptive_epoch"));
+  LrSchedule linear(config_with(RateSchedule::kLinearDecay)), constant(config_with(RateSchedule::kConstant)),
+      adaptive(config_with(RateSchedule::kKlAdaptiveEpoch));
   for (LrSchedule* schedule : {&linear, &constant, &adaptive}) ASSERT_TRUE(schedule->load(state));
   linear.before_batch(500);
   EXPECT_DOUBLE_EQ(linear.learning_rate(), 0.5e-4);
@@ -70,7 +70,7 @@ TEST(LrSchedule, OlderCheckpointsAndOtherKindsFollowTheFlags) {
 }
 
 TEST(LrSchedule, KlAdaptiveMovesByAFactorOutsideTheBand) {
-  LrSchedule schedule(config_with("kl_adaptive_minibatch"));
+  LrSchedule schedule(config_with(RateSchedule::kKlAdaptiveMinibatch));
   schedule.after_minibatch(0.008);  // inside the band
   EXPECT_DOUBLE_EQ(schedule.learning_rate(), 1e-4);
   schedule.after_minibatch(0.017);
@@ -86,7 +86,7 @@ TEST(LrSchedule, KlAdaptiveMovesByAFactorOutsideTheBand) {
 }
 
 TEST(LrSchedule, KlAdaptiveEpochListensToEpochs) {
-  LrSchedule schedule(config_with("kl_adaptive_epoch"));
+  LrSchedule schedule(config_with(RateSchedule::kKlAdaptiveEpoch));
   schedule.after_minibatch(1.0);
   EXPECT_DOUBLE_EQ(schedule.learning_rate(), 1e-4);
   schedule.after_epoch(1.0);

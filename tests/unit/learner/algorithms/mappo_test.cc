@@ -58,7 +58,7 @@ TEST(Mappo, GivesEachAgentAValueOfItsOwn) {
 
 TEST(Mappo, TheOrderOfWorldsInABatchChangesNeitherValuesNorGradient) {
   RunConfig config = small_config();
-  config.micro_batch_size = 12;  // a world at a time
+  config.optimisation.micro_batch_size = 12;  // a world at a time
   const TrajectoryShape shape = small_shape(config);
   Mappo mappo(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 4, 3);
@@ -99,7 +99,7 @@ TEST(Mappo, TrainingSeesTheValuesOfSampling) {
 
 TEST(Mappo, TheValueGradientReachesTheEncoder) {
   RunConfig config = small_config();
-  config.exploration_loss_coeff = 0;
+  config.on_policy.exploration_loss_coeff = 0;
   const TrajectoryShape shape = small_shape(config);
   Mappo mappo(config, shape.env, torch::kCPU);
   RolloutBatch batch = noise_batch(shape, 2, 5);
@@ -114,7 +114,7 @@ TEST(Mappo, ACheckpointOfTheOtherViewIsRefusedAndTheSettingNamed) {
   RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   Mappo own_first(config, shape.env, torch::kCPU);
-  config.mappo_critic_view = "position";
+  config.network.mappo_critic_view = CriticView::kPosition;
   const Mappo position(config, shape.env, torch::kCPU);
   StateDict state;
   position.save(state);
@@ -129,7 +129,7 @@ TEST(Mappo, ACheckpointOfIppoIsRefused) {
   RunConfig config = small_config();
   const TrajectoryShape shape = small_shape(config);
   Mappo mappo(config, shape.env, torch::kCPU);
-  config.algo = "ippo";
+  config.run.algo = "ippo";
   const Ippo ippo(config, shape.env, torch::kCPU);
   StateDict state;
   ippo.save(state);

@@ -27,7 +27,7 @@ constexpr int kUpdates = 50;
 template <typename Learner>
 double learn_heterogeneity(const char* algo, uint64_t seed, bool share_parameters) {
   RunConfig config = matrix_game_config(algo, seed);
-  config.share_parameters = share_parameters;
+  config.network.share_parameters = share_parameters;
   policy::tune_math(1);  // threads would only wait for each other over such small layers
   MatrixGame<Learner> game(config, kHeterogeneity, 16);
   game.bias_to(0, 0.9);

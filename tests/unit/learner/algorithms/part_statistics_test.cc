@@ -22,9 +22,9 @@ TEST(PartStatistics, KnowsThePartOfEveryParameterOfEveryNetwork) {
   std::map<std::string, std::vector<std::string>> parts_of;
   for (const char* algo : {"ippo", "mappo", "happo", "qmix"}) {
     RunConfig config = testing::small_config(algo, 2);
-    config.share_parameters = config.algo != "happo";
-    config.mixer = config.algo == "qmix" ? "qmix" : "";
-    config.decoder_mlp_layers = "8";
+    config.network.share_parameters = config.run.algo != "happo";
+    config.mixers.mixer = config.run.algo == "qmix" ? "qmix" : "";
+    config.network.decoder_mlp_layers = "8";
     const auto made = make_algorithm(config, testing::small_shape(config, 2).env, torch::kCPU);
     ASSERT_TRUE(made) << made.error().message;
     StateDict state;
@@ -101,7 +101,7 @@ TEST(PartStatistics, PartsOfSeveralOptimizersCountTogetherByTheirElements) {
 TEST(PartStatistics, EveryAlgorithmReportsItsParts) {
   for (const char* algo : {"ippo", "mappo", "happo"}) {
     RunConfig config = testing::small_config(algo, 2);
-    config.share_parameters = config.algo != "happo";
+    config.network.share_parameters = config.run.algo != "happo";
     const TrajectoryShape shape = testing::small_shape(config, 2);
     const auto made = make_algorithm(config, shape.env, torch::kCPU);
     ASSERT_TRUE(made);
@@ -122,7 +122,7 @@ TEST(PartStatistics, EveryAlgorithmReportsItsParts) {
         EXPECT_LT(value, 1) << algo << name;
       }
     }
-    if (config.algo != "happo") {
+    if (config.run.algo != "happo") {
       EXPECT_NEAR(std::sqrt(squares), testing::values_of(*stats)["train/grad_norm"], 1e-4) << algo;
     }
   }

@@ -21,16 +21,16 @@ constexpr int kAgents = 2, kWorlds = 5;
 
 RunConfig q_config(const std::string& algo, bool use_rnn) {
   RunConfig config = testing::small_config(algo, kAgents);
-  config.rollout = 6;
-  config.use_rnn = use_rnn;
-  config.mixer = algo == "vdn"       ? "vdn"
-                 : algo == "qmix"    ? "qmix"
-                 : algo == "qplex_d" ? "dmaq"
-                 : algo == "qplex_q" ? "dmaq_qatten"
-                                     : "";
-  config.team_reward = "sum";
-  config.learner_threads = 2;
-  config.learning_rate = 1e-3;
+  config.collection.rollout = 6;
+  config.network.use_rnn = use_rnn;
+  config.mixers.mixer = algo == "vdn"       ? "vdn"
+                        : algo == "qmix"    ? "qmix"
+                        : algo == "qplex_d" ? "dmaq"
+                        : algo == "qplex_q" ? "dmaq_qatten"
+                                            : "";
+  config.q_learning.team_reward = TeamReward::kSum;
+  config.collection.learner_threads = 2;
+  config.optimisation.learning_rate = 1e-3;
   return config;
 }
 
@@ -54,16 +54,16 @@ ReplayBatch q_batch(const RunConfig& config, uint64_t seed) {
   auto replay = *replay::Replay::create({.store = {.shape = shape, .capacity_bytes = 1 << 24}});
   for (int i = 0; i < kWorlds; ++i) replay->insert(pool.view(i), i == 4 ? 3 : 6);
 
-  const replay::Unit unit = config.use_rnn          ? replay::Unit::kSequence
-                            : config.algo == "idqn" ? replay::Unit::kAgentStep
-                                                    : replay::Unit::kJointStep;
+  const replay::Unit unit = config.network.use_rnn      ? replay::Unit::kSequence
+                            : config.run.algo == "idqn" ? replay::Unit::kAgentStep
+                                                        : replay::Unit::kJointStep;
   std::vector<replay::Draw> draws;
   for (int item = 0; item < kWorlds; ++item) {
-    const int steps = config.use_rnn ? 1 : 3;
+    const int steps = config.network.use_rnn ? 1 : 3;
     for (int step = 0; step < steps; ++step)
       for (int agent = 0; agent < (unit == replay::Unit::kAgentStep ? kAgents : 1); ++agent)
         draws.push_back({.item = item,
-                         .step = config.use_rnn ? -1 : step,
+                         .step = config.network.use_rnn ? -1 : step,
                          .agent = agent,
                          .weight = 0.5 + 0.1 * item,
                          .serial = static_cast<int64_t>(draws.size())});
@@ -71,9 +71,9 @@ ReplayBatch q_batch(const RunConfig& config, uint64_t seed) {
   const ReplayBatchOptions options{.shape = shape,
                                    .unit = unit,
                                    .world_count = static_cast<int64_t>(draws.size()),
-                                   .n_step = config.n_step,
-                                   .pay = {.gamma = config.gamma},
-                                   .agents_end = config.algo == "idqn"};
+                                   .n_step = config.q_learning.n_step,
+                                   .pay = {.gamma = config.optimisation.gamma},
+                                   .agents_end = config.run.algo == "idqn"};
   ReplayBatch batch = make_replay_batch(options);
   fill(batch, options, *replay, draws);
   return batch;
@@ -128,7 +128,7 @@ double plain_loss(const RunConfig& config, const QLearning& learner, const Repla
   const int64_t agents = batch.shape.env.num_agents;
   const std::vector<int64_t> first = {0, 3}, size = {3, 2};
   double sum = 0, count = 0;
-  for (int64_t t = config.burn_in; t < batch.steps(); ++t)
+  for (int64_t t = config.q_learning.burn_in; t < batch.steps(); ++t)
     for (int64_t world = 0; world < batch.world_count; ++world) {
       const double weight = batch.weight[world].item<double>();
       double team_q = 0, team_next = 0, team_reward = 0;
@@ -155,17 +155,18 @@ double plain_loss(const RunConfig& config, const QLearning& learner, const Repla
                        next = target.next[at][row][best].item<double>();
           team_q += q * active;
           team_next += next * next_active;
-          of_heads += huber_of(q - (reward + config.gamma * bootstrap * (ends ? 0 : next))) / 2;
+          of_heads += huber_of(q - (reward + config.optimisation.gamma * bootstrap * (ends ? 0 : next))) / 2;
         }
         team_reward += reward;
-        if (config.algo == "idqn" && active != 0 && batch.valid[t][row].item<int>() != 0) {
+        if (config.run.algo == "idqn" && active != 0 && batch.valid[t][row].item<int>() != 0) {
           sum += weight * of_heads;
           ++count;
         }
       }
-      if (config.algo == "idqn" || !is_valid) continue;
-      const double y = team_reward + config.gamma * bootstrap * (ends ? 0 : team_next);
-      sum += weight * huber_of(team_q - std::clamp(y, -config.q_value_clamp, config.q_value_clamp));
+      if (config.run.algo == "idqn" || !is_valid) continue;
+      const double y = team_reward + config.optimisation.gamma * bootstrap * (ends ? 0 : team_next);
+      sum += weight * huber_of(team_q - std::clamp(y, -config.q_learning.q_value_clamp,
+                                                   config.q_learning.q_value_clamp));
       ++count;
     }
   return sum / count;
@@ -218,7 +219,7 @@ class PlainLoop : public ::testing::TestWithParam<Case> {};
 
 TEST_P(PlainLoop, TheLossIsThatOfTheEquations) {
   RunConfig config = q_config(GetParam().algo, GetParam().use_rnn);
-  config.q_value_clamp = 0.8;
+  config.q_learning.q_value_clamp = 0.8;
   expect_plain_loss(config, 11);
 }
 
@@ -227,7 +228,7 @@ class SeparateNetworks : public PlainLoop {};
 
 TEST_P(SeparateNetworks, LearnFromTheirOwnRows) {
   RunConfig config = q_config(GetParam().algo, GetParam().use_rnn);
-  config.share_parameters = false;
+  config.network.share_parameters = false;
   expect_plain_loss(config, 12);
 }
 
@@ -236,7 +237,7 @@ class SeveralSteps : public PlainLoop {};
 
 TEST_P(SeveralSteps, OfRewardBootstrapBehindTheLast) {
   RunConfig config = q_config(GetParam().algo, GetParam().use_rnn);
-  config.n_step = 3;
+  config.q_learning.n_step = 3;
   EXPECT_LT(q_batch(config, 13).bootstrap.min().item<float>(), 0.99f);
   expect_plain_loss(config, 13);
 }
@@ -253,7 +254,7 @@ INSTANTIATE_TEST_SUITE_P(QLearning, SeveralSteps, ::testing::Values(kVdnFlat, kI
 
 TEST(QLearning, StepsOfTheBurnInOnlyWarmUpTheState) {
   RunConfig config = q_config("vdn", true);
-  config.burn_in = 2;
+  config.q_learning.burn_in = 2;
   expect_plain_loss(config, 14);
 }
 
@@ -269,8 +270,11 @@ TEST(QLearning, ADeadAgentsLastDecisionIsWorthItsRewardsAlone) {
       pool.view(0).reward(t, 1) = t == 2 ? -0.5f : 0.0f;  // and pays for it at step 2
     }
     const replay::Unit unit = use_rnn ? replay::Unit::kSequence : replay::Unit::kAgentStep;
-    const ReplayBatchOptions options{
-        .shape = shape, .unit = unit, .world_count = 1, .pay = {.gamma = config.gamma}, .agents_end = true};
+    const ReplayBatchOptions options{.shape = shape,
+                                     .unit = unit,
+                                     .world_count = 1,
+                                     .pay = {.gamma = config.optimisation.gamma},
+                                     .agents_end = true};
     auto replay =
         *replay::Replay::create({.store = {.shape = shape, .capacity_bytes = 1 << 24}, .unit = unit});
     replay->insert(pool.view(0), 6);
@@ -280,7 +284,7 @@ TEST(QLearning, ADeadAgentsLastDecisionIsWorthItsRewardsAlone) {
     const auto learner = q_learner(config);
     QLearning::LossSums sums;
     ASSERT_TRUE(learner->accumulate_gradient(batch, {}, sums));
-    EXPECT_NEAR(sums.target, config.gamma * config.gamma * -0.5, 1e-6);
+    EXPECT_NEAR(sums.target, config.optimisation.gamma * config.optimisation.gamma * -0.5, 1e-6);
   }
 }
 
@@ -301,7 +305,7 @@ TEST(QLearning, ADiscountOfZeroTrainsOnRewardsAlone) {
   for (const char* algo : {"idqn", "vdn"})
     for (const bool use_rnn : {false, true}) {
       RunConfig config = q_config(algo, use_rnn);
-      config.gamma = 0;
+      config.optimisation.gamma = 0;
       expect_plain_loss(config, 18);
     }
 }
@@ -321,11 +325,11 @@ class EveryAlgorithm : public ::testing::TestWithParam<const char*> {};
 TEST_P(EveryAlgorithm, TheGradientDoesNotDependOnMicroBatchesOrThreads) {
   RunConfig config = q_config(GetParam(), true);
   ReplayBatch batch = q_batch(config, 21);
-  config.micro_batch_size = 1000;
-  config.learner_threads = 1;
+  config.optimisation.micro_batch_size = 1000;
+  config.collection.learner_threads = 1;
   const auto whole = q_learner(config);
-  config.micro_batch_size = 1;  // one world at a time
-  config.learner_threads = 2;
+  config.optimisation.micro_batch_size = 1;  // one world at a time
+  config.collection.learner_threads = 2;
   const auto parts = q_learner(config);
   EXPECT_NEAR(loss_of(*whole, batch), loss_of(*parts, batch), 1e-5);
   const std::vector<Tensor> one = gradients_of(*whole), other = gradients_of(*parts);
@@ -358,14 +362,14 @@ TEST_P(EveryAlgorithm, TheOrderOfWorldsDoesNotMatter) {
     ASSERT_TRUE(learner->accumulate_gradient(one, {}, sums));
     const auto valid = one.valid.view({one.steps(), 1, kAgents});
     const double count =
-        config.algo == "idqn"
+        config.run.algo == "idqn"
             ? one.valid.bitwise_and(one.agent_active.narrow(0, 0, one.steps())).sum().item<double>()
             : valid.amin(2).sum().item<double>();
     turned += sums.loss * count;
   }
   const auto all = batch.valid.view({batch.steps(), batch.world_count, kAgents});
   const double count =
-      config.algo == "idqn"
+      config.run.algo == "idqn"
           ? batch.valid.bitwise_and(batch.agent_active.narrow(0, 0, batch.steps())).sum().item<double>()
           : all.amin(2).sum().item<double>();
   EXPECT_NEAR(turned / count, loss, 1e-5);
@@ -373,7 +377,7 @@ TEST_P(EveryAlgorithm, TheOrderOfWorldsDoesNotMatter) {
 
 TEST_P(EveryAlgorithm, AnUpdateLowersTheLossOfItsBatchAndMovesTheTarget) {
   RunConfig config = q_config(GetParam(), true);
-  config.learning_rate = 3e-4;  // with 1e-3 the loss of QPLEX leaps about
+  config.optimisation.learning_rate = 3e-4;  // with 1e-3 the loss of QPLEX leaps about
   const auto learner = q_learner(config);
   ReplayBatch batch = q_batch(config, 24);
   const double before = loss_of(*learner, batch);
@@ -386,8 +390,8 @@ TEST_P(EveryAlgorithm, AnUpdateLowersTheLossOfItsBatchAndMovesTheTarget) {
     for (std::size_t p = 0; p < target.size(); ++p)
       EXPECT_TRUE(torch::allclose(
           learner->target_parameters()[p],
-          target[p] + config.target_update_tau * (learner->parameters()[p].detach() - target[p]), 1e-4,
-          1e-6));
+          target[p] + config.q_learning.target_update_tau * (learner->parameters()[p].detach() - target[p]),
+          1e-4, 1e-6));
   }
   EXPECT_EQ(learner->version(), 20u);
   EXPECT_LT(loss_of(*learner, batch), before);
@@ -401,7 +405,7 @@ TEST_P(EveryAlgorithm, ACheckpointGoesOnExactly) {
   StateDict state;
   one->save(state);
   RunConfig another_seed = config;
-  another_seed.seed = 99;
+  another_seed.run.seed = 99;
   const auto other = q_learner(another_seed);
   const Status loaded = other->load(state);
   ASSERT_TRUE(loaded) << loaded.error().message;
@@ -411,10 +415,10 @@ TEST_P(EveryAlgorithm, ACheckpointGoesOnExactly) {
   EXPECT_TRUE(testing::all_equal(one->parameters(), other->parameters()));
   EXPECT_TRUE(testing::all_equal(one->target_parameters(), other->target_parameters()));
 
-  const auto stranger = q_learner(q_config(config.algo == "vdn" ? "idqn" : "vdn", true));
+  const auto stranger = q_learner(q_config(config.run.algo == "vdn" ? "idqn" : "vdn", true));
   const Status refused = stranger->load(state);
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().message.find(config.algo), std::string::npos);
+  EXPECT_NE(refused.error().message.find(config.run.algo.name()), std::string::npos);
 }
 
 TEST_P(EveryAlgorithm, ALossThatIsNoNumberMovesNoWeight) {
@@ -448,8 +452,9 @@ void expect_close(const std::vector<double>& values, const std::vector<double>& 
 
 RunConfig scaled_config(const std::string& algo, bool everything) {
   RunConfig config = q_config(algo, true);
-  config.normalize_q_values = true;
-  config.qplex_weighted_head = config.qplex_state_bias = config.qplex_nonlinear = everything;
+  config.q_learning.normalize_q_values = true;
+  config.mixers.qplex_weighted_head = config.mixers.qplex_state_bias = config.mixers.qplex_nonlinear =
+      everything;
   return config;
 }
 
@@ -470,7 +475,7 @@ TEST_P(EveryAlgorithm, AChangeOfUnitLeavesEveryQValueAlsoThroughCheckpoints) {
     EXPECT_EQ(same->q_sigma(), learner->q_sigma());
     EXPECT_EQ(words_of(*same, batch), words);
     RunConfig plain = config;
-    plain.normalize_q_values = false;
+    plain.q_learning.normalize_q_values = false;
     const auto natural = q_learner(plain);
     ASSERT_TRUE(natural->load(state));
     EXPECT_EQ(natural->q_sigma(), 1);
@@ -484,8 +489,8 @@ TEST_P(EveryAlgorithm, AChangeOfUnitLeavesEveryQValueAlsoThroughCheckpoints) {
     expect_close(words_of(*late, batch), words, "before the first scale");
     // An update with a rate of 0 moves the scale alone.
     RunConfig still = config;
-    still.learning_rate = 0;
-    still.target_update_tau = 0;
+    still.optimisation.learning_rate = 0;
+    still.q_learning.target_update_tau = 0;
     const auto moved = q_learner(still);
     ASSERT_TRUE(moved->load(unscaled));
     ReplayBatch larger = batch;
@@ -526,7 +531,7 @@ TEST_P(EveryAlgorithm, SmallRewardsAreLearnedAsLargeOnesWithAScale) {
   EXPECT_LT(large.back(), 0.8 * large.front());
 
   RunConfig plain = config;
-  plain.normalize_q_values = false;
+  plain.q_learning.normalize_q_values = false;
   const std::vector<double> lost = learning_curve(plain, 0.01, 40).first;
   EXPECT_GT(lost.back(), 3 * small.back()) << "without it the first guesses drown such rewards";
 }
@@ -536,9 +541,9 @@ INSTANTIATE_TEST_SUITE_P(QLearning, EveryAlgorithm,
 
 TEST(QLearning, GradientsShrinkWithTheRewardsWithoutAScale) {
   RunConfig config = q_config("vdn", false);
-  config.gamma = 0;
+  config.optimisation.gamma = 0;
   const auto norm = [&](bool scaled, double size) {
-    config.normalize_q_values = scaled;
+    config.q_learning.normalize_q_values = scaled;
     const auto learner = q_learner(config);
     for (const auto& [name, tensor] : learner->net().named_parameters())
       if (name.find("action_head") != std::string::npos) Tensor(tensor).detach().zero_();  // every Q is 0
@@ -556,12 +561,12 @@ TEST(QLearning, GradientsShrinkWithTheRewardsWithoutAScale) {
 TEST(QLearning, ASequencesPriorityMixesItsLargestAndItsMeanError) {
   for (const char* algo : {"vdn", "idqn"}) {
     RunConfig config = q_config(algo, true);
-    config.burn_in = 1;
+    config.q_learning.burn_in = 1;
     ReplayBatch batch = q_batch(config, 33);
-    config.per_sequences = false;
+    config.replay.per_sequences = false;
     const auto priorities = [&](double eta) {
-      config.per_sequences = eta >= 0;
-      config.per_eta = eta;
+      config.replay.per_sequences = eta >= 0;
+      config.replay.per_eta = eta;
       const auto learner = q_learner(config);
       loss_of(*learner, batch);
       return batch.abs_td.clone();
@@ -587,8 +592,8 @@ TEST(QLearning, TellsWhatShareOfTargetsAndRewardsWasClipped) {
     return -1.0;
   };
   RunConfig config = q_config("vdn", false);
-  config.gamma = 0;
-  config.q_value_clamp = 1;
+  config.optimisation.gamma = 0;
+  config.q_learning.q_value_clamp = 1;
   ReplayBatch batch = q_batch(config, 34);
   batch.valid.fill_(1);
   batch.reward.fill_(0.5);  // a team's 1.0 is at the clamp and stays
@@ -604,8 +609,8 @@ TEST(QLearning, TellsWhatShareOfTargetsAndRewardsWasClipped) {
 
 TEST(QLearning, TargetsAreCopiedNowAndThenWhereTauIsOne) {
   RunConfig config = q_config("qmix", true);
-  config.target_update_tau = 1;
-  config.target_update_interval = 3;
+  config.q_learning.target_update_tau = 1;
+  config.q_learning.target_update_interval = 3;
   const auto learner = q_learner(config);
   ReplayBatch batch = q_batch(config, 31);
   for (int step = 1; step <= 6; ++step) {
@@ -649,7 +654,7 @@ TEST(QLearning, HasTheParameterCountsOfTheSpecification) {
   env.head_sizes = {3, 3, 3, 2, 3};
   const auto count = [&](const char* algo) {
     RunConfig config = q_config(algo, std::string(algo) != "idqn");
-    config.rnn_size = 512;
+    config.network.rnn_size = 512;
     return (*make_algorithm(config, env, torch::kCPU))->parameter_count();
   };
   EXPECT_EQ(count("vdn"), 2'876'142);
@@ -670,7 +675,7 @@ TEST(QLearning, EpsilonFallsInAStraightLine) {
 
 TEST(QLearning, ObservationsMoveTheStatisticsOfBothNetworks) {
   RunConfig config = q_config("vdn", true);
-  config.normalize_input = true;
+  config.network.normalize_input = true;
   const auto learner = q_learner(config);
   const ReplayBatch batch = q_batch(config, 32);
   const Tensor before = learner->target_net().step(batch.frame[0], {}, batch.recurrent_state).logits.clone();

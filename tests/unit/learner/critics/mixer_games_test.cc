@@ -24,6 +24,8 @@
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "policy_workers/policy/utilities.h"
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/recipes.h"
 
 namespace comrad::learn {
 namespace {
@@ -122,8 +124,8 @@ struct Schedule {
 };
 
 Schedule schedule_of(const MixerOptions& options) {
-  if (options.kind == "vdn") return {.steps = 1000, .learning_rate = 0.2, .noise = false};
-  if (options.kind == "qmix") return {.steps = 1500, .learning_rate = 0.02, .spread = 3};
+  if (options.kind == MixerKind::kVdn) return {.steps = 1000, .learning_rate = 0.2, .noise = false};
+  if (options.kind == MixerKind::kQmix) return {.steps = 1500, .learning_rate = 0.02, .spread = 3};
   if (options.adv_hypernet_layers == 1) return {.steps = 2500, .learning_rate = 0.1, .spread = 1};
   return {.steps = 3000, .learning_rate = 0.003, .table_scale = 5, .spread = 0.3};
 }
@@ -228,7 +230,8 @@ Fit fit(const Table& payoff, const MixerOptions& options, uint64_t seed, double 
   Schedule schedule = schedule_of(options);
   if (fixed_tables) {
     // Unscaled utilities count once in V_tot; equal attention over two agents gives each half of the heads.
-    const double weight = options.kind == "dmaq" ? 1 : static_cast<double>(options.n_head) / 2;
+    const double weight =
+        options.kind == MixerKind::kQplexDuelling ? 1 : static_cast<double>(options.n_head) / 2;
     team.prefer(cells.argmax().item<int64_t>(), cells.max().item<double>() / 2 / weight);
     schedule = {.steps = 3000, .learning_rate = 0.03, .table_scale = 0, .noise = false};
   }
@@ -247,10 +250,18 @@ Fit fit(const Table& payoff, const MixerOptions& options, uint64_t seed, double 
   return measure(team, payoff);
 }
 
+/// What --mixer calls a kind.
+const char* name_of(MixerKind kind) {
+  for (const AlgorithmRow* row : algorithm_rows())
+    if (row->mixer == kind) return row->mixer_name.data();
+  return "none";
+}
+
 /// A mixer in the settings that --qplex_preset names; the team sets its shape.
-MixerOptions mixer(const char* kind, const char* preset = "comrad") {
+MixerOptions mixer(const char* kind, QplexPreset preset = QplexPreset::kComrad) {
   RunConfig config;
-  config.mixer = kind;
+  for (const AlgorithmRow* row : algorithm_rows())
+    if (row->mixer_name == kind) config.run.algo = *row;
   EXPECT_TRUE(apply_layer(config, qplex_preset_settings(preset)));
   return MixerOptions::from(config, EnvShape{}, /*features=*/1);
 }
@@ -451,7 +462,8 @@ INSTANTIATE_TEST_SUITE_P(Spec66, MixerGames, ::testing::ValuesIn(games()), [](co
 class QplexGames : public ::testing::TestWithParam<const char*> {};
 TEST_P(QplexGames, MostAreLearnedFromOneOfTwoStarts) {
   int learned = 0;
-  for (const Game& game : games()) learned += one_start_arrives(game, GetParam(), mixer(GetParam(), "paper"));
+  for (const Game& game : games())
+    learned += one_start_arrives(game, GetParam(), mixer(GetParam(), QplexPreset::kPaper));
   EXPECT_GE(learned, 6) << "7 on 2026-11-22";
 }
 INSTANTIATE_TEST_SUITE_P(Forms, QplexGames, ::testing::Values("dmaq", "dmaq_qatten"),
@@ -476,7 +488,7 @@ TwoStep learn_two_step(const MixerOptions& options, uint64_t seed) {
   policy::tune_math(1);
   constexpr int64_t kCopyEvery = 50;
   const Team online(options, 3, 2, seed), target(options, 3, 2, seed);
-  const Schedule schedule{.steps = 1500, .learning_rate = options.kind == "vdn" ? 0.2 : 0.03};
+  const Schedule schedule{.steps = 1500, .learning_rate = options.kind == MixerKind::kVdn ? 0.2 : 0.03};
   FlatAdam adam(online.parameters()), target_weights(target.parameters());
   const Tensor reward = torch::tensor({0.f, 0.f, 0.f, 0.f, 7.f, 7.f, 7.f, 7.f, 0.f, 1.f, 1.f, 8.f});
   const Tensor next_state = torch::tensor({1, 1, 2, 2, 0, 0, 0, 0, 0, 0, 0, 0}, torch::kInt64);
@@ -502,7 +514,7 @@ TwoStep learn_two_step(const MixerOptions& options, uint64_t seed) {
   const int64_t second = online.greedy(0)[0] == 0 ? 1 : 2;
   const auto [first, other] = online.greedy(second);
   result.payoff = reward[second * 4 + first * 2 + other].item<double>();
-  std::printf("two-step     %-12s seed %3d  return %.1f  %s\n", options.kind.c_str(), static_cast<int>(seed),
+  std::printf("two-step     %-12s seed %3d  return %.1f  %s\n", name_of(options.kind), static_cast<int>(seed),
               result.payoff, to_text(result.table).c_str());
   return result;
 }

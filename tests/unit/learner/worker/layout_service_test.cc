@@ -28,8 +28,8 @@ class LayoutServiceTest : public ::testing::Test {
   LayoutServiceTest() : arena_(*shm::Arena::create(small_arena_shape(), 1)) {
     fs::create_directories(folder_ / "layouts");
     write_pool(4);
-    config_.layout_pool = "pool";
-    config_.lp_max_return = config_.seq_max_return = 1.0;
+    config_.environment.layout_pool = "pool";
+    config_.curriculum.lp_max_return = config_.curriculum.seq_max_return = 1.0;
   }
 
   void write_pool(int count) const {
@@ -85,7 +85,7 @@ class LayoutServiceTest : public ::testing::Test {
 };
 
 TEST_F(LayoutServiceTest, ARunWithOneMapHasNone) {
-  config_.layout_pool.clear();
+  config_.environment.layout_pool.clear();
   EXPECT_EQ(open(), nullptr);
 }
 
@@ -107,8 +107,8 @@ TEST_F(LayoutServiceTest, GrantsOneLayoutToEachEnvironmentAndWaitsUntilItIsTaken
 }
 
 TEST_F(LayoutServiceTest, OutcomesReachTheCurriculumUnderTheirLayout) {
-  config_.curriculum = "sequential";
-  config_.seq_min_outcomes = 2;
+  config_.curriculum.curriculum = CurriculumKind::kSequential;
+  config_.curriculum.seq_min_outcomes = 2;
   const auto service = open();
   service->serve(arena_);
   for (int env = 0; env < 8; ++env) EXPECT_EQ(take(env), 0u) << "the first of the sequence";
@@ -149,7 +149,7 @@ TEST_F(LayoutServiceTest, DamagedAndOverwrittenOutcomesAreCountedAndDoNoHarm) {
 }
 
 TEST_F(LayoutServiceTest, ACheckpointContinuesTheDrawsAndTheDesks) {
-  config_.curriculum = "learning_progress";
+  config_.curriculum.curriculum = CurriculumKind::kLearningProgress;
   const auto first = open();
   for (int round = 0; round < 20; ++round) {
     first->serve(arena_);
@@ -194,28 +194,29 @@ TEST_F(LayoutServiceTest, ResumingWithoutStateOrWithOtherLayoutsIsRefused) {
 }
 
 TEST_F(LayoutServiceTest, SettingsAndFilesThatAreWrongAreNamed) {
-  config_.curriculum = "sequential";
-  config_.seq_max_return = 0;
+  config_.curriculum.curriculum = CurriculumKind::kSequential;
+  config_.curriculum.seq_max_return = 0;
   write_ceilings({35, 0});
   EXPECT_THAT(open_error(), AllOf(HasSubstr("seq_max_return is 0"), HasSubstr("layout task_1")));
-  config_.curriculum = "learning_progress";
-  config_.lp_min_return = 40;
-  config_.lp_max_return = 0;
+  config_.curriculum.curriculum = CurriculumKind::kLearningProgress;
+  config_.curriculum.lp_min_return = 40;
+  config_.curriculum.lp_max_return = 0;
   write_ceilings({47, 35});
   EXPECT_THAT(open_error(), AllOf(HasSubstr("lp_min_return is 40"), HasSubstr("layout task_1, 35")));
   write_pool(4);
-  config_.lp_min_return = 0;
-  config_.lp_max_return = 1;
-  config_.curriculum = "omni";
-  config_.interestingness_graph_path = (folder_ / "none.json").string();
+  config_.curriculum.lp_min_return = 0;
+  config_.curriculum.lp_max_return = 1;
+  config_.curriculum.curriculum = CurriculumKind::kOmni;
+  config_.curriculum.interestingness_graph_path = (folder_ / "none.json").string();
   EXPECT_THAT(open_error(), HasSubstr("none.json: cannot be read"));
-  config_.interestingness_graph_path = write("g.json", "{\"task_0\": ");
+  config_.curriculum.interestingness_graph_path = write("g.json", "{\"task_0\": ");
   EXPECT_THAT(open_error(), HasSubstr("line 1"));
-  config_.interestingness_graph_path = write("g.json", "{\"task_0\": {\"task_1\": \"no\"}}");
+  config_.curriculum.interestingness_graph_path = write("g.json", "{\"task_0\": {\"task_1\": \"no\"}}");
   EXPECT_THAT(open_error(), HasSubstr("neither true nor false about 'task_1'"));
-  config_.interestingness_graph_path = write("g.json", "{\"task_0\": {\"tsk_1\": false}}");
+  config_.curriculum.interestingness_graph_path = write("g.json", "{\"task_0\": {\"tsk_1\": false}}");
   EXPECT_THAT(open_error(), HasSubstr("did you mean 'task_1'"));
-  config_.interestingness_graph_path = write("g.json", "{\"task_3\": {\"task_1\": false, \"task_0\": true}}");
+  config_.curriculum.interestingness_graph_path =
+      write("g.json", "{\"task_3\": {\"task_1\": false, \"task_0\": true}}");
   EXPECT_EQ(open_error(), "no error");
   fs::remove(folder_ / kLayoutListFile);
   EXPECT_THAT(open_error(), HasSubstr("pool.toml"));
@@ -224,9 +225,9 @@ TEST_F(LayoutServiceTest, SettingsAndFilesThatAreWrongAreNamed) {
 TEST_F(LayoutServiceTest, SequentialGoesPastALayoutThatAllowsLessThanTheDefaultMap) {
   // A chain of 36 platforms allows 35, that of the scenario's default map 47: 0.8 of 47 is out of reach there.
   write_ceilings({35, 47, 59});
-  config_.curriculum = "sequential";
-  config_.seq_max_return = 0;
-  config_.seq_min_outcomes = 5;
+  config_.curriculum.curriculum = CurriculumKind::kSequential;
+  config_.curriculum.seq_max_return = 0;
+  config_.curriculum.seq_min_outcomes = 5;
   const auto service = open();
   ASSERT_NE(service, nullptr);
   Curriculum& curriculum = service->curriculum();
@@ -237,7 +238,7 @@ TEST_F(LayoutServiceTest, SequentialGoesPastALayoutThatAllowsLessThanTheDefaultM
   for (int episode = 0; episode < 5; ++episode) curriculum.update(1, 47);
   EXPECT_EQ(curriculum.draw(), 2);
   // A score that somebody names counts for every layout.
-  config_.seq_max_return = 10;
+  config_.curriculum.seq_max_return = 10;
   const auto named = open();
   ASSERT_NE(named, nullptr);
   for (int episode = 0; episode < 5; ++episode) named->curriculum().update(0, 9);
@@ -245,8 +246,9 @@ TEST_F(LayoutServiceTest, SequentialGoesPastALayoutThatAllowsLessThanTheDefaultM
 }
 
 TEST_F(LayoutServiceTest, TheGraphAndTheScalesReachOmni) {
-  config_.curriculum = "omni";
-  config_.interestingness_graph_path = write("g.json", "{\"task_3\": {\"task_1\": false, \"task_0\": true}}");
+  config_.curriculum.curriculum = CurriculumKind::kOmni;
+  config_.curriculum.interestingness_graph_path =
+      write("g.json", "{\"task_3\": {\"task_1\": false, \"task_0\": true}}");
   const auto list = read_layout_list(folder_.string());
   ASSERT_TRUE(list);
   const auto options = curriculum_options(config_, *list);
@@ -277,7 +279,7 @@ RolloutBatch batch_of_layouts() {
 
 TEST(LayoutSignals, AreMeansAndMaximaOverEachLayoutsValidDecisions) {
   const RolloutBatch batch = batch_of_layouts();
-  const auto l1 = layout_signals(batch, "mean_value_l1", 4);
+  const auto l1 = layout_signals(batch, PlrScore::kMeanValueL1, 4);
   ASSERT_EQ(l1.size(), 3u);
   EXPECT_EQ(l1[0].layout, 0);
   EXPECT_EQ(l1[0].decisions, 4);
@@ -287,7 +289,7 @@ TEST(LayoutSignals, AreMeansAndMaximaOverEachLayoutsValidDecisions) {
   EXPECT_DOUBLE_EQ(l1[1].mean, 3.0);
   EXPECT_EQ(l1[2].decisions, 8);  // 4 of the first slab, 1, 2, 3 of the second, two agents each
   EXPECT_DOUBLE_EQ(l1[2].mean, 2.5);
-  const auto signed_mean = layout_signals(batch, "mean_advantage", 4);
+  const auto signed_mean = layout_signals(batch, PlrScore::kMeanAdvantage, 4);
   EXPECT_DOUBLE_EQ(signed_mean[0].mean, 0.0);
   EXPECT_DOUBLE_EQ(signed_mean[1].mean, 3.0);
   EXPECT_DOUBLE_EQ(signed_mean[2].maximum, 4.0);
@@ -296,7 +298,7 @@ TEST(LayoutSignals, AreMeansAndMaximaOverEachLayoutsValidDecisions) {
 TEST(LayoutSignals, DecisionsOfTheDeadDoNotCount) {
   RolloutBatch batch = batch_of_layouts();
   batch.agent_active[0][0] = 0;  // layout 0, agent 0: 1 does not count
-  const auto signals = layout_signals(batch, "mean_advantage", 4);
+  const auto signals = layout_signals(batch, PlrScore::kMeanAdvantage, 4);
   EXPECT_EQ(signals[0].decisions, 3);
   EXPECT_DOUBLE_EQ(signals[0].mean, -1.0 / 3.0);
 }
@@ -306,8 +308,8 @@ TEST(LayoutSignals, TenTimesTheRewardScoresTenTimesAsMuchForEveryAlgorithm) {
     std::vector<double> scores;
     for (const double scale : {1.0, 10.0}) {
       RunConfig config = testing::small_config(algo, 2);
-      config.share_parameters = config.algo != "happo";
-      config.critic_hidden_sizes = "16";
+      config.network.share_parameters = config.run.algo != "happo";
+      config.network.critic_hidden_sizes = "16";
       const TrajectoryShape shape = testing::small_shape(config, 2);
       const auto made = make_algorithm(config, shape.env, torch::kCPU);
       ASSERT_TRUE(made);
@@ -319,7 +321,7 @@ TEST(LayoutSignals, TenTimesTheRewardScoresTenTimesAsMuchForEveryAlgorithm) {
       RolloutBatch batch = testing::noise_batch(shape, 4, 7);
       batch.reward.mul_(scale);
       ASSERT_TRUE(dynamic_cast<OnPolicyAlgorithm&>(**made).update(batch, {}));
-      scores.push_back(layout_signals(batch, "mean_value_l1", 1).front().mean);
+      scores.push_back(layout_signals(batch, PlrScore::kMeanValueL1, 1).front().mean);
     }
     EXPECT_NEAR(scores[1] / scores[0], 10, 1e-3) << algo;
   }
@@ -328,17 +330,18 @@ TEST(LayoutSignals, TenTimesTheRewardScoresTenTimesAsMuchForEveryAlgorithm) {
 TEST(LayoutSignals, EntropyIsThatOfTheBehaviourPolicy) {
   RolloutBatch batch = batch_of_layouts();
   batch.logits.zero_();  // uniform over 3 and over 4 choices
-  for (const LayoutSignal& one : layout_signals(batch, "mean_entropy", 4))
+  for (const LayoutSignal& one : layout_signals(batch, PlrScore::kMeanEntropy, 4))
     EXPECT_NEAR(one.mean, std::log(3.0) + std::log(4.0), 1e-6);
 }
 
 TEST_F(LayoutServiceTest, OnlyPlrListensToTraining) {
-  for (const char* kind : {"uniform", "plr"}) {
-    config_.curriculum = kind;
+  for (const CurriculumKind kind : {CurriculumKind::kUniform, CurriculumKind::kPlr}) {
+    config_.curriculum.curriculum = kind;
     const auto service = open();
     const std::string before = service->curriculum().state();
     service->score(batch_of_layouts());
-    EXPECT_EQ(service->curriculum().state() != before, config_.curriculum == "plr") << kind;
+    EXPECT_EQ(service->curriculum().state() != before, config_.curriculum.curriculum == CurriculumKind::kPlr)
+        << word_of(kind);
   }
 }
 

@@ -33,16 +33,16 @@ namespace fs = std::filesystem;
 
 RunConfig small_config() {
   RunConfig config;
-  config.algo = "ippo";
-  config.device = "cpu";
-  config.rollout = 4;
-  config.batch_size = 4 * 2 * 2;  // two slabs
-  config.rnn_size = 8;
-  config.num_workers = 1;
-  config.num_envs_per_worker = 4;
-  config.experiment_summaries_interval = 0.2;
-  config.save_every_sec = 1000;
-  config.learning_rate = 1e-3;
+  config.run.algo = "ippo";
+  config.collection.device = "cpu";
+  config.collection.rollout = 4;
+  config.optimisation.batch_size = 4 * 2 * 2;  // two slabs
+  config.network.rnn_size = 8;
+  config.collection.num_workers = 1;
+  config.collection.num_envs_per_worker = 4;
+  config.run.experiment_summaries_interval = 0.2;
+  config.run.save_every_sec = 1000;
+  config.optimisation.learning_rate = 1e-3;
   return config;
 }
 
@@ -54,10 +54,10 @@ shm::ArenaShape arena_shape(const RunConfig& config) {
   env.head_count = 1;
   env.head_sizes = {3};
   const policy::PolicyNetOptions options = policy::PolicyNetOptions::from(config, env);
-  shape.trajectory.rollout_steps = static_cast<int32_t>(config.rollout);
+  shape.trajectory.rollout_steps = static_cast<int32_t>(config.collection.rollout);
   shape.trajectory.recurrent_state_count = static_cast<int32_t>(options.recurrent_state_count());
   shape.sim_worker_count = 1;
-  shape.envs_per_worker = static_cast<int32_t>(config.num_envs_per_worker);
+  shape.envs_per_worker = static_cast<int32_t>(config.collection.num_envs_per_worker);
   shape.slab_count = 16;
   shape.journal_steps = 64;
   shape.weights_bytes = policy::PolicyNet::create(options, 1, torch::kCPU).weights_bytes();
@@ -210,17 +210,18 @@ class LearnerTest : public ::testing::Test {
   /// Trains `rollouts` in one life, in a second one, and in two lives that meet after `first`: bit for bit
   /// the same weights, at `version`.
   void expect_the_same_twice_and_resumed(RunConfig config, int first, int rollouts, uint64_t& version) {
-    config.train_for_env_steps = kFramesPerRollout * rollouts;
-    const Outcome whole = live(config, config.algo + "_whole"), again = live(config, config.algo + "_again");
+    config.run.train_for_env_steps = kFramesPerRollout * rollouts;
+    const Outcome whole = live(config, config.run.algo.name() + "_whole"),
+                  again = live(config, config.run.algo.name() + "_again");
     ASSERT_TRUE(whole.status) << whole.status.error().message;
-    EXPECT_TRUE(whole.weights == again.weights) << config.algo;
-    config.train_for_env_steps = kFramesPerRollout * first;
-    ASSERT_TRUE(live(config, config.algo + "_halves").status);
-    config.train_for_env_steps = kFramesPerRollout * rollouts;
-    const Outcome halves = live(config, config.algo + "_halves");
+    EXPECT_TRUE(whole.weights == again.weights) << config.run.algo.name();
+    config.run.train_for_env_steps = kFramesPerRollout * first;
+    ASSERT_TRUE(live(config, config.run.algo.name() + "_halves").status);
+    config.run.train_for_env_steps = kFramesPerRollout * rollouts;
+    const Outcome halves = live(config, config.run.algo.name() + "_halves");
     ASSERT_TRUE(halves.status) << halves.status.error().message;
     EXPECT_EQ(halves.version, whole.version);
-    EXPECT_TRUE(halves.weights == whole.weights) << config.algo;
+    EXPECT_TRUE(halves.weights == whole.weights) << config.run.algo.name();
     version = whole.version;
   }
 
@@ -234,8 +235,8 @@ class LearnerTest : public ::testing::Test {
 
 TEST_F(LearnerTest, TrainsUntilTheLastEnvFrameAndLeavesACheckpointAndMetrics) {
   RunConfig config = small_config();
-  config.num_epochs = 2;
-  config.train_for_env_steps = 5 * 16 * 4;  // five batches of 16 decisions, four tics each
+  config.optimisation.num_epochs = 2;
+  config.run.train_for_env_steps = 5 * 16 * 4;  // five batches of 16 decisions, four tics each
   const Outcome outcome = live(config, "run");
   ASSERT_TRUE(outcome.status) << outcome.status.error().message;
   EXPECT_EQ(outcome.env_frames, 5u * 16 * 4);
@@ -268,7 +269,7 @@ TEST_F(LearnerTest, TrainingThatCannotLearnIsBadInputAndLeavesNoCheckpoint) {
 
 TEST_F(LearnerTest, ALastCheckpointThatCannotBeWrittenHasAnExitCodeOfItsOwn) {
   RunConfig config = small_config();
-  config.train_for_env_steps = 2 * 16 * 4;
+  config.run.train_for_env_steps = 2 * 16 * 4;
   fs::create_directories(folder_ / "run");
   std::ofstream(folder_ / "run/checkpoint") << "no folder";
   const Outcome outcome = live(config, "run");
@@ -279,16 +280,16 @@ TEST_F(LearnerTest, ALastCheckpointThatCannotBeWrittenHasAnExitCodeOfItsOwn) {
 
 TEST_F(LearnerTest, GoesOnFromTheNewestCheckpointThatCanBeRead) {
   RunConfig config = small_config();
-  config.train_for_env_steps = 2 * 16 * 4;
+  config.run.train_for_env_steps = 2 * 16 * 4;
   ASSERT_TRUE(live(config, "run").status);
-  config.train_for_env_steps = 4 * 16 * 4;
+  config.run.train_for_env_steps = 4 * 16 * 4;
   const Outcome second = live(config, "run");
   ASSERT_TRUE(second.status);
   EXPECT_EQ(second.version, 4u);
   CheckpointStore store((folder_ / "run/checkpoint").string(), 2);
   ASSERT_EQ(store.list().size(), 2u);
   fs::resize_file(store.list()[0].path, fs::file_size(store.list()[0].path) / 2);
-  config.train_for_env_steps = 3 * 16 * 4;
+  config.run.train_for_env_steps = 3 * 16 * 4;
   const Outcome third = live(config, "run");  // from version 2, one more batch
   ASSERT_TRUE(third.status) << third.status.error().message;
   EXPECT_EQ(third.version, 3u);
@@ -297,13 +298,13 @@ TEST_F(LearnerTest, GoesOnFromTheNewestCheckpointThatCanBeRead) {
 
 TEST_F(LearnerTest, ABestCheckpointNeedsAFullWindowAndTheWindowOutlivesTheProcess) {
   RunConfig config = small_config();
-  config.stats_avg = 12;
-  config.save_best_every_sec = 1e-3;
-  config.save_best_after = 0;
+  config.run.stats_avg = 12;
+  config.run.save_best_every_sec = 1e-3;
+  config.run.save_best_after = 0;
   for (const auto& [episodes, best, is_saved] :
        {std::tuple(11, -1.0, false), {12, -1.0, true}, {12, 0.4999, false}, {12, 0.4, true}}) {
     const std::string run = "run" + std::to_string(episodes) + std::to_string(best);
-    config.train_for_env_steps = 2 * 16 * 4;
+    config.run.train_for_env_steps = 2 * 16 * 4;
     ASSERT_TRUE(live(config, run).status);
     const CheckpointStore store((folder_ / run / "checkpoint").string(), 2);
     EXPECT_EQ(store.best(), "") << "no episode has ended";
@@ -315,7 +316,7 @@ TEST_F(LearnerTest, ABestCheckpointNeedsAFullWindowAndTheWindowOutlivesTheProces
     state.put("episodes/window", window);
     if (best >= 0) state.put("counters/best_score", best);
     ASSERT_TRUE(write_checkpoint(store.list().front().path, state));
-    config.train_for_env_steps = 30 * 16 * 4;
+    config.run.train_for_env_steps = 30 * 16 * 4;
     ASSERT_TRUE(live(config, run).status);
     EXPECT_EQ(!store.best().empty(), is_saved) << run;
     if (is_saved) {
@@ -327,8 +328,8 @@ TEST_F(LearnerTest, ABestCheckpointNeedsAFullWindowAndTheWindowOutlivesTheProces
 
 TEST_F(LearnerTest, ABestScoreOfACheckpointWithoutItsWindowIsForgotten) {
   RunConfig config = small_config();
-  config.stats_avg = 1;
-  config.train_for_env_steps = 2 * 16 * 4;
+  config.run.stats_avg = 1;
+  config.run.train_for_env_steps = 2 * 16 * 4;
   ASSERT_TRUE(live(config, "run").status);
   const CheckpointStore store((folder_ / "run/checkpoint").string(), 2);
   StateDict state = *read_checkpoint(store.list().front().path), old;
@@ -336,7 +337,7 @@ TEST_F(LearnerTest, ABestScoreOfACheckpointWithoutItsWindowIsForgotten) {
     if (!key.starts_with("episodes/")) std::visit([&](const auto& held) { old.put(key, held); }, value);
   old.put("counters/best_score", 1e9);  // of the luckiest ten
   ASSERT_TRUE(write_checkpoint(store.list().front().path, old));
-  config.train_for_env_steps = 4 * 16 * 4;
+  config.run.train_for_env_steps = 4 * 16 * 4;
   const Outcome outcome = live(config, "run");
   ASSERT_TRUE(outcome.status) << outcome.status.error().message;
   EXPECT_EQ(outcome.version, 4u);
@@ -356,12 +357,12 @@ TEST_F(LearnerTest, RefusesToBeginAnewOverUnreadableCheckpoints) {
 TEST_F(LearnerTest, LockStepGivesTheSameWeightsTwiceAndAcrossAResume) {
   for (const auto& [algo, networks] : {std::pair("ippo", 1u), {"mappo", 1u}, {"happo", 3u}}) {
     RunConfig config = small_config();
-    config.algo = algo;
-    config.critic_hidden_sizes = "16,8";
-    config.deterministic = true;
-    config.async_rl = false;
-    config.num_epochs = 2;
-    config.shuffle_minibatches = true;
+    config.run.algo = algo;
+    config.network.critic_hidden_sizes = "16,8";
+    config.collection.deterministic = true;
+    config.collection.async_rl = false;
+    config.optimisation.num_epochs = 2;
+    config.optimisation.shuffle_minibatches = true;
     uint64_t version = 0;
     ASSERT_NO_FATAL_FAILURE(expect_the_same_twice_and_resumed(config, 2, 5, version));
     EXPECT_EQ(version, 20u * networks);  // 5 rollouts, 2 batches, 2 epochs
@@ -371,25 +372,28 @@ TEST_F(LearnerTest, LockStepGivesTheSameWeightsTwiceAndAcrossAResume) {
 /// Q-learning with a replay of a few slabs, of which training begins with eight.
 RunConfig small_q_config(const std::string& algo) {
   RunConfig config = small_config();
-  config.algo = algo;
-  config.mixer = algo == "vdn" ? "vdn" : algo == "qmix" ? "qmix" : algo == "qplex_q" ? "dmaq_qatten" : "";
-  config.use_rnn = algo != "idqn";
-  config.per = algo == "idqn";
-  config.team_reward = "sum";
-  config.replay_gb = 1e-3;
-  config.learning_starts = 64;
-  config.qmix_sequence_batch_size = 3;
-  config.dqn_batch_size = 12;
-  config.dqn_max_updates_per_batch = 2;
-  config.per_beta_frames = 1000;
-  config.epsilon_decay_steps = 1000;
+  config.run.algo = algo;
+  config.mixers.mixer = algo == "vdn"       ? "vdn"
+                        : algo == "qmix"    ? "qmix"
+                        : algo == "qplex_q" ? "dmaq_qatten"
+                                            : "";
+  config.network.use_rnn = algo != "idqn";
+  config.replay.per = algo == "idqn";
+  config.q_learning.team_reward = TeamReward::kSum;
+  config.replay.replay_gb = 1e-3;
+  config.q_learning.learning_starts = 64;
+  config.q_learning.qmix_sequence_batch_size = 3;
+  config.q_learning.dqn_batch_size = 12;
+  config.q_learning.dqn_max_updates_per_batch = 2;
+  config.replay.per_beta_frames = 1000;
+  config.q_learning.epsilon_decay_steps = 1000;
   return config;
 }
 
 TEST_F(LearnerTest, QLearningTrainsAtItsRateOnceTheReplayHasEnough) {
   for (const char* algo : {"vdn", "idqn"}) {
     RunConfig config = small_q_config(algo);
-    config.train_for_env_steps = 40 * 16 * 4;  // forty batches' worth of 16 decisions, four tics each
+    config.run.train_for_env_steps = 40 * 16 * 4;  // forty batches' worth of 16 decisions, four tics each
     const Outcome outcome = live(config, algo);
     ASSERT_TRUE(outcome.status) << outcome.status.error().message;
     EXPECT_GE(outcome.env_frames, 40u * 16 * 4);
@@ -419,17 +423,17 @@ TEST_F(LearnerTest, WarnsInWordsOfWhatReportsShowAndOfSettingsAtTheStart) {
     return all;
   };
   RunConfig config = small_config();
-  config.ppo_clip_ratio = 1e-9;  // every sample lies outside
-  config.experiment_summaries_interval = 0.05;
-  config.train_for_seconds = 1.5;
+  config.on_policy.ppo_clip_ratio = 1e-9;  // every sample lies outside
+  config.run.experiment_summaries_interval = 0.05;
+  config.run.train_for_seconds = 1.5;
   ASSERT_TRUE(live(config, "clipped").status);
   EXPECT_THAT(warnings(),
               ::testing::HasSubstr("warning: 100% of the samples lie outside PPO's clip interval"));
   EXPECT_THAT(warnings(), ::testing::Not(::testing::HasSubstr("epsilon")));
 
   config = small_q_config("vdn");
-  config.epsilon_decay_steps = 1e6;
-  config.train_for_env_steps = 4096;
+  config.q_learning.epsilon_decay_steps = 1e6;
+  config.run.train_for_env_steps = 4096;
   ASSERT_TRUE(live(config, "explores").status);
   spdlog::set_default_logger(before);
   EXPECT_THAT(warnings(), ::testing::HasSubstr("warning: the run ends at epsilon 1.00"));
@@ -438,19 +442,20 @@ TEST_F(LearnerTest, WarnsInWordsOfWhatReportsShowAndOfSettingsAtTheStart) {
 TEST_F(LearnerTest, QLearningInLockStepIsTheSameTwiceAndAcrossAResume) {
   for (const char* algo : {"vdn", "qplex_q", "idqn"}) {
     RunConfig config = small_q_config(algo);
-    config.deterministic = true;
-    config.async_rl = false;
-    config.save_replay = true;
-    config.normalize_input = true;
+    config.collection.deterministic = true;
+    config.collection.async_rl = false;
+    config.replay.save_replay = true;
+    config.network.normalize_input = true;
     uint64_t version = 0;
     ASSERT_NO_FATAL_FAILURE(expect_the_same_twice_and_resumed(config, 4, 8, version));
     EXPECT_GT(version, 10u);
 
     // The replay that belongs to the newest checkpoint is gone: said, not guessed.
-    for (const auto& entry : fs::directory_iterator(folder_ / (config.algo + "_halves") / "checkpoint"))
+    for (const auto& entry :
+         fs::directory_iterator(folder_ / (config.run.algo.name() + "_halves") / "checkpoint"))
       if (entry.path().extension() == ".bin") fs::remove(entry.path());
-    config.train_for_env_steps = kFramesPerRollout * 8;
-    const Outcome refused = live(config, config.algo + "_halves");
+    config.run.train_for_env_steps = kFramesPerRollout * 8;
+    const Outcome refused = live(config, config.run.algo.name() + "_halves");
     ASSERT_FALSE(refused.status);
     EXPECT_NE(refused.status.error().message.find("replay_"), std::string::npos)
         << refused.status.error().message;
@@ -459,12 +464,12 @@ TEST_F(LearnerTest, QLearningInLockStepIsTheSameTwiceAndAcrossAResume) {
 
 TEST_F(LearnerTest, OnlyReplaysOfKeptCheckpointsStay) {
   RunConfig config = small_q_config("vdn");
-  config.deterministic = true;
-  config.async_rl = false;
-  config.save_replay = true;
-  config.keep_checkpoints = 1;
+  config.collection.deterministic = true;
+  config.collection.async_rl = false;
+  config.replay.save_replay = true;
+  config.run.keep_checkpoints = 1;
   for (int life = 1; life <= 3; ++life) {
-    config.train_for_env_steps = life * 2 * 4 * 2 * 4 * 4;
+    config.run.train_for_env_steps = life * 2 * 4 * 2 * 4 * 4;
     ASSERT_TRUE(live(config, "run").status);
   }
   int replays = 0;
@@ -475,9 +480,9 @@ TEST_F(LearnerTest, OnlyReplaysOfKeptCheckpointsStay) {
 
 TEST_F(LearnerTest, ADeterministicCheckpointBringsJournalsAndStatesBack) {
   RunConfig config = small_config();
-  config.deterministic = true;
-  config.async_rl = false;
-  config.train_for_env_steps = 2 * 4 * 2 * 4 * 4;
+  config.collection.deterministic = true;
+  config.collection.async_rl = false;
+  config.run.train_for_env_steps = 2 * 4 * 2 * 4 * 4;
   ASSERT_TRUE(live(config, "run").status);
   Expected<shm::Arena> arena = shm::Arena::create(arena_shape(config), 2);
   shm::Arena observer = *shm::Arena::adopt(dup(arena->descriptor()));
@@ -500,11 +505,11 @@ TEST_F(LearnerTest, ADeterministicCheckpointBringsJournalsAndStatesBack) {
 
 TEST_F(LearnerTest, RefusesADeterministicResumeWithAnotherNumberOfEnvironments) {
   RunConfig config = small_config();
-  config.deterministic = true;
-  config.async_rl = false;
-  config.train_for_env_steps = 4 * 2 * 4 * 4;
+  config.collection.deterministic = true;
+  config.collection.async_rl = false;
+  config.run.train_for_env_steps = 4 * 2 * 4 * 4;
   ASSERT_TRUE(live(config, "run").status);
-  config.num_envs_per_worker = 6;
+  config.collection.num_envs_per_worker = 6;
   const Outcome outcome = live(config, "run");
   ASSERT_FALSE(outcome.status);
   EXPECT_NE(outcome.status.error().message.find("--num_envs_per_worker"), std::string::npos);
@@ -512,7 +517,7 @@ TEST_F(LearnerTest, RefusesADeterministicResumeWithAnotherNumberOfEnvironments) 
 
 TEST_F(LearnerTest, AStopEndsTheRunSoonAndSaves) {
   RunConfig config = small_config();
-  config.train_for_env_steps = 1e12;
+  config.run.train_for_env_steps = 1e12;
   stop_at_version_ = 3;
   const Outcome outcome = live(config, "run");
   ASSERT_TRUE(outcome.status);
@@ -525,7 +530,7 @@ TEST_F(LearnerTest, AStopEndsTheRunSoonAndSaves) {
 
 TEST_F(LearnerTest, ServeModePublishesTheCheckpointAndTouchesNothing) {
   RunConfig config = small_config();
-  config.train_for_env_steps = 3 * 16 * 4;
+  config.run.train_for_env_steps = 3 * 16 * 4;
   const Outcome trained = live(config, "run");
   ASSERT_TRUE(trained.status);
   stop_ = true;
@@ -542,8 +547,8 @@ TEST_F(LearnerTest, ServeModePublishesTheCheckpointAndTouchesNothing) {
 
 TEST_F(LearnerTest, ASecondLearnerCannotJoinALockStepRunHalfWay) {
   RunConfig config = small_config();
-  config.deterministic = true;
-  config.async_rl = false;
+  config.collection.deterministic = true;
+  config.collection.async_rl = false;
   Expected<shm::Arena> arena = shm::Arena::create(arena_shape(config), 2);
   arena->control().rollouts_allowed = 4;
   const auto learner = Learner::start({.run_dir = folder_.string(), .serve = false, .checkpoint = ""}, config,

@@ -18,8 +18,8 @@ using ::testing::SizeIs;
 
 RunConfig config_of(const std::string& algo) {
   RunConfig config;
-  config.algo = algo;
-  config.num_agents = 2;
+  config.run.algo = algo;
+  config.environment.num_agents = 2;
   return config;
 }
 
@@ -44,7 +44,7 @@ TEST(LearningCheck, TheLastEpochsShareCountsOnlyWhereItIsTheFirst) {
   EXPECT_THAT(told(config, {{"train/fraction_clipped", 0.4}}), SizeIs(1));
   EXPECT_THAT(told(config, {{"train/fraction_clipped", 0.4}, {"train/fraction_clipped_first", 0.1}}),
               IsEmpty());
-  config.num_epochs = 4;
+  config.optimisation.num_epochs = 4;
   EXPECT_THAT(told(config, {{"train/fraction_clipped", 0.4}}), IsEmpty());
 }
 
@@ -79,7 +79,7 @@ TEST(LearningCheck, EpisodesWithoutAnyReward) {
   EXPECT_THAT(told(config, values(0, 99)), IsEmpty());
   EXPECT_THAT(told(config, values(0.01, 100)), IsEmpty());
   EXPECT_THAT(told(config, values(0, 100)), ElementsAre(HasSubstr("none of the last 100 episodes")));
-  config.stats_avg = 300;
+  config.run.stats_avg = 300;
   EXPECT_THAT(told(config, values(0, 299)), IsEmpty());
   EXPECT_THAT(told(config, values(0, 300)), ElementsAre(HasSubstr("none of the last 300 episodes")));
 }
@@ -102,27 +102,27 @@ TEST(LearningCheck, BatchesThatAreMostlyMasked) {
 
 TEST(LearningCheck, DecisionsOfAnOldPolicy) {
   RunConfig config = config_of("ippo");
-  config.num_epochs = 2;
+  config.optimisation.num_epochs = 2;
   EXPECT_THAT(told(config, {{"train/version_diff_avg", 20}}), IsEmpty());
   EXPECT_THAT(told(config, {{"train/version_diff_avg", 21}}),
               ElementsAre(HasSubstr("21 optimizer steps (10 batches) old")));
-  config.algo = "happo";  // three versions a batch of two agents
+  config.run.algo = "happo";  // three versions a batch of two agents
   EXPECT_THAT(told(config, {{"train/version_diff_avg", 60}}), IsEmpty());
   EXPECT_THAT(told(config, {{"train/version_diff_avg", 61}}), SizeIs(1));
-  config.algo = "qmix";  // a replay is old on purpose
+  config.run.algo = "qmix";  // a replay is old on purpose
   EXPECT_THAT(told(config, {{"train/version_diff_avg", 1e5}}), IsEmpty());
 }
 
 TEST(LearningCheck, ExplorationThatDoesNotEndWithTheRun) {
   RunConfig config = config_of("vdn");
-  config.train_for_env_steps = 2e6;  // of 2e7 that epsilon falls over
+  config.run.train_for_env_steps = 2e6;  // of 2e7 that epsilon falls over
   EXPECT_THAT(LearningCheck(config).judge_settings(),
               ElementsAre(AllOf(HasSubstr("epsilon 0.90"), HasSubstr("epsilon_decay_steps (2e+07"))));
-  config.train_for_env_steps = 2e7 * (0.5 / 0.99) + 1;  // where epsilon is 0.5
+  config.run.train_for_env_steps = 2e7 * (0.5 / 0.99) + 1;  // where epsilon is 0.5
   EXPECT_THAT(LearningCheck(config).judge_settings(), IsEmpty());
-  config.train_for_env_steps -= 1e4;
+  config.run.train_for_env_steps -= 1e4;
   EXPECT_THAT(LearningCheck(config).judge_settings(), SizeIs(1));
-  config.epsilon_end = 1;  // uniform play was asked for
+  config.q_learning.epsilon_end = 1;  // uniform play was asked for
   EXPECT_THAT(LearningCheck(config).judge_settings(), IsEmpty());
   EXPECT_THAT(LearningCheck(config_of("ippo")).judge_settings(), IsEmpty());
 }

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/settings/resolve.h"
 #include "tests/support/pipeline_game.h"
 
 namespace comrad::learn {
@@ -61,28 +62,30 @@ void PrintTo(const Case& one, std::ostream* out) { *out << one.name; }
 
 RunConfig maze_config(const Case& one) {
   RunConfig config = testing::pipeline_game_config(one.algo);
-  config.use_rnn = std::string(one.core) != "none";
-  if (config.use_rnn) config.rnn_type = one.core;
-  config.rnn_size = 32;
-  config.rollout = 16;  // neither a multiple nor a divisor of an episode: states are carried over the seam
-  config.learning_rate = 1e-3;
-  config.adam_eps = 1e-8;
-  config.gamma = 0.95;
-  config.train_for_env_steps = 4 * 300'000;
+  config.network.use_rnn = std::string(one.core) != "none";
+  if (config.network.use_rnn)
+    config.network.rnn_type = std::string(one.core) == "lstm" ? RnnType::kLstm : RnnType::kGru;
+  config.network.rnn_size = 32;
+  config.collection.rollout =
+      16;  // neither a multiple nor a divisor of an episode: states are carried over the seam
+  config.optimisation.learning_rate = 1e-3;
+  config.optimisation.adam_eps = 1e-8;
+  config.optimisation.gamma = 0.95;
+  config.run.train_for_env_steps = 4 * 300'000;
   // Actor-critics.
-  config.batch_size = 512;
-  config.num_epochs = 2;
-  config.exploration_loss = "entropy";
-  config.exploration_loss_coeff = 0.003;
-  config.critic_hidden_sizes = "64";
+  config.optimisation.batch_size = 512;
+  config.optimisation.num_epochs = 2;
+  config.on_policy.exploration_loss = ExplorationLoss::kEntropy;
+  config.on_policy.exploration_loss_coeff = 0.003;
+  config.network.critic_hidden_sizes = "64";
   // Q-learning.
-  config.learning_starts = 4096;
-  config.replay_ratio = 2;
-  config.qmix_sequence_batch_size = 32;
-  config.target_update_tau = 0.02;
-  config.epsilon_end = 0.02;
-  config.epsilon_decay_steps = 4 * 40'000;
-  if (config.algo == "happo") config.shared_reward_alpha = 1;  // its one value is the team's
+  config.q_learning.learning_starts = 4096;
+  config.q_learning.replay_ratio = 2;
+  config.q_learning.qmix_sequence_batch_size = 32;
+  config.q_learning.target_update_tau = 0.02;
+  config.q_learning.epsilon_end = 0.02;
+  config.q_learning.epsilon_decay_steps = 4 * 40'000;
+  if (config.run.algo == "happo") config.environment.shared_reward_alpha = 1;  // its one value is the team's
   EXPECT_TRUE(resolve_settings(config, 2));
   return config;
 }
@@ -92,7 +95,7 @@ double best_score(const Case& one, const RunConfig& config, const GameGoal& goal
       config, [] { return std::make_unique<TMaze>(); }, goal);
   std::printf(
       "t-maze, %s, seed %d: best mean of %zu episodes %.3f after %.0f decisions, %u updates, %.1f s\n",
-      one.name, static_cast<int>(config.seed), goal.episodes, trained.best_score, trained.env_frames / 4,
+      one.name, static_cast<int>(config.run.seed), goal.episodes, trained.best_score, trained.env_frames / 4,
       trained.algorithm->version(), trained.seconds);
   return trained.best_score;
 }
@@ -111,7 +114,7 @@ INSTANTIATE_TEST_SUITE_P(Learners, TMazeGame,
 class TMazeWithoutMemory : public ::testing::TestWithParam<Case> {};
 TEST_P(TMazeWithoutMemory, StaysAtChance) {
   RunConfig config = maze_config(GetParam());
-  config.train_for_env_steps = 4 * 64'000;  // the others needed 62 000 decisions at most
+  config.run.train_for_env_steps = 4 * 64'000;  // the others needed 62 000 decisions at most
   const double score = best_score(GetParam(), config, kGuesses);
   EXPECT_GT(score, 0) << "no window of episodes was full";
   EXPECT_LT(score, kGuessedMax);

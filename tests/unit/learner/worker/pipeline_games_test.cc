@@ -7,6 +7,7 @@
 #include <string>
 
 #include "learner/algorithms/q_learning.h"
+#include "rollout_buffer/settings/resolve.h"
 #include "tests/support/pipeline_game.h"
 
 namespace comrad::learn {
@@ -43,21 +44,21 @@ class PayingGame : public PipelineGame {
 
 RunConfig game_config(const std::string& algo) {
   RunConfig config = testing::pipeline_game_config(algo);
-  config.rollout = 8;
-  config.batch_size = 256;
+  config.collection.rollout = 8;
+  config.optimisation.batch_size = 256;
   // QPLEX' losing utilities get V_tot's gradient whole, however little their lambda lets them count, so at high
   // rates lambda shrinks and they run away (to -1e5 at 1e-3, where two of five runs ended in the wrong branch).
-  config.learning_rate = algo.starts_with("qplex") ? 2e-4 : 1e-3;
-  config.lr_schedule = "linear_decay";
-  config.epsilon_end = 1;  // uniform play: every joint action is equally likely
-  config.per = false;
-  config.learning_starts = 512;
-  config.replay_ratio = 4;
-  config.target_update_tau = 0.02;
-  config.dqn_batch_size = 32;
-  config.dqn_reward_clip = 0;
+  config.optimisation.learning_rate = algo.starts_with("qplex") ? 2e-4 : 1e-3;
+  config.optimisation.lr_schedule = RateSchedule::kLinearDecay;
+  config.q_learning.epsilon_end = 1;  // uniform play: every joint action is equally likely
+  config.replay.per = false;
+  config.q_learning.learning_starts = 512;
+  config.q_learning.replay_ratio = 4;
+  config.q_learning.target_update_tau = 0.02;
+  config.q_learning.dqn_batch_size = 32;
+  config.q_learning.dqn_reward_clip = 0;
   // Where not every target can be met, Huber's loss ends nearer to their median than to their mean.
-  config.use_huber_loss = algo != "vdn" && algo != "idqn";
+  config.q_learning.use_huber_loss = algo != "vdn" && algo != "idqn";
   EXPECT_TRUE(resolve_settings(config, 2));
   return config;
 }
@@ -85,9 +86,9 @@ double greedy_return(const QLearning& learner) {
 
 double two_step(const char* algo, int seed) {
   RunConfig config = game_config(algo);
-  config.seed = seed;
-  config.gamma = 0.99;
-  config.train_for_env_steps = 4 * 60'000;
+  config.run.seed = seed;
+  config.optimisation.gamma = 0.99;
+  config.run.train_for_env_steps = 4 * 60'000;
   const auto learner = train(config, [] { return std::make_unique<TwoStepGame>(); });
   const double result = greedy_return(*learner);
   const torch::Tensor first = q_values(*learner, 0)[0], second = q_values(*learner, 2)[0];
@@ -112,8 +113,8 @@ TEST(TwoStepGame, QplexFindsTheOptimumFromThreeOfFourStarts) {
 
 double value_of_paying_game(bool ends_by_time) {
   RunConfig config = game_config("idqn");
-  config.gamma = 0.9;
-  config.train_for_env_steps = 4 * 20'000;
+  config.optimisation.gamma = 0.9;
+  config.run.train_for_env_steps = 4 * 20'000;
   const auto learner = train(config, [&] { return std::make_unique<PayingGame>(ends_by_time); });
   const double value = q_values(*learner, 0).mean().item<double>();
   std::printf("paying game that ends by %s: Q %.3f\n", ends_by_time ? "time" : "its rules", value);

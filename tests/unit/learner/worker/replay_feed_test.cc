@@ -24,21 +24,21 @@ TrajectoryShape shape_of() {
 
 RunConfig config_of() {
   RunConfig config;
-  config.algo = "idqn";
-  config.use_rnn = false;
-  config.rollout = kRollout;
-  config.batch_size = 64;
-  config.dqn_batch_size = 16;
-  config.learning_starts = 1000;
-  config.train_for_env_steps = config.per_beta_frames = 10'000;
-  config.normalize_input = false;
-  config.num_workers = 1;
-  config.trajectory_slabs = 8;
+  config.run.algo = "idqn";
+  config.network.use_rnn = false;
+  config.collection.rollout = kRollout;
+  config.optimisation.batch_size = 64;
+  config.q_learning.dqn_batch_size = 16;
+  config.q_learning.learning_starts = 1000;
+  config.run.train_for_env_steps = config.replay.per_beta_frames = 10'000;
+  config.network.normalize_input = false;
+  config.collection.num_workers = 1;
+  config.collection.trajectory_slabs = 8;
   return config;
 }
 
 std::unique_ptr<ReplayFeed> feed_of(const RunConfig& config) {
-  auto feed = ReplayFeed::create(config, shape_of());
+  auto feed = ReplayFeed::create(config, shape_of(), 1 << 20);
   EXPECT_TRUE(feed) << feed.error().message;
   return std::move(*feed);
 }
@@ -77,7 +77,7 @@ TEST(ReplayFeed, ATrainedPolicyWaitsForAFewBatchesOnly) {
   ASSERT_TRUE(untrained->load(checkpoint(*fresh, 0, 400), "none", true));
   EXPECT_EQ(decisions_before_training(*untrained), 1008);
   RunConfig eager = config_of();
-  eager.learning_starts = 20;
+  eager.q_learning.learning_starts = 20;
   const auto sooner = feed_of(eager);
   ASSERT_TRUE(sooner->load(checkpoint(*fresh, 7, 4032), "none", true));
   EXPECT_EQ(decisions_before_training(*sooner), 32) << "never later than a fresh run";
@@ -88,7 +88,7 @@ TEST(ReplayFeed, TheWeightsExponentGoesOnWhereARunIsMadeLonger) {
   feed->set_env_frames(5000);
   EXPECT_DOUBLE_EQ(feed->beta(), 0.7);
   RunConfig longer = config_of();
-  longer.train_for_env_steps = longer.per_beta_frames = 30'000;
+  longer.run.train_for_env_steps = longer.replay.per_beta_frames = 30'000;
   const auto resumed = feed_of(longer);
   ASSERT_TRUE(resumed->load(checkpoint(*feed, 7, 5000), "none", true));
   EXPECT_DOUBLE_EQ(resumed->beta(), 0.7) << "at once, not with the first insert";
@@ -101,15 +101,15 @@ TEST(ReplayFeed, TheWeightsExponentGoesOnWhereARunIsMadeLonger) {
 TEST(ReplayFeed, ADeterministicRunResumesWithTheCapacityItBeganWith) {
   const test::ScratchFolder folder;
   RunConfig config = config_of();
-  config.deterministic = true;
-  config.replay_gb = 1e-3;
-  config.replay_compress = "false";
+  config.collection.deterministic = true;
+  config.replay.replay_gb = 1e-3;
+  config.replay.replay_compress = Compress::kFalse;
   const auto feed = feed_of(config);
   decisions_before_training(*feed);
   StateDict state = checkpoint(*feed, 1, 4032);
   ASSERT_TRUE(feed->save(state, folder.string(), "replay.bin"));
-  config.replay_gb = 2e-3;  // stands for another amount of free memory
-  config.replay_compress = "true";
+  config.replay.replay_gb = 2e-3;  // stands for another amount of free memory
+  config.replay.replay_compress = Compress::kTrue;
   const auto resumed = feed_of(config);
   const Status loaded = resumed->load(state, folder.string(), true);
   ASSERT_TRUE(loaded) << loaded.error().message;

@@ -31,7 +31,7 @@ PolicyNetOptions small_options() {
 PolicyNetOptions variant(const std::string& name) {
   PolicyNetOptions options = small_options();
   const auto has = [&name](const char* word) { return name.find(word) != std::string::npos; };
-  if (has("lstm")) options.rnn_type = "lstm";
+  if (has("lstm")) options.rnn_type = RnnType::kLstm;
   if (has("feedforward")) options.use_rnn = false;
   if (has("deep")) options.rnn_num_layers = 2;
   if (has("decoder")) options.decoder_widths = {9, 7};
@@ -145,7 +145,7 @@ INSTANTIATE_TEST_SUITE_P(PolicyNet, Variants,
 
 TEST(PolicyNet, HappoHasTheParameterCountOfTheSpecification) {
   RunConfig config;
-  config.algo = "happo";
+  config.run.algo = "happo";
   EnvShape env;
   env.head_count = 5;
   env.head_sizes = {3, 3, 3, 2, 3};
@@ -164,26 +164,21 @@ TEST(PolicyNet, HappoHasTheParameterCountOfTheSpecification) {
   EXPECT_EQ(actors + critic, net.parameter_count());
 }
 
-TEST(PolicyNet, SettingsBoundTheBytesOfTheWeightsAndCountTheState) {
+TEST(PolicyNet, AnAddedEncoderIsKnownByItsNameAndReportsItsSizes) {
+  EXPECT_FALSE(check_encoder("convnet_wide"));
+  add_encoder({"convnet_wide", {{96, 8, 4}, {256, 4, 2}, {384, 3, 1}}});
+  EXPECT_TRUE(check_encoder("convnet_wide"));
   EnvShape env;
-  env.measurement_count = 12;
-  for (const char* algo : {"ippo", "mappo", "happo"})
-    for (const bool is_large : {false, true}) {
-      RunConfig config;
-      config.algo = algo;
-      config.share_parameters = is_large;
-      config.encoder_conv_architecture = is_large ? "resnet_impala" : "convnet_simple";
-      config.rnn_type = is_large ? "lstm" : "gru";
-      config.rnn_size = is_large ? 256 : 8;
-      config.rnn_num_layers = 2;
-      config.decoder_mlp_layers = "300,200";
-      const PolicyNetOptions options = PolicyNetOptions::from(config, env);
-      const PolicyNet net = PolicyNet::create(options, 1, torch::kCPU);
-      EXPECT_LE(net.weights_bytes(),
-                weights_bytes_limit(config, env.num_agents, env.frame_bytes(), env.logit_count()))
-          << algo << is_large;
-      EXPECT_EQ(options.recurrent_state_count(), recurrent_state_count(config)) << algo << is_large;
-    }
+  env.num_agents = 2;
+  env.head_count = 1;
+  env.head_sizes = {3};
+  RunConfig config;
+  config.network.encoder_conv_architecture = "convnet_wide";
+  const PolicyNet net = PolicyNet::create(PolicyNetOptions::from(config, env), 1, torch::kCPU);
+  EXPECT_GE(net.weights_bytes(), 4 * net.parameter_count());
+  const PolicyOutput output =
+      net.step(torch::zeros({2, 3, 72, 128}, torch::kUInt8), {}, torch::zeros({2, 512}));
+  EXPECT_EQ(output.logits.sizes(), (std::vector<int64_t>{2, 3}));
 }
 
 TEST(PolicyNet, ASharedNetworkTellsAgentsApartOnlyByTheirIndex) {
@@ -362,19 +357,17 @@ TEST(PolicyNet, AnAgentsValueLearnsFromItsPartnersObservations) {
 TEST(PolicyNet, OnlyTheCriticByPositionGrowsWithTheNumberOfAgents) {
   std::map<std::string, std::vector<int64_t>> counts;
   for (const int32_t agents : {1, 2, 8})
-    for (const char* view : {"own_first", "position"}) {
+    for (const CriticView view : {CriticView::kOwnFirst, CriticView::kPosition}) {
       RunConfig config;
-      config.algo = "mappo";
-      config.mappo_critic_view = view;
+      config.run.algo = "mappo";
+      config.network.mappo_critic_view = view;
       EnvShape env;
       env.num_agents = agents;
       const PolicyNet net = PolicyNet::create(PolicyNetOptions::from(config, env), 1, torch::kCPU);
       int64_t critic = 0;
       for (const auto& [name, tensor] : net.named_parameters())
         if (name.starts_with("critic.")) critic += tensor.numel();
-      counts[view].push_back(critic);
-      EXPECT_LE(net.weights_bytes(),
-                weights_bytes_limit(config, agents, env.frame_bytes(), env.logit_count()));
+      counts[word_of(view)].push_back(critic);
     }
   // 512 or 1024 features to 512, 256 and 1 output; of 512 N to 512, 256 and N.
   EXPECT_EQ(counts["own_first"], (std::vector<int64_t>{394'241, 656'385, 656'385}));

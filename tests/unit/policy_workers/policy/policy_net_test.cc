@@ -11,7 +11,7 @@ PolicyNetOptions full_options(const char* core, bool use_rnn = true) {
   PolicyNetOptions options;
   options.env.head_count = 5;
   options.env.head_sizes = {3, 3, 3, 2, 3};
-  options.rnn_type = core;
+  options.rnn_type = std::string_view(core) == "lstm" ? RnnType::kLstm : RnnType::kGru;
   options.use_rnn = use_rnn;
   return options;
 }

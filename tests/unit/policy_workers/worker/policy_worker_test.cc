@@ -9,6 +9,7 @@
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/settings/layers.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/policy_workers/fake_simulators.h"
 
@@ -17,10 +18,10 @@ namespace {
 
 RunConfig small_config() {
   RunConfig config;
-  config.rnn_size = 16;
-  config.device = "cpu";
-  config.min_batch = 1;
-  config.max_wait_us = 200;
+  config.network.rnn_size = 16;
+  config.collection.device = "cpu";
+  config.collection.min_batch = 1;
+  config.collection.max_wait_us = 200;
   return config;
 }
 
@@ -86,8 +87,8 @@ TEST(PolicyWorker, WaitsForWeightsAndStampsTheVersionThatActed) {
 
 TEST(PolicyWorker, EveryAgentActsWithItsOwnNetworkAndTheCriticsStateAdvancesToo) {
   RunConfig config = small_config();
-  config.algo = "happo";
-  config.critic_hidden_sizes = "12,6";
+  config.run.algo = "happo";
+  config.network.critic_hidden_sizes = "12,6";
   const PolicyNetOptions options = PolicyNetOptions::from(config, small_network().env);
   const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
@@ -140,7 +141,7 @@ TEST(PolicyWorker, GreedyPlayTakesTheMostProbableChoices) {
   const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
   RunConfig config = small_config();
-  config.use_rnn = false;
+  config.network.use_rnn = false;
   publish(arena, learner, 1);
   FakeGroup group(arena, 0, 0);
   RunningWorker worker(config, arena, {.is_greedy = true});
@@ -162,12 +163,12 @@ TEST(PolicyWorker, RefusesARunWhoseShapesDoNotFitItsNetwork) {
   const PolicyNetOptions options = small_network();
   const shm::Arena arena = make_arena(options, {}, 1 << 20);
   RunConfig config = small_config();
-  config.rnn_type = "lstm";
+  config.network.rnn_type = RnnType::kLstm;
   EXPECT_EQ(PolicyWorker::create(config, arena, {}, nullptr).error().code, ErrorCode::kBadInput);
   config = small_config();
   EXPECT_EQ(PolicyWorker::create(config, arena, {.worker_index = 1}, nullptr).error().code,
             ErrorCode::kBadInput);
-  config.device = "tpu";
+  config.collection.device = "tpu";
   EXPECT_EQ(PolicyWorker::create(config, arena, {}, nullptr).error().code, ErrorCode::kBadInput);
   const shm::Arena narrow = make_arena(options, {}, 64);
   EXPECT_EQ(PolicyWorker::create(small_config(), narrow, {}, nullptr).error().code, ErrorCode::kBadInput);
@@ -187,7 +188,7 @@ std::pair<int, std::string> run_program(const std::string& arguments) {
 TEST(PolicyWorkerProgram, BenchPrintsOneObjectAndBadInputExitsWithTwo) {
   const test::ScratchFolder run_dir;
   RunConfig config = small_config();
-  config.num_envs_per_worker = 2;
+  config.collection.num_envs_per_worker = 2;
   run_dir.write("config.toml", settings_to_toml(config));
   const auto [code, output] =
       run_program("--run_dir " + run_dir.string() + " --bench 0.05 --heads 3,2 --measurements 1");

@@ -21,9 +21,9 @@ TrajectoryShape shape_of() {
 
 RunConfig config_of(double replay_gb) {
   RunConfig config;
-  config.algo = "vdn";
-  config.use_rnn = false;
-  config.replay_gb = replay_gb;
+  config.run.algo = "vdn";
+  config.network.use_rnn = false;
+  config.replay.replay_gb = replay_gb;
   return config;
 }
 
@@ -53,7 +53,7 @@ TEST(ReplayPlan, TakesNoMoreThanTheDecisionsNeed) {
   EXPECT_LT(static_cast<double>(plan.capacity_bytes), 1.2 * needed);
   // A store of that size holds them, short trajectories and masks apart.
   RunConfig small = config_of(0);
-  small.replay_buffer_size = 2000;
+  small.replay.replay_buffer_size = 2000;
   const ReplayPlan little = plan_of(small, 10);
   const auto store = TrajectoryStore::create({.shape = shape_of(), .capacity_bytes = little.capacity_bytes});
   ASSERT_TRUE(store);
@@ -84,13 +84,13 @@ TEST(ReplayPlan, MoreThanMemoryGoesToAFileOfTheRun) {
 
 TEST(ReplayPlan, ANamedFileAndATypedChoiceOfCompressionHold) {
   RunConfig config = config_of(2);
-  config.replay_file = "/disk/ring";
-  config.replay_compress = "false";
+  config.replay.replay_file = "/disk/ring";
+  config.replay.replay_compress = Compress::kFalse;
   const ReplayPlan plan = plan_of(config, 10, 100);
   EXPECT_EQ(plan.file, "/disk/ring");
   EXPECT_FALSE(plan.compress);
-  config.replay_gb = 0;
-  config.replay_compress = "true";
+  config.replay.replay_gb = 0;
+  config.replay.replay_compress = Compress::kTrue;
   EXPECT_EQ(plan_of(config, 10, 30).capacity_bytes, 10 * kGigabyte) << "a third of the disk";
   EXPECT_TRUE(plan_of(config, 10, 30).compress);
 }
@@ -99,7 +99,7 @@ TEST(ReplayPlan, LooksAtAFolderThatIsNotThereYet) {
   const HostSpace space = probe_space("/tmp/no/such/folder/yet");
   EXPECT_GT(space.memory_bytes, 0);
   EXPECT_EQ(probe_space("/tmp").disk_bytes > 0, space.disk_bytes > 0);
-  EXPECT_GT(reserved_bytes(config_of(0), shape_of()), 0);
+  EXPECT_GT(reserved_bytes(config_of(0), shape_of(), 1 << 20), 0);
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
+#include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/shm/arena_socket.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/small_arena.h"

@@ -5,7 +5,10 @@
 #include <filesystem>
 #include <fstream>
 
-#include "rollout_buffer/core/recipes.h"
+#include "rollout_buffer/core/files.h"
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/recipes.h"
+#include "rollout_buffer/settings/run_config.h"
 #include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {
@@ -92,10 +95,10 @@ TEST_F(ScenarioLoader, ReadsEverything) {
   EXPECT_EQ(spec->measurements[0].scale, 0.5);
   ASSERT_EQ(spec->training.values.size(), 3u);
   RunConfig config;
-  ASSERT_TRUE(apply_layer(config, scenario_settings(spec->training, "small", "ippo")));
-  EXPECT_EQ(config.batch_size, 1024);
-  EXPECT_EQ(config.learning_rate, 3e-4);
-  EXPECT_FALSE(config.async_rl);
+  ASSERT_TRUE(apply_layer(config, scenario_settings(spec->training, Preset::kSmall, "ippo")));
+  EXPECT_EQ(config.optimisation.batch_size, 1024);
+  EXPECT_EQ(config.optimisation.learning_rate, 3e-4);
+  EXPECT_FALSE(config.collection.async_rl);
   const EnvShape shape = spec->shape(3, true);
   EXPECT_EQ(shape.num_agents, 3);
   EXPECT_EQ(shape.head_count, 2);

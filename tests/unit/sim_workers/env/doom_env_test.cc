@@ -333,7 +333,7 @@ TEST(DoomEnvironmentSet, DrawsAllViewsInOneCall) {
   const auto game = one_room_game();
   auto renderer = std::make_unique<FlatRenderer>(3 * 72 * 128);
   FlatRenderer* const counter = renderer.get();
-  DoomEnvironmentSet set(game, std::move(renderer), 3, kObservationSize, ResizeFilter::kNone);
+  DoomEnvironmentSet set(game, std::move(renderer), 3, kObservationSize, Resize::kNone);
   for (int i = 0; i < 3; ++i) {
     set.at(i).reset(1);
     for (int step = 0; step < i; ++step) set.at(i).step(kIdle);
@@ -356,7 +356,7 @@ TEST(DoomEnvironmentSet, DrawsAllViewsInOneCall) {
 TEST(DoomEnvironmentSet, AFilterBringsOtherSizesTo128x72) {
   const auto game = one_room_game();
   DoomEnvironmentSet set(game, std::make_unique<FlatRenderer>(3 * 160 * 120), 1, {160, 120},
-                         ResizeFilter::kNearest);
+                         Resize::kNearest);
   set.at(0).reset(1);
   set.at(0).step(kIdle);
   Picture picture(set.at(0).shape());
@@ -370,7 +370,7 @@ TEST(DoomEnvironmentSet, AFilterBringsOtherSizesTo128x72) {
 TEST(DoomEnvironmentSet, TheLastObservationOfAnEpisodeIsTheTrueOne) {
   const auto game = one_room_game();
   DoomEnvironmentSet set(game, std::make_unique<FlatRenderer>(3 * 72 * 128), 1, kObservationSize,
-                         ResizeFilter::kNone);
+                         Resize::kNone);
   auto rules = std::make_unique<ClockRules>();
   rules->exit_tic = 7;
   rules->death_tic = 6;

@@ -14,13 +14,6 @@ TEST(ViewSizeText, IsWidthTimesHeight) {
     EXPECT_FALSE(parse_view_size(text)) << text;
 }
 
-TEST(ResizeFilterText, KnowsThree) {
-  EXPECT_EQ(*parse_resize_filter("none"), ResizeFilter::kNone);
-  EXPECT_EQ(*parse_resize_filter("nearest"), ResizeFilter::kNearest);
-  EXPECT_EQ(*parse_resize_filter("area"), ResizeFilter::kArea);
-  EXPECT_FALSE(parse_resize_filter("cubic"));
-}
-
 /// [3, 144, 256]: every second pixel of a row and column differs, the planes differ by 50.
 std::vector<uint8_t> twice_the_size() {
   std::vector<uint8_t> picture(3 * 144 * 256);
@@ -34,10 +27,10 @@ std::vector<uint8_t> twice_the_size() {
 TEST(ResizePlanes, NearestTakesOnePixelOfFourAndAreaTheirMean) {
   const std::vector<uint8_t> source = twice_the_size();
   std::vector<uint8_t> small(3 * 72 * 128, 255);
-  resize_planes(source.data(), {256, 144}, ResizeFilter::kNearest, small.data());
+  resize_planes(source.data(), {256, 144}, Resize::kNearest, small.data());
   for (int plane = 0; plane < 3; ++plane)
     for (int i = 0; i < 72 * 128; ++i) ASSERT_EQ(small[plane * 72 * 128 + i], 50 * plane);
-  resize_planes(source.data(), {256, 144}, ResizeFilter::kArea, small.data());
+  resize_planes(source.data(), {256, 144}, Resize::kArea, small.data());
   for (int plane = 0; plane < 3; ++plane)
     for (int i = 0; i < 72 * 128; ++i) ASSERT_EQ(small[plane * 72 * 128 + i], 50 * plane + 6);
 }
@@ -45,7 +38,7 @@ TEST(ResizePlanes, NearestTakesOnePixelOfFourAndAreaTheirMean) {
 TEST(ResizePlanes, NearestOf160x120TakesTheRowsThatTheReferenceTakes) {
   std::vector<uint8_t> source(3 * 120 * 160), small(3 * 72 * 128);
   for (int y = 0; y < 120; ++y) std::fill_n(source.begin() + y * 160, 160, static_cast<uint8_t>(y));
-  resize_planes(source.data(), {160, 120}, ResizeFilter::kNearest, small.data());
+  resize_planes(source.data(), {160, 120}, Resize::kNearest, small.data());
   for (int y = 0; y < 72; ++y) ASSERT_EQ(small[y * 128], y * 120 / 72) << y;
 }
 

@@ -34,10 +34,10 @@ TEST(ShapeRewards, OneAgentsTeamIsItself) {
 
 TEST(RewardRules, ComeFromTheSettings) {
   RunConfig config;
-  config.shared_reward_alpha = 0.5;
-  config.shared_reward_scalarisation = "mean";
-  config.reward_scale = 3;
-  config.reward_clip = 9;
+  config.environment.shared_reward_alpha = 0.5;
+  config.environment.shared_reward_scalarisation = Scalarisation::kMean;
+  config.environment.reward_scale = 3;
+  config.environment.reward_clip = 9;
   const RewardRules rules = RewardRules::from(config);
   EXPECT_EQ(rules.share, 0.5f);
   EXPECT_TRUE(rules.share_is_mean);

@@ -1,13 +1,19 @@
-#include "rollout_buffer/core/config.h"
+// Layers, limits, TOML and "auto": what becomes of what users write.
+#include "rollout_buffer/settings/setting.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstdlib>
 #include <functional>
 #include <set>
 
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/core/toml_text.h"
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/resolve.h"
 #include "tests/support/scratch_folder.h"
 
 namespace comrad {
@@ -21,7 +27,7 @@ SettingsLayer layer(std::vector<std::pair<std::string, std::string>> values) {
 
 RunConfig two_agents() {
   RunConfig config;
-  config.num_agents = 2;
+  config.environment.num_agents = 2;
   return config;
 }
 
@@ -34,31 +40,31 @@ TEST(ApplyLayer, ALaterLayerWinsAndOthersStay) {
   RunConfig config;
   ASSERT_TRUE(apply_layer(config, layer({{"batch_size", "2048"}, {"gamma", "0.9"}})));
   ASSERT_TRUE(apply_layer(config, layer({{"batch_size", "1024"}})));
-  EXPECT_EQ(config.batch_size, 1024);
-  EXPECT_EQ(config.gamma, 0.9);
-  EXPECT_EQ(config.rollout, 32);
+  EXPECT_EQ(config.optimisation.batch_size, 1024);
+  EXPECT_EQ(config.optimisation.gamma, 0.9);
+  EXPECT_EQ(config.collection.rollout, 32);
 }
 
 TEST(ApplyLayer, IntegersAcceptExponents) {
   RunConfig config;
   ASSERT_TRUE(apply_layer(config, layer({{"max_batch", "1e3"}, {"stats_avg", "200.0"}, {"seed", "+7"}})));
-  EXPECT_EQ(config.max_batch, 1000);
-  EXPECT_EQ(config.stats_avg, 200);
-  EXPECT_EQ(config.seed, 7);
+  EXPECT_EQ(config.collection.max_batch, 1000);
+  EXPECT_EQ(config.run.stats_avg, 200);
+  EXPECT_EQ(config.run.seed, 7);
   ASSERT_TRUE(apply_layer(config, layer({{"seed", "9007199254740993"}})));
-  EXPECT_EQ(config.seed, 9007199254740993) << "a whole number takes no detour over a double";
+  EXPECT_EQ(config.run.seed, 9007199254740993) << "a whole number takes no detour over a double";
 }
 
 TEST(ApplyLayer, BooleansAcceptTheSpellingsOfPythonAndToml) {
   RunConfig config;
   for (const char* yes : {"true", "True", "1", "TRUE"}) {
-    config.deterministic = false;
+    config.collection.deterministic = false;
     ASSERT_TRUE(apply_layer(config, layer({{"deterministic", yes}}))) << yes;
-    EXPECT_TRUE(config.deterministic) << yes;
+    EXPECT_TRUE(config.collection.deterministic) << yes;
   }
   for (const char* no : {"false", "False", "0"}) {
     ASSERT_TRUE(apply_layer(config, layer({{"use_rnn", no}}))) << no;
-    EXPECT_FALSE(config.use_rnn) << no;
+    EXPECT_FALSE(config.network.use_rnn) << no;
   }
 }
 
@@ -67,10 +73,10 @@ TEST(ApplyLayer, OldNamesReachTheirSettings) {
   ASSERT_TRUE(apply_layer(
       config,
       layer({{"env", "stag_hunt_arena"}, {"lr", "3e-4"}, {"serial_mode", "True"}, {"algo", "APPO"}})));
-  EXPECT_EQ(config.scenario, "stag_hunt_arena");
-  EXPECT_EQ(config.learning_rate, 3e-4);
-  EXPECT_TRUE(config.deterministic);
-  EXPECT_EQ(config.algo, "ippo");
+  EXPECT_EQ(config.run.scenario, "stag_hunt_arena");
+  EXPECT_EQ(config.optimisation.learning_rate, 3e-4);
+  EXPECT_TRUE(config.collection.deterministic);
+  EXPECT_EQ(config.run.algo.name(), "ippo");
 }
 
 TEST(ApplyLayer, AnUnknownKeyNamesTheNearestKnownOneAndItsLayer) {
@@ -99,19 +105,45 @@ TEST(ApplyLayer, AValueOfTheWrongTypeIsRefused) {
     ASSERT_FALSE(status) << key << " = " << text;
     EXPECT_THAT(status.error().message, HasSubstr(key + " is '" + text + "'"));
   }
-  EXPECT_EQ(config.seed, 42);
-  EXPECT_EQ(config.gamma, 0.99);
+  EXPECT_EQ(config.run.seed, 42);
+  EXPECT_EQ(config.optimisation.gamma, 0.99);
 }
 
-TEST(VisitSettings, NoNameOrAliasIsUsedTwice) {
+TEST(ApplyLayer, AWordThatNoSettingKnowsIsRefusedWithThoseItKnows) {
   RunConfig config;
-  std::set<std::string> names;
-  visit_settings(config, [&names](const char* name, auto&, const char* help,
-                                  std::initializer_list<const char*> aliases) {
-    EXPECT_TRUE(names.insert(name).second) << name;
-    for (const char* alias : aliases) EXPECT_TRUE(names.insert(alias).second) << alias;
-    EXPECT_NE(std::string(help), "");
-  });
+  for (const auto& [key, text, known] : std::vector<std::array<std::string, 3>>{
+           {"algo", "ddpg", "ippo, mappo"},
+           {"restart_behavior", "maybe", "one of resume, restart, overwrite"},
+           {"rnn_type", "rnn", "one of gru, lstm"},
+           {"precision", "fp16", "one of fp32, bf16"},
+           {"curriculum", "hardest", "learning_progress"},
+           {"plr_score_transform", "cube", "eps_greedy"},
+           {"plr_score_key", "loss", "mean_value_l1"}}) {
+    const Status status = apply_layer(config, layer({{key, text}}));
+    ASSERT_FALSE(status) << key << " = " << text;
+    EXPECT_THAT(status.error().message, HasSubstr("test layer: " + key + " is '" + text + "'"));
+    EXPECT_THAT(status.error().message, HasSubstr(known));
+  }
+  ASSERT_TRUE(apply_layer(config, layer({{"rnn_type", "LSTM"}, {"curriculum", "Plr"}})));
+  EXPECT_EQ(config.network.rnn_type, RnnType::kLstm);
+  EXPECT_EQ(config.curriculum.curriculum, CurriculumKind::kPlr);
+}
+
+TEST(SettingRows, NoNameIsUsedTwiceAndEveryDefaultIsWithinItsLimits) {
+  std::set<std::string_view> names;
+  const RunConfig defaults;
+  for (const SettingRow& row : setting_rows()) {
+    EXPECT_TRUE(names.insert(row.name).second) << row.name;
+    for (const std::string_view old : row.traits.old_names) {
+      EXPECT_TRUE(old.empty() || names.insert(old).second) << old;
+    }
+    EXPECT_NE(row.help, "") << row.name;
+    RunConfig copy;
+    EXPECT_TRUE(row.assign(copy, row.text(defaults))) << row.name << ": a default reads back";
+    if (row.name != "num_agents") {  // 0 until the scenario is known
+      EXPECT_TRUE(row.holds(defaults, row.limits)) << row.name;
+    }
+  }
 }
 
 class SettingsToml : public ::testing::Test {
@@ -121,19 +153,19 @@ class SettingsToml : public ::testing::Test {
 
 TEST_F(SettingsToml, TheWrittenDocumentReadsBackWithoutLoss) {
   RunConfig config;
-  config.experiment = "quoted \"name\"\\ with\ttab and \xC3\xA9";
-  config.learning_rate = 0.1 + 0.2;
-  config.train_for_env_steps = 1.25e8;
-  config.adam_eps = 1e-300;
-  config.seed = 9007199254740993;
-  config.async_rl = false;
+  config.run.experiment = "quoted \"name\"\\ with\ttab and \xC3\xA9";
+  config.optimisation.learning_rate = 0.1 + 0.2;
+  config.run.train_for_env_steps = 1.25e8;
+  config.optimisation.adam_eps = 1e-300;
+  config.run.seed = 9007199254740993;
+  config.collection.async_rl = false;
   const Expected<RunConfig> read =
       load_run_config(folder_.write("round_trip.toml", settings_to_toml(config)));
   ASSERT_TRUE(read) << read.error().message;
   EXPECT_EQ(settings_to_toml(*read), settings_to_toml(config));
-  EXPECT_EQ(read->experiment, config.experiment);
-  EXPECT_EQ(read->learning_rate, config.learning_rate);
-  EXPECT_EQ(read->seed, config.seed);
+  EXPECT_EQ(read->run.experiment, config.run.experiment);
+  EXPECT_EQ(read->optimisation.learning_rate, config.optimisation.learning_rate);
+  EXPECT_EQ(read->run.seed, config.run.seed);
 }
 
 TEST_F(SettingsToml, BadDocumentsSayWhere) {
@@ -171,7 +203,7 @@ TEST(ApplyLayer, AMixerChoosesAmongQmixAndQplex) {
   const auto algo_of = [](std::vector<std::pair<std::string, std::string>> values) {
     RunConfig config = two_agents();
     EXPECT_TRUE(apply_layer(config, layer(std::move(values))));
-    return config.algo;
+    return config.run.algo.name();
   };
   EXPECT_EQ(algo_of({{"algo", "QPLEX"}}), "qplex_d");
   EXPECT_EQ(algo_of({{"algo", "qplex"}, {"mixer", "dmaq"}}), "qplex_d");
@@ -186,34 +218,39 @@ TEST(ApplyLayer, AMixerChoosesAmongQmixAndQplex) {
 TEST(ResolveSettings, QLearningSettingsThatExcludeEachOtherAreRefused) {
   const auto expect = [](void (*spoil)(RunConfig&), const char* message) {
     RunConfig config = two_agents();
-    config.algo = "vdn";
+    config.run.algo = "vdn";
     EXPECT_TRUE(resolve_settings(config, 2));
     config = two_agents();
-    config.algo = "vdn";
+    config.run.algo = "vdn";
     spoil(config);
     EXPECT_THAT(resolve_error(config), HasSubstr(message));
   };
-  expect([](RunConfig& c) { c.num_agents = 1; }, "use idqn for one");
-  expect([](RunConfig& c) { c.rnn_type = "lstm"; }, "vdn's core is a gru");
-  expect([](RunConfig& c) { c.td_lambda = 0.8, c.use_rnn = false; }, "use --n_step");
-  expect([](RunConfig& c) { c.n_step = 64; }, "n_step is 64");
-  expect([](RunConfig& c) { c.burn_in = 32; }, "burn_in is 32");
-  expect([](RunConfig& c) { c.lr_schedule = "kl_adaptive_epoch"; }, "constant or linear_decay");
-  expect([](RunConfig& c) { c.replay_gb = -1; }, "replay_gb is -1");
-  expect([](RunConfig& c) { c.target_update_tau = 0; }, "target_update_tau is 0");
-  expect([](RunConfig& c) { c.qplex_adv_hypernet_layers = 4; }, "qplex_adv_hypernet_layers is 4");
-  expect([](RunConfig& c) { c.curriculum = "plr", c.layout_pool = "train:4"; }, "estimates no advantages");
+  expect([](RunConfig& c) { c.environment.num_agents = 1; }, "use idqn for one");
+  expect([](RunConfig& c) { c.network.rnn_type = RnnType::kLstm; }, "vdn's core is a gru");
+  expect([](RunConfig& c) { c.q_learning.td_lambda = 0.8, c.network.use_rnn = false; }, "use --n_step");
+  expect([](RunConfig& c) { c.q_learning.n_step = 64; }, "n_step is 64");
+  expect([](RunConfig& c) { c.q_learning.burn_in = 32; }, "burn_in is 32");
+  expect([](RunConfig& c) { c.optimisation.lr_schedule = RateSchedule::kKlAdaptiveEpoch; },
+         "constant or linear_decay");
+  expect([](RunConfig& c) { c.replay.replay_gb = -1; }, "replay_gb is -1");
+  expect([](RunConfig& c) { c.q_learning.target_update_tau = 0; }, "target_update_tau is 0");
+  expect([](RunConfig& c) { c.mixers.qplex_adv_hypernet_layers = 4; }, "qplex_adv_hypernet_layers is 4");
+  expect(
+      [](RunConfig& c) {
+        c.curriculum.curriculum = CurriculumKind::kPlr, c.environment.layout_pool = "train:4";
+      },
+      "estimates no advantages");
 }
 
 TEST(ResolveSettings, AutoFitsASmallHost) {
   RunConfig config = two_agents();
   ASSERT_TRUE(resolve_settings(config, 2));
-  EXPECT_EQ(config.num_workers, 2);
-  EXPECT_EQ(config.learner_threads, 2);
-  EXPECT_GE(config.min_batch, 1);
-  EXPECT_GE(config.max_batch, config.min_batch);
+  EXPECT_EQ(config.collection.num_workers, 2);
+  EXPECT_EQ(config.collection.learner_threads, 2);
+  EXPECT_GE(config.collection.min_batch, 1);
+  EXPECT_GE(config.collection.max_batch, config.collection.min_batch);
   // One slab in the making for each of 32 environments; two batches of 4096 / (32 x 2) = 64 slabs may wait.
-  EXPECT_EQ(config.trajectory_slabs, 32 + 2 * 64);
+  EXPECT_EQ(config.collection.trajectory_slabs, 32 + 2 * 64);
 }
 
 TEST(ResolveSettings, LearnerThreadsGrowWithTheHostAndStopAtSixteen) {
@@ -221,15 +258,15 @@ TEST(ResolveSettings, LearnerThreadsGrowWithTheHostAndStopAtSixteen) {
        std::vector<std::pair<int, int>>{{1, 1}, {2, 2}, {4, 2}, {8, 4}, {64, 16}}) {
     RunConfig config = two_agents();
     ASSERT_TRUE(resolve_settings(config, cores));
-    EXPECT_EQ(config.learner_threads, threads) << cores << " cores";
-    EXPECT_EQ(config.num_workers, cores);
+    EXPECT_EQ(config.collection.learner_threads, threads) << cores << " cores";
+    EXPECT_EQ(config.collection.num_workers, cores);
   }
 }
 
 TEST(ResolveSettings, ResolvingTwiceChangesNothing) {
   for (const bool deterministic : {false, true}) {
     RunConfig config = two_agents();
-    config.deterministic = deterministic;
+    config.collection.deterministic = deterministic;
     ASSERT_TRUE(resolve_settings(config, 3));
     const std::string once = settings_to_toml(config);
     ASSERT_TRUE(resolve_settings(config, 3));
@@ -239,11 +276,11 @@ TEST(ResolveSettings, ResolvingTwiceChangesNothing) {
 
 TEST(ResolveSettings, BatchSizeIsRoundedDownToWholeTrajectories) {
   RunConfig config = two_agents();
-  config.num_agents = 3;
-  config.batch_size = 1000;
+  config.environment.num_agents = 3;
+  config.optimisation.batch_size = 1000;
   ASSERT_TRUE(resolve_settings(config, 2));
-  EXPECT_EQ(config.batch_size, 960);
-  config.batch_size = 95;
+  EXPECT_EQ(config.optimisation.batch_size, 960);
+  config.optimisation.batch_size = 95;
   EXPECT_THAT(resolve_error(config), HasSubstr("batch_size is 95"));
   EXPECT_THAT(resolve_error(config), HasSubstr("= 96"));
 }
@@ -255,28 +292,28 @@ TEST(ResolveSettings, NumAgentsMustBeKnownByThen) {
 
 TEST(ResolveSettings, DeterministicRunsInLockStepOnEvenBatches) {
   RunConfig config = two_agents();
-  config.deterministic = true;
-  config.num_workers = 2;
-  config.num_envs_per_worker = 6;
-  config.batch_size = 5 * 64;  // 12 trajectories do not divide by 5, but by 4
+  config.collection.deterministic = true;
+  config.collection.num_workers = 2;
+  config.collection.num_envs_per_worker = 6;
+  config.optimisation.batch_size = 5 * 64;  // 12 trajectories do not divide by 5, but by 4
   ASSERT_TRUE(resolve_settings(config, 2));
-  EXPECT_FALSE(config.async_rl);
-  EXPECT_EQ(config.batch_size, 4 * 64);
-  EXPECT_GE(config.trajectory_slabs, 2 * 12);
-  EXPECT_EQ(config.num_workers * config.num_envs_per_worker * config.rollout * config.num_agents %
-                config.batch_size,
+  EXPECT_FALSE(config.collection.async_rl);
+  EXPECT_EQ(config.optimisation.batch_size, 4 * 64);
+  EXPECT_GE(config.collection.trajectory_slabs, 2 * 12);
+  EXPECT_EQ(config.collection.num_workers * config.collection.num_envs_per_worker *
+                config.collection.rollout * config.environment.num_agents % config.optimisation.batch_size,
             0);
 }
 
 TEST(ResolveSettings, DeterministicNamesTheFixWhereBatchesCannotComeOutEven) {
   RunConfig config = two_agents();
-  config.deterministic = true;
-  config.num_workers = 1;
-  config.num_envs_per_worker = 31;
-  config.batch_size = 16 * 64;
+  config.collection.deterministic = true;
+  config.collection.num_workers = 1;
+  config.collection.num_envs_per_worker = 31;
+  config.optimisation.batch_size = 16 * 64;
   EXPECT_THAT(resolve_error(config), HasSubstr("--batch_size 1984"));
-  config.num_envs_per_worker = 16;
-  config.num_batches_per_epoch = 3;
+  config.collection.num_envs_per_worker = 16;
+  config.optimisation.num_batches_per_epoch = 3;
   EXPECT_THAT(resolve_error(config), HasSubstr("num_batches_per_epoch"));
 }
 
@@ -286,51 +323,54 @@ TEST(ResolveSettings, EveryRangeErrorNamesTheSettingAndItsValue) {
     spoil(config);
     EXPECT_THAT(resolve_error(config), HasSubstr(message));
   };
-  expect([](RunConfig& c) { c.num_agents = 9; }, "num_agents is 9; it must be between 1 and 8");
-  expect([](RunConfig& c) { c.algo = "ddpg"; }, "unknown algorithm 'ddpg'");
-  expect([](RunConfig& c) { c.restart_behavior = "maybe"; }, "one of resume, restart, overwrite");
-  expect([](RunConfig& c) { c.device = "tpu"; }, "device is tpu");
-  expect([](RunConfig& c) { c.device = "cuda:"; }, "device is cuda:");
-  expect([](RunConfig& c) { c.worker_num_splits = 3; }, "worker_num_splits is 3");
-  expect([](RunConfig& c) { c.policy_workers = 64; }, "policy_workers is 64");
-  expect([](RunConfig& c) { c.render_size = "160x120"; }, "render_size is 160x120");
+  expect([](RunConfig& c) { c.environment.num_agents = 9; }, "num_agents is 9; it must be between 1 and 8");
+  expect([](RunConfig& c) { c.collection.device = "tpu"; }, "device is tpu");
+  expect([](RunConfig& c) { c.collection.device = "cuda:"; }, "device is cuda:");
+  expect([](RunConfig& c) { c.collection.worker_num_splits = 3; }, "worker_num_splits is 3");
+  expect([](RunConfig& c) { c.collection.policy_workers = 64; }, "policy_workers is 64");
+  expect([](RunConfig& c) { c.environment.render_size = "160x120"; }, "render_size is 160x120");
   expect(
       [](RunConfig& c) {
-        c.render_size = "big";
-        c.resize = "area";
+        c.environment.render_size = "big";
+        c.environment.resize = Resize::kArea;
       },
       "render_size is big");
-  expect([](RunConfig& c) { c.gamma = 1.5; }, "gamma is 1.5");
-  expect([](RunConfig& c) { c.rnn_type = "rnn"; }, "one of gru, lstm");
-  expect([](RunConfig& c) { c.lr_adaptive_max = 1e-9; }, "lr_adaptive_max");
-  expect([](RunConfig& c) { c.trajectory_slabs = 3; }, "trajectory_slabs is 3");
-  expect([](RunConfig& c) { c.min_batch = 8, c.max_batch = 4; }, "max_batch is 4");
-  expect([](RunConfig& c) { c.experiment = "../elsewhere"; }, "experiment is ../elsewhere");
-  expect([](RunConfig& c) { c.shared_reward_alpha = -0.5; }, "shared_reward_alpha");
+  expect([](RunConfig& c) { c.optimisation.gamma = 1.5; }, "gamma is 1.5");
+  expect([](RunConfig& c) { c.optimisation.lr_adaptive_max = 1e-9; }, "lr_adaptive_max");
+  expect([](RunConfig& c) { c.collection.trajectory_slabs = 3; }, "trajectory_slabs is 3");
+  expect([](RunConfig& c) { c.collection.min_batch = 8, c.collection.max_batch = 4; }, "max_batch is 4");
+  expect([](RunConfig& c) { c.run.experiment = "../elsewhere"; }, "experiment is ../elsewhere");
+  expect([](RunConfig& c) { c.environment.shared_reward_alpha = -0.5; }, "shared_reward_alpha");
 }
 
 TEST(ResolveSettings, OnPolicySettingsThatExcludeEachOtherAreRefused) {
   const auto expect = [](void (*spoil)(RunConfig&), const char* message) {
     RunConfig config = two_agents();
-    config.algo = "happo";
-    config.share_parameters = false;
+    config.run.algo = "happo";
+    config.network.share_parameters = false;
     EXPECT_TRUE(resolve_settings(config, 2));
     config = two_agents();
     spoil(config);
     EXPECT_THAT(resolve_error(config), HasSubstr(message));
   };
-  expect([](RunConfig& c) { c.with_vtrace = true; }, "normalize_returns");
-  expect([](RunConfig& c) { c.algo = "happo"; }, "share_parameters is on");
-  expect([](RunConfig& c) { c.algo = "happo", c.share_parameters = false, c.with_vtrace = true; }, "GAE");
+  expect([](RunConfig& c) { c.on_policy.with_vtrace = true; }, "normalize_returns");
+  expect([](RunConfig& c) { c.run.algo = "happo"; }, "share_parameters is on");
   expect(
-      [](RunConfig& c) { c.algo = "happo", c.share_parameters = false, c.lr_schedule = "kl_adaptive_epoch"; },
+      [](RunConfig& c) {
+        c.run.algo = "happo", c.network.share_parameters = false, c.on_policy.with_vtrace = true;
+      },
+      "GAE");
+  expect(
+      [](RunConfig& c) {
+        c.run.algo = "happo", c.network.share_parameters = false,
+        c.optimisation.lr_schedule = RateSchedule::kKlAdaptiveEpoch;
+      },
       "lr_schedule is kl_adaptive_epoch");
-  expect([](RunConfig& c) { c.agent_id_input = true, c.share_parameters = false; }, "agent_id_input");
-  expect([](RunConfig& c) { c.precision = "fp16"; }, "one of fp32, bf16");
-  expect([](RunConfig& c) { c.encoder_conv_architecture = "vit"; }, "resnet_impala");
-  expect([](RunConfig& c) { c.critic_hidden_sizes = "512,,256"; }, "critic_hidden_sizes is 512,,256");
-  expect([](RunConfig& c) { c.decoder_mlp_layers = "0"; }, "decoder_mlp_layers is 0");
-  expect([](RunConfig& c) { c.happo_factor_clamp = 0.5; }, "happo_factor_clamp is 0.5");
+  expect([](RunConfig& c) { c.network.agent_id_input = true, c.network.share_parameters = false; },
+         "agent_id_input");
+  expect([](RunConfig& c) { c.network.critic_hidden_sizes = "512,,256"; }, "critic_hidden_sizes is 512,,256");
+  expect([](RunConfig& c) { c.network.decoder_mlp_layers = "0"; }, "decoder_mlp_layers is 0");
+  expect([](RunConfig& c) { c.on_policy.happo_factor_clamp = 0.5; }, "happo_factor_clamp is 0.5");
 }
 
 TEST(ParseWidths, AcceptsCommasAndBlanksAndRefusesTheRest) {
@@ -345,7 +385,7 @@ TEST(ParseWidths, AcceptsCommasAndBlanksAndRefusesTheRest) {
 
 TEST(ResolveSettings, AFailedCheckLeavesTheSettingsAlone) {
   RunConfig config = two_agents();
-  config.batch_size = 1;
+  config.optimisation.batch_size = 1;
   const std::string before = settings_to_toml(config);
   EXPECT_FALSE(resolve_settings(config, 2));
   EXPECT_EQ(settings_to_toml(config), before);
@@ -373,59 +413,59 @@ TEST(TomlHeaders, AHeaderWithoutANameIsAnErrorBeforeTheParserMeetsIt) {
 TEST(Resolve, APoolAndACurriculumAreChecked) {
   const auto error = [](const std::function<void(RunConfig&)>& change) {
     RunConfig config = two_agents();
-    config.layout_pool = "pool";
+    config.environment.layout_pool = "pool";
     change(config);
     return resolve_error(config);
   };
-  EXPECT_EQ(error([](RunConfig& c) { c.curriculum = "plr"; }), "no error");
-  EXPECT_THAT(error([](RunConfig& c) { c.wad = "one.wad"; }), HasSubstr("--wad names the one map"));
-  EXPECT_THAT(error([](RunConfig& c) { c.layout_swap_every = 0; }), HasSubstr("layout_swap_every is 0"));
-  EXPECT_THAT(error([](RunConfig& c) { c.curriculum = "hardest"; }), HasSubstr("learning_progress"));
-  EXPECT_THAT(error([](RunConfig& c) { c.curriculum = "omni", c.layout_pool.clear(); }),
+  EXPECT_EQ(error([](RunConfig& c) { c.curriculum.curriculum = CurriculumKind::kPlr; }), "no error");
+  EXPECT_THAT(error([](RunConfig& c) { c.environment.wad = "one.wad"; }),
+              HasSubstr("--wad names the one map"));
+  EXPECT_THAT(error([](RunConfig& c) { c.environment.layout_swap_every = 0; }),
+              HasSubstr("layout_swap_every is 0"));
+  EXPECT_THAT(error([](RunConfig& c) {
+                c.curriculum.curriculum = CurriculumKind::kOmni, c.environment.layout_pool.clear();
+              }),
               HasSubstr("--layout_pool"));
-  EXPECT_THAT(error([](RunConfig& c) { c.lp_min_return = 5, c.lp_max_return = 4; }),
+  EXPECT_THAT(error([](RunConfig& c) { c.curriculum.lp_min_return = 5, c.curriculum.lp_max_return = 4; }),
               HasSubstr("lp_max_return"));
-  EXPECT_THAT(error([](RunConfig& c) { c.seq_threshold = 1.5; }), HasSubstr("seq_threshold"));
-  EXPECT_THAT(error([](RunConfig& c) { c.plr_score_transform = "cube"; }), HasSubstr("eps_greedy"));
-  EXPECT_THAT(error([](RunConfig& c) { c.plr_temperature = 0; }), HasSubstr("plr_temperature"));
-  EXPECT_THAT(error([](RunConfig& c) { c.plr_score_key = "loss"; }), HasSubstr("mean_value_l1"));
-  EXPECT_THAT(error([](RunConfig& c) { c.interestingness_graph_path = "g.json"; }), HasSubstr("omni"));
+  EXPECT_THAT(error([](RunConfig& c) { c.curriculum.seq_threshold = 1.5; }), HasSubstr("seq_threshold"));
+  EXPECT_THAT(error([](RunConfig& c) { c.curriculum.plr_temperature = 0; }), HasSubstr("plr_temperature"));
+  EXPECT_THAT(error([](RunConfig& c) { c.curriculum.interestingness_graph_path = "g.json"; }),
+              HasSubstr("omni"));
 }
 
 TEST(ApplyLayer, ThePoolsOldNamesAreKnown) {
   RunConfig config;
   ASSERT_TRUE(
       apply_layer(config, layer({{"wad_batch", "p"}, {"wad_swap_every", "1"}, {"wad_curriculum", "plr"}})));
-  EXPECT_EQ(config.layout_pool, "p");
-  EXPECT_EQ(config.layout_swap_every, 1);
-  EXPECT_EQ(config.curriculum, "plr");
+  EXPECT_EQ(config.environment.layout_pool, "p");
+  EXPECT_EQ(config.environment.layout_swap_every, 1);
+  EXPECT_EQ(config.curriculum.curriculum, CurriculumKind::kPlr);
 }
 
 TEST(Settings, EveryRealHasBounds) {
   int reals = 0;
-  RunConfig names;
-  visit_settings(names, [&](const char* name, auto& member, const char*, std::initializer_list<const char*>) {
-    if constexpr (std::is_same_v<std::remove_cvref_t<decltype(member)>, double>) {
-      ++reals;
-      for (const char* absurd : {"1e300", "-1e300"}) {
-        RunConfig config = two_agents();
-        ASSERT_TRUE(apply_layer(config, layer({{name, absurd}}))) << name;
-        const Status checked = resolve_settings(config, 2);
-        ASSERT_FALSE(checked) << name << " " << absurd;
-        EXPECT_THAT(checked.error().message, HasSubstr(name));
-      }
+  for (const SettingRow& row : setting_rows()) {
+    if (row.kind != SettingKind::kReal) continue;
+    ++reals;
+    for (const char* absurd : {"1e300", "-1e300"}) {
+      RunConfig config = two_agents();
+      ASSERT_TRUE(apply_layer(config, layer({{std::string(row.name), absurd}}))) << row.name;
+      const Status checked = resolve_settings(config, 2);
+      ASSERT_FALSE(checked) << row.name << " " << absurd;
+      EXPECT_THAT(checked.error().message, HasSubstr(std::string(row.name)));
     }
-  });
+  }
   EXPECT_GE(reals, 60);
 }
 
 TEST(Settings, TextThatIsNoUtf8IsRefused) {
   RunConfig config = two_agents();
-  config.experiment = "caf\xE9";
+  config.run.experiment = "caf\xE9";
   const Status checked = resolve_settings(config, 2);
   ASSERT_FALSE(checked);
   EXPECT_THAT(checked.error().message, HasSubstr("experiment"));
-  config.experiment = "caf\xC3\xA9";
+  config.run.experiment = "caf\xC3\xA9";
   EXPECT_TRUE(resolve_settings(config, 2));
 }
 

@@ -1,8 +1,6 @@
-#include "rollout_buffer/core/recipes.h"
+#include "rollout_buffer/settings/recipes.h"
 
-#include <algorithm>
-
-#include "rollout_buffer/core/text.h"
+#include <string>
 
 namespace comrad {
 namespace {
@@ -19,8 +17,8 @@ constexpr RecipeRow kRows[] = {
     {"", "ippo mappo", "rnn_type", "lstm", "a benchmark launch: LSTM of 512 units"},
     {"", "ippo mappo", "rnn_size", "512", "a benchmark launch: LSTM of 512 units"},
     {"", "ippo mappo", "num_epochs", "4", "a benchmark launch: four passes over every batch"},
-    {"", "ippo mappo happo", "batch_size", "4096", "a benchmark launch: 128 trajectories of 32 decisions"},
-    {"", "ippo mappo happo", "num_batches_per_epoch", "1", "a benchmark launch: whole batches"},
+    {"", "on_policy", "batch_size", "4096", "a benchmark launch: 128 trajectories of 32 decisions"},
+    {"", "on_policy", "num_batches_per_epoch", "1", "a benchmark launch: whole batches"},
     {"", "happo", "use_rnn", "true", "a benchmark launch: GRU of 512 units in actors and critic"},
     {"", "happo", "rnn_type", "gru", "a benchmark launch: GRU of 512 units in actors and critic"},
     {"", "happo", "rnn_size", "512", "a benchmark launch: GRU of 512 units in actors and critic"},
@@ -30,17 +28,16 @@ constexpr RecipeRow kRows[] = {
     {"", "happo", "lr_schedule", "linear_decay", "a benchmark launch"},
     {"", "happo", "max_policy_lag", "0",
      "automatic, 1000 x (agents + 1): a batch makes a version for every agent and one for the critic"},
-    {"", "ippo mappo happo", "adam_eps", "1e-6", "the benchmark's, and Sample Factory's"},
+    {"", "on_policy", "adam_eps", "1e-6", "the benchmark's, and Sample Factory's"},
     {"", "idqn", "use_rnn", "false", "a benchmark launch: feed-forward"},
     {"", "idqn", "batch_size", "4096", "a benchmark launch: four updates for every 4096 decisions"},
-    {"", "vdn qmix qplex_d qplex_q", "use_rnn", "true", "a benchmark launch: GRU of 512 units"},
-    {"", "vdn qmix qplex_d qplex_q", "rnn_type", "gru", "a benchmark launch: GRU of 512 units"},
-    {"", "vdn qmix qplex_d qplex_q", "rnn_size", "512", "a benchmark launch: GRU of 512 units"},
-    {"", "vdn qmix qplex_d qplex_q", "batch_size", "4096",
-     "a benchmark launch: four updates for every 4096 decisions"},
+    {"", "mixers", "use_rnn", "true", "a benchmark launch: GRU of 512 units"},
+    {"", "mixers", "rnn_type", "gru", "a benchmark launch: GRU of 512 units"},
+    {"", "mixers", "rnn_size", "512", "a benchmark launch: GRU of 512 units"},
+    {"", "mixers", "batch_size", "4096", "a benchmark launch: four updates for every 4096 decisions"},
     {"", "vdn qmix", "qmix_sequence_batch_size", "64", "a benchmark launch"},
     {"", "qplex_d qplex_q", "qmix_sequence_batch_size", "16", "a benchmark launch: its mixer is larger"},
-    {"", "idqn vdn qmix qplex_d qplex_q", "adam_eps", "1e-8",
+    {"", "q_learning", "adam_eps", "1e-8",
      "Q-gradients are small: with 1e-6 the root of Adam's second moment lay below epsilon in the gates of "
      "recurrent cores, whose steps shrank up to a hundredfold; the reference's mixers use 1e-8, too"},
 
@@ -48,36 +45,34 @@ constexpr RecipeRow kRows[] = {
     {"paper", "idqn", "adam_eps", "1e-6", "published; only the reference's mixers leave it at 1e-8"},
 
     // small: on-policy.
-    {"small", "ippo mappo happo", "batch_size", "1024",
+    {"small", "on_policy", "batch_size", "1024",
      "four times as many updates per frame; a run of 8 M env frames has 2 000"},
-    {"small", "ippo mappo happo", "num_epochs", "1",
+    {"small", "on_policy", "num_epochs", "1",
      "on two cores a further pass costs more time than the frames that it saves; a second one hurt IPPO"},
-    {"small", "ippo mappo happo", "num_batches_to_accumulate", "1",
+    {"small", "on_policy", "num_batches_to_accumulate", "1",
      "one batch in waiting keeps the policy lag near 4, with 8 environments near 2"},
-    {"small", "ippo mappo happo", "num_envs_per_worker", "8",
+    {"small", "on_policy", "num_envs_per_worker", "8",
      "0.9 of the rate of 16 on two cores, and the data is half as old"},
-    {"small", "ippo mappo happo", "rnn_type", "gru", "three quarters of an LSTM's arithmetic"},
-    {"small", "ippo mappo happo", "learning_rate", "4e-4",
+    {"small", "on_policy", "rnn_type", "gru", "three quarters of an LSTM's arithmetic"},
+    {"small", "on_policy", "learning_rate", "4e-4",
      "four times the published rate, for 2 000 updates instead of 24 000"},
-    {"small", "ippo mappo happo", "ppo_clip_ratio", "0.2",
+    {"small", "on_policy", "ppo_clip_ratio", "0.2",
      "at this rate and lag a third to a half of the samples lay outside the interval of 0.1 on their first "
      "pass; with 8 environments and this IPPO scored 2.3 to 3.3 times as much on Platform Chain "
      "(RECIPES.md)"},
 
     // small: Q-learning.
     {"small", "idqn", "batch_size", "1024", "updates come four times as often, a quarter as many at once"},
-    {"small", "vdn qmix qplex_d qplex_q", "batch_size", "1024",
+    {"small", "mixers", "batch_size", "1024",
      "simulators and learner wait for each other sooner: a quarter of the decisions may be ahead"},
-    {"small", "idqn vdn qmix qplex_d qplex_q", "num_batches_to_accumulate", "1",
-     "decisions enter the replay sooner"},
-    {"small", "vdn qmix qplex_d qplex_q", "qmix_sequence_batch_size", "4",
+    {"small", "q_learning", "num_batches_to_accumulate", "1", "decisions enter the replay sooner"},
+    {"small", "mixers", "qmix_sequence_batch_size", "4",
      "many updates from few sequences: 256 decisions of two agents"},
-    {"small", "vdn qmix qplex_d qplex_q", "replay_ratio", "4",
+    {"small", "mixers", "replay_ratio", "4",
      "an update for every 64 new decisions; QMIX learned Platform Chain's first steps in 5 minutes, and "
      "nothing in 4 with a ratio of 1 (RECIPES.md)"},
-    {"small", "vdn qmix qplex_d qplex_q", "td_lambda", "0.8",
-     "rewards reach earlier decisions of a sequence in fewer updates"},
-    {"small", "vdn qmix qplex_d qplex_q", "target_update_tau", "0.02",
+    {"small", "mixers", "td_lambda", "0.8", "rewards reach earlier decisions of a sequence in fewer updates"},
+    {"small", "mixers", "target_update_tau", "0.02",
      "runs have thousands of updates, not tens of thousands: targets 50 updates old instead of 200"},
     {"small", "idqn", "dqn_batch_size", "256",
      "4 updates of 256 decisions for every 1024: each is trained on once"},
@@ -87,37 +82,35 @@ constexpr RecipeRow kRows[] = {
     {"small", "idqn", "learning_rate", "2e-4", "few updates; twice the published rate"},
     {"small", "qplex_d qplex_q", "learning_rate", "1e-4",
      "the published rate: one of three QPLEX runs on a small game went wrong at 3e-4 (learner/NOTES.md)"},
-    {"small", "idqn vdn qmix qplex_d qplex_q", "epsilon_decay_steps", "3e5",
+    {"small", "q_learning", "epsilon_decay_steps", "3e5",
      "the published 20 M env frames are longer than a run on two cores"},
-    {"small", "idqn vdn qmix qplex_d qplex_q", "epsilon_end", "0.05",
+    {"small", "q_learning", "epsilon_end", "0.05",
      "the way down is sixty times shorter, so some exploration stays"},
-    {"small", "idqn vdn qmix qplex_d qplex_q", "learning_starts", "10000",
+    {"small", "q_learning", "learning_starts", "10000",
      "the published 50 000 decisions are a tenth of a run of 2 M env frames"},
 };
 
-Error unknown_word(const char* what, const std::string& word, const std::vector<std::string>& known) {
-  return Error{ErrorCode::kBadInput, std::string("unknown ") + what + " '" + word + "'" +
-                                         did_you_mean(word, known) + " (known: " + joined(known) + ")"};
-}
-
-SettingsLayer rows_of(std::string origin, std::string_view preset, std::string_view algorithm) {
+SettingsLayer rows_of(std::string origin, std::string_view preset, const AlgorithmName& algorithm) {
   SettingsLayer layer{std::move(origin), {}};
   for (const RecipeRow& row : kRows)
     if (row.preset == preset && row.is_for(algorithm)) layer.values.emplace_back(row.setting, row.value);
   return layer;
 }
 
-bool knows(const std::vector<std::string>& words, std::string_view word) {
-  return std::ranges::find(words, word) != words.end();
+bool is_called(const AlgorithmRow& algorithm, std::string_view word) {
+  if (word == "on_policy") return !algorithm.learns_q_values();
+  if (word == "q_learning") return algorithm.learns_q_values();
+  if (word == "mixers") return algorithm.mixes_q_values();
+  return word == algorithm.name || (!algorithm.recipe_of.empty() && word == algorithm.recipe_of);
 }
 
 }  // namespace
 
-bool RecipeRow::is_for(std::string_view algorithm) const {
+bool RecipeRow::is_for(const AlgorithmName& algorithm) const {
   std::string_view rest = algorithms;
   while (!rest.empty()) {
     const std::size_t blank = rest.find(' ');
-    if (rest.substr(0, blank) == algorithm) return true;
+    if (is_called(*algorithm, rest.substr(0, blank))) return true;
     rest = blank == std::string_view::npos ? std::string_view() : rest.substr(blank + 1);
   }
   return false;
@@ -125,38 +118,16 @@ bool RecipeRow::is_for(std::string_view algorithm) const {
 
 std::span<const RecipeRow> recipe_rows() { return kRows; }
 
-const std::vector<std::string>& preset_names() {
-  static const std::vector<std::string> names = {"paper", "small"};
-  return names;
+SettingsLayer algorithm_defaults(const AlgorithmName& algorithm) {
+  return rows_of("algorithm " + algorithm.name(), "", algorithm);
 }
 
-const std::vector<std::string>& algorithm_names() {
-  static const std::vector<std::string> names = {"ippo", "mappo", "happo",   "idqn",
-                                                 "vdn",  "qmix",  "qplex_d", "qplex_q"};
-  return names;
+SettingsLayer preset_settings(Preset preset, const AlgorithmName& algorithm) {
+  return rows_of("preset " + std::string(word_of(preset)), word_of(preset), algorithm);
 }
 
-std::string canonical_algorithm(std::string_view algorithm) {
-  std::string name = lower_case(algorithm);
-  if (name == "appo") return "ippo";
-  if (name == "dqn") return "idqn";
-  if (name == "qplex") return "qplex_d";
-  return name;
-}
-
-Expected<SettingsLayer> algorithm_defaults(const std::string& algo) {
-  const std::string name = canonical_algorithm(algo);
-  if (!knows(algorithm_names(), name)) return unknown_word("algorithm", algo, algorithm_names());
-  return rows_of("algorithm " + name, "", name);
-}
-
-Expected<SettingsLayer> preset_settings(const std::string& preset, const std::string& algorithm) {
-  if (!knows(preset_names(), preset)) return unknown_word("preset", preset, preset_names());
-  return rows_of("preset " + preset, preset, canonical_algorithm(algorithm));
-}
-
-SettingsLayer qplex_preset_settings(const std::string& preset) {
-  if (preset != "paper") return {};
+SettingsLayer qplex_preset_settings(QplexPreset preset) {
+  if (preset != QplexPreset::kPaper) return {};
   return {"qplex_preset paper",
           {{"qplex_weighted_head", "true"},
            {"qplex_num_kernel", "10"},
@@ -164,10 +135,10 @@ SettingsLayer qplex_preset_settings(const std::string& preset) {
            {"qplex_state_bias", "true"}}};
 }
 
-SettingsLayer scenario_settings(const SettingsLayer& training, const std::string& preset,
-                                const std::string& algorithm) {
+SettingsLayer scenario_settings(const SettingsLayer& training, Preset preset,
+                                const AlgorithmName& algorithm) {
   SettingsLayer chosen{training.origin, {}};
-  const std::string prefix = preset + "." + algorithm + ".";
+  const std::string prefix = std::string(word_of(preset)) + "." + algorithm.name() + ".";
   for (const auto& [key, value] : training.values)
     if (key.starts_with(prefix)) chosen.values.emplace_back(key.substr(prefix.size()), value);
   return chosen;

@@ -1,5 +1,5 @@
 // The recipes: which values an algorithm gets where nobody says otherwise, each with its reason, in one table
-// (recipes.cc). Three layers are read from here, between RunConfig's defaults and what the user asks:
+// (recipes.cc). Three layers are read from here, between the built-in defaults and what the user asks:
 //
 //   built-in < algorithm < preset (its rows for the algorithm, then --qplex_preset, then the scenario's rows)
 //            < TOML file < command line
@@ -12,40 +12,40 @@
 #include <string_view>
 #include <vector>
 
-#include "rollout_buffer/core/config.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/algorithms.h"
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/words.h"
 
 namespace comrad {
 
 /// One value of a recipe. Presets, settings and algorithms have their canonical names.
 struct RecipeRow {
-  std::string_view preset;      ///< "paper", "small"; empty: the algorithm's own, in every preset
-  std::string_view algorithms;  ///< those that it holds for, separated by blanks
+  std::string_view preset;  ///< "paper", "small"; empty: the algorithm's own, in every preset
+  std::string_view
+      algorithms;  ///< those that it holds for, separated by blanks: names, on_policy, q_learning, mixers
   std::string_view setting;
   std::string_view value;  ///< as on the command line
   std::string_view reason;
 
-  bool is_for(std::string_view algorithm) const;
+  bool is_for(const AlgorithmName& algorithm) const;
 };
 
 /// The whole table. algorithm_defaults() reads the rows without a preset.
 std::span<const RecipeRow> recipe_rows();
 
-/// What --preset and --algo may be called, in the order of messages.
-const std::vector<std::string>& preset_names();
-const std::vector<std::string>& algorithm_names();
-
-/// The one spelling of an algorithm that travels through the system: lower case, and the names that Sample
-/// Factory and the reference use ("APPO", "DQN", "QPLEX") replaced by ours. Unknown names stay, in lower case.
-std::string canonical_algorithm(std::string_view algorithm);
+/// The defaults of an algorithm (LSTM and 4 epochs for IPPO, ...), the layer below the preset's.
+SettingsLayer algorithm_defaults(const AlgorithmName& algorithm);
 
 /// A preset's rows for one algorithm, a layer above algorithm_defaults(). Origin "preset <name>".
-/// Errors: kBadInput for an unknown preset, naming the known ones.
-Expected<SettingsLayer> preset_settings(const std::string& preset, const std::string& algorithm);
+SettingsLayer preset_settings(Preset preset, const AlgorithmName& algorithm);
+
+/// The settings that --qplex_preset stands for, in the preset's layer above its rows for the algorithm and below
+/// the scenario's: empty for "comrad", the authors' own for "paper". Source: Wang et al. 2021, arXiv:2008.01062.
+SettingsLayer qplex_preset_settings(QplexPreset preset);
 
 /// What a scenario says about one preset and algorithm: of its keys "<preset>.<algorithm>.<setting>" those
 /// that fit, without the first two parts. The upper part of the preset's layer.
-SettingsLayer scenario_settings(const SettingsLayer& training, const std::string& preset,
-                                const std::string& algorithm);
+SettingsLayer scenario_settings(const SettingsLayer& training, Preset preset, const AlgorithmName& algorithm);
 
 }  // namespace comrad

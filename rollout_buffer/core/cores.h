@@ -1,0 +1,22 @@
+// Which cores this process may use: what `taskset` or a container left of the machine's. Stage: start-up.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace comrad {
+
+/// The CPUs of this process's mask (sched_getaffinity), by rising number. Never empty: CPU 0 where the mask cannot be read.
+std::vector<int> allowed_cpus();
+
+/// How many cores this process may use: those of its mask, or what the CPU quotas of its control group and of those above it
+/// allow where that is less (rounded up, at least 1).
+int usable_cores();
+
+/// The tightest quota in cores of the control group that `proc_cgroup` (the text of /proc/self/cgroup) names, and of those
+/// above it; nothing where none is set. `root` is where control groups are mounted: "/sys/fs/cgroup" outside of tests.
+/// Version 2 reads cpu.max, version 1 cpu.cfs_quota_us and cpu.cfs_period_us.
+std::optional<double> control_group_cores(const std::string& proc_cgroup, const std::string& root);
+
+}  // namespace comrad

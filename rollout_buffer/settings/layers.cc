@@ -1,0 +1,80 @@
+#include "rollout_buffer/settings/layers.h"
+
+#include <optional>
+
+#include "rollout_buffer/core/toml_text.h"
+
+#include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/text.h"
+#include "rollout_buffer/core/toml_text.h"
+#include "rollout_buffer/settings/setting.h"
+
+namespace comrad {
+namespace {
+
+constexpr std::size_t kSettingsBytesMax = 1 << 20;
+
+/// The algorithm that --mixer makes of qmix or qplex; every other keeps its own.
+void settle_mixer(RunConfig& config) {
+  std::string& mixer = config.mixers.mixer;
+  mixer = lower_case(mixer);
+  const bool is_chosen = config.run.algo->mixes_q_values() && config.run.algo->mixer != MixerKind::kVdn;
+  if (mixer.empty() || !is_chosen) return;
+  for (const AlgorithmRow* row : algorithm_rows())
+    if (mixer == row->mixer_name) config.run.algo = *row;
+}
+
+}  // namespace
+
+Status apply_layer(RunConfig& config, const SettingsLayer& layer) {
+  for (const auto& [key, text] : layer.values) COMRAD_TRY(set(config, layer.origin, key, text));
+  settle_mixer(config);
+  return {};
+}
+
+Expected<SettingsLayer> read_settings_toml(const std::string& path) {
+  const Expected<std::string> words = read_short_file(path, kSettingsBytesMax);
+  if (!words)
+    return Error{words.error().code, words.error().message + "; give the path of a TOML file of settings"};
+  SettingsLayer layer{path, {}};
+  COMRAD_TRY(check_toml_text(*words, path));
+  try {
+    const toml::table document = toml::parse(*words, path);
+    for (const auto& [key, node] : document) {
+      std::optional<std::string> text = toml_scalar_text(node);
+      if (!text)
+        return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(node.source().begin.line) + ":" +
+                                                std::to_string(node.source().begin.column) + ": setting '" +
+                                                std::string(key.str()) +
+                                                "\' is neither text, a number, true nor false"};
+      layer.values.emplace_back(std::string(key.str()), *std::move(text));
+    }
+  } catch (const toml::parse_error& failure) {
+    return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(failure.source().begin.line) + ":" +
+                                            std::to_string(failure.source().begin.column) + ": " +
+                                            std::string(failure.description())};
+  }
+  return layer;
+}
+
+std::string settings_to_toml(const RunConfig& config) {
+  std::string text;
+  std::string_view subject;
+  for (const SettingRow& row : setting_rows()) {
+    if (row.subject != subject)
+      text += (subject.empty() ? "" : "\n") + ("## " + std::string(row.subject)) + "\n\n";
+    subject = row.subject;
+    text += "# " + std::string(row.help) + "\n" + std::string(row.name) + " = " + setting_toml(config, row) +
+            "\n";
+  }
+  return text;
+}
+
+Expected<RunConfig> load_run_config(const std::string& path) {
+  COMRAD_TRY_ASSIGN(const SettingsLayer layer, read_settings_toml(path));
+  RunConfig config;
+  COMRAD_TRY(apply_layer(config, layer));
+  return config;
+}
+
+}  // namespace comrad

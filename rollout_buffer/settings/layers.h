@@ -1,0 +1,34 @@
+// Layers of settings, and the TOML files that hold them: a later layer wins over an earlier one. Stage: before a run (the
+// launcher merges), and the first step of every worker (load_run_config).
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/run_config.h"
+
+namespace comrad {
+
+/// One layer of settings as `key = value` text pairs, in order; a later layer wins.
+struct SettingsLayer {
+  std::string origin;  ///< named in messages: "command line", "run.toml", "scenario coop_health_gathering"
+  std::vector<std::pair<std::string, std::string>> values;
+};
+
+/// Puts a layer on top of `config`, as set() of setting.h does with each of its values; then --mixer chooses among qmix's
+/// and qplex's. Errors: those of set().
+Status apply_layer(RunConfig& config, const SettingsLayer& layer);
+
+/// Reads a TOML file of settings into a layer. Nested tables are not settings and are errors.
+/// Errors: kNotFound, kBadFormat with line and column.
+Expected<SettingsLayer> read_settings_toml(const std::string& path);
+
+/// The merged settings as a TOML document that read_settings_toml reads back without loss.
+std::string settings_to_toml(const RunConfig& config);
+
+/// Reads config.toml of a run: every worker's first step.
+Expected<RunConfig> load_run_config(const std::string& path);
+
+}  // namespace comrad

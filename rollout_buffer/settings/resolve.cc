@@ -1,0 +1,221 @@
+#include "rollout_buffer/settings/resolve.h"
+
+#include <algorithm>
+#include <string>
+
+#include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/setting.h"
+
+namespace comrad {
+namespace {
+
+/// Settings that Q-learning cannot have together.
+Status check_q_combinations(const RunConfig& c) {
+  const auto refuse = [](std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; };
+  if (c.run.algo->mixes_q_values() && c.environment.num_agents < 2)
+    return refuse("num_agents is 1; " + c.run.algo.name() +
+                  " mixes the values of at least 2 agents, use idqn for one");
+  if (c.network.use_rnn && c.network.rnn_type != RnnType::kGru)
+    return refuse("rnn_type is " + std::string(word_of(c.network.rnn_type)) + "; " + c.run.algo.name() +
+                  "'s core is a gru, or --use_rnn=False");
+  if (c.network.use_rnn && c.collection.rollout < 2)
+    return refuse("rollout is 1; a recurrent core learns from sequences of at least 2 decisions");
+  if (c.q_learning.td_lambda >= 0 && !c.network.use_rnn)
+    return refuse("td_lambda is " + real_text(c.q_learning.td_lambda) +
+                  "; without a recurrent core single decisions are drawn, use --n_step");
+  if (c.q_learning.n_step > c.collection.rollout)
+    return refuse("n_step is " + std::to_string(c.q_learning.n_step) + "; a trajectory holds rollout " +
+                  std::to_string(c.collection.rollout) + " decisions");
+  if (c.q_learning.burn_in > 0 && (!c.network.use_rnn || c.q_learning.burn_in >= c.collection.rollout))
+    return refuse("burn_in is " + std::to_string(c.q_learning.burn_in) +
+                  "; it needs a recurrent core and must leave some of the rollout's " +
+                  std::to_string(c.collection.rollout) + " decisions to learn from");
+  if (follows_kl(c.optimisation.lr_schedule))
+    return refuse("lr_schedule is " + std::string(word_of(c.optimisation.lr_schedule)) + "; " +
+                  c.run.algo.name() +
+                  " has no policy whose KL it could follow, use constant or linear_decay");
+  return {};
+}
+
+/// Settings of maps and curricula that cannot be had together.
+Status check_map_combinations(const RunConfig& c) {
+  const auto refuse = [](std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; };
+  const EnvironmentSettings& maps = c.environment;
+  if (!maps.layout_pool.empty() && !maps.wad.empty())
+    return refuse("layout_pool is " + maps.layout_pool +
+                  "; leave it out where --wad names the one map to play");
+  if (maps.resize == Resize::kNone && maps.render_size != "128x72")
+    return refuse(
+        "render_size is " + maps.render_size +
+        "; it must be 128x72, unless --resize nearest or --resize area brings the view to that size");
+  const CurriculumSettings& draws = c.curriculum;
+  const std::string curriculum = word_of(draws.curriculum);
+  if (draws.curriculum != CurriculumKind::kUniform && maps.layout_pool.empty())
+    return refuse("curriculum is " + curriculum +
+                  "; it must be used with --layout_pool, the maps that it draws from");
+  if (draws.lp_max_return != 0 && draws.lp_max_return <= draws.lp_min_return)
+    return refuse("lp_max_return is " + real_text(draws.lp_max_return) +
+                  "; it must be greater than lp_min_return (" + real_text(draws.lp_min_return) + ")");
+  if (!draws.interestingness_graph_path.empty() && draws.curriculum != CurriculumKind::kOmni)
+    return refuse("interestingness_graph_path is " + draws.interestingness_graph_path +
+                  "; it must be left out, or used with --curriculum omni");
+  if (draws.curriculum == CurriculumKind::kPlr && c.run.algo->learns_q_values())
+    return refuse("curriculum is plr; it must be another one with algo " + c.run.algo.name() +
+                  ", which estimates no advantages");
+  return {};
+}
+
+/// Settings that exclude each other.
+Status check_combinations(const RunConfig& c) {
+  const auto refuse = [](std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; };
+  const AlgorithmRow& algo = *c.run.algo;
+  const std::string name = c.run.algo.name();
+  if (c.optimisation.lr_adaptive_max < c.optimisation.lr_adaptive_min)
+    return refuse("lr_adaptive_max is " + real_text(c.optimisation.lr_adaptive_max) +
+                  "; it must be at least lr_adaptive_min (" + real_text(c.optimisation.lr_adaptive_min) +
+                  ")");
+  if (!c.mixers.mixer.empty() && c.mixers.mixer != algo.mixer_name)
+    return refuse(
+        "mixer is " + c.mixers.mixer +
+        "; it must be one of vdn, qmix, dmaq, dmaq_qatten with algo qmix or qplex, and left out with algo " +
+        name);
+  COMRAD_TRY(check_map_combinations(c));
+  if (c.on_policy.with_vtrace && !algo.learns_q_values() && !algo.can_use_vtrace)
+    return refuse("with_vtrace is on; " + name +
+                  " estimates advantages with GAE, V-trace works with ippo and mappo");
+  if (c.on_policy.with_vtrace && c.optimisation.normalize_returns)
+    return refuse(
+        "with_vtrace and normalize_returns are both on; V-trace mixes values of different versions, so their "
+        "scale must not move: add --normalize_returns=False");
+  if (algo.separate_agents && c.network.share_parameters)
+    return refuse("share_parameters is on; " + name + " updates one network per agent, so leave it off");
+  if (c.network.agent_id_input && !c.network.share_parameters)
+    return refuse("agent_id_input is on without share_parameters; a network of its own needs no agent index");
+  if (algo.learns_q_values()) return check_q_combinations(c);
+  if (!algo.can_follow_kl && follows_kl(c.optimisation.lr_schedule))
+    return refuse("lr_schedule is " + std::string(word_of(c.optimisation.lr_schedule)) + "; " + name +
+                  "'s agents are updated one after the other, so it must be constant or linear_decay");
+  return {};
+}
+
+/// What the settings of Q-learning become once the others are known.
+void resolve_q_learning(RunConfig& c) {
+  c.mixers.mixer = c.run.algo->mixer_name;
+  if (c.network.use_rnn) c.replay.per = c.replay.per && c.replay.per_sequences;
+  if (c.q_learning.dqn_batch_size == 0)
+    c.q_learning.dqn_batch_size = std::min<int64_t>(c.optimisation.batch_size, 256);
+  if (c.replay.per_beta_frames == 0) c.replay.per_beta_frames = c.run.train_for_env_steps;
+  if (c.q_learning.team_reward == TeamReward::kAuto)
+    c.q_learning.team_reward = c.environment.shared_reward_alpha == 1 ? TeamReward::kMean : TeamReward::kSum;
+  c.replay.save_replay |= c.collection.deterministic;
+}
+
+/// Lock step takes one rollout of every environment and cuts it into batches without a remainder.
+Status resolve_deterministic_batches(RunConfig& c) {
+  const int64_t slab_rows = c.collection.rollout * c.environment.num_agents,
+                env_count = c.collection.num_workers * c.collection.num_envs_per_worker;
+  const std::string envs = std::to_string(env_count) + " environments (num_workers " +
+                           std::to_string(c.collection.num_workers) + " x num_envs_per_worker " +
+                           std::to_string(c.collection.num_envs_per_worker) + ")";
+  if (env_count % c.optimisation.num_batches_per_epoch != 0)
+    return Error{
+        ErrorCode::kBadInput,
+        "deterministic: one rollout of " + envs + " cannot be cut into num_batches_per_epoch " +
+            std::to_string(c.optimisation.num_batches_per_epoch) +
+            " equal batches; make num_envs_per_worker a multiple of it, or set --num_batches_per_epoch 1"};
+  const int64_t slabs_in_all = env_count / c.optimisation.num_batches_per_epoch;
+  const int64_t wanted = std::min(c.optimisation.batch_size / slab_rows, slabs_in_all);
+  int64_t slabs = wanted;
+  while (slabs_in_all % slabs != 0) --slabs;
+  if (2 * slabs < wanted)
+    return Error{
+        ErrorCode::kBadInput,
+        "deterministic: batch_size is " + std::to_string(c.optimisation.batch_size) +
+            ", but one rollout of " + envs + " holds " + std::to_string(env_count * slab_rows) +
+            " agent decisions, which it does not divide; set --num_workers and --num_envs_per_worker so "
+            "that their product is a multiple of " +
+            std::to_string(wanted) + ", or --batch_size " + std::to_string(slabs_in_all * slab_rows)};
+  c.optimisation.batch_size = slabs * slab_rows;
+  return {};
+}
+
+}  // namespace
+
+Status resolve_settings(RunConfig& config, int core_count) {
+  RunConfig c = config;
+  COMRAD_TRY(check_limits(c));
+  COMRAD_TRY(check_combinations(c));
+  if (c.collection.max_policy_lag == 0)
+    c.collection.max_policy_lag = 1000 * c.run.algo->versions_per_batch(c.environment.num_agents);
+
+  const int64_t cores = std::max(core_count, 1);
+  if (c.collection.num_workers == 0) c.collection.num_workers = std::min<int64_t>(cores, 1024);
+  c.collection.worker_num_splits = std::min(c.collection.worker_num_splits, c.collection.num_envs_per_worker);
+  // Two already on two cores: simulators and policy workers leave half a core idle (BENCHMARKS.md).
+  if (c.collection.learner_threads == 0)
+    c.collection.learner_threads =
+        cores <= 4 ? std::min<int64_t>(cores, 2) : std::min<int64_t>(cores / 2, 16);
+  const int64_t env_count = c.collection.num_workers * c.collection.num_envs_per_worker;
+  const int64_t group_count = c.collection.num_workers * c.collection.worker_num_splits;
+  if (c.collection.policy_workers > group_count)
+    return Error{ErrorCode::kBadInput,
+                 "policy_workers is " + std::to_string(c.collection.policy_workers) + "; only " +
+                     std::to_string(group_count) +
+                     " groups of environments (num_workers x worker_num_splits) could feed them"};
+
+  // A third of the groups of a policy worker make a batch, as in Sample Factory; the deadline covers the
+  // rest.
+  const int64_t group_envs = (c.collection.num_envs_per_worker + c.collection.worker_num_splits - 1) /
+                             c.collection.worker_num_splits;
+  const int64_t served_envs = (env_count + c.collection.policy_workers - 1) / c.collection.policy_workers;
+  if (c.collection.min_batch == 0)
+    c.collection.min_batch =
+        std::max<int64_t>(1, c.collection.num_workers / c.collection.policy_workers / 3) * group_envs;
+  if (c.collection.max_batch == 0)
+    c.collection.max_batch = std::max(c.collection.min_batch, std::min<int64_t>(served_envs, 1024));
+  if (c.collection.max_batch < c.collection.min_batch)
+    return Error{ErrorCode::kBadInput, "max_batch is " + std::to_string(c.collection.max_batch) +
+                                           "; it must be at least min_batch (" +
+                                           std::to_string(c.collection.min_batch) + ")"};
+
+  const int64_t slab_rows = c.collection.rollout * c.environment.num_agents;
+  if (c.optimisation.batch_size < slab_rows)
+    return Error{ErrorCode::kBadInput, "batch_size is " + std::to_string(c.optimisation.batch_size) +
+                                           "; it must hold at least one trajectory of all agents, rollout " +
+                                           std::to_string(c.collection.rollout) + " x num_agents " +
+                                           std::to_string(c.environment.num_agents) + " = " +
+                                           std::to_string(slab_rows)};
+  c.optimisation.batch_size -= c.optimisation.batch_size % slab_rows;
+  c.optimisation.micro_batch_size =
+      std::max(c.collection.rollout,
+               c.optimisation.micro_batch_size - c.optimisation.micro_batch_size % c.collection.rollout);
+  if (c.collection.deterministic) {
+    c.collection.async_rl = false;
+    COMRAD_TRY(resolve_deterministic_batches(c));
+  }
+
+  if (c.run.algo->learns_q_values()) resolve_q_learning(c);
+
+  // One slab in the hands of every environment, the batches that wait, one in training, and slack for the
+  // moment between sealing and draining. In lock step a rollout is sealed while the next one may not begin
+  // yet.
+  const int64_t cycle_slabs = c.optimisation.batch_size / slab_rows * c.optimisation.num_batches_per_epoch;
+  const int64_t least_slabs = c.collection.deterministic ? env_count : std::max<int64_t>(cycle_slabs, 2);
+  if (c.collection.trajectory_slabs == 0) {
+    // One in the making per environment, and the batches that may wait. More would only let the data grow
+    // older.
+    c.collection.trajectory_slabs = c.collection.deterministic
+                                        ? 2 * env_count
+                                        : env_count + c.collection.num_batches_to_accumulate * cycle_slabs;
+  }
+  if (c.collection.trajectory_slabs < least_slabs)
+    return Error{ErrorCode::kBadInput,
+                 "trajectory_slabs is " + std::to_string(c.collection.trajectory_slabs) +
+                     "; it must be at least " + std::to_string(least_slabs) +
+                     (c.collection.deterministic ? ", one per environment" : ", one full batch") +
+                     ", or 0 for auto"};
+  config = std::move(c);
+  return {};
+}
+
+}  // namespace comrad

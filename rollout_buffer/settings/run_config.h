@@ -1,0 +1,64 @@
+// The settings of one run as the program reads them: a struct for every subject, whose members are the rows of the .def
+// file of that name. A row is all there is to a setting: type, name, default, limits and help stand nowhere else, and
+// setting.h makes flags, TOML, help and checks from them. The launcher merges the layers and writes config.toml; every
+// worker reads that file (layers.h) and nothing else. Stage: before a run.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "rollout_buffer/settings/algorithms.h"
+#include "rollout_buffer/settings/words.h"
+
+namespace comrad {
+
+#define SETTING(TYPE, NAME, DEFAULT, ...) TYPE NAME = DEFAULT;
+
+struct RunSettings {
+#include "rollout_buffer/settings/run.def"
+};
+struct EnvironmentSettings {
+#include "rollout_buffer/settings/environment.def"
+};
+struct CollectionSettings {
+#include "rollout_buffer/settings/collection.def"
+};
+struct NetworkSettings {
+#include "rollout_buffer/settings/network.def"
+};
+struct OptimisationSettings {
+#include "rollout_buffer/settings/optimisation.def"
+};
+struct OnPolicySettings {
+#include "rollout_buffer/settings/on_policy.def"
+};
+struct QLearningSettings {
+#include "rollout_buffer/settings/q_learning.def"
+};
+struct ReplaySettings {
+#include "rollout_buffer/settings/replay.def"
+};
+struct MixerSettings {
+#include "rollout_buffer/settings/mixers.def"
+};
+struct CurriculumSettings {
+#include "rollout_buffer/settings/curriculum.def"
+};
+
+#undef SETTING
+
+/// The merged settings of one run. Defaults are the built-in layer; 0 means "auto" where a setting's help says so.
+struct RunConfig {
+  RunSettings run;
+  EnvironmentSettings environment;
+  CollectionSettings collection;
+  NetworkSettings network;
+  OptimisationSettings optimisation;
+  OnPolicySettings on_policy;
+  QLearningSettings q_learning;
+  ReplaySettings replay;
+  MixerSettings mixers;
+  CurriculumSettings curriculum;
+};
+
+}  // namespace comrad

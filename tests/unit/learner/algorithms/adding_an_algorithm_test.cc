@@ -1,0 +1,76 @@
+// The README's "Adding an algorithm", done: a row for the settings, a learner for the registry, and a game that it learns.
+#include <gtest/gtest.h>
+
+#include "learner/algorithms/ippo.h"
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/recipes.h"
+#include "rollout_buffer/settings/resolve.h"
+#include "tests/support/matrix_game.h"
+
+namespace comrad::learn {
+namespace {
+
+constexpr AlgorithmRow kRow{
+    .name = "hopeful_ippo", .other_names = {"hope"}, .can_follow_kl = true, .recipe_of = "ippo"};
+
+/// IPPO that adds one to every reward before it learns.
+class HopefulIppo final : public Ippo {
+ public:
+  using Ippo::Ippo;
+  Expected<UpdateStats> update(RolloutBatch& batch, const UpdateContext& context) override {
+    batch.reward.add_(1.0);
+    return Ippo::update(batch, context);
+  }
+};
+
+std::unique_ptr<Algorithm> make(const RunConfig& config, const EnvShape& env, torch::Device device) {
+  return std::make_unique<HopefulIppo>(config, env, device);
+}
+
+class AddingAnAlgorithm : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    add_algorithm(kRow);
+    add_learner("hopeful_ippo", make);
+  }
+};
+
+TEST_F(AddingAnAlgorithm, ItsSettingsAreMergedAndItsLearnerIsMade) {
+  RunConfig config;
+  config.environment.num_agents = 2;
+  ASSERT_TRUE(apply_layer(config, {"command line", {{"algo", "HOPE"}}}));
+  ASSERT_TRUE(apply_layer(config, algorithm_defaults(config.run.algo)));
+  ASSERT_TRUE(apply_layer(config, preset_settings(Preset::kSmall, config.run.algo)));
+  ASSERT_TRUE(resolve_settings(config, 2));
+  EXPECT_EQ(config.optimisation.batch_size, 1024) << "a row of small for every on-policy algorithm";
+  EnvShape env;
+  env.head_count = 1;
+  env.head_sizes = {3};
+  const auto made = make_algorithm(config, env, torch::kCPU);
+  ASSERT_TRUE(made) << made.error().message;
+  EXPECT_NE(dynamic_cast<HopefulIppo*>(made->get()), nullptr);
+  StateDict state;
+  (*made)->save(state);
+  EXPECT_TRUE((*made)->load(state)) << "its name stands in its checkpoints";
+}
+
+TEST_F(AddingAnAlgorithm, ItLearnsTheBestCellOfAGame) {
+  const RunConfig config = testing::matrix_game_config("hopeful_ippo", 1);
+  testing::MatrixGame<HopefulIppo> game(config, {{0, 0, 0}, {0, 0, 0}, {0, 0, 10}}, 32);
+  game.bias_to(2, 0.5);
+  for (int update = 0; update < 60; ++update) ASSERT_TRUE(game.update());
+  EXPECT_GT(game.policy()[0][2].item<double>(), 0.9);
+}
+
+TEST_F(AddingAnAlgorithm, ARowWithoutALearnerIsRefused) {
+  static constexpr AlgorithmRow kOnlyARow{.name = "only_a_row"};
+  add_algorithm(kOnlyARow);
+  RunConfig config;
+  config.run.algo = "only_a_row";
+  const auto made = make_algorithm(config, EnvShape{}, torch::kCPU);
+  ASSERT_FALSE(made);
+  EXPECT_NE(made.error().message.find("only_a_row"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace comrad::learn

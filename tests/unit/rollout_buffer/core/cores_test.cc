@@ -1,0 +1,59 @@
+#include "rollout_buffer/core/cores.h"
+
+#include <gtest/gtest.h>
+#include <sched.h>
+
+#include <thread>
+
+#include "tests/support/scratch_folder.h"
+
+namespace comrad {
+namespace {
+
+TEST(AllowedCpus, AreThoseOfTheMask) {
+  std::thread([] {
+    const std::vector<int> before = allowed_cpus();
+    ASSERT_FALSE(before.empty());
+    cpu_set_t one;
+    CPU_ZERO(&one);
+    CPU_SET(static_cast<std::size_t>(before.back()), &one);
+    ASSERT_EQ(sched_setaffinity(0, sizeof one, &one), 0);  // of this thread alone
+    EXPECT_EQ(allowed_cpus(), std::vector<int>{before.back()});
+    EXPECT_EQ(usable_cores(), 1);
+  }).join();
+}
+
+TEST(ControlGroupCores, TakesTheTightestQuotaOfVersion2OnTheWayUp) {
+  const test::ScratchFolder root;
+  root.write("cpu.max", std::string_view("max 100000\n"));
+  root.write("a/cpu.max", std::string_view("250000 100000\n"));
+  root.write("a/b/cpu.max", std::string_view("400000 100000\n"));
+  EXPECT_EQ(control_group_cores("0::/a/b\n", root.string()), 2.5);
+  EXPECT_EQ(control_group_cores("0::/\n", root.string()), std::nullopt);
+}
+
+TEST(ControlGroupCores, InAContainerTheMountItselfIsTheGroup) {
+  const test::ScratchFolder root;
+  root.write("cpu.max", std::string_view("50000 100000\n"));
+  EXPECT_EQ(control_group_cores("0::/kubepods/pod17/4a5b\n", root.string()), 0.5);
+}
+
+TEST(ControlGroupCores, ReadsTheCpuHierarchyOfVersion1) {
+  const test::ScratchFolder root;
+  root.write("cpu/job/cpu.cfs_quota_us", std::string_view("150000\n"));
+  root.write("cpu/job/cpu.cfs_period_us", std::string_view("50000\n"));
+  root.write("cpu/cpu.cfs_quota_us", std::string_view("-1\n"));
+  root.write("cpu/cpu.cfs_period_us", std::string_view("100000\n"));
+  EXPECT_EQ(control_group_cores("4:cpu,cpuacct:/job\n3:cpuset:/other\n", root.string()), 3.0);
+  EXPECT_EQ(control_group_cores("3:cpuset:/job\n", root.string()), std::nullopt);
+}
+
+TEST(ControlGroupCores, WhatCannotBeReadIsNoLimit) {
+  const test::ScratchFolder root;
+  root.write("cpu.max", std::string_view("nonsense"));
+  for (const char* text : {"", "\n", "0", "0:", "0::", "0::/..", "4:cpu:"})
+    EXPECT_EQ(control_group_cores(text, root.string()), std::nullopt) << text;
+}
+
+}  // namespace
+}  // namespace comrad
