@@ -1,6 +1,5 @@
-// The flags of one command: every setting of rollout_buffer/settings under its name and its old names,
-// plus what the command adds for itself. Nothing is merged here; what the user typed leaves as one settings
-// layer.
+// The flags of one command: every setting of rollout_buffer/settings under its name and its old names, plus
+// what the command adds for itself. Nothing is merged here; what the user typed leaves as one settings layer.
 #pragma once
 
 #include <memory>
@@ -35,8 +34,8 @@ class CommandLine {
                   const std::string& help);
   /// A boolean of this command alone.
   void add_switch(const std::string& name, bool& target, const std::string& help);
-  /// A word without dashes; the first one declared is the first one expected. Required unless `target` is
-  /// set.
+  /// A word without dashes; the first one declared is the first one expected. Required unless `target`
+  /// is set.
   void add_positional(const std::string& name, std::string& target, const std::string& help);
 
   /// Errors: kBadInput naming the argument and, for an unknown flag, the nearest known one.

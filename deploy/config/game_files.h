@@ -29,8 +29,8 @@ Expected<std::string> ensure_layout(const RunConfig& config, const std::string& 
 Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::string& made_in,
                                          bool for_training);
 
-/// Whether `layout_pool` asks for a pool to be drawn (`train:<count>`, `eval:<count>`) rather than naming a
-/// folder.
+/// Whether `layout_pool` asks for a pool to be drawn (`train:<count>`, `eval:<count>`) rather than naming
+/// a folder.
 bool is_pool_to_draw(const std::string& layout_pool);
 
 /// Errors: kBadInput for a pool to be drawn of no or too many layouts, or of those for evaluation where training is
@@ -50,8 +50,8 @@ bool is_generated_layout(const RunConfig& config);
 /// now (a new layout seed) or that map is gone (a run folder that moved), so that ensure_layout() makes it.
 void forget_stale_layout(const RunConfig& run, RunConfig& config);
 
-/// The map in words, for results: "seed 42", the path of the user's WAD, or "pool " and what layout_pool
-/// says.
+/// The map in words, for results: "seed 42", the path of the user's WAD, or "pool " and what
+/// layout_pool says.
 std::string layout_text(const RunConfig& config);
 
 }  // namespace comrad::deploy

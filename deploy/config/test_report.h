@@ -11,8 +11,8 @@ namespace comrad::deploy {
 /// sec"); empty for every other line.
 std::string_view skipped_test(std::string_view line);
 
-/// Whether a line of ctest's output begins its closing summary ("90% tests passed, 1 tests failed out of
-/// 10").
+/// Whether a line of ctest's output begins its closing summary ("90% tests passed, 1 tests failed out
+/// of 10").
 bool is_closing_line(std::string_view line);
 
 /// Why `test` skipped, from ctest's log (Testing/Temporary/LastTest.log). Each GoogleTest case that skipped

@@ -1,6 +1,6 @@
-// What the user sees of a run: one line that is rewritten in place on a terminal, plain lines when piped, and
-// notes (a worker died, a warning) that scroll by above it. Every rate is given twice: env frames/s and
-// decisions/s.
+// What the user sees of a run: one line that is rewritten in place on a terminal, plain lines when piped,
+// and notes (a worker died, a warning) that scroll by above it. Every rate is given twice: env frames/s
+// and decisions/s.
 #pragma once
 
 #include <cmath>

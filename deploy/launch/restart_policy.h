@@ -25,8 +25,8 @@ class RestartHistory {
     while (!deaths_s_.empty() && now_s - deaths_s_.front() >= limits_.window_s) deaths_s_.pop_front();
     deaths_s_.push_back(now_s);
     idle_deaths_ = did_work ? 0 : idle_deaths_ + 1;
-    // A worker that needs long to start and then dies would never fill the window; the second count catches
-    // it.
+    // A worker that needs long to start and then dies would never fill the window; the second count
+    // catches it.
     if (static_cast<int>(deaths_s_.size()) >= limits_.deaths || idle_deaths_ >= limits_.deaths)
       return std::nullopt;
     double delay_s = limits_.first_delay_s;

@@ -1,6 +1,6 @@
-// The folder of one run: who may use it, what happens to an older run of the same name, and the small files
-// that the supervisor keeps in it (config.toml, status.json). Checkpoints and logs are written there by the
-// workers.
+// The folder of one run: who may use it, what happens to an older run of the same name, and the small
+// files that the supervisor keeps in it (config.toml, status.json). Checkpoints and logs are written there
+// by the workers.
 #pragma once
 
 #include <cmath>

@@ -42,8 +42,8 @@ class RunHub {
   void stop();
   /// Takes the simulators' episodes: on to the learner, to monitors, and, of an evaluation, to the meter.
   void drain_episodes();
-  /// Tells monitors of the supervisor, which is in `state`, and of its simulators; the other workers speak for
-  /// themselves.
+  /// Tells monitors of the supervisor, which is in `state`, and of its simulators; the other workers speak
+  /// for themselves.
   void tell_of_workers(const std::vector<Worker>& workers, const std::string& state);
   /// One message for monitors.
   template <typename Message>

@@ -1,6 +1,6 @@
-// Starts, watches and stops the processes of one run on this host: simulators, policy workers, learner. Owns
-// the arena's memfd, its socket and the host's DDS participant, bridges simulators to DDS, restarts what
-// dies.
+// Starts, watches and stops the processes of one run on this host: simulators, policy workers, learner.
+// Owns the arena's memfd, its socket and the host's DDS participant, bridges simulators to DDS, restarts
+// what dies.
 #pragma once
 
 #include <cstdint>

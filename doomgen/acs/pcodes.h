@@ -462,8 +462,8 @@ struct VariableCode {
   constexpr bool operator==(const VariableCode&) const = default;
 };
 
-/// By p-code. The numbers follow the history of the language: three scopes at first, then globals, arrays,
-/// bits.
+/// By p-code. The numbers follow the history of the language: three scopes at first, then globals,
+/// arrays, bits.
 constexpr std::array<VariableCode, kPCodeCount> make_variable_codes() {
   using enum Operation;
   using enum VariableScope;

@@ -69,8 +69,8 @@ bool inside(std::span<const Point> polygon, Point p);
 /// True where `p` is inside the region and at least `clearance` from its outline and holes.
 bool clear_inside(const Region& region, Point p, int32_t clearance);
 
-/// True where all of `box`, and a margin of `gap` around it, lies inside the region and touches none of its
-/// edges.
+/// True where all of `box`, and a margin of `gap` around it, lies inside the region and touches none of
+/// its edges.
 bool clear_inside(const Region& region, const Box& box, int32_t gap);
 
 Box bounds_of(std::span<const Point> points);
@@ -84,8 +84,8 @@ struct SineCosine {
 };
 SineCosine sine_cosine_of_turn(int64_t numerator, int64_t denominator);
 
-/// The point at `radius` and numerator/denominator turns (counter-clockwise from east) from the origin,
-/// rounded.
+/// The point at `radius` and numerator/denominator turns (counter-clockwise from east) from the
+/// origin, rounded.
 Point polar_point(int32_t radius, int64_t numerator, int64_t denominator);
 
 /// The whole degree (0 east, 90 north) in which `to` lies from `from`; 0 where they coincide.

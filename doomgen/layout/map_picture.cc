@@ -35,8 +35,8 @@ struct Canvas {
 
 bool is_start(int32_t type) { return (type >= 1 && type <= 4) || (type >= 4001 && type <= 4004); }
 
-/// A line of the map with the sectors on its sides, -1 where there is none; ends that do not exist are left
-/// out.
+/// A line of the map with the sectors on its sides, -1 where there is none; ends that do not exist are
+/// left out.
 struct Edge {
   double x0, y0, x1, y1;
   int right, left;

@@ -125,8 +125,8 @@ class MapPlan {
   AreaId add_boundary(AreaSpec spec, AreaId area, AreaId beyond, int32_t thickness);
   /// A shut door of a given place.
   AreaId add_door(AreaSpec spec, const Box& box);
-  /// A maze's floor: areas of cell x cell units, row by row from `low`, tags counting up from the
-  /// specification's.
+  /// A maze's floor: areas of cell x cell units, row by row from `low`, tags counting up from
+  /// the specification's.
   std::vector<AreaId> add_grid(const AreaSpec& spec, Point low, int columns, int rows, int32_t cell);
 
   // --- what lies between areas, and on single lines ---

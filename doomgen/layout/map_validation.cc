@@ -68,8 +68,8 @@ Status check_names(const MapData& map) {
   return {};
 }
 
-/// Lines may meet in common corners and nowhere else, and no corner comes nearer than one unit to a foreign
-/// line.
+/// Lines may meet in common corners and nowhere else, and no corner comes nearer than one unit to a
+/// foreign line.
 Status check_crossings(const MapData& map) {
   const std::vector<Point>& v = map.vertices;
   for (std::size_t i = 0; i < map.linedefs.size(); ++i) {

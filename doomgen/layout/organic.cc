@@ -39,8 +39,8 @@ Point circle_centre(Point a, Point b, Point c) {
           static_cast<int32_t>(std::clamp(y, -kLimit, kLimit))};
 }
 
-/// Adds points one by one: the triangles whose circle holds the new point go, and a fan round it fills the
-/// hole.
+/// Adds points one by one: the triangles whose circle holds the new point go, and a fan round it fills
+/// the hole.
 class Triangulation {
  public:
   explicit Triangulation(const std::vector<Point>& points) : points_(points) {

@@ -1,6 +1,6 @@
-// Pictures made by code, as lumps: PNG for textures between TX_START and TX_END and for files, Doom's column
-// format for patches. The PNG's data is stored, not compressed, so that the bytes depend on nothing but the
-// picture.
+// Pictures made by code, as lumps: PNG for textures between TX_START and TX_END and for files, Doom's
+// column format for patches. The PNG's data is stored, not compressed, so that the bytes depend on nothing
+// but the picture.
 #pragma once
 
 #include <cstdint>
@@ -31,9 +31,9 @@ struct Picture {
 /// The picture as a PNG file, 8 bits RGBA.
 std::string encode_png(const Picture& picture);
 
-/// The picture in Doom's column format, colours by the nearest of `palette` (PLAYPAL: 256 times red, green,
-/// blue); pixels of alpha below 128 are holes. Errors: kBadInput for sides beyond 1024 x 254 or a short
-/// palette.
+/// The picture in Doom's column format, colours by the nearest of `palette` (PLAYPAL: 256 times red,
+/// green, blue); pixels of alpha below 128 are holes. Errors: kBadInput for sides beyond 1024 x 254 or a
+/// short palette.
 Expected<std::string> encode_patch(const Picture& picture, std::string_view palette);
 
 }  // namespace comrad::doomgen

@@ -29,8 +29,8 @@ Reachability::Reachability(const MapData& map, std::span<const Point> starts, co
   const auto place = [&](int32_t column, int32_t row) {
     return Point{bounds_.low.x + column * kGrid, bounds_.low.y + row * kGrid};
   };
-  // A step of the grid is shorter than the body is wide, so that two free neighbours have no wall between
-  // them.
+  // A step of the grid is shorter than the body is wide, so that two free neighbours have no wall
+  // between them.
   for (const LinedefData& line : map.linedefs) {
     if (!stops(map, line, body)) continue;
     const Point a = map.vertices[line.start], b = map.vertices[line.end];

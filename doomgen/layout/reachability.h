@@ -1,5 +1,5 @@
-// Where a player's body can walk from its start: a flood fill over the map, used to accept or refuse a
-// layout.
+// Where a player's body can walk from its start: a flood fill over the map, used to accept or refuse
+// a layout.
 #pragma once
 
 #include <cstdint>

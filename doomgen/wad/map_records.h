@@ -1,6 +1,5 @@
 // The bytes of a WAD as they lie in the file: header and directory. Little-endian, packed, no pointers.
-// Records of binary map lumps (Doom and Hexen formats) too; the engine's own types are in
-// engine/map/level.h.
+// Records of binary map lumps (Doom and Hexen formats) too; the engine's own types are in engine/map/level.h.
 #pragma once
 
 #include <array>

@@ -56,8 +56,8 @@ class WadFile {
   std::vector<std::size_t> lumps_between(std::string_view start, std::string_view end) const;
   /// Names of all maps, in file order.
   std::vector<std::string> map_names() const;
-  /// The map of that name, the last if there are several. Errors: kNotFound (with the maps there are),
-  /// kBadFormat.
+  /// The map of that name, the last if there are several. Errors: kNotFound (with the maps there
+  /// are), kBadFormat.
   Expected<MapLumps> find_map(std::string_view name) const;
 
  private:

@@ -1,5 +1,5 @@
-// The learning algorithms, one line each; what the rest of the system asks of them stands in
-// rollout_buffer/settings/algorithms.cc.
+// The learning algorithms, one line each; what the rest of the system asks of them stands
+// in rollout_buffer/settings/algorithms.cc.
 #include <string>
 #include <utility>
 #include <vector>

@@ -60,8 +60,8 @@ struct RolloutBatch {
 /// Allocates a batch for `slab_count` slabs; reuse it, a fresh one costs a page fault per 4 KB.
 RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count);
 
-/// Forgets the slabs collated so far; the tensors stay allocated. Call before the first collate_slab of a
-/// batch.
+/// Forgets the slabs collated so far; the tensors stay allocated. Call before the first collate_slab of
+/// a batch.
 void clear(RolloutBatch& batch);
 
 /// Copies one sealed slab into place `position`. `length` rows are filled (more than T counts as T).
@@ -81,8 +81,8 @@ struct LagStats {
 
 /// Masks decisions whose lag `learner_version - policy_version` is `max_policy_lag` or more, then derives
 /// value_valid (the row behind the last filled one repeats its validity) and reset (after the end of an
-/// episode and after an invalid step). A version from the future, left by a learner that died, counts as lag
-/// 0.
+/// episode and after an invalid step). A version from the future, left by a learner that died, counts as
+/// lag 0.
 LagStats apply_lag_filter(RolloutBatch& batch, PolicyVersion learner_version, int64_t max_policy_lag);
 
 /// The rows `[begin, begin + count)` of a batch, as views. Whole worlds: both numbers are multiples of N.

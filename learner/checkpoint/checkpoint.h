@@ -79,8 +79,8 @@ class CheckpointStore {
   /// Path of the best checkpoint, highest score first when several lie there; empty if none.
   std::string best() const;
 
-  /// Moves an unreadable checkpoint out of the way (adds ".broken"), so that it is not tried or counted
-  /// again.
+  /// Moves an unreadable checkpoint out of the way (adds ".broken"), so that it is not tried or
+  /// counted again.
   void set_aside(const std::string& path) const;
   /// How many checkpoints lie there that were set aside.
   std::size_t set_aside_count() const;

@@ -106,8 +106,8 @@ class Curriculum {
 /// g(p) = p (1 - theta) / (p + theta (1 - 2 p)); 0 where the denominator is.
 double learning_progress_reweight(double p, double theta);
 
-/// Normalised weights of tasks by the transform (tasks with seen = 0 get none); `draw_seed` decides ties of
-/// max.
+/// Normalised weights of tasks by the transform (tasks with seen = 0 get none); `draw_seed` decides ties
+/// of max.
 std::vector<double> plr_weights(std::span<const double> value, std::span<const double> seen,
                                 PlrTransform transform, double temperature, double eps, double staleness_coef,
                                 uint64_t draw_seed);

@@ -1,7 +1,7 @@
-// The batcher: a thread that copies sealed slabs into training batches while the learner trains, and gives
-// each slab back the moment it is copied. At most `capacity` full batches wait; then slabs stay sealed,
-// simulators run out of free ones, and policy lag stays bounded. Stage: drain > sample. (Asynchronous mode
-// only.)
+// The batcher: a thread that copies sealed slabs into training batches while the learner trains, and
+// gives each slab back the moment it is copied. At most `capacity` full batches wait; then slabs stay
+// sealed, simulators run out of free ones, and policy lag stays bounded. Stage: drain > sample.
+// (Asynchronous mode only.)
 #pragma once
 
 #include <atomic>

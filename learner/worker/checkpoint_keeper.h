@@ -1,5 +1,5 @@
-// Which checkpoint a run goes on from, when one is written, and which score was the best. What lies in them is the
-// learner's.
+// Which checkpoint a run goes on from, when one is written, and which score was the best. What lies in them
+// is the learner's.
 #pragma once
 
 #include <cstdint>

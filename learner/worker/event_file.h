@@ -1,5 +1,5 @@
-// A TensorBoard event file: scalars over steps, framed records with masked CRC32C. Stage: beside update, for
-// eyes.
+// A TensorBoard event file: scalars over steps, framed records with masked CRC32C. Stage: beside update,
+// for eyes.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@
 
 namespace comrad::learn {
 
-/// CRC-32C (Castagnoli, reflected polynomial 0x82F63B78) as TFRecord stores it: rotated right by 15, plus a
-/// constant.
+/// CRC-32C (Castagnoli, reflected polynomial 0x82F63B78) as TFRecord stores it: rotated right by 15, plus
+/// a constant.
 uint32_t masked_crc32c(std::string_view bytes);
 
 /// One record: length u64 LE, masked CRC of the length, bytes, masked CRC of the bytes.

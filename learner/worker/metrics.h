@@ -1,6 +1,6 @@
 // What a run reports about itself: metrics.jsonl and TensorBoard scalars under the same names, episode
-// statistics over the last episodes, and rates over a sliding window. Stage: beside update, for eyes and
-// scripts.
+// statistics over the last episodes, and rates over a sliding window. Stage: beside update, for eyes
+// and scripts.
 #pragma once
 
 #include <cstdint>

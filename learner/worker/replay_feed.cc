@@ -25,8 +25,8 @@ constexpr int64_t kBatchesBeforeTraining = 4;
 
 replay::Unit unit_of(const RunConfig& config) {
   if (config.network.use_rnn) return replay::Unit::kSequence;
-  // One agent's decision is enough where agents learn alone and by one network that does not ask who they
-  // are.
+  // One agent's decision is enough where agents learn alone and by one network that does not ask who
+  // they are.
   const bool alone =
       config.run.algo->learns_alone() && config.network.share_parameters && !config.network.agent_id_input;
   return alone ? replay::Unit::kAgentStep : replay::Unit::kJointStep;

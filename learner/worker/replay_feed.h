@@ -56,8 +56,8 @@ class ReplayFeed {
 
   // Asynchronous mode.
   void start(const shm::Arena& arena);
-  /// The next batch, or null after `timeout_ms`: nothing drawn yet, or the learner is ahead of the
-  /// simulators.
+  /// The next batch, or null after `timeout_ms`: nothing drawn yet, or the learner is ahead of
+  /// the simulators.
   std::unique_ptr<ReplayBatch> pop(int timeout_ms);
   /// What ended a thread; empty while all is well.
   std::string failure() const;

@@ -46,8 +46,8 @@ Batcher::Batcher(const shm::Arena& arena, const BatcherOptions& options)
 
 int Batcher::adopt_orphans() { return arena_->reclaim_policy_worker(options_.policy_worker); }
 
-/// The states are read before the round's count: a slot seen kReady makes the count that was stored before it
-/// visible.
+/// The states are read before the round's count: a slot seen kReady makes the count that was stored before
+/// it visible.
 Batcher::GroupCount Batcher::count_ready(const Group& group) const {
   int ready = 0, acted = 0;
   for (int env = group.first_env; env < group.last_env; ++env) {

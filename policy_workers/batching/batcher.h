@@ -67,12 +67,12 @@ struct Batch {
 /// any point leaves slots that its successor answers anew with the same result.
 class Batcher {
  public:
-  /// Errors: kBadInput when the worker index is not of this run, or the network does not fit the arena's
-  /// shapes.
+  /// Errors: kBadInput when the worker index is not of this run, or the network does not fit the
+  /// arena's shapes.
   static Expected<Batcher> create(const shm::Arena& arena, const BatcherOptions& options);
 
-  /// Takes over what a dead predecessor had gathered: kInBatch -> kReady. Returns how many slots. At start
-  /// only.
+  /// Takes over what a dead predecessor had gathered: kInBatch -> kReady. Returns how many slots. At
+  /// start only.
   int adopt_orphans();
 
   /// kReady -> kInBatch. Waits up to `timeout_us` for a first request; an empty batch means there was none.

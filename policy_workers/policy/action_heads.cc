@@ -148,8 +148,8 @@ float sample_action(std::span<const float> logits, std::span<const uint8_t> mask
     for (std::size_t choice = 0; choice < head.value.size(); ++choice)
       if (head.allows(choice)) sum += std::exp(head.value[choice] - largest);
     if (!greedy) {
-      // Walks the distribution function; rounding can leave u at its very end, where the last allowed choice
-      // is.
+      // Walks the distribution function; rounding can leave u at its very end, where the last allowed
+      // choice is.
       const double threshold = double{key.split(static_cast<uint64_t>(index)).uniform()} * sum;
       double reached = 0.0;
       for (std::size_t choice = 0; choice < head.value.size(); ++choice) {

@@ -52,15 +52,15 @@ Tensor action_log_prob(const Tensor& log_probs, const Tensor& action, const EnvS
 /// Entropy of every head, in nats: [..., heads].
 Tensor head_entropies(const Tensor& log_probs, const EnvShape& env);
 
-/// Entropy, KL(p||q) and symmetric KL to the uniform distribution over allowed choices, summed over heads.
-/// [...].
+/// Entropy, KL(p||q) and symmetric KL to the uniform distribution over allowed choices, summed over
+/// heads. [...].
 Tensor entropy(const Tensor& log_probs, const EnvShape& env);
 Tensor kl_divergence(const Tensor& log_probs_p, const Tensor& log_probs_q, const EnvShape& env);
 Tensor symmetric_kl_to_uniform(const Tensor& log_probs, const Tensor& mask, const EnvShape& env);
 
-/// Draws one action for one agent on the CPU from `key` (one child per head); the same logits and key give
-/// the same action in every batch. `greedy` takes each head's argmax. Writes `action` [heads], returns log
-/// pi(a|o).
+/// Draws one action for one agent on the CPU from `key` (one child per head); the same logits and key
+/// give the same action in every batch. `greedy` takes each head's argmax. Writes `action` [heads],
+/// returns log pi(a|o).
 float sample_action(std::span<const float> logits, std::span<const uint8_t> mask, const EnvShape& env,
                     RngKey key, bool greedy, std::span<int32_t> action);
 

@@ -84,8 +84,8 @@ Tensor convolve(const Tensor& x, const Tensor& weight, const Tensor& bias, int64
 /// features [B, K]. Of two layers the third has empty tensors.
 ///
 /// Autograd's own graph would hold the normalised pixels of the whole batch and pass every layer over the
-/// whole batch; this one keeps three activations per chunk and normalises the pixels a second time on the way
-/// back.
+/// whole batch; this one keeps three activations per chunk and normalises the pixels a second time on the
+/// way back.
 struct PixelPath : torch::autograd::Function<PixelPath> {
   using Context = torch::autograd::AutogradContext;
   using TensorList = torch::autograd::tensor_list;
@@ -152,9 +152,9 @@ struct PixelPath : torch::autograd::Function<PixelPath> {
   }
 };
 
-/// The convolutions of resnet_impala on normalised pixels: per stage a convolution and a pooling that halves
-/// the picture, then residual blocks x + conv(elu(conv(elu(x)))); ELU at the end. Plain operators with
-/// autograd.
+/// The convolutions of resnet_impala on normalised pixels: per stage a convolution and a pooling that
+/// halves the picture, then residual blocks x + conv(elu(conv(elu(x)))); ELU at the end. Plain operators
+/// with autograd.
 Tensor resnet_maps(Tensor x, const std::vector<Tensor>& weights, const std::vector<Tensor>& biases,
                    Precision precision) {
   for (size_t index = 0; index < weights.size();) {
@@ -235,8 +235,8 @@ Tensor orthogonal(at::IntArrayRef sizes, double gain, at::Generator generator) {
   const int64_t rows = sizes[0];
   int64_t columns = 1;
   for (size_t axis = 1; axis < sizes.size(); ++axis) columns *= sizes[axis];
-  // Saxe et al. 2014, arXiv:1312.6120: Q of a Gaussian matrix, signs fixed by R's diagonal so that Q is
-  // uniform.
+  // Saxe et al. 2014, arXiv:1312.6120: Q of a Gaussian matrix, signs fixed by R's diagonal so that Q
+  // is uniform.
   Tensor gaussian = torch::empty({std::max(rows, columns), std::min(rows, columns)}, torch::kFloat64);
   gaussian.normal_(0.0, 1.0, generator);
   auto [q, r] = at::linalg_qr(gaussian);
@@ -300,8 +300,8 @@ void InputNormalizer::update(const Tensor& rows) {
     sum = sum.to(mean_.device());
     square_sum = square_sum.to(mean_.device());
   } else {
-    // In slices, because the double copy of a whole batch of frames would not fit beside the network on a
-    // GPU.
+    // In slices, because the double copy of a whole batch of frames would not fit beside the network on
+    // a GPU.
     sum = torch::zeros_like(mean_);
     square_sum = torch::zeros_like(mean_);
     for (int64_t first = 0; first < flat.size(0); first += 256) {

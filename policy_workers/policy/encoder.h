@@ -37,16 +37,16 @@ class InputNormalizer {
 
   /// Normalises rows [B, elements] of u8 or f32 into f32.
   Tensor normalize(const Tensor& rows) const;
-  /// The same for u8 rows on the CPU that lie anywhere: one pass, no copy between. `out` has rows.size()
-  /// rows.
+  /// The same for u8 rows on the CPU that lie anywhere: one pass, no copy between. `out` has
+  /// rows.size() rows.
   void normalize_rows(std::span<const uint8_t* const> rows, float* out) const;
   /// Merges a batch [B, elements] of u8 or f32 into the statistics. Any number of rows; none changes nothing.
   void update(const Tensor& rows);
   /// Recomputes what normalize() uses from the buffers.
   void refresh();
 
-  /// y = clamp(x * factor + offset, -5, 5), both f32 [elements]. Never written in place: a graph may keep
-  /// them.
+  /// y = clamp(x * factor + offset, -5, 5), both f32 [elements]. Never written in place: a graph may
+  /// keep them.
   const Tensor& factor() const { return factor_; }
   const Tensor& offset() const { return offset_; }
 
@@ -61,8 +61,8 @@ class InputNormalizer {
   Tensor factor_, offset_;          // f32 [elements]
 };
 
-/// The normalisers of an observation. Networks that live together (one per agent, actor and critic) share
-/// one.
+/// The normalisers of an observation. Networks that live together (one per agent, actor and critic)
+/// share one.
 struct ObservationNormalizer {
   static std::shared_ptr<ObservationNormalizer> create(const EnvShape& env, bool enabled,
                                                        torch::Device device);

@@ -13,8 +13,8 @@
 namespace comrad::policy::kernels {
 namespace {
 
-/// Columns that are worked on together: their factors and offsets stay in the first-level cache over all
-/// rows.
+/// Columns that are worked on together: their factors and offsets stay in the first-level cache over
+/// all rows.
 constexpr int64_t kTileColumns = 1024;
 
 COMRAD_VECTORISED void normalize_tile(const uint8_t* __restrict in, int64_t count,

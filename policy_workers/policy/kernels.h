@@ -1,6 +1,6 @@
-// The few elementwise loops where torch has no fused operator or a slow one (its ELU takes 1 ns an element).
-// Plain C++ that the compiler vectorises, built for AVX2 and for any x86-64 (the loader picks); no torch in
-// here.
+// The few elementwise loops where torch has no fused operator or a slow one (its ELU takes 1 ns an
+// element). Plain C++ that the compiler vectorises, built for AVX2 and for any x86-64 (the loader picks);
+// no torch in here.
 #pragma once
 
 #include <cstdint>

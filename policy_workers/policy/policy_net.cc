@@ -389,8 +389,8 @@ PolicyOutput PolicyNet::step_rows(std::span<const uint8_t* const> frames, const 
 
 namespace {
 
-/// A tower's features [T * B, F] of a sequence; `first` and `count` say where its state lies in the rows'
-/// state.
+/// A tower's features [T * B, F] of a sequence; `first` and `count` say where its state lies in the
+/// rows' state.
 Tensor tower_sequence(const Tower& tower, const SequenceInput& input, int64_t first,
                       const std::function<Tensor(const Tensor&)>& extend = {}) {
   Tensor encoded = tower.encoder.forward(input.frame.flatten(0, 1), input.measurement.defined()

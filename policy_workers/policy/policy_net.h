@@ -47,8 +47,8 @@ struct PolicyNetOptions {
   Precision precision = Precision::kFp32;
 
   static PolicyNetOptions from(const RunConfig& config, const EnvShape& env);
-  /// Floats of one core's state per agent: layers * size for GRU, twice that for LSTM (all h, then all c); 0
-  /// without.
+  /// Floats of one core's state per agent: layers * size for GRU, twice that for LSTM (all h, then all c);
+  /// 0 without.
   int64_t core_state_count() const;
   /// Floats of recurrent state per agent: the actor's core, then the critic's if it has one.
   int64_t recurrent_state_count() const;
@@ -89,8 +89,8 @@ class PolicyNet {
   /// No gradient is recorded.
   PolicyOutput step(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state) const;
 
-  /// The same from B frames that lie anywhere in CPU memory, C*H*W bytes each: read once, straight into the
-  /// network.
+  /// The same from B frames that lie anywhere in CPU memory, C*H*W bytes each: read once, straight into
+  /// the network.
   PolicyOutput step_rows(std::span<const uint8_t* const> frames, const Tensor& measurement,
                          const Tensor& recurrent_state) const;
 
@@ -124,8 +124,8 @@ class PolicyNet {
   /// variance per element, parallel-variance merge, double precision. Learner only.
   void update_input_statistics(const Tensor& frame, const Tensor& measurement) const;
 
-  /// Parameters in a fixed order, for the optimizer; and named tensors (parameters and statistics) for
-  /// checkpoints.
+  /// Parameters in a fixed order, for the optimizer; and named tensors (parameters and statistics)
+  /// for checkpoints.
   std::vector<Tensor> parameters() const;
   /// Those of one agent's actor (separate agents) and of the joint critic: disjoint, together parameters().
   std::vector<Tensor> actor_parameters(int64_t agent) const;
@@ -139,8 +139,8 @@ class PolicyNet {
   void write_weights(std::span<std::byte> out) const;
   Status read_weights(std::span<const std::byte> in) const;
 
-  /// Call after writing into tensors of named_state() (a loaded checkpoint): recomputes what is derived from
-  /// them.
+  /// Call after writing into tensors of named_state() (a loaded checkpoint): recomputes what is derived
+  /// from them.
   void state_changed() const;
 
   const PolicyNetOptions& options() const;

@@ -1,6 +1,6 @@
-// The recurrent core between encoder and heads: GRU or LSTM cells in PyTorch's gate conventions, any number
-// of layers, or nothing. One step at a time for policy workers, whole sequences with resets inside for the
-// learner.
+// The recurrent core between encoder and heads: GRU or LSTM cells in PyTorch's gate conventions, any
+// number of layers, or nothing. One step at a time for policy workers, whole sequences with resets inside
+// for the learner.
 #pragma once
 
 #include <ATen/core/Generator.h>

@@ -125,9 +125,9 @@ Status keep_sockets_on(const std::string& interface_name, uint32_t domain_id) {
   return status;
 }
 
-// A process has one Cyclone domain object per domain id, made with the configuration of whoever came first;
-// buses of the same run share it, and the last one to go deletes it and with it Cyclone's threads and
-// sockets.
+// A process has one Cyclone domain object per domain id, made with the configuration of whoever came
+// first; buses of the same run share it, and the last one to go deletes it and with it Cyclone's threads
+// and sockets.
 struct DomainUse {
   dds_entity_t entity = 0;
   std::string uri;

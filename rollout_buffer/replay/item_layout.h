@@ -1,6 +1,6 @@
-// The bytes of one stored trajectory: a slab without what only on-policy algorithms need, without empty rows
-// and without masks that allow everything. Small fields come first, frames last. Stage: seal > drain >
-// replay.
+// The bytes of one stored trajectory: a slab without what only on-policy algorithms need, without empty
+// rows and without masks that allow everything. Small fields come first, frames last. Stage: seal > drain
+// > replay.
 #pragma once
 
 #include <cstdint>

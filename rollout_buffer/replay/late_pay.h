@@ -43,8 +43,8 @@ struct SlabOrigin {
 /// Whether `agent` was in the game at `step`, is out of it behind the step, and the episode goes on.
 bool is_last_decision(const StoredTrajectory& trajectory, int step, int agent);
 
-/// What `agent` is paid for its decision at `step`: the reward and, if it is the last decision, what follows,
-/// discounted.
+/// What `agent` is paid for its decision at `step`: the reward and, if it is the last decision, what
+/// follows, discounted.
 struct PaidDecision {
   double reward = 0;
   int payments = 0;          ///< rewards that were read in this trajectory

@@ -33,8 +33,8 @@ class RingMemory {
   Status write(int64_t offset, std::span<const std::span<const std::byte>> parts);
   /// Asks the kernel to have these bytes in memory soon; nothing to do in RAM.
   void prefetch(int64_t offset, int64_t byte_count) const;
-  /// Syncs a file and lets the kernel forget its pages, so that a measurement begins cold; nothing to do in
-  /// RAM.
+  /// Syncs a file and lets the kernel forget its pages, so that a measurement begins cold; nothing to do
+  /// in RAM.
   void forget_cached() const;
 
  private:

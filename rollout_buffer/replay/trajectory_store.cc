@@ -561,8 +561,8 @@ Status TrajectoryStore::read_items(SnapshotReader& reader) {
       COMRAD_TRY(adopt(form, bytes, -1));
       continue;
     }
-    // Places are taken over only if they are a ring: ascending, around its end at most once, nothing
-    // overlapping.
+    // Places are taken over only if they are a ring: ascending, around its end at most once,
+    // nothing overlapping.
     const int64_t begin = section.offset, byte_count = round_up(static_cast<int64_t>(bytes.size()));
     if (begin < 0 || begin % kSlotAlignmentBytes != 0 || begin > capacity || byte_count > capacity - begin)
       return bad("a trajectory lies outside");

@@ -1,6 +1,6 @@
 // The shapes of one run: how many agents, what they see, what they choose. Everything that is sized at
-// start-up is sized from here; the arena's header carries a copy, so that a process that joins needs no other
-// source.
+// start-up is sized from here; the arena's header carries a copy, so that a process that joins needs no
+// other source.
 #pragma once
 
 #include <array>
@@ -15,8 +15,8 @@ constexpr int kMaxAgents = 8;
 constexpr int kMaxHeads = 8;
 constexpr int kMaxScores = 8;
 
-/// Shapes of observations and actions, fixed for a run. Trivially copyable: it lies in shared memory as it
-/// is.
+/// Shapes of observations and actions, fixed for a run. Trivially copyable: it lies in shared memory as
+/// it is.
 struct EnvShape {
   int32_t num_agents = 2;                       ///< N
   int32_t channels = 3;                         ///< C of a frame

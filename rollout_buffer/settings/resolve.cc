@@ -163,8 +163,8 @@ Status resolve_settings(RunConfig& config, int core_count) {
                      std::to_string(group_count) +
                      " groups of environments (num_workers x worker_num_splits) could feed them"};
 
-  // A third of the groups of a policy worker make a batch, as in Sample Factory; the deadline covers the
-  // rest.
+  // A third of the groups of a policy worker make a batch, as in Sample Factory; the deadline covers
+  // the rest.
   const int64_t group_envs = (c.collection.num_envs_per_worker + c.collection.worker_num_splits - 1) /
                              c.collection.worker_num_splits;
   const int64_t served_envs = (env_count + c.collection.policy_workers - 1) / c.collection.policy_workers;
@@ -197,13 +197,13 @@ Status resolve_settings(RunConfig& config, int core_count) {
   if (c.run.algo->learns_q_values()) resolve_q_learning(c);
 
   // One slab in the hands of every environment, the batches that wait, one in training, and slack for the
-  // moment between sealing and draining. In lock step a rollout is sealed while the next one may not begin
-  // yet.
+  // moment between sealing and draining. In lock step a rollout is sealed while the next one may not
+  // begin yet.
   const int64_t cycle_slabs = c.optimisation.batch_size / slab_rows * c.optimisation.num_batches_per_epoch;
   const int64_t least_slabs = c.collection.deterministic ? env_count : std::max<int64_t>(cycle_slabs, 2);
   if (c.collection.trajectory_slabs == 0) {
-    // One in the making per environment, and the batches that may wait. More would only let the data grow
-    // older.
+    // One in the making per environment, and the batches that may wait. More would only let the data
+    // grow older.
     c.collection.trajectory_slabs = c.collection.deterministic
                                         ? 2 * env_count
                                         : env_count + c.collection.num_batches_to_accumulate * cycle_slabs;

@@ -266,8 +266,8 @@ class Arena {
 
   // Step slots: one per environment.
   StepSlot& slot(int env_index) const;
-  /// Live recurrent state [N, H] of an environment; `parity` = step_id & 1 is the input, the other the
-  /// output.
+  /// Live recurrent state [N, H] of an environment; `parity` = step_id & 1 is the input, the other
+  /// the output.
   std::span<float> recurrent(int env_index, uint64_t parity) const;
   Doorbell& slots_ready(int policy_worker) const;            ///< rung after a group committed
   Doorbell& slots_acted(int sim_worker, int split) const;    ///< rung after a batch was scattered

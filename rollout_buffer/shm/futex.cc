@@ -13,8 +13,8 @@
 namespace comrad::shm {
 namespace {
 
-// The futex system calls work on the word's address; the FUTEX_PRIVATE_FLAG stays off, because peers are
-// processes.
+// The futex system calls work on the word's address; the FUTEX_PRIVATE_FLAG stays off, because peers
+// are processes.
 uint32_t* word_of(std::atomic<uint32_t>& atomic) { return reinterpret_cast<uint32_t*>(&atomic); }
 static_assert(sizeof(std::atomic<uint32_t>) == sizeof(uint32_t) &&
               std::atomic<uint32_t>::is_always_lock_free);

@@ -18,9 +18,8 @@ int64_t free_memory_bytes();
 /// Owns one mapping of a memfd and its descriptor. Move-only.
 class Segment {
  public:
-  /// Makes `size_bytes` of zeroed shared memory, sealed against resizing.
-  /// Errors: kNoSpace when the host has less free memory (needed, free, and the flags that lower it),
-  /// kSystem.
+  /// Makes `size_bytes` of zeroed shared memory, sealed against resizing. Errors: kNoSpace when the host has
+  /// less free memory (needed, free, and the flags that lower it), kSystem.
   static Expected<Segment> create(const std::string& name, int64_t size_bytes);
   /// Maps a descriptor received from a peer; takes it over. Errors: kBadFormat (not a sealed memfd), kSystem.
   static Expected<Segment> adopt(int descriptor);

@@ -36,9 +36,9 @@ Polygon draw_outline(int32_t radius, Rng rng) {
   return outline;
 }
 
-/// One pillar for every 19 600 square units times density. A try whose point lies in the middle places none;
-/// one that would come too near to a wall or another pillar is drawn again elsewhere, so that the density
-/// holds.
+/// One pillar for every 19 600 square units times density. A try whose point lies in the middle places
+/// none; one that would come too near to a wall or another pillar is drawn again elsewhere, so that the
+/// density holds.
 std::vector<Box> draw_pillars(Region region, int64_t radius, int64_t density_thousandths, Rng rng) {
   const int64_t try_count = radius * radius * density_thousandths / 19'600'000;
   std::vector<Box> pillars;

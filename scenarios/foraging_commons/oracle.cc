@@ -14,8 +14,8 @@ namespace {
 
 constexpr int kRateVariable = 1, kFirstCleanupVariable = 8;
 constexpr int kLyingVariable = 24;
-// Rates from which on one, two (of more than two) and three (of four, where little lies about) clean, and until
-// when.
+// Rates from which on one, two (of more than two) and three (of four, where little lies about) clean, and
+// until when.
 constexpr int kTiredRate = 62, kSpentRate = 45, kBareRate = 35, kFreshRate = 92;
 constexpr int kLittle = 16;  // bonuses
 constexpr int kFull = 196;   // more would be wasted
@@ -86,8 +86,8 @@ class Foragers final : public Oracle {
     }
   }
 
-  /// Into the station just behind its door, each at a place of its own; out of it after each cleanup, and in
-  /// again.
+  /// Into the station just behind its door, each at a place of its own; out of it after each cleanup, and
+  /// in again.
   Place cleaning_place(const doom::World& world, int agent) {
     Cleaner& one = cleaners_[static_cast<std::size_t>(agent)];
     const double top = -distance_ + station_ / 2, y = place_of(world.body(agent)).y;

@@ -72,8 +72,8 @@ int32_t shrunk(int32_t value, int64_t numerator, int64_t denominator, double exp
   return static_cast<int32_t>(std::floor(value * std::clamp(scale, low, 1.0) + 1e-9));
 }
 
-/// Where a plate of that side may lie on a platform, as offsets from its centre; those of red plates are
-/// mirrored.
+/// Where a plate of that side may lie on a platform, as offsets from its centre; those of red plates
+/// are mirrored.
 std::vector<Point> candidates(const Platform& platform, int32_t side, bool bootstrap) {
   const int32_t inner = side / 2 + 8;
   const int32_t outer = platform.width / 2 - std::max(side / 2 + kBridgeBite + kBridgeMargin, kDropToCentre);

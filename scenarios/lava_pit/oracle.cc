@@ -105,8 +105,8 @@ class Crossers final : public Oracle {
   double bridge_floor(const doom::World& world, int i) const {
     return doom::to_double(world.sectors()[sector_of_tag_.at(pit::kBridgeTag + i)].floor_height);
   }
-  /// Where the bridge can be walked along, as far as both platforms reach: past somebody who stands at
-  /// `avoid_y`.
+  /// Where the bridge can be walked along, as far as both platforms reach: past somebody who stands
+  /// at `avoid_y`.
   double lane(int i, double avoid_y) const {
     constexpr double kApart = 40;
     const Rectangle bridge = outline_of_tag(pit::kBridgeTag + i), near = platform(i), far = platform(i + 1);

@@ -88,8 +88,8 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
     for (Room::Niche& niche : room.niche) niche.west += origin, niche.east += origin;
   }
   MapPlan plan;
-  // Rooms 0 (start), 1..stages, stages + 1 (exit) of lane A (north) and B; rooms reach to the doors at their
-  // east.
+  // Rooms 0 (start), 1..stages, stages + 1 (exit) of lane A (north) and B; rooms reach to the doors at
+  // their east.
   std::vector<AreaId> lane_a, lane_b;
   for (int32_t i = 0; i <= stages + 1; ++i) {
     const Room& room = rooms[i];

@@ -1,5 +1,5 @@
-// Draws the map of Rhythm Sync: two parallel lanes of equal rooms, a grating between them, a door after each
-// stage.
+// Draws the map of Rhythm Sync: two parallel lanes of equal rooms, a grating between them, a door after
+// each stage.
 #pragma once
 
 #include "scenarios/spec/layout_recipe.h"

@@ -13,8 +13,8 @@
 // A term with `when` or `unless` pays only in decisions that these variables allow; what it remembers goes on
 // all the same.
 //
-// "Before" starts at the true value at reset, so the first decision pays for what happened in it and nothing
-// else.
+// "Before" starts at the true value at reset, so the first decision pays for what happened in it and
+// nothing else.
 #pragma once
 
 #include <cstdint>

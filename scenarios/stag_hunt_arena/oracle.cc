@@ -32,8 +32,8 @@ class Hunters final : public Oracle {
       const doom::Actor& body = world.body(agent);
       if (!world.player(agent).alive) continue;
       const Place here = place_of(body);
-      // Hunters stand side by side in the south, where they come from, so that nobody shoots through a
-      // partner.
+      // Hunters stand side by side in the south, where they come from, so that nobody shoots through
+      // a partner.
       const double angle = (-90.0 + (agent - (count - 1) / 2.0) * 50.0) * kPi / 180;
       const Place centre = stag != nullptr ? place_of(*stag) : Place{0, 0};
       Place post{centre.x + kRing * std::cos(angle), centre.y + kRing * std::sin(angle)};

@@ -88,8 +88,8 @@ struct EnvironmentOptions {
   Resize resize = Resize::kNone;
 };
 
-/// Makes `count` environments of a scenario (env/doom_env.cc). Errors: kNotFound (scenario, WAD, IWAD),
-/// kBadFormat.
+/// Makes `count` environments of a scenario (env/doom_env.cc). Errors: kNotFound (scenario, WAD,
+/// IWAD), kBadFormat.
 Expected<std::unique_ptr<EnvironmentSet>> make_doom_environments(const EnvironmentOptions& options);
 
 }  // namespace comrad::sim

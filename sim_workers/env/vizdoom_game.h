@@ -5,8 +5,8 @@
 //                      + map_exit_reward                in the step that ends the map
 //                      + each counting reward * the change of its variable
 //
-// An episode ends when the player dies, the map ends, or episode_timeout tics have passed since its first
-// step.
+// An episode ends when the player dies, the map ends, or episode_timeout tics have passed since its
+// first step.
 #pragma once
 
 #include <array>

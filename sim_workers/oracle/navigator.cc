@@ -120,8 +120,8 @@ void Navigator::refresh(const doom::World& world) {
     if (opening < kBodyHeight) {
       block_round(a, b, reach, [](int) { return true; });
     } else {
-      // A body stands on the highest floor that it touches: below a ledge it is on the ledge, or not there at
-      // all.
+      // A body stands on the highest floor that it touches: below a ledge it is on the ledge, or not there
+      // at all.
       block_round(a, b, kBodyRadius, [&](int cell) {
         floor_[cell] = std::max(floor_[cell], static_cast<float>(floor));
         return false;

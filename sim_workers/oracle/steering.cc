@@ -25,8 +25,8 @@ double turn_of_decision(int held_tics) {
   return slow * kSlowDegrees + (kDecisionTics - slow) * kFastDegrees;
 }
 
-/// What the best of all sequences of `depth` more decisions costs: the angle missed, and a little for each
-/// decision.
+/// What the best of all sequences of `depth` more decisions costs: the angle missed, and a little for
+/// each decision.
 double best_aim(double off, int held_tics, int depth, int* first) {
   constexpr double kDecisionCost = 0.35;
   double best = std::abs(off);
@@ -89,8 +89,8 @@ double aim_at(const doom::Player& player, const doom::Actor& body, double bearin
 }
 
 bool sees(const doom::World& world, const doom::Actor& looker, const doom::Actor& target) {
-  // Looking changes nothing; the engine's function takes a World that it could change like all its
-  // neighbours.
+  // Looking changes nothing; the engine's function takes a World that it could change like all
+  // its neighbours.
   return doom::can_see(const_cast<doom::World&>(world), looker, target);
 }
 

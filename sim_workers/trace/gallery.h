@@ -19,9 +19,9 @@ struct GalleryOptions {
   uint64_t seed = 42;
 };
 
-/// Plays each scenario with its oracle (random actions where it has none) on its default map and writes the
-/// row of views. Returns the files, in order. Errors: as loading a game; kSystem for a file that cannot be
-/// written.
+/// Plays each scenario with its oracle (random actions where it has none) on its default map and writes
+/// the row of views. Returns the files, in order. Errors: as loading a game; kSystem for a file that
+/// cannot be written.
 Expected<std::vector<std::string>> draw_gallery(const GalleryOptions& options);
 
 }  // namespace comrad::trace

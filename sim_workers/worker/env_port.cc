@@ -306,9 +306,9 @@ void EnvPort::finish_slab(uint64_t rollouts_allowed) {
 }
 
 void EnvPort::pad_slab(int length) {
-  // A slab that was sealed early still holds an older rollout's bytes beyond its end. Repeating the last rows
-  // makes its content a function of this rollout alone, whatever the learner does with rows that are not
-  // valid.
+  // A slab that was sealed early still holds an older rollout's bytes beyond its end. Repeating the last
+  // rows makes its content a function of this rollout alone, whatever the learner does with rows that are
+  // not valid.
   const TrajectoryShape& shape = slab_.shape();
   const std::size_t agents = static_cast<std::size_t>(shape.env.num_agents);
   const std::size_t heads = static_cast<std::size_t>(shape.env.head_count);

@@ -61,8 +61,8 @@ class EnvPort {
 
   bool wants_final() const { return stage_ == Stage::kFinal; }
   ObservationTarget final_target() const;
-  /// The episode's record goes out; a terminated one resets at once, a truncated one first asks for its final
-  /// value.
+  /// The episode's record goes out; a terminated one resets at once, a truncated one first asks for its
+  /// final value.
   void close_episode();
 
   bool wants_row() const { return stage_ == Stage::kRow; }

@@ -1,5 +1,4 @@
-// Bad input and bad luck: each case has one clear message, a non-zero exit and leaves
-// nothing.
+// Bad input and bad luck: each case has one clear message, a non-zero exit and leaves nothing.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -24,8 +24,8 @@ namespace fs = std::filesystem;
 constexpr double kRunTimeoutSeconds = 200;
 constexpr int kExitBadInput = 2;
 
-/// Two agents that press at random die of hunger after about 160 decisions; every episode plays another
-/// layout.
+/// Two agents that press at random die of hunger after about 160 decisions; every episode plays
+/// another layout.
 std::vector<std::string> training(const ScratchFolder& scratch, const std::string& experiment,
                                   double env_steps, const std::string& pool,
                                   const std::vector<std::string>& more = {}) {

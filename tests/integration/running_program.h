@@ -1,5 +1,5 @@
-// Starts the real programs for the integration tests, watches and signals them, and looks at what they leave
-// behind.
+// Starts the real programs for the integration tests, watches and signals them, and looks at what they
+// leave behind.
 #pragma once
 
 #include <sys/types.h>
@@ -63,8 +63,8 @@ std::vector<std::string> small_training(const ScratchFolder& scratch, const std:
 /// Processes whose command line names `folder` (and `program`, if given); zombies are not counted.
 std::vector<pid_t> processes_of(const std::string& folder, const std::string& program = {});
 
-/// Factor on every time limit below, from COMRAD_TEST_PATIENCE, for machines that are busy or slow; 1 by
-/// default.
+/// Factor on every time limit below, from COMRAD_TEST_PATIENCE, for machines that are busy or slow; 1
+/// by default.
 double patience();
 
 /// Polls until `condition` holds. False after `timeout_s`.

@@ -98,8 +98,8 @@ class BehaviorBuilder {
   }
   uint32_t address() const { return static_cast<uint32_t>(code_.size()); }
 
-  /// An instruction with its operands as the table says; of PushBytes all values, of CaseGotoSorted the
-  /// pairs.
+  /// An instruction with its operands as the table says; of PushBytes all values, of CaseGotoSorted
+  /// the pairs.
   BehaviorBuilder& op(PCode code, std::vector<int32_t> operands = {}) {
     number(code);
     const std::string_view kinds = bytecode::kPCodes[static_cast<std::size_t>(code)].operands;

@@ -24,8 +24,8 @@ inline int32_t fake_action(float value, int head, int32_t head_size) {
                               static_cast<uint64_t>(head_size));
 }
 
-/// Answers every ready slot of one policy worker in a thread of its own, or, in lock step, whole rounds of a
-/// group.
+/// Answers every ready slot of one policy worker in a thread of its own, or, in lock step, whole rounds of
+/// a group.
 class FakePolicy {
  public:
   FakePolicy(const shm::Arena& arena, int policy_worker, bool lock_step)
@@ -36,8 +36,8 @@ class FakePolicy {
   }
 
   uint64_t answers() const { return answers_.load(); }
-  /// Requests that broke the contract (a slab of another environment, a row out of range, a step id that
-  /// fell).
+  /// Requests that broke the contract (a slab of another environment, a row out of range, a step id
+  /// that fell).
   int faults() const { return faults_.load(); }
   /// Lock step: sizes of the batches in order. Read it after the run.
   const std::vector<uint32_t>& batch_sizes() const { return batch_sizes_; }

@@ -42,8 +42,8 @@ class LevelBuilder {
     ring({{left, bottom}, {left, top}, {right, top}, {right, bottom}}, inner, outer, line_flags);
     return *this;
   }
-  /// Areas side by side from west to east inside sector `outer`; the line between two has its front to the
-  /// west.
+  /// Areas side by side from west to east inside sector `outer`; the line between two has its front to
+  /// the west.
   LevelBuilder& row(uint32_t outer, const std::vector<uint32_t>& sectors, int left, int bottom, int width,
                     int height) {
     const auto first = static_cast<uint32_t>(level_.vertices.size());  // pairs, bottom and top

@@ -29,8 +29,8 @@ inline EnvShape matrix_game_shape(const PayoffTable& payoff) {
   return env;
 }
 
-/// Settings under which a game of a hundred updates is learned: feed-forward, `worlds` x 4 steps x 2 agents a
-/// batch.
+/// Settings under which a game of a hundred updates is learned: feed-forward, `worlds` x 4 steps x 2 agents
+/// a batch.
 inline RunConfig matrix_game_config(const std::string& algo, uint64_t seed) {
   RunConfig config;
   config.run.algo = algo;

@@ -20,8 +20,8 @@ struct PictureDifference {
   int edges_invented = 0;  ///< of ours, without one of the reference's within a pixel
 };
 
-/// `ours` planar RGB [3, height, width], `theirs` RGBA [height, width, 4]; pixels with `ignored` are left
-/// out.
+/// `ours` planar RGB [3, height, width], `theirs` RGBA [height, width, 4]; pixels with `ignored` are
+/// left out.
 inline void compare_colors(std::span<const uint8_t> ours, std::span<const uint8_t> theirs, int width,
                            int height, const std::vector<bool>& ignored, PictureDifference* difference) {
   const auto plane = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
@@ -43,9 +43,9 @@ inline void compare_colors(std::span<const uint8_t> ours, std::span<const uint8_
 /// later than walls, and walls farther than 62 steps stand at 63.
 constexpr double kDepthStep = 7.22, kDepthBegin = 6.0, kDepthMost = 62.0;
 
-/// `ours` [height, width] in map units, 0 for sky; `theirs` in ViZDoom's steps, RGBA [height, width, 4]. An
-/// edge is where depth jumps between two neighbours of a row or column, beyond the slope on either side of
-/// them.
+/// `ours` [height, width] in map units, 0 for sky; `theirs` in ViZDoom's steps, RGBA [height, width, 4].
+/// An edge is where depth jumps between two neighbours of a row or column, beyond the slope on either side
+/// of them.
 inline void compare_depths(std::span<const float> ours, std::span<const uint8_t> theirs, int width,
                            int height, const std::vector<bool>& ignored, PictureDifference* difference) {
   const auto at = [width](int x, int y) {

@@ -72,8 +72,8 @@ class PipelineGame : public sim::Environment {
 
  protected:
   virtual void begin(uint64_t /*episode_seed*/) {}
-  /// One decision: pay() or last_.reward, and how the episode ends. The score of an episode is the team's last
-  /// reward.
+  /// One decision: pay() or last_.reward, and how the episode ends. The score of an episode is the team's
+  /// last reward.
   virtual void play(std::span<const int32_t> action) = 0;
   virtual int visible_state() const { return state_; }
   void pay(double team) { last_.reward.assign(2, static_cast<float>(team / 2)); }

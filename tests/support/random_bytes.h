@@ -1,5 +1,5 @@
-// Seeded hostile input for parser tests. The seed comes from COMRAD_FUZZ_SEED or is fixed; tests print it on
-// failure.
+// Seeded hostile input for parser tests. The seed comes from COMRAD_FUZZ_SEED or is fixed; tests print it
+// on failure.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// Scenarios for tests: a scenario's script and actors on a level made by hand, or a whole game on a generated
-// layout.
+// Scenarios for tests: a scenario's script and actors on a level made by hand, or a whole game on a
+// generated layout.
 #pragma once
 
 #include <gtest/gtest.h>

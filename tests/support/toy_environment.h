@@ -25,8 +25,8 @@ struct ToyOptions {
   int broken_layout = -1;        ///< one that cannot be loaded
 };
 
-/// An episode is a pure function of its seed and the actions; its length and how it ends follow from the seed
-/// alone.
+/// An episode is a pure function of its seed and the actions; its length and how it ends follow from the
+/// seed alone.
 class ToyEnvironment : public sim::Environment {
  public:
   explicit ToyEnvironment(const ToyOptions& options) : options_(options) {

@@ -1,5 +1,5 @@
-// The exit codes of test programs, which ctest reads: this program runs cases of its own that are disabled
-// here.
+// The exit codes of test programs, which ctest reads: this program runs cases of its own that are
+// disabled here.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 

@@ -69,8 +69,8 @@ Expected<int> train(const CommandLine& line) {
 
   const bool exists =
       asked.run.restart_behavior == RestartBehavior::kResume && fs::exists(run_dir + "/config.toml", error);
-  // A run that never saved has nothing to go on from; it may have been refused for the settings in its
-  // config.toml.
+  // A run that never saved has nothing to go on from; it may have been refused for the settings in
+  // its config.toml.
   const bool resumes = exists && find_checkpoint(run_dir, CheckpointKind::kLatest).has_value();
   COMRAD_TRY_ASSIGN(MergedSettings merged, settings_for(run_dir, resumes, user));
   RunConfig& config = merged.config;

@@ -33,8 +33,8 @@ class Sampler {
   virtual void pop(int64_t count) = 0;
   /// Appends `count` picks, with replacement; none where there are no units.
   virtual void draw(int64_t count, double beta, Rng& rng, std::vector<Pick>& picks) const = 0;
-  /// New temporal-difference errors. Units that left meanwhile and errors that are not finite are passed
-  /// over.
+  /// New temporal-difference errors. Units that left meanwhile and errors that are not finite are
+  /// passed over.
   virtual void set_priorities(std::span<const int64_t> serials, std::span<const float> abs_td) = 0;
 
   virtual SamplerState state() const = 0;

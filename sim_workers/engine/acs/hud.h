@@ -15,8 +15,8 @@ constexpr std::size_t kHudMessagesMax = 256;
 /// Shows a message; one with the same id on the same screen goes. Lower ids are drawn later, over the others.
 void show_message(World& world, HudMessage message);
 
-/// HudMessage(type, id, color, x, y, hold; options) with the text that the script has built. `bold`: for
-/// everyone.
+/// HudMessage(type, id, color, x, y, hold; options) with the text that the script has built. `bold`:
+/// for everyone.
 void show_hud_message(const Caller& caller, std::string text, std::span<const int32_t> args,
                       std::span<const int32_t> options, bool bold);
 

@@ -557,8 +557,8 @@ class Interpreter {
   std::array<int32_t, kStackMax> stack_;
 };
 
-// The language itself: values, jumps, calls, waiting, texts. What reaches into the world is in
-// execute_call().
+// The language itself: values, jumps, calls, waiting, texts. What reaches into the world is
+// in execute_call().
 void Interpreter::execute(PCode code) {
   switch (code) {
     case PCode::kNop:

@@ -62,8 +62,8 @@ enum class ActionId : uint16_t {
       kCount
 };
 
-/// The action called `name`, with or without "A_", in any case. Nothing for names that this engine does not
-/// know.
+/// The action called `name`, with or without "A_", in any case. Nothing for names that this engine does
+/// not know.
 std::optional<ActionId> find_action(std::string_view name);
 
 /// The name without "A_"; empty for kNone.

@@ -1,6 +1,6 @@
 // What a kind of actor is: its body, its numbers, its flags and its states. Types come from the built-in
-// tables and from DECORATE lumps, end in one ActorCatalog and never change while worlds run. Stage: tic and
-// render.
+// tables and from DECORATE lumps, end in one ActorCatalog and never change while worlds run. Stage: tic
+// and render.
 #pragma once
 
 #include <array>
@@ -205,8 +205,8 @@ struct ActionArg {
   int32_t a = 0, b = 0;
 };
 
-/// A picture shown for some tics, and what the actor does when it begins. States of all types lie in one
-/// table.
+/// A picture shown for some tics, and what the actor does when it begins. States of all types lie in
+/// one table.
 struct State {
   uint32_t sprite = 0;  ///< index into ActorCatalog::sprite_name(); 0 is TNT1, which shows nothing
   uint8_t frame = 0;    ///< letter - 'A'

@@ -40,8 +40,8 @@ struct DecorateNames {
 /// Reads an expression up to a symbol that cannot belong to it.
 Expected<DecorateValue> read_expression(DecorateLexer* lexer, const DecorateNames& names);
 
-/// Reads a property's value: a literal with or without a sign, a word, a text, or an expression in
-/// parentheses.
+/// Reads a property's value: a literal with or without a sign, a word, a text, or an expression
+/// in parentheses.
 Expected<DecorateValue> read_property_value(DecorateLexer* lexer, const DecorateNames& names);
 
 /// "line:column: what".

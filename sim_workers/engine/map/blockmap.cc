@@ -70,8 +70,8 @@ Blockmap Blockmap::build(const Level& level) {
   map.columns_ = static_cast<int>(((right - left) >> (kFracBits + 7)) + 1);
   map.rows_ = static_cast<int>(((top - bottom) >> (kFracBits + 7)) + 1);
 
-  // Two passes over the cells of every line: count, then fill. A sloped line enters only the cells it
-  // crosses.
+  // Two passes over the cells of every line: count, then fill. A sloped line enters only the cells
+  // it crosses.
   std::vector<std::pair<uint32_t, uint32_t>> entries;  // cell, line
   for (uint32_t index = 0; index < map.lines_.size(); ++index) {
     const BlockLine& line = map.lines_[index];

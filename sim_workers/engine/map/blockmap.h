@@ -67,8 +67,8 @@ class Blockmap {
   int rows() const { return rows_; }
   int column_of(int64_t x) const { return cell_of(x - origin_x_, columns_); }
   int row_of(int64_t y) const { return cell_of(y - origin_y_, rows_); }
-  /// Whether x lies exactly on the edge between two columns, counted from the westmost vertex; y and the rows
-  /// likewise.
+  /// Whether x lies exactly on the edge between two columns, counted from the westmost vertex; y and the
+  /// rows likewise.
   bool on_column_edge(int64_t x) const { return on_edge(x - origin_x_); }
   bool on_row_edge(int64_t y) const { return on_edge(y - origin_y_); }
   const std::vector<BlockLine>& lines() const { return lines_; }

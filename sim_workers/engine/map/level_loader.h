@@ -13,10 +13,10 @@
 
 namespace comrad::doom {
 
-/// Loads the map `name` of `wad`; an empty name takes the WAD's first map. The result is complete (indexed)
-/// and may be shared by any number of worlds. What it puts right or leaves out is logged once and stays in
-/// Level::warnings. Errors: kNotFound, kUnsupported (another namespace), kBadFormat with the place in the
-/// text.
+/// Loads the map `name` of `wad`; an empty name takes the WAD's first map. The result is complete
+/// (indexed) and may be shared by any number of worlds. What it puts right or leaves out is logged once
+/// and stays in Level::warnings. Errors: kNotFound, kUnsupported (another namespace), kBadFormat with the
+/// place in the text.
 Expected<std::shared_ptr<const Level>> load_level(const wad::WadFile& wad, std::string_view name = {});
 
 /// The same from parsed text, without the lumps of scripts. `label` begins every message.

@@ -8,8 +8,8 @@
 
 namespace comrad::doom {
 
-/// Makes the tree: picks a line that cuts few others and halves the rest, splits, and goes on with both
-/// halves.
+/// Makes the tree: picks a line that cuts few others and halves the rest, splits, and goes on with
+/// both halves.
 class SectorTreeBuilder {
  public:
   explicit SectorTreeBuilder(const Level& level) : level_(level) {}

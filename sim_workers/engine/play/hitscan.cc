@@ -434,8 +434,8 @@ bool trace_path(World& world, Fixed x, Fixed y, Fixed dx, Fixed dy, bool lines, 
 }
 
 Aim aim_line(World& world, Actor& shooter, Angle angle, Fixed distance, Fixed vertical_range) {
-  // Up and down: what was asked for, else 35 degrees; whoever looks freely and without auto-aim gets half a
-  // degree.
+  // Up and down: what was asked for, else 35 degrees; whoever looks freely and without auto-aim gets half
+  // a degree.
   Angle range = degrees_to_angle(kAimDegrees);
   const Player* player = world.player_of(shooter);
   const bool looks_freely = player != nullptr && world.options().free_look;

@@ -17,8 +17,8 @@ Fixed clamp_fixed(int64_t value) {
   return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN, INT32_MAX));
 }
 
-/// Length of a vector in map units of 1/256: squares stay below 2^53, so the root is the same on every
-/// machine.
+/// Length of a vector in map units of 1/256: squares stay below 2^53, so the root is the same on
+/// every machine.
 int64_t length_of(int64_t x, int64_t y, int64_t z) {
   const auto squared = [](int64_t value) {
     return static_cast<double>(value >> 8) * static_cast<double>(value >> 8);
@@ -36,8 +36,8 @@ int32_t roll_damage(World& world, const DamageDice& dice) {
 void explode_missile(World& world, Actor& missile, Actor* struck) {
   if (missile.removed) return;
   missile.velocity_x = missile.velocity_y = missile.velocity_z = 0;
-  // What it struck was hurt when the move found it (movement.cc); a missile that dies in the air hurts
-  // nobody.
+  // What it struck was hurt when the move found it (movement.cc); a missile that dies in the air
+  // hurts nobody.
   const ActorType& type = world.type_of(missile);
   uint32_t next = type.state(StateLabel::kDeath);
   if (struck != nullptr && !struck->has(ActorFlag::kNoBlood) && type.state(StateLabel::kXDeath) != kNoState) {

@@ -202,8 +202,8 @@ bool is_blade(const World& world, const Player& player) {
          world.catalog()[player.ready_weapon].flags.has(ActorFlag::kWeaponMelee);
 }
 
-/// It is at a point of its patrol: runs the specials bound to it, then on to the next point. True when it
-/// arrived.
+/// It is at a point of its patrol: runs the specials bound to it, then on to the next point. True when
+/// it arrived.
 bool arrive_at_goal(World& world, Actor& monster, Actor& goal) {
   const uint32_t target_id = monster.target_id;
   monster.target_id = goal.id;

@@ -42,8 +42,8 @@ BlockLine moved_line(const World& world, uint32_t line, Fixed x1, Fixed y1, Fixe
   return moved;
 }
 
-/// Calls visit(line, flags) for the lines that may touch the box, polyobjects at their present place
-/// included.
+/// Calls visit(line, flags) for the lines that may touch the box, polyobjects at their present
+/// place included.
 template <typename Visit>
 void for_each_line_near(const World& world, const Box& box, Visit&& visit) {
   const WorldState& state = world.state();

@@ -118,8 +118,8 @@ class Movement {
   PositionCheck last_;  // of the last try_move
 };
 
-/// A step of a monster: no deep drops, doors are remembered. Floating ones may adjust their height
-/// afterwards.
+/// A step of a monster: no deep drops, doors are remembered. Floating ones may adjust their
+/// height afterwards.
 MoveResult try_move_monster(World& world, Actor& monster, Fixed x, Fixed y);
 
 /// The floor and the ceiling at a point, without regard to what a body there would touch.

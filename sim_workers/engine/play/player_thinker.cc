@@ -123,8 +123,8 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
   const int32_t move_factor = !on_ground ? fixed_mul(kSectorMoveFactor, air_control)
                               : ground.special_friction && body.z <= ground.floor_height ? ground.move_factor
                                                                                          : kSectorMoveFactor;
-  // Scripts make players faster or slower (APROP_Speed); who crouches is slower too. 256 to a unit of the
-  // keys.
+  // Scripts make players faster or slower (APROP_Speed); who crouches is slower too. 256 to a unit of
+  // the keys.
   const auto strength_of = [&](int32_t units) {
     return fixed_mul(fixed_mul(units * 256, body.speed), player.crouch_factor);
   };

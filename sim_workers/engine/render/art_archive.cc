@@ -108,8 +108,8 @@ Expected<IndexedImage> decode_picture(std::span<const uint8_t> lump, std::string
   return image;
 }
 
-/// The same for whatever a lump holds: Doom's columns, or a PNG whose colours go to the nearest of the
-/// palette.
+/// The same for whatever a lump holds: Doom's columns, or a PNG whose colours go to the nearest of
+/// the palette.
 template <typename Plot>
 Expected<IndexedImage> ArtArchive::plot_picture(std::span<const uint8_t> lump, std::string_view name,
                                                 Plot&& plot) const {

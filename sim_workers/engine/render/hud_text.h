@@ -31,8 +31,8 @@ struct Glyph {
 class Font {
  public:
   Font() { by_letter_.fill(-1); }
-  /// STCFN033 to that of `last_letter`: letters as graphics. Small letters stand in for missing capitals and the
-  /// reverse.
+  /// STCFN033 to that of `last_letter`: letters as graphics. Small letters stand in for missing capitals and
+  /// the reverse.
   static Font from_graphics(const ArtArchive& archive, std::string_view prefix, int last_letter);
   /// A FON2 lump. Errors: kBadFormat.
   static Expected<Font> from_fon2(std::span<const uint8_t> lump, const ArtArchive& archive);

@@ -7,16 +7,16 @@
 
 namespace comrad::doom {
 
-/// The 3D view: `width` x `rows` pixels above the status bar. A point `depth` units ahead, `side` to the
-/// right and `up` above the eye lands at (center_x + focal_x * side / depth, center_y - focal_y * up /
-/// depth).
+/// The 3D view: `width` x `rows` pixels above the status bar. A point `depth` units ahead, `side` to
+/// the right and `up` above the eye lands at (center_x + focal_x * side / depth, center_y - focal_y *
+/// up / depth).
 struct Projection {
   int width = 0;  ///< of the view and of the picture
   int rows = 0;   ///< of the view: those above the status bar
   float center_x = 0, center_y = 0, focal_x = 0, focal_y = 0;
-  /// Where inside a pixel the reference engine looks a texture up, relative to the pixel's centre (measured
-  /// on its frames of 160x120, half a pixel there): planes at the right border, walls at the lower left
-  /// corner.
+  /// Where inside a pixel the reference engine looks a texture up, relative to the pixel's centre
+  /// (measured on its frames of 160x120, half a pixel there): planes at the right border, walls at the
+  /// lower left corner.
   float plane_shift_x = 0, wall_shift_x = 0, wall_shift_y = 0;
   float hand_unit_x = 1, hand_unit_y = 1;  ///< pixels of a column of 320 and of a row of 200, for the weapon
 };

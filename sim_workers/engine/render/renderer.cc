@@ -137,8 +137,8 @@ class QuadRenderer : public Renderer {
     for (std::size_t i = 0; i < views.size(); ++i) {
       const SceneView view = view_of(*views[i].world, views[i].player);
       if (i > 0 && times_art_forgotten_ != art_at_start) {
-        // The levels of these views do not fit the atlas together, and the lists so far point into the old
-        // one.
+        // The levels of these views do not fit the atlas together, and the lists so far point into the
+        // old one.
         for (std::size_t alone = 0; alone < views.size(); ++alone) draw_pass(views.subspan(alone, 1));
         return;
       }

@@ -35,8 +35,8 @@ struct ViewRequest {
   uint8_t* destination = nullptr;
 };
 
-/// Errors of create: kUnsupported when no context can be had (with what to install), kNotFound for missing
-/// art.
+/// Errors of create: kUnsupported when no context can be had (with what to install), kNotFound for
+/// missing art.
 class Renderer {
  public:
   static Expected<std::unique_ptr<Renderer>> create(std::shared_ptr<const ArtArchive> art,

@@ -68,8 +68,8 @@ class Scene {
   AtlasRegion sky;
   bool has_sky = false;
 
-  /// The plane for a texture name that a script has set since, from the atlas; a checkerboard where it is
-  /// unknown.
+  /// The plane for a texture name that a script has set since, from the atlas; a checkerboard where it
+  /// is unknown.
   static ScenePlane plane(const std::string& name, ArtAtlas* atlas);
   /// The side with the textures that play has given it since.
   static SceneSide retextured(const SceneSide& side, const SideState& state, ArtAtlas* atlas);

@@ -8,8 +8,8 @@ namespace {
 
 constexpr float kSpriteNearDepth = 4.0f;  // as in Doom: nearer things are not drawn
 
-/// A place in a sprite's picture from 0 to 1, kept a hair inside so that rounding never wraps it to the other
-/// edge.
+/// A place in a sprite's picture from 0 to 1, kept a hair inside so that rounding never wraps it to the
+/// other edge.
 float inside(float value) { return std::clamp(value, 1e-4f, 1.0f - 1e-4f); }
 
 }  // namespace

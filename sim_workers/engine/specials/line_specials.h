@@ -25,13 +25,13 @@ void tic_switches(World& world);
 /// Numbers of kinds of damage, as the arguments of specials and ACS count them; unknown ones are kNormal.
 DamageType damage_type_of(int32_t number);
 
-/// Sector specials on reset (lights, damage, scrollers, secrets) and what they do to a player who stands on
-/// them.
+/// Sector specials on reset (lights, damage, scrollers, secrets) and what they do to a player who stands
+/// on them.
 void start_sector_specials(World& world);
 void tic_player_in_sector(World& world, int player);
 
-/// Teleports to a destination with this thing id (or in a sector with this tag). True when the body fits
-/// there.
+/// Teleports to a destination with this thing id (or in a sector with this tag). True when the body
+/// fits there.
 bool teleport_to(World& world, Actor& actor, int32_t thing_id, int32_t sector_tag, bool fog,
                  bool keep_orientation);
 

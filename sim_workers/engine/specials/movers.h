@@ -9,8 +9,8 @@
 
 namespace comrad::doom {
 
-/// The specials that move sectors, lights, textures and polyobjects. Nothing where `call.number` is none of
-/// them.
+/// The specials that move sectors, lights, textures and polyobjects. Nothing where `call.number` is none
+/// of them.
 std::optional<int32_t> execute_mover_special(World& world, const SpecialCall& call);
 
 /// All movers, lights, scrollers and switches, one tic.

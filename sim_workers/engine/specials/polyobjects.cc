@@ -101,8 +101,8 @@ std::optional<Polyobject> make_polyobject(const Level& level, const MapThing& sp
 
 // ---------------------------------------------------------------- in the way
 
-/// Bodies that a line of the object runs into are pushed (and hurt by one that crushes). True where there was
-/// one.
+/// Bodies that a line of the object runs into are pushed (and hurt by one that crushes). True where there
+/// was one.
 bool meets_bodies(World& world, std::size_t index) {
   WorldState& state = world.state();
   bool blocked = false;

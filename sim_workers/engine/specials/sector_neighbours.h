@@ -8,8 +8,8 @@
 
 namespace comrad::doom {
 
-/// Calls visit(sector index) for the sector across each two-sided line of `sector`; one may come more than
-/// once.
+/// Calls visit(sector index) for the sector across each two-sided line of `sector`; one may come more
+/// than once.
 template <typename Visit>
 void for_each_neighbour(const World& world, uint32_t sector, Visit visit) {
   const Level& level = world.level();

@@ -242,8 +242,8 @@ Actor* World::find_thing(int32_t thing_id, uint32_t after) {
 }
 
 Actor& World::spawn_unchecked(uint32_t type, Fixed x, Fixed y, Fixed z, Angle angle) {
-  // Beyond the limit actors are gone as soon as they are made, and share a few places until the end of the
-  // tic.
+  // Beyond the limit actors are gone as soon as they are made, and share a few places until the end of
+  // the tic.
   const bool full = state_.actors.size() >= kActorsMax;
   if (state_.actors.size() >= kActorsMax + kActorsSpare && state_.actors.back().removed)
     state_.actors.pop_back(), state_.links.pop_back();

@@ -88,8 +88,8 @@ class World {
   void compact();  ///< takes the removed out of the lists; the end of a tic
   void set_angle(uint32_t actor_id, Angle angle);
   void set_thing_id(Actor& actor, int32_t thing_id) { actor.thing_id = thing_id; }
-  /// The next actor with that id, in order of age, after `after` (an actor id, 0 from the start); null at the
-  /// end.
+  /// The next actor with that id, in order of age, after `after` (an actor id, 0 from the start); null at
+  /// the end.
   Actor* find_thing(int32_t thing_id, uint32_t after = 0);
   void link(Actor& actor);  ///< into the lists of things, after its place or its flags changed
   void unlink(Actor& actor);

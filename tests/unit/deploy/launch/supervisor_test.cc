@@ -44,8 +44,8 @@ bool eventually(double limit_s, const std::function<bool()>& done) {
   return done();
 }
 
-/// A supervisor in a process of its own (launch_probe.cc) with fake workers (fake_worker.cc) in a run
-/// directory.
+/// A supervisor in a process of its own (launch_probe.cc) with fake workers (fake_worker.cc) in a
+/// run directory.
 class Launch : public testing::Test {
  protected:
   Launch() { fs::create_directories(run_dir_ + "/logs"); }

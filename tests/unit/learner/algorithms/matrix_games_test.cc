@@ -1,5 +1,5 @@
-// Games whose best answers are known: what an algorithm can and cannot learn, with the real losses and
-// networks.
+// Games whose best answers are known: what an algorithm can and cannot learn, with the real losses
+// and networks.
 
 #include <gtest/gtest.h>
 

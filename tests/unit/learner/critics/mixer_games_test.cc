@@ -170,8 +170,8 @@ class Team {
                         .action = multi_hot_,
                         .state = state_});
   }
-  /// Tables of one state under which `cell` is greedy; each agent gives it `share`, every other choice 4
-  /// less.
+  /// Tables of one state under which `cell` is greedy; each agent gives it `share`, every other choice
+  /// 4 less.
   void prefer(int64_t cell, double share) const {
     torch::NoGradGuard no_grad;
     q_.fill_(share - 4);
@@ -362,8 +362,8 @@ double least_convex_mse(const Table& payoff) {
         double moved = 0;
         for (size_t i = 0; i < n; ++i)
           for (size_t j = 0; j < n; ++j) {
-            // The step that adds weight[i][j] to every cell at least as high as (i, j); (0, 0) is the
-            // constant.
+            // The step that adds weight[i][j] to every cell at least as high as (i, j); (0, 0) is
+            // the constant.
             double sum = 0;
             for (size_t a = i; a < n; ++a)
               for (size_t b = j; b < n; ++b) sum += rest[rows[a]][columns[b]];
@@ -469,8 +469,8 @@ TEST_P(QplexGames, MostAreLearnedFromOneOfTwoStarts) {
 INSTANTIATE_TEST_SUITE_P(Forms, QplexGames, ::testing::Values("dmaq", "dmaq_qatten"),
                          [](const auto& form) { return std::string(form.param); });
 
-/// The benchmark's settings (4 kernels of one layer, no weighted heads) have the optimum too; from fewer
-/// starts.
+/// The benchmark's settings (4 kernels of one layer, no weighted heads) have the optimum too; from
+/// fewer starts.
 TEST(QplexGame, TheBenchmarksSettingsLearnTheClimbingGame) {
   for (const char* kind : {"dmaq", "dmaq_qatten"})
     EXPECT_TRUE(one_start_arrives(games()[1], kind, mixer(kind))) << kind;

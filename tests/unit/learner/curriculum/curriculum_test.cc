@@ -204,8 +204,8 @@ TEST(Plr, NoTaskIsReplayedBeforeAllWereScored) {
 TEST(Plr, ANewTaskIsDrawnUntilItIsScored) {
   auto plr = made({.kind = CurriculumKind::kPlr, .seed = 4, .rho = 0.5}, 2);
   plr->score(0, 10, 1.0, 1.0);
-  // v = 0.5 >= rho: replay with probability min(0.5, 0.5); else the unseen one. Drawing does not make it
-  // seen.
+  // v = 0.5 >= rho: replay with probability min(0.5, 0.5); else the unseen one. Drawing does not make
+  // it seen.
   int unseen = 0;
   for (int i = 0; i < 1000; ++i) unseen += plr->draw();
   EXPECT_NEAR(unseen, 500, 60);

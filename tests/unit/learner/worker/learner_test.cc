@@ -558,8 +558,8 @@ TEST_F(LearnerTest, ASecondLearnerCannotJoinALockStepRunHalfWay) {
 }
 
 TEST_F(LearnerTest, AStalledLearnerBoundsWhatIsCollected) {
-  // Capacity 2: two full batches wait, a third is being filled; then slabs stay sealed and the arena runs
-  // dry.
+  // Capacity 2: two full batches wait, a third is being filled; then slabs stay sealed and the arena
+  // runs dry.
   const RunConfig config = small_config();
   Expected<shm::Arena> arena = shm::Arena::create(arena_shape(config), 3);
   arena->control().rollouts_allowed = UINT64_MAX;

@@ -458,8 +458,8 @@ TEST(Batcher, ASuccessorAnswersWhatAKilledWorkerHadGatheredWithTheSameResult) {
         Batcher batcher = make_batcher(arena);
         const Batch& batch = batcher.gather(0);
         if (batch.requests.size() != 4) _exit(1);
-        // Half an answer: everything but the hand-over of the slots, and garbage where rows were not reached
-        // yet.
+        // Half an answer: everything but the hand-over of the slots, and garbage where rows were not
+        // reached yet.
         for (FakeEnv& env : group.envs) {
           std::ranges::fill(env.slab().action(0, 0), 12345);
           env.slab().log_prob(0, 1) = -77.0f;

@@ -1,6 +1,6 @@
 // Three threads at once, as in the learner: one inserts, one draws and reads, one writes priorities back,
-// while the ring goes round. Every frame carries the number of its trajectory, so a byte of another one is
-// noticed.
+// while the ring goes round. Every frame carries the number of its trajectory, so a byte of another one
+// is noticed.
 #include <gtest/gtest.h>
 
 #include <atomic>

@@ -137,8 +137,8 @@ pid_t start_peer(const Arena& arena, int peer) {
   play_simulator(arena, peer);
 }
 
-/// SIGKILLs a peer and collects it. False if it had already left by itself, which none of them does in
-/// health.
+/// SIGKILLs a peer and collects it. False if it had already left by itself, which none of them does
+/// in health.
 bool kill_peer(pid_t peer) {
   int status = 0;
   if (waitpid(peer, &status, WNOHANG) != 0) return false;

@@ -160,8 +160,8 @@ TEST(LavaPit, TheGoalEndsTheRunWithSuccess) {
 }
 
 TEST(LavaPit, ARunLeapDoesNotCrossTheNarrowestGap) {
-  // Forward and sideways at once, a jump at the edge, every approach angle; the shared platforms are 240
-  // apart.
+  // Forward and sideways at once, a jump at the edge, every approach angle; the shared platforms are
+  // 240 apart.
   PlayedScenario stage("lava_pit", {.parameters = {{"first_gap", "240"}, {"platforms", "3"}}});
   stage.run(4);
   const Rectangle near = outline(stage, pit::kPlatformTag), far = outline(stage, pit::kPlatformTag + 1);

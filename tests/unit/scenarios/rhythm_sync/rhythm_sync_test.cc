@@ -1,5 +1,5 @@
-// Rhythm Sync: switches, windows and doors on the default map, measurements, rewards, endings, the scripted
-// pair.
+// Rhythm Sync: switches, windows and doors on the default map, measurements, rewards, endings, the
+// scripted pair.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -13,8 +13,8 @@ RewardTerm term(const std::string& kind, double weight, double cap = 0.0) {
   return result;
 }
 
-/// The rewards that one agent gets for a variable that starts at the first value and takes the others one by
-/// one.
+/// The rewards that one agent gets for a variable that starts at the first value and takes the others one
+/// by one.
 std::vector<float> rewards_of(const RewardTerm& reward_term, const std::vector<double>& values) {
   RewardTracker tracker({reward_term}, 1);
   tracker.reset(std::span(values).first(1));

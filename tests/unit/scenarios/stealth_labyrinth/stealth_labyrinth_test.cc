@@ -1,5 +1,5 @@
-// Stealth Labyrinth: the map's numbers, the script's rules on the default map, rewards, endings, the scripted
-// team.
+// Stealth Labyrinth: the map's numbers, the script's rules on the default map, rewards, endings, the
+// scripted team.
 #include <gtest/gtest.h>
 
 #include <map>

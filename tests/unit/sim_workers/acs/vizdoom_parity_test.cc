@@ -181,8 +181,8 @@ TEST(VizdoomParity, Arithmetic) {
       for (const int32_t b : kNumbers) {
         const bool divides = operation == PCode::kDivide || operation == PCode::kModulus;
         if (divides && (b == 0 || (a == INT32_MIN && b == -1))) continue;
-        // How far a shift of more than 31 goes is the processor's; angles are compared where they are well
-        // defined.
+        // How far a shift of more than 31 goes is the processor's; angles are compared where they are
+        // well defined.
         if ((operation == PCode::kLeftShift || operation == PCode::kRightShift) && (b < 0 || b > 31))
           continue;
         if (operation == PCode::kVectorAngle &&

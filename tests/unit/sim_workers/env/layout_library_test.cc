@@ -1,5 +1,5 @@
-// Environments that play a pool: a layout chosen in mid-life is the same game as one that was there from the
-// beginning.
+// Environments that play a pool: a layout chosen in mid-life is the same game as one that was there from
+// the beginning.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>

@@ -1,5 +1,5 @@
-// Bent maps: the loader refuses them or makes a level in which a world can be played. Repeat a failure with
-// COMRAD_FUZZ_SEED=<seed>.
+// Bent maps: the loader refuses them or makes a level in which a world can be played. Repeat a failure
+// with COMRAD_FUZZ_SEED=<seed>.
 #include <gtest/gtest.h>
 
 #include "sim_workers/engine/map/level_loader.h"

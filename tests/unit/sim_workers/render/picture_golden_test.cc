@@ -1,6 +1,6 @@
-// Pictures of a small hall with the installed IWAD, compared with the ones in tests/golden/render. After a
-// deliberate change: COMRAD_REGENERATE_GOLDEN=1 build/tests/picture_golden_test, then look at the new
-// pictures.
+// Pictures of a small hall with the installed IWAD, compared with the ones in tests/golden/render.
+// After a deliberate change: COMRAD_REGENERATE_GOLDEN=1 build/tests/picture_golden_test, then look at
+// the new pictures.
 #include <gtest/gtest.h>
 
 #include <cstdlib>

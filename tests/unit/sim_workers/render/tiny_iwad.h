@@ -73,8 +73,8 @@ inline std::string texture_lump(const std::vector<std::string>& names) {
   return lump;
 }
 
-/// Palette index i is the colour (i, 255 - i, i / 2); COLORMAP row r maps i to i (light shows only in the
-/// row).
+/// Palette index i is the colour (i, 255 - i, i / 2); COLORMAP row r maps i to i (light shows only in
+/// the row).
 inline wad::test::WadBytes tiny_iwad() {
   wad::test::WadBytes wad;
   wad.magic = "IWAD";

@@ -1,5 +1,5 @@
-// Line specials from end to end: a player walks and presses use, a monster walks, a bullet flies, and the map
-// answers.
+// Line specials from end to end: a player walks and presses use, a monster walks, a bullet flies, and the
+// map answers.
 #include <gtest/gtest.h>
 
 #include <string>

@@ -26,8 +26,8 @@ const std::shared_ptr<const ActorCatalog>& catalog() {
   return kCatalog;
 }
 
-/// A hall with pillars, a ledge, a slime pool, a lift, a door, a teleporter, every kind of monster and many
-/// items.
+/// A hall with pillars, a ledge, a slime pool, a lift, a door, a teleporter, every kind of monster and
+/// many items.
 std::shared_ptr<const Level> battlefield() {
   test::LevelBuilder builder;
   const uint32_t hall = builder.sector(0, 256), ledge = builder.sector(20, 256),

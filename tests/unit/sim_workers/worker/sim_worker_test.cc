@@ -111,8 +111,8 @@ struct Host {
   FakePolicy policy;  // last: stops first
 };
 
-/// Replays what an environment did from the actions in its slabs and compares every byte that the simulator
-/// wrote.
+/// Replays what an environment did from the actions in its slabs and compares every byte that the
+/// simulator wrote.
 class Shadow {
  public:
   Shadow(int env, const ToyOptions& options, RewardRules rules) : env_(env), rules_(rules), world_(options) {
