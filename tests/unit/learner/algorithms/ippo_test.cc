@@ -792,15 +792,5 @@ TEST(Ippo, Bf16LossesAgreeWithFp32) {
   }
 }
 
-TEST(MakeAlgorithm, NamesTheKnownOnesForAnUnknownName) {
-  RunConfig config = small_config();
-  const TrajectoryShape shape = small_shape(config);
-  EXPECT_TRUE(make_algorithm(config, shape.env, torch::kCPU));
-  config.run.algo = "reinforce";
-  const auto made = make_algorithm(config, shape.env, torch::kCPU);
-  ASSERT_FALSE(made);
-  EXPECT_NE(made.error().message.find("ippo"), std::string::npos);
-}
-
 }  // namespace
 }  // namespace comrad::learn
