@@ -7,13 +7,13 @@
 #include <nlohmann/json.hpp>
 #include <span>
 
-#include "deploy/config/child_program.h"
-#include "deploy/config/command_line.h"
-#include "deploy/config/commands/command.h"
-#include "deploy/config/merged_settings.h"
-#include "deploy/config/network_description.h"
-#include "deploy/config/temporary_run.h"
+#include "deploy/commands/command.h"
 #include "deploy/launch/supervisor.h"
+#include "deploy/process/child_program.h"
+#include "deploy/settings/command_line.h"
+#include "deploy/settings/merged_settings.h"
+#include "deploy/settings/network_description.h"
+#include "deploy/settings/temporary_run.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/layers.h"

@@ -1,4 +1,4 @@
-#include "deploy/config/commands/command.h"
+#include "deploy/commands/command.h"
 
 #include <cstdio>
 

@@ -8,10 +8,10 @@
 #include <tuple>
 #include <vector>
 
-#include "deploy/config/command_line.h"
-#include "deploy/config/commands/command.h"
-#include "deploy/config/merged_settings.h"
-#include "deploy/config/network_description.h"
+#include "deploy/commands/command.h"
+#include "deploy/settings/command_line.h"
+#include "deploy/settings/merged_settings.h"
+#include "deploy/settings/network_description.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/replay/replay_plan.h"

@@ -3,9 +3,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "deploy/config/command_line.h"
-#include "deploy/config/commands/command.h"
-#include "deploy/config/machine_check.h"
+#include "deploy/commands/command.h"
+#include "deploy/commands/machine_check.h"
+#include "deploy/settings/command_line.h"
 
 namespace comrad::deploy {
 namespace {

@@ -7,15 +7,15 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "deploy/config/command_line.h"
-#include "deploy/config/commands/command.h"
-#include "deploy/config/existing_run.h"
-#include "deploy/config/game_files.h"
-#include "deploy/config/merged_settings.h"
-#include "deploy/config/network_description.h"
-#include "deploy/config/statistics.h"
-#include "deploy/config/temporary_run.h"
+#include "deploy/commands/command.h"
+#include "deploy/commands/statistics.h"
 #include "deploy/launch/supervisor.h"
+#include "deploy/settings/command_line.h"
+#include "deploy/settings/existing_run.h"
+#include "deploy/settings/game_files.h"
+#include "deploy/settings/merged_settings.h"
+#include "deploy/settings/network_description.h"
+#include "deploy/settings/temporary_run.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/layout_list.h"
 #include "rollout_buffer/settings/layers.h"

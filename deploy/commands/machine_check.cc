@@ -1,4 +1,4 @@
-#include "deploy/config/machine_check.h"
+#include "deploy/commands/machine_check.h"
 
 #include <sys/mman.h>
 #include <sys/resource.h>
@@ -11,10 +11,10 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "deploy/config/child_program.h"
-#include "deploy/config/game_files.h"
-#include "deploy/config/merged_settings.h"
-#include "deploy/config/temporary_run.h"
+#include "deploy/process/child_program.h"
+#include "deploy/settings/game_files.h"
+#include "deploy/settings/merged_settings.h"
+#include "deploy/settings/temporary_run.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/files.h"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "deploy/config/commands/command.h"
+#include "deploy/commands/command.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/text.h"

@@ -1,7 +1,7 @@
 // `comrad scenarios`, `comrad doomgen` and `comrad acs`: programs under the names that users look for.
 
-#include "deploy/config/child_program.h"
-#include "deploy/config/commands/command.h"
+#include "deploy/commands/command.h"
+#include "deploy/process/child_program.h"
 
 namespace comrad::deploy {
 namespace {

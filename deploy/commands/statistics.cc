@@ -1,4 +1,4 @@
-#include "deploy/config/statistics.h"
+#include "deploy/commands/statistics.h"
 
 #include <Eigen/Core>
 #include <cmath>

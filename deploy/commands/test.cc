@@ -7,10 +7,10 @@
 #include <fstream>
 #include <iterator>
 
-#include "deploy/config/child_program.h"
-#include "deploy/config/commands/command.h"
-#include "deploy/config/merged_settings.h"
-#include "deploy/config/test_report.h"
+#include "deploy/commands/command.h"
+#include "deploy/commands/test_report.h"
+#include "deploy/process/child_program.h"
+#include "deploy/settings/merged_settings.h"
 #include "rollout_buffer/core/cores.h"
 
 namespace comrad::deploy {

@@ -1,4 +1,4 @@
-#include "deploy/config/test_report.h"
+#include "deploy/commands/test_report.h"
 
 #include <algorithm>
 

@@ -8,15 +8,15 @@
 #include <ctime>
 #include <filesystem>
 
-#include "deploy/config/command_line.h"
-#include "deploy/config/commands/command.h"
-#include "deploy/config/existing_run.h"
-#include "deploy/config/game_files.h"
-#include "deploy/config/merged_settings.h"
-#include "deploy/config/network_description.h"
+#include "deploy/commands/command.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/supervisor.h"
+#include "deploy/settings/command_line.h"
+#include "deploy/settings/existing_run.h"
+#include "deploy/settings/game_files.h"
+#include "deploy/settings/merged_settings.h"
+#include "deploy/settings/network_description.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/layers.h"

@@ -10,10 +10,10 @@
 #include <utility>
 #include <vector>
 
-#include "deploy/launch/child_process.h"
 #include "deploy/launch/launch_plan.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/restart_policy.h"
+#include "deploy/process/child_process.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/arena_socket.h"

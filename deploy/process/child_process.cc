@@ -1,4 +1,4 @@
-#include "deploy/launch/child_process.h"
+#include "deploy/process/child_process.h"
 
 #include <fcntl.h>
 #include <signal.h>
@@ -9,7 +9,7 @@
 #include <cstring>
 #include <string_view>
 
-#include "deploy/launch/process_start.h"
+#include "deploy/process/process_start.h"
 #include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {

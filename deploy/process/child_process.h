@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "deploy/launch/process_start.h"
+#include "deploy/process/process_start.h"
 #include "rollout_buffer/core/expected.h"
 
 namespace comrad::deploy {

@@ -1,4 +1,4 @@
-#include "deploy/config/child_program.h"
+#include "deploy/process/child_program.h"
 
 #include <poll.h>
 #include <sys/signalfd.h>
@@ -10,7 +10,7 @@
 #include <filesystem>
 #include <thread>
 
-#include "deploy/launch/process_start.h"
+#include "deploy/process/process_start.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
 

@@ -1,4 +1,4 @@
-#include "deploy/launch/process_start.h"
+#include "deploy/process/process_start.h"
 
 #include <fcntl.h>
 #include <sched.h>

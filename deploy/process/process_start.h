@@ -1,5 +1,5 @@
 // How this program starts another one: fork and exec in one place, for the workers of a run (child_process.h) and for
-// the programs that a command asks (deploy/config/child_program.h).
+// the programs that a command asks (deploy/process/child_program.h).
 #pragma once
 
 #include <sys/types.h>

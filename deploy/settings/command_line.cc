@@ -1,4 +1,4 @@
-#include "deploy/config/command_line.h"
+#include "deploy/settings/command_line.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "deploy/config/game_files.h"
+#include "deploy/settings/game_files.h"
 
 #include <charconv>
 #include <cstdint>
@@ -8,7 +8,7 @@
 #include <fstream>
 #include <optional>
 
-#include "deploy/config/child_program.h"
+#include "deploy/process/child_program.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/layout_list.h"
 

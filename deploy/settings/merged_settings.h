@@ -12,7 +12,7 @@
 #include <optional>
 #include <string>
 
-#include "deploy/config/scenario_description.h"
+#include "deploy/settings/scenario_description.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/resolve.h"

@@ -1,4 +1,4 @@
-#include "deploy/config/network_description.h"
+#include "deploy/settings/network_description.h"
 
 #include <unistd.h>
 
@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "deploy/config/child_program.h"
+#include "deploy/process/child_program.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/settings/layers.h"
 

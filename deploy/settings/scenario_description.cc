@@ -1,9 +1,9 @@
-#include "deploy/config/scenario_description.h"
+#include "deploy/settings/scenario_description.h"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "deploy/config/child_program.h"
+#include "deploy/process/child_program.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {

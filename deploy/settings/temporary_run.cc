@@ -1,11 +1,11 @@
-#include "deploy/config/temporary_run.h"
+#include "deploy/settings/temporary_run.h"
 
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <utility>
 
-#include "deploy/config/game_files.h"
+#include "deploy/settings/game_files.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/settings/layers.h"
 

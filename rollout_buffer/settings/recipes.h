@@ -4,7 +4,7 @@
 //   built-in < algorithm < preset (its rows for the algorithm, then --qplex_preset, then the scenario's rows)
 //            < TOML file < command line
 //
-// Stage: before a run; the launcher merges them (deploy/config/merged_settings).
+// Stage: before a run; the launcher merges them (deploy/settings/merged_settings).
 #pragma once
 
 #include <span>

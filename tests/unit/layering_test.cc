@@ -68,7 +68,7 @@ const std::vector<Library>& libraries() {
       {"OpenCV", "libopencv-imgproc-dev", {"opencv2/"}, {"sim_workers/env/"}},
       {"libpng", "libpng-dev", {"png.h"}, {"sim_workers/engine/render/"}},
       {"libtorch", "libtorch-dev", {"torch/", "ATen/", "c10/", "caffe2/"}, {"policy_workers/", "learner/"}},
-      {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/config/"}},
+      {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/commands/"}},
       {"toml++",
        "libtomlplusplus-dev",
        {"toml++/"},

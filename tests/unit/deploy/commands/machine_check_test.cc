@@ -1,4 +1,4 @@
-#include "deploy/config/machine_check.h"
+#include "deploy/commands/machine_check.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "deploy/launch/child_process.h"
+#include "deploy/process/child_process.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>

@@ -1,4 +1,4 @@
-#include "deploy/config/child_program.h"
+#include "deploy/process/child_program.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

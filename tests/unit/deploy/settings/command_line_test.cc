@@ -1,4 +1,4 @@
-#include "deploy/config/command_line.h"
+#include "deploy/settings/command_line.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

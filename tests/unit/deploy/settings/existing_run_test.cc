@@ -1,4 +1,4 @@
-#include "deploy/config/existing_run.h"
+#include "deploy/settings/existing_run.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "deploy/config/game_files.h"
+#include "deploy/settings/game_files.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

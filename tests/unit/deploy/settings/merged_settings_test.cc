@@ -1,4 +1,4 @@
-#include "deploy/config/merged_settings.h"
+#include "deploy/settings/merged_settings.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

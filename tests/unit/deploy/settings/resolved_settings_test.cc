@@ -11,7 +11,7 @@
 #include <set>
 #include <sstream>
 
-#include "deploy/config/merged_settings.h"
+#include "deploy/settings/merged_settings.h"
 #include "rollout_buffer/settings/algorithms.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/run_config.h"

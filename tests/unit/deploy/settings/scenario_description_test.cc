@@ -1,4 +1,4 @@
-#include "deploy/config/scenario_description.h"
+#include "deploy/settings/scenario_description.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
