@@ -88,7 +88,7 @@ Status WorkerShell::do_job(const WorkerJobs& jobs) const {
 }
 
 int WorkerShell::fail(const std::string& message, int code) const {
-  if (has_log_)
+  if (has_log_ && is_in_a_run())
     spdlog::error("{}", message);  // init_log sends errors to standard error as well
   else
     std::fprintf(stderr, "%s: %s\n", program_.name.c_str(), message.c_str());

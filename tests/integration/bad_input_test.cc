@@ -50,6 +50,10 @@ TEST(BadInput, AWrongValueNamesTheSettingAndItsRange) {
   const Ending range = refused(scratch, {"--rnn_type", "transformer"});
   EXPECT_EQ(range.exit_code, kExitBadInput);
   EXPECT_THAT(range.err, AllOf(HasSubstr("rnn_type"), HasSubstr("gru"), HasSubstr("lstm")));
+  const Ending encoder = refused(scratch, {"--encoder_conv_architecture", "vit"});
+  EXPECT_EQ(encoder.exit_code, kExitBadInput);
+  EXPECT_THAT(encoder.err,
+              HasSubstr("error: encoder_conv_architecture is vit; it must be one of convnet_simple"));
 }
 
 TEST(BadInput, AnUnknownScenarioOrAlgorithmNamesTheKnownOnes) {
