@@ -5,7 +5,7 @@
 #include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <span>
+#include <utility>
 
 #include "deploy/commands/command.h"
 #include "deploy/launch/supervisor.h"
@@ -48,10 +48,7 @@ std::vector<std::string> worker_command(const std::string& bench, const MergedSe
   std::vector<std::string> command = {sibling_program(program), "--run_dir", run_dir, "--bench",
                                       std::to_string(seconds)};
   if (bench == "sim") return command;
-  const EnvShape& env = merged.scenario.env;
-  const std::string heads = joined(std::span(env.head_sizes).first(static_cast<size_t>(env.head_count)), ",");
-  command.insert(command.end(), {"--num_agents", std::to_string(env.num_agents), "--heads", heads,
-                                 "--measurements", std::to_string(env.measurement_count)});
+  for (std::string& word : shape_flags(merged.scenario.env)) command.push_back(std::move(word));
   return command;
 }
 

@@ -42,9 +42,8 @@ std::optional<Expected<replay::ReplayPlan>> chosen_replay(const MergedSettings& 
 ordered_json to_json(const MergedSettings& merged) {
   ordered_json settings = ordered_json::object();
   for (const SettingRow& row : setting_rows()) {
-    const bool is_text = row.kind == SettingKind::kText || row.kind == SettingKind::kWord;
     const std::string text = row.text(merged.config), name(row.name);
-    settings[name] = {{"value", is_text ? ordered_json(text) : ordered_json::parse(text)},
+    settings[name] = {{"value", row.is_text() ? ordered_json(text) : ordered_json::parse(text)},
                       {"from", merged.from.at(name)}};
   }
   ordered_json document = {{"settings", settings}};

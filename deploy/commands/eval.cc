@@ -186,12 +186,14 @@ Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
   LaunchPlan plan;
   plan.config = merged.config;
   plan.env = merged.scenario.env;
-  COMRAD_TRY_ASSIGN(plan.network, describe_network(merged.config, plan.env));
   plan.decision_limit = merged.scenario.decision_limit;
   plan.run_dir = run.path();
   plan.policy = evaluation.policy == "oracle"   ? PolicySource::kOracle
                 : evaluation.policy == "random" ? PolicySource::kRandom
                                                 : PolicySource::kCheckpoint;
+  if (plan.has_learner()) {
+    COMRAD_TRY_ASSIGN(plan.network, describe_network(merged.config, plan.env));
+  }
   plan.checkpoint = evaluation.checkpoint;
   plan.greedy = evaluation.greedy;
   plan.episodes = static_cast<uint64_t>(episodes);

@@ -25,7 +25,7 @@ enum class PolicySource {
 struct LaunchPlan {
   RunConfig config;
   EnvShape env;                ///< from `comrad-scenarios describe`
-  NetworkSize network;         ///< from `comrad-policy-worker --describe`
+  NetworkSize network;         ///< from `comrad-policy-worker --describe`; nothing without a learner
   int64_t decision_limit = 0;  ///< of the scenario; sizes journals in deterministic mode
   std::string run_dir;
   PolicySource policy = PolicySource::kTraining;

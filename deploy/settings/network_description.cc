@@ -1,15 +1,15 @@
 #include "deploy/settings/network_description.h"
 
-#include <unistd.h>
-
-#include <cstdlib>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <vector>
+#include <span>
+#include <utility>
 
 #include "deploy/process/child_program.h"
+#include "deploy/settings/temporary_run.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/layers.h"
 
 namespace comrad::deploy {
@@ -33,36 +33,25 @@ Expected<NetworkSize> parse_network_size(std::string_view text) {
   return NetworkSize{*weights_bytes, static_cast<int32_t>(*state_count)};
 }
 
-namespace {
+std::vector<std::string> shape_flags(const EnvShape& env) {
+  const std::string heads = joined(std::span(env.head_sizes).first(static_cast<size_t>(env.head_count)), ",");
+  return {"--num_agents",   std::to_string(env.num_agents),       "--heads", heads,
+          "--measurements", std::to_string(env.measurement_count)};
+}
 
-/// Writes the settings into `folder` and lets the network read them there.
-Expected<NetworkSize> ask(const RunConfig& config, const EnvShape& env, const std::string& folder) {
-  COMRAD_TRY(write_file_atomically(folder + "/config.toml", settings_to_toml(config), /*durable=*/false));
-  std::string heads;
-  for (int32_t head = 0; head < env.head_count; ++head)
-    heads += (head > 0 ? "," : "") + std::to_string(env.head_sizes[static_cast<size_t>(head)]);
-  COMRAD_TRY_ASSIGN(const ProgramResult described,
-                    run_program({sibling_program("comrad-policy-worker"), "--run_dir", folder, "--describe",
-                                 "--num_agents", std::to_string(env.num_agents), "--heads", heads,
-                                 "--measurements", std::to_string(env.measurement_count)}));
+Expected<NetworkSize> describe_network(const RunConfig& config, const EnvShape& env) {
+  COMRAD_TRY_ASSIGN(const TemporaryFolder folder, TemporaryFolder::create());
+  COMRAD_TRY(
+      write_file_atomically(folder.path() + "/config.toml", settings_to_toml(config), /*durable=*/false));
+  std::vector<std::string> command = {sibling_program("comrad-policy-worker"), "--run_dir", folder.path(),
+                                      "--describe"};
+  for (std::string& word : shape_flags(env)) command.push_back(std::move(word));
+  COMRAD_TRY_ASSIGN(const ProgramResult described, run_program(command));
   if (described.exit_code != 0) {
     const std::string reason = last_words(described);
     return Error{ErrorCode::kBadInput, reason.empty() ? "comrad-policy-worker --describe failed" : reason};
   }
   return parse_network_size(described.output);
-}
-
-}  // namespace
-
-Expected<NetworkSize> describe_network(const RunConfig& config, const EnvShape& env) {
-  const char* parent = std::getenv("TMPDIR");
-  std::string folder = std::string(parent != nullptr && *parent != '\0' ? parent : "/tmp") + "/comrad-XXXXXX";
-  if (mkdtemp(folder.data()) == nullptr)
-    return system_error("cannot make " + folder + " (TMPDIR names another place)");
-  Expected<NetworkSize> size = ask(config, env, folder);
-  unlink((folder + "/config.toml").c_str());
-  rmdir(folder.c_str());
-  return size;
 }
 
 }  // namespace comrad::deploy

@@ -296,8 +296,7 @@ std::string setting_text(const RunConfig& config, std::string_view name) {
 
 std::string setting_toml(const RunConfig& config, const SettingRow& row) {
   const std::string text = row.text(config);
-  const bool is_text = row.kind == SettingKind::kText || row.kind == SettingKind::kWord;
-  return is_text ? quoted(text) : text;
+  return row.is_text() ? quoted(text) : text;
 }
 
 Status set(RunConfig& config, const std::string& origin, std::string_view key, std::string_view text) {

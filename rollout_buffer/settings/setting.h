@@ -84,6 +84,8 @@ struct SettingRow {
   bool (*holds)(const RunConfig&, const Limits&);     ///< the value is within its limits
 
   bool has_name(std::string_view key) const;
+  /// Its values are text, which TOML and JSON quote.
+  bool is_text() const { return kind == SettingKind::kText || kind == SettingKind::kWord; }
   /// What the value must be, for messages: "a whole number", "one of gru, lstm".
   std::string must_be() const;
 };
