@@ -29,20 +29,15 @@ std::optional<double> ratio(const std::string& quota, const std::string& period)
   return quota_us / period_us;
 }
 
-/// The quota of one folder of control groups.
-std::optional<double> cores_of(const std::string& folder, bool is_version_2) {
-  if (is_version_2) {
-    const std::vector<std::string> words = words_in(folder + "/cpu.max");
+/// The quota of one control group.
+std::optional<double> cores_of(const ControlGroup& group) {
+  if (group.is_version_2) {
+    const std::vector<std::string> words = words_in(group.folder + "/cpu.max");
     return words.size() == 2 ? ratio(words[0], words[1]) : std::nullopt;
   }
-  const std::vector<std::string> quota = words_in(folder + "/cpu.cfs_quota_us");
-  const std::vector<std::string> period = words_in(folder + "/cpu.cfs_period_us");
+  const std::vector<std::string> quota = words_in(group.folder + "/cpu.cfs_quota_us");
+  const std::vector<std::string> period = words_in(group.folder + "/cpu.cfs_period_us");
   return quota.size() == 1 && period.size() == 1 ? ratio(quota[0], period[0]) : std::nullopt;
-}
-
-/// Whether the comma-separated `list` has `name`.
-bool has(const std::string& list, const std::string& name) {
-  return ("," + list + ",").find("," + name + ",") != std::string::npos;
 }
 
 }  // namespace
@@ -58,34 +53,18 @@ std::vector<int> allowed_cpus() {
   return cpus;
 }
 
-std::optional<double> control_group_cores(const std::string& proc_cgroup, const std::string& root) {
+std::optional<double> control_group_cores(const std::vector<ControlGroup>& groups) {
   std::optional<double> tightest;
-  std::istringstream lines(proc_cgroup);
-  for (std::string line; std::getline(lines, line);) {  // "hierarchy:controllers:path"
-    const std::size_t first = line.find(':'), second = line.find(':', first + 1);
-    if (first == std::string::npos || second == std::string::npos) continue;
-    const std::string controllers = line.substr(first + 1, second - first - 1);
-    const bool is_version_2 = controllers.empty();
-    if (!is_version_2 && !has(controllers, "cpu")) continue;
-    // Inside a container the path may be one of the host's, which is not there: then the mount itself is the group.
-    std::string path = line.substr(second + 1);
-    for (;;) {
-      while (!path.empty() && path.back() == '/') path.pop_back();
-      const auto cores = cores_of(root + (is_version_2 ? "" : "/cpu") + path, is_version_2);
-      if (cores && (!tightest || *cores < *tightest)) tightest = cores;
-      if (path.empty()) break;
-      path.erase(path.rfind('/') == std::string::npos ? 0 : path.rfind('/'));
-    }
+  for (const ControlGroup& group : groups) {
+    const std::optional<double> cores = cores_of(group);
+    if (cores && (!tightest || *cores < *tightest)) tightest = cores;
   }
   return tightest;
 }
 
 int usable_cores() {
   const int masked = static_cast<int>(allowed_cpus().size());
-  std::ifstream file("/proc/self/cgroup");
-  std::stringstream groups;
-  groups << file.rdbuf();
-  const std::optional<double> quota = control_group_cores(groups.str(), "/sys/fs/cgroup");
+  const std::optional<double> quota = control_group_cores(own_control_groups("cpu"));
   return quota ? std::min(masked, std::max(1, static_cast<int>(std::ceil(*quota)))) : masked;
 }
 

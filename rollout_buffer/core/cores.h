@@ -2,8 +2,9 @@
 #pragma once
 
 #include <optional>
-#include <string>
 #include <vector>
+
+#include "rollout_buffer/core/control_group.h"
 
 namespace comrad {
 
@@ -14,9 +15,8 @@ std::vector<int> allowed_cpus();
 /// allow where that is less (rounded up, at least 1).
 int usable_cores();
 
-/// The tightest quota in cores of the control group that `proc_cgroup` (the text of /proc/self/cgroup) names, and of those
-/// above it; nothing where none is set. `root` is where control groups are mounted: "/sys/fs/cgroup" outside of tests.
-/// Version 2 reads cpu.max, version 1 cpu.cfs_quota_us and cpu.cfs_period_us.
-std::optional<double> control_group_cores(const std::string& proc_cgroup, const std::string& root);
+/// The tightest quota among control groups of the controller "cpu", in cores; nothing where none is set. Version 2 reads
+/// cpu.max, version 1 cpu.cfs_quota_us and cpu.cfs_period_us.
+std::optional<double> control_group_cores(const std::vector<ControlGroup>& groups);
 
 }  // namespace comrad

@@ -12,6 +12,7 @@
 #include <sstream>
 #include <vector>
 
+#include "rollout_buffer/core/control_group.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 
@@ -53,24 +54,11 @@ int64_t group_room(const std::string& folder, const char* limit_name, const char
 /// The tightest limit among this process's memory control group and its parents, version 1 and 2.
 int64_t control_group_room() {
   int64_t room = kUnlimited;
-  std::ifstream groups("/proc/self/cgroup");
-  std::string line;
-  while (std::getline(groups, line)) {
-    const std::size_t first = line.find(':'), second = line.find(':', first + 1);
-    if (second == std::string::npos) continue;
-    const std::string controllers = line.substr(first + 1, second - first - 1);
-    const bool is_version_2 = controllers.empty();
-    if (!is_version_2 && ("," + controllers + ",").find(",memory,") == std::string::npos) continue;
-    const std::string root = is_version_2 ? "/sys/fs/cgroup" : "/sys/fs/cgroup/memory";
-    for (std::string path = line.substr(second + 1);; path.resize(path.rfind('/'))) {
-      if (path == "/") path.clear();
-      room = std::min(room, is_version_2
-                                ? group_room(root + path, "memory.max", "memory.current", "inactive_file")
-                                : group_room(root + path, "memory.limit_in_bytes", "memory.usage_in_bytes",
-                                             "total_inactive_file"));
-      if (path.empty() || path.rfind('/') == std::string::npos) break;
-    }
-  }
+  for (const ControlGroup& group : own_control_groups("memory"))
+    room = std::min(room, group.is_version_2
+                              ? group_room(group.folder, "memory.max", "memory.current", "inactive_file")
+                              : group_room(group.folder, "memory.limit_in_bytes", "memory.usage_in_bytes",
+                                           "total_inactive_file"));
   return room;
 }
 

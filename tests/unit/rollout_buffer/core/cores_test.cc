@@ -10,6 +10,10 @@
 namespace comrad {
 namespace {
 
+std::optional<double> quota_of(const std::string& proc_cgroup, const std::string& root) {
+  return control_group_cores(control_groups("cpu", proc_cgroup, root));
+}
+
 TEST(AllowedCpus, AreThoseOfTheMask) {
   std::thread([] {
     const std::vector<int> before = allowed_cpus();
@@ -28,14 +32,14 @@ TEST(ControlGroupCores, TakesTheTightestQuotaOfVersion2OnTheWayUp) {
   root.write("cpu.max", std::string_view("max 100000\n"));
   root.write("a/cpu.max", std::string_view("250000 100000\n"));
   root.write("a/b/cpu.max", std::string_view("400000 100000\n"));
-  EXPECT_EQ(control_group_cores("0::/a/b\n", root.string()), 2.5);
-  EXPECT_EQ(control_group_cores("0::/\n", root.string()), std::nullopt);
+  EXPECT_EQ(quota_of("0::/a/b\n", root.string()), 2.5);
+  EXPECT_EQ(quota_of("0::/\n", root.string()), std::nullopt);
 }
 
 TEST(ControlGroupCores, InAContainerTheMountItselfIsTheGroup) {
   const test::ScratchFolder root;
   root.write("cpu.max", std::string_view("50000 100000\n"));
-  EXPECT_EQ(control_group_cores("0::/kubepods/pod17/4a5b\n", root.string()), 0.5);
+  EXPECT_EQ(quota_of("0::/kubepods/pod17/4a5b\n", root.string()), 0.5);
 }
 
 TEST(ControlGroupCores, ReadsTheCpuHierarchyOfVersion1) {
@@ -44,15 +48,15 @@ TEST(ControlGroupCores, ReadsTheCpuHierarchyOfVersion1) {
   root.write("cpu/job/cpu.cfs_period_us", std::string_view("50000\n"));
   root.write("cpu/cpu.cfs_quota_us", std::string_view("-1\n"));
   root.write("cpu/cpu.cfs_period_us", std::string_view("100000\n"));
-  EXPECT_EQ(control_group_cores("4:cpu,cpuacct:/job\n3:cpuset:/other\n", root.string()), 3.0);
-  EXPECT_EQ(control_group_cores("3:cpuset:/job\n", root.string()), std::nullopt);
+  EXPECT_EQ(quota_of("4:cpu,cpuacct:/job\n3:cpuset:/other\n", root.string()), 3.0);
+  EXPECT_EQ(quota_of("3:cpuset:/job\n", root.string()), std::nullopt);
 }
 
 TEST(ControlGroupCores, WhatCannotBeReadIsNoLimit) {
   const test::ScratchFolder root;
   root.write("cpu.max", std::string_view("nonsense"));
   for (const char* text : {"", "\n", "0", "0:", "0::", "0::/..", "4:cpu:"})
-    EXPECT_EQ(control_group_cores(text, root.string()), std::nullopt) << text;
+    EXPECT_EQ(quota_of(text, root.string()), std::nullopt) << text;
 }
 
 }  // namespace
