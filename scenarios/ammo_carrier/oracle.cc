@@ -151,6 +151,8 @@ class Carriers final : public Oracle {
 
 }  // namespace
 
-std::unique_ptr<Oracle> make_ammo_carrier_oracle(const DoomGame&) { return std::make_unique<Carriers>(); }
+Expected<std::unique_ptr<Oracle>> make_ammo_carrier_oracle(const DoomGame&) {
+  return std::unique_ptr<Oracle>(std::make_unique<Carriers>());
+}
 
 }  // namespace comrad::sim

@@ -170,6 +170,8 @@ class Defenders final : public Oracle {
 
 }  // namespace
 
-std::unique_ptr<Oracle> make_armory_siege_oracle(const DoomGame&) { return std::make_unique<Defenders>(); }
+Expected<std::unique_ptr<Oracle>> make_armory_siege_oracle(const DoomGame&) {
+  return std::unique_ptr<Oracle>(std::make_unique<Defenders>());
+}
 
 }  // namespace comrad::sim

@@ -268,8 +268,8 @@ class Forager final : public Oracle {
 
 }  // namespace
 
-std::unique_ptr<Oracle> make_coop_health_gathering_oracle(const DoomGame& game) {
-  return std::make_unique<Forager>(game);
+Expected<std::unique_ptr<Oracle>> make_coop_health_gathering_oracle(const DoomGame& game) {
+  return std::unique_ptr<Oracle>(std::make_unique<Forager>(game));
 }
 
 }  // namespace comrad::sim

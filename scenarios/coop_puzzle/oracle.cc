@@ -120,8 +120,8 @@ class Lanes final : public Oracle {
 
 }  // namespace
 
-std::unique_ptr<Oracle> make_coop_puzzle_oracle(const DoomGame& game) {
-  return std::make_unique<Lanes>(game);
+Expected<std::unique_ptr<Oracle>> make_coop_puzzle_oracle(const DoomGame& game) {
+  return std::unique_ptr<Oracle>(std::make_unique<Lanes>(game));
 }
 
 }  // namespace comrad::sim

@@ -6,6 +6,8 @@ namespace comrad::sim {
 std::unique_ptr<Oracle> make_hunters(const DoomGame& game,
                                      bool together);  // scenarios/smart_enemies/oracle.cc
 
-std::unique_ptr<Oracle> make_dumb_enemies_oracle(const DoomGame& game) { return make_hunters(game, true); }
+Expected<std::unique_ptr<Oracle>> make_dumb_enemies_oracle(const DoomGame& game) {
+  return make_hunters(game, true);
+}
 
 }  // namespace comrad::sim

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "sim_workers/oracle/navigator.h"
@@ -12,8 +13,6 @@
 namespace comrad::sim {
 namespace {
 
-constexpr int kRateVariable = 1, kFirstCleanupVariable = 8;
-constexpr int kLyingVariable = 24;
 // Rates from which on one, two (of more than two) and three (of four, where little lies about) clean, and
 // until when.
 constexpr int kTiredRate = 62, kSpentRate = 45, kBareRate = 35, kFreshRate = 92;
@@ -26,10 +25,17 @@ constexpr double kTurn = 80;     // units that a turn costs
 constexpr double kThrough = 64;  // units
 constexpr double kStepOut = 40;  // from the station's edge, to be let clean again
 
+/// The exports that are read, by their numbers.
+struct Exports {
+  int spawn_rate = 0, bonuses_lying = 0;
+  std::vector<int> cleanups;  // [agent]
+};
+
 class Foragers final : public Oracle {
  public:
-  explicit Foragers(const DoomGame& game)
-      : navigator_({.cell_units = 24}),
+  Foragers(const DoomGame& game, Exports exports)
+      : exports_(std::move(exports)),
+        navigator_({.cell_units = 24}),
         field_(static_cast<double>(game.layout.parameter("field", 1600))),
         station_(static_cast<double>(game.layout.parameter("station", 384))),
         distance_(std::max(static_cast<double>(game.layout.parameter("distance", 1200)),
@@ -63,7 +69,7 @@ class Foragers final : public Oracle {
   };
 
   void choose_cleaners(const doom::World& world) {
-    const int rate = world.exported(kRateVariable), team = world.player_count();
+    const int rate = world.exported(exports_.spawn_rate), team = world.player_count();
     int cleaning = 0;
     for (int agent = 0; agent < team; ++agent) {
       Cleaner& one = cleaners_[static_cast<std::size_t>(agent)];
@@ -74,7 +80,7 @@ class Foragers final : public Oracle {
     int wanted = 0;
     if (rate <= kTiredRate) ++wanted;
     if (team > 2 && rate <= kSpentRate) ++wanted;
-    if (team > 3 && rate <= kBareRate && world.exported(kLyingVariable) < kLittle) ++wanted;
+    if (team > 3 && rate <= kBareRate && world.exported(exports_.bonuses_lying) < kLittle) ++wanted;
     for (; cleaning < wanted; ++cleaning) {
       int best = -1;
       for (int agent = 0; agent < team; ++agent)
@@ -82,7 +88,8 @@ class Foragers final : public Oracle {
             (best < 0 || world.player(agent).health > world.player(best).health))
           best = agent;
       if (best < 0 || world.player(best).health <= kHungry) return;
-      cleaners_[static_cast<std::size_t>(best)] = {true, world.exported(kFirstCleanupVariable + best), false};
+      cleaners_[static_cast<std::size_t>(best)] = {
+          true, world.exported(exports_.cleanups[static_cast<std::size_t>(best)]), false};
     }
   }
 
@@ -91,7 +98,8 @@ class Foragers final : public Oracle {
   Place cleaning_place(const doom::World& world, int agent) {
     Cleaner& one = cleaners_[static_cast<std::size_t>(agent)];
     const double top = -distance_ + station_ / 2, y = place_of(world.body(agent)).y;
-    if (const int done = world.exported(kFirstCleanupVariable + agent); done != one.cleanups)
+    if (const int done = world.exported(exports_.cleanups[static_cast<std::size_t>(agent)]);
+        done != one.cleanups)
       one.cleanups = done, one.leaves = true;
     if (one.leaves && y > top + 4) one.leaves = false;
     const double x = world.player_count() == 2 ? 0 : agent % 2 == 0 ? -24 : 24;
@@ -136,6 +144,7 @@ class Foragers final : public Oracle {
     return navigator_.is_open(beyond) ? beyond : best;
   }
 
+  Exports exports_;
   Navigator navigator_;
   double field_, station_, distance_;
   std::optional<uint32_t> bonus_;
@@ -145,8 +154,13 @@ class Foragers final : public Oracle {
 
 }  // namespace
 
-std::unique_ptr<Oracle> make_foraging_commons_oracle(const DoomGame& game) {
-  return std::make_unique<Foragers>(game);
+Expected<std::unique_ptr<Oracle>> make_foraging_commons_oracle(const DoomGame& game) {
+  Exports exports;
+  COMRAD_TRY_ASSIGN(exports.spawn_rate, game.spec.user_number("spawn_rate"));
+  COMRAD_TRY_ASSIGN(exports.bonuses_lying, game.spec.user_number("bonuses_lying"));
+  COMRAD_TRY_ASSIGN(exports.cleanups,
+                    game.spec.user_numbers({"cleanups_1", "cleanups_2", "cleanups_3", "cleanups_4"}));
+  return std::unique_ptr<Oracle>(std::make_unique<Foragers>(game, std::move(exports)));
 }
 
 }  // namespace comrad::sim

@@ -12,7 +12,6 @@ namespace comrad::sim {
 namespace {
 
 namespace pit = scenarios::lava_pit;
-constexpr int kJointBest = 11, kGoal = 17;
 constexpr double kBodyRadius = 16;
 constexpr double kTolerance = 18;  // the push of a single decision moves a body by 33 units
 
@@ -30,6 +29,9 @@ struct Rectangle {
 
 class Crossers final : public Oracle {
  public:
+  /// The numbers of two exports.
+  Crossers(int goal, int joint_best) : goal_(goal), joint_best_(joint_best) {}
+
   void reset(const doom::World& world) override {
     const doom::Level& level = world.level();
     sector_of_tag_.clear();
@@ -46,7 +48,7 @@ class Crossers final : public Oracle {
   }
 
   void press(const doom::World& world, std::span<doom::Buttons> buttons) override {
-    const int count = world.exported(kGoal), joint = world.exported(kJointBest);
+    const int count = world.exported(goal_), joint = world.exported(joint_best_);
     if (count < 2 || joint >= count) return;
     const int bridge = joint - 1;
     const Rectangle near = platform(bridge), far = platform(bridge + 1);
@@ -208,12 +210,17 @@ class Crossers final : public Oracle {
 
   std::map<int32_t, std::size_t> sector_of_tag_;
   std::vector<Rectangle> outline_;  // [sector]
+  int goal_, joint_best_;           // numbers of the exports
   int holder_ = -1, stage_ = -1;
   bool following_ = false;  // the red plate is held: the holder goes
 };
 
 }  // namespace
 
-std::unique_ptr<Oracle> make_lava_pit_oracle(const DoomGame&) { return std::make_unique<Crossers>(); }
+Expected<std::unique_ptr<Oracle>> make_lava_pit_oracle(const DoomGame& game) {
+  COMRAD_TRY_ASSIGN(const int goal, game.spec.user_number("goal"));
+  COMRAD_TRY_ASSIGN(const int joint_best, game.spec.user_number("joint_best"));
+  return std::unique_ptr<Oracle>(std::make_unique<Crossers>(goal, joint_best));
+}
 
 }  // namespace comrad::sim

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "sim_workers/oracle/oracle.h"
@@ -14,7 +15,7 @@ namespace comrad::sim {
 namespace {
 
 constexpr int kTallColumn = 30, kShortColumn = 31;  // editor numbers
-constexpr int kFirstPlatformTag = 8000, kFirstCheckpoint = 56, kTicsPerDecision = 4;
+constexpr int kFirstPlatformTag = 8000, kTicsPerDecision = 4;
 constexpr double kHalf = 56, kBody = 16;
 // Along the way (s) and across it (l), from the platform's centre.
 constexpr double kStartS = -30, kJumpS = 38, kEdgeS = 66, kLandS = -6;
@@ -40,7 +41,8 @@ enum class Phase { kWait, kRun, kFly };
 
 class Climbers final : public Oracle {
  public:
-  explicit Climbers(const DoomGame& game) {
+  /// `checkpoint` are the numbers of the exports that count each agent's platforms.
+  Climbers(const DoomGame& game, std::vector<int> checkpoint) : checkpoint_(std::move(checkpoint)) {
     const auto levels = static_cast<std::size_t>(game.layout.parameter("levels", 48));
     platforms_.resize(levels);
     for (std::size_t sector = 0; sector < game.level->sectors.size(); ++sector) {
@@ -195,7 +197,7 @@ class Climbers final : public Oracle {
     const double vx = doom::to_double(body.velocity_x), vy = doom::to_double(body.velocity_y);
     const double s = s_of(here, i, i), l = l_of(here, i, i), wanted_l = lane(i);
     const double speed_s = goes_north(i) ? vy : vx * east_sign(i), speed_l = goes_north(i) ? vx : vy;
-    if (world.exported(kFirstCheckpoint + who) < i) {  // stands on it, but not far enough
+    if (world.exported(checkpoint_[static_cast<std::size_t>(who)]) < i) {  // stands on it, but not far enough
       walk_to(body, round_column(i, here, {at(i).centre.x - 30, at(i).centre.y - 30}), {.stop_units = 8},
               keys);
       return;
@@ -340,6 +342,7 @@ class Climbers final : public Oracle {
     return true;
   }
 
+  std::vector<int> checkpoint_;  // [agent]
   std::vector<Platform> platforms_;
   std::vector<Panel> panels_;
   std::array<Phase, 2> phase_{};
@@ -350,8 +353,9 @@ class Climbers final : public Oracle {
 
 }  // namespace
 
-std::unique_ptr<Oracle> make_platform_chain_oracle(const DoomGame& game) {
-  return std::make_unique<Climbers>(game);
+Expected<std::unique_ptr<Oracle>> make_platform_chain_oracle(const DoomGame& game) {
+  COMRAD_TRY_ASSIGN(std::vector<int> checkpoint, game.spec.user_numbers({"checkpoint_1", "checkpoint_2"}));
+  return std::unique_ptr<Oracle>(std::make_unique<Climbers>(game, std::move(checkpoint)));
 }
 
 }  // namespace comrad::sim

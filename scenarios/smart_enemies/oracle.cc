@@ -214,6 +214,8 @@ std::unique_ptr<Oracle> make_hunters(const DoomGame& game, bool together) {
   return std::make_unique<Hunters>(game, together);
 }
 
-std::unique_ptr<Oracle> make_smart_enemies_oracle(const DoomGame& game) { return make_hunters(game, false); }
+Expected<std::unique_ptr<Oracle>> make_smart_enemies_oracle(const DoomGame& game) {
+  return make_hunters(game, false);
+}
 
 }  // namespace comrad::sim

@@ -96,7 +96,7 @@ constexpr NumberedVariable kNumbered[] = {
     {"AMMO", "", VariableKind::kAmmo, 0, 9},
     {"WEAPON", "", VariableKind::kWeapon, 0, 9},
     {"PLAYER", "_FRAGCOUNT", VariableKind::kPlayerFragCount, 1, 16},
-    {"USER", "", VariableKind::kUser, 1, 60},
+    {"USER", "", VariableKind::kUser, 1, kUserVariables},
 };
 
 /// The number between `prefix` and `suffix`, when all between is one without leading zero.

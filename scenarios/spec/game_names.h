@@ -54,6 +54,9 @@ struct Button {
   bool is_delta() const { return kind >= ButtonKind::kLookUpDownDelta; }
 };
 
+constexpr int kUserVariables =
+    60;  ///< USER1..USER60: the global variables of a script that ViZDoom hands out
+
 /// What the game can tell about a player, or (kUser, kPlayerCount, kPlayerFragCount) about the whole world.
 enum class VariableKind : uint8_t {
   kKillCount,

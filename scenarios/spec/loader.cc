@@ -44,6 +44,14 @@ class TableReader {
     }
     check_word(key, value, known, table_.get(key)->source());
   }
+  /// A key whose value is the name of an export (which becomes its USER variable) or one of `known`.
+  void variable(const char* key, std::string& value, const std::vector<ScenarioExport>& exports,
+                std::vector<std::string> known, bool is_required) {
+    for (const ScenarioExport& one : exports) known.push_back(one.name);
+    choice(key, value, known, is_required);
+    for (const ScenarioExport& one : exports)
+      if (value == one.name) value = "USER" + std::to_string(one.user);
+  }
   void words(const char* key, std::vector<std::string>& values, const std::vector<std::string>& known) {
     const toml::node* node = find(key);
     if (node == nullptr) return note_missing(key);
@@ -203,7 +211,51 @@ Status read_heads(const std::string& path, TableReader& root, ScenarioSpec& spec
   return {};
 }
 
-/// A stride leads from one global of a script to the next agent's, and stays within USER1..USER60.
+/// The comment behind a value, without its mark; empty where there is none.
+std::string comment_behind(std::string_view text, const toml::source_region& value) {
+  for (toml::source_index line = 1; line < value.end.line; ++line) text.remove_prefix(text.find('\n') + 1);
+  text = text.substr(0, text.find_first_of("\r\n"));
+  text.remove_prefix(std::min<std::size_t>(text.size(), value.end.column - 1));
+  const std::size_t mark = text.find('#');
+  return mark == std::string_view::npos ? "" : std::string(trimmed(text.substr(mark + 1)));
+}
+
+/// Names that a script can spell and that are none of the game's variables, which are in capitals.
+bool is_export_name(const std::string& name) {
+  const auto is_letter = [](char c) { return c >= 'a' && c <= 'z'; };
+  return !name.empty() && is_letter(name[0]) && name != "return" && name != "survival_tics" &&
+         std::all_of(name.begin(), name.end(),
+                     [&](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; });
+}
+
+/// [exports]: name = number. `text` is the file's, for the comments.
+void read_exports(std::string_view text, TableReader& root, ScenarioSpec& spec) {
+  const toml::table* exports = root.table("exports");
+  if (exports == nullptr) return;
+  for (const auto& [key, node] : *exports) {
+    const std::string name(key.str());
+    const auto number = node.value_exact<int64_t>();
+    if (!is_export_name(name))
+      return root.fail(key.source(), "[exports]: '" + name +
+                                         "' must be small letters, digits and _, a letter first, and neither "
+                                         "'return' nor 'survival_tics'");
+    if (!number || *number < 1 || *number > kUserVariables)
+      return root.fail(node.source(), "[exports]: '" + name + "' must be a whole number in 1.." +
+                                          std::to_string(kUserVariables) +
+                                          ": that of the script's global variable");
+    spec.exports.push_back({name, static_cast<int>(*number), comment_behind(text, node.source()),
+                            static_cast<int>(key.source().begin.line)});
+  }
+  std::ranges::sort(spec.exports, {}, &ScenarioExport::line);
+  for (auto one = spec.exports.begin(); one != spec.exports.end(); ++one)
+    if (const auto first = std::ranges::find(spec.exports.begin(), one, one->user, &ScenarioExport::user);
+        first != one)
+      return root.fail(exports->get(one->name)->source(),
+                       "[exports]: '" + one->name + "' is USER" + std::to_string(one->user) + ", as '" +
+                           first->name + "' in line " + std::to_string(first->line) + " is already");
+}
+
+/// A stride leads from one global of a script to the next agent's, within USER1..USER60 and the exports, where there are.
 void read_stride(TableReader& reader, const char* key, const std::string& variable, int& stride,
                  const ScenarioSpec& spec) {
   reader.optional(key, stride);
@@ -215,8 +267,12 @@ void read_stride(TableReader& reader, const char* key, const std::string& variab
   reader.require(known && known->kind == VariableKind::kUser, key, "0 where the variable is no USER global");
   if (!known || known->kind != VariableKind::kUser) return;
   const int last = known->index + stride * (agents - 1);
-  reader.require(stride > 0 && stride < 60 && last <= 60, key,
+  reader.require(stride > 0 && stride < kUserVariables && last <= kUserVariables, key,
                  "positive, and the last of " + std::to_string(agents) + " agents must read USER60 at most");
+  if (spec.exports.empty() || stride <= 0) return;
+  for (int user = known->index; user <= std::min(last, kUserVariables); user += stride)
+    reader.require(std::ranges::count(spec.exports, user, &ScenarioExport::user) == 1, key,
+                   "a way from one export to the next: [exports] has no USER" + std::to_string(user));
 }
 
 Status read_masks(const std::string& path, TableReader& root, ScenarioSpec& spec) {
@@ -244,7 +300,7 @@ Status read_measurements(const std::string& path, TableReader& root, ScenarioSpe
   for (const toml::table* table : root.tables("measurements")) {
     TableReader reader(path, *table);
     MeasurementTerm term;
-    reader.choice("variable", term.variable, term_variable_names(), true);
+    reader.variable("variable", term.variable, spec.exports, term_variable_names(), true);
     read_stride(reader, "agent_stride", term.variable, term.agent_stride, spec);
     reader.optional("low", term.low);
     reader.optional("high", term.high);
@@ -264,10 +320,10 @@ Status read_rewards(const std::string& path, TableReader& root, ScenarioSpec& sp
     TableReader reader(path, *table);
     RewardTerm term;
     reader.required("name", term.name);
-    reader.choice("variable", term.variable, term_variable_names(), true);
+    reader.variable("variable", term.variable, spec.exports, term_variable_names(), true);
     read_stride(reader, "agent_stride", term.variable, term.agent_stride, spec);
-    reader.choice("when", term.when, term_variable_names(), false);
-    reader.choice("unless", term.unless, term_variable_names(), false);
+    reader.variable("when", term.when, spec.exports, term_variable_names(), false);
+    reader.variable("unless", term.unless, spec.exports, term_variable_names(), false);
     reader.choice("kind", term.kind, reward_kinds(), true);
     reader.required("weight", term.weight);
     reader.choice("scope", term.scope, reward_scopes(), false);
@@ -363,8 +419,6 @@ Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec
                "in 0..21000");
   root.require(spec.wad.find('/') == std::string::npos && (spec.wad.empty() || spec.wad[0] != '.'), "wad",
                "the name of a file in the scenario's folder");
-  root.require(spec.score == "survival_tics" || spec.score == "return" || score_is_a_variable, "score",
-               "survival_tics, return or a game variable");
   for (const char* key : {"score_scale", "score_divisor", "score_agent_stride"})
     root.require(
         !root.has(key) || score_is_a_variable, key,
@@ -372,7 +426,8 @@ Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec
   return root.finish();
 }
 
-Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& name, const toml::table& table) {
+Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& name, std::string_view text,
+                                 const toml::table& table) {
   ScenarioSpec spec;
   TableReader root(path, table);
   root.required("name", spec.name);
@@ -386,9 +441,12 @@ Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& nam
   root.optional("respawn_delay_tics", spec.respawn_delay_tics);
   root.optional("wad", spec.wad);
   root.optional("shared_reward_alpha", spec.shared_reward_alpha);
-  root.required("score", spec.score);
+  read_exports(text, root, spec);
+  std::vector<std::string> scores = variable_names();
+  scores.insert(scores.begin(), {"survival_tics", "return"});
+  root.variable("score", spec.score, spec.exports, std::move(scores), true);
   root.optional("score_scale", spec.score_scale);
-  root.choice("score_divisor", spec.score_divisor, variable_names(), false);
+  root.variable("score_divisor", spec.score_divisor, spec.exports, variable_names(), false);
   read_stride(root, "score_agent_stride", spec.score, spec.score_agent_stride, spec);
   root.required("ceiling", spec.ceiling);
   root.expect({"heads", "masks", "measurements", "rewards", "render", "training"});
@@ -415,6 +473,26 @@ EnvShape ScenarioSpec::shape(int num_agents, bool use_measurements) const {
   return result;
 }
 
+Expected<int> ScenarioSpec::user_number(std::string_view wanted) const {
+  std::vector<std::string> known;
+  for (const ScenarioExport& one : exports) {
+    if (one.name == wanted) return one.user;
+    known.push_back(one.name);
+  }
+  return Error{ErrorCode::kBadFormat,
+               folder + "/scenario.toml: " + unknown_word("export", std::string(wanted), known) +
+                   "; the scenario's scripted team or map needs it in [exports]"};
+}
+
+Expected<std::vector<int>> ScenarioSpec::user_numbers(const std::vector<std::string_view>& wanted) const {
+  std::vector<int> numbers;
+  for (const std::string_view one : wanted) {
+    COMRAD_TRY_ASSIGN(const int number, user_number(one));
+    numbers.push_back(number);
+  }
+  return numbers;
+}
+
 Expected<ScenarioSpec> load_scenario(const std::string& name) {
   COMRAD_TRY_ASSIGN(const std::string folder, find_scenario_folder(name));
   const std::string path = folder + "/scenario.toml";
@@ -424,7 +502,7 @@ Expected<ScenarioSpec> load_scenario(const std::string& name) {
   try {  // toml++ throws; nothing of it leaves this function
     const toml::table table = toml::parse(text, path);
     COMRAD_TRY_ASSIGN(ScenarioSpec spec,
-                      read_spec(path, std::filesystem::path(folder).filename().string(), table));
+                      read_spec(path, std::filesystem::path(folder).filename().string(), text, table));
     spec.folder = folder;
     return spec;
   } catch (const toml::parse_error& error) {

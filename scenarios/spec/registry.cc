@@ -104,12 +104,12 @@ int start_count(const doomgen::MapData& map) {
 }
 
 /// Everything that stands around the map: info, actors, pictures, script.
-Status write_wad(const std::string& folder, const LayoutRequest& request, const DrawnLayout& drawn,
+Status write_wad(const ScenarioSpec& spec, const LayoutRequest& request, const DrawnLayout& drawn,
                  GeneratedLayout& layout) {
   doomgen::WadWriter wad;
   COMRAD_TRY(wad.add(kLayoutInfoLump, write_layout_info(layout.info)));
-  if (scenario_file_exists(folder + "/actors.decorate")) {
-    COMRAD_TRY_ASSIGN(const std::string actors, read_scenario_file(folder + "/actors.decorate"));
+  if (scenario_file_exists(spec.folder + "/actors.decorate")) {
+    COMRAD_TRY_ASSIGN(const std::string actors, read_scenario_file(spec.folder + "/actors.decorate"));
     COMRAD_TRY(wad.add("DECORATE", actors));
   }
   for (const NamedBytes& lump : drawn.lumps) COMRAD_TRY(wad.add(lump.name, lump.bytes));
@@ -119,8 +119,8 @@ Status write_wad(const std::string& folder, const LayoutRequest& request, const 
     COMRAD_TRY(wad.add("TX_END", {}));
   }
   BuiltScript script;
-  if (scenario_file_exists(folder + "/script.acs")) {
-    COMRAD_TRY_ASSIGN(script, build_script(folder, layout_script_text(layout.info, drawn)));
+  if (scenario_file_exists(spec.folder + "/script.acs")) {
+    COMRAD_TRY_ASSIGN(script, build_script(spec, layout_script_text(layout.info, drawn)));
     layout.warnings.insert(layout.warnings.end(), script.warnings.begin(), script.warnings.end());
   }
   if (request.format == MapFormat::kHexen) {
@@ -249,7 +249,6 @@ Expected<GeneratedLayout> generate_layout(const std::string& scenario, const Lay
                                              spec.folder + "/scenario.toml"};
     return ready_made(spec, request);
   }
-  COMRAD_TRY_ASSIGN(const std::string folder, find_scenario_folder(scenario));
   const LayoutRecipe recipe = entry->recipe();
   COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(scenario, recipe, request));
   COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(scenario));
@@ -281,7 +280,7 @@ Expected<GeneratedLayout> generate_layout(const std::string& scenario, const Lay
     for (const LayoutParameter& parameter : recipe.parameters)
       if (parameter.hide_default && values.at(parameter.name) == parameter.default_value)
         layout.info.parameters.erase(parameter.name);
-    COMRAD_TRY(write_wad(folder, request, *drawn, layout));
+    COMRAD_TRY(write_wad(spec, request, *drawn, layout));
     return layout;
   }
   return Error{only_room_lacks ? ErrorCode::kUnsupported : ErrorCode::kBadInput,

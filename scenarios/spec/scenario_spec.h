@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -51,6 +52,14 @@ struct MaskTerm {
   std::vector<std::string> allowed;
 };
 
+/// One global variable of the script that others read by name: a row of [exports].
+struct ScenarioExport {
+  std::string name;
+  int user = 0;         ///< 1..60: the number of the script's global variable, ViZDoom's USER<number>
+  std::string meaning;  ///< the comment behind the row, or empty
+  int line = 0;         ///< of scenario.toml
+};
+
 constexpr int kTicsPerDecision = 4;       ///< what decision limits are counted in
 constexpr int kEngineLimitTics = 21'000;  ///< ten minutes, after which no episode goes on
 
@@ -70,6 +79,8 @@ struct ScenarioSpec {
   std::string score_divisor;  ///< a game variable that J is divided by (1 where it is 0); empty: none
   double ceiling = 0.0;       ///< the best J on the default map of the default team; 0: not known
   std::string wad;            ///< a scenario without recipe: its map, in its folder
+  std::vector<ScenarioExport>
+      exports;  ///< in the order of the file; all variables below are by ViZDoom's names
   std::vector<MeasurementTerm> measurements;
   std::vector<RewardTerm> rewards;
   std::vector<MaskTerm> masks;
@@ -78,6 +89,10 @@ struct ScenarioSpec {
   std::string folder;      ///< where scenario.toml lies
 
   EnvShape shape(int num_agents, bool use_measurements) const;
+  /// The number of the USER variable that [exports] calls `wanted`. Errors: kBadFormat with the nearest name.
+  Expected<int> user_number(std::string_view wanted) const;
+  /// Those of several. Errors: as user_number().
+  Expected<std::vector<int>> user_numbers(const std::vector<std::string_view>& wanted) const;
   /// When episodes are cut off, tics.
   int limit_tics() const { return std::min(kTicsPerDecision * decision_limit, kEngineLimitTics); }
 };

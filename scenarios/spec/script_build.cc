@@ -8,23 +8,49 @@
 
 namespace comrad::scenarios {
 
-Expected<BuiltScript> build_script(const std::string& folder, const std::string& layout_text) {
-  const std::string path = folder + "/script.acs";
+namespace {
+
+std::string declaration(const ScenarioExport& one) {
+  return "global int " + std::to_string(one.user) + ":" + one.name + ";";
+}
+
+/// The declarations, each in the line of scenario.toml that asks for it.
+[[maybe_unused]] std::string at_their_lines(const std::vector<ScenarioExport>& exports) {
+  std::string text;
+  int line = 1;
+  for (const ScenarioExport& one : exports) {
+    for (; line < one.line; ++line) text += '\n';
+    text += declaration(one);
+  }
+  return text + "\n";
+}
+
+}  // namespace
+
+Expected<BuiltScript> build_script(const ScenarioSpec& spec, const std::string& layout_text) {
+  const std::string folder = spec.folder, path = folder + "/script.acs";
   COMRAD_TRY_ASSIGN(const std::string text, read_scenario_file(path));
   BuiltScript built;
-  built.source = layout_text + "\n" + text;
+  // Behind the empty line that ends the layout's numbers: exports are the same in all of a scenario's maps.
+  built.source = layout_text + "\n";
+  for (const ScenarioExport& one : spec.exports)
+    built.source += declaration(one) + (one.meaning.empty() ? "" : "  // " + one.meaning) + "\n";
+  built.source += text;
 #if defined(COMRAD_HAS_ACS_COMPILER)
-  // Two included files rather than one long text, so that messages name the line an author sees.
+  // Three included files rather than one long text, so that messages name the line an author sees.
   const acs_compiler::SourceReader files = acs_compiler::file_reader(folder);
   acs_compiler::CompileOptions options;
   options.reader = [&](const std::string& name,
                        const std::string& from) -> Expected<acs_compiler::SourceFile> {
     if (name == "layout.acs") return acs_compiler::SourceFile{folder + "/layout.acs", layout_text};
+    if (name == "exports.acs")
+      return acs_compiler::SourceFile{folder + "/scenario.toml", at_their_lines(spec.exports)};
     return files(name, from == folder + "/main" ? path : from);
   };
-  COMRAD_TRY_ASSIGN(
-      acs_compiler::CompiledScript compiled,
-      acs_compiler::compile("#include \"layout.acs\"\n#include \"script.acs\"\n", folder + "/main", options));
+  constexpr std::string_view kMain =
+      "#include \"layout.acs\"\n#include \"exports.acs\"\n#include \"script.acs\"\n";
+  COMRAD_TRY_ASSIGN(acs_compiler::CompiledScript compiled,
+                    acs_compiler::compile(kMain, folder + "/main", options));
   built.behavior.assign(compiled.behavior.begin(), compiled.behavior.end());
   built.warnings = std::move(compiled.warnings);
 #else

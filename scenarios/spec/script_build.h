@@ -1,21 +1,24 @@
-// The one place where the frame meets the ACS compiler: script.acs and the layout's numbers in, BEHAVIOR out.
+// The one place where the frame meets the ACS compiler: script.acs, the layout's numbers and the scenario's exports in,
+// BEHAVIOR out.
 #pragma once
 
 #include <string>
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {
 
 struct BuiltScript {
   std::string behavior;  ///< empty where this build has no compiler
-  std::string source;    ///< what goes into SCRIPTS: the layout's numbers, then script.acs
+  std::string source;    ///< what goes into SCRIPTS: the layout's numbers, the exports, then script.acs
   std::vector<std::string> warnings;
 };
 
-/// Compiles `<folder>/script.acs`, which sees `layout_text` in front of it (messages keep the file's own
-/// lines). It may include other files of its folder. Errors: kBadFormat with file, line and column; kSystem.
-Expected<BuiltScript> build_script(const std::string& folder, const std::string& layout_text);
+/// Compiles script.acs of the scenario's folder, which sees `layout_text` and a `global int` for each export in front of it
+/// (messages keep the file's own lines, and those of scenario.toml for an export). It may include other files of its
+/// folder. Errors: kBadFormat with file, line and column; kSystem.
+Expected<BuiltScript> build_script(const ScenarioSpec& spec, const std::string& layout_text);
 
 }  // namespace comrad::scenarios

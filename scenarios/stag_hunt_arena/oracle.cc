@@ -75,6 +75,8 @@ class Hunters final : public Oracle {
 
 }  // namespace
 
-std::unique_ptr<Oracle> make_stag_hunt_arena_oracle(const DoomGame&) { return std::make_unique<Hunters>(); }
+Expected<std::unique_ptr<Oracle>> make_stag_hunt_arena_oracle(const DoomGame&) {
+  return std::unique_ptr<Oracle>(std::make_unique<Hunters>());
+}
 
 }  // namespace comrad::sim

@@ -11,7 +11,6 @@
 namespace comrad::sim {
 namespace {
 
-constexpr int kTargetLit = 45;  // exported by the script
 constexpr int32_t kFirstRoomTag = 102, kFirstCorridorTag = 201, kRoomsMax = 9;
 constexpr int32_t kFirstTurretId = 6000, kTurretsMax = 18;
 constexpr double kShotRange = 640;      // the gunner comes this near: bolts from further away are dodged
@@ -21,7 +20,7 @@ constexpr double kBoltLookahead = 300;  // a bolt this far away is dodged
 
 class Pair final : public Oracle {
  public:
-  explicit Pair(const DoomGame& game) : navigator_({.cell_units = 16}) { (void)game; }
+  explicit Pair(int target_lit) : navigator_({.cell_units = 16}), target_lit_(target_lit) {}
 
   void reset(const doom::World& world) override {
     sidesteps_.assign(2, Sidestep{});
@@ -147,7 +146,7 @@ class Pair final : public Oracle {
                     const Stage& stage, Place turret, doom::Buttons& buttons) {
     const Place here = place_of(gunner);
     const double distance = distance_between(here, turret);
-    const bool lit = world.exported(kTargetLit) != 0;
+    const bool lit = world.exported(target_lit_) != 0;
     const bool in_sight = is_clear(world, here, turret);
     const bool aside = step_aside(world, gunner, 1, buttons);
     if (in_sight && distance < kShotRange + 260) {
@@ -184,6 +183,7 @@ class Pair final : public Oracle {
   }
 
   Navigator navigator_;
+  int target_lit_;  // number of the export
   std::vector<Sidestep> sidesteps_;
   std::vector<Stage> centres_;
   bool dodging_[2] = {false, false};
@@ -191,8 +191,9 @@ class Pair final : public Oracle {
 
 }  // namespace
 
-std::unique_ptr<Oracle> make_stealth_labyrinth_oracle(const DoomGame& game) {
-  return std::make_unique<Pair>(game);
+Expected<std::unique_ptr<Oracle>> make_stealth_labyrinth_oracle(const DoomGame& game) {
+  COMRAD_TRY_ASSIGN(const int target_lit, game.spec.user_number("target_lit"));
+  return std::unique_ptr<Oracle>(std::make_unique<Pair>(target_lit));
 }
 
 }  // namespace comrad::sim

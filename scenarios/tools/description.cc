@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <map>
 
 #include "scenarios/spec/exported_variables.h"
 #include "scenarios/spec/registry.h"
@@ -97,28 +98,37 @@ std::string number(const Json& value) {
   return text;
 }
 
-std::string variable_text(const Json& term) {
+/// Names of exports, by their USER variables.
+using ExportNames = std::map<std::string, std::string>;
+
+/// "cleared (USER24)", or the name of a game variable.
+std::string variable_text(const std::string& variable, const ExportNames& names) {
+  const auto name = names.find(variable);
+  return name == names.end() ? variable : name->second + " (" + variable + ")";
+}
+
+std::string variable_text(const Json& term, const ExportNames& names) {
   const int stride = term["agent_stride"].get<int>();
-  return term["variable"].get<std::string>() +
+  return variable_text(term["variable"].get<std::string>(), names) +
          (stride == 0 ? "" : " + " + std::to_string(stride) + " for each agent");
 }
 
-std::vector<std::string> reward_row(const Json& term) {
+std::vector<std::string> reward_row(const Json& term, const ExportNames& names) {
   std::string rest = term["scope"] == "team" ? "of the team" : "own";
   if (term["per_agent"].get<bool>()) rest += ", divided by the agents";
   if (term["cap"].get<double>() > 0) rest += ", clipped to +-" + number(term["cap"]);
-  if (term["when"] != "") rest += ", when " + term["when"].get<std::string>();
-  if (term["unless"] != "") rest += ", unless " + term["unless"].get<std::string>();
+  if (term["when"] != "") rest += ", when " + variable_text(term["when"].get<std::string>(), names);
+  if (term["unless"] != "") rest += ", unless " + variable_text(term["unless"].get<std::string>(), names);
   return {term["name"].get<std::string>(), number(term["weight"]), term["kind"].get<std::string>(),
-          variable_text(term), rest};
+          variable_text(term, names), rest};
 }
 
-std::vector<std::string> measurement_row(const Json& term) {
+std::vector<std::string> measurement_row(const Json& term, const ExportNames& names) {
   std::string bounds;
   if (term["clip"].get<double>() > 0) bounds = "clipped to +-" + number(term["clip"]);
   if (!term["low"].is_null()) bounds += (bounds.empty() ? "at least " : ", at least ") + number(term["low"]);
   if (!term["high"].is_null()) bounds += (bounds.empty() ? "at most " : ", at most ") + number(term["high"]);
-  return {variable_text(term), "x " + number(term["scale"]), "+ " + number(term["offset"]), bounds};
+  return {variable_text(term, names), "x " + number(term["scale"]), "+ " + number(term["offset"]), bounds};
 }
 
 }  // namespace
@@ -140,8 +150,7 @@ Expected<Json> describe(const std::string& name, int num_agents) {
   }
   for (const auto& [key, value] : spec.training.values) training[key] = value;
   Json exported = Json::array();
-  COMRAD_TRY_ASSIGN(const std::vector<ExportedVariable> variables, exported_variables(spec, num_agents));
-  for (const ExportedVariable& one : variables)
+  for (const ExportedVariable& one : exported_variables(spec, num_agents))
     exported.push_back({{"variable", "USER" + std::to_string(one.user)},
                         {"name", one.name},
                         {"meaning", one.meaning},
@@ -176,9 +185,12 @@ Expected<Json> describe(const std::string& name, int num_agents) {
 
 std::string description_text(const Json& description) {
   const auto word = [&](const char* key) { return description[key].get<std::string>(); };
-  std::string score = word("score");
+  ExportNames names;
+  for (const Json& one : description["exported_variables"])
+    if (one["name"] != "") names[one["variable"].get<std::string>()] = one["name"].get<std::string>();
+  std::string score = variable_text(word("score"), names);
   if (description["score_scale"] != 1.0) score += " x " + number(description["score_scale"]);
-  if (!word("score_divisor").empty()) score += " / " + word("score_divisor");
+  if (!word("score_divisor").empty()) score += " / " + variable_text(word("score_divisor"), names);
   std::string text = word("title") + " (" + word("name") + "), difficulty " +
                      number(description["difficulty"]) + "\n" + word("summary") + "\n\n";
   text += "agents          " + number(description["num_agents"]) + " (it supports " +
@@ -194,8 +206,9 @@ std::string description_text(const Json& description) {
   for (const Json& mask : description["masks"])
     masks.push_back(
         {"agent " + number(mask["agent"]), "head " + number(mask["head"]), words_of(mask["allowed"])});
-  for (const Json& term : description["rewards"]) rewards.push_back(reward_row(term));
-  for (const Json& term : description["measurement_terms"]) measurements.push_back(measurement_row(term));
+  for (const Json& term : description["rewards"]) rewards.push_back(reward_row(term, names));
+  for (const Json& term : description["measurement_terms"])
+    measurements.push_back(measurement_row(term, names));
   for (const Json& one : description["exported_variables"])
     exported.push_back({one["variable"].get<std::string>(), one["name"].get<std::string>(),
                         words_of(one["read_by"]), one["meaning"].get<std::string>()});
@@ -208,7 +221,7 @@ std::string description_text(const Json& description) {
          table("Masks: what one agent may choose", masks) +
          table("Rewards: name, weight, kind, variable, scope", rewards) +
          table("Measurements, with --use_additional_input", measurements) +
-         table("Exported variables: number, name in script.acs, read by, meaning", exported) +
+         table("Exported variables: number, name in [exports], read by, meaning", exported) +
          table("Layout parameters: default, range, meaning", parameters) +
          table("Training settings of its own", training);
 }

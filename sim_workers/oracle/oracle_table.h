@@ -10,7 +10,7 @@ namespace comrad::sim {
 
 struct OracleEntry {
   const char* scenario;
-  std::unique_ptr<Oracle> (*make)(const DoomGame& game);
+  Expected<std::unique_ptr<Oracle>> (*make)(const DoomGame& game);
 };
 
 std::span<const OracleEntry> oracle_table();

@@ -14,6 +14,7 @@
 #include "doomgen/layout/udmf_writer.h"
 #include "doomgen/layout/wad_writer.h"
 #include "rollout_buffer/core/files.h"
+#include "scenarios/spec/scenario_spec.h"
 #include "scenarios/spec/script_build.h"
 #include "tests/integration/running_program.h"
 
@@ -42,9 +43,10 @@ std::string make_scenario(const ScratchFolder& scratch) {
   plan.add_start(2, {96, -96}, 0);
   const auto map = plan.build();
   EXPECT_TRUE(map) << map.error().message;
-  const auto script =
-      scenarios::build_script(folder, "#define POST_X " + std::to_string(kPostX) + "\n#define POST_Y " +
-                                          std::to_string(kPostY) + "\n");
+  const auto spec = scenarios::load_scenario(folder);
+  EXPECT_TRUE(spec) << spec.error().message;
+  const auto script = scenarios::build_script(*spec, "#define POST_X " + std::to_string(kPostX) +
+                                                         "\n#define POST_Y " + std::to_string(kPostY) + "\n");
   EXPECT_TRUE(script) << script.error().message;
   doomgen::WadWriter wad;
   EXPECT_TRUE(wad.add("TX_START", {}));

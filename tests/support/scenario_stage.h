@@ -28,18 +28,18 @@ namespace comrad::sim::test {
 /// What a scenario adds to the game: its script, compiled with `layout_text` in front, and its actors.
 struct ScenarioContent {
   ScenarioContent(const std::string& scenario, const std::string& layout_text) {
-    const auto folder = scenarios::find_scenario_folder(scenario);
-    EXPECT_TRUE(folder.has_value()) << folder.error().message;
-    const auto built = scenarios::build_script(*folder, layout_text);
+    const auto spec = scenarios::load_scenario(scenario);
+    EXPECT_TRUE(spec.has_value()) << spec.error().message;
+    const auto built = scenarios::build_script(*spec, layout_text);
     EXPECT_TRUE(built.has_value()) << built.error().message;
     const std::vector<uint8_t> lump(built->behavior.begin(), built->behavior.end());
     const auto loaded = doom::acs::Behavior::load(lump, scenario);
     EXPECT_TRUE(loaded.has_value()) << loaded.error().message;
     behavior = *loaded;
     auto types = std::make_shared<doom::ActorCatalog>();
-    if (scenarios::scenario_file_exists(*folder + "/actors.decorate")) {
+    if (scenarios::scenario_file_exists(spec->folder + "/actors.decorate")) {
       std::vector<std::string> warnings;
-      const auto text = scenarios::read_scenario_file(*folder + "/actors.decorate");
+      const auto text = scenarios::read_scenario_file(spec->folder + "/actors.decorate");
       const Status parsed = doom::parse_decorate(*text, "actors.decorate", types.get(), &warnings);
       EXPECT_TRUE(parsed.has_value()) << parsed.error().message;
       EXPECT_TRUE(warnings.empty()) << warnings.front();

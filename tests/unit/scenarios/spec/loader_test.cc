@@ -192,6 +192,76 @@ TEST_F(ScenarioLoader, UnknownWordsNameTheNearestOneAndTheirPlace) {
   EXPECT_THAT(message(load_with("USER7", "USER77")), HasSubstr("unknown"));
 }
 
+constexpr const char* kExports = R"([exports]
+found = 7       # kits, so far
+found_2 = 8
+left_over = 60
+)";
+
+TEST_F(ScenarioLoader, ExportsNameUserVariables) {
+  const std::string with_exports =
+      std::string(kExports) +
+      "[[rewards]]\nname = \"kit\"\nvariable = \"found\"\nagent_stride = 1\nkind = \"rise\"\nweight = 1.0\n"
+      "when = \"left_over\"\nunless = \"found_2\"\n[[heads]]";
+  const auto two_agents = [&](std::string text) {
+    text.replace(text.find("[[heads]]"), 9, with_exports);
+    text.replace(text.find("[2, 3]"), 6, "[2]");
+    text.replace(text.find("\"USER7\""), 7, "\"found_2\"");
+    return text.replace(text.find("\"survival_tics\""), 15, "\"left_over\"\nscore_divisor = \"found\"");
+  };
+  const auto spec = load(two_agents(kGood));
+  ASSERT_TRUE(spec) << spec.error().message;
+  EXPECT_EQ(spec->score, "USER60");
+  EXPECT_EQ(spec->score_divisor, "USER7");
+  EXPECT_EQ(spec->measurements[0].variable, "USER8");
+  EXPECT_EQ(spec->rewards[0].variable, "USER7");
+  EXPECT_EQ(spec->rewards[0].when, "USER60");
+  EXPECT_EQ(spec->rewards[0].unless, "USER8");
+  ASSERT_EQ(spec->exports.size(), 3u);
+  EXPECT_EQ(spec->exports[0].name, "found");
+  EXPECT_EQ(spec->exports[0].user, 7);
+  EXPECT_EQ(spec->exports[0].meaning, "kits, so far");
+  EXPECT_EQ(spec->exports[0].line, 12);
+  EXPECT_EQ(spec->exports[1].meaning, "");
+  EXPECT_EQ(*spec->user_number("found_2"), 8);
+  EXPECT_THAT(*spec->user_numbers({"left_over", "found"}), ElementsAre(60, 7));
+  EXPECT_THAT(
+      spec->user_numbers({"found", "left_ovr"}).error().message,
+      AllOf(HasSubstr("scenario.toml"), HasSubstr("did you mean 'left_over'?"), HasSubstr("[exports]")));
+}
+
+TEST_F(ScenarioLoader, ExportsThatCannotBeMeantAreRefusedAtTheirPlace) {
+  const auto refusal = [this](const std::string& rows, const std::string& variable = "USER7") {
+    std::string text = kGood;
+    text.replace(text.find("\"USER7\""), 7, "\"" + variable + "\"");
+    text.replace(text.find("[[heads]]"), 9, "[exports]\n" + rows + "[[heads]]");
+    return message(load(text));
+  };
+  EXPECT_THAT(refusal("found = 7\n", "fuond"),
+              AllOf(HasSubstr("scenario.toml:17:12"), HasSubstr("did you mean 'found'?")));
+  EXPECT_THAT(
+      refusal("found = 7\ngone = 8\nlost = 7\n"),
+      AllOf(HasSubstr("scenario.toml:13:8"), HasSubstr("'lost' is USER7"), HasSubstr("'found' in line 11")));
+  EXPECT_THAT(refusal("found = 7\nfound = 8\n"), AllOf(HasSubstr("scenario.toml:12:"), HasSubstr("found")));
+  for (const char* number : {"0", "61", "-1", "1.0", "\"7\"", "99999999999"})
+    EXPECT_THAT(refusal("found = " + std::string(number) + "\n"),
+                AllOf(HasSubstr("scenario.toml:11:9"), HasSubstr("'found' must be a whole number in 1..60")));
+  for (const char* name :
+       {"HEALTH", "Found", "2nd", "_found", "a-b", "return", "survival_tics", "\"\"", "\"a b\""})
+    EXPECT_THAT(refusal(std::string(name) + " = 7\n"),
+                AllOf(HasSubstr("scenario.toml:11:1"), HasSubstr("small letters")));
+  EXPECT_THAT(message(load_with("[[heads]]", "[exprots]\nfound = 7\n[[heads]]")),
+              HasSubstr("did you mean 'exports'?"));
+  EXPECT_THAT(message(load_with("decision_limit", "exports = 5\ndecision_limit")),
+              HasSubstr("'exports' is no table"));
+  EXPECT_THAT(
+      message(load_with("[[heads]]", std::string(kExports) +
+                                         "[[rewards]]\nname = \"kit\"\nvariable = \"found\"\n"
+                                         "agent_stride = 1\nkind = \"rise\"\nweight = 1.0\n[[heads]]")),
+      AllOf(HasSubstr("agent_stride"), HasSubstr("[exports] has no USER9")))
+      << "the third agent's";
+}
+
 TEST_F(ScenarioLoader, WrongTypesAndMissingKeysAreErrors) {
   EXPECT_THAT(message(load_with("difficulty = 1", "difficulty = 1.5")), HasSubstr("whole number"));
   EXPECT_THAT(message(load_with("difficulty = 1", "")), HasSubstr("'difficulty' is missing"));

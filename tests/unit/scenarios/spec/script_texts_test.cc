@@ -6,6 +6,9 @@
 #include <iterator>
 #include <string>
 
+#include "scenarios/spec/scenario_files.h"
+#include "scenarios/spec/scenario_spec.h"
+
 namespace comrad::scenarios {
 namespace {
 
@@ -28,6 +31,18 @@ TEST(ScriptTexts, UseLettersThatTheSmallFontHas) {
     }
   }
   EXPECT_GE(files, 13);
+}
+
+TEST(ScriptTexts, DeclareNoGlobalVariables) {
+  for (const std::string& name : list_scenarios()) {
+    const auto spec = load_scenario(name);
+    ASSERT_TRUE(spec) << spec.error().message;
+    EXPECT_FALSE(spec->exports.empty()) << name;
+    const auto script = read_scenario_file(spec->folder + "/script.acs");
+    ASSERT_TRUE(script) << script.error().message;
+    EXPECT_EQ(script->find("\nglobal "), std::string::npos)
+        << name << ": [exports] of scenario.toml declares them";
+  }
 }
 
 }  // namespace
