@@ -89,9 +89,12 @@ struct CommandLine::Parser {
     std::string help_text = {};             ///< ready to print
     bool is_boolean = false;
     bool is_setting = false;
+    bool is_a_list = false;  ///< every value counts, else the last one
     bool is_required = false;
     std::function<Status(const std::string&)> assign = {};  ///< empty for settings
-    std::optional<std::string> typed = {};                  ///< what was typed last
+    std::optional<std::string> typed = {};
+
+    void take(std::string text) { typed = is_a_list && typed ? *typed + "," + text : std::move(text); }
   };
 
   std::vector<Flag> flags;
@@ -133,6 +136,7 @@ void CommandLine::add_settings() {
     for (const std::string_view old : row.traits.old_names)
       if (!old.empty()) flag.spelled.emplace_back(old);
     flag.is_setting = true;
+    flag.is_a_list = row.traits.is_a_list;
     flag.is_boolean = row.kind == SettingKind::kBool;
     flag.help_text = help_line("--" + flag.name + " " + value_name(row.kind), setting_help(row, defaults));
     parser_->add(std::move(flag));
@@ -197,7 +201,7 @@ Status CommandLine::parse(std::span<const std::string> arguments) {
     }
     if (!word.starts_with("--")) {
       if (Parser::Flag* positional = parser_->next_positional())
-        positional->typed = word;
+        positional->take(word);
       else
         extras += " '" + word + "'";
       continue;
@@ -212,12 +216,12 @@ Status CommandLine::parse(std::span<const std::string> arguments) {
     }
     const bool has_next = i + 1 < arguments.size();
     if (equals != std::string::npos) {
-      flag->typed = word.substr(equals + 1);
+      flag->take(word.substr(equals + 1));
     } else if (flag->is_boolean) {
-      flag->typed = has_next && is_boolean_word(arguments[i + 1]) ? arguments[++i] : "True";
+      flag->take(has_next && is_boolean_word(arguments[i + 1]) ? arguments[++i] : "True");
     } else {
       if (!has_next || arguments[i + 1].starts_with("--")) return bad("--" + name + " needs a value");
-      flag->typed = arguments[++i];
+      flag->take(arguments[++i]);
     }
   }
   if (!extras.empty()) return bad("unexpected argument" + extras + "; usage: comrad " + usage_);

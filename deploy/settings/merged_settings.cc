@@ -74,7 +74,18 @@ double default_alpha(const RunConfig& config, const ScenarioDescription& scenari
 }
 
 /// Fills in what is still open: from the scenario, then from the host.
+/// --reward names terms that the scenario has.
+Status check_rewards(const RunConfig& config, const ScenarioDescription& scenario) {
+  COMRAD_TRY_ASSIGN(const auto weights, parse_reward_weights(config.environment.reward));
+  for (const auto& [name, weight] : weights)
+    if (std::ranges::count(scenario.rewards, name) == 0)
+      return Error{ErrorCode::kBadInput, "--reward=" + config.environment.reward + ": " +
+                                             unknown_word("reward term", name, scenario.rewards)};
+  return {};
+}
+
 Expected<MergedSettings> complete(Layers layers, ScenarioDescription scenario, int core_count) {
+  COMRAD_TRY(check_rewards(layers.config(), scenario));
   const bool is_scenarios = layers.config().run.algo->reward_share == RewardShare::kOfTheScenario;
   COMRAD_TRY(layers.change(is_scenarios ? "scenario" : "algorithm", [&scenario](RunConfig& config) -> Status {
     if (config.environment.shared_reward_alpha < 0)

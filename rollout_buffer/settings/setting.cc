@@ -136,6 +136,9 @@ bool is_frame_size(std::string_view size) {
 constexpr std::string_view kWidthsWords = "none, or up to 8 widths between 1 and 8192 as 512,256";
 bool are_widths(std::string_view text) { return parse_widths(std::string(text)).has_value(); }
 
+constexpr std::string_view kRewardWeightsWords = "up to 64 weights as NAME=WEIGHT,NAME=WEIGHT";
+bool are_reward_weights(std::string_view text) { return parse_reward_weights(std::string(text)).has_value(); }
+
 std::vector<SettingRow> make_rows() {
   using namespace limits;  // NOLINT: the rows' vocabulary
   std::vector<SettingRow> rows;
@@ -323,6 +326,26 @@ Status check_limits(const RunConfig& config) {
                                                                "; it must be " + row.limits.words())};
   }
   return {};
+}
+
+Expected<std::vector<std::pair<std::string, double>>> parse_reward_weights(const std::string& text) {
+  constexpr std::size_t kMostWeights = 64;
+  constexpr double kWeightMax = 1e6;
+  std::vector<std::pair<std::string, double>> weights;
+  std::string_view rest = trimmed(text);
+  while (!rest.empty()) {
+    const std::size_t end = std::min(rest.find(','), rest.size());
+    const std::string_view one = trimmed(rest.substr(0, end));
+    const std::size_t equals = one.find('=');
+    const std::string_view name = trimmed(one.substr(0, equals));
+    double weight = 0;
+    if (equals == std::string_view::npos || name.empty() || !parse(trimmed(one.substr(equals + 1)), weight) ||
+        std::abs(weight) > kWeightMax || weights.size() == kMostWeights)
+      return Error{ErrorCode::kBadInput, "'" + text + "' must be " + std::string(kRewardWeightsWords)};
+    weights.emplace_back(name, weight);
+    rest = trimmed(rest.substr(std::min(end + 1, rest.size())));
+  }
+  return weights;
 }
 
 Expected<std::vector<int64_t>> parse_widths(const std::string& text) {

@@ -66,6 +66,7 @@ struct SettingTraits {
   bool fixed_in_a_run = false;                     ///< tensors of a checkpoint or data of a run depend on it
   bool sizes_the_arena = false;                    ///< automatic sizes are made from it
   bool is_automatic_size = false;                  ///< made anew when one of those changes
+  bool is_a_list = false;                          ///< typed several times, the values are joined by commas
 };
 
 enum class SettingKind { kBool, kInt, kReal, kText, kWord };
@@ -108,6 +109,10 @@ Status set(RunConfig& config, const std::string& origin, std::string_view key, s
 
 /// Every value is within its row's limits. Errors: kBadInput naming the first that is not, and what it may be.
 Status check_limits(const RunConfig& config);
+
+/// The weights that `text` lists as NAME=WEIGHT, separated by commas, in its order: [name, weight]; none for empty text.
+/// Errors: kBadInput for a name without a weight, one that is no number or beyond +-1e6, or more than 64 of them.
+Expected<std::vector<std::pair<std::string, double>>> parse_reward_weights(const std::string& text);
 
 /// The layer widths that `text` lists, separated by commas or blanks ("512,256"); none for "none" or empty
 /// text. Errors: kBadInput for more than 8 widths or one outside 1 to 8192.

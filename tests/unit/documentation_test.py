@@ -18,10 +18,6 @@ import sys
 import tempfile
 
 WORDS_MAX = 1200
-# Longer ones, each with its reason.
-WORDS_MAX_OF = {
-    "scenarios/README.md": 1800,  # holds the reference of scenario.toml
-}
 NOT_OURS = {".git", "build", "train_dir"}
 MADE_BY_TOOLS = {"CMakeCache.txt", "pyvenv.cfg"}  # a build folder, a Python environment: whatever they are called
 

@@ -52,6 +52,12 @@ TEST(CommandLine, LetsTheLastOfARepeatedFlagCount) {
   EXPECT_THAT(line.typed().values, ElementsAre(Pair("scenario", "b"), Pair("seed", "2")));
 }
 
+TEST(CommandLine, CollectsTheValuesOfAListFlag) {
+  CommandLine line("train", "");
+  ASSERT_EQ(parse(line, {"--reward", "a=1", "--seed=3", "--reward=b=-2"}), "");
+  EXPECT_THAT(line.typed().values, ElementsAre(Pair("seed", "3"), Pair("reward", "a=1,b=-2")));
+}
+
 TEST(CommandLine, TakesNegativeNumbersAndEmptyTexts) {
   CommandLine line("train", "");
   ASSERT_EQ(parse(line, {"--shared_reward_alpha", "-1", "--wad="}), "");

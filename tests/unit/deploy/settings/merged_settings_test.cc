@@ -23,6 +23,7 @@ Expected<ScenarioDescription> fake_scenario(const std::string& name, int64_t num
   scenario.supported_agents = {2, 4};
   scenario.shared_reward_alpha = 0.25;
   scenario.ceiling = 40;
+  scenario.rewards = {"door_opened", "own_death"};
   scenario.training = {"scenario two_rooms",
                        {{"small.ippo.batch_size", "2048"},
                         {"small.ippo.num_epochs", "2"},
@@ -52,6 +53,18 @@ TEST(MergeNew, ALaterLayerWins) {
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(merged->config.optimisation.num_epochs, 3);    // file over scenario
   EXPECT_EQ(merged->config.optimisation.batch_size, 512);  // command line over file
+}
+
+TEST(MergeNew, WeightsAreForRewardTermsThatTheScenarioHas) {
+  const auto merged = merge_new(typed({{"reward", "own_death=-1.5, door_opened=2"}}), fake_scenario, 2);
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(merged->config.environment.reward, "own_death=-1.5, door_opened=2");
+  EXPECT_THAT(merge_new(typed({{"reward", "own_deth=1"}}), fake_scenario, 2).error().message,
+              HasSubstr("did you mean 'own_death'"));
+  for (const char* wrong : {"own_death", "own_death=", "=1", "own_death=x", "own_death=nan", "own_death=1e9"})
+    EXPECT_THAT(merge_new(typed({{"reward", wrong}}), fake_scenario, 2).error().message,
+                HasSubstr("NAME=WEIGHT"))
+        << wrong;
 }
 
 TEST(MergeNew, ThePresetChoosesItsOwnRowsAndTheScenarios) {

@@ -59,6 +59,7 @@ constexpr Row kPaper[] = {
     // 3.2 RL; 8: time-outs bootstrap; 2.1: normalised values and targets are clipped to +-5
     {"gamma", "0.99"},
     {"gae_lambda", "0.95"},
+    {"reward", "-"},  // the scenario's own weights
     {"reward_scale", "1"},
     {"reward_clip", "1000"},
     {"normalize_returns", "true"},
@@ -289,6 +290,7 @@ Expected<ScenarioDescription> from_file(const std::string& name, int64_t num_age
   description.decision_limit = spec.decision_limit;
   description.ceiling = spec.ceiling;
   description.shared_reward_alpha = spec.shared_reward_alpha;
+  for (const scenarios::RewardTerm& term : spec.rewards) description.rewards.push_back(term.name);
   description.training = spec.training;
   return description;
 }
