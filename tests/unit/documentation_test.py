@@ -104,7 +104,7 @@ def long_readmes(root):
             continue
         with open(os.path.join(root, name), encoding="utf-8") as file:
             words = len(file.read().split())
-        most = WORDS_MAX_OF.get(name, WORDS_MAX)
+        most = WORDS_MAX
         if words > most:
             yield f"{name}: {words} words, at most {most}: move what is longer to a file beside it"
 
