@@ -6,9 +6,9 @@ namespace comrad {
 namespace {
 
 // What differs from RunConfig's defaults. Those are the benchmark's own ("effective defaults" of its May 2026 logs) with
-// the corrections that the specification asks for (training.md, sections 7 and 8: time-outs bootstrap, every head explores
-// on its own, PER's beta takes the whole run, ...), so the algorithm's rows over them are the published launch, and the
-// preset `paper` adds only what one value for all presets cannot say.
+// the corrections that learner/ALGORITHMS.md names (time-outs bootstrap, every head explores on its own, PER's beta takes
+// the whole run, ...), so the algorithm's rows over them are the published launch, and the preset `paper` adds only what
+// one value for all presets cannot say.
 //
 // `small` is what learns most per hour on a few cores. To try another value, change it here.
 constexpr RecipeRow kRows[] = {
@@ -138,9 +138,11 @@ SettingsLayer qplex_preset_settings(QplexPreset preset) {
 SettingsLayer scenario_settings(const SettingsLayer& training, Preset preset,
                                 const AlgorithmName& algorithm) {
   SettingsLayer chosen{training.origin, {}};
-  const std::string prefix = std::string(word_of(preset)) + "." + algorithm.name() + ".";
-  for (const auto& [key, value] : training.values)
-    if (key.starts_with(prefix)) chosen.values.emplace_back(key.substr(prefix.size()), value);
+  for (const std::string_view name : {algorithm->recipe_of, algorithm->name}) {
+    const std::string prefix = std::string(word_of(preset)) + "." + std::string(name) + ".";
+    for (const auto& [key, value] : training.values)
+      if (key.starts_with(prefix)) chosen.values.emplace_back(key.substr(prefix.size()), value);
+  }
   return chosen;
 }
 

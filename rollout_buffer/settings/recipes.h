@@ -45,7 +45,8 @@ SettingsLayer preset_settings(Preset preset, const AlgorithmName& algorithm);
 SettingsLayer qplex_preset_settings(QplexPreset preset);
 
 /// What a scenario says about one preset and algorithm: of its keys "<preset>.<algorithm>.<setting>" those
-/// that fit, without the first two parts. The upper part of the preset's layer.
+/// that fit, without the first two parts; what it says of the row's `recipe_of` first, then of the row itself.
+/// The upper part of the preset's layer.
 SettingsLayer scenario_settings(const SettingsLayer& training, Preset preset, const AlgorithmName& algorithm);
 
 }  // namespace comrad

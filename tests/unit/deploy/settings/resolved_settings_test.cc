@@ -182,7 +182,7 @@ struct ScenarioRow {
   Row row;
 };
 constexpr ScenarioRow kSmallScenarios[] = {
-    {"lava_pit", {"gamma", "0.9995 0.9995 0.9995 0.99 0.99 0.99 0.99 0.99"}},
+    {"lava_pit", {"gamma", "0.9995"}},
     {"stag_hunt_arena", {"q_value_clamp", "100 100 100 100 0 0 0 0"}},
 };
 

@@ -75,6 +75,15 @@ TEST(Algorithms, AnAddedRowHasARecipeAndResolvedSettings) {
   ASSERT_TRUE(apply_layer(config, algorithm_defaults(config.run.algo)));
   EXPECT_EQ(config.network.rnn_type, RnnType::kLstm) << "ippo's row";
   EXPECT_EQ(config.optimisation.adam_eps, 1e-6) << "the family's row";
+  const SettingsLayer training{"scenario",
+                               {{"small.ippo_with_a_twist.gamma", "0.9"},
+                                {"small.ippo.gamma", "0.9995"},
+                                {"small.ippo.rollout", "16"},
+                                {"small.mappo.rollout", "8"},
+                                {"paper.ippo.rollout", "64"}}};
+  ASSERT_TRUE(apply_layer(config, scenario_settings(training, Preset::kSmall, config.run.algo)));
+  EXPECT_EQ(config.collection.rollout, 16) << "the scenario's row for ippo";
+  EXPECT_EQ(config.optimisation.gamma, 0.9) << "the scenario's row for the variant itself goes above it";
   config.on_policy.with_vtrace = true, config.optimisation.normalize_returns = false;
   const Status refused = resolve_settings(config, 2);
   ASSERT_FALSE(refused) << "the row does not say that it can";
