@@ -148,7 +148,7 @@ TEST(ScenarioFiles, ActionSpacesLimitsAndCeilingsAreThePublishedOnes) {
       {"foraging_commons", {3, 27, 8, 5250, 0, 21000}},
       {"coop_puzzle", {3, 18, 0, 1200, 1, 5}},
       {"platform_chain", {4, 54, 0, 5250, 1, 47}},
-      {"armory_siege", {4, 162, 9, 4500, 0, 906.774}},
+      {"armory_siege", {4, 162, 9, 4500, 0, 674.97}},
       {"coop_health_gathering", {4, 27, 0, 2100, 0, 8400}},
       {"lava_pit", {5, 36, 0, 1000, 1, 11}},
       {"smart_enemies", {5, 54, 0, 4500, 0, 86}},
