@@ -21,6 +21,7 @@ const std::vector<Command>& commands() {
   static const std::vector<Command> all = {
       {"train", "train agents on a scenario", train_command},
       {"eval", "play fresh episodes with a trained or a random policy and report the score", eval_command},
+      {"report", "report on a folder of runs: one HTML page, Markdown, LaTeX, CSV", report_command},
       {"bench", "measure throughput: sim, inference, learner, replay or train", bench_command},
       {"config", "print the settings that train would use, and the layer that each came from",
        config_command},
