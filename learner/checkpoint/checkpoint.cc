@@ -19,6 +19,7 @@
 
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::learn {
 namespace {
@@ -53,10 +54,7 @@ Error missing(const std::string& key, const char* kind) {
 }
 
 std::string shape_text(const torch::Tensor& tensor) {
-  std::string text = std::string(c10::toString(tensor.scalar_type())) + " [";
-  for (int64_t axis = 0; axis < tensor.dim(); ++axis)
-    text += (axis > 0 ? ", " : "") + std::to_string(tensor.size(axis));
-  return text + "]";
+  return std::string(c10::toString(tensor.scalar_type())) + " [" + joined(tensor.sizes()) + "]";
 }
 
 c10::IValue to_ivalue(const StateDict::Value& value) {
