@@ -17,7 +17,8 @@ namespace {
 
 constexpr int64_t kSlotAlignmentBytes = 64;
 constexpr std::array<char, 8> kSnapshotMagic = {'C', 'O', 'M', 'R', 'P', 'L', 'A', 'Y'};
-constexpr int32_t kSnapshotVersion = 2;  // 1 had no late rewards; it is read, too
+constexpr int32_t kSnapshotVersion =
+    3;  // 1 and 2 had other checksums, so that nothing in them can be believed
 constexpr uint32_t kFlagMask = 1, kFlagState = 2, kFlagCompressed = 4, kFlagLate = 8;
 
 int64_t round_up(int64_t value) {
@@ -517,16 +518,19 @@ Status TrajectoryStore::read_items(SnapshotReader& reader) {
   const auto bad = [&reader](const std::string& what) {
     return Error{ErrorCode::kBadFormat, reader.path() + ": replay snapshot is unusable: " + what};
   };
+  SnapshotHeader saved;
+  if (reader.peek(
+          std::as_writable_bytes(std::span(&saved, 1)).first(sizeof saved.magic + sizeof saved.version)) &&
+      saved.magic == kSnapshotMagic && saved.version != kSnapshotVersion)
+    return bad("it has version " + std::to_string(saved.version) + ", this program reads version " +
+               std::to_string(kSnapshotVersion) +
+               " alone; remove it, and the run goes on with an empty replay");
   std::vector<std::byte> bytes;
   COMRAD_TRY_ASSIGN(const SectionHeader first, reader.next(bytes));
-  SnapshotHeader saved;
   if (first.tag != static_cast<uint32_t>(SectionTag::kHeader) || bytes.size() < sizeof saved.magic + 4)
     return bad("it does not begin with a header");
   std::memcpy(&saved, bytes.data(), std::min(bytes.size(), sizeof saved));
   if (saved.magic != kSnapshotMagic) return bad("it is none of COMRAD's");
-  if (saved.version < 1 || saved.version > kSnapshotVersion)
-    return bad("it has version " + std::to_string(saved.version) + ", this program reads versions 1 to " +
-               std::to_string(kSnapshotVersion));
   if (bytes.size() < sizeof saved) return bad("its header has a wrong size");
   const std::vector<std::byte> ledger(bytes.begin() + sizeof saved, bytes.end());
   if (const std::string differs = difference(saved, header_of(options_)); !differs.empty())
