@@ -93,7 +93,7 @@ int dispatch(const std::vector<std::string>& words) {
     return comrad::kExitDone;
   }
   if (name == "version" || name == "--version") {
-    std::printf("comrad %s (arena layout %u)\n", COMRAD_VERSION, comrad::kLayoutVersion);
+    std::printf("comrad %s (arena version %u)\n", COMRAD_VERSION, comrad::kArenaVersion);
     return comrad::kExitDone;
   }
   const Command* command = find(name);
