@@ -183,7 +183,7 @@ TEST(Completion, BashCompletesAFlagAValueAndAScenario) {
   EXPECT_EQ(offered_by_bash(scratch, "comrad comp", 1), "completion\n");
   EXPECT_EQ(offered_by_bash(scratch, "comrad train --gae_", 2), "--gae_lambda\n");
   EXPECT_EQ(offered_by_bash(scratch, "comrad train --algo qplex", 3), "qplex_d qplex_q\n");
-  EXPECT_EQ(offered_by_bash(scratch, "comrad eval --preset = p", 4), "paper\n");
+  EXPECT_EQ(offered_by_bash(scratch, "comrad train --preset = p", 4), "paper\n");
   EXPECT_EQ(offered_by_bash(scratch, "comrad config --scenario lava", 3), "lava_maze lava_pit\n");
   EXPECT_EQ(offered_by_bash(scratch, "comrad doomgen stag", 2), "stag_hunt_arena\n");
   EXPECT_EQ(offered_by_bash(scratch, "comrad doomgen lava_pit --format u", 4), "udmf\n");
