@@ -113,6 +113,7 @@ int config_command(Arguments arguments) {
   const Expected<MergedSettings> merged =
       merge_new({line.config_file(), line.typed()}, describe_scenario, usable_cores());
   if (!merged) return report_error("config", merged.error());
+  print_warnings(merged->scenario);
   if (json)
     std::printf("%s\n", to_json(*merged).dump().c_str());
   else

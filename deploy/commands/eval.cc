@@ -174,6 +174,7 @@ Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
     COMRAD_TRY_ASSIGN(merged, settings_for(evaluation, user, typed, line, core_count));
   }
 
+  print_warnings(merged.scenario);
   const std::string layout = layout_text(merged.config);
   COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
   LayoutList pool;

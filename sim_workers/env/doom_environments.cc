@@ -25,9 +25,10 @@ Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const En
     COMRAD_TRY_ASSIGN(game, library->game(0));
   }
   // Layouts of one scenario bring the same pictures; those of a pool's last WAD win.
-  COMRAD_TRY_ASSIGN(auto art, doom::ArtArchive::open({}, options.layouts.empty()
-                                                             ? std::vector<std::string>{options.wad_path}
-                                                             : options.layouts));
+  COMRAD_TRY_ASSIGN(auto art,
+                    doom::ArtArchive::open(game->spec.iwad, options.layouts.empty()
+                                                                ? std::vector<std::string>{options.wad_path}
+                                                                : options.layouts));
   doom::RenderOptions render;
   render.width = render_size.width;
   render.height = render_size.height;
