@@ -34,12 +34,6 @@ SettingsLayer with_whole_paths(SettingsLayer layer) {
   return layer;
 }
 
-Expected<SettingsLayer> file_layer(const UserSettings& user) {
-  if (user.config_file.empty()) return SettingsLayer{};
-  COMRAD_TRY_ASSIGN(SettingsLayer file, read_settings_toml(user.config_file));
-  return with_whole_paths(std::move(file));
-}
-
 using Texts = std::map<std::string, std::string>;
 Texts all_texts(const RunConfig& config) {
   Texts texts;
@@ -89,7 +83,19 @@ double default_alpha(const RunConfig& config, const ScenarioDescription& scenari
   return scenario.shared_reward_alpha;
 }
 
-/// Fills in what is still open: from the scenario, then from the host.
+/// The user's file on top of a run, which has worked its own values out.
+Expected<SettingsLayer> file_layer_onto_run(const UserSettings& user) {
+  if (user.config_file.empty()) return SettingsLayer{};
+  COMRAD_TRY_ASSIGN(SettingsLayer layer, read_settings_toml(user.config_file));
+  std::erase_if(layer.values, [&layer](const auto& value) {
+    return std::ranges::any_of(layer.asked_for, [&value](const auto& asked) {
+      return canonical_setting(asked.first) == canonical_setting(value.first);
+    });
+  });
+  layer.asked_for.clear();
+  return layer;
+}
+
 /// --reward names terms that the scenario has.
 Status check_rewards(const RunConfig& config, const ScenarioDescription& scenario) {
   COMRAD_TRY_ASSIGN(const auto weights, parse_reward_weights(config.environment.reward));
@@ -100,8 +106,10 @@ Status check_rewards(const RunConfig& config, const ScenarioDescription& scenari
   return {};
 }
 
+/// Fills in what is still open: from the scenario, then from the host.
 Expected<MergedSettings> complete(Layers layers, ScenarioDescription scenario, int core_count) {
   COMRAD_TRY(check_rewards(layers.config(), scenario));
+  const RunConfig asked = layers.config();
   const bool is_scenarios = layers.config().run.algo->reward_share == RewardShare::kOfTheScenario;
   COMRAD_TRY(layers.change(is_scenarios ? "scenario" : "algorithm", [&scenario](RunConfig& config) -> Status {
     if (config.environment.shared_reward_alpha < 0)
@@ -114,14 +122,26 @@ Expected<MergedSettings> complete(Layers layers, ScenarioDescription scenario, i
   }));
   COMRAD_TRY(
       layers.change("automatic", [&](RunConfig& config) { return resolve_settings(config, core_count); }));
-  return MergedSettings{layers.config(), std::move(scenario), std::move(layers.from())};
+  MergedSettings merged{layers.config(), std::move(scenario), std::move(layers.from()), {}};
+  for (const SettingRow& row : setting_rows())
+    if (row.text(merged.config) != row.text(asked))
+      merged.asked_for.emplace_back(std::string(row.name), row.text(asked));
+  return merged;
 }
 
 }  // namespace
 
+Expected<SettingsLayer> file_layer(const UserSettings& user) {
+  if (user.config_file.empty()) return SettingsLayer{};
+  COMRAD_TRY_ASSIGN(SettingsLayer layer, read_settings_toml(user.config_file));
+  layer.values.insert(layer.values.end(), layer.asked_for.begin(), layer.asked_for.end());
+  return layer;
+}
+
 Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& describe, int core_count,
                                    const SettingsLayer& changes) {
-  COMRAD_TRY_ASSIGN(const SettingsLayer file, file_layer(user));
+  COMRAD_TRY_ASSIGN(SettingsLayer file, file_layer(user));
+  file = with_whole_paths(std::move(file));
   const SettingsLayer typed = with_whole_paths(user.typed);
   // The upper layers choose the lower ones: the scenario and the algorithm are read off them first.
   RunConfig chosen;
@@ -153,7 +173,8 @@ Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& des
 
 Expected<MergedSettings> merge_onto_run(const RunConfig& made, const UserSettings& user,
                                         const Describe& describe, int core_count) {
-  COMRAD_TRY_ASSIGN(const SettingsLayer file, file_layer(user));
+  COMRAD_TRY_ASSIGN(SettingsLayer file, file_layer_onto_run(user));
+  file = with_whole_paths(std::move(file));
   const SettingsLayer typed = with_whole_paths(user.typed);
   RunConfig run = made;
   run.run.scenario = whole_path(made.run.scenario);

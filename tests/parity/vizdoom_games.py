@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Trains on ViZDoom's own .cfg files and compares the policies with random play.
 
-For each game and seed: `comrad train` to --env_steps (a run that was interrupted goes on), then 100 greedy episodes against
+For each game and seed: `comrad train` to --env_frames (a run that was interrupted goes on), then 100 greedy episodes against
 100 of random play, Welch's test (one-sided; of so many episodes the normal distribution stands for Student's). One line a
 run goes to standard output as a row of a Markdown table and to --rows as JSON; a row that is there is not made again.
 
@@ -54,7 +54,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('games', nargs='+', help='names of .cfg files in the folder of the package, or paths')
     parser.add_argument('--seeds', nargs='+', type=int, default=[1])
-    parser.add_argument('--env_steps', type=float, default=2e6)
+    parser.add_argument('--env_frames', type=float, default=2e6)
     parser.add_argument('--episodes', type=int, default=100)
     parser.add_argument('--comrad', default='./comrad')
     parser.add_argument('--train_dir', required=True)
@@ -70,12 +70,12 @@ def main():
         name = os.path.splitext(os.path.basename(path))[0]
         agents = ['--num_agents', '2'] if name == 'multi_duel' else []
         for seed in asked.seeds:
-            key = {'game': name, 'seed': seed, 'env_steps': asked.env_steps}
+            key = {'game': name, 'seed': seed, 'env_frames': asked.env_frames}
             if any(row.items() >= key.items() for row in rows_of(asked.rows)):
                 continue
             run, began = f'{name}_{seed}', time.monotonic()
             comrad(asked.comrad, 'train', '--scenario', path, '--algo', 'ippo', '--preset', 'small', '--seed', str(seed),
-                   '--train_for_env_steps', str(asked.env_steps), '--train_dir', asked.train_dir, '--experiment', run,
+                   '--train_for_env_frames', str(asked.env_frames), '--train_dir', asked.train_dir, '--experiment', run,
                    *agents, *asked.train_flags)
             train_s = time.monotonic() - began
             if name not in random_play:
@@ -86,7 +86,7 @@ def main():
             row = {**key, 'J': mean, 'random': random_mean, 'p': p, 'train_s': round(train_s), 'episodes': asked.episodes}
             with open(asked.rows, 'a', encoding='utf-8') as file:
                 file.write(json.dumps(row) + '\n')
-            print(f'| {name} | {seed} | {asked.env_steps:.3g} | {random_mean:.4g} | {mean:.4g} | {p:.2g} | {train_s:.0f} |',
+            print(f'| {name} | {seed} | {asked.env_frames:.3g} | {random_mean:.4g} | {mean:.4g} | {p:.2g} | {train_s:.0f} |',
                   flush=True)
     return 0
 

@@ -200,7 +200,8 @@ TEST(Ceilings, FollowTheParametersAndTheTeam) {
   for (const LayoutParameter& parameter : hunt.parameters) slow[parameter.name] = parameter.default_value;
   slow["interval"] = 4;
   EXPECT_DOUBLE_EQ(hunt.ceiling({slow, 2, 18000}), 29) << "no such map is made";
-  EXPECT_GT(of("armory_siege", 2, {{"difficulty", "1000"}}), of("armory_siege", 2, {}));
+  EXPECT_GT(of("armory_siege", 2, {{"window", "450"}, {"difficulty", "1000"}}),
+            of("armory_siege", 2, {{"window", "450"}}));
   EXPECT_LT(of("armory_siege", 8, {}), of("armory_siege", 2, {}) / 3);
 }
 
@@ -249,6 +250,28 @@ TEST(Resources, AMapThatGivesTooLittleIsRefusedWithAReason) {
     }
   EXPECT_THAT(error("smart_enemies", 2, {{"interval", "2"}, {"cap", "3"}}), HasSubstr("on the default map"));
   EXPECT_THAT(error("dumb_enemies", 2, {{"radius", "1150"}, {"cap", "6"}}), HasSubstr("can be caught"));
+}
+
+TEST(Resources, ASiegeIsMadeForTeamsWhoseShotsAndShellsSuffice) {
+  const auto is_made = [](int agents, const char* window, const char* difficulty) {
+    const auto layout = generate_layout(
+        "armory_siege",
+        {.num_agents = agents, .parameters = {{"window", window}, {"difficulty", difficulty}}});
+    if (!layout) {
+      EXPECT_THAT(layout.error().message, HasSubstr("of the monsters before the core falls"));
+    }
+    return layout.has_value();
+  };
+  for (int agents = 2; agents <= 8; ++agents) {
+    EXPECT_TRUE(is_made(agents, "300", "500")) << "the default map is the measure";
+    // Twice the health and no more shells: they run out for every team.
+    EXPECT_FALSE(is_made(agents, "300", "1000")) << agents;
+  }
+  // Waves come twice as fast: two cannot fire so often. Shells come twice as fast as well.
+  EXPECT_FALSE(is_made(2, "150", "500"));
+  EXPECT_TRUE(is_made(3, "150", "500"));
+  EXPECT_FALSE(is_made(3, "150", "1000"));
+  EXPECT_TRUE(is_made(4, "150", "1000"));
 }
 
 TEST(Resources, HuntersWhoHaveNoRoomToKeepApartGetNoMap) {
