@@ -95,6 +95,8 @@ Expected<ScenarioDescription> describe_scenario(const RunConfig& config) {
   const int64_t num_agents = config.environment.num_agents;
   const auto ask = [&](int64_t agents) -> Expected<ScenarioDescription> {
     std::vector<std::string> command = {sibling_program("comrad-scenarios"), "describe", name, "--json"};
+    if (!config.environment.heads.empty())
+      command.insert(command.end(), {"--heads", config.environment.heads});
     if (agents > 0) command.insert(command.end(), {"--num_agents", std::to_string(agents)});
     COMRAD_TRY_ASSIGN(const ProgramResult described, run_program(command));
     if (described.exit_code != 0) {
