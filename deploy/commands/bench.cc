@@ -145,6 +145,7 @@ Expected<int> bench(const std::string& what, double seconds, bool json, const Co
                                {"learning_starts_decisions", "4096"}}};
   COMRAD_TRY_ASSIGN(MergedSettings merged,
                     merge_new({line.config_file(), line.typed()}, describe_scenario, core_count, endless));
+  print_warnings(merged.scenario);
   COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
   COMRAD_TRY_ASSIGN(const ordered_json summary,
                     what == "train" ? bench_train(merged, run.path(), seconds, core_count,

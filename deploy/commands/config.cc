@@ -104,6 +104,7 @@ int config_command(Arguments arguments) {
   const Expected<MergedSettings> merged =
       merge_new({line.config_file(), line.typed()}, describe_scenario, usable_cores());
   if (!merged) return report_error("config", merged.error());
+  print_warnings(merged->scenario);
   for (const std::string& text : flags_without_effect(merged->config, line.typed()))
     std::fprintf(stderr, "comrad config: note: %s\n", text.c_str());
   if (json)

@@ -324,6 +324,7 @@ Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
   COMRAD_TRY_ASSIGN(MergedSettings merged, sized_settings(evaluation, user, typed, line, film.is_wanted()));
   const auto episodes = static_cast<int64_t>(evaluation.episodes);
 
+  print_warnings(merged.scenario);
   const std::string layout = layout_text(merged.config);
   COMRAD_TRY_ASSIGN(const TemporaryRun run,
                     TemporaryRun::create(merged.config, known_pool(evaluation, line, merged.config)));

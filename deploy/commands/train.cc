@@ -96,6 +96,7 @@ Expected<int> train(const CommandLine& line, bool allow_no_update) {
   // its config.toml.
   const bool resumes = exists && find_checkpoint(run_dir, CheckpointKind::kLatest).has_value();
   COMRAD_TRY_ASSIGN(MergedSettings merged, settings_for(run_dir, resumes, user));
+  print_warnings(merged.scenario);
   RunConfig& config = merged.config;
   config.run.train_dir = train_dir;
   config.run.experiment = experiment;

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "deploy/process/child_program.h"
+#include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/layout_list.h"
 
@@ -160,7 +161,8 @@ Status write_layout_list(const std::string& run_dir, const std::string& text, co
 std::string scenario_file_name(const RunConfig& config) {
   std::string name = config.run.scenario;
   while (!name.empty() && name.back() == '/') name.pop_back();
-  return name.substr(name.find_last_of('/') + 1);
+  name = name.substr(name.find_last_of('/') + 1);
+  return names_vizdoom_config(name) ? name.substr(0, name.size() - 4) : name;
 }
 
 bool is_generated_layout(const RunConfig& config) {

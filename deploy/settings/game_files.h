@@ -47,7 +47,7 @@ Status check_pool_to_draw(const std::string& layout_pool, bool for_training);
 Status write_layout_list(const std::string& run_dir, const std::string& text,
                          const std::string& file = kLayoutListFile);
 
-/// The scenario's name for files: the folder's where the scenario is named by a path.
+/// The scenario's name for files: the folder's or the .cfg's where the scenario is named by a path.
 std::string scenario_file_name(const RunConfig& config);
 
 /// Whether `wad` is a map that ensure_layout() made for `config` (rather than one that the user gave).

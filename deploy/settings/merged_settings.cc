@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
+#include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/recipes.h"
@@ -17,6 +19,19 @@ namespace {
 std::string canonical_setting(const std::string& key) {
   const SettingRow* row = find_setting(key);
   return row == nullptr ? key : std::string(row->name);
+}
+
+/// The scenario, by its whole path where a path names it: a run goes on from whatever folder.
+std::string whole_path(const std::string& scenario) {
+  if (scenario.find('/') == std::string::npos && !names_vizdoom_config(scenario)) return scenario;
+  std::error_code ignored;
+  return std::filesystem::absolute(scenario, ignored).lexically_normal().string();
+}
+
+SettingsLayer with_whole_paths(SettingsLayer layer) {
+  for (auto& [key, value] : layer.values)
+    if (canonical_setting(key) == "scenario") value = whole_path(value);
+  return layer;
 }
 
 using Texts = std::map<std::string, std::string>;
@@ -125,13 +140,14 @@ Expected<SettingsLayer> file_layer(const UserSettings& user) {
 
 Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& describe, int core_count,
                                    const SettingsLayer& changes) {
-  COMRAD_TRY_ASSIGN(const SettingsLayer file, file_layer(user));
+  COMRAD_TRY_ASSIGN(SettingsLayer file, file_layer(user));
+  file = with_whole_paths(std::move(file));
+  const SettingsLayer typed = with_whole_paths(user.typed);
   // The upper layers choose the lower ones: the scenario and the algorithm are read off them first.
   RunConfig chosen;
-  for (const SettingsLayer* layer : {&changes, &file, &user.typed}) COMRAD_TRY(apply_layer(chosen, *layer));
+  for (const SettingsLayer* layer : {&changes, &file, &typed}) COMRAD_TRY(apply_layer(chosen, *layer));
   const SettingsLayer algorithm = algorithm_defaults(chosen.run.algo);
-  COMRAD_TRY_ASSIGN(ScenarioDescription scenario, describe(chosen.run.scenario, chosen.environment.num_agents,
-                                                           chosen.environment.use_additional_input));
+  COMRAD_TRY_ASSIGN(ScenarioDescription scenario, describe(chosen));
 
   const SettingsLayer preset = preset_settings(chosen.run.preset, chosen.run.algo);
   Layers layers(RunConfig(), "built-in");
@@ -142,25 +158,29 @@ Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& des
       layers.put(scenario_settings(scenario.training, chosen.run.preset, chosen.run.algo), "scenario"));
   COMRAD_TRY(layers.put(changes, changes.origin));
   COMRAD_TRY(layers.put(file, "file"));
-  COMRAD_TRY(layers.put(user.typed, "command line"));
+  COMRAD_TRY(layers.put(typed, "command line"));
   // TD(lambda) runs over sequences. Where somebody turns the recurrent core off the preset's row falls away; one
   // that was asked for is refused by resolve_settings.
   if (!layers.config().network.use_rnn && layers.from().at("td_lambda") == "preset")
     COMRAD_TRY(layers.put({"", {{"td_lambda", setting_text(RunConfig(), "td_lambda")}}}, "automatic"));
   if (layers.config().environment.use_additional_input !=
       chosen.environment.use_additional_input) {  // the scenario's own row decides
-    COMRAD_TRY_ASSIGN(scenario, describe(chosen.run.scenario, chosen.environment.num_agents,
-                                         layers.config().environment.use_additional_input));
+    chosen.environment.use_additional_input = layers.config().environment.use_additional_input;
+    COMRAD_TRY_ASSIGN(scenario, describe(chosen));
   }
   return complete(std::move(layers), std::move(scenario), core_count);
 }
 
-Expected<MergedSettings> merge_onto_run(const RunConfig& run, const UserSettings& user,
+Expected<MergedSettings> merge_onto_run(const RunConfig& made, const UserSettings& user,
                                         const Describe& describe, int core_count) {
-  COMRAD_TRY_ASSIGN(const SettingsLayer file, file_layer_onto_run(user));
+  COMRAD_TRY_ASSIGN(SettingsLayer file, file_layer_onto_run(user));
+  file = with_whole_paths(std::move(file));
+  const SettingsLayer typed = with_whole_paths(user.typed);
+  RunConfig run = made;
+  run.run.scenario = whole_path(made.run.scenario);
   Layers layers(run, "run");
   COMRAD_TRY(layers.put(file, "file"));
-  COMRAD_TRY(layers.put(user.typed, "command line"));
+  COMRAD_TRY(layers.put(typed, "command line"));
   COMRAD_TRY(layers.change("run", [&run](RunConfig& config) -> Status {
     if (config.environment.num_agents == 0) config.environment.num_agents = run.environment.num_agents;
     return {};
@@ -181,8 +201,7 @@ Expected<MergedSettings> merge_onto_run(const RunConfig& run, const UserSettings
       if (row.traits.is_automatic_size && !changed(row))
         COMRAD_TRY(layers.put({"automatic size", {{std::string(row.name), "0"}}}, "automatic"));
 
-  COMRAD_TRY_ASSIGN(ScenarioDescription scenario, describe(config.run.scenario, config.environment.num_agents,
-                                                           config.environment.use_additional_input));
+  COMRAD_TRY_ASSIGN(ScenarioDescription scenario, describe(config));
   return complete(std::move(layers), std::move(scenario), core_count);
 }
 

@@ -23,7 +23,7 @@
 namespace comrad::deploy {
 
 /// Asks what a scenario is; describe_scenario outside of tests.
-using Describe = std::function<Expected<ScenarioDescription>(const std::string&, int64_t, bool)>;
+using Describe = std::function<Expected<ScenarioDescription>(const RunConfig&)>;
 
 struct MergedSettings {
   RunConfig config;              ///< no zero that means "auto" is left

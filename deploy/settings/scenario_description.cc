@@ -1,6 +1,7 @@
 #include "deploy/settings/scenario_description.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "deploy/process/child_program.h"
@@ -28,6 +29,16 @@ Status read(const json& from, const char* key, Number& into) {
   const auto found = from.find(key);
   if (found == from.end() || !found->is_number()) return wrong(key, "a number");
   into = found->get<Number>();
+  return {};
+}
+
+Status read(const json& from, const char* key, std::vector<std::string>& into) {
+  const auto found = from.find(key);
+  if (found == from.end() || !found->is_array()) return wrong(key, "a list of texts");
+  for (const json& element : *found) {
+    if (!element.is_string()) return wrong(key, "a list of texts");
+    into.push_back(element.get<std::string>());
+  }
   return {};
 }
 
@@ -61,6 +72,7 @@ Expected<ScenarioDescription> parse_description(std::string_view text) {
   const auto rewards = described.find("rewards");
   if (rewards == described.end() || !rewards->is_array()) return wrong("rewards", "a list");
   for (const json& term : *rewards) COMRAD_TRY(read(term, "name", scenario.rewards.emplace_back()));
+  if (described.contains("warnings")) COMRAD_TRY(read(described, "warnings", scenario.warnings));
   if (heads.empty() || heads.size() > static_cast<size_t>(kMaxHeads)) return wrong("heads", "1 to 8 numbers");
   scenario.env.head_count = static_cast<int32_t>(heads.size());
   std::copy(heads.begin(), heads.end(), scenario.env.head_sizes.begin());
@@ -74,10 +86,17 @@ Expected<ScenarioDescription> parse_description(std::string_view text) {
   return scenario;
 }
 
-Expected<ScenarioDescription> describe_scenario(const std::string& name, int64_t num_agents,
-                                                bool use_measurements) {
+void print_warnings(const ScenarioDescription& scenario) {
+  for (const std::string& warning : scenario.warnings) std::fprintf(stderr, "warning: %s\n", warning.c_str());
+}
+
+Expected<ScenarioDescription> describe_scenario(const RunConfig& config) {
+  const std::string& name = config.run.scenario;
+  const int64_t num_agents = config.environment.num_agents;
   const auto ask = [&](int64_t agents) -> Expected<ScenarioDescription> {
     std::vector<std::string> command = {sibling_program("comrad-scenarios"), "describe", name, "--json"};
+    if (!config.environment.heads.empty())
+      command.insert(command.end(), {"--heads", config.environment.heads});
     if (agents > 0) command.insert(command.end(), {"--num_agents", std::to_string(agents)});
     COMRAD_TRY_ASSIGN(const ProgramResult described, run_program(command));
     if (described.exit_code != 0) {
@@ -86,7 +105,7 @@ Expected<ScenarioDescription> describe_scenario(const std::string& name, int64_t
                    reason.empty() ? "--scenario=" + name + ": comrad-scenarios failed" : reason};
     }
     COMRAD_TRY_ASSIGN(ScenarioDescription scenario, parse_description(described.output));
-    if (!use_measurements) scenario.env.measurement_count = 0;
+    if (!config.environment.use_additional_input) scenario.env.measurement_count = 0;
     return scenario;
   };
   COMRAD_TRY_ASSIGN(ScenarioDescription scenario, ask(0));

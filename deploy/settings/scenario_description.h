@@ -10,6 +10,7 @@
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
 #include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {
 
@@ -23,6 +24,8 @@ struct ScenarioDescription {
   double shared_reward_alpha = 0;
   std::string score;                 ///< what J is: survival_tics, ...
   std::vector<std::string> rewards;  ///< names of its reward terms
+  std::vector<std::string>
+      warnings;  ///< of a ViZDoom .cfg: "path:line: " what is not understood or not served
   SettingsLayer
       training;  ///< its rows of the recipes, keys "<preset>.<algorithm>.<setting>"; origin "scenario <name>"
 };
@@ -30,10 +33,12 @@ struct ScenarioDescription {
 /// Reads the JSON of `comrad-scenarios describe`. Errors: kBadFormat naming the key that is missing or wrong.
 Expected<ScenarioDescription> parse_description(std::string_view json);
 
-/// Starts `comrad-scenarios describe`. `num_agents` 0 asks for the scenario's default; without
-/// `use_measurements` the shape has none. Errors: kBadInput for an unknown scenario or team size,
+/// Its warnings, on standard error.
+void print_warnings(const ScenarioDescription& scenario);
+
+/// Starts `comrad-scenarios describe` for the scenario, team and heads of `config`. `num_agents` 0 asks for the scenario's
+/// default; without `use_additional_input` the shape has no measurements. Errors: kBadInput for an unknown scenario or team size,
 /// naming the known ones; kNotFound without the program.
-Expected<ScenarioDescription> describe_scenario(const std::string& name, int64_t num_agents,
-                                                bool use_measurements);
+Expected<ScenarioDescription> describe_scenario(const RunConfig& config);
 
 }  // namespace comrad::deploy

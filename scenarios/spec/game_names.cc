@@ -1,7 +1,10 @@
 #include "scenarios/spec/game_names.h"
 
 #include <charconv>
+#include <cmath>
 #include <utility>
+
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::scenarios {
 namespace {
@@ -80,9 +83,9 @@ constexpr std::pair<std::string_view, VariableKind> kVariables[] = {
     {"PLAYER_COUNT", VariableKind::kPlayerCount},
 };
 constexpr std::pair<std::string_view, VariableKind> kTermVariables[] = {
-    {"ONE", VariableKind::kOne},
-    {"TERMINATED", VariableKind::kTerminated},
-    {"TRUNCATED", VariableKind::kTruncated},
+    {"MAP_REWARD", VariableKind::kMapReward},  {"MAP_TICS", VariableKind::kMapTics},
+    {"MAP_EXIT", VariableKind::kMapExit},      {"ONE", VariableKind::kOne},
+    {"TERMINATED", VariableKind::kTerminated}, {"TRUNCATED", VariableKind::kTruncated},
 };
 constexpr std::string_view kSelectWeapon = "SELECT_WEAPON";
 
@@ -120,6 +123,29 @@ std::optional<Button> find_button(std::string_view name) {
   if (const auto slot = number_in(name, kSelectWeapon, ""); slot && *slot >= 0 && *slot <= 9)
     return Button{ButtonKind::kSelectWeapon, *slot};
   return std::nullopt;
+}
+
+Expected<ButtonPress> parse_press(std::string_view text) {
+  const std::size_t equals = text.find('=');
+  const std::string name(text.substr(0, equals));
+  const std::optional<Button> button = find_button(name);
+  if (!button) return Error{ErrorCode::kBadInput, unknown_word("button", name, button_names())};
+  ButtonPress press{*button};
+  if (equals == std::string_view::npos) {
+    if (button->is_delta())
+      return Error{ErrorCode::kBadInput, "'" + name + "' takes a number: write " + name + "=10"};
+    return press;
+  }
+  const std::string_view number = text.substr(equals + 1);
+  const char* const begin = number.data() + (number.starts_with('+') ? 1 : 0);
+  const auto [end, error] = std::from_chars(begin, number.data() + number.size(), press.value);
+  if (!button->is_delta() || error != std::errc() || end != number.data() + number.size() ||
+      !std::isfinite(press.value))
+    return Error{ErrorCode::kBadInput,
+                 "'" + std::string(text) + "': " +
+                     (button->is_delta() ? "behind '=' stands no number"
+                                         : name + " is held or not; leave the number out")};
+  return press;
 }
 
 std::optional<GameVariable> find_variable(std::string_view name) {

@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "rollout_buffer/core/expected.h"
+
 namespace comrad::scenarios {
 
 /// What a button does. Binary ones are held or not; delta ones (last) take a number a tic: degrees for
@@ -99,7 +101,11 @@ enum class VariableKind : uint8_t {
   kPlayerCount,
   kPlayerFragCount,
   kUser,
-  // What the environment adds: 1 always; 1 in the decision that ends the episode (by the map, by the limit).
+  // What the environment adds: the script's global variable 0 as a 16.16 number (ViZDoom's map reward), tics since the
+  // map began, 1 once the map has ended; 1 always; 1 in the decision that ends the episode (by the game, by the limit).
+  kMapReward,
+  kMapTics,
+  kMapExit,
   kOne,
   kTerminated,
   kTruncated
@@ -110,9 +116,18 @@ struct GameVariable {
   bool is_team_variable() const { return kind >= VariableKind::kPlayerCount; }
 };
 
+/// One choice of a head: a button that is held, or a delta button with its number a tic.
+struct ButtonPress {
+  Button button;
+  double value = 1.0;
+};
+
 std::optional<Button> find_button(std::string_view name);
+/// "ATTACK", or "TURN_LEFT_RIGHT_DELTA=-10". Errors: kBadInput naming the nearest button; for a delta button without a
+/// number and a number behind another button.
+Expected<ButtonPress> parse_press(std::string_view text);
 std::optional<GameVariable> find_variable(std::string_view name);
-/// A game variable, or one of ONE, TERMINATED, TRUNCATED: what reward and measurement terms may read.
+/// A game variable, or one of ONE, TERMINATED, TRUNCATED, MAP_REWARD, MAP_TICS, MAP_EXIT: what reward and measurement terms may read.
 std::optional<GameVariable> find_term_variable(std::string_view name);
 std::vector<std::string> button_names();
 std::vector<std::string> variable_names();

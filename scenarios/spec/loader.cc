@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <set>
 
+#include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/core/toml_text.h"
 #include "rollout_buffer/settings/algorithms.h"
@@ -16,6 +17,7 @@
 #include "scenarios/spec/rewards.h"
 #include "scenarios/spec/scenario_files.h"
 #include "scenarios/spec/scenario_spec.h"
+#include "scenarios/spec/vizdoom_scenario.h"
 
 namespace comrad::scenarios {
 namespace {
@@ -577,6 +579,8 @@ Expected<ScenarioSpec> load_scenario(const std::string& name, int depth) {
 
 }  // namespace
 
-Expected<ScenarioSpec> load_scenario(const std::string& name) { return load_scenario(name, 0); }
+Expected<ScenarioSpec> load_scenario(const std::string& name) {
+  return names_vizdoom_config(name) ? load_vizdoom_scenario(name) : load_scenario(name, 0);
+}
 
 }  // namespace comrad::scenarios

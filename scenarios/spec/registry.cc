@@ -9,6 +9,7 @@
 #include "doomgen/layout/udmf_writer.h"
 #include "doomgen/layout/wad_writer.h"
 #include "doomgen/wad/wad_reader.h"
+#include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/text.h"
 #include "scenarios/spec/layout_content.h"
 #include "scenarios/spec/recipe_table.h"
@@ -37,7 +38,7 @@ const RecipeEntry* entry_of(const ScenarioSpec& spec) {
 /// The scenario whose maps `scenario` plays: itself, or the base of its base's base.
 Expected<ScenarioSpec> load_map_owner(const std::string& scenario) {
   COMRAD_TRY_ASSIGN(ScenarioSpec spec, load_scenario(scenario));
-  if (spec.maps_of == spec.name) return spec;
+  if (spec.is_vizdoom || spec.maps_of == spec.name) return spec;
   return load_scenario(spec.folder);
 }
 
@@ -163,14 +164,15 @@ Expected<GeneratedLayout> ready_made(const ScenarioSpec& spec, const LayoutReque
                                            "); --as is for maps that are drawn, copy this one"};
   GeneratedLayout layout;
   layout.file = spec.folder + "/" + spec.wad;
-  COMRAD_TRY_ASSIGN(layout.wad, read_scenario_file(layout.file));
+  // A cfg without a WAD of its own plays a map of the IWAD.
+  COMRAD_TRY_ASSIGN(layout.wad, read_scenario_file(layout.file, spec.is_vizdoom ? 256 : 16));
   if (!layout.wad.starts_with("PWAD") && !layout.wad.starts_with("IWAD"))
     return Error{ErrorCode::kBadFormat, layout.file + ": is no WAD"};
   // Here rather than in the programs that play a copy of it.
   COMRAD_TRY_ASSIGN(
       const wad::WadFile opened,
       wad::WadFile::from_bytes(std::vector<uint8_t>(layout.wad.begin(), layout.wad.end()), layout.file));
-  if (const auto lump = opened.find(kLayoutInfoLump)) {
+  if (const auto lump = opened.find(kLayoutInfoLump); lump && !spec.is_vizdoom) {
     const Expected<LayoutInfo> info = parse_layout_info(opened.text(*lump));
     if (!info) return Error{info.error().code, layout.file + ": " + info.error().message};
     COMRAD_TRY(check_scenario(*info, spec.name, layout.file));
@@ -247,7 +249,7 @@ std::string layout_script_text(const LayoutInfo& info, const DrawnLayout& layout
 }
 
 Expected<GeneratedLayout> generate_layout(const std::string& named, const LayoutRequest& request) {
-  if (!find_scenario_folder(named)) return layout_recipe(named).error();
+  if (!names_vizdoom_config(named) && !find_scenario_folder(named)) return layout_recipe(named).error();
   COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_map_owner(named));
   const std::string& scenario = spec.name;
   const RecipeEntry* const entry = entry_of(spec);

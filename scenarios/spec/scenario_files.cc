@@ -15,7 +15,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMaxFileBytes = 16 << 20;
 constexpr const char* kSearchPath = "COMRAD_SCENARIO_PATH";
 
 /// Folders of scenarios, first come first served.
@@ -42,14 +41,15 @@ bool scenario_file_exists(const std::string& path) {
   return fs::is_regular_file(path, ignored);
 }
 
-Expected<std::string> read_scenario_file(const std::string& path) {
+Expected<std::string> read_scenario_file(const std::string& path, std::size_t most_megabytes) {
   std::ifstream file(path, std::ios::binary);
   if (!file.is_open()) return Error{ErrorCode::kSystem, path + ": cannot be read"};
   std::string text;
   std::string block(1 << 16, '\0');
   while (file.read(block.data(), static_cast<std::streamsize>(block.size())), file.gcount() > 0) {
     text.append(block, 0, static_cast<std::size_t>(file.gcount()));
-    if (text.size() > kMaxFileBytes) return Error{ErrorCode::kBadFormat, path + ": longer than 16 MB"};
+    if (text.size() > most_megabytes << 20)
+      return Error{ErrorCode::kBadFormat, path + ": longer than " + std::to_string(most_megabytes) + " MB"};
   }
   if (file.bad()) return Error{ErrorCode::kSystem, path + ": cannot be read"};
   return text;

@@ -14,8 +14,8 @@ namespace comrad::scenarios {
 /// kNotFound with the nearest and all known names.
 Expected<std::string> find_scenario_folder(const std::string& name);
 
-/// A file of a scenario, 16 MB at most. Errors: kSystem, kBadFormat naming the path.
-Expected<std::string> read_scenario_file(const std::string& path);
+/// A file of a scenario, `most_megabytes` at most. Errors: kSystem, kBadFormat naming the path.
+Expected<std::string> read_scenario_file(const std::string& path, std::size_t most_megabytes = 16);
 
 /// True where the file exists.
 bool scenario_file_exists(const std::string& path);

@@ -20,7 +20,19 @@ namespace comrad::scenarios {
 
 /// One factorised action head: index 0 is "none", index k the k-th button.
 struct ActionHead {
-  std::vector<std::string> buttons;  ///< ViZDoom names: MOVE_FORWARD, TURN_LEFT, ATTACK, ...
+  std::vector<std::string>
+      buttons;  ///< as parse_press() reads them: MOVE_FORWARD, TURN_LEFT_RIGHT_DELTA=-10, ...
+};
+
+/// How the engine plays the map. The defaults are those of the folders with a scenario.toml; a ViZDoom .cfg says its own.
+struct GameRules {
+  int skill = 3;
+  bool no_monsters = false, deathmatch = false, infinite_ammo = false;
+  bool autoaim = false, free_look = false, allow_crouch = false, allow_jump = true;
+  int start_tics = 0;    ///< pass before the first decision
+  int timeout_tics = 0;  ///< of an episode, from there on; 0: decision_limit alone counts
+  /// A player who is alone ends the episode by dying; several come back.
+  bool lone_death_ends = false;
 };
 
 /// One component of the measurement vector: clip(variable * scale + offset).
@@ -86,7 +98,12 @@ struct ScenarioSpec {
   std::vector<RewardTerm> rewards;
   std::vector<MaskTerm> masks;
   bool hud = true, crosshair = false, screen_flashes = true, weapon = true;
-  SettingsLayer training;  ///< its rows of the recipes; keys "<preset>.<algorithm>.<setting>"
+  GameRules rules = {};
+  std::string map = {};                    ///< of the WAD; empty: its first
+  std::string iwad = {};                   ///< textures and sprites; empty: where COMRAD looks for them
+  bool is_vizdoom = false;                 ///< from a .cfg (vizdoom_scenario.h), not from a folder
+  std::vector<std::string> warnings = {};  ///< "path:line: ..." of what is not understood or not served
+  SettingsLayer training;                  ///< its rows of the recipes; keys "<preset>.<algorithm>.<setting>"
   /// The scenario whose maps, scripts and actors it plays, and their folder: its own, or those of its base.
   std::string maps_of, folder;
 
@@ -96,10 +113,14 @@ struct ScenarioSpec {
   /// Those of several. Errors: as user_number().
   Expected<std::vector<int>> user_numbers(const std::vector<std::string_view>& wanted) const;
   /// When episodes are cut off, tics.
-  int limit_tics() const { return std::min(kTicsPerDecision * decision_limit, kEngineLimitTics); }
+  int limit_tics() const {
+    return rules.timeout_tics > 0 ? rules.start_tics + rules.timeout_tics
+                                  : std::min(kTicsPerDecision * decision_limit, kEngineLimitTics);
+  }
 };
 
-/// Reads the scenario.toml of a scenario, by its name or by the path of its folder (scenario_files.h).
+/// Reads the scenario.toml of a scenario, by its name or by the path of its folder (scenario_files.h); a path that ends in
+/// .cfg is a ViZDoom configuration (vizdoom_scenario.h).
 /// Errors: kNotFound listing the known names; kBadFormat with line, column and the offending key.
 Expected<ScenarioSpec> load_scenario(const std::string& name);
 

@@ -6,6 +6,7 @@
 #include <ranges>
 
 #include "rollout_buffer/core/text.h"
+#include "scenarios/spec/action_heads.h"
 #include "scenarios/spec/exported_variables.h"
 #include "scenarios/spec/registry.h"
 #include "scenarios/spec/scenario_spec.h"
@@ -134,8 +135,9 @@ std::vector<std::string> measurement_row(const Json& term, const ExportNames& na
 
 }  // namespace
 
-Expected<Json> describe(const std::string& name, int num_agents) {
-  COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(name));
+Expected<Json> describe(const std::string& name, int num_agents, const std::string& heads) {
+  COMRAD_TRY_ASSIGN(ScenarioSpec spec, load_scenario(name));
+  COMRAD_TRY(change_heads(spec, heads));
   if (num_agents == 0) num_agents = spec.default_agents;
   if (std::count(spec.supported_agents.begin(), spec.supported_agents.end(), num_agents) == 0) {
     return Error{ErrorCode::kBadInput, "scenario " + name + " is not for " + std::to_string(num_agents) +
@@ -180,6 +182,8 @@ Expected<Json> describe(const std::string& name, int num_agents) {
       {"has_layout_recipe", spec.wad.empty() && std::count(recipes.begin(), recipes.end(), spec.maps_of) > 0},
       {"maps_of", spec.maps_of},
       {"wad", spec.wad},
+      {"map", spec.map},
+      {"warnings", spec.warnings},
       {"layout_parameters", layout_parameters_of(spec)},
       {"training", training}};
 }
@@ -202,7 +206,8 @@ std::string description_text(const Json& description) {
   text += "map             " + (word("wad").empty() ? "drawn by comrad doomgen" : word("wad")) +
           (word("maps_of") == word("name") ? "" : ", of " + word("maps_of")) + "\n";
 
-  std::vector<std::vector<std::string>> heads, masks, rewards, measurements, exported, parameters, training;
+  std::vector<std::vector<std::string>> heads, masks, rewards, measurements, exported, parameters, training,
+      warnings;
   for (std::size_t head = 0; head < description["head_buttons"].size(); ++head)
     heads.push_back({std::to_string(head), words_of(description["head_buttons"][head])});
   for (const Json& mask : description["masks"])
@@ -219,13 +224,14 @@ std::string description_text(const Json& description) {
                           number(one["low"]) + ".." + number(one["high"]), one["help"].get<std::string>()});
   for (const auto& [key, value] : description["training"].items())
     training.push_back({key, words_of({value})});
+  for (const Json& one : description["warnings"]) warnings.push_back({one.get<std::string>()});
   return text + table("Action heads (choice 0 presses nothing)", heads) +
          table("Masks: what one agent may choose", masks) +
          table("Rewards: name, weight, kind, variable, scope", rewards) +
          table("Measurements, with --use_additional_input", measurements) +
          table("Exported variables: number, name in [exports], read by, meaning", exported) +
          table("Layout parameters: default, range, meaning", parameters) +
-         table("Training settings of its own", training);
+         table("Training settings of its own", training) + table("Not understood, or not served", warnings);
 }
 
 }  // namespace comrad::scenarios

@@ -10,9 +10,10 @@
 namespace comrad::scenarios {
 
 /// Everything about one scenario: shapes, limits, score, heads, masks, rewards, measurements, exported variables, layout
-/// parameters and training settings. `num_agents` 0: the scenario's default.
-/// Errors: as load_scenario(); kBadInput for a team size that the scenario does not support.
-Expected<nlohmann::ordered_json> describe(const std::string& name, int num_agents);
+/// parameters and training settings. `num_agents` 0: the scenario's default; `heads` as change_heads() reads them.
+/// Errors: as load_scenario() and change_heads(); kBadInput for a team size that the scenario does not support.
+Expected<nlohmann::ordered_json> describe(const std::string& name, int num_agents,
+                                          const std::string& heads = {});
 
 /// The same for people.
 std::string description_text(const nlohmann::ordered_json& description);

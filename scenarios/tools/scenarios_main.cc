@@ -53,16 +53,19 @@ int draw_gallery(char** argv) {
 int run(int argc, char** argv) {
   bool as_json = false;
   int num_agents = 0;
-  std::string name;
+  std::string name, heads;
   scenarios::GalleryFlags gallery;
   CLI::App app("Lists, describes or draws the scenarios; without a word it lists them.", "comrad scenarios");
   CLI::App* list_command = app.add_subcommand("list", "every scenario, one line each");
   CLI::App* describe_command = app.add_subcommand(
       "describe",
       "all about one: heads, rewards, masks, measurements, exported variables, layout parameters");
-  describe_command->add_option("name", name, "scenario: a name, or the path of a folder")->required();
+  describe_command->add_option("name", name, "scenario: a name, or the path of a folder or a ViZDoom .cfg")
+      ->required();
   describe_command->add_option("--num_agents", num_agents, "agents; 0: the scenario's default")
       ->check(CLI::Range(0, kMaxAgents));
+  describe_command->add_option("--heads", heads,
+                               "action heads in place of its own, as MOVE_LEFT,MOVE_RIGHT;ATTACK");
   for (CLI::App* one : {&app, list_command, describe_command})
     one->add_flag("--json", as_json, "one JSON object on one line");
   app.require_subcommand(0, 1);
@@ -79,7 +82,7 @@ int run(int argc, char** argv) {
                                    "' is neither list nor describe nor --gallery; did you mean `comrad " +
                                    "scenarios describe " + gallery.scenarios[0] + "`?"});
   if (!*describe_command) return list(as_json);
-  const Expected<Json> description = scenarios::describe(name, num_agents);
+  const Expected<Json> description = scenarios::describe(name, num_agents, heads);
   if (!description) return report(description.error());
   std::fputs(
       as_json ? (description->dump() + "\n").c_str() : scenarios::description_text(*description).c_str(),

@@ -14,7 +14,7 @@ namespace comrad::sim {
 
 class ActionMap {
  public:
-  /// Errors: kBadInput for a button that does not exist, or that takes a number (the delta buttons).
+  /// Errors: kBadInput for a button that does not exist, or a delta button without its number.
   static Expected<ActionMap> create(const std::vector<scenarios::ActionHead>& heads);
 
   int head_count() const { return static_cast<int>(heads_.size()); }
@@ -28,7 +28,7 @@ class ActionMap {
   void choose(const doom::Buttons& pressed, std::span<int32_t> choice) const;
 
  private:
-  std::vector<std::vector<scenarios::Button>> heads_;
+  std::vector<std::vector<scenarios::ButtonPress>> heads_;
 };
 
 }  // namespace comrad::sim

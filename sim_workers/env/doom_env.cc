@@ -4,13 +4,9 @@
 
 #include "sim_workers/engine/tic/tic.h"
 #include "sim_workers/env/game_variables.h"
+#include "sim_workers/env/play_options.h"
 
 namespace comrad::sim {
-namespace {
-
-constexpr int kSkill = 3;
-
-}  // namespace
 
 DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game)
     : DoomEnvironment(std::move(game), nullptr) {}
@@ -60,16 +56,15 @@ Status DoomEnvironment::choose_layout(int layout_index) {
 }
 
 void DoomEnvironment::reset(uint64_t episode_seed) {
-  reset_world(world_,
-              {.player_count = game_->num_agents,
-               .seed = episode_seed,
-               .skill = kSkill,
-               .crosshair = game_->spec.crosshair,
-               .no_monsters = game_->no_monsters,
-               .forced_respawn = game_->spec.respawn,
-               .respawn_delay_tics = game_->spec.respawn_delay_tics,
-               .start_at_deathmatch_starts = true},
-              rules_.get());
+  doom::WorldOptions options = world_options(game_->spec.rules);
+  options.player_count = game_->num_agents;
+  options.seed = episode_seed;
+  options.crosshair = game_->spec.crosshair;
+  options.no_monsters |= game_->no_monsters;
+  options.forced_respawn = game_->spec.respawn;
+  options.respawn_delay_tics = game_->spec.respawn_delay_tics;
+  reset_world(world_, options, rules_.get());
+  run_start_tics(world_, game_->spec.rules);
   step_count_ = 0;
   std::fill(step_.reward.begin(), step_.reward.end(), 0.0f);
   step_.terminated = step_.truncated = false;
@@ -90,9 +85,10 @@ void DoomEnvironment::step(std::span<const int32_t> action) {
 
 void DoomEnvironment::press(std::span<const doom::Buttons> buttons) {
   COMRAD_CHECK(!step_.episode_over(), "an episode that is over is reset before the next step");
+  const bool ends_with_its_player = game_->spec.rules.lone_death_ends && game_->num_agents == 1;
   for (int i = 0; i < game_->frame_skip && !step_.episode_over(); ++i) {
     run_tic(world_, buttons);
-    if (world_.level_exited())
+    if (world_.level_exited() || (ends_with_its_player && !world_.player(0).alive))
       step_.terminated = true;
     else if (world_.tic_count() >= limit_tics_)
       step_.truncated = true;

@@ -80,7 +80,7 @@ class TicWatcher {
 };
 
 /// One environment. Time limits are tics: decision_limit counts decisions of 4 tics whatever frame_skip is,
-/// and the engine's own clock of 10 minutes ends everything; both truncate.
+/// and the engine's own clock of 10 minutes ends everything; both truncate. A .cfg's timeout stands in place of both.
 class DoomEnvironment final : public Environment {
  public:
   explicit DoomEnvironment(std::shared_ptr<const DoomGame> game);

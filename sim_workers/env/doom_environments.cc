@@ -36,7 +36,7 @@ Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const En
     COMRAD_TRY_ASSIGN(game, library->game(0));
   }
   // Layouts of one scenario bring the same pictures; those of a pool's last WAD win.
-  COMRAD_TRY_ASSIGN(auto art, doom::ArtArchive::open({}, options.wads()));
+  COMRAD_TRY_ASSIGN(auto art, doom::ArtArchive::open(game->spec.iwad, options.wads()));
   COMRAD_TRY_ASSIGN(std::unique_ptr<doom::Renderer> renderer,
                     doom::Renderer::create(art, render_options(game->spec, render_size)));
   COMRAD_TRY(renderer->prepare(game->level, game->catalog));

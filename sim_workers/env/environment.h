@@ -87,6 +87,7 @@ struct EnvironmentOptions {
   std::string render_size = "128x72";
   Resize resize = Resize::kNone;
   std::string reward = {};  ///< weights in place of the scenario's (the setting of that name)
+  std::string heads = {};   ///< in place of the scenario's, likewise
 
   /// All files to play from.
   std::vector<std::string> wads() const {

@@ -7,6 +7,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/setting.h"
+#include "scenarios/spec/action_heads.h"
 #include "scenarios/spec/scenario_files.h"
 #include "sim_workers/env/doom_env.h"
 #include "sim_workers/env/game_content.h"
@@ -96,6 +97,7 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
   COMRAD_TRY_ASSIGN(game->spec, scenarios::load_scenario(options.scenario));
   COMRAD_TRY_ASSIGN(const auto weights, parse_reward_weights(options.reward));
   COMRAD_TRY(scenarios::change_weights(game->spec, weights));
+  COMRAD_TRY(scenarios::change_heads(game->spec, options.heads));
   const std::vector<int>& supported = game->spec.supported_agents;
   if (std::count(supported.begin(), supported.end(), options.num_agents) == 0)
     return bad_input("scenario " + options.scenario + " is not for " + std::to_string(options.num_agents) +
@@ -107,12 +109,18 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
   game->use_measurements = options.use_measurements;
   COMRAD_TRY_ASSIGN(game->actions, ActionMap::create(game->spec.heads));
 
-  COMRAD_TRY_ASSIGN(game->layout, read_layout_info(wad, game->spec.maps_of));
+  // Of several players who may come back, each does, as ViZDoom's multiplayer programs have it.
+  game->spec.respawn |= game->spec.rules.lone_death_ends && options.num_agents > 1;
+
+  if (!game->spec.is_vizdoom) {  // a cfg may play anybody's map
+    COMRAD_TRY_ASSIGN(game->layout, read_layout_info(wad, game->spec.maps_of));
+  }
   const auto ceiling = game->layout.ceiling.find(options.num_agents);
   game->ceiling = !game->spec.maps_say_ceiling || game->layout.ceiling.empty() ? game->spec.ceiling
                   : ceiling != game->layout.ceiling.end()                      ? ceiling->second
                                                                                : 0.0;
-  COMRAD_TRY_ASSIGN(GameContent content, load_game_content(wad, {}, decorate_name(wad, game->spec)));
+  COMRAD_TRY_ASSIGN(GameContent content,
+                    load_game_content(wad, game->spec.map, decorate_name(wad, game->spec)));
   // A map that somebody brought along may do without scripts; a generated one without them is a broken build.
   if (content.behavior == nullptr && game->spec.wad.empty())
     return Error{ErrorCode::kUnsupported,

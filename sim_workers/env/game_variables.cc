@@ -104,6 +104,12 @@ double read_variable(const doom::World& world, int player, const scenarios::Game
       return variable.index <= world.player_count() ? world.player(variable.index - 1).frag_count : 0;
     case VariableKind::kUser:
       return world.exported(variable.index);
+    case VariableKind::kMapReward:
+      return world.state().globals[0] / 65536.0;
+    case VariableKind::kMapTics:
+      return static_cast<double>(world.tic_count());
+    case VariableKind::kMapExit:
+      return world.level_exited();
     case VariableKind::kOne:
       return 1.0;
     case VariableKind::kTerminated:  // the environment knows (doom_env.cc)

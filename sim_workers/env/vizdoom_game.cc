@@ -1,36 +1,19 @@
 #include "sim_workers/env/vizdoom_game.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 
 #include "doomgen/wad/iwad_search.h"
-#include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/tic/tic.h"
 #include "sim_workers/env/game_variables.h"
+#include "sim_workers/env/play_options.h"
 
 namespace comrad::sim {
-namespace {
-
-/// The file as named, or in another case of its last part: cfg files come from file systems that do not mind.
-std::string existing_path(const std::string& path) {
-  std::error_code failure;
-  const std::filesystem::path wanted(path);
-  if (std::filesystem::exists(wanted, failure)) return path;
-  const std::filesystem::path folder = wanted.has_parent_path() ? wanted.parent_path() : ".";
-  for (const auto& entry : std::filesystem::directory_iterator(folder, failure))
-    if (same_ignoring_case(entry.path().filename().string(), wanted.filename().string()))
-      return entry.path().string();
-  return path;
-}
-
-}  // namespace
-
-Expected<std::shared_ptr<const VizdoomGame>> load_vizdoom_game(VizdoomConfig config,
+Expected<std::shared_ptr<const VizdoomGame>> load_vizdoom_game(scenarios::VizdoomConfig config,
                                                                const std::string& wad_path) {
   auto game = std::make_shared<VizdoomGame>();
   if (!config.game_path.empty()) {
-    game->iwad_path = existing_path(config.game_path);
+    game->iwad_path = scenarios::existing_file(config.game_path);
     std::error_code failure;
     if (!std::filesystem::exists(game->iwad_path, failure)) {
       config.warnings.push_back(config.path + ": doom_game_path " + config.game_path +
@@ -42,7 +25,7 @@ Expected<std::shared_ptr<const VizdoomGame>> load_vizdoom_game(VizdoomConfig con
   if (path.empty()) {
     COMRAD_TRY_ASSIGN(path, wad::find_iwad(game->iwad_path));
   } else {
-    path = existing_path(path);
+    path = scenarios::existing_file(path);
     game->art_paths.push_back(path);
   }
   COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::open(path));
@@ -57,14 +40,14 @@ VizdoomEpisode::VizdoomEpisode(std::shared_ptr<const VizdoomGame> game)
     : game_(std::move(game)), world_(game_->content.level, game_->content.catalog, game_->content.behavior) {}
 
 void VizdoomEpisode::reset(uint64_t seed) {
-  doom::WorldOptions options = game_->config.world;
-  options.player_count = 1;
+  const scenarios::VizdoomConfig& config = game_->config;
+  doom::WorldOptions options = world_options(config.rules);
   options.seed = seed;
-  options.start_at_deathmatch_starts = true;  // where the map has no start of player 1
+  options.crosshair = config.crosshair;
+  options.forced_respawn = config.forced_respawn;
+  options.respawn_delay_tics = config.respawn_delay_tics;
   reset_world(world_, options, nullptr);
-  const doom::Buttons nothing;
-  while (world_.tic_count() < static_cast<uint64_t>(game_->config.start_tics) && !world_.level_exited())
-    run_tic(world_, {&nothing, 1});
+  run_start_tics(world_, config.rules);
   first_tic_ = world_.tic_count();
   before_ = counts();
   finished_ = world_.level_exited() || !world_.player(0).alive;
@@ -82,7 +65,7 @@ double VizdoomEpisode::step(const doom::Buttons& buttons, int tics) {
   const uint64_t tics_passed = world_.tic_count() - tic_before;
   if (tics_passed == 0) return 0;
 
-  const VizdoomRewards& pay = game_->config.rewards;
+  const scenarios::VizdoomRewards& pay = game_->config.rewards;
   const Counts now = counts();
   double reward = (int64_t{now.map_reward} - before_.map_reward) / 65536.0 +
                   pay.living * static_cast<double>(tics_passed);

@@ -16,15 +16,15 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "scenarios/spec/vizdoom_config.h"
 #include "sim_workers/engine/world/world.h"
 #include "sim_workers/env/game_content.h"
-#include "sim_workers/env/vizdoom_config.h"
 
 namespace comrad::sim {
 
 /// What all episodes of a cfg share; immutable.
 struct VizdoomGame {
-  VizdoomConfig config;
+  scenarios::VizdoomConfig config;
   GameContent content;
   std::vector<std::string> art_paths;  ///< PWADs for the renderer
   std::string iwad_path;               ///< empty: the renderer's own search
@@ -32,7 +32,7 @@ struct VizdoomGame {
 
 /// Reads the WAD that the cfg names, or the IWAD's map where it names none. `wad_path` replaces the cfg's WAD
 /// where it is not empty. Errors: kNotFound, kBadFormat; warnings are in content.warnings.
-Expected<std::shared_ptr<const VizdoomGame>> load_vizdoom_game(VizdoomConfig config,
+Expected<std::shared_ptr<const VizdoomGame>> load_vizdoom_game(scenarios::VizdoomConfig config,
                                                                const std::string& wad_path = {});
 
 /// One player's episodes.

@@ -1,7 +1,8 @@
 #include "sim_workers/trace/trace_game.h"
 
-#include "rollout_buffer/core/text.h"
+#include "rollout_buffer/core/config_file_name.h"
 #include "scenarios/spec/registry.h"
+#include "scenarios/spec/vizdoom_config.h"
 #include "sim_workers/engine/play/placement.h"
 #include "sim_workers/env/doom_env.h"
 #include "sim_workers/env/game_variables.h"
@@ -13,9 +14,9 @@ namespace {
 class VizdoomTrace final : public TraceGame {
  public:
   explicit VizdoomTrace(std::shared_ptr<const sim::VizdoomGame> game) : episode_(std::move(game)) {
-    const sim::VizdoomConfig& config = episode_.game().config;
+    const scenarios::VizdoomConfig& config = episode_.game().config;
     title = config.path + " " + episode_.game().content.level->name + " skill " +
-            std::to_string(config.world.skill);
+            std::to_string(config.rules.skill);
     buttons = config.buttons, button_names = config.button_names;
     if (config.seed) default_seed = *config.seed;
     iwad_path = episode_.game().iwad_path;
@@ -71,10 +72,6 @@ class ScenarioTrace final : public TraceGame {
   std::vector<doom::Buttons> pressed_;
 };
 
-bool names_a_config(std::string_view target) {
-  return target.size() >= 4 && same_ignoring_case(target.substr(target.size() - 4), ".cfg");
-}
-
 Expected<std::unique_ptr<TraceGame>> open_scenario(const GameOptions& options) {
   COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec spec, scenarios::load_scenario(options.target));
   sim::EnvironmentOptions environment;
@@ -107,9 +104,9 @@ Expected<std::unique_ptr<TraceGame>> open_scenario(const GameOptions& options) {
 }  // namespace
 
 Expected<std::unique_ptr<TraceGame>> open_trace_game(const GameOptions& options) {
-  if (!names_a_config(options.target)) return open_scenario(options);
-  COMRAD_TRY_ASSIGN(sim::VizdoomConfig config, sim::load_vizdoom_config(options.target));
-  if (options.no_monsters) config.world.no_monsters = true;
+  if (!names_vizdoom_config(options.target)) return open_scenario(options);
+  COMRAD_TRY_ASSIGN(scenarios::VizdoomConfig config, scenarios::load_vizdoom_config(options.target));
+  if (options.no_monsters) config.rules.no_monsters = true;
   if (options.no_timeout) config.timeout_tics = 0;
   COMRAD_TRY_ASSIGN(auto game, sim::load_vizdoom_game(std::move(config), options.wad_path));
   std::unique_ptr<TraceGame> trace = std::make_unique<VizdoomTrace>(std::move(game));

@@ -73,7 +73,8 @@ EnvironmentOptions environment_options(const RunConfig& config, const std::vecto
           .use_measurements = config.environment.use_additional_input,
           .render_size = config.environment.render_size,
           .resize = config.environment.resize,
-          .reward = config.environment.reward};
+          .reward = config.environment.reward,
+          .heads = config.environment.heads};
 }
 
 Status bench(const shm::WorkerShell& shell, const RunConfig& given, double seconds) {

@@ -18,13 +18,14 @@ using ::testing::Not;
 using ::testing::Pair;
 
 /// A scenario whose own defaults show where they win and lose.
-Expected<ScenarioDescription> fake_scenario(const std::string& name, int64_t num_agents,
-                                            bool use_measurements) {
+Expected<ScenarioDescription> fake_scenario(const RunConfig& config) {
+  const std::string& name = config.run.scenario;
+  const int64_t num_agents = config.environment.num_agents;
   if (name != "two_rooms") return Error{ErrorCode::kBadInput, "unknown scenario '" + name + "'"};
   ScenarioDescription scenario;
   scenario.name = name;
   scenario.env.num_agents = num_agents == 0 ? 2 : static_cast<int32_t>(num_agents);
-  scenario.env.measurement_count = use_measurements ? 5 : 0;
+  scenario.env.measurement_count = config.environment.use_additional_input ? 5 : 0;
   scenario.supported_agents = {2, 4};
   scenario.shared_reward_alpha = 0.25;
   scenario.ceiling = 40;

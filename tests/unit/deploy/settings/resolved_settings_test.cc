@@ -285,12 +285,13 @@ bool same(const std::string& a, const std::string& b) {
 }
 
 /// describe_scenario without another process.
-Expected<ScenarioDescription> from_file(const std::string& name, int64_t num_agents, bool use_measurements) {
-  COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec spec, scenarios::load_scenario(name));
+Expected<ScenarioDescription> from_file(const RunConfig& config) {
+  COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec spec, scenarios::load_scenario(config.run.scenario));
+  const int64_t num_agents = config.environment.num_agents;
   ScenarioDescription description;
   description.name = spec.name;
-  description.env =
-      spec.shape(num_agents == 0 ? spec.default_agents : static_cast<int>(num_agents), use_measurements);
+  description.env = spec.shape(num_agents == 0 ? spec.default_agents : static_cast<int>(num_agents),
+                               config.environment.use_additional_input);
   description.supported_agents = spec.supported_agents;
   description.decision_limit = spec.decision_limit;
   description.ceiling = spec.ceiling;

@@ -23,5 +23,14 @@ TEST(GameNames, OnlyExportedVariablesBelongToTheTeam) {
   EXPECT_FALSE(find_variable("HEALTH")->is_team_variable());
 }
 
+TEST(GameNames, APressIsAButtonOrADeltaButtonWithItsNumber) {
+  EXPECT_EQ(parse_press("ATTACK")->value, 1.0);
+  EXPECT_EQ(parse_press("TURN_LEFT_RIGHT_DELTA=-2.5")->value, -2.5);
+  EXPECT_EQ(parse_press("LOOK_UP_DOWN_DELTA=+4")->value, 4.0);
+  for (const char* wrong : {"ATACK", "ATTACK=1", "TURN_LEFT_RIGHT_DELTA", "TURN_LEFT_RIGHT_DELTA=",
+                            "TURN_LEFT_RIGHT_DELTA=nan", "TURN_LEFT_RIGHT_DELTA=1x", "", "="})
+    EXPECT_FALSE(parse_press(wrong)) << wrong;
+}
+
 }  // namespace
 }  // namespace comrad::scenarios

@@ -47,5 +47,14 @@ TEST(ActionMap, EveryButtonDoesItsOwnThing) {
 
 TEST(ActionMap, RefusesAnUnknownButton) { EXPECT_FALSE(ActionMap::create({{{"DANCE"}}})); }
 
+TEST(ActionMap, ADeltaButtonTurnsByItsNumber) {
+  const auto map = ActionMap::create({{{"TURN_LEFT_RIGHT_DELTA=-10", "TURN_LEFT_RIGHT_DELTA=10"}}});
+  ASSERT_TRUE(map) << map.error().message;
+  const int32_t left = 1, right = 2;
+  EXPECT_LT(map->buttons({&left, 1}).yaw_delta, 0);
+  EXPECT_EQ(map->buttons({&right, 1}).yaw_delta, 1820);  // floor(10 * 32768 / 180)
+  EXPECT_FALSE(ActionMap::create({{{"TURN_LEFT_RIGHT_DELTA"}}}));
+}
+
 }  // namespace
 }  // namespace comrad::sim

@@ -2,8 +2,6 @@
 // without an error, and what is not served is named. Skipped where the Python package vizdoom is missing.
 #include <gtest/gtest.h>
 
-#include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 
 #include "rollout_buffer/core/rng.h"
@@ -15,22 +13,8 @@
 namespace comrad::sim {
 namespace {
 
-Expected<std::string> scenario_folder() {
-  const Expected<std::string> python = comrad::test::vizdoom_python();
-  if (!python) return python.error();
-  const std::string command = *python + " -c 'import vizdoom; print(vizdoom.scenarios_path)' 2>/dev/null";
-  FILE* pipe = ::popen(command.c_str(), "r");
-  if (pipe == nullptr) return Error{ErrorCode::kSystem, "no process for Python"};
-  std::string output;
-  char buffer[1024];
-  while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) output += buffer;
-  ::pclose(pipe);
-  while (!output.empty() && (output.back() == '\n' || output.back() == ' ')) output.pop_back();
-  return output;
-}
-
 TEST(VizdoomWads, EveryMapRunsTwoThousandTicsOfRandomPlay) {
-  const Expected<std::string> folder = scenario_folder();
+  const Expected<std::string> folder = test::vizdoom_scenario_folder();
   if (!folder) GTEST_SKIP() << folder.error().message;
   int maps = 0;
   std::vector<std::filesystem::path> wads;

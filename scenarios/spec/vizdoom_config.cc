@@ -1,4 +1,4 @@
-#include "sim_workers/env/vizdoom_config.h"
+#include "scenarios/spec/vizdoom_config.h"
 
 #include <algorithm>
 #include <array>
@@ -12,7 +12,7 @@
 
 #include "rollout_buffer/core/text.h"
 
-namespace comrad::sim {
+namespace comrad::scenarios {
 namespace {
 
 constexpr std::size_t kFileBytesMax = 1 << 20;
@@ -245,16 +245,21 @@ class ConfigReader {
   void add_keys() {
     VizdoomConfig& config = *config_;
     VizdoomRewards& rewards = config.rewards;
-    keys_.push_back({"doom_scenario_path",
-                     [this](const Entry& entry) { return read_path(entry, &config_->scenario_path); }});
-    keys_.push_back(
-        {"doom_game_path", [this](const Entry& entry) { return read_path(entry, &config_->game_path); }});
+    keys_.push_back({"doom_scenario_path", [this](const Entry& entry) {
+                       config_->scenario_line = entry.line;
+                       return read_path(entry, &config_->scenario_path);
+                     }});
+    keys_.push_back({"doom_game_path", [this](const Entry& entry) {
+                       config_->game_line = entry.line;
+                       return read_path(entry, &config_->game_path);
+                     }});
     keys_.push_back({"doom_map", [this](const Entry& entry) -> Status {
                        COMRAD_TRY(read_text(entry, &config_->map));
                        if (config_->map.empty() || config_->map.size() > 8)
                          return error(entry, "doom_map = " + shown(config_->map) +
                                                  "; a map's name has 1 to 8 characters");
                        config_->map = upper_case(config_->map);
+                       config_->map_line = entry.line;
                        return {};
                      }});
     keys_.push_back({"seed", [this](const Entry& entry) -> Status {
@@ -273,7 +278,7 @@ class ConfigReader {
                        return {};
                      }});
     add_integer("doom_skill", 1, 5, &config.skill);
-    add_integer("episode_start_time", 0, 1'000'000, &config.start_tics);
+    add_integer("episode_start_time", 0, 1'000'000, &config.rules.start_tics);
     add_integer("episode_timeout", 0, INT32_MAX, &config.timeout_tics);
     add_number("living_reward", &rewards.living);
     add_number("death_penalty", &rewards.death_penalty);
@@ -316,10 +321,10 @@ class ConfigReader {
   Status read_buttons(const Entry& entry) {
     if (!entry.appends) config_->buttons.clear(), config_->button_names.clear();
     for (const std::string& word : entry.words) {
-      const auto button = scenarios::find_button(upper_case(word));
+      const auto button = find_button(upper_case(word));
       if (!button)
         return error(entry, "'" + shown(word) + "' is no button; the nearest is " +
-                                nearest(upper_case(word), scenarios::button_names()));
+                                nearest(upper_case(word), button_names()));
       const std::string name = upper_case(word);
       if (std::count(config_->button_names.begin(), config_->button_names.end(), name) > 0) continue;
       config_->buttons.push_back(*button);
@@ -330,10 +335,10 @@ class ConfigReader {
   Status read_variables(const Entry& entry) {
     if (!entry.appends) config_->variables.clear(), config_->variable_names.clear();
     for (const std::string& word : entry.words) {
-      const auto variable = scenarios::find_variable(upper_case(word));
+      const auto variable = find_variable(upper_case(word));
       if (!variable)
         return error(entry, "'" + shown(word) + "' is no game variable; the nearest is " +
-                                nearest(upper_case(word), scenarios::variable_names()));
+                                nearest(upper_case(word), variable_names()));
       const std::string name = upper_case(word);
       if (std::count(config_->variable_names.begin(), config_->variable_names.end(), name) > 0) continue;
       config_->variables.push_back(*variable);
@@ -371,38 +376,47 @@ class ConfigReader {
 
   /// Arguments of the engine's command line: switches, and console variables as `+name value`.
   Status read_arguments() {
-    doom::WorldOptions& world = config_->world;
+    GameRules& rules = config_->rules;
     // What ViZDoom's player may do by default.
-    world.skill = config_->skill;
-    world.crosshair = config_->crosshair;
-    world.autoaim = world.free_look = true;
-    world.allow_crouch = world.allow_jump = true;
+    rules.skill = config_->skill;
+    rules.autoaim = rules.free_look = true;
+    rules.allow_crouch = rules.allow_jump = true;
     const std::pair<const char*, std::function<void(double)>> variables[] = {
-        {"sv_noautoaim", [&](double value) { world.autoaim = value == 0; }},
-        {"sv_nofreelook", [&](double value) { world.free_look = value == 0; }},
-        {"sv_nojump", [&](double value) { world.allow_jump = value == 0; }},
-        {"sv_nocrouch", [&](double value) { world.allow_crouch = value == 0; }},
-        {"sv_allowjump", [&](double value) { world.allow_jump = value != 0; }},
-        {"sv_infiniteammo", [&](double value) { world.infinite_ammo = value != 0; }},
-        {"sv_forcerespawn", [&](double value) { world.forced_respawn = value != 0; }},
+        {"sv_noautoaim", [&](double value) { rules.autoaim = value == 0; }},
+        {"sv_nofreelook", [&](double value) { rules.free_look = value == 0; }},
+        {"sv_nojump", [&](double value) { rules.allow_jump = value == 0; }},
+        {"sv_nocrouch", [&](double value) { rules.allow_crouch = value == 0; }},
+        {"sv_allowjump", [&](double value) { rules.allow_jump = value != 0; }},
+        {"sv_infiniteammo", [&](double value) { rules.infinite_ammo = value != 0; }},
+        {"sv_forcerespawn", [&](double value) { config_->forced_respawn = value != 0; }},
         {"viz_respawn_delay",
          [&](double value) {
-           world.respawn_delay_tics = static_cast<int32_t>(std::clamp(value, 0.0, 3600.0) * 35.0);
+           config_->respawn_delay_tics = static_cast<int32_t>(std::clamp(value, 0.0, 3600.0) * 35.0);
          }},
-        {"skill", [&](double value) { world.skill = static_cast<int>(std::clamp(value, 0.0, 4.0)) + 1; }},
+        {"skill", [&](double value) { rules.skill = static_cast<int>(std::clamp(value, 0.0, 4.0)) + 1; }},
     };
     for (std::size_t i = 0; i < arguments_.size(); ++i) {
       const auto& word = arguments_[i].word;
       const auto& entry = arguments_[i].entry;
       const std::string name = folded(word);
       if (name == "NOMONSTERS") {  // the dash is folded away
-        world.no_monsters = true;
+        rules.no_monsters = true;
       } else if (name == "DEATHMATCH") {
-        world.deathmatch = world.start_at_deathmatch_starts = true;
+        rules.deathmatch = true;
       } else if (name == "HOST" || name == "PORT" || name == "WARP" || name == "JOIN") {
         if (i + 1 < arguments_.size() && arguments_[i + 1].word[0] != '-' && arguments_[i + 1].word[0] != '+')
           ++i;  // its value
-        if (name != "HOST") warn(entry, "game_args: " + shown(word) + " is ignored");
+        if (name != "HOST") {
+          warn(entry, "game_args: " + shown(word) + " is ignored");
+          continue;
+        }
+        const std::string& players = arguments_[i].word;  // or -host itself, where no number follows
+        int count = 0;
+        const auto [end, code] = std::from_chars(players.data(), players.data() + players.size(), count);
+        if (code != std::errc() || end != players.data() + players.size() || count < 1 || count > kMaxAgents)
+          return error(entry, "game_args: -host " + shown(players) + "; the number of players must be 1 to " +
+                                  std::to_string(kMaxAgents));
+        config_->host_count = count;
       } else if (word[0] == '+' && word.size() > 1) {
         const bool has_value = i + 1 < arguments_.size() && arguments_[i + 1].word[0] != '+' &&
                                (arguments_[i + 1].word[0] != '-' ||
@@ -441,6 +455,17 @@ class ConfigReader {
 
 }  // namespace
 
+std::string existing_file(const std::string& path) {
+  std::error_code failure;
+  const std::filesystem::path wanted(path);
+  if (std::filesystem::exists(wanted, failure)) return path;
+  const std::filesystem::path folder = wanted.has_parent_path() ? wanted.parent_path() : ".";
+  for (const auto& entry : std::filesystem::directory_iterator(folder, failure))
+    if (same_ignoring_case(entry.path().filename().string(), wanted.filename().string()))
+      return entry.path().string();
+  return path;
+}
+
 Expected<VizdoomConfig> parse_vizdoom_config(std::string_view text, const std::string& path) {
   if (text.size() > kFileBytesMax)
     return Error{ErrorCode::kBadFormat, path + ": larger than a megabyte; is it a ViZDoom .cfg?"};
@@ -448,7 +473,7 @@ Expected<VizdoomConfig> parse_vizdoom_config(std::string_view text, const std::s
   COMRAD_TRY_ASSIGN(const std::vector<Entry> entries, read_entries(text, path));
   VizdoomConfig config;
   COMRAD_TRY(ConfigReader(path, &config).read(entries));
-  config.start_tics = std::max(config.start_tics, 1);
+  config.rules.start_tics = std::max(config.rules.start_tics, 1);
   return config;
 }
 
@@ -465,4 +490,4 @@ Expected<VizdoomConfig> load_vizdoom_config(const std::string& path) {
   return parse_vizdoom_config(text.str(), path);
 }
 
-}  // namespace comrad::sim
+}  // namespace comrad::scenarios

@@ -9,9 +9,9 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "scenarios/spec/game_names.h"
-#include "sim_workers/engine/world/world.h"
+#include "scenarios/spec/scenario_spec.h"
 
-namespace comrad::sim {
+namespace comrad::scenarios {
 
 /// What a step pays besides the map's own reward. "per" is times the change of the variable in the step.
 struct VizdoomRewards {
@@ -30,19 +30,22 @@ struct VizdoomConfig {
   std::string scenario_path;  ///< WAD; relative to the cfg where it was not absolute; empty: the IWAD's maps
   std::string game_path;      ///< IWAD; empty: where COMRAD looks for one
   std::string map = "MAP01";
+  int scenario_line = 0, game_line = 0, map_line = 0;  ///< where the three stand; 0: nowhere
   int skill = 3;
   std::optional<uint64_t> seed;
-  std::vector<scenarios::Button> buttons;
+  std::vector<Button> buttons;
   std::vector<std::string> button_names;  ///< parallel to buttons
-  std::vector<scenarios::GameVariable> variables;
+  std::vector<GameVariable> variables;
   std::vector<std::string> variable_names;
-  int start_tics = 1;    ///< episode_start_time: tics before the first step, at least 1
-  int timeout_tics = 0;  ///< episode_timeout, counted from there; 0: none
+  int timeout_tics = 0;  ///< episode_timeout, counted from the first step; 0: none
   VizdoomRewards rewards;
   int width = 320, height = 240;  ///< screen_resolution
   bool hud = false, minimal_hud = false, weapon = true, crosshair = false, screen_flashes = true,
        corpses = true, decals = true, particles = true, effects_sprites = true, messages = false;
-  doom::WorldOptions world;           ///< from doom_skill and the game_args that the engine knows
+  GameRules rules;  ///< from doom_skill, episode_start_time (at least 1 tic) and game_args
+  bool forced_respawn = false;
+  int respawn_delay_tics = 0;
+  int host_count = 0;                 ///< players that -host waits for; 0: not said
   std::vector<std::string> warnings;  ///< "path:line: ..." of what is not understood or not served
 };
 
@@ -52,4 +55,8 @@ Expected<VizdoomConfig> load_vizdoom_config(const std::string& path);
 /// The same from text. `path` names it in messages, and relative paths start from its folder.
 Expected<VizdoomConfig> parse_vizdoom_config(std::string_view text, const std::string& path);
 
-}  // namespace comrad::sim
+/// The file as named, or in another case of its last part: a cfg comes from file systems that do not mind. `path`
+/// itself where there is neither.
+std::string existing_file(const std::string& path);
+
+}  // namespace comrad::scenarios

@@ -1,0 +1,165 @@
+// A .cfg as a scenario is the game that `comrad trace` plays: the environment that trains and VizdoomEpisode, tic by tic.
+// Files of ViZDoom's package where it is installed, and a room made by hand everywhere.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "rollout_buffer/core/rng.h"
+#include "scenarios/spec/action_heads.h"
+#include "scenarios/spec/registry.h"
+#include "sim_workers/engine/play/damage.h"
+#include "sim_workers/env/doom_env.h"
+#include "sim_workers/env/vizdoom_game.h"
+#include "tests/support/scratch_folder.h"
+#include "tests/support/vizdoom_python.h"
+#include "tests/support/vizdoom_room.h"
+
+namespace comrad::sim {
+namespace {
+
+using ::testing::HasSubstr;
+
+Expected<std::shared_ptr<const DoomGame>> load(const std::string& cfg, int num_agents, int frame_skip) {
+  COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec spec, scenarios::load_scenario(cfg));
+  EnvironmentOptions options;
+  options.scenario = cfg;
+  options.wad_path = spec.folder + "/" + spec.wad;
+  options.num_agents = num_agents;
+  options.frame_skip = frame_skip;
+  return load_doom_game(options);
+}
+
+Expected<std::shared_ptr<const VizdoomGame>> load_traced(const std::string& cfg) {
+  COMRAD_TRY_ASSIGN(scenarios::VizdoomConfig config, scenarios::load_vizdoom_config(cfg));
+  return load_vizdoom_game(std::move(config));
+}
+
+/// Plays `decisions` random choices in both; what differs is a failure. Returns how many were rewarded.
+int play_both(const std::string& cfg, int frame_skip, int decisions, uint64_t seed) {
+  const auto game = load(cfg, 1, frame_skip);
+  const auto traced = load_traced(cfg);
+  if (!game || !traced) {
+    ADD_FAILURE() << (game ? traced.error().message : game.error().message);
+    return 0;
+  }
+  DoomEnvironment environment(*game);
+  VizdoomEpisode episode(*traced);
+  environment.reset(seed), episode.reset(seed);
+  EXPECT_EQ(environment.world().hash(), episode.world().hash());
+  const EnvShape& shape = environment.shape();
+  std::vector<int32_t> action(static_cast<std::size_t>(shape.head_count));
+  Rng rng(seed);
+  int rewarded = 0;
+  for (int i = 0; i < decisions && !testing::Test::HasFailure(); ++i) {
+    for (int head = 0; head < shape.head_count; ++head)
+      action[static_cast<std::size_t>(head)] =
+          static_cast<int32_t>(rng.below(static_cast<uint32_t>(shape.head_sizes[head])));
+    environment.step(action);
+    const double expected = episode.step((*game)->actions.buttons(action), frame_skip);
+    const float reward = environment.last_step().reward[0];
+    rewarded += reward != 0;
+    EXPECT_NEAR(reward, expected, 1e-5 * std::max(1.0, std::abs(expected))) << "decision " << i;
+    EXPECT_EQ(environment.last_step().episode_over(), episode.finished()) << "decision " << i;
+    EXPECT_EQ(environment.world().hash(), episode.world().hash()) << "decision " << i;
+    if (!episode.finished()) continue;
+    EXPECT_NEAR(environment.summary().score, episode.total_reward(),
+                1e-3 * std::max(1.0, std::abs(episode.total_reward())));
+    environment.reset(++seed), episode.reset(seed);
+  }
+  return rewarded;
+}
+
+TEST(VizdoomPlay, EveryCfgOfThePackagePlaysAsItIsTraced) {
+  const Expected<std::string> folder = test::vizdoom_scenario_folder();
+  if (!folder) GTEST_SKIP() << folder.error().message;
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(*folder)) {
+    const std::string name = entry.path().stem().string();
+    if (entry.path().extension() != ".cfg") continue;
+    SCOPED_TRACE(name);
+    ++count;
+    auto spec = scenarios::load_scenario(entry.path().string());
+    ASSERT_TRUE(spec) << spec.error().message;
+    const Status heads = scenarios::change_heads(*spec, "");
+    EXPECT_TRUE(heads) << heads.error().message;
+    if (spec->wad.starts_with("freedoom") || spec->wad.starts_with("doom"))
+      continue;  // no map of the package's
+    const int rewarded = play_both(entry.path().string(), 4, 200, 7);
+    if (spec->rewards.size() > 1) {
+      EXPECT_GT(rewarded, 0);
+    }
+  }
+  EXPECT_GE(count, 20);
+}
+
+TEST(VizdoomPlay, RewardsAreTheTracedOnesTicByTic) {
+  const Expected<std::string> folder = test::vizdoom_scenario_folder();
+  if (!folder) GTEST_SKIP() << folder.error().message;
+  for (const char* name : {"basic", "defend_the_center", "deadly_corridor", "health_gathering"}) {
+    SCOPED_TRACE(name);
+    EXPECT_GT(play_both(*folder + "/" + name + ".cfg", 1, 1200, 3), 0);
+  }
+}
+
+class VizdoomRoom : public testing::Test {
+ protected:
+  VizdoomRoom() { scratch_.write("room.wad", test::room_wad({"MAP01"}, 2)); }
+  std::string cfg(const std::string& more) const {
+    return scratch_.write(
+        "room.cfg",
+        "doom_scenario_path = room.wad\nliving_reward = -0.5\ndeath_penalty = 7\nitem_reward = 3\n"
+        "episode_start_time = 5\nepisode_timeout = 100\n"
+        "available_buttons = { MOVE_FORWARD MOVE_BACKWARD TURN_LEFT_RIGHT_DELTA }\n" +
+            more);
+  }
+  const test::ScratchFolder scratch_;
+};
+
+TEST_F(VizdoomRoom, PlaysAsItIsTraced) {
+  EXPECT_EQ(play_both(cfg(""), 1, 450, 1), 450);
+  EXPECT_GT(play_both(cfg(""), 4, 200, 2), 190);
+}
+
+TEST_F(VizdoomRoom, TimeoutTruncatesAndLivingPaysEachTic) {
+  const auto game = load(cfg(""), 1, 8);
+  ASSERT_TRUE(game) << game.error().message;
+  DoomEnvironment environment(*game);
+  environment.reset(1);
+  EXPECT_EQ(environment.world().tic_count(), 5u);
+  const std::vector<int32_t> nothing(2, 0);
+  double sum = 0;
+  while (!environment.last_step().episode_over()) {
+    environment.step(nothing);
+    sum += environment.last_step().reward[0];
+  }
+  EXPECT_TRUE(environment.last_step().truncated);
+  EXPECT_EQ(environment.world().tic_count(), 105u);
+  EXPECT_DOUBLE_EQ(sum, -50.0);
+  EXPECT_FLOAT_EQ(environment.summary().score, -50.0f);
+}
+
+TEST_F(VizdoomRoom, ALonePlayersDeathEndsTheEpisodeAndOneOfSeveralComesBack) {
+  for (const int agents : {1, 2}) {
+    const auto game = load(cfg(""), agents, 4);
+    ASSERT_TRUE(game) << game.error().message;
+    DoomEnvironment environment(*game);
+    environment.reset(1);
+    doom::damage_player(environment.world(), 0, 1000);
+    environment.step(std::vector<int32_t>(static_cast<std::size_t>(2 * agents), 0));
+    EXPECT_FLOAT_EQ(environment.last_step().reward[0], agents == 1 ? -7.5f : -9.0f);
+    EXPECT_EQ(environment.last_step().terminated, agents == 1);
+    EXPECT_EQ((*game)->spec.respawn, agents == 2);
+  }
+}
+
+TEST_F(VizdoomRoom, AThirdPlayerFindsNoStart) {
+  const auto game = load(cfg(""), 3, 4);
+  ASSERT_FALSE(game);
+  EXPECT_THAT(game.error().message, HasSubstr("1, 2"));
+}
+
+}  // namespace
+}  // namespace comrad::sim
