@@ -8,8 +8,9 @@ Expected<ActionMap> ActionMap::create(const std::vector<scenarios::ActionHead>& 
   ActionMap map;
   for (const scenarios::ActionHead& head : heads) {
     std::vector<scenarios::ButtonPress>& presses = map.heads_.emplace_back();
-    for (const std::string& text : head.buttons)
+    for (const std::string& text : head.buttons) {
       COMRAD_TRY_ASSIGN(presses.emplace_back(), scenarios::parse_press(text));
+    }
   }
   return map;
 }
