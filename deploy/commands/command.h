@@ -22,6 +22,7 @@ struct Command {
 int train_command(Arguments arguments);
 int eval_command(Arguments arguments);
 int bench_command(Arguments arguments);
+int sweep_command(Arguments arguments);
 int config_command(Arguments arguments);
 int scenarios_command(Arguments arguments);
 int doomgen_command(Arguments arguments);

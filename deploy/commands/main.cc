@@ -22,6 +22,7 @@ const std::vector<Command>& commands() {
       {"train", "train agents on a scenario", train_command},
       {"eval", "play fresh episodes with a trained or a random policy and report the score", eval_command},
       {"bench", "measure throughput: sim, inference, learner, replay or train", bench_command},
+      {"sweep", "make many runs from one file, here or with Slurm; look at them, stop them", sweep_command},
       {"config", "print the settings that train would use, and the layer that each came from",
        config_command},
       {"scenarios", "list the scenarios, describe one, or draw what agents see (--gallery DIR)",
