@@ -13,6 +13,7 @@
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/merged_settings.h"
 #include "deploy/settings/network_description.h"
+#include "deploy/settings/start_notes.h"
 #include "deploy/settings/temporary_run.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
@@ -81,7 +82,7 @@ Expected<ordered_json> bench_worker(const std::string& bench, const MergedSettin
 
 /// The whole pipeline, measured after the first update and a warm-up.
 Expected<ordered_json> bench_train(const MergedSettings& merged, const std::string& run_dir, double seconds,
-                                   int core_count) {
+                                   int core_count, std::vector<std::string> notes) {
   const RunConfig& config = merged.config;
   LaunchPlan plan;
   plan.config = config;
@@ -91,6 +92,7 @@ Expected<ordered_json> bench_train(const MergedSettings& merged, const std::stri
   plan.run_dir = run_dir;
   plan.seconds = seconds;
   plan.warmup_seconds = std::min(kTrainWarmupSeconds, seconds);
+  plan.notes = std::move(notes);
   COMRAD_TRY_ASSIGN(const RunOutcome outcome, deploy::run(plan));
   if (outcome.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
   if (outcome.exit_code != 0 || outcome.measured.seconds <= 0)
@@ -137,16 +139,17 @@ Expected<int> bench(const std::string& what, double seconds, bool json, const Co
 
   const int core_count = usable_cores();
   const SettingsLayer endless{"bench",
-                              {{"train_for_env_steps", "1e15"},
+                              {{"train_for_env_frames", "1e15"},
                                {"save_every_sec", "1e9"},
-                               {"save_best_after", "1e15"},
-                               {"learning_starts", "4096"}}};
+                               {"save_best_after_env_frames", "1e15"},
+                               {"learning_starts_decisions", "4096"}}};
   COMRAD_TRY_ASSIGN(MergedSettings merged,
                     merge_new({line.config_file(), line.typed()}, describe_scenario, core_count, endless));
   COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
-  COMRAD_TRY_ASSIGN(const ordered_json summary, what == "train"
-                                                    ? bench_train(merged, run.path(), seconds, core_count)
-                                                    : bench_worker(what, merged, run.path(), seconds));
+  COMRAD_TRY_ASSIGN(const ordered_json summary,
+                    what == "train" ? bench_train(merged, run.path(), seconds, core_count,
+                                                  flags_without_effect(merged.config, line.typed()))
+                                    : bench_worker(what, merged, run.path(), seconds));
   if (json)
     std::printf("%s\n", summary.dump().c_str());
   else

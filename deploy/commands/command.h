@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "deploy/settings/command_line.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/core/process.h"
 
@@ -30,6 +31,10 @@ int acs_command(Arguments arguments);
 int trace_command(Arguments arguments);
 int doctor_command(Arguments arguments);
 int test_command(Arguments arguments);
+
+/// What `comrad help <command>` prints for a command with the settings of a run. With settings among the arguments
+/// (`comrad help train --algo vdn`) it shows the values that hold for them. Returns the exit code.
+int print_settings_help(const std::string& command, const CommandLine& line);
 
 /// Prints "comrad <command>: error: <message>" to stderr and returns the exit code of the error's kind.
 int report_error(const std::string& command, const Error& error);

@@ -12,9 +12,9 @@
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/merged_settings.h"
 #include "deploy/settings/network_description.h"
+#include "deploy/settings/start_notes.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
-#include "rollout_buffer/replay/replay_plan.h"
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
@@ -24,19 +24,13 @@ using nlohmann::ordered_json;
 
 /// What the learner would choose now; `comrad train` looks again when the run's programs are there. Nothing for
 /// algorithms without a replay.
-std::optional<Expected<replay::ReplayPlan>> chosen_replay(const MergedSettings& merged) {
+Expected<std::optional<replay::ReplayPlan>> replay_now(const MergedSettings& merged) {
   const RunConfig& config = merged.config;
-  if (!config.run.algo->learns_q_values()) return std::nullopt;
-  const Expected<NetworkSize> network = describe_network(config, merged.scenario.env);
-  if (!network) return Expected<replay::ReplayPlan>(network.error());
-  TrajectoryShape shape;
-  shape.env = merged.scenario.env;
-  shape.rollout_steps = static_cast<int32_t>(config.collection.rollout);
-  shape.recurrent_state_count = network->recurrent_state_count;
-  const std::string run_dir =
-      config.run.train_dir + "/" + (config.run.experiment.empty() ? "<run>" : config.run.experiment);
-  return replay::replay_plan(config, shape, replay::probe_space(run_dir),
-                             replay::reserved_bytes(config, shape, network->weights_bytes), run_dir);
+  if (!config.run.algo->learns_q_values()) return std::optional<replay::ReplayPlan>();
+  COMRAD_TRY_ASSIGN(const NetworkSize network, describe_network(config, merged.scenario.env));
+  return chosen_replay(
+      config, merged.scenario.env, network,
+      config.run.train_dir + "/" + (config.run.experiment.empty() ? "<run>" : config.run.experiment));
 }
 
 ordered_json to_json(const MergedSettings& merged) {
@@ -47,9 +41,11 @@ ordered_json to_json(const MergedSettings& merged) {
                       {"from", merged.from.at(name)}};
   }
   ordered_json document = {{"settings", settings}};
-  if (const auto plan = chosen_replay(merged); plan && *plan)
+  if (const auto plan = replay_now(merged); plan && *plan)
     document["replay"] = {{"capacity_bytes", (*plan)->capacity_bytes},
                           {"capacity_decisions", (*plan)->capacity_transitions},
+                          {"fitting_decisions", (*plan)->fitting_decisions},
+                          {"decisions_before_training", (*plan)->decisions_before_training},
                           {"compress", (*plan)->compress},
                           {"file", (*plan)->file},
                           {"reason", (*plan)->reason}};
@@ -82,11 +78,9 @@ void print_tables(const MergedSettings& merged) {
   print_rows(chosen);
   std::printf("\nAll the others\n\n");
   print_rows(built_in);
-  if (const auto plan = chosen_replay(merged)) {
-    const std::string words =
-        *plan ? bytes_text((*plan)->capacity_bytes) + " (" + (*plan)->reason + ")" : plan->error().message;
-    std::printf("\nReplay on this machine now: %s\n", words.c_str());
-  }
+  if (const auto plan = replay_now(merged); !plan || *plan)
+    std::printf("\nOn this machine now: %s\n",
+                plan ? (*plan)->words().c_str() : plan.error().message.c_str());
 }
 
 }  // namespace
@@ -106,13 +100,12 @@ int config_command(Arguments arguments) {
       "\"from\": LAYER}}}, and for algorithms that have one the \"replay\" chosen for this machine");
   line.add_settings();
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("config", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
+  if (line.help_requested()) return print_settings_help("config", line);
   const Expected<MergedSettings> merged =
       merge_new({line.config_file(), line.typed()}, describe_scenario, usable_cores());
   if (!merged) return report_error("config", merged.error());
+  for (const std::string& text : flags_without_effect(merged->config, line.typed()))
+    std::fprintf(stderr, "comrad config: note: %s\n", text.c_str());
   if (json)
     std::printf("%s\n", to_json(*merged).dump().c_str());
   else

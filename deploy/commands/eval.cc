@@ -15,6 +15,7 @@
 #include "deploy/settings/game_files.h"
 #include "deploy/settings/merged_settings.h"
 #include "deploy/settings/network_description.h"
+#include "deploy/settings/start_notes.h"
 #include "deploy/settings/temporary_run.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/layout_list.h"
@@ -162,6 +163,8 @@ Expected<int> evaluate(Evaluation& evaluation, const CommandLine& line) {
   evaluation.greedy = !evaluation.is_scripted() && evaluation.greedy && !evaluation.stochastic;
 
   UserSettings user{line.config_file(), line.typed()};
+  for (const std::string& text : flags_unused_by_eval(user.typed))
+    std::fprintf(stderr, "comrad eval: note: %s\n", text.c_str());
   const int core_count = usable_cores();
   RunConfig typed;
   COMRAD_TRY(apply_layer(typed, user.typed));
@@ -232,7 +235,7 @@ int eval_command(Arguments arguments) {
   line.add_switch("stochastic", evaluation.stochastic, "draw actions from the policy, as training does");
   line.add_switch("each", evaluation.each, "report every episode as well");
   line.add_switch("json", evaluation.json, "print one JSON object on stdout and nothing else");
-  line.add_settings();
+  line.add_settings(SettingsListed::kUsedByEval);
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("eval", parsed.error());
   if (line.help_requested()) {
     std::fputs(line.help().c_str(), stdout);

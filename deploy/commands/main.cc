@@ -70,7 +70,8 @@ int dispatch(const std::vector<std::string>& words) {
   const std::string& name = words[0];
   if (name == "help" && words.size() > 1) {
     const Command* command = find(words[1]);
-    const std::vector<std::string> help = {"--help"};
+    std::vector<std::string> help(words.begin() + 2, words.end());
+    help.emplace_back("--help");
     return command == nullptr ? unknown_command(words[1]) : command->run(help);
   }
   if (name == "help" || name == "--help" || name == "-h") {

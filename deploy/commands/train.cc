@@ -7,6 +7,9 @@
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
+#include <map>
+#include <utility>
+#include <vector>
 
 #include "deploy/commands/command.h"
 #include "deploy/launch/progress.h"
@@ -17,16 +20,18 @@
 #include "deploy/settings/game_files.h"
 #include "deploy/settings/merged_settings.h"
 #include "deploy/settings/network_description.h"
+#include "deploy/settings/start_notes.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// <scenario>_<ALGO>_<YYYYMMDD_HHMMSS>[_j<Slurm job>], as Sample Factory users know it.
+/// <scenario>_<ALGO>_s<seed>_<YYYYMMDD_HHMMSS>[_j<Slurm job>]. RunDirectory::open_new() adds a number where it is taken.
 std::string automatic_name(const RunConfig& config) {
   const std::time_t now = std::time(nullptr);
   std::tm local{};
@@ -34,8 +39,27 @@ std::string automatic_name(const RunConfig& config) {
   char date[32];
   std::strftime(date, sizeof(date), "%Y%m%d_%H%M%S", &local);
   const char* job = std::getenv("SLURM_JOB_ID");
-  return scenario_file_name(config) + "_" + upper_case(config.run.algo->name) + "_" + date +
-         (job != nullptr ? std::string("_j") + job : "");
+  return scenario_file_name(config) + "_" + upper_case(config.run.algo->name) + "_s" +
+         std::to_string(config.run.seed) + "_" + date + (job != nullptr ? std::string("_j") + job : "");
+}
+
+using AskedFor = std::vector<std::pair<std::string, std::string>>;
+
+/// What [asked_for] in a run's config.toml holds from now on: of an earlier start (`before`) what nobody changed since, and
+/// what this one worked out.
+AskedFor asked_for(const AskedFor& before, const MergedSettings& merged, const RunConfig& asked) {
+  std::map<std::string, std::string> all(before.begin(), before.end());
+  for (const auto& [name, from] : merged.from)
+    if (from == "command line" || from == "file") all.erase(name);
+  for (const auto& [name, text] : merged.asked_for) all[name] = text;
+  const RunConfig built_in;
+  for (const char* name : {"experiment", "restart_behavior"}) all[name] = setting_text(built_in, name);
+  if (asked.run.train_dir == built_in.run.train_dir) all["train_dir"] = built_in.run.train_dir;
+  if (is_generated_layout(merged.config)) all["wad"] = "";
+  AskedFor in_order;
+  for (const SettingRow& row : setting_rows())
+    if (const auto found = all.find(std::string(row.name)); found != all.end()) in_order.push_back(*found);
+  return in_order;
 }
 
 /// The settings of a run that will live in `run_dir`, where an earlier one may lie.
@@ -54,17 +78,16 @@ Expected<MergedSettings> settings_for(const std::string& run_dir, bool resumes, 
   return merged;
 }
 
-Expected<int> train(const CommandLine& line) {
+Expected<int> train(const CommandLine& line, bool allow_no_update) {
   const UserSettings user{line.config_file(), line.typed()};
   RunConfig asked;  // only what says where the run lies is read from here
-  if (!user.config_file.empty()) {
-    COMRAD_TRY_ASSIGN(const SettingsLayer file, read_settings_toml(user.config_file));
-    COMRAD_TRY(apply_layer(asked, file));
-  }
+  COMRAD_TRY_ASSIGN(const SettingsLayer file, file_layer(user));
+  COMRAD_TRY(apply_layer(asked, file));
   COMRAD_TRY(apply_layer(asked, user.typed));
   std::error_code error;
   const std::string train_dir = fs::absolute(asked.run.train_dir, error).lexically_normal().string();
-  const std::string experiment = asked.run.experiment.empty() ? automatic_name(asked) : asked.run.experiment;
+  const bool is_named = !asked.run.experiment.empty();
+  const std::string experiment = is_named ? asked.run.experiment : automatic_name(asked);
   const std::string run_dir = (fs::path(train_dir) / experiment).string();
 
   const bool exists =
@@ -97,8 +120,17 @@ Expected<int> train(const CommandLine& line) {
 
   // Before anything is written: an encoder that is not known is refused here.
   COMRAD_TRY_ASSIGN(const NetworkSize network, describe_network(config, merged.scenario.env));
+  COMRAD_TRY_ASSIGN(const auto replay, chosen_replay(config, merged.scenario.env, network, run_dir));
+  if (replay && !resumes && !allow_no_update) COMRAD_TRY(check_learning_begins(config, *replay));
+
+  SettingsLayer before;  // the run's config.toml as it was
+  if (resumes) {
+    COMRAD_TRY_ASSIGN(before, read_settings_toml(run_dir + "/config.toml"));
+  }
   COMRAD_TRY_ASSIGN(const RunDirectory directory,
-                    RunDirectory::open(train_dir, experiment, config.run.restart_behavior));
+                    is_named ? RunDirectory::open(train_dir, experiment, config.run.restart_behavior)
+                             : RunDirectory::open_new(train_dir, experiment));
+  config.run.experiment = fs::path(directory.path()).filename().string();
   if (directory.is_resumed() != exists)
     return Error{ErrorCode::kBadInput, run_dir + ": another run was made here just now; start again"};
   std::fprintf(stderr, "%s %s\n",
@@ -112,9 +144,18 @@ Expected<int> train(const CommandLine& line) {
     }
     COMRAD_TRY(write_layout_list(directory.path(), layout_list));
   }
-  COMRAD_TRY(directory.write_config(config));
+  COMRAD_TRY(directory.write_config(config, asked_for(before.asked_for, merged, asked)));
 
   LaunchPlan plan;
+  plan.notes = flags_without_effect(config, user.typed);
+  if (resumes) {
+    RunConfig last;
+    COMRAD_TRY(apply_layer(last, before));
+    if (std::string changes = changes_text(last, config); !changes.empty())
+      plan.notes.push_back(std::move(changes));
+  }
+  if (std::string left_out = left_out_text(file); !left_out.empty())
+    plan.notes.push_back(std::move(left_out));
   plan.config = config;
   plan.env = merged.scenario.env;
   plan.network = network;
@@ -133,15 +174,16 @@ int train_command(Arguments arguments) {
   CommandLine line(
       "train --scenario NAME [--algo NAME] [--seed N] [settings]",
       "Trains agents: simulators, policy workers and the learner run as processes of their own until\n"
-      "--train_for_env_steps env frames are learned from. Ctrl-C saves a checkpoint and stops. The run lies\n"
+      "--train_for_env_frames env frames are learned from. Ctrl-C saves a checkpoint and stops. The run "
+      "lies\n"
       "in <train_dir>/<experiment>; the same command with the same --experiment goes on where it stopped.");
+  bool allow_no_update = false;
+  line.add_switch("allow_no_update", allow_no_update,
+                  "start even where the run would end before the replay is filled and learning begins");
   line.add_settings();
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("train", parsed.error());
-  if (line.help_requested()) {
-    std::fputs(line.help().c_str(), stdout);
-    return kExitDone;
-  }
-  const Expected<int> done = train(line);
+  if (line.help_requested()) return print_settings_help("train", line);
+  const Expected<int> done = train(line, allow_no_update);
   return done ? *done : report_error("train", done.error());
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "deploy/launch/restart_policy.h"
 #include "rollout_buffer/core/expected.h"
@@ -29,14 +30,15 @@ struct LaunchPlan {
   int64_t decision_limit = 0;  ///< of the scenario; sizes journals in deterministic mode
   std::string run_dir;
   PolicySource policy = PolicySource::kTraining;
-  std::string checkpoint;     ///< kCheckpoint: the file to serve
-  bool greedy = false;        ///< argmax actions
-  uint64_t episodes = 0;      ///< > 0: evaluation; stop after so many (fixed quota per environment)
-  double seconds = 0;         ///< > 0: stop after so long (bench); measured after the first update
-  double warmup_seconds = 0;  ///< not counted in `seconds`
-  bool show_progress = true;  ///< one line on a terminal, plain lines when piped; to stderr
-  int lock_descriptor = -1;   ///< RunDirectory::lock_descriptor(); the learner holds it too until it has left
-  std::string bin_dir;        ///< where the worker programs lie; empty: beside this program
+  std::string checkpoint;               ///< kCheckpoint: the file to serve
+  bool greedy = false;                  ///< argmax actions
+  uint64_t episodes = 0;                ///< > 0: evaluation; stop after so many (fixed quota per environment)
+  double seconds = 0;                   ///< > 0: stop after so long (bench); measured after the first update
+  double warmup_seconds = 0;            ///< not counted in `seconds`
+  bool show_progress = true;            ///< one line on a terminal, plain lines when piped; to stderr
+  std::vector<std::string> notes = {};  ///< told at the start, in the terminal and the log
+  int lock_descriptor = -1;  ///< RunDirectory::lock_descriptor(); the learner holds it too until it has left
+  std::string bin_dir;       ///< where the worker programs lie; empty: beside this program
   RestartLimits restarts;
 
   bool trains() const { return policy == PolicySource::kTraining; }

@@ -47,7 +47,10 @@ std::string duration_text(double seconds) {
 }
 
 std::string training_line(const TrainingProgress& p) {
-  std::string text = count_text(p.env_frames);
+  std::string text;
+  if (p.replay_filled < 1)
+    text = "filling the replay, " + std::to_string(static_cast<int>(100 * p.replay_filled)) + " % | ";
+  text += count_text(p.env_frames);
   if (p.env_frames_total > 0) {
     text += "/" + count_text(p.env_frames_total) + " env frames" +
             format(" (%.1f%%)", 100.0 * p.env_frames / p.env_frames_total);

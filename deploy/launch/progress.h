@@ -19,12 +19,14 @@ struct TrainingProgress {
   double return_mean = std::nan("");
   double lag_mean = std::nan("");
   uint32_t lag_max = 0;
+  double replay_filled = 1;    ///< share of the decisions that learning waits for; 1 is left out
   std::string silence = {};    ///< workers that stand still; empty is left out
   double env_frames_lost = 0;  ///< forgotten when the learner went back to a checkpoint; 0 is left out
 };
 
 /// `1.2M/100M env frames (1.2%), ETA 7h48m | 3512 env frames/s, 878 decisions/s | J 412.3, return 1.23 |
-/// lag 3.2 (max 9) | learner went back 205k env frames`
+/// lag 3.2 (max 9) | learner went back 205k env frames`; while learning waits it begins with
+/// `filling the replay, 61 % | `
 std::string training_line(const TrainingProgress& progress);
 
 /// 950 -> "950", 12'345 -> "12.3k", 1e8 -> "100M".

@@ -25,6 +25,7 @@ namespace fs = std::filesystem;
 constexpr double kOrphanWaitS =
     12.0;  // a learner without its supervisor has 10 s to write its last checkpoint
 constexpr int kMaxOldRuns = 9999;
+constexpr int kMaxRunsOfAName = 9999;
 
 Status check_name(const std::string& experiment) {
   bool is_good = !experiment.empty() && experiment.size() <= 200 && experiment[0] != '.';
@@ -142,6 +143,22 @@ Expected<RunDirectory> RunDirectory::open(const std::string& train_dir, const st
   return directory;
 }
 
+Expected<RunDirectory> RunDirectory::open_new(const std::string& train_dir, const std::string& name) {
+  COMRAD_TRY(check_name(name));
+  std::error_code failed;
+  fs::create_directories(train_dir, failed);
+  if (failed) return file_error("cannot make " + train_dir, failed.value());
+  for (int number = 1; number <= kMaxRunsOfAName; ++number) {
+    const std::string experiment = number == 1 ? name : name + "_" + std::to_string(number);
+    const std::string path = (fs::path(train_dir) / experiment).string();
+    // One of several starts makes the folder; the others see that it is there.
+    if (mkdir(path.c_str(), 0777) == 0) return open(train_dir, experiment, RestartBehavior::kResume);
+    if (errno != EEXIST) return file_error("cannot make run directory " + path, errno);
+  }
+  return Error{ErrorCode::kBadInput, train_dir + "/" + name + ": " + std::to_string(kMaxRunsOfAName) +
+                                         " runs of this name exist; choose an --experiment"};
+}
+
 RunDirectory::RunDirectory(RunDirectory&& other) noexcept
     : path_(std::move(other.path_)),
       lock_descriptor_(std::exchange(other.lock_descriptor_, -1)),
@@ -159,8 +176,9 @@ RunDirectory::~RunDirectory() {
     close(lock_descriptor_);  // the file stays: deleting it would race with the next owner
 }
 
-Status RunDirectory::write_config(const RunConfig& config) const {
-  return write_file_atomically(path_ + "/config.toml", settings_to_toml(config), /*durable=*/true);
+Status RunDirectory::write_config(const RunConfig& config,
+                                  const std::vector<std::pair<std::string, std::string>>& asked_for) const {
+  return write_file_atomically(path_ + "/config.toml", settings_to_toml(config, asked_for), /*durable=*/true);
 }
 
 Status write_status(const std::string& run_dir, const RunStatus& status) {

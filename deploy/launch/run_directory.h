@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/settings/run_config.h"
@@ -30,6 +32,10 @@ class RunDirectory {
   static Expected<RunDirectory> open(const std::string& train_dir, const std::string& experiment,
                                      RestartBehavior restart_behavior);
 
+  /// Makes a folder that nobody else has: `<train_dir>/<name>`, or with _2, _3, ... behind the name where that is taken.
+  /// Starts at the same time get different ones. Errors: as open().
+  static Expected<RunDirectory> open_new(const std::string& train_dir, const std::string& name);
+
   RunDirectory(RunDirectory&& other) noexcept;
   RunDirectory& operator=(RunDirectory&& other) noexcept;
   ~RunDirectory();
@@ -38,8 +44,9 @@ class RunDirectory {
   bool is_resumed() const { return is_resumed_; }  ///< an earlier run's config.toml lies in it
   int lock_descriptor() const { return lock_descriptor_; }
 
-  /// Writes config.toml atomically and durably.
-  Status write_config(const RunConfig& config) const;
+  /// Writes config.toml atomically and durably; `asked_for` as settings_to_toml() has it.
+  Status write_config(const RunConfig& config,
+                      const std::vector<std::pair<std::string, std::string>>& asked_for = {}) const;
 
  private:
   RunDirectory(std::string path, int lock_descriptor)

@@ -64,6 +64,8 @@ std::optional<dds::TrainStats> RunMeter::take_report() {
                  .policy_lag_mean = report->policy_lag_mean,
                  .policy_lag_max = report->policy_lag_max,
                  .last_checkpoint = report->last_checkpoint};
+  // A byte in shared memory may be anything.
+  replay_filled_ = report->replay_filled >= 0 && report->replay_filled < 1 ? report->replay_filled : 1;
   if (window_began_s_ > 0 && std::isfinite(report->policy_lag_mean)) {
     lag_sum_ += report->policy_lag_mean;
     ++lag_count_;

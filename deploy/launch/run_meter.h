@@ -75,6 +75,8 @@ class RunMeter {
   /// Forgotten by learners that went back to a checkpoint.
   uint64_t env_frames_lost() const { return env_frames_lost_; }
   const dds::TrainStats& last_stats() const { return last_stats_; }
+  /// Share of the decisions in the replay that learning waits for; 1: it waits for none.
+  double replay_filled() const { return replay_filled_; }
   const std::map<uint64_t, dds::EpisodeResult>& episodes() const { return episodes_; }
   /// NaN before the first episode.
   double episode_score_mean() const;
@@ -97,6 +99,7 @@ class RunMeter {
   uint32_t learner_epoch_ = 0;
   uint64_t report_sequence_ = 0;  // of the learner's report that was read last
   dds::TrainStats last_stats_;
+  double replay_filled_ = 1;
   int goings_back_ = 0;
   uint64_t env_frames_lost_ = 0;
   std::map<uint64_t, dds::EpisodeResult> episodes_;

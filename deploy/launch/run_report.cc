@@ -47,7 +47,7 @@ std::string RunReport::progress_line() const {
   TrainingProgress progress;
   progress.env_frames = static_cast<double>(meter_.env_frames());
   progress.env_frames_lost = static_cast<double>(meter_.env_frames_lost());
-  progress.env_frames_total = plan_.seconds > 0 ? 0 : plan_.config.run.train_for_env_steps;
+  progress.env_frames_total = plan_.seconds > 0 ? 0 : plan_.config.run.train_for_env_frames;
   progress.env_frames_per_s = stats.env_frames_per_s;
   progress.decisions_per_s = stats.decisions_per_s;
   if (stats.episodes > 0) {
@@ -56,6 +56,7 @@ std::string RunReport::progress_line() const {
   }
   progress.lag_mean = stats.policy_lag_mean;
   progress.lag_max = stats.policy_lag_max;
+  progress.replay_filled = meter_.replay_filled();
   progress.silence = workers_.silence_text();
   if (workers_.stands_still()) progress.env_frames_per_s = progress.decisions_per_s = 0;
   return training_line(progress);
@@ -97,6 +98,7 @@ std::string RunReport::summary(const std::string& how_it_ended, double worked_s)
   const dds::TrainStats& stats = meter_.last_stats();
   if (plan_.trains() && stats.episodes > 0 && std::isfinite(stats.score_mean))
     text += ", " + score_text(stats.score_mean);
+  if (plan_.trains() && stats.learner_version == 0) text += "; no update was made, so nothing was learned";
   if (const std::string lost = meter_.going_back_text(); !lost.empty()) text += "; " + lost;
   if (!stats.last_checkpoint.empty()) text += "; checkpoint " + stats.last_checkpoint;
   return text;
@@ -104,8 +106,8 @@ std::string RunReport::summary(const std::string& how_it_ended, double worked_s)
 
 std::string RunReport::limit_reached() const {
   const RunConfig& config = plan_.config;
-  if (static_cast<double>(meter_.env_frames()) >= config.run.train_for_env_steps)
-    return " (--train_for_env_steps " + std::to_string(std::llround(config.run.train_for_env_steps)) + ")";
+  if (static_cast<double>(meter_.env_frames()) >= config.run.train_for_env_frames)
+    return " (--train_for_env_frames " + std::to_string(std::llround(config.run.train_for_env_frames)) + ")";
   if (config.run.train_for_seconds > 0)
     return " (--train_for_seconds " + std::to_string(std::llround(config.run.train_for_seconds)) + ")";
   return "";

@@ -118,6 +118,7 @@ class Supervisor {
 Status Supervisor::start() {
   if (signals_.descriptor() < 0) return system_error("signalfd");
   COMRAD_TRY(init_log("supervisor", plan_.run_dir + "/logs/supervisor.log"));
+  for (const std::string& text : plan_.notes) note("note: " + text);
   hub_.warn_once(write_status(plan_.run_dir, report_.status("starting", "")));
   COMRAD_TRY(hub_.open());
   for (Worker& worker : table_.workers()) COMRAD_TRY(table_.start(worker, hub_.arena(), hub_.socket_name()));

@@ -45,10 +45,11 @@ std::string last_log_line(const std::string& path) {
   return line == std::string::npos ? tail : tail.substr(line + 1);
 }
 
-/// The words of a log line that a worker means for the user, from "warning: " on; empty for any other line.
-std::string warning_in(const std::string& line) {
-  const std::size_t at = line.find(": warning: ");
-  return at == std::string::npos ? "" : line.substr(at + 2);
+/// The words of a log line that a worker means for the user, from "warning: " or "note: " on; empty for any other line.
+std::string words_for_user(const std::string& line) {
+  for (const char* kind : {": warning: ", ": note: "})
+    if (const std::size_t at = line.find(kind); at != std::string::npos) return line.substr(at + 2);
+  return "";
 }
 
 std::string own_folder() {
@@ -187,11 +188,11 @@ void WorkerTable::read_output(ProgressPrinter& printer) {
     for (const std::string& line : worker.process->read_lines()) {
       worker.last_line = line;
       spdlog::info("{} says: {}", worker.name, line);
-      if (const std::string words = warning_in(line); !words.empty()) {
+      if (const std::string words = words_for_user(line); !words.empty()) {
         // A restarted worker says it again, with other numbers.
         std::string kind = words;
         std::erase_if(kind, [](char letter) { return letter == '.' || (letter >= '0' && letter <= '9'); });
-        if (warnings_shown_.insert(kind).second) printer.note(words);
+        if (words_shown_.insert(kind).second) printer.note(words);
         continue;
       }
       if (now_s - worker.minute_began_s > 60) {

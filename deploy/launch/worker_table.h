@@ -87,7 +87,7 @@ class WorkerTable {
 
   const LaunchPlan& plan_;
   std::vector<Worker> workers_;
-  std::set<std::string> warnings_shown_;  // without their numbers
+  std::set<std::string> words_shown_;  // without their numbers
 };
 
 /// The worker's counters in the arena.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/other_names.h"
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
@@ -37,8 +38,9 @@ const char* value_name(SettingKind kind) {
   return "";
 }
 
-/// The help of a setting: what it is, the words that it takes where the help does not name them, default, old names.
-std::string setting_help(const SettingRow& row, const RunConfig& defaults) {
+/// The help of a setting: what it is, the words that it takes where the help does not name them, its value and where that
+/// comes from, what it counts with, old names.
+std::string setting_help(const SettingRow& row, const std::optional<ValuesInForce>& values) {
   std::string help(row.help);
   if (row.kind == SettingKind::kWord)
     for (const std::string& word : row.words())
@@ -46,8 +48,15 @@ std::string setting_help(const SettingRow& row, const RunConfig& defaults) {
         help += ": one of " + joined(row.words());
         break;
       }
-  const std::string value = row.text(defaults);
-  help += " (default " + (value.empty() ? "empty" : value);
+  const auto shown = [](const std::string& value) { return value.empty() ? "empty" : value; };
+  const std::string value = shown(row.text(RunConfig()));
+  const std::string from = values ? values->from.at(std::string(row.name)) : "built-in";
+  if (from == "built-in")
+    help += " (default " + value;
+  else
+    help += " (" + shown(row.text(values->config)) + ", " + from + "; built-in " + value;
+  if (!values && !row.traits.counts_with.words.empty())
+    help += "; with " + std::string(row.traits.counts_with.words);
   for (const std::string_view old : row.traits.old_names)
     if (!old.empty()) help += "; also --" + std::string(old);
   return help + ")";
@@ -86,12 +95,17 @@ struct CommandLine::Parser {
   struct Flag {
     std::string name;                       ///< canonical, no dashes
     std::vector<std::string> spelled = {};  ///< canonical and old names; none for a positional
-    std::string help_text = {};             ///< ready to print
+    std::string help_text = {};             ///< ready to print; empty for settings
+    const SettingRow* row = nullptr;        ///< of a setting that the help lists
     bool is_boolean = false;
     bool is_setting = false;
+    bool is_a_list = false;      ///< every value counts, else the last one
+    bool is_other_name = false;  ///< of a system that is not this one
     bool is_required = false;
     std::function<Status(const std::string&)> assign = {};  ///< empty for settings
-    std::optional<std::string> typed = {};                  ///< what was typed last
+    std::optional<std::string> typed = {};
+
+    void take(std::string text) { typed = is_a_list && typed ? *typed + "," + text : std::move(text); }
   };
 
   std::vector<Flag> flags;
@@ -112,7 +126,8 @@ struct CommandLine::Parser {
 
   std::vector<std::string> known_names() const {
     std::vector<std::string> names;
-    for (const Flag& flag : flags) names.insert(names.end(), flag.spelled.begin(), flag.spelled.end());
+    for (const Flag& flag : flags)
+      if (!flag.is_other_name) names.insert(names.end(), flag.spelled.begin(), flag.spelled.end());
     return names;
   }
 };
@@ -122,10 +137,9 @@ CommandLine::CommandLine(std::string usage, std::string about)
 
 CommandLine::~CommandLine() = default;
 
-void CommandLine::add_settings() {
+void CommandLine::add_settings(SettingsListed listed) {
   add_option("config", config_file_, "FILE",
              "settings from a TOML file; flags on the command line win over it");
-  const RunConfig defaults;
   for (const SettingRow& row : setting_rows()) {
     Parser::Flag flag;
     flag.name = row.name;
@@ -133,9 +147,18 @@ void CommandLine::add_settings() {
     for (const std::string_view old : row.traits.old_names)
       if (!old.empty()) flag.spelled.emplace_back(old);
     flag.is_setting = true;
+    flag.is_a_list = row.traits.is_a_list;
     flag.is_boolean = row.kind == SettingKind::kBool;
-    flag.help_text = help_line("--" + flag.name + " " + value_name(row.kind), setting_help(row, defaults));
+    if (listed == SettingsListed::kAll || row.traits.used_by_eval) flag.row = &row;
     parser_->add(std::move(flag));
+  }
+  for (const OtherName& other : other_names()) {
+    const std::string name(other.name);
+    parser_->add({.name = name,
+                  .spelled = {name},
+                  .is_boolean = other.is_boolean,
+                  .is_setting = true,
+                  .is_other_name = true});
   }
 }
 
@@ -193,11 +216,11 @@ Status CommandLine::parse(std::span<const std::string> arguments) {
     const std::string& word = arguments[i];
     if (word == "-h" || word == "--help") {
       help_requested_ = true;
-      return {};
+      continue;
     }
     if (!word.starts_with("--")) {
       if (Parser::Flag* positional = parser_->next_positional())
-        positional->typed = word;
+        positional->take(word);
       else
         extras += " '" + word + "'";
       continue;
@@ -208,21 +231,22 @@ Status CommandLine::parse(std::span<const std::string> arguments) {
     if (flag == nullptr) {
       const std::string nearest = nearest_word(name, parser_->known_names());
       return bad("unknown flag --" + name + (nearest.empty() ? "" : "; did you mean --" + nearest + "?") +
-                 " (comrad help lists every flag)");
+                 " (comrad help " + usage_.substr(0, usage_.find(' ')) + " lists every flag)");
     }
     const bool has_next = i + 1 < arguments.size();
     if (equals != std::string::npos) {
-      flag->typed = word.substr(equals + 1);
+      flag->take(word.substr(equals + 1));
     } else if (flag->is_boolean) {
-      flag->typed = has_next && is_boolean_word(arguments[i + 1]) ? arguments[++i] : "True";
+      flag->take(has_next && is_boolean_word(arguments[i + 1]) ? arguments[++i] : "True");
     } else {
       if (!has_next || arguments[i + 1].starts_with("--")) return bad("--" + name + " needs a value");
-      flag->typed = arguments[++i];
+      flag->take(arguments[++i]);
     }
   }
   if (!extras.empty()) return bad("unexpected argument" + extras + "; usage: comrad " + usage_);
   for (const Parser::Flag& flag : parser_->flags)
-    if (flag.is_required && !flag.typed) return bad(flag.name + " is missing; usage: comrad " + usage_);
+    if (flag.is_required && !flag.typed && !help_requested_)
+      return bad(flag.name + " is missing; usage: comrad " + usage_);
 
   for (const Parser::Flag& flag : parser_->flags) {
     if (!flag.typed) continue;
@@ -240,16 +264,26 @@ bool CommandLine::was_typed(const std::string& name) const {
   return false;
 }
 
-std::string CommandLine::help() const {
+std::string CommandLine::help(const std::optional<ValuesInForce>& values) const {
   std::string text = "usage: comrad " + usage_ + "\n\n" + about_ + "\n";
   std::string own, settings;
-  for (const Parser::Flag& flag : parser_->flags) (flag.is_setting ? settings : own) += flag.help_text;
+  std::vector<std::string> idle;
+  for (const Parser::Flag& flag : parser_->flags) {
+    own += flag.help_text;
+    if (flag.row == nullptr) continue;
+    if (values && !flag.row->counts(values->config))
+      idle.push_back(flag.name);
+    else
+      settings +=
+          help_line("--" + flag.name + " " + value_name(flag.row->kind), setting_help(*flag.row, values));
+  }
   if (!own.empty()) text += "\nThis command:\n" + own;
   if (!settings.empty())
     text +=
         "\nSettings (built-in < algorithm < preset < TOML file < command line; `comrad config` shows the "
         "result):\n" +
         settings;
+  if (!idle.empty()) text += "\nWithout effect with these values:\n" + help_line("", joined(idle));
   return text;
 }
 

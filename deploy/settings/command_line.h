@@ -2,7 +2,9 @@
 // what the command adds for itself. Nothing is merged here; what the user typed leaves as one settings layer.
 #pragma once
 
+#include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -12,6 +14,15 @@
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
+
+/// Which settings a command's help lists. All are accepted.
+enum class SettingsListed { kAll, kUsedByEval };
+
+/// The values that `help` shows beside the built-in ones.
+struct ValuesInForce {
+  const RunConfig& config;                         ///< resolved
+  const std::map<std::string, std::string>& from;  ///< setting -> layer, as MergedSettings has it
+};
 
 /// Declares flags, parses arguments, prints help. `--name=value` and `--name value` mean the same; a boolean
 /// may also stand alone (`--deterministic` is `--deterministic=True`). Of a repeated flag the last one
@@ -24,8 +35,8 @@ class CommandLine {
   CommandLine(const CommandLine&) = delete;
   CommandLine& operator=(const CommandLine&) = delete;
 
-  /// Every setting of setting_rows(), and `--config FILE.toml`.
-  void add_settings();
+  /// Every setting of setting_rows(), the names of other_names(), and `--config FILE.toml`.
+  void add_settings(SettingsListed listed = SettingsListed::kAll);
   /// A flag of this command alone, without dashes; `value_name` shows in the help.
   void add_option(const std::string& name, std::string& target, const std::string& value_name,
                   const std::string& help);
@@ -38,6 +49,7 @@ class CommandLine {
   /// is set.
   void add_positional(const std::string& name, std::string& target, const std::string& help);
 
+  /// With `--help` among them the other arguments are read as well, but none is missing.
   /// Errors: kBadInput naming the argument and, for an unknown flag, the nearest known one.
   Status parse(std::span<const std::string> arguments);
 
@@ -48,7 +60,8 @@ class CommandLine {
   bool was_typed(const std::string& name) const;
   const std::string& config_file() const { return config_file_; }
 
-  std::string help() const;
+  /// With `values` the settings show what holds now, and those that do nothing with the others stand at the end.
+  std::string help(const std::optional<ValuesInForce>& values = std::nullopt) const;
 
  private:
   struct Parser;

@@ -13,11 +13,6 @@
 namespace comrad::deploy {
 namespace {
 
-Expected<SettingsLayer> file_layer(const UserSettings& user) {
-  if (user.config_file.empty()) return SettingsLayer{};
-  return read_settings_toml(user.config_file);
-}
-
 /// The name of a setting that `key` means, which may be an old one; `key` itself where it is unknown.
 std::string canonical_setting(const std::string& key) {
   const SettingRow* row = find_setting(key);
@@ -73,8 +68,33 @@ double default_alpha(const RunConfig& config, const ScenarioDescription& scenari
   return scenario.shared_reward_alpha;
 }
 
+/// The user's file on top of a run, which has worked its own values out.
+Expected<SettingsLayer> file_layer_onto_run(const UserSettings& user) {
+  if (user.config_file.empty()) return SettingsLayer{};
+  COMRAD_TRY_ASSIGN(SettingsLayer layer, read_settings_toml(user.config_file));
+  std::erase_if(layer.values, [&layer](const auto& value) {
+    return std::ranges::any_of(layer.asked_for, [&value](const auto& asked) {
+      return canonical_setting(asked.first) == canonical_setting(value.first);
+    });
+  });
+  layer.asked_for.clear();
+  return layer;
+}
+
+/// --reward names terms that the scenario has.
+Status check_rewards(const RunConfig& config, const ScenarioDescription& scenario) {
+  COMRAD_TRY_ASSIGN(const auto weights, parse_reward_weights(config.environment.reward));
+  for (const auto& [name, weight] : weights)
+    if (std::ranges::count(scenario.rewards, name) == 0)
+      return Error{ErrorCode::kBadInput, "--reward=" + config.environment.reward + ": " +
+                                             unknown_word("reward term", name, scenario.rewards)};
+  return {};
+}
+
 /// Fills in what is still open: from the scenario, then from the host.
 Expected<MergedSettings> complete(Layers layers, ScenarioDescription scenario, int core_count) {
+  COMRAD_TRY(check_rewards(layers.config(), scenario));
+  const RunConfig asked = layers.config();
   const bool is_scenarios = layers.config().run.algo->reward_share == RewardShare::kOfTheScenario;
   COMRAD_TRY(layers.change(is_scenarios ? "scenario" : "algorithm", [&scenario](RunConfig& config) -> Status {
     if (config.environment.shared_reward_alpha < 0)
@@ -87,10 +107,21 @@ Expected<MergedSettings> complete(Layers layers, ScenarioDescription scenario, i
   }));
   COMRAD_TRY(
       layers.change("automatic", [&](RunConfig& config) { return resolve_settings(config, core_count); }));
-  return MergedSettings{layers.config(), std::move(scenario), std::move(layers.from())};
+  MergedSettings merged{layers.config(), std::move(scenario), std::move(layers.from()), {}};
+  for (const SettingRow& row : setting_rows())
+    if (row.text(merged.config) != row.text(asked))
+      merged.asked_for.emplace_back(std::string(row.name), row.text(asked));
+  return merged;
 }
 
 }  // namespace
+
+Expected<SettingsLayer> file_layer(const UserSettings& user) {
+  if (user.config_file.empty()) return SettingsLayer{};
+  COMRAD_TRY_ASSIGN(SettingsLayer layer, read_settings_toml(user.config_file));
+  layer.values.insert(layer.values.end(), layer.asked_for.begin(), layer.asked_for.end());
+  return layer;
+}
 
 Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& describe, int core_count,
                                    const SettingsLayer& changes) {
@@ -126,7 +157,7 @@ Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& des
 
 Expected<MergedSettings> merge_onto_run(const RunConfig& run, const UserSettings& user,
                                         const Describe& describe, int core_count) {
-  COMRAD_TRY_ASSIGN(const SettingsLayer file, file_layer(user));
+  COMRAD_TRY_ASSIGN(const SettingsLayer file, file_layer_onto_run(user));
   Layers layers(run, "run");
   COMRAD_TRY(layers.put(file, "file"));
   COMRAD_TRY(layers.put(user.typed, "command line"));

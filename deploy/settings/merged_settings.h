@@ -11,6 +11,8 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "deploy/settings/scenario_description.h"
 #include "rollout_buffer/core/expected.h"
@@ -30,6 +32,8 @@ struct MergedSettings {
   /// "preset", "scenario", "file", "command line", the name of a command's `changes`, or "automatic" where the value
   /// was worked out or rounded from others and the host.
   std::map<std::string, std::string> from;
+  /// What had been asked for ("0", auto) where the value was worked out or rounded, in the order of the settings.
+  std::vector<std::pair<std::string, std::string>> asked_for = {};
 };
 
 /// The layers above the scenario's: a TOML file when `config_file` is set, then what was typed.
@@ -38,14 +42,19 @@ struct UserSettings {
   SettingsLayer typed{"command line", {}};
 };
 
+/// What a new run takes from the user's TOML file; empty without one. From a run's config.toml it takes what had been asked
+/// for that run, and not its name, its generated map and what was worked out for it. Errors: those of read_settings_toml.
+Expected<SettingsLayer> file_layer(const UserSettings& user);
+
 /// A new run's settings. `changes` lie above the preset and below the file, for commands whose own defaults differ
 /// (a bench has no end by frames). Errors: kBadInput and kBadFormat of any layer, naming it;
 /// those of resolve_settings.
 Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& describe, int core_count,
                                    const SettingsLayer& changes = {});
 
-/// The settings of an existing run with what the user asks on top. `fixed` names the settings that shape the
-/// network or the data and so cannot change; a different value is an error that names the run's.
+/// The settings of an existing run with what the user asks on top. Settings that shape the network or the data
+/// (fixed_in_a_run) cannot change; a different value is an error that names the run's. Of a run's config.toml in
+/// `user.config_file` everything that was worked out is left out.
 Expected<MergedSettings> merge_onto_run(const RunConfig& run, const UserSettings& user,
                                         const Describe& describe, int core_count);
 

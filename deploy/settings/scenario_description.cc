@@ -58,6 +58,9 @@ Expected<ScenarioDescription> parse_description(std::string_view text) {
   COMRAD_TRY(read(described, "ceiling", scenario.ceiling));
   COMRAD_TRY(read(described, "shared_reward_alpha", scenario.shared_reward_alpha));
   COMRAD_TRY(read(described, "score", scenario.score));
+  const auto rewards = described.find("rewards");
+  if (rewards == described.end() || !rewards->is_array()) return wrong("rewards", "a list");
+  for (const json& term : *rewards) COMRAD_TRY(read(term, "name", scenario.rewards.emplace_back()));
   if (heads.empty() || heads.size() > static_cast<size_t>(kMaxHeads)) return wrong("heads", "1 to 8 numbers");
   scenario.env.head_count = static_cast<int32_t>(heads.size());
   std::copy(heads.begin(), heads.end(), scenario.env.head_sizes.begin());

@@ -21,7 +21,8 @@ struct ScenarioDescription {
   int64_t decision_limit = 0;  ///< decisions after which an episode is truncated
   double ceiling = 0;          ///< best possible score J
   double shared_reward_alpha = 0;
-  std::string score;  ///< what J is: survival_tics, ...
+  std::string score;                 ///< what J is: survival_tics, ...
+  std::vector<std::string> rewards;  ///< names of its reward terms
   SettingsLayer
       training;  ///< its rows of the recipes, keys "<preset>.<algorithm>.<setting>"; origin "scenario <name>"
 };

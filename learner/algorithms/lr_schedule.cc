@@ -13,7 +13,7 @@ constexpr double kAdaptiveFactor = 1.5;
 LrSchedule::LrSchedule(const RunConfig& config)
     : kind_(config.optimisation.lr_schedule),
       learning_rate_(config.optimisation.learning_rate),
-      line_(config.optimisation.learning_rate, 0.0, config.run.train_for_env_steps),
+      line_(config.optimisation.learning_rate, 0.0, config.run.train_for_env_frames),
       kl_threshold_(config.optimisation.lr_schedule_kl_threshold),
       min_(config.optimisation.lr_adaptive_min),
       max_(config.optimisation.lr_adaptive_max) {}

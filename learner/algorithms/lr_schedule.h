@@ -20,8 +20,8 @@ class LrSchedule {
 
   double learning_rate() const { return learning_rate_; }
   /// Before a batch is trained: `env_frames` counted so far. linear_decay moves here:
-  /// lr = lr_0 * max(0, 1 - env_frames / train_for_env_steps). A run that is resumed with another
-  /// train_for_env_steps goes on from the rate it had, in a line to 0 at the new end (linear_schedule.h).
+  /// lr = lr_0 * max(0, 1 - env_frames / train_for_env_frames). A run that is resumed with another
+  /// train_for_env_frames goes on from the rate it had, in a line to 0 at the new end (linear_schedule.h).
   void before_batch(double env_frames);
   /// After an optimizer step with the minibatch's mean KL; kl_adaptive_minibatch moves here.
   void after_minibatch(double kl);

@@ -71,7 +71,7 @@ Tensor with_finals(Tensor rows, const Tensor& step, const Tensor& row, const Ten
 }  // namespace
 
 double epsilon_at(const RunConfig& config, double env_frames) {
-  const double way = std::clamp(env_frames / config.q_learning.epsilon_decay_steps, 0.0, 1.0);
+  const double way = std::clamp(env_frames / config.q_learning.epsilon_decay_env_frames, 0.0, 1.0);
   return config.q_learning.epsilon_start +
          way * (config.q_learning.epsilon_end - config.q_learning.epsilon_start);
 }

@@ -69,7 +69,7 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   std::unique_ptr<ReplayFeed> feed;
   if (off_policy != nullptr) {
     RunConfig eager = config;
-    eager.q_learning.learning_starts = 1;
+    eager.q_learning.learning_starts_decisions = 1;
     COMRAD_TRY_ASSIGN(feed, ReplayFeed::create(eager, shape, algorithm->weights_bytes()));
   }
 

@@ -144,7 +144,7 @@ void CheckpointKeeper::save_if_due(PolicyVersion version, uint32_t wish) {
 }
 
 void CheckpointKeeper::save_if_best() {
-  if (static_cast<double>(totals_.env_frames) < config_.run.save_best_after) return;
+  if (static_cast<double>(totals_.env_frames) < config_.run.save_best_after_env_frames) return;
   if (!episodes_.is_full()) {
     if (!best_score_ && !std::exchange(told_of_no_best_, true))
       spdlog::info(

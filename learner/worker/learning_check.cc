@@ -72,13 +72,13 @@ bool LearningCheck::shows(const std::string& name, bool bad, int reports) {
 
 std::vector<std::string> LearningCheck::judge_settings() {
   std::vector<std::string> told;
-  const double last = epsilon_at(config_, config_.run.train_for_env_steps);
+  const double last = epsilon_at(config_, config_.run.train_for_env_frames);
   const bool is_meant = config_.q_learning.epsilon_end > kLastEpsilonMax;
   if (config_.run.algo->learns_q_values() && shows("epsilon", last > kLastEpsilonMax && !is_meant, 1))
     told.push_back(format(
         "the run ends at epsilon %.2f: agents then still choose %.0f%% of their actions by chance; "
-        "set epsilon_decay_steps (%.3g env frames) below train_for_env_steps (%.3g)",
-        last, per_cent(last), config_.q_learning.epsilon_decay_steps, config_.run.train_for_env_steps));
+        "set epsilon_decay_env_frames (%.3g env frames) below train_for_env_frames (%.3g)",
+        last, per_cent(last), config_.q_learning.epsilon_decay_env_frames, config_.run.train_for_env_frames));
   return told;
 }
 
@@ -98,7 +98,7 @@ void LearningCheck::judge_batches(const MetricValues& values, std::vector<std::s
       shows("rewarded", *rewarded == 0, kReports))
     told.push_back(
         format("none of the last %d episodes brought any reward, so there is nothing to learn from; "
-               "explore more (exploration_loss_coeff, epsilon_decay_steps) or begin on an easier map",
+               "explore more (exploration_loss_coeff, epsilon_decay_env_frames) or begin on an easier map",
                static_cast<int>(config_.run.stats_avg)));
 
   // Later epochs move away from the behaviour policy on purpose, so their share shows nothing.

@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <exception>
 
 #include "learner/algorithms/q_learning.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
-#include "rollout_buffer/core/text.h"
 #include "rollout_buffer/replay/replay_plan.h"
 #include "rollout_buffer/shm/futex.h"
 
@@ -32,13 +32,20 @@ replay::Unit unit_of(const RunConfig& config) {
   return alone ? replay::Unit::kAgentStep : replay::Unit::kJointStep;
 }
 
+/// Into the log, and onto standard error as a line that the supervisor shows the user
+/// (deploy/launch/worker_table.cc).
+void note(const std::string& words) {
+  spdlog::info("{}", words);
+  std::fprintf(stderr, "learner: note: %s\n", words.c_str());
+}
+
 /// Units in an update.
 int64_t world_count(const RunConfig& config, int64_t num_agents) {
-  if (config.network.use_rnn) return config.q_learning.qmix_sequence_batch_size;
-  if (!config.run.algo->learns_alone()) return config.q_learning.qmix_buffer_batch_size;
+  if (config.network.use_rnn) return config.q_learning.qmix_batch_sequences;
+  if (!config.run.algo->learns_alone()) return config.q_learning.qmix_batch_joint_decisions;
   return unit_of(config) == replay::Unit::kAgentStep
-             ? config.q_learning.dqn_batch_size
-             : std::max<int64_t>(1, config.q_learning.dqn_batch_size / num_agents);
+             ? config.q_learning.dqn_batch_decisions
+             : std::max<int64_t>(1, config.q_learning.dqn_batch_decisions / num_agents);
 }
 
 }  // namespace
@@ -72,8 +79,7 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
                               .prioritized = config.replay.per,
                               .omega = config.replay.per_omega}));
   const int64_t capacity = replay->capacity_transitions();
-  spdlog::info("replay: room for {} agent decisions in {} ({})", capacity, bytes_text(plan.capacity_bytes),
-               plan.reason);
+  note(plan.words());
   const int64_t samples =
       batch_options.world_count * (unit == replay::Unit::kSequence    ? config.collection.rollout * agents
                                    : unit == replay::Unit::kJointStep ? agents
@@ -81,14 +87,8 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
   if (capacity < 10 * samples)
     spdlog::warn("replay: only {:.1f} batches of {} decisions fit; raise --replay_gb or lower the batch",
                  static_cast<double>(capacity) / static_cast<double>(samples), samples);
-  int64_t starts = config.q_learning.learning_starts;
-  if (starts >= capacity) {
-    starts = capacity / 2;
-    spdlog::info("replay: learning_starts is {}, more than fits; training begins with {} decisions",
-                 config.q_learning.learning_starts, starts);
-  }
   const double updates_per_batch = static_cast<double>(
-      std::min(std::max<int64_t>(1, config.optimisation.batch_size / config.q_learning.train_frequency),
+      std::min(std::max<int64_t>(1, config.optimisation.batch_size / config.q_learning.train_every_decisions),
                config.q_learning.dqn_max_updates_per_batch));
   const double ratio = config.q_learning.replay_ratio > 0
                            ? config.q_learning.replay_ratio
@@ -100,7 +100,7 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
       ratio;
   const replay::RateLimiterOptions rate{
       .samples_per_insert = ratio,
-      .min_size_to_sample = std::max<int64_t>(1, starts),
+      .min_size_to_sample = plan.decisions_before_training,
       .error_buffer =
           std::max(ahead, static_cast<double>(slab_transitions) * ratio + static_cast<double>(samples))};
   COMRAD_TRY(replay::validate(rate, slab_transitions, samples));
@@ -117,7 +117,7 @@ ReplayFeed::ReplayFeed(const RunConfig& config, const ReplayBatchOptions& batch_
       replay_(std::move(replay)),
       limiter_(rate),
       min_size_to_sample_(rate.min_size_to_sample),
-      beta_(config.replay.per_beta_start, 1.0, config.replay.per_beta_frames) {}
+      beta_(config.replay.per_beta_start, 1.0, config.replay.per_beta_env_frames) {}
 
 ReplayFeed::~ReplayFeed() {
   stop_ = true;

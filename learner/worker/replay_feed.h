@@ -66,6 +66,8 @@ class ReplayFeed {
   void finish(std::unique_ptr<ReplayBatch> batch);
 
   const replay::Replay& replay() const { return *replay_; }
+  /// Share of the decisions that training waits for: 1 once they are there.
+  double filled() const { return limiter_.filled(); }
   int waiting() const;
   int64_t broken_decisions() const { return replay_->broken_decisions(); }
 
@@ -75,7 +77,7 @@ class ReplayFeed {
   void save_position(StateDict& state) const;
   /// Goes on from a checkpoint. Of this run (`is_own`): takes over what save() left. Without a replay this one
   /// stays empty, and training begins again when a few batches are there: the policy is trained already, so its
-  /// decisions are not the chance ones that learning_starts waits for. Before start(). Errors: kBadFormat; in
+  /// decisions are not the chance ones that learning_starts_decisions waits for. Before start(). Errors: kBadFormat; in
   /// deterministic runs also those of Replay::load.
   Status load(const StateDict& state, const std::string& folder, bool is_own);
 

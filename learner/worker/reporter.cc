@@ -87,6 +87,7 @@ void Reporter::publish_stats() {
   report.episodes = episodes_.episodes();
   report.policy_lag_mean = lag_.mean;
   report.policy_lag_max = static_cast<uint32_t>(lag_.max);
+  if (const ReplayFeed* feed = source_->feed()) report.replay_filled = feed->filled();
   last_checkpoint_.copy(report.last_checkpoint, shm::kCheckpointPathBytes - 1);
   arena_.publish_report(report);
 }

@@ -17,7 +17,7 @@ struct RunTotals {
   double train_seconds() const { return seconds_before + monotonic_s() - started_s; }
   /// Whether a limit of the run is reached.
   bool reach_the_goal_of(const RunConfig& config) const {
-    if (static_cast<double>(env_frames) >= config.run.train_for_env_steps) return true;
+    if (static_cast<double>(env_frames) >= config.run.train_for_env_frames) return true;
     return config.run.train_for_seconds > 0 && train_seconds() >= config.run.train_for_seconds;
   }
 };

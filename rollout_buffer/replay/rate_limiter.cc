@@ -86,6 +86,11 @@ void RateLimiter::stop() {
   changed_.notify_all();
 }
 
+double RateLimiter::filled() const {
+  const std::lock_guard lock(mutex_);
+  return std::min(1.0, static_cast<double>(inserted_) / static_cast<double>(options_.min_size_to_sample));
+}
+
 int64_t RateLimiter::insert_count() const {
   const std::lock_guard lock(mutex_);
   return inserted_;

@@ -45,6 +45,8 @@ class RateLimiter {
   /// Every wait returns kStopped, now and later.
   void stop();
 
+  /// Share of the inserts that the first sample waits for: 1 once they are there.
+  double filled() const;
   int64_t insert_count() const;
   int64_t sample_count() const;
   /// Takes over the counts of a checkpoint.

@@ -22,10 +22,10 @@ constexpr int64_t kTorchProgramBytes = 600'000'000;  // learner and policy worke
 constexpr int64_t kSimulatorBytes = 100'000'000;
 constexpr int64_t kWeightCopies = 8;  // both networks, gradients of several threads, two moments
 
-/// Of a whole trajectory with one cut.
-int64_t trajectory_bytes(const RunConfig& config, TrajectoryShape shape) {
+/// Of a whole trajectory with so many cuts, uncompressed.
+int64_t trajectory_bytes(const RunConfig& config, TrajectoryShape shape, int cuts) {
   if (!config.network.use_rnn) shape.recurrent_state_count = 0;  // single decisions keep none
-  return TrajectoryStore::item_bytes(shape, std::min(1, shape.final_capacity), false);
+  return TrajectoryStore::item_bytes(shape, std::min(cuts, shape.final_capacity), false);
 }
 
 }  // namespace
@@ -54,9 +54,9 @@ int64_t reserved_bytes(const RunConfig& config, const TrajectoryShape& shape, in
   // One batch in training, one that waits, and what a micro-batch leaves for its gradient.
   const int64_t batch_rows =
       config.network.use_rnn
-          ? config.q_learning.qmix_sequence_batch_size * (config.collection.rollout + 1) * env.num_agents
-          : 2 * std::max(config.q_learning.dqn_batch_size,
-                         config.q_learning.qmix_buffer_batch_size * env.num_agents);
+          ? config.q_learning.qmix_batch_sequences * (config.collection.rollout + 1) * env.num_agents
+          : 2 * std::max(config.q_learning.dqn_batch_decisions,
+                         config.q_learning.qmix_batch_joint_decisions * env.num_agents);
   return shm::Arena::size_bytes(arena) + kWeightCopies * arena.weights_bytes +
          3 * batch_rows * env.frame_bytes() + (1 + config.collection.policy_workers) * kTorchProgramBytes +
          config.collection.num_workers * kSimulatorBytes;
@@ -64,13 +64,13 @@ int64_t reserved_bytes(const RunConfig& config, const TrajectoryShape& shape, in
 
 Expected<ReplayPlan> replay_plan(const RunConfig& config, const TrajectoryShape& shape,
                                  const HostSpace& space, int64_t reserved_bytes, const std::string& run_dir) {
-  const int64_t per_trajectory = trajectory_bytes(config, shape);
+  const int64_t per_trajectory = trajectory_bytes(config, shape, 1);
   const int64_t decisions = int64_t{shape.rollout_steps} * shape.env.num_agents;
-  const int64_t trajectories = (config.replay.replay_buffer_size + decisions - 1) / decisions;
+  const int64_t trajectories = (config.replay.replay_capacity_decisions + decisions - 1) / decisions;
   const auto wanted = static_cast<int64_t>(
       std::min(kSlack * static_cast<double>(trajectories + 1) * static_cast<double>(per_trajectory), 4e18));
   const int64_t left = std::max<int64_t>(0, space.memory_bytes - reserved_bytes);
-  ReplayPlan plan{.capacity_transitions = config.replay.replay_buffer_size,
+  ReplayPlan plan{.capacity_transitions = config.replay.replay_capacity_decisions,
                   .file = config.replay.replay_file};
   int64_t allowed = 0;
   if (config.replay.replay_gb > 0) {
@@ -81,12 +81,12 @@ Expected<ReplayPlan> replay_plan(const RunConfig& config, const TrajectoryShape&
     plan.capacity_bytes = std::min(allowed, wanted);
     if (plan.file.empty() && plan.capacity_bytes > memory_allows) {
       if (plan.capacity_bytes > space.disk_bytes)
-        return Error{ErrorCode::kNoSpace, "a replay of " + bytes_text(plan.capacity_bytes) +
-                                              " fits neither into memory, which allows " +
-                                              bytes_text(memory_allows) + ", nor on the disk of " + run_dir +
-                                              ", which has " + bytes_text(space.disk_bytes) +
-                                              " free; lower --replay_gb or --replay_buffer_size, or name "
-                                              "another disk with --replay_file"};
+        return Error{ErrorCode::kNoSpace,
+                     "a replay of " + bytes_text(plan.capacity_bytes) +
+                         " fits neither into memory, which allows " + bytes_text(memory_allows) +
+                         ", nor on the disk of " + run_dir + ", which has " + bytes_text(space.disk_bytes) +
+                         " free; lower --replay_gb or --replay_capacity_decisions, or name "
+                         "another disk with --replay_file"};
       plan.file = (run_dir.empty() ? "." : run_dir) + "/replay.ring";
       plan.reason += ", more than the " + bytes_text(memory_allows) + " that memory allows: in " + plan.file +
                      ", which goes with the run";
@@ -102,10 +102,21 @@ Expected<ReplayPlan> replay_plan(const RunConfig& config, const TrajectoryShape&
   const bool fits = wanted <= allowed;
   plan.compress = config.replay.replay_compress == Compress::kTrue ||
                   (config.replay.replay_compress == Compress::kAuto && !fits);
-  plan.reason += "; replay_buffer_size " + std::to_string(config.replay.replay_buffer_size) + " takes " +
-                 bytes_text(wanted) + " uncompressed" + (fits ? ", and decides" : "") +
+  plan.reason += "; replay_capacity_decisions " + std::to_string(config.replay.replay_capacity_decisions) +
+                 " takes " + bytes_text(wanted) + " uncompressed" + (fits ? ", and decides" : "") +
                  (plan.compress ? "; LZ4 on" : "");
+  plan.fitting_decisions = std::min(plan.capacity_bytes / trajectory_bytes(config, shape, 0) * decisions,
+                                    plan.capacity_transitions);
+  const int64_t starts = config.q_learning.learning_starts_decisions;
+  plan.decisions_before_training =
+      std::max<int64_t>(1, starts < plan.fitting_decisions ? starts : plan.fitting_decisions / 2);
   return plan;
+}
+
+std::string ReplayPlan::words() const {
+  return "replay: room for " + std::string(compress ? "at least " : "") + std::to_string(fitting_decisions) +
+         " agent decisions in " + bytes_text(capacity_bytes) + " (" + reason + "); learning begins with " +
+         std::to_string(decisions_before_training);
 }
 
 }  // namespace comrad::replay

@@ -1,5 +1,6 @@
 // How large a run's replay is, whether its frames are compressed and where it lies: chosen from the settings,
-// the shapes and what is free on the host. The learner makes the replay by this, `comrad config` prints it.
+// the shapes and what is free on the host. The learner makes the replay by this and says so at the start of a run;
+// `comrad config` prints it, and `comrad train` refuses a run that would end before learning begins.
 // Stage: before store.
 #pragma once
 
@@ -27,13 +28,19 @@ int64_t reserved_bytes(const RunConfig& config, const TrajectoryShape& shape, in
 
 struct ReplayPlan {
   int64_t capacity_bytes = 0;
-  int64_t capacity_transitions = 0;  ///< agent decisions at most: replay_buffer_size
+  int64_t capacity_transitions = 0;  ///< agent decisions at most: replay_capacity_decisions
   bool compress = false;
-  std::string file = {};    ///< empty: memory
-  std::string reason = {};  ///< why, in words for logs
+  std::string file = {};          ///< empty: memory
+  std::string reason = {};        ///< why, in words
+  int64_t fitting_decisions = 0;  ///< agent decisions that fit for sure: frames that LZ4 does not shrink
+  int64_t decisions_before_training =
+      0;  ///< learning_starts_decisions, or half of those that fit if that is less
+
+  /// "replay: room for 35840 agent decisions in 3.1 GB (why); learning begins with 17920".
+  std::string words() const;
 };
 
-/// A pure function. `wanted` below are the bytes of replay_buffer_size decisions, uncompressed.
+/// A pure function. `wanted` below are the bytes of replay_capacity_decisions decisions, uncompressed.
 ///
 ///   capacity   replay_gb, at most wanted; where it is 0: wanted, at most a third of what `reserved_bytes` leave
 ///              of the free memory (of the free disk, with replay_file)

@@ -2,8 +2,6 @@
 
 #include <optional>
 
-#include "rollout_buffer/core/toml_text.h"
-
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/core/toml_text.h"
@@ -13,6 +11,24 @@ namespace comrad {
 namespace {
 
 constexpr std::size_t kSettingsBytesMax = 1 << 20;
+constexpr const char* kAskedFor = "asked_for";
+
+using Values = std::vector<std::pair<std::string, std::string>>;
+
+/// The settings of one table. Errors: kBadFormat naming the line of a value that is none.
+Expected<Values> values_of(const toml::table& table, const std::string& path) {
+  Values values;
+  for (const auto& [key, node] : table) {
+    std::optional<std::string> text = toml_scalar_text(node);
+    if (!text)
+      return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(node.source().begin.line) + ":" +
+                                              std::to_string(node.source().begin.column) + ": setting '" +
+                                              std::string(key.str()) +
+                                              "' is neither text, a number, true nor false"};
+    values.emplace_back(std::string(key.str()), *std::move(text));
+  }
+  return values;
+}
 
 /// The algorithm that --mixer makes of qmix or qplex; every other keeps its own.
 void settle_mixer(RunConfig& config) {
@@ -36,19 +52,15 @@ Expected<SettingsLayer> read_settings_toml(const std::string& path) {
   const Expected<std::string> words = read_short_file(path, kSettingsBytesMax);
   if (!words)
     return Error{words.error().code, words.error().message + "; give the path of a TOML file of settings"};
-  SettingsLayer layer{path, {}};
+  SettingsLayer layer{path, {}, {}};
   COMRAD_TRY(check_toml_text(*words, path));
   try {
-    const toml::table document = toml::parse(*words, path);
-    for (const auto& [key, node] : document) {
-      std::optional<std::string> text = toml_scalar_text(node);
-      if (!text)
-        return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(node.source().begin.line) + ":" +
-                                                std::to_string(node.source().begin.column) + ": setting '" +
-                                                std::string(key.str()) +
-                                                "\' is neither text, a number, true nor false"};
-      layer.values.emplace_back(std::string(key.str()), *std::move(text));
+    toml::table document = toml::parse(*words, path);
+    if (const toml::table* asked_for = document[kAskedFor].as_table()) {
+      COMRAD_TRY_ASSIGN(layer.asked_for, values_of(*asked_for, path));
+      document.erase(kAskedFor);
     }
+    COMRAD_TRY_ASSIGN(layer.values, values_of(document, path));
   } catch (const toml::parse_error& failure) {
     return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(failure.source().begin.line) + ":" +
                                             std::to_string(failure.source().begin.column) + ": " +
@@ -57,16 +69,25 @@ Expected<SettingsLayer> read_settings_toml(const std::string& path) {
   return layer;
 }
 
-std::string settings_to_toml(const RunConfig& config) {
+std::string settings_to_toml(const RunConfig& config, const Values& asked_for) {
   std::string text;
   std::string_view subject;
   for (const SettingRow& row : setting_rows()) {
     if (row.subject != subject)
       text += (subject.empty() ? "" : "\n") + ("## " + std::string(row.subject)) + "\n\n";
     subject = row.subject;
-    text += "# " + std::string(row.help) + "\n" + std::string(row.name) + " = " + setting_toml(config, row) +
-            "\n";
+    const std::string_view others = row.traits.counts_with.words;
+    text += "# " + std::string(row.help) + (others.empty() ? "" : "; with " + std::string(others)) + "\n" +
+            std::string(row.name) + " = " + setting_toml(row, row.text(config)) + "\n";
   }
+  if (asked_for.empty()) return text;
+  text +=
+      "\n## What was asked for where a value above was worked out from the others, the scenario, the machine "
+      "or the\n"
+      "## run's name. `--config` with this file takes these, so that a new run works its own out.\n\n[" +
+      std::string(kAskedFor) + "]\n";
+  for (const auto& [name, value] : asked_for)
+    if (const SettingRow* row = find_setting(name)) text += name + " = " + setting_toml(*row, value) + "\n";
   return text;
 }
 

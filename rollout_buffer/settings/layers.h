@@ -15,20 +15,24 @@ namespace comrad {
 struct SettingsLayer {
   std::string origin;  ///< named in messages: "command line", "run.toml", "scenario coop_health_gathering"
   std::vector<std::pair<std::string, std::string>> values;
+  /// Of a run's config.toml, where `values` hold what was worked out for that run: what had been asked for ("0", auto).
+  std::vector<std::pair<std::string, std::string>> asked_for = {};
 };
 
 /// Puts a layer on top of `config`, as set() of setting.h does with each of its values; then --mixer chooses among qmix's
 /// and qplex's. Errors: those of set().
 Status apply_layer(RunConfig& config, const SettingsLayer& layer);
 
-/// Reads a TOML file of settings into a layer. Nested tables are not settings and are errors.
+/// Reads a TOML file of settings into a layer. Nested tables are errors, but for [asked_for] of a run's config.toml.
 /// Errors: kNotFound, kBadFormat with line and column.
 Expected<SettingsLayer> read_settings_toml(const std::string& path);
 
-/// The merged settings as a TOML document that read_settings_toml reads back without loss.
-std::string settings_to_toml(const RunConfig& config);
+/// The merged settings as a TOML document that read_settings_toml reads back without loss. `asked_for` becomes its table of
+/// that name.
+std::string settings_to_toml(const RunConfig& config,
+                             const std::vector<std::pair<std::string, std::string>>& asked_for = {});
 
-/// Reads config.toml of a run: every worker's first step.
+/// Reads config.toml of a run, whose values and not those of [asked_for] count: every worker's first step.
 Expected<RunConfig> load_run_config(const std::string& path);
 
 }  // namespace comrad

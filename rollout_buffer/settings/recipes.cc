@@ -35,8 +35,8 @@ constexpr RecipeRow kRows[] = {
     {"", "mixers", "rnn_type", "gru", "a benchmark launch: GRU of 512 units"},
     {"", "mixers", "rnn_size", "512", "a benchmark launch: GRU of 512 units"},
     {"", "mixers", "batch_size", "4096", "a benchmark launch: four updates for every 4096 decisions"},
-    {"", "vdn qmix", "qmix_sequence_batch_size", "64", "a benchmark launch"},
-    {"", "qplex_d qplex_q", "qmix_sequence_batch_size", "16", "a benchmark launch: its mixer is larger"},
+    {"", "vdn qmix", "qmix_batch_sequences", "64", "a benchmark launch"},
+    {"", "qplex_d qplex_q", "qmix_batch_sequences", "16", "a benchmark launch: its mixer is larger"},
     {"", "q_learning", "adam_eps", "1e-8",
      "Q-gradients are small: with 1e-6 the root of Adam's second moment lay below epsilon in the gates of "
      "recurrent cores, whose steps shrank up to a hundredfold; the reference's mixers use 1e-8, too"},
@@ -66,7 +66,7 @@ constexpr RecipeRow kRows[] = {
     {"small", "mixers", "batch_size", "1024",
      "simulators and learner wait for each other sooner: a quarter of the decisions may be ahead"},
     {"small", "q_learning", "num_batches_to_accumulate", "1", "decisions enter the replay sooner"},
-    {"small", "mixers", "qmix_sequence_batch_size", "4",
+    {"small", "mixers", "qmix_batch_sequences", "4",
      "many updates from few sequences: 256 decisions of two agents"},
     {"small", "mixers", "replay_ratio", "4",
      "an update for every 64 new decisions; QMIX learned Platform Chain's first steps in 5 minutes, and "
@@ -74,7 +74,7 @@ constexpr RecipeRow kRows[] = {
     {"small", "mixers", "td_lambda", "0.8", "rewards reach earlier decisions of a sequence in fewer updates"},
     {"small", "mixers", "target_update_tau", "0.02",
      "runs have thousands of updates, not tens of thousands: targets 50 updates old instead of 200"},
-    {"small", "idqn", "dqn_batch_size", "256",
+    {"small", "idqn", "dqn_batch_decisions", "256",
      "4 updates of 256 decisions for every 1024: each is trained on once"},
     {"small", "idqn", "dqn_reward_clip", "0",
      "a clip of 1 makes a stag (50) worth a hare; Huber's loss bounds what one payment can do"},
@@ -82,11 +82,11 @@ constexpr RecipeRow kRows[] = {
     {"small", "idqn", "learning_rate", "2e-4", "few updates; twice the published rate"},
     {"small", "qplex_d qplex_q", "learning_rate", "1e-4",
      "the published rate: one of three QPLEX runs on a small game went wrong at 3e-4 (learner/NOTES.md)"},
-    {"small", "q_learning", "epsilon_decay_steps", "3e5",
+    {"small", "q_learning", "epsilon_decay_env_frames", "3e5",
      "the published 20 M env frames are longer than a run on two cores"},
     {"small", "q_learning", "epsilon_end", "0.05",
      "the way down is sixty times shorter, so some exploration stays"},
-    {"small", "q_learning", "learning_starts", "10000",
+    {"small", "q_learning", "learning_starts_decisions", "10000",
      "the published 50 000 decisions are a tenth of a run of 2 M env frames"},
 };
 

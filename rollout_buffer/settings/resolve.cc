@@ -102,9 +102,9 @@ Status check_combinations(const RunConfig& c) {
 void resolve_q_learning(RunConfig& c) {
   c.mixers.mixer = c.run.algo->mixer_name;
   if (c.network.use_rnn) c.replay.per = c.replay.per && c.replay.per_sequences;
-  if (c.q_learning.dqn_batch_size == 0)
-    c.q_learning.dqn_batch_size = std::min<int64_t>(c.optimisation.batch_size, 256);
-  if (c.replay.per_beta_frames == 0) c.replay.per_beta_frames = c.run.train_for_env_steps;
+  if (c.q_learning.dqn_batch_decisions == 0)
+    c.q_learning.dqn_batch_decisions = std::min<int64_t>(c.optimisation.batch_size, 256);
+  if (c.replay.per_beta_env_frames == 0) c.replay.per_beta_env_frames = c.run.train_for_env_frames;
   if (c.q_learning.team_reward == TeamReward::kAuto)
     c.q_learning.team_reward = c.environment.shared_reward_alpha == 1 ? TeamReward::kMean : TeamReward::kSum;
   c.replay.save_replay |= c.collection.deterministic;
@@ -145,6 +145,7 @@ Status resolve_settings(RunConfig& config, int core_count) {
   RunConfig c = config;
   COMRAD_TRY(check_limits(c));
   COMRAD_TRY(check_combinations(c));
+  if (c.collection.device == "gpu") c.collection.device = "cuda";  // as Sample Factory says it
   if (c.collection.max_policy_lag == 0)
     c.collection.max_policy_lag = 1000 * c.run.algo->versions_per_batch(c.environment.num_agents);
 

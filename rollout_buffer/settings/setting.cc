@@ -6,6 +6,7 @@
 #include <type_traits>
 
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/other_names.h"
 
 namespace comrad {
 namespace {
@@ -116,7 +117,7 @@ bool is_folder_name(std::string_view text) {
 }
 
 bool is_device(std::string_view device) {
-  if (device == "auto" || device == "cpu" || device == "cuda") return true;
+  if (device == "auto" || device == "cpu" || device == "cuda" || device == "gpu") return true;
   if (!device.starts_with("cuda:")) return false;
   device.remove_prefix(5);
   return !device.empty() && device.size() <= 3 &&
@@ -136,12 +137,19 @@ bool is_frame_size(std::string_view size) {
 constexpr std::string_view kWidthsWords = "none, or up to 8 widths between 1 and 8192 as 512,256";
 bool are_widths(std::string_view text) { return parse_widths(std::string(text)).has_value(); }
 
+constexpr std::string_view kRewardWeightsWords = "up to 64 weights as NAME=WEIGHT,NAME=WEIGHT";
+bool are_reward_weights(std::string_view text) { return parse_reward_weights(std::string(text)).has_value(); }
+
 std::vector<SettingRow> make_rows() {
   using namespace limits;  // NOLINT: the rows' vocabulary
   std::vector<SettingRow> rows;
+  CountsWith counts_with = with::everything;  // of the file's rows that name no condition of their own
+  const auto add = [&rows, &counts_with](SettingRow row) {
+    if (row.traits.counts_with.holds == nullptr) row.traits.counts_with = counts_with;
+    rows.push_back(std::move(row));
+  };
 #define SETTING(TYPE, NAME, DEFAULT, LIMITS, HELP, ...)                                                  \
-  rows.push_back(                                                                                        \
-      {.name = #NAME,                                                                                    \
+  add({.name = #NAME,                                                                                    \
        .subject = subject,                                                                               \
        .kind = kind_of<TYPE>(),                                                                          \
        .limits = LIMITS,                                                                                 \
@@ -172,23 +180,23 @@ std::vector<SettingRow> make_rows() {
 #define PART optimisation
 #include "rollout_buffer/settings/optimisation.def"
 #undef PART
-  subject = "on_policy";
+  subject = "on_policy", counts_with = with::on_policy;
 #define PART on_policy
 #include "rollout_buffer/settings/on_policy.def"
 #undef PART
-  subject = "q_learning";
+  subject = "q_learning", counts_with = with::q_learning;
 #define PART q_learning
 #include "rollout_buffer/settings/q_learning.def"
 #undef PART
-  subject = "replay";
+  subject = "replay", counts_with = with::q_learning;
 #define PART replay
 #include "rollout_buffer/settings/replay.def"
 #undef PART
-  subject = "mixers";
+  subject = "mixers", counts_with = with::mixers;
 #define PART mixers
 #include "rollout_buffer/settings/mixers.def"
 #undef PART
-  subject = "curriculum";
+  subject = "curriculum", counts_with = with::everything;
 #define PART curriculum
 #include "rollout_buffer/settings/curriculum.def"
 #undef PART
@@ -276,7 +284,8 @@ std::span<const SettingRow> setting_rows() {
 const SettingRow* find_setting(std::string_view name) {
   for (const SettingRow& row : setting_rows())
     if (row.has_name(name)) return &row;
-  return nullptr;
+  const OtherName* other = find_other_name(name);
+  return other == nullptr || other->setting.empty() ? nullptr : find_setting(other->setting);
 }
 
 std::vector<std::string> setting_names() {
@@ -294,17 +303,22 @@ std::string setting_text(const RunConfig& config, std::string_view name) {
   return row == nullptr ? "" : row->text(config);
 }
 
-std::string setting_toml(const RunConfig& config, const SettingRow& row) {
-  const std::string text = row.text(config);
+std::string setting_toml(const SettingRow& row, const std::string& text) {
   return row.is_text() ? quoted(text) : text;
 }
 
 Status set(RunConfig& config, const std::string& origin, std::string_view key, std::string_view text) {
+  std::string opposite;
+  if (const OtherName* other = find_other_name(key)) {
+    if (other->setting.empty()) return other->accept(origin, text);
+    bool value = false;
+    if (parse(text, value)) text = opposite = to_text(!value);
+  }
   const SettingRow* row = find_setting(key);
   if (row == nullptr) {
     const std::string hint = did_you_mean(key, setting_names());
     return Error{ErrorCode::kBadInput, origin + ": unknown setting '" + std::string(key) + "'" +
-                                           (hint.empty() ? "; `comrad train --help` lists them all" : hint)};
+                                           (hint.empty() ? "; `comrad help train` lists them all" : hint)};
   }
   if (row->assign(config, text)) return {};
   const std::string hint = row->kind == SettingKind::kWord ? did_you_mean(text, row->words()) : "";
@@ -323,6 +337,26 @@ Status check_limits(const RunConfig& config) {
                                                                "; it must be " + row.limits.words())};
   }
   return {};
+}
+
+Expected<std::vector<std::pair<std::string, double>>> parse_reward_weights(const std::string& text) {
+  constexpr std::size_t kMostWeights = 64;
+  constexpr double kWeightMax = 1e6;
+  std::vector<std::pair<std::string, double>> weights;
+  std::string_view rest = trimmed(text);
+  while (!rest.empty()) {
+    const std::size_t end = std::min(rest.find(','), rest.size());
+    const std::string_view one = trimmed(rest.substr(0, end));
+    const std::size_t equals = one.find('=');
+    const std::string_view name = trimmed(one.substr(0, equals));
+    double weight = 0;
+    if (equals == std::string_view::npos || name.empty() || !parse(trimmed(one.substr(equals + 1)), weight) ||
+        std::abs(weight) > kWeightMax || weights.size() == kMostWeights)
+      return Error{ErrorCode::kBadInput, "'" + text + "' must be " + std::string(kRewardWeightsWords)};
+    weights.emplace_back(name, weight);
+    rest = trimmed(rest.substr(std::min(end + 1, rest.size())));
+  }
+  return weights;
 }
 
 Expected<std::vector<int64_t>> parse_widths(const std::string& text) {

@@ -4,7 +4,11 @@
 //
 // type is bool, int64_t, double, std::string, an enum of words.h or AlgorithmName; limits one of the functions below; what
 // follows the help are members of SettingTraits and may be left out. To add a setting, add its row: the member of
-// RunConfig, its flag, key of TOML files, help, check and line of `comrad config` come from it. Stage: before a run.
+// RunConfig, its flag, key of TOML files, help, check and line of `comrad config` come from it.
+//
+// The help of a number says its unit: agent decisions (one agent's), joint decisions (one of every agent), env frames
+// (agent decisions x env_frameskip), optimizer steps, seconds, ... A name that could mean two of them ends in its unit
+// (train_for_env_frames, learning_starts_decisions). Stage: before a run.
 #pragma once
 
 #include <array>
@@ -15,6 +19,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/counts_with.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad {
@@ -66,6 +71,10 @@ struct SettingTraits {
   bool fixed_in_a_run = false;                     ///< tensors of a checkpoint or data of a run depend on it
   bool sizes_the_arena = false;                    ///< automatic sizes are made from it
   bool is_automatic_size = false;                  ///< made anew when one of those changes
+  bool is_a_list = false;                          ///< typed several times, the values are joined by commas
+  bool is_of_the_start = false;                    ///< says where a run lies and how it was started
+  CountsWith counts_with = {};                     ///< else that of its .def file
+  bool used_by_eval = false;                       ///< has an effect where agents only play
 };
 
 enum class SettingKind { kBool, kInt, kReal, kText, kWord };
@@ -84,30 +93,39 @@ struct SettingRow {
   bool (*holds)(const RunConfig&, const Limits&);     ///< the value is within its limits
 
   bool has_name(std::string_view key) const;
+  /// Whether its value makes a difference among these resolved settings.
+  bool counts(const RunConfig& config) const { return traits.counts_with.holds(config); }
   /// Its values are text, which TOML and JSON quote.
   bool is_text() const { return kind == SettingKind::kText || kind == SettingKind::kWord; }
   /// What the value must be, for messages: "a whole number", "one of gru, lstm".
   std::string must_be() const;
 };
 
-/// Every setting, in the order of the files.
+/// Every setting, in the order of the files. All say what they count with.
 std::span<const SettingRow> setting_rows();
-/// The setting of a name or old name; null where there is none.
+/// The setting of a name or old name, or the one that another system's name (other_names.h) stands for; null where there
+/// is none.
 const SettingRow* find_setting(std::string_view name);
 /// Names and old names of all settings.
 std::vector<std::string> setting_names();
 
 /// The value as config.toml has it, without quotes; empty for an unknown name.
 std::string setting_text(const RunConfig& config, std::string_view name);
-/// The value as a line of TOML has it.
-std::string setting_toml(const RunConfig& config, const SettingRow& row);
+/// A value's text as a line of TOML has it.
+std::string setting_toml(const SettingRow& row, const std::string& text);
 
 /// Parses `text` by the setting's type: whole numbers accept 1e6, booleans true/false/1/0 in any case, words any case.
-/// Errors: kBadInput for an unknown key (naming the nearest known one) or a value of the wrong type, naming `origin`.
+/// A name of another system (other_names.h) sets what it stands for.
+/// Errors: kBadInput for an unknown key (naming the nearest known one, or what to use instead) or a value of the wrong type,
+/// naming `origin`.
 Status set(RunConfig& config, const std::string& origin, std::string_view key, std::string_view text);
 
 /// Every value is within its row's limits. Errors: kBadInput naming the first that is not, and what it may be.
 Status check_limits(const RunConfig& config);
+
+/// The weights that `text` lists as NAME=WEIGHT, separated by commas, in its order: [name, weight]; none for empty text.
+/// Errors: kBadInput for a name without a weight, one that is no number or beyond +-1e6, or more than 64 of them.
+Expected<std::vector<std::pair<std::string, double>>> parse_reward_weights(const std::string& text);
 
 /// The layer widths that `text` lists, separated by commas or blanks ("512,256"); none for "none" or empty
 /// text. Errors: kBadInput for more than 8 widths or one outside 1 to 8192.

@@ -187,6 +187,7 @@ struct LearnerReport {
   double return_mean = 0;
   uint64_t episodes = 0;
   double policy_lag_mean = 0;
+  double replay_filled = 1;  ///< share of the decisions that learning waits for; 1: it waits for none
   uint32_t learner_version = 0;
   uint32_t policy_lag_max = 0;
   char last_checkpoint[kCheckpointPathBytes] = {};  ///< ends in 0; a longer path is cut

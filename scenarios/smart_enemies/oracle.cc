@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <optional>
 
 #include "sim_workers/oracle/navigator.h"
@@ -20,13 +21,15 @@ constexpr double kCloseRange = 140;  // no nearer than this
 constexpr double kLeadTics = 5;      // from the decision to the shot
 constexpr int kWeighEvery = 4;       // decisions
 constexpr double kCrowdMargin = 60;  // kept from the distance at which a second hunter counts
+constexpr int kRetreats = 12;        // places at the wall to which a hunter without prey may withdraw
 
 class Hunters final : public Oracle {
  public:
   Hunters(const DoomGame& game, bool together)
       : navigator_({.cell_units = 16}),
         together_(together),
-        proximity_(static_cast<double>(game.layout.parameter("proximity", 512))) {}
+        proximity_(static_cast<double>(game.layout.parameter("proximity", 512))),
+        radius_(static_cast<double>(game.layout.parameter("radius", 800))) {}
 
   void reset(const doom::World& world) override {
     const auto count = static_cast<std::size_t>(world.player_count());
@@ -146,6 +149,30 @@ class Hunters final : public Oracle {
     return best;
   }
 
+  /// Where a hunter without prey is in nobody's way: it stays where it is as long as no hunted demon is near, else
+  /// it goes to the place at the wall that is farthest from them, for the way there.
+  Place retreat(const doom::World& world, const std::vector<const doom::Actor*>& demons, std::size_t agent) {
+    const Place here = body_place(world, agent);
+    const auto room = [&](Place place) {
+      double nearest = proximity_ + 2 * kCrowdMargin;
+      for (std::size_t other = 0; other < targets_.size(); ++other)
+        if (const doom::Actor* prey = other != agent ? find(demons, targets_[other]) : nullptr)
+          nearest = std::min(nearest, distance_between(place, place_of(*prey)));
+      return nearest;
+    };
+    Place best = here;
+    double most = room(here) + kCrowdMargin;
+    for (int i = 0; i < kRetreats; ++i) {
+      const double angle = 2 * std::numbers::pi * i / kRetreats;
+      const auto open =
+          navigator_.nearest_open({0.85 * radius_ * std::cos(angle), 0.85 * radius_ * std::sin(angle)}, 160);
+      if (!open) continue;
+      const double value = room(*open) - 0.1 * distance_between(here, *open);
+      if (value > most) most = value, best = *open;
+    }
+    return best;
+  }
+
   void hunt(const doom::World& world, const std::vector<const doom::Actor*>& demons, std::size_t agent,
             doom::Buttons& buttons) {
     const doom::Actor& body = world.body(static_cast<int>(agent));
@@ -154,7 +181,10 @@ class Hunters final : public Oracle {
     const doom::Actor* mark = mark_of(world, demons, agent);
     Place goal = target != nullptr ? place_of(*target) : here;
     bool stays = target == nullptr;
-    if (target != nullptr && !together_) {
+    if (target == nullptr && !together_) {
+      goal = retreat(world, demons, agent);
+      stays = distance_between(here, goal) < kCrowdMargin;
+    } else if (target != nullptr && !together_) {
       // Not into a crowd: a partner who is nearer to it has the right of way.
       for (std::size_t other = 0; other < targets_.size(); ++other) {
         if (other == agent || targets_[other] == 0) continue;
@@ -202,7 +232,7 @@ class Hunters final : public Oracle {
 
   Navigator navigator_;
   bool together_;
-  double proximity_;
+  double proximity_, radius_;
   std::vector<Sidestep> sidesteps_;  // [N]
   int decision_ = 0;
   std::vector<uint32_t> targets_;  // [N] actor id of the demon that it is after, 0 none

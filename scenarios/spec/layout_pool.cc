@@ -319,11 +319,13 @@ Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use) {
   std::string scenario;
   int default_agents = 0;
   double own_ceiling = 0;  // of maps that say nothing themselves
+  bool maps_say_ceiling = true;
   if (!use.scenario.empty()) {
     COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(use.scenario));
-    scenario = spec.name;
+    scenario = spec.maps_of;
     default_agents = spec.default_agents;
     own_ceiling = spec.ceiling;
+    maps_say_ceiling = spec.maps_say_ceiling;
   }
   COMRAD_TRY_ASSIGN(std::vector<PoolEntry> entries, read_pool(folder));
   LayoutList list;
@@ -336,10 +338,11 @@ Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use) {
       return Error{ErrorCode::kBadFormat, folder + ": two layouts have the id " + entry.id};
     COMRAD_TRY(check_entry(entry, use, scenario, contents, splits));
     const auto ceiling = entry.info.ceiling.find(use.num_agents > 0 ? use.num_agents : default_agents);
-    list.layouts.push_back({.id = entry.id,
-                            .path = fs::absolute(entry.filename, error).lexically_normal().string(),
-                            .metric_scale = entry.metric_scale,
-                            .ceiling = ceiling != entry.info.ceiling.end() ? ceiling->second : own_ceiling});
+    list.layouts.push_back(
+        {.id = entry.id,
+         .path = fs::absolute(entry.filename, error).lexically_normal().string(),
+         .metric_scale = entry.metric_scale,
+         .ceiling = maps_say_ceiling && ceiling != entry.info.ceiling.end() ? ceiling->second : own_ceiling});
   }
   const fs::path graph = fs::path(folder) / kInterestingnessName;
   if (scenario_file_exists(graph.string()))

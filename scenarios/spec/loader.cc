@@ -21,12 +21,17 @@ namespace comrad::scenarios {
 namespace {
 
 constexpr std::size_t kMaxFileBytes = 1 << 20;
+constexpr int kMostBases = 8;
+
+Expected<ScenarioSpec> load_scenario(const std::string& name, int depth);
 
 /// Reads one table key by key. finish() reports, in this order, a key that nobody asked for (it may be a misspelt one that
 /// is missing), a key that is missing, and the first wrong value.
 class TableReader {
  public:
-  TableReader(std::string path, const toml::table& table) : path_(std::move(path)), table_(table) {}
+  /// `inherits`: what is missing keeps the value that it has.
+  TableReader(std::string path, const toml::table& table, bool inherits = false)
+      : path_(std::move(path)), table_(table), inherits_(inherits) {}
 
   template <typename T>
   void required(const char* key, T& value) {
@@ -121,7 +126,7 @@ class TableReader {
                                             std::to_string(where.begin.column) + ": " + what};
   }
   void note_missing(const char* key) {
-    if (!has(key)) missing_.emplace_back(key);  // else its value is wrong
+    if (!inherits_ && !has(key)) missing_.emplace_back(key);  // else its value is wrong
   }
   /// In the order of the file; null where each was asked for.
   const toml::key* first_unknown_key() const {
@@ -167,6 +172,7 @@ class TableReader {
     const toml::array* array = node->as_array();
     if (array == nullptr)
       return fail(node->source(), std::string("'") + key + "' must be a list of whole numbers"), false;
+    values.clear();
     for (const toml::node& element : *array) {
       const auto number = element.value_exact<int64_t>();
       if (!number || *number < INT32_MIN || *number > INT32_MAX)
@@ -194,12 +200,14 @@ class TableReader {
 
   std::string path_;
   const toml::table& table_;
+  const bool inherits_;
   std::set<std::string> asked_;
   std::vector<std::string> missing_;  // required, not there
   Status status_;
 };
 
 Status read_heads(const std::string& path, TableReader& root, ScenarioSpec& spec) {
+  if (root.has("heads")) spec.heads.clear();
   for (const toml::table* table : root.tables("heads")) {
     TableReader reader(path, *table);
     ActionHead head;
@@ -276,6 +284,7 @@ void read_stride(TableReader& reader, const char* key, const std::string& variab
 }
 
 Status read_masks(const std::string& path, TableReader& root, ScenarioSpec& spec) {
+  if (root.has("masks")) spec.masks.clear();
   for (const toml::table* table : root.tables("masks")) {
     TableReader reader(path, *table);
     MaskTerm term;
@@ -297,6 +306,7 @@ Status read_masks(const std::string& path, TableReader& root, ScenarioSpec& spec
 }
 
 Status read_measurements(const std::string& path, TableReader& root, ScenarioSpec& spec) {
+  if (root.has("measurements")) spec.measurements.clear();
   for (const toml::table* table : root.tables("measurements")) {
     TableReader reader(path, *table);
     MeasurementTerm term;
@@ -315,10 +325,16 @@ Status read_measurements(const std::string& path, TableReader& root, ScenarioSpe
   return {};
 }
 
+/// A term that has the name of one of the base's changes that one; others are added.
 Status read_rewards(const std::string& path, TableReader& root, ScenarioSpec& spec) {
+  const std::size_t inherited_count = spec.rewards.size();
   for (const toml::table* table : root.tables("rewards")) {
-    TableReader reader(path, *table);
-    RewardTerm term;
+    const auto inherited = std::find_if(
+        spec.rewards.begin(), spec.rewards.begin() + static_cast<std::ptrdiff_t>(inherited_count),
+        [&](const RewardTerm& one) { return (*table)["name"].value<std::string>() == one.name; });
+    const bool changes_one = inherited != spec.rewards.begin() + static_cast<std::ptrdiff_t>(inherited_count);
+    TableReader reader(path, *table, changes_one);
+    RewardTerm term = changes_one ? *inherited : RewardTerm{};
     reader.required("name", term.name);
     reader.variable("variable", term.variable, spec.exports, term_variable_names(), true);
     read_stride(reader, "agent_stride", term.variable, term.agent_stride, spec);
@@ -331,7 +347,10 @@ Status read_rewards(const std::string& path, TableReader& root, ScenarioSpec& sp
     reader.optional("per_agent", term.per_agent);
     reader.require(term.cap >= 0.0, "cap", "zero or positive");
     COMRAD_TRY(reader.finish());
-    spec.rewards.push_back(std::move(term));
+    if (changes_one)
+      *inherited = std::move(term);
+    else
+      spec.rewards.push_back(std::move(term));
   }
   return {};
 }
@@ -402,6 +421,21 @@ void read_training(TableReader& root, ScenarioSpec& spec) {
 Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec& spec) {
   const bool score_is_a_variable = find_variable(spec.score).has_value();
   root.require(spec.name == name, "name", "the name of the folder, '" + name + "'");
+  for (const MaskTerm& mask : spec.masks) {
+    const auto head = static_cast<std::size_t>(mask.head);
+    root.require(head < spec.heads.size() &&
+                     std::ranges::all_of(mask.allowed,
+                                         [&](const std::string& one) {
+                                           return one == "none" ||
+                                                  std::ranges::count(spec.heads[head].buttons, one) == 1;
+                                         }),
+                 "heads", "such that the base's [[masks]] hold for them, or [[masks]] must be written anew");
+  }
+  root.require(
+      spec.score != "return" || !spec.maps_say_ceiling || spec.maps_of == spec.name || !root.has("rewards"),
+      "rewards",
+      "given with a 'ceiling' (0: not known): the score is the return, and the base's ceiling "
+      "does not hold for other rewards");
   root.require(!spec.heads.empty() && spec.heads.size() <= kMaxHeads, "heads",
                "1 to " + std::to_string(kMaxHeads) + " tables [[heads]]");
   root.require(spec.decision_limit > 0 && spec.decision_limit <= 1'000'000, "decision_limit",
@@ -426,10 +460,36 @@ Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec
   return root.finish();
 }
 
+/// The base of a scenario that names one: a name, or a path, from the scenario's own folder.
+Expected<std::optional<ScenarioSpec>> read_base(const std::string& path, const toml::table& table,
+                                                int depth) {
+  std::string base;
+  const toml::node* node = table.get("base");
+  if (node == nullptr) return std::optional<ScenarioSpec>();
+  const auto refuse = [&](const std::string& what) {
+    return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(node->source().begin.line) + ":" +
+                                            std::to_string(node->source().begin.column) + ": 'base' " + what};
+  };
+  if (!node->is_string()) return refuse("must be the name of a scenario, or the path of its folder");
+  if (depth >= kMostBases)
+    return refuse("leads from scenario to scenario more than " + std::to_string(kMostBases) +
+                  " times; take one out, they may lead in a circle");
+  base = *node->value<std::string>();
+  std::error_code ignored;
+  if (base.find('/') != std::string::npos)
+    base = (std::filesystem::absolute(path, ignored).parent_path() / base).lexically_normal().string();
+  Expected<ScenarioSpec> spec = load_scenario(base, depth + 1);
+  if (!spec) return refuse("= \"" + base + "\": " + spec.error().message);
+  return std::optional(*std::move(spec));
+}
+
 Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& name, std::string_view text,
-                                 const toml::table& table) {
-  ScenarioSpec spec;
-  TableReader root(path, table);
+                                 const toml::table& table, int depth) {
+  COMRAD_TRY_ASSIGN(std::optional<ScenarioSpec> base, read_base(path, table, depth));
+  ScenarioSpec spec = base.value_or(ScenarioSpec{});
+  if (!base) spec.maps_of = name, spec.folder = std::filesystem::path(path).parent_path().string();
+  TableReader root(path, table, base.has_value());
+  root.expect({"base"});
   root.required("name", spec.name);
   root.required("title", spec.title);
   root.required("summary", spec.summary);
@@ -441,7 +501,10 @@ Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& nam
   root.optional("respawn_delay_tics", spec.respawn_delay_tics);
   root.optional("wad", spec.wad);
   root.optional("shared_reward_alpha", spec.shared_reward_alpha);
-  read_exports(text, root, spec);
+  for (const char* key : {"wad", "exports"})
+    root.require(!base || !root.has(key), key,
+                 "left out beside 'base': the base's maps are played, with their scripts");
+  if (!base) read_exports(text, root, spec);
   std::vector<std::string> scores = variable_names();
   scores.insert(scores.begin(), {"survival_tics", "return"});
   root.variable("score", spec.score, spec.exports, std::move(scores), true);
@@ -449,7 +512,8 @@ Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& nam
   root.variable("score_divisor", spec.score_divisor, spec.exports, variable_names(), false);
   read_stride(root, "score_agent_stride", spec.score, spec.score_agent_stride, spec);
   root.required("ceiling", spec.ceiling);
-  root.expect({"heads", "masks", "measurements", "rewards", "render", "training"});
+  if (base && root.has("ceiling")) spec.maps_say_ceiling = false;
+  root.expect({"heads", "masks", "measurements", "rewards", "render", "training", "exports"});
   COMRAD_TRY(root.finish());  // before the tables, which count on these
   COMRAD_TRY(read_heads(path, root, spec));
   COMRAD_TRY(read_masks(path, root, spec));
@@ -493,7 +557,9 @@ Expected<std::vector<int>> ScenarioSpec::user_numbers(const std::vector<std::str
   return numbers;
 }
 
-Expected<ScenarioSpec> load_scenario(const std::string& name) {
+namespace {
+
+Expected<ScenarioSpec> load_scenario(const std::string& name, int depth) {
   COMRAD_TRY_ASSIGN(const std::string folder, find_scenario_folder(name));
   const std::string path = folder + "/scenario.toml";
   COMRAD_TRY_ASSIGN(const std::string text, read_scenario_file(path));
@@ -501,15 +567,16 @@ Expected<ScenarioSpec> load_scenario(const std::string& name) {
   COMRAD_TRY(check_toml_text(text, path));
   try {  // toml++ throws; nothing of it leaves this function
     const toml::table table = toml::parse(text, path);
-    COMRAD_TRY_ASSIGN(ScenarioSpec spec,
-                      read_spec(path, std::filesystem::path(folder).filename().string(), text, table));
-    spec.folder = folder;
-    return spec;
+    return read_spec(path, std::filesystem::path(folder).filename().string(), text, table, depth);
   } catch (const toml::parse_error& error) {
     return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(error.source().begin.line) + ":" +
                                             std::to_string(error.source().begin.column) + ": " +
                                             std::string(error.description())};
   }
 }
+
+}  // namespace
+
+Expected<ScenarioSpec> load_scenario(const std::string& name) { return load_scenario(name, 0); }
 
 }  // namespace comrad::scenarios

@@ -29,6 +29,18 @@ const RecipeEntry* find_entry(const std::string& scenario) {
   return nullptr;
 }
 
+/// The recipe that draws a scenario's maps; null where it brings a map along or this build has none.
+const RecipeEntry* entry_of(const ScenarioSpec& spec) {
+  return spec.wad.empty() ? find_entry(spec.maps_of) : nullptr;
+}
+
+/// The scenario whose maps `scenario` plays: itself, or the base of its base's base.
+Expected<ScenarioSpec> load_map_owner(const std::string& scenario) {
+  COMRAD_TRY_ASSIGN(ScenarioSpec spec, load_scenario(scenario));
+  if (spec.maps_of == spec.name) return spec;
+  return load_scenario(spec.folder);
+}
+
 Expected<int64_t> parse_number(const std::string& name, const std::string& text) {
   int64_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -78,7 +90,8 @@ std::map<int, double> ceilings_of(const ScenarioSpec& spec, const LayoutRecipe& 
     if (most_agents > 0 && agents > most_agents) continue;
     const LayoutTask task{values, agents, spec.limit_tics()};
     if (recipe.check_resources != nullptr && !recipe.check_resources(task)) continue;
-    const double ceiling = recipe.ceiling != nullptr ? recipe.ceiling(task) : spec.ceiling;
+    const double ceiling =
+        recipe.ceiling != nullptr && spec.maps_say_ceiling ? recipe.ceiling(task) : spec.ceiling;
     if (ceiling > 0) ceilings[agents] = ceiling;
   }
   return ceilings;
@@ -185,6 +198,8 @@ std::vector<std::string> layout_recipes() {
 
 Expected<LayoutRecipe> layout_recipe(const std::string& scenario) {
   if (const RecipeEntry* entry = find_entry(scenario)) return entry->recipe();
+  if (const Expected<ScenarioSpec> spec = load_scenario(scenario))
+    if (const RecipeEntry* entry = entry_of(*spec)) return entry->recipe();
   std::string known;
   for (const std::string& name : layout_recipes()) known += (known.empty() ? "" : ", ") + name;
   return Error{ErrorCode::kNotFound,
@@ -203,19 +218,18 @@ Expected<std::map<int, double>> layout_ceilings(const std::string& scenario, con
 }
 
 Expected<std::map<int, double>> default_ceilings(const ScenarioSpec& spec) {
-  const RecipeEntry* const entry = find_entry(spec.name);
+  const RecipeEntry* const entry = entry_of(spec);
   const LayoutRecipe recipe = entry != nullptr ? entry->recipe() : LayoutRecipe{};
   COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(spec.name, recipe, {}));
   return ceilings_of(spec, recipe, values);
 }
 
 Status check_resources(const std::string& scenario, const LayoutRequest& request) {
-  const RecipeEntry* const entry = find_entry(scenario);
+  COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(scenario));
+  const RecipeEntry* const entry = entry_of(spec);
   if (entry == nullptr) return {};
   const LayoutRecipe recipe = entry->recipe();
   COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(scenario, recipe, request));
-  if (recipe.check_resources == nullptr) return {};
-  COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(scenario));
   return check_task(spec, recipe, values, request.num_agents);
 }
 
@@ -236,12 +250,12 @@ std::string layout_script_text(const LayoutInfo& info, const DrawnLayout& layout
   return text;
 }
 
-Expected<GeneratedLayout> generate_layout(const std::string& scenario, const LayoutRequest& request) {
-  const RecipeEntry* const entry = find_entry(scenario);
+Expected<GeneratedLayout> generate_layout(const std::string& named, const LayoutRequest& request) {
+  if (!find_scenario_folder(named)) return layout_recipe(named).error();
+  COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_map_owner(named));
+  const std::string& scenario = spec.name;
+  const RecipeEntry* const entry = entry_of(spec);
   if (entry == nullptr) {
-    const Expected<std::string> folder = find_scenario_folder(scenario);
-    if (!folder) return layout_recipe(scenario).error();
-    COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(scenario));
     if (spec.wad.empty())
       return Error{ErrorCode::kNotFound, "scenario " + spec.name +
                                              " has neither a layout recipe in this build nor a "
@@ -251,7 +265,6 @@ Expected<GeneratedLayout> generate_layout(const std::string& scenario, const Lay
   }
   const LayoutRecipe recipe = entry->recipe();
   COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(scenario, recipe, request));
-  COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(scenario));
   COMRAD_TRY(check_task(spec, recipe, values, request.num_agents));
   GeneratedLayout layout;
   const int team = request.num_agents > 0 ? request.num_agents : spec.default_agents;

@@ -64,7 +64,7 @@ Status check_resources(const std::string& scenario, const LayoutRequest& request
 
 /// Makes the WAD of a scenario. `scenario` is a name, or the path of a folder with a scenario.toml. With a
 /// recipe: a pure function of its arguments and the folder's files, the same bytes on every machine. Without
-/// one: the WAD that scenario.toml names (`wad = "arena.wad"`), as it is.
+/// one: the WAD that scenario.toml names (`wad = "arena.wad"`), as it is. A scenario with a base gets the base's.
 /// Errors: kNotFound for an unknown scenario; those of check_resources(); kUnsupported when none of 20 attempts
 /// has room for the team, kBadInput when none passes the checks for any other reason (with the last one);
 /// kBadFormat of script.acs by file and line.

@@ -3,11 +3,27 @@
 #include <algorithm>
 
 #include "rollout_buffer/core/check.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::scenarios {
 
 std::vector<std::string> reward_kinds() { return {"delta", "rise", "fall", "new_max", "value", "event"}; }
 std::vector<std::string> reward_scopes() { return {"own", "team"}; }
+
+Status change_weights(ScenarioSpec& spec, const std::vector<std::pair<std::string, double>>& weights) {
+  for (const auto& [name, weight] : weights) {
+    const auto term = std::ranges::find(spec.rewards, name, &RewardTerm::name);
+    if (term == spec.rewards.end()) {
+      std::vector<std::string> known;
+      for (const RewardTerm& one : spec.rewards) known.push_back(one.name);
+      return Error{ErrorCode::kBadInput,
+                   "scenario " + spec.name + ": " + unknown_word("reward term", name, known)};
+    }
+    term->weight = weight;
+  }
+  if (!weights.empty() && spec.score == "return") spec.ceiling = 0, spec.maps_say_ceiling = false;
+  return {};
+}
 
 RewardTracker::RewardTracker(const std::vector<RewardTerm>& terms, int num_agents) : num_agents_(num_agents) {
   const std::vector<std::string> kinds = reward_kinds();  // in the order of Kind

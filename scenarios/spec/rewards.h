@@ -20,6 +20,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "scenarios/spec/scenario_spec.h"
@@ -29,6 +30,10 @@ namespace comrad::scenarios {
 /// The kinds that a term may have, and its scopes.
 std::vector<std::string> reward_kinds();
 std::vector<std::string> reward_scopes();
+
+/// Gives reward terms of `spec` other weights, [name, weight]. Where the score is the return, its ceiling is not known then.
+/// Errors: kBadInput for a term that the scenario does not have, with the nearest name.
+Status change_weights(ScenarioSpec& spec, const std::vector<std::pair<std::string, double>>& weights);
 
 /// The reward terms of one environment, with what they remember of the episode.
 class RewardTracker {

@@ -62,7 +62,7 @@ Expected<std::string> find_scenario_folder(const std::string& name) {
     if (is_scenario(folder)) return folder.string();
     return Error{ErrorCode::kNotFound,
                  "there is no scenario in " + name +
-                     ": the folder must hold a scenario.toml (scenarios/README.md shows one)"};
+                     ": the folder must hold a scenario.toml (scenarios/OWN_SCENARIO.md shows one)"};
   }
   for (const fs::path& root : roots())
     if (!name.empty() && name[0] != '.' && is_scenario(root / name)) return (root / name).string();

@@ -75,10 +75,11 @@ struct ScenarioSpec {
   double shared_reward_alpha = 0.0;
   std::string score;  ///< what J is: survival_tics, return, or a game variable at the end
   int score_agent_stride = 0;
-  double score_scale = 1.0;   ///< J = variable * scale
-  std::string score_divisor;  ///< a game variable that J is divided by (1 where it is 0); empty: none
-  double ceiling = 0.0;       ///< the best J on the default map of the default team; 0: not known
-  std::string wad;            ///< a scenario without recipe: its map, in its folder
+  double score_scale = 1.0;      ///< J = variable * scale
+  std::string score_divisor;     ///< a game variable that J is divided by (1 where it is 0); empty: none
+  double ceiling = 0.0;          ///< the best J on the default map of the default team; 0: not known
+  bool maps_say_ceiling = true;  ///< false: `ceiling` holds for every map and team, whatever the map says
+  std::string wad;               ///< a scenario without recipe: its map, in `folder`
   std::vector<ScenarioExport>
       exports;  ///< in the order of the file; all variables below are by ViZDoom's names
   std::vector<MeasurementTerm> measurements;
@@ -86,7 +87,8 @@ struct ScenarioSpec {
   std::vector<MaskTerm> masks;
   bool hud = true, crosshair = false, screen_flashes = true, weapon = true;
   SettingsLayer training;  ///< its rows of the recipes; keys "<preset>.<algorithm>.<setting>"
-  std::string folder;      ///< where scenario.toml lies
+  /// The scenario whose maps, scripts and actors it plays, and their folder: its own, or those of its base.
+  std::string maps_of, folder;
 
   EnvShape shape(int num_agents, bool use_measurements) const;
   /// The number of the USER variable that [exports] calls `wanted`. Errors: kBadFormat with the nearest name.

@@ -54,7 +54,7 @@ Json masks_of(const ScenarioSpec& spec) {
 /// Of the recipe that this build has for the scenario's name; none for a map that was brought along.
 Json layout_parameters_of(const ScenarioSpec& spec) {
   Json parameters = Json::array();
-  if (const auto known = layout_parameters(spec.name); known && spec.wad.empty())
+  if (const auto known = layout_parameters(spec.maps_of); known && spec.wad.empty())
     for (const LayoutParameter& one : *known)
       parameters.push_back({{"name", one.name},
                             {"default", one.default_value},
@@ -158,29 +158,31 @@ Expected<Json> describe(const std::string& name, int num_agents) {
   const std::vector<std::string> recipes = layout_recipes();
   COMRAD_TRY_ASSIGN(const auto ceilings, default_ceilings(spec));
   const auto ceiling = ceilings.find(num_agents);
-  return Json{{"name", spec.name},
-              {"title", spec.title},
-              {"summary", spec.summary},
-              {"difficulty", spec.difficulty},
-              {"num_agents", num_agents},
-              {"supported_agents", spec.supported_agents},
-              {"heads", head_sizes},
-              {"head_buttons", head_buttons},
-              {"masks", masks_of(spec)},
-              {"measurements", shape.measurement_count},
-              {"measurement_terms", measurements_of(spec)},
-              {"rewards", rewards_of(spec)},
-              {"exported_variables", exported},
-              {"decision_limit", spec.decision_limit},
-              {"ceiling", ceiling != ceilings.end() ? ceiling->second : 0.0},
-              {"shared_reward_alpha", spec.shared_reward_alpha},
-              {"score", spec.score},
-              {"score_scale", spec.score_scale},
-              {"score_divisor", spec.score_divisor},
-              {"has_layout_recipe", std::count(recipes.begin(), recipes.end(), name) > 0},
-              {"wad", spec.wad},
-              {"layout_parameters", layout_parameters_of(spec)},
-              {"training", training}};
+  return Json{
+      {"name", spec.name},
+      {"title", spec.title},
+      {"summary", spec.summary},
+      {"difficulty", spec.difficulty},
+      {"num_agents", num_agents},
+      {"supported_agents", spec.supported_agents},
+      {"heads", head_sizes},
+      {"head_buttons", head_buttons},
+      {"masks", masks_of(spec)},
+      {"measurements", shape.measurement_count},
+      {"measurement_terms", measurements_of(spec)},
+      {"rewards", rewards_of(spec)},
+      {"exported_variables", exported},
+      {"decision_limit", spec.decision_limit},
+      {"ceiling", ceiling != ceilings.end() ? ceiling->second : 0.0},
+      {"shared_reward_alpha", spec.shared_reward_alpha},
+      {"score", spec.score},
+      {"score_scale", spec.score_scale},
+      {"score_divisor", spec.score_divisor},
+      {"has_layout_recipe", spec.wad.empty() && std::count(recipes.begin(), recipes.end(), spec.maps_of) > 0},
+      {"maps_of", spec.maps_of},
+      {"wad", spec.wad},
+      {"layout_parameters", layout_parameters_of(spec)},
+      {"training", training}};
 }
 
 std::string description_text(const Json& description) {
@@ -198,7 +200,8 @@ std::string description_text(const Json& description) {
   text += "decision limit  " + number(description["decision_limit"]) + "\n";
   text += "score J         " + score + ", ceiling " + number(description["ceiling"]) + "\n";
   text += "shared reward   " + number(description["shared_reward_alpha"]) + "\n";
-  text += "map             " + (word("wad").empty() ? "drawn by comrad doomgen" : word("wad")) + "\n";
+  text += "map             " + (word("wad").empty() ? "drawn by comrad doomgen" : word("wad")) +
+          (word("maps_of") == word("name") ? "" : ", of " + word("maps_of")) + "\n";
 
   std::vector<std::vector<std::string>> heads, masks, rewards, measurements, exported, parameters, training;
   for (std::size_t head = 0; head < description["head_buttons"].size(); ++head)

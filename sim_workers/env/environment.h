@@ -86,6 +86,7 @@ struct EnvironmentOptions {
   bool use_measurements = false;
   std::string render_size = "128x72";
   Resize resize = Resize::kNone;
+  std::string reward = {};  ///< weights in place of the scenario's (the setting of that name)
 };
 
 /// Makes `count` environments of a scenario (env/doom_env.cc). Errors: kNotFound (scenario, WAD,

@@ -5,6 +5,7 @@
 #include "doomgen/layout/wad_writer.h"
 #include "doomgen/wad/wad_reader.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/settings/setting.h"
 #include "scenarios/spec/scenario_files.h"
 #include "sim_workers/env/doom_env.h"
 #include "sim_workers/env/game_content.h"
@@ -92,6 +93,8 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
                                                          const wad::WadFile& wad) {
   auto game = std::make_shared<DoomGame>();
   COMRAD_TRY_ASSIGN(game->spec, scenarios::load_scenario(options.scenario));
+  COMRAD_TRY_ASSIGN(const auto weights, parse_reward_weights(options.reward));
+  COMRAD_TRY(scenarios::change_weights(game->spec, weights));
   const std::vector<int>& supported = game->spec.supported_agents;
   if (std::count(supported.begin(), supported.end(), options.num_agents) == 0) {
     std::string known;
@@ -106,11 +109,11 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
   game->use_measurements = options.use_measurements;
   COMRAD_TRY_ASSIGN(game->actions, ActionMap::create(game->spec.heads));
 
-  COMRAD_TRY_ASSIGN(game->layout, read_layout_info(wad, game->spec.name));
+  COMRAD_TRY_ASSIGN(game->layout, read_layout_info(wad, game->spec.maps_of));
   const auto ceiling = game->layout.ceiling.find(options.num_agents);
-  game->ceiling = ceiling != game->layout.ceiling.end() ? ceiling->second
-                  : game->layout.ceiling.empty()        ? game->spec.ceiling
-                                                        : 0.0;
+  game->ceiling = !game->spec.maps_say_ceiling || game->layout.ceiling.empty() ? game->spec.ceiling
+                  : ceiling != game->layout.ceiling.end()                      ? ceiling->second
+                                                                               : 0.0;
   COMRAD_TRY_ASSIGN(GameContent content, load_game_content(wad, {}, decorate_name(wad, game->spec)));
   // A map that somebody brought along may do without scripts; a generated one without them is a broken build.
   if (content.behavior == nullptr && game->spec.wad.empty())

@@ -9,7 +9,7 @@ namespace comrad::sim {
 
 Expected<std::unique_ptr<Oracle>> make_oracle(const DoomGame& game) {
   for (const OracleEntry& entry : oracle_table())
-    if (game.spec.name == entry.scenario) return entry.make(game);
+    if (game.spec.maps_of == entry.scenario) return entry.make(game);
   std::string known;
   for (const std::string& name : list_oracles()) known += (known.empty() ? "" : ", ") + name;
   return Error{ErrorCode::kNotFound, "scenario " + game.spec.name + " has no oracle (scenarios/" +

@@ -70,7 +70,8 @@ sim::EnvironmentOptions environment_options(const RunConfig& config, const std::
           .frame_skip = static_cast<int>(config.environment.env_frameskip),
           .use_measurements = config.environment.use_additional_input,
           .render_size = config.environment.render_size,
-          .resize = config.environment.resize};
+          .resize = config.environment.resize,
+          .reward = config.environment.reward};
 }
 
 Status bench(const shm::WorkerShell& shell, const RunConfig& given, double seconds) {

@@ -336,7 +336,7 @@ TEST(Attack, AbsurdInputIsRefusedBeforeAnythingIsMade) {
       {"--config", scratch / "deep.toml"},  {"--config", "/dev/zero"},
       {"--scenario", scratch / "scenario"}, {"--learning_rate", "1e300"},
       {"--layout_pool", "train:0"},         {"--reward_scale", "-1e200"},
-      {"--experiment", "caf\xE9"},          {"--train_for_env_steps", "1e300"},
+      {"--experiment", "caf\xE9"},          {"--train_for_env_frames", "1e300"},
   };
   fs::create_directories(scratch / "runs");
   for (const auto& flags : absurd) {

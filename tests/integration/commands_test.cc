@@ -70,6 +70,28 @@ TEST(Help, EveryCommandAndSubcommandPrintsItAndStartsNothing) {
   EXPECT_FALSE(std::filesystem::exists("--help")) << "a folder of pictures";
 }
 
+TEST(Help, WithFlagsShowsTheValuesThatHoldForThem) {
+  const Ending plain = comrad({"help", "train"}, 20);
+  EXPECT_THAT(plain.out, HasSubstr("comrad help train --algo"));
+  const Ending help = comrad({"help", "train", "--algo", "vdn", "--scenario", "stag_hunt_arena"}, 20);
+  ASSERT_EQ(help.exit_code, 0) << help.err;
+  EXPECT_THAT(help.out, HasSubstr("(5e-04, preset; built-in 1e-04;"));
+  EXPECT_THAT(help.out, ::testing::ContainsRegex("0: off \\(0\\.0,[ \n]+scenario;[ \n]+built-in 100\\.0\\)"))
+      << "q_value_clamp";
+  const std::size_t idle = help.out.find("Without effect with these values:");
+  ASSERT_NE(idle, std::string::npos);
+  EXPECT_GT(help.out.find(" gae_lambda,"), idle);
+  const Ending unknown = comrad({"help", "train", "--scenario", "nowhere"}, 20);
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("nowhere"));
+}
+
+TEST(Help, OfAnEvaluationListsWhatItUses) {
+  const std::string help = comrad({"help", "eval"}, 20).out;
+  EXPECT_THAT(help, AllOf(HasSubstr("--episodes N"), HasSubstr("--layout_pool TEXT")));
+  EXPECT_THAT(help, ::testing::Not(AnyOf(HasSubstr("--learning_rate"), HasSubstr("--epsilon_start"))));
+}
+
 /// What a text of the form "comrad-..." in `folder`'s sources names.
 std::set<std::string> programs_named_in(const std::filesystem::path& folder) {
   std::set<std::string> names = {"comrad"};

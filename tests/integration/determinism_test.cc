@@ -118,17 +118,17 @@ TEST(Deterministic, QmixAndIdqnResumedHalfWayEqualNeverStopping) {
   for (const std::string algo : {"qmix", "idqn"}) {
     const std::vector<std::string> settings = {"--algo",
                                                algo,
-                                               "--learning_starts",
+                                               "--learning_starts_decisions",
                                                "200",
-                                               "--qmix_sequence_batch_size",
+                                               "--qmix_batch_sequences",
                                                "4",
                                                "--replay_gb",
                                                "0.05",
-                                               "--dqn_batch_size",
+                                               "--dqn_batch_decisions",
                                                "32",
                                                "--dqn_max_updates_per_batch",
                                                "1",
-                                               "--per_beta_frames",
+                                               "--per_beta_env_frames",
                                                "8192"};  // else the half run is over earlier
     train(scratch, algo + "_straight", kEnvSteps, settings);
     train(scratch, algo + "_resumed", kEnvSteps / 2, settings);

@@ -156,7 +156,7 @@ TEST(Doctor, PrintsOneObjectAndFindsThisMachineFit) {
 
 TEST(Config, ShowsTheReplayThatIsChosenForThisMachine) {
   const auto config = json_of({"config", "--scenario", "lava_pit", "--algo", "vdn", "--replay_gb", "0.05",
-                               "--replay_buffer_size", "1000000"},
+                               "--replay_capacity_decisions", "1000000"},
                               60);
   expect_keys(config, {"settings", "replay"});
   EXPECT_EQ(config["replay"]["capacity_bytes"], 50'000'000);
@@ -164,7 +164,7 @@ TEST(Config, ShowsTheReplayThatIsChosenForThisMachine) {
   EXPECT_EQ(config["replay"]["file"], "");
   EXPECT_FALSE(json_of({"config", "--scenario", "lava_pit", "--algo", "ippo"}, 60).contains("replay"));
   const Ending words = comrad({"config", "--scenario", "lava_pit", "--algo", "vdn"});
-  EXPECT_THAT(words.out, HasSubstr("Replay on this machine now: "));
+  EXPECT_THAT(words.out, HasSubstr("On this machine now: replay: room for "));
 }
 
 TEST(Scenarios, ListTheOnesThatTrainTakes) {

@@ -80,7 +80,7 @@ std::vector<std::string> command(const ScratchFolder& scratch, const std::string
                                                         {"--stats_avg", "100"},
                                                         {"--progress_interval", "1"},
                                                         {"--experiment_summaries_interval", "1"},
-                                                        {"--train_for_env_steps", "1e7"}})
+                                                        {"--train_for_env_frames", "1e7"}})
     words.insert(words.end(), {flag, value});
   return words;
 }

@@ -115,7 +115,7 @@ std::vector<std::string> small_training(const ScratchFolder& scratch, const std:
            {"--device", "cpu"},
            {"--progress_interval", "1"},
            {"--experiment_summaries_interval", "1"},
-           {"--train_for_env_steps", std::to_string(static_cast<long>(env_steps))}})
+           {"--train_for_env_frames", std::to_string(static_cast<long>(env_steps))}})
     command.insert(command.end(), {flag, value});
   command.insert(command.end(), more.begin(), more.end());
   return command;

@@ -12,6 +12,7 @@ namespace comrad::testing {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::SizeIs;
 namespace fs = std::filesystem;
 
@@ -68,7 +69,7 @@ TEST(Train, ResumesWhereItStopped) {
   EXPECT_GE(after["env_frames"], 8192);
   EXPECT_GE(before["env_frames"], 4096);
   EXPECT_GT(after["learner_version"], before["learner_version"]);
-  EXPECT_EQ(after["message"], "finished (--train_for_env_steps 8192)");
+  EXPECT_EQ(after["message"], "finished (--train_for_env_frames 8192)");
   double last = 0;  // had it started over, the count would fall back
   for (const nlohmann::json& report : read_json_lines(scratch / "run/metrics.jsonl")) {
     EXPECT_GE(report["env_frames"].get<double>(), last);
@@ -127,13 +128,90 @@ TEST(Train, TwoRunsAtOnceDoNotMeet) {
   }
 }
 
-TEST(Train, NamesItselfAfterScenarioAlgorithmAndTime) {
+TEST(Train, NamesItselfAfterScenarioAlgorithmSeedAndTimeAndTwoStartsAtOnceDoNotMeet) {
   const ScratchFolder scratch;
-  std::vector<std::string> command = small_training(scratch, "", 1024);
-  ASSERT_EQ(RunningProgram(command).wait(kRunTimeoutSeconds).exit_code, 0);
-  const auto runs = files(scratch.string(), "coop_health_gathering_IPPO_2");
-  ASSERT_THAT(runs, SizeIs(1));
-  EXPECT_EQ(read_json(runs[0] + "/status.json")["state"], "finished");
+  const std::vector<std::string> command = small_training(scratch, "", 1024);
+  RunningProgram one(command), two(command);
+  for (RunningProgram* run : {&one, &two}) {
+    const Ending ending = run->wait(kRunTimeoutSeconds);
+    EXPECT_EQ(ending.exit_code, 0) << ending.err;
+  }
+  const auto runs = files(scratch.string(), "coop_health_gathering_IPPO_s42_2");
+  ASSERT_THAT(runs, SizeIs(2));
+  for (const std::string& run : runs) {
+    EXPECT_EQ(read_json(run + "/status.json")["state"], "finished");
+    EXPECT_THAT(read_text(run + "/config.toml"),
+                HasSubstr("experiment = \"" + fs::path(run).filename().string() + "\""));
+  }
+}
+
+TEST(Train, ARunThatWouldEndBeforeItLearnsIsRefusedUnlessAsked) {
+  const ScratchFolder scratch;
+  const std::vector<std::string> too_short = {
+      "--algo", "vdn", "--replay_gb", "0.05", "--learning_starts_decisions", "2000", "--per_omega", "0.9"};
+  const Ending refused = RunningProgram(small_training(scratch, "run", 2000, too_short)).wait(60);
+  EXPECT_EQ(refused.exit_code, 2);
+  // A replay of 50 MB holds some 1800 decisions: half of them are there before all that was asked for.
+  EXPECT_THAT(refused.err,
+              ::testing::ContainsRegex(
+                  "learning begins at [0-9]+ env frames \\([0-9]+ agent decisions, half of what the "
+                  "replay holds\\), the run ends at 2000"));
+  EXPECT_FALSE(fs::exists(scratch / "run")) << "nothing is written before that";
+
+  std::vector<std::string> asked = too_short;
+  asked.emplace_back("--allow_no_update");
+  const Ending ending = train(scratch, "run", 2000, asked);
+  EXPECT_THAT(ending.err, HasSubstr("no update was made, so nothing was learned"));
+  const std::string log = read_text(scratch / "run/logs/supervisor.log");
+  for (const std::string& text : {ending.err, log}) {
+    EXPECT_THAT(text, ::testing::ContainsRegex("note: replay: room for at least [0-9]+ agent decisions in"));
+    EXPECT_THAT(text, HasSubstr("--per_omega 0.9 does nothing in this run (algo vdn)"));
+  }
+}
+
+TEST(Train, SaysHowFullTheReplayIs) {
+  const ScratchFolder scratch;
+  RunningProgram run(small_training(scratch, "run", 1e8,
+                                    {"--algo", "vdn", "--learning_starts_decisions", "15000", "--replay_gb",
+                                     "1", "--progress_interval", "0.2"}));
+  const auto message = [&] {
+    const nlohmann::json status = read_json(scratch / "run/status.json");
+    return status.is_object() ? status["message"].get<std::string>() : "";
+  };
+  EXPECT_TRUE(wait_until([&] { return message().starts_with("filling the replay, "); }, kRunTimeoutSeconds))
+      << message();
+  run.signal(SIGTERM);
+  EXPECT_EQ(run.wait(30).exit_code, 0);
+}
+
+TEST(Train, AResumedRunSaysWhatChanged) {
+  const ScratchFolder scratch;
+  train(scratch, "run", 2048);
+  const Ending same = train(scratch, "run", 2048);
+  EXPECT_THAT(same.err, Not(HasSubstr("changed since")));
+  const Ending changed = train(scratch, "run", 4096, {"--gamma", "0.9"});
+  const std::string words =
+      "note: changed since the last start: train_for_env_frames 2048.0 -> 4096.0, gamma 0.99 -> 0.9\n";
+  EXPECT_THAT(changed.err, HasSubstr(words));
+  EXPECT_THAT(read_text(scratch / "run/logs/supervisor.log"), HasSubstr(words));
+}
+
+TEST(Train, TakesSettingsAndNoResultsFromTheConfigOfARun) {
+  const ScratchFolder scratch;
+  train(scratch, "old", 1024, {"--gamma", "0.9", "--layout_seed", "7"});
+  EXPECT_TRUE(fs::exists(scratch / "old/layouts/coop_health_gathering_7.wad"));
+  const Ending ending =
+      comrad({"train", "--config", scratch / "old/config.toml", "--seed", "3", "--num_agents", "3"},
+             kRunTimeoutSeconds);
+  EXPECT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_THAT(ending.err, HasSubstr("note: " + (scratch / "old/config.toml").string() + " is a run's"));
+  const auto runs = files(scratch.string(), "coop_health_gathering_IPPO_s3_");
+  ASSERT_THAT(runs, SizeIs(1)) << "beside the old run, under a name of its own";
+  const std::string config = read_text(runs[0] + "/config.toml");
+  EXPECT_THAT(config, HasSubstr("gamma = 0.9\n"));
+  EXPECT_THAT(config, HasSubstr("num_agents = 3\n"));
+  EXPECT_THAT(config, HasSubstr("wad = \"" + runs[0] + "/layouts/coop_health_gathering_7.wad\""));
+  EXPECT_THAT(config, HasSubstr("batch_size = 240\n")) << "256 again, for three agents";
 }
 
 }  // namespace

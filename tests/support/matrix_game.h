@@ -43,7 +43,7 @@ inline RunConfig matrix_game_config(const std::string& algo, uint64_t seed) {
   config.network.critic_hidden_sizes = "64,32";
   config.optimisation.learning_rate = 1e-3;
   config.optimisation.num_epochs = 4;
-  config.run.train_for_env_steps = 1e12;
+  config.run.train_for_env_frames = 1e12;
   return config;
 }
 

@@ -134,7 +134,7 @@ struct TrainedGame {
   double seconds = 0;
 };
 
-/// Trains through the pipeline until `config.run.train_for_env_steps` or the goal.
+/// Trains through the pipeline until `config.run.train_for_env_frames` or the goal.
 inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, const GameGoal& goal = {}) {
   const double began_s = monotonic_s();
   policy::tune_math(1);

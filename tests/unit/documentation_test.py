@@ -18,10 +18,6 @@ import sys
 import tempfile
 
 WORDS_MAX = 1200
-# Longer ones, each with its reason.
-WORDS_MAX_OF = {
-    "scenarios/README.md": 1800,  # holds the reference of scenario.toml
-}
 NOT_OURS = {".git", "build", "train_dir"}
 MADE_BY_TOOLS = {"CMakeCache.txt", "pyvenv.cfg"}  # a build folder, a Python environment: whatever they are called
 
@@ -108,7 +104,7 @@ def long_readmes(root):
             continue
         with open(os.path.join(root, name), encoding="utf-8") as file:
             words = len(file.read().split())
-        most = WORDS_MAX_OF.get(name, WORDS_MAX)
+        most = WORDS_MAX
         if words > most:
             yield f"{name}: {words} words, at most {most}: move what is longer to a file beside it"
 

@@ -41,6 +41,18 @@ TEST(TrainingLine, LeavesOutWhatIsNotKnownYet) {
   EXPECT_EQ(training_line(progress), "2k/1k env frames (200.0%), ETA 0s | 10 env frames/s, 0 decisions/s");
 }
 
+TEST(TrainingLine, SaysHowFullTheReplayIsUntilLearningBegins) {
+  TrainingProgress progress;
+  progress.env_frames = 24'400;
+  progress.replay_filled = 0.619;
+  EXPECT_EQ(training_line(progress),
+            "filling the replay, 61 % | 24.4k env frames | 0 env frames/s, 0 decisions/s");
+  progress.replay_filled = 0.9999;
+  EXPECT_THAT(training_line(progress), ::testing::StartsWith("filling the replay, 99 % |"));
+  progress.replay_filled = 1;
+  EXPECT_THAT(training_line(progress), ::testing::StartsWith("24.4k env frames |"));
+}
+
 TEST(CountText, ChangesUnitWhereRoundingDoes) {
   EXPECT_EQ(count_text(0), "0");
   EXPECT_EQ(count_text(999), "999");

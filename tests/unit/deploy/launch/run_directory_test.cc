@@ -45,6 +45,38 @@ TEST_F(RunDirectoryTest, ResumeOfAFreshNameJustStarts) {
   EXPECT_TRUE(exists("first/checkpoint"));
 }
 
+TEST_F(RunDirectoryTest, StartsAtTheSameTimeGetFoldersOfTheirOwn) {
+  constexpr int kStarts = 8;
+  int go[2], done[2];
+  ASSERT_EQ(pipe(go), 0);
+  ASSERT_EQ(pipe(done), 0);
+  std::vector<pid_t> starts;
+  for (int i = 0; i < kStarts; ++i) {
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      char word;
+      close(go[1]);
+      (void)!read(go[0], &word, 1);  // ends when the parent closes its side: all go at once
+      const auto run = RunDirectory::open_new(train_dir_, "run");
+      const bool is_mine = run && !run->is_resumed() && run->write_config(RunConfig{});
+      (void)!write(done[1], is_mine ? "y" : "n", 1);
+      _exit(0);
+    }
+    starts.push_back(child);
+  }
+  close(go[0]);
+  close(go[1]);
+  std::string words(kStarts, '?');
+  for (char& word : words) ASSERT_EQ(read(done[0], &word, 1), 1);
+  for (const pid_t child : starts) waitpid(child, nullptr, 0);
+  close(done[0]), close(done[1]);
+  EXPECT_EQ(words, std::string(kStarts, 'y'));
+  EXPECT_TRUE(exists("run/config.toml"));
+  for (int i = 2; i <= kStarts; ++i) EXPECT_TRUE(exists("run_" + std::to_string(i) + "/config.toml")) << i;
+  EXPECT_FALSE(exists("run_" + std::to_string(kStarts + 1)));
+}
+
 TEST_F(RunDirectoryTest, ResumeKeepsWhatIsThere) {
   leave_a_run("run");
   auto run = RunDirectory::open(train_dir_, "run", RestartBehavior::kResume);

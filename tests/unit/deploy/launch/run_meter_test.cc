@@ -73,6 +73,20 @@ TEST_F(RunMeterTest, WhatAResumedLearnerBeginsWithIsNoWorkOfThisProcess) {
   EXPECT_EQ(meter.env_frames(), 4 * 1064u);
 }
 
+TEST_F(RunMeterTest, HowFullTheReplayIsComesFromTheLearnersReport) {
+  RunMeter meter(plan_);
+  meter.use(&arena_);
+  EXPECT_EQ(meter.replay_filled(), 1) << "nobody waits";
+  for (const auto& [told, shown] :
+       {std::pair(0.25, 0.25), {1.0, 1.0}, {0.0, 0.0}, {-3.0, 1.0}, {7.0, 1.0}, {std::nan(""), 1.0}}) {
+    shm::LearnerReport report;
+    report.replay_filled = told;
+    arena_.publish_report(report);
+    ASSERT_TRUE(meter.take_report());
+    EXPECT_EQ(meter.replay_filled(), shown) << told;
+  }
+}
+
 TEST_F(RunMeterTest, ALearnerThatGoesBackIsNoticedAndWhatItForgotIsKept) {
   RunMeter meter(plan_);
   meter.use(&arena_);

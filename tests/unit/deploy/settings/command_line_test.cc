@@ -14,6 +14,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::Pair;
+using ::testing::UnorderedElementsAre;
 
 using Words = std::vector<std::string>;
 
@@ -52,6 +53,12 @@ TEST(CommandLine, LetsTheLastOfARepeatedFlagCount) {
   EXPECT_THAT(line.typed().values, ElementsAre(Pair("scenario", "b"), Pair("seed", "2")));
 }
 
+TEST(CommandLine, CollectsTheValuesOfAListFlag) {
+  CommandLine line("train", "");
+  ASSERT_EQ(parse(line, {"--reward", "a=1", "--seed=3", "--reward=b=-2"}), "");
+  EXPECT_THAT(line.typed().values, ElementsAre(Pair("seed", "3"), Pair("reward", "a=1,b=-2")));
+}
+
 TEST(CommandLine, TakesNegativeNumbersAndEmptyTexts) {
   CommandLine line("train", "");
   ASSERT_EQ(parse(line, {"--shared_reward_alpha", "-1", "--wad="}), "");
@@ -70,6 +77,17 @@ TEST(CommandLine, RefusesAnUnknownFlagThatIsNearNothing) {
   const std::string message = parse(line, {"--qqqqqqqqqqqq"});
   EXPECT_THAT(message, HasSubstr("unknown flag --qqqqqqqqqqqq"));
   EXPECT_THAT(message, Not(HasSubstr("did you mean")));
+  EXPECT_THAT(message, HasSubstr("comrad help train lists every flag"));
+}
+
+TEST(CommandLine, TakesNamesOfSampleFactoryAndSuggestsNone) {
+  CommandLine line("train", "");
+  ASSERT_EQ(parse(line, {"--value_bootstrap", "--env_framestack=4"}), "");
+  EXPECT_THAT(line.typed().values,
+              UnorderedElementsAre(Pair("value_bootstrap", "True"), Pair("env_framestack", "4")));
+  EXPECT_THAT(line.help(), Not(HasSubstr("--env_framestack")));
+  CommandLine mistyped("train", "");
+  EXPECT_THAT(parse(mistyped, {"--env_framestak=4"}), Not(HasSubstr("framestack?")));
 }
 
 TEST(CommandLine, RefusesAFlagWithoutItsValue) {
@@ -133,7 +151,48 @@ TEST(CommandLine, HelpNamesEverySettingWithItsDefaultAndOldName) {
   for (const SettingRow& row : setting_rows())
     EXPECT_THAT(help, HasSubstr("--" + std::string(row.name) + " "));
   EXPECT_THAT(help, HasSubstr("also --env"));
-  EXPECT_THAT(help, HasSubstr("rollout INT                   decisions in a trajectory, T (default 32)"));
+  EXPECT_THAT(
+      help,
+      HasSubstr("rollout INT                   decisions of each agent in a trajectory, T (default 32)"));
+  EXPECT_THAT(help, HasSubstr("(default 1; with Q-learning and td_lambda below 0)"));
+}
+
+TEST(CommandLine, HelpReadsTheFlagsBesideIt) {
+  std::string what;
+  CommandLine line("bench WHAT", "");
+  line.add_positional("WHAT", what, "what to measure");
+  ASSERT_EQ(parse(line, {"--algo", "vdn", "--help"}), "") << "nothing is missing where help is asked for";
+  EXPECT_TRUE(line.help_requested());
+  EXPECT_THAT(line.typed().values, ElementsAre(Pair("algo", "vdn")));
+}
+
+TEST(CommandLine, HelpShowsTheValuesInForceAndWhatDoesNothing) {
+  CommandLine line("train", "Trains.");
+  ASSERT_EQ(parse(line, {}), "");
+  RunConfig config;
+  config.run.algo = "ippo";
+  config.optimisation.learning_rate = 4e-4;
+  std::map<std::string, std::string> from;
+  for (const SettingRow& row : setting_rows()) from[std::string(row.name)] = "built-in";
+  from["learning_rate"] = "preset";
+  const std::string help = line.help(ValuesInForce{config, from});
+  EXPECT_THAT(help, HasSubstr("(4e-04, preset; built-in 1e-04;"));
+  const std::size_t idle = help.find("Without effect with these values:");
+  ASSERT_NE(idle, std::string::npos);
+  EXPECT_EQ(help.find("--n_step"), std::string::npos);
+  EXPECT_GT(help.find(" n_step,"), idle);
+  EXPECT_LT(help.find("--gae_lambda"), idle);
+}
+
+TEST(CommandLine, HelpOfAnEvaluationListsWhatItUses) {
+  CommandLine line("eval", "Plays.");
+  line.add_settings(SettingsListed::kUsedByEval);
+  ASSERT_TRUE(line.parse(Words{"--gamma=0.9"})) << "scripts that pass the flags of a run go on";
+  const std::string help = line.help();
+  for (const char* used : {"--scenario ", "--layout_pool ", "--num_workers ", "--device ", "--seed "})
+    EXPECT_THAT(help, HasSubstr(used));
+  for (const char* unused : {"--gamma ", "--learning_rate ", "--per ", "--save_every_sec ", "--rnn_size "})
+    EXPECT_THAT(help, Not(HasSubstr(unused)));
 }
 
 }  // namespace

@@ -10,7 +10,12 @@
 namespace comrad::deploy {
 namespace {
 
+using ::testing::_;
+using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::IsSupersetOf;
+using ::testing::Not;
+using ::testing::Pair;
 
 /// A scenario whose own defaults show where they win and lose.
 Expected<ScenarioDescription> fake_scenario(const std::string& name, int64_t num_agents,
@@ -23,11 +28,12 @@ Expected<ScenarioDescription> fake_scenario(const std::string& name, int64_t num
   scenario.supported_agents = {2, 4};
   scenario.shared_reward_alpha = 0.25;
   scenario.ceiling = 40;
+  scenario.rewards = {"door_opened", "own_death"};
   scenario.training = {"scenario two_rooms",
                        {{"small.ippo.batch_size", "2048"},
                         {"small.ippo.num_epochs", "2"},
                         {"paper.ippo.num_epochs", "7"},
-                        {"small.qplex_q.qmix_sequence_batch_size", "5"}}};
+                        {"small.qplex_q.qmix_batch_sequences", "5"}}};
   return scenario;
 }
 
@@ -52,6 +58,18 @@ TEST(MergeNew, ALaterLayerWins) {
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(merged->config.optimisation.num_epochs, 3);    // file over scenario
   EXPECT_EQ(merged->config.optimisation.batch_size, 512);  // command line over file
+}
+
+TEST(MergeNew, WeightsAreForRewardTermsThatTheScenarioHas) {
+  const auto merged = merge_new(typed({{"reward", "own_death=-1.5, door_opened=2"}}), fake_scenario, 2);
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(merged->config.environment.reward, "own_death=-1.5, door_opened=2");
+  EXPECT_THAT(merge_new(typed({{"reward", "own_deth=1"}}), fake_scenario, 2).error().message,
+              HasSubstr("did you mean 'own_death'"));
+  for (const char* wrong : {"own_death", "own_death=", "=1", "own_death=x", "own_death=nan", "own_death=1e9"})
+    EXPECT_THAT(merge_new(typed({{"reward", wrong}}), fake_scenario, 2).error().message,
+                HasSubstr("NAME=WEIGHT"))
+        << wrong;
 }
 
 TEST(MergeNew, ThePresetChoosesItsOwnRowsAndTheScenarios) {
@@ -116,12 +134,12 @@ TEST(MergeNew, QplexPresetLiesBetweenThePresetAndTheScenariosRows) {
       typed({{"algo", "qplex"}, {"mixer", "dmaq_qatten"}, {"qplex_preset", "paper"}}), fake_scenario, 2);
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(merged->config.run.algo, "qplex_q");
-  EXPECT_EQ(merged->config.q_learning.qmix_sequence_batch_size, 5);
+  EXPECT_EQ(merged->config.q_learning.qmix_batch_sequences, 5);
   EXPECT_EQ(merged->config.mixers.qplex_num_kernel, 10);
   EXPECT_EQ(merged->from.at("qplex_num_kernel"), "preset");
   const auto other = merge_new(typed({{"algo", "qmix"}}), fake_scenario, 2);
   ASSERT_TRUE(other) << other.error().message;
-  EXPECT_EQ(other->config.q_learning.qmix_sequence_batch_size, 4) << "small's, not the row of qplex_q";
+  EXPECT_EQ(other->config.q_learning.qmix_batch_sequences, 4) << "small's, not the row of qplex_q";
 }
 
 TEST(MergeNew, WithoutARecurrentCoreThePresetsTdLambdaFallsAwayAndATypedOneIsRefused) {
@@ -140,10 +158,10 @@ TEST(MergeNew, WithoutARecurrentCoreThePresetsTdLambdaFallsAwayAndATypedOneIsRef
 
 TEST(MergeNew, ACommandsChangesLieBelowWhatTheUserAsks) {
   const SettingsLayer changes{"bench",
-                              {{"train_for_env_steps", "1e15"}, {"num_epochs", "9"}, {"gamma", "0.5"}}};
+                              {{"train_for_env_frames", "1e15"}, {"num_epochs", "9"}, {"gamma", "0.5"}}};
   const auto merged = merge_new(typed({{"gamma", "0.9"}}), fake_scenario, 2, changes);
   ASSERT_TRUE(merged) << merged.error().message;
-  EXPECT_EQ(merged->config.run.train_for_env_steps, 1e15);
+  EXPECT_EQ(merged->config.run.train_for_env_frames, 1e15);
   EXPECT_EQ(merged->config.optimisation.num_epochs, 9);
   EXPECT_EQ(merged->from.at("num_epochs"), "bench");
   EXPECT_EQ(merged->config.optimisation.gamma, 0.9);
@@ -186,6 +204,56 @@ TEST(MergeNew, PassesOnAnUnknownScenario) {
 RunConfig made_run() {
   auto merged = merge_new(typed({{"num_workers", "2"}}), fake_scenario, 2);
   return merged ? merged->config : RunConfig();
+}
+
+TEST(MergeNew, RemembersWhatWasAskedForWhereAValueWasWorkedOut) {
+  const auto merged = merge_new(typed({{"batch_size", "1000"}, {"gamma", "0.9"}}), fake_scenario, 3);
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(merged->config.optimisation.batch_size, 960);
+  EXPECT_THAT(merged->asked_for,
+              IsSupersetOf({Pair("num_workers", "0"), Pair("batch_size", "1000"), Pair("num_agents", "0"),
+                            Pair("shared_reward_alpha", "-1.0"), Pair("trajectory_slabs", "0")}));
+  EXPECT_THAT(merged->asked_for, Not(Contains(Pair("gamma", _))));
+}
+
+TEST(MergeNew, TakesTheSettingsOfARunsConfigAndNotWhatWasWorkedOutForIt) {
+  UserSettings user = typed({{"batch_size", "1000"}, {"gamma", "0.9"}});
+  const auto old = merge_new(user, fake_scenario, 3);
+  ASSERT_TRUE(old) << old.error().message;
+  RunConfig run = old->config;
+  run.run.experiment = "old";
+  run.environment.wad = "/old/layouts/two_rooms_42.wad";
+  auto asked_for = old->asked_for;
+  asked_for.insert(asked_for.end(), {{"experiment", ""}, {"wad", ""}});
+  const test::ScratchFolder folder;
+  user = typed({{"seed", "7"}, {"num_agents", "4"}});
+  user.config_file = folder.write("config.toml", settings_to_toml(run, asked_for));
+
+  const auto merged = merge_new(user, fake_scenario, 5);
+  ASSERT_TRUE(merged) << merged.error().message;
+  const RunConfig& config = merged->config;
+  EXPECT_EQ(config.optimisation.gamma, 0.9);
+  EXPECT_EQ(config.collection.num_workers, 5) << "this machine's";
+  EXPECT_EQ(config.optimisation.batch_size, 896) << "1000 for four agents";
+  EXPECT_EQ(config.run.experiment, "");
+  EXPECT_EQ(config.environment.wad, "");
+
+  // The run itself reads what was worked out.
+  const auto workers = load_run_config(user.config_file);
+  ASSERT_TRUE(workers) << workers.error().message;
+  EXPECT_EQ(workers->collection.num_workers, 3);
+  EXPECT_EQ(workers->environment.wad, "/old/layouts/two_rooms_42.wad");
+}
+
+TEST(MergeOntoRun, ItsOwnConfigAsTheUsersFileChangesNothing) {
+  const auto made = merge_new(typed({{"algo", "qmix"}, {"batch_size", "1000"}}), fake_scenario, 2);
+  ASSERT_TRUE(made) << made.error().message;
+  const test::ScratchFolder folder;
+  UserSettings user;
+  user.config_file = folder.write("config.toml", settings_to_toml(made->config, made->asked_for));
+  const auto merged = merge_onto_run(made->config, user, fake_scenario, 8);
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(settings_to_toml(merged->config), settings_to_toml(made->config));
 }
 
 TEST(MergeOntoRun, KeepsTheRunsSettingsUnlessTyped) {

@@ -59,6 +59,7 @@ constexpr Row kPaper[] = {
     // 3.2 RL; 8: time-outs bootstrap; 2.1: normalised values and targets are clipped to +-5
     {"gamma", "0.99"},
     {"gae_lambda", "0.95"},
+    {"reward", "-"},  // the scenario's own weights
     {"reward_scale", "1"},
     {"reward_clip", "1000"},
     {"normalize_returns", "true"},
@@ -105,7 +106,7 @@ constexpr Row kPaper[] = {
     // 3.2 Q, with 3.1's four updates; 7 item 18: heads explore one by one; 7 item 11: beta takes the whole run
     {"epsilon_start", "1"},
     {"epsilon_end", "0.01"},
-    {"epsilon_decay_steps", "2e7"},
+    {"epsilon_decay_env_frames", "2e7"},
     {"epsilon_per_head", "true"},
     {"double_dqn", "true"},
     {"target_update_tau", "0.005"},
@@ -117,19 +118,19 @@ constexpr Row kPaper[] = {
     {"use_huber_loss", "true"},
     {"dqn_reward_clip", "1"},
     {"team_reward", "auto auto auto sum sum sum sum sum"},
-    {"learning_starts", "50000"},
-    {"train_frequency", "4"},
+    {"learning_starts_decisions", "50000"},
+    {"train_every_decisions", "4"},
     {"dqn_max_updates_per_batch", "4"},
     {"replay_ratio", "0"},
-    {"dqn_batch_size", "0 0 0 256 256 256 256 256"},
-    {"qmix_buffer_batch_size", "32"},
-    {"qmix_sequence_batch_size", "8 8 8 8 64 64 16 16"},
+    {"dqn_batch_decisions", "0 0 0 256 256 256 256 256"},
+    {"qmix_batch_joint_decisions", "32"},
+    {"qmix_batch_sequences", "8 8 8 8 64 64 16 16"},
     {"burn_in", "0"},
-    {"replay_buffer_size", "1e6"},
+    {"replay_capacity_decisions", "1e6"},
     {"per", "true true true true false false false false"},
     {"per_omega", "0.6"},
     {"per_beta_start", "0.4"},
-    {"per_beta_frames", "0 0 0 1e8 1e8 1e8 1e8 1e8"},
+    {"per_beta_env_frames", "0 0 0 1e8 1e8 1e8 1e8 1e8"},
     {"per_sequences", "false"},
     {"per_eta", "0.9"},
     // 3.2 mixer; 8: --qplex_preset comrad
@@ -165,10 +166,10 @@ constexpr Row kSmall[] = {
     {"rnn_type", "gru"},
     {"learning_rate", "4e-4 4e-4 4e-4 2e-4 5e-4 5e-4 1e-4 1e-4"},
     {"ppo_clip_ratio", "0.2 0.2 0.2 0.1 0.1 0.1 0.1 0.1"},
-    {"epsilon_decay_steps", "2e7 2e7 2e7 3e5 3e5 3e5 3e5 3e5"},
+    {"epsilon_decay_env_frames", "2e7 2e7 2e7 3e5 3e5 3e5 3e5 3e5"},
     {"epsilon_end", "0.01 0.01 0.01 0.05 0.05 0.05 0.05 0.05"},
-    {"learning_starts", "50000 50000 50000 10000 10000 10000 10000 10000"},
-    {"qmix_sequence_batch_size", "8 8 8 8 4 4 4 4"},
+    {"learning_starts_decisions", "50000 50000 50000 10000 10000 10000 10000 10000"},
+    {"qmix_batch_sequences", "8 8 8 8 4 4 4 4"},
     {"replay_ratio", "0 0 0 0 4 4 4 4"},
     {"td_lambda", "-1 -1 -1 -1 0.8 0.8 0.8 0.8"},
     {"target_update_tau", "0.005 0.005 0.005 0.005 0.02 0.02 0.02 0.02"},
@@ -198,7 +199,7 @@ const std::set<std::string> kNotLearning = {"scenario",
                                             "wad",
                                             "layout_pool",
                                             "layout_swap_every",
-                                            "train_for_env_steps",
+                                            "train_for_env_frames",
                                             "train_for_seconds",
                                             "device",
                                             "num_workers",
@@ -246,7 +247,7 @@ const std::set<std::string> kNotLearning = {"scenario",
                                             "save_every_sec",
                                             "keep_checkpoints",
                                             "save_best_every_sec",
-                                            "save_best_after",
+                                            "save_best_after_env_frames",
                                             "load_checkpoint_kind",
                                             "experiment_summaries_interval",
                                             "progress_interval",
@@ -289,6 +290,7 @@ Expected<ScenarioDescription> from_file(const std::string& name, int64_t num_age
   description.decision_limit = spec.decision_limit;
   description.ceiling = spec.ceiling;
   description.shared_reward_alpha = spec.shared_reward_alpha;
+  for (const scenarios::RewardTerm& term : spec.rewards) description.rewards.push_back(term.name);
   description.training = spec.training;
   return description;
 }

@@ -376,7 +376,7 @@ TEST(Happo, AReloadedRunContinuesBitForBit) {
   config.network.rnn_type = RnnType::kLstm;
   config.optimisation.num_epochs = 2;
   config.optimisation.lr_schedule = RateSchedule::kLinearDecay;
-  config.run.train_for_env_steps = 100;
+  config.run.train_for_env_frames = 100;
   const TrajectoryShape shape = small_shape(config);
   const auto train = [&](Happo& happo, uint64_t first, uint64_t last) {
     for (uint64_t seed = first; seed < last; ++seed) {

@@ -8,7 +8,7 @@ namespace {
 RunConfig config_with(RateSchedule schedule) {
   RunConfig config;
   config.optimisation.lr_schedule = schedule;
-  config.run.train_for_env_steps = 1000;
+  config.run.train_for_env_frames = 1000;
   return config;
 }
 
@@ -38,7 +38,7 @@ TEST(LrSchedule, AnExtendedRunGoesOnFromTheRateItHadToZeroAtItsNewEnd) {
   StateDict state;
   first.save(state);
   RunConfig longer = config_with(RateSchedule::kLinearDecay);
-  longer.run.train_for_env_steps = 2000;
+  longer.run.train_for_env_frames = 2000;
   LrSchedule second(longer);
   ASSERT_TRUE(second.load(state));
   EXPECT_DOUBLE_EQ(second.learning_rate(), 0.2e-4);

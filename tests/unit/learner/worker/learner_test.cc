@@ -210,14 +210,14 @@ class LearnerTest : public ::testing::Test {
   /// Trains `rollouts` in one life, in a second one, and in two lives that meet after `first`: bit for bit
   /// the same weights, at `version`.
   void expect_the_same_twice_and_resumed(RunConfig config, int first, int rollouts, uint64_t& version) {
-    config.run.train_for_env_steps = kFramesPerRollout * rollouts;
+    config.run.train_for_env_frames = kFramesPerRollout * rollouts;
     const Outcome whole = live(config, config.run.algo.name() + "_whole"),
                   again = live(config, config.run.algo.name() + "_again");
     ASSERT_TRUE(whole.status) << whole.status.error().message;
     EXPECT_TRUE(whole.weights == again.weights) << config.run.algo.name();
-    config.run.train_for_env_steps = kFramesPerRollout * first;
+    config.run.train_for_env_frames = kFramesPerRollout * first;
     ASSERT_TRUE(live(config, config.run.algo.name() + "_halves").status);
-    config.run.train_for_env_steps = kFramesPerRollout * rollouts;
+    config.run.train_for_env_frames = kFramesPerRollout * rollouts;
     const Outcome halves = live(config, config.run.algo.name() + "_halves");
     ASSERT_TRUE(halves.status) << halves.status.error().message;
     EXPECT_EQ(halves.version, whole.version);
@@ -236,7 +236,7 @@ class LearnerTest : public ::testing::Test {
 TEST_F(LearnerTest, TrainsUntilTheLastEnvFrameAndLeavesACheckpointAndMetrics) {
   RunConfig config = small_config();
   config.optimisation.num_epochs = 2;
-  config.run.train_for_env_steps = 5 * 16 * 4;  // five batches of 16 decisions, four tics each
+  config.run.train_for_env_frames = 5 * 16 * 4;  // five batches of 16 decisions, four tics each
   const Outcome outcome = live(config, "run");
   ASSERT_TRUE(outcome.status) << outcome.status.error().message;
   EXPECT_EQ(outcome.env_frames, 5u * 16 * 4);
@@ -269,7 +269,7 @@ TEST_F(LearnerTest, TrainingThatCannotLearnIsBadInputAndLeavesNoCheckpoint) {
 
 TEST_F(LearnerTest, ALastCheckpointThatCannotBeWrittenHasAnExitCodeOfItsOwn) {
   RunConfig config = small_config();
-  config.run.train_for_env_steps = 2 * 16 * 4;
+  config.run.train_for_env_frames = 2 * 16 * 4;
   fs::create_directories(folder_ / "run");
   std::ofstream(folder_ / "run/checkpoint") << "no folder";
   const Outcome outcome = live(config, "run");
@@ -280,16 +280,16 @@ TEST_F(LearnerTest, ALastCheckpointThatCannotBeWrittenHasAnExitCodeOfItsOwn) {
 
 TEST_F(LearnerTest, GoesOnFromTheNewestCheckpointThatCanBeRead) {
   RunConfig config = small_config();
-  config.run.train_for_env_steps = 2 * 16 * 4;
+  config.run.train_for_env_frames = 2 * 16 * 4;
   ASSERT_TRUE(live(config, "run").status);
-  config.run.train_for_env_steps = 4 * 16 * 4;
+  config.run.train_for_env_frames = 4 * 16 * 4;
   const Outcome second = live(config, "run");
   ASSERT_TRUE(second.status);
   EXPECT_EQ(second.version, 4u);
   CheckpointStore store((folder_ / "run/checkpoint").string(), 2);
   ASSERT_EQ(store.list().size(), 2u);
   fs::resize_file(store.list()[0].path, fs::file_size(store.list()[0].path) / 2);
-  config.run.train_for_env_steps = 3 * 16 * 4;
+  config.run.train_for_env_frames = 3 * 16 * 4;
   const Outcome third = live(config, "run");  // from version 2, one more batch
   ASSERT_TRUE(third.status) << third.status.error().message;
   EXPECT_EQ(third.version, 3u);
@@ -300,11 +300,11 @@ TEST_F(LearnerTest, ABestCheckpointNeedsAFullWindowAndTheWindowOutlivesTheProces
   RunConfig config = small_config();
   config.run.stats_avg = 12;
   config.run.save_best_every_sec = 1e-3;
-  config.run.save_best_after = 0;
+  config.run.save_best_after_env_frames = 0;
   for (const auto& [episodes, best, is_saved] :
        {std::tuple(11, -1.0, false), {12, -1.0, true}, {12, 0.4999, false}, {12, 0.4, true}}) {
     const std::string run = "run" + std::to_string(episodes) + std::to_string(best);
-    config.run.train_for_env_steps = 2 * 16 * 4;
+    config.run.train_for_env_frames = 2 * 16 * 4;
     ASSERT_TRUE(live(config, run).status);
     const CheckpointStore store((folder_ / run / "checkpoint").string(), 2);
     EXPECT_EQ(store.best(), "") << "no episode has ended";
@@ -316,7 +316,7 @@ TEST_F(LearnerTest, ABestCheckpointNeedsAFullWindowAndTheWindowOutlivesTheProces
     state.put("episodes/window", window);
     if (best >= 0) state.put("counters/best_score", best);
     ASSERT_TRUE(write_checkpoint(store.list().front().path, state));
-    config.run.train_for_env_steps = 30 * 16 * 4;
+    config.run.train_for_env_frames = 30 * 16 * 4;
     ASSERT_TRUE(live(config, run).status);
     EXPECT_EQ(!store.best().empty(), is_saved) << run;
     if (is_saved) {
@@ -329,7 +329,7 @@ TEST_F(LearnerTest, ABestCheckpointNeedsAFullWindowAndTheWindowOutlivesTheProces
 TEST_F(LearnerTest, ABestScoreOfACheckpointWithoutItsWindowIsForgotten) {
   RunConfig config = small_config();
   config.run.stats_avg = 1;
-  config.run.train_for_env_steps = 2 * 16 * 4;
+  config.run.train_for_env_frames = 2 * 16 * 4;
   ASSERT_TRUE(live(config, "run").status);
   const CheckpointStore store((folder_ / "run/checkpoint").string(), 2);
   StateDict state = *read_checkpoint(store.list().front().path), old;
@@ -337,7 +337,7 @@ TEST_F(LearnerTest, ABestScoreOfACheckpointWithoutItsWindowIsForgotten) {
     if (!key.starts_with("episodes/")) std::visit([&](const auto& held) { old.put(key, held); }, value);
   old.put("counters/best_score", 1e9);  // of the luckiest ten
   ASSERT_TRUE(write_checkpoint(store.list().front().path, old));
-  config.run.train_for_env_steps = 4 * 16 * 4;
+  config.run.train_for_env_frames = 4 * 16 * 4;
   const Outcome outcome = live(config, "run");
   ASSERT_TRUE(outcome.status) << outcome.status.error().message;
   EXPECT_EQ(outcome.version, 4u);
@@ -381,19 +381,19 @@ RunConfig small_q_config(const std::string& algo) {
   config.replay.per = algo == "idqn";
   config.q_learning.team_reward = TeamReward::kSum;
   config.replay.replay_gb = 1e-3;
-  config.q_learning.learning_starts = 64;
-  config.q_learning.qmix_sequence_batch_size = 3;
-  config.q_learning.dqn_batch_size = 12;
+  config.q_learning.learning_starts_decisions = 64;
+  config.q_learning.qmix_batch_sequences = 3;
+  config.q_learning.dqn_batch_decisions = 12;
   config.q_learning.dqn_max_updates_per_batch = 2;
-  config.replay.per_beta_frames = 1000;
-  config.q_learning.epsilon_decay_steps = 1000;
+  config.replay.per_beta_env_frames = 1000;
+  config.q_learning.epsilon_decay_env_frames = 1000;
   return config;
 }
 
 TEST_F(LearnerTest, QLearningTrainsAtItsRateOnceTheReplayHasEnough) {
   for (const char* algo : {"vdn", "idqn"}) {
     RunConfig config = small_q_config(algo);
-    config.run.train_for_env_steps = 40 * 16 * 4;  // forty batches' worth of 16 decisions, four tics each
+    config.run.train_for_env_frames = 40 * 16 * 4;  // forty batches' worth of 16 decisions, four tics each
     const Outcome outcome = live(config, algo);
     ASSERT_TRUE(outcome.status) << outcome.status.error().message;
     EXPECT_GE(outcome.env_frames, 40u * 16 * 4);
@@ -432,8 +432,8 @@ TEST_F(LearnerTest, WarnsInWordsOfWhatReportsShowAndOfSettingsAtTheStart) {
   EXPECT_THAT(warnings(), ::testing::Not(::testing::HasSubstr("epsilon")));
 
   config = small_q_config("vdn");
-  config.q_learning.epsilon_decay_steps = 1e6;
-  config.run.train_for_env_steps = 4096;
+  config.q_learning.epsilon_decay_env_frames = 1e6;
+  config.run.train_for_env_frames = 4096;
   ASSERT_TRUE(live(config, "explores").status);
   spdlog::set_default_logger(before);
   EXPECT_THAT(warnings(), ::testing::HasSubstr("warning: the run ends at epsilon 1.00"));
@@ -454,7 +454,7 @@ TEST_F(LearnerTest, QLearningInLockStepIsTheSameTwiceAndAcrossAResume) {
     for (const auto& entry :
          fs::directory_iterator(folder_ / (config.run.algo.name() + "_halves") / "checkpoint"))
       if (entry.path().extension() == ".bin") fs::remove(entry.path());
-    config.run.train_for_env_steps = kFramesPerRollout * 8;
+    config.run.train_for_env_frames = kFramesPerRollout * 8;
     const Outcome refused = live(config, config.run.algo.name() + "_halves");
     ASSERT_FALSE(refused.status);
     EXPECT_NE(refused.status.error().message.find("replay_"), std::string::npos)
@@ -469,7 +469,7 @@ TEST_F(LearnerTest, OnlyReplaysOfKeptCheckpointsStay) {
   config.replay.save_replay = true;
   config.run.keep_checkpoints = 1;
   for (int life = 1; life <= 3; ++life) {
-    config.run.train_for_env_steps = life * 2 * 4 * 2 * 4 * 4;
+    config.run.train_for_env_frames = life * 2 * 4 * 2 * 4 * 4;
     ASSERT_TRUE(live(config, "run").status);
   }
   int replays = 0;
@@ -482,7 +482,7 @@ TEST_F(LearnerTest, ADeterministicCheckpointBringsJournalsAndStatesBack) {
   RunConfig config = small_config();
   config.collection.deterministic = true;
   config.collection.async_rl = false;
-  config.run.train_for_env_steps = 2 * 4 * 2 * 4 * 4;
+  config.run.train_for_env_frames = 2 * 4 * 2 * 4 * 4;
   ASSERT_TRUE(live(config, "run").status);
   Expected<shm::Arena> arena = shm::Arena::create(arena_shape(config), 2);
   shm::Arena observer = *shm::Arena::adopt(dup(arena->descriptor()));
@@ -507,7 +507,7 @@ TEST_F(LearnerTest, RefusesADeterministicResumeWithAnotherNumberOfEnvironments) 
   RunConfig config = small_config();
   config.collection.deterministic = true;
   config.collection.async_rl = false;
-  config.run.train_for_env_steps = 4 * 2 * 4 * 4;
+  config.run.train_for_env_frames = 4 * 2 * 4 * 4;
   ASSERT_TRUE(live(config, "run").status);
   config.collection.num_envs_per_worker = 6;
   const Outcome outcome = live(config, "run");
@@ -517,7 +517,7 @@ TEST_F(LearnerTest, RefusesADeterministicResumeWithAnotherNumberOfEnvironments) 
 
 TEST_F(LearnerTest, AStopEndsTheRunSoonAndSaves) {
   RunConfig config = small_config();
-  config.run.train_for_env_steps = 1e12;
+  config.run.train_for_env_frames = 1e12;
   stop_at_version_ = 3;
   const Outcome outcome = live(config, "run");
   ASSERT_TRUE(outcome.status);
@@ -530,7 +530,7 @@ TEST_F(LearnerTest, AStopEndsTheRunSoonAndSaves) {
 
 TEST_F(LearnerTest, ServeModePublishesTheCheckpointAndTouchesNothing) {
   RunConfig config = small_config();
-  config.run.train_for_env_steps = 3 * 16 * 4;
+  config.run.train_for_env_frames = 3 * 16 * 4;
   const Outcome trained = live(config, "run");
   ASSERT_TRUE(trained.status);
   stop_ = true;

@@ -71,7 +71,7 @@ RunConfig maze_config(const Case& one) {
   config.optimisation.learning_rate = 1e-3;
   config.optimisation.adam_eps = 1e-8;
   config.optimisation.gamma = 0.95;
-  config.run.train_for_env_steps = 4 * 300'000;
+  config.run.train_for_env_frames = 4 * 300'000;
   // Actor-critics.
   config.optimisation.batch_size = 512;
   config.optimisation.num_epochs = 2;
@@ -79,12 +79,12 @@ RunConfig maze_config(const Case& one) {
   config.on_policy.exploration_loss_coeff = 0.003;
   config.network.critic_hidden_sizes = "64";
   // Q-learning.
-  config.q_learning.learning_starts = 4096;
+  config.q_learning.learning_starts_decisions = 4096;
   config.q_learning.replay_ratio = 2;
-  config.q_learning.qmix_sequence_batch_size = 32;
+  config.q_learning.qmix_batch_sequences = 32;
   config.q_learning.target_update_tau = 0.02;
   config.q_learning.epsilon_end = 0.02;
-  config.q_learning.epsilon_decay_steps = 4 * 40'000;
+  config.q_learning.epsilon_decay_env_frames = 4 * 40'000;
   if (config.run.algo == "happo") config.environment.shared_reward_alpha = 1;  // its one value is the team's
   EXPECT_TRUE(resolve_settings(config, 2));
   return config;
@@ -114,7 +114,7 @@ INSTANTIATE_TEST_SUITE_P(Learners, TMazeGame,
 class TMazeWithoutMemory : public ::testing::TestWithParam<Case> {};
 TEST_P(TMazeWithoutMemory, StaysAtChance) {
   RunConfig config = maze_config(GetParam());
-  config.run.train_for_env_steps = 4 * 64'000;  // the others needed 62 000 decisions at most
+  config.run.train_for_env_frames = 4 * 64'000;  // the others needed 62 000 decisions at most
   const double score = best_score(GetParam(), config, kGuesses);
   EXPECT_GT(score, 0) << "no window of episodes was full";
   EXPECT_LT(score, kGuessedMax);

@@ -52,10 +52,10 @@ RunConfig game_config(const std::string& algo) {
   config.optimisation.lr_schedule = RateSchedule::kLinearDecay;
   config.q_learning.epsilon_end = 1;  // uniform play: every joint action is equally likely
   config.replay.per = false;
-  config.q_learning.learning_starts = 512;
+  config.q_learning.learning_starts_decisions = 512;
   config.q_learning.replay_ratio = 4;
   config.q_learning.target_update_tau = 0.02;
-  config.q_learning.dqn_batch_size = 32;
+  config.q_learning.dqn_batch_decisions = 32;
   config.q_learning.dqn_reward_clip = 0;
   // Where not every target can be met, Huber's loss ends nearer to their median than to their mean.
   config.q_learning.use_huber_loss = algo != "vdn" && algo != "idqn";
@@ -88,7 +88,7 @@ double two_step(const char* algo, int seed) {
   RunConfig config = game_config(algo);
   config.run.seed = seed;
   config.optimisation.gamma = 0.99;
-  config.run.train_for_env_steps = 4 * 60'000;
+  config.run.train_for_env_frames = 4 * 60'000;
   const auto learner = train(config, [] { return std::make_unique<TwoStepGame>(); });
   const double result = greedy_return(*learner);
   const torch::Tensor first = q_values(*learner, 0)[0], second = q_values(*learner, 2)[0];
@@ -114,7 +114,7 @@ TEST(TwoStepGame, QplexFindsTheOptimumFromThreeOfFourStarts) {
 double value_of_paying_game(bool ends_by_time) {
   RunConfig config = game_config("idqn");
   config.optimisation.gamma = 0.9;
-  config.run.train_for_env_steps = 4 * 20'000;
+  config.run.train_for_env_frames = 4 * 20'000;
   const auto learner = train(config, [&] { return std::make_unique<PayingGame>(ends_by_time); });
   const double value = q_values(*learner, 0).mean().item<double>();
   std::printf("paying game that ends by %s: Q %.3f\n", ends_by_time ? "time" : "its rules", value);

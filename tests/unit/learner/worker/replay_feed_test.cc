@@ -28,9 +28,9 @@ RunConfig config_of() {
   config.network.use_rnn = false;
   config.collection.rollout = kRollout;
   config.optimisation.batch_size = 64;
-  config.q_learning.dqn_batch_size = 16;
-  config.q_learning.learning_starts = 1000;
-  config.run.train_for_env_steps = config.replay.per_beta_frames = 10'000;
+  config.q_learning.dqn_batch_decisions = 16;
+  config.q_learning.learning_starts_decisions = 1000;
+  config.run.train_for_env_frames = config.replay.per_beta_env_frames = 10'000;
   config.network.normalize_input = false;
   config.collection.num_workers = 1;
   config.collection.trajectory_slabs = 8;
@@ -66,7 +66,7 @@ StateDict checkpoint(const ReplayFeed& feed, int64_t version, int64_t env_frames
 
 TEST(ReplayFeed, ATrainedPolicyWaitsForAFewBatchesOnly) {
   const auto fresh = feed_of(config_of());
-  EXPECT_EQ(decisions_before_training(*fresh), 1008) << "whole slabs from learning_starts on";
+  EXPECT_EQ(decisions_before_training(*fresh), 1008) << "whole slabs from learning_starts_decisions on";
   const auto resumed = feed_of(config_of());
   ASSERT_TRUE(resumed->load(checkpoint(*fresh, 7, 4032), "none", true));
   EXPECT_EQ(decisions_before_training(*resumed), 4 * 16);
@@ -77,7 +77,7 @@ TEST(ReplayFeed, ATrainedPolicyWaitsForAFewBatchesOnly) {
   ASSERT_TRUE(untrained->load(checkpoint(*fresh, 0, 400), "none", true));
   EXPECT_EQ(decisions_before_training(*untrained), 1008);
   RunConfig eager = config_of();
-  eager.q_learning.learning_starts = 20;
+  eager.q_learning.learning_starts_decisions = 20;
   const auto sooner = feed_of(eager);
   ASSERT_TRUE(sooner->load(checkpoint(*fresh, 7, 4032), "none", true));
   EXPECT_EQ(decisions_before_training(*sooner), 32) << "never later than a fresh run";
@@ -88,7 +88,7 @@ TEST(ReplayFeed, TheWeightsExponentGoesOnWhereARunIsMadeLonger) {
   feed->set_env_frames(5000);
   EXPECT_DOUBLE_EQ(feed->beta(), 0.7);
   RunConfig longer = config_of();
-  longer.run.train_for_env_steps = longer.replay.per_beta_frames = 30'000;
+  longer.run.train_for_env_frames = longer.replay.per_beta_env_frames = 30'000;
   const auto resumed = feed_of(longer);
   ASSERT_TRUE(resumed->load(checkpoint(*feed, 7, 5000), "none", true));
   EXPECT_DOUBLE_EQ(resumed->beta(), 0.7) << "at once, not with the first insert";

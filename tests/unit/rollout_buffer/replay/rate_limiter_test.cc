@@ -21,6 +21,15 @@ TEST(RateLimiter, SamplesOnlyFromTheSmallestSizeOn) {
   EXPECT_TRUE(limiter.can_insert(1'000'000));
 }
 
+TEST(RateLimiter, TellsHowMuchOfTheSmallestSizeIsThere) {
+  RateLimiter limiter({.min_size_to_sample = 100});
+  EXPECT_EQ(limiter.filled(), 0);
+  limiter.inserted(61);
+  EXPECT_EQ(limiter.filled(), 0.61);
+  limiter.inserted(500);
+  EXPECT_EQ(limiter.filled(), 1);
+}
+
 // min 10, r = 4, tolerance 20: (inserted - 10) * 4 - sampled stays within -20..20.
 TEST(RateLimiter, KeepsBothSidesWithinTheTolerance) {
   RateLimiter limiter({.samples_per_insert = 4, .min_size_to_sample = 10, .error_buffer = 20});

@@ -45,6 +45,25 @@ TEST(ReplayPlan, TakesAThirdOfFreeMemoryAndCompressesWhereThatIsTooLittle) {
   EXPECT_THAT(plan.reason, HasSubstr("LZ4 on"));
 }
 
+TEST(ReplayPlan, SaysHowManyDecisionsFitAndWhenLearningBegins) {
+  RunConfig config = config_of(0.05);
+  config.q_learning.learning_starts_decisions = 50'000;
+  const ReplayPlan little = plan_of(config, 10);
+  EXPECT_GT(little.fitting_decisions, 1000);
+  EXPECT_LT(little.fitting_decisions, 50'000'000 / (3 * 72 * 128));
+  EXPECT_EQ(little.decisions_before_training, little.fitting_decisions / 2) << "50 000 are never there";
+  const auto store = TrajectoryStore::create(
+      {.shape = shape_of(), .capacity_bytes = little.capacity_bytes, .keep_recurrent_state = false});
+  ASSERT_TRUE(store);
+  EXPECT_EQ(store->capacity_transitions(), little.fitting_decisions);
+  EXPECT_THAT(little.words(), HasSubstr("room for at least " + std::to_string(little.fitting_decisions)));
+  EXPECT_THAT(little.words(),
+              HasSubstr("learning begins with " + std::to_string(little.decisions_before_training)));
+  config.q_learning.learning_starts_decisions = 500;
+  EXPECT_EQ(plan_of(config, 10).decisions_before_training, 500);
+  EXPECT_EQ(plan_of(config_of(0), 200).fitting_decisions, 1'000'000);
+}
+
 TEST(ReplayPlan, TakesNoMoreThanTheDecisionsNeed) {
   const ReplayPlan plan = plan_of(config_of(0), 200);
   EXPECT_FALSE(plan.compress);
@@ -53,7 +72,7 @@ TEST(ReplayPlan, TakesNoMoreThanTheDecisionsNeed) {
   EXPECT_LT(static_cast<double>(plan.capacity_bytes), 1.2 * needed);
   // A store of that size holds them, short trajectories and masks apart.
   RunConfig small = config_of(0);
-  small.replay.replay_buffer_size = 2000;
+  small.replay.replay_capacity_decisions = 2000;
   const ReplayPlan little = plan_of(small, 10);
   const auto store = TrajectoryStore::create({.shape = shape_of(), .capacity_bytes = little.capacity_bytes});
   ASSERT_TRUE(store);

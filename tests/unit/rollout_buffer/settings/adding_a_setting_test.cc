@@ -63,7 +63,7 @@ TEST(AddingASetting, IsOneRow) {
       (scratch / "with").string() + "' -I'" + source + "' '" + main + "' -o '" + program + "'";
   for (const char* file :
        {"core/check.cc", "core/files.cc", "core/text.cc", "core/toml_text.cc", "settings/algorithms.cc",
-        "settings/layers.cc", "settings/resolve.cc", "settings/setting.cc"})
+        "settings/layers.cc", "settings/other_names.cc", "settings/resolve.cc", "settings/setting.cc"})
     command += " '" + folder + file + "'";
   const Ending built = run(command);
   ASSERT_EQ(built.status, 0) << built.output;

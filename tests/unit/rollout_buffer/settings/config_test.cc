@@ -155,7 +155,7 @@ TEST_F(SettingsToml, TheWrittenDocumentReadsBackWithoutLoss) {
   RunConfig config;
   config.run.experiment = "quoted \"name\"\\ with\ttab and \xC3\xA9";
   config.optimisation.learning_rate = 0.1 + 0.2;
-  config.run.train_for_env_steps = 1.25e8;
+  config.run.train_for_env_frames = 1.25e8;
   config.optimisation.adam_eps = 1e-300;
   config.run.seed = 9007199254740993;
   config.collection.async_rl = false;
@@ -197,6 +197,26 @@ TEST_F(SettingsToml, SeededNoiseNeverCrashesTheReader) {
       EXPECT_NE(read.error().message, "") << "seed " << seed;
     }
   }
+}
+
+TEST_F(SettingsToml, ARunsFileHoldsWhatWasAskedForBesideWhatHolds) {
+  RunConfig config = two_agents();
+  config.collection.num_workers = 6;
+  const std::string path = folder_.write(
+      "config.toml", settings_to_toml(config, {{"num_workers", "0"}, {"wad", ""}, {"team_reward", "auto"}}));
+  const auto read = read_settings_toml(path);
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_THAT(read->asked_for,
+              ::testing::UnorderedElementsAre(::testing::Pair("num_workers", "0"), ::testing::Pair("wad", ""),
+                                              ::testing::Pair("team_reward", "auto")));
+  EXPECT_EQ(read->values.size(), setting_rows().size());
+  EXPECT_EQ(load_run_config(path)->collection.num_workers, 6);
+  const auto other_table = read_settings_toml(folder_.write("other.toml", "[others]\nnum_workers = 0\n"));
+  ASSERT_FALSE(other_table);
+  EXPECT_THAT(other_table.error().message, HasSubstr("'others'"));
+  const auto deep = read_settings_toml(folder_.write("deep.toml", "[asked_for]\nseed = [1]\n"));
+  ASSERT_FALSE(deep);
+  EXPECT_THAT(deep.error().message, HasSubstr("deep.toml:2:"));
 }
 
 TEST(ApplyLayer, AMixerChoosesAmongQmixAndQplex) {

@@ -173,6 +173,27 @@ TEST(ArmorySiegeLayout, ThirtySeedsOfEveryDistanceGiveMaps) {
     }
 }
 
+TEST(ArmorySiegeLayout, TheCoreFindsASpotAmongEightAgents) {
+  // The first map that this seed draws has all five spots at starts, where the core cannot be put down.
+  PlayedScenario stage("armory_siege", {.num_agents = 8, .layout_seed = 7, .parameters = kVaried});
+  stage.run(4);
+  EXPECT_FALSE(stage.over());
+  EXPECT_EQ(stage.user(1), 1000);
+}
+
+TEST(ArmorySiegeOracle, GunsGoToThoseWhoHaveNone) {
+  const auto game = make_game("armory_siege", {.num_agents = 4, .frame_skip = 4});
+  ASSERT_NE(game, nullptr);
+  auto player = OraclePlayer::create(*game);
+  ASSERT_TRUE(player) << player.error().message;
+  DoomEnvironment environment(game);
+  player->reset(environment, 1);
+  const uint32_t shotgun = *environment.world().catalog().find("SiegeShotgun");
+  for (int i = 0; i < 700 && !environment.last_step().episode_over(); ++i) player->step(environment);
+  for (int agent = 0; agent < 4; ++agent)
+    EXPECT_EQ(doom::count_item(environment.world(), agent, shotgun), 1) << "agent " << agent;
+}
+
 TEST(ArmorySiegeOracle, EarnsMoreThanThePublishedCeiling) { EXPECT_GE(oracle_mean("armory_siege", 4), 100); }
 
 TEST(ArmorySiegeOracle, EarnsItOnVariedMapsToo) { EXPECT_GE(oracle_mean("armory_siege", 4, kVaried), 50); }

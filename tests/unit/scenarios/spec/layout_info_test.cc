@@ -21,7 +21,7 @@ TEST(LayoutInfo, ComesBackAsItWasWritten) {
 }
 
 TEST(LayoutInfo, KeepsTheCeilingOfEachTeamSize) {
-  const LayoutInfo info{"armory_siege", 1, 0, {}, {{2, 906.774}, {8, 235.42}}};
+  const LayoutInfo info{"armory_siege", 1, 0, {}, {{2, 674.97}, {8, 177.47}}};
   const auto again = parse_layout_info(write_layout_info(info));
   ASSERT_TRUE(again) << again.error().message;
   EXPECT_EQ(again->ceiling, info.ceiling);

@@ -148,7 +148,7 @@ TEST(ScenarioFiles, ActionSpacesLimitsAndCeilingsAreThePublishedOnes) {
       {"foraging_commons", {3, 27, 8, 5250, 0, 21000}},
       {"coop_puzzle", {3, 18, 0, 1200, 1, 5}},
       {"platform_chain", {4, 54, 0, 5250, 1, 47}},
-      {"armory_siege", {4, 162, 9, 4500, 0, 906.774}},
+      {"armory_siege", {4, 162, 9, 4500, 0, 674.97}},
       {"coop_health_gathering", {4, 27, 0, 2100, 0, 8400}},
       {"lava_pit", {5, 36, 0, 1000, 1, 11}},
       {"smart_enemies", {5, 54, 0, 4500, 0, 86}},
@@ -200,7 +200,8 @@ TEST(Ceilings, FollowTheParametersAndTheTeam) {
   for (const LayoutParameter& parameter : hunt.parameters) slow[parameter.name] = parameter.default_value;
   slow["interval"] = 4;
   EXPECT_DOUBLE_EQ(hunt.ceiling({slow, 2, 18000}), 29) << "no such map is made";
-  EXPECT_GT(of("armory_siege", 2, {{"difficulty", "1000"}}), of("armory_siege", 2, {}));
+  EXPECT_GT(of("armory_siege", 2, {{"window", "450"}, {"difficulty", "1000"}}),
+            of("armory_siege", 2, {{"window", "450"}}));
   EXPECT_LT(of("armory_siege", 8, {}), of("armory_siege", 2, {}) / 3);
 }
 
@@ -249,6 +250,28 @@ TEST(Resources, AMapThatGivesTooLittleIsRefusedWithAReason) {
     }
   EXPECT_THAT(error("smart_enemies", 2, {{"interval", "2"}, {"cap", "3"}}), HasSubstr("on the default map"));
   EXPECT_THAT(error("dumb_enemies", 2, {{"radius", "1150"}, {"cap", "6"}}), HasSubstr("can be caught"));
+}
+
+TEST(Resources, ASiegeIsMadeForTeamsWhoseShotsAndShellsSuffice) {
+  const auto is_made = [](int agents, const char* window, const char* difficulty) {
+    const auto layout = generate_layout(
+        "armory_siege",
+        {.num_agents = agents, .parameters = {{"window", window}, {"difficulty", difficulty}}});
+    if (!layout) {
+      EXPECT_THAT(layout.error().message, HasSubstr("of the monsters before the core falls"));
+    }
+    return layout.has_value();
+  };
+  for (int agents = 2; agents <= 8; ++agents) {
+    EXPECT_TRUE(is_made(agents, "300", "500")) << "the default map is the measure";
+    // Twice the health and no more shells: they run out for every team.
+    EXPECT_FALSE(is_made(agents, "300", "1000")) << agents;
+  }
+  // Waves come twice as fast: two cannot fire so often. Shells come twice as fast as well.
+  EXPECT_FALSE(is_made(2, "150", "500"));
+  EXPECT_TRUE(is_made(3, "150", "500"));
+  EXPECT_FALSE(is_made(3, "150", "1000"));
+  EXPECT_TRUE(is_made(4, "150", "1000"));
 }
 
 TEST(Resources, HuntersWhoHaveNoRoomToKeepApartGetNoMap) {

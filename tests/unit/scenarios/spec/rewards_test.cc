@@ -89,6 +89,29 @@ TEST(Rewards, TermsAddUpPerAgentAndPerAgentWeightsAreShared) {
   EXPECT_FLOAT_EQ(reward[1], 0.75f);
 }
 
+TEST(Rewards, WeightsCanBeChangedAndTheCeilingOfAReturnIsUnknownThen) {
+  ScenarioSpec spec;
+  spec.name = "toy";
+  spec.score = "survival_tics";
+  spec.ceiling = 10;
+  spec.rewards.resize(2);
+  spec.rewards[0].name = "kit", spec.rewards[0].weight = 1;
+  spec.rewards[1].name = "death", spec.rewards[1].weight = -1;
+  ASSERT_TRUE(change_weights(spec, {{"death", -3}}));
+  EXPECT_EQ(spec.rewards[0].weight, 1);
+  EXPECT_EQ(spec.rewards[1].weight, -3);
+  EXPECT_EQ(spec.ceiling, 10) << "survival does not depend on rewards";
+  const Status unknown = change_weights(spec, {{"deth", 1}});
+  ASSERT_FALSE(unknown);
+  EXPECT_NE(unknown.error().message.find("did you mean 'death'"), std::string::npos);
+  spec.score = "return";
+  ASSERT_TRUE(change_weights(spec, {}));
+  EXPECT_EQ(spec.ceiling, 10);
+  ASSERT_TRUE(change_weights(spec, {{"kit", 2}}));
+  EXPECT_EQ(spec.ceiling, 0);
+  EXPECT_FALSE(spec.maps_say_ceiling);
+}
+
 TEST(Rewards, WithoutTermsTheRewardIsZero) {
   RewardTracker tracker({}, 2);
   std::vector<float> reward = {5, 5};

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <map>
 
 #include "doomgen/layout/map_plan.h"
 #include "doomgen/layout/udmf_writer.h"
@@ -32,6 +33,7 @@ class GameLoading : public testing::Test {
   struct Wanted {
     std::string scenario = "coop_health_gathering";
     int num_agents = 2, frame_skip = 4;
+    std::string reward = {};
   };
   Expected<std::shared_ptr<const DoomGame>> load(const Wanted& wanted) {
     EnvironmentOptions options;
@@ -39,6 +41,7 @@ class GameLoading : public testing::Test {
     options.wad_path = path_;
     options.num_agents = wanted.num_agents;
     options.frame_skip = wanted.frame_skip;
+    options.reward = wanted.reward;
     return load_doom_game(options);
   }
   std::string message(const Wanted& wanted) {
@@ -57,6 +60,31 @@ TEST_F(GameLoading, ReadsScenarioLevelAndParameters) {
   EXPECT_EQ((*game)->level->sectors.size(), 1u);
   EXPECT_NE((*game)->behavior, nullptr);
   EXPECT_TRUE((*game)->catalog->find("TetherHot"));
+}
+
+TEST_F(GameLoading, TakesOtherWeightsForRewards) {
+  const auto game = load({.reward = "own_death=-7,kit_taken=0"});
+  ASSERT_TRUE(game) << game.error().message;
+  std::map<std::string, double> weights;
+  for (const scenarios::RewardTerm& term : (*game)->spec.rewards) weights[term.name] = term.weight;
+  EXPECT_EQ(weights["own_death"], -7);
+  EXPECT_EQ(weights["kit_taken"], 0);
+  EXPECT_EQ(weights["health_gained"], 0.1);
+  EXPECT_THAT(message({.reward = "own_deth=-7"}), HasSubstr("did you mean 'own_death'"));
+}
+
+TEST_F(GameLoading, AScenarioWithABasePlaysTheBasesMap) {
+  const test::ScratchFolder folder;
+  folder.write("gentle/scenario.toml",
+               "name = \"gentle\"\nbase = \"coop_health_gathering\"\nceiling = 900\n");
+  const auto game = load({.scenario = (folder / "gentle").string()});
+  ASSERT_TRUE(game) << game.error().message;
+  EXPECT_EQ((*game)->spec.name, "gentle");
+  EXPECT_EQ((*game)->ceiling, 900);
+  EXPECT_EQ((*load({}))->layout_id, (*game)->layout_id);
+  folder.write("gentle/scenario.toml", "name = \"gentle\"\nbase = \"lava_pit\"\n");
+  EXPECT_THAT(message({.scenario = (folder / "gentle").string()}),
+              HasSubstr("is a map of scenario coop_health_gathering, not of lava_pit"));
 }
 
 TEST_F(GameLoading, MistakesAreSaidOfTheFilesThatTheirAuthorEdits) {

@@ -1,0 +1,99 @@
+#include "deploy/settings/start_notes.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "deploy/settings/game_files.h"
+#include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/setting.h"
+
+namespace comrad::deploy {
+namespace {
+
+/// A value in a sentence.
+std::string shown(const std::string& text) { return text.empty() ? "empty" : text; }
+
+/// Calls `tell(row, text)` for every setting that was typed.
+template <typename Tell>
+void for_each_typed(const SettingsLayer& typed, Tell&& tell) {
+  for (const auto& [name, text] : typed.values)
+    if (const SettingRow* row = find_setting(name)) tell(*row, text);
+}
+
+}  // namespace
+
+std::vector<std::string> flags_without_effect(const RunConfig& config, const SettingsLayer& typed) {
+  RunConfig judged = config;
+  if (is_generated_layout(judged)) judged.environment.wad.clear();  // nobody asked for that one
+  std::vector<std::string> lines;
+  for_each_typed(typed, [&](const SettingRow& row, const std::string& text) {
+    if (!row.counts(judged))
+      lines.push_back("--" + std::string(row.name) + " " + text + " does nothing in this run (algo " +
+                      config.run.algo.name() + "): it counts with " +
+                      std::string(row.traits.counts_with.words));
+  });
+  return lines;
+}
+
+std::vector<std::string> flags_unused_by_eval(const SettingsLayer& typed) {
+  std::vector<std::string> lines;
+  for_each_typed(typed, [&](const SettingRow& row, const std::string& text) {
+    if (!row.traits.used_by_eval)
+      lines.push_back("--" + std::string(row.name) + " " + text + " does nothing in an evaluation");
+  });
+  return lines;
+}
+
+std::string changes_text(const RunConfig& before, const RunConfig& now) {
+  std::vector<std::string> changes;
+  for (const SettingRow& row : setting_rows()) {
+    const std::string was = row.text(before), is = row.text(now);
+    const bool is_own_map =
+        row.name == "wad" && (was.empty() || is_generated_layout(before)) && is_generated_layout(now);
+    if (was == is || row.traits.is_of_the_start || is_own_map) continue;
+    changes.push_back(std::string(row.name) + " " + shown(was) + " -> " + shown(is));
+  }
+  return changes.empty() ? "" : "changed since the last start: " + joined(changes);
+}
+
+std::string left_out_text(const SettingsLayer& file) {
+  if (file.asked_for.empty()) return "";
+  std::vector<std::string> names;
+  for (const auto& [name, text] : file.asked_for) names.push_back(name);
+  return file.origin +
+         " is a run's: its settings are taken, and what was worked out for that run is worked out anew (" +
+         joined(names) + ")";
+}
+
+Expected<std::optional<replay::ReplayPlan>> chosen_replay(const RunConfig& config, const EnvShape& env,
+                                                          const NetworkSize& network,
+                                                          const std::string& run_dir) {
+  if (!config.run.algo->learns_q_values()) return std::optional<replay::ReplayPlan>();
+  TrajectoryShape shape;
+  shape.env = env;
+  shape.rollout_steps = static_cast<int32_t>(config.collection.rollout);
+  shape.recurrent_state_count = network.recurrent_state_count;
+  COMRAD_TRY_ASSIGN(
+      replay::ReplayPlan plan,
+      replay::replay_plan(config, shape, replay::probe_space(run_dir),
+                          replay::reserved_bytes(config, shape, network.weights_bytes), run_dir));
+  return std::optional(std::move(plan));
+}
+
+Status check_learning_begins(const RunConfig& config, const replay::ReplayPlan& replay) {
+  const auto begins =
+      static_cast<double>(replay.decisions_before_training * config.environment.env_frameskip);
+  const double ends = config.run.train_for_env_frames;
+  if (begins < ends) return {};
+  const bool is_half = replay.decisions_before_training < config.q_learning.learning_starts_decisions;
+  return Error{
+      ErrorCode::kBadInput,
+      "learning begins at " + std::to_string(std::llround(begins)) + " env frames (" +
+          std::to_string(replay.decisions_before_training) + " agent decisions, " +
+          (is_half ? "half of what the replay holds" : "learning_starts_decisions") + "), the run ends at " +
+          std::to_string(std::llround(ends)) +
+          " (train_for_env_frames), without an update or a checkpoint; raise --train_for_env_frames, lower "
+          "--learning_starts_decisions, or say --allow_no_update"};
+}
+
+}  // namespace comrad::deploy

@@ -1,0 +1,101 @@
+#include "rollout_buffer/settings/other_names.h"
+
+#include <algorithm>
+
+#include "rollout_buffer/core/text.h"
+
+namespace comrad {
+namespace {
+
+constexpr OtherName kRows[] = {
+    {.name = "value_bootstrap", .is_boolean = true, .setting = "legacy_timeouts"},
+    {.name = "env_framestack",
+     .same = "1",
+     .instead = "frames are not stacked; agents remember by their recurrent core (--use_rnn, --rnn_type, "
+                "--rnn_size)"},
+    {.name = "recurrence",
+     .same = "-1",
+     .instead = "gradients run through the whole trajectory; its length is --rollout"},
+    {.name = "nonlinearity", .same = "elu", .instead = "all layers are followed by ELU; leave it out"},
+    {.name = "optimizer",
+     .same = "adam",
+     .instead = "Adam is the one optimizer (--learning_rate, --adam_eps, --adam_beta1, --adam_beta2)"},
+    {.name = "with_wandb",
+     .is_boolean = true,
+     .same = "false 0",
+     .instead =
+         "a run writes TensorBoard's events.out.tfevents.* and metrics.jsonl into its folder; `wandb sync "
+         "FOLDER` uploads them"},
+    {.name = "num_policies",
+     .same = "1",
+     .instead =
+         "a run trains one team; start one run for each --seed. Networks of their own for the agents of a "
+         "team: --share_parameters=False"},
+    {.name = "with_pbt",
+     .is_boolean = true,
+     .same = "false 0",
+     .instead = "there is no population-based training; start one run for each set of values"},
+    {.name = "batched_sampling",
+     .is_boolean = true,
+     .same = "false true 0 1",
+     .instead =
+         "observations of many environments make one inference batch in any case (--min_batch, --max_batch)"},
+    {.name = "actor_critic_share_weights",
+     .is_boolean = true,
+     .same = "true 1",
+     .instead =
+         "ippo's policy and value share one network; --algo mappo and happo have a critic of their own"},
+    {.name = "policy_initialization",
+     .same = "orthogonal",
+     .instead = "weights begin orthogonal (--policy_init_gain)"},
+    {.name = "encoder_mlp_layers",
+     .instead = "observations are pictures (--encoder_conv_architecture); measurements join them with "
+                "--use_additional_input"},
+    {.name = "encoder_conv_mlp_layers",
+     .same = "512",
+     .instead =
+         "the width after the convolutions belongs to --encoder_conv_architecture; layers after the core: "
+         "--decoder_mlp_layers"},
+    {.name = "obs_subtract_mean",
+     .same = "0 0.0",
+     .instead = "pixels are brought to mean 0 by --normalize_input"},
+    {.name = "obs_scale",
+     .same = "1 1.0",
+     .instead = "pixels are brought to deviation 1 by --normalize_input"},
+    {.name = "summaries_use_frameskip",
+     .is_boolean = true,
+     .same = "true 1",
+     .instead = "summaries count env frames; metrics.jsonl has decisions beside them"},
+    {.name = "save_best_metric",
+     .same = "score",
+     .instead = "the best checkpoint is the one with the highest score J"},
+    {.name = "res_w",
+     .same = "128",
+     .instead = "frames are 128x72; the size they are drawn at is --render_size"},
+    {.name = "res_h",
+     .same = "72",
+     .instead = "frames are 128x72; the size they are drawn at is --render_size"},
+};
+
+}  // namespace
+
+Status OtherName::accept(const std::string& origin, std::string_view text) const {
+  const std::string given = lower_case(trimmed(text));
+  std::string_view rest = same;
+  while (!rest.empty()) {
+    const std::size_t end = std::min(rest.find(' '), rest.size());
+    if (rest.substr(0, end) == given) return {};
+    rest.remove_prefix(std::min(end + 1, rest.size()));
+  }
+  return Error{ErrorCode::kBadInput,
+               origin + ": " + std::string(name) + " " + std::string(text) + ": " + std::string(instead)};
+}
+
+std::span<const OtherName> other_names() { return kRows; }
+
+const OtherName* find_other_name(std::string_view name) {
+  const auto* const found = std::ranges::find(kRows, name, &OtherName::name);
+  return found == std::end(kRows) ? nullptr : found;
+}
+
+}  // namespace comrad

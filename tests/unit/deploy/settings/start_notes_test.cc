@@ -1,0 +1,124 @@
+#include "deploy/settings/start_notes.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace comrad::deploy {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+TEST(FlagsWithoutEffect, AreNamedWithWhatTheyCountWith) {
+  RunConfig config;
+  config.run.algo = "ippo";
+  EXPECT_THAT(flags_without_effect(config, {"command line", {{"n_step", "3"}, {"gamma", "0.9"}}}),
+              ElementsAre(AllOf(HasSubstr("--n_step 3 does nothing"), HasSubstr("algo ippo"),
+                                HasSubstr("counts with Q-learning"))));
+  config.run.algo = "vdn";
+  config.replay.per = false;  // as resolve_settings leaves it with a recurrent core
+  EXPECT_THAT(flags_without_effect(config, {"command line", {{"n_step", "3"}, {"per_omega", "0.9"}}}),
+              ElementsAre(AllOf(HasSubstr("--per_omega 0.9 does nothing"), HasSubstr("per_sequences"))));
+  EXPECT_THAT(flags_without_effect(config, {"command line", {{"env_framestack", "1"}, {"lr", "1e-3"}}}),
+              IsEmpty());
+}
+
+TEST(FlagsWithoutEffect, AMapThatWasMadeForTheRunHidesNoSeed) {
+  RunConfig config;
+  config.run.scenario = "lava_pit";
+  config.environment.layout_seed = 7;
+  config.environment.wad = "/train_dir/run/layouts/lava_pit_7.wad";
+  const SettingsLayer typed{"command line", {{"layout_seed", "7"}}};
+  EXPECT_THAT(flags_without_effect(config, typed), IsEmpty());
+  config.environment.wad = "/home/me/mine.wad";
+  EXPECT_THAT(flags_without_effect(config, typed), ElementsAre(HasSubstr("--layout_seed 7 does nothing")));
+}
+
+TEST(FlagsUnusedByEval, AreThoseOfTraining) {
+  EXPECT_THAT(
+      flags_unused_by_eval({"command line", {{"seed", "3"}, {"learning_rate", "1e-3"}, {"wad", "a"}}}),
+      ElementsAre(HasSubstr("--learning_rate 1e-3 does nothing in an evaluation")));
+}
+
+TEST(Changes, NameBothValuesAndLeaveOutWhereTheRunLies) {
+  RunConfig before, now;
+  EXPECT_EQ(changes_text(before, now), "");
+  before.optimisation.gamma = 0.995;
+  now.optimisation.gamma = 0.9;
+  before.environment.layout_pool = "";
+  now.environment.layout_pool = "train:5";
+  now.run.train_dir = "/elsewhere";
+  now.run.restart_behavior = RestartBehavior::kOverwrite;
+  EXPECT_EQ(changes_text(before, now),
+            "changed since the last start: layout_pool empty -> train:5, gamma 0.995 -> 0.9");
+}
+
+TEST(Changes, AMapThatWasMadeAnewIsNamedByItsSeed) {
+  RunConfig before;
+  before.run.scenario = "lava_pit";
+  before.environment.layout_seed = 1;
+  before.environment.wad = "/old/run/layouts/lava_pit_1.wad";
+  RunConfig now = before;
+  now.environment.layout_seed = 2;
+  now.environment.wad = "/new/run/layouts/lava_pit_2.wad";
+  EXPECT_EQ(changes_text(before, now), "changed since the last start: layout_seed 1 -> 2");
+  now.environment.wad = "/home/me/mine.wad";
+  EXPECT_THAT(changes_text(before, now),
+              HasSubstr("wad /old/run/layouts/lava_pit_1.wad -> /home/me/mine.wad"));
+}
+
+TEST(LearningBegins, BeforeTheRunEndsOrTheStartIsRefusedWithBothNumbers) {
+  RunConfig config;
+  config.run.algo = "vdn";
+  config.environment.env_frameskip = 4;
+  config.q_learning.learning_starts_decisions = 50'000;
+  config.run.train_for_env_frames = 60'000;
+  replay::ReplayPlan replay{.decisions_before_training = 17'500};
+  const Status refused = check_learning_begins(config, replay);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kBadInput);
+  EXPECT_THAT(
+      refused.error().message,
+      AllOf(HasSubstr("learning begins at 70000 env frames"), HasSubstr("half of what the replay holds"),
+            HasSubstr("the run ends at 60000"), HasSubstr("--allow_no_update")));
+  config.run.train_for_env_frames = 70'001;
+  EXPECT_TRUE(check_learning_begins(config, replay));
+  config.q_learning.learning_starts_decisions = 17'500;
+  config.run.train_for_env_frames = 70'000;
+  const Status by_the_setting = check_learning_begins(config, replay);
+  ASSERT_FALSE(by_the_setting);
+  EXPECT_THAT(by_the_setting.error().message, Not(HasSubstr("half")));
+}
+
+TEST(ChosenReplay, IsThereForQLearningAlone) {
+  RunConfig config;
+  config.environment.num_agents = 2;
+  EnvShape env;
+  env.num_agents = 2;
+  env.head_count = 1;
+  env.head_sizes = {4};
+  const NetworkSize network{.weights_bytes = 1'000'000, .recurrent_state_count = 512};
+  config.run.algo = "ippo";
+  const auto none = chosen_replay(config, env, network, "");
+  ASSERT_TRUE(none) << none.error().message;
+  EXPECT_FALSE(none->has_value());
+  config.run.algo = "qmix";
+  config.replay.replay_gb = 0.1;
+  const auto some = chosen_replay(config, env, network, "");
+  ASSERT_TRUE(some) << some.error().message;
+  ASSERT_TRUE(some->has_value());
+  EXPECT_GT((*some)->fitting_decisions, 1000);
+}
+
+TEST(LeftOut, IsNamedForARunsConfigAlone) {
+  EXPECT_EQ(left_out_text({"mine.toml", {{"gamma", "0.9"}}}), "");
+  SettingsLayer of_a_run{"old/config.toml", {{"num_workers", "2"}, {"wad", "a.wad"}}};
+  of_a_run.asked_for = {{"num_workers", "0"}, {"wad", ""}};
+  EXPECT_THAT(left_out_text(of_a_run), AllOf(HasSubstr("old/config.toml"), HasSubstr("(num_workers, wad)")));
+}
+
+}  // namespace
+}  // namespace comrad::deploy

@@ -1,0 +1,127 @@
+#include "rollout_buffer/settings/counts_with.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <regex>
+
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/resolve.h"
+#include "rollout_buffer/settings/setting.h"
+
+namespace comrad {
+namespace {
+
+/// Whether `setting` counts in a run with these settings over the built-in ones.
+bool counts(const char* setting, std::vector<std::pair<std::string, std::string>> values) {
+  RunConfig config;
+  config.environment.num_agents = 2;
+  const Status set = apply_layer(config, {"test", std::move(values)});
+  EXPECT_TRUE(set) << set.error().message;
+  const Status resolved = resolve_settings(config, 2);
+  EXPECT_TRUE(resolved) << resolved.error().message;
+  return find_setting(setting)->counts(config);
+}
+
+TEST(CountsWith, TheFamilyOfTheAlgorithmDecides) {
+  EXPECT_FALSE(counts("n_step", {{"algo", "ippo"}}));
+  EXPECT_TRUE(counts("n_step", {{"algo", "vdn"}}));
+  EXPECT_TRUE(counts("ppo_clip_ratio", {{"algo", "happo"}, {"share_parameters", "false"}}));
+  EXPECT_FALSE(counts("ppo_clip_ratio", {{"algo", "idqn"}, {"use_rnn", "false"}}));
+  EXPECT_FALSE(counts("replay_gb", {{"algo", "mappo"}}));
+  EXPECT_TRUE(counts("replay_gb", {{"algo", "qmix"}}));
+}
+
+TEST(CountsWith, OneAlgorithmMayBeTheOnlyOne) {
+  EXPECT_TRUE(counts("mappo_critic_view", {{"algo", "mappo"}}));
+  EXPECT_FALSE(counts("mappo_critic_view", {{"algo", "ippo"}}));
+  EXPECT_FALSE(counts("qmix_embed_dim", {{"algo", "vdn"}}));
+  EXPECT_TRUE(counts("qplex_num_kernel", {{"algo", "qplex_d"}}));
+  EXPECT_FALSE(counts("qplex_n_head", {{"algo", "qplex_d"}})) << "attention is qplex_q's";
+  EXPECT_TRUE(counts("qplex_n_head", {{"algo", "qplex_q"}}));
+  EXPECT_FALSE(counts("q_value_clamp", {{"algo", "idqn"}, {"use_rnn", "false"}}));
+}
+
+TEST(CountsWith, AnotherSettingMayDecide) {
+  EXPECT_FALSE(counts("rnn_size", {{"algo", "ippo"}, {"use_rnn", "false"}}));
+  EXPECT_FALSE(counts("per_omega", {{"algo", "vdn"}})) << "sequences have no priorities unless asked for";
+  EXPECT_TRUE(counts("per_omega", {{"algo", "vdn"}, {"per_sequences", "true"}}));
+  EXPECT_TRUE(counts("per_omega", {{"algo", "idqn"}, {"use_rnn", "false"}}));
+  EXPECT_FALSE(counts("per_omega", {{"algo", "idqn"}, {"use_rnn", "false"}, {"per", "false"}}));
+  EXPECT_FALSE(counts("n_step", {{"algo", "vdn"}, {"td_lambda", "0.8"}}));
+  EXPECT_FALSE(counts("train_every_decisions", {{"algo", "vdn"}, {"replay_ratio", "4"}}));
+  EXPECT_FALSE(counts("plr_alpha", {{"layout_pool", "train:10"}}));
+  EXPECT_TRUE(counts("plr_alpha", {{"layout_pool", "train:10"}, {"curriculum", "plr"}}));
+  EXPECT_FALSE(counts("layout_seed", {{"layout_pool", "train:10"}}));
+}
+
+TEST(CountsWith, EverySettingSaysWhereItCountsAndEachDoesSomewhere) {
+  const std::vector<std::pair<std::string, std::string>> algorithms[] = {
+      {{"algo", "ippo"}, {"with_vtrace", "true"}, {"normalize_returns", "false"}},
+      {{"algo", "mappo"}, {"lr_schedule", "kl_adaptive_epoch"}, {"wad", "a.wad"}},
+      {{"algo", "happo"}, {"share_parameters", "false"}, {"shared_reward_alpha", "1"}},
+      {{"algo", "ippo"}, {"layout_pool", "train:9"}, {"curriculum", "sequential"}},
+      {{"algo", "ippo"}, {"layout_pool", "train:9"}, {"curriculum", "omni"}},
+      {{"algo", "ippo"}, {"layout_pool", "train:9"}, {"curriculum", "plr"}},
+      {{"algo", "idqn"}, {"use_rnn", "false"}, {"target_update_tau", "1"}},
+      {{"algo", "qmix"}, {"per_sequences", "true"}},
+      {{"algo", "vdn"}, {"use_rnn", "false"}},
+      {{"algo", "qplex_q"}, {"qplex_adv_hypernet_layers", "2"}}};
+  for (const SettingRow& row : setting_rows()) {
+    ASSERT_NE(row.traits.counts_with.holds, nullptr) << row.name;
+    bool somewhere = false;
+    for (const auto& values : algorithms) somewhere |= counts(std::string(row.name).c_str(), values);
+    EXPECT_TRUE(somewhere) << row.name << " counts with " << row.traits.counts_with.words;
+  }
+}
+
+TEST(Units, TheHelpOfEveryNumberSaysIts) {
+  // Amounts, and what numbers without a unit are.
+  const std::regex unit(
+      "env frames|agent decisions|joint decisions|decisions|sequences|trajector|optimizer "
+      "steps|versions|seconds|"
+      "episodes|tics|environments|agents|processes|threads|groups|batches|minibatches|passes|slabs|gigabytes|"
+      "files|"
+      "units|deviations|layers|nats|L2|reward|score|seed|factor|share|fraction|probability|rate|exponent|"
+      "weight|epsilon|"
+      "number|"
+      "temperature|ratio|in units|inference");
+  for (const SettingRow& row : setting_rows()) {
+    if (row.kind != SettingKind::kInt && row.kind != SettingKind::kReal) continue;
+    EXPECT_TRUE(std::regex_search(row.help.begin(), row.help.end(), unit)) << row.name << ": " << row.help;
+  }
+}
+
+TEST(Units, NamesThatCouldMeanTwoOfThemEndInTheirs) {
+  for (const SettingRow& row : setting_rows()) {
+    const std::string name(row.name);
+    EXPECT_FALSE(name.ends_with("_steps") || name.ends_with("_starts")) << name;
+    EXPECT_EQ(name.ends_with("_frames"), name.ends_with("_env_frames")) << name;
+    for (const auto& [end, unit] : {std::pair("_env_frames", "env frames"), {"_decisions", "decisions"}}) {
+      if (!name.ends_with(end)) continue;
+      EXPECT_NE(row.help.find(unit), std::string_view::npos) << name;
+    }
+  }
+}
+
+TEST(Units, TheOldNamesStillSetTheNewOnes) {
+  const std::pair<const char*, const char*> names[] = {
+      {"train_for_env_steps", "train_for_env_frames"},
+      {"epsilon_decay_steps", "epsilon_decay_env_frames"},
+      {"per_beta_frames", "per_beta_env_frames"},
+      {"save_best_after", "save_best_after_env_frames"},
+      {"learning_starts", "learning_starts_decisions"},
+      {"train_frequency", "train_every_decisions"},
+      {"replay_buffer_size", "replay_capacity_decisions"},
+      {"dqn_batch_size", "dqn_batch_decisions"},
+      {"qmix_buffer_batch_size", "qmix_batch_joint_decisions"},
+      {"qmix_sequence_batch_size", "qmix_batch_sequences"}};
+  for (const auto& [old_name, name] : names) {
+    RunConfig config;
+    ASSERT_TRUE(apply_layer(config, {"command line", {{old_name, "123"}}})) << old_name;
+    EXPECT_EQ(std::stod(setting_text(config, name)), 123) << old_name;
+  }
+}
+
+}  // namespace
+}  // namespace comrad
