@@ -80,7 +80,7 @@ class Cluster {
             "none\nReturnToService=2\nKillWait=20\nSchedulerParameters=sched_min_interval=100000\n"
             "NodeName=" +
             std::string(host) +
-            " NodeAddr=127.0.0.1 CPUs=4 RealMemory=1000 State=UNKNOWN\nPartitionName=main Nodes=" + host +
+            " NodeAddr=127.0.0.1 CPUs=4 RealMemory=8000 State=UNKNOWN\nPartitionName=main Nodes=" + host +
             " Default=YES MaxTime=INFINITE State=UP\n");
     environment_ = {{"SLURM_CONF", configuration_}};
     daemons_.push_back(std::make_unique<RunningProgram>(std::vector<std::string>{
@@ -155,7 +155,7 @@ TEST(SlurmSweep, MakesAnArrayThatIsRequeuedResumedAndReported) {
   };
 
   // One run that ends, one that fails, one that is killed, one that is longer than the time limit.
-  const std::string file = write("1, 600, 700, 2", "60000");
+  const std::string file = write("1, 600, 700, 800", "2000");
   Ending submitted = start(file);
   ASSERT_EQ(submitted.exit_code, 0) << submitted.err;
   EXPECT_THAT(submitted.err, ContainsRegex("job array [0-9]+: 4 runs"));
@@ -164,8 +164,8 @@ TEST(SlurmSweep, MakesAnArrayThatIsRequeuedResumedAndReported) {
   EXPECT_EQ(again.exit_code, 0) << again.err;
   EXPECT_THAT(again.err, HasSubstr("nothing to submit"));
 
-  ASSERT_TRUE(
-      wait_until([&] { return count(events(), "begins 1000 ") == 1 || (hurry(), false); }, kWaitSeconds))
+  ASSERT_TRUE(wait_until([&] { return count(events(), "seed700 begins 1000 ") == 1 || (hurry(), false); },
+                         kWaitSeconds))
       << events() << cluster.ask({"squeue", "-r"});  // seed 700, killed and resumed
   const nlohmann::json seen = status();
   ASSERT_TRUE(seen.is_object());
@@ -177,12 +177,12 @@ TEST(SlurmSweep, MakesAnArrayThatIsRequeuedResumedAndReported) {
   // The time limit comes near: the run saves, is queued again and goes on from there.
   ASSERT_TRUE(wait_until(
       [&] {
-        return (count(events(), "seed2 ends paused") >= 1 && count(events(), "seed2 begins") >= 2) ||
+        return (count(events(), "seed800 ends paused") >= 1 && count(events(), "seed800 begins") >= 2) ||
                (hurry(), false);
       },
       kWaitSeconds))
       << events() << cluster.ask({"squeue", "-r"});
-  EXPECT_EQ(count(events(), "seed2 begins 0 "), 1) << events();
+  EXPECT_EQ(count(events(), "seed800 begins 0 "), 1) << events();
 
   // All ends are reached, the failed run's aside; only then the report is made.
   ASSERT_TRUE(wait_until([&] { return fs::exists(scratch / "study/seen.txt") || (hurry(), false); },
@@ -195,9 +195,9 @@ TEST(SlurmSweep, MakesAnArrayThatIsRequeuedResumedAndReported) {
   EXPECT_EQ(count(read_text(scratch / "study/seen.txt"), "ends finished"), 3);
 
   // The same command submits what failed and what is new; `stop` empties the queue and lets what runs save.
-  submitted = start(write("1, 600, 700, 2, 3", "6000000"));
+  submitted = start(write("1, 600, 700, 800, 3", "6000000"));
   EXPECT_THAT(submitted.err, ContainsRegex("job array [0-9]+: 5 runs")) << submitted.err;
-  ASSERT_TRUE(wait_until([&] { return count(events(), "seed3 begins 0 ") == 1; }, kWaitSeconds)) << events();
+  ASSERT_TRUE(wait_until([&] { return status()["running"] == 4; }, kWaitSeconds)) << events();
   const Ending stopped = comrad({"sweep", "stop", (scratch / "study").string()}, 60, cluster.environment());
   EXPECT_EQ(stopped.exit_code, 0) << stopped.err;
   ASSERT_TRUE(wait_until(
@@ -206,7 +206,7 @@ TEST(SlurmSweep, MakesAnArrayThatIsRequeuedResumedAndReported) {
       },
       kWaitSeconds))
       << cluster.ask({"squeue", "-r"});
-  EXPECT_EQ(count(events(), "seed3 ends paused"), 1) << events();
+  EXPECT_GE(count(events(), "seed3 ends paused"), 1) << events();
   EXPECT_EQ(status()["interrupted"], 4);
 }
 

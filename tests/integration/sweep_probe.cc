@@ -7,7 +7,7 @@
 // The last stands in for `comrad train`: it holds the run directory's lock, counts 100 env frames every 20 ms from where it
 // stopped, says so in status.json and, when SIGTERM comes, saves and leaves. What it lives through goes to D/events.log
 // ("<run> begins 300 cpus 0,1", "<run> ends paused 700"). Seeds from 600 misbehave: 6xx fails at once with a message, 7xx is
-// killed by SIGKILL after its first 1000 frames.
+// killed by SIGKILL after its first 1000 frames, and 8xx does not end before it was told to save once.
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
@@ -114,9 +114,10 @@ int train(const std::vector<std::string>& words) {
   note("begins " + std::to_string(status.env_frames) + " cpus " + joined(allowed_cpus(), ",") + " gpus " +
        (std::getenv("CUDA_VISIBLE_DEVICES") == nullptr ? "-" : std::getenv("CUDA_VISIBLE_DEVICES")));
   const double goal = std::atof(flags["train_for_env_steps"].c_str());
-  const bool will_be_killed = seed >= 700 && status.env_frames == 0;
+  const bool will_be_killed = seed >= 700 && seed < 800 && status.env_frames == 0;
+  const bool waits_for_signal = seed >= 800 && status.env_frames == 0;
   status.state = "running";
-  while (static_cast<double>(status.env_frames) < goal) {
+  while (waits_for_signal || static_cast<double>(status.env_frames) < goal) {
     pollfd source{.fd = signals.descriptor(), .events = POLLIN, .revents = 0};
     poll(&source, 1, 20);
     status.env_frames += 100;
