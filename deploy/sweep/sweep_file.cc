@@ -145,7 +145,9 @@ Expected<std::string> value_of(const SweepFile& file, const SettingRow& row, con
   RunConfig config;
   const std::string origin = file.path + ":" + std::to_string(line);
   COMRAD_TRY(set(config, origin, row.name, *text));
-  if (const Status status = check_limits(config); !status) return refuse(file, line, status.error().message);
+  if (!row.holds(config, row.limits))
+    return refuse(file, line,
+                  std::string(row.name) + " is " + row.text(config) + "; it must be " + row.limits.words());
   return row.text(config);
 }
 

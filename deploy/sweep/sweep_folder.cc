@@ -55,14 +55,14 @@ std::optional<ordered_json> read_object(const std::string& path) {
 ordered_json to_json(const SweepRun& run) {
   ordered_json settings = ordered_json::object();
   for (const auto& [setting, value] : run.settings.values) settings[setting] = value;
-  return {{"name", run.name}, {"train_for_env_steps", run.goal_env_frames}, {"settings", settings}};
+  return {{"name", run.name}, {"train_for_env_frames", run.goal_env_frames}, {"settings", settings}};
 }
 
 std::optional<SweepRun> run_from(const ordered_json& json) {
   if (!json.is_object()) return std::nullopt;
   SweepRun run;
   run.name = value_or<std::string>(json, "name", "");
-  run.goal_env_frames = value_or<double>(json, "train_for_env_steps", 0);
+  run.goal_env_frames = value_or<double>(json, "train_for_env_frames", 0);
   const auto settings = json.find("settings");
   if (run.name.empty() || run.name.find('/') != std::string::npos || settings == json.end() ||
       !settings->is_object())
@@ -273,7 +273,7 @@ std::optional<RunRecord> SweepFolder::read_record(const SweepRun& run) const {
   record.ended_s = value_or<double>(*json, "ended_s", 0);
   record.exit_code = value_or<int>(*json, "exit_code", 0);
   record.error = value_or<std::string>(*json, "error", "");
-  record.goal_env_frames = value_or<double>(*json, "train_for_env_steps", 0);
+  record.goal_env_frames = value_or<double>(*json, "train_for_env_frames", 0);
   record.env_frames_at_start = value_or<double>(*json, "env_frames_at_start", 0);
   return record;
 }
@@ -289,7 +289,7 @@ Status SweepFolder::write_record(const SweepRun& run, const RunRecord& record) c
                              {"ended_s", record.ended_s},
                              {"exit_code", record.exit_code},
                              {"error", record.error},
-                             {"train_for_env_steps", record.goal_env_frames},
+                             {"train_for_env_frames", record.goal_env_frames},
                              {"env_frames_at_start", record.env_frames_at_start}};
   return write_file_atomically(record_path(run), dumped(json), /*durable=*/true);
 }

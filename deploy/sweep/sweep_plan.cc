@@ -98,7 +98,7 @@ Expected<SweepRun> make_run(const SweepFile& file, const std::vector<std::string
       run.settings.values.emplace_back(size, setting_text(config, size));
   if (config.run.algo->learns_q_values() && config.replay.replay_gb == 0)
     run.settings.values.emplace_back("replay_gb", real_text(file.resources.memory_gb / 2));
-  run.goal_env_frames = config.run.train_for_env_steps;
+  run.goal_env_frames = config.run.train_for_env_frames;
   return run;
 }
 

@@ -15,7 +15,7 @@ struct SweepRun {
   std::string name;  ///< says what it is: "lava_pit_ippo_seed42"; its folder below the sweep's
   /// What `comrad train` is told: shared settings, then the axes; canonical names.
   SettingsLayer settings;
-  double goal_env_frames = 0;  ///< train_for_env_steps
+  double goal_env_frames = 0;  ///< train_for_env_frames
   /// `comrad train` and its flags for this run below `folder`; `comrad` is the program's path.
   std::vector<std::string> command(const std::string& comrad, const std::string& folder) const;
 };

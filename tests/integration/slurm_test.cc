@@ -135,7 +135,7 @@ TEST(SlurmSweep, MakesAnArrayThatIsRequeuedResumedAndReported) {
     return scratch.write("study.toml",
                          "name = \"study\"\nbackend = \"slurm\"\ntrain_dir = \"" + scratch.string() +
                              "\"\nreport = \"echo reported; cat events.log > seen.txt\"\n[axes]\nseed = [" +
-                             seeds + "]\n[settings]\nscenario = \"field\"\ntrain_for_env_steps = " + frames +
+                             seeds + "]\n[settings]\nscenario = \"field\"\ntrain_for_env_frames = " + frames +
                              "\n[resources]\ncores = 1\nmemory_gb = 0.1\n[slurm]\npartition = \"main\"\n"
                              "time = \"1\"\nsignal_before_s = 50\nsetup = [\"export COMRAD_SET_UP=1\"]\n");
   };

@@ -2,7 +2,7 @@
 //
 //   sweep_probe start FILE           `comrad sweep FILE`, with one scenario that needs no programs
 //   sweep_probe sweep element ...    an attempt, as the backends start it
-//   sweep_probe train --train_dir D --experiment R --seed S --train_for_env_steps N ...
+//   sweep_probe train --train_dir D --experiment R --seed S --train_for_env_frames N ...
 //
 // The last stands in for `comrad train`: it holds the run directory's lock, counts 100 env frames every 20 ms from where it
 // stopped, says so in status.json and, when SIGTERM comes, saves and leaves. What it lives through goes to D/events.log
@@ -113,7 +113,7 @@ int train(const std::vector<std::string>& words) {
     status.env_frames = before["env_frames"];
   note("begins " + std::to_string(status.env_frames) + " cpus " + joined(allowed_cpus(), ",") + " gpus " +
        (std::getenv("CUDA_VISIBLE_DEVICES") == nullptr ? "-" : std::getenv("CUDA_VISIBLE_DEVICES")));
-  const double goal = std::atof(flags["train_for_env_steps"].c_str());
+  const double goal = std::atof(flags["train_for_env_frames"].c_str());
   const bool will_be_killed = seed >= 700 && seed < 800 && status.env_frames == 0;
   const bool waits_for_signal = seed >= 800 && status.env_frames == 0;
   status.state = "running";

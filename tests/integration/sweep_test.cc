@@ -24,7 +24,7 @@ std::string sweep_file(const ScratchFolder& scratch, const std::string& seeds, c
   return scratch.write("study.toml",
                        "name = \"study\"\ntrain_dir = \"" + scratch.string() + "\"\n" + more +
                            "[axes]\nseed = [" + seeds + "]\n[settings]\nscenario = \"field\"\n" +
-                           "train_for_env_steps = " + frames +
+                           "train_for_env_frames = " + frames +
                            "\n[resources]\ncores = 1\nmemory_gb = 0.01\n[local]\nat_once = 2\n");
 }
 
@@ -57,7 +57,9 @@ TEST(Sweep, MakesEveryRunOnCoresOfItsOwnAndOnlyOnce) {
   EXPECT_EQ(count(events(scratch), "meets another"), 0);
   std::istringstream lines(events(scratch));
   for (std::string line; std::getline(lines, line);)
-    if (line.find("begins") != std::string::npos) EXPECT_THAT(line, Not(ContainsRegex("cpus [0-9]+,")));
+    if (line.find("begins") != std::string::npos) {
+      EXPECT_THAT(line, Not(ContainsRegex("cpus [0-9]+,")));
+    }
   EXPECT_EQ(read_text(scratch / "study/report.txt"), (scratch / "study").string() + "\n");
   EXPECT_EQ(read_text(scratch / "study/records/report.log"), "told\n");
   const nlohmann::json index = read_json(scratch / "study/sweep.json");
@@ -168,11 +170,11 @@ batch_size = 128
 micro_batch_size = 64
 rnn_size = 32
 rnn_type = "gru"
-learning_starts = 64
+learning_starts_decisions = 64
 device = "cpu"
 progress_interval = 1
 experiment_summaries_interval = 1
-train_for_env_steps = )" + frames + R"(
+train_for_env_frames = )" + frames + R"(
 [resources]
 cores = 1
 memory_gb = 1

@@ -30,12 +30,15 @@ algo = ["IPPO", "qmix"]
 seed = [42, 68]
 [settings]
 preset = "small"
-train_for_env_steps = 1e6
+train_for_env_frames = 1e6
 )";
 
 Expected<ScenarioDescription> describe(const std::string& name, int64_t num_agents, bool) {
   if (name != "field" && name != "pit")
     return Error{ErrorCode::kBadInput, "unknown scenario '" + name + "'; did you mean 'field'?"};
+  if (num_agents > 2)
+    return Error{ErrorCode::kBadInput,
+                 "--num_agents=" + std::to_string(num_agents) + ": supports 1, 2 agents"};
   ScenarioDescription scenario;
   scenario.name = name;
   scenario.supported_agents = {1, 2};
