@@ -16,12 +16,20 @@ using Arguments = std::span<const std::string>;
 
 struct Command {
   std::string name;
-  std::string summary;              ///< one line of `comrad help`
-  int (*run)(Arguments arguments);  ///< the words after the command's name; `--help` prints and returns 0
+  std::string summary;                  ///< one line of `comrad help`
+  int (*run)(Arguments arguments);      ///< the words after the command's name; `--help` prints and returns 0
+  std::vector<std::string> words = {};  ///< that may follow without dashes, for shells; none: names of files
 };
+
+/// Among Command::words: the name of any scenario.
+constexpr const char* kAnyScenario = "<scenario>";
+
+/// Every command, in the order of `comrad help`.
+const std::vector<Command>& commands();
 
 int train_command(Arguments arguments);
 int eval_command(Arguments arguments);
+int report_command(Arguments arguments);
 int bench_command(Arguments arguments);
 int sweep_command(Arguments arguments);
 int config_command(Arguments arguments);
@@ -30,6 +38,7 @@ int doomgen_command(Arguments arguments);
 int acs_command(Arguments arguments);
 int trace_command(Arguments arguments);
 int doctor_command(Arguments arguments);
+int completion_command(Arguments arguments);
 int test_command(Arguments arguments);
 
 /// What `comrad help <command>` prints for a command with the settings of a run. With settings among the arguments

@@ -39,6 +39,7 @@ int examine(bool json) {
     std::fflush(stdout);
   };
   report(check_packages());
+  report(check_report_packages());
   report(check_test_packages());
   report(check_test_python());
   report(check_iwad());
@@ -60,7 +61,8 @@ int doctor_command(Arguments arguments) {
   bool json = false;
   CommandLine line(
       "doctor [--json]",
-      "Checks packages, what the tests need, IWAD, BLAS, memory, disk, limits, DDS over loopback, rendering, "
+      "Checks packages, what plots and the tests need, IWAD, BLAS, memory, disk, limits, DDS over loopback, "
+      "rendering, "
       "inference and CUDA.\n"
       "Every line says OK, WARN or FAIL and, where there is something to do, what. Exit code 1 on FAIL.");
   line.add_switch("json", json, "print one JSON object on stdout and nothing else");

@@ -123,6 +123,10 @@ CheckResult check_package_list(const std::string& name, const std::string& file,
 
 CheckResult check_packages() { return check_package_list("packages", "packages.txt", ""); }
 
+CheckResult check_report_packages() {
+  return check_package_list("report packages", "packages_report.txt", "./comrad report installs them: ");
+}
+
 CheckResult check_test_packages() {
   return check_package_list("test packages", "packages_test.txt", "./comrad test installs them: ");
 }

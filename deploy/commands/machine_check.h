@@ -18,6 +18,8 @@ struct CheckResult {
 
 /// Debian packages of deploy/packages.txt.
 CheckResult check_packages();
+/// What `comrad plot` needs: Debian packages of deploy/packages_report.txt. Never kFail.
+CheckResult check_report_packages();
 /// What the tests alone need: Debian packages of deploy/packages_test.txt, and packages of deploy/requirements_test.txt in the
 /// Python that the tests ask (COMRAD_TEST_PYTHON, the build folder's test-python, python3). Never kFail.
 CheckResult check_test_packages();

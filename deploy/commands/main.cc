@@ -11,31 +11,47 @@
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/schema/version.h"
 
-namespace {
-
-using comrad::deploy::Arguments;
-using comrad::deploy::Command;
+namespace comrad::deploy {
 
 const std::vector<Command>& commands() {
-  using namespace comrad::deploy;
   static const std::vector<Command> all = {
       {"train", "train agents on a scenario", train_command},
       {"eval", "play fresh episodes with a trained or a random policy and report the score", eval_command},
-      {"bench", "measure throughput: sim, inference, learner, replay or train", bench_command},
+      {"report", "report on a folder of runs: one HTML page, Markdown, LaTeX, CSV", report_command},
       {"sweep", "make many runs from one file, here or with Slurm; look at them, stop them", sweep_command},
+      {"bench",
+       "measure throughput: sim, inference, learner, replay or train",
+       bench_command,
+       {"sim", "inference", "learner", "replay", "train"}},
       {"config", "print the settings that train would use, and the layer that each came from",
        config_command},
-      {"scenarios", "list the scenarios, describe one, or draw what agents see (--gallery DIR)",
-       scenarios_command},
-      {"doomgen", "draw a scenario's map as a WAD, or a pool of them; check a pool; show a map from above",
-       doomgen_command},
+      {"scenarios",
+       "list the scenarios, describe one, or draw what agents see (--gallery DIR)",
+       scenarios_command,
+       {"list", "describe", kAnyScenario}},
+      {"doomgen",
+       "draw a scenario's map as a WAD, or a pool of them; check a pool; show a map from above",
+       doomgen_command,
+       {kAnyScenario}},
       {"acs", "compile an ACS script", acs_command},
       {"trace", "play one player's buttons and write what came of it, tic by tic", trace_command},
       {"doctor", "check this machine and say what to do", doctor_command},
       {"test", "run the test suite", test_command},
+      {"completion",
+       "print a script with which bash, zsh or fish completes commands, flags and values",
+       completion_command,
+       {"bash", "zsh", "fish"}},
   };
   return all;
 }
+
+}  // namespace comrad::deploy
+
+namespace {
+
+using comrad::deploy::Arguments;
+using comrad::deploy::Command;
+using comrad::deploy::commands;
 
 const Command* find(const std::string& name) {
   for (const Command& command : commands())
@@ -79,7 +95,7 @@ int dispatch(const std::vector<std::string>& words) {
     return comrad::kExitDone;
   }
   if (name == "version" || name == "--version") {
-    std::printf("comrad %s (arena layout %u)\n", COMRAD_VERSION, comrad::kLayoutVersion);
+    std::printf("comrad %s (arena version %u)\n", COMRAD_VERSION, comrad::kArenaVersion);
     return comrad::kExitDone;
   }
   const Command* command = find(name);

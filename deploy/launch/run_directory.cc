@@ -189,6 +189,9 @@ Status write_status(const std::string& run_dir, const RunStatus& status) {
   json["learner_version"] = status.learner_version;
   json["J_mean"] = std::isfinite(status.score_mean) ? nlohmann::ordered_json(status.score_mean) : nullptr;
   json["env_frames_per_s"] = std::isfinite(status.env_frames_per_s) ? status.env_frames_per_s : 0.0;
+  json["elapsed_s"] = status.elapsed_s;
+  json["cpu_s"] = nlohmann::ordered_json::object();
+  for (const auto& [role, seconds] : status.cpu_s) json["cpu_s"][role] = seconds;
   json["message"] = status.message;
   const std::string text = json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   return write_file_atomically(run_dir + "/status.json", text, /*durable=*/false);

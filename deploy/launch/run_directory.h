@@ -64,6 +64,8 @@ struct RunStatus {
   uint32_t learner_version = 0;
   double score_mean = std::nan("");  ///< J; null in the file while there is none
   double env_frames_per_s = 0;
+  double elapsed_s = 0;                               ///< of this process's run, its start included
+  std::vector<std::pair<std::string, double>> cpu_s;  ///< CPU seconds in that time, by role
   std::string message;
 };
 

@@ -68,6 +68,10 @@ RunStatus RunReport::status(const std::string& state, const std::string& message
   status.state = state;
   status.learner_version = stats.learner_version;
   status.message = message;
+  status.elapsed_s = clock_.elapsed();
+  for (const Role role : {Role::kSim, Role::kPolicy, Role::kLearner})
+    status.cpu_s.emplace_back(name_of(role), workers_.cpu_seconds(role));
+  status.cpu_s.emplace_back("supervisor", clock_.cpu_elapsed());
   if (plan_.trains()) {
     status.env_frames = meter_.env_frames();
     status.decisions = meter_.decisions_of_run();

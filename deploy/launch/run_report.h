@@ -7,6 +7,7 @@
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/run_meter.h"
 #include "deploy/launch/worker_table.h"
+#include "rollout_buffer/core/clock.h"
 
 namespace comrad::deploy {
 
@@ -33,6 +34,7 @@ class RunReport {
   const LaunchPlan& plan_;
   const RunMeter& meter_;
   const WorkerTable& workers_;
+  const Stopwatch clock_{CLOCK_PROCESS_CPUTIME_ID};  ///< of the supervisor, from the run's start on
 };
 
 }  // namespace comrad::deploy

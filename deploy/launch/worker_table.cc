@@ -59,6 +59,8 @@ std::string own_folder() {
 
 }  // namespace
 
+const char* name_of(Role role) { return kKinds[static_cast<std::size_t>(role)].plural; }
+
 WorkerTable::WorkerTable(const LaunchPlan& plan) : plan_(plan) {
   const auto add = [&](Role role, int64_t count) {
     for (int i = 0; i < count; ++i) {
@@ -134,10 +136,22 @@ Status WorkerTable::start(Worker& worker, const shm::Arena& arena, const std::st
 
 void WorkerTable::restart_all(double restart_at_s) {
   for (Worker& worker : workers_) {
-    worker.process.reset();  // kills and reaps
+    forget_process(worker);  // kills and reaps
     worker.has_joined = false;
     worker.restart_at_s = restart_at_s;
   }
+}
+
+void WorkerTable::forget_process(Worker& worker) {
+  if (worker.process) cpu_s_of_ended_[static_cast<std::size_t>(worker.role)] += worker.process->cpu_seconds();
+  worker.process.reset();
+}
+
+double WorkerTable::cpu_seconds(Role role) const {
+  double seconds = cpu_s_of_ended_[static_cast<std::size_t>(role)];
+  for (const Worker& worker : workers_)
+    if (worker.role == role && worker.process) seconds += worker.process->cpu_seconds();
+  return seconds;
 }
 
 void WorkerTable::signal_all(int number) {
@@ -169,8 +183,7 @@ std::string WorkerTable::joined_text() const {
     const auto here = std::ranges::count_if(
         workers_, [&](const Worker& worker) { return is_of_role(worker) && worker.has_joined; });
     if (expected > 0)
-      parts.push_back(std::to_string(here) + "/" + std::to_string(expected) + " " +
-                      kKinds[static_cast<std::size_t>(role)].plural);
+      parts.push_back(std::to_string(here) + "/" + std::to_string(expected) + " " + name_of(role));
   }
   return joined(parts);
 }
@@ -218,7 +231,7 @@ std::vector<std::pair<Worker*, ExitStatus>> WorkerTable::reap_exited(bool is_sto
     if (const std::optional<ExitStatus>& how = worker.process->poll_exit()) {
       for (const std::string& line : worker.process->read_lines()) worker.last_line = line;
       exited.emplace_back(&worker, *how);
-      worker.process.reset();
+      forget_process(worker);
       worker.has_joined = false;
       spdlog::info("{} left: {}", worker.name, exited.back().second.text());
     }

@@ -3,6 +3,7 @@
 
 #include <poll.h>
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <set>
@@ -21,6 +22,9 @@
 namespace comrad::deploy {
 
 enum class Role { kSim, kPolicy, kLearner };
+constexpr std::size_t kRoleCount = 3;
+/// "simulators", "policy workers", "learner".
+const char* name_of(Role role);
 
 /// One worker's place in the run; the process in it may change.
 struct Worker {
@@ -57,6 +61,8 @@ class WorkerTable {
   void signal_all(int number);
   void note_joined(const shm::JoinRequest& request);
 
+  /// CPU seconds of all processes of a role so far, those that have ended included.
+  double cpu_seconds(Role role) const;
   bool any_alive() const;
   bool all_joined() const;
   /// "1/2 simulators, 0/1 policy workers, 1/1 learner": how many have joined.
@@ -85,8 +91,12 @@ class WorkerTable {
  private:
   ChildOptions options_of(const Worker& worker, const std::string& server) const;
 
+  /// Lets go of the worker's process, whose CPU time is kept.
+  void forget_process(Worker& worker);
+
   const LaunchPlan& plan_;
   std::vector<Worker> workers_;
+  std::array<double, kRoleCount> cpu_s_of_ended_{};
   std::set<std::string> words_shown_;  // without their numbers
 };
 

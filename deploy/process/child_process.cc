@@ -2,11 +2,13 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
+#include <sstream>
 #include <string_view>
 
 #include "deploy/process/process_start.h"
@@ -16,6 +18,18 @@ namespace comrad::deploy {
 namespace {
 
 constexpr std::size_t kMaxLineBytes = 4096;  // a child that never ends a line fills no memory of ours
+
+double seconds_of(const timeval& time) {
+  return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+}
+
+/// What /proc/<pid>/stat says behind the program's name, which stands in brackets and may hold anything (proc(5)): from
+/// the state on. Empty where there is no such process.
+std::string stat_of(pid_t pid) {
+  const std::string stat = read_file("/proc/" + std::to_string(pid) + "/stat").value_or("");
+  const std::size_t name_end = stat.rfind(')');
+  return name_end == std::string::npos || name_end + 2 >= stat.size() ? "" : stat.substr(name_end + 2);
+}
 
 }  // namespace
 
@@ -43,7 +57,8 @@ ChildProcess::ChildProcess(ChildProcess&& other) noexcept
     : pid_(std::exchange(other.pid_, -1)),
       output_(std::move(other.output_)),
       partial_(std::move(other.partial_)),
-      exit_(other.exit_) {}
+      exit_(other.exit_),
+      cpu_s_at_exit_(other.cpu_s_at_exit_) {}
 
 ChildProcess& ChildProcess::operator=(ChildProcess&& other) noexcept {
   if (this != &other) {
@@ -52,6 +67,7 @@ ChildProcess& ChildProcess::operator=(ChildProcess&& other) noexcept {
     output_ = std::move(other.output_);
     partial_ = std::move(other.partial_);
     exit_ = other.exit_;
+    cpu_s_at_exit_ = other.cpu_s_at_exit_;
   }
   return *this;
 }
@@ -92,7 +108,9 @@ std::vector<std::string> ChildProcess::read_lines() {
 
 const std::optional<ExitStatus>& ChildProcess::poll_exit() {
   int status = 0;
-  if (!exit_ && pid_ > 0 && waitpid(pid_, &status, WNOHANG) == pid_) {
+  rusage usage{};
+  if (!exit_ && pid_ > 0 && wait4(pid_, &status, WNOHANG, &usage) == pid_) {
+    cpu_s_at_exit_ = seconds_of(usage.ru_utime) + seconds_of(usage.ru_stime);
     exit_ = WIFSIGNALED(status) ? ExitStatus{.code = 0, .signal = WTERMSIG(status)}
                                 : ExitStatus{.code = WEXITSTATUS(status), .signal = 0};
   }
@@ -100,11 +118,19 @@ const std::optional<ExitStatus>& ChildProcess::poll_exit() {
 }
 
 bool ChildProcess::is_stopped() const {
-  const std::string stat = read_file("/proc/" + std::to_string(pid_) + "/stat").value_or("");
-  // The state is the letter behind the name, which stands in brackets and may hold anything (proc(5)).
-  const std::size_t name_end = stat.rfind(')');
-  return name_end != std::string::npos && name_end + 2 < stat.size() &&
-         (stat[name_end + 2] == 'T' || stat[name_end + 2] == 't');
+  const std::string stat = stat_of(pid_);
+  return stat.starts_with('T') || stat.starts_with('t');
+}
+
+double ChildProcess::cpu_seconds() const {
+  if (exit_) return cpu_s_at_exit_;
+  std::istringstream fields(stat_of(pid_));
+  std::string skipped;
+  for (int field = 3; field < 14; ++field)
+    fields >> skipped;  // numbered as in proc(5): 14 is utime, 15 stime
+  double user_ticks = 0, system_ticks = 0;
+  if (!(fields >> user_ticks >> system_ticks)) return 0;
+  return (user_ticks + system_ticks) / static_cast<double>(sysconf(_SC_CLK_TCK));
 }
 
 void ChildProcess::send_signal(int signal) {

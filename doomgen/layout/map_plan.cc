@@ -6,7 +6,7 @@
 #include <queue>
 #include <tuple>
 
-#include "doomgen/layout/map_builder.h"
+#include "doomgen/layout/map_validation.h"
 
 namespace comrad::doomgen {
 namespace {
@@ -336,10 +336,6 @@ AreaId MapPlan::add_door(AreaSpec spec, AreaId area, AreaId beyond, int32_t thic
   return add_slab(std::move(spec), area, beyond, thickness);
 }
 
-AreaId MapPlan::add_boundary(AreaSpec spec, AreaId area, AreaId beyond, int32_t thickness) {
-  return add_slab(std::move(spec), area, beyond, thickness);
-}
-
 AreaId MapPlan::add_door(AreaSpec spec, const Box& box) {
   spec.ceiling = spec.floor;
   return add_area(std::move(spec), box);
@@ -365,8 +361,9 @@ void MapPlan::connect(AreaId first, AreaId second, Passage passage) {
 }
 
 const Passage& MapPlan::passage(AreaId first, AreaId second) const {
+  static const Passage open = Passage::open();
   const auto found = passages_.find(std::minmax(first, second));
-  return found != passages_.end() ? found->second : default_passage_;
+  return found != passages_.end() ? found->second : open;
 }
 
 void MapPlan::set_line(Point a, Point b, LineSpec line) { lines_.push_back({a, b, std::move(line)}); }

@@ -121,8 +121,6 @@ class MapPlan {
   /// A shut door (ceiling = floor): a slab of `area`, `thickness` deep, along its common edges with `beyond`.
   /// Heights other than the ceiling's are the area's. Noted as a mistake where the two do not touch.
   AreaId add_door(AreaSpec spec, AreaId area, AreaId beyond, int32_t thickness = 32);
-  /// The same slab, open: a boundary area with the heights of the specification.
-  AreaId add_boundary(AreaSpec spec, AreaId area, AreaId beyond, int32_t thickness);
   /// A shut door of a given place.
   AreaId add_door(AreaSpec spec, const Box& box);
   /// A maze's floor: areas of cell x cell units, row by row from `low`, tags counting up from
@@ -130,9 +128,8 @@ class MapPlan {
   std::vector<AreaId> add_grid(const AreaSpec& spec, Point low, int columns, int rows, int32_t cell);
 
   // --- what lies between areas, and on single lines ---
+  /// Without it their common edges are open.
   void connect(AreaId first, AreaId second, Passage passage);
-  /// What lies between areas that connect() does not name (default: open).
-  void set_default_passage(Passage passage) { default_passage_ = std::move(passage); }
   /// Gives this to every line that lies on the segment a - b; noted as a mistake if there is none.
   void set_line(Point a, Point b, LineSpec line);
   void add_polyobject(PolyobjectSpec spec);
@@ -188,7 +185,6 @@ class MapPlan {
   std::vector<Shape> shapes_;  ///< owner below -1: rock with texture number -2 - owner
   std::vector<std::string> rock_textures_;
   std::map<std::pair<AreaId, AreaId>, Passage> passages_;
-  Passage default_passage_ = {};
   std::vector<NamedLine> lines_;
   std::vector<PolyobjectSpec> polyobjects_;
   std::vector<ThingData> things_;

@@ -1,10 +1,10 @@
-// The checks of validate_map(): each answers one sentence of its declaration.
+// Each check answers one sentence of validate_map()'s declaration.
+#include "doomgen/layout/map_validation.h"
+
 #include <algorithm>
 #include <map>
 #include <string>
 #include <vector>
-
-#include "doomgen/layout/map_builder.h"
 
 namespace comrad::doomgen {
 namespace {

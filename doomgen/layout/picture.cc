@@ -1,27 +1,14 @@
 #include "doomgen/layout/picture.h"
 
+#include <zlib.h>
+
 #include <algorithm>
 #include <array>
 
 namespace comrad::doomgen {
 namespace {
 
-constexpr std::array<uint32_t, 256> make_crc_table() {
-  std::array<uint32_t, 256> table{};
-  for (uint32_t n = 0; n < 256; ++n) {
-    uint32_t value = n;
-    for (int bit = 0; bit < 8; ++bit) value = (value & 1) != 0 ? 0xEDB88320u ^ (value >> 1) : value >> 1;
-    table[n] = value;
-  }
-  return table;
-}
-constexpr std::array<uint32_t, 256> kCrcTable = make_crc_table();
-
-uint32_t crc32(std::string_view bytes) {
-  uint32_t value = 0xFFFFFFFFu;
-  for (const char c : bytes) value = kCrcTable[(value ^ static_cast<uint8_t>(c)) & 0xFF] ^ (value >> 8);
-  return ~value;
-}
+const Bytef* bytes_of(std::string_view text) { return reinterpret_cast<const Bytef*>(text.data()); }
 
 void put_big_endian(std::string& out, uint32_t value) {
   for (int shift = 24; shift >= 0; shift -= 8) out += static_cast<char>(value >> shift & 0xFF);
@@ -32,7 +19,7 @@ void put_chunk(std::string& out, std::string_view name, std::string_view data) {
   std::string body(name);
   body += data;
   out += body;
-  put_big_endian(out, crc32(body));
+  put_big_endian(out, static_cast<uint32_t>(crc32_z(0, bytes_of(body), body.size())));
 }
 
 /// A zlib stream of stored blocks.
@@ -48,9 +35,7 @@ std::string stored(std::string_view data) {
     out += data.substr(done, count);
     done += count;
   } while (done < data.size());
-  uint32_t a = 1, b = 0;  // Adler-32
-  for (const char c : data) a = (a + static_cast<uint8_t>(c)) % 65521, b = (b + a) % 65521;
-  put_big_endian(out, b << 16 | a);
+  put_big_endian(out, static_cast<uint32_t>(adler32_z(adler32(0, nullptr, 0), bytes_of(data), data.size())));
   return out;
 }
 

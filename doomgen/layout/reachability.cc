@@ -52,7 +52,6 @@ Reachability::Reachability(const MapData& map, std::span<const Point> starts, co
     uint8_t& state = state_[static_cast<std::size_t>(row) * columns_ + column];
     if (state != kFree) return;
     state = kReached;
-    ++reached_count_;
     frontier.push_back({column, row});
   };
   for (const Point& start : starts) {

@@ -26,13 +26,11 @@ class Reachability {
   Reachability(const MapData& map, std::span<const Point> starts, const Body& body = {});
   /// True where the body can come to within its radius of `p`.
   bool reaches(Point p) const;
-  int64_t reached_count() const { return reached_count_; }  ///< grid places
 
  private:
   static constexpr int32_t kGrid = 8;
   Box bounds_;
   int32_t radius_ = 0, columns_ = 0, rows_ = 0;
-  int64_t reached_count_ = 0;
   std::vector<uint8_t> state_;  ///< [row, column] 0 free, 1 blocked, 2 reached
 };
 

@@ -3,6 +3,8 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "rollout_buffer/core/text.h"
+
 namespace comrad::wad {
 namespace {
 
@@ -17,16 +19,14 @@ Expected<std::string> find_iwad(const std::string& path) {
   if (const char* const named = std::getenv("COMRAD_IWAD"); wanted.empty() && named != nullptr)
     wanted = named;
   std::error_code ignored;
-  std::string places = wanted;
   if (!wanted.empty()) {
     if (std::filesystem::exists(wanted, ignored)) return wanted;
   } else {
-    for (const char* const place : kIwadPlaces) {
+    for (const char* const place : kIwadPlaces)
       if (std::filesystem::exists(place, ignored)) return std::string(place);
-      places += (places.empty() ? "" : ", ") + std::string(place);
-    }
   }
-  return Error{ErrorCode::kNotFound, "no freedoom2.wad found in " + places +
+  return Error{ErrorCode::kNotFound, "no freedoom2.wad found in " +
+                                         (wanted.empty() ? joined(kIwadPlaces) : wanted) +
                                          ": install the Debian package freedoom or set COMRAD_IWAD"};
 }
 

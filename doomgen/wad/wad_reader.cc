@@ -186,8 +186,7 @@ Expected<MapLumps> WadFile::find_map(std::string_view name) const {
   for (std::size_t index = 0; index < lumps_.size(); ++index)
     if (lumps_[index].name == wanted && is_map_marker(index)) marker = index;
   if (!marker) {
-    std::string known;
-    for (const std::string& map : map_names()) known += (known.empty() ? "" : ", ") + map;
+    const std::string known = joined(map_names());
     return Error{
         ErrorCode::kNotFound,
         path_ + ": no map " + wanted + (known.empty() ? " (and no other map)" : " (it has " + known + ")")};

@@ -15,11 +15,11 @@ namespace {
 /// The fields that have rows in dimension 1 (after time), for views and selections.
 template <typename Visitor>
 void visit_time_major(RolloutBatch& batch, Visitor&& visit) {
-  for (Tensor* field : {&batch.frame,          &batch.measurement, &batch.action_mask, &batch.agent_active,
-                        &batch.action,         &batch.log_prob,    &batch.logits,      &batch.value,
-                        &batch.final_value,    &batch.reward,      &batch.terminated,  &batch.truncated,
-                        &batch.policy_version, &batch.layout,      &batch.filled,      &batch.valid,
-                        &batch.value_valid,    &batch.reset,       &batch.advantage,   &batch.raw_advantage,
+  for (Tensor* field : {&batch.frame,          &batch.measurement,  &batch.action_mask, &batch.agent_active,
+                        &batch.action,         &batch.log_prob,     &batch.logits,      &batch.value,
+                        &batch.final_value,    &batch.reward,       &batch.terminated,  &batch.truncated,
+                        &batch.policy_version, &batch.layout_index, &batch.filled,      &batch.valid,
+                        &batch.value_valid,    &batch.reset,        &batch.advantage,   &batch.raw_advantage,
                         &batch.target}) {
     if (field->defined()) visit(*field);
   }
@@ -51,7 +51,7 @@ RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count
   batch.terminated = torch::ones({steps, rows}, u8);
   batch.truncated = torch::zeros({steps, rows}, u8);
   batch.policy_version = torch::zeros({steps, rows}, torch::kInt64);
-  batch.layout = torch::zeros({steps, rows}, torch::kInt32);
+  batch.layout_index = torch::zeros({steps, rows}, torch::kInt32);
   batch.recurrent_state = torch::zeros({rows, shape.recurrent_state_count}, f32);
   batch.filled = torch::zeros({steps, rows}, u8);
   batch.valid = torch::zeros({steps, rows}, u8);
@@ -89,7 +89,7 @@ int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab
   uint8_t* terminated = batch.terminated.data_ptr<uint8_t>();
   uint8_t* truncated = batch.truncated.data_ptr<uint8_t>();
   int64_t* policy_version = batch.policy_version.data_ptr<int64_t>();
-  int32_t* layout = batch.layout.data_ptr<int32_t>();
+  int32_t* layout_index = batch.layout_index.data_ptr<int32_t>();
   float* state = batch.recurrent_state.data_ptr<float>();
   uint8_t* taken = batch.filled.data_ptr<uint8_t>();
   uint8_t* valid = batch.valid.data_ptr<uint8_t>();
@@ -117,7 +117,7 @@ int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab
         terminated[at] = 1;
         truncated[at] = 0;
         policy_version[at] = 0;
-        layout[at] = 0;
+        layout_index[at] = 0;
         taken[at] = valid[at] = 0;
       }
       continue;
@@ -145,7 +145,7 @@ int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab
       terminated[at] = end.is_terminated;
       truncated[at] = end.is_truncated;
       policy_version[at] = slab.policy_version(t, agent);
-      layout[at] = slab.layout(t);
+      layout_index[at] = slab.layout_index(t);
       taken[at] = 1;
       valid[at] = slab.valid(t) != 0 && sound;
       if (sound) continue;

@@ -37,7 +37,7 @@ struct RolloutBatch {
   Tensor terminated;       ///< u8  [T, R]
   Tensor truncated;        ///< u8  [T, R]
   Tensor policy_version;   ///< i64 [T, R]
-  Tensor layout;           ///< i32 [T, R]     of the run's pool; 0 where there is none
+  Tensor layout_index;     ///< i32 [T, R]     in the run's pool; 0 where there is none
   Tensor recurrent_state;  ///< f32 [R, H] before step 0
   Tensor filled;           ///< u8  [T, R]     a decision was taken here; 0 is padding
   Tensor valid;            ///< u8  [T, R]     may be learned from; cleared further by apply_lag_filter

@@ -1,4 +1,4 @@
-// What Q-learning trains on: sequences or single decisions drawn from the replay, as tensors. One layout
+// What Q-learning trains on: sequences or single decisions drawn from the replay, as tensors. One form
 // serves both, a single decision being a sequence of T = 1. Stage: sample > minibatch.
 #pragma once
 

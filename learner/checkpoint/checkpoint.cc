@@ -19,6 +19,7 @@
 
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::learn {
 namespace {
@@ -53,10 +54,7 @@ Error missing(const std::string& key, const char* kind) {
 }
 
 std::string shape_text(const torch::Tensor& tensor) {
-  std::string text = std::string(c10::toString(tensor.scalar_type())) + " [";
-  for (int64_t axis = 0; axis < tensor.dim(); ++axis)
-    text += (axis > 0 ? ", " : "") + std::to_string(tensor.size(axis));
-  return text + "]";
+  return std::string(c10::toString(tensor.scalar_type())) + " [" + joined(tensor.sizes()) + "]";
 }
 
 c10::IValue to_ivalue(const StateDict::Value& value) {
@@ -73,14 +71,14 @@ Expected<StateDict> from_ivalue(const c10::IValue& root, const std::string& path
   if (!root.isGenericDict()) return foreign("no dict at the top");
   StateDict state;
   bool has_format = false;
-  int64_t layout_version = 0;
+  int64_t version = 0;
   for (const auto& entry : root.toGenericDict()) {
     if (!entry.key().isString()) return foreign("a key is no text");
     const std::string section = entry.key().toStringRef();
     if (section == "format" && entry.value().isString()) {
       has_format = entry.value().toStringRef() == kFormatName;
     } else if (section == "layout_version" && entry.value().isInt()) {
-      layout_version = entry.value().toInt();
+      version = entry.value().toInt();
     } else if (entry.value().isGenericDict()) {
       for (const auto& item : entry.value().toGenericDict()) {
         if (!item.key().isString()) return foreign("a key is no text");
@@ -93,10 +91,10 @@ Expected<StateDict> from_ivalue(const c10::IValue& root, const std::string& path
     }
   }
   if (!has_format) return foreign("its \"format\" is not " + std::string(kFormatName));
-  if (layout_version < 1 || layout_version > kCheckpointLayoutVersion)
-    return Error{ErrorCode::kUnsupported,
-                 path + ": checkpoint layout " + std::to_string(layout_version) + ", this build reads 1.." +
-                     std::to_string(kCheckpointLayoutVersion) + "; use a newer build"};
+  if (version < 1 || version > kCheckpointVersion)
+    return Error{ErrorCode::kUnsupported, path + ": checkpoint version " + std::to_string(version) +
+                                              ", this build reads 1.." + std::to_string(kCheckpointVersion) +
+                                              "; use a newer build"};
   return state;
 }
 
@@ -258,7 +256,7 @@ Status write_checkpoint(const std::string& path, const StateDict& state) {
     }
     Section root(c10::StringType::get(), c10::AnyType::get());
     root.insert("format", std::string(kFormatName));
-    root.insert("layout_version", kCheckpointLayoutVersion);
+    root.insert("layout_version", kCheckpointVersion);
     for (const auto& [name, section] : sections) root.insert(name, section);
     bytes = pack(root);
   } catch (const std::exception& error) {

@@ -17,8 +17,8 @@
 
 namespace comrad::learn {
 
-/// Raised whenever the sections or their meaning change; see Layout history in learner/CHECKPOINTS.md.
-constexpr int64_t kCheckpointLayoutVersion = 1;
+/// Raised whenever the sections or their meaning change; see Format history in learner/CHECKPOINTS.md.
+constexpr int64_t kCheckpointVersion = 1;
 
 /// Named values, keys spelled "section/name" ("network/encoder.conv1.weight", "counters/env_frames").
 class StateDict {
@@ -52,7 +52,7 @@ class StateDict {
 Status write_checkpoint(const std::string& path, const StateDict& state);
 
 /// Reads a file that write_checkpoint made.
-/// Errors: kNotFound; kBadFormat for a truncated or foreign file; kUnsupported for a newer layout version.
+/// Errors: kNotFound; kBadFormat for a truncated or foreign file; kUnsupported for a newer version.
 Expected<StateDict> read_checkpoint(const std::string& path);
 
 /// One periodic checkpoint on disk.

@@ -4,7 +4,6 @@
 #include "learner/critics/qplex_mixer.h"
 #include "learner/critics/vdn_mixer.h"
 #include "policy_workers/policy/torch_ops.h"
-#include "rollout_buffer/core/check.h"
 
 namespace comrad::learn {
 
@@ -29,17 +28,7 @@ MixerOptions MixerOptions::from(const RunConfig& config, const EnvShape& env, in
           .state_bias = config.mixers.qplex_state_bias};
 }
 
-std::string check_mixer(const MixerOptions& options) {
-  if (options.kind == MixerKind::kQplexAttention &&
-      options.state_count != options.num_agents * options.state_slice)
-    return "the state has " + std::to_string(options.state_count) +
-           " entries; dmaq_qatten needs one slice of " + std::to_string(options.state_slice) + " per agent";
-  return "";
-}
-
 std::unique_ptr<Mixer> make_mixer(const MixerOptions& options, uint64_t seed, torch::Device device) {
-  const std::string complaint = check_mixer(options);
-  COMRAD_CHECK(complaint.empty(), complaint.c_str());
   at::Generator generator = at::make_generator<at::CPUGeneratorImpl>(seed);
   if (options.kind == MixerKind::kQmix) return std::make_unique<QmixMixer>(options, generator, device);
   if (options.kind == MixerKind::kQplexDuelling || options.kind == MixerKind::kQplexAttention)

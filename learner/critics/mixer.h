@@ -82,11 +82,7 @@ class Mixer {
   virtual bool scales_with_utilities() const = 0;
 };
 
-/// A mixer with fresh parameters; equal options and seeds give equal ones on every device. `options` must
-/// have been checked: see check_mixer().
+/// A mixer with fresh parameters; equal options and seeds give equal ones on every device.
 std::unique_ptr<Mixer> make_mixer(const MixerOptions& options, uint64_t seed, torch::Device device);
-
-/// What is wrong with `options`, in one sentence that names the setting; empty when nothing is.
-std::string check_mixer(const MixerOptions& options);
 
 }  // namespace comrad::learn

@@ -49,6 +49,7 @@ QplexMixer::QplexMixer(const MixerOptions& options, at::Generator generator, tor
   const int64_t hidden = options.qplex_hypernet_embed, embed = options.qplex_embed_dim;
   auto make = [&](HypernetOptions net) { return Hypernet::create(net, generator, device); };
   if (attends_) {
+    COMRAD_CHECK(state == agents * options.state_slice, "the state has one slice for each agent");
     selector_ = make(
         {.name = "selector", .count = options.n_head, .sizes = {state, hidden, embed}, .last_bias = false});
     attention_key_ = make({.name = "attention_key",

@@ -56,9 +56,11 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   const int64_t slab_count =
       std::max<int64_t>(1, config.optimisation.batch_size * config.optimisation.num_batches_per_epoch /
                                (config.collection.rollout * env.num_agents));
-  const SlabLayout layout(shape);
-  std::vector<std::byte> bytes(static_cast<std::size_t>(layout.slab_bytes * slab_count));
-  const auto slab = [&](int64_t index) { return SlabView(layout, bytes.data() + layout.slab_bytes * index); };
+  const SlabOffsets offsets(shape);
+  std::vector<std::byte> bytes(static_cast<std::size_t>(offsets.slab_bytes * slab_count));
+  const auto slab = [&](int64_t index) {
+    return SlabView(offsets, bytes.data() + offsets.slab_bytes * index);
+  };
   for (int64_t i = 0; i < slab_count; ++i) fill_slab(slab(i), static_cast<uint64_t>(i));
   std::vector<std::byte> weights(static_cast<std::size_t>(algorithm->weights_bytes()));
   UpdateContext context;

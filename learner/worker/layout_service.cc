@@ -125,11 +125,11 @@ std::vector<LayoutSignal> layout_signals(const RolloutBatch& batch, PlrScore sco
     signal = score_key == PlrScore::kMeanAdvantage ? batch.raw_advantage : batch.raw_advantage.abs();
   if (!signal.defined()) return {};
   signal = signal.to(torch::kCPU, torch::kFloat32).contiguous();
-  const Tensor acting = batch.acting(), layout = batch.layout.contiguous();
+  const Tensor acting = batch.acting(), layout_index = batch.layout_index.contiguous();
   COMRAD_CHECK(signal.numel() == acting.numel(), "one number for each decision");
   const float* value = signal.data_ptr<float>();
   const uint8_t* counts = acting.data_ptr<uint8_t>();
-  const int32_t* of = layout.data_ptr<int32_t>();
+  const int32_t* of = layout_index.data_ptr<int32_t>();
 
   std::map<int, LayoutSignal> found;
   for (int64_t i = 0; i < acting.numel(); ++i) {
@@ -177,8 +177,8 @@ void LayoutService::serve(const shm::Arena& arena) {
     for (; heard < reported; ++heard) {
       const shm::LayoutOutcome outcome =
           shm::unpack_outcome(desk.outcome[heard % shm::kDeskOutcomes].load(std::memory_order_acquire));
-      if (outcome.layout < known && std::isfinite(outcome.score))
-        curriculum_->update(static_cast<int>(outcome.layout), outcome.score);
+      if (outcome.layout_index < known && std::isfinite(outcome.score))
+        curriculum_->update(static_cast<int>(outcome.layout_index), outcome.score);
     }
     desk.heard.store(heard, std::memory_order_relaxed);
     late_draws_ += desk.late.load(std::memory_order_relaxed);
@@ -188,7 +188,7 @@ void LayoutService::serve(const shm::Arena& arena) {
     shm::LayoutDesk& desk = arena.layout_desk(env);
     const uint32_t granted = desk.granted.load(std::memory_order_relaxed);
     if (desk.taken.load(std::memory_order_acquire) != granted) continue;
-    desk.layout.store(static_cast<uint32_t>(curriculum_->draw()), std::memory_order_relaxed);
+    desk.layout_index.store(static_cast<uint32_t>(curriculum_->draw()), std::memory_order_relaxed);
     desk.granted.store(granted + 1, std::memory_order_release);
   }
 }
@@ -196,7 +196,7 @@ void LayoutService::serve(const shm::Arena& arena) {
 void LayoutService::score(const RolloutBatch& batch) {
   if (!score_key_) return;
   for (const LayoutSignal& signal : layout_signals(batch, *score_key_, curriculum_->task_count()))
-    curriculum_->score(signal.layout, signal.decisions, signal.mean, signal.maximum);
+    curriculum_->score(signal.layout_index, signal.decisions, signal.mean, signal.maximum);
 }
 
 void LayoutService::append_to(std::vector<std::pair<std::string, double>>& metrics) {
@@ -210,7 +210,7 @@ void LayoutService::capture_desks(const shm::Arena& arena, bool exact) {
   if (!exact) return;
   for (int env = 0; env < arena.shape().env_count(); ++env) {
     const shm::LayoutDesk& desk = arena.layout_desk(env);
-    for (const std::atomic<uint32_t>* field : {&desk.taken, &desk.playing, &desk.granted, &desk.layout})
+    for (const std::atomic<uint32_t>* field : {&desk.taken, &desk.playing, &desk.granted, &desk.layout_index})
       desks_.push_back(field->load());
   }
 }
@@ -232,7 +232,7 @@ Status LayoutService::restore_desks(const shm::Arena& arena) const {
     desk.taken.store(static_cast<uint32_t>(field[0]));
     desk.playing.store(static_cast<uint32_t>(field[1]));
     desk.granted.store(static_cast<uint32_t>(field[2]));
-    desk.layout.store(static_cast<uint32_t>(field[3]));
+    desk.layout_index.store(static_cast<uint32_t>(field[3]));
   }
   return {};
 }

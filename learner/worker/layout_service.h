@@ -33,7 +33,7 @@ Expected<std::map<std::string, std::set<std::string>>> read_interestingness_grap
 
 /// What a batch says about one layout, over its decisions of living agents (RolloutBatch::acting).
 struct LayoutSignal {
-  int layout = 0;
+  int layout_index = 0;
   int64_t decisions = 0;
   double mean = 0, maximum = 0;
 };

@@ -30,7 +30,7 @@ Batcher::Batcher(const shm::Arena& arena, const BatcherOptions& options)
     for (int split = 0; split < shape.splits_per_worker; ++split) {
       if (shape.policy_worker_of(sim_worker, split) != options.policy_worker) continue;
       const int first = sim_worker * shape.envs_per_worker;
-      groups_.push_back(
+      splits_.push_back(
           {sim_worker, split, first + shape.split_begin(split), first + shape.split_end(split)});
       env_count_ += shape.split_end(split) - shape.split_begin(split);
     }
@@ -48,16 +48,16 @@ int Batcher::adopt_orphans() { return arena_->reclaim_policy_worker(options_.pol
 
 /// The states are read before the round's count: a slot seen kReady makes the count that was stored before
 /// it visible.
-Batcher::GroupCount Batcher::count_ready(const Group& group) const {
+Batcher::SplitCount Batcher::count_ready(const Split& split) const {
   int ready = 0, acted = 0;
-  for (int env = group.first_env; env < group.last_env; ++env) {
+  for (int env = split.first_env; env < split.last_env; ++env) {
     const SlotState state = arena_->slot(env).state.load(std::memory_order_acquire);
     ready += state == SlotState::kReady;
     acted += state == SlotState::kActed;
   }
   // Slots that a predecessor answered before it died belong to the same round.
   const uint32_t round =
-      arena_->group_round(group.sim_worker, group.split).request_count.load(std::memory_order_acquire);
+      arena_->split_round(split.sim_worker, split.index).request_count.load(std::memory_order_acquire);
   return {ready, ready > 0 && static_cast<uint32_t>(ready + acted) >= round};
 }
 
@@ -81,11 +81,11 @@ const Batch& Batcher::gather(int64_t timeout_us) {
   return batch_;
 }
 
-/// Looks over all groups once and takes a batch if there is enough. True if a batch was taken.
+/// Looks over all splits once and takes a batch if there is enough. True if a batch was taken.
 bool Batcher::collect() {
   int64_t complete_envs = 0, ready_envs = 0;
-  for (const Group& group : groups_) {
-    const GroupCount count = count_ready(group);
+  for (const Split& split : splits_) {
+    const SplitCount count = count_ready(split);
     ready_envs += count.ready;
     if (count.is_complete) complete_envs += count.ready;
   }
@@ -100,52 +100,52 @@ bool Batcher::collect() {
   if (options_.is_deterministic ? complete_envs == 0 : complete_envs < options_.min_batch && !is_overdue)
     return false;
 
-  const size_t group_count = groups_.size(), first = next_group_;
-  for (size_t offset = 0; offset < group_count; ++offset) {
-    const size_t index = (first + offset) % group_count;
-    const Group& group = groups_[index];
-    const GroupCount count = count_ready(group);
+  const size_t split_count = splits_.size(), first = next_split_;
+  for (size_t offset = 0; offset < split_count; ++offset) {
+    const size_t index = (first + offset) % split_count;
+    const Split& split = splits_[index];
+    const SplitCount count = count_ready(split);
     if (count.ready == 0 || (!count.is_complete && !is_overdue)) continue;
     if (options_.is_deterministic) {
-      take(group, count.ready);
-      next_group_ = (index + 1) % group_count;
+      take(split, count.ready);
+      next_split_ = (index + 1) % split_count;
       break;
     }
     const int64_t room = options_.max_batch - static_cast<int64_t>(batch_.requests.size());
-    // A group that does not fit goes first next time; only one that is larger than any batch is cut.
+    // A split that does not fit goes first next time; only one that is larger than any batch is cut.
     if (count.ready > room && !batch_.requests.empty()) {
-      next_group_ = index;
+      next_split_ = index;
       break;
     }
-    take(group, room);
-    next_group_ = count.ready > room ? index : (index + 1) % group_count;
+    take(split, room);
+    next_split_ = count.ready > room ? index : (index + 1) % split_count;
   }
   first_ready_ns_ = 0;
   if (options_.is_deterministic) std::ranges::sort(batch_.requests, {}, &Request::env_index);
   return !batch_.requests.empty();
 }
 
-void Batcher::take(const Group& group, int64_t limit) {
-  for (int env = group.first_env; env < group.last_env && limit > 0; ++env) {
+void Batcher::take(const Split& split, int64_t limit) {
+  for (int env = split.first_env; env < split.last_env && limit > 0; ++env) {
     shm::StepSlot& slot = arena_->slot(env);
     if (!shm::advance(slot, SlotState::kReady, SlotState::kInBatch)) continue;
-    if (const std::optional<Request> request = read_request(slot, group, env)) {
+    if (const std::optional<Request> request = read_request(slot, split, env)) {
       batch_.requests.push_back(*request);
       --limit;
     } else {
       // Answered without being read, so that its simulator goes on and notices rather than hangs.
       ++refused_count_;
       shm::advance(slot, SlotState::kInBatch, SlotState::kActed);
-      shm::ring(arena_->slots_acted(group.sim_worker, group.split));
+      shm::ring(arena_->slots_acted(split.sim_worker, split.index));
     }
   }
 }
 
-std::optional<Request> Batcher::read_request(const shm::StepSlot& slot, const Group& group, int env_index) {
+std::optional<Request> Batcher::read_request(const shm::StepSlot& slot, const Split& split, int env_index) {
   const shm::ArenaShape& shape = arena_->shape();
   Request request{.env_index = env_index,
-                  .sim_worker = group.sim_worker,
-                  .split = group.split,
+                  .sim_worker = split.sim_worker,
+                  .split = split.index,
                   .kind = slot.kind,
                   .slab_index = slot.slab_index,
                   .step = static_cast<int>(slot.step),
@@ -266,11 +266,11 @@ void Batcher::answer(const Batch& batch, const float* logits, const float* value
   // Only now hand everything back: a worker killed above leaves whole rounds for its successor.
   for (const Request& request : batch.requests)
     shm::advance(arena_->slot(request.env_index), SlotState::kInBatch, SlotState::kActed);
-  for (const Group& group : groups_) {
+  for (const Split& split : splits_) {
     const bool is_touched = std::ranges::any_of(batch.requests, [&](const Request& request) {
-      return request.sim_worker == group.sim_worker && request.split == group.split;
+      return request.sim_worker == split.sim_worker && request.split == split.index;
     });
-    if (is_touched) shm::ring(arena_->slots_acted(group.sim_worker, group.split));
+    if (is_touched) shm::ring(arena_->slots_acted(split.sim_worker, split.index));
   }
 }
 

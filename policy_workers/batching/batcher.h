@@ -22,10 +22,10 @@ namespace comrad::policy {
 /// How a policy worker fills its batches.
 struct BatcherOptions {
   int policy_worker = 0;
-  int64_t min_batch = 1;           ///< environments a batch waits for (core/config.cc knows what "auto" is)
-  int64_t max_batch = 0;           ///< environments in a batch at most; 0: all that are served
-  int64_t max_wait_us = 2000;      ///< longest wait for min_batch, from the first request on
-  bool is_deterministic = false;   ///< one whole group per batch, whatever the limits say
+  int64_t min_batch = 1;       ///< environments a batch waits for (settings/resolve.cc knows what "auto" is)
+  int64_t max_batch = 0;       ///< environments in a batch at most; 0: all that are served
+  int64_t max_wait_us = 2000;  ///< longest wait for min_batch, from the first request on
+  bool is_deterministic = false;   ///< one whole split per batch, whatever the limits say
   bool is_greedy = false;          ///< most probable actions instead of drawn ones
   bool is_epsilon_greedy = false;  ///< outputs are Q-values; the learner's epsilon lies in the control block
   Exploration exploration = Exploration::kPerHead;  ///< how epsilon is drawn
@@ -58,11 +58,11 @@ struct Batch {
   int64_t row_count() const { return static_cast<int64_t>(frames.size()); }
 };
 
-/// One policy worker's end of the arena. Answers only the groups that ArenaShape::policy_worker_of deals to
+/// One policy worker's end of the arena. Answers only the splits that ArenaShape::policy_worker_of deals to
 /// it.
 ///
-/// A group (half of a simulator's environments) commits together and is gathered together: a batch holds
-/// whole groups, except where max_batch is smaller than a group or a group stays incomplete for max_wait_us.
+/// A split (half of a simulator's environments) commits together and is gathered together: a batch holds
+/// whole splits, except where max_batch is smaller than a split or a split stays incomplete for max_wait_us.
 /// Everything an answer consists of is written before the first slot becomes kActed, so a worker killed at
 /// any point leaves slots that its successor answers anew with the same result.
 class Batcher {
@@ -78,7 +78,7 @@ class Batcher {
   /// kReady -> kInBatch. Waits up to `timeout_us` for a first request; an empty batch means there was none.
   const Batch& gather(int64_t timeout_us);
 
-  /// Writes answers and hands the slots back: kInBatch -> kActed, then rings each group once.
+  /// Writes answers and hands the slots back: kInBatch -> kActed, then rings each split once.
   void scatter(const Batch& batch, const PolicyOutput& output, PolicyVersion version);
 
   /// Answers without a network (--random): uniform over allowed choices, value 0, state untouched at 0.
@@ -92,22 +92,22 @@ class Batcher {
 
  private:
   /// Environments [first, last) that commit together.
-  struct Group {
+  struct Split {
     int sim_worker;
-    int split;
+    int index;
     int first_env;
     int last_env;
   };
-  struct GroupCount {
+  struct SplitCount {
     int ready;
     bool is_complete;
   };
 
   Batcher(const shm::Arena& arena, const BatcherOptions& options);
-  GroupCount count_ready(const Group& group) const;
+  SplitCount count_ready(const Split& split) const;
   bool collect();
-  void take(const Group& group, int64_t limit);
-  std::optional<Request> read_request(const shm::StepSlot& slot, const Group& group, int env_index);
+  void take(const Split& split, int64_t limit);
+  std::optional<Request> read_request(const shm::StepSlot& slot, const Split& split, int env_index);
   void load_inputs();
   void answer(const Batch& batch, const float* logits, const float* value, const float* state,
               PolicyVersion version);
@@ -116,8 +116,8 @@ class Batcher {
   BatcherOptions options_;
   RngKey action_key_;
   RecurrentStateTable states_;
-  std::vector<Group> groups_;
-  size_t next_group_ = 0;  // where the next batch starts to look, so that nobody starves
+  std::vector<Split> splits_;
+  size_t next_split_ = 0;  // where the next batch starts to look, so that nobody starves
   int64_t env_count_ = 0;
   Batch batch_;
   uint64_t wait_ns_ = 0;

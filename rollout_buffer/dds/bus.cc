@@ -27,7 +27,7 @@
 namespace comrad::dds {
 namespace {
 
-constexpr int kBusVersion = 2;  // part of the partition: builds that disagree on comrad.idl do not meet
+constexpr int kBusVersion = 3;  // part of the partition: builds that disagree on comrad.idl do not meet
 constexpr int kMaxParticipantIndex = 119;
 constexpr uint32_t kDomainCount = 100;
 constexpr uint32_t kPortBase = 7400;  // RTPS: two ports per participant from kPortBase + 250 * domain + 10

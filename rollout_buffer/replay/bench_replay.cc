@@ -131,14 +131,15 @@ class Source {
   }
 
   SlabView slab(int index) {
-    return SlabView(*layout_, bytes_.data() + static_cast<int64_t>(index % kSlabCount) * layout_->slab_bytes);
+    return SlabView(*offsets_,
+                    bytes_.data() + static_cast<int64_t>(index % kSlabCount) * offsets_->slab_bytes);
   }
 
  private:
   explicit Source(const TrajectoryShape& shape)
-      : layout_(std::make_unique<SlabLayout>(shape)),
-        bytes_(static_cast<std::size_t>(kSlabCount * layout_->slab_bytes)) {}
-  std::unique_ptr<SlabLayout> layout_;
+      : offsets_(std::make_unique<SlabOffsets>(shape)),
+        bytes_(static_cast<std::size_t>(kSlabCount * offsets_->slab_bytes)) {}
+  std::unique_ptr<SlabOffsets> offsets_;
   std::vector<std::byte> bytes_;
 };
 

@@ -146,6 +146,11 @@ Expected<SectionHeader> SnapshotReader::next(std::vector<std::byte>& bytes) {
   return header;
 }
 
+bool SnapshotReader::peek(std::span<std::byte> bytes) const {
+  return pread(descriptor_, bytes.data(), bytes.size(), sizeof(SectionHeader)) ==
+         static_cast<ssize_t>(bytes.size());
+}
+
 Status SnapshotReader::expect_end() const {
   if (left_bytes_ == 0) return {};
   return Error{ErrorCode::kBadFormat, path_ + ": replay snapshot goes on behind its end"};

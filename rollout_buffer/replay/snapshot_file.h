@@ -23,7 +23,7 @@ struct SectionHeader {
   int64_t id = 0;           ///< of an item
   int64_t offset = 0;       ///< of an item, in the ring it was in
   uint64_t bytes = 0;       ///< that follow
-  uint64_t bytes_sum = 0;   ///< checksum64 of them
+  uint64_t bytes_sum = 0;   ///< checksum64 of them; another checksum bumps kSnapshotVersion
   uint64_t header_sum = 0;  ///< checksum64 of the fields above
 };
 static_assert(sizeof(SectionHeader) == 56, "changing this bumps kSnapshotVersion");
@@ -62,6 +62,9 @@ class SnapshotReader {
   /// The next section; `bytes` gets its content. A section longer than what is left of the file is refused
   /// before anything is allocated. Errors: kBadFormat (damaged, shortened), kSystem.
   Expected<SectionHeader> next(std::vector<std::byte>& bytes);
+  /// The first bytes of the first section's content, unchecked: what says how the rest is to be checked. False where
+  /// the file is shorter. The next section stays the next one.
+  bool peek(std::span<std::byte> bytes) const;
   /// Nothing follows. Errors: kBadFormat.
   Status expect_end() const;
   const std::string& path() const { return path_; }

@@ -17,7 +17,8 @@ namespace {
 
 constexpr int64_t kSlotAlignmentBytes = 64;
 constexpr std::array<char, 8> kSnapshotMagic = {'C', 'O', 'M', 'R', 'P', 'L', 'A', 'Y'};
-constexpr int32_t kSnapshotVersion = 2;  // 1 had no late rewards; it is read, too
+constexpr int32_t kSnapshotVersion =
+    3;  // 1 and 2 had other checksums, so that nothing in them can be believed
 constexpr uint32_t kFlagMask = 1, kFlagState = 2, kFlagCompressed = 4, kFlagLate = 8;
 
 int64_t round_up(int64_t value) {
@@ -100,20 +101,20 @@ uint8_t StoredTrajectory::flag(int64_t offset, int step) const {
 }
 
 void StoredTrajectory::copy_cells(int64_t first, int64_t count, uint8_t* out) const {
-  COMRAD_DCHECK(first >= 0 && first + count <= layout_.frame_count, "the frame lies in the trajectory");
+  COMRAD_DCHECK(first >= 0 && first + count <= offsets_.frame_count, "the frame lies in the trajectory");
   const int64_t frame = shape_->env.frame_bytes();
   if (!form_.compressed) {
-    std::memcpy(out, bytes_ + layout_.frames + first * frame, static_cast<std::size_t>(count * frame));
+    std::memcpy(out, bytes_ + offsets_.frames + first * frame, static_cast<std::size_t>(count * frame));
     return;
   }
-  const auto ends = field<uint32_t>(layout_.frame_ends, 0, layout_.frame_count);
+  const auto ends = field<uint32_t>(offsets_.frame_ends, 0, offsets_.frame_count);
   for (int64_t cell = first; cell < first + count; ++cell, out += frame) {
     const int64_t begin = cell == 0 ? 0 : ends[static_cast<std::size_t>(cell - 1)];
     const int64_t end = ends[static_cast<std::size_t>(cell)];
     const int64_t size = end - begin;
     // The bytes may lie in a file that others can write: they cannot make us look outside.
-    const bool inside = size > 0 && size <= frame && layout_.frames + end <= byte_count_;
-    const std::byte* block = bytes_ + layout_.frames + begin;
+    const bool inside = size > 0 && size <= frame && offsets_.frames + end <= byte_count_;
+    const std::byte* block = bytes_ + offsets_.frames + begin;
     if (inside && size == frame)
       std::memcpy(out, block, static_cast<std::size_t>(frame));  // did not shrink: stored as it was
     else if (!inside ||
@@ -141,49 +142,52 @@ void StoredTrajectory::copy_final_frame(int row, int agent, uint8_t* out) const 
 
 std::span<const float> StoredTrajectory::measurement(int step) const {
   COMRAD_DCHECK(step >= 0 && step <= length(), "the row lies in the trajectory");
-  return field<float>(layout_.measurement, step, int64_t{agents()} * shape_->env.measurement_count);
+  return field<float>(offsets_.measurement, step, int64_t{agents()} * shape_->env.measurement_count);
 }
 
 std::span<const float> StoredTrajectory::final_measurement(int row) const {
   COMRAD_DCHECK(row >= 0 && row < final_count(), "the last observation lies in the trajectory");
-  return field<float>(layout_.final_measurement, row, int64_t{agents()} * shape_->env.measurement_count);
+  return field<float>(offsets_.final_measurement, row, int64_t{agents()} * shape_->env.measurement_count);
 }
 
 std::span<const uint8_t> StoredTrajectory::action_mask(int step) const {
   COMRAD_DCHECK(step >= 0 && step <= length(), "the row lies in the trajectory");
   const int64_t width = int64_t{agents()} * shape_->env.logit_count();
   if (!form_.has_mask) return {ones_, static_cast<std::size_t>(width)};
-  return field<uint8_t>(layout_.action_mask, step, width);
+  return field<uint8_t>(offsets_.action_mask, step, width);
 }
 
 std::span<const uint8_t> StoredTrajectory::agent_active(int step) const {
   COMRAD_DCHECK(step >= 0 && step <= length(), "the row lies in the trajectory");
-  return field<uint8_t>(layout_.agent_active, step, agents());
+  return field<uint8_t>(offsets_.agent_active, step, agents());
 }
 
 std::span<const uint8_t> StoredTrajectory::action(int step) const {
   COMRAD_DCHECK(step >= 0 && step < length(), "the step lies in the trajectory");
-  return field<uint8_t>(layout_.action, step, int64_t{agents()} * shape_->env.head_count);
+  return field<uint8_t>(offsets_.action, step, int64_t{agents()} * shape_->env.head_count);
 }
 
 std::span<const float> StoredTrajectory::reward(int step) const {
   COMRAD_DCHECK(step >= 0 && step < length(), "the step lies in the trajectory");
-  return field<float>(layout_.reward, step, agents());
+  return field<float>(offsets_.reward, step, agents());
 }
 
 float StoredTrajectory::late_reward(int agent) const {
   COMRAD_DCHECK(agent >= 0 && agent < agents(), "the agent exists");
-  return form_.has_late ? field<float>(layout_.late_reward, 0, agents())[static_cast<std::size_t>(agent)] : 0;
+  return form_.has_late ? field<float>(offsets_.late_reward, 0, agents())[static_cast<std::size_t>(agent)]
+                        : 0;
 }
 
-bool StoredTrajectory::terminated(int step) const { return flag(layout_.terminated, step) != 0; }
-bool StoredTrajectory::truncated(int step) const { return flag(layout_.truncated, step) != 0; }
-bool StoredTrajectory::valid(int step) const { return flag(layout_.valid, step) != 0; }
-int StoredTrajectory::final_row(int step) const { return static_cast<int8_t>(flag(layout_.final_row, step)); }
+bool StoredTrajectory::terminated(int step) const { return flag(offsets_.terminated, step) != 0; }
+bool StoredTrajectory::truncated(int step) const { return flag(offsets_.truncated, step) != 0; }
+bool StoredTrajectory::valid(int step) const { return flag(offsets_.valid, step) != 0; }
+int StoredTrajectory::final_row(int step) const {
+  return static_cast<int8_t>(flag(offsets_.final_row, step));
+}
 
 std::span<const float> StoredTrajectory::recurrent_state(int agent) const {
   if (!form_.has_state) return {};
-  return field<float>(layout_.recurrent_state, agent, shape_->recurrent_state_count);
+  return field<float>(offsets_.recurrent_state, agent, shape_->recurrent_state_count);
 }
 
 std::pair<int64_t, int64_t> StoredTrajectory::frame_range(int first, int last) const {
@@ -197,14 +201,14 @@ std::pair<int64_t, int64_t> StoredTrajectory::frame_range_of_agent(int row, int 
 std::pair<int64_t, int64_t> StoredTrajectory::cell_range(int64_t begin, int64_t end) const {
   if (!form_.compressed) {
     const int64_t frame = shape_->env.frame_bytes();
-    return {layout_.frames + begin * frame, (end - begin) * frame};
+    return {offsets_.frames + begin * frame, (end - begin) * frame};
   }
-  const auto ends = field<uint32_t>(layout_.frame_ends, 0, layout_.frame_count);
+  const auto ends = field<uint32_t>(offsets_.frame_ends, 0, offsets_.frame_count);
   // Bounded, because the ends may lie in a file that others can write.
-  const int64_t room = byte_count_ - layout_.frames;
+  const int64_t room = byte_count_ - offsets_.frames;
   const int64_t from = begin == 0 ? 0 : std::min<int64_t>(ends[static_cast<std::size_t>(begin - 1)], room);
   const int64_t to = std::min<int64_t>(ends[static_cast<std::size_t>(end - 1)], room);
-  return {layout_.frames + from, std::max<int64_t>(to - from, 0)};
+  return {offsets_.frames + from, std::max<int64_t>(to - from, 0)};
 }
 
 // -----------------------------------------------------------------------------------------------
@@ -215,7 +219,7 @@ int64_t TrajectoryStore::item_bytes(const TrajectoryShape& shape, int finals, bo
                        .finals = finals,
                        .has_mask = with_mask,
                        .has_state = shape.recurrent_state_count > 0};
-  return round_up(ItemLayout(shape, whole).raw_bytes);
+  return round_up(ItemOffsets(shape, whole).raw_bytes);
 }
 
 Expected<TrajectoryStore> TrajectoryStore::create(const StoreOptions& options) {
@@ -231,7 +235,7 @@ Expected<TrajectoryStore> TrajectoryStore::create(const StoreOptions& options) {
                    .has_state = options.keep_recurrent_state && shape.recurrent_state_count > 0,
                    .compressed = options.compress,
                    .has_late = options.late_pay.has_value()};
-  const int64_t largest_bytes = round_up(ItemLayout(shape, largest).raw_bytes);
+  const int64_t largest_bytes = round_up(ItemOffsets(shape, largest).raw_bytes);
   if (largest_bytes > int64_t{std::numeric_limits<uint32_t>::max()})
     return Error{ErrorCode::kBadInput, "a trajectory of " + bytes_text(largest_bytes) +
                                            " is too large for a replay (4 GB); lower --rollout"};
@@ -298,7 +302,7 @@ void TrajectoryStore::compress_frame(std::span<const uint8_t> frame, int64_t ind
   if (size <= 0) std::memcpy(out, frame.data(), frame.size());
   block_bytes_ += size > 0 ? size : raw;
   const auto end = static_cast<uint32_t>(block_bytes_);
-  std::memcpy(packed_.head.data() + packed_.layout.frame_ends + index * 4, &end, sizeof end);
+  std::memcpy(packed_.head.data() + packed_.offsets.frame_ends + index * 4, &end, sizeof end);
 }
 
 ItemId TrajectoryStore::commit(const SlabView& slab, const SlabOrigin& origin) {
@@ -338,7 +342,7 @@ Status TrajectoryStore::add_late_reward(ItemId id, int agent, double amount) {
   const auto sum = static_cast<float>(item(id).late_reward(agent) + amount);
   if (!slot.form.has_late || !std::isfinite(sum)) return {};  // read from a snapshot that has no room for it
   const auto bytes = std::as_bytes(std::span<const float>(&sum, 1));
-  return memory_->write(slot.offset + ItemLayout(shape(), slot.form).late_reward + int64_t{agent} * 4,
+  return memory_->write(slot.offset + ItemOffsets(shape(), slot.form).late_reward + int64_t{agent} * 4,
                         std::array{bytes});
 }
 
@@ -422,7 +426,7 @@ void TrajectoryStore::prefetch(ItemId id) const {
 void TrajectoryStore::prefetch_head(ItemId id) const {
   if (!contains(id)) return;
   const Slot& slot = slots_[static_cast<std::size_t>(id - oldest())];
-  memory_->prefetch(slot.offset, ItemLayout(shape(), slot.form).frames);
+  memory_->prefetch(slot.offset, ItemOffsets(shape(), slot.form).frames);
 }
 
 void TrajectoryStore::prefetch_rows(ItemId id, int first, int last, int agent) const {
@@ -517,16 +521,19 @@ Status TrajectoryStore::read_items(SnapshotReader& reader) {
   const auto bad = [&reader](const std::string& what) {
     return Error{ErrorCode::kBadFormat, reader.path() + ": replay snapshot is unusable: " + what};
   };
+  SnapshotHeader saved;
+  if (reader.peek(
+          std::as_writable_bytes(std::span(&saved, 1)).first(sizeof saved.magic + sizeof saved.version)) &&
+      saved.magic == kSnapshotMagic && saved.version != kSnapshotVersion)
+    return bad("it has version " + std::to_string(saved.version) + ", this program reads version " +
+               std::to_string(kSnapshotVersion) +
+               " alone; remove it, and the run goes on with an empty replay");
   std::vector<std::byte> bytes;
   COMRAD_TRY_ASSIGN(const SectionHeader first, reader.next(bytes));
-  SnapshotHeader saved;
   if (first.tag != static_cast<uint32_t>(SectionTag::kHeader) || bytes.size() < sizeof saved.magic + 4)
     return bad("it does not begin with a header");
   std::memcpy(&saved, bytes.data(), std::min(bytes.size(), sizeof saved));
   if (saved.magic != kSnapshotMagic) return bad("it is none of COMRAD's");
-  if (saved.version < 1 || saved.version > kSnapshotVersion)
-    return bad("it has version " + std::to_string(saved.version) + ", this program reads versions 1 to " +
-               std::to_string(kSnapshotVersion));
   if (bytes.size() < sizeof saved) return bad("its header has a wrong size");
   const std::vector<std::byte> ledger(bytes.begin() + sizeof saved, bytes.end());
   if (const std::string differs = difference(saved, header_of(options_)); !differs.empty())
@@ -590,18 +597,18 @@ Status TrajectoryStore::adopt(const ItemForm& form, std::span<const std::byte> b
   // decoded and coded again.
   const StoredTrajectory source(shape(), form, bytes.data(), static_cast<int64_t>(bytes.size()),
                                 all_ones_.data());
-  const ItemLayout from(shape(), form);
+  const ItemOffsets from(shape(), form);
   packed_.form = form;
   packed_.form.compressed = options_.compress;
-  packed_.layout = ItemLayout(shape(), packed_.form);
-  packed_.head.assign(static_cast<std::size_t>(packed_.layout.frames), std::byte{0});
+  packed_.offsets = ItemOffsets(shape(), packed_.form);
+  packed_.head.assign(static_cast<std::size_t>(packed_.offsets.frames), std::byte{0});
   const int64_t floats = from.frame_ends,
                 small = from.action_mask - from.action +
                         (form.has_mask
                              ? int64_t{form.length + 1} * shape().env.num_agents * shape().env.logit_count()
                              : 0);
   std::memcpy(packed_.head.data(), bytes.data(), static_cast<std::size_t>(floats));
-  std::memcpy(packed_.head.data() + packed_.layout.action, bytes.data() + from.action,
+  std::memcpy(packed_.head.data() + packed_.offsets.action, bytes.data() + from.action,
               static_cast<std::size_t>(small));
   const int agents = shape().env.num_agents;
   std::vector<uint8_t> frame(static_cast<std::size_t>(shape().env.frame_bytes()));

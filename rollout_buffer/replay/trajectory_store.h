@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/replay/item_layout.h"
+#include "rollout_buffer/replay/item_offsets.h"
 #include "rollout_buffer/replay/late_pay.h"
 #include "rollout_buffer/replay/ring_memory.h"
 #include "rollout_buffer/replay/snapshot_file.h"
@@ -44,7 +44,7 @@ class StoredTrajectory {
                    int64_t byte_count, const uint8_t* all_ones)
       : shape_(&shape),
         form_(form),
-        layout_(shape, form),
+        offsets_(shape, form),
         bytes_(bytes),
         byte_count_(byte_count),
         ones_(all_ones) {}
@@ -91,7 +91,7 @@ class StoredTrajectory {
 
   const TrajectoryShape* shape_;
   ItemForm form_;
-  ItemLayout layout_;
+  ItemOffsets offsets_;
   const std::byte* bytes_;
   int64_t byte_count_;
   const uint8_t* ones_;

@@ -13,7 +13,6 @@ namespace comrad {
 
 constexpr int kMaxAgents = 8;
 constexpr int kMaxHeads = 8;
-constexpr int kMaxScores = 8;
 
 /// Shapes of observations and actions, fixed for a run. Trivially copyable: it lies in shared memory as
 /// it is.

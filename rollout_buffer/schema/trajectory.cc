@@ -12,7 +12,7 @@ int64_t round_up(int64_t value, int64_t multiple) { return (value + multiple - 1
 
 }  // namespace
 
-SlabLayout::SlabLayout(const TrajectoryShape& given) : shape(given) {
+SlabOffsets::SlabOffsets(const TrajectoryShape& given) : shape(given) {
   const int64_t steps = shape.rollout_steps, agents = shape.env.num_agents, finals = shape.final_capacity;
   const int64_t logit_count = shape.env.logit_count(), measurements = shape.env.measurement_count;
   int64_t end = 0;
@@ -31,7 +31,7 @@ SlabLayout::SlabLayout(const TrajectoryShape& given) : shape(given) {
   terminated = place(steps);
   truncated = place(steps);
   final_index = place(steps * 4);
-  layout = place(steps * 4);
+  layout_index = place(steps * 4);
   recurrent_state = place(int64_t{shape.recurrent_snapshots} * agents * shape.recurrent_state_count * 4);
   action = place(steps * agents * shape.env.head_count * 4);
   log_prob = place(steps * agents * 4);
@@ -56,108 +56,108 @@ std::span<T> row(T* base, int64_t index, [[maybe_unused]] int64_t rows, int64_t 
 
 std::span<uint8_t> SlabView::frame(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<uint8_t>(layout_->frame), step * agents + agent, (shape().rollout_steps + 1) * agents,
+  return row(at<uint8_t>(offsets_->frame), step * agents + agent, (shape().rollout_steps + 1) * agents,
              shape().env.frame_bytes());
 }
 
 std::span<uint8_t> SlabView::frames(int step) const {
-  return row(at<uint8_t>(layout_->frame), step, shape().rollout_steps + 1,
+  return row(at<uint8_t>(offsets_->frame), step, shape().rollout_steps + 1,
              shape().env.num_agents * shape().env.frame_bytes());
 }
 
 std::span<float> SlabView::measurement(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<float>(layout_->measurement), step * agents + agent, (shape().rollout_steps + 1) * agents,
+  return row(at<float>(offsets_->measurement), step * agents + agent, (shape().rollout_steps + 1) * agents,
              shape().env.measurement_count);
 }
 
 std::span<uint8_t> SlabView::action_mask(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<uint8_t>(layout_->action_mask), step * agents + agent, (shape().rollout_steps + 1) * agents,
+  return row(at<uint8_t>(offsets_->action_mask), step * agents + agent, (shape().rollout_steps + 1) * agents,
              shape().env.logit_count());
 }
 
 uint8_t& SlabView::agent_active(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<uint8_t>(layout_->agent_active), step * agents + agent, (shape().rollout_steps + 1) * agents,
+  return row(at<uint8_t>(offsets_->agent_active), step * agents + agent, (shape().rollout_steps + 1) * agents,
              1)[0];
 }
 
 float& SlabView::reward(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<float>(layout_->reward), step * agents + agent, shape().rollout_steps * agents, 1)[0];
+  return row(at<float>(offsets_->reward), step * agents + agent, shape().rollout_steps * agents, 1)[0];
 }
 
 uint8_t& SlabView::terminated(int step) const {
-  return row(at<uint8_t>(layout_->terminated), step, shape().rollout_steps, 1)[0];
+  return row(at<uint8_t>(offsets_->terminated), step, shape().rollout_steps, 1)[0];
 }
 
 uint8_t& SlabView::truncated(int step) const {
-  return row(at<uint8_t>(layout_->truncated), step, shape().rollout_steps, 1)[0];
+  return row(at<uint8_t>(offsets_->truncated), step, shape().rollout_steps, 1)[0];
 }
 
 int32_t& SlabView::final_index(int step) const {
-  return row(at<int32_t>(layout_->final_index), step, shape().rollout_steps, 1)[0];
+  return row(at<int32_t>(offsets_->final_index), step, shape().rollout_steps, 1)[0];
 }
 
-int32_t& SlabView::layout(int step) const {
-  return row(at<int32_t>(layout_->layout), step, shape().rollout_steps, 1)[0];
+int32_t& SlabView::layout_index(int step) const {
+  return row(at<int32_t>(offsets_->layout_index), step, shape().rollout_steps, 1)[0];
 }
 
 std::span<uint8_t> SlabView::final_frame(int final_row, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<uint8_t>(layout_->final_frame), final_row * agents + agent, shape().final_capacity * agents,
+  return row(at<uint8_t>(offsets_->final_frame), final_row * agents + agent, shape().final_capacity * agents,
              shape().env.frame_bytes());
 }
 
 std::span<float> SlabView::final_measurement(int final_row, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<float>(layout_->final_measurement), final_row * agents + agent,
+  return row(at<float>(offsets_->final_measurement), final_row * agents + agent,
              shape().final_capacity * agents, shape().env.measurement_count);
 }
 
 std::span<float> SlabView::recurrent_state(int snapshot, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<float>(layout_->recurrent_state), snapshot * agents + agent,
+  return row(at<float>(offsets_->recurrent_state), snapshot * agents + agent,
              shape().recurrent_snapshots * agents, shape().recurrent_state_count);
 }
 
 std::span<int32_t> SlabView::action(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<int32_t>(layout_->action), step * agents + agent, shape().rollout_steps * agents,
+  return row(at<int32_t>(offsets_->action), step * agents + agent, shape().rollout_steps * agents,
              shape().env.head_count);
 }
 
 float& SlabView::log_prob(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<float>(layout_->log_prob), step * agents + agent, shape().rollout_steps * agents, 1)[0];
+  return row(at<float>(offsets_->log_prob), step * agents + agent, shape().rollout_steps * agents, 1)[0];
 }
 
 float& SlabView::value(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<float>(layout_->value), step * agents + agent, (shape().rollout_steps + 1) * agents, 1)[0];
+  return row(at<float>(offsets_->value), step * agents + agent, (shape().rollout_steps + 1) * agents, 1)[0];
 }
 
 float& SlabView::final_value(int final_row, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<float>(layout_->final_value), final_row * agents + agent, shape().final_capacity * agents,
+  return row(at<float>(offsets_->final_value), final_row * agents + agent, shape().final_capacity * agents,
              1)[0];
 }
 
 std::span<float> SlabView::logits(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<float>(layout_->logits), step * agents + agent, shape().rollout_steps * agents,
+  return row(at<float>(offsets_->logits), step * agents + agent, shape().rollout_steps * agents,
              shape().env.logit_count());
 }
 
 uint32_t& SlabView::policy_version(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
-  return row(at<uint32_t>(layout_->policy_version), step * agents + agent, shape().rollout_steps * agents,
+  return row(at<uint32_t>(offsets_->policy_version), step * agents + agent, shape().rollout_steps * agents,
              1)[0];
 }
 
 uint8_t& SlabView::valid(int step) const {
-  return row(at<uint8_t>(layout_->valid), step, shape().rollout_steps, 1)[0];
+  return row(at<uint8_t>(offsets_->valid), step, shape().rollout_steps, 1)[0];
 }
 
 }  // namespace comrad

@@ -11,8 +11,8 @@ namespace comrad {
 
 /// Byte offsets of every field from the start of a slab. A pure function of the shape, so that every process
 /// computes the same ones; each field starts on a cache line.
-struct SlabLayout {
-  explicit SlabLayout(const TrajectoryShape& shape);
+struct SlabOffsets {
+  explicit SlabOffsets(const TrajectoryShape& shape);
 
   TrajectoryShape shape;
   int64_t frame = 0;              ///< u8  [T+1, N, C, H, W]   simulator
@@ -25,7 +25,7 @@ struct SlabLayout {
   int64_t final_index = 0;        ///< i32 [T], -1 or k        simulator
   int64_t final_frame = 0;        ///< u8  [K, N, C, H, W]     simulator
   int64_t final_measurement = 0;  ///< f32 [K, N, M]           simulator
-  int64_t layout = 0;             ///< i32 [T], in the run's pool   simulator
+  int64_t layout_index = 0;       ///< i32 [T], in the run's pool   simulator
   int64_t recurrent_state = 0;    ///< f32 [S, N, H]           policy worker
   int64_t action = 0;             ///< i32 [T, N, heads]       policy worker
   int64_t log_prob = 0;           ///< f32 [T, N]              policy worker
@@ -46,9 +46,9 @@ struct EpisodeStamp {
 /// Typed access to one slab's fields. A view: it owns nothing and is valid while the arena is mapped.
 class SlabView {
  public:
-  SlabView(const SlabLayout& layout, std::byte* base) : layout_(&layout), base_(base) {}
+  SlabView(const SlabOffsets& offsets, std::byte* base) : offsets_(&offsets), base_(base) {}
 
-  const TrajectoryShape& shape() const { return layout_->shape; }
+  const TrajectoryShape& shape() const { return offsets_->shape; }
 
   std::span<uint8_t> frame(int step, int agent) const;        ///< [C*H*W]
   std::span<uint8_t> frames(int step) const;                  ///< [N*C*H*W]
@@ -59,7 +59,7 @@ class SlabView {
   uint8_t& terminated(int step) const;
   uint8_t& truncated(int step) const;
   int32_t& final_index(int step) const;
-  int32_t& layout(int step) const;
+  int32_t& layout_index(int step) const;
   std::span<uint8_t> final_frame(int row, int agent) const;         ///< [C*H*W]
   std::span<float> final_measurement(int row, int agent) const;     ///< [M]
   std::span<float> recurrent_state(int snapshot, int agent) const;  ///< [H]
@@ -75,10 +75,10 @@ class SlabView {
   T* at(int64_t offset_bytes) const {
     return reinterpret_cast<T*>(base_ + offset_bytes);
   }
-  const SlabLayout& layout() const { return *layout_; }
+  const SlabOffsets& offsets() const { return *offsets_; }
 
  private:
-  const SlabLayout* layout_;
+  const SlabOffsets* offsets_;
   std::byte* base_;
 };
 

@@ -1,5 +1,5 @@
-// Numbers that two processes must agree on before they share bytes. Change the layout, bump the version, and
-// add a line to the Layout history in rollout_buffer/README.md.
+// Numbers that two processes must agree on before they share bytes. Change what lies in the arena, bump the version, and
+// add a line to the Format history in rollout_buffer/README.md.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 namespace comrad {
 
 constexpr uint32_t kArenaMagic = 0x44524D43;  // "CMRD"
-constexpr uint32_t kLayoutVersion = 5;
+constexpr uint32_t kArenaVersion = 6;
 constexpr std::size_t kCacheLineBytes = 64;
 
 constexpr int kTicRateHz = 35;  ///< Doom's world updates per second

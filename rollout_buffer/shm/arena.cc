@@ -26,7 +26,7 @@ int64_t round_up(int64_t value, int64_t multiple) { return (value + multiple - 1
 /// First bytes of the segment. A peer copies it once, checks it, and never looks again.
 struct ArenaHeader {
   uint32_t magic;
-  uint32_t layout_version;
+  uint32_t arena_version;
   uint64_t run_id;
   int64_t size_bytes;
   ArenaShape shape;
@@ -83,10 +83,10 @@ Status validate(const ArenaShape& shape) {
 }  // namespace
 
 /// Byte offsets of every part from the segment's base: a pure function of the shape.
-struct Arena::Layout {
-  explicit Layout(const ArenaShape& given) : shape(given), slab(given.trajectory) {
+struct Arena::Offsets {
+  explicit Offsets(const ArenaShape& given) : shape(given), slab(given.trajectory) {
     const int64_t envs = shape.env_count(), agents = shape.trajectory.env.num_agents;
-    const int64_t groups = int64_t{shape.sim_worker_count} * shape.splits_per_worker;
+    const int64_t splits = int64_t{shape.sim_worker_count} * shape.splits_per_worker;
     int64_t end = 0;
     const auto place = [&end](int64_t bytes, int64_t alignment = kCacheLineBytes) {
       const int64_t start = round_up(end, alignment);
@@ -103,8 +103,8 @@ struct Arena::Layout {
                            int64_t{shape.sim_worker_count} + shape.policy_worker_count + 1);
     slots = place_array(static_cast<StepSlot*>(nullptr), envs);
     slots_ready = place_array(static_cast<Doorbell*>(nullptr), shape.policy_worker_count);
-    slots_acted = place_array(static_cast<Doorbell*>(nullptr), groups);
-    rounds = place_array(static_cast<GroupRound*>(nullptr), groups);
+    slots_acted = place_array(static_cast<Doorbell*>(nullptr), splits);
+    rounds = place_array(static_cast<SplitRound*>(nullptr), splits);
     recurrent_bytes =
         round_up(agents * shape.trajectory.recurrent_state_count * int64_t{sizeof(float)}, kCacheLineBytes);
     recurrent = place(envs * 2 * recurrent_bytes);
@@ -127,7 +127,7 @@ struct Arena::Layout {
   }
 
   ArenaShape shape;
-  SlabLayout slab;
+  SlabOffsets slab;
   uint64_t run_id = 0;
   int64_t header, control, counters, slots, slots_ready, slots_acted, rounds, recurrent, recurrent_bytes;
   int64_t episode_rings, episodes, episode_capacity, report, weights_header, weights, weights_stride;
@@ -154,31 +154,31 @@ void WorkerCounters::begin_life() {
 }
 
 uint64_t pack_outcome(const LayoutOutcome& outcome) {
-  return uint64_t{outcome.layout} << 32 | std::bit_cast<uint32_t>(outcome.score);
+  return uint64_t{outcome.layout_index} << 32 | std::bit_cast<uint32_t>(outcome.score);
 }
 
 LayoutOutcome unpack_outcome(uint64_t word) {
-  return {.layout = static_cast<uint32_t>(word >> 32),
+  return {.layout_index = static_cast<uint32_t>(word >> 32),
           .score = std::bit_cast<float>(static_cast<uint32_t>(word))};
 }
 
-int64_t Arena::size_bytes(const ArenaShape& shape) { return Layout(shape).size_bytes; }
+int64_t Arena::size_bytes(const ArenaShape& shape) { return Offsets(shape).size_bytes; }
 
 Expected<Arena> Arena::create(const ArenaShape& shape, uint64_t run_id) {
   COMRAD_TRY(validate(shape));
-  auto layout = std::make_unique<Layout>(shape);
-  layout->run_id = run_id;
-  COMRAD_TRY_ASSIGN(Segment segment, Segment::create("comrad-arena", layout->size_bytes));
+  auto offsets = std::make_unique<Offsets>(shape);
+  offsets->run_id = run_id;
+  COMRAD_TRY_ASSIGN(Segment segment, Segment::create("comrad-arena", offsets->size_bytes));
   // Zeroed memory already means: slots idle, slabs free, doorbells silent, no weights, run state kStarting.
-  part<ControlBlock>(segment, layout->control).episodes_per_run.store(UINT64_MAX);
+  part<ControlBlock>(segment, offsets->control).episodes_per_run.store(UINT64_MAX);
   ArenaHeader header{};
   header.magic = kArenaMagic;
-  header.layout_version = kLayoutVersion;
+  header.arena_version = kArenaVersion;
   header.run_id = run_id;
-  header.size_bytes = layout->size_bytes;
+  header.size_bytes = offsets->size_bytes;
   header.shape = shape;
-  std::memcpy(segment.data() + layout->header, &header, sizeof header);
-  return Arena(std::move(segment), std::move(layout));
+  std::memcpy(segment.data() + offsets->header, &header, sizeof header);
+  return Arena(std::move(segment), std::move(offsets));
 }
 
 Expected<Arena> Arena::adopt(int descriptor) {
@@ -190,50 +190,50 @@ Expected<Arena> Arena::adopt(int descriptor) {
   std::memcpy(&header, segment.data(), sizeof header);  // from here on the peer cannot change what we checked
   if (header.magic != kArenaMagic)
     return Error{ErrorCode::kBadFormat, "arena: wrong magic number; the peer is no COMRAD run"};
-  if (header.layout_version != kLayoutVersion)
-    return Error{ErrorCode::kBadFormat, "arena: layout version " + std::to_string(header.layout_version) +
-                                            ", this build speaks " + std::to_string(kLayoutVersion) +
+  if (header.arena_version != kArenaVersion)
+    return Error{ErrorCode::kBadFormat, "arena: version " + std::to_string(header.arena_version) +
+                                            ", this build speaks " + std::to_string(kArenaVersion) +
                                             "; start all programs of a run from one build"};
   if (Status valid = validate(header.shape); !valid)
     return Error{ErrorCode::kBadFormat, "arena: the header is damaged: " + valid.error().message};
-  auto layout = std::make_unique<Layout>(header.shape);
-  layout->run_id = header.run_id;
-  if (layout->size_bytes != header.size_bytes || layout->size_bytes != segment.size_bytes())
+  auto offsets = std::make_unique<Offsets>(header.shape);
+  offsets->run_id = header.run_id;
+  if (offsets->size_bytes != header.size_bytes || offsets->size_bytes != segment.size_bytes())
     return Error{ErrorCode::kBadFormat,
-                 "arena: the header's shapes need " + std::to_string(layout->size_bytes) +
+                 "arena: the header's shapes need " + std::to_string(offsets->size_bytes) +
                      " bytes, the segment holds " + std::to_string(segment.size_bytes())};
-  return Arena(std::move(segment), std::move(layout));
+  return Arena(std::move(segment), std::move(offsets));
 }
 
-Arena::Arena(Segment segment, std::unique_ptr<Layout> layout)
-    : segment_(std::move(segment)), layout_(std::move(layout)) {}
+Arena::Arena(Segment segment, std::unique_ptr<Offsets> offsets)
+    : segment_(std::move(segment)), offsets_(std::move(offsets)) {}
 Arena::Arena(Arena&&) noexcept = default;
 Arena& Arena::operator=(Arena&&) noexcept = default;
 Arena::~Arena() = default;
 
-const ArenaShape& Arena::shape() const { return layout_->shape; }
-uint64_t Arena::run_id() const { return layout_->run_id; }
+const ArenaShape& Arena::shape() const { return offsets_->shape; }
+uint64_t Arena::run_id() const { return offsets_->run_id; }
 int Arena::descriptor() const { return segment_.descriptor(); }
-ControlBlock& Arena::control() const { return part<ControlBlock>(segment_, layout_->control); }
+ControlBlock& Arena::control() const { return part<ControlBlock>(segment_, offsets_->control); }
 
 WorkerCounters& Arena::sim_counters(int sim_worker) const {
   check_index(sim_worker, shape().sim_worker_count, "simulator index is in range");
-  return part<WorkerCounters>(segment_, layout_->counters, sim_worker);
+  return part<WorkerCounters>(segment_, offsets_->counters, sim_worker);
 }
 
 WorkerCounters& Arena::policy_counters(int policy_worker) const {
   check_index(policy_worker, shape().policy_worker_count, "policy worker index is in range");
-  return part<WorkerCounters>(segment_, layout_->counters, shape().sim_worker_count + policy_worker);
+  return part<WorkerCounters>(segment_, offsets_->counters, shape().sim_worker_count + policy_worker);
 }
 
 WorkerCounters& Arena::learner_counters() const {
-  return part<WorkerCounters>(segment_, layout_->counters,
+  return part<WorkerCounters>(segment_, offsets_->counters,
                               shape().sim_worker_count + shape().policy_worker_count);
 }
 
 StepSlot& Arena::slot(int env_index) const {
   check_index(env_index, shape().env_count(), "environment index is in range");
-  return part<StepSlot>(segment_, layout_->slots, env_index);
+  return part<StepSlot>(segment_, offsets_->slots, env_index);
 }
 
 std::span<float> Arena::recurrent(int env_index, uint64_t parity) const {
@@ -241,39 +241,41 @@ std::span<float> Arena::recurrent(int env_index, uint64_t parity) const {
   const int64_t buffer = int64_t{env_index} * 2 + static_cast<int64_t>(parity & 1);
   const std::size_t count = static_cast<std::size_t>(shape().trajectory.env.num_agents) *
                             static_cast<std::size_t>(shape().trajectory.recurrent_state_count);
-  return {reinterpret_cast<float*>(segment_.data() + layout_->recurrent + buffer * layout_->recurrent_bytes),
-          count};
+  return {
+      reinterpret_cast<float*>(segment_.data() + offsets_->recurrent + buffer * offsets_->recurrent_bytes),
+      count};
 }
 
 Doorbell& Arena::slots_ready(int policy_worker) const {
   check_index(policy_worker, shape().policy_worker_count, "policy worker index is in range");
-  return part<Doorbell>(segment_, layout_->slots_ready, policy_worker);
+  return part<Doorbell>(segment_, offsets_->slots_ready, policy_worker);
 }
 
 Doorbell& Arena::slots_acted(int sim_worker, int split) const {
   check_index(sim_worker, shape().sim_worker_count, "simulator index is in range");
   check_index(split, shape().splits_per_worker, "split is in range");
-  return part<Doorbell>(segment_, layout_->slots_acted,
+  return part<Doorbell>(segment_, offsets_->slots_acted,
                         int64_t{sim_worker} * shape().splits_per_worker + split);
 }
 
-GroupRound& Arena::group_round(int sim_worker, int split) const {
+SplitRound& Arena::split_round(int sim_worker, int split) const {
   check_index(sim_worker, shape().sim_worker_count, "simulator index is in range");
   check_index(split, shape().splits_per_worker, "split is in range");
-  return part<GroupRound>(segment_, layout_->rounds, int64_t{sim_worker} * shape().splits_per_worker + split);
+  return part<SplitRound>(segment_, offsets_->rounds,
+                          int64_t{sim_worker} * shape().splits_per_worker + split);
 }
 
-const SlabLayout& Arena::slab_layout() const { return layout_->slab; }
+const SlabOffsets& Arena::slab_offsets() const { return offsets_->slab; }
 
 SlabView Arena::slab(int slab_index) const {
   check_index(slab_index, shape().slab_count, "slab index is in range");
-  return SlabView(layout_->slab,
-                  segment_.data() + layout_->slabs + int64_t{slab_index} * layout_->slab.slab_bytes);
+  return SlabView(offsets_->slab,
+                  segment_.data() + offsets_->slabs + int64_t{slab_index} * offsets_->slab.slab_bytes);
 }
 
 SlabHeader& Arena::slab_header(int slab_index) const {
   check_index(slab_index, shape().slab_count, "slab index is in range");
-  return part<SlabHeader>(segment_, layout_->slab_headers, slab_index);
+  return part<SlabHeader>(segment_, offsets_->slab_headers, slab_index);
 }
 
 std::optional<uint32_t> Arena::acquire_slab(int sim_worker) const {
@@ -363,10 +365,10 @@ void Arena::release_slab(uint32_t slab_index) const {
 /// Ring `ring_index` with its cells. One writer, one reader.
 struct Arena::EpisodeQueue {
   EpisodeQueue(const Arena& arena, int ring_index)
-      : ring(part<EpisodeRing>(arena.segment_, arena.layout_->episode_rings, ring_index)),
-        cells(&part<EpisodeRecord>(arena.segment_, arena.layout_->episodes,
-                                   ring_index * arena.layout_->episode_capacity)),
-        capacity(static_cast<uint64_t>(arena.layout_->episode_capacity)) {}
+      : ring(part<EpisodeRing>(arena.segment_, arena.offsets_->episode_rings, ring_index)),
+        cells(&part<EpisodeRecord>(arena.segment_, arena.offsets_->episodes,
+                                   ring_index * arena.offsets_->episode_capacity)),
+        capacity(static_cast<uint64_t>(arena.offsets_->episode_capacity)) {}
 
   bool push(const EpisodeRecord& record) {
     const uint64_t written = ring.written.load(std::memory_order_relaxed);
@@ -413,7 +415,7 @@ std::optional<EpisodeRecord> Arena::pop_forwarded_episode() const {
 }
 
 void Arena::publish_report(const LearnerReport& report) const {
-  ReportBlock& block = part<ReportBlock>(segment_, layout_->report);
+  ReportBlock& block = part<ReportBlock>(segment_, offsets_->report);
   const uint64_t writing = (block.sequence.load(std::memory_order_relaxed) + 1) | 1;
   block.sequence.store(writing, std::memory_order_relaxed);
   std::atomic_thread_fence(std::memory_order_seq_cst);
@@ -423,7 +425,7 @@ void Arena::publish_report(const LearnerReport& report) const {
 }
 
 std::optional<LearnerReport> Arena::read_report(uint64_t& sequence) const {
-  const ReportBlock& block = part<ReportBlock>(segment_, layout_->report);
+  const ReportBlock& block = part<ReportBlock>(segment_, offsets_->report);
   const uint64_t before = block.sequence.load(std::memory_order_acquire);
   if (before == sequence || before % 2 != 0) return std::nullopt;
   LearnerReport report = block.report;
@@ -437,7 +439,7 @@ std::optional<LearnerReport> Arena::read_report(uint64_t& sequence) const {
 uint64_t Arena::episodes_dropped() const {
   uint64_t dropped = 0;
   for (int sim_worker = 0; sim_worker < shape().sim_worker_count; ++sim_worker)
-    dropped += part<EpisodeRing>(segment_, layout_->episode_rings, sim_worker)
+    dropped += part<EpisodeRing>(segment_, offsets_->episode_rings, sim_worker)
                    .dropped.load(std::memory_order_relaxed);
   return dropped;
 }
@@ -445,7 +447,7 @@ uint64_t Arena::episodes_dropped() const {
 void Arena::publish_weights(std::span<const std::byte> bytes, PolicyVersion version) const {
   COMRAD_CHECK(static_cast<int64_t>(bytes.size()) <= shape().weights_bytes,
                "the weights fit the arena's buffers");
-  WeightsHeader& header = part<WeightsHeader>(segment_, layout_->weights_header);
+  WeightsHeader& header = part<WeightsHeader>(segment_, offsets_->weights_header);
   const uint32_t current = header.current.load(std::memory_order_acquire);
   const uint32_t older = current == 1 ? 1 : 0;
   WeightsHeader::Buffer& buffer = header.buffer[older];
@@ -455,7 +457,7 @@ void Arena::publish_weights(std::span<const std::byte> bytes, PolicyVersion vers
   buffer.sequence.store(writing, std::memory_order_relaxed);
   std::atomic_thread_fence(std::memory_order_seq_cst);
   if (!bytes.empty())
-    std::memcpy(segment_.data() + layout_->weights + older * layout_->weights_stride, bytes.data(),
+    std::memcpy(segment_.data() + offsets_->weights + older * offsets_->weights_stride, bytes.data(),
                 bytes.size());
   buffer.bytes.store(bytes.size(), std::memory_order_relaxed);
   buffer.checksum.store(checksum64(bytes), std::memory_order_relaxed);
@@ -468,7 +470,7 @@ void Arena::publish_weights(std::span<const std::byte> bytes, PolicyVersion vers
 }
 
 PolicyVersion Arena::weights_version() const {
-  const WeightsHeader& header = part<WeightsHeader>(segment_, layout_->weights_header);
+  const WeightsHeader& header = part<WeightsHeader>(segment_, offsets_->weights_header);
   const uint32_t current = header.current.load(std::memory_order_acquire);
   return current == 1 || current == 2 ? header.buffer[current - 1].version.load(std::memory_order_acquire)
                                       : 0;
@@ -476,12 +478,12 @@ PolicyVersion Arena::weights_version() const {
 
 bool Arena::has_weights() const {
   const uint32_t current =
-      part<WeightsHeader>(segment_, layout_->weights_header).current.load(std::memory_order_acquire);
+      part<WeightsHeader>(segment_, offsets_->weights_header).current.load(std::memory_order_acquire);
   return current == 1 || current == 2;
 }
 
 Expected<PolicyVersion> Arena::read_weights(std::vector<std::byte>& out) const {
-  const WeightsHeader& header = part<WeightsHeader>(segment_, layout_->weights_header);
+  const WeightsHeader& header = part<WeightsHeader>(segment_, offsets_->weights_header);
   for (int attempt = 0; attempt < kReadAttempts; ++attempt) {
     if (attempt > 0) usleep(1000);
     const uint32_t current = header.current.load(std::memory_order_acquire);
@@ -494,7 +496,7 @@ Expected<PolicyVersion> Arena::read_weights(std::vector<std::byte>& out) const {
     const PolicyVersion version = buffer.version.load(std::memory_order_relaxed);
     out.resize(bytes);
     if (bytes != 0)
-      std::memcpy(out.data(), segment_.data() + layout_->weights + (current - 1) * layout_->weights_stride,
+      std::memcpy(out.data(), segment_.data() + offsets_->weights + (current - 1) * offsets_->weights_stride,
                   bytes);
     std::atomic_thread_fence(std::memory_order_acquire);
     if (buffer.sequence.load(std::memory_order_relaxed) == sequence && checksum64(out) == checksum)
@@ -507,20 +509,20 @@ Expected<PolicyVersion> Arena::read_weights(std::vector<std::byte>& out) const {
 
 LayoutDesk& Arena::layout_desk(int env_index) const {
   check_index(env_index, shape().env_count(), "environment index is in range");
-  return part<LayoutDesk>(segment_, layout_->layout_desks, env_index);
+  return part<LayoutDesk>(segment_, offsets_->layout_desks, env_index);
 }
 
 JournalHeader& Arena::journal(int env_index) const {
   check_index(env_index, shape().env_count(), "environment index is in range");
-  return part<JournalHeader>(segment_, layout_->journal_headers, env_index);
+  return part<JournalHeader>(segment_, offsets_->journal_headers, env_index);
 }
 
 std::span<uint8_t> Arena::journal_action(int env_index, int step) const {
   check_index(env_index, shape().env_count(), "environment index is in range");
   check_index(step, shape().journal_steps, "journal step is in range");
   const int64_t row = int64_t{env_index} * shape().journal_steps + step;
-  return {&part<uint8_t>(segment_, layout_->journal_actions, row * layout_->journal_row),
-          static_cast<std::size_t>(layout_->journal_row)};
+  return {&part<uint8_t>(segment_, offsets_->journal_actions, row * offsets_->journal_row),
+          static_cast<std::size_t>(offsets_->journal_row)};
 }
 
 uint64_t Arena::reclaim_sim_worker(int sim_worker) const {
@@ -543,7 +545,7 @@ uint64_t Arena::reclaim_sim_worker(int sim_worker) const {
     }
   }
   for (int split = 0; split < shape().splits_per_worker; ++split)
-    group_round(sim_worker, split).request_count.store(0, std::memory_order_release);
+    split_round(sim_worker, split).request_count.store(0, std::memory_order_release);
 
   const uint32_t owner = static_cast<uint32_t>(sim_worker) + 1;
   uint64_t rows_lost = 0;

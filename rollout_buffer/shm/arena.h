@@ -31,7 +31,7 @@ struct ArenaShape {
   TrajectoryShape trajectory;
   int32_t sim_worker_count = 1;
   int32_t envs_per_worker = 16;   ///< env_index = worker * envs_per_worker + local index
-  int32_t splits_per_worker = 2;  ///< groups of a worker's environments that alternate: 1 or 2
+  int32_t splits_per_worker = 2;  ///< parts of a worker's environments that alternate: 1 or 2
   int32_t policy_worker_count = 1;
   int32_t slab_count = 64;
   int32_t journal_steps = 0;  ///< decisions kept per environment for exact resume; 0: no journal
@@ -39,10 +39,10 @@ struct ArenaShape {
   int64_t weights_bytes = 0;  ///< capacity of one weights buffer
 
   int32_t env_count() const { return sim_worker_count * envs_per_worker; }
-  /// Environments [first, last) of one group of a worker, as local indices.
+  /// Environments [first, last) of one split of a worker, as local indices.
   int32_t split_begin(int32_t split) const { return envs_per_worker * split / splits_per_worker; }
   int32_t split_end(int32_t split) const { return envs_per_worker * (split + 1) / splits_per_worker; }
-  /// The policy worker that serves a group: groups are dealt out in turn.
+  /// The policy worker that serves a split: splits are dealt out in turn.
   int32_t policy_worker_of(int32_t sim_worker, int32_t split) const {
     return (sim_worker * splits_per_worker + split) % policy_worker_count;
   }
@@ -61,7 +61,7 @@ enum class RequestKind : uint32_t {
 ///         (sim)            (policy)            (policy)         (sim)
 ///
 /// A policy worker that dies leaves slots in kInBatch; its successor gathers kReady and kInBatch slots of its
-/// own groups at start-up and answers them again, which is harmless: the recurrent state is read from one
+/// own splits at start-up and answers them again, which is harmless: the recurrent state is read from one
 /// parity of `recurrent` and written to the other, and the simulator reads the answer only in kActed.
 enum class SlotState : uint32_t { kIdle, kReady, kInBatch, kActed };
 
@@ -82,7 +82,7 @@ struct alignas(kCacheLineBytes) StepSlot {
   alignas(kCacheLineBytes) std::atomic<SlotState> state;
 };
 static_assert(std::atomic<SlotState>::is_always_lock_free);
-static_assert(sizeof(StepSlot) == 3 * kCacheLineBytes, "changing this bumps kLayoutVersion");
+static_assert(sizeof(StepSlot) == 3 * kCacheLineBytes, "changing this bumps kArenaVersion");
 
 /// Moves a slot along one arrow of the picture above; false (and no change) if it is not in state `from`,
 /// which happens when the supervisor gave a dead peer's slot back in the meantime.
@@ -90,10 +90,10 @@ inline bool advance(StepSlot& slot, SlotState from, SlotState to) {
   return slot.state.compare_exchange_strong(from, to, std::memory_order_acq_rel, std::memory_order_acquire);
 }
 
-/// What a group of environments asks for in its present round. The simulator stores both words before it
+/// What a split of environments asks for in its present round. The simulator stores both words before it
 /// commits the round's first slot, and no slot of an older round is outstanding then; so a policy worker that
-/// counts `request_count` slots of the group in kReady holds the whole round (deterministic mode).
-struct alignas(kCacheLineBytes) GroupRound {
+/// counts `request_count` slots of the split in kReady holds the whole round (deterministic mode).
+struct alignas(kCacheLineBytes) SplitRound {
   std::atomic<uint32_t> request_count;  ///< slots that this round commits
   std::atomic<uint32_t> round_id;       ///< counts rounds; wraps
 };
@@ -117,7 +117,7 @@ struct alignas(kCacheLineBytes) SlabHeader {
   alignas(kCacheLineBytes) std::atomic<SlabState> state;
   std::atomic<uint32_t> owner;  ///< sim worker index + 1 while kFilling, else 0
 };
-static_assert(sizeof(SlabHeader) == 2 * kCacheLineBytes, "changing this bumps kLayoutVersion");
+static_assert(sizeof(SlabHeader) == 2 * kCacheLineBytes, "changing this bumps kArenaVersion");
 
 /// One finished episode, as the supervisor publishes it (topic EpisodeResult).
 struct EpisodeRecord {
@@ -212,8 +212,8 @@ constexpr std::size_t kDeskOutcomes = 8;
 /// episodes ended and takes what it is granted; the learner's curriculum reads the one and writes the other.
 /// Nobody waits: a simulator whose draw is due while no new grant lies there plays its layout once more.
 ///
-///   simulator  outcome[reported % 8], ++reported     granted != taken: playing = layout, taken = granted
-///   learner    reads outcomes [heard, reported)      granted == taken: layout = a draw, ++granted
+///   simulator  outcome[reported % 8], ++reported     granted != taken: playing = layout_index, taken = granted
+///   learner    reads outcomes [heard, reported)      granted == taken: layout_index = a draw, ++granted
 struct alignas(kCacheLineBytes) LayoutDesk {
   // Simulator.
   std::array<std::atomic<uint64_t>, kDeskOutcomes> outcome;  ///< pack_outcome() of finished episodes
@@ -223,14 +223,14 @@ struct alignas(kCacheLineBytes) LayoutDesk {
   std::atomic<uint32_t> late;     ///< draws that were due while no new grant lay there
   // Learner.
   alignas(kCacheLineBytes) std::atomic<uint64_t> heard;
-  std::atomic<uint32_t> granted;  ///< grants given so far
-  std::atomic<uint32_t> layout;   ///< of the newest grant
+  std::atomic<uint32_t> granted;       ///< grants given so far
+  std::atomic<uint32_t> layout_index;  ///< of the newest grant, in the pool
 };
-static_assert(sizeof(LayoutDesk) == 3 * kCacheLineBytes, "changing this bumps kLayoutVersion");
+static_assert(sizeof(LayoutDesk) == 3 * kCacheLineBytes, "changing this bumps kArenaVersion");
 
 /// One finished episode in a word, so that it is never seen half written.
 struct LayoutOutcome {
-  uint32_t layout = 0;
+  uint32_t layout_index = 0;
   float score = 0;  ///< J, team level
 };
 uint64_t pack_outcome(const LayoutOutcome& outcome);
@@ -248,7 +248,7 @@ class Arena {
   /// (--trajectory_slabs, --num_workers, --num_envs_per_worker, --rollout) lower it.
   static Expected<Arena> create(const ArenaShape& shape, uint64_t run_id);
 
-  /// Maps a peer's arena. Errors: kBadFormat when magic, layout version or sizes do not fit this build.
+  /// Maps a peer's arena. Errors: kBadFormat when magic, version or sizes do not fit this build.
   static Expected<Arena> adopt(int descriptor);
 
   Arena(Arena&&) noexcept;
@@ -270,12 +270,12 @@ class Arena {
   /// Live recurrent state [N, H] of an environment; `parity` = step_id & 1 is the input, the other
   /// the output.
   std::span<float> recurrent(int env_index, uint64_t parity) const;
-  Doorbell& slots_ready(int policy_worker) const;            ///< rung after a group committed
+  Doorbell& slots_ready(int policy_worker) const;            ///< rung after a split committed
   Doorbell& slots_acted(int sim_worker, int split) const;    ///< rung after a batch was scattered
-  GroupRound& group_round(int sim_worker, int split) const;  ///< requests of the group's present round
+  SplitRound& split_round(int sim_worker, int split) const;  ///< requests of the split's present round
 
   // Trajectory slabs.
-  const SlabLayout& slab_layout() const;
+  const SlabOffsets& slab_offsets() const;
   SlabView slab(int slab_index) const;
   SlabHeader& slab_header(int slab_index) const;
   /// A free slab for `sim_worker`, or nothing (back-pressure). kFree -> kFilling by compare-and-swap.
@@ -332,11 +332,11 @@ class Arena {
   int reclaim_learner() const;
 
  private:
-  struct Layout;
+  struct Offsets;
   struct EpisodeQueue;
-  Arena(Segment segment, std::unique_ptr<Layout> layout);
+  Arena(Segment segment, std::unique_ptr<Offsets> offsets);
   Segment segment_;
-  std::unique_ptr<Layout> layout_;
+  std::unique_ptr<Offsets> offsets_;
 };
 
 }  // namespace comrad::shm

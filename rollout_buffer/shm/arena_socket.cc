@@ -24,7 +24,7 @@ constexpr int64_t kRetryUs = 20'000;
 /// The server's answer; the arena's descriptor rides on it when `error` is empty.
 struct JoinReply {
   uint32_t magic = kArenaMagic;
-  uint32_t layout_version = kLayoutVersion;
+  uint32_t arena_version = kArenaVersion;
   char error[160] = {};
 };
 
@@ -195,9 +195,9 @@ Expected<JoinRequest> ArenaServer::serve_one() {
   if (size < 0) return system_error("hearing a process that joins " + name_);
   if (size != static_cast<ssize_t>(sizeof request) || request.magic != kArenaMagic)
     return refuse("it does not speak the joining protocol");
-  if (request.layout_version != kLayoutVersion)
-    return refuse("its layout version is " + std::to_string(request.layout_version) + ", the run's is " +
-                  std::to_string(kLayoutVersion) + "; start all programs from one build");
+  if (request.arena_version != kArenaVersion)
+    return refuse("its arena version is " + std::to_string(request.arena_version) + ", the run's is " +
+                  std::to_string(kArenaVersion) + "; start all programs from one build");
   request.role[sizeof request.role - 1] = '\0';
   COMRAD_TRY(send_reply(peer.get(), "", arena_descriptor_));
   return request;

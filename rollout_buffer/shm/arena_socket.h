@@ -15,7 +15,7 @@ namespace comrad::shm {
 /// Who joins; sent as one fixed-size datagram.
 struct JoinRequest {
   uint32_t magic = kArenaMagic;
-  uint32_t layout_version = kLayoutVersion;
+  uint32_t arena_version = kArenaVersion;
   char role[16] = {};  ///< "sim", "policy", "learner", "monitor"
   uint32_t worker_index = 0;
 };

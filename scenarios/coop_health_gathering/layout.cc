@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "doomgen/layout/map_builder.h"
+#include "doomgen/layout/map_validation.h"
 #include "doomgen/layout/reachability.h"
 #include "rollout_buffer/core/rng.h"
 #include "scenarios/spec/layout_info.h"
@@ -12,7 +12,6 @@ namespace comrad::scenarios::coop_health_gathering {
 namespace {
 
 using doomgen::Box;
-using doomgen::MapBuilder;
 using doomgen::MapData;
 using doomgen::Point;
 using doomgen::Polygon;
@@ -105,6 +104,36 @@ Error refused(const std::string& what) {
   return Error{ErrorCode::kBadInput, "coop_health_gathering: " + what};
 }
 
+/// One sector, with a wall along each edge of its outline and of the pillars in it, in the order in which they were
+/// drawn: it is that of the published maps (a MapPlan would order them by place).
+MapData arena(const Region& region) {
+  MapData map;
+  map.sectors.push_back({.floor_height = 0,
+                         .ceiling_height = 384,
+                         .floor_texture = "FLAT1",
+                         .ceiling_texture = "CEIL1_2",
+                         .light = 200,
+                         .tag = kArenaTag});
+  const auto add_walls = [&map](Polygon outline, bool is_pillar) {
+    // The sector lies to the right of its lines: the outline runs clockwise, pillars the other way round.
+    if ((doomgen::twice_area(outline) < 0) == is_pillar) std::reverse(outline.begin(), outline.end());
+    const auto first = static_cast<uint32_t>(map.vertices.size()),
+               count = static_cast<uint32_t>(outline.size());
+    map.vertices.insert(map.vertices.end(), outline.begin(), outline.end());
+    for (uint32_t i = 0; i < count; ++i) {
+      doomgen::LinedefData wall;
+      wall.start = first + i, wall.end = first + (i + 1) % count;
+      wall.front = static_cast<uint32_t>(map.sidedefs.size());
+      wall.blocking = true;
+      map.sidedefs.push_back({0, "", is_pillar ? "ASHWALL6" : "BRICK6", ""});
+      map.linedefs.push_back(wall);
+    }
+  };
+  add_walls(region.outline, false);
+  for (const Polygon& pillar : region.holes) add_walls(pillar, true);
+  return map;
+}
+
 /// Starts stand free and apart; every spot and every start can be walked to from the first start.
 Status check_things(const Region& region, const MapData& map, const std::vector<Point>& starts,
                     const std::vector<Point>& spots) {
@@ -139,19 +168,10 @@ Expected<DrawnLayout> draw(uint64_t seed, const std::map<std::string, int64_t>& 
   const RngKey key = RngKey(seed).split("coop_health_gathering");
   const auto radius = static_cast<int32_t>(values.at("radius"));
 
-  MapBuilder builder;
-  const int arena = builder.add_area({.floor_height = 0,
-                                      .ceiling_height = 384,
-                                      .floor_texture = "FLAT1",
-                                      .ceiling_texture = "CEIL1_2",
-                                      .light = 200,
-                                      .tag = kArenaTag},
-                                     "BRICK6", draw_outline(radius, Rng(key.split("outline"))));
-  for (const Box& pillar :
-       draw_pillars(builder.region(arena), radius, values.at("density"), Rng(key.split("pillars"))))
-    builder.add_pillar(arena, pillar.polygon(), "ASHWALL6");
-
-  const Region region = builder.region(arena);
+  Region region;
+  region.outline = draw_outline(radius, Rng(key.split("outline")));
+  for (const Box& pillar : draw_pillars(region, radius, values.at("density"), Rng(key.split("pillars"))))
+    region.holes.push_back(pillar.polygon());
   const std::vector<Point> starts =
       draw_starts(region, static_cast<int>(values.at("players")), static_cast<int32_t>(values.at("tether")),
                   Rng(key.split("starts")));
@@ -159,12 +179,13 @@ Expected<DrawnLayout> draw(uint64_t seed, const std::map<std::string, int64_t>& 
   if (starts.empty() || spots.size() < kKitSpotCount)
     return refused("there is no room for every start and kit spot");
 
+  MapData map = arena(region);
   Rng facing(key.split("facing"));
   for (std::size_t i = 0; i < starts.size(); ++i)
-    builder.add_thing({.position = starts[i],
-                       .angle_degrees = facing.between(0, 359),
-                       .editor_number = static_cast<int32_t>(i) + 1});
-  COMRAD_TRY_ASSIGN(MapData map, builder.build());
+    map.things.push_back({.position = starts[i],
+                          .angle_degrees = facing.between(0, 359),
+                          .editor_number = static_cast<int32_t>(i) + 1});
+  COMRAD_TRY(doomgen::validate_map(map));
   COMRAD_TRY(check_things(region, map, starts, spots));
   std::vector<int64_t> spot_x, spot_y;
   for (const Point& spot : spots) spot_x.push_back(spot.x), spot_y.push_back(spot.y);

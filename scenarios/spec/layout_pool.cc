@@ -7,6 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <ranges>
 #include <set>
 
 #include "doomgen/layout/wad_writer.h"
@@ -14,6 +15,7 @@
 #include "doomgen/wad/udmf_reader.h"
 #include "doomgen/wad/wad_reader.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/text.h"
 #include "scenarios/spec/scenario_files.h"
 #include "scenarios/spec/scenario_spec.h"
 
@@ -84,9 +86,6 @@ Error out_of_maps(const std::string& scenario, const LayoutRecipe& recipe, const
     more = "leave out --no-vary";
   else if (!request.layout.parameters.empty())
     more = "leave out some of the parameters that were set";
-  std::string parameters;
-  for (const LayoutParameter& parameter : recipe.parameters)
-    parameters += (parameters.empty() ? "" : ", ") + std::string(parameter.name);
   return Error{ErrorCode::kBadInput,
                "scenario " + scenario + ": " + std::to_string(request.count) + " layouts for " +
                    (for_evaluation ? "evaluation" : "training") + " were asked for, but " +
@@ -94,7 +93,8 @@ Error out_of_maps(const std::string& scenario, const LayoutRecipe& recipe, const
                    " distinct ones (" + std::to_string(tally.other_pool) + " draws belong to " +
                    (for_evaluation ? "training" : "evaluation") + ", " + std::to_string(tally.repeated) +
                    " were repetitions). For more, " + (more.empty() ? "" : more + ", or ") +
-                   "give other values with --set NAME=VALUE: " + parameters +
+                   "give other values with --set NAME=VALUE: " +
+                   joined(recipe.parameters | std::views::transform(&LayoutParameter::name)) +
                    "; or ask for fewer with --count"};
 }
 
@@ -199,11 +199,10 @@ Expected<std::vector<PoolEntry>> make_curriculum_pool(const std::string& scenari
                                                       const std::string& folder) {
   COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
   if (recipe.curriculum.empty()) {
-    std::string known;
-    for (const std::string& name : layout_recipes())
-      if (!layout_recipe(name)->curriculum.empty()) known += (known.empty() ? "" : ", ") + name;
+    std::vector<std::string> known = layout_recipes();
+    std::erase_if(known, [](const std::string& name) { return layout_recipe(name)->curriculum.empty(); });
     return Error{ErrorCode::kBadInput,
-                 "scenario " + scenario + " comes with no curriculum; these do: " + known};
+                 "scenario " + scenario + " comes with no curriculum; these do: " + joined(known)};
   }
   COMRAD_TRY_ASSIGN(const std::string registry, begin_pool(folder));
   const std::string stem = file_stem(scenario);

@@ -59,9 +59,8 @@ Expected<ParameterValues> parameter_values(const std::string& scenario, const La
   }
   for (const auto& [name, text] : request.parameters) {
     if (!values.contains(name)) {
-      const std::string near = nearest_word(name, known);
       return Error{ErrorCode::kBadInput, "scenario " + scenario + " has no layout parameter '" + name + "'" +
-                                             (near.empty() ? "" : "; did you mean '" + near + "'?")};
+                                             did_you_mean(name, known)};
     }
     COMRAD_TRY_ASSIGN(values[name], parse_number(name, text));
   }
@@ -200,10 +199,8 @@ Expected<LayoutRecipe> layout_recipe(const std::string& scenario) {
   if (const RecipeEntry* entry = find_entry(scenario)) return entry->recipe();
   if (const Expected<ScenarioSpec> spec = load_scenario(scenario))
     if (const RecipeEntry* entry = entry_of(*spec)) return entry->recipe();
-  std::string known;
-  for (const std::string& name : layout_recipes()) known += (known.empty() ? "" : ", ") + name;
-  return Error{ErrorCode::kNotFound,
-               "there is no layout recipe for scenario '" + scenario + "'; known: " + known};
+  return Error{ErrorCode::kNotFound, "there is no layout recipe for scenario '" + scenario +
+                                         "'; known: " + joined(layout_recipes())};
 }
 
 Expected<std::vector<LayoutParameter>> layout_parameters(const std::string& scenario) {
@@ -243,9 +240,8 @@ std::string layout_script_text(const LayoutInfo& info, const DrawnLayout& layout
   for (const auto& [name, value] : info.parameters) define("PARAM_" + upper_case(name), value);
   for (const auto& [name, value] : layout.defines) define(name, value);
   for (const auto& [name, values] : layout.arrays) {
-    text += "int " + name + "[" + std::to_string(std::max<std::size_t>(1, values.size())) + "] = {";
-    for (std::size_t i = 0; i < values.size(); ++i) text += (i == 0 ? "" : ", ") + std::to_string(values[i]);
-    text += values.empty() ? "0};\n" : "};\n";
+    text += "int " + name + "[" + std::to_string(std::max<std::size_t>(1, values.size())) + "] = {" +
+            (values.empty() ? "0" : joined(values)) + "};\n";
   }
   return text;
 }

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cstdio>
 #include <map>
+#include <ranges>
 
+#include "rollout_buffer/core/text.h"
 #include "scenarios/spec/exported_variables.h"
 #include "scenarios/spec/registry.h"
 #include "scenarios/spec/scenario_spec.h"
@@ -65,10 +67,9 @@ Json layout_parameters_of(const ScenarioSpec& spec) {
 }
 
 std::string words_of(const Json& list) {
-  std::string text;
-  for (const Json& one : list)
-    text += (text.empty() ? "" : ", ") + (one.is_string() ? one.get<std::string>() : one.dump());
-  return text;
+  return joined(list | std::views::transform([](const Json& one) {
+                  return one.is_string() ? one.get<std::string>() : one.dump();
+                }));
 }
 
 /// A title, then a line for each row; columns as wide as their longest cell. Nothing where there are no rows.
@@ -137,10 +138,8 @@ Expected<Json> describe(const std::string& name, int num_agents) {
   COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(name));
   if (num_agents == 0) num_agents = spec.default_agents;
   if (std::count(spec.supported_agents.begin(), spec.supported_agents.end(), num_agents) == 0) {
-    std::string known;
-    for (const int n : spec.supported_agents) known += (known.empty() ? "" : ", ") + std::to_string(n);
     return Error{ErrorCode::kBadInput, "scenario " + name + " is not for " + std::to_string(num_agents) +
-                                           " agents; num_agents may be " + known};
+                                           " agents; num_agents may be " + joined(spec.supported_agents)};
   }
   const EnvShape shape = spec.shape(num_agents, /*use_measurements=*/true);
   Json head_sizes = Json::array(), head_buttons = Json::array(), training = Json::object();

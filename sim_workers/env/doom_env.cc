@@ -50,9 +50,9 @@ DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game,
   summary_.agent_return.resize(game_->num_agents);
 }
 
-Status DoomEnvironment::choose_layout(int layout) {
-  if (library_ == nullptr) return Environment::choose_layout(layout);
-  COMRAD_TRY_ASSIGN(std::shared_ptr<const DoomGame> game, library_->game(layout));
+Status DoomEnvironment::choose_layout(int layout_index) {
+  if (library_ == nullptr) return Environment::choose_layout(layout_index);
+  COMRAD_TRY_ASSIGN(std::shared_ptr<const DoomGame> game, library_->game(layout_index));
   if (game == game_) return {};
   game_ = std::move(game);
   world_ = doom::World(game_->level, game_->catalog, game_->behavior);

@@ -51,7 +51,7 @@ class LayoutLibrary {
 
   int size() const { return static_cast<int>(options_.layouts.size()); }
   /// Errors: kBadInput for an index outside the pool; those of load_doom_game() and Renderer::prepare().
-  Expected<std::shared_ptr<const DoomGame>> game(int layout);
+  Expected<std::shared_ptr<const DoomGame>> game(int layout_index);
   /// Whose art is loaded with a level from now on; null: nobody's.
   void draw_with(doom::Renderer* renderer) { renderer_ = renderer; }
 
@@ -77,7 +77,7 @@ class DoomEnvironment final : public Environment {
 
   const EnvShape& shape() const override { return shape_; }
   uint64_t layout_id() const override { return game_->layout_id; }
-  Status choose_layout(int layout) override;
+  Status choose_layout(int layout_index) override;
   /// What choose_layout() chooses from; null: the game it was made with.
   void choose_from(std::shared_ptr<LayoutLibrary> library) { library_ = std::move(library); }
   void reset(uint64_t episode_seed) override;

@@ -47,10 +47,10 @@ class Environment {
   /// The next reset plays this layout of the set's pool, which is loaded if need be; a set without a pool has
   /// layout 0 alone. What was played before is over. Errors: kNotFound and kBadFormat where the layout's file
   /// went bad, kBadInput for an index outside the pool.
-  virtual Status choose_layout(int layout) {
-    if (layout == 0) return {};
+  virtual Status choose_layout(int layout_index) {
+    if (layout_index == 0) return {};
     return Error{ErrorCode::kBadInput,
-                 "layout " + std::to_string(layout) + " of a set that plays one map was asked for"};
+                 "layout " + std::to_string(layout_index) + " of a set that plays one map was asked for"};
   }
   /// Starts an episode that is a pure function of `episode_seed` and the actions that follow.
   virtual void reset(uint64_t episode_seed) = 0;

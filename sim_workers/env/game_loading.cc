@@ -5,6 +5,7 @@
 #include "doomgen/layout/wad_writer.h"
 #include "doomgen/wad/wad_reader.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/setting.h"
 #include "scenarios/spec/scenario_files.h"
 #include "sim_workers/env/doom_env.h"
@@ -61,24 +62,24 @@ Expected<std::shared_ptr<LayoutLibrary>> LayoutLibrary::create(const Environment
   return library;
 }
 
-Expected<std::shared_ptr<const DoomGame>> LayoutLibrary::game(int layout) {
-  if (layout < 0 || layout >= size())
-    return bad_input("layout " + std::to_string(layout) + " was asked for; the pool has " +
+Expected<std::shared_ptr<const DoomGame>> LayoutLibrary::game(int layout_index) {
+  if (layout_index < 0 || layout_index >= size())
+    return bad_input("layout " + std::to_string(layout_index) + " was asked for; the pool has " +
                      std::to_string(size()));
   ++clock_;
-  if (const auto kept = games_.find(layout); kept != games_.end()) {
+  if (const auto kept = games_.find(layout_index); kept != games_.end()) {
     kept->second.asked = clock_;
     return kept->second.game;
   }
   EnvironmentOptions options = options_;
-  options.wad_path = options_.layouts[static_cast<std::size_t>(layout)];
+  options.wad_path = options_.layouts[static_cast<std::size_t>(layout_index)];
   COMRAD_TRY_ASSIGN(std::shared_ptr<const DoomGame> game, load_doom_game(options));
   if (renderer_ != nullptr) COMRAD_TRY(renderer_->prepare(game->level, game->catalog));
   if (games_.size() >= kGamesKept)
     games_.erase(std::min_element(games_.begin(), games_.end(), [](const auto& a, const auto& b) {
       return a.second.asked < b.second.asked;
     }));
-  games_[layout] = {game, clock_};
+  games_[layout_index] = {game, clock_};
   return game;
 }
 
@@ -96,12 +97,9 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
   COMRAD_TRY_ASSIGN(const auto weights, parse_reward_weights(options.reward));
   COMRAD_TRY(scenarios::change_weights(game->spec, weights));
   const std::vector<int>& supported = game->spec.supported_agents;
-  if (std::count(supported.begin(), supported.end(), options.num_agents) == 0) {
-    std::string known;
-    for (const int n : supported) known += (known.empty() ? "" : ", ") + std::to_string(n);
+  if (std::count(supported.begin(), supported.end(), options.num_agents) == 0)
     return bad_input("scenario " + options.scenario + " is not for " + std::to_string(options.num_agents) +
-                     " agents; num_agents may be " + known);
-  }
+                     " agents; num_agents may be " + joined(supported));
   if (options.frame_skip < 1 || options.frame_skip > 100)
     return bad_input("env_frameskip is " + std::to_string(options.frame_skip) + "; it must lie in 1..100");
   game->num_agents = options.num_agents;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "rollout_buffer/core/text.h"
 #include "sim_workers/oracle/oracle_table.h"
 
 namespace comrad::sim {
@@ -10,10 +11,9 @@ namespace comrad::sim {
 Expected<std::unique_ptr<Oracle>> make_oracle(const DoomGame& game) {
   for (const OracleEntry& entry : oracle_table())
     if (game.spec.maps_of == entry.scenario) return entry.make(game);
-  std::string known;
-  for (const std::string& name : list_oracles()) known += (known.empty() ? "" : ", ") + name;
   return Error{ErrorCode::kNotFound, "scenario " + game.spec.name + " has no oracle (scenarios/" +
-                                         game.spec.name + "/oracle.cc); those that have one: " + known};
+                                         game.spec.name +
+                                         "/oracle.cc); those that have one: " + joined(list_oracles())};
 }
 
 std::vector<std::string> list_oracles() {
@@ -54,9 +54,9 @@ class OracleEnvironmentSet::Guided final : public Environment {
 
   const EnvShape& shape() const override { return inner_.shape(); }
   uint64_t layout_id() const override { return inner_.layout_id(); }
-  Status choose_layout(int layout) override {
+  Status choose_layout(int layout_index) override {
     const DoomGame* before = &inner_.game();
-    COMRAD_TRY(inner_.choose_layout(layout));
+    COMRAD_TRY(inner_.choose_layout(layout_index));
     if (&inner_.game() == before) return {};
     COMRAD_TRY_ASSIGN(player_, OraclePlayer::create(inner_.game()));
     return {};

@@ -16,11 +16,13 @@ BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options)
   const std::size_t agents = static_cast<std::size_t>(env_shape.num_agents);
   const std::size_t heads = static_cast<std::size_t>(env_shape.head_count);
   // One slab per environment, as in a run, so that the memory traffic of rendering is a run's.
-  const SlabLayout layout(
+  const SlabOffsets offsets(
       {.env = env_shape, .rollout_steps = options.rollout_steps, .recurrent_state_count = 0});
-  std::vector<std::byte> memory(static_cast<std::size_t>(layout.slab_bytes) *
+  std::vector<std::byte> memory(static_cast<std::size_t>(offsets.slab_bytes) *
                                 static_cast<std::size_t>(count));
-  const auto slab_of = [&](int index) { return SlabView(layout, memory.data() + index * layout.slab_bytes); };
+  const auto slab_of = [&](int index) {
+    return SlabView(offsets, memory.data() + index * offsets.slab_bytes);
+  };
   const auto target_of = [&](int index, int step, bool is_final) -> ObservationTarget {
     const SlabView slab = slab_of(index);
     return {.frame = is_final ? slab.final_frame(0, 0).data() : slab.frame(step, 0).data(),

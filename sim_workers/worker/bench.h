@@ -1,5 +1,5 @@
 // How fast one simulator process plays: random actions, everything else as in training (two alternating
-// groups, rendering into slabs, rewards, final observations), no peers. Behind `comrad-sim-worker --bench`.
+// splits, rendering into slabs, rewards, final observations), no peers. Behind `comrad-sim-worker --bench`.
 #pragma once
 
 #include <cstdint>

@@ -96,7 +96,7 @@ Status EnvPort::choose_layout(uint64_t episode_id) {
   if (episode_id % rules_.layout_swap_every == 0) {
     const uint32_t granted = desk_->granted.load(std::memory_order_acquire);
     if (granted != desk_->taken.load(std::memory_order_relaxed)) {
-      desk_->playing.store(desk_->layout.load(std::memory_order_relaxed), std::memory_order_relaxed);
+      desk_->playing.store(desk_->layout_index.load(std::memory_order_relaxed), std::memory_order_relaxed);
       desk_->taken.store(granted, std::memory_order_release);
     } else {
       desk_->late.fetch_add(1, std::memory_order_relaxed);
@@ -134,12 +134,12 @@ bool EnvPort::begin_slab(uint64_t rollouts_allowed) {
   header.rollout_index = rollout_index_;
   header.layout_id = environment_.layout_id();
   header.first_episode = {.episode_id = episode_id_, .episode_seed = episode_seed_};
-  const SlabLayout& layout = slab_.layout();
+  const SlabOffsets& offsets = slab_.offsets();
   const auto steps = static_cast<std::size_t>(slab_.shape().rollout_steps);
   const auto agents = static_cast<std::size_t>(slab_.shape().env.num_agents);
-  std::fill_n(slab_.at<float>(layout.reward), steps * agents, 0.0f);
-  std::fill_n(slab_.at<int32_t>(layout.final_index), steps, -1);
-  for (const int64_t flags : {layout.terminated, layout.truncated, layout.valid})
+  std::fill_n(slab_.at<float>(offsets.reward), steps * agents, 0.0f);
+  std::fill_n(slab_.at<int32_t>(offsets.final_index), steps, -1);
+  for (const int64_t flags : {offsets.terminated, offsets.truncated, offsets.valid})
     std::fill_n(slab_.at<uint8_t>(flags), steps, uint8_t{0});
   return true;
 }
@@ -177,9 +177,9 @@ void EnvPort::act() {
   slab_.terminated(step_) = step.terminated;
   slab_.truncated(step_) = step.truncated;
   slab_.final_index(step_) = -1;
-  slab_.layout(step_) = rules_.layout_count > 0 && !rules_.evaluate
-                            ? static_cast<int32_t>(desk_->playing.load(std::memory_order_relaxed))
-                            : 0;
+  slab_.layout_index(step_) = rules_.layout_count > 0 && !rules_.evaluate
+                                  ? static_cast<int32_t>(desk_->playing.load(std::memory_order_relaxed))
+                                  : 0;
   slab_.valid(step_) = 1;
   if (step.episode_over() && !rules_.evaluate) slab_.final_index(step_) = final_count_++;
   ++step_;
@@ -255,7 +255,8 @@ void EnvPort::push_record(const Step& last) {
   if (rules_.layout_count == 0 || rules_.evaluate) return;
   const uint64_t reported = desk_->reported.load(std::memory_order_relaxed);
   desk_->outcome[reported % shm::kDeskOutcomes].store(
-      shm::pack_outcome({.layout = desk_->playing.load(std::memory_order_relaxed), .score = summary.score}),
+      shm::pack_outcome(
+          {.layout_index = desk_->playing.load(std::memory_order_relaxed), .score = summary.score}),
       std::memory_order_release);
   desk_->reported.store(reported + 1, std::memory_order_release);
 }
@@ -322,7 +323,7 @@ void EnvPort::pad_slab(int length) {
     std::copy_n(slab_.action(length - 1, 0).data(), agents * heads, slab_.action(step, 0).data());
     std::copy_n(slab_.logits(length - 1, 0).data(), agents * slab_.logits(0, 0).size(),
                 slab_.logits(step, 0).data());
-    slab_.layout(step) = slab_.layout(length - 1);
+    slab_.layout_index(step) = slab_.layout_index(length - 1);
     std::copy_n(&slab_.log_prob(length - 1, 0), agents, &slab_.log_prob(step, 0));
     std::copy_n(&slab_.policy_version(length - 1, 0), agents, &slab_.policy_version(step, 0));
     std::copy_n(&slab_.value(length, 0), agents, &slab_.value(step + 1, 0));

@@ -23,7 +23,7 @@ struct PortRules {
   uint32_t layout_swap_every = 1;  ///< episodes between two draws; evaluation plays all layouts in turn
 };
 
-/// Drives one environment. SimWorker calls, in every round of the port's group and in this order:
+/// Drives one environment. SimWorker calls, in every round of the port's split and in this order:
 ///
 ///   try_begin_slab   while kParked: take a free slab if the gate is open
 ///   advance          once the answer is there: step the world, or seal, or begin the next episode

@@ -84,7 +84,7 @@ Status SimWorker::run(const std::atomic<bool>& stop) {
                                      std::memory_order_relaxed);
         if (!failure_) return failure_;
         is_idle &=
-            arena_.group_round(options_.worker_index, split).request_count.load(std::memory_order_relaxed) ==
+            arena_.split_round(options_.worker_index, split).request_count.load(std::memory_order_relaxed) ==
             0;
       }
       if (is_idle)
@@ -150,35 +150,35 @@ bool SimWorker::await_answers(int split, const std::atomic<bool>& stop) {
   return false;
 }
 
-/// One round of a group. Returns how many environments were stepped.
+/// One round of a split. Returns how many environments were stepped.
 int SimWorker::play_round(int split) {
   const shm::ArenaShape& shape = arena_.shape();
-  const std::span<EnvPort> group(ports_.data() + shape.split_begin(split),
+  const std::span<EnvPort> ports(ports_.data() + shape.split_begin(split),
                                  ports_.data() + shape.split_end(split));
-  // Read once, so that in lock step all environments of a group pass the gate in the same round.
+  // Read once, so that in lock step all environments of a split pass the gate in the same round.
   const uint64_t rollouts_allowed = arena_.control().rollouts_allowed.load(std::memory_order_acquire);
 
   // Whoever waits for a slab longest comes before those that are about to seal one.
-  for (EnvPort& port : group) port.try_begin_slab(rollouts_allowed);
+  for (EnvPort& port : ports) port.try_begin_slab(rollouts_allowed);
   int stepped = 0;
-  for (EnvPort& port : group)
+  for (EnvPort& port : ports)
     if (port.is_outstanding()) stepped += port.advance(rollouts_allowed);
 
   observe(&EnvPort::wants_final, &EnvPort::final_target, split);  // before any reset
-  for (EnvPort& port : group)
+  for (EnvPort& port : ports)
     if (port.wants_final()) port.close_episode();
-  for (const EnvPort& port : group)
+  for (const EnvPort& port : ports)
     if (!port.status()) failure_ = port.status();
   observe(&EnvPort::wants_row, &EnvPort::row_target, split);
-  for (EnvPort& port : group)
+  for (EnvPort& port : ports)
     if (port.wants_row()) port.mark_observed();
 
   uint32_t requests = 0;
-  for (const EnvPort& port : group) requests += port.wants_commit();
-  shm::GroupRound& round = arena_.group_round(options_.worker_index, split);
+  for (const EnvPort& port : ports) requests += port.wants_commit();
+  shm::SplitRound& round = arena_.split_round(options_.worker_index, split);
   round.request_count.store(requests, std::memory_order_relaxed);
   round.round_id.fetch_add(1, std::memory_order_relaxed);
-  for (EnvPort& port : group)
+  for (EnvPort& port : ports)
     if (port.wants_commit()) port.commit();
   if (requests > 0) shm::ring(arena_.slots_ready(shape.policy_worker_of(options_.worker_index, split)));
   return stepped;

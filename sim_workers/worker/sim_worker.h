@@ -1,5 +1,5 @@
-// A simulator process's loop: steps its environments in alternating groups, renders each group's new
-// observations at once and hands them over. While the policy worker thinks about one group, the other one is
+// A simulator process's loop: steps its environments in alternating splits, renders each split's new
+// observations at once and hands them over. While the policy worker thinks about one split, the other one is
 // simulated. Stage: tic > render > commit, step > append > seal.
 #pragma once
 
@@ -45,7 +45,7 @@ class SimWorker {
   EnvironmentSet& environments_;
   const shm::Arena& arena_;
   SimWorkerOptions options_;
-  std::vector<EnvPort> ports_;         // by local index; groups are ranges of it
+  std::vector<EnvPort> ports_;         // by local index; splits are ranges of it
   std::vector<int> observed_indices_;  // scratch of one observe() call
   std::vector<ObservationTarget> observed_targets_;
   int64_t waited_ns_ = 0;

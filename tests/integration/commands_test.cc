@@ -165,6 +165,37 @@ TEST(Scenarios, DescribeCountsMeasurementsAndListsTerms) {
                     HasSubstr("Layout parameters")));
 }
 
+/// What bash offers for these words with the script that `comrad completion bash` prints.
+std::string offered_by_bash(const ScratchFolder& scratch, const std::string& words, int place) {
+  return RunningProgram({"/bin/bash", "--norc", "-c",
+                         "source '" + (scratch / "completion.bash").string() + "' && COMP_WORDS=(" + words +
+                             ") COMP_CWORD=" + std::to_string(place) +
+                             " && _comrad && echo \"${COMPREPLY[@]}\""})
+      .wait(30)
+      .out;
+}
+
+TEST(Completion, BashCompletesAFlagAValueAndAScenario) {
+  const ScratchFolder scratch;
+  const Ending ending = comrad({"completion", "bash"}, 60);
+  ASSERT_EQ(ending.exit_code, 0) << ending.err;
+  std::ofstream(scratch / "completion.bash") << ending.out;
+  EXPECT_EQ(offered_by_bash(scratch, "comrad comp", 1), "completion\n");
+  EXPECT_EQ(offered_by_bash(scratch, "comrad train --gae_", 2), "--gae_lambda\n");
+  EXPECT_EQ(offered_by_bash(scratch, "comrad train --algo qplex", 3), "qplex_d qplex_q\n");
+  EXPECT_EQ(offered_by_bash(scratch, "comrad train --preset = p", 4), "paper\n");
+  EXPECT_EQ(offered_by_bash(scratch, "comrad config --scenario lava", 3), "lava_maze lava_pit\n");
+  EXPECT_EQ(offered_by_bash(scratch, "comrad doomgen stag", 2), "stag_hunt_arena\n");
+  EXPECT_EQ(offered_by_bash(scratch, "comrad doomgen lava_pit --format u", 4), "udmf\n");
+  EXPECT_EQ(offered_by_bash(scratch, "comrad help do", 2), "doomgen doctor\n");
+}
+
+TEST(Completion, AnUnknownShellIsBadInput) {
+  const Ending ending = comrad({"completion", "bsh"}, 30);
+  EXPECT_EQ(ending.exit_code, 2);
+  EXPECT_THAT(ending.err, HasSubstr("did you mean 'bash'?"));
+}
+
 TEST(Config, PrintsEverySettingWithItsTypeAndLayer) {
   const ScratchFolder scratch;
   std::ofstream(scratch / "own.toml") << "preset = \"paper\"\nrollout = 16\n";

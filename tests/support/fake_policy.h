@@ -25,7 +25,7 @@ inline int32_t fake_action(float value, int head, int32_t head_size) {
 }
 
 /// Answers every ready slot of one policy worker in a thread of its own, or, in lock step, whole rounds of
-/// a group.
+/// a split.
 class FakePolicy {
  public:
   FakePolicy(const shm::Arena& arena, int policy_worker, bool lock_step)
@@ -52,12 +52,12 @@ class FakePolicy {
       bool found = false;
       for (int sim = 0; sim < shape.sim_worker_count; ++sim)
         for (int split = 0; split < shape.splits_per_worker; ++split)
-          if (shape.policy_worker_of(sim, split) == policy_worker_) found |= answer_group(sim, split);
+          if (shape.policy_worker_of(sim, split) == policy_worker_) found |= answer_split(sim, split);
       if (!found) shm::wait(ready, heard, 5000);
     }
   }
 
-  bool answer_group(int sim, int split) {
+  bool answer_split(int sim, int split) {
     const shm::ArenaShape& shape = arena_.shape();
     std::vector<int> batch;
     for (int local = shape.split_begin(split); local < shape.split_end(split); ++local) {
@@ -67,7 +67,7 @@ class FakePolicy {
     }
     if (batch.empty()) return false;
     if (lock_step_) {
-      const uint32_t wanted = arena_.group_round(sim, split).request_count.load(std::memory_order_acquire);
+      const uint32_t wanted = arena_.split_round(sim, split).request_count.load(std::memory_order_acquire);
       if (batch.size() > wanted) ++faults_;
       if (batch.size() < wanted) return false;
       batch_sizes_.push_back(wanted);

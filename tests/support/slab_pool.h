@@ -15,8 +15,8 @@ namespace comrad::testing {
 class SlabPool {
  public:
   SlabPool(const TrajectoryShape& shape, int count)
-      : layout_(shape),
-        bytes_(static_cast<std::size_t>(layout_.slab_bytes) * static_cast<std::size_t>(count)) {
+      : offsets_(shape),
+        bytes_(static_cast<std::size_t>(offsets_.slab_bytes) * static_cast<std::size_t>(count)) {
     for (int i = 0; i < count; ++i) {
       const SlabView slab = view(i);
       for (int t = 0; t <= shape.rollout_steps; ++t)
@@ -32,17 +32,17 @@ class SlabPool {
   }
 
   SlabView view(int index) const {
-    return SlabView(layout_,
+    return SlabView(offsets_,
                     const_cast<std::byte*>(bytes_.data()) +
-                        static_cast<std::size_t>(layout_.slab_bytes) * static_cast<std::size_t>(index));
+                        static_cast<std::size_t>(offsets_.slab_bytes) * static_cast<std::size_t>(index));
   }
 
   /// Fills frames, measurements, rewards, actions, values and behaviour outputs with noise from `seed`.
   void fill_with_noise(uint64_t seed) const {
     Rng rng(seed);
-    const TrajectoryShape& shape = layout_.shape;
+    const TrajectoryShape& shape = offsets_.shape;
     const auto number = [&rng] { return static_cast<float>(rng.uniform() * 2 - 1); };
-    for (int64_t i = 0; i < static_cast<int64_t>(bytes_.size()) / layout_.slab_bytes; ++i) {
+    for (int64_t i = 0; i < static_cast<int64_t>(bytes_.size()) / offsets_.slab_bytes; ++i) {
       const SlabView slab = view(static_cast<int>(i));
       for (int agent = 0; agent < shape.env.num_agents; ++agent) {
         for (float& x : slab.recurrent_state(0, agent)) x = number();
@@ -63,7 +63,7 @@ class SlabPool {
   }
 
  private:
-  SlabLayout layout_;
+  SlabOffsets offsets_;
   std::vector<std::byte> bytes_;
 };
 

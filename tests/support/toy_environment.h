@@ -38,10 +38,10 @@ class ToyEnvironment : public sim::Environment {
 
   const EnvShape& shape() const override { return options_.shape; }
   uint64_t layout_id() const override { return 77 + static_cast<uint64_t>(layout_); }
-  Status choose_layout(int layout) override {
-    if (layout < 0 || layout >= options_.layout_count || layout == options_.broken_layout)
-      return Error{ErrorCode::kNotFound, "toy layout " + std::to_string(layout) + " is not there"};
-    layout_ = layout;
+  Status choose_layout(int layout_index) override {
+    if (layout_index < 0 || layout_index >= options_.layout_count || layout_index == options_.broken_layout)
+      return Error{ErrorCode::kNotFound, "toy layout " + std::to_string(layout_index) + " is not there"};
+    layout_ = layout_index;
     return {};
   }
 

@@ -74,6 +74,8 @@ const std::vector<Library>& libraries() {
        {"toml++/"},
        {"rollout_buffer/core/", "rollout_buffer/settings/", "scenarios/spec/"}},
       {"lz4", "liblz4-dev", {"lz4.h"}, {"rollout_buffer/replay/"}},
+      {"xxHash", "libxxhash-dev", {"xxhash.h"}, {"rollout_buffer/core/"}},
+      {"zlib", "zlib1g-dev", {"zlib.h"}, {"doomgen/layout/"}},
       {"libzip", "libzip-dev", {"zip.h"}, {"learner/checkpoint/"}},
       {"CLI11", "libcli11-dev", {"CLI/"}, {}},
       {"spdlog", "libspdlog-dev", {"spdlog/"}, {}},

@@ -381,16 +381,16 @@ std::optional<std::string> BehaviorReader::text_at(Bytes bytes, uint64_t offset)
 }
 
 void BehaviorReader::warn_about_libraries(Bytes chunk) {
-  std::string names;
+  std::vector<std::string> names;
   for (std::size_t at = 0; at < chunk.size();) {
     const std::optional<std::string> name = text_at(chunk, at);
     if (!name) break;
-    if (!name->empty()) names += (names.empty() ? "" : ", ") + printable(*name);
+    if (!name->empty()) names.push_back(printable(*name));
     at += name->size() + 1;
   }
   if (!names.empty())
     spdlog::warn("{}: BEHAVIOR wants the libraries {}; they are not loaded, scripts that call them stop",
-                 label_, names);
+                 label_, joined(names));
 }
 
 }  // namespace comrad::doom::acs

@@ -46,7 +46,6 @@ class ActorCatalog {
   uint8_t add_translation(const std::array<uint8_t, 256>& table);
   /// The damage type of that name, made where it is new; nothing where there are 16 of them already.
   std::optional<DamageType> add_damage_type(std::string_view name);
-  State& edit_state(uint32_t index) { return states_[index]; }
   ActorType& edit(uint32_t index) { return types_[index]; }
 
   std::optional<uint32_t> find(std::string_view name) const;         ///< any case

@@ -139,11 +139,6 @@ Token DecorateLexer::word() {
   return token;
 }
 
-Token DecorateLexer::peek_word() {
-  DecorateLexer ahead = *this;
-  return ahead.word();
-}
-
 void DecorateLexer::skip_line(int32_t line) {
   while (place_ < text_.size() && line_ == line) advance();
 }

@@ -33,7 +33,6 @@ class DecorateLexer {
   /// The next word up to a blank, a comment or one of : { } ( ) ; , and the quote; a text in quotes counts as
   /// a word. Empty at the end.
   Token word();
-  Token peek_word();
   /// Skips what is left of `line`.
   void skip_line(int32_t line);
 

@@ -38,8 +38,6 @@ class StateProgram {
   void add_label(std::string_view name);
   /// `state.next` is the one that follows, until a link says otherwise.
   void add_state(const State& state, std::vector<PendingArg> args = {});
-  bool is_linked() const { return linked_; }  ///< a state needs a label or is never reached
-  const State* last_state() const { return states_.empty() ? nullptr : &states_.back().state; }
 
   // Links of the last state, or of the labels before them where no state follows. False: there is nothing
   // that they could belong to.

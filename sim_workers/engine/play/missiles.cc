@@ -96,17 +96,6 @@ Actor* spawn_missile(World& world, Actor& source, Actor& target, uint32_t type) 
   return spawn_missile_z(world, source, clamp_fixed(int64_t{source.z} + kMissileHeight), target, type);
 }
 
-Actor* spawn_missile_angle(World& world, Actor& source, Fixed z, uint32_t type, Angle angle,
-                           Fixed velocity_z) {
-  if (type == kNoType) return nullptr;
-  Actor& missile = world.spawn_unchecked(type, source.x, source.y, z, angle);
-  missile.target_id = source.id;
-  missile.velocity_x = fixed_mul(missile.speed, fine_cosine(angle));
-  missile.velocity_y = fixed_mul(missile.speed, fine_sine(angle));
-  missile.velocity_z = velocity_z;
-  return check_missile_spawn(world, missile) ? &missile : nullptr;
-}
-
 Actor* spawn_player_missile(World& world, Actor& body, uint32_t type, Angle angle, Fixed x_offset,
                             Fixed y_offset, Fixed z_offset) {
   if (type == kNoType) return nullptr;

@@ -8,9 +8,6 @@ namespace comrad::doom {
 /// From `source` towards `target`; null where it exploded at once.
 Actor* spawn_missile(World& world, Actor& source, Actor& target, uint32_t type);
 Actor* spawn_missile_z(World& world, Actor& source, Fixed z, Actor& target, uint32_t type);
-/// Along an angle with a given rise.
-Actor* spawn_missile_angle(World& world, Actor& source, Fixed z, uint32_t type, Angle angle,
-                           Fixed velocity_z);
 /// From a player along its aim, with the slope of auto-aim.
 Actor* spawn_player_missile(World& world, Actor& player_body, uint32_t type, Angle angle, Fixed x_offset = 0,
                             Fixed y_offset = 0, Fixed z_offset = 0);

@@ -411,11 +411,6 @@ Expected<IndexedImage> ArtArchive::graphic(std::string_view name) const {
   return Error{ErrorCode::kNotFound, "no graphic named " + key + " in the IWAD or the PWADs"};
 }
 
-bool ArtArchive::has_graphic(std::string_view name) const {
-  const std::string key = upper(name);
-  return by_name_.contains(key) || sprite_lumps_.contains(key) || patches_.contains(key) || has_surface(key);
-}
-
 std::span<const uint8_t> ArtArchive::bytes(std::string_view name) const {
   const Lump* lump = find(name);
   return lump == nullptr ? std::span<const uint8_t>{} : lump->bytes;
@@ -427,7 +422,5 @@ const SpriteFrame* ArtArchive::sprite(std::string_view name, int letter_index) c
   const auto frame = found->second.find(letter_index);
   return frame == found->second.end() ? nullptr : &frame->second;
 }
-
-bool ArtArchive::has_sprite(std::string_view name) const { return sprites_.contains(upper(name)); }
 
 }  // namespace comrad::doom

@@ -75,13 +75,11 @@ class ArtArchive {
   Expected<IndexedImage> flat(std::string_view name) const;
   /// A graphic by name: the status bar's, faces, letters; else a sprite's lump, a patch, a texture or a flat.
   Expected<IndexedImage> graphic(std::string_view name) const;
-  bool has_graphic(std::string_view name) const;
   /// The bytes of a lump outside the namespaces (fonts); empty where there is none.
   std::span<const uint8_t> bytes(std::string_view name) const;
 
   /// Frame `letter_index` (0 = A) of the four-letter sprite; nothing where no lump has it.
   const SpriteFrame* sprite(std::string_view name, int letter_index) const;
-  bool has_sprite(std::string_view name) const;
   Expected<IndexedImage> sprite_image(uint32_t lump) const;
   uint32_t lump_count() const { return static_cast<uint32_t>(lumps_.size()); }
 

@@ -72,7 +72,6 @@ class ArtAtlas {
 
   const std::vector<SpriteArt>& sprites() const { return sprites_; }
   const ArtArchive& archive() const { return *archive_; }
-  const std::shared_ptr<const ArtArchive>& shared_archive() const { return archive_; }
   const uint8_t* texels() const { return texels_.get(); }
   int height() const { return next_top_; }
   /// Rows that changed since the last call, [first, second); first >= second for none.

@@ -124,31 +124,6 @@ void Overlay::draw_status_bar(const StatusBarState& state, int palette, const ui
                 found->second.data() + channel * bar_plane, bar_plane);
 }
 
-void Overlay::fill(int left, int top, int right, int bottom, const std::array<uint8_t, 3>& color,
-                   uint8_t* picture) const {
-  left = std::max(left, 0), top = std::max(top, 0);
-  right = std::min(right, width_), bottom = std::min(bottom, height_);
-  if (left >= right) return;
-  const std::size_t plane = static_cast<std::size_t>(width_) * height_;
-  for (std::size_t channel = 0; channel < 3; ++channel)
-    for (int row = top; row < bottom; ++row)
-      std::memset(picture + channel * plane + static_cast<std::size_t>(row) * width_ + left, color[channel],
-                  static_cast<std::size_t>(right - left));
-}
-
-void Overlay::draw_boxes(std::span<const HudBox> boxes, int player, uint8_t* picture) const {
-  for (const HudBox& box : boxes) {
-    if (box.player >= 0 && box.player != player) continue;
-    const auto edge = [](float center, float size, float side, int pixels) {
-      const float at = std::clamp((center + side * 0.5f * size) * static_cast<float>(pixels), -1e6f, 1e6f);
-      return static_cast<int>(std::lround(at));
-    };
-    const int left = edge(box.x, box.width, -1, width_), top = edge(box.y, box.height, -1, height_);
-    fill(left, top, std::max(left + 1, edge(box.x, box.width, 1, width_)),
-         std::max(top + 1, edge(box.y, box.height, 1, height_)), box.color, picture);
-  }
-}
-
 bool Overlay::is_small() const { return width_ < kReferenceWidth || height_ < kReferenceHeight; }
 
 void Overlay::draw_crosshair(int health, const uint32_t* colors, uint8_t* picture) const {

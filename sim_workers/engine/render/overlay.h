@@ -1,4 +1,4 @@
-// What lies flat on the picture: the classic status bar, boxes of a scenario's HUD and the crosshair, written
+// What lies flat on the picture: the classic status bar and the crosshair, written
 // by the CPU into the finished planar picture. A bar is drawn once per state it can show and copied from then
 // on. Stage: render.
 #pragma once
@@ -32,15 +32,12 @@ class Overlay {
 
   /// Copies the bar below the view. `colors`: the 256 packed colours (0xBBGGRR) of the present palette.
   void draw_status_bar(const StatusBarState& state, int palette, const uint32_t* colors, uint8_t* picture);
-  void draw_boxes(std::span<const HudBox> boxes, int player, uint8_t* picture) const;
   /// A see-through plus in the middle of the view, from red to green with the player's health.
   void draw_crosshair(int health, const uint32_t* colors, uint8_t* picture) const;
 
  private:
   /// Smaller than any screen of the reference engine.
   bool is_small() const;
-  void fill(int left, int top, int right, int bottom, const std::array<uint8_t, 3>& color,
-            uint8_t* picture) const;
 
   std::optional<StatusBar> bar_;
   int width_, height_, view_rows_;

@@ -180,7 +180,6 @@ class QuadRenderer : public Renderer {
       overlay_.draw_crosshair(player.health, lit, request.destination);
     if (options_.status_bar)
       overlay_.draw_status_bar(status_bar_state(world, request.player), palette, lit, request.destination);
-    overlay_.draw_boxes(world.hud(), request.player, request.destination);
     if (options_.hud_text)
       text_.draw(world.state().scripts.hud_messages, request.player, lit, request.destination);
   }

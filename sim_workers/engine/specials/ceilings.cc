@@ -286,14 +286,6 @@ std::optional<int32_t> execute_ceiling(World& world, const SpecialCall& call) {
   }
 }
 
-bool start_crusher(World& world, uint32_t sector, Fixed down_speed, Fixed up_speed, Fixed gap,
-                   int32_t damage) {
-  CrusherOrder order;
-  order.speed = down_speed, order.return_speed = up_speed;
-  order.gap = gap, order.crush = crush_of(damage);
-  return start_one_crusher(world, sector, world.sectors()[sector].tag, order);
-}
-
 void tic_ceiling(World& world, SectorMover& ceiling) {
   const bool up = ceiling.phase == MoverPhase::kUp;
   const PlaneStep step = step_ceiling(world, ceiling.sector, ceiling.speed, ceiling.target, up, ceiling.crush,

@@ -298,13 +298,6 @@ std::optional<int32_t> execute_floor(World& world, const SpecialCall& call) {
   }
 }
 
-void send_floor(World& world, uint32_t sector, Fixed target, Fixed speed) {
-  if (SectorMover* mover = find_mover(world, sector, kFloorPlane)) stop_mover(world, *mover);
-  FloorOrder order;
-  order.speed = speed;
-  start_floor(world, SpecialCall{}, sector, target, target > floor_of(world, sector), order);
-}
-
 // ---------------------------------------------------------------- each tic
 
 void tic_floor(World& world, SectorMover& floor) {

@@ -126,14 +126,6 @@ void start_movers(World& world) {
   start_polyobjects(world);
 }
 
-bool move_floor(World& world, uint32_t sector, Fixed height, int32_t crush) {
-  return place_plane<true>(world, sector, height, crush, true);
-}
-
-bool move_ceiling(World& world, uint32_t sector, Fixed height, int32_t crush) {
-  return place_plane<false>(world, sector, height, crush, true);
-}
-
 bool sector_is_moving(const World& world, uint32_t sector) {
   const MoverState& movers = world.state().movers;
   return sector < movers.plane_busy.size() && movers.plane_busy[sector] != 0;

@@ -49,7 +49,6 @@ class World {
   const ActorCatalog& catalog() const { return *catalog_; }
   const std::shared_ptr<const ActorCatalog>& shared_catalog() const { return catalog_; }
   const std::shared_ptr<const acs::Behavior>& behavior() const { return behavior_; }
-  std::span<const HudBox> hud() const { return state_.hud; }
   uint32_t sector_at(Fixed x, Fixed y) const;
   uint64_t hash() const;  ///< hash_of(state())
   const WorldOptions& options() const { return options_; }
@@ -96,7 +95,6 @@ class World {
   void set_sector_damage(int32_t tag, int32_t amount, int32_t interval);
   void set_export(int index, int32_t value);
   void exit_level() { state_.level_exited = true; }
-  void set_hud(std::vector<HudBox> boxes) { state_.hud = std::move(boxes); }
   int count_actors(uint32_t type) const;
   std::optional<std::size_t> find_slot(uint32_t id) const;
 

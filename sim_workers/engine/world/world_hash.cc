@@ -88,7 +88,6 @@ class Hash {
   COMRAD_HASHED(ThingLink, next, previous, cell)
   COMRAD_HASHED(LineState, special, args, flags, id, alpha)
   COMRAD_HASHED(SideState, top, bottom, middle, scroll_x, scroll_y, retextured)
-  COMRAD_HASHED(HudBox, player, x, y, width, height, color)
   COMRAD_HASHED(SectorMover, sector, kind, phase, type, speed, return_speed, low, high, low_2, high_2,
                 wait_tics, left_tics, crush, tag, texture, new_special, light_tag, stair_delay, phase_offset,
                 amplitude, base, target, model_sector, hexen_crush, stepwise, step_tics, pause_tics,
@@ -120,11 +119,11 @@ class Hash {
     const auto& [tic_count, level_exited, exited_secretly, next_actor_id, actors, links, cell_heads,
                  type_counts, sector_sound_target, sector_sound_tic, sound_blocks, sound_queue,
                  sound_queue_later, radius_max, has_removed, players, sectors, lines, sides, movers, scripts,
-                 globals, hud, monster_count, item_total, secret_total, kill_total, item_taken, secret_found,
+                 globals, monster_count, item_total, secret_total, kill_total, item_taken, secret_found,
                  gravity, air_control, corpse_ids, brain, rng] = world;
     add_all(tic_count, level_exited, exited_secretly, next_actor_id, actors, links, cell_heads, type_counts,
             sector_sound_target, sector_sound_tic, radius_max, has_removed, players, sectors, lines, sides,
-            movers, scripts, globals, hud, monster_count, item_total, secret_total, kill_total, item_taken,
+            movers, scripts, globals, monster_count, item_total, secret_total, kill_total, item_taken,
             secret_found, gravity, air_control, corpse_ids, brain, rng);
     // Not sound_blocks, sound_queue and sound_queue_later: scratch of alert_monsters().
   }

@@ -18,14 +18,6 @@
 
 namespace comrad::doom {
 
-/// A square of a HUD drawn by native rules (tether bar and the like), in the frame of one player.
-struct HudBox {
-  int player = -1;                    ///< -1: everyone
-  float x = 0.5f, y = 0.5f;           ///< centre as a fraction of the screen
-  float width = 0.0f, height = 0.0f;  ///< fractions of the screen
-  std::array<uint8_t, 3> color{};
-};
-
 struct WorldOptions {
   int player_count = 1;
   uint64_t seed = 0;
@@ -89,7 +81,6 @@ struct WorldState {
   MoverState movers;                  ///< doors, lifts, lights, scrollers, polyobjects (specials/)
   acs::MachineState scripts;          ///< running scripts, map variables, HUD messages (acs/)
   std::array<int32_t, 64> globals{};  ///< ACS global variables; 1..60 are USER1..USER60, 0 ViZDoom's reward
-  std::vector<HudBox> hud;
   int32_t monster_count = 0, item_total = 0, secret_total = 0;  ///< of the map
   int32_t kill_total = 0, item_taken = 0, secret_found = 0;     ///< by all
   Fixed gravity = kFracUnit;                                    ///< units/tic^2

@@ -122,10 +122,10 @@ class FakeEnv {
   uint32_t episode_step_ = 0;
 };
 
-/// A group commits all its requests and then rings, as a simulator does.
-class FakeGroup {
+/// A split commits all its requests and then rings, as a simulator does.
+class FakeSplit {
  public:
-  FakeGroup(const shm::Arena& arena, int sim_worker, int split)
+  FakeSplit(const shm::Arena& arena, int sim_worker, int split)
       : arena_(&arena), sim_worker_(sim_worker), split_(split) {
     const shm::ArenaShape& shape = arena.shape();
     for (int local = shape.split_begin(split); local < shape.split_end(split); ++local)
@@ -135,7 +135,7 @@ class FakeGroup {
   std::vector<FakeEnv> envs;
 
   void announce(size_t request_count) {
-    shm::GroupRound& round = arena_->group_round(sim_worker_, split_);
+    shm::SplitRound& round = arena_->split_round(sim_worker_, split_);
     round.request_count.store(static_cast<uint32_t>(request_count));
     round.round_id.fetch_add(1);
   }

@@ -55,6 +55,11 @@ TEST_F(MachineCheck, NamesEachListAndWhatIsMissingOfIt) {
   EXPECT_EQ(tests.found, "deploy/packages_test.txt, missing: zdbsp");
   EXPECT_EQ(tests.action, "./comrad test installs them: apt-get install --no-install-recommends zdbsp");
 
+  home_.write("deploy/packages_report.txt", "zdbsp\n");
+  EXPECT_EQ(check_report_packages().level, CheckLevel::kWarn);
+  EXPECT_EQ(check_report_packages().action,
+            "./comrad report installs them: apt-get install --no-install-recommends zdbsp");
+
   const CheckResult python = check_test_python();
   EXPECT_EQ(python.level, CheckLevel::kWarn);
   EXPECT_EQ(python.found,

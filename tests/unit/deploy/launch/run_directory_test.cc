@@ -210,6 +210,8 @@ TEST_F(RunDirectoryTest, StatusIsOneJsonObjectAndUnknownScoresAreNull) {
   status.learner_version = 6;
   status.env_frames_per_s = std::numeric_limits<double>::infinity();
   status.message = "a \"quoted\" line \xff";
+  status.elapsed_s = 8;
+  status.cpu_s = {{"simulators", 6.5}, {"learner", 2}};
   ASSERT_TRUE(write_status(train_dir_, status));
   std::ifstream file(train_dir_ + "/status.json");
   nlohmann::json json = nlohmann::json::parse(file);
@@ -219,6 +221,8 @@ TEST_F(RunDirectoryTest, StatusIsOneJsonObjectAndUnknownScoresAreNull) {
   EXPECT_EQ(json["learner_version"], 6);
   EXPECT_TRUE(json["J_mean"].is_null());
   EXPECT_EQ(json["env_frames_per_s"], 0.0);
+  EXPECT_EQ(json["elapsed_s"], 8);
+  EXPECT_EQ(json["cpu_s"], (nlohmann::json{{"simulators", 6.5}, {"learner", 2}}));
   EXPECT_FALSE(exists("status.json.tmp"));
   status.score_mean = 612.5;
   ASSERT_TRUE(write_status(train_dir_, status));

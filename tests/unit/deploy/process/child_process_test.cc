@@ -45,6 +45,21 @@ TEST(ChildProcess, BringsBackLinesOfBothOutputsAndTheExitCode) {
   EXPECT_EQ(how.text(), "killed by signal 9 (Killed)");
 }
 
+TEST(ChildProcess, CountsTheProcessorTimeOfAChildWhileItRunsAndAfterwards) {
+  auto child = ChildProcess::spawn(shell("trap 'exit 0' TERM; while :; do :; done"));
+  ASSERT_TRUE(child) << child.error().message;
+  const double end_s = monotonic_s() + 60;
+  while (child->cpu_seconds() < 0.1 && monotonic_s() < end_s) usleep(10'000);
+  const double running_s = child->cpu_seconds();
+  EXPECT_GE(running_s, 0.1);
+  child->send_signal(SIGTERM);
+  while (!child->poll_exit() && monotonic_s() < end_s) usleep(5'000);
+  ASSERT_TRUE(child->poll_exit());
+  EXPECT_GE(child->cpu_seconds(), running_s - 0.011) << "ticks of 10 ms";
+  const ChildProcess moved = std::move(*child);
+  EXPECT_GE(moved.cpu_seconds(), running_s - 0.011);
+}
+
 TEST(ChildProcess, ControlCharactersDoNotReachTheTerminal) {
   EXPECT_THAT(run_shell(shell("printf 'a\\033[2Jb\\r\\n'")), ElementsAre("a [2Jb"));
 }

@@ -2,23 +2,22 @@
 
 #include <gtest/gtest.h>
 
-#include "doomgen/layout/map_builder.h"
+#include "doomgen/layout/map_plan.h"
 
 namespace comrad::doomgen {
 namespace {
 
-Polygon box(int32_t x0, int32_t y0, int32_t x1, int32_t y1) { return Box{{x0, y0}, {x1, y1}}.polygon(); }
 constexpr Point kStart[] = {{64, 64}};
 
 /// Two rooms of 256 joined by a hall of the given width and heights.
 MapData two_rooms(int32_t width, int32_t hall_floor, int32_t hall_ceiling, bool blocking = false) {
-  MapBuilder builder;
-  const int west = builder.add_area({}, "A", box(0, 0, 256, 256));
-  const int hall = builder.add_area({.floor_height = hall_floor, .ceiling_height = hall_ceiling}, "B",
-                                    box(256, 100, 384, 100 + width));
-  builder.add_area({}, "A", box(384, 0, 640, 256));
-  if (blocking) builder.connect(west, hall, {.blocking = true});
-  auto map = builder.build();
+  MapPlan plan;
+  const AreaId west = plan.add_area({.name = "west"}, Box{{0, 0}, {256, 256}});
+  const AreaId hall = plan.add_area({.name = "hall", .floor = hall_floor, .ceiling = hall_ceiling},
+                                    Box{{256, 100}, {384, 100 + width}});
+  plan.add_area({.name = "east"}, Box{{384, 0}, {640, 256}});
+  if (blocking) plan.connect(west, hall, Passage::window(""));
+  const auto map = plan.build();
   COMRAD_CHECK(map.has_value(), map ? "" : map.error().message);
   return *map;
 }

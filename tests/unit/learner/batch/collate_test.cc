@@ -36,7 +36,7 @@ TEST(Collate, CopiesEveryFieldOfEveryAgentToItsRow) {
       for (int agent = 0; agent < 2; ++agent)
         pool.view(i).policy_version(t, agent) = static_cast<uint32_t>(100 * i + 10 * t + agent);
   for (int i = 0; i < 2; ++i)
-    for (int t = 0; t < 4; ++t) pool.view(i).layout(t) = 7 * i + t;
+    for (int t = 0; t < 4; ++t) pool.view(i).layout_index(t) = 7 * i + t;
   RolloutBatch batch = make_rollout_batch(shape, 2);
   clear(batch);
   EXPECT_EQ(collate_slab(batch, 0, pool.view(1), 4), 0);  // order is the caller's
@@ -60,7 +60,7 @@ TEST(Collate, CopiesEveryFieldOfEveryAgentToItsRow) {
         EXPECT_EQ(batch.log_prob[t][row].item<float>(), slab.log_prob(t, agent));
         EXPECT_EQ(batch.reward[t][row].item<float>(), slab.reward(t, agent));
         EXPECT_EQ(batch.policy_version[t][row].item<int64_t>(), slab.policy_version(t, agent));
-        EXPECT_EQ(batch.layout[t][row].item<int>(), slab.layout(t));
+        EXPECT_EQ(batch.layout_index[t][row].item<int>(), slab.layout_index(t));
         EXPECT_EQ(batch.valid[t][row].item<int>(), 1);
         EXPECT_EQ(batch.terminated[t][row].item<int>(), 0);
       }

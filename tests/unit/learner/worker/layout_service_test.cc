@@ -66,14 +66,14 @@ class LayoutServiceTest : public ::testing::Test {
     shm::LayoutDesk& desk = arena_.layout_desk(env);
     const uint64_t reported = desk.reported.load();
     desk.outcome[reported % shm::kDeskOutcomes] =
-        shm::pack_outcome({.layout = desk.playing.load(), .score = score});
+        shm::pack_outcome({.layout_index = desk.playing.load(), .score = score});
     desk.reported = reported + 1;
   }
   /// What it does when its next layout is due.
   uint32_t take(int env) const {
     shm::LayoutDesk& desk = arena_.layout_desk(env);
     if (desk.granted.load() != desk.taken.load()) {
-      desk.playing = desk.layout.load();
+      desk.playing = desk.layout_index.load();
       desk.taken = desk.granted.load();
     }
     return desk.playing.load();
@@ -95,7 +95,7 @@ TEST_F(LayoutServiceTest, GrantsOneLayoutToEachEnvironmentAndWaitsUntilItIsTaken
   std::vector<uint32_t> first;
   for (int env = 0; env < 8; ++env) {
     EXPECT_EQ(arena_.layout_desk(env).granted.load(), 1u);
-    first.push_back(arena_.layout_desk(env).layout.load());
+    first.push_back(arena_.layout_desk(env).layout_index.load());
     EXPECT_LT(first.back(), 4u);
   }
   EXPECT_GT(std::set<uint32_t>(first.begin(), first.end()).size(), 1u);
@@ -127,9 +127,9 @@ TEST_F(LayoutServiceTest, OutcomesReachTheCurriculumUnderTheirLayout) {
 TEST_F(LayoutServiceTest, DamagedAndOverwrittenOutcomesAreCountedAndDoNoHarm) {
   const auto service = open();
   shm::LayoutDesk& desk = arena_.layout_desk(1);
-  desk.outcome[0] = shm::pack_outcome({.layout = 99, .score = 1.0f});
-  desk.outcome[1] = shm::pack_outcome({.layout = 2, .score = std::nanf("")});
-  desk.outcome[2] = shm::pack_outcome({.layout = 2, .score = 0.5f});
+  desk.outcome[0] = shm::pack_outcome({.layout_index = 99, .score = 1.0f});
+  desk.outcome[1] = shm::pack_outcome({.layout_index = 2, .score = std::nanf("")});
+  desk.outcome[2] = shm::pack_outcome({.layout_index = 2, .score = 0.5f});
   desk.reported = 3;
   service->serve(arena_);
   EXPECT_EQ(std::accumulate(service->curriculum().episode_counts().begin(),
@@ -168,7 +168,7 @@ TEST_F(LayoutServiceTest, ACheckpointContinuesTheDrawsAndTheDesks) {
   ASSERT_TRUE(second->restore_desks(fresh));
   for (int env = 0; env < 8; ++env) {
     EXPECT_EQ(fresh.layout_desk(env).playing.load(), arena_.layout_desk(env).playing.load());
-    EXPECT_EQ(fresh.layout_desk(env).layout.load(), arena_.layout_desk(env).layout.load());
+    EXPECT_EQ(fresh.layout_desk(env).layout_index.load(), arena_.layout_desk(env).layout_index.load());
     EXPECT_EQ(fresh.layout_desk(env).granted.load(), arena_.layout_desk(env).granted.load());
     EXPECT_EQ(fresh.layout_desk(env).taken.load(), arena_.layout_desk(env).taken.load());
   }
@@ -265,7 +265,7 @@ RolloutBatch batch_of_layouts() {
   pool.fill_with_noise(5);
   constexpr int kLayouts[2][4] = {{0, 0, 1, 2}, {2, 2, 2, 5}};
   for (int i = 0; i < 2; ++i)
-    for (int t = 0; t < 4; ++t) pool.view(i).layout(t) = kLayouts[i][t];
+    for (int t = 0; t < 4; ++t) pool.view(i).layout_index(t) = kLayouts[i][t];
   RolloutBatch batch = make_rollout_batch(shape, 2);
   clear(batch);
   for (int i = 0; i < 2; ++i) collate_slab(batch, i, pool.view(i), 4);
@@ -281,7 +281,7 @@ TEST(LayoutSignals, AreMeansAndMaximaOverEachLayoutsValidDecisions) {
   const RolloutBatch batch = batch_of_layouts();
   const auto l1 = layout_signals(batch, PlrScore::kMeanValueL1, 4);
   ASSERT_EQ(l1.size(), 3u);
-  EXPECT_EQ(l1[0].layout, 0);
+  EXPECT_EQ(l1[0].layout_index, 0);
   EXPECT_EQ(l1[0].decisions, 4);
   EXPECT_DOUBLE_EQ(l1[0].mean, 1.5);  // |+-1|, |+-2|
   EXPECT_DOUBLE_EQ(l1[0].maximum, 2.0);

@@ -66,13 +66,13 @@ TEST(Batcher, AnswersAnActionRequestWithWhatTheNetworkSays) {
   const shm::Arena arena = make_arena(options, {});
   const PolicyNet net = make_net(options);
   Batcher batcher = make_batcher(arena);
-  FakeGroup group(arena, 0, 0);
-  for (FakeEnv& env : group.envs)
-    for (float& x : arena.recurrent(&env == &group.envs[0] ? 0 : 1, 0)) x = 0.25f;
-  group.commit_act();
+  FakeSplit split(arena, 0, 0);
+  for (FakeEnv& env : split.envs)
+    for (float& x : arena.recurrent(&env == &split.envs[0] ? 0 : 1, 0)) x = 0.25f;
+  split.commit_act();
   ASSERT_EQ(answer_once(batcher, net), 2u);
   for (int index = 0; index < 2; ++index) {
-    const FakeEnv& env = group.envs[static_cast<size_t>(index)];
+    const FakeEnv& env = split.envs[static_cast<size_t>(index)];
     ASSERT_TRUE(env.has_answer());
     EXPECT_EQ(env.slot().policy_version, 9u);
     const SlabView slab = env.slab();
@@ -101,16 +101,16 @@ TEST(Batcher, AFirstDecisionStartsFromTheZeroState) {
   const PolicyNetOptions options = small_network();
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 1, .splits = 1});
   Batcher batcher = make_batcher(arena);
-  FakeGroup group(arena, 0, 0);
+  FakeSplit split(arena, 0, 0);
   for (float& x : arena.recurrent(0, 0)) x = 5.0f;
-  group.envs[0].slab().recurrent_state(0, 0)[0] = 7.0f;
-  group.commit_act(/*reset_state=*/true);
+  split.envs[0].slab().recurrent_state(0, 0)[0] = 7.0f;
+  split.commit_act(/*reset_state=*/true);
   const Batch& batch = batcher.gather(0);
   ASSERT_EQ(batch.requests.size(), 1u);
   EXPECT_EQ(batch.recurrent_state.abs().max().item<float>(), 0.0f);
   batcher.scatter(batch, make_net(options).step_rows(batch.frames, batch.measurement, batch.recurrent_state),
                   1);
-  EXPECT_EQ(group.envs[0].slab().recurrent_state(0, 0)[0], 0.0f);
+  EXPECT_EQ(split.envs[0].slab().recurrent_state(0, 0)[0], 0.0f);
 }
 
 TEST(Batcher, TheOutputStateOfOneStepIsTheInputOfTheNext) {
@@ -118,17 +118,17 @@ TEST(Batcher, TheOutputStateOfOneStepIsTheInputOfTheNext) {
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 1, .splits = 1, .recurrent_snapshots = 5});
   const PolicyNet net = make_net(options);
   Batcher batcher = make_batcher(arena);
-  FakeGroup group(arena, 0, 0);
+  FakeSplit split(arena, 0, 0);
   std::vector<float> after;
   for (int step = 0; step < 4; ++step) {
-    group.commit_act(step == 0);
+    split.commit_act(step == 0);
     ASSERT_EQ(answer_once(batcher, net), 1u);
     for (size_t k = 0; step > 0 && k < 16; ++k)
-      EXPECT_EQ(group.envs[0].slab().recurrent_state(step, 1)[k], after[16 + k])
+      EXPECT_EQ(split.envs[0].slab().recurrent_state(step, 1)[k], after[16 + k])
           << "snapshot of step " << step;
     const auto state = arena.recurrent(0, static_cast<uint64_t>(step) + 1);
     after.assign(state.begin(), state.end());
-    group.take_act();
+    split.take_act();
   }
 }
 
@@ -137,8 +137,8 @@ TEST(Batcher, ValueAndFinalRequestsLeaveTheStateAndTheActionsAlone) {
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 2, .splits = 1});
   const PolicyNet net = make_net(options);
   Batcher batcher = make_batcher(arena);
-  FakeGroup group(arena, 0, 0);
-  FakeEnv &full = group.envs[0], &truncated = group.envs[1];
+  FakeSplit split(arena, 0, 0);
+  FakeEnv &full = split.envs[0], &truncated = split.envs[1];
   for (int env = 0; env < 2; ++env) {
     for (float& x : arena.recurrent(env, 0)) x = 0.5f;
     for (float& x : arena.recurrent(env, 1)) x = -1.0f;
@@ -151,10 +151,10 @@ TEST(Batcher, ValueAndFinalRequestsLeaveTheStateAndTheActionsAlone) {
     truncated.slab().value(0, agent) = 99.0f;
     truncated.slab().action(0, agent)[0] = -5;
   }
-  group.announce(2);
+  split.announce(2);
   full.commit(RequestKind::kValue, last, 0, false);
   truncated.commit_final(2);
-  group.ring();
+  split.ring();
   ASSERT_EQ(answer_once(batcher, net), 2u);
   for (int agent = 0; agent < 2; ++agent) {
     EXPECT_NE(full.slab().value(last, agent), 99.0f);
@@ -175,16 +175,16 @@ TEST(Batcher, ValueAndFinalRequestsLeaveTheStateAndTheActionsAlone) {
   }
 }
 
-TEST(Batcher, InLockStepABatchIsExactlyOneCompleteGroupInEnvironmentOrder) {
+TEST(Batcher, InLockStepABatchIsExactlyOneCompleteSplitInEnvironmentOrder) {
   const PolicyNetOptions options = small_network();
   const shm::Arena arena = make_arena(options, {.sim_workers = 2, .envs_per_worker = 6});
   Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_batch = 1, .is_deterministic = true});
-  FakeGroup late(arena, 0, 1), first(arena, 1, 0);
+  FakeSplit late(arena, 0, 1), first(arena, 1, 0);
   late.announce(3);
   late.envs[0].commit_act();
   late.envs[2].commit_act();
   late.ring();
-  EXPECT_TRUE(batcher.gather(20'000).is_empty()) << "a group of three with two requests is not complete";
+  EXPECT_TRUE(batcher.gather(20'000).is_empty()) << "a split of three with two requests is not complete";
   first.commit_act();
   {
     const Batch& batch = batcher.gather(0);
@@ -206,13 +206,13 @@ TEST(Batcher, InLockStepABatchIsExactlyOneCompleteGroupInEnvironmentOrder) {
 TEST(Batcher, WaitsForTheMinimumButNotLongerThanTheLimit) {
   const shm::Arena arena = make_arena(small_network(), {.sim_workers = 2, .envs_per_worker = 4});
   Batcher batcher = make_batcher(arena, {.min_batch = 4, .max_batch = 8, .max_wait_us = 60'000});
-  FakeGroup one(arena, 0, 0), two(arena, 1, 1);
+  FakeSplit one(arena, 0, 0), two(arena, 1, 1);
   one.commit_act();
   const int64_t began_ns = monotonic_ns();
   {
     const Batch& batch = batcher.gather(5'000'000);
     EXPECT_EQ(batch.requests.size(), 2u);
-    EXPECT_GE(monotonic_ns() - began_ns, 55'000'000) << "it gave a second group time to come";
+    EXPECT_GE(monotonic_ns() - began_ns, 55'000'000) << "it gave a second split time to come";
     EXPECT_LT(monotonic_ns() - began_ns, 2'000'000'000);
     batcher.scatter_random(batch);
   }
@@ -224,42 +224,42 @@ TEST(Batcher, WaitsForTheMinimumButNotLongerThanTheLimit) {
   EXPECT_LT(monotonic_ns() - again_ns, 50'000'000) << "enough requests are taken at once";
 }
 
-TEST(Batcher, NeverExceedsTheMaximumAndServesEveryGroupInTurn) {
+TEST(Batcher, NeverExceedsTheMaximumAndServesEverySplitInTurn) {
   const shm::Arena arena = make_arena(small_network(), {.sim_workers = 3, .envs_per_worker = 4});
   Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_batch = 5, .max_wait_us = 0});
-  std::vector<FakeGroup> groups;
+  std::vector<FakeSplit> splits;
   for (int sim_worker = 0; sim_worker < 3; ++sim_worker)
-    for (int split = 0; split < 2; ++split) groups.emplace_back(arena, sim_worker, split).commit_act();
+    for (int split = 0; split < 2; ++split) splits.emplace_back(arena, sim_worker, split).commit_act();
   size_t answered = 0;
   for (int round = 0; round < 3; ++round) {
     const Batch& batch = batcher.gather(0);
-    EXPECT_EQ(batch.requests.size(), 4u) << "two whole groups of two fit into five";
+    EXPECT_EQ(batch.requests.size(), 4u) << "two whole splits of two fit into five";
     answered += batch.requests.size();
     batcher.scatter_random(batch);
   }
   EXPECT_EQ(answered, 12u);
-  for (FakeGroup& group : groups)
-    for (FakeEnv& env : group.envs) EXPECT_TRUE(env.has_answer());
+  for (FakeSplit& split : splits)
+    for (FakeEnv& env : split.envs) EXPECT_TRUE(env.has_answer());
 }
 
-TEST(Batcher, CutsAGroupThatIsLargerThanTheMaximum) {
+TEST(Batcher, CutsASplitThatIsLargerThanTheMaximum) {
   const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 7, .splits = 1});
   Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_batch = 3, .max_wait_us = 0});
-  FakeGroup group(arena, 0, 0);
-  group.commit_act();
+  FakeSplit split(arena, 0, 0);
+  split.commit_act();
   for (const size_t expected : {3u, 3u, 1u}) {
     const Batch& batch = batcher.gather(0);
     EXPECT_EQ(batch.requests.size(), expected);
     batcher.scatter_random(batch);
   }
-  EXPECT_TRUE(group.await());
+  EXPECT_TRUE(split.await());
 }
 
-TEST(Batcher, ServesOnlyItsOwnGroups) {
+TEST(Batcher, ServesOnlyItsOwnSplits) {
   const shm::Arena arena = make_arena(small_network(), {.sim_workers = 2, .policy_workers = 3});
-  std::vector<FakeGroup> groups;
+  std::vector<FakeSplit> splits;
   for (int sim_worker = 0; sim_worker < 2; ++sim_worker)
-    for (int split = 0; split < 2; ++split) groups.emplace_back(arena, sim_worker, split).commit_act();
+    for (int split = 0; split < 2; ++split) splits.emplace_back(arena, sim_worker, split).commit_act();
   int64_t served = 0;
   for (int worker = 0; worker < 3; ++worker) {
     Batcher batcher = make_batcher(arena, {.policy_worker = worker, .min_batch = 1, .max_wait_us = 0});
@@ -286,8 +286,8 @@ TEST(Batcher, LimitsStayWithinWhatIsServed) {
 TEST(Batcher, RefusesIndicesOutOfRange) {
   const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 4, .splits = 1});
   Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_wait_us = 0});
-  FakeGroup group(arena, 0, 0);
-  group.commit_act();
+  FakeSplit split(arena, 0, 0);
+  split.commit_act();
   arena.slot(0).slab_index = 1u << 30;
   arena.slot(1).step = 4;  // T: a row without an action
   arena.slot(2).kind = static_cast<RequestKind>(77);
@@ -296,44 +296,44 @@ TEST(Batcher, RefusesIndicesOutOfRange) {
   EXPECT_EQ(batch.requests[0].env_index, 3);
   EXPECT_EQ(batcher.refused_count(), 3u);
   batcher.scatter_random(batch);
-  EXPECT_TRUE(group.await()) << "nobody hangs";
+  EXPECT_TRUE(split.await()) << "nobody hangs";
 }
 
 TEST(Batcher, ASlotTakenAwayMeanwhileIsNotAnswered) {
   const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 2, .splits = 1});
   Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_wait_us = 0});
-  FakeGroup group(arena, 0, 0);
-  group.commit_act();
+  FakeSplit split(arena, 0, 0);
+  split.commit_act();
   const Batch& batch = batcher.gather(0);
   ASSERT_EQ(batch.requests.size(), 2u);
-  group.envs[0].slab().value(0, 0) = 99.0f;
+  split.envs[0].slab().value(0, 0) = 99.0f;
   arena.slot(0).state.store(SlotState::kIdle);  // the supervisor idled a dead simulator's slot
   batcher.scatter_random(batch);
   EXPECT_EQ(arena.slot(0).state.load(), SlotState::kIdle);
-  EXPECT_EQ(group.envs[0].slab().value(0, 0), 99.0f);
-  EXPECT_TRUE(group.envs[1].has_answer());
+  EXPECT_EQ(split.envs[0].slab().value(0, 0), 99.0f);
+  EXPECT_TRUE(split.envs[1].has_answer());
 }
 
 TEST(Batcher, MaskedChoicesAreNeverAnswered) {
   const shm::Arena arena =
       make_arena(small_network(), {.envs_per_worker = 2, .splits = 1, .rollout_steps = 8});
   Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_wait_us = 0});
-  FakeGroup group(arena, 0, 0);
+  FakeSplit split(arena, 0, 0);
   for (int step = 0; step < 200; ++step) {
-    group.announce(2);
-    for (FakeEnv& env : group.envs) env.commit_act();
-    for (FakeEnv& env : group.envs) {
+    split.announce(2);
+    for (FakeEnv& env : split.envs) env.commit_act();
+    for (FakeEnv& env : split.envs) {
       const auto mask = env.slab().action_mask(env.step(), 0);
       mask[0] = mask[4] = 0;
     }
     batcher.scatter_random(batcher.gather(0));
-    for (FakeEnv& env : group.envs) {
+    for (FakeEnv& env : split.envs) {
       EXPECT_NE(env.slab().action(env.step(), 0)[0], 0);
       EXPECT_EQ(env.slab().action(env.step(), 0)[1], 0);
       EXPECT_NEAR(env.slab().log_prob(env.step(), 0), std::log(0.5), 1e-6);
       EXPECT_NEAR(env.slab().log_prob(env.step(), 1), std::log(1.0 / 6), 1e-6);
     }
-    group.take_act();
+    split.take_act();
   }
 }
 
@@ -353,13 +353,13 @@ TEST(Batcher, QValuesAreFollowedUpToTheLearnersEpsilon) {
                                              .is_greedy = greedy,
                                              .is_epsilon_greedy = true,
                                              .exploration = exploration});
-      FakeGroup group(arena, 0, 0);
+      FakeSplit split(arena, 0, 0);
       int best = 0, all = 0;
       for (int step = 0; step < 40; ++step) {
-        group.announce(8);
-        for (FakeEnv& env : group.envs) env.commit_act();
+        split.announce(8);
+        for (FakeEnv& env : split.envs) env.commit_act();
         ASSERT_EQ(answer_once(batcher, net), 8u);
-        for (FakeEnv& env : group.envs)
+        for (FakeEnv& env : split.envs)
           for (int agent = 0; agent < 2; ++agent) {
             const SlabView slab = env.slab();
             const auto q = slab.logits(env.step(), agent);
@@ -376,7 +376,7 @@ TEST(Batcher, QValuesAreFollowedUpToTheLearnersEpsilon) {
                 q[static_cast<std::size_t>(largest(0, 3))] + q[static_cast<std::size_t>(3 + largest(3, 2))],
                 1e-5);
           }
-        group.take_act();
+        split.take_act();
       }
       const double e =
           double{epsilon};  // a greedy action comes up by chance, too: of six, or of three and two
@@ -392,15 +392,15 @@ TEST(Batcher, QValuesAreFollowedUpToTheLearnersEpsilon) {
 TEST(Batcher, RandomAnswersAreUniform) {
   const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 8, .splits = 1});
   Batcher batcher = make_batcher(arena, {.min_batch = 1, .max_wait_us = 0});
-  FakeGroup group(arena, 0, 0);
+  FakeSplit split(arena, 0, 0);
   int counts[3] = {}, draws = 0;
   for (int step = 0; step < 1500; ++step) {
-    group.announce(8);
-    for (FakeEnv& env : group.envs) env.commit(RequestKind::kAct, env.step(), 0, false);
+    split.announce(8);
+    for (FakeEnv& env : split.envs) env.commit(RequestKind::kAct, env.step(), 0, false);
     batcher.scatter_random(batcher.gather(0));
-    for (FakeEnv& env : group.envs)
+    for (FakeEnv& env : split.envs)
       for (int agent = 0; agent < 2; ++agent, ++draws) ++counts[env.slab().action(env.step(), agent)[0]];
-    group.take_act();
+    split.take_act();
   }
   for (int count : counts) EXPECT_NEAR(count / static_cast<double>(draws), 1.0 / 3, 0.015);
 }
@@ -415,20 +415,20 @@ TEST(Batcher, ActionsDoNotDependOnHowRequestsAreBatched) {
         make_arena(options, {.sim_workers = 3, .envs_per_worker = 4, .rollout_steps = 32});
     Batcher batcher =
         make_batcher(arena, {.min_batch = 12, .max_wait_us = 0, .is_deterministic = deterministic});
-    std::vector<FakeGroup> groups;
+    std::vector<FakeSplit> splits;
     for (int sim_worker = 0; sim_worker < 3; ++sim_worker)
-      for (int split = 0; split < 2; ++split) groups.emplace_back(arena, sim_worker, split);
+      for (int split = 0; split < 2; ++split) splits.emplace_back(arena, sim_worker, split);
     size_t forwards = 0;
     for (int step = 0; step < 24; ++step) {
-      for (FakeGroup& group : groups) group.commit_act(step % 10 == 0);
+      for (FakeSplit& split : splits) split.commit_act(step % 10 == 0);
       while (answer_once(batcher, net) > 0) ++forwards;
-      for (FakeGroup& group : groups) group.take_act();
+      for (FakeSplit& split : splits) split.take_act();
     }
     EXPECT_EQ(forwards, deterministic ? 24u * 6 : 24u);
     actions.emplace_back();
     values.emplace_back();
-    for (FakeGroup& group : groups)
-      for (FakeEnv& env : group.envs)
+    for (FakeSplit& split : splits)
+      for (FakeEnv& env : split.envs)
         for (int step = 0; step < 24; ++step)
           for (int agent = 0; agent < 2; ++agent) {
             for (int32_t a : env.slab().action(step, agent)) actions.back().push_back(a);
@@ -447,10 +447,10 @@ TEST(Batcher, ASuccessorAnswersWhatAKilledWorkerHadGatheredWithTheSameResult) {
   std::vector<std::vector<Answer>> answers;
   for (const bool killed : {false, true}) {
     const shm::Arena arena = make_arena(options, {.envs_per_worker = 4, .splits = 1});
-    FakeGroup group(arena, 0, 0);
+    FakeSplit split(arena, 0, 0);
     for (int env = 0; env < 4; ++env)
       for (float& x : arena.recurrent(env, 0)) x = 0.1f * static_cast<float>(env);
-    group.commit_act();
+    split.commit_act();
     if (killed) {
       const pid_t child = fork();
       ASSERT_GE(child, 0);
@@ -460,7 +460,7 @@ TEST(Batcher, ASuccessorAnswersWhatAKilledWorkerHadGatheredWithTheSameResult) {
         if (batch.requests.size() != 4) _exit(1);
         // Half an answer: everything but the hand-over of the slots, and garbage where rows were not
         // reached yet.
-        for (FakeEnv& env : group.envs) {
+        for (FakeEnv& env : split.envs) {
           std::ranges::fill(env.slab().action(0, 0), 12345);
           env.slab().log_prob(0, 1) = -77.0f;
         }
@@ -475,18 +475,18 @@ TEST(Batcher, ASuccessorAnswersWhatAKilledWorkerHadGatheredWithTheSameResult) {
     Batcher successor = make_batcher(arena);
     EXPECT_EQ(successor.adopt_orphans(), killed ? 4 : 0);
     ASSERT_EQ(answer_once(successor, net), 4u);
-    EXPECT_TRUE(group.await());
+    EXPECT_TRUE(split.await());
     answers.emplace_back();
     for (int env = 0; env < 4; ++env)
-      answers.back().push_back(answer_of(arena, group.envs[static_cast<size_t>(env)], env, 0));
+      answers.back().push_back(answer_of(arena, split.envs[static_cast<size_t>(env)], env, 0));
   }
   EXPECT_EQ(answers[0], answers[1]);
 }
 
 TEST(Batcher, ARoundThatAKilledWorkerHandedBackInPartIsFinishedInLockStep) {
   const shm::Arena arena = make_arena(small_network(), {.envs_per_worker = 3, .splits = 1});
-  FakeGroup group(arena, 0, 0);
-  group.commit_act();
+  FakeSplit split(arena, 0, 0);
+  split.commit_act();
   {
     Batcher dead = make_batcher(arena, {.is_deterministic = true});
     ASSERT_EQ(dead.gather(0).requests.size(), 3u);
@@ -497,7 +497,7 @@ TEST(Batcher, ARoundThatAKilledWorkerHandedBackInPartIsFinishedInLockStep) {
   const Batch& batch = successor.gather(0);
   ASSERT_EQ(batch.requests.size(), 2u);
   successor.scatter_random(batch);
-  EXPECT_TRUE(group.await());
+  EXPECT_TRUE(split.await());
 }
 
 TEST(Batcher, SimulatorsInThreadsGetEveryAnswer) {
@@ -509,17 +509,17 @@ TEST(Batcher, SimulatorsInThreadsGetEveryAnswer) {
   std::vector<std::thread> simulators;
   for (int sim_worker = 0; sim_worker < 3; ++sim_worker)
     simulators.emplace_back([&, sim_worker] {
-      FakeGroup groups[] = {{arena, sim_worker, 0}, {arena, sim_worker, 1}};
+      FakeSplit splits[] = {{arena, sim_worker, 0}, {arena, sim_worker, 1}};
       for (int round = 0; round < kRounds; ++round)
-        for (FakeGroup& group : groups) {
+        for (FakeSplit& split : splits) {
           if (round > 0) {
-            if (!group.await()) ++unanswered;
-            for (FakeEnv& env : group.envs) wrong += env.slab().policy_version(env.step(), 0) != 9;
-            group.take_act();
+            if (!split.await()) ++unanswered;
+            for (FakeEnv& env : split.envs) wrong += env.slab().policy_version(env.step(), 0) != 9;
+            split.take_act();
           }
-          group.commit_act(round % 40 == 0);
+          split.commit_act(round % 40 == 0);
         }
-      for (FakeGroup& group : groups) unanswered += !group.await();
+      for (FakeSplit& split : splits) unanswered += !split.await();
       --running;
     });
   Batcher batcher = make_batcher(arena, {.max_wait_us = 500});

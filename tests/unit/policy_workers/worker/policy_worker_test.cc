@@ -60,21 +60,21 @@ TEST(PolicyWorker, WaitsForWeightsAndStampsTheVersionThatActed) {
   const PolicyNetOptions options = small_network();
   const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
-  FakeGroup group(arena, 0, 0);
+  FakeSplit split(arena, 0, 0);
   RunningWorker worker(small_config(), arena, {});
-  group.commit_act(true);
+  split.commit_act(true);
   std::this_thread::sleep_for(std::chrono::milliseconds(120));
-  EXPECT_FALSE(group.envs[0].has_answer()) << "no weights, no answer";
+  EXPECT_FALSE(split.envs[0].has_answer()) << "no weights, no answer";
   for (const PolicyVersion version : {5u, 6u}) {
     publish(arena, learner, version);
-    if (version == 6) group.commit_act();
-    ASSERT_TRUE(group.await());
-    for (FakeEnv& env : group.envs) EXPECT_EQ(env.slab().policy_version(env.step(), 1), version);
+    if (version == 6) split.commit_act();
+    ASSERT_TRUE(split.await());
+    for (FakeEnv& env : split.envs) EXPECT_EQ(env.slab().policy_version(env.step(), 1), version);
     const Tensor frame =
-        torch::from_blob(group.envs[0].slab().frame(0, 0).data(), {1, 3, 40, 44}, torch::kUInt8);
+        torch::from_blob(split.envs[0].slab().frame(0, 0).data(), {1, 3, 40, 44}, torch::kUInt8);
     const PolicyOutput expected = learner.step(frame, torch::zeros({1, 3}), torch::zeros({1, 16}));
-    EXPECT_NEAR(group.envs[0].slab().value(0, 0), expected.value.item<float>(), 1e-5);
-    group.take_act();
+    EXPECT_NEAR(split.envs[0].slab().value(0, 0), expected.value.item<float>(), 1e-5);
+    split.take_act();
   }
   const int64_t began_ns = monotonic_ns();
   EXPECT_TRUE(worker.stop());
@@ -93,14 +93,14 @@ TEST(PolicyWorker, EveryAgentActsWithItsOwnNetworkAndTheCriticsStateAdvancesToo)
   const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
   publish(arena, learner, 3);
-  FakeGroup group(arena, 0, 0);
+  FakeSplit split(arena, 0, 0);
   RunningWorker worker(config, arena, {});
   Tensor state = torch::zeros({2, options.recurrent_state_count()});
   ASSERT_EQ(state.size(1), 2 * 16);
   for (int step = 0; step < 2; ++step) {
-    group.commit_act(step == 0);
-    ASSERT_TRUE(group.await());
-    FakeEnv& env = group.envs[0];
+    split.commit_act(step == 0);
+    ASSERT_TRUE(split.await());
+    FakeEnv& env = split.envs[0];
     std::vector<Tensor> frames, measurements;
     for (int agent = 0; agent < 2; ++agent) {
       frames.push_back(
@@ -117,21 +117,21 @@ TEST(PolicyWorker, EveryAgentActsWithItsOwnNetworkAndTheCriticsStateAdvancesToo)
                     expected.logits[agent][choice].item<float>(), 1e-5)
             << step << agent;
     }
-    group.take_act();
+    split.take_act();
   }
   EXPECT_TRUE(worker.stop());
 }
 
 TEST(PolicyWorker, RandomPlayNeedsNoWeights) {
   const shm::Arena arena = make_arena(small_network(), {});
-  FakeGroup group(arena, 0, 1);
+  FakeSplit split(arena, 0, 1);
   RunningWorker worker(small_config(), arena, {.is_random = true});
   for (int round = 0; round < 20; ++round) {
-    group.commit_act();
-    ASSERT_TRUE(group.await());
-    EXPECT_EQ(group.envs[0].slab().value(group.envs[0].step(), 0), 0.0f);
-    EXPECT_NEAR(group.envs[0].slab().log_prob(group.envs[0].step(), 0), -1.791759f, 1e-5f);
-    group.take_act();
+    split.commit_act();
+    ASSERT_TRUE(split.await());
+    EXPECT_EQ(split.envs[0].slab().value(split.envs[0].step(), 0), 0.0f);
+    EXPECT_NEAR(split.envs[0].slab().log_prob(split.envs[0].step(), 0), -1.791759f, 1e-5f);
+    split.take_act();
   }
   EXPECT_TRUE(worker.stop());
 }
@@ -143,18 +143,18 @@ TEST(PolicyWorker, GreedyPlayTakesTheMostProbableChoices) {
   RunConfig config = small_config();
   config.network.use_rnn = false;
   publish(arena, learner, 1);
-  FakeGroup group(arena, 0, 0);
+  FakeSplit split(arena, 0, 0);
   RunningWorker worker(config, arena, {.is_greedy = true});
   for (int round = 0; round < 10; ++round) {
-    group.commit_act();
-    ASSERT_TRUE(group.await());
-    for (FakeEnv& env : group.envs) {
+    split.commit_act();
+    ASSERT_TRUE(split.await());
+    for (FakeEnv& env : split.envs) {
       const auto logits = env.slab().logits(env.step(), 0);
       EXPECT_EQ(env.slab().action(env.step(), 0)[0],
                 std::max_element(logits.begin(), logits.begin() + 3) - logits.begin());
       EXPECT_EQ(env.slab().action(env.step(), 0)[1], logits[4] > logits[3] ? 1 : 0);
     }
-    group.take_act();
+    split.take_act();
   }
   EXPECT_TRUE(worker.stop());
 }

@@ -211,6 +211,14 @@ TEST_F(DamagedSnapshot, CutAnywhereIsRefused) {
     ASSERT_THAT(error_of(sound_.substr(0, size)), HasSubstr("cut short")) << size << " bytes";
 }
 
+TEST_F(DamagedSnapshot, AnotherVersionIsRefusedByItsNumberRatherThanByItsChecksums) {
+  std::string bytes = sound_;
+  constexpr std::size_t kVersionAt = sizeof(SectionHeader) + 8;  // behind the magic letters
+  bytes[kVersionAt] = 2;
+  bytes[sizeof(SectionHeader) - 1] ^= 1;  // of the first header's sum
+  EXPECT_THAT(error_of(bytes), AllOf(HasSubstr("version 2"), HasSubstr("version 3"), HasSubstr("remove it")));
+}
+
 TEST_F(DamagedSnapshot, AFlippedBitAnywhereIsFound) {
   Rng rng(test::fuzz_seed());
   for (int i = 0; i < 400; ++i) {

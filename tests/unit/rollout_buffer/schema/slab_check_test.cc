@@ -55,9 +55,9 @@ TEST(SlabCheck, AFinalRowIsReadWhereAnEpisodeWasCutAlone) {
   shape.env = two_heads();
   shape.rollout_steps = 1;
   shape.final_capacity = 4;
-  const SlabLayout layout(shape);
-  std::vector<std::byte> bytes(static_cast<std::size_t>(layout.slab_bytes));
-  const SlabView slab(layout, bytes.data());
+  const SlabOffsets offsets(shape);
+  std::vector<std::byte> bytes(static_cast<std::size_t>(offsets.slab_bytes));
+  const SlabView slab(offsets, bytes.data());
   const auto end = [&](int32_t row, bool terminated, bool truncated) {
     slab.final_index(0) = row;
     slab.terminated(0) = terminated ? 200 : 0;

@@ -33,36 +33,36 @@ struct Field {
   int64_t offset, bytes;
 };
 
-std::vector<Field> fields_of(const SlabLayout& layout) {
-  const int64_t T = layout.shape.rollout_steps, N = layout.shape.env.num_agents,
-                K = layout.shape.final_capacity;
-  const int64_t F = layout.shape.env.frame_bytes(), M = layout.shape.env.measurement_count;
-  const int64_t A = layout.shape.env.logit_count(), H = layout.shape.recurrent_state_count;
-  return {{"frame", layout.frame, (T + 1) * N * F},
-          {"final_frame", layout.final_frame, K * N * F},
-          {"measurement", layout.measurement, (T + 1) * N * M * 4},
-          {"final_measurement", layout.final_measurement, K * N * M * 4},
-          {"action_mask", layout.action_mask, (T + 1) * N * A},
-          {"agent_active", layout.agent_active, (T + 1) * N},
-          {"reward", layout.reward, T * N * 4},
-          {"terminated", layout.terminated, T},
-          {"truncated", layout.truncated, T},
-          {"final_index", layout.final_index, T * 4},
-          {"layout", layout.layout, T * 4},
-          {"recurrent_state", layout.recurrent_state, layout.shape.recurrent_snapshots * N * H * 4},
-          {"action", layout.action, T * N * layout.shape.env.head_count * 4},
-          {"log_prob", layout.log_prob, T * N * 4},
-          {"value", layout.value, (T + 1) * N * 4},
-          {"final_value", layout.final_value, K * N * 4},
-          {"logits", layout.logits, T * N * A * 4},
-          {"policy_version", layout.policy_version, T * N * 4},
-          {"valid", layout.valid, T}};
+std::vector<Field> fields_of(const SlabOffsets& offsets) {
+  const int64_t T = offsets.shape.rollout_steps, N = offsets.shape.env.num_agents,
+                K = offsets.shape.final_capacity;
+  const int64_t F = offsets.shape.env.frame_bytes(), M = offsets.shape.env.measurement_count;
+  const int64_t A = offsets.shape.env.logit_count(), H = offsets.shape.recurrent_state_count;
+  return {{"frame", offsets.frame, (T + 1) * N * F},
+          {"final_frame", offsets.final_frame, K * N * F},
+          {"measurement", offsets.measurement, (T + 1) * N * M * 4},
+          {"final_measurement", offsets.final_measurement, K * N * M * 4},
+          {"action_mask", offsets.action_mask, (T + 1) * N * A},
+          {"agent_active", offsets.agent_active, (T + 1) * N},
+          {"reward", offsets.reward, T * N * 4},
+          {"terminated", offsets.terminated, T},
+          {"truncated", offsets.truncated, T},
+          {"final_index", offsets.final_index, T * 4},
+          {"layout_index", offsets.layout_index, T * 4},
+          {"recurrent_state", offsets.recurrent_state, offsets.shape.recurrent_snapshots * N * H * 4},
+          {"action", offsets.action, T * N * offsets.shape.env.head_count * 4},
+          {"log_prob", offsets.log_prob, T * N * 4},
+          {"value", offsets.value, (T + 1) * N * 4},
+          {"final_value", offsets.final_value, K * N * 4},
+          {"logits", offsets.logits, T * N * A * 4},
+          {"policy_version", offsets.policy_version, T * N * 4},
+          {"valid", offsets.valid, T}};
 }
 
-TEST(SlabLayout, FieldsStartOnCacheLinesAndDoNotOverlap) {
+TEST(SlabOffsets, FieldsStartOnCacheLinesAndDoNotOverlap) {
   for (const TrajectoryShape& shape : {shape_of(2, 8, 5), shape_of(1, 1, 0), shape_of(8, 33, 1)}) {
-    const SlabLayout layout(shape);
-    std::vector<Field> fields = fields_of(layout);
+    const SlabOffsets offsets(shape);
+    std::vector<Field> fields = fields_of(offsets);
     std::sort(fields.begin(), fields.end(), [](const Field& a, const Field& b) {
       return a.offset != b.offset ? a.offset < b.offset : a.bytes < b.bytes;
     });
@@ -72,16 +72,16 @@ TEST(SlabLayout, FieldsStartOnCacheLinesAndDoNotOverlap) {
       EXPECT_GE(field.offset, end) << field.name << " overlaps the field before it";
       end = field.offset + field.bytes;
     }
-    EXPECT_GE(layout.slab_bytes, end);
-    EXPECT_EQ(layout.slab_bytes % 4096, 0);
+    EXPECT_GE(offsets.slab_bytes, end);
+    EXPECT_EQ(offsets.slab_bytes % 4096, 0);
   }
 }
 
 TEST(SlabView, EveryElementHasItsOwnBytes) {
   const TrajectoryShape shape = shape_of(3, 4, 2);
-  const SlabLayout layout(shape);
-  std::vector<std::byte> memory(static_cast<std::size_t>(layout.slab_bytes), std::byte{0});
-  const SlabView slab(layout, memory.data());
+  const SlabOffsets offsets(shape);
+  std::vector<std::byte> memory(static_cast<std::size_t>(offsets.slab_bytes), std::byte{0});
+  const SlabView slab(offsets, memory.data());
   int64_t written = 0;
   // Every byte of a span must still be zero when it is handed out for the first time.
   const auto mark = [&](void* data, std::size_t bytes) {
@@ -119,18 +119,18 @@ TEST(SlabView, EveryElementHasItsOwnBytes) {
     mark(&slab.terminated(step), 1);
     mark(&slab.truncated(step), 1);
     mark(&slab.final_index(step), 4);
-    mark(&slab.layout(step), 4);
+    mark(&slab.layout_index(step), 4);
     mark(&slab.valid(step), 1);
   }
   int64_t expected = 0;
-  for (const Field& field : fields_of(layout)) expected += field.bytes;
+  for (const Field& field : fields_of(offsets)) expected += field.bytes;
   EXPECT_EQ(written, expected) << "the accessors reach every byte of every field";
 }
 
 TEST(SlabView, FramesOfAStepAreTheAgentsFramesInOrder) {
-  const SlabLayout layout(shape_of(3, 4, 0));
-  std::vector<std::byte> memory(static_cast<std::size_t>(layout.slab_bytes));
-  const SlabView slab(layout, memory.data());
+  const SlabOffsets offsets(shape_of(3, 4, 0));
+  std::vector<std::byte> memory(static_cast<std::size_t>(offsets.slab_bytes));
+  const SlabView slab(offsets, memory.data());
   EXPECT_EQ(slab.frames(2).data(), slab.frame(2, 0).data());
   EXPECT_EQ(slab.frames(2).data() + slab.frame(2, 0).size(), slab.frame(2, 1).data());
   EXPECT_EQ(slab.frames(2).data() + slab.frames(2).size(), slab.frame(3, 0).data());

@@ -130,7 +130,7 @@ TEST(ArenaSocket, AnotherLayoutVersionIsToldSo) {
   Expected<ArenaServer> server = ArenaServer::listen(unique_name("version"), arena);
   ASSERT_TRUE(server);
   JoinRequest wrong = request_of("sim", 0);
-  wrong.layout_version = kLayoutVersion + 1;
+  wrong.arena_version = kArenaVersion + 1;
   std::thread peer([&] {
     const Expected<Arena> joined = join_arena(server->name(), wrong, 5000);
     ASSERT_FALSE(joined);

@@ -60,12 +60,12 @@ TEST(Arena, APeerThatAdoptsItSeesTheSameParts) {
   arena.slab(23).frame(8, 1)[71] = 200;
   arena.recurrent(7, 1)[9] = 1.5f;
   arena.journal_action(7, 63)[3] = 2;
-  arena.group_round(1, 1).request_count.store(3);
+  arena.split_round(1, 1).request_count.store(3);
   EXPECT_EQ(peer->slot(5).step_id, 99u);
   EXPECT_EQ(peer->slab(23).frame(8, 1)[71], 200);
   EXPECT_EQ(peer->recurrent(7, 1)[9], 1.5f);
   EXPECT_EQ(peer->journal_action(7, 63)[3], 2);
-  EXPECT_EQ(peer->group_round(1, 1).request_count.load(), 3u);
+  EXPECT_EQ(peer->split_round(1, 1).request_count.load(), 3u);
 }
 
 TEST(Arena, PartsDoNotOverlap) {
@@ -78,7 +78,7 @@ TEST(Arena, PartsDoNotOverlap) {
     parts.emplace_back(&arena.sim_counters(worker), sizeof(WorkerCounters));
     for (int split = 0; split < 2; ++split) {
       parts.emplace_back(&arena.slots_acted(worker, split), sizeof(Doorbell));
-      parts.emplace_back(&arena.group_round(worker, split), sizeof(GroupRound));
+      parts.emplace_back(&arena.split_round(worker, split), sizeof(SplitRound));
     }
   }
   parts.emplace_back(&arena.policy_counters(0), sizeof(WorkerCounters));
@@ -94,7 +94,7 @@ TEST(Arena, PartsDoNotOverlap) {
   for (int slab = 0; slab < 24; ++slab) {
     parts.emplace_back(&arena.slab_header(slab), sizeof(SlabHeader));
     parts.emplace_back(arena.slab(slab).frames(0).data(),
-                       static_cast<std::size_t>(arena.slab_layout().slab_bytes));
+                       static_cast<std::size_t>(arena.slab_offsets().slab_bytes));
   }
   std::sort(parts.begin(), parts.end());
   for (std::size_t index = 1; index < parts.size(); ++index)
@@ -104,8 +104,8 @@ TEST(Arena, PartsDoNotOverlap) {
 
 TEST(LayoutDesk, AnOutcomeIsOneWord) {
   for (const float score : {0.0f, -1.5f, 8400.0f}) {
-    const LayoutOutcome outcome = unpack_outcome(pack_outcome({.layout = 0xFFFFFFFEu, .score = score}));
-    EXPECT_EQ(outcome.layout, 0xFFFFFFFEu);
+    const LayoutOutcome outcome = unpack_outcome(pack_outcome({.layout_index = 0xFFFFFFFEu, .score = score}));
+    EXPECT_EQ(outcome.layout_index, 0xFFFFFFFEu);
     EXPECT_EQ(outcome.score, score);
   }
 }
@@ -168,7 +168,7 @@ TEST(Arena, WrongVersionSaysWhatToDo) {
   const Expected<Segment> whole = Segment::adopt(dup(arena.descriptor()));
   ASSERT_TRUE(whole);
   std::vector<std::byte> copy(whole->data(), whole->data() + whole->size_bytes());
-  const uint32_t version = kLayoutVersion + 1;
+  const uint32_t version = kArenaVersion + 1;
   std::memcpy(copy.data() + 4, &version, 4);
   const Expected<Arena> adopted = Arena::adopt(sealed_copy(copy.data(), copy.size(), whole->size_bytes()));
   ASSERT_FALSE(adopted);
@@ -444,7 +444,7 @@ TEST(Reclaim, ADeadSimulatorsSlabsAndSlotsComeBackAndOthersStay) {
   arena.slot(3).state.store(SlotState::kReady);  // simulator 0
   arena.slot(4).state.store(SlotState::kReady);  // simulator 1 from here
   arena.slot(5).state.store(SlotState::kActed);
-  arena.group_round(1, 0).request_count.store(2);
+  arena.split_round(1, 0).request_count.store(2);
   EXPECT_EQ(arena.reclaim_sim_worker(1), 10u) << "five rows of two agents";
   EXPECT_EQ(state_of(arena, dead), SlabState::kFree);
   EXPECT_EQ(state_of(arena, sealed), SlabState::kSealed) << "finished work is kept";
@@ -452,7 +452,7 @@ TEST(Reclaim, ADeadSimulatorsSlabsAndSlotsComeBackAndOthersStay) {
   EXPECT_EQ(arena.slot(3).state.load(), SlotState::kReady);
   EXPECT_EQ(arena.slot(4).state.load(), SlotState::kIdle);
   EXPECT_EQ(arena.slot(5).state.load(), SlotState::kIdle);
-  EXPECT_EQ(arena.group_round(1, 0).request_count.load(), 0u);
+  EXPECT_EQ(arena.split_round(1, 0).request_count.load(), 0u);
   EXPECT_EQ(arena.reclaim_sim_worker(1), 0u) << "twice does no harm";
 }
 

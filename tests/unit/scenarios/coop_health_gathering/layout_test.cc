@@ -5,7 +5,7 @@
 #include <ctime>
 #include <set>
 
-#include "doomgen/layout/map_builder.h"
+#include "doomgen/layout/map_validation.h"
 #include "doomgen/layout/reachability.h"
 #include "doomgen/layout/udmf_writer.h"
 #include "doomgen/layout/wad_writer.h"

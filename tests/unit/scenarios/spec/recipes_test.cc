@@ -6,8 +6,8 @@
 #include <map>
 #include <set>
 
-#include "doomgen/layout/map_builder.h"
 #include "doomgen/layout/map_checks.h"
+#include "doomgen/layout/map_validation.h"
 #include "doomgen/layout/udmf_writer.h"
 #include "doomgen/wad/binary_map_reader.h"
 #include "doomgen/wad/udmf_reader.h"

@@ -97,9 +97,6 @@ TEST_F(PictureGolden, AnAgentsView) { compare("hall_128x72", scene(), {}); }
 TEST_F(PictureGolden, AnAgentsViewInPain) {
   World world = scene();
   damage_player(world, 0, 40);
-  HudBox box;
-  box.x = 0.5f, box.y = 0.9f, box.width = 0.2f, box.height = 0.03f, box.color = {255, 180, 0};
-  world.set_hud({box});
   compare("hall_pain_128x72", world, {});
 }
 

@@ -245,25 +245,6 @@ TEST(Renderer, UnknownTexturesBecomeACheckerboard) {
   EXPECT_EQ(checks, 12 * 128);
 }
 
-TEST(Renderer, BoxesOfTheHudLieOnTopForTheirPlayerOnly) {
-  World world = make_world(test::one_room(), 2);
-  HudBox box;
-  box.player = 1;
-  box.x = 0.5f, box.y = 0.9f, box.width = 0.25f, box.height = 0.1f, box.color = {1, 2, 3};
-  world.set_hud({box});
-  const auto renderer = make_renderer();
-  const auto boxed = [](const std::vector<uint8_t>& picture, int x, int y) {
-    const std::size_t at = static_cast<std::size_t>(y * 128 + x), plane = 72 * 128;
-    return picture[at] == 1 && picture[plane + at] == 2 && picture[2 * plane + at] == 3;
-  };
-  const std::vector<uint8_t> theirs = draw(*renderer, world, 1);
-  EXPECT_TRUE(boxed(theirs, 48, 65) && boxed(theirs, 79, 65) && boxed(theirs, 64, 61) &&
-              boxed(theirs, 64, 67));
-  EXPECT_FALSE(boxed(theirs, 47, 65) || boxed(theirs, 80, 65) || boxed(theirs, 64, 60) ||
-               boxed(theirs, 64, 68));
-  EXPECT_FALSE(boxed(draw(*renderer, world, 0), 64, 65));
-}
-
 TEST(Renderer, RefusesWhatItCannotDo) {
   RenderOptions options = bare_options();
   options.width = 4;

@@ -341,7 +341,7 @@ TEST(SimWorker, RewardsAreSharedScaledAndClippedOnTheWay) {
   check_rollouts(host, options, 10, rules);
 }
 
-TEST(SimWorker, OneGroupWorksLikeTwo) {
+TEST(SimWorker, OneSplitWorksLikeTwo) {
   ArenaShape shape = small_arena_shape();
   shape.splits_per_worker = 1;
   const ToyOptions options = toy(1, 12);
@@ -745,7 +745,7 @@ class LayoutDeskClerk {
         desk.heard.store(heard + 1);
       }
       if (desk.taken.load() != desk.granted.load()) continue;
-      desk.layout.store((static_cast<uint32_t>(env) + desk.granted.load()) % count);
+      desk.layout_index.store((static_cast<uint32_t>(env) + desk.granted.load()) % count);
       desk.granted.fetch_add(1);
     }
   }
@@ -770,7 +770,7 @@ TEST(SimWorker, LayoutsComeFromTheDeskEveryFewEpisodes) {
     for (const uint32_t index : host.arena.drain_slabs(100)) {
       const shm::SlabHeader& header = host.arena.slab_header(static_cast<int>(index));
       for (int step = 0; step < static_cast<int>(header.length); ++step)
-        rows[header.env_index].push_back(host.arena.slab(static_cast<int>(index)).layout(step));
+        rows[header.env_index].push_back(host.arena.slab(static_cast<int>(index)).layout_index(step));
       host.arena.release_slab(index);
     }
     clerk.serve(3);
@@ -784,7 +784,7 @@ TEST(SimWorker, LayoutsComeFromTheDeskEveryFewEpisodes) {
     const auto& outcomes = clerk.outcomes[static_cast<int>(env)];
     ASSERT_GE(outcomes.size(), 15u);
     for (std::size_t k = 0; k < outcomes.size(); ++k)
-      EXPECT_EQ(outcomes[k].layout, (env + k / 2) % 3)
+      EXPECT_EQ(outcomes[k].layout_index, (env + k / 2) % 3)
           << "the episode is told under the layout it was played on";
     EXPECT_EQ(host.arena.layout_desk(static_cast<int>(env)).late.load(), 0u);
   }
@@ -803,7 +803,7 @@ TEST(SimWorker, WithoutANewGrantTheLayoutIsPlayedOnceMore) {
   for (const uint32_t index : host.arena.drain_slabs(100)) {
     const shm::SlabHeader& header = host.arena.slab_header(static_cast<int>(index));
     for (int step = 0; step < 8; ++step)
-      EXPECT_EQ(host.arena.slab(static_cast<int>(index)).layout(step),
+      EXPECT_EQ(host.arena.slab(static_cast<int>(index)).layout_index(step),
                 static_cast<int>(header.env_index % 2));
   }
   EXPECT_GE(host.arena.layout_desk(0).late.load(), 5u);
@@ -820,7 +820,7 @@ TEST(SimWorker, ALayoutThatCannotBeLoadedEndsTheWorkerWithItsWords) {
   host.start(1);
   host.await([&] { return host.arena.layout_desk(0).taken.load() == 1; }, "the first grant is taken");
   for (int env = 0; env < shape.env_count(); ++env) {
-    host.arena.layout_desk(env).layout = 1;
+    host.arena.layout_desk(env).layout_index = 1;
     host.arena.layout_desk(env).granted = 2;
   }
   host.allow(5);

@@ -16,7 +16,6 @@ WorldState state_with_some_of_everything() {
   WorldState& state = world.state();
   state.players[0].inventory.push_back({});
   state.players[0].powers.push_back({});
-  state.hud.push_back({});
   state.movers.sectors.push_back({});
   state.movers.lights.push_back({});
   state.movers.scrollers.push_back({});
@@ -53,7 +52,6 @@ constexpr Change kChanges[] = {
     {"a weapon's flash", [](WorldState& w) { w.players[1].weapon_sprites[1].own_x = 1; }},
     {"a flat", [](WorldState& w) { w.sectors[0].floor_texture = "FLAT1"; }},
     {"how a flat lies", [](WorldState& w) { w.sectors[0].ceiling_placement.rotation_degrees = 1; }},
-    {"a HUD box's colour", [](WorldState& w) { w.hud[0].color[2] = 1; }},
     {"a plane under way", [](WorldState& w) { w.movers.sectors[0].growth = 1; }},
     {"a light", [](WorldState& w) { w.movers.lights[0].bright_tics = 1; }},
     {"a scroller", [](WorldState& w) { w.movers.scrollers[0].dy = 1; }},

@@ -1,4 +1,4 @@
-#include "rollout_buffer/replay/item_layout.h"
+#include "rollout_buffer/replay/item_offsets.h"
 
 #include <algorithm>
 #include <cmath>
@@ -25,7 +25,7 @@ const T* at(const std::byte* base, int64_t offset) {
 
 }  // namespace
 
-ItemLayout::ItemLayout(const TrajectoryShape& shape, const ItemForm& form) {
+ItemOffsets::ItemOffsets(const TrajectoryShape& shape, const ItemForm& form) {
   const int64_t agents = shape.env.num_agents, measurements = shape.env.measurement_count;
   const int64_t length = form.length, rows = length + 1, finals = form.finals;
   int64_t end = 0;
@@ -67,7 +67,7 @@ void pack_item(const TrajectoryShape& shape, const ItemForm& kept, const SlabVie
   item.broken_decisions = 0;
   if (steps == 0) return;
 
-  // What decides the layout: which final rows are used, and whether any mask forbids something.
+  // What decides the offsets: which final rows are used, and whether any mask forbids something.
   std::vector<StepEnd> ends(static_cast<std::size_t>(steps));
   std::vector<int8_t> final_row(static_cast<std::size_t>(steps), -1);
   for (int step = 0; step < steps; ++step) {
@@ -90,30 +90,30 @@ void pack_item(const TrajectoryShape& shape, const ItemForm& kept, const SlabVie
     }
   item.form.finals = static_cast<int32_t>(item.final_rows.size());
   item.form.has_mask = std::find(mask.begin(), mask.end(), uint8_t{0}) != mask.end();
-  item.layout = ItemLayout(shape, item.form);
-  const ItemLayout& layout = item.layout;
-  item.head.assign(static_cast<std::size_t>(layout.frames), std::byte{0});
+  item.offsets = ItemOffsets(shape, item.form);
+  const ItemOffsets& offsets = item.offsets;
+  item.head.assign(static_cast<std::size_t>(offsets.frames), std::byte{0});
   std::byte* base = item.head.data();
 
   std::vector<uint8_t> state_is_sound(static_cast<std::size_t>(agents), 1);
   for (int agent = 0; agent < agents && item.form.has_state; ++agent)
     state_is_sound[static_cast<std::size_t>(agent)] =
         take_floats(slab.recurrent_state(0, agent),
-                    at<float>(base, layout.recurrent_state) + int64_t{agent} * shape.recurrent_state_count);
+                    at<float>(base, offsets.recurrent_state) + int64_t{agent} * shape.recurrent_state_count);
   std::vector<uint8_t> final_measurement_is_sound(item.final_rows.size() * static_cast<std::size_t>(agents),
                                                   1);
   for (int agent = 0; agent < agents; ++agent) {
     for (int row = 0; row <= steps && measurements > 0; ++row)
       row_is_sound[cell(row, agent)] &= take_floats(
           slab.measurement(row, agent),
-          at<float>(base, layout.measurement) + static_cast<int64_t>(cell(row, agent)) * measurements);
+          at<float>(base, offsets.measurement) + static_cast<int64_t>(cell(row, agent)) * measurements);
     for (int f = 0; f < item.form.finals && measurements > 0; ++f)
       final_measurement_is_sound[cell(f, agent)] = take_floats(
           slab.final_measurement(item.final_rows[static_cast<std::size_t>(f)], agent),
-          at<float>(base, layout.final_measurement) + static_cast<int64_t>(cell(f, agent)) * measurements);
+          at<float>(base, offsets.final_measurement) + static_cast<int64_t>(cell(f, agent)) * measurements);
   }
-  std::memcpy(base + layout.agent_active, is_active.data(), is_active.size());
-  if (item.form.has_mask) std::memcpy(base + layout.action_mask, mask.data(), mask.size());
+  std::memcpy(base + offsets.agent_active, is_active.data(), is_active.size());
+  if (item.form.has_mask) std::memcpy(base + offsets.action_mask, mask.data(), mask.size());
 
   for (int step = 0; step < steps; ++step) {
     const auto index = static_cast<std::size_t>(step);
@@ -125,19 +125,19 @@ void pack_item(const TrajectoryShape& shape, const ItemForm& kept, const SlabVie
       if (final_row[index] >= 0) sound &= final_measurement_is_sound[cell(final_row[index], agent)] != 0;
       sound &= take_action(
           env, slab.action(step, agent),
-          at<uint8_t>(base, layout.action) + cell(step, agent) * static_cast<std::size_t>(env.head_count));
+          at<uint8_t>(base, offsets.action) + cell(step, agent) * static_cast<std::size_t>(env.head_count));
       const float value = slab.reward(step, agent);
       sound &= std::isfinite(value);
-      at<float>(base, layout.reward)[cell(step, agent)] = sound ? value : 0.0f;
+      at<float>(base, offsets.reward)[cell(step, agent)] = sound ? value : 0.0f;
       item.broken_decisions += !sound;
       step_is_valid &= sound;
       // The observation behind a step that ends an episode belongs to the next one.
       if (!end.is_terminated && !end.is_truncated) step_is_valid &= row_is_sound[cell(step + 1, agent)] != 0;
     }
-    at<uint8_t>(base, layout.terminated)[step] = end.is_terminated;
-    at<uint8_t>(base, layout.truncated)[step] = end.is_truncated;
-    at<uint8_t>(base, layout.valid)[step] = step_is_valid;
-    at<int8_t>(base, layout.final_row)[step] = final_row[index];
+    at<uint8_t>(base, offsets.terminated)[step] = end.is_terminated;
+    at<uint8_t>(base, offsets.truncated)[step] = end.is_truncated;
+    at<uint8_t>(base, offsets.valid)[step] = step_is_valid;
+    at<int8_t>(base, offsets.final_row)[step] = final_row[index];
   }
 }
 
@@ -148,37 +148,37 @@ Status validate_item(const TrajectoryShape& shape, const ItemForm& form, const s
   if (form.length < 1 || form.length > shape.rollout_steps)
     return bad("a trajectory's length is out of range");
   if (form.finals < 0 || form.finals > shape.final_capacity) return bad("too many last observations");
-  const ItemLayout layout(shape, form);
-  if (byte_count < layout.frames || (!form.compressed && byte_count != layout.raw_bytes))
+  const ItemOffsets offsets(shape, form);
+  if (byte_count < offsets.frames || (!form.compressed && byte_count != offsets.raw_bytes))
     return bad("a trajectory's size does not fit its length");
   const int64_t agents = env.num_agents, rows = form.length + 1;
-  if (!all_finite({at<float>(bytes, 0), static_cast<std::size_t>(layout.frame_ends / 4)}))
+  if (!all_finite({at<float>(bytes, 0), static_cast<std::size_t>(offsets.frame_ends / 4)}))
     return bad("a number is not finite");
   const auto flags_ok = [&](int64_t offset, int64_t count) {
     return std::all_of(bytes + offset, bytes + offset + count,
                        [](std::byte flag) { return std::to_integer<int>(flag) <= 1; });
   };
-  if (!flags_ok(layout.agent_active, rows * agents) || !flags_ok(layout.terminated, 3 * form.length) ||
-      (form.has_mask && !flags_ok(layout.action_mask, rows * agents * env.logit_count())))
+  if (!flags_ok(offsets.agent_active, rows * agents) || !flags_ok(offsets.terminated, 3 * form.length) ||
+      (form.has_mask && !flags_ok(offsets.action_mask, rows * agents * env.logit_count())))
     return bad("a flag is neither 0 nor 1");
   for (int64_t i = 0; i < form.length * agents * env.head_count; ++i)
-    if (at<uint8_t>(bytes, layout.action)[i] >= env.head_sizes[static_cast<std::size_t>(i % env.head_count)])
+    if (at<uint8_t>(bytes, offsets.action)[i] >= env.head_sizes[static_cast<std::size_t>(i % env.head_count)])
       return bad("an action lies outside its head");
   for (int step = 0; step < form.length; ++step) {
-    const int row = at<int8_t>(bytes, layout.final_row)[step];
-    const bool cut = at<uint8_t>(bytes, layout.truncated)[step] != 0;
-    const bool valid = at<uint8_t>(bytes, layout.valid)[step] != 0;
+    const int row = at<int8_t>(bytes, offsets.final_row)[step];
+    const bool cut = at<uint8_t>(bytes, offsets.truncated)[step] != 0;
+    const bool valid = at<uint8_t>(bytes, offsets.valid)[step] != 0;
     if (row < -1 || row >= form.finals || (row >= 0 && !cut) || (valid && cut && row < 0))
       return bad("a last observation is missing");
   }
   if (form.compressed) {
     uint32_t end = 0;
-    for (int64_t frame = 0; frame < layout.frame_count; ++frame) {
-      const uint32_t next = at<uint32_t>(bytes, layout.frame_ends)[frame];
+    for (int64_t frame = 0; frame < offsets.frame_count; ++frame) {
+      const uint32_t next = at<uint32_t>(bytes, offsets.frame_ends)[frame];
       if (next <= end || next - end > env.frame_bytes()) return bad("a compressed frame is out of place");
       end = next;
     }
-    if (layout.frames + int64_t{end} != byte_count)
+    if (offsets.frames + int64_t{end} != byte_count)
       return bad("compressed frames do not fill their trajectory");
   }
   return {};

@@ -22,9 +22,9 @@ struct ItemForm {
 };
 
 /// Byte offsets from the start of an item, a pure function of shape and form.
-struct ItemLayout {
-  ItemLayout() = default;
-  ItemLayout(const TrajectoryShape& shape, const ItemForm& form);
+struct ItemOffsets {
+  ItemOffsets() = default;
+  ItemOffsets(const TrajectoryShape& shape, const ItemForm& form);
 
   int64_t recurrent_state = 0;    ///< f32 [N, H]
   int64_t measurement = 0;        ///< f32 [L+1, N, M]
@@ -47,8 +47,8 @@ struct ItemLayout {
 /// A slab's small fields, checked and laid out, and what belongs behind them.
 struct PackedItem {
   ItemForm form;
-  ItemLayout layout;
-  std::vector<std::byte> head;      ///< layout.frames bytes
+  ItemOffsets offsets;
+  std::vector<std::byte> head;      ///< offsets.frames bytes
   std::vector<int32_t> final_rows;  ///< rows of the slab's final block, in the order they are stored
   int64_t broken_decisions = 0;     ///< agent decisions whose record was unusable
 };

@@ -1,0 +1,102 @@
+#!/usr/bin/env python3
+"""Reports on a folder of runs: one HTML page, and the tables as Markdown, LaTeX and CSV.
+
+    comrad report DIR [--output FOLDER]
+
+DIR holds run folders (train_dir/<experiment>) and, in eval/ beside or inside of them, answers of `comrad eval --json`; those of
+--policy random and oracle there give the scale of normalised scores for their maps. Runs that cannot be used are named.
+"""
+
+import argparse
+import datetime
+import os
+import pathlib
+import sys
+
+HERE = pathlib.Path(__file__).resolve().parent
+
+
+def say(text: str) -> None:
+    print(f"comrad report: {text}", file=sys.stderr)
+
+
+def positive(text: str) -> float:
+    """A number of env frames, for argparse."""
+    value = float(text)
+    if not 0 < value < 1e18:
+        raise argparse.ArgumentTypeError(f"{text} is not between 0 and 1e18")
+    return value
+
+
+def parse(words: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="comrad report",
+        description=__doc__,
+        allow_abbrev=False,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("folder", metavar="DIR", type=pathlib.Path)
+    parser.add_argument(
+        "--output", metavar="FOLDER", type=pathlib.Path, help="where the report goes (default DIR/report)"
+    )
+    parser.add_argument(
+        "--at",
+        metavar="FRAMES",
+        type=positive,
+        help="read scores at so many env frames, and compare runs whatever their budgets (default: each at its end)",
+    )
+    parser.add_argument(
+        "--bootstrap", action="store_true", help="intervals over seeds by bootstrap instead of Student t"
+    )
+    parser.add_argument(
+        "--ignore",
+        metavar="SETTING,...",
+        default="",
+        help="settings in which runs that are counted together may differ, for example num_workers,device",
+    )
+    parser.add_argument("--title", default="", help="above the page (default: the folder's name)")
+    return parser.parse_args(words)
+
+
+def main() -> int:
+    arguments = parse(sys.argv[1:])
+    try:
+        from compose import write_report
+        from analysis import Options, read_study
+    except ImportError as error:
+        say(
+            f"error: {error}; install python3-numpy, python3-scipy and python3-matplotlib (./comrad report does on Debian)"
+        )
+        return 1
+    if not arguments.folder.is_dir():
+        say(f"error: there is no folder {arguments.folder}; name one that holds runs, for example train_dir")
+        return 2
+    options = Options(
+        at=arguments.at,
+        bootstrap=arguments.bootstrap,
+        ignore=frozenset(name for name in arguments.ignore.split(",") if name),
+    )
+    home = pathlib.Path(os.environ.get("COMRAD_HOME") or HERE.parent.parent)
+    study = read_study(arguments.folder, options, home / "scenarios" / "reference_scores.toml")
+    if not study.runs:
+        for name, why in study.left_out:
+            say(f"{name}: {why}")
+        say(f"error: {arguments.folder} holds no run; a run is a folder with config.toml and metrics.jsonl")
+        return 2
+    output = arguments.output or arguments.folder / "report"
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        title = arguments.title or f"COMRAD: {arguments.folder.resolve().name}"
+        written = write_report(study, output, title, datetime.datetime.now())
+    except OSError as error:
+        say(f"error: cannot write {output}: {error.strerror or error}")
+        return 1
+    for name, why in study.left_out + study.problems:
+        say(f"{name}: {why}")
+    for path in written:
+        print(path)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,468 @@
+#!/usr/bin/env python3
+"""`comrad report` over made-up runs: what it counts, what it refuses to mix, and what it does with damaged files.
+
+    report_test.py [unittest arguments]
+
+Needs numpy, SciPy and Matplotlib (deploy/packages_report.txt); skipped with code 77 where they are missing.
+"""
+
+import csv
+import json
+import math
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+HERE = pathlib.Path(__file__).resolve().parent
+REPORT = HERE.parents[3] / "deploy" / "report"
+sys.path[:0] = [str(HERE), str(REPORT)]
+try:
+    import numpy as np
+    import scipy  # noqa: F401 (only asked whether it is there)
+    import matplotlib  # noqa: F401
+
+    import analysis
+    import compose  # noqa: F401
+    import curves
+    import intervals
+    import run_files
+    import tables
+except ImportError as missing:
+    print(f"[  SKIPPED ] 1 test, comrad report: {missing}; install the packages of deploy/packages_report.txt")
+    sys.exit(77)
+import made_runs  # noqa: E402 (it lies beside this)
+
+NO_REFERENCES = pathlib.Path("/nowhere/reference_scores.toml")
+
+
+class WithFolder(unittest.TestCase):
+    def setUp(self):
+        scratch = tempfile.TemporaryDirectory()
+        self.addCleanup(scratch.cleanup)
+        self.folder = pathlib.Path(scratch.name)
+
+    def study(self, **options) -> analysis.Study:
+        return analysis.read_study(self.folder, analysis.Options(**options), NO_REFERENCES)
+
+    def reasons(self, study) -> str:
+        return "\n".join(f"{name}: {why}" for name, why in study.left_out)
+
+
+class ReadingRuns(WithFolder):
+    def test_damaged_lines_are_counted_and_the_others_read(self):
+        run = made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5, reports=3)
+        lines = (run / "metrics.jsonl").read_text().splitlines()
+        hostile = [
+            lines[0],
+            "{",
+            "[1, 2]",
+            '{"env_frames": "many", "time_s": 1}',
+            '{"env_frames": 1e400, "time_s": 1}',
+            "\x00\xff",
+            "[" * 100_000,
+            '{"env_frames": -4, "time_s": 1}',
+            '{"env_frames": true, "time_s": 1}',
+            *lines[1:],
+            lines[2][:40],
+        ]
+        (run / "metrics.jsonl").write_text("\n".join(hostile), encoding="latin-1")
+        read = run_files.read_run(run)
+        self.assertEqual(len(read.metrics), 3)
+        self.assertEqual(read.metrics.damaged_lines, 9)
+        self.assertIn("metrics.jsonl: 9 damaged lines skipped", read.problems)
+
+    def test_what_a_learner_forgot_is_left_out(self):
+        run = made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5, reports=1)
+        (run / "metrics.jsonl").write_text(
+            "".join(
+                json.dumps({"env_frames": frames, "time_s": time_s, run_files.SCORE: score}) + "\n"
+                for frames, time_s, score in ((100, 1, 1), (200, 2, 2), (300, 3, 3), (150, 1.5, 7), (250, 2.5, 8))
+            )
+        )
+        frames, scores = run_files.read_run(run).metrics.series(run_files.SCORE)
+        self.assertEqual(frames.tolist(), [100, 150, 250])
+        self.assertEqual(scores.tolist(), [1, 7, 8])
+
+    def test_evaluations_that_come_late_stand_at_their_place_and_forget_nothing(self):
+        run = made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5, reports=1)
+        (run / "metrics.jsonl").write_text(
+            "".join(
+                json.dumps(report) + "\n"
+                for report in (
+                    {"env_frames": 100, "time_s": 1, run_files.SCORE: 1},
+                    {"env_frames": 300, "time_s": 3, run_files.SCORE: 3},
+                    {"env_frames": 200, "time_s": 2, "eval/J": 7, "eval/episodes": 20},
+                    {"env_frames": 400, "time_s": 4, run_files.SCORE: 4},
+                )
+            )
+        )
+        metrics = run_files.read_run(run).metrics
+        self.assertEqual(metrics.series(run_files.SCORE)[0].tolist(), [100, 300, 400])
+        self.assertEqual([one.tolist() for one in metrics.series("eval/J", "time_s")], [[2], [7]])
+
+    def test_a_folder_that_is_no_run_is_named(self):
+        for name, text in (
+            ("no_toml", "scenario = "),
+            ("no_seed", 'scenario = "a"\nalgo = "b"\n'),
+            ("true_seed", 'scenario = "a"\nalgo = "b"\nseed = true\n'),
+            ("deep", "a = " + "[" * 5000),
+        ):
+            (self.folder / name).mkdir()
+            (self.folder / name / "config.toml").write_text(text)
+        made_runs.write_run(self.folder / ".hidden", "lava_pit", "ippo", 42, start=0, end=5)
+        (self.folder / "no_config").mkdir()
+        (self.folder / "no_config" / "metrics.jsonl").write_text("")
+        runs, left_out = run_files.find_runs(self.folder)
+        self.assertEqual(runs, [])
+        self.assertEqual([name for name, _ in left_out], ["deep", "no_config", "no_seed", "no_toml", "true_seed"])
+        self.assertIn("seed is missing", dict(left_out)["no_seed"])
+
+    def test_the_last_error_of_a_failed_run(self):
+        run = made_runs.write_run(
+            self.folder,
+            "lava_pit",
+            "ippo",
+            42,
+            start=0,
+            end=5,
+            state="failed",
+            message="learner:\n\x1b[31mout of memory\x1b[0m",
+        )
+        self.assertEqual(run_files.read_run(run).last_error(), "learner: [31mout of memory [0m")
+        (run / "status.json").write_text('{"state": "failed", "message": ""}')
+        (run / "logs" / "supervisor.log").write_text("all is well\nsim-0: error: no map\nstopped\n")
+        self.assertEqual(run_files.read_run(run).last_error(), "sim-0: error: no map")
+
+    def test_evaluations_that_are_none_are_named(self):
+        (self.folder / "eval").mkdir()
+        for name, text in (
+            ("a", "[]"),
+            ("b", '{"policy": 3}'),
+            ("c", "no json"),
+            ("d", '{"policy": "random", "scenario": "x", "episodes": 4, "J_mean": null}'),
+            ("e", "3"),
+        ):
+            (self.folder / "eval" / f"{name}.json").write_text(text)
+        found, left_out = run_files.find_evaluations(self.folder)
+        self.assertEqual(found, [])
+        self.assertEqual([name for name, _ in left_out], ["eval/b.json", "eval/c.json", "eval/d.json", "eval/e.json"])
+
+
+class ReadingPositions(WithFolder):
+    def test_places_are_gathered_by_agent(self):
+        path = made_runs.write_positions(self.folder, "lava_pit", "random", agents=3, episodes=4, decisions=10)
+        read = run_files.read_occupancy(path)
+        self.assertEqual((read.policy, read.episodes, read.maps, read.lines.shape), ("random", 4, 1, (9, 5)))
+        self.assertEqual([one.shape for one in read.positions], [(44, 2)] * 3)
+        first = json.loads(path.read_text().splitlines()[2])["positions"][2]
+        self.assertEqual(read.positions[2][:2].ravel().tolist(), first[:4])
+
+    def test_of_several_maps_the_one_that_was_played_most_is_shown(self):
+        path = made_runs.write_positions(self.folder, "lava_pit", "random", episodes=1, decisions=10)
+        text = path.read_text()
+        path.write_text(
+            text
+            + "\n".join(text.replace("aa", "bb").splitlines()[1:])
+            + "\n"
+            + text.replace("aa", "bb").splitlines()[2]
+            + "\n"
+        )
+        read = run_files.read_occupancy(path)
+        self.assertEqual((read.episodes, read.maps), (2, 2))
+
+    def test_files_that_hold_no_positions_are_named(self):
+        good = (
+            made_runs.write_positions(self.folder, "lava_pit", "random", episodes=1, decisions=3)
+            .read_text()
+            .splitlines()
+        )
+        bad = {
+            "no_head": good[1:],
+            "no_map": [good[0], good[2]],
+            "no_episode": good[:2],
+            "odd": good[:2] + ['{"layout": "00000000000000aa", "positions": [[1, 2, 3]]}'],
+            "far": good[:2] + ['{"layout": "00000000000000aa", "positions": [[1, 1e9]]}'],
+            "words": good[:2] + ['{"layout": "00000000000000aa", "positions": [["a", "b"]]}'],
+            "cut": good[:2] + [good[2][:30]],
+            "crowd": good[:2] + [json.dumps({"layout": "00000000000000aa", "positions": [[0, 0]] * 500})],
+            "uneven": good + ['{"layout": "00000000000000aa", "positions": [[1, 1]]}'],
+            "null": good[:2] + ['{"layout": "00000000000000aa", "positions": null}'],
+            "nan": good[:2] + ['{"layout": "00000000000000aa", "positions": [[NaN, 1]]}'],
+        }
+        for name, lines in bad.items():
+            (self.folder / "eval" / f"{name}.jsonl").write_text("\n".join(lines) + "\n")
+        found, left_out = run_files.find_occupancies(self.folder)
+        self.assertEqual([one.file.name for one in found], ["lava_pit_random.jsonl"])
+        self.assertEqual({pathlib.Path(name).stem for name, _ in left_out}, set(bad))
+
+
+class Grouping(WithFolder):
+    def test_settings_part_cells_and_name_them(self):
+        for gamma in (0.9, 0.99):
+            for seed in (42, 68):
+                made_runs.write_run(
+                    self.folder, "lava_pit", "ippo", seed, start=0, end=5, gamma=gamma, name=f"g{gamma}_{seed}"
+                )
+        study = self.study()
+        self.assertEqual(
+            [(cell.label, len(cell.complete)) for cell in study.cells], [("ippo gamma=0.9", 2), ("ippo gamma=0.99", 2)]
+        )
+        together = self.study(ignore=frozenset({"gamma"}))
+        self.assertEqual([cell.label for cell in together.cells], ["ippo"])
+
+    def test_settings_beyond_those_that_are_named_part_cells_too(self):
+        for number in range(2):
+            made_runs.write_run(
+                self.folder,
+                "lava_pit",
+                "ippo",
+                42,
+                start=0,
+                end=5,
+                name=f"run{number}",
+                **{f"a{index}": 0 for index in range(3)},
+                b=number,
+            )
+            made_runs.write_run(
+                self.folder,
+                "lava_pit",
+                "ippo",
+                42,
+                start=0,
+                end=5,
+                name=f"other{number}",
+                **{f"a{index}": 1 for index in range(3)},
+                b=number,
+            )
+        labels = [cell.label for cell in self.study().cells]
+        self.assertEqual(len(labels), 4)
+        self.assertEqual(len(set(labels)), 4)
+
+    def test_one_seed_counts_once(self):
+        made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5, name="one")
+        made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=9, name="two")
+        study = self.study()
+        self.assertEqual([run.name for run in study.cells[0].complete], ["one"])
+        self.assertIn("two: same settings and seed 42 as one", self.reasons(study))
+
+    def test_unfinished_runs_are_named_and_do_not_count(self):
+        made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5)
+        made_runs.write_run(self.folder, "lava_pit", "ippo", 68, start=0, end=5, frames=4e5, state="paused")
+        made_runs.write_run(self.folder, "lava_pit", "ippo", 81, start=0, end=5, reports=1)
+        study = self.study()
+        self.assertEqual([run.seed for run in study.cells[0].complete], [42])
+        self.assertIn("lava_pit_ippo_68: paused at 4e+05 of 1e+06 env frames", self.reasons(study))
+        self.assertIn("lava_pit_ippo_81: no episode has ended", self.reasons(study))
+        self.assertEqual([run.seed for run in self.study(at=4e5).cells[0].complete], [42, 68])
+
+    def test_scores_are_read_where_asked(self):
+        run = made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5, reports=1)
+        (run / "metrics.jsonl").write_text(
+            "".join(
+                json.dumps({"env_frames": frames, "time_s": frames, run_files.SCORE: score}) + "\n"
+                for frames, score in ((2e5, 1.0), (5e5, 2.0), (1e6, 3.0))
+            )
+        )
+        self.assertEqual(self.study().cells[0].scores.tolist(), [3.0])
+        self.assertEqual(self.study(at=5.5e5).cells[0].scores.tolist(), [2.0])
+
+    def test_evaluations_count_only_where_every_run_has_one_of_the_same_kind(self):
+        for seed in (42, 68):
+            run = made_runs.write_run(self.folder, "lava_pit", "ippo", seed, start=0, end=5)
+            made_runs.write_evaluation(self.folder, "lava_pit", run.name, 4, episodes=20)
+        cell = self.study().cells[0]
+        self.assertEqual(len(cell.evaluations), 2)
+        made_runs.write_evaluation(self.folder, "lava_pit", "lava_pit_ippo_68", 4, episodes=30)
+        study = self.study()
+        self.assertEqual(study.cells[0].evaluations, [])
+        self.assertIn("has none (", self.reasons(study))
+        made_runs.write_evaluation(self.folder, "lava_pit", "gone", 4)
+        self.assertIn("gone.json: it evaluates gone on lava_pit, and there is no such run", self.reasons(self.study()))
+
+
+class References(WithFolder):
+    MEASURED = {"lava_pit": {"num_agents": 2, "random": 0.0, "scripted": 10.0, "episodes": 100}}
+
+    def references(self, *evaluations, **settings):
+        made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5, **settings)
+        runs, _ = run_files.find_runs(self.folder)
+        found, _ = run_files.find_evaluations(self.folder)
+        left_out = []
+        return analysis.references_of(runs, found, self.MEASURED, left_out), "\n".join(why for _, why in left_out)
+
+    def test_the_repositorys_numbers_are_for_the_default_map_and_team(self):
+        references, _ = self.references()
+        self.assertEqual(references["lava_pit"].normalised(5.0), 0.5)
+
+    def test_other_maps_need_evaluations_of_their_own(self):
+        references, why = self.references(layout_pool="train:50")
+        self.assertEqual(references, {})
+        self.assertIn("do not play the default map", why)
+
+    def test_other_teams_need_evaluations_of_their_own(self):
+        references, why = self.references(num_agents=4)
+        self.assertEqual(references, {})
+        self.assertIn("no reference for 4 agents", why)
+
+    def test_evaluations_beside_the_runs_come_first(self):
+        made_runs.write_evaluation(self.folder, "lava_pit", "random", 1, spread=0, layout="eval:20")
+        made_runs.write_evaluation(self.folder, "lava_pit", "oracle", 5, spread=0, layout="eval:20")
+        references, _ = self.references(layout_pool="train:50")
+        self.assertAlmostEqual(references["lava_pit"].normalised(3.0), 0.5)
+
+    def test_a_scripted_team_that_is_no_better_than_chance_is_no_scale(self):
+        made_runs.write_evaluation(self.folder, "lava_pit", "random", 5, spread=0)
+        made_runs.write_evaluation(self.folder, "lava_pit", "oracle", 5, spread=0)
+        references, why = self.references()
+        self.assertEqual(references, {})
+        self.assertIn("not above that of random play", why)
+
+    def test_the_file_of_the_repository_names_its_scenarios(self):
+        measured = analysis.measured_references(HERE.parents[3] / "scenarios" / "reference_scores.toml")
+        scenarios = {path.parent.name for path in (HERE.parents[3] / "scenarios").glob("*/scenario.toml")}
+        self.assertLessEqual(set(measured), scenarios)
+        self.assertGreater(len(measured), len(scenarios) / 2)
+        for name, entry in measured.items():
+            self.assertLess(entry["random"], entry["scripted"], name)
+
+
+class Numbers(unittest.TestCase):
+    def test_student_interval_of_a_textbook_sample(self):
+        low, high = intervals.student_interval(np.array([4.0, 6.0, 8.0]))  # s = 2, t(0.975, 2) = 4.302653
+        self.assertAlmostEqual(low, 6 - 4.302653 * 2 / math.sqrt(3), places=5)
+        self.assertAlmostEqual(high, 6 + 4.302653 * 2 / math.sqrt(3), places=5)
+        self.assertTrue(math.isnan(intervals.student_interval(np.array([4.0]))[0]))
+
+    def test_bootstrap_interval_covers_the_mean_as_often_as_it_says(self):
+        generator = np.random.default_rng(1)
+        hits = 0
+        for trial in range(300):
+            low, high = intervals.bootstrap_interval(generator.normal(3, 1, 40), resamples=500, seed=trial)
+            hits += low <= 3 <= high
+        self.assertGreater(hits / 300, 0.89)
+        self.assertLess(hits / 300, 0.99)
+
+    def test_interval_over_episodes_is_that_of_one_policy_where_there_is_one(self):
+        one = run_files.Evaluation(pathlib.Path("x"), "run", "s", "", 2, 20, 5.0, 1.5, 0, True, np.empty(0))
+        low, high = analysis.episode_interval([one])
+        self.assertAlmostEqual((high - low) / 2, 1.5)
+        low, high = analysis.episode_interval([one, one])  # twice the episodes
+        self.assertAlmostEqual((high - low) / 2, 1.5 / math.sqrt(2) * 2.024394 / 2.093024, places=5)
+
+    def test_curves_cover_what_all_runs_cover(self):
+        def run(begin, end, score):
+            grid = np.linspace(begin, end, 5)
+            return run_files.Run(
+                pathlib.Path("x"), {}, run_files.Metrics(grid, grid, {run_files.SCORE: np.full(5, score)})
+            )
+
+        curve = curves.curve_over_runs([run(0, 100, 1.0), run(20, 80, 3.0)])
+        self.assertEqual((curve.x[0], curve.x[-1], curve.runs), (20, 80, 2))
+        self.assertTrue((curve.mean == 2.0).all())
+        self.assertAlmostEqual(curve.half_width[0], 12.706205, places=4)  # t(0.975, 1) s / sqrt(2), s = sqrt(2)
+        self.assertIsNone(curves.curve_over_runs([run(0, 10, 1.0), run(20, 80, 3.0)]))
+
+    def test_texts_of_numbers(self):
+        self.assertEqual(tables.with_interval(6123.9, 5048.2, 7199.1), "6124 [5048, 7199]")
+        self.assertEqual(tables.with_interval(0.7508, 0.6901, 0.8115), "0.75 [0.69, 0.81]")
+        self.assertEqual(tables.with_interval(3.0, math.nan, math.nan), "3")
+        self.assertEqual(tables.rounded(math.inf), "-")
+        self.assertEqual(tables.latex_text("a_b & 5 %"), r"a\_b \& 5 \%")
+
+
+class TheCommand(WithFolder):
+    def run_report(self, *words):
+        return subprocess.run(
+            [sys.executable, "-B", str(REPORT / "report.py"), *map(str, words)],
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+
+    def test_writes_one_page_and_its_tables(self):
+        runs = self.folder / "runs"
+        made_runs.write_study(runs)
+        made_runs.write_run(
+            runs,
+            "lava_pit",
+            "ippo",
+            97,
+            start=0,
+            end=5,
+            frames=1e5,
+            state="failed",
+            name="<b>evil & co",
+            message="</table><script>alert(1)</script> ran out of disk",
+        )
+        made_runs.write_run(runs, "lava_pit", "qmix_of_mine", 97, start=0, end=5)
+        ended = self.run_report(runs, "--output", self.folder / "out")
+        self.assertEqual(ended.returncode, 0, ended.stderr)
+        self.assertEqual(
+            sorted(path.name for path in (self.folder / "out").iterdir()),
+            ["curves.csv", "report.html", "report.md", "report.tex", "runs.csv", "scores.csv"],
+        )
+        self.assertIn("<b>evil & co: failed at 1e+05 of 1e+06 env frames", ended.stderr)
+        page = (self.folder / "out" / "report.html").read_text()
+        self.assertNotIn("<script", page)
+        self.assertNotIn("<b>evil", page)
+        self.assertIn("ran out of disk", page)
+        self.assertEqual(re.findall(r'(?:src|href)="(?!data:|#)[^"]*"', page), [], "nothing comes from elsewhere")
+        self.assertNotIn("@import", page)
+        self.assertNotIn("url(", page)
+        for words in (
+            "Across scenarios",
+            "On-policy against off-policy",
+            "Sample efficiency",
+            "Learning diagnostics",
+            "CPU by role",
+            "not reproducible",
+        ):
+            self.assertIn(words, page)
+        with open(self.folder / "out" / "scores.csv", encoding="utf-8", newline="") as file:
+            rows = {(row["scenario"], row["label"], row["source"]): row for row in csv.DictReader(file)}
+        row = rows["ammo_carrier", "ippo", "training"]
+        scores = [
+            run_files.read_run(runs / f"ammo_carrier_ippo_{seed}").metrics.column(run_files.SCORE)[-1]
+            for seed in made_runs.SEEDS
+        ]
+        self.assertEqual(int(row["seeds"]), 3)
+        self.assertAlmostEqual(float(row["J_mean"]), np.mean(scores))
+        low, high = intervals.student_interval(np.array(scores))
+        self.assertAlmostEqual(float(row["seeds_low"]), low)
+        self.assertAlmostEqual(float(row["seeds_high"]), high)
+        self.assertIn(r"\toprule", (self.folder / "out" / "report.tex").read_text())
+
+    def test_the_way_of_computing_intervals_is_chosen(self):
+        made_runs.write_study(self.folder, evaluations=False)
+        texts = []
+        for words in ([], ["--bootstrap"]):
+            self.assertEqual(self.run_report(self.folder, *words).returncode, 0)
+            texts.append((self.folder / "report" / "scores.csv").read_text())
+        self.assertNotEqual(texts[0], texts[1])
+
+    def test_a_single_run_without_anything_else_is_reported(self):
+        run = made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5)
+        for name in ("status.json",):
+            (run / name).unlink()
+        ended = self.run_report(run)
+        self.assertEqual(ended.returncode, 0, ended.stderr)
+        self.assertIn("status.json: there is no status.json", ended.stderr)
+
+    def test_refuses_what_holds_no_run(self):
+        for words, message in (
+            ((self.folder,), "holds no run"),
+            ((self.folder / "gone",), "there is no folder"),
+            ((self.folder, "--at", "-3"), "not between"),
+            ((self.folder, "--otput", "x"), "unrecognized"),
+        ):
+            ended = self.run_report(*words)
+            self.assertEqual(ended.returncode, 2, ended.stderr)
+            self.assertIn(message, ended.stderr)
+        self.assertEqual(list(self.folder.iterdir()), [])
+
+
+if __name__ == "__main__":
+    unittest.main()
