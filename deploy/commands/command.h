@@ -32,6 +32,7 @@ int eval_command(Arguments arguments);
 int plot_command(Arguments arguments);
 int report_command(Arguments arguments);
 int bench_command(Arguments arguments);
+int sweep_command(Arguments arguments);
 int config_command(Arguments arguments);
 int scenarios_command(Arguments arguments);
 int doomgen_command(Arguments arguments);

@@ -1,0 +1,336 @@
+#include "deploy/sweep/sweep_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/text.h"
+#include "rollout_buffer/core/toml_text.h"
+#include "rollout_buffer/settings/setting.h"
+
+namespace comrad::deploy {
+namespace {
+
+constexpr std::size_t kFileBytesMax = 1 << 20;
+constexpr std::size_t kNameBytesMax = 100;
+
+/// What the sweep itself gives every run.
+constexpr const char* kOwnSettings[] = {"experiment", "train_dir", "restart_behavior"};
+
+Error refuse(const SweepFile& file, int line, const std::string& message) {
+  return {ErrorCode::kBadInput, file.at(line) + message};
+}
+
+/// A table of the file whose keys are known words. Each value is taken once; what is left in the end is unknown.
+class Keys {
+ public:
+  Keys(const SweepFile& file, const toml::table& table, std::string label)
+      : file_(file), table_(table), label_(std::move(label)) {}
+
+  Status text(const std::string& key, std::string& value) {
+    const toml::node* node = take(key);
+    if (node == nullptr) return {};
+    if (!node->is_string()) return wrong(key, *node, "text");
+    value = node->as_string()->get();
+    if (value.find_first_of("\n\r") != std::string::npos || value.find('\0') != std::string::npos)
+      return wrong(key, *node, "text of one line");
+    return {};
+  }
+  Status whole(const std::string& key, int64_t low, int64_t high, int64_t& value) {
+    const toml::node* node = take(key);
+    if (node == nullptr) return {};
+    if (!node->is_integer() || node->as_integer()->get() < low || node->as_integer()->get() > high)
+      return wrong(key, *node,
+                   "a whole number between " + std::to_string(low) + " and " + std::to_string(high));
+    value = node->as_integer()->get();
+    return {};
+  }
+  Status positive(const std::string& key, double high, double& value) {
+    const toml::node* node = take(key);
+    if (node == nullptr) return {};
+    const std::optional<double> number = node->value<double>();
+    if (!node->is_number() || !number || !(*number > 0) || *number > high)
+      return wrong(key, *node, "a number above 0, at most " + real_text(high));
+    value = *number;
+    return {};
+  }
+  Status texts(const std::string& key, std::vector<std::string>& values) {
+    const toml::node* node = take(key);
+    if (node == nullptr) return {};
+    const toml::array* list = node->as_array();
+    if (list == nullptr) return wrong(key, *node, "a list of texts");
+    for (const toml::node& item : *list) {
+      if (!item.is_string() || item.as_string()->get().find_first_of("\n\r") != std::string::npos)
+        return wrong(key, item, "a list of texts of one line");
+      values.push_back(item.as_string()->get());
+    }
+    return {};
+  }
+  const toml::table* table(const std::string& key, Status& status) {
+    const toml::node* node = take(key);
+    if (node != nullptr && !node->is_table()) status = wrong(key, *node, "a table, [" + key + "]");
+    return node == nullptr ? nullptr : node->as_table();
+  }
+  const toml::array* tables(const std::string& key, Status& status) {
+    const toml::node* node = take(key);
+    if (node == nullptr) return nullptr;
+    const toml::array* list = node->as_array();
+    const bool is_good = list != nullptr && std::all_of(list->begin(), list->end(),
+                                                        [](const toml::node& one) { return one.is_table(); });
+    if (!is_good) status = wrong(key, *node, "tables, each below a line [[" + key + "]]");
+    return is_good ? list : nullptr;
+  }
+
+  /// Errors: the first key that nobody took.
+  Status no_others() const {
+    for (const auto& [key, node] : table_) {
+      const std::string name(key.str());
+      if (std::ranges::find(known_, name) != known_.end()) continue;
+      const std::string hint = did_you_mean(name, known_);
+      return refuse(file_, static_cast<int>(key.source().begin.line),
+                    "unknown key '" + name + "'" + (label_.empty() ? "" : " in [" + label_ + "]") +
+                        (hint.empty() ? " (known: " + joined(known_) + ")" : hint));
+    }
+    return {};
+  }
+
+ private:
+  const toml::node* take(const std::string& key) {
+    known_.push_back(key);
+    return table_.get(key);
+  }
+  Status wrong(const std::string& key, const toml::node& node, const std::string& must_be) const {
+    return refuse(file_, static_cast<int>(node.source().begin.line), key + " must be " + must_be);
+  }
+
+  const SweepFile& file_;
+  const toml::table& table_;
+  std::string label_;
+  std::vector<std::string> known_;
+};
+
+/// The entries of a table in the order of the file; toml++ sorts them by name.
+std::vector<std::pair<const toml::key*, const toml::node*>> in_order(const toml::table& table) {
+  std::vector<std::pair<const toml::key*, const toml::node*>> entries;
+  for (const auto& [key, node] : table) entries.emplace_back(&key, &node);
+  std::ranges::sort(entries, [](const auto& left, const auto& right) {
+    const toml::source_position a = left.first->source().begin, b = right.first->source().begin;
+    return std::pair(a.line, a.column) < std::pair(b.line, b.column);
+  });
+  return entries;
+}
+
+/// The setting that `key` names. Errors: unknown, or the sweep's own.
+Expected<const SettingRow*> setting_of(const SweepFile& file, const toml::key& key) {
+  const std::string name(key.str());
+  const int line = static_cast<int>(key.source().begin.line);
+  const SettingRow* row = find_setting(name);
+  if (row == nullptr) {
+    const std::string hint = did_you_mean(name, setting_names());
+    return refuse(
+        file, line,
+        "unknown setting '" + name + "'" + (hint.empty() ? "; `comrad train --help` lists them all" : hint));
+  }
+  if (std::ranges::find(kOwnSettings, row->name) != std::end(kOwnSettings))
+    return refuse(file, line, name + " is what the sweep gives each of its runs; leave it out");
+  return row;
+}
+
+/// The value as config.toml has it. Errors: of the wrong type, no such word, out of range.
+Expected<std::string> value_of(const SweepFile& file, const SettingRow& row, const toml::node& node) {
+  const int line = static_cast<int>(node.source().begin.line);
+  const std::optional<std::string> text = toml_scalar_text(node);
+  if (!text) return refuse(file, line, std::string(row.name) + " is neither text, a number, true nor false");
+  RunConfig config;
+  const std::string origin = file.path + ":" + std::to_string(line);
+  COMRAD_TRY(set(config, origin, row.name, *text));
+  if (!row.holds(config, row.limits))
+    return refuse(file, line,
+                  std::string(row.name) + " is " + row.text(config) + "; it must be " + row.limits.words());
+  return row.text(config);
+}
+
+/// `setting = [a, b]`; where `takes_one`, `setting = a` too.
+Expected<SweepAxis> axis_of(const SweepFile& file, const toml::key& key, const toml::node& node,
+                            bool takes_one) {
+  SweepAxis axis;
+  COMRAD_TRY_ASSIGN(const SettingRow* row, setting_of(file, key));
+  axis.setting = row->name;
+  axis.line = static_cast<int>(key.source().begin.line);
+  const auto add = [&](const toml::node& one) -> Status {
+    COMRAD_TRY_ASSIGN(const std::string value, value_of(file, *row, one));
+    if (std::ranges::find(axis.values, value) != axis.values.end())
+      return refuse(file, static_cast<int>(one.source().begin.line),
+                    axis.setting + " has the value " + value + " twice");
+    axis.values.push_back(value);
+    axis.lines.push_back(static_cast<int>(one.source().begin.line));
+    return {};
+  };
+  if (const toml::array* list = node.as_array()) {
+    for (const toml::node& one : *list) COMRAD_TRY(add(one));
+    if (axis.values.empty()) return refuse(file, axis.line, axis.setting + " has no values");
+  } else if (takes_one) {
+    COMRAD_TRY(add(node));
+  } else {
+    return refuse(file, axis.line,
+                  axis.setting + " must be a list of values here; what all runs share stands in [settings]");
+  }
+  return axis;
+}
+
+/// Notes where the file names a setting. Errors: it did before, maybe by another of its names.
+Status note_line(SweepFile& file, const std::string& setting, int line) {
+  const auto [before, is_new] = file.lines.emplace(setting, line);
+  if (!is_new)
+    return refuse(file, line, setting + " is set in line " + std::to_string(before->second) + " already");
+  return {};
+}
+
+Status read_axes(SweepFile& file, const toml::table& table) {
+  for (const auto& [key, node] : in_order(table)) {
+    COMRAD_TRY_ASSIGN(SweepAxis axis, axis_of(file, *key, *node, /*takes_one=*/false));
+    COMRAD_TRY(note_line(file, axis.setting, axis.line));
+    file.axes.push_back(std::move(axis));
+  }
+  return {};
+}
+
+Status read_settings(SweepFile& file, const toml::table& table) {
+  file.settings.origin = file.path;
+  for (const auto& [key, node] : in_order(table)) {
+    COMRAD_TRY_ASSIGN(const SettingRow* row, setting_of(file, *key));
+    COMRAD_TRY(note_line(file, std::string(row->name), static_cast<int>(key->source().begin.line)));
+    COMRAD_TRY_ASSIGN(const std::string value, value_of(file, *row, *node));
+    file.settings.values.emplace_back(row->name, value);
+  }
+  return {};
+}
+
+Status read_exclusion(SweepFile& file, const toml::table& table) {
+  SweepExclusion exclusion;
+  exclusion.line = static_cast<int>(table.source().begin.line);
+  for (const auto& [key, node] : in_order(table)) {
+    COMRAD_TRY_ASSIGN(SweepAxis excluded, axis_of(file, *key, *node, /*takes_one=*/true));
+    const auto axis = std::ranges::find(file.axes, excluded.setting, &SweepAxis::setting);
+    if (axis == file.axes.end())
+      return refuse(file, excluded.line, excluded.setting + " is not in [axes], so it excludes nothing");
+    for (std::size_t i = 0; i < excluded.values.size(); ++i)
+      if (std::ranges::find(axis->values, excluded.values[i]) == axis->values.end())
+        return refuse(file, excluded.lines[i],
+                      excluded.setting + " " + excluded.values[i] + " is not in [axes]" +
+                          did_you_mean(excluded.values[i], axis->values));
+    exclusion.settings.push_back(std::move(excluded));
+  }
+  if (exclusion.settings.empty())
+    return refuse(file, exclusion.line, "this [[exclude]] names no setting, so it would exclude every run");
+  file.exclusions.push_back(std::move(exclusion));
+  return {};
+}
+
+Status read_resources(SweepFile& file, const toml::table& table) {
+  Keys keys(file, table, "resources");
+  COMRAD_TRY(keys.whole("cores", 1, 4096, file.resources.cores));
+  COMRAD_TRY(keys.positive("memory_gb", 1e5, file.resources.memory_gb));
+  COMRAD_TRY(keys.whole("gpus", 0, 64, file.resources.gpus));
+  return keys.no_others();
+}
+
+Status read_slurm(SweepFile& file, const toml::table& table) {
+  Keys keys(file, table, "slurm");
+  SlurmOptions& slurm = file.slurm;
+  COMRAD_TRY(keys.text("partition", slurm.partition));
+  COMRAD_TRY(keys.text("account", slurm.account));
+  COMRAD_TRY(keys.text("qos", slurm.qos));
+  COMRAD_TRY(keys.text("gres", slurm.gres));
+  COMRAD_TRY(keys.text("time", slurm.time));
+  COMRAD_TRY(keys.whole("signal_before_s", 15, 65535, slurm.signal_before_s));
+  COMRAD_TRY(keys.whole("at_once", 0, 100000, slurm.at_once));
+  COMRAD_TRY(keys.texts("setup", slurm.setup));
+  COMRAD_TRY(keys.texts("options", slurm.options));
+  return keys.no_others();
+}
+
+/// The line of a key at the top of the document; 1 where it is not there.
+int line_of(const toml::table& document, std::string_view key) {
+  const toml::node* node = document.get(key);
+  return node == nullptr ? 1 : static_cast<int>(node->source().begin.line);
+}
+
+Status check_name(const SweepFile& file, const toml::table& document) {
+  if (file.name.empty())
+    return refuse(file, line_of(document, "name"), "the sweep has no name; add a line: name = \"my_study\"");
+  const bool is_good =
+      file.name.size() <= kNameBytesMax && file.name[0] != '.' && std::ranges::all_of(file.name, [](char c) {
+        return (lower_case(c) >= 'a' && lower_case(c) <= 'z') || (c >= '0' && c <= '9') || c == '_' ||
+               c == '-' || c == '.';
+      });
+  if (!is_good)
+    return refuse(file, line_of(document, "name"),
+                  "the name '" + file.name +
+                      "' cannot name a folder: up to 100 letters, digits, '_', '-' and '.', not first '.'");
+  return {};
+}
+
+Status read_document(SweepFile& file, const toml::table& document) {
+  Keys keys(file, document, "");
+  COMRAD_TRY(keys.text("name", file.name));
+  COMRAD_TRY(keys.text("train_dir", file.train_dir));
+  COMRAD_TRY(keys.text("report", file.report));
+  std::string backend = "local";
+  COMRAD_TRY(keys.text("backend", backend));
+  Status status;
+  const toml::table* axes = keys.table("axes", status);
+  const toml::table* settings = keys.table("settings", status);
+  const toml::array* exclusions = keys.tables("exclude", status);
+  const toml::table* resources = keys.table("resources", status);
+  const toml::table* local = keys.table("local", status);
+  const toml::table* slurm = keys.table("slurm", status);
+  COMRAD_TRY(keys.no_others());
+  COMRAD_TRY(status);
+
+  COMRAD_TRY(check_name(file, document));
+  if (file.train_dir.empty()) return refuse(file, line_of(document, "train_dir"), "train_dir is empty");
+  if (backend != "local" && backend != "slurm")
+    return refuse(file, line_of(document, "backend"), unknown_word("backend", backend, {"local", "slurm"}));
+  file.backend = backend == "slurm" ? SweepBackend::kSlurm : SweepBackend::kLocal;
+  if (axes == nullptr || axes->empty())
+    return refuse(file, line_of(document, "axes"),
+                  "nothing to sweep; add a table [axes] with lists, for example seed = [42, 68, 81]");
+  COMRAD_TRY(read_axes(file, *axes));
+  if (settings != nullptr) COMRAD_TRY(read_settings(file, *settings));
+  if (exclusions != nullptr)
+    for (const toml::node& one : *exclusions) COMRAD_TRY(read_exclusion(file, *one.as_table()));
+  if (resources != nullptr) COMRAD_TRY(read_resources(file, *resources));
+  if (local != nullptr) {
+    Keys local_keys(file, *local, "local");
+    COMRAD_TRY(local_keys.whole("at_once", 1, 4096, file.local_at_once));
+    COMRAD_TRY(local_keys.no_others());
+  }
+  if (slurm != nullptr) COMRAD_TRY(read_slurm(file, *slurm));
+  return {};
+}
+
+}  // namespace
+
+Expected<SweepFile> parse_sweep_file(const std::string& text, const std::string& path) {
+  SweepFile file;
+  file.path = path;
+  COMRAD_TRY(check_toml_text(text, path));
+  try {
+    const toml::table document = toml::parse(text, path);
+    COMRAD_TRY(read_document(file, document));
+  } catch (const toml::parse_error& failure) {  // a key named twice, too
+    return Error{ErrorCode::kBadFormat,
+                 file.at(static_cast<int>(failure.source().begin.line)) + std::string(failure.description())};
+  }
+  return file;
+}
+
+Expected<SweepFile> read_sweep_file(const std::string& path) {
+  const Expected<std::string> text = read_short_file(path, kFileBytesMax);
+  if (!text) return Error{text.error().code, text.error().message + "; give the path of a sweep's TOML file"};
+  return parse_sweep_file(*text, path);
+}
+
+}  // namespace comrad::deploy

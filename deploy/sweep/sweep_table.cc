@@ -1,0 +1,116 @@
+#include "deploy/sweep/sweep_table.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "deploy/launch/progress.h"
+#include "rollout_buffer/core/text.h"
+
+namespace comrad::deploy {
+namespace {
+
+constexpr std::array kStates = {RunState::kFinished,    RunState::kRunning, RunState::kQueued,
+                                RunState::kInterrupted, RunState::kWaiting, RunState::kFailed};
+
+int64_t count_of(const std::vector<RunView>& views, RunState state) {
+  return std::ranges::count(views, state, &RunView::state);
+}
+
+double left_of(const RunView& view) {
+  return view.state == RunState::kFinished ? 0 : std::max(0.0, view.goal_env_frames - view.env_frames);
+}
+
+std::string eta_text(double frames, double frames_per_s) {
+  return frames > 0 && frames_per_s > 0 ? duration_text(frames / frames_per_s) : "";
+}
+
+std::string per_cent(const RunView& view) {
+  if (!(view.goal_env_frames > 0)) return "";
+  char text[32];
+  std::snprintf(text, sizeof text, " (%.0f%%)",
+                std::min(100.0, 100 * view.env_frames / view.goal_env_frames));
+  return text;
+}
+
+std::vector<std::string> cells_of(const RunView& view) {
+  char score[32] = "";
+  if (std::isfinite(view.score_mean)) std::snprintf(score, sizeof score, "%.2f", view.score_mean);
+  const bool is_running = view.state == RunState::kRunning;
+  return {view.name,
+          word_of(view.state),
+          count_text(view.env_frames) + "/" + count_text(view.goal_env_frames) + per_cent(view),
+          is_running ? count_text(view.env_frames_per_s) : "",
+          score,
+          is_running ? eta_text(left_of(view), view.env_frames_per_s) : "",
+          view.record.host + (view.record.job.empty() ? "" : " (job " + view.record.job + ")"),
+          view.record.attempts > 0 ? std::to_string(view.record.attempts) : ""};
+}
+
+}  // namespace
+
+std::string sweep_line(const std::vector<RunView>& views) {
+  std::string text = std::to_string(count_of(views, RunState::kFinished)) + " of " +
+                     std::to_string(views.size()) + " finished";
+  for (const RunState state : kStates)
+    if (const int64_t count = count_of(views, state); count > 0 && state != RunState::kFinished)
+      text += ", " + std::to_string(count) + " " + word_of(state);
+  double rate = 0, left = 0;
+  for (const RunView& view : views) {
+    rate += view.env_frames_per_s;
+    if (view.state != RunState::kFailed) left += left_of(view);
+  }
+  if (rate > 0) text += " | " + count_text(rate) + " env frames/s";
+  if (const std::string eta = eta_text(left, rate); !eta.empty()) text += " | ETA " + eta;
+  return text;
+}
+
+std::string sweep_table(const std::vector<RunView>& views) {
+  std::vector<std::vector<std::string>> rows = {
+      {"run", "state", "env frames", "frames/s", "J", "ETA", "host", "attempts"}};
+  for (const RunView& view : views) rows.push_back(cells_of(view));
+  std::vector<std::size_t> widths(rows[0].size());
+  for (const auto& row : rows)
+    for (std::size_t column = 0; column < row.size(); ++column)
+      widths[column] = std::max(widths[column], row[column].size());
+  std::string text;
+  for (const auto& row : rows) {
+    std::string line;
+    for (std::size_t column = 0; column < row.size(); ++column) {
+      line += row[column];
+      line.append(widths[column] - row[column].size() + 2, ' ');
+    }
+    while (line.ends_with(' ')) line.pop_back();
+    text += line + "\n";
+  }
+  text += "\n" + sweep_line(views) + "\n";
+  for (const RunView& view : views)
+    if (view.state == RunState::kFailed ||
+        (view.state == RunState::kInterrupted && !view.record.error.empty()))
+      text += view.name + " " + word_of(view.state) + ": " + view.record.error + "\n";
+  return text;
+}
+
+std::string sweep_json(const std::string& name, const std::string& folder,
+                       const std::vector<RunView>& views) {
+  using nlohmann::ordered_json;
+  ordered_json json = {{"name", name}, {"folder", folder}};
+  for (const RunState state : kStates) json[word_of(state)] = count_of(views, state);
+  json["runs"] = ordered_json::array();
+  for (const RunView& view : views)
+    json["runs"].push_back(
+        {{"name", view.name},
+         {"state", word_of(view.state)},
+         {"env_frames", view.env_frames},
+         {"train_for_env_frames", view.goal_env_frames},
+         {"env_frames_per_s", view.env_frames_per_s},
+         {"J_mean", std::isfinite(view.score_mean) ? ordered_json(view.score_mean) : ordered_json(nullptr)},
+         {"host", view.record.host},
+         {"job", view.record.job},
+         {"attempts", view.record.attempts},
+         {"error", view.record.error}});
+  return json.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
+}
+
+}  // namespace comrad::deploy

@@ -1,0 +1,212 @@
+// `comrad sweep` on this machine: real processes, of games in the last case alone.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <sstream>
+
+#include "tests/integration/running_program.h"
+
+namespace comrad::testing {
+namespace {
+
+using ::testing::ContainsRegex;
+using ::testing::HasSubstr;
+using ::testing::Not;
+namespace fs = std::filesystem;
+
+constexpr double kSweepTimeoutSeconds = 90;
+
+/// A sweep of the stand-in: `seeds` are its runs, `more` further lines.
+std::string sweep_file(const ScratchFolder& scratch, const std::string& seeds, const std::string& frames,
+                       const std::string& more = "") {
+  return scratch.write("study.toml",
+                       "name = \"study\"\ntrain_dir = \"" + scratch.string() + "\"\n" + more +
+                           "[axes]\nseed = [" + seeds + "]\n[settings]\nscenario = \"field\"\n" +
+                           "train_for_env_frames = " + frames +
+                           "\n[resources]\ncores = 1\nmemory_gb = 0.01\n[local]\nat_once = 2\n");
+}
+
+Ending start(const std::string& file) {
+  return RunningProgram({COMRAD_SWEEP_PROBE, "start", file}).wait(kSweepTimeoutSeconds * patience());
+}
+
+std::string events(const ScratchFolder& scratch) { return read_text(scratch / "study/events.log"); }
+
+int count(const std::string& text, const std::string& part) {
+  int found = 0;
+  for (std::size_t place = text.find(part); place != std::string::npos; place = text.find(part, place + 1))
+    ++found;
+  return found;
+}
+
+std::string state_of(const ScratchFolder& scratch, const std::string& run) {
+  const nlohmann::json record = read_json(scratch / ("study/records/" + run + ".json"));
+  return record.is_object() ? record.value("state", "none") : "none";
+}
+
+TEST(Sweep, MakesEveryRunOnCoresOfItsOwnAndOnlyOnce) {
+  const ScratchFolder scratch;
+  const std::string file =
+      sweep_file(scratch, "1, 2, 3", "2000", "report = \"ls -d {folder} > report.txt; echo told\"\n");
+  const Ending first = start(file);
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_THAT(first.out, HasSubstr("3 of 3 finished"));
+  EXPECT_EQ(count(events(scratch), "ends finished 2000"), 3);
+  EXPECT_EQ(count(events(scratch), "meets another"), 0);
+  std::istringstream lines(events(scratch));
+  for (std::string line; std::getline(lines, line);)
+    if (line.find("begins") != std::string::npos) {
+      EXPECT_THAT(line, Not(ContainsRegex("cpus [0-9]+,")));
+    }
+  EXPECT_EQ(read_text(scratch / "study/report.txt"), (scratch / "study").string() + "\n");
+  EXPECT_EQ(read_text(scratch / "study/records/report.log"), "told\n");
+  const nlohmann::json index = read_json(scratch / "study/sweep.json");
+  EXPECT_EQ(index["runs"].size(), 3u);
+  EXPECT_FALSE(index["starts"][0]["host"].get<std::string>().empty());
+
+  const Ending second = start(file);
+  EXPECT_EQ(second.exit_code, 0) << second.err;
+  EXPECT_EQ(count(events(scratch), "begins"), 3);  // nothing was made again
+  // More seeds and a farther goal: what is new, and what is missing of the old ones.
+  const Ending third = start(sweep_file(scratch, "1, 2, 3, 4", "3000"));
+  EXPECT_EQ(third.exit_code, 0) << third.err;
+  EXPECT_EQ(count(events(scratch), "begins 2000"), 3);
+  EXPECT_EQ(count(events(scratch), "begins 0"), 4);
+}
+
+TEST(Sweep, AFailedRunIsNamedWithItsErrorAndStopsNoOther) {
+  const ScratchFolder scratch;
+  const std::string file = sweep_file(scratch, "600, 1, 700, 2", "2000");
+  const Ending ending = start(file);
+  EXPECT_EQ(ending.exit_code, 1);
+  EXPECT_THAT(ending.err, HasSubstr("seed600 failed: seed 600 is unlucky"));
+  EXPECT_THAT(ending.out, HasSubstr("seed700 failed: comrad train was killed by signal 9 (Killed)"));
+  EXPECT_THAT(ending.out, HasSubstr("2 of 4 finished, 2 failed"));
+  const std::string log = read_text(scratch / "study/records/seed600.log");
+  EXPECT_THAT(log, HasSubstr("something before"));
+  // The same command makes the failed ones again; the killed one goes on where it was.
+  const Ending again = start(file);
+  EXPECT_EQ(again.exit_code, 1);
+  EXPECT_EQ(state_of(scratch, "seed700"), "finished");
+  EXPECT_EQ(count(events(scratch), "seed600 fails"), 2);
+  EXPECT_EQ(count(events(scratch), "seed1 begins"), 1);
+}
+
+TEST(Sweep, GoesOnAfterASigkillInTheMiddle) {
+  const ScratchFolder scratch;
+  const std::string file = sweep_file(scratch, "1, 2, 3", "100000");
+  {
+    RunningProgram sweep({COMRAD_SWEEP_PROBE, "start", file});
+    ASSERT_TRUE(wait_until([&] { return count(events(scratch), "begins 0") == 2; }, kSweepTimeoutSeconds));
+    const Ending second = start(file);  // one at a time
+    EXPECT_EQ(second.exit_code, 2);
+    EXPECT_THAT(second.err, HasSubstr("at work already (pid " + std::to_string(sweep.pid())));
+    sweep.signal(SIGKILL);
+    sweep.wait(10);
+  }
+  // The runs hear of it and save; meanwhile every file can be read.
+  const nlohmann::json index = read_json(scratch / "study/sweep.json");
+  ASSERT_TRUE(index.is_object());
+  EXPECT_EQ(index["runs"].size(), 3u);
+  const Ending rest = start(sweep_file(scratch, "1, 2, 3", "6000"));  // within reach now
+  EXPECT_EQ(rest.exit_code, 0) << rest.err << rest.out;
+  EXPECT_EQ(count(events(scratch), "ends paused"), 2) << events(scratch);
+  EXPECT_EQ(count(events(scratch), "begins 0 "), 3) << events(scratch);  // two went on from where they were
+  EXPECT_EQ(count(events(scratch), "meets another"), 0);
+  for (const char* run : {"seed1", "seed2", "seed3"}) EXPECT_EQ(state_of(scratch, run), "finished") << run;
+}
+
+TEST(Sweep, StopSavesAndStatusTellsWhatIsThere) {
+  const ScratchFolder scratch;
+  const std::string file = sweep_file(scratch, "1, 2, 3", "100000");
+  RunningProgram sweep({COMRAD_SWEEP_PROBE, "start", file});
+  ASSERT_TRUE(wait_until([&] { return count(events(scratch), "begins 0") == 2; }, kSweepTimeoutSeconds));
+  const Ending status = comrad({"sweep", "status", file, "--json"});
+  ASSERT_EQ(status.exit_code, 0) << status.err;
+  const nlohmann::json seen = nlohmann::json::parse(status.out, nullptr, false);
+  ASSERT_TRUE(seen.is_object()) << status.out;
+  EXPECT_EQ(seen["running"], 2);
+  EXPECT_EQ(seen["waiting"], 1);
+  EXPECT_EQ(seen["runs"][0]["env_frames_per_s"], 5000);
+  EXPECT_THAT(comrad({"sweep", "status", "study", "--train_dir", scratch.string()}).out,
+              ContainsRegex("seed1 +running +[0-9.k]+/100k .* 5k .*ETA|seed1 +running"));
+  const Ending stop =
+      comrad({"sweep", "stop", "study", "--train_dir", scratch.string()}, kSweepTimeoutSeconds);
+  EXPECT_EQ(stop.exit_code, 0) << stop.err;
+  EXPECT_EQ(sweep.wait(kSweepTimeoutSeconds).exit_code, 0);
+  EXPECT_EQ(count(events(scratch), "ends paused"), 2);
+  EXPECT_EQ(state_of(scratch, "seed1"), "interrupted");
+  EXPECT_THAT(comrad({"sweep", "logs", "seed1", "--train_dir", scratch.string()}).out,
+              HasSubstr("== attempt 1 on "));
+  const Ending unknown = comrad({"sweep", "status", "studi", "--train_dir", scratch.string()});
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("did you mean 'study'?"));
+}
+
+TEST(Sweep, RefusesBeforeAnythingStarts) {
+  const ScratchFolder scratch;
+  const std::string file =
+      scratch.write("bad.toml", "name = \"bad\"\ntrain_dir = \"" + scratch.string() +
+                                    "\"\n[axes]\nscenario = [\"lava_pit\", \"lava_pti\"]\n");
+  const Ending ending = comrad({"sweep", file});
+  EXPECT_EQ(ending.exit_code, 2);
+  EXPECT_THAT(ending.err, AllOf(HasSubstr("bad.toml:4: "), HasSubstr("lava_pit")));
+  EXPECT_FALSE(fs::exists(scratch / "bad"));
+}
+
+TEST(Sweep, OfRealRunsCanBeStoppedResumedAndSeen) {
+  const ScratchFolder scratch;
+  const auto file = [&](const std::string& frames) {
+    return scratch.write("real.toml", "name = \"real\"\ntrain_dir = \"" + scratch.string() + R"("
+[axes]
+algo = ["ippo", "vdn"]
+[settings]
+scenario = "coop_health_gathering"
+num_envs_per_worker = 2
+rollout = 16
+batch_size = 128
+micro_batch_size = 64
+rnn_size = 32
+rnn_type = "gru"
+learning_starts_decisions = 64
+device = "cpu"
+progress_interval = 1
+experiment_summaries_interval = 1
+train_for_env_frames = )" + frames + R"(
+[resources]
+cores = 1
+memory_gb = 1
+)");
+  };
+  const std::string first = file("1e8");
+  {
+    RunningProgram sweep({program("comrad"), "sweep", first});
+    ASSERT_TRUE(wait_until([&] { return env_frames(scratch / "real/ippo") > 0; }, 120)) << sweep.wait(1).err;
+    sweep.signal(SIGTERM);
+    const Ending ending = sweep.wait(60 * patience());
+    EXPECT_EQ(ending.exit_code, 0) << ending.err;
+  }
+  EXPECT_EQ(read_json(scratch / "real/records/ippo.json")["state"], "interrupted");
+  const double before = env_frames(scratch / "real/ippo");
+  EXPECT_GT(before, 0);
+  const std::string goal = std::to_string(static_cast<long>(before) + 4096);
+  const Ending ending = comrad({"sweep", file(goal)}, 180 * patience());
+  EXPECT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_THAT(ending.out, HasSubstr("2 of 2 finished"));
+  EXPECT_THAT(read_text(scratch / "real/records/ippo.log"), HasSubstr("Resuming the run in"));
+  EXPECT_TRUE(processes_of(scratch / "real").empty());
+  const Ending changed =
+      comrad({"sweep", [&] {
+                std::string text = read_text(first);
+                const std::size_t place = text.find("rnn_size = 32");
+                return scratch.write("real.toml", text.replace(place, 13, "rnn_size = 64"));
+              }()});
+  EXPECT_EQ(changed.exit_code, 2);
+  EXPECT_THAT(changed.err,
+              ContainsRegex("real.toml:[0-9]+: ippo is there already: .*the run was made with 32"));
+}
+
+}  // namespace
+}  // namespace comrad::testing
