@@ -145,7 +145,8 @@ Expected<MergedSettings> merge_new(const UserSettings& user, const Describe& des
   const SettingsLayer typed = with_whole_paths(user.typed);
   // The upper layers choose the lower ones: the scenario and the algorithm are read off them first.
   RunConfig chosen;
-  for (const SettingsLayer* layer : {&changes, &file, &typed}) COMRAD_TRY(apply_layer(chosen, *layer));
+  for (const SettingsLayer* layer : std::initializer_list<const SettingsLayer*>{&changes, &file, &typed})
+    COMRAD_TRY(apply_layer(chosen, *layer));
   const SettingsLayer algorithm = algorithm_defaults(chosen.run.algo);
   COMRAD_TRY_ASSIGN(ScenarioDescription scenario, describe(chosen));
 

@@ -19,22 +19,21 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kRunsMax = 10'000;
 
-/// Asks once about every scenario, team size and input: hundreds of runs share a few.
+/// Asks once about every scenario, team size, input and heads: hundreds of runs share a few.
 class DescribeOnce {
  public:
   explicit DescribeOnce(const Describe& describe) : describe_(describe) {}
-  Expected<ScenarioDescription> operator()(const std::string& name, int64_t num_agents,
-                                           bool use_measurements) {
-    const auto key = std::tuple(name, num_agents, use_measurements);
+  Expected<ScenarioDescription> operator()(const RunConfig& config) {
+    const auto key = std::tuple(config.run.scenario, config.environment.num_agents,
+                                config.environment.use_additional_input, config.environment.heads);
     auto known = answers_.find(key);
-    if (known == answers_.end())
-      known = answers_.emplace(key, describe_(name, num_agents, use_measurements)).first;
+    if (known == answers_.end()) known = answers_.emplace(key, describe_(config)).first;
     return known->second;
   }
 
  private:
   const Describe& describe_;
-  std::map<std::tuple<std::string, int64_t, bool>, Expected<ScenarioDescription>> answers_;
+  std::map<std::tuple<std::string, int64_t, bool, std::string>, Expected<ScenarioDescription>> answers_;
 };
 
 bool is_word(char c) { return (lower_case(c) >= 'a' && lower_case(c) <= 'z') || c == '_'; }
@@ -65,17 +64,24 @@ bool is_excluded(const SweepFile& file, const std::vector<std::string>& values) 
   });
 }
 
+RunConfig with_scenario(const std::string& name) {
+  RunConfig config;
+  config.run.scenario = name;
+  config.environment.use_additional_input = true;
+  return config;
+}
+
 /// Every scenario that the file names is there, said with the line that names it.
 Status check_scenarios(const SweepFile& file, DescribeOnce& describe) {
   for (const SweepAxis& axis : file.axes) {
     if (axis.setting != "scenario") continue;
     for (std::size_t i = 0; i < axis.values.size(); ++i)
-      if (const auto known = describe(axis.values[i], 0, true); !known)
+      if (const auto known = describe(with_scenario(axis.values[i])); !known)
         return Error{known.error().code, file.at(axis.lines[i]) + known.error().message};
   }
   for (const auto& [setting, value] : file.settings.values)
     if (setting == "scenario")
-      if (const auto known = describe(value, 0, true); !known)
+      if (const auto known = describe(with_scenario(value)); !known)
         return Error{known.error().code, file.at(file.lines.at(setting)) + known.error().message};
   return {};
 }

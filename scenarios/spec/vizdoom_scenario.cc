@@ -158,8 +158,8 @@ std::vector<RewardTerm> vizdoom_rewards(const VizdoomRewards& rewards) {
   };
   add("map_reward", "MAP_REWARD", "delta", 1.0);
   add("living_reward", "MAP_TICS", "delta", rewards.living);
-  add("death_penalty", "DEAD", "event", -rewards.death_penalty);
-  add("death_reward", "DEAD", "event", rewards.death);
+  add("death_penalty", "DEATHCOUNT", "event", -rewards.death_penalty);
+  add("death_reward", "DEATHCOUNT", "event", rewards.death);
   add("map_exit_reward", "MAP_EXIT", "event", rewards.map_exit);
   add("kill_reward", "KILLCOUNT", "delta", rewards.kill);
   add("secret_reward", "SECRETCOUNT", "delta", rewards.secret);

@@ -40,7 +40,9 @@ using namespace comrad::deploy;
 
 std::string own_path() { return sibling_program("sweep_probe"); }
 
-Expected<ScenarioDescription> describe(const std::string& name, int64_t num_agents, bool) {
+Expected<ScenarioDescription> describe(const RunConfig& config) {
+  const std::string& name = config.run.scenario;
+  const int64_t num_agents = config.environment.num_agents;
   if (name != "field") return Error{ErrorCode::kBadInput, "unknown scenario '" + name + "'"};
   ScenarioDescription scenario;
   scenario.name = name;

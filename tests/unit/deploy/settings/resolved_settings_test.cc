@@ -60,6 +60,7 @@ constexpr Row kPaper[] = {
     {"gamma", "0.99"},
     {"gae_lambda", "0.95"},
     {"reward", "-"},  // the scenario's own weights
+    {"heads", "-"},   // and its own heads
     {"reward_scale", "1"},
     {"reward_clip", "1000"},
     {"normalize_returns", "true"},

@@ -33,7 +33,9 @@ preset = "small"
 train_for_env_frames = 1e6
 )";
 
-Expected<ScenarioDescription> describe(const std::string& name, int64_t num_agents, bool) {
+Expected<ScenarioDescription> describe(const RunConfig& config) {
+  const std::string& name = config.run.scenario;
+  const int64_t num_agents = config.environment.num_agents;
   if (name != "field" && name != "pit")
     return Error{ErrorCode::kBadInput, "unknown scenario '" + name + "'; did you mean 'field'?"};
   if (num_agents > 2)
@@ -245,8 +247,9 @@ TEST(BenchmarkSweep, IsThePapersMatrix) {
   const std::string path = std::string(COMRAD_SOURCE_DIR) + "/deploy/sweeps/benchmark.toml";
   const Expected<SweepFile> file = read_sweep_file(path);
   ASSERT_TRUE(file) << file.error().message;
-  const auto any = [](const std::string&, int64_t agents, bool measurements) {
-    return describe("field", agents, measurements);
+  const auto any = [](RunConfig config) {
+    config.run.scenario = "field";
+    return describe(config);
   };
   const Expected<SweepPlan> plan = plan_sweep(*file, any, 16);
   ASSERT_TRUE(plan) << plan.error().message;

@@ -121,9 +121,10 @@ TEST_F(VizdoomScenario, KeysOfTheFileBecomeTermsAndLimits) {
   std::vector<std::string> terms, measured;
   for (const RewardTerm& term : spec->rewards)
     terms.push_back(term.name + " " + term.variable + " " + term.kind + " " + std::to_string(term.weight));
-  EXPECT_THAT(terms,
-              ElementsAre("map_reward MAP_REWARD delta 1.000000", "living_reward MAP_TICS delta -1.000000",
-                          "death_penalty DEAD event -100.000000", "kill_reward KILLCOUNT delta 2.500000"));
+  EXPECT_THAT(
+      terms,
+      ElementsAre("map_reward MAP_REWARD delta 1.000000", "living_reward MAP_TICS delta -1.000000",
+                  "death_penalty DEATHCOUNT event -100.000000", "kill_reward KILLCOUNT delta 2.500000"));
   for (const MeasurementTerm& term : spec->measurements) measured.push_back(term.variable);
   EXPECT_THAT(measured, ElementsAre("HEALTH", "AMMO2"));
   EXPECT_THAT(spec->warnings, IsEmpty());

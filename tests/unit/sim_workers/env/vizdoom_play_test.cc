@@ -75,7 +75,7 @@ int play_both(const std::string& cfg, int frame_skip, int decisions, uint64_t se
 TEST(VizdoomPlay, EveryCfgOfThePackagePlaysAsItIsTraced) {
   const Expected<std::string> folder = test::vizdoom_scenario_folder();
   if (!folder) GTEST_SKIP() << folder.error().message;
-  int count = 0;
+  int count = 0, paying = 0;
   for (const auto& entry : std::filesystem::directory_iterator(*folder)) {
     const std::string name = entry.path().stem().string();
     if (entry.path().extension() != ".cfg") continue;
@@ -87,12 +87,10 @@ TEST(VizdoomPlay, EveryCfgOfThePackagePlaysAsItIsTraced) {
     EXPECT_TRUE(heads) << heads.error().message;
     if (spec->wad.starts_with("freedoom") || spec->wad.starts_with("doom"))
       continue;  // no map of the package's
-    const int rewarded = play_both(entry.path().string(), 4, 200, 7);
-    if (spec->rewards.size() > 1) {
-      EXPECT_GT(rewarded, 0);
-    }
+    paying += play_both(entry.path().string(), 4, 200, 7) > 0 ? 1 : 0;
   }
   EXPECT_GE(count, 20);
+  EXPECT_GE(paying, 8) << "else the comparison is of zeros";
 }
 
 TEST(VizdoomPlay, RewardsAreTheTracedOnesTicByTic) {
