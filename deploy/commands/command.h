@@ -29,6 +29,7 @@ const std::vector<Command>& commands();
 
 int train_command(Arguments arguments);
 int eval_command(Arguments arguments);
+int plot_command(Arguments arguments);
 int report_command(Arguments arguments);
 int bench_command(Arguments arguments);
 int sweep_command(Arguments arguments);

@@ -16,7 +16,9 @@ namespace comrad::deploy {
 const std::vector<Command>& commands() {
   static const std::vector<Command> all = {
       {"train", "train agents on a scenario", train_command},
-      {"eval", "play fresh episodes with a trained or a random policy and report the score", eval_command},
+      {"eval", "score or film a policy: a run's, random play or a scripted team", eval_command},
+      {"plot", "draw learning curves of runs, or of several seeds with their band, as PNG or SVG",
+       plot_command},
       {"report", "report on a folder of runs: one HTML page, Markdown, LaTeX, CSV", report_command},
       {"sweep", "make many runs from one file, here or with Slurm; look at them, stop them", sweep_command},
       {"bench",

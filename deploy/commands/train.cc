@@ -144,6 +144,14 @@ Expected<int> train(const CommandLine& line, bool allow_no_update) {
     }
     COMRAD_TRY(write_layout_list(directory.path(), layout_list));
   }
+  if (config.run.eval_every_env_frames > 0 && config.run.eval_maps == EvalMaps::kHeldOut) {
+    // Once, and before the run needs all cores.
+    RunConfig evaluated = config;
+    evaluated.environment.layout_pool = kHeldOutPool;
+    COMRAD_TRY_ASSIGN(const std::string list, ensure_layout_pool(evaluated, directory.path() + "/layouts",
+                                                                 /*for_training=*/false));
+    COMRAD_TRY(write_layout_list(directory.path(), list, kHeldOutListFile));
+  }
   COMRAD_TRY(directory.write_config(config, asked_for(before.asked_for, merged, asked)));
 
   LaunchPlan plan;

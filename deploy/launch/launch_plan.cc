@@ -2,7 +2,13 @@
 
 #include <algorithm>
 
+#include "deploy/process/child_program.h"
+
 namespace comrad::deploy {
+
+std::string LaunchPlan::program(const std::string& name) const {
+  return bin_dir.empty() ? sibling_program(name) : bin_dir + "/" + name;
+}
 
 Expected<shm::ArenaShape> arena_shape(const LaunchPlan& plan) {
   const RunConfig& config = plan.config;

@@ -22,6 +22,14 @@ enum class PolicySource {
   kOracle,      ///< the scenario's scripted team, inside the simulators; no learner
 };
 
+/// What is filmed of an evaluation: all its episodes, one after the other, played by one environment.
+struct FilmPlan {
+  std::string video;   ///< file; empty: none
+  std::string frames;  ///< folder of single pictures; empty: none
+  std::string size;    ///< of one agent's view, "640x360"
+  bool is_wanted() const { return !video.empty() || !frames.empty(); }
+};
+
 /// What to run. `config` is merged and resolved; `run_dir` exists and holds config.toml.
 struct LaunchPlan {
   RunConfig config;
@@ -40,7 +48,15 @@ struct LaunchPlan {
   int lock_descriptor = -1;  ///< RunDirectory::lock_descriptor(); the learner holds it too until it has left
   std::string bin_dir;       ///< where the worker programs lie; empty: beside this program
   RestartLimits restarts;
+  FilmPlan film;
+  bool keeps_positions = false;  ///< each simulator writes where agents were to positions_path()
 
+  /// What simulator `index` writes, in the run's folder: JSON lines as sim_workers/worker/position_log.h says.
+  std::string positions_path(int index) const {
+    return run_dir + "/positions_" + std::to_string(index) + ".jsonl";
+  }
+  /// The path of a program of this name.
+  std::string program(const std::string& name) const;
   bool trains() const { return policy == PolicySource::kTraining; }
   bool has_learner() const { return policy != PolicySource::kRandom && policy != PolicySource::kOracle; }
   /// Simulators play on in one slab each: nobody drains sealed ones unless a learner trains.

@@ -37,6 +37,12 @@ std::string count_text(double count) {
   return format("%.0f", count);
 }
 
+std::string whole_text(int64_t count) {
+  std::string text = std::to_string(count);
+  for (std::size_t place = text.size(); place > 3;) text.insert(place -= 3, " ");
+  return text;
+}
+
 std::string duration_text(double seconds) {
   if (!(seconds >= 0) || seconds > 1e9) return "?";
   const long long s = std::llround(seconds);
@@ -63,6 +69,10 @@ std::string training_line(const TrainingProgress& p) {
   if (std::isfinite(p.score_mean)) text += format(" | J %.1f", p.score_mean);
   if (std::isfinite(p.return_mean))
     text += format("%s return %.3g", std::isfinite(p.score_mean) ? "," : " |", p.return_mean);
+  if (p.decision_limit >= 0)
+    text += " | no episode ended yet" +
+            (p.decision_limit > 0 ? " (limit " + whole_text(p.decision_limit) + " decisions)" : "");
+  if (!p.evaluated.empty()) text += " | " + p.evaluated;
   if (std::isfinite(p.lag_mean)) text += format(" | lag %.1f (max %u)", p.lag_mean, p.lag_max);
   if (!p.silence.empty()) text += " | " + p.silence;
   if (p.env_frames_lost > 0) text += " | learner went back " + count_text(p.env_frames_lost) + " env frames";

@@ -17,6 +17,9 @@ struct TrainingProgress {
   double decisions_per_s = 0;
   double score_mean = std::nan("");  ///< J
   double return_mean = std::nan("");
+  int64_t decision_limit =
+      -1;  ///< no episode has ended yet, and each ends after so many at the latest; 0: no limit
+  std::string evaluated = {};  ///< the last evaluation; empty is left out
   double lag_mean = std::nan("");
   uint32_t lag_max = 0;
   double replay_filled = 1;    ///< share of the decisions that learning waits for; 1 is left out
@@ -25,12 +28,14 @@ struct TrainingProgress {
 };
 
 /// `1.2M/100M env frames (1.2%), ETA 7h48m | 3512 env frames/s, 878 decisions/s | J 412.3, return 1.23 |
-/// lag 3.2 (max 9) | learner went back 205k env frames`; while learning waits it begins with
+/// eval J 455.0 at 1M | lag 3.2 (max 9) | learner went back 205k env frames`; while learning waits it begins with
 /// `filling the replay, 61 % | `
 std::string training_line(const TrainingProgress& progress);
 
 /// 950 -> "950", 12'345 -> "12.3k", 1e8 -> "100M".
 std::string count_text(double count);
+/// 950 -> "950", 21'000 -> "21 000".
+std::string whole_text(int64_t count);
 /// 5 -> "5s", 65 -> "1m05s", 3'660 -> "1h01m", 90'000 -> "1d01h".
 std::string duration_text(double seconds);
 

@@ -53,7 +53,10 @@ std::string RunReport::progress_line() const {
   if (stats.episodes > 0) {
     progress.score_mean = stats.score_mean;
     progress.return_mean = stats.return_mean;
+  } else {
+    progress.decision_limit = plan_.decision_limit;
   }
+  progress.evaluated = evaluator_.last_text();
   progress.lag_mean = stats.policy_lag_mean;
   progress.lag_max = stats.policy_lag_max;
   progress.replay_filled = meter_.replay_filled();

@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "deploy/launch/evaluator.h"
 #include "deploy/launch/launch_plan.h"
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/run_meter.h"
@@ -11,11 +12,12 @@
 
 namespace comrad::deploy {
 
-/// Looks at the meter and the workers of one run; all outlive it. Threads: the supervisor's.
+/// Looks at the meter, the workers and the evaluations of one run; all outlive it. Threads: the supervisor's.
 class RunReport {
  public:
-  RunReport(const LaunchPlan& plan, const RunMeter& meter, const WorkerTable& workers)
-      : plan_(plan), meter_(meter), workers_(workers) {}
+  RunReport(const LaunchPlan& plan, const RunMeter& meter, const WorkerTable& workers,
+            const Evaluator& evaluator)
+      : plan_(plan), meter_(meter), workers_(workers), evaluator_(evaluator) {}
 
   /// "starting: 1/2 simulators, ...".
   std::string starting_line() const { return "starting: " + workers_.joined_text(); }
@@ -34,6 +36,7 @@ class RunReport {
   const LaunchPlan& plan_;
   const RunMeter& meter_;
   const WorkerTable& workers_;
+  const Evaluator& evaluator_;
   const Stopwatch clock_{CLOCK_PROCESS_CPUTIME_ID};  ///< of the supervisor, from the run's start on
 };
 

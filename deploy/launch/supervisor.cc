@@ -10,6 +10,7 @@
 #include <optional>
 #include <utility>
 
+#include "deploy/launch/evaluator.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/run_hub.h"
@@ -59,11 +60,12 @@ class Supervisor {
         meter_(plan),
         hub_(plan, meter_, printer_),
         table_(plan),
-        report_(plan, meter_, table_) {}
+        evaluator_(plan),
+        report_(plan, meter_, table_, evaluator_) {}
 
   Expected<RunOutcome> run() {
     if (Status started = start(); !started) fail(started.error());
-    while (phase_ != Phase::kStopping || table_.any_alive()) tick();
+    while (phase_ != Phase::kStopping || table_.any_alive() || evaluator_.is_busy()) tick();
     return finish();
   }
 
@@ -102,6 +104,7 @@ class Supervisor {
   RunMeter meter_;
   RunHub hub_;
   WorkerTable table_;
+  Evaluator evaluator_;
   RunReport report_;
   RunOutcome outcome_;
   std::optional<Error> error_;
@@ -109,6 +112,7 @@ class Supervisor {
   bool killed_at_once_ = false;
   bool is_complete_ = false;  // the goal was reached before anybody interrupted
   bool learner_was_killed_ = false;
+  bool told_of_last_evaluations_ = false;
   int interrupts_ = 0;
   const double started_s_ = monotonic_s();
   double stopping_since_s_ = 0;
@@ -145,6 +149,10 @@ void Supervisor::tick() {
     if (phase_ == Phase::kRunning && plan_.episodes > 0 && meter_.episodes().size() >= plan_.episodes)
       complete("finished");
   }
+  for (const std::string& words : evaluator_.tick(monotonic_s())) note(words);
+  if (phase_ == Phase::kStopping && !table_.any_alive() && evaluator_.is_busy() &&
+      !std::exchange(told_of_last_evaluations_, true))
+    note("trained; the last evaluations are played now (Ctrl-C leaves them out)");
   enforce_stop();
   if (hub_.is_open()) report();
 }
@@ -170,9 +178,13 @@ void Supervisor::hear_signals() {
     if (number == SIGINT && ++interrupts_ >= 2) {
       killed_at_once_ = true;
       table_.signal_all(SIGKILL);
+      evaluator_.stop(SIGKILL);
     }
     const std::string name = number == SIGINT ? "SIGINT" : number == SIGTERM ? "SIGTERM" : "SIGHUP";
-    if (phase_ == Phase::kStopping) continue;
+    if (phase_ == Phase::kStopping) {
+      evaluator_.stop(SIGTERM);  // the last ones are not waited for
+      continue;
+    }
     stop("interrupted by " + name);
     note(name + ": stopping" + (plan_.trains() ? " after this optimizer step and a checkpoint" : "") +
          "; press Ctrl-C again to stop at once");
@@ -306,12 +318,14 @@ void Supervisor::stop(const std::string& why) {
     worker.restart_at_s = 0;
   }
   if (hub_.is_open()) hub_.stop();
+  if (!is_complete_) evaluator_.stop(SIGTERM);
   status_timer_.hurry();
 }
 
 void Supervisor::complete(const std::string& why) {
   is_complete_ = phase_ != Phase::kStopping;
   stop(why);
+  evaluator_.hurry();  // its last checkpoint is there
 }
 
 void Supervisor::fail(Error error) {

@@ -11,6 +11,7 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
@@ -29,6 +30,7 @@ struct Kind {
 constexpr Kind kKinds[] = {{"sim", "comrad-sim-worker", "simulators"},
                            {"policy", "comrad-policy-worker", "policy workers"},
                            {"learner", "comrad-learner", "learner"}};
+constexpr const char* kFilmingSimulator = "comrad-sim-film";
 
 const Kind& kind_of(const Worker& worker) { return kKinds[static_cast<std::size_t>(worker.role)]; }
 
@@ -50,11 +52,6 @@ std::string words_for_user(const std::string& line) {
   for (const char* kind : {": warning: ", ": note: "})
     if (const std::size_t at = line.find(kind); at != std::string::npos) return line.substr(at + 2);
   return "";
-}
-
-std::string own_folder() {
-  std::error_code failed;
-  return std::filesystem::read_symlink("/proc/self/exe", failed).parent_path().string();
 }
 
 }  // namespace
@@ -80,7 +77,8 @@ WorkerTable::WorkerTable(const LaunchPlan& plan) : plan_(plan) {
 ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& server) const {
   const RunConfig& config = plan_.config;
   ChildOptions options;
-  options.program = (plan_.bin_dir.empty() ? own_folder() : plan_.bin_dir) + "/" + kind_of(worker).program;
+  const bool films = worker.role == Role::kSim && plan_.film.is_wanted();
+  options.program = plan_.program(films ? kFilmingSimulator : kind_of(worker).program);
   options.arguments = {"--run_dir", plan_.run_dir, "--arena", server};
   const auto add = [&](auto... words) { (options.arguments.emplace_back(words), ...); };
   const auto set = [&](const char* name, const std::string& value) {
@@ -99,6 +97,12 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
     case Role::kSim:
       if (plan_.evaluates()) add("--evaluate");
       if (plan_.policy == PolicySource::kOracle) add("--oracle");
+      if (plan_.keeps_positions) add("--positions", plan_.positions_path(worker.index));
+      if (films) {
+        add("--film_size", plan_.film.size);
+        if (!plan_.film.video.empty()) add("--film_video", plan_.film.video);
+        if (!plan_.film.frames.empty()) add("--film_frames", plan_.film.frames);
+      }
       set_threads(1);
       set("LP_NUM_THREADS", "0");  // llvmpipe draws on the calling thread: one core per simulator
       suggest("GALLIUM_DRIVER", "llvmpipe");
@@ -223,9 +227,9 @@ std::vector<std::pair<Worker*, ExitStatus>> WorkerTable::reap_exited(bool is_sto
   std::vector<std::pair<Worker*, ExitStatus>> exited;
   for (Worker& worker : workers_) {
     if (!worker.process) continue;
-    if (!is_stopping && !worker.has_joined && monotonic_s() - worker.started_s > kJoinTimeoutS) {
-      worker.last_line =
-          "did not join the run within " + std::to_string(static_cast<int>(kJoinTimeoutS)) + " s";
+    if (!is_stopping && !worker.has_joined && monotonic_s() - worker.started_s > kJoinTimeoutS * patience()) {
+      worker.last_line = "did not join the run within " +
+                         std::to_string(static_cast<int>(kJoinTimeoutS * patience())) + " s";
       worker.process->send_signal(SIGKILL);
     }
     if (const std::optional<ExitStatus>& how = worker.process->poll_exit()) {

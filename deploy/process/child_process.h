@@ -21,6 +21,7 @@ struct ChildOptions {
   std::vector<std::pair<std::string, std::string>> environment;  ///< on top of ours
   int inherited_descriptor = -1;  ///< kept open in the child (the run directory's lock); -1: none
   int cpu = -1;                   ///< pinned to this core; -1: anywhere
+  int output = -1;                ///< where its standard output goes; -1: to us, as standard error does
 };
 
 /// How a child ended.
@@ -33,7 +34,7 @@ struct ExitStatus {
 /// A running child. Destroying it kills (SIGKILL) and reaps a child that still runs.
 class ChildProcess {
  public:
-  /// Starts the program as process_start.h says: standard output and error are one pipe to us; SIGINT and SIGHUP are
+  /// Starts the program as process_start.h says: standard error and (unless it goes elsewhere) output are one pipe to us; SIGINT and SIGHUP are
   /// ignored (the supervisor decides). Errors: kNotFound or kSystem when it cannot be executed.
   /// Threads: call from a thread that outlives the child.
   static Expected<ChildProcess> spawn(const ChildOptions& options);

@@ -13,6 +13,7 @@
 #include "deploy/process/process_start.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/process.h"
 
 namespace comrad::deploy {
 namespace {
@@ -64,7 +65,8 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
 
   ProgramResult result;
   size_t line_begin = 0;
-  const double deadline_s = monotonic_s() + options.timeout_s;
+  const double timeout_s = options.timeout_s * patience();
+  const double deadline_s = monotonic_s() + timeout_s;
   bool timed_out = false;
   auto drain = [&](Descriptor& from, std::string& into) {
     char bytes[65536];
@@ -106,8 +108,8 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
   }
   result.exit_code = WIFSIGNALED(status) ? 128 + WTERMSIG(status) : WEXITSTATUS(status);
   if (timed_out)
-    return Error{ErrorCode::kTimeout, command[0] + ": still running after " +
-                                          std::to_string(static_cast<int>(options.timeout_s)) + " s"};
+    return Error{ErrorCode::kTimeout,
+                 command[0] + ": still running after " + std::to_string(static_cast<int>(timeout_s)) + " s"};
   return result;
 }
 

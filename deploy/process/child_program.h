@@ -18,7 +18,7 @@ std::string sibling_program(const std::string& name);
 std::string build_folder();
 
 struct ProgramOptions {
-  double timeout_s = 60;     ///< the program is killed then
+  double timeout_s = 60;     ///< the program is killed then; more in a process of low priority (patience())
   bool echo_stderr = false;  ///< also pass its stderr on, as it comes
   /// Called for every whole line of stdout as it comes; the output is kept all the same.
   std::function<void(const std::string& line)> on_line = {};

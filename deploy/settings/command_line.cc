@@ -109,6 +109,8 @@ struct CommandLine::Parser {
   };
 
   std::vector<Flag> flags;
+  std::vector<std::string>* words = nullptr;  ///< takes what no positional does
+  std::string words_help;
 
   void add(Flag flag) { flags.push_back(std::move(flag)); }
 
@@ -209,6 +211,12 @@ void CommandLine::add_positional(const std::string& name, std::string& target, c
   parser_->add(std::move(flag));
 }
 
+void CommandLine::add_words(const std::string& name, std::vector<std::string>& target,
+                            const std::string& help) {
+  parser_->words = &target;
+  parser_->words_help = help_line(name, help);
+}
+
 Status CommandLine::parse(std::span<const std::string> arguments) {
   const auto bad = [](std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; };
   std::string extras;
@@ -221,6 +229,8 @@ Status CommandLine::parse(std::span<const std::string> arguments) {
     if (!word.starts_with("--")) {
       if (Parser::Flag* positional = parser_->next_positional())
         positional->take(word);
+      else if (parser_->words != nullptr)
+        parser_->words->push_back(word);
       else
         extras += " '" + word + "'";
       continue;
@@ -266,7 +276,7 @@ bool CommandLine::was_typed(const std::string& name) const {
 
 std::string CommandLine::help(const std::optional<ValuesInForce>& values) const {
   std::string text = "usage: comrad " + usage_ + "\n\n" + about_ + "\n";
-  std::string own, settings;
+  std::string own = parser_->words_help, settings;
   std::vector<std::string> idle;
   for (const Parser::Flag& flag : parser_->flags) {
     own += flag.help_text;

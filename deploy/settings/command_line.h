@@ -49,6 +49,9 @@ class CommandLine {
   /// is set.
   void add_positional(const std::string& name, std::string& target, const std::string& help);
 
+  /// All words without dashes that no positional takes; may be none.
+  void add_words(const std::string& name, std::vector<std::string>& target, const std::string& help);
+
   /// With `--help` among them the other arguments are read as well, but none is missing.
   /// Errors: kBadInput naming the argument and, for an unknown flag, the nearest known one.
   Status parse(std::span<const std::string> arguments);

@@ -150,8 +150,8 @@ Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::str
   return checked.output;
 }
 
-Status write_layout_list(const std::string& run_dir, const std::string& text) {
-  const fs::path path = fs::path(run_dir) / kLayoutListFile;
+Status write_layout_list(const std::string& run_dir, const std::string& text, const std::string& file) {
+  const fs::path path = fs::path(run_dir) / file;
   std::error_code error;
   fs::create_directories(path.parent_path(), error);
   return write_file_atomically(path.string(), text, /*durable=*/false);

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/layout_list.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {
@@ -29,6 +30,11 @@ Expected<std::string> ensure_layout(const RunConfig& config, const std::string& 
 Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::string& made_in,
                                          bool for_training);
 
+/// Layouts that a run is evaluated on unless its own are asked for: fresh ones, which no training pool shares.
+constexpr const char* kHeldOutPool = "eval:20";
+/// Where a run that evaluates as it trains keeps their list.
+constexpr const char* kHeldOutListFile = "layouts/held_out.toml";
+
 /// Whether `layout_pool` asks for a pool to be drawn (`train:<count>`, `eval:<count>`) rather than naming
 /// a folder.
 bool is_pool_to_draw(const std::string& layout_pool);
@@ -38,7 +44,8 @@ bool is_pool_to_draw(const std::string& layout_pool);
 Status check_pool_to_draw(const std::string& layout_pool, bool for_training);
 
 /// Puts the list where a run's workers read it. Errors: kNoSpace, kSystem.
-Status write_layout_list(const std::string& run_dir, const std::string& text);
+Status write_layout_list(const std::string& run_dir, const std::string& text,
+                         const std::string& file = kLayoutListFile);
 
 /// The scenario's name for files: the folder's where the scenario is named by a path.
 std::string scenario_file_name(const RunConfig& config);

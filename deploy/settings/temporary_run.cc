@@ -26,7 +26,7 @@ TemporaryFolder::~TemporaryFolder() {
   if (!path_.empty()) std::filesystem::remove_all(path_, error);
 }
 
-Expected<TemporaryRun> TemporaryRun::create(RunConfig& config) {
+Expected<TemporaryRun> TemporaryRun::create(RunConfig& config, std::string layout_list) {
   COMRAD_TRY(find_iwad());
   COMRAD_TRY_ASSIGN(TemporaryFolder folder, TemporaryFolder::create());
   TemporaryRun run(std::move(folder));
@@ -34,9 +34,10 @@ Expected<TemporaryRun> TemporaryRun::create(RunConfig& config) {
   if (config.environment.layout_pool.empty()) {
     COMRAD_TRY_ASSIGN(config.environment.wad, ensure_layout(config, path + "/layouts"));
   } else {
-    COMRAD_TRY_ASSIGN(const std::string list,
-                      ensure_layout_pool(config, path + "/layouts", /*for_training=*/false));
-    COMRAD_TRY(write_layout_list(path, list));
+    if (layout_list.empty()) {
+      COMRAD_TRY_ASSIGN(layout_list, ensure_layout_pool(config, path + "/layouts", /*for_training=*/false));
+    }
+    COMRAD_TRY(write_layout_list(path, layout_list));
   }
   config.run.train_dir = std::filesystem::path(path).parent_path().string();
   config.run.experiment = std::filesystem::path(path).filename().string();

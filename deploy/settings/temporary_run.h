@@ -30,8 +30,9 @@ class TemporaryFolder {
 class TemporaryRun {
  public:
   /// Makes the folder, its map or pool (unless config.environment.wad is set) and config.toml; `config.environment.wad` then names
-  /// the map. Errors: kSystem (folder, disk), those of find_iwad(), ensure_layout() and ensure_layout_pool().
-  static Expected<TemporaryRun> create(RunConfig& config);
+  /// the map. `layout_list` is the text of a pool's list that is known already; empty: the pool is drawn or checked.
+  /// Errors: kSystem (folder, disk), those of find_iwad(), ensure_layout() and ensure_layout_pool().
+  static Expected<TemporaryRun> create(RunConfig& config, std::string layout_list = "");
 
   const std::string& path() const { return folder_.path(); }
 

@@ -71,6 +71,10 @@ class CheckpointStore {
 
   /// Returns the path. Errors: as write_checkpoint.
   Expected<std::string> save(const StateDict& state, uint64_t version, uint64_t env_frames);
+  /// Writes <name>_<version>_<env_frames><more>.pt, which no later save() deletes. Returns the path.
+  /// Errors: as write_checkpoint.
+  Expected<std::string> save_beside(const StateDict& state, const std::string& name, uint64_t version,
+                                    uint64_t env_frames, const std::string& more = "");
   /// Replaces the best checkpoint. Returns the path. Errors: as write_checkpoint.
   Expected<std::string> save_best(const StateDict& state, double score);
 

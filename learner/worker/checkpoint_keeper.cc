@@ -32,7 +32,10 @@ CheckpointKeeper::CheckpointKeeper(const RunConfig& config, const std::string& r
       totals_(totals),
       episodes_(episodes),
       folder_(run_dir + "/checkpoint"),
-      store_(folder_, config.run.keep_checkpoints) {}
+      store_(folder_, config.run.keep_checkpoints),
+      milestone_seconds_(config.run.save_milestones_sec),
+      milestone_frames_(config.run.save_milestones_env_frames),
+      evaluation_frames_(config.run.eval_every_env_frames) {}
 
 Expected<std::optional<CheckpointKeeper::Found>> CheckpointKeeper::find(bool is_reader) {
   std::vector<std::string> candidates;
@@ -60,6 +63,10 @@ Status CheckpointKeeper::resumed_from(const Found& found, PolicyVersion version,
   last_path_ = found.path;
   settled_version_ = version;
   best_score_.reset();
+  const double env_frames = static_cast<double>(totals_.env_frames);
+  milestone_seconds_.start_from(totals_.train_seconds());
+  milestone_frames_.start_from(env_frames);
+  evaluation_frames_.start_from(env_frames);
   if (!is_own) return {};
   if (found.state.has(kEpisodesKey)) return restore_episodes(found);
   // Before there was a window in checkpoints, the luckiest ten episodes made a best one.
@@ -131,8 +138,23 @@ void CheckpointKeeper::prune_replays() const {
   }
 }
 
+void CheckpointKeeper::save_beside(const std::string& name, PolicyVersion version, const std::string& more) {
+  const Expected<std::string> path =
+      store_.save_beside(contents_.state(), name, version, totals_.env_frames, more);
+  if (path)
+    spdlog::info("saved {}", *path);
+  else
+    spdlog::error("{}: {}", name, path.error().message);
+}
+
 void CheckpointKeeper::save_if_due(PolicyVersion version, uint32_t wish) {
   const double now_s = monotonic_s();
+  const double env_frames = static_cast<double>(totals_.env_frames), seconds = totals_.train_seconds();
+  // Before the periodic one: a run that goes on from there has these already.
+  const bool is_milestone = milestone_seconds_.pass(seconds);
+  if (milestone_frames_.pass(env_frames) || is_milestone) save_beside("milestone", version);
+  if (evaluation_frames_.pass(env_frames))
+    save_beside("evaluate", version, "_" + std::to_string(std::llround(seconds)));
   if (last_save_s_ == 0) last_save_s_ = last_best_look_s_ = now_s;
   const bool is_wanted = std::exchange(wish_done_, wish) != wish;
   if (is_wanted || (now_s - last_save_s_ >= config_.run.save_every_sec && !is_settled(version)))

@@ -2,10 +2,13 @@
 // is the learner's.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "learner/checkpoint/checkpoint.h"
 #include "learner/worker/metrics.h"
@@ -22,6 +25,22 @@ struct CheckpointContents {
   /// Writes the replay to `file` in `folder` and its name into the state; empty: there is none to write.
   std::function<Status(StateDict& state, const std::string& folder, const std::string& file)> save_replay;
   std::function<void()> was_saved;  ///< a periodic checkpoint
+};
+
+/// A count that passes the multiples of a number.
+class Milestones {
+ public:
+  /// `every` 0: none.
+  explicit Milestones(double every) : every_(every) {}
+  /// What lies at or below `count` is passed.
+  void start_from(double count) { last_ = index(count); }
+  /// Whether a multiple was passed since the last call.
+  bool pass(double count) { return index(count) > std::exchange(last_, std::max(last_, index(count))); }
+
+ private:
+  double index(double count) const { return every_ > 0 ? std::floor(count / every_) : 0; }
+  double every_;
+  double last_ = 0;
 };
 
 /// Threads: the learner's.
@@ -49,7 +68,9 @@ class CheckpointKeeper {
   /// Writes a periodic checkpoint. Errors: those of CheckpointStore::save and of the replay; they are logged, too.
   Status save(PolicyVersion version);
   /// Does so when save_every_sec are over, or the supervisor's `wish` has grown; and writes a best checkpoint when
-  /// the mean score of a full window of episodes grew. A full disk costs this checkpoint, not the run.
+  /// the mean score of a full window of episodes grew; and those that lie beside them, where it is time: milestones,
+  /// which stay, and what the supervisor evaluates and then deletes (deploy/launch/evaluator.h). A full disk costs
+  /// this checkpoint, not the run.
   void save_if_due(PolicyVersion version, uint32_t wish);
 
   /// Whether `version` needs no checkpoint: it lies in one, or none is to be made of it.
@@ -62,6 +83,8 @@ class CheckpointKeeper {
  private:
   Status restore_episodes(const Found& found);
   void save_if_best();
+  /// Without a replay. What went wrong is logged.
+  void save_beside(const std::string& name, PolicyVersion version, const std::string& more = "");
   /// Removes replays of checkpoints that are no longer kept.
   void prune_replays() const;
 
@@ -76,6 +99,7 @@ class CheckpointKeeper {
   uint32_t wish_done_ = 0;
   double last_save_s_ = 0, last_best_look_s_ = 0;
   std::optional<double> best_score_;
+  Milestones milestone_seconds_, milestone_frames_, evaluation_frames_;
   bool told_of_no_best_ = false;
 };
 

@@ -1,16 +1,9 @@
 #include "learner/worker/metrics.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <numeric>
-
-#include "rollout_buffer/core/clock.h"
-#include "rollout_buffer/core/files.h"
 
 namespace comrad::learn {
 namespace {
@@ -115,50 +108,6 @@ void EpisodeWindow::append_to(MetricValues& values) const {
   if (shares > 0)
     values.emplace_back("policy_stats/avg_true_objective_share", share / static_cast<double>(shares));
   values.emplace_back("stats/rewarded_episodes_fraction", paid / static_cast<double>(window_.size()));
-}
-
-Expected<MetricsWriter> MetricsWriter::open(const std::string& run_dir) {
-  const std::string path = run_dir + "/metrics.jsonl";
-  COMRAD_TRY_ASSIGN(EventFile events, EventFile::create(run_dir));
-  const int descriptor = ::open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-  if (descriptor < 0) return system_error("cannot open " + path);
-  MetricsWriter writer(descriptor, path, std::move(events));
-  const off_t end = lseek(descriptor, 0, SEEK_END);
-  char last = '\n';
-  if (end > 0 && pread(descriptor, &last, 1, end - 1) == 1 && last != '\n')
-    COMRAD_TRY(write_all(descriptor, "\n", path));
-  return writer;
-}
-
-MetricsWriter::MetricsWriter(MetricsWriter&& other) noexcept
-    : descriptor_(std::exchange(other.descriptor_, -1)),
-      path_(std::move(other.path_)),
-      events_(std::move(other.events_)) {}
-
-MetricsWriter& MetricsWriter::operator=(MetricsWriter&& other) noexcept {
-  std::swap(descriptor_, other.descriptor_);
-  std::swap(path_, other.path_);
-  std::swap(events_, other.events_);
-  return *this;
-}
-
-MetricsWriter::~MetricsWriter() {
-  if (descriptor_ >= 0) close(descriptor_);
-}
-
-Status MetricsWriter::write(double time_s, uint64_t env_frames, uint64_t decisions,
-                            const MetricValues& values) {
-  nlohmann::ordered_json line;
-  line["time_s"] = time_s;
-  line["env_frames"] = env_frames;
-  line["decisions"] = decisions;
-  MetricValues finite;
-  for (const auto& [name, value] : values) {
-    line[name] = value;  // nlohmann writes null for what is not finite
-    if (std::isfinite(value)) finite.emplace_back(name, value);
-  }
-  COMRAD_TRY(write_all(descriptor_, line.dump() + "\n", path_));
-  return events_.write(wall_s(), static_cast<int64_t>(env_frames), finite);
 }
 
 }  // namespace comrad::learn

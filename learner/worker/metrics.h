@@ -1,24 +1,18 @@
-// What a run reports about itself: metrics.jsonl and TensorBoard scalars under the same names, episode
-// statistics over the last episodes, and rates over a sliding window. Stage: beside update, for eyes
-// and scripts.
+// What the learner's reports are made from: statistics over the last episodes, and rates over a sliding window.
+// Stage: beside update, for eyes and scripts.
 #pragma once
 
 #include <cstdint>
 #include <deque>
 #include <optional>
 #include <span>
-#include <string>
-#include <utility>
 #include <vector>
 
-#include "learner/worker/event_file.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/metrics/metrics_file.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::learn {
-
-/// Named numbers of one report, in the order they are written.
-using MetricValues = std::vector<std::pair<std::string, double>>;
 
 /// Growth of two counters per second over the last `window_s` seconds.
 class RateWindow {
@@ -81,27 +75,6 @@ class EpisodeWindow {
   int64_t capacity_;
   uint64_t episodes_ = 0;
   std::deque<Episode> window_;
-};
-
-/// Appends reports to <run_dir>/metrics.jsonl and to an event file of this process.
-class MetricsWriter {
- public:
-  /// A half line that a crash left in metrics.jsonl is closed first. Errors: kSystem, kNoSpace.
-  static Expected<MetricsWriter> open(const std::string& run_dir);
-  MetricsWriter(MetricsWriter&& other) noexcept;
-  MetricsWriter& operator=(MetricsWriter&& other) noexcept;
-  ~MetricsWriter();
-
-  /// One object per line: time_s, env_frames, decisions, then `values`; a number that is not finite is null
-  /// there and left out of the event file. Errors: kSystem, kNoSpace.
-  Status write(double time_s, uint64_t env_frames, uint64_t decisions, const MetricValues& values);
-
- private:
-  MetricsWriter(int descriptor, std::string path, EventFile events)
-      : descriptor_(descriptor), path_(std::move(path)), events_(std::move(events)) {}
-  int descriptor_ = -1;
-  std::string path_;
-  EventFile events_;
 };
 
 }  // namespace comrad::learn

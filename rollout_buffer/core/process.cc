@@ -1,9 +1,20 @@
 #include "rollout_buffer/core/process.h"
 
 #include <fcntl.h>
+#include <sched.h>
 #include <signal.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 namespace comrad {
+namespace {
+
+constexpr int kLowestPriority = 19;
+constexpr double kPatienceOfTheLowest = 20;
+constexpr int kIoIdleClass = 3 << 13, kIoOfProcess = 1;  // ioprio_set(2)
+
+}  // namespace
 
 int exit_code(const Error& error) {
   switch (error.code) {
@@ -28,6 +39,15 @@ void prepare_process() {
     if (fcntl(descriptor, F_GETFD) < 0) (void)!open("/dev/null", descriptor == 0 ? O_RDONLY : O_WRONLY);
   signal(SIGPIPE, SIG_IGN);
   signal(SIGXFSZ, SIG_IGN);
+}
+
+void yield_to_others() {
+  setpriority(PRIO_PROCESS, 0, kLowestPriority);
+  syscall(SYS_ioprio_set, kIoOfProcess, 0, kIoIdleClass);  // a wish: not every disk queue knows priorities
+}
+
+double patience() {
+  return getpriority(PRIO_PROCESS, 0) > 0 || sched_getscheduler(0) == SCHED_IDLE ? kPatienceOfTheLowest : 1;
 }
 
 }  // namespace comrad

@@ -19,4 +19,10 @@ int exit_code(const Error& error);
 /// of a silent death.
 void prepare_process();
 
+/// Leaves cores and disks to all others: the lowest priority, for this process and those that it starts from now on.
+void yield_to_others();
+/// How much longer than usual a thing may take: 1, or more in a process that leaves cores to others (by
+/// yield_to_others(), nice(1) or chrt(1)).
+double patience();
+
 }  // namespace comrad

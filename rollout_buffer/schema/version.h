@@ -1,5 +1,5 @@
 // Numbers that two processes must agree on before they share bytes. Change what lies in the arena, bump the version, and
-// add a line to the Format history in rollout_buffer/README.md.
+// add a line to the table of rollout_buffer/FORMATS.md.
 #pragma once
 
 #include <cstddef>

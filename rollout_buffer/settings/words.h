@@ -37,6 +37,13 @@ struct Words<CheckpointKind> {
   static constexpr std::array words = {"latest", "best"};
 };
 
+/// Which maps evaluations play: those that the run trains on, or others that no training pool shares.
+enum class EvalMaps { kTrain, kHeldOut };
+template <>
+struct Words<EvalMaps> {
+  static constexpr std::array words = {"train", "held_out"};
+};
+
 /// How a drawn view becomes a frame.
 enum class Resize { kNone, kNearest, kArea };
 template <>

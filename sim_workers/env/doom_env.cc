@@ -76,6 +76,8 @@ void DoomEnvironment::reset(uint64_t episode_seed) {
   read_reward_variables();
   rewards_.reset(reward_value_);
   std::fill(summary_.agent_return.begin(), summary_.agent_return.end(), 0.0f);
+  std::fill(buttons_.begin(), buttons_.end(), doom::Buttons{});
+  if (watcher_ != nullptr) watcher_->began(*this);
 }
 
 void DoomEnvironment::step(std::span<const int32_t> action) {
@@ -94,13 +96,15 @@ void DoomEnvironment::press(std::span<const doom::Buttons> buttons) {
       step_.terminated = true;
     else if (world_.tic_count() >= limit_tics_)
       step_.truncated = true;
+    if (watcher_ != nullptr && i + 1 < game_->frame_skip && !step_.episode_over()) watcher_->ticked(*this);
   }
   ++step_count_;
   read_reward_variables();
   rewards_.step(reward_value_, step_.reward, reward_pays_);
   for (std::size_t agent = 0; agent < buttons_.size(); ++agent)
     summary_.agent_return[agent] += step_.reward[agent];
-  if (step_.episode_over()) finish_episode();
+  if (step_.episode_over()) fill(summary_);
+  if (watcher_ != nullptr) watcher_->ticked(*this);
 }
 
 double DoomEnvironment::read(int agent, scenarios::GameVariable variable, int agent_stride) const {
@@ -142,14 +146,21 @@ void DoomEnvironment::make_action_mask() {
   }
 }
 
-void DoomEnvironment::finish_episode() {
-  summary_.length_steps = step_count_;
-  summary_.length_tics = static_cast<uint32_t>(world_.tic_count());
+EpisodeSummary DoomEnvironment::summary_so_far() const {
+  EpisodeSummary summary = summary_;
+  fill(summary);
+  return summary;
+}
+
+/// All but the returns, which are counted as rewards come.
+void DoomEnvironment::fill(EpisodeSummary& summary) const {
+  summary.length_steps = step_count_;
+  summary.length_tics = static_cast<uint32_t>(world_.tic_count());
   const std::string& score = game_->spec.score;
   const auto variable = scenarios::find_variable(score);
   float sum = 0.0f;
   for (int agent = 0; agent < game_->num_agents; ++agent) {
-    float& own = summary_.agent_score[agent];
+    float& own = summary.agent_score[agent];
     if (variable) {
       const scenarios::ScenarioSpec& spec = game_->spec;
       double value = read(agent, *variable, spec.score_agent_stride) * spec.score_scale;
@@ -159,13 +170,13 @@ void DoomEnvironment::finish_episode() {
       }
       own = static_cast<float>(value);
     } else if (score == "return")
-      own = summary_.agent_return[agent];
+      own = summary.agent_return[agent];
     else
-      own = static_cast<float>(summary_.length_tics);  // survival_tics
+      own = static_cast<float>(summary.length_tics);  // survival_tics
     sum += own;
   }
-  summary_.score = sum / static_cast<float>(game_->num_agents);
-  summary_.ceiling = static_cast<float>(game_->ceiling);
+  summary.score = sum / static_cast<float>(game_->num_agents);
+  summary.ceiling = static_cast<float>(game_->ceiling);
 }
 
 void DoomEnvironment::observe_numbers(const ObservationTarget& target) const {

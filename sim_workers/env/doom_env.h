@@ -67,6 +67,18 @@ class LayoutLibrary {
   uint64_t clock_ = 0;
 };
 
+class DoomEnvironment;
+
+/// Is shown an environment at every tic that there is something to see; for films.
+class TicWatcher {
+ public:
+  virtual ~TicWatcher() = default;
+  /// An episode begins.
+  virtual void began(const DoomEnvironment& environment) = 0;
+  /// A tic is over. After the last one of a decision rewards and endings are those of the decision.
+  virtual void ticked(const DoomEnvironment& environment) = 0;
+};
+
 /// One environment. Time limits are tics: decision_limit counts decisions of 4 tics whatever frame_skip is,
 /// and the engine's own clock of 10 minutes ends everything; both truncate.
 class DoomEnvironment final : public Environment {
@@ -88,6 +100,13 @@ class DoomEnvironment final : public Environment {
   const EpisodeSummary& summary() const override { return summary_; }
   uint64_t state_hash() const override;
 
+  /// Who sees its tics; null: nobody. Not owned.
+  void show_to(TicWatcher* watcher) { watcher_ = watcher; }
+  /// What each agent [N] holds down since the last step began.
+  std::span<const doom::Buttons> pressed() const { return buttons_; }
+  /// The summary as if the episode ended now.
+  EpisodeSummary summary_so_far() const;
+
   const DoomGame& game() const { return *game_; }
   const doom::World& world() const { return world_; }
   doom::World& world() { return world_; }  ///< for tools that put things elsewhere
@@ -105,7 +124,7 @@ class DoomEnvironment final : public Environment {
   double read(int agent, scenarios::GameVariable variable, int agent_stride = 0) const;
   void make_action_mask();
   void read_reward_variables();
-  void finish_episode();
+  void fill(EpisodeSummary& summary) const;
 
   std::shared_ptr<const DoomGame> game_;
   std::shared_ptr<LayoutLibrary> library_;
@@ -124,6 +143,7 @@ class DoomEnvironment final : public Environment {
   uint32_t step_count_ = 0;
   Step step_;
   EpisodeSummary summary_;
+  TicWatcher* watcher_ = nullptr;
 };
 
 /// A worker's environments and their one renderer.
@@ -151,6 +171,9 @@ class DoomEnvironmentSet final : public EnvironmentSet {
 
 /// make_doom_environments() by its own type.
 Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const EnvironmentOptions& options);
+
+/// How a scenario's views are drawn, at a size.
+doom::RenderOptions render_options(const scenarios::ScenarioSpec& spec, ViewSize size);
 
 /// Reads the scenario and its WAD: everything of a set but its renderer.
 /// Errors: kNotFound, kBadFormat, kBadInput as make_doom_environments().

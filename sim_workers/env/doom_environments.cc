@@ -8,6 +8,17 @@ Error bad_input(std::string message) { return Error{ErrorCode::kBadInput, std::m
 
 }  // namespace
 
+doom::RenderOptions render_options(const scenarios::ScenarioSpec& spec, ViewSize size) {
+  doom::RenderOptions render;
+  render.width = size.width;
+  render.height = size.height;
+  render.status_bar = spec.hud;
+  render.crosshair = spec.crosshair;
+  render.screen_flashes = spec.screen_flashes;
+  render.weapon = spec.weapon;
+  return render;
+}
+
 Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const EnvironmentOptions& options) {
   if (options.count < 1 || options.count > 4096)
     return bad_input("num_envs_per_worker is " + std::to_string(options.count) + "; it must lie in 1..4096");
@@ -25,17 +36,9 @@ Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const En
     COMRAD_TRY_ASSIGN(game, library->game(0));
   }
   // Layouts of one scenario bring the same pictures; those of a pool's last WAD win.
-  COMRAD_TRY_ASSIGN(auto art, doom::ArtArchive::open({}, options.layouts.empty()
-                                                             ? std::vector<std::string>{options.wad_path}
-                                                             : options.layouts));
-  doom::RenderOptions render;
-  render.width = render_size.width;
-  render.height = render_size.height;
-  render.status_bar = game->spec.hud;
-  render.crosshair = game->spec.crosshair;
-  render.screen_flashes = game->spec.screen_flashes;
-  render.weapon = game->spec.weapon;
-  COMRAD_TRY_ASSIGN(std::unique_ptr<doom::Renderer> renderer, doom::Renderer::create(art, render));
+  COMRAD_TRY_ASSIGN(auto art, doom::ArtArchive::open({}, options.wads()));
+  COMRAD_TRY_ASSIGN(std::unique_ptr<doom::Renderer> renderer,
+                    doom::Renderer::create(art, render_options(game->spec, render_size)));
   COMRAD_TRY(renderer->prepare(game->level, game->catalog));
   return std::make_unique<DoomEnvironmentSet>(std::move(game), std::move(renderer), options.count,
                                               render_size, filter, std::move(library));

@@ -87,6 +87,11 @@ struct EnvironmentOptions {
   std::string render_size = "128x72";
   Resize resize = Resize::kNone;
   std::string reward = {};  ///< weights in place of the scenario's (the setting of that name)
+
+  /// All files to play from.
+  std::vector<std::string> wads() const {
+    return layouts.empty() ? std::vector<std::string>{wad_path} : layouts;
+  }
 };
 
 /// Makes `count` environments of a scenario (env/doom_env.cc). Errors: kNotFound (scenario, WAD,

@@ -75,13 +75,8 @@ Expected<std::string> draw_row(const std::string& name, const GalleryOptions& op
   std::error_code ignored;
   std::filesystem::remove(path, ignored);
   if (!art) return art.error();
-  doom::RenderOptions render;
-  render.width = options.width, render.height = options.height;
-  render.status_bar = spec.hud;
-  render.crosshair = spec.crosshair;
-  render.weapon = spec.weapon;
-  render.screen_flashes = spec.screen_flashes;
-  COMRAD_TRY_ASSIGN(const auto renderer, doom::Renderer::create(*art, render));
+  COMRAD_TRY_ASSIGN(const auto renderer,
+                    doom::Renderer::create(*art, sim::render_options(spec, {options.width, options.height})));
   COMRAD_TRY(renderer->prepare(game->level, game->catalog));
 
   sim::DoomEnvironment environment(game);

@@ -238,6 +238,26 @@ TEST_F(SmallProjectWithTools, InstallsWhatTheTestsNeedOnce) {
   EXPECT_THAT(take_asked_for("python"), HasSubstr(" numpy==3\n")) << "a list that changed is read again";
 }
 
+TEST_F(SmallProjectWithTools, InstallsWhatPlotsNeedForPlotsAndTests) {
+  write("deploy/packages_report.txt", "clang\n");
+  EXPECT_EQ(run_with_tools({"plot", "--help"}).exit_code, 0);
+  EXPECT_EQ(take_asked_for("apt"), "") << "help installs nothing";
+  write("full", "no network");
+  const Ending without = run_with_tools({"plot", "RUN"});
+  EXPECT_EQ(without.exit_code, 0) << "the program says what it misses: " << without.err;
+  EXPECT_THAT(without.err, HasSubstr("apt-get install --no-install-recommends clang"));
+  fs::remove(home_ / "full");
+  take_asked_for("apt");
+  EXPECT_THAT(run_with_tools({"plot", "RUN"}).err, HasSubstr("deploy/packages_report.txt: clang"));
+  EXPECT_EQ(take_asked_for("apt"), "update -q\ninstall -q -y --no-install-recommends clang\n");
+  EXPECT_EQ(run_with_tools({"plot", "RUN"}).err, "");
+  EXPECT_EQ(take_asked_for("apt"), "") << "once";
+  EXPECT_EQ(run_with_tools({"train"}).err, "");
+  EXPECT_EQ(take_asked_for("apt"), "") << "nobody else needs it";
+  run_with_tools({"test"});
+  EXPECT_THAT(take_asked_for("apt"), HasSubstr("install -q -y --no-install-recommends clang\n"));
+}
+
 TEST_F(SmallProjectWithTools, GoesOnWhereTheTestsNeedWhatCannotBeHad) {
   write("deploy/packages_test.txt", "clang\n");
   write("deploy/requirements_test.txt", "numpy==1\ntorch==2\n");

@@ -108,8 +108,8 @@ std::set<std::string> programs_named_in(const std::filesystem::path& folder) {
 TEST(Programs, AFreshBuildHasEachThatTheLauncherStarts) {
   const std::set<std::string> started = programs_named_in(COMRAD_SOURCE_DIR "/deploy");
   EXPECT_THAT(started, IsSupersetOf({"comrad-acs", "comrad-bench-replay", "comrad-doomgen", "comrad-learner",
-                                     "comrad-policy-worker", "comrad-scenarios", "comrad-sim-worker",
-                                     "comrad-trace"}));
+                                     "comrad-policy-worker", "comrad-scenarios", "comrad-sim-film",
+                                     "comrad-sim-worker", "comrad-trace"}));
   // What `cmake --build . --target programs` makes, by the build system's own word.
   const std::string build = std::filesystem::path(COMRAD_BIN_DIR).parent_path().string();
   const Ending query =

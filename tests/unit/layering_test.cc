@@ -45,7 +45,7 @@ const std::map<std::string, std::vector<std::string>>& layers_inside() {
       {"rollout_buffer", {"core", "settings", "schema", "shm"}},
       {"sim_workers",
        {"engine/actors", "engine/map", "engine/world", "engine/play", "engine/specials", "engine/acs",
-        "engine/tic", "engine/render", "env", "oracle", "worker", "trace"}},
+        "engine/tic", "engine/render", "env", "oracle", "worker", "film", "trace"}},
       {"learner", {"batch", "estimators", "critics", "checkpoint", "algorithms", "curriculum", "worker"}},
   };
   return layers;
@@ -65,7 +65,8 @@ const std::vector<Library>& libraries() {
        {"dds/", "ddsc/", "org/eclipse/cyclonedds", "comrad.h"},
        {"rollout_buffer/dds/"}},
       {"OpenGL, OSMesa and EGL", "libosmesa6-dev", {"GL/", "EGL/", "GLES"}, {"sim_workers/engine/render/"}},
-      {"OpenCV", "libopencv-imgproc-dev", {"opencv2/"}, {"sim_workers/env/"}},
+      {"OpenCV's video", "libopencv-videoio-dev", {"opencv2/videoio"}, {"sim_workers/film/"}},
+      {"OpenCV", "libopencv-imgproc-dev", {"opencv2/"}, {"sim_workers/env/", "sim_workers/film/"}},
       {"libpng", "libpng-dev", {"png.h"}, {"sim_workers/engine/render/"}},
       {"libtorch", "libtorch-dev", {"torch/", "ATen/", "c10/", "caffe2/"}, {"policy_workers/", "learner/"}},
       {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/commands/"}},
@@ -279,6 +280,8 @@ TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   EXPECT_TRUE(is_fault("sim_workers/worker/main.cc", "torch/torch.h", false));
   EXPECT_TRUE(is_fault("learner/worker/main.cc", "dds/dds.h", false));
   EXPECT_TRUE(is_fault("sim_workers/env/doom_env.cc", "GL/osmesa.h", false));
+  EXPECT_TRUE(is_fault("sim_workers/worker/main.cc", "opencv2/videoio.hpp", false));
+  EXPECT_FALSE(is_fault("sim_workers/film/film.cc", "opencv2/videoio.hpp", false));
   EXPECT_TRUE(is_fault("learner/batch/collate.cc", "../estimators/gae.h"));
   EXPECT_TRUE(is_fault("sim_workers/env/doom_env.cc", "tests/support/toy_environment.h"));
   EXPECT_FALSE(is_fault("sim_workers/env/doom_env.cc", "scenarios/spec/scenario_spec.h"));

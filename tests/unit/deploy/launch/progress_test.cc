@@ -41,6 +41,33 @@ TEST(TrainingLine, LeavesOutWhatIsNotKnownYet) {
   EXPECT_EQ(training_line(progress), "2k/1k env frames (200.0%), ETA 0s | 10 env frames/s, 0 decisions/s");
 }
 
+TEST(TrainingLine, SaysThatNoEpisodeHasEndedAndWhenOneMust) {
+  TrainingProgress progress;
+  progress.env_frames = 512;
+  progress.decision_limit = 4500;
+  EXPECT_EQ(training_line(progress),
+            "512 env frames | 0 env frames/s, 0 decisions/s | no episode ended yet (limit 4 500 decisions)");
+  progress.decision_limit = 0;
+  EXPECT_THAT(training_line(progress), ::testing::EndsWith("| no episode ended yet"));
+}
+
+TEST(TrainingLine, ShowsTheLastEvaluationBehindTheTrainingScore) {
+  TrainingProgress progress;
+  progress.env_frames = 512;
+  progress.score_mean = 3;
+  progress.evaluated = "eval J 4.0 at 1M";
+  EXPECT_THAT(training_line(progress), ::testing::EndsWith("| J 3.0 | eval J 4.0 at 1M"));
+}
+
+TEST(WholeText, GroupsThreeDigits) {
+  EXPECT_EQ(whole_text(0), "0");
+  EXPECT_EQ(whole_text(999), "999");
+  EXPECT_EQ(whole_text(1000), "1 000");
+  EXPECT_EQ(whole_text(4500), "4 500");
+  EXPECT_EQ(whole_text(123456), "123 456");
+  EXPECT_EQ(whole_text(12345678), "12 345 678");
+}
+
 TEST(TrainingLine, SaysHowFullTheReplayIsUntilLearningBegins) {
   TrainingProgress progress;
   progress.env_frames = 24'400;

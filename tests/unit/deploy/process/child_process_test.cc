@@ -60,6 +60,19 @@ TEST(ChildProcess, CountsTheProcessorTimeOfAChildWhileItRunsAndAfterwards) {
   EXPECT_GE(moved.cpu_seconds(), running_s - 0.011);
 }
 
+TEST(ChildProcess, OutputMayGoElsewhereAndErrorsStillComeBack) {
+  int ends[2];
+  ASSERT_EQ(pipe2(ends, O_CLOEXEC), 0);
+  ChildOptions options = shell("echo result; echo warning >&2");
+  options.output = ends[1];
+  EXPECT_THAT(run_shell(options), ElementsAre("warning"));
+  close(ends[1]);
+  char bytes[32] = {};
+  EXPECT_EQ(read(ends[0], bytes, sizeof bytes), 7);
+  EXPECT_STREQ(bytes, "result\n");
+  close(ends[0]);
+}
+
 TEST(ChildProcess, ControlCharactersDoNotReachTheTerminal) {
   EXPECT_THAT(run_shell(shell("printf 'a\\033[2Jb\\r\\n'")), ElementsAre("a [2Jb"));
 }

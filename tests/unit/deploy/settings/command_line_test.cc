@@ -102,6 +102,18 @@ TEST(CommandLine, RefusesStrayWords) {
   EXPECT_THAT(parse(line, {"ippo"}), HasSubstr("'ippo'"));
 }
 
+TEST(CommandLine, TakesAnyNumberOfWordsWhereACommandWantsThem) {
+  std::string first;
+  Words runs;
+  CommandLine line("plot", "");
+  line.add_positional("FIRST", first, "a word");
+  line.add_words("RUN", runs, "runs to draw");
+  ASSERT_EQ(parse(line, {"a", "b", "--seed", "7", "c"}), "");
+  EXPECT_EQ(first, "a");
+  EXPECT_THAT(runs, ElementsAre("b", "c"));
+  EXPECT_THAT(line.help(), HasSubstr("runs to draw"));
+}
+
 TEST(CommandLine, RefusesAPositionalThatIsMissing) {
   CommandLine line("bench WHAT", "");
   std::string what;

@@ -12,7 +12,7 @@ using ::testing::UnorderedElementsAre;
 
 const std::string kGood = R"({"name":"two_rooms","title":"Two Rooms","num_agents":2,"supported_agents":[2,4],
   "heads":[3,4],"head_buttons":[["A","B"],["C","D","E"]],"measurements":7,"decision_limit":2100,"ceiling":8400,
-  "shared_reward_alpha":0.5,"score":"survival_tics","training":{"small.ippo.batch_size":"1024","paper.vdn.gamma":0.9}})";
+  "shared_reward_alpha":0.5,"score":"survival_tics","rewards":[{"name":"own_death"},{"name":"kit_taken"}],"training":{"small.ippo.batch_size":"1024","paper.vdn.gamma":0.9}})";
 
 std::string replaced(std::string text, const std::string& from, const std::string& to) {
   return text.replace(text.find(from), from.size(), to);
@@ -29,6 +29,7 @@ TEST(ParseDescription, ReadsEveryField) {
   EXPECT_EQ(scenario->decision_limit, 2100);
   EXPECT_EQ(scenario->ceiling, 8400);
   EXPECT_EQ(scenario->shared_reward_alpha, 0.5);
+  EXPECT_THAT(scenario->rewards, testing::ElementsAre("own_death", "kit_taken"));
   EXPECT_EQ(scenario->training.origin, "scenario two_rooms");
   EXPECT_THAT(scenario->training.values,
               UnorderedElementsAre(Pair("small.ippo.batch_size", "1024"), Pair("paper.vdn.gamma", "0.9")));
@@ -41,6 +42,7 @@ TEST(ParseDescription, NamesTheKeyThatIsMissingOrOfTheWrongType) {
            {R"("supported_agents":[2,4])", R"("supported_agents":[2,"x"])", "supported_agents"},
            {R"("heads":[3,4])", R"("heads":[])", "heads"},
            {R"("heads":[3,4])", R"("heads":[3,3,3,3,3,3,3,3,3])", "heads"},
+           {R"("rewards":[{"name":"own_death"})", R"("rewards":[{"title":"own_death"})", "name"},
            {R"("training":{)", R"("training":[{)", "output"}}) {
     const auto scenario = parse_description(replaced(kGood, from, to));
     ASSERT_FALSE(scenario) << to;

@@ -30,7 +30,7 @@ TEST(Oracle, IsFoundByTheScenariosName) {
   ASSERT_NE(game, nullptr);
   EXPECT_TRUE(make_oracle(*game));
   DoomGame stranger = *game;
-  stranger.spec.name = "unheard_of";
+  stranger.spec.name = stranger.spec.maps_of = "unheard_of";
   const auto none = make_oracle(stranger);
   ASSERT_FALSE(none);
   EXPECT_EQ(none.error().code, ErrorCode::kNotFound);

@@ -1,4 +1,4 @@
-#include "learner/worker/event_file.h"
+#include "rollout_buffer/metrics/event_file.h"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -10,7 +10,7 @@
 #include "rollout_buffer/core/files.h"
 #include "tensorboard_event.pb.h"
 
-namespace comrad::learn {
+namespace comrad {
 namespace {
 
 constexpr std::array<uint32_t, 256> make_crc_table() {
@@ -90,4 +90,4 @@ Status EventFile::write(double wall_time_s, int64_t step,
   return write_all(descriptor_, frame_record(event.SerializeAsString()), path_);
 }
 
-}  // namespace comrad::learn
+}  // namespace comrad

@@ -10,7 +10,7 @@
 
 #include "rollout_buffer/core/expected.h"
 
-namespace comrad::learn {
+namespace comrad {
 
 /// CRC-32C (Castagnoli, reflected polynomial 0x82F63B78) as TFRecord stores it: rotated right by 15, plus
 /// a constant.
@@ -39,4 +39,4 @@ class EventFile {
   std::string path_;
 };
 
-}  // namespace comrad::learn
+}  // namespace comrad

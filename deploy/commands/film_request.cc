@@ -1,0 +1,64 @@
+#include "deploy/commands/film_request.h"
+
+#include <charconv>
+#include <filesystem>
+
+#include "deploy/commands/output_check.h"
+
+namespace comrad::deploy {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kDefaultSize = "640x360";
+constexpr int kWidthMin = 128, kHeightMin = 72, kWidthMax = 1920, kHeightMax = 1080;
+
+Status check_size(const std::string& text) {
+  int width = 0, height = 0;
+  const char* const end = text.data() + text.size();
+  const auto first = std::from_chars(text.data(), end, width);
+  if (first.ec == std::errc() && first.ptr != end && *first.ptr == 'x') {
+    const auto second = std::from_chars(first.ptr + 1, end, height);
+    if (second.ec == std::errc() && second.ptr == end && width >= kWidthMin && width <= kWidthMax &&
+        height >= kHeightMin && height <= kHeightMax)
+      return {};
+  }
+  return bad_value("size", text,
+                   "write WIDTHxHEIGHT of one agent's view, from 128x72 to 1920x1080, for example 640x360");
+}
+
+Expected<std::string> check_frames(const std::string& frames) {
+  std::error_code error;
+  fs::path path = fs::absolute(frames, error).lexically_normal();
+  if (!path.has_filename()) path = path.parent_path();
+  if (!fs::exists(path, error)) {
+    COMRAD_TRY(check_output_folder("frames", frames, path.parent_path().string()));
+    return path.string();
+  }
+  COMRAD_TRY(check_output_folder("frames", frames, path.string()));
+  if (!fs::is_empty(path, error))
+    return bad_value("frames", frames,
+                     "the folder holds files already, which pictures of this film would mix with");
+  return path.string();
+}
+
+}  // namespace
+
+Expected<FilmPlan> check_films(const FilmRequest& request) {
+  FilmPlan plan;
+  if (request.video.empty() && request.frames.empty()) {
+    if (request.size.empty()) return plan;
+    return bad_value("size", request.size, "it is the size of films; add --save_video FILE or --frames DIR");
+  }
+  plan.size = request.size.empty() ? kDefaultSize : request.size;
+  COMRAD_TRY(check_size(plan.size));
+  if (!request.video.empty()) {
+    COMRAD_TRY_ASSIGN(plan.video, check_output_file("save_video", request.video, {".mp4", ".mkv"}));
+  }
+  if (!request.frames.empty()) {
+    COMRAD_TRY_ASSIGN(plan.frames, check_frames(request.frames));
+  }
+  return plan;
+}
+
+}  // namespace comrad::deploy

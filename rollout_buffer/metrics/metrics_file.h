@@ -1,0 +1,45 @@
+// metrics.jsonl of a run, and TensorBoard scalars under the same names. The learner writes its reports here, the
+// supervisor the scores of evaluations: each its own lines of the one file, each its own event file.
+// Stage: beside update, for eyes and scripts.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/metrics/event_file.h"
+
+namespace comrad {
+
+/// Named numbers of one report, in the order they are written.
+using MetricValues = std::vector<std::pair<std::string, double>>;
+
+/// Where the file lies in a run directory.
+constexpr const char* kMetricsFile = "metrics.jsonl";
+
+/// Appends reports to <run_dir>/metrics.jsonl and to an event file of this process.
+class MetricsWriter {
+ public:
+  /// The event file comes into `events_folder`, which is made; empty: into the run directory. TensorBoard follows one
+  /// event file a folder, so a second writer needs a folder of its own. Errors: kSystem, kNoSpace.
+  static Expected<MetricsWriter> open(const std::string& run_dir, const std::string& events_folder = "");
+  MetricsWriter(MetricsWriter&& other) noexcept;
+  MetricsWriter& operator=(MetricsWriter&& other) noexcept;
+  ~MetricsWriter();
+
+  /// One object per line: time_s, env_frames, decisions, then `values`; a number that is not finite is null
+  /// there and left out of the event file. A half line that a crash or a full disk left is closed first. The line is
+  /// appended by one call, so that two writers do not mix theirs. Errors: kSystem, kNoSpace.
+  Status write(double time_s, uint64_t env_frames, uint64_t decisions, const MetricValues& values);
+
+ private:
+  MetricsWriter(int descriptor, std::string path, EventFile events)
+      : descriptor_(descriptor), path_(std::move(path)), events_(std::move(events)) {}
+  int descriptor_ = -1;
+  std::string path_;
+  EventFile events_;
+};
+
+}  // namespace comrad

@@ -1,0 +1,44 @@
+// comrad-sim-film: a simulator process of an evaluation that films what it plays.
+#include <CLI/CLI.hpp>
+
+#include "sim_workers/film/film.h"
+#include "sim_workers/worker/sim_program.h"
+
+namespace {
+
+using namespace comrad;
+
+Expected<std::unique_ptr<sim::Film>> film_of(sim::FilmOptions options, const std::string& size,
+                                             const sim::EnvironmentOptions& environment,
+                                             sim::DoomEnvironmentSet& environments) {
+  if (environments.size() != 1)
+    return Error{ErrorCode::kBadInput, "a film shows one environment; --num_envs_per_worker must be 1"};
+  COMRAD_TRY_ASSIGN(options.size, sim::parse_view_size(size));
+  COMRAD_TRY_ASSIGN(std::unique_ptr<sim::Film> film,
+                    sim::Film::create(options, environment, environments.at(0).game()));
+  environments.at(0).show_to(film.get());
+  return film;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  shm::WorkerShell shell({.name = "comrad-sim-film",
+                          .role = "sim",
+                          .description =
+                              "A simulator process of an evaluation that films its one environment; "
+                              "comrad eval --save_video and --frames start it."});
+  sim::FilmOptions options;
+  std::string size = "640x360";
+  shell.flags().add_option("--film_video", options.video, "video file, .mp4 or .mkv");
+  shell.flags().add_option("--film_frames", options.frames, "folder for one picture a decision");
+  shell.flags().add_option("--film_size", size, "of one agent's view");
+  std::unique_ptr<sim::Film> film;
+  return sim::run_sim_program(argc, argv, shell,
+                              {.prepare = [&](const sim::EnvironmentOptions& environment,
+                                              sim::DoomEnvironmentSet& environments) -> Status {
+                                 COMRAD_TRY_ASSIGN(film, film_of(options, size, environment, environments));
+                                 return {};
+                               },
+                               .finish = [&] { return film->finish(); }});
+}

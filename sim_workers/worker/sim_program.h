@@ -1,0 +1,23 @@
+// What comrad-sim-worker does, and comrad-sim-film, which does the same and films it.
+// Stage: tic > render > commit, step > append > seal.
+#pragma once
+
+#include <functional>
+
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/shm/worker_shell.h"
+#include "sim_workers/env/doom_env.h"
+
+namespace comrad::sim {
+
+/// What a program adds to the simulator; both may be empty.
+struct SimProgram {
+  /// The environments are made, nothing is played yet.
+  std::function<Status(const EnvironmentOptions& options, DoomEnvironmentSet& environments)> prepare;
+  std::function<Status()> finish;  ///< the run is over
+};
+
+/// Reads the command line and does what it says: a run's simulator, or its benchmark. Gives the exit code.
+int run_sim_program(int argc, char** argv, shm::WorkerShell& shell, const SimProgram& program);
+
+}  // namespace comrad::sim

@@ -1,0 +1,63 @@
+#include "deploy/commands/film_request.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "tests/support/scratch_folder.h"
+
+namespace comrad::deploy {
+namespace {
+
+using ::testing::HasSubstr;
+
+TEST(FilmRequest, NothingAskedForIsNoFilm) {
+  const Expected<FilmPlan> plan = check_films({});
+  ASSERT_TRUE(plan);
+  EXPECT_FALSE(plan->is_wanted());
+}
+
+TEST(FilmRequest, PathsBecomeAbsoluteAndTheSizeHasADefault) {
+  const test::ScratchFolder folder;
+  const Expected<FilmPlan> plan =
+      check_films({.video = (folder / "a.MP4").string(), .frames = (folder / "new/").string(), .size = ""});
+  ASSERT_TRUE(plan) << plan.error().message;
+  EXPECT_TRUE(plan->is_wanted());
+  EXPECT_EQ(plan->video, (folder / "a.MP4").string());
+  EXPECT_EQ(plan->frames, (folder / "new").string());
+  EXPECT_EQ(plan->size, "640x360");
+  EXPECT_FALSE(std::filesystem::exists(folder / "new")) << "nothing is made yet";
+  EXPECT_TRUE(std::filesystem::path(check_films({.video = "b.mkv"})->video).is_absolute());
+}
+
+TEST(FilmRequest, WhatCannotBeWrittenIsRefusedByFlag) {
+  const test::ScratchFolder folder;
+  std::filesystem::create_directory(folder / "x.mp4");
+  std::ofstream(folder / "file") << "1";
+  const std::string good = (folder / "a.mp4").string();
+  for (const auto& [request, words] : std::vector<std::pair<FilmRequest, std::string>>{
+           {{.video = (folder / "a.gif").string()}, "--save_video="},
+           {{.video = (folder / "a").string()}, ".mp4, .mkv"},
+           {{.video = (folder / "x.mp4").string()}, "a folder of that name"},
+           {{.video = (folder / "nowhere/a.mp4").string()}, "nowhere is no folder"},
+           {{.frames = (folder / "nowhere/frames").string()}, "--frames="},
+           {{.frames = folder.string()}, "holds files already"},
+           {{.frames = (folder / "file").string()}, "is no folder"},
+           {{.video = good, .size = "640"}, "--size=640:"},
+           {{.video = good, .size = "640x"}, "WIDTHxHEIGHT"},
+           {{.video = good, .size = "640x360x3"}, "WIDTHxHEIGHT"},
+           {{.video = good, .size = "127x72"}, "from 128x72 to 1920x1080"},
+           {{.video = good, .size = "1920x1081"}, "from 128x72 to 1920x1080"},
+           {{.video = good, .size = "-640x-360"}, "--size"},
+           {{.size = "640x360"}, "add --save_video FILE or --frames DIR"}}) {
+    const Expected<FilmPlan> plan = check_films(request);
+    ASSERT_FALSE(plan) << words;
+    EXPECT_EQ(plan.error().code, ErrorCode::kBadInput);
+    EXPECT_THAT(plan.error().message, HasSubstr(words));
+  }
+}
+
+}  // namespace
+}  // namespace comrad::deploy

@@ -1,0 +1,216 @@
+#include "deploy/launch/evaluator.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/files.h"
+#include "tests/support/scratch_folder.h"
+
+namespace comrad::deploy {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+namespace fs = std::filesystem;
+
+constexpr const char* kResult =
+    R"({"J_mean": 12.5, "J_ci95": 1.5, "return_mean": 3, "length_tics_mean": 40, "J_share": null, "episodes": 2,
+        "each": [{"J": 12}, {"J": 13}]})";
+
+TEST(SnapshotName, IsReadBackWholeOrNotAtAll) {
+  const std::optional<Snapshot> snapshot = parse_snapshot_name("evaluate_000000081_331776_12.pt");
+  ASSERT_TRUE(snapshot);
+  EXPECT_EQ(snapshot->version, 81u);
+  EXPECT_EQ(snapshot->env_frames, 331776u);
+  EXPECT_EQ(snapshot->train_seconds, 12u);
+  for (const char* other : {"checkpoint_000000081_331776.pt", "milestone_000000081_331776.pt",
+                            "evaluate_81_33.pt", "evaluate_81_33_1.pt.broken", ".tmp-1-evaluate_81_33_1.pt",
+                            "evaluate_-1_33_1.pt", "evaluate_99999999999999999999_1_1.pt", ""})
+    EXPECT_FALSE(parse_snapshot_name(other)) << other;
+}
+
+TEST(EvaluationMetrics, AreThoseOfTheObjectThatEvalPrints) {
+  const Expected<MetricValues> values = evaluation_metrics(kResult);
+  ASSERT_TRUE(values) << values.error().message;
+  EXPECT_EQ(*values, (MetricValues{{"eval/J", 12.5},
+                                   {"eval/J_ci95", 1.5},
+                                   {"eval/return", 3},
+                                   {"eval/length", 40},
+                                   {"eval/episodes", 2},
+                                   {"eval/J_min", 12},
+                                   {"eval/J_max", 13}}));
+  for (const char* broken :
+       {"", "[]", "{", "{}", R"({"J_mean": "12"})",
+        R"({"J_mean": null, "J_ci95": 1, "return_mean": 3, "length_tics_mean": 4, "J_share": 1,
+                                 "episodes": 2})"})
+    EXPECT_FALSE(evaluation_metrics(broken)) << broken;
+}
+
+/// A run directory, and a program `comrad` that does what a script says.
+class EvaluatorTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    plan_.run_dir = (folder_ / "run").string();
+    plan_.bin_dir = (folder_ / "bin").string();
+    plan_.config.run.eval_every_env_frames = 1000;
+    plan_.config.run.eval_episodes = 2;
+    plan_.config.environment.env_frameskip = 4;
+    fs::create_directories(plan_.run_dir + "/checkpoint");
+    fs::create_directories(plan_.bin_dir);
+    comrad_says("echo \"$@\" >>'" + asked() + "'; echo $TMPDIR >'" + (folder_ / "tmpdir").string() +
+                "'; cat <<X\n" + kResult + "\nX");
+  }
+
+  std::string asked() const { return (folder_ / "asked").string(); }
+  void comrad_says(const std::string& script) {
+    const std::string path = plan_.bin_dir + "/comrad";
+    std::ofstream(path) << "#!/bin/sh\n" << script << "\n";
+    fs::permissions(path, fs::perms::owner_all);
+  }
+  std::string save(uint64_t version, uint64_t env_frames) {
+    const std::string path = plan_.run_dir + "/checkpoint/evaluate_" + std::to_string(version) + "_" +
+                             std::to_string(env_frames) + "_7.pt";
+    std::ofstream(path) << "a checkpoint";
+    return path;
+  }
+  /// Turns until nothing is left to do.
+  std::vector<std::string> run_out(Evaluator& evaluator) {
+    std::vector<std::string> words;
+    evaluator.hurry();
+    const double give_up_s = monotonic_s() + 60;
+    do {
+      for (std::string& text : evaluator.tick(monotonic_s())) words.push_back(std::move(text));
+      usleep(2'000);
+    } while (evaluator.is_busy() && monotonic_s() < give_up_s);
+    EXPECT_FALSE(evaluator.is_busy());
+    return words;
+  }
+  std::vector<nlohmann::json> metrics() const {
+    std::vector<nlohmann::json> reports;
+    std::ifstream lines(plan_.run_dir + "/metrics.jsonl");
+    for (std::string line; std::getline(lines, line);) reports.push_back(nlohmann::json::parse(line));
+    return reports;
+  }
+
+  const test::ScratchFolder folder_;
+  LaunchPlan plan_;
+};
+
+TEST_F(EvaluatorTest, PlaysACheckpointWritesItsScoreAndDeletesIt) {
+  Evaluator evaluator(plan_);
+  EXPECT_FALSE(evaluator.is_busy());
+  const std::string path = save(3, 1024);
+  EXPECT_THAT(
+      run_out(evaluator),
+      ElementsAre("evaluated at 1k env frames: J 12.5 +- 1.5 over 2 greedy episodes on the run's maps"));
+  EXPECT_EQ(evaluator.last_text(), "eval J 12.5 at 1k");
+  EXPECT_FALSE(fs::exists(path));
+  const std::vector<nlohmann::json> reports = metrics();
+  ASSERT_EQ(reports.size(), 1u);
+  EXPECT_EQ(reports[0]["env_frames"], 1024);
+  EXPECT_EQ(reports[0]["decisions"], 256);
+  EXPECT_EQ(reports[0]["time_s"], 7);
+  EXPECT_EQ(reports[0]["eval/J"], 12.5);
+  EXPECT_EQ(reports[0]["eval/version"], 3);
+  EXPECT_FALSE(fs::is_empty(plan_.run_dir + "/eval")) << "no event file of its own";
+  const std::string asked_for = read_file(asked()).value_or("");
+  for (const std::string& words :
+       {"eval --policy " + plan_.run_dir, "--checkpoint " + path, std::string("--episodes 2"),
+        std::string("--maps train"), std::string("--background"), std::string("--json")})
+    EXPECT_THAT(asked_for, HasSubstr(words));
+  EXPECT_THAT(read_file((folder_ / "tmpdir").string()).value_or(""), HasSubstr(plan_.run_dir))
+      << "what a killed evaluation leaves would not be found";
+}
+
+TEST_F(EvaluatorTest, NoPointIsPlayedTwiceWhateverIsKilled) {
+  {
+    Evaluator evaluator(plan_);
+    save(3, 1024);
+    run_out(evaluator);
+    save(4, 1999);  // the learner went back and passed 1 000 again
+    EXPECT_THAT(run_out(evaluator), IsEmpty());
+  }
+  save(5, 1500);  // and again, in a later life of the run
+  save(9, 2004);
+  Evaluator evaluator(plan_);
+  EXPECT_EQ(run_out(evaluator).size(), 1u);
+  const std::vector<nlohmann::json> reports = metrics();
+  ASSERT_EQ(reports.size(), 2u);
+  EXPECT_EQ(reports[0]["env_frames"], 1024);
+  EXPECT_EQ(reports[1]["env_frames"], 2004);
+  EXPECT_TRUE(fs::is_empty(plan_.run_dir + "/checkpoint"));
+}
+
+TEST_F(EvaluatorTest, ACheckpointThatCannotBePlayedIsToldAndTheRunGoesOn) {
+  comrad_says("echo 'comrad eval: error: learner cannot run: bad checkpoint' >&2; exit 2");
+  Evaluator evaluator(plan_);
+  save(3, 1024);
+  EXPECT_THAT(run_out(evaluator),
+              ElementsAre(AllOf(HasSubstr("at 1k env frames failed (exit code 2"),
+                                HasSubstr("bad checkpoint"), HasSubstr("the run goes on"))));
+  EXPECT_TRUE(fs::is_empty(plan_.run_dir + "/checkpoint")) << "it would fail again";
+  comrad_says("echo '{}'");
+  save(4, 2048);
+  EXPECT_THAT(run_out(evaluator), ElementsAre(HasSubstr("gave no number J_mean")));
+  comrad_says(std::string("cat <<X\n") + kResult + "\nX");
+  save(5, 3072);
+  EXPECT_THAT(run_out(evaluator), ElementsAre(HasSubstr("evaluated at 3.1k")));
+}
+
+TEST_F(EvaluatorTest, WithoutAProgramItSaysSoAndStops) {
+  plan_.bin_dir += "/nowhere";
+  Evaluator evaluator(plan_);
+  save(3, 1024);
+  EXPECT_THAT(run_out(evaluator), ElementsAre(HasSubstr("goes on without evaluations")));
+}
+
+TEST_F(EvaluatorTest, WhatIsGivenUpIsPlayedAtTheNextStart) {
+  const std::string path = save(3, 1024);
+  {
+    comrad_says("exec sleep 100");
+    Evaluator evaluator(plan_);
+    evaluator.tick(monotonic_s());
+    ASSERT_TRUE(evaluator.is_busy());
+    evaluator.stop(SIGTERM);
+    EXPECT_THAT(run_out(evaluator), IsEmpty());
+    EXPECT_TRUE(fs::exists(path));
+  }
+  EXPECT_FALSE(fs::exists(plan_.run_dir + "/.evaluation"));
+  comrad_says(std::string("cat <<X\n") + kResult + "\nX");
+  Evaluator evaluator(plan_);
+  EXPECT_EQ(run_out(evaluator).size(), 1u);
+  EXPECT_FALSE(fs::exists(path));
+}
+
+TEST_F(EvaluatorTest, ManyThatWaitLoseTheOldest) {
+  comrad_says("exec sleep 100");
+  Evaluator evaluator(plan_);
+  save(1, 1000);
+  evaluator.tick(monotonic_s());
+  for (uint64_t point = 2; point <= Evaluator::kMostWaiting + 3; ++point) save(point, point * 1000);
+  evaluator.hurry();
+  const std::vector<std::string> words = evaluator.tick(monotonic_s());
+  ASSERT_EQ(words.size(), 2u);
+  EXPECT_THAT(words[0],
+              AllOf(HasSubstr("at 2k env frames is left out"), HasSubstr("--eval_every_env_frames")));
+  EXPECT_THAT(words[1], HasSubstr("at 3k env frames"));
+}
+
+TEST_F(EvaluatorTest, WithoutTheSettingItTouchesNothing) {
+  plan_.config.run.eval_every_env_frames = 0;
+  const std::string path = save(3, 1024);
+  Evaluator evaluator(plan_);
+  EXPECT_THAT(run_out(evaluator), IsEmpty());
+  EXPECT_TRUE(fs::exists(path));
+}
+
+}  // namespace
+}  // namespace comrad::deploy

@@ -1,0 +1,174 @@
+#include "rollout_buffer/metrics/metrics_file.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tensorboard_event.pb.h"
+#include "tests/support/scratch_folder.h"
+
+namespace comrad {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string read_file(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+/// The records of an event file, framing checked.
+std::vector<tensorboard::Event> read_events(const std::string& bytes) {
+  std::vector<tensorboard::Event> events;
+  std::size_t at = 0;
+  while (at < bytes.size()) {
+    uint64_t length = 0;
+    uint32_t crc = 0;
+    EXPECT_LE(at + 12, bytes.size());
+    std::memcpy(&length, bytes.data() + at, 8);
+    std::memcpy(&crc, bytes.data() + at + 8, 4);
+    EXPECT_EQ(crc, masked_crc32c(std::string_view(bytes).substr(at, 8)));
+    EXPECT_LE(at + 16 + length, bytes.size());
+    const std::string_view payload = std::string_view(bytes).substr(at + 12, length);
+    std::memcpy(&crc, bytes.data() + at + 12 + length, 4);
+    EXPECT_EQ(crc, masked_crc32c(payload));
+    tensorboard::Event event;
+    EXPECT_TRUE(event.ParseFromArray(payload.data(), static_cast<int>(payload.size())));
+    events.push_back(event);
+    at += 16 + length;
+  }
+  return events;
+}
+
+class MetricsFileTest : public ::testing::Test {
+ protected:
+  fs::path event_file() const {
+    for (const auto& entry : fs::directory_iterator(folder_))
+      if (entry.path().filename().string().starts_with("events.out.tfevents.")) return entry.path();
+    return {};
+  }
+  const test::ScratchFolder folder_;
+};
+
+TEST(MaskedCrc32c, MatchesTheCheckValueOfThePolynomial) {
+  // CRC-32C("123456789") = 0xE3069283 (RFC 3720 appendix B.4's polynomial), then TFRecord's mask.
+  const uint32_t crc = 0xE3069283u;
+  EXPECT_EQ(masked_crc32c("123456789"), ((crc >> 15) | (crc << 17)) + 0xA282EAD8u);
+  EXPECT_EQ(masked_crc32c(std::string(32, '\0')), ((0x8A9136AAu >> 15) | (0x8A9136AAu << 17)) + 0xA282EAD8u);
+}
+
+TEST_F(MetricsFileTest, WritesTheSameNumbersToBothFiles) {
+  {
+    Expected<MetricsWriter> writer = MetricsWriter::open(folder_.string());
+    ASSERT_TRUE(writer) << writer.error().message;
+    ASSERT_TRUE(writer->write(1.5, 4096, 1024, {{"train/policy_loss", -0.25}, {"reward/reward", 3.0}}));
+    ASSERT_TRUE(
+        writer->write(2.5, 8192, 2048, {{"reward/reward", std::numeric_limits<double>::quiet_NaN()}}));
+  }
+  std::ifstream lines(folder_ / "metrics.jsonl");
+  std::string line;
+  ASSERT_TRUE(std::getline(lines, line));
+  const auto first = nlohmann::json::parse(line);
+  EXPECT_EQ(first["time_s"], 1.5);
+  EXPECT_EQ(first["env_frames"], 4096);
+  EXPECT_EQ(first["decisions"], 1024);
+  EXPECT_EQ(first["train/policy_loss"], -0.25);
+  ASSERT_TRUE(std::getline(lines, line));
+  EXPECT_TRUE(nlohmann::json::parse(line)["reward/reward"].is_null());
+
+  const std::vector<tensorboard::Event> events = read_events(read_file(event_file()));
+  ASSERT_EQ(events.size(), 3u);
+  EXPECT_EQ(events[0].file_version(), "brain.Event:2");
+  EXPECT_EQ(events[1].step(), 4096);
+  EXPECT_GT(events[1].wall_time(), 1.6e9);
+  ASSERT_EQ(events[1].summary().value_size(), 2);
+  EXPECT_EQ(events[1].summary().value(0).tag(), "train/policy_loss");
+  EXPECT_EQ(events[1].summary().value(0).simple_value(), -0.25f);
+  EXPECT_EQ(events[2].summary().value_size(), 0);
+}
+
+TEST_F(MetricsFileTest, AnEventIsTheWireFormatThatTensorboardReads) {
+  {
+    Expected<EventFile> file = EventFile::create(folder_.string());
+    ASSERT_TRUE(file);
+    ASSERT_TRUE(file->write(1.0, 3, {{"a", 2.0}}));
+  }
+  const std::string bytes = read_file(event_file());
+  uint64_t first_length = 0;
+  std::memcpy(&first_length, bytes.data(), 8);
+  const std::string_view second = std::string_view(bytes).substr(16 + first_length);
+  // wall_time: field 1 double; step: field 2 varint; summary: field 5 { value: field 1 { tag: 1,
+  // simple_value: 2 } }
+  const std::string expected = std::string("\x09\0\0\0\0\0\0\xF0\x3F\x10\x03\x2A\x0A\x0A\x08\x0A\x01", 17) +
+                               "a" + std::string("\x15\0\0\0\x40", 5);
+  EXPECT_EQ(second.substr(12, second.size() - 16), expected);
+}
+
+TEST_F(MetricsFileTest, AZeroIsOnTheWire) {
+  {
+    Expected<EventFile> file = EventFile::create(folder_.string());
+    ASSERT_TRUE(file);
+    ASSERT_TRUE(file->write(1.0, 3, {{"a", 0.0}}));
+  }
+  const std::vector<tensorboard::Event> events = read_events(read_file(event_file()));
+  ASSERT_EQ(events.size(), 2u);
+  EXPECT_TRUE(events[1].summary().value(0).has_simple_value()) << "TensorBoard drops a point without a value";
+}
+
+TEST_F(MetricsFileTest, ClosesAHalfLineOfACrashBeforeItAppends) {
+  std::ofstream(folder_ / "metrics.jsonl") << "{\"time_s\": 1}\n{\"time_s\": 2, \"env_fr";
+  {
+    Expected<MetricsWriter> writer = MetricsWriter::open(folder_.string());
+    ASSERT_TRUE(writer);
+    ASSERT_TRUE(writer->write(3, 1, 1, {}));
+  }
+  std::ifstream lines(folder_ / "metrics.jsonl");
+  std::string line, last;
+  int count = 0;
+  while (std::getline(lines, line)) {
+    last = line;
+    ++count;
+  }
+  EXPECT_EQ(count, 3);
+  EXPECT_EQ(nlohmann::json::parse(last)["time_s"], 3.0);
+}
+
+TEST_F(MetricsFileTest, AMissingFolderIsAClearError) {
+  const Expected<MetricsWriter> writer = MetricsWriter::open((folder_ / "nowhere").string());
+  ASSERT_FALSE(writer);
+  EXPECT_NE(writer.error().message.find("nowhere"), std::string::npos);
+}
+
+TEST_F(MetricsFileTest, TwoWritersOfOneRunDoNotMixTheirLines) {
+  const std::string evaluations = (folder_ / "eval").string();
+  Expected<MetricsWriter> learner = MetricsWriter::open(folder_.string());
+  Expected<MetricsWriter> supervisor = MetricsWriter::open(folder_.string(), evaluations);
+  ASSERT_TRUE(learner && supervisor);
+  ASSERT_TRUE(learner->write(1, 100, 25, {{"train/loss", 1}}));
+  ASSERT_TRUE(supervisor->write(1, 80, 20, {{"eval/J", 7}}));
+  std::ofstream(folder_ / "metrics.jsonl", std::ios::app) << "{\"time_s\": 2";  // a full disk
+  ASSERT_TRUE(supervisor->write(2, 90, 22, {{"eval/J", 8}}));
+  std::ifstream lines(folder_ / "metrics.jsonl");
+  std::vector<std::string> all;
+  for (std::string line; std::getline(lines, line);) all.push_back(line);
+  ASSERT_EQ(all.size(), 4u);
+  EXPECT_EQ(nlohmann::json::parse(all[0])["train/loss"], 1);
+  EXPECT_EQ(nlohmann::json::parse(all[1])["eval/J"], 7);
+  EXPECT_EQ(nlohmann::json::parse(all[3])["env_frames"], 90);
+  int event_files = 0;
+  for (const auto& entry : fs::directory_iterator(evaluations)) {
+    ++event_files;
+    EXPECT_EQ(read_events(read_file(entry.path())).size(), 3u);
+  }
+  EXPECT_EQ(event_files, 1);
+}
+
+}  // namespace
+}  // namespace comrad

@@ -1,0 +1,106 @@
+#include "sim_workers/film/film.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/videoio.hpp>
+
+#include "rollout_buffer/core/files.h"
+#include "scenarios/spec/registry.h"
+#include "sim_workers/engine/render/png_image.h"
+#include "tests/support/scratch_folder.h"
+
+namespace comrad::sim {
+namespace {
+
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+/// A generated map on disk, its game, and a film of two episodes of three decisions.
+class FilmTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const auto layout = scenarios::generate_layout("coop_health_gathering", {});
+    ASSERT_TRUE(layout) << layout.error().message;
+    options_.scenario = "coop_health_gathering";
+    options_.wad_path = folder_.write("map.wad", layout->wad);
+    const auto game = load_doom_game(options_);
+    ASSERT_TRUE(game) << game.error().message;
+    game_ = *game;
+  }
+  Status play(const FilmOptions& films) {
+    auto film = Film::create(films, options_, *game_);
+    if (!film) return film.error();
+    DoomEnvironment environment(game_);
+    environment.show_to(film->get());
+    const std::vector<int32_t> forward(
+        static_cast<std::size_t>(environment.shape().num_agents * environment.shape().head_count), 1);
+    for (uint64_t episode = 0; episode < 2; ++episode) {
+      environment.reset(episode);
+      for (int decision = 0; decision < 3; ++decision) environment.step(forward);
+    }
+    return (*film)->finish();
+  }
+  std::vector<std::string> names(const fs::path& folder) const {
+    std::vector<std::string> found;
+    for (const auto& entry : fs::directory_iterator(folder)) found.push_back(entry.path().filename());
+    std::ranges::sort(found);
+    return found;
+  }
+
+  const test::ScratchFolder folder_;
+  EnvironmentOptions options_;
+  std::shared_ptr<const DoomGame> game_;
+};
+
+TEST_F(FilmTest, AVideoHasAFrameForEveryTicAndAPictureForEveryDecision) {
+  const std::string video = (folder_ / "film.mp4").string();
+  const Status done = play({.video = video, .frames = (folder_ / "frames").string(), .size = {160, 90}});
+  ASSERT_TRUE(done) << done.error().message;
+  cv::VideoCapture read(video);
+  ASSERT_TRUE(read.isOpened());
+  EXPECT_DOUBLE_EQ(read.get(cv::CAP_PROP_FPS), 35);
+  int frames = 0;
+  cv::Mat frame;
+  while (read.read(frame)) ++frames;
+  EXPECT_EQ(frames, 2 * (1 + 3 * 4)) << "an episode's beginning, and its tics";
+  EXPECT_THAT(names(folder_ / "frames"),
+              ::testing::ElementsAre("episode_000_decision_00000.png", "episode_000_decision_00001.png",
+                                     "episode_000_decision_00002.png", "episode_000_decision_00003.png",
+                                     "episode_001_decision_00000.png", "episode_001_decision_00001.png",
+                                     "episode_001_decision_00002.png", "episode_001_decision_00003.png"));
+  const std::string png =
+      read_file((folder_ / "frames/episode_000_decision_00003.png").string()).value_or("");
+  const auto image =
+      doom::decode_png({reinterpret_cast<const uint8_t*>(png.data()), png.size()}, "a picture of the film");
+  ASSERT_TRUE(image) << image.error().message;
+  EXPECT_GE(image->width, 2 * 160);
+}
+
+TEST_F(FilmTest, TheFilmDoesNotChangeWhatIsPlayed) {
+  DoomEnvironment alone(game_), filmed(game_);
+  auto film = Film::create({.frames = (folder_ / "frames").string(), .size = {128, 72}}, options_, *game_);
+  ASSERT_TRUE(film);
+  filmed.show_to(film->get());
+  const std::vector<int32_t> forward(
+      static_cast<std::size_t>(alone.shape().num_agents * alone.shape().head_count), 1);
+  for (DoomEnvironment* environment : {&alone, &filmed}) {
+    environment->reset(7);
+    for (int decision = 0; decision < 5; ++decision) environment->step(forward);
+  }
+  EXPECT_EQ(alone.state_hash(), filmed.state_hash());
+}
+
+TEST_F(FilmTest, WhatCannotBeWrittenIsSaidAtOnceOrAtTheEnd) {
+  const Status nowhere = play({.video = (folder_ / "no/folder/film.mp4").string(), .size = {160, 90}});
+  ASSERT_FALSE(nowhere);
+  EXPECT_THAT(nowhere.error().message, HasSubstr("film.mp4"));
+  std::ofstream(folder_ / "file") << "1";
+  EXPECT_FALSE(play({.frames = (folder_ / "file/frames").string(), .size = {160, 90}}));
+}
+
+}  // namespace
+}  // namespace comrad::sim
