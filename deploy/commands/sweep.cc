@@ -245,7 +245,13 @@ int start_command(Arguments arguments) {
       "measure the rate of every algorithm on this machine and print the hours of the sweep; start nothing");
   line.add_option("seconds", seconds, "S", "with --estimate: how long each is measured (default 10)");
   return parsed(line, arguments, [&]() -> Expected<int> {
-    COMRAD_TRY_ASSIGN(const SweepFile file, read_sweep_file(path));
+    COMRAD_TRY_ASSIGN(SweepFile file, read_sweep_file(path));
+    if (estimate && file.resources.cores > usable_cores()) {
+      std::fprintf(stderr,
+                   "a run of the sweep gets %lld cores, this process may use %d: the rates are those of %d\n",
+                   static_cast<long long>(file.resources.cores), usable_cores(), usable_cores());
+      file.resources.cores = usable_cores();
+    }
     COMRAD_TRY(find_iwad());
     COMRAD_TRY_ASSIGN(const SweepPlan plan, plan_sweep(file, describe_scenario, usable_cores()));
     const std::string comrad = sibling_program("comrad");

@@ -62,8 +62,8 @@ Status measure(std::vector<EstimateGroup>& groups, const SweepPlan& plan, double
     std::vector<std::string> command = {comrad, "bench", "train", "--json",
                                         "--seconds=" + std::to_string(seconds)};
     for (const auto& [setting, value] : group.measured->settings.values)
-      if (setting != "train_for_env_frames" &&
-          setting != "train_for_seconds")  // the bench ends by its own clock
+      // The bench ends by its own clock, and this machine's memory need not hold a replay of the sweep's size.
+      if (setting != "train_for_env_frames" && setting != "train_for_seconds" && setting != "replay_gb")
         command.push_back("--" + setting + "=" + value);
     COMRAD_TRY_ASSIGN(const ProgramResult done, run_program(command, {.timeout_s = 600 + 10 * seconds}));
     if (done.interrupted) return Error{ErrorCode::kSystem, "interrupted"};

@@ -171,6 +171,7 @@ micro_batch_size = 64
 rnn_size = 32
 rnn_type = "gru"
 learning_starts_decisions = 64
+replay_ratio = 0.25
 device = "cpu"
 progress_interval = 1
 experiment_summaries_interval = 1
