@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cstdio>
 #include <filesystem>
 
@@ -221,7 +222,11 @@ int element_command(Arguments arguments) {
     ElementOptions options;
     for (std::size_t begin = 0; begin < cpus.size();) {
       const std::size_t end = std::min(cpus.find(',', begin), cpus.size());
-      options.cpus.push_back(std::atoi(cpus.substr(begin, end - begin).c_str()));
+      const auto [stop, error] =
+          std::from_chars(cpus.data() + begin, cpus.data() + end, options.cpus.emplace_back());
+      if (error != std::errc() || stop != cpus.data() + end)
+        return Error{ErrorCode::kBadInput,
+                     "--cpus=" + cpus + ": must be numbers of cores, separated by commas"};
       begin = end + 1;
     }
     return run_element(folder, *run, options);
@@ -266,10 +271,9 @@ int start_command(Arguments arguments) {
     COMRAD_TRY(check_existing_runs(plan, describe_scenario));
     if (dry_run) {
       for (const SweepRun& run : plan.runs) {
-        std::string text;
-        for (const std::string& word : run.command("comrad", plan.folder))
-          text += (text.empty() ? "" : " ") + shell_word(word);
-        std::printf("%s\n", text.c_str());
+        std::vector<std::string> words = run.command("comrad", plan.folder);
+        std::ranges::transform(words, words.begin(), shell_word);
+        std::printf("%s\n", joined(words, " ").c_str());
       }
       std::fprintf(stderr, "%zu runs in %s\n", plan.runs.size(), plan.folder.c_str());
       return kExitDone;

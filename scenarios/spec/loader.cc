@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <set>
+#include <span>
 
 #include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/text.h"
@@ -331,10 +332,10 @@ Status read_measurements(const std::string& path, TableReader& root, ScenarioSpe
 Status read_rewards(const std::string& path, TableReader& root, ScenarioSpec& spec) {
   const std::size_t inherited_count = spec.rewards.size();
   for (const toml::table* table : root.tables("rewards")) {
-    const auto inherited = std::find_if(
-        spec.rewards.begin(), spec.rewards.begin() + static_cast<std::ptrdiff_t>(inherited_count),
-        [&](const RewardTerm& one) { return (*table)["name"].value<std::string>() == one.name; });
-    const bool changes_one = inherited != spec.rewards.begin() + static_cast<std::ptrdiff_t>(inherited_count);
+    const std::span base_terms = std::span(spec.rewards).first(inherited_count);
+    const auto inherited =
+        std::ranges::find(base_terms, (*table)["name"].value_or<std::string>(""), &RewardTerm::name);
+    const bool changes_one = inherited != base_terms.end();
     TableReader reader(path, *table, changes_one);
     RewardTerm term = changes_one ? *inherited : RewardTerm{};
     reader.required("name", term.name);
@@ -465,7 +466,6 @@ Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec
 /// The base of a scenario that names one: a name, or a path, from the scenario's own folder.
 Expected<std::optional<ScenarioSpec>> read_base(const std::string& path, const toml::table& table,
                                                 int depth) {
-  std::string base;
   const toml::node* node = table.get("base");
   if (node == nullptr) return std::optional<ScenarioSpec>();
   const auto refuse = [&](const std::string& what) {
@@ -476,7 +476,7 @@ Expected<std::optional<ScenarioSpec>> read_base(const std::string& path, const t
   if (depth >= kMostBases)
     return refuse("leads from scenario to scenario more than " + std::to_string(kMostBases) +
                   " times; take one out, they may lead in a circle");
-  base = *node->value<std::string>();
+  std::string base = *node->value<std::string>();
   std::error_code ignored;
   if (base.find('/') != std::string::npos)
     base = (std::filesystem::absolute(path, ignored).parent_path() / base).lexically_normal().string();

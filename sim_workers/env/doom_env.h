@@ -172,8 +172,10 @@ class DoomEnvironmentSet final : public EnvironmentSet {
 /// make_doom_environments() by its own type.
 Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const EnvironmentOptions& options);
 
-/// How a scenario's views are drawn, at a size.
-doom::RenderOptions render_options(const scenarios::ScenarioSpec& spec, ViewSize size);
+/// What draws the views of a game as its scenario says, at a size, with the art of its IWAD and of `wads`; the game's level
+/// is prepared. Errors: those of ArtArchive::open(), Renderer::create() and Renderer::prepare().
+Expected<std::unique_ptr<doom::Renderer>> make_renderer(const DoomGame& game,
+                                                        const std::vector<std::string>& wads, ViewSize size);
 
 /// Reads the scenario and its WAD: everything of a set but its renderer.
 /// Errors: kNotFound, kBadFormat, kBadInput as make_doom_environments().

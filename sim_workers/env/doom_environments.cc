@@ -6,8 +6,6 @@ namespace {
 
 Error bad_input(std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; }
 
-}  // namespace
-
 doom::RenderOptions render_options(const scenarios::ScenarioSpec& spec, ViewSize size) {
   doom::RenderOptions render;
   render.width = size.width;
@@ -17,6 +15,17 @@ doom::RenderOptions render_options(const scenarios::ScenarioSpec& spec, ViewSize
   render.screen_flashes = spec.screen_flashes;
   render.weapon = spec.weapon;
   return render;
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<doom::Renderer>> make_renderer(const DoomGame& game,
+                                                        const std::vector<std::string>& wads, ViewSize size) {
+  COMRAD_TRY_ASSIGN(auto art, doom::ArtArchive::open(game.spec.iwad, wads));
+  COMRAD_TRY_ASSIGN(std::unique_ptr<doom::Renderer> renderer,
+                    doom::Renderer::create(art, render_options(game.spec, size)));
+  COMRAD_TRY(renderer->prepare(game.level, game.catalog));
+  return renderer;
 }
 
 Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const EnvironmentOptions& options) {
@@ -36,10 +45,8 @@ Expected<std::unique_ptr<DoomEnvironmentSet>> make_doom_environment_set(const En
     COMRAD_TRY_ASSIGN(game, library->game(0));
   }
   // Layouts of one scenario bring the same pictures; those of a pool's last WAD win.
-  COMRAD_TRY_ASSIGN(auto art, doom::ArtArchive::open(game->spec.iwad, options.wads()));
   COMRAD_TRY_ASSIGN(std::unique_ptr<doom::Renderer> renderer,
-                    doom::Renderer::create(art, render_options(game->spec, render_size)));
-  COMRAD_TRY(renderer->prepare(game->level, game->catalog));
+                    make_renderer(*game, options.wads(), render_size));
   return std::make_unique<DoomEnvironmentSet>(std::move(game), std::move(renderer), options.count,
                                               render_size, filter, std::move(library));
 }

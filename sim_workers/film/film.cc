@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "rollout_buffer/core/files.h"
-#include "sim_workers/engine/render/art_archive.h"
 #include "sim_workers/engine/render/png_image.h"
 
 namespace comrad::sim {
@@ -33,9 +32,7 @@ Film::~Film() = default;
 Expected<std::unique_ptr<Film>> Film::create(const FilmOptions& options,
                                              const EnvironmentOptions& environments, const DoomGame& first) {
   std::unique_ptr<Film> film(new Film(options, FilmFrame(options.size, first.num_agents, buttons_of(first))));
-  COMRAD_TRY_ASSIGN(auto art, doom::ArtArchive::open({}, environments.wads()));
-  COMRAD_TRY_ASSIGN(film->renderer_, doom::Renderer::create(art, render_options(first.spec, options.size)));
-  COMRAD_TRY(film->renderer_->prepare(first.level, first.catalog));
+  COMRAD_TRY_ASSIGN(film->renderer_, make_renderer(first, environments.wads(), options.size));
   film->views_.assign(static_cast<std::size_t>(first.num_agents),
                       std::vector<uint8_t>(std::size_t{3} * options.size.width * options.size.height));
   film->caption_.scenario = first.spec.name;

@@ -8,7 +8,6 @@
 #include "rollout_buffer/core/rng.h"
 #include "scenarios/spec/registry.h"
 #include "scenarios/spec/scenario_spec.h"
-#include "sim_workers/engine/render/art_archive.h"
 #include "sim_workers/engine/render/png_image.h"
 #include "sim_workers/engine/render/renderer.h"
 #include "sim_workers/env/doom_env.h"
@@ -71,13 +70,11 @@ Expected<std::string> draw_row(const std::string& name, const GalleryOptions& op
   // The art of the WAD comes from a file.
   const std::string path = options.folder + "/." + spec.name + ".wad";
   COMRAD_TRY(write_file_atomically(path, layout.wad, /*durable=*/false));
-  auto art = doom::ArtArchive::open({}, {path});
+  const auto made = sim::make_renderer(*game, {path}, {options.width, options.height});
   std::error_code ignored;
   std::filesystem::remove(path, ignored);
-  if (!art) return art.error();
-  COMRAD_TRY_ASSIGN(const auto renderer,
-                    doom::Renderer::create(*art, sim::render_options(spec, {options.width, options.height})));
-  COMRAD_TRY(renderer->prepare(game->level, game->catalog));
+  if (!made) return made.error();
+  const std::unique_ptr<doom::Renderer>& renderer = *made;
 
   sim::DoomEnvironment environment(game);
   play(options, environment);
