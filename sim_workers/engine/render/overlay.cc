@@ -40,16 +40,16 @@ Rgb crosshair_color(int health) {
                              : Rgb{(2 * kYellowBand - above) * 255 / kYellowBand, 255, 0};
 }
 
-/// Of 256 colours the one nearest to `wanted`; the first one is a hole.
-Rgb nearest(const uint32_t* colors, const Rgb& wanted) {
+/// Of 256 packed colours the one nearest to `wanted`; the first one is a hole.
+uint32_t search_nearest(const uint32_t* colors, const Rgb& wanted) {
   int best = INT32_MAX;
-  Rgb found;
+  uint32_t found = 0;
   for (std::size_t i = 1; i < 256; ++i) {
     const Rgb color = unpack(colors[i]);
     const int red = color.red - wanted.red, green = color.green - wanted.green,
               blue = color.blue - wanted.blue;
     const int distance = red * red + green * green + blue * blue;
-    if (distance < best) best = distance, found = color;
+    if (distance < best) best = distance, found = colors[i];
   }
   return found;
 }
@@ -124,15 +124,24 @@ void Overlay::draw_status_bar(const StatusBarState& state, int palette, const ui
                 found->second.data() + channel * bar_plane, bar_plane);
 }
 
+uint32_t Overlay::nearest(int palette, const uint32_t* colors, int red, int green, int blue) {
+  const auto wanted = static_cast<uint32_t>(red | green << 8 | blue << 16 | palette << 24);
+  // Multiplied by 2^32 / golden ratio, neighbouring colours come to places far apart.
+  NearestColor& known = nearest_[(wanted * 0x9E3779B9u) >> (32 - kNearestBits)];
+  if (known.wanted != wanted) known = {wanted, search_nearest(colors, {red, green, blue})};
+  return known.found;
+}
+
 bool Overlay::is_small() const { return width_ < kReferenceWidth || height_ < kReferenceHeight; }
 
-void Overlay::draw_crosshair(int health, const uint32_t* colors, uint8_t* picture) const {
+void Overlay::draw_crosshair(int health, int palette, const uint32_t* colors, uint8_t* picture) {
   const int width = is_small() ? kReferenceWidth : width_, height = is_small() ? kReferenceHeight : height_;
   const int view_rows = is_small() ? view_rows_ * kReferenceHeight / height_ : view_rows_;
   const bool large = width >= kLargeCrosshairFrom;
   const int reach = large ? kLargeCrosshairReach : kCrosshairReach;
   const int middle_x = width / 2, middle_y = view_rows / 2;
-  const Rgb paint = nearest(colors, crosshair_color(health));
+  const Rgb own = crosshair_color(health);
+  const Rgb paint = unpack(nearest(palette, colors, own.red, own.green, own.blue));
   const std::size_t plane = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
   for (int row = (middle_y - reach) * height_ / height; row <= (middle_y + reach) * height_ / height; ++row) {
     for (int column = (middle_x - reach) * width_ / width; column <= (middle_x + reach) * width_ / width;
@@ -142,10 +151,11 @@ void Overlay::draw_crosshair(int health, const uint32_t* colors, uint8_t* pictur
       if (share == 0 || row < 0 || column < 0 || row >= view_rows_ || column >= width_) continue;
       uint8_t* const at = picture + static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
                           static_cast<std::size_t>(column);
-      const auto mix = [&](std::size_t channel, int own) {
-        return (at[channel * plane] * (256 - share) + own * share) / 256;
+      const auto mix = [&](std::size_t channel, int painted) {
+        return (at[channel * plane] * (256 - share) + painted * share) / 256;
       };
-      const Rgb mixed = nearest(colors, {mix(0, paint.red), mix(1, paint.green), mix(2, paint.blue)});
+      const Rgb mixed =
+          unpack(nearest(palette, colors, mix(0, paint.red), mix(1, paint.green), mix(2, paint.blue)));
       at[0] = static_cast<uint8_t>(mixed.red);
       at[plane] = static_cast<uint8_t>(mixed.green);
       at[2 * plane] = static_cast<uint8_t>(mixed.blue);

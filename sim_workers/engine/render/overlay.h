@@ -33,9 +33,12 @@ class Overlay {
   /// Copies the bar below the view. `colors`: the 256 packed colours (0xBBGGRR) of the present palette.
   void draw_status_bar(const StatusBarState& state, int palette, const uint32_t* colors, uint8_t* picture);
   /// A see-through plus in the middle of the view, from red to green with the player's health.
-  void draw_crosshair(int health, const uint32_t* colors, uint8_t* picture) const;
+  void draw_crosshair(int health, int palette, const uint32_t* colors, uint8_t* picture);
 
  private:
+  /// The packed colour of the present palette that is nearest to another one. A search through 256; what was asked
+  /// before is known (of every view the crosshair asks a dozen, mostly the same ones).
+  uint32_t nearest(int palette, const uint32_t* colors, int red, int green, int blue);
   /// Smaller than any screen of the reference engine.
   bool is_small() const;
 
@@ -43,6 +46,14 @@ class Overlay {
   int width_, height_, view_rows_;
   std::unordered_map<uint64_t, std::vector<uint8_t>> bars_;  // planar RGB, [3, height - view_rows, width]
   std::vector<uint8_t> indices_;
+
+  static constexpr int kNearestBits = 10;
+  struct NearestColor {
+    uint32_t wanted =
+        UINT32_MAX;  // palette << 24 | blue << 16 | green << 8 | red; no palette has the number 255
+    uint32_t found = 0;
+  };
+  std::array<NearestColor, 1 << kNearestBits> nearest_{};
 };
 
 }  // namespace comrad::doom

@@ -177,7 +177,7 @@ class QuadRenderer : public Renderer {
     }
     const uint32_t* lit = colors_.lit(palette);
     if (options_.crosshair && world.options().crosshair)
-      overlay_.draw_crosshair(player.health, lit, request.destination);
+      overlay_.draw_crosshair(player.health, palette, lit, request.destination);
     if (options_.status_bar)
       overlay_.draw_status_bar(status_bar_state(world, request.player), palette, lit, request.destination);
     if (options_.hud_text)

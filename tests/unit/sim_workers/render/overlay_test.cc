@@ -190,7 +190,7 @@ TEST_F(StatusBarTest, TheCrosshairIsASeeThroughPlusOfTheHealthsColour) {
     std::vector<uint8_t> picture(3 * kPlane);
     for (std::size_t channel = 0; channel < 3; ++channel)
       std::fill_n(picture.begin() + static_cast<std::ptrdiff_t>(channel * kPlane), kPlane, wall[channel]);
-    Overlay(*bar_, 160, 120, 100).draw_crosshair(health, colors.data(), picture.data());
+    Overlay(*bar_, 160, 120, 100).draw_crosshair(health, 0, colors.data(), picture.data());
     return picture;
   };
   const auto at = [&](const std::vector<uint8_t>& picture, std::size_t x, std::size_t y) {
