@@ -88,7 +88,25 @@ def free_port():
         return probe.getsockname()[1]
 
 
-def play_as(player, wad, spec, heads, choices, seed, port, folder, answer, tic_gate):
+class Script:
+    """Presses what is written: choices [decision][agent][head]."""
+
+    def __init__(self, choices):
+        self.choices = choices
+
+    def prepare(self, game, player):
+        self.player = player
+
+    def choose(self, game, tic):
+        """The choice of each head in the tic that comes, counted from 0; None after the last one."""
+        if tic >= len(self.choices) * TICS:
+            return None
+        # What the one who joins presses counts a tic later than what the host does.
+        counts_in = min(tic + (self.player > 0), len(self.choices) * TICS - 1)
+        return self.choices[counts_in // TICS][self.player]
+
+
+def play_as(player, wad, spec, heads, presser, seed, port, folder, answer, tic_gate):
     try:
         import vizdoom as vzd
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # its progress of joining
@@ -105,6 +123,7 @@ def play_as(player, wad, spec, heads, choices, seed, port, folder, answer, tic_g
         game.set_mode(vzd.Mode.PLAYER)
         game.set_seed(seed)
         game.set_episode_timeout(0)
+        presser.prepare(game, player)
         names = [name for head in heads for name in head]
         game.set_available_buttons([getattr(vzd.Button, name) for name in names])
         wanted = [getattr(vzd.GameVariable, name) for name in VARIABLES]
@@ -124,19 +143,16 @@ def play_as(player, wad, spec, heads, choices, seed, port, folder, answer, tic_g
             rows.append((game.get_episode_time(), int(game.is_episode_finished()),
                          [game.get_game_variable(variable) for variable in wanted]))
 
-        held = []  # of each tic
-        for decision in choices:
-            pressed = []
-            for buttons, choice in zip(heads, decision[player]):
-                pressed += [float(choice == index) for index in range(1, len(buttons) + 1)]
-            held += [pressed] * TICS
-        if player > 0:  # what it presses counts a tic later than what the host does
-            held = held[1:] + held[-1:]
         note()
         # Without the gate one of the two is ahead at times, and the other then plays several tics at once.
-        for tic, pressed in enumerate(held, 1):
+        tic = 0
+        while (choice := presser.choose(game, tic)) is not None:
+            pressed = []
+            for buttons, chosen in zip(heads, choice):
+                pressed += [float(chosen == index) for index in range(1, len(buttons) + 1)]
             tic_gate.wait(30)
             game.make_action(pressed, 1)
+            tic += 1
             over = game.is_episode_finished()
             if over or tic % TICS == 0:
                 note()
@@ -151,16 +167,17 @@ def play_as(player, wad, spec, heads, choices, seed, port, folder, answer, tic_g
         answer.put((player, "%s: %s" % (type(problem).__name__, problem)))
 
 
-def play_vizdoom(wad, spec, heads, choices, seed, folder):
-    """Rows [decision][agent] of {name: value}; raises RuntimeError where a player could not play."""
+def play_vizdoom(wad, spec, heads, presser, seed, folder, limit_s=150):
+    """Rows [decision][agent] of {name: value}; raises RuntimeError where a player could not play. `presser` is a Script, or
+    another object with its methods that can be sent to a process."""
     context = multiprocessing.get_context("spawn")
     answer, port, tic_gate = context.Queue(), free_port(), context.Barrier(AGENTS)
-    players = [context.Process(target=play_as, args=(player, wad, spec, heads, choices, seed, port, folder, answer, tic_gate))
+    players = [context.Process(target=play_as, args=(player, wad, spec, heads, presser, seed, port, folder, answer, tic_gate))
                for player in range(AGENTS)]
     for player in players:
         player.start()
     try:
-        played = dict(answer.get(timeout=150) for _ in players)
+        played = dict(answer.get(timeout=limit_s) for _ in players)
     except Exception:
         raise RuntimeError("a player did not answer")
     finally:
@@ -345,12 +362,12 @@ def compare(scenario, arguments, folder, left_to_chance):
     try:
         # Nobody presses anything. ViZDoom shows its first state a tic or more after the map began.
         idle = [[[0] * len(heads)] * AGENTS] * decisions
-        theirs = play_vizdoom(wad, spec, heads, idle, 1, folder)
+        theirs = play_vizdoom(wad, spec, heads, Script(idle), 1, folder)
         start = theirs[0][0]["tics"]
         ours = play_comrad(arguments.play, scenario, wad, start, idle, [1], folder)[1]
         result.off = differences(ours, theirs)
         if result.off:  # what does not come back was the network's: the seed is the same, and nobody presses
-            again = differences(ours, play_vizdoom(wad, spec, heads, idle, 1, folder))
+            again = differences(ours, play_vizdoom(wad, spec, heads, Script(idle), 1, folder))
             result.off = {label: row for label, row in result.off.items() if label in again}
         if arguments.verbose:
             print("   ", scenario, "start", start, "idle:", result.off)
@@ -365,7 +382,7 @@ def compare(scenario, arguments, folder, left_to_chance):
                                [seed * 1000 + world for world in range(arguments.worlds)], tempfile.mkdtemp(dir=folder))
             for attempt in range(arguments.tries):
                 # Seeds far apart: from neighbouring ones ViZDoom draws first numbers that are alike.
-                theirs = play_vizdoom(wad, spec, heads, scripts[seed], seed * 2654435761 % 2**31, folder)
+                theirs = play_vizdoom(wad, spec, heads, Script(scripts[seed]), seed * 2654435761 % 2**31, folder)
                 if not turns or not lost_press(next(iter(ours.values())), theirs):
                     return ours, theirs, attempt
             return ours, theirs, arguments.tries
@@ -383,7 +400,7 @@ def compare(scenario, arguments, folder, left_to_chance):
             for again in range(1, arguments.again + 1):
                 if not off or confirmed == CONFIRMATIONS:
                     break
-                other = play_vizdoom(wad, spec, heads, scripts[seed], (seed + 7919 * again) * 2654435761 % 2**31, folder)
+                other = play_vizdoom(wad, spec, heads, Script(scripts[seed]), (seed + 7919 * again) * 2654435761 % 2**31, folder)
                 if turns and lost_press(first_world, other):
                     continue
                 confirmed += 1

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Plays a run's policy in the real ViZDoom and compares its mean return with the one that `comrad eval` finds.
 
-The run was trained on a ViZDoom .cfg (comrad train --scenario FILE.cfg) with one agent. Greedy actions, the run's frame
-skip; ViZDoom draws 640x480, of which every 128x72 view takes the nearest pixels: ours is drawn at 128x72 with the
-projection of a 4:3 screen.
+The run was trained on a ViZDoom .cfg with one agent, or on one of the thirteen scenarios with two; of these, ViZDoom plays the
+run's own map as a network game, and `scenario_play rewards` says what the variables of both players pay. Greedy actions, the
+run's frame skip; ViZDoom draws 640x480, of which every 128x72 view takes the nearest pixels: ours is drawn at 128x72 with
+the projection of a 4:3 screen. In a network game what the second player presses counts a tic later than what the first does.
 
     tests/parity/vizdoom_policy.py train_dir/RUN --episodes 100
 
@@ -14,16 +15,19 @@ import argparse
 import glob
 import json
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
+import tomllib
 
-import torch
-import vizdoom as vzd
-
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '../../learner/checkpoint'))
-import load_policy  # noqa: E402
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [HERE, os.path.join(HERE, '../../learner/checkpoint')]
+import scenario_parity  # noqa: E402
+from scenario_parity import AGENTS, SCENARIOS, TICS, play_vizdoom, returns_of, without_end  # noqa: E402
 
 IWAD = os.environ.get('COMRAD_IWAD', '/usr/share/games/doom/freedoom2.wad')
+JOINING_S = 600  # how long an episode of two may take
 
 
 def latest_checkpoint(run):
@@ -43,35 +47,99 @@ def presses(heads, names, choice):
 
 def frame_of(game):
     """[1, 3, 72, 128] u8 of what the player sees."""
+    import torch
     screen = torch.from_numpy(game.get_state().screen_buffer.copy()).permute(2, 0, 1)  # RGB24: [480, 640, 3]
     rows = ((torch.arange(72) + 0.5) * screen.shape[1] / 72).long()
     columns = ((torch.arange(128) + 0.5) * screen.shape[2] / 128).long()
     return screen[:, rows][:, :, columns][None]
 
 
-def play(policy, described, cfg, episodes, frame_skip):
-    """Returns of so many episodes in ViZDoom."""
+class PolicyPlayer:
+    """A checkpoint that plays one seat; sent to the process that plays it, which loads the network."""
+
+    def __init__(self, checkpoint, head_sizes, decisions=None, render=None):
+        self.checkpoint, self.head_sizes, self.decisions, self.render = checkpoint, head_sizes, decisions, render or {}
+        self.state = None
+
+    def prepare(self, game, player):
+        """Before game.init()."""
+        import load_policy
+        import torch
+        import vizdoom as vzd
+        torch.set_num_threads(1)
+        self.policy = load_policy.Policy(self.checkpoint, agent=player)
+        game.set_screen_format(vzd.ScreenFormat.RGB24)
+        game.set_screen_resolution(vzd.ScreenResolution.RES_640X480)
+        for part in ('hud', 'weapon', 'screen_flashes'):
+            if part in self.render:
+                getattr(game, 'set_render_' + part)(bool(self.render[part]))
+
+    def begin(self):
+        """Before an episode's first decision."""
+        self.state = None
+
+    def decide(self, game):
+        """The choice of each head for what `game` shows now."""
+        import load_policy
+        import torch
+        with torch.no_grad():
+            logits, self.state = self.policy.step(frame_of(game), state=self.state)
+        return load_policy.greedy(logits, self.head_sizes)[0].tolist()
+
+    def choose(self, game, tic):
+        """As Script.choose of scenario_parity.py."""
+        if tic % TICS == 0:
+            if tic >= self.decisions * TICS:
+                return None
+            self.choice = self.decide(game)
+        return self.choice
+
+
+def play_cfg(player, heads, cfg, episodes, frame_skip):
+    """Returns of so many episodes of one player."""
+    import vizdoom as vzd
     game = vzd.DoomGame()
     game.load_config(cfg)
     game.set_doom_game_path(IWAD)
     game.set_mode(vzd.Mode.PLAYER)
     game.set_window_visible(False)
-    game.set_screen_format(vzd.ScreenFormat.RGB24)
-    game.set_screen_resolution(vzd.ScreenResolution.RES_640X480)
+    player.prepare(game, 0)
     game.init()
     names = [button.name for button in game.get_available_buttons()]
     returns = []
     for episode in range(episodes):
         game.set_seed(1000 + episode)
         game.new_episode()
-        state = None
+        player.begin()
         while not game.is_episode_finished():
-            with torch.no_grad():
-                logits, state = policy.step(frame_of(game), state=state)
-            choice = load_policy.greedy(logits, described['heads'])[0].tolist()
-            game.make_action(presses(described['head_buttons'], names, choice), frame_skip)
+            game.make_action(presses(heads, names, player.decide(game)), frame_skip)
         returns.append(game.get_total_reward())
     game.close()
+    return returns
+
+
+def play_scenario(player, run, name, heads, spec, episodes, scenario_play):
+    """Mean return of the two players in each of so many episodes on the run's own map."""
+    wads = glob.glob(os.path.join(run, 'layouts', '**', '*.wad'), recursive=True)
+    if len(wads) != 1:
+        sys.exit(f'{run}/layouts: a run on one map is needed, and {len(wads)} are there')
+    returns, folder = [], tempfile.mkdtemp()
+    try:
+        for episode in range(episodes):
+            seed = (1000 + episode) * 2654435761 % 2**31  # far apart: neighbouring ones draw first numbers that are alike
+            for attempt in range(3):
+                try:
+                    rows = play_vizdoom(os.path.abspath(wads[0]), spec, heads, player, seed, folder, JOINING_S)
+                    break
+                except RuntimeError as problem:  # of its network; the same seed again
+                    print(f'episode {episode}: {problem}', file=sys.stderr)
+                    if attempt == 2:
+                        raise
+            paid = returns_of(scenario_play, name, {0: without_end(rows)}, folder)[0]
+            returns.append(sum(paid) / AGENTS)
+            print(f'episode {episode}: {len(rows) - 1} decisions, return {returns[-1]:.4g}', file=sys.stderr)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
     return returns
 
 
@@ -80,25 +148,46 @@ def main():
     parser.add_argument('run')
     parser.add_argument('--episodes', type=int, default=100)
     parser.add_argument('--comrad', default='./comrad')
+    parser.add_argument('--scenario_play', default='build/bin/scenario_play')
     asked = parser.parse_args()
-    policy = load_policy.Policy(latest_checkpoint(asked.run))
-    settings = policy.settings
-    cfg = settings['scenario']
-    if settings['num_agents'] != 1 or settings['use_additional_input'] or not cfg.lower().endswith('.cfg'):
-        sys.exit(f'{asked.run}: a run of one agent on a .cfg without additional input is needed')
+    with open(os.path.join(asked.run, 'config.toml'), 'rb') as file:
+        settings = tomllib.load(file)
+    scenario, agents = settings['scenario'], settings['num_agents']
+    is_cfg = scenario.lower().endswith('.cfg')
+    if settings['use_additional_input'] or agents != (1 if is_cfg else AGENTS) or settings['env_frameskip'] != TICS and not is_cfg:
+        sys.exit(f'{asked.run}: a run of one agent on a .cfg, or of two on a scenario with 4 tics a decision, without '
+                 'additional input is needed')
 
     def json_of(*words):
         return json.loads(subprocess.run([asked.comrad, *words, '--json'], check=True, stdout=subprocess.PIPE).stdout)
 
     heads = ['--heads', settings['heads']] if settings['heads'] else []
-    described = json_of('scenarios', 'describe', cfg, *heads)
+    described = json_of('scenarios', 'describe', scenario, *heads)
     ours = json_of('eval', '--policy', asked.run, '--episodes', str(asked.episodes))
-    returns = play(policy, described, cfg, asked.episodes, settings['env_frameskip'])
+    checkpoint = latest_checkpoint(asked.run)
+    if is_cfg:
+        player = PolicyPlayer(checkpoint, described['heads'])
+        returns = play_cfg(player, described['head_buttons'], scenario, asked.episodes, settings['env_frameskip'])
+    else:
+        with open(os.path.join(SCENARIOS, scenario, 'scenario.toml'), 'rb') as file:
+            spec = tomllib.load(file)
+        player = PolicyPlayer(checkpoint, described['heads'], spec['decision_limit'], spec.get('render'))
+        returns = play_scenario(player, asked.run, scenario, described['head_buttons'], spec, asked.episodes,
+                                os.path.abspath(asked.scenario_play))
     mean = sum(returns) / len(returns)
-    within = abs(mean - ours['J_mean']) <= ours['J_ci95']
-    print(json.dumps({'cfg': cfg, 'episodes': asked.episodes, 'ours': ours['J_mean'], 'ci95': ours['J_ci95'],
-                      'vizdoom': mean, 'within': within}))
+    theirs_ci95 = 1.96 * (sum((value - mean) ** 2 for value in returns) / max(len(returns) - 1, 1) / len(returns)) ** 0.5
+    ours_mean, ours_ci95 = return_of(ours)
+    within = abs(mean - ours_mean) <= ours_ci95
+    print(json.dumps({'scenario': scenario, 'episodes': asked.episodes, 'ours': ours_mean, 'ours_ci95': ours_ci95,
+                      'vizdoom': mean, 'vizdoom_ci95': theirs_ci95, 'within': within}))
     return 0 if within else 1
+
+
+def return_of(answer):
+    """Mean return of an evaluation and the half-width of its 95 % interval over episodes."""
+    values = [one['return'] for one in answer['each']]
+    mean = sum(values) / len(values)
+    return mean, 1.96 * (sum((value - mean) ** 2 for value in values) / (len(values) - 1) / len(values)) ** 0.5
 
 
 if __name__ == '__main__':
