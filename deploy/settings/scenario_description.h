@@ -9,8 +9,8 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
-#include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/run_config.h"
+#include "rollout_buffer/settings/settings_layer.h"
 
 namespace comrad::deploy {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/settings_layer.h"
 
 namespace comrad::deploy {
 

@@ -8,16 +8,9 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/settings/run_config.h"
+#include "rollout_buffer/settings/settings_layer.h"
 
 namespace comrad {
-
-/// One layer of settings as `key = value` text pairs, in order; a later layer wins.
-struct SettingsLayer {
-  std::string origin;  ///< named in messages: "command line", "run.toml", "scenario coop_health_gathering"
-  std::vector<std::pair<std::string, std::string>> values;
-  /// Of a run's config.toml, where `values` hold what was worked out for that run: what had been asked for ("0", auto).
-  std::vector<std::pair<std::string, std::string>> asked_for = {};
-};
 
 /// Puts a layer on top of `config`, as set() of setting.h does with each of its values; then --mixer chooses among qmix's
 /// and qplex's. Errors: those of set().

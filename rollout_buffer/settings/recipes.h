@@ -14,7 +14,7 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/settings/algorithms.h"
-#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/settings_layer.h"
 #include "rollout_buffer/settings/words.h"
 
 namespace comrad {

@@ -14,7 +14,7 @@
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/schema/spec.h"
-#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/settings_layer.h"
 
 namespace comrad::scenarios {
 

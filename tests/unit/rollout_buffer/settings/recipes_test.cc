@@ -1,4 +1,5 @@
 #include "rollout_buffer/settings/recipes.h"
+#include "rollout_buffer/settings/layers.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
