@@ -34,6 +34,7 @@ from scipy import stats
 THRESHOLDS = (0.25, 0.5, 0.75)
 # A run within so much of its budget has reached it: reports come every few seconds.
 REACHED = 0.99
+BUDGETS = frozenset({"train_for_env_frames", "train_for_env_steps"})  # the setting and its older name
 SETTINGS_NAMED_MAX = 3
 OCCUPANCIES_MAX = 24
 
@@ -128,7 +129,7 @@ def setting_text(value) -> str:
 
 def experiment_of(run: Run, options: Options) -> tuple[tuple[str, str], ...]:
     """All settings that must be the same within a cell."""
-    free = NAMES_OF_A_RUN | options.ignore | ({"train_for_env_steps", "train_for_seconds"} if options.at else set())
+    free = NAMES_OF_A_RUN | options.ignore | (BUDGETS | {"train_for_seconds"} if options.at else set())
     return tuple(sorted((name, setting_text(value)) for name, value in run.settings.items() if name not in free))
 
 
@@ -165,7 +166,7 @@ def why_incomplete(run: Run, options: Options) -> str:
     frames, scores = run.metrics.series(SCORE)
     if not len(scores):
         return "no episode has ended" if len(run.metrics) else "it has written no report"
-    budget = options.at or number(run.settings.get("train_for_env_steps"))
+    budget = options.at or next((number(run.settings[name]) for name in BUDGETS if name in run.settings), math.nan)
     if math.isfinite(budget) and run.env_frames >= REACHED * budget:
         return ""
     if options.at is None and run.state == "finished":

@@ -1,6 +1,7 @@
 """The figures of a report. Each function returns a Matplotlib figure, or None where there is nothing to draw."""
 
 import itertools
+import textwrap
 
 import matplotlib
 import numpy as np
@@ -43,6 +44,7 @@ COLORS = {
 OTHER_COLORS = ("#8c564b", "#17becf", "#7f7f7f", "#bcbd22")
 OCCUPANCY_CELL = 32  # map units; a player is 32 wide
 OCCUPANCY_CELLS_MAX = 96
+LABEL_WIDTH = 26  # letters of a line beside an axis
 
 LINE_STYLES = ("-", "--", "-.", ":")
 
@@ -158,6 +160,11 @@ def learning_curves(study: Study, scenario: str):
     return figure
 
 
+def wrapped(label: str) -> str:
+    """A label in lines that leave an axis its room: a cell's may name several settings."""
+    return "\n".join(textwrap.wrap(label, LABEL_WIDTH, break_on_hyphens=False))
+
+
 def aggregate_figure(study: Study):
     """Interquartile means, performance profiles and probabilities of improvement of normalised scores."""
     common, scores, _ = normalised_scores(study)
@@ -176,7 +183,9 @@ def aggregate_figure(study: Study):
         and probability_of_improvement(scores[a], scores[b]) == 0.5
     ]
     pairs.sort(key=lambda pair: -probability_of_improvement(scores[pair[0]], scores[pair[1]]))
-    height = max(2.6, 0.9 + 0.26 * max(len(labels), len(pairs)))
+    rows, versus = [wrapped(label) for label in labels], [f"{wrapped(a)}\n> {wrapped(b)}" for a, b in pairs]
+    lines = max(sum(text.count("\n") + 1 for text in texts) for texts in (rows, versus))
+    height = max(2.6, 0.9 + 0.15 * lines + 0.1 * max(len(rows), len(versus)))
     figure, panels = plt.subplots(1, 3 if pairs else 2, figsize=(8.4, min(height, 9.0)), layout="constrained")
     means, profile = panels[0], panels[1]
     for row, label in enumerate(labels):
@@ -185,7 +194,7 @@ def aggregate_figure(study: Study):
         low, high = stratified_interval(lambda drawn: interquartile_mean(drawn), scores[label])
         means.plot([low, high], [row, row], color=color, linewidth=5, alpha=0.35, solid_capstyle="butt")
         means.plot([mean], [row], "|", color=color, markersize=13, markeredgewidth=2.2)
-    means.set_yticks(range(len(labels)), labels)
+    means.set_yticks(range(len(labels)), rows)
     means.invert_yaxis()
     means.set_title("interquartile mean")
     means.set_xlabel("normalised J")
@@ -220,7 +229,7 @@ def aggregate_figure(study: Study):
                 [low, high], [row, row], color=colors[better][0], linewidth=5, alpha=0.35, solid_capstyle="butt"
             )
             improvement.plot([probability], [row], "|", color=colors[better][0], markersize=11, markeredgewidth=2.2)
-        improvement.set_yticks(range(len(pairs)), [f"{better} > {worse}" for better, worse in pairs])
+        improvement.set_yticks(range(len(pairs)), versus)
         improvement.invert_yaxis()
         improvement.axvline(0.5, color="#777777", linewidth=1, linestyle="--")
         improvement.set_xlim(-0.02, 1.02)
@@ -278,7 +287,9 @@ def speed_figure(study: Study):
     if not cells:
         return None
     colors = colors_of(study)
-    figure, panels = plt.subplots(1, 2, figsize=(8.4, 0.9 + 0.24 * len(cells)), sharey=True, layout="constrained")
+    rows = [wrapped(f"{cell.scenario}  {cell.label}") for cell in cells]
+    height = 0.9 + sum(0.1 + 0.14 * (text.count("\n") + 1) for text in rows)
+    figure, panels = plt.subplots(1, 2, figsize=(8.4, height), sharey=True, layout="constrained")
     for row, cell in enumerate(cells):
         for axes, name in zip(panels, ("perf/_fps", "train/version_diff_avg")):
             values = np.array(
@@ -291,7 +302,7 @@ def speed_figure(study: Study):
             axes.plot(values, np.full(len(values), row), "o", color=colors[cell.label][0], alpha=0.55, markersize=4.5)
             if len(values):
                 axes.plot([values.mean()], [row], "|", color=colors[cell.label][0], markersize=12, markeredgewidth=2)
-    panels[0].set_yticks(range(len(cells)), [f"{cell.scenario}  {cell.label}" for cell in cells])
+    panels[0].set_yticks(range(len(cells)), rows)
     panels[0].invert_yaxis()
     panels[0].set_xlabel("env frames/s")
     panels[1].set_xlabel("policy lag (SGD steps)")

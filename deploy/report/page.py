@@ -27,7 +27,7 @@ a { color:#0b62a4; text-decoration:none; } a:hover { text-decoration:underline; 
 figure { margin:12px 0 20px; } figure img { width:100%; height:auto; display:block; } figcaption { margin-top:4px; }
 .wide { overflow-x:auto; margin:8px 0 4px; } table { border-collapse:collapse; font-size:13.5px; font-variant-numeric:tabular-nums; }
 th,td { padding:4px 12px 4px 0; text-align:left; border-bottom:1px solid var(--line); vertical-align:top; }
-th { font-weight:600; border-bottom:1.5px solid #9aa6b2; white-space:nowrap; } .n { text-align:right; white-space:nowrap; }
+th { font-weight:600; border-bottom:1.5px solid #9aa6b2; } .n { text-align:right; } td.n { white-space:nowrap; }
 .warn { border-left:4px solid var(--mark); background:#fdf4f0; padding:8px 14px; margin:14px 0; }
 details > summary { cursor:pointer; color:#0b62a4; } code { font-size:.92em; }
 @media print { nav { display:none; } figure, tr { break-inside:avoid; } }

@@ -10,7 +10,7 @@ SETTINGS = {
     "layout_seed": 42,
     "layout_pool": "",
     "gamma": 0.99,
-    "train_for_env_steps": 1e6,
+    "train_for_env_frames": 1e6,
     "stats_avg": 100,
 }
 

@@ -213,6 +213,19 @@ class Grouping(WithFolder):
         together = self.study(ignore=frozenset({"gamma"}))
         self.assertEqual([cell.label for cell in together.cells], ["ippo"])
 
+    def test_how_a_run_is_watched_parts_no_cells(self):
+        made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5, eval_every_env_frames=0.0)
+        made_runs.write_run(
+            self.folder, "lava_pit", "ippo", 68, start=0, end=5, eval_every_env_frames=5e5, eval_maps="held_out"
+        )
+        self.assertEqual([(cell.label, len(cell.complete)) for cell in self.study().cells], [("ippo", 2)])
+
+    def test_what_is_said_of_settings_holds_for_settings_that_there_are(self):
+        text = "".join(path.read_text() for path in (HERE.parents[3] / "rollout_buffer" / "settings").glob("*.def"))
+        older = {"save_best_after", "train_for_env_steps"}
+        for name in (run_files.NAMES_OF_A_RUN | analysis.BUDGETS) - older:
+            self.assertRegex(text, rf"\n[A-Z_]*\([^\n]*, {name}, ")
+
     def test_settings_beyond_those_that_are_named_part_cells_too(self):
         for number in range(2):
             made_runs.write_run(
@@ -434,6 +447,25 @@ class TheCommand(WithFolder):
         self.assertAlmostEqual(float(row["seeds_low"]), low)
         self.assertAlmostEqual(float(row["seeds_high"]), high)
         self.assertIn(r"\toprule", (self.folder / "out" / "report.tex").read_text())
+
+    def test_labels_of_several_settings_leave_figures_their_room(self):
+        for number, seed in enumerate((42, 68, 42, 68)):
+            made_runs.write_run(
+                self.folder,
+                "lava_pit",
+                "ippo",
+                seed,
+                start=0,
+                end=5,
+                name=f"run{number}",
+                eps_clip_of_the_policy=number // 2 * 0.125,
+                discount_of_late_rewards=0.99,
+                minibatches_of_an_epoch=number // 2 + 4,
+                steps_of_a_rollout=32 * (number // 2 + 1),
+            )
+        ended = self.run_report(self.folder)
+        self.assertEqual(ended.returncode, 0, ended.stderr)
+        self.assertNotIn("constrained_layout", ended.stderr)
 
     def test_the_way_of_computing_intervals_is_chosen(self):
         made_runs.write_study(self.folder, evaluations=False)
