@@ -31,6 +31,7 @@ int train_command(Arguments arguments);
 int eval_command(Arguments arguments);
 int plot_command(Arguments arguments);
 int report_command(Arguments arguments);
+int export_command(Arguments arguments);
 int bench_command(Arguments arguments);
 int sweep_command(Arguments arguments);
 int config_command(Arguments arguments);

@@ -20,6 +20,7 @@ const std::vector<Command>& commands() {
       {"plot", "draw learning curves of runs, or of several seeds with their band, as PNG or SVG",
        plot_command},
       {"report", "report on a folder of runs: one HTML page, Markdown, LaTeX, CSV", report_command},
+      {"export", "hand the reports of runs to other programs: CSV, Weights & Biases", export_command},
       {"sweep", "make many runs from one file, here or with Slurm; look at them, stop them", sweep_command},
       {"bench",
        "measure throughput: sim, inference, learner, replay or train",

@@ -1,4 +1,4 @@
-// The Python that draws: plots and reports are Python programs in deploy/report.
+// The Python that draws and exports: plots, reports and exports are Python programs in deploy/report.
 #pragma once
 
 #include <string>
@@ -8,7 +8,10 @@
 namespace comrad::deploy {
 
 /// A Python that can import `modules` ("matplotlib, scipy"): Debian's, whose packages ./comrad installs
-/// (deploy/packages_report.txt), else the one of PATH. Errors: kNotFound, saying what to do.
-Expected<std::string> python_that_imports(const std::string& modules);
+/// (deploy/packages_report.txt), else the one of PATH. Errors: kNotFound, with `what_to_do`.
+Expected<std::string> python_that_imports(
+    const std::string& modules,
+    const std::string& what_to_do =
+        "./comrad report installs what is missing on Debian (deploy/packages_report.txt)");
 
 }  // namespace comrad::deploy

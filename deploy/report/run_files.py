@@ -7,22 +7,19 @@ A run's files are described in the README of the repository, the names in metric
 """
 
 import dataclasses
-import json
 import math
 import pathlib
 import re
-import tomllib
 
 import numpy as np
+
+from report_lines import LINE_BYTES_MAX, number, one_line, parse_json, read_reports, read_settings, read_text
 
 SCORE = "policy_stats/avg_true_objective"
 
 ON_POLICY = ("ippo", "mappo", "happo")
 OFF_POLICY = ("idqn", "vdn", "qmix", "qplex_d", "qplex_q")
 
-# Larger files are no output of ours: a report every second for a year stays below.
-FILE_BYTES_MAX = 1 << 30
-LINE_BYTES_MAX = 1 << 22
 POSITIONS_BYTES_MAX = 1 << 28
 AGENTS_MAX = 8
 MAP_UNITS_MAX = 32768  # Doom's coordinates
@@ -161,88 +158,22 @@ class Evaluation:
         return f"{self.episodes} {'greedy' if self.greedy else 'stochastic'} episodes, {self.num_agents} agents, {self.layout}"
 
 
-def one_line(text: str, longest: int = 300) -> str:
-    """`text` without control characters and line breaks, and not longer than that."""
-    text = " ".join(re.sub(r"[\x00-\x1f\x7f-\x9f]", " ", text).split())
-    return text if len(text) <= longest else text[: longest - 3] + "..."
-
-
-def number(value) -> float:
-    """A JSON or TOML number as a float; NaN for anything else."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return math.nan
-    try:
-        return float(value)
-    except OverflowError:
-        return math.nan
-
-
-def read_text(path: pathlib.Path) -> str:
-    """Raises OSError and ValueError, which says what is wrong with the file."""
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no {path.name}")
-    if path.stat().st_size > FILE_BYTES_MAX:
-        raise ValueError(f"{path.name} has more than {FILE_BYTES_MAX >> 20} MB")
-    return path.read_text(encoding="utf-8", errors="replace")
-
-
-def parse_json(text: str):
-    """Raises ValueError alone, also where the text nests too deeply."""
-    try:
-        return json.loads(text)
-    except RecursionError:
-        raise ValueError("it nests too deeply") from None
-
-
 def read_metrics(path: pathlib.Path) -> Metrics:
-    """Raises OSError and ValueError where there is no such file; skips and counts damaged lines.
-
-    Where env frames fall, the learner went back to a checkpoint: what it then forgot is left out. Evaluations (eval/...) come
-    later than the reports of the same env frames and are put in their place."""
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no {path.name}")
-    if path.stat().st_size > FILE_BYTES_MAX:
-        raise ValueError(f"{path.name} has more than {FILE_BYTES_MAX >> 20} MB")
-    reports, evaluations, damaged = [], {}, 0
-    with open(path, "rb") as lines:
-        while line := lines.readline(LINE_BYTES_MAX):
-            if not line.strip():
-                continue
-            try:
-                report = parse_json(line.decode("utf-8"))
-            except ValueError:
-                damaged += 1
-                continue
-            frames = number(report.get("env_frames")) if isinstance(report, dict) else math.nan
-            time_s = number(report.get("time_s")) if isinstance(report, dict) else math.nan
-            if not (0 <= frames < 1e18 and 0 <= time_s < 1e12):
-                damaged += 1
-            elif any(name.startswith("eval/") for name in report):
-                evaluations[frames] = (frames, time_s, report)
-            else:
-                while reports and reports[-1][0] >= frames:
-                    reports.pop()
-                reports.append((frames, time_s, report))
-    rows = sorted(reports + list(evaluations.values()), key=lambda row: row[0])
+    """Raises OSError and ValueError where there is no such file; skips and counts damaged lines (report_lines.py)."""
+    rows, damaged = read_reports(path)
     names = dict.fromkeys(name for _, _, report in rows for name in report if name not in ("env_frames", "time_s"))
     times = np.array([time_s for _, time_s, _ in rows], dtype=float)
     return Metrics(
         env_frames=np.array([frames for frames, _, _ in rows], dtype=float),
         time_s=np.maximum.accumulate(times) if len(times) else times,
         values={name: np.array([number(report.get(name)) for _, _, report in rows], dtype=float) for name in names},
-        damaged_lines=damaged,
+        damaged_lines=len(damaged),
     )
 
 
 def read_run(folder: pathlib.Path) -> Run:
     """Raises ValueError with a sentence for a folder that cannot be used as a run."""
-    try:
-        settings = tomllib.loads(read_text(folder / "config.toml"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise ValueError(f"config.toml: {one_line(str(error))}") from None
-    for name, kind in (("scenario", str), ("algo", str), ("seed", int)):
-        if type(settings.get(name)) is not kind or settings[name] == "":
-            raise ValueError(f"config.toml: {name} is missing or no {'text' if kind is str else 'whole number'}")
+    settings = read_settings(folder)
     problems = []
     try:
         metrics = read_metrics(folder / "metrics.jsonl")

@@ -40,7 +40,7 @@ QLearning::SampleLoss Idqn::loss_of(const Scene& scene) const {
           .error = error.detach().abs().mean(-1) * q_sigma(),
           .predicted = chosen.detach().mean(-1) * q_sigma(),
           .target = target.mean(-1),
-          .clipped = {},
+          .unclamped = {},
           .head_entropy = {}};
 }
 

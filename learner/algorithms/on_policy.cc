@@ -456,6 +456,8 @@ void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateSta
     put("train/act_max", action.max().item<double>());
   }
   put("train/valids_fraction", stats.lag.valid_fraction);
+  put("train/same_policy_fraction",
+      1);  // a run trains one policy; dashboards of Sample Factory's runs ask for it
   put("train/num_sgd_steps", static_cast<double>(version_));
   put("train/version_diff_avg", stats.lag.mean);
   put("train/version_diff_min", static_cast<double>(stats.lag.min));

@@ -80,8 +80,9 @@ void QLearning::LossSums::add(const LossSums& part) {
   loss += part.loss, regularizer += part.regularizer, td += part.td;
   predicted += part.predicted, target += part.target, utility += part.utility, spread += part.spread;
   terminated += part.terminated, truncated += part.truncated, head_entropy += part.head_entropy;
-  target_square += part.target_square, clipped += part.clipped;
+  target_square += part.target_square, unclamped += part.unclamped, clipped += part.clipped;
   predicted_max = std::max(predicted_max, part.predicted_max);
+  predicted_min = std::min(predicted_min, part.predicted_min);
   target_max = std::max(target_max, part.target_max);
   utility_max = std::max(utility_max, part.utility_max);
   utility_min = std::min(utility_min, part.utility_min);
@@ -230,6 +231,7 @@ QLearning::Part QLearning::part_of(const ReplayBatch& micro, double valid_count)
   const auto largest = [&](const Tensor& of_samples) {
     return torch::where(is_valid, of_samples, torch::full({}, -1e30f, valid.options())).max();
   };
+  const Tensor unclamped = sample.unclamped.defined() ? sample.unclamped : sample.target;
   const Tensor utility = policy::chosen_utility(scene.online.now, scene.batch.action, env_).detach();
   const Tensor taken = scene.batch.valid.to(torch::kBool);
   const Tensor spread = scene.online.now.detach().std(-1, /*unbiased=*/false).mean();
@@ -241,6 +243,7 @@ QLearning::Part QLearning::part_of(const ReplayBatch& micro, double valid_count)
       {&part.sums.td, (sample.error * share).sum()},
       {&part.sums.predicted, (sample.predicted * share).sum()},
       {&part.sums.predicted_max, largest(sample.predicted)},
+      {&part.sums.predicted_min, -largest(-sample.predicted)},
       {&part.sums.target, (sample.target * share).sum()},
       {&part.sums.target_max, largest(sample.target)},
       {&part.sums.utility, (utility * of_row).sum()},
@@ -252,8 +255,8 @@ QLearning::Part QLearning::part_of(const ReplayBatch& micro, double valid_count)
       {&part.sums.head_entropy, sample.head_entropy.defined() ? (sample.head_entropy * share).sum()
                                                               : torch::zeros({}, share.options())},
       {&part.sums.target_square, (sample.target.square() * share).sum()},
-      {&part.sums.clipped,
-       sample.clipped.defined() ? (sample.clipped * share).sum() : torch::zeros({}, share.options())}};
+      {&part.sums.unclamped, (unclamped * share).sum()},
+      {&part.sums.clipped, (sample.target.ne(unclamped) * share).sum()}};
   std::vector<Tensor> read;
   for (const auto& [place, number] : numbers) read.push_back(number);
   const Tensor on_host = torch::stack(read).cpu();
@@ -324,6 +327,12 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   }
   update_targets();
   report(sums, stats);
+  if (!mixer_) {  // the reference's names for decisions that do not count
+    const double total = static_cast<double>(valid.numel());
+    stats.values.emplace_back("train/policy_lag_valid_frac", stats.lag.valid_fraction);
+    stats.values.emplace_back("train/policy_lag_dropped", total - valid_count);
+    stats.values.emplace_back("train/policy_lag_total", total);
+  }
   if (batch.rewards_read > 0)
     stats.values.emplace_back("train/rewards_clipped_fraction", static_cast<double>(batch.rewards_clipped) /
                                                                     static_cast<double>(batch.rewards_read));
@@ -364,6 +373,7 @@ void QLearning::report(const LossSums& sums, UpdateStats& stats) const {
   put("train/loss", sums.loss + sums.regularizer);
   put(mixer_ ? "train/q_tot_mean" : "train/dqn_q_mean", sums.predicted);
   put(mixer_ ? "train/q_tot_max" : "train/dqn_q_max", sums.predicted_max);
+  if (!mixer_) put("train/dqn_q_min", sums.predicted_min);
   put(mixer_ ? "train/target_q_tot_mean" : "train/dqn_target_q_mean", sums.target);
   put("train/target_q_max", sums.target_max);
   put(mixer_ ? "train/td_error_mean" : "train/dqn_td_error_mean", sums.td);
@@ -374,6 +384,7 @@ void QLearning::report(const LossSums& sums, UpdateStats& stats) const {
   put("train/agent_qs_min", sums.utility_min * unit);
   put("train/q_std_across_actions", sums.spread * unit);
   put("train/q_sigma", q_sigma());
+  if (mixer_) put("train/target_before_clamp", sums.unclamped);
   if (mixer_) put("train/targets_clipped_fraction", sums.clipped);
   put("train/done_ratio", sums.terminated);
   put("train/timeout_ratio", sums.truncated);
@@ -386,6 +397,7 @@ void QLearning::report(const LossSums& sums, UpdateStats& stats) const {
   put("train/valids_fraction", stats.lag.valid_fraction);
   put("train/num_sgd_steps", static_cast<double>(version_));
   put("train/num_updates", static_cast<double>(updates_));
+  if (!mixer_) put("train/dqn_num_updates", static_cast<double>(updates_));
 }
 
 void QLearning::append_diagnostics(NamedNumbers& values) const {

@@ -48,11 +48,11 @@ class QLearning : public OffPolicyAlgorithm {
 
   /// Sums over the micro-batches of one batch; means over valid samples unless said otherwise.
   struct LossSums {
-    double loss = 0, regularizer = 0, td = 0, predicted = 0, predicted_max = -1e30, target = 0,
-           target_max = -1e30;
+    double loss = 0, regularizer = 0, td = 0, predicted = 0, predicted_max = -1e30, predicted_min = 1e30,
+           target = 0, target_max = -1e30;
     double utility = 0, utility_max = -1e30, utility_min = 1e30, spread = 0;
     double terminated = 0, truncated = 0, head_entropy = 0;
-    double target_square = 0, clipped = 0;
+    double target_square = 0, unclamped = 0, clipped = 0;
     void add(const LossSums& part);
   };
   /// Adds the gradient of the loss over a whole batch to the parameters' .grad and writes batch.abs_td, in
@@ -100,7 +100,7 @@ class QLearning : public OffPolicyAlgorithm {
     Tensor error;         ///< f32 [T, S]  |TD error|, detached; this and the next two in natural units
     Tensor predicted;     ///< f32 [T, S]  detached
     Tensor target;        ///< f32 [T, S]
-    Tensor clipped;       ///< bool [T, S] targets that q_value_clamp changed; may be undefined
+    Tensor unclamped;     ///< f32 [T, S]  the target before q_value_clamp; may be undefined
     Tensor head_entropy;  ///< f32 [T, S]; may be undefined
   };
   virtual SampleLoss loss_of(const Scene& scene) const = 0;

@@ -33,7 +33,7 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
     return of_samples.defined() ? of_samples.view({steps, worlds}) : of_samples;
   };
   const Tensor q_tot = by_time(mixed.q_tot);
-  Tensor target, clipped;
+  Tensor target, unclamped;
   {
     torch::NoGradGuard no_grad;
     const Tensor best = next_action(scene);
@@ -43,7 +43,7 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
       return of_rows.view({steps, worlds, agents}).select(2, 0).contiguous();
     };
     const Tensor rewards = batch.reward.view({steps, worlds, agents});
-    target = td_targets(
+    target = unclamped = td_targets(
         {.reward = (config_.q_learning.team_reward == TeamReward::kMean ? rewards.mean(2) : rewards.sum(2))
                        .contiguous(),
          .terminated = first_of(batch.terminated),
@@ -54,11 +54,8 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
          .n_step = steps > 1 ? config_.q_learning.n_step : 1,
          .lambda = config_.q_learning.td_lambda,
          .legacy_timeouts = config_.optimisation.legacy_timeouts});
-    if (config_.q_learning.q_value_clamp > 0) {
-      const Tensor whole = target;
-      target = whole.clamp(-config_.q_learning.q_value_clamp, config_.q_learning.q_value_clamp);
-      clipped = target.ne(whole);
-    }
+    if (config_.q_learning.q_value_clamp > 0)
+      target = unclamped.clamp(-config_.q_learning.q_value_clamp, config_.q_learning.q_value_clamp);
   }
   const Tensor error = q_tot - target / q_sigma();
   return {.loss = loss_of_error(error),
@@ -66,7 +63,7 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
           .error = error.detach().abs() * q_sigma(),
           .predicted = q_tot.detach() * q_sigma(),
           .target = target,
-          .clipped = clipped,
+          .unclamped = unclamped,
           .head_entropy = by_time(mixed.head_entropy)};
 }
 

@@ -68,6 +68,12 @@ class ReplayFeed {
   const replay::Replay& replay() const { return *replay_; }
   /// Share of the decisions that training waits for: 1 once they are there.
   double filled() const { return limiter_.filled(); }
+  /// Agent decisions that came in and whose updates are still to be made.
+  double decisions_pending() const { return limiter_.pending_inserts(); }
+  /// Agent decisions that came in for each update, since training began; 0 before the first.
+  double decisions_per_update() const {
+    return limiter_.inserts_per_sample() * static_cast<double>(samples_per_update_);
+  }
   int waiting() const;
   int64_t broken_decisions() const { return replay_->broken_decisions(); }
 

@@ -2,6 +2,9 @@
 
 #include <unistd.h>
 
+#include <fstream>
+#include <utility>
+
 #include "learner/algorithms/q_learning.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
@@ -16,11 +19,19 @@ std::string host_name() {
   return gethostname(name, sizeof(name) - 1) == 0 ? name : "localhost";
 }
 
+/// Resident memory of this process, 10^6 bytes; 0 where the kernel does not say.
+double resident_megabytes() {
+  std::ifstream file("/proc/self/statm");
+  double pages = 0, resident_pages = 0;
+  return file >> pages >> resident_pages ? resident_pages * static_cast<double>(getpagesize()) / 1e6 : 0;
+}
+
 }  // namespace
 
 Status Reporter::open(const std::string& run_dir, const Algorithm& algorithm, const BatchSource& source,
                       LayoutService* layouts) {
   COMRAD_TRY_ASSIGN(metrics_, MetricsWriter::open(run_dir));
+  COMRAD_TRY(metrics_->describe_run(config_));
   algorithm_ = &algorithm;
   source_ = &source;
   layouts_ = layouts;
@@ -95,6 +106,10 @@ void Reporter::publish_stats() {
 void Reporter::append_replay(MetricValues& values, const ReplayFeed& feed) const {
   values.emplace_back("train/epsilon", epsilon_at(config_, static_cast<double>(totals_.env_frames)));
   if (config_.replay.per) values.emplace_back("train/per_beta", feed.beta());
+  const bool mixes = config_.run.algo->mixes_q_values();
+  values.emplace_back(mixes ? "train/pending_transition_debt" : "train/dqn_pending_steps",
+                      feed.decisions_pending());
+  if (!mixes) values.emplace_back("train/dqn_steps_per_update", feed.decisions_per_update());
   values.emplace_back("train/buffer_size", feed.replay().unit_count());
   values.emplace_back("train/buffer_transitions", feed.replay().transition_count());
   values.emplace_back("train/buffer_capacity", feed.replay().capacity_transitions());
@@ -123,6 +138,26 @@ void Reporter::append_rates(MetricValues& values, double now_s) {
   if (busy + wait > 0) values.emplace_back("stats/learner_busy_fraction", busy / (busy + wait));
 }
 
+void Reporter::append_inference(MetricValues& values) {
+  InferenceTotals now;
+  for (int worker = 0; worker < arena_.shape().policy_worker_count; ++worker) {
+    const shm::WorkerCounters& counters = arena_.policy_counters(worker);
+    now.rows += counters.decisions.load();
+    now.batches += counters.batches.load();
+    now.wait_ns += counters.wait_ns.load();
+    now.busy_ns += counters.busy_ns.load();
+  }
+  const InferenceTotals last = std::exchange(last_inference_, now);
+  // A restarted policy worker counts some of these from 0 again; that one report has none.
+  if (now.batches <= last.batches || now.rows < last.rows || now.wait_ns < last.wait_ns ||
+      now.busy_ns < last.busy_ns)
+    return;
+  const double batches = static_cast<double>(now.batches - last.batches);
+  values.emplace_back("stats/avg_request_count", static_cast<double>(now.rows - last.rows) / batches);
+  values.emplace_back("stats/wait_policy", static_cast<double>(now.wait_ns - last.wait_ns) / 1e9 / batches);
+  values.emplace_back("stats/step_policy", static_cast<double>(now.busy_ns - last.busy_ns) / 1e9 / batches);
+}
+
 void Reporter::write_metrics() {
   if (!metrics_) return;
   const double now_s = monotonic_s();
@@ -133,6 +168,8 @@ void Reporter::write_metrics() {
   if (const ReplayFeed* feed = source_->feed()) append_replay(values, *feed);
   episodes_.append_to(values);
   append_rates(values, now_s);
+  append_inference(values);
+  values.emplace_back("stats/memory_learner", resident_megabytes());
   values.emplace_back("stats/batches_waiting", source_->waiting());
   values.emplace_back("stats/slabs_sealed", arena_.sealed_count());
   values.emplace_back("stats/episodes", static_cast<double>(episodes_.episodes()));

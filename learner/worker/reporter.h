@@ -67,6 +67,7 @@ class Reporter {
   void write_metrics();
   void append_replay(MetricValues& values, const ReplayFeed& feed) const;
   void append_rates(MetricValues& values, double now_s);
+  void append_inference(MetricValues& values);
   void warn(const std::vector<std::string>& findings);
 
   const RunConfig& config_;
@@ -89,6 +90,10 @@ class Reporter {
   double last_stats_s_ = 0, last_metrics_s_ = 0;
   double last_played_s_ = 0;
   uint64_t last_played_decisions_ = 0;
+  /// Of all policy workers together, since they began.
+  struct InferenceTotals {
+    uint64_t rows = 0, batches = 0, wait_ns = 0, busy_ns = 0;
+  } last_inference_;
 };
 
 }  // namespace comrad::learn

@@ -30,6 +30,53 @@ void append_little_endian(std::string& out, Integer value) {
   for (std::size_t i = 0; i < sizeof(value); ++i) out.push_back(static_cast<char>((value >> (8 * i)) & 0xFF));
 }
 
+/// An event that carries `data` for the HPARAMS page under a tag that it knows.
+tensorboard::Event hparams_event(double wall_time_s, const char* tag, const tensorboard::HparamsData& data) {
+  tensorboard::Event event;
+  event.set_wall_time(wall_time_s);
+  tensorboard::Summary::Value* entry = event.mutable_summary()->add_value();
+  entry->set_tag(tag);
+  entry->mutable_tensor()->set_dtype(1);
+  entry->mutable_tensor()->mutable_tensor_shape()->add_dim();  // of size 0: there is no element
+  tensorboard::Metadata::PluginData* plugin = entry->mutable_metadata()->mutable_plugin_data();
+  plugin->set_plugin_name("hparams");
+  plugin->set_content(data.SerializeAsString());
+  return event;
+}
+
+tensorboard::HparamsData columns_of(const std::vector<Hparam>& settings,
+                                    const std::vector<HparamMetric>& metrics) {
+  tensorboard::HparamsData data;
+  tensorboard::Experiment* columns = data.mutable_experiment();
+  for (const Hparam& setting : settings) {
+    tensorboard::Experiment::Hparam* column = columns->add_hparam_infos();
+    column->set_name(setting.name);
+    column->set_type(1 + static_cast<int>(setting.value.index()));
+    column->set_differs(setting.leads);
+  }
+  for (const HparamMetric& metric : metrics) {
+    tensorboard::Experiment::Metric* column = columns->add_metric_infos();
+    column->mutable_name()->set_group(metric.below);
+    column->mutable_name()->set_tag(metric.tag);
+    column->set_display_name(metric.title);
+  }
+  return data;
+}
+
+tensorboard::HparamsData row_of(double wall_time_s, const std::vector<Hparam>& settings) {
+  tensorboard::HparamsData data;
+  tensorboard::SessionStart* row = data.mutable_session_start_info();
+  row->set_start_time_secs(wall_time_s);
+  for (const Hparam& setting : settings) {
+    if (!setting.has_value) continue;
+    tensorboard::SessionStart::Value& value = (*row->mutable_hparams())[setting.name];
+    if (const auto* text = std::get_if<std::string>(&setting.value)) value.set_string_value(*text);
+    if (const auto* yes = std::get_if<bool>(&setting.value)) value.set_bool_value(*yes);
+    if (const auto* number = std::get_if<double>(&setting.value)) value.set_number_value(*number);
+  }
+  return data;
+}
+
 }  // namespace
 
 uint32_t masked_crc32c(std::string_view bytes) {
@@ -88,6 +135,15 @@ Status EventFile::write(double wall_time_s, int64_t step,
     entry->set_simple_value(static_cast<float>(value));
   }
   return write_all(descriptor_, frame_record(event.SerializeAsString()), path_);
+}
+
+Status EventFile::write_hparams(double wall_time_s, const std::vector<Hparam>& settings,
+                                const std::vector<HparamMetric>& metrics) {
+  for (const tensorboard::Event& event :
+       {hparams_event(wall_time_s, "_hparams_/experiment", columns_of(settings, metrics)),
+        hparams_event(wall_time_s, "_hparams_/session_start_info", row_of(wall_time_s, settings))})
+    COMRAD_TRY(write_all(descriptor_, frame_record(event.SerializeAsString()), path_));
+  return {};
 }
 
 }  // namespace comrad

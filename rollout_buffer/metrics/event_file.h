@@ -1,11 +1,12 @@
-// A TensorBoard event file: scalars over steps, framed records with masked CRC32C. Stage: beside update,
-// for eyes.
+// A TensorBoard event file: scalars over steps and the settings of a run, framed records with masked CRC32C. Stage: beside
+// update, for eyes.
 #pragma once
 
 #include <cstdint>
 #include <string>
 #include <string_view>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
@@ -19,6 +20,19 @@ uint32_t masked_crc32c(std::string_view bytes);
 /// One record: length u64 LE, masked CRC of the length, bytes, masked CRC of the bytes.
 std::string frame_record(std::string_view bytes);
 
+/// A setting as a column of TensorBoard's HPARAMS page.
+struct Hparam {
+  std::string name;
+  std::variant<std::string, bool, double> value;
+  bool has_value = true;  ///< false: this run leaves the column empty
+  bool leads = false;     ///< its column stands before the others
+};
+
+/// A number as a column there: the newest value of `tag` in the file's folder, or in the folder `below` of it.
+struct HparamMetric {
+  std::string tag, title, below;
+};
+
 /// Appends events to one file of its own. Move-only.
 class EventFile {
  public:
@@ -31,6 +45,10 @@ class EventFile {
 
   /// Adds one event with all `values` at `step`. Errors: kSystem, kNoSpace.
   Status write(double wall_time_s, int64_t step, const std::vector<std::pair<std::string, double>>& values);
+  /// Adds the row of this run to the HPARAMS page, and the page's columns. TensorBoard names the row by the
+  /// file's folder. Before the first write(). Errors: kSystem, kNoSpace.
+  Status write_hparams(double wall_time_s, const std::vector<Hparam>& settings,
+                       const std::vector<HparamMetric>& metrics);
   const std::string& path() const { return path_; }
 
  private:

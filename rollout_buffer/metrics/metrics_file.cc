@@ -3,12 +3,16 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/settings/setting.h"
 
 namespace comrad {
 namespace {
@@ -20,7 +24,30 @@ bool ends_half_way(int descriptor) {
   return end > 0 && pread(descriptor, &last, 1, end - 1) == 1 && last != '\n';
 }
 
+/// What users tell runs apart by.
+constexpr std::array<std::string_view, 4> kLeadingColumns = {"scenario", "algo", "seed", "preset"};
+
+Hparam hparam_of(const SettingRow& row, const RunConfig& config) {
+  const std::string text = row.text(config);
+  Hparam hparam{.name = std::string(row.name),
+                .value = text,
+                .has_value = row.counts(config),
+                .leads = std::ranges::find(kLeadingColumns, row.name) != kLeadingColumns.end()};
+  if (row.kind == SettingKind::kBool)
+    hparam.value = text == "true";
+  else if (!row.is_text())
+    hparam.value = std::strtod(text.c_str(), nullptr);
+  return hparam;
+}
+
 }  // namespace
+
+std::vector<Hparam> hparams_of(const RunConfig& config) {
+  std::vector<Hparam> hparams;
+  for (const SettingRow& row : setting_rows())
+    if (!row.traits.is_of_the_start) hparams.push_back(hparam_of(row, config));
+  return hparams;
+}
 
 Expected<MetricsWriter> MetricsWriter::open(const std::string& run_dir, const std::string& events_folder) {
   const std::string path = run_dir + "/" + kMetricsFile;
@@ -46,6 +73,17 @@ MetricsWriter& MetricsWriter::operator=(MetricsWriter&& other) noexcept {
 
 MetricsWriter::~MetricsWriter() {
   if (descriptor_ >= 0) close(descriptor_);
+}
+
+Status MetricsWriter::describe_run(const RunConfig& config) {
+  static const std::vector<HparamMetric> kMetrics = {
+      {.tag = "policy_stats/avg_true_objective", .title = "J (training)", .below = ""},
+      {.tag = "policy_stats/avg_true_objective_share", .title = "J share (training)", .below = ""},
+      {.tag = "eval/J", .title = "J (evaluation)", .below = "eval"},
+      {.tag = "eval/J_share", .title = "J share (evaluation)", .below = "eval"},
+      {.tag = "reward/reward", .title = "return", .below = ""},
+      {.tag = "perf/_fps", .title = "env frames/s", .below = ""}};
+  return events_.write_hparams(wall_s(), hparams_of(config), kMetrics);
 }
 
 Status MetricsWriter::write(double time_s, uint64_t env_frames, uint64_t decisions,

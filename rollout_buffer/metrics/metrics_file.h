@@ -10,6 +10,7 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/metrics/event_file.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad {
 
@@ -18,6 +19,10 @@ using MetricValues = std::vector<std::pair<std::string, double>>;
 
 /// Where the file lies in a run directory.
 constexpr const char* kMetricsFile = "metrics.jsonl";
+
+/// The settings of a run for TensorBoard's HPARAMS page: all but those that say where it lies and how it was started.
+/// Scenario, algo, seed and preset lead; those that make no difference in this run have no value.
+std::vector<Hparam> hparams_of(const RunConfig& config);
 
 /// Appends reports to <run_dir>/metrics.jsonl and to an event file of this process.
 class MetricsWriter {
@@ -28,6 +33,10 @@ class MetricsWriter {
   MetricsWriter(MetricsWriter&& other) noexcept;
   MetricsWriter& operator=(MetricsWriter&& other) noexcept;
   ~MetricsWriter();
+
+  /// Puts the run into TensorBoard's HPARAMS page: its settings, its score in training and in evaluations. Once, before the
+  /// first report. Errors: kSystem, kNoSpace.
+  Status describe_run(const RunConfig& config);
 
   /// One object per line: time_s, env_frames, decisions, then `values`; a number that is not finite is null
   /// there and left out of the event file. A half line that a crash or a full disk left is closed first. The line is

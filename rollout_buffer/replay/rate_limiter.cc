@@ -91,6 +91,20 @@ double RateLimiter::filled() const {
   return std::min(1.0, static_cast<double>(inserted_) / static_cast<double>(options_.min_size_to_sample));
 }
 
+double RateLimiter::pending_inserts() const {
+  const std::lock_guard lock(mutex_);
+  if (options_.samples_per_insert <= 0) return 0;
+  return std::max(0.0, static_cast<double>(inserted_ - options_.min_size_to_sample) -
+                           static_cast<double>(sampled_) / options_.samples_per_insert);
+}
+
+double RateLimiter::inserts_per_sample() const {
+  const std::lock_guard lock(mutex_);
+  if (sampled_ <= 0) return 0;
+  return static_cast<double>(std::max<int64_t>(0, inserted_ - options_.min_size_to_sample)) /
+         static_cast<double>(sampled_);
+}
+
 int64_t RateLimiter::insert_count() const {
   const std::lock_guard lock(mutex_);
   return inserted_;

@@ -47,6 +47,10 @@ class RateLimiter {
 
   /// Share of the inserts that the first sample waits for: 1 once they are there.
   double filled() const;
+  /// Inserts whose samples have not been drawn yet; 0 where samplers are ahead, or where only min_size_to_sample counts.
+  double pending_inserts() const;
+  /// Inserts behind the first min_size_to_sample ones for each sample so far; 0 before the first sample.
+  double inserts_per_sample() const;
   int64_t insert_count() const;
   int64_t sample_count() const;
   /// Takes over the counts of a checkpoint.

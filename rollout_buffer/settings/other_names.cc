@@ -23,9 +23,9 @@ constexpr OtherName kRows[] = {
     {.name = "with_wandb",
      .is_boolean = true,
      .same = "false 0",
-     .instead =
-         "a run writes TensorBoard's events.out.tfevents.* and metrics.jsonl into its folder; `wandb sync "
-         "FOLDER` uploads them"},
+     .instead = "leave it out; at any time `comrad export RUN` makes W&B's offline folder of what the run "
+                "has written "
+                "into its metrics.jsonl, and `wandb sync` uploads that (comrad help export)"},
     {.name = "num_policies",
      .same = "1",
      .instead =

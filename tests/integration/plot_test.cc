@@ -1,12 +1,15 @@
-// `comrad plot` on runs whose reports are written here.
+// `comrad plot` and `comrad export` on runs whose reports are written here.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
+#include <sstream>
 
 #include "tests/integration/running_program.h"
+#include "tests/support/test_python.h"
 
 namespace comrad::testing {
 namespace {
@@ -16,17 +19,8 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::StartsWith;
 
-class Plot : public ::testing::Test {
+class WithRuns : public ::testing::Test {
  protected:
-  void SetUp() override {
-    if (comrad({"plot", "--help"}, 30).exit_code != 0) GTEST_FAIL();
-    for (const char* python : {"/usr/bin/python3", "python3"})
-      if (RunningProgram({"/bin/sh", "-c", std::string(python) + " -c 'import matplotlib'"})
-              .wait(60)
-              .exit_code == 0)
-        return;
-    GTEST_SKIP() << "no Python has matplotlib (deploy/packages_report.txt)";
-  }
   /// A run of ten reports; `with_episodes` of them have a score.
   void make_run(const std::string& name, int seed, int with_episodes, const std::string& more = "") {
     std::string lines;
@@ -40,14 +34,28 @@ class Plot : public ::testing::Test {
     folder_.write(name + "/config.toml",
                   "scenario = \"lava_pit\"\nalgo = \"ippo\"\nseed = " + std::to_string(seed) + "\n");
   }
-  Ending plot(std::vector<std::string> words) {
-    words.insert(words.begin(), "plot");
+  Ending run(const char* command, std::vector<std::string> words, const Environment& environment = {}) {
+    words.insert(words.begin(), command);
     words.insert(words.end(), {"--train_dir", folder_.string()});
-    return comrad(words, 120);
+    return comrad(words, 120, environment);
   }
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
 
   const ScratchFolder folder_;
+};
+
+class Plot : public WithRuns {
+ protected:
+  void SetUp() override {
+    if (comrad({"plot", "--help"}, 30).exit_code != 0) GTEST_FAIL();
+    for (const char* python : {"/usr/bin/python3", "python3"})
+      if (RunningProgram({"/bin/sh", "-c", std::string(python) + " -c 'import matplotlib'"})
+              .wait(60)
+              .exit_code == 0)
+        return;
+    GTEST_SKIP() << "no Python has matplotlib (deploy/packages_report.txt)";
+  }
+  Ending plot(const std::vector<std::string>& words) { return run("plot", words); }
 };
 
 TEST_F(Plot, DrawsRunsGroupsAndEvaluationsAndNamesWhatItLeavesOut) {
@@ -98,6 +106,134 @@ TEST_F(Plot, RefusesWhatItCannotDraw) {
     EXPECT_THAT(ending.err, HasSubstr(message));
     EXPECT_FALSE(std::filesystem::exists(path("a.png"))) << message;
   }
+}
+
+class Export : public WithRuns {
+ protected:
+  Ending exported(const std::vector<std::string>& words, const Environment& environment = {}) {
+    return run("export", words, environment);
+  }
+  std::vector<std::string> lines_of(const std::string& name) const {
+    std::vector<std::string> lines;
+    std::istringstream text(read_text(path(name)));
+    for (std::string line; std::getline(text, line);) lines.push_back(line);
+    return lines;
+  }
+};
+
+TEST_F(Export, OneTableHoldsTheReportsOfAllRuns) {
+  make_run("study/one", 1, 9,
+           R"({"time_s": 50, "env_frames": 5000, "decisions": 1250, "eval/J": 140})"
+           "\n");
+  // The learner went back to 6000 env frames; a line was cut; a number was not finite.
+  make_run("study/two", 2, 10,
+           "{\"time_s\": 91, \"env_fra\n"
+           R"({"time_s": 65, "env_frames": 6500, "train/entropy": null, "train/lr": 0.25})"
+           "\n[1, 2]\n");
+  make_run("other/two", 3, 10);
+  folder_.write("empty/config.toml", "scenario = \"lava_pit\"\nalgo = \"ippo\"\nseed = 1\n");
+  folder_.write("empty/metrics.jsonl", "");
+  const Ending done = exported({"study", path("other/two"), "empty", "--csv", path("all.csv")});
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  EXPECT_EQ(done.out, path("all.csv") + "\n");
+  EXPECT_THAT(done.err,
+              AllOf(HasSubstr("study/two: metrics.jsonl: 2 damaged lines skipped (lines 11, 13)"),
+                    HasSubstr("empty: it has written no report yet; left out"), Not(HasSubstr("one:"))));
+  const std::vector<std::string> lines = lines_of("all.csv");
+  ASSERT_EQ(lines.size(), 1u + 11 + 8 + 10);
+  EXPECT_EQ(lines[0],
+            "run,scenario,algo,seed,time_s,env_frames,decisions,eval/J,policy_stats/avg_true_objective,train/"
+            "entropy,train/lr");
+  EXPECT_EQ(lines[1], "one,lava_pit,ippo,1,0,0,,,,1.0,") << "no episode had ended";
+  EXPECT_EQ(lines[2], "one,lava_pit,ippo,1,10,1000,,,101,0.5,");
+  EXPECT_THAT(lines, ::testing::Contains("one,lava_pit,ippo,1,50,5000,1250,140,,,"));
+  EXPECT_THAT(lines, ::testing::Contains("study/two,lava_pit,ippo,2,65,6500,,,,,0.25"));
+  EXPECT_THAT(lines, ::testing::Contains(::testing::StartsWith("other/two,lava_pit,ippo,3,")));
+  EXPECT_THAT(lines, Not(::testing::Contains(HasSubstr(",2,70,7000,")))) << "what was forgotten";
+  EXPECT_FALSE(std::filesystem::exists(path("all.csv.part")));
+}
+
+TEST_F(Export, RefusesWhatItCannotWrite) {
+  make_run("one", 1, 10);
+  folder_.write("empty/config.toml", "scenario = \"lava_pit\"\nalgo = \"ippo\"\nseed = 1\n");
+  folder_.write("a_file", "");
+  for (const auto& [words, message] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+           {{"--csv", path("a.csv")}, "name a run"},
+           {{"one"}, "--csv FILE or --wandb FOLDER"},
+           {{"one", "--csv", path("a.csv"), "--wandb", path("w")}, "--csv FILE or --wandb FOLDER"},
+           {{"ona", "--csv", path("a.csv")}, "did you mean 'one'?"},
+           {{"one", "--csv", path("a.txt")}, ".csv"},
+           {{"one", "--csv", path("no/a.csv")}, "is no folder"},
+           {{"one", "--wandb", path("a_file")}, "it is a file"},
+           {{"empty", "--csv", path("a.csv")}, "nothing to export"}}) {
+    const Ending ending = exported(words);
+    EXPECT_EQ(ending.exit_code, 2) << message;
+    EXPECT_THAT(ending.err, HasSubstr(message));
+    EXPECT_FALSE(std::filesystem::exists(path("a.csv"))) << message;
+  }
+}
+
+TEST_F(Export, SaysHowToInstallWandbWhereItIsMissing) {
+  make_run("one", 1, 10);
+  folder_.write("without/wandb.py", "raise ImportError('as if it were not installed')\n");
+  const Ending ending = exported({"one", "--wandb", path("w")}, {{"PYTHONPATH", path("without")}});
+  EXPECT_EQ(ending.exit_code, 2);
+  EXPECT_THAT(ending.err, HasSubstr("ENV/bin/pip install wandb"));
+  EXPECT_EQ(std::ranges::count(ending.err, '\n'), 1) << ending.err;
+  EXPECT_FALSE(std::filesystem::exists(path("w")));
+}
+
+// What wandb is asked to do, written down by a module in its place.
+TEST_F(Export, GivesWandbTheSettingsAndTheReportsOfEachRun) {
+  make_run("one", 1, 10,
+           R"({"time_s": 95, "env_frames": 9500, "decisions": 2375, "eval/J": 140, "eval/J_share": null})"
+           "\n");
+  folder_.write("stand_in/wandb.py", R"(
+import json, os, pathlib
+class Run:
+    def __init__(self, **words):
+        self.told = {"init": words, "mode": os.environ["WANDB_MODE"], "define": [], "log": []}
+        self.dir = str(pathlib.Path(words["dir"]) / "wandb" / "offline-run-1" / "files")
+    def define_metric(self, name, step_metric=None): self.told["define"].append([name, step_metric])
+    def log(self, values): self.told["log"].append(values)
+    def finish(self):
+        pathlib.Path(self.dir).mkdir(parents=True)
+        (pathlib.Path(self.dir) / "told.json").write_text(json.dumps(self.told))
+def init(**words): return Run(**words)
+)");
+  const Ending done =
+      exported({"one", "--wandb", path("w"), "--project", "team"}, {{"PYTHONPATH", path("stand_in")}});
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  EXPECT_EQ(done.out, path("w/wandb/offline-run-1") + "\n");
+  const auto told = nlohmann::json::parse(read_text(path("w/wandb/offline-run-1/files/told.json")));
+  EXPECT_EQ(told["mode"], "offline");
+  EXPECT_EQ(told["init"]["mode"], "offline");
+  EXPECT_EQ(told["init"]["project"], "team");
+  EXPECT_EQ(told["init"]["name"], "one");
+  EXPECT_EQ(told["init"]["group"], "lava_pit");
+  EXPECT_EQ(told["init"]["config"]["algo"], "ippo");
+  EXPECT_EQ(told["define"][1], (nlohmann::json{"*", "env_frames"}));
+  ASSERT_EQ(told["log"].size(), 11u);
+  EXPECT_EQ(told["log"][1]["env_frames"], 1000);
+  EXPECT_EQ(told["log"][10]["eval/J"], 140);
+  EXPECT_FALSE(told["log"][10].contains("eval/J_share")) << "it is null";
+}
+
+TEST_F(Export, WandbItselfMakesAnOfflineRun) {
+  const Expected<std::string> python = test::python_with("wandb");
+  if (!python) GTEST_SKIP() << python.error().message;
+  make_run("one", 1, 10);
+  const std::string bin = std::filesystem::path(*python).parent_path().string();
+  const Ending done = exported({"one", "--wandb", path("w")},
+                               {{"PATH", bin + ":" + std::getenv("PATH")}, {"HOME", path("home")}});
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  const std::filesystem::path made = done.out.substr(0, done.out.find('\n'));
+  EXPECT_THAT(made.string(), StartsWith(path("w/wandb/offline-run-")));
+  std::string run;
+  for (const auto& entry : std::filesystem::directory_iterator(made))
+    if (entry.path().extension() == ".wandb") run = read_text(entry.path());
+  for (const char* part : {"lava_pit", "train/entropy", "policy_stats/avg_true_objective"})
+    EXPECT_THAT(run, HasSubstr(part));
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
+#include "tests/support/documented_metrics.h"
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
@@ -120,6 +121,11 @@ TEST_F(EvaluatorTest, PlaysACheckpointWritesItsScoreAndDeletesIt) {
   EXPECT_EQ(reports[0]["time_s"], 7);
   EXPECT_EQ(reports[0]["eval/J"], 12.5);
   EXPECT_EQ(reports[0]["eval/version"], 3);
+  std::vector<std::string> names = {"eval/J_share"};  // null in this one
+  for (const auto& [name, value] : reports[0].items())
+    if (name.starts_with("eval/")) names.push_back(name);
+  EXPECT_THAT(test::undocumented(test::documented_metrics({"eval/"}), names), IsEmpty());
+  EXPECT_THAT(test::unwritten(test::documented_metrics({"eval/"}), names), IsEmpty());
   EXPECT_FALSE(fs::is_empty(plan_.run_dir + "/eval")) << "no event file of its own";
   const std::string asked_for = read_file(asked()).value_or("");
   for (const std::string& words :

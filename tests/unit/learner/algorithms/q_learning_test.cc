@@ -598,13 +598,26 @@ TEST(QLearning, TellsWhatShareOfTargetsAndRewardsWasClipped) {
   batch.valid.fill_(1);
   batch.reward.fill_(0.5);  // a team's 1.0 is at the clamp and stays
   for (int world = 0; world < 3; ++world) batch.reward[0][2 * world] = 3;
-  EXPECT_NEAR(value_of(*q_learner(config)->update(batch, {}), "train/targets_clipped_fraction"), 3.0 / 15,
-              1e-6);
+  const UpdateStats mixed = *q_learner(config)->update(batch, {});
+  EXPECT_NEAR(value_of(mixed, "train/targets_clipped_fraction"), 3.0 / 15, 1e-6);
+  EXPECT_NEAR(value_of(mixed, "train/target_q_tot_mean"), 1, 1e-6);
+  EXPECT_NEAR(value_of(mixed, "train/target_before_clamp"), (3 * 3.5 + 12 * 1.0) / 15, 1e-6);
   config = q_config("idqn", false);
   batch = q_batch(config, 34);
+  batch.valid.fill_(1);
+  batch.agent_active.fill_(1);
+  batch.valid[0][1] = 0;
   batch.rewards_read = 40;
   batch.rewards_clipped = 10;
-  EXPECT_EQ(value_of(*q_learner(config)->update(batch, {}), "train/rewards_clipped_fraction"), 0.25);
+  const UpdateStats alone = *q_learner(config)->update(batch, {});
+  EXPECT_EQ(value_of(alone, "train/rewards_clipped_fraction"), 0.25);
+  const double total = static_cast<double>(batch.valid.numel());
+  EXPECT_EQ(value_of(alone, "train/policy_lag_total"), total);
+  EXPECT_EQ(value_of(alone, "train/policy_lag_dropped"), 1);
+  EXPECT_NEAR(value_of(alone, "train/policy_lag_valid_frac"), (total - 1) / total, 1e-9);
+  EXPECT_LT(value_of(alone, "train/dqn_q_min"), value_of(alone, "train/dqn_q_mean"));
+  EXPECT_LT(value_of(alone, "train/dqn_q_mean"), value_of(alone, "train/dqn_q_max"));
+  EXPECT_EQ(value_of(alone, "train/dqn_num_updates"), 1);
 }
 
 TEST(QLearning, TargetsAreCopiedNowAndThenWhereTauIsOne) {

@@ -6,12 +6,15 @@
 #include <cmath>
 #include <numeric>
 
+#include "tests/support/documented_metrics.h"
+
 namespace comrad::learn {
 namespace {
 
 using testing::DoubleNear;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
 
 std::vector<std::string> names(int count) {
   std::vector<std::string> result;
@@ -287,6 +290,19 @@ TEST(Curriculum, BadOptionsAreNamed) {
   EXPECT_THAT(words({.rho = 2.0}), HasSubstr("rho"));
   EXPECT_FALSE(Curriculum::create({}, {}));
   EXPECT_FALSE(Curriculum::create({}, {"a", "a"}));
+}
+
+TEST(Curriculum, MetricsAreThoseOfTheDocument) {
+  std::vector<std::string> names = {"curriculum/late_draws",
+                                    "curriculum/lost_outcomes"};  // layout_service.cc
+  for (const CurriculumKind kind : kAllKinds) {
+    auto curriculum = made({.kind = kind, .seed = 5}, 4);
+    curriculum->update(curriculum->draw(), 0.5);
+    for (const auto& [name, value] : curriculum->metrics()) names.push_back("curriculum/" + name);
+  }
+  const auto documented = test::documented_metrics({"curriculum/"});
+  EXPECT_THAT(test::undocumented(documented, names), IsEmpty());
+  EXPECT_THAT(test::unwritten(documented, names), IsEmpty());
 }
 
 TEST(Curriculum, MetricsTellEntropyAndTasks) {

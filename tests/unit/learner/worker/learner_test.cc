@@ -10,7 +10,10 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <span>
 #include <string>
 #include <thread>
@@ -24,6 +27,7 @@
 #include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/shm/futex.h"
+#include "tests/support/documented_metrics.h"
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::learn {
@@ -183,6 +187,7 @@ class LearnerTest : public ::testing::Test {
       outcome.status = learner.error();
       return outcome;
     }
+    if (before_run_) before_run_(observer);
     std::optional<FakeSimulator> simulator;
     if (mode == "train") simulator.emplace(observer, simulator_is_sound_);
     std::thread stopper;
@@ -228,6 +233,7 @@ class LearnerTest : public ::testing::Test {
   static constexpr double kFramesPerRollout = 4 * 2 * 4 * 4;  ///< environments, agents, steps, tics
   const test::ScratchFolder folder_;
   std::atomic<bool> stop_{false};
+  std::function<void(const shm::Arena&)> before_run_;
   bool simulator_is_sound_ = true;
   PolicyVersion stop_at_version_ = 0;  ///< raise stop_ when this version is published; 0: never
   std::chrono::steady_clock::time_point stopped_at_;
@@ -410,6 +416,151 @@ TEST_F(LearnerTest, QLearningTrainsAtItsRateOnceTheReplayHasEnough) {
     EXPECT_GT(report["train/grad_norm"].get<double>(), 0);
     EXPECT_TRUE(report.contains("train/version_diff_avg"));
   }
+}
+
+/// What dashboards made for COMRAD's runs under Sample Factory show.
+const std::vector<std::string> kNamesOfAll = {"perf/_fps",
+                                              "perf/_sample_throughput",
+                                              "reward/reward",
+                                              "reward/reward_min",
+                                              "reward/reward_max",
+                                              "len/len",
+                                              "len/len_min",
+                                              "len/len_max",
+                                              "policy_stats/avg_true_objective",
+                                              "policy_stats/avg_true_objective_min",
+                                              "policy_stats/avg_true_objective_max",
+                                              "stats/avg_request_count",
+                                              "stats/wait_policy",
+                                              "stats/step_policy",
+                                              "train/env_steps",
+                                              "train/lr",
+                                              "train/loss",
+                                              "train/grad_norm",
+                                              "train/version_diff_avg",
+                                              "train/version_diff_min",
+                                              "train/version_diff_max"};
+const std::vector<std::string> kNamesOfPpo = {"train/actual_lr",
+                                              "train/policy_loss",
+                                              "train/value_loss",
+                                              "train/exploration_loss",
+                                              "train/kl_loss",
+                                              "train/kl_divergence",
+                                              "train/kl_divergence_max",
+                                              "train/entropy",
+                                              "train/value",
+                                              "train/value_delta",
+                                              "train/value_delta_max",
+                                              "train/ratio_mean",
+                                              "train/ratio_min",
+                                              "train/ratio_max",
+                                              "train/fraction_clipped",
+                                              "train/adv_min",
+                                              "train/adv_max",
+                                              "train/adv_mean",
+                                              "train/adv_std",
+                                              "train/act_min",
+                                              "train/act_max",
+                                              "train/max_abs_logprob",
+                                              "train/valids_fraction",
+                                              "train/same_policy_fraction",
+                                              "train/num_sgd_steps",
+                                              "train/obs_running_mean",
+                                              "train/obs_running_std",
+                                              "train/adam_max_second_moment",
+                                              "train/returns_running_mean",
+                                              "train/returns_running_std"};
+const std::vector<std::string> kNamesOfHappo = {"happo/factor_m_mean",
+                                                "happo/factor_m_max",
+                                                "happo/agent_order_first",
+                                                "happo/critic_grad_norm",
+                                                "happo/agent_0_policy_loss",
+                                                "happo/agent_0_grad_norm",
+                                                "happo/agent_1_policy_loss",
+                                                "happo/agent_1_grad_norm",
+                                                "train/value_loss",
+                                                "train/adv_mean",
+                                                "train/adv_std"};
+const std::vector<std::string> kNamesOfIdqn = {"train/dqn_num_updates",
+                                               "train/dqn_steps_per_update",
+                                               "train/dqn_pending_steps",
+                                               "train/dqn_q_mean",
+                                               "train/dqn_q_max",
+                                               "train/dqn_q_min",
+                                               "train/dqn_target_q_mean",
+                                               "train/dqn_td_error_mean",
+                                               "train/policy_lag_valid_frac",
+                                               "train/policy_lag_dropped",
+                                               "train/policy_lag_total"};
+const std::vector<std::string> kNamesOfMixers = {
+    "train/q_tot_mean",        "train/q_tot_max",           "train/td_error_mean",
+    "train/agent_qs_mean",     "train/agent_qs_max",        "train/agent_qs_min",
+    "train/target_q_tot_mean", "train/target_before_clamp", "train/q_std_across_actions",
+    "train/done_ratio",        "train/timeout_ratio",       "train/num_updates",
+    "train/buffer_size",       "train/buffer_transitions",  "train/pending_transition_debt"};
+const std::vector<std::string> kNamesOfQplexQ = {"train/attend_mag_regs", "train/head_entropy_mean"};
+
+TEST_F(LearnerTest, ReportsUnderTheNamesThatDashboardsKnowAndTheDocumentExplains) {
+  before_run_ = [](const shm::Arena& arena) {
+    shm::EpisodeRecord episode{};
+    episode.score = 7, episode.ceiling = 14, episode.length_tics = 40;
+    EXPECT_TRUE(arena.forward_episode(episode));
+    shm::WorkerCounters& inference = arena.policy_counters(0);
+    inference.decisions = 60, inference.batches = 10;
+    inference.wait_ns = 20'000'000, inference.busy_ns = 30'000'000;
+  };
+  const std::map<std::string, std::vector<std::vector<std::string>>> expected = {
+      {"ippo", {kNamesOfPpo}},
+      {"happo", {kNamesOfHappo}},
+      {"idqn", {kNamesOfIdqn}},
+      {"qmix", {kNamesOfMixers}},
+      {"qplex_q", {kNamesOfMixers, kNamesOfQplexQ}}};
+  const auto documented =
+      test::documented_metrics({"train/", "happo/", "reward/", "len/", "policy_stats/", "stats/", "perf/"});
+  std::vector<std::string> written;
+  for (const auto& [algo, tables] : expected) {
+    SCOPED_TRACE(algo);
+    const bool is_on_policy = find_algorithm(algo)->family == Family::kOnPolicy;
+    RunConfig config = is_on_policy ? small_config() : small_q_config(algo);
+    config.run.algo = algo;
+    config.network.critic_hidden_sizes = "16,8";
+    config.run.experiment_summaries_interval = 1e-3;
+    config.run.train_for_env_frames = 20 * 16 * 4;
+    const Outcome outcome = live(config, algo);
+    ASSERT_TRUE(outcome.status) << outcome.status.error().message;
+
+    std::set<std::string> names;
+    nlohmann::json first;
+    std::ifstream lines(folder_ / algo / "metrics.jsonl");
+    for (std::string line; std::getline(lines, line);) {
+      const auto report = nlohmann::json::parse(line);
+      if (report.contains("stats/avg_request_count") && first.is_null()) first = report;
+      for (const auto& [name, value] : report.items())
+        if (name.find('/') != std::string::npos) names.insert(name);
+    }
+    EXPECT_EQ(first["stats/avg_request_count"], 6);
+    EXPECT_EQ(first["stats/wait_policy"], 0.002);
+    EXPECT_EQ(first["stats/step_policy"], 0.003);
+    EXPECT_GT(first["stats/memory_learner"], 1);
+    std::string events;
+    for (const auto& entry : fs::directory_iterator(folder_ / algo))
+      if (entry.path().filename().string().starts_with("events.out.tfevents."))
+        events = read_file(entry.path().string()).value_or("");
+    std::vector<std::string> all = kNamesOfAll;
+    for (const auto& table : tables) all.insert(all.end(), table.begin(), table.end());
+    for (const std::string& name : all) {
+      EXPECT_TRUE(names.contains(name)) << name;
+      // On the wire a tag stands behind its field number and its length.
+      EXPECT_NE(events.find("\x0A" + std::string(1, static_cast<char>(name.size())) + name),
+                std::string::npos)
+          << name;
+    }
+    EXPECT_NE(events.find("_hparams_/session_start_info"), std::string::npos);
+    const std::vector<std::string> of_run(names.begin(), names.end());
+    EXPECT_THAT(test::undocumented(documented, of_run), ::testing::IsEmpty());
+    written.insert(written.end(), of_run.begin(), of_run.end());
+  }
+  EXPECT_THAT(test::unwritten(documented, written), ::testing::IsEmpty());
 }
 
 TEST_F(LearnerTest, WarnsInWordsOfWhatReportsShowAndOfSettingsAtTheStart) {

@@ -1,18 +1,22 @@
 #include "rollout_buffer/metrics/metrics_file.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "tensorboard_event.pb.h"
 #include "tests/support/scratch_folder.h"
+#include "tests/support/test_python.h"
 
 namespace comrad {
 namespace {
@@ -120,6 +124,106 @@ TEST_F(MetricsFileTest, AZeroIsOnTheWire) {
   const std::vector<tensorboard::Event> events = read_events(read_file(event_file()));
   ASSERT_EQ(events.size(), 2u);
   EXPECT_TRUE(events[1].summary().value(0).has_simple_value()) << "TensorBoard drops a point without a value";
+}
+
+/// A run that learned from few frames, as a learner and an evaluation write it.
+void write_run(const fs::path& run, const char* algo, int64_t seed, double score) {
+  RunConfig config;
+  config.run.scenario = "lava_pit";
+  config.run.algo = algo;
+  config.run.seed = seed;
+  config.optimisation.learning_rate = 3e-4;
+  fs::create_directories(run);
+  Expected<MetricsWriter> learner = MetricsWriter::open(run.string());
+  ASSERT_TRUE(learner) << learner.error().message;
+  ASSERT_TRUE(learner->describe_run(config));
+  ASSERT_TRUE(learner->write(
+      1, 100, 25,
+      {{"policy_stats/avg_true_objective", score}, {"train/lr", 3e-4}, {"train/num_sgd_steps", 0}}));
+  Expected<MetricsWriter> evaluations = MetricsWriter::open(run.string(), (run / "eval").string());
+  ASSERT_TRUE(evaluations) << evaluations.error().message;
+  ASSERT_TRUE(evaluations->write(1, 100, 25, {{"eval/J", score + 1}}));
+}
+
+TEST_F(MetricsFileTest, TheSettingsOfARunAreARowOfTheHparamsPage) {
+  write_run(folder_ / "run", "qmix", 68, 7);
+  std::vector<tensorboard::Event> events;
+  for (const auto& entry : fs::directory_iterator(folder_ / "run"))
+    if (entry.path().filename().string().starts_with("events."))
+      events = read_events(read_file(entry.path()));
+  ASSERT_EQ(events.size(), 4u);
+  const auto data_of = [](const tensorboard::Event& event, const char* tag) {
+    EXPECT_EQ(event.summary().value_size(), 1);
+    const tensorboard::Summary::Value& value = event.summary().value(0);
+    EXPECT_EQ(value.tag(), tag);
+    EXPECT_TRUE(value.has_tensor()) << "TensorBoard drops a value without one";
+    EXPECT_EQ(value.metadata().plugin_data().plugin_name(), "hparams");
+    tensorboard::HparamsData data;
+    EXPECT_TRUE(data.ParseFromString(value.metadata().plugin_data().content()));
+    return data;
+  };
+  const tensorboard::Experiment columns = data_of(events[1], "_hparams_/experiment").experiment();
+  ASSERT_GT(columns.hparam_infos_size(), 20);
+  std::map<std::string, int> leading;
+  for (const tensorboard::Experiment::Hparam& column : columns.hparam_infos())
+    if (column.differs()) leading[column.name()] = column.type();
+  EXPECT_EQ(leading, (std::map<std::string, int>{{"scenario", 1}, {"algo", 1}, {"seed", 3}, {"preset", 1}}));
+  EXPECT_EQ(columns.metric_infos(0).name().tag(), "policy_stats/avg_true_objective");
+  const tensorboard::SessionStart row =
+      data_of(events[2], "_hparams_/session_start_info").session_start_info();
+  EXPECT_EQ(row.hparams().at("scenario").string_value(), "lava_pit");
+  EXPECT_EQ(row.hparams().at("algo").string_value(), "qmix");
+  EXPECT_EQ(row.hparams().at("seed").number_value(), 68);
+  EXPECT_EQ(row.hparams().at("learning_rate").number_value(), 3e-4);
+  EXPECT_TRUE(row.hparams().at("double_dqn").bool_value());
+  EXPECT_FALSE(row.hparams().contains("ppo_clip_ratio")) << "it makes no difference in this run";
+  EXPECT_FALSE(row.hparams().contains("experiment")) << "that is the row's name";
+}
+
+// TensorBoard's own reader and the backend of its HPARAMS page, on two runs in one folder.
+TEST_F(MetricsFileTest, TensorBoardReadsScalarsAndSettings) {
+  const Expected<std::string> python = test::python_with("tensorboard");
+  if (!python) GTEST_SKIP() << python.error().message;
+  write_run(folder_ / "runs/one", "qmix", 42, 7);
+  write_run(folder_ / "runs/two", "ippo", 68, 9);
+  const fs::path script = folder_.write("read.py", R"(
+import sys
+from tensorboard import context
+from tensorboard.backend.event_processing import data_provider, plugin_event_multiplexer
+from tensorboard.plugins import base_plugin
+from tensorboard.plugins.hparams import api_pb2, backend_context, list_session_groups
+
+runs = plugin_event_multiplexer.EventMultiplexer()
+runs.AddRunsFromDirectory(sys.argv[1])
+runs.Reload()
+assert sorted(runs.Runs()) == ["one", "one/eval", "two", "two/eval"], runs.Runs()
+provider = data_provider.MultiplexerDataProvider(runs, sys.argv[1])
+request = context.RequestContext()
+scalars = provider.read_scalars(request, experiment_id="", plugin_name="scalars", downsample=10)
+lr, steps = scalars["one"]["train/lr"][0], scalars["one"]["train/num_sgd_steps"][0]
+assert (lr.step, round(lr.value, 6)) == (100, 3e-4) and steps.value == 0, (lr, steps)
+assert scalars["two/eval"]["eval/J"][0].value == 10
+
+backend = backend_context.Context(base_plugin.TBContext(data_provider=provider))
+written = backend.hparams_metadata(request, "")
+page = backend.experiment_from_metadata(request, "", True, written, [])
+names = [one.name for one in page.hparam_infos]
+assert names[:4] == ["algo", "preset", "scenario", "seed"] and len(set(names)) == len(names), names
+kinds = {one.name: one.type for one in page.hparam_infos}
+assert kinds["algo"] == api_pb2.DATA_TYPE_STRING and kinds["seed"] == api_pb2.DATA_TYPE_FLOAT64
+assert kinds["double_dqn"] == api_pb2.DATA_TYPE_BOOL
+asked = api_pb2.ListSessionGroupsRequest(slice_size=10, allowed_statuses=api_pb2.Status.values())
+groups = {one.name: one for one in list_session_groups.Handler(request, backend, "", asked).run().session_groups}
+assert sorted(groups) == ["one", "two"], groups
+one, two = groups["one"].hparams, groups["two"].hparams
+assert one["scenario"].string_value == "lava_pit" and one["algo"].string_value == "qmix"
+assert one["seed"].number_value == 42 and two["seed"].number_value == 68
+assert one["double_dqn"].bool_value and "ppo_clip_ratio" not in one and "ppo_clip_ratio" in two
+values = {(one.name.group, one.name.tag): one.value for one in groups["two"].metric_values}
+assert values == {("", "policy_stats/avg_true_objective"): 9, ("eval", "eval/J"): 10}, values
+)");
+  const std::string command = *python + " " + script.string() + " " + (folder_ / "runs").string();
+  EXPECT_EQ(std::system(command.c_str()), 0);
 }
 
 TEST_F(MetricsFileTest, ClosesAHalfLineOfACrashBeforeItAppends) {

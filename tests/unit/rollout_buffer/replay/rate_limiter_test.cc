@@ -48,6 +48,25 @@ TEST(RateLimiter, KeepsBothSidesWithinTheTolerance) {
   EXPECT_FALSE(limiter.can_sample(5));
 }
 
+TEST(RateLimiter, TellsWhichInsertsWaitForTheirSamples) {
+  RateLimiter limiter({.samples_per_insert = 4, .min_size_to_sample = 10, .error_buffer = 80});
+  limiter.inserted(8);
+  EXPECT_EQ(limiter.pending_inserts(), 0) << "the first ones are waited for";
+  EXPECT_EQ(limiter.inserts_per_sample(), 0);
+  limiter.inserted(12);
+  EXPECT_EQ(limiter.pending_inserts(), 10);
+  limiter.sampled(20);
+  EXPECT_EQ(limiter.pending_inserts(), 5);
+  EXPECT_EQ(limiter.inserts_per_sample(), 0.5);
+  limiter.sampled(60);
+  EXPECT_EQ(limiter.pending_inserts(), 0) << "samples ran ahead";
+  RateLimiter without_ratio({.min_size_to_sample = 1});
+  without_ratio.inserted(100);
+  without_ratio.sampled(3);
+  EXPECT_EQ(without_ratio.pending_inserts(), 0);
+  EXPECT_EQ(without_ratio.inserts_per_sample(), 33);
+}
+
 TEST(RateLimiter, TheLongRunRatioIsTheOneAskedFor) {
   RateLimiter limiter({.samples_per_insert = 0.25, .min_size_to_sample = 64, .error_buffer = 300});
   ASSERT_TRUE(validate({.samples_per_insert = 0.25, .min_size_to_sample = 64, .error_buffer = 300}, 64, 256));

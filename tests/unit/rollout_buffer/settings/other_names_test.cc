@@ -40,7 +40,7 @@ TEST(OtherNames, WhatIsNotThereIsAnsweredWithWhatToUse) {
   EXPECT_THAT(answer("recurrence", "8"), HasSubstr("--rollout"));
   EXPECT_THAT(answer("nonlinearity", "relu"), HasSubstr("ELU"));
   EXPECT_THAT(answer("optimizer", "lamb"), HasSubstr("Adam"));
-  EXPECT_THAT(answer("with_wandb", "True"), AllOf(HasSubstr("wandb sync"), HasSubstr("tfevents")));
+  EXPECT_THAT(answer("with_wandb", "True"), AllOf(HasSubstr("comrad export RUN"), HasSubstr("wandb sync")));
   EXPECT_THAT(answer("num_policies", "2"), AllOf(HasSubstr("--seed"), HasSubstr("--share_parameters=False")));
 }
 
