@@ -17,7 +17,7 @@ namespace {
 
 int report(const Error& error) {
   std::fprintf(stderr, "comrad trace: error: %s\n", error.message.c_str());
-  return error.code == ErrorCode::kBadInput || error.code == ErrorCode::kNotFound ? 2 : 1;
+  return exit_code(error);
 }
 
 /// comrad-trace --gallery DIR [SCENARIO...]: what `comrad scenarios --gallery` runs.

@@ -118,6 +118,9 @@ std::vector<std::string> complaints(const ScratchFolder& folder) {
     const Ending ending = comrad(command, 60);
     EXPECT_FALSE(ending.timed_out) << command[0];
     EXPECT_NE(ending.exit_code, 0) << command[0];
+    if (command[0] == "trace") {
+      EXPECT_EQ(ending.exit_code, 2) << ending.err;
+    }
     EXPECT_THAT(ending.err, Not(HasSubstr("starts again"))) << "a map does not get better";
     said.push_back(ending.err);
   }

@@ -5,6 +5,7 @@
 
 #include <sstream>
 
+#include "rollout_buffer/settings/algorithms.h"
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
@@ -23,6 +24,19 @@ std::string parse(CommandLine& line, const Words& words) {
   line.add_settings();
   const Status status = line.parse(words);
   return status ? "" : status.error().message;
+}
+
+TEST(CommandLine, TheHelpOfAlgoNamesWhatTheTableHas) {
+  static constexpr AlgorithmRow kOwn{.name = "algorithm_of_a_test"};
+  if (find_algorithm(kOwn.name) == nullptr) add_algorithm(kOwn);
+  CommandLine line("train", "");
+  ASSERT_EQ(parse(line, {}), "");
+  const std::string help = line.help();
+  const std::size_t begin = help.find("--algo ");
+  ASSERT_NE(begin, std::string::npos);
+  const std::string of_algo = help.substr(begin, help.find("\n  --", begin) - begin);
+  for (const std::string& name : algorithm_names()) EXPECT_THAT(of_algo, HasSubstr(name));
+  EXPECT_THAT(of_algo, HasSubstr("algorithm_of_a_test"));
 }
 
 TEST(CommandLine, TakesValuesWithAndWithoutEqualsSign) {

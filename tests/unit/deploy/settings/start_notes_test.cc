@@ -120,5 +120,16 @@ TEST(LeftOut, IsNamedForARunsConfigAlone) {
   EXPECT_THAT(left_out_text(of_a_run), AllOf(HasSubstr("old/config.toml"), HasSubstr("(num_workers, wad)")));
 }
 
+TEST(LeftOut, ARunsConfigOfAnOlderVersionIsTakenWhole) {
+  SettingsLayer of_a_run{"old/config.toml", {}, {}};
+  for (const SettingRow& row : setting_rows())
+    of_a_run.values.emplace_back(std::string(row.name), row.text(RunConfig()));
+  EXPECT_THAT(left_out_text(of_a_run),
+              AllOf(HasSubstr("old/config.toml has no table [asked_for]"), HasSubstr("older version wrote"),
+                    HasSubstr("all its settings are taken")));
+  of_a_run.asked_for = {{"num_workers", "0"}};
+  EXPECT_THAT(left_out_text(of_a_run), ::testing::Not(HasSubstr("older version")));
+}
+
 }  // namespace
 }  // namespace comrad::deploy

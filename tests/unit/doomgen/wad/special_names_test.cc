@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <string>
+
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::wad {
@@ -31,6 +35,17 @@ TEST(SpecialNames, RiseByNumberAndNoNameStandsTwice) {
     EXPECT_EQ(special_name(special.number), special.name);
   }
   EXPECT_EQ(last, 280);
+}
+
+TEST(SpecialNames, TheDocumentCountsTheSupportedOnes) {
+  const auto all = special_names();
+  const auto supported = std::ranges::count(all, SpecialSupport::kSupported,
+                                            [](const SpecialName& name) { return name.support; });
+  const std::string words = std::to_string(supported) + " of ZDoom's " + std::to_string(all.size()) +
+                            " by number, from lines, things, states and scripts; each of the " +
+                            std::to_string(static_cast<int64_t>(all.size()) - supported) + " others";
+  const std::string document = read_file(data_dir() + "/sim_workers/SUPPORTED.md").value_or("");
+  EXPECT_NE(document.find(words), std::string::npos) << "sim_workers/SUPPORTED.md should say: " << words;
 }
 
 }  // namespace

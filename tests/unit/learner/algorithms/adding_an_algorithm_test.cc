@@ -1,10 +1,12 @@
 // The README's "Adding an algorithm", done: a row for the settings, a learner for the registry, and a game that it learns.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "learner/algorithms/ippo.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/recipes.h"
 #include "rollout_buffer/settings/resolve.h"
+#include "rollout_buffer/settings/setting.h"
 #include "tests/support/matrix_game.h"
 
 namespace comrad::learn {
@@ -52,6 +54,14 @@ TEST_F(AddingAnAlgorithm, ItsSettingsAreMergedAndItsLearnerIsMade) {
   StateDict state;
   (*made)->save(state);
   EXPECT_TRUE((*made)->load(state)) << "its name stands in its checkpoints";
+}
+
+TEST_F(AddingAnAlgorithm, ItsNameStandsInTheHelpOfAlgo) {
+  const SettingRow* const row = find_setting("algo");
+  EXPECT_THAT(row->words(), ::testing::Contains("hopeful_ippo"));
+  for (const std::string& name : algorithm_names())
+    EXPECT_EQ(row->help.find(name), std::string_view::npos)
+        << "the words are the table's; typed by hand they would lack the new one";
 }
 
 TEST_F(AddingAnAlgorithm, ItLearnsTheBestCellOfAGame) {
