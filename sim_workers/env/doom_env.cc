@@ -9,12 +9,7 @@
 namespace comrad::sim {
 
 DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game)
-    : DoomEnvironment(std::move(game), nullptr) {}
-
-DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game,
-                                 std::unique_ptr<doom::ScriptHost> rules)
     : game_(std::move(game)),
-      rules_(std::move(rules)),
       shape_(game_->spec.shape(game_->num_agents, game_->use_measurements)),
       world_(game_->level, game_->catalog, game_->behavior),
       rewards_(game_->spec.rewards, game_->num_agents),
@@ -63,7 +58,7 @@ void DoomEnvironment::reset(uint64_t episode_seed) {
   options.no_monsters |= game_->no_monsters;
   options.forced_respawn = game_->spec.respawn;
   options.respawn_delay_tics = game_->spec.respawn_delay_tics;
-  reset_world(world_, options, rules_.get());
+  reset_world(world_, options);
   run_start_tics(world_, game_->spec.rules);
   step_count_ = 0;
   std::fill(step_.reward.begin(), step_.reward.end(), 0.0f);

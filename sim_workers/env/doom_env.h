@@ -84,8 +84,6 @@ class TicWatcher {
 class DoomEnvironment final : public Environment {
  public:
   explicit DoomEnvironment(std::shared_ptr<const DoomGame> game);
-  /// With rules in C++ besides the game's scripts; may be null.
-  DoomEnvironment(std::shared_ptr<const DoomGame> game, std::unique_ptr<doom::ScriptHost> rules);
 
   const EnvShape& shape() const override { return shape_; }
   uint64_t layout_id() const override { return game_->layout_id; }
@@ -128,7 +126,6 @@ class DoomEnvironment final : public Environment {
 
   std::shared_ptr<const DoomGame> game_;
   std::shared_ptr<LayoutLibrary> library_;
-  std::unique_ptr<doom::ScriptHost> rules_;
   EnvShape shape_;
   doom::World world_;
   std::vector<Reading> reward_readings_;

@@ -46,7 +46,7 @@ void VizdoomEpisode::reset(uint64_t seed) {
   options.crosshair = config.crosshair;
   options.forced_respawn = config.forced_respawn;
   options.respawn_delay_tics = config.respawn_delay_tics;
-  reset_world(world_, options, nullptr);
+  reset_world(world_, options);
   run_start_tics(world_, config.rules);
   first_tic_ = world_.tic_count();
   before_ = counts();

@@ -42,7 +42,7 @@ inline void play(doom::World& world, int tics, uint32_t salt = 0x5A5A33) {
 }
 
 inline void start(doom::World& world, int64_t instructions_per_tic = 20'000) {
-  reset_world(world, {.player_count = 2, .seed = 7}, nullptr);
+  reset_world(world, {.player_count = 2, .seed = 7});
   world.state().scripts.instructions_per_tic = instructions_per_tic;
 }
 

@@ -56,7 +56,7 @@ class ScenarioStage {
   ScenarioStage(const std::string& scenario, const std::string& layout_text,
                 std::shared_ptr<const doom::Level> level, uint64_t seed = 1, int player_count = 2)
       : content_(scenario, layout_text), world(std::move(level), content_.catalog, content_.behavior) {
-    reset_world(world, {.player_count = player_count, .seed = seed}, nullptr);
+    reset_world(world, {.player_count = player_count, .seed = seed});
   }
   void tics(int count, const doom::Buttons& first = {}, const doom::Buttons& second = {}) {
     const std::array<doom::Buttons, 2> buttons = {first, second};

@@ -384,7 +384,6 @@ bool touch_item(World& world, Actor& body, Actor& item) {
   // The special is an item's message to scripts. It may move and remove things: the item leaves first.
   if (!stays) world.remove(item.id);
   if (item.special != 0) run_actor_special(world, item, &body);
-  world.events().item_taken(world, player_index, item);
   return true;
 }
 

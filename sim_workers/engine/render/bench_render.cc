@@ -119,7 +119,7 @@ int run_room(Renderer* renderer, const RenderOptions& options, int players, doub
   Rng rng{uint64_t{7}};
   const uint32_t monster = catalog->find("DoomImp").value_or(0);
   const auto start = [&](uint64_t seed) {
-    reset_world(world, {.player_count = players, .seed = seed}, nullptr);
+    reset_world(world, {.player_count = players, .seed = seed});
     for (int i = 0; i < kMonsters; ++i) {
       const auto id =
           spawn_actor(world, monster, to_fixed(static_cast<int>(rng.next() % 1801) - 900),
@@ -192,7 +192,7 @@ int run_walk(Renderer& renderer, const RenderOptions& options, const std::shared
     return 1;
   }
   World world(level, catalog);
-  reset_world(world, {.player_count = 1, .seed = 3}, nullptr);
+  reset_world(world, {.player_count = 1, .seed = 3});
   world.state().players[0].god_mode = true;
   struct Place {
     Fixed x, y, z, view_z;
@@ -321,7 +321,7 @@ int run(int argc, char** argv) {
   const auto place = [&] { return to_fixed(static_cast<int>(rng.next() % 2001) - 1000); };
   for (int w = 0; w < world_count; ++w) {
     World world(level, catalog);
-    reset_world(world, {.player_count = 2, .seed = static_cast<uint64_t>(w)}, nullptr);
+    reset_world(world, {.player_count = 2, .seed = static_cast<uint64_t>(w)});
     for (int i = 0; i < kKits; ++i)
       (void)spawn_actor(world, i % 4 ? stimpack : medikit, place(), place(), 0, 0);
     // The first player anywhere, the second near it as a tether would keep it.

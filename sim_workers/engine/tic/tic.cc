@@ -17,7 +17,7 @@
 namespace comrad::doom {
 namespace {
 
-/// Specials, scripts and native rules, for the systems below them.
+/// Specials and scripts, for the systems below them.
 class Systems final : public WorldEvents {
  public:
   int32_t run_special(World& world, const SpecialCall& call) const override {
@@ -32,15 +32,11 @@ class Systems final : public WorldEvents {
                           const std::array<int32_t, 4>& args) const override {
     acs::start_script(world, name, {.args = args, .activator_id = activator_id, .always = true});
   }
-  void player_died(World& world, int player, uint32_t body_id) const override {
+  void player_died(World& world, int /*player*/, uint32_t body_id) const override {
     acs::start_scripts_of_type(world, acs::ScriptType::kDeath, body_id);
-    if (ScriptHost* const rules = world.script_host()) rules->on_death(world, player);
   }
   void player_respawned(World& world, int /*player*/, uint32_t body_id) const override {
     acs::start_scripts_of_type(world, acs::ScriptType::kRespawn, body_id);
-  }
-  void item_taken(World& world, int player, const Actor& item) const override {
-    if (ScriptHost* const rules = world.script_host()) rules->on_pickup(world, player, item);
   }
 };
 const Systems kSystems{};
@@ -78,8 +74,8 @@ void tic_actor(World& world, std::size_t slot) {
 
 }  // namespace
 
-void reset_world(World& world, const WorldOptions& options, ScriptHost* scripts) {
-  world.start(options, &kSystems, scripts);
+void reset_world(World& world, const WorldOptions& options) {
+  world.start(options, &kSystems);
   acs::reset_machine(world);
   start_sector_specials(world);
   start_movers(world);
@@ -89,10 +85,6 @@ void reset_world(World& world, const WorldOptions& options, ScriptHost* scripts)
   for (const Player& player : world.state().players)
     acs::start_scripts_of_type(world, acs::ScriptType::kEnter, player.actor_id);
   acs::start_scripts_of_type(world, acs::ScriptType::kOpen, 0);
-  if (scripts != nullptr) {
-    scripts->on_open(world);
-    for (int player = 0; player < world.player_count(); ++player) scripts->on_enter(world, player);
-  }
   world.compact();
 }
 
@@ -109,7 +101,6 @@ void run_tic(World& world, std::span<const Buttons> buttons) {
     tic_actor(world, slot);  // grows while things spawn
   tic_movers(world);
   acs::tic_machine(world);
-  if (world.script_host() != nullptr) world.script_host()->on_tic(world);
   world.compact();
   ++world.state().tic_count;
 }

@@ -3,15 +3,13 @@
 
 #include <span>
 
-#include "sim_workers/engine/tic/script_host.h"
 #include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
 
 /// Starts the map anew: sectors and things as loaded, players at their starts (or 0,0 without one), OPEN
-/// and ENTER scripts run, on_open and on_enter called. `scripts` must outlive the world or the next reset; null:
-/// no native rules.
-void reset_world(World& world, const WorldOptions& options, ScriptHost* scripts);
+/// and ENTER scripts started; the first tic runs them.
+void reset_world(World& world, const WorldOptions& options);
 
 /// One tic, in Doom's order: players think (turn, thrust, jump, eye, weapon, damage of the floor they stand
 /// on), then each actor in order of age moves and thinks, then movers, then scripts. `buttons` has one

@@ -24,10 +24,10 @@ World::World(std::shared_ptr<const Level> level, std::shared_ptr<const ActorCata
   state_.sectors = level_->sectors;
 }
 
-void World::start(const WorldOptions& options, const WorldEvents* events, ScriptHost* scripts) {
+void World::start(const WorldOptions& options, const WorldEvents* events) {
   COMRAD_CHECK(options.player_count >= 1 && options.player_count <= kPlayersMax, "1 to 8 players");
   options_ = options;
-  events_ = events, scripts_ = scripts;
+  events_ = events;
   WorldState fresh;
   fresh.actors = std::move(state_.actors), fresh.links = std::move(state_.links);  // their memory is kept
   state_ = std::move(fresh);

@@ -20,7 +20,6 @@ namespace comrad::doom {
 /// Actors of one world at a time; scripts and states that make more make none.
 constexpr std::size_t kActorsMax = 1 << 14;
 
-class ScriptHost;
 struct LevelIndex;
 namespace acs {
 class Behavior;
@@ -55,14 +54,13 @@ class World {
   int32_t exported(int index) const;  ///< USER1..USER60: index 1..60
   const WorldState& state() const { return state_; }
 
-  // Write side, for play/, specials/, acs/ and native rules.
-  /// The map as loaded, without actors: reset_world()'s first step. `events` and `scripts` must outlive the
-  /// world or the next start.
-  void start(const WorldOptions& options, const WorldEvents* events, ScriptHost* scripts);
+  // Write side, for play/, specials/ and acs/.
+  /// The map as loaded, without actors: reset_world()'s first step. `events` must outlive the world or the
+  /// next start.
+  void start(const WorldOptions& options, const WorldEvents* events);
   const WorldEvents& events() const { return *events_; }
   WorldState& state() { return state_; }
   const LevelIndex& index() const { return *index_; }
-  ScriptHost* script_host() const { return scripts_; }
   Rng& rng() { return state_.rng; }
   int random_byte() { return static_cast<int>(state_.rng.below(256)); }  ///< 0..255
   int random_triangle() {
@@ -108,7 +106,6 @@ class World {
   std::shared_ptr<const acs::Behavior> behavior_;
   WorldOptions options_;
   const WorldEvents* events_ = nullptr;
-  ScriptHost* scripts_ = nullptr;
   WorldState state_;
 };
 

@@ -55,7 +55,6 @@ class WorldEvents {
                                   const std::array<int32_t, 4>& args) const = 0;
   virtual void player_died(World& world, int player, uint32_t body_id) const = 0;
   virtual void player_respawned(World& world, int player, uint32_t body_id) const = 0;
-  virtual void item_taken(World& world, int player, const Actor& item) const = 0;
 };
 
 }  // namespace comrad::doom

@@ -46,7 +46,7 @@ class ProgramRunner {
     doom::WorldOptions world_options;
     world_options.player_count = player_count;
     world_options.seed = 1;
-    reset_world(world, world_options, nullptr);
+    reset_world(world, world_options);
   }
   ProgramRunner& tic(int count = 1) {
     for (int i = 0; i < count; ++i) run_tic(world, {});

@@ -240,7 +240,7 @@ TEST(CoopHealthGatheringRules, AResetStartsTheRulesAnew) {
   doom::Buttons backward;
   backward.backward = true;
   used.tics(300, backward, backward);
-  reset_world(used.world, {.player_count = 2, .seed = 1}, nullptr);
+  reset_world(used.world, {.player_count = 2, .seed = 1});
   used.tics(100);
   fresh.tics(100);
   EXPECT_EQ(used.world.hash(), fresh.world.hash());

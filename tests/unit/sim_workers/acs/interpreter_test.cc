@@ -572,7 +572,7 @@ TEST(Interpreter, RefusesCodeThatRunsOutOfTheLump) {
   auto behavior = Behavior::load(lump, "TEST");
   ASSERT_TRUE(behavior.has_value()) << behavior.error().message;
   World world(doom::test::one_room(), shared_catalog(), *behavior);
-  reset_world(world, {}, nullptr);
+  reset_world(world, {});
   run_tic(world, {});
   EXPECT_NE(world.state().scripts.last_error.find("runs out of the lump"), std::string::npos);
 }

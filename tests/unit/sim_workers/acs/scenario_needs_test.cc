@@ -38,7 +38,7 @@ struct Scene {
         buttons(static_cast<std::size_t>(players)) {
     WorldOptions options;
     options.player_count = players;
-    reset_world(world, options, nullptr);
+    reset_world(world, options);
   }
   Actor& spawn(std::string_view type, int x, int y, int degrees = 0) {
     return world.spawn_unchecked(*catalog->find(type), to_fixed(x), to_fixed(y), kOnFloor,
@@ -460,7 +460,7 @@ TEST(ScenarioNeeds, PlayersComeBackWithTheirRespawnScript) {
   World world(hall(), catalog, load(code));
   WorldOptions options;
   options.player_count = 2, options.forced_respawn = true, options.respawn_delay_tics = 10;
-  reset_world(world, options, nullptr);
+  reset_world(world, options);
   run_tic(world, {});
   damage_actor(world, *world.body_of(1), nullptr, nullptr, 500);
   for (int tic = 0; tic < 60; ++tic) run_tic(world, {});

@@ -40,7 +40,7 @@ class ScriptWorld {
     WorldOptions options;
     options.player_count = player_count;
     options.seed = seed;
-    reset_world(world, options, nullptr);
+    reset_world(world, options);
   }
   ScriptWorld& tic(int count = 1) {
     for (int i = 0; i < count; ++i) run_tic(world, {});

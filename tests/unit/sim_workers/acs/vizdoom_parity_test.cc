@@ -101,7 +101,7 @@ std::vector<Row> play_here(const std::vector<uint8_t>& behavior_bytes, int tics,
   const auto behavior = Behavior::load(behavior_bytes, "parity");
   EXPECT_TRUE(behavior.has_value()) << (behavior ? "" : behavior.error().message);
   World world(*level, std::make_shared<const ActorCatalog>(), *behavior);
-  reset_world(world, {}, nullptr);
+  reset_world(world, {});
   std::vector<Row> rows;
   for (int tic = 0; tic < tics; ++tic) {
     run_tic(world, {});

@@ -3,27 +3,15 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <string>
 #include <vector>
 
-#include "sim_workers/engine/play/damage.h"
+#include "doomgen/acs/compiler.h"
+#include "sim_workers/engine/acs/behavior.h"
 #include "tests/support/level_builder.h"
 
 namespace comrad::sim {
 namespace {
-
-/// Counts tics in USER1 and ends the map or kills player 0 at a given tic.
-class ClockRules final : public doom::ScriptHost {
- public:
-  void on_open(doom::World& world) override { world.set_export(1, 1000); }
-  void on_enter(doom::World&, int) override {}
-  void on_tic(doom::World& world) override {
-    world.set_export(1, world.exported(1) + 1);
-    const int tic = world.exported(1) - 1000;
-    if (tic == death_tic) damage_player(world, 0, 1000);
-    if (tic == exit_tic) world.exit_level();
-  }
-  int exit_tic = 0, death_tic = 0;
-};
 
 /// Paints every view with the world's clock, the player added, and counts its calls.
 class FlatRenderer final : public doom::Renderer {
@@ -70,23 +58,41 @@ std::shared_ptr<DoomGame> one_room_game() {
   return game;
 }
 
+/// The same room with scripts that count tics in USER1, end the map at `exit_tic` and kill player 0 at `death_tic`; 0: never.
+std::shared_ptr<DoomGame> clock_game(int exit_tic = 0, int death_tic = 0) {
+  const std::string source =
+      "#include \"zcommon.acs\"\nglobal int 1:clock;\n"
+      "script 1 OPEN { while (TRUE) { clock++; if (clock == " +
+      std::to_string(exit_tic) +
+      ") Exit_Normal(0); Delay(1); } }\n"
+      "script 2 ENTER { if (PlayerNumber() == 0 && " +
+      std::to_string(death_tic) + " > 0) { Delay(" + std::to_string(death_tic - 1) +
+      "); DamageThing(1000); } }\n";
+  const auto compiled = acs_compiler::compile(source, "clock.acs");
+  EXPECT_TRUE(compiled) << (compiled ? "" : compiled.error().message);
+  auto behavior = doom::acs::Behavior::load(compiled->behavior, "clock.acs");
+  EXPECT_TRUE(behavior) << (behavior ? "" : behavior.error().message);
+  auto game = one_room_game();
+  game->behavior = *behavior;
+  return game;
+}
+
 const std::vector<int32_t> kIdle = {0, 0, 0, 0};
 
 TEST(DoomEnvironment, AWorldThatPaysOnePerTicPaysFourPerDecision) {
-  DoomEnvironment env(one_room_game(), std::make_unique<ClockRules>());
+  DoomEnvironment env(clock_game());
   env.reset(1);
   for (int i = 0; i < 5; ++i) {
     env.step(kIdle);
-    EXPECT_EQ(env.last_step().reward, (std::vector<float>{4, 4}))
-        << "the first decision as well: it starts from 1000";
+    EXPECT_EQ(env.last_step().reward, (std::vector<float>{4, 4})) << "the first decision as well";
     EXPECT_EQ(env.world().tic_count(), 4u * (i + 1));
   }
 }
 
 TEST(DoomEnvironment, FrameSkipIsHowLongADecisionLasts) {
-  const auto game = one_room_game();
+  const auto game = clock_game();
   game->frame_skip = 1;
-  DoomEnvironment env(game, std::make_unique<ClockRules>());
+  DoomEnvironment env(game);
   env.reset(1);
   env.step(kIdle);
   EXPECT_EQ(env.world().tic_count(), 1u);
@@ -94,7 +100,7 @@ TEST(DoomEnvironment, FrameSkipIsHowLongADecisionLasts) {
 }
 
 TEST(DoomEnvironment, ButtonsAreHeldForAllTicsOfADecision) {
-  DoomEnvironment env(one_room_game(), nullptr);
+  DoomEnvironment env(one_room_game());
   env.reset(1);
   for (int i = 0; i < 2; ++i) env.step(kIdle);  // who is born stands still for eight tics
   const doom::Angle before = env.world().body(0).angle;
@@ -105,9 +111,7 @@ TEST(DoomEnvironment, ButtonsAreHeldForAllTicsOfADecision) {
 }
 
 TEST(DoomEnvironment, TheMapsExitTerminatesInTheMiddleOfADecision) {
-  auto rules = std::make_unique<ClockRules>();
-  rules->exit_tic = 6;
-  DoomEnvironment env(one_room_game(), std::move(rules));
+  DoomEnvironment env(clock_game(6));
   env.reset(1);
   env.step(kIdle);
   EXPECT_FALSE(env.last_step().episode_over());
@@ -124,7 +128,7 @@ TEST(DoomEnvironment, TheMapsExitTerminatesInTheMiddleOfADecision) {
 TEST(DoomEnvironment, TheDecisionLimitTruncates) {
   const auto game = one_room_game();
   game->spec.decision_limit = 10;
-  DoomEnvironment env(game, nullptr);
+  DoomEnvironment env(game);
   env.reset(1);
   for (int i = 0; i < 9; ++i) {
     env.step(kIdle);
@@ -141,7 +145,7 @@ TEST(DoomEnvironment, LimitsAreTicsWhateverTheFrameSkip) {
   const auto game = one_room_game();
   game->spec.decision_limit = 10;
   game->frame_skip = 3;
-  DoomEnvironment env(game, nullptr);
+  DoomEnvironment env(game);
   env.reset(1);
   int step_count = 0;
   while (!env.last_step().episode_over()) env.step(kIdle), ++step_count;
@@ -153,7 +157,7 @@ TEST(DoomEnvironment, TheEnginesTenMinutesTruncateToo) {
   const auto game = one_room_game();
   game->spec.decision_limit = 100'000;
   game->frame_skip = 100;
-  DoomEnvironment env(game, nullptr);
+  DoomEnvironment env(game);
   env.reset(1);
   while (!env.last_step().episode_over()) env.step(kIdle);
   EXPECT_TRUE(env.last_step().truncated);
@@ -161,11 +165,9 @@ TEST(DoomEnvironment, TheEnginesTenMinutesTruncateToo) {
 }
 
 TEST(DoomEnvironment, AnExitAtTheLimitTerminates) {
-  const auto game = one_room_game();
+  const auto game = clock_game(40);
   game->spec.decision_limit = 10;
-  auto rules = std::make_unique<ClockRules>();
-  rules->exit_tic = 40;
-  DoomEnvironment env(game, std::move(rules));
+  DoomEnvironment env(game);
   env.reset(1);
   while (!env.last_step().episode_over()) env.step(kIdle);
   EXPECT_TRUE(env.last_step().terminated);
@@ -173,12 +175,10 @@ TEST(DoomEnvironment, AnExitAtTheLimitTerminates) {
 }
 
 TEST(DoomEnvironment, OwnTermsReachTheirAgentAndTeamTermsSumAgents) {
-  const auto game = one_room_game();
+  const auto game = clock_game(0, 2);
   game->spec.rewards = {term("HEALTH", "fall", -0.01), term("DEAD", "event", -3.0),
                         term("DEAD", "event", 0.5, "team")};
-  auto rules = std::make_unique<ClockRules>();
-  rules->death_tic = 2;
-  DoomEnvironment env(game, std::move(rules));
+  DoomEnvironment env(game);
   env.reset(1);
   env.step(kIdle);
   EXPECT_FLOAT_EQ(env.last_step().reward[0], -1.0f - 3.0f + 0.5f)
@@ -187,24 +187,24 @@ TEST(DoomEnvironment, OwnTermsReachTheirAgentAndTeamTermsSumAgents) {
 }
 
 TEST(DoomEnvironment, TheScoreMayBeTheReturnOrAVariable) {
-  const auto game = one_room_game();
+  const auto game = clock_game();
   game->spec.decision_limit = 3;
   game->spec.score = "return";
-  DoomEnvironment by_return(game, std::make_unique<ClockRules>());
+  DoomEnvironment by_return(game);
   by_return.reset(1);
   while (!by_return.last_step().episode_over()) by_return.step(kIdle);
   EXPECT_EQ(by_return.summary().score, 12.0f);
 
   game->spec.score = "USER1";
-  DoomEnvironment by_variable(game, std::make_unique<ClockRules>());
+  DoomEnvironment by_variable(game);
   by_variable.reset(1);
   while (!by_variable.last_step().episode_over()) by_variable.step(kIdle);
-  EXPECT_EQ(by_variable.summary().score, 1012.0f);
+  EXPECT_EQ(by_variable.summary().score, 12.0f);
 }
 
 TEST(DoomEnvironment, SameSeedAndActionsGiveTheSameStates) {
   const auto play = [](uint64_t seed, uint64_t action_seed) {
-    DoomEnvironment env(one_room_game(), std::make_unique<ClockRules>());
+    DoomEnvironment env(clock_game());
     env.reset(seed);
     Rng rng(action_seed);
     std::vector<uint64_t> hashes;
@@ -222,8 +222,8 @@ TEST(DoomEnvironment, SameSeedAndActionsGiveTheSameStates) {
 }
 
 TEST(DoomEnvironment, AResetLeavesNothingOfTheEpisodeBefore) {
-  DoomEnvironment used(one_room_game(), std::make_unique<ClockRules>());
-  DoomEnvironment fresh(one_room_game(), std::make_unique<ClockRules>());
+  DoomEnvironment used(clock_game());
+  DoomEnvironment fresh(clock_game());
   used.reset(5);
   for (int i = 0; i < 20; ++i) used.step(std::vector<int32_t>{1, 1, 2, 2});
   used.reset(9);
@@ -236,13 +236,13 @@ TEST(DoomEnvironment, AResetLeavesNothingOfTheEpisodeBefore) {
 }
 
 TEST(DoomEnvironment, MeasurementsAreScaledShiftedAndClipped) {
-  const auto game = one_room_game();
+  const auto game = clock_game();
   game->use_measurements = true;
-  scenarios::MeasurementTerm clock, x;
-  clock.variable = "USER1", clock.scale = 0.01, clock.offset = -1.0, clock.clip = 5.0;
+  scenarios::MeasurementTerm health, x;
+  health.variable = "HEALTH", health.scale = 0.1, health.offset = -1.0, health.clip = 5.0;
   x.variable = "POSITION_X", x.scale = 1.0, x.clip = 100.0;
-  game->spec.measurements = {clock, x};
-  DoomEnvironment env(game, std::make_unique<ClockRules>());
+  game->spec.measurements = {health, x};
+  DoomEnvironment env(game);
   env.reset(1);
   std::vector<float> measurement(4);
   ObservationTarget target;
@@ -252,27 +252,29 @@ TEST(DoomEnvironment, MeasurementsAreScaledShiftedAndClipped) {
 }
 
 TEST(DoomEnvironment, AStrideGivesEveryAgentAGlobalOfItsOwn) {
-  const auto game = one_room_game();
+  const auto game = clock_game();
   game->spec.rewards[0].scope = "own";
   game->spec.rewards[0].agent_stride =
       1;  // agent 0 reads USER1, which counts tics; agent 1 USER2, which stands still
-  DoomEnvironment env(game, std::make_unique<ClockRules>());
+  DoomEnvironment env(game);
   env.reset(1);
   env.step(kIdle);
   EXPECT_EQ(env.last_step().reward, (std::vector<float>{4, 0}));
 }
 
 TEST(DoomEnvironment, AGatedTermPaysAtTheEndItWaitsForAlone) {
-  const auto game = one_room_game();
-  game->spec.decision_limit = 2;
-  game->spec.rewards = {term("ONE", "value", 2.0), term("ONE", "value", -1.0), term("ONE", "value", 0.25)};
-  game->spec.rewards[0].when = "TRUNCATED";
-  game->spec.rewards[1].when = "TERMINATED";
-  game->spec.rewards[2].unless = "TRUNCATED";
+  const auto gated_game = [](int exit_tic) {
+    auto game = clock_game(exit_tic);
+    game->spec.decision_limit = 2;
+    game->spec.rewards = {term("ONE", "value", 2.0), term("ONE", "value", -1.0), term("ONE", "value", 0.25)};
+    game->spec.rewards[0].when = "TRUNCATED";
+    game->spec.rewards[1].when = "TERMINATED";
+    game->spec.rewards[2].unless = "TRUNCATED";
+    return game;
+  };
   const auto rewards_of = [&](int exit_tic) {
-    auto rules = std::make_unique<ClockRules>();
-    rules->exit_tic = exit_tic;
-    DoomEnvironment env(game, std::move(rules));
+    const auto game = gated_game(exit_tic);
+    DoomEnvironment env(game);
     std::vector<float> rewards;
     for (int episode = 0; episode < 2; ++episode) {  // the second one must not see the first one's end
       rewards.clear();
@@ -291,7 +293,7 @@ TEST(DoomEnvironment, AGatedTermPaysAtTheEndItWaitsForAlone) {
 TEST(DoomEnvironment, MasksTakeChoicesFromOneAgent) {
   const auto game = one_room_game();
   game->spec.masks = {{.agent = 1, .head = 1, .allowed = {"none", "TURN_RIGHT"}}};
-  DoomEnvironment env(game, nullptr);
+  DoomEnvironment env(game);
   env.reset(1);
   std::vector<uint8_t> mask(12, 7);
   ObservationTarget target;
@@ -301,22 +303,22 @@ TEST(DoomEnvironment, MasksTakeChoicesFromOneAgent) {
 }
 
 TEST(DoomEnvironment, AScoreMayBeAShareOfAnotherVariable) {
-  const auto game = one_room_game();
+  const auto game = clock_game();
   game->spec.decision_limit = 2;
   game->spec.score = "USER1";
   game->spec.score_scale = 0.5;
   game->spec.score_divisor = "USER1";
-  DoomEnvironment env(game, std::make_unique<ClockRules>());
+  DoomEnvironment env(game);
   env.reset(1);
   env.step(kIdle);
   env.step(kIdle);
   EXPECT_EQ(env.summary().score, 0.5f);
   game->spec.score_divisor = "USER2";  // 0: nothing to divide by
-  DoomEnvironment plain(game, std::make_unique<ClockRules>());
+  DoomEnvironment plain(game);
   plain.reset(1);
   plain.step(kIdle);
   plain.step(kIdle);
-  EXPECT_GT(plain.summary().score, 500.0f);
+  EXPECT_EQ(plain.summary().score, 4.0f);
 }
 
 /// Room for one observation of two agents.
@@ -368,13 +370,7 @@ TEST(DoomEnvironmentSet, AFilterBringsOtherSizesTo128x72) {
 }
 
 TEST(DoomEnvironmentSet, TheLastObservationOfAnEpisodeIsTheTrueOne) {
-  const auto game = one_room_game();
-  DoomEnvironmentSet set(game, std::make_unique<FlatRenderer>(3 * 72 * 128), 1, kObservationSize,
-                         Resize::kNone);
-  auto rules = std::make_unique<ClockRules>();
-  rules->exit_tic = 7;
-  rules->death_tic = 6;
-  DoomEnvironment env(game, std::move(rules));
+  DoomEnvironment env(clock_game(7, 6));
   env.reset(1);
   env.step(kIdle);
   env.step(kIdle);

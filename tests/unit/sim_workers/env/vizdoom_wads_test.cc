@@ -36,7 +36,7 @@ TEST(VizdoomWads, EveryMapRunsTwoThousandTicsOfRandomPlay) {
       options.player_count = number == 1 ? 2 : 1;
       options.start_at_deathmatch_starts = true, options.forced_respawn = true;
       options.seed = 5;
-      reset_world(world, options, nullptr);
+      reset_world(world, options);
       // Maps for deathmatch have no starts of players, but enough for a team.
       if (const std::string name = path.stem();
           number == 1 && (name.starts_with("cig") || name.starts_with("multi"))) {
@@ -57,7 +57,7 @@ TEST(VizdoomWads, EveryMapRunsTwoThousandTicsOfRandomPlay) {
             pressed.speed = (bits & 1024) != 0;
           }
         run_tic(world, buttons);
-        if (world.level_exited()) reset_world(world, options, nullptr);
+        if (world.level_exited()) reset_world(world, options);
       }
       EXPECT_EQ(world.state().scripts.last_error, "") << map;
       EXPECT_EQ(world.state().scripts.runaway_count, 0) << map;

@@ -30,7 +30,7 @@ TEST(LevelFuzz, EveryAcceptedMapCanBePlayed) {
       continue;
     }
     World world(*level, catalog);
-    reset_world(world, {.player_count = 2}, nullptr);
+    reset_world(world, {.player_count = 2});
     std::array<Buttons, 2> buttons;
     buttons[0].forward = buttons[0].speed = buttons[1].left = true;
     for (int tic = 0; tic < 35; ++tic) run_tic(world, buttons);
@@ -61,7 +61,7 @@ TEST(LevelFuzz, EveryAcceptedBinaryMapCanBePlayed) {
       continue;
     }
     World world(*level, catalog);
-    reset_world(world, {.player_count = 1}, nullptr);
+    reset_world(world, {.player_count = 1});
     std::array<Buttons, 1> buttons;
     buttons[0].forward = buttons[0].speed = true;
     for (int tic = 0; tic < 35; ++tic) {

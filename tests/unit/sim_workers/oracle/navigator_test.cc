@@ -12,7 +12,7 @@ using doom::to_fixed;
 
 std::unique_ptr<doom::World> play(const std::shared_ptr<const doom::Level>& level) {
   auto world = std::make_unique<doom::World>(level, std::make_shared<const doom::ActorCatalog>());
-  reset_world(*world, {.player_count = 1}, nullptr);
+  reset_world(*world, {.player_count = 1});
   return world;
 }
 

@@ -22,7 +22,7 @@ const std::shared_ptr<const ActorCatalog>& catalog() {
 
 World world_of(std::shared_ptr<const Level> level, int players = 1) {
   World world(std::move(level), catalog());
-  reset_world(world, {.player_count = players}, nullptr);
+  reset_world(world, {.player_count = players});
   for (int player = 0; player < players; ++player)
     world.body_of(player)->reaction_tics = 0;  // no birth pause
   return world;

@@ -312,7 +312,7 @@ TEST(Players, AreSolidToEachOther) {
 TEST(Players, OneWhoIsBornCannotMoveForEightTicsUnlessItIsHurt) {
   Stage calm, hurt;
   for (Stage* stage : {&calm, &hurt}) {
-    reset_world(stage->world, {}, nullptr);
+    reset_world(stage->world, {});
     stage->buttons[0].forward = true;
   }
   calm.tics(8);

@@ -30,7 +30,7 @@ struct Stage {
   explicit Stage(std::shared_ptr<const Level> level = big_room().build(), WorldOptions options = {},
                  std::shared_ptr<const ActorCatalog> actors = game_catalog())
       : catalog(std::move(actors)), world(std::move(level), catalog) {
-    reset_world(world, options, nullptr);
+    reset_world(world, options);
     for (int player = 0; player < options.player_count; ++player)
       body(player).reaction_tics = 0;  // no birth pause
     buttons.resize(static_cast<std::size_t>(options.player_count));

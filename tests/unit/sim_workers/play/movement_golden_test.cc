@@ -54,7 +54,7 @@ World room_of_the_traces() {
   builder.sector_at(sector).damage_amount = 8;
   builder.room(sector, 0, 0, 1216, 1216).thing(1, 608, 608);
   World world(builder.build(), std::make_shared<const ActorCatalog>());
-  reset_world(world, {.player_count = 1}, nullptr);
+  reset_world(world, {.player_count = 1});
   const Buttons nothing;
   run_tic(world, {&nothing, 1});
   return world;

@@ -69,7 +69,7 @@ TEST_P(TerrainGolden, FollowsTheTraceBitForBit) {
   ASSERT_GT(rows.size(), 500u) << "the trace is not there";
 
   World world(*level, std::make_shared<const ActorCatalog>());
-  reset_world(world, {.player_count = 1, .allow_crouch = true}, nullptr);
+  reset_world(world, {.player_count = 1, .allow_crouch = true});
   const Buttons nothing;
   for (uint64_t tic = 0; tic < kIdleTics; ++tic) run_tic(world, {&nothing, 1});
   for (std::size_t i = 0; i < rows.size(); ++i) {

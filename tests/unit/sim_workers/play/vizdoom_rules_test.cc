@@ -36,7 +36,7 @@ std::shared_ptr<const Level> cliff(int step, int ceiling, int start_x, int start
 struct Game {
   explicit Game(std::shared_ptr<const Level> level, WorldOptions options = {})
       : world(std::move(level), catalog()) {
-    reset_world(world, options, nullptr);
+    reset_world(world, options);
     for (int player = 0; player < options.player_count; ++player) world.body_of(player)->reaction_tics = 0;
   }
   Actor& body() { return *world.body_of(0); }

@@ -80,7 +80,7 @@ TEST(FreedoomViews, EveryMapIsDrawnWithoutHolesFromEverywhere) {
         EXPECT_TRUE(texture->empty() || *texture == "-" || (*art)->has_surface(*texture))
             << name << " " << *texture;
     World world(*level, catalog);
-    reset_world(world, {.player_count = 1, .seed = 1}, nullptr);
+    reset_world(world, {.player_count = 1, .seed = 1});
     const Status prepared = (*renderer)->prepare(*level, catalog);
     ASSERT_TRUE(prepared.has_value()) << name << ": " << prepared.error().message;
     look_around(**renderer, world, name);

@@ -220,7 +220,7 @@ TEST(FlashPalette, FollowsDoomsSteps) {
 
 TEST(StatusBarStates, TellAPlayersConditionApart) {
   World world(test::one_room(), std::make_shared<const ActorCatalog>());
-  reset_world(world, {.player_count = 2, .seed = 3}, nullptr);
+  reset_world(world, {.player_count = 2, .seed = 3});
   EXPECT_TRUE(status_bar_state(world, 0).team);
   const uint64_t fresh = status_bar_state(world, 0).key();
   damage_player(world, 0, 10);

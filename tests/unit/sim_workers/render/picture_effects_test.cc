@@ -58,7 +58,7 @@ Picture draw(const World& world, const std::shared_ptr<const ArtArchive>& art, R
 
 World make_world(std::shared_ptr<const Level> level) {
   World world(std::move(level), std::make_shared<const ActorCatalog>());
-  reset_world(world, {.player_count = 1, .seed = 1}, nullptr);
+  reset_world(world, {.player_count = 1, .seed = 1});
   return world;
 }
 
@@ -216,7 +216,7 @@ TEST(PictureEffects, FullBrightStatesIgnoreTheSectorsLight) {
   builder.sector_at(room).light = 64;
   builder.room(room, -512, -512, 512, 512).thing(1, 0, 0);
   World world(builder.build(), catalog);
-  reset_world(world, {.player_count = 1, .seed = 1}, nullptr);
+  reset_world(world, {.player_count = 1, .seed = 1});
   const auto art = light_meter();
   Actor& actor = world.spawn_unchecked(bright, to_fixed(256), 0, to_fixed(40));
   EXPECT_EQ(draw(world, art).red(64, 35), 100) << "row 0";

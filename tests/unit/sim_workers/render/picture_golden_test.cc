@@ -37,7 +37,7 @@ std::shared_ptr<const Level> hall() {
 World scene() {
   auto catalog = std::make_shared<const ActorCatalog>();
   World world(hall(), catalog);
-  reset_world(world, {.player_count = 2, .seed = 5}, nullptr);
+  reset_world(world, {.player_count = 2, .seed = 5});
   const uint32_t stimpack = catalog->find("Stimpack").value(), medikit = catalog->find("Medikit").value();
   spawn_actor(world, medikit, to_fixed(128), to_fixed(-48), 0, 0, 0, true);
   spawn_actor(world, stimpack, to_fixed(256), to_fixed(-128), to_fixed(16), 0, 0, true);

@@ -41,7 +41,7 @@ std::vector<uint8_t> draw(Renderer& renderer, const World& world, int player = 0
 
 World make_world(std::shared_ptr<const Level> level, int players = 1) {
   World world(std::move(level), std::make_shared<const ActorCatalog>());
-  reset_world(world, {.player_count = players, .seed = 1}, nullptr);
+  reset_world(world, {.player_count = players, .seed = 1});
   return world;
 }
 
@@ -228,7 +228,7 @@ TEST(Renderer, AnUnknownSpriteIsLeftOut) {
   const auto level = builder.build();
   ASSERT_TRUE(renderer->prepare(level, catalog).has_value());
   World world(level, catalog);
-  reset_world(world, {.player_count = 1, .seed = 1}, nullptr);
+  reset_world(world, {.player_count = 1, .seed = 1});
   const std::vector<uint8_t> before = draw(*renderer, world);
   spawn_actor(world, catalog->find("TetherGhost").value(), to_fixed(100), 0, 0, 0, 0, true);
   EXPECT_EQ(draw(*renderer, world), before);

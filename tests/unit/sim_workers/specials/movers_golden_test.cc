@@ -62,7 +62,7 @@ World island_world(int floor, int ceiling, int player_x, int player_y) {
   builder.room(room, -512, -512, 512, 512).island(island, room, 0, 0, 128, 128);
   builder.thing(1, player_x, player_y);
   World world(builder.build(), catalog());
-  reset_world(world, {.player_count = 1}, nullptr);
+  reset_world(world, {.player_count = 1});
   return world;
 }
 
@@ -135,7 +135,7 @@ TEST(MoversGolden, StairsRiseAsRecorded) {
     }
     builder.row(room, steps, 0, 0, 64, 64);
     World world(builder.build(), catalog());
-    reset_world(world, {.player_count = 1}, nullptr);
+    reset_world(world, {.player_count = 1});
     execute_mover_special(world, call);
     std::vector<std::vector<Fixed>> heights(4);  // [step][tic]
     for (auto& step : heights) {
@@ -170,7 +170,7 @@ World polyobject_world(bool mirror, int spot, int player_x, int player_y) {
     builder.thing(9300, 1200, 1200, 8).thing(9301, 200, 200, 8);
   }
   World world(builder.build(), catalog());
-  reset_world(world, {.player_count = 1}, nullptr);
+  reset_world(world, {.player_count = 1});
   return world;
 }
 

@@ -50,7 +50,7 @@ TEST_P(FreedoomPlay, TwoPlayersPlayTwoThousandTics) {
   std::vector<uint64_t> first;
   for (int repeat = 0; repeat < 2; ++repeat) {
     World world(*level, kCatalog);
-    reset_world(world, {.player_count = 2, .seed = 3, .skill = 4, .forced_respawn = true}, nullptr);
+    reset_world(world, {.player_count = 2, .seed = 3, .skill = 4, .forced_respawn = true});
     EXPECT_GT(world.state().monster_count, 0);
     Rng rng(RngKey(9).split("freedoom"));
     std::vector<Buttons> held(2);

@@ -22,7 +22,7 @@ struct BenchGame {
     types.add_simple(node, "APLS", "AB", 4);
     catalog = std::make_shared<const ActorCatalog>(types);
     world = std::make_unique<World>(test::star_arena(), catalog);
-    reset_world(*world, {.player_count = 2, .seed = 1}, nullptr);
+    reset_world(*world, {.player_count = 2, .seed = 1});
     const uint32_t kit = catalog->find("Stimpack").value(), tether = catalog->find("TetherNode").value();
     while (world->count_actors(kit) < 80)
       spawn_actor(*world, kit, to_fixed(rng.between(-1000, 1000)), to_fixed(rng.between(-1000, 1000)), 0, 0);
@@ -78,7 +78,7 @@ void BM_TicWithTwentyMonsters(benchmark::State& state) {
   builder.room(room, -1024, -1024, 1024, 1024).thing(1, -128, 0).thing(2, 128, 0);
   const auto catalog = std::make_shared<const ActorCatalog>();
   World world(builder.build(), catalog);
-  reset_world(world, {.player_count = 2, .seed = 1}, nullptr);
+  reset_world(world, {.player_count = 2, .seed = 1});
   const char* const kinds[] = {"Demon", "DoomImp", "ZombieMan", "Demon"};
   for (int i = 0; i < 20; ++i) {
     Actor& monster = world.spawn_unchecked(catalog->find(kinds[i % 4]).value(), to_fixed(-900 + 90 * i),
@@ -116,7 +116,7 @@ BENCHMARK(BM_Hash);
 
 void BM_Reset(benchmark::State& state) {
   BenchGame game;
-  for (auto _ : state) reset_world(*game.world, {.player_count = 2, .seed = 1}, nullptr);
+  for (auto _ : state) reset_world(*game.world, {.player_count = 2, .seed = 1});
 }
 BENCHMARK(BM_Reset);
 

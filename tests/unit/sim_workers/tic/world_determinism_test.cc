@@ -103,7 +103,7 @@ WorldOptions options_of(uint64_t seed) {
 
 std::vector<uint64_t> run(uint64_t seed, int tics = kTics) {
   World world(battlefield(), catalog());
-  reset_world(world, options_of(seed), nullptr);
+  reset_world(world, options_of(seed));
   RandomHands hands(seed, 4);
   std::vector<uint64_t> hashes;
   for (int tic = 0; tic < tics; ++tic) {
@@ -129,7 +129,7 @@ TEST(Determinism, TenThousandTicsGiveTheCommittedHashInEveryBuild) {
 TEST(Determinism, ABattleIsGoingOn) {
   // What the other cases compare is worth comparing.
   World world(battlefield(), catalog());
-  reset_world(world, options_of(1), nullptr);
+  reset_world(world, options_of(1));
   RandomHands hands(1, 4);
   for (int tic = 0; tic < kTics; ++tic) run_tic(world, hands.next());
   int deaths = 0, pickups = 0, dealt = 0;
@@ -151,7 +151,7 @@ TEST(Determinism, SixteenWorldsInOneProcessDoNotDisturbEachOther) {
   for (uint64_t i = 0; i < 16; ++i) {
     worlds.push_back(std::make_unique<World>(level, catalog()));
     const uint64_t seed = i % 4 == 0 ? 1 : i;
-    reset_world(*worlds.back(), options_of(seed), nullptr);
+    reset_world(*worlds.back(), options_of(seed));
     hands.emplace_back(seed, 4);
   }
   constexpr int kTogether = 2'000;
@@ -166,7 +166,7 @@ TEST(Determinism, SixteenWorldsInOneProcessDoNotDisturbEachOther) {
 TEST(Determinism, ASnapshotGoesOnAsTheOriginalDid) {
   const std::vector<uint64_t>& straight = run_of_one();
   World world(battlefield(), catalog());
-  reset_world(world, options_of(1), nullptr);
+  reset_world(world, options_of(1));
   RandomHands hands(1, 4);
   for (int tic = 0; tic < 3'000; ++tic) run_tic(world, hands.next());
   World snapshot = world;
@@ -188,10 +188,10 @@ TEST(Determinism, ASnapshotGoesOnAsTheOriginalDid) {
 
 TEST(Determinism, AResetForgetsThePast) {
   World world(battlefield(), catalog());
-  reset_world(world, options_of(5), nullptr);
+  reset_world(world, options_of(5));
   RandomHands hands(5, 4);
   for (int tic = 0; tic < 500; ++tic) run_tic(world, hands.next());
-  reset_world(world, options_of(1), nullptr);
+  reset_world(world, options_of(1));
   hands = RandomHands(1, 4);
   for (int tic = 0; tic < 500; ++tic) {
     run_tic(world, hands.next());
@@ -211,7 +211,7 @@ TEST(Memory, AThousandEpisodesDoNotGrow) {
   const auto play = [&](int episodes, uint64_t first_seed) {
     for (int episode = 0; episode < episodes; ++episode) {
       const uint64_t seed = first_seed + static_cast<uint64_t>(episode) % 50;
-      reset_world(world, options_of(seed), nullptr);
+      reset_world(world, options_of(seed));
       RandomHands hands(seed, 4);
       for (int tic = 0; tic < 60; ++tic) run_tic(world, hands.next());
     }
@@ -229,7 +229,7 @@ TEST(Memory, AFurtherWorldOfALevelCostsLessThanFourMegabytes) {
   std::vector<std::unique_ptr<World>> worlds;
   const auto add = [&](uint64_t seed) {
     worlds.push_back(std::make_unique<World>(level, catalog()));
-    reset_world(*worlds.back(), options_of(seed), nullptr);
+    reset_world(*worlds.back(), options_of(seed));
     RandomHands hands(seed, 4);
     for (int tic = 0; tic < 200; ++tic) run_tic(*worlds.back(), hands.next());
   };

@@ -12,7 +12,7 @@ namespace {
 
 WorldState state_with_some_of_everything() {
   World world(test::one_room(), std::make_shared<const ActorCatalog>());
-  reset_world(world, {.player_count = 2, .seed = 1}, nullptr);
+  reset_world(world, {.player_count = 2, .seed = 1});
   WorldState& state = world.state();
   state.players[0].inventory.push_back({});
   state.players[0].powers.push_back({});
