@@ -1,9 +1,13 @@
 #include "deploy/commands/film_request.h"
 
+#include <unistd.h>
+
 #include <charconv>
 #include <filesystem>
+#include <utility>
 
 #include "deploy/commands/output_check.h"
+#include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
 namespace {
@@ -59,6 +63,27 @@ Expected<FilmPlan> check_films(const FilmRequest& request) {
     COMRAD_TRY_ASSIGN(plan.frames, check_frames(request.frames));
   }
   return plan;
+}
+
+HalfWrittenFilm::HalfWrittenFilm(const std::string& video) : video_(video) {
+  const fs::path path = video;
+  // The name's end tells the container.
+  if (!video.empty())
+    name_ = path.parent_path() /
+            (std::string(kHalfWrittenMark) + std::to_string(getpid()) + "-" + path.filename().string());
+}
+
+HalfWrittenFilm::~HalfWrittenFilm() {
+  std::error_code ignored;
+  if (!name_.empty()) fs::remove(name_, ignored);
+}
+
+Status HalfWrittenFilm::finish() {
+  std::error_code failed;
+  if (!name_.empty()) fs::rename(std::exchange(name_, {}), video_, failed);
+  return failed ? file_error(video_ + " could not be made (what the simulator said stands above)",
+                             failed.value())
+                : Status();
 }
 
 }  // namespace comrad::deploy

@@ -1,6 +1,7 @@
 // What a user asks to be filmed, checked before anything starts.
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 #include "deploy/launch/launch_plan.h"
@@ -17,5 +18,23 @@ struct FilmRequest {
 /// to; a folder of pictures is new or empty; the size lies between 128x72 and 1920x1080, 640x360 where none was typed.
 /// Errors: kBadInput, naming the flag.
 Expected<FilmPlan> check_films(const FilmRequest& request);
+
+/// The file of a film while it is made. It comes to its name when it is whole, and is removed when it never is.
+class HalfWrittenFilm {
+ public:
+  /// `video` empty: there is none.
+  explicit HalfWrittenFilm(const std::string& video);
+  HalfWrittenFilm(const HalfWrittenFilm&) = delete;
+  HalfWrittenFilm& operator=(const HalfWrittenFilm&) = delete;
+  ~HalfWrittenFilm();
+  /// What it is called meanwhile.
+  std::string name() const { return name_.string(); }
+  /// Errors: as file_error, also where the simulator made no film.
+  Status finish();
+
+ private:
+  std::string video_;
+  std::filesystem::path name_;
+};
 
 }  // namespace comrad::deploy

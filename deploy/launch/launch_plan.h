@@ -10,6 +10,7 @@
 #include "rollout_buffer/schema/network_size.h"
 #include "rollout_buffer/schema/spec.h"
 #include "rollout_buffer/settings/run_config.h"
+#include "rollout_buffer/settings/seat_plan.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::deploy {
@@ -20,6 +21,7 @@ enum class PolicySource {
   kCheckpoint,  ///< a learner in serve mode publishes one checkpoint's weights
   kRandom,      ///< uniform over each head; no learner
   kOracle,      ///< the scenario's scripted team, inside the simulators; no learner
+  kSeats,       ///< each agent its own player: LaunchPlan::seats
 };
 
 /// What is filmed of an evaluation: all its episodes, one after the other, played by one environment.
@@ -39,6 +41,7 @@ struct LaunchPlan {
   std::string run_dir;
   PolicySource policy = PolicySource::kTraining;
   std::string checkpoint;               ///< kCheckpoint: the file to serve
+  SeatPlan seats = {};                  ///< kSeats: as seats.toml in run_dir has it
   bool greedy = false;                  ///< argmax actions
   uint64_t episodes = 0;                ///< > 0: evaluation; stop after so many (fixed quota per environment)
   double seconds = 0;                   ///< > 0: stop after so long (bench); measured after the first update
@@ -58,7 +61,10 @@ struct LaunchPlan {
   /// The path of a program of this name.
   std::string program(const std::string& name) const;
   bool trains() const { return policy == PolicySource::kTraining; }
-  bool has_learner() const { return policy != PolicySource::kRandom && policy != PolicySource::kOracle; }
+  bool has_learner() const {
+    if (policy == PolicySource::kSeats) return !seats.networks.empty();
+    return policy != PolicySource::kRandom && policy != PolicySource::kOracle;
+  }
   /// Simulators play on in one slab each: nobody drains sealed ones unless a learner trains.
   bool evaluates() const { return episodes > 0 || !trains(); }
   /// Rollout by rollout, everybody waiting for everybody.

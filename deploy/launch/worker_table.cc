@@ -97,6 +97,8 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
     case Role::kSim:
       if (plan_.evaluates()) add("--evaluate");
       if (plan_.policy == PolicySource::kOracle) add("--oracle");
+      if (const std::vector<int> seats = plan_.seats.seats_of(SeatPlayer::kOracle); !seats.empty())
+        add("--oracle_seats", joined(seats, ","));
       if (plan_.keeps_positions) add("--positions", plan_.positions_path(worker.index));
       if (films) {
         add("--film_size", plan_.film.size);
@@ -113,13 +115,17 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
       break;
     case Role::kPolicy:
       if (plan_.greedy) add("--greedy");
-      if (!plan_.has_learner()) add("--random");  // an oracle's simulators do not look at the answers
+      if (plan_.policy == PolicySource::kSeats)
+        add("--seats");
+      else if (!plan_.has_learner())
+        add("--random");  // an oracle's simulators do not look at the answers
       if (plan_.evaluates()) add("--evaluate");
       set_threads(config.collection.policy_threads);
       break;
     case Role::kLearner:
       add("--mode", plan_.trains() ? "train" : "serve");
       if (plan_.policy == PolicySource::kCheckpoint) add("--checkpoint", plan_.checkpoint);
+      if (plan_.policy == PolicySource::kSeats) add("--seats");
       set_threads(std::max<int64_t>(1, config.collection.learner_threads));
       options.inherited_descriptor = plan_.lock_descriptor;
       break;

@@ -231,9 +231,13 @@ def read_evaluation(path: pathlib.Path) -> list[Evaluation]:
     except ValueError:
         answers = [parse_json(line) for line in text.splitlines() if line.strip()]
     found = []
+    of_policies = []
     for answer in answers if isinstance(answers, list) else [answers]:
         if not isinstance(answer, dict):
             raise ValueError("it holds no answer of `comrad eval --json`")
+        several = answer.get("policies")
+        of_policies += [one for one in several if isinstance(one, dict)] if isinstance(several, list) else [answer]
+    for answer in of_policies:
         policy, scenario = answer.get("policy"), answer.get("scenario")
         mean, episodes = number(answer.get("J_mean")), number(answer.get("episodes"))
         if not (isinstance(policy, str) and isinstance(scenario, str) and math.isfinite(mean) and episodes >= 1):

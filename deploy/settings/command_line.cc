@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <optional>
+#include <sstream>
 #include <utility>
 
 #include "rollout_buffer/core/text.h"
@@ -185,6 +186,24 @@ void CommandLine::add_option(const std::string& name, double& target, const std:
     if (text.empty() || *end != '\0' || !std::isfinite(number))
       return Error{ErrorCode::kBadInput, "--" + name + "=" + text + ": not a number"};
     target = number;
+    return {};
+  };
+  parser_->add(std::move(flag));
+}
+
+void CommandLine::add_option(const std::string& name, std::vector<std::string>& target,
+                             const std::string& value_name, const std::string& help) {
+  Parser::Flag flag{
+      .name = name, .spelled = {name}, .help_text = help_line("--" + name + " " + value_name, help)};
+  flag.is_a_list = true;
+  flag.assign = [&target, name](const std::string& text) -> Status {
+    std::istringstream words(text + ",");
+    for (std::string word; std::getline(words, word, ',');) {
+      if (word.empty())
+        return Error{ErrorCode::kBadInput,
+                     "--" + name + "=" + text + ": nothing stands where a value should"};
+      target.push_back(std::move(word));
+    }
     return {};
   };
   parser_->add(std::move(flag));

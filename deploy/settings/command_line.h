@@ -26,7 +26,7 @@ struct ValuesInForce {
 
 /// Declares flags, parses arguments, prints help. `--name=value` and `--name value` mean the same; a boolean
 /// may also stand alone (`--deterministic` is `--deterministic=True`). Of a repeated flag the last one
-/// counts. Threads: one.  Targets must outlive parse().
+/// counts, unless it takes a list. Threads: one.  Targets must outlive parse().
 class CommandLine {
  public:
   /// `usage` is the line after "usage: comrad ", `about` the paragraph below it.
@@ -42,6 +42,9 @@ class CommandLine {
                   const std::string& help);
   /// A number; 1e6 is accepted where the number is whole.
   void add_option(const std::string& name, double& target, const std::string& value_name,
+                  const std::string& help);
+  /// Words, of a flag that may be typed several times; every value may be several ones separated by commas.
+  void add_option(const std::string& name, std::vector<std::string>& target, const std::string& value_name,
                   const std::string& help);
   /// A boolean of this command alone.
   void add_switch(const std::string& name, bool& target, const std::string& help);

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "learner/algorithms/q_learning.h"
+#include "learner/worker/seat_server.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/checksum.h"
@@ -132,6 +133,7 @@ Status Learner::load(const CheckpointKeeper::Found& found, bool is_own) {
   const auto of_file = [&](const Status& status) {
     return status ? status : Error{status.error().code, found.path + ": " + status.error().message};
   };
+  if (options_.serve) COMRAD_TRY(check_trained_for(state, found.path, config_));
   if (is_own && layouts_) COMRAD_TRY(of_file(layouts_->load(state)));
   COMRAD_TRY(of_file(algorithm_->load(state)));
   COMRAD_TRY_ASSIGN(const int64_t env_frames, state.integer("counters/env_frames"));

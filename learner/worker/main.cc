@@ -6,6 +6,7 @@
 
 #include "learner/worker/bench.h"
 #include "learner/worker/learner.h"
+#include "learner/worker/seat_server.h"
 #include "policy_workers/policy/policy_net.h"
 #include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/shm/arena.h"
@@ -19,10 +20,12 @@ void tune_math(const RunConfig& config) {
   policy::tune_math(static_cast<int>(std::max<int64_t>(1, config.collection.learner_threads)));
 }
 
-Status train_or_serve(const shm::WorkerShell& shell, const RunConfig& config, learn::LearnerOptions options) {
+Status train_or_serve(const shm::WorkerShell& shell, const RunConfig& config, learn::LearnerOptions options,
+                      bool serves_seats) {
   options.run_dir = shell.run_dir();
   tune_math(config);
   COMRAD_TRY_ASSIGN(shm::Arena arena, shell.join());
+  if (serves_seats) return learn::serve_seats(shell.run_dir(), arena, shell.stop());
   COMRAD_TRY_ASSIGN(dds::Bus bus, dds::Bus::open(dds::bus_config_for_run(arena.run_id())));
   COMRAD_TRY_ASSIGN(const std::unique_ptr<learn::Learner> learner,
                     learn::Learner::start(options, config, std::move(arena), std::move(bus), shell.stop()));
@@ -45,19 +48,22 @@ int main(int argc, char** argv) {
   policy::tune_allocator();
   learn::LearnerOptions options;
   std::string mode = "train";
+  bool serves_seats = false;
   shm::BenchShape shape;
   shell.flags()
       .add_option("--mode", mode, "train, or serve one checkpoint's weights")
       ->check(CLI::IsMember({"train", "serve"}));
   shell.flags().add_option("--checkpoint", options.checkpoint,
                            "serve: checkpoint to publish; train: where to begin when the run has none");
+  shell.flags().add_flag("--seats", serves_seats,
+                         "serve the weights of all networks of seats.toml in --run_dir");
   shape.add_flags(shell.flags());
   return shell.run(
       argc, argv,
       {.work =
            [&](const RunConfig& config) {
              options.serve = mode == "serve";
-             return train_or_serve(shell, config, options);
+             return train_or_serve(shell, config, options, serves_seats);
            },
        .bench = [&](const RunConfig& config, double seconds) { return bench(config, shape, seconds); }});
 }

@@ -1,6 +1,7 @@
 #include "policy_workers/batching/batcher.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
@@ -212,6 +213,37 @@ void Batcher::scatter_random(const Batch& batch) {
   answer(batch, logits.data_ptr<float>(), value.data_ptr<float>(), state.data_ptr<float>(), 0);
 }
 
+void Batcher::seat(std::vector<SeatRule> rules) {
+  COMRAD_CHECK(static_cast<int32_t>(rules.size()) == arena_->shape().trajectory.env.num_agents,
+               "every agent has one rule");
+  seats_ = std::move(rules);
+}
+
+/// One agent's action; returns its log-probability.
+float Batcher::choose(int agent, std::span<const float> row, std::span<const uint8_t> mask, RngKey key,
+                      float epsilon, std::span<int32_t> action) const {
+  const EnvShape& env = arena_->shape().trajectory.env;
+  SeatRule rule;
+  if (seats_.empty()) {
+    if (options_.is_epsilon_greedy) rule = {SeatRule::Choice::kByQValues, epsilon, options_.exploration};
+  } else {
+    rule = seats_[static_cast<size_t>(agent)];
+    if (options_.is_greedy) rule.epsilon = 0;
+  }
+  switch (rule.choice) {
+    case SeatRule::Choice::kByPolicy:
+      return sample_action(row, mask, env, key, options_.is_greedy, action);
+    case SeatRule::Choice::kByQValues:
+      return explore_action(row, mask, env, key, rule.epsilon, rule.exploration, action);
+    case SeatRule::Choice::kDrawn:
+      return sample_action(row, mask, env, key, /*greedy=*/false, action);
+    case SeatRule::Choice::kNothing:
+      std::ranges::fill(action, 0);
+      return 0;
+  }
+  return 0;
+}
+
 void Batcher::answer(const Batch& batch, const float* logits, const float* value, const float* state,
                      PolicyVersion version) {
   const TrajectoryShape& shape = arena_->shape().trajectory;
@@ -232,9 +264,10 @@ void Batcher::answer(const Batch& batch, const float* logits, const float* value
     const bool keeps_snapshot = state_count > 0 && request.kind != RequestKind::kFinal &&
                                 (request.step == 0 || shape.recurrent_snapshots > 1) &&
                                 snapshot < shape.recurrent_snapshots;
-    const RngKey key = action_key_.split(static_cast<uint64_t>(request.env_index))
-                           .split(request.episode_id)
-                           .split(uint64_t{request.episode_step});
+    // An evaluation's episodes are the same however many environments share them.
+    const RngKey world =
+        options_.is_evaluation ? action_key_ : action_key_.split(static_cast<uint64_t>(request.env_index));
+    const RngKey key = world.split(request.episode_id).split(uint64_t{request.episode_step});
     for (size_t agent = 0; agent < agents; ++agent) {
       const size_t row = first_row + agent;
       const int agent_index = static_cast<int>(agent);
@@ -253,9 +286,7 @@ void Batcher::answer(const Batch& batch, const float* logits, const float* value
       const RngKey agent_key = key.split(uint64_t{agent});
       const auto action = slab.action(request.step, agent_index);
       slab.log_prob(request.step, agent_index) =
-          options_.is_epsilon_greedy
-              ? explore_action(row_logits, mask, env, agent_key, epsilon, options_.exploration, action)
-              : sample_action(row_logits, mask, env, agent_key, options_.is_greedy, action);
+          choose(agent_index, row_logits, mask, agent_key, epsilon, action);
       slab.policy_version(request.step, agent_index) = version;
     }
     if (request.kind == RequestKind::kAct && state_count > 0)

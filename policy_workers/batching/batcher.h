@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,19 @@
 
 namespace comrad::policy {
 
+/// How one agent's action comes out of its row, where the agents of a world have different players.
+struct SeatRule {
+  enum class Choice {
+    kByPolicy,   ///< logits: drawn, or the most probable
+    kByQValues,  ///< Q-values: the best, or with epsilon any
+    kDrawn,      ///< logits: drawn, in greedy play too (of zeros: uniform over what is allowed)
+    kNothing,    ///< choice 0 of every head, which presses no button
+  };
+  Choice choice = Choice::kByPolicy;
+  float epsilon = 0;                                ///< kByQValues; ignored in greedy play
+  Exploration exploration = Exploration::kPerHead;  ///< kByQValues
+};
+
 /// How a policy worker fills its batches.
 struct BatcherOptions {
   int policy_worker = 0;
@@ -26,6 +40,7 @@ struct BatcherOptions {
   int64_t max_batch = 0;       ///< environments in a batch at most; 0: all that are served
   int64_t max_wait_us = 2000;  ///< longest wait for min_batch, from the first request on
   bool is_deterministic = false;   ///< one whole split per batch, whatever the limits say
+  bool is_evaluation = false;      ///< episodes are counted over all environments: they alone key the draws
   bool is_greedy = false;          ///< most probable actions instead of drawn ones
   bool is_epsilon_greedy = false;  ///< outputs are Q-values; the learner's epsilon lies in the control block
   Exploration exploration = Exploration::kPerHead;  ///< how epsilon is drawn
@@ -81,6 +96,10 @@ class Batcher {
   /// Writes answers and hands the slots back: kInBatch -> kActed, then rings each split once.
   void scatter(const Batch& batch, const PolicyOutput& output, PolicyVersion version);
 
+  /// From now on every agent has a rule of its own, [N]; the options' say no more how actions are chosen, but for
+  /// is_greedy.
+  void seat(std::vector<SeatRule> rules);
+
   /// Answers without a network (--random): uniform over allowed choices, value 0, state untouched at 0.
   void scatter_random(const Batch& batch);
 
@@ -109,11 +128,14 @@ class Batcher {
   void take(const Split& split, int64_t limit);
   std::optional<Request> read_request(const shm::StepSlot& slot, const Split& split, int env_index);
   void load_inputs();
+  float choose(int agent, std::span<const float> row, std::span<const uint8_t> mask, RngKey key,
+               float epsilon, std::span<int32_t> action) const;
   void answer(const Batch& batch, const float* logits, const float* value, const float* state,
               PolicyVersion version);
 
   const shm::Arena* arena_;
   BatcherOptions options_;
+  std::vector<SeatRule> seats_;  // [N]; empty: all agents alike
   RngKey action_key_;
   RecurrentStateTable states_;
   std::vector<Split> splits_;

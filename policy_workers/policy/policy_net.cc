@@ -387,6 +387,48 @@ PolicyOutput PolicyNet::step_rows(std::span<const uint8_t* const> frames, const 
       recurrent_state);
 }
 
+PolicyOutput PolicyNet::step_agents(std::span<const uint8_t* const> frames, const Tensor& measurement,
+                                    const Tensor& recurrent_state, std::span<const int> agents) const {
+  torch::NoGradGuard no_grad;
+  const PolicyNetImpl& impl = *impl_;
+  const auto count = static_cast<int64_t>(agents.size());
+  const int64_t state_count = impl.actor_state_count();
+  const Tensor state = state_count > 0 ? recurrent_state.slice(1, 0, state_count).to(impl.device) : Tensor();
+  std::vector<Tensor> logits, states;
+  const auto act = [&](const PolicyNetImpl::Actor& actor, const Tensor& encoded, const Tensor& before) {
+    const CoreOutput after = actor.tower.step(encoded, before);
+    logits.push_back(actor.action_head(after.features));
+    states.push_back(after.state);
+  };
+  if (impl.options.separate_agents) {
+    std::vector<const uint8_t*> rows;
+    for (int64_t k = 0; k < count; ++k) {
+      const PolicyNetImpl::Actor& actor =
+          impl.actors[static_cast<std::size_t>(agents[static_cast<std::size_t>(k)])];
+      rows.clear();
+      for (std::size_t row = static_cast<std::size_t>(k); row < frames.size(); row += agents.size())
+        rows.push_back(frames[row]);
+      act(actor, actor.tower.encoder.forward_rows(rows, rows_of_agent(measurement, 0, k, count)),
+          rows_of_agent(state, 0, k, count));
+    }
+  } else {
+    const PolicyNetImpl::Actor& actor = impl.actors.front();
+    Tensor encoded = actor.tower.encoder.forward_rows(frames, measurement);
+    if (impl.options.agent_id_input) {
+      Tensor id = torch::zeros({count, impl.agents()}, encoded.options());
+      for (int64_t k = 0; k < count; ++k) id[k][agents[static_cast<std::size_t>(k)]] = 1;
+      encoded = at::cat({encoded, id.repeat({encoded.size(0) / count, 1})}, 1);
+    }
+    act(actor, encoded, state);
+  }
+  Tensor after = recurrent_state;
+  if (state_count > 0) {
+    after = recurrent_state.clone();
+    after.slice(1, 0, state_count).copy_(interleave(states, 0));
+  }
+  return {interleave(logits, 0), Tensor(), after};
+}
+
 namespace {
 
 /// A tower's features [T * B, F] of a sequence; `first` and `count` say where its state lies in the

@@ -94,6 +94,12 @@ class PolicyNet {
   PolicyOutput step_rows(std::span<const uint8_t* const> frames, const Tensor& measurement,
                          const Tensor& recurrent_state) const;
 
+  /// The same of some agents alone, in worlds whose others this network does not play: row = world * K + k belongs to
+  /// agents[k]. What only the critic needs is left out: the value stays undefined, and of the recurrent state
+  /// [B, H] the critic's part comes back as it was.
+  PolicyOutput step_agents(std::span<const uint8_t* const> frames, const Tensor& measurement,
+                           const Tensor& recurrent_state, std::span<const int> agents) const;
+
   /// A sequence with gradient. frame u8 [T, B, C, H, W], state f32 [B, H] at t = 0, reset u8/bool [T, B]: 1
   /// where the state is zeroed before step t.
   SequenceOutput sequence(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state,

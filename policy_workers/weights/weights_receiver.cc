@@ -2,13 +2,13 @@
 
 namespace comrad::policy {
 
-Expected<bool> WeightsReceiver::refresh(const PolicyNet& policy) {
+Expected<bool> WeightsReceiver::refresh(const std::function<Status(std::span<const std::byte>)>& read) {
   const PolicyVersion published = arena_->control().policy_version.load(std::memory_order_acquire);
   if (version_ && *version_ == published) return false;
   if (!arena_->has_weights()) return false;
   COMRAD_TRY_ASSIGN(const PolicyVersion version, arena_->read_weights(buffer_));
   if (version_ && *version_ == version) return false;
-  COMRAD_TRY(policy.read_weights(buffer_));
+  COMRAD_TRY(read(buffer_));
   version_ = version;
   return true;
 }

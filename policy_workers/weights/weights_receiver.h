@@ -3,7 +3,9 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "policy_workers/policy/policy_net.h"
@@ -20,7 +22,11 @@ class WeightsReceiver {
   /// Copies newer weights into `policy`. True if it changed; false when there is nothing newer. Never inside
   /// a batch. Errors: kBadFormat when the bytes do not fit the network or their checksum keeps failing; the
   /// network then keeps the weights it had.
-  Expected<bool> refresh(const PolicyNet& policy);
+  Expected<bool> refresh(const PolicyNet& policy) {
+    return refresh([&policy](std::span<const std::byte> bytes) { return policy.read_weights(bytes); });
+  }
+  /// The same for who reads the bytes otherwise.
+  Expected<bool> refresh(const std::function<Status(std::span<const std::byte>)>& read);
 
   /// Version in the network; nothing before the first refresh.
   std::optional<PolicyVersion> version() const { return version_; }

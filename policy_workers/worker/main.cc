@@ -46,8 +46,10 @@ Status describe(const RunConfig& config, const shm::BenchShape& shape) {
   return {};
 }
 
-Status work(const shm::WorkerShell& shell, const RunConfig& config, policy::PolicyWorkerOptions options) {
+Status work(const shm::WorkerShell& shell, const RunConfig& config, policy::PolicyWorkerOptions options,
+            bool plays_seats) {
   options.worker_index = shell.worker_index();
+  if (plays_seats) options.seats_of = shell.run_dir();
   COMRAD_TRY_ASSIGN(const shm::Arena arena, shell.join());
   Expected<dds::Bus> bus = dds::Bus::open(dds::bus_config_for_run(arena.run_id()));
   if (!bus) spdlog::warn("no status will be heard of this worker: {}", bus.error().message);
@@ -70,15 +72,18 @@ int main(int argc, char** argv) {
                           .describes = true});
   policy::tune_allocator();
   policy::PolicyWorkerOptions options;
-  bool evaluate = false;
+  bool plays_seats = false;
   shm::BenchShape shape;
   shell.flags().add_flag("--greedy", options.is_greedy, "most probable actions instead of drawn ones");
   shell.flags().add_flag("--random", options.is_random, "uniform over allowed actions, no network");
-  shell.flags().add_flag("--evaluate", evaluate, "the run is an evaluation (inference is the same)");
+  shell.flags().add_flag("--seats", plays_seats,
+                         "every agent has the player that seats.toml in --run_dir names");
+  shell.flags().add_flag("--evaluate", options.is_evaluation,
+                         "the run is an evaluation: batches and draws are the same on every start");
   shape.add_flags(shell.flags());
   return shell.run(
       argc, argv,
-      {.work = [&](const RunConfig& config) { return work(shell, config, options); },
+      {.work = [&](const RunConfig& config) { return work(shell, config, options, plays_seats); },
        .bench = [&](const RunConfig& config, double seconds) { return bench(config, shape, seconds); },
        .describe = [&](const RunConfig& config) { return describe(config, shape); }});
 }

@@ -25,14 +25,20 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
                               .min_batch = config.collection.min_batch,
                               .max_batch = config.collection.max_batch,
                               .max_wait_us = config.collection.max_wait_us,
-                              .is_deterministic = config.collection.deterministic,
+                              .is_deterministic = config.collection.deterministic || options.is_evaluation,
+                              .is_evaluation = options.is_evaluation,
                               .is_greedy = options.is_greedy,
                               .is_epsilon_greedy = config.run.algo->learns_q_values() && !options.is_random,
                               .exploration = config.q_learning.epsilon_per_head ? Exploration::kPerHead
                                                                                 : Exploration::kAllHeads,
                               .seed = static_cast<uint64_t>(config.run.seed)}));
   PolicyNet policy;
-  if (!options.is_random) {
+  std::optional<SeatNetworks> seats;
+  if (!options.seats_of.empty()) {
+    COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(config.collection.device));
+    COMRAD_TRY_ASSIGN(seats, SeatNetworks::create(options.seats_of, arena, device));
+    batcher.seat(seats->rules());
+  } else if (!options.is_random) {
     const PolicyNetOptions network = PolicyNetOptions::from(config, shape.env);
     if (network.recurrent_state_count() != shape.recurrent_state_count)
       return Error{ErrorCode::kBadInput, "the network has " +
@@ -48,15 +54,16 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
                        " bytes, the arena holds " + std::to_string(arena.shape().weights_bytes) +
                        "; all processes of a run must read the same config.toml"};
   }
-  return PolicyWorker(arena, options, bus, std::move(policy), std::move(batcher));
+  return PolicyWorker(arena, options, bus, std::move(policy), std::move(seats), std::move(batcher));
 }
 
 PolicyWorker::PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, dds::Bus* bus,
-                           PolicyNet policy, Batcher batcher)
+                           PolicyNet policy, std::optional<SeatNetworks> seats, Batcher batcher)
     : arena_(&arena),
       options_(options),
       bus_(bus),
       policy_(std::move(policy)),
+      seats_(std::move(seats)),
       batcher_(std::move(batcher)),
       weights_(arena) {
   char host[256] = {};
@@ -72,19 +79,21 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
 
   COMRAD_TRY(refresh());
   while (!is_stopping(stop)) {
-    if (!options_.is_random && !weights_.version()) {
+    if (needs_weights() && !weights_.version()) {
       const uint32_t heard = shm::listen(arena_->control().weights_published);
       if (!arena_->has_weights()) shm::wait(arena_->control().weights_published, heard, kGatherTimeoutUs);
       COMRAD_TRY(refresh());
     } else if (const Batch& batch = batcher_.gather(kGatherTimeoutUs); !batch.is_empty()) {
       const int64_t began_ns = monotonic_ns();
-      if (options_.is_random) {
+      if (!needs_weights()) {
         batcher_.scatter_random(batch);
       } else {
         // After the wait, not before it: in lock step the learner publishes and then lets simulators go on,
         // so the requests that end a wait already expect the new weights.
         COMRAD_TRY(refresh());
-        const PolicyOutput output = policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state);
+        const PolicyOutput output =
+            seats_ ? seats_->step(batch)
+                   : policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state);
         batcher_.scatter(batch, output, *weights_.version());
       }
       count_batch(batch, monotonic_ns() - began_ns);
@@ -103,9 +112,13 @@ bool PolicyWorker::is_stopping(const std::atomic<bool>& stop) const {
 }
 
 Status PolicyWorker::refresh() {
-  if (options_.is_random) return {};
-  const Expected<bool> refreshed = weights_.refresh(policy_);
+  if (!needs_weights()) return {};
+  const Expected<bool> refreshed =
+      seats_
+          ? weights_.refresh([this](std::span<const std::byte> bytes) { return seats_->read_weights(bytes); })
+          : weights_.refresh(policy_);
   if (refreshed) {
+    if (*refreshed && seats_) batcher_.seat(seats_->rules());
     if (*refreshed) spdlog::debug("weights of version {}", *weights_.version());
     return {};
   }

@@ -5,11 +5,13 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "policy_workers/batching/batcher.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/weights/weights_receiver.h"
+#include "policy_workers/worker/seat_networks.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/settings/run_config.h"
@@ -22,6 +24,10 @@ struct PolicyWorkerOptions {
   int worker_index = 0;
   bool is_greedy = false;  ///< most probable actions
   bool is_random = false;  ///< uniform over allowed choices, no network
+  /// The agents of a world have different players: those of seats.toml in this run directory; empty: all alike.
+  std::string seats_of = {};
+  /// The same episodes on every start: batches are whole splits, and draws are keyed by the episode alone.
+  bool is_evaluation = false;
 };
 
 /// Joined to one run.
@@ -40,7 +46,8 @@ class PolicyWorker {
 
  private:
   PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& options, dds::Bus* bus, PolicyNet policy,
-               Batcher batcher);
+               std::optional<SeatNetworks> seats, Batcher batcher);
+  bool needs_weights() const { return seats_ ? seats_->needs_weights() : !options_.is_random; }
   bool is_stopping(const std::atomic<bool>& stop) const;
   Status refresh();
   void count_batch(const Batch& batch, int64_t busy_ns);
@@ -49,7 +56,8 @@ class PolicyWorker {
   const shm::Arena* arena_;
   PolicyWorkerOptions options_;
   dds::Bus* bus_;
-  PolicyNet policy_;  // empty when is_random
+  PolicyNet policy_;  // empty when is_random, and where seats play
+  std::optional<SeatNetworks> seats_;
   Batcher batcher_;
   WeightsReceiver weights_;
   std::string host_;

@@ -39,18 +39,34 @@ void OraclePlayer::reset(DoomEnvironment& environment, uint64_t episode_seed) {
 }
 
 void OraclePlayer::step(DoomEnvironment& environment) {
+  press(environment);
+  for (std::size_t agent = 0; agent < buttons_.size(); ++agent) choose(environment, agent);
+  environment.step(choice_);
+}
+
+void OraclePlayer::step(DoomEnvironment& environment, std::span<const int> seats,
+                        std::span<const int32_t> action) {
+  press(environment);
+  std::copy(action.begin(), action.end(), choice_.begin());
+  for (const int seat : seats) choose(environment, static_cast<std::size_t>(seat));
+  environment.step(choice_);
+}
+
+void OraclePlayer::press(const DoomEnvironment& environment) {
   std::fill(buttons_.begin(), buttons_.end(), doom::Buttons{});
   oracle_->press(environment.world(), buttons_);
+}
+
+void OraclePlayer::choose(const DoomEnvironment& environment, std::size_t agent) {
   const std::size_t heads = choice_.size() / buttons_.size();
-  for (std::size_t agent = 0; agent < buttons_.size(); ++agent)
-    environment.game().actions.choose(buttons_[agent], std::span(choice_).subspan(agent * heads, heads));
-  environment.step(choice_);
+  environment.game().actions.choose(buttons_[agent], std::span(choice_).subspan(agent * heads, heads));
 }
 
 /// One Doom environment and the oracle that plays it.
 class OracleEnvironmentSet::Guided final : public Environment {
  public:
-  Guided(DoomEnvironment& inner, OraclePlayer player) : inner_(inner), player_(std::move(player)) {}
+  Guided(DoomEnvironment& inner, OraclePlayer player, const std::vector<int>& seats)
+      : inner_(inner), player_(std::move(player)), seats_(seats) {}
 
   const EnvShape& shape() const override { return inner_.shape(); }
   uint64_t layout_id() const override { return inner_.layout_id(); }
@@ -62,7 +78,12 @@ class OracleEnvironmentSet::Guided final : public Environment {
     return {};
   }
   void reset(uint64_t episode_seed) override { player_.reset(inner_, episode_seed); }
-  void step(std::span<const int32_t>) override { player_.step(inner_); }
+  void step(std::span<const int32_t> action) override {
+    if (seats_.empty())
+      player_.step(inner_);
+    else
+      player_.step(inner_, seats_, action);
+  }
   const Step& last_step() const override { return inner_.last_step(); }
   const EpisodeSummary& summary() const override { return inner_.summary(); }
   uint64_t state_hash() const override { return inner_.state_hash(); }
@@ -70,18 +91,23 @@ class OracleEnvironmentSet::Guided final : public Environment {
  private:
   DoomEnvironment& inner_;
   OraclePlayer player_;
+  const std::vector<int>& seats_;
 };
 
-OracleEnvironmentSet::OracleEnvironmentSet(std::unique_ptr<DoomEnvironmentSet> inner)
-    : inner_(std::move(inner)) {}
+OracleEnvironmentSet::OracleEnvironmentSet(std::unique_ptr<DoomEnvironmentSet> inner, std::vector<int> seats)
+    : inner_(std::move(inner)), seats_(std::move(seats)) {}
 
 Expected<std::unique_ptr<EnvironmentSet>> OracleEnvironmentSet::create(
-    std::unique_ptr<DoomEnvironmentSet> inner) {
-  std::unique_ptr<OracleEnvironmentSet> set(new OracleEnvironmentSet(std::move(inner)));
+    std::unique_ptr<DoomEnvironmentSet> inner, std::vector<int> seats) {
+  std::unique_ptr<OracleEnvironmentSet> set(new OracleEnvironmentSet(std::move(inner), std::move(seats)));
   for (int i = 0; i < set->size(); ++i) {
     DoomEnvironment& environment = set->inner_->at(i);
+    for (const int seat : set->seats_)
+      if (seat < 0 || seat >= environment.game().num_agents)
+        return Error{ErrorCode::kBadInput, "the oracle cannot play seat " + std::to_string(seat) + " of " +
+                                               std::to_string(environment.game().num_agents) + " agents"};
     COMRAD_TRY_ASSIGN(OraclePlayer player, OraclePlayer::create(environment.game()));
-    set->guided_.push_back(std::make_unique<Guided>(environment, std::move(player)));
+    set->guided_.push_back(std::make_unique<Guided>(environment, std::move(player), set->seats_));
   }
   return std::unique_ptr<EnvironmentSet>(std::move(set));
 }
@@ -89,6 +115,7 @@ Expected<std::unique_ptr<EnvironmentSet>> OracleEnvironmentSet::create(
 Environment& OracleEnvironmentSet::at(int index) { return *guided_[static_cast<std::size_t>(index)]; }
 
 void OracleEnvironmentSet::observe(std::span<const int> indices, std::span<const ObservationTarget> targets) {
+  if (!seats_.empty()) return inner_->observe(indices, targets);
   for (std::size_t i = 0; i < indices.size(); ++i) inner_->at(indices[i]).observe_numbers(targets[i]);
 }
 

@@ -39,20 +39,26 @@ class OraclePlayer {
   /// Begins an episode of `environment`, which must be one of the game's.
   void reset(DoomEnvironment& environment, uint64_t episode_seed);
   void step(DoomEnvironment& environment);
+  /// The oracle decides for the agents `seats` alone; the others do what `action` [N, heads] says.
+  void step(DoomEnvironment& environment, std::span<const int> seats, std::span<const int32_t> action);
 
  private:
   OraclePlayer(std::unique_ptr<Oracle> oracle, const DoomGame& game);
+  void press(const DoomEnvironment& environment);
+  void choose(const DoomEnvironment& environment, std::size_t agent);
   std::unique_ptr<Oracle> oracle_;
   std::vector<doom::Buttons> buttons_;  // [N]
   std::vector<int32_t> choice_;         // [N, heads]
 };
 
-/// Doom environments whose actions come from oracles: what is passed to step() is not looked at, and as
-/// nobody looks at pictures, none are drawn (frames stay black).
+/// Doom environments whose actions come from oracles. Where they come from oracles alone, what is passed to step() is
+/// not looked at, and as nobody looks at pictures, none are drawn (frames stay black).
 class OracleEnvironmentSet final : public EnvironmentSet {
  public:
-  /// Takes over `inner`, whose environments must be Doom's. Errors: as make_oracle().
-  static Expected<std::unique_ptr<EnvironmentSet>> create(std::unique_ptr<DoomEnvironmentSet> inner);
+  /// Takes over `inner`, whose environments must be Doom's. `seats` are the agents that the oracles play; empty: all.
+  /// Errors: as make_oracle(); kBadInput for a seat that the team has not.
+  static Expected<std::unique_ptr<EnvironmentSet>> create(std::unique_ptr<DoomEnvironmentSet> inner,
+                                                          std::vector<int> seats = {});
 
   int size() const override { return inner_->size(); }
   Environment& at(int index) override;
@@ -60,8 +66,9 @@ class OracleEnvironmentSet final : public EnvironmentSet {
 
  private:
   class Guided;
-  explicit OracleEnvironmentSet(std::unique_ptr<DoomEnvironmentSet> inner);
+  OracleEnvironmentSet(std::unique_ptr<DoomEnvironmentSet> inner, std::vector<int> seats);
   std::unique_ptr<DoomEnvironmentSet> inner_;
+  const std::vector<int> seats_;  // empty: all
   std::vector<std::unique_ptr<Environment>> guided_;
 };
 

@@ -29,7 +29,8 @@ namespace {
 struct Roles {
   bool evaluate = false;
   bool oracle = false;
-  std::string positions;  ///< file for a PositionLog; empty: none
+  std::vector<int> oracle_seats;  ///< agents that the scripted team plays beside others; empty: none
+  std::string positions;          ///< file for a PositionLog; empty: none
 };
 
 void pin_to_core(int core) {
@@ -106,13 +107,14 @@ Status bench(const shm::WorkerShell& shell, const RunConfig& given, double secon
   return {};
 }
 
-Expected<std::unique_ptr<EnvironmentSet>> make_environments(const EnvironmentOptions& options, bool oracle,
-                                                            PositionLog* positions,
+Expected<std::unique_ptr<EnvironmentSet>> make_environments(const EnvironmentOptions& options,
+                                                            const Roles& roles, PositionLog* positions,
                                                             const SimProgram& program) {
   COMRAD_TRY_ASSIGN(auto environments, make_doom_environment_set(options));
   if (positions != nullptr) positions->watch(*environments);
   if (program.prepare) COMRAD_TRY(program.prepare(options, *environments));
-  if (oracle) return OracleEnvironmentSet::create(std::move(environments));
+  if (roles.oracle || !roles.oracle_seats.empty())
+    return OracleEnvironmentSet::create(std::move(environments), roles.oracle_seats);
   return std::unique_ptr<EnvironmentSet>(std::move(environments));
 }
 
@@ -134,7 +136,7 @@ Status work(const shm::WorkerShell& shell, const RunConfig& given, const Roles& 
       const auto environments,
       make_environments(environment_options(config, layouts, arena.shape().trajectory.env.num_agents,
                                             arena.shape().envs_per_worker),
-                        roles.oracle, positions.get(), program));
+                        roles, positions.get(), program));
   COMRAD_TRY_ASSIGN(
       const auto worker,
       SimWorker::create(
@@ -160,6 +162,10 @@ int run_sim_program(int argc, char** argv, shm::WorkerShell& shell, const SimPro
                          "play a fixed number of episodes, record no trajectories");
   shell.flags().add_flag("--oracle", roles.oracle,
                          "the scenario's scripted team plays, whatever the policy workers answer");
+  shell.flags()
+      .add_option("--oracle_seats", roles.oracle_seats,
+                  "agents that the scripted team plays; the policy workers' answers move the others")
+      ->delimiter(',');
   shell.flags().add_option("--positions", roles.positions,
                            "file to write where the agents of each episode were");
   return shell.run(

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 
 #include "tests/integration/running_program.h"
 
@@ -66,7 +67,17 @@ TEST(Evaluation, FilmsThatCannotBeMadeAreRefusedBeforeAnythingStarts) {
            {{"--size", "640x360"}, "add --save_video"},
            {{"--maps", "mine"}, "unknown maps 'mine'"},
            {{"--maps", "train", "--layout_seed", "3"}, "both name maps"},
-           {{"--checkpoint", "x.pt"}, "--checkpoint is of a run"}}) {
+           {{"--checkpoint", "x.pt"}, "--checkpoint is of a run"},
+           {{"--json", "--csv"}, "both go to standard output"},
+           {{"--episodes_file", scratch / "a.txt"}, "one of .csv, .jsonl"},
+           {{"--episodes_file", scratch / "no/a.csv"}, "is no folder"},
+           {{"--policy", "oracle", "--save_video", scratch / "a.mp4"}, "are of one team"},
+           {{"--policy", "oracle", "--positions_file", scratch / "a.jsonl"}, "are of one team"},
+           {{"--policy", ""}, "nothing stands where a value should"},
+           {{"--policy", "no_such_run"}, "no run 'no_such_run'"},
+           {{"--cross_play", "random,oracle"}, "leave --policy and --seat out"},
+           {{"--seat", "7=oracle"}, "--seat=7=oracle: the team has 2 agents"},
+           {{"--seat", "0=oracle,1=noop"}, "--policy has none to play"}}) {
     std::vector<std::string> command = {"eval", "--policy", "random"};
     command.insert(command.end(), words.begin(), words.end());
     const ScratchFolder temporary;
@@ -75,6 +86,172 @@ TEST(Evaluation, FilmsThatCannotBeMadeAreRefusedBeforeAnythingStarts) {
     EXPECT_THAT(ending.err, HasSubstr(message));
     EXPECT_THAT(files(temporary.string(), ""), IsEmpty()) << message;
   }
+}
+
+/// The answer of `comrad eval <words> --json`.
+nlohmann::json answer_of(std::vector<std::string> words) {
+  words.insert(words.begin(), "eval");
+  words.push_back("--json");
+  const Ending ending = comrad(words, kTimeoutSeconds);
+  EXPECT_EQ(ending.exit_code, 0) << ending.err;
+  nlohmann::json answer = nlohmann::json::parse(ending.out, nullptr, false);
+  EXPECT_TRUE(answer.is_object()) << ending.out;
+  return answer;
+}
+
+TEST(Evaluation, SeveralPoliciesMeetTheSameEpisodes) {
+  const ScratchFolder scratch;
+  const std::string table = scratch / "episodes.csv", lines = scratch / "episodes.jsonl";
+  const auto all = answer_of({"--policy", "random,noop", "--policy", "oracle", "--episodes", "3",
+                              "--num_workers", "2", "--layout_seed", "7", "--episodes_file", table});
+  ASSERT_THAT(all["policies"], SizeIs(3));
+  EXPECT_EQ(all["policies"][1]["policy"], "noop");
+  EXPECT_EQ(all["policies"][0]["J_normalised"], 0.0);
+  EXPECT_EQ(all["policies"][2]["J_normalised"], 1.0);
+  EXPECT_LT(all["policies"][1]["J_normalised"], 0.5);
+  EXPECT_EQ(all["layout"], "seed 7");
+  const std::string hash = all["policies"][0]["map_hashes"]["seed 7"];
+  EXPECT_THAT(hash, ::testing::MatchesRegex("xxh3:[0-9a-f]{16}"));
+  const std::string rows = read_text(table);
+  EXPECT_THAT(rows, ::testing::StartsWith(
+                        "policy,scenario,episode,seed,layout,map_hash,J,J_per_agent_0,J_per_agent_1,"));
+  EXPECT_EQ(std::count(rows.begin(), rows.end(), '\n'), 1 + 3 * 3);
+  EXPECT_THAT(rows, HasSubstr("\nnoop,coop_health_gathering,2,"));
+
+  // How many workers and environments share the episodes decides nothing, and neither does who else plays.
+  const auto alone = answer_of({"--policy", "random", "--episodes", "3", "--num_workers", "1",
+                                "--layout_seed", "7", "--episodes_file", lines});
+  EXPECT_EQ(alone["each"], all["policies"][0]["each"]);
+  EXPECT_TRUE(alone["J_normalised"].is_null()) << "nobody measured this map";
+  const auto episodes = read_json_lines(lines);
+  ASSERT_THAT(episodes, SizeIs(3));
+  EXPECT_EQ(episodes[1]["J"], alone["each"][1]["J"]);
+  EXPECT_EQ(episodes[1]["map_hash"], hash);
+}
+
+TEST(Evaluation, ScoresOfTheDefaultMapAreNormalisedAndFitATable) {
+  const Ending ending =
+      comrad({"eval", "--policy", "random,noop", "--episodes", "2", "--csv"}, kTimeoutSeconds);
+  ASSERT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_THAT(ending.out,
+              ::testing::StartsWith("policy,scenario,num_agents,layout,episodes,seed,greedy,J_mean,"));
+  EXPECT_EQ(std::count(ending.out.begin(), ending.out.end(), '\n'), 3);
+  const auto summary = answer_of({"--policy", "random", "--episodes", "2"});
+  EXPECT_NEAR(summary["J_normalised"].get<double>(), 0, 0.02);
+  EXPECT_EQ(summary["references"]["from"], "scenarios/reference_scores.toml");
+}
+
+/// Two runs of other algorithms, cores and inputs, made once for the tests below; and copies that claim to be of another
+/// game.
+class EvaluationOfRuns : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    scratch_ = std::make_unique<ScratchFolder>();
+    for (const std::vector<std::string>& command :
+         {small_training(*scratch_, "a", 2048, {"--seed", "1"}),
+          small_training(*scratch_, "b", 2048, {"--seed", "2", "--algo", "happo", "--rnn_type", "lstm"})}) {
+      const Ending ending = RunningProgram(command).wait(kTimeoutSeconds);
+      ASSERT_EQ(ending.exit_code, 0) << ending.err;
+    }
+  }
+  static void TearDownTestSuite() { scratch_.reset(); }
+
+  static std::string run(const std::string& name) { return *scratch_ / name; }
+  static std::string checkpoint(const std::string& name) {
+    return files(run(name) + "/checkpoint", "checkpoint_").back();
+  }
+  /// A copy of run a whose config.toml has another value of `setting`.
+  static std::string copy_with(const std::string& name, const std::string& setting,
+                               const std::string& value) {
+    fs::copy(run("a"), run(name), fs::copy_options::recursive);
+    std::string text = read_text(run(name) + "/config.toml");
+    const std::size_t at = text.find("\n" + setting + " = ") + 1;
+    text.replace(at, text.find('\n', at) - at, setting + " = " + value);
+    std::ofstream(run(name) + "/config.toml") << text;
+    return run(name);
+  }
+  /// Plays four episodes.
+  static nlohmann::json play(std::vector<std::string> words) {
+    words.insert(words.end(), {"--episodes", "4"});
+    return answer_of(std::move(words));
+  }
+  static void expect_refused(std::vector<std::string> words, const std::vector<std::string>& messages) {
+    words.insert(words.begin(), "eval");
+    const Ending ending = comrad(words, kTimeoutSeconds);
+    EXPECT_EQ(ending.exit_code, 2) << ending.out;
+    for (const std::string& message : messages) EXPECT_THAT(ending.err, HasSubstr(message));
+  }
+  static inline std::unique_ptr<ScratchFolder> scratch_;
+};
+
+TEST_F(EvaluationOfRuns, TheSameCommandPlaysTheSameEpisodes) {
+  for (const char* way : {"--greedy", "--stochastic"}) {
+    const auto first = play({"--policy", run("a"), way, "--num_workers", "2"});
+    EXPECT_EQ(play({"--policy", run("a"), way, "--num_workers", "2"})["each"], first["each"]) << way;
+    EXPECT_THAT(first["config_hash"].get<std::string>(), ::testing::StartsWith("xxh3:"));
+    EXPECT_THAT(first["checkpoint_hash"].get<std::string>(), ::testing::StartsWith("xxh3:"));
+    EXPECT_NE(first["config_hash"], first["checkpoint_hash"]);
+  }
+}
+
+TEST_F(EvaluationOfRuns, EverySeatHasItsOwnPlayer) {
+  const std::vector<std::string> command = {"--seat", "0=" + run("a"), "--seat", "1=" + run("b"),
+                                            "--stochastic"};
+  const auto together = play(command);
+  EXPECT_EQ(together["policy"], "0=" + run("a") + ",1=" + run("b"));
+  EXPECT_THAT(together["each"], SizeIs(4));
+  EXPECT_EQ(play(command)["each"], together["each"]);
+  const auto alone = play({"--policy", run("a"), "--stochastic"});
+  EXPECT_NE(alone["each"], together["each"]);
+  EXPECT_EQ(together["config_hash"].get<std::string>().substr(0, 21), alone["config_hash"]);
+
+  // The scripted player keeps itself alive longer than the one who stands still, so the two are told apart.
+  const auto scripted = play({"--policy", "noop", "--seat", "1=oracle", "--num_workers", "1"});
+  EXPECT_EQ(scripted["policy"], "0=noop,1=oracle");
+  EXPECT_EQ(scripted["greedy"], false);
+  const auto whole = play({"--policy", run("a"), "--seat", "0=oracle"});
+  EXPECT_EQ(whole["seats"][0], "oracle");
+  EXPECT_EQ(whole["greedy"], true);
+}
+
+TEST_F(EvaluationOfRuns, EverybodyMeetsEverybody) {
+  const auto result = play({"--cross_play", run("a") + "," + run("b") + ",random", "--num_workers", "2"});
+  EXPECT_EQ(result["players"], (nlohmann::json{run("a"), run("b"), "random"}));
+  ASSERT_THAT(result["cells"], SizeIs(9));
+  double self = 0, cross = 0;
+  for (std::size_t row = 0; row < 3; ++row)
+    for (std::size_t column = 0; column < 3; ++column) {
+      EXPECT_EQ(result["J"][row][column], result["cells"][3 * row + column]["J_mean"]);
+      (row == column ? self : cross) += result["J"][row][column].get<double>();
+    }
+  EXPECT_NEAR(result["self_play"]["J_mean"].get<double>(), self / 3, 1e-6);
+  EXPECT_NEAR(result["gap"]["J_mean"].get<double>(), self / 3 - cross / 6, 1e-6);
+  EXPECT_EQ(result["cells"][5]["row"], run("b"));
+  EXPECT_EQ(result["cells"][5]["column"], "random");
+  EXPECT_EQ(result["cells"][4]["each"],
+            play({"--policy", run("a"), "--policy", run("b"), "--num_workers", "2"})["policies"][1]["each"])
+      << "with itself a run plays as alone";
+
+  const Ending table = comrad({"eval", "--cross_play", "random,noop", "--episodes", "2"}, kTimeoutSeconds);
+  EXPECT_THAT(table.out, AllOf(HasSubstr("seat 0 \\ others"), HasSubstr("self-play "), HasSubstr("gap ")));
+}
+
+TEST_F(EvaluationOfRuns, RunsOfAnotherGameAreRefusedByName) {
+  const std::string larger = copy_with("larger", "num_agents", "3"),
+                    elsewhere = copy_with("elsewhere", "scenario", "\"lava_pit\""),
+                    measured = copy_with("measured", "use_additional_input", "true");
+  expect_refused({"--policy", run("a"), "--policy", larger},
+                 {"run " + larger, "num_agents is 3 there and 2 here"});
+  expect_refused({"--seat", "0=" + run("a"), "--seat", "1=" + elsewhere},
+                 {"run " + elsewhere, "scenario is lava_pit there and coop_health_gathering here"});
+  expect_refused({"--cross_play", run("a") + "," + measured},
+                 {"run " + measured, "use_additional_input is true there and false here"});
+  expect_refused({"--policy", run("a"), "--num_agents", "3"}, {"the run was made with 2"});
+  // Their checkpoints say the same of themselves.
+  expect_refused({"--policy", measured, "--checkpoint", checkpoint("a")},
+                 {checkpoint("a"), "use_additional_input is false there and true here"});
+  expect_refused({"--policy", run("a"), "--seat", "1=" + elsewhere + "/checkpoint/none.pt"},
+                 {"no checkpoint"});
 }
 
 TEST(EvaluationWhileTraining, EveryPointOnceAndTheLastOneToo) {

@@ -296,6 +296,17 @@ class Grouping(WithFolder):
         self.assertIn("gone.json: it evaluates gone on lava_pit, and there is no such run", self.reasons(self.study()))
 
 
+    def test_an_answer_of_several_policies_counts_as_so_many(self):
+        paths = [made_runs.write_evaluation(self.folder, "lava_pit", policy, 4) for policy in ("random", "oracle")]
+        together = {"scenario": "lava_pit", "policies": [json.loads(path.read_text()) for path in paths]}
+        path = self.folder / "together.json"
+        path.write_text(json.dumps(together))
+        self.assertEqual([one.policy for one in run_files.read_evaluation(path)], ["random", "oracle"])
+        path.write_text(json.dumps({"scenario": "lava_pit", "players": ["a", "b"], "cells": []}))
+        with self.assertRaisesRegex(ValueError, "no answer"):
+            run_files.read_evaluation(path)
+
+
 class References(WithFolder):
     MEASURED = {"lava_pit": {"num_agents": 2, "random": 0.0, "scripted": 10.0, "episodes": 100}}
 

@@ -1,14 +1,17 @@
 #include "policy_workers/batching/batcher.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <csignal>
 #include <thread>
+#include <tuple>
 
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
@@ -95,6 +98,74 @@ TEST(Batcher, AnswersAnActionRequestWithWhatTheNetworkSays) {
       EXPECT_LT(slab.action(0, agent)[1], 2);
     }
   }
+}
+
+TEST(Batcher, AnEvaluationsDrawsHangOnTheEpisodeAndNotOnItsEnvironment) {
+  // Both environments play the same number of an episode with equal logits.
+  for (const bool is_evaluation : {true, false}) {
+    const shm::Arena arena = make_arena(small_network("none"), {.envs_per_worker = 2, .splits = 1});
+    Batcher batcher = make_batcher(arena, {.is_evaluation = is_evaluation});
+    FakeSplit split(arena, 0, 0);
+    int differing = 0;
+    for (int round = 0; round < 30; ++round) {
+      split.commit_act();
+      const Batch& batch = batcher.gather(0);
+      ASSERT_EQ(batch.requests.size(), 2u);
+      batcher.scatter_random(batch);
+      const auto drawn = [&](size_t env, int agent) {
+        const auto action = split.envs[env].slab().action(split.envs[env].step(), agent);
+        return std::vector<int32_t>(action.begin(), action.end());
+      };
+      for (int agent = 0; agent < 2; ++agent) differing += drawn(0, agent) != drawn(1, agent);
+      split.take_act();
+    }
+    if (is_evaluation) {
+      EXPECT_EQ(differing, 0);
+    } else {
+      EXPECT_GT(differing, 20);
+    }
+  }
+}
+
+TEST(Batcher, EverySeatChoosesByItsOwnRule) {
+  const PolicyNetOptions options = small_network("none");
+  const shm::Arena arena = make_arena(options, {.envs_per_worker = 1, .splits = 1});
+  FakeSplit split(arena, 0, 0);
+  PolicyOutput output{
+      .logits = torch::zeros({2, 5}), .value = torch::zeros({2}), .recurrent_state = torch::zeros({2, 0})};
+  output.logits[0][2] = output.logits[0][4] = output.logits[1][2] = output.logits[1][4] = 0.5;
+  using Choice = SeatRule::Choice;
+  const auto counts = [&](bool is_greedy, SeatRule first, SeatRule second) {
+    Batcher batcher = make_batcher(arena, {.is_greedy = is_greedy});
+    batcher.seat({first, second});
+    std::array<int, 2> best{};
+    std::array<int, 2> none{};
+    for (int round = 0; round < 200; ++round) {
+      split.commit_act();
+      const Batch& batch = batcher.gather(0);
+      batcher.scatter(batch, output, 1);
+      for (int agent = 0; agent < 2; ++agent) {
+        const auto action = split.envs[0].slab().action(split.envs[0].step(), agent);
+        best[static_cast<size_t>(agent)] += action[0] == 2;
+        none[static_cast<size_t>(agent)] += action[0] == 0 && action[1] == 0;
+      }
+      split.take_act();
+    }
+    return std::pair{best, none};
+  };
+  // Greedily: a network's best, and nothing; chance stays chance.
+  auto [best, none] = counts(true, {.choice = Choice::kByPolicy}, {.choice = Choice::kNothing});
+  EXPECT_EQ(best[0], 200);
+  EXPECT_EQ(none[1], 200);
+  std::tie(best, none) =
+      counts(true, {.choice = Choice::kByQValues, .epsilon = 1}, {.choice = Choice::kDrawn});
+  EXPECT_EQ(best[0], 200) << "no epsilon in greedy play";
+  EXPECT_THAT(best[1], ::testing::AllOf(::testing::Gt(50), ::testing::Lt(130)));
+  // Not greedily: by the policy's chances, and by an epsilon that is this seat's own.
+  std::tie(best, none) =
+      counts(false, {.choice = Choice::kByPolicy}, {.choice = Choice::kByQValues, .epsilon = 0});
+  EXPECT_THAT(best[0], ::testing::AllOf(::testing::Gt(50), ::testing::Lt(130)));
+  EXPECT_EQ(best[1], 200);
 }
 
 TEST(Batcher, AFirstDecisionStartsFromTheZeroState) {

@@ -111,6 +111,36 @@ TEST_P(Variants, FramesMayLieAnywhere) {
   }
 }
 
+TEST_P(Variants, SomeAgentsAloneActAsAmongAll) {
+  std::vector<const uint8_t*> all;
+  for (int64_t row = 0; row < rows_.frame.size(1); ++row)
+    all.push_back(rows_.frame[0][row].data_ptr<uint8_t>());
+  const PolicyOutput whole = net_.step_rows(all, rows_.measurement[0], rows_.state);
+  const std::vector<int> agents = {0, 2};
+  std::vector<int64_t> rows;
+  std::vector<const uint8_t*> frames;
+  for (int64_t world = 0; world < 2; ++world)
+    for (const int agent : agents) {
+      rows.push_back(world * options_.env.num_agents + agent);
+      frames.push_back(all[static_cast<size_t>(rows.back())]);
+    }
+  const Tensor index = torch::tensor(rows, torch::kInt64), state = rows_.state.index_select(0, index);
+  const PolicyOutput some =
+      net_.step_agents(frames, rows_.measurement[0].index_select(0, index), state, agents);
+  const double tolerance = options_.precision == Precision::kBf16 ? 2e-2 : 1e-5;
+  EXPECT_LT(largest_difference(some.logits, whole.logits.index_select(0, index)), tolerance);
+  ASSERT_EQ(some.recurrent_state.sizes(), state.sizes());
+  const int64_t actors = options_.core_state_count();
+  if (actors > 0) {
+    EXPECT_LT(largest_difference(some.recurrent_state.slice(1, 0, actors),
+                                 whole.recurrent_state.index_select(0, index).slice(1, 0, actors)),
+              tolerance);
+  }
+  if (options_.recurrent_state_count() > actors) {
+    EXPECT_TRUE(some.recurrent_state.slice(1, actors).equal(state.slice(1, actors))) << "the critic's";
+  }
+}
+
 TEST_P(Variants, GradientsReachEveryParameter) {
   const SequenceOutput output = net_.sequence(input_of(rows_));
   (output.logits.square().mean() + output.value.square().mean()).backward();

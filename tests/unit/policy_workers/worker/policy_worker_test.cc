@@ -4,12 +4,16 @@
 #include <sys/wait.h>
 
 #include <cstdlib>
+#include <cstring>
+#include <span>
 #include <thread>
+#include <tuple>
 
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/seat_plan.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/policy_workers/fake_simulators.h"
 
@@ -120,6 +124,110 @@ TEST(PolicyWorker, EveryAgentActsWithItsOwnNetworkAndTheCriticsStateAdvancesToo)
     split.take_act();
   }
   EXPECT_TRUE(worker.stop());
+}
+
+/// Writes what the launcher does: the settings of the networks, and who has which seat.
+void write_seats(const test::ScratchFolder& folder, const std::vector<RunConfig>& networks,
+                 const std::vector<Seat>& seats) {
+  SeatPlan plan;
+  for (const RunConfig& config : networks)
+    plan.networks.push_back(
+        {folder.write("network_" + std::to_string(plan.networks.size()) + ".toml", settings_to_toml(config)),
+         "unused.pt"});
+  plan.seats = seats;
+  folder.write(kSeatPlanFile, seat_plan_text(plan));
+}
+
+TEST(PolicyWorker, EverySeatIsPlayedByItsOwnNetwork) {
+  RunConfig first = small_config(), second = small_config();
+  first.run.algo = "happo";
+  first.network.critic_hidden_sizes = "12,6";
+  second.run.algo = "vdn";
+  second.network.rnn_type = RnnType::kLstm;
+  second.network.rnn_size = 20;
+  const EnvShape env = small_network().env;
+  const PolicyNet happo = PolicyNet::create(PolicyNetOptions::from(first, env), 1, torch::kCPU),
+                  vdn = PolicyNet::create(PolicyNetOptions::from(second, env), 2, torch::kCPU);
+  const test::ScratchFolder folder;
+  write_seats(folder, {first, second}, {{SeatPlayer::kNetwork, 1}, {SeatPlayer::kNetwork, 0}});
+  PolicyNetOptions roomy = small_network("lstm");
+  roomy.rnn_size = 20;  // the larger state: 40 floats
+  const float epsilon = 0;
+  std::vector<std::byte> bytes;
+  for (const PolicyNet* net : {&happo, &vdn}) {
+    const size_t begin = bytes.size(), size = static_cast<size_t>(net->weights_bytes());
+    bytes.resize(begin + sizeof epsilon + size);
+    std::memcpy(bytes.data() + begin, &epsilon, sizeof epsilon);
+    net->write_weights(std::span(bytes).subspan(begin + sizeof epsilon, size));
+  }
+  const shm::Arena arena = make_arena(roomy, {}, static_cast<int64_t>(bytes.size()));
+  arena.publish_weights(bytes, 1);
+  FakeSplit split(arena, 0, 0);
+  RunningWorker worker(small_config(), arena, {.seats_of = folder.string(), .is_evaluation = true});
+  Tensor happo_state = torch::zeros({2, 32}), vdn_state = torch::zeros({2, 40});
+  for (int step = 0; step < 3; ++step) {
+    split.commit_act(step == 0);
+    ASSERT_TRUE(split.await());
+    FakeEnv& played = split.envs[1];
+    std::vector<Tensor> frames, measurements;
+    for (int agent = 0; agent < 2; ++agent) {
+      frames.push_back(
+          torch::from_blob(played.slab().frame(played.step(), agent).data(), {3, 40, 44}, torch::kUInt8)
+              .clone());
+      measurements.push_back(
+          torch::from_blob(played.slab().measurement(played.step(), agent).data(), {3}, torch::kFloat32)
+              .clone());
+    }
+    const PolicyOutput by_happo = happo.step(torch::stack(frames), torch::stack(measurements), happo_state),
+                       by_vdn = vdn.step(torch::stack(frames), torch::stack(measurements), vdn_state);
+    happo_state = by_happo.recurrent_state;
+    vdn_state = by_vdn.recurrent_state;
+    for (int choice = 0; choice < 5; ++choice) {
+      const auto of_agent = [&](int agent) {
+        return played.slab().logits(played.step(), agent)[static_cast<size_t>(choice)];
+      };
+      EXPECT_NEAR(of_agent(0), by_vdn.logits[0][choice].item<float>(), 1e-5) << step;
+      EXPECT_NEAR(of_agent(1), by_happo.logits[1][choice].item<float>(), 1e-5) << step;
+    }
+    split.take_act();
+  }
+  EXPECT_TRUE(worker.stop());
+}
+
+TEST(PolicyWorker, SeatsWithoutANetworkNeedNoWeights) {
+  const test::ScratchFolder folder;
+  write_seats(folder, {}, {{SeatPlayer::kNoop}, {SeatPlayer::kRandom}});
+  const shm::Arena arena = make_arena(small_network(), {});
+  FakeSplit split(arena, 0, 1);
+  RunningWorker worker(small_config(), arena, {.is_greedy = true, .seats_of = folder.string()});
+  int pressed = 0;
+  for (int round = 0; round < 20; ++round) {
+    split.commit_act();
+    ASSERT_TRUE(split.await());
+    const FakeEnv& env = split.envs[0];
+    EXPECT_EQ(env.slab().action(env.step(), 0)[0], 0);
+    EXPECT_EQ(env.slab().action(env.step(), 0)[1], 0);
+    pressed += env.slab().action(env.step(), 1)[0] != 0;
+    split.take_act();
+  }
+  EXPECT_GT(pressed, 5);
+  EXPECT_TRUE(worker.stop());
+}
+
+TEST(PolicyWorker, RefusesSeatsThatDoNotFitTheArena) {
+  RunConfig large = small_config();
+  large.network.rnn_size = 64;
+  const shm::Arena arena = make_arena(small_network(), {}, 1 << 24);
+  for (const auto& [networks, seats, message] :
+       std::vector<std::tuple<std::vector<RunConfig>, std::vector<Seat>, std::string>>{
+           {{large}, {{SeatPlayer::kNetwork, 0}, {SeatPlayer::kNoop}}, "64 floats of recurrent state"},
+           {{}, {{SeatPlayer::kNoop}}, "lists 1 seats, the team has 2 agents"}}) {
+    const test::ScratchFolder folder;
+    write_seats(folder, networks, seats);
+    const auto worker = PolicyWorker::create(small_config(), arena, {.seats_of = folder.string()}, nullptr);
+    ASSERT_FALSE(worker);
+    EXPECT_NE(worker.error().message.find(message), std::string::npos) << worker.error().message;
+  }
 }
 
 TEST(PolicyWorker, RandomPlayNeedsNoWeights) {

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "rollout_buffer/core/rng.h"
 #include "scenarios/spec/registry.h"
+#include "sim_workers/oracle/steering.h"
 
 namespace comrad::sim {
 namespace {
@@ -98,6 +100,52 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& one) {
       return std::string(one.param.scenario) + "_" + std::to_string(one.param.num_agents);
     });
+
+class WithAPartner : public testing::TestWithParam<std::string> {};
+
+/// A scripted team plans for all of its agents; here every one but one does something else.
+TEST_P(WithAPartner, OneSeatIsPlayedWhateverTheOthersDo) {
+  const auto game = game_of(GetParam());
+  ASSERT_NE(game, nullptr);
+  const std::size_t heads = static_cast<std::size_t>(game->actions.head_count());
+  for (const bool does_nothing : {true, false}) {
+    auto player = OraclePlayer::create(*game);
+    ASSERT_TRUE(player) << player.error().message;
+    DoomEnvironment environment(game);
+    player->reset(environment, 5);
+    const std::vector<int> seats = {does_nothing ? 0 : 1};
+    Rng chance(9);
+    std::vector<int32_t> action(2 * heads, 0);
+    int decisions = 0;
+    for (; !environment.last_step().episode_over() && decisions < 700; ++decisions) {
+      for (int32_t& choice : action) choice = does_nothing ? 0 : static_cast<int32_t>(chance.below(3));
+      player->step(environment, seats, action);
+    }
+    EXPECT_GT(decisions, 0);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenarios, WithAPartner, testing::ValuesIn(list_oracles()),
+                         [](const auto& one) { return one.param; });
+
+TEST(Oracle, LeavesTheOtherSeatsToTheirOwnActions) {
+  const auto game = game_of("coop_health_gathering");
+  ASSERT_NE(game, nullptr);
+  const std::vector<int32_t> still(2 * static_cast<std::size_t>(game->actions.head_count()), 0);
+  auto player = OraclePlayer::create(*game);
+  ASSERT_TRUE(player);
+  DoomEnvironment environment(game);
+  player->reset(environment, 3);
+  const auto place = [&](int agent) {
+    const Place here = place_of(environment.world().body(agent));
+    return std::pair{here.x, here.y};
+  };
+  const auto first = place(0), second = place(1);
+  const std::vector<int> seats = {1};
+  for (int decision = 0; decision < 40; ++decision) player->step(environment, seats, still);
+  EXPECT_EQ(place(0), first) << "its player presses nothing";
+  EXPECT_NE(place(1), second);
+}
 
 TEST(ActionMapChoose, IsTheWayBackFromButtons) {
   const auto game = game_of("coop_health_gathering");

@@ -1,0 +1,27 @@
+// What `comrad eval` is asked for, as typed.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "deploy/commands/film_request.h"
+
+namespace comrad::deploy {
+
+struct EvaluationRequest {
+  std::vector<std::string> policies = {};  ///< players that play whole teams, or the seats that are not named
+  std::vector<std::string> seats = {};     ///< "AGENT=PLAYER"
+  std::vector<std::string> cross_play = {};  ///< players that meet each other
+  double episodes = 100;
+  std::string maps = {};        ///< "train", "held_out", or empty: what the run's kind of maps asks for
+  std::string checkpoint = {};  ///< of the one policy; empty: that which --load_checkpoint_kind names
+  bool greedy = true;
+  bool stochastic = false;
+  bool json = false, csv = false;
+  bool each = false;  ///< report every episode, too
+  bool background = false;
+  FilmRequest films = {};
+  std::string positions = {}, episodes_file = {};  ///< files to write; empty: none
+};
+
+}  // namespace comrad::deploy

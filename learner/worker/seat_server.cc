@@ -1,0 +1,77 @@
+#include "learner/worker/seat_server.h"
+
+#include <cstddef>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "learner/algorithms/algorithm.h"
+#include "learner/algorithms/q_learning.h"
+#include "learner/worker/stop_signal.h"
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/seat_plan.h"
+#include "rollout_buffer/settings/trained_game.h"
+#include "rollout_buffer/shm/futex.h"
+
+namespace comrad::learn {
+namespace {
+
+constexpr int64_t kLookUs = 100'000;
+
+/// One network's block of the published bytes.
+Status append_network(const SeatNetwork& network, const EnvShape& env, std::vector<std::byte>& bytes) {
+  COMRAD_TRY_ASSIGN(const RunConfig config, load_run_config(network.settings));
+  COMRAD_TRY_ASSIGN(const StateDict state, read_checkpoint(network.checkpoint));
+  COMRAD_TRY(check_trained_for(state, network.checkpoint, config));
+  COMRAD_TRY_ASSIGN(const std::unique_ptr<Algorithm> algorithm, make_algorithm(config, env, torch::kCPU));
+  if (const Status loaded = algorithm->load(state); !loaded)
+    return Error{loaded.error().code, network.checkpoint + ": " + loaded.error().message};
+  COMRAD_TRY_ASSIGN(const int64_t env_frames, state.integer("counters/env_frames"));
+  const auto epsilon = static_cast<float>(epsilon_at(config, static_cast<double>(env_frames)));
+  const std::size_t begin = bytes.size(), size = static_cast<std::size_t>(algorithm->weights_bytes());
+  bytes.resize(begin + sizeof epsilon + size);
+  std::memcpy(bytes.data() + begin, &epsilon, sizeof epsilon);
+  algorithm->write_weights(std::span(bytes).subspan(begin + sizeof epsilon, size));
+  spdlog::info("serving {} ({}, version {})", network.checkpoint, config.run.algo.name(),
+               algorithm->version());
+  return {};
+}
+
+}  // namespace
+
+Status check_trained_for(const StateDict& checkpoint, const std::string& path, const RunConfig& played) {
+  COMRAD_TRY_ASSIGN(const std::string text, checkpoint.text("config/toml"));
+  COMRAD_TRY_ASSIGN(const RunConfig trained, settings_of_checkpoint(text, path + " (config/toml)"));
+  if (const std::string difference = game_difference(trained, played); !difference.empty())
+    return Error{ErrorCode::kBadInput, path + " was trained for another game: " + difference};
+  return {};
+}
+
+Status serve_seats(const std::string& run_dir, const shm::Arena& arena, const std::atomic<bool>& stop) {
+  arena.learner_counters().begin_life();
+  const EnvShape& env = arena.shape().trajectory.env;
+  COMRAD_TRY_ASSIGN(const SeatPlan plan, read_seat_plan(run_dir, env.num_agents));
+  std::vector<std::byte> bytes;
+  for (const SeatNetwork& network : plan.networks) COMRAD_TRY(append_network(network, env, bytes));
+  if (static_cast<int64_t>(bytes.size()) > arena.shape().weights_bytes)
+    return Error{ErrorCode::kBadInput, "the weights of all seats need " + std::to_string(bytes.size()) +
+                                           " bytes, the arena holds " +
+                                           std::to_string(arena.shape().weights_bytes)};
+  arena.publish_weights(bytes, 1);
+  shm::ControlBlock& control = arena.control();
+  control.rollouts_allowed = std::numeric_limits<uint64_t>::max();
+  shm::ring(control.slab_released);
+  arena.learner_counters().state = shm::WorkerState::kRunning;
+  for (StopSignal signal(stop, arena); !signal.requested();) {
+    const uint32_t heard = shm::listen(control.run_state_changed);
+    if (!signal.requested()) shm::wait(control.run_state_changed, heard, kLookUs);
+  }
+  arena.learner_counters().state = shm::WorkerState::kStopped;
+  return {};
+}
+
+}  // namespace comrad::learn
