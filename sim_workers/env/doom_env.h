@@ -16,7 +16,6 @@
 #include "scenarios/spec/scenario_spec.h"
 #include "sim_workers/engine/acs/behavior.h"
 #include "sim_workers/engine/render/renderer.h"
-#include "sim_workers/engine/tic/script_host.h"
 #include "sim_workers/engine/world/world.h"
 #include "sim_workers/env/action_map.h"
 #include "sim_workers/env/environment.h"

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "rollout_buffer/settings/setting.h"
+
 namespace comrad::deploy {
 namespace {
 

@@ -301,7 +301,7 @@ TEST(Frames, ThePlayerWalksWhileItMovesAndStandsStillAfter) {
     const uint32_t state = game.world.body(0).state - walk;
     if (seen.empty() || seen.back() != state) seen.push_back(state);
   }
-  EXPECT_THAT(seen, ElementsAre(0, 1, 2, 3, 0, 1));
+  EXPECT_THAT(seen, testing::ElementsAre(0, 1, 2, 3, 0, 1));
   game.buttons[0] = Buttons{};
   game.tics(80);
   EXPECT_EQ(game.world.body(0).state, type.state(StateLabel::kSpawn));
