@@ -107,6 +107,8 @@ class DoomEnvironment final : public Environment {
   const DoomGame& game() const { return *game_; }
   const doom::World& world() const { return world_; }
   doom::World& world() { return world_; }  ///< for tools that put things elsewhere
+  /// A variable that terms may read; `agent_stride` as in RewardTerm.
+  double read(int agent, scenarios::GameVariable variable, int agent_stride = 0) const;
   /// Writes everything but the pictures.
   void observe_numbers(const ObservationTarget& target) const;
 
@@ -118,7 +120,6 @@ class DoomEnvironment final : public Environment {
     bool is_team_sum = false;  ///< an agent's variable in a team term: summed over agents
     std::optional<scenarios::GameVariable> when = {}, unless = {};  ///< the term pays only if these allow it
   };
-  double read(int agent, scenarios::GameVariable variable, int agent_stride = 0) const;
   void make_action_mask();
   void read_reward_variables();
   void fill(EpisodeSummary& summary) const;

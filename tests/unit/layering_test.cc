@@ -45,7 +45,7 @@ const std::map<std::string, std::vector<std::string>>& layers_inside() {
       {"rollout_buffer", {"core", "settings", "schema", "shm"}},
       {"sim_workers",
        {"engine/actors", "engine/map", "engine/world", "engine/play", "engine/specials", "engine/acs",
-        "engine/tic", "engine/render", "env", "oracle", "worker", "film", "trace"}},
+        "engine/tic", "engine/render", "env", "oracle", "worker", "film", "trace", "python"}},
       {"learner", {"batch", "estimators", "critics", "checkpoint", "algorithms", "curriculum", "worker"}},
   };
   return layers;
@@ -53,10 +53,12 @@ const std::map<std::string, std::vector<std::string>>& layers_inside() {
 
 struct Library {
   const char* name;
-  const char* package;                // Debian's
+  std::string package;                // Debian's; behind kFromPypi one of pyproject.toml
   std::vector<std::string> prefixes;  // of the included header
   std::vector<std::string> homes;     // folders that may include it; none: all
 };
+
+constexpr std::string_view kFromPypi = "PyPI ";  ///< a package of pyproject.toml, not of Debian's
 
 const std::vector<Library>& libraries() {
   static const std::vector<Library> all = {
@@ -78,6 +80,7 @@ const std::vector<Library>& libraries() {
       {"xxHash", "libxxhash-dev", {"xxhash.h"}, {"rollout_buffer/core/"}},
       {"zlib", "zlib1g-dev", {"zlib.h"}, {"doomgen/layout/"}},
       {"libzip", "libzip-dev", {"zip.h"}, {"learner/checkpoint/"}},
+      {"nanobind", "PyPI nanobind", {"nanobind/"}, {"sim_workers/python/"}},
       {"CLI11", "libcli11-dev", {"CLI/"}, {}},
       {"spdlog", "libspdlog-dev", {"spdlog/"}, {}},
       {"nlohmann-json", "nlohmann-json3-dev", {"nlohmann/"}, {}},
@@ -205,8 +208,15 @@ TEST(Layering, EveryLibraryIsInstalledByTheBootstrap) {
   std::ifstream file(std::string(COMRAD_SOURCE_DIR) + "/deploy/packages.txt");
   std::set<std::string> packages;
   for (std::string line; std::getline(file, line);) packages.insert(line.substr(0, line.find(' ')));
-  for (const Library& library : libraries())
-    EXPECT_TRUE(packages.contains(library.package)) << library.name << ": deploy/packages.txt lacks it";
+  std::stringstream of_python;
+  of_python << std::ifstream(std::string(COMRAD_SOURCE_DIR) + "/pyproject.toml").rdbuf();
+  for (const Library& library : libraries()) {
+    const bool is_python = library.package.starts_with(kFromPypi);
+    EXPECT_TRUE(is_python ? of_python.str().find('"' + library.package.substr(kFromPypi.size())) !=
+                                std::string::npos
+                          : packages.contains(library.package))
+        << library.name << ": " << (is_python ? "pyproject.toml" : "deploy/packages.txt") << " lacks it";
+  }
   std::vector<Include> includes = all_includes();
   add_includes_below("tests", &includes);
   for (const Include& include : includes) {

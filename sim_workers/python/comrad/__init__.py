@@ -1,0 +1,89 @@
+"""COMRAD's engine in Python: cooperative first-person Doom scenarios for 2 to 8 agents, and ViZDoom's own games.
+
+    import comrad
+    env = comrad.parallel_env("stag_hunt_arena", num_agents=2)      # PettingZoo
+    env = comrad.gym_env("basic")                                   # Gymnasium, one player, a ViZDoom .cfg
+    envs = comrad.vector_env("coop_puzzle", num_envs=64)            # batched arrays, threads
+
+`scenarios()` names the scenarios, `describe(name)` says what one is. Errors of arguments and files are ValueError and
+FileNotFoundError with words; what the machine lacks (OSMesa, an IWAD) is RuntimeError or FileNotFoundError saying what to install.
+"""
+
+import importlib.util
+import os
+import pathlib
+from typing import Any
+
+# An installed package brings the scenarios along; in a build folder the engine knows the sources.
+_data = pathlib.Path(__file__).parent / "data"
+if _data.is_dir():
+    os.environ.setdefault("COMRAD_HOME", str(_data))
+
+from ._engine import SavedState, describe as _describe, list_scenarios as _list_scenarios  # noqa: E402
+from .maps import draw_map, vizdoom_cfg  # noqa: E402
+
+__all__ = ["SavedState", "describe", "draw_map", "gym_env", "parallel_env", "scenarios", "vector_env", "vizdoom_cfg"]
+
+
+def scenarios() -> list[str]:
+    """Names of the scenarios, sorted; those of COMRAD_SCENARIO_PATH are among them."""
+    return _list_scenarios()
+
+
+def describe(scenario: str) -> dict[str, Any]:
+    """What a scenario is: title, heads (their buttons; choice 0 of a head presses nothing), measurements, rewards, team sizes,
+    limit_tics. `scenario`: a name, the path of a folder with a scenario.toml, or of a ViZDoom .cfg."""
+    return _describe(vizdoom_cfg(scenario))
+
+
+def _need(module: str) -> None:
+    if importlib.util.find_spec(module) is None:
+        raise ImportError(f"comrad needs the package {module} for this; run: pip install {module}")
+
+
+def parallel_env(scenario: str, **options: Any) -> "Any":
+    """A PettingZoo ParallelEnv; see comrad.parallel.ComradParallelEnv for the options."""
+    _need("pettingzoo")
+    from .parallel import ComradParallelEnv
+
+    return ComradParallelEnv(scenario, **options)
+
+
+def gym_env(config: str, **options: Any) -> "Any":
+    """A Gymnasium Env of one player; see comrad.single.ComradGymEnv for the options."""
+    _need("gymnasium")
+    from .single import ComradGymEnv
+
+    return ComradGymEnv(config, **options)
+
+
+def vector_env(scenario: str, **options: Any) -> "Any":
+    """Many environments at once, a Gymnasium VectorEnv; see comrad.vector.ComradVectorEnv for the options."""
+    _need("gymnasium")
+    from .vector import ComradVectorEnv
+
+    return ComradVectorEnv(scenario, **options)
+
+
+def _register() -> None:
+    """Gymnasium's names: gymnasium.make("comrad/basic-v0") plays that .cfg of the vizdoom package."""
+    if importlib.util.find_spec("gymnasium") is None:
+        return
+    from gymnasium.envs.registration import register, registry
+
+    for name in (
+        "basic",
+        "deadly_corridor",
+        "defend_the_center",
+        "defend_the_line",
+        "health_gathering",
+        "health_gathering_supreme",
+        "my_way_home",
+        "predict_position",
+        "take_cover",
+    ):
+        if f"comrad/{name}-v0" not in registry:
+            register(f"comrad/{name}-v0", entry_point="comrad.single:ComradGymEnv", kwargs={"config": name})
+
+
+_register()

@@ -1,0 +1,90 @@
+"""What all environments share: making an EnvBatch, its spaces, seeds and observations."""
+
+import os
+import secrets
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from . import _engine
+from .maps import Layout, vizdoom_cfg, wads_of
+
+EXTRAS = ("depth", "measurements", "action_mask")
+TICS_A_SECOND = 35
+MOST_DEPTH = 1e5  # map units; no map is as wide
+SCREEN_NAME = "screen"
+
+
+def make_batch(
+    scenario: str | os.PathLike,
+    *,
+    num_agents: int | None,
+    layout: Layout | None,
+    frame_skip: int,
+    size: tuple[int, int],
+    observations: tuple[str, ...],
+    **options: Any,
+) -> _engine.EnvBatch:
+    """An EnvBatch; `observations` are those of EXTRAS that are wanted beside the picture. Raises ValueError, FileNotFoundError."""
+    unknown = [name for name in observations if name not in EXTRAS]
+    if unknown:
+        raise ValueError(f"observations: {unknown[0]!r} is none of {', '.join(EXTRAS)}")
+    scenario = vizdoom_cfg(scenario)
+    agents = int(num_agents or 0) or _engine.describe(scenario)["num_agents"]
+    width, height = size
+    return _engine.EnvBatch(
+        scenario=scenario,
+        maps=wads_of(scenario, layout, agents),
+        num_agents=agents,
+        frame_skip=int(frame_skip),
+        width=int(width),
+        height=int(height),
+        depth="depth" in observations,
+        **options,
+    )
+
+
+def picture_space(picture: np.ndarray) -> spaces.Box:
+    """Of one agent's picture, the last three axes of `picture`."""
+    return spaces.Box(0, 255, picture.shape[-3:], np.uint8)
+
+
+def observation_space(arrays: dict[str, np.ndarray], observations: tuple[str, ...], mask: spaces.Space) -> spaces.Space:
+    """Of one agent: a Box for the picture alone, a Dict where more is wanted; `mask` is the space of its action mask."""
+    screen = picture_space(arrays["picture"])
+    if not observations:
+        return screen
+    boxes: dict[str, spaces.Space] = {SCREEN_NAME: screen}
+    for name in observations:
+        if name == "depth":
+            boxes[name] = spaces.Box(0, MOST_DEPTH, arrays["depth"].shape[2:], np.float32)
+        elif name == "measurements":
+            boxes[name] = spaces.Box(-np.inf, np.inf, arrays["measurement"].shape[2:], np.float32)
+        else:
+            boxes[name] = mask
+    return spaces.Dict(boxes)
+
+
+def checked_mode(render_mode: str | None, metadata: dict[str, Any]) -> str | None:
+    if render_mode not in (None, *metadata["render_modes"]):
+        raise ValueError(f"render_mode {render_mode!r}: it is None or one of {', '.join(metadata['render_modes'])}")
+    return render_mode
+
+
+def checked_seed(seed: int) -> int:
+    """Raises TypeError and ValueError for what is no seed."""
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)):
+        raise TypeError(f"a seed is an integer, not {type(seed).__name__}")
+    if not 0 <= int(seed) < 2**64:
+        raise ValueError(f"seed {seed}: it must lie in 0..2^64 - 1")
+    return int(seed)
+
+
+def fresh_seed() -> int:
+    return secrets.randbits(63)
+
+
+def side_by_side(planes: np.ndarray) -> np.ndarray:
+    """[N, 3, h, w] to one picture [h, N w, 3]."""
+    return np.ascontiguousarray(np.concatenate(list(planes.transpose(0, 2, 3, 1)), axis=1))

@@ -1,0 +1,103 @@
+"""Which WADs are played: drawn from a seed, or files."""
+
+import atexit
+import functools
+import os
+import pathlib
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+
+from . import _engine
+
+Layout = int | str | os.PathLike | Mapping[str, int | str] | Sequence[str | os.PathLike]
+DEFAULT_SEED = 42
+
+
+@functools.cache
+def _folder() -> pathlib.Path:
+    """Where this process keeps the maps that it draws."""
+    folder = pathlib.Path(tempfile.mkdtemp(prefix="comrad_maps_"))
+    process = os.getpid()
+
+    def leave() -> None:
+        if os.getpid() == process:  # not in a child that inherited this
+            shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(leave)
+    return folder
+
+
+def vizdoom_cfg(name: str | os.PathLike) -> str:
+    """The path of a ViZDoom .cfg: itself, or that of the vizdoom package where `name` is one of its files with or without
+    .cfg. Names of COMRAD's scenarios come back as they are. Raises FileNotFoundError where a .cfg is nowhere."""
+    text = os.fspath(name)
+    if os.sep in text or os.path.exists(text):
+        return text
+    stem = text.removesuffix(".cfg")
+    if stem in _engine.list_scenarios():
+        return text
+    try:
+        import vizdoom  # for its files alone
+    except ImportError:
+        if not text.endswith(".cfg"):
+            return text  # the engine names the nearest scenario
+        raise FileNotFoundError(f"{text}: no such file; the package vizdoom brings ViZDoom's .cfg files: pip install vizdoom") from None
+    path = os.path.join(vizdoom.scenarios_path, stem + ".cfg")
+    if os.path.exists(path):
+        return path
+    if text.endswith(".cfg"):
+        raise FileNotFoundError(f"{text}: no such file, and none of that name in {vizdoom.scenarios_path}")
+    return text
+
+
+def draw_map(scenario: str, seed: int = DEFAULT_SEED, num_agents: int = 0, **parameters: int | str) -> bytes:
+    """A scenario's map as the bytes of a WAD, the same on every machine. `parameters`: of its recipe, as `comrad doomgen` lists
+    them. `num_agents` must find a start; 0: as many as the recipe prepares. Raises ValueError for what no map can be made of."""
+    wad, file = _engine.draw_map(vizdoom_cfg(scenario), seed, num_agents, [(key, str(value)) for key, value in parameters.items()])
+    return pathlib.Path(file).read_bytes() if file else wad
+
+
+def wads_of(scenario: str, layout: Layout | None, num_agents: int) -> list[str]:
+    """The files that `layout` means: None or a seed, a mapping of recipe parameters (with `seed` among them), a WAD, a folder
+    of WADs in the order of their names, or several WADs. Drawn maps lie in a folder that goes when the process ends."""
+    if layout is None:
+        layout = DEFAULT_SEED
+    if isinstance(layout, bool):
+        raise TypeError("layout is a seed, parameters of the map, a WAD, a folder of WADs, or several WADs")
+    if isinstance(layout, int) or isinstance(layout, Mapping):
+        wanted = dict(layout) if isinstance(layout, Mapping) else {"seed": layout}
+        seed = int(wanted.pop("seed", DEFAULT_SEED))
+        if not 0 <= seed < 2**64:
+            raise ValueError(f"layout seed {seed}: it must lie in 0..2^64 - 1")
+        return [_drawn(scenario, seed, num_agents, tuple(sorted((key, str(value)) for key, value in wanted.items())))]
+    if isinstance(layout, (str, os.PathLike)):
+        path = pathlib.Path(layout)
+        if path.is_dir():
+            found = sorted(str(file) for file in path.iterdir() if file.suffix.lower() == ".wad")
+            if not found:
+                raise FileNotFoundError(f"{path}: a folder without a .wad")
+            return found
+        return [_existing(path)]
+    if isinstance(layout, Sequence):
+        if not layout:
+            raise ValueError("layout: no map was named")
+        return [_existing(pathlib.Path(one)) for one in layout]
+    raise TypeError(f"layout is a {type(layout).__name__}; give a seed, parameters of the map, a WAD, a folder of WADs, or several WADs")
+
+
+def _existing(path: pathlib.Path) -> str:
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such WAD")
+    return str(path)
+
+
+@functools.cache
+def _drawn(scenario: str, seed: int, num_agents: int, parameters: tuple[tuple[str, str], ...]) -> str:
+    wad, file = _engine.draw_map(scenario, seed, num_agents, list(parameters))
+    if file:
+        return file
+    handle, path = tempfile.mkstemp(prefix=f"{pathlib.Path(scenario).name}_{seed}_", suffix=".wad", dir=_folder())
+    with os.fdopen(handle, "wb") as out:
+        out.write(wad)
+    return path

@@ -1,0 +1,200 @@
+"""Scenarios as PettingZoo's ParallelEnv."""
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from pettingzoo import ParallelEnv
+
+from ._engine import SavedState
+from .batch import SCREEN_NAME, TICS_A_SECOND, checked_mode, checked_seed, fresh_seed, make_batch, observation_space, side_by_side
+from .maps import Layout
+from .window import Window
+
+
+class ComradParallelEnv(ParallelEnv):
+    """N agents, "agent_0" to "agent_{N-1}", who see, press and earn at once; one step is `frame_skip` tics of 1/35 s.
+
+    scenario      a name, the path of a folder with a scenario.toml, or of a ViZDoom .cfg
+    num_agents    N; None: what the scenario is made for
+    layout        the map: a seed, {"seed": 7, "radius": 1200} (parameters of the recipe), a WAD, a folder of WADs or several WADs,
+                  which episodes play in turn; None: the default map, seed 42
+    render_mode   "rgb_array": render() returns all views side by side, [h, N w, 3] u8, drawn at `render_size` (width, height);
+                  "human": every step shows them in a window (needs pygame)
+    frame_skip    tics of a step
+    size          (width, height) of the pictures that agents see
+    observations  what is seen beside the picture: "depth" [h, w] f32 (map units, 0 for sky), "measurements" [M] f32,
+                  "action_mask", a tuple of i8 [choices] for each head, as action_space(agent).sample(mask=...) takes it. With any
+                  of them an observation is a dictionary with the picture as "screen", else the picture itself, [h, w, 3] u8
+                  ([3, h, w] with channels_first)
+    reward        weights of reward terms in place of the scenario's, as comrad train's --reward: "kills=2,living=0"
+    heads         action heads in place of the scenario's, as --heads
+
+    An action is MultiDiscrete: a choice for each head, 0 presses nothing (comrad.describe() names the buttons). All agents stay
+    until the episode's end, which is everybody's; one that died and does not come back has infos[agent]["active"] False and what
+    it presses changes nothing. At the end infos hold the episode's score J, its ceiling, return and length in tics. state() is the
+    true state of the world, f32 [S], as `state_names` says: positions, angles, speeds, health, and what the scenario's script exports.
+
+    The same seed, map and actions give the same episode, to the bit. Raises ValueError, FileNotFoundError, TypeError with words.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "name": "comrad", "is_parallelizable": True}
+
+    def __init__(
+        self,
+        scenario: str | os.PathLike,
+        *,
+        num_agents: int | None = None,
+        layout: Layout | None = None,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] = (640, 360),
+        frame_skip: int = 4,
+        size: tuple[int, int] = (128, 72),
+        channels_first: bool = False,
+        observations: Sequence[str] = (),
+        reward: str = "",
+        heads: str = "",
+    ) -> None:
+        self.render_mode = checked_mode(render_mode, self.metadata)
+        self._window = Window(f"comrad: {scenario}") if render_mode == "human" else None
+        self._observations = tuple(observations)
+        self._batch = make_batch(
+            scenario,
+            num_agents=num_agents,
+            layout=layout,
+            frame_skip=frame_skip,
+            size=size,
+            observations=self._observations,
+            channels_first=channels_first,
+            reward=reward,
+            heads=heads,
+        )
+        self._arrays = self._batch.arrays()
+        facts = self._batch.facts()
+        self.scenario = facts["name"]
+        self.metadata = {**self.metadata, "name": f"comrad_{self.scenario}", "render_fps": max(1, round(TICS_A_SECOND / frame_skip))}
+        self._render_size = render_size
+        self.possible_agents = [f"agent_{index}" for index in range(facts["num_agents"])]
+        self.agents: list[str] = []
+        self.state_names: list[str] = self._batch.state_names()
+        pressed = spaces.MultiDiscrete(self._batch.head_sizes())
+        self._head_ends = np.cumsum(pressed.nvec)[:-1]
+        mask = spaces.Tuple([spaces.MultiBinary(int(count)) for count in pressed.nvec])
+        seen = observation_space(self._arrays, self._observations, mask)
+        self.observation_spaces = {agent: seen for agent in self.possible_agents}
+        self.action_spaces = {agent: pressed for agent in self.possible_agents}
+        self.state_space = spaces.Box(-np.inf, np.inf, self._arrays["state"].shape[1:], np.float32)
+        self._seed: int | None = None
+        self._episode = 0
+
+    def observation_space(self, agent: str) -> spaces.Space:
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space:
+        return self.action_spaces[agent]
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], dict[str, dict]]:
+        """Begins an episode. With a seed: the first that follows from it; without: the next one."""
+        if seed is not None:
+            self._seed, self._episode = checked_seed(seed), 0
+        elif self._seed is None:
+            self._seed, self._episode = fresh_seed(), 0
+        else:
+            self._episode += 1
+        self._batch.reset([(self._seed, self._episode)])
+        self.agents = list(self.possible_agents)
+        self._show()
+        return self._see(), self._infos()
+
+    def step(self, actions: dict[str, Any]) -> tuple[dict, dict, dict, dict, dict]:
+        """Observations, rewards, terminations, truncations, infos, each by agent. `actions`: one for each agent, integers [heads]."""
+        if self.agents:
+            missing = [agent for agent in self.agents if agent not in actions]
+            if missing:
+                raise ValueError(f"actions: {missing[0]} is missing; every agent of {', '.join(self.agents)} presses something")
+        heads = self.action_spaces[self.possible_agents[0]].shape
+        rows = []
+        for agent in self.possible_agents:
+            row = np.asarray(actions[agent]) if agent in actions else np.zeros(heads, np.int32)
+            if row.shape != heads or not np.issubdtype(row.dtype, np.integer):
+                raise ValueError(f"action of {agent}: {heads[0]} integers are wanted, a choice for each head, not {actions[agent]!r}")
+            rows.append(row)
+        self._batch.send(np.ascontiguousarray([rows], np.int32))
+        self._batch.receive()
+        rewards = {agent: float(self._arrays["reward"][0, index]) for index, agent in enumerate(self.agents)}
+        terminated, truncated = bool(self._arrays["terminated"][0]), bool(self._arrays["truncated"][0])
+        seen, infos = self._see(), self._infos(is_over=terminated or truncated)
+        answer = (
+            seen,
+            rewards,
+            {agent: terminated for agent in self.agents},
+            {agent: truncated for agent in self.agents},
+            infos,
+        )
+        if terminated or truncated:
+            self.agents = []
+        self._show()
+        return answer
+
+    def state(self) -> np.ndarray:
+        return self._arrays["state"][0].copy()
+
+    def render(self) -> np.ndarray | None:
+        """The views of all agents side by side where render_mode is "rgb_array"."""
+        return side_by_side(self._batch.draw(0, *self._render_size)) if self.render_mode == "rgb_array" else None
+
+    def get_state(self) -> SavedState:
+        """The whole world as it stands, to come back to with set_state(), in this environment or another of the same scenario."""
+        return self._batch.get_state(0)
+
+    def set_state(self, state: SavedState) -> dict[str, Any]:
+        """Goes back to a state; returns what the agents see there."""
+        self._batch.set_state(0, state)
+        is_over = bool(self._arrays["terminated"][0] or self._arrays["truncated"][0])
+        self.agents = [] if is_over else list(self.possible_agents)
+        return {agent: self._seen_by(index) for index, agent in enumerate(self.possible_agents)}
+
+    def state_hash(self) -> int:
+        """A hash of the whole world: two episodes with equal hashes at every step were the same."""
+        return self._batch.hash(0)
+
+    def close(self) -> None:
+        self._batch.close()
+        if self._window:
+            self._window.close()
+
+    def _show(self) -> None:
+        if self._window:
+            self._window.show(side_by_side(self._batch.draw(0, *self._render_size)))
+
+    def _see(self) -> dict[str, Any]:
+        return {agent: self._seen_by(index) for index, agent in enumerate(self.agents)}
+
+    def _seen_by(self, index: int) -> Any:
+        """A copy of what one agent sees."""
+        screen = self._arrays["picture"][0, index].copy()
+        if not self._observations:
+            return screen
+        seen: dict[str, Any] = {SCREEN_NAME: screen}
+        for name in self._observations:
+            if name == "action_mask":
+                allowed = self._arrays["action_mask"][0, index].astype(np.int8)
+                seen[name] = tuple(np.split(allowed, self._head_ends))
+            else:
+                seen[name] = self._arrays["depth" if name == "depth" else "measurement"][0, index].copy()
+        return seen
+
+    def _infos(self, is_over: bool = False) -> dict[str, dict]:
+        infos = {}
+        for index, agent in enumerate(self.agents):
+            infos[agent] = {"active": bool(self._arrays["active"][0, index])}
+            if is_over:
+                infos[agent]["episode"] = {
+                    "score": float(self._arrays["score"][0]),
+                    "ceiling": float(self._arrays["ceiling"][0]),
+                    "return": float(self._arrays["agent_return"][0, index]),
+                    "length_tics": int(self._arrays["length_tics"][0]),
+                }
+        return infos

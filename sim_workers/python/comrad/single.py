@@ -1,0 +1,161 @@
+"""ViZDoom's games for one player as Gymnasium's Env, with the spaces of ViZDoom's own wrapper."""
+
+import itertools
+import os
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from ._engine import SavedState
+from .batch import TICS_A_SECOND, checked_mode, make_batch, picture_space, side_by_side
+from .maps import Layout
+from .window import Window
+
+DELTA = "_DELTA"
+
+
+class ComradGymEnv(gymnasium.Env):
+    """One player in the game of a ViZDoom .cfg; one step is `frame_skip` tics of 1/35 s.
+
+    config               a .cfg: a path, or the name of one of the vizdoom package, as "basic" or "basic.cfg"
+    frame_skip           tics of a step
+    max_buttons_pressed  0: an action is MultiBinary, every button by itself; n: Discrete, every combination of up to n buttons,
+                         0 presses nothing. Delta buttons take numbers in either case
+    render_mode          "rgb_array": render() returns the view at `render_size` (width, height), [h, w, 3] u8; "human": every step
+                         shows it in a window (needs pygame)
+    size                 (width, height) of the picture that is seen
+    layout               another WAD than the .cfg's; a folder or several are played in turn
+
+    Spaces have the names of ViZDoom's wrapper: an observation is {"screen": [h, w, 3] u8, "gamevariables": f32 in the order of the
+    .cfg}, the latter where it names some, and "depth" [h, w, 1] f32 (map units, 0 for sky) with depth=True; an action is that of the
+    buttons, or {"binary": ..., "continuous": f32} where the .cfg has delta buttons as well. Differences: the picture is drawn at
+    `size`, not at the .cfg's resolution; depth is float; labels, automap, audio and notifications are not there; after the last step
+    the observation is the true last picture, not zeros.
+
+    The same seed and actions give the same episode, to the bit. Raises ValueError, FileNotFoundError, TypeError with words.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": TICS_A_SECOND}
+
+    def __init__(
+        self,
+        config: str | os.PathLike,
+        *,
+        frame_skip: int = 1,
+        max_buttons_pressed: int = 0,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] = (640, 480),
+        size: tuple[int, int] = (320, 240),
+        depth: bool = False,
+        layout: Layout | None = None,
+        reward: str = "",
+    ) -> None:
+        self.render_mode = checked_mode(render_mode, self.metadata)
+        self._window = Window(f"comrad: {config}") if render_mode == "human" else None
+        self._extras = ("depth",) if depth else ()
+        self._batch = make_batch(
+            config,
+            num_agents=1,
+            layout=layout,
+            frame_skip=frame_skip,
+            size=size,
+            observations=self._extras,
+            by_buttons=True,
+            reward=reward,
+        )
+        self._arrays = self._batch.arrays()
+        self._render_size = render_size
+        self.button_names: list[str] = self._batch.button_names()
+        self.variable_names: list[str] = self._batch.facts()["measurements"]
+        self._binary = [index for index, name in enumerate(self.button_names) if not name.endswith(DELTA)]
+        self._delta = [index for index, name in enumerate(self.button_names) if name.endswith(DELTA)]
+        if not 0 <= max_buttons_pressed:
+            raise ValueError(f"max_buttons_pressed {max_buttons_pressed}: it must be 0 or more")
+        most = min(int(max_buttons_pressed), len(self._binary))
+        self._combinations = [
+            pressed for count in range(most + 1) for pressed in itertools.combinations(self._binary, count)
+        ] if max_buttons_pressed else []
+        self.action_space = self._make_action_space()
+        boxes: dict[str, spaces.Space] = {"screen": picture_space(self._arrays["picture"])}
+        if depth:
+            boxes["depth"] = spaces.Box(0, np.inf, (*self._arrays["depth"].shape[2:], 1), np.float32)
+        if self.variable_names:
+            boxes["gamevariables"] = spaces.Box(-np.inf, np.inf, (len(self.variable_names),), np.float32)
+        self.observation_space = spaces.Dict(boxes)
+
+    def _make_action_space(self) -> spaces.Space:
+        parts: dict[str, spaces.Space] = {}
+        if self._binary:
+            parts["binary"] = spaces.Discrete(len(self._combinations)) if self._combinations else spaces.MultiBinary(len(self._binary))
+        if self._delta:
+            parts["continuous"] = spaces.Box(np.finfo(np.float32).min, np.finfo(np.float32).max, (len(self._delta),), np.float32)
+        return spaces.Dict(parts) if len(parts) == 2 else next(iter(parts.values()))
+
+    def _values_of(self, action: Any) -> np.ndarray:
+        """What each button gets, f32 [buttons]."""
+        if not self.action_space.contains(action):
+            raise ValueError(f"action {action!r} is not in {self.action_space}")
+        values = np.zeros(len(self.button_names), np.float32)
+        both = bool(self._binary and self._delta)
+        if self._delta:
+            values[self._delta] = action["continuous"] if both else action
+        if self._binary:
+            binary = action["binary"] if both else action
+            if self._combinations:
+                values[list(self._combinations[int(binary)])] = 1
+            else:
+                values[self._binary] = binary
+        return values
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, np.ndarray], dict]:
+        super().reset(seed=seed)
+        self._batch.reset([(int(self.np_random.integers(0, 2**63)), 0)])
+        self._show()
+        return self._see(), {}
+
+    def step(self, action: Any) -> tuple[dict[str, np.ndarray], float, bool, bool, dict]:
+        self._batch.send_buttons(self._values_of(action)[None, None])
+        self._batch.receive()
+        terminated, truncated = bool(self._arrays["terminated"][0]), bool(self._arrays["truncated"][0])
+        info: dict[str, Any] = {}
+        if terminated or truncated:
+            info["episode_return"] = float(self._arrays["agent_return"][0, 0])
+            info["length_tics"] = int(self._arrays["length_tics"][0])
+        self._show()
+        return self._see(), float(self._arrays["reward"][0, 0]), terminated, truncated, info
+
+    def render(self) -> np.ndarray | None:
+        """The view where render_mode is "rgb_array"."""
+        return side_by_side(self._batch.draw(0, *self._render_size)) if self.render_mode == "rgb_array" else None
+
+    def get_state(self) -> SavedState:
+        """The whole game as it stands, to come back to with set_state()."""
+        return self._batch.get_state(0)
+
+    def set_state(self, state: SavedState) -> dict[str, np.ndarray]:
+        """Goes back to a state; returns what is seen there."""
+        self._batch.set_state(0, state)
+        return self._see()
+
+    def state_hash(self) -> int:
+        """A hash of the whole game: two episodes with equal hashes at every step were the same."""
+        return self._batch.hash(0)
+
+    def close(self) -> None:
+        self._batch.close()
+        if self._window:
+            self._window.close()
+
+    def _show(self) -> None:
+        if self._window:
+            self._window.show(side_by_side(self._batch.draw(0, *self._render_size)))
+
+    def _see(self) -> dict[str, np.ndarray]:
+        seen = {"screen": self._arrays["picture"][0, 0].copy()}
+        if self._extras:
+            seen["depth"] = self._arrays["depth"][0, 0][..., None].copy()
+        if self.variable_names:
+            seen["gamevariables"] = self._arrays["variable"][0, 0].copy()
+        return seen

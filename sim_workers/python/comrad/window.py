@@ -1,0 +1,34 @@
+"""A window for render_mode "human", by pygame."""
+
+import importlib
+from typing import Any
+
+import numpy as np
+
+
+class Window:
+    """Shows pictures; opened by the first one. Raises ImportError with words where pygame is not installed."""
+
+    def __init__(self, title: str) -> None:
+        try:
+            self._pygame: Any = importlib.import_module("pygame")
+        except ImportError:
+            raise ImportError('render_mode "human" needs pygame; run: pip install pygame') from None
+        self._title = title
+        self._surface: Any = None
+
+    def show(self, picture: np.ndarray) -> None:
+        """`picture`: [h, w, 3] u8."""
+        height, width, _ = picture.shape
+        if self._surface is None:
+            self._pygame.display.init()
+            self._surface = self._pygame.display.set_mode((width, height))
+            self._pygame.display.set_caption(self._title)
+        self._pygame.event.pump()
+        self._pygame.surfarray.blit_array(self._surface, picture.transpose(1, 0, 2))
+        self._pygame.display.flip()
+
+    def close(self) -> None:
+        if self._surface is not None:
+            self._pygame.display.quit()
+            self._surface = None

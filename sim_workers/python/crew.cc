@@ -1,0 +1,50 @@
+#include "sim_workers/python/crew.h"
+
+#include <utility>
+
+namespace comrad::python {
+
+Crew::Crew(int size) {
+  for (int index = 0; index < size; ++index) threads_.emplace_back([this, index] { work(index); });
+}
+
+Crew::~Crew() {
+  wait();
+  {
+    const std::lock_guard lock(mutex_);
+    leaves_ = true;
+  }
+  begins_.notify_all();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+void Crew::start(std::function<void(int)> task) {
+  {
+    const std::lock_guard lock(mutex_);
+    task_ = std::move(task);
+    busy_ = size();
+    ++round_;
+  }
+  begins_.notify_all();
+}
+
+void Crew::wait() {
+  std::unique_lock lock(mutex_);
+  ends_.wait(lock, [this] { return busy_ == 0; });
+}
+
+void Crew::work(int index) {
+  uint64_t seen = 0;
+  std::unique_lock lock(mutex_);
+  while (true) {
+    begins_.wait(lock, [&] { return leaves_ || round_ != seen; });
+    if (leaves_) return;
+    seen = round_;
+    lock.unlock();
+    task_(index);  // nobody changes it before all have ended
+    lock.lock();
+    if (--busy_ == 0) ends_.notify_all();
+  }
+}
+
+}  // namespace comrad::python

@@ -1,0 +1,504 @@
+#include "sim_workers/python/env_batch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "rollout_buffer/core/rng.h"
+#include "scenarios/spec/exported_variables.h"
+#include "scenarios/spec/vizdoom_config.h"
+#include "sim_workers/env/button_press.h"
+#include "sim_workers/env/game_variables.h"
+
+namespace comrad::python {
+namespace {
+
+using scenarios::GameVariable;
+using scenarios::VariableKind;
+
+constexpr int kMostEnvs = 4096, kMostThreads = 256, kSmallestView = 16, kLargestView = 4096;
+
+Error bad(std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; }
+
+/// What the global state tells of each agent, behind "agent_<index>/".
+constexpr const char* kAgentState[] = {"x",          "y",          "z",          "cos_angle", "sin_angle",
+                                       "velocity_x", "velocity_y", "velocity_z", "health",    "alive"};
+
+Status check_range(const char* name, int value, int least, int most) {
+  if (value >= least && value <= most) return {};
+  return bad(std::string(name) + " is " + std::to_string(value) + "; it must lie in " +
+             std::to_string(least) + ".." + std::to_string(most));
+}
+
+Status check_view(int width, int height) {
+  COMRAD_TRY(check_range("width", width, kSmallestView, kLargestView));
+  return check_range("height", height, kSmallestView, kLargestView);
+}
+
+/// [3, height, width] to [height, width, 3].
+void interleave(const uint8_t* planes, std::size_t pixels, uint8_t* picture) {
+  for (std::size_t pixel = 0; pixel < pixels; ++pixel)
+    for (std::size_t plane = 0; plane < 3; ++plane)
+      picture[3 * pixel + plane] = planes[plane * pixels + pixel];
+}
+
+}  // namespace
+
+struct EnvBatch::Slot {
+  std::unique_ptr<sim::DoomEnvironment> environment;
+  EpisodeKey episode;
+  bool has_begun = false, is_over = false;
+};
+
+/// What only lives until close().
+struct EnvBatch::Works {
+  /// One thread's share.
+  struct Lane {
+    std::shared_ptr<sim::LayoutLibrary> library;
+    std::unique_ptr<doom::Renderer> renderer;
+    std::unique_ptr<doom::Renderer> painter;  // of another size, for draw()
+    int painter_width = 0, painter_height = 0;
+    std::vector<int> indices;
+    std::vector<doom::ViewRequest> views;
+    std::vector<uint8_t> planes;  // where pictures are interleaved
+    std::vector<float> depth;
+    Status status;
+  };
+  explicit Works(int threads) : lanes(static_cast<std::size_t>(threads)), crew(threads) {}
+  ~Works() {  // what belongs to a thread ends in it
+    crew.wait();
+    crew.start([this](int thread) {
+      Lane& lane = lanes[static_cast<std::size_t>(thread)];
+      if (lane.library != nullptr) lane.library->draw_with(nullptr);
+      lane.painter.reset();
+      lane.renderer.reset();
+    });
+    crew.wait();
+  }
+  std::vector<Slot> slots;
+  std::vector<Lane> lanes;
+  Crew crew;
+};
+
+class EnvBatch::Entry {
+ public:
+  explicit Entry(EnvBatch& batch, bool wants_sent = false) {
+    if (batch.process_ != getpid()) {
+      status_ = bad("these environments were made in another process; make new ones after a fork");
+    } else if (batch.is_entered_.exchange(true)) {
+      status_ = bad("another thread is in a call of these environments; give each thread its own");
+    } else {
+      entered_ = &batch.is_entered_;
+      if (batch.is_closed())
+        status_ = bad("these environments were closed");
+      else if (batch.is_sent_ && !wants_sent)
+        status_ = bad("a step was sent and not received; call receive() first");
+      else if (!batch.is_sent_ && wants_sent)
+        status_ = bad("no step was sent; call send() first");
+    }
+  }
+  ~Entry() {
+    if (entered_ != nullptr) *entered_ = false;
+  }
+  Entry(const Entry&) = delete;
+  Entry& operator=(const Entry&) = delete;
+  const Status& status() const { return status_; }
+
+ private:
+  std::atomic<bool>* entered_ = nullptr;
+  Status status_;
+};
+
+Expected<std::unique_ptr<EnvBatch>> EnvBatch::create(const BatchOptions& options) {
+  std::unique_ptr<EnvBatch> batch(new EnvBatch(options));
+  COMRAD_TRY(batch->open());
+  return batch;
+}
+
+EnvBatch::EnvBatch(const BatchOptions& options) : options_(options) {}
+EnvBatch::~EnvBatch() { static_cast<void>(close()); }
+
+Status EnvBatch::close() {
+  if (works_ == nullptr) return {};
+  if (process_ != getpid()) {
+    // The threads are the parent's, and so is what they draw with: nothing of it may be touched.
+    static_cast<void>(works_.release());
+    return {};
+  }
+  if (is_entered_.exchange(true))
+    return bad("another thread is in a call of these environments; close them when it is back");
+  works_->crew.wait();  // for a step that was sent
+  works_.reset();
+  is_sent_ = false;
+  is_entered_ = false;
+  return {};
+}
+
+Status EnvBatch::open() {
+  COMRAD_TRY(check_range("num_envs", options_.num_envs, 1, kMostEnvs));
+  COMRAD_TRY(check_range("num_threads", options_.num_threads, 1, kMostThreads));
+  COMRAD_TRY(check_view(options_.width, options_.height));
+  if (options_.maps.empty()) return bad("no map was named");
+  COMRAD_TRY_ASSIGN(spec_, scenarios::load_scenario(options_.scenario));
+  if (options_.num_agents == 0) options_.num_agents = spec_.default_agents;
+  options_.num_threads = std::min(options_.num_threads, options_.num_envs);
+  if (options_.by_buttons) {
+    if (!spec_.is_vizdoom)
+      return bad(options_.scenario + " has action heads; only a ViZDoom .cfg can be played by its buttons");
+    COMRAD_TRY_ASSIGN(const scenarios::VizdoomConfig config,
+                      scenarios::load_vizdoom_config(options_.scenario));
+    buttons_ = config.buttons;
+    button_names_ = config.button_names;
+  }
+  sim::EnvironmentOptions environment{.scenario = options_.scenario,
+                                      .wad_path = options_.maps.front(),
+                                      .num_agents = options_.num_agents,
+                                      .count = options_.num_envs,
+                                      .frame_skip = options_.frame_skip,
+                                      .use_measurements = true,
+                                      .reward = options_.reward,
+                                      .heads = options_.heads};
+  COMRAD_TRY_ASSIGN(const std::shared_ptr<const sim::DoomGame> game, sim::load_doom_game(environment));
+  spec_ = game->spec;
+  shape_ = spec_.shape(options_.num_agents, true);
+  for (const scenarios::MeasurementTerm& term : spec_.measurements)
+    variables_.push_back(scenarios::find_term_variable(term.variable).value());
+  for (int agent = 0; agent < options_.num_agents; ++agent)
+    for (const char* name : kAgentState)
+      state_names_.push_back("agent_" + std::to_string(agent) + "/" + name);
+  for (const scenarios::ExportedVariable& variable :
+       scenarios::exported_variables(spec_, options_.num_agents)) {
+    state_names_.push_back(variable.name.empty() ? "USER" + std::to_string(variable.user) : variable.name);
+    exports_.push_back(variable.user);
+  }
+  size_arrays();
+
+  environment.layouts = options_.maps;
+  works_ = std::make_unique<Works>(options_.num_threads);
+  works_->slots.resize(static_cast<std::size_t>(options_.num_envs));
+  for (int index = 0; index < options_.num_envs; ++index)
+    works_->lanes[static_cast<std::size_t>(index % options_.num_threads)].indices.push_back(index);
+  run([this, environment](int thread) -> Status {
+    Works::Lane& lane = works_->lanes[static_cast<std::size_t>(thread)];
+    COMRAD_TRY_ASSIGN(lane.library, sim::LayoutLibrary::create(environment));
+    COMRAD_TRY_ASSIGN(const std::shared_ptr<const sim::DoomGame> first, lane.library->game(0));
+    if (options_.has_pictures || options_.has_depth) {
+      COMRAD_TRY_ASSIGN(lane.renderer,
+                        sim::make_renderer(*first, options_.maps, {options_.width, options_.height}));
+      lane.library->draw_with(lane.renderer.get());
+    }
+    for (const int index : lane.indices) {
+      Slot& slot = works_->slots[static_cast<std::size_t>(index)];
+      slot.environment = std::make_unique<sim::DoomEnvironment>(first);
+      slot.environment->choose_from(lane.library);
+    }
+    return {};
+  });
+  const Status opened = finish();
+  if (!opened) COMRAD_TRY(close());
+  return opened;
+}
+
+void EnvBatch::size_arrays() {
+  const auto envs = static_cast<std::size_t>(options_.num_envs);
+  const std::size_t rows = envs * static_cast<std::size_t>(options_.num_agents);
+  const std::size_t pixels =
+      static_cast<std::size_t>(options_.width) * static_cast<std::size_t>(options_.height);
+  const auto measurements = static_cast<std::size_t>(shape_.measurement_count);
+  if (options_.has_pictures) arrays_.picture.resize(rows * 3 * pixels);
+  if (options_.has_depth) arrays_.depth.resize(rows * pixels);
+  arrays_.measurement.resize(rows * measurements);
+  arrays_.variable.resize(rows * measurements);
+  arrays_.action_mask.resize(rows * static_cast<std::size_t>(shape_.logit_count()));
+  arrays_.active.resize(rows);
+  arrays_.state.resize(envs * state_names_.size());
+  arrays_.reward.resize(rows);
+  arrays_.terminated.resize(envs);
+  arrays_.truncated.resize(envs);
+  arrays_.score.resize(envs);
+  arrays_.ceiling.resize(envs);
+  arrays_.agent_return.resize(rows);
+  arrays_.length_tics.resize(envs);
+  arrays_.episode_seed.resize(envs);
+}
+
+void EnvBatch::run(std::function<Status(int)> task) {
+  works_->crew.start([this, task = std::move(task)](int thread) {
+    works_->lanes[static_cast<std::size_t>(thread)].status = task(thread);
+  });
+}
+
+Status EnvBatch::finish() {
+  works_->crew.wait();
+  for (const Works::Lane& lane : works_->lanes)
+    if (!lane.status) return lane.status;
+  return {};
+}
+
+Status EnvBatch::begin_episode(Slot& slot) {
+  const auto index = static_cast<uint64_t>(&slot - works_->slots.data());
+  const uint64_t turn = index + slot.episode.number * static_cast<uint64_t>(options_.num_envs);
+  COMRAD_TRY(slot.environment->choose_layout(static_cast<int>(turn % options_.maps.size())));
+  const uint64_t seed = RngKey(slot.episode.seed).split("python episode").split(slot.episode.number).bits();
+  slot.environment->reset(seed);
+  slot.has_begun = true;
+  slot.is_over = false;
+  arrays_.episode_seed[index] = seed;
+  return {};
+}
+
+Status EnvBatch::reset(std::span<const std::optional<EpisodeKey>> keys) {
+  const Entry entry(*this);
+  COMRAD_TRY(entry.status());
+  if (keys.size() != works_->slots.size())
+    return bad(std::to_string(keys.size()) + " seeds were given for " + std::to_string(works_->slots.size()) +
+               " environments");
+  run([this, keys](int thread) -> Status {
+    std::vector<int> begun;
+    for (const int index : works_->lanes[static_cast<std::size_t>(thread)].indices) {
+      const std::optional<EpisodeKey>& key = keys[static_cast<std::size_t>(index)];
+      if (!key) continue;
+      Slot& slot = works_->slots[static_cast<std::size_t>(index)];
+      slot.episode = *key;
+      COMRAD_TRY(begin_episode(slot));
+      write_numbers(index);
+      begun.push_back(index);
+    }
+    draw_views(thread, begun);
+    return {};
+  });
+  return finish();
+}
+
+Status EnvBatch::check_can_step() const {
+  for (const Slot& slot : works_->slots) {
+    if (!slot.has_begun) return bad("call reset() before the first step");
+    if (slot.is_over && !options_.autoreset) return bad("the episode is over; call reset()");
+  }
+  return {};
+}
+
+void EnvBatch::run_step(std::function<void(sim::DoomEnvironment&, std::size_t)> act) {
+  is_sent_ = true;
+  run([this, act = std::move(act)](int thread) -> Status {
+    const std::vector<int>& indices = works_->lanes[static_cast<std::size_t>(thread)].indices;
+    for (const int index : indices) {
+      Slot& slot = works_->slots[static_cast<std::size_t>(index)];
+      if (slot.is_over) {
+        ++slot.episode.number;
+        COMRAD_TRY(begin_episode(slot));
+      } else {
+        act(*slot.environment, static_cast<std::size_t>(index));
+        slot.is_over = slot.environment->last_step().episode_over();
+      }
+      write_numbers(index);
+    }
+    draw_views(thread, indices);
+    return {};
+  });
+}
+
+Status EnvBatch::send(std::span<const int32_t> choices) {
+  const Entry entry(*this);
+  COMRAD_TRY(entry.status());
+  const auto heads = static_cast<std::size_t>(shape_.head_count);
+  const auto agents = static_cast<std::size_t>(options_.num_agents);
+  if (options_.by_buttons) return bad("these environments are played by buttons, not by choices of heads");
+  if (choices.size() != works_->slots.size() * agents * heads)
+    return bad("an action has one choice for each environment, agent and head");
+  for (std::size_t at = 0; at < choices.size(); ++at) {
+    const int32_t most = shape_.head_sizes[at % heads];
+    if (choices[at] < 0 || choices[at] >= most)
+      return bad("action " + std::to_string(choices[at]) + " of environment " +
+                 std::to_string(at / heads / agents) + ", agent " + std::to_string(at / heads % agents) +
+                 ", head " + std::to_string(at % heads) + ": it must lie in 0.." + std::to_string(most - 1));
+  }
+  COMRAD_TRY(check_can_step());
+  run_step([actions = std::vector(choices.begin(), choices.end()), size = heads * agents](
+               sim::DoomEnvironment& environment, std::size_t index) {
+    environment.step({actions.data() + index * size, size});
+  });
+  return {};
+}
+
+Status EnvBatch::send_buttons(std::span<const float> values) {
+  const Entry entry(*this);
+  COMRAD_TRY(entry.status());
+  const auto agents = static_cast<std::size_t>(options_.num_agents);
+  if (!options_.by_buttons) return bad("these environments are played by choices of heads, not by buttons");
+  if (values.size() != works_->slots.size() * agents * buttons_.size())
+    return bad("an action has one number for each environment, agent and button");
+  if (!std::ranges::all_of(values, [](float value) { return std::isfinite(value); }))
+    return bad("an action holds a value that is no number");
+  COMRAD_TRY(check_can_step());
+  run_step([this, agents, given = std::vector(values.begin(), values.end())](
+               sim::DoomEnvironment& environment, std::size_t index) {
+    std::vector<doom::Buttons> pressed(agents);
+    std::size_t at = index * agents * buttons_.size();
+    for (doom::Buttons& of_agent : pressed)
+      for (const scenarios::Button& button : buttons_) sim::press(of_agent, button, given[at++]);
+    environment.press(pressed);
+  });
+  return {};
+}
+
+Status EnvBatch::receive() {
+  const Entry entry(*this, /*wants_sent=*/true);
+  COMRAD_TRY(entry.status());
+  const Status done = finish();
+  is_sent_ = false;
+  return done;
+}
+
+void EnvBatch::write_numbers(int index) {
+  const auto at = static_cast<std::size_t>(index);
+  const sim::DoomEnvironment& environment = *works_->slots[at].environment;
+  const doom::World& world = environment.world();
+  const auto agents = static_cast<std::size_t>(options_.num_agents), first = at * agents;
+  const auto measurements = static_cast<std::size_t>(shape_.measurement_count);
+  environment.observe_numbers(
+      {.frame = nullptr,
+       .measurement = arrays_.measurement.data() + first * measurements,
+       .action_mask = arrays_.action_mask.data() + first * static_cast<std::size_t>(shape_.logit_count()),
+       .agent_active = arrays_.active.data() + first});
+  float* state = arrays_.state.data() + at * state_names_.size();
+  for (std::size_t agent = 0; agent < agents; ++agent) {
+    const int player = static_cast<int>(agent);
+    const auto read = [&](VariableKind kind, int number = 0) {
+      return static_cast<float>(sim::read_variable(world, player, GameVariable{kind, number}));
+    };
+    for (std::size_t term = 0; term < measurements; ++term)
+      arrays_.variable[(first + agent) * measurements + term] = static_cast<float>(
+          environment.read(player, variables_[term], spec_.measurements[term].agent_stride));
+    const float angle = read(VariableKind::kAngle) * std::numbers::pi_v<float> / 180.0f;
+    for (const float value :
+         {read(VariableKind::kPositionX), read(VariableKind::kPositionY), read(VariableKind::kPositionZ),
+          std::cos(angle), std::sin(angle), read(VariableKind::kVelocityX), read(VariableKind::kVelocityY),
+          read(VariableKind::kVelocityZ), read(VariableKind::kHealth),
+          world.player(player).alive ? 1.0f : 0.0f})
+      *state++ = value;
+  }
+  for (const int user : exports_) *state++ = static_cast<float>(world.exported(user));
+
+  const sim::Step& step = environment.last_step();
+  const sim::EpisodeSummary summary = environment.summary_so_far();
+  std::ranges::copy(step.reward, arrays_.reward.begin() + static_cast<std::ptrdiff_t>(first));
+  std::ranges::copy(summary.agent_return, arrays_.agent_return.begin() + static_cast<std::ptrdiff_t>(first));
+  arrays_.terminated[at] = step.terminated;
+  arrays_.truncated[at] = step.truncated;
+  arrays_.score[at] = summary.score;
+  arrays_.ceiling[at] = summary.ceiling;
+  arrays_.length_tics[at] = summary.length_tics;
+}
+
+void EnvBatch::draw_views(int thread, std::span<const int> indices) {
+  Works::Lane& lane = works_->lanes[static_cast<std::size_t>(thread)];
+  const auto agents = static_cast<std::size_t>(options_.num_agents);
+  const std::size_t pixels =
+      static_cast<std::size_t>(options_.width) * static_cast<std::size_t>(options_.height);
+  const auto row_of = [&](int index, std::size_t agent) {
+    return static_cast<std::size_t>(index) * agents + agent;
+  };
+  if (options_.has_pictures) {
+    const bool in_place = options_.channels_first;
+    if (!in_place) lane.planes.resize(indices.size() * agents * 3 * pixels);
+    lane.views.clear();
+    for (const int index : indices)
+      for (std::size_t agent = 0; agent < agents; ++agent)
+        lane.views.push_back({&works_->slots[static_cast<std::size_t>(index)].environment->world(),
+                              static_cast<int>(agent),
+                              in_place ? arrays_.picture.data() + row_of(index, agent) * 3 * pixels
+                                       : lane.planes.data() + lane.views.size() * 3 * pixels});
+    lane.renderer->draw(lane.views);
+    std::size_t view = 0;
+    if (!in_place)
+      for (const int index : indices)
+        for (std::size_t agent = 0; agent < agents; ++agent, ++view)
+          interleave(lane.planes.data() + view * 3 * pixels, pixels,
+                     arrays_.picture.data() + row_of(index, agent) * 3 * pixels);
+  }
+  if (!options_.has_depth) return;
+  for (const int index : indices)
+    for (std::size_t agent = 0; agent < agents; ++agent) {
+      const doom::World& world = works_->slots[static_cast<std::size_t>(index)].environment->world();
+      lane.renderer->draw_depth(world, static_cast<int>(agent), &lane.depth);
+      std::ranges::copy(lane.depth,
+                        arrays_.depth.begin() + static_cast<std::ptrdiff_t>(row_of(index, agent) * pixels));
+    }
+}
+
+Expected<std::shared_ptr<const SavedState>> EnvBatch::state_of(int index) {
+  const Entry entry(*this);
+  COMRAD_TRY(entry.status());
+  COMRAD_TRY(check_range("the environment's index", index, 0, options_.num_envs - 1));
+  const Slot& slot = works_->slots[static_cast<std::size_t>(index)];
+  if (!slot.has_begun) return bad("call reset() before get_state()");
+  return std::shared_ptr<const SavedState>(new SavedState(*slot.environment, slot.episode, slot.is_over));
+}
+
+Status EnvBatch::restore(int index, const SavedState& state) {
+  const Entry entry(*this);
+  COMRAD_TRY(entry.status());
+  COMRAD_TRY(check_range("the environment's index", index, 0, options_.num_envs - 1));
+  Slot& slot = works_->slots[static_cast<std::size_t>(index)];
+  const sim::DoomGame &saved = state.environment_.game(), &here = slot.environment->game();
+  if (saved.spec.name != here.spec.name || saved.num_agents != here.num_agents ||
+      saved.frame_skip != here.frame_skip || saved.spec.rewards.size() != here.spec.rewards.size() ||
+      saved.actions.head_count() != here.actions.head_count())
+    return bad("the state is of " + saved.spec.name + " with " + std::to_string(saved.num_agents) +
+               " agents and frame skip " + std::to_string(saved.frame_skip) + ", the environment is " +
+               here.spec.name + " with " + std::to_string(here.num_agents) + " and " +
+               std::to_string(here.frame_skip));
+  run([this, index, &slot, &state](int thread) -> Status {
+    Works::Lane& lane = works_->lanes[static_cast<std::size_t>(thread)];
+    if (index % options_.num_threads != thread) return {};
+    *slot.environment = state.environment_;
+    slot.environment->choose_from(lane.library);
+    slot.episode = state.episode_;
+    slot.has_begun = true;
+    slot.is_over = state.is_over_;
+    write_numbers(index);
+    draw_views(thread, {&index, 1});
+    return {};
+  });
+  return finish();
+}
+
+Expected<uint64_t> EnvBatch::hash_of(int index) {
+  const Entry entry(*this);
+  COMRAD_TRY(entry.status());
+  COMRAD_TRY(check_range("the environment's index", index, 0, options_.num_envs - 1));
+  return works_->slots[static_cast<std::size_t>(index)].environment->state_hash();
+}
+
+Expected<std::vector<uint8_t>> EnvBatch::draw(int index, int width, int height) {
+  const Entry entry(*this);
+  COMRAD_TRY(entry.status());
+  COMRAD_TRY(check_range("the environment's index", index, 0, options_.num_envs - 1));
+  COMRAD_TRY(check_view(width, height));
+  if (!works_->slots[static_cast<std::size_t>(index)].has_begun) return bad("call reset() before render()");
+  const std::size_t bytes = 3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  std::vector<uint8_t> pictures(bytes * static_cast<std::size_t>(options_.num_agents));
+  run([&](int thread) -> Status {
+    Works::Lane& lane = works_->lanes[static_cast<std::size_t>(thread)];
+    if (index % options_.num_threads != thread) return {};
+    const sim::DoomEnvironment& environment = *works_->slots[static_cast<std::size_t>(index)].environment;
+    if (lane.painter == nullptr || lane.painter_width != width || lane.painter_height != height) {
+      lane.painter.reset();
+      COMRAD_TRY_ASSIGN(lane.painter, sim::make_renderer(environment.game(), options_.maps, {width, height}));
+      lane.painter_width = width;
+      lane.painter_height = height;
+    }
+    lane.views.clear();
+    for (int agent = 0; agent < options_.num_agents; ++agent)
+      lane.views.push_back(
+          {&environment.world(), agent, pictures.data() + static_cast<std::size_t>(agent) * bytes});
+    lane.painter->draw(lane.views);
+    return {};
+  });
+  COMRAD_TRY(finish());
+  return pictures;
+}
+
+}  // namespace comrad::python
