@@ -4,6 +4,8 @@
     env = comrad.parallel_env("stag_hunt_arena", num_agents=2)      # PettingZoo
     env = comrad.gym_env("basic")                                   # Gymnasium, one player, a ViZDoom .cfg
     envs = comrad.vector_env("coop_puzzle", num_envs=64)            # batched arrays, threads
+    policy = comrad.load_policy("train_dir/RUN")                    # a torch.nn.Module of a trained policy
+    run = comrad.Run("train_dir/RUN")                               # settings, metrics, checkpoints
 
 `scenarios()` names the scenarios, `describe(name)` says what one is. Errors of arguments and files are ValueError and
 FileNotFoundError with words; what the machine lacks (OSMesa, an IWAD) is RuntimeError or FileNotFoundError saying what to install.
@@ -21,8 +23,21 @@ if _data.is_dir():
 
 from ._engine import SavedState, describe as _describe, list_scenarios as _list_scenarios  # noqa: E402
 from .maps import draw_map, vizdoom_cfg  # noqa: E402
+from .run import Run  # noqa: E402
 
-__all__ = ["SavedState", "describe", "draw_map", "gym_env", "parallel_env", "scenarios", "vector_env", "vizdoom_cfg"]
+__all__ = [
+    "Run",
+    "SavedState",
+    "describe",
+    "draw_map",
+    "gym_env",
+    "load_policy",
+    "parallel_env",
+    "save_policy",
+    "scenarios",
+    "vector_env",
+    "vizdoom_cfg",
+]
 
 
 def scenarios() -> list[str]:
@@ -63,6 +78,22 @@ def vector_env(scenario: str, **options: Any) -> "Any":
     from .vector import ComradVectorEnv
 
     return ComradVectorEnv(scenario, **options)
+
+
+def load_policy(path: str | os.PathLike, agent: int = 0) -> "Any":
+    """A trained policy as a torch.nn.Module; see comrad.policy.load_policy."""
+    _need("torch")
+    from . import policy
+
+    return policy.load_policy(path, agent)
+
+
+def save_policy(policies: "Any", like: str | os.PathLike, path: str | os.PathLike) -> None:
+    """A policy that was trained in Python, as a checkpoint that `comrad eval` plays; see comrad.policy.save_policy."""
+    _need("torch")
+    from . import policy
+
+    policy.save_policy(policies, like, path)
 
 
 def _register() -> None:

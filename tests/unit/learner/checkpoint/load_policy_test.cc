@@ -1,9 +1,13 @@
-// learner/checkpoint/load_policy.py is the example that CHECKPOINTS.md shows to users of Python: its logits must be the
-// network's own, over several steps, for every kind of network that it says it reads. Without PyTorch it is skipped.
+// learner/checkpoint/load_policy.py is the example that CHECKPOINTS.md shows to users of Python, comrad.policy the module of the
+// Python package: their logits must be the network's own, over several steps, for every kind of network that they read, and
+// what the module writes is read here. Without PyTorch, or without the package, they are skipped.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <filesystem>
 #include <string>
+#include <system_error>
+#include <variant>
 
 #include "learner/checkpoint/checkpoint.h"
 #include "policy_workers/policy/policy_net.h"
@@ -32,26 +36,26 @@ struct Variant {
 };
 
 class LoadPolicy : public testing::TestWithParam<Variant> {};
+class PolicyModule : public testing::TestWithParam<Variant> {};
 
-TEST_P(LoadPolicy, GivesTheNetworksLogits) {
-  const Expected<std::string> python = test::python_with("torch");
-  if (!python) GTEST_SKIP() << python.error().message;
-
+/// A checkpoint of a network of that kind, with "expected": frame [steps, rows, 3, 72, 128], measurement, logits.
+StateDict checkpoint_with_answers(const Variant& variant) {
   RunConfig config;
-  config.run.algo = GetParam().algo;
-  config.network.encoder_conv_architecture = GetParam().encoder;
-  config.network.use_rnn = GetParam().use_rnn;
-  config.network.rnn_type = GetParam().rnn_type;
+  config.run.algo = variant.algo;
+  config.network.encoder_conv_architecture = variant.encoder;
+  config.network.use_rnn = variant.use_rnn;
+  config.network.rnn_type = variant.rnn_type;
   config.network.rnn_size = 24;
-  config.network.rnn_num_layers = GetParam().layers;
-  config.network.decoder_mlp_layers = GetParam().decoder;
-  config.network.agent_id_input = GetParam().agent_id;
-  config.network.normalize_input = GetParam().normalize;
+  config.network.rnn_num_layers = variant.layers;
+  config.network.decoder_mlp_layers = variant.decoder;
+  config.network.agent_id_input = variant.agent_id;
+  config.network.normalize_input = variant.normalize;
   EnvShape env;
   env.num_agents = 2;
   env.head_count = 3;
   env.head_sizes = {3, 2, 4};
-  env.measurement_count = static_cast<int32_t>(GetParam().measurements);
+  env.measurement_count = static_cast<int32_t>(variant.measurements);
+  config.environment.num_agents = env.num_agents;
   const auto options = policy::PolicyNetOptions::from(config, env);
   const policy::PolicyNet net = policy::PolicyNet::create(options, 7, torch::kCPU);
 
@@ -77,6 +81,13 @@ TEST_P(LoadPolicy, GivesTheNetworksLogits) {
     recurrent = output.recurrent_state;
   }
   state.put("expected/logits", torch::stack(logits));
+  return state;
+}
+
+TEST_P(LoadPolicy, GivesTheNetworksLogits) {
+  const Expected<std::string> python = test::python_with("torch");
+  if (!python) GTEST_SKIP() << python.error().message;
+  const StateDict state = checkpoint_with_answers(GetParam());
 
   const test::ScratchFolder folder;
   ASSERT_TRUE(write_checkpoint((folder / "a.pt").string(), state));
@@ -101,19 +112,81 @@ for agent in range(2):
   EXPECT_EQ(std::system(command.c_str()), 0);
 }
 
-INSTANTIATE_TEST_SUITE_P(, LoadPolicy,
-                         testing::Values(Variant{"shared_gru", "ippo", "convnet_simple", true, RnnType::kGru,
-                                                 1, "none", false, true, 3},
-                                         Variant{"feed_forward_with_agent_id", "ippo", "convnet_impala",
-                                                 false, RnnType::kGru, 1, "none", true, true, 0},
-                                         Variant{"two_lstm_layers_and_a_decoder", "mappo", "convnet_atari",
-                                                 true, RnnType::kLstm, 2, "32,16", true, false, 0},
-                                         Variant{"agents_with_networks_of_their_own", "happo",
-                                                 "convnet_simple", true, RnnType::kGru, 1, "none", false,
-                                                 true, 3},
-                                         Variant{"q_values", "qmix", "convnet_simple", true, RnnType::kGru, 1,
-                                                 "none", false, true, 0}),
-                         [](const auto& variant) { return std::string(variant.param.name); });
+TEST_P(PolicyModule, GivesTheNetworksLogitsAndGoesBack) {
+  std::error_code ignored;  // this test lies in <build>/tests
+  const auto build = std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path().parent_path();
+  setenv("PYTHONPATH", (build / "python").c_str(), 1);
+  const Expected<std::string> python = test::python_with("torch, comrad");
+  if (!python) GTEST_SKIP() << python.error().message;
+  const StateDict state = checkpoint_with_answers(GetParam());
+
+  const test::ScratchFolder folder;
+  const std::string file = (folder / "a.pt").string(), back = (folder / "b.pt").string();
+  ASSERT_TRUE(write_checkpoint(file, state));
+  folder.write("compare.py", R"(
+import sys, torch, comrad
+expected = torch.load(sys.argv[1], weights_only=True)["expected"]
+policies = [comrad.load_policy(sys.argv[1], agent) for agent in range(2)]
+for agent, policy in enumerate(policies):
+    state, rows = None, slice(agent, None, 2)
+    with torch.no_grad():
+        for step, frame in enumerate(expected["frame"]):
+            measurement = expected["measurement"][step][rows] if "measurement" in expected else None
+            logits, state = policy(frame[rows], measurement, state)
+            wanted = expected["logits"][step][rows]
+            assert wanted.abs().max() > 0.01
+            assert (logits - wanted).abs().max() < 1e-4, (agent, step, logits, wanted)
+            choice = policy.greedy(logits, [3, 2, 4])
+            assert choice.tolist() == [[int(h.argmax()) for h in row.split([3, 2, 4])] for row in wanted]
+            assert (policy.sample(logits, [3, 2, 4]) < torch.tensor([3, 2, 4])).all()
+        policy.action_head.bias.add_(1.0 + agent)
+comrad.save_policy(policies, sys.argv[1], sys.argv[2])
+)");
+  const std::string command = *python + " " + (folder / "compare.py").string() + " " + file + " " + back;
+  ASSERT_EQ(std::system(command.c_str()), 0);
+
+  const Expected<StateDict> written = read_checkpoint(back);
+  ASSERT_TRUE(written) << written.error().message;
+  ASSERT_EQ(written->values().size(), state.values().size());
+  int changed = 0;
+  for (const auto& [key, value] : state.values()) {
+    const auto* before = std::get_if<torch::Tensor>(&value);
+    if (const auto* text = std::get_if<std::string>(&value)) {
+      EXPECT_EQ(written->text(key).value(), *text) << key;
+    }
+    if (before == nullptr) continue;
+    const torch::Tensor after = written->tensor(key).value();
+    const double more = (after.to(torch::kFloat64) - before->to(torch::kFloat64)).abs().max().item<double>();
+    if (key.ends_with("action_head.bias")) {
+      // Of a shared network the policy that is given last counts.
+      EXPECT_NEAR(more, key.find("agent0.") == std::string::npos ? 2.0 : 1.0, 1e-6) << key;
+      ++changed;
+    } else {
+      EXPECT_EQ(more, 0) << key;
+    }
+  }
+  EXPECT_GT(changed, 0);
+}
+
+const auto kVariants = [] {
+  return testing::Values(
+      Variant{"shared_gru", "ippo", "convnet_simple", true, RnnType::kGru, 1, "none", false, true, 3},
+      Variant{"feed_forward_with_agent_id", "ippo", "convnet_impala", false, RnnType::kGru, 1, "none", true,
+              true, 0},
+      Variant{"two_lstm_layers_and_a_decoder", "mappo", "convnet_atari", true, RnnType::kLstm, 2, "32,16",
+              true, false, 0},
+      Variant{"agents_with_networks_of_their_own", "happo", "convnet_simple", true, RnnType::kGru, 1, "none",
+              false, true, 3},
+      Variant{"q_values", "qmix", "convnet_simple", true, RnnType::kGru, 1, "none", false, true, 0});
+};
+const auto kName = [](const auto& variant) { return std::string(variant.param.name); };
+
+INSTANTIATE_TEST_SUITE_P(, LoadPolicy, kVariants(), kName);
+INSTANTIATE_TEST_SUITE_P(, PolicyModule, kVariants(), kName);
+INSTANTIATE_TEST_SUITE_P(Residual, PolicyModule,
+                         testing::Values(Variant{"resnet_impala", "ippo", "resnet_impala", true,
+                                                 RnnType::kGru, 1, "none", false, true, 0}),
+                         kName);
 
 }  // namespace
 }  // namespace comrad::learn
