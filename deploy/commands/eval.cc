@@ -15,6 +15,7 @@
 #include "deploy/evaluation/csv.h"
 #include "deploy/evaluation/evaluation_game.h"
 #include "deploy/evaluation/play.h"
+#include "deploy/evaluation/recorded_episodes.h"
 #include "deploy/evaluation/summary.h"
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/start_notes.h"
@@ -32,7 +33,7 @@ constexpr int64_t kEpisodesOfAFilm = 1;
 /// The files to write, with absolute paths; empty: none.
 struct OutputFiles {
   FilmPlan film;
-  std::string positions, episodes;
+  std::string positions, episodes, episodes_dir;
 };
 
 /// What can be refused before a player is looked for. Errors: kBadInput, naming the flag.
@@ -57,10 +58,19 @@ Expected<OutputFiles> check_request(EvaluationRequest& request, const CommandLin
     COMRAD_TRY_ASSIGN(files.episodes,
                       check_output_file("episodes_file", request.episodes_file, {".csv", ".jsonl"}));
   }
+  if (!request.episodes_dir.empty()) {
+    if (files.film.is_wanted() || !files.positions.empty())
+      return Error{ErrorCode::kBadInput,
+                   "--episodes_dir is made without films and --positions_file; start comrad eval twice"};
+    COMRAD_TRY_ASSIGN(files.episodes_dir, check_episodes_dir(request.episodes_dir));
+  }
   const bool has_several_teams = request.policies.size() > 1 || !request.cross_play.empty();
-  if (has_several_teams && (files.film.is_wanted() || !files.positions.empty()))
-    return Error{ErrorCode::kBadInput,
-                 "films and --positions_file are of one team; start comrad eval once for each policy"};
+  if (has_several_teams &&
+      (files.film.is_wanted() || !files.positions.empty() || !files.episodes_dir.empty()))
+    return Error{
+        ErrorCode::kBadInput,
+        "films, --positions_file and --episodes_dir are of one team; start comrad eval once for each "
+        "policy"};
   return files;
 }
 
@@ -228,6 +238,8 @@ Expected<int> evaluate(EvaluationRequest& request, const CommandLine& line) {
     plan.film = files.film;
     plan.film.video = video.name();
     plan.keeps_positions = !files.positions.empty();
+    plan.keeps_episodes = !files.episodes_dir.empty();
+    if (plan.keeps_episodes) COMRAD_TRY(make_episodes_folder(plan));
     plan.show_progress = !(request.json || request.csv) || isatty(STDERR_FILENO) != 0;
     if (plan.show_progress && game.teams.size() > 1)
       std::fprintf(stderr, "comrad eval: %zu of %zu: %s\n", played.size() + 1, game.teams.size(),
@@ -248,6 +260,10 @@ Expected<int> evaluate(EvaluationRequest& request, const CommandLine& line) {
   if (!files.positions.empty()) {
     COMRAD_TRY(write_positions(files.positions, plan, summaries.front()));
     summaries.front()["positions"] = files.positions;
+  }
+  if (!files.episodes_dir.empty()) {
+    COMRAD_TRY(keep_episodes(files.episodes_dir, game, plan, played.front()));
+    summaries.front()["episodes_dir"] = files.episodes_dir;
   }
   if (!files.episodes.empty()) {
     const bool is_csv = lower_case(files.episodes).ends_with(".csv");
@@ -314,6 +330,9 @@ int eval_command(Arguments arguments) {
       "for the occupancy maps of comrad report");
   line.add_option("episodes_file", request.episodes_file, "FILE",
                   "write a row an episode, with hashes of maps, settings and checkpoints: .csv or .jsonl");
+  line.add_option("episodes_dir", request.episodes_dir, "DIR",
+                  "write each episode's map and actions into a new folder, to be played again in Python "
+                  "(comrad.load_episode)");
   line.add_switch("greedy", request.greedy, "networks take the most likely action (default True)");
   line.add_switch("stochastic", request.stochastic, "draw actions from the policy, as training does");
   line.add_switch("each", request.each, "report every episode as well (--json always does)");

@@ -22,6 +22,7 @@ struct EvaluationRequest {
   bool background = false;
   FilmRequest films = {};
   std::string positions = {}, episodes_file = {};  ///< files to write; empty: none
+  std::string episodes_dir = {};                   ///< folder of episodes that play again; empty: none
 };
 
 }  // namespace comrad::deploy

@@ -53,11 +53,14 @@ struct LaunchPlan {
   RestartLimits restarts;
   FilmPlan film;
   bool keeps_positions = false;  ///< each simulator writes where agents were to positions_path()
+  bool keeps_episodes = false;   ///< simulators write each episode into episodes_folder(), which is there
 
   /// What simulator `index` writes, in the run's folder: JSON lines as sim_workers/worker/position_log.h says.
   std::string positions_path(int index) const {
     return run_dir + "/positions_" + std::to_string(index) + ".jsonl";
   }
+  /// Files as sim_workers/worker/episode_recorder.h says.
+  std::string episodes_folder() const { return run_dir + "/episodes"; }
   /// The path of a program of this name.
   std::string program(const std::string& name) const;
   bool trains() const { return policy == PolicySource::kTraining; }

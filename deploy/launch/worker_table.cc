@@ -100,6 +100,7 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
       if (const std::vector<int> seats = plan_.seats.seats_of(SeatPlayer::kOracle); !seats.empty())
         add("--oracle_seats", joined(seats, ","));
       if (plan_.keeps_positions) add("--positions", plan_.positions_path(worker.index));
+      if (plan_.keeps_episodes) add("--episodes", plan_.episodes_folder());
       if (films) {
         add("--film_size", plan_.film.size);
         if (!plan_.film.video.empty()) add("--film_video", plan_.film.video);

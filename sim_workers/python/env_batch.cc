@@ -238,9 +238,12 @@ Status EnvBatch::finish() {
 
 Status EnvBatch::begin_episode(Slot& slot) {
   const auto index = static_cast<uint64_t>(&slot - works_->slots.data());
-  const uint64_t turn = index + slot.episode.number * static_cast<uint64_t>(options_.num_envs);
+  const EpisodeKey& episode = slot.episode;
+  const uint64_t turn = index + episode.number.value_or(0) * static_cast<uint64_t>(options_.num_envs);
   COMRAD_TRY(slot.environment->choose_layout(static_cast<int>(turn % options_.maps.size())));
-  const uint64_t seed = RngKey(slot.episode.seed).split("python episode").split(slot.episode.number).bits();
+  const uint64_t seed = episode.number
+                            ? RngKey(episode.seed).split("python episode").split(*episode.number).bits()
+                            : episode.seed;
   slot.environment->reset(seed);
   slot.has_begun = true;
   slot.is_over = false;
@@ -286,7 +289,7 @@ void EnvBatch::run_step(std::function<void(sim::DoomEnvironment&, std::size_t)> 
     for (const int index : indices) {
       Slot& slot = works_->slots[static_cast<std::size_t>(index)];
       if (slot.is_over) {
-        ++slot.episode.number;
+        slot.episode.number = slot.episode.number.value_or(0) + 1;
         COMRAD_TRY(begin_episode(slot));
       } else {
         act(*slot.environment, static_cast<std::size_t>(index));

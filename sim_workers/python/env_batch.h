@@ -55,9 +55,10 @@ struct BatchArrays {
   std::vector<uint64_t> episode_seed;  ///< [E]
 };
 
-/// Which episode: the `number`-th of those that follow from a seed.
+/// Which episode: the `number`-th of those that follow from a seed, or the one whose own seed it is (BatchArrays::episode_seed).
 struct EpisodeKey {
-  uint64_t seed = 0, number = 0;
+  uint64_t seed = 0;
+  std::optional<uint64_t> number;
 };
 
 /// One environment as it stands: a copy to go back to. Of one scenario and process.

@@ -190,7 +190,8 @@ NB_MODULE(_engine, module) {
       .def("state_names", &EnvBatch::state_names)
       .def("button_names", &EnvBatch::button_names)
       .def("reset",
-           [](EnvBatch& batch, const std::vector<std::optional<std::pair<uint64_t, uint64_t>>>& episodes) {
+           [](EnvBatch& batch,
+              const std::vector<std::optional<std::pair<uint64_t, std::optional<uint64_t>>>>& episodes) {
              std::vector<std::optional<EpisodeKey>> keys;
              for (const auto& one : episodes)
                keys.push_back(one ? std::optional(EpisodeKey{one->first, one->second}) : std::nullopt);

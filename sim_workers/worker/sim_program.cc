@@ -19,6 +19,7 @@
 #include "sim_workers/env/environment.h"
 #include "sim_workers/oracle/oracle.h"
 #include "sim_workers/worker/bench.h"
+#include "sim_workers/worker/episode_recorder.h"
 #include "sim_workers/worker/position_log.h"
 #include "sim_workers/worker/sim_worker.h"
 
@@ -31,6 +32,7 @@ struct Roles {
   bool oracle = false;
   std::vector<int> oracle_seats;  ///< agents that the scripted team plays beside others; empty: none
   std::string positions;          ///< file for a PositionLog; empty: none
+  std::string episodes;           ///< folder for an EpisodeRecorder; empty: none. One of the two at a time
 };
 
 void pin_to_core(int core) {
@@ -109,9 +111,11 @@ Status bench(const shm::WorkerShell& shell, const RunConfig& given, double secon
 
 Expected<std::unique_ptr<EnvironmentSet>> make_environments(const EnvironmentOptions& options,
                                                             const Roles& roles, PositionLog* positions,
+                                                            EpisodeRecorder* recorder,
                                                             const SimProgram& program) {
   COMRAD_TRY_ASSIGN(auto environments, make_doom_environment_set(options));
   if (positions != nullptr) positions->watch(*environments);
+  if (recorder != nullptr) recorder->watch(*environments);
   if (program.prepare) COMRAD_TRY(program.prepare(options, *environments));
   if (roles.oracle || !roles.oracle_seats.empty())
     return OracleEnvironmentSet::create(std::move(environments), roles.oracle_seats);
@@ -132,11 +136,13 @@ Status work(const shm::WorkerShell& shell, const RunConfig& given, const Roles& 
   if (!roles.positions.empty()) {
     COMRAD_TRY_ASSIGN(positions, PositionLog::create(roles.positions));
   }
+  std::unique_ptr<EpisodeRecorder> recorder;
+  if (!roles.episodes.empty()) recorder = std::make_unique<EpisodeRecorder>(roles.episodes);
   COMRAD_TRY_ASSIGN(
       const auto environments,
       make_environments(environment_options(config, layouts, arena.shape().trajectory.env.num_agents,
                                             arena.shape().envs_per_worker),
-                        roles, positions.get(), program));
+                        roles, positions.get(), recorder.get(), program));
   COMRAD_TRY_ASSIGN(
       const auto worker,
       SimWorker::create(
@@ -151,6 +157,7 @@ Status work(const shm::WorkerShell& shell, const RunConfig& given, const Roles& 
                layouts.empty() ? config.environment.wad : std::to_string(layouts.size()) + " layouts");
   COMRAD_TRY(worker->run(shell.stop()));
   if (positions != nullptr) COMRAD_TRY(positions->finish());
+  if (recorder != nullptr) COMRAD_TRY(recorder->status());
   return program.finish ? program.finish() : Status();
 }
 
@@ -168,6 +175,8 @@ int run_sim_program(int argc, char** argv, shm::WorkerShell& shell, const SimPro
       ->delimiter(',');
   shell.flags().add_option("--positions", roles.positions,
                            "file to write where the agents of each episode were");
+  shell.flags().add_option("--episodes", roles.episodes,
+                           "folder to write each episode into, so that it can be played again");
   return shell.run(
       argc, argv,
       {.work = [&](const RunConfig& config) { return work(shell, config, roles, program); },

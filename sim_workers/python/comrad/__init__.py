@@ -22,15 +22,18 @@ if _data.is_dir():
     os.environ.setdefault("COMRAD_HOME", str(_data))
 
 from ._engine import SavedState, describe as _describe, list_scenarios as _list_scenarios  # noqa: E402
+from .episode import Episode, load_episode  # noqa: E402
 from .maps import draw_map, vizdoom_cfg  # noqa: E402
 from .run import Run  # noqa: E402
 
 __all__ = [
+    "Episode",
     "Run",
     "SavedState",
     "describe",
     "draw_map",
     "gym_env",
+    "load_episode",
     "load_policy",
     "parallel_env",
     "save_policy",

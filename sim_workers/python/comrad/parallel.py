@@ -96,14 +96,19 @@ class ComradParallelEnv(ParallelEnv):
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Any], dict[str, dict]]:
-        """Begins an episode. With a seed: the first that follows from it; without: the next one."""
-        if seed is not None:
+        """Begins an episode. With a seed: the first that follows from it; without: the next one. options={"episode_seed": n}
+        begins the very episode that an Episode or `comrad eval --episodes_file` names."""
+        exact = (options or {}).get("episode_seed")
+        if exact is not None:
+            self._batch.reset([(checked_seed(exact), None)])
+        elif seed is not None:
             self._seed, self._episode = checked_seed(seed), 0
         elif self._seed is None:
             self._seed, self._episode = fresh_seed(), 0
         else:
             self._episode += 1
-        self._batch.reset([(self._seed, self._episode)])
+        if exact is None:
+            self._batch.reset([(self._seed, self._episode)])
         self.agents = list(self.possible_agents)
         self._show()
         return self._see(), self._infos()

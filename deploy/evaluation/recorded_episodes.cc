@@ -1,0 +1,93 @@
+#include "deploy/evaluation/recorded_episodes.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "deploy/commands/output_check.h"
+#include "rollout_buffer/core/files.h"
+
+namespace comrad::deploy {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr int kFormatVersion = 1;
+
+std::string file_name(uint64_t episode) {
+  char name[40];
+  std::snprintf(name, sizeof name, "episode_%04llu.comrad", static_cast<unsigned long long>(episode));
+  return name;
+}
+
+/// Copies a map unless it is there already; its path from the folder of the episodes.
+Expected<std::string> keep_map(const std::string& folder, const std::string& wad, const std::string& hash) {
+  const std::string name = "maps/" + hash.substr(hash.find(':') + 1) + ".wad";
+  const fs::path place = fs::path(folder) / name;
+  std::error_code failed;
+  if (fs::exists(place, failed)) return name;
+  fs::create_directories(place.parent_path(), failed);
+  if (!failed) fs::copy_file(wad, place, failed);
+  if (failed) return file_error("cannot write " + place.string(), failed.value());
+  return name;
+}
+
+}  // namespace
+
+Expected<std::string> check_episodes_dir(const std::string& folder) {
+  std::error_code error;
+  fs::path path = fs::absolute(folder, error).lexically_normal();
+  if (!path.has_filename()) path = path.parent_path();
+  if (!fs::exists(path, error)) {
+    COMRAD_TRY(check_output_folder("episodes_dir", folder, path.parent_path().string()));
+    return path.string();
+  }
+  COMRAD_TRY(check_output_folder("episodes_dir", folder, path.string()));
+  if (!fs::is_empty(path, error))
+    return bad_value("episodes_dir", folder, "the folder holds files already; name a new one");
+  return path.string();
+}
+
+Status make_episodes_folder(const LaunchPlan& plan) {
+  std::error_code failed;
+  fs::create_directories(plan.episodes_folder(), failed);
+  return failed ? file_error("cannot make " + plan.episodes_folder(), failed.value()) : Status();
+}
+
+Status keep_episodes(const std::string& folder, const EvaluationGame& game, const LaunchPlan& plan,
+                     const PlayedTeam& played) {
+  const RunConfig& config = game.merged.config;
+  std::error_code failed;
+  fs::create_directories(folder, failed);
+  if (failed) return file_error("cannot make " + folder, failed.value());
+  for (const dds::EpisodeResult& episode : played.episodes) {
+    const std::string recorded =
+        plan.episodes_folder() + "/" + std::to_string(episode.episode_seed) + ".comrad";
+    const std::string text = read_file(recorded).value_or("");
+    const std::size_t end = text.find('\n');
+    const Json own = Json::parse(text.substr(0, end), nullptr, /*allow_exceptions=*/false);
+    if (end == std::string::npos || !own.is_object())
+      return Error{ErrorCode::kPeerLost, "episode " + std::to_string(episode.episode_id) +
+                                             " was not recorded, because a simulator was started again; "
+                                             "evaluate once more"};
+    const std::size_t map = game.map_of(episode.episode_id);
+    const std::string wad = game.pool.layouts.empty() ? config.environment.wad : game.pool.layouts[map].path;
+    COMRAD_TRY_ASSIGN(const std::string map_name, keep_map(folder, wad, game.map_hashes[map]));
+    Json head = {{"format", "comrad-episode"},
+                 {"version", kFormatVersion},
+                 {"scenario", config.run.scenario},
+                 {"heads", config.environment.heads},
+                 {"map", map_name},
+                 {"map_hash", game.map_hashes[map]},
+                 {"policy", played.team->name},
+                 {"episode", episode.episode_id}};
+    head.update(own);
+    COMRAD_TRY(write_file_atomically(folder + "/" + file_name(episode.episode_id),
+                                     head.dump() + "\n" + text.substr(end + 1), /*durable=*/false));
+  }
+  return {};
+}
+
+}  // namespace comrad::deploy
