@@ -29,14 +29,17 @@ def _folder() -> pathlib.Path:
 
 
 def vizdoom_cfg(name: str | os.PathLike) -> str:
-    """The path of a ViZDoom .cfg: itself, or that of the vizdoom package where `name` is one of its files with or without
-    .cfg. Names of COMRAD's scenarios come back as they are. Raises FileNotFoundError where a .cfg is nowhere."""
+    """The path of a ViZDoom .cfg: itself, or a file of that name, with or without .cfg, in the folders of COMRAD_VIZDOOM_PATH (parted
+    by ':') or of the vizdoom package. Names of COMRAD's scenarios come back as they are. Raises FileNotFoundError where a .cfg is nowhere."""
     text = os.fspath(name)
     if os.sep in text or os.path.exists(text):
         return text
     stem = text.removesuffix(".cfg")
     if stem in _engine.list_scenarios():
         return text
+    for folder in filter(None, os.environ.get("COMRAD_VIZDOOM_PATH", "").split(os.pathsep)):
+        if os.path.exists(path := os.path.join(folder, stem + ".cfg")):
+            return path
     try:
         import vizdoom  # for its files alone
     except ImportError:

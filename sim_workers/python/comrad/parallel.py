@@ -101,13 +101,11 @@ class ComradParallelEnv(ParallelEnv):
         exact = (options or {}).get("episode_seed")
         if exact is not None:
             self._batch.reset([(checked_seed(exact), None)])
-        elif seed is not None:
-            self._seed, self._episode = checked_seed(seed), 0
-        elif self._seed is None:
-            self._seed, self._episode = fresh_seed(), 0
         else:
-            self._episode += 1
-        if exact is None:
+            if seed is not None or self._seed is None:
+                self._seed, self._episode = fresh_seed() if seed is None else checked_seed(seed), 0
+            else:
+                self._episode += 1
             self._batch.reset([(self._seed, self._episode)])
         self.agents = list(self.possible_agents)
         self._show()
@@ -192,7 +190,7 @@ class ComradParallelEnv(ParallelEnv):
         return seen
 
     def _infos(self, is_over: bool = False) -> dict[str, dict]:
-        infos = {}
+        infos: dict[str, dict[str, Any]] = {}
         for index, agent in enumerate(self.agents):
             infos[agent] = {"active": bool(self._arrays["active"][0, index])}
             if is_over:

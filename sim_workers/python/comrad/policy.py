@@ -33,6 +33,9 @@ def newest_checkpoint(run: pathlib.Path) -> pathlib.Path:
 class Normalizer(nn.Module):
     """(x / scale - mean) / sqrt(variance + 1e-5), clipped to +-5, element by element; statistics are buffers, float64."""
 
+    mean: Tensor
+    var: Tensor
+
     def __init__(self, size: int, scale: float) -> None:
         super().__init__()
         self.scale = scale
@@ -117,7 +120,7 @@ class Policy(nn.Module):
         if settings["use_rnn"]:
             kind = nn.LSTM if settings["rnn_type"] == "lstm" else nn.GRU
             self.core = kind(shapes["core.weight_ih_l0"][1], settings["rnn_size"], settings["rnn_num_layers"])
-        layers = []
+        layers: list[nn.Linear] = []
         while f"decoder.{len(layers)}.weight" in shapes:
             layers.append(_linear(shapes, f"decoder.{len(layers)}"))
         self.decoder = nn.ModuleList(layers)
@@ -198,18 +201,18 @@ def load_policy(path: str | os.PathLike, agent: int = 0) -> Policy:
     return Policy(settings, _of_agent(checkpoint[NETWORK], agent), agent, _head_sizes(settings)).eval()
 
 
-class _Pickler(pickle._Pickler):
+class _Pickler(pickle._Pickler):  # type: ignore[name-defined,misc]
     """Writes what libtorch reads too: its reader does not know the opcode SETITEM, which Python writes for dicts of one entry."""
 
     def _batch_setitems(self, items: Any, *_: Any) -> None:
         pairs = list(items)
         if not pairs:
             return
-        self.write(pickle.MARK)
+        self.write(pickle.MARK)  # type: ignore[attr-defined]
         for key, value in pairs:
-            self.save(key)
-            self.save(value)
-        self.write(pickle.SETITEMS)
+            self.save(key)  # type: ignore[attr-defined]
+            self.save(value)  # type: ignore[attr-defined]
+        self.write(pickle.SETITEMS)  # type: ignore[attr-defined]
 
 
 _FOR_LIBTORCH = types.ModuleType("pickle_for_libtorch")

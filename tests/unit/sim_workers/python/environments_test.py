@@ -165,6 +165,22 @@ class Gymnasium(unittest.TestCase):
                 check_env(env.unwrapped)
                 env.close()
 
+    def test_a_game_is_found_in_a_named_folder(self):
+        import vizdoom
+
+        with tempfile.TemporaryDirectory() as folder:
+            with open(os.path.join(vizdoom.scenarios_path, "basic.cfg"), encoding="utf-8") as file:
+                text = file.read().replace("basic.wad", os.path.join(vizdoom.scenarios_path, "basic.wad"))
+            with open(f"{folder}/mine.cfg", "w", encoding="utf-8") as file:
+                file.write(text)
+            os.environ["COMRAD_VIZDOOM_PATH"] = f"/nowhere:{folder}"
+            try:
+                env = comrad.gym_env("mine", size=(64, 48))
+            finally:
+                del os.environ["COMRAD_VIZDOOM_PATH"]
+            env.reset(seed=1)
+            env.close()
+
     def test_every_button_is_pressed_by_its_name(self):
         env = comrad.gym_env("basic", size=(64, 48), frame_skip=4, max_buttons_pressed=1)
         self.assertEqual(env.button_names, ["MOVE_LEFT", "MOVE_RIGHT", "ATTACK"])
