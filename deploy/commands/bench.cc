@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "deploy/commands/command.h"
-#include "deploy/launch/supervisor.h"
+#include "deploy/commands/pipeline_bench.h"
 #include "deploy/process/child_program.h"
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/merged_settings.h"
@@ -81,23 +81,13 @@ Expected<ordered_json> bench_worker(const std::string& bench, const MergedSettin
 }
 
 /// The whole pipeline, measured after the first update and a warm-up.
-Expected<ordered_json> bench_train(const MergedSettings& merged, const std::string& run_dir, double seconds,
-                                   int core_count, std::vector<std::string> notes) {
+Expected<ordered_json> bench_train(const MergedSettings& merged, double seconds, int core_count,
+                                   std::vector<std::string> notes) {
   const RunConfig& config = merged.config;
-  LaunchPlan plan;
-  plan.config = config;
-  plan.env = merged.scenario.env;
-  COMRAD_TRY_ASSIGN(plan.network, describe_network(config, plan.env));
-  plan.decision_limit = merged.scenario.decision_limit;
-  plan.run_dir = run_dir;
-  plan.seconds = seconds;
-  plan.warmup_seconds = std::min(kTrainWarmupSeconds, seconds);
-  plan.notes = std::move(notes);
-  COMRAD_TRY_ASSIGN(const RunOutcome outcome, deploy::run(plan));
-  if (outcome.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
-  // A learner that was in a long update when the window ended may leave without a checkpoint, which a bench needs not.
-  if (outcome.measured.seconds <= 0)
-    return Error{ErrorCode::kPeerLost, outcome.message.empty() ? "nothing was measured" : outcome.message};
+  COMRAD_TRY_ASSIGN(const RunOutcome outcome,
+                    bench_pipeline(merged, {.seconds = seconds,
+                                            .warmup_seconds = std::min(kTrainWarmupSeconds, seconds),
+                                            .notes = std::move(notes)}));
   ordered_json summary =
       common_keys("train", config, core_count, outcome.measured.seconds,
                   static_cast<double>(outcome.measured.decisions) / outcome.measured.seconds);
@@ -139,19 +129,16 @@ Expected<int> bench(const std::string& what, double seconds, bool json, const Co
     return Error{ErrorCode::kBadInput, "--seconds must be above 0, at most 86400"};
 
   const int core_count = usable_cores();
-  const SettingsLayer endless{"bench",
-                              {{"train_for_env_frames", "1e15"},
-                               {"save_every_sec", "1e9"},
-                               {"save_best_after_env_frames", "1e15"},
-                               {"learning_starts_decisions", "4096"}}};
-  COMRAD_TRY_ASSIGN(MergedSettings merged,
-                    merge_new({line.config_file(), line.typed()}, describe_scenario, core_count, endless));
+  COMRAD_TRY_ASSIGN(MergedSettings merged, merge_new({line.config_file(), line.typed()}, describe_scenario,
+                                                     core_count, endless_settings()));
   print_warnings(merged.scenario);
-  COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
-  COMRAD_TRY_ASSIGN(const ordered_json summary,
-                    what == "train" ? bench_train(merged, run.path(), seconds, core_count,
-                                                  flags_without_effect(merged.config, line.typed()))
-                                    : bench_worker(what, merged, run.path(), seconds));
+  const auto measured = [&]() -> Expected<ordered_json> {
+    if (what == "train")
+      return bench_train(merged, seconds, core_count, flags_without_effect(merged.config, line.typed()));
+    COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
+    return bench_worker(what, merged, run.path(), seconds);
+  };
+  COMRAD_TRY_ASSIGN(const ordered_json summary, measured());
   if (json)
     std::printf("%s\n", summary.dump().c_str());
   else

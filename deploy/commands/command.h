@@ -33,6 +33,7 @@ int plot_command(Arguments arguments);
 int report_command(Arguments arguments);
 int export_command(Arguments arguments);
 int bench_command(Arguments arguments);
+int tune_command(Arguments arguments);
 int sweep_command(Arguments arguments);
 int config_command(Arguments arguments);
 int scenarios_command(Arguments arguments);

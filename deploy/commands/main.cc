@@ -26,6 +26,7 @@ const std::vector<Command>& commands() {
        "measure throughput: sim, inference, learner, replay or train",
        bench_command,
        {"sim", "inference", "learner", "replay", "train"}},
+      {"tune", "find the settings that make the pipeline fastest on this machine", tune_command},
       {"config", "print the settings that train would use, and the layer that each came from",
        config_command},
       {"scenarios",

@@ -117,6 +117,25 @@ TEST(Bench, InferenceAndLearnerReportTheirRates) {
   }
 }
 
+TEST(Tune, MeasuresTheFirstSettingAndLeavesWhatTheUserFixed) {
+  const ScratchFolder scratch;
+  const std::string file = scratch / "tuned.toml";
+  const auto found = json_of(
+      {"tune", "--scenario", "coop_health_gathering", "--algo", "ippo", "--precision", "fp32", "--seconds", "1",
+       "--rnn_size", "32", "--batch_size", "256", "--num_envs_per_worker", "4", "--write", file},
+      200);
+  EXPECT_EQ(found["whole"], false) << "one second is enough for one setting";
+  ASSERT_GE(found["tries"].size(), 2u);
+  for (const auto& one : found["tries"]) {
+    EXPECT_FALSE(one["settings"].contains("precision")) << "the user said it";
+    EXPECT_GT(one["decisions_per_s"], 10) << one;
+  }
+  EXPECT_TRUE(found["tries"][1]["settings"].contains("num_workers"));
+  EXPECT_GE(found["ratio"], 1.0);
+  const Ending used = comrad({"config", "--scenario", "coop_health_gathering", "--config", file}, 30);
+  EXPECT_EQ(used.exit_code, 0) << used.err;
+}
+
 TEST(Bench, TheWholePipelineReportsItsRate) {
   const auto summary = json_of({"bench",
                                 "train",

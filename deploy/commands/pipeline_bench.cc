@@ -1,0 +1,36 @@
+#include "deploy/commands/pipeline_bench.h"
+
+#include "deploy/settings/network_description.h"
+#include "deploy/settings/temporary_run.h"
+
+namespace comrad::deploy {
+
+SettingsLayer endless_settings() {
+  return {"bench",
+          {{"train_for_env_frames", "1e15"},
+           {"save_every_sec", "1e9"},
+           {"save_best_after_env_frames", "1e15"},
+           {"learning_starts_decisions", "4096"}}};
+}
+
+Expected<RunOutcome> bench_pipeline(MergedSettings merged, const PipelineBench& bench) {
+  COMRAD_TRY_ASSIGN(const TemporaryRun folder, TemporaryRun::create(merged.config));
+  LaunchPlan plan;
+  plan.config = merged.config;
+  plan.env = merged.scenario.env;
+  COMRAD_TRY_ASSIGN(plan.network, describe_network(merged.config, plan.env));
+  plan.decision_limit = merged.scenario.decision_limit;
+  plan.run_dir = folder.path();
+  plan.seconds = bench.seconds;
+  plan.warmup_seconds = bench.warmup_seconds;
+  plan.notes = bench.notes;
+  plan.show_progress = bench.shows_progress;
+  COMRAD_TRY_ASSIGN(RunOutcome outcome, deploy::run(plan));
+  if (outcome.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
+  // A learner that was in a long update when the window ended may leave without a checkpoint, which a bench needs not.
+  if (outcome.measured.seconds <= 0)
+    return Error{ErrorCode::kPeerLost, outcome.message.empty() ? "nothing was measured" : outcome.message};
+  return outcome;
+}
+
+}  // namespace comrad::deploy

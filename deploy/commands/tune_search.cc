@@ -1,0 +1,84 @@
+#include "deploy/commands/tune_search.h"
+
+#include <algorithm>
+
+#include "rollout_buffer/settings/setting.h"
+
+namespace comrad::deploy {
+namespace {
+
+TunedSettings with(TunedSettings settings, const std::string& setting, const std::string& value) {
+  const auto found = std::ranges::find(settings, setting, &std::pair<std::string, std::string>::first);
+  if (found != settings.end())
+    found->second = value;
+  else
+    settings.emplace_back(setting, value);
+  return settings;
+}
+
+}  // namespace
+
+Expected<TuneResult> tune(const std::vector<TuneAxis>& axes,
+                          const std::function<Expected<double>(const TunedSettings&)>& measure,
+                          const std::function<bool()>& has_time) {
+  TuneResult result;
+  const auto measured = [&](const TunedSettings& settings, double best_rate) {
+    TuneTry one{.settings = settings, .rate = 0, .ratio = 0, .failure = {}};
+    const Expected<double> rate = measure(settings);
+    if (rate) {
+      one.rate = *rate;
+      one.ratio = best_rate > 0 ? *rate / best_rate : 1;
+    } else {
+      one.failure = rate.error().message;
+    }
+    result.tries.push_back(one);
+    return one;
+  };
+  for (const TuneAxis& axis : axes) {
+    if (!has_time()) {
+      result.is_whole = false;
+      break;
+    }
+    const TuneTry begin = measured(result.best, 0);
+    if (begin.rate <= 0) return Error{ErrorCode::kBadInput, begin.failure};
+    TuneTry fastest = begin;
+    for (const std::string& value : axis.values) {
+      const TuneTry one = measured(with(result.best, axis.setting, value), begin.rate);
+      if (one.rate > fastest.rate) fastest = one;
+    }
+    if (fastest.ratio < 1 + kLeastGain || fastest.settings == begin.settings) continue;
+    // Once more, the best so far beside it: one lucky moment decides nothing.
+    const TuneTry again = measured(result.best, 0);
+    const TuneTry confirmed = measured(fastest.settings, again.rate);
+    if (again.rate <= 0 || confirmed.ratio < 1 + kLeastGain) continue;
+    result.best = fastest.settings;
+    result.ratio *= (fastest.rate + confirmed.rate) / (begin.rate + again.rate);
+  }
+  return result;
+}
+
+std::vector<TuneAxis> tune_axes(const RunConfig& config, int cores) {
+  std::vector<TuneAxis> axes;
+  const auto add = [&](const std::string& setting, const std::vector<int64_t>& values) {
+    TuneAxis axis{setting, {}};
+    const std::string now = setting_text(config, setting);
+    for (const int64_t value : values) {
+      const std::string text = std::to_string(value);
+      if (value >= 1 && text != now && std::ranges::find(axis.values, text) == axis.values.end())
+        axis.values.push_back(text);
+    }
+    if (!axis.values.empty()) axes.push_back(std::move(axis));
+  };
+  const CollectionSettings& now = config.collection;
+  axes.push_back({"precision", {now.precision == Precision::kFp32 ? "bf16" : "fp32"}});
+  add("num_workers", {cores / 2, cores, 3 * cores / 2});
+  // Halves of a worker's environments take turns, so their number stays even.
+  add("num_envs_per_worker", {now.num_envs_per_worker / 2 / 2 * 2, 2 * now.num_envs_per_worker});
+  add("learner_threads", {cores / 2, cores});
+  add("policy_threads", {1, std::min(2, cores)});
+  if (cores >= 8) add("policy_workers", {1, 2});
+  add("worker_num_splits", {1, 2});
+  return axes;
+}
+
+}  // namespace comrad::deploy
