@@ -75,17 +75,22 @@ std::optional<dds::TrainStats> RunMeter::take_report() {
 
 void RunMeter::add(dds::EpisodeResult episode) { episodes_.emplace(episode.episode_id, std::move(episode)); }
 
+/// How many times its length a window waits for the update that closes it.
+constexpr double kPatience = 10;
+
 bool RunMeter::measure(double now_s) {
   const bool has_begun = plan_.trains() ? trained_updates_.total() > 0 : played_decisions_.total() > 0;
   if (has_begun && first_work_s_ == 0) first_work_s_ = now_s;
   if (plan_.seconds <= 0 || first_work_s_ == 0 || window_.seconds > 0) return false;
+  // Decisions come a batch at a time: a window from update to update holds whole ones and the time that they took.
+  const bool is_edge = std::exchange(decisions_at_last_look_, decisions()) != decisions();
   if (window_began_s_ == 0) {
-    if (now_s < first_work_s_ + plan_.warmup_seconds) return false;
+    if (now_s < first_work_s_ + plan_.warmup_seconds || !is_edge) return false;
     window_began_s_ = now_s;
     decisions_before_window_ = decisions();
     updates_before_window_ = trained_updates_.total();
   }
-  if (now_s < window_began_s_ + plan_.seconds) return false;
+  if (now_s < window_began_s_ + (is_edge ? 1 : kPatience) * plan_.seconds) return false;
   window_ = {.seconds = now_s - window_began_s_,
              .decisions = decisions() - decisions_before_window_,
              .updates = trained_updates_.total() - updates_before_window_};

@@ -61,7 +61,8 @@ class RunMeter {
 
   /// All workers are there at `now_s`; after everything was restarted, again.
   void begin(double now_s) { running_since_s_ = now_s; }
-  /// Opens and closes the bench's window. True once, when it is over.
+  /// Opens and closes the bench's window, both at an update; where none comes, it closes after ten times its length. True
+  /// once, when it is over.
   bool measure(double now_s);
 
   /// Agent decisions of this process's life: those trained on, or those played where nobody trains.
@@ -106,6 +107,7 @@ class RunMeter {
   double running_since_s_ = 0;
   double first_work_s_ = 0;
   double window_began_s_ = 0;
+  uint64_t decisions_at_last_look_ = 0;
   uint64_t decisions_before_window_ = 0, updates_before_window_ = 0;
   MeasuredWindow window_;
   double lag_sum_ = 0;

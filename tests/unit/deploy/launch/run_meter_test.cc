@@ -120,34 +120,54 @@ TEST_F(RunMeterTest, UnsavedIsWhatCameAfterTheLastCheckpoint) {
   EXPECT_EQ(meter.unsaved_text(), "1k env frames since the one at 3k are lost");
 }
 
-TEST_F(RunMeterTest, TheWindowOpensAfterTheFirstUpdateAndTheWarmUp) {
+TEST_F(RunMeterTest, TheWindowLastsFromUpdateToUpdateAfterTheWarmUp) {
   plan_.seconds = 2;
   plan_.warmup_seconds = 1;
   RunMeter meter(plan_);
   meter.use(&arena_);
-  learner_says(0, 0, 1);
-  (void)meter.count();
+  const auto learned = [&](uint64_t updates) {
+    learner_says(64 * updates, updates, 1);
+    (void)meter.count();
+  };
+  learned(0);
   EXPECT_FALSE(meter.measure(100)) << "no update yet";
-  learner_says(64, 1, 1);
-  (void)meter.count();
+  learned(1);
   report(7);
   (void)meter.take_report();
   EXPECT_FALSE(meter.measure(110)) << "it warms up";
-  EXPECT_FALSE(meter.measure(111)) << "the window opens";
-  learner_says(320, 5, 1);
-  (void)meter.count();
+  EXPECT_FALSE(meter.measure(111.5)) << "no update has come since";
+  learned(2);
+  EXPECT_FALSE(meter.measure(112)) << "the window opens";
+  learned(5);
   for (const double lag : {2.0, 4.0, std::nan("")}) {
     report(lag);
     ASSERT_TRUE(meter.take_report());
   }
   EXPECT_FALSE(meter.take_report()) << "it was read before";
-  EXPECT_FALSE(meter.measure(112.9));
-  EXPECT_TRUE(meter.measure(113.5));
-  EXPECT_DOUBLE_EQ(meter.window().seconds, 2.5);
+  EXPECT_FALSE(meter.measure(113.9));
+  EXPECT_FALSE(meter.measure(114.5)) << "an update is under way";
+  learned(6);
+  EXPECT_TRUE(meter.measure(114.6));
+  EXPECT_NEAR(meter.window().seconds, 2.6, 1e-9);
   EXPECT_EQ(meter.window().decisions, 256u);
   EXPECT_EQ(meter.window().updates, 4u);
   EXPECT_DOUBLE_EQ(meter.lag_mean(), 3.0) << "of the window alone";
+  learned(7);
   EXPECT_FALSE(meter.measure(120)) << "it is over once";
+}
+
+TEST_F(RunMeterTest, AWindowWithoutAnUpdateClosesInTheEnd) {
+  plan_.seconds = 2;
+  RunMeter meter(plan_);
+  meter.use(&arena_);
+  learner_says(0, 0, 1);
+  (void)meter.count();
+  learner_says(64, 1, 1);
+  (void)meter.count();
+  EXPECT_FALSE(meter.measure(100));
+  EXPECT_FALSE(meter.measure(119.9));
+  EXPECT_TRUE(meter.measure(120.1));
+  EXPECT_EQ(meter.window().decisions, 0u);
 }
 
 TEST_F(RunMeterTest, WhereNobodyTrainsWhatSimulatorsPlayCounts) {
