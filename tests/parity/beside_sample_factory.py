@@ -134,7 +134,8 @@ def frames_at_rate(curve):
 
 
 def mean_and_range(values):
-    return f'{statistics.mean(values):.3g} ({min(values):.3g} to {max(values):.3g})' if values else ''
+    text = '{:.0f}' if values and min(values) > 100 else '{:.3g}'
+    return f'{text} ({text} to {text})'.format(statistics.mean(values), min(values), max(values)) if values else ''
 
 
 def draw(asked):
@@ -146,8 +147,8 @@ def draw(asked):
     games = [game for game in HEADS if any(row['game'] == game for row in rows)]
     systems = list(dict.fromkeys(row['system'] for row in rows))
     figure, axes = plt.subplots(len(games), 2, figsize=(9, 3.2 * len(games)), squeeze=False, sharey='row')
-    print('| game | system | seeds | env frames/s | score at 0.5 M | at 1 M | at 2 M | after 5 min |')
-    print('| --- | --- | --- | --- | --- | --- | --- | --- |')
+    print('| game | system | seeds | env frames/s | score at 0.5 M | at 1 M | at 1.5 M | at 2 M | after 3 min |')
+    print('| --- | --- | --- | --- | --- | --- | --- | --- | --- |')
     for line, game in enumerate(games):
         for number, system in enumerate(systems):
             curves = [row['curve'] for row in rows if row['game'] == game and row['system'] == system]
@@ -158,9 +159,9 @@ def draw(asked):
                 axes[line][0].plot([p[0] / 1e6 for p in curve], [p[2] for p in curve], color=f'C{number}', lw=1.2, label=label)
                 axes[line][1].plot([p[1] / 60 for p in curve], [p[2] for p in curve], color=f'C{number}', lw=1.2, label=label)
             cells = [mean_and_range([score_at(curve, 0, at) for curve in curves if score_at(curve, 0, at) is not None])
-                     for at in (0.5e6, 1e6)]
+                     for at in (0.5e6, 1e6, 1.5e6)]
             cells.append(mean_and_range([curve[-1][2] for curve in curves if curve[-1][0] > 0.98 * FRAMES]))
-            cells.append(mean_and_range([score_at(curve, 1, 300) for curve in curves if score_at(curve, 1, 300) is not None]))
+            cells.append(mean_and_range([score_at(curve, 1, 180) for curve in curves if score_at(curve, 1, 180) is not None]))
             rate = mean_and_range([frames_at_rate(curve) for curve in curves])
             print(f'| {game} | {system} | {len(curves)} | {rate} | ' + ' | '.join(cells) + ' |')
         axes[line][0].set(title=game, xlabel='env frames, millions', ylabel='return of the last 100 episodes')
