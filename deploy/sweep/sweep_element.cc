@@ -7,10 +7,12 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <thread>
 
 #include "deploy/launch/signal_desk.h"
 #include "deploy/process/child_program.h"
@@ -56,11 +58,18 @@ std::pair<std::string, double> state_and_frames(const std::string& run_dir) {
           frames != json.end() && frames->is_number() ? frames->get<double>() : 0.0};
 }
 
-/// Queues this element again; it is ended by Slurm then. Errors: those of scontrol, in its words.
+/// Queues this element again; it is ended by Slurm then. A controller that is busy is asked again.
+/// Errors: those of scontrol, in its words.
 Status requeue(const std::string& element) {
-  COMRAD_TRY_ASSIGN(const ProgramResult asked, run_program({"scontrol", "requeue", element}));
-  if (asked.exit_code == 0) return {};
-  return Error{ErrorCode::kSystem, "scontrol requeue " + element + ": " + last_words(asked)};
+  constexpr int kTimes = 3;
+  constexpr std::chrono::seconds kPause(2);
+  for (int time = 1;; ++time) {
+    COMRAD_TRY_ASSIGN(const ProgramResult asked, run_program({"scontrol", "requeue", element}));
+    if (asked.exit_code == 0) return {};
+    if (time == kTimes)
+      return Error{ErrorCode::kSystem, "scontrol requeue " + element + ": " + last_words(asked)};
+    std::this_thread::sleep_for(kPause);
+  }
 }
 
 /// Appends the lines that the program has printed to the log, and keeps the last ones.

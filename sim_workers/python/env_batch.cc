@@ -446,13 +446,16 @@ Status EnvBatch::restore(int index, const SavedState& state) {
   COMRAD_TRY(check_range("the environment's index", index, 0, options_.num_envs - 1));
   Slot& slot = works_->slots[static_cast<std::size_t>(index)];
   const sim::DoomGame &saved = state.environment_.game(), &here = slot.environment->game();
+  const EnvShape& saved_shape = state.environment_.shape();
   if (saved.spec.name != here.spec.name || saved.num_agents != here.num_agents ||
-      saved.frame_skip != here.frame_skip || saved.spec.rewards.size() != here.spec.rewards.size() ||
-      saved.actions.head_count() != here.actions.head_count())
+      saved.frame_skip != here.frame_skip)
     return bad("the state is of " + saved.spec.name + " with " + std::to_string(saved.num_agents) +
                " agents and frame skip " + std::to_string(saved.frame_skip) + ", the environment is " +
                here.spec.name + " with " + std::to_string(here.num_agents) + " and " +
                std::to_string(here.frame_skip));
+  if (saved_shape.head_sizes != shape_.head_sizes ||
+      saved_shape.measurement_count != shape_.measurement_count)
+    return bad("the state is of an environment with other heads or measurements");
   run([this, index, &slot, &state](int thread) -> Status {
     Works::Lane& lane = works_->lanes[static_cast<std::size_t>(thread)];
     if (index % options_.num_threads != thread) return {};

@@ -121,8 +121,8 @@ TEST(Tune, MeasuresTheFirstSettingAndLeavesWhatTheUserFixed) {
   const ScratchFolder scratch;
   const std::string file = scratch / "tuned.toml";
   const auto found = json_of(
-      {"tune", "--scenario", "coop_health_gathering", "--algo", "ippo", "--precision", "fp32", "--seconds", "1",
-       "--rnn_size", "32", "--batch_size", "256", "--num_envs_per_worker", "4", "--write", file},
+      {"tune", "--scenario", "coop_health_gathering", "--algo", "ippo", "--precision", "fp32", "--seconds",
+       "1", "--rnn_size", "32", "--batch_size", "256", "--num_envs_per_worker", "4", "--write", file},
       200);
   EXPECT_EQ(found["whole"], false) << "one second is enough for one setting";
   ASSERT_GE(found["tries"].size(), 2u);

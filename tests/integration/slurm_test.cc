@@ -181,7 +181,7 @@ TEST(SlurmSweep, MakesAnArrayThatIsRequeuedResumedAndReported) {
                (hurry(), false);
       },
       kWaitSeconds))
-      << events() << cluster.ask({"squeue", "-r"});
+      << events() << cluster.ask({"squeue", "-r"}) << status();
   EXPECT_EQ(count(events(), "seed800 begins 0 "), 1) << events();
 
   // All ends are reached, the failed run's aside; only then the report is made.

@@ -118,6 +118,11 @@ class Misuse(unittest.TestCase):
             one.reset(seed=1)
         self.refuses(ValueError, "the state is of lava_pit|coop_puzzle", other.set_state, env.get_state())
         self.refuses(ValueError, "frame skip 4", faster.set_state, env.get_state())
+        narrower = comrad.parallel_env("lava_pit", heads=";".join(head[0] for head in comrad.describe("lava_pit")["heads"]), **SMALL)
+        narrower.reset(seed=1)
+        self.refuses(ValueError, "other heads or measurements", narrower.set_state, env.get_state())
+        self.refuses(ValueError, "other heads or measurements", env.set_state, narrower.get_state())
+        narrower.close()
         state = env.get_state()
         env.close()
         del env
