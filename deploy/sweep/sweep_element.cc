@@ -72,6 +72,18 @@ Status requeue(const std::string& element) {
   }
 }
 
+/// Until Slurm ends this element, which it does after a requeue. An element that leaves first may be taken for one that is
+/// complete, and is not queued again.
+void wait_for_the_end(SignalDesk& signals) {
+  constexpr int kSeconds = 60;
+  for (int second = 0; second < kSeconds; ++second) {
+    pollfd source{.fd = signals.descriptor(), .events = POLLIN, .revents = 0};
+    poll(&source, 1, 1000);
+    for (int number; (number = signals.next()) != 0;)
+      if (number == SIGTERM) return;
+  }
+}
+
 /// Appends the lines that the program has printed to the log, and keeps the last ones.
 void take_lines(ChildProcess& train, int log, std::vector<std::string>& kept) {
   std::string text;
@@ -185,6 +197,7 @@ Expected<int> run_element(const SweepFolder& folder, const SweepRun& run, const 
       COMRAD_TRY(folder.write_record(run, record));
       return kExitFailed;
     }
+    wait_for_the_end(signals);
   }
   std::fprintf(stderr, "%s: %s%s%s\n", run.name.c_str(), word_of(record.state),
                record.error.empty() ? "" : ": ", record.error.c_str());
