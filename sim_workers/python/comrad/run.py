@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from .report_lines import read_reports
+
 NAMES = re.compile(r"(?P<kind>checkpoint|milestone)_(?P<version>\d+)_(?P<env_frames>\d+)\.pt|best_(?P<score>-?[\d.]+)\.pt")
 
 
@@ -32,21 +34,10 @@ class Run:
         return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
 
     def reports(self) -> list[dict[str, Any]]:
-        """The lines of metrics.jsonl, oldest first (learner/METRICS.md says what stands in them). Where a learner went back to
-        a checkpoint, what it forgot is left out; damaged lines are too."""
+        """The lines of metrics.jsonl, rising in env frames (learner/METRICS.md says what stands in them). Where a learner went
+        back to a checkpoint, what it forgot is left out; damaged lines are too; evaluations stand where they belong."""
         file = self.folder / "metrics.jsonl"
-        kept: list[dict[str, Any]] = []
-        if not file.is_file():
-            return kept
-        for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
-            try:
-                report = json.loads(line)
-            except json.JSONDecodeError:
-                continue
-            while kept and kept[-1].get("env_frames", 0) > report.get("env_frames", 0):
-                kept.pop()
-            kept.append(report)
-        return kept
+        return [report for _, _, report in read_reports(file)[0]] if file.is_file() else []
 
     def metrics(self) -> dict[str, np.ndarray]:
         """The same as columns f64 [reports], NaN where a report lacks the name: pandas.DataFrame(run.metrics())."""

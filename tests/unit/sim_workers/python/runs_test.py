@@ -50,6 +50,12 @@ class Runs(unittest.TestCase):
         np.testing.assert_array_equal(metrics["J"], [np.nan, 2])
         self.assertNotIn("reward/reward", metrics)
 
+    def test_an_evaluation_that_comes_late_forgets_nothing(self):
+        self.write("config.toml", "")
+        lines = [{"time_s": 1, "env_frames": 100}, {"time_s": 2, "env_frames": 200}, {"time_s": 3, "env_frames": 100, "eval/J": 7}]
+        self.write("metrics.jsonl", "\n".join(map(json.dumps, lines)))
+        self.assertEqual(comrad.Run(self.folder).metrics()["env_frames"].tolist(), [100, 100, 200])
+
     def test_checkpoints_come_in_their_order(self):
         self.write("config.toml", "")
         for name in ("checkpoint_000000009_36864.pt", "checkpoint_000000081_331776.pt", "milestone_000000040_163840.pt",
