@@ -62,7 +62,8 @@ Expected<OutputFiles> check_request(EvaluationRequest& request, const CommandLin
     if (files.film.is_wanted() || !files.positions.empty())
       return Error{ErrorCode::kBadInput,
                    "--episodes_dir is made without films and --positions_file; start comrad eval twice"};
-    COMRAD_TRY_ASSIGN(files.episodes_dir, check_episodes_dir(request.episodes_dir));
+    COMRAD_TRY_ASSIGN(files.episodes_dir,
+                      check_new_folder("episodes_dir", request.episodes_dir, "; name a new one"));
   }
   const bool has_several_teams = request.policies.size() > 1 || !request.cross_play.empty();
   if (has_several_teams &&

@@ -31,21 +31,6 @@ Status check_size(const std::string& text) {
                    "write WIDTHxHEIGHT of one agent's view, from 128x72 to 1920x1080, for example 640x360");
 }
 
-Expected<std::string> check_frames(const std::string& frames) {
-  std::error_code error;
-  fs::path path = fs::absolute(frames, error).lexically_normal();
-  if (!path.has_filename()) path = path.parent_path();
-  if (!fs::exists(path, error)) {
-    COMRAD_TRY(check_output_folder("frames", frames, path.parent_path().string()));
-    return path.string();
-  }
-  COMRAD_TRY(check_output_folder("frames", frames, path.string()));
-  if (!fs::is_empty(path, error))
-    return bad_value("frames", frames,
-                     "the folder holds files already, which pictures of this film would mix with");
-  return path.string();
-}
-
 }  // namespace
 
 Expected<FilmPlan> check_films(const FilmRequest& request) {
@@ -60,7 +45,8 @@ Expected<FilmPlan> check_films(const FilmRequest& request) {
     COMRAD_TRY_ASSIGN(plan.video, check_output_file("save_video", request.video, {".mp4", ".mkv"}));
   }
   if (!request.frames.empty()) {
-    COMRAD_TRY_ASSIGN(plan.frames, check_frames(request.frames));
+    COMRAD_TRY_ASSIGN(plan.frames, check_new_folder("frames", request.frames,
+                                                    ", which pictures of this film would mix with"));
   }
   return plan;
 }

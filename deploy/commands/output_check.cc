@@ -24,6 +24,18 @@ Status check_output_folder(const std::string& flag, const std::string& value, co
   return {};
 }
 
+Expected<std::string> check_new_folder(const std::string& flag, const std::string& value,
+                                       const std::string& why_not) {
+  std::error_code error;
+  fs::path path = fs::absolute(value, error).lexically_normal();
+  if (!path.has_filename()) path = path.parent_path();
+  const bool is_there = fs::exists(path, error);
+  COMRAD_TRY(check_output_folder(flag, value, (is_there ? path : path.parent_path()).string()));
+  if (is_there && !fs::is_empty(path, error))
+    return bad_value(flag, value, "the folder holds files already" + why_not);
+  return path.string();
+}
+
 Expected<std::string> check_output_file(const std::string& flag, const std::string& value,
                                         const std::vector<std::string>& extensions) {
   std::error_code error;

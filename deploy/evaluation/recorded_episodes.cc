@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "deploy/commands/output_check.h"
 #include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
@@ -35,20 +34,6 @@ Expected<std::string> keep_map(const std::string& folder, const std::string& wad
 }
 
 }  // namespace
-
-Expected<std::string> check_episodes_dir(const std::string& folder) {
-  std::error_code error;
-  fs::path path = fs::absolute(folder, error).lexically_normal();
-  if (!path.has_filename()) path = path.parent_path();
-  if (!fs::exists(path, error)) {
-    COMRAD_TRY(check_output_folder("episodes_dir", folder, path.parent_path().string()));
-    return path.string();
-  }
-  COMRAD_TRY(check_output_folder("episodes_dir", folder, path.string()));
-  if (!fs::is_empty(path, error))
-    return bad_value("episodes_dir", folder, "the folder holds files already; name a new one");
-  return path.string();
-}
 
 Status make_episodes_folder(const LaunchPlan& plan) {
   std::error_code failed;

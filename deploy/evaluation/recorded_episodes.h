@@ -10,9 +10,6 @@
 
 namespace comrad::deploy {
 
-/// The absolute path of the folder to write: one that is not there yet, or empty. Errors: kBadInput.
-Expected<std::string> check_episodes_dir(const std::string& folder);
-
 /// Makes the folder that simulators record into. Errors: kSystem, kNoSpace.
 Status make_episodes_folder(const LaunchPlan& plan);
 

@@ -9,6 +9,7 @@ from gymnasium import spaces
 
 from . import _engine
 from .maps import Layout, vizdoom_cfg, wads_of
+from .window import Window
 
 EXTRAS = ("depth", "measurements", "action_mask")
 TICS_A_SECOND = 35
@@ -88,3 +89,36 @@ def fresh_seed() -> int:
 def side_by_side(planes: np.ndarray) -> np.ndarray:
     """[N, 3, h, w] to one picture [h, N w, 3]."""
     return np.ascontiguousarray(np.concatenate(list(planes.transpose(0, 2, 3, 1)), axis=1))
+
+
+class OneGame:
+    """What an environment of one game has, whosever interface it serves: pictures for eyes, states, its end."""
+
+    render_mode: str | None
+    _batch: _engine.EnvBatch
+    _window: Window | None
+    _render_size: tuple[int, int]
+
+    def render(self) -> np.ndarray | None:
+        """The views of all agents side by side, [h, N w, 3] u8, where render_mode is "rgb_array"."""
+        return self._picture() if self.render_mode == "rgb_array" else None
+
+    def get_state(self) -> _engine.SavedState:
+        """The whole world as it stands, to come back to with set_state(), in this environment or another of the same scenario."""
+        return self._batch.get_state(0)
+
+    def state_hash(self) -> int:
+        """A hash of the whole world: two episodes with equal hashes at every step were the same."""
+        return self._batch.hash(0)
+
+    def close(self) -> None:
+        self._batch.close()
+        if self._window:
+            self._window.close()
+
+    def _show(self) -> None:
+        if self._window:
+            self._window.show(self._picture())
+
+    def _picture(self) -> np.ndarray:
+        return side_by_side(self._batch.draw(0, *self._render_size))

@@ -9,12 +9,12 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from ._engine import SavedState
-from .batch import SCREEN_NAME, TICS_A_SECOND, checked_mode, checked_seed, fresh_seed, make_batch, observation_space, side_by_side
+from .batch import OneGame, SCREEN_NAME, TICS_A_SECOND, checked_mode, checked_seed, fresh_seed, make_batch, observation_space
 from .maps import Layout
 from .window import Window
 
 
-class ComradParallelEnv(ParallelEnv):
+class ComradParallelEnv(OneGame, ParallelEnv):
     """N agents, "agent_0" to "agent_{N-1}", who see, press and earn at once; one step is `frame_skip` tics of 1/35 s.
 
     scenario      a name, the path of a folder with a scenario.toml, or of a ViZDoom .cfg
@@ -144,33 +144,12 @@ class ComradParallelEnv(ParallelEnv):
     def state(self) -> np.ndarray:
         return self._arrays["state"][0].copy()
 
-    def render(self) -> np.ndarray | None:
-        """The views of all agents side by side where render_mode is "rgb_array"."""
-        return side_by_side(self._batch.draw(0, *self._render_size)) if self.render_mode == "rgb_array" else None
-
-    def get_state(self) -> SavedState:
-        """The whole world as it stands, to come back to with set_state(), in this environment or another of the same scenario."""
-        return self._batch.get_state(0)
-
     def set_state(self, state: SavedState) -> dict[str, Any]:
         """Goes back to a state; returns what the agents see there."""
         self._batch.set_state(0, state)
         is_over = bool(self._arrays["terminated"][0] or self._arrays["truncated"][0])
         self.agents = [] if is_over else list(self.possible_agents)
         return {agent: self._seen_by(index) for index, agent in enumerate(self.possible_agents)}
-
-    def state_hash(self) -> int:
-        """A hash of the whole world: two episodes with equal hashes at every step were the same."""
-        return self._batch.hash(0)
-
-    def close(self) -> None:
-        self._batch.close()
-        if self._window:
-            self._window.close()
-
-    def _show(self) -> None:
-        if self._window:
-            self._window.show(side_by_side(self._batch.draw(0, *self._render_size)))
 
     def _see(self) -> dict[str, Any]:
         return {agent: self._seen_by(index) for index, agent in enumerate(self.agents)}

@@ -9,14 +9,14 @@ import numpy as np
 from gymnasium import spaces
 
 from ._engine import SavedState
-from .batch import TICS_A_SECOND, checked_mode, make_batch, picture_space, side_by_side
+from .batch import OneGame, TICS_A_SECOND, checked_mode, make_batch, picture_space
 from .maps import Layout
 from .window import Window
 
 DELTA = "_DELTA"
 
 
-class ComradGymEnv(gymnasium.Env):
+class ComradGymEnv(OneGame, gymnasium.Env):
     """One player in the game of a ViZDoom .cfg; one step is `frame_skip` tics of 1/35 s.
 
     config               a .cfg: a path, or the name of one of the vizdoom package, as "basic" or "basic.cfg"
@@ -126,31 +126,10 @@ class ComradGymEnv(gymnasium.Env):
         self._show()
         return self._see(), float(self._arrays["reward"][0, 0]), terminated, truncated, info
 
-    def render(self) -> np.ndarray | None:
-        """The view where render_mode is "rgb_array"."""
-        return side_by_side(self._batch.draw(0, *self._render_size)) if self.render_mode == "rgb_array" else None
-
-    def get_state(self) -> SavedState:
-        """The whole game as it stands, to come back to with set_state()."""
-        return self._batch.get_state(0)
-
     def set_state(self, state: SavedState) -> dict[str, np.ndarray]:
         """Goes back to a state; returns what is seen there."""
         self._batch.set_state(0, state)
         return self._see()
-
-    def state_hash(self) -> int:
-        """A hash of the whole game: two episodes with equal hashes at every step were the same."""
-        return self._batch.hash(0)
-
-    def close(self) -> None:
-        self._batch.close()
-        if self._window:
-            self._window.close()
-
-    def _show(self) -> None:
-        if self._window:
-            self._window.show(side_by_side(self._batch.draw(0, *self._render_size)))
 
     def _see(self) -> dict[str, np.ndarray]:
         seen = {"screen": self._arrays["picture"][0, 0].copy()}
