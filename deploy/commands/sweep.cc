@@ -8,10 +8,12 @@
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 
 #include "deploy/commands/command.h"
 #include "deploy/process/child_program.h"
 #include "deploy/settings/command_line.h"
+#include "deploy/settings/content_hash.h"
 #include "deploy/settings/game_files.h"
 #include "deploy/settings/scenario_description.h"
 #include "deploy/sweep/local_backend.h"
@@ -22,6 +24,7 @@
 #include "deploy/sweep/sweep_file.h"
 #include "deploy/sweep/sweep_folder.h"
 #include "deploy/sweep/sweep_plan.h"
+#include "deploy/sweep/sweep_results.h"
 #include "deploy/sweep/sweep_table.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/cores.h"
@@ -233,6 +236,16 @@ int element_command(Arguments arguments) {
   });
 }
 
+/// The content hash of the map that settings make, kept below the sweep's records so that it is made once.
+std::function<Expected<std::string>(const RunConfig&)> hash_of_map(const std::string& sweep_folder) {
+  return [maps = sweep_folder + "/records/maps"](const RunConfig& config) -> Expected<std::string> {
+    std::error_code failed;
+    fs::create_directories(maps, failed);
+    COMRAD_TRY_ASSIGN(const std::string path, ensure_layout(config, maps));
+    return content_hash(path);
+  };
+}
+
 int start_command(Arguments arguments) {
   std::string path;
   bool estimate = false, dry_run = false;
@@ -278,6 +291,13 @@ int start_command(Arguments arguments) {
       std::fprintf(stderr, "%zu runs in %s\n", plan.runs.size(), plan.folder.c_str());
       return kExitDone;
     }
+    COMRAD_TRY_ASSIGN(const int stale, note_stale_results(plan, describe_scenario, hash_of_map(plan.folder)));
+    if (stale > 0)
+      std::fprintf(
+          stderr,
+          "%d results in %s are stale: recipe or map have changed since (comrad sweep status says "
+          "what). They stay;\nremove a run's folder there, and its run directory, to make it again\n",
+          stale, plan.file.results.folder.c_str());
     const bool is_slurm = file.backend == SweepBackend::kSlurm;
     COMRAD_TRY_ASSIGN(const std::string text, read_short_file(path, 1 << 20));
     COMRAD_TRY_ASSIGN(const Descriptor lock, SweepFolder::lock(plan.folder));

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <utility>
 
-#include "deploy/evaluation/content_hash.h"
+#include "deploy/settings/content_hash.h"
 #include "deploy/settings/game_files.h"
 #include "deploy/settings/network_description.h"
 #include "rollout_buffer/core/cores.h"

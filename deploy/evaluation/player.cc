@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <span>
 
-#include "deploy/evaluation/content_hash.h"
+#include "deploy/settings/content_hash.h"
 #include "deploy/settings/existing_run.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/layers.h"

@@ -2,6 +2,7 @@
 """Reports on a folder of runs: one HTML page, and the tables as Markdown, LaTeX and CSV.
 
     comrad report DIR [--output FOLDER]
+    comrad report DIR --results_page FILE.md
 
 DIR holds run folders (train_dir/<experiment>) and, in eval/ beside or inside of them, answers of `comrad eval --json`; those of
 --policy random and oracle there give the scale of normalised scores for their maps. Runs that cannot be used are named.
@@ -54,8 +55,30 @@ def parse(words: list[str]) -> argparse.Namespace:
         default="",
         help="settings in which runs that are counted together may differ, for example num_workers,device",
     )
+    parser.add_argument(
+        "--results_page",
+        metavar="FILE.md",
+        type=pathlib.Path,
+        help="write this one page about a folder of kept results (deploy/SWEEPS.md) instead: what beats random play",
+    )
     parser.add_argument("--title", default="", help="above the page (default: the folder's name)")
     return parser.parse_args(words)
+
+
+def write_results_page(study, folder: pathlib.Path, page: pathlib.Path) -> int:
+    from results_page import results_page
+
+    if not (folder / "eval").is_dir():
+        say(f"error: {folder} has no eval/; kept results are what a sweep with [results] leaves")
+        return 2
+    try:
+        written = results_page(study, folder, page, f"./comrad report {folder} --results_page {page}")
+    except OSError as error:
+        say(f"error: cannot write {page}: {error.strerror or error}")
+        return 1
+    for path in written:
+        print(path)
+    return 0
 
 
 def main() -> int:
@@ -83,6 +106,8 @@ def main() -> int:
             say(f"{name}: {why}")
         say(f"error: {arguments.folder} holds no run; a run is a folder with config.toml and metrics.jsonl")
         return 2
+    if arguments.results_page:
+        return write_results_page(study, arguments.folder, arguments.results_page)
     output = arguments.output or arguments.folder / "report"
     try:
         output.mkdir(parents=True, exist_ok=True)

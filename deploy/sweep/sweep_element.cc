@@ -16,6 +16,7 @@
 
 #include "deploy/launch/signal_desk.h"
 #include "deploy/process/child_program.h"
+#include "deploy/sweep/sweep_results.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/process.h"
@@ -94,6 +95,11 @@ void take_lines(ChildProcess& train, int log, std::vector<std::string>& kept) {
     if (kept.size() > 2 * kLinesKept) kept.erase(kept.begin(), kept.end() - kLinesKept);
   }
   if (!text.empty() && log >= 0) (void)!write(log, text.data(), text.size());
+}
+
+bool is_kept(const SweepFolder& folder, const SweepRun& run) {
+  const std::optional<KeptResult> kept = read_result(folder.results(), run.name);
+  return kept && kept->goal_env_frames >= run.goal_env_frames;
 }
 
 }  // namespace
@@ -186,6 +192,13 @@ Expected<int> run_element(const SweepFolder& folder, const SweepRun& run, const 
   record = judge_attempt(record, *train->poll_exit(), was_told, state, frames, quoted_error(kept),
                          !element.empty());
   record.ended_s = wall_s();
+  if (record.state == RunState::kFinished && !folder.results().folder.empty() && !is_kept(folder, run)) {
+    if (const Status written = keep_result(folder, run, words[0]); !written) {
+      record.state = RunState::kFailed;
+      record.error = "it finished, but its result could not be kept: " + written.error().message;
+    }
+    record.ended_s = wall_s();
+  }
   const bool is_killed = record.state == RunState::kInterrupted && record.exit_code > 128 && !was_told;
   const bool goes_on =
       !element.empty() && record.state == RunState::kInterrupted && (time_is_up || is_killed);

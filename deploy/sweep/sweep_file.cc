@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include "rollout_buffer/core/files.h"
@@ -53,6 +54,13 @@ class Keys {
     if (!node->is_number() || !number || !(*number > 0) || *number > high)
       return wrong(key, *node, "a number above 0, at most " + real_text(high));
     value = *number;
+    return {};
+  }
+  Status truth(const std::string& key, bool& value) {
+    const toml::node* node = take(key);
+    if (node == nullptr) return {};
+    if (!node->is_boolean()) return wrong(key, *node, "true or false");
+    value = node->as_boolean()->get();
     return {};
   }
   Status texts(const std::string& key, std::vector<std::string>& values) {
@@ -236,6 +244,19 @@ Status read_resources(SweepFile& file, const toml::table& table) {
   return keys.no_others();
 }
 
+Status read_results(SweepFile& file, const toml::table& table) {
+  Keys keys(file, table, "results");
+  COMRAD_TRY(keys.text("folder", file.results.folder));
+  COMRAD_TRY(keys.whole("episodes", 2, 100000, file.results.episodes));
+  COMRAD_TRY(keys.whole("seed", 0, std::numeric_limits<int64_t>::max(), file.results.seed));
+  COMRAD_TRY(keys.truth("greedy", file.results.greedy));
+  COMRAD_TRY(keys.no_others());
+  if (file.results.folder.empty())
+    return refuse(file, static_cast<int>(table.source().begin.line),
+                  "[results] names no folder; add a line: folder = \"results\"");
+  return {};
+}
+
 Status read_slurm(SweepFile& file, const toml::table& table) {
   Keys keys(file, table, "slurm");
   SlurmOptions& slurm = file.slurm;
@@ -284,6 +305,7 @@ Status read_document(SweepFile& file, const toml::table& document) {
   const toml::table* settings = keys.table("settings", status);
   const toml::array* exclusions = keys.tables("exclude", status);
   const toml::table* resources = keys.table("resources", status);
+  const toml::table* results = keys.table("results", status);
   const toml::table* local = keys.table("local", status);
   const toml::table* slurm = keys.table("slurm", status);
   COMRAD_TRY(keys.no_others());
@@ -302,6 +324,7 @@ Status read_document(SweepFile& file, const toml::table& document) {
   if (exclusions != nullptr)
     for (const toml::node& one : *exclusions) COMRAD_TRY(read_exclusion(file, *one.as_table()));
   if (resources != nullptr) COMRAD_TRY(read_resources(file, *resources));
+  if (results != nullptr) COMRAD_TRY(read_results(file, *results));
   if (local != nullptr) {
     Keys local_keys(file, *local, "local");
     COMRAD_TRY(local_keys.whole("at_once", 1, 4096, file.local_at_once));

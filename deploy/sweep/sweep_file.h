@@ -44,6 +44,14 @@ struct SlurmOptions {
   std::vector<std::string> options;  ///< further words for #SBATCH, "--constraint=v100"
 };
 
+/// Where what a run gave is kept as small text files, and how it is evaluated for that.
+struct SweepResults {
+  std::string folder;      ///< empty: nothing is kept
+  int64_t episodes = 100;  ///< of the evaluation of a finished run
+  int64_t seed = 5000;     ///< of the evaluation
+  bool greedy = false;     ///< most probable actions instead of drawn ones
+};
+
 enum class SweepBackend { kLocal, kSlurm };
 
 struct SweepFile {
@@ -57,6 +65,7 @@ struct SweepFile {
   std::map<std::string, int> lines;  ///< of every setting that the file names
   std::vector<SweepExclusion> exclusions;
   SweepResources resources;
+  SweepResults results;
   int64_t local_at_once = 1;
   SlurmOptions slurm;
 

@@ -19,6 +19,7 @@
 
 #include "deploy/process/child_program.h"
 #include "deploy/settings/existing_run.h"
+#include "deploy/sweep/sweep_results.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
@@ -58,6 +59,25 @@ ordered_json to_json(const SweepRun& run) {
   return {{"name", run.name}, {"train_for_env_frames", run.goal_env_frames}, {"settings", settings}};
 }
 
+ordered_json to_json(const SweepResults& results) {
+  if (results.folder.empty()) return nullptr;
+  return {{"folder", results.folder},
+          {"episodes", results.episodes},
+          {"seed", results.seed},
+          {"greedy", results.greedy}};
+}
+
+SweepResults results_from(const ordered_json& json) {
+  SweepResults results;
+  if (!json.is_object()) return results;
+  results.folder = value_or<std::string>(json, "folder", "");
+  results.episodes = value_or<int64_t>(json, "episodes", results.episodes);
+  results.seed = value_or<int64_t>(json, "seed", results.seed);
+  const auto greedy = json.find("greedy");
+  results.greedy = greedy != json.end() && greedy->is_boolean() && greedy->get<bool>();
+  return results;
+}
+
 std::optional<SweepRun> run_from(const ordered_json& json) {
   if (!json.is_object()) return std::nullopt;
   SweepRun run;
@@ -91,15 +111,6 @@ Status check_nothing_forgotten(const SweepPlan& plan, const std::vector<SweepRun
   return {};
 }
 
-std::string utc_text(double seconds) {
-  const std::time_t whole = static_cast<std::time_t>(seconds);
-  std::tm utc{};
-  gmtime_r(&whole, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
-  return text;
-}
-
 /// The commit of the source folder; "-changed" where tracked files differ from it.
 std::string commit_of_sources() {
   const std::string folder = data_dir();
@@ -110,7 +121,8 @@ std::string commit_of_sources() {
   };
   const Expected<ProgramResult> head = git({"rev-parse", "HEAD"});
   if (!head || head->exit_code != 0) return "";
-  const Expected<ProgramResult> changes = git({"status", "--porcelain", "--untracked-files=no"});
+  const Expected<ProgramResult> changes =
+      git({"status", "--porcelain", "--untracked-files=no", "--", ".", ":(exclude)scenarios/results"});
   const bool is_changed = changes && changes->exit_code == 0 && !changes->output.empty();
   return std::string(trimmed(head->output)) + (is_changed ? "-changed" : "");
 }
@@ -157,6 +169,15 @@ std::string host_name() {
   return uname(&system) == 0 ? system.nodename : "localhost";
 }
 
+std::string utc_text(double seconds) {
+  const std::time_t whole = static_cast<std::time_t>(seconds);
+  std::tm utc{};
+  gmtime_r(&whole, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text;
+}
+
 std::optional<uint64_t> start_tics_of(pid_t pid) {
   if (pid <= 0) return std::nullopt;
   std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
@@ -191,6 +212,7 @@ Expected<SweepFolder> SweepFolder::make(const SweepPlan& plan, const std::string
   folder.path_ = plan.folder;
   folder.name_ = plan.file.name;
   folder.runs_ = plan.runs;
+  folder.results_ = plan.file.results;
   const std::string index_path = plan.folder + "/sweep.json";
   std::error_code failed;
   const std::optional<ordered_json> before = read_object(index_path);
@@ -221,6 +243,7 @@ Expected<SweepFolder> SweepFolder::make(const SweepPlan& plan, const std::string
                         {"memory_gb_per_run", plan.file.resources.memory_gb},
                         {"gpus_per_run", plan.file.resources.gpus},
                         {"starts", starts},
+                        {"results", to_json(folder.results_)},
                         {"runs", ordered_json::array()}};
   for (const SweepRun& run : plan.runs) index["runs"].push_back(to_json(run));
   COMRAD_TRY(write_file_atomically(plan.folder + "/sweep.toml", file_text, /*durable=*/true));
@@ -243,6 +266,8 @@ Expected<SweepFolder> SweepFolder::open(const std::string& path) {
   };
   if (!index || !index->contains("runs") || !(*index)["runs"].is_array()) return damaged();
   folder.name_ = value_or<std::string>(*index, "name", fs::path(folder.path_).filename().string());
+  if (const auto results = index->find("results"); results != index->end())
+    folder.results_ = results_from(*results);
   for (const ordered_json& one : (*index)["runs"]) {
     std::optional<SweepRun> run = run_from(one);
     if (!run) return damaged();
@@ -313,6 +338,13 @@ RunView SweepFolder::look(const SweepRun& run, const QueuedElements& queued) con
   const bool is_running =
       record && record->state == RunState::kRunning &&
       (record->job.empty() ? is_alive(*record) : !queued.is_known || queued.running_runs.contains(run.name));
+  if (!results_.folder.empty()) {
+    const std::optional<KeptResult> kept = read_result(results_, run.name);
+    view.is_kept = kept && kept->goal_env_frames >= run.goal_env_frames;
+    is_at_goal = view.is_kept;  // a run whose result is not kept yet is not done
+    if (view.is_kept)
+      view.env_frames = kept->env_frames, view.score_mean = kept->score, view.stale = kept->stale;
+  }
   if (is_running)
     view.state = RunState::kRunning;
   else if (is_at_goal)

@@ -8,6 +8,9 @@
 //     records/<run>.log      what `comrad train` printed in all of them
 //     <run>/                 an ordinary run directory
 //
+// What a finished run gave is kept elsewhere too where the file asks for it (sweep_results.h): such a run counts as finished
+// in every clone, whether its directory is there or not.
+//
 // Every file is written beside its place and renamed, so a SIGKILL leaves the old one or the new one. A run's record says
 // `running` until its attempt writes how it ended; where the attempt was killed, the process in the record is gone and the
 // run counts as interrupted.
@@ -62,6 +65,8 @@ struct RunView {
   double env_frames = 0, goal_env_frames = 0;
   double env_frames_per_s = 0;
   double score_mean = std::nan("");  ///< J
+  bool is_kept = false;              ///< its result lies in the folder of results
+  std::string stale;                 ///< what has changed since its result was made; empty: nothing
   /// Whether the same sweep command would start it.
   bool is_to_do() const {
     return state == RunState::kWaiting || state == RunState::kInterrupted || state == RunState::kFailed;
@@ -98,6 +103,7 @@ class SweepFolder {
   const std::string& path() const { return path_; }
   const std::string& name() const { return name_; }
   const std::vector<SweepRun>& runs() const { return runs_; }
+  const SweepResults& results() const { return results_; }  ///< its folder is absolute
   const SweepRun* find(const std::string& run) const;
   std::string run_dir(const SweepRun& run) const { return path_ + "/" + run.name; }
   std::string record_path(const SweepRun& run) const { return path_ + "/records/" + run.name + ".json"; }
@@ -119,10 +125,13 @@ class SweepFolder {
  private:
   std::string path_, name_;
   std::vector<SweepRun> runs_;
+  SweepResults results_;
 };
 
 /// When the process started, in tics of the system's clock since boot; nothing where there is no such process.
 std::optional<uint64_t> start_tics_of(pid_t pid);
 std::string host_name();
+/// "2026-11-24T03:32:12Z" of seconds since 1970.
+std::string utc_text(double seconds);
 
 }  // namespace comrad::deploy

@@ -152,6 +152,8 @@ Expected<SweepPlan> plan_sweep(const SweepFile& file, const Describe& describe, 
   plan.file = file;
   std::error_code failed;
   plan.folder = (fs::absolute(file.train_dir, failed) / file.name).lexically_normal().string();
+  if (!file.results.folder.empty())
+    plan.file.results.folder = fs::absolute(file.results.folder, failed).lexically_normal().string();
   plan.cores = file.resources.cores;
   if (plan.cores == 0 && file.backend == SweepBackend::kSlurm)
     return Error{ErrorCode::kBadInput,

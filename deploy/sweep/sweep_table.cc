@@ -39,7 +39,7 @@ std::vector<std::string> cells_of(const RunView& view) {
   if (std::isfinite(view.score_mean)) std::snprintf(score, sizeof score, "%.2f", view.score_mean);
   const bool is_running = view.state == RunState::kRunning;
   return {view.name,
-          word_of(view.state),
+          word_of(view.state) + std::string(view.stale.empty() ? "" : ", stale"),
           count_text(view.env_frames) + "/" + count_text(view.goal_env_frames) + per_cent(view),
           is_running ? count_text(view.env_frames_per_s) : "",
           score,
@@ -89,6 +89,8 @@ std::string sweep_table(const std::vector<RunView>& views) {
     if (view.state == RunState::kFailed ||
         (view.state == RunState::kInterrupted && !view.record.error.empty()))
       text += view.name + " " + word_of(view.state) + ": " + view.record.error + "\n";
+  for (const RunView& view : views)
+    if (!view.stale.empty()) text += view.name + " is stale: " + view.stale + "\n";
   return text;
 }
 
@@ -109,6 +111,8 @@ std::string sweep_json(const std::string& name, const std::string& folder,
          {"host", view.record.host},
          {"job", view.record.job},
          {"attempts", view.record.attempts},
+         {"kept", view.is_kept},
+         {"stale", view.stale},
          {"error", view.record.error}});
   return json.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }

@@ -2,12 +2,14 @@
 //
 //   sweep_probe start FILE           `comrad sweep FILE`, with one scenario that needs no programs
 //   sweep_probe sweep element ...    an attempt, as the backends start it
+//   sweep_probe eval --policy RUN_DIR ...   what keeps a result asks for: two episodes that scored 1 and 3
 //   sweep_probe train --train_dir D --experiment R --seed S --train_for_env_frames N ...
 //
 // The last stands in for `comrad train`: it holds the run directory's lock, counts 100 env frames every 20 ms from where it
 // stopped, says so in status.json and, when SIGTERM comes, saves and leaves. What it lives through goes to D/events.log
 // ("<run> begins 300 cpus 0,1", "<run> ends paused 700"). Seeds from 600 misbehave: 6xx fails at once with a message, 7xx is
-// killed by SIGKILL after its first 1000 frames, and 8xx does not end before it was told to save once.
+// killed by SIGKILL after its first 1000 frames, and 8xx does not end before it was told to save once. The
+// evaluation of a run of seed 5.. fails.
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
@@ -32,6 +34,7 @@
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/layers.h"
 
 namespace {
 
@@ -130,6 +133,13 @@ int train(const std::vector<std::string>& words) {
     break;
   }
   if (status.state == "running") status.state = "finished";
+  RunConfig config;
+  config.run.scenario = "field";
+  config.run.train_dir = folder;
+  (void)write_file_atomically(run_dir + "/config.toml", settings_to_toml(config), false);
+  (void)write_file_atomically(
+      run_dir + "/metrics.jsonl",
+      "{\"time_s\": 1.5, \"env_frames\": 100, \"train/loss\": 0.123456789, \"perf/other\": 1}\n", false);
   if (!write_status(run_dir, status)) return 1;
   note("ends " + status.state + " " + std::to_string(status.env_frames));
   return 0;
@@ -148,5 +158,12 @@ int main(int argc, char** argv) {
     return done ? *done : fail(done.error());
   }
   if (!words.empty() && words[0] == "train") return train(words);
+  if (words.size() >= 3 && words[0] == "eval") {
+    std::printf(R"({"policy": "%s", "scenario": "field", "episodes": 2, "J_mean": 2.0, "return_mean": 0.5,
+                    "checkpoint": "/somewhere", "map_hashes": {"seed 42": "xxh3:1"},
+                    "each": [{"J": 1.0, "return": 0.25, "length_tics": 9}, {"J": 3.000001, "return": 0.75}]})",
+                words[2].c_str());
+    return words[2].find("seed5") != std::string::npos ? 1 : 0;
+  }
   return 2;
 }

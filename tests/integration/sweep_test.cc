@@ -76,6 +76,42 @@ TEST(Sweep, MakesEveryRunOnCoresOfItsOwnAndOnlyOnce) {
   EXPECT_EQ(count(events(scratch), "begins 0"), 4);
 }
 
+TEST(Sweep, ResultsAreKeptAndAnotherCloneDoesNotMakeThemAgain) {
+  const ScratchFolder scratch;
+  const std::string results = (scratch / "results").string();
+  const auto file = [&](const std::string& seeds, const std::string& frames) {
+    return sweep_file(scratch, seeds, frames, "[results]\nfolder = \"" + results + "\"\nepisodes = 2\n");
+  };
+  const Ending first = start(file("1, 2, 500", "2000"));
+  EXPECT_EQ(first.exit_code, 1);
+  EXPECT_THAT(first.out, HasSubstr("2 of 3 finished, 1 failed"));
+  EXPECT_THAT(first.out,
+              HasSubstr("seed500 failed: it finished, but its result could not be kept: the evaluation"));
+  const nlohmann::json result = read_json(scratch / "results/seed1/result.json");
+  ASSERT_TRUE(result.is_object());
+  EXPECT_EQ(result["J_mean"], 2.0);
+  EXPECT_EQ(result["train_for_env_frames"], 2000);
+  EXPECT_EQ(result["map_hashes"]["seed 42"], "xxh3:1");
+  EXPECT_EQ(read_text(scratch / "results/seed1/metrics.jsonl"),
+            "{\"time_s\":1.5,\"env_frames\":100,\"train/loss\":0.12346}\n");
+  EXPECT_THAT(read_text(scratch / "results/seed1/config.toml"), Not(HasSubstr(scratch.string())));
+  EXPECT_EQ(read_json(scratch / "results/eval/seed1.json").dump(),
+            R"({"J_mean":2.0,"each":[{"J":1.0,"return":0.25},{"J":3.0,"return":0.75}],"episodes":2,)"
+            R"("map_hashes":{"seed 42":"xxh3:1"},"policy":"seed1","return_mean":0.5,"scenario":"field"})");
+
+  // The runs are gone, as in another clone; what was kept is enough, and only what is missing is made.
+  fs::remove_all(scratch / "study");
+  const Ending clone = start(file("1, 2, 3", "2000"));
+  EXPECT_EQ(clone.exit_code, 0) << clone.err;
+  EXPECT_THAT(clone.out, HasSubstr("3 of 3 finished"));
+  EXPECT_EQ(count(events(scratch), "begins"), 1);
+  EXPECT_EQ(count(events(scratch), "seed3 begins"), 1);
+  // A farther goal asks for more than was kept.
+  const Ending more = start(file("1", "3000"));
+  EXPECT_EQ(more.exit_code, 0) << more.err;
+  EXPECT_EQ(read_json(scratch / "results/seed1/result.json")["train_for_env_frames"], 3000);
+}
+
 TEST(Sweep, AFailedRunIsNamedWithItsErrorAndStopsNoOther) {
   const ScratchFolder scratch;
   const std::string file = sweep_file(scratch, "600, 1, 700, 2", "2000");

@@ -4,7 +4,7 @@
 
 #include <fstream>
 
-#include "deploy/evaluation/content_hash.h"
+#include "deploy/settings/content_hash.h"
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {

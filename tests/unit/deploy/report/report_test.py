@@ -507,5 +507,68 @@ class TheCommand(WithFolder):
         self.assertEqual(list(self.folder.iterdir()), [])
 
 
+class ResultsPage(WithFolder):
+    """A folder of kept results: tests over episodes, corrected, and what the page says of them."""
+
+    def keep(self, scenario, algo, seed, scores, returns=None, **result):
+        run = made_runs.write_run(self.folder, scenario, algo, seed, start=0, end=1, reports=5, frames=2e6)
+        goal = {"train_for_env_frames": 2e6, "env_frames": 2e6, "train_s": 120, "commit": "abcdef012", "stale": ""}
+        (run / "result.json").write_text(json.dumps(goal | {"processor": "a CPU", "date": "2026-01-02"} | result))
+        self.episodes(run.name, scores, returns)
+
+    def episodes(self, name, scores, returns=None):
+        (self.folder / "eval").mkdir(exist_ok=True)
+        each = [{"J": j, "return": r} for j, r in zip(scores, scores if returns is None else returns)]
+        answer = {"policy": name, "scenario": "x", "episodes": len(each), "J_mean": 0, "each": each}
+        (self.folder / "eval" / f"{name}.json").write_text(json.dumps(answer))
+
+    def page(self) -> str:
+        page = self.folder / "RESULTS.md"
+        command = [sys.executable, "-B", REPORT / "report.py", self.folder, "--results_page", page]
+        subprocess.run(command, check=True, capture_output=True)
+        return page.read_text()
+
+    def test_holm_is_the_textbook(self):
+        import results_page
+
+        # Holm 1979: 0.01, 0.02, 0.03, 0.04 times 4, 3, 2, 1, made rising.
+        for ours, known in zip(results_page.holm([0.03, 0.01, 0.04, 0.02]), [0.06, 0.04, 0.06, 0.06]):
+            self.assertAlmostEqual(ours, known)
+        self.assertEqual(results_page.holm([0.9, 0.8]), [1.0, 1.0])
+
+    def test_welch_is_the_textbook_and_knows_constants(self):
+        import results_page
+
+        ours, others = np.array([3.0, 4.0, 5.0, 6.0]), np.array([1.0, 2.0, 1.0, 4.0])
+        difference, error = ours.mean() - others.mean(), math.sqrt(ours.var(ddof=1) / 4 + others.var(ddof=1) / 4)
+        freedom = error**4 / ((ours.var(ddof=1) / 4) ** 2 / 3 + (others.var(ddof=1) / 4) ** 2 / 3)
+        self.assertAlmostEqual(
+            results_page.welch(ours, others), float(scipy.stats.t.sf(difference / error, freedom)), places=12
+        )
+        self.assertEqual(results_page.welch(np.ones(3), np.zeros(3)), 0.0)
+        self.assertEqual(results_page.welch(np.zeros(3), np.zeros(3)), 1.0)
+
+    def test_says_what_was_learned_and_what_was_not(self):
+        self.episodes("random_lava_pit", [0.0, 1.0] * 50)
+        self.episodes("random_stag_hunt_arena", [0.0, 1.0] * 50)
+        self.keep("lava_pit", "ippo", 7, [8.0, 9.0] * 50)
+        self.keep("lava_pit", "ippo", 8, [9.0, 10.0] * 50)
+        self.keep("lava_pit", "vdn", 7, [0.0, 1.0] * 50, stale="gamma 0.9 -> 0.99")
+        self.keep("stag_hunt_arena", "mappo", 7, [0.0] * 100, returns=[200.0, 210.0] * 50)
+        self.keep("stag_hunt_arena", "ippo", 7, [0.0] * 100)
+        (self.folder / "eval" / "stag_hunt_arena_ippo_7.json").write_text("{")
+        page = self.page()
+        self.assertRegex(page, r"\| lava_pit \| 0.5 \| \*\*9\*\* \(2\) \|  \|  \|  \| 0.5† \|")
+        self.assertRegex(page, r"\| stag_hunt_arena \| 0.5 \|  \| \*0\* \|")
+        self.assertIn("at least one algorithm learns: 2 of 13", page)
+        self.assertIn("ippo 1, mappo 1, happo 0, idqn 0, vdn 0", page)
+        self.assertIn("reached within 20 M on 1 scenarios: lava_pit (ippo)", page)
+        self.assertIn("gamma 0.9 -> 0.99", page)
+        self.assertIn("stag_hunt_arena_ippo_7: ", page)
+        self.assertIn("qmix on lava_pit", page)
+        self.assertIn("all 8 tests", page)
+        self.assertTrue((self.folder / "curves.png").stat().st_size > 1000)
+
+
 if __name__ == "__main__":
     unittest.main()

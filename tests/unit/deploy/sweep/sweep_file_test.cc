@@ -100,6 +100,23 @@ TEST(SweepFile, RefusesUnknownWordsWithLineAndNearest) {
               AllOf(HasSubstr("s.toml:4"), HasSubstr("did you mean 'mappo'?")));
 }
 
+TEST(SweepFile, SaysWhereResultsAreKept) {
+  const std::string base = kSmall;
+  const Expected<SweepFile> file =
+      parse_sweep_file(base + "[results]\nfolder = \"kept\"\nepisodes = 7\ngreedy = true\n", "s.toml");
+  ASSERT_TRUE(file) << file.error().message;
+  EXPECT_EQ(file->results.folder, "kept");
+  EXPECT_EQ(file->results.episodes, 7);
+  EXPECT_EQ(file->results.seed, 5000);
+  EXPECT_TRUE(file->results.greedy);
+  EXPECT_EQ(refusal(base + "[results]\nepisodes = 7\n"),
+            "s.toml:10: [results] names no folder; add a line: folder = \"results\"");
+  EXPECT_EQ(refusal(base + "[results]\nfolder = \"k\"\ngreedy = 1\n"),
+            "s.toml:12: greedy must be true or false");
+  EXPECT_THAT(refusal(base + "[results]\nfolder = \"k\"\nepisodes = 1\n"),
+              StartsWith("s.toml:12: episodes must be a whole number between 2"));
+}
+
 TEST(SweepFile, RefusesValuesThatCannotBe) {
   const auto axes = [](const std::string& lines) { return refusal("name = \"a\"\n[axes]\n" + lines); };
   EXPECT_THAT(axes("seed = 42\n"), StartsWith("s.toml:3: seed must be a list"));

@@ -4,7 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <utility>
 
+#include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/recipes.h"
 #include "scenarios/spec/action_heads.h"
 #include "scenarios/spec/game_names.h"
 #include "scenarios/spec/registry.h"
@@ -97,6 +100,20 @@ TEST_F(VizdoomScenario, MoreHeadsThanAnAgentHasAskForAChoice) {
   EXPECT_THAT(change_heads(*spec, "").error().message,
               AllOf(HasSubstr("9 action heads"), HasSubstr("--heads")));
   EXPECT_TRUE(change_heads(*spec, "ATTACK;USE;TURN_LEFT"));
+}
+
+TEST_F(VizdoomScenario, PresetSmallClipsRewardsWhosePenaltiesAreAnyones) {
+  const auto spec = load(kPlain);
+  ASSERT_TRUE(spec) << spec.error().message;
+  const auto small = scenario_settings(spec->training, Preset::kSmall, "ippo");
+  using Value = std::pair<std::string, std::string>;
+  EXPECT_THAT(small.values, ElementsAre(Value("reward_clip", "10"), Value("learning_rate", "2e-4"),
+                                        Value("exploration_loss_coeff", "0.003")));
+  RunConfig config;
+  EXPECT_TRUE(apply_layer(config, small));
+  EXPECT_EQ(config.environment.reward_clip, 10);
+  EXPECT_THAT(scenario_settings(spec->training, Preset::kPaper, "ippo").values, IsEmpty());
+  EXPECT_THAT(scenario_settings(spec->training, Preset::kSmall, "idqn").values, IsEmpty());
 }
 
 TEST_F(VizdoomScenario, KeysOfTheFileBecomeTermsAndLimits) {

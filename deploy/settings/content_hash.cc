@@ -1,4 +1,4 @@
-#include "deploy/evaluation/content_hash.h"
+#include "deploy/settings/content_hash.h"
 
 #include <cinttypes>
 #include <cstdio>

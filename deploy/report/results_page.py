@@ -1,0 +1,272 @@
+"""One Markdown page about a folder of kept results (deploy/SWEEPS.md): what was shown to learn, by which test, and what was not.
+
+The folder holds <run>/result.json, config.toml and metrics.jsonl, and in eval/ the episodes of every run and of random play on
+the same maps (`comrad eval --policy random --json`). A run beats random play where Welch's one-sided test over their episodes gives
+p < 0.01 after Holm's correction over all tests of the page, in score J or in return; both are tested for every run.
+"""
+
+import dataclasses
+import math
+import os
+import pathlib
+
+import numpy as np
+from scipy import stats
+
+from analysis import Study, published_table
+from figures import COLORS, EVALUATION, STYLE, plt
+from curves import curve_over_runs, draw_curve
+from run_files import OFF_POLICY, ON_POLICY, SCORE, Run, parse_json, read_text
+from tables import Table, as_markdown, millions, rounded
+
+ALGORITHMS = ON_POLICY + OFF_POLICY
+ALPHA = 0.01
+LONGEST_FRAMES = 20e6  # within which a score of the paper's 100 M counts as reached
+RANDOM = "random_"  # eval/random_<scenario>.json
+
+
+@dataclasses.dataclass
+class Row:
+    """A kept run beside random play. p_score and p_return are Holm's, NaN where random play was not measured."""
+
+    run: Run
+    result: dict
+    scores: np.ndarray
+    returns: np.ndarray
+    p_score: float = math.nan
+    p_return: float = math.nan
+
+    @property
+    def beats_in_score(self) -> bool:
+        return self.p_score < ALPHA
+
+    @property
+    def beats_in_return(self) -> bool:
+        return self.p_return < ALPHA
+
+    @property
+    def stale(self) -> str:
+        stale = self.result.get("stale")
+        return stale if isinstance(stale, str) else ""
+
+    @property
+    def env_frames(self) -> float:
+        return float(self.result.get("env_frames") or math.nan)
+
+
+def read_episodes(path: pathlib.Path) -> tuple[np.ndarray, np.ndarray]:
+    """J and return of each episode of an evaluation, [E] f64. Raises OSError and ValueError with a sentence."""
+    answer = parse_json(read_text(path))
+    each = answer.get("each") if isinstance(answer, dict) else None
+    if not isinstance(each, list) or len(each) < 2 or not all(isinstance(one, dict) for one in each):
+        raise ValueError(f"{path.name} holds no episodes")
+    values = [np.array([one.get(name, math.nan) for one in each], dtype=float) for name in ("J", "return")]
+    if not all(np.isfinite(one).all() for one in values):
+        raise ValueError(f"{path.name} has an episode without J or return")
+    return values[0], values[1]
+
+
+def welch(ours: np.ndarray, others: np.ndarray) -> float:
+    """The chance of so much higher a mean if both were alike, one-sided (Welch 1947)."""
+    if ours.std() == 0 and others.std() == 0:
+        return 0.0 if ours.mean() > others.mean() else 1.0
+    return float(stats.ttest_ind(ours, others, equal_var=False, alternative="greater").pvalue)
+
+
+def holm(p_values: list[float]) -> list[float]:
+    """Adjusted p-values (Holm 1979): rising with the raw ones, each at most 1."""
+    order = sorted(range(len(p_values)), key=lambda at: p_values[at])
+    adjusted, highest = [math.nan] * len(p_values), 0.0
+    for place, at in enumerate(order):
+        highest = max(highest, min(1.0, (len(p_values) - place) * p_values[at]))
+        adjusted[at] = highest
+    return adjusted
+
+
+def read_rows(study: Study, folder: pathlib.Path) -> tuple[list[Row], dict[str, tuple], list[str]]:
+    """The kept runs of a study, random play of each scenario, and what could not be used."""
+    rows, problems, random_play = [], [], {}
+    for run in study.runs:
+        try:
+            result = parse_json(read_text(run.folder / "result.json"))
+            if not isinstance(result, dict):
+                raise ValueError("result.json holds no object")
+            rows.append(Row(run, result, *read_episodes(folder / "eval" / f"{run.name}.json")))
+        except (OSError, ValueError) as error:
+            problems.append(f"{run.name}: {error}")
+    for scenario in sorted({row.run.scenario for row in rows}):
+        try:
+            random_play[scenario] = read_episodes(folder / "eval" / f"{RANDOM}{scenario}.json")
+        except (OSError, ValueError) as error:
+            problems.append(f"random play of {scenario}: {error}")
+    tested = [row for row in rows if row.run.scenario in random_play]
+    p_values = []
+    for row in tested:
+        scores, returns = random_play[row.run.scenario]
+        p_values += [welch(row.scores, scores), welch(row.returns, returns)]
+    for at, adjusted in enumerate(holm(p_values)):
+        if at % 2 == 0:
+            tested[at // 2].p_score = adjusted
+        else:
+            tested[at // 2].p_return = adjusted
+    return rows, random_play, problems
+
+
+def most(rows: list[Row], name: str) -> bool:
+    return 2 * sum(getattr(row, name) for row in rows) > len(rows)
+
+
+def cell_text(rows: list[Row]) -> str:
+    """The mean J of a cell's longest runs; bold where most of them beat random play in score, italic where in return alone."""
+    if not rows:
+        return ""
+    text = rounded(float(np.mean([row.scores.mean() for row in rows])), 3)
+    if most(rows, "beats_in_score"):
+        text = f"**{text}**"
+    elif most(rows, "beats_in_return"):
+        text = f"*{text}*"
+    return text + (f" ({len(rows)})" if len(rows) > 1 else "") + ("†" if any(row.stale for row in rows) else "")
+
+
+def cells_of(rows: list[Row]) -> dict[tuple[str, str], list[Row]]:
+    """Runs by scenario and algorithm; of runs of several lengths those of the greatest goal."""
+    cells: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        cells.setdefault((row.run.scenario, row.run.algo), []).append(row)
+    for at, found in cells.items():
+        goal = max(row.result.get("train_for_env_frames") or 0 for row in found)
+        cells[at] = [row for row in found if (row.result.get("train_for_env_frames") or 0) == goal]
+    return cells
+
+
+def reached(scenarios, cells, published: dict[str, dict]) -> dict[str, list[str]]:
+    """For each scenario the algorithms whose mean J is what the paper prints for the same algorithm at 100 M, or more."""
+    found = {}
+    for scenario in scenarios:
+        printed = published.get(scenario, {}).get("printed", [])
+        for algo, value in zip(ALGORITHMS, printed):
+            rows = cells.get((scenario, algo), [])
+            if not rows or value <= 0 or max(row.env_frames for row in rows) > LONGEST_FRAMES * 1.05:
+                continue
+            if most(rows, "beats_in_score") and np.mean([row.scores.mean() for row in rows]) >= value:
+                found.setdefault(scenario, []).append(algo)
+    return found
+
+
+def curves_figure(study: Study, scenarios: list[str], random_play: dict):
+    """J of training episodes over env frames, a panel a scenario."""
+    with plt.rc_context(STYLE):
+        columns = min(4, len(scenarios))
+        lines = math.ceil(len(scenarios) / columns)
+        figure, panels = plt.subplots(
+            lines, columns, figsize=(2.6 * columns, 2.0 * lines + 0.4), squeeze=False, layout="constrained"
+        )
+        handles = {}
+        for axes in panels.flat[len(scenarios) :]:
+            axes.axis("off")
+        for axes, scenario in zip(panels.flat, scenarios):
+            for cell in study.cells_of(scenario):
+                algo = cell.runs[0].algo
+                curve = curve_over_runs(cell.drawn, SCORE) or curve_over_runs(cell.drawn, EVALUATION)
+                if curve is not None:
+                    draw_curve(axes, curve, algo, COLORS.get(algo), 1e6)
+                    handles[algo] = axes.get_lines()[-1]
+            if scenario in random_play:
+                axes.axhline(random_play[scenario][0].mean(), color="#777777", linestyle=":", linewidth=1)
+            axes.set_title(scenario.replace("_", " "))
+        figure.supxlabel("env frames (millions); dotted: random play", fontsize=8)
+        figure.supylabel("J of training episodes", fontsize=8)
+        names = [algo for algo in ALGORITHMS if algo in handles]
+        if names:
+            figure.legend([handles[algo] for algo in names], names, loc="upper center", bbox_to_anchor=(0.5, 0), ncols=8)
+        return figure
+
+
+def joined(words) -> str:
+    return ", ".join(words) if words else "none"
+
+
+def results_page(study: Study, folder: pathlib.Path, page: pathlib.Path, command: str) -> list[pathlib.Path]:
+    """Writes the page and, beside the kept results, its picture. Returns what was written. Raises OSError."""
+    rows, random_play, problems = read_rows(study, folder)
+    published = published_table(pathlib.Path(__file__).with_name("published.toml"))[1]
+    scenarios = list(published) + sorted({row.run.scenario for row in rows} - set(published))
+    cells = cells_of(rows)
+    learns = {
+        (scenario, algo)
+        for (scenario, algo), found in cells.items()
+        if most(found, "beats_in_score") or most(found, "beats_in_return")
+    }
+    paper = reached(scenarios, cells, published)
+    by_algo = {algo: [s for s in scenarios if (s, algo) in learns] for algo in ALGORITHMS}
+    commits = sorted({str(row.result.get("commit", ""))[:7] for row in rows} - {""})
+    machines = sorted({str(row.result.get("processor", "")) for row in rows} - {""})
+    dates = sorted(str(row.result.get("date", ""))[:10] for row in rows)
+
+    matrix = Table(["scenario", "random play", *ALGORITHMS], [])
+    for scenario in scenarios:
+        known = random_play.get(scenario)
+        matrix.rows.append(
+            [scenario, rounded(float(known[0].mean()), 3) if known else ""]
+            + [cell_text(cells.get((scenario, algo), [])) for algo in ALGORITHMS]
+        )
+    details = Table(
+        ["run", "env frames", "J", "p", "return", "random's return", "p", "paper's J at 100 M", "minutes", "stale"], []
+    )
+    p_text = lambda p: "" if math.isnan(p) else "<1e-9" if p < 1e-9 else f"{p:.2g}"
+    for row in sorted(rows, key=lambda row: (scenarios.index(row.run.scenario), ALGORITHMS.index(row.run.algo), row.run.seed)):
+        scores, known = row.scores, random_play.get(row.run.scenario)
+        printed = published.get(row.run.scenario, {}).get("printed")
+        half = stats.t.ppf(0.975, len(scores) - 1) * scores.std(ddof=1) / math.sqrt(len(scores))
+        details.rows.append(
+            [
+                row.run.name,
+                millions(row.env_frames),
+                f"{rounded(float(scores.mean()))} ± {rounded(float(half), 2)}",
+                p_text(row.p_score),
+                rounded(float(row.returns.mean()), 3),
+                rounded(float(known[1].mean()), 3) if known else "",
+                p_text(row.p_return),
+                rounded(printed[ALGORITHMS.index(row.run.algo)]) if printed else "",
+                rounded(float(row.result.get("train_s") or math.nan) / 60, 2),
+                row.stale,
+            ]
+        )
+
+    picture = folder / "curves.png"
+    shown = [scenario for scenario in scenarios if any(row.run.scenario == scenario for row in rows)]
+    figure = curves_figure(study, shown, random_play) if shown else None
+    if figure is not None:
+        figure.savefig(picture, dpi=110, bbox_inches="tight", metadata={"Software": None})
+        plt.close(figure)
+    missing = [f"{algo} on {s}" for s in scenarios for algo in ALGORITHMS if (s, algo) not in cells]
+    lines = [
+        "# Results: what was shown to learn",
+        "",
+        f"Written by `{command}`; no number is typed by hand. {len(rows)} runs of {len(cells)} of "
+        f"{len(scenarios) * len(ALGORITHMS)} pairs of scenario and algorithm"
+        + (f", {dates[0]} to {dates[-1]}" if rows else "")
+        + f"; commits {joined(commits)}; {joined(machines)}.",
+        "",
+        "J is the mean over 100 fresh episodes with drawn actions unless a run's evaluation says otherwise. **Bold**: beats random play in "
+        "J; *italic*: in the return alone (one-sided Welch test over episodes, p < 0.01 after Holm's correction over all "
+        f"{2 * sum(not math.isnan(row.p_score) for row in rows)} tests of this page), in most of a cell's seeds, whose number stands in "
+        "brackets. An empty cell was not run. †: recipe or map have changed since; the last table says what.",
+        "",
+        as_markdown(matrix),
+        f"* Scenarios that at least one algorithm learns: {sum(any((s, a) in learns for a in ALGORITHMS) for s in scenarios)} "
+        f"of {len(scenarios)}. Not yet: {joined([s for s in scenarios if not any((s, a) in learns for a in ALGORITHMS)])}.",
+        "* Scenarios that each algorithm learns: " + ", ".join(f"{algo} {len(by_algo[algo])}" for algo in ALGORITHMS) + ".",
+        "* What the paper prints for the same algorithm at 100 M env frames is reached within 20 M on "
+        f"{len(paper)} scenarios: " + (joined([f"{s} ({joined(algos)})" for s, algos in paper.items()])) + ".",
+        "",
+    ]
+    if figure is not None:
+        lines += [f"![Learning curves]({os.path.relpath(picture, page.parent)})", ""]
+    lines += ["## Each run", "", as_markdown(details)]
+    if problems or study.left_out:
+        lines += ["## Left out", ""] + [f"* {one}" for one in problems] + [f"* {n}: {why}" for n, why in study.left_out]
+        lines.append("")
+    lines += ["## Not run", "", (joined(missing) if missing else "Every pair was run.") , ""]
+    page.write_text("\n".join(lines), encoding="utf-8")
+    return [page] + ([picture] if figure is not None else [])

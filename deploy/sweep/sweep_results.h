@@ -1,0 +1,54 @@
+// What a finished run of a sweep gave, as small text files that can lie in a repository: a clone that has them does not make
+// the run again, and `comrad report FOLDER` reads them as it reads runs.
+//
+//   <folder>/<run>/config.toml      the run's settings; where it lay is left out
+//   <folder>/<run>/metrics.jsonl    its reports, thinned: at most 200 rows, the names that curves and diagnoses need
+//   <folder>/<run>/status.json      how it ended
+//   <folder>/<run>/result.json      goal, commit, machine, date, hashes of the maps, mean score and return; what has changed since
+//   <folder>/eval/<run>.json        the evaluation: score and return of every episode
+//
+// result.json is written last, so what it names is there. Stage: after a run.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "deploy/sweep/sweep_plan.h"
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::deploy {
+
+class SweepFolder;
+
+/// result.json, as far as the sweep itself reads it.
+struct KeptResult {
+  double goal_env_frames = 0;  ///< train_for_env_frames of the run
+  double env_frames = 0;       ///< what it trained
+  double score = 0;            ///< mean J of the evaluation; NaN where it has none
+  std::string stale;           ///< what has changed since; empty: nothing
+};
+
+/// Nothing where there is none, or it is damaged.
+std::optional<KeptResult> read_result(const SweepResults& results, const std::string& run);
+
+/// Evaluates the finished run and writes its files. `comrad` is the program's path. Errors: kPeerLost with the evaluation's
+/// last words, kNoSpace, kSystem; kBadFormat where the run's own files cannot be read.
+Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::string& comrad);
+
+/// Reports of a metrics.jsonl, at most `rows_max` of them, the first and the last among them, evenly spread; every number
+/// with five digits; the names that results keep. Lines that are no objects are left out. Pure.
+std::string thin_metrics(const std::string& text, std::size_t rows_max);
+
+/// The settings that count for what is learned and differ, "learning_rate 4e-04 -> 2e-04, ..."; empty where none does.
+/// Where a run lies, what its size follows from and how it is watched do not count. Pure.
+std::string recipe_changes(const RunConfig& then, const RunConfig& now);
+
+/// Notes in every kept result of the plan what has changed since it was made: its recipe (what the run would be told now),
+/// or the map that its settings make now. `map_hash` gives the content hash of the map of a configuration without a pool.
+/// Returns how many are stale. Errors: kNoSpace, kSystem.
+Expected<int> note_stale_results(
+    const SweepPlan& plan, const Describe& describe,
+    const std::function<Expected<std::string>(const RunConfig& config)>& map_hash);
+
+}  // namespace comrad::deploy

@@ -1,0 +1,106 @@
+// What is kept of a run, and when it is stale.
+#include "deploy/sweep/sweep_results.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <sstream>
+
+#include "rollout_buffer/core/files.h"
+#include "rollout_buffer/settings/layers.h"
+#include "tests/support/scratch_folder.h"
+
+namespace comrad::deploy {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream source(text);
+  for (std::string line; std::getline(source, line);) lines.push_back(line);
+  return lines;
+}
+
+TEST(ThinMetrics, KeepsFirstAndLastEvenlyAndTheNamesThatResultsNeed) {
+  std::string text = "{\"torn\n";
+  for (int row = 0; row < 101; ++row)
+    text += "{\"env_frames\": " + std::to_string(row + 1) +
+            "123456, \"train/loss\": 0.98765432, \"stats/odd\": 1}\n";
+  const std::vector<std::string> lines = lines_of(thin_metrics(text, 11));
+  ASSERT_EQ(lines.size(), 11u);
+  for (std::size_t i = 0; i < lines.size(); ++i)
+    EXPECT_EQ(lines[i], "{\"env_frames\":" + std::to_string(10 * i + 1) + "123456,\"train/loss\":0.98765}");
+  EXPECT_EQ(lines_of(thin_metrics(text, 1000)).size(), 101u);
+  EXPECT_EQ(lines_of(thin_metrics(text, 1)), std::vector{lines.back()});
+  EXPECT_EQ(thin_metrics("", 10), "");
+}
+
+TEST(RecipeChanges, AreWhatChangesLearning) {
+  RunConfig then;
+  then.run.algo = "ippo";
+  RunConfig now = then;
+  now.run.seed = 7;
+  now.run.train_dir = "/elsewhere";
+  now.collection.num_workers = 5;
+  EXPECT_EQ(recipe_changes(then, now), "");
+  now.optimisation.learning_rate = 2e-4;
+  now.q_learning.td_lambda = 0.1;  // IPPO has none
+  EXPECT_EQ(recipe_changes(then, now), "learning_rate 1e-04 -> 2e-04");
+}
+
+Expected<ScenarioDescription> describe(const RunConfig& config) {
+  ScenarioDescription scenario;
+  scenario.name = config.run.scenario;
+  scenario.supported_agents = {2};
+  scenario.env.num_agents = 2;
+  scenario.env.head_count = 1;
+  scenario.env.head_sizes[0] = 3;
+  return scenario;
+}
+
+TEST(StaleResults, SayWhichSettingOrMapIsAnotherNow) {
+  const test::ScratchFolder scratch;
+  SweepPlan plan;
+  plan.cores = 2;
+  plan.file.results.folder = scratch.string();
+  SweepRun run;
+  run.name = "field_ippo";
+  run.settings = {"", {{"scenario", "field"}, {"algo", "ippo"}}};
+  plan.runs.push_back(run);
+  std::string hash = "xxh3:1";
+  const auto map_hash = [&](const RunConfig&) -> Expected<std::string> { return hash; };
+  const auto stale = [&] {
+    const Expected<int> count = note_stale_results(plan, describe, map_hash);
+    EXPECT_TRUE(count) << count.error().message;
+    const auto kept = read_result(plan.file.results, "field_ippo");
+    EXPECT_EQ(*count, kept && !kept->stale.empty() ? 1 : 0);
+    return kept ? kept->stale : "none";
+  };
+  EXPECT_EQ(stale(), "none");
+
+  RunConfig config = merge_new({"", run.settings}, describe, 2)->config;
+  scratch.write("field_ippo/config.toml", settings_to_toml(config));
+  scratch.write(
+      "field_ippo/result.json",
+      R"({"train_for_env_frames": 1000, "J_mean": 2.5, "map_hashes": {"seed 42": "xxh3:1"}, "kept": [1]})");
+  EXPECT_EQ(stale(), "");
+  EXPECT_EQ(read_result(plan.file.results, "field_ippo")->score, 2.5);
+  hash = "xxh3:2";
+  EXPECT_EQ(stale(), "the map");
+  plan.runs[0].settings.values.emplace_back("gamma", "0.5");
+  EXPECT_THAT(stale(), HasSubstr("gamma 0.99 -> 0.5, the map"));
+  EXPECT_THAT(*read_file(scratch.string() + "/field_ippo/result.json"),
+              HasSubstr("\"kept\""));  // the rest stays
+  plan.runs[0].settings.values.pop_back();
+  hash = "xxh3:1";
+  EXPECT_EQ(stale(), "");
+  scratch.write("field_ippo/config.toml", "no_such_setting = 1\n");
+  EXPECT_THAT(stale(), HasSubstr("cannot be read any more"));
+  scratch.write("field_ippo/result.json", "{");
+  EXPECT_EQ(stale(), "none");
+}
+
+}  // namespace
+}  // namespace comrad::deploy
