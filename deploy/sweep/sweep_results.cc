@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "deploy/process/child_program.h"
+#include "deploy/settings/game_files.h"
 #include "deploy/sweep/sweep_folder.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
@@ -91,14 +92,15 @@ std::string result_path(const SweepResults& results, const std::string& run) {
   return results.folder + "/" + run + "/result.json";
 }
 
-/// `comrad eval` of the run, with what does not fit into a repository left out.
-Expected<ordered_json> evaluate(const SweepResults& results, const std::string& run_dir,
-                                const std::string& run, const std::string& comrad) {
+/// `comrad eval` of a player, with what does not fit into a repository left out. `more` are flags for one that is no run.
+Expected<ordered_json> evaluate(const SweepResults& results, const std::string& player,
+                                const std::string& comrad, const std::vector<std::string>& more = {}) {
   std::vector<std::string> words = {comrad,       "eval",
-                                    "--policy",   run_dir,
+                                    "--policy",   player,
                                     "--episodes", std::to_string(results.episodes),
                                     "--seed",     std::to_string(results.seed),
                                     "--json"};
+  words.insert(words.end(), more.begin(), more.end());
   if (!results.greedy) words.push_back("--stochastic");
   COMRAD_TRY_ASSIGN(const ProgramResult played, run_program(words, {.timeout_s = kEvaluationTimeoutS}));
   if (played.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
@@ -109,7 +111,7 @@ Expected<ordered_json> evaluate(const SweepResults& results, const std::string& 
   if (!answer.is_object() || !answer.contains("J_mean") || !answer.contains("each") ||
       !answer["each"].is_array())
     return Error{ErrorCode::kBadFormat, "the evaluation printed no object with J_mean and each"};
-  answer["policy"] = run;
+  answer["policy"] = fs::path(player).filename().string();
   answer.erase("checkpoint");
   ordered_json episodes = ordered_json::array();
   for (const ordered_json& one : answer["each"])
@@ -117,6 +119,19 @@ Expected<ordered_json> evaluate(const SweepResults& results, const std::string& 
                         {"return", rounded(one.value("return", ordered_json()))}});
   answer["each"] = std::move(episodes);
   return answer;
+}
+
+/// Random play on the run's map by its team, once for each scenario. Runs on pools have none: their maps are many.
+Status keep_random_play(const SweepResults& results, const RunConfig& config, const std::string& comrad) {
+  const std::string path = results.folder + "/eval/random_" + scenario_file_name(config) + ".json";
+  std::error_code ignored;
+  if (!config.environment.layout_pool.empty() || fs::exists(path, ignored)) return {};
+  COMRAD_TRY_ASSIGN(const ordered_json answer,
+                    evaluate(results, "random", comrad,
+                             {"--scenario=" + config.run.scenario,
+                              "--num_agents=" + std::to_string(config.environment.num_agents),
+                              "--layout_seed=" + std::to_string(config.environment.layout_seed)}));
+  return write_file_atomically(path, dumped(answer, -1), /*durable=*/true);
 }
 
 }  // namespace
@@ -173,13 +188,14 @@ Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::st
   const std::optional<ordered_json> status = object_in(run_dir + "/status.json");
   if (!metrics || !status)
     return Error{ErrorCode::kBadFormat, run_dir + " has no metrics.jsonl or no status.json that can be read"};
-  COMRAD_TRY_ASSIGN(const ordered_json evaluation, evaluate(results, run_dir, run.name, comrad));
+  COMRAD_TRY_ASSIGN(const ordered_json evaluation, evaluate(results, run_dir, comrad));
 
   std::error_code failed;
   for (const std::string& made : {target, results.folder + "/eval"}) {
     fs::create_directories(made, failed);
     if (failed) return file_error("cannot make " + made, failed.value());
   }
+  COMRAD_TRY(keep_random_play(results, config, comrad));
   config.run.train_dir = RunConfig().run.train_dir;
   config.environment.wad.clear();
   const SweepStart machine = facts_of_start("local");

@@ -6,6 +6,7 @@
 //   <folder>/<run>/status.json      how it ended
 //   <folder>/<run>/result.json      goal, commit, machine, date, hashes of the maps, mean score and return; what has changed since
 //   <folder>/eval/<run>.json        the evaluation: score and return of every episode
+//   <folder>/eval/random_<scenario>.json   the same of random play
 //
 // result.json is written last, so what it names is there. Stage: after a run.
 #pragma once

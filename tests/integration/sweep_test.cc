@@ -99,6 +99,8 @@ TEST(Sweep, ResultsAreKeptAndAnotherCloneDoesNotMakeThemAgain) {
             R"({"J_mean":2.0,"each":[{"J":1.0,"return":0.25},{"J":3.0,"return":0.75}],"episodes":2,)"
             R"("map_hashes":{"seed 42":"xxh3:1"},"policy":"seed1","return_mean":0.5,"scenario":"field"})");
 
+  EXPECT_EQ(read_json(scratch / "results/eval/random_field.json")["policy"], "random");
+
   // The runs are gone, as in another clone; what was kept is enough, and only what is missing is made.
   fs::remove_all(scratch / "study");
   const Ending clone = start(file("1, 2, 3", "2000"));

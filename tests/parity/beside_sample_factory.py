@@ -35,7 +35,8 @@ SHARED = {
     'encoder_conv_architecture': 'convnet_simple', 'normalize_input': True, 'normalize_returns': True,
     'gamma': 0.99, 'gae_lambda': 0.95, 'learning_rate': 4e-4, 'adam_eps': 1e-6, 'max_grad_norm': 4.0,
     'ppo_clip_ratio': 0.2, 'ppo_clip_value': 0.2, 'value_loss_coeff': 0.5, 'exploration_loss': 'symmetric_kl',
-    'exploration_loss_coeff': 0.001, 'with_vtrace': False, 'experiment_summaries_interval': 5, 'stats_avg': 100,
+    'exploration_loss_coeff': 0.001, 'reward_scale': 1.0, 'reward_clip': 1000.0, 'with_vtrace': False,
+    'experiment_summaries_interval': 5, 'stats_avg': 100,
 }
 # The choices of the action heads: for Sample Factory their numbers, for COMRAD their buttons, each after "none".
 HEADS = {
