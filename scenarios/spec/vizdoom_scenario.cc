@@ -8,6 +8,7 @@
 #include "doomgen/wad/udmf_reader.h"
 #include "doomgen/wad/wad_reader.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/algorithms.h"
 #include "scenarios/spec/action_heads.h"
 
 namespace comrad::scenarios {
@@ -18,22 +19,6 @@ namespace fs = std::filesystem;
 constexpr int kDeathmatchStart = 11;
 constexpr int kLongestTimeoutTics = 100'000'000;  ///< 33 days
 constexpr const char* kDebianGames = "/usr/share/games/doom/";
-
-/// What preset small changes for the on-policy algorithms in any game of a .cfg. Measured on health_gathering, whose seed 3
-/// gave up moving in eight of nine variants without the clip (scenarios/VIZDOOM.md, "What learns").
-struct SmallRow {
-  const char* setting;
-  const char* value;
-};
-constexpr SmallRow kSmallRows[] = {
-    // A file's penalties are as large as its author likes: one death of -100 beside living rewards of 4 makes the advantages
-    // of a batch mostly its noise.
-    {"reward_clip", "10"},
-    // One agent gives half the rows of two for the same frames: smaller steps, and more weight on staying undecided.
-    {"learning_rate", "2e-4"},
-    {"exploration_loss_coeff", "0.003"},
-};
-constexpr const char* kOnPolicy[] = {"ippo", "mappo", "happo"};
 
 std::string at_line(const VizdoomConfig& config, int line) {
   return config.path + (line > 0 ? ":" + std::to_string(line) : "") + ": ";
@@ -226,10 +211,12 @@ Expected<ScenarioSpec> load_vizdoom_scenario(const std::string& path) {
   spec.decision_limit = (spec.limit_tics() + kTicsPerDecision - 1) / kTicsPerDecision;
   spec.respawn = config.forced_respawn;
   spec.respawn_delay_tics = config.respawn_delay_tics;
+  // What a file lists as available variables ViZDoom's agent is given; a health that no pixel shows decided whether
+  // health_gathering was learned (scenarios/VIZDOOM.md, "What learns").
   spec.training.origin = "ViZDoom's games";
-  for (const char* algorithm : kOnPolicy)
-    for (const SmallRow& row : kSmallRows)
-      spec.training.values.emplace_back(std::string("small.") + algorithm + "." + row.setting, row.value);
+  if (!spec.measurements.empty())
+    for (const std::string& algorithm : algorithm_names())
+      spec.training.values.emplace_back("small." + algorithm + ".use_additional_input", "true");
   spec.hud = config.hud, spec.crosshair = config.crosshair;
   spec.screen_flashes = config.screen_flashes, spec.weapon = config.weapon;
   if (config.minimal_hud)

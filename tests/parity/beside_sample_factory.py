@@ -52,7 +52,8 @@ def flags(settings):
 def run_comrad(asked, game, cfg, seed, folder, precision):
     """The curve of one run, [(env frames, seconds, score)], and its seconds."""
     settings = {**SHARED, 'seed': seed, 'train_for_env_frames': FRAMES, 'heads': HEADS[game][1], 'train_dir': folder,
-                'experiment': game, 'precision': precision, 'algo': 'ippo', 'preset': 'small', 'scenario': cfg}
+                'experiment': game, 'precision': precision, 'algo': 'ippo', 'preset': 'small', 'scenario': cfg,
+                'use_additional_input': False}  # Sample Factory gets pixels alone
     del settings['recurrence']  # COMRAD's is the rollout
     began = time.monotonic()
     subprocess.run([asked.comrad, 'train', *flags(settings)], check=True, stdout=subprocess.DEVNULL)

@@ -57,8 +57,9 @@ def frame_of(game):
 class PolicyPlayer:
     """A checkpoint that plays one seat; sent to the process that plays it, which loads the network."""
 
-    def __init__(self, checkpoint, head_sizes, decisions=None, render=None):
+    def __init__(self, checkpoint, head_sizes, decisions=None, render=None, measurements=()):
         self.checkpoint, self.head_sizes, self.decisions, self.render = checkpoint, head_sizes, decisions, render or {}
+        self.measurements = measurements  # terms of `comrad scenarios describe`, in the order of the .cfg's variables
         self.state = None
 
     def prepare(self, game, player):
@@ -83,8 +84,17 @@ class PolicyPlayer:
         import load_policy
         import torch
         with torch.no_grad():
-            logits, self.state = self.policy.step(frame_of(game), state=self.state)
+            logits, self.state = self.policy.step(frame_of(game), self.measurement_of(game), self.state)
         return load_policy.greedy(logits, self.head_sizes)[0].tolist()
+
+    def measurement_of(self, game):
+        """[1, M] f32 of the variables that the .cfg lists; None for a policy that gets none."""
+        import torch
+        if not self.measurements:
+            return None
+        values = [max(-term['clip'], min(term['clip'], value * term['scale'] + term['offset']))
+                  for term, value in zip(self.measurements, game.get_state().game_variables, strict=True)]
+        return torch.tensor([values], dtype=torch.float32)
 
     def choose(self, game, tic):
         """As Script.choose of scenario_parity.py."""
@@ -154,9 +164,9 @@ def main():
         settings = tomllib.load(file)
     scenario, agents = settings['scenario'], settings['num_agents']
     is_cfg = scenario.lower().endswith('.cfg')
-    if settings['use_additional_input'] or agents != (1 if is_cfg else AGENTS) or settings['env_frameskip'] != TICS and not is_cfg:
-        sys.exit(f'{asked.run}: a run of one agent on a .cfg, or of two on a scenario with 4 tics a decision, without '
-                 'additional input is needed')
+    if agents != (1 if is_cfg else AGENTS) or not is_cfg and (settings['use_additional_input'] or settings['env_frameskip'] != TICS):
+        sys.exit(f'{asked.run}: a run of one agent on a .cfg is needed, or of two on a scenario with 4 tics a decision and without '
+                 'additional input')
 
     def json_of(*words):
         return json.loads(subprocess.run([asked.comrad, *words, '--json'], check=True, stdout=subprocess.PIPE).stdout)
@@ -166,7 +176,8 @@ def main():
     ours = json_of('eval', '--policy', asked.run, '--episodes', str(asked.episodes))
     checkpoint = latest_checkpoint(asked.run)
     if is_cfg:
-        player = PolicyPlayer(checkpoint, described['heads'])
+        terms = described['measurement_terms'] if settings['use_additional_input'] else ()
+        player = PolicyPlayer(checkpoint, described['heads'], measurements=terms)
         returns = play_cfg(player, described['head_buttons'], scenario, asked.episodes, settings['env_frameskip'])
     else:
         with open(os.path.join(SCENARIOS, scenario, 'scenario.toml'), 'rb') as file:

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <utility>
 
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/recipes.h"
@@ -102,18 +101,18 @@ TEST_F(VizdoomScenario, MoreHeadsThanAnAgentHasAskForAChoice) {
   EXPECT_TRUE(change_heads(*spec, "ATTACK;USE;TURN_LEFT"));
 }
 
-TEST_F(VizdoomScenario, PresetSmallClipsRewardsWhosePenaltiesAreAnyones) {
-  const auto spec = load(kPlain);
-  ASSERT_TRUE(spec) << spec.error().message;
-  const auto small = scenario_settings(spec->training, Preset::kSmall, "ippo");
-  using Value = std::pair<std::string, std::string>;
-  EXPECT_THAT(small.values, ElementsAre(Value("reward_clip", "10"), Value("learning_rate", "2e-4"),
-                                        Value("exploration_loss_coeff", "0.003")));
-  RunConfig config;
-  EXPECT_TRUE(apply_layer(config, small));
-  EXPECT_EQ(config.environment.reward_clip, 10);
-  EXPECT_THAT(scenario_settings(spec->training, Preset::kPaper, "ippo").values, IsEmpty());
-  EXPECT_THAT(scenario_settings(spec->training, Preset::kSmall, "idqn").values, IsEmpty());
+TEST_F(VizdoomScenario, PresetSmallGivesTheNetworkTheVariablesThatTheFileLists) {
+  const auto without = load(kPlain);
+  ASSERT_TRUE(without) << without.error().message;
+  EXPECT_THAT(without->training.values, IsEmpty());
+  const auto with = load(std::string(kPlain) + "available_game_variables = { HEALTH }\n");
+  ASSERT_TRUE(with) << with.error().message;
+  for (const char* algorithm : {"ippo", "idqn", "qplex_q"}) {
+    RunConfig config;
+    EXPECT_TRUE(apply_layer(config, scenario_settings(with->training, Preset::kSmall, algorithm)));
+    EXPECT_TRUE(config.environment.use_additional_input) << algorithm;
+  }
+  EXPECT_THAT(scenario_settings(with->training, Preset::kPaper, "ippo").values, IsEmpty());
 }
 
 TEST_F(VizdoomScenario, KeysOfTheFileBecomeTermsAndLimits) {
