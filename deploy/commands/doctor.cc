@@ -5,6 +5,7 @@
 
 #include "deploy/commands/command.h"
 #include "deploy/commands/machine_check.h"
+#include "deploy/process/child_program.h"
 #include "deploy/settings/command_line.h"
 
 namespace comrad::deploy {
@@ -38,10 +39,13 @@ int examine(bool json) {
     if (!result.action.empty()) std::printf("      %-16s -> %s\n", "", result.action.c_str());
     std::fflush(stdout);
   };
-  report(check_packages());
+  // What builds and tests need concerns an installed program no more.
+  if (!is_installed()) report(check_packages());
   report(check_report_packages());
-  report(check_test_packages());
-  report(check_test_python());
+  if (!is_installed()) {
+    report(check_test_packages());
+    report(check_test_python());
+  }
   report(check_iwad());
   report(check_blas());
   report(check_memory());

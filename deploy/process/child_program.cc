@@ -38,6 +38,8 @@ std::string sibling_program(const std::string& name) {
 
 std::string build_folder() { return own_executable().parent_path().parent_path().string(); }
 
+bool is_installed() { return own_executable().parent_path().parent_path().filename() == "libexec"; }
+
 Expected<ProgramResult> run_program(const std::vector<std::string>& command, const ProgramOptions& options) {
   if (command[0].find('/') != std::string::npos && access(command[0].c_str(), X_OK) != 0)
     return Error{ErrorCode::kNotFound, command[0] + ": no such program; build it with ./comrad"};

@@ -17,6 +17,9 @@ std::string sibling_program(const std::string& name);
 /// The build folder that our own executable lies in (<build>/bin/comrad).
 std::string build_folder();
 
+/// Whether our own executable was installed (<prefix>/libexec/comrad/comrad): it has no sources and no build folder.
+bool is_installed();
+
 struct ProgramOptions {
   double timeout_s = 60;     ///< the program is killed then; more in a process of low priority (patience())
   bool echo_stderr = false;  ///< also pass its stderr on, as it comes

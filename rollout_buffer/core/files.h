@@ -36,8 +36,8 @@ constexpr std::string_view kHalfWrittenMark = ".tmp-";
 /// cache. Errors: as file_error.
 Status write_file_atomically(const std::string& path, std::string_view bytes, bool durable);
 
-/// The folder that holds scenarios/ and the other data files: $COMRAD_HOME, else the source folder of
-/// the build.
+/// The folder that holds scenarios/ and the other data files: $COMRAD_HOME, else <prefix>/share/comrad where this
+/// program is <prefix>/libexec/comrad/<name> (it was installed), else the source folder of the build.
 std::string data_dir();
 
 }  // namespace comrad

@@ -210,5 +210,58 @@ TEST(SlurmSweep, MakesAnArrayThatIsRequeuedResumedAndReported) {
   EXPECT_EQ(status()["interrupted"], 4);
 }
 
+TEST(SlurmScript, ARunNearItsTimeLimitIsQueuedAgainUnderItsName) {
+  Cluster cluster;
+  if (const std::string why = cluster.start(); !why.empty()) GTEST_SKIP() << "no Slurm here: " << why;
+  const ScratchFolder scratch;
+  // `comrad train`: saves when it is told to stop; the second time it reaches its goal. A seed of 600 is bad input.
+  const std::string program = scratch.write(
+      "comrad",
+      "#!/bin/bash\nevents=" + scratch.string() +
+          "/events\necho \"begins $*\" >> $events\n[[ \"$*\" != *600* ]] || exit 2\n"
+          "trap 'echo saved >> $events; exit 0' TERM\n[[ -z \"${SLURM_RESTART_COUNT:-}\" ]] || exit 0\n"
+          "for _ in {1..3000}; do sleep 0.1; done\n");
+  fs::permissions(program, fs::perms::owner_all);
+  const auto events = [&] { return read_text(scratch / "events"); };
+  Environment environment = cluster.environment();
+  environment["COMRAD"] = program;
+  const auto submit = [&](const std::vector<std::string>& words) {
+    std::vector<std::string> command = {found_program("sbatch"),
+                                        "--parsable",
+                                        "--time=1",
+                                        "--mem=100M",
+                                        "--signal=B:USR1@50",
+                                        "--cpus-per-task=1",
+                                        "--output=" + scratch.string() + "/%j.log",
+                                        std::string(COMRAD_SOURCE_DIR) + "/deploy/slurm/train.sbatch"};
+    command.insert(command.end(), words.begin(), words.end());
+    const std::string printed = RunningProgram(command, environment).wait(30).out;
+    return printed.substr(0, printed.find('\n'));
+  };
+  const auto state_of = [&](const std::string& job) { return cluster.ask({"scontrol", "show", "job", job}); };
+
+  const std::string bad = submit({"--scenario", "field", "--seed", "600"});
+  ASSERT_TRUE(
+      wait_until([&] { return state_of(bad).find("JobState=FAILED") != std::string::npos; }, kWaitSeconds))
+      << state_of(bad);
+  EXPECT_THAT(state_of(bad), HasSubstr("ExitCode=2:0"));
+  EXPECT_EQ(count(events(), "begins"), 1) << events();
+
+  const std::string job = submit({"--scenario", "field", "--seed", "1"});
+  ASSERT_TRUE(wait_until(
+      [&] {
+        if (state_of(job).find("JobState=PENDING") != std::string::npos)
+          cluster.ask(
+              {"scontrol", "update", "JobId=" + job, "StartTime=now"});  // else it is held for two minutes
+        return state_of(job).find("JobState=COMPLETED") != std::string::npos;
+      },
+      2 * kWaitSeconds))
+      << events() << state_of(job) << read_text(scratch / (job + ".log"));
+  EXPECT_EQ(count(events(), "begins train --scenario field --seed 1 --experiment slurm_" + job + "\n"), 2)
+      << events();
+  EXPECT_EQ(count(events(), "saved"), 1) << events();
+  EXPECT_THAT(read_text(scratch / (job + ".log")), HasSubstr("is queued again"));
+}
+
 }  // namespace
 }  // namespace comrad::testing

@@ -1,0 +1,59 @@
+#!/usr/bin/env bash
+# `cmake --install` into a prefix that is moved afterwards: its programs find each other and their data there, with an empty
+# environment, and no longer look at the sources.
+#
+#   install_test.sh BUILD_FOLDER
+set -euo pipefail
+build="$1"
+home="$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/../.." && pwd)"
+scratch="$(mktemp -d)"
+trap 'rm -rf "${scratch}"' EXIT
+
+fail() {
+  echo "install_test: $*" >&2
+  exit 1
+}
+
+cmake --install "${build}" --prefix "${scratch}/first" >"${scratch}/install.log" || fail "$(tail -n 5 "${scratch}/install.log")"
+mkdir -p "${scratch}/moved/far"
+mv "${scratch}/first" "${scratch}/moved/far/comrad"
+prefix="${scratch}/moved/far/comrad"
+cd "${scratch}"
+installed() { env -i "${prefix}/bin/comrad" "$@"; }
+
+for program in "${prefix}"/libexec/comrad/*; do
+  path="$(readelf -d "${program}" | grep -E '\((RPATH|RUNPATH)\)' || true)"
+  [[ "${path}" != *"${build}"* && "${path}" != *"${home}"* ]] || fail "${program} looks for libraries in ${path}"
+done
+
+# A scenario that only the prefix has.
+cp -r "${home}/tests/integration/target_room" "${prefix}/share/comrad/scenarios/target_room"
+names() { sed 's/ .*//' "$1"; }
+installed scenarios list >"${scratch}/scenarios.txt"
+COMRAD_HOME="${home}" "${build}/bin/comrad" scenarios list >"${scratch}/of_sources.txt"
+[[ "$(names "${scratch}/scenarios.txt")" == "$( (echo target_room && names "${scratch}/of_sources.txt") | sort)" ]] ||
+  fail "the prefix has other scenarios than the sources and its own: $(<"${scratch}/scenarios.txt")"
+
+small=(--scenario coop_health_gathering --algo ippo --seed 42 --num_workers 1 --num_envs_per_worker 4 --rollout 16
+  --batch_size 256 --micro_batch_size 64 --num_epochs 1 --rnn_type gru --rnn_size 32 --device cpu
+  --train_dir "${scratch}/runs" --experiment first --train_for_env_frames 20000)
+installed train "${small[@]}" >"${scratch}/train.log" 2>&1 || fail "train: $(tail -n 20 "${scratch}/train.log")"
+grep -q '"state": *"finished"' "${scratch}/runs/first/status.json" || fail "no finished run: $(<"${scratch}/runs/first/status.json")"
+installed eval --policy "${scratch}/runs/first" --episodes 2 --json >"${scratch}/eval.json" 2>"${scratch}/eval.log" ||
+  fail "eval: $(tail -n 20 "${scratch}/eval.log")"
+grep -q '"episodes": *2' "${scratch}/eval.json" || fail "eval printed $(<"${scratch}/eval.json")"
+
+# Doctor asks for nothing that only a build or the tests need.
+installed doctor --json >"${scratch}/doctor.json" || true
+grep -q '"iwad"' "${scratch}/doctor.json" || fail "doctor printed $(<"${scratch}/doctor.json")"
+if grep -qE '"(packages|test packages|test python)"' "${scratch}/doctor.json"; then fail "doctor looks for the sources"; fi
+# The programs that draw and export come along.
+python3 -B -m py_compile "${prefix}"/share/comrad/deploy/report/*.py || fail "reports do not come along"
+[[ -f "${prefix}/share/comrad/deploy/sweeps/benchmark.toml" ]] || fail "the paper's sweep does not come along"
+if installed test >"${scratch}/test.log" 2>&1; then fail "an installed program has no tests"; fi
+grep -q 'run ./comrad test from the sources' "${scratch}/test.log" || fail "test: $(<"${scratch}/test.log")"
+
+# Without its data it names the folder, and does not fall back on the sources.
+rm -rf "${prefix}/share/comrad"
+if installed train "${small[@]}" --experiment second >"${scratch}/train.log" 2>&1; then fail "it trains without its data"; fi
+grep -q "none found below ${prefix}/share/comrad/scenarios" "${scratch}/train.log" || fail "no data: $(<"${scratch}/train.log")"
