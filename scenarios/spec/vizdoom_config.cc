@@ -242,6 +242,18 @@ class ConfigReader {
                      }});
   }
 
+  /// A buffer that Python alone shows.
+  void add_buffer(const char* name, bool* target) {
+    keys_.push_back({name, [=, this](const Entry& entry) -> Status {
+                       COMRAD_TRY(read_flag(entry, target));
+                       if (*target)
+                         config_->buffer_warnings.push_back(
+                             config_->path + ":" + std::to_string(entry.line) + ": " + name +
+                             " is not served here: Python's comrad.gym_env alone has this buffer");
+                       return {};
+                     }});
+  }
+
   void add_keys() {
     VizdoomConfig& config = *config_;
     VizdoomRewards& rewards = config.rewards;
@@ -309,13 +321,24 @@ class ConfigReader {
     for (const char* const name :
          {"mode", "window_visible", "console_enabled", "sound_enabled", "ticrate", "screen_format",
           "render_all_frames", "vizdoom_path", "doom_config_path", "audio_buffer_size", "audio_sampling_rate",
-          "notifications_buffer_size", "automap_mode", "automap_rotate", "automap_render_textures",
-          "automap_render_objects_as_sprites"})
+          "notifications_buffer_size", "automap_render_textures", "automap_render_objects_as_sprites"})
       add_ignored(name);
-    for (const char* const name :
-         {"depth_buffer_enabled", "labels_buffer_enabled", "automap_buffer_enabled", "audio_buffer_enabled",
-          "notifications_buffer_enabled", "objects_info_enabled", "sectors_info_enabled"})
+    for (const char* const name : {"audio_buffer_enabled", "notifications_buffer_enabled",
+                                   "objects_info_enabled", "sectors_info_enabled"})
       add_unserved(name);
+    add_buffer("depth_buffer_enabled", &config.buffers.depth);
+    add_buffer("labels_buffer_enabled", &config.buffers.labels);
+    add_buffer("automap_buffer_enabled", &config.buffers.automap);
+    add_flag("automap_rotate", &config.buffers.automap_rotates);
+    keys_.push_back({"automap_mode", [this](const Entry& entry) -> Status {
+                       const std::string mode = upper_case(entry.value);
+                       const auto known = {"NORMAL", "WHOLE", "OBJECTS", "OBJECTS_WITH_SIZE"};
+                       if (std::find(known.begin(), known.end(), mode) == known.end())
+                         return error(entry, entry.key + " = " + shown(entry.value) +
+                                                 "; it must be NORMAL, WHOLE, OBJECTS or OBJECTS_WITH_SIZE");
+                       config_->buffers.automap_mode = mode;
+                       return {};
+                     }});
   }
 
   Status read_buttons(const Entry& entry) {

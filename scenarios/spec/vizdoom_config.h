@@ -25,6 +25,13 @@ struct VizdoomRewards {
   double health = 0, armor = 0;                     ///< per point gained; losses pay nothing
 };
 
+/// What the game shows beside the picture. Python serves these (comrad.gym_env); training sees the picture alone.
+struct VizdoomBuffers {
+  bool depth = false, labels = false, automap = false;
+  std::string automap_mode = "NORMAL";  ///< NORMAL, WHOLE, OBJECTS or OBJECTS_WITH_SIZE
+  bool automap_rotates = false;
+};
+
 struct VizdoomConfig {
   std::string path;           ///< of the file; begins every message
   std::string scenario_path;  ///< WAD; relative to the cfg where it was not absolute; empty: the IWAD's maps
@@ -45,8 +52,10 @@ struct VizdoomConfig {
   GameRules rules;  ///< from doom_skill, episode_start_time (at least 1 tic) and game_args
   bool forced_respawn = false;
   int respawn_delay_tics = 0;
-  int host_count = 0;                 ///< players that -host waits for; 0: not said
-  std::vector<std::string> warnings;  ///< "path:line: ..." of what is not understood or not served
+  int host_count = 0;  ///< players that -host waits for; 0: not said
+  VizdoomBuffers buffers;
+  std::vector<std::string> warnings;         ///< "path:line: ..." of what is not understood or not served
+  std::vector<std::string> buffer_warnings;  ///< the same of `buffers`, for whom they are not served
 };
 
 /// Reads a cfg file. Errors: kNotFound; kBadFormat as "path:line: what"; kBadInput for a value out of range.

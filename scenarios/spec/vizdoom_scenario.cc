@@ -180,6 +180,7 @@ Expected<ScenarioSpec> load_vizdoom_scenario(const std::string& path) {
   ScenarioSpec spec;
   spec.is_vizdoom = true;
   spec.warnings = config.warnings;
+  spec.warnings.insert(spec.warnings.end(), config.buffer_warnings.begin(), config.buffer_warnings.end());
   spec.name = spec.maps_of = fs::path(path).stem().string();
   spec.iwad = game_wad(config, spec);
   COMRAD_TRY_ASSIGN(const std::string wad, map_wad(config, spec.iwad));

@@ -49,6 +49,8 @@ struct EnvBatch::Slot {
   std::unique_ptr<sim::DoomEnvironment> environment;
   EpisodeKey episode;
   bool has_begun = false, is_over = false;
+  SeenLines seen_lines;
+  std::vector<std::vector<doom::ThingLabel>> things;  // [agent]
 };
 
 /// What only lives until close().
@@ -62,7 +64,6 @@ struct EnvBatch::Works {
     std::vector<int> indices;
     std::vector<doom::ViewRequest> views;
     std::vector<uint8_t> planes;  // where pictures are interleaved
-    std::vector<float> depth;
     Status status;
   };
   explicit Works(int threads) : lanes(static_cast<std::size_t>(threads)), crew(threads) {}
@@ -146,11 +147,20 @@ Status EnvBatch::open() {
   if (options_.by_buttons) {
     if (!spec_.is_vizdoom)
       return bad(options_.scenario + " has action heads; only a ViZDoom .cfg can be played by its buttons");
+  }
+  std::string automap_mode = options_.automap_mode.empty() ? "NORMAL" : options_.automap_mode;
+  automap_ = {.width = options_.width, .height = options_.height};
+  if (spec_.is_vizdoom) {
     COMRAD_TRY_ASSIGN(const scenarios::VizdoomConfig config,
                       scenarios::load_vizdoom_config(options_.scenario));
     buttons_ = config.buttons;
     button_names_ = config.button_names;
+    if (options_.automap_mode.empty()) automap_mode = config.buffers.automap_mode;
+    automap_.rotates = config.buffers.automap_rotates;
   }
+  const std::optional<doom::AutomapMode> mode = doom::find_automap_mode(automap_mode);
+  if (!mode) return bad("automap_mode '" + automap_mode + "' is none of " + doom::kAutomapModeNames);
+  automap_.mode = *mode;
   sim::EnvironmentOptions environment{.scenario = options_.scenario,
                                       .wad_path = options_.maps.front(),
                                       .num_agents = options_.num_agents,
@@ -183,7 +193,7 @@ Status EnvBatch::open() {
     Works::Lane& lane = works_->lanes[static_cast<std::size_t>(thread)];
     COMRAD_TRY_ASSIGN(lane.library, sim::LayoutLibrary::create(environment));
     COMRAD_TRY_ASSIGN(const std::shared_ptr<const sim::DoomGame> first, lane.library->game(0));
-    if (options_.has_pictures || options_.has_depth) {
+    if (options_.has_pictures || options_.has_depth || options_.has_labels || options_.has_automap) {
       COMRAD_TRY_ASSIGN(lane.renderer,
                         sim::make_renderer(*first, options_.maps, {options_.width, options_.height}));
       lane.library->draw_with(lane.renderer.get());
@@ -192,6 +202,8 @@ Status EnvBatch::open() {
       Slot& slot = works_->slots[static_cast<std::size_t>(index)];
       slot.environment = std::make_unique<sim::DoomEnvironment>(first);
       slot.environment->choose_from(lane.library);
+      slot.seen_lines.resize(static_cast<std::size_t>(options_.num_agents));
+      slot.things.resize(static_cast<std::size_t>(options_.num_agents));
     }
     return {};
   });
@@ -208,6 +220,8 @@ void EnvBatch::size_arrays() {
   const auto measurements = static_cast<std::size_t>(shape_.measurement_count);
   if (options_.has_pictures) arrays_.picture.resize(rows * 3 * pixels);
   if (options_.has_depth) arrays_.depth.resize(rows * pixels);
+  if (options_.has_labels) arrays_.labels.resize(rows * pixels);
+  if (options_.has_automap) arrays_.automap.resize(rows * 3 * pixels);
   arrays_.measurement.resize(rows * measurements);
   arrays_.variable.resize(rows * measurements);
   arrays_.action_mask.resize(rows * static_cast<std::size_t>(shape_.logit_count()));
@@ -247,6 +261,7 @@ Status EnvBatch::begin_episode(Slot& slot) {
   slot.environment->reset(seed);
   slot.has_begun = true;
   slot.is_over = false;
+  for (std::vector<uint8_t>& lines : slot.seen_lines) lines.clear();
   arrays_.episode_seed[index] = seed;
   return {};
 }
@@ -396,39 +411,89 @@ void EnvBatch::write_numbers(int index) {
 }
 
 void EnvBatch::draw_views(int thread, std::span<const int> indices) {
+  if (options_.has_pictures) draw_pictures(thread, indices);
+  if (options_.has_depth || options_.has_labels || options_.has_automap)
+    for (const int index : indices)
+      draw_buffers(*works_->lanes[static_cast<std::size_t>(thread)].renderer, index);
+}
+
+void EnvBatch::draw_pictures(int thread, std::span<const int> indices) {
   Works::Lane& lane = works_->lanes[static_cast<std::size_t>(thread)];
   const auto agents = static_cast<std::size_t>(options_.num_agents);
   const std::size_t pixels =
       static_cast<std::size_t>(options_.width) * static_cast<std::size_t>(options_.height);
-  const auto row_of = [&](int index, std::size_t agent) {
-    return static_cast<std::size_t>(index) * agents + agent;
+  const auto picture_of = [&](int index, std::size_t agent) {
+    return arrays_.picture.data() + (static_cast<std::size_t>(index) * agents + agent) * 3 * pixels;
   };
-  if (options_.has_pictures) {
-    const bool in_place = options_.channels_first;
-    if (!in_place) lane.planes.resize(indices.size() * agents * 3 * pixels);
-    lane.views.clear();
-    for (const int index : indices)
-      for (std::size_t agent = 0; agent < agents; ++agent)
-        lane.views.push_back({&works_->slots[static_cast<std::size_t>(index)].environment->world(),
-                              static_cast<int>(agent),
-                              in_place ? arrays_.picture.data() + row_of(index, agent) * 3 * pixels
-                                       : lane.planes.data() + lane.views.size() * 3 * pixels});
-    lane.renderer->draw(lane.views);
-    std::size_t view = 0;
-    if (!in_place)
-      for (const int index : indices)
-        for (std::size_t agent = 0; agent < agents; ++agent, ++view)
-          interleave(lane.planes.data() + view * 3 * pixels, pixels,
-                     arrays_.picture.data() + row_of(index, agent) * 3 * pixels);
-  }
-  if (!options_.has_depth) return;
+  const bool in_place = options_.channels_first;
+  if (!in_place) lane.planes.resize(indices.size() * agents * 3 * pixels);
+  lane.views.clear();
   for (const int index : indices)
-    for (std::size_t agent = 0; agent < agents; ++agent) {
-      const doom::World& world = works_->slots[static_cast<std::size_t>(index)].environment->world();
-      lane.renderer->draw_depth(world, static_cast<int>(agent), &lane.depth);
-      std::ranges::copy(lane.depth,
-                        arrays_.depth.begin() + static_cast<std::ptrdiff_t>(row_of(index, agent) * pixels));
+    for (std::size_t agent = 0; agent < agents; ++agent)
+      lane.views.push_back(
+          {&works_->slots[static_cast<std::size_t>(index)].environment->world(), static_cast<int>(agent),
+           in_place ? picture_of(index, agent) : lane.planes.data() + lane.views.size() * 3 * pixels});
+  lane.renderer->draw(lane.views);
+  if (in_place) return;
+  std::size_t view = 0;
+  for (const int index : indices)
+    for (std::size_t agent = 0; agent < agents; ++agent, ++view)
+      interleave(lane.planes.data() + view * 3 * pixels, pixels, picture_of(index, agent));
+}
+
+void EnvBatch::draw_buffers(doom::Renderer& renderer, int index) {
+  Slot& slot = works_->slots[static_cast<std::size_t>(index)];
+  const doom::World& world = slot.environment->world();
+  const auto pixels = static_cast<std::ptrdiff_t>(options_.width) * options_.height;
+  std::vector<float> depth;
+  std::vector<uint8_t> bytes;
+  for (int player = 0; player < options_.num_agents; ++player) {
+    const auto agent = static_cast<std::size_t>(player);
+    const std::ptrdiff_t row = index * options_.num_agents + player;
+    if (options_.has_depth) {
+      renderer.draw_depth(world, player, &depth);
+      std::ranges::copy(depth, arrays_.depth.begin() + row * pixels);
     }
+    if (options_.has_labels) {
+      renderer.draw_labels(world, player, &bytes, &slot.things[agent]);
+      std::ranges::copy(bytes, arrays_.labels.begin() + row * pixels);
+    }
+    if (!options_.has_automap) continue;
+    renderer.mark_seen_lines(world, player, &slot.seen_lines[agent]);
+    uint8_t* const map = arrays_.automap.data() + row * 3 * pixels;
+    if (options_.channels_first) bytes.resize(static_cast<std::size_t>(3 * pixels));
+    draw_automap(world, player, automap_, slot.seen_lines[agent],
+                 options_.channels_first ? bytes.data() : map);
+    if (options_.channels_first)
+      for (std::ptrdiff_t at = 0; at < 3 * pixels; ++at)
+        map[at % 3 * pixels + at / 3] = bytes[static_cast<std::size_t>(at)];
+  }
+}
+
+Expected<std::vector<SeenThing>> EnvBatch::things_seen(int index, int agent) {
+  const Entry entry(*this);
+  COMRAD_TRY(entry.status());
+  if (!options_.has_labels) return bad("these environments have no labels; ask for them when you make them");
+  COMRAD_TRY(check_range("the environment's index", index, 0, options_.num_envs - 1));
+  COMRAD_TRY(check_range("the agent's index", agent, 0, options_.num_agents - 1));
+  const Slot& slot = works_->slots[static_cast<std::size_t>(index)];
+  if (!slot.has_begun) return bad("call reset() before you ask for labels");
+  const doom::World& world = slot.environment->world();
+  std::vector<SeenThing> seen;
+  for (const doom::ThingLabel& label : slot.things[static_cast<std::size_t>(agent)]) {
+    const doom::Actor* const actor = world.find_actor(label.actor_id);
+    if (actor == nullptr) continue;
+    seen.push_back({.label = label,
+                    .name = world.catalog()[actor->type].name,
+                    .x = doom::to_double(actor->x),
+                    .y = doom::to_double(actor->y),
+                    .z = doom::to_double(actor->z),
+                    .angle_degrees = doom::angle_to_radians(actor->angle) * 180.0 / std::numbers::pi,
+                    .velocity_x = doom::to_double(actor->velocity_x),
+                    .velocity_y = doom::to_double(actor->velocity_y),
+                    .velocity_z = doom::to_double(actor->velocity_z)});
+  }
+  return seen;
 }
 
 Expected<std::shared_ptr<const SavedState>> EnvBatch::state_of(int index) {
@@ -437,7 +502,8 @@ Expected<std::shared_ptr<const SavedState>> EnvBatch::state_of(int index) {
   COMRAD_TRY(check_range("the environment's index", index, 0, options_.num_envs - 1));
   const Slot& slot = works_->slots[static_cast<std::size_t>(index)];
   if (!slot.has_begun) return bad("call reset() before get_state()");
-  return std::shared_ptr<const SavedState>(new SavedState(*slot.environment, slot.episode, slot.is_over));
+  return std::shared_ptr<const SavedState>(
+      new SavedState(*slot.environment, slot.episode, slot.is_over, slot.seen_lines));
 }
 
 Status EnvBatch::restore(int index, const SavedState& state) {
@@ -464,6 +530,7 @@ Status EnvBatch::restore(int index, const SavedState& state) {
     slot.episode = state.episode_;
     slot.has_begun = true;
     slot.is_over = state.is_over_;
+    slot.seen_lines = state.seen_lines_;
     write_numbers(index);
     draw_views(thread, {&index, 1});
     return {};

@@ -10,10 +10,13 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
 #include "scenarios/spec/game_names.h"
+#include "sim_workers/engine/render/automap.h"
+#include "sim_workers/engine/render/renderer.h"
 #include "sim_workers/env/doom_env.h"
 #include "sim_workers/python/crew.h"
 
@@ -29,7 +32,8 @@ struct BatchOptions {
   int num_envs = 1;  ///< E
   int num_threads = 1;
   int width = 128, height = 72;  ///< of one agent's view
-  bool has_pictures = true, has_depth = false;
+  bool has_pictures = true, has_depth = false, has_labels = false, has_automap = false;
+  std::string automap_mode;  ///< ViZDoom's name of one; empty: as the .cfg says, NORMAL for a scenario
   bool channels_first = false;
   bool autoreset =
       false;  ///< the step after an episode's end begins the next one; else stepping it is an error
@@ -39,10 +43,12 @@ struct BatchOptions {
 
 /// What the arrays hold; they keep their place as long as the batch lives. E environments, N agents, view h x w.
 struct BatchArrays {
-  std::vector<uint8_t> picture;    ///< [E, N, h, w, 3], or [E, N, 3, h, w] where channels come first
-  std::vector<float> depth;        ///< [E, N, h, w]  map units ahead of the eye, 0 for sky and below the view
-  std::vector<float> measurement;  ///< [E, N, M]  scaled as networks get them
-  std::vector<float> variable;     ///< [E, N, M]  the same game variables as they are
+  std::vector<uint8_t> picture;  ///< [E, N, h, w, 3], or [E, N, 3, h, w] where channels come first
+  std::vector<float> depth;      ///< [E, N, h, w]  map units ahead of the eye, 0 for sky and below the view
+  std::vector<uint8_t> labels;  ///< [E, N, h, w]  as doom::Renderer::draw_labels() has them, 0 below the view
+  std::vector<uint8_t> automap;                ///< as `picture`
+  std::vector<float> measurement;              ///< [E, N, M]  scaled as networks get them
+  std::vector<float> variable;                 ///< [E, N, M]  the same game variables as they are
   std::vector<uint8_t> action_mask;            ///< [E, N, A]
   std::vector<uint8_t> active;                 ///< [E, N]  0: dead and not coming back
   std::vector<float> state;                    ///< [E, S]  as state_names() says
@@ -54,6 +60,16 @@ struct BatchArrays {
   std::vector<uint32_t> length_tics;   ///< [E]
   std::vector<uint64_t> episode_seed;  ///< [E]
 };
+
+/// A thing that an agent sees.
+struct SeenThing {
+  doom::ThingLabel label;
+  std::string name;  ///< of its class
+  double x = 0, y = 0, z = 0, angle_degrees = 0, velocity_x = 0, velocity_y = 0, velocity_z = 0;
+};
+
+/// Lines that each agent of an environment has seen: [agent][linedef].
+using SeenLines = std::vector<std::vector<uint8_t>>;
 
 /// Which episode: the `number`-th of those that follow from a seed, or the one whose own seed it is (BatchArrays::episode_seed).
 struct EpisodeKey {
@@ -68,11 +84,12 @@ class SavedState {
 
  private:
   friend class EnvBatch;
-  SavedState(const sim::DoomEnvironment& environment, const EpisodeKey& episode, bool is_over)
-      : environment_(environment), episode_(episode), is_over_(is_over) {}
+  SavedState(const sim::DoomEnvironment& environment, const EpisodeKey& episode, bool is_over, SeenLines seen)
+      : environment_(environment), episode_(episode), is_over_(is_over), seen_lines_(std::move(seen)) {}
   sim::DoomEnvironment environment_;
   EpisodeKey episode_;
   bool is_over_;
+  SeenLines seen_lines_;
 };
 
 /// Threads: any, but one at a time; a second one is refused, and so is a child process that inherited it.
@@ -109,6 +126,9 @@ class EnvBatch {
   /// Goes on from there, and draws it. Errors: kBadInput for a state of another scenario, team or frame skip.
   Status restore(int index, const SavedState& state);
   Expected<uint64_t> hash_of(int index);
+  /// What the labels of an agent's picture are of, by rising value. Errors: of the indices; of environments without
+  /// labels.
+  Expected<std::vector<SeenThing>> things_seen(int index, int agent);
   /// The views of one environment at another size, planar RGB [N, 3, height, width]. Errors: of the size.
   Expected<std::vector<uint8_t>> draw(int index, int width, int height);
   /// Ends the threads, after a step that was sent. Everything but close() and the arrays is refused from then on.
@@ -132,6 +152,9 @@ class EnvBatch {
   void run_step(std::function<void(sim::DoomEnvironment&, std::size_t)> act);
   void write_numbers(int index);
   void draw_views(int thread, std::span<const int> indices);
+  void draw_pictures(int thread, std::span<const int> indices);
+  /// What is seen beside the picture.
+  void draw_buffers(doom::Renderer& renderer, int index);
 
   BatchOptions options_;
   scenarios::ScenarioSpec spec_;
@@ -140,6 +163,7 @@ class EnvBatch {
   std::vector<scenarios::Button> buttons_;
   std::vector<scenarios::GameVariable> variables_;  // of the measurements
   std::vector<int> exports_;                        // numbers of the USER variables in the state
+  doom::AutomapOptions automap_;
   BatchArrays arrays_;
   std::unique_ptr<Works> works_;
   std::atomic<bool> is_entered_ = false;

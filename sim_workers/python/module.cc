@@ -16,6 +16,7 @@
 
 #include "scenarios/spec/registry.h"
 #include "scenarios/spec/scenario_files.h"
+#include "scenarios/spec/vizdoom_config.h"
 #include "sim_workers/python/env_batch.h"
 
 namespace nb = nanobind;
@@ -62,12 +63,14 @@ nb::dict arrays_of(nb::handle self) {
   const std::size_t envs = size(options.num_envs), agents = size(options.num_agents);
   const std::size_t width = size(options.width), height = size(options.height);
   const std::size_t measurements = size(batch.shape().measurement_count);
+  const std::vector<std::size_t> pictures = options.channels_first
+                                                ? std::vector{envs, agents, std::size_t{3}, height, width}
+                                                : std::vector{envs, agents, height, width, std::size_t{3}};
   nb::dict all;
-  if (options.has_pictures)
-    all["picture"] = view(self, arrays.picture,
-                          options.channels_first ? std::vector{envs, agents, std::size_t{3}, height, width}
-                                                 : std::vector{envs, agents, height, width, std::size_t{3}});
+  if (options.has_pictures) all["picture"] = view(self, arrays.picture, pictures);
   if (options.has_depth) all["depth"] = view(self, arrays.depth, {envs, agents, height, width});
+  if (options.has_labels) all["labels"] = view(self, arrays.labels, {envs, agents, height, width});
+  if (options.has_automap) all["automap"] = view(self, arrays.automap, pictures);
   all["measurement"] = view(self, arrays.measurement, {envs, agents, measurements});
   all["variable"] = view(self, arrays.variable, {envs, agents, measurements});
   all["action_mask"] = view(self, arrays.action_mask, {envs, agents, size(batch.shape().logit_count())});
@@ -126,6 +129,16 @@ nb::dict scenario_facts(const scenarios::ScenarioSpec& spec, int num_agents) {
   return facts;
 }
 
+/// What its .cfg asks for, and what is not served.
+void add_vizdoom_facts(nb::dict& facts, const scenarios::VizdoomConfig& config) {
+  nb::list buffers;
+  if (config.buffers.depth) buffers.append("depth");
+  if (config.buffers.labels) buffers.append("labels");
+  if (config.buffers.automap) buffers.append("automap");
+  facts["buffers"] = buffers;
+  facts["warnings"] = config.warnings;
+}
+
 /// The map of a scenario: (bytes, "") of one that is drawn, (b"", path) of one that the scenario brings along.
 nb::tuple draw_map(const std::string& scenario, uint64_t seed, int num_agents,
                    std::vector<std::pair<std::string, std::string>> parameters) {
@@ -156,8 +169,8 @@ NB_MODULE(_engine, module) {
   nb::class_<EnvBatch>(module, "EnvBatch")
       .def(nb::new_([](std::string scenario, std::vector<std::string> maps, int num_agents, int frame_skip,
                        int num_envs, int num_threads, int width, int height, bool pictures, bool depth,
-                       bool channels_first, bool autoreset, bool by_buttons, std::string reward,
-                       std::string heads) {
+                       bool labels, bool automap, std::string automap_mode, bool channels_first,
+                       bool autoreset, bool by_buttons, std::string reward, std::string heads) {
              return make_batch({.scenario = std::move(scenario),
                                 .maps = std::move(maps),
                                 .num_agents = num_agents,
@@ -168,6 +181,9 @@ NB_MODULE(_engine, module) {
                                 .height = height,
                                 .has_pictures = pictures,
                                 .has_depth = depth,
+                                .has_labels = labels,
+                                .has_automap = automap,
+                                .automap_mode = std::move(automap_mode),
                                 .channels_first = channels_first,
                                 .autoreset = autoreset,
                                 .by_buttons = by_buttons,
@@ -177,7 +193,8 @@ NB_MODULE(_engine, module) {
            nb::kw_only(), nb::arg("scenario"), nb::arg("maps"), nb::arg("num_agents") = 0,
            nb::arg("frame_skip") = 4, nb::arg("num_envs") = 1, nb::arg("num_threads") = 1,
            nb::arg("width") = 128, nb::arg("height") = 72, nb::arg("pictures") = true,
-           nb::arg("depth") = false, nb::arg("channels_first") = false, nb::arg("autoreset") = false,
+           nb::arg("depth") = false, nb::arg("labels") = false, nb::arg("automap") = false,
+           nb::arg("automap_mode") = "", nb::arg("channels_first") = false, nb::arg("autoreset") = false,
            nb::arg("by_buttons") = false, nb::arg("reward") = "", nb::arg("heads") = "")
       .def("arrays", &arrays_of)
       .def("facts",
@@ -215,6 +232,18 @@ NB_MODULE(_engine, module) {
            [](EnvBatch& batch, int index, const SavedState& state) {
              must(aside([&] { return batch.restore(index, state); }));
            })
+      .def("labels",
+           [](EnvBatch& batch, int index, int agent) {
+             nb::list seen;
+             for (const SeenThing& thing : must(batch.things_seen(index, agent))) {
+               const doom::ThingLabel& label = thing.label;
+               seen.append(nb::make_tuple(label.value, label.actor_id, thing.name, label.left, label.top,
+                                          label.right - label.left, label.bottom - label.top, thing.x,
+                                          thing.y, thing.z, thing.angle_degrees, thing.velocity_x,
+                                          thing.velocity_y, thing.velocity_z));
+             }
+             return seen;
+           })
       .def("hash", [](EnvBatch& batch, int index) { return must(batch.hash_of(index)); })
       .def("draw",
            [](EnvBatch& batch, int index, int width, int height) {
@@ -235,6 +264,8 @@ NB_MODULE(_engine, module) {
   module.def("list_scenarios", &scenarios::list_scenarios);
   module.def("describe", [](const std::string& scenario) {
     const scenarios::ScenarioSpec spec = must(scenarios::load_scenario(scenario));
-    return scenario_facts(spec, spec.default_agents);
+    nb::dict facts = scenario_facts(spec, spec.default_agents);
+    if (spec.is_vizdoom) add_vizdoom_facts(facts, must(scenarios::load_vizdoom_config(scenario)));
+    return facts;
   });
 }

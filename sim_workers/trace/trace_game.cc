@@ -26,6 +26,7 @@ class VizdoomTrace final : public TraceGame {
     render.crosshair = config.crosshair;
     render.screen_flashes = config.screen_flashes;
     warnings = episode_.game().content.warnings;
+    warnings.insert(warnings.end(), config.buffer_warnings.begin(), config.buffer_warnings.end());
   }
   void reset(uint64_t seed) override { episode_.reset(seed); }
   double step(const doom::Buttons& pressed) override { return episode_.step(pressed); }

@@ -14,7 +14,8 @@ struct QuadVertex {
   float width, height;  ///< of the texture, texels
   float shade;          ///< light row at infinite distance; see light_shade()
   int32_t address;      ///< of the texture in the atlas; above it the tint, or the blend
-  int32_t picture = 0;  ///< which of the pictures of a pass; the rasterizer sets it
+  int32_t picture =
+      0;  ///< what it is of (DrawList::subject), until the rasterizer writes which picture it is in
 };
 
 /// Pixels [left, right) x [top, bottom).
@@ -23,6 +24,9 @@ struct PixelBox {
 };
 
 constexpr int kTintsMax = 8, kBlendsMax = 8;
+
+/// What a quad is of: these, and from kFirstActor on the actors by their place in the world's list.
+enum Subject : int32_t { kWallSubject, kPlaneSubject, kWeaponSubject, kFirstActor };
 
 /// How the texels of a see-through surface join the picture behind it.
 struct Blend {
@@ -51,6 +55,7 @@ struct DrawList {
   uint32_t tint_count = 1;
   std::array<Blend, kBlendsMax> blends{};
   uint32_t blend_count = 0;
+  int32_t subject = kWallSubject;  ///< of the quads that are added now
 
   uint32_t quad_count() const { return static_cast<uint32_t>(vertices.size() / 4); }
   void clear() {
@@ -59,6 +64,7 @@ struct DrawList {
     has_blended = false;
     blended_box = {};
     tint_count = 1, blend_count = 0;
+    subject = kWallSubject;
   }
 };
 

@@ -95,6 +95,28 @@ void main() {
   word = uvec4(floatBitsToUint(gl_FragCoord.w));
 }
 )";
+// What a pixel is of, which came in the shade's place.
+constexpr const char* kOpaqueSubjectSource = R"(
+in vec2 uv;
+flat in vec3 surface;
+flat in int origin;
+out uvec4 word;
+void main() { word = uvec4(uint(surface.z)); }
+)";
+
+constexpr const char* kMaskedSubjectSource = R"(
+uniform usampler2D atlas;
+in vec2 uv;
+flat in vec3 surface;
+flat in int origin;
+flat in ivec2 corner;
+out uvec4 word;
+void main() {
+  ivec2 texel = ivec2(fract(uv) * surface.xy);
+  if (texelFetch(atlas, corner + texel, 0).r == 0u) discard;
+  word = uvec4(uint(surface.z));
+}
+)";
 static_assert(kLightReach == 1280.0f && kLightNearest == 24.0f && kAtlasWidth == 2112 && kAddressBits == 24,
               "the shaders spell these out");
 
@@ -356,12 +378,9 @@ void Rasterizer::read_layer(std::size_t place, const PixelBox& box, TexelWord* l
                  GL_UNSIGNED_INT, layer);
 }
 
-void Rasterizer::draw_depth(const DrawList& list, float* depth) {
-  if (opaque_depth_program_ == 0) {
-    const Expected<GLuint> opaque = link(kOpaqueDepthSource), masked = link(kMaskedDepthSource);
-    COMRAD_CHECK(opaque && masked, "OpenGL compiles the depth shaders as it does the others");
-    opaque_depth_program_ = *opaque, masked_depth_program_ = *masked;
-  }
+/// One picture by shaders that measure: 32 bits a pixel.
+void Rasterizer::draw_measured(const DrawList& list, GLuint opaque_program, GLuint masked_program,
+                               void* words) {
   const DrawList* const lists[] = {&list};
   const Expected<const Target*> found = target(1, false);
   COMRAD_CHECK(found.has_value(), "made in set_up()");
@@ -370,15 +389,35 @@ void Rasterizer::draw_depth(const DrawList& list, float* depth) {
   gl_.BindFramebuffer(GL_FRAMEBUFFER, drawn_->framebuffer);
   const GLuint nothing[4] = {};
   gl_.ClearBufferuiv(GL_COLOR, 0, nothing);
-  draw_opaque(lists, opaque_depth_program_);
-  gl_.UseProgram(masked_depth_program_);
+  draw_opaque(lists, opaque_program);
+  gl_.UseProgram(masked_program);
   queue(0, list.opaque_end, list.masked_end);
   draw_queued();
   gl_.BindFramebuffer(GL_READ_FRAMEBUFFER, drawn_->readers[0]);
-  gl_.ReadPixels(0, 0, width_, rows_, GL_RED_INTEGER, GL_UNSIGNED_INT, depth);
+  gl_.ReadPixels(0, 0, width_, rows_, GL_RED_INTEGER, GL_UNSIGNED_INT, words);
+}
+
+void Rasterizer::draw_depth(const DrawList& list, float* depth) {
+  if (opaque_depth_program_ == 0) {
+    const Expected<GLuint> opaque = link(kOpaqueDepthSource), masked = link(kMaskedDepthSource);
+    COMRAD_CHECK(opaque && masked, "OpenGL compiles the depth shaders as it does the others");
+    opaque_depth_program_ = *opaque, masked_depth_program_ = *masked;
+  }
+  draw_measured(list, opaque_depth_program_, masked_depth_program_, depth);
   const std::size_t pixels = static_cast<std::size_t>(width_) * static_cast<std::size_t>(rows_);
   for (std::size_t i = 0; i < pixels; ++i)
     depth[i] = depth[i] > 0 && depth[i] < 0.999f ? 1.0f / depth[i] : 0.0f;
+}
+
+void Rasterizer::draw_subjects(const DrawList& list, uint32_t* subjects) {
+  if (opaque_subject_program_ == 0) {
+    const Expected<GLuint> opaque = link(kOpaqueSubjectSource), masked = link(kMaskedSubjectSource);
+    COMRAD_CHECK(opaque && masked, "OpenGL compiles the subject shaders as it does the others");
+    opaque_subject_program_ = *opaque, masked_subject_program_ = *masked;
+  }
+  shaded_by_subject_ = list;  // what measures no light reads the subject in its place
+  for (QuadVertex& vertex : shaded_by_subject_.vertices) vertex.shade = static_cast<float>(vertex.picture);
+  draw_measured(shaded_by_subject_, opaque_subject_program_, masked_subject_program_, subjects);
 }
 
 }  // namespace comrad::doom

@@ -39,6 +39,8 @@ class Rasterizer {
   void read_layer(std::size_t place, const PixelBox& box, TexelWord* layer);
   /// One picture as depths [rows, width], map units; 0 where nothing but sky is.
   void draw_depth(const DrawList& list, float* depth);
+  /// What each pixel of one picture is of: `subjects` [rows, width], as Subject counts; walls where nothing is.
+  void draw_subjects(const DrawList& list, uint32_t* subjects);
   unsigned driver_error() const { return gl_.GetError(); }
   void make_current() { (void)context_->make_current(); }
 
@@ -62,6 +64,7 @@ class Rasterizer {
   void draw_queued();
   void upload(std::span<const DrawList* const> lists);
   void draw_opaque(std::span<const DrawList* const> lists, GLuint program);
+  void draw_measured(const DrawList& list, GLuint opaque_program, GLuint masked_program, void* words);
   void draw_masked(std::span<const DrawList* const> lists, bool layered);
 
   std::unique_ptr<ContextProvider> context_;
@@ -71,6 +74,8 @@ class Rasterizer {
   std::string vertex_header_;
   GLuint opaque_program_ = 0, masked_program_ = 0;
   GLuint opaque_depth_program_ = 0, masked_depth_program_ = 0;  // linked when they are first used
+  GLuint opaque_subject_program_ = 0, masked_subject_program_ = 0;
+  DrawList shaded_by_subject_;
   GLint layer_uniform_ = -1;
   std::array<std::array<Target, 5>, 2> targets_;  // [blended, log2 of the pictures]
   const Target* drawn_ = nullptr;

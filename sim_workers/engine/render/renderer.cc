@@ -13,6 +13,7 @@
 #include "sim_workers/engine/render/art_atlas.h"
 #include "sim_workers/engine/render/context_provider.h"
 #include "sim_workers/engine/render/hud_text.h"
+#include "sim_workers/engine/render/labels.h"
 #include "sim_workers/engine/render/overlay.h"
 #include "sim_workers/engine/render/picture.h"
 #include "sim_workers/engine/render/rasterizer.h"
@@ -74,6 +75,31 @@ class QuadRenderer : public Renderer {
     depth->resize(words_.size());
     rasterizer_->draw_depth(lists_[0], depth->data());
     return projection_.rows;
+  }
+
+  int draw_labels(const World& world, int player, std::vector<uint8_t>* labels,
+                  std::vector<ThingLabel>* things) override {
+    rasterizer_->make_current();
+    const SceneView view = view_of(world, player);
+    lists_.resize(std::max<std::size_t>(lists_.size(), 1));
+    builder_.build(view, &lists_[0]);
+    rasterizer_->update_atlas(&atlas_);
+    layer_.resize(words_.size());
+    rasterizer_->draw_subjects(lists_[0], layer_.data());
+    label_subjects(lists_[0], layer_, projection_.width, world.actors(), view.hidden_actor_id, labels,
+                   things);
+    return projection_.rows;
+  }
+
+  void mark_seen_lines(const World& world, int player, std::vector<uint8_t>* seen) override {
+    const SceneView view = view_of(world, player);
+    lists_.resize(std::max<std::size_t>(lists_.size(), 1));
+    builder_.look(view, &lists_[0]);
+    seen->resize(std::max(seen->size(), view.scene->lines.size()));
+    const Visibility& visibility = builder_.visibility();
+    for (const uint32_t span : visibility.partial_spans()) (*seen)[visibility.spans()[span].line] = 1;
+    for (const ViewColumn& column : visibility.columns())
+      if (column.span) (*seen)[visibility.spans()[*column.span].line] = 1;
   }
 
  private:

@@ -35,6 +35,13 @@ struct ViewRequest {
   uint8_t* destination = nullptr;
 };
 
+/// A thing that a view shows, in its picture of labels.
+struct ThingLabel {
+  uint8_t value = 0;  ///< of its pixels
+  uint32_t actor_id = 0;
+  int left = 0, top = 0, right = 0, bottom = 0;  ///< its pixels lie in [left, right) x [top, bottom)
+};
+
 /// Errors of create: kUnsupported when no context can be had (with what to install), kNotFound for
 /// missing art.
 class Renderer {
@@ -57,6 +64,15 @@ class Renderer {
   /// units ahead of the eye; see-through surfaces count as solid, the weapon is left out, 0 is open sky. For
   /// measurements; it draws the view once more. Returns the rows.
   virtual int draw_depth(const World& world, int player, std::vector<float>* depth) = 0;
+  /// What is seen where, as ViZDoom labels it: `labels` [rows above the status bar, width] u8. Walls and sky are 0,
+  /// floors and ceilings 1, the weapon in hand 255; the things that show get values of their own between, the nearer
+  /// the higher (of more than 253 the farthest get 0). `things`: those, by rising value; the weapon's is the body
+  /// that holds it. Costs a view more. Returns the rows.
+  virtual int draw_labels(const World& world, int player, std::vector<uint8_t>* labels,
+                          std::vector<ThingLabel>* things) = 0;
+  /// Sets (*seen)[linedef] for each line that the view shows a part of, openings between equal sectors left out;
+  /// `seen` grows to the level's number of lines. For maps of what was seen.
+  virtual void mark_seen_lines(const World& world, int player, std::vector<uint8_t>* seen) = 0;
 };
 
 }  // namespace comrad::doom

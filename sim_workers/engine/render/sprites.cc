@@ -35,7 +35,10 @@ void Sprites::collect_sprites() {
     if (actor.removed || actor.sprite == 0 || actor.id == view.hidden_actor_id) continue;
     // As in Doom, a sprite shows where its sector does.
     if (actor.sector_index >= view.sectors.size() || !visibility_.reaches(actor.sector_index)) continue;
-    if (const std::optional<Masked> sprite = place_sprite(actor)) masked_.push_back(*sprite);
+    if (const std::optional<Masked> sprite = place_sprite(actor)) {
+      masked_.push_back(*sprite);
+      masked_.back().subject = kFirstActor + static_cast<int32_t>(slot);
+    }
   }
 }
 
@@ -165,6 +168,7 @@ void Sprites::emit_sprite(const Masked& sprite, float run_left, float run_right,
   const float left = std::max(sprite.x_left, run_left), right = std::min(sprite.x_right, run_right);
   if (right <= left) return;
   if (sprite.paint.blend) cover_blended(left, sprite.y_top, right, sprite.y_bottom);
+  frame_.list->subject = sprite.subject;
   const auto corner = [&](float x, float row) {
     const float u = inside((x - sprite.x_left) / (sprite.x_right - sprite.x_left));
     const float v = inside((row - sprite.y_top) / (sprite.y_bottom - sprite.y_top));
@@ -220,6 +224,7 @@ void Sprites::emit_hand() {
   // 320 columns and 200 rows of a 4:3 screen; x = 160 lies in the middle of the view, and as much of the
   // picture is hidden below the view as on a screen with a status bar.
   const float unit_x = projection.hand_unit_x, unit_y = projection.hand_unit_y;
+  frame_.list->subject = kWeaponSubject;
   for (const HandSprite& held : view.hand) {
     const SpriteSides* sides = view.sprites->sides(held.sprite, held.frame);
     if (sides == nullptr || !sides->art[0]) continue;

@@ -32,7 +32,7 @@ class Sprites {
     // Of a sprite.
     float x_left = 0, x_right = 0, y_top = 0, y_bottom = 0, shade = 0;
     AtlasRegion region;
-    int32_t mark = 0;
+    int32_t mark = 0, subject = 0;
     bool mirrored = false;
     float inverse_at(int column) const {
       return grating == nullptr ? inverse : grating->inverse_at(centre_of(column));

@@ -61,6 +61,7 @@ float Surfaces::sky_v(float row) const {
 }
 
 void Surfaces::emit_sky() {
+  frame_.list->subject = kWallSubject;  // as ViZDoom labels it
   const auto corner = [&](float x, float row) {
     frame_.push(x, row, 1, sky_u(x), sky_v(row), frame_.scene->sky, 0, 0);
   };
@@ -420,6 +421,7 @@ void Surfaces::emit_wall_part(const WallSpan& span, Piece::Kind kind, const Pict
 
 void Surfaces::emit_textured(const WallSpan& span, const PictureArea& area, float texture_top,
                              const ScenePart& part, const SceneSide& side, float shade, int32_t mark) {
+  frame_.list->subject = kWallSubject;
   const Projection& projection = frame_.projection;
   const auto texture_width = static_cast<float>(part.region.width),
              texture_height = static_cast<float>(part.region.height);
@@ -440,6 +442,7 @@ void Surfaces::emit_textured(const WallSpan& span, const PictureArea& area, floa
 }
 
 void Surfaces::emit_plane(const PictureArea& area, uint32_t sector_index, bool floor) {
+  frame_.list->subject = kPlaneSubject;
   const Projection& projection = frame_.projection;
   const SectorNow& now = frame_.sector(sector_index);
   const Sector& sector = frame_.view->sectors[sector_index];

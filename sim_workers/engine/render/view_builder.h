@@ -18,12 +18,17 @@ class ViewBuilder {
 
   /// Fills `list` with the quads of `view`.
   void build(const SceneView& view, DrawList* list) {
-    frame_.begin(view, list);
-    visibility_.look();
+    look(view, list);
     surfaces_.emit();
     list->opaque_end = list->quad_count();
     sprites_.emit();
   }
+  /// Only finds out what `view` sees of the map; visibility() tells.
+  void look(const SceneView& view, DrawList* list) {
+    frame_.begin(view, list);
+    visibility_.look();
+  }
+  const Visibility& visibility() const { return visibility_; }
 
  private:
   ViewFrame frame_;

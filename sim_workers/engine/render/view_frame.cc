@@ -178,7 +178,8 @@ void ViewFrame::push(float x, float row, float inverse, float u, float v, const 
                             .width = static_cast<float>(region.width),
                             .height = static_cast<float>(region.height),
                             .shade = shade,
-                            .address = static_cast<int32_t>(region.address) | mark});
+                            .address = static_cast<int32_t>(region.address) | mark,
+                            .picture = list->subject});
 }
 
 }  // namespace comrad::doom

@@ -23,11 +23,13 @@ if _data.is_dir():
 
 from ._engine import SavedState, describe as _describe, list_scenarios as _list_scenarios  # noqa: E402
 from .episode import Episode, load_episode  # noqa: E402
+from .labels import Label  # noqa: E402
 from .maps import draw_map, vizdoom_cfg  # noqa: E402
 from .run import Run  # noqa: E402
 
 __all__ = [
     "Episode",
+    "Label",
     "Run",
     "SavedState",
     "describe",
@@ -48,10 +50,11 @@ def scenarios() -> list[str]:
     return _list_scenarios()
 
 
-def describe(scenario: str) -> dict[str, Any]:
+def describe(scenario: str, folder: str | os.PathLike | None = None) -> dict[str, Any]:
     """What a scenario is: title, heads (their buttons; choice 0 of a head presses nothing), measurements, rewards, team sizes,
-    limit_tics. `scenario`: a name, the path of a folder with a scenario.toml, or of a ViZDoom .cfg."""
-    return _describe(vizdoom_cfg(scenario))
+    limit_tics; of a ViZDoom .cfg also the buffers that it enables and warnings of what is not served. `scenario`: a name, the path
+    of a folder with a scenario.toml, or of a .cfg, or a .cfg's name, in `folder` where one is given."""
+    return _describe(vizdoom_cfg(scenario, folder))
 
 
 def _need(module: str) -> None:

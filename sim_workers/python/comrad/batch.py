@@ -2,16 +2,24 @@
 
 import os
 import secrets
+import warnings
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
 from . import _engine
+from .labels import Label
 from .maps import Layout, vizdoom_cfg, wads_of
 from .window import Window
 
-EXTRAS = ("depth", "measurements", "action_mask")
+ARRAYS = {  # by what is wanted beside the picture
+    "depth": "depth",
+    "labels": "labels",
+    "automap": "automap",
+    "measurements": "measurement",
+    "action_mask": "action_mask",
+}
 TICS_A_SECOND = 35
 MOST_DEPTH = 1e5  # map units; no map is as wide
 SCREEN_NAME = "screen"
@@ -25,14 +33,19 @@ def make_batch(
     frame_skip: int,
     size: tuple[int, int],
     observations: tuple[str, ...],
+    folder: str | os.PathLike | None = None,
     **options: Any,
 ) -> _engine.EnvBatch:
-    """An EnvBatch; `observations` are those of EXTRAS that are wanted beside the picture. Raises ValueError, FileNotFoundError."""
-    unknown = [name for name in observations if name not in EXTRAS]
+    """An EnvBatch; `observations` are those of ARRAYS that are wanted beside the picture. What a .cfg asks for and COMRAD lacks is
+    a UserWarning. Raises ValueError, FileNotFoundError."""
+    unknown = [name for name in observations if name not in ARRAYS]
     if unknown:
-        raise ValueError(f"observations: {unknown[0]!r} is none of {', '.join(EXTRAS)}")
-    scenario = vizdoom_cfg(scenario)
-    agents = int(num_agents or 0) or _engine.describe(scenario)["num_agents"]
+        raise ValueError(f"observations: {unknown[0]!r} is none of {', '.join(ARRAYS)}")
+    scenario = vizdoom_cfg(scenario, folder)
+    facts = _engine.describe(scenario)
+    for text in facts.get("warnings", ()):
+        warnings.warn(f"comrad: {text}", stacklevel=4)  # where the environment is made
+    agents = int(num_agents or 0) or facts["num_agents"]
     width, height = size
     return _engine.EnvBatch(
         scenario=scenario,
@@ -42,6 +55,8 @@ def make_batch(
         width=int(width),
         height=int(height),
         depth="depth" in observations,
+        labels="labels" in observations,
+        automap="automap" in observations,
         **options,
     )
 
@@ -60,6 +75,10 @@ def observation_space(arrays: dict[str, np.ndarray], observations: tuple[str, ..
     for name in observations:
         if name == "depth":
             boxes[name] = spaces.Box(0, MOST_DEPTH, arrays["depth"].shape[2:], np.float32)
+        elif name == "labels":
+            boxes[name] = spaces.Box(0, 255, arrays["labels"].shape[2:], np.uint8)
+        elif name == "automap":
+            boxes[name] = picture_space(arrays["automap"])
         elif name == "measurements":
             boxes[name] = spaces.Box(-np.inf, np.inf, arrays["measurement"].shape[2:], np.float32)
         else:
@@ -106,6 +125,9 @@ class OneGame:
     def get_state(self) -> _engine.SavedState:
         """The whole world as it stands, to come back to with set_state(), in this environment or another of the same scenario."""
         return self._batch.get_state(0)
+
+    def _labels_of(self, agent: int) -> list[Label]:
+        return [Label(*values) for values in self._batch.labels(0, agent)]
 
     def state_hash(self) -> int:
         """A hash of the whole world: two episodes with equal hashes at every step were the same."""

@@ -28,10 +28,13 @@ def _folder() -> pathlib.Path:
     return folder
 
 
-def vizdoom_cfg(name: str | os.PathLike) -> str:
+def vizdoom_cfg(name: str | os.PathLike, folder: str | os.PathLike | None = None) -> str:
     """The path of a ViZDoom .cfg: itself, or a file of that name, with or without .cfg, in the folders of COMRAD_VIZDOOM_PATH (parted
-    by ':') or of the vizdoom package. Names of COMRAD's scenarios come back as they are. Raises FileNotFoundError where a .cfg is nowhere."""
+    by ':') or of the vizdoom package. With a `folder` it is looked for there alone. Names of COMRAD's scenarios come back as they
+    are. Raises FileNotFoundError where a .cfg is nowhere."""
     text = os.fspath(name)
+    if folder is not None:
+        return _cfg_in(pathlib.Path(folder), text)
     if os.sep in text or os.path.exists(text):
         return text
     stem = text.removesuffix(".cfg")
@@ -52,6 +55,17 @@ def vizdoom_cfg(name: str | os.PathLike) -> str:
     if text.endswith(".cfg"):
         raise FileNotFoundError(f"{text}: no such file, and none of that name in {vizdoom.scenarios_path}")
     return text
+
+
+def _cfg_in(folder: pathlib.Path, name: str) -> str:
+    """A .cfg of that name in a folder."""
+    if not folder.is_dir():
+        raise FileNotFoundError(f"folder {folder}: no such folder")
+    path = folder / (name.removesuffix(".cfg") + ".cfg")
+    if path.is_file():
+        return str(path)
+    there = sorted(file.stem for file in folder.glob("*.cfg"))
+    raise FileNotFoundError(f"{path}: no such file; {folder} has " + (", ".join(there[:20]) if there else "no .cfg"))
 
 
 def draw_map(scenario: str, seed: int = DEFAULT_SEED, num_agents: int = 0, **parameters: int | str) -> bytes:

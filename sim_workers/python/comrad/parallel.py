@@ -9,7 +9,8 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from ._engine import SavedState
-from .batch import OneGame, SCREEN_NAME, TICS_A_SECOND, checked_mode, checked_seed, fresh_seed, make_batch, observation_space
+from .batch import ARRAYS, OneGame, SCREEN_NAME, TICS_A_SECOND, checked_mode, checked_seed, fresh_seed, make_batch, observation_space
+from .labels import Label
 from .maps import Layout
 from .window import Window
 
@@ -25,10 +26,12 @@ class ComradParallelEnv(OneGame, ParallelEnv):
                   "human": every step shows them in a window (needs pygame)
     frame_skip    tics of a step
     size          (width, height) of the pictures that agents see
-    observations  what is seen beside the picture: "depth" [h, w] f32 (map units, 0 for sky), "measurements" [M] f32,
-                  "action_mask", a tuple of i8 [choices] for each head, as action_space(agent).sample(mask=...) takes it. With any
-                  of them an observation is a dictionary with the picture as "screen", else the picture itself, [h, w, 3] u8
-                  ([3, h, w] with channels_first)
+    observations  what is seen beside the picture: "depth" [h, w] f32 (map units, 0 for sky), "labels" [h, w] u8 (labels(agent) says
+                  what the values mean), "automap", another picture, "measurements" [M] f32, "action_mask", a tuple of i8 [choices]
+                  for each head, as action_space(agent).sample(mask=...) takes it. With any of them an observation is a dictionary
+                  with the picture as "screen", else the picture itself, [h, w, 3] u8 ([3, h, w] with channels_first)
+    automap_mode  "NORMAL" (walls that the agent has seen), "WHOLE", "OBJECTS" or "OBJECTS_WITH_SIZE"; "": NORMAL, or as a .cfg says
+    folder        where the .cfg of that name lies: parallel_env("my_game", folder="my_games")
     reward        weights of reward terms in place of the scenario's, as comrad train's --reward: "kills=2,living=0"
     heads         action heads in place of the scenario's, as --heads
 
@@ -54,6 +57,8 @@ class ComradParallelEnv(OneGame, ParallelEnv):
         size: tuple[int, int] = (128, 72),
         channels_first: bool = False,
         observations: Sequence[str] = (),
+        automap_mode: str = "",
+        folder: str | os.PathLike | None = None,
         reward: str = "",
         heads: str = "",
     ) -> None:
@@ -67,6 +72,8 @@ class ComradParallelEnv(OneGame, ParallelEnv):
             frame_skip=frame_skip,
             size=size,
             observations=self._observations,
+            automap_mode=automap_mode,
+            folder=folder,
             channels_first=channels_first,
             reward=reward,
             heads=heads,
@@ -144,6 +151,12 @@ class ComradParallelEnv(OneGame, ParallelEnv):
     def state(self) -> np.ndarray:
         return self._arrays["state"][0].copy()
 
+    def labels(self, agent: str) -> list[Label]:
+        """The things in an agent's picture of labels, by rising value. Raises ValueError where labels are not observed."""
+        if agent not in self.possible_agents:
+            raise ValueError(f"agent {agent!r} is none of {', '.join(self.possible_agents)}")
+        return self._labels_of(self.possible_agents.index(agent))
+
     def set_state(self, state: SavedState) -> dict[str, Any]:
         """Goes back to a state; returns what the agents see there."""
         self._batch.set_state(0, state)
@@ -165,7 +178,7 @@ class ComradParallelEnv(OneGame, ParallelEnv):
                 allowed = self._arrays["action_mask"][0, index].astype(np.int8)
                 seen[name] = tuple(np.split(allowed, self._head_ends))
             else:
-                seen[name] = self._arrays["depth" if name == "depth" else "measurement"][0, index].copy()
+                seen[name] = self._arrays[ARRAYS[name]][0, index].copy()
         return seen
 
     def _infos(self, is_over: bool = False) -> dict[str, dict]:

@@ -8,9 +8,10 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from ._engine import SavedState
+from ._engine import SavedState, describe
 from .batch import OneGame, TICS_A_SECOND, checked_mode, make_batch, picture_space
-from .maps import Layout
+from .labels import Label
+from .maps import Layout, vizdoom_cfg
 from .window import Window
 
 DELTA = "_DELTA"
@@ -20,19 +21,25 @@ class ComradGymEnv(OneGame, gymnasium.Env):
     """One player in the game of a ViZDoom .cfg; one step is `frame_skip` tics of 1/35 s.
 
     config               a .cfg: a path, or the name of one of the vizdoom package, as "basic" or "basic.cfg"
+    folder               where the .cfg of that name lies, instead: gym_env("my_game", folder="my_games")
     frame_skip           tics of a step
     max_buttons_pressed  0: an action is MultiBinary, every button by itself; n: Discrete, every combination of up to n buttons,
                          0 presses nothing. Delta buttons take numbers in either case
     render_mode          "rgb_array": render() returns the view at `render_size` (width, height), [h, w, 3] u8; "human": every step
                          shows it in a window (needs pygame)
     size                 (width, height) of the picture that is seen
+    depth, labels,       whether these are observed as well; None: where the .cfg enables their buffers
+    automap
+    automap_mode         "NORMAL" (walls that were seen), "WHOLE", "OBJECTS", "OBJECTS_WITH_SIZE"; "": as the .cfg says
     layout               another WAD than the .cfg's; a folder or several are played in turn
+    reward               weights of the .cfg's rewards in place of its own: "living_reward=0"
 
-    Spaces have the names of ViZDoom's wrapper: an observation is {"screen": [h, w, 3] u8, "gamevariables": f32 in the order of the
-    .cfg}, the latter where it names some, and "depth" [h, w, 1] f32 (map units, 0 for sky) with depth=True; an action is that of the
-    buttons, or {"binary": ..., "continuous": f32} where the .cfg has delta buttons as well. Differences: the picture is drawn at
-    `size`, not at the .cfg's resolution; depth is float; labels, automap, audio and notifications are not there; after the last step
-    the observation is the true last picture, not zeros.
+    Spaces have the names of ViZDoom's wrapper: an observation is {"screen": [h, w, 3] u8, "depth": [h, w, 1] f32 (map units, 0 for
+    sky), "labels": [h, w, 1] u8 (labels() says what the values mean), "automap": [h, w, 3] u8, "gamevariables": f32 in the order of
+    the .cfg}, each where it is asked for; an action is that of the buttons, or {"binary": ..., "continuous": f32} where the .cfg has
+    delta buttons as well. Differences: pictures are drawn at `size`, not at the .cfg's resolution; depth is float; the automap has no
+    floor textures and no smooth lines; audio and notifications are not there (a warning says so); after the last step the observation
+    is the true last picture, not zeros.
 
     The same seed and actions give the same episode, to the bit. Raises ValueError, FileNotFoundError, TypeError with words.
     """
@@ -48,13 +55,20 @@ class ComradGymEnv(OneGame, gymnasium.Env):
         render_mode: str | None = None,
         render_size: tuple[int, int] = (640, 480),
         size: tuple[int, int] = (320, 240),
-        depth: bool = False,
+        depth: bool | None = None,
+        labels: bool | None = None,
+        automap: bool | None = None,
+        automap_mode: str = "",
+        folder: str | os.PathLike | None = None,
         layout: Layout | None = None,
         reward: str = "",
     ) -> None:
         self.render_mode = checked_mode(render_mode, self.metadata)
         self._window = Window(f"comrad: {config}") if render_mode == "human" else None
-        self._extras = ("depth",) if depth else ()
+        config = vizdoom_cfg(config, folder)
+        enabled = describe(config).get("buffers", ())
+        wanted = {"depth": depth, "labels": labels, "automap": automap}
+        self._extras = tuple(name for name, asked in wanted.items() if (name in enabled if asked is None else asked))
         self._batch = make_batch(
             config,
             num_agents=1,
@@ -63,6 +77,7 @@ class ComradGymEnv(OneGame, gymnasium.Env):
             size=size,
             observations=self._extras,
             by_buttons=True,
+            automap_mode=automap_mode,
             reward=reward,
         )
         self._arrays = self._batch.arrays()
@@ -79,8 +94,12 @@ class ComradGymEnv(OneGame, gymnasium.Env):
         ] if max_buttons_pressed else []
         self.action_space = self._make_action_space()
         boxes: dict[str, spaces.Space] = {"screen": picture_space(self._arrays["picture"])}
-        if depth:
-            boxes["depth"] = spaces.Box(0, np.inf, (*self._arrays["depth"].shape[2:], 1), np.float32)
+        for name in self._extras:
+            if name == "automap":
+                boxes[name] = picture_space(self._arrays[name])
+            else:
+                shape = (*self._arrays[name].shape[2:], 1)
+                boxes[name] = spaces.Box(0, np.inf, shape, np.float32) if name == "depth" else spaces.Box(0, 255, shape, np.uint8)
         if self.variable_names:
             boxes["gamevariables"] = spaces.Box(-np.inf, np.inf, (len(self.variable_names),), np.float32)
         self.observation_space = spaces.Dict(boxes)
@@ -126,6 +145,10 @@ class ComradGymEnv(OneGame, gymnasium.Env):
         self._show()
         return self._see(), float(self._arrays["reward"][0, 0]), terminated, truncated, info
 
+    def labels(self) -> list[Label]:
+        """The things in the picture of labels, by rising value. Raises ValueError where labels are not observed."""
+        return self._labels_of(0)
+
     def set_state(self, state: SavedState) -> dict[str, np.ndarray]:
         """Goes back to a state; returns what is seen there."""
         self._batch.set_state(0, state)
@@ -133,8 +156,9 @@ class ComradGymEnv(OneGame, gymnasium.Env):
 
     def _see(self) -> dict[str, np.ndarray]:
         seen = {"screen": self._arrays["picture"][0, 0].copy()}
-        if self._extras:
-            seen["depth"] = self._arrays["depth"][0, 0][..., None].copy()
+        for name in self._extras:
+            values = self._arrays[name][0, 0]
+            seen[name] = (values if name == "automap" else values[..., None]).copy()
         if self.variable_names:
             seen["gamevariables"] = self._arrays["variable"][0, 0].copy()
         return seen

@@ -11,11 +11,9 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from ._engine import SavedState
-from .batch import SCREEN_NAME, checked_mode, checked_seed, fresh_seed, make_batch, observation_space, side_by_side
+from .batch import ARRAYS, SCREEN_NAME, checked_mode, checked_seed, fresh_seed, make_batch, observation_space, side_by_side
+from .labels import Label
 from .maps import Layout
-
-
-ARRAYS = {"depth": "depth", "measurements": "measurement", "action_mask": "action_mask"}  # by what is wanted
 
 
 def usable_cores() -> int:
@@ -29,7 +27,8 @@ class ComradVectorEnv(gymnasium.vector.VectorEnv):
     behind the first, and rewards are [E, N] f32. With one agent (num_agents=1, a ViZDoom .cfg) that axis is left out and rewards are
     [E] f64, as Gymnasium has it. Actions are integers [E, N, heads] ([E, heads] with one agent), choices as in ComradParallelEnv.
 
-    observations=("action_mask",) gives i8 [..., A] over the choices of all heads behind one another.
+    observations, automap_mode and folder are those of ComradParallelEnv, except that "action_mask" is i8 [..., A] over the choices
+    of all heads behind one another.
 
     copy      True: what step() returns is the caller's. False: it is the memory that the engine writes to, without a copy and
               valid until the next step, for NumPy and everything that speaks DLPack (torch.from_dlpack(observation))
@@ -56,6 +55,8 @@ class ComradVectorEnv(gymnasium.vector.VectorEnv):
         size: tuple[int, int] = (128, 72),
         channels_first: bool = False,
         observations: Sequence[str] = (),
+        automap_mode: str = "",
+        folder: str | os.PathLike | None = None,
         copy: bool = True,
         render_mode: str | None = None,
         render_size: tuple[int, int] = (320, 180),
@@ -72,6 +73,8 @@ class ComradVectorEnv(gymnasium.vector.VectorEnv):
             frame_skip=frame_skip,
             size=size,
             observations=self._observations,
+            automap_mode=automap_mode,
+            folder=folder,
             channels_first=channels_first,
             num_envs=num_envs,
             num_threads=usable_cores() if num_threads is None else num_threads,
@@ -152,6 +155,11 @@ class ComradVectorEnv(gymnasium.vector.VectorEnv):
     def set_state(self, index: int, state: SavedState) -> None:
         self._batch.set_state(index, state)
         self._is_over[index] = self._arrays["terminated"][index] or self._arrays["truncated"][index]
+
+    def labels(self, index: int, agent: int = 0) -> list[Label]:
+        """The things in the picture of labels of an agent of one environment, by rising value. Raises ValueError where labels are not
+        observed, and for indices outside."""
+        return [Label(*values) for values in self._batch.labels(index, agent)]
 
     def observe(self) -> Any:
         """What is seen now."""

@@ -210,6 +210,18 @@ TEST_F(VizdoomScenario, AnUnknownKeyIsAWarningWithItsLine) {
   EXPECT_THAT(spec->warnings, ElementsAre(AllOf(HasSubstr("room.cfg:4: "), HasSubstr("living_reward"))));
 }
 
+TEST_F(VizdoomScenario, BuffersThatPythonAloneServesAreAWarningEach) {
+  const auto spec = load(std::string(kPlain) +
+                         "labels_buffer_enabled = true\nautomap_buffer_enabled = true\n"
+                         "depth_buffer_enabled = false\nautomap_mode = whole\n");
+  ASSERT_TRUE(spec) << spec.error().message;
+  EXPECT_THAT(spec->warnings, ElementsAre(AllOf(HasSubstr("room.cfg:4: labels_buffer_enabled"),
+                                                HasSubstr("comrad.gym_env alone")),
+                                          HasSubstr("room.cfg:5: automap_buffer_enabled")));
+  EXPECT_THAT(refusal(std::string(kPlain) + "automap_mode = ALL\n"),
+              AllOf(HasSubstr("room.cfg:4: automap_mode = ALL"), HasSubstr("OBJECTS_WITH_SIZE")));
+}
+
 TEST_F(VizdoomScenario, WithoutAWadTheIwadsMapIsPlayed) {
   const auto spec = load("doom_game_path = nowhere.wad\navailable_buttons = { ATTACK }\n");
   ASSERT_TRUE(spec) << spec.error().message;

@@ -29,6 +29,10 @@ class FlatRenderer final : public doom::Renderer {
   int undrawn_pixels() const override { return 0; }
   unsigned driver_error() override { return 0; }
   int draw_depth(const doom::World&, int, std::vector<float>*) override { return 0; }
+  int draw_labels(const doom::World&, int, std::vector<uint8_t>*, std::vector<doom::ThingLabel>*) override {
+    return 0;
+  }
+  void mark_seen_lines(const doom::World&, int, std::vector<uint8_t>*) override {}
   int call_count = 0;
 
  private:

@@ -175,11 +175,17 @@ class Gymnasium(unittest.TestCase):
                 file.write(text)
             os.environ["COMRAD_VIZDOOM_PATH"] = f"/nowhere:{folder}"
             try:
-                env = comrad.gym_env("mine", size=(64, 48))
+                found = comrad.vizdoom_cfg("mine")
             finally:
                 del os.environ["COMRAD_VIZDOOM_PATH"]
-            env.reset(seed=1)
-            env.close()
+            self.assertEqual(found, f"{folder}/mine.cfg")
+            self.assertEqual(comrad.describe("mine", folder=folder)["title"], comrad.describe(found)["title"])
+            for make in (comrad.gym_env, comrad.parallel_env, comrad.vector_env):
+                env = make("mine.cfg" if make is comrad.gym_env else "mine", folder=folder, size=(64, 48))
+                env.reset(seed=1)
+                env.close()
+            with self.assertRaisesRegex(FileNotFoundError, "basic.cfg: no such file; .* has mine"):
+                comrad.gym_env("basic", folder=folder)  # the package's is not meant
 
     def test_every_button_is_pressed_by_its_name(self):
         env = comrad.gym_env("basic", size=(64, 48), frame_skip=4, max_buttons_pressed=1)
