@@ -10,26 +10,9 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/dds/bus_config.h"
 
 namespace comrad::dds {
-
-/// Where a run's participants meet. Two runs never share both domain and partition.
-struct BusConfig {
-  std::string run_id;  ///< DDS partition and discovery tag
-  uint32_t domain_id = 0;
-  std::string interface_name = "lo";
-  std::string uri;  ///< generated Cyclone configuration (XML), see make_cyclone_config
-};
-
-/// Cyclone's configuration for a loopback-only run: no multicast, explicit peer, MaxAutoParticipantIndex 119,
-/// the run's tag, its message sizes and buffers, Iceoryx off.
-std::string make_cyclone_config(const std::string& run_id, const std::string& interface_name);
-
-/// The configuration of a run, the same for everyone who knows its id: the partition and the discovery tag
-/// are the run id as 16 hex digits, the domain (1..100, so that all ports lie below the ephemeral range) is
-/// drawn from it. Participants of two runs that draw the same domain still never see each other, because
-/// their tags differ.
-BusConfig bus_config_for_run(uint64_t run_id);
 
 /// A worker's own words about itself (topic WorkerStatus, key worker_id).
 struct WorkerStatus {
@@ -94,8 +77,8 @@ struct TrainStats {
 /// take; the destructor needs the bus for itself.
 class Bus {
  public:
-  /// Errors: kBadInput for a config that bus_config_for_run did not make (run id, interface that is not
-  /// loopback, a second run in this process's domain); kSystem with Cyclone's return code and what to check.
+  /// Errors: kBadInput for a config that validate() refuses or a second run in this process's domain; kSystem with
+  /// Cyclone's return code and what to check.
   static Expected<Bus> open(const BusConfig& config);
   Bus(Bus&&) noexcept;
   Bus& operator=(Bus&&) noexcept;
@@ -122,7 +105,7 @@ class Bus {
  private:
   struct State;
   explicit Bus(std::unique_ptr<State> state);
-  std::unique_ptr<State> state_;
+  std::unique_ptr<State> state_;  // only bus.cc knows Cyclone
 };
 
 }  // namespace comrad::dds

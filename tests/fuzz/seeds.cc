@@ -160,6 +160,7 @@ int main(int argc, char** argv) {
     for (int place = 0; place < 500; ++place)
       program += static_cast<char>((place * 37 + place * place * (i + 3)) & 255);
     write("machine", "program" + std::to_string(i), program);
+    write("link", "numbers" + std::to_string(i), program);
   }
 
   const std::vector<uint8_t> scripts = actors(Container::kHiddenCompact);

@@ -76,7 +76,7 @@ const std::vector<Library>& libraries() {
        "libtomlplusplus-dev",
        {"toml++/"},
        {"rollout_buffer/core/", "rollout_buffer/settings/", "scenarios/spec/"}},
-      {"lz4", "liblz4-dev", {"lz4.h"}, {"rollout_buffer/replay/"}},
+      {"lz4", "liblz4-dev", {"lz4.h"}, {"rollout_buffer/link/", "rollout_buffer/replay/"}},
       {"xxHash", "libxxhash-dev", {"xxhash.h"}, {"rollout_buffer/core/"}},
       {"zlib", "zlib1g-dev", {"zlib.h"}, {"doomgen/layout/"}},
       {"libzip", "libzip-dev", {"zip.h"}, {"learner/checkpoint/"}},
@@ -101,7 +101,7 @@ bool is_of_the_system(const std::string& header) {
   static const std::set<std::string> names = {"dirent.h", "dlfcn.h", "emmintrin.h", "fcntl.h", "ifaddrs.h",
                                               "malloc.h", "poll.h",  "pthread.h",   "pty.h",   "sched.h",
                                               "signal.h", "spawn.h", "stdio.h",     "time.h",  "unistd.h"};
-  for (const char* folder : {"sys/", "linux/", "net/", "netinet/"})
+  for (const char* folder : {"arpa/", "sys/", "linux/", "net/", "netinet/"})
     if (header.starts_with(folder)) return true;
   return header.find_first_of("./") == std::string::npos || names.contains(header);
 }

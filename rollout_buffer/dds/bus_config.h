@@ -1,0 +1,50 @@
+// Where participants meet: the interface, the ports, who is asked first, and Cyclone's configuration made of these. A
+// run's own bus stays on loopback; the link between hosts (link_bus.h) may be put on a network.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::dds {
+
+/// Two runs never share domain, tag and partition, which are all made from `run_id`.
+struct BusConfig {
+  std::string run_id;  ///< DDS partition and discovery tag
+  uint32_t domain_id = 0;
+  std::string interface_name = "lo";
+  std::vector<std::string> peers = {
+      "127.0.0.1"};                 ///< IPv4 addresses that are asked for participants; all unicast
+  uint32_t port_base = 7400;        ///< the domain's ports are port_base + 250 * domain_id and up
+  uint32_t receive_buffer_mb = 10;  ///< of a socket, where the kernel allows as much
+  int max_participants = 120;       ///< of one host in this domain
+  bool looks_every_second = false;  ///< for participants, so that a network that was gone is soon back
+  /// Another interface than loopback may be used although nothing keeps strangers of that network out.
+  bool allows_insecure_network = false;
+};
+
+/// The configuration of a run's bus, the same for all that know its id: the partition and the discovery tag are the run
+/// id as 16 hex digits, the domain (1..100, so that all ports lie below the ephemeral range) is drawn from it.
+/// Participants of two runs that draw the same domain still never see each other, because their tags differ.
+BusConfig bus_config_for_run(uint64_t run_id);
+
+/// Cyclone's configuration: no multicast, explicit peers, the run's tag, its message sizes and buffers, Iceoryx off.
+std::string make_cyclone_config(const BusConfig& config);
+
+/// UDP ports that participants of this configuration may use, first and last.
+struct PortRange {
+  uint32_t first = 0;
+  uint32_t last = 0;
+};
+PortRange ports_of(const BusConfig& config);
+
+/// Checks what a user or a file may have set. Errors: kBadInput for a run id, interface, peer or port that cannot be
+/// used, and for a network interface without allows_insecure_network.
+Status validate(const BusConfig& config);
+
+/// Whether this host has an interface of that name that only it can send to.
+bool is_loopback(const std::string& interface_name);
+
+}  // namespace comrad::dds

@@ -1,0 +1,126 @@
+// One Cyclone DDS participant with its topics, writers, readers and wait set: what the run's bus and the link between
+// hosts have in common. Cyclone's header stays in the sources of this folder.
+#pragma once
+
+#include <dds/dds.h>
+
+#include <algorithm>
+#include <cstring>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/dds/bus_config.h"
+
+namespace comrad::dds {
+
+/// How a topic travels. All are reliable.
+struct TopicTraits {
+  const char* name;
+  const dds_topic_descriptor_t* type;
+  bool is_kept_for_late_joiners = false;  ///< transient-local
+  int history = 1;                        ///< keep-last; 0: every sample counts
+  bool has_liveliness = false;
+  int sample_limit = 0;      ///< of a reader or writer that keeps all; what comes beyond waits at the writer
+  bool is_separate = false;  ///< it has the second partition of the participant
+};
+
+/// Writers and readers are made on first use. Threads: write() from any; the rest as its owner guards it with mutex().
+class Participant {
+ public:
+  /// Errors: those of validate(), kBadInput where another run uses the domain in this process, kSystem with Cyclone's
+  /// return code and what to check. `topics` outlives the participant.
+  static Expected<std::unique_ptr<Participant>> open(const BusConfig& config,
+                                                     std::span<const TopicTraits> topics,
+                                                     const std::string& partition,
+                                                     const std::string& separate_partition = "");
+  Participant(const Participant&) = delete;
+  Participant& operator=(const Participant&) = delete;
+  ~Participant();
+
+  std::mutex& mutex() { return mutex_; }
+
+  /// Errors: kTimeout where a reader does not keep up (nothing was written); kSystem.
+  template <typename Wire>
+  Status write(int topic, const Wire& sample) {
+    return write_sample(topic, &sample);
+  }
+  /// Tells readers that the instance of this key is gone.
+  void dispose(int topic, const void* key);
+
+  /// Calls `visit(sample, info)` for all that lies ready, oldest first. The caller holds mutex(), where several threads
+  /// use the participant.
+  template <typename Wire, typename Visitor>
+  void take(int topic, Visitor visit) {
+    Expected<dds_entity_t> from = reader_of(topic);
+    if (!from) {
+      spdlog::warn("{}", from.error().message);
+      return;
+    }
+    constexpr int kAtOnce = 32;
+    for (int taken = kAtOnce; taken == kAtOnce;) {
+      void* samples[kAtOnce] = {};
+      dds_sample_info_t infos[kAtOnce];
+      taken = dds_take(*from, samples, infos, kAtOnce, kAtOnce);
+      for (int i = 0; i < taken; ++i) visit(*static_cast<const Wire*>(samples[i]), infos[i]);
+      if (taken > 0) dds_return_loan(*from, samples, taken);
+    }
+  }
+
+  /// Blocks until something lies ready on any reader made so far, or `timeout_ms`. True if something does.
+  bool wait(int timeout_ms);
+
+ private:
+  Participant(const BusConfig& config, std::span<const TopicTraits> topics)
+      : config_(config), topics_(topics) {
+    entities_.resize(topics.size());
+  }
+  struct Entities {
+    dds_entity_t topic = 0, writer = 0, reader = 0;
+  };
+  Status make(const std::string& partition, const std::string& separate_partition);
+  Expected<dds_entity_t> topic_of(int index);
+  Expected<dds_entity_t> writer_of(int index);
+  Expected<dds_entity_t> reader_of(int index);
+  Status write_sample(int topic, const void* sample);
+  Error error(dds_return_t code, const std::string& what) const;
+
+  const BusConfig config_;
+  const std::span<const TopicTraits> topics_;
+  bool is_in_domain_ = false;
+  dds_entity_t participant_ = 0, waitset_ = 0;
+  dds_entity_t publisher_[2] = {}, subscriber_[2] = {};  // of the partition, and of the separate one
+  std::mutex mutex_;                                     // guards what follows; Cyclone guards its own
+  std::vector<Entities> entities_;
+};
+
+/// Copies into a bounded wire string and cuts what does not fit, never inside a UTF-8 character.
+template <std::size_t size>
+void put(char (&out)[size], const std::string& text) {
+  std::size_t length = std::min(text.size(), size - 1);
+  if (length < text.size()) {
+    while (length > 0 && (static_cast<unsigned char>(text[length]) & 0xC0) == 0x80) --length;
+  }
+  std::memcpy(out, text.data(), length);
+  out[length] = '\0';
+}
+
+template <std::size_t size>
+std::string get(const char (&in)[size]) {
+  return std::string(in, strnlen(in, size));
+}
+
+/// A sequence that Cyclone only reads while it writes a sample.
+template <typename Sequence, typename T>
+Sequence sequence_of(std::span<const T> values) {
+  Sequence sequence{};
+  sequence._length = sequence._maximum = static_cast<uint32_t>(values.size());
+  sequence._buffer = reinterpret_cast<decltype(sequence._buffer)>(const_cast<T*>(values.data()));
+  return sequence;
+}
+
+}  // namespace comrad::dds
