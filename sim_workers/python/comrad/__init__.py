@@ -11,6 +11,7 @@
 FileNotFoundError with words; what the machine lacks (OSMesa, an IWAD) is RuntimeError or FileNotFoundError saying what to install.
 """
 
+import importlib.metadata
 import importlib.util
 import os
 import pathlib
@@ -26,6 +27,11 @@ from .episode import Episode, load_episode  # noqa: E402
 from .labels import Label  # noqa: E402
 from .maps import draw_map, vizdoom_cfg  # noqa: E402
 from .run import Run  # noqa: E402
+
+try:
+    __version__ = importlib.metadata.version(__name__)
+except importlib.metadata.PackageNotFoundError:  # in a build folder
+    __version__ = "0"
 
 __all__ = [
     "Episode",

@@ -3,12 +3,14 @@
 import os
 import secrets
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
 from . import _engine
+from .arguments import checked_size, checked_text, checked_whole
 from .labels import Label
 from .maps import Layout, vizdoom_cfg, wads_of
 from .window import Window
@@ -23,6 +25,7 @@ ARRAYS = {  # by what is wanted beside the picture
 TICS_A_SECOND = 35
 MOST_DEPTH = 1e5  # map units; no map is as wide
 SCREEN_NAME = "screen"
+COPIES = "an environment has threads and an OpenGL context and can be neither copied nor pickled; make another one, and give it get_state()'s answer"
 
 
 def make_batch(
@@ -32,12 +35,14 @@ def make_batch(
     layout: Layout | None,
     frame_skip: int,
     size: tuple[int, int],
-    observations: tuple[str, ...],
+    observations: Sequence[str],
     folder: str | os.PathLike | None = None,
     **options: Any,
 ) -> _engine.EnvBatch:
     """An EnvBatch; `observations` are those of ARRAYS that are wanted beside the picture. What a .cfg asks for and COMRAD lacks is
     a UserWarning. Raises ValueError, FileNotFoundError."""
+    if isinstance(observations, str):
+        raise TypeError(f"observations is a list of names, as ({observations!r},)")
     unknown = [name for name in observations if name not in ARRAYS]
     if unknown:
         raise ValueError(f"observations: {unknown[0]!r} is none of {', '.join(ARRAYS)}")
@@ -45,15 +50,19 @@ def make_batch(
     facts = _engine.describe(scenario)
     for text in facts.get("warnings", ()):
         warnings.warn(f"comrad: {text}", stacklevel=4)  # where the environment is made
-    agents = int(num_agents or 0) or facts["num_agents"]
-    width, height = size
+    agents = facts["num_agents"] if num_agents is None else checked_whole("num_agents", num_agents)
+    if agents < 1:
+        raise ValueError(f"num_agents is {agents}; a team has 1 or more")
+    for name in ("automap_mode", "reward", "heads"):
+        checked_text(name, options.get(name, ""))
+    width, height = checked_size("size", size)
     return _engine.EnvBatch(
         scenario=scenario,
         maps=wads_of(scenario, layout, agents),
         num_agents=agents,
-        frame_skip=int(frame_skip),
-        width=int(width),
-        height=int(height),
+        frame_skip=checked_whole("frame_skip", frame_skip),
+        width=width,
+        height=height,
         depth="depth" in observations,
         labels="labels" in observations,
         automap="automap" in observations,
@@ -92,15 +101,6 @@ def checked_mode(render_mode: str | None, metadata: dict[str, Any]) -> str | Non
     return render_mode
 
 
-def checked_seed(seed: int) -> int:
-    """Raises TypeError and ValueError for what is no seed."""
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)):
-        raise TypeError(f"a seed is an integer, not {type(seed).__name__}")
-    if not 0 <= int(seed) < 2**64:
-        raise ValueError(f"seed {seed}: it must lie in 0..2^64 - 1")
-    return int(seed)
-
-
 def fresh_seed() -> int:
     return secrets.randbits(63)
 
@@ -132,6 +132,9 @@ class OneGame:
     def state_hash(self) -> int:
         """A hash of the whole world: two episodes with equal hashes at every step were the same."""
         return self._batch.hash(0)
+
+    def __reduce_ex__(self, _: Any) -> Any:
+        raise TypeError(COPIES)
 
     def close(self) -> None:
         self._batch.close()

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 
 from . import _engine
+from .arguments import checked_seed, checked_whole
 
 Layout = int | str | os.PathLike | Mapping[str, int | str] | Sequence[str | os.PathLike]
 DEFAULT_SEED = 42
@@ -71,7 +72,8 @@ def _cfg_in(folder: pathlib.Path, name: str) -> str:
 def draw_map(scenario: str, seed: int = DEFAULT_SEED, num_agents: int = 0, **parameters: int | str) -> bytes:
     """A scenario's map as the bytes of a WAD, the same on every machine. `parameters`: of its recipe, as `comrad doomgen` lists
     them. `num_agents` must find a start; 0: as many as the recipe prepares. Raises ValueError for what no map can be made of."""
-    wad, file = _engine.draw_map(vizdoom_cfg(scenario), seed, num_agents, [(key, str(value)) for key, value in parameters.items()])
+    agents = checked_whole("num_agents", num_agents)
+    wad, file = _engine.draw_map(vizdoom_cfg(scenario), checked_seed(seed), agents, [(key, str(value)) for key, value in parameters.items()])
     return pathlib.Path(file).read_bytes() if file else wad
 
 
@@ -84,9 +86,7 @@ def wads_of(scenario: str, layout: Layout | None, num_agents: int) -> list[str]:
         raise TypeError("layout is a seed, parameters of the map, a WAD, a folder of WADs, or several WADs")
     if isinstance(layout, int) or isinstance(layout, Mapping):
         wanted = dict(layout) if isinstance(layout, Mapping) else {"seed": layout}
-        seed = int(wanted.pop("seed", DEFAULT_SEED))
-        if not 0 <= seed < 2**64:
-            raise ValueError(f"layout seed {seed}: it must lie in 0..2^64 - 1")
+        seed = checked_seed(wanted.pop("seed", DEFAULT_SEED), "layout seed")
         return [_drawn(scenario, seed, num_agents, tuple(sorted((key, str(value)) for key, value in wanted.items())))]
     if isinstance(layout, (str, os.PathLike)):
         path = pathlib.Path(layout)

@@ -1,7 +1,7 @@
 """Scenarios as PettingZoo's ParallelEnv."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,8 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from ._engine import SavedState
-from .batch import ARRAYS, OneGame, SCREEN_NAME, TICS_A_SECOND, checked_mode, checked_seed, fresh_seed, make_batch, observation_space
+from .arguments import checked_seed, checked_size, checked_state
+from .batch import ARRAYS, OneGame, SCREEN_NAME, TICS_A_SECOND, checked_mode, fresh_seed, make_batch, observation_space
 from .labels import Label
 from .maps import Layout
 from .window import Window
@@ -64,25 +65,25 @@ class ComradParallelEnv(OneGame, ParallelEnv):
     ) -> None:
         self.render_mode = checked_mode(render_mode, self.metadata)
         self._window = Window(f"comrad: {scenario}") if render_mode == "human" else None
-        self._observations = tuple(observations)
+        self._render_size = checked_size("render_size", render_size)
         self._batch = make_batch(
             scenario,
             num_agents=num_agents,
             layout=layout,
             frame_skip=frame_skip,
             size=size,
-            observations=self._observations,
+            observations=observations,
             automap_mode=automap_mode,
             folder=folder,
             channels_first=channels_first,
             reward=reward,
             heads=heads,
         )
+        self._observations = tuple(observations)
         self._arrays = self._batch.arrays()
         facts = self._batch.facts()
         self.scenario = facts["name"]
         self.metadata = {**self.metadata, "name": f"comrad_{self.scenario}", "render_fps": max(1, round(TICS_A_SECOND / frame_skip))}
-        self._render_size = render_size
         self.possible_agents = [f"agent_{index}" for index in range(facts["num_agents"])]
         self.agents: list[str] = []
         self.state_names: list[str] = self._batch.state_names()
@@ -93,6 +94,7 @@ class ComradParallelEnv(OneGame, ParallelEnv):
         self.observation_spaces = {agent: seen for agent in self.possible_agents}
         self.action_spaces = {agent: pressed for agent in self.possible_agents}
         self.state_space = spaces.Box(-np.inf, np.inf, self._arrays["state"].shape[1:], np.float32)
+        self._has_begun = False
         self._seed: int | None = None
         self._episode = 0
 
@@ -114,12 +116,15 @@ class ComradParallelEnv(OneGame, ParallelEnv):
             else:
                 self._episode += 1
             self._batch.reset([(self._seed, self._episode)])
+        self._has_begun = True
         self.agents = list(self.possible_agents)
         self._show()
         return self._see(), self._infos()
 
     def step(self, actions: dict[str, Any]) -> tuple[dict, dict, dict, dict, dict]:
         """Observations, rewards, terminations, truncations, infos, each by agent. `actions`: one for each agent, integers [heads]."""
+        if not isinstance(actions, Mapping):
+            raise TypeError(f"actions is a {type(actions).__name__}; a dictionary is wanted, an action for each agent")
         if self.agents:
             missing = [agent for agent in self.agents if agent not in actions]
             if missing:
@@ -149,6 +154,9 @@ class ComradParallelEnv(OneGame, ParallelEnv):
         return answer
 
     def state(self) -> np.ndarray:
+        """The true state, f32 [S], as `state_names` says. Raises ValueError before the first reset()."""
+        if not self._has_begun:
+            raise ValueError("call reset() before state()")
         return self._arrays["state"][0].copy()
 
     def labels(self, agent: str) -> list[Label]:
@@ -159,7 +167,8 @@ class ComradParallelEnv(OneGame, ParallelEnv):
 
     def set_state(self, state: SavedState) -> dict[str, Any]:
         """Goes back to a state; returns what the agents see there."""
-        self._batch.set_state(0, state)
+        self._batch.set_state(0, checked_state(state))
+        self._has_begun = True
         is_over = bool(self._arrays["terminated"][0] or self._arrays["truncated"][0])
         self.agents = [] if is_over else list(self.possible_agents)
         return {agent: self._seen_by(index) for index, agent in enumerate(self.possible_agents)}

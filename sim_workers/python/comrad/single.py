@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium import spaces
 
 from ._engine import SavedState, describe
+from .arguments import checked_size, checked_state, checked_whole
 from .batch import OneGame, TICS_A_SECOND, checked_mode, make_batch, picture_space
 from .labels import Label
 from .maps import Layout, vizdoom_cfg
@@ -64,6 +65,7 @@ class ComradGymEnv(OneGame, gymnasium.Env):
         reward: str = "",
     ) -> None:
         self.render_mode = checked_mode(render_mode, self.metadata)
+        self._render_size = checked_size("render_size", render_size)
         self._window = Window(f"comrad: {config}") if render_mode == "human" else None
         config = vizdoom_cfg(config, folder)
         enabled = describe(config).get("buffers", ())
@@ -81,12 +83,11 @@ class ComradGymEnv(OneGame, gymnasium.Env):
             reward=reward,
         )
         self._arrays = self._batch.arrays()
-        self._render_size = render_size
         self.button_names: list[str] = self._batch.button_names()
         self.variable_names: list[str] = self._batch.facts()["measurements"]
         self._binary = [index for index, name in enumerate(self.button_names) if not name.endswith(DELTA)]
         self._delta = [index for index, name in enumerate(self.button_names) if name.endswith(DELTA)]
-        if not 0 <= max_buttons_pressed:
+        if checked_whole("max_buttons_pressed", max_buttons_pressed) < 0:
             raise ValueError(f"max_buttons_pressed {max_buttons_pressed}: it must be 0 or more")
         most = min(int(max_buttons_pressed), len(self._binary))
         self._combinations = [
@@ -151,7 +152,7 @@ class ComradGymEnv(OneGame, gymnasium.Env):
 
     def set_state(self, state: SavedState) -> dict[str, np.ndarray]:
         """Goes back to a state; returns what is seen there."""
-        self._batch.set_state(0, state)
+        self._batch.set_state(0, checked_state(state))
         return self._see()
 
     def _see(self) -> dict[str, np.ndarray]:

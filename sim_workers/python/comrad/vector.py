@@ -11,7 +11,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from ._engine import SavedState
-from .batch import ARRAYS, SCREEN_NAME, checked_mode, checked_seed, fresh_seed, make_batch, observation_space, side_by_side
+from .arguments import checked_seed, checked_size, checked_state, checked_whole
+from .batch import ARRAYS, SCREEN_NAME, COPIES, checked_mode, fresh_seed, make_batch, observation_space, side_by_side
 from .labels import Label
 from .maps import Layout
 
@@ -64,7 +65,8 @@ class ComradVectorEnv(gymnasium.vector.VectorEnv):
         heads: str = "",
     ) -> None:
         self.render_mode = checked_mode(render_mode, self.metadata)
-        self._observations = tuple(observations)
+        self._render_size = checked_size("render_size", render_size)
+        num_envs = checked_whole("num_envs", num_envs)
         self._copy = bool(copy)
         self._batch = make_batch(
             scenario,
@@ -72,21 +74,21 @@ class ComradVectorEnv(gymnasium.vector.VectorEnv):
             layout=layout,
             frame_skip=frame_skip,
             size=size,
-            observations=self._observations,
+            observations=observations,
             automap_mode=automap_mode,
             folder=folder,
             channels_first=channels_first,
             num_envs=num_envs,
-            num_threads=usable_cores() if num_threads is None else num_threads,
+            num_threads=usable_cores() if num_threads is None else checked_whole("num_threads", num_threads),
             autoreset=True,
             reward=reward,
             heads=heads,
         )
+        self._observations = tuple(observations)
         self._arrays = self._batch.arrays()
         self.num_envs = num_envs
         self.num_agents: int = self._batch.facts()["num_agents"]
         self.state_names: list[str] = self._batch.state_names()
-        self._render_size = render_size
         head_sizes = np.asarray(self._batch.head_sizes())
         mask = spaces.MultiBinary(int(head_sizes.sum()))
         agent_sees = observation_space(self._arrays, self._observations, mask)
@@ -105,7 +107,7 @@ class ComradVectorEnv(gymnasium.vector.VectorEnv):
             begin = fresh_seed() >> 1
             seeds = [begin + index for index in range(self.num_envs)]
         elif isinstance(seed, (int, np.integer)):
-            seeds = [checked_seed(seed) + index for index in range(self.num_envs)]
+            seeds = [checked_seed(int(seed) + index) for index in range(self.num_envs)]
         else:
             seeds = [fresh_seed() if one is None else checked_seed(one) for one in seed]
             if len(seeds) != self.num_envs:
@@ -153,13 +155,16 @@ class ComradVectorEnv(gymnasium.vector.VectorEnv):
         return self._batch.get_state(index)
 
     def set_state(self, index: int, state: SavedState) -> None:
-        self._batch.set_state(index, state)
+        self._batch.set_state(index, checked_state(state))
         self._is_over[index] = self._arrays["terminated"][index] or self._arrays["truncated"][index]
 
     def labels(self, index: int, agent: int = 0) -> list[Label]:
         """The things in the picture of labels of an agent of one environment, by rising value. Raises ValueError where labels are not
         observed, and for indices outside."""
         return [Label(*values) for values in self._batch.labels(index, agent)]
+
+    def __reduce_ex__(self, _: Any) -> Any:
+        raise TypeError(COPIES)
 
     def observe(self) -> Any:
         """What is seen now."""

@@ -4,6 +4,7 @@
     PYTHONPATH=build/python misuse_test.py [unittest arguments]
 """
 
+import copy
 import gc
 import os
 import signal
@@ -39,7 +40,18 @@ class Misuse(unittest.TestCase):
         self.refuses(ValueError, "render_mode 'ascii'", make, "stag_hunt_arena", render_mode="ascii")
         self.refuses(ValueError, "no_such", make, "stag_hunt_arena", reward="no_such=1")
         self.refuses(ValueError, "FLY", make, "stag_hunt_arena", heads="FLY")
+        self.refuses(TypeError, "observations is a list of names|('depth',)", make, "stag_hunt_arena", observations="depth")
+        self.refuses(TypeError, "size is 128; (width, height)", make, "stag_hunt_arena", size=128)
+        self.refuses(TypeError, "render_size's height is 2.5", make, "stag_hunt_arena", render_size=(64, 2.5))
+        self.refuses(TypeError, "frame_skip is 2.5; a whole number", make, "stag_hunt_arena", frame_skip=2.5)
+        self.refuses(TypeError, "num_agents is True", make, "stag_hunt_arena", num_agents=True)
+        self.refuses(ValueError, "num_agents is 0; a team has", make, "stag_hunt_arena", num_agents=0)
+        self.refuses(TypeError, "num_envs is '4'", comrad.vector_env, "stag_hunt_arena", num_envs="4")
+        self.refuses(TypeError, "max_buttons_pressed is 0.5", comrad.gym_env, "basic", max_buttons_pressed=0.5)
         self.refuses(ValueError, "radios", make, "stag_hunt_arena", layout={"radios": 1})
+        self.refuses(TypeError, "a layout seed is an integer, not str", make, "stag_hunt_arena", layout={"seed": "x"})
+        self.refuses(ValueError, "seed -1", comrad.draw_map, "stag_hunt_arena", seed=-1)
+        self.refuses(TypeError, "automap_mode is 3; a text", make, "stag_hunt_arena", automap_mode=3)
         self.refuses(ValueError, "layout seed -1", make, "stag_hunt_arena", layout=-1)
         self.refuses(TypeError, "layout is a float", make, "stag_hunt_arena", layout=1.5)
         self.refuses(FileNotFoundError, "gone.wad: no such WAD", make, "stag_hunt_arena", layout="gone.wad")
@@ -62,10 +74,14 @@ class Misuse(unittest.TestCase):
         action = {agent: env.action_space(agent).sample() for agent in env.possible_agents}
         self.refuses(ValueError, "call reset() before", env.step, action)
         self.refuses(ValueError, "call reset() before", env.get_state)
+        self.refuses(ValueError, "call reset() before state()", env.state)
         self.refuses(TypeError, "a seed is an integer", env.reset, seed="1")
         self.refuses(ValueError, "seed -1", env.reset, seed=-1)
         env.reset(seed=1)
         self.refuses(ValueError, "agent_1 is missing", env.step, {"agent_0": action["agent_0"]})
+        self.refuses(TypeError, "actions is a list; a dictionary", env.step, [action["agent_0"]])
+        self.refuses(TypeError, "not NoneType", env.set_state, None)
+        self.refuses(TypeError, "neither copied nor pickled", copy.deepcopy, env)
         for wrong in (0, [0], np.zeros(99, int), np.zeros(len(action["agent_0"])), "left", None):
             self.refuses(ValueError, "action of agent_0", env.step, {**action, "agent_0": wrong})
         self.refuses(ValueError, "agent 1, head 0: it must lie in 0..", env.step, {**action, "agent_1": np.array([7, *[0] * (len(action["agent_1"]) - 1)])})
@@ -99,6 +115,7 @@ class Misuse(unittest.TestCase):
         shape = envs.action_space.shape
         self.refuses(ValueError, "call reset() before", envs.step, np.zeros(shape, int))
         self.refuses(ValueError, "1 seeds were given for 2", envs.reset, seed=[1])
+        self.refuses(ValueError, "seed 18446744073709551616", envs.reset, seed=2**64 - 1)
         self.refuses(ValueError, "reset_mask", envs.reset, options={"reset_mask": [1, 0]})
         envs.reset(seed=1)
         self.refuses(ValueError, "actions are float64", envs.step, np.zeros(shape))
