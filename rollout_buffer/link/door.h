@@ -1,0 +1,72 @@
+// A run's door: what is played here, and the files for it, for hosts that want to join. Nothing is assumed to lie on
+// the other host but this program, the scenario and the IWAD, whose hashes it compares. Stage: before a run.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/dds/link_bus.h"
+
+namespace comrad::link {
+
+constexpr int kDoorProtocol = 1;
+constexpr const char* kOfferFile = "link_offer.json";  ///< in a run that serves
+
+/// One file that a host needs to play.
+struct OfferedFile {
+  std::string name;  ///< in the joined run's folder: "config.toml", "layouts/map.wad"
+  std::string path;  ///< on the serving host; never sent
+  uint64_t bytes = 0;
+  uint64_t checksum = 0;
+};
+
+/// What a run offers.
+struct Offer {
+  std::string scenario;
+  uint64_t scenario_checksum = 0;  ///< of the scenario's folder
+  uint64_t iwad_checksum = 0;
+  std::vector<OfferedFile> files;
+};
+
+/// The offer as it is sent; its checksum64 is the run's fingerprint, by which both ends know that they mean the same game.
+std::string text_of(const Offer& offer, bool with_paths);
+/// Reads what another host or a file says. Errors: kBadFormat; a file's name never leads out of a folder.
+Expected<Offer> parse_offer(const std::string& text);
+uint64_t fingerprint_of(const Offer& offer);
+
+/// Answers questions from the offer. Threads: one.
+class DoorKeeper {
+ public:
+  explicit DoorKeeper(Offer offer) : offer_(std::move(offer)), text_(text_of(offer_, false)) {}
+  /// Any question gets an answer, if only what is wrong with it.
+  dds::DoorAnswer answer(const dds::DoorQuestion& question) const;
+
+ private:
+  const Offer offer_;
+  const std::string text_;
+};
+
+/// The other side of the door, for a host that joins. Threads: one.
+class DoorVisitor {
+ public:
+  DoorVisitor(dds::LinkBus& bus, uint64_t feeder_id, double timeout_s)
+      : bus_(bus), feeder_id_(feeder_id), timeout_s_(timeout_s) {}
+
+  /// Errors: kTimeout where nobody answers, kBadInput with the door's own words, kBadFormat.
+  Expected<Offer> offer();
+  /// The bytes of a file of the offer, checked. Errors: as offer().
+  Expected<std::string> file(const OfferedFile& file);
+
+ private:
+  Expected<std::string> fetch(const std::string& what, const std::string& name, uint64_t most_bytes);
+  Expected<dds::DoorAnswer> ask(const std::string& text);
+
+  dds::LinkBus& bus_;
+  const uint64_t feeder_id_;
+  const double timeout_s_;
+  uint32_t questions_ = 0;
+};
+
+}  // namespace comrad::link

@@ -1,0 +1,260 @@
+#include "rollout_buffer/link/feeder.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/shm/futex.h"
+
+namespace comrad::link {
+namespace {
+
+constexpr int kWaitMs = 5;  // a slab takes longer to play by far
+constexpr double kReportIntervalS = 0.5;
+constexpr double kDeliverForS = 5.0;   // after a stop; the supervisor waits 8 s
+constexpr double kSilentAfterS = 2.0;  // without a state of the learner's host nothing is sent again
+constexpr std::size_t kMostInHand = 64;
+constexpr int kEpisodesAtOnce = 64;
+constexpr uint32_t kEpochsOfALife = 1 << 16;  // between two epochs of one life of this process
+
+/// A session's first half is the learner's arena, its second the life of the process that receives.
+uint64_t arena_of(uint64_t session) { return session >> 32; }
+
+}  // namespace
+
+Feeder::Feeder(const shm::Arena& arena, dds::LinkBus bus, const FeederOptions& options)
+    : arena_(arena),
+      bus_(std::move(bus)),
+      options_(options),
+      cutter_(arena.slab_offsets()),
+      weights_(arena.shape().weights_bytes) {}
+
+Status Feeder::run(const std::atomic<bool>& stop) {
+  shm::WorkerCounters& counters = arena_.learner_counters();
+  counters.begin_life();
+  epoch_ = counters.epoch.load();
+  delivered_ = counters.decisions.load();
+  adopt();
+  counters.state = shm::WorkerState::kRunning;
+  heard_s_ = progress_s_ = monotonic_s();
+  while (!is_stopping(stop) && !has_run_ended_) {
+    COMRAD_TRY(hear());
+    drain();
+    send();
+    resend_if_stuck();
+    send_episodes();
+    if (monotonic_s() - reported_s_ >= kReportIntervalS) report(/*is_leaving=*/false);
+    if (every_second_ && monotonic_s() - told_s_ >= 1) told_s_ = monotonic_s(), every_second_();
+    bus_.wait(kWaitMs);
+  }
+  // What is sealed by now is delivered, if the other end goes on.
+  for (const double end_s = monotonic_s() + kDeliverForS; is_fed() && !has_run_ended_ &&
+                                                          !(in_hand_.empty() && arena_.sealed_count() == 0) &&
+                                                          monotonic_s() < end_s;) {
+    COMRAD_TRY(hear());
+    drain();
+    send();
+    resend_if_stuck();
+    bus_.wait(kWaitMs);
+  }
+  send_episodes();
+  report(/*is_leaving=*/true);
+  if (every_second_) every_second_();
+  counters.state = shm::WorkerState::kStopped;
+  return {};
+}
+
+bool Feeder::is_stopping(const std::atomic<bool>& stop) const {
+  return stop.load(std::memory_order_relaxed) ||
+         arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
+}
+
+/// Takes over what a predecessor had drained, in the order of sealing.
+void Feeder::adopt() {
+  std::vector<std::pair<uint64_t, uint32_t>> orphans;
+  for (int index = 0; index < arena_.shape().slab_count; ++index) {
+    const shm::SlabHeader& header = arena_.slab_header(index);
+    if (header.state.load(std::memory_order_acquire) == shm::SlabState::kLearning)
+      orphans.emplace_back(header.seal_ticket, static_cast<uint32_t>(index));
+  }
+  std::sort(orphans.begin(), orphans.end());
+  const auto agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
+  for (const auto& [ticket, index] : orphans)
+    in_hand_.push_back({.slab = index,
+                        .decisions = arena_.slab_header(static_cast<int>(index)).length * agents,
+                        .was_sent = true});
+  if (!orphans.empty())
+    spdlog::warn("{} trajectories of this worker's predecessor are sent again", orphans.size());
+}
+
+Status Feeder::hear() {
+  bus_.take_states(options_.feeder_id, [this](const dds::FeedState& state) { take_state(state); });
+  if (!refusal_.empty())
+    return Error{ErrorCode::kBadInput, "the run does not take this host in: " + refusal_};
+  bus_.take_weights([this](const dds::WeightsChunk& chunk) {
+    const Expected<bool> whole = weights_.take(chunk);
+    if (!whole) spdlog::warn("{}", whole.error().message);
+    if (whole && *whole && (!arena_.has_weights() || arena_.weights_version() != weights_.version()))
+      arena_.publish_weights(weights_.weights(), weights_.version());
+  });
+  if (monotonic_s() - heard_s_ > options_.patience_s)
+    return Error{ErrorCode::kNotFound, "nothing was heard of the learner's host for " +
+                                           std::to_string(static_cast<int>(options_.patience_s)) +
+                                           " s; is the run still alive, and the network up?"};
+  return {};
+}
+
+void Feeder::take_state(const dds::FeedState& state) {
+  const bool was_silent = monotonic_s() - heard_s_ > kSilentAfterS;
+  heard_s_ = monotonic_s();
+  if (state.epoch != epoch_) return;  // it answers this worker's predecessor, or an earlier count
+  if (state.run_state == "refused") {
+    refusal_ = state.message.empty() ? "no reason was given" : state.message;
+    return;
+  }
+  has_run_ended_ |= state.run_state == "stopping";
+  if (session_ != state.session && session_ != 0) return begin_anew(state.session);
+  session_ = state.session;
+  state_ = state;
+  arena_.control().epsilon = state.epsilon;
+  while (first_index_ < state.done_index && !in_hand_.empty() && in_hand_.front().was_sent)
+    finish_first(true);
+  if (was_silent)  // what was under way when the network went is gone
+    for (InHand& one : in_hand_) one.is_sent = false;
+}
+
+/// The other end is another one. Where its arena is new, what was sent may have been learned by the one before: it is
+/// not sent twice. Indices begin at 0 again under another epoch, so that no fragment on its way is taken for a new one.
+void Feeder::begin_anew(uint64_t session) {
+  while (arena_of(session_) != arena_of(session) && !in_hand_.empty() && in_hand_.front().was_sent)
+    finish_first(/*is_delivered=*/false);
+  session_ = session;
+  epoch_ += kEpochsOfALife;
+  first_index_ = 0;
+  cutting_.reset();
+  for (InHand& one : in_hand_) one.is_sent = false;
+  state_.reset();
+  report(/*is_leaving=*/false);
+}
+
+void Feeder::finish_first(bool is_delivered) {
+  const InHand& first = in_hand_.front();
+  (is_delivered ? delivered_ : lost_) += first.decisions;
+  if (is_delivered) {
+    arena_.learner_counters().decisions = delivered_;
+    arena_.learner_counters().batches.fetch_add(1);
+    progress_s_ = monotonic_s();
+  }
+  arena_.release_slab(first.slab);
+  in_hand_.pop_front();
+  if (cutting_ == first_index_) cutting_.reset();
+  ++first_index_;
+}
+
+/// Takes no more than may be sent: what waits in the arena is this host's back-pressure.
+void Feeder::drain() {
+  if (!is_fed()) return;
+  const uint64_t end_index = first_index_ + in_hand_.size();
+  if (state_->credit_index <= end_index || in_hand_.size() >= kMostInHand) return;
+  const uint64_t room = std::min<uint64_t>(state_->credit_index - end_index, kMostInHand - in_hand_.size());
+  const auto agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
+  for (const uint32_t slab : arena_.drain_slabs(static_cast<int>(room)))
+    in_hand_.push_back(
+        {.slab = slab, .decisions = arena_.slab_header(static_cast<int>(slab)).length * agents});
+}
+
+/// False where the network did not take all that may be sent.
+bool Feeder::send() {
+  if (!is_fed()) return true;
+  for (std::size_t place = 0; place < in_hand_.size(); ++place) {
+    InHand& one = in_hand_[place];
+    const uint64_t index = first_index_ + place;
+    if (index >= state_->credit_index) break;
+    if (one.is_sent) continue;
+    if (cutting_ != index) {
+      cutter_.begin(arena_.slab(static_cast<int>(one.slab)), arena_.slab_header(static_cast<int>(one.slab)),
+                    {.feeder_id = options_.feeder_id, .epoch = epoch_, .send_index = index});
+      cutting_ = index;
+      next_fragment_ = 0;
+      resent_ += one.was_sent;
+      one.was_sent = true;
+    }
+    for (; next_fragment_ < cutter_.fragment_count(); ++next_fragment_)
+      if (const Status written = bus_.write(cutter_.cut(next_fragment_)); !written) {
+        if (written.error().code != ErrorCode::kTimeout) spdlog::warn("{}", written.error().message);
+        return false;
+      }
+    cutting_.reset();
+    one.is_sent = true;
+    progress_s_ = monotonic_s();
+  }
+  return true;
+}
+
+void Feeder::resend_if_stuck() {
+  const double now_s = monotonic_s();
+  if (in_hand_.empty() || !in_hand_.front().is_sent) return;
+  if (now_s - progress_s_ < options_.resend_after_s || now_s - heard_s_ > kSilentAfterS) return;
+  for (InHand& one : in_hand_) one.is_sent = false;
+  cutting_.reset();
+  progress_s_ = now_s;
+}
+
+void Feeder::send_episodes() {
+  if (!is_fed()) return;
+  const auto agents = static_cast<std::size_t>(arena_.shape().trajectory.env.num_agents);
+  for (int count = 0; count < kEpisodesAtOnce; ++count) {
+    const std::optional<shm::EpisodeRecord> record = arena_.pop_forwarded_episode();
+    if (!record) return;
+    const Status written =
+        bus_.write(dds::FeederEpisode{.feeder_id = options_.feeder_id,
+                                      .env_index = record->env_index,
+                                      .episode_id = record->episode_id,
+                                      .episode_seed = record->episode_seed,
+                                      .layout_id = record->layout_id,
+                                      .length_steps = record->length_steps,
+                                      .length_tics = record->length_tics,
+                                      .terminated = record->terminated != 0,
+                                      .score = record->score,
+                                      .ceiling = record->ceiling,
+                                      .agent_return = {record->agent_return, record->agent_return + agents},
+                                      .agent_score = {record->agent_score, record->agent_score + agents}});
+    if (!written) spdlog::warn("an episode's score is not told: {}", written.error().message);
+  }
+}
+
+void Feeder::report(bool is_leaving) {
+  reported_s_ = monotonic_s();
+  const shm::ArenaShape& shape = arena_.shape();
+  const FeederAccount now = account();
+  const Status written =
+      bus_.write(dds::FeedReport{.feeder_id = options_.feeder_id,
+                                 .epoch = epoch_,
+                                 .beat = ++beat_,
+                                 .fingerprint = options_.fingerprint,
+                                 .slab_bytes = static_cast<uint64_t>(arena_.slab_offsets().slab_bytes),
+                                 .sim_workers = static_cast<uint32_t>(shape.sim_worker_count),
+                                 .envs_per_worker = static_cast<uint32_t>(shape.envs_per_worker),
+                                 .is_leaving = is_leaving,
+                                 .weights_version = arena_.weights_version(),
+                                 .decisions_played = now.played,
+                                 .decisions_delivered = now.delivered,
+                                 .host = options_.host});
+  if (!written && written.error().code != ErrorCode::kTimeout) spdlog::warn("{}", written.error().message);
+}
+
+FeederAccount Feeder::account() const {
+  FeederAccount account{.delivered = delivered_, .lost = lost_, .resent = resent_};
+  for (int sim = 0; sim < arena_.shape().sim_worker_count; ++sim)
+    account.played += arena_.sim_counters(sim).decisions.load();
+  for (const InHand& one : in_hand_) account.waiting += one.decisions;
+  const auto agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
+  for (int index = 0; index < arena_.shape().slab_count; ++index)
+    if (const shm::SlabHeader& header = arena_.slab_header(index); header.state == shm::SlabState::kSealed)
+      account.waiting += header.length * agents;
+  return account;
+}
+
+}  // namespace comrad::link

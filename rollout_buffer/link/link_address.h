@@ -1,0 +1,46 @@
+// How a run's link is found: "192.168.1.7/0123456789abcdef", the address of the learner's host and the link's id. The
+// id is what a host must know to join; it lies in the run's folder for its owner alone.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/dds/bus_config.h"
+
+namespace comrad::link {
+
+constexpr const char* kLinkIdFile =
+    "link_id";  ///< in a run that serves: the link's id, kept when the run goes on
+constexpr const char* kAddressFile = "link_address";  ///< in a run that joined another
+
+struct LinkAddress {
+  std::string host = "127.0.0.1";  ///< IPv4
+  uint32_t port_base = 7400;
+  uint64_t link_id = 0;
+};
+
+/// "host/id" or "host:port_base/id". Errors: kBadInput saying how an address looks.
+Expected<LinkAddress> parse_address(const std::string& text);
+std::string text_of(const LinkAddress& address);
+
+/// The id in `<run_dir>/link_id`, which is made where it is missing, readable for its owner alone.
+/// Errors: kBadFormat, kSystem.
+Expected<uint64_t> keep_link_id(const std::string& run_dir);
+
+/// The interface of this host through which `host` is reached. Errors: kBadInput for no IPv4 address, or an address of
+/// this host other than loopback's; kNotFound without a route.
+Expected<std::string> interface_towards(const std::string& host);
+/// The first IPv4 address of an interface. Errors: kNotFound.
+Expected<std::string> address_of_interface(const std::string& interface_name);
+
+/// The configurations of both ends. That of the serving one names no peer: it answers who asks.
+struct LinkOptions {
+  std::string interface_name = "lo";
+  uint32_t port_base = 7400;
+  bool insecure_network = false;
+};
+dds::BusConfig serving_config(uint64_t link_id, const LinkOptions& options);
+dds::BusConfig joining_config(const LinkAddress& address, const LinkOptions& options);
+
+}  // namespace comrad::link

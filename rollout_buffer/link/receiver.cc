@@ -1,0 +1,373 @@
+#include "rollout_buffer/link/receiver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/shm/futex.h"
+
+namespace comrad::link {
+namespace {
+
+constexpr int kWaitMs = 5;
+constexpr double kTellIntervalS = 0.5;
+constexpr double kTellOfEndS = 1.0;
+constexpr std::size_t kMostGuests = 256;  // strangers that ask for a seat must not fill the memory
+
+}  // namespace
+
+Receiver::Receiver(const shm::Arena& arena, dds::LinkBus bus, ReceiverOptions options)
+    : arena_(arena),
+      bus_(std::move(bus)),
+      options_(std::move(options)),
+      door_(options_.offer),
+      fingerprint_(fingerprint_of(options_.offer)) {
+  shm::WorkerCounters& counters = arena_.sim_counters(options_.first_worker);
+  counters.begin_life();
+  counters.state = shm::WorkerState::kRunning;
+  session_ = (arena_.run_id() & 0xFFFFFFFFu) << 32 | counters.epoch.load();
+  owner_.resize(static_cast<std::size_t>(arena_.shape().sim_worker_count - options_.first_worker));
+  restore_seats();
+}
+
+/// Whose places are whose stands in the journal of each one's first environment, for a successor of this process.
+void Receiver::restore_seats() {
+  for (std::size_t place = 0; place < owner_.size(); ++place) {
+    const int worker = options_.first_worker + static_cast<int>(place);
+    const shm::JournalHeader& journal = arena_.journal(worker * arena_.shape().envs_per_worker);
+    if (journal.in_use != 0) owner_[place] = journal.episode_seed;
+  }
+}
+
+Status Receiver::run(const std::atomic<bool>& stop) {
+  const auto is_stopping = [&] {
+    return stop.load(std::memory_order_relaxed) ||
+           arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
+  };
+  while (!is_stopping()) {
+    turn();
+    if (every_second_ && monotonic_s() - reported_s_ >= 1) reported_s_ = monotonic_s(), every_second_();
+    bus_.wait(kWaitMs);
+  }
+  // Only the end of the run is told; a receiver that is restarted says nothing.
+  is_stopping_ = arena_.control().run_state.load() == shm::RunState::kStopping;
+  for (auto& [id, guest] : guests_) give_back(guest);
+  for (const double end_s = monotonic_s() + kTellOfEndS;
+       is_stopping_ && monotonic_s() < end_s && !guests_.empty();) {
+    for (auto& [id, guest] : guests_) tell(guest);
+    bus_.take_reports([](const dds::FeedReport&) {});
+    bus_.take_fragments([](const dds::TrajectoryFragment&) {});
+    bus_.wait(100);
+  }
+  if (every_second_) every_second_();
+  arena_.sim_counters(options_.first_worker).state = shm::WorkerState::kStopped;
+  return {};
+}
+
+void Receiver::turn() {
+  bus_.take_questions([this](const dds::DoorQuestion& question) {
+    if (const Status written = bus_.write(door_.answer(question)); !written)
+      spdlog::warn("a question at the door is not answered: {}", written.error().message);
+  });
+  bus_.take_reports([this](const dds::FeedReport& report) { hear(report); });
+  reserve();
+  bus_.take_fragments([this](const dds::TrajectoryFragment& fragment) { take(fragment); });
+  bus_.take_episodes([this](const dds::FeederEpisode& episode) { take_episode(episode); });
+  send_weights_if_due();
+  forget_silent();
+  const double now_s = monotonic_s();
+  for (auto& [id, guest] : guests_) {
+    const bool has_news = guest.is_to_be_told || guest.told_done != guest.done_index ||
+                          guest.told_credit != guest.done_index + guest.reserved.size();
+    if (has_news || (guest.record.is_here && now_s - guest.told_s >= kTellIntervalS)) tell(guest);
+  }
+}
+
+void Receiver::hear(const dds::FeedReport& report) {
+  if (!guests_.contains(report.feeder_id) && guests_.size() >= kMostGuests) {
+    const auto gone =
+        std::ranges::find_if(guests_, [](const auto& entry) { return !entry.second.record.is_here; });
+    if (gone == guests_.end()) return;
+    free_seat(gone->second);
+    guests_.erase(gone);
+  }
+  Guest& guest = guests_[report.feeder_id];
+  FeederRecord& record = guest.record;
+  record.feeder_id = report.feeder_id;
+  record.host = report.host;
+  record.played_there = report.decisions_played;
+  guest.heard_s = monotonic_s();
+  if (report.is_leaving) {
+    if (std::exchange(record.is_here, false))
+      spdlog::info("{} leaves: {} decisions in {} trajectories were taken from it, it played {}", record.host,
+                   record.decisions, record.slabs, record.played_there);
+    give_back(guest);
+    free_seat(guest);
+    guest.epoch = 0;
+    return;
+  }
+  if (guest.epoch != report.epoch) {
+    guest.epoch = report.epoch;
+    guest.done_index = 0;
+    guest.is_assembling = false;
+  }
+  if (guest.workers.empty()) {
+    std::string refusal = seat(guest, report);
+    if (!refusal.empty() && refusal != guest.refusal) spdlog::warn("{} is refused: {}", record.host, refusal);
+    guest.refusal = std::move(refusal);
+  }
+  if (guest.refusal.empty() && !std::exchange(record.is_here, true))
+    spdlog::info("{} feeds with {} simulators", record.host, record.workers);
+  guest.is_to_be_told = true;
+}
+
+/// Gives the guest places of simulators. Says why not, or nothing.
+std::string Receiver::seat(Guest& guest, const dds::FeedReport& report) {
+  const shm::ArenaShape& shape = arena_.shape();
+  const uint64_t id = report.feeder_id;
+  if (id == 0) return "it has no id";
+  if (report.fingerprint != fingerprint_)
+    return "its settings, scenario or maps are no longer those of this run; join again";
+  if (report.slab_bytes != static_cast<uint64_t>(arena_.slab_offsets().slab_bytes) ||
+      report.envs_per_worker != static_cast<uint32_t>(shape.envs_per_worker))
+    return "its trajectories are of another shape; install the same version on both hosts";
+  const auto is_mine = [&](uint64_t owner) { return owner == id; };
+  const bool is_known = report.sim_workers > 0 && std::ranges::count_if(owner_, is_mine) ==
+                                                      static_cast<std::ptrdiff_t>(report.sim_workers);
+  if (!is_known) {
+    std::ranges::replace(owner_, id, uint64_t{0});
+    const auto free_count = [&] { return static_cast<uint64_t>(std::ranges::count(owner_, uint64_t{0})); };
+    const double now_s = monotonic_s();
+    for (auto& [other_id, other] : guests_)  // places of hosts that are long gone, where they are needed
+      if (free_count() < report.sim_workers && other_id != id && !other.record.is_here &&
+          now_s - other.heard_s > options_.silent_after_s)
+        free_seat(other);
+    if (report.sim_workers == 0 || free_count() < report.sim_workers)
+      return "of " + std::to_string(owner_.size()) + " places for simulators of other hosts " +
+             std::to_string(free_count()) + " are free, it asks for " + std::to_string(report.sim_workers) +
+             "; more can be had with --serve_workers where the run serves, fewer asked for with "
+             "--num_workers here";
+    for (uint32_t taken = 0; taken < report.sim_workers; ++taken)
+      *std::ranges::find(owner_, uint64_t{0}) = id;
+  }
+  guest.workers.clear();
+  for (std::size_t place = 0; place < owner_.size(); ++place) {
+    if (owner_[place] != id) continue;
+    const int worker = options_.first_worker + static_cast<int>(place);
+    guest.workers.push_back(worker);
+    for (int local = 0; !is_known && local < shape.envs_per_worker; ++local) {
+      shm::JournalHeader& journal = arena_.journal(worker * shape.envs_per_worker + local);
+      journal.episode_seed = id;
+      journal.length = 0;  // the first trajectory says where its count begins
+      journal.in_use = 1;
+    }
+  }
+  guest.record.workers = static_cast<int>(guest.workers.size());
+  guest.assembler = std::make_unique<SlabAssembler>(arena_.slab_offsets());
+  return "";
+}
+
+void Receiver::free_seat(Guest& guest) {
+  for (const int worker : guest.workers) {
+    owner_[static_cast<std::size_t>(worker - options_.first_worker)] = 0;
+    for (int local = 0; local < arena_.shape().envs_per_worker; ++local)
+      arena_.journal(worker * arena_.shape().envs_per_worker + local).in_use = 0;
+  }
+  guest.workers.clear();
+}
+
+/// Free slabs are taken before they are promised, one for each host in turn.
+void Receiver::reserve() {
+  for (int round = 0; round < options_.window; ++round)
+    for (auto& [id, guest] : guests_) {
+      if (!guest.record.is_here || guest.workers.empty() ||
+          guest.reserved.size() > static_cast<std::size_t>(round))
+        continue;
+      const std::optional<uint32_t> slab = arena_.acquire_slab(guest.workers[0]);
+      if (!slab) return;
+      guest.reserved.push_back(*slab);
+    }
+}
+
+void Receiver::give_back(Guest& guest) {
+  for (const uint32_t slab : guest.reserved) arena_.abandon_slab(slab);
+  guest.reserved.clear();
+  guest.is_assembling = false;
+}
+
+void Receiver::take(const dds::TrajectoryFragment& fragment) {
+  const auto found = guests_.find(fragment.feeder_id);
+  if (found == guests_.end()) return;
+  Guest& guest = found->second;
+  // What is not due is sent again in time: it was lost with a network, or comes from before.
+  if (guest.workers.empty() || fragment.epoch != guest.epoch || fragment.send_index != guest.done_index ||
+      guest.reserved.empty())
+    return;
+  guest.heard_s = monotonic_s();
+  if (fragment.fragment_index == 0) {
+    guest.assembler->begin(arena_.slab(static_cast<int>(guest.reserved.front())));
+    guest.is_assembling = true;
+  }
+  if (!guest.is_assembling || fragment.fragment_index != guest.assembler->next_index()) {
+    guest.is_assembling = false;
+    return;
+  }
+  const Expected<bool> whole = guest.assembler->take(fragment);
+  if (whole && !*whole) return;
+  guest.is_assembling = false;
+  ++guest.done_index;
+  if (!whole) {
+    if (++guest.record.refused == 1) spdlog::warn("{} sent {}", guest.record.host, whole.error().message);
+    return;
+  }
+  seal(guest, fragment);
+}
+
+int Receiver::remote_env(const Guest& guest, uint32_t env_index) const {
+  const auto per_worker = static_cast<uint32_t>(arena_.shape().envs_per_worker);
+  const uint32_t place = env_index / per_worker;
+  if (place >= guest.workers.size()) return -1;
+  return guest.workers[place] * static_cast<int>(per_worker) + static_cast<int>(env_index % per_worker);
+}
+
+void Receiver::seal(Guest& guest, const dds::TrajectoryFragment& fragment) {
+  const int env = remote_env(guest, fragment.env_index);
+  if (env < 0) {
+    if (++guest.record.refused == 1)
+      spdlog::warn("{} sent a trajectory of environment {}, which it does not have", guest.record.host,
+                   fragment.env_index);
+    return;
+  }
+  shm::JournalHeader& journal = arena_.journal(env);
+  // This arena counts an environment's rollouts on, whoever plays it; step_id is the difference to that host's count. One
+  // number is left out between two hosts, so that nobody takes one's trajectory for a continuation of the other's.
+  if (journal.length == 0) {
+    journal.step_id = journal.rollout_index + 1 - fragment.rollout_index;
+    ++journal.rollout_index;
+    journal.length = 1;
+  }
+  const uint64_t rollout_index = fragment.rollout_index + journal.step_id;
+  const auto ahead = static_cast<int64_t>(rollout_index - journal.rollout_index);
+  if (ahead < 0) {
+    ++guest.record.duplicates;
+    return;
+  }
+  guest.record.missing_rollouts += static_cast<uint64_t>(ahead);
+
+  const uint32_t index = guest.reserved.front();
+  guest.reserved.pop_front();
+  const SlabView slab = arena_.slab(static_cast<int>(index));
+  for (int step = 0; step < arena_.shape().trajectory.rollout_steps; ++step) slab.layout_index(step) = 0;
+  shm::SlabHeader& header = arena_.slab_header(static_cast<int>(index));
+  header.env_index = static_cast<uint32_t>(env);
+  header.length = fragment.length;
+  std::atomic_signal_fence(
+      std::memory_order_release);  // as a simulator: a kill leaves no count with another's name
+  header.rollout_index = rollout_index;
+  header.layout_id = fragment.layout_id;
+  header.first_episode = {.episode_id = fragment.first_episode_id,
+                          .episode_seed = fragment.first_episode_seed};
+  journal.rollout_index = rollout_index + 1;  // reclaim_sim_worker() takes it back if we die before the seal
+  arena_.seal_slab(index);
+
+  const uint64_t decisions =
+      uint64_t{fragment.length} * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
+  guest.record.decisions += decisions;
+  ++guest.record.slabs;
+  arena_.sim_counters(env / arena_.shape().envs_per_worker)
+      .decisions.fetch_add(decisions, std::memory_order_relaxed);
+}
+
+void Receiver::take_episode(const dds::FeederEpisode& episode) {
+  const auto found = guests_.find(episode.feeder_id);
+  if (found == guests_.end()) return;
+  const auto agents = static_cast<std::size_t>(arena_.shape().trajectory.env.num_agents);
+  const int env = remote_env(found->second, episode.env_index);
+  const auto is_finite = [](float number) { return std::isfinite(number); };
+  if (env < 0 || episode.agent_return.size() != agents || episode.agent_score.size() != agents ||
+      !is_finite(episode.score) || !is_finite(episode.ceiling) ||
+      !std::ranges::all_of(episode.agent_return, is_finite) ||
+      !std::ranges::all_of(episode.agent_score, is_finite))
+    return;
+  shm::EpisodeRecord record{};
+  record.episode_id = episode.episode_id;
+  record.episode_seed = episode.episode_seed;
+  record.layout_id = episode.layout_id;
+  record.env_index = static_cast<uint32_t>(env);
+  record.length_steps = episode.length_steps;
+  record.length_tics = episode.length_tics;
+  record.terminated = episode.terminated;
+  record.score = episode.score;
+  record.ceiling = episode.ceiling;
+  std::ranges::copy(episode.agent_return, record.agent_return);
+  std::ranges::copy(episode.agent_score, record.agent_score);
+  (void)arena_.push_episode(record);  // a full ring counts what it drops
+}
+
+void Receiver::send_weights_if_due() {
+  const auto guests_here =
+      std::ranges::count_if(guests_, [](const auto& entry) { return entry.second.record.is_here; });
+  if (guests_here == 0 || !arena_.has_weights()) return;
+  if (are_weights_sent_ && arena_.weights_version() == weights_version_) return;
+  const double now_s = monotonic_s();
+  const double interval_s = std::max(
+      1 / options_.weights_per_s,
+      static_cast<double>(weights_.size()) * static_cast<double>(guests_here) / options_.weights_bytes_per_s);
+  if (weights_sent_s_ > 0 && now_s - weights_sent_s_ < interval_s) return;
+  weights_sent_s_ = now_s;
+  const Expected<PolicyVersion> version = arena_.read_weights(weights_);
+  if (!version) {
+    spdlog::warn("{}", version.error().message);
+    return;
+  }
+  const Status sent = send_weights(bus_, weights_, *version);
+  are_weights_sent_ = sent.has_value();  // else all of them once more, a little later
+  weights_version_ = *version;
+  if (!sent && sent.error().code != ErrorCode::kTimeout) spdlog::warn("{}", sent.error().message);
+}
+
+void Receiver::forget_silent() {
+  const double now_s = monotonic_s();
+  for (auto& [id, guest] : guests_) {
+    const double silent_s = now_s - guest.heard_s;
+    if (guest.record.is_here && silent_s > options_.silent_after_s) {
+      guest.record.is_here = false;
+      give_back(guest);
+      spdlog::warn("nothing is heard of {}; its free slabs go back, its places are kept for {} s",
+                   guest.record.host, static_cast<int>(options_.seat_kept_s));
+    }
+    if (!guest.record.is_here && !guest.workers.empty() && silent_s > options_.seat_kept_s) free_seat(guest);
+  }
+}
+
+void Receiver::tell(Guest& guest) {
+  guest.is_to_be_told = false;
+  guest.told_s = monotonic_s();
+  guest.told_done = guest.done_index;
+  guest.told_credit = guest.done_index + guest.reserved.size();
+  const shm::ControlBlock& control = arena_.control();
+  const std::string run_state = !guest.refusal.empty()                               ? "refused"
+                                : is_stopping_                                       ? "stopping"
+                                : control.run_state.load() == shm::RunState::kPaused ? "paused"
+                                                                                     : "running";
+  const Status written = bus_.write(dds::FeedState{.feeder_id = guest.record.feeder_id,
+                                                   .session = session_,
+                                                   .epoch = guest.epoch,
+                                                   .beat = ++beat_,
+                                                   .run_state = run_state,
+                                                   .message = guest.refusal,
+                                                   .done_index = guest.told_done,
+                                                   .credit_index = guest.told_credit,
+                                                   .epsilon = control.epsilon.load()});
+  if (!written) guest.is_to_be_told = true;
+}
+
+std::vector<FeederRecord> Receiver::records() const {
+  std::vector<FeederRecord> records;
+  for (const auto& [id, guest] : guests_) records.push_back(guest.record);
+  return records;
+}
+
+}  // namespace comrad::link

@@ -1,0 +1,162 @@
+#include "rollout_buffer/link/door.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <nlohmann/json.hpp>
+
+#include "rollout_buffer/core/checksum.h"
+#include "rollout_buffer/link/link_address.h"
+#include "tests/support/random_bytes.h"
+#include "tests/support/scratch_folder.h"
+
+namespace comrad::link {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+class Door : public ::testing::Test {
+ protected:
+  Door() {
+    const std::string bytes(3 * dds::kChunkBytes / 2, 'm');
+    scratch_.write("map.wad", bytes);
+    offer_ = {.scenario = "stag_hunt_arena",
+              .scenario_checksum = 11,
+              .iwad_checksum = 12,
+              .files = {{.name = "layouts/map.wad",
+                         .path = scratch_ / "map.wad",
+                         .bytes = bytes.size(),
+                         .checksum = checksum64(std::as_bytes(std::span(bytes)))}}};
+  }
+  json ask(json question) {
+    if (!question.contains("protocol")) question["protocol"] = kDoorProtocol;
+    if (!question.contains("link")) question["link"] = dds::kLinkVersion;
+    const DoorKeeper keeper(offer_);
+    last_ = keeper.answer({.feeder_id = 3, .question_id = 4, .text = question.dump()});
+    EXPECT_EQ(last_.feeder_id, 3u);
+    EXPECT_EQ(last_.question_id, 4u);
+    return json::parse(last_.text);
+  }
+
+  const test::ScratchFolder scratch_;
+  Offer offer_;
+  dds::DoorAnswer last_;
+};
+
+TEST_F(Door, TheOfferNamesFilesAndNotWhereTheyLie) {
+  const json said = ask({{"ask", "offer"}});
+  EXPECT_EQ(said["bytes"], last_.payload.size());
+  EXPECT_THAT(last_.payload, ::testing::Not(HasSubstr(scratch_.string())));
+  const auto offer = parse_offer(last_.payload);
+  ASSERT_TRUE(offer) << offer.error().message;
+  EXPECT_EQ(offer->scenario, "stag_hunt_arena");
+  EXPECT_EQ(offer->scenario_checksum, 11u);
+  EXPECT_EQ(offer->iwad_checksum, 12u);
+  ASSERT_EQ(offer->files.size(), 1u);
+  EXPECT_EQ(offer->files[0].name, "layouts/map.wad");
+  EXPECT_EQ(offer->files[0].checksum, offer_.files[0].checksum);
+  EXPECT_EQ(fingerprint_of(*offer), fingerprint_of(offer_)) << "both ends mean the same game";
+  const auto own = parse_offer(text_of(offer_, /*with_paths=*/true));
+  ASSERT_TRUE(own);
+  EXPECT_EQ(own->files[0].path, offer_.files[0].path);
+}
+
+TEST_F(Door, FilesComeInPieces) {
+  std::string bytes;
+  for (int piece = 0; piece < 2; ++piece) {
+    EXPECT_EQ(ask({{"ask", "file"}, {"name", "layouts/map.wad"}, {"offset", bytes.size()}})["offset"],
+              bytes.size());
+    bytes += last_.payload;
+  }
+  EXPECT_EQ(bytes, std::string(3 * dds::kChunkBytes / 2, 'm'));
+  EXPECT_EQ(ask({{"ask", "file"}, {"name", "layouts/map.wad"}, {"offset", ~uint64_t{0}}})["offset"],
+            bytes.size());
+  EXPECT_TRUE(last_.payload.empty());
+}
+
+TEST_F(Door, AnotherVersionIsToldWhichOneThisIs) {
+  EXPECT_THAT(ask({{"ask", "offer"}, {"protocol", 99}})["error"], HasSubstr("door protocol 1"));
+  EXPECT_THAT(ask({{"ask", "offer"}, {"link", 99}})["error"], HasSubstr("install the same version"));
+}
+
+TEST_F(Door, OnlyWhatIsOfferedIsGivenAndOnlyAsItWas) {
+  EXPECT_THAT(ask({{"ask", "file"}, {"name", "/etc/passwd"}})["error"], HasSubstr("no file of that name"));
+  EXPECT_THAT(ask({{"ask", "file"}, {"name", "../link_id"}})["error"], HasSubstr("no file of that name"));
+  EXPECT_THAT(ask({{"ask", "everything"}})["error"], HasSubstr("neither"));
+  scratch_.write("map.wad", "another map");
+  EXPECT_THAT(ask({{"ask", "file"}, {"name", "layouts/map.wad"}})["error"], HasSubstr("has changed"));
+}
+
+TEST_F(Door, NoQuestionAndNoOfferDoesHarm) {
+  const DoorKeeper keeper(offer_);
+  const uint64_t seed = test::fuzz_seed();
+  Rng rng(seed);
+  const std::string question =
+                        json{{"protocol", 1}, {"link", 1}, {"ask", "file"}, {"name", "x"}, {"offset", 1}}
+                            .dump(),
+                    offer = text_of(offer_, true);
+  for (int round = 0; round < 3000; ++round) {
+    const dds::DoorAnswer answer = keeper.answer({.text = test::mutated(rng, question)});
+    EXPECT_LE(answer.text.size(), dds::kDoorTextBytes) << "seed " << seed << " round " << round;
+    const auto parsed = parse_offer(test::mutated(rng, offer));
+    if (!parsed) continue;
+    for (const OfferedFile& file : parsed->files) {
+      EXPECT_NE(file.name[0], '/') << "seed " << seed;
+      EXPECT_EQ(file.name.find("/."), std::string::npos) << "seed " << seed;
+    }
+  }
+  for (const char* name : {"../x", "/etc/passwd", "a/../../x", ".ssh/key", "a//b", "a b", ""}) {
+    Offer hostile = offer_;
+    hostile.files[0].name = name;
+    EXPECT_FALSE(parse_offer(text_of(hostile, false))) << name;
+  }
+  Offer large = offer_;
+  large.files[0].bytes = uint64_t{1} << 40;
+  EXPECT_FALSE(parse_offer(text_of(large, false)));
+}
+
+TEST(LinkAddress, IsReadAsItIsPrinted) {
+  for (const char* text : {"192.168.1.7/0123456789abcdef", "127.0.0.1:12000/ffffffffffffffff"}) {
+    const auto address = parse_address(text);
+    ASSERT_TRUE(address) << address.error().message;
+    EXPECT_EQ(text_of(*address), text);
+  }
+  for (const char* text :
+       {"", "192.168.1.7", "192.168.1.7/", "192.168.1.7/012345678", "host/0123456789abcdef",
+        "1.2.3.4:x/0123456789abcdef", "1.2.3.4/0123456789abcdeg", "1.2.3.4/0123456789abcdef0"}) {
+    const auto refused = parse_address(text);
+    ASSERT_FALSE(refused) << text;
+    EXPECT_THAT(refused.error().message, HasSubstr("192.168.1.7/"));
+  }
+}
+
+TEST(LinkAddress, ARunKeepsItsIdForItsOwnerAlone) {
+  const test::ScratchFolder scratch;
+  const auto first = keep_link_id(scratch.string()), again = keep_link_id(scratch.string());
+  ASSERT_TRUE(first && again);
+  EXPECT_EQ(*first, *again);
+  EXPECT_NE(*first, 0u);
+  struct stat about {};
+  ASSERT_EQ(stat((scratch / kLinkIdFile).c_str(), &about), 0);
+  EXPECT_EQ(about.st_mode & 0777, 0600u);
+  scratch.write(kLinkIdFile, "garbage");
+  const auto damaged = keep_link_id(scratch.string());
+  ASSERT_FALSE(damaged);
+  EXPECT_THAT(damaged.error().message, HasSubstr("remove it"));
+}
+
+TEST(LinkAddress, TheInterfaceFollowsFromTheAddress) {
+  const auto loopback = interface_towards("127.0.0.1");
+  ASSERT_TRUE(loopback) << loopback.error().message;
+  EXPECT_EQ(*loopback, "lo");
+  EXPECT_FALSE(interface_towards("nonsense"));
+  const auto address = address_of_interface("lo");
+  ASSERT_TRUE(address);
+  EXPECT_EQ(*address, "127.0.0.1");
+  EXPECT_FALSE(address_of_interface("no-such-one"));
+}
+
+}  // namespace
+}  // namespace comrad::link
