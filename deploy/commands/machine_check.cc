@@ -124,7 +124,8 @@ CheckResult check_package_list(const std::string& name, const std::string& file,
 CheckResult check_packages() { return check_package_list("packages", "packages.txt", ""); }
 
 CheckResult check_report_packages() {
-  return check_package_list("report packages", "packages_report.txt", "./comrad report installs them: ");
+  return check_package_list("report packages", "packages_report.txt",
+                            is_installed() ? "" : "./comrad report installs them: ");
 }
 
 CheckResult check_test_packages() {

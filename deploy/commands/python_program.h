@@ -12,6 +12,6 @@ namespace comrad::deploy {
 Expected<std::string> python_that_imports(
     const std::string& modules,
     const std::string& what_to_do =
-        "./comrad report installs what is missing on Debian (deploy/packages_report.txt)");
+        "install python3-matplotlib, python3-numpy and python3-scipy, as ./comrad report does on Debian");
 
 }  // namespace comrad::deploy

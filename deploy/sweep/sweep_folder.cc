@@ -111,8 +111,9 @@ Status check_nothing_forgotten(const SweepPlan& plan, const std::vector<SweepRun
   return {};
 }
 
-/// The commit of the source folder; "-changed" where tracked files differ from it.
+/// The commit of the source folder; "-changed" where tracked files differ from it; empty where there are no sources.
 std::string commit_of_sources() {
+  if (is_installed()) return "";  // a repository around the prefix is not ours
   const std::string folder = data_dir();
   const auto git = [&](const std::vector<std::string>& words) {
     std::vector<std::string> command = {"git", "-c", "safe.directory=" + folder, "-C", folder};

@@ -43,8 +43,33 @@ installed eval --policy "${scratch}/runs/first" --episodes 2 --json >"${scratch}
   fail "eval: $(tail -n 20 "${scratch}/eval.log")"
 grep -q '"episodes": *2' "${scratch}/eval.json" || fail "eval printed $(<"${scratch}/eval.json")"
 
-# Doctor asks for nothing that only a build or the tests need.
-installed doctor --json >"${scratch}/doctor.json" || true
+# A sweep runs, too; a repository that the prefix lies in is not taken for COMRAD's.
+git init --quiet "${scratch}/moved"
+git -C "${scratch}/moved" -c user.name=x -c user.email=x@localhost commit --quiet --allow-empty --message=x
+cat >"${scratch}/study.toml" <<SWEEP
+name = "study"
+train_dir = "${scratch}/runs"
+[axes]
+seed = [1]
+[settings]
+scenario = "coop_health_gathering"
+rnn_size = 32
+batch_size = 256
+micro_batch_size = 64
+rollout = 16
+num_envs_per_worker = 4
+train_for_env_frames = 4000
+SWEEP
+installed sweep "${scratch}/study.toml" >"${scratch}/sweep.log" 2>&1 || fail "sweep: $(tail -n 20 "${scratch}/sweep.log")"
+grep -q '"commit": *""' "${scratch}/runs/study/sweep.json" || fail "of which commit is it? $(<"${scratch}/runs/study/sweep.json")"
+
+# Doctor asks for nothing that only a build or the tests need, and names no ./comrad. This dpkg knows no package.
+mkdir "${scratch}/bin"
+printf '#!/bin/sh\n' >"${scratch}/bin/dpkg-query"
+chmod +x "${scratch}/bin/dpkg-query"
+env -i PATH="${scratch}/bin:/usr/bin:/bin" "${prefix}/bin/comrad" doctor --json >"${scratch}/doctor.json" || true
+grep -q 'missing: python3' "${scratch}/doctor.json" || fail "doctor looks for no packages: $(<"${scratch}/doctor.json")"
+if grep -q './comrad' "${scratch}/doctor.json"; then fail "doctor names ./comrad, which is not here: $(<"${scratch}/doctor.json")"; fi
 grep -q '"iwad"' "${scratch}/doctor.json" || fail "doctor printed $(<"${scratch}/doctor.json")"
 if grep -qE '"(packages|test packages|test python)"' "${scratch}/doctor.json"; then fail "doctor looks for the sources"; fi
 # The programs that draw and export come along.
