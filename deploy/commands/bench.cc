@@ -1,179 +1,217 @@
-// `comrad bench`: throughput of one stage alone (sim, inference, learner: the worker program's own --bench;
-// replay: comrad-bench-replay with its own flags) or of the whole pipeline (train).
+// `comrad bench`: throughput of one stage alone (engine, render, sim, inference, learner: the worker program's own --bench;
+// transport, replay: programs with flags of their own), of the whole pipeline (train), or of many of these (scaling).
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
+#include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
-#include <utility>
 
+#include "deploy/commands/bench_check.h"
+#include "deploy/commands/bench_parts.h"
+#include "deploy/commands/bench_report.h"
+#include "deploy/commands/bench_scaling.h"
+#include "deploy/commands/bench_table.h"
 #include "deploy/commands/command.h"
-#include "deploy/commands/pipeline_bench.h"
+#include "deploy/commands/scaling_model.h"
 #include "deploy/process/child_program.h"
 #include "deploy/settings/command_line.h"
-#include "deploy/settings/merged_settings.h"
-#include "deploy/settings/network_description.h"
-#include "deploy/settings/start_notes.h"
-#include "deploy/settings/temporary_run.h"
-#include "rollout_buffer/core/cores.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
-#include "rollout_buffer/settings/layers.h"
-#include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
 namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::array kBenches = {"sim", "inference", "learner", "train", "replay"};
-constexpr double kTrainWarmupSeconds = 5;
+/// With settings of a run.
+const std::vector<std::string> kBenches = {"engine", "render",  "sim",   "inference", "learner",
+                                           "train",  "scaling", "check", "report",    "model"};
+/// Programs with flags of their own.
+const std::vector<std::string> kProgramBenches = {"transport", "replay"};
 
-/// The keys that every bench has, in their order.
-ordered_json common_keys(const std::string& bench, const RunConfig& config, int64_t cores, double seconds,
-                         double decisions_per_s) {
-  return {{"bench", bench},
-          {"scenario", config.run.scenario},
-          {"algo", config.run.algo.name()},
-          {"num_agents", config.environment.num_agents},
-          {"cores", cores},
-          {"seconds", seconds},
-          {"decisions_per_s", decisions_per_s},
-          {"env_frames_per_s", decisions_per_s * static_cast<double>(config.environment.env_frameskip)}};
+std::vector<std::string> all_benches() {
+  std::vector<std::string> all = kBenches;
+  all.insert(all.end(), kProgramBenches.begin(), kProgramBenches.end());
+  return all;
 }
 
-std::vector<std::string> worker_command(const std::string& bench, const MergedSettings& merged,
-                                        const std::string& run_dir, double seconds) {
-  const std::string program = bench == "sim"         ? "comrad-sim-worker"
-                              : bench == "inference" ? "comrad-policy-worker"
-                                                     : "comrad-learner";
-  std::vector<std::string> command = {sibling_program(program), "--run_dir", run_dir, "--bench",
-                                      std::to_string(seconds)};
-  if (bench == "sim") return command;
-  for (std::string& word : shape_flags(merged.scenario.env)) command.push_back(std::move(word));
-  return command;
-}
+struct BenchFlags {
+  std::string what;
+  double seconds = 20;
+  bool json = false;
+  ScalingGrid grid;
+  double rounds = 5;  ///< check: at most
+  std::string write;  ///< report
+  std::string from;   ///< model
+  std::vector<std::string> cores;
+};
 
-/// One stage alone: the worker program measures itself; its object is completed with the common keys.
-Expected<ordered_json> bench_worker(const std::string& bench, const MergedSettings& merged,
-                                    const std::string& run_dir, double seconds) {
-  COMRAD_TRY_ASSIGN(const ProgramResult result,
-                    run_program(worker_command(bench, merged, run_dir, seconds),
-                                {.timeout_s = 3 * seconds + 120, .echo_stderr = true}));
-  if (result.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
-  if (result.exit_code != 0)
-    return Error{ErrorCode::kPeerLost, "the worker's bench ended with exit code " +
-                                           std::to_string(result.exit_code) + ": " + last_words(result)};
-  const ordered_json measured = ordered_json::parse(result.output, nullptr, false);
-  if (!measured.is_object() || !measured.contains("decisions_per_s") ||
-      !measured["decisions_per_s"].is_number())
-    return Error{ErrorCode::kBadFormat, "the worker's bench printed no object with decisions_per_s"};
-  const RunConfig& config = merged.config;
-  const int64_t cores = bench == "sim"         ? 1
-                        : bench == "inference" ? config.collection.policy_threads
-                                               : config.collection.learner_threads;
-  const auto took = measured.find("seconds");
-  ordered_json summary = common_keys(
-      bench, config, cores, took != measured.end() && took->is_number() ? took->get<double>() : seconds,
-      measured["decisions_per_s"].get<double>());
-  for (const auto& [key, value] : measured.items())
-    if (!summary.contains(key)) summary[key] = value;
-  return summary;
-}
+/// Flags of one bench alone.
+constexpr std::pair<const char*, const char*> kFlagsOf[] = {
+    {"parts", "scaling"},   {"scenarios", "scaling"}, {"agents", "scaling"},
+    {"workers", "scaling"}, {"envs", "scaling"},      {"rounds", "check"},
+    {"write", "report"},    {"from", "model"},        {"cores", "model"}};
+constexpr int kRoundsMin = 3;
+constexpr double kCheckSeconds = 6;
 
-/// The whole pipeline, measured after the first update and a warm-up.
-Expected<ordered_json> bench_train(const MergedSettings& merged, double seconds, int core_count,
-                                   std::vector<std::string> notes) {
-  const RunConfig& config = merged.config;
-  COMRAD_TRY_ASSIGN(const RunOutcome outcome,
-                    bench_pipeline(merged, {.seconds = seconds,
-                                            .warmup_seconds = std::min(kTrainWarmupSeconds, seconds),
-                                            .notes = std::move(notes)}));
-  ordered_json summary =
-      common_keys("train", config, core_count, outcome.measured.seconds,
-                  static_cast<double>(outcome.measured.decisions) / outcome.measured.seconds);
-  summary["updates_per_s"] = static_cast<double>(outcome.measured.updates) / outcome.measured.seconds;
-  summary["policy_lag_mean"] = outcome.lag_mean;
-  summary["steps_lost"] = outcome.steps_lost;
-  summary["restarts"] = outcome.restarts;
-  for (const char* setting : {"num_workers", "num_envs_per_worker", "policy_workers", "batch_size",
-                              "num_epochs", "rollout", "rnn_type", "learner_threads", "device"}) {
-    const std::string text = setting_text(config, setting);
-    const ordered_json number = ordered_json::parse(text, nullptr, false);
-    summary[setting] = number.is_number() ? number : ordered_json(text);
+Status check(const BenchFlags& flags, const CommandLine& line) {
+  if (std::ranges::find(kBenches, flags.what) == kBenches.end()) {
+    if (std::ranges::find(kProgramBenches, flags.what) != kProgramBenches.end())
+      return Error{ErrorCode::kBadInput, "write `comrad bench " + flags.what + " [flags]`: the " +
+                                             flags.what + "'s bench has flags of its own"};
+    return Error{ErrorCode::kBadInput, "unknown bench '" + flags.what + "'" +
+                                           did_you_mean(flags.what, all_benches()) + " (" +
+                                           joined(all_benches()) + ")"};
   }
-  return summary;
-}
-
-void print_table(const ordered_json& summary) {
-  for (const auto& [key, value] : summary.items()) {
-    std::string text = value.is_string() ? value.get<std::string>() : value.dump();
-    if (value.is_number_float()) {
-      char rounded[32];
-      std::snprintf(rounded, sizeof(rounded), "%.1f", value.get<double>());
-      text = rounded;
-    }
-    std::printf("%-24s %s\n", key.c_str(), text.c_str());
-  }
-}
-
-Expected<int> bench(const std::string& what, double seconds, bool json, const CommandLine& line) {
-  if (std::find(kBenches.begin(), kBenches.end(), what) == kBenches.end()) {
-    return Error{ErrorCode::kBadInput, "unknown bench '" + what + "'" +
-                                           did_you_mean(what, {kBenches.begin(), kBenches.end()}) + " (" +
-                                           joined(kBenches) + ")"};
-  }
-  if (what == "replay")
-    return Error{ErrorCode::kBadInput,
-                 "write `comrad bench replay [flags]`: the replay's bench has flags of its own"};
-  if (!(seconds > 0) || seconds > 86400)
+  if (!(flags.seconds > 0) || flags.seconds > 86400)
     return Error{ErrorCode::kBadInput, "--seconds must be above 0, at most 86400"};
+  if (!(flags.rounds >= 1 && flags.rounds <= 100))
+    return Error{ErrorCode::kBadInput, "--rounds must be 1 to 100"};
+  for (const auto& [flag, bench] : kFlagsOf)
+    if (flags.what != bench && line.was_typed(flag))
+      return Error{ErrorCode::kBadInput,
+                   "--" + std::string(flag) + " is for `comrad bench " + std::string(bench) + "`"};
+  if (flags.what == "model" && flags.from.empty())
+    return Error{ErrorCode::kBadInput, "model needs --from FILE, what `comrad bench train --json` printed"};
+  return {};
+}
 
-  const int core_count = usable_cores();
-  COMRAD_TRY_ASSIGN(MergedSettings merged, merge_new({line.config_file(), line.typed()}, describe_scenario,
-                                                     core_count, endless_settings()));
-  print_warnings(merged.scenario);
-  const auto measured = [&]() -> Expected<ordered_json> {
-    if (what == "train")
-      return bench_train(merged, seconds, core_count, flags_without_effect(merged.config, line.typed()));
-    COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
-    return bench_worker(what, merged, run.path(), seconds);
+Expected<std::string> text_of(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) return Error{ErrorCode::kNotFound, path + " cannot be read"};
+  return std::string(std::istreambuf_iterator<char>(file), {});
+}
+
+Expected<ordered_json> report(const BenchFlags& flags, const BenchRequest& request) {
+  std::string before;
+  if (!flags.write.empty()) {
+    // Before minutes of measuring.
+    COMRAD_TRY_ASSIGN(before, text_of(flags.write));
+    if (const auto fits = with_tables(before, ""); !fits)
+      return Error{fits.error().code, "--write " + flags.write + ": " + fits.error().message};
+  }
+  COMRAD_TRY_ASSIGN(const std::vector<ordered_json> benches, measure_everything(request));
+  const std::string tables = report_tables(benches, bench_origin());
+  if (!flags.write.empty()) {
+    COMRAD_TRY_ASSIGN(const std::string after, with_tables(before, tables));
+    COMRAD_TRY(write_file_atomically(flags.write, after, /*durable=*/false));
+  }
+  ordered_json summary = benches.back();
+  summary["bench"] = "report";
+  summary["benches"] = benches;
+  summary["markdown"] = tables;
+  return summary;
+}
+
+/// Of the settings that were typed, on other machines.
+Expected<ordered_json> model(const BenchFlags& flags, const BenchRequest& request) {
+  COMRAD_TRY_ASSIGN(const std::string text, text_of(flags.from));
+  const ordered_json measured = ordered_json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const Expected<DecisionCosts> costs = DecisionCosts::from(measured);
+  if (!costs) return Error{costs.error().code, "--from " + flags.from + ": " + costs.error().message};
+  std::vector<int64_t> cores;
+  for (const std::string& word : flags.cores) {
+    const ordered_json number = ordered_json::parse(word, nullptr, false);
+    if (!number.is_number_integer() || number < 1 || number > 4096)
+      return Error{ErrorCode::kBadInput, "--cores " + word + " must be whole numbers from 1 to 4096"};
+    cores.push_back(number.get<int64_t>());
+  }
+  if (cores.empty()) cores = {1, 2, 4, 8, 16, 32};
+  const auto settings_on = [&](int count) -> Expected<RunConfig> {
+    COMRAD_TRY_ASSIGN(const MergedSettings merged, merge_new(request.user, describe_scenario, count));
+    return merged.config;
   };
-  COMRAD_TRY_ASSIGN(const ordered_json summary, measured());
-  if (json)
-    std::printf("%s\n", summary.dump().c_str());
-  else
-    print_table(summary);
-  return kExitDone;
+  ordered_json summary;
+  for (const char* key :
+       {"bench", "scenario", "algo", "num_agents", "cores", "seconds", "decisions_per_s", "env_frames_per_s"})
+    summary[key] = measured.value(key, ordered_json());
+  summary["bench"] = "model";
+  COMRAD_TRY_ASSIGN(summary["on"], model_table(*costs, cores, settings_on));
+  return summary;
+}
+
+Expected<ordered_json> measure(const BenchFlags& flags, const CommandLine& line) {
+  BenchRequest request{.what = flags.what,
+                       .user = {line.config_file(), line.typed()},
+                       .seconds = flags.seconds,
+                       .is_quiet = false};
+  if (flags.what == "scaling") return measure_scaling(flags.grid, request);
+  if (flags.what == "report") return report(flags, request);
+  if (flags.what == "model") return model(flags, request);
+  if (flags.what == "check") {
+    if (!line.was_typed("seconds")) request.seconds = kCheckSeconds;
+    const int rounds = static_cast<int>(flags.rounds);
+    return measure_checks(request, std::min(kRoundsMin, rounds), rounds);
+  }
+  const auto algorithm =
+      std::ranges::find(request.user.typed.values, "algo", &std::pair<std::string, std::string>::first);
+  if (flags.what == "learner" && algorithm != request.user.typed.values.end() && algorithm->second == "all") {
+    request.user.typed.values.erase(algorithm);
+    return measure_all_algorithms(request);
+  }
+  return measure_bench(request);
 }
 
 }  // namespace
 
 int bench_command(Arguments arguments) {
-  if (!arguments.empty() && arguments[0] == "replay") {  // no run, no settings: its program does it all
-    std::vector<std::string> command = {sibling_program("comrad-bench-replay")};
+  if (!arguments.empty() && std::ranges::find(kProgramBenches, arguments[0]) != kProgramBenches.end()) {
+    std::vector<std::string> command = {sibling_program("comrad-bench-" + arguments[0])};
     command.insert(command.end(), arguments.begin() + 1, arguments.end());
     return report_error("bench", replace_process(command));
   }
-  std::string what;
-  double seconds = 20;
-  bool json = false;
+  BenchFlags flags;
+  flags.grid.benches.clear();
   CommandLine line(
-      "bench sim|inference|learner|train|replay [--seconds S] [--json] [settings]",
-      "Measures agent decisions and env frames per second: sim (one simulator process with random\n"
-      "actions), inference (one policy worker), learner (optimizer steps on made-up data), or train (the\n"
-      "whole pipeline, counted after the first update and a warm-up). Runs in a temporary directory.\n"
-      "replay measures what the replay alone hands out; its flags: comrad bench replay --help.");
-  line.add_positional("WHAT", what, "sim, inference, learner, train or replay");
-  line.add_option("seconds", seconds, "S", "how long to measure (default 20)");
-  line.add_switch("json", json, "print one JSON object on stdout and nothing else");
+      "bench WHAT [--seconds S] [--json] [settings]",
+      "Measures agent decisions and env frames per second, in several windows, in a temporary directory:\n"
+      "  engine     tics without pictures\n"
+      "  render     the views alone\n"
+      "  sim        one simulator process with random actions\n"
+      "  inference  one policy worker, over batch sizes\n"
+      "  learner    optimizer steps on made-up data; --algo all: every algorithm\n"
+      "  train      the whole pipeline after the first update and a warm-up: processor seconds by stage, "
+      "what\n"
+      "             limits it, which setting to change\n"
+      "  scaling    a table over scenarios, agents, workers and environments\n"
+      "  check      whether ratios hold that do not depend on the machine; exit code 1 where one does not\n"
+      "  report     all of these as Markdown tables, with commit, machine and date\n"
+      "  model      what the costs that train measured would give on more cores\n"
+      "transport measures hand-overs through the shared memory, replay what the replay alone hands out; "
+      "their\n"
+      "flags: comrad bench transport --help.");
+  line.add_positional("WHAT", flags.what, joined(all_benches()));
+  line.add_option("seconds", flags.seconds, "S",
+                  "how long to measure (default 20; check 6); scaling, report: every part");
+  line.add_switch("json", flags.json, "print one JSON object on stdout and nothing else");
+  line.add_option(
+      "parts", flags.grid.benches, "BENCHES",
+      "scaling: what measures a point, engine, render, sim, inference, learner or train (default sim)");
+  line.add_option("scenarios", flags.grid.scenarios, "NAMES", "scaling: instead of --scenario");
+  line.add_option("agents", flags.grid.agents, "NUMBERS", "scaling: instead of --num_agents");
+  line.add_option("workers", flags.grid.workers, "NUMBERS", "scaling: instead of --num_workers, for train");
+  line.add_option("envs", flags.grid.envs, "NUMBERS", "scaling: instead of --num_envs_per_worker");
+  line.add_option("rounds", flags.rounds, "N", "check: give up after so many rounds (default 5)");
+  line.add_option("write", flags.write, "FILE.md", "report: put the tables between the marks of this file");
+  line.add_option("from", flags.from, "FILE", "model: what `comrad bench train --json` printed");
+  line.add_option("cores", flags.cores, "NUMBERS", "model: on how many cores (default 1,2,4,8,16,32)");
   line.add_settings();
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("bench", parsed.error());
   if (line.help_requested()) {
     std::fputs(line.help().c_str(), stdout);
     return kExitDone;
   }
-  const Expected<int> done = bench(what, seconds, json, line);
-  return done ? *done : report_error("bench", done.error());
+  if (const Status checked = check(flags, line); !checked) return report_error("bench", checked.error());
+  if (flags.grid.benches.empty()) flags.grid.benches = {"sim"};
+  const Expected<ordered_json> summary = measure(flags, line);
+  if (!summary) return report_error("bench", summary.error());
+  if (flags.what == "report" && !flags.json) {
+    std::fputs(summary->at("markdown").get<std::string>().c_str(), stdout);
+    return kExitDone;
+  }
+  std::fputs(flags.json ? (summary->dump() + "\n").c_str() : bench_table(*summary).c_str(), stdout);
+  return flags.what == "check" && !summary->at("holds").get<bool>() ? kExitFailed : kExitDone;
 }
 
 }  // namespace comrad::deploy

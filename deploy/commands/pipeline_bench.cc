@@ -1,7 +1,10 @@
 #include "deploy/commands/pipeline_bench.h"
 
+#include <filesystem>
+
 #include "deploy/settings/network_description.h"
 #include "deploy/settings/temporary_run.h"
+#include "rollout_buffer/core/stage_clock.h"
 
 namespace comrad::deploy {
 
@@ -15,6 +18,10 @@ SettingsLayer endless_settings() {
 
 Expected<RunOutcome> bench_pipeline(MergedSettings merged, const PipelineBench& bench) {
   COMRAD_TRY_ASSIGN(const TemporaryRun folder, TemporaryRun::create(merged.config));
+  // Its workers count what their stages cost there (core/stage_clock.h).
+  std::error_code failure;
+  if (!std::filesystem::create_directory(folder.path() + "/" + kStagesFolder, failure))
+    return Error{ErrorCode::kSystem, "cannot make a folder in " + folder.path() + ": " + failure.message()};
   LaunchPlan plan;
   plan.config = merged.config;
   plan.env = merged.scenario.env;

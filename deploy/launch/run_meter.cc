@@ -89,11 +89,19 @@ bool RunMeter::measure(double now_s) {
     window_began_s_ = now_s;
     decisions_before_window_ = decisions();
     updates_before_window_ = trained_updates_.total();
+    parts_ = BenchWindows(plan_.seconds);
+    usage_before_window_ = read_usage(plan_.run_dir, *arena_);
+    return false;
   }
+  const auto done = static_cast<double>(decisions() - decisions_before_window_);
+  if (is_edge) parts_.see(done, now_s - window_began_s_);
   if (now_s < window_began_s_ + (is_edge ? 1 : kPatience) * plan_.seconds) return false;
   window_ = {.seconds = now_s - window_began_s_,
              .decisions = decisions() - decisions_before_window_,
-             .updates = trained_updates_.total() - updates_before_window_};
+             .updates = trained_updates_.total() - updates_before_window_,
+             .windows = parts_.rates(),
+             .usage = usage_between(usage_before_window_, read_usage(plan_.run_dir, *arena_))};
+  if (window_.windows.empty()) window_.windows = {done / window_.seconds};
   return true;
 }
 

@@ -7,8 +7,11 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "deploy/launch/launch_plan.h"
+#include "deploy/launch/run_usage.h"
+#include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/shm/arena.h"
 
@@ -41,6 +44,8 @@ struct MeasuredWindow {
   double seconds = 0;
   uint64_t decisions = 0;  ///< agent decisions that the learner trained on (or simulators took) in it
   uint64_t updates = 0;    ///< optimizer steps in it
+  std::vector<double> windows = {};  ///< decisions a second of its parts, each from update to update
+  RunUsage usage = {};               ///< in it
 };
 
 /// Reads the arena, and writes one word into it: the env frames that a learner forgot. Threads: the supervisor's.
@@ -109,6 +114,8 @@ class RunMeter {
   double window_began_s_ = 0;
   uint64_t decisions_at_last_look_ = 0;
   uint64_t decisions_before_window_ = 0, updates_before_window_ = 0;
+  BenchWindows parts_{1};  // of the window
+  RunUsage usage_before_window_;
   MeasuredWindow window_;
   double lag_sum_ = 0;
   int lag_count_ = 0;

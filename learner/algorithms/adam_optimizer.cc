@@ -29,6 +29,13 @@ std::string entry_prefix(const std::string& section, const std::string& prefix, 
   return section + "/" + prefix + number;
 }
 
+/// The values of tensors with one number each, which leave the device at once: each wait for it would stop a GPU's queue.
+std::vector<double> read_together(const std::vector<torch::Tensor>& numbers) {
+  if (numbers.empty()) return {};
+  const torch::Tensor read = torch::stack(numbers).cpu().to(torch::kFloat64);
+  return {read.data_ptr<double>(), read.data_ptr<double>() + read.numel()};
+}
+
 }  // namespace
 
 AdamSettings AdamSettings::from(const RunConfig& config) {
@@ -75,13 +82,13 @@ void AdamOptimizer::zero_grad() {
 
 double AdamOptimizer::clip_gradients() {
   torch::NoGradGuard no_grad;
+  std::vector<torch::Tensor> norms;
+  for (const torch::Tensor& parameter : state_->parameters)
+    norms.push_back(parameter.grad().defined() ? parameter.grad().norm()
+                                               : torch::zeros({}, parameter.options()));
+  state_->gradient_norms = read_together(norms);
   double squares = 0;
-  for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
-    const torch::Tensor& gradient = state_->parameters[i].grad();
-    const double norm = gradient.defined() ? gradient.norm().item<double>() : 0.0;
-    state_->gradient_norms[i] = norm;
-    squares += norm * norm;
-  }
+  for (const double each : state_->gradient_norms) squares += each * each;
   const double norm = std::sqrt(squares), limit = state_->settings.max_grad_norm;
   if (!std::isfinite(norm) || !(limit > 0)) return norm;
   const double factor = limit / (norm + 1e-6);
@@ -113,12 +120,14 @@ double AdamOptimizer::step_multiplier(std::size_t index) const {
 }
 
 double AdamOptimizer::max_second_moment() const {
-  double largest = 0;
+  std::vector<torch::Tensor> largest;
   for (const torch::Tensor& parameter : state_->parameters) {
     const auto* moments = state_->moments(parameter);
-    if (moments != nullptr) largest = std::max(largest, moments->exp_avg_sq().max().item<double>());
+    if (moments != nullptr) largest.push_back(moments->exp_avg_sq().max());
   }
-  return largest;
+  double all = 0;
+  for (const double each : read_together(largest)) all = std::max(all, each);
+  return all;
 }
 
 void AdamOptimizer::save(StateDict& state, const std::string& section, const std::string& prefix) const {

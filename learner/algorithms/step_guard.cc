@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/stage_clock.h"
 
 namespace comrad::learn {
 namespace {
@@ -13,6 +14,7 @@ constexpr int64_t kSkippedInARowMax = 20;
 
 bool StepGuard::step(AdamOptimizer& optimizer, double loss, double learning_rate, PolicyVersion& version,
                      UpdateStats& stats) {
+  const ProcessStage stage(Stage::kOptimizer, {Stage::kCollate});
   grad_norm_ = optimizer.clip_gradients();
   if (!std::isfinite(loss) || !std::isfinite(grad_norm_)) {
     ++skipped_in_a_row_;

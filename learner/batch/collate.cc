@@ -7,6 +7,7 @@
 
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
+#include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/schema/slab_check.h"
 
 namespace comrad::learn {
@@ -124,6 +125,7 @@ int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab
     }
     const auto frames = slab.frames(t);
     std::memcpy(frames_of_step, frames.data(), frames.size_bytes());
+    count_copied(frames.size_bytes());
     const StepEnd end = take_end(slab, t);
     for (int agent = 0; agent < agents; ++agent) {
       const int64_t at = t * rows + first + agent;

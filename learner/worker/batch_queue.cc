@@ -6,6 +6,7 @@
 #include <chrono>
 #include <exception>
 
+#include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::learn {
@@ -96,6 +97,8 @@ void BatchQueue::fill() {
 }
 
 bool BatchQueue::collect(RolloutBatch& batch) {
+  StageClock stage;
+  stage.begin();
   clear(batch);
   int64_t position = 0;
   while (!stop_) {
@@ -107,6 +110,7 @@ bool BatchQueue::collect(RolloutBatch& batch) {
                                                     arena_.slab_header(static_cast<int>(index)).length));
       arena_.release_slab(index);
     }
+    stage.end(Stage::kCollate);
     if (position == slabs_per_batch_) return true;
     if (slabs.empty()) shm::wait(sealed, heard, kPollUs);
   }

@@ -1,8 +1,12 @@
 #include "learner/worker/bench.h"
 
+#include <ATen/record_function.h>
+
 #include <algorithm>
+#include <atomic>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <vector>
 
 #include "learner/algorithms/algorithm.h"
@@ -10,6 +14,7 @@
 #include "learner/worker/learner.h"
 #include "learner/worker/replay_feed.h"
 #include "policy_workers/policy/policy_net.h"
+#include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/schema/trajectory.h"
@@ -40,6 +45,44 @@ void fill_slab(const SlabView& slab, uint64_t seed) {
   }
   slab.terminated(shape.rollout_steps / 2) = 1;
 }
+
+/// Counts, in all threads, what makes the host wait for a device: a number read out of a tensor, the positions of what is not
+/// zero, a copy from one device to another. On a CPU they cost little; on a GPU each stops the queue. One at a time.
+class HostWaits {
+ public:
+  HostWaits()
+      : handle_(at::addGlobalCallback(at::RecordFunctionCallback(&HostWaits::begin)
+                                          .needsInputs(true)
+                                          .scopes({at::RecordScope::FUNCTION}))) {
+    numbers_read = nonzero = device_copies = 0;
+  }
+  HostWaits(const HostWaits&) = delete;
+  HostWaits& operator=(const HostWaits&) = delete;
+  ~HostWaits() { at::removeCallback(handle_); }
+
+  static nlohmann::ordered_json per(double steps) {
+    const auto share = [&](const std::atomic<int64_t>& count) { return static_cast<double>(count) / steps; };
+    return {{"numbers_read", share(numbers_read)},
+            {"nonzero", share(nonzero)},
+            {"device_copies", share(device_copies)},
+            {"all", share(numbers_read) + share(nonzero) + share(device_copies)}};
+  }
+
+ private:
+  static std::unique_ptr<at::ObserverContext> begin(const at::RecordFunction& function) {
+    const std::string_view name = function.name();
+    numbers_read += name == "aten::_local_scalar_dense";
+    nonzero += name == "aten::nonzero";
+    if (name != "aten::copy_") return nullptr;
+    const auto inputs = function.inputs();
+    device_copies += inputs.size() > 1 && inputs[0].isTensor() && inputs[1].isTensor() &&
+                     inputs[0].toTensor().device() != inputs[1].toTensor().device();
+    return nullptr;
+  }
+
+  static inline std::atomic<int64_t> numbers_read{0}, nonzero{0}, device_copies{0};
+  const at::CallbackHandle handle_;
+};
 
 }  // namespace
 
@@ -112,21 +155,34 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   };
   COMRAD_TRY(round());  // warms up
   rows = decisions = updates = 0;
+  BenchWindows windows(seconds);
   const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
   double elapsed_s = 0;
-  while (elapsed_s < seconds) {
+  do {
     COMRAD_TRY(round());
     elapsed_s = clock.elapsed();
+  } while (!windows.see(static_cast<double>(decisions), elapsed_s));
+  const double cpu_s = clock.cpu_elapsed(), thousands = static_cast<double>(decisions) / 1000;
+  const int64_t rows_measured = rows, updates_measured = updates;
+  nlohmann::ordered_json waits;
+  {
+    const HostWaits counted;
+    COMRAD_TRY(round());
+    waits = HostWaits::per(static_cast<double>(std::max<int64_t>(1, updates - updates_measured)));
   }
   nlohmann::ordered_json line;
   line["bench"] = "learner";
   line["algo"] = config.run.algo.name();
-  line["rows_per_s"] = static_cast<double>(rows) / elapsed_s;
-  line["decisions_per_s"] = static_cast<double>(decisions) / elapsed_s;
-  line["env_frames_per_s"] = static_cast<double>(decisions * config.environment.env_frameskip) / elapsed_s;
-  line["updates_per_s"] = static_cast<double>(updates) / elapsed_s;
+  line["rows_per_s"] = static_cast<double>(rows_measured) / elapsed_s;
+  line["decisions_per_s"] = windows.median();
+  line["env_frames_per_s"] = windows.median() * static_cast<double>(config.environment.env_frameskip);
+  line["windows"] = windows.rates();
+  line["spread"] = windows.spread();
+  line["updates_per_s"] = static_cast<double>(updates_measured) / elapsed_s;
+  line["host_waits_per_step"] = waits;
   line["seconds"] = elapsed_s;
-  line["cpu_seconds"] = clock.cpu_elapsed();
+  line["cpu_seconds"] = cpu_s;
+  line["cpu_seconds_per_1000_decisions"]["all"] = cpu_s / thousands;
   std::printf("%s\n", line.dump().c_str());
   return {};
 }

@@ -10,6 +10,7 @@
 #include "rollout_buffer/core/checksum.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/shm/futex.h"
 
@@ -231,11 +232,13 @@ void Learner::take_in(const Inserted& inserted) {
 Expected<UpdateStats> Learner::update(Sample& sample) {
   const int64_t began_ns = monotonic_ns();
   const UpdateContext context = update_context();
-  COMRAD_TRY_ASSIGN(
-      const UpdateStats stats,
-      sample.rollout_batch
-          ? dynamic_cast<OnPolicyAlgorithm&>(*algorithm_).update(*sample.rollout_batch, context)
-          : dynamic_cast<OffPolicyAlgorithm&>(*algorithm_).update(*sample.replay_batch, context));
+  const auto updated = [&]() -> Expected<UpdateStats> {
+    const ProcessStage stage(Stage::kForwardBackward, {Stage::kCollate, Stage::kOptimizer, Stage::kPublish});
+    return sample.rollout_batch
+               ? dynamic_cast<OnPolicyAlgorithm&>(*algorithm_).update(*sample.rollout_batch, context)
+               : dynamic_cast<OffPolicyAlgorithm&>(*algorithm_).update(*sample.replay_batch, context);
+  };
+  COMRAD_TRY_ASSIGN(const UpdateStats stats, updated());
   reporter_.updated(stats);
   if (sample.rollout_batch) {
     reporter_.heard_lag(stats.lag);
@@ -263,12 +266,16 @@ UpdateContext Learner::update_context() {
 }
 
 void Learner::publish() {
+  StageClock stage;
+  stage.begin();
   weights_.resize(static_cast<std::size_t>(algorithm_->weights_bytes()));
   algorithm_->write_weights(weights_);
   arena_.publish_weights(weights_, algorithm_->version());
   reporter_.weights_published({.version = algorithm_->version(),
                                .bytes = weights_.size(),
                                .checksum = bus_ ? checksum64(weights_) : 0});
+  count_copied(2 * weights_.size());  // out of the network and into the arena
+  stage.end(Stage::kPublish);
 }
 
 /// Lock step: the rollout in hand is trained on.

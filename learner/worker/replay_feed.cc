@@ -12,6 +12,7 @@
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/replay/replay_plan.h"
 #include "rollout_buffer/shm/futex.h"
 
@@ -232,7 +233,10 @@ void ReplayFeed::run(const char* name, void (ReplayFeed::*work)()) {
 
 void ReplayFeed::feed() {
   const int64_t slab_transitions = config_.collection.rollout * batch_options_.shape.env.num_agents;
+  StageClock stage;
+  stage.begin();
   while (!stop_) {
+    stage.end(Stage::kCollate);
     // Slabs stay sealed while the learner is behind, so that simulators wait in the end.
     if (limiter_.wait_to_insert(slab_transitions, kPollUs / 1000) != replay::WaitResult::kReady) continue;
     shm::Doorbell& sealed = arena_->control().slab_sealed;
@@ -252,7 +256,10 @@ void ReplayFeed::feed() {
 }
 
 void ReplayFeed::draw() {
+  StageClock stage;
+  stage.begin();
   while (!stop_) {
+    stage.end(Stage::kCollate);
     {
       std::unique_lock lock(mutex_);
       changed_.wait_for(lock, std::chrono::microseconds(kPollUs),

@@ -7,6 +7,7 @@
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/stage_clock.h"
 
 namespace comrad::policy {
 
@@ -188,6 +189,7 @@ void Batcher::load_inputs() {
           is_final ? slab.final_measurement(request.final_row, agent) : slab.measurement(request.step, agent);
       measurement_out = std::ranges::copy(measured, measurement_out).out;
     }
+    count_copied(static_cast<uint64_t>(agents * (measurements + state)) * sizeof(float));
     if (state > 0) {
       states_.load(request.env_index, request.step_id, request.reset_state,
                    {state_out, static_cast<size_t>(agents * state)});

@@ -1,10 +1,13 @@
 // comrad-policy-worker: one inference process of a run, or its benchmark.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/worker/policy_worker.h"
+#include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/settings/run_config.h"
@@ -15,6 +18,8 @@ namespace {
 
 using namespace comrad;
 
+constexpr int64_t kBenchedWorldsMax = 64;
+
 Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds) {
   COMRAD_TRY_ASSIGN(const EnvShape env, shape.env());
   policy::tune_math(static_cast<int>(config.collection.policy_threads));
@@ -23,12 +28,42 @@ Status bench(const RunConfig& config, const shm::BenchShape& shape, double secon
                                                           static_cast<uint64_t>(config.run.seed), device);
   const int64_t envs =
       config.collection.max_batch > 0 ? config.collection.max_batch : config.collection.num_envs_per_worker;
-  const policy::InferenceBench result = policy::bench_inference(net, envs * env.num_agents, seconds);
-  const nlohmann::json report = {{"bench", "inference"},
-                                 {"rows_per_s", result.rows_per_s},
-                                 {"decisions_per_s", result.rows_per_s},
-                                 {"batch_rows", result.batch_rows},
-                                 {"seconds", result.seconds}};
+  const int64_t own_rows = envs * env.num_agents;
+  // Beside the settings' own batch: 1, 2, 4, ... worlds. The sizes take turns, so that a slow moment of the host meets all.
+  std::vector<int64_t> sizes = {own_rows};
+  for (int64_t worlds = 1; worlds <= kBenchedWorldsMax; worlds *= 2) sizes.push_back(worlds * env.num_agents);
+  std::ranges::sort(sizes);
+  sizes.erase(std::ranges::unique(sizes).begin(), sizes.end());
+  std::vector<std::vector<double>> rates(sizes.size());
+  double measured_s = 0, own_cpu_s = 0, own_decisions = 0;
+  const double slice_s =
+      seconds / static_cast<double>(BenchWindows::kCount) / static_cast<double>(sizes.size());
+  for (int window = 0; window < BenchWindows::kCount; ++window)
+    for (std::size_t i = 0; i < sizes.size(); ++i) {
+      const policy::InferenceBench result = policy::bench_inference(net, sizes[i], slice_s);
+      rates[i].push_back(result.rows_per_s);
+      measured_s += result.seconds;
+      if (sizes[i] != own_rows) continue;
+      own_cpu_s += result.cpu_seconds;
+      own_decisions += result.rows_per_s * result.seconds;
+    }
+  nlohmann::json batches = nlohmann::json::array();
+  for (std::size_t i = 0; i < sizes.size(); ++i)
+    batches.push_back({{"batch_rows", sizes[i]},
+                       {"rows_per_s", median_of(rates[i])},
+                       {"spread", spread_of(rates[i])},
+                       {"ms_per_batch", 1000 * static_cast<double>(sizes[i]) / median_of(rates[i])}});
+  const auto own = static_cast<std::size_t>(std::ranges::find(sizes, own_rows) - sizes.begin());
+  const nlohmann::json report = {
+      {"bench", "inference"},
+      {"rows_per_s", median_of(rates[own])},
+      {"decisions_per_s", median_of(rates[own])},
+      {"windows", rates[own]},
+      {"spread", spread_of(rates[own])},
+      {"batch_rows", own_rows},
+      {"seconds", measured_s},
+      {"cpu_seconds_per_1000_decisions", {{"all", 1000 * own_cpu_s / own_decisions}}},
+      {"batches", batches}};
   std::printf("%s\n", report.dump().c_str());
   return {};
 }

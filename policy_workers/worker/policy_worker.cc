@@ -7,6 +7,7 @@
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/stage_clock.h"
 
 namespace comrad::policy {
 namespace {
@@ -78,6 +79,8 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
     spdlog::warn("{} requests of this worker's predecessor are answered again", orphans);
 
   COMRAD_TRY(refresh());
+  StageClock stage;
+  stage.begin();
   while (!is_stopping(stop)) {
     if (needs_weights() && !weights_.version()) {
       const uint32_t heard = shm::listen(arena_->control().weights_published);
@@ -85,17 +88,17 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
       COMRAD_TRY(refresh());
     } else if (const Batch& batch = batcher_.gather(kGatherTimeoutUs); !batch.is_empty()) {
       const int64_t began_ns = monotonic_ns();
+      stage.end(Stage::kGather);
       if (!needs_weights()) {
         batcher_.scatter_random(batch);
       } else {
         // After the wait, not before it: in lock step the learner publishes and then lets simulators go on,
         // so the requests that end a wait already expect the new weights.
-        COMRAD_TRY(refresh());
-        const PolicyOutput output =
-            seats_ ? seats_->step(batch)
-                   : policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state);
+        COMRAD_TRY_ASSIGN(const PolicyOutput output, answer(batch));
+        stage.begin();
         batcher_.scatter(batch, output, *weights_.version());
       }
+      stage.end(Stage::kScatter);
       count_batch(batch, monotonic_ns() - began_ns);
     }
     counters.state.store(shm::WorkerState::kRunning, std::memory_order_relaxed);
@@ -104,6 +107,13 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
   counters.state.store(shm::WorkerState::kStopped);
   report("stopping");
   return {};
+}
+
+Expected<PolicyOutput> PolicyWorker::answer(const Batch& batch) {
+  const ProcessStage stage(Stage::kForward);  // libtorch's threads work on it too
+  COMRAD_TRY(refresh());
+  return seats_ ? seats_->step(batch)
+                : policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state);
 }
 
 bool PolicyWorker::is_stopping(const std::atomic<bool>& stop) const {
@@ -118,6 +128,7 @@ Status PolicyWorker::refresh() {
           ? weights_.refresh([this](std::span<const std::byte> bytes) { return seats_->read_weights(bytes); })
           : weights_.refresh(policy_);
   if (refreshed) {
+    if (*refreshed) count_copied(static_cast<uint64_t>(arena_->shape().weights_bytes));
     if (*refreshed && seats_) batcher_.seat(seats_->rules());
     if (*refreshed) spdlog::debug("weights of version {}", *weights_.version());
     return {};
@@ -184,17 +195,18 @@ InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, doub
     return output.logits.cpu();
   };
   for (int warm_up = 0; warm_up < 3; ++warm_up) pass();
-  const int64_t began_ns = monotonic_ns();
-  int64_t passes = 0, now_ns = began_ns;
-  while (static_cast<double>(now_ns - began_ns) * 1e-9 < seconds) {
+  const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
+  int64_t passes = 0;
+  double took = 0;
+  do {
     pass();
     ++passes;
-    now_ns = monotonic_ns();
-  }
-  const double took = static_cast<double>(now_ns - began_ns) * 1e-9;
+    took = clock.elapsed();
+  } while (took < seconds);
   return {.rows_per_s = static_cast<double>(passes * batch_rows) / took,
           .batch_rows = batch_rows,
-          .seconds = took};
+          .seconds = took,
+          .cpu_seconds = clock.cpu_elapsed()};
 }
 
 }  // namespace comrad::policy

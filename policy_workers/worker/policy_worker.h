@@ -50,6 +50,7 @@ class PolicyWorker {
   bool needs_weights() const { return seats_ ? seats_->needs_weights() : !options_.is_random; }
   bool is_stopping(const std::atomic<bool>& stop) const;
   Status refresh();
+  Expected<PolicyOutput> answer(const Batch& batch);
   void count_batch(const Batch& batch, int64_t busy_ns);
   void report(const char* state);
 
@@ -70,6 +71,7 @@ struct InferenceBench {
   double rows_per_s;  ///< agent rows; one row is one agent's decision
   int64_t batch_rows;
   double seconds;
+  double cpu_seconds;  ///< processor time of the process meanwhile
 };
 InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, double seconds);
 

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/rng.h"
@@ -149,6 +150,7 @@ struct Rate {
   int64_t decisions = 0;
   double seconds = 0;
   double cpu_seconds = 0;
+  std::vector<double> windows = {};  ///< decisions a second
   double frames_per_s() const { return static_cast<double>(frames) / seconds; }
   double decisions_per_s() const { return static_cast<double>(decisions) / seconds; }
 };
@@ -157,6 +159,8 @@ ordered_json as_json(const Rate& rate, int64_t frame_bytes) {
   return {{"frames_per_s", rate.frames_per_s()},
           {"gb_per_s", rate.frames_per_s() * static_cast<double>(frame_bytes) * 1e-9},
           {"decisions_per_s", rate.decisions_per_s()},
+          {"windows", rate.windows},
+          {"spread", spread_of(rate.windows)},
           {"cpu_us_per_frame", rate.cpu_seconds * 1e6 / static_cast<double>(rate.frames)},
           {"seconds", rate.seconds}};
 }
@@ -172,7 +176,9 @@ Rate measure(Replay& replay, Unit unit, const Arguments& arguments) {
       static_cast<std::size_t>(rows * batch * width * frame_bytes));  // [rows, batch, ...]
   Rng rng(uint64_t{23});
   Rate rate;
-  for (int round = -1; round < 0 || rate.seconds < arguments.seconds; ++round) {
+  BenchWindows windows(arguments.seconds);
+  bool is_over = false;
+  for (int round = -1; !is_over; ++round) {
     if (round == 0) rate = {};  // the first round only touches the buffer and warms the code
     const Stopwatch clock;
     std::vector<Draw> draws = replay.draw(batch, 1, rng);
@@ -197,7 +203,9 @@ Rate measure(Replay& replay, Unit unit, const Arguments& arguments) {
     rate.decisions += (rows - 1) * batch * width;
     rate.seconds += clock.elapsed();
     rate.cpu_seconds += clock.cpu_elapsed();
+    is_over = round >= 0 && windows.see(static_cast<double>(rate.decisions), rate.seconds);
   }
+  rate.windows = windows.rates();
   return rate;
 }
 
@@ -308,7 +316,7 @@ Status run(const Arguments& arguments) {
   }
   // The keys that every bench has come first; no scenario plays and nothing learns here.
   const ordered_json& first = modes[arguments.modes.front()]["sequences_read"];
-  const double decisions_per_s = first["decisions_per_s"].get<double>();
+  const double decisions_per_s = median_of(first["windows"].get<std::vector<double>>());
   const ordered_json summary = {{"bench", "replay"},
                                 {"scenario", "none"},
                                 {"algo", "none"},
@@ -317,6 +325,8 @@ Status run(const Arguments& arguments) {
                                 {"seconds", clock.elapsed()},
                                 {"decisions_per_s", decisions_per_s},
                                 {"env_frames_per_s", decisions_per_s * kTicsPerDecision},
+                                {"windows", first["windows"]},
+                                {"spread", first["spread"]},
                                 {"frames_per_s", first["frames_per_s"]},
                                 {"gb_per_s", first["gb_per_s"]},
                                 {"rollout", arguments.rollout},

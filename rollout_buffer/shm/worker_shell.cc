@@ -12,6 +12,7 @@
 
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
+#include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/shm/arena_socket.h"
 
@@ -96,6 +97,8 @@ int WorkerShell::fail(const std::string& message, int code) const {
 }
 
 Expected<Arena> WorkerShell::join() const {
+  COMRAD_TRY(
+      share_stages(run_dir_ + "/" + kStagesFolder, program_.role + "-" + std::to_string(worker_index_)));
   JoinRequest request;
   std::strncpy(request.role, program_.role.c_str(), sizeof request.role - 1);
   request.worker_index = static_cast<uint32_t>(worker_index_);

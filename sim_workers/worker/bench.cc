@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/rng.h"
@@ -49,46 +50,66 @@ BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options)
   std::vector<int32_t> action(agents * heads);
   std::vector<int> indices;
   std::vector<ObservationTarget> targets;
+  const bool draws = options.part != BenchPart::kEngine;
   BenchResult result;
+  BenchWindows windows(options.seconds);
+  double drawing_s = 0;
   int row = 0;
   bool is_counting = false;
   Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
+  const auto play = [&](int first, int last) {
+    for (int index = first; index < last; ++index) {
+      Environment& environment = environments.at(index);
+      for (std::size_t choice = 0; choice < action.size(); ++choice)
+        action[choice] =
+            static_cast<int32_t>(actions.below(static_cast<uint32_t>(env_shape.head_sizes[choice % heads])));
+      environment.step(action);
+      shape_rewards(environment.last_step().reward, options.rewards,
+                    {&slab_of(index).reward(row, 0), agents});
+      if (!environment.last_step().episode_over()) continue;
+      const ObservationTarget final_target = target_of(index, row + 1, true);
+      if (draws) environments.observe({&index, 1}, {&final_target, 1});
+      reset(index);
+      ++result.episodes;
+    }
+  };
+  const auto draw = [&](int first, int last) {
+    indices.clear();
+    targets.clear();
+    for (int index = first; index < last; ++index) {
+      indices.push_back(index);
+      targets.push_back(target_of(index, row + 1, false));
+    }
+    environments.observe(indices, targets);
+  };
   for (;;) {
     for (int split = 0; split < options.splits; ++split) {
       const int first = count * split / options.splits, last = count * (split + 1) / options.splits;
-      indices.clear();
-      targets.clear();
-      for (int index = first; index < last; ++index) {
-        Environment& environment = environments.at(index);
-        for (std::size_t choice = 0; choice < action.size(); ++choice)
-          action[choice] = static_cast<int32_t>(
-              actions.below(static_cast<uint32_t>(env_shape.head_sizes[choice % heads])));
-        environment.step(action);
-        shape_rewards(environment.last_step().reward, options.rewards,
-                      {&slab_of(index).reward(row, 0), agents});
-        if (environment.last_step().episode_over()) {
-          const ObservationTarget final_target = target_of(index, row + 1, true);
-          environments.observe({&index, 1}, {&final_target, 1});
-          reset(index);
-          ++result.episodes;
-        }
-        indices.push_back(index);
-        targets.push_back(target_of(index, row + 1, false));
+      const Stopwatch playing;
+      play(first, last);
+      result.tic_cpu_seconds += playing.cpu_elapsed();
+      if (draws) {
+        const Stopwatch drawing;
+        draw(first, last);
+        result.render_cpu_seconds += drawing.cpu_elapsed();
+        drawing_s += drawing.elapsed();
       }
-      environments.observe(indices, targets);
       result.decisions += static_cast<uint64_t>(last - first) * agents;
     }
     row = (row + 1) % options.rollout_steps;
-    const double elapsed_s = clock.elapsed();
-    if (elapsed_s < (is_counting ? options.seconds : options.warmup_seconds)) continue;
-    if (is_counting) {
-      result.seconds = elapsed_s;
-      result.cpu_seconds = clock.cpu_elapsed();
-      return result;
+    if (!is_counting) {
+      if (clock.elapsed() < options.warmup_seconds) continue;
+      is_counting = true;
+      result = {};
+      drawing_s = 0;
+      clock = Stopwatch(CLOCK_PROCESS_CPUTIME_ID);
+      continue;
     }
-    is_counting = true;
-    result = {};
-    clock = Stopwatch(CLOCK_PROCESS_CPUTIME_ID);
+    result.seconds = options.part == BenchPart::kRender ? drawing_s : clock.elapsed();
+    if (!windows.see(static_cast<double>(result.decisions), result.seconds)) continue;
+    result.cpu_seconds = clock.cpu_elapsed();
+    result.windows = windows.rates();
+    return result;
   }
 }
 

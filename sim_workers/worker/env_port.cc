@@ -7,6 +7,7 @@
 
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/core/stage_clock.h"
 
 namespace comrad::sim {
 
@@ -295,6 +296,7 @@ void EnvPort::finish_slab(uint64_t rollouts_allowed) {
     const std::size_t agents = static_cast<std::size_t>(slab_.shape().env.num_agents);
     const ObservationTarget from = target_of_row(sealed, last_row), to = row_target();
     std::memcpy(to.frame, from.frame, slab_.frames(0).size());
+    count_copied(slab_.frames(0).size());
     if (to.measurement != nullptr)
       std::memcpy(to.measurement, from.measurement, agents * slab_.measurement(0, 0).size_bytes());
     std::memcpy(to.action_mask, from.action_mask, agents * slab_.action_mask(0, 0).size());
@@ -316,6 +318,7 @@ void EnvPort::pad_slab(int length) {
   for (int step = length; step < shape.rollout_steps; ++step) {
     const ObservationTarget from = target_of_row(slab_, length), to = target_of_row(slab_, step + 1);
     std::memcpy(to.frame, from.frame, slab_.frames(0).size());
+    count_copied(slab_.frames(0).size());
     if (to.measurement != nullptr)
       std::memcpy(to.measurement, from.measurement, agents * slab_.measurement(0, 0).size_bytes());
     std::memcpy(to.action_mask, from.action_mask, agents * slab_.action_mask(0, 0).size());

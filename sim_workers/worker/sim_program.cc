@@ -6,10 +6,12 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 
+#include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/layout_list.h"
 #include "rollout_buffer/core/log.h"
@@ -80,7 +82,35 @@ EnvironmentOptions environment_options(const RunConfig& config, const std::vecto
           .heads = config.environment.heads};
 }
 
-Status bench(const shm::WorkerShell& shell, const RunConfig& given, double seconds) {
+const std::map<std::string, BenchPart> kBenchParts = {
+    {"sim", BenchPart::kAll}, {"engine", BenchPart::kEngine}, {"render", BenchPart::kRender}};
+
+nlohmann::json report_of(const BenchResult& result, const std::string& part, const RunConfig& config) {
+  const double decisions_per_s = median_of(result.windows),
+               env_frames_per_s = decisions_per_s * static_cast<double>(config.environment.env_frameskip);
+  const double thousands = static_cast<double>(result.decisions) / 1000;
+  nlohmann::json report = {{"decisions_per_s", decisions_per_s},
+                           {"env_frames_per_s", env_frames_per_s},
+                           {"windows", result.windows},
+                           {"spread", spread_of(result.windows)},
+                           {"num_agents", config.environment.num_agents},
+                           {"num_envs", config.collection.num_envs_per_worker},
+                           {"episodes", result.episodes},
+                           {"seconds", result.seconds},
+                           {"cpu_seconds", result.cpu_seconds}};
+  if (part == "engine") {
+    report["player_tics_per_s"] = env_frames_per_s;
+    report["world_tics_per_s"] = env_frames_per_s / static_cast<double>(config.environment.num_agents);
+  }
+  if (part == "render") report["views_per_s"] = decisions_per_s;
+  if (part != "render") report["cpu_seconds_per_1000_decisions"]["tic"] = result.tic_cpu_seconds / thousands;
+  if (part != "engine")
+    report["cpu_seconds_per_1000_decisions"]["render"] = result.render_cpu_seconds / thousands;
+  report["cpu_seconds_per_1000_decisions"]["all"] = result.cpu_seconds / thousands;
+  return report;
+}
+
+Status bench(const shm::WorkerShell& shell, const RunConfig& given, const std::string& part, double seconds) {
   COMRAD_TRY_ASSIGN(const RunConfig config, checked_settings(given, shell.run_dir()));
   COMRAD_TRY_ASSIGN(const std::vector<std::string> layouts, pool_paths(config, shell.run_dir()));
   // One core, so that the number is a core's: threads that the renderer may start share it.
@@ -90,22 +120,14 @@ Status bench(const shm::WorkerShell& shell, const RunConfig& given, double secon
                         environment_options(config, layouts, static_cast<int>(config.environment.num_agents),
                                             static_cast<int>(config.collection.num_envs_per_worker))));
   const BenchResult result =
-      run_bench(*environments, {.seconds = seconds,
+      run_bench(*environments, {.part = kBenchParts.at(part),
+                                .seconds = seconds,
                                 .splits = static_cast<int>(config.collection.worker_num_splits),
                                 .rollout_steps = static_cast<int>(config.collection.rollout),
                                 .seed = static_cast<uint64_t>(config.run.seed),
                                 .layout_count = static_cast<int>(layouts.size()),
                                 .rewards = RewardRules::from(config)});
-  const double decisions_per_s = static_cast<double>(result.decisions) / result.seconds;
-  const nlohmann::json report = {
-      {"decisions_per_s", decisions_per_s},
-      {"env_frames_per_s", decisions_per_s * static_cast<double>(config.environment.env_frameskip)},
-      {"num_agents", config.environment.num_agents},
-      {"num_envs", config.collection.num_envs_per_worker},
-      {"episodes", result.episodes},
-      {"seconds", result.seconds},
-      {"cpu_seconds", result.cpu_seconds}};
-  std::printf("%s\n", report.dump().c_str());
+  std::printf("%s\n", report_of(result, part, config).dump().c_str());
   return {};
 }
 
@@ -165,6 +187,11 @@ Status work(const shm::WorkerShell& shell, const RunConfig& given, const Roles& 
 
 int run_sim_program(int argc, char** argv, shm::WorkerShell& shell, const SimProgram& program) {
   Roles roles;
+  std::string bench_part = "sim";
+  shell.flags()
+      .add_option("--bench_part", bench_part,
+                  "bench: sim (tics and views), engine (no pictures), render (the time of the views alone)")
+      ->check(CLI::IsMember({"sim", "engine", "render"}));
   shell.flags().add_flag("--evaluate", roles.evaluate,
                          "play a fixed number of episodes, record no trajectories");
   shell.flags().add_flag("--oracle", roles.oracle,
@@ -177,10 +204,10 @@ int run_sim_program(int argc, char** argv, shm::WorkerShell& shell, const SimPro
                            "file to write where the agents of each episode were");
   shell.flags().add_option("--episodes", roles.episodes,
                            "folder to write each episode into, so that it can be played again");
-  return shell.run(
-      argc, argv,
-      {.work = [&](const RunConfig& config) { return work(shell, config, roles, program); },
-       .bench = [&](const RunConfig& config, double seconds) { return bench(shell, config, seconds); }});
+  return shell.run(argc, argv,
+                   {.work = [&](const RunConfig& config) { return work(shell, config, roles, program); },
+                    .bench = [&](const RunConfig& config,
+                                 double seconds) { return bench(shell, config, bench_part, seconds); }});
 }
 
 }  // namespace comrad::sim

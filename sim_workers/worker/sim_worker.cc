@@ -68,6 +68,7 @@ Status SimWorker::run(const std::atomic<bool>& stop) {
   if (await_start(stop)) {
     options_.rules.episodes = arena_.control().episodes_per_run.load(std::memory_order_acquire);
     for (EnvPort& port : ports_) COMRAD_TRY(port.start());
+    stage_.begin();
     counters.state.store(shm::WorkerState::kRunning);
 
     const uint64_t agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
@@ -155,6 +156,7 @@ int SimWorker::play_round(int split) {
   const shm::ArenaShape& shape = arena_.shape();
   const std::span<EnvPort> ports(ports_.data() + shape.split_begin(split),
                                  ports_.data() + shape.split_end(split));
+  stage_.end(Stage::kHandOver);  // the wait for the answers
   // Read once, so that in lock step all environments of a split pass the gate in the same round.
   const uint64_t rollouts_allowed = arena_.control().rollouts_allowed.load(std::memory_order_acquire);
 
@@ -163,13 +165,17 @@ int SimWorker::play_round(int split) {
   int stepped = 0;
   for (EnvPort& port : ports)
     if (port.is_outstanding()) stepped += port.advance(rollouts_allowed);
+  stage_.end(Stage::kTic);
 
   observe(&EnvPort::wants_final, &EnvPort::final_target, split);  // before any reset
+  stage_.end(Stage::kRender);
   for (EnvPort& port : ports)
     if (port.wants_final()) port.close_episode();
   for (const EnvPort& port : ports)
     if (!port.status()) failure_ = port.status();
+  stage_.end(Stage::kTic);
   observe(&EnvPort::wants_row, &EnvPort::row_target, split);
+  stage_.end(Stage::kRender);
   for (EnvPort& port : ports)
     if (port.wants_row()) port.mark_observed();
 
@@ -181,6 +187,7 @@ int SimWorker::play_round(int split) {
   for (EnvPort& port : ports)
     if (port.wants_commit()) port.commit();
   if (requests > 0) shm::ring(arena_.slots_ready(shape.policy_worker_of(options_.worker_index, split)));
+  stage_.end(Stage::kHandOver);
   return stepped;
 }
 

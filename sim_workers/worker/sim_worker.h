@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/shm/arena.h"
 #include "sim_workers/env/environment.h"
 #include "sim_workers/worker/env_port.h"
@@ -49,6 +50,7 @@ class SimWorker {
   std::vector<int> observed_indices_;  // scratch of one observe() call
   std::vector<ObservationTarget> observed_targets_;
   int64_t waited_ns_ = 0;
+  StageClock stage_;
   Status failure_;  // of an environment, in the round played last
 };
 

@@ -107,14 +107,121 @@ TEST(Bench, SimulatorReportsItsRate) {
   EXPECT_NEAR(summary["env_frames_per_s"].get<double>(), 4 * summary["decisions_per_s"].get<double>(), 1);
 }
 
-TEST(Bench, InferenceAndLearnerReportTheirRates) {
+void expect_windows(const nlohmann::json& summary, size_t fewest) {
+  ASSERT_TRUE(summary["windows"].is_array());
+  EXPECT_GE(summary["windows"].size(), fewest);
+  std::vector<double> rates = summary["windows"];
+  std::ranges::sort(rates);
+  EXPECT_GE(summary["decisions_per_s"], rates.front());
+  EXPECT_LE(summary["decisions_per_s"], rates.back());
+  EXPECT_GE(summary["spread"], 0);
+}
+
+TEST(Bench, EngineAndRenderReportPartsOfASimulator) {
+  const std::vector<std::string> rest = {"--scenario", "coop_health_gathering", "--seconds", "1"};
+  std::map<std::string, nlohmann::json> of;
+  for (const char* bench : {"engine", "render", "sim"}) {
+    std::vector<std::string> words = {"bench", bench};
+    words.insert(words.end(), rest.begin(), rest.end());
+    of[bench] = json_of(words, 60);
+    expect_keys(of[bench], kBenchKeys);
+    expect_windows(of[bench], 3);
+  }
+  EXPECT_EQ(of["engine"]["player_tics_per_s"], of["engine"]["env_frames_per_s"]);
+  EXPECT_EQ(of["render"]["views_per_s"], of["render"]["decisions_per_s"]);
+  // A picture costs more than four tics, so the engine without them is much faster, and drawing alone a little.
+  EXPECT_GT(of["engine"]["decisions_per_s"], 2 * of["sim"]["decisions_per_s"].get<double>());
+  EXPECT_GT(of["sim"]["cpu_seconds_per_1000_decisions"]["render"],
+            of["sim"]["cpu_seconds_per_1000_decisions"]["tic"]);
+}
+
+TEST(Bench, InferenceReportsBatchSizesAndTheLearnerItsRate) {
   for (const char* bench : {"inference", "learner"}) {
     const auto summary =
         json_of({"bench", bench, "--rnn_size", "32", "--batch_size", "256", "--seconds", "2"}, 90);
     expect_keys(summary, kBenchKeys);
     EXPECT_EQ(summary["bench"], bench);
     EXPECT_GT(summary["decisions_per_s"], 10) << bench;
+    expect_windows(summary, 2);
+    if (bench != std::string("inference")) continue;
+    std::vector<int> rows;
+    for (const auto& batch : summary["batches"]) {
+      rows.push_back(batch["batch_rows"]);
+      EXPECT_GT(batch["rows_per_s"], 10);
+      EXPECT_NEAR(batch["ms_per_batch"].get<double>() * batch["rows_per_s"].get<double>(),
+                  1000. * rows.back(), 1e-3 * rows.back());
+    }
+    EXPECT_TRUE(std::ranges::is_sorted(rows));
+    EXPECT_EQ(rows.front(), 2) << "one world of two agents";
+    EXPECT_GE(rows.size(), 7u);
   }
+}
+
+TEST(Bench, TheLearnerRunsAllAlgorithms) {
+  const auto summary = json_of({"bench", "learner", "--algo", "all", "--rnn_size", "16", "--rollout", "8",
+                                "--batch_size", "64", "--seconds", "0.1"},
+                               400);
+  expect_keys(summary, kBenchKeys);
+  std::vector<std::string> names;
+  for (const auto& row : summary["algorithms"]) {
+    names.push_back(row["algo"]);
+    EXPECT_GT(row["decisions_per_s"], 0) << row;
+  }
+  EXPECT_GE(names.size(), 8u);
+  EXPECT_EQ(names.front(), summary["algo"]);
+  EXPECT_EQ(summary["algorithms"][0]["of_the_first"], 1);
+}
+
+TEST(Bench, WhatCannotBeMeasuredIsRefusedAtOnceAndNamed) {
+  const ScratchFolder scratch;
+  std::ofstream(scratch / "no_marks.md") << "# Title\n";
+  std::ofstream(scratch / "no_bench.json") << "{}";
+  const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
+      {{"bench", "simm"}, "did you mean 'sim'"},
+      {{"bench", "sim", "--write", "x.md"}, "--write is for `comrad bench report`"},
+      {{"bench", "train", "--agents", "2"}, "--agents is for `comrad bench scaling`"},
+      {{"bench", "check", "--rounds", "0"}, "--rounds"},
+      {{"bench", "scaling", "--parts", "replay"}, "'replay'"},
+      {{"bench", "report", "--write", scratch / "no_marks.md"}, "comrad bench report: begin"},
+      {{"bench", "report", "--write", scratch / "nowhere.md"}, "cannot be read"},
+      {{"bench", "model"}, "--from"},
+      {{"bench", "model", "--from", scratch / "no_bench.json"}, "cpu_seconds_per_1000_decisions"},
+      {{"bench", "model", "--from", scratch / "no_bench.json", "--cores", "0"}, ""},
+      {{"bench", "transport", "--seconds", "0"}, "--seconds"}};
+  for (const auto& [words, named] : cases) {
+    const Ending ending = comrad(words, 20);
+    EXPECT_EQ(ending.exit_code, 2) << words[1] << ": " << ending.err;
+    EXPECT_THAT(ending.err, HasSubstr(named)) << words[1];
+    EXPECT_EQ(ending.out, "") << words[1];
+  }
+  EXPECT_EQ(read_text(scratch / "no_marks.md"), "# Title\n");
+}
+
+TEST(Bench, AModelOfMoreCoresComesFromOneMeasurement) {
+  const ScratchFolder scratch;
+  std::ofstream(scratch / "train.json")
+      << R"({"bench": "train", "cpu_seconds_per_1000_decisions": {"tic": 0.03, "render": 0.06, "hand_over": 0.01,
+            "gather": 0.01, "forward": 0.08, "scatter": 0.01, "collate": 0.02, "forward_backward": 0.25,
+            "optimizer": 0.02, "publish": 0.01, "other": 0}})";
+  const auto model = json_of({"bench", "model", "--from", scratch / "train.json", "--cores", "1,16"}, 30);
+  ASSERT_EQ(model["on"].size(), 2u);
+  EXPECT_EQ(model["on"][0]["saturates"], "all cores");
+  EXPECT_NEAR(model["on"][0]["decisions_per_s"].get<double>(), 2000, 1e-6);
+  EXPECT_EQ(model["on"][1]["num_workers"], 16) << "as auto chooses on 16 cores";
+  EXPECT_GT(model["on"][1]["decisions_per_s"], 2000);
+}
+
+TEST(Bench, ScalingMeasuresEveryPointOfItsGrid) {
+  const auto summary = json_of({"bench", "scaling", "--parts", "engine", "--scenario", "armory_siege",
+                                "--agents", "2,8", "--envs", "2", "--seconds", "0.3"},
+                               120);
+  expect_keys(summary, kBenchKeys);
+  ASSERT_EQ(summary["points"].size(), 2u);
+  EXPECT_EQ(summary["points"][0]["num_agents"], 2);
+  EXPECT_EQ(summary["points"][1]["num_agents"], 8);
+  EXPECT_EQ(summary["points"][1]["num_envs_per_worker"], 2);
+  EXPECT_EQ(summary["points"][0]["cost_of_an_agent"], 1);
+  EXPECT_GT(summary["points"][1]["cost_of_an_agent"], 0);
 }
 
 TEST(Tune, MeasuresTheFirstSettingAndLeavesWhatTheUserFixed) {
@@ -165,6 +272,25 @@ TEST(Bench, TheWholePipelineReportsItsRate) {
   EXPECT_GT(summary["env_frames_per_s"], 100);
   EXPECT_GT(summary["updates_per_s"], 0);
   EXPECT_EQ(summary["restarts"], 0);
+  expect_windows(summary, 1);
+  const nlohmann::json& cost = summary["cpu_seconds_per_1000_decisions"];
+  double stages = 0;
+  for (const char* stage : {"tic", "render", "hand_over", "gather", "forward", "scatter", "collate",
+                            "forward_backward", "optimizer", "publish"}) {
+    EXPECT_GT(cost[stage], 0) << stage;
+    stages += cost[stage].get<double>();
+  }
+  const double all = cost["all"];
+  EXPECT_NEAR(
+      cost["simulators"].get<double>() + cost["policy_workers"].get<double>() + cost["learner"].get<double>(),
+      all, 1e-6);
+  EXPECT_GT(stages, 0.8 * all) << "the stages leave little out: " << cost;
+  EXPECT_LT(stages, 1.1 * all) << "and count nothing twice: " << cost;
+  // Every frame is copied into a batch once, the last row of a rollout into the next one, and small weights.
+  EXPECT_GT(summary["bytes_copied_per_decision"], 27648);
+  EXPECT_LT(summary["bytes_copied_per_decision"], 5 * 27648);
+  EXPECT_GE(summary["cores_busy"].size(), 1u);
+  EXPECT_THAT(summary["bottleneck"].get<std::string>(), ::testing::ContainsRegex("busy.*\\.$"));
 }
 
 TEST(Doctor, PrintsOneObjectAndFindsThisMachineFit) {

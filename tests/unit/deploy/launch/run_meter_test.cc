@@ -11,6 +11,8 @@
 namespace comrad::deploy {
 namespace {
 
+using ::testing::DoubleNear;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 class RunMeterTest : public ::testing::Test {
@@ -151,6 +153,8 @@ TEST_F(RunMeterTest, TheWindowLastsFromUpdateToUpdateAfterTheWarmUp) {
   EXPECT_NEAR(meter.window().seconds, 2.6, 1e-9);
   EXPECT_EQ(meter.window().decisions, 256u);
   EXPECT_EQ(meter.window().updates, 4u);
+  EXPECT_THAT(meter.window().windows, ElementsAre(DoubleNear(192 / 1.9, 1e-6), DoubleNear(64 / 0.7, 1e-6)))
+      << "from update to update as well";
   EXPECT_DOUBLE_EQ(meter.lag_mean(), 3.0) << "of the window alone";
   learned(7);
   EXPECT_FALSE(meter.measure(120)) << "it is over once";
@@ -168,6 +172,7 @@ TEST_F(RunMeterTest, AWindowWithoutAnUpdateClosesInTheEnd) {
   EXPECT_FALSE(meter.measure(119.9));
   EXPECT_TRUE(meter.measure(120.1));
   EXPECT_EQ(meter.window().decisions, 0u);
+  EXPECT_THAT(meter.window().windows, ElementsAre(0.0));
 }
 
 TEST_F(RunMeterTest, WhereNobodyTrainsWhatSimulatorsPlayCounts) {

@@ -28,6 +28,8 @@ TEST(BenchReplay, PrintsOneObjectWithTheKeysOfEveryBenchAndItsOwn) {
   EXPECT_EQ(report["bench"], "replay");
   EXPECT_EQ(report["env_frames_per_s"].get<double>(), 4 * report["decisions_per_s"].get<double>());
   EXPECT_GT(report["frames_per_s"].get<double>(), 0);
+  EXPECT_GE(report["windows"].size(), 1u);
+  EXPECT_GE(report["spread"], 0);
   ASSERT_EQ(report["modes"].size(), 3u);
   for (const auto& [mode, rates] : report["modes"].items()) {
     EXPECT_GE(rates["capacity_transitions"].get<int64_t>(), 640) << mode;
