@@ -22,7 +22,12 @@ _data = pathlib.Path(__file__).parent / "data"
 if _data.is_dir():
     os.environ.setdefault("COMRAD_HOME", str(_data))
 
-from ._engine import SavedState, describe as _describe, list_scenarios as _list_scenarios  # noqa: E402
+try:
+    from ._engine import SavedState, describe as _describe, list_scenarios as _list_scenarios
+except ImportError as _failure:
+    from .missing import explained
+
+    raise explained(_failure) from None
 from .episode import Episode, load_episode  # noqa: E402
 from .labels import Label  # noqa: E402
 from .maps import draw_map, vizdoom_cfg  # noqa: E402
