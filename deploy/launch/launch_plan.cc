@@ -10,6 +10,13 @@ std::string LaunchPlan::program(const std::string& name) const {
   return bin_dir.empty() ? sibling_program(name) : bin_dir + "/" + name;
 }
 
+int64_t LaunchPlan::longest_episode() const {
+  constexpr int64_t kTicsPerLimit = 4;  // what scenarios count limits in
+  if (decision_limit <= 0) return 0;
+  const int64_t skip = std::max<int64_t>(1, config.environment.env_frameskip);
+  return (std::min<int64_t>(decision_limit, INT32_MAX) * kTicsPerLimit + skip - 1) / skip;
+}
+
 Expected<shm::ArenaShape> arena_shape(const LaunchPlan& plan) {
   const RunConfig& config = plan.config;
   shm::ArenaShape shape;
@@ -24,13 +31,12 @@ Expected<shm::ArenaShape> arena_shape(const LaunchPlan& plan) {
   shape.slab_count =
       plan.evaluates() ? shape.env_count() : static_cast<int32_t>(config.collection.trajectory_slabs);
   if (plan.is_lock_step()) {
-    if (config.collection.deterministic && plan.decision_limit <= 0)
+    const int64_t longest = plan.longest_episode();
+    if (config.collection.deterministic && longest <= 0)
       return Error{ErrorCode::kBadInput, "--deterministic: scenario " + config.run.scenario +
                                              " has no decision limit, so its journal cannot be sized"};
     shape.journal_steps =
-        plan.decision_limit <= 0
-            ? 0
-            : static_cast<int32_t>(std::min<int64_t>(plan.decision_limit, INT32_MAX - 1)) + 1;
+        longest <= 0 ? 0 : static_cast<int32_t>(std::min<int64_t>(longest, INT32_MAX - 1)) + 1;
   }
   shape.weights_bytes = plan.network.weights_bytes;
   return shape;

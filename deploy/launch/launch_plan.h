@@ -35,9 +35,10 @@ struct FilmPlan {
 /// What to run. `config` is merged and resolved; `run_dir` exists and holds config.toml.
 struct LaunchPlan {
   RunConfig config;
-  EnvShape env;                ///< from `comrad-scenarios describe`
-  NetworkSize network;         ///< from `comrad-policy-worker --describe`; nothing without a learner
-  int64_t decision_limit = 0;  ///< of the scenario; sizes journals in deterministic mode
+  EnvShape env;         ///< from `comrad-scenarios describe`
+  NetworkSize network;  ///< from `comrad-policy-worker --describe`; nothing without a learner
+  int64_t decision_limit =
+      0;  ///< of the scenario, in decisions of 4 tics whatever env_frameskip says; 0: none
   std::string run_dir;
   PolicySource policy = PolicySource::kTraining;
   std::string checkpoint;               ///< kCheckpoint: the file to serve
@@ -61,6 +62,8 @@ struct LaunchPlan {
   }
   /// Files as sim_workers/worker/episode_recorder.h says.
   std::string episodes_folder() const { return run_dir + "/episodes"; }
+  /// The most decisions that an episode of this run takes; 0: no limit. Sizes journals in deterministic mode.
+  int64_t longest_episode() const;
   /// The path of a program of this name.
   std::string program(const std::string& name) const;
   bool trains() const { return policy == PolicySource::kTraining; }

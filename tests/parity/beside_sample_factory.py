@@ -3,13 +3,17 @@
 
 Both train IPPO (one agent: PPO) with the same network (three convolutions, 512 units, GRU 512), frame skip, number of
 environments, rollout, batch and learning values, from pixels of 128x72, on the .cfg files that Sample Factory carries. The
-score is the return of training episodes, the mean of the last 100, as both report it; time runs from the start of the
-command. The machine must have nothing else to do: runs go one after the other, a seed of each in turn.
+score is the return of training episodes, the mean of the last 100, as both report it. Runs go one after the other, a seed of
+each in turn, and may have other work beside them: they give the score against env frames.
 
     python3 -m venv SF && SF/bin/pip install sample-factory==2.1.1 'gymnasium<1' 'numpy<2' vizdoom==1.3.2 torch==2.13.0
     tests/parity/beside_sample_factory.py defend_the_center health_gathering_supreme --seeds 1 2 3 --sample_factory SF
+    tests/parity/beside_sample_factory.py defend_the_center health_gathering_supreme --rates 3 --sample_factory SF
 
---rows gets a line a run as soon as it is over; a row that is there is not made again. --picture draws what is there and prints
+With --rates the machine must have nothing else to do: in each round each system trains for 0.3 M env frames, in turn. The medians over
+rounds of the rate and of the seconds until the first frame make time of env frames.
+
+--rows gets a line a run as soon as it is over; a curve that is there is not made again. --picture draws what is there and prints
 the tables of BENCHMARKS.md. Not part of the test suite: a run takes minutes.
 """
 import argparse
@@ -25,6 +29,7 @@ import time
 
 HERE = pathlib.Path(__file__).resolve().parent
 FRAMES = 2e6
+RATE_FRAMES = 3e5  # of a run that measures the rate
 POINTS = 120  # of a curve, in the file of rows
 
 # What both are told. Values that their defaults share are written down too: a default may change.
@@ -49,9 +54,9 @@ def flags(settings):
     return [f'--{name}={value}' for name, value in settings.items()]
 
 
-def run_comrad(asked, game, cfg, seed, folder, precision):
+def run_comrad(asked, game, cfg, seed, folder, precision, env_frames):
     """The curve of one run, [(env frames, seconds, score)], and its seconds."""
-    settings = {**SHARED, 'seed': seed, 'train_for_env_frames': FRAMES, 'heads': HEADS[game][1], 'train_dir': folder,
+    settings = {**SHARED, 'seed': seed, 'train_for_env_frames': env_frames, 'heads': HEADS[game][1], 'train_dir': folder,
                 'experiment': game, 'precision': precision, 'algo': 'ippo', 'preset': 'small', 'scenario': cfg,
                 'use_additional_input': False}  # Sample Factory gets pixels alone
     del settings['recurrence']  # COMRAD's is the rollout
@@ -65,8 +70,8 @@ def run_comrad(asked, game, cfg, seed, folder, precision):
             for one in reports if one.get('reward/reward') is not None], seconds
 
 
-def run_sample_factory(asked, game, cfg, seed, folder):
-    settings = {**SHARED, 'seed': seed, 'train_for_env_steps': int(FRAMES), 'train_dir': folder, 'experiment': game,
+def run_sample_factory(asked, game, cfg, seed, folder, env_frames):
+    settings = {**SHARED, 'seed': seed, 'train_for_env_steps': int(env_frames), 'train_dir': folder, 'experiment': game,
                 'env': game, 'device': 'cpu', 'algo': 'APPO', 'flush_summaries_interval': 5}
     settings['env'] = name = f'{game}_cfg'
     python = str(pathlib.Path(asked.sample_factory, 'bin', 'python'))
@@ -101,24 +106,43 @@ def rows_of(path):
         return [json.loads(line) for line in file if line.strip()]
 
 
-def train_all(asked):
+def cfg_of(asked, game):
     scenarios = next(pathlib.Path(asked.sample_factory).glob('lib/python3*/site-packages/sf_examples/vizdoom/doom/scenarios'))
+    return str(scenarios / f'{game}.cfg')
+
+
+def run_of(asked, system, game, seed, env_frames):
+    folder = os.path.join(asked.train_dir, f'{system}_{seed}'.replace(' ', '_'))
+    shutil.rmtree(os.path.join(folder, game), ignore_errors=True)  # a part of a run has no wall time
+    if system == 'Sample Factory':
+        return run_sample_factory(asked, game, cfg_of(asked, game), seed, folder, env_frames)
+    return run_comrad(asked, game, cfg_of(asked, game), seed, folder, system.split()[1], env_frames)
+
+
+def append_row(asked, row):
+    with open(asked.rows, 'a', encoding='utf-8') as file:
+        file.write(json.dumps(row) + '\n')
+
+
+def measure_rates(asked):
     for game in asked.games:
-        cfg = str(scenarios / f'{game}.cfg')
+        for _ in range(asked.rates):
+            for system in asked.systems:
+                curve, _ = run_of(asked, system, game, asked.seeds[0], RATE_FRAMES)
+                rate = frames_at_rate(curve)
+                append_row(asked, {'system': system, 'game': game, 'date': time.strftime('%Y-%m-%d'), 'rate': round(rate, 1),
+                                   'start_s': round(curve[0][1] - curve[0][0] / rate, 1)})
+
+
+def train_all(asked):
+    for game in asked.games:
         for seed in asked.seeds:
             for system in asked.systems:
                 key = {'system': system, 'game': game, 'seed': seed}
-                if any(row.items() >= key.items() for row in rows_of(asked.rows)):
+                if any(row.items() >= key.items() and 'curve' in row for row in rows_of(asked.rows)):
                     continue
-                folder = os.path.join(asked.train_dir, f'{system}_{seed}'.replace(' ', '_'))
-                shutil.rmtree(os.path.join(folder, game), ignore_errors=True)  # a part of a run has no wall time
-                if system == 'Sample Factory':
-                    curve, seconds = run_sample_factory(asked, game, cfg, seed, folder)
-                else:
-                    curve, seconds = run_comrad(asked, game, cfg, seed, folder, system.split()[1])
-                row = {**key, 'date': time.strftime('%Y-%m-%d'), 'seconds': round(seconds, 1), 'curve': thinned(curve)}
-                with open(asked.rows, 'a', encoding='utf-8') as file:
-                    file.write(json.dumps(row) + '\n')
+                curve, seconds = run_of(asked, system, game, seed, FRAMES)
+                append_row(asked, {**key, 'date': time.strftime('%Y-%m-%d'), 'seconds': round(seconds, 1), 'curve': thinned(curve)})
 
 
 def score_at(curve, column, at):
@@ -153,9 +177,14 @@ def draw(asked):
     print('| --- | --- | --- | --- | --- | --- | --- | --- | --- |')
     for line, game in enumerate(games):
         for number, system in enumerate(systems):
-            curves = [row['curve'] for row in rows if row['game'] == game and row['system'] == system]
-            if not curves:
+            mine = [row for row in rows if row['game'] == game and row['system'] == system]
+            measured = [row for row in mine if 'rate' in row]
+            curves = [row['curve'] for row in mine if 'curve' in row]
+            if not curves or not measured:
                 continue
+            rate = statistics.median(row['rate'] for row in measured)
+            start_s = statistics.median(row['start_s'] for row in measured)
+            curves = [[[frames, start_s + frames / rate, score] for frames, _, score in curve] for curve in curves]
             for curve in curves:
                 label = system if curve is curves[0] else None
                 axes[line][0].plot([p[0] / 1e6 for p in curve], [p[2] for p in curve], color=f'C{number}', lw=1.2, label=label)
@@ -164,8 +193,8 @@ def draw(asked):
                      for at in (0.5e6, 1e6, 1.5e6)]
             cells.append(mean_and_range([curve[-1][2] for curve in curves if curve[-1][0] > 0.98 * FRAMES]))
             cells.append(mean_and_range([score_at(curve, 1, 180) for curve in curves if score_at(curve, 1, 180) is not None]))
-            rate = mean_and_range([frames_at_rate(curve) for curve in curves])
-            print(f'| {game} | {system} | {len(curves)} | {rate} | ' + ' | '.join(cells) + ' |')
+            rates = mean_and_range([row['rate'] for row in measured])
+            print(f'| {game} | {system} | {len(curves)} | {rates} | ' + ' | '.join(cells) + ' |')
         axes[line][0].set(title=game, xlabel='env frames, millions', ylabel='return of the last 100 episodes')
         axes[line][1].set(title=game, xlabel='minutes since the start', xscale='log')
         axes[line][0].legend()
@@ -179,19 +208,23 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('games', nargs='*', help=' '.join(HEADS))
     parser.add_argument('--seeds', nargs='+', type=int, default=[1, 2, 3])
+    parser.add_argument('--rates', type=int, default=0, metavar='ROUNDS', help='measure rates in so many rounds, train no curve')
     parser.add_argument('--systems', nargs='+', default=['COMRAD fp32', 'COMRAD bf16', 'Sample Factory'])
     parser.add_argument('--comrad', default=str(HERE.parents[1] / 'comrad'))
     parser.add_argument('--sample_factory', help='the virtual environment that has it')
     parser.add_argument('--train_dir', default='/tmp/beside_sample_factory')
     parser.add_argument('--rows', type=pathlib.Path, default=HERE / 'beside_sample_factory.jsonl')
-    parser.add_argument('--picture', type=pathlib.Path, help='draw what the rows hold, after the runs if games are named')
+    parser.add_argument('--picture', type=pathlib.Path, help='draw what the rows hold, after the runs if games are '
+                        'named; a system whose rate was not measured is left out')
     asked = parser.parse_args()
     unknown = [game for game in asked.games if game not in HEADS]
     if unknown:
         parser.error(f'{unknown[0]}: the games are {", ".join(HEADS)}')
     if asked.games and not asked.sample_factory:
         parser.error('--sample_factory: name the virtual environment that has Sample Factory')
-    if asked.games:
+    if asked.games and asked.rates > 0:
+        measure_rates(asked)
+    elif asked.games:
         train_all(asked)
     if asked.picture:
         draw(asked)
