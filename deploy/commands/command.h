@@ -41,6 +41,7 @@ int doomgen_command(Arguments arguments);
 int acs_command(Arguments arguments);
 int trace_command(Arguments arguments);
 int doctor_command(Arguments arguments);
+int keys_command(Arguments arguments);
 int completion_command(Arguments arguments);
 int test_command(Arguments arguments);
 

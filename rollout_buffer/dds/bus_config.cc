@@ -11,6 +11,7 @@
 #include <cstdio>
 
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/dds/keys.h"
 
 namespace comrad::dds {
 namespace {
@@ -68,19 +69,30 @@ Status validate(const BusConfig& config) {
     if (!is_address(peer)) return refuse("peer '" + peer + "' is no IPv4 address");
   const std::string interface = "interface '" + config.interface_name + "'";
   if (!is_plain_word(config.interface_name)) return refuse(interface + ": letters, digits, _ - . or :");
-  if (!is_loopback(config.interface_name) && !config.allows_insecure_network)
+  if (!is_loopback(config.interface_name) && config.key_folder.empty() && !config.allows_insecure_network)
     return refuse(
         interface +
         " is not a loopback interface of this host, and nothing keeps strangers of a network out: what "
-        "they send would be learned from. Where every machine of that network is trusted, say "
-        "--insecure_network");
+        "they send would be learned from. Make keys with `comrad keys make FOLDER --hosts a,b` and name this "
+        "host's with --keys; or, where every machine of that network is trusted, say --insecure_network");
   if (if_nametoindex(config.interface_name.c_str()) == 0)
     return refuse(interface + " is not there; `ip addr` lists this host's");
+  if (config.key_folder.empty()) return {};
+  COMRAD_TRY(security_plugins());
+  COMRAD_TRY_ASSIGN(const KeyIdentity identity, check_keys(config.key_folder));
+  if (config.needs_keys_of_run && identity.role != KeyRole::kRun)
+    return Error{ErrorCode::kBadInput,
+                 "keys " + config.key_folder + ": they are those of host '" + identity.name +
+                     "', which may join but not serve; the host that serves uses the folder "
+                     "`run` that `comrad keys` made"};
   return {};
 }
 
-std::string make_cyclone_config(const BusConfig& config) {
-  std::string peers;
+Expected<std::string> make_cyclone_config(const BusConfig& config) {
+  std::string peers, security;
+  if (!config.key_folder.empty()) {
+    COMRAD_TRY_ASSIGN(security, security_config(config.key_folder));
+  }
   for (const std::string& peer : config.peers) peers += R"(<Peer Address=")" + peer + R"("/>)";
   // Message sizes and watermark: measured, 190 000 instead of 110 000 frames/s over loopback (design, section
   // 5). One receive thread: simulators need the cores.
@@ -101,7 +113,7 @@ std::string make_cyclone_config(const BusConfig& config) {
 #ifdef DDS_HAS_SHM
          R"(<SharedMemory><Enable>false</Enable></SharedMemory>)"  // Iceoryx would need a daemon
 #endif
-         R"(</Domain></CycloneDDS>)";
+         + security + R"(</Domain></CycloneDDS>)";
 }
 
 BusConfig bus_config_for_run(uint64_t run_id) {

@@ -21,6 +21,9 @@ struct BusConfig {
   uint32_t receive_buffer_mb = 10;  ///< of a socket, where the kernel allows as much
   int max_participants = 120;       ///< of one host in this domain
   bool looks_every_second = false;  ///< for participants, so that a network that was gone is soon back
+  /// Folder of this host's keys (keys.h): participants prove who they are, and what they send is encrypted. Empty: none.
+  std::string key_folder = {};
+  bool needs_keys_of_run = false;  ///< this end serves, which only the run's own identity may
   /// Another interface than loopback may be used although nothing keeps strangers of that network out.
   bool allows_insecure_network = false;
 };
@@ -30,8 +33,9 @@ struct BusConfig {
 /// Participants of two runs that draw the same domain still never see each other, because their tags differ.
 BusConfig bus_config_for_run(uint64_t run_id);
 
-/// Cyclone's configuration: no multicast, explicit peers, the run's tag, its message sizes and buffers, Iceoryx off.
-std::string make_cyclone_config(const BusConfig& config);
+/// Cyclone's configuration: no multicast, explicit peers, the run's tag, its message sizes and buffers, Iceoryx off, the
+/// security plugins where there is a key folder. Errors: kUnsupported where those are missing.
+Expected<std::string> make_cyclone_config(const BusConfig& config);
 
 /// UDP ports that participants of this configuration may use, first and last.
 struct PortRange {
@@ -41,7 +45,8 @@ struct PortRange {
 PortRange ports_of(const BusConfig& config);
 
 /// Checks what a user or a file may have set. Errors: kBadInput for a run id, interface, peer or port that cannot be
-/// used, and for a network interface without allows_insecure_network.
+/// used, and for a network interface with neither keys nor allows_insecure_network; those of check_keys() and
+/// security_plugins().
 Status validate(const BusConfig& config);
 
 /// Whether this host has an interface of that name that only it can send to.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/dds/keys.h"
 #include "rollout_buffer/dds/participant.h"
 
 namespace comrad::dds {
@@ -67,6 +68,15 @@ struct LinkBus::State {
     });
   }
 };
+
+const std::vector<LinkTopic>& link_topics() {
+  static const std::vector<LinkTopic> all = {
+      {"DoorQuestion", false, true},  {"DoorAnswer", true, false},      {"FeedReport", false, true},
+      {"FeedState", true, false},     {"TrajectoryBatch", false, true}, {"WeightsUpdate", true, false},
+      {"FeederEpisode", false, true},
+  };
+  return all;
+}
 
 BusConfig link_config(uint64_t link_id) {
   BusConfig config = bus_config_for_run(link_id);

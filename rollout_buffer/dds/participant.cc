@@ -1,5 +1,7 @@
 #include "rollout_buffer/dds/participant.h"
 
+#include "rollout_buffer/dds/strangers.h"
+
 #include <dirent.h>
 #include <linux/filter.h>
 #include <netinet/in.h>
@@ -35,7 +37,9 @@ Error dds_error(dds_return_t code, const std::string& what, const BusConfig& con
 void log_cyclone(void*, const dds_log_data_t* data) {
   std::string_view text(data->message, data->size);
   while (!text.empty() && (text.back() == '\n' || text.back() == '\0')) text.remove_suffix(1);
-  if (data->priority & (DDS_LC_FATAL | DDS_LC_ERROR)) {
+  if (is_about_a_stranger(text)) {
+    spdlog::debug("cyclonedds: {}", text);  // again every second; Strangers says it once
+  } else if (data->priority & (DDS_LC_FATAL | DDS_LC_ERROR)) {
     spdlog::error("cyclonedds: {}", text);
   } else {
     spdlog::warn("cyclonedds: {}", text);
@@ -102,7 +106,7 @@ std::map<uint32_t, DomainUse>& domains() {
 Status enter_domain(const BusConfig& config) {
   const std::lock_guard lock(domains_mutex);
   DomainUse& use = domains()[config.domain_id];
-  const std::string uri = make_cyclone_config(config);
+  COMRAD_TRY_ASSIGN(const std::string uri, make_cyclone_config(config));
   if (use.count > 0 && use.uri != uri)
     return Error{ErrorCode::kBadInput,
                  "DDS domain " + std::to_string(config.domain_id) +
@@ -148,6 +152,11 @@ dds_qos_t* make_qos(const TopicTraits& traits) {
 
 }  // namespace
 
+Participant::Participant(const BusConfig& config, std::span<const TopicTraits> topics)
+    : config_(config), topics_(topics) {
+  entities_.resize(topics.size());
+}
+
 Expected<std::unique_ptr<Participant>> Participant::open(const BusConfig& config,
                                                          std::span<const TopicTraits> topics,
                                                          const std::string& partition,
@@ -175,6 +184,7 @@ Status Participant::make(const std::string& partition, const std::string& separa
   }
   waitset_ = dds_create_waitset(participant_);
   if (waitset_ < 0) return error(waitset_, "make a wait set");
+  if (!config_.key_folder.empty()) strangers_ = std::make_unique<Strangers>(participant_);
   return {};
 }
 
@@ -184,6 +194,10 @@ Participant::~Participant() {
 }
 
 Error Participant::error(dds_return_t code, const std::string& what) const {
+  if (code == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY)
+    return Error{ErrorCode::kBadInput,
+                 "DDS: cannot " + what + ": " + config_.key_folder +
+                     "/permissions.p7s does not allow it; `comrad keys show` says whose keys these are"};
   return dds_error(code, what, config_);
 }
 
@@ -241,6 +255,7 @@ void Participant::dispose(int topic, const void* key) {
 }
 
 bool Participant::wait(int timeout_ms) {
+  if (strangers_ != nullptr) strangers_->look();
   dds_attach_t ready[1];
   return dds_waitset_wait(waitset_, ready, 1, DDS_MSECS(timeout_ms)) > 0;
 }

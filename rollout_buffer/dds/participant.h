@@ -29,6 +29,8 @@ struct TopicTraits {
   bool is_separate = false;  ///< it has the second partition of the participant
 };
 
+class Strangers;
+
 /// Writers and readers are made on first use. Threads: write() from any; the rest as its owner guards it with mutex().
 class Participant {
  public:
@@ -75,10 +77,7 @@ class Participant {
   bool wait(int timeout_ms);
 
  private:
-  Participant(const BusConfig& config, std::span<const TopicTraits> topics)
-      : config_(config), topics_(topics) {
-    entities_.resize(topics.size());
-  }
+  Participant(const BusConfig& config, std::span<const TopicTraits> topics);
   struct Entities {
     dds_entity_t topic = 0, writer = 0, reader = 0;
   };
@@ -96,6 +95,7 @@ class Participant {
   dds_entity_t publisher_[2] = {}, subscriber_[2] = {};  // of the partition, and of the separate one
   std::mutex mutex_;                                     // guards what follows; Cyclone guards its own
   std::vector<Entities> entities_;
+  std::unique_ptr<Strangers> strangers_;  // where there are keys
 };
 
 /// Copies into a bounded wire string and cuts what does not fit, never inside a UTF-8 character.

@@ -138,6 +138,8 @@ dds::BusConfig serving_config(uint64_t link_id, const LinkOptions& options) {
   config.interface_name = options.interface_name;
   config.port_base = options.port_base;
   config.allows_insecure_network = options.insecure_network;
+  config.key_folder = options.key_folder;
+  config.needs_keys_of_run = true;
   config.peers.clear();
   return config;
 }
@@ -145,6 +147,7 @@ dds::BusConfig serving_config(uint64_t link_id, const LinkOptions& options) {
 dds::BusConfig joining_config(const LinkAddress& address, const LinkOptions& options) {
   dds::BusConfig config = serving_config(address.link_id, options);
   config.port_base = address.port_base;
+  config.needs_keys_of_run = false;
   config.peers = {address.host};
   return config;
 }

@@ -38,6 +38,7 @@ Expected<std::string> address_of_interface(const std::string& interface_name);
 struct LinkOptions {
   std::string interface_name = "lo";
   uint32_t port_base = 7400;
+  std::string key_folder = {};  ///< this host's keys, for a network; see dds/keys.h
   bool insecure_network = false;
 };
 dds::BusConfig serving_config(uint64_t link_id, const LinkOptions& options);

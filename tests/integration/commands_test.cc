@@ -242,5 +242,30 @@ TEST(Config, RefusesWhatTrainRefuses) {
   EXPECT_THAT(refusal({"--config", "/no/such.toml"}), HasSubstr("cannot read /no/such.toml"));
 }
 
+TEST(Keys, AreMadeShownAndNeverReplaced) {
+  const ScratchFolder scratch;
+  const std::string folder = (scratch / "keys").string();
+  const Ending made = comrad({"keys", "make", folder, "--hosts", "alpha,beta", "--days", "30"}, 60);
+  EXPECT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_THAT(made.out, AllOf(HasSubstr(folder + "/run"), HasSubstr("hosts/alpha"), HasSubstr("scp -r")));
+  EXPECT_EQ(comrad({"keys", "add", folder, "--hosts", "gamma"}, 60).exit_code, 0);
+  EXPECT_THAT(comrad({"keys", "show", folder + "/hosts/gamma"}, 60).out, HasSubstr("host"));
+  for (const std::vector<std::string>& wrong :
+       std::vector<std::vector<std::string>>{{"keys", "make", folder, "--hosts", "delta"},
+                                             {"keys", "add", folder, "--hosts", "alpha"},
+                                             {"keys", "add", folder, "--hosts", "d/e"},
+                                             {"keys", "make", folder + "2", "--days", "0.5"},
+                                             {"keys", "show", folder + "/nowhere"},
+                                             {"keys", "mak", folder}}) {
+    const Ending refused = comrad(wrong, 60);
+    EXPECT_EQ(refused.exit_code, 2) << wrong[1];
+    EXPECT_THAT(refused.err, HasSubstr("comrad keys: error: "));
+  }
+  std::filesystem::remove(folder + "/hosts/beta/permissions.p7s");
+  const Ending shown = comrad({"keys", "show", folder}, 60);
+  EXPECT_EQ(shown.exit_code, 2);
+  EXPECT_THAT(shown.out, AllOf(HasSubstr("permissions.p7s"), HasSubstr("hosts/gamma")));
+}
+
 }  // namespace
 }  // namespace comrad::testing

@@ -66,6 +66,7 @@ const std::vector<Library>& libraries() {
        "cyclonedds-dev",
        {"dds/", "ddsc/", "org/eclipse/cyclonedds", "comrad.h"},
        {"rollout_buffer/dds/"}},
+      {"OpenSSL", "libssl-dev", {"openssl/"}, {"rollout_buffer/dds/"}},
       {"OpenGL, OSMesa and EGL", "libosmesa6-dev", {"GL/", "EGL/", "GLES"}, {"sim_workers/engine/render/"}},
       {"OpenCV's video", "libopencv-videoio-dev", {"opencv2/videoio"}, {"sim_workers/film/"}},
       {"OpenCV", "libopencv-imgproc-dev", {"opencv2/"}, {"sim_workers/env/", "sim_workers/film/"}},

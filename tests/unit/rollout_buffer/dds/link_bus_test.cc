@@ -170,7 +170,7 @@ TEST(LinkBus, PeersPortsAndBuffersAreChecked) {
   EXPECT_THAT(refusal([](BusConfig& config) { config.max_participants = 121; }), HasSubstr("121"));
   BusConfig moved = link_config(1);
   moved.port_base = 12000;
-  EXPECT_THAT(make_cyclone_config(moved), HasSubstr("<Base>12000</Base>"));
+  EXPECT_THAT(make_cyclone_config(moved).value(), HasSubstr("<Base>12000</Base>"));
 }
 
 /// Two hosts: one reports until it is answered, the other answers. Afterwards both exit with 0.

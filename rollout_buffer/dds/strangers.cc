@@ -1,0 +1,97 @@
+#include "rollout_buffer/dds/strangers.h"
+
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/log.h"
+
+namespace comrad::dds {
+namespace {
+
+constexpr double kBetweenLooks_s = 1;
+constexpr double kPatience_s = 5;  // a handshake takes 0.3 s; on a busy host longer
+constexpr int kMostLines = 20;     // whoever makes a new participant for each line must not fill the disk
+constexpr std::size_t kMostGuests = 1000;
+constexpr std::size_t kMostNameBytes = 64;
+
+// What another host says of itself, fit for a log.
+std::string printable(const char* text) {
+  std::string name = text == nullptr ? "" : std::string(text).substr(0, kMostNameBytes);
+  for (char& letter : name)
+    if (letter < ' ' || letter > '~') letter = '?';
+  return name;
+}
+
+std::string property(const dds_qos_t* qos, const char* name) {
+  char* value = nullptr;
+  if (!dds_qget_prop(qos, name, &value)) return "?";
+  std::string text = printable(value);
+  dds_free(value);
+  return text;
+}
+
+std::string key_of(const dds_guid_t& guid) {
+  return std::string(reinterpret_cast<const char*>(guid.v), sizeof guid.v);
+}
+
+}  // namespace
+
+bool is_about_a_stranger(std::string_view line) {
+  const auto has = [&](std::string_view words) { return line.find(words) != std::string_view::npos; };
+  return has("handshake") || (has("emote secure participant") && has("not allowed")) ||
+         (has("Non secure remote") && has("not allowed"));
+}
+
+Strangers::Strangers(dds_entity_t participant)
+    : participants_(dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSPARTICIPANT, nullptr, nullptr)),
+      writers_(dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSPUBLICATION, nullptr, nullptr)),
+      readers_(dds_create_reader(participant, DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION, nullptr, nullptr)) {
+  dds_guid_t guid;
+  if (dds_get_guid(participant, &guid) == DDS_RETCODE_OK) own_ = key_of(guid);
+}
+
+template <typename Visitor>
+void Strangers::take(dds_entity_t reader, Visitor visit) {
+  constexpr int kAtOnce = 32;
+  for (int taken = kAtOnce; reader > 0 && taken == kAtOnce;) {
+    void* samples[kAtOnce] = {};
+    dds_sample_info_t infos[kAtOnce];
+    taken = dds_take(reader, samples, infos, kAtOnce, kAtOnce);
+    for (int i = 0; i < taken; ++i) visit(samples[i], infos[i]);
+    if (taken > 0) dds_return_loan(reader, samples, taken);
+  }
+}
+
+void Strangers::look() {
+  const double now_s = monotonic_s();
+  if (now_s - looked_s_ < kBetweenLooks_s) return;
+  looked_s_ = now_s;
+  take(participants_, [&](const void* sample, const dds_sample_info_t& info) {
+    const auto& seen = *static_cast<const dds_builtintopic_participant_t*>(sample);
+    const Key key = key_of(seen.key);
+    if (info.instance_state != DDS_IST_ALIVE) {
+      guests_.erase(key);
+    } else if (key != own_ && guests_.size() < kMostGuests) {
+      Guest& guest = guests_[key];
+      if (guest.since_s == 0) guest.since_s = now_s;
+      if (info.valid_data)
+        guest.who = "host '" + property(seen.qos, "__Hostname") + "', process " + property(seen.qos, "__Pid");
+    }
+  });
+  for (const dds_entity_t reader : {writers_, readers_})
+    take(reader, [&](const void* sample, const dds_sample_info_t&) {
+      const auto guest =
+          guests_.find(key_of(static_cast<const dds_builtintopic_endpoint_t*>(sample)->participant_key));
+      if (guest != guests_.end()) guest->second.is_known = true;
+    });
+  for (auto& [key, guest] : guests_) {
+    if (guest.is_known || guest.is_written || now_s - guest.since_s < kPatience_s) continue;
+    guest.is_written = true;
+    if (++lines_ > kMostLines) continue;
+    spdlog::warn(
+        "refused a participant (by its own words {}) that knows this link's id but has no key of the same "
+        "authority: "
+        "it gets nothing and is not listened to{}",
+        guest.who, lines_ == kMostLines ? "; more such are not logged" : "");
+  }
+}
+
+}  // namespace comrad::dds

@@ -1,0 +1,189 @@
+// Who may join: hosts in network namespaces, strangers among them, and what keys cost.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <spdlog/sinks/basic_file_sink.h>
+#include <sys/mount.h>
+
+#include <functional>
+#include <random>
+
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/dds/keys.h"
+#include "rollout_buffer/dds/link_bus.h"
+#include "tests/support/network_pair.h"
+#include "tests/support/scratch_folder.h"
+
+namespace comrad::dds {
+namespace {
+
+using ::testing::HasSubstr;
+
+uint64_t fresh_id() {
+  static std::random_device device;
+  return (uint64_t{device()} << 32) | device();
+}
+
+std::string read_whole(const std::string& path) { return read_file(path).value_or(""); }
+
+int count_of(const std::string& text, const std::string& words) {
+  int count = 0;
+  for (std::size_t at = text.find(words); at != std::string::npos; at = text.find(words, at + 1)) ++count;
+  return count;
+}
+
+/// What came to one end; written down by a child for its parent.
+struct Heard {
+  int questions = 0, reports = 0, fragments = 0, states = 0, weights = 0, strange = 0;
+};
+
+constexpr uint64_t kFriend = 7;
+
+/// The serving end for so long: answers reports, sends weights. Anything that does not come from the friend is strange.
+int serve(const BusConfig& config, double seconds, const std::string& log) {
+  spdlog::set_default_logger(spdlog::basic_logger_st("serve", log));
+  auto bus = LinkBus::open(config);
+  if (!bus) return 2;
+  Heard heard;
+  const std::vector<std::byte> weights(100'000);
+  double sent_s = 0;
+  for (const double end_s = monotonic_s() + seconds; monotonic_s() < end_s; bus->wait(20)) {
+    bus->take_questions([&](const DoorQuestion& in) { heard.strange += in.feeder_id != kFriend; });
+    bus->take_reports([&](const FeedReport& in) {
+      ++heard.reports;
+      heard.strange += in.feeder_id != kFriend;
+      (void)bus->write(FeedState{.feeder_id = in.feeder_id, .run_state = "running"});
+    });
+    bus->take_fragments([&](const TrajectoryFragment& in) {
+      ++heard.fragments;
+      heard.strange += in.feeder_id != kFriend;
+    });
+    bus->take_episodes([&](const FeederEpisode& in) { heard.strange += in.feeder_id != kFriend; });
+    if (monotonic_s() - sent_s > 0.5) {
+      sent_s = monotonic_s();
+      (void)bus->write(WeightsChunk{.chunk_count = 1, .version = 1, .payload = weights});
+    }
+  }
+  spdlog::default_logger()->flush();
+  if (heard.strange > 0) return 3;
+  return heard.reports > 0 && heard.fragments > 0 ? 0 : 4;
+}
+
+/// A host that says all it may and listens. 0: it was answered and got weights; 10: it got nothing at all.
+int join(const BusConfig& config, uint64_t feeder_id, double seconds) {
+  spdlog::set_level(spdlog::level::off);
+  auto bus = LinkBus::open(config);
+  if (!bus) return 2;
+  int states = 0, weights = 0;
+  const std::vector<std::byte> piece(kFragmentPayloadBytes);
+  double said_s = 0;
+  for (const double end_s = monotonic_s() + seconds; monotonic_s() < end_s; bus->wait(20)) {
+    bus->take_states(kFriend, [&](const FeedState&) { ++states; });
+    bus->take_answers([&](const DoorAnswer&) { ++states; });
+    bus->take_weights([&](const WeightsChunk&) { ++weights; });
+    if (monotonic_s() - said_s < 0.3) continue;
+    said_s = monotonic_s();
+    (void)bus->write(DoorQuestion{.feeder_id = feeder_id, .text = "{}"});
+    (void)bus->write(FeedReport{.feeder_id = feeder_id, .host = "x"});
+    (void)bus->write(TrajectoryFragment{.feeder_id = feeder_id, .payload = piece});
+    (void)bus->write(FeederEpisode{.feeder_id = feeder_id});
+  }
+  if (states > 0 && weights > 0) return 0;
+  return states == 0 && weights == 0 ? 10 : 11;
+}
+
+TEST(LinkSecurity, StrangersOnTheNetworkGetNothingAndLeaveOneLineEach) {
+  const test::NetworkPair network(3);
+  if (!network.is_made()) GTEST_SKIP() << test::NetworkPair::why_not();
+  const test::ScratchFolder folder;
+  const std::string keys = folder.string() + "/keys", others = folder.string() + "/others",
+                    log = folder.string() + "/log";
+  ASSERT_TRUE(make_keys({.folder = keys, .hosts = {"b"}}));
+  ASSERT_TRUE(make_keys({.folder = others, .hosts = {"b"}}));
+  const uint64_t id = fresh_id();  // all know it, and with it domain, tag and partition
+  const auto config = [&](int end, const std::string& key_folder) {
+    BusConfig of_end = link_config(id);
+    of_end.interface_name = network.device(end);
+    of_end.peers.clear();
+    if (end == 1) of_end.peers = {network.address(0)};
+    of_end.key_folder = key_folder;
+    of_end.allows_insecure_network = key_folder.empty();
+    return of_end;
+  };
+  const pid_t server = network.start(0, [&] { return serve(config(0, keys + "/run"), 11, log); });
+  const pid_t friendly = network.start(1, [&] { return join(config(1, keys + "/hosts/b"), kFriend, 9); });
+  const pid_t without = network.start(1, [&] { return join(config(1, ""), 666, 9); });
+  const pid_t with_others = network.start(1, [&] { return join(config(1, others + "/hosts/b"), 667, 9); });
+  // One that says it is the server.
+  const pid_t false_server = network.start(1, [&] { return join(config(1, others + "/run"), 668, 9); });
+  EXPECT_EQ(test::NetworkPair::wait(friendly), 0) << "a host with the right key was not served";
+  EXPECT_EQ(test::NetworkPair::wait(without), 10) << "a stranger without a key got something";
+  EXPECT_EQ(test::NetworkPair::wait(with_others), 10) << "a stranger with other keys got something";
+  EXPECT_EQ(test::NetworkPair::wait(false_server), 10);
+  EXPECT_EQ(test::NetworkPair::wait(server), 0) << "3: a stranger was heard; 4: nobody was";
+  const std::string lines = read_whole(log);
+  EXPECT_EQ(count_of(lines, "refused a participant"), 3) << lines;
+  EXPECT_EQ(count_of(lines, "\n"), 3) << lines;
+}
+
+TEST(LinkSecurity, AServerWithoutKeysDoesNotReachAHostThatHasSome) {
+  const test::NetworkPair network(4);
+  if (!network.is_made()) GTEST_SKIP() << test::NetworkPair::why_not();
+  const test::ScratchFolder folder;
+  ASSERT_TRUE(make_keys({.folder = folder.string() + "/keys", .hosts = {"b"}}));
+  const uint64_t id = fresh_id();
+  BusConfig plain = link_config(id), with_key = link_config(id);
+  plain.interface_name = network.device(0);
+  plain.peers.clear();
+  plain.allows_insecure_network = true;
+  with_key.interface_name = network.device(1);
+  with_key.peers = {network.address(0)};
+  with_key.key_folder = folder.string() + "/keys/hosts/b";
+  const pid_t server = network.start(0, [&] { return serve(plain, 4, folder.string() + "/log"); });
+  const pid_t host = network.start(1, [&] { return join(with_key, kFriend, 3); });
+  EXPECT_EQ(test::NetworkPair::wait(host), 10);
+  EXPECT_EQ(test::NetworkPair::wait(server), 4);
+}
+
+TEST(LinkSecurity, AHostMayNotSpeakForTheRun) {
+  const test::ScratchFolder folder;
+  ASSERT_TRUE(make_keys({.folder = folder.string() + "/keys", .hosts = {"b"}}));
+  BusConfig config = link_config(fresh_id());
+  config.key_folder = folder.string() + "/keys/hosts/b";
+  auto bus = LinkBus::open(config);
+  ASSERT_TRUE(bus) << bus.error().message;
+  EXPECT_TRUE(bus->write(FeedReport{.feeder_id = 1}));
+  for (const Status& refused :
+       {bus->write(WeightsChunk{.chunk_count = 1, .version = 9}), bus->write(FeedState{.feeder_id = 1}),
+        bus->write(DoorAnswer{.feeder_id = 1})}) {
+    ASSERT_FALSE(refused);
+    EXPECT_THAT(refused.error().message, HasSubstr("permissions.p7s"));
+  }
+}
+
+TEST(LinkSecurity, MissingPluginsAreRefusedWithWhatToDo) {
+  const test::ScratchFolder folder;
+  ASSERT_TRUE(make_keys({.folder = folder.string() + "/keys", .hosts = {}}));
+  const auto plugins = security_plugins();
+  ASSERT_TRUE(plugins) << plugins.error().message;
+  const std::string said = folder.string() + "/said";
+  const pid_t child = fork();
+  if (child == 0) {
+    if (unshare(CLONE_NEWNS) != 0 || mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
+        mount("none", plugins->c_str(), "tmpfs", 0, nullptr) != 0)
+      _exit(77);
+    BusConfig config = link_config(fresh_id());
+    config.key_folder = folder.string() + "/keys/run";
+    const auto bus = LinkBus::open(config);
+    (void)write_file_atomically(said, bus ? "it opened" : bus.error().message, false);
+    _exit(0);
+  }
+  if (test::NetworkPair::wait(child) == 77) GTEST_SKIP() << "a mount namespace needs root";
+  EXPECT_THAT(read_whole(said), HasSubstr("apt install --reinstall libddsc0debian"));
+}
+
+}  // namespace
+}  // namespace comrad::dds
