@@ -4,14 +4,15 @@
 Both train IPPO (one agent: PPO) with the same network (three convolutions, 512 units, GRU 512), frame skip, number of
 environments, rollout, batch and learning values, from pixels of 128x72, on the .cfg files that Sample Factory carries. The
 score is the return of training episodes, the mean of the last 100, as both report it. Runs go one after the other, a seed of
-each in turn, and may have other work beside them: they give the score against env frames.
+each in turn, and may have other work beside them (--busy): they give the score against env frames.
 
     python3 -m venv SF && SF/bin/pip install sample-factory==2.1.1 'gymnasium<1' 'numpy<2' vizdoom==1.3.2 torch==2.13.0
     tests/parity/beside_sample_factory.py defend_the_center health_gathering_supreme --seeds 1 2 3 --sample_factory SF
     tests/parity/beside_sample_factory.py defend_the_center health_gathering_supreme --rates 3 --sample_factory SF
 
 With --rates the machine must have nothing else to do: in each round each system trains for 0.3 M env frames, in turn. The medians over
-rounds of the rate and of the seconds until the first frame make time of env frames.
+rounds of the rate and of the seconds until the first frame make time of env frames. Without them the curves' own seconds do, except
+those of curves that were made with --busy.
 
 --rows gets a line a run as soon as it is over; a curve that is there is not made again. --picture draws what is there and prints
 the tables of BENCHMARKS.md. Not part of the test suite: a run takes minutes.
@@ -129,9 +130,9 @@ def measure_rates(asked):
         for _ in range(asked.rates):
             for system in asked.systems:
                 curve, _ = run_of(asked, system, game, asked.seeds[0], RATE_FRAMES)
-                rate = frames_at_rate(curve)
+                rate, start_s = rate_and_start(curve)
                 append_row(asked, {'system': system, 'game': game, 'date': time.strftime('%Y-%m-%d'), 'rate': round(rate, 1),
-                                   'start_s': round(curve[0][1] - curve[0][0] / rate, 1)})
+                                   'start_s': round(start_s, 1)})
 
 
 def train_all(asked):
@@ -142,7 +143,8 @@ def train_all(asked):
                 if any(row.items() >= key.items() and 'curve' in row for row in rows_of(asked.rows)):
                     continue
                 curve, seconds = run_of(asked, system, game, seed, FRAMES)
-                append_row(asked, {**key, 'date': time.strftime('%Y-%m-%d'), 'seconds': round(seconds, 1), 'curve': thinned(curve)})
+                append_row(asked, {**key, 'date': time.strftime('%Y-%m-%d'), 'seconds': round(seconds, 1),
+                                   **({'busy': True} if asked.busy else {}), 'curve': thinned(curve)})
 
 
 def score_at(curve, column, at):
@@ -154,9 +156,10 @@ def score_at(curve, column, at):
     return None
 
 
-def frames_at_rate(curve):
-    """Env frames a second between the first report and the last."""
-    return (curve[-1][0] - curve[0][0]) / (curve[-1][1] - curve[0][1])
+def rate_and_start(curve):
+    """Env frames a second between the first report and the last, and the seconds that passed before the first frame."""
+    rate = (curve[-1][0] - curve[0][0]) / (curve[-1][1] - curve[0][1])
+    return rate, curve[0][1] - curve[0][0] / rate
 
 
 def mean_and_range(values):
@@ -178,12 +181,12 @@ def draw(asked):
     for line, game in enumerate(games):
         for number, system in enumerate(systems):
             mine = [row for row in rows if row['game'] == game and row['system'] == system]
-            measured = [row for row in mine if 'rate' in row]
             curves = [row['curve'] for row in mine if 'curve' in row]
+            measured = [(row['rate'], row['start_s']) for row in mine if 'rate' in row]
+            measured = measured or [rate_and_start(row['curve']) for row in mine if 'curve' in row and not row.get('busy')]
             if not curves or not measured:
                 continue
-            rate = statistics.median(row['rate'] for row in measured)
-            start_s = statistics.median(row['start_s'] for row in measured)
+            rate, start_s = (statistics.median(values) for values in zip(*measured))
             curves = [[[frames, start_s + frames / rate, score] for frames, _, score in curve] for curve in curves]
             for curve in curves:
                 label = system if curve is curves[0] else None
@@ -193,7 +196,7 @@ def draw(asked):
                      for at in (0.5e6, 1e6, 1.5e6)]
             cells.append(mean_and_range([curve[-1][2] for curve in curves if curve[-1][0] > 0.98 * FRAMES]))
             cells.append(mean_and_range([score_at(curve, 1, 180) for curve in curves if score_at(curve, 1, 180) is not None]))
-            rates = mean_and_range([row['rate'] for row in measured])
+            rates = mean_and_range([one for one, _ in measured])
             print(f'| {game} | {system} | {len(curves)} | {rates} | ' + ' | '.join(cells) + ' |')
         axes[line][0].set(title=game, xlabel='env frames, millions', ylabel='return of the last 100 episodes')
         axes[line][1].set(title=game, xlabel='minutes since the start', xscale='log')
@@ -209,6 +212,7 @@ def main():
     parser.add_argument('games', nargs='*', help=' '.join(HEADS))
     parser.add_argument('--seeds', nargs='+', type=int, default=[1, 2, 3])
     parser.add_argument('--rates', type=int, default=0, metavar='ROUNDS', help='measure rates in so many rounds, train no curve')
+    parser.add_argument('--busy', action='store_true', help='other work runs beside the curves: their seconds say nothing')
     parser.add_argument('--systems', nargs='+', default=['COMRAD fp32', 'COMRAD bf16', 'Sample Factory'])
     parser.add_argument('--comrad', default=str(HERE.parents[1] / 'comrad'))
     parser.add_argument('--sample_factory', help='the virtual environment that has it')

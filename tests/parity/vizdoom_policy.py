@@ -3,8 +3,9 @@
 
 The run was trained on a ViZDoom .cfg with one agent, or on one of the thirteen scenarios with two; of these, ViZDoom plays the
 run's own map as a network game, and `scenario_play rewards` says what the variables of both players pay. Greedy actions, the
-run's frame skip; ViZDoom draws 640x480, of which every 128x72 view takes the nearest pixels: ours is drawn at 128x72 with
-the projection of a 4:3 screen. In a network game what the second player presses counts a tic later than what the first does.
+run's frame skip. A run with `--render_size 160x120 --resize nearest` sees what ViZDoom shows at that size, made smaller in the same
+way: 92 % of all pixels are equal. Of a run whose views are drawn at 128x72 directly ViZDoom draws 640x480, of which every view
+takes the nearest pixels; its status bar then differs, which costs a policy of defend_the_center half of its score. In a network game what the second player presses counts a tic later than what the first does.
 
     tests/parity/vizdoom_policy.py train_dir/RUN --episodes 100
 
@@ -45,19 +46,27 @@ def presses(heads, names, choice):
     return list(values.values())
 
 
-def frame_of(game):
-    """[1, 3, 72, 128] u8 of what the player sees."""
+def frame_of(game, place):
+    """[1, 3, 72, 128] u8 of what the player sees; each pixel is what lies at `place` (0: its corner, 0.5: its middle) of the screen's."""
     import torch
-    screen = torch.from_numpy(game.get_state().screen_buffer.copy()).permute(2, 0, 1)  # RGB24: [480, 640, 3]
-    rows = ((torch.arange(72) + 0.5) * screen.shape[1] / 72).long()
-    columns = ((torch.arange(128) + 0.5) * screen.shape[2] / 128).long()
+    screen = torch.from_numpy(game.get_state().screen_buffer.copy()).permute(2, 0, 1)  # RGB24: [rows, columns, 3]
+    rows = ((torch.arange(72) + place) * screen.shape[1] / 72).long()
+    columns = ((torch.arange(128) + place) * screen.shape[2] / 128).long()
     return screen[:, rows][:, :, columns][None]
+
+
+def screen_of(settings):
+    """ViZDoom's resolution for a run, and where in a pixel of the view its colour is taken."""
+    if settings['resize'] == 'nearest':
+        return 'RES_' + settings['render_size'].upper(), 0.0  # as OpenCV's INTER_NEAREST
+    return 'RES_640X480', 0.5
 
 
 class PolicyPlayer:
     """A checkpoint that plays one seat; sent to the process that plays it, which loads the network."""
 
-    def __init__(self, checkpoint, head_sizes, decisions=None, render=None, measurements=()):
+    def __init__(self, checkpoint, head_sizes, screen, decisions=None, render=None, measurements=()):
+        self.resolution, self.place = screen
         self.checkpoint, self.head_sizes, self.decisions, self.render = checkpoint, head_sizes, decisions, render or {}
         self.measurements = measurements  # terms of `comrad scenarios describe`, in the order of the .cfg's variables
         self.state = None
@@ -70,7 +79,7 @@ class PolicyPlayer:
         torch.set_num_threads(1)
         self.policy = load_policy.Policy(self.checkpoint, agent=player)
         game.set_screen_format(vzd.ScreenFormat.RGB24)
-        game.set_screen_resolution(vzd.ScreenResolution.RES_640X480)
+        game.set_screen_resolution(getattr(vzd.ScreenResolution, self.resolution))
         for part in ('hud', 'weapon', 'screen_flashes'):
             if part in self.render:
                 getattr(game, 'set_render_' + part)(bool(self.render[part]))
@@ -84,7 +93,7 @@ class PolicyPlayer:
         import load_policy
         import torch
         with torch.no_grad():
-            logits, self.state = self.policy.step(frame_of(game), self.measurement_of(game), self.state)
+            logits, self.state = self.policy.step(frame_of(game, self.place), self.measurement_of(game), self.state)
         return load_policy.greedy(logits, self.head_sizes)[0].tolist()
 
     def measurement_of(self, game):
@@ -164,6 +173,8 @@ def main():
         settings = tomllib.load(file)
     scenario, agents = settings['scenario'], settings['num_agents']
     is_cfg = scenario.lower().endswith('.cfg')
+    if settings['resize'] == 'area':
+        sys.exit(f'{asked.run}: ViZDoom makes no views that are resized by area; train with --resize nearest')
     if agents != (1 if is_cfg else AGENTS) or not is_cfg and (settings['use_additional_input'] or settings['env_frameskip'] != TICS):
         sys.exit(f'{asked.run}: a run of one agent on a .cfg is needed, or of two on a scenario with 4 tics a decision and without '
                  'additional input')
@@ -177,12 +188,12 @@ def main():
     checkpoint = latest_checkpoint(asked.run)
     if is_cfg:
         terms = described['measurement_terms'] if settings['use_additional_input'] else ()
-        player = PolicyPlayer(checkpoint, described['heads'], measurements=terms)
+        player = PolicyPlayer(checkpoint, described['heads'], screen_of(settings), measurements=terms)
         returns = play_cfg(player, described['head_buttons'], scenario, asked.episodes, settings['env_frameskip'])
     else:
         with open(os.path.join(SCENARIOS, scenario, 'scenario.toml'), 'rb') as file:
             spec = tomllib.load(file)
-        player = PolicyPlayer(checkpoint, described['heads'], spec['decision_limit'], spec.get('render'))
+        player = PolicyPlayer(checkpoint, described['heads'], screen_of(settings), spec['decision_limit'], spec.get('render'))
         returns = play_scenario(player, asked.run, scenario, described['head_buttons'], spec, asked.episodes,
                                 os.path.abspath(asked.scenario_play))
     mean = sum(returns) / len(returns)
