@@ -112,8 +112,9 @@ Status prepare_network(Player& player, const EvaluationRequest& request, const U
   const bool is_named = request.policies.size() == 1 && request.policies.front() == player.name;
   COMRAD_TRY(
       choose_checkpoint(player, is_named ? request.checkpoint : "", player.config.run.load_checkpoint_kind));
-  const Expected<NetworkSize> size =
-      describe_network(settings_to_play(player, game.config), game.scenario.env);
+  EnvShape env = game.scenario.env;
+  env.global_state_count = player.env.global_state_count;  // its critic's, whatever the others' critics see
+  const Expected<NetworkSize> size = describe_network(settings_to_play(player, game.config), env);
   if (!size) return of_player(size.error());
   player.network = *size;
   return {};

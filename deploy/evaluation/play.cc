@@ -47,6 +47,10 @@ Expected<LaunchPlan> plan_of(const EvaluationGame& game, const Team& team, bool 
   LaunchPlan plan;
   plan.config = game.merged.config;
   plan.env = game.merged.scenario.env;
+  for (const std::string& name : team.players)
+    if (game.player(name).is_network())
+      plan.env.global_state_count =
+          std::max(plan.env.global_state_count, game.player(name).env.global_state_count);
   plan.decision_limit = game.merged.scenario.decision_limit;
   plan.run_dir = game.run->path();
   plan.episodes = game.episodes;

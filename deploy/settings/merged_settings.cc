@@ -122,6 +122,7 @@ Expected<MergedSettings> complete(Layers layers, ScenarioDescription scenario, i
   }));
   COMRAD_TRY(
       layers.change("automatic", [&](RunConfig& config) { return resolve_settings(config, core_count); }));
+  if (!sees_global_state(layers.config())) scenario.env.global_state_count = 0;
   MergedSettings merged{layers.config(), std::move(scenario), std::move(layers.from()), {}};
   for (const SettingRow& row : setting_rows())
     if (row.text(merged.config) != row.text(asked))

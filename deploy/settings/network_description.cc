@@ -35,8 +35,10 @@ Expected<NetworkSize> parse_network_size(std::string_view text) {
 
 std::vector<std::string> shape_flags(const EnvShape& env) {
   const std::string heads = joined(std::span(env.head_sizes).first(static_cast<size_t>(env.head_count)), ",");
-  return {"--num_agents",   std::to_string(env.num_agents),       "--heads", heads,
-          "--measurements", std::to_string(env.measurement_count)};
+  return {"--num_agents",   std::to_string(env.num_agents),
+          "--heads",        heads,
+          "--measurements", std::to_string(env.measurement_count),
+          "--global_state", std::to_string(env.global_state_count)};
 }
 
 Expected<NetworkSize> describe_network(const RunConfig& config, const EnvShape& env) {

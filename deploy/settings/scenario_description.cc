@@ -65,6 +65,7 @@ Expected<ScenarioDescription> parse_description(std::string_view text) {
   COMRAD_TRY(read(described, "supported_agents", scenario.supported_agents));
   COMRAD_TRY(read(described, "heads", heads));
   COMRAD_TRY(read(described, "measurements", scenario.env.measurement_count));
+  COMRAD_TRY(read(described, "global_state", scenario.env.global_state_count));
   COMRAD_TRY(read(described, "decision_limit", scenario.decision_limit));
   COMRAD_TRY(read(described, "ceiling", scenario.ceiling));
   COMRAD_TRY(read(described, "shared_reward_alpha", scenario.shared_reward_alpha));

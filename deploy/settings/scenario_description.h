@@ -17,7 +17,8 @@ namespace comrad::deploy {
 struct ScenarioDescription {
   std::string name;
   std::string title;
-  EnvShape env;  ///< for the asked number of agents
+  EnvShape
+      env;  ///< for the asked number of agents; with the scenario's global state, which not every run wants
   std::vector<int> supported_agents;
   int64_t decision_limit = 0;  ///< decisions after which an episode is truncated
   double ceiling = 0;          ///< best possible score J

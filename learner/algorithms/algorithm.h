@@ -82,9 +82,9 @@ class OnPolicyAlgorithm : public Algorithm {
 /// Learns from a replay.
 class OffPolicyAlgorithm : public Algorithm {
  public:
-  /// New decisions have come in: their frames u8 [B, C, H, W] and measurements f32 [B, M] (may be undefined)
-  /// enter the running input statistics, once.
-  virtual void observe(const Tensor& frame, const Tensor& measurement) = 0;
+  /// New decisions have come in: their frames u8 [B, C, H, W], measurements f32 [B, M] and global states f32 [B / N, S]
+  /// enter the running input statistics, once. What is not looked at may be undefined.
+  virtual void observe(const Tensor& frame, const Tensor& measurement, const Tensor& global_state) = 0;
   /// One optimizer step on a batch; writes `batch.abs_td`. Errors: as OnPolicyAlgorithm::update.
   virtual Expected<UpdateStats> update(ReplayBatch& batch, const UpdateContext& context) = 0;
 };

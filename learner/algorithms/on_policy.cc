@@ -108,6 +108,12 @@ Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& 
     net_.update_input_statistics(frame.to(device_),
                                  measurement.defined() ? measurement.to(device_) : measurement);
   }
+  if (net_.options().global_state_count > 0) {
+    const int64_t agents = batch.shape.env.num_agents;
+    const Tensor valid = batch.valid.view({batch.steps(), batch.slab_count, agents}).amax(2);
+    net_.update_state_statistics(
+        batch.global_state.flatten(0, 1).index_select(0, valid.flatten().nonzero().squeeze(1)).to(device_));
+  }
   return true;
 }
 
@@ -228,7 +234,8 @@ policy::SequenceInput OnPolicy::input_of(const RolloutBatch& rows) const {
   return {.frame = on_device(rows.frame),
           .measurement = on_device(rows.measurement),
           .recurrent_state = on_device(rows.recurrent_state),
-          .reset = on_device(rows.reset)};
+          .reset = on_device(rows.reset),
+          .global_state = on_device(rows.global_state)};
 }
 
 std::vector<RolloutBatch> OnPolicy::micro_batches(const RolloutBatch& batch) const {
@@ -481,7 +488,7 @@ void OnPolicy::append_diagnostics(NamedNumbers& values) const {
 }
 
 void OnPolicy::save(StateDict& state) const {
-  Progress{version_, updates_}.save(state, config_.run.algo.name());
+  Progress{version_, updates_}.save(state, config_.run.algo.name(), net_.options().global_state_count);
   for (const auto& [name, tensor] : net_.named_state()) state.put("network/" + name, tensor);
   for (const auto& [prefix, optimizer] : optimizers_) optimizer.save(state, "optimizer", prefix);
   state.put("normalizer/returns_mean", returns_.statistics().mean);
@@ -491,7 +498,8 @@ void OnPolicy::save(StateDict& state) const {
 }
 
 Status OnPolicy::load(const StateDict& state) {
-  COMRAD_TRY_ASSIGN(const Progress progress, Progress::load(state, config_.run.algo.name()));
+  COMRAD_TRY_ASSIGN(const Progress progress,
+                    Progress::load(state, config_.run.algo.name(), net_.options().global_state_count));
   ReturnNormalizer::Statistics statistics;
   COMRAD_TRY_ASSIGN(statistics.mean, state.number("normalizer/returns_mean"));
   COMRAD_TRY_ASSIGN(statistics.variance, state.number("normalizer/returns_variance"));

@@ -15,9 +15,11 @@ struct Progress {
   PolicyVersion version = 0;  ///< optimizer steps taken
   int64_t updates = 0;        ///< batches seen; keys the shuffling
 
-  void save(StateDict& state, const std::string& algorithm) const;
-  /// Errors: kBadFormat when another algorithm made `state`.
-  static Expected<Progress> load(const StateDict& state, const std::string& algorithm);
+  /// `global_state_count`: numbers of the true state that its critic or mixer sees; 0 with critic_state features.
+  void save(StateDict& state, const std::string& algorithm, int64_t global_state_count) const;
+  /// Errors: kBadFormat when another algorithm made `state`, or one whose critic sees something else.
+  static Expected<Progress> load(const StateDict& state, const std::string& algorithm,
+                                 int64_t global_state_count);
 };
 
 }  // namespace comrad::learn

@@ -24,8 +24,8 @@ uint64_t seed_of(const RunConfig& config, const char* purpose) {
 /// A fresh mixer; equal ones for online and target, since both come from one seed. Null for idqn.
 std::unique_ptr<Mixer> mixer_of(const RunConfig& config, const EnvShape& env, const policy::PolicyNet& net) {
   if (!config.run.algo->mixes_q_values()) return nullptr;
-  return make_mixer(MixerOptions::from(config, env, net.encoded_count()), seed_of(config, "mixer"),
-                    net.device());
+  return make_mixer(MixerOptions::from(config, env, net.encoded_count(), net.options().global_state_count),
+                    seed_of(config, "mixer"), net.device());
 }
 
 std::vector<Tensor> parameters_of(const policy::PolicyNet& net, const Mixer* mixer) {
@@ -108,9 +108,11 @@ int64_t QLearning::parameter_count() const {
   return count;
 }
 
-void QLearning::observe(const Tensor& frame, const Tensor& measurement) {
-  if (!config_.network.normalize_input) return;
+void QLearning::observe(const Tensor& frame, const Tensor& measurement, const Tensor& global_state) {
   torch::NoGradGuard no_grad;
+  if (net_.options().global_state_count > 0 && global_state.defined())
+    net_.update_state_statistics(global_state.to(device_));
+  if (!config_.network.normalize_input || !frame.defined()) return;
   net_.update_input_statistics(frame.to(device_),
                                measurement.defined() ? measurement.to(device_) : measurement);
 }
@@ -177,7 +179,8 @@ QLearning::Scene QLearning::scene_of(const ReplayBatch& micro) const {
        {&scene.batch.frame, &scene.batch.measurement, &scene.batch.action_mask, &scene.batch.agent_active,
         &scene.batch.action, &scene.batch.reward, &scene.batch.bootstrap, &scene.batch.terminated,
         &scene.batch.truncated, &scene.batch.valid, &scene.batch.reset, &scene.batch.recurrent_state,
-        &scene.batch.weight, &scene.batch.final_frame, &scene.batch.final_measurement})
+        &scene.batch.weight, &scene.batch.final_frame, &scene.batch.final_measurement,
+        &scene.batch.global_state, &scene.batch.final_global_state})
     if (field->defined()) *field = field->to(device_);
   ReplayBatch& batch = scene.batch;
   if (config_.q_learning.burn_in > 0 && batch.steps() > config_.q_learning.burn_in) {
@@ -208,6 +211,18 @@ QLearning::Scene QLearning::scene_of(const ReplayBatch& micro) const {
   };
   if (batch.has_action_mask) scene.next_mask = behind(batch.action_mask);
   scene.next_active = behind(batch.agent_active);
+  if (net_.options().global_state_count > 0) {
+    const Tensor normalized = net_.normalized_state(batch.global_state);
+    scene.state = normalized.narrow(0, 0, steps);
+    scene.next_state = normalized.narrow(0, 1, steps);
+    if (!batch.final_row.empty()) {
+      const int64_t agents = batch.shape.env.num_agents;
+      const Tensor first = torch::arange(0, row.numel(), agents, row.options());
+      const Tensor world = row.index_select(0, first).div(agents, "floor");
+      scene.next_state = with_finals(scene.next_state, step.index_select(0, first), world,
+                                     net_.normalized_state(batch.final_global_state));
+    }
+  }
   return scene;
 }
 
@@ -408,7 +423,7 @@ void QLearning::append_diagnostics(NamedNumbers& values) const {
 }
 
 void QLearning::save(StateDict& state) const {
-  Progress{version_, updates_}.save(state, config_.run.algo.name());
+  Progress{version_, updates_}.save(state, config_.run.algo.name(), net_.options().global_state_count);
   for (const auto& [key, tensor] : net_.named_state()) state.put("network/" + key, tensor);
   for (const auto& [key, tensor] : target_net_.named_parameters()) state.put("target/" + key, tensor);
   if (mixer_) {
@@ -422,7 +437,8 @@ void QLearning::save(StateDict& state) const {
 }
 
 Status QLearning::load(const StateDict& state) {
-  COMRAD_TRY_ASSIGN(const Progress progress, Progress::load(state, config_.run.algo.name()));
+  COMRAD_TRY_ASSIGN(const Progress progress,
+                    Progress::load(state, config_.run.algo.name(), net_.options().global_state_count));
   for (const auto& [key, tensor] : net_.named_state())
     COMRAD_TRY(state.copy_tensor("network/" + key, tensor));
   for (const auto& [key, tensor] : target_net_.named_parameters())

@@ -43,7 +43,7 @@ class QLearning : public OffPolicyAlgorithm {
   void save(StateDict& state) const override;
   Status load(const StateDict& state) override;
 
-  void observe(const Tensor& frame, const Tensor& measurement) override;
+  void observe(const Tensor& frame, const Tensor& measurement, const Tensor& global_state) override;
   Expected<UpdateStats> update(ReplayBatch& batch, const UpdateContext& context) override;
 
   /// Sums over the micro-batches of one batch; means over valid samples unless said otherwise.
@@ -90,6 +90,8 @@ class QLearning : public OffPolicyAlgorithm {
     ReplayBatch batch;
     Tensor next_mask;    ///< u8 [T, R, A]; undefined when everything was allowed
     Tensor next_active;  ///< u8 [T, R]
+    Tensor state,
+        next_state;  ///< f32 [T, W, S] the worlds' true states, normalised; undefined where mixers see none
     QValues online, target;
     Tensor mask() const;  ///< of the observations that were decided on; undefined as above
   };

@@ -20,12 +20,14 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
                          const Tensor& active) {
     const Tensor& q = is_next ? values.next : values.now;
     const Tensor is_active = active.to(torch::kFloat32);
+    const Tensor features = of_worlds(is_next ? values.next_state : values.state);
+    const Tensor& truth = is_next ? scene.next_state : scene.state;
     return MixerInput{
         .chosen = of_worlds(policy::chosen_utility(q, action, env_) * is_active),
         .greedy = of_worlds(policy::greedy_utility(q.detach(), mask, env_) * is_active),
         // What an agent that is out of the game was asked to do says nothing of the team's value.
         .action = of_worlds(policy::multi_hot(action, env_) * is_active.unsqueeze(-1)),
-        .state = of_worlds(is_next ? values.next_state : values.state)};
+        .state = truth.defined() ? at::cat({features, of_worlds(truth)}, 1) : features};
   };
   const MixerOutput mixed = mixer_->mix(
       input(scene.online, false, batch.action, scene.mask(), batch.agent_active.narrow(0, 0, steps)));

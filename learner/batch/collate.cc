@@ -13,7 +13,7 @@
 namespace comrad::learn {
 namespace {
 
-/// The fields that have rows in dimension 1 (after time), for views and selections.
+/// The fields that have rows in dimension 1 (after time), for views and selections. (The global state has worlds there.)
 template <typename Visitor>
 void visit_time_major(RolloutBatch& batch, Visitor&& visit) {
   for (Tensor* field : {&batch.frame,          &batch.measurement,  &batch.action_mask, &batch.agent_active,
@@ -41,6 +41,8 @@ RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count
   batch.slab_count = slab_count;
   batch.frame = torch::empty({steps, rows, env.channels, env.height, env.width}, u8);
   if (env.measurement_count > 0) batch.measurement = torch::zeros({steps, rows, env.measurement_count}, f32);
+  if (env.global_state_count > 0)
+    batch.global_state = torch::zeros({steps, slab_count, env.global_state_count}, f32);
   batch.action_mask = torch::ones({steps, rows, env.logit_count()}, u8);
   batch.agent_active = torch::ones({steps, rows}, u8);
   batch.action = torch::zeros({steps, rows, env.head_count}, torch::kInt64);
@@ -79,6 +81,8 @@ int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab
 
   uint8_t* frame = batch.frame.data_ptr<uint8_t>();
   float* measurement = measurements > 0 ? batch.measurement.data_ptr<float>() : nullptr;
+  const int64_t states = env.global_state_count;
+  float* global_state = states > 0 ? batch.global_state.data_ptr<float>() : nullptr;
   uint8_t* action_mask = batch.action_mask.data_ptr<uint8_t>();
   uint8_t* agent_active = batch.agent_active.data_ptr<uint8_t>();
   int64_t* action = batch.action.data_ptr<int64_t>();
@@ -105,8 +109,10 @@ int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab
   int64_t broken_count = 0;
   for (int t = 0; t < steps; ++t) {
     uint8_t* frames_of_step = frame + (t * rows + first) * frame_bytes;
+    float* state_of_step = states > 0 ? global_state + (t * batch.slab_count + position) * states : nullptr;
     if (t >= filled) {  // padding
       std::memset(frames_of_step, 0, static_cast<std::size_t>(agents * frame_bytes));
+      if (states > 0) std::fill_n(state_of_step, states, 0.0f);
       for (int64_t at = t * rows + first; at < t * rows + first + agents; ++at) {
         if (measurement != nullptr) std::fill_n(measurement + at * measurements, measurements, 0.0f);
         std::fill_n(action_mask + at * choices, choices, uint8_t{1});
@@ -127,9 +133,10 @@ int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab
     std::memcpy(frames_of_step, frames.data(), frames.size_bytes());
     count_copied(frames.size_bytes());
     const StepEnd end = take_end(slab, t);
+    const bool world_is_sound = states == 0 || take_floats(slab.global_state(t), state_of_step);
     for (int agent = 0; agent < agents; ++agent) {
       const int64_t at = t * rows + first + agent;
-      bool sound = end.is_sound && state_is_sound[static_cast<std::size_t>(agent)] != 0;
+      bool sound = end.is_sound && world_is_sound && state_is_sound[static_cast<std::size_t>(agent)] != 0;
       if (measurement != nullptr)
         sound &= take_floats(slab.measurement(t, agent), measurement + at * measurements);
       const bool is_active = slab.agent_active(t, agent) != 0;
@@ -219,6 +226,8 @@ RolloutBatch narrow_rows(const RolloutBatch& batch, int64_t begin, int64_t count
   RolloutBatch part = batch;
   visit_time_major(part, [&](Tensor& field) { field = field.narrow(1, begin, count); });
   part.recurrent_state = part.recurrent_state.narrow(0, begin, count);
+  if (part.global_state.defined())
+    part.global_state = part.global_state.narrow(1, begin / agents, count / agents);
   part.slab_count = count / agents;
   return part;
 }
@@ -244,6 +253,8 @@ RolloutBatch select_slabs(const RolloutBatch& batch, const std::vector<int64_t>&
   RolloutBatch part = batch;
   visit_time_major(part, [&](Tensor& field) { field = field.index_select(1, index); });
   part.recurrent_state = part.recurrent_state.index_select(0, index);
+  if (part.global_state.defined())
+    part.global_state = part.global_state.index_select(1, torch::tensor(slab_index, torch::kInt64));
   part.slab_count = static_cast<int64_t>(slab_index.size());
   return part;
 }

@@ -26,6 +26,7 @@ struct RolloutBatch {
 
   Tensor frame;            ///< u8  [T, R, C, H, W]
   Tensor measurement;      ///< f32 [T, R, M], undefined when M = 0
+  Tensor global_state;     ///< f32 [T, slab_count, S] of the worlds, undefined when S = 0
   Tensor action_mask;      ///< u8  [T, R, A]; read only when has_action_mask
   Tensor agent_active;     ///< u8  [T, R]
   Tensor action;           ///< i64 [T, R, heads]
@@ -66,8 +67,8 @@ void clear(RolloutBatch& batch);
 
 /// Copies one sealed slab into place `position`. `length` rows are filled (more than T counts as T).
 /// What a peer wrote is not trusted (schema/slab_check.h): a step with an action outside its head, a non-finite number or a final
-/// row out of range becomes invalid, and a non-finite recurrent state invalidates its trajectory. Returns the
-/// agent decisions that were found broken.
+/// row out of range becomes invalid, for all agents where the number is of the global state, and a non-finite recurrent
+/// state invalidates its trajectory. Returns the agent decisions that were found broken.
 int64_t collate_slab(RolloutBatch& batch, int64_t position, const SlabView& slab, uint32_t length);
 
 /// Policy lag over the taken decisions of a batch.

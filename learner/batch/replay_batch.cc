@@ -30,6 +30,7 @@ class WorldWriter {
     else
       from.copy_frame(step, agent, frame(t));
     observe_rest(t, from.measurement(step), from.action_mask(step), from.agent_active(step), agent);
+    observe_state(t, from.global_state(step));
   }
   /// Row t becomes the true last observation of the episode that was cut at `step`, whose masks still hold.
   void observe_final(int64_t t, const StoredTrajectory& from, int step, int agent) {
@@ -39,9 +40,11 @@ class WorldWriter {
     else
       from.copy_final_frame(row, agent, frame(t));
     observe_rest(t, from.final_measurement(row), from.action_mask(step), from.agent_active(step), agent);
+    observe_state(t, from.final_global_state(row));
   }
   void observe_nothing(int64_t t) {
     std::memset(frame(t), 0, static_cast<std::size_t>(agents_ * env_.frame_bytes()));
+    if (env_.global_state_count > 0) std::fill_n(state_of(t), env_.global_state_count, 0.0f);
     for (int64_t i = 0; i < agents_; ++i) {
       const int64_t at = index(t, i);
       if (env_.measurement_count > 0)
@@ -133,6 +136,13 @@ class WorldWriter {
   uint8_t* frame(int64_t t) const {
     return batch_.frame.data_ptr<uint8_t>() + index(t, 0) * env_.frame_bytes();
   }
+  float* state_of(int64_t t) const {
+    return batch_.global_state.data_ptr<float>() +
+           (t * batch_.world_count + first_ / agents_) * env_.global_state_count;
+  }
+  void observe_state(int64_t t, std::span<const float> state) {
+    if (env_.global_state_count > 0) std::ranges::copy(state, state_of(t));
+  }
   void observe_rest(int64_t t, std::span<const float> measurement, std::span<const uint8_t> mask,
                     std::span<const uint8_t> active, int agent) {
     const int64_t choices = env_.logit_count(), measurements = env_.measurement_count;
@@ -158,7 +168,7 @@ class WorldWriter {
 /// Frames of cuts, collected while worlds are written.
 struct Finals {
   std::vector<uint8_t> frames;
-  std::vector<float> measurements;
+  std::vector<float> measurements, states;
 };
 
 void write_nothing(ReplayBatch& batch, const ReplayBatchOptions& options, int64_t world) {
@@ -197,6 +207,8 @@ void write_sequence(ReplayBatch& batch, const ReplayBatchOptions& options, int64
     from.copy_final_frames(row, finals.frames.data() + finals.frames.size() - bytes);
     const auto measured = from.final_measurement(row);
     finals.measurements.insert(finals.measurements.end(), measured.begin(), measured.end());
+    const auto state = from.final_global_state(row);
+    finals.states.insert(finals.states.end(), state.begin(), state.end());
     for (int64_t agent = 0; agent < env.num_agents; ++agent) {
       batch.final_step.push_back(t);
       batch.final_row.push_back(world * env.num_agents + agent);
@@ -243,7 +255,7 @@ void write_decision(ReplayBatch& batch, const ReplayBatchOptions& options, int64
 
 template <typename Visitor>
 void visit_time_major(ReplayBatch& batch, Visitor&& visit) {
-  for (Tensor* field :
+  for (Tensor* field :  // the global state has worlds where these have rows
        {&batch.frame, &batch.measurement, &batch.action_mask, &batch.agent_active, &batch.action,
         &batch.reward, &batch.bootstrap, &batch.terminated, &batch.truncated, &batch.valid, &batch.reset})
     if (field->defined()) visit(*field);
@@ -253,11 +265,13 @@ void visit_time_major(ReplayBatch& batch, Visitor&& visit) {
 template <typename Wanted>
 void keep_finals(ReplayBatch& part, const ReplayBatch& whole, int64_t step_shift, int64_t row_shift,
                  Wanted&& wanted) {
-  std::vector<int64_t> kept;
+  std::vector<int64_t> kept, kept_cuts;
+  const int64_t agents = whole.shape.env.num_agents;
   part.final_step.clear(), part.final_row.clear();
   for (std::size_t f = 0; f < whole.final_row.size(); ++f) {
     if (!wanted(whole.final_step[f], whole.final_row[f])) continue;
     kept.push_back(static_cast<int64_t>(f));
+    if (whole.final_row[f] % agents == 0) kept_cuts.push_back(static_cast<int64_t>(f) / agents);
     part.final_step.push_back(whole.final_step[f] - step_shift);
     part.final_row.push_back(whole.final_row[f] - row_shift);
   }
@@ -265,6 +279,9 @@ void keep_finals(ReplayBatch& part, const ReplayBatch& whole, int64_t step_shift
   part.final_frame = whole.final_frame.index_select(0, index);
   if (whole.final_measurement.defined())
     part.final_measurement = whole.final_measurement.index_select(0, index);
+  if (whole.final_global_state.defined())
+    part.final_global_state =
+        whole.final_global_state.index_select(0, torch::tensor(kept_cuts, torch::kInt64));
 }
 
 }  // namespace
@@ -284,6 +301,8 @@ ReplayBatch make_replay_batch(const ReplayBatchOptions& options) {
   batch.frame = torch::empty({steps + 1, rows, env.channels, env.height, env.width}, u8);
   if (env.measurement_count > 0)
     batch.measurement = torch::zeros({steps + 1, rows, env.measurement_count}, f32);
+  if (env.global_state_count > 0)
+    batch.global_state = torch::zeros({steps + 1, options.world_count, env.global_state_count}, f32);
   batch.action_mask = torch::ones({steps + 1, rows, env.logit_count()}, u8);
   batch.agent_active = torch::ones({steps + 1, rows}, u8);
   batch.action = torch::zeros({steps, rows, env.head_count}, torch::kInt64);
@@ -297,6 +316,7 @@ ReplayBatch make_replay_batch(const ReplayBatchOptions& options) {
   batch.weight = torch::ones({options.world_count}, f32);
   batch.final_frame = torch::empty({0, env.channels, env.height, env.width}, u8);
   if (env.measurement_count > 0) batch.final_measurement = torch::empty({0, env.measurement_count}, f32);
+  if (env.global_state_count > 0) batch.final_global_state = torch::empty({0, env.global_state_count}, f32);
   return batch;
 }
 
@@ -324,6 +344,11 @@ void fill(ReplayBatch& batch, const ReplayBatchOptions& options, const replay::R
   const int64_t final_count = static_cast<int64_t>(batch.final_row.size());
   batch.final_frame = torch::empty({final_count, env.channels, env.height, env.width}, torch::kUInt8);
   std::ranges::copy(finals.frames, batch.final_frame.data_ptr<uint8_t>());
+  if (env.global_state_count > 0) {
+    batch.final_global_state =
+        torch::empty({final_count / env.num_agents, env.global_state_count}, torch::kFloat32);
+    std::ranges::copy(finals.states, batch.final_global_state.data_ptr<float>());
+  }
   if (env.measurement_count == 0) return;
   batch.final_measurement = torch::empty({final_count, env.measurement_count}, torch::kFloat32);
   std::ranges::copy(finals.measurements, batch.final_measurement.data_ptr<float>());
@@ -336,6 +361,7 @@ ReplayBatch narrow_worlds(const ReplayBatch& batch, int64_t begin, int64_t count
   visit_time_major(part, [&](Tensor& field) { field = field.narrow(1, first, rows); });
   part.recurrent_state = part.recurrent_state.narrow(0, first, rows);
   part.weight = part.weight.narrow(0, begin, count);
+  if (part.global_state.defined()) part.global_state = part.global_state.narrow(1, begin, count);
   keep_finals(part, batch, 0, first,
               [&](int64_t, int64_t row) { return row >= first && row < first + rows; });
   return part;
@@ -345,6 +371,8 @@ ReplayBatch steps_from(const ReplayBatch& batch, int64_t first, const Tensor& re
   ReplayBatch part = batch;
   part.shape.rollout_steps -= static_cast<int32_t>(first);
   visit_time_major(part, [&](Tensor& field) { field = field.narrow(0, first, field.size(0) - first); });
+  if (part.global_state.defined())
+    part.global_state = part.global_state.narrow(0, first, part.global_state.size(0) - first);
   part.recurrent_state = recurrent_state;
   keep_finals(part, batch, first, 0, [&](int64_t step, int64_t) { return step >= first; });
   return part;

@@ -27,6 +27,7 @@ struct ReplayBatch {
 
   Tensor frame;            ///< u8  [T+1, R, C, H, W]
   Tensor measurement;      ///< f32 [T+1, R, M], undefined when M = 0
+  Tensor global_state;     ///< f32 [T+1, W, S] of the worlds, undefined when S = 0
   Tensor action_mask;      ///< u8  [T+1, R, A]
   Tensor agent_active;     ///< u8  [T+1, R]
   Tensor action;           ///< i64 [T, R, heads]
@@ -41,6 +42,7 @@ struct ReplayBatch {
 
   Tensor final_frame;               ///< u8  [F, C, H, W]
   Tensor final_measurement;         ///< f32 [F, M], undefined when M = 0
+  Tensor final_global_state;        ///< f32 [F / N, S], of each cut; undefined when S = 0
   std::vector<int64_t> final_step;  ///< [F] the step that it follows
   std::vector<int64_t> final_row;   ///< [F] ascending
 

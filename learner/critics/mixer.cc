@@ -7,10 +7,11 @@
 
 namespace comrad::learn {
 
-MixerOptions MixerOptions::from(const RunConfig& config, const EnvShape& env, int64_t features) {
+MixerOptions MixerOptions::from(const RunConfig& config, const EnvShape& env, int64_t features,
+                                int64_t global_state_count) {
   return {.kind = config.run.algo->mixer,
           .num_agents = env.num_agents,
-          .state_count = features * env.num_agents,
+          .state_count = features * env.num_agents + global_state_count,
           .logit_count = env.logit_count(),
           .state_slice = features,
           .embed_dim = config.mixers.qmix_embed_dim,

@@ -25,7 +25,8 @@ struct MixerOptions {
   int64_t num_agents = {};
   int64_t state_count = {};  ///< S
   int64_t logit_count = {};  ///< A: sum of head sizes of one agent
-  int64_t state_slice = {};  ///< entries of agent i's part u_i of the state; dmaq_qatten: S = N * slice
+  int64_t state_slice =
+      {};  ///< entries of agent i's part u_i of the state; what follows the N parts is the world's
 
   // qmix
   int64_t embed_dim = {};        ///< E: units of the mixing layer
@@ -44,8 +45,10 @@ struct MixerOptions {
   bool nonlinear = {};                ///< dmaq_qatten: an agent's key also sees its greedy utility
   bool state_bias = {};               ///< dmaq_qatten: add c(s) to the total
 
-  /// As a run's settings name them. The state is the agents' `features` side by side.
-  static MixerOptions from(const RunConfig& config, const EnvShape& env, int64_t features);
+  /// As a run's settings name them. The state is the agents' `features` side by side, then `global_state_count` numbers of
+  /// the world's true state.
+  static MixerOptions from(const RunConfig& config, const EnvShape& env, int64_t features,
+                           int64_t global_state_count = 0);
 };
 
 /// One row per (world, time). A mixer reads the fields its kind has a use for; the others may be undefined.

@@ -49,7 +49,7 @@ QplexMixer::QplexMixer(const MixerOptions& options, at::Generator generator, tor
   const int64_t hidden = options.qplex_hypernet_embed, embed = options.qplex_embed_dim;
   auto make = [&](HypernetOptions net) { return Hypernet::create(net, generator, device); };
   if (attends_) {
-    COMRAD_CHECK(state == agents * options.state_slice, "the state has one slice for each agent");
+    COMRAD_CHECK(state >= agents * options.state_slice, "the state has one slice for each agent");
     selector_ = make(
         {.name = "selector", .count = options.n_head, .sizes = {state, hidden, embed}, .last_bias = false});
     attention_key_ = make({.name = "attention_key",
@@ -83,7 +83,8 @@ QplexTransform QplexMixer::transform(const Tensor& state, const Tensor& greedy) 
     return {.weight = weight_.forward(state).squeeze(1).abs() + kLeastWeight,
             .bias = bias_.forward(state).squeeze(1)};
   }
-  Tensor slices = state.reshape({rows * agents, options_.state_slice});
+  Tensor slices =
+      state.narrow(1, 0, agents * options_.state_slice).reshape({rows * agents, options_.state_slice});
   if (options_.nonlinear) slices = at::cat({slices, greedy.reshape({rows * agents, 1})}, 1);
   const Tensor key =
       attention_key_.forward(slices).view({rows, agents, options_.n_head, options_.qplex_embed_dim});

@@ -144,7 +144,8 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
       return {};
     }
     const Inserted inserted = feed->take_inserted();
-    if (inserted.frame.defined()) off_policy->observe(inserted.frame, inserted.measurement);
+    if (inserted.transitions > 0)
+      off_policy->observe(inserted.frame, inserted.measurement, inserted.global_state);
     while (feed->is_update_due()) {
       std::unique_ptr<ReplayBatch> drawn = feed->sample();
       COMRAD_TRY_ASSIGN(const UpdateStats stats, off_policy->update(*drawn, context));

@@ -223,8 +223,8 @@ Status Learner::serve() {
 void Learner::take_in(const Inserted& inserted) {
   if (inserted.transitions == 0) return;
   reporter_.heard_lag(inserted.lag);
-  if (inserted.frame.defined())
-    dynamic_cast<OffPolicyAlgorithm&>(*algorithm_).observe(inserted.frame, inserted.measurement);
+  dynamic_cast<OffPolicyAlgorithm&>(*algorithm_)
+      .observe(inserted.frame, inserted.measurement, inserted.global_state);
   count(inserted.transitions);
   source_->feed()->set_env_frames(static_cast<double>(totals_.env_frames));
 }

@@ -150,6 +150,8 @@ void ReplayFeed::insert(const SlabView& slab, uint32_t length, PolicyVersion lea
         const auto frames = slab.frames(t);
         inserted_frames_.insert(inserted_frames_.end(), frames.begin(), frames.end());
       }
+      for (const float number : slab.global_state(t))
+        inserted_states_.push_back(std::isfinite(number) ? number : 0.0f);
       for (int agent = 0; agent < agents; ++agent) {
         if (config_.network.normalize_input)
           for (const float number : slab.measurement(t, agent))
@@ -181,8 +183,11 @@ Inserted ReplayFeed::take_inserted() {
       std::ranges::copy(inserted_measurements_, taken.measurement.data_ptr<float>());
     }
   }
+  if (!inserted_states_.empty()) {
+    taken.global_state = torch::tensor(inserted_states_, torch::kFloat32).view({-1, env.global_state_count});
+  }
   inserted_transitions_ = 0;
-  inserted_frames_.clear(), inserted_measurements_.clear();
+  inserted_frames_.clear(), inserted_measurements_.clear(), inserted_states_.clear();
   lag_ = {};
   lag_sum_ = 0;
   return taken;

@@ -26,9 +26,10 @@ namespace comrad::learn {
 /// What came in since the last look.
 struct Inserted {
   int64_t transitions = 0;  ///< agent decisions
-  Tensor frame;        ///< u8  [B, C, H, W] what was decided on, for the input statistics; may be undefined
-  Tensor measurement;  ///< f32 [B, M]; undefined when M = 0
-  LagStats lag;        ///< learner's version minus the one that acted, when it came in
+  Tensor frame;         ///< u8  [B, C, H, W] what was decided on, for the input statistics; may be undefined
+  Tensor measurement;   ///< f32 [B, M]; undefined when M = 0
+  Tensor global_state;  ///< f32 [B / N, S]; undefined when S = 0
+  LagStats lag;         ///< learner's version minus the one that acted, when it came in
 };
 
 class ReplayFeed {
@@ -119,7 +120,7 @@ class ReplayFeed {
   std::mutex inserted_mutex_;
   int64_t inserted_transitions_ = 0;
   std::vector<uint8_t> inserted_frames_;
-  std::vector<float> inserted_measurements_;
+  std::vector<float> inserted_measurements_, inserted_states_;
   double lag_sum_ = 0;
   LagStats lag_;
 

@@ -176,6 +176,11 @@ void Batcher::load_inputs() {
   const int64_t rows = static_cast<int64_t>(batch_.requests.size()) * agents;
   batch_.measurement = measurements > 0 ? torch::empty({rows, measurements}) : Tensor();
   batch_.recurrent_state = torch::empty({rows, state});
+  const int64_t state_of_world = env.global_state_count;
+  batch_.global_state = state_of_world > 0
+                            ? torch::empty({static_cast<int64_t>(batch_.requests.size()), state_of_world})
+                            : Tensor();
+  float* world_out = state_of_world > 0 ? batch_.global_state.data_ptr<float>() : nullptr;
   float* state_out = batch_.recurrent_state.data_ptr<float>();
   float* measurement_out = measurements > 0 ? batch_.measurement.data_ptr<float>() : nullptr;
   for (const Request& request : batch_.requests) {
@@ -189,7 +194,12 @@ void Batcher::load_inputs() {
           is_final ? slab.final_measurement(request.final_row, agent) : slab.measurement(request.step, agent);
       measurement_out = std::ranges::copy(measured, measurement_out).out;
     }
-    count_copied(static_cast<uint64_t>(agents * (measurements + state)) * sizeof(float));
+    if (state_of_world > 0)
+      world_out = std::ranges::copy(
+                      is_final ? slab.final_global_state(request.final_row) : slab.global_state(request.step),
+                      world_out)
+                      .out;
+    count_copied(static_cast<uint64_t>(agents * (measurements + state) + state_of_world) * sizeof(float));
     if (state > 0) {
       states_.load(request.env_index, request.step_id, request.reset_state,
                    {state_out, static_cast<size_t>(agents * state)});

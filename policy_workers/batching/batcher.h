@@ -68,6 +68,7 @@ struct Batch {
   std::vector<const uint8_t*> frames;  ///< [B] pointers to C*H*W bytes inside slabs
   Tensor measurement;                  ///< [B, M] f32; undefined when M = 0
   Tensor recurrent_state;              ///< [B, H] f32, inputs, zeroed where an episode begins
+  Tensor global_state;                 ///< [B / N, S] f32; undefined when S = 0
 
   bool is_empty() const { return requests.empty(); }
   int64_t row_count() const { return static_cast<int64_t>(frames.size()); }

@@ -332,11 +332,14 @@ NamedTensors InputNormalizer::named_buffers(const std::string& prefix) const {
 }
 
 std::shared_ptr<ObservationNormalizer> ObservationNormalizer::create(const EnvShape& env, bool enabled,
-                                                                     torch::Device device) {
+                                                                     torch::Device device,
+                                                                     int64_t global_state_count) {
   auto normalizer = std::make_shared<ObservationNormalizer>();
   normalizer->frame = InputNormalizer::create(env.frame_bytes(), 255.0, enabled, device);
   if (env.measurement_count > 0)
     normalizer->measurement = InputNormalizer::create(env.measurement_count, 1.0, enabled, device);
+  if (global_state_count > 0)
+    normalizer->global_state = InputNormalizer::create(global_state_count, 1.0, /*enabled=*/true, device);
   return normalizer;
 }
 
@@ -344,11 +347,13 @@ void ObservationNormalizer::refresh() {
   torch::NoGradGuard no_grad;
   frame.refresh();
   measurement.refresh();
+  global_state.refresh();
 }
 
 NamedTensors ObservationNormalizer::named_buffers() const {
   NamedTensors named = frame.named_buffers("normalizer.frame");
   for (auto& entry : measurement.named_buffers("normalizer.measurement")) named.push_back(entry);
+  for (auto& entry : global_state.named_buffers("normalizer.global_state")) named.push_back(entry);
   return named;
 }
 

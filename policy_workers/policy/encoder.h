@@ -31,7 +31,7 @@ using NamedTensors = std::vector<std::pair<std::string, Tensor>>;
 class InputNormalizer {
  public:
   InputNormalizer() = default;
-  /// `scale` divides raw inputs before the statistics see them: 255 for frames, 1 for measurements. When not
+  /// `scale` divides raw inputs before the statistics see them: 255 for frames, 1 for numbers. When not
   /// `enabled` the scale is all that is applied.
   static InputNormalizer create(int64_t element_count, double scale, bool enabled, torch::Device device);
 
@@ -61,15 +61,16 @@ class InputNormalizer {
   Tensor factor_, offset_;          // f32 [elements]
 };
 
-/// The normalisers of an observation. Networks that live together (one per agent, actor and critic)
-/// share one.
+/// The normalisers of an observation, and of the global state [S] that a team's critic or mixer sees. Networks that
+/// live together (one per agent, actor and critic) share one.
 struct ObservationNormalizer {
+  /// The global state is normalised also where `enabled` is off: it counts in map units, points and whatever scripts export.
   static std::shared_ptr<ObservationNormalizer> create(const EnvShape& env, bool enabled,
-                                                       torch::Device device);
+                                                       torch::Device device, int64_t global_state_count = 0);
   void refresh();
   NamedTensors named_buffers() const;
 
-  InputNormalizer frame, measurement;
+  InputNormalizer frame, measurement, global_state;
 };
 
 /// How weights of linear and convolution layers begin.

@@ -138,6 +138,22 @@ class PolicyNetImpl {
     return at::cat({rows, at::matmul(others, of_worlds).flatten(0, 1)}, 1);
   }
 
+  /// Input [worlds, X] of the critic with the state [worlds, S] of the worlds behind it, where it sees one.
+  Tensor with_state(const Tensor& x, const Tensor& state) const {
+    if (options.global_state_count == 0) return x;
+    COMRAD_CHECK(state.defined() && state.size(0) == x.size(0) && state.size(1) == options.global_state_count,
+                 "the critic sees the global state [worlds, S]");
+    return at::cat({x, normalizer->global_state.normalize(state.to(device))}, 1);
+  }
+
+  /// The same of own_first() [worlds * N, X], where the agent's index stands behind the state: it says whose of the
+  /// state's numbers are its own.
+  Tensor with_state_and_index(const Tensor& x, const Tensor& state) const {
+    if (options.global_state_count == 0) return x;
+    const Tensor id = torch::eye(agents(), x.options()).repeat({x.size(0) / agents(), 1});
+    return at::cat({with_state(x, state.repeat_interleave(agents(), 0)), id}, 1);
+  }
+
   /// The critic's input to its outputs: [worlds, F * N] to [worlds, 1 or N], own_first() to [worlds * N, 1].
   Tensor critic_values(Tensor x) const {
     for (std::size_t i = 0; i < critic.size(); ++i) {
@@ -147,12 +163,15 @@ class PolicyNetImpl {
     return x;
   }
 
-  /// Values [B] of the rows whose features [B, F] the actors made; undefined without a critic.
-  Tensor values(const std::vector<Tensor>& features_of_actors) const {
+  /// Values [B] of the rows whose features [B, F] the actors made, in worlds of state [worlds, S]; undefined without a
+  /// critic.
+  Tensor values(const std::vector<Tensor>& features_of_actors, const Tensor& state) const {
     if (options.critic == CriticKind::kCentral) {
       const Tensor rows = interleave(features_of_actors, 0);
-      if (options.critic_view == CriticView::kOwnFirst) return critic_values(own_first(rows)).flatten();
-      return critic_values(rows.reshape({rows.size(0) / agents(), rows.size(1) * agents()})).flatten();
+      if (options.critic_view == CriticView::kOwnFirst)
+        return critic_values(with_state_and_index(own_first(rows), state)).flatten();
+      const Tensor of_worlds = rows.reshape({rows.size(0) / agents(), rows.size(1) * agents()});
+      return critic_values(with_state(of_worlds, state)).flatten();
     }
     if (options.critic == CriticKind::kNone) return {};
     std::vector<Tensor> of_actors;
@@ -162,13 +181,13 @@ class PolicyNetImpl {
   }
 
   /// Features [worlds, F] of each agent to the joint value, repeated for all agents: [worlds * N].
-  Tensor joint_values(const std::vector<Tensor>& features_of_agents) const {
-    return critic_values(at::cat(features_of_agents, 1)).expand({-1, agents()}).flatten();
+  Tensor joint_values(const std::vector<Tensor>& features_of_agents, const Tensor& state) const {
+    return critic_values(with_state(at::cat(features_of_agents, 1), state)).expand({-1, agents()}).flatten();
   }
 
   /// One step. `encode(tower, agent)` gives a tower's encoded rows; agent is -1 for all of them.
   template <typename Encode>
-  PolicyOutput act(Encode&& encode, const Tensor& recurrent_state) const {
+  PolicyOutput act(Encode&& encode, const Tensor& recurrent_state, const Tensor& global_state) const {
     const int64_t state_count = actor_state_count();
     const Tensor state = recurrent_state.defined() && recurrent_state.size(1) > 0 ? recurrent_state.to(device)
                                                                                   : recurrent_state;
@@ -197,10 +216,10 @@ class PolicyNetImpl {
         critic_features.push_back(after.features);
         critic_states.push_back(after.state);
       }
-      value = joint_values(critic_features);
+      value = joint_values(critic_features, global_state);
     } else {
       value = options.critic == CriticKind::kNone ? greedy_utility(interleave(logits, 0), {}, options.env)
-                                                  : values(features);
+                                                  : values(features, global_state);
     }
     Tensor after = state_count > 0 ? interleave(states, 0) : recurrent_state;
     if (critic_has_state())
@@ -264,6 +283,7 @@ PolicyNetOptions PolicyNetOptions::from(const RunConfig& config, const EnvShape&
   options.critic_view = config.network.mappo_critic_view;
   options.critic_widths = widths(config.network.critic_hidden_sizes);
   options.critic_rnn = config.network.happo_critic_rnn;
+  if (sees_global_state(config)) options.global_state_count = env.global_state_count;
   options.precision = config.collection.precision;
   return options;
 }
@@ -279,7 +299,8 @@ int64_t PolicyNetOptions::recurrent_state_count() const {
 
 PolicyNet PolicyNet::create(const PolicyNetOptions& options, uint64_t seed, torch::Device device) {
   return make(options, seed, device,
-              ObservationNormalizer::create(options.env, options.normalize_input, device));
+              ObservationNormalizer::create(options.env, options.normalize_input, device,
+                                            options.global_state_count));
 }
 
 PolicyNet PolicyNet::twin() const {
@@ -347,6 +368,8 @@ PolicyNet PolicyNet::make(const PolicyNetOptions& options, uint64_t seed, torch:
     const bool is_own_first =
         options.critic == CriticKind::kCentral && options.critic_view == CriticView::kOwnFirst;
     int64_t inputs = last.feature_count() * (is_own_first ? std::min<int64_t>(agents, 2) : agents);
+    if (options.global_state_count > 0)
+      inputs += options.global_state_count + (is_own_first ? agents : 0);  // and whose value it is
     std::vector<int64_t> widths = options.critic_widths;
     widths.push_back(options.critic == CriticKind::kCentral && !is_own_first ? agents : 1);
     for (const int64_t width : widths) {
@@ -357,8 +380,8 @@ PolicyNet PolicyNet::make(const PolicyNetOptions& options, uint64_t seed, torch:
   return net;
 }
 
-PolicyOutput PolicyNet::step(const Tensor& frame, const Tensor& measurement,
-                             const Tensor& recurrent_state) const {
+PolicyOutput PolicyNet::step(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state,
+                             const Tensor& global_state) const {
   torch::NoGradGuard no_grad;
   const int64_t agents = impl_->agents();
   return impl_->act(
@@ -367,11 +390,11 @@ PolicyOutput PolicyNet::step(const Tensor& frame, const Tensor& measurement,
         return tower.encoder.forward(rows_of_agent(frame, 0, agent, agents),
                                      rows_of_agent(measurement, 0, agent, agents));
       },
-      recurrent_state);
+      recurrent_state, global_state);
 }
 
 PolicyOutput PolicyNet::step_rows(std::span<const uint8_t* const> frames, const Tensor& measurement,
-                                  const Tensor& recurrent_state) const {
+                                  const Tensor& recurrent_state, const Tensor& global_state) const {
   torch::NoGradGuard no_grad;
   const int64_t agents = impl_->agents();
   std::vector<const uint8_t*> rows;
@@ -384,7 +407,7 @@ PolicyOutput PolicyNet::step_rows(std::span<const uint8_t* const> frames, const 
           rows.push_back(frames[row]);
         return tower.encoder.forward_rows(rows, rows_of_agent(measurement, 0, agent, agents));
       },
-      recurrent_state);
+      recurrent_state, global_state);
 }
 
 PolicyOutput PolicyNet::step_agents(std::span<const uint8_t* const> frames, const Tensor& measurement,
@@ -451,6 +474,11 @@ SequenceInput input_of_agent(const SequenceInput& input, int64_t agent, int64_t 
           .reset = rows_of_agent(input.reset, 1, agent, agents)};
 }
 
+/// The global states of all steps and worlds, one after the other [T * W, S].
+Tensor worlds_of(const SequenceInput& input) {
+  return input.global_state.defined() ? input.global_state.flatten(0, 1) : input.global_state;
+}
+
 }  // namespace
 
 SequenceOutput PolicyNet::sequence(const SequenceInput& input) const {
@@ -470,7 +498,7 @@ SequenceOutput PolicyNet::sequence(const SequenceInput& input) const {
   if (impl.options.critic == CriticKind::kJoint)
     value = joint_value_sequence(input);
   else if (impl.options.critic != CriticKind::kNone)
-    value = impl.values(features).view({steps, rows});
+    value = impl.values(features, worlds_of(input)).view({steps, rows});
   return {interleave(logits, 0).view({steps, rows, -1}), value};
 }
 
@@ -540,11 +568,19 @@ Tensor PolicyNet::joint_value_sequence(const SequenceInput& input) const {
     features.push_back(tower_sequence(impl.critic_towers[i],
                                       input_of_agent(input, static_cast<int64_t>(i), impl.agents()),
                                       impl.actor_state_count()));
-  return impl.joint_values(features).view({input.frame.size(0), input.frame.size(1)});
+  return impl.joint_values(features, worlds_of(input)).view({input.frame.size(0), input.frame.size(1)});
 }
 
 void PolicyNet::update_input_statistics(const Tensor& frame, const Tensor& measurement) const {
   impl_->actors.front().tower.encoder.update_statistics(frame, measurement);
+}
+
+void PolicyNet::update_state_statistics(const Tensor& global_state) const {
+  impl_->normalizer->global_state.update(global_state);
+}
+
+Tensor PolicyNet::normalized_state(const Tensor& global_state) const {
+  return impl_->normalizer->global_state.normalize(global_state.to(impl_->device));
 }
 
 std::vector<Tensor> PolicyNet::parameters() const {

@@ -1,8 +1,8 @@
 // The network that both sides run: policy workers forward it one step at a time, the learner over whole
 // sequences. Encoder > recurrent core > decoder > action heads and value. One such tower serves all agents or
 // each agent has its own; the value is the agent's own (IPPO), comes from the features of all agents of its
-// world (MAPPO), or from encoders and cores of the critic alone (HAPPO). The networks of
-// Q-learning have no critic: their heads give a Q-value per choice. Stage: forward
+// world (MAPPO), or from encoders and cores of the critic alone (HAPPO); both may see the world's true state beside
+// the features. The networks of Q-learning have no critic: their heads give a Q-value per choice. Stage: forward
 // (policy worker), update (learner).
 #pragma once
 
@@ -44,6 +44,8 @@ struct PolicyNetOptions {
   CriticView critic_view = CriticView::kOwnFirst;   ///< kCentral
   std::vector<int64_t> critic_widths = {512, 256};  ///< hidden, tanh after each; of kCentral and kJoint
   bool critic_rnn = true;                           ///< kJoint: a core per agent in the critic
+  int64_t global_state_count =
+      0;  ///< S: the team's critic (or mixer) also sees the world's true state; 0: it does not
   Precision precision = Precision::kFp32;
 
   static PolicyNetOptions from(const RunConfig& config, const EnvShape& env);
@@ -73,6 +75,7 @@ struct SequenceInput {
   Tensor measurement;      ///< f32 [T, B, M], undefined when M = 0
   Tensor recurrent_state;  ///< f32 [B, H] before step 0
   Tensor reset;            ///< u8 or bool [T, B]: 1 where the state is zeroed before step t; may be undefined
+  Tensor global_state = {};  ///< f32 [T, W, S] of the B / N worlds; undefined when S = 0
 };
 
 class PolicyNetImpl;
@@ -85,14 +88,15 @@ class PolicyNet {
   /// defaults for the recurrent cell.
   static PolicyNet create(const PolicyNetOptions& options, uint64_t seed, torch::Device device);
 
-  /// One step. frame u8 [B, C, H, W], measurement f32 [B, M] (may be undefined), state f32 [B, H].
-  /// No gradient is recorded.
-  PolicyOutput step(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state) const;
+  /// One step. frame u8 [B, C, H, W], measurement f32 [B, M] (may be undefined), state f32 [B, H], global state f32
+  /// [B / N, S] of the worlds (undefined when S = 0). No gradient is recorded.
+  PolicyOutput step(const Tensor& frame, const Tensor& measurement, const Tensor& recurrent_state,
+                    const Tensor& global_state = {}) const;
 
   /// The same from B frames that lie anywhere in CPU memory, C*H*W bytes each: read once, straight into
   /// the network.
   PolicyOutput step_rows(std::span<const uint8_t* const> frames, const Tensor& measurement,
-                         const Tensor& recurrent_state) const;
+                         const Tensor& recurrent_state, const Tensor& global_state = {}) const;
 
   /// The same of some agents alone, in worlds whose others this network does not play: row = world * K + k belongs to
   /// agents[k]. What only the critic needs is left out: the value stays undefined, and of the recurrent state
@@ -129,6 +133,10 @@ class PolicyNet {
   /// Merges a batch of frames (and measurements) into the running input statistics: mean and unbiased
   /// variance per element, parallel-variance merge, double precision. Learner only.
   void update_input_statistics(const Tensor& frame, const Tensor& measurement) const;
+  /// The same of global states [..., S].
+  void update_state_statistics(const Tensor& global_state) const;
+  /// What critics and mixers make of global states [..., S]: by the running statistics, within +-5.
+  Tensor normalized_state(const Tensor& global_state) const;
 
   /// Parameters in a fixed order, for the optimizer; and named tensors (parameters and statistics)
   /// for checkpoints.

@@ -47,6 +47,11 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
                                              " floats of recurrent state, the arena was made for " +
                                              std::to_string(shape.recurrent_state_count) +
                                              "; all processes of a run must read the same config.toml"};
+    if (sees_global_state(config) && shape.env.global_state_count == 0)
+      return Error{
+          ErrorCode::kBadInput,
+          "critic_state is global, but the arena was made without the global state; all processes of "
+          "a run must read the same config.toml"};
     COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(config.collection.device));
     policy = PolicyNet::create(network, static_cast<uint64_t>(config.run.seed), device);
     if (policy.weights_bytes() > arena.shape().weights_bytes)
@@ -112,8 +117,9 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
 Expected<PolicyOutput> PolicyWorker::answer(const Batch& batch) {
   const ProcessStage stage(Stage::kForward);  // libtorch's threads work on it too
   COMRAD_TRY(refresh());
-  return seats_ ? seats_->step(batch)
-                : policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state);
+  return seats_
+             ? seats_->step(batch)
+             : policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state, batch.global_state);
 }
 
 bool PolicyWorker::is_stopping(const std::atomic<bool>& stop) const {
@@ -185,12 +191,16 @@ InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, doub
                                  ? torch::randn({batch_rows, options.env.measurement_count})
                                  : Tensor();
   Tensor state = torch::zeros({batch_rows, options.recurrent_state_count()});
+  const Tensor of_worlds =
+      options.global_state_count > 0
+          ? torch::randn({batch_rows / options.env.num_agents, options.global_state_count})
+          : Tensor();
   std::vector<const uint8_t*> rows;
   for (int64_t row = 0; row < batch_rows; ++row)
     rows.push_back(frames.data_ptr<uint8_t>() + row * frame_bytes);
   policy.update_input_statistics(frames, measurement);  // so that denormals and clips are as in real use
   auto pass = [&] {
-    const PolicyOutput output = policy.step_rows(rows, measurement, state);
+    const PolicyOutput output = policy.step_rows(rows, measurement, state, of_worlds);
     state = output.recurrent_state.cpu();
     return output.logits.cpu();
   };

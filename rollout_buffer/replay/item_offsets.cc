@@ -39,6 +39,8 @@ ItemOffsets::ItemOffsets(const TrajectoryShape& shape, const ItemForm& form) {
   recurrent_state = place(form.has_state ? agents * shape.recurrent_state_count * 4 : 0);
   measurement = place(rows * agents * measurements * 4);
   final_measurement = place(finals * agents * measurements * 4);
+  global_state = place(rows * shape.env.global_state_count * 4);
+  final_global_state = place(finals * shape.env.global_state_count * 4);
   reward = place(length * agents * 4);
   late_reward = place(form.has_late ? agents * 4 : 0);
   frame_ends = place(form.compressed ? frame_count * 4 : 0);
@@ -112,6 +114,16 @@ void pack_item(const TrajectoryShape& shape, const ItemForm& kept, const SlabVie
           slab.final_measurement(item.final_rows[static_cast<std::size_t>(f)], agent),
           at<float>(base, offsets.final_measurement) + static_cast<int64_t>(cell(f, agent)) * measurements);
   }
+  // The state is the world's: where it is broken, the row is for every agent.
+  std::vector<uint8_t> final_state_is_sound(item.final_rows.size(), 1);
+  const int64_t states = env.global_state_count;
+  for (int row = 0; row <= steps && states > 0; ++row)
+    if (!take_floats(slab.global_state(row), at<float>(base, offsets.global_state) + row * states))
+      std::fill_n(row_is_sound.begin() + row * agents, agents, uint8_t{0});
+  for (int f = 0; f < item.form.finals && states > 0; ++f)
+    final_state_is_sound[static_cast<std::size_t>(f)] =
+        take_floats(slab.final_global_state(item.final_rows[static_cast<std::size_t>(f)]),
+                    at<float>(base, offsets.final_global_state) + f * states);
   std::memcpy(base + offsets.agent_active, is_active.data(), is_active.size());
   if (item.form.has_mask) std::memcpy(base + offsets.action_mask, mask.data(), mask.size());
 
@@ -122,7 +134,9 @@ void pack_item(const TrajectoryShape& shape, const ItemForm& kept, const SlabVie
     for (int agent = 0; agent < agents; ++agent) {
       bool sound = end.is_sound && state_is_sound[static_cast<std::size_t>(agent)] != 0 &&
                    row_is_sound[cell(step, agent)] != 0;
-      if (final_row[index] >= 0) sound &= final_measurement_is_sound[cell(final_row[index], agent)] != 0;
+      if (final_row[index] >= 0)
+        sound &= final_measurement_is_sound[cell(final_row[index], agent)] != 0 &&
+                 final_state_is_sound[static_cast<std::size_t>(final_row[index])] != 0;
       sound &= take_action(
           env, slab.action(step, agent),
           at<uint8_t>(base, offsets.action) + cell(step, agent) * static_cast<std::size_t>(env.head_count));

@@ -26,11 +26,13 @@ struct ItemOffsets {
   ItemOffsets() = default;
   ItemOffsets(const TrajectoryShape& shape, const ItemForm& form);
 
-  int64_t recurrent_state = 0;    ///< f32 [N, H]
-  int64_t measurement = 0;        ///< f32 [L+1, N, M]
-  int64_t final_measurement = 0;  ///< f32 [F, N, M]
-  int64_t reward = 0;             ///< f32 [L, N]
-  int64_t late_reward = 0;        ///< f32 [N], see late_pay.h
+  int64_t recurrent_state = 0;     ///< f32 [N, H]
+  int64_t measurement = 0;         ///< f32 [L+1, N, M]
+  int64_t final_measurement = 0;   ///< f32 [F, N, M]
+  int64_t global_state = 0;        ///< f32 [L+1, S]
+  int64_t final_global_state = 0;  ///< f32 [F, S]
+  int64_t reward = 0;              ///< f32 [L, N]
+  int64_t late_reward = 0;         ///< f32 [N], see late_pay.h
   int64_t frame_ends = 0;    ///< u32 [(L+1+F) * N], end of each LZ4 block behind `frames`; compressed only
   int64_t action = 0;        ///< u8  [L, N, heads]
   int64_t agent_active = 0;  ///< u8  [L+1, N]

@@ -18,7 +18,7 @@ namespace {
 constexpr int64_t kSlotAlignmentBytes = 64;
 constexpr std::array<char, 8> kSnapshotMagic = {'C', 'O', 'M', 'R', 'P', 'L', 'A', 'Y'};
 constexpr int32_t kSnapshotVersion =
-    3;  // 1 and 2 had other checksums, so that nothing in them can be believed
+    4;  // 1 and 2 had other checksums, so that nothing in them can be believed; 3 had no global state
 constexpr uint32_t kFlagMask = 1, kFlagState = 2, kFlagCompressed = 4, kFlagLate = 8;
 
 int64_t round_up(int64_t value) {
@@ -30,6 +30,7 @@ struct SnapshotHeader {
   std::array<char, 8> magic{};
   int32_t version = 0;
   int32_t num_agents = 0, channels = 0, height = 0, width = 0, measurement_count = 0, head_count = 0;
+  int32_t global_state_count = 0, unused = 0;
   std::array<int32_t, kMaxHeads> head_sizes{};
   int32_t rollout_steps = 0, recurrent_state_count = 0, final_capacity = 0;
   int32_t keeps_state = 0, compressed = 0;
@@ -48,6 +49,7 @@ SnapshotHeader header_of(const StoreOptions& options) {
   header.height = shape.env.height;
   header.width = shape.env.width;
   header.measurement_count = shape.env.measurement_count;
+  header.global_state_count = shape.env.global_state_count;
   header.head_count = shape.env.head_count;
   for (int head = 0; head < shape.env.head_count; ++head)
     header.head_sizes[static_cast<std::size_t>(head)] = shape.env.head_sizes[static_cast<std::size_t>(head)];
@@ -71,6 +73,7 @@ std::string difference(const SnapshotHeader& saved, const SnapshotHeader& ours) 
                                       {"height", &SnapshotHeader::height},
                                       {"width", &SnapshotHeader::width},
                                       {"measurements", &SnapshotHeader::measurement_count},
+                                      {"global state", &SnapshotHeader::global_state_count},
                                       {"action heads", &SnapshotHeader::head_count},
                                       {"rollout", &SnapshotHeader::rollout_steps},
                                       {"recurrent state", &SnapshotHeader::recurrent_state_count},
@@ -148,6 +151,16 @@ std::span<const float> StoredTrajectory::measurement(int step) const {
 std::span<const float> StoredTrajectory::final_measurement(int row) const {
   COMRAD_DCHECK(row >= 0 && row < final_count(), "the last observation lies in the trajectory");
   return field<float>(offsets_.final_measurement, row, int64_t{agents()} * shape_->env.measurement_count);
+}
+
+std::span<const float> StoredTrajectory::global_state(int step) const {
+  COMRAD_DCHECK(step >= 0 && step <= length(), "the row lies in the trajectory");
+  return field<float>(offsets_.global_state, step, shape_->env.global_state_count);
+}
+
+std::span<const float> StoredTrajectory::final_global_state(int row) const {
+  COMRAD_DCHECK(row >= 0 && row < final_count(), "the last observation lies in the trajectory");
+  return field<float>(offsets_.final_global_state, row, shape_->env.global_state_count);
 }
 
 std::span<const uint8_t> StoredTrajectory::action_mask(int step) const {
@@ -269,6 +282,7 @@ void TrajectoryStore::prepare(const SlabView& slab, uint32_t length) {
   const EnvShape &ours = shape().env, &theirs = slab.shape().env;
   COMRAD_CHECK(theirs.num_agents == ours.num_agents && theirs.frame_bytes() == ours.frame_bytes() &&
                    theirs.measurement_count == ours.measurement_count &&
+                   theirs.global_state_count == ours.global_state_count &&
                    theirs.head_count == ours.head_count && theirs.logit_count() == ours.logit_count() &&
                    slab.shape().rollout_steps == shape().rollout_steps &&
                    slab.shape().final_capacity == shape().final_capacity &&

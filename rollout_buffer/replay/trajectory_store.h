@@ -55,6 +55,7 @@ class StoredTrajectory {
   void copy_frames(int step, uint8_t* out) const;            ///< step 0..L: [N, C, H, W], all agents
   void copy_frame(int step, int agent, uint8_t* out) const;  ///< step 0..L: [C, H, W]
   std::span<const float> measurement(int step) const;        ///< [N*M], step 0..L
+  std::span<const float> global_state(int step) const;       ///< [S], step 0..L
   std::span<const uint8_t> action_mask(
       int step) const;  ///< [N*A], step 0..L; ones where nothing was forbidden
   std::span<const uint8_t> agent_active(int step) const;  ///< [N], step 0..L
@@ -70,6 +71,7 @@ class StoredTrajectory {
   void copy_final_frames(int row, uint8_t* out) const;            ///< [N, C, H, W]
   void copy_final_frame(int row, int agent, uint8_t* out) const;  ///< [C, H, W]
   std::span<const float> final_measurement(int row) const;        ///< [N*M]
+  std::span<const float> final_global_state(int row) const;       ///< [S]
   std::span<const float> recurrent_state(int agent) const;        ///< [H] before step 0; empty where not kept
 
   /// Where the frames of rows `first..last` (final rows follow row L) lie inside the item: {offset, bytes}.

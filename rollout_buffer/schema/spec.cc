@@ -33,6 +33,7 @@ Status validate(const TrajectoryShape& shape) {
   COMRAD_TRY(check_range("frame height", env.height, 1, 4096));
   COMRAD_TRY(check_range("frame width", env.width, 1, 4096));
   COMRAD_TRY(check_range("measurement count", env.measurement_count, 0, 1024));
+  COMRAD_TRY(check_range("global state count", env.global_state_count, 0, 1024));
   COMRAD_TRY(check_range("action head count", env.head_count, 1, kMaxHeads));
   for (int32_t head = 0; head < env.head_count; ++head)
     COMRAD_TRY(check_range("action head size", env.head_sizes[head], 2, 32));

@@ -25,6 +25,8 @@ SlabOffsets::SlabOffsets(const TrajectoryShape& given) : shape(given) {
   final_frame = place(finals * agents * shape.env.frame_bytes());
   measurement = place((steps + 1) * agents * measurements * 4);
   final_measurement = place(finals * agents * measurements * 4);
+  global_state = place((steps + 1) * shape.env.global_state_count * 4);
+  final_global_state = place(finals * shape.env.global_state_count * 4);
   action_mask = place((steps + 1) * agents * logit_count);
   agent_active = place((steps + 1) * agents);
   reward = place(steps * agents * 4);
@@ -71,6 +73,11 @@ std::span<float> SlabView::measurement(int step, int agent) const {
              shape().env.measurement_count);
 }
 
+std::span<float> SlabView::global_state(int step) const {
+  return row(at<float>(offsets_->global_state), step, shape().rollout_steps + 1,
+             shape().env.global_state_count);
+}
+
 std::span<uint8_t> SlabView::action_mask(int step, int agent) const {
   const int64_t agents = shape().env.num_agents;
   return row(at<uint8_t>(offsets_->action_mask), step * agents + agent, (shape().rollout_steps + 1) * agents,
@@ -114,6 +121,11 @@ std::span<float> SlabView::final_measurement(int final_row, int agent) const {
   const int64_t agents = shape().env.num_agents;
   return row(at<float>(offsets_->final_measurement), final_row * agents + agent,
              shape().final_capacity * agents, shape().env.measurement_count);
+}
+
+std::span<float> SlabView::final_global_state(int final_row) const {
+  return row(at<float>(offsets_->final_global_state), final_row, shape().final_capacity,
+             shape().env.global_state_count);
 }
 
 std::span<float> SlabView::recurrent_state(int snapshot, int agent) const {

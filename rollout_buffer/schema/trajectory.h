@@ -15,26 +15,28 @@ struct SlabOffsets {
   explicit SlabOffsets(const TrajectoryShape& shape);
 
   TrajectoryShape shape;
-  int64_t frame = 0;              ///< u8  [T+1, N, C, H, W]   simulator
-  int64_t measurement = 0;        ///< f32 [T+1, N, M]         simulator
-  int64_t action_mask = 0;        ///< u8  [T+1, N, A]         simulator; ones where there is no mask
-  int64_t agent_active = 0;       ///< u8  [T+1, N]            simulator; 0 while dead without respawn
-  int64_t reward = 0;             ///< f32 [T, N]              simulator
-  int64_t terminated = 0;         ///< u8  [T]                 simulator
-  int64_t truncated = 0;          ///< u8  [T]                 simulator
-  int64_t final_index = 0;        ///< i32 [T], -1 or k        simulator
-  int64_t final_frame = 0;        ///< u8  [K, N, C, H, W]     simulator
-  int64_t final_measurement = 0;  ///< f32 [K, N, M]           simulator
-  int64_t layout_index = 0;       ///< i32 [T], in the run's pool   simulator
-  int64_t recurrent_state = 0;    ///< f32 [S, N, H]           policy worker
-  int64_t action = 0;             ///< i32 [T, N, heads]       policy worker
-  int64_t log_prob = 0;           ///< f32 [T, N]              policy worker
-  int64_t value = 0;              ///< f32 [T+1, N]            policy worker
-  int64_t final_value = 0;        ///< f32 [K, N]              policy worker
-  int64_t logits = 0;             ///< f32 [T, N, A]           policy worker
-  int64_t policy_version = 0;     ///< u32 [T, N]              policy worker
-  int64_t valid = 0;              ///< u8  [T]                 simulator on sealing, learner for lag
-  int64_t slab_bytes = 0;         ///< whole slab, rounded up to a page
+  int64_t frame = 0;               ///< u8  [T+1, N, C, H, W]   simulator
+  int64_t measurement = 0;         ///< f32 [T+1, N, M]         simulator
+  int64_t global_state = 0;        ///< f32 [T+1, S]            simulator; of the world (env/global_state.h)
+  int64_t action_mask = 0;         ///< u8  [T+1, N, A]         simulator; ones where there is no mask
+  int64_t agent_active = 0;        ///< u8  [T+1, N]            simulator; 0 while dead without respawn
+  int64_t reward = 0;              ///< f32 [T, N]              simulator
+  int64_t terminated = 0;          ///< u8  [T]                 simulator
+  int64_t truncated = 0;           ///< u8  [T]                 simulator
+  int64_t final_index = 0;         ///< i32 [T], -1 or k        simulator
+  int64_t final_frame = 0;         ///< u8  [K, N, C, H, W]     simulator
+  int64_t final_measurement = 0;   ///< f32 [K, N, M]           simulator
+  int64_t final_global_state = 0;  ///< f32 [K, S]            simulator
+  int64_t layout_index = 0;        ///< i32 [T], in the run's pool   simulator
+  int64_t recurrent_state = 0;     ///< f32 [S, N, H]           policy worker
+  int64_t action = 0;              ///< i32 [T, N, heads]       policy worker
+  int64_t log_prob = 0;            ///< f32 [T, N]              policy worker
+  int64_t value = 0;               ///< f32 [T+1, N]            policy worker
+  int64_t final_value = 0;         ///< f32 [K, N]              policy worker
+  int64_t logits = 0;              ///< f32 [T, N, A]           policy worker
+  int64_t policy_version = 0;      ///< u32 [T, N]              policy worker
+  int64_t valid = 0;               ///< u8  [T]                 simulator on sealing, learner for lag
+  int64_t slab_bytes = 0;          ///< whole slab, rounded up to a page
 };
 
 /// One episode's identity inside a slab.
@@ -53,6 +55,7 @@ class SlabView {
   std::span<uint8_t> frame(int step, int agent) const;        ///< [C*H*W]
   std::span<uint8_t> frames(int step) const;                  ///< [N*C*H*W]
   std::span<float> measurement(int step, int agent) const;    ///< [M]
+  std::span<float> global_state(int step) const;              ///< [S]
   std::span<uint8_t> action_mask(int step, int agent) const;  ///< [A]
   uint8_t& agent_active(int step, int agent) const;
   float& reward(int step, int agent) const;
@@ -62,6 +65,7 @@ class SlabView {
   int32_t& layout_index(int step) const;
   std::span<uint8_t> final_frame(int row, int agent) const;         ///< [C*H*W]
   std::span<float> final_measurement(int row, int agent) const;     ///< [M]
+  std::span<float> final_global_state(int row) const;               ///< [S]
   std::span<float> recurrent_state(int snapshot, int agent) const;  ///< [H]
   std::span<int32_t> action(int step, int agent) const;             ///< [heads]
   float& log_prob(int step, int agent) const;

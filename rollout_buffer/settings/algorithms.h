@@ -50,6 +50,11 @@ struct AlgorithmRow {
   bool mixes_q_values() const { return mixer != MixerKind::kNone; }
   /// Q-learning agents that learn from their own rewards alone.
   bool learns_alone() const { return learns_q_values() && !mixes_q_values(); }
+  /// Its critic is the team's, or its mixer's weights are made from a state.
+  bool can_see_global_state() const {
+    return critic == CriticKind::kCentral || critic == CriticKind::kJoint ||
+           (mixes_q_values() && mixer != MixerKind::kVdn);
+  }
   /// Policy versions that one batch makes.
   int64_t versions_per_batch(int64_t num_agents) const { return versions_by_agent ? num_agents + 1 : 1; }
 };

@@ -31,6 +31,9 @@ inline constexpr CountsWith joint_critic = {
 inline constexpr CountsWith team_critic = {
     [](const RunConfig& c) { return central_critic.holds(c) || joint_critic.holds(c); },
     "a critic of the whole team (mappo, happo)"};
+inline constexpr CountsWith team_value = {
+    [](const RunConfig& c) { return c.run.algo->can_see_global_state(); },
+    "a critic or mixer that has a state (mappo, happo, qmix, qplex)"};
 inline constexpr CountsWith agent_by_agent = {
     [](const RunConfig& c) { return c.run.algo->versions_by_agent; }, "updates agent after agent (happo)"};
 inline constexpr CountsWith own_values = {[](const RunConfig& c) { return c.run.algo->learns_alone(); },

@@ -61,4 +61,9 @@ struct RunConfig {
   CurriculumSettings curriculum;
 };
 
+/// Whether the team's critic or mixer is shown the world's true state.
+inline bool sees_global_state(const RunConfig& config) {
+  return config.network.critic_state == CriticState::kGlobal && config.run.algo->can_see_global_state();
+}
+
 }  // namespace comrad

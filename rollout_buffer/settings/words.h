@@ -78,6 +78,13 @@ struct Words<CriticView> {
   static constexpr std::array words = {"own_first", "position"};
 };
 
+/// What the critic of a whole team is shown: its networks' features, or the world's true state beside them.
+enum class CriticState { kFeatures, kGlobal };
+template <>
+struct Words<CriticState> {
+  static constexpr std::array words = {"features", "global"};
+};
+
 enum class RateSchedule { kConstant, kLinearDecay, kKlAdaptiveMinibatch, kKlAdaptiveEpoch };
 template <>
 struct Words<RateSchedule> {

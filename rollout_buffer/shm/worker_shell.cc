@@ -111,6 +111,10 @@ void BenchShape::add_flags(CLI::App& flags) {
   flags.add_option("--heads", heads, "bench, describe: sizes of the action heads, 3,3,3")->delimiter(',');
   flags.add_option("--measurements", measurements, "bench, describe: length of the measurement vector")
       ->check(CLI::Range(0, 1024));
+  flags
+      .add_option("--global_state", global_state,
+                  "bench, describe: numbers of the true state that critics see with critic_state global")
+      ->check(CLI::Range(0, 1024));
 }
 
 Expected<EnvShape> BenchShape::env() const {
@@ -120,6 +124,7 @@ Expected<EnvShape> BenchShape::env() const {
   TrajectoryShape shape;
   shape.env.num_agents = num_agents;
   shape.env.measurement_count = measurements;
+  shape.env.global_state_count = global_state;
   shape.env.head_count = static_cast<int32_t>(heads.size());
   std::ranges::copy(heads, shape.env.head_sizes.begin());
   COMRAD_TRY(validate(shape));

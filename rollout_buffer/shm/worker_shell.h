@@ -87,9 +87,9 @@ class WorkerShell {
 struct BenchShape {
   int num_agents = 2;
   std::vector<int> heads = {3, 3, 3};
-  int measurements = 0;
+  int measurements = 0, global_state = 0;
 
-  /// Adds --num_agents, --heads and --measurements, which this object then holds.
+  /// Adds --num_agents, --heads, --measurements and --global_state, which this object then holds.
   void add_flags(CLI::App& flags);
   /// Errors: kBadInput, naming what is out of range.
   Expected<EnvShape> env() const;

@@ -107,6 +107,7 @@ struct ScenarioSpec {
   /// The scenario whose maps, scripts and actors it plays, and their folder: its own, or those of its base.
   std::string maps_of, folder;
 
+  /// Of its observations and actions; without a global state, see global_state.h.
   EnvShape shape(int num_agents, bool use_measurements) const;
   /// The number of the USER variable that [exports] calls `wanted`. Errors: kBadFormat with the nearest name.
   Expected<int> user_number(std::string_view wanted) const;

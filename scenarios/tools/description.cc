@@ -8,6 +8,7 @@
 #include "rollout_buffer/core/text.h"
 #include "scenarios/spec/action_heads.h"
 #include "scenarios/spec/exported_variables.h"
+#include "scenarios/spec/global_state.h"
 #include "scenarios/spec/registry.h"
 #include "scenarios/spec/scenario_spec.h"
 
@@ -171,6 +172,8 @@ Expected<Json> describe(const std::string& name, int num_agents, const std::stri
       {"masks", masks_of(spec)},
       {"measurements", shape.measurement_count},
       {"measurement_terms", measurements_of(spec)},
+      {"global_state", global_state_names(spec, num_agents).size()},
+      {"global_state_names", global_state_names(spec, num_agents)},
       {"rewards", rewards_of(spec)},
       {"exported_variables", exported},
       {"decision_limit", spec.decision_limit},
@@ -202,6 +205,8 @@ std::string description_text(const Json& description) {
           words_of(description["supported_agents"]) + ")\n";
   text += "decision limit  " + number(description["decision_limit"]) + "\n";
   text += "score J         " + score + ", ceiling " + number(description["ceiling"]) + "\n";
+  text += "global state    " + number(description["global_state"]) +
+          " numbers that a team's critic sees with --critic_state=global\n";
   text += "shared reward   " + number(description["shared_reward_alpha"]) + "\n";
   text += "map             " + (word("wad").empty() ? "drawn by comrad doomgen" : word("wad")) +
           (word("maps_of") == word("name") ? "" : ", of " + word("maps_of")) + "\n";

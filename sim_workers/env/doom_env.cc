@@ -12,9 +12,11 @@ DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game)
     : game_(std::move(game)),
       shape_(game_->spec.shape(game_->num_agents, game_->use_measurements)),
       world_(game_->level, game_->catalog, game_->behavior),
+      global_state_(game_->spec, game_->num_agents),
       rewards_(game_->spec.rewards, game_->num_agents),
       buttons_(game_->num_agents),
       limit_tics_(static_cast<uint64_t>(game_->spec.limit_tics())) {
+  if (game_->use_global_state) shape_.global_state_count = global_state_.count();
   const auto variable_of = [](const std::string& name) {
     const auto variable = scenarios::find_term_variable(name);
     COMRAD_CHECK(variable.has_value(), "the loader refuses unknown variables");
@@ -186,6 +188,7 @@ void DoomEnvironment::observe_numbers(const ObservationTarget& target) const {
   if (target.agent_active != nullptr)
     for (int agent = 0; agent < num_agents; ++agent)
       target.agent_active[agent] = game_->spec.respawn || world_.player(agent).alive;
+  if (target.global_state != nullptr) global_state_.write(world_, target.global_state);
 }
 
 uint64_t DoomEnvironment::state_hash() const {

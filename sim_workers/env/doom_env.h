@@ -19,6 +19,7 @@
 #include "sim_workers/engine/world/world.h"
 #include "sim_workers/env/action_map.h"
 #include "sim_workers/env/environment.h"
+#include "sim_workers/env/global_state.h"
 #include "sim_workers/env/observation.h"
 
 namespace comrad::sim {
@@ -34,7 +35,7 @@ struct DoomGame {
   int num_agents = 2;
   double ceiling = 0.0;  ///< the best J that this map allows so many agents; 0: not known
   int frame_skip = 4;
-  bool use_measurements = false;
+  bool use_measurements = false, use_global_state = false;
   bool no_monsters = false;
   ActionMap actions;
 };
@@ -109,7 +110,7 @@ class DoomEnvironment final : public Environment {
   doom::World& world() { return world_; }  ///< for tools that put things elsewhere
   /// A variable that terms may read; `agent_stride` as in RewardTerm.
   double read(int agent, scenarios::GameVariable variable, int agent_stride = 0) const;
-  /// Writes everything but the pictures.
+  /// Writes everything but the pictures. The global state is of the world as it is now, whether or not the shape has one.
   void observe_numbers(const ObservationTarget& target) const;
 
  private:
@@ -130,6 +131,7 @@ class DoomEnvironment final : public Environment {
   doom::World world_;
   std::vector<Reading> reward_readings_;
   std::vector<scenarios::GameVariable> measurement_variables_;
+  GlobalState global_state_;
   scenarios::RewardTracker rewards_;
   std::vector<double> reward_value_;  // [term, N]
   std::vector<uint8_t> reward_pays_;  // [term, N]; empty where no term has a gate

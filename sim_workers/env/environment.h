@@ -20,6 +20,7 @@ struct ObservationTarget {
   float* measurement = nullptr;     ///< [N, M]; may be null when M = 0
   uint8_t* action_mask = nullptr;   ///< [N, A]
   uint8_t* agent_active = nullptr;  ///< [N]
+  float* global_state = nullptr;    ///< [S]; may be null where nobody asked
 };
 
 /// What one decision brought.
@@ -84,6 +85,7 @@ struct EnvironmentOptions {
   int count = 16;
   int frame_skip = 4;
   bool use_measurements = false;
+  bool use_global_state = false;  ///< the shape has one (global_state.h)
   std::string render_size = "128x72";
   Resize resize = Resize::kNone;
   std::string reward = {};  ///< weights in place of the scenario's (the setting of that name)

@@ -107,6 +107,7 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
   game->num_agents = options.num_agents;
   game->frame_skip = options.frame_skip;
   game->use_measurements = options.use_measurements;
+  game->use_global_state = options.use_global_state;
   COMRAD_TRY_ASSIGN(game->actions, ActionMap::create(game->spec.heads));
 
   // Of several players who may come back, each does, as ViZDoom's multiplayer programs have it.

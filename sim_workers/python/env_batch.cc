@@ -6,24 +6,16 @@
 #include <utility>
 
 #include "rollout_buffer/core/rng.h"
-#include "scenarios/spec/exported_variables.h"
+#include "scenarios/spec/global_state.h"
 #include "scenarios/spec/vizdoom_config.h"
 #include "sim_workers/env/button_press.h"
-#include "sim_workers/env/game_variables.h"
 
 namespace comrad::python {
 namespace {
 
-using scenarios::GameVariable;
-using scenarios::VariableKind;
-
 constexpr int kMostEnvs = 4096, kMostThreads = 256, kSmallestView = 16, kLargestView = 4096;
 
 Error bad(std::string message) { return Error{ErrorCode::kBadInput, std::move(message)}; }
-
-/// What the global state tells of each agent, behind "agent_<index>/".
-constexpr const char* kAgentState[] = {"x",          "y",          "z",          "cos_angle", "sin_angle",
-                                       "velocity_x", "velocity_y", "velocity_z", "health",    "alive"};
 
 Status check_range(const char* name, int value, int least, int most) {
   if (value >= least && value <= most) return {};
@@ -174,14 +166,7 @@ Status EnvBatch::open() {
   shape_ = spec_.shape(options_.num_agents, true);
   for (const scenarios::MeasurementTerm& term : spec_.measurements)
     variables_.push_back(scenarios::find_term_variable(term.variable).value());
-  for (int agent = 0; agent < options_.num_agents; ++agent)
-    for (const char* name : kAgentState)
-      state_names_.push_back("agent_" + std::to_string(agent) + "/" + name);
-  for (const scenarios::ExportedVariable& variable :
-       scenarios::exported_variables(spec_, options_.num_agents)) {
-    state_names_.push_back(variable.name.empty() ? "USER" + std::to_string(variable.user) : variable.name);
-    exports_.push_back(variable.user);
-  }
+  state_names_ = scenarios::global_state_names(spec_, options_.num_agents);
   size_arrays();
 
   environment.layouts = options_.maps;
@@ -372,32 +357,20 @@ Status EnvBatch::receive() {
 void EnvBatch::write_numbers(int index) {
   const auto at = static_cast<std::size_t>(index);
   const sim::DoomEnvironment& environment = *works_->slots[at].environment;
-  const doom::World& world = environment.world();
   const auto agents = static_cast<std::size_t>(options_.num_agents), first = at * agents;
   const auto measurements = static_cast<std::size_t>(shape_.measurement_count);
   environment.observe_numbers(
       {.frame = nullptr,
        .measurement = arrays_.measurement.data() + first * measurements,
        .action_mask = arrays_.action_mask.data() + first * static_cast<std::size_t>(shape_.logit_count()),
-       .agent_active = arrays_.active.data() + first});
-  float* state = arrays_.state.data() + at * state_names_.size();
+       .agent_active = arrays_.active.data() + first,
+       .global_state = arrays_.state.data() + at * state_names_.size()});
   for (std::size_t agent = 0; agent < agents; ++agent) {
     const int player = static_cast<int>(agent);
-    const auto read = [&](VariableKind kind, int number = 0) {
-      return static_cast<float>(sim::read_variable(world, player, GameVariable{kind, number}));
-    };
     for (std::size_t term = 0; term < measurements; ++term)
       arrays_.variable[(first + agent) * measurements + term] = static_cast<float>(
           environment.read(player, variables_[term], spec_.measurements[term].agent_stride));
-    const float angle = read(VariableKind::kAngle) * std::numbers::pi_v<float> / 180.0f;
-    for (const float value :
-         {read(VariableKind::kPositionX), read(VariableKind::kPositionY), read(VariableKind::kPositionZ),
-          std::cos(angle), std::sin(angle), read(VariableKind::kVelocityX), read(VariableKind::kVelocityY),
-          read(VariableKind::kVelocityZ), read(VariableKind::kHealth),
-          world.player(player).alive ? 1.0f : 0.0f})
-      *state++ = value;
   }
-  for (const int user : exports_) *state++ = static_cast<float>(world.exported(user));
 
   const sim::Step& step = environment.last_step();
   const sim::EpisodeSummary summary = environment.summary_so_far();

@@ -51,7 +51,7 @@ struct BatchArrays {
   std::vector<float> variable;                 ///< [E, N, M]  the same game variables as they are
   std::vector<uint8_t> action_mask;            ///< [E, N, A]
   std::vector<uint8_t> active;                 ///< [E, N]  0: dead and not coming back
-  std::vector<float> state;                    ///< [E, S]  as state_names() says
+  std::vector<float> state;                    ///< [E, S]  as state_names() says (env/global_state.h)
   std::vector<float> reward;                   ///< [E, N]
   std::vector<uint8_t> terminated, truncated;  ///< [E]
   // Of the episode that goes on, or that just ended.
@@ -162,7 +162,6 @@ class EnvBatch {
   std::vector<std::string> state_names_, button_names_;
   std::vector<scenarios::Button> buttons_;
   std::vector<scenarios::GameVariable> variables_;  // of the measurements
-  std::vector<int> exports_;                        // numbers of the USER variables in the state
   doom::AutomapOptions automap_;
   BatchArrays arrays_;
   std::unique_ptr<Works> works_;

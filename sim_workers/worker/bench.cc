@@ -29,7 +29,10 @@ BenchResult run_bench(EnvironmentSet& environments, const BenchOptions& options)
     return {.frame = is_final ? slab.final_frame(0, 0).data() : slab.frame(step, 0).data(),
             .measurement = env_shape.measurement_count > 0 ? slab.measurement(step, 0).data() : nullptr,
             .action_mask = slab.action_mask(step, 0).data(),
-            .agent_active = &slab.agent_active(step, 0)};
+            .agent_active = &slab.agent_active(step, 0),
+            .global_state = env_shape.global_state_count == 0 ? nullptr
+                            : is_final                        ? slab.final_global_state(0).data()
+                                                              : slab.global_state(step).data()};
   };
 
   const RngKey run(options.seed);

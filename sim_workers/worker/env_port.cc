@@ -208,7 +208,8 @@ ObservationTarget EnvPort::target_of_row(const SlabView& slab, int step) const {
   return {.frame = slab.frame(step, 0).data(),
           .measurement = slab.shape().env.measurement_count > 0 ? slab.measurement(step, 0).data() : nullptr,
           .action_mask = slab.action_mask(step, 0).data(),
-          .agent_active = &slab.agent_active(step, 0)};
+          .agent_active = &slab.agent_active(step, 0),
+          .global_state = slab.shape().env.global_state_count > 0 ? slab.global_state(step).data() : nullptr};
 }
 
 ObservationTarget EnvPort::final_target() const {
@@ -217,6 +218,7 @@ ObservationTarget EnvPort::final_target() const {
   ObservationTarget target = target_of_row(slab_, step_);
   target.frame = slab_.final_frame(final_count_ - 1, 0).data();
   if (target.measurement != nullptr) target.measurement = slab_.final_measurement(final_count_ - 1, 0).data();
+  if (target.global_state != nullptr) target.global_state = slab_.final_global_state(final_count_ - 1).data();
   return target;
 }
 
@@ -293,19 +295,24 @@ void EnvPort::finish_slab(uint64_t rollouts_allowed) {
   // The next slab is taken before this one is let go, because its last row is the next one's first. Without a
   // free slab the environment parks, and the row is rendered again from the unchanged world when one comes.
   if (begin_slab(rollouts_allowed)) {
-    const std::size_t agents = static_cast<std::size_t>(slab_.shape().env.num_agents);
-    const ObservationTarget from = target_of_row(sealed, last_row), to = row_target();
-    std::memcpy(to.frame, from.frame, slab_.frames(0).size());
-    count_copied(slab_.frames(0).size());
-    if (to.measurement != nullptr)
-      std::memcpy(to.measurement, from.measurement, agents * slab_.measurement(0, 0).size_bytes());
-    std::memcpy(to.action_mask, from.action_mask, agents * slab_.action_mask(0, 0).size());
-    std::memcpy(to.agent_active, from.agent_active, agents);
+    copy_observation(target_of_row(sealed, last_row), row_target());
     mark_observed();
   } else {
     stage_ = Stage::kParked;
   }
   arena_.seal_slab(sealed_index);
+}
+
+void EnvPort::copy_observation(const ObservationTarget& from, const ObservationTarget& to) const {
+  const std::size_t agents = static_cast<std::size_t>(slab_.shape().env.num_agents);
+  std::memcpy(to.frame, from.frame, slab_.frames(0).size());
+  count_copied(slab_.frames(0).size());
+  if (to.measurement != nullptr)
+    std::memcpy(to.measurement, from.measurement, agents * slab_.measurement(0, 0).size_bytes());
+  std::memcpy(to.action_mask, from.action_mask, agents * slab_.action_mask(0, 0).size());
+  std::memcpy(to.agent_active, from.agent_active, agents);
+  if (to.global_state != nullptr)
+    std::memcpy(to.global_state, from.global_state, slab_.global_state(0).size_bytes());
 }
 
 void EnvPort::pad_slab(int length) {
@@ -316,13 +323,7 @@ void EnvPort::pad_slab(int length) {
   const std::size_t agents = static_cast<std::size_t>(shape.env.num_agents);
   const std::size_t heads = static_cast<std::size_t>(shape.env.head_count);
   for (int step = length; step < shape.rollout_steps; ++step) {
-    const ObservationTarget from = target_of_row(slab_, length), to = target_of_row(slab_, step + 1);
-    std::memcpy(to.frame, from.frame, slab_.frames(0).size());
-    count_copied(slab_.frames(0).size());
-    if (to.measurement != nullptr)
-      std::memcpy(to.measurement, from.measurement, agents * slab_.measurement(0, 0).size_bytes());
-    std::memcpy(to.action_mask, from.action_mask, agents * slab_.action_mask(0, 0).size());
-    std::memcpy(to.agent_active, from.agent_active, agents);
+    copy_observation(target_of_row(slab_, length), target_of_row(slab_, step + 1));
     std::copy_n(slab_.action(length - 1, 0).data(), agents * heads, slab_.action(step, 0).data());
     std::copy_n(slab_.logits(length - 1, 0).data(), agents * slab_.logits(0, 0).size(),
                 slab_.logits(step, 0).data());

@@ -85,6 +85,7 @@ class EnvPort {
   bool begin_slab(uint64_t rollouts_allowed);
   void finish_slab(uint64_t rollouts_allowed);
   void pad_slab(int length);
+  void copy_observation(const ObservationTarget& from, const ObservationTarget& to) const;
 
   const shm::Arena& arena_;
   Environment& environment_;

@@ -160,11 +160,12 @@ Status work(const shm::WorkerShell& shell, const RunConfig& given, const Roles& 
   }
   std::unique_ptr<EpisodeRecorder> recorder;
   if (!roles.episodes.empty()) recorder = std::make_unique<EpisodeRecorder>(roles.episodes);
-  COMRAD_TRY_ASSIGN(
-      const auto environments,
-      make_environments(environment_options(config, layouts, arena.shape().trajectory.env.num_agents,
-                                            arena.shape().envs_per_worker),
-                        roles, positions.get(), recorder.get(), program));
+  const EnvShape& shape = arena.shape().trajectory.env;
+  EnvironmentOptions options =
+      environment_options(config, layouts, shape.num_agents, arena.shape().envs_per_worker);
+  options.use_global_state = shape.global_state_count > 0;
+  COMRAD_TRY_ASSIGN(const auto environments,
+                    make_environments(options, roles, positions.get(), recorder.get(), program));
   COMRAD_TRY_ASSIGN(
       const auto worker,
       SimWorker::create(

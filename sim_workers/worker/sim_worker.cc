@@ -17,12 +17,14 @@ std::string shape_text(const EnvShape& shape) {
       joined(std::span(shape.head_sizes).first(static_cast<std::size_t>(shape.head_count)), ",");
   return std::to_string(shape.num_agents) + " agents, frame " + std::to_string(shape.channels) + "x" +
          std::to_string(shape.height) + "x" + std::to_string(shape.width) + ", " +
-         std::to_string(shape.measurement_count) + " measurements, heads " + heads;
+         std::to_string(shape.measurement_count) + " measurements, " +
+         std::to_string(shape.global_state_count) + " numbers of global state, heads " + heads;
 }
 
 bool is_same(const EnvShape& a, const EnvShape& b) {
   if (a.num_agents != b.num_agents || a.channels != b.channels || a.height != b.height ||
-      a.width != b.width || a.measurement_count != b.measurement_count || a.head_count != b.head_count)
+      a.width != b.width || a.measurement_count != b.measurement_count ||
+      a.global_state_count != b.global_state_count || a.head_count != b.head_count)
     return false;
   for (std::size_t head = 0; head < static_cast<std::size_t>(a.head_count); ++head)
     if (a.head_sizes[head] != b.head_sizes[head]) return false;

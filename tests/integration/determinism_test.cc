@@ -103,8 +103,9 @@ TEST(Deterministic, MappoAndHappoResumedHalfWayEqualNeverStopping) {
   const ScratchFolder scratch;
   for (const std::string algo : {"mappo", "happo"}) {
     // HAPPO's own schedule ends with the run, and the half run is over earlier.
-    const std::vector<std::string> settings = {"--algo",        algo,      "--critic_hidden_sizes", "64,32",
-                                               "--lr_schedule", "constant"};
+    const std::vector<std::string> settings = {
+        "--algo",        algo,       "--critic_hidden_sizes", "64,32",
+        "--lr_schedule", "constant", "--critic_state",        "global"};
     train(scratch, algo + "_straight", kEnvSteps, settings);
     train(scratch, algo + "_resumed", kEnvSteps / 2, settings);
     train(scratch, algo + "_resumed", kEnvSteps, settings);
@@ -128,6 +129,8 @@ TEST(Deterministic, QmixAndIdqnResumedHalfWayEqualNeverStopping) {
                                                "32",
                                                "--dqn_max_updates_per_batch",
                                                "1",
+                                               "--critic_state",
+                                               "global",
                                                "--per_beta_env_frames",
                                                "8192"};  // else the half run is over earlier
     train(scratch, algo + "_straight", kEnvSteps, settings);

@@ -68,6 +68,7 @@ class PipelineGame : public sim::Environment {
     std::fill_n(target.frame, 2 * shape_.frame_bytes(), shade(visible_state()));
     std::fill_n(target.action_mask, 4, uint8_t{1});
     std::fill_n(target.agent_active, 2, uint8_t{1});
+    if (target.global_state != nullptr) write_global_state(target.global_state);
   }
 
  protected:
@@ -76,6 +77,8 @@ class PipelineGame : public sim::Environment {
   /// last reward.
   virtual void play(std::span<const int32_t> action) = 0;
   virtual int visible_state() const { return state_; }
+  /// f32 [S], of a game whose shape_ has a global state.
+  virtual void write_global_state(float* /*state*/) const {}
   void pay(double team) { last_.reward.assign(2, static_cast<float>(team / 2)); }
 
   EnvShape shape_ = pipeline_game_shape();
@@ -139,9 +142,10 @@ inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, co
   const double began_s = monotonic_s();
   policy::tune_math(1);
   const test::ScratchFolder folder;
-  const auto network = policy::PolicyNetOptions::from(config, pipeline_game_shape());
+  const EnvShape env = make()->shape();
+  const auto network = policy::PolicyNetOptions::from(config, env);
   shm::ArenaShape shape;
-  shape.trajectory.env = pipeline_game_shape();
+  shape.trajectory.env = env;
   shape.trajectory.rollout_steps = static_cast<int32_t>(config.collection.rollout);
   shape.trajectory.recurrent_state_count = static_cast<int32_t>(network.recurrent_state_count());
   shape.sim_worker_count = 1;
@@ -193,7 +197,7 @@ inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, co
 
   learn::StateDict state;
   (*learner)->algorithm().save(state);
-  auto loaded = learn::make_algorithm(config, pipeline_game_shape(), torch::kCPU);
+  auto loaded = learn::make_algorithm(config, env, torch::kCPU);
   EXPECT_TRUE((*loaded)->load(state));
   trained.algorithm = std::move(*loaded);
   trained.env_frames = static_cast<double>((*learner)->env_frames());

@@ -44,6 +44,8 @@ class SlabPool {
     const auto number = [&rng] { return static_cast<float>(rng.uniform() * 2 - 1); };
     for (int64_t i = 0; i < static_cast<int64_t>(bytes_.size()) / offsets_.slab_bytes; ++i) {
       const SlabView slab = view(static_cast<int>(i));
+      for (int t = 0; t <= shape.rollout_steps; ++t)
+        for (float& x : slab.global_state(t)) x = number();
       for (int agent = 0; agent < shape.env.num_agents; ++agent) {
         for (float& x : slab.recurrent_state(0, agent)) x = number();
         for (int t = 0; t <= shape.rollout_steps; ++t) {

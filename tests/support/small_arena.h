@@ -14,8 +14,13 @@ namespace comrad::testing {
 /// Two simulators of four environments, two agents, tiny frames: 100 kB.
 inline shm::ArenaShape small_arena_shape() {
   shm::ArenaShape shape;
-  shape.trajectory.env = {
-      .num_agents = 2, .channels = 3, .height = 4, .width = 6, .measurement_count = 2, .head_count = 2};
+  shape.trajectory.env = {.num_agents = 2,
+                          .channels = 3,
+                          .height = 4,
+                          .width = 6,
+                          .measurement_count = 2,
+                          .global_state_count = 3,
+                          .head_count = 2};
   shape.trajectory.env.head_sizes = {3, 4};
   shape.trajectory.rollout_steps = 8;
   shape.trajectory.recurrent_state_count = 5;

@@ -97,6 +97,9 @@ class ToyEnvironment : public sim::Environment {
                            static_cast<std::size_t>(index)] = static_cast<uint8_t>(noise.next() & 1);
       target.agent_active[agent] = static_cast<uint8_t>(noise.next() & 1);
     }
+    Rng noise(mix64(state_hash() + 77));
+    for (int index = 0; index < s.global_state_count; ++index)
+      target.global_state[index] = static_cast<float>(noise.next() % 1000);
   }
 
  private:

@@ -241,10 +241,10 @@ def save_policy(policies: Policy | list[Policy], like: str | os.PathLike, path: 
 
 
 def _of_agent(network: dict[str, Tensor], agent: int) -> dict[str, Tensor]:
-    """One agent's tensors by the names of a shared network, without critics."""
+    """One agent's tensors by the names of a shared network, without critics and what they alone see."""
     own = f"agent{agent}."
     mine = {name.removeprefix(own): tensor for name, tensor in network.items() if name.startswith(own)}
-    shared = {name: tensor for name, tensor in network.items() if not name.startswith(("agent", "critic"))}
+    shared = {name: tensor for name, tensor in network.items() if not name.startswith(("agent", "critic", "normalizer.global_state"))}
     return {**shared, **mine}
 
 

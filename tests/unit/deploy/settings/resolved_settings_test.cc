@@ -100,6 +100,7 @@ constexpr Row kPaper[] = {
     {"agent_id_input", "false"},
     {"critic_hidden_sizes", "512,256"},
     {"mappo_critic_view", "own_first"},
+    {"critic_state", "features"},
     // 3.2 HAPPO, with the critic's core of 3.1
     {"happo_critic_rnn", "true"},
     {"happo_agent_order", "random"},

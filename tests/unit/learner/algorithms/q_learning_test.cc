@@ -692,7 +692,7 @@ TEST(QLearning, ObservationsMoveTheStatisticsOfBothNetworks) {
   const auto learner = q_learner(config);
   const ReplayBatch batch = q_batch(config, 32);
   const Tensor before = learner->target_net().step(batch.frame[0], {}, batch.recurrent_state).logits.clone();
-  learner->observe(batch.frame[0], {});
+  learner->observe(batch.frame[0], {}, {});
   const Tensor online = learner->net().step(batch.frame[0], {}, batch.recurrent_state).logits;
   const Tensor target = learner->target_net().step(batch.frame[0], {}, batch.recurrent_state).logits;
   EXPECT_FALSE(torch::allclose(before, target));

@@ -19,6 +19,7 @@ TrajectoryShape small_shape() {
   shape.env.height = 2;
   shape.env.width = 3;
   shape.env.measurement_count = 2;
+  shape.env.global_state_count = 3;
   shape.env.head_count = 2;
   shape.env.head_sizes = {3, 2};
   shape.rollout_steps = 4;
@@ -45,6 +46,9 @@ TEST(Collate, CopiesEveryFieldOfEveryAgentToItsRow) {
   EXPECT_FALSE(batch.has_action_mask);
   for (int position = 0; position < 2; ++position) {
     const SlabView slab = pool.view(1 - position);
+    for (int t = 0; t < 4; ++t)
+      for (int k = 0; k < 3; ++k)
+        EXPECT_EQ(batch.global_state[t][position][k].item<float>(), slab.global_state(t)[k]);
     for (int agent = 0; agent < 2; ++agent) {
       const int row = position * 2 + agent;
       for (int k = 0; k < 3; ++k)
@@ -151,6 +155,19 @@ TEST(Collate, MasksWhatAPeerBrokeAndKeepsTheRest) {
     EXPECT_TRUE(field.isfinite().all().item<bool>());
 }
 
+TEST(Collate, AStateThatIsNoNumberBreaksTheDecisionsOfAllAgents) {
+  const TrajectoryShape shape = small_shape();
+  const SlabPool pool(shape, 1);
+  const SlabView slab = pool.view(0);
+  slab.global_state(2)[1] = std::numeric_limits<float>::quiet_NaN();
+  RolloutBatch batch = make_rollout_batch(shape, 1);
+  clear(batch);
+  EXPECT_EQ(collate_slab(batch, 0, slab, 4), 2);
+  for (int t = 0; t < 4; ++t)
+    for (int row = 0; row < 2; ++row) EXPECT_EQ(batch.valid[t][row].item<int>(), t != 2) << t;
+  EXPECT_TRUE(batch.global_state.isfinite().all().item<bool>());
+}
+
 TEST(LagFilter, MasksAtTheLimitAndKeepsOneBelow) {
   const TrajectoryShape shape = small_shape();
   const SlabPool pool(shape, 1);
@@ -190,6 +207,8 @@ TEST(Collate, SelectsAndNarrowsWholeWorlds) {
   EXPECT_TRUE(torch::equal(selected.reward.narrow(1, 0, 2), narrowed.reward));
   EXPECT_TRUE(torch::equal(selected.recurrent_state.narrow(0, 0, 2), narrowed.recurrent_state));
   EXPECT_TRUE(torch::equal(selected.value.narrow(1, 2, 2), batch.value.narrow(1, 0, 2)));
+  EXPECT_TRUE(torch::equal(selected.global_state.narrow(1, 0, 1), narrowed.global_state));
+  EXPECT_TRUE(torch::equal(selected.global_state.narrow(1, 1, 1), batch.global_state.narrow(1, 0, 1)));
 }
 
 TEST(Collate, AnAgentsRowsAreABatchOfOneAgentAndShareTheMemory) {
@@ -210,6 +229,7 @@ TEST(Collate, AnAgentsRowsAreABatchOfOneAgentAndShareTheMemory) {
     EXPECT_TRUE(
         torch::equal(narrow_rows(second, world, 1).reset[2], batch.reset[2].narrow(0, world * 2 + 1, 1)));
   }
+  EXPECT_TRUE(torch::equal(narrow_rows(second, 1, 1).global_state, batch.global_state.narrow(1, 1, 1)));
   second.reward[2][1] = 77;
   EXPECT_EQ(batch.reward[2][3].item<float>(), 77);
 }

@@ -22,6 +22,7 @@ TrajectoryShape shape_of() {
   shape.env.height = 4;
   shape.env.width = 5;
   shape.env.measurement_count = 3;
+  shape.env.global_state_count = 2;
   shape.env.head_count = 2;
   shape.env.head_sizes = {3, 2};
   shape.rollout_steps = 6;
@@ -42,6 +43,7 @@ class ReplayBatchTest : public ::testing::Test {
       std::ranges::fill(first.final_frame(1, agent), static_cast<uint8_t>(200 + agent));
       std::ranges::fill(first.final_measurement(1, agent), 0.5f + static_cast<float>(agent));
     }
+    std::ranges::fill(first.final_global_state(1), 9.5f);
     first.terminated(4) = 1;
     first.agent_active(3, 1) = 0;
     first.action_mask(3, 0)[1] = 0;
@@ -101,6 +103,14 @@ TEST_F(ReplayBatchTest, ASequenceIsItsSlabAndItsCutsComeApart) {
   EXPECT_EQ(got.final_step, (std::vector<int64_t>{2, 2}));
   EXPECT_EQ(got.final_frame[1].to(torch::kInt64).min().item<int64_t>(), 201);
   EXPECT_EQ(got.final_measurement[0][2].item<float>(), 0.5f);
+  for (int world = 0; world < 2; ++world)
+    for (int t = 0; t <= (world == 0 ? 6 : 4); ++t)
+      for (int k = 0; k < 2; ++k)
+        EXPECT_EQ(got.global_state[t][world][k].item<float>(),
+                  pool_.view(world).global_state(t)[static_cast<std::size_t>(k)]);
+  EXPECT_EQ(got.global_state[6][1].abs().sum().item<float>(), 0.0f) << "behind a short trajectory";
+  ASSERT_EQ(got.final_global_state.sizes(), (std::vector<int64_t>{1, 2}));
+  EXPECT_EQ(got.final_global_state.min().item<float>(), 9.5f);
 }
 
 TEST_F(ReplayBatchTest, StepsBehindAShortTrajectoryAreNotValid) {
@@ -123,6 +133,8 @@ TEST_F(ReplayBatchTest, AJointDecisionHasTheTrueNextObservation) {
   // Cut by time: its own last observation, not the next episode's first.
   EXPECT_EQ(got.frame[1][3].to(torch::kInt64).max().item<int64_t>(), 201);
   EXPECT_EQ(got.measurement[1][2][0].item<float>(), 0.5f);
+  EXPECT_EQ(got.global_state[0][1][1].item<float>(), pool_.view(0).global_state(2)[1]);
+  EXPECT_EQ(got.global_state[1][1].min().item<float>(), 9.5f);
   EXPECT_EQ(got.truncated[0][2].item<int>(), 1);
   EXPECT_TRUE(is_frame(got.frame[1][4], pool_.view(1).frame(4, 0)));
   EXPECT_TRUE(got.final_row.empty());
@@ -256,12 +268,17 @@ TEST_F(ReplayBatchTest, PartsKeepTheirOwnCuts) {
   EXPECT_EQ(second.final_frame.size(0), 2);
   EXPECT_TRUE(torch::equal(second.frame, got.frame.narrow(1, 2, 2)));
   EXPECT_TRUE(narrow_worlds(got, 0, 1).final_row.empty());
+  EXPECT_TRUE(torch::equal(second.global_state, got.global_state.narrow(1, 1, 1)));
+  EXPECT_TRUE(torch::equal(second.final_global_state, got.final_global_state));
+  EXPECT_EQ(narrow_worlds(got, 0, 1).final_global_state.size(0), 0);
 
   const Tensor state = torch::ones({2, 4});
   const ReplayBatch later = steps_from(second, 2, state);
   EXPECT_EQ(later.steps(), 4);
   EXPECT_EQ(later.final_step, (std::vector<int64_t>{0, 0}));
   EXPECT_TRUE(torch::equal(later.reward, second.reward.narrow(0, 2, 4)));
+  EXPECT_TRUE(torch::equal(later.global_state, second.global_state.narrow(0, 2, 5)));
+  EXPECT_EQ(later.final_global_state.size(0), 1);
   EXPECT_TRUE(steps_from(second, 3, state).final_step.empty());
 }
 

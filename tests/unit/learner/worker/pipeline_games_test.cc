@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "learner/algorithms/on_policy.h"
 #include "learner/algorithms/q_learning.h"
 #include "rollout_buffer/settings/resolve.h"
 #include "tests/support/pipeline_game.h"
@@ -40,6 +41,34 @@ class PayingGame : public PipelineGame {
 
  private:
   bool ends_by_time_;
+};
+
+/// Four decisions in which the team is paid 1 each or loses 1 each: which, the world knows and no picture shows. The
+/// global state tells it, and how many decisions were made.
+class HiddenGame : public PipelineGame {
+ public:
+  static constexpr double kGamma = 0.9;
+  HiddenGame() { shape_.global_state_count = 2; }
+  /// What the rest of the episode pays.
+  static double value(bool pays, int step) {
+    double sum = 0;
+    for (int left = step; left < 4; ++left) sum = 1 + kGamma * sum;
+    return pays ? sum : -sum;
+  }
+
+ protected:
+  void begin(uint64_t episode_seed) override { pays_ = mix64(episode_seed) % 2 == 1; }
+  void play(std::span<const int32_t>) override {
+    pay(pays_ ? 1 : -1);
+    last_.terminated = step_ == 3;
+  }
+  void write_global_state(float* state) const override {
+    state[0] = pays_ ? 1.0f : 0.0f;
+    state[1] = static_cast<float>(step_);
+  }
+
+ private:
+  bool pays_ = false;
 };
 
 RunConfig game_config(const std::string& algo) {
@@ -124,6 +153,94 @@ double value_of_paying_game(bool ends_by_time) {
 TEST(PayingGame, ATimeOutIsNoEnd) { EXPECT_NEAR(value_of_paying_game(true), 1 / (1 - 0.9), 0.5); }
 // All five steps look alike, so a fifth of all values has no future: Q = 1 + 0.9 * 0.8 Q.
 TEST(PayingGame, AnEndIsAnEnd) { EXPECT_NEAR(value_of_paying_game(false), 1 / (1 - 0.72), 0.4); }
+
+RunConfig hidden_config(const std::string& algo, CriticState state) {
+  RunConfig config = testing::pipeline_game_config(algo);
+  config.network.critic_state = state;
+  config.network.critic_hidden_sizes = "64,32";
+  config.environment.shared_reward_alpha = algo == "mappo" || algo == "happo" ? 1 : 0;
+  config.collection.rollout = 8;
+  config.optimisation.batch_size = 256;
+  config.optimisation.learning_rate = 1e-3;
+  config.optimisation.gamma = HiddenGame::kGamma;
+  config.optimisation.num_epochs = 4;
+  config.q_learning.epsilon_end = 1;
+  config.q_learning.learning_starts_decisions = 512;
+  config.q_learning.replay_ratio = 4;
+  config.q_learning.target_update_tau = 0.02;
+  config.replay.per = false;
+  config.mixers.qplex_weighted_head = config.mixers.qplex_state_bias =
+      true;  // values that depend on the state alone
+  config.run.train_for_env_frames = 4 * (config.run.algo->learns_q_values() ? 15'000 : 30'000);
+  EXPECT_TRUE(resolve_settings(config, 2));
+  return config;
+}
+
+/// What a trained critic or mixer says a world is worth: the sum over both agents where they are paid alike.
+double value_of(const Algorithm& algorithm, bool pays, int step) {
+  const torch::Tensor frame = torch::full({2, 3, 20, 20}, PipelineGame::shade(0), torch::kUInt8);
+  const torch::Tensor state = torch::tensor({{pays ? 1.0f : 0.0f, static_cast<float>(step)}});
+  torch::NoGradGuard no_grad;
+  if (const auto* on_policy = dynamic_cast<const OnPolicy*>(&algorithm)) {
+    const torch::Tensor value = on_policy->net().step(frame, {}, torch::zeros({2, 0}), state).value;
+    return on_policy->return_normalizer().denormalize(value).mean().item<double>();
+  }
+  const auto& learner = dynamic_cast<const QLearning&>(algorithm);
+  const torch::Tensor features = learner.net().encode(frame, {}), q = q_values(learner, 0);
+  torch::Tensor seen = features.view({1, -1});
+  if (learner.net().options().global_state_count > 0)
+    seen = at::cat({seen, learner.net().normalized_state(state)}, 1);
+  const torch::Tensor best = std::get<0>(q.max(1)).view({1, 2});
+  const torch::Tensor action = torch::one_hot(q.argmax(1), 2).to(torch::kFloat32).view({1, 4});
+  return learner.mixer()
+             ->mix({.chosen = best, .greedy = best, .action = action, .state = seen})
+             .q_tot.item<double>() *
+         learner.q_sigma();
+}
+
+TEST(HiddenGame, WhatNoPictureShowsIsLearnedFromTheGlobalState) {
+  for (const char* algo : {"mappo", "happo", "qmix", "qplex_d", "qplex_q"}) {
+    const auto trained = testing::train_game(hidden_config(algo, CriticState::kGlobal),
+                                             [] { return std::make_unique<HiddenGame>(); });
+    for (const bool pays : {true, false})
+      for (const int step : {0, 3}) {
+        const double value = value_of(*trained.algorithm, pays, step), truth = HiddenGame::value(pays, step);
+        std::printf("hidden game, %s, %s, step %d: value %.2f, truth %.2f\n", algo, pays ? "pays" : "loses",
+                    step, value, truth);
+        EXPECT_NEAR(value, truth, 0.7) << algo << (pays ? " pays" : " loses") << ", step " << step;
+      }
+  }
+}
+
+TEST(HiddenGame, ACheckpointOfAnotherCriticStateIsRefusedByName) {
+  const EnvShape env = HiddenGame().shape();
+  for (const char* algo : {"mappo", "qmix"}) {
+    const auto features = *make_algorithm(hidden_config(algo, CriticState::kFeatures), env, torch::kCPU),
+               global = *make_algorithm(hidden_config(algo, CriticState::kGlobal), env, torch::kCPU);
+    StateDict of_features, of_global;
+    features->save(of_features);
+    global->save(of_global);
+    const Status one = features->load(of_global), other = global->load(of_features);
+    ASSERT_FALSE(one);
+    EXPECT_EQ(one.error().message,
+              "checkpoint was made with critic_state global (2 numbers), this run has critic_state features");
+    ASSERT_FALSE(other);
+    EXPECT_EQ(other.error().message,
+              "checkpoint was made with critic_state features, this run has critic_state global (2 numbers)");
+    EXPECT_TRUE(global->load(of_global));
+  }
+}
+
+TEST(HiddenGame, FeaturesOfPicturesKnowNothingOfIt) {
+  for (const char* algo : {"mappo", "qmix"}) {
+    const auto trained = testing::train_game(hidden_config(algo, CriticState::kFeatures),
+                                             [] { return std::make_unique<HiddenGame>(); });
+    const double value = value_of(*trained.algorithm, true, 0);
+    std::printf("hidden game, %s, features alone: value %.2f of +-%.2f\n", algo, value,
+                HiddenGame::value(true, 0));
+    EXPECT_NEAR(value, 0, 1.5) << algo << ": the mean of both";
+  }
+}
 
 }  // namespace
 }  // namespace comrad::learn

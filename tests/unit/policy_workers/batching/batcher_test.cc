@@ -246,6 +246,37 @@ TEST(Batcher, ValueAndFinalRequestsLeaveTheStateAndTheActionsAlone) {
   }
 }
 
+TEST(Batcher, ACentralCriticIsShownTheStateOfEachWorldAndOfACutEpisodesEnd) {
+  PolicyNetOptions options = small_network("none");
+  options.critic = CriticKind::kCentral;
+  options.critic_widths = {8};
+  options.env.global_state_count = 3;
+  options.global_state_count = 3;
+  const shm::Arena arena = make_arena(options, {.envs_per_worker = 2, .splits = 1});
+  const PolicyNet net = make_net(options);
+  Batcher batcher = make_batcher(arena);
+  FakeSplit split(arena, 0, 0);
+  FakeEnv &acting = split.envs[0], &truncated = split.envs[1];
+  std::ranges::copy(std::array{0.5f, -1.0f, 2.0f}, acting.slab().global_state(0).begin());
+  std::ranges::copy(std::array{3.0f, 1.0f, 0.0f}, truncated.slab().final_global_state(2).begin());
+  std::ranges::fill(truncated.slab().global_state(0), 77.0f);  // not what was asked about
+  split.announce(2);
+  acting.commit_act(true);
+  truncated.commit_final(2);
+  split.ring();
+  const Batch& batch = batcher.gather(0);
+  ASSERT_EQ(batch.requests.size(), 2u);
+  const Tensor expected = torch::tensor({{0.5f, -1.0f, 2.0f}, {3.0f, 1.0f, 0.0f}});
+  ASSERT_TRUE(torch::equal(batch.global_state, expected));
+  const PolicyOutput output =
+      net.step_rows(batch.frames, batch.measurement, batch.recurrent_state, batch.global_state);
+  batcher.scatter(batch, output, 9);
+  for (int agent = 0; agent < 2; ++agent) {
+    EXPECT_EQ(acting.slab().value(0, agent), output.value[agent].item<float>());
+    EXPECT_EQ(truncated.slab().final_value(2, agent), output.value[2 + agent].item<float>());
+  }
+}
+
 TEST(Batcher, InLockStepABatchIsExactlyOneCompleteSplitInEnvironmentOrder) {
   const PolicyNetOptions options = small_network();
   const shm::Arena arena = make_arena(options, {.sim_workers = 2, .envs_per_worker = 6});

@@ -41,6 +41,7 @@ PolicyNetOptions variant(const std::string& name) {
   if (has("position")) options.critic_view = CriticView::kPosition;
   if (has("joint")) options.critic = CriticKind::kJoint, options.separate_agents = true;
   if (has("plain")) options.critic_rnn = false;
+  if (has("global")) options.global_state_count = 4;
   if (has("impala")) options.encoder = has("resnet") ? "resnet_impala" : "convnet_impala";
   if (has("atari")) options.encoder = "convnet_atari";
   if (has("bf16")) options.precision = Precision::kBf16;
@@ -49,6 +50,9 @@ PolicyNetOptions variant(const std::string& name) {
 
 struct Rows {
   Tensor frame, measurement, state, reset;
+  Tensor global_state = {};
+  /// Of step `t`, for step().
+  Tensor global(int64_t t) const { return global_state.defined() ? global_state[t] : Tensor(); }
 };
 
 Rows random_rows(const PolicyNetOptions& options, int64_t steps, int64_t worlds) {
@@ -56,14 +60,17 @@ Rows random_rows(const PolicyNetOptions& options, int64_t steps, int64_t worlds)
   return {torch::randint(0, 256, {steps, rows, 3, options.env.height, options.env.width}, torch::kUInt8),
           torch::randn({steps, rows, options.env.measurement_count}),
           torch::randn({rows, options.recurrent_state_count()}).clamp(-1, 1),
-          torch::rand({steps, rows}).gt(0.6).to(torch::kUInt8)};
+          torch::rand({steps, rows}).gt(0.6).to(torch::kUInt8),
+          options.global_state_count > 0 ? 1000 * torch::randn({steps, worlds, options.global_state_count})
+                                         : Tensor()};
 }
 
 SequenceInput input_of(const Rows& rows) {
   return {.frame = rows.frame,
           .measurement = rows.measurement,
           .recurrent_state = rows.state,
-          .reset = rows.reset};
+          .reset = rows.reset,
+          .global_state = rows.global_state};
 }
 
 double largest_difference(const Tensor& a, const Tensor& b) { return (a - b).abs().max().item<double>(); }
@@ -76,6 +83,7 @@ class Variants : public testing::TestWithParam<const char*> {
     net_ = PolicyNet::create(options_, 3, torch::kCPU);
     rows_ = random_rows(options_, 5, 2);
     net_.update_input_statistics(rows_.frame.flatten(0, 1), rows_.measurement.flatten(0, 1));
+    if (rows_.global_state.defined()) net_.update_state_statistics(rows_.global_state);
   }
 
   PolicyNetOptions options_;
@@ -90,7 +98,7 @@ TEST_P(Variants, SequenceEqualsRepeatedStepsWithResets) {
   Tensor state = rows_.state;
   for (int64_t t = 0; t < 5; ++t) {
     state = state * rows_.reset[t].eq(0).to(torch::kFloat32).unsqueeze(-1);
-    const PolicyOutput output = net_.step(rows_.frame[t], rows_.measurement[t], state);
+    const PolicyOutput output = net_.step(rows_.frame[t], rows_.measurement[t], state, rows_.global(t));
     EXPECT_LT(largest_difference(sequence.logits[t], output.logits), tolerance) << "step " << t;
     EXPECT_LT(largest_difference(sequence.value[t], output.value), tolerance) << "step " << t;
     ASSERT_EQ(output.recurrent_state.sizes(), rows_.state.sizes());
@@ -102,8 +110,8 @@ TEST_P(Variants, FramesMayLieAnywhere) {
   std::vector<const uint8_t*> pointers;
   for (int64_t row = 0; row < rows_.frame.size(1); ++row)
     pointers.push_back(rows_.frame[0][row].data_ptr<uint8_t>());
-  const PolicyOutput dense = net_.step(rows_.frame[0], rows_.measurement[0], rows_.state);
-  const PolicyOutput scattered = net_.step_rows(pointers, rows_.measurement[0], rows_.state);
+  const PolicyOutput dense = net_.step(rows_.frame[0], rows_.measurement[0], rows_.state, rows_.global(0));
+  const PolicyOutput scattered = net_.step_rows(pointers, rows_.measurement[0], rows_.state, rows_.global(0));
   EXPECT_LT(largest_difference(dense.logits, scattered.logits), 1e-5);
   EXPECT_LT(largest_difference(dense.value, scattered.value), 1e-5);
   if (options_.recurrent_state_count() > 0) {
@@ -115,7 +123,7 @@ TEST_P(Variants, SomeAgentsAloneActAsAmongAll) {
   std::vector<const uint8_t*> all;
   for (int64_t row = 0; row < rows_.frame.size(1); ++row)
     all.push_back(rows_.frame[0][row].data_ptr<uint8_t>());
-  const PolicyOutput whole = net_.step_rows(all, rows_.measurement[0], rows_.state);
+  const PolicyOutput whole = net_.step_rows(all, rows_.measurement[0], rows_.state, rows_.global(0));
   const std::vector<int> agents = {0, 2};
   std::vector<int64_t> rows;
   std::vector<const uint8_t*> frames;
@@ -159,8 +167,8 @@ TEST_P(Variants, WeightsTravelAsBytes) {
   std::vector<std::byte> bytes(static_cast<size_t>(net_.weights_bytes()));
   net_.write_weights(bytes);
   ASSERT_TRUE(worker.read_weights(bytes));
-  const PolicyOutput here = net_.step(rows_.frame[0], rows_.measurement[0], rows_.state),
-                     there = worker.step(rows_.frame[0], rows_.measurement[0], rows_.state);
+  const PolicyOutput here = net_.step(rows_.frame[0], rows_.measurement[0], rows_.state, rows_.global(0)),
+                     there = worker.step(rows_.frame[0], rows_.measurement[0], rows_.state, rows_.global(0));
   EXPECT_TRUE(torch::equal(here.logits, there.logits));
   EXPECT_TRUE(torch::equal(here.value, there.value));
 }
@@ -168,7 +176,8 @@ TEST_P(Variants, WeightsTravelAsBytes) {
 INSTANTIATE_TEST_SUITE_P(PolicyNet, Variants,
                          testing::Values("separate", "separate_lstm", "id", "id_feedforward", "central_id",
                                          "central_separate", "central_position_id",
-                                         "central_position_separate", "bf16_central", "joint",
+                                         "central_position_separate", "central_global",
+                                         "central_position_global", "joint_global", "bf16_central", "joint",
                                          "joint_lstm_deep", "joint_plain", "joint_feedforward", "decoder",
                                          "joint_decoder", "atari", "impala", "resnet_impala", "bf16",
                                          "bf16_lstm", "bf16_joint", "bf16_resnet_impala"));
@@ -245,6 +254,40 @@ TEST(PolicyNet, OnlyCriticsOfAllAgentsSeeAnotherAgentsFrame) {
           << name << row;
     }
   }
+}
+
+TEST(PolicyNet, OnlyTheTeamsCriticSeesTheGlobalStateAndOnlyOfItsWorld) {
+  for (const char* name : {"central_global", "central_position_global", "joint_global"}) {
+    const PolicyNetOptions options = variant(name);
+    const PolicyNet net = PolicyNet::create(options, 3, torch::kCPU);
+    const Rows rows = random_rows(options, 1, 2);
+    net.update_state_statistics(rows.global_state);
+    const PolicyOutput before = net.step(rows.frame[0], rows.measurement[0], rows.state, rows.global(0));
+    Tensor state = rows.global(0).clone();
+    state[1][2] += 500;
+    const PolicyOutput after = net.step(rows.frame[0], rows.measurement[0], rows.state, state);
+    EXPECT_TRUE(torch::equal(before.logits, after.logits)) << name;
+    EXPECT_TRUE(torch::equal(before.recurrent_state, after.recurrent_state)) << name;
+    for (int64_t row = 0; row < 6; ++row)
+      EXPECT_EQ(largest_difference(before.value[row], after.value[row]) > 1e-6, row >= 3) << name << row;
+  }
+}
+
+TEST(PolicyNet, TheGlobalStateIsNormalisedAlsoWhereInputsAreNot) {
+  PolicyNetOptions options = variant("central_global");
+  options.normalize_input = false;
+  const PolicyNet net = PolicyNet::create(options, 3, torch::kCPU);
+  const Tensor states =
+      torch::tensor({{-3000.0f, 0.0f, 1.0f, 7.0f}, {3000.0f, 0.0f, 3.0f, 7.0f}}).repeat({500, 1});
+  net.update_state_statistics(states);
+  const Tensor seen = net.normalized_state(states);
+  EXPECT_NEAR(seen[1][0].item<double>(), 1, 0.01);
+  EXPECT_NEAR(seen[0][2].item<double>(), -1, 0.01);
+  EXPECT_LE(seen.abs().max().item<double>(), 5);
+  std::set<std::string> names;
+  for (const auto& [key, tensor] : net.named_state()) names.insert(key);
+  EXPECT_TRUE(names.contains("normalizer.global_state.mean"));
+  EXPECT_FALSE(names.contains("normalizer.frame.mean"));
 }
 
 TEST(PolicyNet, AnActorsPassIsItsColumnOfTheWholeAndTouchesNoOtherNetwork) {

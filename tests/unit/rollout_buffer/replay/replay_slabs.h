@@ -18,8 +18,13 @@ namespace comrad::replay {
 
 inline TrajectoryShape small_shape() {
   TrajectoryShape shape;
-  shape.env = {
-      .num_agents = 2, .channels = 3, .height = 6, .width = 8, .measurement_count = 3, .head_count = 2};
+  shape.env = {.num_agents = 2,
+               .channels = 3,
+               .height = 6,
+               .width = 8,
+               .measurement_count = 3,
+               .global_state_count = 4,
+               .head_count = 2};
   shape.env.head_sizes = {3, 4};
   shape.rollout_steps = 8;
   shape.recurrent_state_count = 5;
@@ -52,6 +57,8 @@ inline void fill_slab(const testing::SlabPool& pool, const TrajectoryShape& shap
       for (uint8_t& pixel : slab.final_frame(row, agent)) pixel = static_cast<uint8_t>(rng.next());
       for (float& x : slab.final_measurement(row, agent)) x = static_cast<float>(rng.uniform());
     }
+  for (int row = 0; row < shape.final_capacity; ++row)
+    for (float& x : slab.final_global_state(row)) x = static_cast<float>(rng.uniform());
   const bool masks = rng.below(2) == 0;
   for (int row = 0; row <= shape.rollout_steps; ++row)
     for (int agent = 0; agent < shape.env.num_agents; ++agent) {
@@ -86,6 +93,7 @@ inline void expect_same(const StoredTrajectory& item, const SlabView& slab, int 
   std::vector<uint8_t> frame(frame_bytes);
   for (int row = 0; row <= length; ++row) {
     ASSERT_TRUE(std::ranges::equal(frames_of(item, shape, row), slab.frames(row))) << "row " << row;
+    EXPECT_TRUE(std::ranges::equal(item.global_state(row), slab.global_state(row))) << "row " << row;
     for (int agent = 0; agent < agents; ++agent) {
       item.copy_frame(row, agent, frame.data());
       ASSERT_TRUE(std::ranges::equal(frame, slab.frame(row, agent)));
@@ -117,6 +125,8 @@ inline void expect_same(const StoredTrajectory& item, const SlabView& slab, int 
     ASSERT_LT(row, item.final_count());
     std::vector<uint8_t> finals(frame_bytes * static_cast<std::size_t>(agents));
     item.copy_final_frames(row, finals.data());
+    EXPECT_TRUE(
+        std::ranges::equal(item.final_global_state(row), slab.final_global_state(slab.final_index(step))));
     for (int agent = 0; agent < agents; ++agent) {
       const auto expected = slab.final_frame(slab.final_index(step), agent);
       item.copy_final_frame(row, agent, frame.data());

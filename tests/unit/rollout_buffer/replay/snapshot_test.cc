@@ -214,9 +214,9 @@ TEST_F(DamagedSnapshot, CutAnywhereIsRefused) {
 TEST_F(DamagedSnapshot, AnotherVersionIsRefusedByItsNumberRatherThanByItsChecksums) {
   std::string bytes = sound_;
   constexpr std::size_t kVersionAt = sizeof(SectionHeader) + 8;  // behind the magic letters
-  bytes[kVersionAt] = 2;
+  bytes[kVersionAt] = 3;
   bytes[sizeof(SectionHeader) - 1] ^= 1;  // of the first header's sum
-  EXPECT_THAT(error_of(bytes), AllOf(HasSubstr("version 2"), HasSubstr("version 3"), HasSubstr("remove it")));
+  EXPECT_THAT(error_of(bytes), AllOf(HasSubstr("version 3"), HasSubstr("version 4"), HasSubstr("remove it")));
 }
 
 TEST_F(DamagedSnapshot, AFlippedBitAnywhereIsFound) {

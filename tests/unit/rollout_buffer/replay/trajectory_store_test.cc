@@ -209,6 +209,18 @@ TEST(TrajectoryStore, WhatPeersWroteIsChecked) {
        1,
        {5}},
       {"recurrent state", [](const SlabView& slab) { slab.recurrent_state(0, 1)[4] = kNan; }, 8, every},
+      {"global state, which every agent's critic sees",
+       [](const SlabView& slab) { slab.global_state(4)[3] = kNan; },
+       2,
+       {3, 4}},
+      {"last observation's global state",
+       [](const SlabView& slab) {
+         slab.truncated(5) = 1;
+         slab.final_index(5) = 2;
+         slab.final_global_state(2)[0] = std::numeric_limits<float>::infinity();
+       },
+       2,
+       {5}},
   };
   for (const Case& one : cases) {
     SCOPED_TRACE(one.what);
@@ -226,6 +238,7 @@ TEST(TrajectoryStore, WhatPeersWroteIsChecked) {
     const auto finite = [](float x) { return std::isfinite(x); };
     for (int row = 0; row <= 8; ++row) {
       EXPECT_TRUE(std::ranges::all_of(item.measurement(row), finite));
+      EXPECT_TRUE(std::ranges::all_of(item.global_state(row), finite));
       if (row == 8) break;
       EXPECT_TRUE(std::ranges::all_of(item.reward(row), finite));
       for (std::size_t i = 0; i < 4; ++i) EXPECT_LT(item.action(row)[i], shape.env.head_sizes[i % 2]);
@@ -235,7 +248,8 @@ TEST(TrajectoryStore, WhatPeersWroteIsChecked) {
     for (int agent = 0; agent < 2; ++agent)
       EXPECT_TRUE(std::ranges::all_of(item.recurrent_state(agent), finite));
     for (int row = 0; row < item.final_count(); ++row)
-      EXPECT_TRUE(std::ranges::all_of(item.final_measurement(row), finite));
+      EXPECT_TRUE(std::ranges::all_of(item.final_measurement(row), finite) &&
+                  std::ranges::all_of(item.final_global_state(row), finite));
     for (int row = 0; row <= 8; ++row)
       for (std::size_t agent = 0; agent < 2; ++agent)
         EXPECT_TRUE(

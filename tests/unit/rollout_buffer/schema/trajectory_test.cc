@@ -19,6 +19,7 @@ TrajectoryShape shape_of(int agents, int steps, int measurements) {
                .height = 5,
                .width = 7,
                .measurement_count = measurements,
+               .global_state_count = 2 * measurements,
                .head_count = 3};
   shape.env.head_sizes = {3, 2, 4};
   shape.rollout_steps = steps;
@@ -37,11 +38,14 @@ std::vector<Field> fields_of(const SlabOffsets& offsets) {
   const int64_t T = offsets.shape.rollout_steps, N = offsets.shape.env.num_agents,
                 K = offsets.shape.final_capacity;
   const int64_t F = offsets.shape.env.frame_bytes(), M = offsets.shape.env.measurement_count;
+  const int64_t S = offsets.shape.env.global_state_count;
   const int64_t A = offsets.shape.env.logit_count(), H = offsets.shape.recurrent_state_count;
   return {{"frame", offsets.frame, (T + 1) * N * F},
           {"final_frame", offsets.final_frame, K * N * F},
           {"measurement", offsets.measurement, (T + 1) * N * M * 4},
           {"final_measurement", offsets.final_measurement, K * N * M * 4},
+          {"global_state", offsets.global_state, (T + 1) * S * 4},
+          {"final_global_state", offsets.final_global_state, K * S * 4},
           {"action_mask", offsets.action_mask, (T + 1) * N * A},
           {"agent_active", offsets.agent_active, (T + 1) * N},
           {"reward", offsets.reward, T * N * 4},
@@ -115,6 +119,8 @@ TEST(SlabView, EveryElementHasItsOwnBytes) {
     }
     for (int snapshot = 0; snapshot < 2; ++snapshot) mark_span(slab.recurrent_state(snapshot, agent));
   }
+  for (int step = 0; step <= 4; ++step) mark_span(slab.global_state(step));
+  for (int row = 0; row < 3; ++row) mark_span(slab.final_global_state(row));
   for (int step = 0; step < 4; ++step) {
     mark(&slab.terminated(step), 1);
     mark(&slab.truncated(step), 1);

@@ -22,6 +22,10 @@ TEST(Describe, HasEveryTermOfEveryScenario) {
     const auto described = describe(name, 0);
     ASSERT_TRUE(described) << described.error().message;
     EXPECT_EQ((*described)["measurements"], spec->measurements.size()) << name;
+    EXPECT_EQ((*described)["global_state_names"].size(), (*described)["global_state"]) << name;
+    EXPECT_EQ((*described)["global_state"],
+              10 * (*described)["num_agents"].get<std::size_t>() + (*described)["exported_variables"].size())
+        << name;
     EXPECT_EQ((*described)["measurement_terms"].size(), spec->measurements.size()) << name;
     EXPECT_EQ((*described)["rewards"].size(), spec->rewards.size()) << name;
     EXPECT_EQ((*described)["masks"].size(), spec->masks.size()) << name;

@@ -2,11 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "doomgen/acs/compiler.h"
+#include "scenarios/spec/global_state.h"
 #include "sim_workers/engine/acs/behavior.h"
 #include "tests/support/level_builder.h"
 
@@ -253,6 +256,35 @@ TEST(DoomEnvironment, MeasurementsAreScaledShiftedAndClipped) {
   target.measurement = measurement.data();
   env.observe_numbers(target);
   EXPECT_EQ(measurement, (std::vector<float>{5, -100, 5, 100}));
+}
+
+TEST(DoomEnvironment, TheGlobalStateTellsOfAllAgentsAndWhatScriptsExport) {
+  const auto game = clock_game();
+  game->spec.exports = {{.name = "clock", .user = 1, .meaning = ""}, {.name = "", .user = 7, .meaning = ""}};
+  EXPECT_EQ(DoomEnvironment(game).shape().global_state_count, 0) << "nobody asked";
+  game->use_global_state = true;
+  DoomEnvironment env(game);
+  const std::vector<std::string> names = scenarios::global_state_names(game->spec, 2);
+  ASSERT_EQ(env.shape().global_state_count, static_cast<int32_t>(names.size()));
+  env.reset(1);
+  for (int step = 0; step < 3; ++step) env.step(kIdle);
+  std::vector<float> state(names.size(), -1e9f);
+  env.observe_numbers({.global_state = state.data()});
+  const auto at = [&](const std::string& name) {
+    return state[static_cast<std::size_t>(std::ranges::find(names, name) - names.begin())];
+  };
+  for (int agent = 0; agent < 2; ++agent) {
+    const std::string who = "agent_" + std::to_string(agent) + "/";
+    const auto* body = env.world().body_of(agent);
+    EXPECT_EQ(at(who + "x"), static_cast<float>(doom::to_double(body->x)));
+    EXPECT_EQ(at(who + "y"), static_cast<float>(doom::to_double(body->y)));
+    EXPECT_NEAR(std::hypot(at(who + "cos_angle"), at(who + "sin_angle")), 1, 1e-5);
+    EXPECT_EQ(at(who + "health"), 100);
+    EXPECT_EQ(at(who + "alive"), 1);
+  }
+  EXPECT_EQ(at("clock"), static_cast<float>(env.world().exported(1)));
+  EXPECT_GT(at("clock"), 0);
+  EXPECT_EQ(at("USER7"), 0);
 }
 
 TEST(DoomEnvironment, AStrideGivesEveryAgentAGlobalOfItsOwn) {

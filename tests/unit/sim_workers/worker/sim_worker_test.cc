@@ -193,14 +193,16 @@ class Shadow {
         : frame(static_cast<std::size_t>(shape.frame_bytes() * shape.num_agents)),
           mask(static_cast<std::size_t>(shape.logit_count() * shape.num_agents)),
           active(static_cast<std::size_t>(shape.num_agents)),
-          measurement(static_cast<std::size_t>(shape.measurement_count * shape.num_agents)) {}
+          measurement(static_cast<std::size_t>(shape.measurement_count * shape.num_agents)),
+          global_state(static_cast<std::size_t>(shape.global_state_count)) {}
     std::vector<uint8_t> frame, mask, active;
-    std::vector<float> measurement;
+    std::vector<float> measurement, global_state;
   };
 
   Observation observe() const {
     Observation seen(world_.shape());
-    world_.observe({seen.frame.data(), seen.measurement.data(), seen.mask.data(), seen.active.data()});
+    world_.observe({seen.frame.data(), seen.measurement.data(), seen.mask.data(), seen.active.data(),
+                    seen.global_state.data()});
     return seen;
   }
 
@@ -213,6 +215,7 @@ class Shadow {
         0);
     EXPECT_EQ(std::memcmp(slab.action_mask(step, 0).data(), seen.mask.data(), seen.mask.size()), 0);
     EXPECT_EQ(std::memcmp(&slab.agent_active(step, 0), seen.active.data(), seen.active.size()), 0);
+    EXPECT_TRUE(std::ranges::equal(slab.global_state(step), seen.global_state));
   }
 
   void check_final(const SlabView& slab, int row, bool truncated) const {
@@ -221,6 +224,7 @@ class Shadow {
     EXPECT_EQ(std::memcmp(slab.final_measurement(row, 0).data(), seen.measurement.data(),
                           4 * seen.measurement.size()),
               0);
+    EXPECT_TRUE(std::ranges::equal(slab.final_global_state(row), seen.global_state));
     for (int agent = 0; agent < slab.shape().env.num_agents; ++agent)
       EXPECT_EQ(slab.final_value(row, agent),
                 truncated
@@ -722,6 +726,12 @@ TEST(SimWorker, RefusesEnvironmentsThatDoNotFitTheArena) {
   const auto shape = SimWorker::create(set, arena, {});
   ASSERT_FALSE(shape);
   EXPECT_THAT(shape.error().message, HasSubstr("heads 3,3; the arena was made for 2 agents, frame 3x4x6"));
+  wrong = toy(1, 2);
+  wrong.shape.global_state_count = 4;
+  ToyEnvironmentSet other_state(wrong, 4);
+  const auto state = SimWorker::create(other_state, arena, {});
+  ASSERT_FALSE(state);
+  EXPECT_THAT(state.error().message, HasSubstr("4 numbers of global state"));
   ToyEnvironmentSet few(toy(1, 2), 3);
   const auto count = SimWorker::create(few, arena, {});
   ASSERT_FALSE(count);
