@@ -15,6 +15,9 @@ struct PictureArea {
   float top_left = 0, top_right = 0, bottom_left = 0, bottom_right = 0;
 };
 
+/// A number for each of the four corners of a quad, which are computed side by side.
+using FourCorners = float __attribute__((vector_size(16)));
+
 /// Rasterizers place corners on a grid of 1/256 pixel; on the same grid, "is this pixel's centre inside" has
 /// the same answer here and there.
 inline float snap(float pixels) { return std::floor(pixels * 256.0f + 0.5f) * (1.0f / 256.0f); }
@@ -80,6 +83,19 @@ void cut_to_picture(PictureArea area, float rows, Corner&& corner) {
                 bottom_b = along(area.bottom_left, area.bottom_right, b);
     if (bottom_a <= top_a && bottom_b <= top_b) return;
     corner(a, top_a), corner(b, top_b), corner(b, bottom_b), corner(a, bottom_a);
+  });
+}
+
+/// The same, with quad(x, row) for each quad.
+template <typename Quad>
+void quads_in_picture(const PictureArea& area, float rows, Quad&& quad) {
+  FourCorners x{}, row{};
+  std::size_t count = 0;
+  cut_to_picture(area, rows, [&](float corner_x, float corner_row) {
+    x[count] = corner_x, row[count] = corner_row;
+    if (++count < 4) return;
+    quad(x, row);
+    count = 0;
   });
 }
 

@@ -17,6 +17,12 @@ constexpr float kSkyHorizonRow = 108.5f;
 constexpr float kTexelEpsilon = 1.0f / 256.0f;
 constexpr float kTuck = 1.0f / 16.0f;  // rows that a surface goes on below a nearer one
 constexpr std::size_t kPiecesLookedAt = 8;
+constexpr uint32_t kGoesOn = UINT32_MAX;  // in the place of a piece that is not over
+
+/// 1/depth of corners, none of them farther than anything is drawn.
+FourCorners not_beyond(const FourCorners& inverse) {
+  return inverse < kFarInverse ? FourCorners{} + kFarInverse : inverse;
+}
 
 }  // namespace
 
@@ -37,7 +43,7 @@ void Surfaces::emit() {
   collect_crossings();
   collect_pieces();
   if (sky_seen_) emit_sky();
-  for (const Piece& piece : pieces_) emit_piece(piece);
+  for (const Drawn& drawn : drawn_) emit_piece(pieces_[drawn.piece]);
 }
 
 // ---------------------------------------------------------------- the sky
@@ -240,30 +246,43 @@ bool Surfaces::goes_on(const Piece& before, const Piece& now) {
 }
 
 /// Adds a piece of one column, as the continuation of one of the column before it where it is that, or else
-/// if it `holds_pixel`. Pieces of a column are in the same order as those of the one before; the search goes
+/// if it holds a pixel. Pieces of a column are in the same order as those of the one before; the search goes
 /// on behind the last that was found, and not far: a piece that is missed is drawn in two.
-void Surfaces::add_piece(const Piece& piece, bool holds_pixel, std::size_t* older) {
+void Surfaces::add_piece(Piece::Kind kind, uint32_t span, const End& from, const End& to, int column,
+                         std::size_t* older) {
+  const Piece piece{.kind = kind,
+                    .span = span,
+                    .top = from.edge,
+                    .bottom = to.edge,
+                    .column_begin = column,
+                    .column_end = column + 1};
   const std::size_t end = std::min(column_pieces_.size(), *older + kPiecesLookedAt);
   for (std::size_t i = *older; i < end; ++i) {
-    Piece& before = column_pieces_[i];
+    Piece& before = pieces_[column_pieces_[i]];
     if (!goes_on(before, piece)) continue;
-    next_column_pieces_.push_back(before);
-    next_column_pieces_.back().column_end = piece.column_end;
-    before.column_end = 0;  // it is not over
+    before.column_end = piece.column_end;
+    next_column_pieces_.push_back(std::exchange(column_pieces_[i], kGoesOn));
     *older = i + 1;
     return;
   }
-  if (holds_pixel) next_column_pieces_.push_back(piece);
+  const bool holds_pixel = std::ceil(from.row - kTuck - 0.5f) < to.row + kTuck - 0.5f;
+  if (!holds_pixel) return;
+  next_column_pieces_.push_back(static_cast<uint32_t>(pieces_.size()));
+  pieces_.push_back(piece);
 }
 
 /// Each pixel belongs to one piece; nothing is painted twice but a sliver below edges.
 void Surfaces::collect_pieces() {
   borders_.clear();
   for (const WallSpan& span : visibility_.spans()) borders_.push_back(measure_border(span));
-  pieces_.clear(), column_pieces_.clear();
+  pieces_.clear(), column_pieces_.clear(), drawn_.clear();
   const auto end_pieces = [&] {
-    for (const Piece& piece : column_pieces_)
-      if (piece.column_end > 0) pieces_.push_back(piece);
+    for (const uint32_t index : column_pieces_) {
+      if (index == kGoesOn) continue;
+      const WallSpan& of = visibility_.spans()[pieces_[index].span];
+      const float inverse = of.inverse_at(0.5f * static_cast<float>(of.column_begin + of.column_end));
+      drawn_.push_back({inverse, pieces_[index].kind, index});
+    }
   };
   for (int column = 0; column < frame_.projection.width; ++column) {
     next_column_pieces_.clear();
@@ -273,10 +292,10 @@ void Surfaces::collect_pieces() {
   }
   end_pieces();
   // Far to near, and at the same border its wall before the floor in front of it.
-  const auto farther = [](const Piece& a, const Piece& b) {
+  const auto farther = [](const Drawn& a, const Drawn& b) {
     return a.inverse != b.inverse ? a.inverse < b.inverse : a.kind > b.kind;
   };
-  std::stable_sort(pieces_.begin(), pieces_.end(), farther);
+  std::stable_sort(drawn_.begin(), drawn_.end(), farther);
 }
 
 /// A column from near to far: what lies between the lowest upper and the highest lower edge so far still shows.
@@ -284,21 +303,8 @@ void Surfaces::look_through(int column) {
   const auto at = static_cast<std::size_t>(column);
   const Crossing* crossings = &crossings_[at * kCrossingsMax];
   std::size_t older = 0;
-  struct End {
-    Edge edge;
-    float row;
-  };
-  const auto add = [&](Piece::Kind kind, uint32_t span, End from, End to) {
-    const WallSpan& of = visibility_.spans()[span];
-    const bool holds_pixel = std::ceil(from.row - kTuck - 0.5f) < to.row + kTuck - 0.5f;
-    add_piece({.kind = kind,
-               .span = span,
-               .top = from.edge,
-               .bottom = to.edge,
-               .column_begin = column,
-               .column_end = column + 1,
-               .inverse = of.inverse_at(0.5f * static_cast<float>(of.column_begin + of.column_end))},
-              holds_pixel, &older);
+  const auto add = [&](Piece::Kind kind, uint32_t span, const End& from, const End& to) {
+    add_piece(kind, span, from, to, column, &older);
   };
   End top{{Edge::kPictureTop}, 0}, bottom{{Edge::kPictureBottom}, frame_.rows()};
   const ViewColumn& wall = visibility_.column(column);
@@ -430,14 +436,15 @@ void Surfaces::emit_textured(const WallSpan& span, const PictureArea& area, floa
     offset_x += to_float(frame_.view->sides[side.sidedef].scroll_x);
     offset_y += to_float(frame_.view->sides[side.sidedef].scroll_y);
   }
-  cut_to_picture(area, frame_.rows(), [&](float x, float row) {
-    const float sample_x = x + projection.wall_shift_x, sample_row = row + projection.wall_shift_y;
-    const float inverse = std::max(span.inverse_at(sample_x), kFarInverse);
-    const float height = frame_.eye_z + (frame_.center_y - sample_row) / (projection.focal_y * inverse);
-    frame_.push(x, row, inverse,
-                (span.u_at(sample_x) / inverse * part.scale_x + offset_x + kTexelEpsilon) / texture_width,
-                ((texture_top - height) * part.scale_y + offset_y + kTexelEpsilon) / texture_height,
-                part.region, shade, mark);
+  quads_in_picture(area, frame_.rows(), [&](const FourCorners& x, const FourCorners& row) {
+    const FourCorners sample_x = x + projection.wall_shift_x, sample_row = row + projection.wall_shift_y;
+    const FourCorners inverse = not_beyond(span.inverse_at(sample_x));
+    const FourCorners height = frame_.eye_z + (frame_.center_y - sample_row) / (projection.focal_y * inverse);
+    frame_.push_quad(
+        x, row, inverse,
+        (span.u_at(sample_x) / inverse * part.scale_x + offset_x + kTexelEpsilon) / texture_width,
+        ((texture_top - height) * part.scale_y + offset_y + kTexelEpsilon) / texture_height, part.region,
+        shade, mark);
   });
 }
 
@@ -460,16 +467,16 @@ void Surfaces::emit_plane(const PictureArea& area, uint32_t sector_index, bool f
     scale_x = usable(placement.scale_x), scale_y = usable(placement.scale_y);
     offset_x = to_float(placement.offset_x), offset_y = to_float(placement.offset_y);
   }
-  cut_to_picture(area, frame_.rows(), [&](float x, float row) {
-    const float inverse = std::max((row - frame_.center_y) * inverse_per_row, kFarInverse);
-    const float depth = 1.0f / inverse,
-                side = (x + projection.plane_shift_x - projection.center_x) / projection.focal_x * depth;
-    const float map_x = frame_.eye_x + frame_.cosine * depth + frame_.sine * side,
-                map_y = frame_.eye_y + frame_.sine * depth - frame_.cosine * side;
-    const float texel_x = (map_x * along_x - map_y * across) * scale_x + offset_x;
-    const float texel_y = -(map_x * across + map_y * along_x) * scale_y + offset_y;
-    frame_.push(x, row, inverse, (texel_x - kTexelEpsilon) / static_cast<float>(region.width),
-                (texel_y - kTexelEpsilon) / static_cast<float>(region.height), region, shade, now.tint);
+  quads_in_picture(area, frame_.rows(), [&](const FourCorners& x, const FourCorners& row) {
+    const FourCorners inverse = not_beyond((row - frame_.center_y) * inverse_per_row);
+    const FourCorners depth = 1.0f / inverse, side = (x + projection.plane_shift_x - projection.center_x) /
+                                                     projection.focal_x * depth;
+    const FourCorners map_x = frame_.eye_x + frame_.cosine * depth + frame_.sine * side,
+                      map_y = frame_.eye_y + frame_.sine * depth - frame_.cosine * side;
+    const FourCorners texel_x = (map_x * along_x - map_y * across) * scale_x + offset_x;
+    const FourCorners texel_y = -(map_x * across + map_y * along_x) * scale_y + offset_y;
+    frame_.push_quad(x, row, inverse, (texel_x - kTexelEpsilon) / static_cast<float>(region.width),
+                     (texel_y - kTexelEpsilon) / static_cast<float>(region.height), region, shade, now.tint);
   });
 }
 

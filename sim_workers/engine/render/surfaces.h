@@ -73,7 +73,6 @@ class Surfaces {
     uint32_t span = 0;  ///< the wall's, or the one that ends the floor
     Edge top, bottom;
     int column_begin = 0, column_end = 0;
-    float inverse = 0;  ///< in the middle of the span
   };
 
   void emit_painted_planes();
@@ -87,7 +86,13 @@ class Surfaces {
   void collect_crossings();
   void collect_pieces();
   void look_through(int column);
-  void add_piece(const Piece& piece, bool holds_pixel, std::size_t* older);
+  /// One end of a piece in a column.
+  struct End {
+    Edge edge;
+    float row = 0;
+  };
+  void add_piece(Piece::Kind kind, uint32_t span, const End& from, const End& to, int column,
+                 std::size_t* older);
   bool goes_on(const Piece& before, const Piece& now);
   void emit_piece(const Piece& piece);
   void emit_wall_part(const WallSpan& span, Piece::Kind kind, const PictureArea& area);
@@ -97,9 +102,16 @@ class Surfaces {
   const Visibility& visibility_;
   std::vector<Crossing> crossings_;  // [column, kCrossingsMax]
   std::vector<int> crossing_counts_;
-  std::vector<Border> borders_;                            // [span]
-  std::vector<Piece> pieces_;                              // of the picture
-  std::vector<Piece> column_pieces_, next_column_pieces_;  // of a column, near to far
+  std::vector<Border> borders_;                               // [span]
+  std::vector<Piece> pieces_;                                 // of the picture
+  std::vector<uint32_t> column_pieces_, next_column_pieces_;  // of a column, near to far: into pieces_
+  /// What decides about the order of pieces.
+  struct Drawn {
+    float inverse;
+    Piece::Kind kind;
+    uint32_t piece;
+  };
+  std::vector<Drawn> drawn_;  // every piece, as they ended; then far to near
   bool sky_seen_ = false;
 };
 

@@ -91,8 +91,7 @@ const SectorNow& ViewFrame::sector(uint32_t index) {
   return now;
 }
 
-const SceneSide& ViewFrame::side_now(const SceneSide& side) {
-  if (side.sidedef >= view->sides.size() || !view->sides[side.sidedef].retextured) return side;
+const SceneSide& ViewFrame::changed(const SceneSide& side) {
   auto& [changed_at, changed] = side_changes_[side.sidedef];
   if (changed_at != stamp) {
     changed_sides_.push_back(Scene::retextured(side, view->sides[side.sidedef], atlas));
@@ -180,6 +179,28 @@ void ViewFrame::push(float x, float row, float inverse, float u, float v, const 
                             .shade = shade,
                             .address = static_cast<int32_t>(region.address) | mark,
                             .picture = list->subject});
+}
+
+void ViewFrame::push_quad(const FourCorners& x, const FourCorners& row, const FourCorners& inverse,
+                          const FourCorners& u, const FourCorners& v, const AtlasRegion& region, float shade,
+                          int32_t mark) {
+  const FourCorners w = 1.0f / inverse;
+  const FourCorners clip_x = (x * 2.0f / static_cast<float>(projection.width) - 1.0f) * w;
+  const FourCorners clip_y = (row * 2.0f / static_cast<float>(projection.rows) - 1.0f) * w;
+  const std::size_t begin = list->vertices.size();
+  list->vertices.resize(begin + 4);
+  for (std::size_t i = 0; i < 4; ++i)
+    list->vertices[begin + i] = {.x = clip_x[i],
+                                 .y = clip_y[i],
+                                 .z = 0,
+                                 .w = w[i],
+                                 .u = u[i],
+                                 .v = v[i],
+                                 .width = static_cast<float>(region.width),
+                                 .height = static_cast<float>(region.height),
+                                 .shade = shade,
+                                 .address = static_cast<int32_t>(region.address) | mark,
+                                 .picture = list->subject};
 }
 
 }  // namespace comrad::doom

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "sim_workers/engine/render/draw_list.h"
+#include "sim_workers/engine/render/picture_area.h"
 #include "sim_workers/engine/render/projection.h"
 #include "sim_workers/engine/render/scene.h"
 #include "sim_workers/engine/world/world.h"
@@ -76,7 +77,13 @@ class ViewFrame {
 
   const SectorNow& sector(uint32_t index);
   /// The side with the textures that play has given it.
-  const SceneSide& side_now(const SceneSide& side);
+  const SceneSide& side_now(const SceneSide& side) {
+    return side.sidedef >= view->sides.size() || !view->sides[side.sidedef].retextured ? side : changed(side);
+  }
+  /// side_now() of this side comes soon: each world has its sides for itself, and they lie far from any cache.
+  void will_ask(const SceneSide& side) const {
+    if (side.sidedef < view->sides.size()) __builtin_prefetch(&view->sides[side.sidedef].retextured);
+  }
   /// How something of that style looks here; nothing where it does not show at all. Where there are too many
   /// blends, the nearest.
   std::optional<Paint> paint(RenderStyle style, float alpha);
@@ -88,6 +95,10 @@ class ViewFrame {
   /// Adds a corner of a quad.
   void push(float x, float row, float inverse, float u, float v, const AtlasRegion& region, float shade,
             int32_t mark);
+  /// Adds a quad: push() of its corners, clockwise from the upper left one.
+  void push_quad(const FourCorners& x, const FourCorners& row, const FourCorners& inverse,
+                 const FourCorners& u, const FourCorners& v, const AtlasRegion& region, float shade,
+                 int32_t mark);
 
   float rows() const { return static_cast<float>(projection.rows); }
   /// A row is center_y + row_factor(height) / depth.
@@ -104,6 +115,7 @@ class ViewFrame {
 
  private:
   int32_t tint(uint32_t color);
+  const SceneSide& changed(const SceneSide& side);
 
   std::vector<SectorNow> sectors_;
   std::deque<ScenePlane> changed_planes_;  // textures that scripts set, of this picture

@@ -27,14 +27,21 @@ const SceneSide& Visibility::near_side(const WallSpan& span) const {
 
 void Visibility::place_vertex(uint32_t vertex, float x, float y) {
   const float dx = x - frame_.eye_x, dy = y - frame_.eye_y;
-  depth_[vertex] = dx * frame_.cosine + dy * frame_.sine;
-  side_[vertex] = dx * frame_.sine - dy * frame_.cosine;
-  vertex_stamps_[vertex] = frame_.stamp;
+  VertexView& seen = vertices_[vertex];
+  seen.stamp = frame_.stamp;
+  seen.depth = dx * frame_.cosine + dy * frame_.sine;
+  seen.side = dx * frame_.sine - dy * frame_.cosine;
+  const Projection& projection = frame_.projection;
+  const float left_reach = projection.center_x,
+              right_reach = static_cast<float>(projection.width) - left_reach;
+  seen.beyond_left = seen.side * projection.focal_x < -left_reach * seen.depth;
+  seen.beyond_right = seen.side * projection.focal_x > right_reach * seen.depth;
 }
 
-void Visibility::transform(uint32_t vertex) {
-  if (vertex_stamps_[vertex] != frame_.stamp)
+const Visibility::VertexView& Visibility::transform(uint32_t vertex) {
+  if (vertices_[vertex].stamp != frame_.stamp)
     place_vertex(vertex, frame_.scene->vertex_x[vertex], frame_.scene->vertex_y[vertex]);
+  return vertices_[vertex];
 }
 
 void Visibility::look() {
@@ -42,8 +49,7 @@ void Visibility::look() {
   const SceneView& view = *frame_.view;
   windows_.resize(std::max(windows_.size(), view.sectors.size()));
   line_views_.resize(std::max(line_views_.size(), scene.lines.size()));
-  const std::size_t vertex_count = std::max(side_.size(), scene.vertex_x.size());
-  side_.resize(vertex_count), depth_.resize(vertex_count), vertex_stamps_.resize(vertex_count);
+  vertices_.resize(std::max(vertices_.size(), scene.vertex_x.size()));
   spans_.clear(), partial_spans_.clear(), queue_.clear();
   columns_.assign(static_cast<std::size_t>(frame_.projection.width), ViewColumn{});
   collect_polyobjects();
@@ -108,9 +114,9 @@ Visibility::LineView& Visibility::look_at(uint32_t index) {
 void Visibility::measure_line(uint32_t line_index, LineView* seen) {
   const Projection& projection = frame_.projection;
   const SceneLine& line = frame_.scene->lines[line_index];
-  transform(line.start), transform(line.end);
-  float side_a = side_[line.start], depth_a = depth_[line.start];
-  float side_b = side_[line.end], depth_b = depth_[line.end];
+  const VertexView &start = transform(line.start), &end = transform(line.end);
+  float side_a = start.side, depth_a = start.depth;
+  float side_b = end.side, depth_b = end.depth;
   if (depth_a < kNearDepth && depth_b < kNearDepth) {
     if (!line.two_sided || (depth_a <= 0 && depth_b <= 0)) return;
     // It crosses the view closer than anything is drawn: nothing to show, but it must not stop the eye.
@@ -122,11 +128,9 @@ void Visibility::measure_line(uint32_t line_index, LineView* seen) {
   const bool from_back = side_a * depth_b >= side_b * depth_a;
   if (from_back && !line.two_sided) return;
   // Outside the picture's left or right border: both ends on the far side of the same border ray.
-  const float left_reach = projection.center_x,
-              right_reach = static_cast<float>(projection.width) - left_reach;
+  if ((start.beyond_left && end.beyond_left) || (start.beyond_right && end.beyond_right)) return;
+  if (line.two_sided) frame_.will_ask(from_back ? line.back : line.front);
   const float focal = projection.focal_x;
-  if (side_a * focal < -left_reach * depth_a && side_b * focal < -left_reach * depth_b) return;
-  if (side_a * focal > right_reach * depth_a && side_b * focal > right_reach * depth_b) return;
   float u_a = 0, u_b = line.length;
   if (from_back) {
     std::swap(side_a, side_b), std::swap(depth_a, depth_b);
@@ -208,10 +212,10 @@ void Visibility::collect_polyobjects() {
       if (seen.kind != LineView::Kind::kShown || seen.added) continue;
       seen.added = true;
       // A step to the near side of its middle; (depth, side) back to the map.
-      const float middle_depth = 0.5f * (depth_[line.start] + depth_[line.end]);
-      const float middle_side = 0.5f * (side_[line.start] + side_[line.end]);
-      const float along_depth = depth_[line.end] - depth_[line.start],
-                  along_side = side_[line.end] - side_[line.start];
+      const VertexView &start = vertices_[line.start], &end = vertices_[line.end];
+      const float middle_depth = 0.5f * (start.depth + end.depth),
+                  middle_side = 0.5f * (start.side + end.side);
+      const float along_depth = end.depth - start.depth, along_side = end.side - start.side;
       const float step = (seen.span.back_side ? -2.0f : 2.0f) / std::max(1e-3f, line.length);
       const float depth = middle_depth - along_side * step, side = middle_side + along_depth * step;
       WallSpan span = seen.span;

@@ -22,8 +22,15 @@ struct WallSpan {
   float x_left = 0, x_right = 0;
   float inverse_left = 0, inverse_slope = 0;  ///< 1/depth at x_left, per pixel
   float u_left = 0, u_slope = 0;              ///< map units along the wall, over depth
-  float inverse_at(float x) const { return inverse_left + (x - x_left) * inverse_slope; }
-  float u_at(float x) const { return u_left + (x - x_left) * u_slope; }
+  /// Of one column, or of several side by side.
+  template <typename Number>
+  Number inverse_at(Number x) const {
+    return inverse_left + (x - x_left) * inverse_slope;
+  }
+  template <typename Number>
+  Number u_at(Number x) const {
+    return u_left + (x - x_left) * u_slope;
+  }
 };
 
 /// The nearest solid wall of a picture column.
@@ -60,6 +67,12 @@ class Visibility {
     int column_begin = 0, column_end = 0;
     WallSpan span;
   };
+  /// A vertex as the eye sees it: how far to the right and ahead, and beyond which border of the picture it lies.
+  struct VertexView {
+    uint64_t stamp = 0;
+    float side = 0, depth = 0;
+    bool beyond_left = false, beyond_right = false;
+  };
   /// Columns through which the eye reaches a sector.
   struct Window {
     uint64_t stamp = 0;
@@ -72,14 +85,13 @@ class Visibility {
   void measure_line(uint32_t line, LineView* seen);
   void add_span(const WallSpan& span);
   void collect_polyobjects();
-  void transform(uint32_t vertex);
+  const VertexView& transform(uint32_t vertex);
   void place_vertex(uint32_t vertex, float x, float y);
   bool is_hidden(const WallSpan& span) const;
 
   ViewFrame& frame_;
   uint32_t eye_sector_ = 0;
-  std::vector<float> side_, depth_;  // [vertex] right of and ahead of the eye
-  std::vector<uint64_t> vertex_stamps_;
+  std::vector<VertexView> vertices_;
   std::vector<LineView> line_views_;
   std::vector<Window> windows_;  // [sector]
   std::vector<uint32_t> queue_;
