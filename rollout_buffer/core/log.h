@@ -9,8 +9,8 @@
 
 namespace comrad {
 
-/// Sends this process's log to `path` (appended; parent folders are made) and warnings also to stderr, with
-/// `role` ("sim-0", "learner") on every line. An empty path logs to stderr alone.
+/// Sends this process's log to `path` (appended; folders are made; what is full moves on to sim-0.1.log, .2, .3, 32 MB in all) and warnings
+/// also to stderr. Lines name `role` ("sim-0"), in the file run@host, too: the run is the folder above logs/. Empty path: stderr alone.
 /// Errors: kSystem when the file cannot be opened.  Threads: call once, before any other thread logs.
 Status init_log(const std::string& role, const std::string& path);
 
