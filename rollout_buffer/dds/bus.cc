@@ -11,7 +11,7 @@
 namespace comrad::dds {
 namespace {
 
-constexpr int kBusVersion = 3;  // part of the partition: builds that disagree on comrad.idl do not meet
+constexpr int kBusVersion = 4;  // part of the partition: builds that disagree on comrad.idl do not meet
 constexpr int kEpisodeHistory = 1000;
 constexpr std::size_t kMaxPending =
     4096;  // statuses kept for a caller that only asks who was lost, or the reverse

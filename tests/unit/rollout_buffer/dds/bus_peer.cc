@@ -49,7 +49,7 @@ int main(int argc, char** argv) {
   std::fflush(stdout);
   pollfd input = {.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
   for (uint64_t episode = 0; poll(&input, 1, 50) == 0; ++episode) {
-    ok = ok && bus->write(EpisodeResult{.scenario = "coop_health_gathering",
+    ok = ok && bus->write(EpisodeResult{.scenario = "/" + std::string(4000, 's'),  // a path
                                         .layout_id = 42,
                                         .episode_id = episode,
                                         .episode_seed = 1ull << 63,
