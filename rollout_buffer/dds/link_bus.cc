@@ -16,9 +16,22 @@ constexpr int kParticipantsOfAHost = 20;
 constexpr int kQuestionHistory = 64;
 constexpr int kEpisodeHistory = 4096;
 constexpr int kFragmentLimit = 256;  // x 258 kB: what a reader or writer holds at most
+constexpr int kFrameLimit = 64;      // batches of 256 kB as a rule
+constexpr int kActionLimit = 1024;
 constexpr std::size_t kMaxAgentsOnWire = 8;
 
-enum TopicIndex { kQuestion, kAnswer, kReport, kState, kTrajectory, kWeights, kEpisode, kTopicCount };
+enum TopicIndex {
+  kQuestion,
+  kAnswer,
+  kReport,
+  kState,
+  kTrajectory,
+  kWeights,
+  kEpisode,
+  kFrames,
+  kActions,
+  kTopicCount
+};
 
 const std::array<TopicTraits, kTopicCount>& topics() {
   static const std::array<TopicTraits, kTopicCount> all = {{
@@ -38,6 +51,11 @@ const std::array<TopicTraits, kTopicCount>& topics() {
        .sample_limit = kFragmentLimit},
       {.name = "WeightsUpdate", .type = &comrad_wire_WeightsUpdate_desc, .is_kept_for_late_joiners = true},
       {.name = "FeederEpisode", .type = &comrad_wire_FeederEpisode_desc, .history = kEpisodeHistory},
+      {.name = "FrameBatch", .type = &comrad_wire_FrameBatch_desc, .history = 0, .sample_limit = kFrameLimit},
+      {.name = "ActionBatch",
+       .type = &comrad_wire_ActionBatch_desc,
+       .history = 0,
+       .sample_limit = kActionLimit},
   }};
   return all;
 }
@@ -73,7 +91,7 @@ const std::vector<LinkTopic>& link_topics() {
   static const std::vector<LinkTopic> all = {
       {"DoorQuestion", false, true},  {"DoorAnswer", true, false},      {"FeedReport", false, true},
       {"FeedState", true, false},     {"TrajectoryBatch", false, true}, {"WeightsUpdate", true, false},
-      {"FeederEpisode", false, true},
+      {"FeederEpisode", false, true}, {"FrameBatch", false, true},      {"ActionBatch", true, false},
   };
   return all;
 }
@@ -208,6 +226,42 @@ Status LinkBus::write(const FeederEpisode& episode) {
   return state_->participant->write(kEpisode, out);
 }
 
+Status LinkBus::write(const FrameBatch& batch) {
+  if (batch.payload.size() > kFrameBatchBytes)
+    return too_long("a batch of frames", batch.payload.size(), kFrameBatchBytes);
+  comrad_wire_FrameBatch out{};
+  out.feeder_id = batch.feeder_id;
+  out.epoch = batch.epoch;
+  out.batch_index = batch.batch_index;
+  out.fingerprint = batch.fingerprint;
+  out.slab_bytes = batch.slab_bytes;
+  out.sim_workers = batch.sim_workers;
+  out.envs_per_worker = batch.envs_per_worker;
+  out.is_leaving = batch.is_leaving;
+  out.request_count = batch.request_count;
+  out.raw_bytes = batch.raw_bytes;
+  out.is_compressed = batch.is_compressed;
+  out.checksum = batch.checksum;
+  put(out.host, batch.host);
+  out.payload = sequence_of<decltype(out.payload)>(batch.payload);
+  return state_->participant->write(kFrames, out);
+}
+
+Status LinkBus::write(const ActionBatch& batch) {
+  if (batch.payload.size() > kChunkBytes)
+    return too_long("a batch of actions", batch.payload.size(), kChunkBytes);
+  comrad_wire_ActionBatch out{};
+  out.feeder_id = batch.feeder_id;
+  out.session = batch.session;
+  out.epoch = batch.epoch;
+  out.batch_index = batch.batch_index;
+  put(out.run_state, batch.run_state);
+  put(out.message, batch.message);
+  out.credit_index = batch.credit_index;
+  out.payload = sequence_of<decltype(out.payload)>(batch.payload);
+  return state_->participant->write(kActions, out);
+}
+
 void LinkBus::take_questions(const std::function<void(const DoorQuestion&)>& visit) {
   state_->take<comrad_wire_DoorQuestion>(kQuestion, [&](const auto& in) {
     visit({.feeder_id = in.feeder_id, .question_id = in.question_id, .text = get(in.text)});
@@ -301,6 +355,39 @@ void LinkBus::take_episodes(const std::function<void(const FeederEpisode&)>& vis
            .ceiling = in.ceiling,
            .agent_return = floats_of(in.agent_return),
            .agent_score = floats_of(in.agent_score)});
+  });
+}
+
+void LinkBus::take_frames(const std::function<void(const FrameBatch&)>& visit) {
+  state_->take<comrad_wire_FrameBatch>(kFrames, [&](const auto& in) {
+    visit({.feeder_id = in.feeder_id,
+           .epoch = in.epoch,
+           .batch_index = in.batch_index,
+           .fingerprint = in.fingerprint,
+           .slab_bytes = in.slab_bytes,
+           .sim_workers = in.sim_workers,
+           .envs_per_worker = in.envs_per_worker,
+           .is_leaving = in.is_leaving,
+           .request_count = in.request_count,
+           .raw_bytes = in.raw_bytes,
+           .is_compressed = in.is_compressed,
+           .checksum = in.checksum,
+           .host = get(in.host),
+           .payload = bytes_of(in.payload)});
+  });
+}
+
+void LinkBus::take_actions(uint64_t feeder_id, const std::function<void(const ActionBatch&)>& visit) {
+  state_->take<comrad_wire_ActionBatch>(kActions, [&](const auto& in) {
+    if (in.feeder_id != feeder_id) return;
+    visit({.feeder_id = in.feeder_id,
+           .session = in.session,
+           .epoch = in.epoch,
+           .batch_index = in.batch_index,
+           .run_state = get(in.run_state),
+           .message = get(in.message),
+           .credit_index = in.credit_index,
+           .payload = bytes_of(in.payload)});
   });
 }
 

@@ -16,10 +16,11 @@
 
 namespace comrad::dds {
 
-constexpr uint32_t kLinkVersion = 1;  ///< of the topics but the door's: other versions do not meet on them
+constexpr uint32_t kLinkVersion = 2;  ///< of the topics but the door's: other versions do not meet on them
 constexpr std::size_t kChunkBytes = 1 << 20;            ///< most of a weights chunk or of a door's payload
 constexpr std::size_t kFragmentBytes = 1 << 18;         ///< most raw bytes of a trajectory's fragment
 constexpr std::size_t kFragmentPayloadBytes = 264'192;  ///< most of them as LZ4 makes them
+constexpr std::size_t kFrameBatchBytes = 1 << 22;       ///< most of a batch of frames, as it travels
 constexpr std::size_t kDoorTextBytes = 1023;
 
 struct DoorQuestion {
@@ -90,6 +91,35 @@ struct WeightsChunk {
   std::span<const std::byte> payload = {};
 };
 
+/// Of a host with simulators and no policy; the members as comrad.idl has them.
+struct FrameBatch {
+  uint64_t feeder_id = 0;
+  uint32_t epoch = 0;
+  uint64_t batch_index = 0;
+  uint64_t fingerprint = 0;
+  uint64_t slab_bytes = 0;
+  uint32_t sim_workers = 0;
+  uint32_t envs_per_worker = 0;
+  bool is_leaving = false;
+  uint32_t request_count = 0;
+  uint32_t raw_bytes = 0;
+  bool is_compressed = false;
+  uint64_t checksum = 0;
+  std::string host = {};
+  std::span<const std::byte> payload = {};
+};
+
+struct ActionBatch {
+  uint64_t feeder_id = 0;
+  uint64_t session = 0;
+  uint32_t epoch = 0;
+  uint64_t batch_index = 0;
+  std::string run_state = {};  ///< running, paused, stopping, refused
+  std::string message = {};
+  uint64_t credit_index = 0;
+  std::span<const std::byte> payload = {};
+};
+
 struct FeederEpisode {
   uint64_t feeder_id = 0;
   uint32_t env_index = 0;
@@ -128,6 +158,8 @@ class LinkBus {
   Status write(const TrajectoryFragment& fragment);
   Status write(const WeightsChunk& chunk);
   Status write(const FeederEpisode& episode);
+  Status write(const FrameBatch& batch);
+  Status write(const ActionBatch& batch);
 
   void take_questions(const std::function<void(const DoorQuestion&)>& visit);
   void take_answers(const std::function<void(const DoorAnswer&)>& visit);
@@ -137,6 +169,10 @@ class LinkBus {
   void take_fragments(const std::function<void(const TrajectoryFragment&)>& visit);
   void take_weights(const std::function<void(const WeightsChunk&)>& visit);
   void take_episodes(const std::function<void(const FeederEpisode&)>& visit);
+
+  void take_frames(const std::function<void(const FrameBatch&)>& visit);
+  /// Those for one feeding host.
+  void take_actions(uint64_t feeder_id, const std::function<void(const ActionBatch&)>& visit);
 
   /// As Bus::wait.
   bool wait(int timeout_ms);

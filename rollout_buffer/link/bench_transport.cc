@@ -4,6 +4,7 @@
 #include <signal.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -12,6 +13,7 @@
 #include <atomic>
 #include <bit>
 #include <cstdio>
+#include <cstdlib>
 #include <new>
 #include <nlohmann/json.hpp>
 #include <vector>
@@ -19,11 +21,16 @@
 #include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/cores.h"
+#include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
+#include "rollout_buffer/link/frame_receiver.h"
+#include "rollout_buffer/link/frame_sender.h"
 #include "rollout_buffer/shm/arena.h"
 
-namespace comrad::shm {
+namespace comrad::link {
 namespace {
+
+using namespace comrad::shm;  // what a run's processes do in the arena
 
 using nlohmann::ordered_json;
 
@@ -38,7 +45,10 @@ struct Arguments {
   int32_t num_agents = 2;
   int32_t rollout = 32;
   double seconds = 5;
+  std::string link = "arena", compression = "auto", keys;
   bool json = false;
+
+  bool is_over_dds() const { return link == "dds"; }
 };
 
 /// Counts of nanoseconds, 32 buckets to a doubling: 3 % wide. One writer, read when it has ended.
@@ -80,11 +90,11 @@ bool is_over(const Arena& arena) {
 }
 
 /// One simulator: every environment has a slab, a row of which it asks for, and no world.
-void play(const Arena& arena, int worker, Histogram& round_trips) {
+void play(const Arena& arena, int worker, bool asks_last_value, Histogram& round_trips) {
   const ArenaShape& shape = arena.shape();
   struct Env {
     uint32_t slab = 0, step = 0;
-    uint64_t step_id = 0;
+    uint64_t step_id = 0, rollout_index = 0;
   };
   std::vector<Env> envs(static_cast<std::size_t>(shape.envs_per_worker));
   const auto begin_slab = [&](Env& env) {
@@ -93,6 +103,12 @@ void play(const Arena& arena, int worker, Histogram& round_trips) {
       if (const auto slab = arena.acquire_slab(worker)) {
         env.slab = *slab;
         env.step = 0;
+        SlabHeader& header = arena.slab_header(static_cast<int>(*slab));
+        header.env_index =
+            static_cast<uint32_t>(&env - envs.data()) + static_cast<uint32_t>(worker * shape.envs_per_worker);
+        header.rollout_index = env.rollout_index++;
+        std::fill_n(arena.slab(static_cast<int>(*slab)).at<int32_t>(arena.slab_offsets().final_index),
+                    shape.trajectory.rollout_steps, -1);
         return;
       }
       wait(arena.control().slab_released, heard, kWaitUs);
@@ -111,7 +127,8 @@ void play(const Arena& arena, int worker, Histogram& round_trips) {
       slot.step_id = env.step_id;
       slot.slab_index = env.slab;
       slot.step = env.step;
-      slot.kind = RequestKind::kAct;
+      slot.kind = env.step < static_cast<uint32_t>(shape.trajectory.rollout_steps) ? RequestKind::kAct
+                                                                                   : RequestKind::kValue;
       slot.state.store(SlotState::kReady, std::memory_order_release);
     }
     ring(arena.slots_ready(shape.policy_worker_of(worker, split)));
@@ -135,16 +152,21 @@ void play(const Arena& arena, int worker, Histogram& round_trips) {
   WorkerCounters& counters = arena.sim_counters(worker);
   for (int split = 0; await(split); split = (split + 1) % shape.splits_per_worker) {
     round_trips.add(monotonic_ns() - committed_ns[static_cast<std::size_t>(split)]);
+    uint64_t decided = 0;
+    const auto steps = static_cast<uint32_t>(shape.trajectory.rollout_steps);
     for (int local = shape.split_begin(split); local < shape.split_end(split); ++local) {
       Env& env = envs[static_cast<std::size_t>(local)];
-      ++env.step_id;
-      if (++env.step < static_cast<uint32_t>(shape.trajectory.rollout_steps)) continue;
+      if (env.step < steps) ++decided, ++env.step, ++env.step_id;
+      // The slot goes back for the next request, as a simulator that takes the answer does.
+      arena.slot(worker * shape.envs_per_worker + local)
+          .state.store(SlotState::kIdle, std::memory_order_release);
+      const bool has_value = arena.slot(worker * shape.envs_per_worker + local).kind == RequestKind::kValue;
+      if (env.step < steps || (asks_last_value && !has_value)) continue;
       arena.slab_header(static_cast<int>(env.slab)).length = env.step;
       arena.seal_slab(env.slab);
       begin_slab(env);
     }
-    counters.decisions.fetch_add(static_cast<uint64_t>(shape.split_end(split) - shape.split_begin(split)),
-                                 std::memory_order_relaxed);
+    counters.decisions.fetch_add(decided, std::memory_order_relaxed);
     commit(split);
   }
 }
@@ -187,6 +209,38 @@ void drain(const Arena& arena) {
   }
 }
 
+/// The two ends of the frame link; each ends with its arena's run.
+void receive(const Arena& arena, const dds::BusConfig& config, const std::atomic<bool>& never) {
+  Expected<dds::LinkBus> bus = dds::LinkBus::open(config);
+  if (!bus) return std::abort();
+  FrameReceiver receiver(arena, std::move(*bus), FrameReceiverOptions{});
+  (void)receiver.run(never);
+}
+
+void send(const Arena& arena, const dds::BusConfig& config, const Arguments& arguments,
+          const std::atomic<bool>& never, FrameAccount& account) {
+  Expected<dds::LinkBus> bus = dds::LinkBus::open(config);
+  if (!bus) return std::abort();
+  FrameSenderOptions options;
+  options.feeder_id = 1;
+  options.host = "bench";
+  if (arguments.compression != "auto")
+    options.compression = arguments.compression == "lz4" ? Compression::kAlways : Compression::kNever;
+  FrameSender sender(arena, std::move(*bus), options);
+  (void)sender.run(never);
+  account = sender.account();
+}
+
+/// Processor time of all processes that this one has waited for.
+double cpu_of_children_s() {
+  rusage used{};
+  getrusage(RUSAGE_CHILDREN, &used);
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
+  return seconds(used.ru_utime) + seconds(used.ru_stime);
+}
+
 /// Forks a process that does `work` and ends with this one.
 template <typename Work>
 Expected<pid_t> start(Work&& work) {
@@ -216,20 +270,43 @@ Expected<ordered_json> measure(const Arguments& arguments) {
                                            std::to_string(shape.sim_worker_count * shape.splits_per_worker) +
                                            " groups of environments to share out"};
   COMRAD_TRY_ASSIGN(const Arena arena, Arena::create(shape, static_cast<uint64_t>(getpid())));
-  const std::size_t bytes = sizeof(Histogram) * static_cast<std::size_t>(shape.sim_worker_count);
+  const std::size_t bytes =
+      sizeof(Histogram) * static_cast<std::size_t>(shape.sim_worker_count) + sizeof(FrameAccount);
   void* shared = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (shared == MAP_FAILED) return Error{ErrorCode::kNoSpace, "no memory for the latencies"};
   auto* histograms = static_cast<Histogram*>(shared);  // zeroed memory is an empty histogram
+  auto* accounts = reinterpret_cast<FrameAccount*>(histograms + shape.sim_worker_count);
 
+  std::optional<Arena> far;  // of the simulators' host
+  if (arguments.is_over_dds()) {
+    COMRAD_TRY_ASSIGN(far, Arena::create(shape, static_cast<uint64_t>(getpid()) << 32));
+    far->control().run_state = arena.control().run_state = RunState::kRunning;
+  }
+  const Arena& played = far ? *far : arena;
+  const auto link_of = [&](const char* whose) {
+    dds::BusConfig config = dds::link_config(static_cast<uint64_t>(getpid()) << 32 | 7);
+    if (!arguments.keys.empty()) config.key_folder = arguments.keys + whose;
+    return config;
+  };
+  if (!arguments.keys.empty() && arguments.is_over_dds())
+    for (const char* whose : {"/run", "/hosts/bench"}) COMRAD_TRY(dds::validate(link_of(whose)));
+  const dds::BusConfig near_config = link_of("/run"), far_config = link_of("/hosts/bench");
   std::vector<pid_t> children;
   const auto end_all = [&] {
     arena.control().run_state = RunState::kStopping;
+    if (far) far->control().run_state = RunState::kStopping;
     for (const pid_t child : children) waitpid(child, nullptr, 0);
   };
-  for (int process = -shape.policy_worker_count - 1; process < shape.sim_worker_count; ++process) {
+  const std::atomic<bool> never{false};
+  for (int process = -shape.policy_worker_count - 1 - (far ? 2 : 0); process < shape.sim_worker_count;
+       ++process) {
     const Expected<pid_t> child = start([&] {
       if (process >= 0)
-        play(arena, process, histograms[process]);
+        play(played, process, arguments.is_over_dds(), histograms[process]);
+      else if (process == -shape.policy_worker_count - 3)
+        receive(arena, near_config, never);
+      else if (process == -shape.policy_worker_count - 2)
+        send(*far, far_config, arguments, never, *accounts);
       else if (process == -1)
         drain(arena);
       else
@@ -245,7 +322,7 @@ Expected<ordered_json> measure(const Arguments& arguments) {
   const auto handed_over = [&] {
     uint64_t sum = 0;
     for (int sim = 0; sim < shape.sim_worker_count; ++sim)
-      sum += arena.sim_counters(sim).decisions.load(std::memory_order_relaxed);
+      sum += played.sim_counters(sim).decisions.load(std::memory_order_relaxed);
     return static_cast<double>(sum);
   };
   const auto sleep_s = [](double seconds) { usleep(static_cast<useconds_t>(seconds * 1e6)); };
@@ -260,30 +337,44 @@ Expected<ordered_json> measure(const Arguments& arguments) {
 
   Histogram all{};
   for (int sim = 0; sim < shape.sim_worker_count; ++sim) all.add(histograms[sim]);
+  const FrameAccount account = *accounts;
   munmap(shared, bytes);
   const double handovers_per_s = windows.median(), decisions_per_s = handovers_per_s * arguments.num_agents;
-  return ordered_json{{"bench", "transport"},
-                      {"scenario", "none"},
-                      {"algo", "none"},
-                      {"num_agents", arguments.num_agents},
-                      {"cores", usable_cores()},
-                      {"seconds", seconds},
-                      {"decisions_per_s", decisions_per_s},
-                      {"env_frames_per_s", decisions_per_s * kTicsPerDecision},
-                      {"windows", windows.rates()},
-                      {"spread", windows.spread()},
-                      {"handovers_per_s", handovers_per_s},
-                      {"round_trip_us",
-                       {{"p50", all.quantile_us(0.5)},
-                        {"p90", all.quantile_us(0.9)},
-                        {"p99", all.quantile_us(0.99)},
-                        {"p99_9", all.quantile_us(0.999)},
-                        {"max", all.quantile_us(1)}}},
-                      {"num_workers", arguments.num_workers},
-                      {"num_envs_per_worker", arguments.num_envs_per_worker},
-                      {"worker_num_splits", shape.splits_per_worker},
-                      {"policy_workers", arguments.policy_workers},
-                      {"rollout", arguments.rollout}};
+  ordered_json summary{{"bench", "transport"},
+                       {"scenario", "none"},
+                       {"algo", "none"},
+                       {"num_agents", arguments.num_agents},
+                       {"cores", usable_cores()},
+                       {"seconds", seconds},
+                       {"decisions_per_s", decisions_per_s},
+                       {"env_frames_per_s", decisions_per_s * kTicsPerDecision},
+                       {"windows", windows.rates()},
+                       {"spread", windows.spread()},
+                       {"handovers_per_s", handovers_per_s},
+                       {"round_trip_us",
+                        {{"p50", all.quantile_us(0.5)},
+                         {"p90", all.quantile_us(0.9)},
+                         {"p99", all.quantile_us(0.99)},
+                         {"p99_9", all.quantile_us(0.999)},
+                         {"max", all.quantile_us(1)}}},
+                       {"num_workers", arguments.num_workers},
+                       {"num_envs_per_worker", arguments.num_envs_per_worker},
+                       {"worker_num_splits", shape.splits_per_worker},
+                       {"policy_workers", arguments.policy_workers},
+                       {"rollout", arguments.rollout},
+                       {"link", arguments.link}};
+  if (far) {
+    summary["bytes_per_decision"] =
+        static_cast<double>(account.sent_bytes) / std::max<double>(1, static_cast<double>(account.decisions));
+    summary["raw_bytes_per_decision"] =
+        static_cast<double>(account.raw_bytes) / std::max<double>(1, static_cast<double>(account.decisions));
+    summary["is_compressed"] = account.is_compressed;
+    summary["resent"] = account.resent;
+    summary["is_encrypted"] = !arguments.keys.empty();
+    summary["cpu_s_per_1000_decisions"] =
+        1000 * cpu_of_children_s() / std::max<double>(1, static_cast<double>(account.decisions));
+  }
+  return summary;
 }
 
 void print_table(const ordered_json& summary) {
@@ -296,12 +387,13 @@ void print_table(const ordered_json& summary) {
 }
 
 }  // namespace
-}  // namespace comrad::shm
+}  // namespace comrad::link
 
 int main(int argc, char** argv) {
   comrad::prepare_process();
+  spdlog::set_level(spdlog::level::off);  // stdout is for the result
   using namespace comrad;
-  shm::Arguments arguments;
+  link::Arguments arguments;
   CLI::App app{
       "How fast the shared memory hands over: processes play simulators, policy workers and the learner of a "
       "run\n"
@@ -322,13 +414,25 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 256));
   app.add_option("--seconds", arguments.seconds, "how long to measure (default 5)")
       ->check(CLI::Range(0.01, 3600.0));
+  app.add_option(
+         "--link", arguments.link,
+         "arena: all in one; dds: simulators have an arena of their own, and their frames and actions "
+         "cross loopback (default arena)")
+      ->check(CLI::IsMember({"arena", "dds"}));
+  app.add_option("--compression", arguments.compression,
+                 "of frames on the DDS link: auto, lz4 or none (default auto)")
+      ->check(CLI::IsMember({"auto", "lz4", "none"}));
+  app.add_option(
+      "--keys", arguments.keys,
+      "encrypt the DDS link with the keys of this folder, made with `comrad keys make FOLDER --hosts "
+      "bench`");
   app.add_flag("--json", arguments.json, "print one JSON object on stdout and nothing else");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& failure) {
     return app.exit(failure) == 0 ? kExitDone : kExitBadInput;
   }
-  const Expected<nlohmann::ordered_json> summary = shm::measure(arguments);
+  const Expected<nlohmann::ordered_json> summary = link::measure(arguments);
   if (!summary) {
     std::fprintf(stderr, "comrad bench transport: error: %s\n", summary.error().message.c_str());
     return exit_code(summary.error());
@@ -336,6 +440,6 @@ int main(int argc, char** argv) {
   if (arguments.json)
     std::printf("%s\n", summary->dump().c_str());
   else
-    shm::print_table(*summary);
+    link::print_table(*summary);
   return kExitDone;
 }

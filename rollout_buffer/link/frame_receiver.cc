@@ -1,0 +1,472 @@
+#include "rollout_buffer/link/frame_receiver.h"
+
+#include <lz4.h>
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "rollout_buffer/core/checksum.h"
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/link/episodes.h"
+#include "rollout_buffer/shm/futex.h"
+
+namespace comrad::link {
+namespace {
+
+using shm::RequestKind;
+using shm::SlotState;
+
+constexpr int64_t kPollUs = 100;
+constexpr int kWaitMs = 5;
+constexpr double kTellIntervalS = 0.5;
+constexpr double kTellOfEndS = 1.0;
+constexpr std::size_t kMostGuests = 64;
+constexpr std::size_t kSpareSlabs = 2;  // of a host, beyond one for each environment that has none
+constexpr std::size_t kMostRawBytes = dds::kFrameBatchBytes;
+
+bool is_same(const FrameRequest& a, const FrameRequest& b) {
+  return a.step_id == b.step_id && a.rollout_index == b.rollout_index && a.kind == b.kind && a.step == b.step;
+}
+
+/// As a simulator: what lies beyond the last row is a function of this rollout alone.
+void pad(const SlabView& slab, int length) {
+  const TrajectoryShape& shape = slab.shape();
+  const auto agents = static_cast<std::size_t>(shape.env.num_agents);
+  for (int step = length; step < shape.rollout_steps; ++step) {
+    std::ranges::copy(slab.frames(length), slab.frames(step + 1).data());
+    if (shape.env.measurement_count > 0)
+      std::copy_n(slab.measurement(length, 0).data(), agents * slab.measurement(0, 0).size(),
+                  slab.measurement(step + 1, 0).data());
+    if (shape.env.global_state_count > 0)
+      std::ranges::copy(slab.global_state(length), slab.global_state(step + 1).data());
+    std::copy_n(slab.action_mask(length, 0).data(), agents * slab.action_mask(0, 0).size(),
+                slab.action_mask(step + 1, 0).data());
+    std::copy_n(&slab.agent_active(length, 0), agents, &slab.agent_active(step + 1, 0));
+    std::copy_n(slab.action(length - 1, 0).data(), agents * static_cast<std::size_t>(shape.env.head_count),
+                slab.action(step, 0).data());
+    std::copy_n(slab.logits(length - 1, 0).data(), agents * slab.logits(0, 0).size(),
+                slab.logits(step, 0).data());
+    std::copy_n(&slab.log_prob(length - 1, 0), agents, &slab.log_prob(step, 0));
+    std::copy_n(&slab.policy_version(length - 1, 0), agents, &slab.policy_version(step, 0));
+    std::copy_n(&slab.value(length, 0), agents, &slab.value(step + 1, 0));
+    slab.layout_index(step) = slab.layout_index(length - 1);
+  }
+}
+
+}  // namespace
+
+FrameReceiver::FrameReceiver(const shm::Arena& arena, dds::LinkBus bus, const FrameReceiverOptions& options)
+    : arena_(arena), bus_(std::move(bus)), options_(options) {
+  const shm::ArenaShape& shape = arena.shape();
+  owner_.resize(static_cast<std::size_t>(shape.sim_worker_count - options_.first_worker));
+  round_.resize(static_cast<std::size_t>(shape.sim_worker_count * shape.splits_per_worker));
+}
+
+Status FrameReceiver::run(const std::atomic<bool>& stop) {
+  // What a predecessor was filling is lost: its hosts' next rows find no slab that begins where they do.
+  for (int worker = options_.first_worker; worker < arena_.shape().sim_worker_count; ++worker) {
+    (void)arena_.reclaim_sim_worker(worker);
+    arena_.sim_counters(worker).begin_life();
+    arena_.sim_counters(worker).state = shm::WorkerState::kRunning;
+  }
+  const auto is_stopping = [&] {
+    return stop.load(std::memory_order_relaxed) ||
+           arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
+  };
+  double looked_s = 0;
+  while (!is_stopping()) {
+    const uint32_t heard =
+        waiting_for_ < 0 ? 0
+                         : shm::listen(arena_.slots_acted(waiting_for_ / arena_.shape().splits_per_worker,
+                                                          waiting_for_ % arena_.shape().splits_per_worker));
+    bool has_moved = false;
+    reserve();
+    bus_.take_frames([&](const dds::FrameBatch& batch) {
+      has_moved = true;
+      hear(batch);
+    });
+    has_moved |= collect();
+    const double now_s = monotonic_s();
+    bus_.take_episodes([&](const dds::FeederEpisode& episode) {
+      const auto guest = guests_.find(episode.feeder_id);
+      if (guest == guests_.end() || episode.env_index >= guest->second.mirrors.size()) return;
+      if (const auto record = record_of(episode, guest->second.mirrors[episode.env_index].env,
+                                        arena_.shape().trajectory.env.num_agents))
+        (void)arena_.push_episode(*record);
+    });
+    if (now_s - looked_s > 0.1) {
+      looked_s = now_s;
+      forget_silent();
+    }
+    for (auto& [id, guest] : guests_)
+      if (guest.is_to_be_told || !guest.payload.empty() ||
+          guest.told_credit != guest.begun + guest.reserved.size() ||
+          (guest.record.is_here && now_s - guest.told_s >= kTellIntervalS))
+        tell(id, guest);
+    if (has_moved) continue;
+    if (out_count_ == 0 || waiting_for_ < 0)
+      bus_.wait(kWaitMs);
+    else
+      shm::wait(arena_.slots_acted(waiting_for_ / arena_.shape().splits_per_worker,
+                                   waiting_for_ % arena_.shape().splits_per_worker),
+                heard, kPollUs);
+  }
+  is_stopping_ = arena_.control().run_state.load() == shm::RunState::kStopping;
+  for (const double end_s = monotonic_s() + kTellOfEndS;
+       is_stopping_ && !guests_.empty() && monotonic_s() < end_s;) {
+    for (auto& [id, guest] : guests_) tell(id, guest);
+    bus_.take_frames([](const dds::FrameBatch&) {});
+    bus_.take_episodes([](const dds::FeederEpisode&) {});
+    bus_.wait(100);
+  }
+  for (auto& [id, guest] : guests_) give_back(guest);
+  for (int worker = options_.first_worker; worker < arena_.shape().sim_worker_count; ++worker)
+    arena_.sim_counters(worker).state = shm::WorkerState::kStopped;
+  return {};
+}
+
+void FrameReceiver::hear(const dds::FrameBatch& batch) {
+  if (!guests_.contains(batch.feeder_id) && guests_.size() >= kMostGuests) {
+    const auto gone =
+        std::ranges::find_if(guests_, [](const auto& entry) { return !entry.second.record.is_here; });
+    if (gone == guests_.end()) return;
+    free_seat(gone->second);
+    guests_.erase(gone);
+  }
+  Guest& guest = guests_[batch.feeder_id];
+  guest.heard_s = monotonic_s();
+  guest.record.host = batch.host;
+  if (batch.is_leaving) {
+    if (std::exchange(guest.record.is_here, false))
+      spdlog::info("{} leaves: {} decisions were played with it", guest.record.host, guest.record.decisions);
+    give_back(guest);
+    free_seat(guest);
+    guest.epoch = 0;
+    return;
+  }
+  if (guest.epoch != batch.epoch) {
+    guest.epoch = batch.epoch;
+    guest.begun = guest.next_batch = 0;
+  }
+  if (guest.workers.empty()) {
+    std::string refusal = seat(guest, batch);
+    if (!refusal.empty() && refusal != guest.refusal)
+      spdlog::warn("{} is refused: {}", guest.record.host, refusal);
+    guest.refusal = std::move(refusal);
+    guest.is_to_be_told = true;
+  }
+  if (!guest.refusal.empty()) {
+    guest.is_to_be_told = true;
+    return;
+  }
+  if (!std::exchange(guest.record.is_here, true))
+    spdlog::info("{} plays with {} simulators", guest.record.host, guest.record.workers);
+  if (batch.request_count > 0) take(guest, batch);
+}
+
+std::string FrameReceiver::seat(Guest& guest, const dds::FrameBatch& batch) {
+  const shm::ArenaShape& shape = arena_.shape();
+  if (batch.feeder_id == 0) return "it has no id";
+  if (batch.fingerprint != options_.fingerprint)
+    return "its settings, scenario or maps are no longer those of this run; join again";
+  if (batch.slab_bytes != static_cast<uint64_t>(arena_.slab_offsets().slab_bytes) ||
+      batch.envs_per_worker != static_cast<uint32_t>(shape.envs_per_worker))
+    return "its trajectories are of another shape; install the same version on both hosts";
+  const auto free = static_cast<uint64_t>(std::ranges::count(owner_, uint64_t{0}));
+  if (batch.sim_workers == 0 || free < batch.sim_workers)
+    return "of " + std::to_string(owner_.size()) + " places for simulators of other hosts " +
+           std::to_string(free) + " are free, it asks for " + std::to_string(batch.sim_workers);
+  const auto agents = static_cast<std::size_t>(shape.trajectory.env.num_agents);
+  guest.workers.clear();
+  guest.mirrors.clear();
+  for (std::size_t place = 0; place < owner_.size() && guest.workers.size() < batch.sim_workers; ++place) {
+    if (owner_[place] != 0) continue;
+    owner_[place] = batch.feeder_id;
+    const int worker = options_.first_worker + static_cast<int>(place);
+    guest.workers.push_back(worker);
+    for (int local = 0; local < shape.envs_per_worker; ++local) {
+      Mirror& one = guest.mirrors.emplace_back();
+      one.env = worker * shape.envs_per_worker + local;
+      one.choices.resize(agents * static_cast<std::size_t>(shape.trajectory.env.head_count));
+    }
+  }
+  guest.record.workers = static_cast<int>(guest.workers.size());
+  guest.session = static_cast<uint64_t>(monotonic_ns());
+  guest.begun = 0;
+  return "";
+}
+
+/// Requests that a policy worker has in hand are waited for by reclaim_sim_worker().
+void FrameReceiver::free_seat(Guest& guest) {
+  for (Mirror& one : guest.mirrors) {
+    if (one.has_slab && one.is_whole)
+      guest.record.lost +=
+          uint64_t{one.next_step} * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
+    out_count_ -= std::exchange(one.is_out, false);
+    one.has_slab = false;
+  }
+  guest.reserved.clear();
+  for (const int worker : guest.workers) {
+    (void)arena_.reclaim_sim_worker(worker);
+    owner_[static_cast<std::size_t>(worker - options_.first_worker)] = 0;
+  }
+  guest.workers.clear();
+  guest.mirrors.clear();
+  guest.payload.clear();
+}
+
+void FrameReceiver::give_back(Guest& guest) {
+  for (const uint32_t slab : guest.reserved) arena_.abandon_slab(slab);
+  guest.reserved.clear();
+}
+
+/// Free slabs are taken before they are promised.
+void FrameReceiver::reserve() {
+  for (auto& [id, guest] : guests_) {
+    if (!guest.record.is_here || guest.workers.empty()) continue;
+    const auto without = static_cast<std::size_t>(
+        std::ranges::count_if(guest.mirrors, [](const Mirror& one) { return !one.has_slab; }));
+    while (guest.reserved.size() < without + kSpareSlabs) {
+      const std::optional<uint32_t> slab = arena_.acquire_slab(guest.workers[0]);
+      if (!slab) return;
+      guest.reserved.push_back(*slab);
+    }
+  }
+}
+
+void FrameReceiver::take(Guest& guest, const dds::FrameBatch& batch) {
+  const auto refuse = [&](const std::string& what) {
+    if (++guest.record.refused == 1) spdlog::warn("{} sent {}", guest.record.host, what);
+  };
+  if (batch.batch_index > guest.next_batch) guest.record.missing += batch.batch_index - guest.next_batch;
+  guest.next_batch = std::max(guest.next_batch, batch.batch_index + 1);
+  std::span<const std::byte> raw = batch.payload;
+  if (batch.raw_bytes == 0 || batch.raw_bytes > kMostRawBytes)
+    return refuse("a batch of frames of " + std::to_string(batch.raw_bytes) + " bytes");
+  if (batch.is_compressed) {
+    raw_.resize(batch.raw_bytes);
+    if (LZ4_decompress_safe(reinterpret_cast<const char*>(batch.payload.data()),
+                            reinterpret_cast<char*>(raw_.data()), static_cast<int>(batch.payload.size()),
+                            static_cast<int>(batch.raw_bytes)) != static_cast<int>(batch.raw_bytes))
+      return refuse("a batch of frames that does not decompress");
+    raw = raw_;
+  }
+  if (raw.size() != batch.raw_bytes || checksum64(raw) != batch.checksum)
+    return refuse("a batch of frames with another length or checksum");
+  std::ranges::fill(round_, 0u);
+  FrameUnpacker frames(arena_.slab_offsets(), static_cast<uint32_t>(guest.mirrors.size()), raw);
+  while (true) {
+    const Expected<std::optional<FrameRequest>> request = frames.next();
+    if (!request) {
+      refuse(request.error().message);
+      break;
+    }
+    if (!*request) break;
+    mirror(guest, **request, frames);
+  }
+  const int splits = arena_.shape().splits_per_worker;
+  for (std::size_t place = 0; place < round_.size(); ++place) {
+    if (round_[place] == 0) continue;
+    const int worker = static_cast<int>(place) / splits, split = static_cast<int>(place) % splits;
+    waiting_for_ = static_cast<int>(place);
+    shm::ring(arena_.slots_ready(arena_.shape().policy_worker_of(worker, split)));
+  }
+}
+
+void FrameReceiver::abandon(Guest& guest, Mirror& one) {
+  if (!one.has_slab) return;
+  guest.record.lost +=
+      uint64_t{one.next_step} * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
+  arena_.abandon_slab(one.slab);
+  one.has_slab = false;
+}
+
+/// Takes a promised slab. False where there is none: more was begun than promised.
+bool FrameReceiver::begin(Guest& guest, Mirror& one, const FrameRequest& request) {
+  abandon(guest, one);
+  if (guest.reserved.empty()) return false;
+  one.slab = guest.reserved.front();
+  guest.reserved.pop_front();
+  one.has_slab = true;
+  one.is_whole = request.step == 0;
+  one.next_step = 0;
+  one.layout_id = request.layout_id;
+  one.first_episode_id = request.first_episode_id;
+  one.first_episode_seed = request.first_episode_seed;
+  shm::SlabHeader& header = arena_.slab_header(static_cast<int>(one.slab));
+  header.env_index = static_cast<uint32_t>(one.env);
+  header.length = 0;
+  const SlabView slab = arena_.slab(static_cast<int>(one.slab));
+  const SlabOffsets& offsets = slab.offsets();
+  const auto steps = static_cast<std::size_t>(slab.shape().rollout_steps);
+  const auto agents = static_cast<std::size_t>(slab.shape().env.num_agents);
+  std::fill_n(slab.at<float>(offsets.reward), steps * agents, 0.0f);
+  std::fill_n(slab.at<int32_t>(offsets.final_index), steps, -1);
+  std::fill_n(slab.at<int32_t>(offsets.layout_index), steps, 0);
+  for (const int64_t flags : {offsets.terminated, offsets.truncated, offsets.valid})
+    std::fill_n(slab.at<uint8_t>(flags), steps, uint8_t{0});
+  return true;
+}
+
+void FrameReceiver::mirror(Guest& guest, const FrameRequest& request, const FrameUnpacker& frames) {
+  Mirror& one = guest.mirrors[request.env_index];
+  const bool is_first = request.step == 0 && request.kind == static_cast<uint32_t>(RequestKind::kAct);
+  const bool is_known = (one.is_out || one.is_answered) && is_same(request, one.request);
+  if (is_known || one.is_out) {  // what a new simulator asks in place of a dead one comes again in time
+    ++guest.record.duplicates;
+    if (is_known && is_first && std::exchange(one.counted_epoch, guest.epoch) != guest.epoch) ++guest.begun;
+    if (is_known && one.is_answered) answer(guest, one);
+    return;
+  }
+  const bool follows = one.has_slab && request.rollout_index == one.request.rollout_index &&
+                       request.step == one.next_step && one.next_step > 0;
+  if (!follows && !begin(guest, one, request)) return;
+  if (is_first) {
+    ++guest.begun;
+    one.counted_epoch = guest.epoch;
+  }
+  const SlabView slab = arena_.slab(static_cast<int>(one.slab));
+  frames.copy_to(slab);
+  if (request.step > 0) {
+    const int last = static_cast<int>(request.step) - 1;
+    slab.valid(last) = 1;
+    if (slab.terminated(last) && slab.final_index(last) >= 0) {  // nobody asks for it; it is worth nothing
+      const int row = slab.final_index(last);
+      for (int agent = 0; agent < slab.shape().env.num_agents; ++agent) {
+        slab.final_value(row, agent) = 0;
+        std::ranges::fill(slab.final_frame(row, agent), uint8_t{0});
+      }
+    }
+  }
+  one.request = request;
+  one.is_out = true;
+  one.is_answered = false;
+  ++out_count_;
+  const shm::ArenaShape& shape = arena_.shape();
+  const int worker = one.env / shape.envs_per_worker, local = one.env % shape.envs_per_worker;
+  const int split = shape.splits_per_worker > 1 && local >= shape.split_begin(1) ? 1 : 0;
+  shm::SplitRound& round = arena_.split_round(worker, split);
+  uint32_t& count = round_[static_cast<std::size_t>(worker * shape.splits_per_worker + split)];
+  if (++count == 1) round.round_id.fetch_add(1, std::memory_order_relaxed);
+  round.request_count.store(count, std::memory_order_relaxed);
+  shm::StepSlot& slot = arena_.slot(one.env);
+  slot.step_id = request.step_id;
+  slot.episode_id = request.episode_id;
+  slot.episode_step = request.episode_step;
+  slot.slab_index = one.slab;
+  slot.step = request.step;
+  slot.final_row = request.final_row;
+  slot.kind = static_cast<RequestKind>(request.kind);
+  slot.reset_state = request.reset_state != 0;
+  slot.env_index = static_cast<uint32_t>(one.env);
+  slot.state.store(SlotState::kReady, std::memory_order_release);
+}
+
+/// Takes what policy workers have answered.
+bool FrameReceiver::collect() {
+  if (out_count_ == 0) return false;
+  bool has_moved = false;
+  for (auto& [id, guest] : guests_)
+    for (Mirror& one : guest.mirrors)
+      if (one.is_out && shm::advance(arena_.slot(one.env), SlotState::kActed, SlotState::kIdle)) {
+        finish(guest, one);
+        has_moved = true;
+      }
+  return has_moved;
+}
+
+void FrameReceiver::finish(Guest& guest, Mirror& one) {
+  one.is_out = false;
+  one.is_answered = true;
+  --out_count_;
+  const FrameRequest& request = one.request;
+  one.answer = {.step_id = request.step_id,
+                .rollout_index = request.rollout_index,
+                .env_index = request.env_index,
+                .kind = request.kind,
+                .step = request.step,
+                .policy_version = arena_.slot(one.env).policy_version};
+  const SlabView slab = arena_.slab(static_cast<int>(one.slab));
+  switch (static_cast<RequestKind>(request.kind)) {
+    case RequestKind::kAct:
+      std::copy_n(slab.action(static_cast<int>(request.step), 0).data(), one.choices.size(),
+                  one.choices.data());
+      one.next_step = request.step + 1;
+      break;
+    case RequestKind::kFinal:
+      break;
+    case RequestKind::kValue:
+      if (one.is_whole && one.next_step == request.step)
+        seal(guest, one);
+      else
+        abandon(guest, one);
+      break;
+  }
+  answer(guest, one);
+}
+
+/// What does not fit is asked for again.
+void FrameReceiver::answer(Guest& guest, const Mirror& one) {
+  if (guest.payload.size() < dds::kChunkBytes / 2) add_answer(guest.payload, one.answer, one.choices);
+}
+
+void FrameReceiver::seal(Guest& guest, Mirror& one) {
+  const SlabView slab = arena_.slab(static_cast<int>(one.slab));
+  pad(slab, static_cast<int>(one.next_step));
+  shm::JournalHeader& journal = arena_.journal(one.env);
+  shm::SlabHeader& header = arena_.slab_header(static_cast<int>(one.slab));
+  header.length = one.next_step;
+  header.rollout_index = journal.rollout_index++;  // this arena counts on, whoever plays
+  header.layout_id = one.layout_id;
+  header.first_episode = {.episode_id = one.first_episode_id, .episode_seed = one.first_episode_seed};
+  one.has_slab = false;
+  arena_.seal_slab(one.slab);
+  const uint64_t decisions =
+      uint64_t{one.next_step} * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
+  guest.record.decisions += decisions;
+  ++guest.record.slabs;
+  arena_.sim_counters(one.env / arena_.shape().envs_per_worker)
+      .decisions.fetch_add(decisions, std::memory_order_relaxed);
+}
+
+void FrameReceiver::forget_silent() {
+  const double now_s = monotonic_s();
+  for (auto& [id, guest] : guests_) {
+    const double silent_s = now_s - guest.heard_s;
+    if (guest.record.is_here && silent_s > options_.silent_after_s) {
+      guest.record.is_here = false;
+      give_back(guest);
+      spdlog::warn("nothing is heard of {}; its free slabs go back, its places are kept for {} s",
+                   guest.record.host, static_cast<int>(options_.seat_kept_s));
+    }
+    if (!guest.record.is_here && !guest.workers.empty() && silent_s > options_.seat_kept_s) free_seat(guest);
+  }
+}
+
+void FrameReceiver::tell(uint64_t id, Guest& guest) {
+  dds::ActionBatch batch{
+      .feeder_id = id, .session = guest.session, .epoch = guest.epoch, .batch_index = guest.answers};
+  batch.run_state = !guest.refusal.empty()                                        ? "refused"
+                    : is_stopping_                                                ? "stopping"
+                    : arena_.control().run_state.load() == shm::RunState::kPaused ? "paused"
+                                                                                  : "running";
+  batch.message = guest.refusal;
+  batch.credit_index = guest.begun + guest.reserved.size();
+  batch.payload = guest.payload;
+  if (!bus_.write(batch)) return;  // again in the next turn
+  guest.told_s = monotonic_s();
+  guest.told_credit = batch.credit_index;
+  guest.is_to_be_told = false;
+  ++guest.answers;
+  guest.payload.clear();
+}
+
+std::vector<FrameGuestRecord> FrameReceiver::records() const {
+  std::vector<FrameGuestRecord> records;
+  for (const auto& [id, guest] : guests_) records.push_back(guest.record);
+  return records;
+}
+
+}  // namespace comrad::link

@@ -1,0 +1,106 @@
+// The end of the frame link on the host with the policy: on its arena it stands where simulators stand. Rows of other
+// hosts' simulators are written into free slabs, committed, answered by this host's policy workers as any other, and the
+// whole slab is sealed; so neither policy workers nor the learner know of the link. Stages: acquire, commit, seal.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/dds/link_bus.h"
+#include "rollout_buffer/link/frame_stream.h"
+#include "rollout_buffer/shm/arena.h"
+
+namespace comrad::link {
+
+struct FrameReceiverOptions {
+  int first_worker = 0;       ///< simulators of the arena from this one on are played by other hosts
+  uint64_t fingerprint = 0;   ///< of the offer; other games are refused
+  double silent_after_s = 5;  ///< then a host's free slabs go back
+  double seat_kept_s = 600;   ///< then others may have its simulators' places, and what it began is lost
+};
+
+/// What came of one host.
+struct FrameGuestRecord {
+  std::string host;
+  int workers = 0;
+  bool is_here = false;
+  uint64_t decisions = 0;  ///< sealed here
+  uint64_t slabs = 0;      ///< sealed here
+  uint64_t lost = 0;  ///< decisions of trajectories that were not whole: a process of either end began anew
+  uint64_t duplicates = 0;  ///< requests that had come before
+  uint64_t missing = 0;     ///< batches that never came
+  uint64_t refused = 0;     ///< batches that no simulator could have made
+};
+
+/// Bounded: a host has one request under way for each environment, and may begin no more trajectories than there are
+/// slabs for. Threads: one.
+class FrameReceiver {
+ public:
+  FrameReceiver(const shm::Arena& arena, dds::LinkBus bus, const FrameReceiverOptions& options);
+
+  /// Until `stop`, or the run stops; then the hosts that play are told.
+  Status run(const std::atomic<bool>& stop);
+  std::vector<FrameGuestRecord> records() const;
+
+ private:
+  /// One environment of another host, and the slab in which it plays here.
+  struct Mirror {
+    int env = 0;  ///< of this arena
+    bool has_slab = false, is_out = false, is_answered = false;
+    bool is_whole = false;  ///< every row of the slab was seen, from the first one on
+    uint32_t slab = 0;
+    uint32_t next_step = 0;
+    uint32_t counted_epoch = 0;  ///< in which its first row was counted as begun
+    uint64_t layout_id = 0, first_episode_id = 0, first_episode_seed = 0;
+    FrameRequest request;  ///< the newest
+    FrameAnswer answer;
+    std::vector<int32_t> choices;  ///< of `answer`
+  };
+  struct Guest {
+    FrameGuestRecord record;
+    std::vector<int> workers;
+    std::vector<Mirror> mirrors;  ///< by the host's own environment index
+    std::deque<uint32_t> reserved;
+    uint32_t epoch = 0;
+    uint64_t session = 0, next_batch = 0, begun = 0, told_credit = 0, answers = 0;
+    std::string refusal;
+    double heard_s = 0, told_s = 0;
+    std::vector<std::byte> payload;
+    bool is_to_be_told = false;
+  };
+
+  void hear(const dds::FrameBatch& batch);
+  std::string seat(Guest& guest, const dds::FrameBatch& batch);
+  void free_seat(Guest& guest);
+  void give_back(Guest& guest);
+  void reserve();
+  void take(Guest& guest, const dds::FrameBatch& batch);
+  void mirror(Guest& guest, const FrameRequest& request, const FrameUnpacker& frames);
+  bool begin(Guest& guest, Mirror& mirror, const FrameRequest& request);
+  void abandon(Guest& guest, Mirror& mirror);
+  bool collect();
+  void finish(Guest& guest, Mirror& mirror);
+  void answer(Guest& guest, const Mirror& mirror);
+  void seal(Guest& guest, Mirror& mirror);
+  void forget_silent();
+  void tell(uint64_t id, Guest& guest);
+
+  const shm::Arena& arena_;
+  dds::LinkBus bus_;
+  const FrameReceiverOptions options_;
+  std::map<uint64_t, Guest> guests_;
+  std::vector<uint64_t> owner_;  ///< host of each place; 0: free
+  std::vector<std::byte> raw_;
+  std::vector<uint32_t> round_;  ///< requests of each split in the batch under way
+  int out_count_ = 0;
+  int waiting_for_ = -1;  ///< a split that is being answered
+  bool is_stopping_ = false;
+};
+
+}  // namespace comrad::link

@@ -1,0 +1,383 @@
+// The frame link: what it carries, and both ends as they work between two arenas of this process.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstring>
+#include <random>
+#include <set>
+#include <thread>
+
+#include "rollout_buffer/core/checksum.h"
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/link/frame_receiver.h"
+#include "rollout_buffer/link/frame_sender.h"
+#include "rollout_buffer/link/frame_stream.h"
+#include "rollout_buffer/shm/futex.h"
+
+namespace comrad::link {
+namespace {
+
+using shm::RequestKind;
+using shm::SlotState;
+using ::testing::HasSubstr;
+
+shm::ArenaShape small_arena(int workers) {
+  shm::ArenaShape shape;
+  shape.trajectory.env = {
+      .num_agents = 2, .channels = 3, .height = 6, .width = 8, .measurement_count = 1, .head_count = 2};
+  shape.trajectory.env.head_sizes = {3, 4};
+  shape.trajectory.env.global_state_count = 3;
+  shape.trajectory.rollout_steps = 4;
+  shape.trajectory.final_capacity = 2;
+  shape.sim_worker_count = workers;
+  shape.envs_per_worker = 4;
+  shape.slab_count = 16;
+  shape.weights_bytes = 64;
+  return shape;
+}
+
+shm::Arena make_arena(int workers, uint64_t run_id) {
+  auto arena = shm::Arena::create(small_arena(workers), run_id);
+  EXPECT_TRUE(arena) << arena.error().message;
+  arena->control().run_state = shm::RunState::kRunning;
+  return std::move(arena).value();
+}
+
+/// What an environment shows at a step: told apart by all that it depends on.
+uint8_t pixel_of(int env, uint64_t rollout, int step) {
+  return static_cast<uint8_t>(env * 61 + rollout * 7 + static_cast<uint64_t>(step));
+}
+/// What the policy does with it.
+int32_t choice_of(uint8_t pixel, int agent, int head) { return (pixel + agent + head) % (head == 0 ? 3 : 4); }
+
+/// The policy worker of an arena: its actions are a function of the pixels.
+void answer(const shm::Arena& arena) {
+  while (arena.control().run_state.load() != shm::RunState::kStopping) {
+    const uint32_t heard = shm::listen(arena.slots_ready(0));
+    bool has_answered = false;
+    const shm::ArenaShape& shape = arena.shape();
+    for (int env = 0; env < shape.env_count(); ++env) {
+      shm::StepSlot& slot = arena.slot(env);
+      if (!shm::advance(slot, SlotState::kReady, SlotState::kInBatch)) continue;
+      const SlabView slab = arena.slab(static_cast<int>(slot.slab_index));
+      const int step = static_cast<int>(slot.step);
+      if (slot.kind == RequestKind::kAct)
+        for (int agent = 0; agent < 2; ++agent)
+          for (int head = 0; head < 2; ++head)
+            slab.action(step, agent)[static_cast<std::size_t>(head)] =
+                choice_of(slab.frame(step, agent)[0], agent, head);
+      slot.policy_version = 5;
+      shm::advance(slot, SlotState::kInBatch, SlotState::kActed);
+      const int local = env % shape.envs_per_worker;
+      shm::ring(arena.slots_acted(env / shape.envs_per_worker, local >= shape.split_begin(1) ? 1 : 0));
+      has_answered = true;
+    }
+    if (!has_answered) shm::wait(arena.slots_ready(0), heard, 1000);
+  }
+}
+
+/// One simulator process in a thread: plays so many rollouts with each environment. Counts wrong actions.
+struct Player {
+  const shm::Arena& arena;
+  uint64_t rollouts;
+  int wrong = 0;
+  uint64_t first_rollout = 0;
+
+  void run() {
+    struct Env {
+      uint32_t slab = 0;
+      int step = 0;
+      uint64_t rollout = 0, step_id = 0;
+      bool has_slab = false, is_out = false;
+    };
+    std::vector<Env> envs(4);
+    for (Env& env : envs) env.rollout = first_rollout, env.step_id = first_rollout * 4;
+    const double end_s = monotonic_s() + 60;
+    const auto is_done = [&] {
+      return std::ranges::all_of(envs,
+                                 [&](const Env& env) { return env.rollout == first_rollout + rollouts; });
+    };
+    while (!is_done() && monotonic_s() < end_s) {
+      for (int index = 0; index < 4; ++index) turn(index, envs[static_cast<std::size_t>(index)]);
+      shm::ring(arena.slots_ready(0));
+      std::this_thread::yield();
+    }
+    EXPECT_TRUE(is_done()) << "the link stands still";
+  }
+
+  template <typename Env>
+  void turn(int index, Env& env) {
+    if (env.rollout == first_rollout + rollouts) return;
+    shm::StepSlot& slot = arena.slot(index);
+    if (env.is_out) {
+      if (!shm::advance(slot, SlotState::kActed, SlotState::kIdle)) return;
+      env.is_out = false;
+      const SlabView slab = arena.slab(static_cast<int>(env.slab));
+      if (slot.kind == RequestKind::kAct) {
+        for (int agent = 0; agent < 2; ++agent)
+          for (int head = 0; head < 2; ++head)
+            wrong += slab.action(env.step, agent)[static_cast<std::size_t>(head)] !=
+                     choice_of(pixel_of(index, env.rollout, env.step), agent, head);
+        slab.reward(env.step, 0) = static_cast<float>(env.step);
+        slab.final_index(env.step) = -1;
+        slab.terminated(env.step) = slab.truncated(env.step) = 0;
+        ++env.step, ++env.step_id;
+        arena.sim_counters(0).decisions.fetch_add(2);
+      } else {
+        arena.slab_header(static_cast<int>(env.slab)).length = static_cast<uint32_t>(env.step);
+        arena.seal_slab(env.slab);
+        env.has_slab = false;
+        ++env.rollout;
+        return;
+      }
+    }
+    if (!env.has_slab) {
+      const auto slab = arena.acquire_slab(0);
+      if (!slab) return;
+      env.slab = *slab;
+      env.has_slab = true;
+      env.step = 0;
+      arena.slab_header(static_cast<int>(*slab)).env_index = static_cast<uint32_t>(index);
+      arena.slab_header(static_cast<int>(*slab)).rollout_index = env.rollout;
+    }
+    const SlabView slab = arena.slab(static_cast<int>(env.slab));
+    std::ranges::fill(slab.frames(env.step), pixel_of(index, env.rollout, env.step));
+    std::ranges::fill(slab.global_state(env.step), static_cast<float>(env.step));
+    slot.step_id = env.step_id;
+    slot.slab_index = env.slab;
+    slot.step = static_cast<uint32_t>(env.step);
+    slot.kind = env.step < 4 ? RequestKind::kAct : RequestKind::kValue;
+    slot.state.store(SlotState::kReady, std::memory_order_release);
+    env.is_out = true;
+  }
+};
+
+/// The learner's end: what was sealed, each row looked at.
+struct Learned {
+  uint64_t slabs = 0, wrong = 0;
+  std::set<std::pair<uint32_t, uint64_t>> seen;
+
+  void drain(const shm::Arena& arena) {
+    for (const uint32_t index : arena.drain_slabs(16)) {
+      const shm::SlabHeader& header = arena.slab_header(static_cast<int>(index));
+      const SlabView slab = arena.slab(static_cast<int>(index));
+      wrong += header.length != 4 || !seen.emplace(header.env_index, header.rollout_index).second;
+      const uint8_t first = slab.frame(0, 0)[0];
+      for (int step = 0; step < 4; ++step) {
+        wrong += slab.frame(step, 1)[5] != static_cast<uint8_t>(first + step) || !slab.valid(step);
+        wrong += slab.action(step, 1)[1] != choice_of(static_cast<uint8_t>(first + step), 1, 1);
+        wrong += slab.reward(step, 0) != static_cast<float>(step);
+        wrong += slab.global_state(step)[2] != static_cast<float>(step);
+      }
+      ++slabs;
+      arena.release_slab(index);
+    }
+  }
+};
+
+uint64_t fresh_id() {
+  static std::random_device device;
+  return (uint64_t{device()} << 32) | device();
+}
+
+dds::LinkBus open_link(uint64_t id) {
+  auto bus = dds::LinkBus::open(dds::link_config(id));
+  EXPECT_TRUE(bus) << bus.error().message;
+  return std::move(bus).value();
+}
+
+class FrameLink : public ::testing::TestWithParam<Compression> {};
+
+TEST_P(FrameLink, SimulatorsWithoutAPolicyPlayWithThatOfAnotherArena) {
+  const uint64_t id = fresh_id();
+  const shm::Arena near = make_arena(2, 1), far = make_arena(1, 2);
+  std::atomic<bool> stop{false};
+  FrameReceiver receiver(near, open_link(id), {.first_worker = 1});
+  FrameSenderOptions options;
+  options.feeder_id = 9;
+  options.host = "far";
+  options.compression = GetParam();
+  FrameSender sender(far, open_link(id), options);
+  std::thread receiving([&] { EXPECT_TRUE(receiver.run(stop)); });
+  std::thread answering([&] { answer(near); });
+  std::thread sending([&] { EXPECT_TRUE(sender.run(stop)); });
+  Player player{far, 25};
+  std::atomic<bool> has_played{false};
+  std::thread playing([&] {
+    player.run();
+    has_played = true;
+  });
+  Learned learned;
+  while (!has_played) learned.drain(near);
+  for (const double end_s = monotonic_s() + 10; learned.slabs < 100 && monotonic_s() < end_s;)
+    learned.drain(near);
+  playing.join();
+  stop = true;
+  near.control().run_state = shm::RunState::kStopping;
+  for (std::thread* thread : {&receiving, &answering, &sending}) thread->join();
+  EXPECT_EQ(player.wrong, 0);
+  EXPECT_EQ(learned.wrong, 0u);
+  EXPECT_EQ(learned.slabs, 100u) << "4 environments, 25 rollouts";
+  const FrameAccount account = sender.account();
+  EXPECT_EQ(account.decisions, 100u * 4 * 2);
+  EXPECT_GT(account.latency_us_p50, 0);
+  EXPECT_LE(account.latency_us_p50, account.latency_us_p99);
+  if (GetParam() == Compression::kAlways) {
+    EXPECT_LT(account.sent_bytes, account.raw_bytes);
+  }
+  if (GetParam() == Compression::kNever) {
+    EXPECT_EQ(account.sent_bytes, account.raw_bytes);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Compressions, FrameLink,
+                         ::testing::Values(Compression::kNever, Compression::kAlways, Compression::kAuto));
+
+TEST(FrameLinkBadLuck, EitherEndMayBeginAnewAndNothingIsLearnedTwice) {
+  const uint64_t id = fresh_id();
+  const shm::Arena near = make_arena(1, 1), far = make_arena(1, 2);
+  std::atomic<bool> has_played{false};
+  std::thread answering([&] { answer(near); });
+  constexpr uint64_t kRollouts = 2000;
+  Player player{far, kRollouts};
+  std::thread playing([&] {
+    player.run();
+    has_played = true;
+  });
+  Learned learned;
+  uint64_t lost = 0;
+  // One end lives on while the other one begins anew, in turn.
+  std::atomic<bool> stop_receiver{false}, stop_sender{false};
+  const auto receive = [&] {
+    FrameReceiver receiver(near, open_link(id), {});
+    EXPECT_TRUE(receiver.run(stop_receiver));
+    for (const FrameGuestRecord& record : receiver.records()) lost += record.lost;
+  };
+  const auto send = [&] {
+    FrameSenderOptions options;
+    options.feeder_id = 9;
+    options.resend_after_s = 0.3;
+    FrameSender sender(far, open_link(id), options);
+    EXPECT_TRUE(sender.run(stop_sender));
+  };
+  std::thread receiving(receive), sending(send);
+  for (int life = 0; life < 6 && !has_played; ++life) {
+    for (const double end_s = monotonic_s() + 0.7; monotonic_s() < end_s;) learned.drain(near);
+    std::atomic<bool>& stop = life % 2 == 0 ? stop_receiver : stop_sender;
+    std::thread& thread = life % 2 == 0 ? receiving : sending;
+    stop = true;
+    thread.join();
+    stop = false;
+    thread = life % 2 == 0 ? std::thread(receive) : std::thread(send);
+  }
+  while (!has_played) learned.drain(near);
+  playing.join();
+  for (const double end_s = monotonic_s() + 0.5; monotonic_s() < end_s;) learned.drain(near);
+  stop_receiver = stop_sender = true;
+  near.control().run_state = shm::RunState::kStopping;
+  for (std::thread* thread : {&receiving, &answering, &sending}) thread->join();
+  EXPECT_EQ(player.wrong, 0);
+  EXPECT_EQ(learned.wrong, 0u);
+  EXPECT_LE(learned.slabs, 4 * kRollouts);
+  EXPECT_GE(learned.slabs, 4 * kRollouts - 4 * 6)
+      << "a beginning anew costs each environment one trajectory at most";
+}
+
+TEST(FrameLinkBadLuck, AnotherGameIsRefusedInWords) {
+  const uint64_t id = fresh_id();
+  const shm::Arena near = make_arena(1, 1), far = make_arena(1, 2);
+  std::atomic<bool> stop{false};
+  FrameReceiver receiver(near, open_link(id), {.fingerprint = 1});
+  std::thread receiving([&] { EXPECT_TRUE(receiver.run(stop)); });
+  FrameSenderOptions options;
+  options.feeder_id = 9;
+  options.fingerprint = 2;
+  FrameSender sender(far, open_link(id), options);
+  const Status ended = sender.run(stop);
+  stop = true;
+  receiving.join();
+  ASSERT_FALSE(ended);
+  EXPECT_THAT(ended.error().message, HasSubstr("join again"));
+}
+
+TEST(FrameLinkBadLuck, NonsenseFromAPeerHarmsNobody) {
+  const uint64_t id = fresh_id();
+  const shm::Arena near = make_arena(2, 1), far = make_arena(1, 2);
+  std::atomic<bool> stop{false}, has_played{false};
+  FrameReceiver receiver(near, open_link(id), {});
+  FrameSenderOptions options;
+  options.feeder_id = 9;
+  options.resend_after_s = 0.3;
+  FrameSender sender(far, open_link(id), options);
+  std::thread receiving([&] { EXPECT_TRUE(receiver.run(stop)); });
+  std::thread answering([&] { answer(near); });
+  std::thread sending([&] { EXPECT_TRUE(sender.run(stop)); });
+  Player player{far, 50};
+  std::thread playing([&] {
+    player.run();
+    has_played = true;
+  });
+  const unsigned seed = std::random_device()();
+  std::mt19937_64 random(seed);
+  dds::LinkBus wild = open_link(id);
+  Learned learned;
+  std::vector<std::byte> bytes(4096);
+  while (!has_played) {
+    for (std::byte& byte : bytes) byte = static_cast<std::byte>(random());
+    FrameRequest request;
+    std::memcpy(bytes.data(), &request, sizeof request);  // the start of one that may be right
+    const uint32_t steps[] = {0, 1, 3, 4, 5, UINT32_MAX};
+    std::memcpy(bytes.data() + offsetof(FrameRequest, step), &steps[random() % 6], sizeof(uint32_t));
+    bytes[offsetof(FrameRequest, env_index)] = static_cast<std::byte>(random() % 6);
+    bytes[offsetof(FrameRequest, kind)] = static_cast<std::byte>(random() % 4);
+    const std::span<const std::byte> payload(bytes.data(), random() % bytes.size());
+    const uint64_t who = random() % 16 ? 10 : 9;  // its own, or in the other one's name
+    (void)wild.write(dds::FrameBatch{
+        .feeder_id = 10,
+        .epoch = static_cast<uint32_t>(random() % 3),
+        .batch_index = random() % 2 ? random() : random() % 100,
+        .slab_bytes = static_cast<uint64_t>(near.slab_offsets().slab_bytes),
+        .sim_workers = 1,
+        .envs_per_worker = random() % 8 ? 4u : static_cast<uint32_t>(random()),
+        .is_leaving = random() % 50 == 0,
+        .request_count = static_cast<uint32_t>(random()),
+        .raw_bytes = random() % 4 ? static_cast<uint32_t>(payload.size()) : static_cast<uint32_t>(random()),
+        .is_compressed = random() % 4 == 0,
+        .checksum = checksum64(payload),
+        .payload = payload});
+    (void)wild.write(dds::ActionBatch{.feeder_id = who,
+                                      .epoch = static_cast<uint32_t>(random() % 3),
+                                      .credit_index = random() % 5,
+                                      .payload = payload});
+    (void)wild.write(dds::FeederEpisode{.feeder_id = 10,
+                                        .env_index = static_cast<uint32_t>(random()),
+                                        .score = std::numeric_limits<float>::quiet_NaN()});
+    for (const uint32_t index : near.drain_slabs(16)) {
+      learned.slabs += near.slab_header(static_cast<int>(index)).length > 0;
+      near.release_slab(index);
+    }
+  }
+  playing.join();
+  stop = true;
+  near.control().run_state = shm::RunState::kStopping;
+  for (std::thread* thread : {&receiving, &answering, &sending}) thread->join();
+  EXPECT_EQ(player.wrong, 0) << "seed " << seed;
+  EXPECT_GE(learned.slabs, 190u) << "seed " << seed;
+}
+
+TEST(CompressionChoice, StaysWithWhatCarriesMore) {
+  const auto play = [](double plain, double compressed) {
+    CompressionChoice choice;
+    for (double now_s = 0; now_s < 5; now_s += 0.1)
+      choice.count(static_cast<uint64_t>(choice.is_compressed() ? compressed : plain), now_s);
+    return choice.is_compressed();
+  };
+  EXPECT_FALSE(play(1000, 700)) << "a fast link: compressing costs more than it saves";
+  EXPECT_TRUE(play(300, 1000)) << "a slow link";
+  EXPECT_FALSE(play(1000, 1010)) << "the same: plain frames cost both hosts less";
+}
+
+}  // namespace
+}  // namespace comrad::link
