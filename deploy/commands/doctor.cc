@@ -54,7 +54,7 @@ int examine(bool json) {
   report(check_dds());
   report(check_rendering());
   report(check_inference());
-  report(check_cuda());
+  for (const CheckResult& result : check_libtorch()) report(result);
   if (json) std::printf("%s\n", nlohmann::ordered_json{{"ok", !failed}, {"checks", checks}}.dump().c_str());
   return failed ? kExitFailed : kExitDone;
 }
@@ -67,7 +67,7 @@ int doctor_command(Arguments arguments) {
       "doctor [--json]",
       "Checks packages, what plots and the tests need, IWAD, BLAS, memory, disk, limits, DDS over loopback, "
       "rendering, "
-      "inference and CUDA.\n"
+      "inference, libtorch and CUDA.\n"
       "Every line says OK, WARN or FAIL and, where there is something to do, what. Exit code 1 on FAIL.");
   line.add_switch("json", json, "print one JSON object on stdout and nothing else");
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("doctor", parsed.error());

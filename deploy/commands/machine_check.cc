@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "deploy/commands/libtorch_check.h"
 #include "deploy/process/child_program.h"
 #include "deploy/settings/game_files.h"
 #include "deploy/settings/merged_settings.h"
@@ -20,6 +21,7 @@
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::deploy {
@@ -101,11 +103,21 @@ Expected<std::vector<std::string>> entries_of(const std::string& list) {
   return entries;
 }
 
+/// The folder of the PyTorch that the build was configured with; empty: Debian's libtorch, or an installed program.
+std::string built_with_torch() {
+  std::ifstream cache(build_folder() + "/CMakeCache.txt");
+  const std::string key = "COMRAD_TORCH:PATH=";
+  for (std::string line; std::getline(cache, line);)
+    if (line.starts_with(key)) return line.substr(key.size());
+  return "";
+}
+
 /// Which Debian packages of a list in deploy/ are installed. `action` stands before the command that installs the others.
 CheckResult check_package_list(const std::string& name, const std::string& file, const std::string& action) {
   const std::string list = "deploy/" + file;
-  const auto wanted = entries_of(list);
+  auto wanted = entries_of(list);
   if (!wanted) return warn(name, wanted.error().message, "set COMRAD_HOME to the source folder");
+  if (!built_with_torch().empty()) std::erase(*wanted, "libtorch-dev");
   std::vector<std::string> command = {"dpkg-query", "-W", "-f", "${Package} ${db:Status-Status}\n"};
   command.insert(command.end(), wanted->begin(), wanted->end());
   const auto listed = run_program(command);
@@ -179,6 +191,8 @@ CheckResult check_iwad() {
 
 CheckResult check_blas() {
   const std::string name = "blas";
+  if (const std::string torch = built_with_torch(); !torch.empty())
+    return ok(name, "that of the PyTorch in " + torch);
   std::error_code error;
   for (const auto& entry : fs::directory_iterator("/etc/alternatives", error)) {
     const std::string link = entry.path().filename().string();
@@ -298,21 +312,32 @@ CheckResult check_inference() {
   const auto rate =
       one_second("comrad-policy-worker", {"--num_agents", "2", "--heads", "3,3,3", "--measurements", "0"});
   return rate ? ok("inference", "libtorch, " + per_second(*rate))
-              : fail("inference", rate.error().message, "apt-get install libtorch-dev libopenblas0-openmp");
+              : fail("inference", rate.error().message,
+                     built_with_torch().empty() ? "apt-get install libtorch-dev libopenblas0-openmp"
+                                                : "see libtorch and cuda below");
 }
 
-CheckResult check_cuda() {
-  const std::string name = "cuda";
-  std::error_code error;
-  const auto linked = run_program({"ldd", sibling_program("comrad-learner")});
-  const bool built = linked && linked->output.find("libtorch_cuda") != std::string::npos;
-  if (!fs::exists("/proc/driver/nvidia/version", error))
-    return ok(name, built ? "libtorch can, but there is no NVIDIA driver; networks run on the CPU"
-                          : "no NVIDIA driver; networks run on the CPU");
-  if (built) return ok(name, "driver and libtorch are there; --device cuda uses them");
-  return warn(name, "there is an NVIDIA GPU, but this libtorch has no CUDA; networks run on the CPU",
-              "pip install torch, then COMRAD_CMAKE_ARGS=-DCMAKE_PREFIX_PATH=$(python3 -c 'import torch; "
-              "print(torch.utils.cmake_prefix_path)') ./comrad doctor");
+std::vector<CheckResult> check_libtorch() {
+  const auto described = [&]() -> Expected<LibtorchSeen> {
+    COMRAD_TRY_ASSIGN(const MergedSettings merged, default_run());
+    COMRAD_TRY_ASSIGN(const TemporaryFolder folder, TemporaryFolder::create());
+    COMRAD_TRY(write_file_atomically(folder.path() + "/config.toml", settings_to_toml(merged.config),
+                                     /*durable=*/false));
+    COMRAD_TRY_ASSIGN(const ProgramResult result,
+                      run_program({sibling_program("comrad-policy-worker"), "--run_dir", folder.path(),
+                                   "--describe", "--libtorch"}));
+    if (result.exit_code != 0) return Error{ErrorCode::kSystem, last_words(result)};
+    return parse_libtorch(result.output);
+  }();
+  if (!described)
+    return {fail("libtorch", described.error().message,
+                 "the PyTorch that was built with must stay where it was: rebuild with ./comrad, or with "
+                 "COMRAD_TORCH=FOLDER where it went")};
+  std::string text;
+  std::ifstream file("/proc/driver/nvidia/version");
+  std::getline(file, text);
+  return {judge_libtorch(*described),
+          judge_cuda(*described, driver_version_in(text), std::getenv("CUDA_VISIBLE_DEVICES"))};
 }
 
 }  // namespace comrad::deploy

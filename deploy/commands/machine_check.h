@@ -16,7 +16,7 @@ struct CheckResult {
   std::string action;  ///< what to do; empty when nothing
 };
 
-/// Debian packages of deploy/packages.txt.
+/// Debian packages of deploy/packages.txt; without libtorch-dev where the build has another PyTorch.
 CheckResult check_packages();
 /// What `comrad plot` needs: Debian packages of deploy/packages_report.txt. Never kFail.
 CheckResult check_report_packages();
@@ -37,6 +37,7 @@ CheckResult check_dds();
 CheckResult check_rendering();
 /// A policy worker runs its network for a second.
 CheckResult check_inference();
-CheckResult check_cuda();
+/// Two lines: which libtorch this is, and whether it and the NVIDIA driver fit (libtorch_check.h).
+std::vector<CheckResult> check_libtorch();
 
 }  // namespace comrad::deploy

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "policy_workers/device/libtorch_facts.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/worker/policy_worker.h"
 #include "rollout_buffer/core/bench_windows.h"
@@ -19,6 +20,17 @@ namespace {
 using namespace comrad;
 
 constexpr int64_t kBenchedWorldsMax = 64;
+
+nlohmann::json facts_of_libtorch() {
+  const device::LibtorchFacts facts = device::libtorch_facts();
+  nlohmann::json devices = nlohmann::json::array();
+  for (const device::CudaDevice& device : facts.devices)
+    devices.push_back(
+        {{"name", device.name}, {"memory_bytes", device.memory_bytes}, {"capability", device.capability}});
+  return {{"version", facts.version}, {"library", facts.library},   {"cuda", facts.cuda},
+          {"cudnn", facts.cudnn},     {"has_nccl", facts.has_nccl}, {"devices", std::move(devices)},
+          {"error", facts.error}};
+}
 
 Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds) {
   COMRAD_TRY_ASSIGN(const EnvShape env, shape.env());
@@ -62,21 +74,23 @@ Status bench(const RunConfig& config, const shm::BenchShape& shape, double secon
       {"spread", spread_of(rates[own])},
       {"batch_rows", own_rows},
       {"seconds", measured_s},
+      {"device", device.str()},
       {"cpu_seconds_per_1000_decisions", {{"all", 1000 * own_cpu_s / own_decisions}}},
       {"batches", batches}};
   std::printf("%s\n", report.dump().c_str());
   return {};
 }
 
-/// Prints what the arena must know of the network of these settings.
-Status describe(const RunConfig& config, const shm::BenchShape& shape) {
+/// Prints what the arena must know of the network of these settings; with_libtorch: also which libtorch this is.
+Status describe(const RunConfig& config, const shm::BenchShape& shape, bool with_libtorch) {
   COMRAD_TRY_ASSIGN(const EnvShape env, shape.env());
   COMRAD_TRY(policy::check_encoder(config.network.encoder_conv_architecture));
   const auto options = policy::PolicyNetOptions::from(config, env);
   const policy::PolicyNet net =
       policy::PolicyNet::create(options, static_cast<uint64_t>(config.run.seed), torch::kCPU);
-  const nlohmann::json report = {{"weights_bytes", net.weights_bytes()},
-                                 {"recurrent_state_count", options.recurrent_state_count()}};
+  nlohmann::json report = {{"weights_bytes", net.weights_bytes()},
+                           {"recurrent_state_count", options.recurrent_state_count()}};
+  if (with_libtorch) report["libtorch"] = facts_of_libtorch();
   std::printf("%s\n", report.dump().c_str());
   return {};
 }
@@ -108,6 +122,7 @@ int main(int argc, char** argv) {
   policy::tune_allocator();
   policy::PolicyWorkerOptions options;
   bool plays_seats = false;
+  bool with_libtorch = false;
   shm::BenchShape shape;
   shell.flags().add_flag("--greedy", options.is_greedy, "most probable actions instead of drawn ones");
   shell.flags().add_flag("--random", options.is_random, "uniform over allowed actions, no network");
@@ -115,10 +130,12 @@ int main(int argc, char** argv) {
                          "every agent has the player that seats.toml in --run_dir names");
   shell.flags().add_flag("--evaluate", options.is_evaluation,
                          "the run is an evaluation: batches and draws are the same on every start");
+  shell.flags().add_flag("--libtorch", with_libtorch,
+                         "describe: also which libtorch this is, and the GPUs it sees");
   shape.add_flags(shell.flags());
   return shell.run(
       argc, argv,
       {.work = [&](const RunConfig& config) { return work(shell, config, options, plays_seats); },
        .bench = [&](const RunConfig& config, double seconds) { return bench(config, shape, seconds); },
-       .describe = [&](const RunConfig& config) { return describe(config, shape); }});
+       .describe = [&](const RunConfig& config) { return describe(config, shape, with_libtorch); }});
 }

@@ -45,6 +45,7 @@ class SmallProject : public ::testing::Test {
     write("CMakeLists.txt",
           "cmake_minimum_required(VERSION 3.25)\nproject(small C)\n"
           "set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)\n"
+          "file(WRITE ${CMAKE_BINARY_DIR}/torch.told \"${COMRAD_TORCH}\")\n"
           "add_custom_target(programs)\n"
           "foreach(name comrad comrad-newest)\n"
           "  add_executable(${name} deploy/main.c)\n  add_dependencies(programs ${name})\nendforeach()\n"
@@ -57,7 +58,11 @@ class SmallProject : public ::testing::Test {
   Ending run(const std::vector<std::string>& arguments, const Environment& environment = {}) {
     std::vector<std::string> command = {"/bin/bash", home_ / "comrad"};
     command.insert(command.end(), arguments.begin(), arguments.end());
-    Environment all = {{"COMRAD_NO_INSTALL", "1"}, {"COMRAD_BUILD_DIR", home_ / "build"}, {"CI", ""}};
+    Environment all = {{"COMRAD_NO_INSTALL", "1"},
+                       {"COMRAD_BUILD_DIR", home_ / "build"},
+                       {"COMRAD_TORCH", ""},
+                       {"COMRAD_DRIVER_FILE", home_ / "driver"},
+                       {"CI", ""}};
     for (const auto& [name, value] : environment) all[name] = value;
     return RunningProgram(command, all).wait(60);
   }
@@ -93,7 +98,11 @@ TEST_F(SmallProject, ASecondUserRunsTheFinishedBuildOrIsToldWhatToDo) {
                                         "--clear-groups",   "/bin/bash", home_ / "comrad"};
     command.insert(command.end(), words.begin(), words.end());
     const std::string build = home_ / "build";
-    return RunningProgram(command, {{"COMRAD_NO_INSTALL", "1"}, {"COMRAD_BUILD_DIR", build}, {"CI", ""}})
+    return RunningProgram(command, {{"COMRAD_NO_INSTALL", "1"},
+                                    {"COMRAD_BUILD_DIR", build},
+                                    {"COMRAD_TORCH", ""},
+                                    {"COMRAD_DRIVER_FILE", home_ / "driver"},
+                                    {"CI", ""}})
         .wait(60);
   };
   // A commit, whose owner git does not trust for another user, is a part of the stamp.
@@ -286,10 +295,137 @@ TEST_F(SmallProjectWithTools, InstallsNothingForTheTestsWhenTold) {
   EXPECT_THAT(take_asked_for("python"), Not(HasSubstr("pip")));
 }
 
+/// Which libtorch it builds with, on a host that seems to have an NVIDIA driver.
+class SmallProjectWithDriver : public SmallProjectWithTools {
+ protected:
+  void SetUp() override {
+    SmallProjectWithTools::SetUp();
+    write("deploy/packages.txt", "cmake\nlibtorch-dev\n");
+    write("deploy/packages_torch.txt", "clang\n");
+    write("deploy/torch.txt",
+          "# newest first\ntorch==9.1 more-x 580 13.0 30 50\ntorch==8.0 - 525 12.8 20 40\n");
+    driver("580.65.06");
+  }
+  void driver(const std::string& version) {
+    write("driver", "NVRM version: NVIDIA UNIX Open Kernel Module for x86_64  " + version +
+                        "  Release Build  (root@host)\nGCC version:  gcc 12.2.0\n");
+  }
+  /// What CMake was told last: a folder with a PyTorch; empty: Debian's.
+  std::string told_cmake() const { return read_text(home_ / "build/torch.told"); }
+  const std::string folder_ = home_ / "build/torch";
+};
+
+TEST_F(SmallProjectWithDriver, GetsTheCudaPyTorchOnceAndSaysBeforehandHowLargeItIs) {
+  const Ending first = run_with_tools({"version"});
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_EQ(told_cmake(), folder_);
+  const std::string size =
+      "torch==9.1 with CUDA 13.0 from PyPI in " + folder_ + ": about 30 MB to download, 50 MB on the disk";
+  EXPECT_THAT(first.err,
+              AllOf(HasSubstr(size), HasSubstr("PyTorch installed"), HasSubstr("that PyTorch has no CUDA")))
+      << "the tool that plays pip installs none";
+  EXPECT_LT(first.err.find(size), first.err.find("PyTorch installed"));
+  EXPECT_EQ(take_asked_for("apt"), "update -q\ninstall -q -y --no-install-recommends clang\n")
+      << "no libtorch-dev";
+  EXPECT_THAT(take_asked_for("python"),
+              AllOf(HasSubstr("-m venv " + folder_ + "\n"), HasSubstr(" torch==9.1 more-x\n"),
+                    Not(HasSubstr("--no-index"))));
+  const Ending again = run_with_tools({"version"});
+  EXPECT_EQ(again.exit_code, 0);
+  EXPECT_EQ(again.err, "");
+  write("deploy/main.c", "int main(void) { return 0; }\n");
+  EXPECT_THAT(run_with_tools({"version"}).err, AllOf(HasSubstr("built in"), Not(HasSubstr("PyPI"))));
+  EXPECT_EQ(take_asked_for("python"), "") << "a build that follows finds it there";
+}
+
+TEST_F(SmallProjectWithDriver, ChoosesByDriverAndByCOMRAD_TORCH) {
+  const auto chosen = [&](const std::string& word) {
+    const Ending ending = run_with_tools({"version"}, {{"COMRAD_TORCH", word}});
+    EXPECT_EQ(ending.exit_code, 0) << ending.err;
+    return ending.err;
+  };
+  driver("570.133.20");
+  EXPECT_THAT(chosen("auto"), HasSubstr("torch==8.0 with CUDA 12.8"));
+  EXPECT_EQ(told_cmake(), folder_);
+  driver("470.256.02");
+  EXPECT_THAT(chosen("auto"),
+              AllOf(HasSubstr("torch==8.0 wants an NVIDIA driver of version 525, this one has 470.256.02"),
+                    HasSubstr("COMRAD_TORCH=FOLDER")));
+  EXPECT_EQ(told_cmake(), "");
+  driver("580.65.06");
+  chosen("debian");
+  EXPECT_EQ(told_cmake(), "");
+  EXPECT_THAT(take_asked_for("apt"), HasSubstr("libtorch-dev"));
+  fs::remove(home_ / "driver");
+  EXPECT_THAT(chosen("pip"), HasSubstr("torch==9.1 with CUDA 13.0"))
+      << "asked for by name it needs no driver";
+  EXPECT_EQ(told_cmake(), folder_);
+  EXPECT_THAT(chosen("auto"), HasSubstr("building in"));
+  EXPECT_EQ(told_cmake(), "") << "no driver";
+  write("driver", "no version at all\n");
+  EXPECT_EQ(chosen("auto"), "");
+}
+
+TEST_F(SmallProjectWithDriver, OfflineHostsNameAFolder) {
+  fs::create_directories(home_ / "carried");
+  write("carried/torch-7.5.0+cu128-cp311-cp311-linux_x86_64.whl", "");
+  write("carried/nvidia_cuda_crt-13.0.88-py3-none-linux_x86_64.whl", "");
+  const Ending wheels = run_with_tools({"version"}, {{"COMRAD_TORCH", (home_ / "carried").string()}});
+  EXPECT_EQ(wheels.exit_code, 0) << wheels.err;
+  EXPECT_EQ(told_cmake(), folder_);
+  EXPECT_THAT(take_asked_for("python"), HasSubstr("--no-index --find-links " + (home_ / "carried").string() +
+                                                  " --quiet torch==7.5.0+cu128 nvidia-cuda-crt\n"));
+  fs::create_directories(home_ / "mine/lib");
+  EXPECT_EQ(run_with_tools({"version"}, {{"COMRAD_TORCH", (home_ / "mine").string()}}).exit_code, 0);
+  EXPECT_EQ(told_cmake(), (home_ / "mine").string()) << "one that is installed is CMake's to look into";
+  EXPECT_EQ(take_asked_for("python"), "");
+}
+
+TEST_F(SmallProjectWithDriver, RefusesOtherWordsAndFoldersThatAreNotThere) {
+  for (const char* word : {"cuda", "torch==2.0", "Pip"}) {
+    const Ending refused = run_with_tools({"version"}, {{"COMRAD_TORCH", word}});
+    EXPECT_EQ(refused.exit_code, 2);
+    EXPECT_THAT(refused.err, HasSubstr("COMRAD_TORCH=" + std::string(word) +
+                                       ": it may be auto, debian, pip, or a folder"));
+  }
+  const Ending missing = run_with_tools({"version"}, {{"COMRAD_TORCH", "/no/such/folder"}});
+  EXPECT_EQ(missing.exit_code, 2);
+  EXPECT_THAT(missing.err, HasSubstr("there is no folder /no/such/folder"));
+  EXPECT_FALSE(fs::exists(home_ / "build"));
+}
+
+TEST_F(SmallProjectWithDriver, SaysWhatToDoWhereThePyTorchCannotBeHad) {
+  write("offline", "more-x\n");
+  const Ending offline = run_with_tools({"version"});
+  EXPECT_EQ(offline.exit_code, 1);
+  EXPECT_THAT(offline.err, AllOf(HasSubstr("pip could not install torch==9.1 more-x from PyPI"),
+                                 HasSubstr("COMRAD_TORCH=FOLDER"), HasSubstr("COMRAD_TORCH=debian")));
+  EXPECT_FALSE(fs::exists(folder_)) << "half an environment is no use";
+  fs::remove(home_ / "offline");
+  tool("df", "echo Avail; echo 79M");
+  EXPECT_THAT(run_with_tools({"version"}).err,
+              HasSubstr("has 79 MB free; the PyTorch and its download take 80"));
+  EXPECT_FALSE(fs::exists(folder_));
+  fs::remove(home_ / "bin/df");
+
+  take_asked_for("python");
+  write("deploy/packages.txt", "cmake\n");
+  const Ending told = run_with_tools({"version"}, {{"COMRAD_NO_INSTALL", "1"}});
+  EXPECT_EQ(told.exit_code, 0) << told.err;
+  EXPECT_THAT(told.err, HasSubstr("COMRAD_NO_INSTALL is set: networks will run on the CPU"));
+  EXPECT_EQ(told_cmake(), "");
+  const Ending asked = run_with_tools({"version"}, {{"COMRAD_NO_INSTALL", "1"}, {"COMRAD_TORCH", "pip"}});
+  EXPECT_EQ(asked.exit_code, 1);
+  EXPECT_THAT(asked.err, AllOf(HasSubstr("COMRAD_NO_INSTALL is set"), HasSubstr("COMRAD_TORCH=FOLDER")));
+  EXPECT_EQ(take_asked_for("python"), "");
+}
+
 TEST_F(SmallProject, TwoAtOnceWaitForEachOther) {
   const std::vector<std::string> command = {"/bin/bash", home_ / "comrad", "version"};
-  const Environment environment = {
-      {"COMRAD_NO_INSTALL", "1"}, {"COMRAD_BUILD_DIR", home_ / "build"}, {"CI", ""}};
+  const Environment environment = {{"COMRAD_NO_INSTALL", "1"},
+                                   {"COMRAD_BUILD_DIR", home_ / "build"},
+                                   {"COMRAD_TORCH", "debian"},
+                                   {"CI", ""}};
   RunningProgram one(command, environment), two(command, environment);
   const Ending first = one.wait(60), second = two.wait(60);
   EXPECT_EQ(first.out, "[version]") << first.err;

@@ -59,6 +59,8 @@ struct Library {
 };
 
 constexpr std::string_view kFromPypi = "PyPI ";  ///< a package of pyproject.toml, not of Debian's
+// Those of GPU hosts are in deploy/torch.txt, by their name there.
+const std::string kOfGpuHosts = "gpu:";
 
 const std::vector<Library>& libraries() {
   static const std::vector<Library> all = {
@@ -72,6 +74,7 @@ const std::vector<Library>& libraries() {
       {"OpenCV", "libopencv-imgproc-dev", {"opencv2/"}, {"sim_workers/env/", "sim_workers/film/"}},
       {"libpng", "libpng-dev", {"png.h"}, {"sim_workers/engine/render/"}},
       {"libtorch", "libtorch-dev", {"torch/", "ATen/", "c10/", "caffe2/"}, {"policy_workers/", "learner/"}},
+      {"CUDA", kOfGpuHosts + "cuda-toolkit[crt]", {"cuda_runtime_api.h"}, {"policy_workers/device/"}},
       {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/commands/"}},
       {"toml++",
        "libtomlplusplus-dev",
@@ -211,7 +214,14 @@ TEST(Layering, EveryLibraryIsInstalledByTheBootstrap) {
   for (std::string line; std::getline(file, line);) packages.insert(line.substr(0, line.find(' ')));
   std::stringstream of_python;
   of_python << std::ifstream(std::string(COMRAD_SOURCE_DIR) + "/pyproject.toml").rdbuf();
+  std::stringstream of_gpu_hosts;
+  of_gpu_hosts << std::ifstream(std::string(COMRAD_SOURCE_DIR) + "/deploy/torch.txt").rdbuf();
   for (const Library& library : libraries()) {
+    if (library.package.starts_with(kOfGpuHosts)) {
+      EXPECT_NE(of_gpu_hosts.str().find(library.package.substr(kOfGpuHosts.size())), std::string::npos)
+          << library.name << ": deploy/torch.txt lacks it";
+      continue;
+    }
     const bool is_python = library.package.starts_with(kFromPypi);
     EXPECT_TRUE(is_python ? of_python.str().find('"' + library.package.substr(kFromPypi.size())) !=
                                 std::string::npos

@@ -83,6 +83,7 @@ CASES = [
     shell("deploy/docker/until_finished", 'before="$word"', 'befor="$word"'),
     shell("deploy/package/postinst", '"$1" = configure', "$1 == configure"),
     shell("deploy/package/prerm", "'comrad@*.service'", "`echo 'comrad@*.service'"),
+    shell("deploy/gpu/check.sh", 'kill "${watcher}"', 'kill "${watchr}"'),
     shell("comrad", 'build="${PWD}/${build}"', 'build=${PWD}/$(ls *.build'),
 ]
 

@@ -1,0 +1,131 @@
+#!/usr/bin/env bash
+# Everything that needs a GPU to be known, on a machine that has one: builds with a CUDA PyTorch, runs the unit tests of the
+# learner and the policy workers, compares CPU and GPU, measures all algorithms on two scenarios, and trains 100 M env frames.
+# A part that fails is told, and the others go on. Writes OUT/gpu.json and OUT/gpu.md; logs of all parts stay in OUT.
+#
+#   deploy/gpu/check.sh [--wheels FOLDER] [--out FOLDER] [--device cuda] [--seconds 20] [--env_frames 1e8] [--preset paper]
+#   deploy/gpu/check.sh --dry --build FOLDER [--out FOLDER]
+#
+#   --wheels FOLDER     no network: the PyTorch's wheels, as `pip download -d FOLDER torch==2.14.1 'cuda-toolkit[crt]'` brings
+#   --dry               on the CPU, with programs that FOLDER has already: the comparison runs, the commands of all benches are
+#                       read, one small bench and a short training run
+# Exit code 0: all parts did what they should; 1: one failed; 2: a wrong flag.
+set -euo pipefail
+
+home="$(cd -- "$(dirname -- "$(readlink -f -- "${BASH_SOURCE[0]}")")/../.." && pwd)"
+build="${COMRAD_BUILD_DIR:-${home}/build}"
+out='' wheels='' device=cuda seconds=20 env_frames=1e8 preset=paper dry=0
+algorithms=(ippo mappo happo idqn vdn qmix qplex_d qplex_q)
+places=("stag_hunt_arena 2" "armory_siege 8")
+
+say() { printf 'gpu check: %s\n' "$*" >&2; }
+refuse() {
+  say "error: $*"
+  exit 2
+}
+while (($# > 0)); do
+  case "$1" in
+    --dry) dry=1 device=cpu seconds=1 env_frames=4000 preset=small ;;
+    --wheels | --out | --build | --device | --seconds | --env_frames | --preset)
+      (($# > 1)) || refuse "$1 needs a value"
+      declare "${1#--}=$2"
+      shift
+      ;;
+    -h | --help)
+      sed -n '2,/^set /{/^set /d;s/^# \{0,1\}//;p}' "${BASH_SOURCE[0]}"
+      exit 0
+      ;;
+    *) refuse "unknown flag $1; see --help" ;;
+  esac
+  shift
+done
+[[ -z "${wheels}" || -d "${wheels}" ]] || refuse "--wheels: there is no folder ${wheels}"
+[[ "${build}" == /* ]] || build="${PWD}/${build}"
+if ((dry)) && [[ ! -x "${build}/bin/comrad" ]]; then refuse "--dry needs --build FOLDER, which has bin/comrad"; fi
+command -v python3 >/dev/null || refuse "python3 is needed for the report"
+out="${out:-${home}/train_dir/gpu_check}"
+mkdir -p "${out}"
+out="$(cd -- "${out}" && pwd)"
+rm -rf "${out}/parts" && mkdir "${out}/parts"
+export COMRAD_HOME="${home}"
+
+# part NAME COMMAND...: runs it; its output is parts/NAME.log, what it prints on stdout parts/NAME.out. Writes how it ended and how
+# long it took. While it runs, the GPU's load is noted each second.
+failed=0
+part() {
+  local name="$1" begin end code=0 watcher=''
+  shift
+  say "${name}"
+  if command -v nvidia-smi >/dev/null && ((!dry)); then
+    nvidia-smi --query-gpu=utilization.gpu,memory.used --format=csv,noheader,nounits --loop=1 >"${out}/parts/${name}.gpu" 2>/dev/null &
+    watcher=$!
+  fi
+  begin="$(date +%s.%N)"
+  "$@" >"${out}/parts/${name}.out" 2>"${out}/parts/${name}.log" || code=$?
+  end="$(date +%s.%N)"
+  if [[ -n "${watcher}" ]]; then
+    kill "${watcher}" 2>/dev/null || true
+    wait "${watcher}" 2>/dev/null || true
+  fi
+  printf '%s %s %s\n' "${code}" "${begin}" "${end}" >"${out}/parts/${name}.end"
+  if ((code != 0)); then
+    failed=1
+    say "${name} failed (exit code ${code}); see ${out}/parts/${name}.log: $(tail -n 1 "${out}/parts/${name}.log")"
+    return 1
+  fi
+}
+comrad() { "${build}/bin/comrad" "$@"; }
+unit_tests() { ctest --test-dir "${build}/tests/unit/$1" -L unit --output-on-failure; }
+write_report() { python3 "${home}/deploy/gpu/report.py" "${out}" "${dry}" "${device}" "${preset}"; }
+
+build_all() {
+  COMRAD_BUILD_DIR="${build}" COMRAD_TORCH="${wheels:-pip}" "${home}/comrad" version
+  cmake --build "${build}" --target tests/unit/policy_workers/all tests/unit/learner/all
+}
+sees_a_gpu() {
+  comrad doctor --json
+}
+
+if ((!dry)); then
+  part build build_all || {
+    write_report
+    exit 1
+  }
+fi
+part doctor sees_a_gpu || true
+if ((!dry)) && ! grep -q '"name":"cuda","level":"OK","found":"[^"]*--device auto' "${out}/parts/doctor.out"; then
+  say "no GPU is seen: $(grep -o '"name":"cuda"[^}]*' "${out}/parts/doctor.out" || echo 'doctor says nothing of CUDA')"
+  write_report
+  exit 1
+fi
+# Tests that know COMRAD_TEST_DEVICE use that device; the others show that this libtorch computes on the CPU as Debian's does.
+export COMRAD_TEST_DEVICE="${device}"
+part parity "${build}/tests/device_parity_test" --gtest_output="json:${out}/parts/parity.json" || true
+if ((!dry)); then
+  part unit_policy_workers unit_tests policy_workers || true
+  part unit_learner unit_tests learner || true
+fi
+unset COMRAD_TEST_DEVICE
+
+for place in "${places[@]}"; do
+  read -r scenario agents <<<"${place}"
+  for algo in "${algorithms[@]}"; do
+    settings=(--scenario "${scenario}" --num_agents "${agents}" --algo "${algo}" --preset "${preset}" --device "${device}")
+    if ((dry)); then
+      part "read_${scenario}_${algo}" comrad config "${settings[@]}" --json || true
+    else
+      part "bench_${scenario}_${algo}" comrad bench train "${settings[@]}" --seconds "${seconds}" --json || true
+    fi
+  done
+done
+small=()
+if ((dry)); then
+  small=(--num_workers 1 --num_envs_per_worker 4 --rollout 16 --batch_size 256 --rnn_size 32)
+  part "bench_stag_hunt_arena_mappo" comrad bench train --scenario stag_hunt_arena --num_agents 2 --algo mappo --device "${device}" \
+    "${small[@]}" --seconds "${seconds}" --json || true
+fi
+rm -rf "${out}/runs"
+part train_mappo comrad train --scenario stag_hunt_arena --num_agents 2 --algo mappo --preset "${preset}" --device "${device}" --seed 42 \
+  "${small[@]}" --train_for_env_frames "${env_frames}" --train_dir "${out}/runs" --experiment mappo || true
+write_report
+((!failed))

@@ -1,0 +1,191 @@
+// The same weights and the same batch on the CPU and on another device: logits, losses, gradients and the weights after one
+// optimizer step agree. COMRAD_TEST_DEVICE names the device (deploy/gpu/check.sh: cuda); without it a second learner on the
+// CPU is compared, which must be equal bit for bit. The largest differences are properties of the test's report.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <memory>
+#include <set>
+#include <string>
+#include <variant>
+
+#include "learner/algorithms/algorithm.h"
+#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/policy/torch_ops.h"
+#include "tests/support/noise_batch.h"
+
+namespace comrad::learn {
+namespace {
+
+constexpr int kAgents = 2, kWorlds = 4;
+
+torch::Device other_device() {
+  const char* word = std::getenv("COMRAD_TEST_DEVICE");
+  const auto device = policy::choose_device(word == nullptr ? "cpu" : word);
+  EXPECT_TRUE(device) << (device ? "" : device.error().message);
+  return device ? *device : torch::Device(torch::kCPU);
+}
+
+RunConfig parity_config(const std::string& algo) {
+  RunConfig config = testing::small_config(algo, kAgents);
+  config.mixers.mixer = algo == "vdn"       ? "vdn"
+                        : algo == "qmix"    ? "qmix"
+                        : algo == "qplex_d" ? "dmaq"
+                        : algo == "qplex_q" ? "dmaq_qatten"
+                                            : "";
+  config.q_learning.team_reward = TeamReward::kSum;
+  config.network.normalize_input = true;
+  config.optimisation.num_epochs = 1;
+  config.optimisation.num_batches_per_epoch = 1;
+  config.optimisation.learning_rate = 1e-3;
+  return config;
+}
+
+/// What one learner made of one batch.
+struct Outcome {
+  Tensor logits;  ///< of the batch's first frames, before the step
+  UpdateStats stats;
+  StateDict state;  ///< after it
+};
+
+Tensor first_logits(const RunConfig& config, const EnvShape& env, torch::Device device, const Tensor& frame,
+                    const Tensor& recurrent_state) {
+  const policy::PolicyNet net =
+      policy::PolicyNet::create(policy::PolicyNetOptions::from(config, env), 1, device);
+  return net.step(frame.to(device), {}, recurrent_state.to(device)).logits.to(torch::kCPU);
+}
+
+Outcome one_step(const std::string& algo, torch::Device device, uint64_t seed) {
+  const RunConfig config = parity_config(algo);
+  const TrajectoryShape shape = testing::small_shape(config, kAgents);
+  Outcome outcome;
+  auto algorithm = make_algorithm(config, shape.env, device);
+  EXPECT_TRUE(algorithm);
+  if (auto* on_policy = dynamic_cast<OnPolicyAlgorithm*>(algorithm->get())) {
+    RolloutBatch batch = testing::noise_batch(shape, kWorlds, seed);
+    outcome.logits = first_logits(config, shape.env, device, batch.frame[0], batch.recurrent_state);
+    outcome.stats = *on_policy->update(batch, {});
+  } else {
+    const testing::SlabPool pool(shape, kWorlds);
+    pool.fill_with_noise(seed);
+    auto replay = *replay::Replay::create({.store = {.shape = shape, .capacity_bytes = 1 << 24}});
+    std::vector<replay::Draw> draws;
+    const bool single = algo == "idqn" && !config.network.use_rnn;
+    for (int item = 0; item < kWorlds; ++item) {
+      replay->insert(pool.view(item), static_cast<uint32_t>(shape.rollout_steps));
+      draws.push_back(
+          {.item = item, .step = config.network.use_rnn ? -1 : 1, .agent = 0, .weight = 1.0, .serial = item});
+    }
+    const ReplayBatchOptions options{.shape = shape,
+                                     .unit = config.network.use_rnn ? replay::Unit::kSequence
+                                             : single               ? replay::Unit::kAgentStep
+                                                                    : replay::Unit::kJointStep,
+                                     .world_count = kWorlds,
+                                     .n_step = config.q_learning.n_step,
+                                     .pay = {.gamma = config.optimisation.gamma},
+                                     .agents_end = algo == "idqn"};
+    ReplayBatch batch = make_replay_batch(options);
+    fill(batch, options, *replay, draws);
+    auto* off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm->get());
+    off_policy->observe(batch.frame[0], {}, {});
+    outcome.logits = first_logits(config, shape.env, device, batch.frame[0], batch.recurrent_state);
+    outcome.stats = *off_policy->update(batch, {});
+  }
+  (*algorithm)->save(outcome.state);
+  return outcome;
+}
+
+/// The largest and the mean difference of all floating tensors of a section whose key ends with a word.
+struct Difference {
+  double largest = 0, mean = 0, scale = 0;  ///< scale: the largest value
+  int64_t count = 0;
+};
+
+Difference difference_of(const StateDict& one, const StateDict& other, const std::string& section,
+                         const std::string& word) {
+  Difference found;
+  double sum = 0;
+  for (const auto& [key, value] : one.values()) {
+    const auto* tensor = std::get_if<Tensor>(&value);
+    if (tensor == nullptr || !key.starts_with(section) || !key.ends_with(word) ||
+        !tensor->is_floating_point() || tensor->numel() == 0)
+      continue;
+    const auto counterpart = other.tensor(key);
+    EXPECT_TRUE(counterpart) << key;
+    if (!counterpart) continue;
+    const Tensor a = tensor->to(torch::kFloat64), gap = (a - counterpart->to(torch::kFloat64)).abs();
+    found.largest = std::max(found.largest, gap.max().item<double>());
+    found.scale = std::max(found.scale, a.abs().max().item<double>());
+    sum += gap.sum().item<double>();
+    found.count += gap.numel();
+  }
+  found.mean = found.count > 0 ? sum / static_cast<double>(found.count) : 0;
+  return found;
+}
+
+class DeviceParity : public ::testing::TestWithParam<std::string> {
+ protected:
+  void SetUp() override {
+    at::globalContext().setAllowTF32CuDNN(
+        false);  // f32 products in full, so that differences are of rounding alone
+    at::globalContext().setAllowTF32CuBLAS(false);
+  }
+};
+
+TEST_P(DeviceParity, LogitsLossesGradientsAndOneStepAgreeWithTheCpu) {
+  const torch::Device device = other_device();
+  const bool is_exact = device.is_cpu();
+  const Outcome cpu = one_step(GetParam(), torch::kCPU, 5), other = one_step(GetParam(), device, 5);
+  ASSERT_GE(cpu.stats.optimizer_steps, 1);  // HAPPO counts each agent's and the critic's
+  ASSERT_EQ(other.stats.optimizer_steps, cpu.stats.optimizer_steps);
+
+  const double logits = (cpu.logits - other.logits).abs().max().item<double>();
+  RecordProperty("logits_largest_difference", std::to_string(logits));
+  EXPECT_LE(logits, is_exact ? 0 : 1e-4);
+
+  const auto mine = testing::values_of(cpu.stats), theirs = testing::values_of(other.stats);
+  int losses = 0;
+  double worst = 0;
+  for (const auto& [name, value] : mine) {
+    if (name.find("loss") == std::string::npos) continue;
+    ++losses;
+    ASSERT_TRUE(theirs.contains(name)) << name;
+    const double gap = std::abs(value - theirs.at(name)) / std::max(1.0, std::abs(value));
+    worst = std::max(worst, gap);
+    EXPECT_LE(gap, is_exact ? 0 : 1e-4) << name << ": " << value << ", " << theirs.at(name);
+  }
+  EXPECT_GE(losses, 1);
+  RecordProperty("losses_largest_difference", std::to_string(worst));
+
+  // Adam's first moment after one step is the clipped gradient times a constant.
+  const Difference gradient = difference_of(cpu.state, other.state, "optimizer/", ".exp_avg");
+  ASSERT_GT(gradient.count, 1000);
+  ASSERT_GT(gradient.scale, 0);
+  RecordProperty("gradient_largest_difference", std::to_string(gradient.largest / gradient.scale));
+  EXPECT_LE(gradient.largest, is_exact ? 0 : 1e-3 * gradient.scale);
+
+  // Adam moves a weight by the learning rate, whichever side of 0 its gradient lies: rounding may turn a few around.
+  const Difference weights = difference_of(cpu.state, other.state, "network/", "");
+  ASSERT_GT(weights.count, 1000);
+  RecordProperty("weights_largest_difference", std::to_string(weights.largest));
+  EXPECT_LE(weights.largest, is_exact ? 0 : 2.1e-3);
+  EXPECT_LE(weights.mean, is_exact ? 0 : 1e-5);
+}
+
+TEST_P(DeviceParity, AnotherBatchIsSeenInEachOfThem) {
+  const Outcome one = one_step(GetParam(), torch::kCPU, 5), other = one_step(GetParam(), torch::kCPU, 6);
+  EXPECT_GT((one.logits - other.logits).abs().max().item<double>(), 1e-4);
+  const Difference gradient = difference_of(one.state, other.state, "optimizer/", ".exp_avg");
+  EXPECT_GT(gradient.largest, 1e-3 * gradient.scale);
+  EXPECT_GT(difference_of(one.state, other.state, "network/", "").mean, 1e-5);
+}
+
+INSTANTIATE_TEST_SUITE_P(Algorithms, DeviceParity,
+                         ::testing::Values("ippo", "mappo", "happo", "idqn", "vdn", "qmix", "qplex_d",
+                                           "qplex_q"),
+                         [](const auto& algorithm) { return algorithm.param; });
+
+}  // namespace
+}  // namespace comrad::learn
