@@ -1,39 +1,19 @@
 #include "learner/algorithms/adam_optimizer.h"
 
-#include <torch/optim/adam.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <sstream>
-#include <type_traits>
+
+#include "policy_workers/policy/kernels.h"
+#include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
 namespace {
-
-/// libtorch keys its per-parameter state by text before 2.1 and by pointer since.
-template <typename Map>
-typename Map::key_type state_key(const Map&, const torch::Tensor& parameter) {
-  if constexpr (std::is_same_v<typename Map::key_type, std::string>) {
-    std::ostringstream text;
-    text << parameter.unsafeGetTensorImpl();
-    return text.str();
-  } else {
-    return parameter.unsafeGetTensorImpl();
-  }
-}
 
 std::string entry_prefix(const std::string& section, const std::string& prefix, std::size_t index) {
   char number[16];
   std::snprintf(number, sizeof(number), "%03zu", index);
   return section + "/" + prefix + number;
-}
-
-/// The values of tensors with one number each, which leave the device at once: each wait for it would stop a GPU's queue.
-std::vector<double> read_together(const std::vector<torch::Tensor>& numbers) {
-  if (numbers.empty()) return {};
-  const torch::Tensor read = torch::stack(numbers).cpu().to(torch::kFloat64);
-  return {read.data_ptr<double>(), read.data_ptr<double>() + read.numel()};
 }
 
 }  // namespace
@@ -48,24 +28,31 @@ AdamSettings AdamSettings::from(const RunConfig& config) {
 struct AdamOptimizer::State {
   std::vector<torch::Tensor> parameters;
   AdamSettings settings;
-  torch::optim::Adam adam;
-  std::vector<double> gradient_norms;  // of the last clip_gradients()
+  std::vector<torch::Tensor> mean,
+      square;           ///< exp_avg and exp_avg_sq; undefined before a parameter's first gradient
+  torch::Tensor steps;  ///< f64 [], on the device: steps taken
 
-  /// The moments of a parameter, or null before its first step.
-  torch::optim::AdamParamState* moments(const torch::Tensor& parameter) {
-    auto& map = adam.state();
-    const auto found = map.find(state_key(map, parameter));
-    return found == map.end() ? nullptr : static_cast<torch::optim::AdamParamState*>(found->second.get());
+  bool is_on_cpu() const {
+    return std::ranges::all_of(parameters, [](const torch::Tensor& parameter) {
+      return parameter.is_cpu() && parameter.scalar_type() == torch::kFloat32 && parameter.is_contiguous();
+    });
+  }
+  void make_moments(std::size_t index) {
+    if (mean[index].defined()) return;
+    mean[index] = torch::zeros_like(parameters[index], parameters[index].options().requires_grad(false));
+    square[index] = torch::zeros_like(mean[index]);
   }
 };
 
 AdamOptimizer::AdamOptimizer(std::vector<torch::Tensor> parameters, const AdamSettings& settings)
     : state_(new State{
-          parameters, settings,
-          torch::optim::Adam(
-              parameters,
-              torch::optim::AdamOptions(1e-4).betas({settings.beta1, settings.beta2}).eps(settings.epsilon)),
-          std::vector<double>(parameters.size(), 0.0)}) {}
+          .parameters = std::move(parameters), .settings = settings, .mean = {}, .square = {}, .steps = {}}) {
+  state_->mean.resize(state_->parameters.size());
+  state_->square.resize(state_->parameters.size());
+  const torch::Device device =
+      state_->parameters.empty() ? torch::Device(torch::kCPU) : state_->parameters.front().device();
+  state_->steps = torch::zeros({}, torch::TensorOptions(torch::kFloat64).device(device));
+}
 AdamOptimizer::~AdamOptimizer() = default;
 AdamOptimizer::AdamOptimizer(AdamOptimizer&&) noexcept = default;
 AdamOptimizer& AdamOptimizer::operator=(AdamOptimizer&&) noexcept = default;
@@ -80,83 +67,142 @@ void AdamOptimizer::zero_grad() {
   }
 }
 
-double AdamOptimizer::clip_gradients() {
+torch::Tensor AdamOptimizer::step(double learning_rate, const torch::Tensor& loss) {
   torch::NoGradGuard no_grad;
-  std::vector<torch::Tensor> norms;
-  for (const torch::Tensor& parameter : state_->parameters)
-    norms.push_back(parameter.grad().defined() ? parameter.grad().norm()
-                                               : torch::zeros({}, parameter.options()));
-  state_->gradient_norms = read_together(norms);
+  std::vector<std::size_t> with_gradient;
+  for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
+    if (!state_->parameters[i].grad().defined()) continue;
+    with_gradient.push_back(i);
+    state_->make_moments(i);
+  }
+  return state_->is_on_cpu() ? step_on_cpu(with_gradient, learning_rate, loss)
+                             : step_on_device(with_gradient, learning_rate, loss);
+}
+
+/// Two passes over the gradients: one for the norm, one for everything else.
+torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices, double learning_rate,
+                                         const torch::Tensor& loss) {
+  const AdamSettings& settings = state_->settings;
   double squares = 0;
-  for (const double each : state_->gradient_norms) squares += each * each;
-  const double norm = std::sqrt(squares), limit = state_->settings.max_grad_norm;
-  if (!std::isfinite(norm) || !(limit > 0)) return norm;
-  const double factor = limit / (norm + 1e-6);
-  if (factor < 1.0)
-    for (const torch::Tensor& parameter : state_->parameters)
-      if (parameter.grad().defined()) parameter.grad().mul_(factor);
-  return norm;
+  std::vector<torch::Tensor> gradients;
+  for (const std::size_t i : indices) {
+    gradients.push_back(state_->parameters[i].grad().contiguous());
+    squares += policy::kernels::sum_of_squares(gradients.back().data_ptr<float>(), gradients.back().numel());
+  }
+  const double norm = std::sqrt(squares), limit = settings.max_grad_norm;
+  const torch::Tensor on_host = loss.defined() ? loss.detach().to(torch::kFloat64) : torch::Tensor();
+  const bool is_finite =
+      std::isfinite(norm) && (!on_host.defined() || std::isfinite(*on_host.data_ptr<double>()));
+  torch::Tensor outcome = torch::empty({2}, torch::kFloat64);
+  outcome.data_ptr<double>()[0] = is_finite ? 1 : 0;
+  outcome.data_ptr<double>()[1] = norm;
+  if (!is_finite) return outcome;
+  double& steps = *state_->steps.data_ptr<double>();
+  steps += 1;
+  const policy::kernels::AdamStep numbers{
+      .gradient_scale = static_cast<float>(limit > 0 ? std::min(1.0, limit / (norm + 1e-6)) : 1.0),
+      .beta1 = static_cast<float>(settings.beta1),
+      .beta2 = static_cast<float>(settings.beta2),
+      .one_less_beta1 = static_cast<float>(1 - settings.beta1),
+      .one_less_beta2 = static_cast<float>(1 - settings.beta2),
+      .step_size = static_cast<float>(learning_rate / (1 - std::pow(settings.beta1, steps))),
+      .root_scale = static_cast<float>(1 / std::sqrt(1 - std::pow(settings.beta2, steps))),
+      .epsilon = static_cast<float>(settings.epsilon)};
+  for (std::size_t k = 0; k < indices.size(); ++k) {
+    const std::size_t i = indices[k];
+    float *parameter = state_->parameters[i].data_ptr<float>(), *mean = state_->mean[i].data_ptr<float>(),
+          *square = state_->square[i].data_ptr<float>();
+    const float* gradient = gradients[k].data_ptr<float>();
+    at::parallel_for(0, gradients[k].numel(), 1 << 16, [&](int64_t begin, int64_t end) {
+      policy::kernels::adam_step(numbers, end - begin, gradient + begin, mean + begin, square + begin,
+                                 parameter + begin);
+    });
+  }
+  return outcome;
 }
 
-void AdamOptimizer::step(double learning_rate) {
-  for (auto& group : state_->adam.param_groups()) group.options().set_lr(learning_rate);
-  state_->adam.step();
+/// The same as operators, which any device works off by itself.
+torch::Tensor AdamOptimizer::step_on_device(const std::vector<std::size_t>& indices, double learning_rate,
+                                            const torch::Tensor& loss) {
+  const AdamSettings& settings = state_->settings;
+  std::vector<torch::Tensor> squares;
+  for (const std::size_t i : indices)
+    squares.push_back(state_->parameters[i].grad().norm().to(torch::kFloat64).square());
+  const torch::Tensor norm =
+      squares.empty() ? torch::zeros_like(state_->steps) : torch::stack(squares).sum().sqrt();
+  torch::Tensor is_finite = norm.isfinite();
+  if (loss.defined()) is_finite = is_finite.logical_and(loss.detach().isfinite().reshape({}));
+  const torch::Tensor taken = is_finite.to(torch::kFloat64);
+  const double limit = settings.max_grad_norm;
+  const torch::Tensor scale = limit > 0 ? (limit / (norm + 1e-6)).clamp_max(1.0) : torch::ones_like(norm);
+  state_->steps.add_(taken);
+  const torch::Tensor steps = state_->steps.clamp_min(1.0);
+  const torch::Tensor step_size = learning_rate * taken / (1 - at::pow(settings.beta1, steps)),
+                      root_scale = (1 - at::pow(settings.beta2, steps)).rsqrt();
+  for (const std::size_t i : indices) {
+    torch::Tensor &parameter = state_->parameters[i], &mean = state_->mean[i], &square = state_->square[i];
+    const auto type = parameter.scalar_type();
+    // A weight of 0 leaves the moments, and a gradient of 0 keeps what is not finite out of the product.
+    const torch::Tensor gradient = torch::where(is_finite, parameter.grad() * scale.to(type),
+                                                torch::zeros({}, parameter.options().requires_grad(false)));
+    mean.lerp_(gradient, ((1 - settings.beta1) * taken).to(type).expand_as(mean));
+    square.lerp_(gradient.square(), ((1 - settings.beta2) * taken).to(type).expand_as(square));
+    parameter.sub_(mean / (square.sqrt() * root_scale.to(type) + settings.epsilon) * step_size.to(type));
+  }
+  return torch::stack({taken, norm});
 }
 
-bool AdamOptimizer::has_stepped(std::size_t index) const {
-  return state_->moments(state_->parameters[index]) != nullptr;
-}
+bool AdamOptimizer::has_stepped(std::size_t index) const { return state_->mean[index].defined(); }
 
-double AdamOptimizer::gradient_norm(std::size_t index) const { return state_->gradient_norms[index]; }
+double AdamOptimizer::gradient_norm(std::size_t index) const {
+  torch::NoGradGuard no_grad;
+  const torch::Tensor& gradient = state_->parameters[index].grad();
+  return gradient.defined() ? gradient.norm().item<double>() : 0;
+}
 
 double AdamOptimizer::step_multiplier(std::size_t index) const {
   torch::NoGradGuard no_grad;
-  const auto* moments = state_->moments(state_->parameters[index]);
-  if (moments == nullptr) return 0;
+  if (!has_stepped(index)) return 0;
   const AdamSettings& settings = state_->settings;
-  const double correction = 1 - std::pow(settings.beta2, static_cast<double>(moments->step()));
-  const torch::Tensor s = (moments->exp_avg_sq() / correction).sqrt();
+  const torch::Tensor correction = 1 - at::pow(settings.beta2, state_->steps.clamp_min(1.0));
+  const torch::Tensor s = (state_->square[index] / correction).sqrt();
   return (s / (s + settings.epsilon)).mean().item<double>();
 }
 
-double AdamOptimizer::max_second_moment() const {
-  std::vector<torch::Tensor> largest;
-  for (const torch::Tensor& parameter : state_->parameters) {
-    const auto* moments = state_->moments(parameter);
-    if (moments != nullptr) largest.push_back(moments->exp_avg_sq().max());
-  }
-  double all = 0;
-  for (const double each : read_together(largest)) all = std::max(all, each);
-  return all;
+torch::Tensor AdamOptimizer::max_second_moment() const {
+  torch::NoGradGuard no_grad;
+  std::vector<torch::Tensor> largest = {torch::zeros_like(state_->steps)};
+  for (const torch::Tensor& square : state_->square)
+    if (square.defined()) largest.push_back(square.max().to(torch::kFloat64));
+  return torch::stack(largest).max();
 }
 
 void AdamOptimizer::save(StateDict& state, const std::string& section, const std::string& prefix) const {
+  const auto steps = static_cast<int64_t>(state_->steps.item<double>());
+  if (steps == 0) return;
   for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
-    const auto* moments = state_->moments(state_->parameters[i]);
-    if (moments == nullptr) continue;
-    state.put(entry_prefix(section, prefix, i) + ".step", moments->step());
-    state.put(entry_prefix(section, prefix, i) + ".exp_avg", moments->exp_avg());
-    state.put(entry_prefix(section, prefix, i) + ".exp_avg_sq", moments->exp_avg_sq());
+    if (!has_stepped(i)) continue;
+    state.put(entry_prefix(section, prefix, i) + ".step", steps);
+    state.put(entry_prefix(section, prefix, i) + ".exp_avg", state_->mean[i]);
+    state.put(entry_prefix(section, prefix, i) + ".exp_avg_sq", state_->square[i]);
   }
 }
 
 Status AdamOptimizer::load(const StateDict& state, const std::string& section,
                            const std::string& key_prefix) {
-  auto& map = state_->adam.state();
-  map.clear();
+  int64_t steps = 0;
   for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
     const std::string prefix = entry_prefix(section, key_prefix, i);
+    state_->mean[i] = state_->square[i] = torch::Tensor();
     if (!state.has(prefix + ".step")) continue;
-    const torch::Tensor& parameter = state_->parameters[i];
-    auto moments = std::make_unique<torch::optim::AdamParamState>();
-    COMRAD_TRY_ASSIGN(const int64_t step, state.integer(prefix + ".step"));
-    moments->step(step);
-    moments->exp_avg(torch::zeros_like(parameter));
-    moments->exp_avg_sq(torch::zeros_like(parameter));
-    COMRAD_TRY(state.copy_tensor(prefix + ".exp_avg", moments->exp_avg()));
-    COMRAD_TRY(state.copy_tensor(prefix + ".exp_avg_sq", moments->exp_avg_sq()));
-    map[state_key(map, parameter)] = std::move(moments);
+    COMRAD_TRY_ASSIGN(const int64_t of_parameter, state.integer(prefix + ".step"));
+    steps = std::max(steps, of_parameter);
+    state_->make_moments(i);
+    COMRAD_TRY(state.copy_tensor(prefix + ".exp_avg", state_->mean[i]));
+    COMRAD_TRY(state.copy_tensor(prefix + ".exp_avg_sq", state_->square[i]));
   }
+  torch::NoGradGuard no_grad;
+  state_->steps.fill_(static_cast<double>(steps));
   return {};
 }
 

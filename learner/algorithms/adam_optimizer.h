@@ -1,4 +1,6 @@
-// Adam with a global gradient clip and a state that goes into checkpoints. Stage: update.
+// Adam with a global gradient clip, the check that everything is finite, and a state that goes into checkpoints. A step
+// is a few passes over the parameters on the device they live on; the host is told afterwards what became of it.
+// Stage: update.
 #pragma once
 
 #include <torch/types.h>
@@ -23,7 +25,10 @@ struct AdamSettings {
   static AdamSettings from(const RunConfig& config);
 };
 
-/// One torch::optim::Adam over `parameters`, in that order.
+/// Adam over `parameters`, in that order. Source: Kingma and Ba 2015, arXiv:1412.6980, algorithm 1.
+///
+///   m <- b1 m + (1 - b1) c g      v <- b2 v + (1 - b2) (c g)^2      p <- p - lr m_hat / (sqrt(v_hat) + eps)
+///   c  = min(1, max_grad_norm / (|g| + 1e-6)), |g| over all parameters
 class AdamOptimizer {
  public:
   AdamOptimizer(std::vector<torch::Tensor> parameters, const AdamSettings& settings);
@@ -33,20 +38,19 @@ class AdamOptimizer {
 
   const std::vector<torch::Tensor>& parameters() const;
   void zero_grad();
-  /// Scales all gradients by max_grad_norm / (norm + 1e-6) where that is below 1. Returns the norm before.
-  /// A norm that is not finite leaves the gradients as they are.
-  double clip_gradients();
-  void step(double learning_rate);
+  /// One step by the parameters' gradients, which stay as they are. Where `loss` (one number of any type; may be
+  /// undefined) or the norm is not finite, nothing moves. Returns f64 [2], on the device: whether the step was taken (1
+  /// or 0) and the norm before the clip. Nothing waits for the device.
+  torch::Tensor step(double learning_rate, const torch::Tensor& loss = {});
 
-  /// Of parameter `index`: whether it has moments, the norm of its gradient at the last clip_gradients() (before
-  /// it was clipped; 0 before the first), and the mean over its elements of s / (s + epsilon),
+  /// Of parameter `index`: whether it has moments, the norm of its gradient (before the clip; 0 without one), and the mean over its elements of s / (s + epsilon),
   /// s = sqrt(exp_avg_sq / (1 - beta2^step)), 0 before the first step.
   bool has_stepped(std::size_t index) const;
   double gradient_norm(std::size_t index) const;
   double step_multiplier(std::size_t index) const;
 
-  /// Largest exp_avg_sq; 0 before the first step.
-  double max_second_moment() const;
+  /// Largest exp_avg_sq, f64 []; 0 before the first step.
+  torch::Tensor max_second_moment() const;
 
   /// Keys "<section>/<prefix><index>.exp_avg", ".exp_avg_sq", ".step"; a parameter without steps has none.
   void save(StateDict& state, const std::string& section, const std::string& prefix = "") const;
@@ -54,6 +58,10 @@ class AdamOptimizer {
   Status load(const StateDict& state, const std::string& section, const std::string& prefix = "");
 
  private:
+  torch::Tensor step_on_cpu(const std::vector<std::size_t>& indices, double learning_rate,
+                            const torch::Tensor& loss);
+  torch::Tensor step_on_device(const std::vector<std::size_t>& indices, double learning_rate,
+                               const torch::Tensor& loss);
   struct State;
   std::unique_ptr<State> state_;
 };

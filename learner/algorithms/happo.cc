@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "learner/algorithms/ppo_loss.h"
+#include "learner/batch/masked.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/log.h"
@@ -48,9 +49,8 @@ bool Happo::ended(PhaseEnd end, UpdateStats& stats) const {
   return end != PhaseEnd::kDone;
 }
 
-Expected<Tensor> Happo::train_agent(const RolloutBatch& batch, int64_t agent, const UpdateContext& context,
+Expected<Tensor> Happo::train_agent(const RolloutBatch& rows, int64_t agent, const UpdateContext& context,
                                     UpdateStats& stats, LossSums& sums, bool& goes_on) {
-  const RolloutBatch rows = agent_rows(batch, agent);
   Phase phase{.optimizer = optimizers_[static_cast<std::size_t>(agent)].second,
               .forward = actor(agent),
               .trains_value = false,
@@ -103,9 +103,12 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
   const auto put = [&stats](const std::string& name, double value) {
     stats.values.emplace_back(name, value);
   };
+  RolloutBatch rows = to_device(batch, device_);
+  rows.advantage = rows.advantage.clone();             // on a CPU it would be the batch's own
+  std::vector<std::pair<std::string, Tensor>> ratios;  // to be read with everything else
   LossSums all;
   double grad_norm = 0;
-  Tensor factor = torch::ones({steps, worlds});  // M / A
+  Tensor factor = torch::ones({steps, worlds}, rows.advantage.options());  // M / A
   // An update that ends before its last phase reports no values: they would lack agents, or the critic.
   const auto cut_short = [&stats]() -> UpdateStats {
     stats.values.clear();
@@ -114,11 +117,11 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
   for (const int64_t agent : order) {
     LossSums sums;
     bool goes_on = true;
-    const Tensor of_agent = acting.slice(1, agent, c10::nullopt, agents);
-    const bool has_samples = of_agent.any().item<bool>();
+    const RolloutBatch of_agent = agent_rows(rows, agent);
+    const bool has_samples = count_of(of_agent.host_acting) > 0;
     Tensor old_log_prob;
     if (has_samples) {
-      COMRAD_TRY_ASSIGN(old_log_prob, train_agent(batch, agent, context, stats, sums, goes_on));
+      COMRAD_TRY_ASSIGN(old_log_prob, train_agent(of_agent, agent, context, stats, sums, goes_on));
     }
     if (!goes_on) return cut_short();
     const std::string prefix = "happo/agent_" + std::to_string(agent);
@@ -127,23 +130,23 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
     put(prefix + "_policy_loss", sums.policy);
     put(prefix + "_grad_norm", last_grad_norm_);
     if (agent == order.back() || !has_samples) continue;  // nobody is left to need the factor
-    const Tensor new_log_prob = evaluate(agent_rows(batch, agent), actor(agent)).log_prob;
+    const Tensor new_log_prob = evaluate(of_agent, actor(agent)).log_prob;
     const Tensor ratio =
-        happo_ratio(new_log_prob, old_log_prob, of_agent, config_.on_policy.happo_factor_clamp);
+        happo_ratio(new_log_prob, old_log_prob, of_agent.acting(), config_.on_policy.happo_factor_clamp);
     factor.mul_(ratio);
-    batch.advantage.view({steps, worlds, agents}).mul_(ratio.unsqueeze(2));
-    put(prefix + "_post_ratio_mean", ratio.mean().item<double>());
+    rows.advantage.view({steps, worlds, agents}).mul_(ratio.unsqueeze(2));
+    ratios.emplace_back(prefix + "_post_ratio_mean", ratio.mean());
   }
   LossSums critic;
-  COMRAD_TRY_ASSIGN(const bool critic_done, train_critic(batch, context, stats, critic));
+  COMRAD_TRY_ASSIGN(const bool critic_done, train_critic(rows, context, stats, critic));
   if (!critic_done || stats.optimizer_steps == 0) return cut_short();
   all.take_value(critic);
   const double critic_norm = last_grad_norm_;
   last_grad_norm_ = grad_norm;  // train/grad_norm is the mean over the actors
-  report(batch, all, stats);
+  ratios.emplace_back("happo/factor_m_mean", factor.mean());
+  ratios.emplace_back("happo/factor_m_max", factor.max());
+  report(batch, all, stats, ratios);
   put("happo/critic_grad_norm", critic_norm);
-  put("happo/factor_m_mean", factor.mean().item<double>());
-  put("happo/factor_m_max", factor.max().item<double>());
   put("happo/agent_order_first", static_cast<double>(order.front()));
   return stats;
 }

@@ -29,7 +29,8 @@ Expected<UpdateStats> Ippo::update(RolloutBatch& batch, const UpdateContext& con
   if (!is_valid) return stats;
   prepare_targets(batch);
   LossSums sums;
-  COMRAD_TRY_ASSIGN(const PhaseEnd end, train_phase(batch, phase(), context, stats, sums));
+  COMRAD_TRY_ASSIGN(const PhaseEnd end,
+                    train_phase(to_device(batch, device_), phase(), context, stats, sums));
   stats.abandoned = end == PhaseEnd::kAbandoned;
   if (stats.optimizer_steps > 0 && !stats.abandoned) report(batch, sums, stats);
   return stats;
@@ -37,15 +38,17 @@ Expected<UpdateStats> Ippo::update(RolloutBatch& batch, const UpdateContext& con
 
 void Ippo::prepare_vtrace(RolloutBatch& minibatch) {
   torch::NoGradGuard no_grad;
-  const Evaluation now = evaluate(minibatch, phase().forward);
+  // The recursion over time runs on the host, so this setting does wait for the device, once a minibatch.
+  const Evaluation of_device = evaluate(minibatch, phase().forward);
+  const Evaluation now{.log_prob = of_device.log_prob.cpu(), .value = of_device.value.cpu()};
   // A ratio of 0 at an invalid step makes its target its own value and lets no trace through. Whatever a dead
   // agent chooses, the same follows: its ratio is 1.
-  const Tensor of_alive = torch::where(minibatch.agent_active.to(torch::kBool),
-                                       now.log_prob - minibatch.log_prob, torch::zeros({}));
-  const Tensor log_rho = torch::where(minibatch.valid.to(torch::kBool), of_alive,
+  const Tensor of_alive = torch::where(minibatch.agent_active.cpu().to(torch::kBool),
+                                       now.log_prob - minibatch.log_prob.cpu(), torch::zeros({}));
+  const Tensor log_rho = torch::where(minibatch.host_valid.to(torch::kBool), of_alive,
                                       torch::full({}, -std::numeric_limits<float>::infinity()));
   // Behind the last step taken stands the stored bootstrap; there is no frame to look at again.
-  Tensor value = minibatch.value.clone();
+  Tensor value = minibatch.value.cpu().clone();
   const Tensor seen = value.narrow(0, 0, minibatch.steps());
   seen.copy_(torch::where(minibatch.filled.to(torch::kBool), now.value, seen));
   const Advantages result = vtrace(log_rho.contiguous(),
@@ -54,19 +57,21 @@ void Ippo::prepare_vtrace(RolloutBatch& minibatch) {
                                     .truncated = minibatch.truncated.contiguous(),
                                     .value = value.contiguous(),
                                     .final_value = minibatch.final_value.contiguous(),
-                                    .valid = minibatch.valid,
+                                    .valid = minibatch.host_valid,
                                     .value_valid = minibatch.value_valid},
                                    {.gamma = config_.optimisation.gamma,
                                     .rho_clip = config_.on_policy.vtrace_rho,
                                     .c_clip = config_.on_policy.vtrace_c,
                                     .legacy_timeouts = config_.optimisation.legacy_timeouts});
-  minibatch.advantage = reported_advantage_ = result.advantage;
-  minibatch.target = result.target;
-  reported_acting_ = minibatch.acting();
+  reported_advantage_ = result.advantage;
+  reported_acting_ = minibatch.host_acting;
+  minibatch.advantage = result.advantage.to(device_);
+  minibatch.target = result.target.to(device_);
 }
 
 bool Ippo::accumulate_gradient(RolloutBatch& minibatch, const UpdateContext& context, LossSums& sums) {
   const Phase whole = phase();
+  minibatch = to_device(minibatch, device_);
   whole.prepare(minibatch);
   return accumulate(minibatch, whole, context, sums);
 }

@@ -19,6 +19,9 @@ class LrSchedule {
   explicit LrSchedule(const RunConfig& config);
 
   double learning_rate() const { return learning_rate_; }
+  /// Whether the KL of every minibatch, or of every epoch, must be known before the next one.
+  bool follows_minibatches() const { return kind_ == RateSchedule::kKlAdaptiveMinibatch; }
+  bool follows_epochs() const { return kind_ == RateSchedule::kKlAdaptiveEpoch; }
   /// Before a batch is trained: `env_frames` counted so far. linear_decay moves here:
   /// lr = lr_0 * max(0, 1 - env_frames / train_for_env_frames). A run that is resumed with another
   /// train_for_env_frames goes on from the rate it had, in a line to 0 at the new end (linear_schedule.h).

@@ -5,12 +5,15 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "learner/algorithms/gradient_sum.h"
 #include "learner/algorithms/part_statistics.h"
 #include "learner/algorithms/ppo_loss.h"
 #include "learner/algorithms/progress.h"
+#include "learner/batch/masked.h"
 #include "learner/estimators/gae.h"
+#include "policy_workers/device/host_wait_counter.h"
 #include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/log.h"
@@ -24,29 +27,21 @@ constexpr double kEarlyStopLossChange = 1e-6;
 /// 1 - Var(R - V) / Var(R) over valid samples: 1 when values foretell the returns, 0 when they say no more than
 /// their mean, below when they mislead. NaN where all returns are the same.
 double explained_variance(const Tensor& target, const Tensor& value, const Tensor& valid) {
-  const Tensor index = valid.flatten().nonzero().squeeze(1);
-  const Tensor of_target = target.flatten().index_select(0, index).to(torch::kFloat64);
-  const Tensor error = of_target - value.flatten().index_select(0, index);
-  return 1 - error.var(/*unbiased=*/false).item<double>() / of_target.var(/*unbiased=*/false).item<double>();
+  const Spread of_error = spread_of(target.to(torch::kFloat64) - value, valid);
+  return 1 - of_error.variance(/*unbiased=*/false) / spread_of(target, valid).variance(/*unbiased=*/false);
+}
+
+/// What the device is asked for in one go, on the host.
+std::vector<double> read_together(const std::vector<Tensor>& numbers) {
+  if (numbers.empty()) return {};
+  std::vector<Tensor> of_one_type;
+  for (const Tensor& number : numbers) of_one_type.push_back(number.detach().to(torch::kFloat64).reshape({}));
+  device::Readback read(torch::stack(of_one_type));
+  read.wait();
+  return {read.values(), read.values() + read.count()};
 }
 
 }  // namespace
-
-void OnPolicy::LossSums::add(const LossSums& part) {
-  policy += part.policy, value += part.value;
-  exploration += part.exploration, kl_penalty += part.kl_penalty;
-  kl += part.kl, entropy += part.entropy;
-  predicted_value += part.predicted_value, value_delta += part.value_delta;
-  ratio += part.ratio, clipped += part.clipped;
-  kl_max = std::max(kl_max, part.kl_max);
-  value_delta_max = std::max(value_delta_max, part.value_delta_max);
-  ratio_min = std::min(ratio_min, part.ratio_min);
-  ratio_max = std::max(ratio_max, part.ratio_max);
-  log_prob_max = std::max(log_prob_max, part.log_prob_max);
-  value_clipped += part.value_clipped;
-  for (std::size_t head = 0; head < head_entropy.size(); ++head)
-    head_entropy[head] += part.head_entropy[head];
-}
 
 void OnPolicy::LossSums::add_policy(const LossSums& part, double share) {
   policy += share * part.policy;
@@ -101,7 +96,7 @@ Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& 
     Tensor frame = batch.frame.flatten(0, 1);
     Tensor measurement = batch.measurement.defined() ? batch.measurement.flatten(0, 1) : Tensor();
     if (stats.lag.valid_fraction < 1) {
-      const Tensor index = batch.valid.flatten().nonzero().squeeze(1);
+      const Tensor index = positions_of(batch.valid);
       frame = frame.index_select(0, index);
       if (measurement.defined()) measurement = measurement.index_select(0, index);
     }
@@ -112,7 +107,7 @@ Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& 
     const int64_t agents = batch.shape.env.num_agents;
     const Tensor valid = batch.valid.view({batch.steps(), batch.slab_count, agents}).amax(2);
     net_.update_state_statistics(
-        batch.global_state.flatten(0, 1).index_select(0, valid.flatten().nonzero().squeeze(1)).to(device_));
+        batch.global_state.flatten(0, 1).index_select(0, positions_of(valid)).to(device_));
   }
   return true;
 }
@@ -155,87 +150,146 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
               .split(static_cast<uint64_t>(updates_))
               .split(phase.shuffle_key));
   const int64_t parts = std::clamp<int64_t>(config_.optimisation.num_batches_per_epoch, 1, batch.slab_count);
+  const int64_t epochs = config_.optimisation.num_epochs;
   double previous_actor_loss = 1e9, kl_first = 0, clipped_first = 0;
-  bool is_first = true;
-  for (int64_t epoch = 0; epoch < config_.optimisation.num_epochs; ++epoch) {
+  // Of the epoch in hand.
+  double actor_loss = 0, kl = 0;
+  int64_t trained = 0;
+  bool is_first = true, is_first_settled = false;
+  std::deque<Step> given;
+  const auto settle_steps = [&](bool waits) -> Status {
+    while (!given.empty() && (waits || given.front().read.is_ready())) {
+      const bool has_policy = given.front().has_policy;
+      const std::optional<LossSums> of_step = settle(given, stats);
+      COMRAD_TRY(guard_.status());
+      if (!of_step) {
+        is_first_settled = true;
+        continue;
+      }
+      if (!std::exchange(is_first_settled, true)) kl_first = of_step->kl, clipped_first = of_step->clipped;
+      sums = *of_step;
+      sums.kl_first = kl_first;
+      sums.clipped_first = clipped_first;
+      actor_loss += of_step->actor();
+      kl += of_step->kl;
+      if (!has_policy) continue;  // of dead agents alone: its KL is no news
+      ++trained;
+      if (phase.trains_policy) schedule_.after_minibatch(of_step->kl);
+    }
+    return {};
+  };
+  for (int64_t epoch = 0; epoch < epochs; ++epoch) {
     if (config_.optimisation.shuffle_minibatches)
       for (std::size_t i = order.size() - 1; i > 0; --i)
         std::swap(order[i], order[rng.below(static_cast<uint32_t>(i + 1))]);
-    double actor_loss = 0, kl = 0;
-    int64_t trained = 0;
+    actor_loss = kl = 0;
+    trained = 0;
     for (int64_t part = 0; part < parts; ++part) {
       const int64_t begin = batch.slab_count * part / parts, end = batch.slab_count * (part + 1) / parts;
       RolloutBatch minibatch =
           config_.optimisation.shuffle_minibatches && parts > 1
               ? select_slabs(batch, std::vector<int64_t>(order.begin() + begin, order.begin() + end))
               : narrow_rows(batch, begin * agents, (end - begin) * agents);
-      if (stats.optimizer_steps > 0 && context.begin_step && !context.begin_step()) return PhaseEnd::kStopped;
-      LossSums part_sums;
-      const StepResult result = train_minibatch(minibatch, phase, context, is_first, stats, part_sums);
-      if (is_first) kl_first = part_sums.kl, clipped_first = part_sums.clipped;
+      if (stats.optimizer_steps > 0 && context.begin_step && !context.begin_step()) {
+        COMRAD_TRY(settle_steps(/*waits=*/true));
+        return PhaseEnd::kStopped;
+      }
+      const PolicyVersion version_before = version_;
+      const StepResult result = train_minibatch(minibatch, phase, context, is_first, stats, given);
       is_first = false;
-      if (result == StepResult::kAbandoned) return PhaseEnd::kAbandoned;
-      if (result == StepResult::kKlReached) return PhaseEnd::kDone;
-      COMRAD_TRY(guard_.status());
-      if (result == StepResult::kSkipped) continue;
-      sums = part_sums;
-      sums.kl_first = kl_first;
-      sums.clipped_first = clipped_first;
-      actor_loss += part_sums.actor();
-      kl += part_sums.kl;
-      if (!part_sums.has_policy) continue;  // of dead agents alone: its KL is no news
-      ++trained;
-      if (phase.trains_policy) schedule_.after_minibatch(part_sums.kl);
+      if (result == StepResult::kAbandoned || result == StepResult::kKlReached) {
+        COMRAD_TRY(settle_steps(/*waits=*/true));
+        return result == StepResult::kAbandoned ? PhaseEnd::kAbandoned : PhaseEnd::kDone;
+      }
+      if (result == StepResult::kSkipped) is_first_settled = true;
+      COMRAD_TRY(settle_steps(/*waits=*/schedule_.follows_minibatches()));
+      if (version_ != version_before && context.after_step) context.after_step();
     }
+    if (epoch + 1 == epochs && !schedule_.follows_epochs()) break;
+    COMRAD_TRY(settle_steps(/*waits=*/true));
     if (trained == 0 || !phase.trains_policy) continue;
     schedule_.after_epoch(kl / static_cast<double>(trained));
     actor_loss /= static_cast<double>(trained);
     if (std::abs(previous_actor_loss - actor_loss) < kEarlyStopLossChange) break;
     previous_actor_loss = actor_loss;
   }
+  COMRAD_TRY(settle_steps(/*waits=*/true));
   return PhaseEnd::kDone;
 }
 
 OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Phase& phase,
                                                const UpdateContext& context, bool is_first,
-                                               UpdateStats& stats, LossSums& sums) {
-  const double valid_count = minibatch.valid.sum(torch::kFloat64).item<double>();
-  sums.has_policy = phase.trains_policy && minibatch.acting().any().item<bool>();
+                                               UpdateStats& stats, std::deque<Step>& given) {
+  const auto valid_count = static_cast<double>(count_of(minibatch.host_valid));
+  const bool has_policy = phase.trains_policy && count_of(minibatch.host_acting) > 0;
   // Without anything to learn Adam's momentum would still move the weights.
-  if (valid_count == 0 || (!sums.has_policy && !phase.trains_value)) {
+  if (valid_count == 0 || (!has_policy && !phase.trains_value)) {
     ++stats.skipped_steps;
     return StepResult::kSkipped;
   }
+  const device::StepScope nothing_waits;
   if (phase.prepare) phase.prepare(minibatch);
   phase.optimizer.zero_grad();
   Phase pass = phase;
   if (!is_first) pass.first_log_prob = nullptr;
-  if (!accumulate(minibatch, pass, context, sums)) return StepResult::kAbandoned;
+  Step step{.numbers = {}, .read = {}, .has_policy = has_policy, .learning_rate = 0};
+  if (!add_gradient(minibatch, pass, context, step.numbers)) return StepResult::kAbandoned;
   stats.rows_trained += minibatch.steps() * minibatch.rows();
 
   // Not before the first step: lag alone must not cost a whole batch.
-  if (phase.trains_policy && !is_first && config_.on_policy.early_stop_kl > 0 &&
-      sums.kl > config_.on_policy.early_stop_kl)
-    return StepResult::kKlReached;
+  if (phase.trains_policy && !is_first && config_.on_policy.early_stop_kl > 0) {
+    device::Readback read(at::cat(step.numbers.of_parts).to(torch::kFloat64));
+    read.wait();
+    if (step.numbers.sums(read.values()).kl > config_.on_policy.early_stop_kl) return StepResult::kKlReached;
+  }
 
   const double valid_fraction = valid_count / static_cast<double>(minibatch.valid.numel());
-  const bool stepped =
-      guard_.step(phase.optimizer, sums.total(), schedule_.learning_rate() * valid_fraction, version_, stats);
+  step.learning_rate = schedule_.learning_rate() * valid_fraction;
+  const Tensor outcome = guard_.step(phase.optimizer, step.numbers.loss, step.learning_rate, version_, stats);
+  std::vector<Tensor> numbers = step.numbers.of_parts;
+  numbers.push_back(outcome);
+  step.read = device::Readback(at::cat(numbers).to(torch::kFloat64));
+  given.push_back(std::move(step));
+  return StepResult::kGiven;
+}
+
+std::optional<OnPolicy::LossSums> OnPolicy::settle(std::deque<Step>& given, UpdateStats& stats) {
+  Step step = std::move(given.front());
+  given.pop_front();
+  if (!step.read.is_ready()) step.read.wait();
+  const double* outcome = step.read.values() + step.read.count() - 2;
+  LossSums sums = step.numbers.sums(step.read.values());
+  sums.has_policy = step.has_policy;
+  guard_.settle({.was_taken = outcome[0] != 0,
+                 .grad_norm = outcome[1],
+                 .loss = sums.total(),
+                 .learning_rate = step.learning_rate},
+                version_, stats);
   last_grad_norm_ = guard_.grad_norm();
-  if (!stepped) return StepResult::kSkipped;
-  if (context.after_step) context.after_step();
-  return StepResult::kTrained;
+  if (outcome[0] == 0) return std::nullopt;
+  return sums;
+}
+
+OnPolicy::LossSums OnPolicy::Numbers::sums(const double* values) const {
+  LossSums sums;
+  for (std::size_t part = 0; part < of_parts.size(); ++part)
+    for (const Number& place : places) {
+      double& sum =
+          place.head < 0 ? sums.*place.sum : sums.head_entropy[static_cast<std::size_t>(place.head)];
+      const double number = *values++;
+      sum = place.how == Number::kAdd   ? sum + number
+            : place.how == Number::kMax ? std::max(sum, number)
+                                        : std::min(sum, number);
+    }
+  return sums;
 }
 
 policy::SequenceInput OnPolicy::input_of(const RolloutBatch& rows) const {
-  const auto on_device = [this](const Tensor& tensor) {
-    return tensor.defined() ? tensor.to(device_) : tensor;
-  };
-  return {.frame = on_device(rows.frame),
-          .measurement = on_device(rows.measurement),
-          .recurrent_state = on_device(rows.recurrent_state),
-          .reset = on_device(rows.reset),
-          .global_state = on_device(rows.global_state)};
+  return {.frame = rows.frame,
+          .measurement = rows.measurement,
+          .recurrent_state = rows.recurrent_state,
+          .reset = rows.reset,
+          .global_state = rows.global_state};
 }
 
 std::vector<RolloutBatch> OnPolicy::micro_batches(const RolloutBatch& batch) const {
@@ -255,77 +309,67 @@ OnPolicy::Part OnPolicy::part_of(const RolloutBatch& micro, const Phase& phase,
   Part part;
   const ExplorationLoss exploration_kind = config_.on_policy.exploration_loss;
   const double clip_high = 1.0 + config_.on_policy.ppo_clip_ratio, clip_low = 1.0 / clip_high;
-  const auto on_device = [this](const Tensor& tensor) {
-    return tensor.defined() ? tensor.to(device_) : tensor;
-  };
-  const Tensor valid = on_device(micro.valid).to(torch::kBool);
-  const Tensor acting = on_device(micro.acting()).to(torch::kBool);
+  const Tensor valid = micro.valid.to(torch::kBool);
+  const Tensor acting = micro.acting().to(torch::kBool);
   const Tensor weight = acting.to(torch::kFloat32) / counts.acting;
   const Tensor value_weight = valid.to(torch::kFloat32) / counts.valid;
   const policy::SequenceOutput output = phase.forward(input_of(micro));
   const Tensor zero = torch::zeros({}, weight.options());
 
-  // Where a number of this micro-batch goes, and how; all of them leave the device at once.
-  struct Number {
-    double* sum;
-    enum { kAdd, kMax, kMin } how;
-  };
-  std::vector<Number> places;
   std::vector<Tensor> numbers;
-  const auto add = [&](double& sum, const Tensor& number) {
-    places.push_back({&sum, Number::kAdd});
+  using Sum = double LossSums::*;
+  const auto add = [&](Sum sum, const Tensor& number) {
+    part.places.push_back({.sum = sum});
     numbers.push_back(number.detach());
   };
-  const auto add_mean = [&](double& sum, const Tensor& of_samples) { add(sum, (of_samples * weight).sum()); };
-  const auto add_value_mean = [&](double& sum, const Tensor& of_samples) {
+  const auto add_mean = [&](Sum sum, const Tensor& of_samples) { add(sum, (of_samples * weight).sum()); };
+  const auto add_value_mean = [&](Sum sum, const Tensor& of_samples) {
     add(sum, (of_samples * value_weight).sum());
   };
-  const auto add_extreme = [&](double& sum, const Tensor& of_samples, const Tensor& counted,
+  const auto add_extreme = [&](Sum sum, const Tensor& of_samples, const Tensor& counted,
                                const Tensor& otherwise, bool is_max) {
     const Tensor samples = torch::where(counted, of_samples.detach(), otherwise);
-    places.push_back({&sum, is_max ? Number::kMax : Number::kMin});
+    part.places.push_back({.sum = sum, .how = is_max ? Number::kMax : Number::kMin});
     numbers.push_back(is_max ? samples.max() : samples.min());
   };
 
   Tensor loss = zero;
   Tensor log_probs, log_prob, ratio, kl, mask;
   const auto divergence = [&] {
-    return policy::kl_divergence(log_probs, policy::head_log_probs(on_device(micro.logits), mask, env_),
-                                 env_);
+    return policy::kl_divergence(log_probs, policy::head_log_probs(micro.logits, mask, env_), env_);
   };
   if (output.logits.defined()) {
-    mask = on_device(micro.mask_or_undefined());
+    mask = micro.mask_or_undefined();
     log_probs = policy::head_log_probs(output.logits, mask, env_);
-    log_prob = policy::action_log_prob(log_probs, on_device(micro.action), env_);
-    ratio = importance_ratio(log_prob, on_device(micro.log_prob));
+    log_prob = policy::action_log_prob(log_probs, micro.action, env_);
+    ratio = importance_ratio(log_prob, micro.log_prob);
     const Tensor policy_loss =
-        -(clipped_objective(ratio, on_device(micro.advantage), config_.on_policy.ppo_clip_ratio) * weight)
-             .sum();
+        -(clipped_objective(ratio, micro.advantage, config_.on_policy.ppo_clip_ratio) * weight).sum();
     loss = loss + policy_loss;
-    add(part.sums.policy, policy_loss);
+    add(&LossSums::policy, policy_loss);
     if (exploration_kind != ExplorationLoss::kNone) {
       const Tensor exploration = config_.on_policy.exploration_loss_coeff *
                                  (exploration_loss(log_probs, mask, env_, exploration_kind) * weight).sum();
       loss = loss + exploration;
-      add(part.sums.exploration, exploration);
+      add(&LossSums::exploration, exploration);
     }
     if (config_.on_policy.kl_loss_coeff != 0) {
       kl = divergence();
       const Tensor penalty = config_.on_policy.kl_loss_coeff * (kl * weight).sum();
       loss = loss + penalty;
-      add(part.sums.kl_penalty, penalty);
+      add(&LossSums::kl_penalty, penalty);
     }
   }
   Tensor old_value;
   if (output.value.defined()) {
-    old_value = on_device(micro.value).narrow(0, 0, micro.steps());
-    const Tensor target = on_device(micro.target);
+    old_value = micro.value.narrow(0, 0, micro.steps());
+    const Tensor target = micro.target;
     const Tensor of_samples =
         clipped_value_loss(output.value, old_value, target, config_.on_policy.ppo_clip_value);
     const Tensor value_loss = config_.on_policy.value_loss_coeff * (of_samples * value_weight).sum();
     loss = loss + value_loss;
-    add(part.sums.value, value_loss);
-    add_value_mean(part.sums.value_clipped,
+    add(&LossSums::value, value_loss);
+    add_value_mean(&LossSums::value_clipped,
                    (of_samples.detach() > (output.value.detach() - target).square()).to(torch::kFloat32));
   }
   part.gradients = torch::autograd::grad({loss}, phase.optimizer.parameters(), /*grad_outputs=*/{},
@@ -334,57 +378,66 @@ OnPolicy::Part OnPolicy::part_of(const RolloutBatch& micro, const Phase& phase,
 
   torch::NoGradGuard no_grad;
   if (log_prob.defined()) {
-    if (phase.first_log_prob != nullptr) part.log_prob = log_prob.detach().cpu();
+    if (phase.first_log_prob != nullptr) part.log_prob = log_prob.detach();
     if (!kl.defined()) kl = divergence();
-    add_mean(part.sums.kl, kl);
-    add_extreme(part.sums.kl_max, kl, acting, zero, true);
+    add_mean(&LossSums::kl, kl);
+    add_extreme(&LossSums::kl_max, kl, acting, zero, true);
     const Tensor head_entropy = policy::head_entropies(log_probs, env_);
-    add_mean(part.sums.entropy, head_entropy.sum(-1));
-    for (int64_t head = 0; head < env_.head_count; ++head)
-      add_mean(part.sums.head_entropy[static_cast<std::size_t>(head)], head_entropy.select(-1, head));
-    add_mean(part.sums.ratio, ratio);
-    add_extreme(part.sums.ratio_min, ratio, acting, zero + 1, false);
-    add_extreme(part.sums.ratio_max, ratio, acting, zero + 1, true);
-    add_mean(part.sums.clipped, ((ratio < clip_low) | (ratio > clip_high)).to(torch::kFloat32));
-    add_extreme(part.sums.log_prob_max, log_prob.abs(), acting, zero, true);
+    add_mean(&LossSums::entropy, head_entropy.sum(-1));
+    for (int64_t head = 0; head < env_.head_count; ++head) {
+      part.places.push_back({.sum = nullptr, .head = static_cast<int>(head)});
+      numbers.push_back((head_entropy.select(-1, head) * weight).sum());
+    }
+    add_mean(&LossSums::ratio, ratio);
+    add_extreme(&LossSums::ratio_min, ratio, acting, zero + 1, false);
+    add_extreme(&LossSums::ratio_max, ratio, acting, zero + 1, true);
+    add_mean(&LossSums::clipped, ((ratio < clip_low) | (ratio > clip_high)).to(torch::kFloat32));
+    add_extreme(&LossSums::log_prob_max, log_prob.abs(), acting, zero, true);
   }
   if (output.value.defined()) {
     const Tensor value_delta = (output.value - old_value).abs();
-    add_value_mean(part.sums.predicted_value, output.value);
-    add_value_mean(part.sums.value_delta, value_delta);
-    add_extreme(part.sums.value_delta_max, value_delta, valid, zero, true);
+    add_value_mean(&LossSums::predicted_value, output.value);
+    add_value_mean(&LossSums::value_delta, value_delta);
+    add_extreme(&LossSums::value_delta_max, value_delta, valid, zero, true);
   }
-  const Tensor read = torch::stack(numbers).cpu();
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    const double number = double{read.data_ptr<float>()[i]};
-    double& sum = *places[i].sum;
-    sum = places[i].how == Number::kAdd   ? sum + number
-          : places[i].how == Number::kMax ? std::max(sum, number)
-                                          : std::min(sum, number);
-  }
+  part.loss = loss.detach();
+  part.numbers = torch::stack(numbers);
   return part;
 }
 
-bool OnPolicy::accumulate(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
-                          LossSums& sums) {
+bool OnPolicy::add_gradient(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
+                            Numbers& numbers) {
   // What depends on the whole minibatch came before; each micro-batch adds its share of the same sums, so the
   // gradient does not depend on micro_batch_size.
-  const auto count_of = [](const Tensor& mask) {
-    return std::max(1.0, mask.sum(torch::kFloat64).item<double>());
+  const auto at_least_one = [](const Tensor& mask) {
+    return static_cast<double>(std::max<int64_t>(1, count_of(mask)));
   };
-  const SampleCounts counts{.valid = count_of(minibatch.valid), .acting = count_of(minibatch.acting())};
+  const SampleCounts counts{.valid = at_least_one(minibatch.host_valid),
+                            .acting = at_least_one(minibatch.host_acting)};
   const std::vector<RolloutBatch> micros = micro_batches(minibatch);
   std::vector<Tensor> first_log_prob;
   const bool is_done = sum_gradients<Part>(
       pool_, phase.optimizer.parameters(), static_cast<int64_t>(micros.size()),
       [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], phase, counts); },
       [&](const Part& part) {
-        sums.add(part.sums);
+        numbers.places = part.places;
+        numbers.of_parts.push_back(part.numbers);
+        numbers.loss = numbers.loss.defined() ? numbers.loss + part.loss : part.loss;
         if (phase.first_log_prob != nullptr) first_log_prob.push_back(part.log_prob);
       },
       context.keep_going);
   if (!is_done) return false;
   if (phase.first_log_prob != nullptr) *phase.first_log_prob = at::cat(first_log_prob, 1);
+  return true;
+}
+
+bool OnPolicy::accumulate(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
+                          LossSums& sums) {
+  Numbers numbers;
+  if (!add_gradient(minibatch, phase, context, numbers)) return false;
+  device::Readback read(at::cat(numbers.of_parts).to(torch::kFloat64));
+  read.wait();
+  sums = numbers.sums(read.values());
   return true;
 }
 
@@ -397,12 +450,10 @@ OnPolicy::Evaluation OnPolicy::evaluate(const RolloutBatch& batch, const Forward
     const policy::SequenceOutput output = forward(input_of(micro));
     Evaluation& part = parts[static_cast<std::size_t>(i)];
     if (output.logits.defined()) {
-      const Tensor mask = micro.mask_or_undefined();
-      const Tensor of_choices =
-          policy::head_log_probs(output.logits, mask.defined() ? mask.to(device_) : mask, env_);
-      part.log_prob = policy::action_log_prob(of_choices, micro.action.to(device_), env_).cpu();
+      const Tensor of_choices = policy::head_log_probs(output.logits, micro.mask_or_undefined(), env_);
+      part.log_prob = policy::action_log_prob(of_choices, micro.action, env_);
     }
-    if (output.value.defined()) part.value = output.value.cpu();
+    if (output.value.defined()) part.value = output.value;
   };
   (void)pool_.run(static_cast<int64_t>(parts.size()), work, nullptr);
   std::vector<Tensor> log_probs, values;
@@ -414,7 +465,8 @@ OnPolicy::Evaluation OnPolicy::evaluate(const RolloutBatch& batch, const Forward
           values.empty() ? Tensor() : at::cat(values, 1).contiguous()};
 }
 
-void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateStats& stats) const {
+void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateStats& stats,
+                      const std::vector<std::pair<std::string, Tensor>>& more) const {
   const auto put = [&stats](const char* name, double value) { stats.values.emplace_back(name, value); };
   put("train/lr", schedule_.learning_rate());
   put("train/actual_lr", guard_.learning_rate());
@@ -442,25 +494,18 @@ void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateSta
   put("train/fraction_clipped_first", sums.clipped_first);
   put("train/max_abs_logprob", sums.log_prob_max);
   put("train/grad_norm", last_grad_norm_);
-  double second_moment = 0;
-  for (const auto& [prefix, optimizer] : optimizers_)
-    second_moment = std::max(second_moment, optimizer.max_second_moment());
-  put("train/adam_max_second_moment", second_moment);
 
-  const auto acting_samples = [](const Tensor& samples, const Tensor& acting) {
-    return samples.flatten(0, 1).index_select(0, acting.flatten().nonzero().squeeze(1));
-  };
-  const Tensor advantage = acting_samples(reported_advantage_, reported_acting_);
-  if (advantage.numel() > 0) {
-    put("train/adv_mean", advantage.mean().item<double>());
-    put("train/adv_min", advantage.min().item<double>());
-    put("train/adv_max", advantage.max().item<double>());
-    put("train/adv_std", advantage.numel() > 1 ? advantage.std().item<double>() : 0.0);
+  const Spread advantage = spread_of(reported_advantage_, reported_acting_);
+  if (advantage.count > 0) {
+    put("train/adv_mean", advantage.mean);
+    put("train/adv_min", advantage.min);
+    put("train/adv_max", advantage.max);
+    put("train/adv_std", std::sqrt(advantage.variance(/*unbiased=*/true)));
   }
-  const Tensor action = acting_samples(batch.action, batch.acting());
-  if (action.numel() > 0) {
-    put("train/act_min", action.min().item<double>());
-    put("train/act_max", action.max().item<double>());
+  const Spread action = spread_of(batch.action, batch.acting());
+  if (action.count > 0) {
+    put("train/act_min", action.min);
+    put("train/act_max", action.max);
   }
   put("train/valids_fraction", stats.lag.valid_fraction);
   put("train/same_policy_fraction",
@@ -469,15 +514,24 @@ void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateSta
   put("train/version_diff_avg", stats.lag.mean);
   put("train/version_diff_min", static_cast<double>(stats.lag.min));
   put("train/version_diff_max", static_cast<double>(stats.lag.max));
-  for (const auto& [name, tensor] : net_.named_state()) {  // means over all elements of a frame
-    if (name == "normalizer.frame.mean") put("train/obs_running_mean", tensor.mean().item<double>());
-    if (name == "normalizer.frame.var") put("train/obs_running_std", tensor.sqrt().mean().item<double>());
-  }
   if (config_.optimisation.normalize_returns) {
     put("train/returns_running_mean", returns_.statistics().mean);
     put("train/returns_running_std", returns_.sigma());
     put("train/targets_clipped_fraction", targets_clipped_);
   }
+
+  std::vector<std::pair<std::string, Tensor>> on_device = more;
+  std::vector<Tensor> second_moments;
+  for (const auto& [prefix, optimizer] : optimizers_) second_moments.push_back(optimizer.max_second_moment());
+  on_device.emplace_back("train/adam_max_second_moment", torch::stack(second_moments).max());
+  for (const auto& [name, tensor] : net_.named_state()) {  // means over all elements of a frame
+    if (name == "normalizer.frame.mean") on_device.emplace_back("train/obs_running_mean", tensor.mean());
+    if (name == "normalizer.frame.var") on_device.emplace_back("train/obs_running_std", tensor.sqrt().mean());
+  }
+  std::vector<Tensor> numbers;
+  for (const auto& [name, tensor] : on_device) numbers.push_back(tensor);
+  const std::vector<double> read = read_together(numbers);
+  for (std::size_t i = 0; i < read.size(); ++i) put(on_device[i].first.c_str(), read[i]);
 }
 
 void OnPolicy::append_diagnostics(NamedNumbers& values) const {

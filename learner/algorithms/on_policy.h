@@ -19,7 +19,9 @@
 #include <torch/types.h>
 
 #include <array>
+#include <deque>
 #include <functional>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,6 +32,7 @@
 #include "learner/algorithms/part_pool.h"
 #include "learner/algorithms/step_guard.h"
 #include "learner/batch/normalizer.h"
+#include "policy_workers/device/readback.h"
 #include "policy_workers/policy/policy_net.h"
 
 namespace comrad::learn {
@@ -98,7 +101,9 @@ class OnPolicy : public OnPolicyAlgorithm {
   /// Moves the schedule, filters by lag, updates input statistics. False when nothing valid is left. Errors:
   /// kBadInput where that was so in too many batches in a row.
   Expected<bool> begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats);
-  /// num_epochs x num_batches_per_epoch optimizer steps; `sums` are those of the last one taken. kStopped
+  /// num_epochs x num_batches_per_epoch optimizer steps on a batch of to_device(); `sums` are those of the last one
+  /// taken. What a step says of itself is read once, when the phase is over, unless settings ask for it earlier: a rate or
+  /// an early stop that follows the KL needs it after every step, epochs need the loss of the one before. kStopped
   /// when begin_step, kAbandoned when keep_going said no. Errors: kBadInput after too many steps in a row
   /// that were not finite.
   Expected<PhaseEnd> train_phase(const RolloutBatch& batch, const Phase& phase, const UpdateContext& context,
@@ -109,14 +114,16 @@ class OnPolicy : public OnPolicyAlgorithm {
   bool accumulate(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
                   LossSums& sums);
 
-  /// What the networks say of a batch now, without gradient, on the CPU.
+  /// What the networks say of a batch now, without gradient, on the batch's device.
   struct Evaluation {
     Tensor log_prob;  ///< f32 [T, R] of the actions taken; undefined without logits
     Tensor value;     ///< f32 [T, R]; undefined without values
   };
   Evaluation evaluate(const RolloutBatch& batch, const Forward& forward) const;
 
-  void report(const RolloutBatch& batch, const LossSums& sums, UpdateStats& stats) const;
+  /// `more`: further numbers, one value a tensor, to be read from the device with the others.
+  void report(const RolloutBatch& batch, const LossSums& sums, UpdateStats& stats,
+              const std::vector<std::pair<std::string, Tensor>>& more = {}) const;
   policy::SequenceInput input_of(const RolloutBatch& rows) const;
   /// A batch in parts, as views: whole worlds, at least one, and no more than lets every thread have a part.
   std::vector<RolloutBatch> micro_batches(const RolloutBatch& batch) const;
@@ -137,20 +144,48 @@ class OnPolicy : public OnPolicyAlgorithm {
   double explained_variance_ = 0, targets_clipped_ = 0;  ///< of the newest batch
 
  private:
-  enum class StepResult { kTrained, kSkipped, kAbandoned, kKlReached };
+  /// Where a number of a micro-batch goes, and how.
+  struct Number {
+    double LossSums::*sum;
+    int head = -1;  ///< of head_entropy, if not negative
+    enum How { kAdd, kMax, kMin } how = kAdd;
+  };
   /// What one micro-batch adds.
   struct Part {
     std::vector<Tensor> gradients;  ///< as the optimizer's parameters; undefined where it does not reach
-    LossSums sums;
-    Tensor log_prob;  ///< without gradient; where the phase asks for it
+    Tensor loss;                    ///< f32 []
+    Tensor numbers;                 ///< f32 [K]
+    std::vector<Number> places;     ///< K
+    Tensor log_prob;                ///< without gradient; where the phase asks for it
+  };
+  /// What the micro-batches of a minibatch said, on the device.
+  struct Numbers {
+    std::vector<Tensor> of_parts;  ///< f32 [K] each
+    std::vector<Number> places;
+    Tensor loss;  ///< f32 []
+    /// Adds up what lies on the host now, part after part.
+    LossSums sums(const double* values) const;
   };
   /// Samples of a whole minibatch, 1 at least: what means divide by.
   struct SampleCounts {
     double valid = 1, acting = 1;
   };
+  /// An optimizer step whose outcome is not known yet.
+  struct Step {
+    Numbers numbers;
+    device::Readback read;  ///< of_parts, then AdamOptimizer::step()'s numbers
+    bool has_policy = false;
+    double learning_rate = 0;
+  };
+  enum class StepResult { kGiven, kSkipped, kAbandoned, kKlReached };
   Part part_of(const RolloutBatch& micro, const Phase& phase, const SampleCounts& counts) const;
+  /// Adds the gradient of a minibatch of to_device(). False when keep_going() said no.
+  bool add_gradient(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
+                    Numbers& numbers);
   StepResult train_minibatch(RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
-                             bool is_first, UpdateStats& stats, LossSums& sums);
+                             bool is_first, UpdateStats& stats, std::deque<Step>& given);
+  /// What became of the oldest step given; its sums where it was taken.
+  std::optional<LossSums> settle(std::deque<Step>& given, UpdateStats& stats);
 
   StepGuard guard_;
 };

@@ -26,15 +26,14 @@ Tensor clipped_value_loss(const Tensor& value, const Tensor& old_value, const Te
 }
 
 Tensor standardize(const Tensor& advantage, const Tensor& valid) {
+  // Operators alone, so that nothing waits where the batch lies on a GPU. Without a valid sample all is 0 by its weight.
   const Tensor weight = valid.to(torch::kFloat64);
-  const double count = weight.sum().item<double>();
-  if (count == 0) return torch::zeros_like(advantage);
+  const Tensor count = weight.sum();
   const Tensor wide =
-      torch::where(valid.to(torch::kBool), advantage.to(torch::kFloat64), torch::zeros({}, torch::kFloat64));
-  const double mean = wide.sum().item<double>() / count;
-  const Tensor centred = (wide - mean) * weight;
-  const double variance = count > 1 ? centred.square().sum().item<double>() / (count - 1) : 0.0;
-  return (centred / std::max(std::sqrt(variance), kStandardDeviationFloor)).to(torch::kFloat32);
+      torch::where(valid.to(torch::kBool), advantage.to(torch::kFloat64), torch::zeros({}, weight.options()));
+  const Tensor centred = (wide - wide.sum() / count.clamp_min(1.0)) * weight;
+  const Tensor deviation = (centred.square().sum() / (count - 1).clamp_min(1.0)).sqrt();
+  return (centred / deviation.clamp_min(kStandardDeviationFloor)).to(torch::kFloat32);
 }
 
 Tensor exploration_loss(const Tensor& log_probs, const Tensor& mask, const EnvShape& env,

@@ -4,11 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "learner/algorithms/gradient_sum.h"
 #include "learner/algorithms/part_statistics.h"
 #include "learner/algorithms/progress.h"
+#include "learner/batch/masked.h"
 #include "learner/estimators/td_targets.h"
+#include "policy_workers/device/host_wait_counter.h"
+#include "policy_workers/device/readback.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "policy_workers/policy/utilities.h"
 #include "rollout_buffer/core/log.h"
@@ -70,22 +74,36 @@ Tensor with_finals(Tensor rows, const Tensor& step, const Tensor& row, const Ten
 
 }  // namespace
 
+namespace {
+
+using LossSums = QLearning::LossSums;
+enum class How { kAdd, kMax, kMin };
+/// What a micro-batch says, and how micro-batches come together.
+constexpr std::pair<double LossSums::*, How> kNumbers[] = {{&LossSums::loss, How::kAdd},
+                                                           {&LossSums::regularizer, How::kAdd},
+                                                           {&LossSums::td, How::kAdd},
+                                                           {&LossSums::predicted, How::kAdd},
+                                                           {&LossSums::predicted_max, How::kMax},
+                                                           {&LossSums::predicted_min, How::kMin},
+                                                           {&LossSums::target, How::kAdd},
+                                                           {&LossSums::target_max, How::kMax},
+                                                           {&LossSums::utility, How::kAdd},
+                                                           {&LossSums::utility_max, How::kMax},
+                                                           {&LossSums::utility_min, How::kMin},
+                                                           {&LossSums::spread, How::kAdd},
+                                                           {&LossSums::terminated, How::kAdd},
+                                                           {&LossSums::truncated, How::kAdd},
+                                                           {&LossSums::head_entropy, How::kAdd},
+                                                           {&LossSums::target_square, How::kAdd},
+                                                           {&LossSums::unclamped, How::kAdd},
+                                                           {&LossSums::clipped, How::kAdd}};
+
+}  // namespace
+
 double epsilon_at(const RunConfig& config, double env_frames) {
   const double way = std::clamp(env_frames / config.q_learning.epsilon_decay_env_frames, 0.0, 1.0);
   return config.q_learning.epsilon_start +
          way * (config.q_learning.epsilon_end - config.q_learning.epsilon_start);
-}
-
-void QLearning::LossSums::add(const LossSums& part) {
-  loss += part.loss, regularizer += part.regularizer, td += part.td;
-  predicted += part.predicted, target += part.target, utility += part.utility, spread += part.spread;
-  terminated += part.terminated, truncated += part.truncated, head_entropy += part.head_entropy;
-  target_square += part.target_square, unclamped += part.unclamped, clipped += part.clipped;
-  predicted_max = std::max(predicted_max, part.predicted_max);
-  predicted_min = std::min(predicted_min, part.predicted_min);
-  target_max = std::max(target_max, part.target_max);
-  utility_max = std::max(utility_max, part.utility_max);
-  utility_min = std::min(utility_min, part.utility_min);
 }
 
 QLearning::QLearning(const RunConfig& config, const EnvShape& env, torch::Device device)
@@ -130,8 +148,9 @@ Tensor QLearning::loss_of_error(const Tensor& error) const {
   return config_.q_learning.use_huber_loss ? huber(error) : error.square();
 }
 
-QLearning::QValues QLearning::q_values(const policy::PolicyNet& net, const ReplayBatch& batch,
-                                       bool has_gradient) const {
+QLearning::QValues QLearning::q_values(const policy::PolicyNet& net, const Micro& micro,
+                                       const Tensor& recurrent_state, bool has_gradient) const {
+  const ReplayBatch& batch = micro.batch;
   const int64_t steps = batch.steps();
   const bool has_core = net.options().use_rnn;
   // A target without a recurrent core has no use for what was decided on.
@@ -143,7 +162,7 @@ QLearning::QValues QLearning::q_values(const policy::PolicyNet& net, const Repla
   }
   if (has_gradient) encoded = at::cat({encode(net, batch, 0, steps), encoded});
   const Tensor reset = batch.reset.narrow(0, first, steps + 1 - first);
-  const Tensor q = net.logits_of(encoded, batch.recurrent_state, reset);
+  const Tensor q = net.logits_of(encoded, recurrent_state, reset);
 
   QValues values;
   if (first == 0) {
@@ -157,54 +176,70 @@ QLearning::QValues QLearning::q_values(const policy::PolicyNet& net, const Repla
   if (final_count == 0) return values;
 
   // The cut episodes once more, each as a column of its own that goes on to its true last observation.
-  const Tensor row = torch::tensor(batch.final_row, torch::kInt64).to(device_);
-  const Tensor step = torch::tensor(batch.final_step, torch::kInt64).to(device_);
+  const Tensor &row = micro.final_row, &step = micro.final_step;
   const Tensor column = torch::arange(final_count, row.options());
   const Tensor final_encoded = net.encode(batch.final_frame, batch.final_measurement);
   Tensor columns = encoded.detach().index_select(1, row);
   columns.index_put_({step + 1, column}, final_encoded);
   Tensor column_reset = reset.index_select(1, row);
   column_reset.index_put_({step + 1, column}, torch::zeros({}, column_reset.options()));
-  const Tensor final_q = net.logits_of(columns, batch.recurrent_state.index_select(0, row), column_reset)
-                             .index({step + 1, column});
+  const Tensor final_q =
+      net.logits_of(columns, recurrent_state.index_select(0, row), column_reset).index({step + 1, column});
   values.next = with_finals(values.next, step, row, final_q);
   values.next_state = with_finals(values.next_state, step, row, final_encoded);
   return values;
 }
 
-QLearning::Scene QLearning::scene_of(const ReplayBatch& micro) const {
+std::vector<QLearning::Micro> QLearning::micros_of(const ReplayBatch& batch) const {
+  const auto to_device = [this](std::initializer_list<Tensor*> fields) {
+    for (Tensor* field : fields)
+      if (field->defined()) *field = field->to(device_, /*non_blocking=*/true);
+  };
+  const int64_t worlds = micro_worlds(batch);
+  std::vector<Micro> micros;
+  for (int64_t begin = 0; begin < batch.world_count; begin += worlds) {
+    Micro& micro = micros.emplace_back();
+    micro.batch = narrow_worlds(batch, begin, std::min(worlds, batch.world_count - begin));
+    if (const int64_t count = config_.q_learning.burn_in; count > 0 && batch.steps() > count) {
+      micro.before.shape = micro.batch.shape;
+      micro.before.world_count = micro.batch.world_count;
+      micro.before.frame = micro.batch.frame.narrow(0, 0, count);
+      if (micro.batch.measurement.defined())
+        micro.before.measurement = micro.batch.measurement.narrow(0, 0, count);
+      micro.before.reset = micro.batch.reset.narrow(0, 0, count);
+      to_device({&micro.before.frame, &micro.before.measurement, &micro.before.reset});
+      micro.batch = steps_from(micro.batch, count, micro.batch.recurrent_state);
+    }
+    micro.final_row = torch::tensor(micro.batch.final_row, torch::kInt64);
+    micro.final_step = torch::tensor(micro.batch.final_step, torch::kInt64);
+    to_device({&micro.batch.frame, &micro.batch.measurement, &micro.batch.action_mask,
+               &micro.batch.agent_active, &micro.batch.action, &micro.batch.reward, &micro.batch.bootstrap,
+               &micro.batch.terminated, &micro.batch.truncated, &micro.batch.valid, &micro.batch.reset,
+               &micro.batch.recurrent_state, &micro.batch.weight, &micro.batch.final_frame,
+               &micro.batch.final_measurement, &micro.batch.global_state, &micro.batch.final_global_state,
+               &micro.final_row, &micro.final_step});
+  }
+  return micros;
+}
+
+QLearning::Scene QLearning::scene_of(const Micro& micro) const {
   Scene scene;
-  scene.batch = micro;
-  for (Tensor* field :
-       {&scene.batch.frame, &scene.batch.measurement, &scene.batch.action_mask, &scene.batch.agent_active,
-        &scene.batch.action, &scene.batch.reward, &scene.batch.bootstrap, &scene.batch.terminated,
-        &scene.batch.truncated, &scene.batch.valid, &scene.batch.reset, &scene.batch.recurrent_state,
-        &scene.batch.weight, &scene.batch.final_frame, &scene.batch.final_measurement,
-        &scene.batch.global_state, &scene.batch.final_global_state})
-    if (field->defined()) *field = field->to(device_);
-  ReplayBatch& batch = scene.batch;
-  if (config_.q_learning.burn_in > 0 && batch.steps() > config_.q_learning.burn_in) {
-    // Each network warms up a state of its own; what follows is a shorter batch.
-    const auto warmed = [&](const policy::PolicyNet& net) {
-      torch::NoGradGuard no_grad;
-      const int64_t count = config_.q_learning.burn_in;
-      return steps_from(batch, count,
-                        net.state_after(encode(net, batch, 0, count), batch.recurrent_state,
-                                        batch.reset.narrow(0, 0, count)));
-    };
-    const ReplayBatch for_target = warmed(target_net_);
-    batch = warmed(net_);
-    scene.online = q_values(net_, batch, true);
+  scene.batch = micro.batch;
+  const ReplayBatch& batch = scene.batch;
+  // With a burn-in each network warms up a state of its own.
+  const auto state_of = [&](const policy::PolicyNet& net) {
+    if (!micro.before.frame.defined()) return batch.recurrent_state;
     torch::NoGradGuard no_grad;
-    scene.target = q_values(target_net_, for_target, false);
-  } else {
-    scene.online = q_values(net_, batch, true);
+    return net.state_after(encode(net, micro.before, 0, micro.before.frame.size(0)), batch.recurrent_state,
+                           micro.before.reset);
+  };
+  scene.online = q_values(net_, micro, state_of(net_), true);
+  {
     torch::NoGradGuard no_grad;
-    scene.target = q_values(target_net_, batch, false);
+    scene.target = q_values(target_net_, micro, state_of(target_net_), false);
   }
   const int64_t steps = batch.steps();
-  const Tensor row = torch::tensor(batch.final_row, torch::kInt64).to(device_);
-  const Tensor step = torch::tensor(batch.final_step, torch::kInt64).to(device_);
+  const Tensor &row = micro.final_row, &step = micro.final_step;
   // The last observation of a cut episode has the masks of the decision before it.
   const auto behind = [&](const Tensor& field) {
     return with_finals(field.narrow(0, 1, steps), step, row, field.index({step, row}));
@@ -226,14 +261,14 @@ QLearning::Scene QLearning::scene_of(const ReplayBatch& micro) const {
   return scene;
 }
 
-QLearning::Part QLearning::part_of(const ReplayBatch& micro, double valid_count) const {
+QLearning::Part QLearning::part_of(const Micro& micro, double valid_count) const {
   Part part;
   const Scene scene = scene_of(micro);
   const SampleLoss sample = loss_of(scene);
   const Tensor valid = sample_valid(scene.batch).to(torch::kFloat32);
   const Tensor share = valid / valid_count;
-  const int64_t samples_of_world = valid.size(1) / micro.world_count;
-  const Tensor importance = scene.batch.weight.repeat_interleave(samples_of_world).unsqueeze(0);
+  const int64_t samples_of_world = valid.size(1) / micro.batch.world_count;
+  const Tensor importance = scene.batch.weight.unsqueeze(1).expand({-1, samples_of_world}).reshape({1, -1});
   Tensor loss = (sample.loss * share * importance).sum();
   Tensor regularizer = torch::zeros({}, share.options());
   if (sample.regularizer.defined()) regularizer = (sample.regularizer * share).sum();
@@ -251,37 +286,26 @@ QLearning::Part QLearning::part_of(const ReplayBatch& micro, double valid_count)
   const Tensor taken = scene.batch.valid.to(torch::kBool);
   const Tensor spread = scene.online.now.detach().std(-1, /*unbiased=*/false).mean();
   const Tensor of_row = scene.batch.valid.to(torch::kFloat32) / std::max(1.0, valid_count) *
-                        (static_cast<double>(valid.size(1)) / static_cast<double>(micro.rows()));
-  const std::vector<std::pair<double*, Tensor>> numbers = {
-      {&part.sums.loss, loss.detach()},
-      {&part.sums.regularizer, regularizer.detach()},
-      {&part.sums.td, (sample.error * share).sum()},
-      {&part.sums.predicted, (sample.predicted * share).sum()},
-      {&part.sums.predicted_max, largest(sample.predicted)},
-      {&part.sums.predicted_min, -largest(-sample.predicted)},
-      {&part.sums.target, (sample.target * share).sum()},
-      {&part.sums.target_max, largest(sample.target)},
-      {&part.sums.utility, (utility * of_row).sum()},
-      {&part.sums.utility_max, torch::where(taken, utility, torch::full({}, -1e30f, valid.options())).max()},
-      {&part.sums.utility_min, torch::where(taken, utility, torch::full({}, 1e30f, valid.options())).min()},
-      {&part.sums.spread, spread * micro.world_count},
-      {&part.sums.terminated, (scene.batch.terminated.to(torch::kFloat32) * of_row).sum()},
-      {&part.sums.truncated, (scene.batch.truncated.to(torch::kFloat32) * of_row).sum()},
-      {&part.sums.head_entropy, sample.head_entropy.defined() ? (sample.head_entropy * share).sum()
-                                                              : torch::zeros({}, share.options())},
-      {&part.sums.target_square, (sample.target.square() * share).sum()},
-      {&part.sums.unclamped, (unclamped * share).sum()},
-      {&part.sums.clipped, (sample.target.ne(unclamped) * share).sum()}};
-  std::vector<Tensor> read;
-  for (const auto& [place, number] : numbers) read.push_back(number);
-  const Tensor on_host = torch::stack(read).cpu();
-  for (std::size_t i = 0; i < numbers.size(); ++i) *numbers[i].first = double{on_host.data_ptr<float>()[i]};
-  const Tensor counted = valid.view({valid.size(0), micro.world_count, samples_of_world});
+                        (static_cast<double>(valid.size(1)) / static_cast<double>(micro.batch.rows()));
+  part.numbers = torch::stack(
+      {// in the order of kNumbers
+       loss.detach(), regularizer.detach(), (sample.error * share).sum(), (sample.predicted * share).sum(),
+       largest(sample.predicted), -largest(-sample.predicted), (sample.target * share).sum(),
+       largest(sample.target), (utility * of_row).sum(),
+       torch::where(taken, utility, torch::full({}, -1e30f, valid.options())).max(),
+       torch::where(taken, utility, torch::full({}, 1e30f, valid.options())).min(),
+       spread * micro.batch.world_count, (scene.batch.terminated.to(torch::kFloat32) * of_row).sum(),
+       (scene.batch.truncated.to(torch::kFloat32) * of_row).sum(),
+       sample.head_entropy.defined() ? (sample.head_entropy * share).sum()
+                                     : torch::zeros({}, share.options()),
+       (sample.target.square() * share).sum(), (unclamped * share).sum(),
+       (sample.target.ne(unclamped) * share).sum()});
+  part.loss = (loss + regularizer).detach();
+  const Tensor counted = valid.view({valid.size(0), micro.batch.world_count, samples_of_world});
   const Tensor errors = sample.error.view_as(counted) * counted / q_sigma();
   part.abs_td = errors.sum(2).sum(0) / counted.sum(2).sum(0).clamp_min(1.0);
   if (config_.replay.per_sequences && valid.size(0) > 1)
     part.abs_td = config_.replay.per_eta * errors.amax({0, 2}) + (1 - config_.replay.per_eta) * part.abs_td;
-  part.abs_td = part.abs_td.cpu();
   return part;
 }
 
@@ -291,27 +315,55 @@ int64_t QLearning::micro_worlds(const ReplayBatch& batch) const {
   return std::max<int64_t>(1, std::min(config_.optimisation.micro_batch_size / rows_of_world, shared_out));
 }
 
-bool QLearning::accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, LossSums& sums) {
+double QLearning::valid_count_of(const ReplayBatch& batch) const {
   Tensor valid = sample_valid(batch);
   if (config_.q_learning.burn_in > 0 && batch.steps() > config_.q_learning.burn_in)
     valid = valid.narrow(0, config_.q_learning.burn_in, batch.steps() - config_.q_learning.burn_in);
-  const double valid_count = std::max(1.0, valid.sum(torch::kFloat64).item<double>());
-  const int64_t worlds = micro_worlds(batch), count = (batch.world_count + worlds - 1) / worlds;
-  std::vector<Tensor> abs_td;
-  const bool is_done = sum_gradients<Part>(
-      pool_, parameters(), count,
-      [&](int64_t i) {
-        const int64_t begin = i * worlds;
-        return part_of(narrow_worlds(batch, begin, std::min(worlds, batch.world_count - begin)), valid_count);
-      },
+  return static_cast<double>(std::max<int64_t>(1, count_of(valid)));
+}
+
+bool QLearning::add_gradient(const std::vector<Micro>& micros, double valid_count,
+                             const UpdateContext& context, Numbers& numbers) {
+  return sum_gradients<Part>(
+      pool_, parameters(), static_cast<int64_t>(micros.size()),
+      [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], valid_count); },
       [&](const Part& part) {
-        sums.add(part.sums);
-        abs_td.push_back(part.abs_td);
+        numbers.of_parts.push_back(part.numbers);
+        numbers.abs_td.push_back(part.abs_td);
+        numbers.loss = numbers.loss.defined() ? numbers.loss + part.loss : part.loss;
       },
       context.keep_going);
-  if (!is_done) return false;
+}
+
+std::vector<Tensor> QLearning::Numbers::to_read() const {
+  std::vector<Tensor> all = of_parts;
+  all.insert(all.end(), abs_td.begin(), abs_td.end());
+  return all;
+}
+
+LossSums QLearning::Numbers::sums(const double* values, ReplayBatch& batch) const {
+  LossSums sums;
+  for (std::size_t part = 0; part < of_parts.size(); ++part)
+    for (const auto& [place, how] : kNumbers) {
+      double& sum = sums.*place;
+      const double number = *values++;
+      sum = how == How::kAdd   ? sum + number
+            : how == How::kMax ? std::max(sum, number)
+                               : std::min(sum, number);
+    }
   sums.spread /= static_cast<double>(batch.world_count);
-  batch.abs_td = at::cat(abs_td);
+  batch.abs_td = torch::empty({batch.world_count});
+  for (int64_t world = 0; world < batch.world_count; ++world)
+    batch.abs_td.data_ptr<float>()[world] = static_cast<float>(values[world]);
+  return sums;
+}
+
+bool QLearning::accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, LossSums& sums) {
+  Numbers numbers;
+  if (!add_gradient(micros_of(batch), valid_count_of(batch), context, numbers)) return false;
+  device::Readback read(at::cat(numbers.to_read()).to(torch::kFloat64));
+  read.wait();
+  sums = numbers.sums(read.values(), batch);
   return true;
 }
 
@@ -320,7 +372,7 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   schedule_.before_batch(context.env_frames);
   ++updates_;
   const Tensor valid = sample_valid(batch);
-  const double valid_count = valid.sum(torch::kFloat64).item<double>();
+  const auto valid_count = static_cast<double>(count_of(valid));
   stats.lag.valid_fraction = valid_count / static_cast<double>(valid.numel());
   if (valid_count == 0) {
     COMRAD_TRY(guard_.skip_invalid_batch(0, stats));
@@ -328,14 +380,34 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
     return stats;
   }
   if (config_.q_learning.normalize_q_values && !scale_.has_begun()) scale_.begin(reward_rms(batch));
-  optimizer_.zero_grad();
-  LossSums sums;
-  if (!accumulate_gradient(batch, context, sums)) {
-    stats.abandoned = true;
-    return stats;
+  // The device is given the whole step before anything is asked of it.
+  device::Readback read;
+  Numbers numbers;
+  const std::vector<Micro> micros = micros_of(batch);
+  const double divisor = valid_count_of(batch);
+  {
+    const device::StepScope nothing_waits;
+    optimizer_.zero_grad();
+    if (!add_gradient(micros, divisor, context, numbers)) {
+      stats.abandoned = true;
+      return stats;
+    }
+    std::vector<Tensor> to_read = numbers.to_read();
+    to_read.push_back(guard_.step(optimizer_, numbers.loss, schedule_.learning_rate(), version_, stats));
+    to_read.push_back(optimizer_.max_second_moment().reshape({1}));
+    read = device::Readback(at::cat(to_read).to(torch::kFloat64));
   }
   stats.rows_trained += batch.steps() * batch.rows();
-  if (!guard_.step(optimizer_, sums.loss + sums.regularizer, schedule_.learning_rate(), version_, stats)) {
+  read.wait();
+  const LossSums sums = numbers.sums(read.values(), batch);
+  const double* outcome = read.values() + read.count() - 3;
+  guard_.settle({.was_taken = outcome[0] != 0,
+                 .grad_norm = outcome[1],
+                 .loss = sums.loss + sums.regularizer,
+                 .learning_rate = schedule_.learning_rate()},
+                version_, stats);
+  max_second_moment_ = outcome[2];
+  if (outcome[0] == 0) {
     COMRAD_TRY(guard_.status());
     batch.abs_td.zero_();
     return stats;
@@ -408,7 +480,7 @@ void QLearning::report(const LossSums& sums, UpdateStats& stats) const {
     put("train/head_entropy_mean", sums.head_entropy);
   }
   put("train/grad_norm", guard_.grad_norm());
-  put("train/adam_max_second_moment", optimizer_.max_second_moment());
+  put("train/adam_max_second_moment", max_second_moment_);
   put("train/valids_fraction", stats.lag.valid_fraction);
   put("train/num_sgd_steps", static_cast<double>(version_));
   put("train/num_updates", static_cast<double>(updates_));

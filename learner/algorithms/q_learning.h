@@ -53,7 +53,6 @@ class QLearning : public OffPolicyAlgorithm {
     double utility = 0, utility_max = -1e30, utility_min = 1e30, spread = 0;
     double terminated = 0, truncated = 0, head_entropy = 0;
     double target_square = 0, unclamped = 0, clipped = 0;
-    void add(const LossSums& part);
   };
   /// Adds the gradient of the loss over a whole batch to the parameters' .grad and writes batch.abs_td, in
   /// units of sigma: the mean |TD error| of a world's valid samples or, with per_sequences, eta max + (1 - eta)
@@ -123,14 +122,38 @@ class QLearning : public OffPolicyAlgorithm {
   std::unique_ptr<Mixer> mixer_, target_mixer_;  ///< null: values of agents are not mixed
 
  private:
+  /// Some worlds of a batch, on the device.
+  struct Micro {
+    ReplayBatch batch;   ///< of the steps that are trained
+    ReplayBatch before;  ///< with a burn-in: observations and resets of the steps that warm up the state
+    Tensor final_row, final_step;  ///< i64 [F]: batch.final_row, batch.final_step
+  };
   struct Part {
     std::vector<Tensor> gradients;
-    LossSums sums;
-    Tensor abs_td;  ///< [W]
+    Tensor loss;     ///< f32 [], the regularizer in it
+    Tensor numbers;  ///< f32 [K], in the order of kNumbers
+    Tensor abs_td;   ///< f32 [W]
   };
-  Part part_of(const ReplayBatch& micro, double valid_count) const;
-  Scene scene_of(const ReplayBatch& micro) const;
-  QValues q_values(const policy::PolicyNet& net, const ReplayBatch& batch, bool has_gradient) const;
+  /// What the micro-batches of a batch said, on the device.
+  struct Numbers {
+    std::vector<Tensor> of_parts;  ///< f32 [K] each
+    std::vector<Tensor> abs_td;    ///< f32 [W] each
+    Tensor loss;                   ///< f32 []
+    /// All of it as one row, to be read in one go.
+    std::vector<Tensor> to_read() const;
+    /// Adds up what lies on the host now, part after part, and writes batch.abs_td.
+    LossSums sums(const double* values, ReplayBatch& batch) const;
+  };
+  /// Adds the gradient of a whole batch. False when keep_going() said no.
+  bool add_gradient(const std::vector<Micro>& micros, double valid_count, const UpdateContext& context,
+                    Numbers& numbers);
+  /// The micro-batches of a batch, all on the device before the step begins.
+  std::vector<Micro> micros_of(const ReplayBatch& batch) const;
+  double valid_count_of(const ReplayBatch& batch) const;
+  Part part_of(const Micro& micro, double valid_count) const;
+  Scene scene_of(const Micro& micro) const;
+  QValues q_values(const policy::PolicyNet& net, const Micro& micro, const Tensor& recurrent_state,
+                   bool has_gradient) const;
   void update_targets();
   void report(const LossSums& sums, UpdateStats& stats) const;
   int64_t micro_worlds(const ReplayBatch& batch) const;
@@ -143,6 +166,7 @@ class QLearning : public OffPolicyAlgorithm {
   PartPool pool_;
   PolicyVersion version_ = 0;
   int64_t updates_ = 0;  ///< batches seen
+  double max_second_moment_ = 0;
 };
 
 }  // namespace comrad::learn

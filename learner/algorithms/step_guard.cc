@@ -1,7 +1,5 @@
 #include "learner/algorithms/step_guard.h"
 
-#include <cmath>
-
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
 
@@ -12,23 +10,27 @@ constexpr int64_t kSkippedInARowMax = 20;
 
 }  // namespace
 
-bool StepGuard::step(AdamOptimizer& optimizer, double loss, double learning_rate, PolicyVersion& version,
-                     UpdateStats& stats) {
+torch::Tensor StepGuard::step(AdamOptimizer& optimizer, const torch::Tensor& loss, double learning_rate,
+                              PolicyVersion& version, UpdateStats& stats) {
   const ProcessStage stage(Stage::kOptimizer, {Stage::kCollate});
-  grad_norm_ = optimizer.clip_gradients();
-  if (!std::isfinite(loss) || !std::isfinite(grad_norm_)) {
-    ++skipped_in_a_row_;
-    ++stats.skipped_steps;
-    spdlog::error("update: loss {} with gradient norm {} at version {}; optimizer step skipped ({} in a row)",
-                  loss, grad_norm_, version, skipped_in_a_row_);
-    return false;
-  }
-  skipped_in_a_row_ = invalid_in_a_row_ = 0;
-  learning_rate_ = learning_rate;
-  optimizer.step(learning_rate);
   ++version;
   ++stats.optimizer_steps;
-  return true;
+  return optimizer.step(learning_rate, loss);
+}
+
+void StepGuard::settle(const Outcome& outcome, PolicyVersion& version, UpdateStats& stats) {
+  grad_norm_ = outcome.grad_norm;
+  if (outcome.was_taken) {
+    skipped_in_a_row_ = invalid_in_a_row_ = 0;
+    learning_rate_ = outcome.learning_rate;
+    return;
+  }
+  --version;
+  --stats.optimizer_steps;
+  ++skipped_in_a_row_;
+  ++stats.skipped_steps;
+  spdlog::error("update: loss {} with gradient norm {} at version {}; optimizer step skipped ({} in a row)",
+                outcome.loss, grad_norm_, version, skipped_in_a_row_);
 }
 
 Status StepGuard::skip_invalid_batch(int64_t dropped, UpdateStats& stats) {

@@ -9,9 +9,18 @@ namespace comrad::learn {
 
 class StepGuard {
  public:
-  /// Clips the gradient and takes the step; counts it in `version` and `stats`. False when it was skipped.
-  bool step(AdamOptimizer& optimizer, double loss, double learning_rate, PolicyVersion& version,
-            UpdateStats& stats);
+  /// Gives the device the step, which it takes where `loss` (one number on the device) and the gradient are finite, and
+  /// counts it in `version` and `stats` as taken. Returns AdamOptimizer::step()'s two numbers.
+  torch::Tensor step(AdamOptimizer& optimizer, const torch::Tensor& loss, double learning_rate,
+                     PolicyVersion& version, UpdateStats& stats);
+  /// What became of a step, in the order of the steps. One that was not taken is taken back out of the counts.
+  struct Outcome {
+    bool was_taken = false;
+    double grad_norm = 0;  ///< before the clip
+    double loss = 0;
+    double learning_rate = 0;
+  };
+  void settle(const Outcome& outcome, PolicyVersion& version, UpdateStats& stats);
   /// A batch without a valid sample: no step is taken. `dropped` samples of it were too old. Errors: as status().
   Status skip_invalid_batch(int64_t dropped, UpdateStats& stats);
   /// Errors: kBadInput after 20 skipped steps or batches in a row, with what to do.

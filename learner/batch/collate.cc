@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "policy_workers/device/queue.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/stage_clock.h"
@@ -21,7 +22,7 @@ void visit_time_major(RolloutBatch& batch, Visitor&& visit) {
                         &batch.final_value,    &batch.reward,       &batch.terminated,  &batch.truncated,
                         &batch.policy_version, &batch.layout_index, &batch.filled,      &batch.valid,
                         &batch.value_valid,    &batch.reset,        &batch.advantage,   &batch.raw_advantage,
-                        &batch.target}) {
+                        &batch.target,         &batch.host_valid,   &batch.host_acting}) {
     if (field->defined()) visit(*field);
   }
 }
@@ -220,6 +221,18 @@ LagStats apply_lag_filter(RolloutBatch& batch, PolicyVersion learner_version, in
   return stats;
 }
 
+RolloutBatch to_device(const RolloutBatch& batch, torch::Device device) {
+  RolloutBatch there = batch;
+  there.host_valid = batch.valid;
+  there.host_acting = batch.acting();
+  for (Tensor* field :
+       {&there.frame, &there.measurement, &there.action_mask, &there.agent_active, &there.action,
+        &there.log_prob, &there.logits, &there.value, &there.valid, &there.reset, &there.recurrent_state,
+        &there.global_state, &there.advantage, &there.target})
+    if (field->defined()) *field = field->to(device, /*non_blocking=*/true);
+  return there;
+}
+
 RolloutBatch narrow_rows(const RolloutBatch& batch, int64_t begin, int64_t count) {
   const int64_t agents = batch.shape.env.num_agents;
   COMRAD_CHECK(begin % agents == 0 && count % agents == 0, "a micro-batch holds whole worlds");
@@ -250,11 +263,19 @@ RolloutBatch select_slabs(const RolloutBatch& batch, const std::vector<int64_t>&
   for (int64_t slab : slab_index)
     for (int64_t agent = 0; agent < agents; ++agent) row_index.push_back(slab * agents + agent);
   const Tensor index = torch::tensor(row_index, torch::kInt64);
+  Tensor there = index;
+  if (const torch::Device device = batch.recurrent_state.device(); !device.is_cpu()) {
+    const Tensor pinned = device::host_memory(index.sizes(), torch::kInt64, device).copy_(index);
+    there = pinned.to(device, /*non_blocking=*/true);
+  }
   RolloutBatch part = batch;
-  visit_time_major(part, [&](Tensor& field) { field = field.index_select(1, index); });
-  part.recurrent_state = part.recurrent_state.index_select(0, index);
-  if (part.global_state.defined())
-    part.global_state = part.global_state.index_select(1, torch::tensor(slab_index, torch::kInt64));
+  visit_time_major(part,
+                   [&](Tensor& field) { field = field.index_select(1, field.is_cpu() ? index : there); });
+  part.recurrent_state = part.recurrent_state.index_select(0, there);
+  if (part.global_state.defined()) {
+    const Tensor worlds = torch::tensor(slab_index, torch::kInt64);
+    part.global_state = part.global_state.index_select(1, worlds.to(part.global_state.device()));
+  }
   part.slab_count = static_cast<int64_t>(slab_index.size());
   return part;
 }

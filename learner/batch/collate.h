@@ -49,6 +49,9 @@ struct RolloutBatch {
   Tensor raw_advantage;  ///< f32 [T, R]  in units of the rewards; made by the algorithm, then left alone
   Tensor target;         ///< f32 [T, R]  what the critic should predict; made by the algorithm
 
+  /// `valid` and acting() on the host, for counts that nothing waits for; made by to_device(), else undefined.
+  Tensor host_valid, host_acting;  ///< u8  [T, R]
+
   int64_t steps() const { return shape.rollout_steps; }
   int64_t rows() const { return slab_count * shape.env.num_agents; }
   /// u8 [T, R]: decisions that a policy can learn from, valid ones of an agent that was alive. What a dead
@@ -85,6 +88,9 @@ struct LagStats {
 /// episode and after an invalid step). A version from the future, left by a learner that died, counts as
 /// lag 0.
 LagStats apply_lag_filter(RolloutBatch& batch, PolicyVersion learner_version, int64_t max_policy_lag);
+
+/// What losses need of a batch whose targets are made, on `device`; on a CPU the same tensors. The rest stays where it is.
+RolloutBatch to_device(const RolloutBatch& batch, torch::Device device);
 
 /// The rows `[begin, begin + count)` of a batch, as views. Whole worlds: both numbers are multiples of N.
 RolloutBatch narrow_rows(const RolloutBatch& batch, int64_t begin, int64_t count);

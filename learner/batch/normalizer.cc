@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "learner/batch/masked.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 
@@ -61,10 +62,10 @@ torch::Tensor ReturnNormalizer::clipped(const torch::Tensor& deviations) const {
 double ReturnNormalizer::clipped_fraction(const torch::Tensor& values, const torch::Tensor& valid) const {
   if (!(clip_ > 0)) return 0;
   const torch::Tensor counted =
-      valid.defined() ? valid.to(torch::kBool) : torch::ones_like(values).to(torch::kBool);
-  const double count = counted.sum().item<double>();
-  const torch::Tensor outside = ((values - statistics_.mean) / sigma()).abs() > clip_;
-  return count == 0 ? 0 : outside.logical_and(counted).sum().item<double>() / count;
+      valid.defined() ? valid.to(torch::kUInt8) : torch::ones_like(values, torch::kUInt8);
+  const torch::Tensor outside = ((values - statistics_.mean) / sigma()).abs().gt(clip_).to(torch::kUInt8);
+  const int64_t count = count_of(counted);
+  return count == 0 ? 0 : static_cast<double>(count_of(outside * counted.ne(0))) / static_cast<double>(count);
 }
 
 }  // namespace comrad::learn

@@ -1,18 +1,15 @@
 #include "learner/worker/bench.h"
 
-#include <ATen/record_function.h>
-
 #include <algorithm>
-#include <atomic>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <string_view>
 #include <vector>
 
 #include "learner/algorithms/algorithm.h"
 #include "learner/batch/collate.h"
 #include "learner/worker/learner.h"
 #include "learner/worker/replay_feed.h"
+#include "policy_workers/device/host_wait_counter.h"
 #include "policy_workers/policy/policy_net.h"
 #include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/clock.h"
@@ -45,44 +42,6 @@ void fill_slab(const SlabView& slab, uint64_t seed) {
   }
   slab.terminated(shape.rollout_steps / 2) = 1;
 }
-
-/// Counts, in all threads, what makes the host wait for a device: a number read out of a tensor, the positions of what is not
-/// zero, a copy from one device to another. On a CPU they cost little; on a GPU each stops the queue. One at a time.
-class HostWaits {
- public:
-  HostWaits()
-      : handle_(at::addGlobalCallback(at::RecordFunctionCallback(&HostWaits::begin)
-                                          .needsInputs(true)
-                                          .scopes({at::RecordScope::FUNCTION}))) {
-    numbers_read = nonzero = device_copies = 0;
-  }
-  HostWaits(const HostWaits&) = delete;
-  HostWaits& operator=(const HostWaits&) = delete;
-  ~HostWaits() { at::removeCallback(handle_); }
-
-  static nlohmann::ordered_json per(double steps) {
-    const auto share = [&](const std::atomic<int64_t>& count) { return static_cast<double>(count) / steps; };
-    return {{"numbers_read", share(numbers_read)},
-            {"nonzero", share(nonzero)},
-            {"device_copies", share(device_copies)},
-            {"all", share(numbers_read) + share(nonzero) + share(device_copies)}};
-  }
-
- private:
-  static std::unique_ptr<at::ObserverContext> begin(const at::RecordFunction& function) {
-    const std::string_view name = function.name();
-    numbers_read += name == "aten::_local_scalar_dense";
-    nonzero += name == "aten::nonzero";
-    if (name != "aten::copy_") return nullptr;
-    const auto inputs = function.inputs();
-    device_copies += inputs.size() > 1 && inputs[0].isTensor() && inputs[1].isTensor() &&
-                     inputs[0].toTensor().device() != inputs[1].toTensor().device();
-    return nullptr;
-  }
-
-  static inline std::atomic<int64_t> numbers_read{0}, nonzero{0}, device_copies{0};
-  const at::CallbackHandle handle_;
-};
 
 }  // namespace
 
@@ -167,9 +126,16 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   const int64_t rows_measured = rows, updates_measured = updates;
   nlohmann::ordered_json waits;
   {
-    const HostWaits counted;
+    const device::HostWaitCounter counter;
     COMRAD_TRY(round());
-    waits = HostWaits::per(static_cast<double>(std::max<int64_t>(1, updates - updates_measured)));
+    const auto steps = static_cast<double>(std::max<int64_t>(1, updates - updates_measured));
+    const device::HostWaitCounter::Counts inside = counter.in_steps(), between = counter.between_steps();
+    waits = {{"numbers_read", static_cast<double>(inside.numbers_read) / steps},
+             {"nonzero", static_cast<double>(inside.nonzero) / steps},
+             {"device_copies", static_cast<double>(inside.device_copies) / steps},
+             {"readbacks", static_cast<double>(inside.readbacks) / steps},
+             {"all", static_cast<double>(inside.all()) / steps},
+             {"between_steps", static_cast<double>(between.all()) / steps}};
   }
   nlohmann::ordered_json line;
   line["bench"] = "learner";

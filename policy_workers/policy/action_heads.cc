@@ -11,14 +11,6 @@ namespace {
 
 constexpr double kForbiddenLogit = -1e9;
 
-/// Choices are counted from each head's own 0; the offsets turn them into columns of a row.
-Tensor columns_of(const Tensor& action, const EnvShape& env) {
-  COMRAD_CHECK(action.size(-1) == env.head_count, "an action has one entry per head");
-  std::vector<int64_t> offsets;
-  for_each_head(env, [&](int32_t, int64_t first, int64_t) { offsets.push_back(first); });
-  return action + torch::tensor(offsets, torch::kInt64).to(action.device());
-}
-
 /// One head of one agent: its values and which of its choices are allowed.
 struct Head {
   std::span<const float> value;
@@ -62,16 +54,27 @@ Tensor allowed_choices(const Tensor& mask, int64_t first, int64_t size) {
   return allowed.logical_or(allowed.any(-1, /*keepdim=*/true).logical_not());
 }
 
+// Choices are counted from each head's own 0, and heads are cut out one by one: offsets in a tensor of their own would have
+// to be copied to a GPU, which waits.
 Tensor chosen_entries(const Tensor& row, const Tensor& action, const EnvShape& env) {
   COMRAD_CHECK(row.size(-1) == env.logit_count(), "a row ends in one entry per choice");
-  return row.gather(-1, columns_of(action, env));
+  COMRAD_CHECK(action.size(-1) == env.head_count, "an action has one entry per head");
+  std::vector<Tensor> heads;
+  for_each_head(env, [&](int32_t head, int64_t first, int64_t size) {
+    heads.push_back(row.slice(-1, first, first + size).gather(-1, action.slice(-1, head, head + 1)));
+  });
+  return heads.size() == 1 ? heads.front() : at::cat(heads, -1);
 }
 
 Tensor multi_hot(const Tensor& action, const EnvShape& env) {
+  COMRAD_CHECK(action.size(-1) == env.head_count, "an action has one entry per head");
   std::vector<int64_t> sizes = action.sizes().vec();
   sizes.back() = env.logit_count();
   const Tensor hot = torch::zeros(sizes, action.options().dtype(torch::kFloat32));
-  return hot.scatter_(-1, columns_of(action, env), 1.0);
+  for_each_head(env, [&](int32_t head, int64_t first, int64_t size) {
+    hot.slice(-1, first, first + size).scatter_(-1, action.slice(-1, head, head + 1), 1.0);
+  });
+  return hot;
 }
 
 Tensor head_log_probs(const Tensor& logits, const Tensor& mask, const EnvShape& env) {

@@ -251,6 +251,7 @@ InputNormalizer InputNormalizer::create(int64_t element_count, double scale, boo
   normalizer.element_count_ = element_count;
   normalizer.scale_ = scale;
   normalizer.enabled_ = enabled;
+  normalizer.device_ = device;
   const auto options = torch::TensorOptions(torch::kFloat64).device(device);
   normalizer.mean_ = torch::zeros({element_count}, options);
   normalizer.variance_ = torch::ones({element_count}, options);
@@ -261,13 +262,27 @@ InputNormalizer InputNormalizer::create(int64_t element_count, double scale, boo
 
 void InputNormalizer::refresh() {
   if (element_count_ == 0) return;
+  const Tensor count = count_.cpu();
+  rows_seen_ = *count.data_ptr<double>();
+  derive();
+}
+
+void InputNormalizer::derive() {
+  Tensor factor, offset;
   if (enabled_) {
     const Tensor sigma = (variance_ + kVarianceFloor).sqrt();
-    factor_ = (1.0 / (sigma * scale_)).to(torch::kFloat32);
-    offset_ = (-mean_ / sigma).to(torch::kFloat32);
+    factor = (1.0 / (sigma * scale_)).to(torch::kFloat32);
+    offset = (-mean_ / sigma).to(torch::kFloat32);
   } else {
-    factor_ = torch::full_like(mean_, 1.0 / scale_, torch::kFloat32);
-    offset_ = torch::zeros_like(mean_, torch::kFloat32);
+    factor = torch::full_like(mean_, 1.0 / scale_, torch::kFloat32);
+    offset = torch::zeros_like(mean_, torch::kFloat32);
+  }
+  if (mean_.is_cpu() || !factor_.defined()) {
+    factor_ = factor;
+    offset_ = offset;
+  } else {  // recorded work (device/queue.h) reads them where they are
+    factor_.copy_(factor);
+    offset_.copy_(offset);
   }
 }
 
@@ -297,15 +312,15 @@ void InputNormalizer::update(const Tensor& rows) {
     square_sum = torch::empty({element_count_}, torch::kFloat64);
     kernels::sum_bytes(dense.data_ptr<uint8_t>(), dense.size(0), element_count_, sum.data_ptr<double>(),
                        square_sum.data_ptr<double>());
-    sum = sum.to(mean_.device());
-    square_sum = square_sum.to(mean_.device());
+    sum = sum.to(device_);
+    square_sum = square_sum.to(device_);
   } else {
     // In slices, because the double copy of a whole batch of frames would not fit beside the network on
     // a GPU.
     sum = torch::zeros_like(mean_);
     square_sum = torch::zeros_like(mean_);
     for (int64_t first = 0; first < flat.size(0); first += 256) {
-      const Tensor slice = flat.slice(0, first, first + 256).to(mean_.device()).to(torch::kFloat64);
+      const Tensor slice = flat.slice(0, first, first + 256).to(device_).to(torch::kFloat64);
       sum.add_(slice.sum(0));
       square_sum.add_(slice.square().sum(0));
     }
@@ -315,7 +330,7 @@ void InputNormalizer::update(const Tensor& rows) {
   const Tensor batch_spread = (square_sum - sum * batch_mean).clamp_min_(0.0);
   const Tensor batch_variance = batch_spread / std::max(batch_count - 1.0, 1.0);
   const Tensor delta = batch_mean / scale_ - mean_;
-  const double old_count = count_.item<double>();
+  const double old_count = rows_seen_;
   const double total = old_count + batch_count;
   // Chan, Golub, LeVeque 1979: M2 = var_a n_a + var_b n_b + delta^2 n_a n_b / n.
   const Tensor m2 = variance_ * old_count + batch_variance * (batch_count / (scale_ * scale_)) +
@@ -323,7 +338,8 @@ void InputNormalizer::update(const Tensor& rows) {
   mean_.add_(delta, batch_count / total);
   variance_.copy_(m2 / total);
   count_.fill_(total);
-  refresh();
+  rows_seen_ = total;
+  derive();
 }
 
 NamedTensors InputNormalizer::named_buffers(const std::string& prefix) const {

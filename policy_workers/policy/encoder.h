@@ -42,11 +42,11 @@ class InputNormalizer {
   void normalize_rows(std::span<const uint8_t* const> rows, float* out) const;
   /// Merges a batch [B, elements] of u8 or f32 into the statistics. Any number of rows; none changes nothing.
   void update(const Tensor& rows);
-  /// Recomputes what normalize() uses from the buffers.
+  /// Takes over what was written into the buffers.
   void refresh();
 
-  /// y = clamp(x * factor + offset, -5, 5), both f32 [elements]. Never written in place: a graph may
-  /// keep them.
+  /// y = clamp(x * factor + offset, -5, 5), both f32 [elements]. On a CPU never written in place: a graph of autograd
+  /// may keep them. Elsewhere always in place, for recorded work that reads them.
   const Tensor& factor() const { return factor_; }
   const Tensor& offset() const { return offset_; }
 
@@ -57,7 +57,11 @@ class InputNormalizer {
   int64_t element_count_ = 0;
   double scale_ = 1.0;
   bool enabled_ = false;
+  torch::Device device_ = torch::kCPU;
+  void derive();  // factor and offset from mean and variance
+
   Tensor mean_, variance_, count_;  // f64
+  double rows_seen_ = 1;            // count_, known without asking the device
   Tensor factor_, offset_;          // f32 [elements]
 };
 

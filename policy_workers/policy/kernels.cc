@@ -4,8 +4,9 @@
 #include <cstring>
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-#define COMRAD_VECTORISED \
-  __attribute__((target_clones("arch=x86-64-v3", "default"), optimize("O3", "no-trapping-math")))
+#define COMRAD_VECTORISED                                    \
+  __attribute__((target_clones("arch=x86-64-v3", "default"), \
+                 optimize("O3", "no-trapping-math", "no-math-errno")))
 #else
 #define COMRAD_VECTORISED
 #endif
@@ -75,6 +76,29 @@ COMRAD_VECTORISED void add_row(const uint8_t* __restrict in, int64_t count, uint
   }
 }
 
+constexpr int64_t kLanes = 16;
+
+COMRAD_VECTORISED void add_squares(const float* __restrict values, int64_t count, double* __restrict lanes) {
+  double sum[kLanes] = {};
+  for (int64_t k = 0; k + kLanes <= count; k += kLanes)
+    for (int64_t lane = 0; lane < kLanes; ++lane) {
+      const double value = values[k + lane];
+      sum[lane] += value * value;
+    }
+  for (int64_t lane = 0; lane < kLanes; ++lane) lanes[lane] = sum[lane];
+}
+
+COMRAD_VECTORISED void adam_loop(const AdamStep step, int64_t count, const float* __restrict gradient,
+                                 float* __restrict mean, float* __restrict square,
+                                 float* __restrict parameter) {
+  for (int64_t k = 0; k < count; ++k) {
+    const float g = gradient[k] * step.gradient_scale;
+    mean[k] = step.beta1 * mean[k] + step.one_less_beta1 * g;
+    square[k] = step.beta2 * square[k] + step.one_less_beta2 * g * g;
+    parameter[k] -= step.step_size * mean[k] / (__builtin_sqrtf(square[k]) * step.root_scale + step.epsilon);
+  }
+}
+
 }  // namespace
 
 void normalize_bytes(std::span<const uint8_t* const> rows, int64_t element_count, const float* factor,
@@ -111,5 +135,18 @@ void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, do
 void elu(float* values, int64_t count) { elu_loop(values, count); }
 
 void elu_backward(const float* y, float* grad, int64_t count) { elu_backward_loop(y, grad, count); }
+
+double sum_of_squares(const float* values, int64_t count) {
+  double lanes[kLanes], sum = 0;
+  add_squares(values, count, lanes);
+  for (const double lane : lanes) sum += lane;
+  for (int64_t k = count / kLanes * kLanes; k < count; ++k) sum += double{values[k]} * double{values[k]};
+  return sum;
+}
+
+void adam_step(const AdamStep& step, int64_t count, const float* gradient, float* mean, float* square,
+               float* parameter) {
+  adam_loop(step, count, gradient, mean, square, parameter);
+}
 
 }  // namespace comrad::policy::kernels

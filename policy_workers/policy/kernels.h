@@ -22,4 +22,14 @@ void elu(float* values, int64_t count);
 /// Gradient through ELU in place, from its result y: grad *= y > 0 ? 1 : y + 1.
 void elu_backward(const float* y, float* grad, int64_t count);
 
+/// Sum of squares in double, in an order that depends on `count` alone.
+double sum_of_squares(const float* values, int64_t count);
+
+/// One step of Adam; the learner's adam_optimizer.h says what the numbers are.
+struct AdamStep {
+  float gradient_scale, beta1, beta2, one_less_beta1, one_less_beta2, step_size, root_scale, epsilon;
+};
+void adam_step(const AdamStep& step, int64_t count, const float* gradient, float* mean, float* square,
+               float* parameter);
+
 }  // namespace comrad::policy::kernels

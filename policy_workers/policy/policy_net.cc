@@ -77,8 +77,8 @@ struct Tower {
   /// The core over `encoded` [T, B, E].
   CoreOutput unrolled(const Tensor& encoded, const Tensor& state, const Tensor& reset) const {
     Tensor keep;
-    if (reset.defined()) keep = reset.to(encoded.device()).eq(0).to(torch::kFloat32).unsqueeze(-1);
-    return core.sequence(encoded, state.to(encoded.device()), keep);
+    if (reset.defined()) keep = reset.eq(0).to(torch::kFloat32).unsqueeze(-1);
+    return core.sequence(encoded, state, keep);
   }
 
   NamedTensors named_parameters(const std::string& prefix) const {

@@ -73,6 +73,8 @@ PolicyWorker::PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& o
       batcher_(std::move(batcher)),
       weights_(arena) {
   char host[256] = {};
+  if (!seats_ && !options.is_random && (options.is_staged || !policy_.device().is_cpu()))
+    staged_ = std::make_unique<StagedForward>(policy_, arena.shape());
   if (gethostname(host, sizeof host - 1) == 0) host_ = host;
 }
 
@@ -117,9 +119,9 @@ Status PolicyWorker::run(const std::atomic<bool>& stop) {
 Expected<PolicyOutput> PolicyWorker::answer(const Batch& batch) {
   const ProcessStage stage(Stage::kForward);  // libtorch's threads work on it too
   COMRAD_TRY(refresh());
-  return seats_
-             ? seats_->step(batch)
-             : policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state, batch.global_state);
+  if (seats_) return seats_->step(batch);
+  if (staged_) return staged_->step(batch);
+  return policy_.step_rows(batch.frames, batch.measurement, batch.recurrent_state, batch.global_state);
 }
 
 bool PolicyWorker::is_stopping(const std::atomic<bool>& stop) const {

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "policy_workers/batching/batcher.h"
+#include "policy_workers/batching/staged_forward.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/weights/weights_receiver.h"
 #include "policy_workers/worker/seat_networks.h"
@@ -28,6 +29,8 @@ struct PolicyWorkerOptions {
   std::string seats_of = {};
   /// The same episodes on every start: batches are whole splits, and draws are keyed by the episode alone.
   bool is_evaluation = false;
+  /// On a CPU, too, batches go by way of StagedForward, as they do on a GPU: for tests of that way.
+  bool is_staged = false;
 };
 
 /// Joined to one run.
@@ -59,6 +62,7 @@ class PolicyWorker {
   dds::Bus* bus_;
   PolicyNet policy_;  // empty when is_random, and where seats play
   std::optional<SeatNetworks> seats_;
+  std::unique_ptr<StagedForward> staged_;  // null on a CPU
   Batcher batcher_;
   WeightsReceiver weights_;
   std::string host_;

@@ -73,6 +73,7 @@ const std::vector<Library>& libraries() {
       {"OpenCV's video", "libopencv-videoio-dev", {"opencv2/videoio"}, {"sim_workers/film/"}},
       {"OpenCV", "libopencv-imgproc-dev", {"opencv2/"}, {"sim_workers/env/", "sim_workers/film/"}},
       {"libpng", "libpng-dev", {"png.h"}, {"sim_workers/engine/render/"}},
+      {"CUDA", "libtorch-dev", {"c10/cuda/", "ATen/cuda/", "cuda"}, {"policy_workers/device/"}},
       {"libtorch", "libtorch-dev", {"torch/", "ATen/", "c10/", "caffe2/"}, {"policy_workers/", "learner/"}},
       {"CUDA", kOfGpuHosts + "cuda-toolkit[crt]", {"cuda_runtime_api.h"}, {"policy_workers/device/"}},
       {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/commands/"}},
@@ -308,6 +309,9 @@ TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   EXPECT_FALSE(is_fault("sim_workers/env/doom_env.cc", "scenarios/spec/scenario_spec.h"));
   EXPECT_FALSE(is_fault("learner/algorithms/ippo.cc", "policy_workers/policy/policy_net.h"));
   EXPECT_FALSE(is_fault("learner/algorithms/ippo.cc", "torch/torch.h", false));
+  EXPECT_TRUE(is_fault("learner/algorithms/ippo.cc", "c10/cuda/CUDAStream.h", false));
+  EXPECT_TRUE(is_fault("policy_workers/policy/policy_net.cc", "cuda_runtime_api.h", false));
+  EXPECT_FALSE(is_fault("policy_workers/device/queue.cc", "cuda_runtime_api.h", false));
   EXPECT_FALSE(is_fault("rollout_buffer/shm/arena.h", "rollout_buffer/schema/trajectory.h"));
   EXPECT_FALSE(is_fault("deploy/launch/supervisor.cc", "rollout_buffer/dds/bus.h"));
 }

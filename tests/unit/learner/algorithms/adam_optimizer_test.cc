@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 #include "policy_workers/policy/torch_ops.h"
@@ -9,36 +10,79 @@
 namespace comrad::learn {
 namespace {
 
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
 TEST(AdamOptimizer, MatchesTheKnownAnswer) {
-  torch::Tensor p = torch::ones({1}, torch::kFloat64).requires_grad_();
-  AdamOptimizer optimizer({p}, {});
-  p.mutable_grad() = torch::full({1}, 0.01, torch::kFloat64);
-  optimizer.step(1e-4);
-  EXPECT_NEAR(p.item<double>(), 0.9999000100, 1e-10);
-  p.mutable_grad() = torch::full({1}, -0.02, torch::kFloat64);
-  optimizer.step(1e-4);
-  EXPECT_NEAR(p.item<double>(), 0.9999366180, 1e-10);
+  for (const auto type : {torch::kFloat64, torch::kFloat32}) {  // as operators, and as the CPU's own loop
+    const double tolerance = type == torch::kFloat64 ? 1e-10 : 1e-7;
+    torch::Tensor p = torch::ones({1}, type).requires_grad_();
+    AdamOptimizer optimizer({p}, {});
+    p.mutable_grad() = torch::full({1}, 0.01, type);
+    optimizer.step(1e-4);
+    EXPECT_NEAR(p.item<double>(), 0.9999000100, tolerance);
+    p.mutable_grad() = torch::full({1}, -0.02, type);
+    optimizer.step(1e-4);
+    EXPECT_NEAR(p.item<double>(), 0.9999366180, tolerance);
+  }
+}
+
+/// Parameters after three steps with a clip that acts, and what the steps said.
+std::pair<torch::Tensor, torch::Tensor> after_three_steps(torch::ScalarType type) {
+  torch::Tensor a = torch::arange(37, torch::kFloat32).to(type).requires_grad_(),
+                b = torch::full({3, 5}, -2.0, type).requires_grad_();
+  AdamOptimizer optimizer({a, b}, {.max_grad_norm = 0.7});
+  torch::Tensor said;
+  for (int step = 1; step <= 3; ++step) {
+    a.mutable_grad() = (torch::arange(37, torch::kFloat32) * 0.01f * static_cast<float>(step)).to(type);
+    b.mutable_grad() = torch::full({3, 5}, -0.02 * step, type);
+    said = optimizer.step(1e-2, torch::ones({}));
+  }
+  return {at::cat({a.detach().to(torch::kFloat64), b.detach().flatten().to(torch::kFloat64)}), said};
+}
+
+TEST(AdamOptimizer, TheLoopOfTheCpuAndTheOperatorsOfADeviceTakeTheSameSteps) {
+  const auto [by_loop, said_by_loop] = after_three_steps(torch::kFloat32);
+  const auto [by_operators, said_by_operators] = after_three_steps(torch::kFloat64);
+  EXPECT_LT((by_loop - by_operators).abs().max().item<double>(), 5e-6);
+  EXPECT_LT((said_by_loop - said_by_operators).abs().max().item<double>(), 1e-6);
 }
 
 TEST(AdamOptimizer, ClipsTheGlobalNormToFour) {
-  torch::Tensor a = torch::zeros({1}).requires_grad_(), b = torch::zeros({1}).requires_grad_();
-  AdamOptimizer optimizer({a, b}, {.max_grad_norm = 4.0});
-  a.mutable_grad() = torch::tensor({3.0f});
-  b.mutable_grad() = torch::tensor({4.0f});
-  EXPECT_NEAR(optimizer.clip_gradients(), 5.0, 1e-6);
-  EXPECT_NEAR(a.grad().item<double>(), 2.3999995, 3e-7);
-  EXPECT_NEAR(b.grad().item<double>(), 3.1999994, 3e-7);
+  // An epsilon that dwarfs the gradient makes a first step of lr g / epsilon, in which a clip shows.
+  for (const auto type : {torch::kFloat64, torch::kFloat32}) {
+    torch::Tensor a = torch::zeros({1}, type).requires_grad_(), b = torch::zeros({1}, type).requires_grad_();
+    AdamOptimizer optimizer({a, b}, {.epsilon = 1e9, .max_grad_norm = 4.0});
+    a.mutable_grad() = torch::full({1}, 3.0, type);
+    b.mutable_grad() = torch::full({1}, 4.0, type);
+    EXPECT_NEAR(optimizer.step(1e9)[1].item<double>(), 5.0, 1e-6);
+    EXPECT_NEAR(a.item<double>(), -2.3999995, 1e-6);
+    EXPECT_NEAR(b.item<double>(), -3.1999994, 1e-6);
+    EXPECT_EQ(a.grad().item<double>(), 3.0) << "the gradient stays for reports";
+  }
 }
 
-TEST(AdamOptimizer, LeavesSmallAndNonFiniteGradientsAlone) {
-  torch::Tensor a = torch::zeros({2}).requires_grad_();
-  AdamOptimizer optimizer({a}, {.max_grad_norm = 4.0});
-  a.mutable_grad() = torch::tensor({0.5f, -0.5f});
-  optimizer.clip_gradients();
-  EXPECT_EQ(a.grad()[0].item<float>(), 0.5f);
-  a.mutable_grad() = torch::tensor({std::numeric_limits<float>::infinity(), 1.0f});
-  EXPECT_FALSE(std::isfinite(optimizer.clip_gradients()));
-  EXPECT_EQ(a.grad()[1].item<float>(), 1.0f);
+TEST(AdamOptimizer, WhatIsNotFiniteMovesNothing) {
+  for (const auto type : {torch::kFloat64, torch::kFloat32}) {
+    torch::Tensor a = torch::zeros({2}, type).requires_grad_();
+    AdamOptimizer optimizer({a}, {.max_grad_norm = 4.0});
+    a.mutable_grad() = torch::full({2}, 0.5, type);
+    EXPECT_EQ(optimizer.step(1e-2, torch::ones({}))[0].item<double>(), 1);
+    const torch::Tensor before = a.detach().clone();
+    EXPECT_EQ(optimizer.step(1e-2, torch::full({}, std::nanf("")))[0].item<double>(), 0);
+    EXPECT_TRUE(torch::equal(a.detach(), before));
+    a.mutable_grad() = torch::tensor({kInfinity, 1.0f}).to(type);
+    EXPECT_EQ(optimizer.step(1e-2, torch::ones({}))[0].item<double>(), 0);
+    EXPECT_TRUE(torch::equal(a.detach(), before));
+    // And the next sound step is the second one, not the fourth.
+    torch::Tensor other = torch::zeros({2}, type).requires_grad_();
+    AdamOptimizer undisturbed({other}, {.max_grad_norm = 4.0});
+    other.mutable_grad() = torch::full({2}, 0.5, type);
+    undisturbed.step(1e-2);
+    undisturbed.step(1e-2);
+    a.mutable_grad() = torch::full({2}, 0.5, type);
+    optimizer.step(1e-2);
+    EXPECT_TRUE(torch::equal(a.detach(), other.detach()));
+  }
 }
 
 TEST(AdamOptimizer, AReloadedOptimizerTakesTheSameNextStep) {

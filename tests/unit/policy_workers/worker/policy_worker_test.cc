@@ -126,6 +126,28 @@ TEST(PolicyWorker, EveryAgentActsWithItsOwnNetworkAndTheCriticsStateAdvancesToo)
   EXPECT_TRUE(worker.stop());
 }
 
+TEST(PolicyWorker, AStagedWorkerAnswersAsTheNetworkDoes) {
+  const PolicyNetOptions options = small_network();
+  const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
+  const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
+  publish(arena, learner, 3);
+  FakeSplit split(arena, 0, 0);
+  RunningWorker worker(small_config(), arena, {.is_staged = true});
+  Tensor state = torch::zeros({1, 16});
+  for (int step = 0; step < 3; ++step) {
+    split.commit_act(step == 0);
+    ASSERT_TRUE(split.await());
+    FakeEnv& env = split.envs[0];
+    const Tensor frame =
+        torch::from_blob(env.slab().frame(env.step(), 0).data(), {1, 3, 40, 44}, torch::kUInt8);
+    const PolicyOutput expected = learner.step(frame, torch::zeros({1, 3}), state);
+    state = expected.recurrent_state;
+    EXPECT_NEAR(env.slab().value(env.step(), 0), expected.value.item<float>(), 1e-5) << step;
+    split.take_act();
+  }
+  EXPECT_TRUE(worker.stop());
+}
+
 /// Writes what the launcher does: the settings of the networks, and who has which seat.
 void write_seats(const test::ScratchFolder& folder, const std::vector<RunConfig>& networks,
                  const std::vector<Seat>& seats) {

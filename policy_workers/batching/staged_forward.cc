@@ -1,0 +1,161 @@
+#include "policy_workers/batching/staged_forward.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/stage_clock.h"
+
+namespace comrad::policy {
+namespace {
+
+constexpr int64_t kAlignmentBytes = 64;
+
+int64_t aligned(int64_t bytes) { return (bytes + kAlignmentBytes - 1) / kAlignmentBytes * kAlignmentBytes; }
+
+/// `count` numbers of `type` at `offset` bytes.
+Tensor numbers_at(const Tensor& bytes, int64_t offset, int64_t count, torch::ScalarType type) {
+  const auto size = static_cast<int64_t>(c10::elementSize(type));
+  return bytes.narrow(0, offset, count * size).view(type);
+}
+
+}  // namespace
+
+int64_t bucket_of(int64_t worlds) {
+  if (worlds <= 2) return worlds;
+  int64_t size = 2;
+  while (size < worlds) size = size % 3 == 0 ? size / 3 * 4 : size / 2 * 3;
+  return size;
+}
+
+StagedForward::StagedForward(const PolicyNet& policy, const shm::ArenaShape& shape)
+    : policy_(policy),
+      env_(shape.trajectory.env),
+      state_count_(shape.trajectory.recurrent_state_count),
+      zero_row_(int64_t{shape.env_count()} * env_.num_agents),
+      idle_row_(zero_row_ + 1),
+      states_(torch::zeros({idle_row_ + 1, state_count_}, torch::TensorOptions().device(policy.device()))),
+      held_(static_cast<size_t>(shape.env_count())) {}
+
+StagedForward::Bucket& StagedForward::bucket_for(int64_t worlds) {
+  const int64_t size = bucket_of(worlds);
+  if (const auto made = std::ranges::find(buckets_, size, &Bucket::worlds); made != buckets_.end())
+    return *made;
+  const torch::Device device = policy_.device();
+  const int64_t rows = size * env_.num_agents, measurements = rows * env_.measurement_count;
+  const int64_t at_measurement = aligned(rows * env_.frame_bytes()),
+                at_state = aligned(at_measurement + measurements * static_cast<int64_t>(sizeof(float))),
+                states = size * env_.global_state_count,
+                at_read = aligned(at_state + states * static_cast<int64_t>(sizeof(float))),
+                at_write = aligned(at_read + rows * static_cast<int64_t>(sizeof(int64_t))),
+                bytes = aligned(at_write + rows * static_cast<int64_t>(sizeof(int64_t)));
+  Bucket bucket;
+  bucket.worlds = size;
+  bucket.staging = device::host_memory({bytes}, torch::kUInt8, device).zero_();
+  bucket.there = bucket.staging.to(device);  // on a CPU the same memory
+  bucket.frame = bucket.there.narrow(0, 0, rows * env_.frame_bytes())
+                     .view({rows, env_.channels, env_.height, env_.width});
+  if (measurements > 0)
+    bucket.measurement = numbers_at(bucket.there, at_measurement, measurements, torch::kFloat32)
+                             .view({rows, env_.measurement_count});
+  if (states > 0)
+    bucket.global_state =
+        numbers_at(bucket.there, at_state, states, torch::kFloat32).view({size, env_.global_state_count});
+  bucket.read = numbers_at(bucket.there, at_read, rows, torch::kInt64);
+  bucket.write = numbers_at(bucket.there, at_write, rows, torch::kInt64);
+  const int64_t width = env_.logit_count() + 1 + state_count_;
+  bucket.answer_there = torch::zeros({rows, width}, torch::TensorOptions().device(device));
+  bucket.answer =
+      device.is_cpu() ? bucket.answer_there : device::host_memory({rows, width}, torch::kFloat32, device);
+  buckets_.push_back(std::move(bucket));
+  Bucket& made = buckets_.back();
+  // The recording reads and writes idle rows: nothing was packed yet.
+  numbers_at(made.staging, at_read, rows, torch::kInt64).fill_(zero_row_);
+  numbers_at(made.staging, at_write, rows, torch::kInt64).fill_(idle_row_);
+  if (!device.is_cpu()) made.there.copy_(made.staging);
+  // Buckets move when another is made; their tensors do not.
+  (void)made.graph.record(device,
+                          [this, size] { forward(*std::ranges::find(buckets_, size, &Bucket::worlds)); });
+  return made;
+}
+
+void StagedForward::forward(Bucket& bucket) {
+  torch::NoGradGuard no_grad;
+  const int64_t logits = env_.logit_count();
+  const PolicyOutput output = policy_.step(bucket.frame, bucket.measurement,
+                                           states_.index_select(0, bucket.read), bucket.global_state);
+  bucket.answer_there.narrow(1, 0, logits).copy_(output.logits);
+  bucket.answer_there.select(1, logits).copy_(output.value.reshape({-1}));
+  if (state_count_ == 0) return;
+  bucket.answer_there.narrow(1, logits + 1, state_count_).copy_(output.recurrent_state);
+  states_.index_copy_(0, bucket.write, output.recurrent_state);
+}
+
+PolicyOutput StagedForward::step(const Batch& batch) {
+  torch::NoGradGuard no_grad;
+  const torch::Device device = policy_.device();
+  Bucket& bucket = bucket_for(static_cast<int64_t>(batch.requests.size()));
+  bring_up(batch);
+  pack(batch, bucket);
+  if (!device.is_cpu()) bucket.there.copy_(bucket.staging, /*non_blocking=*/true);
+  bucket.graph.replay();
+  if (!device.is_cpu()) {
+    bucket.answer.copy_(bucket.answer_there, /*non_blocking=*/true);
+    device::Event arrived;
+    arrived.record(device::Stream::current(device));
+    arrived.wait();
+  }
+  for (const Request& request : batch.requests)
+    if (request.kind == shm::RequestKind::kAct)
+      held_[static_cast<size_t>(request.env_index)] = request.step_id + 1;
+  const Tensor answer = bucket.answer.narrow(0, 0, batch.row_count());
+  const int64_t logits = env_.logit_count();
+  return {answer.narrow(1, 0, logits), answer.select(1, logits), answer.narrow(1, logits + 1, state_count_)};
+}
+
+/// States that the device does not hold, from the batch.
+void StagedForward::bring_up(const Batch& batch) {
+  if (state_count_ == 0) return;
+  std::vector<int64_t> from, to;
+  for (size_t index = 0; index < batch.requests.size(); ++index) {
+    const Request& request = batch.requests[index];
+    std::optional<uint64_t>& held = held_[static_cast<size_t>(request.env_index)];
+    if (request.reset_state || held == request.step_id) continue;
+    for (int64_t agent = 0; agent < env_.num_agents; ++agent) {
+      from.push_back(static_cast<int64_t>(index) * env_.num_agents + agent);
+      to.push_back(int64_t{request.env_index} * env_.num_agents + agent);
+    }
+    held = request.step_id;
+  }
+  if (from.empty()) return;
+  states_brought_up_ += static_cast<int64_t>(from.size());
+  const Tensor rows = batch.recurrent_state.index_select(0, torch::tensor(from, torch::kInt64));
+  states_.index_copy_(0, torch::tensor(to, torch::kInt64).to(states_.device()), rows.to(states_.device()));
+}
+
+void StagedForward::pack(const Batch& batch, Bucket& bucket) {
+  uint8_t* bytes = bucket.staging.data_ptr<uint8_t>();
+  const auto at = [&](const Tensor& field) {
+    return bytes + (field.storage_offset() * static_cast<int64_t>(field.element_size()));
+  };
+  const auto frame_bytes = static_cast<size_t>(env_.frame_bytes());
+  for (size_t row = 0; row < batch.frames.size(); ++row)
+    std::memcpy(bytes + row * frame_bytes, batch.frames[row], frame_bytes);
+  if (batch.measurement.defined() && bucket.measurement.defined())
+    std::memcpy(at(bucket.measurement), batch.measurement.data_ptr<float>(), batch.measurement.nbytes());
+  if (batch.global_state.defined() && bucket.global_state.defined())
+    std::memcpy(at(bucket.global_state), batch.global_state.data_ptr<float>(), batch.global_state.nbytes());
+  count_copied(batch.frames.size() * frame_bytes);
+  auto* read = reinterpret_cast<int64_t*>(at(bucket.read));
+  auto* write = reinterpret_cast<int64_t*>(at(bucket.write));
+  std::fill_n(read, bucket.read.numel(), zero_row_);
+  std::fill_n(write, bucket.write.numel(), idle_row_);
+  for (const Request& request : batch.requests)
+    for (int64_t agent = 0; agent < env_.num_agents; ++agent, ++read, ++write) {
+      const int64_t row = int64_t{request.env_index} * env_.num_agents + agent;
+      if (!request.reset_state) *read = row;
+      if (request.kind == shm::RequestKind::kAct) *write = row;
+    }
+}
+
+}  // namespace comrad::policy

@@ -1,0 +1,97 @@
+// A device's queues of work: streams, events, memory of the host that a device can copy while the host goes on, and
+// recorded work (graphs). This folder alone knows CUDA; on a CPU the same calls do the work at once, so that everything
+// but the driver is tested everywhere. Serves forward, and update of a learner on a GPU.
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "rollout_buffer/core/expected.h"
+
+namespace comrad::device {
+
+using torch::Tensor;
+
+class Event;
+
+/// One queue of a device; what is given to one queue is done in order. Threads: one gives it work at a time.
+class Stream {
+ public:
+  /// The queue that operators of the calling thread go to.
+  static Stream current(torch::Device device);
+  /// Another one, for copies beside the work.
+  static Stream beside(torch::Device device);
+
+  /// What comes after waits, on the device, for the event. Does not wait here.
+  void wait_for(const Event& event) const;
+
+ private:
+  friend class Event;
+  friend class StreamScope;
+  struct Queue;
+  std::shared_ptr<Queue> queue_;  ///< null on a CPU
+};
+
+/// While one lives, operators of the calling thread go to `stream`.
+class StreamScope {
+ public:
+  explicit StreamScope(const Stream& stream);
+  ~StreamScope();
+  StreamScope(const StreamScope&) = delete;
+  StreamScope& operator=(const StreamScope&) = delete;
+
+ private:
+  struct Guard;
+  std::unique_ptr<Guard> guard_;
+};
+
+/// A place in a queue. Done from the start, and on a CPU always.
+class Event {
+ public:
+  void record(const Stream& stream);
+  bool is_done() const;
+  /// Waits here until it is reached.
+  void wait() const;
+
+ private:
+  friend class Stream;
+  struct Place;
+  std::shared_ptr<Place> place_;
+};
+
+/// Memory of the host. For a GPU it is pinned: copies from and to it go on beside the host's work.
+Tensor host_memory(at::IntArrayRef sizes, torch::ScalarType type, torch::Device device);
+
+/// Work of fixed shapes and addresses that is recorded once and then given to the device as one piece. What it reads and
+/// writes must be the same tensors each time; on a CPU, and on a GPU that refused to record, it is done anew each time.
+class Graph {
+ public:
+  Graph();
+  ~Graph();
+  Graph(Graph&&) noexcept;
+  Graph& operator=(Graph&&) noexcept;
+
+  /// Records `work` without doing it. False, with a warning in the log, where the device refused.
+  bool record(torch::Device device, std::function<void()> work);
+  void replay();
+
+ private:
+  struct Recording;
+  std::unique_ptr<Recording> recording_;
+  std::function<void()> work_;
+};
+
+/// What a device's memory looks like; 0 where it is the host's.
+struct Memory {
+  int64_t total_bytes = 0, free_bytes = 0;
+};
+Memory memory_of(torch::Device device);
+
+/// How many GPUs this process can use: 0 without a driver, or in a build without CUDA.
+int gpu_count();
+
+}  // namespace comrad::device

@@ -1,0 +1,146 @@
+// An optimizer step asks nothing of the device: whatever would make the host wait for a GPU is counted on the CPU, for
+// every algorithm.
+#include "policy_workers/device/host_wait_counter.h"
+
+#include <gtest/gtest.h>
+
+#include "learner/algorithms/algorithm.h"
+#include "learner/algorithms/ippo.h"
+#include "policy_workers/device/readback.h"
+#include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/replay/replay.h"
+#include "tests/support/noise_batch.h"
+#include "tests/support/slab_pool.h"
+
+namespace comrad::learn {
+namespace {
+
+constexpr int kAgents = 2, kWorlds = 4;
+
+RunConfig config_of(const std::string& algo) {
+  RunConfig config = testing::small_config(algo, kAgents);
+  config.network.normalize_input = true;
+  config.network.share_parameters = algo != "happo";
+  config.on_policy.kl_loss_coeff = 0.1;
+  config.q_learning.normalize_q_values = true;
+  config.optimisation.micro_batch_size = 2 * kAgents * 5;  // two micro-batches
+  config.collection.learner_threads = 2;
+  if (algo == "vdn" || algo == "qmix") config.mixers.mixer = algo;
+  if (algo == "qplex_d") config.mixers.mixer = "dmaq";
+  if (algo == "qplex_q") config.mixers.mixer = "dmaq_qatten";
+  return config;
+}
+
+ReplayBatch sequences(const TrajectoryShape& shape, uint64_t seed) {
+  testing::SlabPool pool(shape, kWorlds);
+  pool.fill_with_noise(seed);
+  pool.view(0).truncated(2) = 1;
+  pool.view(0).final_index(2) = 0;
+  pool.view(1).action_mask(1, 0)[1] = 0;
+  auto replay = *replay::Replay::create({.store = {.shape = shape, .capacity_bytes = 1 << 24}});
+  std::vector<replay::Draw> draws;
+  for (int i = 0; i < kWorlds; ++i) {
+    replay->insert(pool.view(i), static_cast<uint32_t>(shape.rollout_steps));
+    draws.push_back({.item = i, .step = -1, .agent = 0, .weight = 1, .serial = i});
+  }
+  const ReplayBatchOptions options{.shape = shape, .world_count = kWorlds};
+  ReplayBatch batch = make_replay_batch(options);
+  fill(batch, options, *replay, draws);
+  return batch;
+}
+
+/// An update, with "cpu:0" for a device: see HostWaitCounter.
+UpdateStats update(Algorithm& algorithm, const TrajectoryShape& shape, uint64_t seed) {
+  if (auto* on_policy = dynamic_cast<OnPolicyAlgorithm*>(&algorithm)) {
+    RolloutBatch batch = testing::noise_batch(shape, kWorlds, seed);
+    batch.valid[1][2] = 0;
+    batch.agent_active[2][1] = 0;
+    return *on_policy->update(batch, {});
+  }
+  ReplayBatch batch = sequences(shape, seed);
+  return *dynamic_cast<OffPolicyAlgorithm&>(algorithm).update(batch, {});
+}
+
+class HostWaits : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(HostWaits, NoStepMakesTheHostWaitForTheDevice) {
+  RunConfig config = config_of(GetParam());
+  config.optimisation.num_batches_per_epoch = config.run.algo->learns_q_values() ? 1 : 2;
+  const TrajectoryShape shape = testing::small_shape(config, kAgents);
+  const auto algorithm = *make_algorithm(config, shape.env, torch::Device(torch::kCPU, 0));
+  (void)update(*algorithm, shape, 1);  // what is made once is made
+  const device::HostWaitCounter counter;
+  const UpdateStats stats = update(*algorithm, shape, 2);
+  ASSERT_GE(stats.optimizer_steps, 1);
+  const auto inside = counter.in_steps();
+  EXPECT_EQ(inside.numbers_read, 0);
+  EXPECT_EQ(inside.nonzero, 0);
+  EXPECT_EQ(inside.device_copies, 0);
+  EXPECT_EQ(inside.readbacks, 0);
+  // Once a batch: the report's numbers, and, of steps that a GPU still had in its queue, theirs.
+  EXPECT_LE(counter.between_steps().all(), 2);
+}
+
+TEST_P(HostWaits, StepsThatAreReadLateGiveTheSameWeights) {
+  RunConfig config = config_of(GetParam());
+  config.optimisation.num_batches_per_epoch = config.run.algo->learns_q_values() ? 1 : 2;
+  config.optimisation.num_epochs = 2;
+  const TrajectoryShape shape = testing::small_shape(config, kAgents);
+  const auto weights_after = [&](bool late) {
+    std::optional<device::SlowReadbacks> slow;
+    if (late) slow.emplace();
+    const auto algorithm = *make_algorithm(config, shape.env, torch::kCPU);
+    NamedNumbers said;
+    for (uint64_t seed = 1; seed <= 2; ++seed) said = update(*algorithm, shape, seed).values;
+    std::vector<std::byte> bytes(static_cast<std::size_t>(algorithm->weights_bytes()));
+    algorithm->write_weights(bytes);
+    return std::tuple(bytes, algorithm->version(), said);
+  };
+  EXPECT_EQ(weights_after(true), weights_after(false));
+}
+
+INSTANTIATE_TEST_SUITE_P(AllAlgorithms, HostWaits,
+                         ::testing::Values("ippo", "mappo", "happo", "idqn", "vdn", "qmix", "qplex_d",
+                                           "qplex_q"),
+                         [](const auto& of) { return of.param; });
+
+TEST(StepGuard, AStepThatIsReadLateAndWasNotTakenIsTakenBack) {
+  const RunConfig config = config_of("ippo");
+  const TrajectoryShape shape = testing::small_shape(config, kAgents);
+  Ippo ippo(config, shape.env, torch::kCPU);
+  const device::SlowReadbacks late;
+  RolloutBatch batch = testing::noise_batch(shape, kWorlds, 3);
+  batch.recurrent_state.fill_(std::numeric_limits<float>::quiet_NaN());
+  const auto before = testing::copies(ippo.net().parameters());
+  const auto stats = ippo.update(batch, {});
+  ASSERT_TRUE(stats);
+  EXPECT_EQ(stats->optimizer_steps, 0);
+  EXPECT_EQ(stats->skipped_steps, 1);
+  EXPECT_EQ(ippo.version(), 0u);
+  EXPECT_TRUE(testing::all_equal(before, ippo.net().parameters()));
+}
+
+TEST(HostWaitCounter, SeesEachKindInsideAndOutsideOfSteps) {
+  const device::HostWaitCounter counter;
+  const Tensor numbers = torch::ones({3}, torch::kFloat64);
+  const auto wait = [&] {
+    (void)numbers.sum().item<double>();
+    (void)numbers.nonzero();
+    (void)torch::equal(numbers, numbers);
+    (void)numbers.cpu();
+    (void)numbers.to(torch::Device(torch::kCPU, 0));  // to the device at work
+    device::Readback(numbers).wait();
+  };
+  wait();
+  EXPECT_EQ(counter.in_steps().all(), 0);
+  EXPECT_EQ(counter.between_steps().numbers_read, 2);
+  EXPECT_EQ(counter.between_steps().nonzero, 1);
+  EXPECT_EQ(counter.between_steps().device_copies, 1);
+  EXPECT_EQ(counter.between_steps().readbacks, 1);
+  const device::StepScope step;
+  wait();
+  EXPECT_EQ(counter.in_steps().all(), 5);
+}
+
+}  // namespace
+}  // namespace comrad::learn

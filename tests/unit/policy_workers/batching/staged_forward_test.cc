@@ -1,0 +1,112 @@
+#include "policy_workers/batching/staged_forward.h"
+
+#include <gtest/gtest.h>
+
+#include "policy_workers/policy/torch_ops.h"
+#include "tests/unit/policy_workers/fake_simulators.h"
+
+namespace comrad::policy {
+namespace {
+
+Batcher make_batcher(const shm::Arena& arena) {
+  auto batcher = Batcher::create(arena, {.seed = 42});
+  EXPECT_TRUE(batcher);
+  return std::move(batcher).value();
+}
+
+double largest_difference(const Tensor& a, const Tensor& b) {
+  return a.numel() == 0 ? 0 : (a - b).abs().max().item<double>();
+}
+
+/// Answers what waits by `staged` and holds it to the network's plain pass over the same batch.
+void answer_and_compare(Batcher& batcher, const PolicyNet& net, StagedForward& staged, size_t requests) {
+  const Batch& batch = batcher.gather(0);
+  ASSERT_EQ(batch.requests.size(), requests);
+  const PolicyOutput plain = net.step_rows(batch.frames, batch.measurement, batch.recurrent_state);
+  const PolicyOutput output = staged.step(batch);
+  ASSERT_EQ(output.logits.sizes(), plain.logits.sizes());
+  ASSERT_EQ(output.recurrent_state.sizes(), plain.recurrent_state.sizes());
+  EXPECT_LT(largest_difference(output.logits, plain.logits), 1e-5);
+  EXPECT_LT(largest_difference(output.value, plain.value), 1e-5);
+  EXPECT_LT(largest_difference(output.recurrent_state, plain.recurrent_state), 1e-5);
+  batcher.scatter(batch, output, 9);
+}
+
+TEST(StagedForward, BatchesAreRoundedUpToFewSizes) {
+  std::vector<int64_t> sizes;
+  for (int64_t worlds = 1; worlds <= 100; ++worlds) {
+    const int64_t size = bucket_of(worlds);
+    EXPECT_GE(size, worlds);
+    EXPECT_LE(size, std::max<int64_t>(worlds, 3 * worlds / 2)) << worlds;
+    if (sizes.empty() || sizes.back() != size) sizes.push_back(size);
+  }
+  EXPECT_EQ(sizes, (std::vector<int64_t>{1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128}));
+}
+
+class EveryCore : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(EveryCore, SaysWhatThePlainPassSaysWhileStatesStayOnTheDevice) {
+  const PolicyNetOptions options = small_network(GetParam());
+  const bool has_state = options.recurrent_state_count() > 0;
+  const shm::Arena arena = make_arena(options, {.envs_per_worker = 10});
+  const PolicyNet net = PolicyNet::create(options, 3, torch::kCPU);
+  Batcher batcher = make_batcher(arena);
+  StagedForward staged(net, arena.shape());
+  FakeSplit split(arena, 0, 0);
+  ASSERT_EQ(split.envs.size(), 5u);  // a bucket of 6 has an idle world
+  for (int step = 0; step < 3; ++step) {
+    split.commit_act(/*reset_state=*/step == 0);
+    answer_and_compare(batcher, net, staged, 5);
+    split.take_act();
+  }
+  EXPECT_EQ(staged.states_brought_up(), 0) << "episodes began, then every state was there";
+
+  // Asked for a value, the network moves no state; then the same decision is asked for.
+  split.announce(2);
+  for (int env : {1, 3}) split.envs[static_cast<size_t>(env)].commit_value();
+  split.ring();
+  answer_and_compare(batcher, net, staged, 2);
+  for (int env : {1, 3}) split.envs[static_cast<size_t>(env)].take_other();
+  split.commit_act();
+  answer_and_compare(batcher, net, staged, 5);
+  split.take_act();
+  EXPECT_EQ(staged.states_brought_up(), 0);
+
+  // A successor holds nothing: states come up from the arena, once.
+  StagedForward successor(net, arena.shape());
+  for (int step = 0; step < 2; ++step) {
+    split.commit_act();
+    answer_and_compare(batcher, net, successor, 5);
+    split.take_act();
+    EXPECT_EQ(successor.states_brought_up(), has_state ? 5 * 2 : 0);
+  }
+  // The first worker's states are old news by now.
+  split.commit_act();
+  answer_and_compare(batcher, net, staged, 5);
+  EXPECT_EQ(staged.states_brought_up(), has_state ? 5 * 2 : 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Cores, EveryCore, ::testing::Values("none", "gru", "lstm"),
+                         [](const auto& of) { return of.param; });
+
+TEST(StagedForward, ReadsWeightsThatCameLater) {
+  const PolicyNetOptions options = small_network();
+  const shm::Arena arena = make_arena(options, {});
+  const PolicyNet net = PolicyNet::create(options, 3, torch::kCPU),
+                  other = PolicyNet::create(options, 4, torch::kCPU);
+  Batcher batcher = make_batcher(arena);
+  StagedForward staged(net, arena.shape());
+  FakeSplit split(arena, 0, 0);
+  split.commit_act(true);
+  answer_and_compare(batcher, net, staged, 2);
+  split.take_act();
+  other.update_input_statistics(torch::full({4, 3, 40, 44}, 9, torch::kUInt8), torch::ones({4, 3}));
+  std::vector<std::byte> weights(static_cast<size_t>(net.weights_bytes()));
+  other.write_weights(weights);
+  ASSERT_TRUE(net.read_weights(weights));
+  split.commit_act();
+  answer_and_compare(batcher, net, staged, 2);
+}
+
+}  // namespace
+}  // namespace comrad::policy
