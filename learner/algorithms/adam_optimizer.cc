@@ -117,6 +117,7 @@ torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices
       policy::kernels::adam_step(numbers, end - begin, gradient + begin, mean + begin, square + begin,
                                  parameter + begin);
     });
+    state_->parameters[i].unsafeGetTensorImpl()->bump_version();
   }
   return outcome;
 }

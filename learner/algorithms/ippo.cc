@@ -38,6 +38,7 @@ Expected<UpdateStats> Ippo::update(RolloutBatch& batch, const UpdateContext& con
 
 void Ippo::prepare_vtrace(RolloutBatch& minibatch) {
   torch::NoGradGuard no_grad;
+  if (!minibatch.host_valid.defined()) minibatch = to_device(minibatch, device_);
   // The recursion over time runs on the host, so this setting does wait for the device, once a minibatch.
   const Evaluation of_device = evaluate(minibatch, phase().forward);
   const Evaluation now{.log_prob = of_device.log_prob.cpu(), .value = of_device.value.cpu()};

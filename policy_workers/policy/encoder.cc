@@ -49,6 +49,28 @@ Tensor normalize_bytes(const Tensor& rows, const Tensor& factor, const Tensor& o
   return out;
 }
 
+uint16_t* bits_of(const Tensor& x) { return reinterpret_cast<uint16_t*>(x.data_ptr<at::BFloat16>()); }
+
+/// The same rows as bfloat16.
+Tensor normalize_bytes_bf16(const Tensor& rows, const Tensor& factor, const Tensor& offset) {
+  const Tensor dense = rows.contiguous();
+  const int64_t element_count = factor.numel();
+  const Tensor out = torch::empty({dense.size(0), element_count}, torch::kBFloat16);
+  std::vector<const uint8_t*> pointers(static_cast<size_t>(dense.size(0)));
+  for (size_t row = 0; row < pointers.size(); ++row)
+    pointers[row] = dense.data_ptr<uint8_t>() + static_cast<int64_t>(row) * element_count;
+  kernels::normalize_bytes_bf16(pointers, element_count, factor.data_ptr<float>(), offset.data_ptr<float>(),
+                                static_cast<float>(kClip), bits_of(out));
+  return out;
+}
+
+/// A convolution of bfloat16 factors with its bias and ELU, the result rounded to be the next product's factor.
+Tensor convolve_elu_bf16(const Tensor& x, const Tensor& weight, const Tensor& bias, int64_t stride) {
+  const Tensor y = at::conv2d(x, weight, Tensor(), stride).contiguous();
+  kernels::bias_elu_bf16(bits_of(y), y.size(0), y.size(1), y.size(2) * y.size(3), bias.data_ptr<float>());
+  return y;
+}
+
 /// ELU in place; x is ours alone.
 void elu_in_place(Tensor& x) {
   if (x.is_cpu() && x.is_contiguous())
@@ -149,6 +171,73 @@ struct PixelPath : torch::autograd::Function<PixelPath> {
     return {Tensor(),         Tensor(),           Tensor(),         weight_gradient[0],
             bias_gradient[0], weight_gradient[1], bias_gradient[1], weight_gradient[2],
             bias_gradient[2], Tensor(),           Tensor()};
+  }
+};
+
+/// The same where the CPU multiplies bfloat16 numbers: what lies between two products is rounded once, where it is made, and
+/// kept at half the size. Every product has the factors that PixelPath gives it; features come out as bfloat16.
+struct PixelPathBf16 : torch::autograd::Function<PixelPathBf16> {
+  using Context = torch::autograd::AutogradContext;
+  using TensorList = torch::autograd::tensor_list;
+
+  static Tensor forward(Context* context, const Tensor& frame, const Tensor& factor, const Tensor& offset,
+                        const Tensor& w1, const Tensor& b1, const Tensor& w2, const Tensor& b2,
+                        const Tensor& w3, const Tensor& b3, const std::vector<int64_t>& strides) {
+    const Tensor biases[] = {b1, b2, b3};
+    Tensor weights[3];
+    TensorList saved, outputs;
+    const Tensor all[] = {w1, w2, w3};
+    for (size_t layer = 0; layer < 3; ++layer)
+      saved.push_back(weights[layer] = weight_factor(all[layer], Precision::kBf16));
+    saved.insert(saved.end(), {frame, factor, offset});
+    for (int64_t first = 0; first < frame.size(0); first += kChunkRows) {
+      const Tensor chunk = frame.slice(0, first, first + kChunkRows);
+      Tensor x = normalize_bytes_bf16(chunk.flatten(1), factor, offset).view_as(chunk);
+      for (size_t layer = 0; layer < strides.size(); ++layer)
+        saved.push_back(x = convolve_elu_bf16(x, weights[layer], biases[layer], strides[layer]));
+      outputs.push_back(x.flatten(1));
+    }
+    context->save_for_backward(saved);
+    context->saved_data["strides"] = strides;
+    return at::cat(outputs);
+  }
+
+  static TensorList backward(Context* context, TensorList grad_outputs) {
+    const std::vector<int64_t> strides = context->saved_data["strides"].toIntVector();
+    const size_t layers = strides.size();
+    const TensorList saved = context->get_saved_variables();
+    const Tensor &frame = saved[3], &factor = saved[4], &offset = saved[5];
+    Tensor weight_gradient[3], bias_gradient[3];
+    size_t next = 6;
+    for (int64_t first = 0; first < frame.size(0); first += kChunkRows, next += layers) {
+      const Tensor chunk = frame.slice(0, first, first + kChunkRows);
+      // A copy: autograd may hand the same gradient to others.
+      Tensor grad = grad_outputs[0]
+                        .slice(0, first, first + kChunkRows)
+                        .to(torch::kBFloat16, /*non_blocking=*/false, /*copy=*/true)
+                        .contiguous()
+                        .view_as(saved[next + layers - 1]);
+      for (size_t layer = layers; layer-- > 0;) {
+        const Tensor x = layer > 0 ? saved[next + layer - 1]
+                                   : normalize_bytes_bf16(chunk.flatten(1), factor, offset).view_as(chunk);
+        grad = grad.contiguous();
+        kernels::elu_backward_bf16(bits_of(saved[next + layer]), bits_of(grad), grad.numel());
+        const int64_t stride = strides[layer];
+        const auto [to_input, to_weight, to_bias] = at::convolution_backward(
+            grad, x, saved[layer], at::OptionalIntArrayRef({saved[layer].size(0)}), {stride, stride}, {0, 0},
+            {1, 1}, false, {0, 0}, 1, {layer > 0, true, true});
+        if (first == 0) {
+          weight_gradient[layer] = to_f32(to_weight);
+          bias_gradient[layer] = to_f32(to_bias);
+        } else {
+          weight_gradient[layer].add_(to_weight);
+          bias_gradient[layer].add_(to_bias);
+        }
+        grad = to_input;
+      }
+    }
+    return {Tensor(),           Tensor(),         Tensor(),           weight_gradient[0], bias_gradient[0],
+            weight_gradient[1], bias_gradient[1], weight_gradient[2], bias_gradient[2],   Tensor()};
   }
 };
 
@@ -297,6 +386,11 @@ void InputNormalizer::normalize_rows(std::span<const uint8_t* const> rows, float
   // Without statistics x / 255 lies in [0, 1], so the clip never acts.
   kernels::normalize_bytes(rows, element_count_, factor_.data_ptr<float>(), offset_.data_ptr<float>(),
                            static_cast<float>(kClip), out);
+}
+
+void InputNormalizer::normalize_rows_bf16(std::span<const uint8_t* const> rows, uint16_t* out) const {
+  kernels::normalize_bytes_bf16(rows, element_count_, factor_.data_ptr<float>(), offset_.data_ptr<float>(),
+                                static_cast<float>(kClip), out);
 }
 
 void InputNormalizer::update(const Tensor& rows) {
@@ -454,6 +548,12 @@ Tensor Encoder::forward(const Tensor& frame, const Tensor& measurement) const {
   }
   const Tensor none = torch::empty({0});
   const bool has_third = conv_.size() > 2;
+  if (has_bf16_path())
+    return features(
+        PixelPathBf16::apply(bytes, normalizer.factor(), normalizer.offset(), conv_[0].weight, conv_[0].bias,
+                             conv_[1].weight, conv_[1].bias, has_third ? conv_[2].weight : none,
+                             has_third ? conv_[2].bias : none, strides_),
+        measurement);
   return features(
       PixelPath::apply(bytes, normalizer.factor(), normalizer.offset(), conv_[0].weight, conv_[0].bias,
                        conv_[1].weight, conv_[1].bias, has_third ? conv_[2].weight : none,
@@ -476,12 +576,26 @@ Tensor Encoder::forward_rows(std::span<const uint8_t* const> frames, const Tenso
   const int64_t chunk_rows = is_resnet_ ? kResnetChunkRows : kChunkRows;
   for (int64_t first = 0; first < rows; first += chunk_rows) {
     const int64_t count = std::min(chunk_rows, rows - first);
-    const Tensor pixels = torch::empty({count, env_.channels, env_.height, env_.width});
-    normalizer_->frame.normalize_rows(frames.subspan(static_cast<size_t>(first), static_cast<size_t>(count)),
-                                      pixels.data_ptr<float>());
+    const auto chunk = frames.subspan(static_cast<size_t>(first), static_cast<size_t>(count));
+    const int64_t sizes[] = {count, env_.channels, env_.height, env_.width};
+    if (has_bf16_path()) {
+      Tensor x = torch::empty(sizes, torch::kBFloat16);
+      normalizer_->frame.normalize_rows_bf16(chunk, bits_of(x));
+      for (size_t layer = 0; layer < conv_.size(); ++layer)
+        x = convolve_elu_bf16(x, weight_factor(conv_[layer].weight, precision_), conv_[layer].bias,
+                              strides_[layer]);
+      maps.push_back(x.flatten(1));
+      continue;
+    }
+    const Tensor pixels = torch::empty(sizes);
+    normalizer_->frame.normalize_rows(chunk, pixels.data_ptr<float>());
     maps.push_back(convolutions(pixels));
   }
   return features(maps.size() == 1 ? maps.front() : at::cat(maps), measurement);
+}
+
+bool Encoder::has_bf16_path() const {
+  return precision_ == Precision::kBf16 && device_.is_cpu() && !is_resnet_ && multiplies_bf16(device_);
 }
 
 /// The convolutions as plain operators: for accelerators, and for passes without a gradient.

@@ -40,6 +40,8 @@ class InputNormalizer {
   /// The same for u8 rows on the CPU that lie anywhere: one pass, no copy between. `out` has
   /// rows.size() rows.
   void normalize_rows(std::span<const uint8_t* const> rows, float* out) const;
+  /// The same, rounded to bfloat16.
+  void normalize_rows_bf16(std::span<const uint8_t* const> rows, uint16_t* out) const;
   /// Merges a batch [B, elements] of u8 or f32 into the statistics. Any number of rows; none changes nothing.
   void update(const Tensor& rows);
   /// Takes over what was written into the buffers.
@@ -145,6 +147,7 @@ class Encoder {
     Tensor weight, bias;
   };
   Tensor convolutions(Tensor pixels) const;
+  bool has_bf16_path() const;
   Tensor features(const Tensor& map, const Tensor& measurement) const;
 
   EnvShape env_;

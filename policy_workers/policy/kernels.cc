@@ -67,6 +67,45 @@ COMRAD_VECTORISED void elu_backward_loop(const float* __restrict y, float* __res
   }
 }
 
+[[gnu::always_inline]] inline float widened(uint16_t bits) {
+  return __builtin_bit_cast(float, static_cast<uint32_t>(bits) << 16);
+}
+
+/// To the nearest even; a NaN stays one, unless all of its bits are set, which no instruction makes.
+[[gnu::always_inline]] inline uint16_t rounded(float value) {
+  const uint32_t bits = __builtin_bit_cast(uint32_t, value);
+  return static_cast<uint16_t>((bits + 0x7FFFu + ((bits >> 16) & 1u)) >> 16);
+}
+
+COMRAD_VECTORISED void normalize_tile_bf16(const uint8_t* __restrict in, int64_t count,
+                                           const float* __restrict factor, const float* __restrict offset,
+                                           float clip, uint16_t* __restrict out) {
+  for (int64_t k = 0; k < count; ++k) {
+    float y = static_cast<float>(in[k]) * factor[k] + offset[k];
+    y = y < -clip ? -clip : y;
+    y = y > clip ? clip : y;
+    out[k] = rounded(y);
+  }
+}
+
+COMRAD_VECTORISED void bias_elu_loop_bf16(uint16_t* __restrict values, int64_t count, float bias) {
+  for (int64_t k = 0; k < count; ++k) {
+    const float x = widened(values[k]) + bias;
+    const int32_t bits = __builtin_bit_cast(int32_t, x), negative = bits >> 31;
+    values[k] = rounded(__builtin_bit_cast(float, bits & ~negative) +
+                        (exp_negative(__builtin_bit_cast(float, bits& negative)) - 1.0f));
+  }
+}
+
+COMRAD_VECTORISED void elu_backward_loop_bf16(const uint16_t* __restrict y, uint16_t* __restrict grad,
+                                              int64_t count) {
+  for (int64_t k = 0; k < count; ++k) {
+    const float value = widened(y[k]);
+    const float slope = value > 0.0f ? 1.0f : value + 1.0f;
+    grad[k] = rounded(widened(grad[k]) * slope);
+  }
+}
+
 COMRAD_VECTORISED void add_row(const uint8_t* __restrict in, int64_t count, uint32_t* __restrict sum,
                                uint32_t* __restrict square_sum) {
   for (int64_t k = 0; k < count; ++k) {
@@ -109,6 +148,27 @@ void normalize_bytes(std::span<const uint8_t* const> rows, int64_t element_count
       normalize_tile(rows[row] + first, count, factor + first, offset + first, clip,
                      out + static_cast<int64_t>(row) * element_count + first);
   }
+}
+
+void normalize_bytes_bf16(std::span<const uint8_t* const> rows, int64_t element_count, const float* factor,
+                          const float* offset, float clip, uint16_t* out) {
+  for (int64_t first = 0; first < element_count; first += kTileColumns) {
+    const int64_t count = std::min(kTileColumns, element_count - first);
+    for (size_t row = 0; row < rows.size(); ++row)
+      normalize_tile_bf16(rows[row] + first, count, factor + first, offset + first, clip,
+                          out + static_cast<int64_t>(row) * element_count + first);
+  }
+}
+
+void bias_elu_bf16(uint16_t* maps, int64_t row_count, int64_t channel_count, int64_t plane,
+                   const float* bias) {
+  for (int64_t row = 0; row < row_count; ++row)
+    for (int64_t channel = 0; channel < channel_count; ++channel, maps += plane)
+      bias_elu_loop_bf16(maps, plane, bias[channel]);
+}
+
+void elu_backward_bf16(const uint16_t* y, uint16_t* grad, int64_t count) {
+  elu_backward_loop_bf16(y, grad, count);
 }
 
 void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, double* sum,

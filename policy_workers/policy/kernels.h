@@ -22,6 +22,20 @@ void elu(float* values, int64_t count);
 /// Gradient through ELU in place, from its result y: grad *= y > 0 ? 1 : y + 1.
 void elu_backward(const float* y, float* grad, int64_t count);
 
+// The same with bfloat16 numbers (as their 16 bits) on one side or both, computed in f32 and rounded to the nearest even
+// once, at the end: factors of the next product are made where its input is made.
+
+/// As normalize_bytes().
+void normalize_bytes_bf16(std::span<const uint8_t* const> rows, int64_t element_count, const float* factor,
+                          const float* offset, float clip, uint16_t* out);
+
+/// In place: y = ELU(x + bias[channel]) of maps [row_count, channel_count, plane].
+void bias_elu_bf16(uint16_t* maps, int64_t row_count, int64_t channel_count, int64_t plane,
+                   const float* bias);
+
+/// As elu_backward().
+void elu_backward_bf16(const uint16_t* y, uint16_t* grad, int64_t count);
+
 /// Sum of squares in double, in an order that depends on `count` alone.
 double sum_of_squares(const float* values, int64_t count);
 

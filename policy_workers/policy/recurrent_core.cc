@@ -42,7 +42,7 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
     const Tensor gates =
         torch::empty({steps, rows, 3 * hidden}, gi.options());  // r, z, n after their functions
     const Tensor gh_n = torch::empty({steps, rows, hidden}, gi.options());
-    const Tensor weight_t = factor(weight_hh, precision).t();
+    const Tensor weight_t = weight_factor(weight_hh, precision).t();
     Tensor gh = torch::empty({rows, 3 * hidden}, gi.options());
     Tensor h = h0;
     for (int64_t t = 0; t < steps; ++t) {
@@ -72,7 +72,7 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
     const auto saved = context->get_saved_variables();
     const auto precision = static_cast<Precision>(context->saved_data["precision"].toInt());
     const Tensor &h_in = saved[0], &gates = saved[1], &gh_n = saved[2], &keep = saved[3];
-    const Tensor weight = factor(saved[4], precision);
+    const Tensor weight = weight_factor(saved[4], precision);
     const Tensor& grad = grad_outputs[0];
     const int64_t steps = h_in.size(0), rows = h_in.size(1), hidden = h_in.size(2);
     const Tensor grad_gi = torch::empty_like(gates);
@@ -116,7 +116,7 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
     const Tensor c_in = torch::empty({steps, rows, hidden}, gi.options());
     const Tensor tanh_c = torch::empty({steps, rows, hidden}, gi.options());
     const Tensor gates = torch::empty({steps, rows, 4 * hidden}, gi.options());
-    const Tensor weight_t = factor(weight_hh, precision).t();
+    const Tensor weight_t = weight_factor(weight_hh, precision).t();
     Tensor h = h0, c = c0;
     for (int64_t t = 0; t < steps; ++t) {
       Tensor h_before = h_in[t], c_before = c_in[t], gate = gates[t];
@@ -149,7 +149,7 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
     const auto saved = context->get_saved_variables();
     const auto precision = static_cast<Precision>(context->saved_data["precision"].toInt());
     const Tensor &h_in = saved[0], &c_in = saved[1], &tanh_c = saved[2], &gates = saved[3], &keep = saved[4];
-    const Tensor weight = factor(saved[5], precision);
+    const Tensor weight = weight_factor(saved[5], precision);
     const Tensor& grad = grad_outputs[0];
     const int64_t steps = h_in.size(0), rows = h_in.size(1), hidden = h_in.size(2);
     const Tensor grad_gi = torch::empty_like(gates);

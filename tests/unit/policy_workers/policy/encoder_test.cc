@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "policy_workers/policy/kernels.h"
+#include "policy_workers/policy/precision.h"
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::policy {
@@ -206,6 +207,58 @@ TEST(Kernels, EluEqualsItsFormulaAndKeepsWhatIsNotANumber) {
   std::vector<float> gradient(y.size(), 2.0f);
   kernels::elu_backward(y.data(), gradient.data(), static_cast<int64_t>(y.size()));
   for (size_t k = 0; k < x.size(); ++k) ASSERT_EQ(gradient[k], y[k] > 0 ? 2.0f : 2.0f * (y[k] + 1.0f));
+}
+
+uint16_t* bits_of(const Tensor& x) { return reinterpret_cast<uint16_t*>(x.data_ptr<at::BFloat16>()); }
+
+TEST(Kernels, Bf16LoopsAreTheF32LoopsRoundedOnce) {
+  constexpr int64_t kRows = 3, kElements = 1100, kChannels = 5, kPlane = kElements / kChannels;
+  torch::manual_seed(4);
+  const Tensor bytes = torch::randint(0, 256, {kRows, kElements}, torch::kUInt8);
+  const Tensor factor = torch::rand({kElements}), offset = torch::randn({kElements}) * 5;
+  std::vector<const uint8_t*> rows;
+  for (int64_t row = 0; row < kRows; ++row) rows.push_back(bytes[row].data_ptr<uint8_t>());
+  const Tensor wide = torch::empty({kRows, kElements}),
+               narrow = torch::empty({kRows, kElements}, torch::kBFloat16);
+  kernels::normalize_bytes(rows, kElements, factor.data_ptr<float>(), offset.data_ptr<float>(), 5,
+                           wide.data_ptr<float>());
+  kernels::normalize_bytes_bf16(rows, kElements, factor.data_ptr<float>(), offset.data_ptr<float>(), 5,
+                                bits_of(narrow));
+  EXPECT_TRUE(torch::equal(narrow, wide.to(torch::kBFloat16)));
+
+  const Tensor product = (torch::randn({kRows, kChannels, kPlane}) * 3).to(torch::kBFloat16);
+  product[0][1][7] = std::numeric_limits<float>::quiet_NaN();
+  product[0][1][8] = std::numeric_limits<float>::infinity();
+  const Tensor bias = torch::randn({kChannels});
+  Tensor plain = (product.to(torch::kFloat32) + bias.view({1, -1, 1})).contiguous();
+  kernels::elu(plain.data_ptr<float>(), plain.numel());
+  const Tensor activation = product.clone();
+  kernels::bias_elu_bf16(bits_of(activation), kRows, kChannels, kPlane, bias.data_ptr<float>());
+  EXPECT_TRUE(activation[0][1][7].isnan().item<bool>());
+  EXPECT_TRUE(torch::equal(activation.nan_to_num(0), plain.to(torch::kBFloat16).nan_to_num(0)));
+
+  const Tensor gradient = torch::randn({kRows, kChannels, kPlane}).to(torch::kBFloat16);
+  const Tensor y = activation.nan_to_num(0, 1, -1).to(torch::kFloat32).contiguous();
+  Tensor expected = gradient.to(torch::kFloat32).contiguous();
+  kernels::elu_backward(y.data_ptr<float>(), expected.data_ptr<float>(), expected.numel());
+  const Tensor through = gradient.clone(), y_bits = y.to(torch::kBFloat16);
+  kernels::elu_backward_bf16(bits_of(y_bits), bits_of(through), through.numel());
+  EXPECT_TRUE(torch::equal(through, expected.to(torch::kBFloat16)));
+}
+
+TEST(Precision, AWeightIsRoundedOnceAVersion) {
+  torch::Tensor weight = torch::full({4, 4}, 1.0f).requires_grad_();
+  EXPECT_TRUE(weight_factor(weight, Precision::kBf16).requires_grad())
+      << "autograd follows the weight itself";
+  torch::NoGradGuard no_grad;
+  const Tensor first = weight_factor(weight, Precision::kBf16);
+  EXPECT_EQ(weight_factor(weight, Precision::kBf16).data_ptr(), first.data_ptr());
+  weight.mul_(3);
+  EXPECT_EQ(weight_factor(weight, Precision::kBf16)[0][0].item<float>(), 3);
+  weight.data_ptr<float>()[0] = 5;  // past torch's operators
+  weight.unsafeGetTensorImpl()->bump_version();
+  EXPECT_EQ(weight_factor(weight, Precision::kBf16)[0][0].item<float>(), 5);
+  EXPECT_EQ(first[0][0].item<float>(), 1) << "who holds the older one keeps it";
 }
 
 TEST(Encoder, MeasurementsAddTheirOwnBranch) {
