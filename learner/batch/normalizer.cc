@@ -16,9 +16,9 @@ constexpr double kVarianceFloor = 1e-5;
 double ReturnNormalizer::sigma() const { return std::sqrt(statistics_.variance + kVarianceFloor); }
 
 bool ReturnNormalizer::update(const torch::Tensor& values, const torch::Tensor& valid) {
-  const torch::Tensor flat = values.detach().to(torch::kCPU, torch::kFloat64).contiguous().view({-1});
+  const torch::Tensor flat = values.detach().to(torch::kFloat64).contiguous().view({-1});
   const torch::Tensor mask =
-      valid.defined() ? valid.to(torch::kCPU, torch::kUInt8).contiguous().view({-1}) : torch::Tensor();
+      valid.defined() ? valid.to(torch::kUInt8).contiguous().view({-1}) : torch::Tensor();
   COMRAD_CHECK(!mask.defined() || mask.numel() == flat.numel(), "validity has the shape of the values");
   const double* x = flat.data_ptr<double>();
   const uint8_t* v = mask.defined() ? mask.data_ptr<uint8_t>() : nullptr;
