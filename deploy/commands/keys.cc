@@ -73,10 +73,8 @@ Status run(const KeysOptions& options) {
   COMRAD_TRY(options.action == "make" ? dds::make_keys(request) : dds::add_keys(request));
   COMRAD_TRY(show(options.folder));
   std::printf(
-      "\nCopy each host's folder to it, and nothing else (scp -r %s/hosts/NAME NAME:). The host that serves "
-      "names\n"
-      "%s/run with --keys, a host that joins its own folder. %s/authority signs new hosts:\n"
-      "keep it where nobody else reads it.\n",
+      "\nCopy each host's folder to it, and nothing else (scp -r %s/hosts/NAME NAME:). %s/run is for\n"
+      "the host that serves. %s/authority signs new hosts: keep it where nobody else reads it.\n",
       options.folder.c_str(), options.folder.c_str(), options.folder.c_str());
   return {};
 }
