@@ -49,8 +49,9 @@ bool Happo::ended(PhaseEnd end, UpdateStats& stats) const {
   return end != PhaseEnd::kDone;
 }
 
-Expected<Tensor> Happo::train_agent(const RolloutBatch& rows, int64_t agent, const UpdateContext& context,
+Expected<Tensor> Happo::train_agent(const RolloutBatch& batch, int64_t agent, const UpdateContext& context,
                                     UpdateStats& stats, LossSums& sums, bool& goes_on) {
+  const RolloutBatch rows = agent_rows(batch, agent);
   Phase phase{.optimizer = optimizers_[static_cast<std::size_t>(agent)].second,
               .forward = actor(agent),
               .trains_value = false,
@@ -121,7 +122,7 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
     const bool has_samples = count_of(of_agent.host_acting) > 0;
     Tensor old_log_prob;
     if (has_samples) {
-      COMRAD_TRY_ASSIGN(old_log_prob, train_agent(of_agent, agent, context, stats, sums, goes_on));
+      COMRAD_TRY_ASSIGN(old_log_prob, train_agent(rows, agent, context, stats, sums, goes_on));
     }
     if (!goes_on) return cut_short();
     const std::string prefix = "happo/agent_" + std::to_string(agent);

@@ -43,7 +43,7 @@ class Happo final : public OnPolicy {
 
   /// The pieces of one update, for tests: what one agent's sub-update and the critic's phase change.
   /// `advantage` of the batch is M; returns log pi_i^old [T, worlds].
-  Expected<Tensor> train_agent(const RolloutBatch& rows, int64_t agent, const UpdateContext& context,
+  Expected<Tensor> train_agent(const RolloutBatch& batch, int64_t agent, const UpdateContext& context,
                                UpdateStats& stats, LossSums& sums, bool& goes_on);
   Expected<bool> train_critic(const RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats,
                               LossSums& sums);

@@ -142,6 +142,7 @@ void OnPolicy::prepare_targets(RolloutBatch& batch) {
 Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, const Phase& phase,
                                                    const UpdateContext& context, UpdateStats& stats,
                                                    LossSums& sums) {
+  if (!batch.host_valid.defined()) return train_phase(to_device(batch, device_), phase, context, stats, sums);
   const int64_t agents = batch.shape.env.num_agents;
   std::vector<int64_t> order(static_cast<std::size_t>(batch.slab_count));
   std::iota(order.begin(), order.end(), 0);

@@ -101,7 +101,7 @@ class OnPolicy : public OnPolicyAlgorithm {
   /// Moves the schedule, filters by lag, updates input statistics. False when nothing valid is left. Errors:
   /// kBadInput where that was so in too many batches in a row.
   Expected<bool> begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats);
-  /// num_epochs x num_batches_per_epoch optimizer steps on a batch of to_device(); `sums` are those of the last one
+  /// num_epochs x num_batches_per_epoch optimizer steps on a batch, moved to the device where to_device() did not; `sums` are those of the last one
   /// taken. What a step says of itself is read once, when the phase is over, unless settings ask for it earlier: a rate or
   /// an early stop that follows the KL needs it after every step, epochs need the loss of the one before. kStopped
   /// when begin_step, kAbandoned when keep_going said no. Errors: kBadInput after too many steps in a row
