@@ -207,7 +207,7 @@ TEST(Mixer, SendsNoGradientIntoTheStateOrTheGreedyUtilities) {
 
 TEST(Mixer, AttentionNeedsASliceOfTheStatePerAgent) {
   MixerOptions options = small("dmaq_qatten");
-  options.state_count = 7;
+  options.state_count = 5;  // of two agents with 3 features each
   EXPECT_DEATH((void)make_mixer(options, 1, torch::kCPU), "one slice for each agent");
 }
 
