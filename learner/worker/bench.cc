@@ -52,7 +52,9 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   shape.recurrent_state_count =
       static_cast<int32_t>(policy::PolicyNetOptions::from(config, env).recurrent_state_count());
   COMRAD_TRY(validate(shape));
-  COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(config.collection.device));
+  COMRAD_TRY_ASSIGN(torch::Device device, policy::choose_device(config.collection.device));
+  if (device.is_cpu())
+    device = torch::Device(torch::kCPU, 0);  // with its number, as HostWaitCounter wants it
   COMRAD_TRY_ASSIGN(const std::unique_ptr<Algorithm> algorithm, make_algorithm(config, env, device));
 
   const int64_t slab_count =
