@@ -192,6 +192,18 @@ Status write_status(const std::string& run_dir, const RunStatus& status) {
   json["elapsed_s"] = status.elapsed_s;
   json["cpu_s"] = nlohmann::ordered_json::object();
   for (const auto& [role, seconds] : status.cpu_s) json["cpu_s"][role] = seconds;
+  if (status.account)
+    json["decisions_account"] = {{"played", status.account->played},
+                                 {"learned", status.account->learned},
+                                 {"left", status.account->left},
+                                 {"lost", status.account->lost}};
+  for (const link::FeederRecord& guest : status.guests)
+    json["hosts"].push_back({{"host", guest.host},
+                             {"is_here", guest.is_here},
+                             {"workers", guest.workers},
+                             {"played", guest.played_there},
+                             {"delivered", guest.decisions},
+                             {"lost", guest.lost_there}});
   json["message"] = status.message;
   const std::string text = json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   return write_file_atomically(run_dir + "/status.json", text, /*durable=*/false);

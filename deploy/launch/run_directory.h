@@ -5,11 +5,13 @@
 
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/link/receiver.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {
@@ -56,6 +58,14 @@ class RunDirectory {
   bool is_resumed_ = false;
 };
 
+/// What became of the agent decisions of this process's life, where hosts take part: played = learned + left + lost.
+struct DecisionAccount {
+  uint64_t played = 0;
+  uint64_t learned = 0;  ///< trained on; on a host that feeds another: delivered there
+  uint64_t left = 0;     ///< under way: in the making, sealed, in batches that wait
+  uint64_t lost = 0;     ///< with workers that died, or with a learner's host that began anew
+};
+
 /// What status.json says.
 struct RunStatus {
   std::string state;  ///< starting, running, paused, finished, failed
@@ -67,6 +77,8 @@ struct RunStatus {
   double elapsed_s = 0;                               ///< of this process's run, its start included
   std::vector<std::pair<std::string, double>> cpu_s;  ///< CPU seconds in that time, by role
   std::string message;
+  std::optional<DecisionAccount> account = {};
+  std::vector<link::FeederRecord> guests = {};  ///< hosts that feed this run, or did
 };
 
 /// Replaces `<run_dir>/status.json` atomically. Errors: kNoSpace, kSystem.

@@ -105,6 +105,26 @@ bool RunMeter::measure(double now_s) {
   return true;
 }
 
+DecisionAccount RunMeter::account() const {
+  DecisionAccount account{.played = played_decisions_.total(), .learned = trained_decisions_.total()};
+  if (arena_ == nullptr) return account;
+  account.left = arena_->control().decisions_left.load();
+  const shm::ArenaShape& shape = arena_->shape();
+  const auto agents = static_cast<uint64_t>(shape.trajectory.env.num_agents);
+  for (int index = 0; index < shape.slab_count; ++index) {
+    const shm::SlabHeader& header = arena_->slab_header(index);
+    const shm::SlabState state = header.state.load(std::memory_order_acquire);
+    // A slab that is filled from another host does not count here before it is whole.
+    const bool is_in_the_making =
+        state == shm::SlabState::kFilling &&
+        static_cast<int>(header.env_index) < shape.own_worker_count() * shape.envs_per_worker;
+    if (is_in_the_making || state == shm::SlabState::kSealed || state == shm::SlabState::kLearning)
+      account.left +=
+          std::min<uint64_t>(header.length, static_cast<uint64_t>(shape.trajectory.rollout_steps)) * agents;
+  }
+  return account;
+}
+
 uint64_t RunMeter::decisions_of_run() const {
   return std::max(last_stats_.decisions, trained_decisions_.seen());
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "deploy/launch/launch_plan.h"
+#include "deploy/launch/run_directory.h"
 #include "deploy/launch/run_usage.h"
 #include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/dds/bus.h"
@@ -90,6 +91,9 @@ class RunMeter {
   /// Mean of the policy lag: over the window, else the learner's last.
   double lag_mean() const;
   double running_since_s() const { return running_since_s_; }  ///< 0: not yet
+
+  /// Of this process's life; what was lost is not counted here.
+  DecisionAccount account() const;
 
   /// "learner went back 205k env frames to its last checkpoint"; empty where it did not.
   std::string going_back_text() const;

@@ -23,14 +23,19 @@ class RunReport {
   std::string starting_line() const { return "starting: " + workers_.joined_text(); }
   /// One line on a run that goes on.
   std::string progress_line() const;
-  RunStatus status(const std::string& state, const std::string& message) const;
+  /// `decisions_lost`: with workers that died.
+  RunStatus status(const std::string& state, const std::string& message, uint64_t decisions_lost = 0) const;
   /// One line on a run that has ended: how, env frames, time, both rates, J, what was lost, checkpoint.
   std::string summary(const std::string& how_it_ended, double worked_s) const;
   /// " (--train_for_...)", the limit that ended the training as the command line spells it: a resumed run may
   /// have nothing left of it. Empty where the learner had another reason.
   std::string limit_reached() const;
+  /// "; played 51.2k decisions: ...", what became of the decisions of a run of several hosts.
+  std::string account_text(uint64_t decisions_lost) const;
 
  private:
+  std::string hosts_text() const;
+  DecisionAccount account(uint64_t decisions_lost) const;
   std::string evaluation_line() const;
 
   const LaunchPlan& plan_;

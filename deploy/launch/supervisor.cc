@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "deploy/launch/evaluator.h"
+#include "deploy/launch/host_team.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/run_hub.h"
@@ -21,6 +22,7 @@
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
+#include "rollout_buffer/link/link_files.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::deploy {
@@ -61,11 +63,13 @@ class Supervisor {
         hub_(plan, meter_, printer_),
         table_(plan),
         evaluator_(plan),
+        host_team_(plan),
         report_(plan, meter_, table_, evaluator_) {}
 
   Expected<RunOutcome> run() {
     if (Status started = start(); !started) fail(started.error());
-    while (phase_ != Phase::kStopping || table_.any_alive() || evaluator_.is_busy()) tick();
+    while (phase_ != Phase::kStopping || table_.any_alive() || evaluator_.is_busy() || host_team_.any_alive())
+      tick();
     return finish();
   }
 
@@ -105,10 +109,12 @@ class Supervisor {
   RunHub hub_;
   WorkerTable table_;
   Evaluator evaluator_;
+  HostTeam host_team_;
   RunReport report_;
   RunOutcome outcome_;
   std::optional<Error> error_;
   Phase phase_ = Phase::kStarting;
+  bool has_input_ended_ = false;
   bool killed_at_once_ = false;
   bool is_complete_ = false;  // the goal was reached before anybody interrupted
   bool learner_was_killed_ = false;
@@ -121,6 +127,7 @@ class Supervisor {
 
 Status Supervisor::start() {
   if (signals_.descriptor() < 0) return system_error("signalfd");
+  link::remove_accounts(plan_.run_dir);
   COMRAD_TRY(init_log("supervisor", plan_.run_dir + "/logs/supervisor.log"));
   for (const std::string& text : plan_.notes) note("note: " + text);
   hub_.warn_once(write_status(plan_.run_dir, report_.status("starting", "")));
@@ -150,6 +157,7 @@ void Supervisor::tick() {
       complete("finished");
   }
   for (const std::string& words : evaluator_.tick(monotonic_s())) note(words);
+  for (const std::string& words : host_team_.tick(monotonic_s(), phase_ == Phase::kRunning)) note(words);
   if (phase_ == Phase::kStopping && !table_.any_alive() && evaluator_.is_busy() &&
       !std::exchange(told_of_last_evaluations_, true))
     note("trained; the last evaluations are played now (Ctrl-C leaves them out)");
@@ -161,7 +169,15 @@ void Supervisor::wait_for_news() {
   std::vector<pollfd> sources{{.fd = signals_.descriptor(), .events = POLLIN, .revents = 0}};
   if (hub_.socket() >= 0) sources.push_back({.fd = hub_.socket(), .events = POLLIN, .revents = 0});
   table_.append_outputs(sources);
+  if (plan_.leaves_with_input && !has_input_ended_)
+    sources.push_back({.fd = STDIN_FILENO, .events = POLLIN, .revents = 0});
   poll(sources.data(), sources.size(), kTickMs);
+  if (!plan_.leaves_with_input || has_input_ended_ || sources.back().revents == 0) return;
+  char ignored[256];
+  if (read(STDIN_FILENO, ignored, sizeof ignored) > 0) return;
+  has_input_ended_ = true;
+  outcome_.interrupted = true;
+  stop("the run that called this host has let it go");
 }
 
 void Supervisor::hear_signals() {
@@ -197,6 +213,7 @@ void Supervisor::serve_joins() {
 
 void Supervisor::exited(Worker& worker, const ExitStatus& how) {
   const bool is_training_learner = worker.role == Role::kLearner && plan_.trains();
+  const bool is_feeder = worker.role == Role::kFeeder;
   const bool is_clean = how.signal == 0 && how.code == kExitDone;
   if (phase_ == Phase::kStopping) {
     // Leaving is what they were asked for; only a learner that could not save matters.
@@ -210,6 +227,10 @@ void Supervisor::exited(Worker& worker, const ExitStatus& how) {
       outcome_.interrupted = true;
       stop("the learner was told to stop (SIGTERM) before the run's goal");
     }
+    return;
+  }
+  if (is_feeder && is_clean && hub_.arena().control().goal_reached.load() != 0) {
+    complete("the run that this host fed has ended");
     return;
   }
   const std::string words = table_.last_words(worker);
@@ -255,6 +276,14 @@ uint64_t Supervisor::reclaim(const Worker& worker) {
     case Role::kPolicy:
       hub_.arena().reclaim_policy_worker(worker.index);
       return 0;  // its questions are asked again
+    case Role::kReceiver:
+      // What it had in the making is sent again.
+      for (int sim = hub_.arena().shape().own_worker_count(); sim < hub_.arena().shape().sim_worker_count;
+           ++sim)
+        hub_.arena().reclaim_sim_worker(sim);
+      return 0;
+    case Role::kFeeder:
+      return 0;  // its successor adopts what it had drained
     case Role::kLearner:
       return static_cast<uint64_t>(hub_.arena().reclaim_learner()) *
              static_cast<uint64_t>(shape.rollout_steps) * static_cast<uint64_t>(shape.env.num_agents);
@@ -318,6 +347,7 @@ void Supervisor::stop(const std::string& why) {
     worker.restart_at_s = 0;
   }
   if (hub_.is_open()) hub_.stop();
+  host_team_.stop(stopping_since_s_);
   if (!is_complete_) evaluator_.stop(SIGTERM);
   status_timer_.hurry();
 }
@@ -359,9 +389,10 @@ void Supervisor::report() {
     hub_.tell_of_workers(table_.workers(), phase_word());
   if (status_timer_.is_due(now_s, kStatusIntervalS)) {
     const bool is_stopping = phase_ == Phase::kStopping;
-    hub_.warn_once(
-        write_status(plan_.run_dir, report_.status(is_stopping ? "running" : phase_word(),
-                                                   is_stopping ? "stopping: " + outcome_.message : line())));
+    hub_.warn_once(write_status(
+        plan_.run_dir,
+        report_.status(is_stopping ? "running" : phase_word(),
+                       is_stopping ? "stopping: " + outcome_.message : line(), outcome_.steps_lost)));
   }
   if (phase_ != Phase::kStopping &&
       line_timer_.is_due(now_s, std::max(plan_.config.run.progress_interval, kShortestLineIntervalS)))
@@ -401,13 +432,15 @@ Expected<RunOutcome> Supervisor::finish() {
     outcome_.message = error_->message;
   }
   const std::string lost = meter_.going_back_text();
-  hub_.warn_once(write_status(plan_.run_dir,
-                              report_.status(state, outcome_.message + (lost.empty() ? "" : "; " + lost))));
+  hub_.warn_once(write_status(
+      plan_.run_dir,
+      report_.status(state, outcome_.message + (lost.empty() ? "" : "; " + lost), outcome_.steps_lost)));
   if (error_) return *error_;
 
   const double worked_s = (stopping_since_s_ > 0 ? stopping_since_s_ : monotonic_s()) -
                           (meter_.running_since_s() > 0 ? meter_.running_since_s() : started_s_);
   outcome_.message = report_.summary(outcome_.message, worked_s);
+  if (plan_.serves() || plan_.feeds()) outcome_.message += report_.account_text(outcome_.steps_lost);
   if (outcome_.restarts > 0)
     outcome_.message += "; " + std::to_string(outcome_.restarts) + " restarts, " +
                         std::to_string(outcome_.steps_lost) + " decisions lost";

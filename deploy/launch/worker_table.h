@@ -21,9 +21,9 @@
 
 namespace comrad::deploy {
 
-enum class Role { kSim, kPolicy, kLearner };
-constexpr std::size_t kRoleCount = 3;
-/// "simulators", "policy workers", "learner".
+enum class Role { kSim, kPolicy, kLearner, kReceiver, kFeeder };
+constexpr std::size_t kRoleCount = 5;
+/// "simulators", "policy workers", "learner", "receiver", "feeder".
 const char* name_of(Role role);
 
 /// One worker's place in the run; the process in it may change.
@@ -45,7 +45,7 @@ struct Worker {
   double heard_s = 0;
 };
 
-/// All workers of one run, simulators first, the learner last. Threads: the supervisor's.
+/// All workers of one run, simulators first, the learner and what links hosts last. Threads: the supervisor's.
 class WorkerTable {
  public:
   /// The places that `plan` asks for, all empty. The plan outlives the table.
@@ -64,6 +64,7 @@ class WorkerTable {
   /// CPU seconds of all processes of a role so far, those that have ended included.
   double cpu_seconds(Role role) const;
   bool any_alive() const;
+  bool has(Role role) const;
   bool all_joined() const;
   /// "1/2 simulators, 0/1 policy workers, 1/1 learner": how many have joined.
   std::string joined_text() const;

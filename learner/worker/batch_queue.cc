@@ -22,10 +22,12 @@ BatchQueue::BatchQueue(const shm::Arena& arena, int64_t slabs_per_batch, int64_t
       capacity_(std::max<int64_t>(1, capacity)),
       thread_([this] { run(); }) {}
 
-BatchQueue::~BatchQueue() {
+BatchQueue::~BatchQueue() { stop(); }
+
+void BatchQueue::stop() {
   stop_ = true;
   changed_.notify_all();
-  thread_.join();
+  if (thread_.joinable()) thread_.join();
 }
 
 std::unique_ptr<RolloutBatch> BatchQueue::pop(int timeout_ms) {
@@ -106,8 +108,10 @@ bool BatchQueue::collect(RolloutBatch& batch) {
     const uint32_t heard = shm::listen(sealed);
     const std::vector<uint32_t> slabs = arena_.drain_slabs(static_cast<int>(slabs_per_batch_ - position));
     for (const uint32_t index : slabs) {
+      const int64_t before = batch.transitions;
       broken_ += static_cast<uint64_t>(collate_slab(batch, position++, arena_.slab(static_cast<int>(index)),
                                                     arena_.slab_header(static_cast<int>(index)).length));
+      drained_ += static_cast<uint64_t>(batch.transitions - before);
       arena_.release_slab(index);
     }
     stage.end(Stage::kCollate);

@@ -25,6 +25,8 @@ class BatchQueue {
   BatchQueue(const shm::Arena& arena, int64_t slabs_per_batch, int64_t capacity);
   /// Stops the thread; slabs in the hands of the batcher go back, batches that wait are lost.
   ~BatchQueue();
+  /// Stops the thread: nothing is drained any more.
+  void stop();
   BatchQueue(const BatchQueue&) = delete;
   BatchQueue& operator=(const BatchQueue&) = delete;
 
@@ -35,6 +37,7 @@ class BatchQueue {
 
   int waiting() const;                                          ///< full batches
   uint64_t broken_decisions() const { return broken_.load(); }  ///< that collate found damaged
+  uint64_t drained_decisions() const { return drained_.load(); }
   /// What stopped the thread early (libtorch out of memory); empty while all is well.
   std::string failure() const;
 
@@ -51,7 +54,7 @@ class BatchQueue {
   std::deque<std::unique_ptr<RolloutBatch>> full_;
   std::vector<std::unique_ptr<RolloutBatch>> free_;
   std::string failure_;
-  std::atomic<uint64_t> broken_{0};
+  std::atomic<uint64_t> broken_{0}, drained_{0};
   std::atomic<bool> stop_{false};
   std::thread thread_;
 };

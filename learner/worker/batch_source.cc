@@ -61,7 +61,9 @@ class QueueSource final : public BatchSource {
   }
   void finish(Sample sample) override { queue_->recycle(std::move(sample.rollout_batch)); }
   void stop() override {
+    queue_->stop();
     broken_decisions_ = broken_decisions();
+    drained_decisions_ = queue_->drained_decisions();
     queue_.reset();
   }
 
@@ -69,12 +71,15 @@ class QueueSource final : public BatchSource {
   uint64_t broken_decisions() const override {
     return queue_ ? queue_->broken_decisions() : broken_decisions_;
   }
+  std::optional<uint64_t> drained_decisions() const override {
+    return queue_ ? queue_->drained_decisions() : drained_decisions_;
+  }
 
  private:
   const SourceOptions options_;
   std::unique_ptr<BatchQueue> queue_;
   std::unique_ptr<RolloutBatch> next_;
-  uint64_t broken_decisions_ = 0;  ///< of the queue that was
+  uint64_t broken_decisions_ = 0, drained_decisions_ = 0;  ///< of the queue that was
 };
 
 /// Off-policy, asynchronous: one thread fills the replay, another draws from it.

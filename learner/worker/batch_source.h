@@ -77,7 +77,10 @@ class BatchSource {
   /// The replay; null on-policy.
   virtual ReplayFeed* feed() { return nullptr; }
   const ReplayFeed* feed() const { return const_cast<BatchSource*>(this)->feed(); }
-  virtual int waiting() const = 0;                ///< full batches
+  virtual int waiting() const = 0;  ///< full batches
+  /// Agent decisions of all slabs that were drained, where those that are never trained on are to be counted: on-policy,
+  /// asynchronous.
+  virtual std::optional<uint64_t> drained_decisions() const { return std::nullopt; }
   virtual uint64_t broken_decisions() const = 0;  ///< that were found damaged
 };
 

@@ -64,6 +64,7 @@ Status Learner::open() {
                            .is_off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm_.get()) != nullptr}));
   }
   COMRAD_TRY(resume());
+  decisions_at_start_ = totals_.decisions;
   if (!options_.serve) COMRAD_TRY(prepare_training());
   count(0);
   shm::ControlBlock& control = arena_.control();
@@ -176,6 +177,8 @@ Status Learner::run() {
   reporter_.set_state(has_failed ? "failed" : "stopping");
   if (source_) {
     source_->stop();
+    if (const std::optional<uint64_t> drained = source_->drained_decisions())
+      arena_.control().decisions_left = *drained - (totals_.decisions - decisions_at_start_);
     if (!has_failed && is_finished()) arena_.control().goal_reached = 1;
     if (!has_failed && !checkpoints_.is_settled(algorithm_->version()))
       if (const Status saved = checkpoints_.save(algorithm_->version()); !saved)

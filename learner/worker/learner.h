@@ -89,6 +89,7 @@ class Learner {
   std::optional<dds::Bus> bus_;
   StopSignal stop_;
   RunTotals totals_;
+  uint64_t decisions_at_start_ = 0;  ///< of this process
   Reporter reporter_;
   CheckpointKeeper checkpoints_;
   std::unique_ptr<Algorithm> algorithm_;

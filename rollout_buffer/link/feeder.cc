@@ -29,7 +29,8 @@ Feeder::Feeder(const shm::Arena& arena, dds::LinkBus bus, const FeederOptions& o
       bus_(std::move(bus)),
       options_(options),
       cutter_(arena.slab_offsets()),
-      weights_(arena.shape().weights_bytes) {}
+      weights_(arena.shape().weights_bytes),
+      layout_draws_(RngKey(options.feeder_id).split("layouts")) {}
 
 Status Feeder::run(const std::atomic<bool>& stop) {
   shm::WorkerCounters& counters = arena_.learner_counters();
@@ -45,6 +46,7 @@ Status Feeder::run(const std::atomic<bool>& stop) {
     send();
     resend_if_stuck();
     send_episodes();
+    grant_layouts();
     if (monotonic_s() - reported_s_ >= kReportIntervalS) report(/*is_leaving=*/false);
     if (every_second_ && monotonic_s() - told_s_ >= 1) told_s_ = monotonic_s(), every_second_();
     bus_.wait(kWaitMs);
@@ -225,6 +227,20 @@ void Feeder::send_episodes() {
   }
 }
 
+/// Each environment that took its last layout is granted another. How episodes ended is nobody's business here.
+void Feeder::grant_layouts() {
+  if (options_.layout_count <= 0) return;
+  for (int env = 0; env < arena_.shape().env_count(); ++env) {
+    shm::LayoutDesk& desk = arena_.layout_desk(env);
+    desk.heard.store(desk.reported.load(std::memory_order_acquire), std::memory_order_relaxed);
+    const uint32_t granted = desk.granted.load(std::memory_order_relaxed);
+    if (desk.taken.load(std::memory_order_acquire) != granted) continue;
+    desk.layout_index.store(layout_draws_.below(static_cast<uint32_t>(options_.layout_count)),
+                            std::memory_order_relaxed);
+    desk.granted.store(granted + 1, std::memory_order_release);
+  }
+}
+
 void Feeder::report(bool is_leaving) {
   reported_s_ = monotonic_s();
   const shm::ArenaShape& shape = arena_.shape();
@@ -241,9 +257,12 @@ void Feeder::report(bool is_leaving) {
                                  .weights_version = arena_.weights_version(),
                                  .decisions_played = now.played,
                                  .decisions_delivered = now.delivered,
+                                 .decisions_lost = now.lost,
                                  .host = options_.host});
   if (!written && written.error().code != ErrorCode::kTimeout) spdlog::warn("{}", written.error().message);
 }
+
+double Feeder::silent_s() const { return monotonic_s() - heard_s_; }
 
 FeederAccount Feeder::account() const {
   FeederAccount account{.delivered = delivered_, .lost = lost_, .resent = resent_};
@@ -254,6 +273,8 @@ FeederAccount Feeder::account() const {
   for (int index = 0; index < arena_.shape().slab_count; ++index)
     if (const shm::SlabHeader& header = arena_.slab_header(index); header.state == shm::SlabState::kSealed)
       account.waiting += header.length * agents;
+    else if (header.state == shm::SlabState::kFilling)
+      account.unfinished += header.length * agents;
   return account;
 }
 

@@ -98,6 +98,7 @@ void Receiver::hear(const dds::FeedReport& report) {
   record.feeder_id = report.feeder_id;
   record.host = report.host;
   record.played_there = report.decisions_played;
+  record.lost_there = report.decisions_lost;
   guest.heard_s = monotonic_s();
   if (report.is_leaving) {
     if (std::exchange(record.is_here, false))

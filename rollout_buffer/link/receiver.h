@@ -43,6 +43,7 @@ struct FeederRecord {
   uint64_t refused = 0;           ///< slabs that no simulator could have filled
   uint64_t missing_rollouts = 0;  ///< that never came
   uint64_t played_there = 0;      ///< decisions, by that host's own word
+  uint64_t lost_there = 0;        ///< of them, by its word: sent to this run before it began anew
 };
 
 /// Exactly once: a slab is known by its host, environment and rollout index. How far each environment came stands in its
