@@ -6,6 +6,7 @@
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::link {
@@ -204,23 +205,11 @@ void Feeder::resend_if_stuck() {
 
 void Feeder::send_episodes() {
   if (!is_fed()) return;
-  const auto agents = static_cast<std::size_t>(arena_.shape().trajectory.env.num_agents);
+  const int agents = arena_.shape().trajectory.env.num_agents;
   for (int count = 0; count < kEpisodesAtOnce; ++count) {
     const std::optional<shm::EpisodeRecord> record = arena_.pop_forwarded_episode();
     if (!record) return;
-    const Status written =
-        bus_.write(dds::FeederEpisode{.feeder_id = options_.feeder_id,
-                                      .env_index = record->env_index,
-                                      .episode_id = record->episode_id,
-                                      .episode_seed = record->episode_seed,
-                                      .layout_id = record->layout_id,
-                                      .length_steps = record->length_steps,
-                                      .length_tics = record->length_tics,
-                                      .terminated = record->terminated != 0,
-                                      .score = record->score,
-                                      .ceiling = record->ceiling,
-                                      .agent_return = {record->agent_return, record->agent_return + agents},
-                                      .agent_score = {record->agent_score, record->agent_score + agents}});
+    const Status written = bus_.write(wire_of(*record, options_.feeder_id, agents));
     if (!written) spdlog::warn("an episode's score is not told: {}", written.error().message);
   }
 }

@@ -1,11 +1,11 @@
 #include "rollout_buffer/link/receiver.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::link {
@@ -283,27 +283,10 @@ void Receiver::seal(Guest& guest, const dds::TrajectoryFragment& fragment) {
 void Receiver::take_episode(const dds::FeederEpisode& episode) {
   const auto found = guests_.find(episode.feeder_id);
   if (found == guests_.end()) return;
-  const auto agents = static_cast<std::size_t>(arena_.shape().trajectory.env.num_agents);
-  const int env = remote_env(found->second, episode.env_index);
-  const auto is_finite = [](float number) { return std::isfinite(number); };
-  if (env < 0 || episode.agent_return.size() != agents || episode.agent_score.size() != agents ||
-      !is_finite(episode.score) || !is_finite(episode.ceiling) ||
-      !std::ranges::all_of(episode.agent_return, is_finite) ||
-      !std::ranges::all_of(episode.agent_score, is_finite))
-    return;
-  shm::EpisodeRecord record{};
-  record.episode_id = episode.episode_id;
-  record.episode_seed = episode.episode_seed;
-  record.layout_id = episode.layout_id;
-  record.env_index = static_cast<uint32_t>(env);
-  record.length_steps = episode.length_steps;
-  record.length_tics = episode.length_tics;
-  record.terminated = episode.terminated;
-  record.score = episode.score;
-  record.ceiling = episode.ceiling;
-  std::ranges::copy(episode.agent_return, record.agent_return);
-  std::ranges::copy(episode.agent_score, record.agent_score);
-  (void)arena_.push_episode(record);  // a full ring counts what it drops
+  const std::optional<shm::EpisodeRecord> record = record_of(
+      episode, remote_env(found->second, episode.env_index), arena_.shape().trajectory.env.num_agents);
+  if (!record) return;
+  (void)arena_.push_episode(*record);  // a full ring counts what it drops
 }
 
 void Receiver::send_weights_if_due() {
