@@ -160,7 +160,7 @@ Expected<ordered_json> bench_train(const BenchRequest& request, const MergedSett
   summary["spread"] = spread_of(measured.windows);
   summary["updates_per_s"] = static_cast<double>(measured.updates) / measured.seconds;
   summary["policy_lag_mean"] = outcome.lag_mean;
-  summary["steps_lost"] = outcome.steps_lost;
+  summary["steps_lost"] = outcome.accounts.lost_with_the_dead();
   summary["restarts"] = outcome.restarts;
   for (const char* setting :
        {"num_workers", "num_envs_per_worker", "policy_workers", "batch_size", "num_epochs", "rollout",

@@ -35,6 +35,8 @@ int export_command(Arguments arguments);
 int bench_command(Arguments arguments);
 int tune_command(Arguments arguments);
 int sweep_command(Arguments arguments);
+int ctl_command(Arguments arguments);
+int top_command(Arguments arguments);
 int config_command(Arguments arguments);
 int scenarios_command(Arguments arguments);
 int doomgen_command(Arguments arguments);

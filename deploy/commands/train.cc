@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "deploy/commands/command.h"
+#include "deploy/launch/metrics_page.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/supervisor.h"
@@ -101,6 +102,7 @@ Expected<int> train(const CommandLine& line, bool allow_no_update) {
   config.run.train_dir = train_dir;
   config.run.experiment = experiment;
   config.run.restart_behavior = asked.run.restart_behavior;
+  COMRAD_TRY(check_metrics_port(config.run.metrics_port));
   COMRAD_TRY(find_iwad());
   if (!config.environment.wad.empty()) COMRAD_TRY(check_wad(config.environment.wad));
   if (!config.curriculum.interestingness_graph_path.empty()) {

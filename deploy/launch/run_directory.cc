@@ -181,6 +181,17 @@ Status RunDirectory::write_config(const RunConfig& config,
   return write_file_atomically(path_ + "/config.toml", settings_to_toml(config, asked_for), /*durable=*/true);
 }
 
+nlohmann::ordered_json account_json(const DecisionAccounts& accounts) {
+  return {{"made", accounts.made},
+          {"trained", accounts.trained},
+          {"forgotten", accounts.forgotten},
+          {"lost_with_simulators", accounts.lost_with_simulators},
+          {"lost_with_learners", accounts.lost_with_learners},
+          {"lost_in_restarts", accounts.lost_in_restarts},
+          {"left", accounts.left},
+          {"waiting", accounts.waiting}};
+}
+
 Status write_status(const std::string& run_dir, const RunStatus& status) {
   nlohmann::ordered_json json;
   json["state"] = status.state;
@@ -192,6 +203,7 @@ Status write_status(const std::string& run_dir, const RunStatus& status) {
   json["elapsed_s"] = status.elapsed_s;
   json["cpu_s"] = nlohmann::ordered_json::object();
   for (const auto& [role, seconds] : status.cpu_s) json["cpu_s"][role] = seconds;
+  if (status.accounts) json["decisions_account"] = account_json(*status.accounts);
   json["message"] = status.message;
   const std::string text = json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   return write_file_atomically(run_dir + "/status.json", text, /*durable=*/false);

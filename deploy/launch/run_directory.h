@@ -5,10 +5,13 @@
 
 #include <cmath>
 #include <cstdint>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "deploy/launch/run_accounts.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/settings/run_config.h"
 
@@ -66,8 +69,12 @@ struct RunStatus {
   double env_frames_per_s = 0;
   double elapsed_s = 0;                               ///< of this process's run, its start included
   std::vector<std::pair<std::string, double>> cpu_s;  ///< CPU seconds in that time, by role
+  std::optional<DecisionAccounts> accounts;           ///< of training
   std::string message;
 };
+
+/// Decisions by where they went, as status.json has them.
+nlohmann::ordered_json account_json(const DecisionAccounts& accounts);
 
 /// Replaces `<run_dir>/status.json` atomically. Errors: kNoSpace, kSystem.
 Status write_status(const std::string& run_dir, const RunStatus& status);

@@ -70,6 +70,14 @@ void RunHub::begin() {
   shm::ring(arena_->control().run_state_changed);
 }
 
+void RunHub::set_paused(bool is_paused) {
+  tell(desired(is_paused ? "paused" : "running"));
+  shm::ControlBlock& control = arena_->control();
+  control.run_state.store(is_paused ? shm::RunState::kPaused : shm::RunState::kRunning,
+                          std::memory_order_release);
+  shm::ring(control.run_state_changed);
+}
+
 void RunHub::stop() {
   tell(desired("stopping"));
   shm::ControlBlock& control = arena_->control();

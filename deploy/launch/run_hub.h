@@ -40,6 +40,8 @@ class RunHub {
   /// Tells everybody of the run to begin, or to end.
   void begin();
   void stop();
+  /// Simulators and learner stand still where they are, or go on.
+  void set_paused(bool is_paused);
   /// Takes the simulators' episodes: on to the learner, to monitors, and, of an evaluation, to the meter.
   void drain_episodes();
   /// Tells monitors of the supervisor, which is in `state`, and of its simulators; the other workers speak

@@ -8,6 +8,7 @@
 namespace comrad::deploy {
 
 void RunMeter::use(const shm::Arena* arena) {
+  accounts_.use(arena, trained_decisions_.total());
   arena_ = arena;
   learner_epoch_ = 0;
   report_sequence_ = 0;
@@ -32,7 +33,9 @@ bool RunMeter::count() {
   const uint64_t updates = learner.batches.load(std::memory_order_relaxed);
   uint64_t fallen = 0;
   if (const uint32_t epoch = learner.epoch.load(); std::exchange(learner_epoch_, epoch) != epoch) {
-    fallen = trained_decisions_.start_from(trained);
+    // Where it began, for it may have trained on something already.
+    fallen = trained_decisions_.start_from(
+        std::min(trained, arena_->control().learner_decisions_before.load(std::memory_order_relaxed)));
     trained_updates_.start_from(updates);
   }
   fallen += trained_decisions_.see(trained);
@@ -40,12 +43,23 @@ bool RunMeter::count() {
   if (fallen == 0 || !plan_.trains()) return false;
   // A learner that starts again has forgotten what it learned since its last checkpoint.
   ++goings_back_;
+  accounts_.forgot(fallen);
   env_frames_lost_ += fallen * static_cast<uint64_t>(plan_.config.environment.env_frameskip);
   arena_->control().env_frames_lost.store(env_frames_lost_);
   // The dead one's last report is no longer true; the new one's comes later.
   last_stats_.env_frames = arena_->control().learner_env_frames.load(std::memory_order_relaxed);
   last_stats_.decisions = trained_decisions_.seen();
   return true;
+}
+
+uint64_t RunMeter::learner_ended() {
+  count();
+  return plan_.trains() ? accounts_.learner_ended(trained_decisions_.total()) : 0;
+}
+
+void RunMeter::close() {
+  count();
+  if (plan_.trains()) accounts_.close(trained_decisions_.total());
 }
 
 std::optional<dds::TrainStats> RunMeter::take_report() {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "deploy/launch/launch_plan.h"
+#include "deploy/launch/run_accounts.h"
 #include "deploy/launch/run_usage.h"
 #include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/dds/bus.h"
@@ -59,6 +60,10 @@ class RunMeter {
 
   /// Reads the counters. True when the learner was seen to have gone back to a checkpoint.
   bool count();
+  /// The learner has ended, is reaped and reclaimed; call before another one starts. Agent decisions lost with it.
+  uint64_t learner_ended();
+  /// All workers have ended; accounts() is final.
+  void close();
   /// The learner's report, if there is a new one.
   std::optional<dds::TrainStats> take_report();
   /// An episode of an evaluation. A restarted simulator plays some again; they count once.
@@ -75,6 +80,10 @@ class RunMeter {
     return plan_.trains() ? trained_decisions_.total() : played_decisions_.total();
   }
   uint64_t played_decisions() const { return played_decisions_.total(); }
+  /// Where they went. Of training.
+  DecisionAccounts accounts() const { return accounts_.read(trained_decisions_.total()); }
+  /// What does not add up in them; empty while all is well.
+  const std::string& account_fault() const { return accounts_.fault(); }
   /// Agent decisions and env frames that the run has learned from, earlier lives included.
   uint64_t decisions_of_run() const;
   uint64_t env_frames() const;
@@ -102,6 +111,7 @@ class RunMeter {
   const LaunchPlan& plan_;
   const shm::Arena* arena_ = nullptr;
   Growth trained_decisions_, trained_updates_, played_decisions_;
+  RunAccounts accounts_;
   uint32_t learner_epoch_ = 0;
   uint64_t report_sequence_ = 0;  // of the learner's report that was read last
   dds::TrainStats last_stats_;

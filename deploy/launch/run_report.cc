@@ -78,6 +78,7 @@ RunStatus RunReport::status(const std::string& state, const std::string& message
   if (plan_.trains()) {
     status.env_frames = meter_.env_frames();
     status.decisions = meter_.decisions_of_run();
+    status.accounts = meter_.accounts();
     if (stats.episodes > 0) status.score_mean = stats.score_mean;
     status.env_frames_per_s = workers_.stands_still() ? 0 : stats.env_frames_per_s;
   } else {

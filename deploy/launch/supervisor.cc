@@ -10,17 +10,22 @@
 #include <optional>
 #include <utility>
 
+#include "deploy/launch/control_door.h"
 #include "deploy/launch/evaluator.h"
+#include "deploy/launch/metrics_page.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/run_hub.h"
 #include "deploy/launch/run_report.h"
+#include "deploy/launch/run_snapshot.h"
 #include "deploy/launch/signal_desk.h"
 #include "deploy/launch/worker_table.h"
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/control_group.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
+#include "rollout_buffer/core/text.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::deploy {
@@ -32,6 +37,8 @@ constexpr double kKillAfterS = 9.5;  // of a stop: SIGKILL, so that 10 s hold
 constexpr double kStatusIntervalS = 2.0;
 constexpr double kWorkerStatusIntervalS = 1.0;
 constexpr double kShortestLineIntervalS = 0.1;
+constexpr double kLookIntervalS = 1.0;      // at the workers' counters, for their rates
+constexpr double kSnapshotLifetimeS = 0.2;  // who asks more often gets the same again
 constexpr int kExitInterruptedTwice = 130;  // as a shell reports SIGINT
 
 enum class Phase { kStarting, kRunning, kStopping };
@@ -61,7 +68,8 @@ class Supervisor {
         hub_(plan, meter_, printer_),
         table_(plan),
         evaluator_(plan),
-        report_(plan, meter_, table_, evaluator_) {}
+        report_(plan, meter_, table_, evaluator_),
+        snapshots_(plan, meter_, table_) {}
 
   Expected<RunOutcome> run() {
     if (Status started = start(); !started) fail(started.error());
@@ -71,6 +79,7 @@ class Supervisor {
 
  private:
   Status start();
+  Status open_doors();
 
   // One turn of the loop.
   void tick();
@@ -85,10 +94,19 @@ class Supervisor {
   void listen_to_workers();
   void enforce_stop();
   void report();
+  void answer_visitors();
+
+  // What comrad ctl asks for.
+  const RunSnapshot& snapshot();
+  Status pause();
+  Status resume();
+  Expected<uint32_t> ask_for_checkpoint(const std::string& who);
+  Status check_is_running() const;
+  Status drain(const std::string& host);
 
   // Events.
   void exited(Worker& worker, const ExitStatus& how);
-  uint64_t reclaim(const Worker& worker);
+  uint64_t reclaim(Worker& worker);
   void restart_everything();
   void stop(const std::string& why);
   void complete(const std::string& why);
@@ -106,6 +124,12 @@ class Supervisor {
   WorkerTable table_;
   Evaluator evaluator_;
   RunReport report_;
+  SnapshotTaker snapshots_;
+  std::optional<ControlDoor> door_;
+  std::optional<MetricsPage> page_;
+  RunSnapshot snapshot_;
+  double snapshot_s_ = 0;
+  bool is_paused_ = false;
   RunOutcome outcome_;
   std::optional<Error> error_;
   Phase phase_ = Phase::kStarting;
@@ -114,21 +138,48 @@ class Supervisor {
   bool learner_was_killed_ = false;
   bool told_of_last_evaluations_ = false;
   int interrupts_ = 0;
+  uint64_t memory_kills_ = memory_kills();  // of the kernel in this control group, so far
   const double started_s_ = monotonic_s();
   double stopping_since_s_ = 0;
-  Timer line_timer_, status_timer_, worker_status_timer_;
+  Timer line_timer_, status_timer_, worker_status_timer_, look_timer_;
 };
 
 Status Supervisor::start() {
   if (signals_.descriptor() < 0) return system_error("signalfd");
   COMRAD_TRY(init_log("supervisor", plan_.run_dir + "/logs/supervisor.log"));
   for (const std::string& text : plan_.notes) note("note: " + text);
+  COMRAD_TRY(open_doors());
   hub_.warn_once(write_status(plan_.run_dir, report_.status("starting", "")));
   COMRAD_TRY(hub_.open());
   for (Worker& worker : table_.workers()) COMRAD_TRY(table_.start(worker, hub_.arena(), hub_.socket_name()));
   printer_.line(report_.starting_line());  // at once: a network library takes seconds to load
   line_timer_.wait_until(monotonic_s() +
                          std::max(plan_.config.run.progress_interval, kShortestLineIntervalS));
+  return {};
+}
+
+/// A run without a door trains as well; a page that was asked for must be there.
+Status Supervisor::open_doors() {
+  if (!plan_.trains() || plan_.lock_descriptor < 0) return {};
+  const DoorSign sign = make_door_sign();
+  Expected<ControlDoor> door = ControlDoor::open(
+      sign.door, {.status = [this] { return to_json(snapshot()); },
+                  .pause = [this] { return pause(); },
+                  .resume = [this] { return resume(); },
+                  .stop =
+                      [this] {
+                        outcome_.interrupted |= !is_complete_;
+                        stop("stopped by comrad ctl");
+                        note("comrad ctl: stopping after this optimizer step and a checkpoint");
+                        return Status();
+                      },
+                  .checkpoint = [this] { return ask_for_checkpoint("comrad ctl"); },
+                  .drain = [this](const std::string& host) { return drain(host); }});
+  if (door) door_.emplace(std::move(door).value());
+  hub_.warn_once(door ? write_door_sign(plan_.lock_descriptor, sign) : door.error());
+  if (plan_.config.run.metrics_port == 0) return {};
+  COMRAD_TRY_ASSIGN(page_, MetricsPage::open(static_cast<int>(plan_.config.run.metrics_port),
+                                             [this] { return metrics_text(snapshot()); }));
   return {};
 }
 
@@ -155,6 +206,74 @@ void Supervisor::tick() {
     note("trained; the last evaluations are played now (Ctrl-C leaves them out)");
   enforce_stop();
   if (hub_.is_open()) report();
+  answer_visitors();
+}
+
+/// Who asks does not wake the loop: it is heard at the next turn, so that no number of questions delays the run.
+void Supervisor::answer_visitors() {
+  const double now_s = monotonic_s();
+  if (hub_.is_open() && look_timer_.is_due(now_s, kLookIntervalS)) snapshots_.look(hub_.arena(), now_s);
+  if (door_) door_->tick(now_s);
+  if (page_) page_->tick(now_s);
+}
+
+const RunSnapshot& Supervisor::snapshot() {
+  const double now_s = monotonic_s();
+  if (!hub_.is_open() || (snapshot_s_ > 0 && now_s - snapshot_s_ < kSnapshotLifetimeS)) return snapshot_;
+  snapshot_s_ = now_s;
+  const bool is_stopping = phase_ == Phase::kStopping;
+  const std::string words = is_stopping                  ? "stopping: " + outcome_.message
+                            : phase_ == Phase::kStarting ? report_.starting_line()
+                                                         : report_.progress_line();
+  snapshot_ = snapshots_.take(hub_.arena(), report_.status(phase_word(), words), now_s);
+  return snapshot_;
+}
+
+Status Supervisor::check_is_running() const {
+  if (phase_ == Phase::kStopping) return Error{ErrorCode::kBadInput, "the run is stopping"};
+  if (phase_ == Phase::kRunning) return {};
+  return Error{ErrorCode::kBadInput,
+               "the run is starting (" + report_.starting_line() + "); ask again when it runs"};
+}
+
+Status Supervisor::pause() {
+  COMRAD_TRY(check_is_running());
+  if (std::exchange(is_paused_, true)) return Error{ErrorCode::kBadInput, "the run is paused already"};
+  hub_.set_paused(true);
+  note("comrad ctl: paused; comrad ctl " + std::filesystem::path(plan_.run_dir).filename().string() +
+       " resume goes on");
+  status_timer_.hurry();
+  snapshot_s_ = 0;
+  return {};
+}
+
+Status Supervisor::resume() {
+  COMRAD_TRY(check_is_running());
+  if (!std::exchange(is_paused_, false)) return Error{ErrorCode::kBadInput, "the run is not paused"};
+  hub_.set_paused(false);
+  note("comrad ctl: the run goes on");
+  status_timer_.hurry();
+  snapshot_s_ = 0;
+  return {};
+}
+
+Expected<uint32_t> Supervisor::ask_for_checkpoint(const std::string& who) {
+  COMRAD_TRY(check_is_running());
+  const uint32_t wish = hub_.arena().control().checkpoint_seq.fetch_add(1) + 1;
+  note(who + ": a checkpoint is saved after this optimizer step");
+  snapshot_s_ = 0;
+  return wish;
+}
+
+Status Supervisor::drain(const std::string& host) {
+  const RunSnapshot& run = snapshot();
+  if (host == run.host)
+    return Error{ErrorCode::kBadInput,
+                 "the learner is on " + host + ", so the run cannot go on without it; comrad ctl " +
+                     std::filesystem::path(plan_.run_dir).filename().string() + " stop ends the run"};
+  std::vector<std::string> hosts;
+  for (const HostSnapshot& one : run.hosts) hosts.push_back(one.name);
+  return Error{ErrorCode::kBadInput, unknown_word("host", host, hosts)};
 }
 
 void Supervisor::wait_for_news() {
@@ -168,10 +287,7 @@ void Supervisor::hear_signals() {
   for (int number; (number = signals_.next()) != 0;) {
     if (number == SIGCHLD) continue;  // reap_exited() looks anyway
     if (number == SIGUSR1) {
-      if (plan_.trains() && hub_.is_open()) {
-        hub_.arena().control().checkpoint_seq.fetch_add(1);
-        note("SIGUSR1: a checkpoint is saved after this optimizer step");
-      }
+      if (plan_.trains() && hub_.is_open()) (void)ask_for_checkpoint("SIGUSR1");
       continue;
     }
     if (!is_complete_) outcome_.interrupted = true;
@@ -225,8 +341,8 @@ void Supervisor::exited(Worker& worker, const ExitStatus& how) {
     return;
   }
   const uint64_t lost = reclaim(worker);
-  outcome_.steps_lost += lost;
   ++outcome_.restarts;
+  ++worker.restarts;
   const bool did_work = counters_of(worker, hub_.arena()).decisions.load() != worker.decisions_at_start;
   const double now_s = monotonic_s();
   const std::optional<double> delay_s = worker.history.next_delay_s(now_s, did_work);
@@ -239,7 +355,13 @@ void Supervisor::exited(Worker& worker, const ExitStatus& how) {
   worker.restart_at_s = now_s + *delay_s;
   char delay[32];
   std::snprintf(delay, sizeof delay, "%.1f s", *delay_s);
+  const uint64_t memory_kills_now = how.signal == SIGKILL ? memory_kills() : memory_kills_;
+  const bool is_out_of_memory = std::exchange(memory_kills_, memory_kills_now) < memory_kills_now;
   note(worker.name + " died (" + how.text() + "), starts again in " + delay +
+       (is_out_of_memory
+            ? "; the memory limit of the control group was reached: raise it, or lower --num_workers, "
+              "--num_envs_per_worker, --trajectory_slabs or --replay_gb"
+            : "") +
        (lost > 0 ? "; " + std::to_string(lost) + " decisions lost" : "") +
        (is_training_learner ? "; training goes on from the last checkpoint" : ""));
   // Lock step must not depend on who died when: everybody goes back to the last checkpoint together.
@@ -247,22 +369,24 @@ void Supervisor::exited(Worker& worker, const ExitStatus& how) {
 }
 
 /// Gives back what a dead worker held. Agent decisions that are lost with it.
-uint64_t Supervisor::reclaim(const Worker& worker) {
-  const TrajectoryShape& shape = hub_.arena().shape().trajectory;
+uint64_t Supervisor::reclaim(Worker& worker) {
   switch (worker.role) {
     case Role::kSim:
-      return hub_.arena().reclaim_sim_worker(worker.index);
+      // A policy worker that stands still half way through a batch still writes into the slabs; restart_due() looks again.
+      worker.is_unreclaimed = !hub_.arena().withdraw_requests(worker.index);
+      return worker.is_unreclaimed ? 0 : hub_.arena().reclaim_sim_worker(worker.index);
     case Role::kPolicy:
       hub_.arena().reclaim_policy_worker(worker.index);
       return 0;  // its questions are asked again
     case Role::kLearner:
-      return static_cast<uint64_t>(hub_.arena().reclaim_learner()) *
-             static_cast<uint64_t>(shape.rollout_steps) * static_cast<uint64_t>(shape.env.num_agents);
+      hub_.arena().reclaim_learner();
+      return meter_.learner_ended();
   }
   return 0;
 }
 
 void Supervisor::restart_everything() {
+  meter_.count();  // what the dead ones said last
   double restart_at_s = monotonic_s();
   for (const Worker& worker : table_.workers()) restart_at_s = std::max(restart_at_s, worker.restart_at_s);
   table_.restart_all(restart_at_s);
@@ -274,6 +398,11 @@ void Supervisor::restart_due() {
   if (phase_ == Phase::kStopping) return;
   for (Worker& worker : table_.workers()) {
     if (worker.restart_at_s == 0 || monotonic_s() < worker.restart_at_s) continue;
+    if (worker.is_unreclaimed) {
+      if (const uint64_t lost = reclaim(worker); lost > 0)
+        note(worker.name + ": " + std::to_string(lost) + " decisions lost");
+      if (worker.is_unreclaimed) continue;
+    }
     if (Status started = table_.start(worker, hub_.arena(), hub_.socket_name()); !started)
       fail(started.error());
   }
@@ -284,6 +413,7 @@ void Supervisor::begin_running_when_all_joined() {
   phase_ = Phase::kRunning;
   meter_.begin(monotonic_s());
   hub_.begin();
+  if (is_paused_) hub_.set_paused(true);
   status_timer_.hurry();
   line_timer_.hurry();
 }
@@ -347,13 +477,15 @@ void Supervisor::enforce_stop() {
 }
 
 const char* Supervisor::phase_word() const {
+  if (phase_ == Phase::kRunning && is_paused_) return "paused";
   return phase_ == Phase::kStarting ? "starting" : phase_ == Phase::kRunning ? "running" : "stopping";
 }
 
 void Supervisor::report() {
   const double now_s = monotonic_s();
   const auto line = [this] {
-    return phase_ == Phase::kStarting ? report_.starting_line() : report_.progress_line();
+    if (phase_ == Phase::kStarting) return report_.starting_line();
+    return (is_paused_ ? "paused | " : "") + report_.progress_line();
   };
   if (worker_status_timer_.is_due(now_s, kWorkerStatusIntervalS))
     hub_.tell_of_workers(table_.workers(), phase_word());
@@ -379,7 +511,9 @@ Expected<RunOutcome> Supervisor::finish() {
     hub_.drain_episodes();
     take_stats();
     count_work();
+    meter_.close();
   }
+  if (!meter_.account_fault().empty()) note("warning: " + meter_.account_fault());
   printer_.end();
   std::string state = "finished";
   if (killed_at_once_) {
@@ -408,9 +542,9 @@ Expected<RunOutcome> Supervisor::finish() {
   const double worked_s = (stopping_since_s_ > 0 ? stopping_since_s_ : monotonic_s()) -
                           (meter_.running_since_s() > 0 ? meter_.running_since_s() : started_s_);
   outcome_.message = report_.summary(outcome_.message, worked_s);
-  if (outcome_.restarts > 0)
-    outcome_.message += "; " + std::to_string(outcome_.restarts) + " restarts, " +
-                        std::to_string(outcome_.steps_lost) + " decisions lost";
+  outcome_.accounts = meter_.accounts();
+  if (outcome_.restarts > 0) outcome_.message += "; " + std::to_string(outcome_.restarts) + " restarts";
+  if (outcome_.restarts > 0 && plan_.trains()) outcome_.message += ": " + outcome_.accounts.text();
   spdlog::info("{}", outcome_.message);
   outcome_.last_stats = meter_.last_stats();
   outcome_.lag_mean = meter_.lag_mean();

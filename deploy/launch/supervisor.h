@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "deploy/launch/launch_plan.h"
+#include "deploy/launch/run_accounts.h"
 #include "deploy/launch/run_meter.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus.h"
@@ -24,7 +25,7 @@ struct RunOutcome {
   std::vector<dds::EpisodeResult> episodes;  ///< evaluation: all of them, ordered by episode_id
   MeasuredWindow measured;
   double lag_mean = 0;
-  uint64_t steps_lost = 0;       ///< agent decisions lost to restarts
+  DecisionAccounts accounts = {};  ///< of training: where every decision went
   uint64_t env_frames_lost = 0;  ///< trained on, then forgotten by a learner that went back to its checkpoint
   uint32_t restarts = 0;
 };

@@ -137,6 +137,7 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
 Status WorkerTable::start(Worker& worker, const shm::Arena& arena, const std::string& server) {
   worker.has_joined = false;
   worker.restart_at_s = 0;
+  worker.is_unreclaimed = false;
   worker.started_s = monotonic_s();
   worker.last_line.clear();
   worker.decisions_at_start = counters_of(worker, arena).decisions.load();

@@ -36,6 +36,8 @@ struct Worker {
   bool has_joined = false;
   double started_s = 0;
   double restart_at_s = 0;          ///< 0: no restart is due
+  int restarts = 0;                 ///< deaths so far
+  bool is_unreclaimed = false;      ///< what the dead one held is still to be taken back
   uint64_t decisions_at_start = 0;  ///< of its counter in the arena
   std::string last_line;            ///< of its output
   double minute_began_s = 0;

@@ -14,6 +14,7 @@ namespace comrad::learn {
 namespace {
 
 constexpr double kBestImprovement = 1e-3;
+constexpr double kLongSaveS = 1, kLongSaveShare = 0.1;  // of save_every_sec: the user hears of it
 constexpr const char* kBestScoreKey = "counters/best_score";
 
 /// The last episodes, f64 [n, EpisodeWindow::kFields]; n is stats_avg at most.
@@ -113,10 +114,21 @@ Status CheckpointKeeper::save(PolicyVersion version) {
     if (contents_.save_replay) prune_replays();
     return path;
   };
+  const double began_s = monotonic_s();
   const Expected<std::string> path = write_both();
   last_save_s_ = monotonic_s();
+  if (const double took_s = last_save_s_ - began_s;
+      took_s > kLongSaveS && took_s > kLongSaveShare * config_.run.save_every_sec)
+    spdlog::warn(
+        "warning: writing a checkpoint took {:.1f} s, in which nothing was learned; is the disk slow? A "
+        "longer "
+        "--save_every_sec than {:.0f} asks for fewer",
+        took_s, config_.run.save_every_sec);
   if (!path) {
-    spdlog::error("checkpoint: {}", path.error().message);
+    ++failures_;
+    // Shown to the user once in a run (deploy/launch/worker_table.cc); the log has every one.
+    spdlog::warn("warning: no checkpoint was written: {}; {}", path.error().message,
+                 last_path_.empty() ? "the run has none yet" : "the last good one stays: " + last_path_);
     return path.error();
   }
   settled_version_ = version;

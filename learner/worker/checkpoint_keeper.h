@@ -79,6 +79,8 @@ class CheckpointKeeper {
   /// Path of the newest checkpoint; empty before the first.
   const std::string& last_path() const { return last_path_; }
   const std::string& folder() const { return folder_; }
+  /// Periodic checkpoints that could not be written.
+  uint32_t failures() const { return failures_; }
 
  private:
   Status restore_episodes(const Found& found);
@@ -96,7 +98,7 @@ class CheckpointKeeper {
   CheckpointContents contents_;
   std::string last_path_;
   PolicyVersion settled_version_ = 0;
-  uint32_t wish_done_ = 0;
+  uint32_t wish_done_ = 0, failures_ = 0;
   double last_save_s_ = 0, last_best_look_s_ = 0;
   std::optional<double> best_score_;
   Milestones milestone_seconds_, milestone_frames_, evaluation_frames_;

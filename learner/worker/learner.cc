@@ -18,10 +18,8 @@ namespace comrad::learn {
 namespace {
 
 constexpr double kPollIntervalS = 0.05;
-/// A stop lets the optimizer step in hand end; one that takes longer is given up, so that the process is gone
-/// in 10 s.
-constexpr double kAbandonStepAfterS = 4.0;
-/// Lock step can only save at a boundary, so it gets more time to reach it.
+/// A stop lets the optimizer step in hand end; one that takes longer (LearnerOptions) is given up, so that the process is
+/// gone in 10 s. Lock step can only save at a boundary; where the last one is not kept, it gets more time to reach the next.
 constexpr double kAbandonRolloutAfterS = 7.5;
 constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();
 
@@ -65,9 +63,11 @@ Status Learner::open() {
   }
   COMRAD_TRY(resume());
   if (!options_.serve) COMRAD_TRY(prepare_training());
-  count(0);
   shm::ControlBlock& control = arena_.control();
+  control.learner_decisions_before = totals_.decisions;
+  count(0);
   control.goal_reached = 0;
+  failed_before_ = control.checkpoints_failed.load();
   control.saved_env_frames = totals_.env_frames;
   publish();
   // Last of all: simulators read journals once this is above 0.
@@ -177,8 +177,9 @@ Status Learner::run() {
   if (source_) {
     source_->stop();
     if (!has_failed && is_finished()) arena_.control().goal_reached = 1;
-    if (!has_failed && !checkpoints_.is_settled(algorithm_->version()))
-      if (const Status saved = checkpoints_.save(algorithm_->version()); !saved)
+    const PolicyVersion version = gave_up_ ? boundary_->version : algorithm_->version();
+    if (!has_failed && !checkpoints_.is_settled(version))
+      if (const Status saved = checkpoints_.save(version); !saved)
         result = Error{ErrorCode::kNotSaved, saved.error().message};
     reporter_.report_now();
   }
@@ -202,7 +203,7 @@ Status Learner::train() {
       source_->finish(std::move(*sample));
     }
     if (lock_step_ && has_drained) close_rollout();  // publishes here alone
-    checkpoints_.save_if_due(algorithm_->version(), arena_.control().checkpoint_seq.load());
+    save_if_due();
     if (lock_step_ && has_drained) source_->open_rollout(!is_finished());
   }
   return {};
@@ -260,7 +261,8 @@ UpdateContext Learner::update_context() {
   context.keep_going = [this] {
     poll();
     return !stop_.requested() ||
-           stop_.seconds_since() < (lock_step_ ? kAbandonRolloutAfterS : kAbandonStepAfterS);
+           stop_.seconds_since() <
+               (lock_step_ && !boundary_ ? kAbandonRolloutAfterS : options_.abandon_step_after_s);
   };
   return context;
 }
@@ -283,24 +285,42 @@ void Learner::close_rollout() {
   publish();
   source_->close_rollout();
   if (layouts_) layouts_->serve(arena_), layouts_->capture_desks(arena_, source_->resumes_exactly());
+  // A replay has gone on by the time it would be saved; without one a boundary is some megabytes.
+  if (source_->feed() == nullptr)
+    boundary_ = Boundary{.state = state(),
+                         .version = algorithm_->version(),
+                         .env_frames = totals_.env_frames,
+                         .decisions = totals_.decisions};
 }
 
-/// Weights of half a rollout belong to no boundary; the checkpoint before stays the newest.
+/// Weights of half a rollout belong to no boundary: the last one is saved, or the checkpoint before stays the newest.
 void Learner::give_up_rollout() {
   source_->open_rollout(/*goes_on=*/false);
+  if (boundary_) {
+    gave_up_ = true;
+    totals_.env_frames = boundary_->env_frames;
+    totals_.decisions = boundary_->decisions;
+    count(0);
+    spdlog::info("stopped within a rollout; the one before is the last");
+    return;
+  }
   const std::string& last = checkpoints_.last_path();
   spdlog::warn("stopped within a rollout; the run resumes from {}", last.empty() ? "its beginning" : last);
   checkpoints_.settle(algorithm_->version());
 }
 
+/// What it waits is no time of training.
 bool Learner::wait_while_paused() {
-  while (arena_.control().run_state.load() == shm::RunState::kPaused) {
+  for (double seen_s = monotonic_s(); arena_.control().run_state.load() == shm::RunState::kPaused;) {
+    const double now_s = monotonic_s();
+    totals_.started_s += now_s - std::exchange(seen_s, now_s);
     if (stop_.requested()) return false;
     if (reporter_.state() != "paused") reporter_.set_state("paused");
     shm::Doorbell& changed = arena_.control().run_state_changed;
     const uint32_t heard = shm::listen(changed);
     shm::wait(changed, heard, 50'000);
     poll();
+    save_if_due();  // the state is that of the last boundary
   }
   if (reporter_.state() == "paused") reporter_.set_state("running");
   return true;
@@ -329,6 +349,7 @@ void Learner::poll() {
 }
 
 StateDict Learner::state() const {
+  if (gave_up_) return boundary_->state;
   StateDict state;
   algorithm_->save(state);
   state.put("counters/env_frames", static_cast<int64_t>(totals_.env_frames));
@@ -341,6 +362,16 @@ StateDict Learner::state() const {
   source_->save(state);
   if (layouts_) layouts_->save(state);
   return state;
+}
+
+void Learner::save_if_due() {
+  shm::ControlBlock& control = arena_.control();
+  const uint32_t wish = control.checkpoint_seq.load();
+  checkpoints_.save_if_due(algorithm_->version(), wish);
+  control.checkpoints_failed = failed_before_ + checkpoints_.failures();
+  if (control.checkpoint_done.load() == wish) return;
+  reporter_.publish_stats();  // with the file's name, before the answer
+  control.checkpoint_done = wish;
 }
 
 void Learner::note_saved() {

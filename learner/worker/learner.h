@@ -31,6 +31,8 @@ struct LearnerOptions {
   bool serve = false;  ///< publish a checkpoint and idle, instead of training
   std::string
       checkpoint;  ///< serve: the file; train: where to begin when the run has no checkpoint of its own
+  double abandon_step_after_s =
+      4;  ///< of a stop: the optimizer step, or in lock step the rollout, is given up
 };
 
 /// One learner. Made by start(), which leaves weights published and simulators allowed to begin.
@@ -79,6 +81,7 @@ class Learner {
   void count(int64_t transitions);
   void poll();
   StateDict state() const;
+  void save_if_due();
   void note_saved();
   bool is_finished() const { return totals_.reach_the_goal_of(config_); }
 
@@ -95,7 +98,16 @@ class Learner {
   std::unique_ptr<LayoutService> layouts_;  ///< null: the run plays one map
   std::unique_ptr<BatchSource> source_;     ///< null: it only serves
   std::vector<std::byte> weights_;
+  /// Lock step, on-policy: the last boundary, which is saved where the rollout behind it is given up.
+  struct Boundary {
+    StateDict state;
+    PolicyVersion version = 0;
+    uint64_t env_frames = 0, decisions = 0;
+  };
+  std::optional<Boundary> boundary_;
+  bool gave_up_ = false;
   double last_poll_s_ = 0;
+  uint32_t failed_before_ = 0;  ///< checkpoints that earlier learners of this arena could not write
 };
 
 }  // namespace comrad::learn

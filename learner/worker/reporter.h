@@ -61,9 +61,10 @@ class Reporter {
   void report_if_due();
   /// The last report of a run.
   void report_now();
+  /// What the supervisor hears once a second, now.
+  void publish_stats();
 
  private:
-  void publish_stats();
   void write_metrics();
   void append_replay(MetricValues& values, const ReplayFeed& feed) const;
   void append_rates(MetricValues& values, double now_s);

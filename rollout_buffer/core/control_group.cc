@@ -1,5 +1,6 @@
 #include "rollout_buffer/core/control_group.h"
 
+#include <algorithm>
 #include <fstream>
 #include <sstream>
 
@@ -34,5 +35,19 @@ std::vector<ControlGroup> own_control_groups(std::string_view controller) {
   text << file.rdbuf();
   return control_groups(controller, text.str(), "/sys/fs/cgroup");
 }
+
+uint64_t memory_kills(const std::vector<ControlGroup>& groups) {
+  uint64_t most = 0;  // a group counts those of the groups below it, in version 2
+  for (const ControlGroup& group : groups) {
+    std::ifstream file(group.folder + (group.is_version_2 ? "/memory.events" : "/memory.oom_control"));
+    std::string key;
+    uint64_t value = 0;
+    while (file >> key >> value)
+      if (key == "oom_kill") most = std::max(most, value);
+  }
+  return most;
+}
+
+uint64_t memory_kills() { return memory_kills(own_control_groups("memory")); }
 
 }  // namespace comrad

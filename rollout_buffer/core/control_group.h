@@ -1,6 +1,7 @@
 // The control groups that a process is in: limits of memory and of cores stand in their folders. Stage: start-up.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,5 +22,11 @@ std::vector<ControlGroup> control_groups(std::string_view controller, const std:
 
 /// The same of this process, below /sys/fs/cgroup.
 std::vector<ControlGroup> own_control_groups(std::string_view controller);
+
+/// How many processes the kernel has killed in this process's memory control groups because their limit was reached; 0 where
+/// it does not count them.
+uint64_t memory_kills();
+/// The same of groups at other places.
+uint64_t memory_kills(const std::vector<ControlGroup>& groups);
 
 }  // namespace comrad

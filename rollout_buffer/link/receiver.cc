@@ -270,6 +270,8 @@ void Receiver::seal(Guest& guest, const dds::TrajectoryFragment& fragment) {
   header.first_episode = {.episode_id = fragment.first_episode_id,
                           .episode_seed = fragment.first_episode_seed};
   journal.rollout_index = rollout_index + 1;  // reclaim_sim_worker() takes it back if we die before the seal
+  std::atomic<uint64_t>& made = arena_.env_account(env).made;  // here, as far as this arena is concerned
+  made.store(made.load(std::memory_order_relaxed) + fragment.length, std::memory_order_release);
   arena_.seal_slab(index);
 
   const uint64_t decisions =

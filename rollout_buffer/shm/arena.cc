@@ -19,7 +19,8 @@ namespace {
 constexpr int64_t kPageBytes = 4096;
 constexpr int kWeightsBuffers = 2;
 constexpr int kReadAttempts = 200;
-constexpr uint64_t kNoRollout = UINT64_MAX;  // of a slab that was acquired a moment ago
+constexpr uint64_t kNoRollout = UINT64_MAX;   // of a slab that was acquired a moment ago
+constexpr uint64_t kNoPosition = UINT64_MAX;  // of a slab that nobody has begun to seal
 
 int64_t round_up(int64_t value, int64_t multiple) { return (value + multiple - 1) / multiple * multiple; }
 
@@ -121,6 +122,7 @@ struct Arena::Offsets {
     journal_row = agents * shape.trajectory.env.head_count;
     journal_actions = place(envs * shape.journal_steps * journal_row);
     layout_desks = place_array(static_cast<LayoutDesk*>(nullptr), envs);
+    accounts = place_array(static_cast<EnvAccount*>(nullptr), envs);
     slab_headers = place_array(static_cast<SlabHeader*>(nullptr), shape.slab_count);
     slabs = place(shape.slab_count * slab.slab_bytes, kPageBytes);
     size_bytes = round_up(end, kPageBytes);
@@ -131,7 +133,8 @@ struct Arena::Offsets {
   uint64_t run_id = 0;
   int64_t header, control, counters, slots, slots_ready, slots_acted, rounds, recurrent, recurrent_bytes;
   int64_t episode_rings, episodes, episode_capacity, report, weights_header, weights, weights_stride;
-  int64_t journal_headers, journal_actions, journal_row, layout_desks, slab_headers, slabs, size_bytes;
+  int64_t journal_headers, journal_actions, journal_row, layout_desks, accounts, slab_headers, slabs,
+      size_bytes;
 };
 
 namespace {
@@ -300,6 +303,7 @@ std::optional<uint32_t> Arena::acquire_slab(int sim_worker) const {
     header.env_index =
         static_cast<uint32_t>(sim_worker * shape().envs_per_worker);  // tells whose it is from now on
     header.rollout_index = kNoRollout;
+    header.position = kNoPosition;
     header.state.store(SlabState::kFilling, std::memory_order_release);
     return static_cast<uint32_t>(index);
   }
@@ -309,6 +313,11 @@ std::optional<uint32_t> Arena::acquire_slab(int sim_worker) const {
 void Arena::seal_slab(uint32_t slab_index) const {
   SlabHeader& header = slab_header(static_cast<int>(slab_index));
   COMRAD_DCHECK(header.state.load() == SlabState::kFilling, "only a slab that is being filled is sealed");
+  EnvAccount& account = env_account(static_cast<int>(header.env_index));
+  const uint64_t sealed = account.sealed.load(std::memory_order_relaxed);
+  header.position = sealed;
+  std::atomic_signal_fence(std::memory_order_release);  // a kill leaves no count that cannot be taken back
+  account.sealed.store(sealed + header.length, std::memory_order_release);
   header.seal_ticket = control().slabs_sealed.fetch_add(1, std::memory_order_acq_rel);
   header.owner.store(0, std::memory_order_release);
   header.state.store(SlabState::kSealed, std::memory_order_release);
@@ -340,10 +349,42 @@ std::vector<uint32_t> Arena::drain_slabs(int max_count) const {
     if (static_cast<int>(drained.size()) >= max_count) break;
     SlabState expected = SlabState::kSealed;
     if (slab_header(static_cast<int>(index))
-            .state.compare_exchange_strong(expected, SlabState::kLearning, std::memory_order_acq_rel))
+            .state.compare_exchange_strong(expected, SlabState::kLearning, std::memory_order_acq_rel)) {
+      note_taken(slab_header(static_cast<int>(index)));
       drained.push_back(index);
+    }
   }
   return drained;
+}
+
+/// An environment's slabs are drained in their order, so the end of the newest one says how much was taken.
+void Arena::note_taken(const SlabHeader& header) const {
+  if (header.env_index >= static_cast<uint32_t>(shape().env_count()))
+    return;  // a byte in shared memory may be anything
+  std::atomic<uint64_t>& taken = env_account(static_cast<int>(header.env_index)).taken;
+  taken.store(std::max(taken.load(std::memory_order_relaxed), header.position + header.length),
+              std::memory_order_release);
+}
+
+SlabCounts Arena::slab_counts() const {
+  SlabCounts counts;
+  for (int index = 0; index < shape().slab_count; ++index) {
+    switch (slab_header(index).state.load(std::memory_order_acquire)) {
+      case SlabState::kFree:
+        ++counts.free;
+        break;
+      case SlabState::kFilling:
+        ++counts.filling;
+        break;
+      case SlabState::kSealed:
+        ++counts.sealed;
+        break;
+      case SlabState::kLearning:
+        ++counts.learning;
+        break;
+    }
+  }
+  return counts;
 }
 
 int Arena::sealed_count() const {
@@ -525,30 +566,51 @@ std::span<uint8_t> Arena::journal_action(int env_index, int step) const {
           static_cast<std::size_t>(offsets_->journal_row)};
 }
 
+EnvAccount& Arena::env_account(int env_index) const {
+  check_index(env_index, shape().env_count(), "environment index is in range");
+  return part<EnvAccount>(segment_, offsets_->accounts, env_index);
+}
+
+DecisionCounts Arena::decision_counts() const {
+  DecisionCounts counts;
+  for (int env = 0; env < shape().env_count(); ++env) {
+    const EnvAccount& account = env_account(env);
+    // In this order: each of them only grows, and what comes later in it is counted earlier.
+    counts.taken += account.taken.load(std::memory_order_acquire);
+    counts.lost += account.lost.load(std::memory_order_acquire);
+    counts.sealed += account.sealed.load(std::memory_order_acquire);
+    counts.made += account.made.load(std::memory_order_acquire);
+  }
+  const auto agents = static_cast<uint64_t>(shape().trajectory.env.num_agents);
+  for (uint64_t* count : {&counts.made, &counts.sealed, &counts.taken, &counts.lost}) *count *= agents;
+  return counts;
+}
+
+bool Arena::withdraw_requests(int sim_worker) const {
+  check_index(sim_worker, shape().sim_worker_count, "simulator index is in range");
+  bool is_done = true;
+  for (int local = 0; local < shape().envs_per_worker; ++local) {
+    StepSlot& orphan = slot(sim_worker * shape().envs_per_worker + local);
+    is_done &= advance(orphan, SlotState::kReady, SlotState::kIdle) ||
+               advance(orphan, SlotState::kActed, SlotState::kIdle) ||
+               orphan.state.load(std::memory_order_acquire) == SlotState::kIdle;
+  }
+  return is_done;
+}
+
 uint64_t Arena::reclaim_sim_worker(int sim_worker) const {
   check_index(sim_worker, shape().sim_worker_count, "simulator index is in range");
   // A policy worker answers into the slab that its batch names. Taking the slab away under its pen would let
   // the late answer land in another environment's rows, so the answer is awaited first.
   const int64_t deadline_ns = monotonic_ns() + 2'000'000'000;
-  for (int local = 0; local < shape().envs_per_worker; ++local) {
-    StepSlot& orphan = slot(sim_worker * shape().envs_per_worker + local);
-    for (;;) {
-      if (advance(orphan, SlotState::kReady, SlotState::kIdle) ||
-          advance(orphan, SlotState::kActed, SlotState::kIdle) ||
-          orphan.state.load(std::memory_order_acquire) == SlotState::kIdle)
-        break;
-      if (monotonic_ns() > deadline_ns) {
-        orphan.state.store(SlotState::kIdle, std::memory_order_release);
-        break;
-      }
-      usleep(200);
-    }
-  }
+  while (!withdraw_requests(sim_worker) && monotonic_ns() < deadline_ns) usleep(200);
+  for (int local = 0; local < shape().envs_per_worker; ++local)
+    slot(sim_worker * shape().envs_per_worker + local)
+        .state.store(SlotState::kIdle, std::memory_order_release);
   for (int split = 0; split < shape().splits_per_worker; ++split)
     split_round(sim_worker, split).request_count.store(0, std::memory_order_release);
 
   const uint32_t owner = static_cast<uint32_t>(sim_worker) + 1;
-  uint64_t rows_lost = 0;
   bool freed = false;
   for (int index = 0; index < shape().slab_count; ++index) {
     SlabHeader& header = slab_header(index);
@@ -557,11 +619,14 @@ uint64_t Arena::reclaim_sim_worker(int sim_worker) const {
     // touch on a slab that another simulator was sealing.
     if (header.state.load(std::memory_order_acquire) == SlabState::kFilling &&
         static_cast<int>(header.env_index) / shape().envs_per_worker == sim_worker) {
-      rows_lost += std::min<uint64_t>(header.length, static_cast<uint64_t>(shape().trajectory.rollout_steps));
       // Killed between counting the rollout in the journal and sealing it: the successor plays it again,
       // because in lock step the learner waits for every one.
       JournalHeader& journal_header = journal(static_cast<int>(header.env_index));
       journal_header.rollout_index = std::min(journal_header.rollout_index, header.rollout_index);
+      if (header.position != kNoPosition) {  // killed within seal_slab()
+        std::atomic<uint64_t>& sealed = env_account(static_cast<int>(header.env_index)).sealed;
+        sealed.store(std::min(sealed.load(), header.position));
+      }
       header.owner.store(0, std::memory_order_release);
       header.state.store(SlabState::kFree, std::memory_order_release);
       freed = true;
@@ -571,7 +636,14 @@ uint64_t Arena::reclaim_sim_worker(int sim_worker) const {
     }
   }
   if (freed) ring(control().slab_released);
-  return rows_lost * static_cast<uint64_t>(shape().trajectory.env.num_agents);
+  // Whatever was made and is not sealed now never will be.
+  uint64_t steps_lost = 0;
+  for (int local = 0; local < shape().envs_per_worker; ++local) {
+    EnvAccount& account = env_account(sim_worker * shape().envs_per_worker + local);
+    const uint64_t lost = account.made.load() - account.sealed.load();
+    steps_lost += lost - account.lost.exchange(lost);
+  }
+  return steps_lost * static_cast<uint64_t>(shape().trajectory.env.num_agents);
 }
 
 int Arena::reclaim_policy_worker(int policy_worker) const {
@@ -592,9 +664,11 @@ int Arena::reclaim_policy_worker(int policy_worker) const {
 int Arena::reclaim_learner() const {
   int freed = 0;
   for (int index = 0; index < shape().slab_count; ++index) {
+    SlabHeader& header = slab_header(index);
+    if (header.state.load(std::memory_order_acquire) != SlabState::kLearning) continue;
+    note_taken(header);  // it may have died between the two
     SlabState expected = SlabState::kLearning;
-    freed += slab_header(index).state.compare_exchange_strong(expected, SlabState::kFree,
-                                                              std::memory_order_acq_rel);
+    freed += header.state.compare_exchange_strong(expected, SlabState::kFree, std::memory_order_acq_rel);
   }
   if (freed > 0) ring(control().slab_released);
   return freed;

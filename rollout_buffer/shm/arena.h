@@ -2,7 +2,7 @@
 // meet.
 //
 //   header | control | counters | step slots (one per environment) | episode ring | weights (two buffers) |
-//   environment journals (deterministic mode) | layout desks | trajectory slabs
+//   environment journals (deterministic mode) | layout desks | environment accounts | trajectory slabs
 //
 // Every hand-over is a state word with one writer per state and a doorbell beside it. There are no linked
 // lists or index rings that a peer killed half way could leave broken: who owns what can always be read off
@@ -111,6 +111,7 @@ struct alignas(kCacheLineBytes) SlabHeader {
   uint64_t seal_ticket;    ///< order of sealing over all environments
   uint64_t layout_id;
   EpisodeStamp first_episode;
+  uint64_t position;  ///< steps of this environment in slabs that were sealed before; see EnvAccount
   /// A slab is free when `state` is kFree and `owner` is 0. The owner word is the lock that acquiring takes;
   /// it is given back just before the state moves on. While kFilling, env_index tells whose the slab is, so a
   /// simulator killed between any two of these stores loses nothing.
@@ -163,11 +164,14 @@ struct alignas(kCacheLineBytes) ControlBlock {
   std::atomic<uint64_t> episodes_per_run;    ///< evaluation: episodes in all; UINT64_MAX while training
   std::atomic<uint64_t> slabs_sealed;        ///< next seal ticket
   std::atomic<uint64_t> learner_env_frames;  ///< counted by the learner
+  std::atomic<uint64_t> learner_decisions_before;  ///< of the run when this learner began (learner)
   std::atomic<float> epsilon;  ///< Q-learning: share of random decisions, the same in all policy workers
-  std::atomic<uint32_t> checkpoint_seq;    ///< grows: the learner is to save a checkpoint (supervisor)
-  std::atomic<uint32_t> goal_reached;      ///< 1: the learner ended because a limit of the run was reached
-  std::atomic<uint64_t> saved_env_frames;  ///< of the newest checkpoint (learner)
-  std::atomic<uint64_t> env_frames_lost;   ///< by learners that went back to a checkpoint (supervisor)
+  std::atomic<uint32_t> checkpoint_seq;      ///< grows: the learner is to save a checkpoint (supervisor)
+  std::atomic<uint32_t> goal_reached;        ///< 1: the learner ended because a limit of the run was reached
+  std::atomic<uint64_t> saved_env_frames;    ///< of the newest checkpoint (learner)
+  std::atomic<uint64_t> env_frames_lost;     ///< by learners that went back to a checkpoint (supervisor)
+  std::atomic<uint32_t> checkpoint_done;     ///< the last checkpoint_seq that the learner has dealt with
+  std::atomic<uint32_t> checkpoints_failed;  ///< that the learners of this arena could not write
   alignas(kCacheLineBytes) Doorbell run_state_changed;
   Doorbell slab_sealed;    ///< rung by simulators, heard by the learner
   Doorbell slab_released;  ///< rung by the learner (and when rollouts_allowed grows), heard by simulators
@@ -236,6 +240,40 @@ struct LayoutOutcome {
 uint64_t pack_outcome(const LayoutOutcome& outcome);
 LayoutOutcome unpack_outcome(uint64_t word);
 
+/// What became of the steps (decisions of all agents) that one environment has played since the arena was made:
+///
+///   made = sealed + in the slab in hand + lost         sealed = taken + in sealed slabs
+///
+/// Each word alone is the truth about what it counts, so that a process killed between any two stores leaves sums that
+/// add up: `made` and `sealed` are stored before what they announce, and reclaim_sim_worker() takes back what was announced
+/// and not done.
+struct alignas(kCacheLineBytes) EnvAccount {
+  // Simulator; while it is dead, the supervisor.
+  std::atomic<uint64_t> made;
+  std::atomic<uint64_t> sealed;  ///< in slabs that were sealed
+  // Supervisor.
+  std::atomic<uint64_t> lost;  ///< in slabs that dead simulators left half full
+  // Learner; while it is dead, the supervisor.
+  alignas(kCacheLineBytes) std::atomic<uint64_t> taken;  ///< in slabs that were drained
+};
+static_assert(sizeof(EnvAccount) == 2 * kCacheLineBytes, "changing this bumps kArenaVersion");
+
+/// The accounts of all environments together, in agent decisions.
+struct DecisionCounts {
+  uint64_t made = 0;
+  uint64_t sealed = 0;
+  uint64_t taken = 0;
+  uint64_t lost = 0;
+};
+
+/// How many slabs are in which state.
+struct SlabCounts {
+  int free = 0;
+  int filling = 0;
+  int sealed = 0;
+  int learning = 0;
+};
+
 /// A mapped arena. Move-only; all methods are safe to call from every process that has it mapped.
 class Arena {
  public:
@@ -286,6 +324,7 @@ class Arena {
   /// overtake each other.
   std::vector<uint32_t> drain_slabs(int max_count) const;
   int sealed_count() const;
+  SlabCounts slab_counts() const;
   void release_slab(uint32_t slab_index) const;  ///< kLearning -> kFree, rings
 
   // Episode records: one ring per simulator (record.env_index tells which), one reader (the supervisor). A
@@ -321,10 +360,18 @@ class Arena {
   // Layout pools.
   LayoutDesk& layout_desk(int env_index) const;
 
+  // Accounts.
+  EnvAccount& env_account(int env_index) const;
+  /// While processes are at work: made >= sealed + lost, sealed >= taken.
+  DecisionCounts decision_counts() const;
+
   // Supervisor: after a worker died.
+  /// Idles a dead simulator's slots, but for those that a policy worker has in its batch: it still writes into their slabs.
+  /// Whether there are none.
+  bool withdraw_requests(int sim_worker) const;
   /// Frees the slabs a dead simulator was filling (their rollouts are played again) and idles its slots.
-  /// Returns agent decisions lost. Waits up to 2 s for a policy worker that is answering one of the slots,
-  /// because it still writes into the slab; reclaim a policy worker that died at the same time first.
+  /// Returns agent decisions lost. Waits up to 2 s for withdraw_requests(); reclaim a policy worker that died at the same
+  /// time first.
   uint64_t reclaim_sim_worker(int sim_worker) const;
   /// Puts slots that a dead policy worker had in its batch back to kReady. Returns how many.
   int reclaim_policy_worker(int policy_worker) const;
@@ -335,6 +382,7 @@ class Arena {
   struct Offsets;
   struct EpisodeQueue;
   Arena(Segment segment, std::unique_ptr<Offsets> offsets);
+  void note_taken(const SlabHeader& header) const;
   Segment segment_;
   std::unique_ptr<Offsets> offsets_;
 };

@@ -74,11 +74,13 @@ Expected<Segment> Segment::create(const std::string& name, int64_t size_bytes) {
     return Error{ErrorCode::kBadInput, "shared memory " + name + ": its size must be positive"};
   const int64_t free_bytes = free_memory_bytes();
   if (size_bytes > free_bytes)
-    return Error{ErrorCode::kNoSpace,
-                 "shared memory " + name + " needs " + bytes_text(size_bytes) + ", but only " +
-                     bytes_text(free_bytes) +
-                     " is free; lower --trajectory_slabs, --num_workers, --num_envs_per_worker, "
-                     "--batch_size or --rollout, or free memory"};
+    return Error{
+        ErrorCode::kNoSpace,
+        "shared memory " + name + " needs " + bytes_text(size_bytes) + ", but only " +
+            bytes_text(free_bytes) + " is free" +
+            (control_group_room() <= free_bytes ? " below the memory limit of the control group" : "") +
+            "; lower --trajectory_slabs, --num_workers, --num_envs_per_worker, "
+            "--batch_size or --rollout, or free memory"};
   Segment segment;
   segment.mapping_.descriptor = memfd_create(name.c_str(), MFD_CLOEXEC | MFD_ALLOW_SEALING);
   if (segment.mapping_.descriptor < 0) return system_error("memfd_create " + name);

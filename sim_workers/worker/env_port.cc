@@ -24,6 +24,7 @@ EnvPort::EnvPort(const shm::Arena& arena, Environment& environment, const PortRu
       slot_(&arena.slot(env_index_)),
       journal_(&arena.journal(env_index_)),
       desk_(&arena.layout_desk(env_index_)),
+      account_(&arena.env_account(env_index_)),
       slab_(arena.slab(0)) {}
 
 Status EnvPort::start() {
@@ -172,6 +173,7 @@ void EnvPort::act() {
   const std::span<const int32_t> action(slab_.action(step_, 0).data(),
                                         agents * static_cast<std::size_t>(shape.head_count));
   append_to_journal(action);
+  account_->made.store(account_->made.load(std::memory_order_relaxed) + 1, std::memory_order_release);
   environment_.step(action);
   const Step& step = environment_.last_step();
   shape_rewards(step.reward, rules_.rewards, {&slab_.reward(step_, 0), agents});

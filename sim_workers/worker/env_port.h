@@ -95,6 +95,7 @@ class EnvPort {
   shm::StepSlot* const slot_;
   shm::JournalHeader* const journal_;
   shm::LayoutDesk* const desk_;
+  shm::EnvAccount* const account_;
 
   Stage stage_ = Stage::kParked;
   shm::RequestKind request_ = shm::RequestKind::kAct;

@@ -162,6 +162,12 @@ int main(int argc, char** argv) {
     write("machine", "program" + std::to_string(i), program);
     write("link", "numbers" + std::to_string(i), program);
   }
+  for (const char* order : {"status", "drain", "checkpoint"})
+    write("join", order, std::string("\x03{\"do\":\"") + order + "\",\"host\":\"box\"}\n");
+  write("join", "page", "\x03GET /metrics HTTP/1.1\r\nHost: localhost:9400\r\n\r\n");
+  write("join", "datagram", std::string("\0\1\x18\0", 4));  // a right one, and one number of it changed
+  write("join", "answer", "\x01" + std::string(168, '\0'));
+  write("join", "header", std::string("\x02\x30\0\7\x34\0\1", 7));
 
   const std::vector<uint8_t> scripts = actors(Container::kHiddenCompact);
   WadBytes wad;

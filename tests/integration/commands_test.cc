@@ -52,6 +52,9 @@ TEST(Help, EveryCommandAndSubcommandPrintsItAndStartsNothing) {
                                              {"train", "--scenario", "lava_pit"},
                                              {"config", "--json"},
                                              {"doctor", "--json"},
+                                             {"top", "--once"},
+                                             {"ctl", "a_run", "status"},
+                                             {"ctl", "a_run", "drain", "host"},
                                              {"test", "-L", "unit"}})
     commands.push_back(more);
   for (const std::vector<std::string>& command : commands)

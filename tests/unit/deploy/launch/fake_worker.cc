@@ -109,9 +109,11 @@ int main(int argc, char** argv) {
     control.learner_env_frames.store(report.env_frames);
     control.saved_env_frames.store(report.env_frames);
   }
+  if (role == "learner") control.learner_decisions_before = counters.decisions.load();
   counters.state = shm::WorkerState::kRunning;
   if (habits.contains("fill")) {
     if (const auto slab = arena->acquire_slab(index)) arena->slab_header(static_cast<int>(*slab)).length = 5;
+    arena->env_account(index * arena->shape().envs_per_worker).made += 5;
   }
   const uint64_t episode_count = habits.contains("episodes") ? std::stoull(habits["episodes"]) : 0;
   double running_since_s = 0;
@@ -124,6 +126,10 @@ int main(int argc, char** argv) {
         tell("running");
         if (role == "learner") usleep(300'000);  // simulators collect a first batch
       }
+      // As if the simulators had sealed just what it takes.
+      shm::EnvAccount& account = arena->env_account(arena->shape().env_count() - 1);
+      if (role == "learner")
+        for (auto* count : {&account.made, &account.sealed, &account.taken}) *count += 32;
       counters.decisions += role == "learner" ? 64 : 10;
       counters.batches += 1;
       for (; episodes < episode_count; ++episodes) {

@@ -49,7 +49,7 @@ int main(int argc, char** argv) {
   json["interrupted"] = outcome->interrupted;
   json["message"] = outcome->message;
   json["restarts"] = outcome->restarts;
-  json["steps_lost"] = outcome->steps_lost;
+  json["steps_lost"] = outcome->accounts.lost_with_the_dead();
   json["env_frames_lost"] = outcome->env_frames_lost;
   json["learner_version"] = outcome->last_stats.learner_version;
   json["measured_seconds"] = outcome->measured.seconds;

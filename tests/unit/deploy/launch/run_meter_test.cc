@@ -22,7 +22,7 @@ class RunMeterTest : public ::testing::Test {
   /// What a learner in its `epoch`-th life has counted.
   void learner_says(uint64_t decisions, uint64_t updates, uint32_t epoch) {
     shm::WorkerCounters& counters = arena_.learner_counters();
-    counters.epoch = epoch;
+    if (counters.epoch.exchange(epoch) != epoch) arena_.control().learner_decisions_before = decisions;
     counters.decisions = decisions;
     counters.batches = updates;
     counters.state = shm::WorkerState::kRunning;
@@ -203,6 +203,63 @@ TEST_F(RunMeterTest, AnEpisodePlayedTwiceCountsOnce) {
   add(3, 70);
   EXPECT_EQ(meter.episodes().size(), 2u);
   EXPECT_DOUBLE_EQ(meter.episode_score_mean(), 15);
+}
+
+TEST_F(RunMeterTest, AccountsNameEveryDecisionOfADeadLearner) {
+  RunMeter meter(plan_);
+  meter.use(&arena_);
+  shm::EnvAccount& account = arena_.env_account(3);  // two agents: two decisions a step
+  account.made = 500, account.sealed = 480, account.taken = 400;
+  learner_says(0, 0, 1);
+  (void)meter.count();
+  arena_.learner_counters().decisions = 600;
+  EXPECT_EQ(meter.accounts().waiting, 1000u) << "not looked at yet";
+  EXPECT_EQ(meter.learner_ended(), 200u) << "taken and not trained on";
+  EXPECT_EQ(meter.learner_ended(), 0u);
+
+  // Its successor goes back to 450 and has trained on 50 before anybody looks.
+  learner_says(450, 9, 2);
+  arena_.learner_counters().decisions = 500;
+  account.taken = 425;
+  EXPECT_TRUE(meter.count());
+  DecisionAccounts now = meter.accounts();
+  EXPECT_EQ(now.made, 1000u);
+  EXPECT_EQ(now.trained, 650u);
+  EXPECT_EQ(now.forgotten, 150u);
+  EXPECT_EQ(now.lost_with_learners, 200u);
+  EXPECT_EQ(now.waiting, 150u);
+  EXPECT_EQ(now.made, now.trained + now.lost() + now.waiting);
+  EXPECT_THAT(now.text(),
+              HasSubstr("of 1000 decisions made 650 were trained on (150 of them forgotten), 200 lost "
+                        "with the learner, 150 wait"));
+
+  (void)arena_.reclaim_sim_worker(3 / arena_.shape().envs_per_worker);
+  meter.close();
+  now = meter.accounts();
+  EXPECT_EQ(now.lost_with_simulators, 40u);
+  EXPECT_EQ(now.left, 110u);
+  EXPECT_EQ(now.waiting, 0u);
+  EXPECT_EQ(now.made, now.trained + now.lost());
+  EXPECT_EQ(meter.account_fault(), "");
+}
+
+TEST_F(RunMeterTest, AnArenaThatIsGivenUpLosesWhatLayInItAndALearnerThatCountsTooMuchIsSeen) {
+  RunMeter meter(plan_);
+  meter.use(&arena_);
+  arena_.env_account(0).made = arena_.env_account(0).sealed = 50;
+  learner_says(0, 0, 1);
+  arena_.learner_counters().decisions = 30;
+  (void)meter.count();
+  const shm::Arena next = *shm::Arena::create(testing::small_arena_shape(), 2);
+  meter.use(&next);
+  EXPECT_EQ(meter.accounts().lost_in_restarts, 70u);
+  EXPECT_EQ(meter.accounts().made, 100u);
+
+  next.learner_counters().epoch = 1;
+  next.learner_counters().decisions = 8;
+  next.learner_counters().state = shm::WorkerState::kRunning;
+  EXPECT_EQ(meter.learner_ended(), 0u);
+  EXPECT_THAT(meter.account_fault(), HasSubstr("do not add up"));
 }
 
 }  // namespace

@@ -180,8 +180,10 @@ class LearnerTest : public ::testing::Test {
     shm::Arena observer = *shm::Arena::adopt(dup(arena->descriptor()));
     observer.control().run_state = shm::RunState::kRunning;
     Outcome outcome;
-    const LearnerOptions options{
-        .run_dir = (folder_ / run).string(), .serve = mode == "serve", .checkpoint = ""};
+    const LearnerOptions options{.run_dir = (folder_ / run).string(),
+                                 .serve = mode == "serve",
+                                 .checkpoint = "",
+                                 .abandon_step_after_s = stop_at_batches_ > 0 ? 0.0 : 4.0};
     auto learner = Learner::start(options, config, std::move(*arena), std::nullopt, stop_);
     if (!learner) {
       outcome.status = learner.error();
@@ -191,6 +193,12 @@ class LearnerTest : public ::testing::Test {
     std::optional<FakeSimulator> simulator;
     if (mode == "train") simulator.emplace(observer, simulator_is_sound_);
     std::thread stopper;
+    if (stop_at_batches_ > 0)
+      stopper = std::thread([&] {
+        while (observer.learner_counters().batches.load() < stop_at_batches_)
+          std::this_thread::sleep_for(std::chrono::microseconds(100));
+        stop_ = true;
+      });
     if (stop_at_version_ > 0)
       stopper = std::thread([&] {
         while (observer.control().policy_version.load() < stop_at_version_)
@@ -208,7 +216,8 @@ class LearnerTest : public ::testing::Test {
     const auto version = observer.read_weights(published);
     EXPECT_TRUE(version);
     outcome.published = *version;
-    EXPECT_TRUE(published == outcome.weights);
+    // What was learned of a rollout that is given up, nobody hears of.
+    EXPECT_TRUE(stop_at_batches_ > 0 || published == outcome.weights);
     return outcome;
   }
 
@@ -235,6 +244,8 @@ class LearnerTest : public ::testing::Test {
   std::atomic<bool> stop_{false};
   std::function<void(const shm::Arena&)> before_run_;
   bool simulator_is_sound_ = true;
+  uint64_t stop_at_batches_ =
+      0;  ///< raise stop_ after so many optimizer steps, and wait for no rollout; 0: never
   PolicyVersion stop_at_version_ = 0;  ///< raise stop_ when this version is published; 0: never
   std::chrono::steady_clock::time_point stopped_at_;
 };
@@ -373,6 +384,33 @@ TEST_F(LearnerTest, LockStepGivesTheSameWeightsTwiceAndAcrossAResume) {
     ASSERT_NO_FATAL_FAILURE(expect_the_same_twice_and_resumed(config, 2, 5, version));
     EXPECT_EQ(version, 20u * networks);  // 5 rollouts, 2 batches, 2 epochs
   }
+}
+
+TEST_F(LearnerTest, ALockStepRunThatIsStoppedWithinARolloutKeepsTheOneBefore) {
+  RunConfig config = small_config();
+  config.collection.deterministic = true;
+  config.collection.async_rl = false;
+  config.optimisation.num_epochs = 100;  // 200 steps a rollout
+  config.run.save_every_sec = 3600;
+  config.run.train_for_env_frames = kFramesPerRollout * 3;
+  const Outcome whole = live(config, "whole");
+  ASSERT_TRUE(whole.status) << whole.status.error().message;
+  EXPECT_EQ(whole.version, 600u);
+
+  stop_at_batches_ = 300;  // the second batch of the second rollout is in hand
+  const Outcome stopped = live(config, "stopped");
+  ASSERT_TRUE(stopped.status) << stopped.status.error().message;
+  CheckpointStore store((folder_ / "stopped/checkpoint").string(), 2);
+  ASSERT_EQ(store.list().size(), 1u) << "the rollout that was trained on is lost";
+  EXPECT_EQ(store.list()[0].version, 200u);
+  EXPECT_EQ(store.list()[0].env_frames, static_cast<uint64_t>(kFramesPerRollout));
+  EXPECT_EQ(stopped.env_frames, static_cast<uint64_t>(kFramesPerRollout));
+  stop_ = false;
+  stop_at_batches_ = 0;
+  const Outcome resumed = live(config, "stopped");
+  ASSERT_TRUE(resumed.status) << resumed.status.error().message;
+  EXPECT_EQ(resumed.version, whole.version);
+  EXPECT_TRUE(resumed.weights == whole.weights) << "as if it had never been stopped";
 }
 
 /// Q-learning with a replay of a few slabs, of which training begins with eight.

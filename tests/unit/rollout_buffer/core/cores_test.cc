@@ -52,6 +52,16 @@ TEST(ControlGroupCores, ReadsTheCpuHierarchyOfVersion1) {
   EXPECT_EQ(quota_of("3:cpuset:/job\n", root.string()), std::nullopt);
 }
 
+TEST(MemoryKills, AreCountedInBothVersions) {
+  const test::ScratchFolder root;
+  root.write("a/memory.events", std::string_view("low 0\nhigh 0\nmax 9\noom 4\noom_kill 3\n"));
+  root.write("memory/job/memory.oom_control",
+             std::string_view("oom_kill_disable 0\nunder_oom 0\noom_kill 2\n"));
+  EXPECT_EQ(memory_kills(control_groups("memory", "0::/a\n", root.string())), 3u);
+  EXPECT_EQ(memory_kills(control_groups("memory", "7:memory:/job\n", root.string())), 2u);
+  EXPECT_EQ(memory_kills(control_groups("memory", "0::/none\n", root.string())), 0u);
+}
+
 TEST(ControlGroupCores, WhatCannotBeReadIsNoLimit) {
   const test::ScratchFolder root;
   root.write("cpu.max", std::string_view("nonsense"));

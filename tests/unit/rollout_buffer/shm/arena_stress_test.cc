@@ -66,6 +66,7 @@ float tag_of(uint32_t env, uint64_t rollout, int step, int agent) {
           broken("an answer is not ours");
         for (int agent = 0; agent < 2; ++agent)
           slab.reward(step, agent) = tag_of(header.env_index, header.rollout_index, step, agent);
+        arena.env_account(env).made.fetch_add(1);
         header.length = static_cast<uint32_t>(step + 1);
       }
       ++arena.journal(env).rollout_index;
@@ -113,6 +114,8 @@ float tag_of(uint32_t env, uint64_t rollout, int step, int agent) {
         for (int agent = 0; agent < 2; ++agent)
           if (slab.reward(step, agent) != tag_of(header.env_index, header.rollout_index, step, agent))
             broken("a sealed slab holds foreign rows");
+      arena.learner_counters().decisions.fetch_add(
+          8 * 2);  // before it lets go: what is lost with it is still there
       arena.release_slab(index);
     }
     if (drained.empty()) wait(arena.control().slab_sealed, heard, 1000);
@@ -168,7 +171,15 @@ TEST(ArenaStress, NothingIsLostWhenPeersAreKilledHalfWay) {
 
   std::vector<std::byte> weights, expected(kWeightsBytes);
   uint64_t weights_read = 0, episodes = 0, kills = 0;
+  uint64_t lost_with_learners = 0;
   PolicyVersion newest = 0;
+  // To the decision: what the learner took is trained on or lost with one of its lives, three slabs at most.
+  const auto check_learner = [&] {
+    const uint64_t taken = arena.decision_counts().taken, learned = arena.learner_counters().decisions.load();
+    ASSERT_GE(taken, learned + lost_with_learners);
+    ASSERT_LE(taken - learned - lost_with_learners, 3u * 8 * 2);
+    lost_with_learners = taken - learned;
+  };
   const double end_s = monotonic_s() + 12;
   while (monotonic_s() < end_s) {
     usleep(rng.below(4000));
@@ -183,6 +194,7 @@ TEST(ArenaStress, NothingIsLostWhenPeersAreKilledHalfWay) {
       reclaim(arena, kPolicyWorker);
     }
     reclaim(arena, victim);
+    if (victim == kLearner) check_learner();
     if (victim < kPolicyWorker) {
       const uint32_t dead = static_cast<uint32_t>(victim) + 1;
       for (int slab = 0; slab < shape.slab_count; ++slab)
@@ -215,11 +227,22 @@ TEST(ArenaStress, NothingIsLostWhenPeersAreKilledHalfWay) {
   for (const int peer : {kPolicyWorker, kLearner, 0, 1})
     EXPECT_TRUE(kill_peer(peers[peer])) << "peer " << peer;
   for (const int peer : {kPolicyWorker, kLearner, 0, 1}) reclaim(arena, peer);
+  check_learner();
+  const DecisionCounts counts = arena.decision_counts();
+  const auto sealed = static_cast<uint64_t>(arena.sealed_count()) * 8 * 2;
+  EXPECT_EQ(counts.made,
+            arena.learner_counters().decisions.load() + lost_with_learners + sealed + counts.lost);
+  EXPECT_EQ(counts.sealed, counts.taken + sealed);
   for (const uint32_t slab : arena.drain_slabs(shape.slab_count)) arena.release_slab(slab);
   for (int env = 0; env < shape.env_count(); ++env) EXPECT_EQ(arena.slot(env).state.load(), SlotState::kIdle);
   for (int count = 0; count < shape.slab_count; ++count)
     EXPECT_TRUE(arena.acquire_slab(0)) << "a slab is lost";
 
+  std::printf("%lu decisions made, %lu learned from, %lu lost with simulators, %lu with learners\n",
+              static_cast<unsigned long>(counts.made),
+              static_cast<unsigned long>(arena.learner_counters().decisions.load()),
+              static_cast<unsigned long>(counts.lost), static_cast<unsigned long>(lost_with_learners));
+  EXPECT_GT(counts.lost, 0u);
   std::printf("%lu kills, %lu rollouts, %lu episodes, weights read %lu times up to version %u\n",
               static_cast<unsigned long>(kills),
               static_cast<unsigned long>(arena.control().slabs_sealed.load()),

@@ -440,6 +440,7 @@ TEST(Reclaim, ADeadSimulatorsSlabsAndSlotsComeBackAndOthersStay) {
   const uint32_t dead = *arena.acquire_slab(1), sealed = *arena.acquire_slab(1),
                  alive = *arena.acquire_slab(0);
   arena.slab_header(static_cast<int>(dead)).length = 5;
+  arena.env_account(4).made = 5;
   arena.seal_slab(sealed);
   arena.slot(3).state.store(SlotState::kReady);  // simulator 0
   arena.slot(4).state.store(SlotState::kReady);  // simulator 1 from here
@@ -536,6 +537,73 @@ TEST(Reclaim, ADeadPolicyWorkersBatchIsReadyAgain) {
   EXPECT_EQ(arena.slot(1).state.load(), SlotState::kReady);
   EXPECT_EQ(arena.slot(2).state.load(), SlotState::kInBatch) << "served by the other one";
   EXPECT_EQ(arena.slot(4).state.load(), SlotState::kReady);
+}
+
+TEST(Accounts, SayToTheStepWhereWhatWasMadeIsWhateverMomentKills) {
+  const Arena arena = make_arena();
+  const int steps = arena.shape().trajectory.rollout_steps;
+  const auto fill = [&](int env, int count) {
+    const uint32_t slab = *arena.acquire_slab(env / arena.shape().envs_per_worker);
+    SlabHeader& header = arena.slab_header(static_cast<int>(slab));
+    header.env_index = static_cast<uint32_t>(env);
+    arena.env_account(env).made += static_cast<uint64_t>(count);
+    header.length = static_cast<uint32_t>(count);
+    return slab;
+  };
+  const auto expect = [&](int env, uint64_t made, uint64_t sealed, uint64_t taken, uint64_t lost) {
+    const EnvAccount& account = arena.env_account(env);
+    EXPECT_EQ(account.made, made);
+    EXPECT_EQ(account.sealed, sealed);
+    EXPECT_EQ(account.taken, taken);
+    EXPECT_EQ(account.lost, lost);
+  };
+  const auto whole = static_cast<uint64_t>(steps);
+  arena.seal_slab(fill(5, steps));
+  arena.seal_slab(fill(5, steps - 1));
+  ASSERT_EQ(arena.drain_slabs(1).size(), 1u);
+  expect(5, 2 * whole - 1, 2 * whole - 1, whole, 0);
+
+  // Half full, and counted before the world moved; its simulator dies.
+  (void)fill(5, 3);
+  arena.env_account(5).made += 1;
+  EXPECT_EQ(arena.reclaim_sim_worker(1), 4u * 2) << "of two agents";
+  expect(5, 2 * whole + 3, 2 * whole - 1, whole, 4);
+  EXPECT_EQ(arena.reclaim_sim_worker(1), 0u);
+
+  // Killed within seal_slab(), when the account was stored and the slab was not handed over.
+  SlabHeader& half = arena.slab_header(static_cast<int>(fill(5, steps)));
+  half.position = arena.env_account(5).sealed;
+  arena.env_account(5).sealed += whole;
+  half.owner = 0;
+  EXPECT_EQ(arena.reclaim_sim_worker(1), 2 * whole);
+  expect(5, 3 * whole + 3, 2 * whole - 1, whole, 4 + whole);
+
+  // A learner killed between taking a slab and saying so.
+  for (int slab = 0; slab < arena.shape().slab_count; ++slab) {
+    SlabState sealed = SlabState::kSealed;
+    arena.slab_header(slab).state.compare_exchange_strong(sealed, SlabState::kLearning);
+  }
+  EXPECT_EQ(arena.reclaim_learner(), 2);
+  expect(5, 3 * whole + 3, 2 * whole - 1, 2 * whole - 1, 4 + whole);
+
+  // What comes after counts on.
+  arena.seal_slab(fill(5, steps));
+  ASSERT_EQ(arena.drain_slabs(8).size(), 1u);
+  expect(5, 4 * whole + 3, 3 * whole - 1, 3 * whole - 1, 4 + whole);
+  const DecisionCounts all = arena.decision_counts();
+  EXPECT_EQ(all.made, 2 * (4 * whole + 3));
+  EXPECT_EQ(all.made, all.taken + all.lost);
+}
+
+TEST(Reclaim, ASlotThatAPolicyWorkerHoldsKeepsItsSlab) {
+  const Arena arena = make_arena();
+  arena.slot(4).state.store(SlotState::kReady);
+  arena.slot(5).state.store(SlotState::kInBatch);
+  EXPECT_FALSE(arena.withdraw_requests(1));
+  EXPECT_EQ(arena.slot(4).state.load(), SlotState::kIdle);
+  EXPECT_EQ(arena.slot(5).state.load(), SlotState::kInBatch);
+  arena.slot(5).state.store(SlotState::kActed);
+  EXPECT_TRUE(arena.withdraw_requests(1));
 }
 
 TEST(Reclaim, ADeadLearnersSlabsAreFreeAgain) {

@@ -1,0 +1,73 @@
+#include "deploy/launch/run_accounts.h"
+
+#include <utility>
+#include <vector>
+
+#include "rollout_buffer/core/text.h"
+
+namespace comrad::deploy {
+
+std::string DecisionAccounts::text() const {
+  std::vector<std::string> parts;
+  const auto add = [&parts](uint64_t count, const char* words) {
+    if (count > 0) parts.push_back(std::to_string(count) + " " + words);
+  };
+  add(lost_with_simulators, "lost with simulators");
+  add(lost_with_learners, "lost with the learner");
+  add(lost_in_restarts, "lost when all workers started again");
+  add(waiting, "wait");
+  add(left, "left at the end");
+  std::string text =
+      "of " + std::to_string(made) + " decisions made " + std::to_string(trained) + " were trained on";
+  if (forgotten > 0) text += " (" + std::to_string(forgotten) + " of them forgotten)";
+  return parts.empty() ? text : text + ", " + joined(parts);
+}
+
+void RunAccounts::use(const shm::Arena* arena, uint64_t trained) {
+  if (arena_ != nullptr) {
+    const DecisionAccounts now = read(trained);
+    sums_.made = now.made;
+    sums_.lost_with_simulators = now.lost_with_simulators;
+    sums_.lost_with_learners = now.lost_with_learners;
+    sums_.lost_in_restarts += now.waiting;
+  }
+  arena_ = arena;
+  trained_before_ = trained;
+  lost_with_learners_ = 0;
+}
+
+uint64_t RunAccounts::learner_ended(uint64_t trained) {
+  if (arena_ == nullptr) return 0;
+  const uint64_t taken = arena_->decision_counts().taken;
+  const uint64_t known = trained - trained_before_ + lost_with_learners_;
+  if (known > taken) {
+    fault_ = "the accounts do not add up: the learner counted " + std::to_string(known) +
+             " decisions, the arena gave it " + std::to_string(taken);
+    return 0;
+  }
+  lost_with_learners_ += taken - known;
+  return taken - known;
+}
+
+void RunAccounts::close(uint64_t trained) {
+  if (arena_ == nullptr) return;
+  const uint64_t waiting = read(trained).waiting;
+  use(nullptr, trained);
+  sums_.lost_in_restarts -= waiting;
+  sums_.left += waiting;
+}
+
+DecisionAccounts RunAccounts::read(uint64_t trained) const {
+  DecisionAccounts accounts = sums_;
+  accounts.trained = trained;
+  if (arena_ == nullptr) return accounts;
+  const shm::DecisionCounts counts = arena_->decision_counts();
+  accounts.made += counts.made;
+  accounts.lost_with_simulators += counts.lost;
+  accounts.lost_with_learners += lost_with_learners_;
+  const uint64_t gone = trained - trained_before_ + counts.lost + lost_with_learners_;
+  accounts.waiting = counts.made > gone ? counts.made - gone : 0;
+  return accounts;
+}
+
+}  // namespace comrad::deploy

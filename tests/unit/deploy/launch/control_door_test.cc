@@ -1,0 +1,126 @@
+#include "deploy/launch/control_door.h"
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/scratch_folder.h"
+
+namespace comrad::deploy {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+class ControlDoorTest : public ::testing::Test {
+ protected:
+  DoorOrders orders() {
+    const auto note = [this](const char* what) { done_ += std::string(what) + " "; };
+    return {.status = [] { return std::string(R"({"state":"running"})"); },
+            .pause = [note] { return note("pause"), Status(); },
+            .resume =
+                [] {
+                  return Status(Error{ErrorCode::kBadInput, "the run is not paused"});
+                },
+            .stop = [note] { return note("stop"), Status(); },
+            .checkpoint = [] { return Expected<uint32_t>(7u); },
+            .drain = [note](const std::string& host) { return note(("drain " + host).c_str()), Status(); }};
+  }
+  std::string error_of(const std::string& request) {
+    const json answer = json::parse(answer_at_door(request, orders()));
+    return answer.value("error", "none");
+  }
+  std::string done_;
+};
+
+TEST_F(ControlDoorTest, DoesWhatItIsTold) {
+  EXPECT_EQ(answer_at_door(R"({"do":"status"})", orders()), "{\"state\":\"running\"}\n");
+  EXPECT_EQ(json::parse(answer_at_door(R"({"do":"pause"})", orders())), json({{"ok", true}}));
+  EXPECT_EQ(json::parse(answer_at_door(R"({"do":"checkpoint"})", orders())),
+            json({{"ok", true}, {"asked", 7}}));
+  EXPECT_EQ(error_of(R"({"do":"drain","host":"box-2"})"), "none");
+  EXPECT_EQ(done_, "pause drain box-2 ");
+  EXPECT_EQ(error_of(R"({"do":"resume"})"), "the run is not paused");
+}
+
+TEST_F(ControlDoorTest, RefusesWhatIsNoOrderInWords) {
+  for (const char* request : {"", "\n", "stop", "[]", "{}", R"({"do":7})", R"({"do":)", "\xff\xfe\n"})
+    EXPECT_THAT(error_of(request), HasSubstr("no request")) << request;
+  EXPECT_THAT(error_of(R"({"do":"sto"})"), HasSubstr("did you mean 'stop'"));
+  EXPECT_THAT(error_of(R"({"do":"drain"})"), HasSubstr("name of a host"));
+  EXPECT_THAT(error_of(json({{"do", "drain"}, {"host", std::string(300, 'x')}}).dump()),
+              HasSubstr("name of a host"));
+  EXPECT_EQ(done_, "");
+}
+
+TEST(DoorSign, SaysInTheLockFileWhereTheDoorIs) {
+  const test::ScratchFolder scratch;
+  EXPECT_FALSE(read_door_sign(scratch.string()));
+  const int lock = open((scratch / ".lock").c_str(), O_RDWR | O_CREAT, 0644);
+  ASSERT_GE(lock, 0);
+  ASSERT_EQ(write(lock, "123456789\n", 10), 10);  // as a run that is being set up has it
+  const auto early = read_door_sign(scratch.string());
+  ASSERT_TRUE(early);
+  EXPECT_EQ(early->pid, 123456789);
+  EXPECT_EQ(early->door, "");
+  const DoorSign sign = make_door_sign();
+  ASSERT_TRUE(write_door_sign(lock, sign));
+  const auto read = read_door_sign(scratch.string());
+  close(lock);
+  ASSERT_TRUE(read);
+  EXPECT_EQ(read->pid, getpid());
+  EXPECT_EQ(read->door, sign.door);
+  EXPECT_EQ(read->host, sign.host);
+  EXPECT_NE(make_door_sign().door, sign.door);
+}
+
+TEST(DoorSign, WhateverLiesThereIsNoHarm) {
+  const test::ScratchFolder scratch;
+  std::ofstream(scratch / ".lock") << std::string(5000, 'x');
+  EXPECT_FALSE(read_door_sign(scratch.string()));
+  std::ofstream(scratch / ".lock") << "-\n\x01\n";
+  ASSERT_TRUE(read_door_sign(scratch.string()));
+}
+
+TEST(ControlDoor, AnotherUserGetsNoAnswer) {
+  if (geteuid() != 0) GTEST_SKIP() << "only root can become another user";
+  const std::string name = make_door_sign().door;
+  int stops = 0;
+  auto door = ControlDoor::open(name, {.stop = [&stops] { return ++stops, Status(); }});
+  ASSERT_TRUE(door) << door.error().message;
+  int told[2];
+  ASSERT_EQ(pipe(told), 0);
+  const pid_t stranger = fork();
+  if (stranger == 0) {
+    if (setuid(65534) != 0) _exit(2);
+    const auto client = connect_to_name(name);
+    if (!client || write(client->get(), "{\"do\":\"stop\"}\n", 14) != 14) _exit(3);
+    char answer[512];
+    for (int turn = 0; turn < 100; ++turn) {
+      usleep(50'000);
+      const ssize_t size = read(client->get(), answer, sizeof answer);
+      if (size > 0) _exit(write(told[1], answer, static_cast<std::size_t>(size)) == size ? 0 : 4);
+    }
+    _exit(5);
+  }
+  int status = 0;
+  for (double now_s = 0; waitpid(stranger, &status, WNOHANG) == 0; now_s += 0.02) {
+    door->tick(now_s / 100);
+    usleep(20'000);
+  }
+  ASSERT_TRUE(WIFEXITED(status)) << status;
+  ASSERT_EQ(WEXITSTATUS(status), 0);
+  char answer[512] = {};
+  ASSERT_GT(read(told[0], answer, sizeof answer - 1), 0);
+  EXPECT_THAT(std::string(answer), HasSubstr("the run belongs to user 0, you are user 65534"));
+  EXPECT_EQ(stops, 0);
+  close(told[0]), close(told[1]);
+}
+
+}  // namespace
+}  // namespace comrad::deploy
