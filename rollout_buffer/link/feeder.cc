@@ -30,13 +30,16 @@ Feeder::Feeder(const shm::Arena& arena, dds::LinkBus bus, const FeederOptions& o
       bus_(std::move(bus)),
       options_(options),
       cutter_(arena.slab_offsets()),
-      weights_(arena.shape().weights_bytes) {}
+      weights_(arena.shape().weights_bytes),
+      layout_draws_(RngKey(options.feeder_id).split("layouts")) {}
 
 Status Feeder::run(const std::atomic<bool>& stop) {
   shm::WorkerCounters& counters = arena_.learner_counters();
   counters.begin_life();
   epoch_ = counters.epoch.load();
   delivered_ = counters.decisions.load();
+  lost_ = arena_.control().decisions_lost_on_the_way.load();
+  arena_.control().learner_decisions_before = delivered_;
   adopt();
   counters.state = shm::WorkerState::kRunning;
   heard_s_ = progress_s_ = monotonic_s();
@@ -46,6 +49,7 @@ Status Feeder::run(const std::atomic<bool>& stop) {
     send();
     resend_if_stuck();
     send_episodes();
+    grant_layouts();
     if (monotonic_s() - reported_s_ >= kReportIntervalS) report(/*is_leaving=*/false);
     if (every_second_ && monotonic_s() - told_s_ >= 1) told_s_ = monotonic_s(), every_second_();
     bus_.wait(kWaitMs);
@@ -116,6 +120,8 @@ void Feeder::take_state(const dds::FeedState& state) {
     return;
   }
   has_run_ended_ |= state.run_state == "stopping";
+  if (state.run_state == "leaving")
+    arena_.control().goal_reached = kAskedToLeave;  // the supervisor stops simulators
   if (session_ != state.session && session_ != 0) return begin_anew(state.session);
   session_ = state.session;
   state_ = state;
@@ -143,6 +149,7 @@ void Feeder::begin_anew(uint64_t session) {
 void Feeder::finish_first(bool is_delivered) {
   const InHand& first = in_hand_.front();
   (is_delivered ? delivered_ : lost_) += first.decisions;
+  if (!is_delivered) arena_.control().decisions_lost_on_the_way = lost_;
   if (is_delivered) {
     arena_.learner_counters().decisions = delivered_;
     arena_.learner_counters().batches.fetch_add(1);
@@ -214,6 +221,20 @@ void Feeder::send_episodes() {
   }
 }
 
+/// Each environment that took its last layout is granted another. How episodes ended is nobody's business here.
+void Feeder::grant_layouts() {
+  if (options_.layout_count <= 0) return;
+  for (int env = 0; env < arena_.shape().env_count(); ++env) {
+    shm::LayoutDesk& desk = arena_.layout_desk(env);
+    desk.heard.store(desk.reported.load(std::memory_order_acquire), std::memory_order_relaxed);
+    const uint32_t granted = desk.granted.load(std::memory_order_relaxed);
+    if (desk.taken.load(std::memory_order_acquire) != granted) continue;
+    desk.layout_index.store(layout_draws_.below(static_cast<uint32_t>(options_.layout_count)),
+                            std::memory_order_relaxed);
+    desk.granted.store(granted + 1, std::memory_order_release);
+  }
+}
+
 void Feeder::report(bool is_leaving) {
   reported_s_ = monotonic_s();
   const shm::ArenaShape& shape = arena_.shape();
@@ -230,9 +251,12 @@ void Feeder::report(bool is_leaving) {
                                  .weights_version = arena_.weights_version(),
                                  .decisions_played = now.played,
                                  .decisions_delivered = now.delivered,
+                                 .decisions_lost = now.lost,
                                  .host = options_.host});
   if (!written && written.error().code != ErrorCode::kTimeout) spdlog::warn("{}", written.error().message);
 }
+
+double Feeder::silent_s() const { return monotonic_s() - heard_s_; }
 
 FeederAccount Feeder::account() const {
   FeederAccount account{.delivered = delivered_, .lost = lost_, .resent = resent_};
@@ -243,6 +267,8 @@ FeederAccount Feeder::account() const {
   for (int index = 0; index < arena_.shape().slab_count; ++index)
     if (const shm::SlabHeader& header = arena_.slab_header(index); header.state == shm::SlabState::kSealed)
       account.waiting += header.length * agents;
+    else if (header.state == shm::SlabState::kFilling)
+      account.unfinished += header.length * agents;
   return account;
 }
 

@@ -98,6 +98,7 @@ void Receiver::hear(const dds::FeedReport& report) {
   record.feeder_id = report.feeder_id;
   record.host = report.host;
   record.played_there = report.decisions_played;
+  record.lost_there = report.decisions_lost;
   guest.heard_s = monotonic_s();
   if (report.is_leaving) {
     if (std::exchange(record.is_here, false))
@@ -335,6 +336,7 @@ void Receiver::tell(Guest& guest) {
   const shm::ControlBlock& control = arena_.control();
   const std::string run_state = !guest.refusal.empty()                               ? "refused"
                                 : is_stopping_                                       ? "stopping"
+                                : guest.is_asked_to_leave                            ? "leaving"
                                 : control.run_state.load() == shm::RunState::kPaused ? "paused"
                                                                                      : "running";
   const Status written = bus_.write(dds::FeedState{.feeder_id = guest.record.feeder_id,
@@ -351,8 +353,17 @@ void Receiver::tell(Guest& guest) {
 
 std::vector<FeederRecord> Receiver::records() const {
   std::vector<FeederRecord> records;
-  for (const auto& [id, guest] : guests_) records.push_back(guest.record);
+  for (const auto& [id, guest] : guests_) {
+    records.push_back(guest.record);
+    records.back().credits = guest.reserved.size();
+  }
   return records;
+}
+
+void Receiver::ask_to_leave(const std::string& host) {
+  for (auto& [id, guest] : guests_)
+    if (guest.record.is_here && guest.record.host == host)
+      guest.is_asked_to_leave = guest.is_to_be_told = true;
 }
 
 }  // namespace comrad::link

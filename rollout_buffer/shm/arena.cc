@@ -77,6 +77,7 @@ Status validate(const ArenaShape& shape) {
   COMRAD_TRY(check_range("slab_count", shape.slab_count, 1, 1 << 20));
   COMRAD_TRY(check_range("journal_steps", shape.journal_steps, 0, 1 << 20));
   COMRAD_TRY(check_range("episode_ring_capacity", shape.episode_ring_capacity, 1, 1 << 20));
+  COMRAD_TRY(check_range("guest_worker_count", shape.guest_worker_count, 0, shape.sim_worker_count));
   COMRAD_TRY(check_range("weights_bytes", shape.weights_bytes, 0, int64_t{1} << 36));
   return {};
 }
@@ -636,10 +637,15 @@ uint64_t Arena::reclaim_sim_worker(int sim_worker) const {
     }
   }
   if (freed) ring(control().slab_released);
-  // Whatever was made and is not sealed now never will be.
+  // Whatever was made and is not sealed now never will be. What another host made it sends again.
   uint64_t steps_lost = 0;
+  const bool is_guest = sim_worker >= shape().own_worker_count();
   for (int local = 0; local < shape().envs_per_worker; ++local) {
     EnvAccount& account = env_account(sim_worker * shape().envs_per_worker + local);
+    if (is_guest) {
+      account.made.store(account.sealed.load() + account.lost.load());
+      continue;
+    }
     const uint64_t lost = account.made.load() - account.sealed.load();
     steps_lost += lost - account.lost.exchange(lost);
   }

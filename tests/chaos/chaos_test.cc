@@ -114,7 +114,7 @@ class Chaos : public ::testing::Test {
     const json& account = status["decisions_account"];
     const auto count = [&](const char* key) { return account[key].get<int64_t>(); };
     EXPECT_EQ(count("made"), count("trained") + count("lost_with_simulators") + count("lost_with_learners") +
-                                 count("lost_in_restarts") + count("left"))
+                                 count("lost_in_restarts") + count("lost_on_the_way") + count("left"))
         << account;
     EXPECT_EQ(count("waiting"), 0);
     EXPECT_EQ(status["decisions"].get<int64_t>(), count("trained") - count("forgotten")) << status;
