@@ -76,22 +76,24 @@ bool Feeder::is_stopping(const std::atomic<bool>& stop) const {
          arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
 }
 
-/// Takes over what a predecessor had drained, in the order of sealing.
+/// Takes over what a predecessor had drained, in the order of sealing. It may have died after it counted the first one as done
+/// and before it gave the slab back: then more is counted than was taken.
 void Feeder::adopt() {
-  std::vector<std::pair<uint64_t, uint32_t>> orphans;
-  for (int index = 0; index < arena_.shape().slab_count; ++index) {
-    const shm::SlabHeader& header = arena_.slab_header(index);
-    if (header.state.load(std::memory_order_acquire) == shm::SlabState::kLearning)
-      orphans.emplace_back(header.seal_ticket, static_cast<uint32_t>(index));
-  }
-  std::sort(orphans.begin(), orphans.end());
+  const std::vector<uint32_t> orphans = arena_.adopt_slabs();
   const auto agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
-  for (const auto& [ticket, index] : orphans)
+  uint64_t held = 0;
+  for (const uint32_t index : orphans) {
     in_hand_.push_back({.slab = index,
                         .decisions = arena_.slab_header(static_cast<int>(index)).length * agents,
                         .was_sent = true});
-  if (!orphans.empty())
-    spdlog::warn("{} trajectories of this worker's predecessor are sent again", orphans.size());
+    held += in_hand_.back().decisions;
+  }
+  if (!in_hand_.empty() && delivered_ + lost_ + held > arena_.decision_counts().taken) {
+    arena_.release_slab(in_hand_.front().slab);
+    in_hand_.pop_front();
+  }
+  if (!in_hand_.empty())
+    spdlog::warn("{} trajectories of this worker's predecessor are sent again", in_hand_.size());
 }
 
 Status Feeder::hear() {

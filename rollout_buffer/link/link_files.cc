@@ -49,7 +49,8 @@ Expected<Offer> read_offer(const std::string& run_dir) {
 Status write_guests(const std::string& run_dir, const std::vector<FeederRecord>& records) {
   json guests = json::array();
   for (const FeederRecord& record : records)
-    guests.push_back({{"host", record.host},
+    guests.push_back({{"id", record.feeder_id},
+                      {"host", record.host},
                       {"is_here", record.is_here},
                       {"workers", record.workers},
                       {"credits", record.credits},
@@ -72,6 +73,7 @@ std::vector<FeederRecord> read_guests(const std::string& run_dir) {
     FeederRecord record;
     if (const auto host = guest.find("host"); host != guest.end() && host->is_string())
       record.host = host->get<std::string>();
+    record.feeder_id = number_in(guest, "id");
     record.is_here = flag_in(guest, "is_here");
     record.workers = static_cast<int>(number_in(guest, "workers"));
     record.credits = number_in(guest, "credits");

@@ -59,6 +59,8 @@ class Receiver {
   void every_second(std::function<void()> report) { every_second_ = std::move(report); }
 
   std::vector<FeederRecord> records() const;
+  /// What records() of a predecessor said last, that hosts which have left are not forgotten. Call before run().
+  void remember(const std::vector<FeederRecord>& records);
   /// Hosts of this name deliver what they have played, and go. They may join again.
   void ask_to_leave(const std::string& host);
 
@@ -82,6 +84,7 @@ class Receiver {
   void hear(const dds::FeedReport& report);
   std::string seat(Guest& guest, const dds::FeedReport& report);
   void free_seat(Guest& guest);
+  uint64_t sealed_for(const Guest& guest) const;
   void restore_seats();
   void take(const dds::TrajectoryFragment& fragment);
   void seal(Guest& guest, const dds::TrajectoryFragment& fragment);

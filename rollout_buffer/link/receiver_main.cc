@@ -21,6 +21,7 @@ Status work(const shm::WorkerShell& shell, const RunConfig& config) {
                                                             link::kept_keys(shell.run_dir())))));
   link::Receiver receiver(arena, std::move(bus),
                           {.first_worker = arena.shape().own_worker_count(), .offer = std::move(offer)});
+  receiver.remember(link::read_guests(shell.run_dir()));
   bool has_warned = false;
   receiver.every_second([&] {
     for (const std::string& host : link::take_hosts_to_leave(shell.run_dir())) receiver.ask_to_leave(host);

@@ -358,6 +358,20 @@ std::vector<uint32_t> Arena::drain_slabs(int max_count) const {
   return drained;
 }
 
+std::vector<uint32_t> Arena::adopt_slabs() const {
+  std::vector<std::pair<uint64_t, uint32_t>> orphans;
+  for (int index = 0; index < shape().slab_count; ++index) {
+    const SlabHeader& header = slab_header(index);
+    if (header.state.load(std::memory_order_acquire) != SlabState::kLearning) continue;
+    note_taken(header);  // it may have died between the two
+    orphans.emplace_back(header.seal_ticket, static_cast<uint32_t>(index));
+  }
+  std::sort(orphans.begin(), orphans.end());
+  std::vector<uint32_t> slabs;
+  for (const auto& [ticket, index] : orphans) slabs.push_back(index);
+  return slabs;
+}
+
 /// An environment's slabs are drained in their order, so the end of the newest one says how much was taken.
 void Arena::note_taken(const SlabHeader& header) const {
   if (header.env_index >= static_cast<uint32_t>(shape().env_count()))

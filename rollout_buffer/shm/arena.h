@@ -329,6 +329,8 @@ class Arena {
   /// Takes up to `max_count` sealed slabs in ticket order: kSealed -> kLearning. An environment's slabs never
   /// overtake each other.
   std::vector<uint32_t> drain_slabs(int max_count) const;
+  /// What a dead reader had drained and not released, in order of sealing; it is counted as taken.
+  std::vector<uint32_t> adopt_slabs() const;
   int sealed_count() const;
   SlabCounts slab_counts() const;
   void release_slab(uint32_t slab_index) const;  ///< kLearning -> kFree, rings

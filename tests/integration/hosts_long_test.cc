@@ -11,6 +11,7 @@
 #include <fstream>
 #include <memory>
 
+#include "tests/integration/decision_accounts.h"
 #include "tests/integration/running_program.h"
 #include "tests/integration/slurm_cluster.h"
 #include "tests/support/network_pair.h"
@@ -24,30 +25,12 @@ using Words = std::vector<std::string>;
 
 constexpr double kStartSeconds = 180;
 
-double delivered(const std::string& run) {
-  double sum = 0;
-  const nlohmann::json guests = read_json(run + "/guests.json");
-  if (guests.is_object())
-    for (const auto& guest : guests["guests"]) sum += guest["decisions_delivered"].get<double>();
-  return sum;
-}
 std::size_t guests_with_deliveries(const std::string& run) {
   std::size_t count = 0;
   const nlohmann::json guests = read_json(run + "/guests.json");
   if (guests.is_object())
     for (const auto& guest : guests["guests"]) count += guest["decisions_delivered"].get<double>() > 0;
   return count;
-}
-
-void expect_all_accounted_for(const std::string& run) {
-  const nlohmann::json status = read_json(run + "/status.json");
-  ASSERT_TRUE(status.contains("decisions_account")) << status;
-  const nlohmann::json account = status["decisions_account"];
-  int64_t sum = 0;
-  for (const char* part : {"trained", "lost_with_simulators", "lost_with_learners", "lost_in_restarts",
-                           "lost_on_the_way", "left"})
-    sum += account[part].get<int64_t>();
-  EXPECT_EQ(account["made"].get<int64_t>(), sum) << run << " " << account;
 }
 
 double resident_mb(const std::string& folder, const std::string& name) {
@@ -92,11 +75,11 @@ class HostRuns : public ::testing::Test {
     running.signal(SIGINT);
     const Ending ending = running.wait(30);
     EXPECT_EQ(ending.exit_code, 0) << name << ": " << ending.err;
-    expect_all_accounted_for(scratch_ / name);
+    (void)checked_account(scratch_ / name);
   }
   bool delivers_more(const std::string& run, double timeout_s) {
-    const double before = delivered(scratch_ / run);
-    return wait_until([&] { return delivered(scratch_ / run) > before; }, timeout_s);
+    const double before = decisions_delivered(scratch_ / run);
+    return wait_until([&] { return decisions_delivered(scratch_ / run) > before; }, timeout_s);
   }
   void stop_for_ten_seconds(const std::string& run, const std::string& worker) {
     const std::vector<pid_t> pids = processes_of(scratch_ / run, worker);
@@ -148,11 +131,11 @@ TEST_F(HostRuns, ALineThatDelaysLosesSwapsAndDoublesCostsNoDecision) {
                          .wait(90);
   EXPECT_THAT(way.out, HasSubstr("round trip")) << way.err;
   std::printf("%s\n", way.out.c_str());
-  const double began_s = now_s(), before = delivered(scratch_ / "learning");
+  const double began_s = now_s(), before = decisions_delivered(scratch_ / "learning");
   sleep_s(30);
   std::printf("%.0f decisions/s delivered through 50 ms round trip, 1 %% loss\n",
-              (delivered(scratch_ / "learning") - before) / (now_s() - began_s));
-  EXPECT_GT(delivered(scratch_ / "learning"), before);
+              (decisions_delivered(scratch_ / "learning") - before) / (now_s() - began_s));
+  EXPECT_GT(decisions_delivered(scratch_ / "learning"), before);
   end(*player, "playing");
   end(*learner, "learning");
 }
@@ -272,15 +255,15 @@ TEST_F(HostRuns, SshCallsAHostAndEveryReasonWhyNotIsTold) {
                                                        "--insecure_network"})),
                          environment);
   const std::string log = scratch_ / "learning/logs/supervisor.log";
-  EXPECT_TRUE(
-      wait_until([&] { return delivered(scratch_ / "learning") > 0 || !learner.running(); }, kStartSeconds))
+  EXPECT_TRUE(wait_until([&] { return decisions_delivered(scratch_ / "learning") > 0 || !learner.running(); },
+                         kStartSeconds))
       << read_text(log);
   EXPECT_THAT(read_text(log), HasSubstr("Permission denied"));
   EXPECT_THAT(read_text(log), HasSubstr("is called again in"));
   learner.signal(SIGINT);
   const Ending ended = learner.wait(30);
   EXPECT_EQ(ended.exit_code, 0) << ended.err;
-  expect_all_accounted_for(scratch_ / "learning");
+  (void)checked_account(scratch_ / "learning");
   EXPECT_TRUE(wait_until([&] { return processes_of(there).empty(); }, 20))
       << "the other host has left as well";
   daemon.signal(SIGTERM);
@@ -297,7 +280,7 @@ TEST_F(HostRuns, AnAllocationOfTwoTasksTrainsWithBoth) {
                        "--output=" + scratch_.string() + "/job.log", job},
                  cluster.environment())
       .wait(30);
-  EXPECT_TRUE(wait_until([&] { return delivered(scratch_ / "learning") > 0; }, kStartSeconds))
+  EXPECT_TRUE(wait_until([&] { return decisions_delivered(scratch_ / "learning") > 0; }, kStartSeconds))
       << read_text(scratch_ / "job.log") << cluster.ask({"squeue"});
   EXPECT_TRUE(wait_until(
       [&] {
@@ -307,7 +290,7 @@ TEST_F(HostRuns, AnAllocationOfTwoTasksTrainsWithBoth) {
       << read_text(scratch_ / "job.log");
   EXPECT_EQ(read_json(scratch_ / "learning/status.json")["state"], "finished")
       << read_text(scratch_ / "job.log");
-  expect_all_accounted_for(scratch_ / "learning");
+  (void)checked_account(scratch_ / "learning");
 }
 
 }  // namespace

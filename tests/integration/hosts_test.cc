@@ -7,6 +7,7 @@
 #include <csignal>
 #include <memory>
 
+#include "tests/integration/decision_accounts.h"
 #include "tests/integration/running_program.h"
 #include "tests/support/network_pair.h"
 
@@ -17,27 +18,6 @@ using ::testing::HasSubstr;
 
 constexpr double kStartSeconds = 90;
 constexpr double kCutSeconds = 6;  // longer than the learner's host waits before it takes back free slabs
-
-/// Decisions that came from other hosts, those that are gone included; by the learner's host's word.
-double delivered(const std::string& run) {
-  double sum = 0;
-  const nlohmann::json guests = read_json(run + "/guests.json");
-  if (guests.is_object())
-    for (const auto& guest : guests["guests"]) sum += guest["decisions_delivered"].get<double>();
-  return sum;
-}
-
-void expect_all_accounted_for(const std::string& run) {
-  const nlohmann::json status = read_json(run + "/status.json");
-  ASSERT_TRUE(status.contains("decisions_account")) << status;
-  const nlohmann::json account = status["decisions_account"];
-  int64_t sum = 0;
-  for (const char* part : {"trained", "lost_with_simulators", "lost_with_learners", "lost_in_restarts",
-                           "lost_on_the_way", "left"})
-    sum += account[part].get<int64_t>();
-  EXPECT_EQ(account["made"].get<int64_t>(), sum) << account;
-  EXPECT_GT(account["trained"].get<int64_t>(), 0) << account;
-}
 
 TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) {
   const test::NetworkPair network(7);
@@ -74,8 +54,9 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) 
                     scratch.string(), "--experiment", "playing", "--progress_interval", "1"});
   auto player = std::make_unique<RunningProgram>(joining);
   const auto delivers_more = [&](double timeout_s) {
-    const double before = delivered(learning);
-    return wait_until([&] { return delivered(learning) > before || !player->running(); }, timeout_s) &&
+    const double before = decisions_delivered(learning);
+    return wait_until([&] { return decisions_delivered(learning) > before || !player->running(); },
+                      timeout_s) &&
            player->running();
   };
   ASSERT_TRUE(delivers_more(kStartSeconds)) << player->wait(1).err;
@@ -100,12 +81,12 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) 
   const Ending left = player->wait(20);
   EXPECT_EQ(left.exit_code, 0) << left.err;
   EXPECT_THAT(left.err, HasSubstr("were delivered"));
-  expect_all_accounted_for(playing);
+  (void)checked_account(playing);
   EXPECT_TRUE(learner.running());
   learner.signal(SIGINT);
   const Ending ended = learner.wait(20);
   EXPECT_EQ(ended.exit_code, 0) << ended.err;
-  expect_all_accounted_for(learning);
+  (void)checked_account(learning);
   const nlohmann::json hosts = read_json(learning + "/status.json")["hosts"];
   EXPECT_EQ(hosts.size(), 2u) << "the one that died, and the one that came back: " << hosts;
   // The last life's own word of what was delivered is that of the learner's host.
