@@ -50,15 +50,27 @@ struct JoinRequest {
   std::string key_folder;
 };
 
+/// Without its domain.
+std::string host_name() {
+  char name[256] = {};
+  gethostname(name, sizeof name - 1);
+  const std::string whole = name;
+  return whole.substr(0, whole.find('.'));
+}
+
+/// "%h" in a folder of keys is this host's name: whoever calls many hosts gives them all the same words.
+std::string key_folder_here(std::string folder) {
+  for (std::size_t at; (at = folder.find("%h")) != std::string::npos;) folder.replace(at, 2, host_name());
+  return folder;
+}
+
 std::string joined_name(const std::string& scenario) {
   const std::time_t now = std::time(nullptr);
   std::tm local{};
   localtime_r(&now, &local);
   char date[32];
   std::strftime(date, sizeof date, "%Y%m%d_%H%M%S", &local);
-  char host[256] = {};
-  gethostname(host, sizeof host - 1);
-  return "joined_" + scenario + "_" + host + "_" + date;
+  return "joined_" + scenario + "_" + host_name() + "_" + date;
 }
 
 /// Another host's environments are none of the learner's host's: episodes are drawn from a seed of their own.
@@ -184,11 +196,12 @@ int join_command(Arguments arguments) {
   line.add_option("patience_s", request.patience_s, "SECONDS",
                   "how long the learner's host may be silent before this one gives up; default 300");
   line.add_option("keys", request.key_folder, "FOLDER",
-                  "this host's keys, which `comrad keys` made, for a network");
+                  "this host's keys, which `comrad keys` made, for a network; %h: this host's name");
   line.add_switch("leave_with_input", request.leaves_with_input, "leave when the standard input ends");
   line.add_settings();
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("join", parsed.error());
   if (line.help_requested()) return print_settings_help("join", line);
+  request.key_folder = key_folder_here(std::move(request.key_folder));
   const Expected<int> done = join(line, request);
   return done ? *done : report_error("join", done.error());
 }

@@ -68,6 +68,7 @@ std::vector<std::string> join_words(const RunConfig& config) {
   // Its lines go to this run's log; one of progress now and then is enough.
   std::vector<std::string> words = {"join", "-", "--leave_with_input", "--progress_interval=600"};
   if (config.hosts.insecure_network) words.emplace_back("--insecure_network");
+  if (!config.hosts.host_keys.empty()) words.push_back("--keys=" + config.hosts.host_keys);
   words.push_back("--link_buffer_mb=" + std::to_string(config.hosts.link_buffer_mb));
   return words;
 }

@@ -24,10 +24,12 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) 
   if (!network.is_made()) GTEST_SKIP() << test::NetworkPair::why_not();
   const ScratchFolder scratch;
   const std::string learning = scratch / "learning", playing = scratch / "playing";
+  const std::string keys = scratch / "keys";
+  ASSERT_EQ(comrad({"keys", "make", keys, "--hosts", "player"}).exit_code, 0);
   RunningProgram learner(
       network.on(0, small_training(scratch, "learning", 1e9,
                                    {"--num_workers", "1", "--serve", "--serve_workers", "2", "--interface",
-                                    network.device(0), "--insecure_network"})));
+                                    network.device(0), "--keys", keys + "/run"})));
   ASSERT_TRUE(wait_until([&] { return env_frames(learning) > 0 || !learner.running(); }, kStartSeconds));
   ASSERT_TRUE(learner.running()) << learner.wait(1).err;
   const std::string address = read_text(learning + "/link_address");
@@ -36,6 +38,9 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) 
   const auto join_command = [&](const std::vector<std::string>& more) {
     std::vector<std::string> command = {program("comrad"), "join", address.substr(0, address.find('\n'))};
     command.insert(command.end(), more.begin(), more.end());
+    // A host has a name of its own.
+    command.insert(command.begin(), {"/usr/bin/unshare", "--uts", "/bin/sh", "-c",
+                                     "echo player > /proc/sys/kernel/hostname; exec \"$@\"", "sh"});
     return network.on(1, command);
   };
   // A network without keys, another IWAD, and settings that are the run's: refused in words.
@@ -43,14 +48,15 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) 
   const std::string other_iwad = scratch.write(
       "other.wad", std::string("PWAD\1\0\0\0\f\0\0\0", 12) + std::string(8, '\0') + "EMPTY\0\0\0");
   const Ending other =
-      RunningProgram(join_command({"--insecure_network"}), {{"COMRAD_IWAD", other_iwad}}).wait(60);
+      RunningProgram(join_command({"--keys", keys + "/hosts/player"}), {{"COMRAD_IWAD", other_iwad}})
+          .wait(60);
   EXPECT_EQ(other.exit_code, 2);
   EXPECT_THAT(other.err, HasSubstr("IWAD"));
   EXPECT_THAT(RunningProgram(join_command({"--rollout", "8"})).wait(30).err,
               HasSubstr("--rollout is the run's"));
 
   const std::vector<std::string> joining =
-      join_command({"--insecure_network", "--num_workers", "1", "--device", "cpu", "--train_dir",
+      join_command({"--keys", keys + "/hosts/player", "--num_workers", "1", "--device", "cpu", "--train_dir",
                     scratch.string(), "--experiment", "playing", "--progress_interval", "1"});
   auto player = std::make_unique<RunningProgram>(joining);
   const auto delivers_more = [&](double timeout_s) {
@@ -76,10 +82,13 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) 
   ASSERT_TRUE(network.set_up(true));
   ASSERT_TRUE(delivers_more(30)) << player->wait(1).err;
 
-  // It leaves in peace; the run goes on and ends in peace too.
-  player->signal(SIGINT);
+  // It is asked to leave, and leaves in peace; the run goes on and ends in peace too.
+  EXPECT_THAT(comrad({"ctl", learning, "status"}).out, HasSubstr("player"));
+  EXPECT_THAT(comrad({"ctl", learning, "drain", "nobody"}).err, HasSubstr("nobody"));
+  EXPECT_EQ(comrad({"ctl", learning, "drain", "player"}).exit_code, 0);
   const Ending left = player->wait(20);
   EXPECT_EQ(left.exit_code, 0) << left.err;
+  EXPECT_THAT(left.err, HasSubstr("was asked to leave"));
   EXPECT_THAT(left.err, HasSubstr("were delivered"));
   (void)checked_account(playing);
   EXPECT_TRUE(learner.running());

@@ -48,6 +48,10 @@ TEST(HostCalls, InAnAllocationSrunStartsTheOtherTasks) {
   EXPECT_THAT(calls[0].command, Contains("/opt/comrad"));
   EXPECT_THAT(calls[0].command, Contains("--leave_with_input"));
   EXPECT_THAT(calls[0].command, Not(Contains("--insecure_network")));
+  EXPECT_THAT(calls[0].command, Not(Contains(HasSubstr("--keys"))));
+  config.hosts.host_keys = "/etc/keys/%h";
+  EXPECT_THAT(host_calls(config, variables(kTwoTasks), "/opt/comrad")[0].command,
+              Contains("--keys=/etc/keys/%h"));
 }
 
 TEST(HostCalls, WhoSaysNoneOrTrainsInLockStepCallsNobody) {
