@@ -83,9 +83,15 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) 
   ASSERT_TRUE(delivers_more(30)) << player->wait(1).err;
 
   // It is asked to leave, and leaves in peace; the run goes on and ends in peace too.
-  EXPECT_THAT(comrad({"ctl", learning, "status"}).out, HasSubstr("player"));
-  EXPECT_THAT(comrad({"ctl", learning, "drain", "nobody"}).err, HasSubstr("nobody"));
-  EXPECT_EQ(comrad({"ctl", learning, "drain", "player"}).exit_code, 0);
+  const auto ctl = [&](const std::vector<std::string>& words) {
+    std::vector<std::string> command = {program("comrad"), "ctl", learning};
+    command.insert(command.end(), words.begin(), words.end());
+    return RunningProgram(network.on(0, command)).wait(60);
+  };
+  EXPECT_THAT(ctl({"status"}).out, HasSubstr("player"));
+  EXPECT_THAT(ctl({"drain", "nobody"}).err, HasSubstr("nobody"));
+  const Ending drained = ctl({"drain", "player"});
+  EXPECT_EQ(drained.exit_code, 0) << drained.err;
   const Ending left = player->wait(20);
   EXPECT_EQ(left.exit_code, 0) << left.err;
   EXPECT_THAT(left.err, HasSubstr("was asked to leave"));
