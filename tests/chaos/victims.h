@@ -16,11 +16,6 @@
 
 namespace comrad::testing {
 
-inline double number_of(const char* name, double otherwise) {
-  const char* text = std::getenv(name);
-  return text == nullptr ? otherwise : std::strtod(text, nullptr);
-}
-
 /// COMRAD_CHAOS_SEED, or another one each time; printed.
 inline uint64_t chosen_seed() {
   const auto seed =

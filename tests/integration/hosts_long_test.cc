@@ -7,8 +7,10 @@
 #include <gtest/gtest.h>
 
 #include <csignal>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <memory>
 
 #include "tests/integration/decision_accounts.h"
@@ -92,15 +94,53 @@ class HostRuns : public ::testing::Test {
   ScratchFolder scratch_;
 };
 
+/// Where a run stands, for what it did between two looks.
+struct Look {
+  double time_s = now_s(), trained = 0, delivered = 0, bytes = 0;
+  std::map<std::string, double> cpu_s;
+};
+
 TEST_F(HostRuns, FourHostsTrainTogether) {
   const test::NetworkStar network(4, 1);
   if (!network.is_made()) GTEST_SKIP() << test::NetworkPair::why_not();
   const On on = [&](int host, const Words& command) { return network.on(host, command); };
+  const std::string run = scratch_ / "learning";
+  const auto look = [&] {
+    Look now;
+    const nlohmann::json status = read_json(run + "/status.json");
+    now.trained = status["decisions_account"]["trained"];
+    now.delivered = decisions_delivered(run);
+    for (const auto& [role, seconds] : status["cpu_s"].items()) now.cpu_s[role] = seconds;
+    const std::string counter = "/sys/class/net/" + network.device(0) + "/statistics/rx_bytes";
+    now.bytes = std::strtod(RunningProgram(on(0, {"/bin/cat", counter})).wait(10).out.c_str(), nullptr);
+    return now;
+  };
+  const auto measure = [&](int hosts) {
+    const Look before = look();
+    sleep_s(number_of("COMRAD_HOSTS_WINDOW_S", 20));
+    const Look now = look();
+    const double seconds = now.time_s - before.time_s, trained = now.trained - before.trained,
+                 delivered = now.delivered - before.delivered;
+    std::printf("%d hosts: %.0f decisions/s trained on, %.0f of them from other hosts", hosts,
+                trained / seconds, delivered / seconds);
+    if (delivered > 0) std::printf(", %.0f bytes each", (now.bytes - before.bytes) / delivered);
+    for (const auto& [role, cpu_s] : now.cpu_s) {
+      const double count = role == "receiver" ? delivered : trained;
+      if (count > 0 && before.cpu_s.contains(role))
+        std::printf("; %s %.3f CPU s per 1000", role.c_str(), (cpu_s - before.cpu_s.at(role)) / count * 1000);
+    }
+    std::printf("\n");
+    EXPECT_GT(trained, 0);
+  };
   const auto learner = start_learner(on, "learning", network.device(0));
+  measure(1);
   std::vector<std::unique_ptr<RunningProgram>> players;
-  for (int host = 1; host < 4; ++host)
+  for (int host = 1; host < 4; ++host) {
     players.push_back(start_player(on, host, "learning", "playing" + std::to_string(host)));
-  EXPECT_TRUE(wait_until([&] { return guests_with_deliveries(scratch_ / "learning") == 3; }, kStartSeconds));
+    EXPECT_TRUE(wait_until([&] { return guests_with_deliveries(run) == static_cast<std::size_t>(host); },
+                           kStartSeconds));
+    measure(host + 1);
+  }
   for (int host = 1; host < 4; ++host)
     end(*players[static_cast<std::size_t>(host - 1)], "playing" + std::to_string(host));
   end(*learner, "learning");
