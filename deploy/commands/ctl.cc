@@ -134,11 +134,11 @@ Expected<int> obey(const CtlRequest& request) {
   } else if (request.order == "checkpoint") {
     std::printf("%s\n", fitted(answer["checkpoint"].value("path", ""), 4096).c_str());
   } else {
-    std::printf("%s: %s\n", run.name.c_str(),
-                request.order == "pause"    ? "paused"
-                : request.order == "resume" ? "goes on"
-                : request.order == "stop"   ? "stopped"
-                                            : request.name + " has left");
+    const std::string done = request.order == "pause"    ? "paused"
+                             : request.order == "resume" ? "goes on"
+                             : request.order == "stop"   ? "stopped"
+                                                         : request.name + " has left";
+    std::printf("%s: %s\n", run.name.c_str(), done.c_str());
   }
   return kExitDone;
 }

@@ -157,7 +157,8 @@ Expected<int> join(const CommandLine& line, const JoinRequest& request) {
     config.collection.trajectory_slabs =
         config.collection.num_workers * config.collection.num_envs_per_worker + kSlabsUnderWay;
   COMRAD_TRY(check_wad(iwad));
-  COMRAD_TRY_ASSIGN(const ScenarioDescription scenario, describe_scenario(config));
+  COMRAD_TRY_ASSIGN(ScenarioDescription scenario, describe_scenario(config));
+  if (!sees_global_state(config)) scenario.env.global_state_count = 0;  // as where it is trained
   COMRAD_TRY_ASSIGN(const NetworkSize network, describe_network(config, scenario.env));
   COMRAD_TRY(directory.write_config(config));
   std::fprintf(stderr, "Plays %s for the run at %s, in %s\n", config.run.scenario.c_str(),

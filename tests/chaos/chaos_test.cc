@@ -239,7 +239,7 @@ class SmallDisk {
   }
   bool is_mounted() const { return is_mounted_; }
   bool set_read_only(bool read_only) const {
-    return mount("tmpfs", folder_.c_str(), "tmpfs", MS_REMOUNT | (read_only ? MS_RDONLY : 0UL), nullptr) == 0;
+    return mount("tmpfs", folder_.c_str(), "tmpfs", MS_REMOUNT | (read_only ? static_cast<unsigned long>(MS_RDONLY) : 0UL), nullptr) == 0;
   }
 
  private:
