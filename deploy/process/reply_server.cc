@@ -3,35 +3,18 @@
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
 #include <utility>
 
+#include "rollout_buffer/core/abstract_address.h"
 #include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
 namespace {
 
 constexpr int kQueue = 64;
-
-struct AbstractAddress {
-  sockaddr_un bytes{};
-  socklen_t length = 0;
-};
-
-Expected<AbstractAddress> abstract_address(const std::string& name) {
-  AbstractAddress address;
-  if (name.empty() || name.size() > sizeof address.bytes.sun_path - 1)
-    return Error{ErrorCode::kBadInput, "socket name '" + name + "' must have 1 to " +
-                                           std::to_string(sizeof address.bytes.sun_path - 1) + " characters"};
-  address.bytes.sun_family = AF_UNIX;
-  std::memcpy(address.bytes.sun_path + 1, name.data(), name.size());
-  address.length = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
-  return address;
-}
 
 }  // namespace
 

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/socket.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,6 +11,7 @@
 #include <cstring>
 #include <utility>
 
+#include "rollout_buffer/core/abstract_address.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
 
@@ -43,23 +43,6 @@ class Handle {
  private:
   int descriptor_;
 };
-
-/// An abstract address: a zero byte, then the name; the kernel forgets it with the socket.
-struct Address {
-  sockaddr_un bytes{};
-  socklen_t length = 0;
-};
-
-Expected<Address> address_of(const std::string& name) {
-  Address address;
-  if (name.empty() || name.size() > sizeof address.bytes.sun_path - 1)
-    return Error{ErrorCode::kBadInput, "socket name '" + name + "' must have 1 to " +
-                                           std::to_string(sizeof address.bytes.sun_path - 1) + " characters"};
-  address.bytes.sun_family = AF_UNIX;
-  std::memcpy(address.bytes.sun_path + 1, name.data(), name.size());
-  address.length = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
-  return address;
-}
 
 bool is_same_user(int descriptor) {
   ucred peer{};
@@ -145,7 +128,7 @@ Expected<int> receive_arena(int descriptor, const std::string& name) {
 }  // namespace
 
 Expected<ArenaServer> ArenaServer::listen(const std::string& name, const Arena& arena) {
-  COMRAD_TRY_ASSIGN(const Address address, address_of(name));
+  COMRAD_TRY_ASSIGN(const AbstractAddress address, abstract_address(name));
   ArenaServer server;
   server.name_ = name;
   server.descriptor_ = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
@@ -204,7 +187,7 @@ Expected<JoinRequest> ArenaServer::serve_one() {
 }
 
 Expected<Arena> join_arena(const std::string& name, const JoinRequest& request, int timeout_ms) {
-  COMRAD_TRY_ASSIGN(const Address address, address_of(name));
+  COMRAD_TRY_ASSIGN(const AbstractAddress address, abstract_address(name));
   const int64_t deadline_ns = monotonic_ns() + int64_t{timeout_ms} * 1'000'000;
   for (;;) {
     const Handle peer(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
