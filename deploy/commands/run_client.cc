@@ -15,6 +15,7 @@
 #include "deploy/settings/existing_run.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/host_name.h"
 
 namespace comrad::deploy {
 namespace {
@@ -51,12 +52,6 @@ Error not_running(const LiveRun& run) {
                                     "; comrad train --experiment " + run.name + " goes on with it"};
 }
 
-std::string this_host() {
-  char name[256] = {};
-  gethostname(name, sizeof name - 1);
-  return name;
-}
-
 }  // namespace
 
 Expected<LiveRun> find_live_run(const std::string& name, const std::string& train_dir) {
@@ -71,13 +66,13 @@ Expected<LiveRun> find_live_run(const std::string& name, const std::string& trai
     return not_running(run);
   }
   run.sign = *sign;
-  if (!run.sign.host.empty() && run.sign.host != this_host() && !is_held(run.dir)) {
+  if (!run.sign.host.empty() && run.sign.host != host_name() && !is_held(run.dir)) {
     // A lock of another host shows here only where the file system passes locks on.
     return Error{ErrorCode::kBadInput, "run '" + run.name + "' was started on host " + run.sign.host +
                                            "; if it runs, ask for it there" + state_of(run.dir)};
   }
   if (!is_held(run.dir)) return not_running(run);
-  if (!run.sign.host.empty() && run.sign.host != this_host())
+  if (!run.sign.host.empty() && run.sign.host != host_name())
     return Error{ErrorCode::kBadInput,
                  "run '" + run.name + "' runs on host " + run.sign.host + "; ask for it there"};
   if (run.sign.door.empty())

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/text.h"
 
@@ -43,10 +44,9 @@ std::string refusal(int client) {
 DoorSign make_door_sign() {
   uint64_t id = 0;
   (void)!getrandom(&id, sizeof id, 0);  // a name that is taken is refused when it is bound
-  char name[40], host[256] = {};
+  char name[40];
   std::snprintf(name, sizeof name, "comrad-door-%016" PRIx64, id);
-  gethostname(host, sizeof host - 1);
-  return {.pid = getpid(), .door = name, .host = host};
+  return {.pid = getpid(), .door = name, .host = host_name()};
 }
 
 Status write_door_sign(int lock, const DoorSign& sign) {

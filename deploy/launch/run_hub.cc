@@ -10,16 +10,11 @@
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"
 
 namespace comrad::deploy {
 namespace {
-
-std::string host_name() {
-  char name[256] = {};
-  gethostname(name, sizeof name - 1);
-  return name;
-}
 
 dds::RunControl desired(const char* state) {
   return {.run_state = state, .checkpoint_seq = 0, .settings_epoch = 0};

@@ -7,16 +7,12 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "rollout_buffer/core/host_name.h"
+
 namespace comrad::deploy {
 namespace {
 
 using nlohmann::ordered_json;
-
-std::string host_name() {
-  char name[256] = {};
-  gethostname(name, sizeof name - 1);
-  return name;
-}
 
 uint64_t resident_bytes_of(pid_t pid) {
   std::ifstream file("/proc/" + std::to_string(pid) + "/statm");

@@ -1,0 +1,17 @@
+// What this host calls itself. Stage: beside the flow.
+#pragma once
+
+#include <unistd.h>
+
+#include <string>
+
+namespace comrad {
+
+/// Empty where the kernel does not say.
+inline std::string host_name() {
+  char name[256] = {};
+  gethostname(name, sizeof name - 1);
+  return name;
+}
+
+}  // namespace comrad
