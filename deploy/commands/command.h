@@ -28,6 +28,8 @@ constexpr const char* kAnyScenario = "<scenario>";
 const std::vector<Command>& commands();
 
 int train_command(Arguments arguments);
+int serve_command(Arguments arguments);
+int join_command(Arguments arguments);
 int eval_command(Arguments arguments);
 int plot_command(Arguments arguments);
 int report_command(Arguments arguments);

@@ -114,7 +114,12 @@ Expected<int> obey(const CtlRequest& request) {
   } else if (request.order == "stop") {
     COMRAD_TRY_ASSIGN(answer, stop(run, request));
   } else if (request.order == "drain") {
-    COMRAD_TRY_ASSIGN(answer, ask(run, {{"do", "drain"}, {"host", request.name}}));
+    COMRAD_TRY(ask(run, {{"do", "drain"}, {"host", request.name}}));
+    COMRAD_TRY_ASSIGN(
+        answer, await(run, request.timeout_s, request.name + "'s leaving", [&](const json& now) {
+          return std::ranges::none_of(
+              now["hosts"], [&](const json& host) { return host.value("host", "") == request.name; });
+        }));
   } else {
     COMRAD_TRY_ASSIGN(answer, ask(run, {{"do", request.order}}));
   }
@@ -129,11 +134,11 @@ Expected<int> obey(const CtlRequest& request) {
   } else if (request.order == "checkpoint") {
     std::printf("%s\n", fitted(answer["checkpoint"].value("path", ""), 4096).c_str());
   } else {
-    std::printf("%s: %s\n", run.name.c_str(),
-                request.order == "pause"    ? "paused"
-                : request.order == "resume" ? "goes on"
-                : request.order == "stop"   ? "stopped"
-                                            : "drains");
+    const std::string done = request.order == "pause"    ? "paused"
+                             : request.order == "resume" ? "goes on"
+                             : request.order == "stop"   ? "stopped"
+                                                         : request.name + " has left";
+    std::printf("%s: %s\n", run.name.c_str(), done.c_str());
   }
   return kExitDone;
 }
@@ -142,20 +147,22 @@ Expected<int> obey(const CtlRequest& request) {
 
 int ctl_command(Arguments arguments) {
   CtlRequest request;
-  CommandLine line("ctl RUN status|pause|resume|checkpoint|stop|workers [WORKER]|drain HOST",
-                   "Talks to a run that is alive on this host and is your own. pause: simulators and learner "
-                   "stand still until\n"
-                   "resume. checkpoint: saves one after this optimizer step and prints its name. stop: as "
-                   "Ctrl-C, and waits for the\n"
-                   "end. workers: a table of all, or of one. drain: a host that feeds the run gives its "
-                   "trajectories up and leaves.\n"
-                   "RUN is a run directory or an experiment below --train_dir.");
+  CommandLine line(
+      "ctl RUN status|pause|resume|checkpoint|stop|workers [WORKER]|drain HOST",
+      "Talks to a run that is alive on this host and is your own. pause: simulators and learner "
+      "stand still until\n"
+      "resume. checkpoint: saves one after this optimizer step and prints its name. stop: as "
+      "Ctrl-C, and waits for the\n"
+      "end. workers: a table of all, or of one. drain: a host that feeds the run delivers what it "
+      "has played, and leaves; waits for it.\n"
+      "RUN is a run directory or an experiment below --train_dir.");
   line.add_positional("RUN", request.run, "the run");
   line.add_positional("ORDER", request.order, "what it is to do");
   std::vector<std::string> names;
   line.add_words("NAME", names, "of a worker or a host");
   line.add_option("train_dir", request.train_dir, "DIR", "folder that holds the runs (default train_dir)");
-  line.add_option("timeout", request.timeout_s, "SECONDS", "how long checkpoint and stop wait (default 60)");
+  line.add_option("timeout", request.timeout_s, "SECONDS",
+                  "how long checkpoint, drain and stop wait (default 60)");
   line.add_switch("json", request.as_json, "print one JSON object");
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("ctl", parsed.error());
   if (line.help_requested()) {

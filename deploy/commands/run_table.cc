@@ -126,7 +126,7 @@ std::vector<std::string> run_lines(const json& run, std::size_t width) {
   for (const auto& [key, words] :
        {std::pair{"forgotten", "forgotten"}, std::pair{"lost_with_simulators", "lost with simulators"},
         std::pair{"lost_with_learners", "lost with the learner"},
-        std::pair{"lost_in_restarts", "lost in restarts"}})
+        std::pair{"lost_in_restarts", "lost in restarts"}, std::pair{"lost_on_the_way", "lost on the way"}})
     if (whole(account, key) > 0)
       decisions += ", " + std::to_string(static_cast<int64_t>(whole(account, key))) + " " + words;
   lines.push_back(decisions + ", " + count(account, "waiting") + " on their way");

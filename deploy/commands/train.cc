@@ -12,10 +12,13 @@
 #include <vector>
 
 #include "deploy/commands/command.h"
+#include "deploy/hosts/host_calls.h"
+#include "deploy/hosts/serving.h"
 #include "deploy/launch/metrics_page.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
 #include "deploy/launch/supervisor.h"
+#include "deploy/process/child_program.h"
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/existing_run.h"
 #include "deploy/settings/game_files.h"
@@ -24,6 +27,7 @@
 #include "deploy/settings/start_notes.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/link/link_address.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/setting.h"
 
@@ -79,7 +83,7 @@ Expected<MergedSettings> settings_for(const std::string& run_dir, bool resumes, 
   return merged;
 }
 
-Expected<int> train(const CommandLine& line, bool allow_no_update) {
+Expected<int> train(const CommandLine& line, bool allow_no_update, const std::string& key_folder) {
   const UserSettings user{line.config_file(), line.typed()};
   RunConfig asked;  // only what says where the run lies is read from here
   COMRAD_TRY_ASSIGN(const SettingsLayer file, file_layer(user));
@@ -103,7 +107,10 @@ Expected<int> train(const CommandLine& line, bool allow_no_update) {
   config.run.experiment = experiment;
   config.run.restart_behavior = asked.run.restart_behavior;
   COMRAD_TRY(check_metrics_port(config.run.metrics_port));
-  COMRAD_TRY(find_iwad());
+  COMRAD_TRY_ASSIGN(const std::string iwad, find_iwad());
+  std::string keys =
+      key_folder.empty() ? link::kept_keys(run_dir) : fs::absolute(key_folder).lexically_normal().string();
+  COMRAD_TRY(prepare_serving(config, keys));
   if (!config.environment.wad.empty()) COMRAD_TRY(check_wad(config.environment.wad));
   if (!config.curriculum.interestingness_graph_path.empty()) {
     if (!fs::is_regular_file(config.curriculum.interestingness_graph_path, error))
@@ -157,7 +164,14 @@ Expected<int> train(const CommandLine& line, bool allow_no_update) {
   }
   COMRAD_TRY(directory.write_config(config, asked_for(before.asked_for, merged, asked)));
 
+  std::string address;
+  if (config.hosts.serve) {
+    COMRAD_TRY(link::keep_keys(directory.path(), keys));
+    COMRAD_TRY_ASSIGN(address, open_door(directory.path(), config, iwad));
+  }
+
   LaunchPlan plan;
+  if (!address.empty()) std::fprintf(stderr, "%s\n", door_note(address, config).c_str());
   plan.notes = flags_without_effect(config, user.typed);
   if (resumes) {
     RunConfig last;
@@ -167,6 +181,8 @@ Expected<int> train(const CommandLine& line, bool allow_no_update) {
   }
   if (std::string left_out = left_out_text(file); !left_out.empty())
     plan.notes.push_back(std::move(left_out));
+  plan.hosts = host_calls(config, environment_variable, sibling_program("comrad"));
+  plan.door_address = address;
   plan.config = config;
   plan.env = merged.scenario.env;
   plan.network = network;
@@ -191,10 +207,13 @@ int train_command(Arguments arguments) {
   bool allow_no_update = false;
   line.add_switch("allow_no_update", allow_no_update,
                   "start even where the run would end before the replay is filled and learning begins");
+  std::string key_folder;
+  line.add_option("keys", key_folder, "FOLDER",
+                  "with --serve: the run's keys, which `comrad keys` made, for a network");
   line.add_settings();
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("train", parsed.error());
   if (line.help_requested()) return print_settings_help("train", line);
-  const Expected<int> done = train(line, allow_no_update);
+  const Expected<int> done = train(line, allow_no_update, key_folder);
   return done ? *done : report_error("train", done.error());
 }
 

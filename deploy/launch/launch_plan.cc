@@ -23,7 +23,8 @@ Expected<shm::ArenaShape> arena_shape(const LaunchPlan& plan) {
   shape.trajectory.env = plan.env;
   shape.trajectory.rollout_steps = static_cast<int32_t>(config.collection.rollout);
   shape.trajectory.recurrent_state_count = plan.network.recurrent_state_count;
-  shape.sim_worker_count = static_cast<int32_t>(config.collection.num_workers);
+  shape.guest_worker_count = plan.serves() ? static_cast<int32_t>(config.hosts.serve_workers) : 0;
+  shape.sim_worker_count = static_cast<int32_t>(config.collection.num_workers) + shape.guest_worker_count;
   shape.envs_per_worker = static_cast<int32_t>(config.collection.num_envs_per_worker);
   shape.splits_per_worker = static_cast<int32_t>(config.collection.worker_num_splits);
   shape.policy_worker_count = static_cast<int32_t>(config.collection.policy_workers);

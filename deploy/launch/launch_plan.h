@@ -22,6 +22,7 @@ enum class PolicySource {
   kRandom,      ///< uniform over each head; no learner
   kOracle,      ///< the scenario's scripted team, inside the simulators; no learner
   kSeats,       ///< each agent its own player: LaunchPlan::seats
+  kFeeding,     ///< a learner on another host, which is fed with what is played here
 };
 
 /// What is filmed of an evaluation: all its episodes, one after the other, played by one environment.
@@ -30,6 +31,13 @@ struct FilmPlan {
   std::string frames;  ///< folder of single pictures; empty: none
   std::string size;    ///< of one agent's view, "640x360"
   bool is_wanted() const { return !video.empty() || !frames.empty(); }
+};
+
+/// A program that makes another host join this run. It reads the run's address from its standard input, and leaves when
+/// that ends.
+struct HostStart {
+  std::string name;                  ///< for people: "host a", "srun"
+  std::vector<std::string> command;  ///< first a path, or a name that PATH knows
 };
 
 /// What to run. `config` is merged and resolved; `run_dir` exists and holds config.toml.
@@ -52,6 +60,10 @@ struct LaunchPlan {
   int lock_descriptor = -1;  ///< RunDirectory::lock_descriptor(); the learner holds it too until it has left
   std::string bin_dir;       ///< where the worker programs lie; empty: beside this program
   RestartLimits restarts;
+  std::vector<HostStart> hosts = {};  ///< are made to join once the run is at work
+  std::string door_address = {};      ///< what they are told
+  bool leaves_with_input = false;     ///< the end of the standard input ends the run, as SIGTERM does
+  double patience_s = 300;            ///< kFeeding: how long the learner's host may be silent
   FilmPlan film;
   bool keeps_positions = false;  ///< each simulator writes where agents were to positions_path()
   bool keeps_episodes = false;   ///< simulators write each episode into episodes_folder(), which is there
@@ -67,12 +79,19 @@ struct LaunchPlan {
   /// The path of a program of this name.
   std::string program(const std::string& name) const;
   bool trains() const { return policy == PolicySource::kTraining; }
+  /// This host plays for the learner of another one.
+  bool feeds() const { return policy == PolicySource::kFeeding; }
+  /// A learner takes what is played, here or elsewhere.
+  bool drains() const { return trains() || feeds(); }
+  /// Other hosts may join.
+  bool serves() const { return trains() && config.hosts.serve; }
+  /// There is a learner among the workers.
   bool has_learner() const {
     if (policy == PolicySource::kSeats) return !seats.networks.empty();
-    return policy != PolicySource::kRandom && policy != PolicySource::kOracle;
+    return policy != PolicySource::kRandom && policy != PolicySource::kOracle && !feeds();
   }
-  /// Simulators play on in one slab each: nobody drains sealed ones unless a learner trains.
-  bool evaluates() const { return episodes > 0 || !trains(); }
+  /// Simulators play on in one slab each: nobody drains sealed ones.
+  bool evaluates() const { return episodes > 0 || !drains(); }
   /// Rollout by rollout, everybody waiting for everybody.
   bool is_lock_step() const {
     return trains() && (config.collection.deterministic || !config.collection.async_rl);

@@ -129,6 +129,7 @@ std::string metrics_text(const RunSnapshot& run) {
   page.sample(accounts.lost_with_simulators, {{"where", "simulator"}});
   page.sample(accounts.lost_with_learners, {{"where", "learner"}});
   page.sample(accounts.lost_in_restarts, {{"where", "restart"}});
+  page.sample(accounts.lost_on_the_way, {{"where", "way"}});
   page.sample(accounts.left, {{"where", "end"}});
   page.one("decisions_waiting", "gauge", "Agent decisions made that are on their way to the learner.",
            accounts.waiting);

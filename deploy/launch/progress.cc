@@ -74,6 +74,7 @@ std::string training_line(const TrainingProgress& p) {
             (p.decision_limit > 0 ? " (limit " + whole_text(p.decision_limit) + " decisions)" : "");
   if (!p.evaluated.empty()) text += " | " + p.evaluated;
   if (std::isfinite(p.lag_mean)) text += format(" | lag %.1f (max %u)", p.lag_mean, p.lag_max);
+  if (!p.hosts.empty()) text += " | " + p.hosts;
   if (!p.silence.empty()) text += " | " + p.silence;
   if (p.env_frames_lost > 0) text += " | learner went back " + count_text(p.env_frames_lost) + " env frames";
   return text;

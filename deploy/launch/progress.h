@@ -23,6 +23,7 @@ struct TrainingProgress {
   double lag_mean = std::nan("");
   uint32_t lag_max = 0;
   double replay_filled = 1;    ///< share of the decisions that learning waits for; 1 is left out
+  std::string hosts = {};      ///< that feed this run; empty is left out
   std::string silence = {};    ///< workers that stand still; empty is left out
   double env_frames_lost = 0;  ///< forgotten when the learner went back to a checkpoint; 0 is left out
 };

@@ -7,7 +7,7 @@
 
 namespace comrad::deploy {
 
-std::string DecisionAccounts::text() const {
+std::string DecisionAccounts::text(const char* done) const {
   std::vector<std::string> parts;
   const auto add = [&parts](uint64_t count, const char* words) {
     if (count > 0) parts.push_back(std::to_string(count) + " " + words);
@@ -15,10 +15,10 @@ std::string DecisionAccounts::text() const {
   add(lost_with_simulators, "lost with simulators");
   add(lost_with_learners, "lost with the learner");
   add(lost_in_restarts, "lost when all workers started again");
+  add(lost_on_the_way, "lost on the way to a run that began anew");
   add(waiting, "wait");
   add(left, "left at the end");
-  std::string text =
-      "of " + std::to_string(made) + " decisions made " + std::to_string(trained) + " were trained on";
+  std::string text = "of " + std::to_string(made) + " decisions made " + std::to_string(trained) + " " + done;
   if (forgotten > 0) text += " (" + std::to_string(forgotten) + " of them forgotten)";
   return parts.empty() ? text : text + ", " + joined(parts);
 }
@@ -29,6 +29,7 @@ void RunAccounts::use(const shm::Arena* arena, uint64_t trained) {
     sums_.made = now.made;
     sums_.lost_with_simulators = now.lost_with_simulators;
     sums_.lost_with_learners = now.lost_with_learners;
+    sums_.lost_on_the_way = now.lost_on_the_way;
     sums_.lost_in_restarts += now.waiting;
   }
   arena_ = arena;
@@ -65,7 +66,9 @@ DecisionAccounts RunAccounts::read(uint64_t trained) const {
   accounts.made += counts.made;
   accounts.lost_with_simulators += counts.lost;
   accounts.lost_with_learners += lost_with_learners_;
-  const uint64_t gone = trained - trained_before_ + counts.lost + lost_with_learners_;
+  const uint64_t on_the_way = arena_->control().decisions_lost_on_the_way.load(std::memory_order_acquire);
+  accounts.lost_on_the_way += on_the_way;
+  const uint64_t gone = trained - trained_before_ + counts.lost + lost_with_learners_ + on_the_way;
   accounts.waiting = counts.made > gone ? counts.made - gone : 0;
   return accounts;
 }

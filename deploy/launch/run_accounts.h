@@ -1,6 +1,7 @@
 // Where every agent decision of a run went, to the decision, also when workers are killed. Simulators count what they
 // make and seal, the learner what it takes and trains on, in words that stay behind in the arena when they die
-// (shm::EnvAccount); this class looks at them when a worker has ended.
+// (shm::EnvAccount); this class looks at them when a worker has ended. What other hosts play counts as made here when it is
+// delivered; on such a host its feeder stands where the learner stands.
 #pragma once
 
 #include <cstdint>
@@ -17,18 +18,21 @@ namespace comrad::deploy {
 /// What the run has learned from is what it had when this process began, + trained - forgotten.
 struct DecisionAccounts {
   uint64_t made = 0;                  ///< by simulators
-  uint64_t trained = 0;               ///< counted by learners
+  uint64_t trained = 0;               ///< counted by learners; where another host learns: delivered there
   uint64_t forgotten = 0;             ///< of them, by learners that went back to a checkpoint
   uint64_t lost_with_simulators = 0;  ///< in trajectories that dead simulators left half full
   uint64_t lost_with_learners = 0;    ///< taken by learners that died before they trained on them
   uint64_t lost_in_restarts = 0;      ///< lock step: of all workers, when one had died
+  uint64_t lost_on_the_way = 0;       ///< sent to a learner's host that began anew: learned there or not
   uint64_t left = 0;                  ///< at the end of the run, anywhere
   uint64_t waiting = 0;               ///< in the arena and in the learner; 0 at the end
 
-  uint64_t lost_with_the_dead() const { return lost_with_simulators + lost_with_learners + lost_in_restarts; }
+  uint64_t lost_with_the_dead() const {
+    return lost_with_simulators + lost_with_learners + lost_in_restarts + lost_on_the_way;
+  }
   uint64_t lost() const { return lost_with_the_dead() + left; }
   /// "of 1000 decisions made 900 were trained on, 60 lost with simulators, 40 left at the end".
-  std::string text() const;
+  std::string text(const char* done = "were trained on") const;
 };
 
 /// Threads: the supervisor's. `trained` is always the learners' total since this object was made.

@@ -188,6 +188,7 @@ nlohmann::ordered_json account_json(const DecisionAccounts& accounts) {
           {"lost_with_simulators", accounts.lost_with_simulators},
           {"lost_with_learners", accounts.lost_with_learners},
           {"lost_in_restarts", accounts.lost_in_restarts},
+          {"lost_on_the_way", accounts.lost_on_the_way},
           {"left", accounts.left},
           {"waiting", accounts.waiting}};
 }
@@ -204,6 +205,13 @@ Status write_status(const std::string& run_dir, const RunStatus& status) {
   json["cpu_s"] = nlohmann::ordered_json::object();
   for (const auto& [role, seconds] : status.cpu_s) json["cpu_s"][role] = seconds;
   if (status.accounts) json["decisions_account"] = account_json(*status.accounts);
+  for (const link::FeederRecord& guest : status.guests)
+    json["hosts"].push_back({{"host", guest.host},
+                             {"is_here", guest.is_here},
+                             {"workers", guest.workers},
+                             {"played", guest.played_there},
+                             {"delivered", guest.decisions},
+                             {"lost", guest.lost_there}});
   json["message"] = status.message;
   const std::string text = json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   return write_file_atomically(run_dir + "/status.json", text, /*durable=*/false);

@@ -13,6 +13,7 @@
 
 #include "deploy/launch/run_accounts.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/link/receiver.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {
@@ -71,6 +72,7 @@ struct RunStatus {
   std::vector<std::pair<std::string, double>> cpu_s;  ///< CPU seconds in that time, by role
   std::optional<DecisionAccounts> accounts;           ///< of training
   std::string message;
+  std::vector<link::FeederRecord> guests = {};  ///< hosts that feed this run, or did
 };
 
 /// Decisions by where they went, as status.json has them.

@@ -104,7 +104,7 @@ void RunHub::drain_episodes() {
         .length_tics = record->length_tics,
         .terminated = record->terminated != 0,
     };
-    if (plan_.trains()) arena_->forward_episode(*record);
+    if (plan_.drains()) arena_->forward_episode(*record);
     tell(result);
     if (result.episode_id < plan_.episodes) meter_.add(std::move(result));
   }

@@ -59,7 +59,7 @@ uint64_t RunMeter::learner_ended() {
 
 void RunMeter::close() {
   count();
-  if (plan_.trains()) accounts_.close(trained_decisions_.total());
+  if (plan_.drains()) accounts_.close(trained_decisions_.total());
 }
 
 std::optional<dds::TrainStats> RunMeter::take_report() {

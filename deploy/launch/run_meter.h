@@ -80,7 +80,7 @@ class RunMeter {
     return plan_.trains() ? trained_decisions_.total() : played_decisions_.total();
   }
   uint64_t played_decisions() const { return played_decisions_.total(); }
-  /// Where they went. Of training.
+  /// Where they went. Of training, here or for another host's learner.
   DecisionAccounts accounts() const { return accounts_.read(trained_decisions_.total()); }
   /// What does not add up in them; empty while all is well.
   const std::string& account_fault() const { return accounts_.fault(); }

@@ -6,9 +6,12 @@
 
 #include "deploy/launch/progress.h"
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/link/link_files.h"
 
 namespace comrad::deploy {
 namespace {
+
+constexpr double kSilentS = 3;  // of a learner's host, which speaks twice a second
 
 /// "512 env frames/s, 128 decisions/s".
 std::string rates_text(double decisions_per_s, int64_t frame_skip) {
@@ -32,6 +35,13 @@ std::string RunReport::evaluation_line() const {
     text = "episodes " + std::to_string(meter_.episodes().size()) + "/" + std::to_string(plan_.episodes);
     if (!meter_.episodes().empty()) text += " | " + score_text(meter_.episode_score_mean());
     text += " | ";
+  }
+  if (plan_.feeds()) {
+    const std::optional<link::Feed> feed = link::read_feed(plan_.run_dir);
+    text = !feed || !feed->is_fed ? "waits for the learner's host to give it a place | "
+           : feed->silent_s > kSilentS
+               ? "hears nothing of the learner's host for " + duration_text(feed->silent_s) + " | "
+               : count_text(static_cast<double>(feed->account.delivered)) + " decisions delivered | ";
   }
   const double elapsed_s = std::max(monotonic_s() - meter_.running_since_s(), 1e-3);
   return text + rates_text(static_cast<double>(meter_.played_decisions()) / elapsed_s,
@@ -60,9 +70,18 @@ std::string RunReport::progress_line() const {
   progress.lag_mean = stats.policy_lag_mean;
   progress.lag_max = stats.policy_lag_max;
   progress.replay_filled = meter_.replay_filled();
+  progress.hosts = hosts_text();
   progress.silence = workers_.silence_text();
   if (workers_.stands_still()) progress.env_frames_per_s = progress.decisions_per_s = 0;
   return training_line(progress);
+}
+
+/// "2 hosts", "no host"; empty where none may join.
+std::string RunReport::hosts_text() const {
+  if (!plan_.serves()) return "";
+  const std::vector<link::FeederRecord> guests = link::read_guests(plan_.run_dir);
+  const auto here = std::ranges::count_if(guests, &link::FeederRecord::is_here);
+  return here == 1 ? "1 host feeds" : std::to_string(here) + " hosts feed";
 }
 
 RunStatus RunReport::status(const std::string& state, const std::string& message) const {
@@ -72,13 +91,15 @@ RunStatus RunReport::status(const std::string& state, const std::string& message
   status.learner_version = stats.learner_version;
   status.message = message;
   status.elapsed_s = clock_.elapsed();
-  for (const Role role : {Role::kSim, Role::kPolicy, Role::kLearner})
-    status.cpu_s.emplace_back(name_of(role), workers_.cpu_seconds(role));
+  for (const Role role : {Role::kSim, Role::kPolicy, Role::kLearner, Role::kReceiver, Role::kFeeder})
+    if (workers_.has(role) || role <= Role::kLearner)
+      status.cpu_s.emplace_back(name_of(role), workers_.cpu_seconds(role));
   status.cpu_s.emplace_back("supervisor", clock_.cpu_elapsed());
+  if (plan_.drains()) status.accounts = meter_.accounts();
+  if (plan_.serves()) status.guests = link::read_guests(plan_.run_dir);
   if (plan_.trains()) {
     status.env_frames = meter_.env_frames();
     status.decisions = meter_.decisions_of_run();
-    status.accounts = meter_.accounts();
     if (stats.episodes > 0) status.score_mean = stats.score_mean;
     status.env_frames_per_s = workers_.stands_still() ? 0 : stats.env_frames_per_s;
   } else {

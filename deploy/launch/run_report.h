@@ -31,6 +31,7 @@ class RunReport {
   std::string limit_reached() const;
 
  private:
+  std::string hosts_text() const;
   std::string evaluation_line() const;
 
   const LaunchPlan& plan_;

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rollout_buffer/core/host_name.h"
+#include "rollout_buffer/link/link_files.h"
 
 namespace comrad::deploy {
 namespace {
@@ -22,10 +23,6 @@ uint64_t resident_bytes_of(pid_t pid) {
 
 double grown_per_s(uint64_t before, uint64_t now, double seconds) {
   return now > before && seconds > 0 ? static_cast<double>(now - before) / seconds : 0;
-}
-
-const char* word_of(Role role) {
-  return role == Role::kSim ? "sim" : role == Role::kPolicy ? "policy" : "learner";
 }
 
 /// JSON has no NaN.
@@ -74,6 +71,19 @@ void SnapshotTaker::look(const shm::Arena& arena, double now_s) {
     last.decisions_per_s = worker.process ? rate : 0;
     last.busy = busy + wait > 0 ? busy / (busy + wait) : 0;
   }
+  if (!plan_.serves()) return;
+  std::map<std::string, GuestLook> guests;  // by name: several runs of one host are one line
+  for (const link::FeederRecord& record : link::read_guests(plan_.run_dir)) {
+    GuestLook& guest = guests[record.host];
+    guest.decisions += record.decisions;
+    if (!record.is_here) continue;
+    guest.workers += record.workers;
+    guest.credits += static_cast<int64_t>(record.credits);
+  }
+  for (auto& [name, guest] : guests)
+    if (const auto before = guests_.find(name); before != guests_.end())
+      guest.decisions_per_s = grown_per_s(before->second.decisions, guest.decisions, seconds);
+  guests_ = std::move(guests);
 }
 
 RunSnapshot SnapshotTaker::take(const shm::Arena& arena, const RunStatus& status, double now_s) const {
@@ -135,6 +145,12 @@ RunSnapshot SnapshotTaker::take(const shm::Arena& arena, const RunStatus& status
     run.workers.push_back(std::move(one));
   }
   run.hosts.push_back(std::move(here));
+  for (const auto& [name, guest] : guests_)
+    if (guest.workers > 0)
+      run.hosts.push_back({.name = name,
+                           .workers = guest.workers,
+                           .decisions_per_s = guest.decisions_per_s,
+                           .credits = guest.credits});
   return run;
 }
 

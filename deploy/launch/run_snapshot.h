@@ -84,10 +84,17 @@ class SnapshotTaker {
     uint64_t decisions = 0, busy_ns = 0, wait_ns = 0;
     double decisions_per_s = 0, busy = 0;
   };
+  struct GuestLook {
+    uint64_t decisions = 0;  ///< delivered
+    int workers = 0;
+    int64_t credits = 0;
+    double decisions_per_s = 0;
+  };
   const LaunchPlan& plan_;
   const RunMeter& meter_;
   const WorkerTable& table_;
   std::map<std::string, Look> looks_;
+  std::map<std::string, GuestLook> guests_;  ///< other hosts that feed, by name
   double looked_s_ = 0;
 };
 

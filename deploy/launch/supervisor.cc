@@ -12,6 +12,7 @@
 
 #include "deploy/launch/control_door.h"
 #include "deploy/launch/evaluator.h"
+#include "deploy/launch/host_team.h"
 #include "deploy/launch/metrics_page.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/run_directory.h"
@@ -26,6 +27,8 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/link/feeder.h"
+#include "rollout_buffer/link/link_files.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::deploy {
@@ -68,12 +71,14 @@ class Supervisor {
         hub_(plan, meter_, printer_),
         table_(plan),
         evaluator_(plan),
+        host_team_(plan),
         report_(plan, meter_, table_, evaluator_),
         snapshots_(plan, meter_, table_) {}
 
   Expected<RunOutcome> run() {
     if (Status started = start(); !started) fail(started.error());
-    while (phase_ != Phase::kStopping || table_.any_alive() || evaluator_.is_busy()) tick();
+    while (phase_ != Phase::kStopping || table_.any_alive() || evaluator_.is_busy() || host_team_.any_alive())
+      tick();
     return finish();
   }
 
@@ -123,6 +128,7 @@ class Supervisor {
   RunHub hub_;
   WorkerTable table_;
   Evaluator evaluator_;
+  HostTeam host_team_;
   RunReport report_;
   SnapshotTaker snapshots_;
   std::optional<ControlDoor> door_;
@@ -133,6 +139,7 @@ class Supervisor {
   RunOutcome outcome_;
   std::optional<Error> error_;
   Phase phase_ = Phase::kStarting;
+  bool has_input_ended_ = false;
   bool killed_at_once_ = false;
   bool is_complete_ = false;  // the goal was reached before anybody interrupted
   bool learner_was_killed_ = false;
@@ -146,6 +153,7 @@ class Supervisor {
 
 Status Supervisor::start() {
   if (signals_.descriptor() < 0) return system_error("signalfd");
+  link::remove_accounts(plan_.run_dir);
   COMRAD_TRY(init_log("supervisor", plan_.run_dir + "/logs/supervisor.log"));
   for (const std::string& text : plan_.notes) note("note: " + text);
   COMRAD_TRY(open_doors());
@@ -197,10 +205,14 @@ void Supervisor::tick() {
     count_work();
     measure();
     listen_to_workers();
+    if (phase_ == Phase::kRunning && plan_.feeds() &&
+        hub_.arena().control().goal_reached.load() == link::kAskedToLeave)
+      complete("this host was asked to leave (comrad ctl drain)");
     if (phase_ == Phase::kRunning && plan_.episodes > 0 && meter_.episodes().size() >= plan_.episodes)
       complete("finished");
   }
   for (const std::string& words : evaluator_.tick(monotonic_s())) note(words);
+  for (const std::string& words : host_team_.tick(monotonic_s(), phase_ == Phase::kRunning)) note(words);
   if (phase_ == Phase::kStopping && !table_.any_alive() && evaluator_.is_busy() &&
       !std::exchange(told_of_last_evaluations_, true))
     note("trained; the last evaluations are played now (Ctrl-C leaves them out)");
@@ -267,6 +279,12 @@ Expected<uint32_t> Supervisor::ask_for_checkpoint(const std::string& who) {
 
 Status Supervisor::drain(const std::string& host) {
   const RunSnapshot& run = snapshot();
+  const auto guest = std::ranges::find(run.hosts, host, &HostSnapshot::name);
+  if (host != run.host && guest != run.hosts.end()) {
+    COMRAD_TRY(link::ask_to_leave(plan_.run_dir, host));
+    note("comrad ctl: " + host + " is asked to leave; what it has played is delivered first");
+    return {};
+  }
   if (host == run.host)
     return Error{ErrorCode::kBadInput,
                  "the learner is on " + host + ", so the run cannot go on without it; comrad ctl " +
@@ -280,7 +298,15 @@ void Supervisor::wait_for_news() {
   std::vector<pollfd> sources{{.fd = signals_.descriptor(), .events = POLLIN, .revents = 0}};
   if (hub_.socket() >= 0) sources.push_back({.fd = hub_.socket(), .events = POLLIN, .revents = 0});
   table_.append_outputs(sources);
+  if (plan_.leaves_with_input && !has_input_ended_)
+    sources.push_back({.fd = STDIN_FILENO, .events = POLLIN, .revents = 0});
   poll(sources.data(), sources.size(), kTickMs);
+  if (!plan_.leaves_with_input || has_input_ended_ || sources.back().revents == 0) return;
+  char ignored[256];
+  if (read(STDIN_FILENO, ignored, sizeof ignored) > 0) return;
+  has_input_ended_ = true;
+  outcome_.interrupted = true;
+  stop("the run that called this host has let it go");
 }
 
 void Supervisor::hear_signals() {
@@ -313,6 +339,7 @@ void Supervisor::serve_joins() {
 
 void Supervisor::exited(Worker& worker, const ExitStatus& how) {
   const bool is_training_learner = worker.role == Role::kLearner && plan_.trains();
+  const bool is_feeder = worker.role == Role::kFeeder;
   const bool is_clean = how.signal == 0 && how.code == kExitDone;
   if (phase_ == Phase::kStopping) {
     // Leaving is what they were asked for; only a learner that could not save matters.
@@ -326,6 +353,10 @@ void Supervisor::exited(Worker& worker, const ExitStatus& how) {
       outcome_.interrupted = true;
       stop("the learner was told to stop (SIGTERM) before the run's goal");
     }
+    return;
+  }
+  if (is_feeder && is_clean && hub_.arena().control().goal_reached.load() != 0) {
+    complete("the run that this host fed has ended");
     return;
   }
   const std::string words = table_.last_words(worker);
@@ -378,6 +409,15 @@ uint64_t Supervisor::reclaim(Worker& worker) {
     case Role::kPolicy:
       hub_.arena().reclaim_policy_worker(worker.index);
       return 0;  // its questions are asked again
+    case Role::kReceiver:
+      // What it had in the making is sent again.
+      for (int sim = hub_.arena().shape().own_worker_count(); sim < hub_.arena().shape().sim_worker_count;
+           ++sim)
+        hub_.arena().reclaim_sim_worker(sim);
+      return 0;
+    case Role::kFeeder:
+      meter_.count();  // what it had delivered; its successor adopts what it had drained
+      return 0;
     case Role::kLearner:
       hub_.arena().reclaim_learner();
       return meter_.learner_ended();
@@ -448,6 +488,7 @@ void Supervisor::stop(const std::string& why) {
     worker.restart_at_s = 0;
   }
   if (hub_.is_open()) hub_.stop();
+  host_team_.stop(stopping_since_s_);
   if (!is_complete_) evaluator_.stop(SIGTERM);
   status_timer_.hurry();
 }
@@ -544,7 +585,9 @@ Expected<RunOutcome> Supervisor::finish() {
   outcome_.message = report_.summary(outcome_.message, worked_s);
   outcome_.accounts = meter_.accounts();
   if (outcome_.restarts > 0) outcome_.message += "; " + std::to_string(outcome_.restarts) + " restarts";
-  if (outcome_.restarts > 0 && plan_.trains()) outcome_.message += ": " + outcome_.accounts.text();
+  if (plan_.drains() && (outcome_.restarts > 0 || plan_.serves() || plan_.feeds()))
+    outcome_.message += (outcome_.restarts > 0 ? ": " : "; ") +
+                        outcome_.accounts.text(plan_.feeds() ? "were delivered" : "were trained on");
   spdlog::info("{}", outcome_.message);
   outcome_.last_stats = meter_.last_stats();
   outcome_.lag_mean = meter_.lag_mean();

@@ -21,7 +21,7 @@ constexpr double kJoinTimeoutS = 120.0;   // a worker that has not joined by the
 constexpr double kSilentAfterS = 10.0;    // a worker whose counter stands still so long is named
 constexpr int kLinesShownPerMinute = 20;  // of one worker's output on the terminal; the log has them all
 
-/// What tells the three kinds apart, in the order of Role.
+/// What tells the kinds apart, in the order of Role.
 struct Kind {
   const char* word;  ///< as it joins, and in its name
   const char* program;
@@ -29,7 +29,10 @@ struct Kind {
 };
 constexpr Kind kKinds[] = {{"sim", "comrad-sim-worker", "simulators"},
                            {"policy", "comrad-policy-worker", "policy workers"},
-                           {"learner", "comrad-learner", "learner"}};
+                           {"learner", "comrad-learner", "learner"},
+                           {"receiver", "comrad-receiver", "receiver"},
+                           {"feeder", "comrad-feeder", "feeder"}};
+constexpr bool is_single(Role role) { return role != Role::kSim && role != Role::kPolicy; }
 constexpr const char* kFilmingSimulator = "comrad-sim-film";
 
 const Kind& kind_of(const Worker& worker) { return kKinds[static_cast<std::size_t>(worker.role)]; }
@@ -57,6 +60,7 @@ std::string words_for_user(const std::string& line) {
 }  // namespace
 
 const char* name_of(Role role) { return kKinds[static_cast<std::size_t>(role)].plural; }
+const char* word_of(Role role) { return kKinds[static_cast<std::size_t>(role)].word; }
 
 WorkerTable::WorkerTable(const LaunchPlan& plan) : plan_(plan) {
   const auto add = [&](Role role, int64_t count) {
@@ -65,13 +69,15 @@ WorkerTable::WorkerTable(const LaunchPlan& plan) : plan_(plan) {
       worker.role = role;
       worker.index = i;
       worker.name = kind_of(worker).word;
-      if (role != Role::kLearner) worker.name += "-" + std::to_string(i);
+      if (!is_single(role)) worker.name += "-" + std::to_string(i);
       worker.history = RestartHistory(plan.restarts);
     }
   };
   add(Role::kSim, plan.config.collection.num_workers);
   add(Role::kPolicy, plan.config.collection.policy_workers);
   if (plan.has_learner()) add(Role::kLearner, 1);
+  if (plan.serves()) add(Role::kReceiver, 1);
+  if (plan.feeds()) add(Role::kFeeder, 1);
 }
 
 ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& server) const {
@@ -92,7 +98,7 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
       set(name, std::to_string(count));
     suggest("OMP_WAIT_POLICY", "PASSIVE");  // a thread that spins at a barrier takes a simulator's core
   };
-  if (worker.role != Role::kLearner) add("--worker_index", std::to_string(worker.index));
+  if (!is_single(worker.role)) add("--worker_index", std::to_string(worker.index));
   switch (worker.role) {
     case Role::kSim:
       if (plan_.evaluates()) add("--evaluate");
@@ -118,7 +124,7 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
       if (plan_.greedy) add("--greedy");
       if (plan_.policy == PolicySource::kSeats)
         add("--seats");
-      else if (!plan_.has_learner())
+      else if (!plan_.has_learner() && !plan_.feeds())
         add("--random");  // an oracle's simulators do not look at the answers
       if (plan_.evaluates()) add("--evaluate");
       set_threads(config.collection.policy_threads);
@@ -129,6 +135,11 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
       if (plan_.policy == PolicySource::kSeats) add("--seats");
       set_threads(std::max<int64_t>(1, config.collection.learner_threads));
       options.inherited_descriptor = plan_.lock_descriptor;
+      break;
+    case Role::kReceiver:
+      break;
+    case Role::kFeeder:
+      add("--patience_s", real_text(plan_.patience_s));
       break;
   }
   return options;
@@ -179,6 +190,10 @@ void WorkerTable::note_joined(const shm::JoinRequest& request) {
   spdlog::info("{}-{} joined", role, request.worker_index);
 }
 
+bool WorkerTable::has(Role role) const {
+  return std::ranges::any_of(workers_, [role](const Worker& worker) { return worker.role == role; });
+}
+
 bool WorkerTable::any_alive() const {
   return std::ranges::any_of(workers_, [](const Worker& worker) { return worker.process.has_value(); });
 }
@@ -189,7 +204,8 @@ bool WorkerTable::all_joined() const {
 
 std::string WorkerTable::joined_text() const {
   std::vector<std::string> parts;
-  for (const Role role : {Role::kSim, Role::kPolicy, Role::kLearner}) {
+  for (std::size_t place = 0; place < kRoleCount; ++place) {
+    const Role role = static_cast<Role>(place);
     const auto is_of_role = [role](const Worker& worker) { return worker.role == role; };
     const auto expected = std::ranges::count_if(workers_, is_of_role);
     const auto here = std::ranges::count_if(
@@ -295,9 +311,11 @@ std::string WorkerTable::log_path(const Worker& worker) const {
 }
 
 shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena) {
-  return worker.role == Role::kSim      ? arena.sim_counters(worker.index)
-         : worker.role == Role::kPolicy ? arena.policy_counters(worker.index)
-                                        : arena.learner_counters();
+  // The receiver stands on the learner's arena as a simulator does, the feeder on its own as a learner.
+  return worker.role == Role::kSim        ? arena.sim_counters(worker.index)
+         : worker.role == Role::kPolicy   ? arena.policy_counters(worker.index)
+         : worker.role == Role::kReceiver ? arena.sim_counters(arena.shape().own_worker_count())
+                                          : arena.learner_counters();
 }
 
 }  // namespace comrad::deploy

@@ -21,10 +21,12 @@
 
 namespace comrad::deploy {
 
-enum class Role { kSim, kPolicy, kLearner };
-constexpr std::size_t kRoleCount = 3;
-/// "simulators", "policy workers", "learner".
+enum class Role { kSim, kPolicy, kLearner, kReceiver, kFeeder };
+constexpr std::size_t kRoleCount = 5;
+/// "simulators", "policy workers", "learner", "receiver", "feeder".
 const char* name_of(Role role);
+/// "sim", "policy", "learner", "receiver", "feeder": as it joins.
+const char* word_of(Role role);
 
 /// One worker's place in the run; the process in it may change.
 struct Worker {
@@ -47,7 +49,7 @@ struct Worker {
   double heard_s = 0;
 };
 
-/// All workers of one run, simulators first, the learner last. Threads: the supervisor's.
+/// All workers of one run, simulators first, the learner and what links hosts last. Threads: the supervisor's.
 class WorkerTable {
  public:
   /// The places that `plan` asks for, all empty. The plan outlives the table.
@@ -66,6 +68,7 @@ class WorkerTable {
   /// CPU seconds of all processes of a role so far, those that have ended included.
   double cpu_seconds(Role role) const;
   bool any_alive() const;
+  bool has(Role role) const;
   bool all_joined() const;
   /// "1/2 simulators, 0/1 policy workers, 1/1 learner": how many have joined.
   std::string joined_text() const;

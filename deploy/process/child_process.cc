@@ -42,6 +42,7 @@ Expected<ChildProcess> ChildProcess::spawn(const ChildOptions& options) {
   COMRAD_TRY_ASSIGN(Pipe output, Pipe::open());
   ProcessOptions process{.command = {options.program},
                          .environment = options.environment,
+                         .input = options.input,
                          .output = options.output >= 0 ? options.output : output.write_end.get(),
                          .error_output = output.write_end.get(),
                          .inherited_descriptor = options.inherited_descriptor,

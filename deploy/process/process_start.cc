@@ -38,7 +38,7 @@ struct Image {
 };
 
 /// The child's part between fork and exec. Returns only on failure, with errno.
-void become(const ProcessOptions& options, Image& image, pid_t parent, int null_input, int report) {
+void become(const ProcessOptions& options, Image& image, pid_t parent, int input, int report) {
   prctl(PR_SET_PDEATHSIG, SIGTERM);
   if (getppid() != parent) _exit(1);  // the parent died before the line above
   if (options.has_own_group) setpgid(0, 0);
@@ -56,7 +56,7 @@ void become(const ProcessOptions& options, Image& image, pid_t parent, int null_
   }
   // Low numbers: 0-2 for the child's own use, 3 the report of a failed exec, 4 the inherited one. Sources are
   // first moved out of the way.
-  const int high_input = fcntl(null_input, F_DUPFD, 10);
+  const int high_input = fcntl(input, F_DUPFD, 10);
   const int high_output = fcntl(options.output, F_DUPFD, 10);
   const int high_error = fcntl(options.error_output, F_DUPFD, 10);
   const int high_report = fcntl(report, F_DUPFD, 10);
@@ -92,7 +92,8 @@ Expected<pid_t> start_process(const ProcessOptions& options) {
   const pid_t pid = fork();
   if (pid < 0) return failed(errno);
   if (pid == 0) {
-    become(options, image, parent, null_input.get(), report.write_end.get());
+    become(options, image, parent, options.input >= 0 ? options.input : null_input.get(),
+           report.write_end.get());
     const int code = errno;
     [[maybe_unused]] const ssize_t told = write(3, &code, sizeof code);
     _exit(127);

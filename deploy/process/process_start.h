@@ -42,6 +42,7 @@ struct Pipe {
 struct ProcessOptions {
   std::vector<std::string> command;                              ///< first a path, or a name that PATH knows
   std::vector<std::pair<std::string, std::string>> environment;  ///< on top of ours
+  int input = -1;                                                ///< becomes standard input; -1: /dev/null
   int output = -1;                                               ///< becomes standard output
   int error_output = -1;                                         ///< becomes standard error
   int inherited_descriptor = -1;                                 ///< kept open in the child; -1: none
@@ -51,7 +52,7 @@ struct ProcessOptions {
       false;  ///< what a terminal sends does not reach it, and kill(-pid) reaches its children
 };
 
-/// Starts the program and returns its pid once it runs. Its standard input is /dev/null; SIGTERM comes when the
+/// Starts the program and returns its pid once it runs. SIGTERM comes when the
 /// calling thread ends, however it ends; other signals have their defaults and none is blocked (prepare_process() is
 /// for our own programs); all other descriptors are closed.
 /// Errors: kNotFound, or kSystem, when it cannot be executed.  Threads: call from a thread that outlives the child.

@@ -14,4 +14,10 @@ inline std::string host_name() {
   return name;
 }
 
+/// Without its domain.
+inline std::string short_host_name() {
+  const std::string whole = host_name();
+  return whole.substr(0, whole.find('.'));
+}
+
 }  // namespace comrad

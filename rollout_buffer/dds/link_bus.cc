@@ -153,6 +153,7 @@ Status LinkBus::write(const FeedReport& report) {
   out.weights_version = report.weights_version;
   out.decisions_played = report.decisions_played;
   out.decisions_delivered = report.decisions_delivered;
+  out.decisions_lost = report.decisions_lost;
   put(out.host, report.host);
   return state_->participant->write(kReport, out);
 }
@@ -291,6 +292,7 @@ void LinkBus::take_reports(const std::function<void(const FeedReport&)>& visit) 
            .weights_version = in.weights_version,
            .decisions_played = in.decisions_played,
            .decisions_delivered = in.decisions_delivered,
+           .decisions_lost = in.decisions_lost,
            .host = get(in.host)});
   });
 }

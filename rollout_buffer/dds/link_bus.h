@@ -16,7 +16,7 @@
 
 namespace comrad::dds {
 
-constexpr uint32_t kLinkVersion = 2;  ///< of the topics but the door's: other versions do not meet on them
+constexpr uint32_t kLinkVersion = 3;  ///< of the topics but the door's: other versions do not meet on them
 constexpr std::size_t kChunkBytes = 1 << 20;            ///< most of a weights chunk or of a door's payload
 constexpr std::size_t kFragmentBytes = 1 << 18;         ///< most raw bytes of a trajectory's fragment
 constexpr std::size_t kFragmentPayloadBytes = 264'192;  ///< most of them as LZ4 makes them
@@ -49,6 +49,7 @@ struct FeedReport {
   uint32_t weights_version = 0;
   uint64_t decisions_played = 0;
   uint64_t decisions_delivered = 0;
+  uint64_t decisions_lost = 0;  ///< sent to a learner's host that began anew
   std::string host = {};
 };
 
@@ -57,7 +58,7 @@ struct FeedState {
   uint64_t session = 0;
   uint32_t epoch = 0;
   uint64_t beat = 0;
-  std::string run_state = {};  ///< running, paused, stopping, refused
+  std::string run_state = {};  ///< running, paused, leaving (asked to), stopping, refused
   std::string message = {};
   uint64_t done_index = 0;
   uint64_t credit_index = 0;

@@ -111,6 +111,11 @@ dds::DoorAnswer DoorKeeper::answer(const dds::DoorQuestion& question) const {
                   std::to_string(number_in(asked, "link")) + "; install the same version on both");
   const std::string what = text_in(asked, "ask"), name = text_in(asked, "name");
   std::optional<std::string> bytes;
+  if (what == "ping") {
+    answer.text = json{{"time_s", wall_s()}}.dump();
+    answer.payload.resize(std::min<uint64_t>(number_in(asked, "bytes"), dds::kChunkBytes));
+    return answer;
+  }
   if (what == "offer") {
     bytes = text_;
   } else if (what == "file") {
@@ -120,12 +125,24 @@ dds::DoorAnswer DoorKeeper::answer(const dds::DoorQuestion& question) const {
     if (!bytes || bytes->size() != found->bytes || checksum_of(*bytes) != found->checksum)
       return refuse(name + " has changed since the run began; restart the run that serves");
   } else {
-    return refuse("the question asks for neither an offer nor a file");
+    return refuse("the question asks for neither an offer nor a file nor a ping");
   }
   const uint64_t offset = std::min<uint64_t>(number_in(asked, "offset"), bytes->size());
   answer.text = json{{"bytes", bytes->size()}, {"offset", offset}}.dump();
   answer.payload = bytes->substr(offset, dds::kChunkBytes);
   return answer;
+}
+
+Expected<double> DoorVisitor::ping(std::size_t bytes) {
+  COMRAD_TRY_ASSIGN(
+      const dds::DoorAnswer answer,
+      ask(json{{"protocol", kDoorProtocol}, {"link", dds::kLinkVersion}, {"ask", "ping"}, {"bytes", bytes}}
+              .dump()));
+  const json said = json::parse(answer.text, nullptr, /*allow_exceptions=*/false);
+  const auto time = said.find("time_s");
+  if (time == said.end() || !time->is_number() || answer.payload.size() != bytes)
+    return Error{ErrorCode::kBadFormat, "the answer to a ping has no time, or another length"};
+  return time->get<double>();
 }
 
 Expected<dds::DoorAnswer> DoorVisitor::ask(const std::string& text) {

@@ -12,7 +12,7 @@
 namespace comrad::link {
 
 constexpr int kDoorProtocol = 1;
-constexpr const char* kOfferFile = "link_offer.json";  ///< in a run that serves
+constexpr const char* kOfferFile = "link_offer.json";  ///< in a run that serves, and in those that joined it
 
 /// One file that a host needs to play.
 struct OfferedFile {
@@ -58,6 +58,8 @@ class DoorVisitor {
   Expected<Offer> offer();
   /// The bytes of a file of the offer, checked. Errors: as offer().
   Expected<std::string> file(const OfferedFile& file);
+  /// Asks for `bytes` bytes of nothing, at most dds::kChunkBytes. The other host's wall clock, seconds. Errors: as offer().
+  Expected<double> ping(std::size_t bytes);
 
  private:
   Expected<std::string> fetch(const std::string& what, const std::string& name, uint64_t most_bytes);

@@ -30,13 +30,16 @@ Feeder::Feeder(const shm::Arena& arena, dds::LinkBus bus, const FeederOptions& o
       bus_(std::move(bus)),
       options_(options),
       cutter_(arena.slab_offsets()),
-      weights_(arena.shape().weights_bytes) {}
+      weights_(arena.shape().weights_bytes),
+      layout_draws_(RngKey(options.feeder_id).split("layouts")) {}
 
 Status Feeder::run(const std::atomic<bool>& stop) {
   shm::WorkerCounters& counters = arena_.learner_counters();
   counters.begin_life();
   epoch_ = counters.epoch.load();
   delivered_ = counters.decisions.load();
+  lost_ = arena_.control().decisions_lost_on_the_way.load();
+  arena_.control().learner_decisions_before = delivered_;
   adopt();
   counters.state = shm::WorkerState::kRunning;
   heard_s_ = progress_s_ = monotonic_s();
@@ -46,6 +49,7 @@ Status Feeder::run(const std::atomic<bool>& stop) {
     send();
     resend_if_stuck();
     send_episodes();
+    grant_layouts();
     if (monotonic_s() - reported_s_ >= kReportIntervalS) report(/*is_leaving=*/false);
     if (every_second_ && monotonic_s() - told_s_ >= 1) told_s_ = monotonic_s(), every_second_();
     bus_.wait(kWaitMs);
@@ -72,22 +76,24 @@ bool Feeder::is_stopping(const std::atomic<bool>& stop) const {
          arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
 }
 
-/// Takes over what a predecessor had drained, in the order of sealing.
+/// Takes over what a predecessor had drained, in the order of sealing. It may have died after it counted the first one as done
+/// and before it gave the slab back: then more is counted than was taken.
 void Feeder::adopt() {
-  std::vector<std::pair<uint64_t, uint32_t>> orphans;
-  for (int index = 0; index < arena_.shape().slab_count; ++index) {
-    const shm::SlabHeader& header = arena_.slab_header(index);
-    if (header.state.load(std::memory_order_acquire) == shm::SlabState::kLearning)
-      orphans.emplace_back(header.seal_ticket, static_cast<uint32_t>(index));
-  }
-  std::sort(orphans.begin(), orphans.end());
+  const std::vector<uint32_t> orphans = arena_.adopt_slabs();
   const auto agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
-  for (const auto& [ticket, index] : orphans)
+  uint64_t held = 0;
+  for (const uint32_t index : orphans) {
     in_hand_.push_back({.slab = index,
                         .decisions = arena_.slab_header(static_cast<int>(index)).length * agents,
                         .was_sent = true});
-  if (!orphans.empty())
-    spdlog::warn("{} trajectories of this worker's predecessor are sent again", orphans.size());
+    held += in_hand_.back().decisions;
+  }
+  if (!in_hand_.empty() && delivered_ + lost_ + held > arena_.decision_counts().taken) {
+    arena_.release_slab(in_hand_.front().slab);
+    in_hand_.pop_front();
+  }
+  if (!in_hand_.empty())
+    spdlog::warn("{} trajectories of this worker's predecessor are sent again", in_hand_.size());
 }
 
 Status Feeder::hear() {
@@ -116,6 +122,8 @@ void Feeder::take_state(const dds::FeedState& state) {
     return;
   }
   has_run_ended_ |= state.run_state == "stopping";
+  if (state.run_state == "leaving")
+    arena_.control().goal_reached = kAskedToLeave;  // the supervisor stops simulators
   if (session_ != state.session && session_ != 0) return begin_anew(state.session);
   session_ = state.session;
   state_ = state;
@@ -143,6 +151,7 @@ void Feeder::begin_anew(uint64_t session) {
 void Feeder::finish_first(bool is_delivered) {
   const InHand& first = in_hand_.front();
   (is_delivered ? delivered_ : lost_) += first.decisions;
+  if (!is_delivered) arena_.control().decisions_lost_on_the_way = lost_;
   if (is_delivered) {
     arena_.learner_counters().decisions = delivered_;
     arena_.learner_counters().batches.fetch_add(1);
@@ -214,6 +223,20 @@ void Feeder::send_episodes() {
   }
 }
 
+/// Each environment that took its last layout is granted another. How episodes ended is nobody's business here.
+void Feeder::grant_layouts() {
+  if (options_.layout_count <= 0) return;
+  for (int env = 0; env < arena_.shape().env_count(); ++env) {
+    shm::LayoutDesk& desk = arena_.layout_desk(env);
+    desk.heard.store(desk.reported.load(std::memory_order_acquire), std::memory_order_relaxed);
+    const uint32_t granted = desk.granted.load(std::memory_order_relaxed);
+    if (desk.taken.load(std::memory_order_acquire) != granted) continue;
+    desk.layout_index.store(layout_draws_.below(static_cast<uint32_t>(options_.layout_count)),
+                            std::memory_order_relaxed);
+    desk.granted.store(granted + 1, std::memory_order_release);
+  }
+}
+
 void Feeder::report(bool is_leaving) {
   reported_s_ = monotonic_s();
   const shm::ArenaShape& shape = arena_.shape();
@@ -230,9 +253,12 @@ void Feeder::report(bool is_leaving) {
                                  .weights_version = arena_.weights_version(),
                                  .decisions_played = now.played,
                                  .decisions_delivered = now.delivered,
+                                 .decisions_lost = now.lost,
                                  .host = options_.host});
   if (!written && written.error().code != ErrorCode::kTimeout) spdlog::warn("{}", written.error().message);
 }
+
+double Feeder::silent_s() const { return monotonic_s() - heard_s_; }
 
 FeederAccount Feeder::account() const {
   FeederAccount account{.delivered = delivered_, .lost = lost_, .resent = resent_};
@@ -243,6 +269,8 @@ FeederAccount Feeder::account() const {
   for (int index = 0; index < arena_.shape().slab_count; ++index)
     if (const shm::SlabHeader& header = arena_.slab_header(index); header.state == shm::SlabState::kSealed)
       account.waiting += header.length * agents;
+    else if (header.state == shm::SlabState::kFilling)
+      account.unfinished += header.length * agents;
   return account;
 }
 

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/dds/link_bus.h"
 #include "rollout_buffer/link/slab_stream.h"
 #include "rollout_buffer/link/weights_stream.h"
@@ -17,19 +18,26 @@
 
 namespace comrad::link {
 
+/// ControlBlock::goal_reached of a host that is asked to leave. Its supervisor stops the simulators; the feeder delivers what
+/// they have played, and goes.
+constexpr uint32_t kAskedToLeave = 2;
+
 struct FeederOptions {
   uint64_t feeder_id = 0;     ///< of this arena; another run of this host has another one
   uint64_t fingerprint = 0;   ///< of the offer that this host plays
   std::string host;           ///< its name, for people
   double patience_s = 300;    ///< how long the learner's host may be silent
+  int layout_count = 0;       ///< of the run's pool, from which this host draws evenly; 0: one map
   double resend_after_s = 3;  ///< without a word that what was sent is done
 };
 
-/// What became of this host's decisions, all agents counted: played = delivered + waiting + the slabs in the making.
+/// What became of this host's decisions, all agents counted: played = delivered + waiting + unfinished + lost, and what
+/// simulators that died had in the making.
 struct FeederAccount {
   uint64_t played = 0;
-  uint64_t delivered = 0;  ///< sealed on the learner's host
-  uint64_t waiting = 0;    ///< sealed here, or sent and not yet done
+  uint64_t delivered = 0;   ///< sealed on the learner's host
+  uint64_t waiting = 0;     ///< sealed here, or sent and not yet done
+  uint64_t unfinished = 0;  ///< in slabs that are being filled
   uint64_t lost = 0;    ///< sent to a learner's host that began anew: they may have been learned there or not
   uint64_t resent = 0;  ///< slabs that were sent once more
 };
@@ -50,6 +58,8 @@ class Feeder {
   FeederAccount account() const;
   /// The learner's host has places for this one.
   bool is_fed() const { return state_.has_value(); }
+  /// Since something was heard of the learner's host.
+  double silent_s() const;
   /// run() ended because the run that is fed has ended.
   bool has_run_ended() const { return has_run_ended_; }
 
@@ -70,6 +80,7 @@ class Feeder {
   bool send();
   void resend_if_stuck();
   void send_episodes();
+  void grant_layouts();
   void report(bool is_leaving);
   bool is_stopping(const std::atomic<bool>& stop) const;
 
@@ -90,6 +101,7 @@ class Feeder {
   uint64_t beat_ = 0;
   uint64_t delivered_ = 0, lost_ = 0, resent_ = 0;
   bool has_run_ended_ = false;
+  Rng layout_draws_;
   std::string refusal_;
 };
 

@@ -6,6 +6,7 @@
 #include <net/if.h>
 #include <sys/random.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <charconv>
@@ -15,6 +16,7 @@
 #include <functional>
 
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/parts.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/dds/link_bus.h"
 
@@ -75,6 +77,41 @@ std::string text_of(const LinkAddress& address) {
   return address.host + port + "/" + digits_of(address.link_id);
 }
 
+/// A file that its owner alone may read, in the place of an older one.
+Status write_secret(const std::string& path, const std::string& text) {
+  unlink(path.c_str());
+  const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (descriptor < 0) return system_error(path);
+  Status written = write_all(descriptor, text + "\n", path);
+  close(descriptor);
+  return written;
+}
+
+Status keep_address(const std::string& run_dir, const LinkAddress& address) {
+  return write_secret(run_dir + "/" + kAddressFile, text_of(address));
+}
+
+Expected<LinkAddress> kept_address(const std::string& run_dir) {
+  const std::string path = run_dir + "/" + kAddressFile;
+  const std::optional<std::string> text = read_file(path);
+  if (!text) return Error{ErrorCode::kNotFound, path + ": cannot be read; does that run serve?"};
+  return parse_address(std::string(trimmed(*text)));
+}
+
+Expected<LinkAddress> read_address(const std::string& given) {
+  struct stat there {};
+  const bool is_there = stat(given.c_str(), &there) == 0;
+  if (is_there && S_ISDIR(there.st_mode)) return kept_address(given);
+  if (is_there) return kept_address(given.substr(0, given.find_last_of('/') + 1) + ".");
+  std::string text = given;
+  if (given == "-") {
+    text.clear();  // byte by byte: what follows the line is not ours
+    for (char letter = 0; text.size() < 256 && read(STDIN_FILENO, &letter, 1) == 1 && letter != '\n';)
+      text += letter;
+  }
+  return parse_address(std::string(trimmed(text)));
+}
+
 Expected<uint64_t> keep_link_id(const std::string& run_dir) {
   const std::string path = run_dir + "/" + kLinkIdFile;
   uint64_t id = 0;
@@ -83,11 +120,7 @@ Expected<uint64_t> keep_link_id(const std::string& run_dir) {
     return Error{ErrorCode::kBadFormat, path + ": is no link's id of 16 hexadecimal digits; remove it"};
   }
   if (getrandom(&id, sizeof id, 0) != sizeof id) return system_error("getrandom");
-  const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (descriptor < 0) return system_error(path);
-  const Status written = write_all(descriptor, digits_of(id) + "\n", path);
-  close(descriptor);
-  if (!written) return written.error();
+  COMRAD_TRY(write_secret(path, digits_of(id)));
   return id;
 }
 
@@ -133,6 +166,24 @@ Expected<std::string> address_of_interface(const std::string& interface_name) {
   return found;
 }
 
+Status keep_keys(const std::string& run_dir, const std::string& key_folder) {
+  return key_folder.empty() ? Status() : write_secret(run_dir + "/" + kKeysFile, key_folder);
+}
+
+std::string kept_keys(const std::string& run_dir) {
+  return std::string(trimmed(read_file(run_dir + "/" + kKeysFile).value_or("")));
+}
+
+LinkOptions link_options(const HostSettings& settings, const std::string& automatic_interface,
+                         const std::string& key_folder) {
+  return {.interface_name = settings.interface == "auto" ? automatic_interface : settings.interface,
+          .port_base = static_cast<uint32_t>(settings.port_base),
+          .key_folder = key_folder,
+          .insecure_network = settings.insecure_network,
+          .peers = parts_of(settings.peers, ','),
+          .receive_buffer_mb = static_cast<uint32_t>(settings.link_buffer_mb)};
+}
+
 dds::BusConfig serving_config(uint64_t link_id, const LinkOptions& options) {
   dds::BusConfig config = dds::link_config(link_id);
   config.interface_name = options.interface_name;
@@ -140,7 +191,8 @@ dds::BusConfig serving_config(uint64_t link_id, const LinkOptions& options) {
   config.allows_insecure_network = options.insecure_network;
   config.key_folder = options.key_folder;
   config.needs_keys_of_run = true;
-  config.peers.clear();
+  config.peers = options.peers;
+  config.receive_buffer_mb = options.receive_buffer_mb;
   return config;
 }
 
@@ -148,7 +200,7 @@ dds::BusConfig joining_config(const LinkAddress& address, const LinkOptions& opt
   dds::BusConfig config = serving_config(address.link_id, options);
   config.port_base = address.port_base;
   config.needs_keys_of_run = false;
-  config.peers = {address.host};
+  config.peers.insert(config.peers.begin(), address.host);
   return config;
 }
 

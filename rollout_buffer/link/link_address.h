@@ -4,15 +4,21 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus_config.h"
+#include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::link {
 
+constexpr const char* kLoopback = "lo";
 constexpr const char* kLinkIdFile =
     "link_id";  ///< in a run that serves: the link's id, kept when the run goes on
-constexpr const char* kAddressFile = "link_address";  ///< in a run that joined another
+constexpr const char* kKeysFile =
+    "link_keys";  ///< in a run of several hosts: the path of this host's keys, if any
+constexpr const char* kAddressFile =
+    "link_address";  ///< of a run that serves, in its folder and in the runs that joined it
 
 struct LinkAddress {
   std::string host = "127.0.0.1";  ///< IPv4
@@ -23,6 +29,15 @@ struct LinkAddress {
 /// "host/id" or "host:port_base/id". Errors: kBadInput saying how an address looks.
 Expected<LinkAddress> parse_address(const std::string& text);
 std::string text_of(const LinkAddress& address);
+
+/// Writes `<run_dir>/link_address`, readable for its owner alone. Errors: kNoSpace, kSystem.
+Status keep_address(const std::string& run_dir, const LinkAddress& address);
+/// Reads it. Errors: kNotFound, those of parse_address().
+Expected<LinkAddress> kept_address(const std::string& run_dir);
+
+/// An address that a user gives: the address itself, the folder of the run or its link_address file, or "-" for a line of
+/// the standard input. Errors: those of parse_address() and kept_address().
+Expected<LinkAddress> read_address(const std::string& given);
 
 /// The id in `<run_dir>/link_id`, which is made where it is missing, readable for its owner alone.
 /// Errors: kBadFormat, kSystem.
@@ -36,11 +51,21 @@ Expected<std::string> address_of_interface(const std::string& interface_name);
 
 /// The configurations of both ends. That of the serving one names no peer: it answers who asks.
 struct LinkOptions {
-  std::string interface_name = "lo";
+  std::string interface_name = kLoopback;
   uint32_t port_base = 7400;
   std::string key_folder = {};  ///< this host's keys, for a network; see dds/keys.h
   bool insecure_network = false;
+  std::vector<std::string> peers = {};  ///< more IPv4 addresses at which the other end is looked for
+  uint32_t receive_buffer_mb = 10;
 };
+/// Remembers for the run's processes which folder of keys this host has; empty: as before. Errors: kNoSpace, kSystem.
+Status keep_keys(const std::string& run_dir, const std::string& key_folder);
+/// Empty where there are none.
+std::string kept_keys(const std::string& run_dir);
+
+/// As the settings have them; where they say "auto" the interface is `automatic_interface`.
+LinkOptions link_options(const HostSettings& settings, const std::string& automatic_interface,
+                         const std::string& key_folder = "");
 dds::BusConfig serving_config(uint64_t link_id, const LinkOptions& options);
 dds::BusConfig joining_config(const LinkAddress& address, const LinkOptions& options);
 

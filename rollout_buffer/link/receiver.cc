@@ -98,6 +98,7 @@ void Receiver::hear(const dds::FeedReport& report) {
   record.feeder_id = report.feeder_id;
   record.host = report.host;
   record.played_there = report.decisions_played;
+  record.lost_there = report.decisions_lost;
   guest.heard_s = monotonic_s();
   if (report.is_leaving) {
     if (std::exchange(record.is_here, false))
@@ -158,15 +159,38 @@ std::string Receiver::seat(Guest& guest, const dds::FeedReport& report) {
     const int worker = options_.first_worker + static_cast<int>(place);
     guest.workers.push_back(worker);
     for (int local = 0; !is_known && local < shape.envs_per_worker; ++local) {
-      shm::JournalHeader& journal = arena_.journal(worker * shape.envs_per_worker + local);
+      const int env = worker * shape.envs_per_worker + local;
+      shm::JournalHeader& journal = arena_.journal(env);
       journal.episode_seed = id;
+      journal.episode_id = arena_.env_account(env).sealed.load();  // what was sealed for others
       journal.length = 0;  // the first trajectory says where its count begins
       journal.in_use = 1;
     }
   }
   guest.record.workers = static_cast<int>(guest.workers.size());
+  if (is_known)
+    guest.record.decisions = sealed_for(guest);  // a predecessor of this process did not say goodbye
   guest.assembler = std::make_unique<SlabAssembler>(arena_.slab_offsets());
   return "";
+}
+
+/// Agent decisions, to the last one, since the guest got its places.
+uint64_t Receiver::sealed_for(const Guest& guest) const {
+  const shm::ArenaShape& shape = arena_.shape();
+  uint64_t steps = 0;
+  for (const int worker : guest.workers)
+    for (int env = worker * shape.envs_per_worker; env < (worker + 1) * shape.envs_per_worker; ++env)
+      steps += arena_.env_account(env).sealed.load() - arena_.journal(env).episode_id;
+  return steps * static_cast<uint64_t>(shape.trajectory.env.num_agents);
+}
+
+void Receiver::remember(const std::vector<FeederRecord>& records) {
+  for (const FeederRecord& record : records) {
+    if (record.feeder_id == 0 || guests_.size() >= kMostGuests) continue;
+    Guest& guest = guests_[record.feeder_id];
+    guest.record = record;
+    guest.record.is_here = false;
+  }
 }
 
 void Receiver::free_seat(Guest& guest) {
@@ -335,6 +359,7 @@ void Receiver::tell(Guest& guest) {
   const shm::ControlBlock& control = arena_.control();
   const std::string run_state = !guest.refusal.empty()                               ? "refused"
                                 : is_stopping_                                       ? "stopping"
+                                : guest.is_asked_to_leave                            ? "leaving"
                                 : control.run_state.load() == shm::RunState::kPaused ? "paused"
                                                                                      : "running";
   const Status written = bus_.write(dds::FeedState{.feeder_id = guest.record.feeder_id,
@@ -351,8 +376,17 @@ void Receiver::tell(Guest& guest) {
 
 std::vector<FeederRecord> Receiver::records() const {
   std::vector<FeederRecord> records;
-  for (const auto& [id, guest] : guests_) records.push_back(guest.record);
+  for (const auto& [id, guest] : guests_) {
+    records.push_back(guest.record);
+    records.back().credits = guest.reserved.size();
+  }
   return records;
+}
+
+void Receiver::ask_to_leave(const std::string& host) {
+  for (auto& [id, guest] : guests_)
+    if (guest.record.is_here && guest.record.host == host)
+      guest.is_asked_to_leave = guest.is_to_be_told = true;
 }
 
 }  // namespace comrad::link

@@ -37,12 +37,14 @@ struct FeederRecord {
   std::string host;
   int workers = 0;
   bool is_here = false;
+  uint64_t credits = 0;           ///< slabs that it may send before the learner takes some
   uint64_t decisions = 0;         ///< sealed here
   uint64_t slabs = 0;             ///< sealed here
   uint64_t duplicates = 0;        ///< slabs that had come before; not sealed again
   uint64_t refused = 0;           ///< slabs that no simulator could have filled
   uint64_t missing_rollouts = 0;  ///< that never came
   uint64_t played_there = 0;      ///< decisions, by that host's own word
+  uint64_t lost_there = 0;        ///< of them, by its word: sent to this run before it began anew
 };
 
 /// Exactly once: a slab is known by its host, environment and rollout index. How far each environment came stands in its
@@ -57,6 +59,10 @@ class Receiver {
   void every_second(std::function<void()> report) { every_second_ = std::move(report); }
 
   std::vector<FeederRecord> records() const;
+  /// What records() of a predecessor said last, that hosts which have left are not forgotten. Call before run().
+  void remember(const std::vector<FeederRecord>& records);
+  /// Hosts of this name deliver what they have played, and go. They may join again.
+  void ask_to_leave(const std::string& host);
 
  private:
   struct Guest {
@@ -68,6 +74,7 @@ class Receiver {
     std::unique_ptr<SlabAssembler> assembler;
     bool is_assembling = false;
     std::string refusal;  ///< why it may not feed
+    bool is_asked_to_leave = false;
     double heard_s = 0, told_s = 0;
     uint64_t told_credit = 0, told_done = 0;
     bool is_to_be_told = false;
@@ -77,6 +84,7 @@ class Receiver {
   void hear(const dds::FeedReport& report);
   std::string seat(Guest& guest, const dds::FeedReport& report);
   void free_seat(Guest& guest);
+  uint64_t sealed_for(const Guest& guest) const;
   void restore_seats();
   void take(const dds::TrajectoryFragment& fragment);
   void seal(Guest& guest, const dds::TrajectoryFragment& fragment);

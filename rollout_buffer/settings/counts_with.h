@@ -134,5 +134,12 @@ inline constexpr CountsWith plr = {
 inline constexpr CountsWith free_running = {[](const RunConfig& c) { return !c.collection.deterministic; },
                                             "deterministic off"};
 
+// By the hosts that take part.
+inline constexpr CountsWith a_door = {
+    [](const RunConfig& c) { return c.hosts.serve || (!c.hosts.hosts.empty() && c.hosts.hosts != "none"); },
+    "serve or hosts"};
+inline constexpr CountsWith a_link = {[](const RunConfig& c) { return a_door.holds(c); },
+                                      "serve, hosts or `comrad join`"};
+
 }  // namespace with
 }  // namespace comrad

@@ -4,10 +4,13 @@
 #include <string>
 
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/counts_with.h"
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad {
 namespace {
+
+constexpr int64_t kGuestSlabs = 32;  // that trajectories of other hosts arrive in, 4 of each host at once
 
 /// Settings that Q-learning cannot have together.
 Status check_q_combinations(const RunConfig& c) {
@@ -80,6 +83,13 @@ Status check_combinations(const RunConfig& c) {
         "; it must be one of vdn, qmix, dmaq, dmaq_qatten with algo qmix or qplex, and left out with algo " +
         name);
   COMRAD_TRY(check_map_combinations(c));
+  if (with::a_door.holds(c) && (c.collection.deterministic || !c.collection.async_rl))
+    return refuse(std::string(c.hosts.serve ? "serve is on" : "hosts is " + c.hosts.hosts) + " with " +
+                  (c.collection.deterministic ? "deterministic" : "async_rl off") +
+                  "; lock step waits for every simulator, so other hosts feed asynchronous runs alone");
+  if (with::a_door.holds(c) && c.curriculum.curriculum != CurriculumKind::kUniform)
+    return refuse("curriculum is " + std::string(word_of(c.curriculum.curriculum)) +
+                  " in a run that other hosts join; each host draws its maps evenly, so it must be uniform");
   if (c.on_policy.with_vtrace && !algo.learns_q_values() && !algo.can_use_vtrace)
     return refuse("with_vtrace is on; " + name +
                   " estimates advantages with GAE, V-trace works with ippo and mappo");
@@ -207,7 +217,8 @@ Status resolve_settings(RunConfig& config, int core_count) {
     // grow older.
     c.collection.trajectory_slabs = c.collection.deterministic
                                         ? 2 * env_count
-                                        : env_count + c.collection.num_batches_to_accumulate * cycle_slabs;
+                                        : env_count + c.collection.num_batches_to_accumulate * cycle_slabs +
+                                              (with::a_door.holds(c) ? kGuestSlabs : 0);
   }
   if (c.collection.trajectory_slabs < least_slabs)
     return Error{ErrorCode::kBadInput,

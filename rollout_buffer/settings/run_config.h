@@ -44,6 +44,9 @@ struct MixerSettings {
 struct CurriculumSettings {
 #include "rollout_buffer/settings/curriculum.def"
 };
+struct HostSettings {
+#include "rollout_buffer/settings/hosts.def"
+};
 
 #undef SETTING
 
@@ -59,6 +62,7 @@ struct RunConfig {
   ReplaySettings replay;
   MixerSettings mixers;
   CurriculumSettings curriculum;
+  HostSettings hosts;
 };
 
 /// Whether the team's critic or mixer is shown the world's true state.

@@ -134,6 +134,51 @@ bool is_frame_size(std::string_view size) {
   return is_side(size.substr(0, cross)) && is_side(size.substr(cross + 1));
 }
 
+/// Every part of a list separated by commas passes; an empty list does.
+template <typename Test>
+bool all_parts(std::string_view list, Test test) {
+  while (!list.empty()) {
+    const std::size_t comma = std::min(list.find(','), list.size());
+    if (!test(list.substr(0, comma))) return false;
+    list.remove_prefix(std::min(comma + 1, list.size()));
+  }
+  return true;
+}
+
+/// As ssh takes them, and nothing that ssh or a shell could take for anything else.
+bool are_host_names(std::string_view text) {
+  return all_parts(text, [](std::string_view host) {
+    const auto is_plain = [](char c) {
+      return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' ||
+             c == '-' || c == '_' || c == '@';
+    };
+    return !host.empty() && host.size() <= 255 && host.front() != '-' &&
+           std::all_of(host.begin(), host.end(), is_plain);
+  });
+}
+
+bool are_addresses(std::string_view text) {
+  return all_parts(text, [](std::string_view address) {
+    int parts = 0;
+    for (std::string_view rest = address; parts < 5; ++parts) {
+      const std::size_t dot = std::min(rest.find('.'), rest.size());
+      int64_t number = -1;
+      if (dot == 0 || dot > 3 || !parse(rest.substr(0, dot), number) || number < 0 || number > 255)
+        return false;
+      if (dot == rest.size()) return parts == 3;
+      rest.remove_prefix(dot + 1);
+    }
+    return false;
+  });
+}
+
+bool is_interface(std::string_view name) {
+  return !name.empty() && name.size() <= 15 && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
+           c == '-' || c == '.' || c == ':' || c == '@';
+  });
+}
+
 constexpr std::string_view kWidthsWords = "none, or up to 8 widths between 1 and 8192 as 512,256";
 bool are_widths(std::string_view text) { return parse_widths(std::string(text)).has_value(); }
 
@@ -199,6 +244,10 @@ std::vector<SettingRow> make_rows() {
   subject = "curriculum", counts_with = with::everything;
 #define PART curriculum
 #include "rollout_buffer/settings/curriculum.def"
+#undef PART
+  subject = "hosts";
+#define PART hosts
+#include "rollout_buffer/settings/hosts.def"
 #undef PART
 #undef SETTING
   return rows;

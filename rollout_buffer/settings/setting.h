@@ -1,4 +1,4 @@
-// One row a setting, and what can be done with all of them alike. The rows stand in ten .def files, one a subject:
+// One row a setting, and what can be done with all of them alike. The rows stand in eleven .def files, one a subject:
 //
 //   SETTING(type, name, default, limits, "help", .old_names = {"lr"}, .fixed_in_a_run = true)
 //

@@ -77,6 +77,7 @@ Status validate(const ArenaShape& shape) {
   COMRAD_TRY(check_range("slab_count", shape.slab_count, 1, 1 << 20));
   COMRAD_TRY(check_range("journal_steps", shape.journal_steps, 0, 1 << 20));
   COMRAD_TRY(check_range("episode_ring_capacity", shape.episode_ring_capacity, 1, 1 << 20));
+  COMRAD_TRY(check_range("guest_worker_count", shape.guest_worker_count, 0, shape.sim_worker_count));
   COMRAD_TRY(check_range("weights_bytes", shape.weights_bytes, 0, int64_t{1} << 36));
   return {};
 }
@@ -355,6 +356,20 @@ std::vector<uint32_t> Arena::drain_slabs(int max_count) const {
     }
   }
   return drained;
+}
+
+std::vector<uint32_t> Arena::adopt_slabs() const {
+  std::vector<std::pair<uint64_t, uint32_t>> orphans;
+  for (int index = 0; index < shape().slab_count; ++index) {
+    const SlabHeader& header = slab_header(index);
+    if (header.state.load(std::memory_order_acquire) != SlabState::kLearning) continue;
+    note_taken(header);  // it may have died between the two
+    orphans.emplace_back(header.seal_ticket, static_cast<uint32_t>(index));
+  }
+  std::sort(orphans.begin(), orphans.end());
+  std::vector<uint32_t> slabs;
+  for (const auto& [ticket, index] : orphans) slabs.push_back(index);
+  return slabs;
 }
 
 /// An environment's slabs are drained in their order, so the end of the newest one says how much was taken.
@@ -636,10 +651,15 @@ uint64_t Arena::reclaim_sim_worker(int sim_worker) const {
     }
   }
   if (freed) ring(control().slab_released);
-  // Whatever was made and is not sealed now never will be.
+  // Whatever was made and is not sealed now never will be. What another host made it sends again.
   uint64_t steps_lost = 0;
+  const bool is_guest = sim_worker >= shape().own_worker_count();
   for (int local = 0; local < shape().envs_per_worker; ++local) {
     EnvAccount& account = env_account(sim_worker * shape().envs_per_worker + local);
+    if (is_guest) {
+      account.made.store(account.sealed.load() + account.lost.load());
+      continue;
+    }
     const uint64_t lost = account.made.load() - account.sealed.load();
     steps_lost += lost - account.lost.exchange(lost);
   }

@@ -37,7 +37,11 @@ struct ArenaShape {
   int32_t journal_steps = 0;  ///< decisions kept per environment for exact resume; 0: no journal
   int32_t episode_ring_capacity = 4096;
   int64_t weights_bytes = 0;  ///< capacity of one weights buffer
+  int32_t guest_worker_count =
+      0;  ///< the last of the sim workers: played by other hosts, served by nobody here
 
+  /// Simulators of this host.
+  int32_t own_worker_count() const { return sim_worker_count - guest_worker_count; }
   int32_t env_count() const { return sim_worker_count * envs_per_worker; }
   /// Environments [first, last) of one split of a worker, as local indices.
   int32_t split_begin(int32_t split) const { return envs_per_worker * split / splits_per_worker; }
@@ -166,12 +170,14 @@ struct alignas(kCacheLineBytes) ControlBlock {
   std::atomic<uint64_t> learner_env_frames;  ///< counted by the learner
   std::atomic<uint64_t> learner_decisions_before;  ///< of the run when this learner began (learner)
   std::atomic<float> epsilon;  ///< Q-learning: share of random decisions, the same in all policy workers
-  std::atomic<uint32_t> checkpoint_seq;      ///< grows: the learner is to save a checkpoint (supervisor)
-  std::atomic<uint32_t> goal_reached;        ///< 1: the learner ended because a limit of the run was reached
+  std::atomic<uint32_t> checkpoint_seq;  ///< grows: the learner is to save a checkpoint (supervisor)
+  std::atomic<uint32_t>
+      goal_reached;  ///< 1: the learner ended because a limit of the run was reached; link/feeder.h
   std::atomic<uint64_t> saved_env_frames;    ///< of the newest checkpoint (learner)
   std::atomic<uint64_t> env_frames_lost;     ///< by learners that went back to a checkpoint (supervisor)
   std::atomic<uint32_t> checkpoint_done;     ///< the last checkpoint_seq that the learner has dealt with
   std::atomic<uint32_t> checkpoints_failed;  ///< that the learners of this arena could not write
+  std::atomic<uint64_t> decisions_lost_on_the_way;  ///< to a learner's host that began anew (feeder)
   alignas(kCacheLineBytes) Doorbell run_state_changed;
   Doorbell slab_sealed;    ///< rung by simulators, heard by the learner
   Doorbell slab_released;  ///< rung by the learner (and when rollouts_allowed grows), heard by simulators
@@ -323,6 +329,8 @@ class Arena {
   /// Takes up to `max_count` sealed slabs in ticket order: kSealed -> kLearning. An environment's slabs never
   /// overtake each other.
   std::vector<uint32_t> drain_slabs(int max_count) const;
+  /// What a dead reader had drained and not released, in order of sealing; it is counted as taken.
+  std::vector<uint32_t> adopt_slabs() const;
   int sealed_count() const;
   SlabCounts slab_counts() const;
   void release_slab(uint32_t slab_index) const;  ///< kLearning -> kFree, rings

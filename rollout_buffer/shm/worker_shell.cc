@@ -42,10 +42,11 @@ WorkerShell::WorkerShell(WorkerProgram program)
   if (!program_.is_single)
     flags_->add_option("--worker_index", worker_index_, "which of its kind this is, from 0")
         ->check(CLI::NonNegativeNumber);
-  flags_
-      ->add_option("--bench", bench_seconds_,
-                   "no run: measures for so many seconds alone, prints one JSON object")
-      ->check(CLI::Range(0.01, 86400.0));
+  if (program_.has_bench)
+    flags_
+        ->add_option("--bench", bench_seconds_,
+                     "no run: measures for so many seconds alone, prints one JSON object")
+        ->check(CLI::Range(0.01, 86400.0));
   if (program_.describes)
     flags_->add_flag("--describe", is_description_,
                      "no run: says of what size its part of config.toml is, in one JSON object");
@@ -61,9 +62,11 @@ int WorkerShell::run(int argc, char** argv, const WorkerJobs& jobs) {
   } catch (const CLI::ParseError& failure) {
     return flags_->exit(failure) == 0 ? kExitDone : kExitBadInput;
   }
-  is_bench_ = flags_->count("--bench") > 0;
+  is_bench_ = program_.has_bench && flags_->count("--bench") > 0;
   if (is_in_a_run() && flags_->count("--arena") == 0)
-    return fail("give --arena NAME to join a run, or --bench SECONDS", kExitBadInput);
+    return fail(
+        std::string("give --arena NAME to join a run") + (program_.has_bench ? ", or --bench SECONDS" : ""),
+        kExitBadInput);
   if (is_in_a_run()) take_signals_of_a_run();
   try {
     const std::string index = std::to_string(worker_index_);

@@ -22,18 +22,19 @@ namespace comrad::shm {
 
 /// Which program this is.
 struct WorkerProgram {
-  std::string name;         ///< "comrad-sim-worker"
-  std::string role;         ///< "sim", "policy", "learner": how it joins; its log is logs/<role>-<index>.log
+  std::string name;  ///< "comrad-sim-worker"
+  std::string role;  ///< "sim", "policy", "learner", ...: how it joins; its log is logs/<role>-<index>.log
   std::string description;  ///< for --help
   bool is_single = false;   ///< a run has one of it, so it has no --worker_index
   bool describes = false;   ///< it has --describe
+  bool has_bench = true;    ///< it has --bench
 };
 
 /// What main() wants done, with the settings of <run_dir>/config.toml.
 struct WorkerJobs {
-  std::function<Status(const RunConfig& config)> work;                   ///< --arena: as a member of a run
-  std::function<Status(const RunConfig& config, double seconds)> bench;  ///< --bench: alone
-  std::function<Status(const RunConfig& config)> describe = {};          ///< --describe: alone
+  std::function<Status(const RunConfig& config)> work;  ///< --arena: as a member of a run
+  std::function<Status(const RunConfig& config, double seconds)> bench = {};  ///< --bench: alone
+  std::function<Status(const RunConfig& config)> describe = {};               ///< --describe: alone
 };
 
 /// One worker program's way from its command line to its exit code:

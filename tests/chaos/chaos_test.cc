@@ -20,12 +20,13 @@
 #include <deque>
 #include <fstream>
 #include <memory>
-#include <random>
 #include <set>
 #include <sstream>
 
 #include "learner/checkpoint/checkpoint.h"
 #include "rollout_buffer/core/rng.h"
+#include "tests/chaos/victims.h"
+#include "tests/integration/decision_accounts.h"
 #include "tests/integration/running_program.h"
 
 namespace comrad::testing {
@@ -40,20 +41,6 @@ using ::testing::Not;
 
 constexpr double kStartSeconds = 90;
 constexpr double kStopSeconds = 30;
-constexpr double kDeathsWindowSeconds = 60;  // the supervisor gives a worker up that dies ten times in it
-constexpr std::size_t kMostDeathsInWindow = 7;
-
-double number_of(const char* name, double otherwise) {
-  const char* text = std::getenv(name);
-  return text == nullptr ? otherwise : std::strtod(text, nullptr);
-}
-
-uint64_t chosen_seed() {
-  const auto seed =
-      static_cast<uint64_t>(number_of("COMRAD_CHAOS_SEED", static_cast<double>(std::random_device()())));
-  std::printf("COMRAD_CHAOS_SEED=%lu\n", static_cast<unsigned long>(seed));
-  return seed;
-}
 
 /// What a process holds.
 struct Footprint {
@@ -80,11 +67,8 @@ Footprint footprint_of(pid_t pid) {
           .megabytes = (resident - shared) * static_cast<double>(getpagesize()) / 1e6};
 }
 
-struct Kind {
-  const char* program;
-  const char* word;
-};
-constexpr Kind kKinds[] = {
+/// Program and word of each kind of worker.
+constexpr std::pair<const char*, const char*> kKinds[] = {
     {"comrad-sim-worker", "sim"}, {"comrad-policy-worker", "policy"}, {"comrad-learner", "learner"}};
 
 class Chaos : public ::testing::Test {
@@ -110,14 +94,10 @@ class Chaos : public ::testing::Test {
     EXPECT_EQ(ending_.exit_code, 0) << ending_.err;
     EXPECT_THAT(ending_.err, Not(HasSubstr("do not add up")));
     EXPECT_TRUE(wait_until([&] { return processes_of(run_).empty(); }, 5)) << "something is left";
-    const json status = read_json(run_ + "/status.json");
-    const json& account = status["decisions_account"];
-    const auto count = [&](const char* key) { return account[key].get<int64_t>(); };
-    EXPECT_EQ(count("made"), count("trained") + count("lost_with_simulators") + count("lost_with_learners") +
-                                 count("lost_in_restarts") + count("left"))
-        << account;
-    EXPECT_EQ(count("waiting"), 0);
-    EXPECT_EQ(status["decisions"].get<int64_t>(), count("trained") - count("forgotten")) << status;
+    const json account = checked_account(run_), status = read_json(run_ + "/status.json");
+    EXPECT_EQ(status["decisions"].get<int64_t>(),
+              account["trained"].get<int64_t>() - account["forgotten"].get<int64_t>())
+        << status;
     EXPECT_EQ(status["env_frames"].get<int64_t>(), 4 * status["decisions"].get<int64_t>());
     return account;
   }
@@ -143,44 +123,28 @@ class Chaos : public ::testing::Test {
 };
 
 TEST_F(Chaos, RandomKillsAndStopsLoseNothingUntold) {
-  const double seconds = number_of("COMRAD_CHAOS_SECONDS", 40);
+  const double seconds = number_of("COMRAD_CHAOS_SECONDS", 30);
   Rng rng(chosen_seed());
   begin();
   ASSERT_TRUE(trains_on(8192, 60));
   const pid_t supervisor = training_->pid();
   std::map<std::string, Footprint> before;
   before["supervisor"] = footprint_of(supervisor);
-  for (const Kind& kind : kKinds) before[kind.word] = footprint_of(processes_of(run_, kind.program).at(0));
+  for (const auto& [name, word] : kKinds) before[word] = footprint_of(processes_of(run_, name).at(0));
 
-  std::map<std::string, std::deque<double>> deaths;
-  std::map<std::string, int> kills, stops;
-  std::vector<std::pair<double, pid_t>> stopped;  // when each goes on
+  Victims victims({{run_, "comrad-sim-worker", "sim", 4},
+                   {run_, "comrad-policy-worker", "policy", 2},
+                   // One that is told to stop ends the run; the others start again.
+                   {run_, "comrad-learner", "learner", 2, /*may_be_terminated=*/false}},
+                  rng);
   double progress_s = now_s(), frames = env_frames(run_);
   for (const double end_s = now_s() + seconds; now_s() < end_s; sleep_s(0.05 + 0.001 * rng.below(1200))) {
     ASSERT_TRUE(training_->running()) << training_->wait(1).err;
-    std::erase_if(stopped,
-                  [](const auto& one) { return one.first < now_s() && (kill(one.second, SIGCONT), true); });
     if (const double now = env_frames(run_); now != frames) frames = now, progress_s = now_s();
     EXPECT_LT(now_s() - progress_s, 40 * patience()) << "nothing is learned any more";
-    const Kind& kind = kKinds[rng.below(8) < 4 ? 0 : rng.below(2) + 1];
-    const std::vector<pid_t> alive = processes_of(run_, kind.program);
-    if (alive.empty()) continue;
-    const pid_t victim = alive[rng.below(static_cast<uint32_t>(alive.size()))];
-    if (rng.below(3) == 0) {
-      kill(victim, SIGSTOP);
-      stopped.emplace_back(now_s() + 0.001 * rng.below(4000), victim);
-      ++stops[kind.word];
-      continue;
-    }
-    std::deque<double>& past = deaths[kind.word];  // of a kind rather than a worker: on the safe side
-    while (!past.empty() && now_s() - past.front() > kDeathsWindowSeconds) past.pop_front();
-    if (past.size() >= kMostDeathsInWindow) continue;
-    past.push_back(now_s());
-    // A learner that is told to stop ends the run; the others start again.
-    kill(victim, kind.word != std::string("learner") && rng.below(4) == 0 ? SIGTERM : SIGKILL);
-    ++kills[kind.word];
+    victims.strike();
   }
-  for (const auto& [when, pid] : stopped) kill(pid, SIGCONT);
+  victims.let_go_on();
 
   // Everybody is there again, nobody holds more than before, and learning goes on.
   ASSERT_TRUE(wait_until(
@@ -194,22 +158,21 @@ TEST_F(Chaos, RandomKillsAndStopsLoseNothingUntold) {
   ASSERT_TRUE(trains_on(4096, 60));
   for (const auto& [word, was] : before) {
     pid_t pid = supervisor;
-    for (const Kind& kind : kKinds)
-      if (word == kind.word) pid = processes_of(run_, kind.program).at(0);
+    for (const auto& [name, kind] : kKinds)
+      if (word == kind) pid = processes_of(run_, name).at(0);
     const Footprint now = footprint_of(pid);
     EXPECT_LE(now.descriptors, was.descriptors + 1) << word << ": one more while status.json is written";
     EXPECT_LE(now.threads, was.threads) << word;
     EXPECT_LE(now.megabytes, was.megabytes * 1.2 + 30) << word;
   }
   const json account = end();
-  std::printf("%.0f s: killed %d simulators, %d policy workers, %d learners; stopped %d; decisions %s\n",
-              seconds, kills["sim"], kills["policy"], kills["learner"],
-              stops["sim"] + stops["policy"] + stops["learner"], account.dump().c_str());
+  std::printf("%.0f s: killed %s; stopped %d; decisions %s\n", seconds, victims.kills_text().c_str(),
+              victims.stops, account.dump().c_str());
   // What a death costs has a bound: what the worker held. 2 simulators of 4 environments of 2 agents, 16 steps a slab, and
   // batches of 256 decisions of which a learner holds four at most.
   const auto count = [&](const char* key) { return account[key].get<int64_t>(); };
-  EXPECT_LE(count("lost_with_simulators"), kills["sim"] * 4 * 2 * 2 * 16);
-  EXPECT_LE(count("lost_with_learners"), kills["learner"] * 5 * 256);
+  EXPECT_LE(count("lost_with_simulators"), victims.kills["sim"] * 4 * 2 * 2 * 16);
+  EXPECT_LE(count("lost_with_learners"), victims.kills["learner"] * 5 * 256);
   EXPECT_LE(count("left"), 2 * 4 * 2 * 2 * 16 + 16 * 2 * 64 + 5 * 256);
   EXPECT_EQ(count("lost_in_restarts"), 0);
   expect_whole_checkpoints();

@@ -171,6 +171,11 @@ double env_frames(const std::string& run_dir) {
   return status.is_object() && status.contains("env_frames") ? status["env_frames"].get<double>() : -1;
 }
 
+double number_of(const char* name, double otherwise) {
+  const char* text = std::getenv(name);
+  return text == nullptr ? otherwise : std::strtod(text, nullptr);
+}
+
 double patience() {
   const char* factor = std::getenv("COMRAD_TEST_PATIENCE");
   return factor == nullptr ? 1.0 : std::max(1.0, std::atof(factor));

@@ -63,6 +63,9 @@ std::vector<std::string> small_training(const ScratchFolder& scratch, const std:
 /// Processes whose command line names `folder` (and `program`, if given); zombies are not counted.
 std::vector<pid_t> processes_of(const std::string& folder, const std::string& program = {});
 
+/// The number in an environment variable.
+double number_of(const char* name, double otherwise);
+
 /// Factor on every time limit below, from COMRAD_TEST_PATIENCE, for machines that are busy or slow; 1
 /// by default.
 double patience();

@@ -46,6 +46,8 @@ class NetworkPair {
   std::string address(int end) const {
     return "10.77." + std::to_string(subnet_) + "." + std::to_string(end + 1);
   }
+  /// Of the namespace.
+  const std::string& name(int end) const { return namespaces_[static_cast<std::size_t>(end)]; }
   const std::string& device(int end) const { return devices_[static_cast<std::size_t>(end)]; }
 
   /// The cable is pulled, or plugged in again.

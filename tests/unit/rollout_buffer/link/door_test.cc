@@ -7,7 +7,9 @@
 #include <nlohmann/json.hpp>
 
 #include "rollout_buffer/core/checksum.h"
+#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/link/link_address.h"
+#include "rollout_buffer/link/link_files.h"
 #include "tests/support/random_bytes.h"
 #include "tests/support/scratch_folder.h"
 
@@ -76,6 +78,14 @@ TEST_F(Door, FilesComeInPieces) {
   EXPECT_TRUE(last_.payload.empty());
 }
 
+TEST_F(Door, APingIsAnsweredWithTheTimeAndAsManyBytesAsAChunkHolds) {
+  const double before_s = wall_s();
+  EXPECT_GE(ask({{"ask", "ping"}, {"bytes", 1000}})["time_s"].get<double>(), before_s);
+  EXPECT_EQ(last_.payload.size(), 1000u);
+  ask({{"ask", "ping"}, {"bytes", ~uint64_t{0}}});
+  EXPECT_EQ(last_.payload.size(), dds::kChunkBytes);
+}
+
 TEST_F(Door, AnotherVersionIsToldWhichOneThisIs) {
   EXPECT_THAT(ask({{"ask", "offer"}, {"protocol", 99}})["error"], HasSubstr("door protocol 1"));
   EXPECT_THAT(ask({{"ask", "offer"}, {"link", 99}})["error"], HasSubstr("install the same version"));
@@ -93,9 +103,12 @@ TEST_F(Door, NoQuestionAndNoOfferDoesHarm) {
   const DoorKeeper keeper(offer_);
   const uint64_t seed = test::fuzz_seed();
   Rng rng(seed);
-  const std::string question =
-                        json{{"protocol", 1}, {"link", 1}, {"ask", "file"}, {"name", "x"}, {"offset", 1}}
-                            .dump(),
+  const std::string question = json{{"protocol", kDoorProtocol},
+                                    {"link", dds::kLinkVersion},
+                                    {"ask", "file"},
+                                    {"name", "x"},
+                                    {"offset", 1}}
+                                   .dump(),
                     offer = text_of(offer_, true);
   for (int round = 0; round < 3000; ++round) {
     const dds::DoorAnswer answer = keeper.answer({.text = test::mutated(rng, question)});
@@ -145,6 +158,47 @@ TEST(LinkAddress, ARunKeepsItsIdForItsOwnerAlone) {
   const auto damaged = keep_link_id(scratch.string());
   ASSERT_FALSE(damaged);
   EXPECT_THAT(damaged.error().message, HasSubstr("remove it"));
+}
+
+TEST(LinkAddress, IsFoundInTheFolderOfTheRunThatServes) {
+  const test::ScratchFolder scratch;
+  EXPECT_FALSE(read_address(scratch.string()));
+  const LinkAddress address{.host = "10.1.2.3", .port_base = 9000, .link_id = 77};
+  ASSERT_TRUE(keep_address(scratch.string(), address));
+  ASSERT_TRUE(keep_address(scratch.string(), address)) << "once more";
+  struct stat about {};
+  ASSERT_EQ(stat((scratch / kAddressFile).c_str(), &about), 0);
+  EXPECT_EQ(about.st_mode & 0777, 0600u) << "who knows the id may ask for a place";
+  for (const std::string& given : {scratch.string(), (scratch / kAddressFile).string(), text_of(address)}) {
+    const auto read = read_address(given);
+    ASSERT_TRUE(read) << given << read.error().message;
+    EXPECT_EQ(text_of(*read), "10.1.2.3:9000/000000000000004d");
+  }
+}
+
+TEST(LinkFiles, AccountsAreReadAsTheyWereWritten) {
+  const test::ScratchFolder scratch;
+  EXPECT_FALSE(read_feed(scratch.string()));
+  EXPECT_TRUE(read_guests(scratch.string()).empty());
+  ASSERT_TRUE(
+      write_feed(scratch.string(),
+                 {.account = {.played = 9, .delivered = 4, .waiting = 3, .unfinished = 2}, .is_fed = true}));
+  const auto feed = read_feed(scratch.string());
+  ASSERT_TRUE(feed);
+  EXPECT_EQ(feed->account.played, 9u);
+  EXPECT_EQ(feed->account.waiting, 3u);
+  EXPECT_TRUE(feed->is_fed);
+  EXPECT_FALSE(feed->has_ended);
+  ASSERT_TRUE(
+      write_guests(scratch.string(), {{.host = "b\"", .workers = 2, .is_here = true, .decisions = 5}}));
+  const auto guests = read_guests(scratch.string());
+  ASSERT_EQ(guests.size(), 1u);
+  EXPECT_EQ(guests[0].host, "b\"");
+  EXPECT_EQ(guests[0].decisions, 5u);
+  scratch.write(kGuestsFile, "{\"guests\": [1, {\"host\": 3}]}");
+  EXPECT_EQ(read_guests(scratch.string()).size(), 1u) << "what is no account is left out";
+  remove_accounts(scratch.string());
+  EXPECT_FALSE(read_feed(scratch.string()));
 }
 
 TEST(LinkAddress, TheInterfaceFollowsFromTheAddress) {

@@ -63,6 +63,7 @@ TEST(CountsWith, EverySettingSaysWhereItCountsAndEachDoesSomewhere) {
       {{"algo", "ippo"}, {"layout_pool", "train:9"}, {"curriculum", "sequential"}},
       {{"algo", "ippo"}, {"layout_pool", "train:9"}, {"curriculum", "omni"}},
       {{"algo", "ippo"}, {"layout_pool", "train:9"}, {"curriculum", "plr"}},
+      {{"algo", "ippo"}, {"serve", "true"}},
       {{"algo", "idqn"}, {"use_rnn", "false"}, {"target_update_tau", "1"}},
       {{"algo", "qmix"}, {"per_sequences", "true"}},
       {{"algo", "vdn"}, {"use_rnn", "false"}},
@@ -84,7 +85,7 @@ TEST(Units, TheHelpOfEveryNumberSaysIts) {
       "files|"
       "units|deviations|layers|nats|L2|reward|score|seed|factor|share|fraction|probability|rate|exponent|"
       "weight|epsilon|"
-      "number|"
+      "number|port|MB|"
       "temperature|ratio|in units|inference");
   for (const SettingRow& row : setting_rows()) {
     if (row.kind != SettingKind::kInt && row.kind != SettingKind::kReal) continue;

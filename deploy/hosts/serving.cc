@@ -1,0 +1,38 @@
+#include "deploy/hosts/serving.h"
+
+#include "deploy/hosts/host_calls.h"
+#include "deploy/hosts/run_offer.h"
+#include "rollout_buffer/dds/bus_config.h"
+#include "rollout_buffer/link/link_address.h"
+
+namespace comrad::deploy {
+
+Status prepare_serving(RunConfig& config, const std::string& key_folder) {
+  if (!config.hosts.hosts.empty() && config.hosts.hosts != "none") config.hosts.serve = true;
+  COMRAD_TRY(prepare_calls(config, environment_variable));
+  if (!config.hosts.serve) return {};
+  if (config.hosts.interface == "auto") config.hosts.interface = link::kLoopback;
+  COMRAD_TRY(check_can_be_offered(config));
+  // The id is drawn later; all that a user may have set is in these already.
+  return dds::validate(
+      link::serving_config(1, link::link_options(config.hosts, link::kLoopback, key_folder)));
+}
+
+Expected<std::string> open_door(const std::string& run_dir, const RunConfig& config,
+                                const std::string& iwad) {
+  link::LinkAddress address;
+  COMRAD_TRY_ASSIGN(address.link_id, link::keep_link_id(run_dir));
+  COMRAD_TRY_ASSIGN(address.host, link::address_of_interface(config.hosts.interface));
+  address.port_base = static_cast<uint32_t>(config.hosts.port_base);
+  COMRAD_TRY(link::keep_address(run_dir, address));
+  COMRAD_TRY(make_offer(run_dir, config, iwad));
+  return link::text_of(address);
+}
+
+std::string door_note(const std::string& address, const RunConfig& config) {
+  return "other hosts join with: comrad join " + address +
+         (config.hosts.insecure_network ? " --insecure_network" : "") +
+         (dds::is_loopback(config.hosts.interface) ? " (from this host: the link is on loopback)" : "");
+}
+
+}  // namespace comrad::deploy

@@ -1,0 +1,24 @@
+// A run that other hosts may join: what is checked before it starts, and its door. Stage: before a run.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/settings/run_config.h"
+
+namespace comrad::deploy {
+
+/// Completes the settings of a run that serves, and refuses what cannot be served, before anything is written: the
+/// interface of the link becomes one that is there. Nothing happens for a run that does not serve.
+/// Errors: kBadInput (interface, ports, a network without keys), kUnsupported (a scenario by its path).
+Status prepare_serving(RunConfig& config, const std::string& key_folder);
+
+/// Writes what the receiver needs into the run's folder: the link's id and address, and the offer. Returns the address for
+/// `comrad join`. Errors: those of make_offer(), keep_link_id(), address_of_interface().
+Expected<std::string> open_door(const std::string& run_dir, const RunConfig& config, const std::string& iwad);
+
+/// What the user reads when the door opens.
+std::string door_note(const std::string& address, const RunConfig& config);
+
+}  // namespace comrad::deploy

@@ -1,0 +1,48 @@
+// Hosts that `comrad train` starts for its run: ssh or srun runs `comrad join` there, gets the run's address through its
+// standard input, and leaves when that ends. A host that cannot be had or goes away never ends the run. Stage: beside the
+// flow of frames.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "deploy/launch/launch_plan.h"
+#include "deploy/launch/restart_policy.h"
+#include "deploy/process/child_process.h"
+
+namespace comrad::deploy {
+
+/// Threads: the supervisor's.
+class HostTeam {
+ public:
+  /// The plan outlives the team.
+  explicit HostTeam(const LaunchPlan& plan);
+
+  /// One turn of the supervisor's loop: starts what is due, once the run is at work. Returns what the user should read.
+  std::vector<std::string> tick(double now_s, bool is_running);
+  /// Nobody is called any more. Hosts leave at the run's end; those that do not are asked to after a while, and given up.
+  void stop(double now_s);
+  bool any_alive() const;
+
+ private:
+  struct Host {
+    const HostStart* start = nullptr;
+    std::optional<ChildProcess> process;
+    Descriptor input;  ///< its standard input; closed: it is to leave
+    RestartHistory history;
+    double start_at_s = 0;  ///< the next call
+    double started_s = 0;
+    bool is_given_up = false;
+    std::string last_line;
+  };
+  void call(Host& host, double now_s, std::vector<std::string>& words);
+  void look_at(Host& host, double now_s, std::vector<std::string>& words);
+  void ended(Host& host, const ExitStatus& how, double now_s, std::vector<std::string>& words);
+
+  const LaunchPlan& plan_;
+  std::vector<Host> hosts_;
+  double stopping_since_s_ = 0;  ///< 0: not stopping
+};
+
+}  // namespace comrad::deploy

@@ -1,0 +1,68 @@
+// comrad-feeder: the end of the trajectory link on a host that joined another's run.
+
+#include <CLI/CLI.hpp>
+#include <utility>
+
+#include "rollout_buffer/core/host_name.h"
+#include "rollout_buffer/core/layout_list.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/link/feeder.h"
+#include "rollout_buffer/link/link_address.h"
+#include "rollout_buffer/link/link_files.h"
+#include "rollout_buffer/shm/worker_shell.h"
+
+namespace {
+
+using namespace comrad;
+
+Status work(const shm::WorkerShell& shell, const RunConfig& config, double patience_s) {
+  COMRAD_TRY_ASSIGN(const link::LinkAddress address, link::kept_address(shell.run_dir()));
+  COMRAD_TRY_ASSIGN(const link::Offer offer, link::read_offer(shell.run_dir()));
+  COMRAD_TRY_ASSIGN(const std::string interface, link::interface_towards(address.host));
+  int layout_count = 0;
+  if (!config.environment.layout_pool.empty()) {
+    COMRAD_TRY_ASSIGN(const LayoutList list, read_layout_list(shell.run_dir()));
+    layout_count = static_cast<int>(list.layouts.size());
+  }
+  COMRAD_TRY_ASSIGN(const shm::Arena arena, shell.join());
+  COMRAD_TRY_ASSIGN(
+      dds::LinkBus bus,
+      dds::LinkBus::open(link::joining_config(
+          address, link::link_options(config.hosts, interface, link::kept_keys(shell.run_dir())))));
+  link::Feeder feeder(arena, std::move(bus),
+                      {.feeder_id = RngKey(arena.run_id()).split("feeder").bits(),
+                       .fingerprint = link::fingerprint_of(offer),
+                       .host = host_name(),
+                       .patience_s = patience_s,
+                       .layout_count = layout_count});
+  bool has_warned = false;
+  feeder.every_second([&] {
+    const Status written = link::write_feed(shell.run_dir(), {.account = feeder.account(),
+                                                              .is_fed = feeder.is_fed(),
+                                                              .has_ended = feeder.has_run_ended(),
+                                                              .silent_s = feeder.silent_s()});
+    if (!written && !std::exchange(has_warned, true)) spdlog::warn("{}", written.error().message);
+  });
+  const Status fed = feeder.run(shell.stop());
+  uint32_t none = 0;
+  if (fed && feeder.has_run_ended()) arena.control().goal_reached.compare_exchange_strong(none, 1);
+  return fed;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  shm::WorkerShell shell({.name = "comrad-feeder",
+                          .role = "feeder",
+                          .description = "Sends what this host plays to the learner of another host, and "
+                                         "fetches its weights.",
+                          .is_single = true,
+                          .has_bench = false});
+  double patience_s = 300;
+  shell.flags()
+      .add_option("--patience_s", patience_s, "how long the learner's host may be silent, seconds")
+      ->check(CLI::Range(1.0, 1e6));
+  return shell.run(argc, argv,
+                   {.work = [&](const RunConfig& config) { return work(shell, config, patience_s); }});
+}

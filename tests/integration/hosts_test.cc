@@ -1,0 +1,150 @@
+// One run on two hosts: `comrad train --serve` in one network namespace, `comrad join` in another, joined by a veth pair. A
+// host is killed and comes back, the link is cut and restored; afterwards every decision is accounted for.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <memory>
+
+#include "tests/integration/decision_accounts.h"
+#include "tests/integration/running_program.h"
+#include "tests/support/network_pair.h"
+
+namespace comrad::testing {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kStartSeconds = 90;
+constexpr double kCutSeconds = 6;  // longer than the learner's host waits before it takes back free slabs
+
+TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) {
+  const test::NetworkPair network(7);
+  if (!network.is_made()) GTEST_SKIP() << test::NetworkPair::why_not();
+  const ScratchFolder scratch;
+  const std::string learning = scratch / "learning", playing = scratch / "playing";
+  const std::string keys = scratch / "keys";
+  ASSERT_EQ(comrad({"keys", "make", keys, "--hosts", "player"}).exit_code, 0);
+  RunningProgram learner(
+      network.on(0, small_training(scratch, "learning", 1e9,
+                                   {"--num_workers", "1", "--serve", "--serve_workers", "2", "--interface",
+                                    network.device(0), "--keys", keys + "/run"})));
+  ASSERT_TRUE(wait_until([&] { return env_frames(learning) > 0 || !learner.running(); }, kStartSeconds));
+  ASSERT_TRUE(learner.running()) << learner.wait(1).err;
+  const std::string address = read_text(learning + "/link_address");
+  ASSERT_THAT(address, HasSubstr(network.address(0)));
+
+  const auto join_command = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> command = {program("comrad"), "join", address.substr(0, address.find('\n'))};
+    command.insert(command.end(), more.begin(), more.end());
+    // A host has a name of its own.
+    command.insert(command.begin(), {"/usr/bin/unshare", "--uts", "/bin/sh", "-c",
+                                     "echo player > /proc/sys/kernel/hostname; exec \"$@\"", "sh"});
+    return network.on(1, command);
+  };
+  // A network without keys, another IWAD, and settings that are the run's: refused in words.
+  EXPECT_THAT(RunningProgram(join_command({})).wait(30).err, HasSubstr("--insecure_network"));
+  const std::string other_iwad = scratch.write(
+      "other.wad", std::string("PWAD\1\0\0\0\f\0\0\0", 12) + std::string(8, '\0') + std::string("EMPTY\0\0\0", 8));
+  const Ending other =
+      RunningProgram(join_command({"--keys", keys + "/hosts/player"}), {{"COMRAD_IWAD", other_iwad}})
+          .wait(60);
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_THAT(other.err, HasSubstr("IWAD"));
+  EXPECT_THAT(RunningProgram(join_command({"--rollout", "8"})).wait(30).err,
+              HasSubstr("--rollout is the run's"));
+
+  const std::vector<std::string> joining =
+      join_command({"--keys", keys + "/hosts/player", "--num_workers", "1", "--device", "cpu", "--train_dir",
+                    scratch.string(), "--experiment", "playing", "--progress_interval", "1"});
+  auto player = std::make_unique<RunningProgram>(joining);
+  const auto delivers_more = [&](double timeout_s) {
+    const double before = decisions_delivered(learning);
+    return wait_until([&] { return decisions_delivered(learning) > before || !player->running(); },
+                      timeout_s) &&
+           player->running();
+  };
+  ASSERT_TRUE(delivers_more(kStartSeconds)) << player->wait(1).err;
+  EXPECT_EQ(read_json(learning + "/status.json")["state"], "running");
+
+  // The whole host dies, and comes back.
+  kill(-player->pid(), SIGKILL);
+  player->wait(10);
+  ASSERT_TRUE(wait_until([&] { return processes_of(playing).empty(); }, 15));
+  player = std::make_unique<RunningProgram>(joining);
+  ASSERT_TRUE(delivers_more(kStartSeconds)) << player->wait(1).err;
+
+  ASSERT_TRUE(network.set_up(false));
+  sleep_s(kCutSeconds);
+  EXPECT_TRUE(player->running());
+  EXPECT_TRUE(learner.running());
+  ASSERT_TRUE(network.set_up(true));
+  ASSERT_TRUE(delivers_more(30)) << player->wait(1).err;
+
+  // It is asked to leave, and leaves in peace; the run goes on and ends in peace too.
+  const auto ctl = [&](const std::vector<std::string>& words) {
+    std::vector<std::string> command = {program("comrad"), "ctl", learning};
+    command.insert(command.end(), words.begin(), words.end());
+    return RunningProgram(network.on(0, command)).wait(60);
+  };
+  EXPECT_THAT(ctl({"status"}).out, HasSubstr("player"));
+  EXPECT_THAT(ctl({"drain", "nobody"}).err, HasSubstr("nobody"));
+  const Ending drained = ctl({"drain", "player"});
+  EXPECT_EQ(drained.exit_code, 0) << drained.err;
+  const Ending left = player->wait(20);
+  EXPECT_EQ(left.exit_code, 0) << left.err;
+  EXPECT_THAT(left.err, HasSubstr("was asked to leave"));
+  EXPECT_THAT(left.err, HasSubstr("were delivered"));
+  (void)checked_account(playing);
+  EXPECT_TRUE(learner.running());
+  learner.signal(SIGINT);
+  const Ending ended = learner.wait(20);
+  EXPECT_EQ(ended.exit_code, 0) << ended.err;
+  (void)checked_account(learning);
+  const nlohmann::json hosts = read_json(learning + "/status.json")["hosts"];
+  EXPECT_EQ(hosts.size(), 2u) << "the one that died, and the one that came back: " << hosts;
+  // The last life's own word of what was delivered is that of the learner's host.
+  double by_its_word = read_json(playing + "/status.json")["decisions_account"]["trained"].get<double>();
+  bool is_known = false;
+  for (const auto& host : hosts) is_known |= host["delivered"].get<double>() == by_its_word;
+  EXPECT_TRUE(is_known) << hosts << by_its_word;
+  EXPECT_TRUE(processes_of(scratch.string()).empty());
+}
+
+TEST(Hosts, ARunThatEndsEndsThoseThatPlayForIt) {
+  const ScratchFolder scratch;
+  const std::string learning = scratch / "learning";
+  RunningProgram learner(small_training(scratch, "learning", 60000, {"--num_workers", "1", "--serve"}));
+  ASSERT_TRUE(wait_until([&] { return !read_text(learning + "/link_address").empty() || !learner.running(); },
+                         kStartSeconds));
+  // By the run's folder, as hosts with one file system do.
+  RunningProgram player({program("comrad"), "join", learning, "--num_workers", "1", "--device", "cpu",
+                         "--train_dir", scratch.string(), "--experiment", "playing"});
+  const Ending ended = learner.wait(180);
+  EXPECT_EQ(ended.exit_code, 0) << ended.err;
+  const Ending left = player.wait(30);
+  EXPECT_EQ(left.exit_code, 0) << left.err;
+  EXPECT_THAT(left.err, HasSubstr("the run that this host fed has ended"));
+  EXPECT_EQ(read_json(learning + "/status.json")["state"], "finished");
+}
+
+TEST(Hosts, WhatCannotBeServedOrJoinedIsRefusedBeforeAnythingIsWritten) {
+  const ScratchFolder scratch;
+  const auto refused = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> command = small_training(scratch, "refused", 1e9, more);
+    const Ending ending = RunningProgram(command).wait(60);
+    EXPECT_EQ(ending.exit_code, 2) << ending.err;
+    EXPECT_FALSE(std::filesystem::exists(scratch / "refused"));
+    return ending.err;
+  };
+  EXPECT_THAT(refused({"--serve", "--deterministic"}), HasSubstr("asynchronous runs"));
+  EXPECT_THAT(refused({"--serve", "--interface", "no-such"}), HasSubstr("no-such"));
+  const Ending nobody = comrad({"join", "127.0.0.1/0123456789abcdef", "--wait_s", "1"});
+  EXPECT_NE(nobody.exit_code, 0);
+  EXPECT_THAT(nobody.err, HasSubstr("nobody answered within 1 s at 127.0.0.1"));
+  EXPECT_THAT(comrad({"join", "somewhere"}).err, HasSubstr("is no address of a run"));
+}
+
+}  // namespace
+}  // namespace comrad::testing
