@@ -52,7 +52,8 @@ struct JoinRequest {
 
 /// "%h" in a folder of keys is this host's name: whoever calls many hosts gives them all the same words.
 std::string key_folder_here(std::string folder) {
-  for (std::size_t at; (at = folder.find("%h")) != std::string::npos;) folder.replace(at, 2, short_host_name());
+  for (std::size_t at; (at = folder.find("%h")) != std::string::npos;)
+    folder.replace(at, 2, short_host_name());
   return folder;
 }
 

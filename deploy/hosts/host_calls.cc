@@ -45,7 +45,8 @@ Expected<std::vector<std::string>> other_nodes(const Variable& variable) {
   if (listed.exit_code != 0)
     return Error{ErrorCode::kSystem, "scontrol show hostnames: " + last_words(listed)};
   std::vector<std::string> nodes = parts_of(listed.output, '\n');
-  const std::string own = variable("SLURMD_NODENAME").empty() ? short_host_name() : variable("SLURMD_NODENAME");
+  const std::string own =
+      variable("SLURMD_NODENAME").empty() ? short_host_name() : variable("SLURMD_NODENAME");
   std::erase(nodes, own);
   return nodes;
 }

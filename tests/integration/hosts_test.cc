@@ -45,8 +45,9 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) 
   };
   // A network without keys, another IWAD, and settings that are the run's: refused in words.
   EXPECT_THAT(RunningProgram(join_command({})).wait(30).err, HasSubstr("--insecure_network"));
-  const std::string other_iwad = scratch.write(
-      "other.wad", std::string("PWAD\1\0\0\0\f\0\0\0", 12) + std::string(8, '\0') + std::string("EMPTY\0\0\0", 8));
+  const std::string other_iwad =
+      scratch.write("other.wad", std::string("PWAD\1\0\0\0\f\0\0\0", 12) + std::string(8, '\0') +
+                                     std::string("EMPTY\0\0\0", 8));
   const Ending other =
       RunningProgram(join_command({"--keys", keys + "/hosts/player"}), {{"COMRAD_IWAD", other_iwad}})
           .wait(60);

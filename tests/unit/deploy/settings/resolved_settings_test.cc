@@ -259,7 +259,16 @@ const std::set<std::string> kNotLearning = {"scenario",
                                             "load_checkpoint_kind",
                                             "experiment_summaries_interval",
                                             "progress_interval",
-                                            "stats_avg"};
+                                            "stats_avg",
+                                            "serve",
+                                            "serve_workers",
+                                            "hosts",
+                                            "host_keys",
+                                            "interface",
+                                            "peers",
+                                            "port_base",
+                                            "link_buffer_mb",
+                                            "insecure_network"};
 
 /// Setting -> value of one configuration, from the tables above.
 std::map<std::string, std::string> expected_texts(const std::string& scenario, size_t algorithm,
