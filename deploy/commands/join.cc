@@ -35,11 +35,11 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Settings that a host which joins chooses for itself; all others are the run's.
-constexpr std::array<std::string_view, 16> kOwnSettings = {
+constexpr std::array<std::string_view, 17> kOwnSettings = {
     "train_dir",        "experiment", "num_workers", "policy_workers",   "policy_threads",
     "min_batch",        "max_batch",  "max_wait_us", "trajectory_slabs", "set_workers_cpu_affinity",
     "device",           "interface",  "peers",       "link_buffer_mb",   "insecure_network",
-    "progress_interval"};
+    "progress_interval", "link"};
 constexpr int64_t kSlabsUnderWay = 8;  // sealed here or on their way; the learner's host takes 4 at once
 
 struct JoinRequest {
@@ -123,6 +123,33 @@ Expected<RunDirectory> enter(const JoinRequest& request, const RunConfig& own,
   return directory;
 }
 
+/// Whether simulators of this host play with the policy workers of the learner's. `note` says why.
+Expected<bool> sends_frames(const RunConfig& own, const link::Offer& offer, std::string& note) {
+  const bool has_room = offer.frame_workers > 0;
+  switch (own.hosts.link) {
+    case LinkKind::kShm:
+      return false;
+    case LinkKind::kDds:
+      if (!has_room)
+        return Error{ErrorCode::kBadInput,
+                     "the run has no room for simulators without a policy: start it with --serve_frame_workers, or "
+                     "join it with --link shm"};
+      return true;
+    case LinkKind::kAuto:
+      break;
+  }
+  if (!offer.has_cuda || computes_on_cuda(own)) {
+    note = std::string("link: shm, because ") +
+           (offer.has_cuda ? "this host computes on CUDA too" : "the learner's host computes on its CPU too");
+    return false;
+  }
+  note = has_room ? "link: dds, because the learner's host computes on CUDA and this one does not; --link shm plays with "
+                    "policy workers of this host"
+                  : "link: shm, because the run has no room for simulators without a policy; with --serve_frame_workers "
+                    "they would play with the learner's host, which computes on CUDA";
+  return has_room;
+}
+
 Expected<int> join(const CommandLine& line, const JoinRequest& request) {
   for (const auto& [name, text] : line.typed().values)
     if (std::ranges::find(kOwnSettings, name) == kOwnSettings.end())
@@ -165,6 +192,10 @@ Expected<int> join(const CommandLine& line, const JoinRequest& request) {
   plan.run_dir = directory.path();
   plan.policy = PolicySource::kFeeding;
   plan.patience_s = request.patience_s;
+  COMRAD_TRY_ASSIGN(const link::Offer offer, link::read_offer(directory.path()));
+  std::string note;
+  COMRAD_TRY_ASSIGN(plan.sends_frames, sends_frames(config, offer, note));
+  if (!note.empty()) plan.notes.push_back(note);
   plan.leaves_with_input = request.leaves_with_input;
   plan.lock_descriptor = directory.lock_descriptor();
   COMRAD_TRY_ASSIGN(const RunOutcome outcome, deploy::run(plan));

@@ -182,6 +182,9 @@ Expected<int> train(const CommandLine& line, bool allow_no_update, const std::st
   if (std::string left_out = left_out_text(file); !left_out.empty())
     plan.notes.push_back(std::move(left_out));
   plan.hosts = host_calls(config, environment_variable, sibling_program("comrad"));
+  plan.simulators_join = config.hosts.link == LinkKind::kDds;
+  if (plan.simulators_join)
+    plan.hosts.push_back(own_simulators(config, directory.path(), sibling_program("comrad")));
   plan.door_address = address;
   plan.config = config;
   plan.env = merged.scenario.env;

@@ -95,6 +95,12 @@ Expected<uint64_t> scenario_checksum(const std::string& scenario) {
   return checksum_of(all);
 }
 
+bool computes_on_cuda(const RunConfig& config) {
+  std::error_code ignored;
+  return config.collection.device.starts_with("cuda") || config.collection.device == "gpu" ||
+         (config.collection.device == "auto" && fs::exists("/dev/nvidiactl", ignored));
+}
+
 Status check_can_be_offered(const RunConfig& config) {
   if (config.run.scenario.find('/') != std::string::npos)
     return Error{ErrorCode::kUnsupported,
@@ -112,6 +118,10 @@ Status make_offer(const std::string& run_dir, const RunConfig& config, const std
   const std::optional<std::string> doom = read_file(iwad);
   if (!doom) return Error{ErrorCode::kNotFound, iwad + ": cannot be read"};
   offer.iwad_checksum = checksum_of(*doom);
+  offer.has_cuda = computes_on_cuda(config);
+  offer.frame_workers =
+      static_cast<uint64_t>(config.hosts.serve_frame_workers +
+                            (config.hosts.link == LinkKind::kDds ? config.collection.num_workers : 0));
   const std::string settings = run_dir + "/" + kOfferedSettings;
   COMRAD_TRY(write_file_atomically(settings, settings_to_toml(offered_settings(config)), /*durable=*/false));
   COMRAD_TRY(add_file(offer, kOfferedSettings, settings));

@@ -18,6 +18,9 @@ RunConfig offered_settings(const RunConfig& config);
 /// The checksum of a scenario's files that are played: rules, scripts, actors. Errors: kNotFound.
 Expected<uint64_t> scenario_checksum(const std::string& scenario);
 
+/// Whether policy workers of this host will compute on a GPU. `--device auto` does where there is a driver.
+bool computes_on_cuda(const RunConfig& config);
+
 /// Errors: kUnsupported for a scenario that is named by a path.
 Status check_can_be_offered(const RunConfig& config);
 

@@ -9,6 +9,14 @@ namespace comrad::deploy {
 
 Status prepare_serving(RunConfig& config, const std::string& key_folder) {
   if (!config.hosts.hosts.empty() && config.hosts.hosts != "none") config.hosts.serve = true;
+  if (config.hosts.link == LinkKind::kDds) {
+    if ((config.hosts.interface != "auto" && !dds::is_loopback(config.hosts.interface)) || !key_folder.empty())
+      return Error{ErrorCode::kBadInput,
+                   "link is dds, which plays with simulators of this host over loopback, so the run's link cannot "
+                   "be on a network; leave --link away, or --interface and --keys"};
+    config.hosts.serve = true;
+    config.hosts.interface = link::kLoopback;
+  }
   COMRAD_TRY(prepare_calls(config, environment_variable));
   if (!config.hosts.serve) return {};
   if (config.hosts.interface == "auto") config.hosts.interface = link::kLoopback;
@@ -27,6 +35,17 @@ Expected<std::string> open_door(const std::string& run_dir, const RunConfig& con
   COMRAD_TRY(link::keep_address(run_dir, address));
   COMRAD_TRY(make_offer(run_dir, config, iwad));
   return link::text_of(address);
+}
+
+HostStart own_simulators(const RunConfig& config, const std::string& run_dir, const std::string& program) {
+  return {.name = "this host's simulators",
+          .command = {program, "join", "-", "--leave_with_input", "--link=dds",
+                      "--num_workers=" + std::to_string(config.collection.num_workers),
+                      "--set_workers_cpu_affinity=" +
+                          std::string(config.collection.set_workers_cpu_affinity ? "True" : "False"),
+                      "--link_buffer_mb=" + std::to_string(config.hosts.link_buffer_mb),
+                      "--train_dir=" + run_dir, "--experiment=simulators", "--progress_interval=600"},
+          .is_needed = true};
 }
 
 std::string door_note(const std::string& address, const RunConfig& config) {

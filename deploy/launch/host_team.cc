@@ -39,6 +39,8 @@ std::vector<std::string> HostTeam::tick(double now_s, bool is_running) {
     if (!host.process && is_running && stopping_since_s_ == 0 && !host.is_given_up &&
         now_s >= host.start_at_s)
       call(host, now_s, words);
+    if (host.is_given_up && host.start->is_needed && stopping_since_s_ == 0 && failure_.empty())
+      failure_ = words.empty() ? host.start->name + " cannot take part" : words.back();
   }
   return words;
 }

@@ -23,14 +23,21 @@ Expected<shm::ArenaShape> arena_shape(const LaunchPlan& plan) {
   shape.trajectory.env = plan.env;
   shape.trajectory.rollout_steps = static_cast<int32_t>(config.collection.rollout);
   shape.trajectory.recurrent_state_count = plan.network.recurrent_state_count;
-  shape.guest_worker_count = plan.serves() ? static_cast<int32_t>(config.hosts.serve_workers) : 0;
-  shape.sim_worker_count = static_cast<int32_t>(config.collection.num_workers) + shape.guest_worker_count;
+  if (plan.serves()) {
+    shape.frame_guest_count = static_cast<int32_t>(
+        config.hosts.serve_frame_workers + config.collection.num_workers - plan.own_workers());
+    shape.guest_worker_count = static_cast<int32_t>(config.hosts.serve_workers) + shape.frame_guest_count;
+  }
+  shape.sim_worker_count = static_cast<int32_t>(plan.own_workers()) + shape.guest_worker_count;
   shape.envs_per_worker = static_cast<int32_t>(config.collection.num_envs_per_worker);
   shape.splits_per_worker = static_cast<int32_t>(config.collection.worker_num_splits);
-  shape.policy_worker_count = static_cast<int32_t>(config.collection.policy_workers);
+  shape.policy_worker_count = plan.sends_frames ? 1 : static_cast<int32_t>(config.collection.policy_workers);
   // Evaluation keeps one slab in every environment's hands and needs no more.
   shape.slab_count =
       plan.evaluates() ? shape.env_count() : static_cast<int32_t>(config.collection.trajectory_slabs);
+  // Those of hosts without a policy are filled here.
+  if (plan.serves())
+    shape.slab_count += static_cast<int32_t>(config.hosts.serve_frame_workers) * shape.envs_per_worker;
   if (plan.is_lock_step()) {
     const int64_t longest = plan.longest_episode();
     if (config.collection.deterministic && longest <= 0)

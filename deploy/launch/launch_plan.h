@@ -38,6 +38,7 @@ struct FilmPlan {
 struct HostStart {
   std::string name;                  ///< for people: "host a", "srun"
   std::vector<std::string> command;  ///< first a path, or a name that PATH knows
+  bool is_needed = false;            ///< without it the run fails
 };
 
 /// What to run. `config` is merged and resolved; `run_dir` exists and holds config.toml.
@@ -64,6 +65,8 @@ struct LaunchPlan {
   std::string door_address = {};      ///< what they are told
   bool leaves_with_input = false;     ///< the end of the standard input ends the run, as SIGTERM does
   double patience_s = 300;            ///< kFeeding: how long the learner's host may be silent
+  bool simulators_join = false;       ///< this run's simulators play in one that joins it, from this host (--link dds)
+  bool sends_frames = false;          ///< kFeeding: its policy workers play with this host's simulators
   FilmPlan film;
   bool keeps_positions = false;  ///< each simulator writes where agents were to positions_path()
   bool keeps_episodes = false;   ///< simulators write each episode into episodes_folder(), which is there
@@ -85,6 +88,10 @@ struct LaunchPlan {
   bool drains() const { return trains() || feeds(); }
   /// Other hosts may join.
   bool serves() const { return trains() && config.hosts.serve; }
+  /// Simulators that this run starts itself.
+  int64_t own_workers() const { return simulators_join ? 0 : config.collection.num_workers; }
+  /// None where another host's play; the one that sends frames stands in their place.
+  int64_t own_policy_workers() const { return sends_frames ? 0 : config.collection.policy_workers; }
   /// There is a learner among the workers.
   bool has_learner() const {
     if (policy == PolicySource::kSeats) return !seats.networks.empty();

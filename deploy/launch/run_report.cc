@@ -79,7 +79,7 @@ std::string RunReport::progress_line() const {
 /// "2 hosts", "no host"; empty where none may join.
 std::string RunReport::hosts_text() const {
   if (!plan_.serves()) return "";
-  const std::vector<link::FeederRecord> guests = link::read_guests(plan_.run_dir);
+  const std::vector<link::FeederRecord> guests = link::all_guests(plan_.run_dir);
   const auto here = std::ranges::count_if(guests, &link::FeederRecord::is_here);
   return here == 1 ? "1 host feeds" : std::to_string(here) + " hosts feed";
 }
@@ -91,12 +91,13 @@ RunStatus RunReport::status(const std::string& state, const std::string& message
   status.learner_version = stats.learner_version;
   status.message = message;
   status.elapsed_s = clock_.elapsed();
-  for (const Role role : {Role::kSim, Role::kPolicy, Role::kLearner, Role::kReceiver, Role::kFeeder})
+  for (const Role role : {Role::kSim, Role::kPolicy, Role::kLearner, Role::kReceiver, Role::kFrameReceiver,
+                          Role::kFeeder})
     if (workers_.has(role) || role <= Role::kLearner)
       status.cpu_s.emplace_back(name_of(role), workers_.cpu_seconds(role));
   status.cpu_s.emplace_back("supervisor", clock_.cpu_elapsed());
   if (plan_.drains()) status.accounts = meter_.accounts();
-  if (plan_.serves()) status.guests = link::read_guests(plan_.run_dir);
+  if (plan_.serves()) status.guests = link::all_guests(plan_.run_dir);
   if (plan_.trains()) {
     status.env_frames = meter_.env_frames();
     status.decisions = meter_.decisions_of_run();

@@ -73,7 +73,7 @@ void SnapshotTaker::look(const shm::Arena& arena, double now_s) {
   }
   if (!plan_.serves()) return;
   std::map<std::string, GuestLook> guests;  // by name: several runs of one host are one line
-  for (const link::FeederRecord& record : link::read_guests(plan_.run_dir)) {
+  for (const link::FeederRecord& record : link::all_guests(plan_.run_dir)) {
     GuestLook& guest = guests[record.host];
     guest.decisions += record.decisions;
     if (!record.is_here) continue;

@@ -213,6 +213,8 @@ void Supervisor::tick() {
   }
   for (const std::string& words : evaluator_.tick(monotonic_s())) note(words);
   for (const std::string& words : host_team_.tick(monotonic_s(), phase_ == Phase::kRunning)) note(words);
+  if (phase_ == Phase::kRunning && !host_team_.failure().empty())
+    fail({ErrorCode::kPeerLost, host_team_.failure()});
   if (phase_ == Phase::kStopping && !table_.any_alive() && evaluator_.is_busy() &&
       !std::exchange(told_of_last_evaluations_, true))
     note("trained; the last evaluations are played now (Ctrl-C leaves them out)");
@@ -410,13 +412,17 @@ uint64_t Supervisor::reclaim(Worker& worker) {
       hub_.arena().reclaim_policy_worker(worker.index);
       return 0;  // its questions are asked again
     case Role::kReceiver:
-      // What it had in the making is sent again.
-      for (int sim = hub_.arena().shape().own_worker_count(); sim < hub_.arena().shape().sim_worker_count;
-           ++sim)
-        hub_.arena().reclaim_sim_worker(sim);
+    case Role::kFrameReceiver: {
+      // What it had in the making is sent again, or counted as lost by the host that played it.
+      const shm::ArenaShape& shape = hub_.arena().shape();
+      const bool is_of_frames = worker.role == Role::kFrameReceiver;
+      const int first = is_of_frames ? shape.own_worker_count() : shape.served_worker_count();
+      const int end = is_of_frames ? shape.served_worker_count() : shape.sim_worker_count;
+      for (int sim = first; sim < end; ++sim) hub_.arena().reclaim_sim_worker(sim);
       return 0;
+    }
     case Role::kFeeder:
-      meter_.count();  // what it had delivered; its successor adopts what it had drained
+      meter_.count();  // what it had delivered; its successor adopts what it had drained, and asks again
       return 0;
     case Role::kLearner:
       hub_.arena().reclaim_learner();

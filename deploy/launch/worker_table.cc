@@ -31,6 +31,7 @@ constexpr Kind kKinds[] = {{"sim", "comrad-sim-worker", "simulators"},
                            {"policy", "comrad-policy-worker", "policy workers"},
                            {"learner", "comrad-learner", "learner"},
                            {"receiver", "comrad-receiver", "receiver"},
+                           {"frame-receiver", "comrad-frame-receiver", "frame receiver"},
                            {"feeder", "comrad-feeder", "feeder"}};
 constexpr bool is_single(Role role) { return role != Role::kSim && role != Role::kPolicy; }
 constexpr const char* kFilmingSimulator = "comrad-sim-film";
@@ -73,10 +74,12 @@ WorkerTable::WorkerTable(const LaunchPlan& plan) : plan_(plan) {
       worker.history = RestartHistory(plan.restarts);
     }
   };
-  add(Role::kSim, plan.config.collection.num_workers);
-  add(Role::kPolicy, plan.config.collection.policy_workers);
+  add(Role::kSim, plan.own_workers());
+  add(Role::kPolicy, plan.own_policy_workers());
   if (plan.has_learner()) add(Role::kLearner, 1);
   if (plan.serves()) add(Role::kReceiver, 1);
+  if (plan.serves() && (plan.config.hosts.serve_frame_workers > 0 || plan.own_workers() == 0))
+    add(Role::kFrameReceiver, 1);
   if (plan.feeds()) add(Role::kFeeder, 1);
 }
 
@@ -137,9 +140,11 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
       options.inherited_descriptor = plan_.lock_descriptor;
       break;
     case Role::kReceiver:
+    case Role::kFrameReceiver:
       break;
     case Role::kFeeder:
       add("--patience_s", real_text(plan_.patience_s));
+      if (plan_.sends_frames) add("--frames");
       break;
   }
   return options;
@@ -297,7 +302,7 @@ std::string WorkerTable::silence_text() const {
 }
 
 bool WorkerTable::stands_still() const {
-  return std::ranges::none_of(workers_, [now_s = monotonic_s()](const Worker& worker) {
+  return plan_.own_workers() > 0 && std::ranges::none_of(workers_, [now_s = monotonic_s()](const Worker& worker) {
     return worker.role == Role::kSim && now_s - worker.heard_s < kSilentAfterS;
   });
 }
@@ -311,10 +316,12 @@ std::string WorkerTable::log_path(const Worker& worker) const {
 }
 
 shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena) {
-  // The receiver stands on the learner's arena as a simulator does, the feeder on its own as a learner.
+  // Receivers stand on the learner's arena as simulators do, the feeder on its own as a learner.
   return worker.role == Role::kSim        ? arena.sim_counters(worker.index)
          : worker.role == Role::kPolicy   ? arena.policy_counters(worker.index)
-         : worker.role == Role::kReceiver ? arena.sim_counters(arena.shape().own_worker_count())
+         : worker.role == Role::kReceiver ? arena.sim_counters(arena.shape().served_worker_count())
+         : worker.role == Role::kFrameReceiver
+             ? arena.sim_counters(arena.shape().own_worker_count())
                                           : arena.learner_counters();
 }
 

@@ -21,11 +21,11 @@
 
 namespace comrad::deploy {
 
-enum class Role { kSim, kPolicy, kLearner, kReceiver, kFeeder };
-constexpr std::size_t kRoleCount = 5;
-/// "simulators", "policy workers", "learner", "receiver", "feeder".
+enum class Role { kSim, kPolicy, kLearner, kReceiver, kFrameReceiver, kFeeder };
+constexpr std::size_t kRoleCount = 6;
+/// "simulators", "policy workers", "learner", "receiver", "frame receiver", "feeder".
 const char* name_of(Role role);
-/// "sim", "policy", "learner", "receiver", "feeder": as it joins.
+/// "sim", "policy", "learner", "receiver", "frame-receiver", "feeder": as it joins.
 const char* word_of(Role role);
 
 /// One worker's place in the run; the process in it may change.

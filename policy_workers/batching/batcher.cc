@@ -28,7 +28,7 @@ Expected<Batcher> Batcher::create(const shm::Arena& arena, const BatcherOptions&
 Batcher::Batcher(const shm::Arena& arena, const BatcherOptions& options)
     : arena_(&arena), options_(options), action_key_(RngKey(options.seed).split("action")), states_(arena) {
   const shm::ArenaShape& shape = arena.shape();
-  for (int sim_worker = 0; sim_worker < shape.own_worker_count(); ++sim_worker) {
+  for (int sim_worker = 0; sim_worker < shape.served_worker_count(); ++sim_worker) {
     for (int split = 0; split < shape.splits_per_worker; ++split) {
       if (shape.policy_worker_of(sim_worker, split) != options.policy_worker) continue;
       const int first = sim_worker * shape.envs_per_worker;

@@ -16,7 +16,7 @@
 
 namespace comrad::dds {
 
-constexpr uint32_t kLinkVersion = 3;  ///< of the topics but the door's: other versions do not meet on them
+constexpr uint32_t kLinkVersion = 4;  ///< of the topics but the door's: other versions do not meet on them
 constexpr std::size_t kChunkBytes = 1 << 20;            ///< most of a weights chunk or of a door's payload
 constexpr std::size_t kFragmentBytes = 1 << 18;         ///< most raw bytes of a trajectory's fragment
 constexpr std::size_t kFragmentPayloadBytes = 264'192;  ///< most of them as LZ4 makes them

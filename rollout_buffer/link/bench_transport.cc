@@ -213,7 +213,7 @@ void drain(const Arena& arena) {
 void receive(const Arena& arena, const dds::BusConfig& config, const std::atomic<bool>& never) {
   Expected<dds::LinkBus> bus = dds::LinkBus::open(config);
   if (!bus) return std::abort();
-  FrameReceiver receiver(arena, std::move(*bus), FrameReceiverOptions{});
+  FrameReceiver receiver(arena, std::move(*bus), {.worker_count = arena.shape().sim_worker_count});
   (void)receiver.run(never);
 }
 

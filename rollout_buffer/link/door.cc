@@ -63,6 +63,8 @@ std::string text_of(const Offer& offer, bool with_paths) {
   return json{{"scenario", offer.scenario},
               {"scenario_checksum", hex(offer.scenario_checksum)},
               {"iwad_checksum", hex(offer.iwad_checksum)},
+              {"frame_workers", offer.frame_workers},
+              {"has_cuda", offer.has_cuda},
               {"files", files}}
       .dump();
 }
@@ -78,6 +80,8 @@ Expected<Offer> parse_offer(const std::string& text) {
   offer.scenario = text_in(object, "scenario");
   offer.scenario_checksum = hex_in(object, "scenario_checksum");
   offer.iwad_checksum = hex_in(object, "iwad_checksum");
+  offer.frame_workers = number_in(object, "frame_workers");
+  offer.has_cuda = object.value("has_cuda", json()) == json(true);
   if (!is_plain_name(offer.scenario) || offer.scenario.find('/') != std::string::npos)
     return bad("names no scenario");
   if (object["files"].size() > kMostFiles) return bad("has too many files");

@@ -27,6 +27,8 @@ struct Offer {
   std::string scenario;
   uint64_t scenario_checksum = 0;  ///< of the scenario's folder
   uint64_t iwad_checksum = 0;
+  uint64_t frame_workers = 0;  ///< room for so many simulators of hosts without a policy
+  bool has_cuda = false;       ///< policy workers there compute on a GPU
   std::vector<OfferedFile> files;
 };
 

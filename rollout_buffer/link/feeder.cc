@@ -31,16 +31,16 @@ Feeder::Feeder(const shm::Arena& arena, dds::LinkBus bus, const FeederOptions& o
       options_(options),
       cutter_(arena.slab_offsets()),
       weights_(arena.shape().weights_bytes),
-      layout_draws_(RngKey(options.feeder_id).split("layouts")) {}
+      deliveries_(arena),
+      layouts_(arena, options.feeder_id, options.layout_count) {}
 
 Status Feeder::run(const std::atomic<bool>& stop) {
   shm::WorkerCounters& counters = arena_.learner_counters();
   counters.begin_life();
   epoch_ = counters.epoch.load();
-  delivered_ = counters.decisions.load();
-  lost_ = arena_.control().decisions_lost_on_the_way.load();
-  arena_.control().learner_decisions_before = delivered_;
-  adopt();
+  for (const uint32_t slab : deliveries_.begin_life()) in_hand_.push_back({.slab = slab, .was_sent = true});
+  if (!in_hand_.empty())
+    spdlog::warn("{} trajectories of this worker's predecessor are sent again", in_hand_.size());
   counters.state = shm::WorkerState::kRunning;
   heard_s_ = progress_s_ = monotonic_s();
   while (!is_stopping(stop) && !has_run_ended_) {
@@ -49,7 +49,7 @@ Status Feeder::run(const std::atomic<bool>& stop) {
     send();
     resend_if_stuck();
     send_episodes();
-    grant_layouts();
+    layouts_.grant();
     if (monotonic_s() - reported_s_ >= kReportIntervalS) report(/*is_leaving=*/false);
     if (every_second_ && monotonic_s() - told_s_ >= 1) told_s_ = monotonic_s(), every_second_();
     bus_.wait(kWaitMs);
@@ -74,26 +74,6 @@ Status Feeder::run(const std::atomic<bool>& stop) {
 bool Feeder::is_stopping(const std::atomic<bool>& stop) const {
   return stop.load(std::memory_order_relaxed) ||
          arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
-}
-
-/// Takes over what a predecessor had drained, in the order of sealing. It may have died after it counted the first one as done
-/// and before it gave the slab back: then more is counted than was taken.
-void Feeder::adopt() {
-  const std::vector<uint32_t> orphans = arena_.adopt_slabs();
-  const auto agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
-  uint64_t held = 0;
-  for (const uint32_t index : orphans) {
-    in_hand_.push_back({.slab = index,
-                        .decisions = arena_.slab_header(static_cast<int>(index)).length * agents,
-                        .was_sent = true});
-    held += in_hand_.back().decisions;
-  }
-  if (!in_hand_.empty() && delivered_ + lost_ + held > arena_.decision_counts().taken) {
-    arena_.release_slab(in_hand_.front().slab);
-    in_hand_.pop_front();
-  }
-  if (!in_hand_.empty())
-    spdlog::warn("{} trajectories of this worker's predecessor are sent again", in_hand_.size());
 }
 
 Status Feeder::hear() {
@@ -149,15 +129,8 @@ void Feeder::begin_anew(uint64_t session) {
 }
 
 void Feeder::finish_first(bool is_delivered) {
-  const InHand& first = in_hand_.front();
-  (is_delivered ? delivered_ : lost_) += first.decisions;
-  if (!is_delivered) arena_.control().decisions_lost_on_the_way = lost_;
-  if (is_delivered) {
-    arena_.learner_counters().decisions = delivered_;
-    arena_.learner_counters().batches.fetch_add(1);
-    progress_s_ = monotonic_s();
-  }
-  arena_.release_slab(first.slab);
+  deliveries_.finish(in_hand_.front().slab, is_delivered);
+  if (is_delivered) progress_s_ = monotonic_s();
   in_hand_.pop_front();
   if (cutting_ == first_index_) cutting_.reset();
   ++first_index_;
@@ -169,10 +142,7 @@ void Feeder::drain() {
   const uint64_t end_index = first_index_ + in_hand_.size();
   if (state_->credit_index <= end_index || in_hand_.size() >= kMostInHand) return;
   const uint64_t room = std::min<uint64_t>(state_->credit_index - end_index, kMostInHand - in_hand_.size());
-  const auto agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
-  for (const uint32_t slab : arena_.drain_slabs(static_cast<int>(room)))
-    in_hand_.push_back(
-        {.slab = slab, .decisions = arena_.slab_header(static_cast<int>(slab)).length * agents});
+  for (const uint32_t slab : arena_.drain_slabs(static_cast<int>(room))) in_hand_.push_back({.slab = slab});
 }
 
 /// False where the network did not take all that may be sent.
@@ -223,20 +193,6 @@ void Feeder::send_episodes() {
   }
 }
 
-/// Each environment that took its last layout is granted another. How episodes ended is nobody's business here.
-void Feeder::grant_layouts() {
-  if (options_.layout_count <= 0) return;
-  for (int env = 0; env < arena_.shape().env_count(); ++env) {
-    shm::LayoutDesk& desk = arena_.layout_desk(env);
-    desk.heard.store(desk.reported.load(std::memory_order_acquire), std::memory_order_relaxed);
-    const uint32_t granted = desk.granted.load(std::memory_order_relaxed);
-    if (desk.taken.load(std::memory_order_acquire) != granted) continue;
-    desk.layout_index.store(layout_draws_.below(static_cast<uint32_t>(options_.layout_count)),
-                            std::memory_order_relaxed);
-    desk.granted.store(granted + 1, std::memory_order_release);
-  }
-}
-
 void Feeder::report(bool is_leaving) {
   reported_s_ = monotonic_s();
   const shm::ArenaShape& shape = arena_.shape();
@@ -261,16 +217,8 @@ void Feeder::report(bool is_leaving) {
 double Feeder::silent_s() const { return monotonic_s() - heard_s_; }
 
 FeederAccount Feeder::account() const {
-  FeederAccount account{.delivered = delivered_, .lost = lost_, .resent = resent_};
-  for (int sim = 0; sim < arena_.shape().sim_worker_count; ++sim)
-    account.played += arena_.sim_counters(sim).decisions.load();
-  for (const InHand& one : in_hand_) account.waiting += one.decisions;
-  const auto agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
-  for (int index = 0; index < arena_.shape().slab_count; ++index)
-    if (const shm::SlabHeader& header = arena_.slab_header(index); header.state == shm::SlabState::kSealed)
-      account.waiting += header.length * agents;
-    else if (header.state == shm::SlabState::kFilling)
-      account.unfinished += header.length * agents;
+  FeederAccount account = account_of(arena_, deliveries_);
+  account.resent = resent_;
   return account;
 }
 

@@ -10,17 +10,14 @@
 #include <string>
 
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/dds/link_bus.h"
+#include "rollout_buffer/link/delivery_account.h"
+#include "rollout_buffer/link/layout_grants.h"
 #include "rollout_buffer/link/slab_stream.h"
 #include "rollout_buffer/link/weights_stream.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::link {
-
-/// ControlBlock::goal_reached of a host that is asked to leave. Its supervisor stops the simulators; the feeder delivers what
-/// they have played, and goes.
-constexpr uint32_t kAskedToLeave = 2;
 
 struct FeederOptions {
   uint64_t feeder_id = 0;     ///< of this arena; another run of this host has another one
@@ -29,17 +26,6 @@ struct FeederOptions {
   double patience_s = 300;    ///< how long the learner's host may be silent
   int layout_count = 0;       ///< of the run's pool, from which this host draws evenly; 0: one map
   double resend_after_s = 3;  ///< without a word that what was sent is done
-};
-
-/// What became of this host's decisions, all agents counted: played = delivered + waiting + unfinished + lost, and what
-/// simulators that died had in the making.
-struct FeederAccount {
-  uint64_t played = 0;
-  uint64_t delivered = 0;   ///< sealed on the learner's host
-  uint64_t waiting = 0;     ///< sealed here, or sent and not yet done
-  uint64_t unfinished = 0;  ///< in slabs that are being filled
-  uint64_t lost = 0;    ///< sent to a learner's host that began anew: they may have been learned there or not
-  uint64_t resent = 0;  ///< slabs that were sent once more
 };
 
 /// Nothing is lost where this process is killed and starts again on the same arena: what its predecessor had in hand is
@@ -66,12 +52,10 @@ class Feeder {
  private:
   struct InHand {
     uint32_t slab = 0;
-    uint64_t decisions = 0;
     bool was_sent = false;  ///< once at least
     bool is_sent = false;   ///< and not to be sent again for now
   };
 
-  void adopt();
   Status hear();
   void take_state(const dds::FeedState& state);
   void begin_anew(uint64_t session);
@@ -80,7 +64,6 @@ class Feeder {
   bool send();
   void resend_if_stuck();
   void send_episodes();
-  void grant_layouts();
   void report(bool is_leaving);
   bool is_stopping(const std::atomic<bool>& stop) const;
 
@@ -99,9 +82,10 @@ class Feeder {
   double heard_s_ = 0, progress_s_ = 0, reported_s_ = 0, told_s_ = 0;
   std::function<void()> every_second_;
   uint64_t beat_ = 0;
-  uint64_t delivered_ = 0, lost_ = 0, resent_ = 0;
+  DeliveryAccount deliveries_;
+  uint64_t resent_ = 0;
   bool has_run_ended_ = false;
-  Rng layout_draws_;
+  LayoutGrants layouts_;
   std::string refusal_;
 };
 

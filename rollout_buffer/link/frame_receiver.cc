@@ -24,6 +24,8 @@ constexpr double kTellIntervalS = 0.5;
 constexpr double kTellOfEndS = 1.0;
 constexpr std::size_t kMostGuests = 64;
 constexpr std::size_t kSpareSlabs = 2;  // of a host, beyond one for each environment that has none
+constexpr std::size_t kMostWhole = 4;    // copies of an environment that wait to be sealed
+constexpr std::size_t kAnsweredKept = 8;  // rollouts of an environment
 constexpr std::size_t kMostRawBytes = dds::kFrameBatchBytes;
 
 bool is_same(const FrameRequest& a, const FrameRequest& b) {
@@ -60,13 +62,13 @@ void pad(const SlabView& slab, int length) {
 FrameReceiver::FrameReceiver(const shm::Arena& arena, dds::LinkBus bus, const FrameReceiverOptions& options)
     : arena_(arena), bus_(std::move(bus)), options_(options) {
   const shm::ArenaShape& shape = arena.shape();
-  owner_.resize(static_cast<std::size_t>(shape.sim_worker_count - options_.first_worker));
+  owner_.resize(static_cast<std::size_t>(options_.worker_count));
   round_.resize(static_cast<std::size_t>(shape.sim_worker_count * shape.splits_per_worker));
 }
 
 Status FrameReceiver::run(const std::atomic<bool>& stop) {
   // What a predecessor was filling is lost: its hosts' next rows find no slab that begins where they do.
-  for (int worker = options_.first_worker; worker < arena_.shape().sim_worker_count; ++worker) {
+  for (int worker = options_.first_worker; worker < options_.first_worker + options_.worker_count; ++worker) {
     (void)arena_.reclaim_sim_worker(worker);
     arena_.sim_counters(worker).begin_life();
     arena_.sim_counters(worker).state = shm::WorkerState::kRunning;
@@ -100,6 +102,7 @@ Status FrameReceiver::run(const std::atomic<bool>& stop) {
       looked_s = now_s;
       forget_silent();
     }
+    if (every_second_ && now_s - reported_s_ >= 1) reported_s_ = now_s, every_second_();
     for (auto& [id, guest] : guests_)
       if (guest.is_to_be_told || !guest.payload.empty() ||
           guest.told_credit != guest.begun + guest.reserved.size() ||
@@ -122,7 +125,8 @@ Status FrameReceiver::run(const std::atomic<bool>& stop) {
     bus_.wait(100);
   }
   for (auto& [id, guest] : guests_) give_back(guest);
-  for (int worker = options_.first_worker; worker < arena_.shape().sim_worker_count; ++worker)
+  if (every_second_) every_second_();
+  for (int worker = options_.first_worker; worker < options_.first_worker + options_.worker_count; ++worker)
     arena_.sim_counters(worker).state = shm::WorkerState::kStopped;
   return {};
 }
@@ -144,6 +148,7 @@ void FrameReceiver::hear(const dds::FrameBatch& batch) {
     give_back(guest);
     free_seat(guest);
     guest.epoch = 0;
+    guest.is_asked_to_leave = false;
     return;
   }
   if (guest.epoch != batch.epoch) {
@@ -201,9 +206,9 @@ std::string FrameReceiver::seat(Guest& guest, const dds::FrameBatch& batch) {
 /// Requests that a policy worker has in hand are waited for by reclaim_sim_worker().
 void FrameReceiver::free_seat(Guest& guest) {
   for (Mirror& one : guest.mirrors) {
-    if (one.has_slab && one.is_whole)
-      guest.record.lost +=
-          uint64_t{one.next_step} * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
+    const auto agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
+    if (one.has_slab && one.is_whole) guest.record.lost += one.next_step * agents;
+    for (const Copy& copy : one.whole) guest.record.lost += copy.length * agents;
     out_count_ -= std::exchange(one.is_out, false);
     one.has_slab = false;
   }
@@ -277,10 +282,44 @@ void FrameReceiver::take(Guest& guest, const dds::FrameBatch& batch) {
 
 void FrameReceiver::abandon(Guest& guest, Mirror& one) {
   if (!one.has_slab) return;
-  guest.record.lost +=
-      uint64_t{one.next_step} * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
-  arena_.abandon_slab(one.slab);
+  lose(guest, one.slab, one.next_step);
   one.has_slab = false;
+}
+
+void FrameReceiver::lose(Guest& guest, uint32_t slab, uint64_t steps) {
+  guest.record.lost += steps * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
+  arena_.abandon_slab(slab);
+}
+
+/// The simulator has sealed a rollout. Older ones of which nothing was said it never sealed.
+void FrameReceiver::confirm(Guest& guest, Mirror& one, const FrameRequest& request) {
+  const auto known = std::ranges::find(one.answered, request.rollout_index, &std::pair<uint64_t, bool>::first);
+  bool is_sealed = known != one.answered.end() && known->second;
+  if (known == one.answered.end()) {
+    const auto copy = std::ranges::find(one.whole, request.rollout_index, &Copy::rollout_index);
+    if (copy != one.whole.end()) {
+      is_sealed = copy->length == request.step;
+      if (is_sealed)
+        seal(guest, one, *copy);
+      else
+        lose(guest, copy->slab, copy->length);
+      for (auto old = one.whole.begin(); old != copy; ++old) lose(guest, old->slab, old->length);
+      one.whole.erase(one.whole.begin(), copy + 1);
+    }
+    one.answered.emplace_back(request.rollout_index, is_sealed);
+    if (one.answered.size() > kAnsweredKept) one.answered.pop_front();
+  } else {
+    ++guest.record.duplicates;
+  }
+  if (guest.payload.size() >= dds::kChunkBytes / 2) return;  // it is asked again
+  add_answer(guest.payload,
+             {.step_id = request.step_id,
+              .rollout_index = request.rollout_index,
+              .env_index = request.env_index,
+              .kind = kSealedKind,
+              .step = request.step,
+              .policy_version = is_sealed},
+             {});
 }
 
 /// Takes a promised slab. False where there is none: more was begun than promised.
@@ -312,6 +351,10 @@ bool FrameReceiver::begin(Guest& guest, Mirror& one, const FrameRequest& request
 
 void FrameReceiver::mirror(Guest& guest, const FrameRequest& request, const FrameUnpacker& frames) {
   Mirror& one = guest.mirrors[request.env_index];
+  if (request.kind == kSealedKind) {
+    confirm(guest, one, request);
+    return;
+  }
   const bool is_first = request.step == 0 && request.kind == static_cast<uint32_t>(RequestKind::kAct);
   const bool is_known = (one.is_out || one.is_answered) && is_same(request, one.request);
   if (is_known || one.is_out) {  // what a new simulator asks in place of a dead one comes again in time
@@ -398,10 +441,25 @@ void FrameReceiver::finish(Guest& guest, Mirror& one) {
     case RequestKind::kFinal:
       break;
     case RequestKind::kValue:
-      if (one.is_whole && one.next_step == request.step)
-        seal(guest, one);
-      else
+      if (!one.is_whole || one.next_step != request.step) {
         abandon(guest, one);
+        break;
+      }
+      if (!one.whole.empty() && one.whole.back().rollout_index == request.rollout_index) {
+        lose(guest, one.whole.back().slab, one.whole.back().length);  // its simulator died before it sealed it
+        one.whole.pop_back();
+      }
+      one.whole.push_back({.slab = one.slab,
+                           .length = one.next_step,
+                           .rollout_index = request.rollout_index,
+                           .layout_id = one.layout_id,
+                           .first_episode_id = one.first_episode_id,
+                           .first_episode_seed = one.first_episode_seed});
+      one.has_slab = false;
+      if (one.whole.size() > kMostWhole) {
+        lose(guest, one.whole.front().slab, one.whole.front().length);
+        one.whole.pop_front();
+      }
       break;
   }
   answer(guest, one);
@@ -412,23 +470,31 @@ void FrameReceiver::answer(Guest& guest, const Mirror& one) {
   if (guest.payload.size() < dds::kChunkBytes / 2) add_answer(guest.payload, one.answer, one.choices);
 }
 
-void FrameReceiver::seal(Guest& guest, Mirror& one) {
-  const SlabView slab = arena_.slab(static_cast<int>(one.slab));
-  pad(slab, static_cast<int>(one.next_step));
+void FrameReceiver::seal(Guest& guest, const Mirror& one, const Copy& copy) {
+  pad(arena_.slab(static_cast<int>(copy.slab)), static_cast<int>(copy.length));
   shm::JournalHeader& journal = arena_.journal(one.env);
-  shm::SlabHeader& header = arena_.slab_header(static_cast<int>(one.slab));
-  header.length = one.next_step;
-  header.rollout_index = journal.rollout_index++;  // this arena counts on, whoever plays
-  header.layout_id = one.layout_id;
-  header.first_episode = {.episode_id = one.first_episode_id, .episode_seed = one.first_episode_seed};
-  one.has_slab = false;
-  arena_.seal_slab(one.slab);
+  shm::SlabHeader& header = arena_.slab_header(static_cast<int>(copy.slab));
+  header.length = copy.length;
+  header.layout_id = copy.layout_id;
+  header.first_episode = {.episode_id = copy.first_episode_id, .episode_seed = copy.first_episode_seed};
+  std::atomic_signal_fence(
+      std::memory_order_release);  // as a simulator: a kill leaves no count with another's name
+  header.rollout_index = journal.rollout_index;  // this arena counts on, whoever plays
+  journal.rollout_index = header.rollout_index + 1;  // reclaim_sim_worker() takes it back if we die before the seal
+  std::atomic<uint64_t>& made = arena_.env_account(one.env).made;  // here, as far as this arena is concerned
+  made.store(made.load(std::memory_order_relaxed) + copy.length, std::memory_order_release);
+  arena_.seal_slab(copy.slab);
   const uint64_t decisions =
-      uint64_t{one.next_step} * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
+      uint64_t{copy.length} * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
   guest.record.decisions += decisions;
   ++guest.record.slabs;
   arena_.sim_counters(one.env / arena_.shape().envs_per_worker)
       .decisions.fetch_add(decisions, std::memory_order_relaxed);
+}
+
+void FrameReceiver::ask_to_leave(const std::string& host) {
+  for (auto& [id, guest] : guests_)
+    if (guest.record.host == host && guest.record.is_here) guest.is_asked_to_leave = guest.is_to_be_told = true;
 }
 
 void FrameReceiver::forget_silent() {
@@ -450,6 +516,7 @@ void FrameReceiver::tell(uint64_t id, Guest& guest) {
       .feeder_id = id, .session = guest.session, .epoch = guest.epoch, .batch_index = guest.answers};
   batch.run_state = !guest.refusal.empty()                                        ? "refused"
                     : is_stopping_                                                ? "stopping"
+                    : guest.is_asked_to_leave                                     ? "leaving"
                     : arena_.control().run_state.load() == shm::RunState::kPaused ? "paused"
                                                                                   : "running";
   batch.message = guest.refusal;
@@ -466,6 +533,23 @@ void FrameReceiver::tell(uint64_t id, Guest& guest) {
 std::vector<FrameGuestRecord> FrameReceiver::records() const {
   std::vector<FrameGuestRecord> records;
   for (const auto& [id, guest] : guests_) records.push_back(guest.record);
+  return records;
+}
+
+std::vector<FeederRecord> FrameReceiver::feeder_records() const {
+  std::vector<FeederRecord> records;
+  for (const auto& [id, guest] : guests_)
+    records.push_back({.feeder_id = id,
+                       .host = guest.record.host,
+                       .workers = guest.record.workers,
+                       .is_here = guest.record.is_here,
+                       .credits = guest.reserved.size(),
+                       .decisions = guest.record.decisions,
+                       .slabs = guest.record.slabs,
+                       .duplicates = guest.record.duplicates,
+                       .refused = guest.record.refused,
+                       .played_there = guest.record.decisions + guest.record.lost,
+                       .lost_there = guest.record.lost});
   return records;
 }
 

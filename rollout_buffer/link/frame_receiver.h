@@ -1,6 +1,7 @@
 // The end of the frame link on the host with the policy: on its arena it stands where simulators stand. Rows of other
 // hosts' simulators are written into free slabs, committed, answered by this host's policy workers as any other, and the
-// whole slab is sealed; so neither policy workers nor the learner know of the link. Stages: acquire, commit, seal.
+// whole slab is sealed when the simulator has sealed its own; so neither policy workers nor the learner know of the link.
+// Stages: acquire, commit, seal.
 #pragma once
 
 #include <atomic>
@@ -14,12 +15,14 @@
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/link_bus.h"
 #include "rollout_buffer/link/frame_stream.h"
+#include "rollout_buffer/link/receiver.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::link {
 
 struct FrameReceiverOptions {
-  int first_worker = 0;       ///< simulators of the arena from this one on are played by other hosts
+  int first_worker = 0;       ///< simulators of the arena from this one on are played by other hosts,
+  int worker_count = 1;       ///< so many
   uint64_t fingerprint = 0;   ///< of the offer; other games are refused
   double silent_after_s = 5;  ///< then a host's free slabs go back
   double seat_kept_s = 600;   ///< then others may have its simulators' places, and what it began is lost
@@ -46,9 +49,23 @@ class FrameReceiver {
 
   /// Until `stop`, or the run stops; then the hosts that play are told.
   Status run(const std::atomic<bool>& stop);
+  /// Called in run(), and at its end.
+  void every_second(std::function<void()> report) { every_second_ = std::move(report); }
+
   std::vector<FrameGuestRecord> records() const;
+  /// The same as of hosts that send whole trajectories.
+  std::vector<FeederRecord> feeder_records() const;
+  /// Hosts of this name deliver what they have played, and go. They may join again.
+  void ask_to_leave(const std::string& host);
 
  private:
+  /// A whole copy, to be sealed when the simulator has sealed its own.
+  struct Copy {
+    uint32_t slab = 0;
+    uint32_t length = 0;
+    uint64_t rollout_index = 0;  ///< of the simulators' host
+    uint64_t layout_id = 0, first_episode_id = 0, first_episode_seed = 0;
+  };
   /// One environment of another host, and the slab in which it plays here.
   struct Mirror {
     int env = 0;  ///< of this arena
@@ -61,6 +78,8 @@ class FrameReceiver {
     FrameRequest request;  ///< the newest
     FrameAnswer answer;
     std::vector<int32_t> choices;  ///< of `answer`
+    std::deque<Copy> whole;
+    std::deque<std::pair<uint64_t, bool>> answered;  ///< rollouts, and whether they were sealed: asked again, told again
   };
   struct Guest {
     FrameGuestRecord record;
@@ -73,6 +92,7 @@ class FrameReceiver {
     double heard_s = 0, told_s = 0;
     std::vector<std::byte> payload;
     bool is_to_be_told = false;
+    bool is_asked_to_leave = false;
   };
 
   void hear(const dds::FrameBatch& batch);
@@ -87,7 +107,9 @@ class FrameReceiver {
   bool collect();
   void finish(Guest& guest, Mirror& mirror);
   void answer(Guest& guest, const Mirror& mirror);
-  void seal(Guest& guest, Mirror& mirror);
+  void confirm(Guest& guest, Mirror& mirror, const FrameRequest& request);
+  void seal(Guest& guest, const Mirror& mirror, const Copy& copy);
+  void lose(Guest& guest, uint32_t slab, uint64_t steps);
   void forget_silent();
   void tell(uint64_t id, Guest& guest);
 
@@ -101,6 +123,8 @@ class FrameReceiver {
   int out_count_ = 0;
   int waiting_for_ = -1;  ///< a split that is being answered
   bool is_stopping_ = false;
+  double reported_s_ = 0;
+  std::function<void()> every_second_;
 };
 
 }  // namespace comrad::link

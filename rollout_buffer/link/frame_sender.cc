@@ -21,6 +21,7 @@ constexpr int64_t kPollUs = 100;  // between looks at slots and at the network, 
 constexpr int kWaitMs = 5;        // while only the network can
 constexpr double kHelloIntervalS = 0.5;
 constexpr int kEpisodesAtOnce = 64;
+constexpr double kDeliverForS = 3.0;  // after a stop; the supervisor waits 8 s
 
 }  // namespace
 
@@ -31,7 +32,9 @@ FrameSender::FrameSender(const shm::Arena& arena, dds::LinkBus bus, const FrameS
       packer_(arena.slab_offsets()),
       choices_(static_cast<std::size_t>(arena.shape().trajectory.env.num_agents *
                                         arena.shape().trajectory.env.head_count)),
-      pending_(static_cast<std::size_t>(arena.shape().env_count())) {}
+      pending_(static_cast<std::size_t>(arena.shape().env_count())),
+      deliveries_(arena),
+      layouts_(arena, options.feeder_id, options.layout_count) {}
 
 Status FrameSender::run(const std::atomic<bool>& stop) {
   if (const std::size_t largest = largest_request_bytes(arena_.slab_offsets());
@@ -45,20 +48,19 @@ Status FrameSender::run(const std::atomic<bool>& stop) {
   epoch_ = counters.epoch.load();
   if (const int orphans = arena_.reclaim_policy_worker(0); orphans > 0)
     spdlog::warn("{} requests of this worker's predecessor are sent again", orphans);
+  arena_.learner_counters().begin_life();
+  for (const uint32_t slab : deliveries_.begin_life()) hold(slab);
   counters.state = arena_.learner_counters().state = shm::WorkerState::kRunning;
-  const auto is_stopping = [&] {
-    return stop.load(std::memory_order_relaxed) ||
-           arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
-  };
   heard_s_ = monotonic_s();
   take_actions();  // the reader is there before anybody is asked
-  while (!is_stopping() && !has_run_ended_) {
+  while (!is_stopping(stop) && !has_run_ended_) {
     const uint32_t heard = shm::listen(arena_.slots_ready(0));
     bool has_moved = take_actions();
+    drain();
     if (!refusal_.empty())
       return Error{ErrorCode::kBadInput, "the run does not take this host in: " + refusal_};
     has_moved |= send_ready();
-    has_moved |= release_sealed();
+    layouts_.grant();
     const double now_s = monotonic_s();
     if (now_s - looked_s_ > 0.1) {
       looked_s_ = now_s;
@@ -77,11 +79,26 @@ Status FrameSender::run(const std::atomic<bool>& stop) {
     else
       shm::wait(arena_.slots_ready(0), heard, out_count_ > 0 ? kPollUs : 1000);
   }
+  // What is sealed by now is delivered, if the other end goes on.
+  for (const double end_s = monotonic_s() + kDeliverForS; is_played_with() && !has_run_ended_ &&
+                                                          !(in_hand_.empty() && arena_.sealed_count() == 0) &&
+                                                          monotonic_s() < end_s;) {
+    drain();
+    resend_due();
+    if (send_sealed()) send_batch();
+    bus_.wait(kWaitMs);
+    take_actions();
+  }
   send_episodes();
   (void)say_hello(/*is_leaving=*/true);
   if (every_second_) every_second_();
   counters.state = arena_.learner_counters().state = shm::WorkerState::kStopped;
   return {};
+}
+
+bool FrameSender::is_stopping(const std::atomic<bool>& stop) const {
+  return stop.load(std::memory_order_relaxed) ||
+         arena_.control().run_state.load(std::memory_order_acquire) == shm::RunState::kStopping;
 }
 
 dds::FrameBatch FrameSender::batch_head() const {
@@ -130,7 +147,7 @@ bool FrameSender::may_begin(const shm::StepSlot& slot) const {
 
 bool FrameSender::send_ready() {
   const shm::ArenaShape& shape = arena_.shape();
-  bool has_sent = false;
+  bool has_sent = send_sealed();  // first: the next rollout of an environment follows
   for (int env = 0; env < shape.env_count(); ++env) {
     shm::StepSlot& slot = arena_.slot(env);
     if (slot.state.load(std::memory_order_acquire) != SlotState::kReady || !may_begin(slot)) continue;
@@ -152,14 +169,19 @@ bool FrameSender::send_ready() {
     pending.slab = slot.slab_index;
     begun_ += request.step == 0 && !is_again;
     const SlabView slab = arena_.slab(static_cast<int>(pending.slab));
-    if (packer_.count() > 0 &&
-        packer_.bytes().size() + bytes_of(pending.request, arena_.slab_offsets()) > options_.batch_bytes)
-      has_sent |= send_batch();
+    make_room(pending.request);
     packer_.add(pending.request, slab);
     packed_.push_back(env);
+    has_sent = true;
   }
-  if (packer_.count() > 0) has_sent |= send_batch();
+  if (packer_.count() > 0) send_batch();
   return has_sent;
+}
+
+void FrameSender::make_room(const FrameRequest& request) {
+  if (packer_.count() > 0 &&
+      packer_.bytes().size() + bytes_of(request, arena_.slab_offsets()) > options_.batch_bytes)
+    send_batch();
 }
 
 /// What cannot be written now is sent by resend_due().
@@ -195,6 +217,8 @@ bool FrameSender::send_batch() {
     Pending& pending = pending_[static_cast<std::size_t>(env)];
     pending.sent_s = written ? now_s : now_s - options_.resend_after_s;
   }
+  for (InHand& one : in_hand_)
+    if (std::exchange(one.is_packed, false)) one.sent_s = written ? now_s : now_s - options_.resend_after_s;
   packer_.clear();
   packed_.clear();
   return written.has_value();
@@ -204,6 +228,12 @@ void FrameSender::resend_due() {
   const double now_s = monotonic_s();
   const auto is_silent = now_s - heard_s_ > 2 * options_.resend_after_s;
   std::size_t bytes = 0;
+  for (InHand& one : in_hand_) {
+    if (one.is_done || one.sent_s == 0 || now_s - one.sent_s < options_.resend_after_s) continue;
+    one.sent_s = 0;
+    ++account_.resent;
+  }
+  send_sealed();
   for (std::size_t env = 0; env < pending_.size(); ++env) {
     Pending& pending = pending_[env];
     if (!pending.is_out || now_s - pending.sent_s < options_.resend_after_s) continue;
@@ -232,6 +262,8 @@ bool FrameSender::take_actions() {
       return;
     }
     has_run_ended_ |= batch.run_state == "stopping";
+    if (batch.run_state == "leaving")
+      arena_.control().goal_reached = kAskedToLeave;  // the supervisor stops simulators
     if (session_ != batch.session) begin_anew(batch.session);
     credit_ = batch.credit_index;
     has_moved |= take_answers(batch.payload);
@@ -243,6 +275,7 @@ bool FrameSender::take_actions() {
 void FrameSender::begin_anew(uint64_t session) {
   session_ = session;
   begun_ = 0;
+  for (InHand& one : in_hand_) one.sent_s = 0;
   for (Pending& pending : pending_) {
     if (!pending.is_out) continue;
     begun_ += pending.request.step == 0;
@@ -265,6 +298,10 @@ bool FrameSender::take_answers(std::span<const std::byte> payload) {
     }
     if (!*taken) break;
     const FrameAnswer& answer = **taken;
+    if (answer.kind == kSealedKind) {
+      take_sealed(answer);
+      continue;
+    }
     Pending* pending = answer.env_index < pending_.size() ? &pending_[answer.env_index] : nullptr;
     if (pending == nullptr || !pending->is_out || pending->request.step_id != answer.step_id ||
         pending->request.rollout_index != answer.rollout_index || pending->request.kind != answer.kind ||
@@ -300,11 +337,54 @@ bool FrameSender::take_answers(std::span<const std::byte> payload) {
   return has_moved;
 }
 
-/// Their rows lie in the other end's slabs.
-bool FrameSender::release_sealed() {
-  const std::vector<uint32_t> sealed = arena_.drain_slabs(arena_.shape().slab_count);
-  for (const uint32_t slab : sealed) arena_.release_slab(slab);
-  return !sealed.empty();
+void FrameSender::drain() {
+  for (const uint32_t slab : arena_.drain_slabs(arena_.shape().slab_count)) hold(slab);
+  finish_done();
+}
+
+void FrameSender::hold(uint32_t slab) {
+  const shm::SlabHeader& header = arena_.slab_header(static_cast<int>(slab));
+  InHand& one = in_hand_.emplace_back();
+  one.slab = slab;
+  one.request.rollout_index = header.rollout_index;
+  one.request.env_index = header.env_index;
+  one.request.kind = kSealedKind;
+  one.request.step = header.length;
+  one.is_done = one.is_delivered = header.length == 0;
+}
+
+/// Puts into the batch what the other end has to seal and was not told of. Whether there was any.
+bool FrameSender::send_sealed() {
+  bool has_any = false;
+  for (std::size_t place = 0; place < in_hand_.size(); ++place) {
+    InHand& one = in_hand_[place];
+    if (one.is_done || one.sent_s > 0 || one.is_packed) continue;
+    make_room(one.request);
+    packer_.add(one.request, arena_.slab(static_cast<int>(one.slab)));
+    one.is_packed = has_any = true;
+  }
+  return has_any;
+}
+
+void FrameSender::take_sealed(const FrameAnswer& answer) {
+  const auto found = std::ranges::find_if(in_hand_, [&](const InHand& one) {
+    return one.request.env_index == answer.env_index && one.request.rollout_index == answer.rollout_index &&
+           !one.is_done;
+  });
+  if (found == in_hand_.end()) {
+    ++account_.duplicates;
+    return;
+  }
+  found->is_done = true;
+  found->is_delivered = answer.policy_version == 1;
+  finish_done();
+}
+
+void FrameSender::finish_done() {
+  while (!in_hand_.empty() && in_hand_.front().is_done) {
+    deliveries_.finish(in_hand_.front().slab, in_hand_.front().is_delivered);
+    in_hand_.pop_front();
+  }
 }
 
 void FrameSender::send_episodes() {
@@ -315,6 +395,14 @@ void FrameSender::send_episodes() {
         bus_.write(wire_of(*record, options_.feeder_id, arena_.shape().trajectory.env.num_agents));
     if (!written) spdlog::warn("an episode's score is not told: {}", written.error().message);
   }
+}
+
+double FrameSender::silent_s() const { return monotonic_s() - heard_s_; }
+
+FeederAccount FrameSender::deliveries() const {
+  FeederAccount account = account_of(arena_, deliveries_);
+  account.resent = account_.resent;
+  return account;
 }
 
 FrameAccount FrameSender::account() const {

@@ -47,6 +47,7 @@ Error damaged(const std::string& what) { return Error{ErrorCode::kBadFormat, "a 
 }  // namespace
 
 std::size_t bytes_of(const FrameRequest& request, const SlabOffsets& offsets) {
+  if (request.kind == kSealedKind) return sizeof request;
   const PartBytes parts(offsets.shape.env);
   return sizeof request + (request.step > 0 ? parts.outcome : 0) + parts.frames + parts.measurement +
          parts.state + (is_final(request.kind) ? 0 : parts.mask + parts.active);
@@ -64,6 +65,7 @@ void FramePacker::add(const FrameRequest& request, const SlabView& slab) {
   ++count_;
   bytes_.reserve(bytes_.size() + bytes_of(request, offsets_));
   append(bytes_, &request, sizeof request);
+  if (request.kind == kSealedKind) return;
   if (request.step > 0) {
     const int last = static_cast<int>(request.step) - 1;
     const StepOutcome outcome{.final_index = slab.final_index(last),
@@ -96,7 +98,7 @@ Expected<std::optional<FrameRequest>> FrameUnpacker::next() {
   if (request_.env_index >= env_count_)
     return damaged("is of environment " + std::to_string(request_.env_index) + "; the host has " +
                    std::to_string(env_count_));
-  bool is_possible = false;
+  bool is_possible = request_.kind == kSealedKind && request_.step >= 1 && request_.step <= steps;
   switch (static_cast<RequestKind>(request_.kind)) {
     case RequestKind::kAct:
       is_possible = request_.step < steps;
@@ -122,7 +124,7 @@ Expected<std::optional<FrameRequest>> FrameUnpacker::next() {
 
 /// As of a trajectory that comes whole: numbers of observations are judged when the slab is drained.
 Status FrameUnpacker::check(std::span<const std::byte> body) const {
-  if (request_.step == 0) return {};
+  if (request_.step == 0 || request_.kind == kSealedKind) return {};
   StepOutcome outcome;
   std::memcpy(&outcome, body.data(), sizeof outcome);
   if (outcome.final_index < -1 || outcome.final_index >= offsets_.shape.final_capacity ||
@@ -183,7 +185,7 @@ Expected<std::optional<FrameAnswer>> take_answer(std::span<const std::byte>& byt
   if (bytes.size() < sizeof answer) return cut();
   std::memcpy(&answer, bytes.data(), sizeof answer);
   bytes = bytes.subspan(sizeof answer);
-  if (answer.kind > static_cast<uint32_t>(RequestKind::kFinal))
+  if (answer.kind > kSealedKind)
     return Error{ErrorCode::kBadFormat, "an answer to a request of kind " + std::to_string(answer.kind)};
   if (answer.kind != static_cast<uint32_t>(RequestKind::kAct)) return std::optional(answer);
   if (bytes.size() < choices.size_bytes()) return cut();

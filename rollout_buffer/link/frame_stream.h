@@ -14,8 +14,12 @@
 
 namespace comrad::link {
 
+/// Beside the kinds of shm::RequestKind: the simulator has sealed this rollout of `step` steps, so its copy is to be sealed.
+/// What a simulator left half full is never learned from.
+constexpr uint32_t kSealedKind = 3;
+
 /// One environment's request, all N agents, as it travels. The rest of its bytes follow from the shape, the kind and the
-/// step: how step - 1 ended (where step > 0), then row `step`, or row `final_row` of the finals.
+/// step: how step - 1 ended (where step > 0), then row `step`, or row `final_row` of the finals; nothing for kSealedKind.
 struct FrameRequest {
   uint64_t step_id = 0;
   uint64_t episode_id = 0;
@@ -24,7 +28,7 @@ struct FrameRequest {
   uint64_t first_episode_id = 0;
   uint64_t first_episode_seed = 0;
   uint32_t env_index = 0;  ///< of the simulators' host
-  uint32_t kind = 0;       ///< shm::RequestKind
+  uint32_t kind = 0;       ///< shm::RequestKind, or kSealedKind
   uint32_t step = 0;
   uint32_t final_row = 0;
   uint32_t episode_step = 0;
@@ -80,7 +84,7 @@ struct FrameAnswer {
   uint32_t env_index = 0;
   uint32_t kind = 0;
   uint32_t step = 0;
-  uint32_t policy_version = 0;
+  uint32_t policy_version = 0;  ///< for kSealedKind: 1 where it is sealed here too, 0 where it was not whole
 };
 static_assert(sizeof(FrameAnswer) == 32, "changing this bumps kLinkVersion");
 

@@ -30,6 +30,26 @@ bool flag_in(const json& object, const char* key) {
   return found != object.end() && found->is_boolean() && found->get<bool>();
 }
 
+double real_in(const json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_number() ? found->get<double>() : 0;
+}
+
+std::optional<FrameAccount> frames_in(const json& feed) {
+  const auto frames = feed.find("frames");
+  if (frames == feed.end() || !frames->is_object()) return std::nullopt;
+  FrameAccount account;
+  account.decisions = number_in(*frames, "decisions");
+  account.raw_bytes = number_in(*frames, "bytes");
+  account.sent_bytes = number_in(*frames, "bytes_sent");
+  account.duplicates = number_in(*frames, "duplicates");
+  account.is_compressed = flag_in(*frames, "is_compressed");
+  account.latency_us_p50 = real_in(*frames, "latency_us_p50");
+  account.latency_us_p90 = real_in(*frames, "latency_us_p90");
+  account.latency_us_p99 = real_in(*frames, "latency_us_p99");
+  return account;
+}
+
 }  // namespace
 
 Status write_offer(const std::string& run_dir, const Offer& offer) {
@@ -46,7 +66,8 @@ Expected<Offer> read_offer(const std::string& run_dir) {
   return offer;
 }
 
-Status write_guests(const std::string& run_dir, const std::vector<FeederRecord>& records) {
+Status write_guests(const std::string& run_dir, const ServingFiles& files,
+                    const std::vector<FeederRecord>& records) {
   json guests = json::array();
   for (const FeederRecord& record : records)
     guests.push_back({{"id", record.feeder_id},
@@ -61,12 +82,12 @@ Status write_guests(const std::string& run_dir, const std::vector<FeederRecord>&
                       {"duplicates", record.duplicates},
                       {"refused", record.refused},
                       {"missing", record.missing_rollouts}});
-  return write_file_atomically(run_dir + "/" + kGuestsFile, json_text(json{{"guests", guests}}), false);
+  return write_file_atomically(run_dir + "/" + files.guests, json_text(json{{"guests", guests}}), false);
 }
 
-std::vector<FeederRecord> read_guests(const std::string& run_dir) {
+std::vector<FeederRecord> read_guests(const std::string& run_dir, const ServingFiles& files) {
   std::vector<FeederRecord> records;
-  const json read = read_json(run_dir + "/" + kGuestsFile);
+  const json read = read_json(run_dir + "/" + files.guests);
   if (!read.is_object() || !read.contains("guests") || !read["guests"].is_array()) return records;
   for (const json& guest : read["guests"]) {
     if (!guest.is_object()) continue;
@@ -89,19 +110,33 @@ std::vector<FeederRecord> read_guests(const std::string& run_dir) {
   return records;
 }
 
+std::vector<FeederRecord> all_guests(const std::string& run_dir) {
+  std::vector<FeederRecord> all = read_guests(run_dir, kTrajectoryFiles);
+  for (FeederRecord& record : read_guests(run_dir, kFrameFiles)) all.push_back(std::move(record));
+  return all;
+}
+
 Status write_feed(const std::string& run_dir, const Feed& feed) {
   const FeederAccount& account = feed.account;
-  return write_file_atomically(run_dir + "/" + kFeedFile,
-                               json_text(json{{"is_fed", feed.is_fed},
-                                              {"has_ended", feed.has_ended},
-                                              {"silent_s", feed.silent_s},
-                                              {"decisions_played", account.played},
-                                              {"decisions_delivered", account.delivered},
-                                              {"decisions_waiting", account.waiting},
-                                              {"decisions_unfinished", account.unfinished},
-                                              {"decisions_lost", account.lost},
-                                              {"trajectories_resent", account.resent}}),
-                               false);
+  json written = {{"is_fed", feed.is_fed},
+                  {"has_ended", feed.has_ended},
+                  {"silent_s", feed.silent_s},
+                  {"decisions_played", account.played},
+                  {"decisions_delivered", account.delivered},
+                  {"decisions_waiting", account.waiting},
+                  {"decisions_unfinished", account.unfinished},
+                  {"decisions_lost", account.lost},
+                  {"resent", account.resent}};
+  if (feed.frames)
+    written["frames"] = {{"latency_us_p50", feed.frames->latency_us_p50},
+                         {"latency_us_p90", feed.frames->latency_us_p90},
+                         {"latency_us_p99", feed.frames->latency_us_p99},
+                         {"decisions", feed.frames->decisions},
+                         {"bytes", feed.frames->raw_bytes},
+                         {"bytes_sent", feed.frames->sent_bytes},
+                         {"duplicates", feed.frames->duplicates},
+                         {"is_compressed", feed.frames->is_compressed}};
+  return write_file_atomically(run_dir + "/" + kFeedFile, json_text(written), false);
 }
 
 std::optional<Feed> read_feed(const std::string& run_dir) {
@@ -112,21 +147,23 @@ std::optional<Feed> read_feed(const std::string& run_dir) {
                           .waiting = number_in(read, "decisions_waiting"),
                           .unfinished = number_in(read, "decisions_unfinished"),
                           .lost = number_in(read, "decisions_lost"),
-                          .resent = number_in(read, "trajectories_resent")},
+                          .resent = number_in(read, "resent")},
               .is_fed = flag_in(read, "is_fed"),
               .has_ended = flag_in(read, "has_ended"),
-              .silent_s = read.contains("silent_s") && read["silent_s"].is_number()
-                              ? read["silent_s"].get<double>()
-                              : 0.0};
+              .silent_s = real_in(read, "silent_s"),
+              .frames = frames_in(read)};
 }
 
 Status ask_to_leave(const std::string& run_dir, const std::string& host) {
-  const std::string path = run_dir + "/" + kLeaveFile;
-  return write_file_atomically(path, read_file(path).value_or("") + host + "\n", /*durable=*/false);
+  for (const ServingFiles& files : {kTrajectoryFiles, kFrameFiles}) {
+    const std::string path = run_dir + "/" + files.leave;
+    COMRAD_TRY(write_file_atomically(path, read_file(path).value_or("") + host + "\n", /*durable=*/false));
+  }
+  return {};
 }
 
-std::vector<std::string> take_hosts_to_leave(const std::string& run_dir) {
-  const std::string path = run_dir + "/" + kLeaveFile;
+std::vector<std::string> take_hosts_to_leave(const std::string& run_dir, const ServingFiles& files) {
+  const std::string path = run_dir + "/" + files.leave;
   const std::optional<std::string> text = read_file(path);
   if (!text) return {};
   unlink(path.c_str());
@@ -134,7 +171,8 @@ std::vector<std::string> take_hosts_to_leave(const std::string& run_dir) {
 }
 
 void remove_accounts(const std::string& run_dir) {
-  for (const char* file : {kGuestsFile, kFeedFile, kLeaveFile}) unlink((run_dir + "/" + file).c_str());
+  for (const char* file : {kTrajectoryFiles.guests, kTrajectoryFiles.leave, kFrameFiles.guests, kFrameFiles.leave, kFeedFile})
+    unlink((run_dir + "/" + file).c_str());
 }
 
 }  // namespace comrad::link

@@ -1,4 +1,4 @@
-// What both ends of the trajectory link leave in their run's folder: the offer that is played, and once a second the
+// What both ends of a link leave in their run's folder: the offer that is played, and once a second the
 // account of what was played, delivered and lost, for the supervisor and for people. Stage: beside the flow.
 #pragma once
 
@@ -9,21 +9,28 @@
 
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/link/door.h"
-#include "rollout_buffer/link/feeder.h"
+#include "rollout_buffer/link/delivery_account.h"
+#include "rollout_buffer/link/frame_sender.h"
 #include "rollout_buffer/link/receiver.h"
 
 namespace comrad::link {
 
-constexpr const char* kGuestsFile = "guests.json";        ///< of a run that serves
-constexpr const char* kLeaveFile = "hosts_to_leave.txt";  ///< of a run that serves: a host's name a line
-constexpr const char* kFeedFile = "feed.json";            ///< of a run that joined another
+/// What an end of a link on the learner's host writes and reads.
+struct ServingFiles {
+  const char* guests;  ///< how each host stands
+  const char* leave;   ///< a line for each host that is to leave
+};
+constexpr ServingFiles kTrajectoryFiles = {"guests.json", "hosts_to_leave.txt"};
+constexpr ServingFiles kFrameFiles = {"frame_guests.json", "frame_hosts_to_leave.txt"};
+constexpr const char* kFeedFile = "feed.json";  ///< of a run that joined another
 
 /// `<run_dir>/link_offer.json`, with the files' paths on this host. Errors: kNotFound, kBadFormat, kNoSpace, kSystem.
 Status write_offer(const std::string& run_dir, const Offer& offer);
 Expected<Offer> read_offer(const std::string& run_dir);
 
 /// Errors: kNoSpace, kSystem.
-Status write_guests(const std::string& run_dir, const std::vector<FeederRecord>& records);
+Status write_guests(const std::string& run_dir, const ServingFiles& files,
+                    const std::vector<FeederRecord>& records);
 
 /// How a host stands that feeds another one's learner.
 struct Feed {
@@ -31,17 +38,20 @@ struct Feed {
   bool is_fed = false;     ///< the run has a place for it
   bool has_ended = false;  ///< the run is over
   double silent_s = 0;     ///< since something was heard of the learner's host
+  std::optional<FrameAccount> frames = {};  ///< where its policy plays with this host, frame by frame
 };
 Status write_feed(const std::string& run_dir, const Feed& feed);
 /// What write_feed() wrote; nothing where that is not there or damaged.
 std::optional<Feed> read_feed(const std::string& run_dir);
 /// What write_guests() wrote; empty where that is not there or damaged.
-std::vector<FeederRecord> read_guests(const std::string& run_dir);
+std::vector<FeederRecord> read_guests(const std::string& run_dir, const ServingFiles& files);
+/// Of both links.
+std::vector<FeederRecord> all_guests(const std::string& run_dir);
 
-/// A host that feeds is to leave; the receiver hears of it within a second. Errors: kNoSpace, kSystem.
+/// A host that plays is to leave; both ends on the learner's host hear of it within a second. Errors: kNoSpace, kSystem.
 Status ask_to_leave(const std::string& run_dir, const std::string& host);
 /// The names that ask_to_leave() wrote since the last call, once.
-std::vector<std::string> take_hosts_to_leave(const std::string& run_dir);
+std::vector<std::string> take_hosts_to_leave(const std::string& run_dir, const ServingFiles& files);
 
 /// Away with the accounts of an earlier life of this run.
 void remove_accounts(const std::string& run_dir);

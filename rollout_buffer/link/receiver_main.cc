@@ -20,16 +20,17 @@ Status work(const shm::WorkerShell& shell, const RunConfig& config) {
                         address.link_id, link::link_options(config.hosts, link::kLoopback,
                                                             link::kept_keys(shell.run_dir())))));
   link::Receiver receiver(arena, std::move(bus),
-                          {.first_worker = arena.shape().own_worker_count(), .offer = std::move(offer)});
-  receiver.remember(link::read_guests(shell.run_dir()));
+                          {.first_worker = arena.shape().served_worker_count(), .offer = std::move(offer)});
+  receiver.remember(link::read_guests(shell.run_dir(), link::kTrajectoryFiles));
   bool has_warned = false;
   receiver.every_second([&] {
-    for (const std::string& host : link::take_hosts_to_leave(shell.run_dir())) receiver.ask_to_leave(host);
-    const Status written = link::write_guests(shell.run_dir(), receiver.records());
+    for (const std::string& host : link::take_hosts_to_leave(shell.run_dir(), link::kTrajectoryFiles))
+      receiver.ask_to_leave(host);
+    const Status written = link::write_guests(shell.run_dir(), link::kTrajectoryFiles, receiver.records());
     if (!written && !std::exchange(has_warned, true)) spdlog::warn("{}", written.error().message);
   });
   spdlog::info("the door is open at {}, with room for {} simulators of other hosts", address.host,
-               arena.shape().guest_worker_count);
+               arena.shape().guest_worker_count - arena.shape().frame_guest_count);
   return receiver.run(shell.stop());
 }
 

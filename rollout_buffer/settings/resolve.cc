@@ -84,9 +84,12 @@ Status check_combinations(const RunConfig& c) {
         name);
   COMRAD_TRY(check_map_combinations(c));
   if (with::a_door.holds(c) && (c.collection.deterministic || !c.collection.async_rl))
-    return refuse(std::string(c.hosts.serve ? "serve is on" : "hosts is " + c.hosts.hosts) + " with " +
+    return refuse(std::string(c.hosts.link == LinkKind::kDds ? "link is dds"
+                              : c.hosts.serve                ? "serve is on"
+                                                             : "hosts is " + c.hosts.hosts) +
+                  " with " +
                   (c.collection.deterministic ? "deterministic" : "async_rl off") +
-                  "; lock step waits for every simulator, so other hosts feed asynchronous runs alone");
+                  "; lock step waits for every simulator, so the link is for asynchronous runs alone");
   if (with::a_door.holds(c) && c.curriculum.curriculum != CurriculumKind::kUniform)
     return refuse("curriculum is " + std::string(word_of(c.curriculum.curriculum)) +
                   " in a run that other hosts join; each host draws its maps evenly, so it must be uniform");

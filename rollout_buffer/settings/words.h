@@ -65,6 +65,13 @@ struct Words<Precision> {
   static constexpr std::array words = {"fp32", "bf16"};
 };
 
+/// How simulators reach a policy.
+enum class LinkKind { kAuto, kShm, kDds };
+template <>
+struct Words<LinkKind> {
+  static constexpr std::array words = {"auto", "shm", "dds"};
+};
+
 enum class RnnType { kGru, kLstm };
 template <>
 struct Words<RnnType> {

@@ -179,7 +179,7 @@ TEST(LinkAddress, IsFoundInTheFolderOfTheRunThatServes) {
 TEST(LinkFiles, AccountsAreReadAsTheyWereWritten) {
   const test::ScratchFolder scratch;
   EXPECT_FALSE(read_feed(scratch.string()));
-  EXPECT_TRUE(read_guests(scratch.string()).empty());
+  EXPECT_TRUE(read_guests(scratch.string(), kTrajectoryFiles).empty());
   ASSERT_TRUE(
       write_feed(scratch.string(),
                  {.account = {.played = 9, .delivered = 4, .waiting = 3, .unfinished = 2}, .is_fed = true}));
@@ -190,13 +190,13 @@ TEST(LinkFiles, AccountsAreReadAsTheyWereWritten) {
   EXPECT_TRUE(feed->is_fed);
   EXPECT_FALSE(feed->has_ended);
   ASSERT_TRUE(
-      write_guests(scratch.string(), {{.host = "b\"", .workers = 2, .is_here = true, .decisions = 5}}));
-  const auto guests = read_guests(scratch.string());
+      write_guests(scratch.string(), kTrajectoryFiles, {{.host = "b\"", .workers = 2, .is_here = true, .decisions = 5}}));
+  const auto guests = read_guests(scratch.string(), kTrajectoryFiles);
   ASSERT_EQ(guests.size(), 1u);
   EXPECT_EQ(guests[0].host, "b\"");
   EXPECT_EQ(guests[0].decisions, 5u);
-  scratch.write(kGuestsFile, "{\"guests\": [1, {\"host\": 3}]}");
-  EXPECT_EQ(read_guests(scratch.string()).size(), 1u) << "what is no account is left out";
+  scratch.write(kTrajectoryFiles.guests, "{\"guests\": [1, {\"host\": 3}]}");
+  EXPECT_EQ(read_guests(scratch.string(), kTrajectoryFiles).size(), 1u) << "what is no account is left out";
   remove_accounts(scratch.string());
   EXPECT_FALSE(read_feed(scratch.string()));
 }
