@@ -35,11 +35,23 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Settings that a host which joins chooses for itself; all others are the run's.
-constexpr std::array<std::string_view, 17> kOwnSettings = {
-    "train_dir",        "experiment", "num_workers", "policy_workers",   "policy_threads",
-    "min_batch",        "max_batch",  "max_wait_us", "trajectory_slabs", "set_workers_cpu_affinity",
-    "device",           "interface",  "peers",       "link_buffer_mb",   "insecure_network",
-    "progress_interval", "link"};
+constexpr std::array<std::string_view, 17> kOwnSettings = {"train_dir",
+                                                           "experiment",
+                                                           "num_workers",
+                                                           "policy_workers",
+                                                           "policy_threads",
+                                                           "min_batch",
+                                                           "max_batch",
+                                                           "max_wait_us",
+                                                           "trajectory_slabs",
+                                                           "set_workers_cpu_affinity",
+                                                           "device",
+                                                           "interface",
+                                                           "peers",
+                                                           "link_buffer_mb",
+                                                           "insecure_network",
+                                                           "progress_interval",
+                                                           "link"};
 constexpr int64_t kSlabsUnderWay = 8;  // sealed here or on their way; the learner's host takes 4 at once
 
 struct JoinRequest {
@@ -131,9 +143,10 @@ Expected<bool> sends_frames(const RunConfig& own, const link::Offer& offer, std:
       return false;
     case LinkKind::kDds:
       if (!has_room)
-        return Error{ErrorCode::kBadInput,
-                     "the run has no room for simulators without a policy: start it with --serve_frame_workers, or "
-                     "join it with --link shm"};
+        return Error{
+            ErrorCode::kBadInput,
+            "the run has no room for simulators without a policy: start it with --serve_frame_workers, or "
+            "join it with --link shm"};
       return true;
     case LinkKind::kAuto:
       break;
@@ -143,9 +156,11 @@ Expected<bool> sends_frames(const RunConfig& own, const link::Offer& offer, std:
            (offer.has_cuda ? "this host computes on CUDA too" : "the learner's host computes on its CPU too");
     return false;
   }
-  note = has_room ? "link: dds, because the learner's host computes on CUDA and this one does not; --link shm plays with "
+  note = has_room ? "link: dds, because the learner's host computes on CUDA and this one does not; --link "
+                    "shm plays with "
                     "policy workers of this host"
-                  : "link: shm, because the run has no room for simulators without a policy; with --serve_frame_workers "
+                  : "link: shm, because the run has no room for simulators without a policy; with "
+                    "--serve_frame_workers "
                     "they would play with the learner's host, which computes on CUDA";
   return has_room;
 }

@@ -10,10 +10,12 @@ namespace comrad::deploy {
 Status prepare_serving(RunConfig& config, const std::string& key_folder) {
   if (!config.hosts.hosts.empty() && config.hosts.hosts != "none") config.hosts.serve = true;
   if (config.hosts.link == LinkKind::kDds) {
-    if ((config.hosts.interface != "auto" && !dds::is_loopback(config.hosts.interface)) || !key_folder.empty())
-      return Error{ErrorCode::kBadInput,
-                   "link is dds, which plays with simulators of this host over loopback, so the run's link cannot "
-                   "be on a network; leave --link away, or --interface and --keys"};
+    if ((config.hosts.interface != "auto" && !dds::is_loopback(config.hosts.interface)) ||
+        !key_folder.empty())
+      return Error{
+          ErrorCode::kBadInput,
+          "link is dds, which plays with simulators of this host over loopback, so the run's link cannot "
+          "be on a network; leave --link away, or --interface and --keys"};
     config.hosts.serve = true;
     config.hosts.interface = link::kLoopback;
   }

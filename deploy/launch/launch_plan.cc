@@ -24,8 +24,8 @@ Expected<shm::ArenaShape> arena_shape(const LaunchPlan& plan) {
   shape.trajectory.rollout_steps = static_cast<int32_t>(config.collection.rollout);
   shape.trajectory.recurrent_state_count = plan.network.recurrent_state_count;
   if (plan.serves()) {
-    shape.frame_guest_count = static_cast<int32_t>(
-        config.hosts.serve_frame_workers + config.collection.num_workers - plan.own_workers());
+    shape.frame_guest_count = static_cast<int32_t>(config.hosts.serve_frame_workers +
+                                                   config.collection.num_workers - plan.own_workers());
     shape.guest_worker_count = static_cast<int32_t>(config.hosts.serve_workers) + shape.frame_guest_count;
   }
   shape.sim_worker_count = static_cast<int32_t>(plan.own_workers()) + shape.guest_worker_count;

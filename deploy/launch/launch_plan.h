@@ -65,8 +65,9 @@ struct LaunchPlan {
   std::string door_address = {};      ///< what they are told
   bool leaves_with_input = false;     ///< the end of the standard input ends the run, as SIGTERM does
   double patience_s = 300;            ///< kFeeding: how long the learner's host may be silent
-  bool simulators_join = false;       ///< this run's simulators play in one that joins it, from this host (--link dds)
-  bool sends_frames = false;          ///< kFeeding: its policy workers play with this host's simulators
+  bool simulators_join =
+      false;  ///< this run's simulators play in one that joins it, from this host (--link dds)
+  bool sends_frames = false;  ///< kFeeding: its policy workers play with this host's simulators
   FilmPlan film;
   bool keeps_positions = false;  ///< each simulator writes where agents were to positions_path()
   bool keeps_episodes = false;   ///< simulators write each episode into episodes_folder(), which is there

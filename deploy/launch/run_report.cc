@@ -91,8 +91,8 @@ RunStatus RunReport::status(const std::string& state, const std::string& message
   status.learner_version = stats.learner_version;
   status.message = message;
   status.elapsed_s = clock_.elapsed();
-  for (const Role role : {Role::kSim, Role::kPolicy, Role::kLearner, Role::kReceiver, Role::kFrameReceiver,
-                          Role::kFeeder})
+  for (const Role role :
+       {Role::kSim, Role::kPolicy, Role::kLearner, Role::kReceiver, Role::kFrameReceiver, Role::kFeeder})
     if (workers_.has(role) || role <= Role::kLearner)
       status.cpu_s.emplace_back(name_of(role), workers_.cpu_seconds(role));
   status.cpu_s.emplace_back("supervisor", clock_.cpu_elapsed());

@@ -302,9 +302,10 @@ std::string WorkerTable::silence_text() const {
 }
 
 bool WorkerTable::stands_still() const {
-  return plan_.own_workers() > 0 && std::ranges::none_of(workers_, [now_s = monotonic_s()](const Worker& worker) {
-    return worker.role == Role::kSim && now_s - worker.heard_s < kSilentAfterS;
-  });
+  return plan_.own_workers() > 0 &&
+         std::ranges::none_of(workers_, [now_s = monotonic_s()](const Worker& worker) {
+           return worker.role == Role::kSim && now_s - worker.heard_s < kSilentAfterS;
+         });
 }
 
 std::string WorkerTable::last_words(const Worker& worker) const {
@@ -317,12 +318,11 @@ std::string WorkerTable::log_path(const Worker& worker) const {
 
 shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena) {
   // Receivers stand on the learner's arena as simulators do, the feeder on its own as a learner.
-  return worker.role == Role::kSim        ? arena.sim_counters(worker.index)
-         : worker.role == Role::kPolicy   ? arena.policy_counters(worker.index)
-         : worker.role == Role::kReceiver ? arena.sim_counters(arena.shape().served_worker_count())
-         : worker.role == Role::kFrameReceiver
-             ? arena.sim_counters(arena.shape().own_worker_count())
-                                          : arena.learner_counters();
+  return worker.role == Role::kSim             ? arena.sim_counters(worker.index)
+         : worker.role == Role::kPolicy        ? arena.policy_counters(worker.index)
+         : worker.role == Role::kReceiver      ? arena.sim_counters(arena.shape().served_worker_count())
+         : worker.role == Role::kFrameReceiver ? arena.sim_counters(arena.shape().own_worker_count())
+                                               : arena.learner_counters();
 }
 
 }  // namespace comrad::deploy

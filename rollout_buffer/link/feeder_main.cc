@@ -93,6 +93,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1.0, 1e6));
   shell.flags().add_flag("--frames", sends_frames,
                          "simulators play with the policy workers of the learner's host");
-  return shell.run(argc, argv,
-                   {.work = [&](const RunConfig& config) { return work(shell, config, patience_s, sends_frames); }});
+  return shell.run(argc, argv, {.work = [&](const RunConfig& config) {
+                     return work(shell, config, patience_s, sends_frames);
+                   }});
 }

@@ -23,8 +23,8 @@ constexpr int kWaitMs = 5;
 constexpr double kTellIntervalS = 0.5;
 constexpr double kTellOfEndS = 1.0;
 constexpr std::size_t kMostGuests = 64;
-constexpr std::size_t kSpareSlabs = 2;  // of a host, beyond one for each environment that has none
-constexpr std::size_t kMostWhole = 4;    // copies of an environment that wait to be sealed
+constexpr std::size_t kSpareSlabs = 2;    // of a host, beyond one for each environment that has none
+constexpr std::size_t kMostWhole = 4;     // copies of an environment that wait to be sealed
 constexpr std::size_t kAnsweredKept = 8;  // rollouts of an environment
 constexpr std::size_t kMostRawBytes = dds::kFrameBatchBytes;
 
@@ -60,9 +60,11 @@ void pad(const SlabView& slab, int length) {
 }  // namespace
 
 FrameReceiver::FrameReceiver(const shm::Arena& arena, dds::LinkBus bus, const FrameReceiverOptions& options)
-    : arena_(arena), bus_(std::move(bus)), options_(options) {
+    : arena_(arena),
+      bus_(std::move(bus)),
+      options_(options),
+      seats_(arena, options.first_worker, options.worker_count) {
   const shm::ArenaShape& shape = arena.shape();
-  owner_.resize(static_cast<std::size_t>(options_.worker_count));
   round_.resize(static_cast<std::size_t>(shape.sim_worker_count * shape.splits_per_worker));
 }
 
@@ -141,6 +143,7 @@ void FrameReceiver::hear(const dds::FrameBatch& batch) {
   }
   Guest& guest = guests_[batch.feeder_id];
   guest.heard_s = monotonic_s();
+  guest.record.feeder_id = batch.feeder_id;
   guest.record.host = batch.host;
   if (batch.is_leaving) {
     if (std::exchange(guest.record.is_here, false))
@@ -179,25 +182,29 @@ std::string FrameReceiver::seat(Guest& guest, const dds::FrameBatch& batch) {
   if (batch.slab_bytes != static_cast<uint64_t>(arena_.slab_offsets().slab_bytes) ||
       batch.envs_per_worker != static_cast<uint32_t>(shape.envs_per_worker))
     return "its trajectories are of another shape; install the same version on both hosts";
-  const auto free = static_cast<uint64_t>(std::ranges::count(owner_, uint64_t{0}));
-  if (batch.sim_workers == 0 || free < batch.sim_workers)
-    return "of " + std::to_string(owner_.size()) + " places for simulators of other hosts " +
-           std::to_string(free) + " are free, it asks for " + std::to_string(batch.sim_workers);
+  const auto wanted = static_cast<int>(std::min<uint32_t>(batch.sim_workers, INT32_MAX));
+  guest.workers = seats_.of(batch.feeder_id);
+  if (wanted > 0 && static_cast<int>(guest.workers.size()) == wanted) {
+    guest.record.decisions = seats_.sealed_for(batch.feeder_id);  // for a predecessor of this process
+  } else {
+    seats_.free(batch.feeder_id);
+    guest.workers.clear();
+    if (wanted == 0 || seats_.free_count() < wanted)
+      return "of " + std::to_string(seats_.count()) + " places for simulators of hosts without a policy " +
+             std::to_string(seats_.free_count()) + " are free, it asks for " + std::to_string(wanted) +
+             "; more can be had with --serve_frame_workers where the run serves, fewer asked for with "
+             "--num_workers here";
+    guest.workers = seats_.take(batch.feeder_id, wanted);
+  }
+  guest.record.workers = wanted;
   const auto agents = static_cast<std::size_t>(shape.trajectory.env.num_agents);
-  guest.workers.clear();
   guest.mirrors.clear();
-  for (std::size_t place = 0; place < owner_.size() && guest.workers.size() < batch.sim_workers; ++place) {
-    if (owner_[place] != 0) continue;
-    owner_[place] = batch.feeder_id;
-    const int worker = options_.first_worker + static_cast<int>(place);
-    guest.workers.push_back(worker);
+  for (const int worker : guest.workers)
     for (int local = 0; local < shape.envs_per_worker; ++local) {
       Mirror& one = guest.mirrors.emplace_back();
       one.env = worker * shape.envs_per_worker + local;
       one.choices.resize(agents * static_cast<std::size_t>(shape.trajectory.env.head_count));
     }
-  }
-  guest.record.workers = static_cast<int>(guest.workers.size());
   guest.session = static_cast<uint64_t>(monotonic_ns());
   guest.begun = 0;
   return "";
@@ -207,16 +214,14 @@ std::string FrameReceiver::seat(Guest& guest, const dds::FrameBatch& batch) {
 void FrameReceiver::free_seat(Guest& guest) {
   for (Mirror& one : guest.mirrors) {
     const auto agents = static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
-    if (one.has_slab && one.is_whole) guest.record.lost += one.next_step * agents;
-    for (const Copy& copy : one.whole) guest.record.lost += copy.length * agents;
+    if (one.has_slab && one.is_whole) guest.record.lost_there += one.next_step * agents;
+    for (const Copy& copy : one.whole) guest.record.lost_there += copy.length * agents;
     out_count_ -= std::exchange(one.is_out, false);
     one.has_slab = false;
   }
   guest.reserved.clear();
-  for (const int worker : guest.workers) {
-    (void)arena_.reclaim_sim_worker(worker);
-    owner_[static_cast<std::size_t>(worker - options_.first_worker)] = 0;
-  }
+  for (const int worker : guest.workers) (void)arena_.reclaim_sim_worker(worker);
+  seats_.free(guest.record.feeder_id);
   guest.workers.clear();
   guest.mirrors.clear();
   guest.payload.clear();
@@ -287,22 +292,20 @@ void FrameReceiver::abandon(Guest& guest, Mirror& one) {
 }
 
 void FrameReceiver::lose(Guest& guest, uint32_t slab, uint64_t steps) {
-  guest.record.lost += steps * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
+  guest.record.lost_there += steps * static_cast<uint64_t>(arena_.shape().trajectory.env.num_agents);
   arena_.abandon_slab(slab);
 }
 
 /// The simulator has sealed a rollout. Older ones of which nothing was said it never sealed.
 void FrameReceiver::confirm(Guest& guest, Mirror& one, const FrameRequest& request) {
-  const auto known = std::ranges::find(one.answered, request.rollout_index, &std::pair<uint64_t, bool>::first);
+  const auto known =
+      std::ranges::find(one.answered, request.rollout_index, &std::pair<uint64_t, bool>::first);
   bool is_sealed = known != one.answered.end() && known->second;
   if (known == one.answered.end()) {
     const auto copy = std::ranges::find(one.whole, request.rollout_index, &Copy::rollout_index);
     if (copy != one.whole.end()) {
-      is_sealed = copy->length == request.step;
-      if (is_sealed)
-        seal(guest, one, *copy);
-      else
-        lose(guest, copy->slab, copy->length);
+      is_sealed = copy->length == request.step && seal(guest, one, *copy);
+      if (!is_sealed) lose(guest, copy->slab, copy->length);
       for (auto old = one.whole.begin(); old != copy; ++old) lose(guest, old->slab, old->length);
       one.whole.erase(one.whole.begin(), copy + 1);
     }
@@ -446,7 +449,8 @@ void FrameReceiver::finish(Guest& guest, Mirror& one) {
         break;
       }
       if (!one.whole.empty() && one.whole.back().rollout_index == request.rollout_index) {
-        lose(guest, one.whole.back().slab, one.whole.back().length);  // its simulator died before it sealed it
+        lose(guest, one.whole.back().slab,
+             one.whole.back().length);  // its simulator died before it sealed it
         one.whole.pop_back();
       }
       one.whole.push_back({.slab = one.slab,
@@ -470,7 +474,10 @@ void FrameReceiver::answer(Guest& guest, const Mirror& one) {
   if (guest.payload.size() < dds::kChunkBytes / 2) add_answer(guest.payload, one.answer, one.choices);
 }
 
-void FrameReceiver::seal(Guest& guest, const Mirror& one, const Copy& copy) {
+/// False for a rollout that the host has played before.
+bool FrameReceiver::seal(Guest& guest, const Mirror& one, const Copy& copy) {
+  const uint64_t rollout_index = seats_.rollout_of(one.env, copy.rollout_index);
+  if (static_cast<int64_t>(rollout_index - arena_.journal(one.env).rollout_index) < 0) return false;
   pad(arena_.slab(static_cast<int>(copy.slab)), static_cast<int>(copy.length));
   shm::JournalHeader& journal = arena_.journal(one.env);
   shm::SlabHeader& header = arena_.slab_header(static_cast<int>(copy.slab));
@@ -479,8 +486,8 @@ void FrameReceiver::seal(Guest& guest, const Mirror& one, const Copy& copy) {
   header.first_episode = {.episode_id = copy.first_episode_id, .episode_seed = copy.first_episode_seed};
   std::atomic_signal_fence(
       std::memory_order_release);  // as a simulator: a kill leaves no count with another's name
-  header.rollout_index = journal.rollout_index;  // this arena counts on, whoever plays
-  journal.rollout_index = header.rollout_index + 1;  // reclaim_sim_worker() takes it back if we die before the seal
+  header.rollout_index = rollout_index;
+  journal.rollout_index = rollout_index + 1;  // reclaim_sim_worker() takes it back if we die before the seal
   std::atomic<uint64_t>& made = arena_.env_account(one.env).made;  // here, as far as this arena is concerned
   made.store(made.load(std::memory_order_relaxed) + copy.length, std::memory_order_release);
   arena_.seal_slab(copy.slab);
@@ -490,11 +497,13 @@ void FrameReceiver::seal(Guest& guest, const Mirror& one, const Copy& copy) {
   ++guest.record.slabs;
   arena_.sim_counters(one.env / arena_.shape().envs_per_worker)
       .decisions.fetch_add(decisions, std::memory_order_relaxed);
+  return true;
 }
 
 void FrameReceiver::ask_to_leave(const std::string& host) {
   for (auto& [id, guest] : guests_)
-    if (guest.record.host == host && guest.record.is_here) guest.is_asked_to_leave = guest.is_to_be_told = true;
+    if (guest.record.host == host && guest.record.is_here)
+      guest.is_asked_to_leave = guest.is_to_be_told = true;
 }
 
 void FrameReceiver::forget_silent() {
@@ -530,27 +539,23 @@ void FrameReceiver::tell(uint64_t id, Guest& guest) {
   guest.payload.clear();
 }
 
-std::vector<FrameGuestRecord> FrameReceiver::records() const {
-  std::vector<FrameGuestRecord> records;
-  for (const auto& [id, guest] : guests_) records.push_back(guest.record);
+std::vector<FeederRecord> FrameReceiver::records() const {
+  std::vector<FeederRecord> records;
+  for (const auto& [id, guest] : guests_) {
+    FeederRecord& record = records.emplace_back(guest.record);
+    record.credits = guest.reserved.size();
+    record.played_there = record.decisions + record.lost_there;
+  }
   return records;
 }
 
-std::vector<FeederRecord> FrameReceiver::feeder_records() const {
-  std::vector<FeederRecord> records;
-  for (const auto& [id, guest] : guests_)
-    records.push_back({.feeder_id = id,
-                       .host = guest.record.host,
-                       .workers = guest.record.workers,
-                       .is_here = guest.record.is_here,
-                       .credits = guest.reserved.size(),
-                       .decisions = guest.record.decisions,
-                       .slabs = guest.record.slabs,
-                       .duplicates = guest.record.duplicates,
-                       .refused = guest.record.refused,
-                       .played_there = guest.record.decisions + guest.record.lost,
-                       .lost_there = guest.record.lost});
-  return records;
+void FrameReceiver::remember(const std::vector<FeederRecord>& records) {
+  for (const FeederRecord& record : records) {
+    if (record.feeder_id == 0 || guests_.size() >= kMostGuests) continue;
+    Guest& guest = guests_[record.feeder_id];
+    guest.record = record;
+    guest.record.is_here = false;
+  }
 }
 
 }  // namespace comrad::link

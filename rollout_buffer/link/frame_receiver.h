@@ -15,7 +15,7 @@
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/link_bus.h"
 #include "rollout_buffer/link/frame_stream.h"
-#include "rollout_buffer/link/receiver.h"
+#include "rollout_buffer/link/seats.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::link {
@@ -26,19 +26,6 @@ struct FrameReceiverOptions {
   uint64_t fingerprint = 0;   ///< of the offer; other games are refused
   double silent_after_s = 5;  ///< then a host's free slabs go back
   double seat_kept_s = 600;   ///< then others may have its simulators' places, and what it began is lost
-};
-
-/// What came of one host.
-struct FrameGuestRecord {
-  std::string host;
-  int workers = 0;
-  bool is_here = false;
-  uint64_t decisions = 0;  ///< sealed here
-  uint64_t slabs = 0;      ///< sealed here
-  uint64_t lost = 0;  ///< decisions of trajectories that were not whole: a process of either end began anew
-  uint64_t duplicates = 0;  ///< requests that had come before
-  uint64_t missing = 0;     ///< batches that never came
-  uint64_t refused = 0;     ///< batches that no simulator could have made
 };
 
 /// Bounded: a host has one request under way for each environment, and may begin no more trajectories than there are
@@ -52,9 +39,9 @@ class FrameReceiver {
   /// Called in run(), and at its end.
   void every_second(std::function<void()> report) { every_second_ = std::move(report); }
 
-  std::vector<FrameGuestRecord> records() const;
-  /// The same as of hosts that send whole trajectories.
-  std::vector<FeederRecord> feeder_records() const;
+  std::vector<FeederRecord> records() const;
+  /// What records() of a predecessor said last, that hosts which have left are not forgotten. Call before run().
+  void remember(const std::vector<FeederRecord>& records);
   /// Hosts of this name deliver what they have played, and go. They may join again.
   void ask_to_leave(const std::string& host);
 
@@ -79,10 +66,11 @@ class FrameReceiver {
     FrameAnswer answer;
     std::vector<int32_t> choices;  ///< of `answer`
     std::deque<Copy> whole;
-    std::deque<std::pair<uint64_t, bool>> answered;  ///< rollouts, and whether they were sealed: asked again, told again
+    std::deque<std::pair<uint64_t, bool>>
+        answered;  ///< rollouts, and whether they were sealed: asked again, told again
   };
   struct Guest {
-    FrameGuestRecord record;
+    FeederRecord record;
     std::vector<int> workers;
     std::vector<Mirror> mirrors;  ///< by the host's own environment index
     std::deque<uint32_t> reserved;
@@ -108,7 +96,7 @@ class FrameReceiver {
   void finish(Guest& guest, Mirror& mirror);
   void answer(Guest& guest, const Mirror& mirror);
   void confirm(Guest& guest, Mirror& mirror, const FrameRequest& request);
-  void seal(Guest& guest, const Mirror& mirror, const Copy& copy);
+  bool seal(Guest& guest, const Mirror& mirror, const Copy& copy);
   void lose(Guest& guest, uint32_t slab, uint64_t steps);
   void forget_silent();
   void tell(uint64_t id, Guest& guest);
@@ -117,7 +105,7 @@ class FrameReceiver {
   dds::LinkBus bus_;
   const FrameReceiverOptions options_;
   std::map<uint64_t, Guest> guests_;
-  std::vector<uint64_t> owner_;  ///< host of each place; 0: free
+  Seats seats_;
   std::vector<std::byte> raw_;
   std::vector<uint32_t> round_;  ///< requests of each split in the batch under way
   int out_count_ = 0;

@@ -23,12 +23,12 @@ Status work(const shm::WorkerShell& shell, const RunConfig& config) {
                                {.first_worker = arena.shape().own_worker_count(),
                                 .worker_count = arena.shape().frame_guest_count,
                                 .fingerprint = link::fingerprint_of(offer)});
+  receiver.remember(link::read_guests(shell.run_dir(), link::kFrameFiles));
   bool has_warned = false;
   receiver.every_second([&] {
     for (const std::string& host : link::take_hosts_to_leave(shell.run_dir(), link::kFrameFiles))
       receiver.ask_to_leave(host);
-    const Status written =
-        link::write_guests(shell.run_dir(), link::kFrameFiles, receiver.feeder_records());
+    const Status written = link::write_guests(shell.run_dir(), link::kFrameFiles, receiver.records());
     if (!written && !std::exchange(has_warned, true)) spdlog::warn("{}", written.error().message);
   });
   spdlog::info("plays with up to {} simulators of hosts without a policy", arena.shape().frame_guest_count);
@@ -38,10 +38,11 @@ Status work(const shm::WorkerShell& shell, const RunConfig& config) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  shm::WorkerShell shell({.name = "comrad-frame-receiver",
-                          .role = "frame-receiver",
-                          .description = "Lets this host's policy workers play with simulators of other hosts.",
-                          .is_single = true,
-                          .has_bench = false});
+  shm::WorkerShell shell(
+      {.name = "comrad-frame-receiver",
+       .role = "frame-receiver",
+       .description = "Lets this host's policy workers play with simulators of other hosts.",
+       .is_single = true,
+       .has_bench = false});
   return shell.run(argc, argv, {.work = [&](const RunConfig& config) { return work(shell, config); }});
 }

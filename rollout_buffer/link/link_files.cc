@@ -81,7 +81,7 @@ Status write_guests(const std::string& run_dir, const ServingFiles& files,
                       {"trajectories", record.slabs},
                       {"duplicates", record.duplicates},
                       {"refused", record.refused},
-                      {"missing", record.missing_rollouts}});
+                      {"missing", record.missing}});
   return write_file_atomically(run_dir + "/" + files.guests, json_text(json{{"guests", guests}}), false);
 }
 
@@ -104,7 +104,7 @@ std::vector<FeederRecord> read_guests(const std::string& run_dir, const ServingF
     record.slabs = number_in(guest, "trajectories");
     record.duplicates = number_in(guest, "duplicates");
     record.refused = number_in(guest, "refused");
-    record.missing_rollouts = number_in(guest, "missing");
+    record.missing = number_in(guest, "missing");
     records.push_back(std::move(record));
   }
   return records;
@@ -171,7 +171,8 @@ std::vector<std::string> take_hosts_to_leave(const std::string& run_dir, const S
 }
 
 void remove_accounts(const std::string& run_dir) {
-  for (const char* file : {kTrajectoryFiles.guests, kTrajectoryFiles.leave, kFrameFiles.guests, kFrameFiles.leave, kFeedFile})
+  for (const char* file :
+       {kTrajectoryFiles.guests, kTrajectoryFiles.leave, kFrameFiles.guests, kFrameFiles.leave, kFeedFile})
     unlink((run_dir + "/" + file).c_str());
 }
 

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/link/door.h"
 #include "rollout_buffer/link/delivery_account.h"
+#include "rollout_buffer/link/door.h"
 #include "rollout_buffer/link/frame_sender.h"
-#include "rollout_buffer/link/receiver.h"
+#include "rollout_buffer/link/seats.h"
 
 namespace comrad::link {
 
@@ -35,9 +35,9 @@ Status write_guests(const std::string& run_dir, const ServingFiles& files,
 /// How a host stands that feeds another one's learner.
 struct Feed {
   FeederAccount account;
-  bool is_fed = false;     ///< the run has a place for it
-  bool has_ended = false;  ///< the run is over
-  double silent_s = 0;     ///< since something was heard of the learner's host
+  bool is_fed = false;                      ///< the run has a place for it
+  bool has_ended = false;                   ///< the run is over
+  double silent_s = 0;                      ///< since something was heard of the learner's host
   std::optional<FrameAccount> frames = {};  ///< where its policy plays with this host, frame by frame
 };
 Status write_feed(const std::string& run_dir, const Feed& feed);

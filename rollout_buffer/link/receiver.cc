@@ -23,22 +23,12 @@ Receiver::Receiver(const shm::Arena& arena, dds::LinkBus bus, ReceiverOptions op
       bus_(std::move(bus)),
       options_(std::move(options)),
       door_(options_.offer),
-      fingerprint_(fingerprint_of(options_.offer)) {
+      fingerprint_(fingerprint_of(options_.offer)),
+      seats_(arena, options_.first_worker, arena.shape().sim_worker_count - options_.first_worker) {
   shm::WorkerCounters& counters = arena_.sim_counters(options_.first_worker);
   counters.begin_life();
   counters.state = shm::WorkerState::kRunning;
   session_ = (arena_.run_id() & 0xFFFFFFFFu) << 32 | counters.epoch.load();
-  owner_.resize(static_cast<std::size_t>(arena_.shape().sim_worker_count - options_.first_worker));
-  restore_seats();
-}
-
-/// Whose places are whose stands in the journal of each one's first environment, for a successor of this process.
-void Receiver::restore_seats() {
-  for (std::size_t place = 0; place < owner_.size(); ++place) {
-    const int worker = options_.first_worker + static_cast<int>(place);
-    const shm::JournalHeader& journal = arena_.journal(worker * arena_.shape().envs_per_worker);
-    if (journal.in_use != 0) owner_[place] = journal.episode_seed;
-  }
 }
 
 Status Receiver::run(const std::atomic<bool>& stop) {
@@ -128,60 +118,35 @@ void Receiver::hear(const dds::FeedReport& report) {
 std::string Receiver::seat(Guest& guest, const dds::FeedReport& report) {
   const shm::ArenaShape& shape = arena_.shape();
   const uint64_t id = report.feeder_id;
+  guest.workers.clear();
   if (id == 0) return "it has no id";
   if (report.fingerprint != fingerprint_)
     return "its settings, scenario or maps are no longer those of this run; join again";
   if (report.slab_bytes != static_cast<uint64_t>(arena_.slab_offsets().slab_bytes) ||
       report.envs_per_worker != static_cast<uint32_t>(shape.envs_per_worker))
     return "its trajectories are of another shape; install the same version on both hosts";
-  const auto is_mine = [&](uint64_t owner) { return owner == id; };
-  const bool is_known = report.sim_workers > 0 && std::ranges::count_if(owner_, is_mine) ==
-                                                      static_cast<std::ptrdiff_t>(report.sim_workers);
-  if (!is_known) {
-    std::ranges::replace(owner_, id, uint64_t{0});
-    const auto free_count = [&] { return static_cast<uint64_t>(std::ranges::count(owner_, uint64_t{0})); };
+  const auto wanted = static_cast<int>(std::min<uint32_t>(report.sim_workers, INT32_MAX));
+  guest.workers = seats_.of(id);
+  const bool is_known = wanted > 0 && static_cast<int>(guest.workers.size()) == wanted;
+  if (is_known) {
+    guest.record.decisions = seats_.sealed_for(id);  // a predecessor of this process did not say goodbye
+  } else {
+    seats_.free(id);
     const double now_s = monotonic_s();
     for (auto& [other_id, other] : guests_)  // places of hosts that are long gone, where they are needed
-      if (free_count() < report.sim_workers && other_id != id && !other.record.is_here &&
+      if (seats_.free_count() < wanted && other_id != id && !other.record.is_here &&
           now_s - other.heard_s > options_.silent_after_s)
         free_seat(other);
-    if (report.sim_workers == 0 || free_count() < report.sim_workers)
-      return "of " + std::to_string(owner_.size()) + " places for simulators of other hosts " +
-             std::to_string(free_count()) + " are free, it asks for " + std::to_string(report.sim_workers) +
+    if (wanted == 0 || seats_.free_count() < wanted)
+      return "of " + std::to_string(seats_.count()) + " places for simulators of other hosts " +
+             std::to_string(seats_.free_count()) + " are free, it asks for " + std::to_string(wanted) +
              "; more can be had with --serve_workers where the run serves, fewer asked for with "
              "--num_workers here";
-    for (uint32_t taken = 0; taken < report.sim_workers; ++taken)
-      *std::ranges::find(owner_, uint64_t{0}) = id;
+    guest.workers = seats_.take(id, wanted);
   }
-  guest.workers.clear();
-  for (std::size_t place = 0; place < owner_.size(); ++place) {
-    if (owner_[place] != id) continue;
-    const int worker = options_.first_worker + static_cast<int>(place);
-    guest.workers.push_back(worker);
-    for (int local = 0; !is_known && local < shape.envs_per_worker; ++local) {
-      const int env = worker * shape.envs_per_worker + local;
-      shm::JournalHeader& journal = arena_.journal(env);
-      journal.episode_seed = id;
-      journal.episode_id = arena_.env_account(env).sealed.load();  // what was sealed for others
-      journal.length = 0;  // the first trajectory says where its count begins
-      journal.in_use = 1;
-    }
-  }
-  guest.record.workers = static_cast<int>(guest.workers.size());
-  if (is_known)
-    guest.record.decisions = sealed_for(guest);  // a predecessor of this process did not say goodbye
+  guest.record.workers = wanted;
   guest.assembler = std::make_unique<SlabAssembler>(arena_.slab_offsets());
   return "";
-}
-
-/// Agent decisions, to the last one, since the guest got its places.
-uint64_t Receiver::sealed_for(const Guest& guest) const {
-  const shm::ArenaShape& shape = arena_.shape();
-  uint64_t steps = 0;
-  for (const int worker : guest.workers)
-    for (int env = worker * shape.envs_per_worker; env < (worker + 1) * shape.envs_per_worker; ++env)
-      steps += arena_.env_account(env).sealed.load() - arena_.journal(env).episode_id;
-  return steps * static_cast<uint64_t>(shape.trajectory.env.num_agents);
 }
 
 void Receiver::remember(const std::vector<FeederRecord>& records) {
@@ -194,11 +159,7 @@ void Receiver::remember(const std::vector<FeederRecord>& records) {
 }
 
 void Receiver::free_seat(Guest& guest) {
-  for (const int worker : guest.workers) {
-    owner_[static_cast<std::size_t>(worker - options_.first_worker)] = 0;
-    for (int local = 0; local < arena_.shape().envs_per_worker; ++local)
-      arena_.journal(worker * arena_.shape().envs_per_worker + local).in_use = 0;
-  }
+  seats_.free(guest.record.feeder_id);
   guest.workers.clear();
 }
 
@@ -265,20 +226,13 @@ void Receiver::seal(Guest& guest, const dds::TrajectoryFragment& fragment) {
     return;
   }
   shm::JournalHeader& journal = arena_.journal(env);
-  // This arena counts an environment's rollouts on, whoever plays it; step_id is the difference to that host's count. One
-  // number is left out between two hosts, so that nobody takes one's trajectory for a continuation of the other's.
-  if (journal.length == 0) {
-    journal.step_id = journal.rollout_index + 1 - fragment.rollout_index;
-    ++journal.rollout_index;
-    journal.length = 1;
-  }
-  const uint64_t rollout_index = fragment.rollout_index + journal.step_id;
+  const uint64_t rollout_index = seats_.rollout_of(env, fragment.rollout_index);
   const auto ahead = static_cast<int64_t>(rollout_index - journal.rollout_index);
   if (ahead < 0) {
     ++guest.record.duplicates;
     return;
   }
-  guest.record.missing_rollouts += static_cast<uint64_t>(ahead);
+  guest.record.missing += static_cast<uint64_t>(ahead);
 
   const uint32_t index = guest.reserved.front();
   guest.reserved.pop_front();

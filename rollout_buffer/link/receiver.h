@@ -15,6 +15,7 @@
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/link_bus.h"
 #include "rollout_buffer/link/door.h"
+#include "rollout_buffer/link/seats.h"
 #include "rollout_buffer/link/slab_stream.h"
 #include "rollout_buffer/link/weights_stream.h"
 #include "rollout_buffer/shm/arena.h"
@@ -29,22 +30,6 @@ struct ReceiverOptions {
   double seat_kept_s = 600;           ///< then others may have its simulators' places
   double weights_per_s = 10;          ///< at most so many versions
   double weights_bytes_per_s = 50e6;  ///< and so many bytes, to all hosts together
-};
-
-/// What came of one host.
-struct FeederRecord {
-  uint64_t feeder_id = 0;
-  std::string host;
-  int workers = 0;
-  bool is_here = false;
-  uint64_t credits = 0;           ///< slabs that it may send before the learner takes some
-  uint64_t decisions = 0;         ///< sealed here
-  uint64_t slabs = 0;             ///< sealed here
-  uint64_t duplicates = 0;        ///< slabs that had come before; not sealed again
-  uint64_t refused = 0;           ///< slabs that no simulator could have filled
-  uint64_t missing_rollouts = 0;  ///< that never came
-  uint64_t played_there = 0;      ///< decisions, by that host's own word
-  uint64_t lost_there = 0;        ///< of them, by its word: sent to this run before it began anew
 };
 
 /// Exactly once: a slab is known by its host, environment and rollout index. How far each environment came stands in its
@@ -84,8 +69,6 @@ class Receiver {
   void hear(const dds::FeedReport& report);
   std::string seat(Guest& guest, const dds::FeedReport& report);
   void free_seat(Guest& guest);
-  uint64_t sealed_for(const Guest& guest) const;
-  void restore_seats();
   void take(const dds::TrajectoryFragment& fragment);
   void seal(Guest& guest, const dds::TrajectoryFragment& fragment);
   void take_episode(const dds::FeederEpisode& episode);
@@ -103,7 +86,7 @@ class Receiver {
   const uint64_t fingerprint_;
   uint64_t session_ = 0;
   std::map<uint64_t, Guest> guests_;
-  std::vector<uint64_t> owner_;  ///< feeder of each remote worker; 0: free
+  Seats seats_;
   std::vector<std::byte> weights_;
   PolicyVersion weights_version_ = 0;
   bool are_weights_sent_ = false;

@@ -135,12 +135,12 @@ inline constexpr CountsWith free_running = {[](const RunConfig& c) { return !c.c
                                             "deterministic off"};
 
 // By the hosts that take part.
-inline constexpr CountsWith a_door = {
-    [](const RunConfig& c) {
-      return c.hosts.serve || (!c.hosts.hosts.empty() && c.hosts.hosts != "none") ||
-             c.hosts.link == LinkKind::kDds;
-    },
-    "serve, hosts or link dds"};
+inline constexpr CountsWith a_door = {[](const RunConfig& c) {
+                                        return c.hosts.serve ||
+                                               (!c.hosts.hosts.empty() && c.hosts.hosts != "none") ||
+                                               c.hosts.link == LinkKind::kDds;
+                                      },
+                                      "serve, hosts or link dds"};
 inline constexpr CountsWith a_link = {[](const RunConfig& c) { return a_door.holds(c); },
                                       "serve, hosts, link dds or `comrad join`"};
 

@@ -87,8 +87,7 @@ Status check_combinations(const RunConfig& c) {
     return refuse(std::string(c.hosts.link == LinkKind::kDds ? "link is dds"
                               : c.hosts.serve                ? "serve is on"
                                                              : "hosts is " + c.hosts.hosts) +
-                  " with " +
-                  (c.collection.deterministic ? "deterministic" : "async_rl off") +
+                  " with " + (c.collection.deterministic ? "deterministic" : "async_rl off") +
                   "; lock step waits for every simulator, so the link is for asynchronous runs alone");
   if (with::a_door.holds(c) && c.curriculum.curriculum != CurriculumKind::kUniform)
     return refuse("curriculum is " + std::string(word_of(c.curriculum.curriculum)) +

@@ -36,7 +36,7 @@ struct ArenaShape {
   int32_t slab_count = 64;
   int32_t journal_steps = 0;  ///< decisions kept per environment for exact resume; 0: no journal
   int32_t episode_ring_capacity = 4096;
-  int64_t weights_bytes = 0;  ///< capacity of one weights buffer
+  int64_t weights_bytes = 0;       ///< capacity of one weights buffer
   int32_t guest_worker_count = 0;  ///< the last of the sim workers: played by other hosts
   int32_t frame_guest_count = 0;   ///< the first of the guests: policy workers of this host play with them
 

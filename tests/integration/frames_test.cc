@@ -34,7 +34,8 @@ TEST(Frames, SimulatorsOfOneHostPlayOverDdsWithItsPolicyWorkers) {
   const nlohmann::json frames = read_json(playing + "/feed.json")["frames"];
   EXPECT_GT(frames["latency_us_p50"].get<double>(), 0);
   EXPECT_LE(frames["latency_us_p50"].get<double>(), frames["latency_us_p99"].get<double>());
-  EXPECT_GT(read_json(learning + "/status.json")["score_mean"].get<double>(), 0) << "episodes come over the link too";
+  EXPECT_TRUE(read_json(learning + "/status.json")["J_mean"].is_number())
+      << "episodes come over the link too";
   EXPECT_TRUE(processes_of(scratch.string()).empty());
 }
 
@@ -46,8 +47,9 @@ TEST(Frames, AHostWithoutAPolicyPlaysThroughDeathsOfBothEnds) {
       {"--num_workers", "1", "--serve", "--serve_workers", "2", "--serve_frame_workers", "2"}));
   ASSERT_TRUE(wait_until([&] { return env_frames(learning) > 0 || !learner.running(); }, kStartSeconds));
   ASSERT_TRUE(learner.running()) << learner.wait(1).err;
-  RunningProgram player({program("comrad"), "join", learning, "--link", "dds", "--num_workers", "2", "--train_dir",
-                         scratch.string(), "--experiment", "playing", "--progress_interval", "1"});
+  RunningProgram player({program("comrad"), "join", learning, "--link", "dds", "--num_workers", "2",
+                         "--train_dir", scratch.string(), "--experiment", "playing", "--progress_interval",
+                         "1"});
   const auto delivers_more = [&] {
     const double before = delivered_in_frames(learning);
     return wait_until([&] { return delivered_in_frames(learning) > before || !player.running(); },
@@ -76,10 +78,12 @@ TEST(Frames, AHostWithoutAPolicyPlaysThroughDeathsOfBothEnds) {
   EXPECT_EQ(ctl.exit_code, 0) << ctl.err;
   const double before = delivered_in_frames(learning);
   strike(learning, "comrad-frame-receiver");
-  ASSERT_TRUE(wait_until([&] {
-    const double now = delivered_in_frames(learning);
-    return now > 0 && now != before;
-  }, kStartSeconds));
+  ASSERT_TRUE(wait_until(
+      [&] {
+        const double now = delivered_in_frames(learning);
+        return now > 0 && now != before;
+      },
+      kStartSeconds));
   ASSERT_TRUE(delivers_more()) << player.wait(1).err;
   player.signal(SIGTERM);
   const Ending left = player.wait(30);
@@ -98,9 +102,9 @@ TEST(Frames, AHostWithoutAPolicyPlaysThroughDeathsOfBothEnds) {
 
 TEST(Frames, WithoutRoomOrOverANetworkItIsRefusedInWords) {
   const ScratchFolder scratch;
-  const Ending network = RunningProgram(small_training(scratch, "refused", 1e9,
-                                                       {"--link", "dds", "--interface", "eth0"}))
-                             .wait(60);
+  const Ending network =
+      RunningProgram(small_training(scratch, "refused", 1e9, {"--link", "dds", "--interface", "eth0"}))
+          .wait(60);
   EXPECT_EQ(network.exit_code, 2);
   EXPECT_THAT(network.err, HasSubstr("over loopback"));
   const Ending lock_step =

@@ -189,8 +189,8 @@ TEST(LinkFiles, AccountsAreReadAsTheyWereWritten) {
   EXPECT_EQ(feed->account.waiting, 3u);
   EXPECT_TRUE(feed->is_fed);
   EXPECT_FALSE(feed->has_ended);
-  ASSERT_TRUE(
-      write_guests(scratch.string(), kTrajectoryFiles, {{.host = "b\"", .workers = 2, .is_here = true, .decisions = 5}}));
+  ASSERT_TRUE(write_guests(scratch.string(), kTrajectoryFiles,
+                           {{.host = "b\"", .workers = 2, .is_here = true, .decisions = 5}}));
   const auto guests = read_guests(scratch.string(), kTrajectoryFiles);
   ASSERT_EQ(guests.size(), 1u);
   EXPECT_EQ(guests[0].host, "b\"");
