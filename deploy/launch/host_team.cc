@@ -102,6 +102,11 @@ void HostTeam::ended(Host& host, const ExitStatus& how, double now_s, std::vecto
   words.push_back(name + " went away (" + how.text() + ") and " + again + said);
 }
 
+void HostTeam::kill() {
+  for (Host& host : hosts_)
+    if (host.process) host.process->send_signal(SIGKILL);
+}
+
 void HostTeam::stop(double now_s) {
   if (stopping_since_s_ == 0) stopping_since_s_ = now_s;
 }

@@ -24,6 +24,8 @@ class HostTeam {
   /// Nobody is called any more. Hosts leave at the run's end; those that do not are asked to after a while, and given up.
   void stop(double now_s);
   bool any_alive() const;
+  /// They leave at once.
+  void kill();
   /// Why a host that the run needs is not called again; empty while all goes well.
   const std::string& failure() const { return failure_; }
 

@@ -212,6 +212,11 @@ Status write_status(const std::string& run_dir, const RunStatus& status) {
                              {"played", guest.played_there},
                              {"delivered", guest.decisions},
                              {"lost", guest.lost_there}});
+  if (status.frames)
+    json["frame_link"] = {{"latency_us_p50", status.frames->latency_us_p50},
+                          {"latency_us_p90", status.frames->latency_us_p90},
+                          {"latency_us_p99", status.frames->latency_us_p99},
+                          {"is_compressed", status.frames->is_compressed}};
   json["message"] = status.message;
   const std::string text = json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   return write_file_atomically(run_dir + "/status.json", text, /*durable=*/false);

@@ -73,6 +73,8 @@ struct RunStatus {
   std::optional<DecisionAccounts> accounts;           ///< of training
   std::string message;
   std::vector<link::FeederRecord> guests = {};  ///< hosts that feed this run, or did
+  std::optional<link::FrameAccount> frames =
+      {};  ///< of a host that plays with another one's policy, frame by frame
 };
 
 /// Decisions by where they went, as status.json has them.

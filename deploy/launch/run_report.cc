@@ -98,6 +98,8 @@ RunStatus RunReport::status(const std::string& state, const std::string& message
   status.cpu_s.emplace_back("supervisor", clock_.cpu_elapsed());
   if (plan_.drains()) status.accounts = meter_.accounts();
   if (plan_.serves()) status.guests = link::all_guests(plan_.run_dir);
+  if (plan_.sends_frames)
+    if (const std::optional<link::Feed> feed = link::read_feed(plan_.run_dir)) status.frames = feed->frames;
   if (plan_.trains()) {
     status.env_frames = meter_.env_frames();
     status.decisions = meter_.decisions_of_run();

@@ -323,6 +323,7 @@ void Supervisor::hear_signals() {
       killed_at_once_ = true;
       table_.signal_all(SIGKILL);
       evaluator_.stop(SIGKILL);
+      host_team_.kill();
     }
     const std::string name = number == SIGINT ? "SIGINT" : number == SIGTERM ? "SIGTERM" : "SIGHUP";
     if (phase_ == Phase::kStopping) {

@@ -7,51 +7,14 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/slab_stream.h"
 #include "rollout_buffer/link/weights_stream.h"
+#include "tests/fuzz/input.h"
 
 namespace {
 
 using namespace comrad;
+using namespace comrad::fuzz;
 
 constexpr int64_t kWeightsCapacity = 3 << 20;
-
-TrajectoryShape small_shape() {
-  TrajectoryShape shape;
-  shape.env = {
-      .num_agents = 2, .channels = 3, .height = 6, .width = 8, .measurement_count = 1, .head_count = 2};
-  shape.env.head_sizes = {3, 4};
-  shape.rollout_steps = 4;
-  shape.recurrent_state_count = 3;
-  shape.final_capacity = 2;
-  return shape;
-}
-
-/// Numbers and bytes out of the input, zeros behind its end.
-class Input {
- public:
-  Input(const uint8_t* data, std::size_t size) : at_(data), end_(data + size) {}
-  bool is_empty() const { return at_ == end_; }
-  template <typename T>
-  T number() {
-    T value{};
-    const std::size_t count = std::min(sizeof value, static_cast<std::size_t>(end_ - at_));
-    std::memcpy(&value, at_, count);
-    at_ += count;
-    return value;
-  }
-  std::span<const std::byte> bytes(std::size_t count) {
-    count = std::min(count, static_cast<std::size_t>(end_ - at_));
-    const std::span<const std::byte> taken(reinterpret_cast<const std::byte*>(at_), count);
-    at_ += count;
-    return taken;
-  }
-
- private:
-  const uint8_t *at_, *end_;
-};
-
-void require(bool holds) {
-  if (!holds) std::abort();
-}
 
 /// A fragment as the cutter makes it, with some of its numbers changed.
 void feed_fragments(Input& input, const SlabOffsets& offsets, std::vector<std::byte>& memory) {

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the libFuzzer targets and runs one of them for so many seconds, from seeds that our own code writes.
-#   tests/fuzz/run.sh TARGET SECONDS [BUILD_FOLDER]      TARGET: wad textmap decorate behavior machine picture config link join,
+#   tests/fuzz/run.sh TARGET SECONDS [BUILD_FOLDER]      TARGET: wad textmap decorate behavior machine picture config link frames join,
 #                                                        or build, which only builds
 # Ends with libFuzzer's line of executions and coverage; a finding is left in BUILD_FOLDER/findings and ends it non-zero.
 # 77: there is no libFuzzer, nothing was run.

@@ -31,7 +31,7 @@ TEST(Frames, SimulatorsOfOneHostPlayOverDdsWithItsPolicyWorkers) {
   EXPECT_EQ(played["trained"].get<double>(), delivered_in_frames(learning));
   EXPECT_EQ(played["trained"].get<int64_t>(), learned["made"].get<int64_t>());
   EXPECT_EQ(played["lost_on_the_way"].get<int64_t>(), 0) << played;
-  const nlohmann::json frames = read_json(playing + "/feed.json")["frames"];
+  const nlohmann::json frames = read_json(playing + "/status.json")["frame_link"];
   EXPECT_GT(frames["latency_us_p50"].get<double>(), 0);
   EXPECT_LE(frames["latency_us_p50"].get<double>(), frames["latency_us_p99"].get<double>());
   EXPECT_TRUE(read_json(learning + "/status.json")["J_mean"].is_number())

@@ -58,10 +58,12 @@ std::string make_scenario(const ScratchFolder& scratch) {
   return folder;
 }
 
-std::vector<std::string> command(const ScratchFolder& scratch, const std::string& scenario) {
+/// A run's command; `link` says how simulators reach the policy.
+std::vector<std::string> command(const ScratchFolder& scratch, const std::string& link) {
   std::vector<std::string> words = {program("comrad"), "train"};
   for (const auto& [flag, value] :
-       std::vector<std::pair<std::string, std::string>>{{"--scenario", scenario},
+       std::vector<std::pair<std::string, std::string>>{{"--scenario", "target_room"},
+                                                        {"--link", link},
                                                         {"--algo", "ippo"},
                                                         {"--train_dir", scratch.string()},
                                                         {"--experiment", "run"},
@@ -85,7 +87,9 @@ std::vector<std::string> command(const ScratchFolder& scratch, const std::string
   return words;
 }
 
-TEST(PixelTask, TwoAgentsLearnToFaceARedPost) {
+class PixelTask : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(PixelTask, TwoAgentsLearnToFaceARedPost) {
   const ScratchFolder scratch;
   const std::string scenario = make_scenario(scratch);
   const Ending random = comrad(
@@ -95,20 +99,23 @@ TEST(PixelTask, TwoAgentsLearnToFaceARedPost) {
   const double random_score = nlohmann::json::parse(random.out).value("J_mean", 1e9);
   EXPECT_LT(random_score, 2 * kBlindScore);
 
-  RunningProgram training(command(scratch, scenario));
+  RunningProgram training(command(scratch, GetParam()), {{"COMRAD_SCENARIO_PATH", scratch.string()}});
   const auto score = [&] {  // of the last hundred episodes
     const nlohmann::json status = read_json(scratch / "run/status.json");
     return status.is_object() && status["J_mean"].is_number() ? status["J_mean"].get<double>() : -1.0;
   };
   const double began_s = now_s();
   const bool learned = wait_until([&] { return score() >= kScore || !training.running(); }, kSeconds);
-  std::printf("red post: J %.1f at random, %.1f after %.0f s and %.0f env frames\n", random_score, score(),
-              now_s() - began_s, env_frames(scratch / "run"));
+  std::printf("red post over %s: J %.1f at random, %.1f after %.0f s and %.0f env frames\n", GetParam(),
+              random_score, score(), now_s() - began_s, env_frames(scratch / "run"));
   EXPECT_TRUE(learned && training.running()) << "J is " << score();
   training.signal(SIGTERM);
   const Ending ending = training.wait(30);
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
 }
+
+INSTANTIATE_TEST_SUITE_P(Links, PixelTask, ::testing::Values("shm", "dds"),
+                         [](const auto& link) { return std::string(link.param); });
 
 }  // namespace
 }  // namespace comrad::testing

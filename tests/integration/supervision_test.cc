@@ -23,10 +23,11 @@ bool trains_on(const std::string& run, double frames, double timeout_s) {
   return wait_until([&] { return env_frames(run) >= before + frames; }, timeout_s);
 }
 
-/// An endless small run that has begun to train.
-class EndlessRun : public ::testing::Test {
+/// An endless small run that has begun to train. The parameter says how simulators reach the policy.
+class EndlessRun : public ::testing::TestWithParam<const char*> {
  protected:
-  EndlessRun() : run_(scratch_ / "run"), training_(small_training(scratch_, "run", 1e9)) {}
+  EndlessRun()
+      : run_(scratch_ / "run"), training_(small_training(scratch_, "run", 1e9, {"--link", GetParam()})) {}
 
   void SetUp() override {
     ASSERT_TRUE(wait_until([this] { return env_frames(run_) > 0 || !training_.running(); }, kStartSeconds));
@@ -69,23 +70,23 @@ class EndlessRun : public ::testing::Test {
   RunningProgram training_;
 };
 
-TEST_F(EndlessRun, GoesOnAfterSimulatorPolicyWorkerAndLearnerWereKilled) {
+TEST_P(EndlessRun, GoesOnAfterSimulatorPolicyWorkerAndLearnerWereKilled) {
   kill_and_expect_a_successor("comrad-sim-worker", 2);
   kill_and_expect_a_successor("comrad-policy-worker", 1);
   kill_and_expect_a_successor("comrad-learner", 1);
   expect_clean_stop(SIGTERM);
 }
 
-TEST_F(EndlessRun, AnInterruptEndsItCleanlyAndItResumes) {
+TEST_P(EndlessRun, AnInterruptEndsItCleanlyAndItResumes) {
   ASSERT_TRUE(trains_on(run_, 4096, kStartSeconds));
   expect_clean_stop(SIGINT);
   const double before = env_frames(run_);
-  RunningProgram resumed(small_training(scratch_, "run", before + 4096));
+  RunningProgram resumed(small_training(scratch_, "run", before + 4096, {"--link", GetParam()}));
   EXPECT_EQ(resumed.wait(kRunTimeoutSeconds).exit_code, 0);
   EXPECT_GE(env_frames(run_), before + 4096);
 }
 
-TEST_F(EndlessRun, ASecondInterruptEndsItAtOnce) {
+TEST_P(EndlessRun, ASecondInterruptEndsItAtOnce) {
   training_.signal(SIGINT);
   training_.signal(SIGINT);
   sleep_s(0.1);
@@ -97,12 +98,15 @@ TEST_F(EndlessRun, ASecondInterruptEndsItAtOnce) {
   EXPECT_TRUE(wait_until([this] { return processes_of(run_).empty(); }, 5));
 }
 
-TEST_F(EndlessRun, NothingIsLeftWhenTheSupervisorIsKilled) {
+TEST_P(EndlessRun, NothingIsLeftWhenTheSupervisorIsKilled) {
   training_.signal(SIGKILL);
   training_.wait(5);
   EXPECT_TRUE(wait_until([this] { return processes_of(run_).empty(); }, kStopSeconds + 2))
       << processes_of(run_).size() << " processes are left";
 }
+
+INSTANTIATE_TEST_SUITE_P(Links, EndlessRun, ::testing::Values("shm", "dds"),
+                         [](const auto& link) { return std::string(link.param); });
 
 }  // namespace
 }  // namespace comrad::testing
