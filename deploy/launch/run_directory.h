@@ -13,7 +13,8 @@
 
 #include "deploy/launch/run_accounts.h"
 #include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/link/receiver.h"
+#include "rollout_buffer/link/frame_stream.h"
+#include "rollout_buffer/link/seats.h"
 #include "rollout_buffer/settings/run_config.h"
 
 namespace comrad::deploy {

@@ -33,18 +33,6 @@ struct FrameSenderOptions {
   int layout_count = 0;                 ///< of the run's pool, from which this host draws evenly; 0: one map
 };
 
-/// What became of this host's requests.
-struct FrameAccount {
-  uint64_t decisions = 0;  ///< answered, all agents counted
-  uint64_t batches = 0;
-  uint64_t raw_bytes = 0, sent_bytes = 0;
-  uint64_t resent = 0;      ///< requests
-  uint64_t duplicates = 0;  ///< answers to what was answered, or never asked
-  uint64_t refused = 0;     ///< batches of actions that are none
-  bool is_compressed = false;
-  double latency_us_p50 = 0, latency_us_p90 = 0, latency_us_p99 = 0;  ///< from sending to the answer
-};
-
 /// Nothing is lost where this process is killed and starts again on the same arena: what its predecessor had in hand is
 /// sent again, and the other end knows what it has. Threads: one.
 class FrameSender {

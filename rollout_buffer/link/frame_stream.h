@@ -128,4 +128,16 @@ class LatencyCounts {
   uint64_t all_ = 0;
 };
 
+/// What became of the requests of a host's simulators.
+struct FrameAccount {
+  uint64_t decisions = 0;  ///< answered, all agents counted
+  uint64_t batches = 0;
+  uint64_t raw_bytes = 0, sent_bytes = 0;
+  uint64_t resent = 0;      ///< requests
+  uint64_t duplicates = 0;  ///< answers to what was answered, or never asked
+  uint64_t refused = 0;     ///< batches of actions that are none
+  bool is_compressed = false;
+  double latency_us_p50 = 0, latency_us_p90 = 0, latency_us_p99 = 0;  ///< from sending to the answer
+};
+
 }  // namespace comrad::link

@@ -10,7 +10,7 @@
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/link/delivery_account.h"
 #include "rollout_buffer/link/door.h"
-#include "rollout_buffer/link/frame_sender.h"
+#include "rollout_buffer/link/frame_stream.h"
 #include "rollout_buffer/link/seats.h"
 
 namespace comrad::link {

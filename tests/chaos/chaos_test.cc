@@ -22,6 +22,7 @@
 #include <memory>
 #include <set>
 #include <sstream>
+#include <utility>
 
 #include "learner/checkpoint/checkpoint.h"
 #include "rollout_buffer/core/rng.h"
@@ -181,12 +182,23 @@ TEST_F(Chaos, RandomKillsAndStopsLoseNothingUntold) {
 TEST_F(Chaos, ALearnerKilledAtAnyMomentLeavesWholeCheckpointsAndLosesNoMoreThanSaveEverySec) {
   const int rounds = static_cast<int>(number_of("COMRAD_CHAOS_LEARNER_KILLS", 4));
   Rng rng(chosen_seed());
-  constexpr double kSaveEverySeconds = 1;
+  constexpr double kSaveEverySeconds = 1, kStatusSeconds = 2.1;  // between two looks that status.json gives
   begin({"--save_every_sec", "1"});
   double worst_s = 0;
   std::deque<double> deaths;
   for (int round = 0; round < rounds; ++round) {
     ASSERT_TRUE(wait_until([&] { return !checkpoints().empty(); }, 60));
+    // A learner that has just begun loses what it has learned since then, not the time in which it started.
+    sleep_s(kStatusSeconds);
+    double frames = env_frames(run_);
+    ASSERT_TRUE(wait_until(
+        [&] {
+          const double now = env_frames(run_);
+          return now > std::exchange(frames, now);
+        },
+        60));
+    struct timespec trains {};
+    clock_gettime(CLOCK_REALTIME, &trains);
     ASSERT_TRUE(trains_on(2048, 60));
     while (deaths.size() >= kMostDeathsInWindow && now_s() - deaths.front() < kDeathsWindowSeconds)
       sleep_s(0.2);
@@ -200,7 +212,7 @@ TEST_F(Chaos, ALearnerKilledAtAnyMomentLeavesWholeCheckpointsAndLosesNoMoreThanS
     clock_gettime(CLOCK_REALTIME, &killed);
     ASSERT_TRUE(wait_until([&] { return processes_of(run_, "comrad-learner") != learner; }, 10));
     expect_whole_checkpoints();
-    double newest_s = 0;
+    double newest_s = static_cast<double>(trains.tv_sec) - kStatusSeconds;
     for (const std::string& path : checkpoints()) {
       struct stat file {};
       if (stat(path.c_str(), &file) == 0)
