@@ -89,7 +89,8 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) 
     command.insert(command.end(), words.begin(), words.end());
     return RunningProgram(network.on(0, command)).wait(60);
   };
-  EXPECT_THAT(ctl({"status"}).out, HasSubstr("player"));
+  // The supervisor looks at its guests once a second.
+  EXPECT_TRUE(wait_until([&] { return ctl({"status"}).out.find("player") != std::string::npos; }, 15));
   EXPECT_THAT(ctl({"drain", "nobody"}).err, HasSubstr("nobody"));
   const Ending drained = ctl({"drain", "player"});
   EXPECT_EQ(drained.exit_code, 0) << drained.err;
