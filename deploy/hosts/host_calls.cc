@@ -64,6 +64,8 @@ std::vector<std::string> join_words(const RunConfig& config) {
   if (config.hosts.insecure_network) words.emplace_back("--insecure_network");
   if (!config.hosts.host_keys.empty()) words.push_back("--keys=" + config.hosts.host_keys);
   words.push_back("--link_buffer_mb=" + std::to_string(config.hosts.link_buffer_mb));
+  if (config.hosts.link_datagram_bytes > 0)
+    words.push_back("--link_datagram_bytes=" + std::to_string(config.hosts.link_datagram_bytes));
   return words;
 }
 

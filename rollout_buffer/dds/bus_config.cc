@@ -16,6 +16,9 @@
 namespace comrad::dds {
 namespace {
 
+constexpr uint32_t kHeaderBytes =
+    256;  // of RTPS, in a datagram with a fragment of a sample, and of its signature
+
 constexpr uint32_t kDomainCount = 100;
 constexpr uint32_t kPortsPerDomain = 250;  // of RTPS: two ports per participant from + 10 on
 constexpr uint32_t kMaxDomain = 230;
@@ -65,6 +68,8 @@ Status validate(const BusConfig& config) {
                   "; they must lie in 1024 to 65535");
   if (config.receive_buffer_mb < 1 || config.receive_buffer_mb > 1024)
     return refuse("receive buffer of " + std::to_string(config.receive_buffer_mb) + " MB: 1 to 1024");
+  if (config.datagram_bytes < 1024 || config.datagram_bytes > 65500)
+    return refuse("datagrams of " + std::to_string(config.datagram_bytes) + " bytes: 1024 to 65500");
   for (const std::string& peer : config.peers)
     if (!is_address(peer)) return refuse("peer '" + peer + "' is no IPv4 address");
   const std::string interface = "interface '" + config.interface_name + "'";
@@ -100,7 +105,10 @@ Expected<std::string> make_cyclone_config(const BusConfig& config) {
          R"(<General><Interfaces><NetworkInterface name=")" +
          config.interface_name +
          R"(" multicast="false"/></Interfaces><AllowMulticast>false</AllowMulticast>)"
-         R"(<MaxMessageSize>65500B</MaxMessageSize><FragmentSize>65000B</FragmentSize></General>)"
+         R"(<MaxMessageSize>)" +
+         std::to_string(config.datagram_bytes) + R"(B</MaxMessageSize><FragmentSize>)" +
+         std::to_string(config.datagram_bytes - kHeaderBytes) +
+         R"(B</FragmentSize></General>)"
          R"(<Discovery><Tag>)" +
          config.run_id + R"(</Tag><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>)" +
          std::to_string(config.max_participants - 1) + R"(</MaxAutoParticipantIndex><Ports><Base>)" +

@@ -393,6 +393,8 @@ void LinkBus::take_actions(uint64_t feeder_id, const std::function<void(const Ac
   });
 }
 
+bool LinkBus::has_sent_weights() const { return state_->participant->is_acknowledged(kWeights); }
+
 bool LinkBus::wait(int timeout_ms) { return state_->participant->wait(timeout_ms); }
 
 }  // namespace comrad::dds

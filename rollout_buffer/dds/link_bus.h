@@ -162,6 +162,9 @@ class LinkBus {
   Status write(const FrameBatch& batch);
   Status write(const ActionBatch& batch);
 
+  /// Whether all chunks of weights that were written have reached everybody who listens.
+  bool has_sent_weights() const;
+
   void take_questions(const std::function<void(const DoorQuestion&)>& visit);
   void take_answers(const std::function<void(const DoorAnswer&)>& visit);
   void take_reports(const std::function<void(const FeedReport&)>& visit);

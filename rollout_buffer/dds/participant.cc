@@ -249,6 +249,11 @@ Status Participant::write_sample(int topic, const void* sample) {
   return {};
 }
 
+bool Participant::is_acknowledged(int topic) const {
+  const dds_entity_t writer = entities_[static_cast<std::size_t>(topic)].writer;
+  return writer <= 0 || dds_wait_for_acks(writer, 0) == DDS_RETCODE_OK;
+}
+
 void Participant::dispose(int topic, const void* key) {
   const dds_entity_t writer = entities_[static_cast<std::size_t>(topic)].writer;
   if (writer > 0) dds_dispose(writer, key);

@@ -51,6 +51,8 @@ class Participant {
   Status write(int topic, const Wire& sample) {
     return write_sample(topic, &sample);
   }
+  /// Whether every reader has all that was written. Does not wait.
+  bool is_acknowledged(int topic) const;
   /// Tells readers that the instance of this key is gone.
   void dispose(int topic, const void* key);
 

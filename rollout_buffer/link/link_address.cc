@@ -4,11 +4,13 @@
 #include <fcntl.h>
 #include <ifaddrs.h>
 #include <net/if.h>
+#include <sys/ioctl.h>
 #include <sys/random.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cinttypes>
 #include <cstdio>
@@ -181,7 +183,22 @@ LinkOptions link_options(const HostSettings& settings, const std::string& automa
           .key_folder = key_folder,
           .insecure_network = settings.insecure_network,
           .peers = parts_of(settings.peers, ','),
-          .receive_buffer_mb = static_cast<uint32_t>(settings.link_buffer_mb)};
+          .receive_buffer_mb = static_cast<uint32_t>(settings.link_buffer_mb),
+          .datagram_bytes = static_cast<uint32_t>(settings.link_datagram_bytes)};
+}
+
+/// Bytes of a UDP datagram that an interface carries in one piece; loopback's limit is UDP's.
+uint32_t largest_whole_datagram(const std::string& interface_name) {
+  constexpr uint32_t kIpAndUdpHeaders = 28, kSmallest = 1280 - kIpAndUdpHeaders, kLargest = 65500;
+  if (dds::is_loopback(interface_name)) return kLargest;
+  ifreq asked{};
+  std::strncpy(asked.ifr_name, interface_name.c_str(), sizeof asked.ifr_name - 1);
+  const int any = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  const bool is_known = any >= 0 && ioctl(any, SIOCGIFMTU, &asked) == 0;
+  if (any >= 0) close(any);
+  if (!is_known) return kSmallest;
+  const auto mtu = static_cast<uint32_t>(std::max(0, asked.ifr_mtu));
+  return std::clamp(mtu - std::min(mtu, kIpAndUdpHeaders), kSmallest, kLargest);
 }
 
 dds::BusConfig serving_config(uint64_t link_id, const LinkOptions& options) {
@@ -193,6 +210,8 @@ dds::BusConfig serving_config(uint64_t link_id, const LinkOptions& options) {
   config.needs_keys_of_run = true;
   config.peers = options.peers;
   config.receive_buffer_mb = options.receive_buffer_mb;
+  config.datagram_bytes =
+      options.datagram_bytes > 0 ? options.datagram_bytes : largest_whole_datagram(options.interface_name);
   return config;
 }
 

@@ -57,6 +57,7 @@ struct LinkOptions {
   bool insecure_network = false;
   std::vector<std::string> peers = {};  ///< more IPv4 addresses at which the other end is looked for
   uint32_t receive_buffer_mb = 10;
+  uint32_t datagram_bytes = 0;  ///< 0: what the interface carries in one piece
 };
 /// Remembers for the run's processes which folder of keys this host has; empty: as before. Errors: kNoSpace, kSystem.
 Status keep_keys(const std::string& run_dir, const std::string& key_folder);

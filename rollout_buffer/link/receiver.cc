@@ -279,6 +279,9 @@ void Receiver::send_weights_if_due() {
       1 / options_.weights_per_s,
       static_cast<double>(weights_.size()) * static_cast<double>(guests_here) / options_.weights_bytes_per_s);
   if (weights_sent_s_ > 0 && now_s - weights_sent_s_ < interval_s) return;
+  // On a bad line a newer version in the place of one that is half there would never let any arrive.
+  if (weights_sent_s_ > 0 && now_s - weights_sent_s_ < options_.weights_wait_s && !bus_.has_sent_weights())
+    return;
   weights_sent_s_ = now_s;
   const Expected<PolicyVersion> version = arena_.read_weights(weights_);
   if (!version) {

@@ -30,6 +30,8 @@ struct ReceiverOptions {
   double seat_kept_s = 600;           ///< then others may have its simulators' places
   double weights_per_s = 10;          ///< at most so many versions
   double weights_bytes_per_s = 50e6;  ///< and so many bytes, to all hosts together
+  double weights_wait_s =
+      3;  ///< a version has so long to reach every host before a newer one takes its place
 };
 
 /// Exactly once: a slab is known by its host, environment and rollout index. How far each environment came stands in its

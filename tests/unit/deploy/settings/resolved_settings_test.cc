@@ -270,6 +270,7 @@ const std::set<std::string> kNotLearning = {"scenario",
                                             "peers",
                                             "port_base",
                                             "link_buffer_mb",
+                                            "link_datagram_bytes",
                                             "insecure_network"};
 
 /// Setting -> value of one configuration, from the tables above.
