@@ -114,7 +114,7 @@ std::vector<CheckResult> judge_way(const link::WayReport& way) {
           "(--rollout) carry more, a nearer host too",
           4000 / way.round_trip_ms_median));
   add("to the learner", way.up_bytes_per_s >= kNarrowUp, text("%.1f MB/s", way.up_bytes_per_s / 1e6),
-      "trajectories need about 5 kB for a decision (deploy/HOSTS.md): use a faster interface (--interface), "
+      "trajectories need about 22 kB for a decision (deploy/HOSTS.md): use a faster interface (--interface), "
       "or "
       "fewer simulators here");
   add("from the learner", way.down_bytes_per_s >= kNarrowDown, text("%.1f MB/s", way.down_bytes_per_s / 1e6),

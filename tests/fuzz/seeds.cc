@@ -167,10 +167,10 @@ int main(int argc, char** argv) {
   write("frames", "requests", std::string("\0\x03\1\0\0\0\x20", 7) + std::string(600, '\1'));
   write("frames", "actions", std::string("\1") + std::string(200, '\0'));
   write("frames", "question",
-        "\x03{\"protocol\":1,\"link\":4,\"ask\":\"file\",\"name\":\"layouts/map.wad\"}");
+        std::string("\x03{\"protocol\":1,\"link\":4,\"ask\":\"file\",\"name\":\"layouts/map.wad\"}"));
   write("frames", "offer",
-        "\x04{\"scenario\":\"room\",\"iwad_checksum\":\"00ff\",\"files\":[{\"name\":\"a/"
-        "b.wad\",\"bytes\":3}]}");
+        std::string(
+            "\x04{\"scenario\":\"room\",\"iwad_checksum\":\"00ff\",\"files\":[{\"name\":\"a/b.wad\"}]}"));
   write("join", "page", std::string("\x03GET /metrics HTTP/1.1\r\nHost: localhost:9400\r\n\r\n"));
   write("join", "datagram", std::string("\0\1\x18\0", 4));  // a right one, and one number of it changed
   write("join", "answer", "\x01" + std::string(168, '\0'));
