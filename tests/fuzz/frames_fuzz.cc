@@ -100,7 +100,8 @@ void feed_offer(Input& input) {
       link::parse_offer(std::string(reinterpret_cast<const char*>(rest.data()), rest.size()));
   if (!offer) return require(!offer.error().message.empty());
   for (const link::OfferedFile& file : offer->files)
-    require(!file.name.empty() && file.name[0] != '/' && file.name.find("..") == std::string::npos);
+    require(!file.name.empty() && file.name[0] != '/' && file.name[0] != '.' &&
+            file.name.find("/.") == std::string::npos);
 }
 
 }  // namespace
