@@ -85,7 +85,7 @@ TEST(Units, TheHelpOfEveryNumberSaysIts) {
       "files|"
       "units|deviations|layers|nats|L2|reward|score|seed|factor|share|fraction|probability|rate|exponent|"
       "weight|epsilon|"
-      "number|port|MB|"
+      "number|port|MB|bytes|"
       "temperature|ratio|in units|inference");
   for (const SettingRow& row : setting_rows()) {
     if (row.kind != SettingKind::kInt && row.kind != SettingKind::kReal) continue;
