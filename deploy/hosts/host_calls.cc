@@ -38,6 +38,12 @@ Expected<std::string> address_of(const std::string& host) {
   return std::string(text);
 }
 
+/// This node, as Slurm calls it.
+std::string own_node(const Variable& variable) {
+  const std::string node = variable("SLURMD_NODENAME");
+  return node.empty() ? short_host_name() : node;
+}
+
 /// The nodes of the allocation but this one, as Slurm lists them.
 Expected<std::vector<std::string>> other_nodes(const Variable& variable) {
   COMRAD_TRY_ASSIGN(const ProgramResult listed,
@@ -45,8 +51,7 @@ Expected<std::vector<std::string>> other_nodes(const Variable& variable) {
   if (listed.exit_code != 0)
     return Error{ErrorCode::kSystem, "scontrol show hostnames: " + last_words(listed)};
   std::vector<std::string> nodes = parts_of(listed.output, '\n');
-  const std::string own =
-      variable("SLURMD_NODENAME").empty() ? short_host_name() : variable("SLURMD_NODENAME");
+  const std::string own = own_node(variable);
   std::erase(nodes, own);
   return nodes;
 }
@@ -135,8 +140,7 @@ std::vector<HostStart> host_calls(const RunConfig& config, const Variable& varia
                 tasks = number_of(variable("SLURM_NTASKS"));
   std::vector<std::string> command = {"srun", "--overlap", "--kill-on-bad-exit=0"};
   if (nodes > 1) {
-    const std::string own =
-        variable("SLURMD_NODENAME").empty() ? short_host_name() : variable("SLURMD_NODENAME");
+    const std::string own = own_node(variable);
     command.insert(command.end(),
                    {"--nodes=" + std::to_string(nodes - 1), "--ntasks=" + std::to_string(nodes - 1),
                     "--ntasks-per-node=1", "--exclude=" + own});

@@ -91,6 +91,10 @@ struct LaunchPlan {
   bool serves() const { return trains() && config.hosts.serve; }
   /// Simulators that this run starts itself.
   int64_t own_workers() const { return simulators_join ? 0 : config.collection.num_workers; }
+  /// Places for simulators of hosts without a policy; this host counts as one where its simulators join.
+  int64_t frame_guests() const {
+    return serves() ? config.hosts.serve_frame_workers + config.collection.num_workers - own_workers() : 0;
+  }
   /// None where another host's play; the one that sends frames stands in their place.
   int64_t own_policy_workers() const { return sends_frames ? 0 : config.collection.policy_workers; }
   /// There is a learner among the workers.

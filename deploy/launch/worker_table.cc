@@ -78,8 +78,7 @@ WorkerTable::WorkerTable(const LaunchPlan& plan) : plan_(plan) {
   add(Role::kPolicy, plan.own_policy_workers());
   if (plan.has_learner()) add(Role::kLearner, 1);
   if (plan.serves()) add(Role::kReceiver, 1);
-  if (plan.serves() && (plan.config.hosts.serve_frame_workers > 0 || plan.own_workers() == 0))
-    add(Role::kFrameReceiver, 1);
+  if (plan.frame_guests() > 0) add(Role::kFrameReceiver, 1);
   if (plan.feeds()) add(Role::kFeeder, 1);
 }
 

@@ -10,6 +10,7 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/episodes.h"
+#include "rollout_buffer/link/guests.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::link {
@@ -22,7 +23,6 @@ constexpr int64_t kPollUs = 100;
 constexpr int kWaitMs = 5;
 constexpr double kTellIntervalS = 0.5;
 constexpr double kTellOfEndS = 1.0;
-constexpr std::size_t kMostGuests = 64;
 constexpr std::size_t kSpareSlabs = 2;    // of a host, beyond one for each environment that has none
 constexpr std::size_t kMostWhole = 4;     // copies of an environment that wait to be sealed
 constexpr std::size_t kAnsweredKept = 8;  // rollouts of an environment
@@ -134,14 +134,9 @@ Status FrameReceiver::run(const std::atomic<bool>& stop) {
 }
 
 void FrameReceiver::hear(const dds::FrameBatch& batch) {
-  if (!guests_.contains(batch.feeder_id) && guests_.size() >= kMostGuests) {
-    const auto gone =
-        std::ranges::find_if(guests_, [](const auto& entry) { return !entry.second.record.is_here; });
-    if (gone == guests_.end()) return;
-    free_seat(gone->second);
-    guests_.erase(gone);
-  }
-  Guest& guest = guests_[batch.feeder_id];
+  Guest* known = guest_of(guests_, batch.feeder_id, [this](Guest& gone) { free_seat(gone); });
+  if (known == nullptr) return;
+  Guest& guest = *known;
   guest.heard_s = monotonic_s();
   guest.record.feeder_id = batch.feeder_id;
   guest.record.host = batch.host;
@@ -176,12 +171,7 @@ void FrameReceiver::hear(const dds::FrameBatch& batch) {
 
 std::string FrameReceiver::seat(Guest& guest, const dds::FrameBatch& batch) {
   const shm::ArenaShape& shape = arena_.shape();
-  if (batch.feeder_id == 0) return "it has no id";
-  if (batch.fingerprint != options_.fingerprint)
-    return "its settings, scenario or maps are no longer those of this run; join again";
-  if (batch.slab_bytes != static_cast<uint64_t>(arena_.slab_offsets().slab_bytes) ||
-      batch.envs_per_worker != static_cast<uint32_t>(shape.envs_per_worker))
-    return "its trajectories are of another shape; install the same version on both hosts";
+  if (std::string other = other_game(batch, options_.fingerprint, arena_); !other.empty()) return other;
   const auto wanted = static_cast<int>(std::min<uint32_t>(batch.sim_workers, INT32_MAX));
   guest.workers = seats_.of(batch.feeder_id);
   if (wanted > 0 && static_cast<int>(guest.workers.size()) == wanted) {
@@ -190,10 +180,7 @@ std::string FrameReceiver::seat(Guest& guest, const dds::FrameBatch& batch) {
     seats_.free(batch.feeder_id);
     guest.workers.clear();
     if (wanted == 0 || seats_.free_count() < wanted)
-      return "of " + std::to_string(seats_.count()) + " places for simulators of hosts without a policy " +
-             std::to_string(seats_.free_count()) + " are free, it asks for " + std::to_string(wanted) +
-             "; more can be had with --serve_frame_workers where the run serves, fewer asked for with "
-             "--num_workers here";
+      return no_room(seats_, wanted, "hosts without a policy", "--serve_frame_workers");
     guest.workers = seats_.take(batch.feeder_id, wanted);
   }
   guest.record.workers = wanted;
@@ -507,17 +494,9 @@ void FrameReceiver::ask_to_leave(const std::string& host) {
 }
 
 void FrameReceiver::forget_silent() {
-  const double now_s = monotonic_s();
-  for (auto& [id, guest] : guests_) {
-    const double silent_s = now_s - guest.heard_s;
-    if (guest.record.is_here && silent_s > options_.silent_after_s) {
-      guest.record.is_here = false;
-      give_back(guest);
-      spdlog::warn("nothing is heard of {}; its free slabs go back, its places are kept for {} s",
-                   guest.record.host, static_cast<int>(options_.seat_kept_s));
-    }
-    if (!guest.record.is_here && !guest.workers.empty() && silent_s > options_.seat_kept_s) free_seat(guest);
-  }
+  forget_silent_guests(
+      guests_, options_.silent_after_s, options_.seat_kept_s, [this](Guest& guest) { give_back(guest); },
+      [this](Guest& guest) { free_seat(guest); });
 }
 
 void FrameReceiver::tell(uint64_t id, Guest& guest) {
@@ -549,13 +528,6 @@ std::vector<FeederRecord> FrameReceiver::records() const {
   return records;
 }
 
-void FrameReceiver::remember(const std::vector<FeederRecord>& records) {
-  for (const FeederRecord& record : records) {
-    if (record.feeder_id == 0 || guests_.size() >= kMostGuests) continue;
-    Guest& guest = guests_[record.feeder_id];
-    guest.record = record;
-    guest.record.is_here = false;
-  }
-}
+void FrameReceiver::remember(const std::vector<FeederRecord>& records) { remember_guests(guests_, records); }
 
 }  // namespace comrad::link

@@ -6,6 +6,7 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/episodes.h"
+#include "rollout_buffer/link/guests.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::link {
@@ -76,14 +77,9 @@ void Receiver::turn() {
 }
 
 void Receiver::hear(const dds::FeedReport& report) {
-  if (!guests_.contains(report.feeder_id) && guests_.size() >= kMostGuests) {
-    const auto gone =
-        std::ranges::find_if(guests_, [](const auto& entry) { return !entry.second.record.is_here; });
-    if (gone == guests_.end()) return;
-    free_seat(gone->second);
-    guests_.erase(gone);
-  }
-  Guest& guest = guests_[report.feeder_id];
+  Guest* known = guest_of(guests_, report.feeder_id, [this](Guest& gone) { free_seat(gone); });
+  if (known == nullptr) return;
+  Guest& guest = *known;
   FeederRecord& record = guest.record;
   record.feeder_id = report.feeder_id;
   record.host = report.host;
@@ -116,15 +112,9 @@ void Receiver::hear(const dds::FeedReport& report) {
 
 /// Gives the guest places of simulators. Says why not, or nothing.
 std::string Receiver::seat(Guest& guest, const dds::FeedReport& report) {
-  const shm::ArenaShape& shape = arena_.shape();
   const uint64_t id = report.feeder_id;
   guest.workers.clear();
-  if (id == 0) return "it has no id";
-  if (report.fingerprint != fingerprint_)
-    return "its settings, scenario or maps are no longer those of this run; join again";
-  if (report.slab_bytes != static_cast<uint64_t>(arena_.slab_offsets().slab_bytes) ||
-      report.envs_per_worker != static_cast<uint32_t>(shape.envs_per_worker))
-    return "its trajectories are of another shape; install the same version on both hosts";
+  if (std::string other = other_game(report, fingerprint_, arena_); !other.empty()) return other;
   const auto wanted = static_cast<int>(std::min<uint32_t>(report.sim_workers, INT32_MAX));
   guest.workers = seats_.of(id);
   const bool is_known = wanted > 0 && static_cast<int>(guest.workers.size()) == wanted;
@@ -138,10 +128,7 @@ std::string Receiver::seat(Guest& guest, const dds::FeedReport& report) {
           now_s - other.heard_s > options_.silent_after_s)
         free_seat(other);
     if (wanted == 0 || seats_.free_count() < wanted)
-      return "of " + std::to_string(seats_.count()) + " places for simulators of other hosts " +
-             std::to_string(seats_.free_count()) + " are free, it asks for " + std::to_string(wanted) +
-             "; more can be had with --serve_workers where the run serves, fewer asked for with "
-             "--num_workers here";
+      return no_room(seats_, wanted, "other hosts", "--serve_workers");
     guest.workers = seats_.take(id, wanted);
   }
   guest.record.workers = wanted;
@@ -149,14 +136,7 @@ std::string Receiver::seat(Guest& guest, const dds::FeedReport& report) {
   return "";
 }
 
-void Receiver::remember(const std::vector<FeederRecord>& records) {
-  for (const FeederRecord& record : records) {
-    if (record.feeder_id == 0 || guests_.size() >= kMostGuests) continue;
-    Guest& guest = guests_[record.feeder_id];
-    guest.record = record;
-    guest.record.is_here = false;
-  }
-}
+void Receiver::remember(const std::vector<FeederRecord>& records) { remember_guests(guests_, records); }
 
 void Receiver::free_seat(Guest& guest) {
   seats_.free(guest.record.feeder_id);
@@ -295,17 +275,9 @@ void Receiver::send_weights_if_due() {
 }
 
 void Receiver::forget_silent() {
-  const double now_s = monotonic_s();
-  for (auto& [id, guest] : guests_) {
-    const double silent_s = now_s - guest.heard_s;
-    if (guest.record.is_here && silent_s > options_.silent_after_s) {
-      guest.record.is_here = false;
-      give_back(guest);
-      spdlog::warn("nothing is heard of {}; its free slabs go back, its places are kept for {} s",
-                   guest.record.host, static_cast<int>(options_.seat_kept_s));
-    }
-    if (!guest.record.is_here && !guest.workers.empty() && silent_s > options_.seat_kept_s) free_seat(guest);
-  }
+  forget_silent_guests(
+      guests_, options_.silent_after_s, options_.seat_kept_s, [this](Guest& guest) { give_back(guest); },
+      [this](Guest& guest) { free_seat(guest); });
 }
 
 void Receiver::tell(Guest& guest) {

@@ -2,10 +2,8 @@
 #include <utility>
 
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/link/link_address.h"
-#include "rollout_buffer/link/link_files.h"
 #include "rollout_buffer/link/receiver.h"
-#include "rollout_buffer/shm/worker_shell.h"
+#include "rollout_buffer/link/serving_end.h"
 
 namespace {
 
@@ -15,23 +13,12 @@ Status work(const shm::WorkerShell& shell, const RunConfig& config) {
   COMRAD_TRY_ASSIGN(const link::LinkAddress address, link::kept_address(shell.run_dir()));
   COMRAD_TRY_ASSIGN(link::Offer offer, link::read_offer(shell.run_dir()));
   COMRAD_TRY_ASSIGN(const shm::Arena arena, shell.join());
-  COMRAD_TRY_ASSIGN(dds::LinkBus bus,
-                    dds::LinkBus::open(link::serving_config(
-                        address.link_id, link::link_options(config.hosts, link::kLoopback,
-                                                            link::kept_keys(shell.run_dir())))));
+  COMRAD_TRY_ASSIGN(dds::LinkBus bus, link::open_serving_bus(shell, config, address));
   link::Receiver receiver(arena, std::move(bus),
                           {.first_worker = arena.shape().served_worker_count(), .offer = std::move(offer)});
-  receiver.remember(link::read_guests(shell.run_dir(), link::kTrajectoryFiles));
-  bool has_warned = false;
-  receiver.every_second([&] {
-    for (const std::string& host : link::take_hosts_to_leave(shell.run_dir(), link::kTrajectoryFiles))
-      receiver.ask_to_leave(host);
-    const Status written = link::write_guests(shell.run_dir(), link::kTrajectoryFiles, receiver.records());
-    if (!written && !std::exchange(has_warned, true)) spdlog::warn("{}", written.error().message);
-  });
   spdlog::info("the door is open at {}, with room for {} simulators of other hosts", address.host,
                arena.shape().guest_worker_count - arena.shape().frame_guest_count);
-  return receiver.run(shell.stop());
+  return link::serve(shell, receiver, link::kTrajectoryFiles);
 }
 
 }  // namespace

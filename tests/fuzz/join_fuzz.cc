@@ -18,14 +18,12 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/arena_socket.h"
+#include "tests/fuzz/input.h"
 
 namespace {
 
 using namespace comrad;
-
-void require(bool holds) {
-  if (!holds) std::abort();
-}
+using namespace comrad::fuzz;
 
 sockaddr_un address_of(const std::string& name, socklen_t& size) {
   sockaddr_un address{};

@@ -1,0 +1,82 @@
+// What both ends of the links on the learner's host do alike with hosts that play for it. Stage: beside the flow.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/log.h"
+#include "rollout_buffer/link/seats.h"
+#include "rollout_buffer/shm/arena.h"
+
+namespace comrad::link {
+
+/// By feeder id. A guest has a `record`, its `workers` of the arena, and `heard_s`, when it was heard last.
+template <typename Guest>
+using Guests = std::map<uint64_t, Guest>;
+constexpr std::size_t kMostGuests = 64;
+
+/// The guest of this id, which may be new. One that is gone makes room for it (`free_seat`); null where all are here.
+template <typename Guest, typename FreeSeat>
+Guest* guest_of(Guests<Guest>& guests, uint64_t feeder_id, FreeSeat free_seat) {
+  if (!guests.contains(feeder_id) && guests.size() >= kMostGuests) {
+    const auto gone =
+        std::ranges::find_if(guests, [](const auto& entry) { return !entry.second.record.is_here; });
+    if (gone == guests.end()) return nullptr;
+    free_seat(gone->second);
+    guests.erase(gone);
+  }
+  return &guests[feeder_id];
+}
+
+/// What records() of a predecessor said last, that hosts which have left are not forgotten.
+template <typename Guest>
+void remember_guests(Guests<Guest>& guests, const std::vector<FeederRecord>& records) {
+  for (const FeederRecord& record : records) {
+    if (record.feeder_id == 0 || guests.size() >= kMostGuests) continue;
+    Guest& guest = guests[record.feeder_id];
+    guest.record = record;
+    guest.record.is_here = false;
+  }
+}
+
+/// Hosts of which nothing is heard lose their free slabs (`give_back`), and later their places (`free_seat`).
+template <typename Guest, typename GiveBack, typename FreeSeat>
+void forget_silent_guests(Guests<Guest>& guests, double silent_after_s, double seat_kept_s,
+                          GiveBack give_back, FreeSeat free_seat) {
+  const double now_s = monotonic_s();
+  for (auto& [id, guest] : guests) {
+    const double silent_s = now_s - guest.heard_s;
+    if (guest.record.is_here && silent_s > silent_after_s) {
+      guest.record.is_here = false;
+      give_back(guest);
+      spdlog::warn("nothing is heard of {}; its free slabs go back, its places are kept for {} s",
+                   guest.record.host, static_cast<int>(seat_kept_s));
+    }
+    if (!guest.record.is_here && !guest.workers.empty() && silent_s > seat_kept_s) free_seat(guest);
+  }
+}
+
+/// Why a host that asks for places, a FeedReport or a FrameBatch, plays another game; empty where it is this one.
+template <typename Asked>
+std::string other_game(const Asked& asked, uint64_t fingerprint, const shm::Arena& arena) {
+  if (asked.feeder_id == 0) return "it has no id";
+  if (asked.fingerprint != fingerprint)
+    return "its settings, scenario or maps are no longer those of this run; join again";
+  if (asked.slab_bytes != static_cast<uint64_t>(arena.slab_offsets().slab_bytes) ||
+      asked.envs_per_worker != static_cast<uint32_t>(arena.shape().envs_per_worker))
+    return "its trajectories are of another shape; install the same version on both hosts";
+  return "";
+}
+
+/// Why so many places cannot be had. `kind` are the simulators they are for, `flag` gives the run more of them.
+inline std::string no_room(const Seats& seats, int wanted, const std::string& kind, const std::string& flag) {
+  return "of " + std::to_string(seats.count()) + " places for simulators of " + kind + " " +
+         std::to_string(seats.free_count()) + " are free, it asks for " + std::to_string(wanted) +
+         "; more can be had with " + flag + " where the run serves, fewer asked for with --num_workers here";
+}
+
+}  // namespace comrad::link
