@@ -44,10 +44,10 @@ ordered_json json_of(const TunedSettings& settings) {
 }
 
 Status write_toml(const std::string& path, const TuneResult& result, const MergedSettings& merged) {
-  std::string text = "# comrad tune: " + merged.config.run.scenario + ", " + merged.config.run.algo.name() +
-                     ", " + std::to_string(usable_cores()) + " cores; use: comrad train --config FILE\n";
-  for (const auto& [setting, value] : result.best) text += setting_toml(*find_setting(setting), value) + "\n";
-  return write_file_atomically(path, text, /*durable=*/false);
+  const std::string found_for = "# comrad tune: " + merged.config.run.scenario + ", " +
+                                merged.config.run.algo.name() + ", " + std::to_string(usable_cores()) +
+                                " cores; use: comrad train --config FILE\n";
+  return write_file_atomically(path, found_for + toml_of(result.best), /*durable=*/false);
 }
 
 Expected<int> tune_here(const TuneRequest& request, const CommandLine& line) {

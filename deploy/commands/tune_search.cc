@@ -57,6 +57,12 @@ Expected<TuneResult> tune(const std::vector<TuneAxis>& axes,
   return result;
 }
 
+std::string toml_of(const TunedSettings& settings) {
+  std::string text;
+  for (const auto& [setting, value] : settings) text += setting_toml(*find_setting(setting), value);
+  return text;
+}
+
 std::vector<TuneAxis> tune_axes(const RunConfig& config, int cores) {
   std::vector<TuneAxis> axes;
   const auto add = [&](const std::string& setting, const std::vector<int64_t>& values) {

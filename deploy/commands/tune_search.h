@@ -44,6 +44,9 @@ Expected<TuneResult> tune(const std::vector<TuneAxis>& axes,
                           const std::function<Expected<double>(const TunedSettings&)>& measure,
                           const std::function<bool()>& has_time);
 
+/// The lines of a file for `comrad train --config`.
+std::string toml_of(const TunedSettings& settings);
+
 /// What is tried for a run of `config`, resolved, on so many cores: what changes the rate and not what is learned.
 std::vector<TuneAxis> tune_axes(const RunConfig& config, int cores);
 

@@ -78,7 +78,7 @@ std::string settings_to_toml(const RunConfig& config, const Values& asked_for) {
     subject = row.subject;
     const std::string_view others = row.traits.counts_with.words;
     text += "# " + std::string(row.help) + (others.empty() ? "" : "; with " + std::string(others)) + "\n" +
-            std::string(row.name) + " = " + setting_toml(row, row.text(config)) + "\n";
+            setting_toml(row, row.text(config));
   }
   if (asked_for.empty()) return text;
   text +=
@@ -87,7 +87,7 @@ std::string settings_to_toml(const RunConfig& config, const Values& asked_for) {
       "## run's name. `--config` with this file takes these, so that a new run works its own out.\n\n[" +
       std::string(kAskedFor) + "]\n";
   for (const auto& [name, value] : asked_for)
-    if (const SettingRow* row = find_setting(name)) text += name + " = " + setting_toml(*row, value) + "\n";
+    if (const SettingRow* row = find_setting(name)) text += setting_toml(*row, value);
   return text;
 }
 

@@ -353,7 +353,7 @@ std::string setting_text(const RunConfig& config, std::string_view name) {
 }
 
 std::string setting_toml(const SettingRow& row, const std::string& text) {
-  return row.is_text() ? quoted(text) : text;
+  return std::string(row.name) + " = " + (row.is_text() ? quoted(text) : text) + "\n";
 }
 
 Status set(RunConfig& config, const std::string& origin, std::string_view key, std::string_view text) {

@@ -111,7 +111,7 @@ std::vector<std::string> setting_names();
 
 /// The value as config.toml has it, without quotes; empty for an unknown name.
 std::string setting_text(const RunConfig& config, std::string_view name);
-/// A value's text as a line of TOML has it.
+/// A value's text as a line of a TOML file, NAME = VALUE, with its end.
 std::string setting_toml(const SettingRow& row, const std::string& text);
 
 /// Parses `text` by the setting's type: whole numbers accept 1e6, booleans true/false/1/0 in any case, words any case.

@@ -160,6 +160,9 @@ TEST_F(SmallProject, NamesMissingPackagesAndInstallsNoneWhenTold) {
                                 Not(HasSubstr("cmake"))));
 }
 
+/// How apt-get is asked: another program may hold its lock for a while on a machine that has just started.
+const std::string kInstall = "install -q -y -o DPkg::Lock::Timeout=300 --no-install-recommends ";
+
 /// apt-get, dpkg-query and python3 that write down what they are asked for.
 class SmallProjectWithTools : public SmallProject {
  protected:
@@ -214,8 +217,7 @@ TEST_F(SmallProjectWithTools, InstallsWhatIsMissingWithAptGet) {
   const Ending installed = run_with_tools({"version"});
   EXPECT_EQ(installed.exit_code, 0) << installed.err;
   EXPECT_THAT(installed.err, HasSubstr("installing 2 Debian packages"));
-  EXPECT_EQ(take_asked_for("apt"),
-            "update -q\ninstall -q -y --no-install-recommends ninja-build libosmesa6-dev\n");
+  EXPECT_EQ(take_asked_for("apt"), "update -q\n" + kInstall + "ninja-build libosmesa6-dev\n");
   EXPECT_EQ(take_asked_for("python"), "") << "that is for `test` alone";
 }
 
@@ -227,7 +229,7 @@ TEST_F(SmallProjectWithTools, InstallsWhatTheTestsNeedOnce) {
   EXPECT_EQ(first.out, test_python_ + "\n") << "the tests hear of it";
   EXPECT_THAT(first.err, AllOf(HasSubstr("installing 1 Debian packages of deploy/packages_test.txt: clang"),
                                HasSubstr("installing 2 Python packages"), HasSubstr("numpy==1 torch==2")));
-  EXPECT_EQ(take_asked_for("apt"), "update -q\ninstall -q -y --no-install-recommends clang\n");
+  EXPECT_EQ(take_asked_for("apt"), "update -q\n" + kInstall + "clang\n");
   EXPECT_THAT(take_asked_for("python"),
               AllOf(HasSubstr("-m venv " + (home_ / "build/test-python").string() + "\n"),
                     HasSubstr(" numpy==1\n"), HasSubstr(" torch==2\n")));
@@ -258,13 +260,13 @@ TEST_F(SmallProjectWithTools, InstallsWhatPlotsNeedForPlotsAndTests) {
   fs::remove(home_ / "full");
   take_asked_for("apt");
   EXPECT_THAT(run_with_tools({"plot", "RUN"}).err, HasSubstr("deploy/packages_report.txt: clang"));
-  EXPECT_EQ(take_asked_for("apt"), "update -q\ninstall -q -y --no-install-recommends clang\n");
+  EXPECT_EQ(take_asked_for("apt"), "update -q\n" + kInstall + "clang\n");
   EXPECT_EQ(run_with_tools({"plot", "RUN"}).err, "");
   EXPECT_EQ(take_asked_for("apt"), "") << "once";
   EXPECT_EQ(run_with_tools({"train"}).err, "");
   EXPECT_EQ(take_asked_for("apt"), "") << "nobody else needs it";
   run_with_tools({"test"});
-  EXPECT_THAT(take_asked_for("apt"), HasSubstr("install -q -y --no-install-recommends clang\n"));
+  EXPECT_THAT(take_asked_for("apt"), HasSubstr(kInstall + "clang\n"));
 }
 
 TEST_F(SmallProjectWithTools, GoesOnWhereTheTestsNeedWhatCannotBeHad) {
@@ -281,7 +283,7 @@ TEST_F(SmallProjectWithTools, GoesOnWhereTheTestsNeedWhatCannotBeHad) {
   fs::remove(home_ / "offline");
   take_asked_for("apt");
   EXPECT_THAT(run_with_tools({"test"}).err, HasSubstr("installing 2 Python packages")) << "it tries again";
-  EXPECT_THAT(take_asked_for("apt"), HasSubstr("install -q -y --no-install-recommends clang"));
+  EXPECT_THAT(take_asked_for("apt"), HasSubstr(kInstall + "clang"));
 }
 
 TEST_F(SmallProjectWithTools, InstallsNothingForTheTestsWhenTold) {
@@ -325,8 +327,7 @@ TEST_F(SmallProjectWithDriver, GetsTheCudaPyTorchOnceAndSaysBeforehandHowLargeIt
               AllOf(HasSubstr(size), HasSubstr("PyTorch installed"), HasSubstr("that PyTorch has no CUDA")))
       << "the tool that plays pip installs none";
   EXPECT_LT(first.err.find(size), first.err.find("PyTorch installed"));
-  EXPECT_EQ(take_asked_for("apt"), "update -q\ninstall -q -y --no-install-recommends clang\n")
-      << "no libtorch-dev";
+  EXPECT_EQ(take_asked_for("apt"), "update -q\n" + kInstall + "clang\n") << "no libtorch-dev";
   EXPECT_THAT(take_asked_for("python"),
               AllOf(HasSubstr("-m venv " + folder_ + "\n"), HasSubstr(" torch==9.1 more-x\n"),
                     Not(HasSubstr("--no-index"))));

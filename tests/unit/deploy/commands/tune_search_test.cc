@@ -5,6 +5,9 @@
 
 #include <map>
 
+#include "rollout_buffer/settings/layers.h"
+#include "tests/support/scratch_folder.h"
+
 namespace comrad::deploy {
 namespace {
 
@@ -87,6 +90,18 @@ TEST(Tune, StopsWhenTimeIsUp) {
   ASSERT_TRUE(result);
   EXPECT_FALSE(result->is_whole);
   EXPECT_EQ(result->tries.size(), 2u);
+}
+
+TEST(Tune, WhatItFindsIsAFileThatTrainTakes) {
+  const ScratchFolder folder;
+  const auto layer = read_settings_toml(
+      folder.write("tuned.toml", "# found\n" + toml_of({{"precision", "bf16"}, {"num_workers", "3"}})));
+  ASSERT_TRUE(layer) << layer.error().message;
+  RunConfig config;
+  ASSERT_TRUE(apply_layer(config, *layer));
+  EXPECT_EQ(config.collection.precision, Precision::kBf16);
+  EXPECT_EQ(config.collection.num_workers, 3);
+  EXPECT_EQ(toml_of({}), "");
 }
 
 TEST(TuneAxes, HoldOtherValuesThanThoseInForce) {
