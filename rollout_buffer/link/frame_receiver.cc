@@ -179,6 +179,8 @@ std::string FrameReceiver::seat(Guest& guest, const dds::FrameBatch& batch) {
   } else {
     seats_.free(batch.feeder_id);
     guest.workers.clear();
+    take_seats_of_silent(guests_, seats_, batch.feeder_id, wanted, options_.silent_after_s,
+                         [this](Guest& gone) { free_seat(gone); });
     if (wanted == 0 || seats_.free_count() < wanted)
       return no_room(seats_, wanted, "hosts without a policy", "--serve_frame_workers");
     guest.workers = seats_.take(batch.feeder_id, wanted);

@@ -21,11 +21,12 @@
 namespace comrad::link {
 
 struct FrameReceiverOptions {
-  int first_worker = 0;       ///< simulators of the arena from this one on are played by other hosts,
-  int worker_count = 1;       ///< so many
-  uint64_t fingerprint = 0;   ///< of the offer; other games are refused
-  double silent_after_s = 5;  ///< then a host's free slabs go back
-  double seat_kept_s = 600;   ///< then others may have its simulators' places, and what it began is lost
+  int first_worker = 0;      ///< simulators of the arena from this one on are played by other hosts,
+  int worker_count = 1;      ///< so many
+  uint64_t fingerprint = 0;  ///< of the offer; other games are refused
+  double silent_after_s =
+      5;                     ///< then a host's free slabs go back, and another that needs its places has them
+  double seat_kept_s = 600;  ///< then its simulators' places are free, and what it began is lost
 };
 
 /// Bounded: a host has one request under way for each environment, and may begin no more trajectories than there are

@@ -60,6 +60,17 @@ void forget_silent_guests(Guests<Guest>& guests, double silent_after_s, double s
   }
 }
 
+/// Frees places of hosts that have been silent for long, where guest `id` needs them: as many hosts' as it takes.
+template <typename Guest, typename FreeSeat>
+void take_seats_of_silent(Guests<Guest>& guests, const Seats& seats, uint64_t id, int wanted,
+                          double silent_after_s, FreeSeat free_seat) {
+  const double now_s = monotonic_s();
+  for (auto& [other_id, other] : guests)
+    if (seats.free_count() < wanted && other_id != id && !other.record.is_here && !other.workers.empty() &&
+        now_s - other.heard_s > silent_after_s)
+      free_seat(other);
+}
+
 /// Why a host that asks for places, a FeedReport or a FrameBatch, plays another game; empty where it is this one.
 template <typename Asked>
 std::string other_game(const Asked& asked, uint64_t fingerprint, const shm::Arena& arena) {

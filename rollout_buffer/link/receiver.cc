@@ -15,7 +15,6 @@ namespace {
 constexpr int kWaitMs = 5;
 constexpr double kTellIntervalS = 0.5;
 constexpr double kTellOfEndS = 1.0;
-constexpr std::size_t kMostGuests = 256;  // strangers that ask for a seat must not fill the memory
 
 }  // namespace
 
@@ -122,11 +121,8 @@ std::string Receiver::seat(Guest& guest, const dds::FeedReport& report) {
     guest.record.decisions = seats_.sealed_for(id);  // a predecessor of this process did not say goodbye
   } else {
     seats_.free(id);
-    const double now_s = monotonic_s();
-    for (auto& [other_id, other] : guests_)  // places of hosts that are long gone, where they are needed
-      if (seats_.free_count() < wanted && other_id != id && !other.record.is_here &&
-          now_s - other.heard_s > options_.silent_after_s)
-        free_seat(other);
+    take_seats_of_silent(guests_, seats_, id, wanted, options_.silent_after_s,
+                         [this](Guest& gone) { free_seat(gone); });
     if (wanted == 0 || seats_.free_count() < wanted)
       return no_room(seats_, wanted, "other hosts", "--serve_workers");
     guest.workers = seats_.take(id, wanted);

@@ -23,12 +23,12 @@
 namespace comrad::link {
 
 struct ReceiverOptions {
-  int first_worker = 0;               ///< simulators of the arena from this one on are played by other hosts
-  Offer offer;                        ///< what hosts that join are told
-  int window = 4;                     ///< slabs that are kept free for each host, its credits
-  double silent_after_s = 5;          ///< then its free slabs go back
-  double seat_kept_s = 600;           ///< then others may have its simulators' places
-  double weights_per_s = 10;          ///< at most so many versions
+  int first_worker = 0;       ///< simulators of the arena from this one on are played by other hosts
+  Offer offer;                ///< what hosts that join are told
+  int window = 4;             ///< slabs that are kept free for each host, its credits
+  double silent_after_s = 5;  ///< then its free slabs go back, and another that needs its places has them
+  double seat_kept_s = 600;   ///< then its simulators' places are free
+  double weights_per_s = 10;  ///< at most so many versions
   double weights_bytes_per_s = 50e6;  ///< and so many bytes, to all hosts together
   double weights_wait_s =
       3;  ///< a version has so long to reach every host before a newer one takes its place

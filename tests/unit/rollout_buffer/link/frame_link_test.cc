@@ -312,6 +312,42 @@ TEST(FrameLinkBadLuck, AnotherGameIsRefusedInWords) {
   EXPECT_THAT(ended.error().message, HasSubstr("join again"));
 }
 
+TEST(FrameLinkBadLuck, AHostThatFellSilentGivesItsPlaceToOneThatAsks) {
+  const uint64_t id = fresh_id();
+  const shm::Arena near = make_arena(1, 1);
+  std::atomic<bool> stop{false};
+  FrameReceiver receiver(near, open_link(id), {.silent_after_s = 1});
+  std::thread receiving([&] { EXPECT_TRUE(receiver.run(stop)); });
+  dds::LinkBus far = open_link(id);
+  const auto asks = [&](uint64_t feeder) {
+    (void)far.write(dds::FrameBatch{.feeder_id = feeder,
+                                    .epoch = 1,
+                                    .slab_bytes = static_cast<uint64_t>(near.slab_offsets().slab_bytes),
+                                    .sim_workers = 1,
+                                    .envs_per_worker = 4,
+                                    .host = "host" + std::to_string(feeder)});
+  };
+  // What the receiver says to `asking` at last: until it is `expected`, while all of `here` are heard.
+  const auto told = [&](uint64_t asking, const std::string& expected, const std::vector<uint64_t>& here) {
+    std::string state, message;
+    for (const double end_s = monotonic_s() + 20; state != expected && monotonic_s() < end_s;) {
+      for (const uint64_t feeder : here) asks(feeder);
+      far.wait(100);
+      far.take_actions(asking, [&](const dds::ActionBatch& batch) {
+        state = batch.run_state;
+        message = batch.message;
+      });
+    }
+    return state + ": " + message;
+  };
+  EXPECT_EQ(told(10, "running", {10}), "running: ");
+  EXPECT_THAT(told(11, "refused", {10, 11}), HasSubstr("0 are free")) << "while the first is heard";
+  EXPECT_EQ(told(11, "running", {11}), "running: ") << "once it is silent";
+  EXPECT_THAT(told(10, "refused", {10, 11}), HasSubstr("0 are free"));
+  stop = true;
+  receiving.join();
+}
+
 TEST(FrameLinkBadLuck, NonsenseFromAPeerHarmsNobody) {
   const uint64_t id = fresh_id();
   const shm::Arena near = make_arena(2, 1), far = make_arena(1, 2);
