@@ -35,11 +35,25 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Settings that a host which joins chooses for itself; all others are the run's.
-constexpr std::array<std::string_view, 18> kOwnSettings = {
-    "train_dir",        "experiment",        "num_workers", "policy_workers",   "policy_threads",
-    "min_batch",        "max_batch",         "max_wait_us", "trajectory_slabs", "set_workers_cpu_affinity",
-    "device",           "interface",         "peers",       "link_buffer_mb",   "link_datagram_bytes",
-    "insecure_network", "progress_interval", "link"};
+constexpr std::array<std::string_view, 19> kOwnSettings = {"train_dir",
+                                                           "experiment",
+                                                           "num_workers",
+                                                           "policy_workers",
+                                                           "policy_threads",
+                                                           "min_batch",
+                                                           "max_batch",
+                                                           "max_wait_us",
+                                                           "trajectory_slabs",
+                                                           "set_workers_cpu_affinity",
+                                                           "device",
+                                                           "policy_device",
+                                                           "interface",
+                                                           "peers",
+                                                           "link_buffer_mb",
+                                                           "link_datagram_bytes",
+                                                           "insecure_network",
+                                                           "progress_interval",
+                                                           "link"};
 constexpr int64_t kSlabsUnderWay = 8;  // sealed here or on their way; the learner's host takes 4 at once
 
 struct JoinRequest {

@@ -13,6 +13,7 @@
 #include "rollout_buffer/core/parts.h"
 #include "rollout_buffer/link/link_files.h"
 #include "rollout_buffer/settings/layers.h"
+#include "rollout_buffer/settings/resolve.h"
 
 namespace comrad::deploy {
 namespace {
@@ -65,6 +66,7 @@ RunConfig offered_settings(const RunConfig& config) {
   mine.max_batch = any.max_batch;
   mine.trajectory_slabs = any.trajectory_slabs;
   mine.device = any.device;
+  mine.policy_device = any.policy_device;
   mine.learner_threads = any.learner_threads;
   mine.policy_threads = any.policy_threads;
   mine.set_workers_cpu_affinity = any.set_workers_cpu_affinity;
@@ -97,8 +99,9 @@ Expected<uint64_t> scenario_checksum(const std::string& scenario) {
 
 bool computes_on_cuda(const RunConfig& config) {
   std::error_code ignored;
-  return config.collection.device.starts_with("cuda") || config.collection.device == "gpu" ||
-         (config.collection.device == "auto" && fs::exists("/dev/nvidiactl", ignored));
+  const std::string device = policy_device(config, 0);
+  return device.starts_with("cuda") || device == "gpu" ||
+         (device == "auto" && fs::exists("/dev/nvidiactl", ignored));
 }
 
 Status check_can_be_offered(const RunConfig& config) {

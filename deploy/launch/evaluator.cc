@@ -199,6 +199,8 @@ Status Evaluator::start(const Snapshot& snapshot, double now_s) {
                        "1",
                        "--device",
                        "cpu",
+                       "--policy_device",
+                       "cpu",
                        "--set_workers_cpu_affinity",
                        "False"};
   // What a killed one leaves is found there.

@@ -49,8 +49,10 @@ constexpr std::array<std::string_view, 41> kNamesKept = {
 
 /// Settings of the subject `run` and these follow from the machine, or say where and how long; what is learned does not
 /// hang on them.
-constexpr std::array<std::string_view, 13> kNoRecipe = {"wad",
+constexpr std::array<std::string_view, 15> kNoRecipe = {"wad",
                                                         "device",
+                                                        "policy_device",
+                                                        "precision",
                                                         "num_workers",
                                                         "policy_workers",
                                                         "max_wait_us",

@@ -3,18 +3,11 @@
 #include <unordered_map>
 
 #include "policy_workers/policy/torch_ops.h"
+#include "rollout_buffer/core/cpu_features.h"
 
 namespace comrad::policy {
 
-bool multiplies_bf16(torch::Device device) {
-  if (!device.is_cpu()) return true;
-#if defined(__x86_64__) && defined(__GNUC__)
-  static const bool has_instructions = __builtin_cpu_supports("avx512bf16") > 0;  // every CPU with AMX has it
-  return has_instructions;
-#else
-  return false;
-#endif
-}
+bool multiplies_bf16(torch::Device device) { return !device.is_cpu() || cpu_multiplies_bf16(); }
 
 Tensor factor(const Tensor& x, Precision precision) {
   if (precision == Precision::kFp32) return x;

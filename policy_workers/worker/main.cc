@@ -11,6 +11,7 @@
 #include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/dds/bus.h"
+#include "rollout_buffer/settings/resolve.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/worker_shell.h"
@@ -35,7 +36,7 @@ nlohmann::json facts_of_libtorch() {
 Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds) {
   COMRAD_TRY_ASSIGN(const EnvShape env, shape.env());
   policy::tune_math(static_cast<int>(config.collection.policy_threads));
-  COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(config.collection.device));
+  COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(policy_device(config, 0)));
   const policy::PolicyNet net = policy::PolicyNet::create(policy::PolicyNetOptions::from(config, env),
                                                           static_cast<uint64_t>(config.run.seed), device);
   const int64_t envs =

@@ -8,6 +8,7 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
+#include "rollout_buffer/settings/resolve.h"
 
 namespace comrad::policy {
 namespace {
@@ -36,7 +37,7 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
   PolicyNet policy;
   std::optional<SeatNetworks> seats;
   if (!options.seats_of.empty()) {
-    COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(config.collection.device));
+    COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(policy_device(config, options.worker_index)));
     COMRAD_TRY_ASSIGN(seats, SeatNetworks::create(options.seats_of, arena, device));
     batcher.seat(seats->rules());
   } else if (!options.is_random) {
@@ -52,7 +53,7 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
           ErrorCode::kBadInput,
           "critic_state is global, but the arena was made without the global state; all processes of "
           "a run must read the same config.toml"};
-    COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(config.collection.device));
+    COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(policy_device(config, options.worker_index)));
     policy = PolicyNet::create(network, static_cast<uint64_t>(config.run.seed), device);
     if (policy.weights_bytes() > arena.shape().weights_bytes)
       return Error{ErrorCode::kBadInput,

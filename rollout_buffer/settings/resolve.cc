@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <string>
+#include <vector>
 
+#include "rollout_buffer/core/cpu_features.h"
+#include "rollout_buffer/core/parts.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/counts_with.h"
 #include "rollout_buffer/settings/setting.h"
@@ -158,6 +161,10 @@ Status resolve_settings(RunConfig& config, int core_count) {
   COMRAD_TRY(check_limits(c));
   COMRAD_TRY(check_combinations(c));
   if (c.collection.device == "gpu") c.collection.device = "cuda";  // as Sample Factory says it
+  if (c.collection.precision == Precision::kAuto)
+    c.collection.precision = c.collection.device.starts_with("cuda") || cpu_multiplies_bf16()
+                                 ? Precision::kBf16
+                                 : Precision::kFp32;
   if (c.collection.max_policy_lag == 0)
     c.collection.max_policy_lag = 1000 * c.run.algo->versions_per_batch(c.environment.num_agents);
 
@@ -230,6 +237,13 @@ Status resolve_settings(RunConfig& config, int core_count) {
                      ", or 0 for auto"};
   config = std::move(c);
   return {};
+}
+
+std::string policy_device(const RunConfig& config, int worker) {
+  const std::vector<std::string> named = parts_of(config.collection.policy_device, ',');
+  if (named.empty()) return config.collection.device;
+  const std::string& device = named[static_cast<std::size_t>(worker) % named.size()];
+  return device == "gpu" ? "cuda" : device;
 }
 
 }  // namespace comrad

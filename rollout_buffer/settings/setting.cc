@@ -145,6 +145,8 @@ bool all_parts(std::string_view list, Test test) {
   return true;
 }
 
+bool are_devices(std::string_view text) { return all_parts(text, is_device); }
+
 /// As ssh takes them, and nothing that ssh or a shell could take for anything else.
 bool are_host_names(std::string_view text) {
   return all_parts(text, [](std::string_view host) {

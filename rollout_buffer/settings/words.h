@@ -59,10 +59,10 @@ struct Words<Scalarisation> {
 };
 
 /// Of convolutions and matrix products.
-enum class Precision { kFp32, kBf16 };
+enum class Precision { kFp32, kBf16, kAuto };
 template <>
 struct Words<Precision> {
-  static constexpr std::array words = {"fp32", "bf16"};
+  static constexpr std::array words = {"fp32", "bf16", "auto"};
 };
 
 /// How simulators reach a policy.

@@ -30,6 +30,7 @@ class RunOffer : public ::testing::Test {
     config_.run.seed = 7;
     config_.collection.num_workers = 30;
     config_.collection.device = "cuda:1";
+    config_.collection.policy_device = "cuda:0";
     config_.collection.rollout = 16;
     config_.environment.wad = scratch_.write("run/layouts/field_42.wad", "PWAD here");
   }
@@ -58,6 +59,7 @@ TEST_F(RunOffer, SettingsTravelWithoutWhatConcernsTheServingHostAlone) {
   EXPECT_EQ(joined->collection.rollout, 16);
   EXPECT_EQ(joined->collection.num_workers, 0);
   EXPECT_EQ(joined->collection.device, "auto");
+  EXPECT_EQ(joined->collection.policy_device, "");
   EXPECT_EQ(joined->run.train_dir, RunConfig().run.train_dir);
   EXPECT_EQ(read_file(joined->environment.wad), "PWAD here") << joined->environment.wad;
 }

@@ -300,6 +300,9 @@ TEST(PolicyWorker, RefusesARunWhoseShapesDoNotFitItsNetwork) {
             ErrorCode::kBadInput);
   config.collection.device = "tpu";
   EXPECT_EQ(PolicyWorker::create(config, arena, {}, nullptr).error().code, ErrorCode::kBadInput);
+  config.collection.policy_device = "cpu,tpu";
+  EXPECT_TRUE(PolicyWorker::create(config, arena, {}, nullptr))
+      << "the first of them has a device of its own";
   const shm::Arena narrow = make_arena(options, {}, 64);
   EXPECT_EQ(PolicyWorker::create(small_config(), narrow, {}, nullptr).error().code, ErrorCode::kBadInput);
 }

@@ -9,6 +9,7 @@
 #include <functional>
 #include <set>
 
+#include "rollout_buffer/core/cpu_features.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/core/toml_text.h"
@@ -346,6 +347,7 @@ TEST(ResolveSettings, EveryRangeErrorNamesTheSettingAndItsValue) {
   expect([](RunConfig& c) { c.environment.num_agents = 9; }, "num_agents is 9; it must be between 1 and 8");
   expect([](RunConfig& c) { c.collection.device = "tpu"; }, "device is tpu");
   expect([](RunConfig& c) { c.collection.device = "cuda:"; }, "device is cuda:");
+  expect([](RunConfig& c) { c.collection.policy_device = "cuda:0,tpu"; }, "policy_device is cuda:0,tpu");
   expect([](RunConfig& c) { c.collection.worker_num_splits = 3; }, "worker_num_splits is 3");
   expect([](RunConfig& c) { c.collection.policy_workers = 64; }, "policy_workers is 64");
   expect([](RunConfig& c) { c.environment.render_size = "160x120"; }, "render_size is 160x120");
@@ -361,6 +363,28 @@ TEST(ResolveSettings, EveryRangeErrorNamesTheSettingAndItsValue) {
   expect([](RunConfig& c) { c.collection.min_batch = 8, c.collection.max_batch = 4; }, "max_batch is 4");
   expect([](RunConfig& c) { c.run.experiment = "../elsewhere"; }, "experiment is ../elsewhere");
   expect([](RunConfig& c) { c.environment.shared_reward_alpha = -0.5; }, "shared_reward_alpha");
+}
+
+TEST(ResolveSettings, AutomaticPrecisionIsWhatTheMachineMultiplies) {
+  RunConfig config = two_agents();
+  config.collection.precision = Precision::kAuto;
+  ASSERT_TRUE(resolve_settings(config, 4));
+  EXPECT_EQ(config.collection.precision, cpu_multiplies_bf16() ? Precision::kBf16 : Precision::kFp32);
+  config.collection.precision = Precision::kAuto;
+  config.collection.device = "cuda:1";
+  ASSERT_TRUE(resolve_settings(config, 4));
+  EXPECT_EQ(config.collection.precision, Precision::kBf16);
+}
+
+TEST(PolicyDevice, IsTheRunsOrOneOfTheListInTurn) {
+  RunConfig config;
+  config.collection.device = "cuda:0";
+  EXPECT_EQ(policy_device(config, 3), "cuda:0");
+  config.collection.policy_device = "cuda:1,gpu,cpu";
+  EXPECT_EQ(policy_device(config, 0), "cuda:1");
+  EXPECT_EQ(policy_device(config, 1), "cuda");
+  EXPECT_EQ(policy_device(config, 2), "cpu");
+  EXPECT_EQ(policy_device(config, 3), "cuda:1");
 }
 
 TEST(ResolveSettings, OnPolicySettingsThatExcludeEachOtherAreRefused) {
