@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/kernels.h"
 #include "policy_workers/policy/torch_ops.h"
 
@@ -32,9 +33,10 @@ struct AdamOptimizer::State {
       square;           ///< exp_avg and exp_avg_sq; undefined before a parameter's first gradient
   torch::Tensor steps;  ///< f64 [], on the device: steps taken
 
-  bool is_on_cpu() const {
+  bool has_own_kernels() const {
     return std::ranges::all_of(parameters, [](const torch::Tensor& parameter) {
-      return parameter.is_cpu() && parameter.scalar_type() == torch::kFloat32 && parameter.is_contiguous();
+      return device::has_own_kernels(parameter.device()) && parameter.scalar_type() == torch::kFloat32 &&
+             parameter.is_contiguous();
     });
   }
   void make_moments(std::size_t index) {
@@ -75,8 +77,8 @@ torch::Tensor AdamOptimizer::step(double learning_rate, const torch::Tensor& los
     with_gradient.push_back(i);
     state_->make_moments(i);
   }
-  return state_->is_on_cpu() ? step_on_cpu(with_gradient, learning_rate, loss)
-                             : step_on_device(with_gradient, learning_rate, loss);
+  return state_->has_own_kernels() ? step_on_cpu(with_gradient, learning_rate, loss)
+                                   : step_on_device(with_gradient, learning_rate, loss);
 }
 
 /// Two passes over the gradients: one for the norm, one for everything else.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
 
@@ -9,7 +10,7 @@ namespace comrad::learn {
 
 int threads_for_parts(const RunConfig& config, torch::Device device) {
   constexpr int64_t kSamplesInFlightMax = 2048;
-  if (!device.is_cpu()) return 1;
+  if (!device::has_own_kernels(device)) return 1;
   const int64_t fitting =
       std::max<int64_t>(1, kSamplesInFlightMax / std::max<int64_t>(1, config.optimisation.micro_batch_size));
   return static_cast<int>(std::clamp<int64_t>(config.collection.learner_threads, 1, fitting));

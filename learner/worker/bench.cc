@@ -10,6 +10,9 @@
 #include "learner/worker/learner.h"
 #include "learner/worker/replay_feed.h"
 #include "policy_workers/device/host_wait_counter.h"
+#include "policy_workers/device/operator_path.h"
+#include "policy_workers/device/work_counter.h"
+#include "policy_workers/device/work_report.h"
 #include "policy_workers/policy/policy_net.h"
 #include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/clock.h"
@@ -139,6 +142,17 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
              {"all", static_cast<double>(inside.all()) / steps},
              {"between_steps", static_cast<double>(between.all()) / steps}};
   }
+  nlohmann::ordered_json work;
+  {
+    const device::OperatorPath path;
+    const device::WorkCounter counter;
+    const int64_t decisions_before = decisions, updates_before = updates;
+    COMRAD_TRY(round());
+    for (const auto& [name, phase] :
+         {std::pair{"forward", device::Phase::kForward}, std::pair{"backward", device::Phase::kBackward},
+          std::pair{"optimizer", device::Phase::kOptimizer}})
+      work[name] = device::work_of(counter.of(phase), decisions - decisions_before, updates - updates_before);
+  }
   nlohmann::ordered_json line;
   line["bench"] = "learner";
   line["algo"] = config.run.algo.name();
@@ -149,6 +163,7 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   line["spread"] = windows.spread();
   line["updates_per_s"] = static_cast<double>(updates_measured) / elapsed_s;
   line["host_waits_per_step"] = waits;
+  line["work"] = work;
   line["seconds"] = elapsed_s;
   line["cpu_seconds"] = cpu_s;
   line["cpu_seconds_per_1000_decisions"]["all"] = cpu_s / thousands;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/kernels.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
@@ -376,7 +377,8 @@ void InputNormalizer::derive() {
 }
 
 Tensor InputNormalizer::normalize(const Tensor& rows) const {
-  if (rows.is_cpu() && rows.scalar_type() == torch::kUInt8) return normalize_bytes(rows, factor_, offset_);
+  if (device::has_own_kernels(rows.device()) && rows.scalar_type() == torch::kUInt8)
+    return normalize_bytes(rows, factor_, offset_);
   Tensor scaled = rows.to(torch::kFloat32);
   if (!enabled_) return scaled * factor_;
   return at::addcmul(offset_, scaled, factor_).clamp_(-kClip, kClip);
@@ -399,7 +401,7 @@ void InputNormalizer::update(const Tensor& rows) {
   const Tensor flat = rows.reshape({-1, element_count_});
   const double batch_count = static_cast<double>(flat.size(0));
   Tensor sum, square_sum;
-  if (flat.is_cpu() && flat.scalar_type() == torch::kUInt8) {
+  if (device::has_own_kernels(flat.device()) && flat.scalar_type() == torch::kUInt8) {
     // Bytes are summed as integers: exact, in any order.
     const Tensor dense = flat.contiguous();
     sum = torch::empty({element_count_}, torch::kFloat64);
@@ -534,7 +536,7 @@ Tensor Encoder::forward(const Tensor& frame, const Tensor& measurement) const {
   const Tensor bytes =
       frame.reshape({frame.size(0), env_.channels, env_.height, env_.width}).to(device_).contiguous();
   const InputNormalizer& normalizer = normalizer_->frame;
-  if (!device_.is_cpu())
+  if (!device::has_own_kernels(device_))
     return features(convolutions(normalizer.normalize(bytes.flatten(1)).view_as(bytes)), measurement);
   if (is_resnet_) {
     std::vector<Tensor> flat;
@@ -563,7 +565,7 @@ Tensor Encoder::forward(const Tensor& frame, const Tensor& measurement) const {
 
 Tensor Encoder::forward_rows(std::span<const uint8_t* const> frames, const Tensor& measurement) const {
   const int64_t rows = static_cast<int64_t>(frames.size());
-  if (!device_.is_cpu()) {
+  if (!device::has_own_kernels(device_)) {
     // A quarter of the bytes crosses to the accelerator, which normalises there.
     const Tensor bytes = torch::empty({rows, env_.channels, env_.height, env_.width}, torch::kUInt8);
     for (int64_t row = 0; row < rows; ++row)
@@ -595,7 +597,8 @@ Tensor Encoder::forward_rows(std::span<const uint8_t* const> frames, const Tenso
 }
 
 bool Encoder::has_bf16_path() const {
-  return precision_ == Precision::kBf16 && device_.is_cpu() && !is_resnet_ && multiplies_bf16(device_);
+  return precision_ == Precision::kBf16 && device::has_own_kernels(device_) && !is_resnet_ &&
+         multiplies_bf16(device_);
 }
 
 /// The convolutions as plain operators: for accelerators, and for passes without a gradient.
@@ -610,7 +613,7 @@ Tensor Encoder::convolutions(Tensor x) const {
   }
   for (size_t index = 0; index < conv_.size(); ++index) {
     x = convolve(x, conv_[index].weight, conv_[index].bias, strides_[index], 0, precision_);
-    if (device_.is_cpu() && !at::GradMode::is_enabled())
+    if (device::has_own_kernels(device_) && !at::GradMode::is_enabled())
       elu_in_place(x);
     else
       at::elu_(x);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "policy_workers/device/libtorch_facts.h"
+#include "policy_workers/device/work_report.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/worker/policy_worker.h"
 #include "rollout_buffer/core/bench_windows.h"
@@ -77,7 +78,8 @@ Status bench(const RunConfig& config, const shm::BenchShape& shape, double secon
       {"seconds", measured_s},
       {"device", device.str()},
       {"cpu_seconds_per_1000_decisions", {{"all", 1000 * own_cpu_s / own_decisions}}},
-      {"batches", batches}};
+      {"batches", batches},
+      {"work", device::work_of(policy::count_inference(net, sizes.back()), sizes.back(), 1)}};
   std::printf("%s\n", report.dump().c_str());
   return {};
 }

@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
@@ -185,34 +186,47 @@ void PolicyWorker::report(const char* state) {
     spdlog::warn("status: {}", written.error().message);
 }
 
+namespace {
+
+/// Random frames and a network that plays them.
+class MadeUpBatch {
+ public:
+  MadeUpBatch(const PolicyNet& policy, int64_t rows) : policy_(policy) {
+    const PolicyNetOptions& options = policy.options();
+    const int64_t frame_bytes = options.env.frame_bytes();
+    torch::manual_seed(0);
+    frames_ = torch::randint(0, 256, {rows, frame_bytes}, torch::kUInt8);
+    if (options.env.measurement_count > 0) measurement_ = torch::randn({rows, options.env.measurement_count});
+    state_ = torch::zeros({rows, options.recurrent_state_count()});
+    if (options.global_state_count > 0)
+      of_worlds_ = torch::randn({rows / options.env.num_agents, options.global_state_count});
+    for (int64_t row = 0; row < rows; ++row) rows_.push_back(frames_.data_ptr<uint8_t>() + row * frame_bytes);
+    // So that denormals and clips are as in real use.
+    policy.update_input_statistics(frames_, measurement_);
+  }
+
+  void pass() {
+    const PolicyOutput output = policy_.step_rows(rows_, measurement_, state_, of_worlds_);
+    state_ = output.recurrent_state.cpu();
+    (void)output.logits.cpu();
+  }
+
+ private:
+  const PolicyNet& policy_;
+  Tensor frames_, measurement_, state_, of_worlds_;
+  std::vector<const uint8_t*> rows_;
+};
+
+}  // namespace
+
 InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, double seconds) {
-  const PolicyNetOptions& options = policy.options();
-  const int64_t frame_bytes = options.env.frame_bytes();
-  torch::manual_seed(0);
-  const Tensor frames = torch::randint(0, 256, {batch_rows, frame_bytes}, torch::kUInt8);
-  const Tensor measurement = options.env.measurement_count > 0
-                                 ? torch::randn({batch_rows, options.env.measurement_count})
-                                 : Tensor();
-  Tensor state = torch::zeros({batch_rows, options.recurrent_state_count()});
-  const Tensor of_worlds =
-      options.global_state_count > 0
-          ? torch::randn({batch_rows / options.env.num_agents, options.global_state_count})
-          : Tensor();
-  std::vector<const uint8_t*> rows;
-  for (int64_t row = 0; row < batch_rows; ++row)
-    rows.push_back(frames.data_ptr<uint8_t>() + row * frame_bytes);
-  policy.update_input_statistics(frames, measurement);  // so that denormals and clips are as in real use
-  auto pass = [&] {
-    const PolicyOutput output = policy.step_rows(rows, measurement, state, of_worlds);
-    state = output.recurrent_state.cpu();
-    return output.logits.cpu();
-  };
-  for (int warm_up = 0; warm_up < 3; ++warm_up) pass();
+  MadeUpBatch batch(policy, batch_rows);
+  for (int warm_up = 0; warm_up < 3; ++warm_up) batch.pass();
   const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
   int64_t passes = 0;
   double took = 0;
   do {
-    pass();
+    batch.pass();
     ++passes;
     took = clock.elapsed();
   } while (took < seconds);
@@ -220,6 +234,15 @@ InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, doub
           .batch_rows = batch_rows,
           .seconds = took,
           .cpu_seconds = clock.cpu_elapsed()};
+}
+
+device::Work count_inference(const PolicyNet& policy, int64_t batch_rows) {
+  MadeUpBatch batch(policy, batch_rows);
+  const device::OperatorPath path;
+  batch.pass();  // what is made once is made
+  const device::WorkCounter counter;
+  batch.pass();
+  return counter.of(device::Phase::kForward);
 }
 
 }  // namespace comrad::policy

@@ -93,7 +93,7 @@ TEST(Tune, StopsWhenTimeIsUp) {
 }
 
 TEST(Tune, WhatItFindsIsAFileThatTrainTakes) {
-  const ScratchFolder folder;
+  const test::ScratchFolder folder;
   const auto layer = read_settings_toml(
       folder.write("tuned.toml", "# found\n" + toml_of({{"precision", "bf16"}, {"num_workers", "3"}})));
   ASSERT_TRUE(layer) << layer.error().message;

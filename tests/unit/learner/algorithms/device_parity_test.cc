@@ -1,6 +1,7 @@
 // The same weights and the same batch on the CPU and on another device: logits, losses, gradients and the weights after one
 // optimizer step agree. COMRAD_TEST_DEVICE names the device (deploy/gpu/check.sh: cuda); without it a second learner on the
-// CPU is compared, which must be equal bit for bit. The largest differences are properties of the test's report.
+// CPU is compared, which must be equal bit for bit, and one that takes a GPU's path there. The largest differences are
+// properties of the test's report.
 
 #include <gtest/gtest.h>
 
@@ -12,6 +13,7 @@
 #include <variant>
 
 #include "learner/algorithms/algorithm.h"
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "tests/support/noise_batch.h"
@@ -134,15 +136,13 @@ class DeviceParity : public ::testing::TestWithParam<std::string> {
   }
 };
 
-TEST_P(DeviceParity, LogitsLossesGradientsAndOneStepAgreeWithTheCpu) {
-  const torch::Device device = other_device();
-  const bool is_exact = device.is_cpu();
-  const Outcome cpu = one_step(GetParam(), torch::kCPU, 5), other = one_step(GetParam(), device, 5);
+/// Both made one step of the same batch.
+void expect_agreement(const Outcome& cpu, const Outcome& other, bool is_exact) {
   ASSERT_GE(cpu.stats.optimizer_steps, 1);  // HAPPO counts each agent's and the critic's
   ASSERT_EQ(other.stats.optimizer_steps, cpu.stats.optimizer_steps);
 
   const double logits = (cpu.logits - other.logits).abs().max().item<double>();
-  RecordProperty("logits_largest_difference", std::to_string(logits));
+  ::testing::Test::RecordProperty("logits_largest_difference", std::to_string(logits));
   EXPECT_LE(logits, is_exact ? 0 : 1e-4);
 
   const auto mine = testing::values_of(cpu.stats), theirs = testing::values_of(other.stats);
@@ -157,21 +157,37 @@ TEST_P(DeviceParity, LogitsLossesGradientsAndOneStepAgreeWithTheCpu) {
     EXPECT_LE(gap, is_exact ? 0 : 1e-4) << name << ": " << value << ", " << theirs.at(name);
   }
   EXPECT_GE(losses, 1);
-  RecordProperty("losses_largest_difference", std::to_string(worst));
+  ::testing::Test::RecordProperty("losses_largest_difference", std::to_string(worst));
 
   // Adam's first moment after one step is the clipped gradient times a constant.
   const Difference gradient = difference_of(cpu.state, other.state, "optimizer/", ".exp_avg");
   ASSERT_GT(gradient.count, 1000);
   ASSERT_GT(gradient.scale, 0);
-  RecordProperty("gradient_largest_difference", std::to_string(gradient.largest / gradient.scale));
+  ::testing::Test::RecordProperty("gradient_largest_difference",
+                                  std::to_string(gradient.largest / gradient.scale));
   EXPECT_LE(gradient.largest, is_exact ? 0 : 1e-3 * gradient.scale);
 
   // Adam moves a weight by the learning rate, whichever side of 0 its gradient lies: rounding may turn a few around.
   const Difference weights = difference_of(cpu.state, other.state, "network/", "");
   ASSERT_GT(weights.count, 1000);
-  RecordProperty("weights_largest_difference", std::to_string(weights.largest));
+  ::testing::Test::RecordProperty("weights_largest_difference", std::to_string(weights.largest));
   EXPECT_LE(weights.largest, is_exact ? 0 : 2.1e-3);
   EXPECT_LE(weights.mean, is_exact ? 0 : 1e-5);
+}
+
+TEST_P(DeviceParity, LogitsLossesGradientsAndOneStepAgreeWithTheCpu) {
+  const torch::Device device = other_device();
+  const Outcome cpu = one_step(GetParam(), torch::kCPU, 5), other = one_step(GetParam(), device, 5);
+  expect_agreement(cpu, other, device.is_cpu());
+}
+
+TEST_P(DeviceParity, AGpusPathOnTheCpuAgreesWithTheCpusOwn) {
+  const Outcome cpu = one_step(GetParam(), torch::kCPU, 5);
+  const device::OperatorPath path;
+  const Outcome operators = one_step(GetParam(), torch::kCPU, 5);
+  EXPECT_GT(difference_of(cpu.state, operators.state, "optimizer/", ".exp_avg").largest, 0)
+      << "sums in another order, or the path was not taken";
+  expect_agreement(cpu, operators, false);
 }
 
 TEST_P(DeviceParity, AnotherBatchIsSeenInEachOfThem) {
