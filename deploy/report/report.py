@@ -2,7 +2,7 @@
 """Reports on a folder of runs: one HTML page, and the tables as Markdown, LaTeX and CSV.
 
     comrad report DIR [--output FOLDER]
-    comrad report DIR --results_page FILE.md
+    comrad report DIR --results_page FILE.md --scenario_pages FOLDER
 
 DIR holds run folders (train_dir/<experiment>) and, in eval/ beside or inside of them, answers of `comrad eval --json`; those of
 --policy random and oracle there give the scale of normalised scores for their maps. Runs that cannot be used are named.
@@ -61,21 +61,34 @@ def parse(words: list[str]) -> argparse.Namespace:
         type=pathlib.Path,
         help="write this one page about a folder of kept results (deploy/SWEEPS.md) instead: what beats random play",
     )
+    parser.add_argument(
+        "--scenario_pages",
+        metavar="FOLDER",
+        type=pathlib.Path,
+        help="put the kept runs of each scenario and their curves into FOLDER/<scenario>/README.md",
+    )
     parser.add_argument("--title", default="", help="above the page (default: the folder's name)")
     return parser.parse_args(words)
 
 
-def write_results_page(study, folder: pathlib.Path, page: pathlib.Path) -> int:
-    from results_page import results_page
+def write_results(study, folder: pathlib.Path, page: pathlib.Path | None, pages: pathlib.Path | None) -> int:
+    from results_page import results_page, scenario_pages
 
     if not (folder / "eval").is_dir():
         say(f"error: {folder} has no eval/; kept results are what a sweep with [results] leaves")
         return 2
+    written = []
     try:
-        written = results_page(study, folder, page, f"./comrad report {folder} --results_page {page}")
+        if page:
+            written += results_page(study, folder, page, f"./comrad report {folder} --results_page {page}")
+        if pages:
+            written += scenario_pages(study, folder, pages, f"./comrad report {folder} --scenario_pages {pages}")
     except OSError as error:
-        say(f"error: cannot write {page}: {error.strerror or error}")
+        say(f"error: cannot write {error.filename or page or pages}: {error.strerror or error}")
         return 1
+    except ValueError as error:
+        say(f"error: {error}")
+        return 2
     for path in written:
         print(path)
     return 0
@@ -106,8 +119,8 @@ def main() -> int:
             say(f"{name}: {why}")
         say(f"error: {arguments.folder} holds no run; a run is a folder with config.toml and metrics.jsonl")
         return 2
-    if arguments.results_page:
-        return write_results_page(study, arguments.folder, arguments.results_page)
+    if arguments.results_page or arguments.scenario_pages:
+        return write_results(study, arguments.folder, arguments.results_page, arguments.scenario_pages)
     output = arguments.output or arguments.folder / "report"
     try:
         output.mkdir(parents=True, exist_ok=True)

@@ -23,6 +23,8 @@ ALGORITHMS = ON_POLICY + OFF_POLICY
 ALPHA = 0.01
 LONGEST_FRAMES = 20e6  # within which a score of the paper's 100 M counts as reached
 RANDOM = "random_"  # eval/random_<scenario>.json
+SECTION_BEGIN, SECTION_END = "<!-- results -->", "<!-- end of results -->"  # in a scenario's page
+PICTURE = "curves.png"
 
 
 @dataclasses.dataclass
@@ -182,6 +184,96 @@ def curves_figure(study: Study, scenarios: list[str], random_play: dict):
         return figure
 
 
+def p_text(p: float) -> str:
+    return "" if math.isnan(p) else "<1e-9" if p < 1e-9 else f"{p:.2g}"
+
+
+def score_text(scores: np.ndarray) -> str:
+    half = stats.t.ppf(0.975, len(scores) - 1) * scores.std(ddof=1) / math.sqrt(len(scores))
+    return f"{rounded(float(scores.mean()))} ± {rounded(float(half), 2)}"
+
+
+def save_picture(figure, path: pathlib.Path) -> None:
+    figure.savefig(path, dpi=110, bbox_inches="tight", metadata={"Software": None})
+    plt.close(figure)
+
+
+def origin_of(rows: list[Row]) -> str:
+    """When, by which program and where."""
+    dates = sorted(str(row.result.get("date", ""))[:10] for row in rows)
+    commits = sorted({str(row.result.get("commit", ""))[:7] for row in rows} - {""})
+    machines = sorted({str(row.result.get("processor", "")) for row in rows} - {""})
+    return (f"{dates[0]} to {dates[-1]}; " if rows else "") + f"commits {joined(commits)}; {joined(machines)}"
+
+
+def scenario_section(scenario: str, rows: list[Row], known: tuple | None, tests: int, command: str) -> str:
+    """What one scenario's page says of its kept runs."""
+    table = Table(["algorithm", "seed", "env frames", "precision", "J", "p", "return", "p", "minutes", ""], [])
+    for row in rows:
+        table.rows.append(
+            [
+                row.run.algo,
+                str(row.run.seed),
+                millions(row.env_frames),
+                str(row.run.settings.get("precision", "")),
+                score_text(row.scores),
+                p_text(row.p_score),
+                rounded(float(row.returns.mean()), 3),
+                p_text(row.p_return),
+                rounded(float(row.result.get("train_s") or math.nan) / 60, 2),
+                "learned" if row.beats_in_score else "learned, by its return" if row.beats_in_return else "not learned",
+            ]
+        )
+    random = (
+        f"Random play: J {score_text(known[0])}, return {rounded(float(known[1].mean()), 3)}. "
+        f"p: one-sided Welch test against it over episodes, after Holm's correction over all {tests} tests of the kept runs."
+        if known
+        else "Random play was not measured."
+    )
+    return (
+        f"## What was shown to learn\n\nWritten by `{command}`; {origin_of(rows)}. {random}\n\n{as_markdown(table)}\n"
+        f"![Learning curves of the kept runs]({PICTURE})\n"
+    )
+
+
+def with_section(text: str, section: str) -> str:
+    """A page with the section between its marks, or at its end where it has none. Raises ValueError."""
+    begin, end = text.find(SECTION_BEGIN), text.find(SECTION_END)
+    if (begin < 0) != (end < 0) or end < begin:
+        raise ValueError(f"has one of the marks {SECTION_BEGIN} and {SECTION_END}; it needs both, in this order, or none")
+    marked = f"{SECTION_BEGIN}\n\n{section}\n{SECTION_END}"
+    if begin < 0:
+        return text.rstrip("\n") + f"\n\n{marked}\n"
+    return text[:begin] + marked + text[end + len(SECTION_END) :]
+
+
+def scenario_pages(study: Study, folder: pathlib.Path, pages: pathlib.Path, command: str) -> list[pathlib.Path]:
+    """Puts the kept runs of every scenario into pages/<scenario>/README.md, between two marks, and their curves beside it.
+
+    Returns what was written. Raises OSError, and ValueError for a page with one mark.
+    """
+    rows, random_play, _ = read_rows(study, folder)
+    tests = 2 * sum(not math.isnan(row.p_score) for row in rows)
+    texts = {}
+    for scenario in sorted({row.run.scenario for row in rows}):
+        page = pages / scenario / "README.md"
+        if not page.is_file():
+            continue
+        own = [row for row in rows if row.run.scenario == scenario]
+        own.sort(key=lambda row: (ALGORITHMS.index(row.run.algo), row.run.seed))
+        try:
+            section = scenario_section(scenario, own, random_play.get(scenario), tests, command)
+            texts[scenario] = with_section(page.read_text(encoding="utf-8"), section)
+        except ValueError as error:
+            raise ValueError(f"{page} {error}") from error
+    written = []
+    for scenario, text in texts.items():
+        save_picture(curves_figure(study, [scenario], random_play), pages / scenario / PICTURE)
+        (pages / scenario / "README.md").write_text(text, encoding="utf-8")
+        written += [pages / scenario / "README.md", pages / scenario / PICTURE]
+    return written
+
+
 def joined(words) -> str:
     return ", ".join(words) if words else "none"
 
@@ -199,9 +291,6 @@ def results_page(study: Study, folder: pathlib.Path, page: pathlib.Path, command
     }
     paper = reached(scenarios, cells, published)
     by_algo = {algo: [s for s in scenarios if (s, algo) in learns] for algo in ALGORITHMS}
-    commits = sorted({str(row.result.get("commit", ""))[:7] for row in rows} - {""})
-    machines = sorted({str(row.result.get("processor", "")) for row in rows} - {""})
-    dates = sorted(str(row.result.get("date", ""))[:10] for row in rows)
 
     matrix = Table(["scenario", "random play", *ALGORITHMS], [])
     for scenario in scenarios:
@@ -213,16 +302,14 @@ def results_page(study: Study, folder: pathlib.Path, page: pathlib.Path, command
     details = Table(
         ["run", "env frames", "J", "p", "return", "random's return", "p", "paper's J at 100 M", "minutes", "stale"], []
     )
-    p_text = lambda p: "" if math.isnan(p) else "<1e-9" if p < 1e-9 else f"{p:.2g}"
     for row in sorted(rows, key=lambda row: (scenarios.index(row.run.scenario), ALGORITHMS.index(row.run.algo), row.run.seed)):
-        scores, known = row.scores, random_play.get(row.run.scenario)
+        known = random_play.get(row.run.scenario)
         printed = published.get(row.run.scenario, {}).get("printed")
-        half = stats.t.ppf(0.975, len(scores) - 1) * scores.std(ddof=1) / math.sqrt(len(scores))
         details.rows.append(
             [
                 row.run.name,
                 millions(row.env_frames),
-                f"{rounded(float(scores.mean()))} ± {rounded(float(half), 2)}",
+                score_text(row.scores),
                 p_text(row.p_score),
                 rounded(float(row.returns.mean()), 3),
                 rounded(float(known[1].mean()), 3) if known else "",
@@ -233,20 +320,17 @@ def results_page(study: Study, folder: pathlib.Path, page: pathlib.Path, command
             ]
         )
 
-    picture = folder / "curves.png"
+    picture = folder / PICTURE
     shown = [scenario for scenario in scenarios if any(row.run.scenario == scenario for row in rows)]
     figure = curves_figure(study, shown, random_play) if shown else None
     if figure is not None:
-        figure.savefig(picture, dpi=110, bbox_inches="tight", metadata={"Software": None})
-        plt.close(figure)
+        save_picture(figure, picture)
     missing = [f"{algo} on {s}" for s in scenarios for algo in ALGORITHMS if (s, algo) not in cells]
     lines = [
         "# Results: what was shown to learn",
         "",
         f"Written by `{command}`; no number is typed by hand. {len(rows)} runs of {len(cells)} of "
-        f"{len(scenarios) * len(ALGORITHMS)} pairs of scenario and algorithm"
-        + (f", {dates[0]} to {dates[-1]}" if rows else "")
-        + f"; commits {joined(commits)}; {joined(machines)}.",
+        f"{len(scenarios) * len(ALGORITHMS)} pairs of scenario and algorithm; {origin_of(rows)}.",
         "",
         "J is the mean over 100 fresh episodes with drawn actions unless a run's evaluation says otherwise. **Bold**: beats random play in "
         "J; *italic*: in the return alone (one-sided Welch test over episodes, p < 0.01 after Holm's correction over all "

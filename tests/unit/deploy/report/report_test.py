@@ -569,6 +569,37 @@ class ResultsPage(WithFolder):
         self.assertIn("all 8 tests", page)
         self.assertTrue((self.folder / "curves.png").stat().st_size > 1000)
 
+    def scenario_pages(self) -> subprocess.CompletedProcess:
+        command = [sys.executable, "-B", REPORT / "report.py", self.folder, "--scenario_pages", self.folder / "pages"]
+        return subprocess.run(command, capture_output=True, text=True)
+
+    def test_each_scenarios_page_has_its_runs_between_two_marks(self):
+        self.episodes("random_lava_pit", [0.0, 1.0] * 50)
+        self.keep("lava_pit", "ippo", 7, [8.0, 9.0] * 50)
+        self.keep("lava_pit", "vdn", 7, [0.0, 1.0] * 50)
+        self.keep("stag_hunt_arena", "ippo", 7, [0.0] * 100)
+        page = self.folder / "pages" / "lava_pit" / "README.md"
+        page.parent.mkdir(parents=True)
+        page.write_text("# Lava Pit\n\nWords.\n")
+        self.assertEqual(self.scenario_pages().returncode, 0)
+        first = page.read_text()
+        self.assertTrue(first.startswith("# Lava Pit\n\nWords.\n\n<!-- results -->\n\n## What was shown to learn\n"))
+        self.assertRegex(first, r"\| ippo \| 7 \|.*8\.5 ± .*\| learned \|")
+        self.assertRegex(first, r"\| vdn \| 7 \|.*\| not learned \|")
+        self.assertNotIn("stag_hunt", first)
+        self.assertTrue((page.parent / "curves.png").stat().st_size > 1000)
+        self.assertFalse((self.folder / "pages" / "stag_hunt_arena").exists(), "a scenario without a page gets none")
+
+        page.write_text(first + "\nMore words.\n")
+        self.assertEqual(self.scenario_pages().returncode, 0)
+        self.assertEqual(page.read_text(), first + "\nMore words.\n", "the section is replaced, all else stays")
+
+        page.write_text("<!-- results -->\n")
+        broken = self.scenario_pages()
+        self.assertEqual(broken.returncode, 2)
+        self.assertIn("needs both", broken.stderr)
+        self.assertEqual(page.read_text(), "<!-- results -->\n")
+
 
 if __name__ == "__main__":
     unittest.main()
