@@ -8,7 +8,8 @@ namespace comrad::device {
 namespace {
 
 TEST(WorkCounter, AProductAndItsGradients) {
-  const torch::Tensor x = torch::randn({6, 5}), w = torch::randn({7, 5}).requires_grad_(), b = torch::randn({7});
+  const torch::Tensor x = torch::randn({6, 5}), w = torch::randn({7, 5}).requires_grad_(),
+                      b = torch::randn({7});
   const WorkCounter counter;
   const torch::Tensor y = at::linear(x, w, b);
   EXPECT_EQ(counter.of(Phase::kForward).flop, 2 * 6 * 5 * 7);
@@ -22,7 +23,7 @@ TEST(WorkCounter, AProductAndItsGradients) {
 
 TEST(WorkCounter, AConvolutionCountsItsProductsOnce) {
   const torch::Tensor x = torch::randn({2, 3, 9, 9}).requires_grad_(),
-               w = torch::randn({4, 3, 3, 3}).requires_grad_();
+                      w = torch::randn({4, 3, 3, 3}).requires_grad_();
   const WorkCounter counter;
   const torch::Tensor y = at::conv2d(x, w, torch::Tensor(), 2);
   constexpr int64_t kFlop = 2 * (2 * 4 * 4 * 4) * (3 * 3 * 3);
