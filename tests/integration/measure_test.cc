@@ -236,7 +236,9 @@ TEST(Bench, AModelOfAGpuCountsTheWorkOfTheseNetworks) {
   EXPECT_GT(flop["policy"], 1e6);
   EXPECT_NEAR(flop["learner_forward"] / flop["policy"], 1, 0.1)
       << "one row of each rollout is valued, not trained on";
-  EXPECT_NEAR(flop["learner_backward"] / flop["learner_forward"], 2, 0.35) << "pixels want no gradient";
+  const double back = flop["learner_backward"] / flop["learner_forward"];
+  EXPECT_GT(back, 1.5) << "two products for each, but pixels want no gradient";
+  EXPECT_LT(back, 2);
   words[9] = "mappo";
   const Ending other = comrad(words, 30);
   EXPECT_EQ(other.exit_code, 2);
