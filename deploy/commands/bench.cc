@@ -116,7 +116,7 @@ Expected<ordered_json> gpu_table(const BenchRequest& request, const std::vector<
     return Error{ErrorCode::kBadInput, "--from was measured with " + algo + ", and the work of " + mine +
                                            " would be counted; say --algo " + algo};
   BenchRequest part = request;
-  part.is_quiet = true;
+  part.is_quiet = part.counts_work = true;
   part.seconds = kCountSeconds;
   part.what = "inference";
   COMRAD_TRY_ASSIGN(const ordered_json inference, measure_bench(part));

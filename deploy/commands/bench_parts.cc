@@ -38,17 +38,19 @@ bool is_of_simulator(const std::string& bench) {
   return bench == "sim" || bench == "engine" || bench == "render";
 }
 
-std::vector<std::string> worker_command(const std::string& bench, const MergedSettings& merged,
-                                        const std::string& run_dir, double seconds) {
+std::vector<std::string> worker_command(const BenchRequest& request, const MergedSettings& merged,
+                                        const std::string& run_dir) {
+  const std::string& bench = request.what;
   const std::string program = is_of_simulator(bench) ? "comrad-sim-worker"
                               : bench == "inference" ? "comrad-policy-worker"
                                                      : "comrad-learner";
   std::vector<std::string> command = {sibling_program(program), "--run_dir", run_dir, "--bench",
-                                      std::to_string(seconds)};
+                                      std::to_string(request.seconds)};
   if (is_of_simulator(bench)) {
     command.insert(command.end(), {"--bench_part", bench});
     return command;
   }
+  if (request.counts_work) command.emplace_back("--count_work");
   for (std::string& word : shape_flags(merged.scenario.env)) command.push_back(std::move(word));
   return command;
 }
@@ -71,8 +73,7 @@ Expected<ordered_json> object_of(const std::vector<std::string>& command, double
 Expected<ordered_json> bench_worker(const BenchRequest& request, MergedSettings merged) {
   COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
   COMRAD_TRY_ASSIGN(const ordered_json measured,
-                    object_of(worker_command(request.what, merged, run.path(), request.seconds),
-                              3 * request.seconds + 120));
+                    object_of(worker_command(request, merged, run.path()), 3 * request.seconds + 120));
   const RunConfig& config = merged.config;
   const int64_t cores = is_of_simulator(request.what) ? 1
                         : request.what == "inference" ? config.collection.policy_threads

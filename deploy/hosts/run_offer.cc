@@ -100,8 +100,7 @@ Expected<uint64_t> scenario_checksum(const std::string& scenario) {
 bool computes_on_cuda(const RunConfig& config) {
   std::error_code ignored;
   const std::string device = policy_device(config, 0);
-  return device.starts_with("cuda") || device == "gpu" ||
-         (device == "auto" && fs::exists("/dev/nvidiactl", ignored));
+  return device.starts_with("cuda") || (device == "auto" && fs::exists("/dev/nvidiactl", ignored));
 }
 
 Status check_can_be_offered(const RunConfig& config) {

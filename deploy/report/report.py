@@ -72,17 +72,17 @@ def parse(words: list[str]) -> argparse.Namespace:
 
 
 def write_results(study, folder: pathlib.Path, page: pathlib.Path | None, pages: pathlib.Path | None) -> int:
-    from results_page import results_page, scenario_pages
+    from results_page import read_rows, results_page, scenario_pages
 
     if not (folder / "eval").is_dir():
         say(f"error: {folder} has no eval/; kept results are what a sweep with [results] leaves")
         return 2
-    written = []
+    kept, written = read_rows(study, folder), []
     try:
         if page:
-            written += results_page(study, folder, page, f"./comrad report {folder} --results_page {page}")
+            written += results_page(study, kept, folder, page, f"./comrad report {folder} --results_page {page}")
         if pages:
-            written += scenario_pages(study, folder, pages, f"./comrad report {folder} --scenario_pages {pages}")
+            written += scenario_pages(study, kept, pages, f"./comrad report {folder} --scenario_pages {pages}")
     except OSError as error:
         say(f"error: cannot write {error.filename or page or pages}: {error.strerror or error}")
         return 1

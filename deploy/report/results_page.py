@@ -85,7 +85,15 @@ def holm(p_values: list[float]) -> list[float]:
     return adjusted
 
 
-def read_rows(study: Study, folder: pathlib.Path) -> tuple[list[Row], dict[str, tuple], list[str]]:
+Kept = tuple[list[Row], dict[str, tuple], list[str]]
+
+
+def tests_of(rows: list[Row]) -> int:
+    """Score and return of every run that random play was measured for."""
+    return 2 * sum(not math.isnan(row.p_score) for row in rows)
+
+
+def read_rows(study: Study, folder: pathlib.Path) -> Kept:
     """The kept runs of a study, random play of each scenario, and what could not be used."""
     rows, problems, random_play = [], [], {}
     for run in study.runs:
@@ -247,13 +255,13 @@ def with_section(text: str, section: str) -> str:
     return text[:begin] + marked + text[end + len(SECTION_END) :]
 
 
-def scenario_pages(study: Study, folder: pathlib.Path, pages: pathlib.Path, command: str) -> list[pathlib.Path]:
+def scenario_pages(study: Study, kept: Kept, pages: pathlib.Path, command: str) -> list[pathlib.Path]:
     """Puts the kept runs of every scenario into pages/<scenario>/README.md, between two marks, and their curves beside it.
 
     Returns what was written. Raises OSError, and ValueError for a page with one mark.
     """
-    rows, random_play, _ = read_rows(study, folder)
-    tests = 2 * sum(not math.isnan(row.p_score) for row in rows)
+    rows, random_play, _ = kept
+    tests = tests_of(rows)
     texts = {}
     for scenario in sorted({row.run.scenario for row in rows}):
         page = pages / scenario / "README.md"
@@ -278,9 +286,9 @@ def joined(words) -> str:
     return ", ".join(words) if words else "none"
 
 
-def results_page(study: Study, folder: pathlib.Path, page: pathlib.Path, command: str) -> list[pathlib.Path]:
+def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.Path, command: str) -> list[pathlib.Path]:
     """Writes the page and, beside the kept results, its picture. Returns what was written. Raises OSError."""
-    rows, random_play, problems = read_rows(study, folder)
+    rows, random_play, problems = kept
     published = published_table(pathlib.Path(__file__).with_name("published.toml"))[1]
     scenarios = list(published) + sorted({row.run.scenario for row in rows} - set(published))
     cells = cells_of(rows)
@@ -334,7 +342,7 @@ def results_page(study: Study, folder: pathlib.Path, page: pathlib.Path, command
         "",
         "J is the mean over 100 fresh episodes with drawn actions unless a run's evaluation says otherwise. **Bold**: beats random play in "
         "J; *italic*: in the return alone (one-sided Welch test over episodes, p < 0.01 after Holm's correction over all "
-        f"{2 * sum(not math.isnan(row.p_score) for row in rows)} tests of this page), in most of a cell's seeds, whose number stands in "
+        f"{tests_of(rows)} tests of this page), in most of a cell's seeds, whose number stands in "
         "brackets. An empty cell was not run. †: recipe or map have changed since; the last table says what.",
         "",
         as_markdown(matrix),

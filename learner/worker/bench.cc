@@ -48,7 +48,7 @@ void fill_slab(const SlabView& slab, uint64_t seed) {
 
 }  // namespace
 
-Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
+Status run_bench(const RunConfig& config, const EnvShape& env, double seconds, bool counts_work) {
   TrajectoryShape shape;
   shape.env = env;
   shape.rollout_steps = static_cast<int32_t>(config.collection.rollout);
@@ -143,7 +143,7 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
              {"between_steps", static_cast<double>(between.all()) / steps}};
   }
   nlohmann::ordered_json work;
-  {
+  if (counts_work) {
     const device::OperatorPath path;
     const device::WorkCounter counter;
     const int64_t decisions_before = decisions, updates_before = updates;
@@ -163,7 +163,7 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   line["spread"] = windows.spread();
   line["updates_per_s"] = static_cast<double>(updates_measured) / elapsed_s;
   line["host_waits_per_step"] = waits;
-  line["work"] = work;
+  if (counts_work) line["work"] = work;
   line["seconds"] = elapsed_s;
   line["cpu_seconds"] = cpu_s;
   line["cpu_seconds_per_1000_decisions"]["all"] = cpu_s / thousands;

@@ -7,8 +7,9 @@
 
 namespace comrad::learn {
 
-/// Trains for about `seconds` after one update of warm-up and prints one JSON object on stdout.
+/// Trains for about `seconds` after one update of warm-up and prints one JSON object on stdout; with `counts_work` a "work" in
+/// it, of one more round of a GPU's path (policy_workers/device/work_report.h).
 /// Errors: kBadInput (settings), kUnsupported (device).
-Status run_bench(const RunConfig& config, const EnvShape& env, double seconds);
+Status run_bench(const RunConfig& config, const EnvShape& env, double seconds, bool counts_work);
 
 }  // namespace comrad::learn

@@ -32,10 +32,10 @@ Status train_or_serve(const shm::WorkerShell& shell, const RunConfig& config, le
   return learner->run();
 }
 
-Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds) {
+Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds, bool counts_work) {
   COMRAD_TRY_ASSIGN(const EnvShape env, shape.env());
   tune_math(config);
-  return learn::run_bench(config, env, seconds);
+  return learn::run_bench(config, env, seconds, counts_work);
 }
 
 }  // namespace
@@ -48,7 +48,7 @@ int main(int argc, char** argv) {
   policy::tune_allocator();
   learn::LearnerOptions options;
   std::string mode = "train";
-  bool serves_seats = false;
+  bool serves_seats = false, counts_work = false;
   shm::BenchShape shape;
   shell.flags()
       .add_option("--mode", mode, "train, or serve one checkpoint's weights")
@@ -57,13 +57,15 @@ int main(int argc, char** argv) {
                            "serve: checkpoint to publish; train: where to begin when the run has none");
   shell.flags().add_flag("--seats", serves_seats,
                          "serve the weights of all networks of seats.toml in --run_dir");
+  shell.flags().add_flag("--count_work", counts_work,
+                         "bench: also what the networks' operators do on a GPU's path");
   shape.add_flags(shell.flags());
-  return shell.run(
-      argc, argv,
-      {.work =
-           [&](const RunConfig& config) {
-             options.serve = mode == "serve";
-             return train_or_serve(shell, config, options, serves_seats);
-           },
-       .bench = [&](const RunConfig& config, double seconds) { return bench(config, shape, seconds); }});
+  return shell.run(argc, argv,
+                   {.work =
+                        [&](const RunConfig& config) {
+                          options.serve = mode == "serve";
+                          return train_or_serve(shell, config, options, serves_seats);
+                        },
+                    .bench = [&](const RunConfig& config,
+                                 double seconds) { return bench(config, shape, seconds, counts_work); }});
 }

@@ -21,9 +21,9 @@ struct Work {
   int64_t launches = 0;  ///< operators that do something: on a GPU about so many kernels
 };
 
-/// Counts what all threads do while it lives. Composite operators count as the operators that they call; convolutions, products
-/// and lists for optimizers (`_foreach_*`) as one, as on a GPU; views and allocations as none. One lives at a time; an operator costs some
-/// microseconds more meanwhile.
+/// Counts what all threads do while it lives. Composite operators count as the operators that they call; convolutions,
+/// products and lists for optimizers (`_foreach_*`) as one, as on a GPU; views and allocations as none. One lives at a time;
+/// an operator costs some microseconds more meanwhile.
 class WorkCounter {
  public:
   WorkCounter();

@@ -34,7 +34,7 @@ nlohmann::json facts_of_libtorch() {
           {"error", facts.error}};
 }
 
-Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds) {
+Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds, bool counts_work) {
   COMRAD_TRY_ASSIGN(const EnvShape env, shape.env());
   policy::tune_math(static_cast<int>(config.collection.policy_threads));
   COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(policy_device(config, 0)));
@@ -68,18 +68,18 @@ Status bench(const RunConfig& config, const shm::BenchShape& shape, double secon
                        {"spread", spread_of(rates[i])},
                        {"ms_per_batch", 1000 * static_cast<double>(sizes[i]) / median_of(rates[i])}});
   const auto own = static_cast<std::size_t>(std::ranges::find(sizes, own_rows) - sizes.begin());
-  const nlohmann::json report = {
-      {"bench", "inference"},
-      {"rows_per_s", median_of(rates[own])},
-      {"decisions_per_s", median_of(rates[own])},
-      {"windows", rates[own]},
-      {"spread", spread_of(rates[own])},
-      {"batch_rows", own_rows},
-      {"seconds", measured_s},
-      {"device", device.str()},
-      {"cpu_seconds_per_1000_decisions", {{"all", 1000 * own_cpu_s / own_decisions}}},
-      {"batches", batches},
-      {"work", device::work_of(policy::count_inference(net, sizes.back()), sizes.back(), 1)}};
+  nlohmann::json report = {{"bench", "inference"},
+                           {"rows_per_s", median_of(rates[own])},
+                           {"decisions_per_s", median_of(rates[own])},
+                           {"windows", rates[own]},
+                           {"spread", spread_of(rates[own])},
+                           {"batch_rows", own_rows},
+                           {"seconds", measured_s},
+                           {"device", device.str()},
+                           {"cpu_seconds_per_1000_decisions", {{"all", 1000 * own_cpu_s / own_decisions}}},
+                           {"batches", batches}};
+  if (counts_work)
+    report["work"] = device::work_of(policy::count_inference(net, sizes.back()), sizes.back(), 1);
   std::printf("%s\n", report.dump().c_str());
   return {};
 }
@@ -126,6 +126,7 @@ int main(int argc, char** argv) {
   policy::PolicyWorkerOptions options;
   bool plays_seats = false;
   bool with_libtorch = false;
+  bool counts_work = false;
   shm::BenchShape shape;
   shell.flags().add_flag("--greedy", options.is_greedy, "most probable actions instead of drawn ones");
   shell.flags().add_flag("--random", options.is_random, "uniform over allowed actions, no network");
@@ -135,10 +136,13 @@ int main(int argc, char** argv) {
                          "the run is an evaluation: batches and draws are the same on every start");
   shell.flags().add_flag("--libtorch", with_libtorch,
                          "describe: also which libtorch this is, and the GPUs it sees");
+  shell.flags().add_flag("--count_work", counts_work,
+                         "bench: also what the network's operators do on a GPU's path");
   shape.add_flags(shell.flags());
   return shell.run(
       argc, argv,
       {.work = [&](const RunConfig& config) { return work(shell, config, options, plays_seats); },
-       .bench = [&](const RunConfig& config, double seconds) { return bench(config, shape, seconds); },
+       .bench = [&](const RunConfig& config,
+                    double seconds) { return bench(config, shape, seconds, counts_work); },
        .describe = [&](const RunConfig& config) { return describe(config, shape, with_libtorch); }});
 }

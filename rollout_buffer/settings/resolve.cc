@@ -241,8 +241,8 @@ Status resolve_settings(RunConfig& config, int core_count) {
 
 std::string policy_device(const RunConfig& config, int worker) {
   const std::vector<std::string> named = parts_of(config.collection.policy_device, ',');
-  if (named.empty()) return config.collection.device;
-  const std::string& device = named[static_cast<std::size_t>(worker) % named.size()];
+  const std::string& device =
+      named.empty() ? config.collection.device : named[static_cast<std::size_t>(worker) % named.size()];
   return device == "gpu" ? "cuda" : device;
 }
 
