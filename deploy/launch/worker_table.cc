@@ -139,6 +139,8 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
       options.inherited_descriptor = plan_.lock_descriptor;
       break;
     case Role::kReceiver:
+      add("--parameter_bytes", std::to_string(plan_.network.parameter_bytes));
+      break;
     case Role::kFrameReceiver:
       break;
     case Role::kFeeder:

@@ -24,13 +24,14 @@ Expected<NetworkSize> parse_network_size(std::string_view text) {
     return value >= 0 && value <= high ? std::optional(value) : std::nullopt;
   };
   const auto weights_bytes = number("weights_bytes", int64_t{1} << 40);
+  const auto parameter_bytes = number("parameter_bytes", weights_bytes.value_or(0));
   const auto state_count = number("recurrent_state_count", std::numeric_limits<int32_t>::max());
-  if (!weights_bytes || !state_count)
-    return Error{
-        ErrorCode::kBadFormat,
-        "comrad-policy-worker --describe: no object with weights_bytes and recurrent_state_count; rebuild "
-        "with ./comrad"};
-  return NetworkSize{*weights_bytes, static_cast<int32_t>(*state_count)};
+  if (!weights_bytes || !parameter_bytes || !state_count)
+    return Error{ErrorCode::kBadFormat,
+                 "comrad-policy-worker --describe: no object with weights_bytes, parameter_bytes and "
+                 "recurrent_state_count; "
+                 "rebuild with ./comrad"};
+  return NetworkSize{*weights_bytes, *parameter_bytes, static_cast<int32_t>(*state_count)};
 }
 
 std::vector<std::string> shape_flags(const EnvShape& env) {

@@ -92,6 +92,7 @@ Status describe(const RunConfig& config, const shm::BenchShape& shape, bool with
   const policy::PolicyNet net =
       policy::PolicyNet::create(options, static_cast<uint64_t>(config.run.seed), torch::kCPU);
   nlohmann::json report = {{"weights_bytes", net.weights_bytes()},
+                           {"parameter_bytes", net.parameter_count() * int64_t{sizeof(float)}},
                            {"recurrent_state_count", options.recurrent_state_count()}};
   if (with_libtorch) report["libtorch"] = facts_of_libtorch();
   std::printf("%s\n", report.dump().c_str());

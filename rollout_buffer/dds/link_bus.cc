@@ -203,6 +203,7 @@ Status LinkBus::write(const WeightsChunk& chunk) {
   out.version = chunk.version;
   out.bytes = chunk.bytes;
   out.checksum = chunk.checksum;
+  out.bf16_count = chunk.bf16_count;
   out.payload = sequence_of<decltype(out.payload)>(chunk.payload);
   return state_->participant->write(kWeights, out);
 }
@@ -339,6 +340,7 @@ void LinkBus::take_weights(const std::function<void(const WeightsChunk&)>& visit
            .version = in.version,
            .bytes = in.bytes,
            .checksum = in.checksum,
+           .bf16_count = in.bf16_count,
            .payload = bytes_of(in.payload)});
   });
 }

@@ -16,7 +16,7 @@
 
 namespace comrad::dds {
 
-constexpr uint32_t kLinkVersion = 4;  ///< of the topics but the door's: other versions do not meet on them
+constexpr uint32_t kLinkVersion = 5;  ///< of the topics but the door's: other versions do not meet on them
 constexpr std::size_t kChunkBytes = 1 << 20;            ///< most of a weights chunk or of a door's payload
 constexpr std::size_t kFragmentBytes = 1 << 18;         ///< most raw bytes of a trajectory's fragment
 constexpr std::size_t kFragmentPayloadBytes = 264'192;  ///< most of them as LZ4 makes them
@@ -89,6 +89,8 @@ struct WeightsChunk {
   uint32_t version = 0;
   uint64_t bytes = 0;     ///< of all chunks
   uint64_t checksum = 0;  ///< of all chunks
+  uint64_t bf16_count =
+      0;  ///< numbers at the beginning that are bfloat16, all behind them f32; 0: as in an arena
   std::span<const std::byte> payload = {};
 };
 

@@ -30,6 +30,8 @@ struct ReceiverOptions {
   double seat_kept_s = 600;   ///< then its simulators' places are free
   double weights_per_s = 10;  ///< at most so many versions
   double weights_bytes_per_s = 50e6;  ///< and so many bytes, to all hosts together
+  uint64_t bf16_parameters =
+      0;  ///< so many parameters are sent as bfloat16, the statistics behind them as f32; 0: all as they are
   double weights_wait_s =
       3;  ///< a version has so long to reach every host before a newer one takes its place
 };
@@ -89,7 +91,7 @@ class Receiver {
   uint64_t session_ = 0;
   std::map<uint64_t, Guest> guests_;
   Seats seats_;
-  std::vector<std::byte> weights_;
+  std::vector<std::byte> weights_, narrow_weights_;
   PolicyVersion weights_version_ = 0;
   bool are_weights_sent_ = false;
   double weights_sent_s_ = 0;

@@ -1,4 +1,5 @@
 // comrad-receiver: the end of the trajectory link on the learner's host, and the run's door.
+#include <CLI/CLI.hpp>
 #include <utility>
 
 #include "rollout_buffer/core/log.h"
@@ -9,13 +10,16 @@ namespace {
 
 using namespace comrad;
 
-Status work(const shm::WorkerShell& shell, const RunConfig& config) {
+Status work(const shm::WorkerShell& shell, const RunConfig& config, uint64_t parameter_bytes) {
   COMRAD_TRY_ASSIGN(const link::LinkAddress address, link::kept_address(shell.run_dir()));
   COMRAD_TRY_ASSIGN(link::Offer offer, link::read_offer(shell.run_dir()));
   COMRAD_TRY_ASSIGN(const shm::Arena arena, shell.join());
   COMRAD_TRY_ASSIGN(dds::LinkBus bus, link::open_serving_bus(shell, config, address));
-  link::Receiver receiver(arena, std::move(bus),
-                          {.first_worker = arena.shape().served_worker_count(), .offer = std::move(offer)});
+  link::Receiver receiver(
+      arena, std::move(bus),
+      {.first_worker = arena.shape().served_worker_count(),
+       .offer = std::move(offer),
+       .bf16_parameters = config.hosts.serve_bf16_weights ? parameter_bytes / sizeof(float) : 0});
   spdlog::info("the door is open at {}, with room for {} simulators of other hosts", address.host,
                arena.shape().guest_worker_count - arena.shape().frame_guest_count);
   return link::serve(shell, receiver, link::kTrajectoryFiles);
@@ -29,5 +33,9 @@ int main(int argc, char** argv) {
                           .description = "Opens a run's door to other hosts, and takes in what they play.",
                           .is_single = true,
                           .has_bench = false});
-  return shell.run(argc, argv, {.work = [&](const RunConfig& config) { return work(shell, config); }});
+  uint64_t parameter_bytes = 0;
+  shell.flags().add_option("--parameter_bytes", parameter_bytes,
+                           "how much of the weights are parameters, as comrad-policy-worker --describe says");
+  return shell.run(argc, argv,
+                   {.work = [&](const RunConfig& config) { return work(shell, config, parameter_bytes); }});
 }

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "rollout_buffer/core/checksum.h"
+#include "rollout_buffer/link/narrow_weights.h"
 
 namespace comrad::link {
 namespace {
@@ -16,20 +17,22 @@ uint64_t chunks_of(uint64_t bytes) {
 }  // namespace
 
 dds::WeightsChunk weights_chunk(std::span<const std::byte> weights, PolicyVersion version, uint64_t checksum,
-                                uint32_t chunk_index) {
+                                uint32_t chunk_index, uint64_t bf16_count) {
   const std::size_t begin = std::size_t{chunk_index} * dds::kChunkBytes;
   return {.chunk_index = chunk_index,
           .chunk_count = static_cast<uint32_t>(chunks_of(weights.size())),
           .version = version,
           .bytes = weights.size(),
           .checksum = checksum,
+          .bf16_count = bf16_count,
           .payload = weights.subspan(begin, std::min(dds::kChunkBytes, weights.size() - begin))};
 }
 
-Status send_weights(dds::LinkBus& bus, std::span<const std::byte> weights, PolicyVersion version) {
+Status send_weights(dds::LinkBus& bus, std::span<const std::byte> weights, PolicyVersion version,
+                    uint64_t bf16_count) {
   const uint64_t checksum = checksum64(weights);
   for (uint32_t index = 0; index < chunks_of(weights.size()); ++index)
-    COMRAD_TRY(bus.write(weights_chunk(weights, version, checksum, index)));
+    COMRAD_TRY(bus.write(weights_chunk(weights, version, checksum, index, bf16_count)));
   return {};
 }
 
@@ -37,8 +40,9 @@ Expected<bool> WeightsAssembler::take(const dds::WeightsChunk& chunk) {
   const auto refuse = [&](const std::string& what) {
     return Error{ErrorCode::kBadFormat, "weights of version " + std::to_string(chunk.version) + ": " + what};
   };
-  if (chunk.bytes > static_cast<uint64_t>(capacity_bytes_))
-    return refuse(std::to_string(chunk.bytes) + " bytes, the arena holds " + std::to_string(capacity_bytes_));
+  const auto capacity = static_cast<uint64_t>(capacity_bytes_) / (chunk.bf16_count > 0 ? 2 : 1);
+  if (chunk.bytes > capacity)
+    return refuse(std::to_string(chunk.bytes) + " bytes, the arena has room for " + std::to_string(capacity));
   const uint64_t count = chunks_of(chunk.bytes), begin = uint64_t{chunk.chunk_index} * dds::kChunkBytes;
   if (chunk.chunk_count != count || chunk.chunk_index >= count ||
       chunk.payload.size() != std::min<uint64_t>(dds::kChunkBytes, chunk.bytes - begin))
@@ -47,7 +51,7 @@ Expected<bool> WeightsAssembler::take(const dds::WeightsChunk& chunk) {
                   std::to_string(chunk.bytes));
   const auto is_of = [&](const Part& part) {
     return part.missing > 0 && part.version == chunk.version && part.checksum == chunk.checksum &&
-           part.weights.size() == chunk.bytes;
+           part.weights.size() == chunk.bytes && part.bf16_count == chunk.bf16_count;
   };
   auto part = std::ranges::find_if(parts_, is_of);
   if (part == parts_.end()) {
@@ -55,6 +59,7 @@ Expected<bool> WeightsAssembler::take(const dds::WeightsChunk& chunk) {
     part = parts_.begin();
     part->version = chunk.version;
     part->checksum = chunk.checksum;
+    part->bf16_count = chunk.bf16_count;
     part->weights.resize(chunk.bytes);
     part->has_chunk.assign(count, false);
     part->missing = count;
@@ -66,6 +71,9 @@ Expected<bool> WeightsAssembler::take(const dds::WeightsChunk& chunk) {
   if (--part->missing > 0) return false;
   std::swap(parts_[0], *part);
   if (checksum64(parts_[0].weights) != chunk.checksum) return refuse("the checksum is another");
+  if (chunk.bf16_count > 0)
+    if (const Status widened = widen_weights(parts_[0].weights, chunk.bf16_count, wide_); !widened)
+      return refuse(widened.error().message);
   return true;
 }
 

@@ -14,12 +14,14 @@
 
 namespace comrad::link {
 
-/// Sends all chunks of one version. Errors: those of LinkBus::write; the version is to be sent again then.
-Status send_weights(dds::LinkBus& bus, std::span<const std::byte> weights, PolicyVersion version);
+/// Sends all chunks of one version. `bf16_count`: `weights` come from narrow_weights(), with so many parameters; 0: as they
+/// lie in an arena. Errors: those of LinkBus::write; the version is to be sent again then.
+Status send_weights(dds::LinkBus& bus, std::span<const std::byte> weights, PolicyVersion version,
+                    uint64_t bf16_count = 0);
 
 /// One chunk of `weights`, as send_weights sends it. `checksum` is that of all of them.
 dds::WeightsChunk weights_chunk(std::span<const std::byte> weights, PolicyVersion version, uint64_t checksum,
-                                uint32_t chunk_index);
+                                uint32_t chunk_index, uint64_t bf16_count = 0);
 
 /// Takes chunks in any order, and of two versions at once: the newer one's first chunks overtake the older one's last.
 /// Threads: one.
@@ -32,8 +34,8 @@ class WeightsAssembler {
   /// Errors: kBadFormat for a chunk that cannot be one of weights, or a version whose checksum is wrong.
   Expected<bool> take(const dds::WeightsChunk& chunk);
 
-  // Of the version that take() has just completed.
-  std::span<const std::byte> weights() const { return parts_[0].weights; }
+  // Of the version that take() has just completed; the weights as an arena has them.
+  std::span<const std::byte> weights() const { return parts_[0].bf16_count > 0 ? wide_ : parts_[0].weights; }
   PolicyVersion version() const { return parts_[0].version; }
 
  private:
@@ -43,9 +45,11 @@ class WeightsAssembler {
     std::size_t missing = 0;  ///< 0: nothing is awaited
     PolicyVersion version = 0;
     uint64_t checksum = 0;
+    uint64_t bf16_count = 0;
   };
   const int64_t capacity_bytes_;
   std::array<Part, 2> parts_;  ///< the one that was begun last comes first
+  std::vector<std::byte> wide_;
 };
 
 }  // namespace comrad::link

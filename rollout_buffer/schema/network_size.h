@@ -8,6 +8,7 @@ namespace comrad {
 
 struct NetworkSize {
   int64_t weights_bytes = 0;          ///< parameters and input statistics, as the learner publishes them
+  int64_t parameter_bytes = 0;        ///< of these, the parameters, f32; they come first
   int32_t recurrent_state_count = 0;  ///< floats of recurrent state per agent; 0 without a core
 };
 

@@ -62,6 +62,8 @@ void feed_weights(Input& input) {
     chunk.bytes = input.number<uint32_t>() >> (input.number<uint8_t>() & 31);
     chunk.chunk_index = input.number<uint8_t>() & 7;
     chunk.chunk_count = input.number<uint8_t>() & 7;
+    if (input.number<uint8_t>() & 1)
+      chunk.bf16_count = input.number<uint32_t>() >> (input.number<uint8_t>() & 31);
     chunk.payload =
         std::span(zeros).first(std::min<std::size_t>(input.number<uint32_t>() & 0x1FFFFF, zeros.size()));
     if (input.number<uint8_t>() & 1)

@@ -10,8 +10,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <map>
 #include <memory>
+#include <sstream>
 
 #include "tests/integration/decision_accounts.h"
 #include "tests/integration/running_program.h"
@@ -97,7 +99,7 @@ class HostRuns : public ::testing::Test {
 
 /// Where a run stands, for what it did between two looks.
 struct Look {
-  double time_s = now_s(), trained = 0, delivered = 0, bytes = 0;
+  double time_s = now_s(), trained = 0, delivered = 0, bytes = 0, sent_bytes = 0;
   std::map<std::string, double> cpu_s;
 };
 
@@ -112,8 +114,12 @@ TEST_F(HostRuns, FourHostsTrainTogether) {
     now.trained = status["decisions_account"]["trained"];
     now.delivered = decisions_delivered(run);
     for (const auto& [role, seconds] : status["cpu_s"].items()) now.cpu_s[role] = seconds;
-    const std::string counter = "/sys/class/net/" + network.device(0) + "/statistics/rx_bytes";
-    now.bytes = std::strtod(RunningProgram(on(0, {"/bin/cat", counter})).wait(10).out.c_str(), nullptr);
+    const auto counter = [&](const char* name) {
+      const std::string file = "/sys/class/net/" + network.device(0) + "/statistics/" + name;
+      return std::strtod(RunningProgram(on(0, {"/bin/cat", file})).wait(10).out.c_str(), nullptr);
+    };
+    now.bytes = counter("rx_bytes");
+    now.sent_bytes = counter("tx_bytes");
     return now;
   };
   const auto measure = [&](int hosts) {
@@ -124,7 +130,9 @@ TEST_F(HostRuns, FourHostsTrainTogether) {
                  delivered = now.delivered - before.delivered;
     std::printf("%d hosts: %.0f decisions/s trained on, %.0f of them from other hosts", hosts,
                 trained / seconds, delivered / seconds);
-    if (delivered > 0) std::printf(", %.0f bytes each", (now.bytes - before.bytes) / delivered);
+    if (delivered > 0)
+      std::printf(", %.0f bytes each; %.1f MB/s sent", (now.bytes - before.bytes) / delivered,
+                  (now.sent_bytes - before.sent_bytes) / seconds / 1e6);
     for (const auto& [role, cpu_s] : now.cpu_s) {
       const double count = role == "receiver" ? delivered : trained;
       if (count > 0 && before.cpu_s.contains(role))
@@ -133,7 +141,10 @@ TEST_F(HostRuns, FourHostsTrainTogether) {
     std::printf("\n");
     EXPECT_GT(trained, 0);
   };
-  const auto learner = start_learner(on, "learning", network.device(0));
+  const char* more = std::getenv("COMRAD_HOSTS_FLAGS");  // of the run, to measure what they change
+  std::istringstream flags(more == nullptr ? "" : more);
+  const auto learner =
+      start_learner(on, "learning", network.device(0), {std::istream_iterator<std::string>(flags), {}});
   measure(1);
   std::vector<std::unique_ptr<RunningProgram>> players;
   for (int host = 1; host < 4; ++host) {

@@ -116,8 +116,9 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) 
 
 TEST(Hosts, ARunThatEndsEndsThoseThatPlayForIt) {
   const ScratchFolder scratch;
-  const std::string learning = scratch / "learning";
-  RunningProgram learner(small_training(scratch, "learning", 60000, {"--num_workers", "1", "--serve"}));
+  const std::string learning = scratch / "learning", playing = scratch / "playing";
+  RunningProgram learner(
+      small_training(scratch, "learning", 60000, {"--num_workers", "1", "--serve", "--serve_bf16_weights"}));
   ASSERT_TRUE(wait_until([&] { return !read_text(learning + "/link_address").empty() || !learner.running(); },
                          kStartSeconds));
   // By the run's folder, as hosts with one file system do.
@@ -128,6 +129,7 @@ TEST(Hosts, ARunThatEndsEndsThoseThatPlayForIt) {
   const Ending left = player.wait(30);
   EXPECT_EQ(left.exit_code, 0) << left.err;
   EXPECT_THAT(left.err, HasSubstr("the run that this host fed has ended"));
+  EXPECT_GT(read_json(playing + "/status.json")["decisions_account"]["trained"].get<double>(), 0);
   EXPECT_EQ(read_json(learning + "/status.json")["state"], "finished");
 }
 

@@ -131,6 +131,17 @@ TEST_P(EveryNet, WeightsTravelAsBytesTogetherWithTheStatistics) {
     EXPECT_TRUE(parameter.requires_grad() && parameter.is_leaf());
 }
 
+// What narrow_weights() of the link to other hosts takes for granted.
+TEST_P(EveryNet, WeightsAreFloatsAndThenStatisticsInDoublePrecision) {
+  const PolicyNet net = PolicyNet::create(options(), 3, torch::kCPU);
+  const size_t parameters = net.named_parameters().size();
+  const NamedTensors all = net.named_state();
+  ASSERT_GT(all.size(), parameters);
+  for (size_t i = 0; i < all.size(); ++i)
+    EXPECT_EQ(all[i].second.scalar_type(), i < parameters ? torch::kFloat32 : torch::kFloat64)
+        << all[i].first;
+}
+
 TEST_P(EveryNet, RefusesShortAndLongWeightsAndKeepsItsOwn) {
   const PolicyNet net = PolicyNet::create(options(), 3, torch::kCPU);
   std::vector<std::byte> own(static_cast<size_t>(net.weights_bytes())), after(own.size());

@@ -85,6 +85,7 @@ TEST(LinkBus, CarriesEveryTopicWholeUpToItsBound) {
     bus.take_weights([&](const WeightsChunk& in) {
       ++weights;
       EXPECT_EQ(in.version, 11u);
+      EXPECT_EQ(in.bf16_count, 12u);
       EXPECT_TRUE(std::ranges::equal(in.payload, chunk));
     });
     bus.take_episodes([&](const FeederEpisode& in) {
@@ -111,7 +112,7 @@ TEST(LinkBus, CarriesEveryTopicWholeUpToItsBound) {
                                   .epsilon = 0.25f}));
   ASSERT_TRUE(bus.write(TrajectoryFragment{
       .feeder_id = 1, .send_index = 6, .length = 8, .rollout_index = 7, .payload = piece}));
-  ASSERT_TRUE(bus.write(WeightsChunk{.chunk_count = 1, .version = 11, .payload = chunk}));
+  ASSERT_TRUE(bus.write(WeightsChunk{.chunk_count = 1, .version = 11, .bf16_count = 12, .payload = chunk}));
   ASSERT_TRUE(bus.write(FeederEpisode{.score = 12.5f, .agent_return = {1, -2}}));
   EXPECT_TRUE(eventually(bus, 10, [&] {
     take();

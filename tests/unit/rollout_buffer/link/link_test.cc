@@ -79,13 +79,16 @@ class Link : public ::testing::Test {
                      : joining_config({.host = network_->address(0), .link_id = link_id_}, options);
   }
 
-  void start_receiver() {
+  void start_receiver(uint64_t bf16_parameters = 0) {
     receiver_ = start(0, [&] {
       auto bus = dds::LinkBus::open(config(0));
       if (!bus) return 1;
       static std::atomic<bool> stop{false};
       Receiver receiver(learner_, std::move(*bus),
-                        {.first_worker = kOwnWorkers, .offer = small_offer(), .silent_after_s = 2});
+                        {.first_worker = kOwnWorkers,
+                         .offer = small_offer(),
+                         .silent_after_s = 2,
+                         .bf16_parameters = bf16_parameters});
       return receiver.run(stop) ? 0 : 1;
     });
   }
@@ -306,6 +309,34 @@ TEST_F(Link, WeightsAndEpsilonReachTheFeedingHost) {
   ASSERT_TRUE(eventually(20, [&] { return player_.weights_version() == 6; }));
   ASSERT_TRUE(player_.read_weights(arrived));
   EXPECT_EQ(arrived, weights);
+}
+
+TEST_F(Link, RoundedWeightsArriveWithTheSameBytesInEveryVersion) {
+  constexpr std::size_t kParameters = 700, kStatistics = 100;
+  std::vector<float> parameters(kParameters, 1.0f / 3);
+  const std::vector<double> statistics(kStatistics, 1.0 / 3);
+  std::vector<std::byte> weights(kParameters * sizeof(float) + kStatistics * sizeof(double)), arrived;
+  start_receiver(kParameters);
+  start_feeder();
+  for (const uint32_t version : {5u, 6u}) {
+    parameters[0] = static_cast<float>(version);
+    std::memcpy(weights.data(), parameters.data(), kParameters * sizeof(float));
+    std::memcpy(weights.data() + kParameters * sizeof(float), statistics.data(),
+                kStatistics * sizeof(double));
+    learner_.publish_weights(weights, version);
+    ASSERT_TRUE(
+        eventually(20, [&] { return player_.has_weights() && player_.weights_version() == version; }));
+    ASSERT_TRUE(player_.read_weights(arrived));
+    ASSERT_EQ(arrived.size(), weights.size());
+    float first = 0, third = 0;
+    double statistic = 0;
+    std::memcpy(&first, arrived.data(), sizeof first);
+    std::memcpy(&third, arrived.data() + sizeof first, sizeof third);
+    std::memcpy(&statistic, arrived.data() + arrived.size() - sizeof statistic, sizeof statistic);
+    EXPECT_EQ(first, static_cast<float>(version));
+    EXPECT_EQ(third, 0.333984375f);  // 1/3 in bfloat16
+    EXPECT_EQ(statistic, static_cast<double>(static_cast<float>(1.0 / 3)));
+  }
 }
 
 TEST_F(Link, EpisodesOfTheOtherHostAreThisHostsEpisodes) {

@@ -3,8 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstring>
+
 #include "rollout_buffer/core/checksum.h"
 #include "rollout_buffer/core/rng.h"
+#include "rollout_buffer/link/narrow_weights.h"
 
 namespace comrad::link {
 namespace {
@@ -87,6 +90,42 @@ TEST(WeightsStream, AChunkThatIsNoneOfTheWeightsIsRefused) {
   EXPECT_TRUE(refused([](dds::WeightsChunk& chunk) { chunk.bytes -= 1; }));
   EXPECT_TRUE(refused([](dds::WeightsChunk& chunk) { chunk.payload = chunk.payload.first(9); }));
   EXPECT_TRUE(refused([](dds::WeightsChunk& chunk) { chunk.payload = {}; }));
+}
+
+TEST(WeightsStream, NarrowWeightsAreWideOnceTheyAreWhole) {
+  const std::vector<float> parameters = {0.1f, -3};
+  const double statistic = 0.1;
+  std::vector<std::byte> weights(16), narrow;
+  std::memcpy(weights.data(), parameters.data(), 8);
+  std::memcpy(weights.data() + 8, &statistic, 8);
+  ASSERT_TRUE(narrow_weights(weights, 2, narrow));
+  const auto taken = [&narrow](uint64_t bf16_count, int64_t capacity, std::vector<std::byte>& wide) {
+    WeightsAssembler assembler(capacity);
+    const Expected<bool> whole = assembler.take(weights_chunk(narrow, 1, checksum64(narrow), 0, bf16_count));
+    if (whole && *whole) wide.assign(assembler.weights().begin(), assembler.weights().end());
+    return whole && *whole;
+  };
+  std::vector<std::byte> wide, expected;
+  ASSERT_TRUE(taken(2, 16, wide));
+  ASSERT_TRUE(widen_weights(narrow, 2, expected));
+  EXPECT_EQ(wide, expected);
+  EXPECT_FALSE(taken(2, 15, wide));  // wide they have no room
+  EXPECT_FALSE(taken(3, 16, wide));  // no whole number of statistics is left
+  EXPECT_FALSE(taken(5, 16, wide));  // more parameters than bytes
+  EXPECT_FALSE(taken(~uint64_t{0}, 16, wide));
+  ASSERT_TRUE(taken(0, 8, wide));
+  EXPECT_EQ(wide, narrow);  // of which the chunk does not say that they are narrow
+}
+
+TEST(WeightsStream, APublishersNextVersionMayBeWideAfterANarrowOne) {
+  const std::vector<std::byte> weights = weights_of(1, 4000);
+  std::vector<std::byte> narrow;
+  ASSERT_TRUE(narrow_weights(weights, 1000, narrow));
+  WeightsAssembler assembler(kCapacity);
+  ASSERT_TRUE(assembler.take(weights_chunk(narrow, 1, checksum64(narrow), 0, 1000)));
+  EXPECT_EQ(assembler.weights().size(), weights.size());
+  ASSERT_TRUE(assembler.take(chunk_of(weights, 2, 0)));
+  EXPECT_TRUE(std::ranges::equal(assembler.weights(), weights));
 }
 
 }  // namespace
