@@ -29,8 +29,7 @@ Expected<NetworkSize> parse_network_size(std::string_view text) {
   if (!weights_bytes || !parameter_bytes || !state_count)
     return Error{ErrorCode::kBadFormat,
                  "comrad-policy-worker --describe: no object with weights_bytes, parameter_bytes and "
-                 "recurrent_state_count; "
-                 "rebuild with ./comrad"};
+                 "recurrent_state_count; rebuild with ./comrad"};
   return NetworkSize{*weights_bytes, *parameter_bytes, static_cast<int32_t>(*state_count)};
 }
 

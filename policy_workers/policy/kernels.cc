@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "rollout_buffer/core/bfloat16.h"
+
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define COMRAD_VECTORISED                                    \
   __attribute__((target_clones("arch=x86-64-v3", "default"), \
@@ -65,16 +67,6 @@ COMRAD_VECTORISED void elu_backward_loop(const float* __restrict y, float* __res
     const float slope = y[k] > 0.0f ? 1.0f : y[k] + 1.0f;
     grad[k] *= slope;
   }
-}
-
-[[gnu::always_inline]] inline float widened(uint16_t bits) {
-  return __builtin_bit_cast(float, static_cast<uint32_t>(bits) << 16);
-}
-
-/// To the nearest even; a NaN stays one, unless all of its bits are set, which no instruction makes.
-[[gnu::always_inline]] inline uint16_t rounded(float value) {
-  const uint32_t bits = __builtin_bit_cast(uint32_t, value);
-  return static_cast<uint16_t>((bits + 0x7FFFu + ((bits >> 16) & 1u)) >> 16);
 }
 
 COMRAD_VECTORISED void normalize_tile_bf16(const uint8_t* __restrict in, int64_t count,

@@ -5,17 +5,16 @@
 #include <cstring>
 #include <string>
 
+#include "rollout_buffer/core/bfloat16.h"
+
 namespace comrad::link {
 namespace {
 
 uint16_t bf16_of(float value) {
-  const auto bits = std::bit_cast<uint32_t>(value);
-  if (std::isnan(value))
-    return static_cast<uint16_t>(bits >> 16 | 0x40);  // rounding could make infinity of it
-  return static_cast<uint16_t>((bits + 0x7FFF + (bits >> 16 & 1)) >> 16);
+  if (std::isnan(value))  // of which rounding could make an infinity
+    return static_cast<uint16_t>(std::bit_cast<uint32_t>(value) >> 16 | 0x40);
+  return rounded(value);
 }
-
-float f32_of(uint16_t bf16) { return std::bit_cast<float>(uint32_t{bf16} << 16); }
 
 /// `count` numbers From at `in` become numbers To at `out`; neither need be aligned.
 template <typename From, typename To, typename Convert>
@@ -57,7 +56,7 @@ Status widen_weights(std::span<const std::byte> narrow, uint64_t parameter_count
   COMRAD_TRY_ASSIGN(const std::size_t statistics,
                     statistics_in(narrow.size(), parameter_count, sizeof(uint16_t), sizeof(float)));
   weights.resize(narrow.size() * 2);
-  convert<uint16_t, float>(narrow.data(), weights.data(), parameter_count, f32_of);
+  convert<uint16_t, float>(narrow.data(), weights.data(), parameter_count, widened);
   convert<float, double>(narrow.data() + parameter_count * sizeof(uint16_t),
                          weights.data() + parameter_count * sizeof(float), statistics,
                          [](float value) { return static_cast<double>(value); });

@@ -252,10 +252,9 @@ void Receiver::send_weights_if_due() {
   if (guests_here == 0 || !arena_.has_weights()) return;
   if (are_weights_sent_ && arena_.weights_version() == weights_version_) return;
   const double now_s = monotonic_s();
-  const std::size_t sent_bytes = options_.bf16_parameters > 0 ? narrow_weights_.size() : weights_.size();
   const double interval_s = std::max(
       1 / options_.weights_per_s,
-      static_cast<double>(sent_bytes) * static_cast<double>(guests_here) / options_.weights_bytes_per_s);
+      static_cast<double>(weights_.size()) * static_cast<double>(guests_here) / options_.weights_bytes_per_s);
   if (weights_sent_s_ > 0 && now_s - weights_sent_s_ < interval_s) return;
   // On a bad line a newer version in the place of one that is half there would never let any arrive.
   if (weights_sent_s_ > 0 && now_s - weights_sent_s_ < options_.weights_wait_s && !bus_.has_sent_weights())
@@ -266,13 +265,14 @@ void Receiver::send_weights_if_due() {
     spdlog::warn("{}", version.error().message);
     return;
   }
-  Status sent;
-  if (options_.bf16_parameters == 0) {
-    sent = send_weights(bus_, weights_, *version);
-  } else {
-    sent = narrow_weights(weights_, options_.bf16_parameters, narrow_weights_);
-    if (sent) sent = send_weights(bus_, narrow_weights_, *version, options_.bf16_parameters);
+  if (options_.bf16_parameters > 0) {
+    std::swap(weights_, as_in_arena_);
+    if (const Status narrowed = narrow_weights(as_in_arena_, options_.bf16_parameters, weights_); !narrowed) {
+      spdlog::warn("{}", narrowed.error().message);
+      return;
+    }
   }
+  const Status sent = send_weights(bus_, weights_, *version, options_.bf16_parameters);
   are_weights_sent_ = sent.has_value();  // else all of them once more, a little later
   weights_version_ = *version;
   if (!sent && sent.error().code != ErrorCode::kTimeout) spdlog::warn("{}", sent.error().message);

@@ -91,7 +91,7 @@ class Receiver {
   uint64_t session_ = 0;
   std::map<uint64_t, Guest> guests_;
   Seats seats_;
-  std::vector<std::byte> weights_, narrow_weights_;
+  std::vector<std::byte> weights_, as_in_arena_;
   PolicyVersion weights_version_ = 0;
   bool are_weights_sent_ = false;
   double weights_sent_s_ = 0;
