@@ -25,7 +25,8 @@ Receiver::Receiver(const shm::Arena& arena, dds::LinkBus bus, ReceiverOptions op
       options_(std::move(options)),
       door_(options_.offer),
       fingerprint_(fingerprint_of(options_.offer)),
-      seats_(arena, options_.first_worker, arena.shape().sim_worker_count - options_.first_worker) {
+      seats_(arena, options_.first_worker, arena.shape().sim_worker_count - options_.first_worker),
+      weights_pace_(options_.weights) {
   shm::WorkerCounters& counters = arena_.sim_counters(options_.first_worker);
   counters.begin_life();
   counters.state = shm::WorkerState::kRunning;
@@ -247,19 +248,16 @@ void Receiver::take_episode(const dds::FeederEpisode& episode) {
 }
 
 void Receiver::send_weights_if_due() {
-  const auto guests_here =
-      std::ranges::count_if(guests_, [](const auto& entry) { return entry.second.record.is_here; });
+  const auto guests_here = static_cast<std::size_t>(
+      std::ranges::count_if(guests_, [](const auto& entry) { return entry.second.record.is_here; }));
   if (guests_here == 0 || !arena_.has_weights()) return;
   if (are_weights_sent_ && arena_.weights_version() == weights_version_) return;
   const double now_s = monotonic_s();
-  const double interval_s = std::max(
-      1 / options_.weights_per_s,
-      static_cast<double>(weights_.size()) * static_cast<double>(guests_here) / options_.weights_bytes_per_s);
-  if (weights_sent_s_ > 0 && now_s - weights_sent_s_ < interval_s) return;
+  if (!weights_pace_.is_due(now_s, guests_here)) return;
   // On a bad line a newer version in the place of one that is half there would never let any arrive.
-  if (weights_sent_s_ > 0 && now_s - weights_sent_s_ < options_.weights_wait_s && !bus_.has_sent_weights())
-    return;
-  weights_sent_s_ = now_s;
+  if (weights_pace_.since_sent_s(now_s) < options_.weights_wait_s && !bus_.has_sent_weights()) return;
+  weights_pace_.sent(now_s, weights_.size(), guests_here, 0);  // what fails below is not tried at once again
+  const Stopwatch watch;                                       // Cyclone writes in this thread
   const Expected<PolicyVersion> version = arena_.read_weights(weights_);
   if (!version) {
     spdlog::warn("{}", version.error().message);
@@ -273,6 +271,7 @@ void Receiver::send_weights_if_due() {
     }
   }
   const Status sent = send_weights(bus_, weights_, *version, options_.bf16_parameters);
+  weights_pace_.sent(now_s, weights_.size(), guests_here, watch.cpu_elapsed());
   are_weights_sent_ = sent.has_value();  // else all of them once more, a little later
   weights_version_ = *version;
   if (!sent && sent.error().code != ErrorCode::kTimeout) spdlog::warn("{}", sent.error().message);

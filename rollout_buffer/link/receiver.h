@@ -17,19 +17,19 @@
 #include "rollout_buffer/link/door.h"
 #include "rollout_buffer/link/seats.h"
 #include "rollout_buffer/link/slab_stream.h"
+#include "rollout_buffer/link/weights_pace.h"
 #include "rollout_buffer/link/weights_stream.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::link {
 
 struct ReceiverOptions {
-  int first_worker = 0;       ///< simulators of the arena from this one on are played by other hosts
-  Offer offer;                ///< what hosts that join are told
-  int window = 4;             ///< slabs that are kept free for each host, its credits
-  double silent_after_s = 5;  ///< then its free slabs go back, and another that needs its places has them
-  double seat_kept_s = 600;   ///< then its simulators' places are free
-  double weights_per_s = 10;  ///< at most so many versions
-  double weights_bytes_per_s = 50e6;  ///< and so many bytes, to all hosts together
+  int first_worker = 0;        ///< simulators of the arena from this one on are played by other hosts
+  Offer offer;                 ///< what hosts that join are told
+  int window = 4;              ///< slabs that are kept free for each host, its credits
+  double silent_after_s = 5;   ///< then its free slabs go back, and another that needs its places has them
+  double seat_kept_s = 600;    ///< then its simulators' places are free
+  WeightsLimits weights = {};  ///< how often versions go to other hosts
   uint64_t bf16_parameters =
       0;  ///< so many parameters are sent as bfloat16, the statistics behind them as f32; 0: all as they are
   double weights_wait_s =
@@ -94,7 +94,7 @@ class Receiver {
   std::vector<std::byte> weights_, as_in_arena_;
   PolicyVersion weights_version_ = 0;
   bool are_weights_sent_ = false;
-  double weights_sent_s_ = 0;
+  WeightsPace weights_pace_;
   uint64_t beat_ = 0;
   bool is_stopping_ = false;
   double reported_s_ = 0;
