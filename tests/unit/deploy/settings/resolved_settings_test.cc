@@ -186,6 +186,7 @@ struct ScenarioRow {
 };
 constexpr ScenarioRow kSmallScenarios[] = {
     {"lava_pit", {"gamma", "0.9995"}},
+    {"rhythm_sync", {"gamma", "0.999"}},
     {"stag_hunt_arena", {"q_value_clamp", "100 100 100 100 0 0 0 0"}},
 };
 
