@@ -133,7 +133,7 @@ void append_usage(const RunConfig& config, const MeasuredWindow& measured, int c
                                 .num_envs_per_worker = config.collection.num_envs_per_worker,
                                 .policy_workers = config.collection.policy_workers,
                                 .learner_threads = config.collection.learner_threads,
-                                .is_fp32 = config.collection.precision == Precision::kFp32,
+                                .is_fp32 = config.collection.precision != Precision::kBf16,
                                 .is_on_gpu = config.collection.device.starts_with("cuda")};
   summary["other_programs_busy"] = numbers.others_busy;
   summary["busy"] = {{"simulators", numbers.sim_busy},

@@ -76,7 +76,7 @@ std::vector<TuneAxis> tune_axes(const RunConfig& config, int cores) {
     if (!axis.values.empty()) axes.push_back(std::move(axis));
   };
   const CollectionSettings& now = config.collection;
-  axes.push_back({"precision", {now.precision == Precision::kFp32 ? "bf16" : "fp32"}});
+  axes.push_back({"precision", {now.precision == Precision::kBf16 ? "fp32" : "bf16"}});
   add("num_workers", {cores / 2, cores, 3 * cores / 2});
   // Halves of a worker's environments take turns, so their number stays even.
   add("num_envs_per_worker", {now.num_envs_per_worker / 2 / 2 * 2, 2 * now.num_envs_per_worker});

@@ -2,6 +2,7 @@
 
 #include <ATen/core/ivalue.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <string_view>
@@ -30,12 +31,22 @@ HostWaitCounter::Counts counts_of(const Places& places) {
           .readbacks = places[kReadback]};
 }
 
+/// Autograd names the device, too, where it gives the gradient of a rounding its old type.
+bool is_rounding(const at::Tensor& tensor, const at::RecordFunction& function) {
+  const auto inputs = function.inputs();
+  const bool is_asked_for = std::ranges::any_of(inputs, [](const c10::IValue& input) {
+    return input.isInt() && input.toInt() == static_cast<int64_t>(at::kBFloat16);
+  });
+  return tensor.is_cpu() && (is_asked_for || tensor.scalar_type() == at::kBFloat16);
+}
+
 bool is_copy_to_host(const at::RecordFunction& function) {
-  bool is_tensor_moved = false;
+  at::Tensor moved;
   for (const c10::IValue& input : function.inputs()) {
-    if (input.isTensor() && input.toTensor().defined()) is_tensor_moved = true;
+    if (input.isTensor() && input.toTensor().defined()) moved = input.toTensor();
     if (input.isDevice())
-      return is_tensor_moved && input.toDevice().is_cpu() && !input.toDevice().has_index();
+      return moved.defined() && input.toDevice().is_cpu() && !input.toDevice().has_index() &&
+             !is_rounding(moved, function);
   }
   return false;
 }

@@ -64,21 +64,24 @@ UpdateStats update(Algorithm& algorithm, const TrajectoryShape& shape, uint64_t 
 class HostWaits : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(HostWaits, NoStepMakesTheHostWaitForTheDevice) {
-  RunConfig config = config_of(GetParam());
-  config.optimisation.num_batches_per_epoch = config.run.algo->learns_q_values() ? 1 : 2;
-  const TrajectoryShape shape = testing::small_shape(config, kAgents);
-  const auto algorithm = *make_algorithm(config, shape.env, torch::Device(torch::kCPU, 0));
-  (void)update(*algorithm, shape, 1);  // what is made once is made
-  const device::HostWaitCounter counter;
-  const UpdateStats stats = update(*algorithm, shape, 2);
-  ASSERT_GE(stats.optimizer_steps, 1);
-  const auto inside = counter.in_steps();
-  EXPECT_EQ(inside.numbers_read, 0);
-  EXPECT_EQ(inside.nonzero, 0);
-  EXPECT_EQ(inside.device_copies, 0);
-  EXPECT_EQ(inside.readbacks, 0);
-  // Once a batch: the report's numbers, and, of steps that a GPU still had in its queue, theirs.
-  EXPECT_LE(counter.between_steps().all(), 2);
+  for (const Precision precision : {Precision::kFp32, Precision::kBf16}) {
+    RunConfig config = config_of(GetParam());
+    config.collection.precision = precision;
+    config.optimisation.num_batches_per_epoch = config.run.algo->learns_q_values() ? 1 : 2;
+    const TrajectoryShape shape = testing::small_shape(config, kAgents);
+    const auto algorithm = *make_algorithm(config, shape.env, torch::Device(torch::kCPU, 0));
+    (void)update(*algorithm, shape, 1);  // what is made once is made
+    const device::HostWaitCounter counter;
+    const UpdateStats stats = update(*algorithm, shape, 2);
+    ASSERT_GE(stats.optimizer_steps, 1);
+    const auto inside = counter.in_steps();
+    EXPECT_EQ(inside.numbers_read, 0);
+    EXPECT_EQ(inside.nonzero, 0);
+    EXPECT_EQ(inside.device_copies, 0) << (precision == Precision::kBf16 ? "bf16" : "fp32");
+    EXPECT_EQ(inside.readbacks, 0);
+    // Once a batch: the report's numbers, and, of steps that a GPU still had in its queue, theirs.
+    EXPECT_LE(counter.between_steps().all(), 2);
+  }
 }
 
 TEST_P(HostWaits, StepsThatAreReadLateGiveTheSameWeights) {
@@ -128,7 +131,8 @@ TEST(HostWaitCounter, SeesEachKindInsideAndOutsideOfSteps) {
     (void)numbers.nonzero();
     (void)torch::equal(numbers, numbers);
     (void)numbers.cpu();
-    (void)numbers.to(torch::Device(torch::kCPU, 0));  // to the device at work
+    (void)numbers.to(torch::Device(torch::kCPU, 0));                                  // to the device at work
+    (void)numbers.to(numbers.options().device(torch::kCPU).dtype(torch::kBFloat16));  // a rounding
     device::Readback(numbers).wait();
   };
   wait();
