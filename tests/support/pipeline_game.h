@@ -113,6 +113,7 @@ inline RunConfig pipeline_game_config(const std::string& algo) {
   config.environment.num_agents = 2;
   config.run.seed = 42;
   config.collection.device = "cpu";
+  config.collection.precision = Precision::kFp32;  // the same numbers on every machine
   config.collection.num_workers = 1;
   config.collection.num_envs_per_worker = kGameEnvironments;
   config.network.use_rnn = false;
