@@ -1,5 +1,6 @@
 #include "policy_workers/device/queue.h"
 
+#include <atomic>
 #include <utility>
 
 #include "policy_workers/policy/torch_ops.h"
@@ -15,6 +16,18 @@
 #endif
 
 namespace comrad::device {
+namespace {
+
+std::atomic<int> recordings_open = 0;
+
+struct RecordingScope {
+  RecordingScope() { ++recordings_open; }
+  ~RecordingScope() { --recordings_open; }
+  RecordingScope(const RecordingScope&) = delete;
+  RecordingScope& operator=(const RecordingScope&) = delete;
+};
+
+}  // namespace
 
 #ifdef COMRAD_HAS_CUDA
 
@@ -82,36 +95,66 @@ void Event::wait() const {
   if (place_) C10_CUDA_CHECK(cudaEventSynchronize(place_->event));
 }
 
-bool Graph::record(torch::Device device, std::function<void()> work) {
-  work_ = std::move(work);
-  if (!device.is_cuda()) return true;
-  const Stream before = Stream::current(device), stream = Stream::beside(device);
+bool Graph::give(bool records) {
+  const Stream before = Stream::current(device_), stream = Stream::beside(device_);
   Event reached;
   reached.record(before);
   stream.wait_for(reached);
-  try {
-    const StreamScope scope(stream);
-    work_();  // allocators and libraries set themselves up outside of the recording
+  if (!records) {
+    {
+      const StreamScope scope(stream);
+      work_();
+    }
     reached.record(stream);
-    reached.wait();
-    auto recording = std::make_unique<Recording>();
-    recording->graph.capture_begin();
+    before.wait_for(reached);
+    return true;
+  }
+  const StreamScope scope(stream);
+  const RecordingScope recording_now;
+  auto recording = std::make_unique<Recording>();
+  // Other threads go on copying and allocating: what is not this thread's does not end the recording.
+  recording->graph.capture_begin({0, 0}, cudaStreamCaptureModeThreadLocal);
+  std::string refusal;
+  try {
     work_();
-    recording->graph.capture_end();
-    recording_ = std::move(recording);
   } catch (const std::exception& error) {
-    spdlog::warn("device: work is given piece by piece, it could not be recorded: {}", error.what());
-    recording_.reset();
+    refusal = error.what();
+  }
+  try {
+    recording->graph.capture_end();
+  } catch (const std::exception& error) {
+    if (refusal.empty()) refusal = error.what();
+  }
+  if (!refusal.empty()) {
+    spdlog::warn("device: work is given piece by piece, it could not be recorded: {}", refusal);
     return false;
   }
+  recording_ = std::move(recording);
   return true;
 }
 
+bool Graph::record(torch::Device device, std::function<void()> work) {
+  work_ = std::move(work);
+  device_ = device;
+  if (!device.is_cuda()) return true;
+  (void)give(/*records=*/false);  // allocators and libraries set themselves up outside of the recording
+  return give(/*records=*/true);
+}
+
 void Graph::replay() {
-  if (recording_)
+  if (replays_before_recording_ >= 0 && device_.is_cuda()) {
+    if (replays_before_recording_-- > 0) {
+      (void)give(/*records=*/false);
+      return;
+    }
+    (void)give(/*records=*/true);
+  }
+  if (recording_) {
     recording_->graph.replay();
-  else
-    work_();
+    return;
+  }
+  const RecordingScope as_if;
+  work_();
 }
 
 Memory memory_of(torch::Device device) {
@@ -138,15 +181,27 @@ StreamScope::StreamScope(const Stream&) {}
 void Event::record(const Stream&) {}
 bool Event::is_done() const { return true; }
 void Event::wait() const {}
+bool Graph::give(bool) { return false; }
 bool Graph::record(torch::Device, std::function<void()> work) {
   work_ = std::move(work);
   return true;
 }
-void Graph::replay() { work_(); }
+void Graph::replay() {
+  const RecordingScope as_if;
+  work_();
+}
 Memory memory_of(torch::Device) { return {}; }
 int gpu_count() { return 0; }
 
 #endif
+
+void Graph::record_at_second_replay(torch::Device device, std::function<void()> work) {
+  work_ = std::move(work);
+  device_ = device;
+  replays_before_recording_ = 1;
+}
+
+bool is_recording() { return recordings_open > 0; }
 
 StreamScope::~StreamScope() = default;
 Graph::Graph() = default;

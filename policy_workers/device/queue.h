@@ -75,15 +75,26 @@ class Graph {
   Graph(Graph&&) noexcept;
   Graph& operator=(Graph&&) noexcept;
 
-  /// Records `work` without doing it. False, with a warning in the log, where the device refused.
+  /// Records `work`, which is done once before: it must not matter. False, with a warning in the log, where the device refused.
   bool record(torch::Device device, std::function<void()> work);
+  /// For work that matters each time: the first replay() gives it piece by piece, the second one records it.
+  void record_at_second_replay(torch::Device device, std::function<void()> work);
   void replay();
+  bool is_recorded() const { return recording_ != nullptr; }
 
  private:
   struct Recording;
+  /// The work on a queue of its own, done (`records` false) or recorded.
+  bool give(bool records);
   std::unique_ptr<Recording> recording_;
   std::function<void()> work_;
+  torch::Device device_ = torch::kCPU;
+  int replays_before_recording_ = -1;  ///< negative: it is recorded, or will never be
 };
+
+/// Whether work is being recorded, in any thread; on a CPU, where nothing is recorded, while a Graph replays. What is kept from one
+/// pass to the next must be made anew then: a replay would not see that it is outdated.
+bool is_recording();
 
 /// What a device's memory looks like; 0 where it is the host's.
 struct Memory {

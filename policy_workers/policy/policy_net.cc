@@ -10,6 +10,7 @@
 #include <optional>
 #include <string_view>
 
+#include "policy_workers/device/queue.h"
 #include "policy_workers/policy/encoder.h"
 #include "policy_workers/policy/recurrent_core.h"
 #include "policy_workers/policy/torch_ops.h"
@@ -622,9 +623,21 @@ int64_t PolicyNet::weights_bytes() const {
 
 void PolicyNet::write_weights(std::span<std::byte> out) const {
   COMRAD_CHECK(static_cast<int64_t>(out.size()) == weights_bytes(), "the buffer is weights_bytes() long");
-  std::byte* at = out.data();
+  // All of it is asked for before the first is waited for.
+  std::vector<Tensor> on_host;
   for (auto& [name, tensor] : named_state()) {
-    const Tensor dense = tensor.detach().cpu().contiguous();
+    if (tensor.is_cpu()) {
+      on_host.push_back(tensor.detach().contiguous());
+      continue;
+    }
+    on_host.push_back(device::host_memory(tensor.sizes(), tensor.scalar_type(), impl_->device));
+    on_host.back().copy_(tensor.detach(), /*non_blocking=*/true);
+  }
+  device::Event arrived;
+  arrived.record(device::Stream::current(impl_->device));
+  arrived.wait();
+  std::byte* at = out.data();
+  for (const Tensor& dense : on_host) {
     std::memcpy(at, dense.data_ptr(), dense.nbytes());
     at += dense.nbytes();
   }

@@ -2,6 +2,7 @@
 
 #include <unordered_map>
 
+#include "policy_workers/device/queue.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/cpu_features.h"
 
@@ -18,6 +19,7 @@ Tensor factor(const Tensor& x, Precision precision) {
 Tensor weight_factor(const Tensor& weight, Precision precision) {
   if (precision == Precision::kFp32 || (at::GradMode::is_enabled() && weight.requires_grad()))
     return factor(weight, precision);
+  if (device::is_recording()) return factor(weight.detach(), precision);  // replays round later weights
   struct Rounded {
     // A weak reference keeps the address from being given to another tensor.
     c10::weak_intrusive_ptr<c10::TensorImpl> weight;

@@ -103,6 +103,58 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
   }
 };
 
+/// The same on a GPU, where every operator of a step costs a start: what lies between two products is one kernel of torch's.
+struct FusedGruSequence : torch::autograd::Function<FusedGruSequence> {
+  static Tensor forward(AutogradContext* context, const Tensor& gi, const Tensor& h0, const Tensor& keep,
+                        const Tensor& weight_hh, const Tensor& bias_hh, Precision precision) {
+    const int64_t steps = gi.size(0), rows = gi.size(1), hidden = h0.size(1);
+    const Tensor h_in = torch::empty({steps, rows, hidden}, gi.options());
+    const Tensor weight_t = weight_factor(weight_hh, precision).t();
+    const Tensor no_bias = torch::zeros_like(bias_hh);  // gi has its own
+    tensor_list outputs, saved = {h_in, keep, weight_hh};
+    Tensor h = h0;
+    for (int64_t t = 0; t < steps; ++t) {
+      Tensor h_before = h_in[t];
+      if (keep.numel() > 0)
+        at::mul_out(h_before, h, keep[t]);
+      else
+        h_before.copy_(h);
+      const Tensor gh = to_f32(factor(h_before, precision).mm(weight_t));
+      Tensor gates;
+      std::tie(h, gates) = at::_thnn_fused_gru_cell(gi[t], gh, h_before, no_bias, bias_hh);
+      outputs.push_back(h);
+      saved.push_back(gates);
+    }
+    context->save_for_backward(saved);
+    context->saved_data["precision"] = static_cast<int64_t>(precision);
+    return at::stack(outputs);
+  }
+
+  static tensor_list backward(AutogradContext* context, tensor_list grad_outputs) {
+    const auto saved = context->get_saved_variables();
+    const auto precision = static_cast<Precision>(context->saved_data["precision"].toInt());
+    const Tensor &h_in = saved[0], &keep = saved[1], &grad = grad_outputs[0];
+    const Tensor weight = weight_factor(saved[2], precision);
+    const int64_t steps = h_in.size(0), rows = h_in.size(1), hidden = h_in.size(2);
+    tensor_list of_gi(static_cast<size_t>(steps)), of_gh(static_cast<size_t>(steps));
+    Tensor carried;  // gradient of h'_t from the steps after t
+    for (int64_t t = steps - 1; t >= 0; --t) {
+      const Tensor grad_h = carried.defined() ? carried.add_(grad[t]) : grad[t].contiguous();
+      const auto [gi, gh, h, gi_bias, gh_bias] =
+          at::_thnn_fused_gru_cell_backward(grad_h, saved[static_cast<size_t>(t + 3)], /*has_bias=*/false);
+      of_gi[static_cast<size_t>(t)] = gi;
+      of_gh[static_cast<size_t>(t)] = gh;
+      carried = precision == Precision::kFp32 ? at::addmm(h, gh, weight)
+                                              : to_f32(factor(gh, precision).mm(weight)).add_(h);
+      if (keep.numel() > 0) carried.mul_(keep[t]);
+    }
+    const Tensor flat = at::cat(of_gh);
+    return {at::stack(of_gi), carried,
+            Tensor(),         weight_gradient(flat, h_in.view({steps * rows, hidden}), precision),
+            flat.sum(0),      Tensor()};
+  }
+};
+
 /// The recurrent half of an LSTM layer over a sequence; returns h [T, B, hidden] and the last c [B, hidden].
 ///
 ///   i, f, o = sigmoid, g = tanh of gi + W_hh h + b_hh;  c' = f c + i g;  h' = o tanh(c')
@@ -255,7 +307,8 @@ CoreOutput RecurrentCore::sequence(const Tensor& input, const Tensor& state, con
     const Tensor h0 = state.slice(1, layer * hidden_count_, (layer + 1) * hidden_count_);
     const Tensor gi = linear(x, w.weight_ih, w.bias_ih, precision_);
     if (kind_ == CoreKind::kGru) {
-      x = GruSequence::apply(gi, h0, kept, w.weight_hh, w.bias_hh, precision_);
+      x = gi.is_cuda() ? FusedGruSequence::apply(gi, h0, kept, w.weight_hh, w.bias_hh, precision_)
+                       : GruSequence::apply(gi, h0, kept, w.weight_hh, w.bias_hh, precision_);
     } else {
       const int64_t first = (layer_count + layer) * hidden_count_;
       const Tensor c0 = state.slice(1, first, first + hidden_count_);

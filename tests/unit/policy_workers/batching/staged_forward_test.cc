@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "policy_workers/policy/torch_ops.h"
+#include "tests/support/test_device.h"
 #include "tests/unit/policy_workers/fake_simulators.h"
 
 namespace comrad::policy {
@@ -18,7 +19,17 @@ double largest_difference(const Tensor& a, const Tensor& b) {
   return a.numel() == 0 ? 0 : (a - b).abs().max().item<double>();
 }
 
-/// Answers what waits by `staged` and holds it to the network's plain pass over the same batch.
+/// The same weights on the CPU, whose plain pass is the reference, and on the device of the test.
+struct Networks {
+  PolicyNet on_cpu, on_device;
+};
+
+Networks make_networks(const PolicyNetOptions& options, uint64_t seed) {
+  return {PolicyNet::create(options, seed, torch::kCPU),
+          PolicyNet::create(options, seed, testing::test_device())};
+}
+
+/// Answers what waits by `staged` and holds it to the CPU's plain pass over the same batch.
 void answer_and_compare(Batcher& batcher, const PolicyNet& net, StagedForward& staged, size_t requests) {
   const Batch& batch = batcher.gather(0);
   ASSERT_EQ(batch.requests.size(), requests);
@@ -26,9 +37,10 @@ void answer_and_compare(Batcher& batcher, const PolicyNet& net, StagedForward& s
   const PolicyOutput output = staged.step(batch);
   ASSERT_EQ(output.logits.sizes(), plain.logits.sizes());
   ASSERT_EQ(output.recurrent_state.sizes(), plain.recurrent_state.sizes());
-  EXPECT_LT(largest_difference(output.logits, plain.logits), 1e-5);
-  EXPECT_LT(largest_difference(output.value, plain.value), 1e-5);
-  EXPECT_LT(largest_difference(output.recurrent_state, plain.recurrent_state), 1e-5);
+  const double bound = testing::test_device().is_cpu() ? 1e-5 : 1e-4;
+  EXPECT_LT(largest_difference(output.logits, plain.logits), bound);
+  EXPECT_LT(largest_difference(output.value, plain.value), bound);
+  EXPECT_LT(largest_difference(output.recurrent_state, plain.recurrent_state), bound);
   batcher.scatter(batch, output, 9);
 }
 
@@ -49,9 +61,10 @@ TEST_P(EveryCore, SaysWhatThePlainPassSaysWhileStatesStayOnTheDevice) {
   const PolicyNetOptions options = small_network(GetParam());
   const bool has_state = options.recurrent_state_count() > 0;
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 10});
-  const PolicyNet net = PolicyNet::create(options, 3, torch::kCPU);
+  const testing::FullPrecision full;
+  const auto [net, on_device] = make_networks(options, 3);
   Batcher batcher = make_batcher(arena);
-  StagedForward staged(net, arena.shape());
+  StagedForward staged(on_device, arena.shape());
   FakeSplit split(arena, 0, 0);
   ASSERT_EQ(split.envs.size(), 5u);  // a bucket of 6 has an idle world
   for (int step = 0; step < 3; ++step) {
@@ -73,7 +86,7 @@ TEST_P(EveryCore, SaysWhatThePlainPassSaysWhileStatesStayOnTheDevice) {
   EXPECT_EQ(staged.states_brought_up(), 0);
 
   // A successor holds nothing: states come up from the arena, once.
-  StagedForward successor(net, arena.shape());
+  StagedForward successor(on_device, arena.shape());
   for (int step = 0; step < 2; ++step) {
     split.commit_act();
     answer_and_compare(batcher, net, successor, 5);
@@ -89,24 +102,44 @@ TEST_P(EveryCore, SaysWhatThePlainPassSaysWhileStatesStayOnTheDevice) {
 INSTANTIATE_TEST_SUITE_P(Cores, EveryCore, ::testing::Values("none", "gru", "lstm"),
                          [](const auto& of) { return of.param; });
 
-TEST(StagedForward, ReadsWeightsThatCameLater) {
-  const PolicyNetOptions options = small_network();
+class EveryPrecision : public ::testing::TestWithParam<Precision> {};
+
+TEST_P(EveryPrecision, ReadsWeightsThatCameLater) {
+  PolicyNetOptions options = small_network();
+  options.precision = GetParam();
   const shm::Arena arena = make_arena(options, {});
-  const PolicyNet net = PolicyNet::create(options, 3, torch::kCPU),
-                  other = PolicyNet::create(options, 4, torch::kCPU);
+  const testing::FullPrecision full;
+  const auto [net, on_device] = make_networks(options, 3);
+  const PolicyNet other = PolicyNet::create(options, 4, torch::kCPU);
   Batcher batcher = make_batcher(arena);
-  StagedForward staged(net, arena.shape());
+  StagedForward staged(on_device, arena.shape());
   FakeSplit split(arena, 0, 0);
+  const auto plain_pass = [&](const Batch& batch) {
+    return net.step_rows(batch.frames, batch.measurement, batch.recurrent_state).logits.clone();
+  };
   split.commit_act(true);
-  answer_and_compare(batcher, net, staged, 2);
+  {
+    const Batch& batch = batcher.gather(0);
+    batcher.scatter(batch, staged.step(batch), 9);
+  }
   split.take_act();
   other.update_input_statistics(torch::full({4, 3, 40, 44}, 9, torch::kUInt8), torch::ones({4, 3}));
   std::vector<std::byte> weights(static_cast<size_t>(net.weights_bytes()));
   other.write_weights(weights);
-  ASSERT_TRUE(net.read_weights(weights));
   split.commit_act();
-  answer_and_compare(batcher, net, staged, 2);
+  const Batch& batch = batcher.gather(0);
+  ASSERT_EQ(batch.requests.size(), 2u);
+  const Tensor old = plain_pass(batch);
+  ASSERT_TRUE(net.read_weights(weights));
+  ASSERT_TRUE(on_device.read_weights(weights));
+  const Tensor expected = plain_pass(batch);
+  const double change = largest_difference(expected, old);
+  ASSERT_GT(change, 0.01);
+  EXPECT_LT(largest_difference(staged.step(batch).logits, expected), change / 10);
 }
+
+INSTANTIATE_TEST_SUITE_P(Precisions, EveryPrecision, ::testing::Values(Precision::kFp32, Precision::kBf16),
+                         [](const auto& of) { return of.param == Precision::kFp32 ? "fp32" : "bf16"; });
 
 }  // namespace
 }  // namespace comrad::policy

@@ -1,4 +1,5 @@
 #include "policy_workers/policy/encoder.h"
+#include "policy_workers/device/queue.h"
 
 #include <gtest/gtest.h>
 
@@ -259,6 +260,19 @@ TEST(Precision, AWeightIsRoundedOnceAVersion) {
   weight.unsafeGetTensorImpl()->bump_version();
   EXPECT_EQ(weight_factor(weight, Precision::kBf16)[0][0].item<float>(), 5);
   EXPECT_EQ(first[0][0].item<float>(), 1) << "who holds the older one keeps it";
+}
+
+TEST(Precision, ARecordedPassRoundsItsWeightsEachTime) {
+  const torch::Tensor weight = torch::full({4, 4}, 1.0f);
+  const Tensor before = weight_factor(weight, Precision::kBf16);
+  std::vector<Tensor> made;
+  device::Graph graph;
+  ASSERT_TRUE(graph.record(torch::kCPU, [&] { made.push_back(weight_factor(weight, Precision::kBf16)); }));
+  for (int replay = 0; replay < 2; ++replay) graph.replay();
+  ASSERT_EQ(made.size(), 2u);
+  EXPECT_NE(made[0].data_ptr(), before.data_ptr()) << "a GPU's replay would read the old rounding for ever";
+  EXPECT_NE(made[0].data_ptr(), made[1].data_ptr());
+  EXPECT_EQ(weight_factor(weight, Precision::kBf16).data_ptr(), before.data_ptr()) << "kept outside of it";
 }
 
 TEST(Encoder, MeasurementsAddTheirOwnBranch) {
