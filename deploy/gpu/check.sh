@@ -4,9 +4,11 @@
 # A part that fails is told, and the others go on. Writes OUT/gpu.json and OUT/gpu.md; logs of all parts stay in OUT.
 #
 #   deploy/gpu/check.sh [--wheels FOLDER] [--out FOLDER] [--device cuda] [--seconds 20] [--env_frames 1e8] [--preset paper]
+#   deploy/gpu/check.sh --built --build FOLDER [--out FOLDER] ...
 #   deploy/gpu/check.sh --dry --build FOLDER [--out FOLDER]
 #
 #   --wheels FOLDER     no network: the PyTorch's wheels, as `pip download -d FOLDER torch==2.14.1 'cuda-toolkit[crt]'` brings
+#   --built             nothing is compiled: FOLDER has the programs and the tests that know a device
 #   --dry               on the CPU, with programs that FOLDER has already: the comparison runs, the commands of all benches are
 #                       read, one small bench and a short training run
 # Exit code 0: all parts did what they should; 1: one failed; 2: a wrong flag.
@@ -14,7 +16,7 @@ set -euo pipefail
 
 home="$(cd -- "$(dirname -- "$(readlink -f -- "${BASH_SOURCE[0]}")")/../.." && pwd)"
 build="${COMRAD_BUILD_DIR:-${home}/build}"
-out='' wheels='' device=cuda seconds=20 env_frames=1e8 preset=paper dry=0
+out='' wheels='' device=cuda seconds=20 env_frames=1e8 preset=paper dry=0 built=0
 algorithms=(ippo mappo happo idqn vdn qmix qplex_d qplex_q)
 places=("stag_hunt_arena 2" "armory_siege 8")
 
@@ -25,7 +27,8 @@ refuse() {
 }
 while (($# > 0)); do
   case "$1" in
-    --dry) dry=1 device=cpu seconds=1 env_frames=4000 preset=small ;;
+    --built) built=1 ;;
+    --dry) dry=1 built=1 device=cpu seconds=1 env_frames=4000 preset=small ;;
     --wheels | --out | --build | --device | --seconds | --env_frames | --preset)
       (($# > 1)) || refuse "$1 needs a value"
       declare "${1#--}=$2"
@@ -41,7 +44,7 @@ while (($# > 0)); do
 done
 [[ -z "${wheels}" || -d "${wheels}" ]] || refuse "--wheels: there is no folder ${wheels}"
 [[ "${build}" == /* ]] || build="${PWD}/${build}"
-if ((dry)) && [[ ! -x "${build}/bin/comrad" ]]; then refuse "--dry needs --build FOLDER, which has bin/comrad"; fi
+if ((built)) && [[ ! -x "${build}/bin/comrad" ]]; then refuse "--built and --dry need --build FOLDER, which has bin/comrad"; fi
 command -v python3 >/dev/null || refuse "python3 is needed for the report"
 out="${out:-${home}/train_dir/gpu_check}"
 mkdir -p "${out}"
@@ -86,7 +89,7 @@ sees_a_gpu() {
   comrad doctor --json
 }
 
-if ((!dry)); then
+if ((!built)); then
   part build build_all || {
     write_report
     exit 1
@@ -102,6 +105,9 @@ fi
 export COMRAD_TEST_DEVICE="${device}"
 part parity "${build}/tests/device_parity_test" --gtest_output="json:${out}/parts/parity.json" || true
 if ((!dry)); then
+  for name in policy_test batcher_test; do part "${name}" "${build}/tests/${name}" || true; done
+fi
+if ((!built)); then
   part unit_policy_workers unit_tests policy_workers || true
   part unit_learner unit_tests learner || true
 fi

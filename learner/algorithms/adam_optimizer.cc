@@ -69,16 +69,25 @@ void AdamOptimizer::zero_grad() {
   }
 }
 
-torch::Tensor AdamOptimizer::step(double learning_rate, const torch::Tensor& loss) {
-  torch::NoGradGuard no_grad;
-  std::vector<std::size_t> with_gradient;
+std::vector<std::size_t> AdamOptimizer::with_gradient() {
+  std::vector<std::size_t> indices;
   for (std::size_t i = 0; i < state_->parameters.size(); ++i) {
     if (!state_->parameters[i].grad().defined()) continue;
-    with_gradient.push_back(i);
+    indices.push_back(i);
     state_->make_moments(i);
   }
-  return state_->has_own_kernels() ? step_on_cpu(with_gradient, learning_rate, loss)
-                                   : step_on_device(with_gradient, learning_rate, loss);
+  return indices;
+}
+
+torch::Tensor AdamOptimizer::step(double learning_rate, const torch::Tensor& loss) {
+  torch::NoGradGuard no_grad;
+  if (state_->has_own_kernels()) return step_on_cpu(with_gradient(), learning_rate, loss);
+  return step_on_device(with_gradient(), torch::full({}, learning_rate, torch::kFloat64), loss);
+}
+
+torch::Tensor AdamOptimizer::step(const torch::Tensor& learning_rate, const torch::Tensor& loss) {
+  torch::NoGradGuard no_grad;
+  return step_on_device(with_gradient(), learning_rate, loss);
 }
 
 /// Two passes over the gradients: one for the norm, one for everything else.
@@ -125,8 +134,8 @@ torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices
 }
 
 /// The same as operators, which any device works off by itself.
-torch::Tensor AdamOptimizer::step_on_device(const std::vector<std::size_t>& indices, double learning_rate,
-                                            const torch::Tensor& loss) {
+torch::Tensor AdamOptimizer::step_on_device(const std::vector<std::size_t>& indices,
+                                            const torch::Tensor& learning_rate, const torch::Tensor& loss) {
   const AdamSettings& settings = state_->settings;
   std::vector<torch::Tensor> squares;
   for (const std::size_t i : indices)

@@ -42,6 +42,8 @@ class AdamOptimizer {
   /// undefined) or the norm is not finite, nothing moves. Returns f64 [2], on the device: whether the step was taken (1
   /// or 0) and the norm before the clip. Nothing waits for the device.
   torch::Tensor step(double learning_rate, const torch::Tensor& loss = {});
+  /// The same with a rate f64 [] that lies on the device, by torch's operators alone: it can be recorded (device/queue.h).
+  torch::Tensor step(const torch::Tensor& learning_rate, const torch::Tensor& loss);
 
   /// Of parameter `index`: whether it has moments, the norm of its gradient (before the clip; 0 without one), and the mean over its elements of s / (s + epsilon),
   /// s = sqrt(exp_avg_sq / (1 - beta2^step)), 0 before the first step.
@@ -58,9 +60,11 @@ class AdamOptimizer {
   Status load(const StateDict& state, const std::string& section, const std::string& prefix = "");
 
  private:
+  /// Those that have a gradient, with their moments made.
+  std::vector<std::size_t> with_gradient();
   torch::Tensor step_on_cpu(const std::vector<std::size_t>& indices, double learning_rate,
                             const torch::Tensor& loss);
-  torch::Tensor step_on_device(const std::vector<std::size_t>& indices, double learning_rate,
+  torch::Tensor step_on_device(const std::vector<std::size_t>& indices, const torch::Tensor& learning_rate,
                                const torch::Tensor& loss);
   struct State;
   std::unique_ptr<State> state_;

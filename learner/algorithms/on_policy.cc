@@ -14,6 +14,8 @@
 #include "learner/batch/masked.h"
 #include "learner/estimators/gae.h"
 #include "policy_workers/device/host_wait_counter.h"
+#include "policy_workers/device/operator_path.h"
+#include "policy_workers/device/work_counter.h"
 #include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/log.h"
@@ -93,15 +95,14 @@ Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& 
 
   if (config_.network.normalize_input) {
     torch::NoGradGuard no_grad;
-    Tensor frame = batch.frame.flatten(0, 1);
+    Tensor frame = frames_on(batch, device_).flatten(0, 1);
     Tensor measurement = batch.measurement.defined() ? batch.measurement.flatten(0, 1) : Tensor();
     if (stats.lag.valid_fraction < 1) {
       const Tensor index = positions_of(batch.valid);
-      frame = frame.index_select(0, index);
+      frame = frame.index_select(0, index.to(device_));
       if (measurement.defined()) measurement = measurement.index_select(0, index);
     }
-    net_.update_input_statistics(frame.to(device_),
-                                 measurement.defined() ? measurement.to(device_) : measurement);
+    net_.update_input_statistics(frame, measurement.defined() ? measurement.to(device_) : measurement);
   }
   if (net_.options().global_state_count > 0) {
     const int64_t agents = batch.shape.env.num_agents;
@@ -230,11 +231,27 @@ OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Ph
   }
   const device::StepScope nothing_waits;
   if (phase.prepare) phase.prepare(minibatch);
-  phase.optimizer.zero_grad();
   Phase pass = phase;
   if (!is_first) pass.first_log_prob = nullptr;
-  Step step{.numbers = {}, .read = {}, .has_policy = has_policy, .learning_rate = 0};
-  if (!add_gradient(minibatch, pass, context, step.numbers)) return StepResult::kAbandoned;
+  const double valid_fraction = valid_count / static_cast<double>(minibatch.valid.numel());
+  Step step{.numbers = {},
+            .read = {},
+            .has_policy = has_policy,
+            .learning_rate = schedule_.learning_rate() * valid_fraction};
+  // A look at the KL between gradient and step is for the host.
+  const bool is_recorded = !device::has_own_kernels(device_) && config_.on_policy.early_stop_kl <= 0;
+  if (is_recorded) {
+    if (context.keep_going && !context.keep_going()) return StepResult::kAbandoned;
+    stats.rows_trained += minibatch.steps() * minibatch.rows();
+    guard_.count_step(version_, stats);
+    give_recorded(minibatch, pass, step);
+    given.push_back(std::move(step));
+    return StepResult::kGiven;
+  }
+  phase.optimizer.zero_grad();
+  if (!add_gradient(minibatch, pass, counts_of(minibatch), context.keep_going, step.numbers,
+                    pass.first_log_prob))
+    return StepResult::kAbandoned;
   stats.rows_trained += minibatch.steps() * minibatch.rows();
 
   // Not before the first step: lag alone must not cost a whole batch.
@@ -244,8 +261,6 @@ OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Ph
     if (step.numbers.sums(read.values()).kl > config_.on_policy.early_stop_kl) return StepResult::kKlReached;
   }
 
-  const double valid_fraction = valid_count / static_cast<double>(minibatch.valid.numel());
-  step.learning_rate = schedule_.learning_rate() * valid_fraction;
   const Tensor outcome = guard_.step(phase.optimizer, step.numbers.loss, step.learning_rate, version_, stats);
   std::vector<Tensor> numbers = step.numbers.of_parts;
   numbers.push_back(outcome);
@@ -297,7 +312,7 @@ std::vector<RolloutBatch> OnPolicy::micro_batches(const RolloutBatch& batch) con
   const int64_t agents = batch.shape.env.num_agents;
   const int64_t whole_worlds = batch.rows() / agents, threads = pool_.threads();
   const int64_t shared_out = (whole_worlds + threads - 1) / threads * agents;
-  const int64_t fitting = config_.optimisation.micro_batch_size / batch.steps() / agents * agents;
+  const int64_t fitting = samples_of_part(config_, device_) / batch.steps() / agents * agents;
   const int64_t rows_max = std::max(agents, std::min(fitting, shared_out));
   std::vector<RolloutBatch> micros;
   for (int64_t begin = 0; begin < batch.rows(); begin += rows_max)
@@ -406,17 +421,71 @@ OnPolicy::Part OnPolicy::part_of(const RolloutBatch& micro, const Phase& phase,
   return part;
 }
 
-bool OnPolicy::add_gradient(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
-                            Numbers& numbers) {
+OnPolicy::SampleCounts OnPolicy::counts_of(const RolloutBatch& minibatch) {
+  const auto at_least_one = [](const Tensor& mask) {
+    return torch::full({}, static_cast<double>(std::max<int64_t>(1, count_of(mask))), torch::kFloat64);
+  };
+  return {.valid = at_least_one(minibatch.host_valid), .acting = at_least_one(minibatch.host_acting)};
+}
+
+OnPolicy::RecordedStep& OnPolicy::recorded_step(const RolloutBatch& minibatch, const Phase& phase) {
+  const bool keeps_log_prob = phase.first_log_prob != nullptr;
+  for (const auto& made : recorded_)
+    if (made->optimizer == &phase.optimizer && made->rows == minibatch.rows() &&
+        made->has_action_mask == minibatch.has_action_mask && made->keeps_log_prob == keeps_log_prob)
+      return *made;
+  RecordedStep& made = *recorded_.emplace_back(std::make_unique<RecordedStep>());
+  made.optimizer = &phase.optimizer;
+  made.rows = minibatch.rows();
+  made.has_action_mask = minibatch.has_action_mask;
+  made.keeps_log_prob = keeps_log_prob;
+  made.minibatch = minibatch;
+  visit_device_fields(made.minibatch, [](Tensor& field) { field = torch::empty_like(field); });
+  made.settings = torch::empty({3}, torch::TensorOptions(torch::kFloat64).device(device_));
+  made.graph.record_at_second_replay(device_, [this, &made, phase] {
+    phase.optimizer.zero_grad();
+    made.numbers = {};
+    const SampleCounts counts{.valid = made.settings[0], .acting = made.settings[1]};
+    (void)add_gradient(made.minibatch, phase, counts, {}, made.numbers,
+                       made.keeps_log_prob ? &made.log_prob : nullptr);
+    const device::OptimizerScope scope;
+    std::vector<Tensor> numbers = made.numbers.of_parts;
+    numbers.push_back(phase.optimizer.step(made.settings[2], made.numbers.loss));
+    made.outcome = at::cat(numbers).to(torch::kFloat64);
+  });
+  return made;
+}
+
+void OnPolicy::give_recorded(const RolloutBatch& minibatch, const Phase& phase, Step& step) {
+  RecordedStep& recorded = recorded_step(minibatch, phase);
+  {
+    torch::NoGradGuard no_grad;
+    RolloutBatch from = minibatch;
+    std::vector<Tensor> fields;
+    visit_device_fields(from, [&](Tensor& field) { fields.push_back(field); });
+    visit_device_fields(recorded.minibatch, [&, next = std::size_t{0}](Tensor& field) mutable {
+      field.copy_(fields[next++], /*non_blocking=*/true);
+    });
+    const SampleCounts counts = counts_of(minibatch);
+    const Tensor settings = device::host_memory({3}, torch::kFloat64, device_);
+    settings[0].copy_(counts.valid);
+    settings[1].copy_(counts.acting);
+    settings[2].fill_(step.learning_rate);
+    recorded.settings.copy_(settings, /*non_blocking=*/true);
+  }
+  recorded.graph.replay();
+  step.numbers = recorded.numbers;
+  step.read = device::Readback(recorded.outcome);
+  if (phase.first_log_prob != nullptr) *phase.first_log_prob = recorded.log_prob.clone();
+}
+
+bool OnPolicy::add_gradient(const RolloutBatch& minibatch, const Phase& phase, const SampleCounts& counts,
+                            const std::function<bool()>& keep_going, Numbers& numbers,
+                            Tensor* first_log_prob) {
   // What depends on the whole minibatch came before; each micro-batch adds its share of the same sums, so the
   // gradient does not depend on micro_batch_size.
-  const auto at_least_one = [](const Tensor& mask) {
-    return static_cast<double>(std::max<int64_t>(1, count_of(mask)));
-  };
-  const SampleCounts counts{.valid = at_least_one(minibatch.host_valid),
-                            .acting = at_least_one(minibatch.host_acting)};
   const std::vector<RolloutBatch> micros = micro_batches(minibatch);
-  std::vector<Tensor> first_log_prob;
+  std::vector<Tensor> log_probs;
   const bool is_done = sum_gradients<Part>(
       pool_, phase.optimizer.parameters(), static_cast<int64_t>(micros.size()),
       [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], phase, counts); },
@@ -424,18 +493,20 @@ bool OnPolicy::add_gradient(const RolloutBatch& minibatch, const Phase& phase, c
         numbers.places = part.places;
         numbers.of_parts.push_back(part.numbers);
         numbers.loss = numbers.loss.defined() ? numbers.loss + part.loss : part.loss;
-        if (phase.first_log_prob != nullptr) first_log_prob.push_back(part.log_prob);
+        if (first_log_prob != nullptr) log_probs.push_back(part.log_prob);
       },
-      context.keep_going);
+      keep_going);
   if (!is_done) return false;
-  if (phase.first_log_prob != nullptr) *phase.first_log_prob = at::cat(first_log_prob, 1);
+  if (first_log_prob != nullptr) *first_log_prob = at::cat(log_probs, 1);
   return true;
 }
 
 bool OnPolicy::accumulate(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
                           LossSums& sums) {
   Numbers numbers;
-  if (!add_gradient(minibatch, phase, context, numbers)) return false;
+  if (!add_gradient(minibatch, phase, counts_of(minibatch), context.keep_going, numbers,
+                    phase.first_log_prob))
+    return false;
   device::Readback read(at::cat(numbers.of_parts).to(torch::kFloat64));
   read.wait();
   sums = numbers.sums(read.values());
@@ -553,6 +624,7 @@ void OnPolicy::save(StateDict& state) const {
 }
 
 Status OnPolicy::load(const StateDict& state) {
+  recorded_.clear();  // moments may move
   COMRAD_TRY_ASSIGN(const Progress progress,
                     Progress::load(state, config_.run.algo.name(), net_.options().global_state_count));
   ReturnNormalizer::Statistics statistics;

@@ -166,9 +166,9 @@ class OnPolicy : public OnPolicyAlgorithm {
     /// Adds up what lies on the host now, part after part.
     LossSums sums(const double* values) const;
   };
-  /// Samples of a whole minibatch, 1 at least: what means divide by.
+  /// Samples of a whole minibatch, 1 at least: what means divide by. f64 [].
   struct SampleCounts {
-    double valid = 1, acting = 1;
+    Tensor valid, acting;
   };
   /// An optimizer step whose outcome is not known yet.
   struct Step {
@@ -177,17 +177,37 @@ class OnPolicy : public OnPolicyAlgorithm {
     bool has_policy = false;
     double learning_rate = 0;
   };
+  /// What a minibatch's step asks of a device, recorded: its gradient, the clip and the optimizer's step.
+  struct RecordedStep {
+    // Steps of other shapes or of another phase are recordings of their own.
+    const AdamOptimizer* optimizer = nullptr;
+    int64_t rows = 0;
+    bool has_action_mask = false, keeps_log_prob = false;
+
+    RolloutBatch minibatch;  ///< what it reads; each minibatch is copied there
+    Tensor settings;         ///< f64 [3]: SampleCounts, the learning rate
+    Numbers numbers;
+    Tensor log_prob;  ///< where the phase asks for it
+    Tensor outcome;   ///< f64 [K]: what a Step reads
+    device::Graph graph;
+  };
   enum class StepResult { kGiven, kSkipped, kAbandoned, kKlReached };
+  static SampleCounts counts_of(const RolloutBatch& minibatch);
   Part part_of(const RolloutBatch& micro, const Phase& phase, const SampleCounts& counts) const;
   /// Adds the gradient of a minibatch of to_device(). False when keep_going() said no.
-  bool add_gradient(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
-                    Numbers& numbers);
+  bool add_gradient(const RolloutBatch& minibatch, const Phase& phase, const SampleCounts& counts,
+                    const std::function<bool()>& keep_going, Numbers& numbers, Tensor* first_log_prob);
+  /// The recording that a minibatch's step needs, made where there is none.
+  RecordedStep& recorded_step(const RolloutBatch& minibatch, const Phase& phase);
+  /// Gives the device a minibatch's whole step as one piece.
+  void give_recorded(const RolloutBatch& minibatch, const Phase& phase, Step& step);
   StepResult train_minibatch(RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
                              bool is_first, UpdateStats& stats, std::deque<Step>& given);
   /// What became of the oldest step given; its sums where it was taken.
   std::optional<LossSums> settle(std::deque<Step>& given, UpdateStats& stats);
 
   StepGuard guard_;
+  std::vector<std::unique_ptr<RecordedStep>> recorded_;
 };
 
 }  // namespace comrad::learn

@@ -312,7 +312,7 @@ QLearning::Part QLearning::part_of(const Micro& micro, double valid_count) const
 int64_t QLearning::micro_worlds(const ReplayBatch& batch) const {
   const int64_t rows_of_world = (batch.steps() + 1) * batch.shape.env.num_agents, threads = pool_.threads();
   const int64_t shared_out = (batch.world_count + threads - 1) / threads;
-  return std::max<int64_t>(1, std::min(config_.optimisation.micro_batch_size / rows_of_world, shared_out));
+  return std::max<int64_t>(1, std::min(samples_of_part(config_, device_) / rows_of_world, shared_out));
 }
 
 double QLearning::valid_count_of(const ReplayBatch& batch) const {

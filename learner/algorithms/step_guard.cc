@@ -15,9 +15,13 @@ torch::Tensor StepGuard::step(AdamOptimizer& optimizer, const torch::Tensor& los
                               PolicyVersion& version, UpdateStats& stats) {
   const ProcessStage stage(Stage::kOptimizer, {Stage::kCollate});
   const device::OptimizerScope scope;
+  count_step(version, stats);
+  return optimizer.step(learning_rate, loss);
+}
+
+void StepGuard::count_step(PolicyVersion& version, UpdateStats& stats) {
   ++version;
   ++stats.optimizer_steps;
-  return optimizer.step(learning_rate, loss);
 }
 
 void StepGuard::settle(const Outcome& outcome, PolicyVersion& version, UpdateStats& stats) {

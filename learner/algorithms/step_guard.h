@@ -13,6 +13,8 @@ class StepGuard {
   /// counts it in `version` and `stats` as taken. Returns AdamOptimizer::step()'s two numbers.
   torch::Tensor step(AdamOptimizer& optimizer, const torch::Tensor& loss, double learning_rate,
                      PolicyVersion& version, UpdateStats& stats);
+  /// Counts a step that the device was given otherwise, as step() does.
+  static void count_step(PolicyVersion& version, UpdateStats& stats);
   /// What became of a step, in the order of the steps. One that was not taken is taken back out of the counts.
   struct Outcome {
     bool was_taken = false;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/queue.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
@@ -31,7 +32,7 @@ void visit_time_major(RolloutBatch& batch, Visitor&& visit) {
 
 Tensor RolloutBatch::acting() const { return valid * agent_active; }
 
-RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count) {
+RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count, torch::Device device) {
   COMRAD_CHECK(slab_count > 0, "a batch holds at least one slab");
   const EnvShape& env = shape.env;
   const int64_t steps = shape.rollout_steps, rows = slab_count * env.num_agents;
@@ -40,7 +41,7 @@ RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count
   RolloutBatch batch;
   batch.shape = shape;
   batch.slab_count = slab_count;
-  batch.frame = torch::empty({steps, rows, env.channels, env.height, env.width}, u8);
+  batch.frame = device::host_memory({steps, rows, env.channels, env.height, env.width}, u8, device);
   if (env.measurement_count > 0) batch.measurement = torch::zeros({steps, rows, env.measurement_count}, f32);
   if (env.global_state_count > 0)
     batch.global_state = torch::zeros({steps, slab_count, env.global_state_count}, f32);
@@ -66,7 +67,7 @@ RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count
 
 void clear(RolloutBatch& batch) {
   batch.transitions = 0;
-  batch.has_action_mask = false;
+  batch.has_action_mask = batch.is_frame_there = false;
   batch.filled.zero_();
   batch.valid.zero_();
 }
@@ -221,15 +222,38 @@ LagStats apply_lag_filter(RolloutBatch& batch, PolicyVersion learner_version, in
   return stats;
 }
 
+void visit_device_fields(RolloutBatch& batch, const std::function<void(Tensor&)>& visit) {
+  for (Tensor* field :
+       {&batch.frame, &batch.measurement, &batch.action_mask, &batch.agent_active, &batch.action,
+        &batch.log_prob, &batch.logits, &batch.value, &batch.valid, &batch.reset, &batch.recurrent_state,
+        &batch.global_state, &batch.advantage, &batch.target})
+    if (field->defined()) visit(*field);
+}
+
+void send_ahead(RolloutBatch& batch, torch::Device device) {
+  if (device::has_own_kernels(device)) return;
+  const device::Stream copies = device::Stream::beside(device);
+  const device::StreamScope scope(copies);
+  if (!batch.frame_there.defined())
+    batch.frame_there = torch::empty(batch.frame.sizes(), torch::TensorOptions(torch::kUInt8).device(device));
+  batch.frame_there.copy_(batch.frame, /*non_blocking=*/true);
+  batch.frame_arrived.record(copies);
+  batch.is_frame_there = true;
+}
+
+Tensor frames_on(const RolloutBatch& batch, torch::Device device) {
+  if (!batch.is_frame_there) return batch.frame.to(device, /*non_blocking=*/true);
+  device::Stream::current(device).wait_for(batch.frame_arrived);
+  return batch.frame_there;
+}
+
 RolloutBatch to_device(const RolloutBatch& batch, torch::Device device) {
   RolloutBatch there = batch;
   there.host_valid = batch.valid;
   there.host_acting = batch.acting();
-  for (Tensor* field :
-       {&there.frame, &there.measurement, &there.action_mask, &there.agent_active, &there.action,
-        &there.log_prob, &there.logits, &there.value, &there.valid, &there.reset, &there.recurrent_state,
-        &there.global_state, &there.advantage, &there.target})
-    if (field->defined()) *field = field->to(device, /*non_blocking=*/true);
+  there.frame = frames_on(batch, device);
+  there.is_frame_there = false;  // views and selections are of `frame`
+  visit_device_fields(there, [&](Tensor& field) { field = field.to(device, /*non_blocking=*/true); });
   return there;
 }
 
@@ -237,6 +261,7 @@ RolloutBatch narrow_rows(const RolloutBatch& batch, int64_t begin, int64_t count
   const int64_t agents = batch.shape.env.num_agents;
   COMRAD_CHECK(begin % agents == 0 && count % agents == 0, "a micro-batch holds whole worlds");
   RolloutBatch part = batch;
+  part.is_frame_there = false;
   visit_time_major(part, [&](Tensor& field) { field = field.narrow(1, begin, count); });
   part.recurrent_state = part.recurrent_state.narrow(0, begin, count);
   if (part.global_state.defined())
@@ -249,6 +274,7 @@ RolloutBatch agent_rows(const RolloutBatch& batch, int64_t agent) {
   const int64_t agents = batch.shape.env.num_agents;
   COMRAD_CHECK(agent >= 0 && agent < agents, "the agent is one of the batch");
   RolloutBatch part = batch;
+  part.is_frame_there = false;
   visit_time_major(part, [&](Tensor& field) { field = field.slice(1, agent, c10::nullopt, agents); });
   part.recurrent_state = part.recurrent_state.slice(0, agent, c10::nullopt, agents);
   part.shape.env.num_agents = 1;
@@ -269,6 +295,7 @@ RolloutBatch select_slabs(const RolloutBatch& batch, const std::vector<int64_t>&
     there = pinned.to(device, /*non_blocking=*/true);
   }
   RolloutBatch part = batch;
+  part.is_frame_there = false;
   visit_time_major(part,
                    [&](Tensor& field) { field = field.index_select(1, field.is_cpu() ? index : there); });
   part.recurrent_state = part.recurrent_state.index_select(0, there);

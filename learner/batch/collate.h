@@ -5,8 +5,10 @@
 #include <torch/types.h>
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
+#include "policy_workers/device/queue.h"
 #include "rollout_buffer/schema/trajectory.h"
 #include "rollout_buffer/schema/version.h"
 
@@ -45,6 +47,10 @@ struct RolloutBatch {
   Tensor value_valid;      ///< u8  [T+1, R]   made by apply_lag_filter
   Tensor reset;            ///< u8  [T, R]     state is zeroed before this step; made by apply_lag_filter
 
+  Tensor frame_there;  ///< `frame` on the learner's device, where send_ahead() put it
+  device::Event frame_arrived;
+  bool is_frame_there = false;
+
   Tensor advantage;      ///< f32 [T, R]  made by the algorithm, which may standardise and weigh it
   Tensor raw_advantage;  ///< f32 [T, R]  in units of the rewards; made by the algorithm, then left alone
   Tensor target;         ///< f32 [T, R]  what the critic should predict; made by the algorithm
@@ -61,8 +67,15 @@ struct RolloutBatch {
   Tensor mask_or_undefined() const { return has_action_mask ? action_mask : Tensor(); }
 };
 
-/// Allocates a batch for `slab_count` slabs; reuse it, a fresh one costs a page fault per 4 KB.
-RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count);
+/// Allocates a batch for `slab_count` slabs; reuse it, a fresh one costs a page fault per 4 KB. Its frames lie where `device` can
+/// copy them while the host goes on.
+RolloutBatch make_rollout_batch(const TrajectoryShape& shape, int64_t slab_count,
+                                torch::Device device = torch::kCPU);
+
+/// Begins to copy a full batch's frames to a GPU, beside its work. Threads: the batcher's.
+void send_ahead(RolloutBatch& batch, torch::Device device);
+/// u8 [T, R, C, H, W]: the batch's frames on `device`, sent ahead or now.
+Tensor frames_on(const RolloutBatch& batch, torch::Device device);
 
 /// Forgets the slabs collated so far; the tensors stay allocated. Call before the first collate_slab of
 /// a batch.
@@ -91,6 +104,9 @@ LagStats apply_lag_filter(RolloutBatch& batch, PolicyVersion learner_version, in
 
 /// What losses need of a batch whose targets are made, on `device`; on a CPU the same tensors. The rest stays where it is.
 RolloutBatch to_device(const RolloutBatch& batch, torch::Device device);
+
+/// Calls `visit` with each field that to_device() moves and that is there, in the same order for equal shapes.
+void visit_device_fields(RolloutBatch& batch, const std::function<void(Tensor&)>& visit);
 
 /// The rows `[begin, begin + count)` of a batch, as views. Whole worlds: both numbers are multiples of N.
 RolloutBatch narrow_rows(const RolloutBatch& batch, int64_t begin, int64_t count);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "policy_workers/device/queue.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 
@@ -298,7 +299,8 @@ ReplayBatch make_replay_batch(const ReplayBatchOptions& options) {
   const int64_t steps = batch.steps(), rows = batch.rows();
   const auto f32 = torch::kFloat32;
   const auto u8 = torch::kUInt8;
-  batch.frame = torch::empty({steps + 1, rows, env.channels, env.height, env.width}, u8);
+  batch.frame =
+      device::host_memory({steps + 1, rows, env.channels, env.height, env.width}, u8, options.device);
   if (env.measurement_count > 0)
     batch.measurement = torch::zeros({steps + 1, rows, env.measurement_count}, f32);
   if (env.global_state_count > 0)

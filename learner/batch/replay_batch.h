@@ -67,6 +67,7 @@ struct ReplayBatchOptions {
   /// Agents learn each on its own: where one leaves the game while the world goes on, its last decision is
   /// terminated and paid what follows (see late_pay.h). Off: a team is paid, and goes on without it.
   bool agents_end = false;
+  torch::Device device = torch::kCPU;  ///< that copies the frames while the host goes on
 };
 
 /// Allocates; reuse it.

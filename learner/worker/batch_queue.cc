@@ -16,10 +16,12 @@ constexpr int64_t kPollUs = 50'000;  ///< bound on every wait, so that a stop is
 
 }  // namespace
 
-BatchQueue::BatchQueue(const shm::Arena& arena, int64_t slabs_per_batch, int64_t capacity)
+BatchQueue::BatchQueue(const shm::Arena& arena, int64_t slabs_per_batch, int64_t capacity,
+                       torch::Device device)
     : arena_(arena),
       slabs_per_batch_(slabs_per_batch),
       capacity_(std::max<int64_t>(1, capacity)),
+      device_(device),
       thread_([this] { run(); }) {}
 
 BatchQueue::~BatchQueue() {
@@ -86,8 +88,10 @@ void BatchQueue::fill() {
       }
     }
     if (batch == nullptr)
-      batch = std::make_unique<RolloutBatch>(make_rollout_batch(arena_.shape().trajectory, slabs_per_batch_));
+      batch = std::make_unique<RolloutBatch>(
+          make_rollout_batch(arena_.shape().trajectory, slabs_per_batch_, device_));
     if (!collect(*batch)) return;
+    send_ahead(*batch, device_);
     {
       const std::lock_guard lock(mutex_);
       full_.push_back(std::move(batch));

@@ -42,7 +42,7 @@ class QueueSource final : public BatchSource {
   Status start() override {
     queue_ = std::make_unique<BatchQueue>(
         options_.arena, slabs_per_batch(options_.config, options_.arena.shape().trajectory.env),
-        options_.config.collection.num_batches_to_accumulate);
+        options_.config.collection.num_batches_to_accumulate, options_.device);
     return {};
   }
   uint64_t rollouts_allowed() const override { return kUnlimited; }
@@ -254,7 +254,8 @@ std::unique_ptr<RolloutBatch> LockStepSource::collate_next() {
     free_.erase(fits);
     clear(*batch);
   } else {
-    batch = std::make_unique<RolloutBatch>(make_rollout_batch(arena.shape().trajectory, count));
+    batch =
+        std::make_unique<RolloutBatch>(make_rollout_batch(arena.shape().trajectory, count, options_.device));
   }
   for (int64_t i = 0; i < count; ++i, ++used_) {
     const int slab = static_cast<int>(slabs_[used_]);
@@ -325,8 +326,9 @@ int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env) {
 Expected<std::unique_ptr<BatchSource>> make_batch_source(const SourceOptions& options) {
   std::unique_ptr<ReplayFeed> feed;
   if (options.is_off_policy) {
-    COMRAD_TRY_ASSIGN(feed, ReplayFeed::create(options.config, options.arena.shape().trajectory,
-                                               options.arena.shape().weights_bytes, options.run_dir));
+    COMRAD_TRY_ASSIGN(
+        feed, ReplayFeed::create(options.config, options.arena.shape().trajectory,
+                                 options.arena.shape().weights_bytes, options.run_dir, options.device));
   }
   std::unique_ptr<BatchSource> source;
   if (options.config.collection.deterministic || !options.config.collection.async_rl)

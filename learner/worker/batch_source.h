@@ -38,6 +38,7 @@ struct SourceOptions {
   std::function<void()> poll;  ///< called now and then by a drain() that waits
   std::string run_dir;
   bool is_off_policy = false;
+  torch::Device device = torch::kCPU;  ///< that trains
 };
 
 /// Threads: the learner's.

@@ -74,12 +74,12 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds, b
   context.after_step = [&] { algorithm->write_weights(weights); };
   auto* on_policy = dynamic_cast<OnPolicyAlgorithm*>(algorithm.get());
   auto* off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm.get());
-  RolloutBatch batch = make_rollout_batch(shape, slab_count);
+  RolloutBatch batch = make_rollout_batch(shape, slab_count, device);
   std::unique_ptr<ReplayFeed> feed;
   if (off_policy != nullptr) {
     RunConfig eager = config;
     eager.q_learning.learning_starts_decisions = 1;
-    COMRAD_TRY_ASSIGN(feed, ReplayFeed::create(eager, shape, algorithm->weights_bytes()));
+    COMRAD_TRY_ASSIGN(feed, ReplayFeed::create(eager, shape, algorithm->weights_bytes(), "", device));
   }
 
   int64_t rows = 0, decisions = 0, updates = 0;
@@ -103,6 +103,7 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds, b
     }
     decisions += slab_count * shape.rollout_steps * env.num_agents;
     if (on_policy != nullptr) {
+      send_ahead(batch, device);
       COMRAD_TRY_ASSIGN(const UpdateStats stats, on_policy->update(batch, context));
       trained(stats);
       return {};

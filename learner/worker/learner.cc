@@ -59,7 +59,8 @@ Status Learner::open() {
                            .stop = stop_,
                            .poll = [this] { poll(); },
                            .run_dir = options_.run_dir,
-                           .is_off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm_.get()) != nullptr}));
+                           .is_off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm_.get()) != nullptr,
+                           .device = *policy::choose_device(config_.collection.device)}));
   }
   COMRAD_TRY(resume());
   if (!options_.serve) COMRAD_TRY(prepare_training());

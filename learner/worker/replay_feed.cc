@@ -53,7 +53,7 @@ int64_t world_count(const RunConfig& config, int64_t num_agents) {
 
 Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config,
                                                          const TrajectoryShape& shape, int64_t weights_bytes,
-                                                         const std::string& run_dir) {
+                                                         const std::string& run_dir, torch::Device device) {
   const int64_t agents = shape.env.num_agents;
   const bool alone = config.run.algo->learns_alone();
   const ReplayBatchOptions batch_options{
@@ -63,7 +63,8 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
       .n_step = config.q_learning.n_step,
       .pay = {.gamma = config.optimisation.gamma,
               .reward_clip = alone ? config.q_learning.dqn_reward_clip : 0.0},
-      .agents_end = alone};
+      .agents_end = alone,
+      .device = device};
   const replay::Unit unit = batch_options.unit;
   COMRAD_TRY_ASSIGN(const replay::ReplayPlan plan,
                     replay::replay_plan(config, shape, replay::probe_space(run_dir),

@@ -36,9 +36,10 @@ class ReplayFeed {
  public:
   /// Makes the replay that the settings ask for (replay_plan.h) and says in the log how much it holds.
   /// `run_dir`: where its file is made if memory is too small. Errors: kBadInput, kNoSpace of the replay (naming
-  /// the flags).
+  /// the flags). `device` trains: frames are decoded into memory that it copies by itself.
   static Expected<std::unique_ptr<ReplayFeed>> create(const RunConfig& config, const TrajectoryShape& shape,
-                                                      int64_t weights_bytes, const std::string& run_dir = "");
+                                                      int64_t weights_bytes, const std::string& run_dir = "",
+                                                      torch::Device device = torch::kCPU);
   ~ReplayFeed();
 
   /// Stores a slab. The rate at which samples may be drawn follows.

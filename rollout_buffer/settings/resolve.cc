@@ -206,9 +206,10 @@ Status resolve_settings(RunConfig& config, int core_count) {
                                            std::to_string(c.environment.num_agents) + " = " +
                                            std::to_string(slab_rows)};
   c.optimisation.batch_size -= c.optimisation.batch_size % slab_rows;
-  c.optimisation.micro_batch_size =
-      std::max(c.collection.rollout,
-               c.optimisation.micro_batch_size - c.optimisation.micro_batch_size % c.collection.rollout);
+  if (c.optimisation.micro_batch_size > 0)
+    c.optimisation.micro_batch_size =
+        std::max(c.collection.rollout,
+                 c.optimisation.micro_batch_size - c.optimisation.micro_batch_size % c.collection.rollout);
   if (c.collection.deterministic) {
     c.collection.async_rl = false;
     COMRAD_TRY(resolve_deterministic_batches(c));

@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <memory>
 #include <set>
 #include <string>
@@ -17,18 +16,12 @@
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "tests/support/noise_batch.h"
+#include "tests/support/test_device.h"
 
 namespace comrad::learn {
 namespace {
 
 constexpr int kAgents = 2, kWorlds = 4;
-
-torch::Device other_device() {
-  const char* word = std::getenv("COMRAD_TEST_DEVICE");
-  const auto device = policy::choose_device(word == nullptr ? "cpu" : word);
-  EXPECT_TRUE(device) << (device ? "" : device.error().message);
-  return device ? *device : torch::Device(torch::kCPU);
-}
 
 RunConfig parity_config(const std::string& algo) {
   RunConfig config = testing::small_config(algo, kAgents);
@@ -59,17 +52,21 @@ Tensor first_logits(const RunConfig& config, const EnvShape& env, torch::Device 
   return net.step(frame.to(device), {}, recurrent_state.to(device)).logits.to(torch::kCPU);
 }
 
-Outcome one_step(const std::string& algo, torch::Device device, uint64_t seed) {
+/// `updates` of them, each with a batch of its own; the outcome's numbers are of the last one.
+Outcome train(const std::string& algo, torch::Device device, uint64_t seed, int updates = 1) {
   const RunConfig config = parity_config(algo);
   const TrajectoryShape shape = testing::small_shape(config, kAgents);
   Outcome outcome;
   auto algorithm = make_algorithm(config, shape.env, device);
   EXPECT_TRUE(algorithm);
-  if (auto* on_policy = dynamic_cast<OnPolicyAlgorithm*>(algorithm->get())) {
-    RolloutBatch batch = testing::noise_batch(shape, kWorlds, seed);
-    outcome.logits = first_logits(config, shape.env, device, batch.frame[0], batch.recurrent_state);
-    outcome.stats = *on_policy->update(batch, {});
-  } else {
+  for (int update = 0; update < updates; ++update, ++seed) {
+    if (auto* on_policy = dynamic_cast<OnPolicyAlgorithm*>(algorithm->get())) {
+      RolloutBatch batch = testing::noise_batch(shape, kWorlds, seed);
+      send_ahead(batch, device);
+      outcome.logits = first_logits(config, shape.env, device, batch.frame[0], batch.recurrent_state);
+      outcome.stats = *on_policy->update(batch, {});
+      continue;
+    }
     const testing::SlabPool pool(shape, kWorlds);
     pool.fill_with_noise(seed);
     auto replay = *replay::Replay::create({.store = {.shape = shape, .capacity_bytes = 1 << 24}});
@@ -128,12 +125,7 @@ Difference difference_of(const StateDict& one, const StateDict& other, const std
 }
 
 class DeviceParity : public ::testing::TestWithParam<std::string> {
- protected:
-  void SetUp() override {
-    at::globalContext().setAllowTF32CuDNN(
-        false);  // f32 products in full, so that differences are of rounding alone
-    at::globalContext().setAllowTF32CuBLAS(false);
-  }
+  const testing::FullPrecision full_;  // differences are of rounding alone
 };
 
 /// Both made one step of the same batch.
@@ -176,22 +168,47 @@ void expect_agreement(const Outcome& cpu, const Outcome& other, bool is_exact) {
 }
 
 TEST_P(DeviceParity, LogitsLossesGradientsAndOneStepAgreeWithTheCpu) {
-  const torch::Device device = other_device();
-  const Outcome cpu = one_step(GetParam(), torch::kCPU, 5), other = one_step(GetParam(), device, 5);
+  const torch::Device device = testing::test_device();
+  const Outcome cpu = train(GetParam(), torch::kCPU, 5), other = train(GetParam(), device, 5);
   expect_agreement(cpu, other, device.is_cpu());
 }
 
 TEST_P(DeviceParity, AGpusPathOnTheCpuAgreesWithTheCpusOwn) {
-  const Outcome cpu = one_step(GetParam(), torch::kCPU, 5);
+  const Outcome cpu = train(GetParam(), torch::kCPU, 5);
   const device::OperatorPath path;
-  const Outcome operators = one_step(GetParam(), torch::kCPU, 5);
+  const Outcome operators = train(GetParam(), torch::kCPU, 5);
   EXPECT_GT(difference_of(cpu.state, operators.state, "optimizer/", ".exp_avg").largest, 0)
       << "sums in another order, or the path was not taken";
   expect_agreement(cpu, operators, false);
 }
 
+/// A GPU's second step is recorded and its third is a replay: weights after three of them, of batches that differ.
+void expect_three_steps_agree(const Outcome& cpu, const Outcome& other, bool is_exact) {
+  ASSERT_EQ(other.stats.optimizer_steps, cpu.stats.optimizer_steps);
+  const Difference weights = difference_of(cpu.state, other.state, "network/", "");
+  ASSERT_GT(weights.count, 1000);
+  EXPECT_LE(weights.largest, is_exact ? 0 : 6.3e-3);  // three steps of the learning rate, to either side
+  EXPECT_LE(weights.mean, is_exact ? 0 : 1e-4);
+  const Difference gradient = difference_of(cpu.state, other.state, "optimizer/", ".exp_avg");
+  EXPECT_LE(gradient.mean, is_exact ? 0 : 1e-2 * gradient.scale);
+}
+
+TEST_P(DeviceParity, ThreeStepsAgreeWithTheCpu) {
+  const torch::Device device = testing::test_device();
+  const Outcome cpu = train(GetParam(), torch::kCPU, 5, 3), other = train(GetParam(), device, 5, 3);
+  expect_three_steps_agree(cpu, other, device.is_cpu());
+  const Outcome later = train(GetParam(), torch::kCPU, 6, 3);
+  EXPECT_GT(difference_of(cpu.state, later.state, "network/", "").mean, 1e-4) << "other batches are seen";
+}
+
+TEST_P(DeviceParity, ThreeStepsOfAGpusPathOnTheCpuAgreeWithTheCpusOwn) {
+  const Outcome cpu = train(GetParam(), torch::kCPU, 5, 3);
+  const device::OperatorPath path;
+  expect_three_steps_agree(cpu, train(GetParam(), torch::kCPU, 5, 3), false);
+}
+
 TEST_P(DeviceParity, AnotherBatchIsSeenInEachOfThem) {
-  const Outcome one = one_step(GetParam(), torch::kCPU, 5), other = one_step(GetParam(), torch::kCPU, 6);
+  const Outcome one = train(GetParam(), torch::kCPU, 5), other = train(GetParam(), torch::kCPU, 6);
   EXPECT_GT((one.logits - other.logits).abs().max().item<double>(), 1e-4);
   const Difference gradient = difference_of(one.state, other.state, "optimizer/", ".exp_avg");
   EXPECT_GT(gradient.largest, 1e-3 * gradient.scale);

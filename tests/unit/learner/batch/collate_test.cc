@@ -5,8 +5,10 @@
 #include <limits>
 #include <vector>
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "tests/support/slab_pool.h"
+#include "tests/support/test_device.h"
 
 namespace comrad::learn {
 namespace {
@@ -232,6 +234,39 @@ TEST(Collate, AnAgentsRowsAreABatchOfOneAgentAndShareTheMemory) {
   EXPECT_TRUE(torch::equal(narrow_rows(second, 1, 1).global_state, batch.global_state.narrow(1, 1, 1)));
   second.reward[2][1] = 77;
   EXPECT_EQ(batch.reward[2][3].item<float>(), 77);
+}
+
+/// On a GPU (COMRAD_TEST_DEVICE) or on its path on the CPU.
+TEST(SendAhead, ThatBatchesFramesAreThereUntilItIsFilledAnew) {
+  const torch::Device device = testing::test_device();
+  const device::OperatorPath path;
+  const TrajectoryShape shape = small_shape();
+  RolloutBatch batch = make_rollout_batch(shape, 2, device);
+  EXPECT_EQ(batch.frame.is_pinned(), device.is_cuda());
+  for (int fill = 1; fill <= 2; ++fill) {
+    clear(batch);
+    batch.frame.fill_(fill);
+    batch.frame.select(1, 3).fill_(7);
+    send_ahead(batch, device);
+    const Tensor there = frames_on(batch, device);
+    EXPECT_EQ(there.device().type(), device.type());
+    EXPECT_TRUE(torch::equal(there.cpu(), batch.frame));
+    const RolloutBatch moved = to_device(batch, device);
+    EXPECT_EQ(moved.frame.data_ptr(), there.data_ptr()) << "sent once";
+    const RolloutBatch part = to_device(narrow_rows(batch, 2, 2), device);
+    EXPECT_TRUE(torch::equal(part.frame.cpu(), batch.frame.narrow(1, 2, 2))) << "a part has its own frames";
+    EXPECT_TRUE(torch::equal(narrow_rows(moved, 2, 2).frame.cpu(), part.frame.cpu()));
+  }
+  clear(batch);
+  batch.frame.fill_(9);
+  EXPECT_TRUE(torch::equal(frames_on(batch, device).cpu(), batch.frame))
+      << "what was sent is of another batch";
+}
+
+TEST(SendAhead, IsNothingOnACpu) {
+  RolloutBatch batch = make_rollout_batch(small_shape(), 2);
+  send_ahead(batch, torch::kCPU);
+  EXPECT_EQ(frames_on(batch, torch::kCPU).data_ptr(), batch.frame.data_ptr());
 }
 
 }  // namespace
