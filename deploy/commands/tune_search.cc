@@ -82,7 +82,7 @@ std::vector<TuneAxis> tune_axes(const RunConfig& config, int cores) {
   add("num_envs_per_worker", {now.num_envs_per_worker / 2 / 2 * 2, 2 * now.num_envs_per_worker});
   add("learner_threads", {cores / 2, cores});
   add("policy_threads", {1, std::min(2, cores)});
-  if (cores >= 8) add("policy_workers", {1, 2});
+  if (cores >= 8) add("policy_workers", {1, 2, cores / 5, cores / 3});
   add("worker_num_splits", {1, 2});
   return axes;
 }

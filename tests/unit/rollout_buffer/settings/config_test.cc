@@ -284,6 +284,26 @@ TEST(ResolveSettings, LearnerThreadsGrowWithTheHostAndStopAtSixteen) {
   }
 }
 
+TEST(ResolveSettings, OnePolicyWorkerServesFiveCoresOrAGpu) {
+  const auto policy_workers = [](int cores, const std::string& device, const std::string& policy_device = "",
+                                 int64_t num_workers = 0) {
+    RunConfig config = two_agents();
+    config.collection.device = device;
+    config.collection.policy_device = policy_device;
+    config.collection.num_workers = num_workers;
+    EXPECT_TRUE(resolve_settings(config, cores));
+    return config.collection.policy_workers;
+  };
+  EXPECT_EQ(policy_workers(2, "cpu"), 1);
+  EXPECT_EQ(policy_workers(8, "cpu"), 1);
+  EXPECT_EQ(policy_workers(16, "cpu"), 3);
+  EXPECT_EQ(policy_workers(64, "cpu"), 12);
+  EXPECT_EQ(policy_workers(64, "cpu", "", /*num_workers=*/1), 2) << "no more than groups of environments";
+  EXPECT_EQ(policy_workers(16, "cuda"), 1);
+  EXPECT_EQ(policy_workers(16, "cuda", "cuda:1,cuda:2,cuda:3"), 3) << "one on each";
+  EXPECT_EQ(policy_workers(16, "cuda", "cpu"), 3);
+}
+
 TEST(ResolveSettings, ResolvingTwiceChangesNothing) {
   for (const bool deterministic : {false, true}) {
     RunConfig config = two_agents();
