@@ -105,7 +105,7 @@ fi
 export COMRAD_TEST_DEVICE="${device}"
 part parity "${build}/tests/device_parity_test" --gtest_output="json:${out}/parts/parity.json" || true
 if ((!dry)); then
-  for name in policy_test batcher_test; do part "${name}" "${build}/tests/${name}" || true; done
+  for name in policy_test batcher_test batch_test; do part "${name}" "${build}/tests/${name}" || true; done
 fi
 if ((!built)); then
   part unit_policy_workers unit_tests policy_workers || true

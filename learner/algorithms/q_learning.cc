@@ -72,10 +72,6 @@ Tensor with_finals(Tensor rows, const Tensor& step, const Tensor& row, const Ten
   return rows;
 }
 
-}  // namespace
-
-namespace {
-
 using LossSums = QLearning::LossSums;
 enum class How { kAdd, kMax, kMin };
 /// What a micro-batch says, and how micro-batches come together.

@@ -7,17 +7,13 @@
 
 #include "learner/algorithms/q_learning.h"
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"
 
 namespace comrad::learn {
 namespace {
 
 constexpr double kStatsIntervalS = 1.0;
-
-std::string host_name() {
-  char name[256] = {};
-  return gethostname(name, sizeof(name) - 1) == 0 ? name : "localhost";
-}
 
 /// Resident memory of this process, 10^6 bytes; 0 where the kernel does not say.
 double resident_megabytes() {

@@ -20,6 +20,14 @@ void product_out(Tensor& out, const Tensor& bias, const Tensor& h, const Tensor&
     at::add_out(out, to_f32(factor(h, precision).mm(weight_t)), bias);
 }
 
+/// What step t begins with: the state behind the step before it, or 0 where that was an episode's last.
+void carry_over(Tensor& into, const Tensor& state, const Tensor& keep, int64_t t) {
+  if (keep.numel() > 0)
+    at::mul_out(into, state, keep[t]);
+  else
+    into.copy_(state);
+}
+
 /// G^T h over all rows of all steps.
 Tensor weight_gradient(const Tensor& gradient, const Tensor& h, Precision precision) {
   return to_f32(factor(gradient, precision).t().mm(factor(h, precision)));
@@ -47,10 +55,7 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
     Tensor h = h0;
     for (int64_t t = 0; t < steps; ++t) {
       Tensor h_before = h_in[t];
-      if (keep.numel() > 0)
-        at::mul_out(h_before, h, keep[t]);
-      else
-        h_before.copy_(h);
+      carry_over(h_before, h, keep, t);
       product_out(gh, bias_hh, h_before, weight_t, precision);
       Tensor rz = gates[t].slice(1, 0, 2 * hidden);
       at::add_out(rz, gi[t].slice(1, 0, 2 * hidden), gh.slice(1, 0, 2 * hidden));
@@ -115,10 +120,7 @@ struct FusedGruSequence : torch::autograd::Function<FusedGruSequence> {
     Tensor h = h0;
     for (int64_t t = 0; t < steps; ++t) {
       Tensor h_before = h_in[t];
-      if (keep.numel() > 0)
-        at::mul_out(h_before, h, keep[t]);
-      else
-        h_before.copy_(h);
+      carry_over(h_before, h, keep, t);
       const Tensor gh = to_f32(factor(h_before, precision).mm(weight_t));
       Tensor gates;
       std::tie(h, gates) = at::_thnn_fused_gru_cell(gi[t], gh, h_before, no_bias, bias_hh);
@@ -172,13 +174,8 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
     Tensor h = h0, c = c0;
     for (int64_t t = 0; t < steps; ++t) {
       Tensor h_before = h_in[t], c_before = c_in[t], gate = gates[t];
-      if (keep.numel() > 0) {
-        at::mul_out(h_before, h, keep[t]);
-        at::mul_out(c_before, c, keep[t]);
-      } else {
-        h_before.copy_(h);
-        c_before.copy_(c);
-      }
+      carry_over(h_before, h, keep, t);
+      carry_over(c_before, c, keep, t);
       product_out(gate, bias_hh, h_before, weight_t, precision);
       gate.add_(gi[t]);
       Tensor input_forget = gate.slice(1, 0, 2 * hidden), g = gate.slice(1, 2 * hidden, 3 * hidden),

@@ -7,6 +7,7 @@
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/settings/resolve.h"
@@ -73,11 +74,10 @@ PolicyWorker::PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& o
       policy_(std::move(policy)),
       seats_(std::move(seats)),
       batcher_(std::move(batcher)),
-      weights_(arena) {
-  char host[256] = {};
+      weights_(arena),
+      host_(host_name()) {
   if (!seats_ && !options.is_random && (options.is_staged || !policy_.device().is_cpu()))
     staged_ = std::make_unique<StagedForward>(policy_, arena.shape());
-  if (gethostname(host, sizeof host - 1) == 0) host_ = host;
 }
 
 Status PolicyWorker::run(const std::atomic<bool>& stop) {

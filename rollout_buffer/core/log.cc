@@ -1,4 +1,5 @@
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/host_name.h"
 
 #include <spdlog/sinks/rotating_file_sink.h>
 #include <spdlog/sinks/stdout_sinks.h>
@@ -25,9 +26,7 @@ std::string literal(const std::string& text) {
 std::string run_and_host(const std::string& path) {
   std::error_code failed;
   const std::filesystem::path file = std::filesystem::absolute(path, failed).lexically_normal();
-  char host[256] = {};
-  if (gethostname(host, sizeof host - 1) != 0) host[0] = '?';
-  return file.parent_path().parent_path().filename().string() + "@" + host;
+  return file.parent_path().parent_path().filename().string() + "@" + host_name();
 }
 
 }  // namespace

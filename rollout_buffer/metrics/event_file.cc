@@ -8,6 +8,7 @@
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/host_name.h"
 #include "tensorboard_event.pb.h"
 
 namespace comrad {
@@ -96,11 +97,9 @@ std::string frame_record(std::string_view bytes) {
 }
 
 Expected<EventFile> EventFile::create(const std::string& folder) {
-  char host[256] = "localhost";
-  if (gethostname(host, sizeof(host) - 1) != 0) std::strcpy(host, "localhost");
   const double now = wall_s();
   const std::string path = folder + "/events.out.tfevents." + std::to_string(static_cast<int64_t>(now)) +
-                           "." + host + "." + std::to_string(getpid()) + ".0";
+                           "." + host_name() + "." + std::to_string(getpid()) + ".0";
   const int descriptor = open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (descriptor < 0) return system_error("cannot create " + path);
   EventFile file(descriptor, path);
