@@ -174,7 +174,10 @@ constexpr Row kSmall[] = {
     {"qmix_batch_sequences", "8 8 8 8 4 4 4 4"},
     {"replay_ratio", "0 0 0 0 4 4 4 4"},
     {"td_lambda", "-1 -1 -1 -1 0.8 0.8 0.8 0.8"},
-    {"target_update_tau", "0.005 0.005 0.005 0.005 0.02 0.02 0.02 0.02"},
+    {"target_update_tau", "0.005 0.005 0.005 0.02 0.02 0.02 0.02 0.02"},
+    {"n_step", "1 1 1 5 1 1 1 1"},
+    {"dqn_max_updates_per_batch", "4 4 4 16 4 4 4 4"},
+    {"dqn_batch_decisions", "0 0 0 64 256 256 256 256"},
     {"dqn_reward_clip", "1 1 1 0 1 1 1 1"},
     {"adam_eps", "1e-6 1e-6 1e-6 1e-8 1e-8 1e-8 1e-8 1e-8"},
 };
