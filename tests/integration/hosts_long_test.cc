@@ -49,6 +49,15 @@ double private_mb(const std::string& folder, const std::string& name) {
   return sum;
 }
 
+/// The newest line of a run's metrics.jsonl; empty where there is none yet.
+nlohmann::json last_report(const std::string& run) {
+  std::ifstream file(run + "/metrics.jsonl");
+  std::string line, last;
+  while (std::getline(file, line)) last = line;
+  const nlohmann::json report = nlohmann::json::parse(last, nullptr, /*allow_exceptions=*/false);
+  return report.is_object() ? report : nlohmann::json::object();
+}
+
 /// A run that serves and hosts that play for it, on hosts that `on` knows.
 class HostRuns : public ::testing::Test {
  protected:
@@ -138,7 +147,9 @@ TEST_F(HostRuns, FourHostsTrainTogether) {
       if (count > 0 && before.cpu_s.contains(role))
         std::printf("; %s %.3f CPU s per 1000", role.c_str(), (cpu_s - before.cpu_s.at(role)) / count * 1000);
     }
-    std::printf("\n");
+    const nlohmann::json report = last_report(run);
+    std::printf("; policy lag %.1f versions, at most %.0f\n", report.value("train/version_diff_avg", -1.0),
+                report.value("train/version_diff_max", -1.0));
     EXPECT_GT(trained, 0);
   };
   const char* more = std::getenv("COMRAD_HOSTS_FLAGS");  // of the run, to measure what they change
