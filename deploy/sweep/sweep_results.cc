@@ -49,7 +49,7 @@ constexpr std::array<std::string_view, 41> kNamesKept = {
 
 /// Settings of the subject `run` and these follow from the machine, or say where and how long; what is learned does not
 /// hang on them.
-constexpr std::array<std::string_view, 15> kNoRecipe = {"wad",
+constexpr std::array<std::string_view, 16> kNoRecipe = {"wad",
                                                         "device",
                                                         "policy_device",
                                                         "precision",
@@ -59,6 +59,7 @@ constexpr std::array<std::string_view, 15> kNoRecipe = {"wad",
                                                         "policy_threads",
                                                         "learner_threads",
                                                         "trajectory_slabs",
+                                                        "micro_batch_size",  // the gradient is the same
                                                         "set_workers_cpu_affinity",
                                                         "replay_gb",
                                                         "replay_file",

@@ -44,6 +44,7 @@ TEST(RecipeChanges, AreWhatChangesLearning) {
   now.run.seed = 7;
   now.run.train_dir = "/elsewhere";
   now.collection.num_workers = 5;
+  now.optimisation.micro_batch_size = 128;
   EXPECT_EQ(recipe_changes(then, now), "");
   now.optimisation.learning_rate = 2e-4;
   now.q_learning.td_lambda = 0.1;  // IPPO has none
