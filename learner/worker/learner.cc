@@ -60,7 +60,7 @@ Status Learner::open() {
                            .poll = [this] { poll(); },
                            .run_dir = options_.run_dir,
                            .is_off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm_.get()) != nullptr,
-                           .device = *policy::choose_device(config_.collection.device)}));
+                           .device = device_}));
   }
   COMRAD_TRY(resume());
   if (!options_.serve) COMRAD_TRY(prepare_training());
@@ -83,9 +83,9 @@ Status Learner::open() {
 }
 
 Status Learner::make_network() {
-  COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(config_.collection.device));
-  COMRAD_TRY_ASSIGN(algorithm_, make_algorithm(config_, arena_.shape().trajectory.env, device));
-  spdlog::info("learner: trains on {}", device.str());
+  COMRAD_TRY_ASSIGN(device_, policy::choose_device(config_.collection.device));
+  COMRAD_TRY_ASSIGN(algorithm_, make_algorithm(config_, arena_.shape().trajectory.env, device_));
+  spdlog::info("learner: trains on {}", device_.str());
   if (const int64_t bytes = algorithm_->weights_bytes(); bytes > arena_.shape().weights_bytes)
     return Error{ErrorCode::kBadInput, "the network has " + std::to_string(bytes) +
                                            " bytes of weights, the arena holds " +

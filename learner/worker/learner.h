@@ -94,6 +94,7 @@ class Learner {
   RunTotals totals_;
   Reporter reporter_;
   CheckpointKeeper checkpoints_;
+  torch::Device device_ = torch::kCPU;  ///< that trains
   std::unique_ptr<Algorithm> algorithm_;
   std::unique_ptr<LayoutService> layouts_;  ///< null: the run plays one map
   std::unique_ptr<BatchSource> source_;     ///< null: it only serves

@@ -112,10 +112,10 @@ bool Graph::give(bool records) {
   const StreamScope scope(stream);
   const RecordingScope recording_now;
   auto recording = std::make_unique<Recording>();
-  // Other threads go on copying and allocating: what is not this thread's does not end the recording.
-  recording->graph.capture_begin({0, 0}, cudaStreamCaptureModeThreadLocal);
   std::string refusal;
   try {
+    // Other threads go on copying and allocating: what is not this thread's does not end the recording.
+    recording->graph.capture_begin({0, 0}, cudaStreamCaptureModeThreadLocal);
     work_();
   } catch (const std::exception& error) {
     refusal = error.what();

@@ -1,13 +1,13 @@
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/core/host_name.h"
 
 #include <spdlog/sinks/rotating_file_sink.h>
 #include <spdlog/sinks/stdout_sinks.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <memory>
 #include <vector>
+
+#include "rollout_buffer/core/host_name.h"
 
 namespace comrad {
 namespace {

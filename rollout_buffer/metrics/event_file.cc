@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <array>
-#include <cstring>
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"

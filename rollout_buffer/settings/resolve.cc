@@ -18,11 +18,16 @@ constexpr int64_t kGuestSlabs = 32;  // that trajectories of other hosts arrive 
 
 /// Policy workers that `auto` takes. On 16 cores three made the pipeline 1.3 times as fast as one; on a GPU a second one
 /// changes nothing, for processes take turns there (BENCHMARKS.md). `auto` takes a GPU where there is a driver.
-int64_t policy_workers_of_auto(const CollectionSettings& c, int64_t cores) {
-  const std::string& devices = c.policy_device.empty() ? c.device : c.policy_device;
-  const bool are_gpus = devices.find("cuda") != std::string::npos ||
-                        (devices == "auto" && std::filesystem::exists("/proc/driver/nvidia/version"));
-  return are_gpus ? 1 + std::ranges::count(devices, ',') : std::max<int64_t>(1, cores / 5);
+int64_t policy_workers_of_auto(const RunConfig& config, int64_t cores) {
+  const auto named =
+      static_cast<int>(std::max<std::size_t>(1, parts_of(config.collection.policy_device, ',').size()));
+  for (int worker = 0; worker < named; ++worker) {
+    const std::string device = policy_device(config, worker);
+    if (device.starts_with("cuda") ||
+        (device == "auto" && std::filesystem::exists("/proc/driver/nvidia/version")))
+      return named;
+  }
+  return std::max<int64_t>(1, cores / 5);
 }
 
 /// Settings that Q-learning cannot have together.
@@ -188,8 +193,7 @@ Status resolve_settings(RunConfig& config, int core_count) {
   const int64_t env_count = c.collection.num_workers * c.collection.num_envs_per_worker;
   const int64_t group_count = c.collection.num_workers * c.collection.worker_num_splits;
   if (c.collection.policy_workers == 0)
-    c.collection.policy_workers =
-        std::min({policy_workers_of_auto(c.collection, cores), group_count, int64_t{64}});
+    c.collection.policy_workers = std::min({policy_workers_of_auto(c, cores), group_count, int64_t{64}});
   if (c.collection.policy_workers > group_count)
     return Error{ErrorCode::kBadInput,
                  "policy_workers is " + std::to_string(c.collection.policy_workers) + "; only " +

@@ -300,6 +300,7 @@ TEST(ResolveSettings, OnePolicyWorkerServesFiveCoresOrAGpu) {
   EXPECT_EQ(policy_workers(64, "cpu"), 12);
   EXPECT_EQ(policy_workers(64, "cpu", "", /*num_workers=*/1), 2) << "no more than groups of environments";
   EXPECT_EQ(policy_workers(16, "cuda"), 1);
+  EXPECT_EQ(policy_workers(16, "cpu", "gpu"), 1) << "Sample Factory's word for cuda";
   EXPECT_EQ(policy_workers(16, "cuda", "cuda:1,cuda:2,cuda:3"), 3) << "one on each";
   EXPECT_EQ(policy_workers(16, "cuda", "cpu"), 3);
 }
