@@ -7,7 +7,7 @@
 #   deploy/gpu/check.sh --built --build FOLDER [--out FOLDER] ...
 #   deploy/gpu/check.sh --dry --build FOLDER [--out FOLDER]
 #
-#   --wheels FOLDER     no network: the PyTorch's wheels, as `pip download -d FOLDER torch==2.14.1 'cuda-toolkit[crt]'` brings
+#   --wheels FOLDER     no network: the PyTorch's wheels, as `pip download -d FOLDER torch==2.14.1 'cuda-toolkit[crt,cccl]'` brings
 #   --built             nothing is compiled: FOLDER has the programs and the tests that know a device
 #   --dry               on the CPU, with programs that FOLDER has already: the comparison runs, the commands of all benches are
 #                       read, one small bench and a short training run

@@ -16,6 +16,7 @@
 #include "learner/batch/collate.h"
 #include "learner/batch/replay_batch.h"
 #include "learner/checkpoint/checkpoint.h"
+#include "learner/ranks/rank_group.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
 #include "rollout_buffer/schema/version.h"
@@ -57,6 +58,10 @@ class Algorithm {
   /// The behaviour policy's weights as policy workers read them.
   virtual int64_t weights_bytes() const = 0;
   virtual void write_weights(std::span<std::byte> out) const = 0;
+
+  /// From now on each update is that of all ranks together, each with its share of the batch; `ranks` outlives the
+  /// algorithm. Errors: kUnsupported where the algorithm learns alone.
+  virtual Status learn_with(RankGroup& ranks);
 
   /// Numbers that are too dear for every update, for a report that is written: gradient norm and Adam's step
   /// of every part of the networks (part_statistics.h), after the last update.

@@ -99,7 +99,7 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
   prepare_targets(batch);
   // From here on `advantage` is M.
   const Tensor acting = batch.acting();
-  batch.advantage = standardize(batch.advantage, acting);
+  batch.advantage = standardized(batch.advantage, acting);
 
   const auto put = [&stats](const std::string& name, double value) {
     stats.values.emplace_back(name, value);
@@ -119,7 +119,8 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
     LossSums sums;
     bool goes_on = true;
     const RolloutBatch of_agent = agent_rows(rows, agent);
-    const bool has_samples = count_of(of_agent.host_acting) > 0;
+    const bool has_samples =
+        ranks_->add_up(std::vector<double>{static_cast<double>(count_of(of_agent.host_acting))}).front() > 0;
     Tensor old_log_prob;
     if (has_samples) {
       COMRAD_TRY_ASSIGN(old_log_prob, train_agent(rows, agent, context, stats, sums, goes_on));
@@ -136,7 +137,7 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
         happo_ratio(new_log_prob, old_log_prob, of_agent.acting(), config_.on_policy.happo_factor_clamp);
     factor.mul_(ratio);
     rows.advantage.view({steps, worlds, agents}).mul_(ratio.unsqueeze(2));
-    ratios.emplace_back(prefix + "_post_ratio_mean", ratio.mean());
+    ratios.emplace_back(prefix + "_post_ratio_mean", ranks_->gather(ratio, 1).mean());
   }
   LossSums critic;
   COMRAD_TRY_ASSIGN(const bool critic_done, train_critic(rows, context, stats, critic));
@@ -144,8 +145,9 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
   all.take_value(critic);
   const double critic_norm = last_grad_norm_;
   last_grad_norm_ = grad_norm;  // train/grad_norm is the mean over the actors
-  ratios.emplace_back("happo/factor_m_mean", factor.mean());
-  ratios.emplace_back("happo/factor_m_max", factor.max());
+  const Tensor factors = ranks_->gather(factor, 1);
+  ratios.emplace_back("happo/factor_m_mean", factors.mean());
+  ratios.emplace_back("happo/factor_m_max", factors.max());
   report(batch, all, stats, ratios);
   put("happo/critic_grad_norm", critic_norm);
   put("happo/agent_order_first", static_cast<double>(order.front()));

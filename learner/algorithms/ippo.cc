@@ -19,7 +19,7 @@ OnPolicy::Phase Ippo::phase() {
           .prepare =
               [this](RolloutBatch& minibatch) {
                 if (config_.on_policy.with_vtrace) prepare_vtrace(minibatch);
-                minibatch.advantage = standardize(minibatch.advantage, minibatch.acting());
+                minibatch.advantage = standardized(minibatch.advantage, minibatch.acting());
               }};
 }
 
@@ -64,8 +64,8 @@ void Ippo::prepare_vtrace(RolloutBatch& minibatch) {
                                     .rho_clip = config_.on_policy.vtrace_rho,
                                     .c_clip = config_.on_policy.vtrace_c,
                                     .legacy_timeouts = config_.optimisation.legacy_timeouts});
-  reported_advantage_ = result.advantage;
-  reported_acting_ = minibatch.host_acting;
+  reported_advantage_ = ranks_->gather(result.advantage, 1);
+  reported_acting_ = ranks_->gather(minibatch.host_acting, 1);
   minibatch.advantage = result.advantage.to(device_);
   minibatch.target = result.target.to(device_);
 }

@@ -33,6 +33,36 @@ double explained_variance(const Tensor& target, const Tensor& value, const Tenso
   return 1 - of_error.variance(/*unbiased=*/false) / spread_of(target, valid).variance(/*unbiased=*/false);
 }
 
+/// Of the shares that ranks have of a batch, all of `places` decisions.
+LagStats of_all_ranks(const LagStats& mine, double places, RankGroup& ranks) {
+  if (ranks.is_alone()) return mine;
+  const double valid = std::round(mine.valid_fraction * places),
+               heard = valid + static_cast<double>(mine.dropped);
+  const Tensor table =
+      ranks.gather(torch::tensor({mine.mean * heard, heard, static_cast<double>(mine.min),
+                                  static_cast<double>(mine.max), static_cast<double>(mine.dropped), valid},
+                                 torch::kFloat64)
+                       .unsqueeze(0),
+                   0);
+  LagStats all;
+  double sum = 0, count = 0, valid_count = 0;
+  bool is_first = true;
+  for (int64_t rank = 0; rank < table.size(0); ++rank) {
+    const double* row = table.data_ptr<double>() + rank * table.size(1);
+    sum += row[0];
+    count += row[1];
+    valid_count += row[5];
+    all.dropped += static_cast<int64_t>(row[4]);
+    if (row[1] == 0) continue;
+    all.min = std::exchange(is_first, false) ? static_cast<int64_t>(row[2])
+                                             : std::min(all.min, static_cast<int64_t>(row[2]));
+    all.max = std::max(all.max, static_cast<int64_t>(row[3]));
+  }
+  all.mean = count > 0 ? sum / count : 0;
+  all.valid_fraction = valid_count / (places * static_cast<double>(table.size(0)));
+  return all;
+}
+
 /// What the device is asked for in one go, on the host.
 std::vector<double> read_together(const std::vector<Tensor>& numbers) {
   if (numbers.empty()) return {};
@@ -84,7 +114,8 @@ OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device d
 
 Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats) {
   schedule_.before_batch(context.env_frames);
-  stats.lag = apply_lag_filter(batch, version_, config_.collection.max_policy_lag);
+  stats.lag = of_all_ranks(apply_lag_filter(batch, version_, config_.collection.max_policy_lag),
+                           static_cast<double>(batch.valid.numel()), *ranks_);
   ++updates_;
   if (stats.lag.valid_fraction == 0) {
     COMRAD_TRY(guard_.skip_invalid_batch(stats.lag.dropped, stats));
@@ -96,19 +127,25 @@ Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& 
   if (config_.network.normalize_input) {
     torch::NoGradGuard no_grad;
     Tensor frame = frames_on(batch, device_).flatten(0, 1);
-    Tensor measurement = batch.measurement.defined() ? batch.measurement.flatten(0, 1) : Tensor();
+    Tensor measurement =
+        batch.measurement.defined() ? ranks_->gather(batch.measurement, 1).flatten(0, 1) : Tensor();
     if (stats.lag.valid_fraction < 1) {
-      const Tensor index = positions_of(batch.valid);
-      frame = frame.index_select(0, index.to(device_));
-      if (measurement.defined()) measurement = measurement.index_select(0, index);
+      frame = frame.index_select(0, positions_of(batch.valid).to(device_));
+      if (measurement.defined())
+        measurement = measurement.index_select(0, positions_of(ranks_->gather(batch.valid, 1)));
     }
-    net_.update_input_statistics(frame, measurement.defined() ? measurement.to(device_) : measurement);
+    policy::AddUp of_all_frames;  // the frames of other ranks are not fetched: their sums are
+    if (!ranks_->is_alone()) of_all_frames = [this](Tensor& sums) { ranks_->add_up(sums); };
+    net_.update_input_statistics(frame, measurement.defined() ? measurement.to(device_) : measurement,
+                                 of_all_frames);
   }
   if (net_.options().global_state_count > 0) {
     const int64_t agents = batch.shape.env.num_agents;
     const Tensor valid = batch.valid.view({batch.steps(), batch.slab_count, agents}).amax(2);
-    net_.update_state_statistics(
-        batch.global_state.flatten(0, 1).index_select(0, positions_of(valid)).to(device_));
+    net_.update_state_statistics(ranks_->gather(batch.global_state, 1)
+                                     .flatten(0, 1)
+                                     .index_select(0, positions_of(ranks_->gather(valid, 1)))
+                                     .to(device_));
   }
   return true;
 }
@@ -129,15 +166,17 @@ void OnPolicy::prepare_targets(RolloutBatch& batch) {
                                 {.gamma = config_.optimisation.gamma,
                                  .lambda = config_.on_policy.gae_lambda,
                                  .legacy_timeouts = config_.optimisation.legacy_timeouts});
-  batch.advantage = batch.raw_advantage = reported_advantage_ = result.advantage;
+  batch.advantage = batch.raw_advantage = result.advantage;
   batch.target = result.target;
-  reported_acting_ = batch.acting();
-  explained_variance_ = explained_variance(result.target, value.narrow(0, 0, batch.steps()), batch.valid);
+  reported_advantage_ = ranks_->gather(result.advantage, 1);
+  reported_acting_ = ranks_->gather(batch.acting(), 1);
+  const Tensor target = ranks_->gather(result.target, 1), valid = ranks_->gather(batch.valid, 1);
+  explained_variance_ =
+      explained_variance(target, ranks_->gather(value.narrow(0, 0, batch.steps()), 1), valid);
   if (!config_.optimisation.normalize_returns) return;
-  if (!returns_.update(result.target, batch.valid))
-    spdlog::warn("update: returns are not finite; statistics kept");
+  if (!returns_.update(target, valid)) spdlog::warn("update: returns are not finite; statistics kept");
   batch.target = returns_.normalize(result.target);
-  targets_clipped_ = returns_.clipped_fraction(result.target, batch.valid);
+  targets_clipped_ = returns_.clipped_fraction(target, valid);
 }
 
 Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, const Phase& phase,
@@ -192,7 +231,7 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
           config_.optimisation.shuffle_minibatches && parts > 1
               ? select_slabs(batch, std::vector<int64_t>(order.begin() + begin, order.begin() + end))
               : narrow_rows(batch, begin * agents, (end - begin) * agents);
-      if (stats.optimizer_steps > 0 && context.begin_step && !context.begin_step()) {
+      if (stats.optimizer_steps > 0 && !ranks_->all(!context.begin_step || context.begin_step())) {
         COMRAD_TRY(settle_steps(/*waits=*/true));
         return PhaseEnd::kStopped;
       }
@@ -222,10 +261,10 @@ Expected<OnPolicy::PhaseEnd> OnPolicy::train_phase(const RolloutBatch& batch, co
 OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Phase& phase,
                                                const UpdateContext& context, bool is_first,
                                                UpdateStats& stats, std::deque<Step>& given) {
-  const auto valid_count = static_cast<double>(count_of(minibatch.host_valid));
-  const bool has_policy = phase.trains_policy && count_of(minibatch.host_acting) > 0;
+  const SampleTotals totals = totals_of(minibatch);
+  const bool has_policy = phase.trains_policy && totals.acting > 0;
   // Without anything to learn Adam's momentum would still move the weights.
-  if (valid_count == 0 || (!has_policy && !phase.trains_value)) {
+  if (totals.valid == 0 || (!has_policy && !phase.trains_value)) {
     ++stats.skipped_steps;
     return StepResult::kSkipped;
   }
@@ -233,23 +272,24 @@ OnPolicy::StepResult OnPolicy::train_minibatch(RolloutBatch& minibatch, const Ph
   if (phase.prepare) phase.prepare(minibatch);
   Phase pass = phase;
   if (!is_first) pass.first_log_prob = nullptr;
-  const double valid_fraction = valid_count / static_cast<double>(minibatch.valid.numel());
+  const double valid_fraction = totals.valid / totals.places;
   Step step{.numbers = {},
             .read = {},
             .has_policy = has_policy,
             .learning_rate = schedule_.learning_rate() * valid_fraction};
-  // A look at the KL between gradient and step is for the host.
-  const bool is_recorded = !device::has_own_kernels(device_) && config_.on_policy.early_stop_kl <= 0;
+  // A look at the KL between gradient and step is for the host, and so is what ranks say to each other.
+  const bool is_recorded =
+      !device::has_own_kernels(device_) && config_.on_policy.early_stop_kl <= 0 && ranks_->is_alone();
   if (is_recorded) {
     if (context.keep_going && !context.keep_going()) return StepResult::kAbandoned;
     stats.rows_trained += minibatch.steps() * minibatch.rows();
     guard_.count_step(version_, stats);
-    give_recorded(minibatch, pass, step);
+    give_recorded(minibatch, pass, totals, step);
     given.push_back(std::move(step));
     return StepResult::kGiven;
   }
   phase.optimizer.zero_grad();
-  if (!add_gradient(minibatch, pass, counts_of(minibatch), context.keep_going, step.numbers,
+  if (!add_gradient(minibatch, pass, SampleCounts::of(totals), context.keep_going, step.numbers,
                     pass.first_log_prob))
     return StepResult::kAbandoned;
   stats.rows_trained += minibatch.steps() * minibatch.rows();
@@ -421,11 +461,25 @@ OnPolicy::Part OnPolicy::part_of(const RolloutBatch& micro, const Phase& phase,
   return part;
 }
 
-OnPolicy::SampleCounts OnPolicy::counts_of(const RolloutBatch& minibatch) {
-  const auto at_least_one = [](const Tensor& mask) {
-    return torch::full({}, static_cast<double>(std::max<int64_t>(1, count_of(mask))), torch::kFloat64);
+OnPolicy::SampleTotals OnPolicy::totals_of(const RolloutBatch& minibatch) {
+  const std::vector<double> totals = ranks_->add_up({static_cast<double>(count_of(minibatch.host_valid)),
+                                                     static_cast<double>(count_of(minibatch.host_acting)),
+                                                     static_cast<double>(minibatch.valid.numel())});
+  return {.valid = totals[0], .acting = totals[1], .places = totals[2]};
+}
+
+OnPolicy::SampleCounts OnPolicy::SampleCounts::of(const SampleTotals& totals) {
+  const auto at_least_one = [](double count) {
+    return torch::full({}, std::max(1.0, count), torch::kFloat64);
   };
-  return {.valid = at_least_one(minibatch.host_valid), .acting = at_least_one(minibatch.host_acting)};
+  return {.valid = at_least_one(totals.valid), .acting = at_least_one(totals.acting)};
+}
+
+Tensor OnPolicy::standardized(const Tensor& advantage, const Tensor& acting) {
+  if (ranks_->is_alone()) return standardize(advantage, acting);
+  const Tensor of_all = standardize(ranks_->gather(advantage, 1), ranks_->gather(acting, 1));
+  if (ranks_->failure()) return advantage;
+  return of_all.narrow(1, ranks_->rank() * advantage.size(1), advantage.size(1));
 }
 
 OnPolicy::RecordedStep& OnPolicy::recorded_step(const RolloutBatch& minibatch, const Phase& phase) {
@@ -456,7 +510,8 @@ OnPolicy::RecordedStep& OnPolicy::recorded_step(const RolloutBatch& minibatch, c
   return made;
 }
 
-void OnPolicy::give_recorded(const RolloutBatch& minibatch, const Phase& phase, Step& step) {
+void OnPolicy::give_recorded(const RolloutBatch& minibatch, const Phase& phase, const SampleTotals& totals,
+                             Step& step) {
   RecordedStep& recorded = recorded_step(minibatch, phase);
   {
     torch::NoGradGuard no_grad;
@@ -466,7 +521,7 @@ void OnPolicy::give_recorded(const RolloutBatch& minibatch, const Phase& phase, 
     visit_device_fields(recorded.minibatch, [&, next = std::size_t{0}](Tensor& field) mutable {
       field.copy_(fields[next++], /*non_blocking=*/true);
     });
-    const SampleCounts counts = counts_of(minibatch);
+    const SampleCounts counts = SampleCounts::of(totals);
     const Tensor settings = device::host_memory({3}, torch::kFloat64, device_);
     settings[0].copy_(counts.valid);
     settings[1].copy_(counts.acting);
@@ -498,13 +553,21 @@ bool OnPolicy::add_gradient(const RolloutBatch& minibatch, const Phase& phase, c
       keep_going);
   if (!is_done) return false;
   if (first_log_prob != nullptr) *first_log_prob = at::cat(log_probs, 1);
+  if (ranks_->is_alone()) return true;
+  ranks_->add_up_gradients(phase.optimizer.parameters());
+  Tensor losses = numbers.loss.reshape({1});
+  const Tensor of_parts = ranks_->gather(torch::stack(numbers.of_parts), 0);
+  losses = ranks_->gather(losses, 0);
+  if (ranks_->failure()) return false;
+  numbers.of_parts = of_parts.unbind(0);
+  numbers.loss = losses.sum();
   return true;
 }
 
 bool OnPolicy::accumulate(const RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
                           LossSums& sums) {
   Numbers numbers;
-  if (!add_gradient(minibatch, phase, counts_of(minibatch), context.keep_going, numbers,
+  if (!add_gradient(minibatch, phase, SampleCounts::of(totals_of(minibatch)), context.keep_going, numbers,
                     phase.first_log_prob))
     return false;
   device::Readback read(at::cat(numbers.of_parts).to(torch::kFloat64));
@@ -574,7 +637,7 @@ void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateSta
     put("train/adv_max", advantage.max);
     put("train/adv_std", std::sqrt(advantage.variance(/*unbiased=*/true)));
   }
-  const Spread action = spread_of(batch.action, batch.acting());
+  const Spread action = spread_of(ranks_->gather(batch.action, 1), ranks_->gather(batch.acting(), 1));
   if (action.count > 0) {
     put("train/act_min", action.min);
     put("train/act_max", action.max);
@@ -604,6 +667,11 @@ void OnPolicy::report(const RolloutBatch& batch, const LossSums& sums, UpdateSta
   for (const auto& [name, tensor] : on_device) numbers.push_back(tensor);
   const std::vector<double> read = read_together(numbers);
   for (std::size_t i = 0; i < read.size(); ++i) put(on_device[i].first.c_str(), read[i]);
+}
+
+Status OnPolicy::learn_with(RankGroup& ranks) {
+  ranks_ = &ranks;
+  return {};
 }
 
 void OnPolicy::append_diagnostics(NamedNumbers& values) const {

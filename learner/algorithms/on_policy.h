@@ -44,6 +44,7 @@ class OnPolicy : public OnPolicyAlgorithm {
   int64_t weights_bytes() const override { return net_.weights_bytes(); }
   void write_weights(std::span<std::byte> out) const override { net_.write_weights(out); }
   void append_diagnostics(NamedNumbers& values) const override;
+  Status learn_with(RankGroup& ranks) override;
   void save(StateDict& state) const override;
   Status load(const StateDict& state) override;
 
@@ -96,8 +97,6 @@ class OnPolicy : public OnPolicyAlgorithm {
   };
   enum class PhaseEnd { kDone, kStopped, kAbandoned };
 
-  /// What checkpoints call the algorithm.
-
   /// Moves the schedule, filters by lag, updates input statistics. False when nothing valid is left. Errors:
   /// kBadInput where that was so in too many batches in a row.
   Expected<bool> begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats);
@@ -128,6 +127,9 @@ class OnPolicy : public OnPolicyAlgorithm {
   /// A batch in parts, as views: whole worlds, at least one, and no more than lets every thread have a part.
   std::vector<RolloutBatch> micro_batches(const RolloutBatch& batch) const;
 
+  /// The advantages of a minibatch of all ranks with mean 0 and deviation 1 over `acting`; this rank's part of them.
+  Tensor standardized(const Tensor& advantage, const Tensor& acting);
+
   RunConfig config_;
   EnvShape env_;
   torch::Device device_;
@@ -137,6 +139,8 @@ class OnPolicy : public OnPolicyAlgorithm {
   LrSchedule schedule_;
   ReturnNormalizer returns_;
   mutable PartPool pool_;  ///< for micro-batches
+  RankGroup alone_;
+  RankGroup* ranks_ = &alone_;
   PolicyVersion version_ = 0;
   int64_t updates_ = 0;  ///< batches seen; keys the shuffling
   double last_grad_norm_ = 0;
@@ -166,9 +170,14 @@ class OnPolicy : public OnPolicyAlgorithm {
     /// Adds up what lies on the host now, part after part.
     LossSums sums(const double* values) const;
   };
-  /// Samples of a whole minibatch, 1 at least: what means divide by. f64 [].
+  /// Samples of a minibatch of all ranks.
+  struct SampleTotals {
+    double valid = 0, acting = 0, places = 0;
+  };
+  /// The same, 1 at least: what means divide by. f64 [].
   struct SampleCounts {
     Tensor valid, acting;
+    static SampleCounts of(const SampleTotals& totals);
   };
   /// An optimizer step whose outcome is not known yet.
   struct Step {
@@ -192,15 +201,16 @@ class OnPolicy : public OnPolicyAlgorithm {
     device::Graph graph;
   };
   enum class StepResult { kGiven, kSkipped, kAbandoned, kKlReached };
-  static SampleCounts counts_of(const RolloutBatch& minibatch);
+  SampleTotals totals_of(const RolloutBatch& minibatch);
   Part part_of(const RolloutBatch& micro, const Phase& phase, const SampleCounts& counts) const;
-  /// Adds the gradient of a minibatch of to_device(). False when keep_going() said no.
+  /// Adds the gradient of a minibatch of to_device(), of all ranks. False when keep_going() said no, or a rank has left.
   bool add_gradient(const RolloutBatch& minibatch, const Phase& phase, const SampleCounts& counts,
                     const std::function<bool()>& keep_going, Numbers& numbers, Tensor* first_log_prob);
   /// The recording that a minibatch's step needs, made where there is none.
   RecordedStep& recorded_step(const RolloutBatch& minibatch, const Phase& phase);
   /// Gives the device a minibatch's whole step as one piece.
-  void give_recorded(const RolloutBatch& minibatch, const Phase& phase, Step& step);
+  void give_recorded(const RolloutBatch& minibatch, const Phase& phase, const SampleTotals& totals,
+                     Step& step);
   StepResult train_minibatch(RolloutBatch& minibatch, const Phase& phase, const UpdateContext& context,
                              bool is_first, UpdateStats& stats, std::deque<Step>& given);
   /// What became of the oldest step given; its sums where it was taken.

@@ -15,6 +15,13 @@
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::learn {
+
+Status Algorithm::learn_with(RankGroup& ranks) {
+  if (ranks.is_alone()) return {};
+  return Error{ErrorCode::kUnsupported,
+               "this algorithm has one learner; --learners is for those that learn from rollouts (ippo, "
+               "mappo, happo)"};
+}
 namespace {
 
 template <typename T>

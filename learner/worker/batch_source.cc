@@ -19,18 +19,19 @@ constexpr int64_t kSealedTimeoutUs = 50'000;
 constexpr int kJournalTimeoutMs = 5000;
 constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();
 
-/// Counts the time from its making on as waiting.
+/// Counts the time from its making on as waiting of the (first) learner.
 class WaitClock {
  public:
-  explicit WaitClock(const shm::Arena& arena) : arena_(arena) {}
+  explicit WaitClock(const SourceOptions& options) : options_(options) {}
   WaitClock(const WaitClock&) = delete;
   WaitClock& operator=(const WaitClock&) = delete;
   ~WaitClock() {
-    arena_.learner_counters().wait_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - from_ns_));
+    if (options_.is_leader())
+      options_.arena.learner_counters().wait_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - from_ns_));
   }
 
  private:
-  const shm::Arena& arena_;
+  const SourceOptions& options_;
   const int64_t from_ns_ = monotonic_ns();
 };
 
@@ -41,14 +42,15 @@ class QueueSource final : public BatchSource {
 
   Status start() override {
     queue_ = std::make_unique<BatchQueue>(
-        options_.arena, slabs_per_batch(options_.config, options_.arena.shape().trajectory.env),
-        options_.config.collection.num_batches_to_accumulate, options_.device);
+        options_.arena,
+        slabs_per_batch(options_.config, options_.arena.shape().trajectory.env) / options_.share.count,
+        options_.config.collection.num_batches_to_accumulate, options_.device, options_.share);
     return {};
   }
   uint64_t rollouts_allowed() const override { return kUnlimited; }
 
   Expected<bool> drain() override {
-    const WaitClock clock(options_.arena);
+    const WaitClock clock(options_);
     next_ = queue_->pop(kPopTimeoutMs);
     if (next_ != nullptr) return true;
     if (const std::string failure = queue_->failure(); !failure.empty())
@@ -90,7 +92,7 @@ class ReplaySource final : public BatchSource {
   uint64_t rollouts_allowed() const override { return kUnlimited; }
 
   Expected<bool> drain() override {
-    const WaitClock clock(options_.arena);
+    const WaitClock clock(options_);
     next_.replay_batch = feed_->pop(kPopTimeoutMs);
     next_.inserted = feed_->take_inserted();
     if (const std::string failure = feed_->failure(); !failure.empty())
@@ -120,12 +122,14 @@ class LockStepSource final : public BatchSource {
   /// `feed` is null on-policy.
   LockStepSource(const SourceOptions& options, std::unique_ptr<ReplayFeed> feed)
       : options_(options),
-        per_batch_(
-            static_cast<std::size_t>(slabs_per_batch(options.config, options.arena.shape().trajectory.env))),
+        per_batch_(static_cast<std::size_t>(
+            slabs_per_batch(options.config, options.arena.shape().trajectory.env) / options.share.count)),
         feed_(std::move(feed)) {}
   ~LockStepSource() override { release_slabs(); }
 
-  Status start() override { return journals_ ? journals_->restore(options_.arena) : Status(); }
+  Status start() override {
+    return journals_ && options_.is_leader() ? journals_->restore(options_.arena) : Status();
+  }
   uint64_t rollouts_allowed() const override { return next_rollout_ + 1; }
 
   Expected<bool> drain() override;
@@ -171,12 +175,12 @@ Expected<bool> LockStepSource::drain() {
 
 Status LockStepSource::take(uint32_t slab, std::vector<std::optional<uint32_t>>& slab_of) {
   const shm::SlabHeader& header = options_.arena.slab_header(static_cast<int>(slab));
-  const uint32_t env_index = header.env_index;
-  if (env_index < slab_of.size() && header.rollout_index == next_rollout_ && !slab_of[env_index]) {
-    slab_of[env_index] = slab;
+  const auto place = static_cast<std::size_t>(options_.share.place_of(header.env_index));
+  if (place < slab_of.size() && header.rollout_index == next_rollout_ && !slab_of[place]) {
+    slab_of[place] = slab;
     return {};
   }
-  return Error{ErrorCode::kPeerLost, "environment " + std::to_string(env_index) + " sealed rollout " +
+  return Error{ErrorCode::kPeerLost, "environment " + std::to_string(header.env_index) + " sealed rollout " +
                                          std::to_string(header.rollout_index) +
                                          " while the learner waits for rollout " +
                                          std::to_string(next_rollout_) +
@@ -186,7 +190,8 @@ Status LockStepSource::take(uint32_t slab, std::vector<std::optional<uint32_t>>&
 /// Waits for the rollout's slab of every environment; false, and all slabs back, when a stop came first.
 Expected<bool> LockStepSource::collect() {
   const shm::Arena& arena = options_.arena;
-  std::vector<std::optional<uint32_t>> slab_of(static_cast<std::size_t>(arena.shape().env_count()));
+  std::vector<std::optional<uint32_t>> slab_of(
+      static_cast<std::size_t>(arena.shape().env_count() / options_.share.count));
   std::size_t missing = slab_of.size();
   used_ = 0;
   while (missing > 0) {
@@ -195,10 +200,10 @@ Expected<bool> LockStepSource::collect() {
       return false;
     }
     {
-      const WaitClock clock(arena);
+      const WaitClock clock(options_);
       shm::Doorbell& sealed = arena.control().slab_sealed;
       const uint32_t heard = shm::listen(sealed);
-      const std::vector<uint32_t> drained = arena.drain_slabs(static_cast<int>(missing));
+      const std::vector<uint32_t> drained = arena.drain_slabs(static_cast<int>(missing), options_.share);
       slabs_.insert(slabs_.end(), drained.begin(), drained.end());
       for (const uint32_t slab : drained)
         if (const Status taken = take(slab, slab_of); !taken) {
@@ -217,6 +222,7 @@ Expected<bool> LockStepSource::collect() {
 void LockStepSource::capture_journals() {
   boundary_.reset();
   if (!options_.config.collection.deterministic || options_.arena.shape().journal_steps <= 0) return;
+  if (!options_.is_leader()) return;
   Expected<JournalSnapshot> captured =
       JournalSnapshot::capture(options_.arena, next_rollout_ + 1, kJournalTimeoutMs);
   if (captured)
@@ -277,7 +283,7 @@ void LockStepSource::close_rollout() {
 
 void LockStepSource::open_rollout(bool goes_on) {
   release_slabs();
-  if (!goes_on) return;
+  if (!goes_on || !options_.is_leader()) return;
   options_.arena.control().rollouts_allowed = rollouts_allowed();
   shm::ring(options_.arena.control().slab_released);
 }
@@ -316,6 +322,14 @@ Status BatchSource::load(const StateDict& state, const std::string& path, bool i
 
 void BatchSource::save(StateDict& state) const {
   if (feed() != nullptr) feed()->save_position(state);
+}
+
+shm::EnvShare env_share(const RunConfig& config, const EnvShape& env, int rank, int count) {
+  // In lock step each batch is that of one learner, cut into the learners' shares.
+  const bool lock_step = config.collection.deterministic || !config.collection.async_rl;
+  return {.rank = rank,
+          .count = count,
+          .block = lock_step ? static_cast<int>(slabs_per_batch(config, env)) : count};
 }
 
 int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env) {

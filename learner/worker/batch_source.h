@@ -39,7 +39,13 @@ struct SourceOptions {
   std::string run_dir;
   bool is_off_policy = false;
   torch::Device device = torch::kCPU;  ///< that trains
+  shm::EnvShare share = {};  ///< of one of several learners: it takes slabs of these environments alone
+
+  bool is_leader() const { return share.rank == 0; }
 };
+
+/// The share of learner `rank` of `count`.
+shm::EnvShare env_share(const RunConfig& config, const EnvShape& env, int rank, int count);
 
 /// Threads: the learner's.
 class BatchSource {
@@ -82,7 +88,7 @@ class BatchSource {
   virtual uint64_t broken_decisions() const = 0;  ///< that were found damaged
 };
 
-/// Slabs that make a batch of these settings.
+/// Slabs that make a batch of these settings, of all learners together.
 int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env);
 
 /// The source that the settings ask for. Errors: those of ReplayFeed::create.

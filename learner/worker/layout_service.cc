@@ -149,6 +149,32 @@ std::vector<LayoutSignal> layout_signals(const RolloutBatch& batch, PlrScore sco
   return signals;
 }
 
+std::vector<LayoutSignal> of_all_ranks(const std::vector<LayoutSignal>& signals, RankGroup& ranks) {
+  if (ranks.is_alone()) return signals;
+  Tensor table = torch::empty({static_cast<int64_t>(signals.size()), 4}, torch::kFloat64);
+  double* out = table.data_ptr<double>();
+  for (const LayoutSignal& one : signals)
+    for (const double number :
+         {static_cast<double>(one.layout_index), static_cast<double>(one.decisions), one.mean, one.maximum})
+      *out++ = number;
+  const Tensor all = ranks.gather_rows(table);
+  std::map<int, LayoutSignal> found;
+  const double* row = all.data_ptr<double>();
+  for (int64_t i = 0; i < all.size(0); ++i, row += 4) {
+    const LayoutSignal part{static_cast<int>(row[0]), static_cast<int64_t>(row[1]), row[2], row[3]};
+    const auto [place, is_new] = found.try_emplace(part.layout_index, part);
+    if (is_new) continue;
+    LayoutSignal& one = place->second;
+    const auto before = static_cast<double>(one.decisions), more = static_cast<double>(part.decisions);
+    one.mean = (one.mean * before + part.mean * more) / (before + more);
+    one.decisions += part.decisions;
+    one.maximum = std::max(one.maximum, part.maximum);
+  }
+  std::vector<LayoutSignal> merged;
+  for (const auto& [index, one] : found) merged.push_back(one);
+  return merged;
+}
+
 Expected<std::unique_ptr<LayoutService>> LayoutService::open(const RunConfig& config,
                                                              const std::string& run_dir) {
   if (config.environment.layout_pool.empty()) return std::unique_ptr<LayoutService>();
@@ -193,9 +219,10 @@ void LayoutService::serve(const shm::Arena& arena) {
   }
 }
 
-void LayoutService::score(const RolloutBatch& batch) {
+void LayoutService::score(const RolloutBatch& batch, RankGroup& ranks) {
   if (!score_key_) return;
-  for (const LayoutSignal& signal : layout_signals(batch, *score_key_, curriculum_->task_count()))
+  for (const LayoutSignal& signal :
+       of_all_ranks(layout_signals(batch, *score_key_, curriculum_->task_count()), ranks))
     curriculum_->score(signal.layout_index, signal.decisions, signal.mean, signal.maximum);
 }
 

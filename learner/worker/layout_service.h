@@ -16,6 +16,7 @@
 #include "learner/batch/collate.h"
 #include "learner/checkpoint/checkpoint.h"
 #include "learner/curriculum/curriculum.h"
+#include "learner/ranks/rank_group.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/core/layout_list.h"
 #include "rollout_buffer/settings/run_config.h"
@@ -43,6 +44,8 @@ struct LayoutSignal {
 /// Advantages are raw ones: ten times the reward scores ten times as much, whatever the algorithm.
 /// Decisions of layouts outside 0..layout_count-1 are left out.
 std::vector<LayoutSignal> layout_signals(const RolloutBatch& batch, PlrScore score_key, int layout_count);
+/// What the batches of all learners say together, by rising index.
+std::vector<LayoutSignal> of_all_ranks(const std::vector<LayoutSignal>& signals, RankGroup& ranks);
 
 class LayoutService {
  public:
@@ -54,8 +57,8 @@ class LayoutService {
   /// took its last grant. Never blocks.
   void serve(const shm::Arena& arena);
 
-  /// A trained batch: masks and advantages are the algorithm's.
-  void score(const RolloutBatch& batch);
+  /// A trained batch of this learner and those of all others: masks and advantages are the algorithm's.
+  void score(const RolloutBatch& batch, RankGroup& ranks);
 
   /// "curriculum/entropy", ... for the run's metrics.
   void append_to(std::vector<std::pair<std::string, double>>& metrics);

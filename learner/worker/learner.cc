@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "learner/algorithms/q_learning.h"
+#include "learner/worker/rank_round.h"
 #include "learner/worker/seat_server.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
@@ -30,6 +31,7 @@ Learner::Learner(const LearnerOptions& options, const RunConfig& config, shm::Ar
     : options_(options),
       config_(config),
       lock_step_(config.collection.deterministic || !config.collection.async_rl),
+      ranks_(options.ranks != nullptr ? *options.ranks : alone_),
       arena_(std::move(arena)),
       bus_(std::move(bus)),
       stop_(stop, arena_),
@@ -54,15 +56,18 @@ Status Learner::open() {
     COMRAD_TRY_ASSIGN(layouts_, LayoutService::open(config_, options_.run_dir));
     COMRAD_TRY_ASSIGN(
         source_,
-        make_batch_source({.config = config_,
-                           .arena = arena_,
-                           .stop = stop_,
-                           .poll = [this] { poll(); },
-                           .run_dir = options_.run_dir,
-                           .is_off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm_.get()) != nullptr,
-                           .device = device_}));
+        make_batch_source(
+            {.config = config_,
+             .arena = arena_,
+             .stop = stop_,
+             .poll = [this] { poll(); },
+             .run_dir = options_.run_dir,
+             .is_off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm_.get()) != nullptr,
+             .device = device_,
+             .share = env_share(config_, arena_.shape().trajectory.env, ranks_.rank(), ranks_.count())}));
   }
   COMRAD_TRY(resume());
+  COMRAD_TRY(expect_same_weights(ranks_, *algorithm_));
   if (!options_.serve) COMRAD_TRY(prepare_training());
   shm::ControlBlock& control = arena_.control();
   control.learner_decisions_before = totals_.decisions;
@@ -83,9 +88,16 @@ Status Learner::open() {
 }
 
 Status Learner::make_network() {
-  COMRAD_TRY_ASSIGN(device_, policy::choose_device(config_.collection.device));
+  if (options_.ranks != nullptr) {
+    device_ = ranks_.device();
+  } else {
+    COMRAD_TRY_ASSIGN(device_, policy::choose_device(config_.collection.device));
+  }
   COMRAD_TRY_ASSIGN(algorithm_, make_algorithm(config_, arena_.shape().trajectory.env, device_));
-  spdlog::info("learner: trains on {}", device_.str());
+  COMRAD_TRY(algorithm_->learn_with(ranks_));
+  ranks_.set_watch([this] { return check_others(); });
+  spdlog::info("learner: trains on {}{}", device_.str(),
+               ranks_.is_alone() ? "" : ", the first of " + std::to_string(ranks_.count()));
   if (const int64_t bytes = algorithm_->weights_bytes(); bytes > arena_.shape().weights_bytes)
     return Error{ErrorCode::kBadInput, "the network has " + std::to_string(bytes) +
                                            " bytes of weights, the arena holds " +
@@ -117,12 +129,18 @@ Status Learner::resume() {
   if (found) {
     COMRAD_TRY(load(*found, /*is_own=*/true));
     spdlog::info("resumed from {}", found->path);
-    return {};
+    return tell_others(found->path, /*is_own=*/true);
   }
   if (options_.serve)
     return Error{ErrorCode::kNotFound,
                  "no checkpoint in " + checkpoints_.folder() + "; name one with --checkpoint"};
-  return options_.checkpoint.empty() ? Status() : load(options_.checkpoint, /*is_own=*/false);
+  if (!options_.checkpoint.empty()) COMRAD_TRY(load(options_.checkpoint, /*is_own=*/false));
+  return tell_others(options_.checkpoint, /*is_own=*/false);
+}
+
+Status Learner::tell_others(const std::string& checkpoint, bool is_own) {
+  tell_checkpoint(ranks_, {.path = checkpoint, .is_own = is_own});
+  return ranks_.failure() ? Status(*ranks_.failure()) : Status();
 }
 
 Status Learner::load(const std::string& path, bool is_own) {
@@ -193,6 +211,10 @@ Status Learner::train() {
     if (!wait_while_paused()) break;
     COMRAD_TRY_ASSIGN(const bool has_drained, source_->drain());  // sealed slabs -> batches or the replay
     poll();
+    if (const Status live = check_others(); !live) {
+      if (stop_.requested()) break;
+      return live;
+    }
     while (std::optional<Sample> sample = source_->sample(algorithm_->version())) {
       take_in(sample->inserted);
       if (!sample->has_batch()) continue;
@@ -233,6 +255,9 @@ void Learner::take_in(const Inserted& inserted) {
 
 Expected<UpdateStats> Learner::update(Sample& sample) {
   const int64_t began_ns = monotonic_ns();
+  COMRAD_TRY_ASSIGN(const int64_t transitions,
+                    begin_round(ranks_, sample.rollout_batch ? sample.rollout_batch->transitions : 0,
+                                algorithm_->version()));
   const UpdateContext context = update_context();
   const auto updated = [&]() -> Expected<UpdateStats> {
     const ProcessStage stage(Stage::kForwardBackward, {Stage::kCollate, Stage::kOptimizer, Stage::kPublish});
@@ -240,17 +265,31 @@ Expected<UpdateStats> Learner::update(Sample& sample) {
                ? dynamic_cast<OnPolicyAlgorithm&>(*algorithm_).update(*sample.rollout_batch, context)
                : dynamic_cast<OffPolicyAlgorithm&>(*algorithm_).update(*sample.replay_batch, context);
   };
-  COMRAD_TRY_ASSIGN(const UpdateStats stats, updated());
+  COMRAD_TRY_ASSIGN(UpdateStats stats, updated());
+  if (ranks_.failure()) {  // the step in hand was not taken
+    if (!stop_.requested()) return *ranks_.failure();
+    stats.abandoned = true;
+  }
   reporter_.updated(stats);
   if (sample.rollout_batch) {
     reporter_.heard_lag(stats.lag);
-    if (layouts_ && !stats.abandoned) layouts_->score(*sample.rollout_batch);
+    if (layouts_ && !stats.abandoned) layouts_->score(*sample.rollout_batch, ranks_);
     if (stats.abandoned && stats.optimizer_steps == 0) return stats;  // nothing was learned from it
   }
-  count(sample.rollout_batch ? sample.rollout_batch->transitions : 0);
+  count(transitions);
   arena_.learner_counters().busy_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - began_ns));
   poll();
   return stats;
+}
+
+/// Asked while an exchange with the others waits, too.
+Status Learner::check_others() {
+  if (ranks_.is_alone()) return {};
+  poll();
+  if (options_.check_others) COMRAD_TRY(options_.check_others());
+  if (stop_.requested() && stop_.seconds_since() > options_.abandon_step_after_s)
+    return Error{ErrorCode::kTimeout, "the run stops, and other learners are still at work"};
+  return {};
 }
 
 UpdateContext Learner::update_context() {

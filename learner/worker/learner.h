@@ -7,12 +7,14 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "learner/algorithms/algorithm.h"
+#include "learner/ranks/rank_group.h"
 #include "learner/worker/batch_source.h"
 #include "learner/worker/checkpoint_keeper.h"
 #include "learner/worker/layout_service.h"
@@ -33,6 +35,9 @@ struct LearnerOptions {
       checkpoint;  ///< serve: the file; train: where to begin when the run has no checkpoint of its own
   double abandon_step_after_s =
       4;  ///< of a stop: the optimizer step, or in lock step the rollout, is given up
+  /// The learners of which this one is the first; null: it is alone. Outlives the learner.
+  RankGroup* ranks = nullptr;
+  std::function<Status()> check_others = {};  ///< kPeerLost once another learner has ended
 };
 
 /// One learner. Made by start(), which leaves weights published and simulators allowed to begin.
@@ -61,6 +66,7 @@ class Learner {
   Status make_network();
   Status check_arena() const;
   Status resume();
+  Status tell_others(const std::string& checkpoint, bool is_own);
   /// `is_own`: a checkpoint of this run, rather than one of another's to begin from.
   Status load(const CheckpointKeeper::Found& found, bool is_own);
   Status load(const std::string& path, bool is_own);
@@ -71,6 +77,7 @@ class Learner {
   Status serve();
   void take_in(const Inserted& inserted);
   Expected<UpdateStats> update(Sample& sample);
+  Status check_others();
   UpdateContext update_context();
   void publish();
   void close_rollout();
@@ -88,6 +95,8 @@ class Learner {
   const LearnerOptions options_;
   const RunConfig config_;
   const bool lock_step_;
+  RankGroup alone_;
+  RankGroup& ranks_;
   shm::Arena arena_;
   std::optional<dds::Bus> bus_;
   StopSignal stop_;

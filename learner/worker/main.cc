@@ -4,10 +4,14 @@
 #include <memory>
 #include <string>
 
+#include "learner/ranks/rank_group.h"
+#include "learner/ranks/rank_processes.h"
 #include "learner/worker/bench.h"
+#include "learner/worker/follower.h"
 #include "learner/worker/learner.h"
 #include "learner/worker/seat_server.h"
 #include "policy_workers/policy/policy_net.h"
+#include "rollout_buffer/core/log.h"
 #include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/worker_shell.h"
@@ -23,9 +27,32 @@ void tune_math(const RunConfig& config) {
 Status train_or_serve(const shm::WorkerShell& shell, const RunConfig& config, learn::LearnerOptions options,
                       bool serves_seats) {
   options.run_dir = shell.run_dir();
-  tune_math(config);
   COMRAD_TRY_ASSIGN(shm::Arena arena, shell.join());
-  if (serves_seats) return learn::serve_seats(shell.run_dir(), arena, shell.stop());
+  if (serves_seats) {
+    tune_math(config);
+    return learn::serve_seats(shell.run_dir(), arena, shell.stop());
+  }
+  const int learners = options.serve ? 1 : static_cast<int>(config.collection.learners);
+  COMRAD_TRY_ASSIGN(learn::RankProcesses processes, learn::RankProcesses::fork(learners));
+  const int rank = processes.rank();
+  if (rank > 0) {
+    const std::string name = "learner-" + std::to_string(rank);
+    COMRAD_TRY(init_log(name, shell.run_dir() + "/logs/" + name + ".log"));
+  }
+  tune_math(config);
+  options.check_others = [&] { return processes.check(); };
+  COMRAD_TRY_ASSIGN(
+      const learn::RankGroup::Options rank_options,
+      learn::RankGroup::Options::of(config.collection.device, rank, learners, processes.rendezvous()));
+  COMRAD_TRY_ASSIGN(const std::unique_ptr<learn::RankGroup> ranks,
+                    learn::RankGroup::join(rank_options, options.check_others));
+  if (rank > 0) {
+    COMRAD_TRY_ASSIGN(
+        const std::unique_ptr<learn::Follower> follower,
+        learn::Follower::start(shell.run_dir(), config, std::move(arena), shell.stop(), *ranks));
+    return follower->run();
+  }
+  options.ranks = ranks.get();
   COMRAD_TRY_ASSIGN(dds::Bus bus, dds::Bus::open(dds::bus_config_for_run(arena.run_id())));
   COMRAD_TRY_ASSIGN(const std::unique_ptr<learn::Learner> learner,
                     learn::Learner::start(options, config, std::move(arena), std::move(bus), shell.stop()));

@@ -395,11 +395,11 @@ void InputNormalizer::normalize_rows_bf16(std::span<const uint8_t* const> rows, 
                                 static_cast<float>(kClip), out);
 }
 
-void InputNormalizer::update(const Tensor& rows) {
-  if (!enabled_ || rows.numel() == 0) return;
+void InputNormalizer::update(const Tensor& rows, const AddUp& add_up) {
+  if (!enabled_ || (rows.numel() == 0 && !add_up)) return;
   torch::NoGradGuard no_grad;
   const Tensor flat = rows.reshape({-1, element_count_});
-  const double batch_count = static_cast<double>(flat.size(0));
+  double batch_count = static_cast<double>(flat.size(0));
   Tensor sum, square_sum;
   if (device::has_own_kernels(flat.device()) && flat.scalar_type() == torch::kUInt8) {
     // Bytes are summed as integers: exact, in any order.
@@ -420,6 +420,14 @@ void InputNormalizer::update(const Tensor& rows) {
       sum.add_(slice.sum(0));
       square_sum.add_(slice.square().sum(0));
     }
+  }
+  if (add_up) {
+    Tensor sums = at::cat({sum, square_sum, torch::full({1}, batch_count, sum.options())});
+    add_up(sums);
+    sum = sums.narrow(0, 0, element_count_);
+    square_sum = sums.narrow(0, element_count_, element_count_);
+    batch_count = sums[2 * element_count_].item<double>();
+    if (batch_count == 0) return;
   }
   const Tensor batch_mean = sum / batch_count;
   // One row has no unbiased variance; its spread around the running mean still enters through delta below.
@@ -632,8 +640,8 @@ Tensor Encoder::features(const Tensor& map, const Tensor& measurement) const {
   return at::cat({x, m}, 1);
 }
 
-void Encoder::update_statistics(const Tensor& frame, const Tensor& measurement) {
-  normalizer_->frame.update(frame);
+void Encoder::update_statistics(const Tensor& frame, const Tensor& measurement, const AddUp& add_up_frames) {
+  normalizer_->frame.update(frame, add_up_frames);
   if (env_.measurement_count > 0 && measurement.defined()) normalizer_->measurement.update(measurement);
 }
 

@@ -7,6 +7,7 @@
 #include <torch/types.h>
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -21,6 +22,8 @@ namespace comrad::policy {
 
 using torch::Tensor;
 using NamedTensors = std::vector<std::pair<std::string, Tensor>>;
+/// Makes sums over one learner's part of a batch sums over the parts of all learners, in place.
+using AddUp = std::function<void(Tensor& sums)>;
 
 /// Running mean and variance of every element of one input, in double precision, and the normalisation
 ///
@@ -42,8 +45,9 @@ class InputNormalizer {
   void normalize_rows(std::span<const uint8_t* const> rows, float* out) const;
   /// The same, rounded to bfloat16.
   void normalize_rows_bf16(std::span<const uint8_t* const> rows, uint16_t* out) const;
-  /// Merges a batch [B, elements] of u8 or f32 into the statistics. Any number of rows; none changes nothing.
-  void update(const Tensor& rows);
+  /// Merges a batch [B, elements] of u8 or f32 into the statistics. Any number of rows; none changes nothing. Where
+  /// several learners have a part of the batch each, `add_up` makes sums those of all of them.
+  void update(const Tensor& rows, const AddUp& add_up = {});
   /// Takes over what was written into the buffers.
   void refresh();
 
@@ -135,7 +139,8 @@ class Encoder {
   /// The same from frames that lie anywhere in CPU memory, measurements [B, M] as above.
   Tensor forward_rows(std::span<const uint8_t* const> frames, const Tensor& measurement) const;
 
-  void update_statistics(const Tensor& frame, const Tensor& measurement);
+  /// `frame` is this learner's part where `add_up_frames` is given, `measurement` is always whole.
+  void update_statistics(const Tensor& frame, const Tensor& measurement, const AddUp& add_up_frames);
 
   int64_t feature_count() const;
   NamedTensors named_parameters() const;

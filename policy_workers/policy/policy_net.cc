@@ -573,8 +573,9 @@ Tensor PolicyNet::joint_value_sequence(const SequenceInput& input) const {
   return impl.joint_values(features, worlds_of(input)).view({input.frame.size(0), input.frame.size(1)});
 }
 
-void PolicyNet::update_input_statistics(const Tensor& frame, const Tensor& measurement) const {
-  impl_->actors.front().tower.encoder.update_statistics(frame, measurement);
+void PolicyNet::update_input_statistics(const Tensor& frame, const Tensor& measurement,
+                                        const AddUp& add_up_frames) const {
+  impl_->actors.front().tower.encoder.update_statistics(frame, measurement, add_up_frames);
 }
 
 void PolicyNet::update_state_statistics(const Tensor& global_state) const {

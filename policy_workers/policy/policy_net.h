@@ -132,7 +132,9 @@ class PolicyNet {
 
   /// Merges a batch of frames (and measurements) into the running input statistics: mean and unbiased
   /// variance per element, parallel-variance merge, double precision. Learner only.
-  void update_input_statistics(const Tensor& frame, const Tensor& measurement) const;
+  /// `frame` is one learner's part of the batch where `add_up_frames` adds up sums over all of them.
+  void update_input_statistics(const Tensor& frame, const Tensor& measurement,
+                               const AddUp& add_up_frames = {}) const;
   /// The same of global states [..., S].
   void update_state_statistics(const Tensor& global_state) const;
   /// What critics and mixers make of global states [..., S]: by the running statistics, within +-5.

@@ -169,6 +169,35 @@ Status resolve_deterministic_batches(RunConfig& c) {
   return {};
 }
 
+/// What several learners share is dealt out without a remainder.
+Status check_learners(const RunConfig& c) {
+  const int64_t learners = c.collection.learners;
+  if (learners == 1) return {};
+  const auto refuse = [&](const std::string& message) {
+    return Error{ErrorCode::kBadInput, "learners is " + std::to_string(learners) + "; " + message};
+  };
+  if (c.run.algo->learns_q_values()) return refuse(c.run.algo.name() + " has one learner, so it must be 1");
+  const int64_t slab_rows = c.collection.rollout * c.environment.num_agents,
+                slabs = c.optimisation.batch_size * c.optimisation.num_batches_per_epoch / slab_rows,
+                env_count = c.collection.num_workers * c.collection.num_envs_per_worker;
+  if (slabs % learners != 0)
+    return refuse(
+        "a batch of " + std::to_string(slabs) +
+        " trajectories (batch_size x num_batches_per_epoch / (rollout x num_agents)) is not divided by it "
+        "without a remainder; set --batch_size " +
+        std::to_string((slabs / learners + 1) * learners * slab_rows / c.optimisation.num_batches_per_epoch));
+  if ((slabs / learners) % c.optimisation.num_batches_per_epoch != 0)
+    return refuse("each has " + std::to_string(slabs / learners) +
+                  " trajectories of a batch, which num_batches_per_epoch " +
+                  std::to_string(c.optimisation.num_batches_per_epoch) +
+                  " does not divide without a remainder");
+  if (!c.collection.async_rl && env_count % slabs != 0)
+    return refuse("lock step cuts the trajectories of " + std::to_string(env_count) +
+                  " environments (num_workers x num_envs_per_worker) into batches of " +
+                  std::to_string(slabs) + ", which must leave no rest");
+  return {};
+}
+
 }  // namespace
 
 Status resolve_settings(RunConfig& config, int core_count) {
@@ -189,7 +218,8 @@ Status resolve_settings(RunConfig& config, int core_count) {
   // Two already on two cores: simulators and policy workers leave half a core idle (BENCHMARKS.md).
   if (c.collection.learner_threads == 0)
     c.collection.learner_threads =
-        cores <= 4 ? std::min<int64_t>(cores, 2) : std::min<int64_t>(cores / 2, 16);
+        std::max<int64_t>(1, (cores <= 4 ? std::min<int64_t>(cores, 2) : std::min<int64_t>(cores / 2, 16)) /
+                                 c.collection.learners);
   const int64_t env_count = c.collection.num_workers * c.collection.num_envs_per_worker;
   const int64_t group_count = c.collection.num_workers * c.collection.worker_num_splits;
   if (c.collection.policy_workers == 0)
@@ -231,6 +261,8 @@ Status resolve_settings(RunConfig& config, int core_count) {
     c.collection.async_rl = false;
     COMRAD_TRY(resolve_deterministic_batches(c));
   }
+
+  COMRAD_TRY(check_learners(c));
 
   if (c.run.algo->learns_q_values()) resolve_q_learning(c);
 

@@ -334,7 +334,7 @@ void Arena::abandon_slab(uint32_t slab_index) const {
   ring(control().slab_released);
 }
 
-std::vector<uint32_t> Arena::drain_slabs(int max_count) const {
+std::vector<uint32_t> Arena::drain_slabs(int max_count, const EnvShare& share) const {
   // A slab sealed while we look could be seen although an older one was passed unsealed a moment ago.
   // Whatever has a ticket from before the look had all older slabs of its environment sealed by then.
   const uint64_t ticket_limit = control().slabs_sealed.load(std::memory_order_acquire);
@@ -342,7 +342,7 @@ std::vector<uint32_t> Arena::drain_slabs(int max_count) const {
   for (int index = 0; index < shape().slab_count; ++index) {
     const SlabHeader& header = slab_header(index);
     if (header.state.load(std::memory_order_acquire) == SlabState::kSealed &&
-        header.seal_ticket < ticket_limit)
+        header.seal_ticket < ticket_limit && share.has(header.env_index))
       sealed.emplace_back(header.seal_ticket, static_cast<uint32_t>(index));
   }
   std::sort(sealed.begin(), sealed.end());

@@ -274,6 +274,23 @@ struct DecisionCounts {
   uint64_t lost = 0;
 };
 
+/// Whose slabs a reader takes, where several readers share an arena: those of some environments, so that no two of them
+/// write one account. Environments come in blocks of `block`, a multiple of `count`; of each block the first ones are
+/// reader 0's, the next ones reader 1's.
+struct EnvShare {
+  int rank = 0, count = 1;  ///< of the readers
+  int block = 1;
+
+  bool has(uint32_t env_index) const {
+    return count == 1 || static_cast<int>(env_index) % block / (block / count) == rank;
+  }
+  /// Of an environment of this share: how many of the share come before it.
+  int place_of(uint32_t env_index) const {
+    const int env = static_cast<int>(env_index), of_block = block / count;
+    return count == 1 ? env : env / block * of_block + env % block % of_block;
+  }
+};
+
 /// How many slabs are in which state.
 struct SlabCounts {
   int free = 0;
@@ -328,9 +345,9 @@ class Arena {
   std::optional<uint32_t> acquire_slab(int sim_worker) const;
   void seal_slab(uint32_t slab_index) const;     ///< kFilling -> kSealed, takes a ticket, rings
   void abandon_slab(uint32_t slab_index) const;  ///< kFilling -> kFree, rings: its owner needs it no more
-  /// Takes up to `max_count` sealed slabs in ticket order: kSealed -> kLearning. An environment's slabs never
-  /// overtake each other.
-  std::vector<uint32_t> drain_slabs(int max_count) const;
+  /// Takes up to `max_count` sealed slabs of a share in ticket order: kSealed -> kLearning. An environment's slabs
+  /// never overtake each other.
+  std::vector<uint32_t> drain_slabs(int max_count, const EnvShare& share = {}) const;
   /// What a dead reader had drained and not released, in order of sealing; it is counted as taken.
   std::vector<uint32_t> adopt_slabs() const;
   int sealed_count() const;

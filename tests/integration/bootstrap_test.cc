@@ -371,11 +371,13 @@ TEST_F(SmallProjectWithDriver, OfflineHostsNameAFolder) {
   fs::create_directories(home_ / "carried");
   write("carried/torch-7.5.0+cu128-cp311-cp311-linux_x86_64.whl", "");
   write("carried/nvidia_cuda_crt-13.0.88-py3-none-linux_x86_64.whl", "");
+  write("carried/nvidia_cuda_cccl-13.0.85-py3-none-linux_x86_64.whl", "");
   const Ending wheels = run_with_tools({"version"}, {{"COMRAD_TORCH", (home_ / "carried").string()}});
   EXPECT_EQ(wheels.exit_code, 0) << wheels.err;
   EXPECT_EQ(told_cmake(), folder_);
-  EXPECT_THAT(take_asked_for("python"), HasSubstr("--no-index --find-links " + (home_ / "carried").string() +
-                                                  " --quiet torch==7.5.0+cu128 nvidia-cuda-crt\n"));
+  EXPECT_THAT(take_asked_for("python"),
+              HasSubstr("--no-index --find-links " + (home_ / "carried").string() +
+                        " --quiet torch==7.5.0+cu128 nvidia-cuda-crt nvidia-cuda-cccl\n"));
   fs::create_directories(home_ / "mine/lib");
   EXPECT_EQ(run_with_tools({"version"}, {{"COMRAD_TORCH", (home_ / "mine").string()}}).exit_code, 0);
   EXPECT_EQ(told_cmake(), (home_ / "mine").string()) << "one that is installed is CMake's to look into";

@@ -114,6 +114,32 @@ TEST(Deterministic, MappoAndHappoResumedHalfWayEqualNeverStopping) {
   }
 }
 
+TEST(Deterministic, TwoLearnersGiveTheWeightsOfOneThatAddsTheSameMicroBatches) {
+  const ScratchFolder scratch;
+  for (const std::string algo : {"ippo", "mappo"}) {
+    // Batches of four worlds, of which each learner has two, and micro-batches of two.
+    std::vector<std::string> settings = {"--algo",
+                                         algo,
+                                         "--critic_hidden_sizes",
+                                         "64,32",
+                                         "--batch_size",
+                                         "128",
+                                         "--micro_batch_size",
+                                         "64",
+                                         "--learner_threads",
+                                         "1",
+                                         "--num_epochs",
+                                         "2"};
+    train(scratch, algo + "_one", kEnvSteps, settings);
+    settings.insert(settings.end(), {"--learners", "2"});
+    train(scratch, algo + "_two", kEnvSteps, settings);
+    EXPECT_GT(expect_same_training(scratch / (algo + "_one"), scratch / (algo + "_two")), 20u) << algo;
+    train(scratch, algo + "_resumed", kEnvSteps / 2, settings);
+    train(scratch, algo + "_resumed", kEnvSteps, settings);
+    EXPECT_GT(expect_same_training(scratch / (algo + "_two"), scratch / (algo + "_resumed")), 20u) << algo;
+  }
+}
+
 TEST(Deterministic, QmixAndIdqnResumedHalfWayEqualNeverStopping) {
   const ScratchFolder scratch;
   for (const std::string algo : {"qmix", "idqn"}) {

@@ -46,7 +46,7 @@ const std::map<std::string, std::vector<std::string>>& layers_inside() {
       {"sim_workers",
        {"engine/actors", "engine/map", "engine/world", "engine/play", "engine/specials", "engine/acs",
         "engine/tic", "engine/render", "env", "oracle", "worker", "film", "trace", "python"}},
-      {"learner", {"batch", "estimators", "critics", "checkpoint", "algorithms", "curriculum", "worker"}},
+      {"learner", {"batch", "estimators", "critics", "checkpoint", "ranks", "algorithms", "curriculum", "worker"}},
   };
   return layers;
 }
@@ -75,7 +75,7 @@ const std::vector<Library>& libraries() {
       {"libpng", "libpng-dev", {"png.h"}, {"sim_workers/engine/render/"}},
       {"CUDA", "libtorch-dev", {"c10/cuda/", "ATen/cuda/", "cuda"}, {"policy_workers/device/"}},
       {"libtorch", "libtorch-dev", {"torch/", "ATen/", "c10/", "caffe2/"}, {"policy_workers/", "learner/"}},
-      {"CUDA", kOfGpuHosts + "cuda-toolkit[crt]", {"cuda_runtime_api.h"}, {"policy_workers/device/"}},
+      {"CUDA", kOfGpuHosts + "cuda-toolkit[crt,cccl]", {"cuda_runtime_api.h"}, {"policy_workers/device/"}},
       {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/commands/"}},
       {"toml++",
        "libtomlplusplus-dev",

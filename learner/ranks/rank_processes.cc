@@ -1,0 +1,91 @@
+#include "learner/ranks/rank_processes.h"
+
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <string>
+#include <utility>
+
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/process.h"
+
+namespace comrad::learn {
+namespace {
+
+constexpr double kStopWithinS = 2;
+
+std::string text_of(int status) {
+  if (WIFSIGNALED(status))
+    return "was killed by signal " + std::to_string(WTERMSIG(status)) + " (" + strsignal(WTERMSIG(status)) +
+           ")";
+  return "ended with exit code " + std::to_string(WEXITSTATUS(status));
+}
+
+}  // namespace
+
+Expected<RankProcesses> RankProcesses::fork(int count) {
+  RankProcesses processes;
+  processes.count_ = count;
+  if (count == 1) return processes;
+  processes.rendezvous_ = memfd_create("comrad-learners", MFD_CLOEXEC);
+  if (processes.rendezvous_ < 0) return system_error("memfd_create for the learners' rendezvous");
+  const pid_t parent = getpid();
+  for (int rank = 1; rank < count; ++rank) {
+    const pid_t pid = ::fork();
+    if (pid < 0) return system_error("starting learner " + std::to_string(rank));
+    if (pid == 0) {
+      // Not told to stop but killed: a successor of the first begins at once, and must find no one at work.
+      prctl(PR_SET_PDEATHSIG, SIGKILL);
+      if (getppid() != parent) _exit(kExitFailed);  // it died before the line above
+      processes.rank_ = rank;
+      processes.others_.clear();
+      return processes;
+    }
+    processes.others_.push_back(pid);
+  }
+  return processes;
+}
+
+RankProcesses::RankProcesses(RankProcesses&& other) noexcept
+    : rank_(other.rank_),
+      count_(other.count_),
+      rendezvous_(std::exchange(other.rendezvous_, -1)),
+      others_(std::exchange(other.others_, {})) {}
+
+RankProcesses::~RankProcesses() {
+  stop();
+  const double until_s = monotonic_s() + kStopWithinS * patience();
+  for (pid_t& pid : others_) {
+    if (pid == 0) continue;
+    while (waitpid(pid, nullptr, WNOHANG) == 0) {
+      if (monotonic_s() > until_s) kill(pid, SIGKILL);
+      usleep(2000);
+    }
+  }
+  if (rendezvous_ >= 0) close(rendezvous_);
+}
+
+Status RankProcesses::check() {
+  for (std::size_t i = 0; i < others_.size(); ++i) {
+    int status = 0;
+    if (others_[i] == 0 || waitpid(others_[i], &status, WNOHANG) <= 0) continue;
+    others_[i] = 0;
+    return Error{ErrorCode::kPeerLost, "learner " + std::to_string(i + 1) + " of " + std::to_string(count_) +
+                                           " " + text_of(status) +
+                                           "; all learners begin again from the last checkpoint"};
+  }
+  return {};
+}
+
+void RankProcesses::stop() {
+  for (const pid_t pid : others_)
+    if (pid != 0) kill(pid, SIGTERM);
+}
+
+}  // namespace comrad::learn
