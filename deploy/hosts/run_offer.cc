@@ -68,6 +68,7 @@ RunConfig offered_settings(const RunConfig& config) {
   mine.device = any.device;
   mine.policy_device = any.policy_device;
   mine.learner_threads = any.learner_threads;
+  mine.learners = any.learners;
   mine.policy_threads = any.policy_threads;
   mine.set_workers_cpu_affinity = any.set_workers_cpu_affinity;
   offered.replay = built_in.replay;

@@ -206,11 +206,16 @@ def save_picture(figure, path: pathlib.Path) -> None:
     plt.close(figure)
 
 
+def machine_of(row: Row) -> str:
+    processor = str(row.result.get("processor", ""))
+    return processor + " with a GPU" * (bool(processor) and str(row.run.settings.get("device", "")).startswith("cuda"))
+
+
 def origin_of(rows: list[Row]) -> str:
     """When, by which program and where."""
     dates = sorted(str(row.result.get("date", ""))[:10] for row in rows)
     commits = sorted({str(row.result.get("commit", ""))[:7] for row in rows} - {""})
-    machines = sorted({str(row.result.get("processor", "")) for row in rows} - {""})
+    machines = sorted({machine_of(row) for row in rows} - {""})
     return (f"{dates[0]} to {dates[-1]}; " if rows else "") + f"commits {joined(commits)}; {joined(machines)}"
 
 

@@ -49,7 +49,7 @@ constexpr std::array<std::string_view, 41> kNamesKept = {
 
 /// Settings of the subject `run` and these follow from the machine, or say where and how long; what is learned does not
 /// hang on them.
-constexpr std::array<std::string_view, 16> kNoRecipe = {"wad",
+constexpr std::array<std::string_view, 17> kNoRecipe = {"wad",
                                                         "device",
                                                         "policy_device",
                                                         "precision",
@@ -58,6 +58,7 @@ constexpr std::array<std::string_view, 16> kNoRecipe = {"wad",
                                                         "max_wait_us",
                                                         "policy_threads",
                                                         "learner_threads",
+                                                        "learners",
                                                         "trajectory_slabs",
                                                         "micro_batch_size",  // the gradient is the same
                                                         "set_workers_cpu_affinity",

@@ -478,7 +478,6 @@ OnPolicy::SampleCounts OnPolicy::SampleCounts::of(const SampleTotals& totals) {
 Tensor OnPolicy::standardized(const Tensor& advantage, const Tensor& acting) {
   if (ranks_->is_alone()) return standardize(advantage, acting);
   const Tensor of_all = standardize(ranks_->gather(advantage, 1), ranks_->gather(acting, 1));
-  if (ranks_->failure()) return advantage;
   return of_all.narrow(1, ranks_->rank() * advantage.size(1), advantage.size(1));
 }
 

@@ -200,10 +200,12 @@ Expected<std::unique_ptr<RankGroup>> RankGroup::join(const Options& options, Wat
 }
 
 Tensor RankGroup::gather(const Tensor& part, int64_t dim) {
-  if (is_alone() || failure_) return part;
+  if (is_alone()) return part;
   const torch::NoGradGuard no_grad;
-  const std::vector<Tensor> parts = parts_of_all(part.detach().cpu());
-  return failure_ ? part : at::cat(parts, dim).to(part.device());
+  std::vector<Tensor> parts;
+  if (!failure_) parts = parts_of_all(part.detach().cpu());
+  if (failure_) parts.assign(static_cast<std::size_t>(count()), part.detach());
+  return at::cat(parts, dim).to(part.device());
 }
 
 Tensor RankGroup::gather_rows(const Tensor& table) {

@@ -21,8 +21,9 @@ namespace comrad::learn {
 
 /// Threads: one, the training thread. All ranks make the same calls in the same order.
 ///
-/// A call that fails (a rank has left, or watch() said no) leaves what it was given as it is, and failure() says why from
-/// then on; calls after it do nothing. Who trains looks at failure() before an optimizer steps.
+/// A call that fails (a rank has left, or watch() said no) takes this rank's part for that of all others, so that shapes
+/// are what they would have been, and failure() says why from then on; so do all calls after it. Who trains looks at
+/// failure() before an optimizer steps.
 class RankGroup {
  public:
   struct Options {

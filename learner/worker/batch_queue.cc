@@ -17,12 +17,11 @@ constexpr int64_t kPollUs = 50'000;  ///< bound on every wait, so that a stop is
 }  // namespace
 
 BatchQueue::BatchQueue(const shm::Arena& arena, int64_t slabs_per_batch, int64_t capacity,
-                       torch::Device device, const shm::EnvShare& share)
+                       torch::Device device)
     : arena_(arena),
       slabs_per_batch_(slabs_per_batch),
       capacity_(std::max<int64_t>(1, capacity)),
       device_(device),
-      share_(share),
       thread_([this] { run(); }) {}
 
 BatchQueue::~BatchQueue() {
@@ -109,8 +108,7 @@ bool BatchQueue::collect(RolloutBatch& batch) {
   while (!stop_) {
     shm::Doorbell& sealed = arena_.control().slab_sealed;
     const uint32_t heard = shm::listen(sealed);
-    const std::vector<uint32_t> slabs =
-        arena_.drain_slabs(static_cast<int>(slabs_per_batch_ - position), share_);
+    const std::vector<uint32_t> slabs = arena_.drain_slabs(static_cast<int>(slabs_per_batch_ - position));
     for (const uint32_t index : slabs) {
       broken_ += static_cast<uint64_t>(collate_slab(batch, position++, arena_.slab(static_cast<int>(index)),
                                                     arena_.slab_header(static_cast<int>(index)).length));

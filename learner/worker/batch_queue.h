@@ -21,10 +21,10 @@ namespace comrad::learn {
 
 class BatchQueue {
  public:
-  /// Starts the thread. `arena` outlives the queue. `slabs_per_batch` slabs of the environments of `share` make a batch,
-  /// whose frames are sent to `device` as soon as it is full.
+  /// Starts the thread. `arena` outlives the queue. `slabs_per_batch` slabs make a batch, whose frames are sent to
+  /// `device` as soon as it is full.
   BatchQueue(const shm::Arena& arena, int64_t slabs_per_batch, int64_t capacity,
-             torch::Device device = torch::kCPU, const shm::EnvShare& share = {});
+             torch::Device device = torch::kCPU);
   /// Stops the thread; slabs in the hands of the batcher go back, batches that wait are lost.
   ~BatchQueue();
   BatchQueue(const BatchQueue&) = delete;
@@ -49,7 +49,6 @@ class BatchQueue {
   const int64_t slabs_per_batch_;
   const int64_t capacity_;
   const torch::Device device_;
-  const shm::EnvShare share_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<std::unique_ptr<RolloutBatch>> full_;

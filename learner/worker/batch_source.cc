@@ -43,8 +43,8 @@ class QueueSource final : public BatchSource {
   Status start() override {
     queue_ = std::make_unique<BatchQueue>(
         options_.arena,
-        slabs_per_batch(options_.config, options_.arena.shape().trajectory.env) / options_.share.count,
-        options_.config.collection.num_batches_to_accumulate, options_.device, options_.share);
+        slabs_per_batch(options_.config, options_.arena.shape().trajectory.env) / options_.learners,
+        options_.config.collection.num_batches_to_accumulate, options_.device);
     return {};
   }
   uint64_t rollouts_allowed() const override { return kUnlimited; }
@@ -123,7 +123,10 @@ class LockStepSource final : public BatchSource {
   LockStepSource(const SourceOptions& options, std::unique_ptr<ReplayFeed> feed)
       : options_(options),
         per_batch_(static_cast<std::size_t>(
-            slabs_per_batch(options.config, options.arena.shape().trajectory.env) / options.share.count)),
+            slabs_per_batch(options.config, options.arena.shape().trajectory.env) / options.learners)),
+        share_{.rank = options.rank,
+               .count = options.learners,
+               .block = static_cast<int>(per_batch_) * options.learners},
         feed_(std::move(feed)) {}
   ~LockStepSource() override { release_slabs(); }
 
@@ -157,6 +160,7 @@ class LockStepSource final : public BatchSource {
 
   const SourceOptions options_;
   const std::size_t per_batch_;  ///< slabs
+  const shm::EnvShare share_;    ///< a batch of all learners is one block
   std::unique_ptr<ReplayFeed> feed_;
   std::vector<std::unique_ptr<RolloutBatch>> free_;  ///< of a full batch, and of a shorter rest
   std::vector<uint32_t> slabs_;                      ///< of the rollout in hand, by environment
@@ -175,7 +179,7 @@ Expected<bool> LockStepSource::drain() {
 
 Status LockStepSource::take(uint32_t slab, std::vector<std::optional<uint32_t>>& slab_of) {
   const shm::SlabHeader& header = options_.arena.slab_header(static_cast<int>(slab));
-  const auto place = static_cast<std::size_t>(options_.share.place_of(header.env_index));
+  const auto place = static_cast<std::size_t>(share_.place_of(header.env_index));
   if (place < slab_of.size() && header.rollout_index == next_rollout_ && !slab_of[place]) {
     slab_of[place] = slab;
     return {};
@@ -191,7 +195,7 @@ Status LockStepSource::take(uint32_t slab, std::vector<std::optional<uint32_t>>&
 Expected<bool> LockStepSource::collect() {
   const shm::Arena& arena = options_.arena;
   std::vector<std::optional<uint32_t>> slab_of(
-      static_cast<std::size_t>(arena.shape().env_count() / options_.share.count));
+      static_cast<std::size_t>(arena.shape().env_count() / options_.learners));
   std::size_t missing = slab_of.size();
   used_ = 0;
   while (missing > 0) {
@@ -203,7 +207,7 @@ Expected<bool> LockStepSource::collect() {
       const WaitClock clock(options_);
       shm::Doorbell& sealed = arena.control().slab_sealed;
       const uint32_t heard = shm::listen(sealed);
-      const std::vector<uint32_t> drained = arena.drain_slabs(static_cast<int>(missing), options_.share);
+      const std::vector<uint32_t> drained = arena.drain_slabs(static_cast<int>(missing), share_);
       slabs_.insert(slabs_.end(), drained.begin(), drained.end());
       for (const uint32_t slab : drained)
         if (const Status taken = take(slab, slab_of); !taken) {
@@ -322,14 +326,6 @@ Status BatchSource::load(const StateDict& state, const std::string& path, bool i
 
 void BatchSource::save(StateDict& state) const {
   if (feed() != nullptr) feed()->save_position(state);
-}
-
-shm::EnvShare env_share(const RunConfig& config, const EnvShape& env, int rank, int count) {
-  // In lock step each batch is that of one learner, cut into the learners' shares.
-  const bool lock_step = config.collection.deterministic || !config.collection.async_rl;
-  return {.rank = rank,
-          .count = count,
-          .block = lock_step ? static_cast<int>(slabs_per_batch(config, env)) : count};
 }
 
 int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env) {

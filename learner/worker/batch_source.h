@@ -39,13 +39,10 @@ struct SourceOptions {
   std::string run_dir;
   bool is_off_policy = false;
   torch::Device device = torch::kCPU;  ///< that trains
-  shm::EnvShare share = {};  ///< of one of several learners: it takes slabs of these environments alone
+  int rank = 0, learners = 1;          ///< each of the learners fills its part of every batch
 
-  bool is_leader() const { return share.rank == 0; }
+  bool is_leader() const { return rank == 0; }
 };
-
-/// The share of learner `rank` of `count`.
-shm::EnvShare env_share(const RunConfig& config, const EnvShape& env, int rank, int count);
 
 /// Threads: the learner's.
 class BatchSource {

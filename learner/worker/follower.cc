@@ -1,5 +1,7 @@
 #include "learner/worker/follower.h"
 
+#include <unistd.h>
+
 #include <optional>
 #include <utility>
 
@@ -12,6 +14,7 @@ namespace {
 
 /// A stop of the run is the first learner's to carry out; one that never speaks again is not waited for.
 constexpr double kGiveUpAfterS = 8;
+constexpr useconds_t kNapUs = 1000;
 
 }  // namespace
 
@@ -43,8 +46,8 @@ Status Follower::open(const std::string& run_dir) {
                                                 .run_dir = run_dir,
                                                 .is_off_policy = false,
                                                 .device = ranks_.device(),
-                                                .share = env_share(config_, arena_.shape().trajectory.env,
-                                                                   ranks_.rank(), ranks_.count())}));
+                                                .rank = ranks_.rank(),
+                                                .learners = ranks_.count()}));
   COMRAD_TRY(begin());
   COMRAD_TRY(expect_same_weights(ranks_, *algorithm_));
   COMRAD_TRY(source_->start());
@@ -69,7 +72,11 @@ Status Follower::run() {
   while (result && !told_.load()) {
     const Expected<bool> drained = source_->drain();
     if (!drained) result = drained.error();
-    if (!result || !*drained) continue;
+    if (!result) break;
+    if (!*drained) {
+      usleep(kNapUs);  // in lock step a stop of the run ends drain() at once
+      continue;
+    }
     while (std::optional<Sample> sample = source_->sample(algorithm_->version())) {
       result = update(*sample->rollout_batch);
       if (!result) break;

@@ -1,5 +1,7 @@
 #include "learner/worker/learner.h"
 
+#include <unistd.h>
+
 #include <limits>
 #include <utility>
 
@@ -19,6 +21,7 @@ namespace comrad::learn {
 namespace {
 
 constexpr double kPollIntervalS = 0.05;
+constexpr double kEndIsKnownWithinS = 0.5;
 /// A stop lets the optimizer step in hand end; one that takes longer (LearnerOptions) is given up, so that the process is
 /// gone in 10 s. Lock step can only save at a boundary; where the last one is not kept, it gets more time to reach the next.
 constexpr double kAbandonRolloutAfterS = 7.5;
@@ -56,15 +59,15 @@ Status Learner::open() {
     COMRAD_TRY_ASSIGN(layouts_, LayoutService::open(config_, options_.run_dir));
     COMRAD_TRY_ASSIGN(
         source_,
-        make_batch_source(
-            {.config = config_,
-             .arena = arena_,
-             .stop = stop_,
-             .poll = [this] { poll(); },
-             .run_dir = options_.run_dir,
-             .is_off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm_.get()) != nullptr,
-             .device = device_,
-             .share = env_share(config_, arena_.shape().trajectory.env, ranks_.rank(), ranks_.count())}));
+        make_batch_source({.config = config_,
+                           .arena = arena_,
+                           .stop = stop_,
+                           .poll = [this] { poll(); },
+                           .run_dir = options_.run_dir,
+                           .is_off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm_.get()) != nullptr,
+                           .device = device_,
+                           .rank = ranks_.rank(),
+                           .learners = ranks_.count()}));
   }
   COMRAD_TRY(resume());
   COMRAD_TRY(expect_same_weights(ranks_, *algorithm_));
@@ -255,9 +258,9 @@ void Learner::take_in(const Inserted& inserted) {
 
 Expected<UpdateStats> Learner::update(Sample& sample) {
   const int64_t began_ns = monotonic_ns();
-  COMRAD_TRY_ASSIGN(const int64_t transitions,
-                    begin_round(ranks_, sample.rollout_batch ? sample.rollout_batch->transitions : 0,
-                                algorithm_->version()));
+  const Expected<int64_t> transitions = begin_round(
+      ranks_, sample.rollout_batch ? sample.rollout_batch->transitions : 0, algorithm_->version());
+  if (!transitions) return left_by_others(transitions.error(), {});
   const UpdateContext context = update_context();
   const auto updated = [&]() -> Expected<UpdateStats> {
     const ProcessStage stage(Stage::kForwardBackward, {Stage::kCollate, Stage::kOptimizer, Stage::kPublish});
@@ -266,9 +269,8 @@ Expected<UpdateStats> Learner::update(Sample& sample) {
                : dynamic_cast<OffPolicyAlgorithm&>(*algorithm_).update(*sample.replay_batch, context);
   };
   COMRAD_TRY_ASSIGN(UpdateStats stats, updated());
-  if (ranks_.failure()) {  // the step in hand was not taken
-    if (!stop_.requested()) return *ranks_.failure();
-    stats.abandoned = true;
+  if (ranks_.failure()) {
+    COMRAD_TRY_ASSIGN(stats, left_by_others(*ranks_.failure(), stats));
   }
   reporter_.updated(stats);
   if (sample.rollout_batch) {
@@ -276,10 +278,25 @@ Expected<UpdateStats> Learner::update(Sample& sample) {
     if (layouts_ && !stats.abandoned) layouts_->score(*sample.rollout_batch, ranks_);
     if (stats.abandoned && stats.optimizer_steps == 0) return stats;  // nothing was learned from it
   }
-  count(transitions);
+  count(*transitions);
   arena_.learner_counters().busy_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - began_ns));
   poll();
   return stats;
+}
+
+/// The step in hand was not taken. Where the run stops, others may go first; else this learner ends, too.
+Expected<UpdateStats> Learner::left_by_others(const Error& why, UpdateStats stats) {
+  if (stop_.requested()) {
+    stats.abandoned = true;
+    return stats;
+  }
+  // The system says how a learner ended, a moment after its connections closed.
+  for (const double until_s = monotonic_s() + kEndIsKnownWithinS;
+       options_.check_others && monotonic_s() < until_s;) {
+    COMRAD_TRY(options_.check_others());
+    usleep(5000);
+  }
+  return why;
 }
 
 /// Asked while an exchange with the others waits, too.

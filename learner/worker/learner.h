@@ -78,6 +78,7 @@ class Learner {
   void take_in(const Inserted& inserted);
   Expected<UpdateStats> update(Sample& sample);
   Status check_others();
+  Expected<UpdateStats> left_by_others(const Error& why, UpdateStats stats);
   UpdateContext update_context();
   void publish();
   void close_rollout();

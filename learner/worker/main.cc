@@ -56,7 +56,9 @@ Status train_or_serve(const shm::WorkerShell& shell, const RunConfig& config, le
   COMRAD_TRY_ASSIGN(dds::Bus bus, dds::Bus::open(dds::bus_config_for_run(arena.run_id())));
   COMRAD_TRY_ASSIGN(const std::unique_ptr<learn::Learner> learner,
                     learn::Learner::start(options, config, std::move(arena), std::move(bus), shell.stop()));
-  return learner->run();
+  const Status result = learner->run();
+  processes.stop();  // before their connections to this one close
+  return result;
 }
 
 Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds, bool counts_work) {

@@ -140,7 +140,7 @@ class Encoder {
   Tensor forward_rows(std::span<const uint8_t* const> frames, const Tensor& measurement) const;
 
   /// `frame` is this learner's part where `add_up_frames` is given, `measurement` is always whole.
-  void update_statistics(const Tensor& frame, const Tensor& measurement, const AddUp& add_up_frames);
+  void update_statistics(const Tensor& frame, const Tensor& measurement, const AddUp& add_up_frames = {});
 
   int64_t feature_count() const;
   NamedTensors named_parameters() const;

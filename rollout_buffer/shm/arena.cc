@@ -378,8 +378,11 @@ void Arena::note_taken(const SlabHeader& header) const {
   if (header.env_index >= static_cast<uint32_t>(shape().env_count()))
     return;  // a byte in shared memory may be anything
   std::atomic<uint64_t>& taken = env_account(static_cast<int>(header.env_index)).taken;
-  taken.store(std::max(taken.load(std::memory_order_relaxed), header.position + header.length),
-              std::memory_order_release);
+  const uint64_t end = header.position + header.length;
+  uint64_t known = taken.load(std::memory_order_relaxed);
+  while (known < end &&
+         !taken.compare_exchange_weak(known, end, std::memory_order_release, std::memory_order_relaxed)) {
+  }
 }
 
 SlabCounts Arena::slab_counts() const {

@@ -261,7 +261,7 @@ struct alignas(kCacheLineBytes) EnvAccount {
   std::atomic<uint64_t> sealed;  ///< in slabs that were sealed
   // Supervisor.
   std::atomic<uint64_t> lost;  ///< in slabs that dead simulators left half full
-  // Learner; while it is dead, the supervisor.
+  // Learners; while they are dead, the supervisor. It only grows.
   alignas(kCacheLineBytes) std::atomic<uint64_t> taken;  ///< in slabs that were drained
 };
 static_assert(sizeof(EnvAccount) == 2 * kCacheLineBytes, "changing this bumps kArenaVersion");
@@ -274,9 +274,8 @@ struct DecisionCounts {
   uint64_t lost = 0;
 };
 
-/// Whose slabs a reader takes, where several readers share an arena: those of some environments, so that no two of them
-/// write one account. Environments come in blocks of `block`, a multiple of `count`; of each block the first ones are
-/// reader 0's, the next ones reader 1's.
+/// Whose slabs a reader takes, where several readers share them out: those of some environments. Environments come in
+/// blocks of `block`, a multiple of `count`; of each block the first ones are reader 0's, the next ones reader 1's.
 struct EnvShare {
   int rank = 0, count = 1;  ///< of the readers
   int block = 1;
@@ -346,7 +345,7 @@ class Arena {
   void seal_slab(uint32_t slab_index) const;     ///< kFilling -> kSealed, takes a ticket, rings
   void abandon_slab(uint32_t slab_index) const;  ///< kFilling -> kFree, rings: its owner needs it no more
   /// Takes up to `max_count` sealed slabs of a share in ticket order: kSealed -> kLearning. An environment's slabs
-  /// never overtake each other.
+  /// never overtake each other. Several readers may take from one share.
   std::vector<uint32_t> drain_slabs(int max_count, const EnvShare& share = {}) const;
   /// What a dead reader had drained and not released, in order of sealing; it is counted as taken.
   std::vector<uint32_t> adopt_slabs() const;

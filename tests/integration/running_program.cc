@@ -10,7 +10,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
-#include <iterator>
+#include <sstream>
 #include <utility>
 
 #include "rollout_buffer/core/clock.h"
@@ -139,7 +139,10 @@ std::vector<pid_t> processes_of(const std::string& folder, const std::string& pr
 
 std::string read_text(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
+  std::ostringstream text;
+  text
+      << file.rdbuf();  // a file of /proc fails to be read where its process has ended; the iterators would throw
+  return text.str();
 }
 
 nlohmann::json read_json(const std::string& path) {

@@ -46,7 +46,8 @@ const std::map<std::string, std::vector<std::string>>& layers_inside() {
       {"sim_workers",
        {"engine/actors", "engine/map", "engine/world", "engine/play", "engine/specials", "engine/acs",
         "engine/tic", "engine/render", "env", "oracle", "worker", "film", "trace", "python"}},
-      {"learner", {"batch", "estimators", "critics", "checkpoint", "ranks", "algorithms", "curriculum", "worker"}},
+      {"learner",
+       {"batch", "estimators", "critics", "checkpoint", "ranks", "algorithms", "curriculum", "worker"}},
   };
   return layers;
 }

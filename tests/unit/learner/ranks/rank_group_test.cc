@@ -5,6 +5,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <map>
@@ -123,9 +124,10 @@ TEST(RankGroup, ARankThatLeavesEndsTheWaitingOfTheOthersAndEverythingAfterIt) {
     EXPECT_TRUE(ranks.all(true));
     if (ranks.rank() == 1) return;  // its connections close
     const Tensor mine = row(0);
-    EXPECT_TRUE(at::equal(ranks.gather(mine, 0), mine)) << "what was given stays as it is";
+    EXPECT_TRUE(at::equal(ranks.gather(mine, 0), at::cat({mine, mine}))) << "of the shape that it would have";
     ASSERT_TRUE(ranks.failure());
     EXPECT_EQ(ranks.failure()->code, ErrorCode::kPeerLost);
+    EXPECT_TRUE(at::equal(ranks.gather(mine, 1), at::cat({mine, mine}, 1)));
     EXPECT_FALSE(ranks.all(true));
     EXPECT_THAT(ranks.add_up(std::vector<double>{1}), ElementsAre(1));
   });
@@ -235,6 +237,41 @@ TEST(TwoLearners, AreOneLearnerBitForBitWhereTheKlDecides) {
                              config.optimisation.lr_schedule = RateSchedule::kKlAdaptiveMinibatch;
                              config.on_policy.early_stop_kl = 1e-3;
                            }});
+}
+
+// Whatever the moment: the update ends, without an exception, and no step is taken.
+TEST(TwoLearners, TakeNoStepWhereTheOtherLeavesInTheMidstOfIt) {
+  RunConfig config = testing::small_config("ippo", 2);
+  config.collection.learner_threads = 1;
+  config.network.normalize_input = true;
+  TrajectoryShape shape = testing::small_shape(config, 2);
+  shape.env.measurement_count = 3;
+  // What an update says first: how old the data is, then its measurements. 3: all but its gradient.
+  for (const int said : {0, 1, 2, 3})
+    in_ranks(2, [&](RankGroup& ranks) {
+      if (ranks.rank() == 1 && said < 3) {
+        if (said > 0) ranks.gather(torch::zeros({1, 6}, torch::kFloat64), 0);
+        if (said > 1) ranks.gather(torch::zeros({config.collection.rollout, 2, 3}), 1);
+        return;
+      }
+      const std::unique_ptr<Algorithm> learner = make(config, shape);
+      ASSERT_TRUE(learner->learn_with(ranks));
+      const std::vector<std::byte> before = weights_of(*learner);
+      RolloutBatch batch = testing::noise_batch(shape, 1, 1);
+      UpdateContext context;
+      if (ranks.rank() == 1) context.keep_going = [] { return false; };
+      const Expected<UpdateStats> stats = dynamic_cast<OnPolicyAlgorithm&>(*learner).update(batch, context);
+      if (ranks.rank() == 1) return;
+      EXPECT_TRUE(ranks.failure()) << said;
+      EXPECT_EQ(learner->version(), 0u) << said;
+      if (stats) {
+        EXPECT_EQ(stats->optimizer_steps, 0) << said;
+      }
+      const std::size_t parameters = static_cast<std::size_t>(learner->parameter_count()) * sizeof(float);
+      EXPECT_TRUE(std::equal(before.begin(), before.begin() + static_cast<std::ptrdiff_t>(parameters),
+                             weights_of(*learner).begin()))
+          << said;
+    });
 }
 
 TEST(TwoLearners, ScoreLayoutsByWhatAllOfThemSaw) {

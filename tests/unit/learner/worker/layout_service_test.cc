@@ -339,7 +339,8 @@ TEST_F(LayoutServiceTest, OnlyPlrListensToTraining) {
     config_.curriculum.curriculum = kind;
     const auto service = open();
     const std::string before = service->curriculum().state();
-    service->score(batch_of_layouts());
+    RankGroup alone;
+    service->score(batch_of_layouts(), alone);
     EXPECT_EQ(service->curriculum().state() != before, config_.curriculum.curriculum == CurriculumKind::kPlr)
         << word_of(kind);
   }

@@ -359,6 +359,40 @@ TEST(ResolveSettings, DeterministicNamesTheFixWhereBatchesCannotComeOutEven) {
   EXPECT_THAT(resolve_error(config), HasSubstr("num_batches_per_epoch"));
 }
 
+TEST(ResolveSettings, LearnersShareBatchesAndCoresOrSayWhatDoesNotDivide) {
+  RunConfig config = two_agents();
+  config.collection.learners = 4;
+  ASSERT_TRUE(resolve_settings(config, 16));
+  EXPECT_EQ(config.collection.learner_threads, 2) << "of eight that one learner would have";
+  config = two_agents();
+  config.collection.learners = 16;
+  ASSERT_TRUE(resolve_settings(config, 4));
+  EXPECT_EQ(config.collection.learner_threads, 1);
+
+  const auto refused = [](void (*spoil)(RunConfig&)) {
+    RunConfig wrong = two_agents();
+    wrong.collection.learners = 3;
+    spoil(wrong);
+    return resolve_error(wrong);
+  };
+  EXPECT_THAT(refused([](RunConfig& c) { c.run.algo = "qmix"; }),
+              HasSubstr("learners is 3; qmix has one learner, so it must be 1"));
+  EXPECT_THAT(refused([](RunConfig&) {}), HasSubstr("a batch of 64 trajectories"));
+  EXPECT_THAT(refused([](RunConfig&) {}), HasSubstr("set --batch_size 4224"));
+  EXPECT_THAT(refused([](RunConfig& c) {
+                c.optimisation.batch_size = 9 * 64;
+                c.optimisation.num_batches_per_epoch = 2;
+                c.collection.learners = 6;
+              }),
+              HasSubstr("each has 3 trajectories of a batch, which num_batches_per_epoch 2 does not"));
+  EXPECT_THAT(refused([](RunConfig& c) {
+                c.optimisation.batch_size = 9 * 64;
+                c.collection.num_workers = 1, c.collection.num_envs_per_worker = 24;
+                c.collection.async_rl = false;
+              }),
+              HasSubstr("lock step cuts the trajectories of 24 environments"));
+}
+
 TEST(ResolveSettings, EveryRangeErrorNamesTheSettingAndItsValue) {
   const auto expect = [](void (*spoil)(RunConfig&), const char* message) {
     RunConfig config = two_agents();

@@ -231,6 +231,48 @@ TEST(Slabs, AreDrainedInSealingOrderWhateverTheirIndex) {
   EXPECT_EQ(drained, std::vector<uint32_t>(order.begin() + 5, order.end()));
 }
 
+TEST(Slabs, AShareOfTheEnvironmentsIsDrainedByItsReaderAlone) {
+  const Arena arena = make_arena();
+  std::vector<uint32_t> slabs;
+  for (uint32_t env = 0; env < 8; ++env) {
+    slabs.push_back(*arena.acquire_slab(0));
+    arena.slab_header(static_cast<int>(slabs.back())).env_index = env;
+    arena.seal_slab(slabs.back());
+  }
+  // Blocks of four environments, the first two of each are reader 0's.
+  const EnvShare first{.rank = 0, .count = 2, .block = 4}, second{.rank = 1, .count = 2, .block = 4};
+  EXPECT_THAT(arena.drain_slabs(10, second), ElementsAre(slabs[2], slabs[3], slabs[6], slabs[7]));
+  EXPECT_THAT(arena.drain_slabs(3, first), ElementsAre(slabs[0], slabs[1], slabs[4]));
+  EXPECT_THAT(arena.drain_slabs(10), ElementsAre(slabs[5])) << "without a share all that is left";
+  for (uint32_t env = 0, place = 0; env < 8; ++env)
+    if (second.has(env)) {
+      EXPECT_EQ(second.place_of(env), place++) << env;
+    }
+  EXPECT_EQ(EnvShare{}.place_of(7), 7);
+}
+
+TEST(Accounts, ReadersSideBySideNeverLowerWhatWasTaken) {
+  const Arena arena = make_arena();
+  constexpr uint64_t kSlabs = 40000;
+  std::vector<std::thread> readers;
+  for (int reader = 0; reader < 2; ++reader)
+    readers.emplace_back([&] {
+      while (arena.env_account(3).taken.load() < kSlabs)
+        for (const uint32_t slab : arena.drain_slabs(1)) arena.release_slab(slab);
+    });
+  for (uint64_t position = 0; position < kSlabs;) {
+    const std::optional<uint32_t> slab = arena.acquire_slab(0);
+    if (!slab) continue;
+    SlabHeader& header = arena.slab_header(static_cast<int>(*slab));
+    header.env_index = 3;
+    header.position = position++;
+    header.length = 1;
+    arena.seal_slab(*slab);
+  }
+  for (std::thread& reader : readers) reader.join();  // for ever, where the last slab's word was lost
+  EXPECT_EQ(arena.env_account(3).taken.load(), kSlabs);
+}
+
 TEST(Slabs, ManyAcquirersNeverShareOne) {
   ArenaShape shape = small_arena_shape();
   shape.slab_count = 3;
