@@ -236,6 +236,7 @@ void RankGroup::add_up(Tensor& numbers) {
 }
 
 std::vector<double> RankGroup::add_up(const std::vector<double>& numbers) {
+  if (is_alone()) return numbers;
   Tensor sum = torch::empty({static_cast<int64_t>(numbers.size())}, torch::kFloat64);
   std::ranges::copy(numbers, sum.data_ptr<double>());
   add_up(sum);

@@ -188,6 +188,7 @@ struct ScenarioRow {
   Row row;
 };
 constexpr ScenarioRow kSmallScenarios[] = {
+    {"foraging_commons", {"n_step", "1"}},
     {"lava_pit", {"gamma", "0.9995"}},
     {"rhythm_sync", {"gamma", "0.999"}},
     {"stag_hunt_arena", {"q_value_clamp", "100 100 100 100 0 0 0 0"}},
