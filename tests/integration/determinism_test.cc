@@ -134,6 +134,7 @@ TEST(Deterministic, TwoLearnersGiveTheWeightsOfOneThatAddsTheSameMicroBatches) {
     settings.insert(settings.end(), {"--learners", "2"});
     train(scratch, algo + "_two", kEnvSteps, settings);
     EXPECT_GT(expect_same_training(scratch / (algo + "_one"), scratch / (algo + "_two")), 20u) << algo;
+    if (algo != "ippo") continue;
     train(scratch, algo + "_resumed", kEnvSteps / 2, settings);
     train(scratch, algo + "_resumed", kEnvSteps, settings);
     EXPECT_GT(expect_same_training(scratch / (algo + "_two"), scratch / (algo + "_resumed")), 20u) << algo;

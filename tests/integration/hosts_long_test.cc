@@ -293,6 +293,13 @@ TEST_F(HostRuns, SshCallsAHostAndEveryReasonWhyNotIsTold) {
           "ForceCommand cd " +
           there + "; eval \"$SSH_ORIGINAL_COMMAND\"\n");
   RunningProgram daemon(network.on(1, {sshd, "-D", "-e", "-f", config}));
+  const std::string knock = "exec 3<>/dev/tcp/" + network.address(1) + "/22";
+  ASSERT_TRUE(wait_until(
+      [&] {
+        return RunningProgram(network.on(0, {"/bin/bash", "-c", knock})).wait(10).exit_code == 0;
+      },
+      30))
+      << "sshd does not listen";
   // ssh as the user has it, but for where its keys lie.
   const std::string ssh_config = scratch_.write(
       "ssh_config",
