@@ -261,11 +261,13 @@ TEST_F(HostRuns, TwoRunsOnOneNetworkNeverMix) {
   ASSERT_TRUE(delivers_more("two", 60));
   end(*plays_two, "plays_two");
   for (const char* run : {"one", "two"}) {
-    const nlohmann::json guests = read_json(scratch_ / run / "guests.json")["guests"];
-    ASSERT_EQ(guests.size(), 1u) << guests;
     const nlohmann::json account =
         read_json(scratch_ / (std::string("plays_") + run) / "status.json")["decisions_account"];
-    EXPECT_EQ(guests[0]["decisions_delivered"], account["trained"]) << run;
+    const auto guests = [&] { return read_json(scratch_ / run / "guests.json")["guests"]; };
+    ASSERT_EQ(guests().size(), 1u) << guests();
+    // The file is written now and then.
+    EXPECT_TRUE(wait_until([&] { return guests()[0]["decisions_delivered"] == account["trained"]; }, 10))
+        << run << " had " << guests() << " delivered, which sent " << account;
   }
   end(*one, "one");
   end(*two, "two");
