@@ -32,6 +32,13 @@ constexpr std::chrono::milliseconds kExchangeTimeout = std::chrono::hours(24 * 3
 constexpr double kWatchEveryS = 0.02;
 constexpr int64_t kShortestNapUs = 20, kLongestNapUs = 1000;
 
+/// From the first to the last.
+Tensor sum_of(const std::vector<Tensor>& parts) {
+  Tensor sum = parts.front().clone();
+  for (std::size_t rank = 1; rank < parts.size(); ++rank) sum.add_(parts[rank]);
+  return sum;
+}
+
 std::string joined_key(int rank) { return "joined/" + std::to_string(rank); }
 
 /// Sleeps a little longer each time, and asks `watch` now and then.
@@ -64,6 +71,16 @@ struct RankGroup::Engines {
   c10::intrusive_ptr<c10d::ProcessGroupNCCL> device;
 #endif
 
+  /// Of every rank, on the device where `part` lies. Errors: those of exchange().
+  template <typename Group>
+  Expected<std::vector<Tensor>> parts_of_all(Group& group, const Tensor& part, const Watch& watch) {
+    std::vector<Tensor> own = {part.contiguous()};
+    std::vector<std::vector<Tensor>> all(1);
+    for (int rank = 0; rank < group.getSize(); ++rank) all.front().push_back(torch::empty_like(own.front()));
+    if (part.numel() > 0)  // Gloo divides by it
+      COMRAD_TRY(exchange([&] { return group.allgather(all, own); }, watch));
+    return all.front();
+  }
   /// Begins an exchange and waits for it. What c10d throws ends here.
   template <typename Begin>
   Status exchange(const Begin& begin, const Watch& watch) {
@@ -82,8 +99,7 @@ struct RankGroup::Engines {
 };
 
 Status RankGroup::meet() {
-  if (options_.count > 1 && options_.rendezvous < 0)
-    return Error{ErrorCode::kBadInput, "learners need a file to meet in"};
+  if (options_.rendezvous < 0) return Error{ErrorCode::kBadInput, "learners need a file to meet in"};
   engines_ = std::make_unique<Engines>();
   const double began_s = monotonic_s(), limit_s = options_.join_timeout_s * patience();
   try {
@@ -126,29 +142,22 @@ RankGroup::~RankGroup() {
 }
 
 std::vector<Tensor> RankGroup::parts_of_all(const Tensor& part) {
-  std::vector<Tensor> own = {part.contiguous()};
-  std::vector<std::vector<Tensor>> all(1);
-  for (int rank = 0; rank < options_.count; ++rank) all.front().push_back(torch::empty_like(own.front()));
-  if (part.numel() == 0) return all.front();  // Gloo divides by it
-  const Status done = engines_->exchange([&] { return engines_->host->allgather(all, own); }, watch_);
-  if (!done) failure_ = done.error();
-  return all.front();
+  const Expected<std::vector<Tensor>> parts = engines_->parts_of_all(*engines_->host, part, watch_);
+  if (parts) return *parts;
+  failure_ = parts.error();
+  return {};
 }
 
 /// Each rank adds up its piece of all ranks' numbers, then everyone gets all pieces.
 bool RankGroup::add_up_flat(Tensor& flat) {
-  const int64_t ranks = options_.count, piece = flat.numel() / ranks;
 #ifdef COMRAD_HAS_NCCL
   if (flat.is_cuda() && engines_->device) {
-    std::vector<Tensor> own = {flat};
-    std::vector<std::vector<Tensor>> all(1);
-    for (int64_t rank = 0; rank < ranks; ++rank) all.front().push_back(torch::empty_like(flat));
-    const Status done = engines_->exchange([&] { return engines_->device->allgather(all, own); }, watch_);
-    if (!done) failure_ = done.error();
-    if (failure_) return false;
-    flat.copy_(all.front().front());
-    for (int64_t rank = 1; rank < ranks; ++rank) flat.add_(all.front()[static_cast<std::size_t>(rank)]);
-    return true;
+    const Expected<std::vector<Tensor>> parts = engines_->parts_of_all(*engines_->device, flat, watch_);
+    if (parts)
+      flat.copy_(sum_of(*parts));
+    else
+      failure_ = parts.error();
+    return !failure_;
   }
 #endif
   Tensor sent = flat.cpu(), received = torch::empty_like(sent);
@@ -157,9 +166,7 @@ bool RankGroup::add_up_flat(Tensor& flat) {
       [&] { return engines_->host->alltoall_base(received, sent, no_splits, no_splits); }, watch_);
   if (!done) failure_ = done.error();
   if (failure_) return false;
-  Tensor sum = received.narrow(0, 0, piece).clone();
-  for (int64_t rank = 1; rank < ranks; ++rank) sum.add_(received.narrow(0, rank * piece, piece));
-  const std::vector<Tensor> pieces = parts_of_all(sum);
+  const std::vector<Tensor> pieces = parts_of_all(sum_of(received.split(received.numel() / options_.count)));
   if (failure_) return false;
   flat.copy_(at::cat(pieces));
   return true;
@@ -230,9 +237,7 @@ void RankGroup::add_up(Tensor& numbers) {
   const torch::NoGradGuard no_grad;
   const std::vector<Tensor> parts = parts_of_all(numbers.detach().cpu());
   if (failure_) return;
-  Tensor sum = parts.front().clone();
-  for (std::size_t rank = 1; rank < parts.size(); ++rank) sum.add_(parts[rank]);
-  numbers.copy_(sum);
+  numbers.copy_(sum_of(parts));
 }
 
 std::vector<double> RankGroup::add_up(const std::vector<double>& numbers) {

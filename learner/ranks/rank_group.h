@@ -58,6 +58,7 @@ class RankGroup {
   bool is_leader() const { return options_.rank == 0; }
   void set_watch(Watch watch) { watch_ = std::move(watch); }
   const std::optional<Error>& failure() const { return failure_; }
+  Status status() const { return failure_ ? Status(*failure_) : Status(); }
 
   /// The ranks' tensors one behind the other along `dim`; of one shape and type in all ranks.
   torch::Tensor gather(const torch::Tensor& part, int64_t dim);
@@ -78,6 +79,7 @@ class RankGroup {
   struct Engines;
   RankGroup(const Options& options, Watch watch);
   Status meet();
+  /// By way of the host, whatever the device.
   std::vector<torch::Tensor> parts_of_all(const torch::Tensor& part);
   bool add_up_flat(torch::Tensor& flat);
 

@@ -57,8 +57,7 @@ Status Follower::open(const std::string& run_dir) {
 }
 
 Status Follower::begin() {
-  const BeginsFrom from = hear_checkpoint(ranks_);
-  if (ranks_.failure()) return *ranks_.failure();
+  COMRAD_TRY_ASSIGN(const BeginsFrom from, hear_checkpoint(ranks_));
   if (from.path.empty()) return {};
   COMRAD_TRY_ASSIGN(const StateDict state, read_checkpoint(from.path));
   COMRAD_TRY(algorithm_->load(state));
@@ -98,7 +97,7 @@ Status Follower::update(RolloutBatch& batch) {
   context.keep_going = [this] { return !told_.load(); };
   COMRAD_TRY_ASSIGN(const UpdateStats stats,
                     dynamic_cast<OnPolicyAlgorithm&>(*algorithm_).update(batch, context));
-  if (ranks_.failure()) return *ranks_.failure();
+  COMRAD_TRY(ranks_.status());
   if (layouts_ && !stats.abandoned) layouts_->score(batch, ranks_);
   totals_.env_frames += static_cast<uint64_t>(transitions * config_.environment.env_frameskip);
   return {};

@@ -132,18 +132,13 @@ Status Learner::resume() {
   if (found) {
     COMRAD_TRY(load(*found, /*is_own=*/true));
     spdlog::info("resumed from {}", found->path);
-    return tell_others(found->path, /*is_own=*/true);
+    return tell_checkpoint(ranks_, {.path = found->path, .is_own = true});
   }
   if (options_.serve)
     return Error{ErrorCode::kNotFound,
                  "no checkpoint in " + checkpoints_.folder() + "; name one with --checkpoint"};
   if (!options_.checkpoint.empty()) COMRAD_TRY(load(options_.checkpoint, /*is_own=*/false));
-  return tell_others(options_.checkpoint, /*is_own=*/false);
-}
-
-Status Learner::tell_others(const std::string& checkpoint, bool is_own) {
-  tell_checkpoint(ranks_, {.path = checkpoint, .is_own = is_own});
-  return ranks_.failure() ? Status(*ranks_.failure()) : Status();
+  return tell_checkpoint(ranks_, {.path = options_.checkpoint, .is_own = false});
 }
 
 Status Learner::load(const std::string& path, bool is_own) {

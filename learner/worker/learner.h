@@ -66,7 +66,6 @@ class Learner {
   Status make_network();
   Status check_arena() const;
   Status resume();
-  Status tell_others(const std::string& checkpoint, bool is_own);
   /// `is_own`: a checkpoint of this run, rather than one of another's to begin from.
   Status load(const CheckpointKeeper::Found& found, bool is_own);
   Status load(const std::string& path, bool is_own);

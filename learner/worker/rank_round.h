@@ -17,15 +17,15 @@ struct BeginsFrom {
   std::string path;     ///< of a checkpoint; empty: fresh weights
   bool is_own = false;  ///< of this run, rather than another's
 };
-/// Both sides of the first learner's word. Afterwards RankGroup::failure() tells whether it arrived.
-void tell_checkpoint(RankGroup& ranks, const BeginsFrom& begins);
-BeginsFrom hear_checkpoint(RankGroup& ranks);
+/// Both sides of the first learner's word. Errors: those of RankGroup::status().
+Status tell_checkpoint(RankGroup& ranks, const BeginsFrom& begins);
+Expected<BeginsFrom> hear_checkpoint(RankGroup& ranks);
 
-/// Errors: kBadInput where learners begin with different weights, those of RankGroup::failure().
+/// Errors: kBadInput where learners begin with different weights, those of RankGroup::status().
 Status expect_same_weights(RankGroup& ranks, const Algorithm& algorithm);
 
 /// Every learner holds a batch: the decisions of all of them together. Errors: kSystem where learners are at different
-/// versions; those of RankGroup::failure().
+/// versions; those of RankGroup::status().
 Expected<int64_t> begin_round(RankGroup& ranks, int64_t transitions, PolicyVersion version);
 
 }  // namespace comrad::learn

@@ -52,11 +52,6 @@ std::vector<std::string> checkpoints_of(const std::string& run_dir) {
   return files(run_dir + "/checkpoint", "checkpoint_", ".pt");
 }
 
-std::string read_bytes(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 void write_bytes(const std::string& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
 }
@@ -89,7 +84,7 @@ TEST_F(FinishedRun, ADamagedLastCheckpointIsRefusedEveryTime) {
 }
 
 TEST_F(FinishedRun, ATensorOfGarbageIsSeenByTrainingAndByEvaluation) {
-  std::string bytes = read_bytes(checkpoint_);
+  std::string bytes = read_text(checkpoint_);
   bytes.replace(bytes.size() / 2, 4096, 4096, '\xFF');  // the largest tensors lie in the middle
   write_bytes(checkpoint_, bytes);
   const Ending eval = run({program("comrad"), "eval", "--policy", run_, "--episodes", "2"});
@@ -101,7 +96,7 @@ TEST_F(FinishedRun, ATensorOfGarbageIsSeenByTrainingAndByEvaluation) {
 }
 
 TEST_F(FinishedRun, FlippedBitsAreFoundOrDoNoHarm) {
-  const std::string intact = read_bytes(checkpoint_);
+  const std::string intact = read_text(checkpoint_);
   const auto written = learn::read_checkpoint(checkpoint_);
   ASSERT_TRUE(written) << written.error().message;
   const uint64_t seed = 20261123;
@@ -128,7 +123,7 @@ TEST_F(FinishedRun, DamagedSmallFilesEndInWordsNotInCrashes) {
   const uint64_t seed = 20261124;
   Rng rng(seed);
   for (const char* name : {"config.toml", "status.json"}) {
-    const std::string path = run_ + "/" + name, intact = read_bytes(path);
+    const std::string path = run_ + "/" + name, intact = read_text(path);
     ASSERT_FALSE(intact.empty()) << path;
     for (int round = 0; round < 6; ++round) {
       std::string damaged = intact;
@@ -216,7 +211,7 @@ TEST_F(VictimRun, AStrangerOnTheBusChangesNothing) {
   // The worst case: a stranger that has guessed the run id, which only members of the arena can read.
   const auto learner = processes_of(run_, "comrad-learner");
   ASSERT_EQ(learner.size(), 1u);
-  std::string words = read_bytes("/proc/" + std::to_string(learner[0]) + "/cmdline");
+  std::string words = read_text("/proc/" + std::to_string(learner[0]) + "/cmdline");
   const std::size_t flag = words.find(std::string("--arena") + '\0');
   ASSERT_NE(flag, std::string::npos);
   const std::string socket = words.substr(flag + 8).c_str();

@@ -139,9 +139,9 @@ std::vector<pid_t> processes_of(const std::string& folder, const std::string& pr
 
 std::string read_text(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
+  // A file of /proc cannot be read on once its process has ended; iterators would throw then.
   std::ostringstream text;
-  text
-      << file.rdbuf();  // a file of /proc fails to be read where its process has ended; the iterators would throw
+  text << file.rdbuf();
   return text.str();
 }
 
