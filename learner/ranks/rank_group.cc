@@ -133,7 +133,9 @@ Status RankGroup::meet() {
   } catch (const std::exception& failure) {
     return Error{ErrorCode::kSystem, std::string("learners cannot meet: ") + failure.what()};
   }
-  return {};
+  // Connections are made pair by pair: a rank that has all of its own may leave again only when the others have theirs.
+  all(true);
+  return status();
 }
 
 RankGroup::~RankGroup() {
