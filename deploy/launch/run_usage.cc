@@ -7,6 +7,7 @@
 #include <iterator>
 #include <sstream>
 
+#include "deploy/process/process_time.h"
 #include "rollout_buffer/core/cores.h"
 
 namespace comrad::deploy {
@@ -49,17 +50,6 @@ std::vector<double> core_seconds(std::string_view proc_stat, std::span<const int
   return seconds;
 }
 
-double process_seconds(std::string_view proc_pid_stat) {
-  // The name may hold spaces and parentheses; the numbers begin behind the last one.
-  const std::size_t name_end = proc_pid_stat.rfind(')');
-  if (name_end == std::string_view::npos) return 0;
-  std::istringstream words{std::string(proc_pid_stat.substr(name_end + 1))};
-  std::string skipped;
-  for (int field = 3; field < 14; ++field) words >> skipped;
-  double user = 0, system = 0;
-  return words >> user >> system ? (user + system) / ticks_per_s() : 0;
-}
-
 RunUsage read_usage(const std::string& run_dir, const shm::Arena& arena) {
   RunUsage usage;
   usage.core_busy_s = core_seconds(text_of("/proc/stat"), allowed_cpus());
@@ -75,7 +65,7 @@ RunUsage read_usage(const std::string& run_dir, const shm::Arena& arena) {
     RoleUsage& role = totals.name.starts_with("sim-")      ? usage.sims
                       : totals.name.starts_with("policy-") ? usage.policy_workers
                                                            : usage.learner;
-    role.cpu_s += process_seconds(text_of("/proc/" + std::to_string(totals.pid) + "/stat"));
+    role.cpu_s += family_seconds(static_cast<pid_t>(totals.pid));
   }
   return usage;
 }

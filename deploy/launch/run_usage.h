@@ -40,7 +40,4 @@ RunUsage usage_between(const RunUsage& before, const RunUsage& after);
 /// Seconds at work of these CPUs since the start, by the text of /proc/stat; 0 for one that is not there.
 std::vector<double> core_seconds(std::string_view proc_stat, std::span<const int> cpus);
 
-/// Processor seconds of a process by the text of /proc/<pid>/stat; 0 where it cannot be read.
-double process_seconds(std::string_view proc_pid_stat);
-
 }  // namespace comrad::deploy

@@ -8,10 +8,10 @@
 
 #include <cerrno>
 #include <cstring>
-#include <sstream>
 #include <string_view>
 
 #include "deploy/process/process_start.h"
+#include "deploy/process/process_time.h"
 #include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
@@ -123,16 +123,7 @@ bool ChildProcess::is_stopped() const {
   return stat.starts_with('T') || stat.starts_with('t');
 }
 
-double ChildProcess::cpu_seconds() const {
-  if (exit_) return cpu_s_at_exit_;
-  std::istringstream fields(stat_of(pid_));
-  std::string skipped;
-  for (int field = 3; field < 14; ++field)
-    fields >> skipped;  // numbered as in proc(5): 14 is utime, 15 stime
-  double user_ticks = 0, system_ticks = 0;
-  if (!(fields >> user_ticks >> system_ticks)) return 0;
-  return (user_ticks + system_ticks) / static_cast<double>(sysconf(_SC_CLK_TCK));
-}
+double ChildProcess::cpu_seconds() const { return exit_ ? cpu_s_at_exit_ : family_seconds(pid_); }
 
 void ChildProcess::send_signal(int signal) {
   if (pid_ > 0 && !exit_) kill(pid_, signal);

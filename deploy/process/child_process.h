@@ -52,7 +52,7 @@ class ChildProcess {
   const std::optional<ExitStatus>& poll_exit();
   /// Sends a signal, unless the child was reaped.
   void send_signal(int signal);
-  /// CPU time of its threads until now; after poll_exit() saw its end, all that it took. 0 where it cannot be read.
+  /// CPU time of it and its children until now; after poll_exit() saw its end, all that it took. 0 where it cannot be read.
   double cpu_seconds() const;
   /// Whether it stands still because somebody sent it SIGSTOP (or a debugger holds it).
   bool is_stopped() const;

@@ -29,12 +29,6 @@ TEST(CoreSeconds, CountsWorkOfTheNamedCoresAndNoWaits) {
   EXPECT_THAT(core_seconds("", std::vector{0}), ElementsAre(0));
 }
 
-TEST(ProcessSeconds, ReadsPastANameWithSpacesAndParentheses) {
-  EXPECT_NEAR(process_seconds("12 (a) b (c)) S 1 2 3 4 5 6 7 8 9 10 150 50 0 0"), 2.0, 1e-9);
-  EXPECT_EQ(process_seconds(""), 0);
-  EXPECT_EQ(process_seconds("12 (x) S 1"), 0);
-}
-
 TEST(ReadUsage, AddsUpWhatWorkersCountByRole) {
   const test::ScratchFolder run_dir;
   const shm::Arena arena = *shm::Arena::create(testing::small_arena_shape(), 1);
