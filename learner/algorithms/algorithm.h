@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -17,6 +16,7 @@
 #include "learner/batch/replay_batch.h"
 #include "learner/checkpoint/checkpoint.h"
 #include "learner/ranks/rank_group.h"
+#include "policy_workers/device/snapshot.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/schema/spec.h"
 #include "rollout_buffer/schema/version.h"
@@ -57,7 +57,8 @@ class Algorithm {
 
   /// The behaviour policy's weights as policy workers read them.
   virtual int64_t weights_bytes() const = 0;
-  virtual void write_weights(std::span<std::byte> out) const = 0;
+  virtual void copy_weights(device::Snapshot& into) const = 0;
+  virtual std::vector<std::byte> weights() const = 0;
 
   /// From now on each update is that of all ranks together, each with its share of the batch; `ranks` outlives the
   /// algorithm. Errors: kUnsupported where the algorithm learns alone.

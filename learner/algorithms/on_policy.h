@@ -42,7 +42,8 @@ class OnPolicy : public OnPolicyAlgorithm {
   PolicyVersion version() const override { return version_; }
   int64_t parameter_count() const override { return net_.parameter_count(); }
   int64_t weights_bytes() const override { return net_.weights_bytes(); }
-  void write_weights(std::span<std::byte> out) const override { net_.write_weights(out); }
+  void copy_weights(device::Snapshot& into) const override { net_.copy_weights(into); }
+  std::vector<std::byte> weights() const override { return net_.weights(); }
   void append_diagnostics(NamedNumbers& values) const override;
   Status learn_with(RankGroup& ranks) override;
   void save(StateDict& state) const override;

@@ -38,7 +38,8 @@ class QLearning : public OffPolicyAlgorithm {
   PolicyVersion version() const override { return version_; }
   int64_t parameter_count() const override;
   int64_t weights_bytes() const override { return net_.weights_bytes(); }
-  void write_weights(std::span<std::byte> out) const override { net_.write_weights(out); }
+  void copy_weights(device::Snapshot& into) const override { net_.copy_weights(into); }
+  std::vector<std::byte> weights() const override { return net_.weights(); }
   void append_diagnostics(NamedNumbers& values) const override;
   void save(StateDict& state) const override;
   Status load(const StateDict& state) override;

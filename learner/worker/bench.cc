@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <vector>
 
 #include "learner/algorithms/algorithm.h"
 #include "learner/batch/collate.h"
 #include "learner/worker/learner.h"
 #include "learner/worker/replay_feed.h"
+#include "learner/worker/weights_publisher.h"
 #include "policy_workers/device/host_wait_counter.h"
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/work_counter.h"
@@ -69,9 +71,9 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds, b
     return SlabView(offsets, bytes.data() + offsets.slab_bytes * index);
   };
   for (int64_t i = 0; i < slab_count; ++i) fill_slab(slab(i), static_cast<uint64_t>(i));
-  std::vector<std::byte> weights(static_cast<std::size_t>(algorithm->weights_bytes()));
+  WeightsPublisher weights(*algorithm, [](std::span<const std::byte>, PolicyVersion) {});
   UpdateContext context;
-  context.after_step = [&] { algorithm->write_weights(weights); };
+  context.after_step = [&] { weights.offer(); };
   auto* on_policy = dynamic_cast<OnPolicyAlgorithm*>(algorithm.get());
   auto* off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm.get());
   RolloutBatch batch = make_rollout_batch(shape, slab_count, device);

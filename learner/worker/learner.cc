@@ -78,7 +78,8 @@ Status Learner::open() {
   control.goal_reached = 0;
   failed_before_ = control.checkpoints_failed.load();
   control.saved_env_frames = totals_.env_frames;
-  publish();
+  weights_->offer();
+  weights_->finish();
   // Last of all: simulators read journals once this is above 0.
   control.rollouts_allowed = source_ ? source_->rollouts_allowed() : kUnlimited;
   shm::ring(control.slab_released);
@@ -97,6 +98,9 @@ Status Learner::make_network() {
     COMRAD_TRY_ASSIGN(device_, policy::choose_device(config_.collection.device));
   }
   COMRAD_TRY_ASSIGN(algorithm_, make_algorithm(config_, arena_.shape().trajectory.env, device_));
+  weights_ = std::make_unique<WeightsPublisher>(
+      *algorithm_,
+      [this](std::span<const std::byte> weights, PolicyVersion version) { publish(weights, version); });
   COMRAD_TRY(algorithm_->learn_with(ranks_));
   ranks_.set_watch([this] { return check_others(); });
   spdlog::info("learner: trains on {}{}", device_.str(),
@@ -189,6 +193,7 @@ Status Learner::prepare_training() {
 
 Status Learner::run() {
   Status result = options_.serve ? serve() : train();
+  weights_->finish();
   const bool has_failed = !result;
   reporter_.set_state(has_failed ? "failed" : "stopping");
   if (source_) {
@@ -308,7 +313,7 @@ UpdateContext Learner::update_context() {
   UpdateContext context;
   context.env_frames = static_cast<double>(totals_.env_frames);
   // Fresh weights after every optimizer step keep the lag low; lock step publishes at the boundary only.
-  if (!lock_step_) context.after_step = [this] { publish(); };
+  if (!lock_step_) context.after_step = [this] { weights_->offer(); };
   context.begin_step = [this] { return lock_step_ || !stop_.requested(); };
   context.keep_going = [this] {
     poll();
@@ -319,22 +324,17 @@ UpdateContext Learner::update_context() {
   return context;
 }
 
-void Learner::publish() {
-  StageClock stage;
-  stage.begin();
-  weights_.resize(static_cast<std::size_t>(algorithm_->weights_bytes()));
-  algorithm_->write_weights(weights_);
-  arena_.publish_weights(weights_, algorithm_->version());
-  reporter_.weights_published({.version = algorithm_->version(),
-                               .bytes = weights_.size(),
-                               .checksum = bus_ ? checksum64(weights_) : 0});
-  count_copied(2 * weights_.size());  // out of the network and into the arena
-  stage.end(Stage::kPublish);
+void Learner::publish(std::span<const std::byte> weights, PolicyVersion version) {
+  arena_.publish_weights(weights, version);
+  reporter_.weights_published(
+      {.version = version, .bytes = weights.size(), .checksum = bus_ ? checksum64(weights) : 0});
+  count_copied(2 * weights.size());  // out of the network and into the arena
 }
 
 /// Lock step: the rollout in hand is trained on.
 void Learner::close_rollout() {
-  publish();
+  weights_->offer();
+  weights_->finish();
   source_->close_rollout();
   if (layouts_) layouts_->serve(arena_), layouts_->capture_desks(arena_, source_->resumes_exactly());
   // A replay has gone on by the time it would be saved; without one a boundary is some megabytes.
@@ -391,6 +391,7 @@ void Learner::count(int64_t transitions) {
 }
 
 void Learner::poll() {
+  weights_->deliver();
   const double now_s = monotonic_s();
   if (now_s - last_poll_s_ < kPollIntervalS) return;
   last_poll_s_ = now_s;

@@ -10,6 +10,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,7 @@
 #include "learner/worker/reporter.h"
 #include "learner/worker/run_totals.h"
 #include "learner/worker/stop_signal.h"
+#include "learner/worker/weights_publisher.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/settings/run_config.h"
@@ -79,7 +81,7 @@ class Learner {
   Status check_others();
   Expected<UpdateStats> left_by_others(const Error& why, UpdateStats stats);
   UpdateContext update_context();
-  void publish();
+  void publish(std::span<const std::byte> weights, PolicyVersion version);
   void close_rollout();
   void give_up_rollout();
   bool wait_while_paused();
@@ -107,7 +109,7 @@ class Learner {
   std::unique_ptr<Algorithm> algorithm_;
   std::unique_ptr<LayoutService> layouts_;  ///< null: the run plays one map
   std::unique_ptr<BatchSource> source_;     ///< null: it only serves
-  std::vector<std::byte> weights_;
+  std::unique_ptr<WeightsPublisher> weights_;
   /// Lock step, on-policy: the last boundary, which is saved where the rollout behind it is given up.
   struct Boundary {
     StateDict state;

@@ -1,8 +1,5 @@
 #include "learner/worker/rank_round.h"
 
-#include <cstddef>
-#include <vector>
-
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/checksum.h"
 
@@ -26,9 +23,7 @@ Expected<BeginsFrom> hear_checkpoint(RankGroup& ranks) {
 
 Status expect_same_weights(RankGroup& ranks, const Algorithm& algorithm) {
   if (ranks.is_alone()) return {};
-  std::vector<std::byte> weights(static_cast<std::size_t>(algorithm.weights_bytes()));
-  algorithm.write_weights(weights);
-  const auto mine = static_cast<int64_t>(checksum64(weights));
+  const auto mine = static_cast<int64_t>(checksum64(algorithm.weights()));
   const torch::Tensor all = ranks.gather(torch::full({1}, mine, torch::kInt64), 0);
   COMRAD_TRY(ranks.status());
   if ((all == mine).all().item<bool>()) return {};

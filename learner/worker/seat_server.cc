@@ -1,7 +1,8 @@
 #include "learner/worker/seat_server.h"
 
+#include <algorithm>
 #include <cstddef>
-#include <cstring>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <span>
@@ -32,10 +33,8 @@ Status append_network(const SeatNetwork& network, const EnvShape& env, std::vect
     return Error{loaded.error().code, network.checkpoint + ": " + loaded.error().message};
   COMRAD_TRY_ASSIGN(const int64_t env_frames, state.integer("counters/env_frames"));
   const auto epsilon = static_cast<float>(epsilon_at(config, static_cast<double>(env_frames)));
-  const std::size_t begin = bytes.size(), size = static_cast<std::size_t>(algorithm->weights_bytes());
-  bytes.resize(begin + sizeof epsilon + size);
-  std::memcpy(bytes.data() + begin, &epsilon, sizeof epsilon);
-  algorithm->write_weights(std::span(bytes).subspan(begin + sizeof epsilon, size));
+  std::ranges::copy(std::as_bytes(std::span(&epsilon, 1)), std::back_inserter(bytes));
+  std::ranges::copy(algorithm->weights(), std::back_inserter(bytes));
   spdlog::info("serving {} ({}, version {})", network.checkpoint, config.run.algo.name(),
                algorithm->version());
   return {};

@@ -14,7 +14,7 @@ std::atomic<int> slow_readbacks = 0;
 
 }  // namespace
 
-Readback::Readback(const Tensor& numbers) : is_slow_(slow_readbacks > 0) {
+Readback::Readback(const Tensor& numbers) : is_slow_(readbacks_are_slow()) {
   COMRAD_CHECK(numbers.scalar_type() == torch::kFloat64 && numbers.dim() == 1, "numbers are f64 [K]");
   if (numbers.is_cpu()) {
     host_ = numbers.contiguous();
@@ -43,5 +43,6 @@ int64_t host_waits() { return waits; }
 
 SlowReadbacks::SlowReadbacks() { ++slow_readbacks; }
 SlowReadbacks::~SlowReadbacks() { --slow_readbacks; }
+bool readbacks_are_slow() { return slow_readbacks > 0; }
 
 }  // namespace comrad::device

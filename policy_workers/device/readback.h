@@ -40,8 +40,8 @@ class Readback {
 /// How often this process's host waited for numbers of a device, or would have if the device were none of its own cores.
 int64_t host_waits();
 
-/// Tests of code that runs ahead of its device: while one of these lives, numbers of a CPU are there only once they
-/// were waited for, as those of a busy GPU are. Threads: one at a time.
+/// Tests of code that runs ahead of its device: while one of these lives, what comes from a CPU (a Readback, a Snapshot) is there
+/// only once it was waited for, as from a busy GPU. Threads: one at a time.
 class SlowReadbacks {
  public:
   SlowReadbacks();
@@ -49,5 +49,7 @@ class SlowReadbacks {
   SlowReadbacks(const SlowReadbacks&) = delete;
   SlowReadbacks& operator=(const SlowReadbacks&) = delete;
 };
+
+bool readbacks_are_slow();
 
 }  // namespace comrad::device

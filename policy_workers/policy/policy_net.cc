@@ -622,26 +622,17 @@ int64_t PolicyNet::weights_bytes() const {
   return bytes;
 }
 
-void PolicyNet::write_weights(std::span<std::byte> out) const {
-  COMRAD_CHECK(static_cast<int64_t>(out.size()) == weights_bytes(), "the buffer is weights_bytes() long");
-  // All of it is asked for before the first is waited for.
-  std::vector<Tensor> on_host;
-  for (auto& [name, tensor] : named_state()) {
-    if (tensor.is_cpu()) {
-      on_host.push_back(tensor.detach().contiguous());
-      continue;
-    }
-    on_host.push_back(device::host_memory(tensor.sizes(), tensor.scalar_type(), impl_->device));
-    on_host.back().copy_(tensor.detach(), /*non_blocking=*/true);
-  }
-  device::Event arrived;
-  arrived.record(device::Stream::current(impl_->device));
-  arrived.wait();
-  std::byte* at = out.data();
-  for (const Tensor& dense : on_host) {
-    std::memcpy(at, dense.data_ptr(), dense.nbytes());
-    at += dense.nbytes();
-  }
+void PolicyNet::copy_weights(device::Snapshot& into) const {
+  std::vector<Tensor> state;
+  for (auto& [name, tensor] : named_state()) state.push_back(tensor.detach());
+  into.take(state);
+}
+
+std::vector<std::byte> PolicyNet::weights() const {
+  device::Snapshot copy;
+  copy_weights(copy);
+  const std::span<const std::byte> bytes = copy.wait();
+  return {bytes.begin(), bytes.end()};
 }
 
 Status PolicyNet::read_weights(std::span<const std::byte> in) const {

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "policy_workers/device/snapshot.h"
 #include "policy_workers/policy/encoder.h"
 #include "policy_workers/policy/precision.h"
 #include "rollout_buffer/core/expected.h"
@@ -152,7 +153,8 @@ class PolicyNet {
 
   /// All of named_state as flat bytes in that order: what travels from learner to policy workers.
   int64_t weights_bytes() const;
-  void write_weights(std::span<std::byte> out) const;
+  void copy_weights(device::Snapshot& into) const;
+  std::vector<std::byte> weights() const;
   Status read_weights(std::span<const std::byte> in) const;
 
   /// Call after writing into tensors of named_state() (a loaded checkpoint): recomputes what is derived

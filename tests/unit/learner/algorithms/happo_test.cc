@@ -39,12 +39,6 @@ RolloutBatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t 
   return batch;
 }
 
-std::vector<std::byte> weights_of(const Algorithm& algorithm) {
-  std::vector<std::byte> bytes(static_cast<std::size_t>(algorithm.weights_bytes()));
-  algorithm.write_weights(bytes);
-  return bytes;
-}
-
 TEST(HappoFactor, MatchesTheKnownAnswer) {
   const Tensor valid = torch::ones({3}, torch::kUInt8), old_log_prob = torch::tensor({-0.3f, -1.0f, -2.0f});
   const Tensor ratios = torch::tensor({1.2f, 0.8f, 1.5f}), advantage = torch::tensor({1.0f, -0.5f, 2.0f});
@@ -224,7 +218,7 @@ TEST(Happo, TheOrderIsAPermutationKeyedByTheVersion) {
     ASSERT_TRUE(twin.update(same_batch, {}));
   }
   EXPECT_GT(seen.size(), 3u);
-  EXPECT_TRUE(weights_of(happo) == weights_of(twin));
+  EXPECT_TRUE(happo.weights() == twin.weights());
   config.on_policy.happo_agent_order = AgentOrder::kFixed;
   Happo fixed(config, shape.env, torch::kCPU);
   EXPECT_EQ(fixed.agent_order(), (std::vector<int64_t>{0, 1, 2, 3, 4}));
@@ -243,10 +237,10 @@ TEST(Happo, TheOrderOfTheAgentsMatters) {
     RunConfig first = config;  // the same weights for both
     first.run.seed = 42;
     const Happo origin(first, shape.env, torch::kCPU);
-    ASSERT_TRUE(happo.net().read_weights(weights_of(origin)));
+    ASSERT_TRUE(happo.net().read_weights(origin.weights()));
     RolloutBatch batch = noise_batch(shape, 4, 6);
     ASSERT_TRUE(happo.update(batch, {}));
-    results.push_back(weights_of(happo));
+    results.push_back(happo.weights());
   }
   EXPECT_FALSE(results[0] == results[1]);
 }
@@ -288,7 +282,7 @@ TEST(Happo, EveryVersionChangesExactlyOneNetwork) {
   const std::vector<int64_t> order = happo.agent_order();
   UpdateContext context;
   context.after_step = [&] {
-    ASSERT_TRUE(worker.read_weights(weights_of(happo)));
+    ASSERT_TRUE(worker.read_weights(happo.weights()));
     const std::vector<std::vector<Tensor>> after = networks_of(worker);
     for (std::size_t i = 0; i < 4; ++i)
       if (!all_equal(before[i], after[i])) changed.push_back(i);
@@ -398,7 +392,7 @@ TEST(Happo, AReloadedRunContinuesBitForBit) {
   ASSERT_TRUE(second_half.load(state));
   train(second_half, 22, 24);
   EXPECT_EQ(second_half.version(), whole.version());
-  EXPECT_TRUE(weights_of(whole) == weights_of(second_half));
+  EXPECT_TRUE(whole.weights() == second_half.weights());
 }
 
 TEST(Happo, TheOrderOfWorldsInABatchChangesNothing) {

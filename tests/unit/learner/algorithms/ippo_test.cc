@@ -560,10 +560,7 @@ TEST(Ippo, AReloadedRunContinuesBitForBit) {
   EXPECT_EQ(second_half.version(), first_half.version());
   train(second_half, 23, 26);
   EXPECT_EQ(second_half.version(), whole.version());
-  std::vector<std::byte> a(static_cast<std::size_t>(whole.weights_bytes())), b(a.size());
-  whole.write_weights(a);
-  second_half.write_weights(b);
-  EXPECT_TRUE(a == b);
+  EXPECT_TRUE(second_half.weights() == whole.weights());
 }
 
 TEST(Ippo, RefusesACheckpointOfAnotherModel) {

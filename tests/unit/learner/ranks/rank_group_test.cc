@@ -175,12 +175,6 @@ std::unique_ptr<Algorithm> make(const RunConfig& config, const TrajectoryShape& 
   return std::move(make_algorithm(config, shape.env, torch::kCPU)).value();
 }
 
-std::vector<std::byte> weights_of(const Algorithm& algorithm) {
-  std::vector<std::byte> bytes(static_cast<std::size_t>(algorithm.weights_bytes()));
-  algorithm.write_weights(bytes);
-  return bytes;
-}
-
 void expect_two_learn_as_one(const Case& with) {
   constexpr int kAgents = 2;
   RunConfig config = testing::small_config(with.algo, kAgents);
@@ -226,7 +220,7 @@ void expect_two_learn_as_one(const Case& with) {
     }
     EXPECT_FALSE(ranks.failure());
     EXPECT_EQ(half->version(), one->version());
-    EXPECT_TRUE(weights_of(*half) == weights_of(*one)) << "rank " << ranks.rank() << " of " << with.algo;
+    EXPECT_TRUE(half->weights() == one->weights()) << "rank " << ranks.rank() << " of " << with.algo;
     StateDict state, expected;
     half->save(state);
     one->save(expected);
@@ -271,7 +265,7 @@ TEST(TwoLearners, TakeNoStepWhereTheOtherLeavesInTheMidstOfIt) {
       }
       const std::unique_ptr<Algorithm> learner = make(config, shape);
       ASSERT_TRUE(learner->learn_with(ranks));
-      const std::vector<std::byte> before = weights_of(*learner);
+      const std::vector<std::byte> before = learner->weights();
       RolloutBatch batch = testing::noise_batch(shape, 1, 1);
       UpdateContext context;
       if (ranks.rank() == 1) context.keep_going = [] { return false; };
@@ -284,7 +278,7 @@ TEST(TwoLearners, TakeNoStepWhereTheOtherLeavesInTheMidstOfIt) {
       }
       const std::size_t parameters = static_cast<std::size_t>(learner->parameter_count()) * sizeof(float);
       EXPECT_TRUE(std::equal(before.begin(), before.begin() + static_cast<std::ptrdiff_t>(parameters),
-                             weights_of(*learner).begin()))
+                             learner->weights().begin()))
           << said;
     });
 }

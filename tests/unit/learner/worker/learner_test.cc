@@ -210,8 +210,7 @@ class LearnerTest : public ::testing::Test {
     if (stopper.joinable()) stopper.join();
     outcome.env_frames = (*learner)->env_frames();
     outcome.version = (*learner)->algorithm().version();
-    outcome.weights.resize(static_cast<std::size_t>((*learner)->algorithm().weights_bytes()));
-    (*learner)->algorithm().write_weights(outcome.weights);
+    outcome.weights = (*learner)->algorithm().weights();
     std::vector<std::byte> published;
     const auto version = observer.read_weights(published);
     EXPECT_TRUE(version);

@@ -124,8 +124,7 @@ TEST_P(EveryPrecision, ReadsWeightsThatCameLater) {
   }
   split.take_act();
   other.update_input_statistics(torch::full({4, 3, 40, 44}, 9, torch::kUInt8), torch::ones({4, 3}));
-  std::vector<std::byte> weights(static_cast<size_t>(net.weights_bytes()));
-  other.write_weights(weights);
+  const std::vector<std::byte> weights = other.weights();
   split.commit_act();
   const Batch& batch = batcher.gather(0);
   ASSERT_EQ(batch.requests.size(), 2u);

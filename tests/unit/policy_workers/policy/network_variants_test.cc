@@ -164,9 +164,7 @@ TEST_P(Variants, GradientsReachEveryParameter) {
 
 TEST_P(Variants, WeightsTravelAsBytes) {
   const PolicyNet worker = PolicyNet::create(options_, 4, torch::kCPU);
-  std::vector<std::byte> bytes(static_cast<size_t>(net_.weights_bytes()));
-  net_.write_weights(bytes);
-  ASSERT_TRUE(worker.read_weights(bytes));
+  ASSERT_TRUE(worker.read_weights(net_.weights()));
   const PolicyOutput here = net_.step(rows_.frame[0], rows_.measurement[0], rows_.state, rows_.global(0)),
                      there = worker.step(rows_.frame[0], rows_.measurement[0], rows_.state, rows_.global(0));
   EXPECT_TRUE(torch::equal(here.logits, there.logits));

@@ -50,12 +50,8 @@ TEST(PolicyNet, TheSeedDecidesEveryWeight) {
   torch::manual_seed(99);  // the global stream must not matter
   const PolicyNet again = PolicyNet::create(small_options("gru"), 1, torch::kCPU);
   const PolicyNet other = PolicyNet::create(small_options("gru"), 2, torch::kCPU);
-  std::vector<std::byte> a(static_cast<size_t>(first.weights_bytes())), b(a.size()), c(a.size());
-  first.write_weights(a);
-  again.write_weights(b);
-  other.write_weights(c);
-  EXPECT_EQ(a, b);
-  EXPECT_NE(a, c);
+  EXPECT_EQ(first.weights(), again.weights());
+  EXPECT_NE(first.weights(), other.weights());
 }
 
 class EveryNet : public testing::TestWithParam<const char*> {
@@ -118,12 +114,8 @@ TEST_P(EveryNet, WeightsTravelAsBytesTogetherWithTheStatistics) {
   const PolicyNet worker = PolicyNet::create(options(), 4, torch::kCPU);
   const Tensor frame = random_frames(options(), {5}), measurement = torch::randn({5, 3});
   learner.update_input_statistics(frame, measurement);
-  std::vector<std::byte> bytes(static_cast<size_t>(learner.weights_bytes()));
-  learner.write_weights(bytes);
-  ASSERT_TRUE(worker.read_weights(bytes));
-  std::vector<std::byte> again(bytes.size());
-  worker.write_weights(again);
-  EXPECT_EQ(bytes, again);
+  ASSERT_TRUE(worker.read_weights(learner.weights()));
+  EXPECT_EQ(worker.weights(), learner.weights());
   const Tensor state = torch::randn({5, options().recurrent_state_count()});
   EXPECT_TRUE(torch::equal(learner.step(frame, measurement, state).logits,
                            worker.step(frame, measurement, state).logits));
@@ -144,16 +136,14 @@ TEST_P(EveryNet, WeightsAreFloatsAndThenStatisticsInDoublePrecision) {
 
 TEST_P(EveryNet, RefusesShortAndLongWeightsAndKeepsItsOwn) {
   const PolicyNet net = PolicyNet::create(options(), 3, torch::kCPU);
-  std::vector<std::byte> own(static_cast<size_t>(net.weights_bytes())), after(own.size());
-  net.write_weights(own);
+  const std::vector<std::byte> own = net.weights();
   std::vector<std::byte> bad(own.size() + 1);
   for (const size_t size : {size_t{0}, own.size() - 1, own.size() + 1}) {
     const Status read = net.read_weights(std::span(bad).first(size));
     ASSERT_FALSE(read);
     EXPECT_EQ(read.error().code, ErrorCode::kBadFormat);
   }
-  net.write_weights(after);
-  EXPECT_EQ(own, after);
+  EXPECT_EQ(net.weights(), own);
 }
 
 TEST_P(EveryNet, FramesMayLieAnywhere) {

@@ -8,12 +8,6 @@
 namespace comrad::policy {
 namespace {
 
-std::vector<std::byte> bytes_of(const PolicyNet& net) {
-  std::vector<std::byte> bytes(static_cast<size_t>(net.weights_bytes()));
-  net.write_weights(bytes);
-  return bytes;
-}
-
 TEST(WeightsReceiver, TakesEveryNewerVersionOnce) {
   const PolicyNetOptions options = small_network();
   const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
@@ -27,12 +21,12 @@ TEST(WeightsReceiver, TakesEveryNewerVersionOnce) {
   for (const PolicyVersion version :
        {0u, 1u, 2u}) {  // version 0: a network that no optimizer step has touched
     learner.update_input_statistics(torch::randint(0, 256, {3, 3, 40, 44}, torch::kUInt8), {});
-    arena.publish_weights(bytes_of(learner), version);
+    arena.publish_weights(learner.weights(), version);
     refreshed = receiver.refresh(policy);
     ASSERT_TRUE(refreshed) << refreshed.error().message;
     EXPECT_TRUE(*refreshed);
     EXPECT_EQ(receiver.version(), version);
-    EXPECT_EQ(bytes_of(policy), bytes_of(learner));
+    EXPECT_EQ(policy.weights(), learner.weights());
     refreshed = receiver.refresh(policy);
     ASSERT_TRUE(refreshed);
     EXPECT_FALSE(*refreshed);
@@ -44,12 +38,12 @@ TEST(WeightsReceiver, RefusesWeightsOfAnotherNetworkAndKeepsItsOwn) {
   const PolicyNet policy = PolicyNet::create(options, 2, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, policy.weights_bytes());
   WeightsReceiver receiver(arena);
-  const std::vector<std::byte> own = bytes_of(policy);
+  const std::vector<std::byte> own = policy.weights();
   arena.publish_weights(std::vector<std::byte>(own.size() - 4), 1);
   const auto refreshed = receiver.refresh(policy);
   ASSERT_FALSE(refreshed);
   EXPECT_EQ(refreshed.error().code, ErrorCode::kBadFormat);
-  EXPECT_EQ(bytes_of(policy), own);
+  EXPECT_EQ(policy.weights(), own);
   EXPECT_FALSE(receiver.version());
 }
 
@@ -58,10 +52,10 @@ TEST(WeightsReceiver, KnowsHowFarBehindTheNetworkIs) {
   const PolicyNet policy = PolicyNet::create(options, 2, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, policy.weights_bytes());
   WeightsReceiver receiver(arena);
-  arena.publish_weights(bytes_of(policy), 4);
+  arena.publish_weights(policy.weights(), 4);
   ASSERT_TRUE(receiver.refresh(policy));
   EXPECT_EQ(receiver.behind(), 0u);
-  arena.publish_weights(bytes_of(policy), 7);
+  arena.publish_weights(policy.weights(), 7);
   EXPECT_EQ(receiver.behind(), 3u);
   ASSERT_TRUE(receiver.refresh(policy));
   EXPECT_EQ(receiver.behind(), 0u);

@@ -3,8 +3,9 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cstdlib>
-#include <cstring>
+#include <iterator>
 #include <span>
 #include <thread>
 #include <tuple>
@@ -30,9 +31,7 @@ RunConfig small_config() {
 }
 
 void publish(const shm::Arena& arena, const PolicyNet& net, PolicyVersion version) {
-  std::vector<std::byte> bytes(static_cast<size_t>(net.weights_bytes()));
-  net.write_weights(bytes);
-  arena.publish_weights(bytes, version);
+  arena.publish_weights(net.weights(), version);
 }
 
 /// A policy worker that runs in a thread until the run stops.
@@ -177,10 +176,8 @@ TEST(PolicyWorker, EverySeatIsPlayedByItsOwnNetwork) {
   const float epsilon = 0;
   std::vector<std::byte> bytes;
   for (const PolicyNet* net : {&happo, &vdn}) {
-    const size_t begin = bytes.size(), size = static_cast<size_t>(net->weights_bytes());
-    bytes.resize(begin + sizeof epsilon + size);
-    std::memcpy(bytes.data() + begin, &epsilon, sizeof epsilon);
-    net->write_weights(std::span(bytes).subspan(begin + sizeof epsilon, size));
+    std::ranges::copy(std::as_bytes(std::span(&epsilon, 1)), std::back_inserter(bytes));
+    std::ranges::copy(net->weights(), std::back_inserter(bytes));
   }
   const shm::Arena arena = make_arena(roomy, {}, static_cast<int64_t>(bytes.size()));
   arena.publish_weights(bytes, 1);

@@ -1,0 +1,41 @@
+// New weights on their way from the network to whoever publishes them, without a learner that waits for its device: a copy is
+// taken on the device, goes to the host beside the next step, and is published once it is there. Stage: publish.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <span>
+
+#include "learner/algorithms/algorithm.h"
+#include "policy_workers/device/snapshot.h"
+#include "rollout_buffer/schema/version.h"
+
+namespace comrad::learn {
+
+/// One copy is on its way at a time; of versions that come meanwhile the newest is next. On a CPU offer() publishes at
+/// once. Threads: the one that trains.
+class WeightsPublisher {
+ public:
+  using Publish = std::function<void(std::span<const std::byte> weights, PolicyVersion version)>;
+  /// `algorithm` outlives it.
+  WeightsPublisher(const Algorithm& algorithm, Publish publish);
+
+  /// The algorithm has new weights.
+  void offer();
+  /// Publishes what has arrived; between two steps, or within one as long as no weight has changed.
+  void deliver();
+  /// Publishes what was offered last, waiting for it.
+  void finish();
+
+ private:
+  void publish_what_is_there();
+
+  const Algorithm& algorithm_;
+  const Publish publish_;
+  device::Snapshot snapshot_;
+  std::optional<PolicyVersion> on_its_way_;
+  bool is_newer_offered_ = false;
+};
+
+}  // namespace comrad::learn
