@@ -38,10 +38,14 @@ std::vector<int64_t> Happo::agent_order() const {
   return order;
 }
 
-OnPolicy::Forward Happo::actor(int64_t agent) const {
-  return [this, agent](const policy::SequenceInput& input) {
-    return policy::SequenceOutput{.logits = net_.actor_sequence(agent, input), .value = {}};
-  };
+OnPolicy::Phase Happo::phase_of(int64_t agent) {
+  return {.optimizer = optimizers_[static_cast<std::size_t>(agent)].second,
+          .forward =
+              [this, agent](const policy::SequenceInput& input) {
+                return policy::SequenceOutput{.logits = net_.actor_sequence(agent, input), .value = {}};
+              },
+          .trains_value = false,
+          .shuffle_key = static_cast<uint64_t>(agent)};
 }
 
 bool Happo::ended(PhaseEnd end, UpdateStats& stats) const {
@@ -52,16 +56,13 @@ bool Happo::ended(PhaseEnd end, UpdateStats& stats) const {
 Expected<Tensor> Happo::train_agent(const RolloutBatch& batch, int64_t agent, const UpdateContext& context,
                                     UpdateStats& stats, LossSums& sums, bool& goes_on) {
   const RolloutBatch rows = agent_rows(batch, agent);
-  Phase phase{.optimizer = optimizers_[static_cast<std::size_t>(agent)].second,
-              .forward = actor(agent),
-              .trains_value = false,
-              .shuffle_key = static_cast<uint64_t>(agent)};
+  Phase phase = phase_of(agent);
   // With one minibatch the first forward pass of training is that of the old policy on all rows.
   Tensor old_log_prob;
   if (config_.optimisation.num_batches_per_epoch == 1)
     phase.first_log_prob = &old_log_prob;
   else
-    old_log_prob = evaluate(rows, phase.forward).log_prob;
+    old_log_prob = evaluate(rows, phase).log_prob;
   COMRAD_TRY_ASSIGN(const PhaseEnd end, train_phase(rows, phase, context, stats, sums));
   goes_on = !ended(end, stats);
   return old_log_prob;
@@ -132,7 +133,7 @@ Expected<UpdateStats> Happo::update(RolloutBatch& batch, const UpdateContext& co
     put(prefix + "_policy_loss", sums.policy);
     put(prefix + "_grad_norm", last_grad_norm_);
     if (agent == order.back() || !has_samples) continue;  // nobody is left to need the factor
-    const Tensor new_log_prob = evaluate(of_agent, actor(agent)).log_prob;
+    const Tensor new_log_prob = evaluate(of_agent, phase_of(agent)).log_prob;
     const Tensor ratio =
         happo_ratio(new_log_prob, old_log_prob, of_agent.acting(), config_.on_policy.happo_factor_clamp);
     factor.mul_(ratio);

@@ -48,9 +48,8 @@ class Happo final : public OnPolicy {
   Expected<bool> train_critic(const RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats,
                               LossSums& sums);
 
- protected:
  private:
-  Forward actor(int64_t agent) const;
+  Phase phase_of(int64_t agent);
   bool ended(PhaseEnd end, UpdateStats& stats) const;
 
   bool has_warned_of_rewards_ = false;

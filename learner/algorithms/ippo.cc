@@ -40,7 +40,7 @@ void Ippo::prepare_vtrace(RolloutBatch& minibatch) {
   torch::NoGradGuard no_grad;
   if (!minibatch.host_valid.defined()) minibatch = to_device(minibatch, device_);
   // The recursion over time runs on the host, so this setting does wait for the device, once a minibatch.
-  const Evaluation of_device = evaluate(minibatch, phase().forward);
+  const Evaluation of_device = evaluate(minibatch, phase());
   const Evaluation now{.log_prob = of_device.log_prob.cpu(), .value = of_device.value.cpu()};
   // A ratio of 0 at an invalid step makes its target its own value and lets no trace through. Whatever a dead
   // agent chooses, the same follows: its ratio is 1.

@@ -481,19 +481,30 @@ Tensor OnPolicy::standardized(const Tensor& advantage, const Tensor& acting) {
   return of_all.narrow(1, ranks_->rank() * advantage.size(1), advantage.size(1));
 }
 
+OnPolicy::Recorded::Recorded(const RolloutBatch& like, const Phase& phase)
+    : optimizer(&phase.optimizer), keeps_log_prob(phase.first_log_prob != nullptr), minibatch(like) {
+  visit_device_fields(minibatch, [](Tensor& field) { field = torch::empty_like(field); });
+}
+
+bool OnPolicy::Recorded::fits(const RolloutBatch& other, const Phase& phase) const {
+  return optimizer == &phase.optimizer && keeps_log_prob == (phase.first_log_prob != nullptr) &&
+         minibatch.rows() == other.rows() && minibatch.has_action_mask == other.has_action_mask;
+}
+
+void OnPolicy::Recorded::read(const RolloutBatch& other) {
+  const torch::NoGradGuard no_grad;
+  RolloutBatch from = other;
+  std::vector<Tensor> fields;
+  visit_device_fields(from, [&](Tensor& field) { fields.push_back(field); });
+  visit_device_fields(minibatch, [&, next = std::size_t{0}](Tensor& field) mutable {
+    field.copy_(fields[next++], /*non_blocking=*/true);
+  });
+}
+
 OnPolicy::RecordedStep& OnPolicy::recorded_step(const RolloutBatch& minibatch, const Phase& phase) {
-  const bool keeps_log_prob = phase.first_log_prob != nullptr;
-  for (const auto& made : recorded_)
-    if (made->optimizer == &phase.optimizer && made->rows == minibatch.rows() &&
-        made->has_action_mask == minibatch.has_action_mask && made->keeps_log_prob == keeps_log_prob)
-      return *made;
-  RecordedStep& made = *recorded_.emplace_back(std::make_unique<RecordedStep>());
-  made.optimizer = &phase.optimizer;
-  made.rows = minibatch.rows();
-  made.has_action_mask = minibatch.has_action_mask;
-  made.keeps_log_prob = keeps_log_prob;
-  made.minibatch = minibatch;
-  visit_device_fields(made.minibatch, [](Tensor& field) { field = torch::empty_like(field); });
+  for (const auto& made : recorded_steps_)
+    if (made->fits(minibatch, phase)) return *made;
+  RecordedStep& made = *recorded_steps_.emplace_back(std::make_unique<RecordedStep>(minibatch, phase));
   made.settings = torch::empty({3}, torch::TensorOptions(torch::kFloat64).device(device_));
   made.graph.record_at_second_replay(device_, [this, &made, phase] {
     phase.optimizer.zero_grad();
@@ -512,14 +523,9 @@ OnPolicy::RecordedStep& OnPolicy::recorded_step(const RolloutBatch& minibatch, c
 void OnPolicy::give_recorded(const RolloutBatch& minibatch, const Phase& phase, const SampleTotals& totals,
                              Step& step) {
   RecordedStep& recorded = recorded_step(minibatch, phase);
+  recorded.read(minibatch);
   {
     torch::NoGradGuard no_grad;
-    RolloutBatch from = minibatch;
-    std::vector<Tensor> fields;
-    visit_device_fields(from, [&](Tensor& field) { fields.push_back(field); });
-    visit_device_fields(recorded.minibatch, [&, next = std::size_t{0}](Tensor& field) mutable {
-      field.copy_(fields[next++], /*non_blocking=*/true);
-    });
     const SampleCounts counts = SampleCounts::of(totals);
     const Tensor settings = device::host_memory({3}, torch::kFloat64, device_);
     settings[0].copy_(counts.valid);
@@ -575,7 +581,27 @@ bool OnPolicy::accumulate(const RolloutBatch& minibatch, const Phase& phase, con
   return true;
 }
 
-OnPolicy::Evaluation OnPolicy::evaluate(const RolloutBatch& batch, const Forward& forward) const {
+OnPolicy::Evaluation OnPolicy::evaluate(const RolloutBatch& batch, const Phase& phase) {
+  if (device::has_own_kernels(device_)) return evaluate_now(batch, phase.forward);
+  RecordedEvaluation& recorded = recorded_evaluation(batch, phase);
+  recorded.read(batch);
+  recorded.graph.replay();
+  const auto copy_of = [](const Tensor& result) { return result.defined() ? result.clone() : result; };
+  return {.log_prob = copy_of(recorded.result.log_prob), .value = copy_of(recorded.result.value)};
+}
+
+OnPolicy::RecordedEvaluation& OnPolicy::recorded_evaluation(const RolloutBatch& batch, const Phase& phase) {
+  for (const auto& made : recorded_evaluations_)
+    if (made->fits(batch, phase)) return *made;
+  RecordedEvaluation& made =
+      *recorded_evaluations_.emplace_back(std::make_unique<RecordedEvaluation>(batch, phase));
+  made.graph.record_at_second_replay(device_, [this, &made, forward = phase.forward] {
+    made.result = evaluate_now(made.minibatch, forward);
+  });
+  return made;
+}
+
+OnPolicy::Evaluation OnPolicy::evaluate_now(const RolloutBatch& batch, const Forward& forward) const {
   const std::vector<RolloutBatch> micros = micro_batches(batch);
   std::vector<Evaluation> parts(micros.size());
   const auto work = [&](int64_t i) {
@@ -691,7 +717,7 @@ void OnPolicy::save(StateDict& state) const {
 }
 
 Status OnPolicy::load(const StateDict& state) {
-  recorded_.clear();  // moments may move
+  recorded_steps_.clear(), recorded_evaluations_.clear();  // moments may move
   COMRAD_TRY_ASSIGN(const Progress progress,
                     Progress::load(state, config_.run.algo.name(), net_.options().global_state_count));
   ReturnNormalizer::Statistics statistics;

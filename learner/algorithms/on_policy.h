@@ -119,7 +119,7 @@ class OnPolicy : public OnPolicyAlgorithm {
     Tensor log_prob;  ///< f32 [T, R] of the actions taken; undefined without logits
     Tensor value;     ///< f32 [T, R]; undefined without values
   };
-  Evaluation evaluate(const RolloutBatch& batch, const Forward& forward) const;
+  Evaluation evaluate(const RolloutBatch& batch, const Phase& phase);
 
   /// `more`: further numbers, one value a tensor, to be read from the device with the others.
   void report(const RolloutBatch& batch, const LossSums& sums, UpdateStats& stats,
@@ -187,19 +187,28 @@ class OnPolicy : public OnPolicyAlgorithm {
     bool has_policy = false;
     double learning_rate = 0;
   };
-  /// What a minibatch's step asks of a device, recorded: its gradient, the clip and the optimizer's step.
-  struct RecordedStep {
-    // Steps of other shapes or of another phase are recordings of their own.
-    const AdamOptimizer* optimizer = nullptr;
-    int64_t rows = 0;
-    bool has_action_mask = false, keeps_log_prob = false;
+  /// Work on a minibatch that is recorded. Other shapes and other phases have recordings of their own.
+  struct Recorded {
+    Recorded(const RolloutBatch& like, const Phase& phase);
+    bool fits(const RolloutBatch& minibatch, const Phase& phase) const;
+    void read(const RolloutBatch& minibatch);
 
-    RolloutBatch minibatch;  ///< what it reads; each minibatch is copied there
-    Tensor settings;         ///< f64 [3]: SampleCounts, the learning rate
+    const AdamOptimizer* optimizer;
+    bool keeps_log_prob;
+    RolloutBatch minibatch;  ///< what the work reads: a copy
+    device::Graph graph;
+  };
+  /// What a minibatch's step asks of a device: its gradient, the clip and the optimizer's step.
+  struct RecordedStep : Recorded {
+    using Recorded::Recorded;
+    Tensor settings;  ///< f64 [3]: SampleCounts, the learning rate
     Numbers numbers;
     Tensor log_prob;  ///< where the phase asks for it
     Tensor outcome;   ///< f64 [K]: what a Step reads
-    device::Graph graph;
+  };
+  struct RecordedEvaluation : Recorded {
+    using Recorded::Recorded;
+    Evaluation result;
   };
   enum class StepResult { kGiven, kSkipped, kAbandoned, kKlReached };
   SampleTotals totals_of(const RolloutBatch& minibatch);
@@ -207,8 +216,10 @@ class OnPolicy : public OnPolicyAlgorithm {
   /// Adds the gradient of a minibatch of to_device(), of all ranks. False when keep_going() said no, or a rank has left.
   bool add_gradient(const RolloutBatch& minibatch, const Phase& phase, const SampleCounts& counts,
                     const std::function<bool()>& keep_going, Numbers& numbers, Tensor* first_log_prob);
-  /// The recording that a minibatch's step needs, made where there is none.
+  Evaluation evaluate_now(const RolloutBatch& batch, const Forward& forward) const;
+  /// The recordings that a minibatch needs, made where there is none.
   RecordedStep& recorded_step(const RolloutBatch& minibatch, const Phase& phase);
+  RecordedEvaluation& recorded_evaluation(const RolloutBatch& batch, const Phase& phase);
   /// Gives the device a minibatch's whole step as one piece.
   void give_recorded(const RolloutBatch& minibatch, const Phase& phase, const SampleTotals& totals,
                      Step& step);
@@ -218,7 +229,8 @@ class OnPolicy : public OnPolicyAlgorithm {
   std::optional<LossSums> settle(std::deque<Step>& given, UpdateStats& stats);
 
   StepGuard guard_;
-  std::vector<std::unique_ptr<RecordedStep>> recorded_;
+  std::vector<std::unique_ptr<RecordedStep>> recorded_steps_;
+  std::vector<std::unique_ptr<RecordedEvaluation>> recorded_evaluations_;
 };
 
 }  // namespace comrad::learn
