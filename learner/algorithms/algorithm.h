@@ -89,7 +89,8 @@ class OnPolicyAlgorithm : public Algorithm {
 class OffPolicyAlgorithm : public Algorithm {
  public:
   /// New decisions have come in: their frames u8 [B, C, H, W], measurements f32 [B, M] and global states f32 [B / N, S]
-  /// enter the running input statistics, once. What is not looked at may be undefined.
+  /// enter the running input statistics, once. What is not looked at may be undefined. All ranks observe together, each
+  /// its own, of which a rank may have no rows.
   virtual void observe(const Tensor& frame, const Tensor& measurement, const Tensor& global_state) = 0;
   /// One optimizer step on a batch; writes `batch.abs_td`. Errors: as OnPolicyAlgorithm::update.
   virtual Expected<UpdateStats> update(ReplayBatch& batch, const UpdateContext& context) = 0;

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "learner/algorithms/gradient_sum.h"
+#include "learner/algorithms/lag_of_ranks.h"
 #include "learner/algorithms/part_statistics.h"
 #include "learner/algorithms/ppo_loss.h"
 #include "learner/algorithms/progress.h"
@@ -31,36 +32,6 @@ constexpr double kEarlyStopLossChange = 1e-6;
 double explained_variance(const Tensor& target, const Tensor& value, const Tensor& valid) {
   const Spread of_error = spread_of(target.to(torch::kFloat64) - value, valid);
   return 1 - of_error.variance(/*unbiased=*/false) / spread_of(target, valid).variance(/*unbiased=*/false);
-}
-
-/// Of the shares that ranks have of a batch, all of `places` decisions.
-LagStats of_all_ranks(const LagStats& mine, double places, RankGroup& ranks) {
-  if (ranks.is_alone()) return mine;
-  const double valid = std::round(mine.valid_fraction * places),
-               heard = valid + static_cast<double>(mine.dropped);
-  const Tensor table =
-      ranks.gather(torch::tensor({mine.mean * heard, heard, static_cast<double>(mine.min),
-                                  static_cast<double>(mine.max), static_cast<double>(mine.dropped), valid},
-                                 torch::kFloat64)
-                       .unsqueeze(0),
-                   0);
-  LagStats all;
-  double sum = 0, count = 0, valid_count = 0;
-  bool is_first = true;
-  for (int64_t rank = 0; rank < table.size(0); ++rank) {
-    const double* row = table.data_ptr<double>() + rank * table.size(1);
-    sum += row[0];
-    count += row[1];
-    valid_count += row[5];
-    all.dropped += static_cast<int64_t>(row[4]);
-    if (row[1] == 0) continue;
-    all.min = std::exchange(is_first, false) ? static_cast<int64_t>(row[2])
-                                             : std::min(all.min, static_cast<int64_t>(row[2]));
-    all.max = std::max(all.max, static_cast<int64_t>(row[3]));
-  }
-  all.mean = count > 0 ? sum / count : 0;
-  all.valid_fraction = valid_count / (places * static_cast<double>(table.size(0)));
-  return all;
 }
 
 /// What the device is asked for in one go, on the host.
@@ -114,8 +85,8 @@ OnPolicy::OnPolicy(const RunConfig& config, const EnvShape& env, torch::Device d
 
 Expected<bool> OnPolicy::begin_update(RolloutBatch& batch, const UpdateContext& context, UpdateStats& stats) {
   schedule_.before_batch(context.env_frames);
-  stats.lag = of_all_ranks(apply_lag_filter(batch, version_, config_.collection.max_policy_lag),
-                           static_cast<double>(batch.valid.numel()), *ranks_);
+  stats.lag = lag_of_ranks(apply_lag_filter(batch, version_, config_.collection.max_policy_lag),
+                           batch.valid.numel(), *ranks_);
   ++updates_;
   if (stats.lag.valid_fraction == 0) {
     COMRAD_TRY(guard_.skip_invalid_batch(stats.lag.dropped, stats));

@@ -48,10 +48,10 @@ std::vector<Tensor> heads_of(const policy::PolicyNet& net) {
   return heads;
 }
 
-/// Root mean square of the rewards of a batch's valid samples, agent by agent.
-double reward_rms(const ReplayBatch& batch) {
-  const Tensor valid = batch.valid.to(torch::kFloat64);
-  const Tensor square = batch.reward.to(torch::kFloat64).square();
+/// Root mean square of the rewards of the valid samples of all ranks, agent by agent.
+double reward_rms(const ReplayBatch& batch, RankGroup& ranks) {
+  const Tensor valid = ranks.gather(batch.valid, 1).to(torch::kFloat64);
+  const Tensor square = ranks.gather(batch.reward, 1).to(torch::kFloat64).square();
   return std::sqrt((square * valid).sum().item<double>() / std::max(1.0, valid.sum().item<double>()));
 }
 
@@ -122,13 +122,21 @@ int64_t QLearning::parameter_count() const {
   return count;
 }
 
+Status QLearning::learn_with(RankGroup& ranks) {
+  ranks_ = &ranks;
+  return {};
+}
+
 void QLearning::observe(const Tensor& frame, const Tensor& measurement, const Tensor& global_state) {
   torch::NoGradGuard no_grad;
   if (net_.options().global_state_count > 0 && global_state.defined())
-    net_.update_state_statistics(global_state.to(device_));
+    net_.update_state_statistics(ranks_->gather_rows(global_state).to(device_));
   if (!config_.network.normalize_input || !frame.defined()) return;
-  net_.update_input_statistics(frame.to(device_),
-                               measurement.defined() ? measurement.to(device_) : measurement);
+  policy::AddUp of_all_frames;  // the frames of other ranks are not fetched: their sums are
+  if (!ranks_->is_alone()) of_all_frames = [this](Tensor& sums) { ranks_->add_up(sums); };
+  net_.update_input_statistics(
+      frame.to(device_), measurement.defined() ? ranks_->gather_rows(measurement).to(device_) : measurement,
+      of_all_frames);
 }
 
 Tensor QLearning::Scene::mask() const {
@@ -311,16 +319,30 @@ int64_t QLearning::micro_worlds(const ReplayBatch& batch) const {
   return std::max<int64_t>(1, std::min(samples_of_part(config_, device_) / rows_of_world, shared_out));
 }
 
-double QLearning::valid_count_of(const ReplayBatch& batch) const {
-  Tensor valid = sample_valid(batch);
-  if (config_.q_learning.burn_in > 0 && batch.steps() > config_.q_learning.burn_in)
-    valid = valid.narrow(0, config_.q_learning.burn_in, batch.steps() - config_.q_learning.burn_in);
-  return static_cast<double>(std::max<int64_t>(1, count_of(valid)));
+QLearning::Totals QLearning::totals_of(const ReplayBatch& batch) {
+  const Tensor valid = sample_valid(batch);
+  const int64_t burn_in = batch.steps() > config_.q_learning.burn_in ? config_.q_learning.burn_in : 0;
+  const Tensor all = ranks_->gather(
+      torch::tensor({static_cast<double>(count_of(valid)), static_cast<double>(valid.numel()),
+                     static_cast<double>(count_of(valid.narrow(0, burn_in, batch.steps() - burn_in))),
+                     static_cast<double>(batch.rewards_read), static_cast<double>(batch.rewards_clipped),
+                     batch.least_probability},
+                    torch::kFloat64)
+          .unsqueeze(0),
+      0);
+  const Tensor sum = all.sum(0);
+  const double* sums = sum.data_ptr<double>();
+  return {.valid = sums[0],
+          .places = sums[1],
+          .trained = std::max(1.0, sums[2]),
+          .rewards_read = sums[3],
+          .rewards_clipped = sums[4],
+          .least_probability = all.select(1, 5).min().item<double>()};
 }
 
 bool QLearning::add_gradient(const std::vector<Micro>& micros, double valid_count,
                              const UpdateContext& context, Numbers& numbers) {
-  return sum_gradients<Part>(
+  const bool is_done = sum_gradients<Part>(
       pool_, parameters(), static_cast<int64_t>(micros.size()),
       [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], valid_count); },
       [&](const Part& part) {
@@ -329,6 +351,15 @@ bool QLearning::add_gradient(const std::vector<Micro>& micros, double valid_coun
         numbers.loss = numbers.loss.defined() ? numbers.loss + part.loss : part.loss;
       },
       context.keep_going);
+  if (!is_done) return false;
+  if (ranks_->is_alone()) return true;
+  ranks_->add_up_gradients(parameters());
+  const Tensor of_parts = ranks_->gather(torch::stack(numbers.of_parts), 0);
+  const Tensor losses = ranks_->gather(numbers.loss.reshape({1}), 0);
+  if (ranks_->failure()) return false;
+  numbers.of_parts = of_parts.unbind(0);
+  numbers.loss = losses.sum();
+  return true;
 }
 
 std::vector<Tensor> QLearning::Numbers::to_read() const {
@@ -337,7 +368,7 @@ std::vector<Tensor> QLearning::Numbers::to_read() const {
   return all;
 }
 
-LossSums QLearning::Numbers::sums(const double* values, ReplayBatch& batch) const {
+LossSums QLearning::Numbers::sums(const double* values, int64_t worlds, ReplayBatch& batch) const {
   LossSums sums;
   for (std::size_t part = 0; part < of_parts.size(); ++part)
     for (const auto& [place, how] : kNumbers) {
@@ -347,7 +378,7 @@ LossSums QLearning::Numbers::sums(const double* values, ReplayBatch& batch) cons
             : how == How::kMax ? std::max(sum, number)
                                : std::min(sum, number);
     }
-  sums.spread /= static_cast<double>(batch.world_count);
+  sums.spread /= static_cast<double>(worlds);
   batch.abs_td = torch::empty({batch.world_count});
   for (int64_t world = 0; world < batch.world_count; ++world)
     batch.abs_td.data_ptr<float>()[world] = static_cast<float>(values[world]);
@@ -356,10 +387,10 @@ LossSums QLearning::Numbers::sums(const double* values, ReplayBatch& batch) cons
 
 bool QLearning::accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, LossSums& sums) {
   Numbers numbers;
-  if (!add_gradient(micros_of(batch), valid_count_of(batch), context, numbers)) return false;
+  if (!add_gradient(micros_of(batch), totals_of(batch).trained, context, numbers)) return false;
   device::Readback read(at::cat(numbers.to_read()).to(torch::kFloat64));
   read.wait();
-  sums = numbers.sums(read.values(), batch);
+  sums = numbers.sums(read.values(), worlds_of_all(batch), batch);
   return true;
 }
 
@@ -367,24 +398,24 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   UpdateStats stats;
   schedule_.before_batch(context.env_frames);
   ++updates_;
-  const Tensor valid = sample_valid(batch);
-  const auto valid_count = static_cast<double>(count_of(valid));
-  stats.lag.valid_fraction = valid_count / static_cast<double>(valid.numel());
-  if (valid_count == 0) {
+  const Totals totals = totals_of(batch);
+  stats.lag.valid_fraction = totals.valid / totals.places;
+  if (totals.valid == 0) {
     COMRAD_TRY(guard_.skip_invalid_batch(0, stats));
     batch.abs_td = torch::zeros({batch.world_count});
     return stats;
   }
-  if (config_.q_learning.normalize_q_values && !scale_.has_begun()) scale_.begin(reward_rms(batch));
+  if (config_.q_learning.normalize_q_values && !scale_.has_begun()) scale_.begin(reward_rms(batch, *ranks_));
+  if (batch.least_probability > totals.least_probability)  // see the factor f_k in the header
+    batch.weight.mul_(std::pow(totals.least_probability / batch.least_probability, batch.weight_exponent));
   // The device is given the whole step before anything is asked of it.
   device::Readback read;
   Numbers numbers;
   const std::vector<Micro> micros = micros_of(batch);
-  const double divisor = valid_count_of(batch);
   {
     const device::StepScope nothing_waits;
     optimizer_.zero_grad();
-    if (!add_gradient(micros, divisor, context, numbers)) {
+    if (!add_gradient(micros, totals.trained, context, numbers)) {
       stats.abandoned = true;
       return stats;
     }
@@ -395,7 +426,7 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   }
   stats.rows_trained += batch.steps() * batch.rows();
   read.wait();
-  const LossSums sums = numbers.sums(read.values(), batch);
+  const LossSums sums = numbers.sums(read.values(), worlds_of_all(batch), batch);
   const double* outcome = read.values() + read.count() - 3;
   guard_.settle({.was_taken = outcome[0] != 0,
                  .grad_norm = outcome[1],
@@ -411,14 +442,12 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   update_targets();
   report(sums, stats);
   if (!mixer_) {  // the reference's names for decisions that do not count
-    const double total = static_cast<double>(valid.numel());
     stats.values.emplace_back("train/policy_lag_valid_frac", stats.lag.valid_fraction);
-    stats.values.emplace_back("train/policy_lag_dropped", total - valid_count);
-    stats.values.emplace_back("train/policy_lag_total", total);
+    stats.values.emplace_back("train/policy_lag_dropped", totals.places - totals.valid);
+    stats.values.emplace_back("train/policy_lag_total", totals.places);
   }
-  if (batch.rewards_read > 0)
-    stats.values.emplace_back("train/rewards_clipped_fraction", static_cast<double>(batch.rewards_clipped) /
-                                                                    static_cast<double>(batch.rewards_read));
+  if (totals.rewards_read > 0)
+    stats.values.emplace_back("train/rewards_clipped_fraction", totals.rewards_clipped / totals.rewards_read);
   if (config_.q_learning.normalize_q_values) {
     const double before = q_sigma();
     rescale_outputs(before, scale_.observe(sums.target_square));

@@ -11,6 +11,17 @@
 // they were played. Source: van Hasselt et al. 2016, arXiv:1509.06461.
 // With normalize_q_values a network's Q is in units of sigma (q_scale.h); y, the clamp and all reports are in
 // natural units, the loss compares Q and y / sigma. Stage: update.
+//
+// Several ranks take one step on B samples, of which each of the N draws B / N from a replay of its own. Gradients, counts
+// and reports are over all of them. A unit i of rank k, whose M_k units have the priorities p with the sum S_k, is drawn
+// with the probability q_i = p_i / (N S_k); that is the p_i / S of one replay where the S_k are equal. As there
+// (prioritized_sampler.h) its weight takes the bias out again, relative to the largest weight of all ranks:
+//
+//   w_i = (M q_i)^-beta / max_j (M q_j)^-beta = (p_min,k / p_i)^beta f_k
+//   f_k = (l_min / l_k)^beta      l_k = p_min,k / S_k, the smallest probability inside rank k; l_min the smallest l_k
+//
+// The replay of rank k gives the first factor, QLearning::update the second. Without priorities l_k is 1 / M_k and beta
+// 1: units of the ranks count alike, however many each has. A rank's new units have the largest priority that it has seen.
 #pragma once
 
 #include <torch/types.h>
@@ -41,6 +52,7 @@ class QLearning : public OffPolicyAlgorithm {
   void copy_weights(device::Snapshot& into) const override { net_.copy_weights(into); }
   std::vector<std::byte> weights() const override { return net_.weights(); }
   void append_diagnostics(NamedNumbers& values) const override;
+  Status learn_with(RankGroup& ranks) override;
   void save(StateDict& state) const override;
   Status load(const StateDict& state) override;
 
@@ -108,7 +120,6 @@ class QLearning : public OffPolicyAlgorithm {
   virtual SampleLoss loss_of(const Scene& scene) const = 0;
   /// u8 [T, S]: samples that count.
   virtual Tensor sample_valid(const ReplayBatch& batch) const = 0;
-  /// What checkpoints call the algorithm.
 
   /// The actions that a target looks at, i64 [T, R, heads]: with double_dqn the online network's choice, else
   /// the target network's own (van Hasselt et al. 2016, equation 4).
@@ -142,15 +153,23 @@ class QLearning : public OffPolicyAlgorithm {
     Tensor loss;                   ///< f32 []
     /// All of it as one row, to be read in one go.
     std::vector<Tensor> to_read() const;
-    /// Adds up what lies on the host now, part after part, and writes batch.abs_td.
-    LossSums sums(const double* values, ReplayBatch& batch) const;
+    /// Adds up what lies on the host now, part after part, and writes batch.abs_td. `worlds` of all ranks.
+    LossSums sums(const double* values, int64_t worlds, ReplayBatch& batch) const;
   };
-  /// Adds the gradient of a whole batch. False when keep_going() said no.
+  /// Of a batch of all ranks.
+  struct Totals {
+    double valid = 0, places = 0;
+    double trained = 0;  ///< valid behind the burn-in, 1 at least: what means divide by
+    double rewards_read = 0, rewards_clipped = 0;
+    double least_probability = 0;  ///< the smallest of the ranks'
+  };
+  Totals totals_of(const ReplayBatch& batch);
+  int64_t worlds_of_all(const ReplayBatch& batch) const { return batch.world_count * ranks_->count(); }
+  /// Adds the gradient of a whole batch, of all ranks. False when keep_going() said no, or a rank has left.
   bool add_gradient(const std::vector<Micro>& micros, double valid_count, const UpdateContext& context,
                     Numbers& numbers);
   /// The micro-batches of a batch, all on the device before the step begins.
   std::vector<Micro> micros_of(const ReplayBatch& batch) const;
-  double valid_count_of(const ReplayBatch& batch) const;
   Part part_of(const Micro& micro, double valid_count) const;
   Scene scene_of(const Micro& micro) const;
   QValues q_values(const policy::PolicyNet& net, const Micro& micro, const Tensor& recurrent_state,
@@ -165,6 +184,8 @@ class QLearning : public OffPolicyAlgorithm {
   QScale scale_;
   StepGuard guard_;
   PartPool pool_;
+  RankGroup alone_;
+  RankGroup* ranks_ = &alone_;
   PolicyVersion version_ = 0;
   int64_t updates_ = 0;  ///< batches seen
   double max_second_moment_ = 0;

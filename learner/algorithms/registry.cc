@@ -19,8 +19,8 @@ namespace comrad::learn {
 Status Algorithm::learn_with(RankGroup& ranks) {
   if (ranks.is_alone()) return {};
   return Error{ErrorCode::kUnsupported,
-               "this algorithm has one learner; --learners is for those that learn from rollouts (ippo, "
-               "mappo, happo)"};
+               "this algorithm has one learner; train it with --learners 1 (or say in its learn_with() what "
+               "several of them add up)"};
 }
 namespace {
 

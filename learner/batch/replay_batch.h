@@ -46,6 +46,10 @@ struct ReplayBatch {
   std::vector<int64_t> final_step;  ///< [F] the step that it follows
   std::vector<int64_t> final_row;   ///< [F] ascending
 
+  /// Of several learners' replays: that of the unit which is drawn least often from the one these worlds came from, and
+  /// what a probability is raised to in a weight.
+  double least_probability = 0, weight_exponent = 1;
+
   std::vector<int64_t> serial;  ///< [W] the replay's handles, for priorities
   Tensor abs_td;                ///< f32 [W] made by the algorithm, see QLearning
 

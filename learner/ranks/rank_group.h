@@ -59,6 +59,10 @@ class RankGroup {
   void set_watch(Watch watch) { watch_ = std::move(watch); }
   const std::optional<Error>& failure() const { return failure_; }
   Status status() const { return failure_ ? Status(*failure_) : Status(); }
+  /// This rank makes no more calls that others wait for: from now on all of them fail, because of `why`.
+  void leave(const Error& why) {
+    if (!is_alone() && !failure_) failure_ = why;
+  }
 
   /// The ranks' tensors one behind the other along `dim`; of one shape and type in all ranks.
   torch::Tensor gather(const torch::Tensor& part, int64_t dim);

@@ -15,6 +15,7 @@ namespace comrad::learn {
 namespace {
 
 constexpr int kPopTimeoutMs = 50;
+constexpr int kTellWithinMs = 5;  ///< others hear of new decisions so soon, where no batch is due
 constexpr int64_t kSealedTimeoutUs = 50'000;
 constexpr int kJournalTimeoutMs = 5000;
 constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();
@@ -26,7 +27,7 @@ class WaitClock {
   WaitClock(const WaitClock&) = delete;
   WaitClock& operator=(const WaitClock&) = delete;
   ~WaitClock() {
-    if (options_.is_leader())
+    if (options_.ranks.is_leader())
       options_.arena.learner_counters().wait_ns.fetch_add(static_cast<uint64_t>(monotonic_ns() - from_ns_));
   }
 
@@ -43,7 +44,7 @@ class QueueSource final : public BatchSource {
   Status start() override {
     queue_ = std::make_unique<BatchQueue>(
         options_.arena,
-        slabs_per_batch(options_.config, options_.arena.shape().trajectory.env) / options_.learners,
+        slabs_per_batch(options_.config, options_.arena.shape().trajectory.env) / options_.ranks.count(),
         options_.config.collection.num_batches_to_accumulate, options_.device);
     return {};
   }
@@ -86,6 +87,7 @@ class ReplaySource final : public BatchSource {
       : options_(options), feed_(std::move(feed)) {}
 
   Status start() override {
+    feed_->agree_on_pace();
     feed_->start(options_.arena);
     return {};
   }
@@ -93,10 +95,15 @@ class ReplaySource final : public BatchSource {
 
   Expected<bool> drain() override {
     const WaitClock clock(options_);
-    next_.replay_batch = feed_->pop(kPopTimeoutMs);
+    RankGroup& ranks = options_.ranks;
+    feed_->meet_before_drain();
+    if (!drawn_) drawn_ = feed_->pop(ranks.is_alone() ? kPopTimeoutMs : kTellWithinMs);
     next_.inserted = feed_->take_inserted();
     if (const std::string failure = feed_->failure(); !failure.empty())
       return Error{ErrorCode::kSystem, "replay: " + failure};
+    // A batch that others have not drawn yet is kept until they have.
+    if (ranks.all(drawn_ != nullptr)) next_.replay_batch = std::move(drawn_);
+    if (ranks.failure()) next_ = {};
     return next_.has_batch() || next_.inserted.transitions > 0;
   }
   std::optional<Sample> sample(PolicyVersion) override {
@@ -107,11 +114,14 @@ class ReplaySource final : public BatchSource {
 
   ReplayFeed* feed() override { return feed_.get(); }
   int waiting() const override { return feed_->waiting(); }
-  uint64_t broken_decisions() const override { return static_cast<uint64_t>(feed_->broken_decisions()); }
+  uint64_t broken_decisions() const override {
+    return static_cast<uint64_t>(feed_->contents().broken_decisions);
+  }
 
  private:
   const SourceOptions options_;
   std::unique_ptr<ReplayFeed> feed_;
+  std::unique_ptr<ReplayBatch> drawn_;  ///< before it is agreed on
   Sample next_;
 };
 
@@ -123,15 +133,16 @@ class LockStepSource final : public BatchSource {
   LockStepSource(const SourceOptions& options, std::unique_ptr<ReplayFeed> feed)
       : options_(options),
         per_batch_(static_cast<std::size_t>(
-            slabs_per_batch(options.config, options.arena.shape().trajectory.env) / options.learners)),
-        share_{.rank = options.rank,
-               .count = options.learners,
-               .block = static_cast<int>(per_batch_) * options.learners},
+            slabs_per_batch(options.config, options.arena.shape().trajectory.env) / options.ranks.count())),
+        share_{.rank = options.ranks.rank(),
+               .count = options.ranks.count(),
+               .block = static_cast<int>(per_batch_) * options.ranks.count()},
         feed_(std::move(feed)) {}
   ~LockStepSource() override { release_slabs(); }
 
   Status start() override {
-    return journals_ && options_.is_leader() ? journals_->restore(options_.arena) : Status();
+    if (feed_) feed_->agree_on_pace();
+    return journals_ && options_.ranks.is_leader() ? journals_->restore(options_.arena) : Status();
   }
   uint64_t rollouts_allowed() const override { return next_rollout_ + 1; }
 
@@ -148,7 +159,7 @@ class LockStepSource final : public BatchSource {
   ReplayFeed* feed() override { return feed_.get(); }
   int waiting() const override { return feed_ ? feed_->waiting() : 0; }
   uint64_t broken_decisions() const override {
-    return feed_ ? static_cast<uint64_t>(feed_->broken_decisions()) : broken_decisions_;
+    return feed_ ? static_cast<uint64_t>(feed_->contents().broken_decisions) : broken_decisions_;
   }
 
  private:
@@ -172,7 +183,13 @@ class LockStepSource final : public BatchSource {
 };
 
 Expected<bool> LockStepSource::drain() {
-  COMRAD_TRY_ASSIGN(const bool is_whole, collect());
+  if (feed_) feed_->meet_before_drain();
+  COMRAD_TRY_ASSIGN(bool is_whole, collect());
+  // Where a stop comes before some have theirs, none begins to train.
+  if (feed_ && !options_.ranks.all(is_whole) && is_whole) {
+    release_slabs();
+    is_whole = false;
+  }
   if (is_whole) capture_journals();
   return is_whole;
 }
@@ -195,7 +212,7 @@ Status LockStepSource::take(uint32_t slab, std::vector<std::optional<uint32_t>>&
 Expected<bool> LockStepSource::collect() {
   const shm::Arena& arena = options_.arena;
   std::vector<std::optional<uint32_t>> slab_of(
-      static_cast<std::size_t>(arena.shape().env_count() / options_.learners));
+      static_cast<std::size_t>(arena.shape().env_count() / options_.ranks.count()));
   std::size_t missing = slab_of.size();
   used_ = 0;
   while (missing > 0) {
@@ -226,7 +243,7 @@ Expected<bool> LockStepSource::collect() {
 void LockStepSource::capture_journals() {
   boundary_.reset();
   if (!options_.config.collection.deterministic || options_.arena.shape().journal_steps <= 0) return;
-  if (!options_.is_leader()) return;
+  if (!options_.ranks.is_leader()) return;
   Expected<JournalSnapshot> captured =
       JournalSnapshot::capture(options_.arena, next_rollout_ + 1, kJournalTimeoutMs);
   if (captured)
@@ -251,6 +268,7 @@ std::optional<Sample> LockStepSource::sample(PolicyVersion version) {
   const std::size_t end = std::min(used_ + per_batch_, slabs_.size());
   for (; used_ < end; ++used_) feed_->insert(options_.arena, slabs_[used_], version);
   next.inserted = feed_->take_inserted();
+  if (options_.ranks.failure()) return std::nullopt;
   return next;
 }
 
@@ -287,7 +305,7 @@ void LockStepSource::close_rollout() {
 
 void LockStepSource::open_rollout(bool goes_on) {
   release_slabs();
-  if (!goes_on || !options_.is_leader()) return;
+  if (!goes_on || !options_.ranks.is_leader()) return;
   options_.arena.control().rollouts_allowed = rollouts_allowed();
   shm::ring(options_.arena.control().slab_released);
 }
@@ -328,6 +346,12 @@ void BatchSource::save(StateDict& state) const {
   if (feed() != nullptr) feed()->save_position(state);
 }
 
+Expected<UpdateStats> update_on(Sample& sample, Algorithm& algorithm, const UpdateContext& context) {
+  return sample.rollout_batch
+             ? dynamic_cast<OnPolicyAlgorithm&>(algorithm).update(*sample.rollout_batch, context)
+             : dynamic_cast<OffPolicyAlgorithm&>(algorithm).update(*sample.replay_batch, context);
+}
+
 int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env) {
   return std::max<int64_t>(1, config.optimisation.batch_size * config.optimisation.num_batches_per_epoch /
                                   (config.collection.rollout * env.num_agents));
@@ -336,9 +360,9 @@ int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env) {
 Expected<std::unique_ptr<BatchSource>> make_batch_source(const SourceOptions& options) {
   std::unique_ptr<ReplayFeed> feed;
   if (options.is_off_policy) {
-    COMRAD_TRY_ASSIGN(
-        feed, ReplayFeed::create(options.config, options.arena.shape().trajectory,
-                                 options.arena.shape().weights_bytes, options.run_dir, options.device));
+    COMRAD_TRY_ASSIGN(feed, ReplayFeed::create(options.config, options.arena.shape().trajectory,
+                                               options.arena.shape().weights_bytes, options.run_dir,
+                                               options.device, &options.ranks));
   }
   std::unique_ptr<BatchSource> source;
   if (options.config.collection.deterministic || !options.config.collection.async_rl)

@@ -8,9 +8,11 @@
 #include <optional>
 #include <string>
 
+#include "learner/algorithms/algorithm.h"
 #include "learner/batch/collate.h"
 #include "learner/batch/replay_batch.h"
 #include "learner/checkpoint/checkpoint.h"
+#include "learner/ranks/rank_group.h"
 #include "learner/worker/replay_feed.h"
 #include "learner/worker/stop_signal.h"
 #include "rollout_buffer/core/expected.h"
@@ -39,9 +41,7 @@ struct SourceOptions {
   std::string run_dir;
   bool is_off_policy = false;
   torch::Device device = torch::kCPU;  ///< that trains
-  int rank = 0, learners = 1;          ///< each of the learners fills its part of every batch
-
-  bool is_leader() const { return rank == 0; }
+  RankGroup& ranks;                    ///< each of the learners fills its part of every batch
 };
 
 /// Threads: the learner's.
@@ -56,9 +56,11 @@ class BatchSource {
   virtual uint64_t rollouts_allowed() const = 0;
 
   /// Takes in sealed slabs. False where none came in a short while; in lock step it waits for a whole rollout, and
-  /// false is a stop. Errors: kSystem (a thread of the source failed), kPeerLost (a simulator left lock step).
+  /// false is a stop. Also false where another learner has left (RankGroup::failure). Errors: kSystem (a thread of the
+  /// source failed), kPeerLost (a simulator left lock step).
   virtual Expected<bool> drain() = 0;
-  /// The next sample of what was drained; none when it is used up. `version` is the learner's.
+  /// The next sample of what was drained; none when it is used up, or another learner has left. `version` is the
+  /// learner's.
   virtual std::optional<Sample> sample(PolicyVersion version) = 0;
   /// The sample was trained on: priorities are taken over, memory is used again.
   virtual void finish(Sample sample) = 0;
@@ -84,6 +86,9 @@ class BatchSource {
   virtual int waiting() const = 0;                ///< full batches
   virtual uint64_t broken_decisions() const = 0;  ///< that were found damaged
 };
+
+/// One update on the batch that a sample has. Errors: those of the algorithm's update().
+Expected<UpdateStats> update_on(Sample& sample, Algorithm& algorithm, const UpdateContext& context);
 
 /// Slabs that make a batch of these settings, of all learners together.
 int64_t slabs_per_batch(const RunConfig& config, const EnvShape& env);

@@ -139,13 +139,18 @@ Status CheckpointKeeper::save(PolicyVersion version) {
 }
 
 void CheckpointKeeper::prune_replays() const {
+  // Learners beside the first have files of theirs, with a number before the ending.
   std::vector<std::string> kept;
-  for (const CheckpointFile& file : store_.list())
-    kept.push_back(replay_file_name(file.version, file.env_frames));
+  for (const CheckpointFile& file : store_.list()) {
+    const std::string name = replay_file_name(file.version, file.env_frames);
+    kept.push_back(name.substr(0, name.rfind('.') + 1));
+  }
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator(folder_, error)) {
     const std::string name = entry.path().filename().string();
-    if (name.starts_with("replay_") && name.ends_with(".bin") && std::ranges::find(kept, name) == kept.end())
+    const bool is_kept =
+        std::ranges::any_of(kept, [&](const std::string& stem) { return name.starts_with(stem); });
+    if (name.starts_with("replay_") && name.ends_with(".bin") && !is_kept)
       std::filesystem::remove(entry.path(), error);
   }
 }

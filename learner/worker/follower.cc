@@ -39,15 +39,16 @@ Status Follower::open(const std::string& run_dir) {
   COMRAD_TRY_ASSIGN(algorithm_, make_algorithm(config_, arena_.shape().trajectory.env, ranks_.device()));
   COMRAD_TRY(algorithm_->learn_with(ranks_));
   COMRAD_TRY_ASSIGN(layouts_, LayoutService::open(config_, run_dir));
-  COMRAD_TRY_ASSIGN(source_, make_batch_source({.config = config_,
-                                                .arena = arena_,
-                                                .stop = stop_,
-                                                .poll = [] {},
-                                                .run_dir = run_dir,
-                                                .is_off_policy = false,
-                                                .device = ranks_.device(),
-                                                .rank = ranks_.rank(),
-                                                .learners = ranks_.count()}));
+  COMRAD_TRY_ASSIGN(
+      source_,
+      make_batch_source({.config = config_,
+                         .arena = arena_,
+                         .stop = stop_,
+                         .poll = [] {},
+                         .run_dir = run_dir,
+                         .is_off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm_.get()) != nullptr,
+                         .device = ranks_.device(),
+                         .ranks = ranks_}));
   COMRAD_TRY(begin());
   COMRAD_TRY(expect_same_weights(ranks_, *algorithm_));
   COMRAD_TRY(source_->start());
@@ -70,17 +71,20 @@ Status Follower::run() {
   Status result;
   while (result && !told_.load()) {
     const Expected<bool> drained = source_->drain();
-    if (!drained) result = drained.error();
+    result = drained ? ranks_.status() : Status(drained.error());
     if (!result) break;
     if (!*drained) {
       usleep(kNapUs);  // in lock step a stop of the run ends drain() at once
       continue;
     }
     while (std::optional<Sample> sample = source_->sample(algorithm_->version())) {
-      result = update(*sample->rollout_batch);
+      take_in(sample->inserted);
+      if (!sample->has_batch()) continue;
+      result = update(*sample);
       if (!result) break;
       source_->finish(std::move(*sample));
     }
+    if (result) result = ranks_.status();
     if (!result || !lock_step_) continue;
     source_->close_rollout();
     source_->open_rollout(/*goes_on=*/true);
@@ -90,17 +94,31 @@ Status Follower::run() {
   return stop_.requested() ? Status() : result;
 }
 
-Status Follower::update(RolloutBatch& batch) {
-  COMRAD_TRY_ASSIGN(const int64_t transitions, begin_round(ranks_, batch.transitions, algorithm_->version()));
+/// Observes its own part of what came into the replays, and counts all of it.
+void Follower::take_in(const Inserted& inserted) {
+  if (inserted.transitions == 0) return;
+  dynamic_cast<OffPolicyAlgorithm&>(*algorithm_)
+      .observe(inserted.frame, inserted.measurement, inserted.global_state);
+  count(inserted.transitions);
+  source_->feed()->set_env_frames(static_cast<double>(totals_.env_frames));
+}
+
+Status Follower::update(Sample& sample) {
+  COMRAD_TRY_ASSIGN(const int64_t transitions,
+                    begin_round(ranks_, sample.rollout_batch ? sample.rollout_batch->transitions : 0,
+                                algorithm_->version()));
   UpdateContext context;
   context.env_frames = static_cast<double>(totals_.env_frames);
   context.keep_going = [this] { return !told_.load(); };
-  COMRAD_TRY_ASSIGN(const UpdateStats stats,
-                    dynamic_cast<OnPolicyAlgorithm&>(*algorithm_).update(batch, context));
+  COMRAD_TRY_ASSIGN(const UpdateStats stats, update_on(sample, *algorithm_, context));
   COMRAD_TRY(ranks_.status());
-  if (layouts_ && !stats.abandoned) layouts_->score(batch, ranks_);
-  totals_.env_frames += static_cast<uint64_t>(transitions * config_.environment.env_frameskip);
+  if (layouts_ && sample.rollout_batch && !stats.abandoned) layouts_->score(*sample.rollout_batch, ranks_);
+  count(transitions);
   return {};
+}
+
+void Follower::count(int64_t transitions) {
+  totals_.env_frames += static_cast<uint64_t>(transitions * config_.environment.env_frameskip);
 }
 
 /// While it waits for the others.

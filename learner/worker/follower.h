@@ -34,7 +34,9 @@ class Follower {
   Follower(const RunConfig& config, shm::Arena arena, const std::atomic<bool>& stop, RankGroup& ranks);
   Status open(const std::string& run_dir);
   Status begin();
-  Status update(RolloutBatch& batch);
+  void take_in(const Inserted& inserted);
+  Status update(Sample& sample);
+  void count(int64_t transitions);
   Status watch();
 
   const RunConfig config_;

@@ -66,8 +66,7 @@ Status Learner::open() {
                            .run_dir = options_.run_dir,
                            .is_off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm_.get()) != nullptr,
                            .device = device_,
-                           .rank = ranks_.rank(),
-                           .learners = ranks_.count()}));
+                           .ranks = ranks_}));
   }
   COMRAD_TRY(resume());
   COMRAD_TRY(expect_same_weights(ranks_, *algorithm_));
@@ -228,6 +227,11 @@ Status Learner::train() {
       }
       source_->finish(std::move(*sample));
     }
+    if (ranks_.failure()) {
+      COMRAD_TRY(left_by_others(*ranks_.failure(), {}));
+      if (lock_step_) give_up_rollout();
+      return {};
+    }
     if (lock_step_ && has_drained) close_rollout();  // publishes here alone
     save_if_due();
     if (lock_step_ && has_drained) source_->open_rollout(!is_finished());
@@ -264,11 +268,11 @@ Expected<UpdateStats> Learner::update(Sample& sample) {
   const UpdateContext context = update_context();
   const auto updated = [&]() -> Expected<UpdateStats> {
     const ProcessStage stage(Stage::kForwardBackward, {Stage::kCollate, Stage::kOptimizer, Stage::kPublish});
-    return sample.rollout_batch
-               ? dynamic_cast<OnPolicyAlgorithm&>(*algorithm_).update(*sample.rollout_batch, context)
-               : dynamic_cast<OffPolicyAlgorithm&>(*algorithm_).update(*sample.replay_batch, context);
+    return update_on(sample, *algorithm_, context);
   };
   COMRAD_TRY_ASSIGN(UpdateStats stats, updated());
+  // Others are still in the midst of the step: what they say next is no answer to what this one would ask.
+  if (stats.abandoned) ranks_.leave({ErrorCode::kTimeout, "the run stops within an optimizer step"});
   if (ranks_.failure()) {
     COMRAD_TRY_ASSIGN(stats, left_by_others(*ranks_.failure(), stats));
   }

@@ -8,29 +8,35 @@
 #include <cstdio>
 #include <exception>
 
+#include "learner/algorithms/lag_of_ranks.h"
 #include "learner/algorithms/q_learning.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/replay/replay_plan.h"
+#include "rollout_buffer/settings/drawn_batch.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::learn {
 namespace {
 
 constexpr int64_t kPollUs = 50'000;  ///< bound on every wait, so that a stop is seen
+constexpr int64_t kEmptyNapUs = 1000;
 constexpr std::size_t kBatchesAhead = 1;
 /// Of a resumed run without its replay: fewer, and a batch would be the same few decisions again and again.
 constexpr int64_t kBatchesBeforeTraining = 4;
 
-replay::Unit unit_of(const RunConfig& config) {
-  if (config.network.use_rnn) return replay::Unit::kSequence;
-  // One agent's decision is enough where agents learn alone and by one network that does not ask who
-  // they are.
-  const bool alone =
-      config.run.algo->learns_alone() && config.network.share_parameters && !config.network.agent_id_input;
-  return alone ? replay::Unit::kAgentStep : replay::Unit::kJointStep;
+replay::Unit unit_of(DrawnBatch::Unit drawn) {
+  switch (drawn) {
+    case DrawnBatch::Unit::kSequence:
+      return replay::Unit::kSequence;
+    case DrawnBatch::Unit::kJointDecision:
+      return replay::Unit::kJointStep;
+    case DrawnBatch::Unit::kDecisionOfOne:
+      return replay::Unit::kAgentStep;
+  }
+  return replay::Unit::kSequence;
 }
 
 /// Into the log, and onto standard error as a line that the supervisor shows the user
@@ -40,52 +46,78 @@ void note(const std::string& words) {
   std::fprintf(stderr, "learner: note: %s\n", words.c_str());
 }
 
-/// Units in an update.
-int64_t world_count(const RunConfig& config, int64_t num_agents) {
-  if (config.network.use_rnn) return config.q_learning.qmix_batch_sequences;
-  if (!config.run.algo->learns_alone()) return config.q_learning.qmix_batch_joint_decisions;
-  return unit_of(config) == replay::Unit::kAgentStep
-             ? config.q_learning.dqn_batch_decisions
-             : std::max<int64_t>(1, config.q_learning.dqn_batch_decisions / num_agents);
+/// Learners go by what the first one found free on their host.
+Expected<replay::ReplayPlan> plan_of_first(replay::ReplayPlan plan, RankGroup& ranks) {
+  if (ranks.is_alone()) return plan;
+  const Tensor all = ranks.gather(torch::tensor({plan.capacity_bytes, int64_t{plan.compress},
+                                                 plan.fitting_decisions, plan.decisions_before_training},
+                                                torch::kInt64)
+                                      .unsqueeze(0),
+                                  0);
+  plan.file = ranks.from_leader(plan.file);
+  COMRAD_TRY(ranks.status());
+  const int64_t* first = all.data_ptr<int64_t>();
+  plan.capacity_bytes = first[0];
+  plan.compress = first[1] != 0;
+  plan.fitting_decisions = first[2];
+  plan.decisions_before_training = first[3];
+  return plan;
+}
+
+/// Where learner `rank` keeps its part of a replay that the first one saves as `path`.
+std::string path_of_rank(const std::string& path, int rank) {
+  if (rank == 0) return path;
+  const std::size_t dot = path.rfind('.');
+  return path.substr(0, dot) + "." + std::to_string(rank) + path.substr(dot);
 }
 
 }  // namespace
 
 Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config,
                                                          const TrajectoryShape& shape, int64_t weights_bytes,
-                                                         const std::string& run_dir, torch::Device device) {
-  const int64_t agents = shape.env.num_agents;
-  const bool alone = config.run.algo->learns_alone();
+                                                         const std::string& run_dir, torch::Device device,
+                                                         RankGroup* ranks) {
+  RankGroup alone;
+  RankGroup& all = ranks != nullptr ? *ranks : alone;
+  const int64_t agents = shape.env.num_agents, learners = all.count();
+  const bool learns_alone = config.run.algo->learns_alone();
+  const DrawnBatch drawn = drawn_batch(config, agents);
+  if (drawn.units % learners != 0)
+    return Error{ErrorCode::kBadInput, "learners do not divide " + std::string(drawn.setting)};
   const ReplayBatchOptions batch_options{
       .shape = shape,
-      .unit = unit_of(config),
-      .world_count = world_count(config, agents),
+      .unit = unit_of(drawn.unit),
+      .world_count = drawn.units / learners,
       .n_step = config.q_learning.n_step,
       .pay = {.gamma = config.optimisation.gamma,
-              .reward_clip = alone ? config.q_learning.dqn_reward_clip : 0.0},
-      .agents_end = alone,
+              .reward_clip = learns_alone ? config.q_learning.dqn_reward_clip : 0.0},
+      .agents_end = learns_alone,
       .device = device};
   const replay::Unit unit = batch_options.unit;
-  COMRAD_TRY_ASSIGN(const replay::ReplayPlan plan,
+  COMRAD_TRY_ASSIGN(replay::ReplayPlan free_here,
                     replay::replay_plan(config, shape, replay::probe_space(run_dir),
                                         replay::reserved_bytes(config, shape, weights_bytes), run_dir));
+  COMRAD_TRY_ASSIGN(const replay::ReplayPlan plan, plan_of_first(std::move(free_here), all));
+  const replay::ReplayPlan share = plan.share_of(all.rank(), all.count());
   COMRAD_TRY_ASSIGN(
       std::unique_ptr<replay::Replay> replay,
-      replay::Replay::create({.store = {.shape = shape,
-                                        .capacity_bytes = plan.capacity_bytes,
-                                        .capacity_transitions = plan.capacity_transitions,
-                                        .file = plan.file,
-                                        .compress = plan.compress,
-                                        .late_pay = alone ? std::optional(batch_options.pay) : std::nullopt},
-                              .unit = unit,
-                              .prioritized = config.replay.per,
-                              .omega = config.replay.per_omega}));
-  const int64_t capacity = replay->capacity_transitions();
-  note(plan.words());
-  const int64_t samples =
-      batch_options.world_count * (unit == replay::Unit::kSequence    ? config.collection.rollout * agents
-                                   : unit == replay::Unit::kJointStep ? agents
-                                                                      : 1);
+      replay::Replay::create(
+          {.store = {.shape = shape,
+                     .capacity_bytes = share.capacity_bytes,
+                     .capacity_transitions = share.capacity_transitions,
+                     .file = share.file,
+                     .compress = share.compress,
+                     .late_pay = learns_alone ? std::optional(batch_options.pay) : std::nullopt},
+           .unit = unit,
+           .prioritized = config.replay.per,
+           .omega = config.replay.per_omega}));
+  const int64_t capacity = learners * replay->capacity_transitions();
+  if (all.is_leader())
+    note(plan.words() +
+         (all.is_alone() ? "" : "; each of " + std::to_string(learners) + " learners holds a part of it"));
+  const int64_t samples = drawn.units * (unit == replay::Unit::kSequence ? config.collection.rollout * agents
+                                         : unit == replay::Unit::kJointStep ? agents
+                                                                            : 1);
   if (capacity < 10 * samples)
     spdlog::warn("replay: only {:.1f} batches of {} decisions fit; raise --replay_gb or lower the batch",
                  static_cast<double>(capacity) / static_cast<double>(samples), samples);
@@ -96,24 +128,25 @@ Expected<std::unique_ptr<ReplayFeed>> ReplayFeed::create(const RunConfig& config
                            ? config.q_learning.replay_ratio
                            : updates_per_batch * static_cast<double>(samples) /
                                  static_cast<double>(config.optimisation.batch_size);
-  const int64_t slab_transitions = config.collection.rollout * agents;
+  const int64_t piece = learners * config.collection.rollout * agents;  // a slab of each
   const double ahead =
       static_cast<double>(config.collection.num_batches_to_accumulate * config.optimisation.batch_size) *
       ratio;
   const replay::RateLimiterOptions rate{
       .samples_per_insert = ratio,
       .min_size_to_sample = plan.decisions_before_training,
-      .error_buffer =
-          std::max(ahead, static_cast<double>(slab_transitions) * ratio + static_cast<double>(samples))};
-  COMRAD_TRY(replay::validate(rate, slab_transitions, samples));
+      .error_buffer = std::max(ahead, static_cast<double>(piece) * ratio + static_cast<double>(samples))};
+  COMRAD_TRY(replay::validate(rate, piece, samples));
   spdlog::info("replay: {:.3g} decisions are trained on for each new one, {} in an update", ratio, samples);
-  return std::unique_ptr<ReplayFeed>(new ReplayFeed(config, batch_options, std::move(replay), rate, samples));
+  return std::unique_ptr<ReplayFeed>(
+      new ReplayFeed(config, batch_options, std::move(replay), rate, samples, ranks));
 }
 
 ReplayFeed::ReplayFeed(const RunConfig& config, const ReplayBatchOptions& batch_options,
                        std::unique_ptr<replay::Replay> replay, const replay::RateLimiterOptions& rate,
-                       int64_t samples_per_update)
+                       int64_t samples_per_update, RankGroup* ranks)
     : config_(config),
+      ranks_(ranks != nullptr ? *ranks : alone_),
       batch_options_(batch_options),
       samples_per_update_(samples_per_update),
       replay_(std::move(replay)),
@@ -165,10 +198,52 @@ void ReplayFeed::insert(const SlabView& slab, uint32_t length, PolicyVersion lea
       }
     }
   }
-  limiter_.inserted(inserted);
+  if (ranks_.is_alone()) limiter_.inserted(inserted);
 }
 
 Inserted ReplayFeed::take_inserted() {
+  Inserted taken = take_own();
+  if (!ranks_.is_alone()) tell_others(taken);
+  return taken;
+}
+
+void ReplayFeed::tell_others(Inserted& taken) {
+  const ReplayContents own = own_contents();
+  const Tensor all =
+      ranks_.gather(torch::tensor({taken.transitions, own.units, own.transitions, own.capacity_transitions,
+                                   own.used_bytes, own.capacity_bytes, own.broken_decisions},
+                                  torch::kInt64)
+                        .unsqueeze(0),
+                    0);
+  const Tensor sum = all.sum(0);
+  const int64_t* sums = sum.data_ptr<int64_t>();
+  contents_ = {.units = sums[1],
+               .transitions = sums[2],
+               .capacity_transitions = sums[3],
+               .used_bytes = sums[4],
+               .capacity_bytes = sums[5],
+               .broken_decisions = sums[6],
+               .can_be_drawn = all.select(1, 1).min().item<int64_t>() > 0};
+  all_can_draw_ = contents_.can_be_drawn;
+  if (sums[0] == 0) return;
+  taken.lag.valid_fraction = 1;
+  taken.lag = lag_of_ranks(taken.lag, taken.transitions, ranks_);
+  taken.transitions = sums[0];
+  limiter_.inserted(taken.transitions);
+}
+
+ReplayContents ReplayFeed::own_contents() const {
+  const int64_t units = replay_->unit_count();
+  return {.units = units,
+          .transitions = replay_->transition_count(),
+          .capacity_transitions = replay_->capacity_transitions(),
+          .used_bytes = replay_->used_bytes(),
+          .capacity_bytes = replay_->capacity_bytes(),
+          .broken_decisions = replay_->broken_decisions(),
+          .can_be_drawn = units > 0};
+}
+
+Inserted ReplayFeed::take_own() {
   const std::lock_guard lock(inserted_mutex_);
   Inserted taken;
   taken.transitions = inserted_transitions_;
@@ -176,7 +251,7 @@ Inserted ReplayFeed::take_inserted() {
   if (inserted_transitions_ > 0) taken.lag.mean = lag_sum_ / static_cast<double>(inserted_transitions_);
   const EnvShape& env = batch_options_.shape.env;
   const int64_t rows = static_cast<int64_t>(inserted_frames_.size()) / env.frame_bytes();
-  if (rows > 0) {
+  if (config_.network.normalize_input) {
     taken.frame = torch::empty({rows, env.channels, env.height, env.width}, torch::kUInt8);
     std::ranges::copy(inserted_frames_, taken.frame.data_ptr<uint8_t>());
     if (env.measurement_count > 0) {
@@ -184,8 +259,10 @@ Inserted ReplayFeed::take_inserted() {
       std::ranges::copy(inserted_measurements_, taken.measurement.data_ptr<float>());
     }
   }
-  if (!inserted_states_.empty()) {
-    taken.global_state = torch::tensor(inserted_states_, torch::kFloat32).view({-1, env.global_state_count});
+  if (env.global_state_count > 0) {
+    const int64_t states = static_cast<int64_t>(inserted_states_.size()) / env.global_state_count;
+    taken.global_state =
+        torch::tensor(inserted_states_, torch::kFloat32).view({states, env.global_state_count});
   }
   inserted_transitions_ = 0;
   inserted_frames_.clear(), inserted_measurements_.clear(), inserted_states_.clear();
@@ -194,9 +271,7 @@ Inserted ReplayFeed::take_inserted() {
   return taken;
 }
 
-bool ReplayFeed::is_update_due() const {
-  return replay_->unit_count() > 0 && limiter_.can_sample(samples_per_update_);
-}
+bool ReplayFeed::is_update_due() const { return can_draw() && limiter_.can_sample(samples_per_update_); }
 
 std::unique_ptr<ReplayBatch> ReplayFeed::free_batch() {
   const std::lock_guard lock(mutex_);
@@ -207,9 +282,14 @@ std::unique_ptr<ReplayBatch> ReplayFeed::free_batch() {
 }
 
 void ReplayFeed::fill_next(ReplayBatch& batch) {
-  Rng rng(
-      RngKey(static_cast<uint64_t>(config_.run.seed)).split("replay").split(static_cast<uint64_t>(draws_++)));
-  const std::vector<replay::Draw> draws = replay_->draw(batch_options_.world_count, beta(), rng);
+  RngKey key =
+      RngKey(static_cast<uint64_t>(config_.run.seed)).split("replay").split(static_cast<uint64_t>(draws_++));
+  if (!ranks_.is_leader()) key = key.split(static_cast<uint64_t>(ranks_.rank()));
+  Rng rng(key);
+  const double exponent = beta();
+  const std::vector<replay::Draw> draws =
+      replay_->draw(batch_options_.world_count, exponent, rng, &batch.least_probability);
+  batch.weight_exponent = config_.replay.per ? exponent : 1;
   fill(batch, batch_options_, *replay_, draws);
   limiter_.sampled(samples_per_update_);
 }
@@ -218,6 +298,18 @@ std::unique_ptr<ReplayBatch> ReplayFeed::sample() {
   std::unique_ptr<ReplayBatch> batch = free_batch();
   fill_next(*batch);
   return batch;
+}
+
+void ReplayFeed::agree_on_pace() {
+  if (ranks_.is_alone()) return;
+  const Tensor all = ranks_.gather(
+      torch::tensor({limiter_.insert_count(), limiter_.sample_count(), limiter_.min_size_to_sample()},
+                    torch::kInt64)
+          .unsqueeze(0),
+      0);
+  if (all.eq(all.narrow(0, 0, 1)).all().item<bool>()) return;
+  limiter_.restore(0, 0);
+  limiter_.set_min_size(all.select(1, 2).min().item<int64_t>());
 }
 
 void ReplayFeed::start(const shm::Arena& arena) {
@@ -237,17 +329,28 @@ void ReplayFeed::run(const char* name, void (ReplayFeed::*work)()) {
   changed_.notify_all();
 }
 
-void ReplayFeed::feed() {
+/// How much more the pace has counted once another slab is in; others insert as much in the meantime.
+int64_t ReplayFeed::counts_before_insert() {
   const int64_t slab_transitions = config_.collection.rollout * batch_options_.shape.env.num_agents;
+  if (ranks_.is_alone()) return slab_transitions;
+  const std::lock_guard lock(inserted_mutex_);
+  return ranks_.count() * (inserted_transitions_ + slab_transitions);
+}
+
+void ReplayFeed::feed() {
+  // An environment stays with one learner, where the trajectory before this one is.
+  const shm::EnvShare share{.rank = ranks_.rank(), .count = ranks_.count(), .block = ranks_.count()};
   StageClock stage;
   stage.begin();
   while (!stop_) {
     stage.end(Stage::kCollate);
     // Slabs stay sealed while the learner is behind, so that simulators wait in the end.
-    if (limiter_.wait_to_insert(slab_transitions, kPollUs / 1000) != replay::WaitResult::kReady) continue;
+    if (can_draw() &&
+        limiter_.wait_to_insert(counts_before_insert(), kPollUs / 1000) != replay::WaitResult::kReady)
+      continue;
     shm::Doorbell& sealed = arena_->control().slab_sealed;
     const uint32_t heard = shm::listen(sealed);
-    const std::vector<uint32_t> slabs = arena_->drain_slabs(1);
+    const std::vector<uint32_t> slabs = arena_->drain_slabs(1, share);
     for (const uint32_t slab : slabs) {
       insert(*arena_, slab, arena_->weights_version());
       arena_->release_slab(slab);
@@ -273,7 +376,10 @@ void ReplayFeed::draw() {
       if (full_.size() >= kBatchesAhead) continue;
     }
     if (limiter_.wait_to_sample(samples_per_update_, kPollUs / 1000) != replay::WaitResult::kReady) continue;
-    if (replay_->unit_count() == 0) continue;
+    if (!can_draw()) {
+      std::this_thread::sleep_for(std::chrono::microseconds(kEmptyNapUs));
+      continue;
+    }
     std::unique_ptr<ReplayBatch> batch = sample();
     {
       const std::lock_guard lock(mutex_);
@@ -312,15 +418,36 @@ std::string ReplayFeed::failure() const {
   return failure_;
 }
 
-Status ReplayFeed::save(StateDict& state, const std::string& folder, const std::string& file) const {
-  COMRAD_TRY(replay_->save(folder + "/" + file));
+Status ReplayFeed::save(StateDict& state, const std::string& folder, const std::string& file) {
+  const std::string path = ranks_.from_leader(folder + "/" + file);
+  const Status saved = replay_->save(path);
+  const bool have_all_saved = ranks_.all(saved.has_value());
+  COMRAD_TRY(saved);
+  if (ranks_.failure()) {
+    spdlog::warn("replay: another learner is gone ({}); the checkpoint holds none",
+                 ranks_.failure()->message);
+    return {};
+  }
+  if (!have_all_saved)
+    return Error{ErrorCode::kNotSaved, "another learner could not write its replay; its log says why"};
   state.put("replay/file", file);
+  state.put("replay/learners", int64_t{ranks_.count()});
   state.put("replay/inserted", limiter_.insert_count());
   state.put("replay/sampled", limiter_.sample_count());
   state.put("replay/draws", draws_);
   state.put("replay/capacity_bytes", replay_->capacity_bytes());
   state.put("replay/compressed", int64_t{replay_->options().store.compress});
   return {};
+}
+
+void ReplayFeed::meet_before_drain() {
+  if (ranks_.is_alone() || !config_.replay.save_replay) return;
+  for (std::string path = ranks_.from_leader(""); !path.empty() && !ranks_.failure();
+       path = ranks_.from_leader("")) {
+    const Status saved = replay_->save(path_of_rank(path, ranks_.rank()));
+    if (!saved) spdlog::error("{}", saved.error().message);
+    (void)ranks_.all(saved.has_value());
+  }
 }
 
 void ReplayFeed::save_position(StateDict& state) const { beta_.save(state, "replay/per_beta"); }
@@ -348,6 +475,13 @@ Status ReplayFeed::load(const StateDict& state, const std::string& folder, bool 
   COMRAD_TRY_ASSIGN(const int64_t inserted, state.integer("replay/inserted"));
   COMRAD_TRY_ASSIGN(const int64_t sampled, state.integer("replay/sampled"));
   COMRAD_TRY_ASSIGN(const int64_t draws, state.integer("replay/draws"));
+  int64_t learners = 1;  // a checkpoint that does not say is of the time when one was all
+  if (state.has("replay/learners")) {
+    COMRAD_TRY_ASSIGN(learners, state.integer("replay/learners"));
+  }
+  if (learners != ranks_.count())
+    return begin_without_replay(state, "the checkpoint's replay is that of " + std::to_string(learners) +
+                                           " learners, now they are " + std::to_string(ranks_.count()));
   if (file.find('/') != std::string::npos)
     return Error{ErrorCode::kBadFormat, "replay/file is \"" + file + "\"; it must be a file of the folder"};
   if (config_.collection.deterministic && state.has("replay/capacity_bytes")) {
@@ -361,7 +495,7 @@ Status ReplayFeed::load(const StateDict& state, const std::string& folder, bool 
       COMRAD_TRY_ASSIGN(replay_, replay::Replay::create(options));
     }
   }
-  if (const Status loaded = replay_->load(folder + "/" + file); !loaded) {
+  if (const Status loaded = replay_->load(path_of_rank(folder + "/" + file, ranks_.rank())); !loaded) {
     if (config_.collection.deterministic)
       return Error{loaded.error().code,
                    loaded.error().message +

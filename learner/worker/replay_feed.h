@@ -1,6 +1,13 @@
 // The way of an off-policy run's data: sealed slabs go into the replay, batches come out of it.
 // Asynchronously a feeding and a sampling thread do both while the learner trains; in lock step the learner
 // does it itself, one thing after the other. Stage: drain > store > sample.
+//
+// Several learners have a replay each, of the trajectories of some of the environments, and one pace: when an update is
+// due follows from what came in and what was drawn in all of them. A learner tells the others what came in when it takes
+// it (take_inserted), so all count the same, and draw the next batch after the same insert.
+//
+//   slabs of its environments -> replay -> its part of a batch ─┐
+//                        └ count ─ added up over the ranks ──> pace
 #pragma once
 
 #include <atomic>
@@ -17,13 +24,14 @@
 #include "learner/algorithms/linear_schedule.h"
 #include "learner/batch/replay_batch.h"
 #include "learner/checkpoint/checkpoint.h"
+#include "learner/ranks/rank_group.h"
 #include "rollout_buffer/replay/rate_limiter.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::learn {
 
-/// What came in since the last look.
+/// What came in since the last look. Counts and lag are of all learners, tensors are this one's.
 struct Inserted {
   int64_t transitions = 0;  ///< agent decisions
   Tensor frame;         ///< u8  [B, C, H, W] what was decided on, for the input statistics; may be undefined
@@ -32,25 +40,39 @@ struct Inserted {
   LagStats lag;         ///< learner's version minus the one that acted, when it came in
 };
 
+/// What the replays of all learners hold together.
+struct ReplayContents {
+  int64_t units = 0, transitions = 0, capacity_transitions = 0;
+  int64_t used_bytes = 0, capacity_bytes = 0;
+  int64_t broken_decisions = 0;  ///< found so far
+  bool can_be_drawn = false;     ///< every one of them has a unit
+};
+
 class ReplayFeed {
  public:
   /// Makes the replay that the settings ask for (replay_plan.h) and says in the log how much it holds.
   /// `run_dir`: where its file is made if memory is too small. Errors: kBadInput, kNoSpace of the replay (naming
-  /// the flags). `device` trains: frames are decoded into memory that it copies by itself.
+  /// the flags). `device` trains: frames are decoded into memory that it copies by itself. `ranks`: the learners, which
+  /// make theirs together, each its part; null: one. Outlives the feed.
   static Expected<std::unique_ptr<ReplayFeed>> create(const RunConfig& config, const TrajectoryShape& shape,
                                                       int64_t weights_bytes, const std::string& run_dir = "",
-                                                      torch::Device device = torch::kCPU);
+                                                      torch::Device device = torch::kCPU,
+                                                      RankGroup* ranks = nullptr);
   ~ReplayFeed();
 
   /// Stores a slab. The rate at which samples may be drawn follows.
   void insert(const SlabView& slab, uint32_t length, PolicyVersion learner_version,
               const replay::SlabOrigin& origin = {});
   void insert(const shm::Arena& arena, uint32_t slab, PolicyVersion learner_version);
+  /// All learners take at once, and know of each other's from then on.
   Inserted take_inserted();
   /// Env frames counted so far; places the importance weights' exponent.
   void set_env_frames(double env_frames) { env_frames_ = env_frames; }
   /// The importance weights' exponent now: in a line from per_beta_start to 1, see LinearSchedule.
   double beta() const { return beta_.at(env_frames_); }
+
+  /// Before the first slab: learners that do not all have the replay of their checkpoint count from 0 together.
+  void agree_on_pace();
 
   // Lock step.
   bool is_update_due() const;
@@ -77,10 +99,15 @@ class ReplayFeed {
     return limiter_.inserts_per_sample() * static_cast<double>(samples_per_update_);
   }
   int waiting() const;
-  int64_t broken_decisions() const { return replay_->broken_decisions(); }
+  /// Of several learners as they were at the last take_inserted().
+  ReplayContents contents() const { return ranks_.is_alone() ? own_contents() : contents_; }
 
-  /// The replay to a file in `folder`, and its name and counters into `state`. Errors: those of Replay::save.
-  Status save(StateDict& state, const std::string& folder, const std::string& file) const;
+  /// The replay to a file in `folder`, and its name and counters into `state`; the other learners write theirs beside it.
+  /// Where one of them is gone, the checkpoint has no replay. Errors: those of Replay::save.
+  Status save(StateDict& state, const std::string& folder, const std::string& file);
+  /// With save_replay learners meet here before they drain: the first one says that it is not about to save; the others
+  /// save what it asks for until it says so.
+  void meet_before_drain();
   /// What belongs into a checkpoint without its replay, too.
   void save_position(StateDict& state) const;
   /// Goes on from a checkpoint. Of this run (`is_own`): takes over what save() left. Without a replay this one
@@ -92,8 +119,13 @@ class ReplayFeed {
  private:
   ReplayFeed(const RunConfig& config, const ReplayBatchOptions& batch_options,
              std::unique_ptr<replay::Replay> replay, const replay::RateLimiterOptions& rate,
-             int64_t samples_per_update);
+             int64_t samples_per_update, RankGroup* ranks);
   Status begin_without_replay(const StateDict& state, const std::string& reason);
+  ReplayContents own_contents() const;
+  Inserted take_own();
+  void tell_others(Inserted& taken);
+  bool can_draw() const { return replay_->unit_count() > 0 && (ranks_.is_alone() || all_can_draw_); }
+  int64_t counts_before_insert();
   void feed();
   void draw();
   void run(const char* name, void (ReplayFeed::*work)());
@@ -101,11 +133,15 @@ class ReplayFeed {
   void fill_next(ReplayBatch& batch);
 
   const RunConfig config_;
+  RankGroup alone_;
+  RankGroup& ranks_;
   const ReplayBatchOptions batch_options_;
-  const int64_t samples_per_update_;  ///< agent decisions
+  const int64_t samples_per_update_;  ///< agent decisions, of all learners
   std::unique_ptr<replay::Replay> replay_;
   replay::RateLimiter limiter_;
-  const int64_t min_size_to_sample_;  ///< agent decisions, of a fresh run
+  const int64_t min_size_to_sample_;        ///< agent decisions, of a fresh run
+  ReplayContents contents_;                 ///< of all learners
+  std::atomic<bool> all_can_draw_ = false;  ///< of contents_, for the threads
   LinearSchedule beta_;
   std::atomic<double> env_frames_ = 0;
   int64_t draws_ = 0;  ///< batches drawn; keys the chance

@@ -106,11 +106,12 @@ void Reporter::append_replay(MetricValues& values, const ReplayFeed& feed) const
   values.emplace_back(mixes ? "train/pending_transition_debt" : "train/dqn_pending_steps",
                       feed.decisions_pending());
   if (!mixes) values.emplace_back("train/dqn_steps_per_update", feed.decisions_per_update());
-  values.emplace_back("train/buffer_size", feed.replay().unit_count());
-  values.emplace_back("train/buffer_transitions", feed.replay().transition_count());
-  values.emplace_back("train/buffer_capacity", feed.replay().capacity_transitions());
-  values.emplace_back("train/buffer_bytes", feed.replay().used_bytes());
-  values.emplace_back("train/buffer_capacity_bytes", feed.replay().capacity_bytes());
+  const ReplayContents contents = feed.contents();
+  values.emplace_back("train/buffer_size", contents.units);
+  values.emplace_back("train/buffer_transitions", contents.transitions);
+  values.emplace_back("train/buffer_capacity", contents.capacity_transitions);
+  values.emplace_back("train/buffer_bytes", contents.used_bytes);
+  values.emplace_back("train/buffer_capacity_bytes", contents.capacity_bytes);
   values.emplace_back("train/version_diff_avg", lag_.mean);
   values.emplace_back("train/version_diff_min", static_cast<double>(lag_.min));
   values.emplace_back("train/version_diff_max", static_cast<double>(lag_.max));

@@ -115,6 +115,11 @@ int64_t RateLimiter::sample_count() const {
   return sampled_;
 }
 
+int64_t RateLimiter::min_size_to_sample() const {
+  const std::lock_guard lock(mutex_);
+  return options_.min_size_to_sample;
+}
+
 void RateLimiter::restore(int64_t insert_count, int64_t sample_count) {
   const std::lock_guard lock(mutex_);
   inserted_ = insert_count;

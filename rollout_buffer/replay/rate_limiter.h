@@ -53,6 +53,7 @@ class RateLimiter {
   double inserts_per_sample() const;
   int64_t insert_count() const;
   int64_t sample_count() const;
+  int64_t min_size_to_sample() const;
   /// Takes over the counts of a checkpoint.
   void restore(int64_t insert_count, int64_t sample_count);
   /// The first sample comes after so many inserts, at least 1. Before the first one.

@@ -88,12 +88,13 @@ int64_t Replay::insert(const SlabView& slab, uint32_t length, const SlabOrigin& 
   return id == kNoItem ? 0 : int64_t{store_.item(id).length()} * store_.shape().env.num_agents;
 }
 
-std::vector<Draw> Replay::draw(int64_t count, double beta, Rng& rng) {
+std::vector<Draw> Replay::draw(int64_t count, double beta, Rng& rng, double* least_probability) {
   std::vector<Pick> picks;
   std::vector<Draw> draws;
   if (count <= 0) return draws;
   const std::lock_guard lock(unit_mutex_);
   sampler_->draw(count, beta, rng, picks);
+  if (least_probability != nullptr) *least_probability = sampler_->least_probability();
   draws.reserve(picks.size());
   for (const Pick& pick : picks) {
     const UnitPlace& place = units_[static_cast<std::size_t>(pick.serial - sampler_->first())];

@@ -56,8 +56,9 @@ class Replay {
   int64_t insert(const SlabView& slab, uint32_t length, const SlabOrigin& origin = {});
 
   /// `count` units with replacement; none while unit_count() is 0. Prioritised: one from each of `count`
-  /// segments of equal probability mass, with weights of exponent `beta`.
-  std::vector<Draw> draw(int64_t count, double beta, Rng& rng);
+  /// segments of equal probability mass, with weights of exponent `beta`. `least_probability` becomes that of the
+  /// unit which is drawn least often.
+  std::vector<Draw> draw(int64_t count, double beta, Rng& rng, double* least_probability = nullptr);
 
   /// Calls `use(store)` under the lock that keeps items alive. Not for long: an insert waits meanwhile. No
   /// call of this object from inside.

@@ -16,8 +16,8 @@ namespace {
 constexpr double kBytesPerGigabyte = 1e9;
 /// Short trajectories and masks take more than whole ones without; what is not touched costs no memory.
 constexpr double kSlack = 1.1;
-constexpr int64_t kShareOfMemory = 3;  // one part in so many
-constexpr int64_t kLeastTrajectories = 10;
+constexpr int64_t kShareOfMemory = 3;                // one part in so many
+constexpr int64_t kLeastTrajectories = 10;           // of each learner
 constexpr int64_t kTorchProgramBytes = 600'000'000;  // learner and policy workers, each
 constexpr int64_t kSimulatorBytes = 100'000'000;
 constexpr int64_t kWeightCopies = 8;  // both networks, gradients of several threads, two moments
@@ -57,8 +57,10 @@ int64_t reserved_bytes(const RunConfig& config, const TrajectoryShape& shape, in
           ? config.q_learning.qmix_batch_sequences * (config.collection.rollout + 1) * env.num_agents
           : 2 * std::max(config.q_learning.dqn_batch_decisions,
                          config.q_learning.qmix_batch_joint_decisions * env.num_agents);
-  return shm::Arena::size_bytes(arena) + kWeightCopies * arena.weights_bytes +
-         3 * batch_rows * env.frame_bytes() + (1 + config.collection.policy_workers) * kTorchProgramBytes +
+  const int64_t learners = config.collection.learners;
+  return shm::Arena::size_bytes(arena) + learners * kWeightCopies * arena.weights_bytes +
+         3 * batch_rows * env.frame_bytes() +
+         (learners + config.collection.policy_workers) * kTorchProgramBytes +
          config.collection.num_workers * kSimulatorBytes;
 }
 
@@ -94,7 +96,7 @@ Expected<ReplayPlan> replay_plan(const RunConfig& config, const TrajectoryShape&
   } else {
     const bool on_disk = !plan.file.empty();
     allowed = on_disk ? space.disk_bytes / kShareOfMemory : left / kShareOfMemory;
-    allowed = std::max(allowed, kLeastTrajectories * per_trajectory);
+    allowed = std::max(allowed, config.collection.learners * kLeastTrajectories * per_trajectory);
     plan.capacity_bytes = std::min(allowed, wanted);
     plan.reason =
         bytes_text(allowed) + " is a third of what is free " + (on_disk ? "on the disk" : "in memory");
@@ -111,6 +113,15 @@ Expected<ReplayPlan> replay_plan(const RunConfig& config, const TrajectoryShape&
   plan.decisions_before_training =
       std::max<int64_t>(1, starts < plan.fitting_decisions ? starts : plan.fitting_decisions / 2);
   return plan;
+}
+
+ReplayPlan ReplayPlan::share_of(int rank, int learners) const {
+  ReplayPlan share = *this;
+  share.capacity_bytes /= learners;
+  share.capacity_transitions = std::max<int64_t>(1, capacity_transitions / learners);  // 0 would be no limit
+  share.fitting_decisions /= learners;
+  if (rank > 0 && !share.file.empty()) share.file += "." + std::to_string(rank);
+  return share;
 }
 
 std::string ReplayPlan::words() const {

@@ -36,6 +36,10 @@ struct ReplayPlan {
   int64_t decisions_before_training =
       0;  ///< learning_starts_decisions, or half of those that fit if that is less
 
+  /// The part of learner `rank` of `learners`: a replay of its own, in a file of its own. When training begins is for all
+  /// of them together to say, and stays.
+  ReplayPlan share_of(int rank, int learners) const;
+
   /// "replay: room for 35840 agent decisions in 3.1 GB (why); learning begins with 17920".
   std::string words() const;
 };

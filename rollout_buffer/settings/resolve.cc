@@ -9,6 +9,7 @@
 #include "rollout_buffer/core/parts.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/counts_with.h"
+#include "rollout_buffer/settings/drawn_batch.h"
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad {
@@ -176,17 +177,33 @@ Status check_learners(const RunConfig& c) {
   const auto refuse = [&](const std::string& message) {
     return Error{ErrorCode::kBadInput, "learners is " + std::to_string(learners) + "; " + message};
   };
-  if (c.run.algo->learns_q_values()) return refuse(c.run.algo.name() + " has one learner, so it must be 1");
+  // What `count` would be next where learners share it without a remainder.
+  const auto divided = [learners](int64_t count) { return (count / learners + 1) * learners; };
   const int64_t slab_rows = c.collection.rollout * c.environment.num_agents,
                 slabs = c.optimisation.batch_size * c.optimisation.num_batches_per_epoch / slab_rows,
                 env_count = c.collection.num_workers * c.collection.num_envs_per_worker;
+  const bool draws = c.run.algo->learns_q_values();
+  if (draws) {
+    const DrawnBatch drawn = drawn_batch(c, c.environment.num_agents);
+    if (drawn.units % learners != 0)
+      return refuse("an update's " + std::to_string(drawn.units) +
+                    (drawn.unit == DrawnBatch::Unit::kSequence ? " sequences" : " decisions") +
+                    " are not divided by it without a remainder; set --" + std::string(drawn.setting) + " " +
+                    std::to_string(divided(drawn.units) * drawn.setting_value_per_unit));
+    if (env_count < learners)
+      return refuse("each has a replay of the trajectories of some environments, and there are " +
+                    std::to_string(env_count) +
+                    "; raise --num_workers or --num_envs_per_worker, or lower --learners");
+  }
+  // Asynchronous Q-learning counts what comes in, and takes it in by single trajectories.
+  if (draws && c.collection.async_rl) return {};
   if (slabs % learners != 0)
     return refuse(
         "a batch of " + std::to_string(slabs) +
         " trajectories (batch_size x num_batches_per_epoch / (rollout x num_agents)) is not divided by it "
         "without a remainder; set --batch_size " +
-        std::to_string((slabs / learners + 1) * learners * slab_rows / c.optimisation.num_batches_per_epoch));
-  if ((slabs / learners) % c.optimisation.num_batches_per_epoch != 0)
+        std::to_string(divided(slabs) * slab_rows / c.optimisation.num_batches_per_epoch));
+  if (!draws && (slabs / learners) % c.optimisation.num_batches_per_epoch != 0)
     return refuse("each has " + std::to_string(slabs / learners) +
                   " trajectories of a batch, which num_batches_per_epoch " +
                   std::to_string(c.optimisation.num_batches_per_epoch) +
@@ -262,9 +279,8 @@ Status resolve_settings(RunConfig& config, int core_count) {
     COMRAD_TRY(resolve_deterministic_batches(c));
   }
 
-  COMRAD_TRY(check_learners(c));
-
   if (c.run.algo->learns_q_values()) resolve_q_learning(c);
+  COMRAD_TRY(check_learners(c));
 
   // One slab in the hands of every environment, the batches that wait, one in training, and slack for the
   // moment between sealing and draining. In lock step a rollout is sealed while the next one may not

@@ -141,11 +141,13 @@ TEST(Deterministic, TwoLearnersGiveTheWeightsOfOneThatAddsTheSameMicroBatches) {
   }
 }
 
-TEST(Deterministic, QmixAndIdqnResumedHalfWayEqualNeverStopping) {
+TEST(Deterministic, QmixIdqnAndTwoLearnersOfVdnResumedHalfWayEqualNeverStopping) {
   const ScratchFolder scratch;
-  for (const std::string algo : {"qmix", "idqn"}) {
+  for (const std::string algo : {"qmix", "idqn", "vdn"}) {
     const std::vector<std::string> settings = {"--algo",
                                                algo,
+                                               "--learners",
+                                               algo == "vdn" ? "2" : "1",
                                                "--learning_starts_decisions",
                                                "200",
                                                "--qmix_batch_sequences",
@@ -154,7 +156,7 @@ TEST(Deterministic, QmixAndIdqnResumedHalfWayEqualNeverStopping) {
                                                "0.05",
                                                "--dqn_batch_decisions",
                                                "32",
-                                               "--dqn_max_updates_per_batch",
+                                               "--replay_ratio",
                                                "1",
                                                "--critic_state",
                                                "global",

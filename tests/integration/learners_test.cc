@@ -125,6 +125,56 @@ TEST(Learners, AStopOfTheRunEndsBothAndSavesWhatTheyLearned) {
   EXPECT_TRUE(processes_of(run).empty());
 }
 
+/// Q-learning that begins soon, with small batches.
+std::vector<std::string> two_q_learners(const ScratchFolder& scratch, const std::string& algo,
+                                        double env_steps) {
+  return two_learners(scratch, env_steps,
+                      {"--algo", algo, "--learning_starts_decisions", "500", "--qmix_batch_sequences", "4",
+                       "--dqn_batch_decisions", "32", "--replay_ratio", "1", "--replay_gb", "0.05"});
+}
+
+TEST(Learners, OfQlearningTrainToTheEndFromReplaysOfTheirOwn) {
+  const ScratchFolder scratch;
+  const Ending ending = RunningProgram(two_q_learners(scratch, "qmix", 8000)).wait(120);
+  ASSERT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_THAT(ending.err, HasSubstr("each of 2 learners holds a part of it"));
+  const std::string run = scratch / "run";
+  EXPECT_TRUE(processes_of(run).empty());
+  const nlohmann::json account = checked_account(run);
+  EXPECT_EQ(account["trained"].get<int64_t>() * 4, static_cast<int64_t>(env_frames(run)));
+  const nlohmann::json last = read_json_lines(run + "/metrics.jsonl").back();
+  EXPECT_GT(last["train/num_sgd_steps"].get<double>(), 0);
+  EXPECT_GT(last["train/buffer_transitions"].get<double>(), 1000) << "of both";
+  EXPECT_THAT(read_text(run + "/logs/learner-1.log"), HasSubstr("stopped"));
+}
+
+TEST(Learners, OfQlearningBeginAgainTogetherWhereOneDies) {
+  const ScratchFolder scratch;
+  const std::string run = scratch / "run";
+  RunningProgram training(two_q_learners(scratch, "idqn", 1e9));
+  ASSERT_TRUE(wait_until([&] { return env_frames(run) > 4096 || !training.running(); }, 60));
+  ASSERT_TRUE(training.running()) << training.wait(1).err;
+  ASSERT_TRUE(wait_until([&] { return !files(run + "/checkpoint", "checkpoint_", ".pt").empty(); }, 30));
+  const Learners before = learners_of(run);
+  ASSERT_EQ(before.others.size(), 1u);
+  kill(before.others[0], SIGKILL);
+  ASSERT_TRUE(wait_until(
+      [&] {
+        const Learners now = learners_of(run);
+        return now.first > 0 && now.first != before.first && now.others.size() == 1;
+      },
+      30))
+      << read_text(run + "/logs/supervisor.log");
+  ASSERT_TRUE(learns_on(run, 4096));
+  training.signal(SIGTERM);
+  const Ending ending = training.wait(kStopSeconds * patience());
+  EXPECT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_TRUE(wait_until([&] { return processes_of(run).empty(); }, 5)) << "something is left";
+  checked_account(run);
+  EXPECT_THAT(read_text(run + "/logs/learner-0.log"),
+              HasSubstr("learner 1 of 2 was killed by signal 9 (Killed); all learners begin again"));
+}
+
 TEST(Learners, RefuseWhatTheyCannotShare) {
   const ScratchFolder scratch;
   const auto refusal = [&](const std::vector<std::string>& more) {
@@ -132,7 +182,10 @@ TEST(Learners, RefuseWhatTheyCannotShare) {
     EXPECT_EQ(ending.exit_code, 2);
     return ending.err;
   };
-  EXPECT_THAT(refusal({"--algo", "qmix"}), HasSubstr("learners is 2; qmix has one learner, so it must be 1"));
+  EXPECT_THAT(
+      refusal({"--algo", "qmix", "--qmix_batch_sequences", "7"}),
+      HasSubstr("learners is 2; an update's 7 sequences are not divided by it without a remainder; set "
+                "--qmix_batch_sequences 8"));
   EXPECT_THAT(
       refusal({"--learners", "3"}),
       HasSubstr("learners is 3; a batch of 8 trajectories (batch_size x num_batches_per_epoch / "

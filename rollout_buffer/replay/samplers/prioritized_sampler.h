@@ -22,6 +22,9 @@ class PrioritizedSampler : public Sampler {
   void pop(int64_t count) override;
   void draw(int64_t count, double beta, Rng& rng, std::vector<Pick>& picks) const override;
   void set_priorities(std::span<const int64_t> serials, std::span<const float> abs_td) override;
+  double least_probability() const override {
+    return size() > 0 ? tree_.min_positive() / tree_.total() : 0.0;
+  }
   SamplerState state() const override;
   void restore(const SamplerState& state, int64_t count) override;
 

@@ -37,6 +37,9 @@ class Sampler {
   /// passed over.
   virtual void set_priorities(std::span<const int64_t> serials, std::span<const float> abs_td) = 0;
 
+  /// The probability of the unit that draw() takes least often; 0 where there are no units.
+  virtual double least_probability() const = 0;
+
   virtual SamplerState state() const = 0;
   /// Takes over a state of `count` units. The caller has checked that it makes sense.
   virtual void restore(const SamplerState& state, int64_t count) = 0;

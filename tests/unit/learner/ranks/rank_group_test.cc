@@ -12,14 +12,16 @@
 #include <map>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "learner/algorithms/happo.h"
 #include "learner/algorithms/mappo.h"
+#include "learner/algorithms/value_decomposition.h"
 #include "learner/worker/layout_service.h"
 #include "policy_workers/policy/torch_ops.h"
+#include "tests/support/in_ranks.h"
 #include "tests/support/noise_batch.h"
+#include "tests/support/same_value.h"
 
 namespace comrad::learn {
 namespace {
@@ -28,23 +30,8 @@ using testing::all_equal;
 using testing::copies;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using testing::in_ranks;
 using ::testing::SizeIs;
-
-/// Calls work(ranks) in a thread of each rank.
-void in_ranks(int count, const std::function<void(RankGroup&)>& work) {
-  const int rendezvous = memfd_create("ranks", MFD_CLOEXEC);
-  ASSERT_GE(rendezvous, 0);
-  std::vector<std::thread> threads;
-  for (int rank = 0; rank < count; ++rank)
-    threads.emplace_back([&, rank] {
-      auto ranks =
-          RankGroup::join({.rank = rank, .count = count, .rendezvous = rendezvous, .join_timeout_s = 20}, {});
-      ASSERT_TRUE(ranks) << ranks.error().message;
-      work(**ranks);
-    });
-  for (std::thread& thread : threads) thread.join();
-  close(rendezvous);
-}
 
 Tensor row(int rank) { return torch::full({1, 3}, 10 + rank, torch::kFloat32); }
 
@@ -248,6 +235,150 @@ TEST(TwoLearners, AreOneLearnerBitForBitWhereTheKlDecides) {
                            }});
 }
 
+// The same of Q-learning: a batch of one learner, and its halves.
+
+/// Two worlds of noise, in which an episode is cut, one ends, an agent is out of the game and a trajectory is short; or
+/// three decisions of each.
+ReplayBatch drawn_batch_of(const RunConfig& config, const TrajectoryShape& shape, uint64_t seed) {
+  const int steps = shape.rollout_steps, agents = shape.env.num_agents;
+  testing::SlabPool pool(shape, 2);
+  pool.fill_with_noise(seed);
+  pool.view(0).truncated(1) = 1;
+  pool.view(0).final_index(1) = 0;
+  pool.view(1).terminated(2) = 1;
+  pool.view(1).agent_active(1, 1) = pool.view(1).agent_active(2, 1) = 0;
+  auto replay = *replay::Replay::create({.store = {.shape = shape, .capacity_bytes = 1 << 24}});
+  replay->insert(pool.view(0), static_cast<uint32_t>(steps));
+  replay->insert(pool.view(1), static_cast<uint32_t>(steps - 1));
+  std::vector<replay::Draw> draws;
+  const bool are_sequences = config.network.use_rnn,
+             of_one = config.run.algo->learns_alone() && !are_sequences;
+  for (int item = 0; item < 2; ++item)
+    for (int step = 0; step < (are_sequences ? 1 : 3); ++step)
+      draws.push_back({.item = item,
+                       .step = are_sequences ? -1 : step,
+                       .agent = of_one ? step % agents : -1,
+                       .weight = 0.5 + 0.1 * static_cast<double>(draws.size()),
+                       .serial = static_cast<int64_t>(draws.size())});
+  const ReplayBatchOptions options{.shape = shape,
+                                   .unit = are_sequences ? replay::Unit::kSequence
+                                           : of_one      ? replay::Unit::kAgentStep
+                                                         : replay::Unit::kJointStep,
+                                   .world_count = static_cast<int64_t>(draws.size()),
+                                   .pay = {.gamma = config.optimisation.gamma},
+                                   .agents_end = config.run.algo->learns_alone()};
+  ReplayBatch batch = make_replay_batch(options);
+  fill(batch, options, *replay, draws);
+  return batch;
+}
+
+void expect_two_draw_as_one(const Case& with) {
+  constexpr int kAgents = 2;
+  RunConfig config = testing::small_config(with.algo, kAgents);
+  config.collection.learner_threads = 1;
+  config.mixers.mixer = config.run.algo->mixer_name;
+  config.network.normalize_input = true;
+  config.q_learning.team_reward = TeamReward::kSum;
+  config.optimisation.learning_rate = 1e-3;
+  if (with.change) with.change(config);
+  TrajectoryShape shape = testing::small_shape(config, kAgents);
+  shape.env.measurement_count = 3;
+  if (config.network.critic_state == CriticState::kGlobal) shape.env.global_state_count = 5;
+  const ReplayBatch like = drawn_batch_of(config, shape, 1);  // a half is a micro-batch
+  config.optimisation.micro_batch_size = like.rows() / 2 * (like.steps() + 1);
+  constexpr uint64_t kUpdates = 3;
+  // The second half comes from a replay whose rarest unit is drawn twice as often as that of the first.
+  constexpr double kFirst = 0.01, kSecond = 0.02, kExponent = 0.5;
+  const auto half_of = [](const ReplayBatch& whole, int rank) {
+    const int64_t worlds = whole.world_count / 2;
+    ReplayBatch half = narrow_worlds(whole, rank * worlds, worlds);
+    half.weight = half.weight.clone();
+    half.least_probability = rank == 0 ? kFirst : kSecond;
+    half.weight_exponent = kExponent;
+    return half;
+  };
+  // In the first look one of the learners has nothing new.
+  const auto observe = [&](OffPolicyAlgorithm& learner, const ReplayBatch& whole, int64_t first,
+                           int64_t end) {
+    learner.observe(whole.frame[0].slice(0, first, end), whole.measurement[0].slice(0, first, end),
+                    whole.global_state.defined()
+                        ? whole.global_state[0].slice(0, first / kAgents, end / kAgents)
+                        : Tensor());
+  };
+
+  const std::unique_ptr<Algorithm> made = make(config, shape);
+  auto& one = dynamic_cast<OffPolicyAlgorithm&>(*made);
+  std::vector<std::map<std::string, double>> reports;
+  std::vector<Tensor> errors;
+  for (uint64_t seed = 1; seed <= kUpdates; ++seed) {
+    ReplayBatch batch = drawn_batch_of(config, shape, seed);
+    const int64_t worlds = batch.world_count / 2;
+    observe(one, batch, 0, batch.rows());
+    batch.weight.narrow(0, worlds, worlds).mul_(std::pow(kFirst / kSecond, kExponent));
+    const Expected<UpdateStats> stats = one.update(batch, {});
+    ASSERT_TRUE(stats);
+    ASSERT_EQ(stats->optimizer_steps, 1);
+    reports.push_back(testing::values_of(*stats));
+    errors.push_back(batch.abs_td);
+  }
+
+  in_ranks(2, [&](RankGroup& ranks) {
+    const std::unique_ptr<Algorithm> part = make(config, shape);
+    auto& half = dynamic_cast<OffPolicyAlgorithm&>(*part);
+    ASSERT_TRUE(half.learn_with(ranks));
+    for (uint64_t seed = 1; seed <= kUpdates; ++seed) {
+      const ReplayBatch whole = drawn_batch_of(config, shape, seed);
+      const int64_t mine = seed == 1 ? whole.rows() * (1 - ranks.rank()) : whole.rows() / 2;
+      observe(half, whole, ranks.rank() == 0 ? 0 : whole.rows() - mine,
+              ranks.rank() == 0 ? mine : whole.rows());
+      ReplayBatch batch = half_of(whole, ranks.rank());
+      const Expected<UpdateStats> stats = half.update(batch, {});
+      ASSERT_TRUE(stats);
+      std::map<std::string, double> report = testing::values_of(*stats);
+      for (const auto& [name, value] : reports[seed - 1])
+        EXPECT_NEAR(report[name], value, 1e-5 * (1 + std::abs(value))) << name << ", update " << seed;
+      EXPECT_TRUE(at::equal(batch.abs_td,
+                            errors[seed - 1].narrow(0, ranks.rank() * batch.world_count, batch.world_count)));
+    }
+    EXPECT_FALSE(ranks.failure());
+    StateDict state, expected;
+    half.save(state);
+    one.save(expected);
+    EXPECT_EQ(state.values().size(), expected.values().size());
+    for (const auto& [key, value] : expected.values())
+      EXPECT_TRUE(test::same_value(value, state.values().at(key)))
+          << key << ", rank " << ranks.rank() << " of " << with.algo;
+  });
+}
+
+TEST(TwoLearners, AreOneLearnerBitForBitWithIdqn) {
+  expect_two_draw_as_one({.algo = "idqn"});
+  expect_two_draw_as_one({.algo = "idqn", .change = [](RunConfig& config) {
+                            config.network.use_rnn = false;
+                            config.q_learning.normalize_q_values = true;
+                          }});
+}
+
+TEST(TwoLearners, AreOneLearnerBitForBitWithVdnAndABurnIn) {
+  expect_two_draw_as_one({.algo = "vdn", .change = [](RunConfig& config) { config.q_learning.burn_in = 1; }});
+}
+
+TEST(TwoLearners, AreOneLearnerBitForBitWithQmixAndTheGlobalState) {
+  expect_two_draw_as_one({.algo = "qmix", .change = [](RunConfig& config) {
+                            config.network.critic_state = CriticState::kGlobal;
+                            config.q_learning.normalize_q_values = true;
+                          }});
+}
+
+TEST(TwoLearners, AreOneLearnerBitForBitWithBothQplex) {
+  expect_two_draw_as_one({.algo = "qplex_d"});
+  expect_two_draw_as_one({.algo = "qplex_q", .change = [](RunConfig& config) {
+                            config.network.use_rnn = false;
+                            config.q_learning.target_update_tau = 1;
+                            config.q_learning.target_update_interval = 2;
+                          }});
+}
+
 // Whatever the moment: the update ends, without an exception, and no step is taken.
 TEST(TwoLearners, TakeNoStepWhereTheOtherLeavesInTheMidstOfIt) {
   RunConfig config = testing::small_config("ippo", 2);
@@ -259,7 +390,7 @@ TEST(TwoLearners, TakeNoStepWhereTheOtherLeavesInTheMidstOfIt) {
   for (const int said : {0, 1, 2, 3})
     in_ranks(2, [&](RankGroup& ranks) {
       if (ranks.rank() == 1 && said < 3) {
-        if (said > 0) ranks.gather(torch::zeros({1, 6}, torch::kFloat64), 0);
+        if (said > 0) ranks.gather(torch::zeros({1, 7}, torch::kFloat64), 0);
         if (said > 1) ranks.gather(torch::zeros({config.collection.rollout, 2, 3}), 1);
         return;
       }
@@ -300,13 +431,21 @@ TEST(TwoLearners, ScoreLayoutsByWhatAllOfThemSaw) {
   });
 }
 
+/// An algorithm of somebody's own that does not say what several learners add up.
+class LearnsAlone : public ValueDecomposition {
+ public:
+  explicit LearnsAlone(const RunConfig& config)
+      : ValueDecomposition(config, testing::small_shape(config, 2).env, torch::kCPU) {}
+  Status learn_with(RankGroup& ranks) override { return Algorithm::learn_with(ranks); }
+};
+
 TEST(TwoLearners, AreRefusedWhereAnAlgorithmLearnsAlone) {
-  RunConfig config = testing::small_config("qmix", 2);
-  const std::unique_ptr<Algorithm> qmix = make(config, testing::small_shape(config, 2));
+  RunConfig config = testing::small_config("vdn", 2);
+  config.mixers.mixer = "vdn";
   RankGroup alone;
-  EXPECT_TRUE(qmix->learn_with(alone));
+  EXPECT_TRUE(LearnsAlone(config).learn_with(alone));
   in_ranks(2, [&](RankGroup& ranks) {
-    const Status refused = qmix->learn_with(ranks);
+    const Status refused = LearnsAlone(config).learn_with(ranks);
     ASSERT_FALSE(refused);
     EXPECT_EQ(refused.error().code, ErrorCode::kUnsupported);
   });

@@ -2,12 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
+#include "tests/support/in_ranks.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/slab_pool.h"
 
 namespace comrad::learn {
 namespace {
 
+using testing::in_ranks;
 using testing::SlabPool;
 
 constexpr int kRollout = 8, kAgents = 2;
@@ -37,8 +41,8 @@ RunConfig config_of() {
   return config;
 }
 
-std::unique_ptr<ReplayFeed> feed_of(const RunConfig& config) {
-  auto feed = ReplayFeed::create(config, shape_of(), 1 << 20);
+std::unique_ptr<ReplayFeed> feed_of(const RunConfig& config, RankGroup* ranks = nullptr) {
+  auto feed = ReplayFeed::create(config, shape_of(), 1 << 20, "", torch::kCPU, ranks);
   EXPECT_TRUE(feed) << feed.error().message;
   return std::move(*feed);
 }
@@ -117,6 +121,102 @@ TEST(ReplayFeed, ADeterministicRunResumesWithTheCapacityItBeganWith) {
   EXPECT_EQ(resumed->replay().options().store.compress, feed->replay().options().store.compress);
   EXPECT_EQ(resumed->replay().transition_count(), feed->replay().transition_count());
   EXPECT_TRUE(resumed->is_update_due());
+}
+
+/// Inserts `count` slabs of noise, and tells the others.
+Inserted insert(ReplayFeed& feed, int count, uint64_t seed) {
+  const SlabPool pool(shape_of(), 1);
+  pool.fill_with_noise(seed);
+  for (int i = 0; i < count; ++i) feed.insert(pool.view(0), kRollout, 0);
+  return feed.take_inserted();
+}
+
+constexpr int kSlab = kRollout * kAgents;
+
+TEST(TwoReplays, KeepOnePaceByWhatCameIntoBoth) {
+  RunConfig config = config_of();
+  config.collection.learners = 2;
+  config.replay.replay_capacity_decisions = 4000;
+  in_ranks(2, [&](RankGroup& ranks) {
+    const bool is_first = ranks.is_leader();
+    const auto feed = feed_of(config, &ranks);
+    feed->agree_on_pace();
+    EXPECT_EQ(feed->replay().options().store.capacity_transitions, 2000);
+    // More than training waits for; but one replay has none yet.
+    Inserted taken = insert(*feed, is_first ? 63 : 0, 1);
+    EXPECT_EQ(taken.transitions, 63 * kSlab) << "of both";
+    EXPECT_EQ(feed->filled(), 1);
+    EXPECT_FALSE(feed->is_update_due());
+    taken = insert(*feed, is_first ? 0 : 1, 2);
+    EXPECT_EQ(taken.transitions, kSlab);
+    EXPECT_EQ(feed->contents().transitions, 64 * kSlab);
+    EXPECT_EQ(feed->contents().broken_decisions, 0);
+    int updates = 0;
+    for (; feed->is_update_due(); ++updates) {
+      const std::unique_ptr<ReplayBatch> batch = feed->sample();
+      EXPECT_EQ(batch->world_count, 8) << "half of 16";
+      EXPECT_NEAR(batch->least_probability, 1.0 / (is_first ? 63 * kSlab : kSlab), 1e-9);
+    }
+    EXPECT_GT(updates, 0);
+    const std::vector<double> of_both = ranks.add_up({static_cast<double>(updates)});
+    EXPECT_EQ(of_both[0], 2 * updates) << "as often in both";
+    EXPECT_FALSE(ranks.failure());
+  });
+}
+
+TEST(TwoReplays, AreSavedBesideEachOtherAndLoadedByAsManyLearners) {
+  const test::ScratchFolder folder;
+  RunConfig config = config_of();
+  config.replay.save_replay = true;
+  config.collection.learners = 2;
+  StateDict state;
+  in_ranks(2, [&](RankGroup& ranks) {
+    const auto feed = feed_of(config, &ranks);
+    insert(*feed, ranks.rank() == 0 ? 40 : 30, 1);
+    if (ranks.is_leader()) {
+      state = checkpoint(*feed, 1, 4032);
+      EXPECT_TRUE(feed->save(state, folder.string(), "replay_1_4032.bin"));
+      feed->meet_before_drain();
+    } else {
+      feed->meet_before_drain();  // saves, and is told to go on
+    }
+  });
+  in_ranks(2, [&](RankGroup& ranks) {
+    const auto feed = feed_of(config, &ranks);
+    ASSERT_TRUE(feed->load(state, folder.string(), true));
+    EXPECT_EQ(feed->replay().transition_count(), (ranks.rank() == 0 ? 40 : 30) * kSlab);
+    feed->agree_on_pace();
+    insert(*feed, 1, 2);
+    EXPECT_TRUE(feed->is_update_due()) << "72 slabs are more than training waits for";
+  });
+  // One has lost its file: both count anew.
+  std::filesystem::remove(folder / "replay_1_4032.1.bin");
+  in_ranks(2, [&](RankGroup& ranks) {
+    const auto feed = feed_of(config, &ranks);
+    ASSERT_TRUE(feed->load(state, folder.string(), true));
+    feed->agree_on_pace();
+    insert(*feed, 1, 2);
+    EXPECT_FALSE(feed->is_update_due());
+    insert(*feed, 1, 3);
+    EXPECT_TRUE(feed->is_update_due()) << "four batches of 16";
+  });
+  const auto one = feed_of(config_of());
+  ASSERT_TRUE(one->load(state, folder.string(), true));
+  EXPECT_EQ(one->replay().transition_count(), 0) << "another number of learners";
+}
+
+TEST(TwoReplays, AFeedThatIsToSaveAfterOthersLeftHasNoReplayToName) {
+  const test::ScratchFolder folder;
+  RunConfig config = config_of();
+  config.replay.save_replay = true;
+  in_ranks(2, [&](RankGroup& ranks) {
+    const auto feed = feed_of(config, &ranks);
+    ranks.leave({ErrorCode::kTimeout, "the run stops"});
+    if (!ranks.is_leader()) return;
+    StateDict state;
+    EXPECT_TRUE(feed->save(state, folder.string(), "replay_1_4032.bin"));
+    EXPECT_FALSE(state.has("replay/file"));
+  });
 }
 
 }  // namespace

@@ -375,8 +375,39 @@ TEST(ResolveSettings, LearnersShareBatchesAndCoresOrSayWhatDoesNotDivide) {
     spoil(wrong);
     return resolve_error(wrong);
   };
-  EXPECT_THAT(refused([](RunConfig& c) { c.run.algo = "qmix"; }),
-              HasSubstr("learners is 3; qmix has one learner, so it must be 1"));
+  EXPECT_THAT(
+      refused([](RunConfig& c) { c.run.algo = "qmix"; }),
+      HasSubstr("learners is 3; an update's 8 sequences are not divided by it without a remainder; set "
+                "--qmix_batch_sequences 9"));
+  EXPECT_THAT(refused([](RunConfig& c) { c.run.algo = "qmix", c.network.use_rnn = false; }),
+              HasSubstr("32 decisions are not divided by it without a remainder; set "
+                        "--qmix_batch_joint_decisions 33"));
+  EXPECT_THAT(
+      refused([](RunConfig& c) { c.run.algo = "idqn", c.network.use_rnn = false; }),
+      HasSubstr("256 decisions are not divided by it without a remainder; set --dqn_batch_decisions 258"));
+  EXPECT_THAT(
+      refused([](RunConfig& c) {
+        c.run.algo = "idqn", c.network.use_rnn = false;
+        c.network.agent_id_input = true;  // decisions of both agents are drawn
+      }),
+      HasSubstr("128 decisions are not divided by it without a remainder; set --dqn_batch_decisions 258"));
+  EXPECT_THAT(refused([](RunConfig& c) {
+                c.run.algo = "vdn", c.q_learning.qmix_batch_sequences = 9;
+                c.collection.num_workers = 1, c.collection.num_envs_per_worker = 2;
+              }),
+              HasSubstr("trajectories of some environments, and there are 2; raise --num_workers"));
+  // What comes in by single trajectories need not be divided; what lock step takes in at a time must be.
+  const auto vdn_of_three = [](RunConfig& c) {
+    c.run.algo = "vdn", c.q_learning.qmix_batch_sequences = 9;
+    c.collection.learners = 3;
+  };
+  config = two_agents();
+  vdn_of_three(config);
+  EXPECT_TRUE(resolve_settings(config, 4));
+  config = two_agents();
+  vdn_of_three(config);
+  config.collection.async_rl = false;
+  EXPECT_THAT(resolve_error(config), HasSubstr("a batch of 64 trajectories"));
   EXPECT_THAT(refused([](RunConfig&) {}), HasSubstr("a batch of 64 trajectories"));
   EXPECT_THAT(refused([](RunConfig&) {}), HasSubstr("set --batch_size 4224"));
   EXPECT_THAT(refused([](RunConfig& c) {
