@@ -19,7 +19,7 @@ QLearning::SampleLoss Idqn::loss_of(const Scene& scene) const {
     torch::NoGradGuard no_grad;
     const Tensor best = next_action(scene);
     const Tensor next =
-        policy::chosen_entries(scene.target.next, best, env_) * (batch.bootstrap.unsqueeze(-1) * q_sigma());
+        policy::chosen_entries(scene.target.next, best, env_) * (batch.bootstrap.unsqueeze(-1) * scene.sigma);
     const auto per_head = [&](const Tensor& of_rows) {
       return of_rows.unsqueeze(-1).expand_as(next).flatten(1).contiguous();
     };
@@ -34,11 +34,11 @@ QLearning::SampleLoss Idqn::loss_of(const Scene& scene) const {
                          .legacy_timeouts = config_.optimisation.legacy_timeouts})
                  .view_as(next);
   }
-  const Tensor error = chosen - target / q_sigma();
+  const Tensor error = chosen - target / scene.sigma;
   return {.loss = loss_of_error(error).mean(-1),
           .regularizer = {},
-          .error = error.detach().abs().mean(-1) * q_sigma(),
-          .predicted = chosen.detach().mean(-1) * q_sigma(),
+          .error = error.detach().abs().mean(-1) * scene.sigma,
+          .predicted = chosen.detach().mean(-1) * scene.sigma,
           .target = target.mean(-1),
           .unclamped = {},
           .head_entropy = {}};

@@ -3,6 +3,7 @@
 #include <torch/csrc/autograd/autograd.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <utility>
 
@@ -12,7 +13,9 @@
 #include "learner/batch/masked.h"
 #include "learner/estimators/td_targets.h"
 #include "policy_workers/device/host_wait_counter.h"
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/readback.h"
+#include "policy_workers/device/work_counter.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "policy_workers/policy/utilities.h"
 #include "rollout_buffer/core/log.h"
@@ -72,6 +75,28 @@ Tensor with_finals(Tensor rows, const Tensor& step, const Tensor& row, const Ten
   return rows;
 }
 
+/// Repeats a batch's last cut until there are 1, 2, 4, 8 ... of them, so that few recordings fit all batches. What is put
+/// twice at a place is the same.
+void round_up_cuts(ReplayBatch& batch) {
+  const int64_t agents = batch.shape.env.num_agents;
+  const auto cuts = static_cast<uint64_t>(batch.final_row.size()) / static_cast<uint64_t>(agents);
+  if (std::has_single_bit(cuts) || cuts == 0) return;
+  Tensor kept = torch::arange(static_cast<int64_t>(std::bit_ceil(cuts)), torch::kInt64);
+  kept.clamp_max_(static_cast<int64_t>(cuts) - 1);
+  const Tensor rows = (kept.unsqueeze(1) * agents + torch::arange(agents, torch::kInt64)).flatten();
+  for (Tensor* field : {&batch.final_frame, &batch.final_measurement})
+    if (field->defined()) *field = field->index_select(0, rows.to(field->device()));
+  if (batch.final_global_state.defined())
+    batch.final_global_state =
+        batch.final_global_state.index_select(0, kept.to(batch.final_global_state.device()));
+  for (std::vector<int64_t>* places : {&batch.final_step, &batch.final_row}) {
+    std::vector<int64_t> more;
+    for (int64_t i = 0; i < rows.numel(); ++i)
+      more.push_back((*places)[static_cast<std::size_t>(rows.data_ptr<int64_t>()[i])]);
+    *places = std::move(more);
+  }
+}
+
 using LossSums = QLearning::LossSums;
 enum class How { kAdd, kMax, kMin };
 /// What a micro-batch says, and how micro-batches come together.
@@ -114,7 +139,12 @@ QLearning::QLearning(const RunConfig& config, const EnvShape& env, torch::Device
       optimizer_(parameters_of(net_, mixer_.get()), AdamSettings::from(config)),
       target_parameters_(parameters_of(target_net_, target_mixer_.get())),
       schedule_(config),
-      pool_(threads_for_parts(config, device)) {}
+      pool_(threads_for_parts(config, device)) {
+  follow_.record_at_second_replay(device, [this] {
+    for (std::size_t i = 0; i < target_parameters_.size(); ++i)
+      target_parameters_[i].lerp_(parameters()[i], config_.q_learning.target_update_tau);
+  });
+}
 
 int64_t QLearning::parameter_count() const {
   int64_t count = 0;
@@ -194,11 +224,34 @@ QLearning::QValues QLearning::q_values(const policy::PolicyNet& net, const Micro
   return values;
 }
 
+void QLearning::visit_fields(Micro& micro, const std::function<void(Tensor&)>& visit) {
+  ReplayBatch &batch = micro.batch, &before = micro.before;
+  for (Tensor* field : {&batch.frame,
+                        &batch.measurement,
+                        &batch.action_mask,
+                        &batch.agent_active,
+                        &batch.action,
+                        &batch.reward,
+                        &batch.bootstrap,
+                        &batch.terminated,
+                        &batch.truncated,
+                        &batch.valid,
+                        &batch.reset,
+                        &batch.recurrent_state,
+                        &batch.weight,
+                        &batch.final_frame,
+                        &batch.final_measurement,
+                        &batch.global_state,
+                        &batch.final_global_state,
+                        &micro.final_row,
+                        &micro.final_step,
+                        &before.frame,
+                        &before.measurement,
+                        &before.reset})
+    if (field->defined()) visit(*field);
+}
+
 std::vector<QLearning::Micro> QLearning::micros_of(const ReplayBatch& batch) const {
-  const auto to_device = [this](std::initializer_list<Tensor*> fields) {
-    for (Tensor* field : fields)
-      if (field->defined()) *field = field->to(device_, /*non_blocking=*/true);
-  };
   const int64_t worlds = micro_worlds(batch);
   std::vector<Micro> micros;
   for (int64_t begin = 0; begin < batch.world_count; begin += worlds) {
@@ -211,17 +264,12 @@ std::vector<QLearning::Micro> QLearning::micros_of(const ReplayBatch& batch) con
       if (micro.batch.measurement.defined())
         micro.before.measurement = micro.batch.measurement.narrow(0, 0, count);
       micro.before.reset = micro.batch.reset.narrow(0, 0, count);
-      to_device({&micro.before.frame, &micro.before.measurement, &micro.before.reset});
       micro.batch = steps_from(micro.batch, count, micro.batch.recurrent_state);
     }
+    if (records_steps()) round_up_cuts(micro.batch);
     micro.final_row = torch::tensor(micro.batch.final_row, torch::kInt64);
     micro.final_step = torch::tensor(micro.batch.final_step, torch::kInt64);
-    to_device({&micro.batch.frame, &micro.batch.measurement, &micro.batch.action_mask,
-               &micro.batch.agent_active, &micro.batch.action, &micro.batch.reward, &micro.batch.bootstrap,
-               &micro.batch.terminated, &micro.batch.truncated, &micro.batch.valid, &micro.batch.reset,
-               &micro.batch.recurrent_state, &micro.batch.weight, &micro.batch.final_frame,
-               &micro.batch.final_measurement, &micro.batch.global_state, &micro.batch.final_global_state,
-               &micro.final_row, &micro.final_step});
+    visit_fields(micro, [this](Tensor& field) { field = field.to(device_, /*non_blocking=*/true); });
   }
   return micros;
 }
@@ -265,12 +313,18 @@ QLearning::Scene QLearning::scene_of(const Micro& micro) const {
   return scene;
 }
 
-QLearning::Part QLearning::part_of(const Micro& micro, double valid_count) const {
+QLearning::Divisors QLearning::divisors_of(const Totals& totals) const {
+  return {.samples = torch::full({}, totals.trained, torch::kFloat64),
+          .sigma = torch::full({}, q_sigma(), torch::kFloat64)};
+}
+
+QLearning::Part QLearning::part_of(const Micro& micro, const Divisors& divisors) const {
   Part part;
-  const Scene scene = scene_of(micro);
+  Scene scene = scene_of(micro);
+  scene.sigma = divisors.sigma;
   const SampleLoss sample = loss_of(scene);
   const Tensor valid = sample_valid(scene.batch).to(torch::kFloat32);
-  const Tensor share = valid / valid_count;
+  const Tensor share = valid / divisors.samples;
   const int64_t samples_of_world = valid.size(1) / micro.batch.world_count;
   const Tensor importance = scene.batch.weight.unsqueeze(1).expand({-1, samples_of_world}).reshape({1, -1});
   Tensor loss = (sample.loss * share * importance).sum();
@@ -289,7 +343,7 @@ QLearning::Part QLearning::part_of(const Micro& micro, double valid_count) const
   const Tensor utility = policy::chosen_utility(scene.online.now, scene.batch.action, env_).detach();
   const Tensor taken = scene.batch.valid.to(torch::kBool);
   const Tensor spread = scene.online.now.detach().std(-1, /*unbiased=*/false).mean();
-  const Tensor of_row = scene.batch.valid.to(torch::kFloat32) / std::max(1.0, valid_count) *
+  const Tensor of_row = scene.batch.valid.to(torch::kFloat32) / divisors.samples *
                         (static_cast<double>(valid.size(1)) / static_cast<double>(micro.batch.rows()));
   part.numbers = torch::stack(
       {// in the order of kNumbers
@@ -306,7 +360,7 @@ QLearning::Part QLearning::part_of(const Micro& micro, double valid_count) const
        (sample.target.ne(unclamped) * share).sum()});
   part.loss = (loss + regularizer).detach();
   const Tensor counted = valid.view({valid.size(0), micro.batch.world_count, samples_of_world});
-  const Tensor errors = sample.error.view_as(counted) * counted / q_sigma();
+  const Tensor errors = sample.error.view_as(counted) * counted / divisors.sigma;
   part.abs_td = errors.sum(2).sum(0) / counted.sum(2).sum(0).clamp_min(1.0);
   if (config_.replay.per_sequences && valid.size(0) > 1)
     part.abs_td = config_.replay.per_eta * errors.amax({0, 2}) + (1 - config_.replay.per_eta) * part.abs_td;
@@ -340,17 +394,17 @@ QLearning::Totals QLearning::totals_of(const ReplayBatch& batch) {
           .least_probability = all.select(1, 5).min().item<double>()};
 }
 
-bool QLearning::add_gradient(const std::vector<Micro>& micros, double valid_count,
-                             const UpdateContext& context, Numbers& numbers) {
+bool QLearning::add_gradient(const std::vector<Micro>& micros, const Divisors& divisors,
+                             const std::function<bool()>& keep_going, Numbers& numbers) {
   const bool is_done = sum_gradients<Part>(
       pool_, parameters(), static_cast<int64_t>(micros.size()),
-      [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], valid_count); },
+      [&](int64_t i) { return part_of(micros[static_cast<std::size_t>(i)], divisors); },
       [&](const Part& part) {
         numbers.of_parts.push_back(part.numbers);
         numbers.abs_td.push_back(part.abs_td);
         numbers.loss = numbers.loss.defined() ? numbers.loss + part.loss : part.loss;
       },
-      context.keep_going);
+      keep_going);
   if (!is_done) return false;
   if (ranks_->is_alone()) return true;
   ranks_->add_up_gradients(parameters());
@@ -387,11 +441,78 @@ LossSums QLearning::Numbers::sums(const double* values, int64_t worlds, ReplayBa
 
 bool QLearning::accumulate_gradient(ReplayBatch& batch, const UpdateContext& context, LossSums& sums) {
   Numbers numbers;
-  if (!add_gradient(micros_of(batch), totals_of(batch).trained, context, numbers)) return false;
+  if (!add_gradient(micros_of(batch), divisors_of(totals_of(batch)), context.keep_going, numbers))
+    return false;
   device::Readback read(at::cat(numbers.to_read()).to(torch::kFloat64));
   read.wait();
   sums = numbers.sums(read.values(), worlds_of_all(batch), batch);
   return true;
+}
+
+bool QLearning::records_steps() const { return !device::has_own_kernels(device_) && ranks_->is_alone(); }
+
+std::optional<Tensor> QLearning::give(const std::vector<Micro>& micros, const Totals& totals,
+                                      const UpdateContext& context, UpdateStats& stats, Numbers& numbers) {
+  if (records_steps()) {
+    if (context.keep_going && !context.keep_going()) return std::nullopt;
+    StepGuard::count_step(version_, stats);
+    return give_recorded(micros, totals, numbers);
+  }
+  optimizer_.zero_grad();
+  if (!add_gradient(micros, divisors_of(totals), context.keep_going, numbers)) return std::nullopt;
+  return with_optimizer(numbers,
+                        guard_.step(optimizer_, numbers.loss, schedule_.learning_rate(), version_, stats));
+}
+
+Tensor QLearning::with_optimizer(const Numbers& numbers, const Tensor& taken_and_norm) const {
+  std::vector<Tensor> to_read = numbers.to_read();
+  to_read.push_back(taken_and_norm);
+  to_read.push_back(optimizer_.max_second_moment().reshape({1}));
+  return at::cat(to_read).to(torch::kFloat64);
+}
+
+Tensor QLearning::give_recorded(const std::vector<Micro>& micros, const Totals& totals, Numbers& numbers) {
+  RecordedStep& recorded = recorded_step(micros);
+  {
+    torch::NoGradGuard no_grad;
+    std::vector<Tensor> fields;
+    for (Micro micro : micros) visit_fields(micro, [&](Tensor& field) { fields.push_back(field); });
+    std::size_t next = 0;
+    for (Micro& micro : recorded.micros)
+      visit_fields(micro, [&](Tensor& field) { field.copy_(fields[next++], /*non_blocking=*/true); });
+    const Tensor settings = device::host_memory({3}, torch::kFloat64, device_);
+    const Divisors divisors = divisors_of(totals);
+    settings[0].copy_(divisors.samples);
+    settings[1].copy_(divisors.sigma);
+    settings[2].fill_(schedule_.learning_rate());
+    recorded.settings.copy_(settings, /*non_blocking=*/true);
+  }
+  recorded.graph.replay();
+  numbers = recorded.numbers;
+  return recorded.outcome;
+}
+
+QLearning::RecordedStep& QLearning::recorded_step(const std::vector<Micro>& micros) {
+  std::vector<std::vector<int64_t>> shapes;
+  for (Micro micro : micros)
+    visit_fields(micro, [&](const Tensor& field) { shapes.push_back(field.sizes().vec()); });
+  for (const auto& made : recorded_steps_)
+    if (made->shapes == shapes) return *made;
+  RecordedStep& made = *recorded_steps_.emplace_back(std::make_unique<RecordedStep>());
+  made.shapes = std::move(shapes);
+  made.micros = micros;
+  for (Micro& micro : made.micros)
+    visit_fields(micro, [](Tensor& field) { field = torch::empty_like(field); });
+  made.settings = torch::empty({3}, torch::TensorOptions(torch::kFloat64).device(device_));
+  made.graph.record_at_second_replay(device_, [this, &made] {
+    optimizer_.zero_grad();
+    made.numbers = {};
+    (void)add_gradient(made.micros, {.samples = made.settings[0], .sigma = made.settings[1]}, {},
+                       made.numbers);
+    const device::OptimizerScope scope;
+    made.outcome = with_optimizer(made.numbers, optimizer_.step(made.settings[2], made.numbers.loss));
+  });
+  return made;
 }
 
 Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext& context) {
@@ -414,15 +535,12 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
   const std::vector<Micro> micros = micros_of(batch);
   {
     const device::StepScope nothing_waits;
-    optimizer_.zero_grad();
-    if (!add_gradient(micros, totals.trained, context, numbers)) {
+    const std::optional<Tensor> outcome = give(micros, totals, context, stats, numbers);
+    if (!outcome) {
       stats.abandoned = true;
       return stats;
     }
-    std::vector<Tensor> to_read = numbers.to_read();
-    to_read.push_back(guard_.step(optimizer_, numbers.loss, schedule_.learning_rate(), version_, stats));
-    to_read.push_back(optimizer_.max_second_moment().reshape({1}));
-    read = device::Readback(at::cat(to_read).to(torch::kFloat64));
+    read = device::Readback(*outcome);
   }
   stats.rows_trained += batch.steps() * batch.rows();
   read.wait();
@@ -458,14 +576,9 @@ Expected<UpdateStats> QLearning::update(ReplayBatch& batch, const UpdateContext&
 
 void QLearning::update_targets() {
   torch::NoGradGuard no_grad;
-  const bool copies = config_.q_learning.target_update_tau == 1;
-  if (copies && version_ % static_cast<PolicyVersion>(config_.q_learning.target_update_interval) != 0) return;
-  for (std::size_t i = 0; i < target_parameters_.size(); ++i) {
-    if (copies)
-      target_parameters_[i].copy_(parameters()[i]);
-    else
-      target_parameters_[i].lerp_(parameters()[i], config_.q_learning.target_update_tau);
-  }
+  if (config_.q_learning.target_update_tau < 1) return follow_.replay();
+  if (version_ % static_cast<PolicyVersion>(config_.q_learning.target_update_interval) != 0) return;
+  for (std::size_t i = 0; i < target_parameters_.size(); ++i) target_parameters_[i].copy_(parameters()[i]);
 }
 
 void QLearning::rescale_outputs(double before, double after) {
@@ -547,6 +660,7 @@ Status QLearning::load(const StateDict& state) {
       COMRAD_TRY(state.copy_tensor("target_mixer/" + key, tensor));
   }
   net_.state_changed();
+  recorded_steps_.clear();  // moments may move
   COMRAD_TRY(optimizer_.load(state, "optimizer"));
   COMRAD_TRY(schedule_.load(state));
   version_ = progress.version;

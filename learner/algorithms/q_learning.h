@@ -26,7 +26,9 @@
 
 #include <torch/types.h>
 
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -37,6 +39,7 @@
 #include "learner/algorithms/q_scale.h"
 #include "learner/algorithms/step_guard.h"
 #include "learner/critics/mixer.h"
+#include "policy_workers/device/queue.h"
 #include "policy_workers/policy/policy_net.h"
 
 namespace comrad::learn {
@@ -105,6 +108,7 @@ class QLearning : public OffPolicyAlgorithm {
     Tensor state,
         next_state;  ///< f32 [T, W, S] the worlds' true states, normalised; undefined where mixers see none
     QValues online, target;
+    Tensor sigma;         ///< f64 []: q_sigma()
     Tensor mask() const;  ///< of the observations that were decided on; undefined as above
   };
   /// Loss of every sample; S = R (each agent's decision) or W (each world's).
@@ -165,12 +169,41 @@ class QLearning : public OffPolicyAlgorithm {
   };
   Totals totals_of(const ReplayBatch& batch);
   int64_t worlds_of_all(const ReplayBatch& batch) const { return batch.world_count * ranks_->count(); }
+  /// What a step divides by, f64 [] each.
+  struct Divisors {
+    Tensor samples;  ///< Totals::trained
+    Tensor sigma;    ///< q_sigma()
+  };
+  Divisors divisors_of(const Totals& totals) const;
+  /// What a step asks of a device, recorded: its gradient, the clip and the optimizer's step.
+  struct RecordedStep {
+    std::vector<std::vector<int64_t>>
+        shapes;                 ///< of the micro-batches' fields: others have recordings of their own
+    std::vector<Micro> micros;  ///< what it reads; each batch is copied there
+    Tensor settings;            ///< f64 [3]: Divisors, the learning rate
+    Numbers numbers;
+    Tensor outcome;  ///< f64 [K]: what update() reads
+    device::Graph graph;
+  };
+  /// Whether steps are recorded: on a device, by one learner.
+  bool records_steps() const;
+  /// The recording for micro-batches of these shapes, made where there is none.
+  RecordedStep& recorded_step(const std::vector<Micro>& micros);
+  /// Gives the device a whole step. Returns what it will say, f64 [K]: with_optimizer(). Nothing when keep_going() said no, or
+  /// a rank has left.
+  std::optional<Tensor> give(const std::vector<Micro>& micros, const Totals& totals,
+                             const UpdateContext& context, UpdateStats& stats, Numbers& numbers);
+  /// The same as one piece.
+  Tensor give_recorded(const std::vector<Micro>& micros, const Totals& totals, Numbers& numbers);
+  /// Numbers::to_read(), AdamOptimizer::step()'s two, the largest second moment.
+  Tensor with_optimizer(const Numbers& numbers, const Tensor& taken_and_norm) const;
   /// Adds the gradient of a whole batch, of all ranks. False when keep_going() said no, or a rank has left.
-  bool add_gradient(const std::vector<Micro>& micros, double valid_count, const UpdateContext& context,
-                    Numbers& numbers);
+  bool add_gradient(const std::vector<Micro>& micros, const Divisors& divisors,
+                    const std::function<bool()>& keep_going, Numbers& numbers);
+  static void visit_fields(Micro& micro, const std::function<void(Tensor&)>& visit);
   /// The micro-batches of a batch, all on the device before the step begins.
   std::vector<Micro> micros_of(const ReplayBatch& batch) const;
-  Part part_of(const Micro& micro, double valid_count) const;
+  Part part_of(const Micro& micro, const Divisors& divisors) const;
   Scene scene_of(const Micro& micro) const;
   QValues q_values(const policy::PolicyNet& net, const Micro& micro, const Tensor& recurrent_state,
                    bool has_gradient) const;
@@ -180,6 +213,8 @@ class QLearning : public OffPolicyAlgorithm {
 
   AdamOptimizer optimizer_;
   std::vector<Tensor> target_parameters_;
+  device::Graph follow_;  ///< of the targets, where they do after each step
+  std::vector<std::unique_ptr<RecordedStep>> recorded_steps_;
   LrSchedule schedule_;
   QScale scale_;
   StepGuard guard_;

@@ -50,7 +50,7 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
                        .contiguous(),
          .terminated = first_of(batch.terminated),
          .truncated = first_of(batch.truncated),
-         .next_value = next * (first_of(batch.bootstrap) * q_sigma()),
+         .next_value = next * (first_of(batch.bootstrap) * scene.sigma),
          .valid = sample_valid(batch).contiguous()},
         {.gamma = config_.optimisation.gamma,
          .n_step = steps > 1 ? config_.q_learning.n_step : 1,
@@ -59,11 +59,11 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
     if (config_.q_learning.q_value_clamp > 0)
       target = unclamped.clamp(-config_.q_learning.q_value_clamp, config_.q_learning.q_value_clamp);
   }
-  const Tensor error = q_tot - target / q_sigma();
+  const Tensor error = q_tot - target / scene.sigma;
   return {.loss = loss_of_error(error),
           .regularizer = by_time(mixed.regularizer),
-          .error = error.detach().abs() * q_sigma(),
-          .predicted = q_tot.detach() * q_sigma(),
+          .error = error.detach().abs() * scene.sigma,
+          .predicted = q_tot.detach() * scene.sigma,
           .target = target,
           .unclamped = unclamped,
           .head_entropy = by_time(mixed.head_entropy)};

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <set>
@@ -52,6 +53,18 @@ Tensor first_logits(const RunConfig& config, const EnvShape& env, torch::Device 
   return net.step(frame.to(device), {}, recurrent_state.to(device)).logits.to(torch::kCPU);
 }
 
+/// Time ends the episode in one to three worlds: a device's recorded steps are for some numbers of cuts.
+void cut_some_worlds(const testing::SlabPool& pool, uint64_t seed) {
+  constexpr int kCutStep = 1;
+  for (int world = 0; world < static_cast<int>(1 + seed % 3); ++world) {
+    const SlabView slab = pool.view(world);
+    slab.truncated(kCutStep) = 1;
+    slab.final_index(kCutStep) = 0;
+    for (int agent = 0; agent < kAgents; ++agent)
+      std::ranges::copy(slab.frame(world, agent), slab.final_frame(0, agent).begin());
+  }
+}
+
 /// `updates` of them, each with a batch of its own; the outcome's numbers are of the last one.
 Outcome train(const std::string& algo, torch::Device device, uint64_t seed, int updates = 1) {
   const RunConfig config = parity_config(algo);
@@ -69,6 +82,7 @@ Outcome train(const std::string& algo, torch::Device device, uint64_t seed, int 
     }
     const testing::SlabPool pool(shape, kWorlds);
     pool.fill_with_noise(seed);
+    cut_some_worlds(pool, seed);
     auto replay = *replay::Replay::create({.store = {.shape = shape, .capacity_bytes = 1 << 24}});
     std::vector<replay::Draw> draws;
     const bool single = algo == "idqn" && !config.network.use_rnn;
