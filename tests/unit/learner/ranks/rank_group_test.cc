@@ -414,6 +414,33 @@ TEST(TwoLearners, TakeNoStepWhereTheOtherLeavesInTheMidstOfIt) {
     });
 }
 
+TEST(TwoLearners, TakeNoStepOfQlearningWhereTheOtherLeavesInTheMidstOfIt) {
+  RunConfig config = testing::small_config("idqn", 2);
+  config.collection.learner_threads = 1;
+  const TrajectoryShape shape = testing::small_shape(config, 2);
+  // What an update says first: what is valid of its batch. 1: all but its gradient.
+  for (const int said : {0, 1})
+    in_ranks(2, [&](RankGroup& ranks) {
+      if (ranks.rank() == 1 && said == 0) return;
+      const std::unique_ptr<Algorithm> made = make(config, shape);
+      auto& learner = dynamic_cast<OffPolicyAlgorithm&>(*made);
+      ASSERT_TRUE(learner.learn_with(ranks));
+      const std::vector<std::byte> before = weights_of(learner);
+      const ReplayBatch whole = drawn_batch_of(config, shape, 1);
+      ReplayBatch batch = narrow_worlds(whole, ranks.rank(), 1);
+      UpdateContext context;
+      if (ranks.rank() == 1) context.keep_going = [] { return false; };
+      const Expected<UpdateStats> stats = learner.update(batch, context);
+      ASSERT_TRUE(stats);
+      EXPECT_TRUE(stats->abandoned) << said;
+      EXPECT_EQ(learner.version(), 0u) << said;
+      EXPECT_TRUE(weights_of(learner) == before) << said;
+      if (ranks.rank() == 0) {
+        EXPECT_TRUE(ranks.failure()) << said;
+      }
+    });
+}
+
 TEST(TwoLearners, ScoreLayoutsByWhatAllOfThemSaw) {
   in_ranks(2, [](RankGroup& ranks) {
     std::vector<LayoutSignal> mine = {{.layout_index = 3, .decisions = 30, .mean = 1, .maximum = 4}};

@@ -114,6 +114,22 @@ TEST(ReplayPlan, ANamedFileAndATypedChoiceOfCompressionHold) {
   EXPECT_TRUE(plan_of(config, 10, 30).compress);
 }
 
+TEST(ReplayPlan, IsSharedOutToLearnersWhoseProgramsTakeMemoryToo) {
+  RunConfig config = config_of(2);
+  config.replay.replay_file = "/disk/ring";
+  const ReplayPlan plan = plan_of(config, 10, 100), first = plan.share_of(0, 4), last = plan.share_of(3, 4);
+  EXPECT_EQ(first.capacity_bytes, kGigabyte / 2);
+  EXPECT_EQ(last.capacity_bytes, kGigabyte / 2);
+  EXPECT_EQ(last.capacity_transitions, 250'000);
+  EXPECT_EQ(first.file, "/disk/ring");
+  EXPECT_EQ(last.file, "/disk/ring.3");
+  EXPECT_EQ(last.decisions_before_training, plan.decisions_before_training) << "of all of them";
+  RunConfig four = config;
+  four.collection.learners = 4;
+  EXPECT_GT(reserved_bytes(four, shape_of(), 1 << 20),
+            reserved_bytes(config, shape_of(), 1 << 20) + kGigabyte);
+}
+
 TEST(ReplayPlan, LooksAtAFolderThatIsNotThereYet) {
   const HostSpace space = probe_space("/tmp/no/such/folder/yet");
   EXPECT_GT(space.memory_bytes, 0);

@@ -191,6 +191,30 @@ TEST(PrioritizedSampler, ARestoredStateDrawsTheSame) {
 }
 
 // Spec 6.7: chi-square. 49 degrees of freedom; 85.35 is exceeded with probability 0.001.
+/// What several learners' weights are made of (learner/algorithms/q_learning.h): each draws equally many of its own units.
+TEST(PrioritizedSampler, SharesOfDrawsWithTheSmallestProbabilityOfAllHaveTheWeightsOfWhatIsReallyDrawn) {
+  const std::vector<std::vector<float>> errors = {{0.1f, 2.0f, 0.5f}, {1.0f, 3.0f, 0.2f, 0.7f, 5.0f}};
+  for (const double beta : {0.4, 1.0}) {
+    std::vector<PrioritizedSampler> shards(errors.size(), PrioritizedSampler(0.6));
+    double least = 1;
+    for (std::size_t k = 0; k < shards.size(); ++k) {
+      std::vector<int64_t> serials(errors[k].size());
+      std::iota(serials.begin(), serials.end(), 0);
+      shards[k].push(static_cast<int64_t>(serials.size()));
+      shards[k].set_priorities(serials, errors[k]);
+      least = std::min(least, shards[k].least_probability());
+    }
+    for (const PrioritizedSampler& shard : shards) {
+      const double factor = std::pow(least / shard.least_probability(), beta);
+      for (const Pick& pick : draw(shard, 100, beta, 1)) {
+        const double probability = shard.priority(pick.serial) / shard.total();
+        EXPECT_NEAR(pick.weight * factor, std::pow(least / probability, beta), 1e-12);
+      }
+    }
+  }
+  EXPECT_EQ(PrioritizedSampler(0.6).least_probability(), 0);
+}
+
 TEST(UniformSampler, PassesAChiSquareTest) {
   UniformSampler sampler;
   sampler.push(80);
@@ -212,6 +236,7 @@ TEST(UniformSampler, PassesAChiSquareTest) {
 }
 
 TEST(UniformSampler, DrawsNothingFromNothing) {
+  EXPECT_EQ(UniformSampler().least_probability(), 0);
   EXPECT_TRUE(draw(UniformSampler(), 5, 0, 1).empty());
   EXPECT_TRUE(draw(PrioritizedSampler(0.6), 5, 0, 1).empty());
 }
