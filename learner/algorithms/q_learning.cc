@@ -384,14 +384,14 @@ QLearning::Totals QLearning::totals_of(const ReplayBatch& batch) {
                     torch::kFloat64)
           .unsqueeze(0),
       0);
-  const Tensor sum = all.sum(0);
+  const Tensor sum = all.sum(0), least = all.amin(0);
   const double* sums = sum.data_ptr<double>();
   return {.valid = sums[0],
           .places = sums[1],
           .trained = std::max(1.0, sums[2]),
           .rewards_read = sums[3],
           .rewards_clipped = sums[4],
-          .least_probability = all.select(1, 5).min().item<double>()};
+          .least_probability = least.data_ptr<double>()[5]};
 }
 
 bool QLearning::add_gradient(const std::vector<Micro>& micros, const Divisors& divisors,
