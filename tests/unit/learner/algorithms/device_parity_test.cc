@@ -53,10 +53,10 @@ Tensor first_logits(const RunConfig& config, const EnvShape& env, torch::Device 
   return net.step(frame.to(device), {}, recurrent_state.to(device)).logits.to(torch::kCPU);
 }
 
-/// Time ends the episode in one to three worlds: a device's recorded steps are for some numbers of cuts.
+/// Time ends the episode in three or four worlds, for which a device has one recording.
 void cut_some_worlds(const testing::SlabPool& pool, uint64_t seed) {
   constexpr int kCutStep = 1;
-  for (int world = 0; world < static_cast<int>(1 + seed % 3); ++world) {
+  for (int world = 0; world < static_cast<int>(3 + seed % 2); ++world) {
     const SlabView slab = pool.view(world);
     slab.truncated(kCutStep) = 1;
     slab.final_index(kCutStep) = 0;
