@@ -425,7 +425,7 @@ TEST(TwoLearners, TakeNoStepOfQlearningWhereTheOtherLeavesInTheMidstOfIt) {
       const std::unique_ptr<Algorithm> made = make(config, shape);
       auto& learner = dynamic_cast<OffPolicyAlgorithm&>(*made);
       ASSERT_TRUE(learner.learn_with(ranks));
-      const std::vector<std::byte> before = weights_of(learner);
+      const std::vector<std::byte> before = learner.weights();
       const ReplayBatch whole = drawn_batch_of(config, shape, 1);
       ReplayBatch batch = narrow_worlds(whole, ranks.rank(), 1);
       UpdateContext context;
@@ -434,7 +434,7 @@ TEST(TwoLearners, TakeNoStepOfQlearningWhereTheOtherLeavesInTheMidstOfIt) {
       ASSERT_TRUE(stats);
       EXPECT_TRUE(stats->abandoned) << said;
       EXPECT_EQ(learner.version(), 0u) << said;
-      EXPECT_TRUE(weights_of(learner) == before) << said;
+      EXPECT_TRUE(learner.weights() == before) << said;
       if (ranks.rank() == 0) {
         EXPECT_TRUE(ranks.failure()) << said;
       }
