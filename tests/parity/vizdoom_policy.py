@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Plays a run's policy in the real ViZDoom and compares its mean return with the one that `comrad eval` finds.
+"""Plays a run's policy in the real ViZDoom and compares its mean score with the one that `comrad eval` finds: of one agent the
+return, of a scenario its J where ViZDoom can tell it (not what each player has killed), else the return.
 
 The run was trained on a ViZDoom .cfg with one agent, or on one of the thirteen scenarios with two; of these, ViZDoom plays the
 run's own map as a network game, and `scenario_play rewards` says what the variables of both players pay. Greedy actions, the
@@ -10,7 +11,7 @@ takes the nearest pixels; its status bar then differs, which costs a policy of d
     tests/parity/vizdoom_policy.py train_dir/RUN --episodes 100
 
 Prints one JSON object: both means, the 95 % interval of ours and whether ViZDoom's lies in it; exit code 1 where it does
-not. Needs a Python with torch, numpy and vizdoom. Not part of the test suite: it takes a trained run.
+not. ViZDoom does not show what a scenario's last decision did, so its returns (`vizdoom_return`) lack what that one pays. Needs a Python with torch, numpy and vizdoom. Not part of the test suite: it takes a trained run.
 """
 import argparse
 import glob
@@ -138,11 +139,12 @@ def play_cfg(player, heads, cfg, episodes, frame_skip):
 
 
 def play_scenario(player, run, name, heads, spec, episodes, scenario_play):
-    """Mean return of the two players in each of so many episodes on the run's own map."""
+    """Score and mean return of the two players in each of so many episodes on the run's own map; a score that ViZDoom cannot
+    tell is None."""
     wads = glob.glob(os.path.join(run, 'layouts', '**', '*.wad'), recursive=True)
     if len(wads) != 1:
         sys.exit(f'{run}/layouts: a run on one map is needed, and {len(wads)} are there')
-    returns, folder = [], tempfile.mkdtemp()
+    played, folder = [], tempfile.mkdtemp()
     try:
         for episode in range(episodes):
             seed = (1000 + episode) * 2654435761 % 2**31  # far apart: neighbouring ones draw first numbers that are alike
@@ -155,11 +157,23 @@ def play_scenario(player, run, name, heads, spec, episodes, scenario_play):
                     if attempt == 2:
                         raise
             paid = returns_of(scenario_play, name, {0: without_end(rows)}, folder)[0]
-            returns.append(sum(paid) / AGENTS)
-            print(f'episode {episode}: {len(rows) - 1} decisions, return {returns[-1]:.4g}', file=sys.stderr)
+            played.append((score_of(rows, spec), sum(paid) / AGENTS))
+            print(f'episode {episode}: {len(rows) - 1} decisions, score {played[-1][0]}, return {played[-1][1]:.4g}', file=sys.stderr)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-    return returns
+    return played
+
+
+def score_of(rows, spec):
+    """J of an episode by ViZDoom's rows [decision][player]."""
+    if spec['score'] == 'survival_tics':
+        return rows[-1][0]['tics']
+    if spec['score'] not in spec['exports']:
+        return None
+
+    def last(name):
+        return rows[-1][0][f'USER{spec["exports"][name]}']
+    return last(spec['score']) / (last(spec['score_divisor']) if 'score_divisor' in spec else 1)
 
 
 def main():
@@ -189,27 +203,30 @@ def main():
     if is_cfg:
         terms = described['measurement_terms'] if settings['use_additional_input'] else ()
         player = PolicyPlayer(checkpoint, described['heads'], screen_of(settings), measurements=terms)
-        returns = play_cfg(player, described['head_buttons'], scenario, asked.episodes, settings['env_frameskip'])
+        values, name = play_cfg(player, described['head_buttons'], scenario, asked.episodes, settings['env_frameskip']), 'return'
+        more = {}
     else:
         with open(os.path.join(SCENARIOS, scenario, 'scenario.toml'), 'rb') as file:
             spec = tomllib.load(file)
         player = PolicyPlayer(checkpoint, described['heads'], screen_of(settings), spec['decision_limit'], spec.get('render'))
-        returns = play_scenario(player, asked.run, scenario, described['head_buttons'], spec, asked.episodes,
-                                os.path.abspath(asked.scenario_play))
-    mean = sum(returns) / len(returns)
-    theirs_ci95 = 1.96 * (sum((value - mean) ** 2 for value in returns) / max(len(returns) - 1, 1) / len(returns)) ** 0.5
-    ours_mean, ours_ci95 = return_of(ours)
+        played = play_scenario(player, asked.run, scenario, described['head_buttons'], spec, asked.episodes,
+                               os.path.abspath(asked.scenario_play))
+        scores, returns = zip(*played)
+        values, name = (returns, 'return') if scores[0] is None else (scores, 'J')
+        more = {'ours_return': mean_and_ci95([one['return'] for one in ours['each']])[0],
+                'vizdoom_return': mean_and_ci95(returns)[0]}
+    mean, theirs_ci95 = mean_and_ci95(values)
+    ours_mean, ours_ci95 = mean_and_ci95([one[name] for one in ours['each']])
     within = abs(mean - ours_mean) <= ours_ci95
-    print(json.dumps({'scenario': scenario, 'episodes': asked.episodes, 'ours': ours_mean, 'ours_ci95': ours_ci95,
-                      'vizdoom': mean, 'vizdoom_ci95': theirs_ci95, 'within': within}))
+    print(json.dumps({'scenario': scenario, 'episodes': asked.episodes, 'what': name, 'ours': ours_mean, 'ours_ci95': ours_ci95,
+                      'vizdoom': mean, 'vizdoom_ci95': theirs_ci95, 'within': within, **more}))
     return 0 if within else 1
 
 
-def return_of(answer):
-    """Mean return of an evaluation and the half-width of its 95 % interval over episodes."""
-    values = [one['return'] for one in answer['each']]
+def mean_and_ci95(values):
+    """Mean over episodes and the half-width of its 95 % interval."""
     mean = sum(values) / len(values)
-    return mean, 1.96 * (sum((value - mean) ** 2 for value in values) / (len(values) - 1) / len(values)) ** 0.5
+    return mean, 1.96 * (sum((value - mean) ** 2 for value in values) / max(len(values) - 1, 1) / len(values)) ** 0.5
 
 
 if __name__ == '__main__':
