@@ -137,15 +137,14 @@ def play_as(player, wad, spec, heads, presser, seed, port, folder, answer, tic_g
             game.add_game_args("-join 127.0.0.1 -port %d +viz_connect_timeout 60 +cl_noprediction 1" % port)
         game.add_game_args("+name P%d +colorset 0" % player)
         game.init()
-        rows = []
+        rows, tic, began = [], 0, game.get_episode_time()  # which is 0 again in an episode that is over
 
         def note():
-            rows.append((game.get_episode_time(), int(game.is_episode_finished()),
+            rows.append((began + tic, int(game.is_episode_finished()),
                          [game.get_game_variable(variable) for variable in wanted]))
 
         note()
         # Without the gate one of the two is ahead at times, and the other then plays several tics at once.
-        tic = 0
         while (choice := presser.choose(game, tic)) is not None:
             pressed = []
             for buttons, chosen in zip(heads, choice):

@@ -167,7 +167,7 @@ def play_scenario(player, run, name, heads, spec, episodes, scenario_play):
 def score_of(rows, spec):
     """J of an episode by ViZDoom's rows [decision][player]."""
     if spec['score'] == 'survival_tics':
-        return rows[-1][0]['tics']
+        return rows[-1][0]['tics'] - rows[0][0]['tics']
     if spec['score'] not in spec['exports']:
         return None
 
