@@ -222,9 +222,8 @@ void ReplayFeed::tell_others(Inserted& taken) {
                .capacity_transitions = sums[3],
                .used_bytes = sums[4],
                .capacity_bytes = sums[5],
-               .broken_decisions = sums[6],
-               .can_be_drawn = all.select(1, 1).min().item<int64_t>() > 0};
-  all_can_draw_ = contents_.can_be_drawn;
+               .broken_decisions = sums[6]};
+  all_can_draw_ = all.select(1, 1).min().item<int64_t>() > 0;
   if (sums[0] == 0) return;
   taken.lag.valid_fraction = 1;
   taken.lag = lag_of_ranks(taken.lag, taken.transitions, ranks_);
@@ -233,14 +232,12 @@ void ReplayFeed::tell_others(Inserted& taken) {
 }
 
 ReplayContents ReplayFeed::own_contents() const {
-  const int64_t units = replay_->unit_count();
-  return {.units = units,
+  return {.units = replay_->unit_count(),
           .transitions = replay_->transition_count(),
           .capacity_transitions = replay_->capacity_transitions(),
           .used_bytes = replay_->used_bytes(),
           .capacity_bytes = replay_->capacity_bytes(),
-          .broken_decisions = replay_->broken_decisions(),
-          .can_be_drawn = units > 0};
+          .broken_decisions = replay_->broken_decisions()};
 }
 
 Inserted ReplayFeed::take_own() {

@@ -45,7 +45,6 @@ struct ReplayContents {
   int64_t units = 0, transitions = 0, capacity_transitions = 0;
   int64_t used_bytes = 0, capacity_bytes = 0;
   int64_t broken_decisions = 0;  ///< found so far
-  bool can_be_drawn = false;     ///< every one of them has a unit
 };
 
 class ReplayFeed {
@@ -141,7 +140,7 @@ class ReplayFeed {
   replay::RateLimiter limiter_;
   const int64_t min_size_to_sample_;        ///< agent decisions, of a fresh run
   ReplayContents contents_;                 ///< of all learners
-  std::atomic<bool> all_can_draw_ = false;  ///< of contents_, for the threads
+  std::atomic<bool> all_can_draw_ = false;  ///< every one of the replays has a unit
   LinearSchedule beta_;
   std::atomic<double> env_frames_ = 0;
   int64_t draws_ = 0;  ///< batches drawn; keys the chance

@@ -50,6 +50,32 @@ Learners learners_of(const std::string& run) {
   return found;
 }
 
+/// Kills one of two learners, once there is a checkpoint, and waits until both are new ones.
+void expect_new_learners_where_one_dies(const std::string& run, bool is_first) {
+  ASSERT_TRUE(wait_until([&] { return !files(run + "/checkpoint", "checkpoint_", ".pt").empty(); }, 30));
+  const Learners before = learners_of(run);
+  ASSERT_GT(before.first, 0);
+  ASSERT_EQ(before.others.size(), 1u);
+  kill(is_first ? before.first : before.others[0], SIGKILL);
+  ASSERT_TRUE(wait_until(
+      [&] {
+        const Learners now = learners_of(run);
+        return now.first > 0 && now.first != before.first && now.others.size() == 1 &&
+               now.others[0] != before.others[0];
+      },
+      30))
+      << read_text(run + "/logs/supervisor.log");
+}
+
+/// Ends a run by SIGTERM, which leaves nothing. The account of its decisions.
+nlohmann::json account_of_stopped(RunningProgram& training, const std::string& run) {
+  training.signal(SIGTERM);
+  const Ending ending = training.wait(kStopSeconds * patience());
+  EXPECT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_TRUE(wait_until([&] { return processes_of(run).empty(); }, 5)) << "something is left";
+  return checked_account(run);
+}
+
 /// Whether a run learns so many env frames beyond what it has now.
 bool learns_on(const std::string& run, double frames, double timeout_s = 60) {
   const double before = env_frames(run);
@@ -79,26 +105,10 @@ TEST(Learners, WhereOneDiesAllBeginAgainFromTheLastCheckpoint) {
   // The second one, and the first.
   for (const bool is_first : {false, true}) {
     ASSERT_TRUE(learns_on(run, 4096));
-    ASSERT_TRUE(wait_until([&] { return !files(run + "/checkpoint", "checkpoint_", ".pt").empty(); }, 30));
-    const Learners before = learners_of(run);
-    ASSERT_GT(before.first, 0);
-    ASSERT_EQ(before.others.size(), 1u);
-    kill(is_first ? before.first : before.others[0], SIGKILL);
-    ASSERT_TRUE(wait_until(
-        [&] {
-          const Learners now = learners_of(run);
-          return now.first > 0 && now.first != before.first && now.others.size() == 1 &&
-                 now.others[0] != before.others[0];
-        },
-        30))
-        << read_text(run + "/logs/supervisor.log");
+    ASSERT_NO_FATAL_FAILURE(expect_new_learners_where_one_dies(run, is_first));
   }
   ASSERT_TRUE(learns_on(run, 4096));
-  training.signal(SIGTERM);
-  const Ending ending = training.wait(kStopSeconds * patience());
-  EXPECT_EQ(ending.exit_code, 0) << ending.err;
-  EXPECT_TRUE(wait_until([&] { return processes_of(run).empty(); }, 5)) << "something is left";
-  const nlohmann::json account = checked_account(run);
+  const nlohmann::json account = account_of_stopped(training, run);
   EXPECT_GT(account["lost_with_learners"].get<int64_t>() + account["forgotten"].get<int64_t>(), 0);
   EXPECT_THAT(read_text(run + "/logs/learner-0.log"),
               HasSubstr("learner 1 of 2 was killed by signal 9 (Killed); all learners begin again"));
@@ -154,23 +164,9 @@ TEST(Learners, OfQlearningBeginAgainTogetherWhereOneDies) {
   RunningProgram training(two_q_learners(scratch, "idqn", 1e9));
   ASSERT_TRUE(wait_until([&] { return env_frames(run) > 4096 || !training.running(); }, 60));
   ASSERT_TRUE(training.running()) << training.wait(1).err;
-  ASSERT_TRUE(wait_until([&] { return !files(run + "/checkpoint", "checkpoint_", ".pt").empty(); }, 30));
-  const Learners before = learners_of(run);
-  ASSERT_EQ(before.others.size(), 1u);
-  kill(before.others[0], SIGKILL);
-  ASSERT_TRUE(wait_until(
-      [&] {
-        const Learners now = learners_of(run);
-        return now.first > 0 && now.first != before.first && now.others.size() == 1;
-      },
-      30))
-      << read_text(run + "/logs/supervisor.log");
+  ASSERT_NO_FATAL_FAILURE(expect_new_learners_where_one_dies(run, /*is_first=*/false));
   ASSERT_TRUE(learns_on(run, 4096));
-  training.signal(SIGTERM);
-  const Ending ending = training.wait(kStopSeconds * patience());
-  EXPECT_EQ(ending.exit_code, 0) << ending.err;
-  EXPECT_TRUE(wait_until([&] { return processes_of(run).empty(); }, 5)) << "something is left";
-  checked_account(run);
+  account_of_stopped(training, run);
   EXPECT_THAT(read_text(run + "/logs/learner-0.log"),
               HasSubstr("learner 1 of 2 was killed by signal 9 (Killed); all learners begin again"));
 }
