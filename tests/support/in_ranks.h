@@ -2,6 +2,7 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <signal.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -15,6 +16,8 @@ namespace comrad::testing {
 
 /// Calls work(ranks) in a thread of each rank.
 inline void in_ranks(int count, const std::function<void(learn::RankGroup&)>& work) {
+  (void)signal(SIGPIPE,
+               SIG_IGN);  // as in every program (prepare_process): Gloo writes to ranks that have left
   const int rendezvous = memfd_create("ranks", MFD_CLOEXEC);
   ASSERT_GE(rendezvous, 0);
   std::vector<std::thread> threads;
