@@ -97,7 +97,10 @@ std::string bottleneck_text(const PipelineNumbers& numbers) {
                 : "set a larger --micro_batch_size.");
   if (numbers.policy_busy == busiest)
     return beside + "the policy workers never wait (busy " + percent(busiest) + "), and " + idle +
-           "set --policy_workers " + std::to_string(numbers.policy_workers + 1) + ".";
+           (numbers.is_on_gpu
+                ? "set --num_envs_per_worker " + std::to_string(2 * numbers.num_envs_per_worker) +
+                      ": policy workers take turns on a GPU, larger batches need fewer."
+                : "set --policy_workers " + std::to_string(numbers.policy_workers + 1) + ".");
   return beside + "the simulators never wait (busy " + percent(busiest) + "), and " + idle +
          "set --num_workers " + std::to_string(numbers.num_workers + 1) + ".";
 }

@@ -158,6 +158,15 @@ std::string thin_metrics(const std::string& text, std::size_t rows_max) {
   return thin;
 }
 
+double trained_s(const std::string& metrics) {
+  double seconds = 0;
+  std::istringstream source(metrics);
+  for (std::string line; std::getline(source, line);)
+    if (const ordered_json report = ordered_json::parse(line, nullptr, false); report.is_object())
+      seconds = std::max(seconds, number_in(report, "time_s", 0));
+  return seconds;
+}
+
 std::string recipe_changes(const RunConfig& then, const RunConfig& now) {
   std::string changes;
   for (const SettingRow& row : setting_rows()) {
@@ -203,24 +212,25 @@ Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::st
   config.run.train_dir = RunConfig().run.train_dir;
   config.environment.wad.clear();
   const SweepStart machine = facts_of_start("local");
-  ordered_json result = {{"run", run.name},
-                         {"scenario", config.run.scenario},
-                         {"algo", config.run.algo.name()},
-                         {"seed", config.run.seed},
-                         {"num_agents", config.environment.num_agents},
-                         {"train_for_env_frames", run.goal_env_frames},
-                         {"env_frames", number_in(*status, "env_frames", 0)},
-                         {"train_s", rounded(status->value("elapsed_s", ordered_json(0)))},
-                         {"episodes", evaluation.value("episodes", ordered_json(0))},
-                         {"J_mean", evaluation.value("J_mean", ordered_json())},
-                         {"J_ci95", evaluation.value("J_ci95", ordered_json())},
-                         {"return_mean", evaluation.value("return_mean", ordered_json())},
-                         {"map_hashes", evaluation.value("map_hashes", ordered_json::object())},
-                         {"commit", machine.commit},
-                         {"date", utc_text(wall_s())},
-                         {"processor", machine.processor},
-                         {"cores", machine.cores},
-                         {"stale", ""}};
+  ordered_json result = {
+      {"run", run.name},
+      {"scenario", config.run.scenario},
+      {"algo", config.run.algo.name()},
+      {"seed", config.run.seed},
+      {"num_agents", config.environment.num_agents},
+      {"train_for_env_frames", run.goal_env_frames},
+      {"env_frames", number_in(*status, "env_frames", 0)},
+      {"train_s", rounded(std::max(trained_s(*metrics), number_in(*status, "elapsed_s", 0)))},
+      {"episodes", evaluation.value("episodes", ordered_json(0))},
+      {"J_mean", evaluation.value("J_mean", ordered_json())},
+      {"J_ci95", evaluation.value("J_ci95", ordered_json())},
+      {"return_mean", evaluation.value("return_mean", ordered_json())},
+      {"map_hashes", evaluation.value("map_hashes", ordered_json::object())},
+      {"commit", machine.commit},
+      {"date", utc_text(wall_s())},
+      {"processor", machine.processor},
+      {"cores", machine.cores},
+      {"stale", ""}};
   COMRAD_TRY(write_file_atomically(target + "/config.toml", settings_to_toml(config), true));
   COMRAD_TRY(write_file_atomically(target + "/metrics.jsonl", thin_metrics(*metrics, kRowsMax), true));
   COMRAD_TRY(write_file_atomically(target + "/status.json", dumped(*status, 2), true));

@@ -41,6 +41,10 @@ Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::st
 /// with five digits; the names that results keep. Lines that are no objects are left out. Pure.
 std::string thin_metrics(const std::string& text, std::size_t rows_max);
 
+/// Seconds of training that a metrics.jsonl tells of, over all starts of the run (status.json counts from the last one); 0
+/// where it tells of none.
+double trained_s(const std::string& metrics);
+
 /// The settings that count for what is learned and differ, "learning_rate 4e-04 -> 2e-04, ..."; empty where none does.
 /// Where a run lies, what its size follows from and how it is watched do not count. Pure.
 std::string recipe_changes(const RunConfig& then, const RunConfig& now);

@@ -346,14 +346,13 @@ InputNormalizer InputNormalizer::create(int64_t element_count, double scale, boo
   normalizer.mean_ = torch::zeros({element_count}, options);
   normalizer.variance_ = torch::ones({element_count}, options);
   normalizer.count_ = torch::ones({1}, options);
-  normalizer.refresh();
+  if (element_count > 0) normalizer.derive();
   return normalizer;
 }
 
 void InputNormalizer::refresh() {
   if (element_count_ == 0) return;
-  const Tensor count = count_.cpu();
-  rows_seen_ = *count.data_ptr<double>();
+  rows_seen_.reset();  // a policy worker, which never updates, need not wait for it
   derive();
 }
 
@@ -434,7 +433,7 @@ void InputNormalizer::update(const Tensor& rows, const AddUp& add_up) {
   const Tensor batch_spread = (square_sum - sum * batch_mean).clamp_min_(0.0);
   const Tensor batch_variance = batch_spread / std::max(batch_count - 1.0, 1.0);
   const Tensor delta = batch_mean / scale_ - mean_;
-  const double old_count = rows_seen_;
+  const double old_count = rows_seen_ ? *rows_seen_ : count_.item<double>();
   const double total = old_count + batch_count;
   // Chan, Golub, LeVeque 1979: M2 = var_a n_a + var_b n_b + delta^2 n_a n_b / n.
   const Tensor m2 = variance_ * old_count + batch_variance * (batch_count / (scale_ * scale_)) +

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -67,8 +68,9 @@ class InputNormalizer {
   void derive();  // factor and offset from mean and variance
 
   Tensor mean_, variance_, count_;  // f64
-  double rows_seen_ = 1;            // count_, known without asking the device
-  Tensor factor_, offset_;          // f32 [elements]
+  std::optional<double> rows_seen_ =
+      1;                    // count_, known without asking the device; none once it came from outside
+  Tensor factor_, offset_;  // f32 [elements]
 };
 
 /// The normalisers of an observation, and of the global state [S] that a team's critic or mixer sees. Networks that

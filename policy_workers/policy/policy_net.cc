@@ -5,12 +5,12 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cstring>
 #include <functional>
 #include <optional>
 #include <string_view>
 
 #include "policy_workers/device/queue.h"
+#include "policy_workers/device/upload.h"
 #include "policy_workers/policy/encoder.h"
 #include "policy_workers/policy/recurrent_core.h"
 #include "policy_workers/policy/torch_ops.h"
@@ -253,6 +253,8 @@ class PolicyNetImpl {
     for (auto& entry : named_critic_parameters()) named.push_back(entry);
     return named;
   }
+
+  device::Upload upload;  // of weights that came from the learner
 
   NamedTensors named_state() const {
     NamedTensors named = named_parameters();
@@ -622,11 +624,13 @@ int64_t PolicyNet::weights_bytes() const {
   return bytes;
 }
 
-void PolicyNet::copy_weights(device::Snapshot& into) const {
+std::vector<Tensor> PolicyNet::state_tensors() const {
   std::vector<Tensor> state;
   for (auto& [name, tensor] : named_state()) state.push_back(tensor.detach());
-  into.take(state);
+  return state;
 }
+
+void PolicyNet::copy_weights(device::Snapshot& into) const { into.take(state_tensors()); }
 
 std::vector<std::byte> PolicyNet::weights() const {
   device::Snapshot copy;
@@ -641,14 +645,7 @@ Status PolicyNet::read_weights(std::span<const std::byte> in) const {
                                             " bytes, but this network has " +
                                             std::to_string(weights_bytes()) +
                                             "; learner and policy worker must run the same config.toml"};
-  torch::NoGradGuard no_grad;
-  const std::byte* at = in.data();
-  for (auto& [name, tensor] : named_state()) {
-    const Tensor dense = torch::empty(tensor.sizes(), tensor.options().device(torch::kCPU));
-    std::memcpy(dense.data_ptr(), at, dense.nbytes());
-    tensor.copy_(dense);
-    at += dense.nbytes();
-  }
+  impl_->upload.put(in, state_tensors());
   impl_->normalizer->refresh();
   return {};
 }

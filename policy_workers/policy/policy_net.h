@@ -165,6 +165,7 @@ class PolicyNet {
   torch::Device device() const;
 
  private:
+  std::vector<Tensor> state_tensors() const;  // of named_state
   static PolicyNet make(const PolicyNetOptions& options, uint64_t seed, torch::Device device,
                         std::shared_ptr<ObservationNormalizer> normalizer);
   std::shared_ptr<PolicyNetImpl> impl_;

@@ -188,33 +188,58 @@ void PolicyWorker::report(const char* state) {
 
 namespace {
 
-/// Random frames and a network that plays them.
+/// Random frames and a network that plays them, on the way that a policy worker takes on that device.
 class MadeUpBatch {
  public:
   MadeUpBatch(const PolicyNet& policy, int64_t rows) : policy_(policy) {
     const PolicyNetOptions& options = policy.options();
-    const int64_t frame_bytes = options.env.frame_bytes();
+    const int64_t frame_bytes = options.env.frame_bytes(), worlds = rows / options.env.num_agents;
     torch::manual_seed(0);
     frames_ = torch::randint(0, 256, {rows, frame_bytes}, torch::kUInt8);
-    if (options.env.measurement_count > 0) measurement_ = torch::randn({rows, options.env.measurement_count});
-    state_ = torch::zeros({rows, options.recurrent_state_count()});
+    if (options.env.measurement_count > 0)
+      batch_.measurement = torch::randn({rows, options.env.measurement_count});
+    batch_.recurrent_state = torch::zeros({rows, options.recurrent_state_count()});
     if (options.global_state_count > 0)
-      of_worlds_ = torch::randn({rows / options.env.num_agents, options.global_state_count});
-    for (int64_t row = 0; row < rows; ++row) rows_.push_back(frames_.data_ptr<uint8_t>() + row * frame_bytes);
+      batch_.global_state = torch::randn({worlds, options.global_state_count});
+    for (int64_t row = 0; row < rows; ++row)
+      batch_.frames.push_back(frames_.data_ptr<uint8_t>() + row * frame_bytes);
     // So that denormals and clips are as in real use.
-    policy.update_input_statistics(frames_, measurement_);
+    policy.update_input_statistics(frames_, batch_.measurement);
+    if (policy.device().is_cpu()) return;
+    for (int world = 0; world < worlds; ++world) {
+      Request request{};
+      request.env_index = world;
+      request.kind = shm::RequestKind::kAct;
+      request.reset_state = true;
+      batch_.requests.push_back(request);
+    }
+    shm::ArenaShape shape;
+    shape.trajectory.env = options.env;
+    shape.trajectory.recurrent_state_count = static_cast<int>(options.recurrent_state_count());
+    shape.sim_worker_count = 1;
+    shape.envs_per_worker = static_cast<int>(worlds);
+    staged_.emplace(policy, shape);
   }
 
   void pass() {
-    const PolicyOutput output = policy_.step_rows(rows_, measurement_, state_, of_worlds_);
-    state_ = output.recurrent_state.cpu();
-    (void)output.logits.cpu();
+    if (staged_) {
+      (void)staged_->step(batch_);
+      for (Request& request : batch_.requests) {
+        request.reset_state = false;
+        ++request.step_id;
+      }
+      return;
+    }
+    batch_.recurrent_state =
+        policy_.step_rows(batch_.frames, batch_.measurement, batch_.recurrent_state, batch_.global_state)
+            .recurrent_state;
   }
 
  private:
   const PolicyNet& policy_;
-  Tensor frames_, measurement_, state_, of_worlds_;
-  std::vector<const uint8_t*> rows_;
+  Tensor frames_;
+  Batch batch_;
+  std::optional<StagedForward> staged_;  // none on a CPU
 };
 
 }  // namespace

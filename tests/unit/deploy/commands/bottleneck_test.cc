@@ -71,6 +71,8 @@ TEST(Bottleneck, OfIdleCoresIsWhoNeverWaits) {
   numbers.policy_busy = 0.9;
   EXPECT_THAT(bottleneck_text(numbers),
               AllOf(StartsWith("the policy workers"), EndsWith("set --policy_workers 2.")));
+  numbers.is_on_gpu = true;
+  EXPECT_THAT(bottleneck_text(numbers), HasSubstr("set --num_envs_per_worker 16: policy workers take turns"));
   numbers = calm();
   numbers.sim_busy = 0.9;
   EXPECT_THAT(bottleneck_text(numbers),

@@ -37,6 +37,15 @@ TEST(ThinMetrics, KeepsFirstAndLastEvenlyAndTheNamesThatResultsNeed) {
   EXPECT_EQ(thin_metrics("", 10), "");
 }
 
+TEST(SweepResults, ATimeCountsAllStartsOfARun) {
+  EXPECT_EQ(trained_s(R"({"time_s":580.5,"env_frames":74}
+{"time_s":787.25,"env_frames":100}
+half a li)"),
+            787.25);
+  EXPECT_EQ(trained_s(""), 0);
+  EXPECT_EQ(trained_s("{\"env_frames\":1}\n[3]\n"), 0);
+}
+
 TEST(RecipeChanges, AreWhatChangesLearning) {
   RunConfig then;
   then.run.algo = "ippo";

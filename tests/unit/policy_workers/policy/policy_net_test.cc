@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "policy_workers/device/host_wait_counter.h"
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::policy {
@@ -121,6 +122,27 @@ TEST_P(EveryNet, WeightsTravelAsBytesTogetherWithTheStatistics) {
                            worker.step(frame, measurement, state).logits));
   for (const Tensor& parameter : worker.parameters())
     EXPECT_TRUE(parameter.requires_grad() && parameter.is_leaf());
+}
+
+// On a GPU that a learner shares, each wait is as long as the learner's turn.
+TEST_P(EveryNet, WeightsAreTakenOverWithoutAWaitForTheDevice) {
+  const PolicyNet learner = PolicyNet::create(options(), 3, torch::kCPU);
+  const torch::Device device(torch::kCPU, 0);  // see HostWaitCounter
+  const PolicyNet worker = PolicyNet::create(options(), 4, device);
+  const std::vector<std::byte> weights = learner.weights();
+  {
+    const device::HostWaitCounter counter;
+    ASSERT_TRUE(worker.read_weights(weights));
+    EXPECT_EQ(counter.between_steps().all(), 0);
+  }
+  EXPECT_EQ(worker.weights(), weights);
+  // Statistics go on from the count that came.
+  learner.update_input_statistics(random_frames(options(), {5}), torch::randn({5, 3}));
+  ASSERT_TRUE(worker.read_weights(learner.weights()));
+  const Tensor frame = random_frames(options(), {4}), measurement = torch::randn({4, 3});
+  learner.update_input_statistics(frame, measurement);
+  worker.update_input_statistics(frame, measurement);
+  EXPECT_EQ(worker.weights(), learner.weights());
 }
 
 // What narrow_weights() of the link to other hosts takes for granted.
