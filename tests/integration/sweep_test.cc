@@ -162,7 +162,8 @@ TEST(Sweep, StopSavesAndStatusTellsWhatIsThere) {
   RunningProgram sweep({COMRAD_SWEEP_PROBE, "start", file});
   ASSERT_TRUE(wait_until([&] { return count(events(scratch), "begins 0") == 2; }, kSweepTimeoutSeconds));
   // A run begins before it has told its rate for the first time.
-  ASSERT_TRUE(wait_until([&] { return fs::exists(scratch / "study/seed1/status.json"); }, kSweepTimeoutSeconds));
+  ASSERT_TRUE(
+      wait_until([&] { return fs::exists(scratch / "study/seed1/status.json"); }, kSweepTimeoutSeconds));
   const Ending status = comrad({"sweep", "status", file, "--json"});
   ASSERT_EQ(status.exit_code, 0) << status.err;
   const nlohmann::json seen = nlohmann::json::parse(status.out, nullptr, false);
