@@ -9,7 +9,7 @@
 #include <optional>
 #include <vector>
 
-#include "learner/algorithms/part_pool.h"
+#include "policy_workers/device/part_pool.h"
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
@@ -18,7 +18,7 @@ namespace comrad::learn {
 /// has `gradients`, in the order of the parameters, undefined where the loss does not reach. A part that is
 /// done waits for those before it, then it is freed. False when keep_going() said no.
 template <typename Part>
-bool sum_gradients(PartPool& pool, const std::vector<torch::Tensor>& parameters, int64_t count,
+bool sum_gradients(device::PartPool& pool, const std::vector<torch::Tensor>& parameters, int64_t count,
                    const std::function<Part(int64_t)>& part_of, const std::function<void(const Part&)>& add,
                    const std::function<bool()>& keep_going) {
   std::mutex adding;

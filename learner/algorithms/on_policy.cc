@@ -9,6 +9,7 @@
 
 #include "learner/algorithms/gradient_sum.h"
 #include "learner/algorithms/lag_of_ranks.h"
+#include "learner/algorithms/micro_batches.h"
 #include "learner/algorithms/part_statistics.h"
 #include "learner/algorithms/ppo_loss.h"
 #include "learner/algorithms/progress.h"

@@ -29,9 +29,9 @@
 #include "learner/algorithms/adam_optimizer.h"
 #include "learner/algorithms/algorithm.h"
 #include "learner/algorithms/lr_schedule.h"
-#include "learner/algorithms/part_pool.h"
 #include "learner/algorithms/step_guard.h"
 #include "learner/batch/normalizer.h"
+#include "policy_workers/device/part_pool.h"
 #include "policy_workers/device/readback.h"
 #include "policy_workers/policy/policy_net.h"
 
@@ -139,7 +139,7 @@ class OnPolicy : public OnPolicyAlgorithm {
   std::vector<std::pair<std::string, AdamOptimizer>> optimizers_;
   LrSchedule schedule_;
   ReturnNormalizer returns_;
-  mutable PartPool pool_;  ///< for micro-batches
+  mutable device::PartPool pool_;  ///< for micro-batches
   RankGroup alone_;
   RankGroup* ranks_ = &alone_;
   PolicyVersion version_ = 0;

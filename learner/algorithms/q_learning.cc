@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "learner/algorithms/gradient_sum.h"
+#include "learner/algorithms/micro_batches.h"
 #include "learner/algorithms/part_statistics.h"
 #include "learner/algorithms/progress.h"
 #include "learner/batch/masked.h"

@@ -35,10 +35,10 @@
 #include "learner/algorithms/adam_optimizer.h"
 #include "learner/algorithms/algorithm.h"
 #include "learner/algorithms/lr_schedule.h"
-#include "learner/algorithms/part_pool.h"
 #include "learner/algorithms/q_scale.h"
 #include "learner/algorithms/step_guard.h"
 #include "learner/critics/mixer.h"
+#include "policy_workers/device/part_pool.h"
 #include "policy_workers/device/queue.h"
 #include "policy_workers/policy/policy_net.h"
 
@@ -218,7 +218,7 @@ class QLearning : public OffPolicyAlgorithm {
   LrSchedule schedule_;
   QScale scale_;
   StepGuard guard_;
-  PartPool pool_;
+  device::PartPool pool_;
   RankGroup alone_;
   RankGroup* ranks_ = &alone_;
   PolicyVersion version_ = 0;

@@ -10,6 +10,7 @@ namespace comrad::policy {
 namespace {
 
 constexpr int64_t kAlignmentBytes = 64;
+constexpr int64_t kRowsPackedAtATime = 32;  // 0.9 MB, some 0.1 ms of one core: worth waking another one
 
 int64_t aligned(int64_t bytes) { return (bytes + kAlignmentBytes - 1) / kAlignmentBytes * kAlignmentBytes; }
 
@@ -28,14 +29,15 @@ int64_t bucket_of(int64_t worlds) {
   return size;
 }
 
-StagedForward::StagedForward(const PolicyNet& policy, const shm::ArenaShape& shape)
+StagedForward::StagedForward(const PolicyNet& policy, const shm::ArenaShape& shape, int packing_threads)
     : policy_(policy),
       env_(shape.trajectory.env),
       state_count_(shape.trajectory.recurrent_state_count),
       zero_row_(int64_t{shape.env_count()} * env_.num_agents),
       idle_row_(zero_row_ + 1),
       states_(torch::zeros({idle_row_ + 1, state_count_}, torch::TensorOptions().device(policy.device()))),
-      held_(static_cast<size_t>(shape.env_count())) {}
+      held_(static_cast<size_t>(shape.env_count())),
+      packers_(packing_threads) {}
 
 StagedForward::Bucket& StagedForward::bucket_for(int64_t worlds) {
   const int64_t size = bucket_of(worlds);
@@ -139,8 +141,13 @@ void StagedForward::pack(const Batch& batch, Bucket& bucket) {
     return bytes + (field.storage_offset() * static_cast<int64_t>(field.element_size()));
   };
   const auto frame_bytes = static_cast<size_t>(env_.frame_bytes());
-  for (size_t row = 0; row < batch.frames.size(); ++row)
-    std::memcpy(bytes + row * frame_bytes, batch.frames[row], frame_bytes);
+  const auto pack_rows = [&](int64_t part) {
+    const auto first = static_cast<size_t>(part * kRowsPackedAtATime);
+    const size_t last = std::min(batch.frames.size(), first + static_cast<size_t>(kRowsPackedAtATime));
+    for (size_t row = first; row < last; ++row)
+      std::memcpy(bytes + row * frame_bytes, batch.frames[row], frame_bytes);
+  };
+  packers_.run((batch.row_count() + kRowsPackedAtATime - 1) / kRowsPackedAtATime, pack_rows, nullptr);
   if (batch.measurement.defined() && bucket.measurement.defined())
     std::memcpy(at(bucket.measurement), batch.measurement.data_ptr<float>(), batch.measurement.nbytes());
   if (batch.global_state.defined() && bucket.global_state.defined())

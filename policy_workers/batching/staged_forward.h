@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "policy_workers/batching/batcher.h"
+#include "policy_workers/device/part_pool.h"
 #include "policy_workers/device/queue.h"
 #include "policy_workers/policy/policy_net.h"
 #include "rollout_buffer/shm/arena.h"
@@ -28,7 +29,8 @@ int64_t bucket_of(int64_t worlds);
 /// Threads: the policy worker's.
 class StagedForward {
  public:
-  StagedForward(const PolicyNet& policy, const shm::ArenaShape& shape);
+  /// `packing_threads` copy frames into pinned memory, the caller's among them.
+  StagedForward(const PolicyNet& policy, const shm::ArenaShape& shape, int packing_threads = 1);
 
   /// What policy.step_rows() says of the batch, to rounding. The output is valid until the next call.
   PolicyOutput step(const Batch& batch);
@@ -59,6 +61,7 @@ class StagedForward {
   Tensor states_;  ///< f32 [E * N + 2, H] on the device: inputs of the environments' next decisions
   std::vector<std::optional<uint64_t>> held_;  ///< [E] the decision whose input states_ holds
   std::vector<Bucket> buckets_;
+  device::PartPool packers_;
   int64_t states_brought_up_ = 0;
 };
 

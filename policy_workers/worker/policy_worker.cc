@@ -2,11 +2,13 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
@@ -17,6 +19,11 @@ namespace {
 
 constexpr int64_t kGatherTimeoutUs = 50'000;  // how often an idle worker looks at its stop flag
 constexpr int64_t kReportNs = 1'000'000'000;
+
+/// How many of a GPU host's cores copy frames side by side: the policy workers share a quarter of them.
+int packing_threads(const shm::ArenaShape& shape) {
+  return std::clamp(usable_cores() / (4 * shape.policy_worker_count), 1, 4);
+}
 
 }  // namespace
 
@@ -77,7 +84,7 @@ PolicyWorker::PolicyWorker(const shm::Arena& arena, const PolicyWorkerOptions& o
       weights_(arena),
       host_(host_name()) {
   if (!seats_ && !options.is_random && (options.is_staged || !policy_.device().is_cpu()))
-    staged_ = std::make_unique<StagedForward>(policy_, arena.shape());
+    staged_ = std::make_unique<StagedForward>(policy_, arena.shape(), packing_threads(arena.shape()));
 }
 
 Status PolicyWorker::run(const std::atomic<bool>& stop) {
@@ -218,7 +225,7 @@ class MadeUpBatch {
     shape.trajectory.recurrent_state_count = static_cast<int>(options.recurrent_state_count());
     shape.sim_worker_count = 1;
     shape.envs_per_worker = static_cast<int>(worlds);
-    staged_.emplace(policy, shape);
+    staged_.emplace(policy, shape, packing_threads(shape));
   }
 
   void pass() {

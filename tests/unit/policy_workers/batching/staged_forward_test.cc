@@ -99,6 +99,21 @@ TEST_P(EveryCore, SaysWhatThePlainPassSaysWhileStatesStayOnTheDevice) {
   EXPECT_EQ(staged.states_brought_up(), has_state ? 5 * 2 : 0);
 }
 
+TEST(StagedForward, PacksLargeBatchesWithSeveralThreads) {
+  const PolicyNetOptions options = small_network();
+  const shm::Arena arena = make_arena(options, {.envs_per_worker = 120});
+  const testing::FullPrecision full;
+  const auto [net, on_device] = make_networks(options, 3);
+  Batcher batcher = make_batcher(arena);
+  StagedForward staged(on_device, arena.shape(), /*packing_threads=*/3);
+  FakeSplit split(arena, 0, 0);
+  for (int step = 0; step < 3; ++step) {
+    split.commit_act(/*reset_state=*/step == 0);
+    answer_and_compare(batcher, net, staged, 60);
+    split.take_act();
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Cores, EveryCore, ::testing::Values("none", "gru", "lstm"),
                          [](const auto& of) { return of.param; });
 

@@ -1,4 +1,4 @@
-#include "learner/algorithms/part_pool.h"
+#include "policy_workers/device/part_pool.h"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 
-namespace comrad::learn {
+namespace comrad::device {
 namespace {
 
 TEST(PartPool, DoesEveryPartOnceWithOneComputingThreadEach) {
@@ -107,17 +107,5 @@ TEST(PartPool, AFailureEndsTheJobAndIsThrownAgain) {
   }
 }
 
-TEST(Parts, AreOfTheSizeThatSuitsTheDeviceUnlessOneIsSet) {
-  RunConfig config;
-  config.collection.learner_threads = 16;
-  EXPECT_EQ(samples_of_part(config, torch::kCPU), 512);
-  EXPECT_EQ(samples_of_part(config, torch::kCUDA), 4096);
-  EXPECT_EQ(threads_for_parts(config, torch::kCPU), 16);
-  EXPECT_EQ(threads_for_parts(config, torch::kCUDA), 1);
-  config.optimisation.micro_batch_size = 4096;
-  EXPECT_EQ(samples_of_part(config, torch::kCPU), 4096);
-  EXPECT_EQ(threads_for_parts(config, torch::kCPU), 2) << "activations of more would take too much memory";
-}
-
 }  // namespace
-}  // namespace comrad::learn
+}  // namespace comrad::device

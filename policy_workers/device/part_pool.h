@@ -1,9 +1,8 @@
 // Threads that work through the parts of one job side by side. The parts of an update are its micro-batches:
 // two threads with a micro-batch each keep two cores busier than one micro-batch whose every product is split
-// in two, because nobody waits at the end of every product. Stage: update.
+// in two, because nobody waits at the end of every product. Those of a policy worker's batch for a GPU are frames
+// that are copied. Stages: forward, update.
 #pragma once
-
-#include <torch/types.h>
 
 #include <condition_variable>
 #include <cstdint>
@@ -13,17 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "rollout_buffer/settings/run_config.h"
-
-namespace comrad::learn {
-
-/// Samples of one micro-batch, as `micro_batch_size` says; 0 stands for what suits the device: a CPU's caches, or a GPU, which is
-/// started as often for few samples as for many.
-int64_t samples_of_part(const RunConfig& config, torch::Device device);
-
-/// How many micro-batches of a run's learner are computed at a time: learner_threads of them, fewer where
-/// their activations would take too much memory. One on a GPU, which is busy with one micro-batch.
-int threads_for_parts(const RunConfig& config, torch::Device device);
+namespace comrad::device {
 
 class PartPool {
  public:
@@ -57,4 +46,4 @@ class PartPool {
   std::exception_ptr failure_;
 };
 
-}  // namespace comrad::learn
+}  // namespace comrad::device
