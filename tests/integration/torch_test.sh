@@ -54,7 +54,10 @@ echo "PyTorch: ${torch}; building in ${build}"
 cmake -S "${home}" -B "${build}" -G Ninja -DCMAKE_BUILD_TYPE=Release -DCOMRAD_WARNINGS_AS_ERRORS=ON -DCOMRAD_TORCH="${torch}" \
   >"${build}.configure.log" 2>&1 || fail "cmake: $(tail -n 20 "${build}.configure.log")"
 grep "PyTorch" "${build}.configure.log" || fail "cmake does not say which PyTorch it found"
-cmake --build "${build}" --target programs tests/unit/policy_workers/all tests/unit/learner/all >"${build}.build.log" 2>&1 ||
+targets=(programs tests/unit/policy_workers/all tests/unit/learner/all)
+# load_policy_test imports it; built where nanobind and Python's headers are.
+! grep -q '^python_package:' <<<"$(ninja -C "${build}" -t targets all)" || targets+=(python_package)
+cmake --build "${build}" --target "${targets[@]}" >"${build}.build.log" 2>&1 ||
   fail "the build failed: $(grep -A 30 -m 1 FAILED "${build}.build.log")"
 
 # Every header and library is of that PyTorch and of NVIDIA's wheels beside it, none of Debian's libtorch or a toolkit.
