@@ -9,16 +9,10 @@
 namespace comrad::policy {
 namespace {
 
-constexpr int64_t kAlignmentBytes = 64;
 constexpr int64_t kRowsPackedAtATime = 32;  // 0.9 MB, some 0.1 ms of one core: worth waking another one
 
-int64_t aligned(int64_t bytes) { return (bytes + kAlignmentBytes - 1) / kAlignmentBytes * kAlignmentBytes; }
-
-/// `count` numbers of `type` at `offset` bytes.
-Tensor numbers_at(const Tensor& bytes, int64_t offset, int64_t count, torch::ScalarType type) {
-  const auto size = static_cast<int64_t>(c10::elementSize(type));
-  return bytes.narrow(0, offset, count * size).view(type);
-}
+using device::aligned;
+using device::numbers_at;
 
 }  // namespace
 

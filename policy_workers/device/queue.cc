@@ -213,4 +213,14 @@ Tensor host_memory(at::IntArrayRef sizes, torch::ScalarType type, torch::Device 
   return torch::empty(sizes, torch::TensorOptions(type).pinned_memory(!device.is_cpu()));
 }
 
+int64_t aligned(int64_t bytes) {
+  constexpr int64_t kAlignmentBytes = 64;
+  return (bytes + kAlignmentBytes - 1) / kAlignmentBytes * kAlignmentBytes;
+}
+
+Tensor numbers_at(const Tensor& bytes, int64_t offset, int64_t count, torch::ScalarType type) {
+  const auto size = static_cast<int64_t>(c10::elementSize(type));
+  return bytes.narrow(0, offset, count * size).view(type);
+}
+
 }  // namespace comrad::device

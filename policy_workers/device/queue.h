@@ -66,6 +66,11 @@ class Event {
 /// Memory of the host. For a GPU it is pinned: copies from and to it go on beside the host's work.
 Tensor host_memory(at::IntArrayRef sizes, torch::ScalarType type, torch::Device device);
 
+/// The next offset at or behind `bytes` at which numbers of any type may lie, where several tensors share one memory.
+int64_t aligned(int64_t bytes);
+/// `count` numbers of `type` at an aligned `offset` of u8 [B].
+Tensor numbers_at(const Tensor& bytes, int64_t offset, int64_t count, torch::ScalarType type);
+
 /// Work of fixed shapes and addresses that is recorded once and then given to the device as one piece. What it reads and
 /// writes must be the same tensors each time; on a CPU, and on a GPU that refused to record, it is done anew each time.
 class Graph {

@@ -6,14 +6,6 @@
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::device {
-namespace {
-
-constexpr int64_t kAlignmentBytes =
-    64;  // of each tensor in the staging memory: numbers of any type can be read there
-
-int64_t aligned(int64_t bytes) { return (bytes + kAlignmentBytes - 1) / kAlignmentBytes * kAlignmentBytes; }
-
-}  // namespace
 
 void Upload::put(std::span<const std::byte> bytes, const std::vector<Tensor>& tensors) {
   if (tensors.empty()) return;
@@ -21,12 +13,11 @@ void Upload::put(std::span<const std::byte> bytes, const std::vector<Tensor>& te
   const torch::Device device = tensors.front().device();
   int64_t staged = 0;
   for (const Tensor& tensor : tensors) staged += aligned(static_cast<int64_t>(tensor.nbytes()));
+  left_.wait();
   if (!staging_.defined() || staging_.numel() != staged) {
-    left_.wait();
     staging_ = host_memory({staged}, torch::kUInt8, device);
     there_ = device.is_cpu() ? staging_ : torch::empty({staged}, staging_.options().device(device));
   }
-  left_.wait();
   auto* to = staging_.data_ptr<uint8_t>();
   std::size_t from = 0;
   for (const Tensor& tensor : tensors) {
@@ -42,9 +33,8 @@ void Upload::put(std::span<const std::byte> bytes, const std::vector<Tensor>& te
   }
   int64_t at = 0;
   for (const Tensor& tensor : tensors) {
-    const auto size = static_cast<int64_t>(tensor.nbytes());
-    tensor.copy_(there_.narrow(0, at, size).view(tensor.scalar_type()).view(tensor.sizes()));
-    at += aligned(size);
+    tensor.copy_(numbers_at(there_, at, tensor.numel(), tensor.scalar_type()).view(tensor.sizes()));
+    at += aligned(static_cast<int64_t>(tensor.nbytes()));
   }
 }
 

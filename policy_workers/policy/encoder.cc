@@ -346,17 +346,17 @@ InputNormalizer InputNormalizer::create(int64_t element_count, double scale, boo
   normalizer.mean_ = torch::zeros({element_count}, options);
   normalizer.variance_ = torch::ones({element_count}, options);
   normalizer.count_ = torch::ones({1}, options);
-  if (element_count > 0) normalizer.derive();
+  normalizer.derive();
   return normalizer;
 }
 
 void InputNormalizer::refresh() {
-  if (element_count_ == 0) return;
   rows_seen_.reset();  // a policy worker, which never updates, need not wait for it
   derive();
 }
 
 void InputNormalizer::derive() {
+  if (element_count_ == 0) return;
   Tensor factor, offset;
   if (enabled_) {
     const Tensor sigma = (variance_ + kVarianceFloor).sqrt();

@@ -195,10 +195,11 @@ void PolicyWorker::report(const char* state) {
 
 namespace {
 
-/// Random frames and a network that plays them, on the way that a policy worker takes on that device.
+/// Random frames and a network that plays them.
 class MadeUpBatch {
  public:
-  MadeUpBatch(const PolicyNet& policy, int64_t rows) : policy_(policy) {
+  /// `is_staged`: by way of StagedForward, as a policy worker on a GPU.
+  MadeUpBatch(const PolicyNet& policy, int64_t rows, bool is_staged) : policy_(policy) {
     const PolicyNetOptions& options = policy.options();
     const int64_t frame_bytes = options.env.frame_bytes(), worlds = rows / options.env.num_agents;
     torch::manual_seed(0);
@@ -212,7 +213,7 @@ class MadeUpBatch {
       batch_.frames.push_back(frames_.data_ptr<uint8_t>() + row * frame_bytes);
     // So that denormals and clips are as in real use.
     policy.update_input_statistics(frames_, batch_.measurement);
-    if (policy.device().is_cpu()) return;
+    if (!is_staged) return;
     for (int world = 0; world < worlds; ++world) {
       Request request{};
       request.env_index = world;
@@ -237,22 +238,23 @@ class MadeUpBatch {
       }
       return;
     }
-    batch_.recurrent_state =
-        policy_.step_rows(batch_.frames, batch_.measurement, batch_.recurrent_state, batch_.global_state)
-            .recurrent_state;
+    const PolicyOutput output =
+        policy_.step_rows(batch_.frames, batch_.measurement, batch_.recurrent_state, batch_.global_state);
+    batch_.recurrent_state = output.recurrent_state.cpu();
+    (void)output.logits.cpu();
   }
 
  private:
   const PolicyNet& policy_;
   Tensor frames_;
   Batch batch_;
-  std::optional<StagedForward> staged_;  // none on a CPU
+  std::optional<StagedForward> staged_;
 };
 
 }  // namespace
 
 InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, double seconds) {
-  MadeUpBatch batch(policy, batch_rows);
+  MadeUpBatch batch(policy, batch_rows, /*is_staged=*/!policy.device().is_cpu());
   for (int warm_up = 0; warm_up < 3; ++warm_up) batch.pass();
   const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
   int64_t passes = 0;
@@ -269,7 +271,8 @@ InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, doub
 }
 
 device::Work count_inference(const PolicyNet& policy, int64_t batch_rows) {
-  MadeUpBatch batch(policy, batch_rows);
+  // Operators one by one: those of recorded work are not seen.
+  MadeUpBatch batch(policy, batch_rows, /*is_staged=*/false);
   const device::OperatorPath path;
   batch.pass();  // what is made once is made
   const device::WorkCounter counter;
