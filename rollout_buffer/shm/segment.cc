@@ -62,25 +62,34 @@ int64_t control_group_room() {
   return room;
 }
 
+/// What may still be taken, read once: a second reading of a control group may differ from the first.
+struct FreeMemory {
+  int64_t bytes = 0;
+  bool is_limited_by_group = false;
+};
+
+FreeMemory free_memory() {
+  const std::optional<int64_t> available_kb = read_entry("/proc/meminfo", "MemAvailable:");
+  const int64_t available = available_kb ? *available_kb * 1024 : kUnlimited;
+  const int64_t room = control_group_room();
+  return {std::min(available, room), room <= available};
+}
+
 }  // namespace
 
-int64_t free_memory_bytes() {
-  const std::optional<int64_t> available_kb = read_entry("/proc/meminfo", "MemAvailable:");
-  return std::min(available_kb ? *available_kb * 1024 : kUnlimited, control_group_room());
-}
+int64_t free_memory_bytes() { return free_memory().bytes; }
 
 Expected<Segment> Segment::create(const std::string& name, int64_t size_bytes) {
   if (size_bytes <= 0)
     return Error{ErrorCode::kBadInput, "shared memory " + name + ": its size must be positive"};
-  const int64_t free_bytes = free_memory_bytes();
-  if (size_bytes > free_bytes)
-    return Error{
-        ErrorCode::kNoSpace,
-        "shared memory " + name + " needs " + bytes_text(size_bytes) + ", but only " +
-            bytes_text(free_bytes) + " is free" +
-            (control_group_room() <= free_bytes ? " below the memory limit of the control group" : "") +
-            "; lower --trajectory_slabs, --num_workers, --num_envs_per_worker, "
-            "--batch_size or --rollout, or free memory"};
+  const FreeMemory free = free_memory();
+  if (size_bytes > free.bytes)
+    return Error{ErrorCode::kNoSpace,
+                 "shared memory " + name + " needs " + bytes_text(size_bytes) + ", but only " +
+                     bytes_text(free.bytes) + " is free" +
+                     (free.is_limited_by_group ? " below the memory limit of the control group" : "") +
+                     "; lower --trajectory_slabs, --num_workers, --num_envs_per_worker, "
+                     "--batch_size or --rollout, or free memory"};
   Segment segment;
   segment.mapping_.descriptor = memfd_create(name.c_str(), MFD_CLOEXEC | MFD_ALLOW_SEALING);
   if (segment.mapping_.descriptor < 0) return system_error("memfd_create " + name);
