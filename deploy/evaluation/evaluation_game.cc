@@ -18,8 +18,13 @@ namespace {
 /// Settings that change what a network sees or how long its actions last, and no tensor.
 constexpr const char* kFelt[] = {"env_frameskip", "render_size", "resize"};
 
-/// Which maps are played, where no flag names a map or a pool.
+/// Which maps are played, where no flag names a map or a pool: a curriculum's run is asked what it can on the map that
+/// the stages lead to.
 void choose_maps(const std::string& maps, RunConfig& config) {
+  if (maps.empty() && config.environment.layout_pool == kCurriculumPool) {
+    config.environment.layout_pool.clear();
+    return;
+  }
   const bool has_pool = !config.environment.layout_pool.empty();
   if (maps == word_of(EvalMaps::kTrain) || (maps.empty() && !has_pool)) return;
   config.environment.layout_pool = kHeldOutPool;

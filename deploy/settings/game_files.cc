@@ -26,13 +26,14 @@ std::string layout_name(const RunConfig& config) {
   return scenario_file_name(config) + "_" + std::to_string(config.environment.layout_seed) + ".wad";
 }
 
-/// What `train:<count>` and `eval:<count>` ask for.
+/// What `train:<count>`, `eval:<count>` and `curriculum` ask for.
 struct PoolToDraw {
   std::string word;
-  int64_t count = 0;
+  int64_t count = 0;  ///< 0 of a curriculum: as many as it has stages
 };
 
 std::optional<PoolToDraw> parse_pool(const std::string& layout_pool) {
+  if (layout_pool == kCurriculumPool) return PoolToDraw{layout_pool, 0};
   for (const char* word : {"train", "eval"}) {
     const std::string begin = std::string(word) + ":";
     if (!layout_pool.starts_with(begin)) continue;
@@ -103,7 +104,7 @@ bool is_pool_to_draw(const std::string& layout_pool) { return parse_pool(layout_
 
 Status check_pool_to_draw(const std::string& layout_pool, bool for_training) {
   const auto pool = parse_pool(layout_pool);
-  if (!pool) return {};
+  if (!pool || pool->word == kCurriculumPool) return {};
   if (pool->count < 1 || pool->count > 100'000)
     return Error{ErrorCode::kBadInput,
                  "layout_pool is " + layout_pool + "; the number of layouts must be 1 to 100000"};
@@ -120,14 +121,17 @@ Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::str
   std::error_code error;
   COMRAD_TRY(check_pool_to_draw(config.environment.layout_pool, for_training));
   if (const auto pool = parse_pool(config.environment.layout_pool)) {
-    folder =
-        made_in + "/" + scenario_file_name(config) + "_" + pool->word + "_" + std::to_string(pool->count);
+    folder = made_in + "/" + scenario_file_name(config) + "_" + pool->word;
+    std::vector<std::string> words = {sibling_program("comrad-doomgen"), config.run.scenario, "--pool",
+                                      pool->word};
+    if (pool->count > 0) {
+      folder += "_" + std::to_string(pool->count);
+      words.insert(words.end(), {"--count", std::to_string(pool->count)});
+    }
+    words.insert(words.end(), {"--num_agents", std::to_string(config.environment.num_agents), "-o", folder});
     if (!fs::exists(folder + "/batch_registry.json", error)) {
       COMRAD_TRY_ASSIGN(const ProgramResult made,
-                        run_program({sibling_program("comrad-doomgen"), config.run.scenario, "--pool",
-                                     pool->word, "--count", std::to_string(pool->count), "--num_agents",
-                                     std::to_string(config.environment.num_agents), "-o", folder},
-                                    {.timeout_s = 120.0 + static_cast<double>(pool->count)}));
+                        run_program(words, {.timeout_s = 120.0 + static_cast<double>(pool->count)}));
       if (made.interrupted) return Error{ErrorCode::kSystem, "interrupted while layouts were drawn"};
       if (made.exit_code != 0)
         return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made) + " (layout_pool is " +
@@ -138,7 +142,7 @@ Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::str
     return Error{ErrorCode::kNotFound, "layout_pool is " + folder +
                                            ", which is no folder; make one with `comrad doomgen " +
                                            scenario_file_name(config) + " --pool train --count 100 -o " +
-                                           folder + "`, or say train:<count>"};
+                                           folder + "`, or say train:<count> or curriculum"};
   }
   COMRAD_TRY_ASSIGN(
       const ProgramResult checked,

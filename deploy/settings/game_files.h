@@ -24,8 +24,8 @@ Status check_wad(const std::string& path);
 Expected<std::string> ensure_layout(const RunConfig& config, const std::string& folder);
 
 /// The pool that `config.environment.layout_pool` names, checked by comrad-doomgen, as the text of a run's
-/// layouts/pool.toml. A folder is taken as it is; `train:<count>` and `eval:<count>` are drawn into
-/// `<made_in>/<scenario>_<word>_<count>` unless such a pool is there already. Training refuses layouts for
+/// layouts/pool.toml. A folder is taken as it is; `train:<count>`, `eval:<count>` and the stages of the scenario's
+/// `curriculum` are drawn into `<made_in>/<scenario>_<word>[_<count>]` unless such a pool is there already. Training refuses layouts for
 /// evaluation. Errors: kBadInput with the generator's words.
 Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::string& made_in,
                                          bool for_training);
@@ -35,8 +35,11 @@ constexpr const char* kHeldOutPool = "eval:20";
 /// Where a run that evaluates as it trains keeps their list.
 constexpr const char* kHeldOutListFile = "layouts/held_out.toml";
 
-/// Whether `layout_pool` asks for a pool to be drawn (`train:<count>`, `eval:<count>`) rather than naming
-/// a folder.
+/// The word for the stages that lead to the scenario's own map, which such runs are evaluated on.
+constexpr const char* kCurriculumPool = "curriculum";
+
+/// Whether `layout_pool` asks for a pool to be drawn (`train:<count>`, `eval:<count>`, `curriculum`) rather than
+/// naming a folder.
 bool is_pool_to_draw(const std::string& layout_pool);
 
 /// Errors: kBadInput for a pool to be drawn of no or too many layouts, or of those for evaluation where training is

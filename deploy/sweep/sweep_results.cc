@@ -125,11 +125,18 @@ Expected<ordered_json> evaluate(const SweepResults& results, const std::string& 
   return answer;
 }
 
-/// Random play on the run's map by its team, once for each scenario. Runs on pools have none: their maps are many.
+/// Whether a run is evaluated on one map that doomgen makes: its own, or the one that its curriculum leads to.
+bool is_evaluated_on_one_map(const RunConfig& config) {
+  const std::string& pool = config.environment.layout_pool;
+  return pool.empty() || pool == kCurriculumPool;
+}
+
+/// Random play on the map of a run's evaluation by its team, once for each scenario. Runs on other pools have none: their
+/// maps are many.
 Status keep_random_play(const SweepResults& results, const RunConfig& config, const std::string& comrad) {
   const std::string path = results.folder + "/eval/random_" + scenario_file_name(config) + ".json";
   std::error_code ignored;
-  if (!config.environment.layout_pool.empty() || fs::exists(path, ignored)) return {};
+  if (!is_evaluated_on_one_map(config) || fs::exists(path, ignored)) return {};
   COMRAD_TRY_ASSIGN(const ordered_json answer,
                     evaluate(results, "random", comrad,
                              {"--scenario=" + config.run.scenario,
@@ -257,7 +264,7 @@ Expected<int> note_stale_results(
     else
       stale = recipe_changes(*then, now.config);
     const auto hashes = result->find("map_hashes");
-    if (now.config.environment.layout_pool.empty() && now.config.environment.wad.empty() &&
+    if (is_evaluated_on_one_map(now.config) && now.config.environment.wad.empty() &&
         hashes != result->end() && hashes->is_object() && hashes->size() == 1) {
       const Expected<std::string> hash = map_hash(now.config);
       if (hash && hashes->begin().value() != *hash)

@@ -28,7 +28,7 @@ class ContentSplit {
   /// evaluation. Errors: as generate_layout().
   static Expected<ContentSplit> of(const std::string& scenario);
 
-  /// False for the stages of the published curriculum; true for the maps of the held-out seeds with default
+  /// False for the stages of a curriculum; true for the maps of the held-out seeds with default
   /// parameters; of all others one in ten by their hash.
   bool is_for_evaluation(uint64_t content) const;
 

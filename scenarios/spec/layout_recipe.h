@@ -33,7 +33,7 @@ struct LayoutAxis {
   std::vector<std::vector<std::pair<const char*, int64_t>>> options;
 };
 
-/// One stage of a curriculum that was published with the scenario.
+/// One stage of a curriculum that comes with the scenario: published with it, or our own.
 struct CurriculumStage {
   const char* name;
   uint64_t seed;

@@ -244,7 +244,7 @@ int run(int argc, char** argv) {
       app.add_option(
              "--pool", pool,
              "draw a pool of distinct layouts for training or evaluation, which never share a map, or the "
-             "stages of the scenario's published curriculum")
+             "stages of the scenario's curriculum")
           ->check(CLI::IsMember({"train", "eval", "curriculum"}));
   app.add_option("--count", many.count, "layouts of the pool")->capture_default_str()->needs(pool_option);
   app.add_flag("--vary,!--no-vary", many.vary,

@@ -178,6 +178,28 @@ TEST(LayoutPoolRun, AKilledSimulatorAndAPoolDrawnOnTheSpot) {
     EXPECT_FALSE(trained.contains(layout)) << layout;
 }
 
+TEST(LayoutPoolRun, ACurriculumIsDrawnIntoItsRunWhichIsAskedWhatItCanOnTheScenariosOwnMap) {
+  const ScratchFolder scratch;
+  train(scratch, "run", 8192, "curriculum",
+        {"--scenario", "stealth_labyrinth", "--curriculum", "sequential", "--num_agents", "2"});
+  const nlohmann::json tasks = curriculum_state(scratch / "run")["tasks"];
+  ASSERT_EQ(tasks.size(), 8u);
+  EXPECT_EQ(tasks[0], "stealth_labyrinth_00_one_bullet");
+  EXPECT_EQ(files(scratch / "run" / "layouts/stealth_labyrinth_curriculum", "", ".wad").size(), 8u);
+  const auto played = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> words = {"eval", "--policy", scratch / "run", "--episodes", "2", "--json"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Ending eval = comrad(words, 120 * patience());
+    EXPECT_EQ(eval.exit_code, 0) << eval.err;
+    return nlohmann::json::parse(eval.out, nullptr, false);
+  };
+  EXPECT_EQ(played({})["layout"], "seed 42");
+  EXPECT_EQ(played({"--maps", "train"})["layout"], "pool curriculum");
+  const Ending none = RunningProgram(training(scratch, "none", 8192, "curriculum")).wait(60 * patience());
+  EXPECT_EQ(none.exit_code, kExitBadInput);
+  EXPECT_THAT(none.err, HasSubstr("comes with no curriculum; these do: platform_chain, stealth_labyrinth"));
+}
+
 TEST(LayoutPoolRun, BadPoolsAreRefusedBeforeARunIsMade) {
   const ScratchFolder scratch;
   const auto refused = [&](const std::string& pool, const std::vector<std::string>& more = {}) {

@@ -115,8 +115,9 @@ TEST_F(GameFiles, ANewLayoutSeedOrAMovedRunForgetsTheGeneratedMap) {
 }
 
 TEST(LayoutPools, OnesToDrawAreToldFromFolders) {
-  for (const char* pool : {"train:3", "eval:20", "train:many"}) EXPECT_TRUE(is_pool_to_draw(pool)) << pool;
-  for (const char* pool : {"", "pool", "train", "/data/train:3", "trains:3"})
+  for (const char* pool : {"train:3", "eval:20", "train:many", "curriculum"})
+    EXPECT_TRUE(is_pool_to_draw(pool)) << pool;
+  for (const char* pool : {"", "pool", "train", "/data/train:3", "trains:3", "curriculum:3", "./curriculum"})
     EXPECT_FALSE(is_pool_to_draw(pool)) << pool;
 }
 
