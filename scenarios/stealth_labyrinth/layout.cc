@@ -25,7 +25,8 @@ constexpr int32_t kRoomMargin = 64;  // the torch lights a room or corridor from
 constexpr int32_t kHallMargin = 72;  // start room and hub
 constexpr int32_t kStartLight = 224, kHubLight = 160, kStartCorridorLight = 160, kRoomLight = 224,
                   kCorridorLight = 176;
-constexpr int32_t kLampJitter = 24;       // lamps stand this far from their published places at most
+constexpr int32_t kLampJitter = 24;  // lamps stand this far from their published places at most
+constexpr int32_t kStartsApart = 80;
 constexpr int32_t kTurretClearance = 26;  // the radius of a turret and a little
 constexpr int kBullets = 240;             // of the gunner, for good
 constexpr int32_t kTechLamp = 85, kTallRedPillar = 32, kFloorLamp = 2028;
@@ -117,6 +118,19 @@ Status check_resources(const LayoutTask& task) {
                        branches * rooms * each);
 }
 
+/// Between the two agents, who look north.
+Point start_of(const LayoutDraw& draw, const Plan& where) {
+  const Box& corridor = where.rooms.front().corridor;
+  switch (draw.value("start_at")) {
+    case 0:
+      return {0, kStartCentre.y - 32};
+    case 1:
+      return {0, where.hub.low.y + kHubSide / 4};  // before the pillar
+    default:
+      return {0, (corridor.low.y + corridor.high.y) / 2};
+  }
+}
+
 struct Areas {
   std::vector<int64_t> tag, light, left, right, bottom, top;
   void add(int32_t area_tag, int32_t level, const Box& box, int32_t margin) {
@@ -192,14 +206,15 @@ Expected<DrawnLayout> draw_layout(const LayoutDraw& draw) {
     for (const Point& lamp : room.lamps) map.add_thing({.position = lamp, .editor_number = kFloorLamp});
   }
 
-  map.add_start(1, {-40, -592}, 90);
-  map.add_start(2, {40, -592}, 90);
+  const Point start = start_of(draw, where);
+  map.add_start(1, {start.x - kStartsApart / 2, start.y}, 90);
+  map.add_start(2, {start.x + kStartsApart / 2, start.y}, 90);
   map.add_thing({.position = {-96, -592}, .editor_number = kTechLamp});
   map.add_thing({.position = {96, -592}, .editor_number = kTechLamp});
   map.add_thing({.position = {0, 0}, .editor_number = kTallRedPillar});
 
   COMRAD_TRY_ASSIGN(doomgen::MapData data, map.build());
-  COMRAD_TRY(check(where, data, {-40, -592}));
+  COMRAD_TRY(check(where, data, {start.x - kStartsApart / 2, start.y}));
   return DrawnLayout{.map = std::move(data),
                      .defines = {{"BULLETS", kBullets},
                                  {"AREA_COUNT", static_cast<int64_t>(areas.tag.size())},
@@ -219,25 +234,26 @@ Expected<DrawnLayout> draw_layout(const LayoutDraw& draw) {
                                 {"turret_health", health}}};
 }
 
-/// Stages of our own towards the default map, for on the map itself nobody ever hits a turret by chance: a pair learns to
-/// hide first. One room, whose turret is near, weak and falls at a bullet; then it takes more bullets, hits harder and
-/// stands further away.
+/// Stages of our own towards the default map, on which nobody ever hits a turret by chance, so that a pair learns to hide. It
+/// starts where the turret is (a reverse curriculum: Florensa et al. 2017, arXiv:1707.05300), which is weak and falls at a
+/// bullet; then the turret takes more bullets, hits harder and stands further away, and last the pair has to come to it.
 std::vector<CurriculumStage> curriculum() {
   struct Row {
     const char* name;
-    int64_t rooms, strength, health, margin, length;
+    int64_t start_at, rooms, strength, health, margin, length;
   };
   constexpr Row kRows[] = {
-      {"one_bullet", 1, 0, 10, 640, 768},  {"three_bullets", 1, 0, 30, 640, 768},
-      {"six_bullets", 1, 0, 60, 560, 768}, {"nine_bullets", 1, 0, 90, 480, 768},
-      {"it_hurts", 1, 1, 60, 480, 768},    {"further_away", 1, 1, 90, 400, 832},
-      {"first_room", 1, 1, 90, 320, 896},  {"both_rooms", 2, 1, 90, 320, 896},
+      {"one_bullet", 2, 1, 0, 10, 640, 768},   {"three_bullets", 2, 1, 0, 30, 560, 768},
+      {"it_hurts", 2, 1, 1, 60, 480, 832},     {"far_away", 2, 1, 1, 90, 320, 896},
+      {"from_the_hub", 1, 1, 1, 90, 320, 896}, {"first_room", 0, 1, 1, 90, 320, 896},
+      {"both_rooms", 0, 2, 1, 90, 320, 896},
   };
   std::vector<CurriculumStage> stages;
   for (const Row& row : kRows)
     stages.push_back({.name = row.name,
                       .seed = 42,
-                      .values = {{"rooms", row.rooms},
+                      .values = {{"start_at", row.start_at},
+                                 {"rooms", row.rooms},
                                  {"strength", row.strength},
                                  {"first_health", row.health},
                                  {"first_margin", row.margin},
@@ -263,6 +279,9 @@ LayoutRecipe recipe() {
                           "the same in the first room of a branch (axis: 70, 110)"},
                          {"first_margin", 320, 32, 640,
                           "units from a first room's turret to the far wall (axis: 360, 280)"},
+                         {"start_at", 0, 0, 2,
+                          "where agents start: 0 the start room, 1 the hub, 2 the corridor to the first room",
+                          /*hide_default=*/true},
                          organic_parameter()},
           .draw = draw_layout,
           .axes = {{"branches", {{{"branches", 1}}, {{"branches", 2}}, {{"branches", 3}}}},
