@@ -17,6 +17,11 @@ class Policy:
         self.settings = tomllib.loads(checkpoint["config"]["toml"])
         self.agent = agent  # counted from 0; HAPPO's agents have networks of their own, the others share one
         self.tensors = {name.removeprefix(f"agent{agent}."): tensor for name, tensor in checkpoint["network"].items()}
+        if self.settings["use_rnn"]:
+            core = {name.removeprefix("core."): value for name, value in self.tensors.items() if name.startswith("core.")}
+            kind = torch.nn.LSTM if self.settings["rnn_type"] == "lstm" else torch.nn.GRU
+            self.core = kind(core["weight_ih_l0"].shape[1], self.settings["rnn_size"], self.settings["rnn_num_layers"])
+            self.core.load_state_dict(core)
 
     def normalized(self, x, name, scale):
         """(x / scale - mean) / sqrt(variance + 1e-5), clipped to +-5, element by element; /scale alone without statistics."""
@@ -46,11 +51,7 @@ class Policy:
             inputs = next(self.tensors[name].shape[1] for name in next_layer if name in self.tensors)
             x = torch.cat((x, F.one_hot(torch.full((len(x),), self.agent), inputs - x.shape[1]).float()), 1)
         if self.settings["use_rnn"]:
-            core = {name.removeprefix("core."): value for name, value in self.tensors.items() if name.startswith("core.")}
-            kind = torch.nn.LSTM if self.settings["rnn_type"] == "lstm" else torch.nn.GRU
-            rnn = kind(x.shape[1], self.settings["rnn_size"], self.settings["rnn_num_layers"])
-            rnn.load_state_dict(core)
-            x, state = rnn(x[None], state)
+            x, state = self.core(x[None], state)
             x = x[0]
         layer = 0
         while f"decoder.{layer}.weight" in self.tensors:

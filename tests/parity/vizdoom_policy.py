@@ -6,12 +6,16 @@ The run was trained on a ViZDoom .cfg with one agent, or on one of the thirteen 
 run's own map as a network game, and `scenario_play rewards` says what the variables of both players pay. Greedy actions, the
 run's frame skip. A run with `--render_size 160x120 --resize nearest` sees what ViZDoom shows at that size, made smaller in the same
 way: 92 % of all pixels are equal. Of a run whose views are drawn at 128x72 directly ViZDoom draws 640x480, of which every view
-takes the nearest pixels; its status bar then differs, which costs a policy of defend_the_center half of its score. In a network game what the second player presses counts a tic later than what the first does.
+takes the nearest pixels; its status bar then differs, which costs a policy of defend_the_center half of its score.
+
+In a network game what the second player presses counts a tic later than what the first does. So that both engines play the same
+game, it does in ours as well (`comrad.parallel_env`, a step for each tic); `comrad eval`, where nothing is late, is told beside it.
 
     tests/parity/vizdoom_policy.py train_dir/RUN --episodes 100
 
 Prints one JSON object: both means, the 95 % interval of ours and whether ViZDoom's lies in it; exit code 1 where it does
-not. ViZDoom does not show what a scenario's last decision did, so its returns (`vizdoom_return`) lack what that one pays. Needs a Python with torch, numpy and vizdoom. Not part of the test suite: it takes a trained run.
+not. ViZDoom does not show what a scenario's last decision did, so its returns (`vizdoom_return`) lack what that one pays. Needs a
+Python with torch, numpy and vizdoom, for two players with this project's package too. Not part of the test suite: it takes a trained run.
 """
 import argparse
 import glob
@@ -47,10 +51,11 @@ def presses(heads, names, choice):
     return list(values.values())
 
 
-def frame_of(game, place):
-    """[1, 3, 72, 128] u8 of what the player sees; each pixel is what lies at `place` (0: its corner, 0.5: its middle) of the screen's."""
+def frame_of(screen, place):
+    """[1, 3, 72, 128] u8 of an RGB picture [rows, columns, 3] u8; each pixel is what lies at `place` (0: its corner, 0.5: its
+    middle) of the picture's."""
     import torch
-    screen = torch.from_numpy(game.get_state().screen_buffer.copy()).permute(2, 0, 1)  # RGB24: [rows, columns, 3]
+    screen = torch.from_numpy(screen.copy()).permute(2, 0, 1)
     rows = ((torch.arange(72) + place) * screen.shape[1] / 72).long()
     columns = ((torch.arange(128) + place) * screen.shape[2] / 128).long()
     return screen[:, rows][:, :, columns][None]
@@ -72,13 +77,17 @@ class PolicyPlayer:
         self.measurements = measurements  # terms of `comrad scenarios describe`, in the order of the .cfg's variables
         self.state = None
 
+    def load(self, player):
+        """The network of this seat."""
+        import load_policy
+        self.policy = load_policy.Policy(self.checkpoint, agent=player)
+
     def prepare(self, game, player):
         """Before game.init()."""
-        import load_policy
         import torch
         import vizdoom as vzd
         torch.set_num_threads(1)
-        self.policy = load_policy.Policy(self.checkpoint, agent=player)
+        self.load(player)
         game.set_screen_format(vzd.ScreenFormat.RGB24)
         game.set_screen_resolution(getattr(vzd.ScreenResolution, self.resolution))
         for part in ('hud', 'weapon', 'screen_flashes'):
@@ -91,10 +100,14 @@ class PolicyPlayer:
 
     def decide(self, game):
         """The choice of each head for what `game` shows now."""
+        return self.see(game.get_state().screen_buffer, self.measurement_of(game))
+
+    def see(self, screen, measurement=None):
+        """The choice of each head for a picture [rows, columns, 3]."""
         import load_policy
         import torch
         with torch.no_grad():
-            logits, self.state = self.policy.step(frame_of(game, self.place), self.measurement_of(game), self.state)
+            logits, self.state = self.policy.step(frame_of(screen, self.place), measurement, self.state)
         return load_policy.greedy(logits, self.head_sizes)[0].tolist()
 
     def measurement_of(self, game):
@@ -141,16 +154,14 @@ def play_cfg(player, heads, cfg, episodes, frame_skip):
 def play_scenario(player, run, name, heads, spec, episodes, scenario_play):
     """Score and mean return of the two players in each of so many episodes on the run's own map; a score that ViZDoom cannot
     tell is None."""
-    wads = glob.glob(os.path.join(run, 'layouts', '**', '*.wad'), recursive=True)
-    if len(wads) != 1:
-        sys.exit(f'{run}/layouts: a run on one map is needed, and {len(wads)} are there')
+    wad = the_map(run)
     played, folder = [], tempfile.mkdtemp()
     try:
         for episode in range(episodes):
             seed = (1000 + episode) * 2654435761 % 2**31  # far apart: neighbouring ones draw first numbers that are alike
             for attempt in range(3):
                 try:
-                    rows = play_vizdoom(os.path.abspath(wads[0]), spec, heads, player, seed, folder, JOINING_S)
+                    rows = play_vizdoom(wad, spec, heads, player, seed, folder, JOINING_S)
                     break
                 except RuntimeError as problem:  # of its network; the same seed again
                     print(f'episode {episode}: {problem}', file=sys.stderr)
@@ -162,6 +173,42 @@ def play_scenario(player, run, name, heads, spec, episodes, scenario_play):
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     return played
+
+
+def play_ours(players, run, scenario, render_size, episodes):
+    """[(score, mean return)] of so many of our episodes on the run's map, where what the second player chooses is pressed a tic
+    later, as in a network game."""
+    import comrad
+    width, height = map(int, render_size.split('x'))
+    env = comrad.parallel_env(scenario, num_agents=AGENTS, frame_skip=1, size=(width, height), layout=the_map(run))
+    first, second = env.possible_agents
+    played = []
+    for seat, player in enumerate(players):
+        player.load(seat)
+    for episode in range(episodes):
+        seen, _ = env.reset(seed=1000 + episode)
+        choice = {agent: [0] * len(players[0].head_sizes) for agent in env.possible_agents}
+        for player in players:
+            player.begin()
+        tic = 0
+        while env.agents:
+            before = choice
+            if tic % TICS == 0:
+                choice = {agent: player.see(seen[agent]) for agent, player in zip(env.possible_agents, players, strict=True)}
+            seen, _, _, _, infos = env.step({first: choice[first], second: before[second]})
+            tic += 1
+        told = [infos[agent]['episode'] for agent in env.possible_agents]
+        played.append((told[0]['score'], sum(one['return'] for one in told) / AGENTS))
+    env.close()
+    return played
+
+
+def the_map(run):
+    """The one map of a run."""
+    wads = glob.glob(os.path.join(run, 'layouts', '**', '*.wad'), recursive=True)
+    if len(wads) != 1:
+        sys.exit(f'{run}/layouts: a run on one map is needed, and {len(wads)} are there')
+    return os.path.abspath(wads[0])
 
 
 def score_of(rows, spec):
@@ -198,25 +245,31 @@ def main():
 
     heads = ['--heads', settings['heads']] if settings['heads'] else []
     described = json_of('scenarios', 'describe', scenario, *heads)
-    ours = json_of('eval', '--policy', asked.run, '--episodes', str(asked.episodes))
+    evaluated = json_of('eval', '--policy', asked.run, '--episodes', str(asked.episodes))
     checkpoint = latest_checkpoint(asked.run)
     if is_cfg:
         terms = described['measurement_terms'] if settings['use_additional_input'] else ()
         player = PolicyPlayer(checkpoint, described['heads'], screen_of(settings), measurements=terms)
         values, name = play_cfg(player, described['head_buttons'], scenario, asked.episodes, settings['env_frameskip']), 'return'
+        ours = [one[name] for one in evaluated['each']]
         more = {}
     else:
         with open(os.path.join(SCENARIOS, scenario, 'scenario.toml'), 'rb') as file:
             spec = tomllib.load(file)
-        player = PolicyPlayer(checkpoint, described['heads'], screen_of(settings), spec['decision_limit'], spec.get('render'))
-        played = play_scenario(player, asked.run, scenario, described['head_buttons'], spec, asked.episodes,
+
+        def player():
+            return PolicyPlayer(checkpoint, described['heads'], screen_of(settings), spec['decision_limit'], spec.get('render'))
+        here = play_ours([player(), player()], asked.run, scenario, settings['render_size'], asked.episodes)
+        played = play_scenario(player(), asked.run, scenario, described['head_buttons'], spec, asked.episodes,
                                os.path.abspath(asked.scenario_play))
-        scores, returns = zip(*played)
-        values, name = (returns, 'return') if scores[0] is None else (scores, 'J')
-        more = {'ours_return': mean_and_ci95([one['return'] for one in ours['each']])[0],
-                'vizdoom_return': mean_and_ci95(returns)[0]}
+        name = 'return' if played[0][0] is None else 'J'
+        values, ours = ([one[name == 'return'] for one in of] for of in (played, here))
+        in_time, in_time_ci95 = mean_and_ci95([one[name] for one in evaluated['each']])
+        more = {'ours_return': mean_and_ci95([one[1] for one in here])[0],
+                'vizdoom_return': mean_and_ci95([one[1] for one in played])[0],
+                'ours_in_time': in_time, 'ours_in_time_ci95': in_time_ci95}
     mean, theirs_ci95 = mean_and_ci95(values)
-    ours_mean, ours_ci95 = mean_and_ci95([one[name] for one in ours['each']])
+    ours_mean, ours_ci95 = mean_and_ci95(ours)
     within = abs(mean - ours_mean) <= ours_ci95
     print(json.dumps({'scenario': scenario, 'episodes': asked.episodes, 'what': name, 'ours': ours_mean, 'ours_ci95': ours_ci95,
                       'vizdoom': mean, 'vizdoom_ci95': theirs_ci95, 'within': within, **more}))
