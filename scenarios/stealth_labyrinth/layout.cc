@@ -126,6 +126,8 @@ Point start_of(const LayoutDraw& draw, const Plan& where) {
       return {0, kStartCentre.y - 32};
     case 1:
       return {0, where.hub.low.y + kHubSide / 4};  // before the pillar
+    case 2:
+      return {0, where.hub.high.y - kRoomMargin / 2};  // whence the torch lights the corridor already
     default:
       return {0, (corridor.low.y + corridor.high.y) / 2};
   }
@@ -243,10 +245,10 @@ std::vector<CurriculumStage> curriculum() {
     int64_t start_at, rooms, strength, health, margin, length;
   };
   constexpr Row kRows[] = {
-      {"one_bullet", 2, 1, 0, 10, 640, 768},   {"three_bullets", 2, 1, 0, 30, 560, 768},
-      {"it_hurts", 2, 1, 1, 60, 480, 832},     {"far_away", 2, 1, 1, 90, 320, 896},
-      {"from_the_hub", 1, 1, 1, 90, 320, 896}, {"first_room", 0, 1, 1, 90, 320, 896},
-      {"both_rooms", 0, 2, 1, 90, 320, 896},
+      {"one_bullet", 3, 1, 0, 10, 640, 768},    {"three_bullets", 3, 1, 0, 30, 560, 768},
+      {"it_hurts", 3, 1, 1, 60, 480, 832},      {"far_away", 3, 1, 1, 90, 320, 896},
+      {"hubs_far_edge", 2, 1, 1, 90, 320, 896}, {"from_the_hub", 1, 1, 1, 90, 320, 896},
+      {"first_room", 0, 1, 1, 90, 320, 896},    {"both_rooms", 0, 2, 1, 90, 320, 896},
   };
   std::vector<CurriculumStage> stages;
   for (const Row& row : kRows)
@@ -265,44 +267,46 @@ std::vector<CurriculumStage> curriculum() {
 }  // namespace
 
 LayoutRecipe recipe() {
-  return {.parameters = {{"branches", 1, 1, 3, "branches from the hub: north, west, east (axis: 1, 2, 3)"},
-                         {"rooms", 2, 1, 3, "rooms of each branch (axis: 1, 2, 3)"},
-                         {"room_width", 416, 256, 1024, "units across a branch (axis: 384, 416, 512)"},
-                         {"room_length", 896, 768, 1536, "units along a branch (axis: 768, 896, 1024)"},
-                         {"corridor", 4, 2, 8,
-                          "width of corridors w: (2w - 1) x 54 units, less than a room's (axis: 5, 4, 3)"},
-                         {"turrets_low", 1, 1, 2, "turrets of a room at least (axis: 1, 1, 2)"},
-                         {"turrets_high", 1, 1, 2, "turrets of a room at most, drawn (axis: 1, 2, 2)"},
-                         {"strength", 1, 0, 2, "bolts: 0 slow and weak, 1, 2 fast, strong, three to a burst"},
-                         {"health", 140, 1, 10'000, "health of a turret (axis: 120, 140, 180)"},
-                         {"first_health", 90, 1, 10'000,
-                          "the same in the first room of a branch (axis: 70, 110)"},
-                         {"first_margin", 320, 32, 640,
-                          "units from a first room's turret to the far wall (axis: 360, 280)"},
-                         {"start_at", 0, 0, 2,
-                          "where agents start: 0 the start room, 1 the hub, 2 the corridor to the first room",
-                          /*hide_default=*/true},
-                         organic_parameter()},
-          .draw = draw_layout,
-          .axes = {{"branches", {{{"branches", 1}}, {{"branches", 2}}, {{"branches", 3}}}},
-                   {"rooms", {{{"rooms", 1}}, {{"rooms", 2}}, {{"rooms", 3}}}},
-                   {"geometry",
-                    {{{"room_width", 384}, {"room_length", 768}, {"corridor", 5}},
-                     {{"room_width", 416}, {"room_length", 896}, {"corridor", 4}},
-                     {{"room_width", 512}, {"room_length", 1024}, {"corridor", 3}}}},
-                   {"group",
-                    {{{"turrets_low", 1}, {"turrets_high", 1}},
-                     {{"turrets_low", 1}, {"turrets_high", 2}},
-                     {{"turrets_low", 2}, {"turrets_high", 2}}}},
-                   {"turret",
-                    {{{"strength", 0}, {"health", 120}},
-                     {{"strength", 1}, {"health", 140}},
-                     {{"strength", 2}, {"health", 180}}}},
-                   {"first_room",
-                    {{{"first_health", 70}, {"first_margin", 360}},
-                     {{"first_health", 110}, {"first_margin", 280}}}}},
-          .curriculum = curriculum(),
-          .check_resources = check_resources};
+  return {
+      .parameters = {{"branches", 1, 1, 3, "branches from the hub: north, west, east (axis: 1, 2, 3)"},
+                     {"rooms", 2, 1, 3, "rooms of each branch (axis: 1, 2, 3)"},
+                     {"room_width", 416, 256, 1024, "units across a branch (axis: 384, 416, 512)"},
+                     {"room_length", 896, 768, 1536, "units along a branch (axis: 768, 896, 1024)"},
+                     {"corridor", 4, 2, 8,
+                      "width of corridors w: (2w - 1) x 54 units, less than a room's (axis: 5, 4, 3)"},
+                     {"turrets_low", 1, 1, 2, "turrets of a room at least (axis: 1, 1, 2)"},
+                     {"turrets_high", 1, 1, 2, "turrets of a room at most, drawn (axis: 1, 2, 2)"},
+                     {"strength", 1, 0, 2, "bolts: 0 slow and weak, 1, 2 fast, strong, three to a burst"},
+                     {"health", 140, 1, 10'000, "health of a turret (axis: 120, 140, 180)"},
+                     {"first_health", 90, 1, 10'000,
+                      "the same in the first room of a branch (axis: 70, 110)"},
+                     {"first_margin", 320, 32, 640,
+                      "units from a first room's turret to the far wall (axis: 360, 280)"},
+                     {"start_at", 0, 0, 3,
+                      "where agents start: 0 the start room, 1 the hub, 2 its far edge, 3 the corridor to "
+                      "the first room",
+                      /*hide_default=*/true},
+                     organic_parameter()},
+      .draw = draw_layout,
+      .axes = {{"branches", {{{"branches", 1}}, {{"branches", 2}}, {{"branches", 3}}}},
+               {"rooms", {{{"rooms", 1}}, {{"rooms", 2}}, {{"rooms", 3}}}},
+               {"geometry",
+                {{{"room_width", 384}, {"room_length", 768}, {"corridor", 5}},
+                 {{"room_width", 416}, {"room_length", 896}, {"corridor", 4}},
+                 {{"room_width", 512}, {"room_length", 1024}, {"corridor", 3}}}},
+               {"group",
+                {{{"turrets_low", 1}, {"turrets_high", 1}},
+                 {{"turrets_low", 1}, {"turrets_high", 2}},
+                 {{"turrets_low", 2}, {"turrets_high", 2}}}},
+               {"turret",
+                {{{"strength", 0}, {"health", 120}},
+                 {{"strength", 1}, {"health", 140}},
+                 {{"strength", 2}, {"health", 180}}}},
+               {"first_room",
+                {{{"first_health", 70}, {"first_margin", 360}},
+                 {{"first_health", 110}, {"first_margin", 280}}}}},
+      .curriculum = curriculum(),
+      .check_resources = check_resources};
 }
 
 }  // namespace comrad::scenarios::stealth_labyrinth
