@@ -24,9 +24,9 @@ Status check_wad(const std::string& path);
 Expected<std::string> ensure_layout(const RunConfig& config, const std::string& folder);
 
 /// The pool that `config.environment.layout_pool` names, checked by comrad-doomgen, as the text of a run's
-/// layouts/pool.toml. A folder is taken as it is; `train:<count>`, `eval:<count>` and the stages of the scenario's
-/// `curriculum` are drawn into `<made_in>/<scenario>_<word>[_<count>]` unless such a pool is there already. Training refuses layouts for
-/// evaluation. Errors: kBadInput with the generator's words.
+/// layouts/pool.toml. A folder is taken as it is; `train:<count>`, `eval:<count>` and the stages of the
+/// scenario's `curriculum` are drawn into `<made_in>/<scenario>_<word>[_<count>]` unless such a pool is there
+/// already. Training refuses layouts for evaluation. Errors: kBadInput with the generator's words.
 Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::string& made_in,
                                          bool for_training);
 

@@ -236,9 +236,10 @@ Expected<DrawnLayout> draw_layout(const LayoutDraw& draw) {
                                 {"turret_health", health}}};
 }
 
-/// Stages of our own towards the default map, on which nobody ever hits a turret by chance, so that a pair learns to hide. It
-/// starts where the turret is (a reverse curriculum: Florensa et al. 2017, arXiv:1707.05300), which is weak and falls at a
-/// bullet; then the turret takes more bullets, hits harder and stands further away, and last the pair has to come to it.
+/// Stages of our own towards the default map, on which nobody ever hits a turret by chance, so that a pair learns to
+/// hide. They start where the turret is (a reverse curriculum: Florensa et al. 2017, arXiv:1707.05300), which is weak
+/// and falls at a bullet; then the turret takes more bullets, hits harder and stands further away, and last the pair
+/// has to come to it.
 std::vector<CurriculumStage> curriculum() {
   struct Row {
     const char* name;

@@ -80,13 +80,13 @@ class PolicyPlayer:
     def load(self, player):
         """The network of this seat."""
         import load_policy
+        import torch
+        torch.set_num_threads(1)
         self.policy = load_policy.Policy(self.checkpoint, agent=player)
 
     def prepare(self, game, player):
         """Before game.init()."""
-        import torch
         import vizdoom as vzd
-        torch.set_num_threads(1)
         self.load(player)
         game.set_screen_format(vzd.ScreenFormat.RGB24)
         game.set_screen_resolution(getattr(vzd.ScreenResolution, self.resolution))
