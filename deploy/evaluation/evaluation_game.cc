@@ -18,15 +18,13 @@ namespace {
 /// Settings that change what a network sees or how long its actions last, and no tensor.
 constexpr const char* kFelt[] = {"env_frameskip", "render_size", "resize"};
 
-/// Which maps are played, where no flag names a map or a pool: a curriculum's run is asked what it can on the map that
-/// the stages lead to.
+/// Which maps are played, where no flag names a map or a pool.
 void choose_maps(const std::string& maps, RunConfig& config) {
-  if (maps.empty() && config.environment.layout_pool == kCurriculumPool) {
+  if (maps == word_of(EvalMaps::kTrain)) return;
+  if (maps.empty() && is_evaluated_on_one_map(config)) {
     config.environment.layout_pool.clear();
     return;
   }
-  const bool has_pool = !config.environment.layout_pool.empty();
-  if (maps == word_of(EvalMaps::kTrain) || (maps.empty() && !has_pool)) return;
   config.environment.layout_pool = kHeldOutPool;
   config.environment.wad.clear();
 }

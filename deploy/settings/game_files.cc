@@ -100,6 +100,11 @@ Status check_wad(const std::string& path) {
   return {};
 }
 
+bool is_evaluated_on_one_map(const RunConfig& config) {
+  const std::string& pool = config.environment.layout_pool;
+  return pool.empty() || pool == kCurriculumPool;
+}
+
 bool is_pool_to_draw(const std::string& layout_pool) { return parse_pool(layout_pool).has_value(); }
 
 Status check_pool_to_draw(const std::string& layout_pool, bool for_training) {

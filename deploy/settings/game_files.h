@@ -38,6 +38,9 @@ constexpr const char* kHeldOutListFile = "layouts/held_out.toml";
 /// The word for the stages that lead to the scenario's own map, which such runs are evaluated on.
 constexpr const char* kCurriculumPool = "curriculum";
 
+/// Whether a run is evaluated on one map unless told otherwise: its own, or the one that its curriculum leads to.
+bool is_evaluated_on_one_map(const RunConfig& config);
+
 /// Whether `layout_pool` asks for a pool to be drawn (`train:<count>`, `eval:<count>`, `curriculum`) rather than
 /// naming a folder.
 bool is_pool_to_draw(const std::string& layout_pool);

@@ -125,12 +125,6 @@ Expected<ordered_json> evaluate(const SweepResults& results, const std::string& 
   return answer;
 }
 
-/// Whether a run is evaluated on one map that doomgen makes: its own, or the one that its curriculum leads to.
-bool is_evaluated_on_one_map(const RunConfig& config) {
-  const std::string& pool = config.environment.layout_pool;
-  return pool.empty() || pool == kCurriculumPool;
-}
-
 /// Random play on the map of a run's evaluation by its team, once for each scenario. Runs on other pools have none: their
 /// maps are many.
 Status keep_random_play(const SweepResults& results, const RunConfig& config, const std::string& comrad) {

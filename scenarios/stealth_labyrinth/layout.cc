@@ -18,6 +18,7 @@ using doomgen::Point;
 constexpr int32_t kCeiling = 192;
 constexpr int32_t kStartSide = 320, kHubSide = 448;
 constexpr Point kStartCentre{0, -560};
+constexpr int32_t kStartsApart = 80;  // torch and gunner
 constexpr int32_t kFirstRoomDistance = 980, kRoomGap = 128;
 constexpr int32_t kCellUnits = 54;  // the published generator's; a corridor of w cells is 2w - 1 across
 constexpr int32_t kFieldMargin = 512, kFieldCells = 16'000;  // of organic outlines
@@ -25,8 +26,7 @@ constexpr int32_t kRoomMargin = 64;  // the torch lights a room or corridor from
 constexpr int32_t kHallMargin = 72;  // start room and hub
 constexpr int32_t kStartLight = 224, kHubLight = 160, kStartCorridorLight = 160, kRoomLight = 224,
                   kCorridorLight = 176;
-constexpr int32_t kLampJitter = 24;  // lamps stand this far from their published places at most
-constexpr int32_t kStartsApart = 80;
+constexpr int32_t kLampJitter = 24;       // lamps stand this far from their published places at most
 constexpr int32_t kTurretClearance = 26;  // the radius of a turret and a little
 constexpr int kBullets = 240;             // of the gunner, for good
 constexpr int32_t kTechLamp = 85, kTallRedPillar = 32, kFloorLamp = 2028;
@@ -116,6 +116,15 @@ Status check_resources(const LayoutTask& task) {
                 branches = task.value("branches");
   return check_bullets(branches * each * (task.value("first_health") + (rooms - 1) * task.value("health")),
                        branches * rooms * each);
+}
+
+LayoutParameter start_at_parameter() {
+  return {"start_at",
+          0,
+          0,
+          3,
+          "where agents start: 0 the start room, 1 the hub, 2 its far edge, 3 the corridor to the first room",
+          /*hide_default=*/true};
 }
 
 /// Between the two agents, who look north.
@@ -209,14 +218,15 @@ Expected<DrawnLayout> draw_layout(const LayoutDraw& draw) {
   }
 
   const Point start = start_of(draw, where);
-  map.add_start(1, {start.x - kStartsApart / 2, start.y}, 90);
-  map.add_start(2, {start.x + kStartsApart / 2, start.y}, 90);
+  const Point torch{start.x - kStartsApart / 2, start.y}, gunner{start.x + kStartsApart / 2, start.y};
+  map.add_start(1, torch, 90);
+  map.add_start(2, gunner, 90);
   map.add_thing({.position = {-96, -592}, .editor_number = kTechLamp});
   map.add_thing({.position = {96, -592}, .editor_number = kTechLamp});
   map.add_thing({.position = {0, 0}, .editor_number = kTallRedPillar});
 
   COMRAD_TRY_ASSIGN(doomgen::MapData data, map.build());
-  COMRAD_TRY(check(where, data, {start.x - kStartsApart / 2, start.y}));
+  COMRAD_TRY(check(where, data, torch));
   return DrawnLayout{.map = std::move(data),
                      .defines = {{"BULLETS", kBullets},
                                  {"AREA_COUNT", static_cast<int64_t>(areas.tag.size())},
@@ -268,46 +278,42 @@ std::vector<CurriculumStage> curriculum() {
 }  // namespace
 
 LayoutRecipe recipe() {
-  return {
-      .parameters = {{"branches", 1, 1, 3, "branches from the hub: north, west, east (axis: 1, 2, 3)"},
-                     {"rooms", 2, 1, 3, "rooms of each branch (axis: 1, 2, 3)"},
-                     {"room_width", 416, 256, 1024, "units across a branch (axis: 384, 416, 512)"},
-                     {"room_length", 896, 768, 1536, "units along a branch (axis: 768, 896, 1024)"},
-                     {"corridor", 4, 2, 8,
-                      "width of corridors w: (2w - 1) x 54 units, less than a room's (axis: 5, 4, 3)"},
-                     {"turrets_low", 1, 1, 2, "turrets of a room at least (axis: 1, 1, 2)"},
-                     {"turrets_high", 1, 1, 2, "turrets of a room at most, drawn (axis: 1, 2, 2)"},
-                     {"strength", 1, 0, 2, "bolts: 0 slow and weak, 1, 2 fast, strong, three to a burst"},
-                     {"health", 140, 1, 10'000, "health of a turret (axis: 120, 140, 180)"},
-                     {"first_health", 90, 1, 10'000,
-                      "the same in the first room of a branch (axis: 70, 110)"},
-                     {"first_margin", 320, 32, 640,
-                      "units from a first room's turret to the far wall (axis: 360, 280)"},
-                     {"start_at", 0, 0, 3,
-                      "where agents start: 0 the start room, 1 the hub, 2 its far edge, 3 the corridor to "
-                      "the first room",
-                      /*hide_default=*/true},
-                     organic_parameter()},
-      .draw = draw_layout,
-      .axes = {{"branches", {{{"branches", 1}}, {{"branches", 2}}, {{"branches", 3}}}},
-               {"rooms", {{{"rooms", 1}}, {{"rooms", 2}}, {{"rooms", 3}}}},
-               {"geometry",
-                {{{"room_width", 384}, {"room_length", 768}, {"corridor", 5}},
-                 {{"room_width", 416}, {"room_length", 896}, {"corridor", 4}},
-                 {{"room_width", 512}, {"room_length", 1024}, {"corridor", 3}}}},
-               {"group",
-                {{{"turrets_low", 1}, {"turrets_high", 1}},
-                 {{"turrets_low", 1}, {"turrets_high", 2}},
-                 {{"turrets_low", 2}, {"turrets_high", 2}}}},
-               {"turret",
-                {{{"strength", 0}, {"health", 120}},
-                 {{"strength", 1}, {"health", 140}},
-                 {{"strength", 2}, {"health", 180}}}},
-               {"first_room",
-                {{{"first_health", 70}, {"first_margin", 360}},
-                 {{"first_health", 110}, {"first_margin", 280}}}}},
-      .curriculum = curriculum(),
-      .check_resources = check_resources};
+  return {.parameters = {{"branches", 1, 1, 3, "branches from the hub: north, west, east (axis: 1, 2, 3)"},
+                         {"rooms", 2, 1, 3, "rooms of each branch (axis: 1, 2, 3)"},
+                         {"room_width", 416, 256, 1024, "units across a branch (axis: 384, 416, 512)"},
+                         {"room_length", 896, 768, 1536, "units along a branch (axis: 768, 896, 1024)"},
+                         {"corridor", 4, 2, 8,
+                          "width of corridors w: (2w - 1) x 54 units, less than a room's (axis: 5, 4, 3)"},
+                         {"turrets_low", 1, 1, 2, "turrets of a room at least (axis: 1, 1, 2)"},
+                         {"turrets_high", 1, 1, 2, "turrets of a room at most, drawn (axis: 1, 2, 2)"},
+                         {"strength", 1, 0, 2, "bolts: 0 slow and weak, 1, 2 fast, strong, three to a burst"},
+                         {"health", 140, 1, 10'000, "health of a turret (axis: 120, 140, 180)"},
+                         {"first_health", 90, 1, 10'000,
+                          "the same in the first room of a branch (axis: 70, 110)"},
+                         {"first_margin", 320, 32, 640,
+                          "units from a first room's turret to the far wall (axis: 360, 280)"},
+                         start_at_parameter(),
+                         organic_parameter()},
+          .draw = draw_layout,
+          .axes = {{"branches", {{{"branches", 1}}, {{"branches", 2}}, {{"branches", 3}}}},
+                   {"rooms", {{{"rooms", 1}}, {{"rooms", 2}}, {{"rooms", 3}}}},
+                   {"geometry",
+                    {{{"room_width", 384}, {"room_length", 768}, {"corridor", 5}},
+                     {{"room_width", 416}, {"room_length", 896}, {"corridor", 4}},
+                     {{"room_width", 512}, {"room_length", 1024}, {"corridor", 3}}}},
+                   {"group",
+                    {{{"turrets_low", 1}, {"turrets_high", 1}},
+                     {{"turrets_low", 1}, {"turrets_high", 2}},
+                     {{"turrets_low", 2}, {"turrets_high", 2}}}},
+                   {"turret",
+                    {{{"strength", 0}, {"health", 120}},
+                     {{"strength", 1}, {"health", 140}},
+                     {{"strength", 2}, {"health", 180}}}},
+                   {"first_room",
+                    {{{"first_health", 70}, {"first_margin", 360}},
+                     {{"first_health", 110}, {"first_margin", 280}}}}},
+          .curriculum = curriculum(),
+          .check_resources = check_resources};
 }
 
 }  // namespace comrad::scenarios::stealth_labyrinth
