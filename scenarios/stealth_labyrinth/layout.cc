@@ -122,8 +122,9 @@ LayoutParameter start_at_parameter() {
   return {"start_at",
           0,
           0,
-          3,
-          "where agents start: 0 the start room, 1 the hub, 2 its far edge, 3 the corridor to the first room",
+          4,
+          "where agents start: 0 the start room, 1 its corridor, 2 the hub, 3 its far edge, 4 the corridor "
+          "after it",
           /*hide_default=*/true};
 }
 
@@ -134,8 +135,10 @@ Point start_of(const LayoutDraw& draw, const Plan& where) {
     case 0:
       return {0, kStartCentre.y - 32};
     case 1:
-      return {0, where.hub.low.y + kHubSide / 4};  // before the pillar
+      return {0, (where.start_corridor.low.y + where.start_corridor.high.y) / 2};
     case 2:
+      return {0, where.hub.low.y + kHubSide / 4};  // before the pillar
+    case 3:
       return {0, where.hub.high.y - kRoomMargin / 2};  // whence the torch lights the corridor already
     default:
       return {0, (corridor.low.y + corridor.high.y) / 2};
@@ -256,10 +259,11 @@ std::vector<CurriculumStage> curriculum() {
     int64_t start_at, rooms, strength, health, margin, length;
   };
   constexpr Row kRows[] = {
-      {"one_bullet", 3, 1, 0, 10, 640, 768},    {"three_bullets", 3, 1, 0, 30, 560, 768},
-      {"it_hurts", 3, 1, 1, 60, 480, 832},      {"far_away", 3, 1, 1, 90, 320, 896},
-      {"hubs_far_edge", 2, 1, 1, 90, 320, 896}, {"from_the_hub", 1, 1, 1, 90, 320, 896},
-      {"first_room", 0, 1, 1, 90, 320, 896},    {"both_rooms", 0, 2, 1, 90, 320, 896},
+      {"one_bullet", 4, 1, 0, 10, 640, 768},     {"three_bullets", 4, 1, 0, 30, 560, 768},
+      {"it_hurts", 4, 1, 1, 60, 480, 832},       {"far_away", 4, 1, 1, 90, 320, 896},
+      {"hubs_far_edge", 3, 1, 1, 90, 320, 896},  {"from_the_hub", 2, 1, 1, 90, 320, 896},
+      {"start_corridor", 1, 1, 1, 90, 320, 896}, {"first_room", 0, 1, 1, 90, 320, 896},
+      {"both_rooms", 0, 2, 1, 90, 320, 896},
   };
   std::vector<CurriculumStage> stages;
   for (const Row& row : kRows)
