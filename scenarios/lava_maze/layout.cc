@@ -184,6 +184,7 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                    {"SCREEN_HEIGHT", kBlackHeight},
                    {"PATH_FLOOR", variety.path_floor}};
   drawn.arrays = {{"rock", variety.rocks}};
+  if (wanted.value("guide") > 0) drawn.more_scripts = {"guide.acs"};
   for (const Paint& paint : kPaints)
     drawn.textures.push_back({paint.name, encode_png(Picture(16, 16, paint.colour))});
   for (const Paint& paint : kScreens)
@@ -196,24 +197,56 @@ double levels(const LayoutTask& task) {
   return static_cast<double>(std::max<int64_t>(1, (task.value("maximum") - task.value("initial") + 1) / 2));
 }
 
+/// Stages of our own. On the default map neither side can begin: no flash means anything before the navigator follows
+/// it, and nothing is worth following before flashes mean something. So the map puts flashes right at first, on short
+/// paths; then fewer of them, until the signaler's own colours are all there is.
+std::vector<CurriculumStage> curriculum() {
+  struct Row {
+    const char* name;
+    int64_t guide, initial, maximum;
+  };
+  constexpr Row kRows[] = {
+      {"shown_one_hop", 100, 3, 4},
+      {"shown_three_hops", 100, 7, 8},
+      {"half_shown_one_hop", 50, 3, 4},
+      {"half_shown", 50, 8, 20},
+      {"one_hop", 0, 3, 4},
+      {"two_hops", 0, 5, 6},
+      {"three_hops", 0, 7, 8},
+      {"six_levels", 0, 8, 20},
+  };
+  std::vector<CurriculumStage> stages;
+  for (const Row& row : kRows) {
+    const ParameterValues values{{"initial", row.initial}, {"maximum", row.maximum}};
+    stages.push_back({.name = row.name,
+                      .seed = 42,
+                      .values = {{"guide", row.guide}, {"initial", row.initial}, {"maximum", row.maximum}},
+                      .metric_scale = levels({.values = values})});
+  }
+  return stages;
+}
+
 }  // namespace
 
 LayoutRecipe recipe() {
-  return {
-      .parameters = {{"side", 8, 4, 8, "cells of a side of the maze (axis: 4, 6, 8)"},
-                     {"initial", 8, 2, 64, "size of the first path (axis: 3, 5, 6, 8, 10)"},
-                     {"maximum", 20, 2, 64, "size of the last path; it grows by 2 (axis: 4, 12, 20, 25)"},
-                     {"damage", 35, 1, 100, "health that lava takes every 32 tics (axis: 10, 20, 35)"},
-                     {"depth", 64, 24, 256,
-                      "units from a path down to the lava; 24 can be climbed (axis: 24, 64)"},
-                     variety_parameter("1: outline of the pit, gallery, up to 3 rocks that paths go round, "
-                                       "textures and light come from the seed (pools set it)"),
-                     organic_parameter()},
-      .draw = draw,
-      .axes = {{"initial", {{{"initial", 6}}, {{"initial", 8}}, {{"initial", 10}}}},
-               {"maximum", {{{"maximum", 20}}, {{"maximum", 25}}}}},
-      .pool_values = {{"variety", 1}},
-      .ceiling = levels};
+  return {.parameters =
+              {{"side", 8, 4, 8, "cells of a side of the maze (axis: 4, 6, 8)"},
+               {"initial", 8, 2, 64, "size of the first path (axis: 3, 5, 6, 8, 10)"},
+               {"maximum", 20, 2, 64, "size of the last path; it grows by 2 (axis: 4, 12, 20, 25)"},
+               {"damage", 35, 1, 100, "health that lava takes every 32 tics (axis: 10, 20, 35)"},
+               {"depth", 64, 24, 256, "units from a path down to the lava; 24 can be climbed (axis: 24, 64)"},
+               {"guide", 0, 0, 100,
+                "percent of flashes that show the colour of the way, whatever lamp flashes (our curriculum)",
+                /*hide_default=*/true},
+               variety_parameter("1: outline of the pit, gallery, up to 3 rocks that paths go round, "
+                                 "textures and light come from the seed (pools set it)"),
+               organic_parameter()},
+          .draw = draw,
+          .axes = {{"initial", {{{"initial", 6}}, {{"initial", 8}}, {{"initial", 10}}}},
+                   {"maximum", {{{"maximum", 20}}, {{"maximum", 25}}}}},
+          .pool_values = {{"variety", 1}},
+          .curriculum = curriculum(),
+          .ceiling = levels};
 }
 
 }  // namespace comrad::scenarios::lava_maze

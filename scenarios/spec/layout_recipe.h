@@ -23,7 +23,7 @@ struct LayoutParameter {
   int64_t default_value, low, high;
   const char* help;
   /// Not written into WADs where it has its default value, so that maps drawn before there was such a
-  /// parameter keep their bytes; script.acs may not name it.
+  /// parameter keep their bytes; script.acs may not name it, DrawnLayout::more_scripts may.
   bool hide_default = false;
 };
 
@@ -77,6 +77,8 @@ struct DrawnLayout {
   std::vector<std::pair<std::string, int64_t>> defines = {};
   /// `int name[] = {...}` for script.acs.
   std::vector<std::pair<std::string, std::vector<int64_t>>> arrays = {};
+  /// Files beside script.acs that are compiled behind it, for what only some maps have.
+  std::vector<std::string> more_scripts = {};
   std::vector<NamedBytes> textures = {};  ///< PNG or patch lumps between TX_START and TX_END
   std::vector<NamedBytes> lumps = {};     ///< any others, as they are
   int most_agents = 0;  ///< the largest team that this map has room for; 0: the parameters decide alone

@@ -133,7 +133,7 @@ Status write_wad(const ScenarioSpec& spec, const LayoutRequest& request, const D
   }
   BuiltScript script;
   if (scenario_file_exists(spec.folder + "/script.acs")) {
-    COMRAD_TRY_ASSIGN(script, build_script(spec, layout_script_text(layout.info, drawn)));
+    COMRAD_TRY_ASSIGN(script, build_script(spec, layout_script_text(layout.info, drawn), drawn.more_scripts));
     layout.warnings.insert(layout.warnings.end(), script.warnings.begin(), script.warnings.end());
   }
   if (request.format == MapFormat::kHexen) {

@@ -27,30 +27,35 @@ std::string declaration(const ScenarioExport& one) {
 
 }  // namespace
 
-Expected<BuiltScript> build_script(const ScenarioSpec& spec, const std::string& layout_text) {
+Expected<BuiltScript> build_script(const ScenarioSpec& spec, const std::string& layout_text,
+                                   const std::vector<std::string>& more) {
   const std::string folder = spec.folder, path = folder + "/script.acs";
-  COMRAD_TRY_ASSIGN(const std::string text, read_scenario_file(path));
+  std::vector<std::string> files{"script.acs"};
+  files.insert(files.end(), more.begin(), more.end());
   BuiltScript built;
   // Behind the empty line that ends the layout's numbers: exports are the same in all of a scenario's maps.
   built.source = layout_text + "\n";
   for (const ScenarioExport& one : spec.exports)
     built.source += declaration(one) + (one.meaning.empty() ? "" : "  // " + one.meaning) + "\n";
-  built.source += text;
+  std::string main = "#include \"layout.acs\"\n#include \"exports.acs\"\n";
+  for (const std::string& file : files) {
+    COMRAD_TRY_ASSIGN(const std::string text, read_scenario_file(folder + "/" + file));
+    built.source += text;
+    main += "#include \"" + file + "\"\n";
+  }
 #if defined(COMRAD_HAS_ACS_COMPILER)
-  // Three included files rather than one long text, so that messages name the line an author sees.
-  const acs_compiler::SourceReader files = acs_compiler::file_reader(folder);
+  // Included files rather than one long text, so that messages name the line an author sees.
+  const acs_compiler::SourceReader reader = acs_compiler::file_reader(folder);
   acs_compiler::CompileOptions options;
   options.reader = [&](const std::string& name,
                        const std::string& from) -> Expected<acs_compiler::SourceFile> {
     if (name == "layout.acs") return acs_compiler::SourceFile{folder + "/layout.acs", layout_text};
     if (name == "exports.acs")
       return acs_compiler::SourceFile{folder + "/scenario.toml", at_their_lines(spec.exports)};
-    return files(name, from == folder + "/main" ? path : from);
+    return reader(name, from == folder + "/main" ? path : from);
   };
-  constexpr std::string_view kMain =
-      "#include \"layout.acs\"\n#include \"exports.acs\"\n#include \"script.acs\"\n";
   COMRAD_TRY_ASSIGN(acs_compiler::CompiledScript compiled,
-                    acs_compiler::compile(kMain, folder + "/main", options));
+                    acs_compiler::compile(main, folder + "/main", options));
   built.behavior.assign(compiled.behavior.begin(), compiled.behavior.end());
   built.warnings = std::move(compiled.warnings);
 #else

@@ -90,6 +90,49 @@ TEST(LavaMaze, EachLampFlashesItsColourForTwentyFiveTicsAndAllTakeForty) {
   }
 }
 
+TEST(LavaMaze, AGuideShowsTheColourOfTheWayWhateverLampFlashes) {
+  int right = 0, corrected = 0;
+  for (uint64_t seed = 0; seed < 24; ++seed) {
+    SCOPED_TRACE(seed);
+    PlayedScenario game(kScenario, {.episode_seed = seed,
+                                    .parameters = {{"guide", "100"}, {"initial", "3"}, {"maximum", "4"}}});
+    game.run(8);
+    game.buttons[1].select_weapon = 1;
+    game.buttons[1].attack = true;
+    while (game.user(kFlashes) == 0) ASSERT_EQ(game.run(1), 1);
+    // One hop: the goal lies two cells away towards one side.
+    const int dx = game.user(kGoalX) - game.user(kCellX), dy = game.user(kGoalY) - game.user(kCellY);
+    ASSERT_EQ(std::abs(dx) + std::abs(dy), 2);
+    const int colour = dx > 0 ? 1 : dy > 0 ? 3 : dx < 0 ? 2 : 4;
+    EXPECT_EQ(game.user(kSignal), colour);
+    right += game.user(kSignal) == colour, corrected += colour != 1;
+    game.run(25);
+    EXPECT_EQ(game.user(kSignal), 0) << "a corrected flash ends as any other";
+    while (game.user(kFlashes) == 1) ASSERT_EQ(game.run(1), 1);
+    EXPECT_EQ(game.user(kSignal), colour) << "the navigator has not moved";
+  }
+  EXPECT_EQ(right, 24);
+  EXPECT_GE(corrected, 8);
+}
+
+TEST(LavaMaze, AHalfGuideLeavesHalfOfTheLampsAlone) {
+  PlayedScenario game(kScenario, {.parameters = {{"guide", "50"}, {"initial", "3"}, {"maximum", "4"}}});
+  game.run(8);
+  const int dx = game.user(kGoalX) - game.user(kCellX), dy = game.user(kGoalY) - game.user(kCellY);
+  const int colour = dx > 0 ? 1 : dy > 0 ? 3 : dx < 0 ? 2 : 4;
+  const int other = colour % 4 + 1;
+  game.buttons[1].select_weapon = static_cast<int8_t>(other);
+  game.buttons[1].attack = true;
+  int shown = 0, own = 0;
+  for (int flash = 0; flash < 200; ++flash) {
+    const int before = game.user(kFlashes);
+    while (game.user(kFlashes) == before) ASSERT_EQ(game.run(1), 1);
+    shown += game.user(kSignal) == colour, own += game.user(kSignal) == other;
+  }
+  EXPECT_EQ(shown + own, 200);
+  EXPECT_NEAR(shown, 100, 30);  // more than four standard deviations
+}
+
 TEST(LavaMaze, AFlashWithoutStepsIsHeldAgainstTheSignalerAlone) {
   PlayedScenario game(kScenario);
   game.run(8);

@@ -378,6 +378,28 @@ TEST_F(LayoutPool, StealthLabyrinthsStagesLeadToItsOwnMap) {
       check_pool(folder("stages"), {.scenario = "stealth_labyrinth", .num_agents = 2, .for_training = true}));
 }
 
+TEST_F(LayoutPool, LavaMazesStagesShowTheWayLessAndLess) {
+  const auto made = make_pool("lava_maze", {.kind = PoolKind::kCurriculum}, folder("stages"));
+  ASSERT_TRUE(made) << made.error().message;
+  const auto own = generate_layout("lava_maze", {.seed = 42});
+  ASSERT_TRUE(own);
+  EXPECT_EQ(made->back().map_hash, own->map_hash);
+  EXPECT_EQ(made->back().content_hash, own->content_hash);
+  int64_t guide = 100;
+  for (const PoolEntry& stage : *made) {
+    const auto found = stage.info.parameters.find("guide");
+    const int64_t now = found == stage.info.parameters.end() ? 0 : found->second;
+    EXPECT_LE(now, guide) << stage.id;
+    guide = now;
+  }
+  EXPECT_EQ(guide, 0);
+  const auto list =
+      check_pool(folder("stages"), {.scenario = "lava_maze", .num_agents = 2, .for_training = true});
+  ASSERT_TRUE(list) << list.error().message;
+  EXPECT_EQ(list->layouts.front().metric_scale, 1.0);
+  EXPECT_EQ(list->layouts.back().metric_scale, 6.0);
+}
+
 TEST_F(LayoutPool, AGridIsTheFullProductWithItsLastAxisFastest) {
   const GridRequest request{.axes = {{"initial", {{{"initial", 3}}, {{"initial", 5}}}},
                                      {"damage", {{{"damage", 10}}, {{"damage", 20}}}},

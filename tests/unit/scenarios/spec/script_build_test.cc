@@ -41,6 +41,25 @@ TEST_F(ScriptBuild, ExportsAreTheScriptsGlobalVariables) {
   EXPECT_EQ(built->behavior, by_hand->behavior);
 }
 
+TEST_F(ScriptBuild, MoreFilesComeBehindTheScriptAndSeeWhatItDeclares) {
+  folder_.write("more.acs", "script 2 OPEN { cleared += SIDE; }\n");
+  folder_.write("script.acs", kScript);
+  ScenarioSpec spec;
+  spec.folder = folder_.string();
+  spec.exports = {{"cleared", 24, "", 3}, {"lost", 5, "", 7}};
+  const auto built = build_script(spec, kLayout, {"more.acs"});
+  ASSERT_TRUE(built) << built.error().message;
+  const auto by_hand = build(spec.exports, std::string(kScript) + "script 2 OPEN { cleared += SIDE; }\n");
+  ASSERT_TRUE(by_hand) << by_hand.error().message;
+  EXPECT_EQ(built->behavior, by_hand->behavior);
+  EXPECT_EQ(built->source, by_hand->source);
+  folder_.write("script.acs", kScript);
+  folder_.write("more.acs", "script 2 OPEN { cleared += WIDTH; }\n");
+  EXPECT_THAT(build_script(spec, kLayout, {"more.acs"}).error().message,
+              AllOf(HasSubstr("more.acs:1:"), HasSubstr("width")));
+  EXPECT_THAT(build_script(spec, kLayout, {"none.acs"}).error().message, HasSubstr("none.acs"));
+}
+
 TEST_F(ScriptBuild, MistakesNameTheFileAndLineOfTheirAuthor) {
   EXPECT_THAT(refusal({{"cleared", 24, "", 3}}, kScript),
               AllOf(HasSubstr("script.acs:2:"), HasSubstr("lost")));
