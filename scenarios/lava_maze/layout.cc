@@ -184,7 +184,10 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
                    {"SCREEN_HEIGHT", kBlackHeight},
                    {"PATH_FLOOR", variety.path_floor}};
   drawn.arrays = {{"rock", variety.rocks}};
-  if (wanted.value("guide") > 0) drawn.more_scripts = {"guide.acs"};
+  if (const int64_t guide = wanted.value("guide"), wait = wanted.value("wait"); guide > 0 || wait > 0) {
+    drawn.more_scripts = {"guide.acs"};
+    drawn.defines.insert(drawn.defines.end(), {{"GUIDE_PERCENT", guide}, {"GUIDE_WAIT", wait}});
+  }
   for (const Paint& paint : kPaints)
     drawn.textures.push_back({paint.name, encode_png(Picture(16, 16, paint.colour))});
   for (const Paint& paint : kScreens)
@@ -199,31 +202,20 @@ double levels(const LayoutTask& task) {
 
 /// Stages of our own. On the default map neither side can begin: no flash means anything before the navigator follows
 /// it, and nothing is worth following before flashes mean something. So the map puts flashes right at first, on short
-/// paths; then fewer of them, until the signaler's own colours are all there is.
-std::vector<CurriculumStage> curriculum() {
-  struct Row {
-    const char* name;
-    int64_t guide, initial, maximum;
-  };
-  constexpr Row kRows[] = {
-      {"shown_one_hop", 100, 3, 4},
-      {"shown_three_hops", 100, 7, 8},
-      {"half_shown_one_hop", 50, 3, 4},
-      {"half_shown", 50, 8, 20},
-      {"one_hop", 0, 3, 4},
-      {"two_hops", 0, 5, 6},
-      {"three_hops", 0, 7, 8},
-      {"six_levels", 0, 8, 20},
-  };
-  std::vector<CurriculumStage> stages;
-  for (const Row& row : kRows) {
-    const ParameterValues values{{"initial", row.initial}, {"maximum", row.maximum}};
-    stages.push_back({.name = row.name,
-                      .seed = 42,
-                      .values = {{"guide", row.guide}, {"initial", row.initial}, {"maximum", row.maximum}},
-                      .metric_scale = levels({.values = values})});
-  }
-  return stages;
+/// paths; then fewer of them, until the signaler's own colours are all there is. It also keeps the first flash back for
+/// a while, for who flashes in the first decision has not seen the path yet; last, the signaler has to wait by itself.
+CurriculumRecipe curriculum() {
+  return {.parameters = {"guide", "wait", "initial", "maximum"},
+          .stages = {{"shown_one_hop", 42, {100, 16, 3, 4}},
+                     {"shown_two_hops", 42, {100, 16, 5, 6}},
+                     {"shown", 42, {100, 16, 8, 20}},
+                     {"half_shown_one_hop", 42, {50, 16, 3, 4}},
+                     {"half_shown_two_hops", 42, {50, 16, 5, 6}},
+                     {"one_hop", 42, {0, 16, 3, 4}},
+                     {"two_hops", 42, {0, 16, 5, 6}},
+                     {"one_hop_at_once", 42, {0, 0, 3, 4}},
+                     {"three_hops", 42, {0, 0, 7, 8}},
+                     {"six_levels", 42, {0, 0, 8, 20}}}};
 }
 
 }  // namespace
@@ -237,6 +229,8 @@ LayoutRecipe recipe() {
                {"depth", 64, 24, 256, "units from a path down to the lava; 24 can be climbed (axis: 24, 64)"},
                {"guide", 0, 0, 100,
                 "percent of flashes that show the colour of the way, whatever lamp flashes (our curriculum)",
+                /*hide_default=*/true},
+               {"wait", 0, 0, 1000, "tics before the first flash may begin (our curriculum)",
                 /*hide_default=*/true},
                variety_parameter("1: outline of the pit, gallery, up to 3 rocks that paths go round, "
                                  "textures and light come from the seed (pools set it)"),

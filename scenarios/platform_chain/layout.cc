@@ -183,40 +183,20 @@ Expected<DrawnLayout> draw(const LayoutDraw& wanted) {
 
 /// The published twelve stages. The first four are made by a generator of their own there, whose numbers of
 /// platforms and safe platforms are not known; here they are short chains with a long safe beginning.
-std::vector<CurriculumStage> curriculum() {
-  struct Row {
-    const char* name;
-    uint64_t seed;
-    int64_t levels, step, spacing, panels, safe, tether, lava;  // 0: the recipe's default
-  };
-  constexpr int64_t kEasyLevels = 24, kEasySafe = 8;
-  constexpr Row kRows[] = {
-      {"easy_intro", 42, kEasyLevels, 10, 168, 2, kEasySafe, 300, 20},
-      {"easy_movers", 43, kEasyLevels, 10, 176, 4, kEasySafe, 285, 30},
-      {"easy_spacing", 44, kEasyLevels, 11, 180, 6, kEasySafe, 270, 40},
-      {"easy_mastery", 45, kEasyLevels, 12, 184, 8, kEasySafe, 250, 50},
-      {"bridge_intro", 42, 24, 10, 172, 4, 6, 290, 25},
-      {"bridge_progress", 43, 28, 11, 176, 6, 5, 275, 35},
-      {"bridge_mastery", 44, 32, 12, 180, 6, 4, 260, 45},
-      {"hard_intro", 42, 40, 11, 176, 6, 4, 265, 35},
-      {"hard_default", 42, 0, 0, 0, 0, 0, 0, 0},
-      {"hard_tighter", 43, 48, 12, 182, 8, 2, 240, 50},
-      {"hard_extended", 44, 56, 12, 184, 10, 2, 230, 60},
-      {"hard_endgame", 45, 60, 13, 188, 12, 1, 220, 70},
-  };
-  constexpr int64_t kDefaultLevels = 48;
-  std::vector<CurriculumStage> stages;
-  for (const Row& row : kRows) {
-    CurriculumStage stage{row.name, row.seed, {}, static_cast<double>(kDefaultLevels - 1)};
-    if (row.levels > 0) {
-      stage.values = {{"levels", row.levels}, {"step", row.step},     {"spacing", row.spacing},
-                      {"panels", row.panels}, {"safe_min", row.safe}, {"safe_max", row.safe},
-                      {"tether", row.tether}, {"lava", row.lava}};
-      stage.metric_scale = static_cast<double>(row.levels - 1);
-    }
-    stages.push_back(std::move(stage));
-  }
-  return stages;
+CurriculumRecipe curriculum() {
+  return {.parameters = {"levels", "step", "spacing", "panels", "safe_min", "safe_max", "tether", "lava"},
+          .stages = {{"easy_intro", 42, {24, 10, 168, 2, 8, 8, 300, 20}},
+                     {"easy_movers", 43, {24, 10, 176, 4, 8, 8, 285, 30}},
+                     {"easy_spacing", 44, {24, 11, 180, 6, 8, 8, 270, 40}},
+                     {"easy_mastery", 45, {24, 12, 184, 8, 8, 8, 250, 50}},
+                     {"bridge_intro", 42, {24, 10, 172, 4, 6, 6, 290, 25}},
+                     {"bridge_progress", 43, {28, 11, 176, 6, 5, 5, 275, 35}},
+                     {"bridge_mastery", 44, {32, 12, 180, 6, 4, 4, 260, 45}},
+                     {"hard_intro", 42, {40, 11, 176, 6, 4, 4, 265, 35}},
+                     {"hard_default", 42, {}},
+                     {"hard_tighter", 43, {48, 12, 182, 8, 2, 2, 240, 50}},
+                     {"hard_extended", 44, {56, 12, 184, 10, 2, 2, 230, 60}},
+                     {"hard_endgame", 45, {60, 13, 188, 12, 1, 1, 220, 70}}}};
 }
 
 }  // namespace

@@ -149,11 +149,9 @@ Expected<ContentSplit> ContentSplit::of(const std::string& scenario) {
   const Expected<LayoutRecipe> recipe = layout_recipe(scenario);
   if (!recipe) return split;
   split.has_recipe_ = true;
-  for (const CurriculumStage& stage : recipe->curriculum) {
-    LayoutRequest request{.seed = stage.seed};
-    for (const auto& [name, value] : stage.values)
-      request.parameters.emplace_back(name, std::to_string(value));
-    COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, request));
+  for (const CurriculumStage& stage : recipe->curriculum.stages) {
+    COMRAD_TRY_ASSIGN(const GeneratedLayout layout,
+                      generate_layout(scenario, stage_request(recipe->curriculum, stage)));
     split.stages_.insert(layout.map_hash);
   }
   for (const uint64_t seed : kHeldOutSeeds) {

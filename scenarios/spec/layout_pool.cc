@@ -198,9 +198,10 @@ Expected<std::vector<PoolEntry>> make_curriculum_pool(const std::string& scenari
                                                       const LayoutRequest& request,
                                                       const std::string& folder) {
   COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
-  if (recipe.curriculum.empty()) {
+  if (recipe.curriculum.stages.empty()) {
     std::vector<std::string> known = layout_recipes();
-    std::erase_if(known, [](const std::string& name) { return layout_recipe(name)->curriculum.empty(); });
+    std::erase_if(known,
+                  [](const std::string& name) { return layout_recipe(name)->curriculum.stages.empty(); });
     return Error{ErrorCode::kBadInput,
                  "scenario " + scenario + " comes with no curriculum; these do: " + joined(known)};
   }
@@ -208,13 +209,10 @@ Expected<std::vector<PoolEntry>> make_curriculum_pool(const std::string& scenari
   const std::string stem = file_stem(scenario);
   std::vector<PoolEntry> entries;
   Json graph = Json::object();
-  for (std::size_t i = 0; i < recipe.curriculum.size(); ++i) {
-    const CurriculumStage& stage = recipe.curriculum[i];
-    LayoutRequest one = request;
-    one.seed = stage.seed;
-    one.parameters.clear();
-    for (const auto& [name, value] : stage.values) one.parameters.emplace_back(name, std::to_string(value));
-    COMRAD_TRY_ASSIGN(const GeneratedLayout layout, generate_layout(scenario, one));
+  for (std::size_t i = 0; i < recipe.curriculum.stages.size(); ++i) {
+    const CurriculumStage& stage = recipe.curriculum.stages[i];
+    COMRAD_TRY_ASSIGN(const GeneratedLayout layout,
+                      generate_layout(scenario, stage_request(recipe.curriculum, stage, request)));
     char number[24];
     std::snprintf(number, sizeof(number), "%02zu", i);
     PoolEntry entry;
@@ -225,7 +223,7 @@ Expected<std::vector<PoolEntry>> make_curriculum_pool(const std::string& scenari
     entry.info = layout.info;
     entry.retries = layout.info.attempt;
     entry.stage = stage.name;
-    entry.metric_scale = stage.metric_scale;
+    if (!layout.info.ceiling.empty()) entry.metric_scale = layout.info.ceiling.begin()->second;
     COMRAD_TRY(
         write_file_atomically((fs::path(folder) / entry.filename).string(), layout.wad, /*durable=*/false));
     entries.push_back(std::move(entry));

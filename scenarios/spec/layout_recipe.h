@@ -23,7 +23,7 @@ struct LayoutParameter {
   int64_t default_value, low, high;
   const char* help;
   /// Not written into WADs where it has its default value, so that maps drawn before there was such a
-  /// parameter keep their bytes; script.acs may not name it, DrawnLayout::more_scripts may.
+  /// parameter keep their bytes; script.acs may not name it.
   bool hide_default = false;
 };
 
@@ -33,12 +33,19 @@ struct LayoutAxis {
   std::vector<std::vector<std::pair<const char*, int64_t>>> options;
 };
 
-/// One stage of a curriculum that comes with the scenario: published with it, or our own.
+/// One stage of a curriculum.
 struct CurriculumStage {
   const char* name;
   uint64_t seed;
-  std::vector<std::pair<const char*, int64_t>> values;  ///< over the recipe's defaults
-  double metric_scale = 0.0;  ///< what scores of this stage are divided by to be compared with others'
+  /// In the order of CurriculumRecipe::parameters, over the recipe's defaults; empty: the default map.
+  std::vector<int64_t> values;
+};
+
+/// The curriculum that comes with a scenario, published with it or our own. Scores of a stage are compared with those
+/// of others by the ceiling of its map.
+struct CurriculumRecipe {
+  std::vector<const char*> parameters;
+  std::vector<CurriculumStage> stages = {};  ///< from easy to hard
 };
 
 using ParameterValues = std::map<std::string, int64_t>;
@@ -93,7 +100,7 @@ struct LayoutRecipe {
   std::vector<LayoutAxis> axes = {};
   /// What pools that vary set beside their axes. Grids, single maps and published maps keep the defaults.
   std::vector<std::pair<const char*, int64_t>> pool_values = {};
-  std::vector<CurriculumStage> curriculum = {};  ///< `comrad doomgen NAME --pool curriculum`
+  CurriculumRecipe curriculum = {};  ///< `comrad doomgen NAME --pool curriculum`
   /// The best score J that such a map allows: an upper bound by the rules, above which no episode ends.
   /// None: the ceiling of scenario.toml, which no parameter and no team size changes.
   double (*ceiling)(const LayoutTask& task) = nullptr;

@@ -248,6 +248,16 @@ std::string layout_script_text(const LayoutInfo& info, const DrawnLayout& layout
   return text;
 }
 
+LayoutRequest stage_request(const CurriculumRecipe& curriculum, const CurriculumStage& stage,
+                            const LayoutRequest& base) {
+  LayoutRequest request = base;
+  request.seed = stage.seed;
+  request.parameters.clear();
+  for (std::size_t i = 0; i < stage.values.size(); ++i)
+    request.parameters.emplace_back(curriculum.parameters[i], std::to_string(stage.values[i]));
+  return request;
+}
+
 Expected<GeneratedLayout> generate_layout(const std::string& named, const LayoutRequest& request) {
   if (!names_vizdoom_config(named) && !find_scenario_folder(named)) return layout_recipe(named).error();
   COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_map_owner(named));

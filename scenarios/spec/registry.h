@@ -29,6 +29,10 @@ struct LayoutRequest {
   std::string as = {};  ///< the scenario whose map it says it is; empty: the one that draws it
 };
 
+/// `base` with the seed and the parameters of a stage of `curriculum`.
+LayoutRequest stage_request(const CurriculumRecipe& curriculum, const CurriculumStage& stage,
+                            const LayoutRequest& base = {});
+
 /// A finished layout.
 struct GeneratedLayout {
   std::string wad;            ///< bytes of the file

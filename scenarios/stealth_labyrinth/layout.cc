@@ -253,30 +253,17 @@ Expected<DrawnLayout> draw_layout(const LayoutDraw& draw) {
 /// hide. They start where the turret is (a reverse curriculum: Florensa et al. 2017, arXiv:1707.05300), which is weak
 /// and falls at a bullet; then the turret takes more bullets, hits harder and stands further away, and last the pair
 /// has to come to it.
-std::vector<CurriculumStage> curriculum() {
-  struct Row {
-    const char* name;
-    int64_t start_at, rooms, strength, health, margin, length;
-  };
-  constexpr Row kRows[] = {
-      {"one_bullet", 4, 1, 0, 10, 640, 768},     {"three_bullets", 4, 1, 0, 30, 560, 768},
-      {"it_hurts", 4, 1, 1, 60, 480, 832},       {"far_away", 4, 1, 1, 90, 320, 896},
-      {"hubs_far_edge", 3, 1, 1, 90, 320, 896},  {"from_the_hub", 2, 1, 1, 90, 320, 896},
-      {"start_corridor", 1, 1, 1, 90, 320, 896}, {"first_room", 0, 1, 1, 90, 320, 896},
-      {"both_rooms", 0, 2, 1, 90, 320, 896},
-  };
-  std::vector<CurriculumStage> stages;
-  for (const Row& row : kRows)
-    stages.push_back({.name = row.name,
-                      .seed = 42,
-                      .values = {{"start_at", row.start_at},
-                                 {"rooms", row.rooms},
-                                 {"strength", row.strength},
-                                 {"first_health", row.health},
-                                 {"first_margin", row.margin},
-                                 {"room_length", row.length}},
-                      .metric_scale = 1.0});
-  return stages;
+CurriculumRecipe curriculum() {
+  return {.parameters = {"start_at", "rooms", "strength", "first_health", "first_margin", "room_length"},
+          .stages = {{"one_bullet", 42, {4, 1, 0, 10, 640, 768}},
+                     {"three_bullets", 42, {4, 1, 0, 30, 560, 768}},
+                     {"it_hurts", 42, {4, 1, 1, 60, 480, 832}},
+                     {"far_away", 42, {4, 1, 1, 90, 320, 896}},
+                     {"hubs_far_edge", 42, {3, 1, 1, 90, 320, 896}},
+                     {"from_the_hub", 42, {2, 1, 1, 90, 320, 896}},
+                     {"start_corridor", 42, {1, 1, 1, 90, 320, 896}},
+                     {"first_room", 42, {0, 1, 1, 90, 320, 896}},
+                     {"both_rooms", 42, {0, 2, 1, 90, 320, 896}}}};
 }
 
 }  // namespace

@@ -94,8 +94,9 @@ TEST(LavaMaze, AGuideShowsTheColourOfTheWayWhateverLampFlashes) {
   int right = 0, corrected = 0;
   for (uint64_t seed = 0; seed < 24; ++seed) {
     SCOPED_TRACE(seed);
-    PlayedScenario game(kScenario, {.episode_seed = seed,
-                                    .parameters = {{"guide", "100"}, {"initial", "3"}, {"maximum", "4"}}});
+    PlayedScenario game(
+        kScenario, {.episode_seed = seed,
+                    .parameters = {{"guide", "100"}, {"wait", "8"}, {"initial", "3"}, {"maximum", "4"}}});
     game.run(8);
     game.buttons[1].select_weapon = 1;
     game.buttons[1].attack = true;
@@ -131,6 +132,17 @@ TEST(LavaMaze, AHalfGuideLeavesHalfOfTheLampsAlone) {
   }
   EXPECT_EQ(shown + own, 200);
   EXPECT_NEAR(shown, 100, 30);  // more than four standard deviations
+}
+
+TEST(LavaMaze, AWaitKeepsTheFirstFlashBack) {
+  PlayedScenario game(kScenario, {.parameters = {{"wait", "100"}}});
+  game.buttons[1].attack = true;
+  game.run(95);
+  EXPECT_EQ(game.user(kFlashes), 0);
+  while (game.user(kFlashes) == 0) ASSERT_EQ(game.run(1), 1);
+  int tics = 0;
+  for (; game.user(kFlashes) == 1; ++tics) ASSERT_EQ(game.run(1), 1);
+  EXPECT_NEAR(tics, 40, 2) << "later ones come as ever";
 }
 
 TEST(LavaMaze, AFlashWithoutStepsIsHeldAgainstTheSignalerAlone) {

@@ -91,12 +91,11 @@ TEST(ContentSplitOf, PublishedCurriculaAreForTraining) {
   const auto split = ContentSplit::of("platform_chain");
   ASSERT_TRUE(split) << split.error().message;
   const LayoutRecipe recipe = *layout_recipe("platform_chain");
-  for (const CurriculumStage& stage : recipe.curriculum) {
-    LayoutRequest request{.seed = stage.seed};
-    for (const auto& [name, value] : stage.values)
-      request.parameters.emplace_back(name, std::to_string(value));
-    EXPECT_FALSE(split->is_for_evaluation(generate_layout("platform_chain", request)->map_hash))
-        << stage.name;
+  ASSERT_EQ(recipe.curriculum.stages.size(), 12u);
+  for (const CurriculumStage& stage : recipe.curriculum.stages) {
+    const auto layout = generate_layout("platform_chain", stage_request(recipe.curriculum, stage));
+    ASSERT_TRUE(layout) << layout.error().message;
+    EXPECT_FALSE(split->is_for_evaluation(layout->map_hash)) << stage.name;
   }
 }
 
