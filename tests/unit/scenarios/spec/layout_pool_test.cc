@@ -351,7 +351,7 @@ TEST_F(LayoutPool, PlatformChainComesWithItsTwelveStages) {
   EXPECT_EQ(list->layouts[7].metric_scale, 39.0);
   EXPECT_TRUE(fs::exists(list->interestingness_graph));
   EXPECT_THAT(make_pool("rhythm_sync", {.kind = PoolKind::kCurriculum}, folder("none")).error().message,
-              HasSubstr("these do: platform_chain"));
+              HasSubstr("these do: lava_maze, platform_chain, stealth_labyrinth"));
 }
 
 TEST_F(LayoutPool, StealthLabyrinthsStagesLeadToItsOwnMap) {
