@@ -29,19 +29,19 @@ std::string layout_name(const RunConfig& config) {
 /// What `train:<count>`, `eval:<count>` and `curriculum` ask for.
 struct PoolToDraw {
   std::string word;
-  int64_t count = 0;  ///< 0 of a curriculum: as many as it has stages
+  std::optional<int64_t> count = {};  ///< of layouts; a curriculum has as many as its stages
 };
 
 std::optional<PoolToDraw> parse_pool(const std::string& layout_pool) {
-  if (layout_pool == kCurriculumPool) return PoolToDraw{layout_pool, 0};
+  if (layout_pool == kCurriculumPool) return PoolToDraw{layout_pool};
   for (const char* word : {"train", "eval"}) {
     const std::string begin = std::string(word) + ":";
     if (!layout_pool.starts_with(begin)) continue;
-    PoolToDraw pool{word, 0};
+    int64_t count = 0;
     const char *first = layout_pool.data() + begin.size(), *last = layout_pool.data() + layout_pool.size();
-    const auto [end, failure] = std::from_chars(first, last, pool.count);
-    if (failure != std::errc() || end != last) pool.count = 0;
-    return pool;
+    const auto [end, failure] = std::from_chars(first, last, count);
+    if (failure != std::errc() || end != last) count = 0;
+    return PoolToDraw{word, count};
   }
   return std::nullopt;
 }
@@ -109,14 +109,14 @@ bool is_pool_to_draw(const std::string& layout_pool) { return parse_pool(layout_
 
 Status check_pool_to_draw(const std::string& layout_pool, bool for_training) {
   const auto pool = parse_pool(layout_pool);
-  if (!pool || pool->word == kCurriculumPool) return {};
-  if (pool->count < 1 || pool->count > 100'000)
+  if (!pool || !pool->count) return {};
+  if (*pool->count < 1 || *pool->count > 100'000)
     return Error{ErrorCode::kBadInput,
                  "layout_pool is " + layout_pool + "; the number of layouts must be 1 to 100000"};
   if (for_training && pool->word == "eval")
     return Error{ErrorCode::kBadInput,
                  "layout_pool is " + layout_pool +
-                     "; those layouts are for evaluation, train on train:" + std::to_string(pool->count)};
+                     "; those layouts are for evaluation, train on train:" + std::to_string(*pool->count)};
   return {};
 }
 
@@ -129,14 +129,15 @@ Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::str
     folder = made_in + "/" + scenario_file_name(config) + "_" + pool->word;
     std::vector<std::string> words = {sibling_program("comrad-doomgen"), config.run.scenario, "--pool",
                                       pool->word};
-    if (pool->count > 0) {
-      folder += "_" + std::to_string(pool->count);
-      words.insert(words.end(), {"--count", std::to_string(pool->count)});
+    if (pool->count) {
+      folder += "_" + std::to_string(*pool->count);
+      words.insert(words.end(), {"--count", std::to_string(*pool->count)});
     }
     words.insert(words.end(), {"--num_agents", std::to_string(config.environment.num_agents), "-o", folder});
     if (!fs::exists(folder + "/batch_registry.json", error)) {
-      COMRAD_TRY_ASSIGN(const ProgramResult made,
-                        run_program(words, {.timeout_s = 120.0 + static_cast<double>(pool->count)}));
+      COMRAD_TRY_ASSIGN(
+          const ProgramResult made,
+          run_program(words, {.timeout_s = 120.0 + static_cast<double>(pool->count.value_or(0))}));
       if (made.interrupted) return Error{ErrorCode::kSystem, "interrupted while layouts were drawn"};
       if (made.exit_code != 0)
         return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made) + " (layout_pool is " +

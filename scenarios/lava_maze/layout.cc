@@ -204,18 +204,20 @@ double levels(const LayoutTask& task) {
 /// it, and nothing is worth following before flashes mean something. So the map puts flashes right at first, on short
 /// paths; then fewer of them, until the signaler's own colours are all there is. It also keeps the first flash back for
 /// a while, for who flashes in the first decision has not seen the path yet; last, the signaler has to wait by itself.
+/// Lava kills at its first bite there, which saves the frames of dying.
 CurriculumRecipe curriculum() {
-  return {.parameters = {"guide", "wait", "initial", "maximum"},
-          .stages = {{"shown_one_hop", 42, {100, 16, 3, 4}},
-                     {"shown_two_hops", 42, {100, 16, 5, 6}},
-                     {"shown", 42, {100, 16, 8, 20}},
-                     {"half_shown_one_hop", 42, {50, 16, 3, 4}},
-                     {"half_shown_two_hops", 42, {50, 16, 5, 6}},
-                     {"one_hop", 42, {0, 16, 3, 4}},
-                     {"two_hops", 42, {0, 16, 5, 6}},
-                     {"one_hop_at_once", 42, {0, 0, 3, 4}},
-                     {"three_hops", 42, {0, 0, 7, 8}},
-                     {"six_levels", 42, {0, 0, 8, 20}}}};
+  return {.parameters = {"guide", "wait", "damage", "initial", "maximum"},
+          .stages = {{"shown_one_hop", 42, {100, 16, 100, 3, 4}},
+                     {"shown", 42, {100, 16, 100, 8, 20}},
+                     {"mostly_shown", 42, {75, 16, 100, 8, 20}},
+                     {"half_shown_one_hop", 42, {50, 16, 100, 3, 4}},
+                     {"half_shown", 42, {50, 16, 100, 8, 20}},
+                     {"quarter_shown", 42, {25, 16, 100, 8, 20}},
+                     {"one_hop", 42, {0, 16, 100, 3, 4}},
+                     {"two_hops", 42, {0, 16, 100, 5, 6}},
+                     {"one_hop_at_once", 42, {0, 0, 100, 3, 4}},
+                     {"three_hops", 42, {0, 0, 100, 7, 8}},
+                     {"six_levels", 42, {}}}};
 }
 
 }  // namespace
