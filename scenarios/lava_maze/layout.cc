@@ -208,14 +208,14 @@ double levels(const LayoutTask& task) {
 CurriculumRecipe curriculum() {
   return {.parameters = {"guide", "wait", "damage", "initial", "maximum"},
           .stages = {{"shown_one_hop", 42, {100, 16, 100, 3, 4}},
+                     {"shown_two_hops", 42, {100, 16, 100, 5, 6}},
                      {"shown", 42, {100, 16, 100, 8, 20}},
-                     {"mostly_shown", 42, {75, 16, 100, 8, 20}},
                      {"half_shown_one_hop", 42, {50, 16, 100, 3, 4}},
+                     {"half_shown_two_hops", 42, {50, 16, 100, 5, 6}},
                      {"half_shown", 42, {50, 16, 100, 8, 20}},
-                     {"quarter_shown", 42, {25, 16, 100, 8, 20}},
                      {"one_hop", 42, {0, 16, 100, 3, 4}},
                      {"two_hops", 42, {0, 16, 100, 5, 6}},
-                     {"one_hop_at_once", 42, {0, 0, 100, 3, 4}},
+                     {"two_hops_at_once", 42, {0, 0, 100, 5, 6}},
                      {"three_hops", 42, {0, 0, 100, 7, 8}},
                      {"six_levels", 42, {}}}};
 }
