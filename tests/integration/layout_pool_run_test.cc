@@ -183,9 +183,9 @@ TEST(LayoutPoolRun, ACurriculumIsDrawnIntoItsRunWhichIsAskedWhatItCanOnTheScenar
   train(scratch, "run", 8192, "curriculum",
         {"--scenario", "stealth_labyrinth", "--curriculum", "sequential", "--num_agents", "2"});
   const nlohmann::json tasks = curriculum_state(scratch / "run")["tasks"];
-  ASSERT_EQ(tasks.size(), 8u);
+  ASSERT_EQ(tasks.size(), 9u);
   EXPECT_EQ(tasks[0], "stealth_labyrinth_00_one_bullet");
-  EXPECT_EQ(files(scratch / "run" / "layouts/stealth_labyrinth_curriculum", "", ".wad").size(), 8u);
+  EXPECT_EQ(files(scratch / "run" / "layouts/stealth_labyrinth_curriculum", "", ".wad").size(), 9u);
   const auto played = [&](const std::vector<std::string>& more) {
     std::vector<std::string> words = {"eval", "--policy", scratch / "run", "--episodes", "2", "--json"};
     words.insert(words.end(), more.begin(), more.end());
@@ -197,7 +197,8 @@ TEST(LayoutPoolRun, ACurriculumIsDrawnIntoItsRunWhichIsAskedWhatItCanOnTheScenar
   EXPECT_EQ(played({"--maps", "train"})["layout"], "pool curriculum");
   const Ending none = RunningProgram(training(scratch, "none", 8192, "curriculum")).wait(60 * patience());
   EXPECT_EQ(none.exit_code, kExitBadInput);
-  EXPECT_THAT(none.err, HasSubstr("comes with no curriculum; these do: platform_chain, stealth_labyrinth"));
+  EXPECT_THAT(none.err,
+              HasSubstr("comes with no curriculum; these do: lava_maze, platform_chain, stealth_labyrinth"));
 }
 
 TEST(LayoutPoolRun, BadPoolsAreRefusedBeforeARunIsMade) {

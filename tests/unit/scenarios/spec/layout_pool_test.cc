@@ -381,10 +381,12 @@ TEST_F(LayoutPool, StealthLabyrinthsStagesLeadToItsOwnMap) {
 TEST_F(LayoutPool, LavaMazesStagesShowTheWayLessAndLess) {
   const auto made = make_pool("lava_maze", {.kind = PoolKind::kCurriculum}, folder("stages"));
   ASSERT_TRUE(made) << made.error().message;
+  // The last one is the default map, which is held out, but for lava that kills at once.
   const auto own = generate_layout("lava_maze", {.seed = 42});
   ASSERT_TRUE(own);
-  EXPECT_EQ(made->back().map_hash, own->map_hash);
-  EXPECT_EQ(made->back().content_hash, own->content_hash);
+  ParameterValues parameters = own->info.parameters;
+  parameters["damage"] = 100;
+  EXPECT_EQ(made->back().info.parameters, parameters);
   int64_t guide = 100;
   for (const PoolEntry& stage : *made) {
     const auto found = stage.info.parameters.find("guide");
