@@ -223,7 +223,9 @@ Expected<std::vector<PoolEntry>> make_curriculum_pool(const std::string& scenari
     entry.info = layout.info;
     entry.retries = layout.info.attempt;
     entry.stage = stage.name;
-    if (!layout.info.ceiling.empty()) entry.metric_scale = layout.info.ceiling.begin()->second;
+    const auto& ceilings = layout.info.ceiling;
+    const auto ceiling = request.num_agents > 0 ? ceilings.find(request.num_agents) : ceilings.begin();
+    if (ceiling != ceilings.end()) entry.metric_scale = ceiling->second;
     COMRAD_TRY(
         write_file_atomically((fs::path(folder) / entry.filename).string(), layout.wad, /*durable=*/false));
     entries.push_back(std::move(entry));

@@ -37,7 +37,7 @@ struct LayoutAxis {
 struct CurriculumStage {
   const char* name;
   uint64_t seed;
-  /// In the order of CurriculumRecipe::parameters, over the recipe's defaults; empty: the default map.
+  /// In the order of CurriculumRecipe::parameters, one for each, over the recipe's defaults; empty: the default map.
   std::vector<int64_t> values;
 };
 

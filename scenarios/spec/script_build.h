@@ -12,8 +12,7 @@ namespace comrad::scenarios {
 
 struct BuiltScript {
   std::string behavior;  ///< empty where this build has no compiler
-  std::string
-      source;  ///< what goes into SCRIPTS: the layout's numbers, the exports, then script.acs and more
+  std::string source;    ///< of SCRIPTS: the layout's numbers, the exports, then script.acs and more
   std::vector<std::string> warnings;
 };
 

@@ -92,6 +92,14 @@ TEST_P(EveryRecipe, ParametersAndAxesAgree) {
   }
 }
 
+TEST_P(EveryRecipe, EveryStageOfItsCurriculumHasAValueForEachParameter) {
+  const CurriculumRecipe curriculum = layout_recipe(GetParam())->curriculum;
+  for (const CurriculumStage& stage : curriculum.stages)
+    if (!stage.values.empty()) {
+      EXPECT_EQ(stage.values.size(), curriculum.parameters.size()) << stage.name;
+    }
+}
+
 TEST_P(EveryRecipe, TheWadHoldsTheMapInEitherFormat) {
   for (const MapFormat format : {MapFormat::kUdmf, MapFormat::kHexen}) {
     const auto layout = generate_layout(GetParam(), {.seed = 42, .format = format});

@@ -16,15 +16,17 @@ constexpr const char* kScript = "#include \"zcommon.acs\"\nscript 1 OPEN { clear
 
 class ScriptBuild : public testing::Test {
  protected:
-  Expected<BuiltScript> build(const std::vector<ScenarioExport>& exports, const std::string& script) {
+  Expected<BuiltScript> build(const std::vector<ScenarioExport>& exports, const std::string& script,
+                              const std::vector<std::string>& more = {}) {
     folder_.write("script.acs", script);
     ScenarioSpec spec;
     spec.folder = folder_.string();
     spec.exports = exports;
-    return build_script(spec, kLayout);
+    return build_script(spec, kLayout, more);
   }
-  std::string refusal(const std::vector<ScenarioExport>& exports, const std::string& script) {
-    const auto built = build(exports, script);
+  std::string refusal(const std::vector<ScenarioExport>& exports, const std::string& script,
+                      const std::vector<std::string>& more = {}) {
+    const auto built = build(exports, script, more);
     return built ? "built" : built.error().message;
   }
   const test::ScratchFolder folder_;
@@ -42,22 +44,17 @@ TEST_F(ScriptBuild, ExportsAreTheScriptsGlobalVariables) {
 }
 
 TEST_F(ScriptBuild, MoreFilesComeBehindTheScriptAndSeeWhatItDeclares) {
+  const std::vector<ScenarioExport> exports{{"cleared", 24, "", 3}, {"lost", 5, "", 7}};
   folder_.write("more.acs", "script 2 OPEN { cleared += SIDE; }\n");
-  folder_.write("script.acs", kScript);
-  ScenarioSpec spec;
-  spec.folder = folder_.string();
-  spec.exports = {{"cleared", 24, "", 3}, {"lost", 5, "", 7}};
-  const auto built = build_script(spec, kLayout, {"more.acs"});
+  const auto built = build(exports, kScript, {"more.acs"});
   ASSERT_TRUE(built) << built.error().message;
-  const auto by_hand = build(spec.exports, std::string(kScript) + "script 2 OPEN { cleared += SIDE; }\n");
+  const auto by_hand = build(exports, std::string(kScript) + "script 2 OPEN { cleared += SIDE; }\n");
   ASSERT_TRUE(by_hand) << by_hand.error().message;
   EXPECT_EQ(built->behavior, by_hand->behavior);
   EXPECT_EQ(built->source, by_hand->source);
-  folder_.write("script.acs", kScript);
   folder_.write("more.acs", "script 2 OPEN { cleared += WIDTH; }\n");
-  EXPECT_THAT(build_script(spec, kLayout, {"more.acs"}).error().message,
-              AllOf(HasSubstr("more.acs:1:"), HasSubstr("width")));
-  EXPECT_THAT(build_script(spec, kLayout, {"none.acs"}).error().message, HasSubstr("none.acs"));
+  EXPECT_THAT(refusal(exports, kScript, {"more.acs"}), AllOf(HasSubstr("more.acs:1:"), HasSubstr("width")));
+  EXPECT_THAT(refusal(exports, kScript, {"none.acs"}), HasSubstr("none.acs"));
 }
 
 TEST_F(ScriptBuild, MistakesNameTheFileAndLineOfTheirAuthor) {
