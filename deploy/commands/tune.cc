@@ -67,7 +67,10 @@ Expected<int> tune_here(const TuneRequest& request, const CommandLine& line) {
   print_warnings(merged.scenario);
   std::vector<TuneAxis> axes = tune_axes(merged.config, cores);
   // What the user fixed stays.
-  std::erase_if(axes, [&](const TuneAxis& axis) { return line.was_typed(axis.setting); });
+  const auto is_fixed = [&](const auto& value) { return line.was_typed(value.first); };
+  for (TuneAxis& axis : axes)
+    std::erase_if(axis, [&](const TunedSettings& one) { return std::ranges::any_of(one, is_fixed); });
+  std::erase_if(axes, [](const TuneAxis& axis) { return axis.empty(); });
 
   const double began = monotonic_s();
   bool is_interrupted = false;
@@ -128,7 +131,8 @@ int tune_command(Arguments arguments) {
   CommandLine line(
       "tune [--seconds S] [--write FILE.toml] [settings]",
       "Trains for some seconds with one setting changed after the other (precision, workers, environments,\n"
-      "threads, splits) and keeps what is faster twice, by 3 %. Nothing of what is learned is changed but "
+      "threads, batches and splits) and keeps what is faster twice, by 3 %. Nothing of what is learned is "
+      "changed but "
       "the\n"
       "rounding of bf16 and the policy lag. What you set yourself stays. Prints the flags that were found; "
       "give\n"

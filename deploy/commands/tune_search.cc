@@ -7,12 +7,14 @@
 namespace comrad::deploy {
 namespace {
 
-TunedSettings with(TunedSettings settings, const std::string& setting, const std::string& value) {
-  const auto found = std::ranges::find(settings, setting, &std::pair<std::string, std::string>::first);
-  if (found != settings.end())
-    found->second = value;
-  else
-    settings.emplace_back(setting, value);
+TunedSettings with(TunedSettings settings, const TunedSettings& others) {
+  for (const auto& [setting, value] : others) {
+    const auto found = std::ranges::find(settings, setting, &std::pair<std::string, std::string>::first);
+    if (found != settings.end())
+      found->second = value;
+    else
+      settings.emplace_back(setting, value);
+  }
   return settings;
 }
 
@@ -42,8 +44,8 @@ Expected<TuneResult> tune(const std::vector<TuneAxis>& axes,
     const TuneTry begin = measured(result.best, 0);
     if (begin.rate <= 0) return Error{ErrorCode::kBadInput, begin.failure};
     TuneTry fastest = begin;
-    for (const std::string& value : axis.values) {
-      const TuneTry one = measured(with(result.best, axis.setting, value), begin.rate);
+    for (const TunedSettings& alternative : axis) {
+      const TuneTry one = measured(with(result.best, alternative), begin.rate);
       if (one.rate > fastest.rate) fastest = one;
     }
     if (fastest.ratio < 1 + kLeastGain || fastest.settings == begin.settings) continue;
@@ -66,24 +68,30 @@ std::string toml_of(const TunedSettings& settings) {
 std::vector<TuneAxis> tune_axes(const RunConfig& config, int cores) {
   std::vector<TuneAxis> axes;
   const auto add = [&](const std::string& setting, const std::vector<int64_t>& values) {
-    TuneAxis axis{setting, {}};
+    TuneAxis axis;
     const std::string now = setting_text(config, setting);
     for (const int64_t value : values) {
-      const std::string text = std::to_string(value);
-      if (value >= 1 && text != now && std::ranges::find(axis.values, text) == axis.values.end())
-        axis.values.push_back(text);
+      const TunedSettings alternative = {{setting, std::to_string(value)}};
+      if (value >= 1 && alternative.front().second != now &&
+          std::ranges::find(axis, alternative) == axis.end())
+        axis.push_back(alternative);
     }
-    if (!axis.values.empty()) axes.push_back(std::move(axis));
+    if (!axis.empty()) axes.push_back(std::move(axis));
   };
   const CollectionSettings& now = config.collection;
-  axes.push_back({"precision", {now.precision == Precision::kBf16 ? "fp32" : "bf16"}});
+  axes.push_back({{{"precision", now.precision == Precision::kBf16 ? "fp32" : "bf16"}}});
   add("num_workers", {cores / 2, cores, 3 * cores / 2});
   // Halves of a worker's environments take turns, so their number stays even.
   add("num_envs_per_worker", {now.num_envs_per_worker / 2 / 2 * 2, 2 * now.num_envs_per_worker});
   add("learner_threads", {cores / 2, cores});
   add("policy_threads", {1, std::min(2, cores)});
   if (cores >= 8) add("policy_workers", {1, 2, cores / 5, cores / 3});
-  add("worker_num_splits", {1, 2});
+  // Nothing waits for larger batches but simulators: where the learner has the cores busy, that costs little. Without
+  // splits all of a policy worker's environments can be one batch.
+  const int64_t served = now.num_workers * now.num_envs_per_worker / std::max<int64_t>(1, now.policy_workers);
+  add("min_batch", {now.min_batch / 2, 2 * now.min_batch});
+  axes.push_back({{{"worker_num_splits", now.worker_num_splits == 1 ? "2" : "1"}},
+                  {{"worker_num_splits", "1"}, {"min_batch", std::to_string(served)}}});
   return axes;
 }
 

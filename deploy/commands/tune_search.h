@@ -1,4 +1,4 @@
-// The search of `comrad tune`: settings one after the other, each value against the best so far, twice before it wins.
+// The search of `comrad tune`: axes one after the other, each alternative against the best so far, twice before it wins.
 #pragma once
 
 #include <functional>
@@ -14,11 +14,8 @@ namespace comrad::deploy {
 /// Setting, value: what is said on top of what the user said.
 using TunedSettings = std::vector<std::pair<std::string, std::string>>;
 
-/// One setting, and what is tried in place of its value.
-struct TuneAxis {
-  std::string setting;
-  std::vector<std::string> values;
-};
+/// What is tried in place of what is in force: a setting's other value each, or values that belong together.
+using TuneAxis = std::vector<TunedSettings>;
 
 /// One measurement.
 struct TuneTry {
@@ -35,7 +32,7 @@ struct TuneResult {
   bool is_whole = true;  ///< false: time ran out before the last axis
 };
 
-/// A value wins when it is faster than the best so far by this share, in two measurements each.
+/// An alternative wins when it is faster than the best so far by this share, in two measurements each.
 constexpr double kLeastGain = 0.03;
 
 /// `measure` gives decisions/s, or why these settings cannot be run; `has_time` is asked before every axis.

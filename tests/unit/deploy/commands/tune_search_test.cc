@@ -17,7 +17,8 @@ using ::testing::Field;
 using ::testing::IsEmpty;
 using ::testing::Pair;
 
-const std::vector<TuneAxis> kAxes = {{"precision", {"bf16"}}, {"num_workers", {"1", "3"}}};
+const std::vector<TuneAxis> kAxes = {{{{"precision", "bf16"}}},
+                                     {{{"num_workers", "1"}}, {{"num_workers", "3"}}}};
 
 bool always() { return true; }
 
@@ -39,6 +40,19 @@ TEST(Tune, FindsWhatIsFasterTogether) {
   EXPECT_TRUE(result->is_whole);
 }
 
+TEST(Tune, ValuesThatBelongTogetherWinTogether) {
+  const std::map<std::string, double> worth = {
+      {"num_workers=3", 1.1}, {"worker_num_splits=1", 0.9}, {"min_batch=8", 1.02}, {"min_batch=16", 1.2}};
+  const auto result = tune(
+      {{{{"num_workers", "3"}}, {{"min_batch", "8"}}},
+       {{{"worker_num_splits", "1"}}, {{"worker_num_splits", "1"}, {"min_batch", "16"}}}},
+      [&](const TunedSettings& one) { return rate_of(one, worth); }, always);
+  ASSERT_TRUE(result) << result.error().message;
+  EXPECT_THAT(result->best,
+              ElementsAre(Pair("num_workers", "3"), Pair("worker_num_splits", "1"), Pair("min_batch", "16")));
+  EXPECT_NEAR(result->ratio, 1.1 * 0.9 * 1.2, 1e-9);
+}
+
 TEST(Tune, KeepsWhatIsThereWhereNothingIsFasterByEnough) {
   const std::map<std::string, double> worth = {
       {"precision=bf16", 1.02}, {"num_workers=1", 0.5}, {"num_workers=3", 1.0}};
@@ -52,7 +66,7 @@ TEST(Tune, KeepsWhatIsThereWhereNothingIsFasterByEnough) {
 TEST(Tune, OneLuckyMomentDecidesNothing) {
   int calls = 0;
   const auto result = tune(
-      {{"precision", {"bf16"}}}, [&](const TunedSettings&) { return ++calls == 2 ? 2000.0 : 1000.0; },
+      {{{{"precision", "bf16"}}}}, [&](const TunedSettings&) { return ++calls == 2 ? 2000.0 : 1000.0; },
       always);
   ASSERT_TRUE(result);
   EXPECT_THAT(result->best, IsEmpty());
@@ -108,16 +122,23 @@ TEST(TuneAxes, HoldOtherValuesThanThoseInForce) {
   RunConfig config;
   config.collection.num_workers = 2;
   config.collection.num_envs_per_worker = 8;
+  config.collection.policy_workers = 1;
   config.collection.learner_threads = 2;
   config.collection.policy_threads = 1;
-  std::map<std::string, std::vector<std::string>> axes;
-  for (const TuneAxis& axis : tune_axes(config, 2)) axes[axis.setting] = axis.values;
-  EXPECT_THAT(axes["precision"], ElementsAre("bf16"));
-  EXPECT_THAT(axes["num_workers"], ElementsAre("1", "3"));
-  EXPECT_THAT(axes["num_envs_per_worker"], ElementsAre("4", "16"));
-  EXPECT_THAT(axes["learner_threads"], ElementsAre("1"));
-  EXPECT_THAT(axes["policy_threads"], ElementsAre("2"));
-  EXPECT_FALSE(axes.contains("policy_workers")) << "two cores have one batch at a time";
+  config.collection.worker_num_splits = 2;
+  config.collection.min_batch = 4;
+  const auto one = [](const std::string& setting, const std::string& value) {
+    return TunedSettings{{setting, value}};
+  };
+  EXPECT_THAT(tune_axes(config, 2),
+              ElementsAre(ElementsAre(one("precision", "bf16")),
+                          ElementsAre(one("num_workers", "1"), one("num_workers", "3")),
+                          ElementsAre(one("num_envs_per_worker", "4"), one("num_envs_per_worker", "16")),
+                          ElementsAre(one("learner_threads", "1")), ElementsAre(one("policy_threads", "2")),
+                          ElementsAre(one("min_batch", "2"), one("min_batch", "8")),
+                          ElementsAre(one("worker_num_splits", "1"),
+                                      TunedSettings{{"worker_num_splits", "1"}, {"min_batch", "16"}})))
+      << "two cores have one batch at a time: nothing is tried of policy_workers";
 }
 
 }  // namespace
