@@ -23,7 +23,7 @@ Tensor factor(const Tensor& x, Precision precision);
 Tensor to_f32(const Tensor& product);
 
 /// factor() of a weight that is read often between two changes: outside of autograd it is rounded once a version of the
-/// tensor and thread, not once a product. Whoever writes a weight past torch's operators calls its bump_version().
+/// tensor and thread, not once a product (weight_cache.h).
 Tensor weight_factor(const Tensor& weight, Precision precision);
 
 /// x W^T + b in the given precision. Differentiable.

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "policy_workers/policy/packed_product.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 
@@ -11,13 +12,27 @@ namespace {
 using torch::autograd::AutogradContext;
 using torch::autograd::tensor_list;
 
-/// out = bias + h W^T, W^T being a factor already.
-void product_out(Tensor& out, const Tensor& bias, const Tensor& h, const Tensor& weight_t,
-                 Precision precision) {
-  if (precision == Precision::kFp32)
-    at::addmm_out(out, bias, h, weight_t);
+/// out = bias + h W^T, `factor_t` being W^T as a factor already.
+void product_out(Tensor& out, const Tensor& bias, const Tensor& h, const Tensor& weight,
+                 const Tensor& factor_t, Precision precision) {
+  if (packs(h, weight, precision))
+    packed_product_out(out, bias, h, weight, WeightSide::kTransposed, precision);
+  else if (precision == Precision::kFp32)
+    at::addmm_out(out, bias, h, factor_t);
   else
-    at::add_out(out, to_f32(factor(h, precision).mm(weight_t)), bias);
+    at::add_out(out, to_f32(factor(h, precision).mm(factor_t)), bias);
+}
+
+/// base + G W, the gradient of h, `weight_factor` being W as a factor already.
+Tensor gradient_product(const Tensor& base, const Tensor& gradient, const Tensor& weight,
+                        const Tensor& weight_factor, Precision precision) {
+  if (packs(gradient, weight, precision)) {
+    Tensor out = torch::empty_like(base);
+    packed_product_out(out, base, gradient, weight, WeightSide::kPlain, precision);
+    return out;
+  }
+  if (precision == Precision::kFp32) return at::addmm(base, gradient, weight);
+  return to_f32(factor(gradient, precision).mm(weight_factor)).add_(base);
 }
 
 /// What step t begins with: the state behind the step before it, or 0 where that was an episode's last.
@@ -56,7 +71,7 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
     for (int64_t t = 0; t < steps; ++t) {
       Tensor h_before = h_in[t];
       carry_over(h_before, h, keep, t);
-      product_out(gh, bias_hh, h_before, weight_t, precision);
+      product_out(gh, bias_hh, h_before, weight_hh, weight_t, precision);
       Tensor rz = gates[t].slice(1, 0, 2 * hidden);
       at::add_out(rz, gi[t].slice(1, 0, 2 * hidden), gh.slice(1, 0, 2 * hidden));
       rz.sigmoid_();
@@ -96,9 +111,7 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
       grad_gh[t].slice(1, 0, 2 * hidden).copy_(grad_gi[t].slice(1, 0, 2 * hidden));
       Tensor gh_n_gradient = grad_gh[t].slice(1, 2 * hidden);
       at::mul_out(gh_n_gradient, gi_n, r);
-      carried = precision == Precision::kFp32
-                    ? at::addmm(grad_hz, grad_gh[t], weight)
-                    : to_f32(factor(grad_gh[t], precision).mm(weight)).add_(grad_hz);
+      carried = gradient_product(grad_hz, grad_gh[t], saved[4], weight, precision);
       if (keep.numel() > 0) carried.mul_(keep[t]);
     }
     const Tensor flat = grad_gh.view({steps * rows, 3 * hidden});
@@ -146,8 +159,7 @@ struct FusedGruSequence : torch::autograd::Function<FusedGruSequence> {
           at::_thnn_fused_gru_cell_backward(grad_h, saved[static_cast<size_t>(t + 3)], /*has_bias=*/false);
       of_gi[static_cast<size_t>(t)] = gi;
       of_gh[static_cast<size_t>(t)] = gh;
-      carried = precision == Precision::kFp32 ? at::addmm(h, gh, weight)
-                                              : to_f32(factor(gh, precision).mm(weight)).add_(h);
+      carried = gradient_product(h, gh, saved[2], weight, precision);
       if (keep.numel() > 0) carried.mul_(keep[t]);
     }
     const Tensor flat = at::cat(of_gh);
@@ -176,7 +188,7 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
       Tensor h_before = h_in[t], c_before = c_in[t], gate = gates[t];
       carry_over(h_before, h, keep, t);
       carry_over(c_before, c, keep, t);
-      product_out(gate, bias_hh, h_before, weight_t, precision);
+      product_out(gate, bias_hh, h_before, weight_hh, weight_t, precision);
       gate.add_(gi[t]);
       Tensor input_forget = gate.slice(1, 0, 2 * hidden), g = gate.slice(1, 2 * hidden, 3 * hidden),
              o = gate.slice(1, 3 * hidden);
@@ -215,7 +227,7 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
       at::mul_out(grad_i, grad_c, g).mul_(i).mul_(1 - i);
       at::mul_out(grad_f, grad_c, c_in[t]).mul_(f).mul_(1 - f);
       at::mul_out(grad_g, grad_c, i).mul_(1 - g.square());
-      carried_h = to_f32(factor(grad_gi[t], precision).mm(weight));
+      carried_h = gradient_product(torch::zeros_like(carried_h), grad_gi[t], saved[5], weight, precision);
       carried_c = grad_c * f;
       if (keep.numel() > 0) {
         carried_h.mul_(keep[t]);
@@ -267,7 +279,8 @@ int64_t RecurrentCore::state_count() const {
 
 CoreOutput RecurrentCore::step(const Tensor& input, const Tensor& state) const {
   if (kind_ == CoreKind::kNone) return {input, state};
-  if (precision_ != Precision::kFp32) {  // the framework's cells multiply in f32
+  if (precision_ != Precision::kFp32 ||
+      input.is_cpu()) {  // the framework's cells multiply in f32, with a BLAS
     CoreOutput output = sequence(input.unsqueeze(0), state, {});
     return {output.features.squeeze(0), output.state};
   }
