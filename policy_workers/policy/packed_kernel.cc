@@ -8,7 +8,7 @@
 #include "rollout_buffer/core/bfloat16.h"
 #include "rollout_buffer/core/cpu_features.h"
 
-#if defined(__x86_64__) && defined(__GNUC__)
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define COMRAD_HAS_PANELS 1
 #include <immintrin.h>
 #endif

@@ -1,5 +1,6 @@
 #include "policy_workers/policy/packed_product.h"
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/packed_kernel.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "policy_workers/policy/weight_cache.h"
@@ -40,7 +41,7 @@ Tensor panels_of(const Tensor& weight, WeightSide side, Precision precision) {
 }  // namespace
 
 bool packs(const Tensor& x, const Tensor& weight, Precision precision) {
-  return x.is_cpu() && x.dim() == 2 && x.scalar_type() == torch::kFloat32 &&
+  return device::has_own_kernels(x.device()) && x.dim() == 2 && x.scalar_type() == torch::kFloat32 &&
          weight.scalar_type() == torch::kFloat32 && x.size(0) <= kMostRows &&
          weight.numel() >= kFewestWeights && math_of(precision) != nullptr && at::get_num_threads() == 1;
 }

@@ -1,5 +1,6 @@
 #include "policy_workers/policy/precision.h"
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/queue.h"
 #include "policy_workers/policy/packed_product.h"
 #include "policy_workers/policy/torch_ops.h"
@@ -27,7 +28,7 @@ Tensor weight_factor(const Tensor& weight, Precision precision) {
 Tensor to_f32(const Tensor& product) { return product.to(torch::kFloat32); }
 
 Tensor linear(const Tensor& x, const Tensor& weight, const Tensor& bias, Precision precision) {
-  if (x.is_cpu() && !at::GradMode::is_enabled()) {
+  if (device::has_own_kernels(x.device()) && !at::GradMode::is_enabled()) {
     const Tensor rows = x.reshape({-1, x.size(-1)});
     if (packs(rows, weight, precision)) {
       Tensor out = torch::empty({rows.size(0), weight.size(0)}, x.options());

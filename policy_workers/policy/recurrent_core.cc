@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/packed_product.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
@@ -279,8 +280,8 @@ int64_t RecurrentCore::state_count() const {
 
 CoreOutput RecurrentCore::step(const Tensor& input, const Tensor& state) const {
   if (kind_ == CoreKind::kNone) return {input, state};
-  if (precision_ != Precision::kFp32 ||
-      input.is_cpu()) {  // the framework's cells multiply in f32, with a BLAS
+  // The framework's cells multiply in f32, with a BLAS.
+  if (precision_ != Precision::kFp32 || device::has_own_kernels(input.device())) {
     CoreOutput output = sequence(input.unsqueeze(0), state, {});
     return {output.features.squeeze(0), output.state};
   }

@@ -1,6 +1,10 @@
 // What the processor can do. Stage: start-up.
 #pragma once
 
+#if defined(__x86_64__) && defined(__GNUC__)
+#include <cpuid.h>
+#endif
+
 namespace comrad {
 
 /// Whether it multiplies bfloat16 numbers (AVX-512 BF16; every processor with AMX has that, too).
@@ -16,7 +20,11 @@ inline bool cpu_multiplies_bf16() {
 /// Whether it has tiles for bfloat16 products.
 inline bool cpu_has_amx() {
 #if defined(__x86_64__) && defined(__GNUC__)
-  static const bool has_instructions = __builtin_cpu_supports("amx-bf16") > 0;
+  // Not every compiler's __builtin_cpu_supports() knows the name.
+  static const bool has_instructions = [] {
+    unsigned a = 0, b = 0, c = 0, d = 0;
+    return __get_cpuid_count(7, 0, &a, &b, &c, &d) != 0 && (d & (1u << 22)) != 0;
+  }();
   return has_instructions;
 #else
   return false;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::policy {
@@ -61,6 +62,11 @@ TEST_P(PackedProduct, IsNotMadeOfManyRowsSmallWeightsOrOtherNumbers) {
   EXPECT_FALSE(packs(torch::zeros({1, 5}), torch::zeros({3, 5}), GetParam()));
   EXPECT_FALSE(packs(torch::zeros({64}), weight, GetParam()));
   EXPECT_FALSE(packs(torch::zeros({1, 64}, torch::kFloat64), weight.to(torch::kFloat64), GetParam()));
+}
+
+TEST_P(PackedProduct, IsNotMadeOnAGpusPath) {
+  const device::OperatorPath path;  // on which work is counted by torch's operators
+  EXPECT_FALSE(packs(torch::zeros({1, 64}), torch::zeros({64, 64}), GetParam()));
 }
 
 TEST_P(PackedProduct, RowsDoNotDependOnTheRowsBesideThem) {
