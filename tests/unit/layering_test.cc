@@ -104,10 +104,10 @@ bool is_of(const Library& library, const Include& include) {
 
 /// Headers of C++, of the C library, of Linux and of the compiler.
 bool is_of_the_system(const std::string& header) {
-  static const std::set<std::string> names = {"dirent.h",  "dlfcn.h", "emmintrin.h", "fcntl.h",   "ifaddrs.h",
-                                              "malloc.h",  "netdb.h", "poll.h",      "pthread.h", "pty.h",
-                                              "pwd.h",     "sched.h", "signal.h",    "spawn.h",   "stdio.h",
-                                              "termios.h", "time.h",  "unistd.h"};
+  static const std::set<std::string> names = {
+      "cpuid.h",  "dirent.h", "dlfcn.h", "emmintrin.h", "fcntl.h", "ifaddrs.h", "immintrin.h",
+      "malloc.h", "netdb.h",  "poll.h",  "pthread.h",   "pty.h",   "pwd.h",     "sched.h",
+      "signal.h", "spawn.h",  "stdio.h", "termios.h",   "time.h",  "unistd.h"};
   for (const char* folder : {"arpa/", "sys/", "linux/", "net/", "netinet/"})
     if (header.starts_with(folder)) return true;
   return header.find_first_of("./") == std::string::npos || names.contains(header);
