@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "rollout_buffer/core/bfloat16.h"
-#include "rollout_buffer/core/cpu_features.h"
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define COMRAD_HAS_PANELS 1
@@ -114,13 +113,11 @@ uint32_t pair_of(float first, float second) {
 
 }  // namespace
 
-const PanelMath* f32_panels() {
+const PanelMath* f32_panels(int fused_floats) {
 #ifdef COMRAD_HAS_PANELS
-  static const PanelMath* const math = cpu_fused_floats() == 16  ? &kAvx512F32
-                                       : cpu_fused_floats() == 8 ? &kAvx2F32
-                                                                 : nullptr;
-  return math;
+  return fused_floats == 16 ? &kAvx512F32 : fused_floats == 8 ? &kAvx2F32 : nullptr;
 #else
+  (void)fused_floats;
   return nullptr;
 #endif
 }

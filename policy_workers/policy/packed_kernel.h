@@ -4,12 +4,14 @@
 
 #include <cstdint>
 
+#include "rollout_buffer/core/cpu_features.h"
+
 namespace comrad::policy::kernels {
 
-/// What this processor multiplies in panels, or nothing: f32 with AVX-512 or with AVX2 and FMA, bfloat16 with AVX-512 BF16 where there is
-/// no AMX, which is left to a BLAS.
+/// What a processor multiplies in panels, or nothing: f32 with AVX-512 or with AVX2 and FMA, bfloat16 with AVX-512 BF16 where there is
+/// no AMX, which is left to a BLAS. `fused_floats` is this processor's, or fewer that it has, too.
 struct PanelMath;
-const PanelMath* f32_panels();
+const PanelMath* f32_panels(int fused_floats = cpu_fused_floats());
 const PanelMath* bf16_panels();
 
 /// A matrix [row_count, column_count] of floats, anywhere in memory.

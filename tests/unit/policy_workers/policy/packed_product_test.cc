@@ -2,7 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <vector>
+
 #include "policy_workers/device/operator_path.h"
+#include "policy_workers/policy/packed_kernel.h"
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::policy {
@@ -104,6 +108,33 @@ TEST_P(PackedProduct, SeesEveryNewVersionOfAWeight) {
   EXPECT_GT(largest_error(), 1) << "nobody said that it changed";
   weight.unsafeGetTensorImpl()->bump_version();
   EXPECT_LT(largest_error(), 1);
+}
+
+TEST(PackedKernel, GivesTheSameBitsWithAnyInstructions) {
+  if (kernels::f32_panels() == nullptr) GTEST_SKIP() << "this processor multiplies with a BLAS";
+  torch::manual_seed(2);
+  const Tensor weight = torch::randn({90, 70}), x = torch::randn({13, 90});
+  const kernels::MatrixView matrix{weight.data_ptr<float>(), 90, 70, 70, 1};
+  // In the order of k, a fused multiply-add each.
+  Tensor expected = torch::empty({13, 70});
+  for (int64_t row = 0; row < 13; ++row)
+    for (int64_t column = 0; column < 70; ++column) {
+      float sum = 0;
+      for (int64_t k = 0; k < 90; ++k)
+        sum = std::fma(x[row][k].item<float>(), weight[k][column].item<float>(), sum);
+      expected[row][column] = sum;
+    }
+  for (const int floats : {8, 16}) {
+    if (floats > cpu_fused_floats()) continue;
+    const kernels::PanelMath& math = *kernels::f32_panels(floats);
+    std::vector<uint32_t> panels(static_cast<std::size_t>(kernels::panel_units(math, matrix))), rows(13 * 90);
+    kernels::make_panels(math, matrix, panels.data());
+    kernels::make_rows(math, x.data_ptr<float>(), 13, 90, rows.data());
+    const Tensor out = torch::zeros({13, 70});
+    kernels::add_product(math, rows.data(), 13, kernels::row_units(math, 90), panels.data(), 70,
+                         out.data_ptr<float>());
+    EXPECT_TRUE(torch::equal(out, expected)) << floats << " floats";
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Precisions, PackedProduct, ::testing::Values(Precision::kFp32, Precision::kBf16),
