@@ -131,12 +131,9 @@ int tune_command(Arguments arguments) {
   CommandLine line(
       "tune [--seconds S] [--write FILE.toml] [settings]",
       "Trains for some seconds with one setting changed after the other (precision, workers, environments,\n"
-      "threads, batches and splits) and keeps what is faster twice, by 3 %. Nothing of what is learned is "
-      "changed but "
-      "the\n"
-      "rounding of bf16 and the policy lag. What you set yourself stays. Prints the flags that were found; "
-      "give\n"
-      "nothing else to do to the machine meanwhile.");
+      "threads, batches and splits) and keeps what is faster twice, by 3 %. Nothing of what is learned is\n"
+      "changed but the rounding of bf16 and the policy lag. What you set yourself stays. Prints the flags\n"
+      "that were found; give nothing else to do to the machine meanwhile.");
   line.add_option("seconds", request.seconds, "S", "begin no further setting after so long (default 120)");
   line.add_option("write", request.write, "FILE.toml", "write what was found, for comrad train --config");
   line.add_switch("json", request.json, "print one JSON object with every measurement on stdout");

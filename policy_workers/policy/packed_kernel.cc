@@ -124,7 +124,8 @@ const PanelMath* f32_panels(int fused_floats) {
 
 const PanelMath* bf16_panels() {
 #ifdef COMRAD_HAS_PANELS
-  static const PanelMath* const math = cpu_multiplies_bf16() && !cpu_has_amx() ? &kAvx512Bf16 : nullptr;
+  static const PanelMath* const math =
+      cpu_multiplies_bf16() && !cpu_features().has_amx ? &kAvx512Bf16 : nullptr;
   return math;
 #else
   return nullptr;
@@ -166,12 +167,7 @@ void make_panels(const PanelMath& math, const MatrixView& matrix, uint32_t* pane
   }
 }
 
-void make_rows(const PanelMath& math, const float* x, int64_t row_count, int64_t number_count,
-               uint32_t* rows) {
-  if (math.numbers_of_unit == 1) {
-    std::memcpy(rows, x, static_cast<size_t>(row_count * number_count) * sizeof(float));
-    return;
-  }
+void round_rows(const float* x, int64_t row_count, int64_t number_count, uint32_t* rows) {
   for (int64_t row = 0; row < row_count; ++row, x += number_count) {
     for (int64_t k = 0; k + 1 < number_count; k += 2) *rows++ = pair_of(x[k], x[k + 1]);
     if (number_count % 2 == 1) *rows++ = pair_of(x[number_count - 1], 0.0f);

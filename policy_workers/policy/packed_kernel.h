@@ -11,7 +11,7 @@ namespace comrad::policy::kernels {
 /// What a processor multiplies in panels, or nothing: f32 with AVX-512 or with AVX2 and FMA, bfloat16 with AVX-512 BF16 where there is
 /// no AMX, which is left to a BLAS. `fused_floats` is this processor's, or fewer that it has, too.
 struct PanelMath;
-const PanelMath* f32_panels(int fused_floats = cpu_fused_floats());
+const PanelMath* f32_panels(int fused_floats = cpu_features().fused_floats);
 const PanelMath* bf16_panels();
 
 /// A matrix [row_count, column_count] of floats, anywhere in memory.
@@ -26,9 +26,8 @@ int64_t panel_units(const PanelMath& math, const MatrixView& matrix);
 int64_t row_units(const PanelMath& math, int64_t number_count);
 
 void make_panels(const PanelMath& math, const MatrixView& matrix, uint32_t* panels);
-/// Rows of x as factors: bfloat16 numbers are rounded to the nearest even.
-void make_rows(const PanelMath& math, const float* x, int64_t row_count, int64_t number_count,
-               uint32_t* rows);
+/// Rows of x as factors of bf16_panels(), rounded to the nearest even. Of f32_panels() they are the floats themselves.
+void round_rows(const float* x, int64_t row_count, int64_t number_count, uint32_t* rows);
 
 /// out[row][c] += sum over k of x[row][k] * matrix[k][c], summed in the order of k with fused multiply-adds (of pairs with bfloat16): the same
 /// bits for any number of rows, and of f32 on every processor. `out` [row_count, column_count] is dense.

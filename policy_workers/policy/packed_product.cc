@@ -53,9 +53,9 @@ void packed_product_out(Tensor& out, const Tensor& base, const Tensor& x, const 
   const kernels::PanelMath& math = *math_of(precision);
   const Tensor dense = x.contiguous();
   const int64_t row_count = x.size(0), units = kernels::row_units(math, x.size(1));
-  const Tensor rows = torch::empty({row_count, units}, torch::kInt32);
-  kernels::make_rows(math, dense.data_ptr<float>(), row_count, x.size(1), units_of(rows));
   const bool rounds = precision == Precision::kBf16;
+  const Tensor rows = rounds ? torch::empty({row_count, units}, torch::kInt32) : dense.view(torch::kInt32);
+  if (rounds) kernels::round_rows(dense.data_ptr<float>(), row_count, x.size(1), units_of(rows));
   if (rounds)
     out.zero_();
   else

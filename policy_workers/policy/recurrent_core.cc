@@ -13,28 +13,39 @@ namespace {
 using torch::autograd::AutogradContext;
 using torch::autograd::tensor_list;
 
-/// out = bias + h W^T, `factor_t` being W^T as a factor already.
-void product_out(Tensor& out, const Tensor& bias, const Tensor& h, const Tensor& weight,
-                 const Tensor& factor_t, Precision precision) {
-  if (packs(h, weight, precision))
-    packed_product_out(out, bias, h, weight, WeightSide::kTransposed, precision);
-  else if (precision == Precision::kFp32)
-    at::addmm_out(out, bias, h, factor_t);
-  else
-    at::add_out(out, to_f32(factor(h, precision).mm(factor_t)), bias);
-}
-
-/// base + G W, the gradient of h, `weight_factor` being W as a factor already.
-Tensor gradient_product(const Tensor& base, const Tensor& gradient, const Tensor& weight,
-                        const Tensor& weight_factor, Precision precision) {
-  if (packs(gradient, weight, precision)) {
-    Tensor out = torch::empty_like(base);
-    packed_product_out(out, base, gradient, weight, WeightSide::kPlain, precision);
-    return out;
+/// Products of all steps of a sequence with one weight: in panels, or as a factor that is made once.
+class StepProduct {
+ public:
+  /// `x` is as one step's.
+  StepProduct(const Tensor& x, const Tensor& weight, WeightSide side, Precision precision)
+      : weight_(weight), side_(side), precision_(precision), packs_(packs(x, weight, precision)) {
+    if (packs_) return;
+    factor_ = weight_factor(weight, precision);
+    if (side == WeightSide::kTransposed) factor_ = factor_.t();
   }
-  if (precision == Precision::kFp32) return at::addmm(base, gradient, weight);
-  return to_f32(factor(gradient, precision).mm(weight_factor)).add_(base);
-}
+
+  /// out = base + x W^T, or base + x W.
+  void out(Tensor& out, const Tensor& base, const Tensor& x) const {
+    if (packs_)
+      packed_product_out(out, base, x, weight_, side_, precision_);
+    else if (precision_ == Precision::kFp32)
+      at::addmm_out(out, base, x, factor_);
+    else
+      at::add_out(out, to_f32(factor(x, precision_).mm(factor_)), base);
+  }
+
+  Tensor operator()(const Tensor& base, const Tensor& x) const {
+    Tensor sum = torch::empty_like(base);
+    out(sum, base, x);
+    return sum;
+  }
+
+ private:
+  Tensor weight_, factor_;
+  WeightSide side_;
+  Precision precision_;
+  bool packs_;
+};
 
 /// What step t begins with: the state behind the step before it, or 0 where that was an episode's last.
 void carry_over(Tensor& into, const Tensor& state, const Tensor& keep, int64_t t) {
@@ -66,13 +77,13 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
     const Tensor gates =
         torch::empty({steps, rows, 3 * hidden}, gi.options());  // r, z, n after their functions
     const Tensor gh_n = torch::empty({steps, rows, hidden}, gi.options());
-    const Tensor weight_t = weight_factor(weight_hh, precision).t();
+    const StepProduct product(h0, weight_hh, WeightSide::kTransposed, precision);
     Tensor gh = torch::empty({rows, 3 * hidden}, gi.options());
     Tensor h = h0;
     for (int64_t t = 0; t < steps; ++t) {
       Tensor h_before = h_in[t];
       carry_over(h_before, h, keep, t);
-      product_out(gh, bias_hh, h_before, weight_hh, weight_t, precision);
+      product.out(gh, bias_hh, h_before);
       Tensor rz = gates[t].slice(1, 0, 2 * hidden);
       at::add_out(rz, gi[t].slice(1, 0, 2 * hidden), gh.slice(1, 0, 2 * hidden));
       rz.sigmoid_();
@@ -93,7 +104,7 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
     const auto saved = context->get_saved_variables();
     const auto precision = static_cast<Precision>(context->saved_data["precision"].toInt());
     const Tensor &h_in = saved[0], &gates = saved[1], &gh_n = saved[2], &keep = saved[3];
-    const Tensor weight = weight_factor(saved[4], precision);
+    const StepProduct product(h_in[0], saved[4], WeightSide::kPlain, precision);
     const Tensor& grad = grad_outputs[0];
     const int64_t steps = h_in.size(0), rows = h_in.size(1), hidden = h_in.size(2);
     const Tensor grad_gi = torch::empty_like(gates);
@@ -112,7 +123,7 @@ struct GruSequence : torch::autograd::Function<GruSequence> {
       grad_gh[t].slice(1, 0, 2 * hidden).copy_(grad_gi[t].slice(1, 0, 2 * hidden));
       Tensor gh_n_gradient = grad_gh[t].slice(1, 2 * hidden);
       at::mul_out(gh_n_gradient, gi_n, r);
-      carried = gradient_product(grad_hz, grad_gh[t], saved[4], weight, precision);
+      carried = product(grad_hz, grad_gh[t]);
       if (keep.numel() > 0) carried.mul_(keep[t]);
     }
     const Tensor flat = grad_gh.view({steps * rows, 3 * hidden});
@@ -150,7 +161,7 @@ struct FusedGruSequence : torch::autograd::Function<FusedGruSequence> {
     const auto saved = context->get_saved_variables();
     const auto precision = static_cast<Precision>(context->saved_data["precision"].toInt());
     const Tensor &h_in = saved[0], &keep = saved[1], &grad = grad_outputs[0];
-    const Tensor weight = weight_factor(saved[2], precision);
+    const StepProduct product(h_in[0], saved[2], WeightSide::kPlain, precision);
     const int64_t steps = h_in.size(0), rows = h_in.size(1), hidden = h_in.size(2);
     tensor_list of_gi(static_cast<size_t>(steps)), of_gh(static_cast<size_t>(steps));
     Tensor carried;  // gradient of h'_t from the steps after t
@@ -160,7 +171,7 @@ struct FusedGruSequence : torch::autograd::Function<FusedGruSequence> {
           at::_thnn_fused_gru_cell_backward(grad_h, saved[static_cast<size_t>(t + 3)], /*has_bias=*/false);
       of_gi[static_cast<size_t>(t)] = gi;
       of_gh[static_cast<size_t>(t)] = gh;
-      carried = gradient_product(h, gh, saved[2], weight, precision);
+      carried = product(h, gh);
       if (keep.numel() > 0) carried.mul_(keep[t]);
     }
     const Tensor flat = at::cat(of_gh);
@@ -183,13 +194,13 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
     const Tensor c_in = torch::empty({steps, rows, hidden}, gi.options());
     const Tensor tanh_c = torch::empty({steps, rows, hidden}, gi.options());
     const Tensor gates = torch::empty({steps, rows, 4 * hidden}, gi.options());
-    const Tensor weight_t = weight_factor(weight_hh, precision).t();
+    const StepProduct product(h0, weight_hh, WeightSide::kTransposed, precision);
     Tensor h = h0, c = c0;
     for (int64_t t = 0; t < steps; ++t) {
       Tensor h_before = h_in[t], c_before = c_in[t], gate = gates[t];
       carry_over(h_before, h, keep, t);
       carry_over(c_before, c, keep, t);
-      product_out(gate, bias_hh, h_before, weight_hh, weight_t, precision);
+      product.out(gate, bias_hh, h_before);
       gate.add_(gi[t]);
       Tensor input_forget = gate.slice(1, 0, 2 * hidden), g = gate.slice(1, 2 * hidden, 3 * hidden),
              o = gate.slice(1, 3 * hidden);
@@ -211,7 +222,7 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
     const auto saved = context->get_saved_variables();
     const auto precision = static_cast<Precision>(context->saved_data["precision"].toInt());
     const Tensor &h_in = saved[0], &c_in = saved[1], &tanh_c = saved[2], &gates = saved[3], &keep = saved[4];
-    const Tensor weight = weight_factor(saved[5], precision);
+    const StepProduct product(h_in[0], saved[5], WeightSide::kPlain, precision);
     const Tensor& grad = grad_outputs[0];
     const int64_t steps = h_in.size(0), rows = h_in.size(1), hidden = h_in.size(2);
     const Tensor grad_gi = torch::empty_like(gates);
@@ -228,7 +239,7 @@ struct LstmSequence : torch::autograd::Function<LstmSequence> {
       at::mul_out(grad_i, grad_c, g).mul_(i).mul_(1 - i);
       at::mul_out(grad_f, grad_c, c_in[t]).mul_(f).mul_(1 - f);
       at::mul_out(grad_g, grad_c, i).mul_(1 - g.square());
-      carried_h = gradient_product(torch::zeros_like(carried_h), grad_gi[t], saved[5], weight, precision);
+      carried_h = product(torch::zeros_like(carried_h), grad_gi[t]);
       carried_c = grad_c * f;
       if (keep.numel() > 0) {
         carried_h.mul_(keep[t]);

@@ -7,41 +7,30 @@
 
 namespace comrad {
 
-/// Whether it multiplies bfloat16 numbers (AVX-512 BF16; every processor with AMX has that, too).
-inline bool cpu_multiplies_bf16() {
-#if defined(__x86_64__) && defined(__GNUC__)
-  static const bool has_instructions = __builtin_cpu_supports("avx512bf16") > 0;
-  return has_instructions;
-#else
-  return false;
-#endif
-}
+struct CpuFeatures {
+  bool multiplies_bf16 = false;  ///< bfloat16 numbers (AVX-512 BF16; every processor with AMX has that, too)
+  bool has_amx = false;          ///< tiles for bfloat16 products
+  int fused_floats = 0;  ///< of one fused multiply-add: 16 (AVX-512), 8 (AVX2 and FMA) or 0: it has neither
+};
 
-/// Whether it has tiles for bfloat16 products.
-inline bool cpu_has_amx() {
+inline const CpuFeatures& cpu_features() {
+  static const CpuFeatures features = [] {
+    CpuFeatures found;
 #if defined(__x86_64__) && defined(__GNUC__)
-  // Not every compiler's __builtin_cpu_supports() knows the name.
-  static const bool has_instructions = [] {
+    found.multiplies_bf16 = __builtin_cpu_supports("avx512bf16") > 0;
+    // Not every compiler's __builtin_cpu_supports() knows the name.
     unsigned a = 0, b = 0, c = 0, d = 0;
-    return __get_cpuid_count(7, 0, &a, &b, &c, &d) != 0 && (d & (1u << 22)) != 0;
-  }();
-  return has_instructions;
-#else
-  return false;
+    found.has_amx = __get_cpuid_count(7, 0, &a, &b, &c, &d) != 0 && (d & (1u << 22)) != 0;
+    if (__builtin_cpu_supports("fma") > 0)
+      found.fused_floats = __builtin_cpu_supports("avx512f") > 0 ? 16
+                           : __builtin_cpu_supports("avx2") > 0  ? 8
+                                                                 : 0;
 #endif
+    return found;
+  }();
+  return features;
 }
 
-/// Floats that one of its fused multiply-adds takes: 16 (AVX-512), 8 (AVX2 and FMA) or 0 where it has neither.
-inline int cpu_fused_floats() {
-#if defined(__x86_64__) && defined(__GNUC__)
-  static const int floats = __builtin_cpu_supports("fma") <= 0      ? 0
-                            : __builtin_cpu_supports("avx512f") > 0 ? 16
-                            : __builtin_cpu_supports("avx2") > 0    ? 8
-                                                                    : 0;
-  return floats;
-#else
-  return 0;
-#endif
-}
+inline bool cpu_multiplies_bf16() { return cpu_features().multiplies_bf16; }
 
 }  // namespace comrad

@@ -125,14 +125,13 @@ TEST(PackedKernel, GivesTheSameBitsWithAnyInstructions) {
       expected[row][column] = sum;
     }
   for (const int floats : {8, 16}) {
-    if (floats > cpu_fused_floats()) continue;
+    if (floats > cpu_features().fused_floats) continue;
     const kernels::PanelMath& math = *kernels::f32_panels(floats);
-    std::vector<uint32_t> panels(static_cast<std::size_t>(kernels::panel_units(math, matrix))), rows(13 * 90);
+    std::vector<uint32_t> panels(static_cast<std::size_t>(kernels::panel_units(math, matrix)));
     kernels::make_panels(math, matrix, panels.data());
-    kernels::make_rows(math, x.data_ptr<float>(), 13, 90, rows.data());
     const Tensor out = torch::zeros({13, 70});
-    kernels::add_product(math, rows.data(), 13, kernels::row_units(math, 90), panels.data(), 70,
-                         out.data_ptr<float>());
+    kernels::add_product(math, reinterpret_cast<const uint32_t*>(x.data_ptr<float>()), 13,
+                         kernels::row_units(math, 90), panels.data(), 70, out.data_ptr<float>());
     EXPECT_TRUE(torch::equal(out, expected)) << floats << " floats";
   }
 }
