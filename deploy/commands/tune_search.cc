@@ -90,8 +90,10 @@ std::vector<TuneAxis> tune_axes(const RunConfig& config, int cores) {
   // splits all of a policy worker's environments can be one batch.
   const int64_t served = now.num_workers * now.num_envs_per_worker / std::max<int64_t>(1, now.policy_workers);
   add("min_batch", {now.min_batch / 2, 2 * now.min_batch});
-  axes.push_back({{{"worker_num_splits", now.worker_num_splits == 1 ? "2" : "1"}},
-                  {{"worker_num_splits", "1"}, {"min_batch", std::to_string(served)}}});
+  TuneAxis splits = {{{"worker_num_splits", now.worker_num_splits == 1 ? "2" : "1"}}};
+  if (now.worker_num_splits != 1 || now.min_batch != served)
+    splits.push_back({{"worker_num_splits", "1"}, {"min_batch", std::to_string(served)}});
+  axes.push_back(std::move(splits));
   return axes;
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <numeric>
+#include <span>
 
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/kernels.h"
@@ -15,6 +17,24 @@ std::string entry_prefix(const std::string& section, const std::string& prefix, 
   char number[16];
   std::snprintf(number, sizeof(number), "%03zu", index);
   return section + "/" + prefix + number;
+}
+
+/// Of all elements; the order of the sum does not depend on how many threads there are.
+double sum_of_squares(const std::vector<torch::Tensor>& tensors) {
+  constexpr int64_t kElementsOfAPiece = 1 << 16;
+  std::vector<std::span<const float>> pieces;
+  for (const torch::Tensor& tensor : tensors) {
+    const std::span<const float> values(tensor.data_ptr<float>(), static_cast<std::size_t>(tensor.numel()));
+    for (std::size_t begin = 0; begin < values.size(); begin += kElementsOfAPiece)
+      pieces.push_back(
+          values.subspan(begin, std::min<std::size_t>(kElementsOfAPiece, values.size() - begin)));
+  }
+  std::vector<double> sums(pieces.size());
+  at::parallel_for(0, static_cast<int64_t>(pieces.size()), 1, [&](int64_t begin, int64_t end) {
+    for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
+      sums[i] = policy::kernels::sum_of_squares(pieces[i].data(), static_cast<int64_t>(pieces[i].size()));
+  });
+  return std::accumulate(sums.begin(), sums.end(), 0.0);
 }
 
 }  // namespace
@@ -94,13 +114,9 @@ torch::Tensor AdamOptimizer::step(const torch::Tensor& learning_rate, const torc
 torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices, double learning_rate,
                                          const torch::Tensor& loss) {
   const AdamSettings& settings = state_->settings;
-  double squares = 0;
   std::vector<torch::Tensor> gradients;
-  for (const std::size_t i : indices) {
-    gradients.push_back(state_->parameters[i].grad().contiguous());
-    squares += policy::kernels::sum_of_squares(gradients.back().data_ptr<float>(), gradients.back().numel());
-  }
-  const double norm = std::sqrt(squares), limit = settings.max_grad_norm;
+  for (const std::size_t i : indices) gradients.push_back(state_->parameters[i].grad().contiguous());
+  const double norm = std::sqrt(sum_of_squares(gradients)), limit = settings.max_grad_norm;
   const torch::Tensor on_host = loss.defined() ? loss.detach().to(torch::kFloat64) : torch::Tensor();
   const bool is_finite =
       std::isfinite(norm) && (!on_host.defined() || std::isfinite(*on_host.data_ptr<double>()));

@@ -1,49 +1,46 @@
-// The gradient of a minibatch as the sum over its micro-batches, computed side by side and added in their
-// order, so that the sum does not depend on which thread was first. Stage: update.
+// The gradient of a minibatch as the sum over its micro-batches: they are computed side by side and added in their order, so
+// that the sum does not depend on which thread was first. Stage: update.
 #pragma once
 
 #include <torch/types.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <functional>
-#include <mutex>
-#include <optional>
+#include <span>
 #include <vector>
 
 #include "policy_workers/device/part_pool.h"
-#include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
 
+/// How many micro-batches' gradients are kept until they are added: as many as `threads` make at once and 16 at least (13 MB
+/// each, of a network of `small`); one where work goes to a device, which does it in order anyway.
+int64_t gradients_held(const std::vector<torch::Tensor>& parameters, int threads);
+
+/// parameters[p].grad += gradients[0][p] + gradients[1][p] + ..., in that order; undefined ones count as 0. On a CPU all of
+/// libtorch's threads share the elements. Thread: the learner's.
+void add_gradients(const std::vector<torch::Tensor>& parameters,
+                   std::span<const std::vector<torch::Tensor>* const> gradients);
+
 /// Adds what `part_of(i)` of every i in [0, count) says to the parameters' .grad and to `add(part)`. A Part
-/// has `gradients`, in the order of the parameters, undefined where the loss does not reach. A part that is
-/// done waits for those before it, then it is freed. False when keep_going() said no.
+/// has `gradients`, in the order of the parameters, undefined where the loss does not reach. Parts are freed when they are
+/// added. False when keep_going() said no.
 template <typename Part>
 bool sum_gradients(device::PartPool& pool, const std::vector<torch::Tensor>& parameters, int64_t count,
                    const std::function<Part(int64_t)>& part_of, const std::function<void(const Part&)>& add,
                    const std::function<bool()>& keep_going) {
-  std::mutex adding;
-  std::vector<std::optional<Part>> waiting(static_cast<std::size_t>(count));
-  std::size_t added = 0;
-  const auto work = [&](int64_t i) {
-    Part made = part_of(i);
-    const torch::NoGradGuard no_grad;
-    const std::lock_guard lock(adding);
-    waiting[static_cast<std::size_t>(i)] = std::move(made);
-    for (; added < waiting.size() && waiting[added]; ++added) {
-      const Part& part = *waiting[added];
-      for (std::size_t p = 0; p < parameters.size(); ++p) {
-        if (!part.gradients[p].defined()) continue;
-        torch::Tensor& sum = parameters[p].mutable_grad();
-        if (sum.defined())
-          sum.add_(part.gradients[p]);
-        else
-          sum = part.gradients[p].clone();
-      }
-      add(part);
-      waiting[added].reset();
-    }
-  };
-  return pool.run(count, work, keep_going);
+  const int64_t held = gradients_held(parameters, pool.threads());
+  for (int64_t first = 0; first < count; first += held) {
+    std::vector<Part> parts(static_cast<std::size_t>(std::min(held, count - first)));
+    const auto work = [&](int64_t i) { parts[static_cast<std::size_t>(i)] = part_of(first + i); };
+    if (!pool.run(static_cast<int64_t>(parts.size()), work, keep_going)) return false;
+    std::vector<const std::vector<torch::Tensor>*> gradients;
+    for (const Part& part : parts) gradients.push_back(&part.gradients);
+    add_gradients(parameters, gradients);
+    for (const Part& part : parts) add(part);
+  }
+  return true;
 }
 
 }  // namespace comrad::learn

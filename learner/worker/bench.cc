@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -48,6 +50,131 @@ void fill_slab(const SlabView& slab, uint64_t seed) {
   slab.terminated(shape.rollout_steps / 2) = 1;
 }
 
+/// An algorithm and made-up slabs that it trains on again and again.
+class SyntheticTraining {
+ public:
+  struct Totals {
+    int64_t rows = 0, decisions = 0, updates = 0;
+  };
+
+  static Expected<std::unique_ptr<SyntheticTraining>> create(const RunConfig& config,
+                                                             const TrajectoryShape& shape,
+                                                             torch::Device device) {
+    std::unique_ptr<SyntheticTraining> training(new SyntheticTraining(config, shape, device));
+    COMRAD_TRY_ASSIGN(training->algorithm_, make_algorithm(config, shape.env, device));
+    training->weights_.emplace(*training->algorithm_, [](std::span<const std::byte>, PolicyVersion) {});
+    training->context_.after_step = [weights = &*training->weights_] { weights->offer(); };
+    training->on_policy_ = dynamic_cast<OnPolicyAlgorithm*>(training->algorithm_.get());
+    training->off_policy_ = dynamic_cast<OffPolicyAlgorithm*>(training->algorithm_.get());
+    if (training->off_policy_ != nullptr) {
+      RunConfig eager = config;
+      eager.q_learning.learning_starts_decisions = 1;
+      COMRAD_TRY_ASSIGN(training->feed_,
+                        ReplayFeed::create(eager, shape, training->algorithm_->weights_bytes(), "", device));
+    }
+    COMRAD_TRY(training->round());  // warms up
+    training->totals_ = {};
+    return training;
+  }
+
+  const Totals& totals() const { return totals_; }
+
+  /// One batch of new slabs and the updates that it allows.
+  Status round() {
+    const int agents = batch_.shape.env.num_agents, steps = batch_.shape.rollout_steps;
+    context_.env_frames = static_cast<double>(totals_.decisions * config_.environment.env_frameskip);
+    if (on_policy_ != nullptr) clear(batch_);
+    for (int64_t i = 0; i < batch_.slab_count; ++i) {
+      for (int t = 0; t < steps; ++t)
+        for (int agent = 0; agent < agents; ++agent) slab(i).policy_version(t, agent) = algorithm_->version();
+      const auto length = static_cast<uint32_t>(steps);
+      if (on_policy_ != nullptr)
+        collate_slab(batch_, i, slab(i), length);
+      else
+        feed_->insert(slab(i), length, algorithm_->version());
+    }
+    totals_.decisions += batch_.slab_count * steps * agents;
+    if (on_policy_ != nullptr) {
+      send_ahead(batch_, device_);
+      COMRAD_TRY_ASSIGN(const UpdateStats stats, on_policy_->update(batch_, context_));
+      count(stats);
+      return {};
+    }
+    const Inserted inserted = feed_->take_inserted();
+    if (inserted.transitions > 0)
+      off_policy_->observe(inserted.frame, inserted.measurement, inserted.global_state);
+    while (feed_->is_update_due()) {
+      std::unique_ptr<ReplayBatch> drawn = feed_->sample();
+      COMRAD_TRY_ASSIGN(const UpdateStats stats, off_policy_->update(*drawn, context_));
+      count(stats);
+      feed_->finish(std::move(drawn));
+    }
+    return {};
+  }
+
+ private:
+  SyntheticTraining(const RunConfig& config, const TrajectoryShape& shape, torch::Device device)
+      : config_(config),
+        device_(device),
+        offsets_(shape),
+        batch_(make_rollout_batch(
+            shape,
+            std::max<int64_t>(1, config.optimisation.batch_size * config.optimisation.num_batches_per_epoch /
+                                     (config.collection.rollout * shape.env.num_agents)),
+            device)),
+        bytes_(static_cast<std::size_t>(offsets_.slab_bytes * batch_.slab_count)) {
+    for (int64_t i = 0; i < batch_.slab_count; ++i) fill_slab(slab(i), static_cast<uint64_t>(i));
+  }
+  SlabView slab(int64_t index) { return {offsets_, bytes_.data() + offsets_.slab_bytes * index}; }
+  void count(const UpdateStats& stats) {
+    totals_.rows += stats.rows_trained;
+    totals_.updates += stats.optimizer_steps;
+  }
+
+  const RunConfig config_;
+  const torch::Device device_;
+  const SlabOffsets offsets_;
+  RolloutBatch batch_;
+  std::vector<std::byte> bytes_;  // the slabs
+  std::unique_ptr<Algorithm> algorithm_;
+  OnPolicyAlgorithm* on_policy_ = nullptr;  // the algorithm, one of the two
+  OffPolicyAlgorithm* off_policy_ = nullptr;
+  std::optional<WeightsPublisher> weights_;
+  std::unique_ptr<ReplayFeed> feed_;  // of an off-policy algorithm
+  UpdateContext context_;
+  Totals totals_;
+};
+
+/// What made the host wait in one more round, for each optimizer step.
+Expected<nlohmann::ordered_json> host_waits(SyntheticTraining& training) {
+  const int64_t updates_before = training.totals().updates;
+  const device::HostWaitCounter counter;
+  COMRAD_TRY(training.round());
+  const auto steps = static_cast<double>(std::max<int64_t>(1, training.totals().updates - updates_before));
+  const device::HostWaitCounter::Counts inside = counter.in_steps(), between = counter.between_steps();
+  return nlohmann::ordered_json{{"numbers_read", static_cast<double>(inside.numbers_read) / steps},
+                                {"nonzero", static_cast<double>(inside.nonzero) / steps},
+                                {"device_copies", static_cast<double>(inside.device_copies) / steps},
+                                {"readbacks", static_cast<double>(inside.readbacks) / steps},
+                                {"all", static_cast<double>(inside.all()) / steps},
+                                {"between_steps", static_cast<double>(between.all()) / steps}};
+}
+
+/// What a GPU would be given in one more round.
+Expected<nlohmann::ordered_json> counted_work(SyntheticTraining& training) {
+  const device::OperatorPath path;
+  const device::WorkCounter counter;
+  const SyntheticTraining::Totals before = training.totals();
+  COMRAD_TRY(training.round());
+  nlohmann::ordered_json work;
+  for (const auto& [name, phase] :
+       {std::pair{"forward", device::Phase::kForward}, std::pair{"backward", device::Phase::kBackward},
+        std::pair{"optimizer", device::Phase::kOptimizer}})
+    work[name] = device::work_of(counter.of(phase), training.totals().decisions - before.decisions,
+                                 training.totals().updates - before.updates);
+  return work;
+}
+
 }  // namespace
 
 Status run_bench(const RunConfig& config, const EnvShape& env, double seconds, bool counts_work) {
@@ -57,119 +184,39 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds, b
   shape.recurrent_state_count =
       static_cast<int32_t>(policy::PolicyNetOptions::from(config, env).recurrent_state_count());
   COMRAD_TRY(validate(shape));
-  COMRAD_TRY_ASSIGN(torch::Device device, policy::choose_device(config.collection.device));
-  if (device.is_cpu())
-    device = torch::Device(torch::kCPU, 0);  // with its number, as HostWaitCounter wants it
-  COMRAD_TRY_ASSIGN(const std::unique_ptr<Algorithm> algorithm, make_algorithm(config, env, device));
-
-  const int64_t slab_count =
-      std::max<int64_t>(1, config.optimisation.batch_size * config.optimisation.num_batches_per_epoch /
-                               (config.collection.rollout * env.num_agents));
-  const SlabOffsets offsets(shape);
-  std::vector<std::byte> bytes(static_cast<std::size_t>(offsets.slab_bytes * slab_count));
-  const auto slab = [&](int64_t index) {
-    return SlabView(offsets, bytes.data() + offsets.slab_bytes * index);
-  };
-  for (int64_t i = 0; i < slab_count; ++i) fill_slab(slab(i), static_cast<uint64_t>(i));
-  WeightsPublisher weights(*algorithm, [](std::span<const std::byte>, PolicyVersion) {});
-  UpdateContext context;
-  context.after_step = [&] { weights.offer(); };
-  auto* on_policy = dynamic_cast<OnPolicyAlgorithm*>(algorithm.get());
-  auto* off_policy = dynamic_cast<OffPolicyAlgorithm*>(algorithm.get());
-  RolloutBatch batch = make_rollout_batch(shape, slab_count, device);
-  std::unique_ptr<ReplayFeed> feed;
-  if (off_policy != nullptr) {
-    RunConfig eager = config;
-    eager.q_learning.learning_starts_decisions = 1;
-    COMRAD_TRY_ASSIGN(feed, ReplayFeed::create(eager, shape, algorithm->weights_bytes(), "", device));
-  }
-
-  int64_t rows = 0, decisions = 0, updates = 0;
-  // One batch of new slabs and the updates that it allows.
-  const auto round = [&]() -> Status {
-    context.env_frames = static_cast<double>(decisions * config.environment.env_frameskip);
-    const auto trained = [&](const UpdateStats& stats) {
-      rows += stats.rows_trained;
-      updates += stats.optimizer_steps;
-    };
-    if (on_policy != nullptr) clear(batch);
-    for (int64_t i = 0; i < slab_count; ++i) {
-      for (int t = 0; t < shape.rollout_steps; ++t)
-        for (int agent = 0; agent < env.num_agents; ++agent)
-          slab(i).policy_version(t, agent) = algorithm->version();
-      const auto length = static_cast<uint32_t>(shape.rollout_steps);
-      if (on_policy != nullptr)
-        collate_slab(batch, i, slab(i), length);
-      else
-        feed->insert(slab(i), length, algorithm->version());
-    }
-    decisions += slab_count * shape.rollout_steps * env.num_agents;
-    if (on_policy != nullptr) {
-      send_ahead(batch, device);
-      COMRAD_TRY_ASSIGN(const UpdateStats stats, on_policy->update(batch, context));
-      trained(stats);
-      return {};
-    }
-    const Inserted inserted = feed->take_inserted();
-    if (inserted.transitions > 0)
-      off_policy->observe(inserted.frame, inserted.measurement, inserted.global_state);
-    while (feed->is_update_due()) {
-      std::unique_ptr<ReplayBatch> drawn = feed->sample();
-      COMRAD_TRY_ASSIGN(const UpdateStats stats, off_policy->update(*drawn, context));
-      trained(stats);
-      feed->finish(std::move(drawn));
-    }
-    return {};
-  };
-  COMRAD_TRY(round());  // warms up
-  rows = decisions = updates = 0;
-  BenchWindows windows(seconds);
-  const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
-  double elapsed_s = 0;
-  do {
-    COMRAD_TRY(round());
-    elapsed_s = clock.elapsed();
-  } while (!windows.see(static_cast<double>(decisions), elapsed_s));
-  const double cpu_s = clock.cpu_elapsed(), thousands = static_cast<double>(decisions) / 1000;
-  const int64_t rows_measured = rows, updates_measured = updates;
-  nlohmann::ordered_json waits;
-  {
-    const device::HostWaitCounter counter;
-    COMRAD_TRY(round());
-    const auto steps = static_cast<double>(std::max<int64_t>(1, updates - updates_measured));
-    const device::HostWaitCounter::Counts inside = counter.in_steps(), between = counter.between_steps();
-    waits = {{"numbers_read", static_cast<double>(inside.numbers_read) / steps},
-             {"nonzero", static_cast<double>(inside.nonzero) / steps},
-             {"device_copies", static_cast<double>(inside.device_copies) / steps},
-             {"readbacks", static_cast<double>(inside.readbacks) / steps},
-             {"all", static_cast<double>(inside.all()) / steps},
-             {"between_steps", static_cast<double>(between.all()) / steps}};
-  }
-  nlohmann::ordered_json work;
-  if (counts_work) {
-    const device::OperatorPath path;
-    const device::WorkCounter counter;
-    const int64_t decisions_before = decisions, updates_before = updates;
-    COMRAD_TRY(round());
-    for (const auto& [name, phase] :
-         {std::pair{"forward", device::Phase::kForward}, std::pair{"backward", device::Phase::kBackward},
-          std::pair{"optimizer", device::Phase::kOptimizer}})
-      work[name] = device::work_of(counter.of(phase), decisions - decisions_before, updates - updates_before);
-  }
+  COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(config.collection.device));
   nlohmann::ordered_json line;
-  line["bench"] = "learner";
-  line["algo"] = config.run.algo.name();
-  line["rows_per_s"] = static_cast<double>(rows_measured) / elapsed_s;
-  line["decisions_per_s"] = windows.median();
-  line["env_frames_per_s"] = windows.median() * static_cast<double>(config.environment.env_frameskip);
-  line["windows"] = windows.rates();
-  line["spread"] = windows.spread();
-  line["updates_per_s"] = static_cast<double>(updates_measured) / elapsed_s;
-  line["host_waits_per_step"] = waits;
-  if (counts_work) line["work"] = work;
-  line["seconds"] = elapsed_s;
-  line["cpu_seconds"] = cpu_s;
-  line["cpu_seconds_per_1000_decisions"]["all"] = cpu_s / thousands;
+  {
+    COMRAD_TRY_ASSIGN(const auto training, SyntheticTraining::create(config, shape, device));
+    BenchWindows windows(seconds);
+    const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
+    double elapsed_s = 0;
+    do {
+      COMRAD_TRY(training->round());
+      elapsed_s = clock.elapsed();
+    } while (!windows.see(static_cast<double>(training->totals().decisions), elapsed_s));
+    const double cpu_s = clock.cpu_elapsed();
+    const SyntheticTraining::Totals& totals = training->totals();
+    line["bench"] = "learner";
+    line["algo"] = config.run.algo.name();
+    line["rows_per_s"] = static_cast<double>(totals.rows) / elapsed_s;
+    line["decisions_per_s"] = windows.median();
+    line["env_frames_per_s"] = windows.median() * static_cast<double>(config.environment.env_frameskip);
+    line["windows"] = windows.rates();
+    line["spread"] = windows.spread();
+    line["updates_per_s"] = static_cast<double>(totals.updates) / elapsed_s;
+    line["seconds"] = elapsed_s;
+    line["cpu_seconds"] = cpu_s;
+    line["cpu_seconds_per_1000_decisions"]["all"] = cpu_s / (static_cast<double>(totals.decisions) / 1000);
+  }
+  // HostWaitCounter wants the CPU with its number, which costs copies: so not in the measured part.
+  COMRAD_TRY_ASSIGN(
+      const auto counted,
+      SyntheticTraining::create(config, shape, device.is_cpu() ? torch::Device(torch::kCPU, 0) : device));
+  COMRAD_TRY_ASSIGN(line["host_waits_per_step"], host_waits(*counted));
+  if (counts_work) {
+    COMRAD_TRY_ASSIGN(line["work"], counted_work(*counted));
+  }
   std::printf("%s\n", line.dump().c_str());
   return {};
 }

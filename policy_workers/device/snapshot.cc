@@ -7,6 +7,11 @@
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::device {
+namespace {
+
+constexpr int64_t kBytesOfAThread = 1 << 19;
+
+}  // namespace
 
 void Snapshot::take(const std::vector<Tensor>& tensors) {
   COMRAD_CHECK(is_ready(), "one snapshot is on its way at a time");
@@ -18,11 +23,15 @@ void Snapshot::take(const std::vector<Tensor>& tensors) {
     on_host_ = host_memory({bytes}, torch::kUInt8, device);
   is_slow_ = readbacks_are_slow();
   if (device.is_cpu()) {
-    auto* at = on_host_.data_ptr<uint8_t>();
+    auto* to = on_host_.data_ptr<uint8_t>();
     for (const Tensor& tensor : tensors) {
       const Tensor dense = tensor.contiguous();
-      std::memcpy(at, dense.data_ptr(), dense.nbytes());
-      at += dense.nbytes();
+      const auto* from = static_cast<const uint8_t*>(dense.data_ptr());
+      at::parallel_for(0, static_cast<int64_t>(dense.nbytes()), kBytesOfAThread,
+                       [&](int64_t begin, int64_t end) {
+                         std::memcpy(to + begin, from + begin, static_cast<std::size_t>(end - begin));
+                       });
+      to += dense.nbytes();
     }
     return;
   }

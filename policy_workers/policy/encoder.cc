@@ -36,6 +36,8 @@ constexpr size_t kConvsPerStage = 1 + 2 * kResidualBlocks;
 constexpr int64_t kChunkRows = 64;
 /// The same for resnet_impala, whose first stage works at the frame's full size.
 constexpr int64_t kResnetChunkRows = 32;
+/// Columns of the frames' statistics that are worth a thread.
+constexpr int64_t kColumnsOfAThread = 2048;
 
 /// Rows [B, elements] of u8 on the CPU to f32: clamp(x * factor + offset).
 Tensor normalize_bytes(const Tensor& rows, const Tensor& factor, const Tensor& offset) {
@@ -405,8 +407,10 @@ void InputNormalizer::update(const Tensor& rows, const AddUp& add_up) {
     const Tensor dense = flat.contiguous();
     sum = torch::empty({element_count_}, torch::kFloat64);
     square_sum = torch::empty({element_count_}, torch::kFloat64);
-    kernels::sum_bytes(dense.data_ptr<uint8_t>(), dense.size(0), element_count_, sum.data_ptr<double>(),
-                       square_sum.data_ptr<double>());
+    at::parallel_for(0, element_count_, kColumnsOfAThread, [&](int64_t first, int64_t last) {
+      kernels::sum_bytes(dense.data_ptr<uint8_t>(), dense.size(0), element_count_, first, last,
+                         sum.data_ptr<double>(), square_sum.data_ptr<double>());
+    });
     sum = sum.to(device_);
     square_sum = square_sum.to(device_);
   } else {

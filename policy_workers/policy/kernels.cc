@@ -107,6 +107,10 @@ COMRAD_VECTORISED void add_row(const uint8_t* __restrict in, int64_t count, uint
   }
 }
 
+COMRAD_VECTORISED void add_loop(const float* __restrict values, int64_t count, float* __restrict sum) {
+  for (int64_t k = 0; k < count; ++k) sum[k] += values[k];
+}
+
 constexpr int64_t kLanes = 16;
 
 COMRAD_VECTORISED void add_squares(const float* __restrict values, int64_t count, double* __restrict lanes) {
@@ -163,14 +167,14 @@ void elu_backward_bf16(const uint16_t* y, uint16_t* grad, int64_t count) {
   elu_backward_loop_bf16(y, grad, count);
 }
 
-void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, double* sum,
-               double* square_sum) {
+void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, int64_t first, int64_t last,
+               double* sum, double* square_sum) {
   constexpr int64_t kRowsPerPass = 60'000;  // 60 000 x 255^2 < 2^32
   uint32_t tile_sum[kTileColumns], tile_square_sum[kTileColumns];
-  std::fill_n(sum, element_count, 0.0);
-  std::fill_n(square_sum, element_count, 0.0);
-  for (int64_t first = 0; first < element_count; first += kTileColumns) {
-    const int64_t count = std::min(kTileColumns, element_count - first);
+  std::fill(sum + first, sum + last, 0.0);
+  std::fill(square_sum + first, square_sum + last, 0.0);
+  for (; first < last; first += kTileColumns) {
+    const int64_t count = std::min(kTileColumns, last - first);
     for (int64_t pass = 0; pass < row_count; pass += kRowsPerPass) {
       std::memset(tile_sum, 0, sizeof(tile_sum));
       std::memset(tile_square_sum, 0, sizeof(tile_square_sum));
@@ -187,6 +191,8 @@ void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, do
 void elu(float* values, int64_t count) { elu_loop(values, count); }
 
 void elu_backward(const float* y, float* grad, int64_t count) { elu_backward_loop(y, grad, count); }
+
+void add(const float* values, int64_t count, float* sum) { add_loop(values, count, sum); }
 
 double sum_of_squares(const float* values, int64_t count) {
   double lanes[kLanes], sum = 0;

@@ -12,9 +12,9 @@ namespace comrad::policy::kernels {
 void normalize_bytes(std::span<const uint8_t* const> rows, int64_t element_count, const float* factor,
                      const float* offset, float clip, float* out);
 
-/// Sums and sums of squares of every column of bytes [row_count, element_count]; exact.
-void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, double* sum,
-               double* square_sum);
+/// Sums and sums of squares of columns [first, last) of bytes [row_count, element_count]; exact.
+void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, int64_t first, int64_t last,
+               double* sum, double* square_sum);
 
 /// ELU in place: y = x > 0 ? x : exp(x) - 1, to within 2e-7.
 void elu(float* values, int64_t count);
@@ -35,6 +35,9 @@ void bias_elu_bf16(uint16_t* maps, int64_t row_count, int64_t channel_count, int
 
 /// As elu_backward().
 void elu_backward_bf16(const uint16_t* y, uint16_t* grad, int64_t count);
+
+/// sum[k] += values[k].
+void add(const float* values, int64_t count, float* sum);
 
 /// Sum of squares in double, in an order that depends on `count` alone.
 double sum_of_squares(const float* values, int64_t count);

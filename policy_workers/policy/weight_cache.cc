@@ -3,7 +3,7 @@
 namespace comrad::policy {
 
 torch::Tensor WeightCache::get(const torch::Tensor& weight,
-                               const std::function<torch::Tensor(const torch::Tensor&)>& make) {
+                               c10::function_ref<torch::Tensor(const torch::Tensor&)> make) {
   constexpr size_t kMostWeights = 64;
   const auto version = static_cast<int64_t>(weight._version());
   const auto known = made_.find(weight.unsafeGetTensorImpl());

@@ -1,9 +1,9 @@
 // What is made of a weight for its products (rounded, or in panels): made once a version of the tensor, not once a product.
 #pragma once
 
+#include <c10/util/FunctionRef.h>
 #include <torch/types.h>
 
-#include <functional>
 #include <unordered_map>
 
 namespace comrad::policy {
@@ -11,8 +11,7 @@ namespace comrad::policy {
 /// Of one thread. Whoever writes a weight past torch's operators calls its bump_version().
 class WeightCache {
  public:
-  torch::Tensor get(const torch::Tensor& weight,
-                    const std::function<torch::Tensor(const torch::Tensor&)>& make);
+  torch::Tensor get(const torch::Tensor& weight, c10::function_ref<torch::Tensor(const torch::Tensor&)> make);
 
  private:
   struct Made {

@@ -139,6 +139,10 @@ TEST(TuneAxes, HoldOtherValuesThanThoseInForce) {
                           ElementsAre(one("worker_num_splits", "1"),
                                       TunedSettings{{"worker_num_splits", "1"}, {"min_batch", "16"}})))
       << "two cores have one batch at a time: nothing is tried of policy_workers";
+  config.collection.worker_num_splits = 1;
+  config.collection.min_batch = 16;
+  EXPECT_THAT(tune_axes(config, 2).back(), ElementsAre(one("worker_num_splits", "2")))
+      << "one split and whole batches are there already";
 }
 
 }  // namespace

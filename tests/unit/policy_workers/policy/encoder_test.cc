@@ -108,7 +108,7 @@ TEST(Kernels, SumsOfBytesAreExactPast32Bits) {
   // 70 000 rows of 255: the squares pass 2^32.
   const std::vector<uint8_t> rows(70'000, 255);
   double sum = 0, square_sum = 0;
-  kernels::sum_bytes(rows.data(), 70'000, 1, &sum, &square_sum);
+  kernels::sum_bytes(rows.data(), 70'000, 1, 0, 1, &sum, &square_sum);
   EXPECT_EQ(sum, 70'000.0 * 255);
   EXPECT_EQ(square_sum, 70'000.0 * 255 * 255);
 }
