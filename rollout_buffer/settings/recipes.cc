@@ -82,7 +82,13 @@ constexpr RecipeRow kRows[] = {
     {"small", "idqn", "n_step", "5", "rewards reach earlier decisions in fewer updates"},
     {"small", "idqn", "dqn_reward_clip", "0",
      "a clip of 1 makes a stag (50) worth a hare; Huber's loss bounds what one payment can do"},
-    {"small", "vdn qmix", "learning_rate", "5e-4", "few updates; five times the published rate"},
+    {"small", "vdn", "learning_rate", "5e-4", "few updates; five times the published rate"},
+    {"small", "qmix", "learning_rate", "2.5e-4",
+     "with 5e-4 three of five runs on Platform Chain lost what they had learned within 1 M env frames, with "
+     "half of it none of four, and they learned as fast (RECIPES.md)"},
+    {"small", "qmix", "max_grad_norm", "0.5",
+     "gradients have a norm of 0.1 to 0.4; before such a run breaks one of 8 to 200 comes, which 4 lets "
+     "through tenfold (RECIPES.md)"},
     {"small", "idqn", "learning_rate", "2e-4", "few updates; twice the published rate"},
     {"small", "qplex_d qplex_q", "learning_rate", "1e-4",
      "the published rate: one of three QPLEX runs on a small game went wrong at 3e-4 (learner/NOTES.md)"},
