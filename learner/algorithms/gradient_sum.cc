@@ -7,8 +7,8 @@
 namespace comrad::learn {
 namespace {
 
-constexpr int64_t kElementsOfAPiece =
-    1 << 14;  // 64 KB: a sum stays in the second-level cache while all terms are added
+/// 64 KB: a sum stays in the second-level cache while all terms are added.
+constexpr int64_t kElementsOfAPiece = 1 << 14;
 
 /// A stretch of one parameter's gradient and what is added to it.
 struct Piece {
