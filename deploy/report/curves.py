@@ -54,9 +54,12 @@ def curve_over_runs(runs: list[Run], name: str = SCORE, over: str = "env_frames"
 
 
 def draw_curve(axes, curve: Curve, label: str, color: str | None = None, scale: float = 1.0) -> str:
-    """Draws mean and band on Matplotlib axes, x divided by `scale`; returns the colour that was used."""
+    """Draws mean and band on Matplotlib axes, x divided by `scale`; returns the colour that was used.
+
+    The band of two runs, 12.7 standard errors to either side, may leave the picture."""
     (line,) = axes.plot(curve.x / scale, curve.mean, linewidth=1.8, color=color, label=label)
     if np.isfinite(curve.half_width).any():
+        limits = axes.dataLim.frozen()
         axes.fill_between(
             curve.x / scale,
             curve.mean - curve.half_width,
@@ -65,4 +68,6 @@ def draw_curve(axes, curve: Curve, label: str, color: str | None = None, scale: 
             alpha=0.16,
             linewidth=0,
         )
+        if curve.runs == 2:
+            axes.dataLim.set(limits)
     return line.get_color()

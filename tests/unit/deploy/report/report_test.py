@@ -22,7 +22,7 @@ sys.path[:0] = [str(HERE), str(REPORT)]
 try:
     import numpy as np
     import scipy  # noqa: F401 (only asked whether it is there)
-    import matplotlib  # noqa: F401
+    import matplotlib.figure
 
     import analysis
     import compose  # noqa: F401
@@ -388,6 +388,19 @@ class Numbers(unittest.TestCase):
         self.assertTrue((curve.mean == 2.0).all())
         self.assertAlmostEqual(curve.half_width[0], 12.706205, places=4)  # t(0.975, 1) s / sqrt(2), s = sqrt(2)
         self.assertIsNone(curves.curve_over_runs([run(0, 10, 1.0), run(20, 80, 3.0)]))
+
+    def test_the_band_of_two_runs_does_not_make_its_lines_flat(self):
+        grid = np.linspace(0, 100, 5)
+        mean = np.linspace(0, 1, 5)
+        heights = {}
+        for runs in (2, 3):
+            axes = matplotlib.figure.Figure().subplots()
+            curves.draw_curve(axes, curves.Curve(grid, mean, np.full(5, 10.0), runs), "two")
+            self.assertEqual(len(axes.collections), 1, "the band is drawn")
+            low, high = axes.get_ylim()
+            heights[runs] = high - low
+        self.assertLess(heights[2], 1.5)
+        self.assertGreater(heights[3], 20)
 
     def test_texts_of_numbers(self):
         self.assertEqual(tables.with_interval(6123.9, 5048.2, 7199.1), "6124 [5048, 7199]")
