@@ -7,15 +7,9 @@
 namespace comrad::learn {
 namespace {
 
+constexpr int64_t kElementsOfAThread = 1 << 16;
 /// 64 KB: a sum stays in the second-level cache while all terms are added.
-constexpr int64_t kElementsOfAPiece = 1 << 14;
-
-/// A stretch of one parameter's gradient and what is added to it.
-struct Piece {
-  float* sum;
-  std::size_t first_term, term_count;
-  int64_t begin, count;
-};
+constexpr int64_t kElementsAtATime = 1 << 14;
 
 bool is_dense_float(const torch::Tensor& tensor) {
   return device::has_own_kernels(tensor.device()) && tensor.scalar_type() == torch::kFloat32 &&
@@ -32,8 +26,6 @@ int64_t gradients_held(const std::vector<torch::Tensor>& parameters, int threads
 void add_gradients(const std::vector<torch::Tensor>& parameters,
                    std::span<const std::vector<torch::Tensor>* const> gradients) {
   const torch::NoGradGuard no_grad;
-  std::vector<const float*> terms;  // of each parameter that has pieces, one after the other
-  std::vector<Piece> pieces;
   for (std::size_t p = 0; p < parameters.size(); ++p) {
     torch::Tensor& sum = parameters[p].mutable_grad();
     std::vector<torch::Tensor> added;
@@ -50,22 +42,15 @@ void add_gradients(const std::vector<torch::Tensor>& parameters,
       for (const torch::Tensor& gradient : added) sum.add_(gradient);
       continue;
     }
-    for (int64_t begin = 0; begin < sum.numel(); begin += kElementsOfAPiece)
-      pieces.push_back({.sum = sum.data_ptr<float>(),
-                        .first_term = terms.size(),
-                        .term_count = added.size(),
-                        .begin = begin,
-                        .count = std::min(kElementsOfAPiece, sum.numel() - begin)});
-    for (const torch::Tensor& gradient : added) terms.push_back(gradient.data_ptr<float>());
+    float* to = sum.data_ptr<float>();
+    at::parallel_for(0, sum.numel(), kElementsOfAThread, [&](int64_t begin, int64_t end) {
+      for (; begin < end; begin += kElementsAtATime)
+        for (const torch::Tensor& gradient : added)
+          policy::kernels::add(gradient.data_ptr<float>() + begin, std::min(kElementsAtATime, end - begin),
+                               to + begin);
+    });
     sum.unsafeGetTensorImpl()->bump_version();
   }
-  at::parallel_for(0, static_cast<int64_t>(pieces.size()), 1, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) {
-      const Piece& piece = pieces[static_cast<std::size_t>(i)];
-      for (const float* term : std::span(terms).subspan(piece.first_term, piece.term_count))
-        policy::kernels::add(term + piece.begin, piece.count, piece.sum + piece.begin);
-    }
-  });
 }
 
 }  // namespace comrad::learn

@@ -31,7 +31,7 @@ Tensor noise(const std::vector<int64_t>& sizes, uint32_t seed) {
 
 std::vector<Tensor> parameters() {
   std::vector<Tensor> all;
-  for (const std::vector<int64_t>& sizes : {std::vector<int64_t>{300, 211}, {7}, {4, 5, 3, 3}, {2}})
+  for (const std::vector<int64_t>& sizes : {std::vector<int64_t>{320, 211}, {7}, {4, 5, 3, 3}, {2}})
     all.push_back(torch::zeros(sizes).set_requires_grad(true));
   return all;
 }
