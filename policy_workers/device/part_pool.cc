@@ -42,7 +42,7 @@ bool PartPool::run(int64_t parts, const std::function<void(int64_t)>& work,
 }
 
 void PartPool::help() {
-  at::set_num_threads(1);
+  policy::set_operator_threads(1);
   int64_t seen = 0;
   std::unique_lock lock(mutex_);
   while (true) {

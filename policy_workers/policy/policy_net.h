@@ -179,10 +179,14 @@ Expected<torch::Device> choose_device(const std::string& setting);
 /// of main.
 void tune_allocator();
 
-/// CPU threads of the calling thread's tensor operators, and of the matrix products of the whole process.
+/// CPU threads of the calling thread's tensor operators. Cheap enough to be called for every batch.
+void set_operator_threads(int thread_count);
+
+/// set_operator_threads(), and those of the matrix products of the whole process.
 void set_math_threads(int thread_count);
 
-/// set_math_threads(), and denormals flushed to zero. Also per thread that computes.
+/// set_math_threads(), which threads that begin later take over, and denormals flushed to zero. Once per thread that
+/// computes.
 void tune_math(int thread_count);
 
 }  // namespace comrad::policy

@@ -50,7 +50,7 @@ struct Footprint {
   double megabytes = 0;
 };
 
-std::multiset<std::string> threads_now(const std::string& process) {
+std::multiset<std::string> threads_of(const std::string& process) {
   std::multiset<std::string> names;
   std::error_code failed;
   for (auto entry = fs::directory_iterator(process + "/task", failed); entry != fs::directory_iterator();
@@ -69,17 +69,6 @@ int entries_of(const std::string& folder) {
        entry.increment(failed))
     ++count;
   return count;
-}
-
-/// Those that stay: OpenMP's helpers come and go with every optimizer step, so this is the least of many looks.
-std::multiset<std::string> threads_of(const std::string& process) {
-  std::multiset<std::string> least = threads_now(process);
-  for (int look = 0; look < 40; ++look) {
-    sleep_s(0.02);
-    std::multiset<std::string> names = threads_now(process);
-    if (!names.empty() && names.size() < least.size()) least = std::move(names);
-  }
-  return least;
 }
 
 Footprint footprint_of(pid_t pid) {

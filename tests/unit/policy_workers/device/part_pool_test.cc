@@ -63,6 +63,22 @@ TEST(PartPool, MatrixProductsOfAPartStayInItsThread) {
   policy::set_math_threads(before);
 }
 
+TEST(PartPool, AJobLeavesNoThreadAwake) {
+  const int before = at::get_num_threads();
+  policy::set_math_threads(8);
+  PartPool pool(2);
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  const double begin = process_cpu_s();
+  for (int job = 0; job < 20; ++job) {
+    EXPECT_TRUE(pool.run(
+        2, [](int64_t) { EXPECT_EQ(at::get_num_threads(), 1); }, nullptr));
+    EXPECT_EQ(at::get_num_threads(), 8);
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+  }
+  EXPECT_LT(process_cpu_s() - begin, 0.1);
+  policy::set_math_threads(before);
+}
+
 TEST(PartPool, TwoThreadsWorkAtTheSameTime) {
   PartPool pool(2);
   std::atomic<int> here = 0;
