@@ -19,22 +19,31 @@ std::string entry_prefix(const std::string& section, const std::string& prefix, 
   return section + "/" + prefix + number;
 }
 
-/// Of all elements; the order of the sum does not depend on how many threads there are.
-double sum_of_squares(const std::vector<torch::Tensor>& tensors) {
+/// Of each tensor's elements; the order of a sum does not depend on how many threads there are.
+std::vector<double> sums_of_squares(const std::vector<torch::Tensor>& tensors) {
   constexpr int64_t kElementsOfAPiece = 1 << 16;
-  std::vector<std::span<const float>> pieces;
-  for (const torch::Tensor& tensor : tensors) {
-    const std::span<const float> values(tensor.data_ptr<float>(), static_cast<std::size_t>(tensor.numel()));
+  struct Piece {
+    std::size_t tensor;
+    std::span<const float> values;
+    double sum = 0;
+  };
+  std::vector<Piece> pieces;
+  for (std::size_t i = 0; i < tensors.size(); ++i) {
+    const std::span<const float> values(tensors[i].data_ptr<float>(),
+                                        static_cast<std::size_t>(tensors[i].numel()));
     for (std::size_t begin = 0; begin < values.size(); begin += kElementsOfAPiece)
       pieces.push_back(
-          values.subspan(begin, std::min<std::size_t>(kElementsOfAPiece, values.size() - begin)));
+          {i, values.subspan(begin, std::min<std::size_t>(kElementsOfAPiece, values.size() - begin))});
   }
-  std::vector<double> sums(pieces.size());
   at::parallel_for(0, static_cast<int64_t>(pieces.size()), 1, [&](int64_t begin, int64_t end) {
-    for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
-      sums[i] = policy::kernels::sum_of_squares(pieces[i].data(), static_cast<int64_t>(pieces[i].size()));
+    for (Piece& piece :
+         std::span(pieces).subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin)))
+      piece.sum =
+          policy::kernels::sum_of_squares(piece.values.data(), static_cast<int64_t>(piece.values.size()));
   });
-  return std::accumulate(sums.begin(), sums.end(), 0.0);
+  std::vector<double> sums(tensors.size());
+  for (const Piece& piece : pieces) sums[piece.tensor] += piece.sum;
+  return sums;
 }
 
 }  // namespace
@@ -50,8 +59,9 @@ struct AdamOptimizer::State {
   std::vector<torch::Tensor> parameters;
   AdamSettings settings;
   std::vector<torch::Tensor> mean,
-      square;           ///< exp_avg and exp_avg_sq; undefined before a parameter's first gradient
-  torch::Tensor steps;  ///< f64 [], on the device: steps taken
+      square;                    ///< exp_avg and exp_avg_sq; undefined before a parameter's first gradient
+  torch::Tensor steps;           ///< f64 [], on the device: steps taken
+  torch::Tensor gradient_norms;  ///< f64 [P], on the device: of the parameters' gradients at the last step
 
   bool has_own_kernels() const {
     return std::ranges::all_of(parameters, [](const torch::Tensor& parameter) {
@@ -67,13 +77,19 @@ struct AdamOptimizer::State {
 };
 
 AdamOptimizer::AdamOptimizer(std::vector<torch::Tensor> parameters, const AdamSettings& settings)
-    : state_(new State{
-          .parameters = std::move(parameters), .settings = settings, .mean = {}, .square = {}, .steps = {}}) {
+    : state_(new State{.parameters = std::move(parameters),
+                       .settings = settings,
+                       .mean = {},
+                       .square = {},
+                       .steps = {},
+                       .gradient_norms = {}}) {
   state_->mean.resize(state_->parameters.size());
   state_->square.resize(state_->parameters.size());
   const torch::Device device =
       state_->parameters.empty() ? torch::Device(torch::kCPU) : state_->parameters.front().device();
   state_->steps = torch::zeros({}, torch::TensorOptions(torch::kFloat64).device(device));
+  state_->gradient_norms =
+      torch::zeros({static_cast<int64_t>(state_->parameters.size())}, state_->steps.options());
 }
 AdamOptimizer::~AdamOptimizer() = default;
 AdamOptimizer::AdamOptimizer(AdamOptimizer&&) noexcept = default;
@@ -116,7 +132,12 @@ torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices
   const AdamSettings& settings = state_->settings;
   std::vector<torch::Tensor> gradients;
   for (const std::size_t i : indices) gradients.push_back(state_->parameters[i].grad().contiguous());
-  const double norm = std::sqrt(sum_of_squares(gradients)), limit = settings.max_grad_norm;
+  const std::vector<double> squares = sums_of_squares(gradients);
+  state_->gradient_norms.zero_();
+  for (std::size_t k = 0; k < indices.size(); ++k)
+    state_->gradient_norms.data_ptr<double>()[indices[k]] = std::sqrt(squares[k]);
+  const double norm = std::sqrt(std::accumulate(squares.begin(), squares.end(), 0.0)),
+               limit = settings.max_grad_norm;
   const torch::Tensor on_host = loss.defined() ? loss.detach().to(torch::kFloat64) : torch::Tensor();
   const bool is_finite =
       std::isfinite(norm) && (!on_host.defined() || std::isfinite(*on_host.data_ptr<double>()));
@@ -153,11 +174,10 @@ torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices
 torch::Tensor AdamOptimizer::step_on_device(const std::vector<std::size_t>& indices,
                                             const torch::Tensor& learning_rate, const torch::Tensor& loss) {
   const AdamSettings& settings = state_->settings;
-  std::vector<torch::Tensor> squares;
-  for (const std::size_t i : indices)
-    squares.push_back(state_->parameters[i].grad().norm().to(torch::kFloat64).square());
-  const torch::Tensor norm =
-      squares.empty() ? torch::zeros_like(state_->steps) : torch::stack(squares).sum().sqrt();
+  std::vector<torch::Tensor> norms(state_->parameters.size(), torch::zeros_like(state_->steps));
+  for (const std::size_t i : indices) norms[i] = state_->parameters[i].grad().norm().to(torch::kFloat64);
+  if (!norms.empty()) state_->gradient_norms.copy_(torch::stack(norms));
+  const torch::Tensor norm = state_->gradient_norms.square().sum().sqrt();
   torch::Tensor is_finite = norm.isfinite();
   if (loss.defined()) is_finite = is_finite.logical_and(loss.detach().isfinite().reshape({}));
   const torch::Tensor taken = is_finite.to(torch::kFloat64);
@@ -183,9 +203,7 @@ torch::Tensor AdamOptimizer::step_on_device(const std::vector<std::size_t>& indi
 bool AdamOptimizer::has_stepped(std::size_t index) const { return state_->mean[index].defined(); }
 
 double AdamOptimizer::gradient_norm(std::size_t index) const {
-  torch::NoGradGuard no_grad;
-  const torch::Tensor& gradient = state_->parameters[index].grad();
-  return gradient.defined() ? gradient.norm().item<double>() : 0;
+  return state_->gradient_norms[static_cast<int64_t>(index)].item<double>();
 }
 
 double AdamOptimizer::step_multiplier(std::size_t index) const {

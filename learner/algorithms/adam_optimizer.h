@@ -45,7 +45,7 @@ class AdamOptimizer {
   /// The same with a rate f64 [] that lies on the device, by torch's operators alone: it can be recorded (device/queue.h).
   torch::Tensor step(const torch::Tensor& learning_rate, const torch::Tensor& loss);
 
-  /// Of parameter `index`: whether it has moments, the norm of its gradient (before the clip; 0 without one), and the mean over its elements of s / (s + epsilon),
+  /// Of parameter `index`: whether it has moments, the norm of its gradient at the last step (before the clip; 0 without one), and the mean over its elements of s / (s + epsilon),
   /// s = sqrt(exp_avg_sq / (1 - beta2^step)), 0 before the first step.
   bool has_stepped(std::size_t index) const;
   double gradient_norm(std::size_t index) const;

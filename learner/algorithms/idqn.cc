@@ -40,8 +40,7 @@ QLearning::SampleLoss Idqn::loss_of(const Scene& scene) const {
           .error = error.detach().abs().mean(-1) * scene.sigma,
           .predicted = chosen.detach().mean(-1) * scene.sigma,
           .target = target.mean(-1),
-          .unclamped = {},
-          .head_entropy = {}};
+          .unclamped = {}};
 }
 
 }  // namespace comrad::learn

@@ -116,6 +116,8 @@ constexpr std::pair<double LossSums::*, How> kNumbers[] = {{&LossSums::loss, How
                                                            {&LossSums::terminated, How::kAdd},
                                                            {&LossSums::truncated, How::kAdd},
                                                            {&LossSums::head_entropy, How::kAdd},
+                                                           {&LossSums::mixer_gain, How::kAdd},
+                                                           {&LossSums::state_rms, How::kAdd},
                                                            {&LossSums::target_square, How::kAdd},
                                                            {&LossSums::unclamped, How::kAdd},
                                                            {&LossSums::clipped, How::kAdd}};
@@ -340,25 +342,36 @@ QLearning::Part QLearning::part_of(const Micro& micro, const Divisors& divisors)
   const auto largest = [&](const Tensor& of_samples) {
     return torch::where(is_valid, of_samples, torch::full({}, -1e30f, valid.options())).max();
   };
+  const auto mean_if_defined = [&](const Tensor& of_samples) {
+    return of_samples.defined() ? (of_samples * share).sum() : torch::zeros({}, share.options());
+  };
   const Tensor unclamped = sample.unclamped.defined() ? sample.unclamped : sample.target;
   const Tensor utility = policy::chosen_utility(scene.online.now, scene.batch.action, env_).detach();
   const Tensor taken = scene.batch.valid.to(torch::kBool);
   const Tensor spread = scene.online.now.detach().std(-1, /*unbiased=*/false).mean();
   const Tensor of_row = scene.batch.valid.to(torch::kFloat32) / divisors.samples *
                         (static_cast<double>(valid.size(1)) / static_cast<double>(micro.batch.rows()));
-  part.numbers = torch::stack(
-      {// in the order of kNumbers
-       loss.detach(), regularizer.detach(), (sample.error * share).sum(), (sample.predicted * share).sum(),
-       largest(sample.predicted), -largest(-sample.predicted), (sample.target * share).sum(),
-       largest(sample.target), (utility * of_row).sum(),
-       torch::where(taken, utility, torch::full({}, -1e30f, valid.options())).max(),
-       torch::where(taken, utility, torch::full({}, 1e30f, valid.options())).min(),
-       spread * micro.batch.world_count, (scene.batch.terminated.to(torch::kFloat32) * of_row).sum(),
-       (scene.batch.truncated.to(torch::kFloat32) * of_row).sum(),
-       sample.head_entropy.defined() ? (sample.head_entropy * share).sum()
-                                     : torch::zeros({}, share.options()),
-       (sample.target.square() * share).sum(), (unclamped * share).sum(),
-       (sample.target.ne(unclamped) * share).sum()});
+  part.numbers = torch::stack({// in the order of kNumbers
+                               loss.detach(),
+                               regularizer.detach(),
+                               (sample.error * share).sum(),
+                               (sample.predicted * share).sum(),
+                               largest(sample.predicted),
+                               -largest(-sample.predicted),
+                               (sample.target * share).sum(),
+                               largest(sample.target),
+                               (utility * of_row).sum(),
+                               torch::where(taken, utility, torch::full({}, -1e30f, valid.options())).max(),
+                               torch::where(taken, utility, torch::full({}, 1e30f, valid.options())).min(),
+                               spread * micro.batch.world_count,
+                               (scene.batch.terminated.to(torch::kFloat32) * of_row).sum(),
+                               (scene.batch.truncated.to(torch::kFloat32) * of_row).sum(),
+                               mean_if_defined(sample.head_entropy),
+                               mean_if_defined(sample.mixer_gain),
+                               mean_if_defined(sample.state_rms),
+                               (sample.target.square() * share).sum(),
+                               (unclamped * share).sum(),
+                               (sample.target.ne(unclamped) * share).sum()});
   part.loss = (loss + regularizer).detach();
   const Tensor counted = valid.view({valid.size(0), micro.batch.world_count, samples_of_world});
   const Tensor errors = sample.error.view_as(counted) * counted / divisors.sigma;
@@ -612,6 +625,10 @@ void QLearning::report(const LossSums& sums, UpdateStats& stats) const {
   put("train/q_sigma", q_sigma());
   if (mixer_) put("train/target_before_clamp", sums.unclamped);
   if (mixer_) put("train/targets_clipped_fraction", sums.clipped);
+  if (mixer_ && config_.run.algo->can_see_global_state()) {
+    put("train/mixer_gain", sums.mixer_gain);
+    put("train/mixer_state_rms", sums.state_rms);
+  }
   put("train/done_ratio", sums.terminated);
   put("train/timeout_ratio", sums.truncated);
   if (config_.run.algo->mixer == MixerKind::kQplexAttention) {

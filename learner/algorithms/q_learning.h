@@ -67,7 +67,7 @@ class QLearning : public OffPolicyAlgorithm {
     double loss = 0, regularizer = 0, td = 0, predicted = 0, predicted_max = -1e30, predicted_min = 1e30,
            target = 0, target_max = -1e30;
     double utility = 0, utility_max = -1e30, utility_min = 1e30, spread = 0;
-    double terminated = 0, truncated = 0, head_entropy = 0;
+    double terminated = 0, truncated = 0, head_entropy = 0, mixer_gain = 0, state_rms = 0;
     double target_square = 0, unclamped = 0, clipped = 0;
   };
   /// Adds the gradient of the loss over a whole batch to the parameters' .grad and writes batch.abs_td, in
@@ -113,13 +113,15 @@ class QLearning : public OffPolicyAlgorithm {
   };
   /// Loss of every sample; S = R (each agent's decision) or W (each world's).
   struct SampleLoss {
-    Tensor loss;          ///< f32 [T, S]  with gradient
-    Tensor regularizer;   ///< f32 [T, S]  with gradient; may be undefined
-    Tensor error;         ///< f32 [T, S]  |TD error|, detached; this and the next two in natural units
-    Tensor predicted;     ///< f32 [T, S]  detached
-    Tensor target;        ///< f32 [T, S]
-    Tensor unclamped;     ///< f32 [T, S]  the target before q_value_clamp; may be undefined
-    Tensor head_entropy;  ///< f32 [T, S]; may be undefined
+    Tensor loss;               ///< f32 [T, S]  with gradient
+    Tensor regularizer;        ///< f32 [T, S]  with gradient; may be undefined
+    Tensor error;              ///< f32 [T, S]  |TD error|, detached; this and the next two in natural units
+    Tensor predicted;          ///< f32 [T, S]  detached
+    Tensor target;             ///< f32 [T, S]
+    Tensor unclamped;          ///< f32 [T, S]  the target before q_value_clamp; may be undefined
+    Tensor head_entropy = {};  ///< f32 [T, S]; may be undefined, as the next two
+    Tensor mixer_gain = {};    ///< f32 [T, S]  MixerOutput::gain, in the networks' units
+    Tensor state_rms = {};     ///< f32 [T, S]  root mean square of the mixer's state
   };
   virtual SampleLoss loss_of(const Scene& scene) const = 0;
   /// u8 [T, S]: samples that count.

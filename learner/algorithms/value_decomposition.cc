@@ -15,12 +15,16 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
   const ReplayBatch& batch = scene.batch;
   const int64_t steps = batch.steps(), worlds = batch.world_count, agents = batch.shape.env.num_agents;
   const auto of_worlds = [&](const Tensor& of_rows) { return of_rows.reshape({steps * worlds, -1}); };
+  const auto state_of = [&](const Tensor& features) {
+    if (!config_.mixers.normalize_mixer_state) return features;
+    return at::layer_norm(features, {features.size(2)});
+  };
   // Row = world * N + agent: the last axes of [T, R, ...] fold into one row per world.
   const auto input = [&](const QValues& values, bool is_next, const Tensor& action, const Tensor& mask,
                          const Tensor& active) {
     const Tensor& q = is_next ? values.next : values.now;
     const Tensor is_active = active.to(torch::kFloat32);
-    const Tensor features = of_worlds(is_next ? values.next_state : values.state);
+    const Tensor features = of_worlds(state_of(is_next ? values.next_state : values.state));
     const Tensor& truth = is_next ? scene.next_state : scene.state;
     return MixerInput{
         .chosen = of_worlds(policy::chosen_utility(q, action, env_) * is_active),
@@ -29,8 +33,9 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
         .action = of_worlds(policy::multi_hot(action, env_) * is_active.unsqueeze(-1)),
         .state = truth.defined() ? at::cat({features, of_worlds(truth)}, 1) : features};
   };
-  const MixerOutput mixed = mixer_->mix(
-      input(scene.online, false, batch.action, scene.mask(), batch.agent_active.narrow(0, 0, steps)));
+  const MixerInput now =
+      input(scene.online, false, batch.action, scene.mask(), batch.agent_active.narrow(0, 0, steps));
+  const MixerOutput mixed = mixer_->mix(now);
   const auto by_time = [&](const Tensor& of_samples) {
     return of_samples.defined() ? of_samples.view({steps, worlds}) : of_samples;
   };
@@ -66,7 +71,9 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
           .predicted = q_tot.detach() * scene.sigma,
           .target = target,
           .unclamped = unclamped,
-          .head_entropy = by_time(mixed.head_entropy)};
+          .head_entropy = by_time(mixed.head_entropy),
+          .mixer_gain = by_time(mixed.gain),
+          .state_rms = by_time(now.state.square().mean(1).sqrt())};
 }
 
 }  // namespace comrad::learn

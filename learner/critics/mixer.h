@@ -63,6 +63,7 @@ struct MixerInput {
 struct MixerOutput {
   Tensor q_tot = {};              ///< [B]
   Tensor v_tot = {}, a_tot = {};  ///< [B], q_tot = v_tot + a_tot; QPLEX only
+  Tensor gain = {};  ///< [B], dQ_tot / dQ_i, mean over agents, detached; undefined in vdn, where it is 1
   Tensor regularizer = {};  ///< [B], already times its coefficient; its mean is a loss term; dmaq_qatten only
   Tensor head_entropy = {};  ///< [B], nats, mean over attention heads, detached; dmaq_qatten only
 };

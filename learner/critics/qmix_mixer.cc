@@ -10,9 +10,15 @@ constexpr double kLeastWeight = 1e-8;
 
 }  // namespace
 
-Tensor qmix_value(const Tensor& q, const QmixWeights& weights) {
-  const Tensor hidden = at::baddbmm(weights.b1.unsqueeze(1), q.unsqueeze(1), weights.w1);  // [B, 1, E]
-  return (at::elu(hidden.squeeze(1)) * weights.w2).sum(1) + weights.b2;
+MixerOutput qmix_value(const Tensor& q, const QmixWeights& weights) {
+  const Tensor hidden =
+      at::baddbmm(weights.b1.unsqueeze(1), q.unsqueeze(1), weights.w1).squeeze(1);  // [B, E]
+  MixerOutput output;
+  output.q_tot = (at::elu(hidden) * weights.w2).sum(1) + weights.b2;
+  torch::NoGradGuard no_grad;
+  const Tensor slope = hidden.clamp_max(0).exp() * weights.w2;  // ELU' = exp(min(h, 0))
+  output.gain = at::bmm(weights.w1, slope.unsqueeze(2)).squeeze(2).mean(1);
+  return output;
 }
 
 QmixMixer::QmixMixer(const MixerOptions& options, at::Generator generator, torch::Device device)
@@ -42,7 +48,7 @@ MixerOutput QmixMixer::mix(const MixerInput& input) const {
   COMRAD_CHECK(input.state.dim() == 2 && input.state.size(0) == input.chosen.size(0) &&
                    input.state.size(1) == options_.state_count,
                "the mixer's state is [B, S]");
-  return {.q_tot = qmix_value(input.chosen, weights(input.state.detach()))};
+  return qmix_value(input.chosen, weights(input.state.detach()));
 }
 
 void QmixMixer::rescale(double factor) {

@@ -21,8 +21,8 @@ struct QmixWeights {
   Tensor b2;  ///< [B]
 };
 
-/// Q_tot [B] of utilities q [B, N] under given weights.
-Tensor qmix_value(const Tensor& q, const QmixWeights& weights);
+/// Q_tot [B] of utilities q [B, N] under given weights, and its gain.
+MixerOutput qmix_value(const Tensor& q, const QmixWeights& weights);
 
 class QmixMixer : public Mixer {
  public:

@@ -21,6 +21,7 @@ MixerOutput qplex_value(const Tensor& chosen, const Tensor& greedy, const QplexT
   output.v_tot = value.sum(1);
   output.a_tot = (advantage * (is_minus_one ? lambda - 1 : lambda)).sum(1);
   output.q_tot = output.v_tot + output.a_tot;
+  output.gain = transform.weight.detach().expand_as(chosen).mean(1);
   output.regularizer = transform.regularizer;
   output.head_entropy = transform.head_entropy;
   return output;

@@ -40,6 +40,9 @@ inline constexpr CountsWith own_values = {[](const RunConfig& c) { return c.run.
                                           "idqn"};
 inline constexpr CountsWith mixers = {[](const RunConfig& c) { return c.run.algo->mixes_q_values(); },
                                       "mixers (vdn, qmix, qplex)"};
+inline constexpr CountsWith state_mixers = {
+    [](const RunConfig& c) { return mixers.holds(c) && c.run.algo->can_see_global_state(); },
+    "mixers that read a state (qmix, qplex)"};
 inline constexpr CountsWith qmix = {[](const RunConfig& c) { return c.run.algo->mixer == MixerKind::kQmix; },
                                     "qmix"};
 inline constexpr CountsWith qplex_attention = {

@@ -585,12 +585,39 @@ TEST(QLearning, ASequencesPriorityMixesItsLargestAndItsMeanError) {
   }
 }
 
+double value_of(const UpdateStats& stats, const std::string& wanted) {
+  for (const auto& [name, value] : stats.values)
+    if (name == wanted) return value;
+  return -1;
+}
+
+TEST(QLearning, AMixersStateMayBeNormalised) {
+  for (const char* algo : {"qmix", "qplex_d", "qplex_q"})
+    for (const bool normalized : {false, true}) {
+      RunConfig config = q_config(algo, true);
+      config.mixers.normalize_mixer_state = normalized;
+      const auto learner = q_learner(config);
+      double rms[2];
+      for (double& of_scale : rms) {
+        ReplayBatch batch = q_batch(config, 35);
+        const UpdateStats stats = *learner->update(batch, {});
+        of_scale = value_of(stats, "train/mixer_state_rms");
+        EXPECT_GT(value_of(stats, "train/mixer_gain"), 0) << algo;
+        // An encoder whose outputs grow tenfold, or nearly so (ELU).
+        torch::NoGradGuard no_grad;
+        for (const auto& [name, tensor] : learner->net().named_parameters())
+          if (name.find("encoder.image") != std::string::npos) tensor.mul_(10);
+      }
+      if (normalized) {
+        EXPECT_NEAR(rms[0], 1, 1e-2) << algo;
+        EXPECT_NEAR(rms[1], 1, 1e-2) << algo;
+      } else {
+        EXPECT_GT(rms[1], 3 * rms[0]) << algo;
+      }
+    }
+}
+
 TEST(QLearning, TellsWhatShareOfTargetsAndRewardsWasClipped) {
-  const auto value_of = [](const UpdateStats& stats, const std::string& wanted) {
-    for (const auto& [name, value] : stats.values)
-      if (name == wanted) return value;
-    return -1.0;
-  };
   RunConfig config = q_config("vdn", false);
   config.optimisation.gamma = 0;
   config.q_learning.q_value_clamp = 1;
@@ -657,6 +684,18 @@ TEST(QLearning, ReportsGradientAndStepOfEveryPart) {
     }
     const double norm = testing::values_of(*stats)["train/grad_norm"];
     EXPECT_NEAR(std::sqrt(squares), norm, 1e-4 * norm) << algo;
+
+    // A report that falls into the next step, while its gradient is summed, has those of the last one.
+    int reports = 0;
+    const auto report = [&] {
+      ++reports;
+      NamedNumbers between;
+      learner->append_diagnostics(between);
+      EXPECT_EQ(between, values) << algo;
+      return true;
+    };
+    ASSERT_TRUE(learner->update(batch, {.after_step = {}, .begin_step = {}, .keep_going = report}));
+    EXPECT_GT(reports, 0) << algo;
   }
 }
 

@@ -205,6 +205,24 @@ TEST(Mixer, SendsNoGradientIntoTheStateOrTheGreedyUtilities) {
   }
 }
 
+TEST(Mixer, ItsGainIsWhatTheTeamsValueRisesByWithAnAgentsUtility) {
+  at::Generator draws = generator(12);
+  EXPECT_FALSE(make_mixer(small("vdn"), 1, torch::kCPU)->mix({.chosen = torch::ones({1, 2})}).gain.defined());
+  for (const char* kind : {"qmix", "dmaq", "dmaq_qatten"})
+    for (const QplexPreset preset : {QplexPreset::kComrad, QplexPreset::kPaper}) {
+      const MixerOptions options = small(kind, 3, 3, preset);
+      const auto mixer = make_mixer(options, 5, torch::kCPU);
+      shake(*mixer, draws, 0.5);
+      MixerInput input = random_input(options, 40, draws);
+      input.chosen.requires_grad_();
+      const MixerOutput output = mixer->mix(input);
+      const Tensor rise = gradient(output.q_tot.sum(), input.chosen).mean(1);
+      ASSERT_EQ(output.gain.sizes(), rise.sizes()) << kind;
+      EXPECT_LT((output.gain - rise).abs().max().item<float>(), 1e-5) << kind;
+      EXPECT_FALSE(output.gain.requires_grad()) << kind;
+    }
+}
+
 TEST(Mixer, AttentionNeedsASliceOfTheStatePerAgent) {
   MixerOptions options = small("dmaq_qatten");
   options.state_count = 5;  // of two agents with 3 features each
@@ -228,7 +246,7 @@ TEST(QmixMixer, MatchesTheKnownAnswer) {
                             .b1 = torch::tensor({0.1f, -0.2f}).view({1, 2}),
                             .w2 = torch::tensor({2.0f, 0.5f}).view({1, 2}),
                             .b2 = torch::tensor({0.3f})};
-  const Tensor q_tot = qmix_value(q, weights);
+  const Tensor q_tot = qmix_value(q, weights).q_tot;
   expect_values(q_tot, {0.248293});
   expect_values(gradient(q_tot, q), {1.248293, 0.686219});
 }

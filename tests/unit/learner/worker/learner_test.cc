@@ -538,6 +538,7 @@ const std::vector<std::string> kNamesOfMixers = {
     "train/target_q_tot_mean", "train/target_before_clamp", "train/q_std_across_actions",
     "train/done_ratio",        "train/timeout_ratio",       "train/num_updates",
     "train/buffer_size",       "train/buffer_transitions",  "train/pending_transition_debt"};
+const std::vector<std::string> kNamesOfStateMixers = {"train/mixer_gain", "train/mixer_state_rms"};
 const std::vector<std::string> kNamesOfQplexQ = {"train/attend_mag_regs", "train/head_entropy_mean"};
 
 TEST_F(LearnerTest, ReportsUnderTheNamesThatDashboardsKnowAndTheDocumentExplains) {
@@ -553,8 +554,8 @@ TEST_F(LearnerTest, ReportsUnderTheNamesThatDashboardsKnowAndTheDocumentExplains
       {"ippo", {kNamesOfPpo}},
       {"happo", {kNamesOfHappo}},
       {"idqn", {kNamesOfIdqn}},
-      {"qmix", {kNamesOfMixers}},
-      {"qplex_q", {kNamesOfMixers, kNamesOfQplexQ}}};
+      {"qmix", {kNamesOfMixers, kNamesOfStateMixers}},
+      {"qplex_q", {kNamesOfMixers, kNamesOfStateMixers, kNamesOfQplexQ}}};
   const auto documented =
       test::documented_metrics({"train/", "happo/", "reward/", "len/", "policy_stats/", "stats/", "perf/"});
   std::vector<std::string> written;
