@@ -16,8 +16,8 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
   const int64_t steps = batch.steps(), worlds = batch.world_count, agents = batch.shape.env.num_agents;
   const auto of_worlds = [&](const Tensor& of_rows) { return of_rows.reshape({steps * worlds, -1}); };
   const auto state_of = [&](const Tensor& features) {
-    if (!config_.mixers.normalize_mixer_state) return features;
-    return at::layer_norm(features, {features.size(2)});
+    const double deviation = config_.mixers.mixer_state_deviation;
+    return deviation == 0 ? features : at::layer_norm(features, {features.size(2)}) * deviation;
   };
   // Row = world * N + agent: the last axes of [T, R, ...] fold into one row per world.
   const auto input = [&](const QValues& values, bool is_next, const Tensor& action, const Tensor& mask,

@@ -5,8 +5,8 @@
 //   loss  = mean huber(Q_tot(s, a) - y) + regularizer          y within +-q_value_clamp
 //
 // R is the sum (or mean, team_reward) of the agents' rewards; the state s of the mixer is the N encoders'
-// features side by side, recomputed from the stored frames and detached (with normalize_mixer_state each agent's at mean 0
-// and deviation 1), and with critic_state global the world's true state behind them. A world ends for all its agents at
+// features side by side, recomputed from the stored frames and detached (with mixer_state_deviation each agent's
+// normalised), and with critic_state global the world's true state behind them. A world ends for all its agents at
 // once; an agent that is out of the game has utility 0.
 #pragma once
 

@@ -25,6 +25,9 @@ constexpr double kClippedMax = 0.3;
 constexpr double kAdamGainMin = 0.1;
 /// The limit is there for outliers. Where a tenth of the targets lies beyond it, it cuts what is to be learned.
 constexpr double kTargetsClippedMax = 0.1;
+/// Below 0.6 in a QMIX run that learned, 4 to 22 from the report on in which it lost what it had learned
+/// (learner/RECIPES.md).
+constexpr double kMixerStateMax = 3;
 /// Rows that are too old, or of dead agents, are computed and thrown away. At a half the run costs twice.
 constexpr double kValidsMin = 0.5;
 /// The queues of a run that keeps up hold two to five batches. From ten on nothing that PPO assumes of the
@@ -160,6 +163,13 @@ void LearningCheck::judge_targets(const MetricValues& values, std::vector<std::s
                is_q ? config_.q_learning.q_value_clamp : config_.optimisation.returns_clip,
                config_.environment.reward_scale));
   }
+  const std::optional<double> state = find(values, "train/mixer_state_rms");
+  if (state && shows("mixer_state", *state > kMixerStateMax, kReports))
+    told.push_back(format(
+        "the features that are the mixer's state have grown to a root mean square of %.1f (below 1 in runs "
+        "that learn): its weights and gradients grow with them, and agents may lose what they have learned; "
+        "set mixer_state_deviation (1), or lower learning_rate (%g) or max_grad_norm (%g)",
+        *state, config_.optimisation.learning_rate, config_.optimisation.max_grad_norm));
   const std::optional<double> explained = find(values, "train/explained_variance");
   if (explained && !is_early(values) && !is_unpaid(values) &&
       shows("explained", *explained < 0, kValueReports))

@@ -137,7 +137,7 @@ constexpr Row kPaper[] = {
     {"per_eta", "0.9"},
     // 3.2 mixer; 8: --qplex_preset comrad
     {"mixer", "- - - - vdn qmix dmaq dmaq_qatten"},
-    {"normalize_mixer_state", "false"},
+    {"mixer_state_deviation", "0"},
     {"qmix_embed_dim", "32"},
     {"qmix_hypernet_hidden", "64"},
     {"qplex_preset", "comrad"},

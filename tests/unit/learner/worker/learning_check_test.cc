@@ -71,6 +71,13 @@ TEST(LearningCheck, TargetsBeyondTheLimit) {
               ElementsAre(HasSubstr("returns_clip (5)")));
 }
 
+TEST(LearningCheck, AMixersStateThatGrows) {
+  EXPECT_THAT(told(config_of("qmix"), {{"train/mixer_state_rms", 2.9}}), IsEmpty());
+  EXPECT_THAT(told(config_of("qmix"), {{"train/mixer_state_rms", 4.41}}),
+              ElementsAre(AllOf(HasSubstr("root mean square of 4.4"), HasSubstr("mixer_state_deviation"),
+                                HasSubstr("max_grad_norm (4)"))));
+}
+
 TEST(LearningCheck, EpisodesWithoutAnyReward) {
   RunConfig config = config_of("ippo");
   const auto values = [](double fraction, double episodes) {
@@ -141,15 +148,11 @@ TEST(LearningCheck, TellsAFindingOnceAfterItStoodSixReportsInARow) {
 }
 
 TEST(LearningCheck, AHealthyReportSaysNothing) {
-  const MetricValues values = {{"train/fraction_clipped_first", 0.05},
-                               {"train/adam_gain_encoder", 0.95},
-                               {"train/targets_clipped_fraction", 0},
-                               {"train/explained_variance", 0.4},
-                               {"train/valids_fraction", 1},
-                               {"train/version_diff_avg", 2},
-                               {"train/num_sgd_steps", 5000},
-                               {"stats/rewarded_episodes_fraction", 1},
-                               {"stats/episodes", 1000}};
+  const MetricValues values = {{"train/fraction_clipped_first", 0.05},  {"train/adam_gain_encoder", 0.95},
+                               {"train/targets_clipped_fraction", 0},   {"train/mixer_state_rms", 1},
+                               {"train/explained_variance", 0.4},       {"train/valids_fraction", 1},
+                               {"train/version_diff_avg", 2},           {"train/num_sgd_steps", 5000},
+                               {"stats/rewarded_episodes_fraction", 1}, {"stats/episodes", 1000}};
   for (const char* algo : {"ippo", "mappo", "happo", "idqn", "qmix"})
     EXPECT_THAT(told(config_of(algo), values), IsEmpty()) << algo;
 }
