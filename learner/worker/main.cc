@@ -10,7 +10,7 @@
 #include "learner/worker/follower.h"
 #include "learner/worker/learner.h"
 #include "learner/worker/seat_server.h"
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/device/cpu_tuning.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/shm/arena.h"
@@ -21,7 +21,7 @@ namespace {
 using namespace comrad;
 
 void tune_math(const RunConfig& config) {
-  policy::tune_math(static_cast<int>(std::max<int64_t>(1, config.collection.learner_threads)));
+  device::tune_math(static_cast<int>(std::max<int64_t>(1, config.collection.learner_threads)));
 }
 
 Status train_or_serve(const shm::WorkerShell& shell, const RunConfig& config, learn::LearnerOptions options,
@@ -74,7 +74,7 @@ int main(int argc, char** argv) {
                           .role = "learner",
                           .description = "Trains the policy of one run; normally started by `comrad train`.",
                           .is_single = true});
-  policy::tune_allocator();
+  device::tune_allocator();
   learn::LearnerOptions options;
   std::string mode = "train";
   bool serves_seats = false, counts_work = false;

@@ -1,7 +1,8 @@
 #include "policy_workers/device/part_pool.h"
 
-#include "policy_workers/policy/policy_net.h"
-#include "policy_workers/policy/torch_ops.h"
+#include <optional>
+
+#include "policy_workers/device/cpu_tuning.h"
 
 namespace comrad::device {
 
@@ -23,8 +24,8 @@ bool PartPool::run(int64_t parts, const std::function<void(int64_t)>& work,
   const bool alone = helpers_.empty() || parts <= 1;
   // Before any helper may begin. This thread's share is computed like the helpers': the result must not
   // depend on who took a part.
-  const int own_threads = at::get_num_threads();
-  if (!alone) policy::set_math_threads(1);
+  std::optional<OneMathThread> one_thread;
+  if (!alone) one_thread.emplace();
   {
     const std::lock_guard lock(mutex_);
     work_ = &work, parts_ = parts, next_ = 0;
@@ -35,14 +36,13 @@ bool PartPool::run(int64_t parts, const std::function<void(int64_t)>& work,
   take_parts(keep_going);
   std::unique_lock lock(mutex_);
   job_ends_.wait(lock, [this] { return busy_ == 0; });
-  if (!alone) policy::set_math_threads(own_threads);
   work_ = nullptr;
   if (failure_) std::rethrow_exception(failure_);
   return !stopped_;
 }
 
 void PartPool::help() {
-  policy::set_operator_threads(1);
+  set_operator_threads(1);
   int64_t seen = 0;
   std::unique_lock lock(mutex_);
   while (true) {

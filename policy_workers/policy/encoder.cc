@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "policy_workers/device/cpu_tuning.h"
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/kernels.h"
 #include "policy_workers/policy/torch_ops.h"
@@ -331,6 +332,8 @@ Tensor orthogonal(at::IntArrayRef sizes, double gain, at::Generator generator) {
   // is uniform.
   Tensor gaussian = torch::empty({std::max(rows, columns), std::min(rows, columns)}, torch::kFloat64);
   gaussian.normal_(0.0, 1.0, generator);
+  // LAPACK takes a column at a time: threads would wait for each other tens of thousands of times, and round differently.
+  const device::OneMathThread one_thread;
   auto [q, r] = at::linalg_qr(gaussian);
   q = q * r.diagonal().sign();
   if (rows < columns) q = q.t();

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "policy_workers/device/cpu_tuning.h"
 #include "policy_workers/device/libtorch_facts.h"
 #include "policy_workers/device/work_report.h"
 #include "policy_workers/policy/policy_net.h"
@@ -36,7 +37,7 @@ nlohmann::json facts_of_libtorch() {
 
 Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds, bool counts_work) {
   COMRAD_TRY_ASSIGN(const EnvShape env, shape.env());
-  policy::tune_math(static_cast<int>(config.collection.policy_threads));
+  device::tune_math(static_cast<int>(config.collection.policy_threads));
   COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(policy_device(config, 0)));
   const policy::PolicyNet net = policy::PolicyNet::create(policy::PolicyNetOptions::from(config, env),
                                                           static_cast<uint64_t>(config.run.seed), device);
@@ -106,7 +107,7 @@ Status work(const shm::WorkerShell& shell, const RunConfig& config, policy::Poli
   COMRAD_TRY_ASSIGN(const shm::Arena arena, shell.join());
   Expected<dds::Bus> bus = dds::Bus::open(dds::bus_config_for_run(arena.run_id()));
   if (!bus) spdlog::warn("no status will be heard of this worker: {}", bus.error().message);
-  policy::tune_math(static_cast<int>(config.collection.policy_threads));
+  device::tune_math(static_cast<int>(config.collection.policy_threads));
   COMRAD_TRY_ASSIGN(policy::PolicyWorker worker,
                     policy::PolicyWorker::create(config, arena, options, bus ? &bus.value() : nullptr));
   spdlog::info("serves {} environments, batches of {} to {}{}", worker.batcher().env_count(),
@@ -123,7 +124,7 @@ int main(int argc, char** argv) {
                           .description = "One inference process of a run: reads observations from the arena "
                                          "and writes the chosen actions.",
                           .describes = true});
-  policy::tune_allocator();
+  device::tune_allocator();
   policy::PolicyWorkerOptions options;
   bool plays_seats = false;
   bool with_libtorch = false;

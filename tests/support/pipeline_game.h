@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "learner/worker/learner.h"
+#include "policy_workers/device/cpu_tuning.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "policy_workers/worker/policy_worker.h"
 #include "rollout_buffer/core/clock.h"
@@ -141,7 +142,7 @@ struct TrainedGame {
 /// Trains through the pipeline until `config.run.train_for_env_frames` or the goal.
 inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, const GameGoal& goal = {}) {
   const double began_s = monotonic_s();
-  policy::tune_math(1);
+  device::tune_math(1);
   const test::ScratchFolder folder;
   const EnvShape env = make()->shape();
   const auto network = policy::PolicyNetOptions::from(config, env);
@@ -173,7 +174,7 @@ inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, co
   TrainedGame trained;
   std::thread simulates([&] { EXPECT_TRUE((*simulator)->run(stop)); });
   std::thread answers([&] {
-    policy::tune_math(1);
+    device::tune_math(1);
     EXPECT_TRUE(policy_worker->run(stop));
   });
   std::thread drains([&] {  // as the supervisor does

@@ -8,6 +8,7 @@
 #include "learner/algorithms/happo.h"
 #include "learner/algorithms/ippo.h"
 #include "learner/algorithms/mappo.h"
+#include "policy_workers/device/cpu_tuning.h"
 #include "tests/support/matrix_game.h"
 
 namespace comrad::learn {
@@ -28,7 +29,7 @@ template <typename Learner>
 double learn_heterogeneity(const char* algo, uint64_t seed, bool share_parameters) {
   RunConfig config = matrix_game_config(algo, seed);
   config.network.share_parameters = share_parameters;
-  policy::tune_math(1);  // threads would only wait for each other over such small layers
+  device::tune_math(1);  // threads would only wait for each other over such small layers
   MatrixGame<Learner> game(config, kHeterogeneity, 16);
   game.bias_to(0, 0.9);
   EXPECT_NEAR(game.expected_return(), 0.18, 1e-4);
@@ -64,7 +65,7 @@ TEST(HeterogeneityGame, HappoFindsTheOptimum) {
 
 template <typename Learner>
 void expect_climbing(const char* algo, uint64_t seed) {
-  policy::tune_math(1);
+  device::tune_math(1);
   MatrixGame<Learner> game(matrix_game_config(algo, seed), kClimbing, 16);
   for (int update = 0; update < kUpdates; ++update) ASSERT_TRUE(game.update());
   std::printf("climbing %s seed %d: greedy %.1f expected %.2f\n", algo, static_cast<int>(seed),

@@ -20,8 +20,8 @@
 
 #include "learner/critics/mixer.h"
 #include "learner/estimators/td_targets.h"
+#include "policy_workers/device/cpu_tuning.h"
 #include "policy_workers/policy/action_heads.h"
-#include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "policy_workers/policy/utilities.h"
 #include "rollout_buffer/settings/layers.h"
@@ -223,8 +223,8 @@ Fit measure(const Team& team, const Table& payoff) {
 /// over tables whose argmaxes are the optimum.
 Fit fit(const Table& payoff, const MixerOptions& options, uint64_t seed, double enough = 0,
         bool fixed_tables = false) {
-  policy::tune_allocator();
-  policy::tune_math(1);
+  device::tune_allocator();
+  device::tune_math(1);
   const Tensor cells = tensor_of(payoff).flatten();
   const Team team(options, 1, static_cast<int64_t>(payoff.size()), seed);
   Schedule schedule = schedule_of(options);
@@ -485,7 +485,7 @@ struct TwoStep {
 
 /// Rashid et al. 2018, section 6.1: agent 0's first choice leads to 2A, where everything pays 7, or to 2B.
 TwoStep learn_two_step(const MixerOptions& options, uint64_t seed) {
-  policy::tune_math(1);
+  device::tune_math(1);
   constexpr int64_t kCopyEvery = 50;
   const Team online(options, 3, 2, seed), target(options, 3, 2, seed);
   const Schedule schedule{.steps = 1500, .learning_rate = options.kind == MixerKind::kVdn ? 0.2 : 0.03};

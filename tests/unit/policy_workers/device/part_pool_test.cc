@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "policy_workers/policy/policy_net.h"
+#include "policy_workers/device/cpu_tuning.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 
@@ -40,7 +40,7 @@ TEST(PartPool, DoesEveryPartOnceWithOneComputingThreadEach) {
 // Threads of the BLAS's own would spin on the cores that the parts compute on.
 TEST(PartPool, MatrixProductsOfAPartStayInItsThread) {
   const int before = at::get_num_threads();
-  policy::set_math_threads(2);
+  device::set_math_threads(2);
   // Threads that were made just now wait awake at first.
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   PartPool pool(2);
@@ -60,12 +60,12 @@ TEST(PartPool, MatrixProductsOfAPartStayInItsThread) {
       nullptr));
   EXPECT_LT(process_cpu_s() - begin, 1.2 * of_parts + 0.005);
   EXPECT_EQ(at::get_num_threads(), 2);
-  policy::set_math_threads(before);
+  device::set_math_threads(before);
 }
 
 TEST(PartPool, AJobLeavesNoThreadAwake) {
   const int before = at::get_num_threads();
-  policy::set_math_threads(8);
+  device::set_math_threads(8);
   PartPool pool(2);
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
   const double begin = process_cpu_s();
@@ -76,7 +76,7 @@ TEST(PartPool, AJobLeavesNoThreadAwake) {
     std::this_thread::sleep_for(std::chrono::milliseconds(30));
   }
   EXPECT_LT(process_cpu_s() - begin, 0.1);
-  policy::set_math_threads(before);
+  device::set_math_threads(before);
 }
 
 TEST(PartPool, TwoThreadsWorkAtTheSameTime) {

@@ -1,11 +1,12 @@
 #include "policy_workers/policy/encoder.h"
-#include "policy_workers/device/queue.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
+#include "policy_workers/device/cpu_tuning.h"
+#include "policy_workers/device/queue.h"
 #include "policy_workers/policy/kernels.h"
 #include "policy_workers/policy/precision.h"
 #include "policy_workers/policy/torch_ops.h"
@@ -123,6 +124,13 @@ TEST(Orthogonal, RowsOrColumnsAreOrthonormalTimesGain) {
   }
   EXPECT_TRUE(torch::equal(orthogonal({6, 4}, 1.0, generator(3)), orthogonal({6, 4}, 1.0, generator(3))));
   EXPECT_FALSE(torch::equal(orthogonal({6, 4}, 1.0, generator(3)), orthogonal({6, 4}, 1.0, generator(4))));
+  const int before = at::get_num_threads();
+  device::set_math_threads(1);
+  const Tensor alone = orthogonal({1536, 512}, 1.0, generator(3));
+  device::set_math_threads(2);
+  EXPECT_TRUE(torch::equal(orthogonal({1536, 512}, 1.0, generator(3)), alone));
+  EXPECT_EQ(at::get_num_threads(), 2);
+  device::set_math_threads(before);
 }
 
 TEST(Encoder, HasTheParameterCountOfTheSpecification) {
