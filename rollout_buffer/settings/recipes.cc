@@ -89,6 +89,9 @@ constexpr RecipeRow kRows[] = {
     {"small", "qmix", "max_grad_norm", "0.5",
      "gradients have a norm of 0.1 to 0.4; before such a run breaks one of 8 to 200 comes, which 4 lets "
      "through tenfold (RECIPES.md)"},
+    {"small", "qmix", "mixer_state_deviation", "1",
+     "the encoder's features are the mixer's state, and grow without limit; the mixer's weights and gradient "
+     "grow with them (RECIPES.md)"},
     {"small", "idqn", "learning_rate", "2e-4", "few updates; twice the published rate"},
     {"small", "qplex_d qplex_q", "learning_rate", "1e-4",
      "the published rate: one of three QPLEX runs on a small game went wrong at 3e-4 (learner/NOTES.md)"},

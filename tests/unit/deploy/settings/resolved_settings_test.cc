@@ -180,6 +180,7 @@ constexpr Row kSmall[] = {
     {"n_step", "1 1 1 5 1 1 1 1"},
     {"dqn_max_updates_per_batch", "4 4 4 16 4 4 4 4"},
     {"dqn_batch_decisions", "0 0 0 64 256 256 256 256"},
+    {"mixer_state_deviation", "0 0 0 0 0 1 0 0"},
     {"dqn_reward_clip", "1 1 1 0 1 1 1 1"},
     {"adam_eps", "1e-6 1e-6 1e-6 1e-8 1e-8 1e-8 1e-8 1e-8"},
 };
