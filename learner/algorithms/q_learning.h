@@ -121,7 +121,7 @@ class QLearning : public OffPolicyAlgorithm {
     Tensor unclamped;          ///< f32 [T, S]  the target before q_value_clamp; may be undefined
     Tensor head_entropy = {};  ///< f32 [T, S]; may be undefined, as the next two
     Tensor mixer_gain = {};    ///< f32 [T, S]  MixerOutput::gain, in the networks' units
-    Tensor state_rms = {};     ///< f32 [T, S]  root mean square of the mixer's state
+    Tensor state_rms = {};     ///< f32 [T, S]  root mean square of the mixer's state, where it reads one
   };
   virtual SampleLoss loss_of(const Scene& scene) const = 0;
   /// u8 [T, S]: samples that count.

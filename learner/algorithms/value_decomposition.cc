@@ -73,7 +73,7 @@ QLearning::SampleLoss ValueDecomposition::loss_of(const Scene& scene) const {
           .unclamped = unclamped,
           .head_entropy = by_time(mixed.head_entropy),
           .mixer_gain = by_time(mixed.gain),
-          .state_rms = by_time(now.state.square().mean(1).sqrt())};
+          .state_rms = mixed.gain.defined() ? by_time(now.state.square().mean(1).sqrt()) : Tensor()};
 }
 
 }  // namespace comrad::learn

@@ -20,8 +20,9 @@ void set_operator_threads(int thread_count) {
   // each of its threads then waits awake for 20 ms. Operators ask OpenMP.
   static const auto set_openmp_threads =
       reinterpret_cast<void (*)(int)>(dlsym(RTLD_DEFAULT, "omp_set_num_threads"));
-  const bool has_begun = at::get_num_threads() > 0;  // libtorch sets a thread's number at its first question
-  if (has_begun && set_openmp_threads != nullptr) set_openmp_threads(thread_count);
+  // libtorch sets a thread's number at its first question, and would do so later.
+  (void)at::get_num_threads();
+  if (set_openmp_threads != nullptr) set_openmp_threads(thread_count);
   if (at::get_num_threads() != thread_count) at::set_num_threads(thread_count);
 }
 

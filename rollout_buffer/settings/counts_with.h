@@ -41,7 +41,7 @@ inline constexpr CountsWith own_values = {[](const RunConfig& c) { return c.run.
 inline constexpr CountsWith mixers = {[](const RunConfig& c) { return c.run.algo->mixes_q_values(); },
                                       "mixers (vdn, qmix, qplex)"};
 inline constexpr CountsWith state_mixers = {
-    [](const RunConfig& c) { return mixers.holds(c) && c.run.algo->can_see_global_state(); },
+    [](const RunConfig& c) { return mixers.holds(c) && team_value.holds(c); },
     "mixers that read a state (qmix, qplex)"};
 inline constexpr CountsWith qmix = {[](const RunConfig& c) { return c.run.algo->mixer == MixerKind::kQmix; },
                                     "qmix"};

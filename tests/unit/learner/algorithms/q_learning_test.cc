@@ -585,12 +585,6 @@ TEST(QLearning, ASequencesPriorityMixesItsLargestAndItsMeanError) {
   }
 }
 
-double value_of(const UpdateStats& stats, const std::string& wanted) {
-  for (const auto& [name, value] : stats.values)
-    if (name == wanted) return value;
-  return -1;
-}
-
 TEST(QLearning, AMixersStateMayBeNormalised) {
   for (const char* algo : {"qmix", "qplex_d", "qplex_q"})
     for (const double deviation : {0.0, 0.2}) {
@@ -600,9 +594,9 @@ TEST(QLearning, AMixersStateMayBeNormalised) {
       double rms[2];
       for (double& of_scale : rms) {
         ReplayBatch batch = q_batch(config, 35);
-        const UpdateStats stats = *learner->update(batch, {});
-        of_scale = value_of(stats, "train/mixer_state_rms");
-        EXPECT_GT(value_of(stats, "train/mixer_gain"), 0) << algo;
+        const auto values = testing::values_of(*learner->update(batch, {}));
+        of_scale = values.at("train/mixer_state_rms");
+        EXPECT_GT(values.at("train/mixer_gain"), 0) << algo;
         // An encoder whose outputs grow tenfold, or nearly so (ELU).
         torch::NoGradGuard no_grad;
         for (const auto& [name, tensor] : learner->net().named_parameters())
@@ -625,10 +619,10 @@ TEST(QLearning, TellsWhatShareOfTargetsAndRewardsWasClipped) {
   batch.valid.fill_(1);
   batch.reward.fill_(0.5);  // a team's 1.0 is at the clamp and stays
   for (int world = 0; world < 3; ++world) batch.reward[0][2 * world] = 3;
-  const UpdateStats mixed = *q_learner(config)->update(batch, {});
-  EXPECT_NEAR(value_of(mixed, "train/targets_clipped_fraction"), 3.0 / 15, 1e-6);
-  EXPECT_NEAR(value_of(mixed, "train/target_q_tot_mean"), 1, 1e-6);
-  EXPECT_NEAR(value_of(mixed, "train/target_before_clamp"), (3 * 3.5 + 12 * 1.0) / 15, 1e-6);
+  const auto mixed = testing::values_of(*q_learner(config)->update(batch, {}));
+  EXPECT_NEAR(mixed.at("train/targets_clipped_fraction"), 3.0 / 15, 1e-6);
+  EXPECT_NEAR(mixed.at("train/target_q_tot_mean"), 1, 1e-6);
+  EXPECT_NEAR(mixed.at("train/target_before_clamp"), (3 * 3.5 + 12 * 1.0) / 15, 1e-6);
   config = q_config("idqn", false);
   batch = q_batch(config, 34);
   batch.valid.fill_(1);
@@ -636,15 +630,15 @@ TEST(QLearning, TellsWhatShareOfTargetsAndRewardsWasClipped) {
   batch.valid[0][1] = 0;
   batch.rewards_read = 40;
   batch.rewards_clipped = 10;
-  const UpdateStats alone = *q_learner(config)->update(batch, {});
-  EXPECT_EQ(value_of(alone, "train/rewards_clipped_fraction"), 0.25);
+  const auto alone = testing::values_of(*q_learner(config)->update(batch, {}));
+  EXPECT_EQ(alone.at("train/rewards_clipped_fraction"), 0.25);
   const double total = static_cast<double>(batch.valid.numel());
-  EXPECT_EQ(value_of(alone, "train/policy_lag_total"), total);
-  EXPECT_EQ(value_of(alone, "train/policy_lag_dropped"), 1);
-  EXPECT_NEAR(value_of(alone, "train/policy_lag_valid_frac"), (total - 1) / total, 1e-9);
-  EXPECT_LT(value_of(alone, "train/dqn_q_min"), value_of(alone, "train/dqn_q_mean"));
-  EXPECT_LT(value_of(alone, "train/dqn_q_mean"), value_of(alone, "train/dqn_q_max"));
-  EXPECT_EQ(value_of(alone, "train/dqn_num_updates"), 1);
+  EXPECT_EQ(alone.at("train/policy_lag_total"), total);
+  EXPECT_EQ(alone.at("train/policy_lag_dropped"), 1);
+  EXPECT_NEAR(alone.at("train/policy_lag_valid_frac"), (total - 1) / total, 1e-9);
+  EXPECT_LT(alone.at("train/dqn_q_min"), alone.at("train/dqn_q_mean"));
+  EXPECT_LT(alone.at("train/dqn_q_mean"), alone.at("train/dqn_q_max"));
+  EXPECT_EQ(alone.at("train/dqn_num_updates"), 1);
 }
 
 TEST(QLearning, TargetsAreCopiedNowAndThenWhereTauIsOne) {
