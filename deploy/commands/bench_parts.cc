@@ -6,6 +6,7 @@
 #include "deploy/commands/bottleneck.h"
 #include "deploy/commands/pipeline_bench.h"
 #include "deploy/process/child_program.h"
+#include "deploy/process/process_start.h"
 #include "deploy/settings/network_description.h"
 #include "deploy/settings/start_notes.h"
 #include "deploy/settings/temporary_run.h"
@@ -56,8 +57,9 @@ std::vector<std::string> worker_command(const BenchRequest& request, const Merge
 }
 
 Expected<ordered_json> object_of(const std::vector<std::string>& command, double timeout_s) {
-  COMRAD_TRY_ASSIGN(const ProgramResult result,
-                    run_program(command, {.timeout_s = timeout_s, .echo_stderr = true}));
+  COMRAD_TRY_ASSIGN(
+      const ProgramResult result,
+      run_program(command, {.timeout_s = timeout_s, .echo_stderr = true, .environment = sleeping_threads()}));
   if (result.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
   if (result.exit_code != 0)
     return Error{ErrorCode::kPeerLost, "the worker's bench ended with exit code " +

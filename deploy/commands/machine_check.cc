@@ -13,6 +13,7 @@
 
 #include "deploy/commands/libtorch_check.h"
 #include "deploy/process/child_program.h"
+#include "deploy/process/process_start.h"
 #include "deploy/settings/game_files.h"
 #include "deploy/settings/merged_settings.h"
 #include "deploy/settings/temporary_run.h"
@@ -73,7 +74,8 @@ Expected<double> one_second(const std::string& program, const std::vector<std::s
   COMRAD_TRY_ASSIGN(const TemporaryRun run, TemporaryRun::create(merged.config));
   std::vector<std::string> command = {sibling_program(program), "--run_dir", run.path(), "--bench", "1"};
   command.insert(command.end(), more.begin(), more.end());
-  COMRAD_TRY_ASSIGN(const ProgramResult result, run_program(command, {.timeout_s = 60}));
+  COMRAD_TRY_ASSIGN(const ProgramResult result,
+                    run_program(command, {.timeout_s = 60, .environment = sleeping_threads()}));
   if (result.exit_code != 0)
     return Error{ErrorCode::kSystem, program + " ended with exit code " + std::to_string(result.exit_code) +
                                          ": " + last_words(result)};

@@ -98,7 +98,7 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
   const auto set_threads = [&](int64_t count) {
     for (const char* name : {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"})
       set(name, std::to_string(count));
-    suggest("OMP_WAIT_POLICY", "PASSIVE");  // a thread that spins at a barrier takes a simulator's core
+    for (const auto& [name, value] : sleeping_threads()) set(name.c_str(), value);
   };
   if (!is_single(worker.role)) add("--worker_index", std::to_string(worker.index));
   switch (worker.role) {

@@ -58,7 +58,7 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
   const Descriptor signals(signalfd(-1, &stop_signals, SFD_CLOEXEC | SFD_NONBLOCK));
   // In a group of its own: a terminal's Ctrl-C reaches us alone, and we pass it on.
   COMRAD_TRY_ASSIGN(const pid_t child, start_process({.command = command,
-                                                      .environment = {},
+                                                      .environment = options.environment,
                                                       .output = out.write_end.get(),
                                                       .error_output = err.write_end.get(),
                                                       .has_own_group = true}));

@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
@@ -23,6 +24,7 @@ bool is_installed();
 struct ProgramOptions {
   double timeout_s = 60;     ///< the program is killed then; more in a process of low priority (patience())
   bool echo_stderr = false;  ///< also pass its stderr on, as it comes
+  std::vector<std::pair<std::string, std::string>> environment = {};  ///< on top of ours
   /// Called for every whole line of stdout as it comes; the output is kept all the same.
   std::function<void(const std::string& line)> on_line = {};
 };

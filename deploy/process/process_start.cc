@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <map>
 
 #include "rollout_buffer/core/files.h"
@@ -70,6 +71,11 @@ void become(const ProcessOptions& options, Image& image, pid_t parent, int input
 }
 
 }  // namespace
+
+std::vector<std::pair<std::string, std::string>> sleeping_threads() {
+  if (std::getenv("OMP_WAIT_POLICY") != nullptr) return {};
+  return {{"OMP_WAIT_POLICY", "PASSIVE"}};
+}
 
 void Descriptor::close() {
   if (value_ >= 0) ::close(value_);

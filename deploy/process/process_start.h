@@ -38,6 +38,10 @@ struct Pipe {
   static Expected<Pipe> open();
 };
 
+/// For programs that compute with several threads, on top of ours: a thread that waits at a barrier sleeps, unless our environment has
+/// another OMP_WAIT_POLICY. One that spins takes a core from somebody who computes.
+std::vector<std::pair<std::string, std::string>> sleeping_threads();
+
 /// What to start.
 struct ProcessOptions {
   std::vector<std::string> command;                              ///< first a path, or a name that PATH knows

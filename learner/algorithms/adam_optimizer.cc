@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstdio>
 #include <numeric>
-#include <span>
 
 #include "policy_workers/device/operator_path.h"
+#include "policy_workers/device/share_out.h"
 #include "policy_workers/policy/kernels.h"
 #include "policy_workers/policy/torch_ops.h"
 
@@ -20,29 +20,16 @@ std::string entry_prefix(const std::string& section, const std::string& prefix, 
 }
 
 /// Of each tensor's elements; the order of a sum does not depend on how many threads there are.
-std::vector<double> sums_of_squares(const std::vector<torch::Tensor>& tensors) {
-  constexpr int64_t kElementsOfAPiece = 1 << 16;
-  struct Piece {
-    std::size_t tensor;
-    std::span<const float> values;
-    double sum = 0;
-  };
-  std::vector<Piece> pieces;
-  for (std::size_t i = 0; i < tensors.size(); ++i) {
-    const std::span<const float> values(tensors[i].data_ptr<float>(),
-                                        static_cast<std::size_t>(tensors[i].numel()));
-    for (std::size_t begin = 0; begin < values.size(); begin += kElementsOfAPiece)
-      pieces.push_back(
-          {i, values.subspan(begin, std::min<std::size_t>(kElementsOfAPiece, values.size() - begin))});
-  }
-  at::parallel_for(0, static_cast<int64_t>(pieces.size()), 1, [&](int64_t begin, int64_t end) {
-    for (Piece& piece :
-         std::span(pieces).subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin)))
-      piece.sum =
-          policy::kernels::sum_of_squares(piece.values.data(), static_cast<int64_t>(piece.values.size()));
+std::vector<double> sums_of_squares(const std::vector<torch::Tensor>& tensors,
+                                    const std::vector<device::Piece>& pieces) {
+  std::vector<double> of_pieces(pieces.size());
+  device::share_out(pieces.size(), [&](std::size_t i) {
+    const device::Piece& piece = pieces[i];
+    of_pieces[i] =
+        policy::kernels::sum_of_squares(tensors[piece.tensor].data_ptr<float>() + piece.begin, piece.size());
   });
   std::vector<double> sums(tensors.size());
-  for (const Piece& piece : pieces) sums[piece.tensor] += piece.sum;
+  for (std::size_t i = 0; i < pieces.size(); ++i) sums[pieces[i].tensor] += of_pieces[i];
   return sums;
 }
 
@@ -132,7 +119,8 @@ torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices
   const AdamSettings& settings = state_->settings;
   std::vector<torch::Tensor> gradients;
   for (const std::size_t i : indices) gradients.push_back(state_->parameters[i].grad().contiguous());
-  const std::vector<double> squares = sums_of_squares(gradients);
+  const std::vector<device::Piece> pieces = device::pieces_of(gradients);
+  const std::vector<double> squares = sums_of_squares(gradients, pieces);
   state_->gradient_norms.zero_();
   for (std::size_t k = 0; k < indices.size(); ++k)
     state_->gradient_norms.data_ptr<double>()[indices[k]] = std::sqrt(squares[k]);
@@ -156,17 +144,15 @@ torch::Tensor AdamOptimizer::step_on_cpu(const std::vector<std::size_t>& indices
       .step_size = static_cast<float>(learning_rate / (1 - std::pow(settings.beta1, steps))),
       .root_scale = static_cast<float>(1 / std::sqrt(1 - std::pow(settings.beta2, steps))),
       .epsilon = static_cast<float>(settings.epsilon)};
-  for (std::size_t k = 0; k < indices.size(); ++k) {
-    const std::size_t i = indices[k];
-    float *parameter = state_->parameters[i].data_ptr<float>(), *mean = state_->mean[i].data_ptr<float>(),
-          *square = state_->square[i].data_ptr<float>();
-    const float* gradient = gradients[k].data_ptr<float>();
-    at::parallel_for(0, gradients[k].numel(), 1 << 16, [&](int64_t begin, int64_t end) {
-      policy::kernels::adam_step(numbers, end - begin, gradient + begin, mean + begin, square + begin,
-                                 parameter + begin);
-    });
-    state_->parameters[i].unsafeGetTensorImpl()->bump_version();
-  }
+  device::share_out(pieces.size(), [&](std::size_t k) {
+    const device::Piece& piece = pieces[k];
+    const std::size_t i = indices[piece.tensor];
+    policy::kernels::adam_step(numbers, piece.size(), gradients[piece.tensor].data_ptr<float>() + piece.begin,
+                               state_->mean[i].data_ptr<float>() + piece.begin,
+                               state_->square[i].data_ptr<float>() + piece.begin,
+                               state_->parameters[i].data_ptr<float>() + piece.begin);
+  });
+  for (const std::size_t i : indices) state_->parameters[i].unsafeGetTensorImpl()->bump_version();
   return outcome;
 }
 

@@ -36,9 +36,9 @@ void set_math_threads(int thread_count) {
 }
 
 void tune_math(int thread_count) {
-  at::set_num_threads(thread_count);  // also of threads that are yet to begin
+  at::globalContext().setFlushDenormal(true);  // threads that are yet to begin take it over
+  at::set_num_threads(thread_count);           // of them, too
   set_math_threads(thread_count);
-  at::globalContext().setFlushDenormal(true);
 }
 
 OneMathThread::OneMathThread() : before_(at::get_num_threads()) { set_math_threads(1); }

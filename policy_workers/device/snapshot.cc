@@ -3,16 +3,11 @@
 #include <cstring>
 
 #include "policy_workers/device/readback.h"
+#include "policy_workers/device/share_out.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::device {
-namespace {
-
-constexpr int64_t kBytesOfAThread = 1 << 19;
-
-}  // namespace
-
 void Snapshot::take(const std::vector<Tensor>& tensors) {
   COMRAD_CHECK(is_ready(), "one snapshot is on its way at a time");
   const torch::NoGradGuard no_grad;
@@ -23,16 +18,21 @@ void Snapshot::take(const std::vector<Tensor>& tensors) {
     on_host_ = host_memory({bytes}, torch::kUInt8, device);
   is_slow_ = readbacks_are_slow();
   if (device.is_cpu()) {
-    auto* to = on_host_.data_ptr<uint8_t>();
+    std::vector<Tensor> dense;
+    std::vector<uint8_t*> to = {on_host_.data_ptr<uint8_t>()};
     for (const Tensor& tensor : tensors) {
-      const Tensor dense = tensor.contiguous();
-      const auto* from = static_cast<const uint8_t*>(dense.data_ptr());
-      at::parallel_for(0, static_cast<int64_t>(dense.nbytes()), kBytesOfAThread,
-                       [&](int64_t begin, int64_t end) {
-                         std::memcpy(to + begin, from + begin, static_cast<std::size_t>(end - begin));
-                       });
-      to += dense.nbytes();
+      dense.push_back(tensor.contiguous());
+      to.push_back(to.back() + tensor.nbytes());
     }
+    const std::vector<Piece> pieces = pieces_of(dense);
+    share_out(pieces.size(), [&](std::size_t i) {
+      const Piece& piece = pieces[i];
+      const Tensor& from = dense[piece.tensor];
+      const auto size = static_cast<std::size_t>(from.element_size());
+      const std::size_t begin = static_cast<std::size_t>(piece.begin) * size;
+      std::memcpy(to[piece.tensor] + begin, static_cast<const uint8_t*>(from.data_ptr()) + begin,
+                  static_cast<std::size_t>(piece.size()) * size);
+    });
     return;
   }
   std::vector<Tensor> parts;

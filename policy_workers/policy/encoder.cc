@@ -5,6 +5,7 @@
 
 #include "policy_workers/device/cpu_tuning.h"
 #include "policy_workers/device/operator_path.h"
+#include "policy_workers/device/share_out.h"
 #include "policy_workers/policy/kernels.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
@@ -37,8 +38,8 @@ constexpr size_t kConvsPerStage = 1 + 2 * kResidualBlocks;
 constexpr int64_t kChunkRows = 64;
 /// The same for resnet_impala, whose first stage works at the frame's full size.
 constexpr int64_t kResnetChunkRows = 32;
-/// Columns of the frames' statistics that are worth a thread.
-constexpr int64_t kColumnsOfAThread = 2048;
+/// Columns of the frames' statistics that one thread adds up at a time.
+constexpr int64_t kColumnsOfAPiece = 2048;
 
 /// Rows [B, elements] of u8 on the CPU to f32: clamp(x * factor + offset).
 Tensor normalize_bytes(const Tensor& rows, const Tensor& factor, const Tensor& offset) {
@@ -410,9 +411,12 @@ void InputNormalizer::update(const Tensor& rows, const AddUp& add_up) {
     const Tensor dense = flat.contiguous();
     sum = torch::empty({element_count_}, torch::kFloat64);
     square_sum = torch::empty({element_count_}, torch::kFloat64);
-    at::parallel_for(0, element_count_, kColumnsOfAThread, [&](int64_t first, int64_t last) {
-      kernels::sum_bytes(dense.data_ptr<uint8_t>(), dense.size(0), element_count_, first, last,
-                         sum.data_ptr<double>(), square_sum.data_ptr<double>());
+    const int64_t pieces = (element_count_ + kColumnsOfAPiece - 1) / kColumnsOfAPiece;
+    device::share_out(static_cast<std::size_t>(pieces), [&](std::size_t piece) {
+      const int64_t first = static_cast<int64_t>(piece) * kColumnsOfAPiece;
+      kernels::sum_bytes(dense.data_ptr<uint8_t>(), dense.size(0), element_count_, first,
+                         std::min(first + kColumnsOfAPiece, element_count_), sum.data_ptr<double>(),
+                         square_sum.data_ptr<double>());
     });
     sum = sum.to(device_);
     square_sum = square_sum.to(device_);

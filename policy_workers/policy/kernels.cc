@@ -3,15 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "policy_workers/policy/vectorised.h"
 #include "rollout_buffer/core/bfloat16.h"
-
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-#define COMRAD_VECTORISED                                    \
-  __attribute__((target_clones("arch=x86-64-v3", "default"), \
-                 optimize("O3", "no-trapping-math", "no-math-errno")))
-#else
-#define COMRAD_VECTORISED
-#endif
 
 namespace comrad::policy::kernels {
 namespace {

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cstring>
 
+#include "policy_workers/policy/vectorised.h"
 #include "rollout_buffer/core/bfloat16.h"
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
@@ -107,8 +108,50 @@ constexpr PanelMath kAvx2F32 = {16, 1, {{{4, avx2_f32<4>}, {2, avx2_f32<2>}, {1,
 constexpr PanelMath kAvx512Bf16 = {32, 2, {{{8, avx512_bf16<8>}, {2, avx512_bf16<2>}, {1, avx512_bf16<1>}}}};
 #endif
 
-uint32_t pair_of(float first, float second) {
+[[gnu::always_inline]] inline uint32_t pair_of(float first, float second) {
   return rounded(first) | static_cast<uint32_t>(rounded(second)) << 16;
+}
+
+COMRAD_VECTORISED void pair_neighbours(const float* __restrict numbers, int64_t pairs,
+                                       uint32_t* __restrict units) {
+  for (int64_t k = 0; k < pairs; ++k) units[k] = pair_of(numbers[2 * k], numbers[2 * k + 1]);
+}
+
+COMRAD_VECTORISED void pair_rows(const float* __restrict upper, const float* __restrict lower, int64_t pairs,
+                                 uint32_t* __restrict units) {
+  for (int64_t k = 0; k < pairs; ++k) units[k] = pair_of(upper[k], lower[k]);
+}
+
+/// Of a matrix whose columns lie without gaps.
+void panel_of_columns(const PanelMath& math, const float* values, int64_t row_count, int64_t columns,
+                      int64_t column_stride, uint32_t* panel) {
+  constexpr int64_t kUnits = 64;
+  uint32_t units[kMostColumns][kUnits];  // stays in the first-level cache
+  for (int64_t row = 0; row < row_count; row += kUnits * math.numbers_of_unit) {
+    const int64_t rows = std::min(kUnits * math.numbers_of_unit, row_count - row);
+    for (int64_t column = 0; column < columns; ++column) {
+      const float* const numbers = values + column * column_stride + row;
+      if (math.numbers_of_unit == 2)
+        round_rows(numbers, 1, rows, units[column]);
+      else
+        std::memcpy(units[column], numbers, static_cast<size_t>(rows) * sizeof(float));
+    }
+    for (int64_t unit = 0; unit < row_units(math, rows); ++unit, panel += math.columns)
+      for (int64_t column = 0; column < columns; ++column) panel[column] = units[column][unit];
+  }
+}
+
+/// Of a matrix whose rows lie without gaps.
+void panel_of_rows(const PanelMath& math, const float* values, int64_t row_count, int64_t columns,
+                   int64_t row_stride, uint32_t* panel) {
+  constexpr float kZeros[kMostColumns] = {};
+  for (int64_t row = 0; row < row_count; row += math.numbers_of_unit, panel += math.columns) {
+    const float* const upper = values + row * row_stride;
+    if (math.numbers_of_unit == 2)
+      pair_rows(upper, row + 1 < row_count ? upper + row_stride : kZeros, columns, panel);
+    else
+      std::memcpy(panel, upper, static_cast<size_t>(columns) * sizeof(float));
+  }
 }
 
 }  // namespace
@@ -142,34 +185,22 @@ int64_t panel_units(const PanelMath& math, const MatrixView& matrix) {
 }
 
 void make_panels(const PanelMath& math, const MatrixView& matrix, uint32_t* panels) {
-  const int64_t units = row_units(math, matrix.row_count);
-  const auto value = [&matrix](int64_t row, int64_t column) {
-    return row < matrix.row_count && column < matrix.column_count
-               ? matrix.values[row * matrix.row_stride + column * matrix.column_stride]
-               : 0.0f;
-  };
-  const auto unit_at = [&](int64_t unit, int64_t column) {
-    return math.numbers_of_unit == 1 ? std::bit_cast<uint32_t>(value(unit, column))
-                                     : pair_of(value(2 * unit, column), value(2 * unit + 1, column));
-  };
-  for (int64_t first = 0; first < matrix.column_count;
-       first += math.columns, panels += units * math.columns) {
-    // In the order in which the matrix lies.
-    if (matrix.column_stride == 1) {
-      for (int64_t unit = 0; unit < units; ++unit)
-        for (int64_t column = 0; column < math.columns; ++column)
-          panels[unit * math.columns + column] = unit_at(unit, first + column);
-    } else {
-      for (int64_t column = 0; column < math.columns; ++column)
-        for (int64_t unit = 0; unit < units; ++unit)
-          panels[unit * math.columns + column] = unit_at(unit, first + column);
-    }
+  const int64_t panel_size = row_units(math, matrix.row_count) * math.columns;
+  for (int64_t first = 0; first < matrix.column_count; first += math.columns, panels += panel_size) {
+    const int64_t columns = std::min(math.columns, matrix.column_count - first);
+    const float* const values = matrix.values + first * matrix.column_stride;
+    if (columns < math.columns) std::fill_n(panels, panel_size, 0u);
+    if (matrix.row_stride == 1)
+      panel_of_columns(math, values, matrix.row_count, columns, matrix.column_stride, panels);
+    else
+      panel_of_rows(math, values, matrix.row_count, columns, matrix.row_stride, panels);
   }
 }
 
 void round_rows(const float* x, int64_t row_count, int64_t number_count, uint32_t* rows) {
   for (int64_t row = 0; row < row_count; ++row, x += number_count) {
-    for (int64_t k = 0; k + 1 < number_count; k += 2) *rows++ = pair_of(x[k], x[k + 1]);
+    pair_neighbours(x, number_count / 2, rows);
+    rows += number_count / 2;
     if (number_count % 2 == 1) *rows++ = pair_of(x[number_count - 1], 0.0f);
   }
 }

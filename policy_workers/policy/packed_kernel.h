@@ -14,7 +14,7 @@ struct PanelMath;
 const PanelMath* f32_panels(int fused_floats = cpu_features().fused_floats);
 const PanelMath* bf16_panels();
 
-/// A matrix [row_count, column_count] of floats, anywhere in memory.
+/// A matrix [row_count, column_count] of floats, whose rows or columns lie without gaps: one of the strides is 1.
 struct MatrixView {
   const float* values;
   int64_t row_count, column_count;

@@ -25,7 +25,8 @@ Tensor panels_of(const Tensor& weight, WeightSide side, Precision precision) {
   thread_local WeightCache caches[2][2];
   WeightCache& cache = caches[side == WeightSide::kPlain][precision == Precision::kBf16];
   return cache.get(weight, [&](const Tensor& detached) {
-    const Tensor matrix = side == WeightSide::kTransposed ? detached.t() : detached;
+    const Tensor dense = detached.contiguous();
+    const Tensor matrix = side == WeightSide::kTransposed ? dense.t() : dense;
     const kernels::MatrixView view{.values = matrix.data_ptr<float>(),
                                    .row_count = matrix.size(0),
                                    .column_count = matrix.size(1),

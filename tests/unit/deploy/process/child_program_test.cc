@@ -38,6 +38,13 @@ TEST(RunProgram, HandsLinesOverWhole) {
   EXPECT_THAT(lines, ElementsAre("ab", "c"));
 }
 
+TEST(RunProgram, GivesItsEnvironmentOnTopOfOurs) {
+  const auto result = run_program(shell("printf '%s %s' \"$COMRAD_TEST_NEW\" \"${PATH:+ours}\""),
+                                  {.environment = {{"COMRAD_TEST_NEW", "new"}}});
+  ASSERT_TRUE(result);
+  EXPECT_EQ(result->output, "new ours");
+}
+
 TEST(RunProgram, DoesNotBlockOnMoreThanAPipeHolds) {
   const auto result = run_program(shell("head -c 3000000 /dev/zero; head -c 3000000 /dev/zero >&2"));
   ASSERT_TRUE(result);

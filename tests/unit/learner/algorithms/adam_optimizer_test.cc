@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "policy_workers/device/cpu_tuning.h"
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
@@ -83,6 +84,24 @@ TEST(AdamOptimizer, WhatIsNotFiniteMovesNothing) {
     optimizer.step(1e-2);
     EXPECT_TRUE(torch::equal(a.detach(), other.detach()));
   }
+}
+
+TEST(AdamOptimizer, StepsAlikeWithAnyNumberOfThreads) {
+  const int before = at::get_num_threads();
+  const auto after_a_step = [](int threads) {
+    device::set_math_threads(threads);
+    torch::manual_seed(3);
+    torch::Tensor a = torch::randn({700, 300}).requires_grad_(), b = torch::randn({5}).requires_grad_();
+    AdamOptimizer optimizer({a, b}, {.max_grad_norm = 0.7});
+    a.mutable_grad() = torch::randn({700, 300});
+    b.mutable_grad() = torch::randn({5});
+    const torch::Tensor norm = optimizer.step(1e-2)[1];
+    return at::cat({a.detach().flatten(), b.detach()}).to(torch::kFloat64) * norm;
+  };
+  const torch::Tensor alone = after_a_step(1);
+  EXPECT_TRUE(torch::equal(alone, after_a_step(2)));
+  EXPECT_TRUE(torch::equal(alone, after_a_step(5)));
+  device::set_math_threads(before);
 }
 
 TEST(AdamOptimizer, AReloadedOptimizerTakesTheSameNextStep) {
