@@ -7,6 +7,7 @@
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/share_out.h"
 #include "policy_workers/policy/kernels.h"
+#include "policy_workers/policy/pixel_convolutions.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/text.h"
@@ -15,7 +16,7 @@ namespace comrad::policy {
 namespace {
 
 constexpr double kVarianceFloor = 1e-5;
-constexpr double kClip = 5.0;
+constexpr float kClip = 5.0f;
 constexpr int64_t kImageFeatures = 512;
 constexpr int64_t kMeasurementFeatures = 128;
 
@@ -41,54 +42,20 @@ constexpr int64_t kResnetChunkRows = 32;
 /// Columns of the frames' statistics that one thread adds up at a time.
 constexpr int64_t kColumnsOfAPiece = 2048;
 
+std::vector<const uint8_t*> rows_of(const Tensor& dense) {
+  std::vector<const uint8_t*> rows(static_cast<size_t>(dense.size(0)));
+  for (size_t row = 0; row < rows.size(); ++row)
+    rows[row] = dense.data_ptr<uint8_t>() + static_cast<int64_t>(row) * dense.stride(0);
+  return rows;
+}
+
 /// Rows [B, elements] of u8 on the CPU to f32: clamp(x * factor + offset).
 Tensor normalize_bytes(const Tensor& rows, const Tensor& factor, const Tensor& offset) {
   const Tensor dense = rows.contiguous();
-  const int64_t element_count = factor.numel();
-  const Tensor out = torch::empty({dense.size(0), element_count}, torch::kFloat32);
-  std::vector<const uint8_t*> pointers(static_cast<size_t>(dense.size(0)));
-  for (size_t row = 0; row < pointers.size(); ++row)
-    pointers[row] = dense.data_ptr<uint8_t>() + static_cast<int64_t>(row) * element_count;
-  kernels::normalize_bytes(pointers, element_count, factor.data_ptr<float>(), offset.data_ptr<float>(),
-                           static_cast<float>(kClip), out.data_ptr<float>());
+  const Tensor out = torch::empty({dense.size(0), factor.numel()}, torch::kFloat32);
+  kernels::normalize_bytes(rows_of(dense), factor.numel(), factor.data_ptr<float>(), offset.data_ptr<float>(),
+                           kClip, out.data_ptr<float>());
   return out;
-}
-
-uint16_t* bits_of(const Tensor& x) { return reinterpret_cast<uint16_t*>(x.data_ptr<at::BFloat16>()); }
-
-/// The same rows as bfloat16.
-Tensor normalize_bytes_bf16(const Tensor& rows, const Tensor& factor, const Tensor& offset) {
-  const Tensor dense = rows.contiguous();
-  const int64_t element_count = factor.numel();
-  const Tensor out = torch::empty({dense.size(0), element_count}, torch::kBFloat16);
-  std::vector<const uint8_t*> pointers(static_cast<size_t>(dense.size(0)));
-  for (size_t row = 0; row < pointers.size(); ++row)
-    pointers[row] = dense.data_ptr<uint8_t>() + static_cast<int64_t>(row) * element_count;
-  kernels::normalize_bytes_bf16(pointers, element_count, factor.data_ptr<float>(), offset.data_ptr<float>(),
-                                static_cast<float>(kClip), bits_of(out));
-  return out;
-}
-
-/// A convolution of bfloat16 factors with its bias and ELU, the result rounded to be the next product's factor.
-Tensor convolve_elu_bf16(const Tensor& x, const Tensor& weight, const Tensor& bias, int64_t stride) {
-  const Tensor y = at::conv2d(x, weight, Tensor(), stride).contiguous();
-  kernels::bias_elu_bf16(bits_of(y), y.size(0), y.size(1), y.size(2) * y.size(3), bias.data_ptr<float>());
-  return y;
-}
-
-/// ELU in place; x is ours alone.
-void elu_in_place(Tensor& x) {
-  if (x.is_cpu() && x.is_contiguous())
-    kernels::elu(x.data_ptr<float>(), x.numel());
-  else
-    at::elu_(x);
-}
-
-/// Turns the gradient of an ELU's result y into the gradient of its input.
-Tensor elu_gradient(Tensor grad, const Tensor& y) {
-  grad = grad.contiguous();
-  kernels::elu_backward(y.data_ptr<float>(), grad.data_ptr<float>(), grad.numel());
-  return grad;
 }
 
 /// ELU(x W^T + b) with autograd; in place, as the derivative is a function of the result.
@@ -108,7 +75,7 @@ Tensor convolve(const Tensor& x, const Tensor& weight, const Tensor& bias, int64
 }
 
 /// A stack of two or three convolutions on a CPU, in chunks, normalisation included: bytes [B, C, H, W] to
-/// features [B, K]. Of two layers the third has empty tensors.
+/// features [B, K], which are bfloat16 where products are. Of two layers the third has empty tensors.
 ///
 /// Autograd's own graph would hold the normalised pixels of the whole batch and pass every layer over the
 /// whole batch; this one keeps three activations per chunk and normalises the pixels a second time on the
@@ -125,13 +92,11 @@ struct PixelPath : torch::autograd::Function<PixelPath> {
     TensorList saved = {w1, w2, w3, frame, factor, offset}, outputs;
     for (int64_t first = 0; first < frame.size(0); first += kChunkRows) {
       const Tensor chunk = frame.slice(0, first, first + kChunkRows);
-      Tensor x = normalize_bytes(chunk.flatten(1), factor, offset).view_as(chunk);
-      for (size_t layer = 0; layer < strides.size(); ++layer) {
-        x = convolve(x, weights[layer], biases[layer], strides[layer], 0, precision).contiguous();
-        elu_in_place(x);
-        saved.push_back(x);
-      }
-      outputs.push_back(x.flatten(1));
+      PixelConvolutions& stack = PixelConvolutions::of(chunk.sizes(), weights, strides, precision);
+      Tensor x = stack.pixels(rows_of(chunk), factor, offset, kClip);
+      for (size_t layer = 0; layer < strides.size(); ++layer)
+        saved.push_back(x = stack.forward(layer, x, weights[layer], biases[layer]));
+      outputs.push_back(stack.to_features(x));
     }
     context->save_for_backward(saved);
     context->saved_data["strides"] = strides;
@@ -149,100 +114,25 @@ struct PixelPath : torch::autograd::Function<PixelPath> {
     size_t next = 6;
     for (int64_t first = 0; first < frame.size(0); first += kChunkRows, next += layers) {
       const Tensor chunk = frame.slice(0, first, first + kChunkRows);
-      // A copy: autograd may hand the same gradient to others.
-      Tensor grad =
-          grad_outputs[0].slice(0, first, first + kChunkRows).clone().view_as(saved[next + layers - 1]);
+      PixelConvolutions& stack = PixelConvolutions::of(chunk.sizes(), saved, strides, precision);
+      Tensor grad = stack.from_features(grad_outputs[0].slice(0, first, first + kChunkRows));
       for (size_t layer = layers; layer-- > 0;) {
-        const Tensor x = layer > 0 ? saved[next + layer - 1]
-                                   : normalize_bytes(chunk.flatten(1), factor, offset).view_as(chunk);
-        grad = elu_gradient(grad, saved[next + layer]);
-        const int64_t stride = strides[layer];
-        auto [to_input, to_weight, to_bias] = at::convolution_backward(
-            policy::factor(grad, precision), policy::factor(x, precision),
-            policy::factor(saved[layer], precision), at::OptionalIntArrayRef({saved[layer].size(0)}),
-            {stride, stride}, {0, 0}, {1, 1}, false, {0, 0}, 1, {layer > 0, true, true});
-        to_weight = to_f32(to_weight);
-        to_bias = to_f32(to_bias);
+        const Tensor x =
+            layer > 0 ? saved[next + layer - 1] : stack.pixels(rows_of(chunk), factor, offset, kClip);
+        auto gradients = stack.backward(layer, x, saved[next + layer], grad, saved[layer]);
         if (first == 0) {
-          weight_gradient[layer] = to_weight;
-          bias_gradient[layer] = to_bias;
+          weight_gradient[layer] = gradients.weight;
+          bias_gradient[layer] = gradients.bias;
         } else {
-          weight_gradient[layer].add_(to_weight);
-          bias_gradient[layer].add_(to_bias);
+          weight_gradient[layer].add_(gradients.weight);
+          bias_gradient[layer].add_(gradients.bias);
         }
-        grad = layer > 0 ? to_f32(to_input) : to_input;
+        grad = gradients.x;
       }
     }
     return {Tensor(),         Tensor(),           Tensor(),         weight_gradient[0],
             bias_gradient[0], weight_gradient[1], bias_gradient[1], weight_gradient[2],
             bias_gradient[2], Tensor(),           Tensor()};
-  }
-};
-
-/// The same where the CPU multiplies bfloat16 numbers: what lies between two products is rounded once, where it is made, and
-/// kept at half the size. Every product has the factors that PixelPath gives it; features come out as bfloat16.
-struct PixelPathBf16 : torch::autograd::Function<PixelPathBf16> {
-  using Context = torch::autograd::AutogradContext;
-  using TensorList = torch::autograd::tensor_list;
-
-  static Tensor forward(Context* context, const Tensor& frame, const Tensor& factor, const Tensor& offset,
-                        const Tensor& w1, const Tensor& b1, const Tensor& w2, const Tensor& b2,
-                        const Tensor& w3, const Tensor& b3, const std::vector<int64_t>& strides) {
-    const Tensor biases[] = {b1, b2, b3};
-    Tensor weights[3];
-    TensorList saved, outputs;
-    const Tensor all[] = {w1, w2, w3};
-    for (size_t layer = 0; layer < 3; ++layer)
-      saved.push_back(weights[layer] = weight_factor(all[layer], Precision::kBf16));
-    saved.insert(saved.end(), {frame, factor, offset});
-    for (int64_t first = 0; first < frame.size(0); first += kChunkRows) {
-      const Tensor chunk = frame.slice(0, first, first + kChunkRows);
-      Tensor x = normalize_bytes_bf16(chunk.flatten(1), factor, offset).view_as(chunk);
-      for (size_t layer = 0; layer < strides.size(); ++layer)
-        saved.push_back(x = convolve_elu_bf16(x, weights[layer], biases[layer], strides[layer]));
-      outputs.push_back(x.flatten(1));
-    }
-    context->save_for_backward(saved);
-    context->saved_data["strides"] = strides;
-    return at::cat(outputs);
-  }
-
-  static TensorList backward(Context* context, TensorList grad_outputs) {
-    const std::vector<int64_t> strides = context->saved_data["strides"].toIntVector();
-    const size_t layers = strides.size();
-    const TensorList saved = context->get_saved_variables();
-    const Tensor &frame = saved[3], &factor = saved[4], &offset = saved[5];
-    Tensor weight_gradient[3], bias_gradient[3];
-    size_t next = 6;
-    for (int64_t first = 0; first < frame.size(0); first += kChunkRows, next += layers) {
-      const Tensor chunk = frame.slice(0, first, first + kChunkRows);
-      // A copy: autograd may hand the same gradient to others.
-      Tensor grad = grad_outputs[0]
-                        .slice(0, first, first + kChunkRows)
-                        .to(torch::kBFloat16, /*non_blocking=*/false, /*copy=*/true)
-                        .contiguous()
-                        .view_as(saved[next + layers - 1]);
-      for (size_t layer = layers; layer-- > 0;) {
-        const Tensor x = layer > 0 ? saved[next + layer - 1]
-                                   : normalize_bytes_bf16(chunk.flatten(1), factor, offset).view_as(chunk);
-        grad = grad.contiguous();
-        kernels::elu_backward_bf16(bits_of(saved[next + layer]), bits_of(grad), grad.numel());
-        const int64_t stride = strides[layer];
-        const auto [to_input, to_weight, to_bias] = at::convolution_backward(
-            grad, x, saved[layer], at::OptionalIntArrayRef({saved[layer].size(0)}), {stride, stride}, {0, 0},
-            {1, 1}, false, {0, 0}, 1, {layer > 0, true, true});
-        if (first == 0) {
-          weight_gradient[layer] = to_f32(to_weight);
-          bias_gradient[layer] = to_f32(to_bias);
-        } else {
-          weight_gradient[layer].add_(to_weight);
-          bias_gradient[layer].add_(to_bias);
-        }
-        grad = to_input;
-      }
-    }
-    return {Tensor(),           Tensor(),         Tensor(),           weight_gradient[0], bias_gradient[0],
-            weight_gradient[1], bias_gradient[1], weight_gradient[2], bias_gradient[2],   Tensor()};
   }
 };
 
@@ -391,13 +281,8 @@ Tensor InputNormalizer::normalize(const Tensor& rows) const {
 
 void InputNormalizer::normalize_rows(std::span<const uint8_t* const> rows, float* out) const {
   // Without statistics x / 255 lies in [0, 1], so the clip never acts.
-  kernels::normalize_bytes(rows, element_count_, factor_.data_ptr<float>(), offset_.data_ptr<float>(),
-                           static_cast<float>(kClip), out);
-}
-
-void InputNormalizer::normalize_rows_bf16(std::span<const uint8_t* const> rows, uint16_t* out) const {
-  kernels::normalize_bytes_bf16(rows, element_count_, factor_.data_ptr<float>(), offset_.data_ptr<float>(),
-                                static_cast<float>(kClip), out);
+  kernels::normalize_bytes(rows, element_count_, factor_.data_ptr<float>(), offset_.data_ptr<float>(), kClip,
+                           out);
 }
 
 void InputNormalizer::update(const Tensor& rows, const AddUp& add_up) {
@@ -568,12 +453,6 @@ Tensor Encoder::forward(const Tensor& frame, const Tensor& measurement) const {
   }
   const Tensor none = torch::empty({0});
   const bool has_third = conv_.size() > 2;
-  if (has_bf16_path())
-    return features(
-        PixelPathBf16::apply(bytes, normalizer.factor(), normalizer.offset(), conv_[0].weight, conv_[0].bias,
-                             conv_[1].weight, conv_[1].bias, has_third ? conv_[2].weight : none,
-                             has_third ? conv_[2].bias : none, strides_),
-        measurement);
   return features(
       PixelPath::apply(bytes, normalizer.factor(), normalizer.offset(), conv_[0].weight, conv_[0].bias,
                        conv_[1].weight, conv_[1].bias, has_third ? conv_[2].weight : none,
@@ -592,34 +471,29 @@ Tensor Encoder::forward_rows(std::span<const uint8_t* const> frames, const Tenso
     return forward(bytes, measurement);
   }
   torch::NoGradGuard no_grad;
-  std::vector<Tensor> maps;
+  std::vector<Tensor> weights, maps;
+  for (const Layer& layer : conv_) weights.push_back(layer.weight);
   const int64_t chunk_rows = is_resnet_ ? kResnetChunkRows : kChunkRows;
   for (int64_t first = 0; first < rows; first += chunk_rows) {
     const int64_t count = std::min(chunk_rows, rows - first);
     const auto chunk = frames.subspan(static_cast<size_t>(first), static_cast<size_t>(count));
     const int64_t sizes[] = {count, env_.channels, env_.height, env_.width};
-    if (has_bf16_path()) {
-      Tensor x = torch::empty(sizes, torch::kBFloat16);
-      normalizer_->frame.normalize_rows_bf16(chunk, bits_of(x));
-      for (size_t layer = 0; layer < conv_.size(); ++layer)
-        x = convolve_elu_bf16(x, weight_factor(conv_[layer].weight, precision_), conv_[layer].bias,
-                              strides_[layer]);
-      maps.push_back(x.flatten(1));
+    if (is_resnet_) {
+      const Tensor pixels = torch::empty(sizes);
+      normalizer_->frame.normalize_rows(chunk, pixels.data_ptr<float>());
+      maps.push_back(convolutions(pixels));
       continue;
     }
-    const Tensor pixels = torch::empty(sizes);
-    normalizer_->frame.normalize_rows(chunk, pixels.data_ptr<float>());
-    maps.push_back(convolutions(pixels));
+    PixelConvolutions& stack = PixelConvolutions::of(sizes, weights, strides_, precision_);
+    Tensor x = stack.pixels(chunk, normalizer_->frame.factor(), normalizer_->frame.offset(), kClip);
+    for (size_t layer = 0; layer < conv_.size(); ++layer)
+      x = stack.forward(layer, x, conv_[layer].weight, conv_[layer].bias);
+    maps.push_back(stack.to_features(x));
   }
   return features(maps.size() == 1 ? maps.front() : at::cat(maps), measurement);
 }
 
-bool Encoder::has_bf16_path() const {
-  return precision_ == Precision::kBf16 && device::has_own_kernels(device_) && !is_resnet_ &&
-         multiplies_bf16(device_);
-}
-
-/// The convolutions as plain operators: for accelerators, and for passes without a gradient.
+/// The convolutions as plain operators: for accelerators, and resnet_impala's without a gradient.
 Tensor Encoder::convolutions(Tensor x) const {
   if (is_resnet_) {
     std::vector<Tensor> weights, biases;
@@ -631,10 +505,7 @@ Tensor Encoder::convolutions(Tensor x) const {
   }
   for (size_t index = 0; index < conv_.size(); ++index) {
     x = convolve(x, conv_[index].weight, conv_[index].bias, strides_[index], 0, precision_);
-    if (device::has_own_kernels(device_) && !at::GradMode::is_enabled())
-      elu_in_place(x);
-    else
-      at::elu_(x);
+    at::elu_(x);
   }
   return x.flatten(1);
 }

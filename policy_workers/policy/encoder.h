@@ -44,8 +44,6 @@ class InputNormalizer {
   /// The same for u8 rows on the CPU that lie anywhere: one pass, no copy between. `out` has
   /// rows.size() rows.
   void normalize_rows(std::span<const uint8_t* const> rows, float* out) const;
-  /// The same, rounded to bfloat16.
-  void normalize_rows_bf16(std::span<const uint8_t* const> rows, uint16_t* out) const;
   /// Merges a batch [B, elements] of u8 or f32 into the statistics. Any number of rows; none changes nothing. Where
   /// several learners have a part of the batch each, `add_up` makes sums those of all of them.
   void update(const Tensor& rows, const AddUp& add_up = {});
@@ -154,7 +152,6 @@ class Encoder {
     Tensor weight, bias;
   };
   Tensor convolutions(Tensor pixels) const;
-  bool has_bf16_path() const;
   Tensor features(const Tensor& map, const Tensor& measurement) const;
 
   EnvShape env_;

@@ -23,38 +23,6 @@ COMRAD_VECTORISED void normalize_tile(const uint8_t* __restrict in, int64_t coun
   }
 }
 
-/// exp(x) for x <= 0, with __builtin_bit_cast because gcc 12 does not vectorise over std::bit_cast's
-/// reference: 2^n by the exponent bits, 2^(x log2(e) - n) by the Taylor polynomial of degree 7 on
-/// [-ln 2 / 2, ln 2 / 2], whose error (6e-9) is below a rounding.
-[[gnu::always_inline]] inline float exp_negative(float x) {
-  constexpr float kLog2e = 1.44269504f, kLn2High = 0.693359375f, kLn2Low = -2.12194440e-4f;
-  constexpr float kRound = 12582912.0f;  // 1.5 * 2^23: adding and taking it away rounds to an integer
-  x = x < -87.0f ? -87.0f : x;
-  const float rounded = x * kLog2e + kRound;
-  const float n = rounded - kRound;
-  const int32_t exponent = __builtin_bit_cast(int32_t, rounded) - __builtin_bit_cast(int32_t, kRound);
-  const float r = (x - n * kLn2High) - n * kLn2Low;
-  float p = 1.0f / 5040;
-  p = p * r + 1.0f / 720;
-  p = p * r + 1.0f / 120;
-  p = p * r + 1.0f / 24;
-  p = p * r + 1.0f / 6;
-  p = p * r + 0.5f;
-  p = p * r + 1.0f;
-  p = p * r + 1.0f;
-  return p * __builtin_bit_cast(float, (exponent + 127) << 23);
-}
-
-COMRAD_VECTORISED void elu_loop(float* __restrict values, int64_t count) {
-  for (int64_t k = 0; k < count; ++k) {
-    // max(x, 0) + (exp(min(x, 0)) - 1), split by the sign bit: with comparisons the compiler makes branches
-    // of it.
-    const int32_t bits = __builtin_bit_cast(int32_t, values[k]), negative = bits >> 31;
-    values[k] = __builtin_bit_cast(float, bits & ~negative) +
-                (exp_negative(__builtin_bit_cast(float, bits& negative)) - 1.0f);
-  }
-}
-
 COMRAD_VECTORISED void elu_backward_loop(const float* __restrict y, float* __restrict grad, int64_t count) {
   for (int64_t k = 0; k < count; ++k) {
     const float slope = y[k] > 0.0f ? 1.0f : y[k] + 1.0f;
@@ -70,15 +38,6 @@ COMRAD_VECTORISED void normalize_tile_bf16(const uint8_t* __restrict in, int64_t
     y = y < -clip ? -clip : y;
     y = y > clip ? clip : y;
     out[k] = rounded(y);
-  }
-}
-
-COMRAD_VECTORISED void bias_elu_loop_bf16(uint16_t* __restrict values, int64_t count, float bias) {
-  for (int64_t k = 0; k < count; ++k) {
-    const float x = widened(values[k]) + bias;
-    const int32_t bits = __builtin_bit_cast(int32_t, x), negative = bits >> 31;
-    values[k] = rounded(__builtin_bit_cast(float, bits & ~negative) +
-                        (exp_negative(__builtin_bit_cast(float, bits& negative)) - 1.0f));
   }
 }
 
@@ -149,15 +108,20 @@ void normalize_bytes_bf16(std::span<const uint8_t* const> rows, int64_t element_
   }
 }
 
-void bias_elu_bf16(uint16_t* maps, int64_t row_count, int64_t channel_count, int64_t plane,
-                   const float* bias) {
-  for (int64_t row = 0; row < row_count; ++row)
-    for (int64_t channel = 0; channel < channel_count; ++channel, maps += plane)
-      bias_elu_loop_bf16(maps, plane, bias[channel]);
-}
-
 void elu_backward_bf16(const uint16_t* y, uint16_t* grad, int64_t count) {
   elu_backward_loop_bf16(y, grad, count);
+}
+
+void gather_patches(const uint8_t* planes, int64_t channels, int64_t height, int64_t width,
+                    int64_t patch_rows, int64_t patch_columns, uint8_t* out) {
+  for (int64_t channel = 0; channel < channels; ++channel, planes += height * width)
+    for (int64_t row = 0; row < patch_rows; ++row, out += patch_columns * kPatch * kPatch)
+      for (int64_t line = 0; line < kPatch; ++line) {
+        const uint8_t* in = planes + (row * kPatch + line) * width;
+        uint8_t* to = out + line * kPatch;
+        for (int64_t column = 0; column < patch_columns; ++column, in += kPatch, to += kPatch * kPatch)
+          std::memcpy(to, in, kPatch);
+      }
 }
 
 void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, int64_t first, int64_t last,
@@ -180,8 +144,6 @@ void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, in
     }
   }
 }
-
-void elu(float* values, int64_t count) { elu_loop(values, count); }
 
 void elu_backward(const float* y, float* grad, int64_t count) { elu_backward_loop(y, grad, count); }
 

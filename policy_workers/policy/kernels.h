@@ -1,6 +1,5 @@
-// The few elementwise loops where torch has no fused operator or a slow one (its ELU takes 1 ns an
-// element). Plain C++ that the compiler vectorises, built for AVX2 and for any x86-64 (the loader picks);
-// no torch in here.
+// The few elementwise loops where torch has no fused operator or a slow one. Plain C++ that the compiler vectorises, built
+// for AVX2 and for any x86-64 (the loader picks); no torch in here.
 #pragma once
 
 #include <cstdint>
@@ -12,12 +11,15 @@ namespace comrad::policy::kernels {
 void normalize_bytes(std::span<const uint8_t* const> rows, int64_t element_count, const float* factor,
                      const float* offset, float clip, float* out);
 
+/// The patches of kPatch x kPatch bytes of planes [channels, height, width] one after another: out [channels, patch_rows,
+/// patch_columns, kPatch, kPatch]. What lies beyond them is left out.
+constexpr int64_t kPatch = 4;
+void gather_patches(const uint8_t* planes, int64_t channels, int64_t height, int64_t width,
+                    int64_t patch_rows, int64_t patch_columns, uint8_t* out);
+
 /// Sums and sums of squares of columns [first, last) of bytes [row_count, element_count]; exact.
 void sum_bytes(const uint8_t* rows, int64_t row_count, int64_t element_count, int64_t first, int64_t last,
                double* sum, double* square_sum);
-
-/// ELU in place: y = x > 0 ? x : exp(x) - 1, to within 2e-7.
-void elu(float* values, int64_t count);
 
 /// Gradient through ELU in place, from its result y: grad *= y > 0 ? 1 : y + 1.
 void elu_backward(const float* y, float* grad, int64_t count);
@@ -28,10 +30,6 @@ void elu_backward(const float* y, float* grad, int64_t count);
 /// As normalize_bytes().
 void normalize_bytes_bf16(std::span<const uint8_t* const> rows, int64_t element_count, const float* factor,
                           const float* offset, float clip, uint16_t* out);
-
-/// In place: y = ELU(x + bias[channel]) of maps [row_count, channel_count, plane].
-void bias_elu_bf16(uint16_t* maps, int64_t row_count, int64_t channel_count, int64_t plane,
-                   const float* bias);
 
 /// As elu_backward().
 void elu_backward_bf16(const uint16_t* y, uint16_t* grad, int64_t count);

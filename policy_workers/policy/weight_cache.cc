@@ -4,11 +4,10 @@ namespace comrad::policy {
 
 torch::Tensor WeightCache::get(const torch::Tensor& weight,
                                c10::function_ref<torch::Tensor(const torch::Tensor&)> make) {
-  constexpr size_t kMostWeights = 64;
   const auto version = static_cast<int64_t>(weight._version());
   const auto known = made_.find(weight.unsafeGetTensorImpl());
   if (known != made_.end() && known->second.version == version) return known->second.made;
-  if (known == made_.end() && made_.size() >= kMostWeights)
+  if (known == made_.end())
     std::erase_if(made_, [](const auto& entry) { return entry.second.weight.expired(); });
   const torch::Tensor made = make(weight.detach());
   made_.insert_or_assign(

@@ -1,4 +1,4 @@
-// What is made of a weight for its products (rounded, or in panels): made once a version of the tensor, not once a product.
+// What is made of a weight for its products (rounded, in panels, in another layout): made once a version of the tensor, not once a product.
 #pragma once
 
 #include <c10/util/FunctionRef.h>

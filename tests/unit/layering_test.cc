@@ -77,6 +77,7 @@ const std::vector<Library>& libraries() {
       {"CUDA", "libtorch-dev", {"c10/cuda/", "ATen/cuda/", "cuda"}, {"policy_workers/device/"}},
       {"libtorch", "libtorch-dev", {"torch/", "ATen/", "c10/", "caffe2/"}, {"policy_workers/", "learner/"}},
       {"CUDA", kOfGpuHosts + "cuda-toolkit[crt,cccl]", {"cuda_runtime_api.h"}, {"policy_workers/device/"}},
+      {"oneDNN", "libdnnl-dev", {"oneapi/dnnl/"}, {"policy_workers/policy/"}},
       {"Eigen", "libeigen3-dev", {"Eigen/"}, {"learner/estimators/", "deploy/commands/"}},
       {"toml++",
        "libtomlplusplus-dev",
