@@ -29,14 +29,16 @@ dnnl::stream& stream() {
   return stream;
 }
 
-memory at(const Tensor& tensor, const memory::desc& layout) { return {layout, cpu(), tensor.data_ptr()}; }
+memory in_layout(const Tensor& tensor, const memory::desc& layout) {
+  return {layout, cpu(), tensor.data_ptr()};
+}
 
 Tensor room_for(const memory::desc& layout) {
   return torch::empty({static_cast<int64_t>(layout.get_size())}, torch::kUInt8);
 }
 
 void copy(const Tensor& from, const memory::desc& its_layout, const Tensor& to, const memory::desc& layout) {
-  memory source = at(from, its_layout), target = at(to, layout);
+  memory source = in_layout(from, its_layout), target = in_layout(to, layout);
   dnnl::reorder(source, target).execute(stream(), source, target);
 }
 
@@ -57,7 +59,7 @@ struct Made {
   void run(std::unordered_map<int, memory> arguments) const {
     const memory::desc scratchpad = description.scratchpad_desc();
     const Tensor scratch = room_for(scratchpad);
-    arguments.emplace(DNNL_ARG_SCRATCHPAD, at(scratch, scratchpad));
+    arguments.emplace(DNNL_ARG_SCRATCHPAD, in_layout(scratch, scratchpad));
     primitive.execute(stream(), arguments);
   }
 
@@ -267,10 +269,10 @@ Tensor PixelConvolutions::forward(std::size_t index, const Tensor& x, const Tens
   const Tensor in = laid_out(stack_->factor(x), layer.input, description.src_desc());
   const Tensor factors = stack_->weight_for(layer.forward_weights, weight, layer, description.weights_desc());
   Tensor y = room_for(layer.output());
-  layer.forward.run({{DNNL_ARG_SRC, at(in, description.src_desc())},
-                     {DNNL_ARG_WEIGHTS, at(factors, description.weights_desc())},
-                     {DNNL_ARG_BIAS, at(bias, layer.bias)},
-                     {DNNL_ARG_DST, at(y, layer.output())}});
+  layer.forward.run({{DNNL_ARG_SRC, in_layout(in, description.src_desc())},
+                     {DNNL_ARG_WEIGHTS, in_layout(factors, description.weights_desc())},
+                     {DNNL_ARG_BIAS, in_layout(bias, layer.bias)},
+                     {DNNL_ARG_DST, in_layout(y, layer.output())}});
   return y;
 }
 
@@ -294,10 +296,10 @@ PixelConvolutions::Gradients PixelConvolutions::backward(std::size_t index, cons
     const Tensor out = laid_out(grad, layer.output(), description.diff_dst_desc());
     const Tensor sums = room_for(description.diff_weights_desc());
     gradients.bias = torch::empty({layer.weight_sizes[0]}, torch::kFloat32);
-    layer.to_weight->run({{DNNL_ARG_SRC, at(in, description.src_desc())},
-                          {DNNL_ARG_DIFF_DST, at(out, description.diff_dst_desc())},
-                          {DNNL_ARG_DIFF_WEIGHTS, at(sums, description.diff_weights_desc())},
-                          {DNNL_ARG_DIFF_BIAS, at(gradients.bias, layer.bias)}});
+    layer.to_weight->run({{DNNL_ARG_SRC, in_layout(in, description.src_desc())},
+                          {DNNL_ARG_DIFF_DST, in_layout(out, description.diff_dst_desc())},
+                          {DNNL_ARG_DIFF_WEIGHTS, in_layout(sums, description.diff_weights_desc())},
+                          {DNNL_ARG_DIFF_BIAS, in_layout(gradients.bias, layer.bias)}});
     gradients.weight = torch::empty(layer.weight_sizes, torch::kFloat32);
     copy(sums, description.diff_weights_desc(), gradients.weight, layer.plain_weight);
     if (index == 0 && stack_->patch_rows > 0) gradients.weight = over_pixels(gradients.weight);
@@ -308,9 +310,9 @@ PixelConvolutions::Gradients PixelConvolutions::backward(std::size_t index, cons
   const Tensor factors =
       stack_->weight_for(layer.backward_weights, weight, layer, description.weights_desc());
   const Tensor in = room_for(description.diff_src_desc());
-  layer.to_input->run({{DNNL_ARG_DIFF_DST, at(out, description.diff_dst_desc())},
-                       {DNNL_ARG_WEIGHTS, at(factors, description.weights_desc())},
-                       {DNNL_ARG_DIFF_SRC, at(in, description.diff_src_desc())}});
+  layer.to_input->run({{DNNL_ARG_DIFF_DST, in_layout(out, description.diff_dst_desc())},
+                       {DNNL_ARG_WEIGHTS, in_layout(factors, description.weights_desc())},
+                       {DNNL_ARG_DIFF_SRC, in_layout(in, description.diff_src_desc())}});
   gradients.x = laid_out(in, description.diff_src_desc(), layer.input);
   return gradients;
 }

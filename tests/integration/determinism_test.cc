@@ -17,6 +17,8 @@ namespace {
 
 constexpr double kRunTimeoutSeconds = 120;
 constexpr double kEnvSteps = 8192;
+/// Of a run that is to be disturbed: seconds on a fast machine, whose status is written once a second.
+constexpr double kManyEnvSteps = 8 * kEnvSteps;
 
 std::vector<std::string> lock_step(const ScratchFolder& scratch, const std::string& experiment,
                                    double env_steps, const std::vector<std::string>& more = {}) {
@@ -174,18 +176,18 @@ TEST(Deterministic, QmixIdqnAndTwoLearnersOfVdnResumedHalfWayEqualNeverStopping)
 TEST(Deterministic, AnInterruptedAndResumedRunEqualsNeverStopping) {
   const ScratchFolder scratch;
   {
-    RunningProgram interrupted(lock_step(scratch, "resumed", 2 * kEnvSteps));
+    RunningProgram interrupted(lock_step(scratch, "resumed", kManyEnvSteps));
     ASSERT_TRUE(wait_until([&] { return env_frames(scratch / "resumed") > 0; }, kRunTimeoutSeconds));
     interrupted.signal(SIGINT);
     ASSERT_EQ(interrupted.wait(15).exit_code, 0);
   }
-  train(scratch, "resumed", 2 * kEnvSteps);
-  EXPECT_GT(expect_same_training(undisturbed(2 * kEnvSteps), scratch / "resumed"), 20u);
+  train(scratch, "resumed", kManyEnvSteps);
+  EXPECT_GT(expect_same_training(undisturbed(kManyEnvSteps), scratch / "resumed"), 20u);
 }
 
 TEST(Deterministic, AKilledSimulatorChangesNothing) {
   const ScratchFolder scratch;
-  RunningProgram disturbed(lock_step(scratch, "disturbed", 2 * kEnvSteps));
+  RunningProgram disturbed(lock_step(scratch, "disturbed", kManyEnvSteps));
   ASSERT_TRUE(wait_until([&] { return env_frames(scratch / "disturbed") > 0; }, kRunTimeoutSeconds));
   const auto simulators = processes_of(scratch / "disturbed", "comrad-sim-worker");
   ASSERT_FALSE(simulators.empty()) << "the run ended before it could be disturbed";
@@ -193,7 +195,7 @@ TEST(Deterministic, AKilledSimulatorChangesNothing) {
   const Ending ending = disturbed.wait(kRunTimeoutSeconds);
   ASSERT_EQ(ending.exit_code, 0) << ending.err;
   EXPECT_THAT(ending.err, ::testing::HasSubstr("died"));
-  EXPECT_GT(expect_same_training(undisturbed(2 * kEnvSteps), scratch / "disturbed"), 20u);
+  EXPECT_GT(expect_same_training(undisturbed(kManyEnvSteps), scratch / "disturbed"), 20u);
 }
 
 }  // namespace

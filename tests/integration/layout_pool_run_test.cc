@@ -150,7 +150,7 @@ TEST(LayoutPoolRun, LockStepIsBitIdenticalTwiceAndAcrossAResume) {
 
 TEST(LayoutPoolRun, AKilledSimulatorAndAPoolDrawnOnTheSpot) {
   const ScratchFolder scratch;
-  RunningProgram run(training(scratch, "run", 40'000, "train:3"));
+  RunningProgram run(training(scratch, "run", 120'000, "train:3"));
   ASSERT_TRUE(wait_until([&] { return env_frames(scratch / "run") > 0; }, kRunTimeoutSeconds));
   const auto simulators = processes_of(scratch / "run", "comrad-sim-worker");
   ASSERT_FALSE(simulators.empty()) << "the run ended before it could be disturbed";
