@@ -51,12 +51,13 @@ if(torch_config OR (torch_version AND torch_version VERSION_LESS 2.7))
     "Debian's. Take 2.7 or newer.")
 endif()
 
-# Our own libraries come first: PyTorch carries other headers of fmt, which spdlog uses, and of protobuf.
+# Our own libraries come first: PyTorch carries other headers of fmt, which spdlog uses, of protobuf, and of a newer oneDNN, whose
+# functions it keeps to itself.
 set(first_dir ${CMAKE_BINARY_DIR}/headers-before-torch)
 file(MAKE_DIRECTORY ${first_dir})
-foreach(name IN ITEMS fmt google)
+foreach(name IN ITEMS fmt google oneapi)
   if(EXISTS ${torch_dir}/include/${name})
-    find_path(COMRAD_BEFORE_TORCH_${name} NAMES ${name}/core.h ${name}/protobuf/message.h)
+    find_path(COMRAD_BEFORE_TORCH_${name} NAMES ${name}/core.h ${name}/protobuf/message.h ${name}/dnnl/dnnl.hpp)
     mark_as_advanced(COMRAD_BEFORE_TORCH_${name})
     if(COMRAD_BEFORE_TORCH_${name})
       file(CREATE_LINK ${COMRAD_BEFORE_TORCH_${name}}/${name} ${first_dir}/${name} SYMBOLIC)

@@ -3,6 +3,7 @@
 #include <map>
 #include <oneapi/dnnl/dnnl.hpp>
 #include <optional>
+#include <string_view>
 #include <unordered_map>
 #include <utility>
 #include <vector>
@@ -50,11 +51,23 @@ Tensor laid_out(const Tensor& x, const memory::desc& its_layout, const memory::d
   return out;
 }
 
+/// A description by the first of oneDNN's ways that works here. Beside a PyTorch from pip, which has another oneDNN inside, the ways over
+/// matrix products do not: both make their kernels in a std::call_once() of one name, and the loader lets PyTorch's answer for both.
+template <typename Description>
+Description working(Description description) {
+#ifdef COMRAD_TORCH_HAS_ONEDNN
+  while (std::string_view(description.impl_info_str()).find("gemm") != std::string_view::npos &&
+         description.next_impl()) {
+  }
+#endif
+  return description;
+}
+
 /// A primitive, and the description that it was made from.
 template <typename Primitive>
 struct Made {
   using Description = typename Primitive::primitive_desc;
-  explicit Made(const Description& from) : description(from), primitive(from) {}
+  explicit Made(const Description& from) : description(working(from)), primitive(description) {}
 
   void run(std::unordered_map<int, memory> arguments) const {
     const memory::desc scratchpad = description.scratchpad_desc();
