@@ -137,16 +137,22 @@ struct PixelConvolutions::Layer {
 
   memory::desc output() const { return forward.description.dst_desc(); }
 
-  void prepare_backward() {
-    if (to_weight) return;
-    to_weight.emplace(dnnl::convolution_backward_weights::primitive_desc(
-        {kDirect, any(input_sizes, type), any(weight_sizes, memory::data_type::f32), bias,
-         any(output_sizes, type), strides, kNoPadding, kNoPadding},
-        attributes(/*with_elu=*/false), cpu(), forward.description));
-    to_input.emplace(dnnl::convolution_backward_data::primitive_desc(
-        {kDirect, any(input_sizes, type), any(weight_sizes, type), any(output_sizes, type), strides,
-         kNoPadding, kNoPadding},
-        attributes(/*with_elu=*/false), cpu(), forward.description));
+  /// Made at the first gradient, which a policy worker never asks for; the second not for pixels.
+  const Made<dnnl::convolution_backward_weights>& weight_gradient() {
+    if (!to_weight)
+      to_weight.emplace(dnnl::convolution_backward_weights::primitive_desc(
+          {kDirect, any(input_sizes, type), any(weight_sizes, memory::data_type::f32), bias,
+           any(output_sizes, type), strides, kNoPadding, kNoPadding},
+          attributes(/*with_elu=*/false), cpu(), forward.description));
+    return *to_weight;
+  }
+  const Made<dnnl::convolution_backward_data>& input_gradient() {
+    if (!to_input)
+      to_input.emplace(dnnl::convolution_backward_data::primitive_desc(
+          {kDirect, any(input_sizes, type), any(weight_sizes, type), any(output_sizes, type), strides,
+           kNoPadding, kNoPadding},
+          attributes(/*with_elu=*/false), cpu(), forward.description));
+    return *to_input;
   }
 
   memory::dims input_sizes, weight_sizes, output_sizes, strides;
@@ -234,10 +240,9 @@ PixelConvolutions& PixelConvolutions::of(at::IntArrayRef input, std::span<const 
   memory::desc layout(sizes, stack.type, order);
   for (std::size_t layer = 0; layer < strides.size(); ++layer) {
     const bool is_patched = has_patches && layer == 0;
-    const Tensor& weight = weights[layer];
-    stack.layers.emplace_back(sizes, layout,
-                              is_patched ? over_patches(weight.detach()).sizes().vec() : weight.sizes().vec(),
-                              is_patched ? 1 : strides[layer], stack.type);
+    const Tensor weight = is_patched ? over_patches(weights[layer].detach()) : weights[layer];
+    stack.layers.emplace_back(sizes, layout, weight.sizes().vec(), is_patched ? 1 : strides[layer],
+                              stack.type);
     sizes = stack.layers.back().output_sizes;
     layout = stack.layers.back().output();
   }
@@ -292,7 +297,6 @@ Tensor PixelConvolutions::forward(std::size_t index, const Tensor& x, const Tens
 PixelConvolutions::Gradients PixelConvolutions::backward(std::size_t index, const Tensor& x, const Tensor& y,
                                                          Tensor grad, const Tensor& weight) {
   Layer& layer = stack_->layers[index];
-  layer.prepare_backward();
   // By ELU's result; the two lie in the same order.
   if (layer.type == memory::data_type::bf16)
     kernels::elu_backward_bf16(static_cast<const uint16_t*>(y.data_ptr()),
@@ -304,28 +308,30 @@ PixelConvolutions::Gradients PixelConvolutions::backward(std::size_t index, cons
   grad = stack_->factor(grad);
   Gradients gradients;
   {
-    const auto& description = layer.to_weight->description;
+    const auto& to_weight = layer.weight_gradient();
+    const auto& description = to_weight.description;
     const Tensor in = laid_out(stack_->factor(x), layer.input, description.src_desc());
     const Tensor out = laid_out(grad, layer.output(), description.diff_dst_desc());
     const Tensor sums = room_for(description.diff_weights_desc());
     gradients.bias = torch::empty({layer.weight_sizes[0]}, torch::kFloat32);
-    layer.to_weight->run({{DNNL_ARG_SRC, in_layout(in, description.src_desc())},
-                          {DNNL_ARG_DIFF_DST, in_layout(out, description.diff_dst_desc())},
-                          {DNNL_ARG_DIFF_WEIGHTS, in_layout(sums, description.diff_weights_desc())},
-                          {DNNL_ARG_DIFF_BIAS, in_layout(gradients.bias, layer.bias)}});
+    to_weight.run({{DNNL_ARG_SRC, in_layout(in, description.src_desc())},
+                   {DNNL_ARG_DIFF_DST, in_layout(out, description.diff_dst_desc())},
+                   {DNNL_ARG_DIFF_WEIGHTS, in_layout(sums, description.diff_weights_desc())},
+                   {DNNL_ARG_DIFF_BIAS, in_layout(gradients.bias, layer.bias)}});
     gradients.weight = torch::empty(layer.weight_sizes, torch::kFloat32);
     copy(sums, description.diff_weights_desc(), gradients.weight, layer.plain_weight);
     if (index == 0 && stack_->patch_rows > 0) gradients.weight = over_pixels(gradients.weight);
   }
   if (index == 0) return gradients;
-  const auto& description = layer.to_input->description;
+  const auto& to_input = layer.input_gradient();
+  const auto& description = to_input.description;
   const Tensor out = laid_out(grad, layer.output(), description.diff_dst_desc());
   const Tensor factors =
       stack_->weight_for(layer.backward_weights, weight, layer, description.weights_desc());
   const Tensor in = room_for(description.diff_src_desc());
-  layer.to_input->run({{DNNL_ARG_DIFF_DST, in_layout(out, description.diff_dst_desc())},
-                       {DNNL_ARG_WEIGHTS, in_layout(factors, description.weights_desc())},
-                       {DNNL_ARG_DIFF_SRC, in_layout(in, description.diff_src_desc())}});
+  to_input.run({{DNNL_ARG_DIFF_DST, in_layout(out, description.diff_dst_desc())},
+                {DNNL_ARG_WEIGHTS, in_layout(factors, description.weights_desc())},
+                {DNNL_ARG_DIFF_SRC, in_layout(in, description.diff_src_desc())}});
   gradients.x = laid_out(in, description.diff_src_desc(), layer.input);
   return gradients;
 }
