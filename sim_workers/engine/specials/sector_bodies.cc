@@ -285,7 +285,7 @@ bool settle_bodies(World& world, uint32_t sector, PlaneChange change, Fixed dist
     Actor& body = state.actors[slot];
     if (body.removed || body.has(ActorFlag::kNoSector) || body.has(ActorFlag::kNoInteraction)) continue;
     if (body.sector_index != sector) {
-      if (!Box::around(body.x, body.y, body.radius).overlaps(bounds)) continue;
+      if (!overlaps(body, bounds)) continue;
       if (!touches_sector(world, body, sector)) continue;
     }
     settler.settle(body);
