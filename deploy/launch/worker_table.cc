@@ -101,6 +101,8 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
     for (const auto& [name, value] : sleeping_threads()) set(name.c_str(), value);
   };
   if (!is_single(worker.role)) add("--worker_index", std::to_string(worker.index));
+  options.waits_its_turn =
+      worker.role == Role::kSim || worker.role == Role::kPolicy || worker.role == Role::kLearner;
   switch (worker.role) {
     case Role::kSim:
       if (plan_.evaluates()) add("--evaluate");

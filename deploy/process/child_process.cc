@@ -47,6 +47,7 @@ Expected<ChildProcess> ChildProcess::spawn(const ChildOptions& options) {
                          .error_output = output.write_end.get(),
                          .inherited_descriptor = options.inherited_descriptor,
                          .cpu = options.cpu,
+                         .waits_its_turn = options.waits_its_turn,
                          .ignores_interrupts = true};
   process.command.insert(process.command.end(), options.arguments.begin(), options.arguments.end());
   COMRAD_TRY_ASSIGN(const pid_t pid, start_process(process));

@@ -21,6 +21,7 @@ struct ChildOptions {
   std::vector<std::pair<std::string, std::string>> environment;  ///< on top of ours
   int inherited_descriptor = -1;  ///< kept open in the child (the run directory's lock); -1: none
   int cpu = -1;                   ///< pinned to this core; -1: anywhere
+  bool waits_its_turn = false;    ///< as of ProcessOptions
   int input = -1;                 ///< its standard input; -1: /dev/null
   int output = -1;                ///< where its standard output goes; -1: to us, as standard error does
 };

@@ -51,6 +51,8 @@ struct ProcessOptions {
   int error_output = -1;                                         ///< becomes standard error
   int inherited_descriptor = -1;                                 ///< kept open in the child; -1: none
   int cpu = -1;                                                  ///< pinned to this core; -1: anywhere
+  bool waits_its_turn =
+      false;  ///< takes a core when somebody's turn ends, not as soon as it wakes up (SCHED_BATCH)
   bool ignores_interrupts = false;  ///< SIGINT and SIGHUP, which a terminal sends to all processes
   bool has_own_group =
       false;  ///< what a terminal sends does not reach it, and kill(-pid) reaches its children

@@ -49,11 +49,12 @@ constexpr std::array<std::string_view, 41> kNamesKept = {
 
 /// Settings of the subject `run` and these follow from the machine, or say where and how long; what is learned does not
 /// hang on them.
-constexpr std::array<std::string_view, 17> kNoRecipe = {"wad",
+constexpr std::array<std::string_view, 18> kNoRecipe = {"wad",
                                                         "device",
                                                         "policy_device",
                                                         "precision",
                                                         "num_workers",
+                                                        "worker_num_splits",
                                                         "policy_workers",
                                                         "max_wait_us",
                                                         "policy_threads",

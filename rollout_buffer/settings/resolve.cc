@@ -15,20 +15,23 @@
 namespace comrad {
 namespace {
 
+constexpr int64_t kBatchEnvsOfAuto = 1024;
 constexpr int64_t kGuestSlabs = 32;  // that trajectories of other hosts arrive in, 4 of each host at once
 
-/// Policy workers that `auto` takes. On 16 cores three made the pipeline 1.3 times as fast as one; on a GPU a second one
-/// changes nothing, for processes take turns there (BENCHMARKS.md). `auto` takes a GPU where there is a driver.
-int64_t policy_workers_of_auto(const RunConfig& config, int64_t cores) {
-  const auto named =
-      static_cast<int>(std::max<std::size_t>(1, parts_of(config.collection.policy_device, ',').size()));
-  for (int worker = 0; worker < named; ++worker) {
-    const std::string device = policy_device(config, worker);
+int64_t devices_of_policies(const RunConfig& config) {
+  return static_cast<int64_t>(
+      std::max<std::size_t>(1, parts_of(config.collection.policy_device, ',').size()));
+}
+
+/// `auto` is a GPU where there is a driver.
+bool policies_use_gpu(const RunConfig& config) {
+  for (int64_t worker = 0; worker < devices_of_policies(config); ++worker) {
+    const std::string device = policy_device(config, static_cast<int>(worker));
     if (device.starts_with("cuda") ||
         (device == "auto" && std::filesystem::exists("/proc/driver/nvidia/version")))
-      return named;
+      return true;
   }
-  return std::max<int64_t>(1, cores / 5);
+  return false;
 }
 
 /// Settings that Q-learning cannot have together.
@@ -231,6 +234,12 @@ Status resolve_settings(RunConfig& config, int core_count) {
 
   const int64_t cores = std::max(core_count, 1);
   if (c.collection.num_workers == 0) c.collection.num_workers = std::min<int64_t>(cores, 1024);
+  const bool on_gpu = policies_use_gpu(c);
+  // Where two cores do everything, no process waits for another with an idle core: a second split would only make
+  // batches smaller and turns on the cores shorter (BENCHMARKS.md).
+  const bool one_split =
+      c.collection.worker_num_splits == 0 && cores <= 2 && !on_gpu && c.collection.policy_workers <= 1;
+  if (c.collection.worker_num_splits == 0) c.collection.worker_num_splits = one_split ? 1 : 2;
   c.collection.worker_num_splits = std::min(c.collection.worker_num_splits, c.collection.num_envs_per_worker);
   // Two already on two cores: simulators and policy workers leave half a core idle (BENCHMARKS.md).
   if (c.collection.learner_threads == 0)
@@ -240,23 +249,28 @@ Status resolve_settings(RunConfig& config, int core_count) {
   const int64_t env_count = c.collection.num_workers * c.collection.num_envs_per_worker;
   const int64_t group_count = c.collection.num_workers * c.collection.worker_num_splits;
   if (c.collection.policy_workers == 0)
-    c.collection.policy_workers = std::min({policy_workers_of_auto(c, cores), group_count, int64_t{64}});
+    // On 16 cores three made the pipeline 1.3 times as fast as one; on a GPU a second one changes nothing, for processes
+    // take turns there (BENCHMARKS.md).
+    c.collection.policy_workers = std::min(
+        {on_gpu ? devices_of_policies(c) : std::max<int64_t>(1, cores / 5), group_count, int64_t{64}});
   if (c.collection.policy_workers > group_count)
     return Error{ErrorCode::kBadInput,
                  "policy_workers is " + std::to_string(c.collection.policy_workers) + "; only " +
                      std::to_string(group_count) +
                      " groups of environments (num_workers x worker_num_splits) could feed them"};
 
-  // A third of the groups of a policy worker make a batch, as in Sample Factory; the deadline covers
-  // the rest.
+  // A third of the groups of a policy worker make a batch, as in Sample Factory, or all where there is one split; the
+  // deadline covers the rest.
   const int64_t group_envs = (c.collection.num_envs_per_worker + c.collection.worker_num_splits - 1) /
                              c.collection.worker_num_splits;
   const int64_t served_envs = (env_count + c.collection.policy_workers - 1) / c.collection.policy_workers;
-  if (c.collection.min_batch == 0)
-    c.collection.min_batch =
-        std::max<int64_t>(1, c.collection.num_workers / c.collection.policy_workers / 3) * group_envs;
+  if (c.collection.min_batch == 0) {
+    const int64_t groups = std::max<int64_t>(1, c.collection.num_workers / c.collection.policy_workers / 3);
+    const int64_t most = c.collection.max_batch > 0 ? c.collection.max_batch : kBatchEnvsOfAuto;
+    c.collection.min_batch = one_split ? std::min(served_envs, most) : groups * group_envs;
+  }
   if (c.collection.max_batch == 0)
-    c.collection.max_batch = std::max(c.collection.min_batch, std::min<int64_t>(served_envs, 1024));
+    c.collection.max_batch = std::max(c.collection.min_batch, std::min(served_envs, kBatchEnvsOfAuto));
   if (c.collection.max_batch < c.collection.min_batch)
     return Error{ErrorCode::kBadInput, "max_batch is " + std::to_string(c.collection.max_batch) +
                                            "; it must be at least min_batch (" +

@@ -106,6 +106,7 @@ std::vector<std::string> small_training(const ScratchFolder& scratch, const std:
            {"--seed", "42"},
            {"--num_workers", "2"},
            {"--num_envs_per_worker", "4"},
+           {"--worker_num_splits", "2"},  // as where there are more cores; two would take one
            {"--rollout", "16"},
            {"--batch_size", "256"},
            {"--micro_batch_size", "64"},

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <signal.h>
 #include <unistd.h>
 
@@ -43,6 +44,20 @@ TEST(ChildProcess, BringsBackLinesOfBothOutputsAndTheExitCode) {
   EXPECT_EQ(how.text(), "exit code 7");
   run_shell(shell("kill -9 $$"), &how);
   EXPECT_EQ(how.text(), "killed by signal 9 (Killed)");
+}
+
+TEST(ChildProcess, WaitsItsTurnWhereItIsAskedTo) {
+  for (const bool waits : {false, true}) {
+    ChildOptions options = shell("read line");
+    int ends[2];
+    ASSERT_EQ(pipe(ends), 0);
+    options.input = ends[0], options.waits_its_turn = waits;
+    auto child = ChildProcess::spawn(options);
+    ASSERT_TRUE(child) << child.error().message;
+    const int before = sched_getscheduler(0);
+    EXPECT_EQ(sched_getscheduler(child->pid()), waits && before == SCHED_OTHER ? SCHED_BATCH : before);
+    close(ends[0]), close(ends[1]);
+  }
 }
 
 TEST(ChildProcess, CountsTheProcessorTimeOfAChildWhileItRunsAndAfterwards) {

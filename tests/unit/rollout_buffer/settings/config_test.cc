@@ -274,6 +274,26 @@ TEST(ResolveSettings, AutoFitsASmallHost) {
   EXPECT_EQ(config.collection.trajectory_slabs, 32 + 2 * 64);
 }
 
+TEST(ResolveSettings, TwoCoresTakeOneSplitAndWholeBatches) {
+  const auto splits_and_batch = [](int cores, const std::function<void(RunConfig&)>& change = {}) {
+    RunConfig config = two_agents();
+    if (change) change(config);
+    EXPECT_TRUE(resolve_settings(config, cores));
+    return std::pair(config.collection.worker_num_splits, config.collection.min_batch);
+  };
+  EXPECT_EQ(splits_and_batch(2), std::pair(int64_t{1}, int64_t{32})) << "2 simulators of 16";
+  EXPECT_EQ(splits_and_batch(1), std::pair(int64_t{1}, int64_t{16}));
+  EXPECT_EQ(splits_and_batch(4), std::pair(int64_t{2}, int64_t{8})) << "a group";
+  EXPECT_EQ(splits_and_batch(2, [](RunConfig& c) { c.collection.worker_num_splits = 2; }),
+            std::pair(int64_t{2}, int64_t{8}));
+  EXPECT_EQ(splits_and_batch(2, [](RunConfig& c) { c.collection.max_batch = 20; }),
+            std::pair(int64_t{1}, int64_t{20}));
+  EXPECT_EQ(splits_and_batch(2, [](RunConfig& c) { c.collection.policy_workers = 3; }).first, 2)
+      << "so many want more groups";
+  EXPECT_EQ(splits_and_batch(2, [](RunConfig& c) { c.collection.device = "cuda"; }).first, 2)
+      << "what waits for a GPU needs no core";
+}
+
 TEST(ResolveSettings, LearnerThreadsGrowWithTheHostAndStopAtSixteen) {
   for (const auto& [cores, threads] :
        std::vector<std::pair<int, int>>{{1, 1}, {2, 2}, {4, 2}, {8, 4}, {64, 16}}) {
