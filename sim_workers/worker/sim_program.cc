@@ -112,6 +112,10 @@ nlohmann::json report_of(const BenchResult& result, const std::string& part, con
 
 Status bench(const shm::WorkerShell& shell, const RunConfig& given, const std::string& part, double seconds) {
   COMRAD_TRY_ASSIGN(const RunConfig config, checked_settings(given, shell.run_dir()));
+  if (config.collection.worker_num_splits == 0)
+    return Error{
+        ErrorCode::kBadInput,
+        shell.run_dir() + "/config.toml: worker_num_splits is 0 (auto); a bench of one process needs 1 or 2"};
   COMRAD_TRY_ASSIGN(const std::vector<std::string> layouts, pool_paths(config, shell.run_dir()));
   // One core, so that the number is a core's: threads that the renderer may start share it.
   pin_to_core(sched_getcpu());

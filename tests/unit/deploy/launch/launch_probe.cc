@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   plan.decision_limit = 100;
   plan.restarts = {.first_delay_s = 0.05, .max_delay_s = 0.2, .window_s = 60, .deaths = 4};
   plan.config.collection.num_workers = 2;
+  plan.config.collection.worker_num_splits = 2;
   plan.config.collection.policy_workers = 1;
   plan.config.collection.num_envs_per_worker = 2;
   plan.config.collection.trajectory_slabs = 8;

@@ -476,7 +476,7 @@ TEST_F(Launch, AMissingProgramIsNamed) {
   plan.run_dir = run_dir_;
   plan.bin_dir = run_dir_;
   plan.env.head_sizes = {3, 3, 3};
-  plan.config.collection.num_workers = 1;
+  plan.config.collection.num_workers = plan.config.collection.worker_num_splits = 1;
   plan.config.collection.policy_workers = 1;
   plan.config.collection.trajectory_slabs = 8;
   plan.show_progress = false;

@@ -49,7 +49,7 @@ class SimProgram : public ::testing::Test {
     run_dir_ = suite_dir() / ::testing::UnitTest::GetInstance()->current_test_info()->name();
     fs::create_directories(run_dir_);
     write_config("wad = \"" + (suite_dir() / "map.wad").string() +
-                 "\"\nnum_agents = 2\nnum_envs_per_worker = 4\n");
+                 "\"\nnum_agents = 2\nnum_envs_per_worker = 4\nworker_num_splits = 2\n");
   }
   void TearDown() override {
     for (const pid_t child : children_) {
@@ -239,7 +239,10 @@ TEST_F(SimProgram, BadInputHasOneClearLineAndExitCodeTwo) {
   expect({"--frobnicate"}, "frobnicate");
   write_config("num_agents = 2\n");
   expect({"--bench", "1"}, "wad is empty");
-  write_config("num_agents = 2\nwad = \"/nonexistent.wad\"\n");
+  const std::string no_map = "num_agents = 2\nwad = \"/nonexistent.wad\"\n";
+  write_config(no_map);
+  expect({"--bench", "1"}, "worker_num_splits is 0");
+  write_config(no_map + "worker_num_splits = 1\n");
   expect({"--bench", "1"}, "/nonexistent.wad");
   write_config("num_agentz = 2\n");
   expect({"--bench", "1"}, "did you mean 'num_agents'");
@@ -250,7 +253,8 @@ TEST_F(SimProgram, BadInputHasOneClearLineAndExitCodeTwo) {
 TEST_F(SimProgram, ATruncatedMapIsRefused) {
   const std::string map = read_text(suite_dir() / "map.wad");
   std::ofstream(run_dir_ / "short.wad", std::ios::binary) << map.substr(0, map.size() / 2);
-  write_config("num_agents = 2\nwad = \"" + (run_dir_ / "short.wad").string() + "\"\n");
+  write_config("num_agents = 2\nworker_num_splits = 2\nwad = \"" + (run_dir_ / "short.wad").string() +
+               "\"\n");
   EXPECT_EQ(wait_for(start({"--bench", "1"}), 60), 2);
   EXPECT_THAT(errors(), HasSubstr("short.wad"));
 }
