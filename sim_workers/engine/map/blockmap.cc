@@ -1,23 +1,8 @@
 #include "sim_workers/engine/map/blockmap.h"
 
-#include <limits>
 #include <utility>
 
 namespace comrad::doom {
-namespace {
-
-Fixed saturate(int64_t value) {
-  return static_cast<Fixed>(
-      std::clamp<int64_t>(value, std::numeric_limits<Fixed>::min(), std::numeric_limits<Fixed>::max()));
-}
-
-}  // namespace
-
-Box Box::around(Fixed x, Fixed y, Fixed radius) {
-  return {saturate(int64_t{x} - radius), saturate(int64_t{x} + radius), saturate(int64_t{y} - radius),
-          saturate(int64_t{y} + radius)};
-}
-
 Box Box::around_ends(Fixed x1, Fixed y1, Fixed x2, Fixed y2) {
   return {std::min(x1, x2), std::max(x1, x2), std::min(y1, y2), std::max(y1, y2)};
 }
@@ -82,8 +67,9 @@ Blockmap Blockmap::build(const Level& level) {
       for (int column = map.column_of(reach.left); column <= map.column_of(reach.right); ++column) {
         const int64_t cell_left = map.origin_x_ + (int64_t{column} << (kFracBits + 7));
         const int64_t cell_bottom = map.origin_y_ + (int64_t{row} << (kFracBits + 7));
-        const Box cell_box = {saturate(cell_left - 2), saturate(cell_left + to_fixed(kCellUnits) + 2),
-                              saturate(cell_bottom - 2), saturate(cell_bottom + to_fixed(kCellUnits) + 2)};
+        const Box cell_box = {
+            Box::saturate(cell_left - 2), Box::saturate(cell_left + to_fixed(kCellUnits) + 2),
+            Box::saturate(cell_bottom - 2), Box::saturate(cell_bottom + to_fixed(kCellUnits) + 2)};
         if (straight || line.passes_through(cell_box))
           entries.emplace_back(static_cast<uint32_t>(row * map.columns_ + column), index);
       }

@@ -16,14 +16,28 @@ struct Box {
   Fixed left = 0, right = 0, bottom = 0, top = 0;
 
   /// The square of half side `radius` round (x, y), cut off at the ends of the number range.
-  static Box around(Fixed x, Fixed y, Fixed radius);
+  static Box around(Fixed x, Fixed y, Fixed radius) {
+    return {saturate(int64_t{x} - radius), saturate(int64_t{x} + radius), saturate(int64_t{y} - radius),
+            saturate(int64_t{y} + radius)};
+  }
+  /// What holds nothing, until it covers something.
+  static Box nothing() { return {INT32_MAX, INT32_MIN, INT32_MAX, INT32_MIN}; }
   /// The smallest box that holds both points; of a line along an axis it has no width.
   static Box around_ends(Fixed x1, Fixed y1, Fixed x2, Fixed y2);
   /// With its sides moved outwards, cut off at the ends of the number range.
   Box grown(Fixed margin) const;
+  /// Grows until it holds the other one, too.
+  void cover(const Box& other) {
+    left = std::min(left, other.left), right = std::max(right, other.right);
+    bottom = std::min(bottom, other.bottom), top = std::max(top, other.top);
+  }
   /// True where the interiors overlap, and where a box without width lies inside; touching edges do not count.
   bool overlaps(const Box& other) const {
     return right > other.left && left < other.right && top > other.bottom && bottom < other.top;
+  }
+  /// A coordinate cut off at the ends of the number range.
+  static Fixed saturate(int64_t value) {
+    return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN, INT32_MAX));
   }
 };
 

@@ -5,7 +5,6 @@
 #include "sim_workers/engine/play/movement.h"
 #include "sim_workers/engine/specials/mover_families.h"
 #include "sim_workers/engine/specials/movers.h"
-#include "sim_workers/engine/specials/sector_bodies.h"
 
 namespace comrad::doom {
 namespace {
@@ -109,12 +108,11 @@ bool meets_bodies(World& world, std::size_t index) {
   bool blocked = false;
   const std::size_t body_count = state.actors.size();
   // Most objects move where no body is.
-  Box bounds{INT32_MAX, INT32_MIN, INT32_MAX, INT32_MIN};
-  for (const auto& [x, y] : state.movers.polyobjects[index].position)
-    bounds = {std::min(bounds.left, x), std::max(bounds.right, x), std::min(bounds.bottom, y),
-              std::max(bounds.top, y)};
+  Box bounds = Box::nothing();
+  for (const auto& [x, y] : state.movers.polyobjects[index].position) bounds.cover({x, x, y, y});
   bool near = false;
-  for (const Actor& body : state.actors) near = near || overlaps(body, bounds);
+  for (const Actor& body : state.actors)
+    near = near || Box::around(body.x, body.y, body.radius).overlaps(bounds);
   if (!near) return false;
   const std::size_t line_count = state.movers.polyobjects[index].lines.size();
   for (std::size_t i = 0; i < line_count; ++i) {

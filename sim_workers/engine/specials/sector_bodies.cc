@@ -273,19 +273,16 @@ bool touches_sector(const World& world, const Actor& body, uint32_t sector) {
 bool settle_bodies(World& world, uint32_t sector, PlaneChange change, Fixed distance, int32_t crush) {
   WorldState& state = world.state();
   // A box round the sector spares most bodies the look at its lines.
-  Box bounds{INT32_MAX, INT32_MIN, INT32_MAX, INT32_MIN};
-  for (const uint32_t index : world.level().sector_linedefs[sector]) {
-    const Box& box = world.index().blockmap.lines()[index].box;
-    bounds = {std::min(bounds.left, box.left), std::max(bounds.right, box.right),
-              std::min(bounds.bottom, box.bottom), std::max(bounds.top, box.top)};
-  }
+  Box bounds = Box::nothing();
+  for (const uint32_t index : world.level().sector_linedefs[sector])
+    bounds.cover(world.index().blockmap.lines()[index].box);
   Settler settler(world, change, distance, crush);
   const std::size_t count = state.actors.size();  // blood that is spilt meanwhile stays out
   for (std::size_t slot = 0; slot < count; ++slot) {
     Actor& body = state.actors[slot];
     if (body.removed || body.has(ActorFlag::kNoSector) || body.has(ActorFlag::kNoInteraction)) continue;
     if (body.sector_index != sector) {
-      if (!overlaps(body, bounds)) continue;
+      if (!Box::around(body.x, body.y, body.radius).overlaps(bounds)) continue;
       if (!touches_sector(world, body, sector)) continue;
     }
     settler.settle(body);

@@ -4,7 +4,6 @@
 
 #include <cstdint>
 
-#include "sim_workers/engine/map/blockmap.h"
 #include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
@@ -15,12 +14,6 @@ enum class PlaneChange : uint8_t { kFloorDown, kFloorUp, kCeilingDown, kCeilingU
 /// sector; those that have no room any more are hurt for `crush` every fourth tic (where >= 0). Corpses
 /// become gibs, dropped items vanish. False where a body does not fit.
 bool settle_bodies(World& world, uint32_t sector, PlaneChange change, Fixed distance, int32_t crush);
-
-/// True where the body's box and another overlap, as Box::around() and overlaps() say it.
-inline bool overlaps(const Actor& body, const Box& box) {
-  return int64_t{body.x} + body.radius > box.left && int64_t{body.x} - body.radius < box.right &&
-         int64_t{body.y} + body.radius > box.bottom && int64_t{body.y} - body.radius < box.top;
-}
 
 /// True where the body's box touches the sector.
 bool touches_sector(const World& world, const Actor& body, uint32_t sector);
