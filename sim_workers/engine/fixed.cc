@@ -39,8 +39,8 @@ Fixed fine_sine(Angle angle) { return kSineTable[angle >> kAngleToFineShift]; }
 
 Fixed fine_cosine(Angle angle) { return fine_sine(angle + kAngle90); }
 
-Fixed approximate_distance(Fixed dx, Fixed dy) {
-  const int64_t x = std::abs(int64_t{dx}), y = std::abs(int64_t{dy});
+Fixed approximate_distance(int64_t dx, int64_t dy) {
+  const int64_t x = std::abs(dx), y = std::abs(dy);
   return static_cast<Fixed>(std::min<int64_t>(x + y - std::min(x, y) / 2, INT32_MAX));
 }
 

@@ -39,8 +39,9 @@ constexpr double angle_to_radians(Angle angle) { return angle * (6.2831853071795
 Fixed fine_sine(Angle angle);
 Fixed fine_cosine(Angle angle);
 
-/// Distance of two points as Doom estimates it: the longer axis plus half of the shorter one.
-Fixed approximate_distance(Fixed dx, Fixed dy);
+/// Distance of two points as Doom estimates it: the longer axis plus half of the shorter one. Two points of a map
+/// may be further apart than a Fixed can say; the result is cut off there.
+Fixed approximate_distance(int64_t dx, int64_t dy);
 /// The angle from one point to another, from an arctangent table: the same on every machine.
 Angle angle_to(Fixed from_x, Fixed from_y, Fixed to_x, Fixed to_y);
 

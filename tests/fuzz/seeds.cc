@@ -44,7 +44,24 @@ actor Bow : Weapon { Weapon.AmmoType "Clip" Weapon.AmmoUse 1 Weapon.SlotNumber 2
   States { Ready: PISG A 1 A_WeaponReady loop Select: PISG A 0 A_Raise loop Deselect: PISG A 1 A_Lower loop
   Fire: PISG A 4 PISG B 6 A_FireBullets(5.6, 0, 7, 5, "BulletPuff", 1, 500) PISG C 0 A_ReFire goto Ready } }
 actor Boots : PowerupGiver { Powerup.Type "Speed" Powerup.Duration -10 Powerup.Color "ff 00 00", 0.2 })",
+    R"(actor Wide : Cacodemon 16001 { Radius 1e9 Height 1e9 Speed 1e9 FloatSpeed 1e9 MaxStepHeight 1e9 Mass 1e9 }
+actor Wider : Wide 16002 { DeathHeight 1e9 ProjectilePassHeight -1e9 Gravity 1e9 PainChance 256 })",
 };
+
+/// A room as wide and as high as a map may be; a flyer hears players from its far end.
+const char* const kWideRoom = R"(namespace = "zdoom";
+thing { x = -31900.0; y = 0.0; type = 1; skill3 = true; coop = true; single = true; }
+thing { x = -31900.0; y = 90.0; type = 2; skill3 = true; coop = true; single = true; }
+thing { x = 31900.0; y = 0.0; height = 32000.0; angle = 180; type = 3005; skill3 = true; coop = true; single = true; }
+vertex { x = -32000.0; y = -256.0; } vertex { x = -32000.0; y = 256.0; } vertex { x = -2000.0; y = 256.0; } vertex { x = 28000.0; y = 256.0; }
+vertex { x = 32000.0; y = 256.0; } vertex { x = 32000.0; y = -256.0; } vertex { x = 28000.0; y = -256.0; } vertex { x = -2000.0; y = -256.0; }
+linedef { v1 = 0; v2 = 1; sidefront = 0; blocking = true; } linedef { v1 = 1; v2 = 2; sidefront = 0; blocking = true; }
+linedef { v1 = 2; v2 = 3; sidefront = 0; blocking = true; } linedef { v1 = 3; v2 = 4; sidefront = 0; blocking = true; }
+linedef { v1 = 4; v2 = 5; sidefront = 0; blocking = true; } linedef { v1 = 5; v2 = 6; sidefront = 0; blocking = true; }
+linedef { v1 = 6; v2 = 7; sidefront = 0; blocking = true; } linedef { v1 = 7; v2 = 0; sidefront = 0; blocking = true; }
+sidedef { sector = 0; texturemiddle = "brick6"; }
+sector { texturefloor = "flat1"; textureceiling = "CEIL1_2"; heightfloor = -32000; heightceiling = 32000; }
+)";
 
 std::vector<uint8_t> arithmetic(Container container) {
   BehaviorBuilder code(container);
@@ -142,11 +159,13 @@ int main(int argc, char** argv) {
   folder = argv[1];
   const std::string room = comrad::wad::test::square_room_text();
 
+  write("finding", "wrong", std::string("!"));
   write("textmap", "room", room);
   write("textmap", "special",
         room +
             "thing { x = 100; y = 50; type = 3001; id = 4; special = 80; arg0 = 1; skill3 = true; "
             "coop = true; single = true; }\nsector { heightceiling = 64; special = 83; }\n");
+  write("textmap", "wide", std::string(kWideRoom));
   for (std::size_t i = 0; i < std::size(kDecorate); ++i)
     write("decorate", "lump" + std::to_string(i), std::string(kDecorate[i]));
   int number = 0;

@@ -17,6 +17,7 @@ using Kind = DecorateValue::Kind;
 
 constexpr std::size_t kListMax = 64;  // drop items, start items
 constexpr int32_t kTicsPerSecond = 35;
+constexpr Fixed kLengthMax = to_fixed(8192);
 
 /// A property's values while its handler reads them. The first mistake is kept.
 class Values {
@@ -39,6 +40,8 @@ class Values {
   Fixed fixed(std::size_t index = 0) { return number(index) ? values_[index].fixed() : 0; }
   /// Of lengths: not below zero.
   Fixed size(std::size_t index = 0) { return std::max(fixed(index), 0); }
+  /// Of bodies: two of them, one after the other, stay within what a Fixed can say.
+  Fixed length(std::size_t index = 0) { return std::min(size(index), kLengthMax); }
   float real(std::size_t index = 0) {
     return number(index) ? static_cast<float>(std::clamp(values_[index].number, -65536.0, 65536.0)) : 0.0f;
   }
@@ -330,17 +333,17 @@ const std::unordered_map<std::string_view, Property>& properties() {
         {"health", {[](Values& v) { v.type().health = v.integer(); }}},
         {"gibhealth",
          {[](Values& v) { v.type().gib_health = -std::abs(v.integer_from(-1000000, 1000000)); }}},
-        {"radius", {[](Values& v) { v.type().radius = v.size(); }}},
-        {"height", {[](Values& v) { v.type().height = v.size(); }}},
-        {"deathheight", {[](Values& v) { v.type().death_height = v.size(); }}},
+        {"radius", {[](Values& v) { v.type().radius = v.length(); }}},
+        {"height", {[](Values& v) { v.type().height = v.length(); }}},
+        {"deathheight", {[](Values& v) { v.type().death_height = v.length(); }}},
         {"projectilepassheight", {[](Values& v) { v.type().projectile_pass_height = v.fixed(); }}},
         {"mass", {[](Values& v) { v.type().mass = v.integer_from(1, INT32_MAX); }}},
         {"speed", {[](Values& v) { v.type().speed = v.fixed(); }}},
         {"fastspeed", {[](Values& v) { v.type().fast_speed = v.fixed(); }}},
         {"floatspeed", {[](Values& v) { v.type().float_speed = v.fixed(); }}},
         {"gravity", {[](Values& v) { v.type().gravity = v.size(); }}},
-        {"maxstepheight", {[](Values& v) { v.type().max_step_height = v.size(); }}},
-        {"maxdropoffheight", {[](Values& v) { v.type().max_dropoff_height = v.size(); }}},
+        {"maxstepheight", {[](Values& v) { v.type().max_step_height = v.length(); }}},
+        {"maxdropoffheight", {[](Values& v) { v.type().max_dropoff_height = v.length(); }}},
         {"bouncefactor", {[](Values& v) { v.type().bounce_factor = v.size(); }}},
         {"wallbouncefactor", {[](Values& v) { v.type().wall_bounce_factor = v.size(); }}},
         {"bouncecount", {[](Values& v) { v.type().bounce_count = v.integer_from(0, 100000); }}},
@@ -426,7 +429,7 @@ const std::unordered_map<std::string_view, Property>& properties() {
         {"weapon.yadjust", {[](Values& v) { v.type().weapon.y_adjust = v.fixed(); }}},
         // Players.
         {"player.jumpz", {[](Values& v) { v.type().jump_speed = v.fixed(); }}},
-        {"player.viewheight", {[](Values& v) { v.type().view_height = v.fixed(); }}},
+        {"player.viewheight", {[](Values& v) { v.type().view_height = v.length(); }}},
         {"player.attackzoffset", {[](Values& v) { v.type().attack_z_offset = v.fixed(); }}},
         {"player.maxhealth", {[](Values& v) { v.type().health = v.integer_from(1, 1000000); }}},
         {"player.forwardmove", {[](Values& v) {

@@ -142,7 +142,7 @@ bool Movement::check_things(std::size_t slot, Fixed x, Fixed y, bool touch, Posi
 
   const Fixed radius = body.radius;
   const Blockmap& blockmap = world_.index().blockmap;
-  const Box reach = Box::around(x, y, radius + state_.radius_max);
+  const Box reach = Box::around(x, y, radius + state_.radius_max);  // DECORATE holds each to 8192 units
   // Items are taken after the scan, because taking one runs a script that may change the lists.
   std::array<std::size_t, kItemsPerMove> items;
   std::size_t item_count = 0;
@@ -186,9 +186,9 @@ bool Movement::check_things(std::size_t slot, Fixed x, Fixed y, bool touch, Posi
           continue;
         }
         if (!body_solid || !other.has(ActorFlag::kSolid) || other.is_corpse()) continue;
-        if (body.z >= other.z + other.height) {
-          check.floor_z = std::max(check.floor_z, other.z + other.height);
-        } else if (body.z + body.height <= other.z) {
+        if (body.z >= other.top()) {
+          check.floor_z = std::max(check.floor_z, other.top());
+        } else if (body.top() <= other.z) {
           check.ceiling_z = std::min(check.ceiling_z, other.z);
         } else if (charges || !moves_apart(body, other, x, y)) {
           check.blocked_by_actor = true;
@@ -426,7 +426,8 @@ void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps
     const Fixed free_fraction = hit.fraction - kSlideGap;
     if (free_fraction > 0) {
       const Fixed speed_x = body.velocity_x, speed_y = body.velocity_y;
-      if (!try_move(slot, body.x + fixed_mul(dx, free_fraction), body.y + fixed_mul(dy, free_fraction)))
+      if (!try_move(slot, clamped_fixed(int64_t{body.x} + fixed_mul(dx, free_fraction)),
+                    clamped_fixed(int64_t{body.y} + fixed_mul(dy, free_fraction))))
         break;
       const Actor& moved = state_.actors[slot];
       if (moved.velocity_x != speed_x || moved.velocity_y != speed_y)
@@ -444,11 +445,12 @@ void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps
       return static_cast<Fixed>(std::clamp<int64_t>(of_one * steps, INT32_MIN, INT32_MAX));
     };
     moved.velocity_x = of_all_steps(along_x), moved.velocity_y = of_all_steps(along_y);
-    if (try_move(slot, moved.x + along_x, moved.y + along_y)) return;
+    if (try_move(slot, clamped_fixed(int64_t{moved.x} + along_x), clamped_fixed(int64_t{moved.y} + along_y)))
+      return;
   }
   // Wedged in, or stopped by something between the corners: one axis at a time.
-  if (!try_move(slot, state_.actors[slot].x, state_.actors[slot].y + dy))
-    try_move(slot, state_.actors[slot].x + dx, state_.actors[slot].y);
+  if (!try_move(slot, state_.actors[slot].x, clamped_fixed(int64_t{state_.actors[slot].y} + dy)))
+    try_move(slot, clamped_fixed(int64_t{state_.actors[slot].x} + dx), state_.actors[slot].y);
 }
 
 void Movement::slide_along_body(std::size_t slot, Fixed x, Fixed y) {
@@ -467,8 +469,7 @@ void Movement::stop_missile(std::size_t slot) {
   if (!last_.blocked_by_actor && last_.ceiling_line >= 0 && !body.has(ActorFlag::kSkyExplode)) {
     const BlockLine& line = world_.index().blockmap.lines()[static_cast<std::size_t>(last_.ceiling_line)];
     const Sector& back = state_.sectors[static_cast<std::size_t>(std::max(line.back_sector, 0))];
-    if (line.back_sector >= 0 && back.ceiling_texture == "F_SKY1" &&
-        body.z + body.height > back.ceiling_height) {
+    if (line.back_sector >= 0 && back.ceiling_texture == "F_SKY1" && body.top() > back.ceiling_height) {
       world_.remove(body.id);
       return;
     }
@@ -561,10 +562,10 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
   if (body.has(ActorFlag::kFloat) && body.target_id != 0 && !body.has(ActorFlag::kSkullFly) &&
       !body.has(ActorFlag::kInFloat) && !body.is_corpse()) {
     if (const Actor* target = world_.actor(body.target_id)) {
-      const Fixed distance = approximate_distance(body.x - target->x, body.y - target->y);
+      const Fixed distance = approximate_distance(int64_t{body.x} - target->x, int64_t{body.y} - target->y);
       const int64_t rise = int64_t{target->z} + (body.height >> 1) - body.z;
-      if (rise < 0 && distance < -3 * rise) body.z -= body.float_speed;
-      if (rise > 0 && distance < 3 * rise) body.z += body.float_speed;
+      if (rise < 0 && distance < -3 * rise) body.z = clamped_fixed(int64_t{body.z} - body.float_speed);
+      if (rise > 0 && distance < 3 * rise) body.z = clamped_fixed(int64_t{body.z} + body.float_speed);
     }
   }
   const bool missile = body.has(ActorFlag::kMissile) && !body.has(ActorFlag::kNoClip);
@@ -594,7 +595,7 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
   }
   if (int64_t{body.z} + body.height > body.ceiling_z) {
     if (missile) {
-      body.z = std::max(body.ceiling_z - body.height, body.floor_z);
+      body.z = std::max(body.hanging_z(), body.floor_z);
       const Sector& sector = state_.sectors[body.sector_index];
       if (sector.ceiling_texture == "F_SKY1" && !body.has(ActorFlag::kSkyExplode)) {
         world_.remove(body.id);
@@ -605,7 +606,7 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
     }
     if (body.has(ActorFlag::kSkullFly)) body.velocity_z = -body.velocity_z;
     if (body.velocity_z > 0) body.velocity_z = 0;
-    body.z = std::max(body.ceiling_z - body.height, body.floor_z);
+    body.z = std::max(body.hanging_z(), body.floor_z);
   }
 }
 

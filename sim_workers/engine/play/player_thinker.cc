@@ -149,7 +149,7 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
   if (buttons.jump && player.crouch_factor != kFracUnit) player.stands_up = true;
   if (buttons.jump && player.crouch_factor == kFracUnit && on_ground && player.jump_tics == 0 &&
       world_.options().allow_jump) {
-    body.velocity_z += player.jump_speed;
+    body.velocity_z = clamped_fixed(int64_t{body.velocity_z} + player.jump_speed);
     player.jump_tics = -1;
   }
 }
@@ -159,7 +159,7 @@ void PlayerThinker::move_eye(Player& player, const Actor& body) {
     player.view_height = std::max(player.view_height - kFracUnit, kEyeHeightDead);
     player.view_height_delta = 0;
     player.bob = 0;
-    player.view_z = body.z + player.view_height;
+    player.view_z = clamped_fixed(int64_t{body.z} + player.view_height);
     return;
   }
   // Bob: a wave of 20 tics whose height grows with the square of the speed, before this tic's friction.
@@ -182,7 +182,7 @@ void PlayerThinker::move_eye(Player& player, const Actor& body) {
     player.view_height_delta += kEyeRise;
     if (player.view_height_delta == 0) player.view_height_delta = 1;
   }
-  player.view_z = body.z + player.view_height + fixed_mul(bob / 2, fine_sine(phase));
+  player.view_z = clamped_fixed(int64_t{body.z} + player.view_height + fixed_mul(bob / 2, fine_sine(phase)));
   player.view_z = std::min(player.view_z, body.ceiling_z - to_fixed(4));
 }
 

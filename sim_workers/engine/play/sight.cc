@@ -154,7 +154,8 @@ void alert_monsters(World& world, const Actor& target, const Actor& emitter, Fix
 
   for (Actor& actor : state.actors) {
     if (actor.removed || blocks[actor.sector_index] == kNotReached || actor.id == target.id) continue;
-    if (distance_max > 0 && approximate_distance(actor.x - emitter.x, actor.y - emitter.y) > distance_max)
+    if (distance_max > 0 &&
+        approximate_distance(int64_t{actor.x} - emitter.x, int64_t{actor.y} - emitter.y) > distance_max)
       continue;
     actor.last_heard_id = target.id;
   }

@@ -34,7 +34,7 @@ void spawn_player(World& world, int index, Fixed x, Fixed y, Angle angle) {
   player.eye_height = type.view_height, player.jump_speed = type.jump_speed;
   player.attack_z_offset = type.attack_z_offset;
   player.view_height = player.eye_height;
-  player.view_z = body.z + player.view_height;
+  player.view_z = clamped_fixed(int64_t{body.z} + player.view_height);
   give_start_items(world, index);
   raise_weapon(world, index);
 }

@@ -55,8 +55,7 @@ void aim(Actor& missile, const Actor& target, int64_t speed, bool leads) {
   int64_t to_x = target.x, to_y = target.y, to_z = int64_t{target.z} + target.height / 2;
   speed = std::max<int64_t>(speed, 1);
   const auto tics_to = [&](int64_t x, int64_t y) {
-    return std::max<int64_t>(
-        approximate_distance(clamped_fixed(x - missile.x), clamped_fixed(y - missile.y)) / speed, 1);
+    return std::max<int64_t>(approximate_distance(x - missile.x, y - missile.y) / speed, 1);
   };
   for (int i = 0; leads && i < 3; ++i) {
     const int64_t tics = std::min<int64_t>(tics_to(to_x, to_y), 35 * 60);

@@ -85,6 +85,9 @@ struct Actor {
   bool has(ActorFlag flag) const { return flags.has(flag); }
   void set(ActorFlag flag, bool on = true) { flags.set(flag, on); }
   bool is_corpse() const { return flags.has(ActorFlag::kCorpse); }
+  Fixed top() const { return clamped_fixed(int64_t{z} + height); }
+  /// The z at which it hangs from its ceiling.
+  Fixed hanging_z() const { return clamped_fixed(int64_t{ceiling_z} - height); }
 };
 
 }  // namespace comrad::doom

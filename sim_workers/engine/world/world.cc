@@ -74,7 +74,7 @@ std::size_t World::append_actor(uint32_t type_index, Fixed x, Fixed y, Fixed z, 
   actor.sector_index = actor.floor_sector_index = sector_at(x, y);
   actor.floor_z = actor.ground_z = actor.dropoff_z = state_.sectors[actor.sector_index].floor_height;
   actor.ceiling_z = actor.roof_z = state_.sectors[actor.sector_index].ceiling_height;
-  actor.z = z == kOnFloor ? actor.floor_z : z == kOnCeiling ? actor.ceiling_z - actor.height : z;
+  actor.z = z == kOnFloor ? actor.floor_z : z == kOnCeiling ? actor.hanging_z() : z;
   actor.speed = options_.skill >= 5 && type.fast_speed >= 0 ? type.fast_speed : type.speed;
   actor.float_speed = type.float_speed;
   actor.damage = type.damage, actor.damage_type = type.damage_type;

@@ -96,6 +96,7 @@ TEST(Decorate, PropertiesDoWhatTheySay) {
       {"Health 77", [](T t, C) { return t.health == 77; }},
       {"GibHealth 30", [](T t, C) { return t.gib_health == -30; }},
       {"Radius 12.5", [](T t, C) { return t.radius == to_fixed(25) / 2; }},
+      {"Radius 1e9", [](T t, C) { return t.radius == to_fixed(8192); }},
       {"Height 90", [](T t, C) { return t.height == to_fixed(90); }},
       {"DeathHeight 9", [](T t, C) { return t.death_height == to_fixed(9); }},
       {"ProjectilePassHeight 20", [](T t, C) { return t.projectile_pass_height == to_fixed(20); }},
