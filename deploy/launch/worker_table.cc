@@ -20,7 +20,6 @@ namespace {
 constexpr double kJoinTimeoutS = 120.0;   // a worker that has not joined by then is stuck
 constexpr double kSilentAfterS = 10.0;    // a worker whose counter stands still so long is named
 constexpr int kLinesShownPerMinute = 20;  // of one worker's output on the terminal; the log has them all
-constexpr std::size_t kCoresThatTakeTurns = 2;
 
 /// What tells the kinds apart, in the order of Role.
 struct Kind {
@@ -104,7 +103,7 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
   if (!is_single(worker.role)) add("--worker_index", std::to_string(worker.index));
   // Measured on two cores alone (BENCHMARKS.md); where more share the work, a policy worker that waits may hold up many.
   options.waits_its_turn =
-      allowed_cpus().size() <= kCoresThatTakeTurns &&
+      allowed_cpus().size() <= kFewCores &&
       (worker.role == Role::kSim || worker.role == Role::kPolicy || worker.role == Role::kLearner);
   switch (worker.role) {
     case Role::kSim:

@@ -8,6 +8,9 @@
 
 namespace comrad {
 
+/// On so many and fewer the processes of a run take turns, and defaults make those turns long and few (BENCHMARKS.md).
+constexpr int kFewCores = 2;
+
 /// The CPUs of this process's mask (sched_getaffinity), by rising number. Never empty: CPU 0 where the mask cannot be read.
 std::vector<int> allowed_cpus();
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/cpu_features.h"
 #include "rollout_buffer/core/parts.h"
 #include "rollout_buffer/core/text.h"
@@ -235,10 +236,10 @@ Status resolve_settings(RunConfig& config, int core_count) {
   const int64_t cores = std::max(core_count, 1);
   if (c.collection.num_workers == 0) c.collection.num_workers = std::min<int64_t>(cores, 1024);
   const bool on_gpu = policies_use_gpu(c);
-  // Where two cores do everything, no process waits for another with an idle core: a second split would only make
+  // Where few cores do everything, no process waits for another with an idle core: a second split would only make
   // batches smaller and turns on the cores shorter (BENCHMARKS.md).
-  const bool one_split =
-      c.collection.worker_num_splits == 0 && cores <= 2 && !on_gpu && c.collection.policy_workers <= 1;
+  const bool one_split = c.collection.worker_num_splits == 0 && cores <= kFewCores && !on_gpu &&
+                         c.collection.policy_workers <= 1;
   if (c.collection.worker_num_splits == 0) c.collection.worker_num_splits = one_split ? 1 : 2;
   c.collection.worker_num_splits = std::min(c.collection.worker_num_splits, c.collection.num_envs_per_worker);
   // Two already on two cores: simulators and policy workers leave half a core idle (BENCHMARKS.md).

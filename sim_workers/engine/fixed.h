@@ -23,7 +23,7 @@ constexpr Fixed fixed_div(Fixed a, Fixed b) {
   const int64_t quotient = (int64_t{a} << kFracBits) / b;
   return quotient > INT32_MAX ? INT32_MAX : quotient < INT32_MIN ? INT32_MIN : static_cast<Fixed>(quotient);
 }
-/// A sum kept inside the number range.
+/// A value kept inside the number range; never INT32_MIN, so that it may change its sign.
 constexpr Fixed clamped_fixed(int64_t value) {
   return value > INT32_MAX ? INT32_MAX : value <= INT32_MIN ? INT32_MIN + 1 : static_cast<Fixed>(value);
 }

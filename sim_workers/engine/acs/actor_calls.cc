@@ -50,10 +50,6 @@ void spawn_fog(World& world, const Actor& at) {
   if (fog != kNoType) world.spawn_unchecked(fog, at.x, at.y, at.z, at.angle);
 }
 
-Fixed clamp_fixed(int64_t value) {
-  return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN, INT32_MAX));
-}
-
 // The players that an inventory call is about; other actors carry nothing here.
 template <typename Visit>
 void each_owner(const Caller& caller, const Actor* actor, bool everyone, Visit visit) {
@@ -105,7 +101,7 @@ int32_t spawn_projectile(const Caller& caller, int32_t source_id, uint32_t named
   const uint32_t type = world.catalog().replacement(named);
   const ActorFlags& type_flags = world.catalog()[type].flags;
   if (world.options().no_monsters && type_flags.has(ActorFlag::kIsMonster)) return 0;
-  const auto velocity = [](int32_t eighths) { return clamp_fixed(int64_t{eighths} * (kFracUnit / 8)); };
+  const auto velocity = [](int32_t eighths) { return clamped_fixed(int64_t{eighths} * (kFracUnit / 8)); };
   int32_t count = 0;
   caller.each_actor(source_id, [&](Actor& source) {
     const Fixed z = type_flags.has(ActorFlag::kFloorHugger)     ? kOnFloor
@@ -167,13 +163,13 @@ int32_t warp(const Caller& caller, std::span<const int32_t> args) {
     }
     x += there->x, y += there->y, z += there->z;
   }
-  const Fixed new_x = clamp_fixed(x), new_y = clamp_fixed(y);
-  if (!on_map(new_x, new_y, clamp_fixed(z))) return 0;
+  const Fixed new_x = clamped_fixed(x), new_y = clamped_fixed(y);
+  if (!on_map(new_x, new_y, clamped_fixed(z))) return 0;
   const Fixed old_x = self->x, old_y = self->y, old_z = self->z;
-  Fixed new_z = clamp_fixed(z);
+  Fixed new_z = clamped_fixed(z);
   if ((flags & kToFloor) != 0)
-    new_z = clamp_fixed(int64_t{world.sectors()[world.sector_at(new_x, new_y)].floor_height} +
-                        ((flags & kAbsolutePosition) != 0 ? 0 : arg(3)));
+    new_z = clamped_fixed(int64_t{world.sectors()[world.sector_at(new_x, new_y)].floor_height} +
+                          ((flags & kAbsolutePosition) != 0 ? 0 : arg(3)));
   set_position(world, self->id, new_x, new_y, new_z);
   const bool fits = (flags & kNoCheckPosition) != 0 || fits_here(world, *self);
   if (!fits || (flags & kTestOnly) != 0) {

@@ -8,8 +8,8 @@ Box Box::around_ends(Fixed x1, Fixed y1, Fixed x2, Fixed y2) {
 }
 
 Box Box::grown(Fixed margin) const {
-  return {saturate(int64_t{left} - margin), saturate(int64_t{right} + margin),
-          saturate(int64_t{bottom} - margin), saturate(int64_t{top} + margin)};
+  return {clamped_fixed(int64_t{left} - margin), clamped_fixed(int64_t{right} + margin),
+          clamped_fixed(int64_t{bottom} - margin), clamped_fixed(int64_t{top} + margin)};
 }
 
 bool BlockLine::passes_through(const Box& other) const {
@@ -68,8 +68,8 @@ Blockmap Blockmap::build(const Level& level) {
         const int64_t cell_left = map.origin_x_ + (int64_t{column} << (kFracBits + 7));
         const int64_t cell_bottom = map.origin_y_ + (int64_t{row} << (kFracBits + 7));
         const Box cell_box = {
-            Box::saturate(cell_left - 2), Box::saturate(cell_left + to_fixed(kCellUnits) + 2),
-            Box::saturate(cell_bottom - 2), Box::saturate(cell_bottom + to_fixed(kCellUnits) + 2)};
+            clamped_fixed(cell_left - 2), clamped_fixed(cell_left + to_fixed(kCellUnits) + 2),
+            clamped_fixed(cell_bottom - 2), clamped_fixed(cell_bottom + to_fixed(kCellUnits) + 2)};
         if (straight || line.passes_through(cell_box))
           entries.emplace_back(static_cast<uint32_t>(row * map.columns_ + column), index);
       }

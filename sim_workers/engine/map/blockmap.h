@@ -17,8 +17,8 @@ struct Box {
 
   /// The square of half side `radius` round (x, y), cut off at the ends of the number range.
   static Box around(Fixed x, Fixed y, Fixed radius) {
-    return {saturate(int64_t{x} - radius), saturate(int64_t{x} + radius), saturate(int64_t{y} - radius),
-            saturate(int64_t{y} + radius)};
+    return {clamped_fixed(int64_t{x} - radius), clamped_fixed(int64_t{x} + radius),
+            clamped_fixed(int64_t{y} - radius), clamped_fixed(int64_t{y} + radius)};
   }
   /// What holds nothing, until it covers something.
   static Box nothing() { return {INT32_MAX, INT32_MIN, INT32_MAX, INT32_MIN}; }
@@ -34,10 +34,6 @@ struct Box {
   /// True where the interiors overlap, and where a box without width lies inside; touching edges do not count.
   bool overlaps(const Box& other) const {
     return right > other.left && left < other.right && top > other.bottom && bottom < other.top;
-  }
-  /// A coordinate cut off at the ends of the number range.
-  static Fixed saturate(int64_t value) {
-    return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN, INT32_MAX));
   }
 };
 

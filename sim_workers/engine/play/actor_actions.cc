@@ -27,11 +27,7 @@ uint32_t type_named(const World& world, std::string_view name) {
 }
 
 int32_t roll(World& world, int32_t sides, int32_t factor) {
-  return clamp_fixed(int64_t{factor} * (1 + world.random_byte() % sides));
-}
-
-Fixed clamp_fixed(int64_t value) {
-  return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN + 1, INT32_MAX));
+  return clamped_fixed(int64_t{factor} * (1 + world.random_byte() % sides));
 }
 
 Angle angle_of_degrees(Fixed degrees) {
@@ -124,8 +120,8 @@ struct Place {
 };
 Place beside(const Actor& actor, Angle angle, Fixed forward, Fixed right) {
   const int64_t cosine = fine_cosine(angle), sine = fine_sine(angle);
-  return {clamp_fixed(actor.x + ((forward * cosine + right * sine) >> kFracBits)),
-          clamp_fixed(actor.y + ((forward * sine - right * cosine) >> kFracBits))};
+  return {clamped_fixed(actor.x + ((forward * cosine + right * sine) >> kFracBits)),
+          clamped_fixed(actor.y + ((forward * sine - right * cosine) >> kFracBits))};
 }
 
 /// Who really fired: a missile of a missile belongs to whoever fired the first.
@@ -178,8 +174,8 @@ void aim_at(const Actor& target, Fixed x, Fixed y, Fixed z, Fixed feet_z, Fixed 
   const int64_t flat = square_root(flat_squared);
   const int64_t length =
       std::max<int64_t>(square_root(flat_squared + static_cast<Wide>(dz * static_cast<__int128>(dz))), 1);
-  way.flat_speed = clamp_fixed(static_cast<int64_t>(static_cast<__int128>(speed) * flat / length));
-  way.velocity_z = clamp_fixed(static_cast<int64_t>(static_cast<__int128>(speed) * dz / length));
+  way.flat_speed = clamped_fixed(static_cast<int64_t>(static_cast<__int128>(speed) * flat / length));
+  way.velocity_z = clamped_fixed(static_cast<int64_t>(static_cast<__int128>(speed) * dz / length));
 }
 
 /// Alpha in 16.16: sums of it are the same on every machine.
@@ -267,7 +263,7 @@ void take_goal_of_special(World& world, Actor& self) {
     if (!world.catalog().is_a(point->type, "PatrolPoint")) continue;
     self.goal_id = point->id;
     const int64_t wait = int64_t{std::clamp(self.args[2], 0, 1 << 20)} * 35;
-    self.reaction_tics = clamp_fixed(wait + static_cast<int64_t>(world.tic_count()));
+    self.reaction_tics = clamped_fixed(wait + static_cast<int64_t>(world.tic_count()));
     self.set(ActorFlag::kOnlyChaseGoal, self.args[3] != 0);
     return;
   }
@@ -512,7 +508,7 @@ void action_CustomMissile(ActionCall& call) {
 
   Launch way;
   const Place muzzle = beside(self, self.angle, 0, sideways);
-  way.x = muzzle.x, way.y = muzzle.y, way.z = clamp_fixed(int64_t{self.z} + height);
+  way.x = muzzle.x, way.y = muzzle.y, way.z = clamped_fixed(int64_t{self.z} + height);
   bool uses_pitch = (flags & (kAbsolutePitch | kOffsetPitch)) != 0;
   if (aim_mode == kAimDirection || target == nullptr) {
     way.angle = self.angle;
@@ -522,7 +518,7 @@ void action_CustomMissile(ActionCall& call) {
     const bool from_muzzle = aim_mode == kAimOffset;
     const Fixed from_x = from_muzzle ? way.x : self.x, from_y = from_muzzle ? way.y : self.y;
     way.angle = angle_to(from_x, from_y, target->x, target->y);
-    const Fixed feet_z = from_muzzle ? clamp_fixed(int64_t{way.z} - to_fixed(32)) : self.z;
+    const Fixed feet_z = from_muzzle ? clamped_fixed(int64_t{way.z} - to_fixed(32)) : self.z;
     aim_at(*target, from_x, from_y, way.z, feet_z, speed, way);
     if (target->has(ActorFlag::kShadow)) way.angle += static_cast<Angle>(world.random_triangle()) << 20;
   }
@@ -530,7 +526,7 @@ void action_CustomMissile(ActionCall& call) {
     Angle pitch = angle_of_degrees(call.fixed(5, 0));  // positive down
     if ((flags & kOffsetPitch) != 0) pitch -= angle_to(0, 0, way.flat_speed, way.velocity_z);
     way.flat_speed = fixed_mul(speed, fine_cosine(pitch));
-    way.velocity_z = clamp_fixed(-int64_t{fixed_mul(speed, fine_sine(pitch))});
+    way.velocity_z = clamped_fixed(-int64_t{fixed_mul(speed, fine_sine(pitch))});
   }
   way.angle = (flags & kAbsoluteAngle) != 0 ? turn : way.angle + turn;
   launch(world, self, type, way, (flags & kTrackOwner) != 0);
@@ -564,7 +560,8 @@ void action_CustomBulletAttack(ActionCall& call) {
     }
     int64_t damage = call.integer(3, 0);
     if ((flags & kNoRandom) == 0) damage *= world.random_byte() % 3 + 1;
-    line_attack(world, self, angle, range, clamp_fixed(rise), clamp_fixed(damage), DamageType::kNormal, puff);
+    line_attack(world, self, angle, range, clamped_fixed(rise), clamped_fixed(damage), DamageType::kNormal,
+                puff);
   }
 }
 
@@ -584,7 +581,7 @@ void action_CustomComboAttack(ActionCall& call) {
   }
   const uint32_t type = call.type(0);
   if (type == kNoType) return;
-  spawn_missile_z(call.world, call.self, clamp_fixed(int64_t{call.self.z} + call.fixed(1, to_fixed(32))),
+  spawn_missile_z(call.world, call.self, clamped_fixed(int64_t{call.self.z} + call.fixed(1, to_fixed(32))),
                   *target, call.world.catalog().replacement(type));
 }
 
@@ -629,9 +626,9 @@ void action_RadiusThrust(ActionCall& call) {
     const int64_t strength = force * (distance - away) / distance;
     const int64_t thrust = strength * (kFracUnit / 2) * 25 / std::max(actor.mass, 1);
     const Angle angle = angle_between(call.self, actor);
-    const Fixed bounded = clamp_fixed(std::clamp<int64_t>(thrust, -to_fixed(100), to_fixed(100)));
-    actor.velocity_x = clamp_fixed(int64_t{actor.velocity_x} + fixed_mul(bounded, fine_cosine(angle)));
-    actor.velocity_y = clamp_fixed(int64_t{actor.velocity_y} + fixed_mul(bounded, fine_sine(angle)));
+    const Fixed bounded = clamped_fixed(std::clamp<int64_t>(thrust, -to_fixed(100), to_fixed(100)));
+    actor.velocity_x = clamped_fixed(int64_t{actor.velocity_x} + fixed_mul(bounded, fine_cosine(angle)));
+    actor.velocity_y = clamped_fixed(int64_t{actor.velocity_y} + fixed_mul(bounded, fine_sine(angle)));
   }
 }
 
@@ -659,7 +656,7 @@ void action_SeekerMissile(ActionCall& call) {
   if (int64_t{self.z} + self.height < target->z || int64_t{target->z} + target->height < self.z) {
     const int64_t tics =
         std::max<int64_t>(distance_between(self, *target) / std::max(self.speed, Fixed{1}), 1);
-    self.velocity_z = clamp_fixed((int64_t{target->z} + target->height / 2 - self.z) / tics);
+    self.velocity_z = clamped_fixed((int64_t{target->z} + target->height / 2 - self.z) / tics);
   }
 }
 
@@ -672,10 +669,10 @@ void action_SpawnItem(ActionCall& call) {
   World& world = call.world;
   const uint32_t type = world.catalog().replacement(asked);
   Fixed ahead = call.fixed(1, 0);
-  if (ahead == 0) ahead = clamp_fixed(int64_t{call.self.radius} + world.catalog()[type].radius);
+  if (ahead == 0) ahead = clamped_fixed(int64_t{call.self.radius} + world.catalog()[type].radius);
   const Place place = beside(call.self, call.self.angle, ahead, 0);
-  Actor& item = world.spawn_unchecked(type, place.x, place.y,
-                                      clamp_fixed(int64_t{call.self.z} + call.fixed(2, 0)), call.self.angle);
+  Actor& item = world.spawn_unchecked(
+      type, place.x, place.y, clamped_fixed(int64_t{call.self.z} + call.fixed(2, 0)), call.self.angle);
   if (item.has(ActorFlag::kIsMonster)) {
     if (!fits_here(world, item)) {
       world.remove(item.id);
@@ -705,18 +702,18 @@ void action_SpawnItemEx(ActionCall& call) {
   Angle angle = angle_of_degrees(call.fixed(7, 0));
   if ((flags & kAbsoluteAngle) == 0) angle += self.angle;
 
-  Place place{clamp_fixed(int64_t{self.x} + forward), clamp_fixed(int64_t{self.y} + right)};
+  Place place{clamped_fixed(int64_t{self.x} + forward), clamped_fixed(int64_t{self.y} + right)};
   if ((flags & kAbsolutePosition) == 0) place = beside(self, angle, forward, right);
   Fixed velocity_x = call.fixed(4, 0), velocity_y = call.fixed(5, 0);
   if ((flags & kAbsoluteVelocity) == 0) {
     const int64_t ahead = velocity_x, aside = velocity_y, cosine = fine_cosine(angle),
                   sine = fine_sine(angle);
-    velocity_x = clamp_fixed((ahead * cosine + aside * sine) >> kFracBits);
-    velocity_y = clamp_fixed((ahead * sine - aside * cosine) >> kFracBits);
+    velocity_x = clamped_fixed((ahead * cosine + aside * sine) >> kFracBits);
+    velocity_y = clamped_fixed((ahead * sine - aside * cosine) >> kFracBits);
   }
   Fixed velocity_z = call.fixed(6, 0);
 
-  Actor& made = world.spawn_unchecked(type, place.x, place.y, clamp_fixed(int64_t{self.z} + up), angle);
+  Actor& made = world.spawn_unchecked(type, place.x, place.y, clamped_fixed(int64_t{self.z} + up), angle);
   if ((flags & kMultiplySpeed) != 0) {
     velocity_x = fixed_mul(velocity_x, made.speed), velocity_y = fixed_mul(velocity_y, made.speed);
     velocity_z = fixed_mul(velocity_z, made.speed);
@@ -900,19 +897,19 @@ void action_Thing_Remove(ActionCall& call) {
 
 void action_FadeIn(ActionCall& call) {
   const Fixed step = call.fixed(0, kFracUnit / 10);
-  set_alpha(call.self, clamp_fixed(int64_t{alpha_of(call.self)} + (step != 0 ? step : kFracUnit / 10)));
+  set_alpha(call.self, clamped_fixed(int64_t{alpha_of(call.self)} + (step != 0 ? step : kFracUnit / 10)));
 }
 void action_FadeOut(ActionCall& call) {
   const Fixed step = call.fixed(0, kFracUnit / 10);
-  const Fixed left = clamp_fixed(int64_t{alpha_of(call.self)} - (step != 0 ? step : kFracUnit / 10));
+  const Fixed left = clamped_fixed(int64_t{alpha_of(call.self)} - (step != 0 ? step : kFracUnit / 10));
   set_alpha(call.self, left);
   if (left <= 0 && call.boolean(1, true)) remove_self(call);
 }
 void action_FadeTo(ActionCall& call) {
   const Fixed target = call.fixed(0, 0), step = std::max(call.fixed(1, kFracUnit / 10), 0);
   const Fixed present = alpha_of(call.self);
-  const Fixed next = present > target ? std::max<Fixed>(clamp_fixed(int64_t{present} - step), target)
-                                      : std::min<Fixed>(clamp_fixed(int64_t{present} + step), target);
+  const Fixed next = present > target ? std::max<Fixed>(clamped_fixed(int64_t{present} - step), target)
+                                      : std::min<Fixed>(clamped_fixed(int64_t{present} + step), target);
   set_alpha(call.self, next);
   if (next == target && call.boolean(2)) remove_self(call);
 }
@@ -934,7 +931,7 @@ void action_ScaleVelocity(ActionCall& call) {
   const int64_t factor = call.fixed(0, kFracUnit);
   Actor& self = call.self;
   for (Fixed* part : {&self.velocity_x, &self.velocity_y, &self.velocity_z})
-    *part = clamp_fixed((*part * factor) >> kFracBits);
+    *part = clamped_fixed((*part * factor) >> kFracBits);
 }
 void action_ChangeVelocity(ActionCall& call) {
   constexpr int kRelative = 1, kReplace = 2;
@@ -948,9 +945,9 @@ void action_ChangeVelocity(ActionCall& call) {
     y = (ahead * sine + aside * cosine) >> kFracBits;
   }
   const bool replaces = (flags & kReplace) != 0;
-  self.velocity_x = clamp_fixed(x + (replaces ? 0 : self.velocity_x));
-  self.velocity_y = clamp_fixed(y + (replaces ? 0 : self.velocity_y));
-  self.velocity_z = clamp_fixed(z + (replaces ? 0 : self.velocity_z));
+  self.velocity_x = clamped_fixed(x + (replaces ? 0 : self.velocity_x));
+  self.velocity_y = clamped_fixed(y + (replaces ? 0 : self.velocity_y));
+  self.velocity_z = clamped_fixed(z + (replaces ? 0 : self.velocity_z));
 }
 void action_SetAngle(ActionCall& call) { call.self.angle = angle_of_degrees(call.fixed(0, 0)); }
 void action_SetPitch(ActionCall& call) { call.self.pitch = angle_of_degrees(call.fixed(0, 0)); }
@@ -972,8 +969,8 @@ void action_Stop(ActionCall& call) { call.self.velocity_x = call.self.velocity_y
 namespace {
 
 void push(Actor& actor, Angle angle, Fixed speed) {
-  actor.velocity_x = clamp_fixed(int64_t{actor.velocity_x} + fixed_mul(speed, fine_cosine(angle)));
-  actor.velocity_y = clamp_fixed(int64_t{actor.velocity_y} + fixed_mul(speed, fine_sine(angle)));
+  actor.velocity_x = clamped_fixed(int64_t{actor.velocity_x} + fixed_mul(speed, fine_cosine(angle)));
+  actor.velocity_y = clamped_fixed(int64_t{actor.velocity_y} + fixed_mul(speed, fine_sine(angle)));
 }
 
 }  // namespace
@@ -999,9 +996,9 @@ void action_Warp(ActionCall& call) {
   const Angle turn = angle_of_degrees(call.fixed(4, 0));
   const Angle angle = (flags & kAbsoluteAngle) != 0 ? turn : base->angle + turn;
   const Fixed forward = call.fixed(1, 0), right = call.fixed(2, 0), up = call.fixed(3, 0);
-  Place place{clamp_fixed(int64_t{base->x} + forward), clamp_fixed(int64_t{base->y} + right)};
+  Place place{clamped_fixed(int64_t{base->x} + forward), clamped_fixed(int64_t{base->y} + right)};
   if ((flags & kAbsoluteOffset) == 0) place = beside(*base, angle, forward, right);
-  const Fixed z = clamp_fixed(int64_t{(flags & kToFloor) != 0 ? base->floor_z : base->z} + up);
+  const Fixed z = clamped_fixed(int64_t{(flags & kToFloor) != 0 ? base->floor_z : base->z} + up);
   const Fixed old_x = self.x, old_y = self.y, old_z = self.z;
   set_position(world, self.id, place.x, place.y, z);
   if ((flags & kNoCheck) == 0 && !fits_here(world, self)) {

@@ -56,8 +56,6 @@ struct Crossing {
   }
 };
 
-Fixed saturate(int64_t value) { return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN, INT32_MAX)); }
-
 /// above / below as a fraction, cut off far outside of the way.
 int64_t fraction_of(int64_t above, int64_t below) {
   const __int128 fraction = (static_cast<__int128>(above) << kFractionBits) / below;
@@ -172,8 +170,9 @@ bool walk(World& world, const Path& path, bool lines, ActorShape shape, Visit&& 
     const int64_t from = kWhole / pieces * piece;
     const int64_t until = piece + 1 == pieces ? kWhole : kWhole / pieces * (piece + 1);
     const int64_t ax = path.x_at(from), ay = path.y_at(from), bx = path.x_at(until), by = path.y_at(until);
-    const Box box = {saturate(std::min(ax, bx) - kFracUnit), saturate(std::max(ax, bx) + kFracUnit),
-                     saturate(std::min(ay, by) - kFracUnit), saturate(std::max(ay, by) + kFracUnit)};
+    const Box box = {clamped_fixed(std::min(ax, bx) - kFracUnit), clamped_fixed(std::max(ax, bx) + kFracUnit),
+                     clamped_fixed(std::min(ay, by) - kFracUnit),
+                     clamped_fixed(std::max(ay, by) + kFracUnit)};
     bool complete = false;
     while (!complete) {
       NearestCrossings found(last);
@@ -362,15 +361,15 @@ void shorten(World& world, Actor& actor) {
 }
 
 Fixed scattered(World& world, int64_t height) {
-  return saturate(height + int64_t{world.random_triangle()} * (kFracUnit / 64));
+  return clamped_fixed(height + int64_t{world.random_triangle()} * (kFracUnit / 64));
 }
 
 void spawn_puff(World& world, Actor& shooter, uint32_t puff_type, const Ray& ray, int64_t fraction,
                 bool on_actor) {
   if (puff_type == kNoType) return;
   Actor& puff =
-      world.spawn_unchecked(puff_type, saturate(ray.path.x_at(fraction)), saturate(ray.path.y_at(fraction)),
-                            scattered(world, ray.z_at(fraction)));
+      world.spawn_unchecked(puff_type, clamped_fixed(ray.path.x_at(fraction)),
+                            clamped_fixed(ray.path.y_at(fraction)), scattered(world, ray.z_at(fraction)));
   puff.velocity_z = kFracUnit;
   puff.angle = angle_to(puff.x, puff.y, shooter.x, shooter.y);
   if (puff.has(ActorFlag::kPuffGetsOwner)) puff.target_id = shooter.id;
@@ -389,10 +388,10 @@ void spawn_blood(World& world, Actor& victim, const Ray& ray, int64_t fraction, 
   if (type == kNoType) type = world.catalog().known().blood;
   if (type == kNoType) return;
   Actor& blood =
-      world.spawn_unchecked(type, saturate(ray.path.x_at(fraction)), saturate(ray.path.y_at(fraction)),
-                            scattered(world, ray.z_at(fraction)));
+      world.spawn_unchecked(type, clamped_fixed(ray.path.x_at(fraction)),
+                            clamped_fixed(ray.path.y_at(fraction)), scattered(world, ray.z_at(fraction)));
   blood.velocity_z = to_fixed(2);
-  blood.angle = angle_to(blood.x, blood.y, saturate(ray.path.x), saturate(ray.path.y));
+  blood.angle = angle_to(blood.x, blood.y, clamped_fixed(ray.path.x), clamped_fixed(ray.path.y));
   blood.target_id = victim.id;
   // A scratch bleeds less: it starts at the second or third picture.
   int skipped = damage < 9 ? 2 : damage <= 12 ? 1 : 0;
@@ -476,7 +475,7 @@ Aim aim_line(World& world, Actor& shooter, Angle angle, Fixed distance, Fixed ve
     if (actor.id == shooter.id || !can_be_shot(actor)) return true;
     const int64_t actor_top = slope_to(int64_t{actor.z} + actor.height), actor_bottom = slope_to(actor.z);
     if (actor_top < bottom || actor_bottom > top) return true;
-    aim = {&actor, saturate((std::min(actor_top, top) + std::max(actor_bottom, bottom)) / 2)};
+    aim = {&actor, clamped_fixed((std::min(actor_top, top) + std::max(actor_bottom, bottom)) / 2)};
     return false;
   });
   return aim;

@@ -13,10 +13,6 @@ namespace {
 
 constexpr Fixed kMissileHeight = to_fixed(32);  // above the feet of its shooter
 
-Fixed clamp_fixed(int64_t value) {
-  return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN, INT32_MAX));
-}
-
 /// Length of a vector in map units of 1/256: squares stay below 2^53, so the root is the same on
 /// every machine.
 int64_t length_of(int64_t x, int64_t y, int64_t z) {
@@ -30,7 +26,7 @@ int64_t length_of(int64_t x, int64_t y, int64_t z) {
 
 int32_t roll_damage(World& world, const DamageDice& dice) {
   if (dice.exact || dice.factor == 0) return dice.factor;
-  return clamp_fixed(int64_t{dice.factor} * (1 + world.random_byte() % 8));
+  return clamped_fixed(int64_t{dice.factor} * (1 + world.random_byte() % 8));
 }
 
 void explode_missile(World& world, Actor& missile, Actor* struck) {
@@ -61,11 +57,11 @@ bool check_missile_spawn(World& world, Actor& missile) {
     missile.tics = std::max(1, missile.tics - (world.random_byte() & 3));
   // Half a step ahead, so that it does not start inside its shooter.
   const uint32_t id = missile.id;
-  missile.z = clamp_fixed(int64_t{missile.z} + missile.velocity_z / 2);
+  missile.z = clamped_fixed(int64_t{missile.z} + missile.velocity_z / 2);
   Movement movement(world);
   const std::size_t slot = world.slot_of(missile);
-  if (movement.try_move(slot, clamp_fixed(int64_t{missile.x} + missile.velocity_x / 2),
-                        clamp_fixed(int64_t{missile.y} + missile.velocity_y / 2)))
+  if (movement.try_move(slot, clamped_fixed(int64_t{missile.x} + missile.velocity_x / 2),
+                        clamped_fixed(int64_t{missile.y} + missile.velocity_y / 2)))
     return !missile.removed;
   if (world.actor(id) != nullptr && missile.has(ActorFlag::kMissile))
     explode_missile(world, missile, nullptr);
@@ -84,16 +80,16 @@ Actor* spawn_missile_z(World& world, Actor& source, Fixed z, Actor& target, uint
   Angle angle = angle_to(source.x, source.y, target.x, target.y);
   if (target.has(ActorFlag::kShadow)) angle += static_cast<Angle>(world.random_triangle()) << 20;
   const int64_t across = length_of(dx, dy, 0);
-  const auto flat_speed = clamp_fixed(missile.speed * across / length);
+  const auto flat_speed = clamped_fixed(missile.speed * across / length);
   missile.angle = angle;
   missile.velocity_x = fixed_mul(flat_speed, fine_cosine(angle));
   missile.velocity_y = fixed_mul(flat_speed, fine_sine(angle));
-  missile.velocity_z = clamp_fixed(missile.speed * dz / length);
+  missile.velocity_z = clamped_fixed(missile.speed * dz / length);
   return check_missile_spawn(world, missile) ? &missile : nullptr;
 }
 
 Actor* spawn_missile(World& world, Actor& source, Actor& target, uint32_t type) {
-  return spawn_missile_z(world, source, clamp_fixed(int64_t{source.z} + kMissileHeight), target, type);
+  return spawn_missile_z(world, source, clamped_fixed(int64_t{source.z} + kMissileHeight), target, type);
 }
 
 Actor* spawn_player_missile(World& world, Actor& body, uint32_t type, Angle angle, Fixed x_offset,
@@ -115,17 +111,17 @@ Actor* spawn_player_missile(World& world, Actor& body, uint32_t type, Angle angl
     }
   }
   const Angle sideways = angle - kAngle90;
-  const Fixed x = clamp_fixed(int64_t{body.x} + fixed_mul(x_offset, fine_cosine(sideways)) +
-                              fixed_mul(y_offset, fine_cosine(angle)));
-  const Fixed y = clamp_fixed(int64_t{body.y} + fixed_mul(x_offset, fine_sine(sideways)) +
-                              fixed_mul(y_offset, fine_sine(angle)));
-  const Fixed z = clamp_fixed(int64_t{body.z} + body.height / 2 + to_fixed(4) + z_offset);
+  const Fixed x = clamped_fixed(int64_t{body.x} + fixed_mul(x_offset, fine_cosine(sideways)) +
+                                fixed_mul(y_offset, fine_cosine(angle)));
+  const Fixed y = clamped_fixed(int64_t{body.y} + fixed_mul(x_offset, fine_sine(sideways)) +
+                                fixed_mul(y_offset, fine_sine(angle)));
+  const Fixed z = clamped_fixed(int64_t{body.z} + body.height / 2 + to_fixed(4) + z_offset);
   Actor& missile = world.spawn_unchecked(type, x, y, z, angle);
   missile.target_id = body.id;
   // The speed is along the slope: (1, slope) of length sqrt(1 + slope^2).
   const int64_t slope = aim.slope;
   const int64_t length = std::max<int64_t>(length_of(to_fixed(1) * 256LL, 0, slope * 256LL) / 256, 1);
-  const auto flat_speed = clamp_fixed(int64_t{missile.speed} * kFracUnit / length);
+  const auto flat_speed = clamped_fixed(int64_t{missile.speed} * kFracUnit / length);
   missile.velocity_x = fixed_mul(flat_speed, fine_cosine(angle));
   missile.velocity_y = fixed_mul(flat_speed, fine_sine(angle));
   missile.velocity_z = fixed_mul(flat_speed, aim.slope);

@@ -53,7 +53,7 @@ void charge(World& world, Actor& skull, Fixed speed) {
   skull.velocity_x = fixed_mul(speed, fine_cosine(skull.angle));
   skull.velocity_y = fixed_mul(speed, fine_sine(skull.angle));
   const int64_t tics = std::max<int64_t>(distance_between(skull, *target) / std::max(speed, Fixed{1}), 1);
-  skull.velocity_z = clamp_fixed((int64_t{target->z} + target->height / 2 - skull.z) / tics);
+  skull.velocity_z = clamped_fixed((int64_t{target->z} + target->height / 2 - skull.z) / tics);
 }
 
 /// A pain elemental spits a lost soul, which dies where it has no room.
@@ -65,17 +65,17 @@ void spit_skull(ActionCall& call, Angle angle) {
   const uint32_t type = world.catalog().replacement(asked);
   const ActorType& kind = world.catalog()[type];
   const int64_t ahead = to_fixed(4) + 3 * (int64_t{parent.radius} + kind.radius) / 2;
-  const Fixed x = clamp_fixed(parent.x + ((ahead * fine_cosine(angle)) >> kFracBits));
-  const Fixed y = clamp_fixed(parent.y + ((ahead * fine_sine(angle)) >> kFracBits));
-  const Fixed z = clamp_fixed(int64_t{parent.z} + to_fixed(8));
+  const Fixed x = clamped_fixed(parent.x + ((ahead * fine_cosine(angle)) >> kFracBits));
+  const Fixed y = clamped_fixed(parent.y + ((ahead * fine_sine(angle)) >> kFracBits));
+  const Fixed z = clamped_fixed(int64_t{parent.z} + to_fixed(8));
   Actor& skull = world.spawn_unchecked(type, x, y, z, angle);
   skull.set(ActorFlag::kFriendly, parent.has(ActorFlag::kFriendly));
   skull.target_id = parent.target_id;
 
   // Through a wall it must not come: a way that no body of its size could go.
   bool fits = fits_here(world, skull);
-  trace_path(world, parent.x, parent.y, clamp_fixed(int64_t{x} - parent.x),
-             clamp_fixed(int64_t{y} - parent.y), true, false, [&](const PathCrossing& crossing) {
+  trace_path(world, parent.x, parent.y, clamped_fixed(int64_t{x} - parent.x),
+             clamped_fixed(int64_t{y} - parent.y), true, false, [&](const PathCrossing& crossing) {
                const auto line = static_cast<std::size_t>(crossing.line);
                const uint32_t flags = world.lines()[line].flags;
                if (!world.level().linedefs[line].back ||
@@ -143,9 +143,10 @@ void move_fire(World& world, Actor& fire) {
   const Actor* victim = world.actor(fire.tracer_id);
   const Actor* vile = target_of(world, fire);
   if (victim == nullptr || vile == nullptr || !can_see(world, *vile, *victim)) return;
-  set_position(
-      world, fire.id, clamp_fixed(int64_t{victim->x} + fixed_mul(kFireDistance, fine_cosine(victim->angle))),
-      clamp_fixed(int64_t{victim->y} + fixed_mul(kFireDistance, fine_sine(victim->angle))), victim->z);
+  set_position(world, fire.id,
+               clamped_fixed(int64_t{victim->x} + fixed_mul(kFireDistance, fine_cosine(victim->angle))),
+               clamped_fixed(int64_t{victim->y} + fixed_mul(kFireDistance, fine_sine(victim->angle))),
+               victim->z);
 }
 
 // ---------------------------------------------------------------- boss brain
@@ -322,13 +323,13 @@ void action_SkelMissile(ActionCall& call) {
   Actor* target = face_and_get_target(call);
   const uint32_t type = type_named(call.world, "RevenantTracer");
   if (target == nullptr || type == kNoType) return;
-  const Fixed z = clamp_fixed(int64_t{call.self.z} + to_fixed(48));
+  const Fixed z = clamped_fixed(int64_t{call.self.z} + to_fixed(48));
   Actor* missile = spawn_missile_z(call.world, call.self, z, *target, type);
   if (missile == nullptr) return;
   missile->tracer_id = target->id;
   // A step ahead of its shoulder.
-  set_position(call.world, missile->id, clamp_fixed(int64_t{missile->x} + missile->velocity_x),
-               clamp_fixed(int64_t{missile->y} + missile->velocity_y), missile->z);
+  set_position(call.world, missile->id, clamped_fixed(int64_t{missile->x} + missile->velocity_x),
+               clamped_fixed(int64_t{missile->y} + missile->velocity_y), missile->z);
 }
 
 void action_Tracer(ActionCall& call) {
@@ -337,8 +338,8 @@ void action_Tracer(ActionCall& call) {
   if ((world.tic_count() & 3) != 0) return;
   if (const uint32_t smoke = world.catalog().known().tracer_smoke; smoke != kNoType) {
     Actor& puff = world.spawn_unchecked(world.catalog().replacement(smoke),
-                                        clamp_fixed(int64_t{self.x} - self.velocity_x),
-                                        clamp_fixed(int64_t{self.y} - self.velocity_y), self.z);
+                                        clamped_fixed(int64_t{self.x} - self.velocity_x),
+                                        clamped_fixed(int64_t{self.y} - self.velocity_y), self.z);
     puff.velocity_z = kFracUnit;
     puff.tics = std::max(1, puff.tics - (world.random_byte() & 3));
   }
@@ -359,7 +360,7 @@ void action_Tracer(ActionCall& call) {
   const int64_t aim_height = target->height >= to_fixed(56) ? to_fixed(40) : int64_t{self.height} * 2 / 3;
   const int64_t rise = (int64_t{target->z} + aim_height - self.z) / tics;
   self.velocity_z =
-      clamp_fixed(int64_t{self.velocity_z} + (rise < self.velocity_z ? -kFracUnit / 8 : kFracUnit / 8));
+      clamped_fixed(int64_t{self.velocity_z} + (rise < self.velocity_z ? -kFracUnit / 8 : kFracUnit / 8));
 }
 
 // ---------------------------------------------------------------- mancubus
@@ -428,12 +429,12 @@ void action_VileAttack(ActionCall& call) {
   constexpr int32_t kDirect = 20, kBlast = 70;
   damage_actor(world, *target, &call.self, &call.self, kDirect);
   if (!target->has(ActorFlag::kNoDamageThrust) && target->mass > 0)
-    target->velocity_z = clamp_fixed(int64_t{to_fixed(1000)} / target->mass);
+    target->velocity_z = clamped_fixed(int64_t{to_fixed(1000)} / target->mass);
   if (Actor* fire = world.actor(call.self.tracer_id)) {
     // Between the two, so that the blast throws the victim away from the vile.
     set_position(world, fire->id,
-                 clamp_fixed(int64_t{target->x} - fixed_mul(kFireDistance, fine_cosine(call.self.angle))),
-                 clamp_fixed(int64_t{target->y} - fixed_mul(kFireDistance, fine_sine(call.self.angle))),
+                 clamped_fixed(int64_t{target->x} - fixed_mul(kFireDistance, fine_cosine(call.self.angle))),
+                 clamped_fixed(int64_t{target->y} - fixed_mul(kFireDistance, fine_sine(call.self.angle))),
                  target->z);
     radius_attack(world, *fire, &call.self, kBlast, to_fixed(kBlast), DamageType::kFire);
   }

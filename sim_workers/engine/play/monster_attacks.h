@@ -16,7 +16,6 @@ constexpr Fixed kBlowRange = to_fixed(64);
 uint32_t type_named(const World& world, std::string_view name);
 /// Rolls (1..sides) * factor.
 int32_t roll(World& world, int32_t sides, int32_t factor);
-Fixed clamp_fixed(int64_t value);
 /// Degrees in 16.16 as an angle.
 Angle angle_of_degrees(Fixed degrees);
 

@@ -30,10 +30,6 @@ Direction opposite(Direction direction) {
 }
 Angle angle_of(Direction direction) { return static_cast<Angle>(direction) << 29; }
 
-Fixed saturate(int64_t value) {
-  return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN + 1, INT32_MAX));
-}
-
 bool is_alive(const Actor& actor) { return actor.health > 0 && !actor.removed; }
 
 /// Turns an eighth of a turn towards the way it walks.
@@ -332,7 +328,7 @@ Actor* target_of(World& world, const Actor& actor) {
 
 Fixed distance_between(const Actor& from, const Actor& to) {
   const int64_t dx = std::abs(int64_t{to.x} - from.x), dy = std::abs(int64_t{to.y} - from.y);
-  return saturate(std::max(dx, dy) + std::min(dx, dy) / 2);
+  return clamped_fixed(std::max(dx, dy) + std::min(dx, dy) / 2);
 }
 
 Angle angle_between(const Actor& from, const Actor& to) { return angle_to(from.x, from.y, to.x, to.y); }
@@ -420,7 +416,7 @@ bool monster_move(World& world, Actor& monster) {
   MoveResult step{.moved = true};
   Fixed x = start_x, y = start_y;
   for (int64_t part = 1; part <= parts && step.moved; ++part) {
-    x = saturate(start_x + dx * part / parts), y = saturate(start_y + dy * part / parts);
+    x = clamped_fixed(start_x + dx * part / parts), y = clamped_fixed(start_y + dy * part / parts);
     step = try_move_monster(world, monster, x, y);
     if (monster.removed) return true;
     if (step.moved && (monster.x != x || monster.y != y)) return true;  // a line sent it elsewhere
@@ -436,8 +432,8 @@ bool monster_move(World& world, Actor& monster) {
   }
   if (monster.has(ActorFlag::kFloat) && step.float_ok) {
     const Fixed old_z = monster.z;
-    monster.z = saturate(int64_t{monster.z} +
-                         (monster.z < step.floor_z ? monster.float_speed : -monster.float_speed));
+    monster.z = clamped_fixed(int64_t{monster.z} +
+                              (monster.z < step.floor_z ? monster.float_speed : -monster.float_speed));
     if (fits_here(world, monster)) {
       monster.set(ActorFlag::kInFloat);
       return true;

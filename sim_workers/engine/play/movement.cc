@@ -361,15 +361,12 @@ void Movement::cross_lines(std::size_t slot, Fixed old_x, Fixed old_y, const Pos
 }
 
 void Movement::trace_corner(int64_t x, int64_t y, Fixed dx, Fixed dy, const Actor& body, WallHit& hit) const {
-  const auto clamp_fixed = [](int64_t value) {
-    return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN + 1, INT32_MAX));
-  };
   // A quirk of Doom's: no trace begins on the edge of a blockmap cell; it begins a unit further east or north.
   // Who touches the western or southern wall of a map to the bit thus slides along it with its whole speed.
   if (world_.index().blockmap.on_column_edge(x)) x += kFracUnit, dx -= kFracUnit;
   if (world_.index().blockmap.on_row_edge(y)) y += kFracUnit, dy -= kFracUnit;
-  const Box box = {clamp_fixed(std::min(x, x + dx) - 1), clamp_fixed(std::max(x, x + dx) + 1),
-                   clamp_fixed(std::min(y, y + dy) - 1), clamp_fixed(std::max(y, y + dy) + 1)};
+  const Box box = {clamped_fixed(std::min(x, x + dx) - 1), clamped_fixed(std::max(x, x + dx) + 1),
+                   clamped_fixed(std::min(y, y + dy) - 1), clamped_fixed(std::max(y, y + dy) + 1)};
   // A quirk of Doom's: a short way meets every line of its cells as if the line had no ends.
   constexpr Fixed kShortWay = to_fixed(16);
   const bool endless = std::abs(int64_t{dx}) <= kShortWay && std::abs(int64_t{dy}) <= kShortWay;
@@ -441,10 +438,8 @@ void Movement::slide_along_walls(std::size_t slot, Fixed dx, Fixed dy, int steps
     Way along{moved.x, moved.y, dx, dy};
     turn_along(hit.wall, along);
     const auto along_x = static_cast<Fixed>(along.dx), along_y = static_cast<Fixed>(along.dy);
-    const auto of_all_steps = [&](int64_t of_one) {
-      return static_cast<Fixed>(std::clamp<int64_t>(of_one * steps, INT32_MIN, INT32_MAX));
-    };
-    moved.velocity_x = of_all_steps(along_x), moved.velocity_y = of_all_steps(along_y);
+    moved.velocity_x = clamped_fixed(int64_t{along_x} * steps);
+    moved.velocity_y = clamped_fixed(int64_t{along_y} * steps);
     if (try_move(slot, clamped_fixed(int64_t{moved.x} + along_x), clamped_fixed(int64_t{moved.y} + along_y)))
       return;
   }

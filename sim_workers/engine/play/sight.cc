@@ -61,11 +61,8 @@ Box box_of_piece(const BlockLine& way, int64_t piece, int64_t piece_count) {
                 to_x = way.x1 + way.dx() * (piece + 1) / piece_count;
   const int64_t from_y = way.y1 + way.dy() * piece / piece_count,
                 to_y = way.y1 + way.dy() * (piece + 1) / piece_count;
-  const auto fixed = [](int64_t value) {
-    return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN, INT32_MAX));
-  };
-  return {fixed(std::min(from_x, to_x) - 2), fixed(std::max(from_x, to_x) + 2),
-          fixed(std::min(from_y, to_y) - 2), fixed(std::max(from_y, to_y) + 2)};
+  return {clamped_fixed(std::min(from_x, to_x) - 2), clamped_fixed(std::max(from_x, to_x) + 2),
+          clamped_fixed(std::min(from_y, to_y) - 2), clamped_fixed(std::max(from_y, to_y) + 2)};
 }
 
 }  // namespace

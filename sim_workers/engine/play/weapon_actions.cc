@@ -49,14 +49,12 @@ Angle spread(World& world, int shift) {
   return static_cast<Angle>(int64_t{world.random_triangle()} * (int64_t{1} << shift));
 }
 
-Fixed limited(int64_t value) { return static_cast<Fixed>(std::clamp<int64_t>(value, INT32_MIN, INT32_MAX)); }
-
-int32_t times(int64_t a, int64_t b) { return limited(a * b); }
+int32_t times(int64_t a, int64_t b) { return clamped_fixed(a * b); }
 
 /// Tangent of a small turn up, added to a slope.
 Fixed tilted(Fixed slope, int64_t turn) {
   const auto angle = static_cast<Angle>(turn);
-  return limited(int64_t{slope} + fixed_div(fine_sine(angle), fine_cosine(angle)));
+  return clamped_fixed(int64_t{slope} + fixed_div(fine_sine(angle), fine_cosine(angle)));
 }
 
 /// The body shows the flash of its weapon.
@@ -149,7 +147,7 @@ void action_Lower(ActionCall& call) {
   if (weapon == nullptr) return;
   WeaponSprite& sprite = call.player->weapon_sprites[0];
   const Fixed speed = call.integer(0) > 0 ? to_fixed(std::min(call.integer(0), 128)) : kLowerSpeed;
-  sprite.own_y = limited(int64_t{sprite.own_y} + speed);
+  sprite.own_y = clamped_fixed(int64_t{sprite.own_y} + speed);
   if (sprite.own_y < kWeaponBottom) return;
   if (!call.player->alive) {
     sprite.own_y = kWeaponBottom;  // and nothing comes up
@@ -168,7 +166,7 @@ void action_Raise(ActionCall& call) {
   }
   WeaponSprite& sprite = call.player->weapon_sprites[0];
   const Fixed speed = call.integer(0) > 0 ? to_fixed(std::min(call.integer(0), 128)) : kRaiseSpeed;
-  sprite.own_y = limited(int64_t{sprite.own_y} - speed);
+  sprite.own_y = clamped_fixed(int64_t{sprite.own_y} - speed);
   if (sprite.own_y > kWeaponTop) return;
   sprite.own_y = kWeaponTop;
   set_weapon_state(call.world, player_index(call), 0, weapon->state(StateLabel::kReady));
@@ -371,7 +369,7 @@ void action_BFGSpray(ActionCall& call) {
     Actor& target = *aim.target;
     if (spray_type != kNoType) {
       Actor& spray = world.spawn_unchecked(spray_type, target.x, target.y,
-                                           limited(int64_t{target.z} + target.height / 4));
+                                           clamped_fixed(int64_t{target.z} + target.height / 4));
       spray.target_id = owner->id;
     }
     int32_t damage = exact_damage;
@@ -435,9 +433,9 @@ void action_FireCustomMissile(ActionCall& call) {
   call.self.pitch = held_pitch;
   if (missile == nullptr || aims_there || turn == 0) return;
   // Aimed straight ahead, then turned: the speed along the floor stays.
-  const Fixed ahead = limited((int64_t{missile->velocity_x} * fine_cosine(missile->angle) +
-                               int64_t{missile->velocity_y} * fine_sine(missile->angle)) >>
-                              kFracBits);
+  const Fixed ahead = clamped_fixed((int64_t{missile->velocity_x} * fine_cosine(missile->angle) +
+                                     int64_t{missile->velocity_y} * fine_sine(missile->angle)) >>
+                                    kFracBits);
   missile->angle += turn;
   missile->velocity_x = fixed_mul(ahead, fine_cosine(missile->angle));
   missile->velocity_y = fixed_mul(ahead, fine_sine(missile->angle));

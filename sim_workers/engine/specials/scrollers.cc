@@ -65,9 +65,8 @@ std::optional<std::array<Fixed, 2>> line_vector(const World& world, const Specia
   if (!has_line(world, call)) return std::nullopt;
   const Linedef& line = world.level().linedefs[static_cast<std::size_t>(call.line)];
   const Vertex &start = world.level().vertices[line.start], &end = world.level().vertices[line.end];
-  return std::array<Fixed, 2>{
-      static_cast<Fixed>(std::clamp<int64_t>(int64_t{end.x} - start.x, INT32_MIN, INT32_MAX)),
-      static_cast<Fixed>(std::clamp<int64_t>(int64_t{end.y} - start.y, INT32_MIN, INT32_MAX))};
+  return std::array<Fixed, 2>{clamped_fixed(int64_t{end.x} - start.x),
+                              clamped_fixed(int64_t{end.y} - start.y)};
 }
 
 int32_t scroll_plane(World& world, const SpecialCall& call, bool of_floor) {
