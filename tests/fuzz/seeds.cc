@@ -53,6 +53,7 @@ const char* const kWideRoom = R"(namespace = "zdoom";
 thing { x = -31900.0; y = 0.0; type = 1; skill3 = true; coop = true; single = true; }
 thing { x = -31900.0; y = 90.0; type = 2; skill3 = true; coop = true; single = true; }
 thing { x = 31900.0; y = 0.0; height = 32000.0; angle = 180; type = 3005; skill3 = true; coop = true; single = true; }
+thing { x = 0.0; y = 0.0; height = -32000.0; type = 3001; skill3 = true; coop = true; single = true; }
 vertex { x = -32000.0; y = -256.0; } vertex { x = -32000.0; y = 256.0; } vertex { x = -2000.0; y = 256.0; } vertex { x = 28000.0; y = 256.0; }
 vertex { x = 32000.0; y = 256.0; } vertex { x = 32000.0; y = -256.0; } vertex { x = 28000.0; y = -256.0; } vertex { x = -2000.0; y = -256.0; }
 linedef { v1 = 0; v2 = 1; sidefront = 0; blocking = true; } linedef { v1 = 1; v2 = 2; sidefront = 0; blocking = true; }

@@ -548,11 +548,10 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
                        : nullptr;
   if (player != nullptr && body.z < body.floor_z) {
     // Stepped up: the eye stays where it was and catches up.
-    player->view_height -= body.floor_z - body.z;
-    player->view_height_delta = (player->eye_height - player->view_height) >> 3;
+    player->view_height = clamped_fixed(int64_t{player->view_height} - body.floor_z + body.z);
+    player->view_height_delta = static_cast<Fixed>((int64_t{player->eye_height} - player->view_height) >> 3);
   }
-  body.z = static_cast<Fixed>(
-      std::clamp<int64_t>(int64_t{body.z} + body.velocity_z, INT32_MIN / 2, INT32_MAX / 2));
+  body.z = clamped_fixed(int64_t{body.z} + body.velocity_z);
   // A flyer drifts to the height of its target.
   if (body.has(ActorFlag::kFloat) && body.target_id != 0 && !body.has(ActorFlag::kSkullFly) &&
       !body.has(ActorFlag::kInFloat) && !body.is_corpse()) {

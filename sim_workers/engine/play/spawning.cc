@@ -126,8 +126,9 @@ void spawn_map_things(World& world) {
     if (type.state(StateLabel::kSpawn) == kNoState && type.flags.has(ActorFlag::kNoBlockmap) && thing.id == 0)
       continue;
     const Sector& sector = world.state().sectors[world.sector_at(thing.x, thing.y)];
-    Fixed z = sector.floor_height + thing.height;
-    if (type.flags.has(ActorFlag::kSpawnCeiling)) z = sector.ceiling_height - type.height - thing.height;
+    const Fixed z = clamped_fixed(type.flags.has(ActorFlag::kSpawnCeiling)
+                                      ? int64_t{sector.ceiling_height} - type.height - thing.height
+                                      : int64_t{sector.floor_height} + thing.height);
     Actor& actor = world.state().actors[world.append_actor(type_index, thing.x, thing.y, z,
                                                            degrees_to_angle(thing.angle_degrees), thing.id)];
     actor.special = thing.special, actor.args = thing.args;
