@@ -625,10 +625,8 @@ void action_RadiusThrust(ActionCall& call) {
     if (away >= distance || !can_see(world, actor, call.self)) continue;
     const int64_t strength = force * (distance - away) / distance;
     const int64_t thrust = strength * (kFracUnit / 2) * 25 / std::max(actor.mass, 1);
-    const Angle angle = angle_between(call.self, actor);
-    const Fixed bounded = clamped_fixed(std::clamp<int64_t>(thrust, -to_fixed(100), to_fixed(100)));
-    actor.velocity_x = clamped_fixed(int64_t{actor.velocity_x} + fixed_mul(bounded, fine_cosine(angle)));
-    actor.velocity_y = clamped_fixed(int64_t{actor.velocity_y} + fixed_mul(bounded, fine_sine(angle)));
+    actor.push(angle_between(call.self, actor),
+               static_cast<Fixed>(std::clamp<int64_t>(thrust, -to_fixed(100), to_fixed(100))));
   }
 }
 
@@ -966,21 +964,12 @@ void action_SetGravity(ActionCall& call) {
 }
 void action_Stop(ActionCall& call) { call.self.velocity_x = call.self.velocity_y = call.self.velocity_z = 0; }
 
-namespace {
-
-void push(Actor& actor, Angle angle, Fixed speed) {
-  actor.velocity_x = clamped_fixed(int64_t{actor.velocity_x} + fixed_mul(speed, fine_cosine(angle)));
-  actor.velocity_y = clamped_fixed(int64_t{actor.velocity_y} + fixed_mul(speed, fine_sine(angle)));
-}
-
-}  // namespace
-
 void action_ThrustThing(ActionCall& call) {
   // Angle in 256ths of a turn, force; at most 30 unless the third argument lifts the limit.
   const Fixed force = to_fixed(std::clamp(call.integer(1, 0), -1000, call.boolean(2) ? 1000 : 30));
-  push(call.self, static_cast<Angle>(call.integer(0, 0)) << 24, force);
+  call.self.push(static_cast<Angle>(call.integer(0, 0)) << 24, force);
 }
-void action_Recoil(ActionCall& call) { push(call.self, call.self.angle + kAngle180, call.fixed(0, 0)); }
+void action_Recoil(ActionCall& call) { call.self.push(call.self.angle + kAngle180, call.fixed(0, 0)); }
 void action_SetSpeed(ActionCall& call) {
   if (Actor* actor = pointed(call, 1, &call.self)) actor->speed = call.fixed(0, 0);
 }

@@ -42,8 +42,7 @@ void thrust_away(World& world, Actor& target, const Actor& inflictor, int32_t am
     thrust *= 4;
   }
   const auto force = static_cast<Fixed>(std::clamp<int64_t>(thrust, 0, kThrustMax));
-  target.velocity_x = add_saturated(target.velocity_x, fixed_mul(force, fine_cosine(angle)));
-  target.velocity_y = add_saturated(target.velocity_y, fixed_mul(force, fine_sine(angle)));
+  target.push(angle, force);
 }
 
 /// The monster turns on who hurt it, unless it holds on to somebody else.

@@ -142,7 +142,7 @@ bool Movement::check_things(std::size_t slot, Fixed x, Fixed y, bool touch, Posi
 
   const Fixed radius = body.radius;
   const Blockmap& blockmap = world_.index().blockmap;
-  const Box reach = Box::around(x, y, radius + state_.radius_max);  // DECORATE holds each to 8192 units
+  const Box reach = Box::around(x, y, clamped_fixed(int64_t{radius} + state_.radius_max));
   // Items are taken after the scan, because taking one runs a script that may change the lists.
   std::array<std::size_t, kItemsPerMove> items;
   std::size_t item_count = 0;

@@ -131,8 +131,7 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
   const auto thrust = [&](int32_t strength, Angle angle) {
     const auto force =
         static_cast<Fixed>(std::clamp<int64_t>(int64_t{strength} * move_factor / 256, -kPushMax, kPushMax));
-    body.velocity_x = clamped_fixed(int64_t{body.velocity_x} + fixed_mul(force, fine_cosine(angle)));
-    body.velocity_y = clamped_fixed(int64_t{body.velocity_y} + fixed_mul(force, fine_sine(angle)));
+    body.push(angle, force);
   };
   const int32_t forward = strength_of(forward_units(buttons)), side = strength_of(side_units(buttons));
   if (forward != 0) thrust(forward, body.angle);

@@ -36,9 +36,7 @@ template <typename Visit>
 void for_each_overlapping(World& world, const Actor& body, Visit visit) {
   WorldState& state = world.state();
   const Blockmap& blockmap = world.index().blockmap;
-  const Box reach =
-      Box::around(body.x, body.y,
-                  static_cast<Fixed>(std::min<int64_t>(int64_t{body.radius} + state.radius_max, INT32_MAX)));
+  const Box reach = Box::around(body.x, body.y, clamped_fixed(int64_t{body.radius} + state.radius_max));
   for (int row = blockmap.row_of(reach.bottom); row <= blockmap.row_of(reach.top); ++row) {
     for (int column = blockmap.column_of(reach.left); column <= blockmap.column_of(reach.right); ++column) {
       int32_t next = state.cell_heads[static_cast<std::size_t>(row) * blockmap.columns() + column];

@@ -85,6 +85,11 @@ struct Actor {
   bool has(ActorFlag flag) const { return flags.has(flag); }
   void set(ActorFlag flag, bool on = true) { flags.set(flag, on); }
   bool is_corpse() const { return flags.has(ActorFlag::kCorpse); }
+  /// Makes it faster by `more` units a tic that way.
+  void push(Angle way, Fixed more) {
+    velocity_x = clamped_fixed(int64_t{velocity_x} + fixed_mul(more, fine_cosine(way)));
+    velocity_y = clamped_fixed(int64_t{velocity_y} + fixed_mul(more, fine_sine(way)));
+  }
   Fixed top() const { return clamped_fixed(int64_t{z} + height); }
   /// The z at which it hangs from its ceiling.
   Fixed hanging_z() const { return clamped_fixed(int64_t{ceiling_z} - height); }
