@@ -95,8 +95,8 @@ Expected<int> train(const CommandLine& line, bool allow_no_update, const std::st
   const std::string experiment = is_named ? asked.run.experiment : automatic_name(asked);
   const std::string run_dir = (fs::path(train_dir) / experiment).string();
 
-  const bool exists =
-      asked.run.restart_behavior == RestartBehavior::kResume && fs::exists(run_dir + "/config.toml", error);
+  const bool exists = is_named && asked.run.restart_behavior == RestartBehavior::kResume &&
+                      fs::exists(run_dir + "/config.toml", error);
   // A run that never saved has nothing to go on from; it may have been refused for the settings in
   // its config.toml.
   const bool resumes = exists && find_checkpoint(run_dir, CheckpointKind::kLatest).has_value();

@@ -18,7 +18,7 @@
 namespace comrad::learn {
 namespace {
 
-constexpr double kStopWithinS = 2;
+constexpr double kStopWithinS = 4;
 
 std::string text_of(int status) {
   if (WIFSIGNALED(status))

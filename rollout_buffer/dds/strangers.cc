@@ -7,7 +7,7 @@ namespace comrad::dds {
 namespace {
 
 constexpr double kBetweenLooks_s = 1;
-constexpr double kPatience_s = 5;  // a handshake takes 0.3 s; on a busy host longer
+constexpr double kPatience_s = 8;  // a handshake takes 0.3 s; on a busy host seconds
 constexpr int kMostLines = 20;     // whoever makes a new participant for each line must not fill the disk
 constexpr std::size_t kMostGuests = 1000;
 constexpr std::size_t kMostNameBytes = 64;

@@ -14,7 +14,9 @@ namespace {
 
 constexpr int kWaitMs = 5;  // a slab takes longer to play by far
 constexpr double kReportIntervalS = 0.5;
-constexpr double kDeliverForS = 5.0;   // after a stop; the supervisor waits 8 s
+constexpr double kDeliverForS = 5.0;  // after a stop; the supervisor waits 8 s
+constexpr double kAnswerWithinS =
+    1.0;  // to what was sent last; an answer that is not heard makes two accounts
 constexpr double kSilentAfterS = 2.0;  // without a state of the learner's host nothing is sent again
 constexpr std::size_t kMostInHand = 64;
 constexpr int kEpisodesAtOnce = 64;
@@ -62,6 +64,12 @@ Status Feeder::run(const std::atomic<bool>& stop) {
     drain();
     send();
     resend_if_stuck();
+    bus_.wait(kWaitMs);
+  }
+  const auto is_unanswered = [this] { return !in_hand_.empty() && in_hand_.front().was_sent; };
+  for (const double end_s = monotonic_s() + kAnswerWithinS;
+       is_fed() && !has_run_ended_ && is_unanswered() && monotonic_s() < end_s;) {
+    COMRAD_TRY(hear());
     bus_.wait(kWaitMs);
   }
   send_episodes();

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "rollout_buffer/core/files.h"
@@ -163,11 +164,12 @@ Status ask_to_leave(const std::string& run_dir, const std::string& host) {
 }
 
 std::vector<std::string> take_hosts_to_leave(const std::string& run_dir, const ServingFiles& files) {
-  const std::string path = run_dir + "/" + files.leave;
-  const std::optional<std::string> text = read_file(path);
-  if (!text) return {};
-  unlink(path.c_str());
-  return parts_of(*text, '\n');
+  // Moved away before it is read: a name that is written meanwhile stays for the next call.
+  const std::string path = run_dir + "/" + files.leave, taken = path + ".taken";
+  if (rename(path.c_str(), taken.c_str()) != 0) return {};
+  const std::optional<std::string> text = read_file(taken);
+  unlink(taken.c_str());
+  return parts_of(text.value_or(""), '\n');
 }
 
 void remove_accounts(const std::string& run_dir) {

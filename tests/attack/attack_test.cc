@@ -170,7 +170,7 @@ class VictimRun : public ::testing::Test {
 };
 
 TEST_F(VictimRun, SaysWhatRandomKillsCost) {
-  begin({"--save_every_sec", "2"});
+  begin({"--save_every_sec", "1e6"});  // a learner that is killed forgets all
   const uint64_t seed = 20261125;
   Rng rng(seed);
   const char* const kinds[] = {"comrad-sim-worker", "comrad-policy-worker", "comrad-learner"};
@@ -181,8 +181,8 @@ TEST_F(VictimRun, SaysWhatRandomKillsCost) {
     if (alive.empty()) continue;
     kill(alive[rng.below(static_cast<uint32_t>(alive.size()))], SIGKILL);
     learners += kind == kinds[2];
-    ASSERT_TRUE(trains_on(2048, 60)) << "after a " << kind << " was killed; seed " << seed << " round "
-                                     << round;
+    ASSERT_TRUE(trains_on(2048, 120))
+        << "after a " << kind << " was killed; seed " << seed << " round " << round;
   }
   training_->signal(SIGTERM);
   const Ending ending = training_->wait(3 * kStopSeconds);
@@ -247,7 +247,8 @@ TEST_F(VictimRun, AStrangerOnTheBusChangesNothing) {
   if (!status["J_mean"].is_null()) {
     EXPECT_LT(status["J_mean"].get<double>(), 1e6);
   }
-  EXPECT_TRUE(files(run_ + "/checkpoint", "best_", ".pt").empty());
+  for (const std::string& best : files(run_ + "/checkpoint", "best_", ".pt"))
+    EXPECT_LT(std::stod(fs::path(best).filename().string().substr(5)), 1e6) << best;
   training_->signal(SIGTERM);
   const Ending ending = training_->wait(3 * kStopSeconds);
   EXPECT_EQ(ending.exit_code, 0);
@@ -283,7 +284,7 @@ TEST(Attack, ATerminalThatStandsStillNeverStopsARun) {
 TEST(Attack, ALastCheckpointThatCannotBeWrittenEndsTheRunOnceAndSaysWhatIsLost) {
   const ScratchFolder scratch;
   const std::string run_dir = scratch / "run";
-  RunningProgram training(small_training(scratch, "run", 65536));
+  RunningProgram training(small_training(scratch, "run", 1e9, {"--train_for_seconds", "15"}));
   ASSERT_TRUE(wait_until([&] { return env_frames(run_dir) > 0 || !training.running(); }, kStartSeconds));
   fs::rename(run_dir + "/checkpoint", run_dir + "/gone");
   write_bytes(run_dir + "/checkpoint", "no folder");

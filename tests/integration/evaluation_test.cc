@@ -22,6 +22,8 @@ using ::testing::SizeIs;
 namespace fs = std::filesystem;
 
 constexpr double kTimeoutSeconds = 250;
+constexpr double kBackgroundSeconds =
+    600;  // of evaluations at the lowest priority, which take what others leave
 
 std::vector<nlohmann::json> evaluations(const std::string& run) {
   std::vector<nlohmann::json> found;
@@ -261,7 +263,7 @@ TEST_F(EvaluationOfRuns, RunsOfAnotherGameAreRefusedByName) {
 TEST(EvaluationWhileTraining, EveryPointOnceAndTheLastOneToo) {
   const ScratchFolder scratch;
   const std::string run = scratch / "run";
-  const Ending first = RunningProgram(evaluated_training(scratch, 4096)).wait(kTimeoutSeconds);
+  const Ending first = RunningProgram(evaluated_training(scratch, 4096)).wait(kBackgroundSeconds);
   ASSERT_EQ(first.exit_code, 0) << first.err;
   std::vector<nlohmann::json> reports = evaluations(run);
   ASSERT_THAT(reports, SizeIs(1)) << first.err;
@@ -280,7 +282,7 @@ TEST(EvaluationWhileTraining, EveryPointOnceAndTheLastOneToo) {
   // Resumed: the points behind it are not played again; a damaged checkpoint costs its evaluation alone.
   std::ofstream(run + "/checkpoint/evaluate_000000001_4100_1.pt") << "an old one";
   std::ofstream(run + "/checkpoint/evaluate_000000009_9000_1.pt") << "no checkpoint";
-  const Ending second = RunningProgram(evaluated_training(scratch, 12288)).wait(kTimeoutSeconds);
+  const Ending second = RunningProgram(evaluated_training(scratch, 12288)).wait(kBackgroundSeconds);
   ASSERT_EQ(second.exit_code, 0) << second.err;
   EXPECT_THAT(second.err,
               AllOf(HasSubstr("the evaluation at 9k env frames failed"), Not(HasSubstr("at 4.1k"))));

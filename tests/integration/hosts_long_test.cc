@@ -228,7 +228,8 @@ TEST_F(HostRuns, ASlowLearnerFillsNoMemory) {
   if (!network.is_made()) GTEST_SKIP() << test::NetworkPair::why_not();
   const On on = [&](int host, const Words& command) { return network.on(host, command); };
   const auto learner =
-      start_learner(on, "learning", network.device(0), {"--num_epochs", "40", "--learner_threads", "1"});
+      start_learner(on, "learning", network.device(0),
+                    {"--num_epochs", "40", "--learner_threads", "1", "--save_every_sec", "1e6"});
   const auto player = start_player(on, 1, "learning", "playing");
   ASSERT_TRUE(delivers_more("learning", kStartSeconds)) << player->wait(1).err;
   sleep_s(20);  // everything that may fill is full by then
@@ -345,7 +346,7 @@ TEST_F(HostRuns, AnAllocationOfTwoTasksTrainsWithBoth) {
   Cluster cluster;
   if (const std::string why = cluster.start(); !why.empty()) GTEST_SKIP() << "no Slurm here: " << why;
   std::string script = "#!/bin/bash\ncd " + scratch_.string() + "\nexec";
-  for (const std::string& word : small_training(scratch_, "learning", 100000, {"--num_workers", "1"}))
+  for (const std::string& word : small_training(scratch_, "learning", 400000, {"--num_workers", "1"}))
     script += " " + word;
   const std::string job = scratch_.write("job.sh", script + "\n");
   RunningProgram(Words{found_program("sbatch"), "--ntasks=2", "--cpus-per-task=1", "--mem=6G",

@@ -12,6 +12,7 @@
 #include <fstream>
 #include <regex>
 #include <sstream>
+#include <utility>
 
 #include "tests/integration/running_program.h"
 
@@ -128,8 +129,16 @@ TEST_F(Operation, ARunIsLookedAtPausedSavedAndStopped) {
   ASSERT_EQ(ctl({run_, "pause"}).exit_code, 0);
   refused(ctl({run_, "pause"}), "paused already");
   ASSERT_TRUE(wait_until([&] { return read_json(run_ + "/status.json")["state"] == "paused"; }, 10));
-  sleep_s(1);
-  const json still = status();
+  // The learner looks after its update.
+  json still = status();
+  ASSERT_TRUE(wait_until(
+      [&] {
+        sleep_s(0.5);
+        const json before = std::exchange(still, status());
+        return still["decisions"] == before["decisions"] &&
+               still["decisions_account"]["made"] == before["decisions_account"]["made"];
+      },
+      20));
   sleep_s(1.5);
   EXPECT_EQ(status()["decisions"], still["decisions"]);
   EXPECT_EQ(status()["decisions_account"]["made"], still["decisions_account"]["made"]);
@@ -153,7 +162,7 @@ TEST_F(Operation, ARunIsLookedAtPausedSavedAndStopped) {
   // Stopped: the command returns when it is.
   const Ending stopped = ctl({run_, "stop"});
   EXPECT_EQ(stopped.exit_code, 0) << stopped.err;
-  const Ending ending = training_->wait(2);
+  const Ending ending = training_->wait(15);
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
   EXPECT_THAT(ending.err,
               AllOf(HasSubstr("stopped by comrad ctl"), HasSubstr("warning: no checkpoint was written")));

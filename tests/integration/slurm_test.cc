@@ -29,13 +29,15 @@ TEST(SlurmSweep, MakesAnArrayThatIsRequeuedResumedAndReported) {
   Cluster cluster;
   if (const std::string why = cluster.start(); !why.empty()) GTEST_SKIP() << "no Slurm here: " << why;
   const ScratchFolder scratch;
-  const auto write = [&](const std::string& seeds, const std::string& frames) {
-    return scratch.write("study.toml",
-                         "name = \"study\"\nbackend = \"slurm\"\ntrain_dir = \"" + scratch.string() +
-                             "\"\nreport = \"echo reported; cat events.log > seen.txt\"\n[axes]\nseed = [" +
-                             seeds + "]\n[settings]\nscenario = \"field\"\ntrain_for_env_frames = " + frames +
-                             "\n[resources]\ncores = 1\nmemory_gb = 0.1\n[slurm]\npartition = \"main\"\n"
-                             "time = \"1\"\nsignal_before_s = 50\nsetup = [\"export COMRAD_SET_UP=1\"]\n");
+  const auto write = [&](const std::string& seeds, const std::string& frames, const std::string& minutes) {
+    return scratch.write(
+        "study.toml",
+        "name = \"study\"\nbackend = \"slurm\"\ntrain_dir = \"" + scratch.string() +
+            "\"\nreport = \"cat events.log > seen.part; mv seen.part seen.txt\"\n[axes]\nseed = [" + seeds +
+            "]\n[settings]\nscenario = \"field\"\ntrain_for_env_frames = " + frames +
+            "\n[resources]\ncores = 1\nmemory_gb = 0.1\n[slurm]\npartition = \"main\"\n"
+            "time = \"" +
+            minutes + "\"\nsignal_before_s = 50\nsetup = [\"export COMRAD_SET_UP=1\"]\n");
   };
   const auto events = [&] { return read_text(scratch / "study/events.log"); };
   const auto start = [&](const std::string& file) {
@@ -48,7 +50,9 @@ TEST(SlurmSweep, MakesAnArrayThatIsRequeuedResumedAndReported) {
   };
 
   // One run that ends, one that fails, one that is killed, one that is longer than the time limit.
-  const std::string file = write("1, 600, 700, 800", "2000");
+  const std::string file = write("1, 600, 700, 800", "2000", /*minutes=*/"1");
+  // No element starts before the second command has looked: one that has failed by then would be submitted again.
+  cluster.ask({"scontrol", "update", "PartitionName=main", "State=DOWN"});
   Ending submitted = start(file);
   ASSERT_EQ(submitted.exit_code, 0) << submitted.err;
   EXPECT_THAT(submitted.err, ContainsRegex("job array [0-9]+: 4 runs"));
@@ -56,6 +60,7 @@ TEST(SlurmSweep, MakesAnArrayThatIsRequeuedResumedAndReported) {
   Ending again = start(file);
   EXPECT_EQ(again.exit_code, 0) << again.err;
   EXPECT_THAT(again.err, HasSubstr("nothing to submit"));
+  cluster.ask({"scontrol", "update", "PartitionName=main", "State=UP"});
 
   ASSERT_TRUE(wait_until(
       [&] { return count(events(), "seed700 begins 1000 ") == 1 || (cluster.hurry(), false); }, kWaitSeconds))
@@ -87,12 +92,13 @@ TEST(SlurmSweep, MakesAnArrayThatIsRequeuedResumedAndReported) {
   EXPECT_EQ(count(events(), "meets another"), 0);
   EXPECT_EQ(count(read_text(scratch / "study/seen.txt"), "ends finished"), 3);
 
-  // The same command submits what failed and what is new; `stop` empties the queue and lets what runs save.
-  submitted = start(write("1, 600, 700, 800, 3", "6000000"));
+  // The same command submits what failed and what is new, far from its time limit; `stop` empties the queue and lets what runs
+  // save.
+  submitted = start(write("1, 600, 700, 800, 3", "6000000", /*minutes=*/"10"));
   EXPECT_THAT(submitted.err, ContainsRegex("job array [0-9]+: 5 runs")) << submitted.err;
   // Seed 3 has a core when seed 600 has failed once more; until then seed 600 may be one of four that run.
-  ASSERT_TRUE(wait_until(
-      [&] { return count(events(), "seed3 begins") == 1 && status()["running"] == 4; }, kWaitSeconds))
+  ASSERT_TRUE(wait_until([&] { return count(events(), "seed3 begins") == 1 && status()["running"] == 4; },
+                         kWaitSeconds))
       << events() << cluster.ask({"squeue", "-r"});
   const Ending stopped = comrad({"sweep", "stop", (scratch / "study").string()}, 60, cluster.environment());
   EXPECT_EQ(stopped.exit_code, 0) << stopped.err;

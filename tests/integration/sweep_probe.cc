@@ -119,7 +119,7 @@ int train(const std::vector<std::string>& words) {
   note("begins " + std::to_string(status.env_frames) + " cpus " + joined(allowed_cpus(), ",") + " gpus " +
        (std::getenv("CUDA_VISIBLE_DEVICES") == nullptr ? "-" : std::getenv("CUDA_VISIBLE_DEVICES")));
   const double goal = std::atof(flags["train_for_env_frames"].c_str());
-  const bool will_be_killed = seed >= 700 && seed < 800 && status.env_frames == 0;
+  const bool will_be_killed = seed >= 700 && seed < 800 && status.env_frames < 1000;
   const bool waits_for_signal = seed >= 800 && status.env_frames == 0;
   status.state = "running";
   while (waits_for_signal || static_cast<double>(status.env_frames) < goal) {

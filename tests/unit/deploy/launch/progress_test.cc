@@ -169,11 +169,14 @@ TEST(ProgressPrinter, RewritesOneLineOfATerminalAndNeverWraps) {
   close(terminal);
 }
 
-/// Everything that lies in a pipe or behind a terminal, as long as something does.
+/// Everything that lies in a pipe or behind a terminal, as long as something does. The kernel hands over what was written to
+/// a terminal in its own time.
 std::string read_all(int descriptor) {
+  const int patience_ms = isatty(descriptor) == 1 ? 500 : 20;
   std::string text;
   char bytes[4096];
-  for (pollfd readable{.fd = descriptor, .events = POLLIN, .revents = 0}; poll(&readable, 1, 20) == 1;) {
+  for (pollfd readable{.fd = descriptor, .events = POLLIN, .revents = 0};
+       poll(&readable, 1, patience_ms) == 1;) {
     const ssize_t size = read(descriptor, bytes, sizeof bytes);
     if (size <= 0) break;
     text.append(bytes, static_cast<std::size_t>(size));

@@ -154,12 +154,12 @@ TEST_F(RunDirectoryTest, TheLockEndsWithItsOwner) {
 
 TEST_F(RunDirectoryTest, ALearnerThatOutlivesItsSupervisorIsWaitedFor) {
   leave_a_run("run");
-  // The supervisor takes the lock and dies; its child inherited it and needs another half second.
+  // The supervisor takes the lock and dies; its child inherited it and needs another two seconds.
   const pid_t supervisor = fork();
   if (supervisor == 0) {
     auto run = RunDirectory::open(train_dir_, "run", RestartBehavior::kResume);
     if (fork() == 0) {
-      usleep(500'000);
+      usleep(2'000'000);
       _exit(0);
     }
     _exit(run ? 0 : 1);  // no destructor: the lock stays with the child

@@ -34,7 +34,10 @@ constexpr double kGuardSeconds = 60;
 
 std::string read_file(const std::string& path) {
   std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
+  // A file of /proc cannot be read on once its process has ended; iterators would throw then.
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
 }
 
 bool eventually(double limit_s, const std::function<bool()>& done) {
@@ -54,7 +57,8 @@ class Launch : public testing::Test {
       kill(probe_, SIGKILL);
       waitpid(probe_, nullptr, 0);
     }
-    EXPECT_TRUE(eventually(3, [&] { return living_workers().empty(); })) << "workers outlived the supervisor";
+    EXPECT_TRUE(eventually(kGuardSeconds, [&] { return living_workers().empty(); }))
+        << "workers outlived the supervisor";
   }
 
   void start(const std::string& habits, const std::vector<std::string>& options = {}) {
@@ -123,6 +127,7 @@ class Launch : public testing::Test {
     return nlohmann::json::parse(read_file(run_dir_ + "/status.json"), nullptr, false);
   }
   std::string progress() const { return read_file(run_dir_ + "/progress.txt"); }
+  bool has_shown(const std::string& text) const { return progress().find(text) != std::string::npos; }
 
   /// Everything that helps to see why a run did not end: what was shown, logged and lived through, and where the threads of
   /// the supervisor and of its workers wait.
@@ -148,7 +153,7 @@ class Launch : public testing::Test {
 };
 
 TEST_F(Launch, ARunEndsWhenTheLearnerHasFinished) {
-  start("learner finish 1500\n");
+  start("learner finish 4000\n");
   ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
   const nlohmann::json result = outcome();
   EXPECT_THAT(std::string(result["message"]),
@@ -247,7 +252,7 @@ TEST_F(Launch, SigtermStopsEverybodyCleanly) {
   start("");
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
   kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(3), 0) << story();
+  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
   EXPECT_EQ(outcome()["interrupted"], true);
   EXPECT_THAT(events(), testing::IsSupersetOf(
                             {"sim-0 stopped", "sim-1 stopped", "policy-0 stopped", "learner stopped"}));
@@ -260,7 +265,7 @@ TEST_F(Launch, AWorkerThatWillNotStopIsKilledWithinTenSeconds) {
   start("sim-0 deaf 0\n");
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
   kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(10.5), 0) << story();
+  ASSERT_EQ(wait_for_end(13), 0) << story();
   EXPECT_THAT(progress(), HasSubstr("sim-0 did not stop in time and is killed"));
 }
 
@@ -268,7 +273,7 @@ TEST_F(Launch, ALearnerThatCannotSaveInTimeMakesTheExitCodeNonZero) {
   start("learner deaf 0\n");
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
   kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(10.5), 1) << story();
+  ASSERT_EQ(wait_for_end(13), 1) << story();
   EXPECT_THAT(std::string(status()["message"]), HasSubstr("did not save a last checkpoint"));
 }
 
@@ -287,10 +292,13 @@ TEST_F(Launch, ASecondSigintStopsAtOnce) {
   start("learner deaf 0\nsim-0 deaf 0\n");
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
   kill(probe_, SIGINT);
+  // One that comes before the first is heard would be taken for the same.
+  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return has_shown("SIGINT: stopping"); })) << story();
   usleep(300'000);
   EXPECT_EQ(waitpid(probe_, nullptr, WNOHANG), 0) << "the first one waits for the learner";
   kill(probe_, SIGINT);
-  EXPECT_EQ(wait_for_end(2), 130) << story();
+  EXPECT_EQ(wait_for_end(10), 130) << story();
+  EXPECT_FALSE(has_shown("did not stop in time")) << "it waited as long as after the first";
 }
 
 TEST_F(Launch, WorkersDieWithASupervisorThatIsKilled) {
@@ -298,8 +306,8 @@ TEST_F(Launch, WorkersDieWithASupervisorThatIsKilled) {
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
   EXPECT_EQ(living_workers().size(), 4u);
   kill(probe_, SIGKILL);
-  EXPECT_EQ(wait_for_end(2), -SIGKILL) << story();
-  EXPECT_TRUE(eventually(3, [&] { return living_workers().empty(); }));
+  EXPECT_EQ(wait_for_end(kGuardSeconds), -SIGKILL) << story();
+  EXPECT_TRUE(eventually(kGuardSeconds, [&] { return living_workers().empty(); }));
 }
 
 TEST_F(Launch, TheTerminalsCtrlCReachesOnlyTheSupervisor) {
@@ -344,11 +352,13 @@ TEST_F(Launch, ABenchCountsOnlyItsWindow) {
   start("", {"seconds=2", "warmup=0.5"});
   ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
   const nlohmann::json result = outcome();
-  EXPECT_NEAR(result["measured_seconds"], 2.0, 0.3);
-  // The fake learner trains 64 decisions in one update about every 50 ms.
+  const double seconds = result["measured_seconds"];
+  EXPECT_GE(seconds, 1.7);
+  EXPECT_LE(seconds, 15) << "it ends with the first update behind two seconds";
+  // The fake learner trains 64 decisions in one update, at most every 50 ms.
   EXPECT_EQ(result["measured_decisions"], 64 * int(result["measured_updates"]));
-  EXPECT_GT(result["measured_updates"], 10);
-  EXPECT_LE(result["measured_updates"], 47);
+  EXPECT_GT(result["measured_updates"], 0);
+  EXPECT_LE(result["measured_updates"], 20 * seconds + 7);
   EXPECT_EQ(result["lag_mean"], 2.0);
   EXPECT_EQ(result["interrupted"], false);
 }
@@ -356,19 +366,18 @@ TEST_F(Launch, ABenchCountsOnlyItsWindow) {
 TEST_F(Launch, ARestoredCountIsNotTakenForWorkOfThisRun) {
   // The learner resumes a checkpoint of a million decisions, dies, and resumes it again.
   start("learner restored 1000000\n", {"seconds=2"});
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
-  usleep(500'000);
+  // The window opens at an update.
+  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return has_shown(" 5120 env frames/s"); })) << story();
   kill(pids("learner").back(), SIGKILL);
   ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
   EXPECT_EQ(pids("learner").size(), 2u);
-  EXPECT_GT(outcome()["measured_decisions"], 64);
-  EXPECT_LE(outcome()["measured_decisions"], 64 * 47);
+  EXPECT_GE(outcome()["measured_decisions"], 64);
+  EXPECT_LE(outcome()["measured_decisions"], 64 * (20 * double(outcome()["measured_seconds"]) + 7));
 }
 
 TEST_F(Launch, InLockStepOneDeathSendsEverybodyBackToTheCheckpoint) {
   start("learner restored 1000000\n", {"deterministic=1"});
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
-  usleep(700'000);
+  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return has_shown(" 5120 env frames/s"); })) << story();
   kill(pids("sim-1").back(), SIGKILL);
   ASSERT_TRUE(eventually(10, [&] { return pids("").size() == 8; })) << progress();
   EXPECT_TRUE(eventually(10, [&] {
@@ -387,7 +396,7 @@ TEST_F(Launch, ALearnerThatGoesBackSaysHowMuchLearningWasLost) {
   // Every life of the learner begins at its checkpoint of 100 000 decisions.
   start("learner restored 100000\n");
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
-  usleep(900'000);
+  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return status()["learner_version"] >= 4; })) << story();
   kill(pids("learner").back(), SIGKILL);
   ASSERT_TRUE(eventually(10, [&] {
     const std::vector<std::string> all = events();
@@ -401,7 +410,7 @@ TEST_F(Launch, ALearnerThatGoesBackSaysHowMuchLearningWasLost) {
   const nlohmann::json result = outcome();
   const auto lost = result["env_frames_lost"].get<uint64_t>(),
              learned = status()["env_frames"].get<uint64_t>();
-  EXPECT_GE(lost, 256 * 4) << "some 12 updates of 256 env frames, one in 50 ms";
+  EXPECT_GE(lost, 256 * 4) << "four updates and more, of 256 env frames each";
   EXPECT_EQ(lost % 256, 0u);
   EXPECT_GT(learned, 400'000u);
   EXPECT_EQ(status()["decisions"].get<uint64_t>(), learned / 4) << "the checkpoint's count, not the work's";
@@ -445,14 +454,13 @@ TEST_F(Launch, AWorkerThatStandsStillIsNamedAndTheRateIsZero) {
   ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
   const pid_t stopped = pids("sim-0").back();
   kill(stopped, SIGSTOP);
-  EXPECT_TRUE(eventually(15, [&] {
-    return progress().find("| sim-0 silent for 10s (SIGSTOP)") != std::string::npos;
-  })) << progress();
+  const auto is_named =
+      testing::Matches(testing::ContainsRegex("[|] sim-0 silent for 1[0-9]s [(]SIGSTOP[)]"));
+  EXPECT_TRUE(eventually(kGuardSeconds, [&] { return is_named(progress()); })) << progress();
   EXPECT_EQ(progress().find("| sim-1 silent"), std::string::npos) << progress();
   kill(pids("sim-1").back(), SIGSTOP);
-  EXPECT_TRUE(eventually(15, [&] {
-    return progress().find("| 0 env frames/s, 0 decisions/s") != std::string::npos;
-  })) << progress();
+  EXPECT_TRUE(eventually(kGuardSeconds, [&] { return has_shown("| 0 env frames/s, 0 decisions/s"); }))
+      << progress();
   kill(stopped, SIGCONT);
   EXPECT_TRUE(eventually(5, [&] {
     const std::string said = progress();

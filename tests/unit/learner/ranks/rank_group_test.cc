@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <functional>
 #include <map>
@@ -136,9 +137,11 @@ TEST(RankGroup, ARankThatLeavesEndsTheWaitingOfTheOthersAndEverythingAfterIt) {
 }
 
 TEST(RankGroup, AWatchThatSaysNoEndsTheWaiting) {
-  in_ranks(2, [](RankGroup& ranks) {
+  std::atomic<bool> has_ended{false};
+  in_ranks(2, [&has_ended](RankGroup& ranks) {
     if (ranks.rank() == 1) {
-      usleep(300'000);  // it is there, and says nothing
+      // It is there, and says nothing.
+      for (int i = 0; i < 20'000 && !has_ended; ++i) usleep(1000);
       return;
     }
     int asked = 0;
@@ -146,6 +149,7 @@ TEST(RankGroup, AWatchThatSaysNoEndsTheWaiting) {
       return ++asked < 3 ? Status() : Error{ErrorCode::kTimeout, "the run stops"};
     });
     EXPECT_FALSE(ranks.all(true));
+    has_ended = true;
     ASSERT_TRUE(ranks.failure());
     EXPECT_EQ(ranks.failure()->message, "the run stops");
   });

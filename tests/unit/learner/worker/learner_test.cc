@@ -1,5 +1,6 @@
 #include "learner/worker/learner.h"
 
+#include <ATen/record_function.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <spdlog/sinks/ringbuffer_sink.h>
@@ -162,6 +163,28 @@ class FakeSimulator {
   std::thread thread_;
 };
 
+/// Raises `stop` after so many optimizer steps, by the first operator behind them in the thread that makes this: another thread
+/// might be late.
+class StopAtBatches {
+ public:
+  StopAtBatches(const shm::Arena& arena, uint64_t batches, std::atomic<bool>& stop) {
+    look_ = [&arena, batches, &stop] {
+      if (arena.learner_counters().batches.load() >= batches) stop = true;
+    };
+  }
+  ~StopAtBatches() { at::removeCallback(handle_); }
+  StopAtBatches(const StopAtBatches&) = delete;
+  StopAtBatches& operator=(const StopAtBatches&) = delete;
+
+ private:
+  static std::unique_ptr<at::ObserverContext> begin(const at::RecordFunction&) {
+    look_();
+    return nullptr;
+  }
+  static inline std::function<void()> look_ = [] {};  // libtorch takes plain functions
+  const at::CallbackHandle handle_ = at::addThreadLocalCallback(at::RecordFunctionCallback(&begin));
+};
+
 class LearnerTest : public ::testing::Test {
  protected:
   struct Outcome {
@@ -192,13 +215,9 @@ class LearnerTest : public ::testing::Test {
     if (before_run_) before_run_(observer);
     std::optional<FakeSimulator> simulator;
     if (mode == "train") simulator.emplace(observer, simulator_is_sound_);
+    std::optional<StopAtBatches> stop_at_batches;
+    if (stop_at_batches_ > 0) stop_at_batches.emplace(observer, stop_at_batches_, stop_);
     std::thread stopper;
-    if (stop_at_batches_ > 0)
-      stopper = std::thread([&] {
-        while (observer.learner_counters().batches.load() < stop_at_batches_)
-          std::this_thread::sleep_for(std::chrono::microseconds(100));
-        stop_ = true;
-      });
     if (stop_at_version_ > 0)
       stopper = std::thread([&] {
         while (observer.control().policy_version.load() < stop_at_version_)
@@ -617,10 +636,19 @@ TEST_F(LearnerTest, WarnsInWordsOfWhatReportsShowAndOfSettingsAtTheStart) {
   RunConfig config = small_config();
   config.on_policy.ppo_clip_ratio = 1e-9;  // every sample lies outside
   config.run.experiment_summaries_interval = 0.05;
-  config.run.train_for_seconds = 1.5;
-  ASSERT_TRUE(live(config, "clipped").status);
-  EXPECT_THAT(warnings(),
-              ::testing::HasSubstr("warning: 100% of the samples lie outside PPO's clip interval"));
+  config.run.train_for_seconds = 20;
+  const std::string clipped = "warning: 100% of the samples lie outside PPO's clip interval";
+  std::thread stopper([&] {  // six reports in a row are enough
+    while (!stop_ && warnings().find(clipped) == std::string::npos)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    stop_ = true;
+  });
+  const Outcome outcome = live(config, "clipped");
+  stop_ = true;
+  stopper.join();
+  stop_ = false;
+  ASSERT_TRUE(outcome.status);
+  EXPECT_THAT(warnings(), ::testing::HasSubstr(clipped));
   EXPECT_THAT(warnings(), ::testing::Not(::testing::HasSubstr("epsilon")));
 
   config = small_q_config("vdn");

@@ -321,9 +321,10 @@ TEST(Batcher, WaitsForTheMinimumButNotLongerThanTheLimit) {
   one.take_act();
   one.commit_act();
   two.commit_act();
+  Batcher patient = make_batcher(arena, {.min_batch = 4, .max_batch = 8, .max_wait_us = 60'000'000});
   const int64_t again_ns = monotonic_ns();
-  EXPECT_EQ(batcher.gather(5'000'000).requests.size(), 4u);
-  EXPECT_LT(monotonic_ns() - again_ns, 50'000'000) << "enough requests are taken at once";
+  EXPECT_EQ(patient.gather(5'000'000).requests.size(), 4u);
+  EXPECT_LT(monotonic_ns() - again_ns, 2'000'000'000) << "enough requests are taken at once";
 }
 
 TEST(Batcher, NeverExceedsTheMaximumAndServesEverySplitInTurn) {

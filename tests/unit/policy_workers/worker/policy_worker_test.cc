@@ -64,7 +64,9 @@ TEST(PolicyWorker, WaitsForWeightsAndStampsTheVersionThatActed) {
   const PolicyNet learner = PolicyNet::create(options, 1, torch::kCPU);
   const shm::Arena arena = make_arena(options, {}, learner.weights_bytes());
   FakeSplit split(arena, 0, 0);
-  RunningWorker worker(small_config(), arena, {});
+  RunConfig config = small_config();
+  config.collection.max_wait_us = 10'000'000;  // a split is one batch, however slowly it is committed
+  RunningWorker worker(config, arena, {});
   split.commit_act(true);
   std::this_thread::sleep_for(std::chrono::milliseconds(120));
   EXPECT_FALSE(split.envs[0].has_answer()) << "no weights, no answer";

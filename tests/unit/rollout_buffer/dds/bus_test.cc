@@ -199,11 +199,13 @@ TEST(Bus, TwoRunsOnOneHostNeverMeetEvenInTheSameDomain) {
   ASSERT_TRUE(friendly.is_ready());
 
   std::set<std::string> heard;
-  eventually(bus, 1.5, [&] {
+  const auto listen = [&] {
     for (auto& one : bus.take_worker_status()) heard.insert(one.worker_id);
     bus.take_episode_results();
-    return false;
-  });
+    return heard.contains("friend");
+  };
+  EXPECT_TRUE(eventually(bus, 10, listen));
+  eventually(bus, 1.5, [&] { return listen(), false; });
   EXPECT_THAT(heard, testing::ElementsAre("friend"));
 }
 
@@ -240,11 +242,11 @@ TEST(Bus, ReportsAWorkerThatDiedAndNotOneThatSaidGoodbye) {
   doomed.kill_hard();
   const double died_s = monotonic_s();
   std::vector<std::string> lost;
-  ASSERT_TRUE(eventually(bus, 10, [&] {
+  ASSERT_TRUE(eventually(bus, 20, [&] {
     for (auto& one : bus.take_lost_workers()) lost.push_back(one);
     return !lost.empty();
   }));
-  EXPECT_LT(monotonic_s() - died_s, 5.0);
+  EXPECT_LT(monotonic_s() - died_s, 8.0);
   eventually(bus, 1, [&] {
     for (auto& one : bus.take_lost_workers()) lost.push_back(one);
     return false;
@@ -331,8 +333,16 @@ TEST(Bus, LeavesNoSocketAndNoThreadBehind) {
     closedir(open);
     return entries;
   };
+  // The kernel may list a thread for a moment after it was joined.
+  const auto falls_to = [&](int wanted) {
+    for (const double end_s = monotonic_s() + 5; count("/proc/self/task") > wanted; usleep(1000))
+      if (monotonic_s() > end_s) return false;
+    return true;
+  };
+  const int threads = count("/proc/self/task");
   { Bus warm_up = open_bus(fresh_run_id()); }
-  const int descriptors = count("/proc/self/fd"), threads = count("/proc/self/task");
+  ASSERT_TRUE(falls_to(threads)) << "of the warm-up";
+  const int descriptors = count("/proc/self/fd");
   {
     Bus bus = open_bus(fresh_run_id());
     bus.take_worker_status();
@@ -340,7 +350,7 @@ TEST(Bus, LeavesNoSocketAndNoThreadBehind) {
     EXPECT_LE(count("/proc/self/task"), threads + 8) << "few threads per process";
   }
   EXPECT_EQ(count("/proc/self/fd"), descriptors);
-  EXPECT_EQ(count("/proc/self/task"), threads);
+  EXPECT_TRUE(falls_to(threads));
 }
 
 TEST(Bus, ListensOnLoopbackOnly) {

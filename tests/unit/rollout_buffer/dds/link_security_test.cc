@@ -113,12 +113,12 @@ TEST(LinkSecurity, StrangersOnTheNetworkGetNothingAndLeaveOneLineEach) {
     of_end.allows_insecure_network = key_folder.empty();
     return of_end;
   };
-  const pid_t server = network.start(0, [&] { return serve(config(0, keys + "/run"), 11, log); });
-  const pid_t friendly = network.start(1, [&] { return join(config(1, keys + "/hosts/b"), kFriend, 9); });
-  const pid_t without = network.start(1, [&] { return join(config(1, ""), 666, 9); });
-  const pid_t with_others = network.start(1, [&] { return join(config(1, others + "/hosts/b"), 667, 9); });
+  const pid_t server = network.start(0, [&] { return serve(config(0, keys + "/run"), 17, log); });
+  const pid_t friendly = network.start(1, [&] { return join(config(1, keys + "/hosts/b"), kFriend, 15); });
+  const pid_t without = network.start(1, [&] { return join(config(1, ""), 666, 15); });
+  const pid_t with_others = network.start(1, [&] { return join(config(1, others + "/hosts/b"), 667, 15); });
   // One that says it is the server.
-  const pid_t false_server = network.start(1, [&] { return join(config(1, others + "/run"), 668, 9); });
+  const pid_t false_server = network.start(1, [&] { return join(config(1, others + "/run"), 668, 15); });
   EXPECT_EQ(test::NetworkPair::wait(friendly), 0) << "a host with the right key was not served";
   EXPECT_EQ(test::NetworkPair::wait(without), 10) << "a stranger without a key got something";
   EXPECT_EQ(test::NetworkPair::wait(with_others), 10) << "a stranger with other keys got something";

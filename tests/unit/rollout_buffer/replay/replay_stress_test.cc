@@ -18,7 +18,8 @@ namespace {
 using testing::SlabPool;
 using Clock = std::chrono::steady_clock;
 
-constexpr double kSeconds = 1.5;
+constexpr double kSeconds = 1.5, kSecondsAtMost = 30;
+constexpr int64_t kReads = 100, kInserts = 50, kUpdates = 100;  // fewer would show nothing
 
 class ReplayUnderLoad : public ::testing::TestWithParam<std::tuple<Unit, Backing>> {};
 
@@ -36,14 +37,19 @@ TEST_P(ReplayUnderLoad, ReadersNeverSeeBytesOfAnotherTrajectory) {
   Replay& replay = **created;
   RateLimiter limiter({.samples_per_insert = 1, .min_size_to_sample = 64, .error_buffer = 256});
 
-  const auto end = Clock::now() + std::chrono::duration<double>(kSeconds);
-  std::atomic<int64_t> inserted{0}, updated{0};
+  const auto begin = Clock::now();
+  std::atomic<int64_t> inserted{0}, updated{0}, read{0};
+  const auto goes_on = [&] {
+    const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+    const bool is_enough = read > kReads && inserted > kInserts && updated > kUpdates;
+    return seconds < (is_enough ? kSeconds : kSecondsAtMost);
+  };
   std::mutex mutex;
   std::vector<int64_t> serials;  // for the updating thread
 
   std::thread inserter([&] {
     const SlabPool pool(shape, 1);
-    for (uint64_t number = 0; Clock::now() < end; ++number) {
+    for (uint64_t number = 0; goes_on(); ++number) {
       for (int row = 0; row <= shape.rollout_steps; ++row)
         for (int agent = 0; agent < 2; ++agent) {
           std::ranges::fill(pool.view(0).frame(row, agent), static_cast<uint8_t>(number + 16 * row + agent));
@@ -57,7 +63,7 @@ TEST_P(ReplayUnderLoad, ReadersNeverSeeBytesOfAnotherTrajectory) {
   });
   std::thread updater([&] {
     Rng rng(uint64_t{2});
-    while (Clock::now() < end) {
+    while (goes_on()) {
       std::vector<int64_t> taken;
       {
         const std::lock_guard lock(mutex);
@@ -71,9 +77,10 @@ TEST_P(ReplayUnderLoad, ReadersNeverSeeBytesOfAnotherTrajectory) {
     }
   });
   Rng rng(uint64_t{1});
-  int64_t read = 0, wrong = 0, evicted = 0;
+  int64_t wrong = 0, evicted = 0;
   std::vector<uint8_t> frames(static_cast<std::size_t>(2 * shape.env.frame_bytes()));
-  while (limiter.wait_to_sample(16, 1000) == WaitResult::kReady) {
+  for (WaitResult result; (result = limiter.wait_to_sample(16, 1000)) != WaitResult::kStopped;) {
+    if (result == WaitResult::kTimeout) continue;
     const std::vector<Draw> draws = replay.draw(16, 0.4, rng);
     replay.prefetch(draws);
     replay.read_each(draws, [&](std::size_t index, const StoredTrajectory* item) {
@@ -99,9 +106,9 @@ TEST_P(ReplayUnderLoad, ReadersNeverSeeBytesOfAnotherTrajectory) {
   inserter.join();
   updater.join();
   EXPECT_EQ(wrong, 0);
-  EXPECT_GT(read, 100);
-  EXPECT_GT(inserted.load(), 50) << "the ring went round";
-  EXPECT_GT(updated.load(), 100);
+  EXPECT_GT(read.load(), kReads);
+  EXPECT_GT(inserted.load(), kInserts) << "the ring went round";
+  EXPECT_GT(updated.load(), kUpdates);
   EXPECT_EQ(replay.broken_decisions(), 0);
   RecordProperty("evicted", static_cast<int>(evicted));
 }

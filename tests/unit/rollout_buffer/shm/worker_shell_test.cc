@@ -132,7 +132,8 @@ TEST_F(WorkerShellTest, JoinsAsWhoItIs) {
         ArenaServer::listen("comrad-test-" + std::to_string(getpid()) + "-shell", arena);
     if (!server) _exit(50);
     std::thread peer([&] {
-      const Expected<JoinRequest> request = server->serve_one();
+      Expected<JoinRequest> request = server->serve_one();
+      for (int attempt = 0; attempt < 30 && !request; ++attempt) request = server->serve_one();
       if (!request || std::string(request->role) != "test" || request->worker_index != 1) _exit(51);
     });
     WorkerShell shell({.name = "comrad-test-worker", .role = "test", .description = ""});

@@ -166,6 +166,11 @@ class Misuse(unittest.TestCase):
                     done.append(1)
                 except ValueError as error:
                     refused.append(str(error))
+                    try:
+                        envs.receive()  # a step that the other sent and could not take would refuse all that follow
+                        done.append(1)
+                    except ValueError as again:
+                        refused.append(str(again))
 
         threads = [threading.Thread(target=play) for _ in range(2)]
         for thread in threads:

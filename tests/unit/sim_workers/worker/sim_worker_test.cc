@@ -473,8 +473,13 @@ TEST(SimWorker, EvaluationPlaysEveryEpisodeOnceAndGivesItsSlabsBack) {
     EXPECT_EQ(record.terminated, world.last_step().terminated);
   }
   EXPECT_EQ(host.arena.sealed_count(), 0);
-  for (int slab = 0; slab < host.arena.shape().slab_count; ++slab)
-    EXPECT_EQ(host.arena.slab_header(slab).state.load(), SlabState::kFree);
+  host.await(
+      [&] {
+        for (int slab = 0; slab < host.arena.shape().slab_count; ++slab)
+          if (host.arena.slab_header(slab).state.load() != SlabState::kFree) return false;
+        return true;
+      },
+      "all slabs free");
   EXPECT_EQ(host.policy.faults(), 0);
 }
 
@@ -682,8 +687,14 @@ TEST(SimWorker, APausedRunStandsStillAndGoesOn) {
   host.start();
   host.await([&] { return host.policy.answers() > 50; }, "a start");
   host.arena.control().run_state = shm::RunState::kPaused;
-  usleep(100'000);
-  const uint64_t answers = host.policy.answers();
+  uint64_t answers = 0;
+  host.await(
+      [&] {  // what was asked before is still answered
+        answers = host.policy.answers();
+        usleep(100'000);
+        return host.policy.answers() == answers;
+      },
+      "a stand");
   usleep(100'000);
   EXPECT_EQ(host.policy.answers(), answers);
   host.arena.control().run_state = shm::RunState::kRunning;
