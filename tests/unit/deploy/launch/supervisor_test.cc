@@ -193,11 +193,12 @@ TEST_F(Launch, AKilledSimulatorAndPolicyWorkerAreRestartedAndTheRunGoesOn) {
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
   kill(pids("sim-0").back(), SIGKILL);
   kill(pids("policy-0").back(), SIGKILL);
-  ASSERT_TRUE(eventually(10, [&] { return pids("sim-0").size() == 2 && pids("policy-0").size() == 2; }))
-      << progress();
+  ASSERT_TRUE(eventually(kGuardSeconds, [&] {
+    return pids("sim-0").size() == 2 && pids("policy-0").size() == 2;
+  })) << progress();
   usleep(500'000);
   kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(10), 0) << story();
+  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
   EXPECT_EQ(outcome()["restarts"], 2);
   EXPECT_EQ(outcome()["steps_lost"], 2 * 5) << "two agents, five rows in the slab of the dead simulator";
   EXPECT_EQ(pids("learner").size(), 1u);
@@ -281,9 +282,10 @@ TEST_F(Launch, ARunThatIsStoppedWhileItsLearnerIsDeadSaysThatNothingWasSaved) {
   start("", {"delay=30"});
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
   kill(pids("learner").back(), SIGKILL);
-  ASSERT_TRUE(eventually(5, [&] { return progress().find("learner died") != std::string::npos; }));
+  ASSERT_TRUE(
+      eventually(kGuardSeconds, [&] { return progress().find("learner died") != std::string::npos; }));
   kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(5), 1) << story();
+  ASSERT_EQ(wait_for_end(20), 1) << story();
   EXPECT_THAT(std::string(status()["message"]), HasSubstr("did not save a last checkpoint"));
   EXPECT_EQ(pids("learner").size(), 1u);
 }
@@ -317,7 +319,7 @@ TEST_F(Launch, TheTerminalsCtrlCReachesOnlyTheSupervisor) {
   usleep(500'000);
   EXPECT_EQ(living_workers().size(), 4u) << "a terminal sends SIGINT to the whole process group";
   kill(probe_, SIGINT);
-  EXPECT_EQ(wait_for_end(5), 0) << story();
+  EXPECT_EQ(wait_for_end(kGuardSeconds), 0) << story();
   EXPECT_EQ(outcome()["restarts"], 0);
 }
 
@@ -379,13 +381,13 @@ TEST_F(Launch, InLockStepOneDeathSendsEverybodyBackToTheCheckpoint) {
   start("learner restored 1000000\n", {"deterministic=1"});
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return has_shown(" 5120 env frames/s"); })) << story();
   kill(pids("sim-1").back(), SIGKILL);
-  ASSERT_TRUE(eventually(10, [&] { return pids("").size() == 8; })) << progress();
-  EXPECT_TRUE(eventually(10, [&] {
+  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return pids("").size() == 8; })) << progress();
+  EXPECT_TRUE(eventually(kGuardSeconds, [&] {
     const std::vector<std::string> all = events();
     return std::count(all.begin(), all.end(), "learner running") == 2;
   }));
   kill(probe_, SIGTERM);
-  EXPECT_EQ(wait_for_end(5), 0) << story();
+  EXPECT_EQ(wait_for_end(kGuardSeconds), 0) << story();
   EXPECT_THAT(std::string(outcome()["message"]), HasSubstr(": 4M env frames, "));
   EXPECT_THAT(std::string(outcome()["message"]), Not(HasSubstr("M trained on")));
   EXPECT_GT(outcome()["env_frames_lost"], 0);
@@ -398,14 +400,15 @@ TEST_F(Launch, ALearnerThatGoesBackSaysHowMuchLearningWasLost) {
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return status()["learner_version"] >= 4; })) << story();
   kill(pids("learner").back(), SIGKILL);
-  ASSERT_TRUE(eventually(10, [&] {
+  ASSERT_TRUE(eventually(kGuardSeconds, [&] {
     const std::vector<std::string> all = events();
     return std::count(all.begin(), all.end(), "learner running") == 2;
   })) << progress();
-  ASSERT_TRUE(eventually(5, [&] { return progress().find("| learner went back ") != std::string::npos; }))
-      << progress();
+  ASSERT_TRUE(eventually(kGuardSeconds, [&] {
+    return progress().find("| learner went back ") != std::string::npos;
+  })) << progress();
   kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(5), 0) << story();
+  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
 
   const nlohmann::json result = outcome();
   const auto lost = result["env_frames_lost"].get<uint64_t>(),
@@ -424,7 +427,7 @@ TEST_F(Launch, ALearnerThatGoesBackSaysHowMuchLearningWasLost) {
 
 TEST_F(Launch, ALearnerThatEndsBeforeTheGoalHasNotFinishedTheRun) {
   start("learner leave 800\n");
-  ASSERT_EQ(wait_for_end(15), 0) << progress();
+  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << progress();
   EXPECT_THAT(std::string(outcome()["message"]), HasSubstr("before the run's goal"));
   EXPECT_EQ(outcome()["interrupted"], true);
   EXPECT_EQ(status()["state"], "paused");
@@ -442,16 +445,17 @@ TEST_F(Launch, ALastCheckpointThatCannotBeWrittenEndsTheRunAtOnce) {
 }
 
 TEST_F(Launch, AskedForACheckpointItPassesTheWishOn) {
-  start("learner finish 2000\n");
-  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  start("learner finish 4000\n");
+  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
   kill(probe_, SIGUSR1);
-  EXPECT_TRUE(eventually(5, [&] { return progress().find("SIGUSR1: a checkpoint") != std::string::npos; }));
-  ASSERT_EQ(wait_for_end(15), 0) << "SIGUSR1 ended it";
+  EXPECT_TRUE(eventually(kGuardSeconds,
+                         [&] { return progress().find("SIGUSR1: a checkpoint") != std::string::npos; }));
+  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << "SIGUSR1 ended it";
 }
 
 TEST_F(Launch, AWorkerThatStandsStillIsNamedAndTheRateIsZero) {
   start("");
-  ASSERT_TRUE(eventually(15, [&] { return all_run(); }));
+  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
   const pid_t stopped = pids("sim-0").back();
   kill(stopped, SIGSTOP);
   const auto is_named =
@@ -462,18 +466,18 @@ TEST_F(Launch, AWorkerThatStandsStillIsNamedAndTheRateIsZero) {
   EXPECT_TRUE(eventually(kGuardSeconds, [&] { return has_shown("| 0 env frames/s, 0 decisions/s"); }))
       << progress();
   kill(stopped, SIGCONT);
-  EXPECT_TRUE(eventually(5, [&] {
+  EXPECT_TRUE(eventually(kGuardSeconds, [&] {
     const std::string said = progress();
     return said.substr(said.rfind('\n', said.size() - 2)).find("sim-0 silent") == std::string::npos;
   })) << progress();
   kill(pids("sim-1").back(), SIGCONT);
   kill(probe_, SIGTERM);
-  EXPECT_EQ(wait_for_end(12), 0);
+  EXPECT_EQ(wait_for_end(kGuardSeconds), 0);
 }
 
 TEST_F(Launch, AnArenaThatDoesNotFitSaysSo) {
   start("", {"slabs=1000000"});
-  ASSERT_EQ(wait_for_end(5), 1) << story();
+  ASSERT_EQ(wait_for_end(kGuardSeconds), 1) << story();
   EXPECT_THAT(std::string(outcome()["error"]),
               testing::AllOf(HasSubstr("needs"), HasSubstr("--trajectory_slabs")));
   EXPECT_EQ(status()["state"], "failed");
