@@ -22,8 +22,7 @@ using ::testing::SizeIs;
 namespace fs = std::filesystem;
 
 constexpr double kTimeoutSeconds = 250;
-constexpr double kBackgroundSeconds =
-    600;  // of evaluations at the lowest priority, which take what others leave
+constexpr double kBackgroundSeconds = 600;  // of evaluations that take what others leave
 
 std::vector<nlohmann::json> evaluations(const std::string& run) {
   std::vector<nlohmann::json> found;
