@@ -21,9 +21,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kLookIntervalS = 1.0;
-constexpr double kKillAfterS = 4.0;        // of a stop, so that the run is gone in 10 s
-constexpr int64_t kMostEnvironments = 10;  // one small simulator
+constexpr double kCheckpointLookIntervalS = 1.0;
+constexpr double kEvaluationKillAfterS = 4.0;  // of a stop, so that the run is gone in 10 s
+constexpr int64_t kMostEnvironments = 10;      // one small simulator
 constexpr const char* kScoreKey = "eval/J";
 
 bool take_number(std::string_view& text, std::string_view before, uint64_t& number) {
@@ -123,7 +123,7 @@ std::vector<std::string> Evaluator::tick(double now_s) {
   }
   if (is_stopped_) return words;
   if (now_s >= next_look_s_) {
-    next_look_s_ = now_s + kLookIntervalS;
+    next_look_s_ = now_s + kCheckpointLookIntervalS;
     look(words);
   }
   if (current_ || waiting_.empty()) return words;
@@ -266,7 +266,7 @@ void Evaluator::stop(int signal) {
   is_stopped_ = true;
   if (!current_) return;
   current_->process.send_signal(signal);
-  if (kill_at_s_ == 0) kill_at_s_ = monotonic_s() + kKillAfterS;
+  if (kill_at_s_ == 0) kill_at_s_ = monotonic_s() + kEvaluationKillAfterS;
 }
 
 }  // namespace comrad::deploy

@@ -12,10 +12,10 @@
 namespace comrad::deploy {
 namespace {
 
-constexpr double kWorkedS = 60;    // a call that lasted so long did some work
-constexpr double kAskAfterS = 4;   // of a stop; hosts hear of the run's end on the link
-constexpr double kTermAfterS = 8;  // of a stop
-constexpr double kKillAfterS = 9.5;
+constexpr double kWorkedS = 60;        // a call that lasted so long did some work
+constexpr double kAskAfterS = 4;       // of a stop; hosts hear of the run's end on the link
+constexpr double kHostTermAfterS = 8;  // of a stop
+constexpr double kHostKillAfterS = 9.5;
 constexpr RestartLimits kCalls{.first_delay_s = 2, .max_delay_s = 60, .window_s = 600, .deaths = 10};
 
 }  // namespace
@@ -76,7 +76,7 @@ void HostTeam::look_at(Host& host, double now_s, std::vector<std::string>& words
   if (stopping_since_s_ == 0) return;
   const double waited_s = now_s - stopping_since_s_;
   if (waited_s >= kAskAfterS) host.input.close();
-  if (waited_s >= kTermAfterS) host.process->send_signal(waited_s >= kKillAfterS ? SIGKILL : SIGTERM);
+  if (waited_s >= kHostTermAfterS) host.process->send_signal(waited_s >= kHostKillAfterS ? SIGKILL : SIGTERM);
 }
 
 void HostTeam::ended(Host& host, const ExitStatus& how, double now_s, std::vector<std::string>& words) {

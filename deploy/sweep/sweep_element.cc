@@ -25,7 +25,7 @@
 namespace comrad::deploy {
 namespace {
 
-constexpr int kTickMs = 200;
+constexpr int kElementTickMs = 200;
 constexpr std::size_t kErrorBytesMax = 500;
 constexpr std::size_t kLinesKept = 20;
 
@@ -177,7 +177,7 @@ Expected<int> run_element(const SweepFolder& folder, const SweepRun& run, const 
   while (!train->poll_exit()) {
     pollfd sources[2] = {{.fd = signals.descriptor(), .events = POLLIN, .revents = 0},
                          {.fd = train->output_descriptor(), .events = POLLIN, .revents = 0}};
-    poll(sources, 2, kTickMs);
+    poll(sources, 2, kElementTickMs);
     take_lines(*train, log.get(), kept);
     for (int number; (number = signals.next()) != 0;) {
       if (number == SIGCHLD) continue;

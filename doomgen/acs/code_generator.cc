@@ -17,7 +17,6 @@ using bytecode::Operation;
 using bytecode::PCode;
 using bytecode::VariableScope;
 
-constexpr uint32_t kHeadBytes = 8;
 constexpr std::size_t kCodeBytesMax = 16u << 20;
 constexpr std::size_t kMapVariablesMax = 128;
 constexpr int32_t kLocalsMax = 255;  // a byte counts those of a function
@@ -231,7 +230,7 @@ class Generator {
   }
   void add_symbol(const Variable& variable, Symbol symbol) {
     if (!symbols_.emplace(variable.name, std::move(symbol)).second)
-      error(variable.place, "a second variable " + quoted(variable.name), "another name");
+      error(variable.place, "a second variable " + in_quotes(variable.name), "another name");
   }
 
   void declare_routines() {
@@ -242,13 +241,14 @@ class Generator {
         if (routine.imported) continue;
         if (routine.named ? !names.insert(lower_case(routine.name)).second
                           : !numbers.insert(routine.number).second)
-          error(routine.place,
-                "a second script " + (routine.named ? quoted(routine.name) : std::to_string(routine.number)),
-                "another number or name");
+          error(
+              routine.place,
+              "a second script " + (routine.named ? in_quotes(routine.name) : std::to_string(routine.number)),
+              "another number or name");
         continue;
       }
       if (symbols_.contains(routine.name))
-        error(routine.place, quoted(routine.name) + ", which is a variable too", "another name");
+        error(routine.place, in_quotes(routine.name) + ", which is a variable too", "another name");
       FunctionEntry entry{&routine, -1};
       if (!routine.imported) {
         entry.index = static_cast<int32_t>(object_.functions.size());
@@ -263,10 +263,10 @@ class Generator {
           return error(routine.place, "more than " + std::to_string(kFunctionsMax) + " functions");
       }
       if (!functions_.emplace(routine.name, entry).second)
-        error(routine.place, "a second function " + quoted(routine.name), "another name");
+        error(routine.place, "a second function " + in_quotes(routine.name), "another name");
       if (find_function(routine.name) || wad::find_special(routine.name))
         diagnostics_.warn(routine.place,
-                          quoted(routine.name) + " hides what the game provides under this name");
+                          in_quotes(routine.name) + " hides what the game provides under this name");
     }
   }
 
@@ -392,7 +392,7 @@ class Generator {
       symbol.index = local_count_++;
     }
     const auto [found, added] = scopes_.back().insert_or_assign(name, std::move(symbol));
-    if (!added) error(place, "a second variable " + quoted(name) + " in the same block", "another name");
+    if (!added) error(place, "a second variable " + in_quotes(name) + " in the same block", "another name");
     return &found->second;
   }
 
@@ -406,13 +406,13 @@ class Generator {
       return &symbol;
     }
     if (const auto found = out_of_scope_.find(name); found != out_of_scope_.end()) {
-      diagnostics_.warn(place, quoted(name) + " is used outside the block that declares it");
+      diagnostics_.warn(place, in_quotes(name) + " is used outside the block that declares it");
       return &found->second;
     }
-    std::string found = "the unknown name " + quoted(name);
+    std::string found = "the unknown name " + in_quotes(name);
     std::string wanted = "a variable or constant";
     if (functions_.contains(name) || find_function(name)) {
-      found = "the function " + quoted(name) + " without arguments";
+      found = "the function " + in_quotes(name) + " without arguments";
       wanted = "\"(\" behind it";
     } else if (const std::string_view near = nearest(name); !near.empty()) {
       wanted += ", perhaps " + std::string(near);
@@ -506,7 +506,7 @@ class Generator {
         error(variable.place, "a first value for a world or global variable", "an assignment behind it");
       Symbol symbol{variable.scope, variable.is_array, variable.number, {}, nullptr};
       if (!scopes_.back().emplace(variable.name, std::move(symbol)).second)
-        error(variable.place, "a second variable " + quoted(variable.name) + " in the same block",
+        error(variable.place, "a second variable " + in_quotes(variable.name) + " in the same block",
               "another name");
       return;
     }
@@ -722,7 +722,8 @@ class Generator {
     const Expression& node = *item.value;
     const Symbol* symbol = find(node.text, node.place);
     if (symbol == nullptr) return nullptr;
-    if (!symbol->is_array) return error(node.place, quoted(node.text) + " is no array", "an array"), nullptr;
+    if (!symbol->is_array)
+      return error(node.place, in_quotes(node.text) + " is no array", "an array"), nullptr;
     element(*symbol, node, true);
     push(symbol->index);
     return symbol;
@@ -829,9 +830,10 @@ class Generator {
     if (symbol == nullptr) return nullptr;
     const bool indexed = node.kind == ExpressionKind::kElement;
     if (indexed && !symbol->is_array)
-      return error(node.place, quoted(node.text) + " with an index", "a variable; it is no array"), nullptr;
+      return error(node.place, in_quotes(node.text) + " with an index", "a variable; it is no array"),
+             nullptr;
     if (!indexed && symbol->is_array)
-      return error(node.place, "the array " + quoted(node.text) + " without an index", "\"[\" behind it"),
+      return error(node.place, "the array " + in_quotes(node.text) + " without an index", "\"[\" behind it"),
              nullptr;
     return symbol;
   }
@@ -842,7 +844,7 @@ class Generator {
     const std::size_t dimensions = std::max<std::size_t>(symbol.sizes.size(), 1);
     const std::size_t given = node.parts.size();
     if (given > dimensions || (!partial && given < dimensions)) {
-      return error(node.place, quoted(node.text) + " with " + std::to_string(given) + " indices",
+      return error(node.place, in_quotes(node.text) + " with " + std::to_string(given) + " indices",
                    std::to_string(dimensions));
     }
     const std::vector<int32_t> sizes = symbol.sizes;  // what the indices call may add symbols
@@ -855,7 +857,7 @@ class Generator {
           i < given && node.parts[i]->kind == ExpressionKind::kNumber ? node.parts[i]->value : 0;
       if (index < 0 || index >= size)
         diagnostics_.warn(node.place,
-                          "index " + std::to_string(index) + " lies outside of " + quoted(node.text));
+                          "index " + std::to_string(index) + " lies outside of " + in_quotes(node.text));
       folded = folded * (i == 0 ? 1 : size) + index;
     }
     if (constant) return push(static_cast<int32_t>(static_cast<uint64_t>(folded)));
@@ -956,7 +958,7 @@ class Generator {
       return;
     }
     const std::string_view near = nearest(node.text);
-    error(node.place, "the unknown function " + quoted(node.text),
+    error(node.place, "the unknown function " + in_quotes(node.text),
           "a function of the program or the game" +
               (near.empty() ? std::string() : ", perhaps " + std::string(near)));
   }
@@ -965,13 +967,13 @@ class Generator {
     const auto given = static_cast<int32_t>(node.parts.size());
     if (given >= least && given <= most) return true;
     error(node.place,
-          quoted(node.text) + " with " + std::to_string(given) + (given == 1 ? " argument" : " arguments"),
+          in_quotes(node.text) + " with " + std::to_string(given) + (given == 1 ? " argument" : " arguments"),
           least == most ? std::to_string(most) : std::to_string(least) + " to " + std::to_string(most));
     return false;
   }
   bool returns(const Expression& node, bool returns_value, bool wanted) {
     if (!wanted || returns_value) return true;
-    error(node.place, "the value of " + quoted(node.text), "something that has a value");
+    error(node.place, "the value of " + in_quotes(node.text), "something that has a value");
     return false;
   }
   bool all_constant(const Expression& node) const {
@@ -1005,7 +1007,7 @@ class Generator {
         !returns(node, function.returns_value, wanted))
       return;
     if (function.waits && !routine_->is_script)
-      return error(node.place, quoted(function.name) + " in a function", "waiting only in scripts");
+      return error(node.place, in_quotes(function.name) + " in a function", "waiting only in scripts");
     if (function.code == PCode::kCallFunc) return call_engine(node, function.number, wanted);
     const auto missing = static_cast<std::size_t>(function.args_max) - node.parts.size();
     if (function.direct != PCode::kNop && all_constant(node)) {

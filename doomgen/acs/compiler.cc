@@ -73,7 +73,7 @@ SourceReader file_reader(const std::string& root, std::vector<std::string> folde
     const fs::path wanted(name);
     if (name.empty() || wanted.is_absolute() || name.find('\\') != std::string::npos)
       return Error{ErrorCode::kBadInput,
-                   acs_compiler::quoted(name) + " is no name below the source's folder"};
+                   acs_compiler::in_quotes(name) + " is no name below the source's folder"};
     std::vector<fs::path> places = {fs::path(from).parent_path() / wanted};
     for (const std::string& folder : folders) places.push_back(fs::path(folder) / wanted);
     bool led_out = false;
@@ -90,10 +90,10 @@ SourceReader file_reader(const std::string& root, std::vector<std::string> folde
       return SourceFile{place.lexically_normal().string(), std::move(text)};
     }
     if (led_out)
-      return Error{ErrorCode::kBadInput,
-                   "the file " + acs_compiler::quoted(name) + " lies outside the folders that may be read"};
-    return Error{ErrorCode::kNotFound,
-                 "the file " + acs_compiler::quoted(name) + " is not there; expected it beside the source"};
+      return Error{ErrorCode::kBadInput, "the file " + acs_compiler::in_quotes(name) +
+                                             " lies outside the folders that may be read"};
+    return Error{ErrorCode::kNotFound, "the file " + acs_compiler::in_quotes(name) +
+                                           " is not there; expected it beside the source"};
   };
 }
 

@@ -8,7 +8,7 @@ namespace {
 constexpr std::size_t kWarningsMax = 100, kQuotedMax = 40;
 }
 
-std::string quoted(std::string_view text) {
+std::string in_quotes(std::string_view text) {
   std::string result = "\"";
   for (const char c : text.substr(0, kQuotedMax)) result += c >= ' ' && c <= '~' ? c : '?';
   return result + (text.size() > kQuotedMax ? "...\"" : "\"");

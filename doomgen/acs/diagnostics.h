@@ -44,6 +44,6 @@ class Diagnostics {
 };
 
 /// Text from a source for a message: printable, cut short.
-std::string quoted(std::string_view text);
+std::string in_quotes(std::string_view text);
 
 }  // namespace comrad::acs_compiler

@@ -126,7 +126,7 @@ class Lexer {
       return std::nullopt;
     }
     if (!fits) {
-      diagnostics_.error(start(), "the number " + quoted(source_.substr(start_, at_ - start_)),
+      diagnostics_.error(start(), "the number " + in_quotes(source_.substr(start_, at_ - start_)),
                          "one that fits 32 bits");
       return std::nullopt;
     }
@@ -158,7 +158,7 @@ class Lexer {
       }
     }
     if (is_letter(peek()) || is_digit(peek())) {
-      diagnostics_.error(here(), "a number followed by " + quoted(source_.substr(at_, 1)),
+      diagnostics_.error(here(), "a number followed by " + in_quotes(source_.substr(at_, 1)),
                          "a space or an operator");
       while (is_letter(peek()) || is_digit(peek())) ++at_;
     }
@@ -174,7 +174,7 @@ class Lexer {
       divisor *= 10;
     }
     if (whole > 32768)
-      diagnostics_.error(start(), "the number " + quoted(source_.substr(start_, at_ - start_)),
+      diagnostics_.error(start(), "the number " + in_quotes(source_.substr(start_, at_ - start_)),
                          "a fixed-point number below 32768");
     return (whole << 16) + static_cast<uint32_t>((fraction << 16) / divisor);
   }
@@ -306,7 +306,7 @@ class Lexer {
       at_ += candidate.size();
       return add(TokenKind::kSymbol, candidate);
     }
-    diagnostics_.error(start(), "the character " + quoted(source_.substr(at_, 1)),
+    diagnostics_.error(start(), "the character " + in_quotes(source_.substr(at_, 1)),
                        "a word, number, text or operator");
     ++at_;
   }
@@ -328,15 +328,15 @@ std::string describe(const Token& token) {
     case TokenKind::kImportEnd:
       return "the end of the file";
     case TokenKind::kName:
-      return quoted(token.spelling);
+      return in_quotes(token.spelling);
     case TokenKind::kNumber:
-      return "the number " + quoted(token.spelling);
+      return "the number " + in_quotes(token.spelling);
     case TokenKind::kText:
-      return "the text " + quoted(token.text);
+      return "the text " + in_quotes(token.text);
     case TokenKind::kDirective:
       return "\"#" + std::string(token.text) + "\"";
     default:
-      return quoted(token.text);
+      return in_quotes(token.text);
   }
 }
 

@@ -9,7 +9,6 @@ namespace {
 
 using Bytes = std::vector<uint8_t>;
 
-constexpr uint32_t kHeadBytes = 8;
 constexpr int32_t kDefaultVariables = 20;  // of a script without an entry in SVCT
 constexpr int32_t kOldScriptsMax = 999;    // numbers in the old directory; a type is a multiple of 1000
 

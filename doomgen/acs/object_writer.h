@@ -12,6 +12,8 @@
 
 namespace comrad::acs_compiler {
 
+constexpr uint32_t kHeadBytes = 8;  ///< before the code
+
 struct ObjectScript {
   int32_t number = 0;  ///< negative: -1 - index into script_names
   int32_t type = 0, arg_count = 0;

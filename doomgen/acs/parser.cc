@@ -297,7 +297,7 @@ class Parser {
       return error(value->place, "a value that is not known before the program runs",
                    "a constant: numbers, texts, other constants and operators");
     if (defined(name.text) != nullptr && !same_constant(*defined(name.text), *value))
-      diagnostics_.warn(name.place, quoted(name.spelling) + " is defined again with another value");
+      diagnostics_.warn(name.place, in_quotes(name.spelling) + " is defined again with another value");
     defines_[name.text] = {value, for_importers};
   }
   static bool same_constant(const Expression& a, const Expression& b) {
@@ -372,7 +372,8 @@ class Parser {
     if (current().kind != TokenKind::kText) return unexpected("the name of the library in quotes");
     const std::string name(current().text);
     if (name.empty() || name.size() > 8 || name.find_first_of("./\\\n") != std::string::npos)
-      return error(current().place, "the library name " + quoted(name), "the name of a lump, 1 to 8 letters");
+      return error(current().place, "the library name " + in_quotes(name),
+                   "the name of a lump, 1 to 8 letters");
     if (importing_) {
       import_name_ = name;
     } else if (!program_.library.empty() && program_.library != name) {
@@ -486,7 +487,7 @@ class Parser {
           if (candidate.name == word.text) found = &candidate;
       if (found != nullptr) {
         if (kind != nullptr)
-          return error(word.place, "a second kind of script: " + quoted(word.spelling), "one kind");
+          return error(word.place, "a second kind of script: " + in_quotes(word.spelling), "one kind");
         kind = found;
       } else if (word.is_name("net")) {
         routine.net = true;
@@ -505,7 +506,7 @@ class Parser {
     const std::size_t most = kind != nullptr ? kind->parameters_max : kScriptParametersMax;
     if (routine.parameters.size() > most)
       return error(routine.parameters[most].place,
-                   "a script" + (kind != nullptr ? " of kind " + quoted(kind->name) : std::string()) +
+                   "a script" + (kind != nullptr ? " of kind " + in_quotes(kind->name) : std::string()) +
                        " with " + std::to_string(routine.parameters.size()) + " parameters",
                    most == 0 ? "none" : "at most " + std::to_string(most));
     in_function_ = false;

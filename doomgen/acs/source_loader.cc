@@ -76,7 +76,7 @@ class SourceLoader {
       return;
     }
     if (word.text != "include" && word.text != "import")
-      return diagnostics_.error(word.place, "the directive " + quoted(word.spelling),
+      return diagnostics_.error(word.place, "the directive " + in_quotes(word.spelling),
                                 "define, libdefine, include, import, library, encryptstrings, nocompact or "
                                 "nowadauthor");
     if (i + 1 >= tokens.size() || tokens[i + 1].kind != TokenKind::kText)
@@ -90,7 +90,7 @@ class SourceLoader {
       return diagnostics_.error(name.place, "files that include each other more than " +
                                                 std::to_string(kIncludeDepthMax) + " deep");
     if (!options_.reader)
-      return diagnostics_.error(name.place, "the file " + quoted(name.text) + " cannot be read here",
+      return diagnostics_.error(name.place, "the file " + in_quotes(name.text) + " cannot be read here",
                                 "a source that includes nothing but the built-in headers");
     Expected<SourceFile> file = options_.reader(std::string(name.text), path);
     if (!file) return diagnostics_.error(name.place, file.error().message);

@@ -6,7 +6,7 @@
 namespace comrad::learn {
 namespace {
 
-constexpr double kLeastWeight = 1e-8;
+constexpr double kLeastStateWeight = 1e-8;
 
 }  // namespace
 
@@ -36,9 +36,9 @@ QmixMixer::QmixMixer(const MixerOptions& options, at::Generator generator, torch
 
 QmixWeights QmixMixer::weights(const Tensor& state) const {
   const int64_t rows = state.size(0), agents = options_.num_agents, embed = options_.embed_dim;
-  return {.w1 = w1_.forward(state).view({rows, agents, embed}).abs() + kLeastWeight,
+  return {.w1 = w1_.forward(state).view({rows, agents, embed}).abs() + kLeastStateWeight,
           .b1 = b1_.forward(state).view({rows, embed}),
-          .w2 = w2_.forward(state).view({rows, embed}).abs() + kLeastWeight,
+          .w2 = w2_.forward(state).view({rows, embed}).abs() + kLeastStateWeight,
           .b2 = b2_.forward(state).view({rows})};
 }
 

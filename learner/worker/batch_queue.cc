@@ -6,15 +6,11 @@
 #include <chrono>
 #include <exception>
 
+#include "learner/worker/stop_signal.h"
 #include "rollout_buffer/core/stage_clock.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::learn {
-namespace {
-
-constexpr int64_t kPollUs = 50'000;  ///< bound on every wait, so that a stop is seen
-
-}  // namespace
 
 BatchQueue::BatchQueue(const shm::Arena& arena, int64_t slabs_per_batch, int64_t capacity,
                        torch::Device device)

@@ -18,7 +18,6 @@ constexpr int kPopTimeoutMs = 50;
 constexpr int kTellWithinMs = 20;  ///< others hear of new decisions so soon, where no batch is due
 constexpr int64_t kSealedTimeoutUs = 50'000;
 constexpr int kJournalTimeoutMs = 5000;
-constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();
 
 /// Counts the time from its making on as waiting of the (first) learner.
 class WaitClock {

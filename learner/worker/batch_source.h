@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -21,6 +22,8 @@
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::learn {
+
+constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();  ///< rollouts that simulators may begin
 
 /// What the learner does next with what was drained: counts and observes what is new in the replay, then trains on
 /// the batch, if there is one. At most one batch is set.

@@ -25,7 +25,6 @@ constexpr double kEndIsKnownWithinS = 0.5;
 /// A stop lets the optimizer step in hand end; one that takes longer (LearnerOptions) is given up, so that the process is
 /// gone in 10 s. Lock step can only save at a boundary; where the last one is not kept, it gets more time to reach the next.
 constexpr double kAbandonRolloutAfterS = 7.5;
-constexpr uint64_t kUnlimited = std::numeric_limits<uint64_t>::max();
 
 }  // namespace
 

@@ -1,5 +1,4 @@
 // comrad-learner: trains (or serves) the policy of one run, or its benchmark.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <memory>
 #include <string>
@@ -79,15 +78,12 @@ int main(int argc, char** argv) {
   std::string mode = "train";
   bool serves_seats = false, counts_work = false;
   shm::BenchShape shape;
-  shell.flags()
-      .add_option("--mode", mode, "train, or serve one checkpoint's weights")
-      ->check(CLI::IsMember({"train", "serve"}));
-  shell.flags().add_option("--checkpoint", options.checkpoint,
-                           "serve: checkpoint to publish; train: where to begin when the run has none");
-  shell.flags().add_flag("--seats", serves_seats,
-                         "serve the weights of all networks of seats.toml in --run_dir");
-  shell.flags().add_flag("--count_work", counts_work,
-                         "bench: also what the networks' operators do on a GPU's path");
+  shell.flags().add("--mode", mode, "train, or serve one checkpoint's weights").one_of({"train", "serve"});
+  shell.flags().add("--checkpoint", options.checkpoint,
+                    "serve: checkpoint to publish; train: where to begin when the run has none");
+  shell.flags().add("--seats", serves_seats, "serve the weights of all networks of seats.toml in --run_dir");
+  shell.flags().add("--count_work", counts_work,
+                    "bench: also what the networks' operators do on a GPU's path");
   shape.add_flags(shell.flags());
   return shell.run(argc, argv,
                    {.work =

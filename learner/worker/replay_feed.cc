@@ -10,6 +10,7 @@
 
 #include "learner/algorithms/lag_of_ranks.h"
 #include "learner/algorithms/q_learning.h"
+#include "learner/worker/stop_signal.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/rng.h"
@@ -21,7 +22,6 @@
 namespace comrad::learn {
 namespace {
 
-constexpr int64_t kPollUs = 50'000;  ///< bound on every wait, so that a stop is seen
 constexpr int64_t kEmptyNapUs = 1000;
 constexpr std::size_t kBatchesAhead = 1;
 /// Of a resumed run without its replay: fewer, and a batch would be the same few decisions again and again.

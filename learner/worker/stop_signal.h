@@ -2,11 +2,14 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/shm/arena.h"
 
 namespace comrad::learn {
+
+constexpr int64_t kPollUs = 50'000;  ///< bound on every wait of a thread, so that a stop is seen
 
 /// Threads: one asks; a signal handler and the supervisor raise what it looks at.
 class StopSignal {

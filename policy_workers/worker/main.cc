@@ -1,5 +1,4 @@
 // comrad-policy-worker: one inference process of a run, or its benchmark.
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -130,16 +129,15 @@ int main(int argc, char** argv) {
   bool with_libtorch = false;
   bool counts_work = false;
   shm::BenchShape shape;
-  shell.flags().add_flag("--greedy", options.is_greedy, "most probable actions instead of drawn ones");
-  shell.flags().add_flag("--random", options.is_random, "uniform over allowed actions, no network");
-  shell.flags().add_flag("--seats", plays_seats,
-                         "every agent has the player that seats.toml in --run_dir names");
-  shell.flags().add_flag("--evaluate", options.is_evaluation,
-                         "the run is an evaluation: batches and draws are the same on every start");
-  shell.flags().add_flag("--libtorch", with_libtorch,
-                         "describe: also which libtorch this is, and the GPUs it sees");
-  shell.flags().add_flag("--count_work", counts_work,
-                         "bench: also what the network's operators do on a GPU's path");
+  shell.flags().add("--greedy", options.is_greedy, "most probable actions instead of drawn ones");
+  shell.flags().add("--random", options.is_random, "uniform over allowed actions, no network");
+  shell.flags().add("--seats", plays_seats, "every agent has the player that seats.toml in --run_dir names");
+  shell.flags().add("--evaluate", options.is_evaluation,
+                    "the run is an evaluation: batches and draws are the same on every start");
+  shell.flags().add("--libtorch", with_libtorch,
+                    "describe: also which libtorch this is, and the GPUs it sees");
+  shell.flags().add("--count_work", counts_work,
+                    "bench: also what the network's operators do on a GPU's path");
   shape.add_flags(shell.flags());
   return shell.run(
       argc, argv,

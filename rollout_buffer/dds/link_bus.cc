@@ -14,13 +14,13 @@ namespace {
 
 constexpr int kParticipantsOfAHost = 20;
 constexpr int kQuestionHistory = 64;
-constexpr int kEpisodeHistory = 4096;
+constexpr int kLinkEpisodeHistory = 4096;
 constexpr int kFragmentLimit = 256;  // x 258 kB: what a reader or writer holds at most
 constexpr int kFrameLimit = 64;      // batches of 256 kB as a rule
 constexpr int kActionLimit = 1024;
 constexpr std::size_t kMaxAgentsOnWire = 8;
 
-enum TopicIndex {
+enum LinkTopicIndex {
   kQuestion,
   kAnswer,
   kReport,
@@ -30,11 +30,11 @@ enum TopicIndex {
   kEpisode,
   kFrames,
   kActions,
-  kTopicCount
+  kLinkTopicCount
 };
 
-const std::array<TopicTraits, kTopicCount>& topics() {
-  static const std::array<TopicTraits, kTopicCount> all = {{
+const std::array<TopicTraits, kLinkTopicCount>& link_traits() {
+  static const std::array<TopicTraits, kLinkTopicCount> all = {{
       {.name = "DoorQuestion",
        .type = &comrad_wire_DoorQuestion_desc,
        .history = kQuestionHistory,
@@ -50,7 +50,7 @@ const std::array<TopicTraits, kTopicCount>& topics() {
        .history = 0,
        .sample_limit = kFragmentLimit},
       {.name = "WeightsUpdate", .type = &comrad_wire_WeightsUpdate_desc, .is_kept_for_late_joiners = true},
-      {.name = "FeederEpisode", .type = &comrad_wire_FeederEpisode_desc, .history = kEpisodeHistory},
+      {.name = "FeederEpisode", .type = &comrad_wire_FeederEpisode_desc, .history = kLinkEpisodeHistory},
       {.name = "FrameBatch", .type = &comrad_wire_FrameBatch_desc, .history = 0, .sample_limit = kFrameLimit},
       {.name = "ActionBatch",
        .type = &comrad_wire_ActionBatch_desc,
@@ -80,7 +80,7 @@ struct LinkBus::State {
   std::unique_ptr<Participant> participant;  // of one thread: a visitor may write while samples are taken
 
   template <typename Wire, typename Visitor>
-  void take(TopicIndex index, Visitor visit) {
+  void take(LinkTopicIndex index, Visitor visit) {
     participant->take<Wire>(index, [&](const Wire& in, const dds_sample_info_t& info) {
       if (info.valid_data) visit(in);
     });
@@ -110,10 +110,10 @@ LinkBus::~LinkBus() = default;
 
 Expected<LinkBus> LinkBus::open(const BusConfig& config) {
   auto state = std::make_unique<State>();
-  COMRAD_TRY_ASSIGN(
-      state->participant,
-      Participant::open(config, topics(), "comrad-link-" + std::to_string(kLinkVersion) + "-" + config.run_id,
-                        "comrad-door-" + config.run_id));
+  COMRAD_TRY_ASSIGN(state->participant,
+                    Participant::open(config, link_traits(),
+                                      "comrad-link-" + std::to_string(kLinkVersion) + "-" + config.run_id,
+                                      "comrad-door-" + config.run_id));
   return LinkBus(std::move(state));
 }
 

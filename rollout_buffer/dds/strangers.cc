@@ -10,11 +10,11 @@ constexpr double kBetweenLooks_s = 1;
 constexpr double kPatience_s = 8;  // a handshake takes 0.3 s; on a busy host seconds
 constexpr int kMostLines = 20;     // whoever makes a new participant for each line must not fill the disk
 constexpr std::size_t kMostGuests = 1000;
-constexpr std::size_t kMostNameBytes = 64;
+constexpr std::size_t kMostShownBytes = 64;
 
 // What another host says of itself, fit for a log.
 std::string printable(const char* text) {
-  std::string name = text == nullptr ? "" : std::string(text).substr(0, kMostNameBytes);
+  std::string name = text == nullptr ? "" : std::string(text).substr(0, kMostShownBytes);
   for (char& letter : name)
     if (letter < ' ' || letter > '~') letter = '?';
   return name;

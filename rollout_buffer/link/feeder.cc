@@ -7,18 +7,17 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/episodes.h"
+#include "rollout_buffer/link/timing.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::link {
 namespace {
 
-constexpr int kWaitMs = 5;  // a slab takes longer to play by far
 constexpr double kReportIntervalS = 0.5;
 constexpr double kDeliverForS = 5.0;    // after a stop; the supervisor waits 8 s
 constexpr double kAnswerWithinS = 1.0;  // to what was sent last: both hosts count it alike
 constexpr double kSilentAfterS = 2.0;   // without a state of the learner's host nothing is sent again
 constexpr std::size_t kMostInHand = 64;
-constexpr int kEpisodesAtOnce = 64;
 constexpr uint32_t kEpochsOfALife = 1 << 16;  // between two epochs of one life of this process
 
 /// A session's first half is the learner's arena, its second the life of the process that receives.

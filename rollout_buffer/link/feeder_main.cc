@@ -1,6 +1,5 @@
 // comrad-feeder: the end of the link on a host that joined another's run, for whole trajectories or frame by frame.
 
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <utility>
 
@@ -89,10 +88,10 @@ int main(int argc, char** argv) {
   double patience_s = 300;
   bool sends_frames = false;
   shell.flags()
-      .add_option("--patience_s", patience_s, "how long the learner's host may be silent, seconds")
-      ->check(CLI::Range(1.0, 1e6));
-  shell.flags().add_flag("--frames", sends_frames,
-                         "simulators play with the policy workers of the learner's host");
+      .add("--patience_s", patience_s, "how long the learner's host may be silent, seconds")
+      .range(1.0, 1e6);
+  shell.flags().add("--frames", sends_frames,
+                    "simulators play with the policy workers of the learner's host");
   return shell.run(argc, argv, {.work = [&](const RunConfig& config) {
                      return work(shell, config, patience_s, sends_frames);
                    }});

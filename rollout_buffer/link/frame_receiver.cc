@@ -11,6 +11,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/guests.h"
+#include "rollout_buffer/link/timing.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::link {
@@ -19,10 +20,6 @@ namespace {
 using shm::RequestKind;
 using shm::SlotState;
 
-constexpr int64_t kPollUs = 100;
-constexpr int kWaitMs = 5;
-constexpr double kTellIntervalS = 0.5;
-constexpr double kTellOfEndS = 1.0;
 constexpr std::size_t kSpareSlabs = 2;    // of a host, beyond one for each environment that has none
 constexpr std::size_t kMostWhole = 4;     // copies of an environment that wait to be sealed
 constexpr std::size_t kAnsweredKept = 8;  // rollouts of an environment

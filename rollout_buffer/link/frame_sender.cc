@@ -9,6 +9,7 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/episodes.h"
+#include "rollout_buffer/link/timing.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::link {
@@ -17,11 +18,8 @@ namespace {
 using shm::RequestKind;
 using shm::SlotState;
 
-constexpr int64_t kPollUs = 100;  // between looks at slots and at the network, while both may bring something
-constexpr int kWaitMs = 5;        // while only the network can
 constexpr double kHelloIntervalS = 0.5;
-constexpr int kEpisodesAtOnce = 64;
-constexpr double kDeliverForS = 3.0;  // after a stop; the supervisor waits 8 s
+constexpr double kDeliverFramesForS = 3.0;  // after a stop; the supervisor waits 8 s
 
 }  // namespace
 
@@ -80,9 +78,9 @@ Status FrameSender::run(const std::atomic<bool>& stop) {
       shm::wait(arena_.slots_ready(0), heard, out_count_ > 0 ? kPollUs : 1000);
   }
   // What is sealed by now is delivered, if the other end goes on.
-  for (const double end_s = monotonic_s() + kDeliverForS; is_played_with() && !has_run_ended_ &&
-                                                          !(in_hand_.empty() && arena_.sealed_count() == 0) &&
-                                                          monotonic_s() < end_s;) {
+  for (const double end_s = monotonic_s() + kDeliverFramesForS;
+       is_played_with() && !has_run_ended_ && !(in_hand_.empty() && arena_.sealed_count() == 0) &&
+       monotonic_s() < end_s;) {
     drain();
     resend_due();
     if (send_sealed()) send_batch();

@@ -42,7 +42,9 @@ void append(std::vector<std::byte>& bytes, const void* from, std::size_t count) 
   bytes.insert(bytes.end(), begin, begin + count);
 }
 
-Error damaged(const std::string& what) { return Error{ErrorCode::kBadFormat, "a batch of frames " + what}; }
+Error damaged_frames(const std::string& what) {
+  return Error{ErrorCode::kBadFormat, "a batch of frames " + what};
+}
 
 }  // namespace
 
@@ -91,13 +93,13 @@ void FramePacker::add(const FrameRequest& request, const SlabView& slab) {
 
 Expected<std::optional<FrameRequest>> FrameUnpacker::next() {
   if (left_.empty()) return std::optional<FrameRequest>();
-  if (left_.size() < sizeof request_) return damaged("ends inside a request");
+  if (left_.size() < sizeof request_) return damaged_frames("ends inside a request");
   std::memcpy(&request_, left_.data(), sizeof request_);
   const TrajectoryShape& shape = offsets_.shape;
   const auto steps = static_cast<uint32_t>(shape.rollout_steps);
   if (request_.env_index >= env_count_)
-    return damaged("is of environment " + std::to_string(request_.env_index) + "; the host has " +
-                   std::to_string(env_count_));
+    return damaged_frames("is of environment " + std::to_string(request_.env_index) + "; the host has " +
+                          std::to_string(env_count_));
   bool is_possible = request_.kind == kSealedKind && request_.step >= 1 && request_.step <= steps;
   switch (static_cast<RequestKind>(request_.kind)) {
     case RequestKind::kAct:
@@ -112,10 +114,10 @@ Expected<std::optional<FrameRequest>> FrameUnpacker::next() {
       break;
   }
   if (!is_possible)
-    return damaged("has a request of kind " + std::to_string(request_.kind) + " at step " +
-                   std::to_string(request_.step) + ", which no simulator makes");
+    return damaged_frames("has a request of kind " + std::to_string(request_.kind) + " at step " +
+                          std::to_string(request_.step) + ", which no simulator makes");
   const std::size_t bytes = bytes_of(request_, offsets_);
-  if (left_.size() < bytes) return damaged("ends inside a frame");
+  if (left_.size() < bytes) return damaged_frames("ends inside a frame");
   body_ = left_.subspan(sizeof request_, bytes - sizeof request_);
   left_ = left_.subspan(bytes);
   COMRAD_TRY(check(body_));
@@ -129,12 +131,12 @@ Status FrameUnpacker::check(std::span<const std::byte> body) const {
   std::memcpy(&outcome, body.data(), sizeof outcome);
   if (outcome.final_index < -1 || outcome.final_index >= offsets_.shape.final_capacity ||
       (outcome.truncated != 0 && outcome.final_index < 0))
-    return damaged("has a step that ends with an observation that there is not");
+    return damaged_frames("has a step that ends with an observation that there is not");
   for (int agent = 0; agent < offsets_.shape.env.num_agents; ++agent) {
     float reward = 0;
     std::memcpy(&reward, body.data() + sizeof outcome + static_cast<std::size_t>(agent) * sizeof reward,
                 sizeof reward);
-    if (!std::isfinite(reward)) return damaged("has a reward that is no number");
+    if (!std::isfinite(reward)) return damaged_frames("has a reward that is no number");
   }
   return {};
 }

@@ -8,17 +8,10 @@
 #include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/guests.h"
 #include "rollout_buffer/link/narrow_weights.h"
+#include "rollout_buffer/link/timing.h"
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::link {
-namespace {
-
-constexpr int kWaitMs = 5;
-constexpr double kTellIntervalS = 0.5;
-constexpr double kTellOfEndS = 1.0;
-
-}  // namespace
-
 Receiver::Receiver(const shm::Arena& arena, dds::LinkBus bus, ReceiverOptions options)
     : arena_(arena),
       bus_(std::move(bus)),

@@ -1,5 +1,4 @@
 // comrad-receiver: the end of the trajectory link on the learner's host, and the run's door.
-#include <CLI/CLI.hpp>
 #include <utility>
 
 #include "rollout_buffer/core/log.h"
@@ -34,8 +33,8 @@ int main(int argc, char** argv) {
                           .is_single = true,
                           .has_bench = false});
   uint64_t parameter_bytes = 0;
-  shell.flags().add_option("--parameter_bytes", parameter_bytes,
-                           "how much of the weights are parameters, as comrad-policy-worker --describe says");
+  shell.flags().add("--parameter_bytes", parameter_bytes,
+                    "how much of the weights are parameters, as comrad-policy-worker --describe says");
   return shell.run(argc, argv,
                    {.work = [&](const RunConfig& config) { return work(shell, config, parameter_bytes); }});
 }

@@ -18,7 +18,7 @@ namespace {
 static_assert(LZ4_COMPRESSBOUND(dds::kFragmentBytes) <= dds::kFragmentPayloadBytes,
               "the bound in comrad.idl holds what does not compress");
 
-Error damaged(const std::string& what) {
+Error damaged_slabs(const std::string& what) {
   return Error{ErrorCode::kBadFormat, "a trajectory's fragment " + what};
 }
 
@@ -83,8 +83,8 @@ Expected<bool> SlabAssembler::take(const dds::TrajectoryFragment& fragment) {
   COMRAD_TRY(place(fragment));
   if (next_index_ < fragment_count_) return false;
   if (position_ != offsets_.slab_bytes)
-    return damaged("is the last, and " + std::to_string(offsets_.slab_bytes - position_) +
-                   " bytes are missing");
+    return damaged_slabs("is the last, and " + std::to_string(offsets_.slab_bytes - position_) +
+                         " bytes are missing");
   COMRAD_TRY(check(fragment.length));
   return true;
 }
@@ -92,16 +92,16 @@ Expected<bool> SlabAssembler::take(const dds::TrajectoryFragment& fragment) {
 Status SlabAssembler::place(const dds::TrajectoryFragment& fragment) {
   if (next_index_ == 0) fragment_count_ = fragment.fragment_count;
   if (fragment.fragment_index != next_index_ || fragment.fragment_count != fragment_count_)
-    return damaged(std::to_string(fragment.fragment_index) + " of " +
-                   std::to_string(fragment.fragment_count) + " came where " + std::to_string(next_index_) +
-                   " of " + std::to_string(fragment_count_) + " was due");
+    return damaged_slabs(std::to_string(fragment.fragment_index) + " of " +
+                         std::to_string(fragment.fragment_count) + " came where " +
+                         std::to_string(next_index_) + " of " + std::to_string(fragment_count_) + " was due");
   if (fragment.raw_bytes == 0 || fragment.raw_bytes > dds::kFragmentBytes ||
       fragment.payload.size() > dds::kFragmentPayloadBytes ||
       fragment.offset_bytes > static_cast<uint64_t>(offsets_.slab_bytes) ||
       fragment.raw_bytes > static_cast<uint64_t>(offsets_.slab_bytes) - fragment.offset_bytes)
-    return damaged("of " + std::to_string(fragment.raw_bytes) + " bytes at " +
-                   std::to_string(fragment.offset_bytes) + " lies outside of a slab of " +
-                   std::to_string(offsets_.slab_bytes));
+    return damaged_slabs("of " + std::to_string(fragment.raw_bytes) + " bytes at " +
+                         std::to_string(fragment.offset_bytes) + " lies outside of a slab of " +
+                         std::to_string(offsets_.slab_bytes));
   const auto offset = static_cast<int64_t>(fragment.offset_bytes);
   if (offset != position_) {
     // Only final observations may be left out, whole ones and the last.
@@ -109,17 +109,17 @@ Status SlabAssembler::place(const dds::TrajectoryFragment& fragment) {
     const int64_t row = (all.end - all.begin) / offsets_.shape.final_capacity;
     if (offset != all.end || position_ < all.begin || position_ >= all.end ||
         (position_ - all.begin) % row != 0)
-      return damaged("begins at " + std::to_string(offset) + " where " + std::to_string(position_) +
-                     " was due");
+      return damaged_slabs("begins at " + std::to_string(offset) + " where " + std::to_string(position_) +
+                           " was due");
     finals_ = static_cast<int>((position_ - all.begin) / row);
     std::memset(base_ + position_, 0, static_cast<std::size_t>(offset - position_));
   }
   const int bytes = LZ4_decompress_safe(
       reinterpret_cast<const char*>(fragment.payload.data()), reinterpret_cast<char*>(base_ + offset),
       static_cast<int>(fragment.payload.size()), static_cast<int>(fragment.raw_bytes));
-  if (bytes != static_cast<int>(fragment.raw_bytes)) return damaged("does not decompress");
+  if (bytes != static_cast<int>(fragment.raw_bytes)) return damaged_slabs("does not decompress");
   if (checksum64({base_ + offset, fragment.raw_bytes}) != fragment.checksum)
-    return damaged("has another checksum");
+    return damaged_slabs("has another checksum");
   position_ = offset + fragment.raw_bytes;
   ++next_index_;
   return {};

@@ -8,7 +8,7 @@
 namespace comrad {
 namespace {
 
-constexpr AlgorithmRow kRows[] = {
+constexpr AlgorithmRow kAlgorithmRows[] = {
     {.name = "ippo", .other_names = {"appo"}, .can_use_vtrace = true, .can_follow_kl = true},
     {.name = "mappo", .critic = CriticKind::kCentral, .can_use_vtrace = true, .can_follow_kl = true},
     // Its joint critic has one value for all, so they need one reward.
@@ -53,7 +53,7 @@ constexpr AlgorithmRow kRows[] = {
 std::vector<const AlgorithmRow*>& rows() {
   static std::vector<const AlgorithmRow*> all = [] {
     std::vector<const AlgorithmRow*> built_in;
-    for (const AlgorithmRow& row : kRows) built_in.push_back(&row);
+    for (const AlgorithmRow& row : kAlgorithmRows) built_in.push_back(&row);
     return built_in;
   }();
   return all;

@@ -7,7 +7,7 @@
 namespace comrad {
 namespace {
 
-constexpr OtherName kRows[] = {
+constexpr OtherName kOtherNames[] = {
     {.name = "value_bootstrap", .is_boolean = true, .setting = "legacy_timeouts"},
     {.name = "env_framestack",
      .same = "1",
@@ -91,11 +91,11 @@ Status OtherName::accept(const std::string& origin, std::string_view text) const
                origin + ": " + std::string(name) + " " + std::string(text) + ": " + std::string(instead)};
 }
 
-std::span<const OtherName> other_names() { return kRows; }
+std::span<const OtherName> other_names() { return kOtherNames; }
 
 const OtherName* find_other_name(std::string_view name) {
-  const auto* const found = std::ranges::find(kRows, name, &OtherName::name);
-  return found == std::end(kRows) ? nullptr : found;
+  const auto* const found = std::ranges::find(kOtherNames, name, &OtherName::name);
+  return found == std::end(kOtherNames) ? nullptr : found;
 }
 
 }  // namespace comrad

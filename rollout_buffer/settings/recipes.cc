@@ -11,7 +11,7 @@ namespace {
 // one value for all presets cannot say.
 //
 // `small` is what learns most per hour on a few cores. To try another value, change it here.
-constexpr RecipeRow kRows[] = {
+constexpr RecipeRow kRecipeRows[] = {
     // The algorithm's own, in every preset.
     {"", "ippo mappo", "use_rnn", "true", "a benchmark launch: LSTM of 512 units"},
     {"", "ippo mappo", "rnn_type", "lstm", "a benchmark launch: LSTM of 512 units"},
@@ -105,7 +105,7 @@ constexpr RecipeRow kRows[] = {
 
 SettingsLayer rows_of(std::string origin, std::string_view preset, const AlgorithmName& algorithm) {
   SettingsLayer layer{std::move(origin), {}};
-  for (const RecipeRow& row : kRows)
+  for (const RecipeRow& row : kRecipeRows)
     if (row.preset == preset && row.is_for(algorithm)) layer.values.emplace_back(row.setting, row.value);
   return layer;
 }
@@ -129,7 +129,7 @@ bool RecipeRow::is_for(const AlgorithmName& algorithm) const {
   return false;
 }
 
-std::span<const RecipeRow> recipe_rows() { return kRows; }
+std::span<const RecipeRow> recipe_rows() { return kRecipeRows; }
 
 SettingsLayer algorithm_defaults(const AlgorithmName& algorithm) {
   return rows_of("algorithm " + algorithm.name(), "", algorithm);

@@ -3,11 +3,12 @@
 #include <signal.h>
 #include <sys/prctl.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <limits>
+#include <optional>
 #include <utility>
 
 #include "rollout_buffer/core/log.h"
@@ -35,35 +36,29 @@ void take_signals_of_a_run() {
 }  // namespace
 
 WorkerShell::WorkerShell(WorkerProgram program)
-    : program_(std::move(program)), flags_(std::make_unique<CLI::App>(program_.description, program_.name)) {
+    : program_(std::move(program)), flags_(program_.description, program_.name) {
   prepare_process();
-  flags_->add_option("--run_dir", run_dir_, "the run's folder, with config.toml")->required();
-  flags_->add_option("--arena", arena_, "name of the run's socket");
+  flags_.add("--run_dir", run_dir_, "the run's folder, with config.toml").required();
+  arena_flag_ = flags_.add("--arena", arena_, "name of the run's socket");
   if (!program_.is_single)
-    flags_->add_option("--worker_index", worker_index_, "which of its kind this is, from 0")
-        ->check(CLI::NonNegativeNumber);
-  if (program_.has_bench)
-    flags_
-        ->add_option("--bench", bench_seconds_,
-                     "no run: measures for so many seconds alone, prints one JSON object")
-        ->check(CLI::Range(0.01, 86400.0));
+    flags_.add("--worker_index", worker_index_, "which of its kind this is, from 0")
+        .range(0, std::numeric_limits<int>::max());
+  if (program_.has_bench) {
+    bench_flag_ = flags_.add("--bench", bench_seconds_,
+                             "no run: measures for so many seconds alone, prints one JSON object");
+    bench_flag_->range(0.01, 86400.0);
+  }
   if (program_.describes)
-    flags_->add_flag("--describe", is_description_,
-                     "no run: says of what size its part of config.toml is, in one JSON object");
+    flags_.add("--describe", is_description_,
+               "no run: says of what size its part of config.toml is, in one JSON object");
 }
-
-WorkerShell::~WorkerShell() = default;
 
 const std::atomic<bool>& WorkerShell::stop() const { return stop_signalled; }
 
 int WorkerShell::run(int argc, char** argv, const WorkerJobs& jobs) {
-  try {
-    flags_->parse(argc, argv);
-  } catch (const CLI::ParseError& failure) {
-    return flags_->exit(failure) == 0 ? kExitDone : kExitBadInput;
-  }
-  is_bench_ = program_.has_bench && flags_->count("--bench") > 0;
-  if (is_in_a_run() && flags_->count("--arena") == 0)
+  if (const std::optional<int> code = flags_.parse(argc, argv)) return *code;
+  is_bench_ = bench_flag_ && bench_flag_->is_given();
+  if (is_in_a_run() && !arena_flag_->is_given())
     return fail(
         std::string("give --arena NAME to join a run") + (program_.has_bench ? ", or --bench SECONDS" : ""),
         kExitBadInput);
@@ -108,16 +103,15 @@ Expected<Arena> WorkerShell::join() const {
   return join_arena(arena_, request, kJoinTimeoutMs);
 }
 
-void BenchShape::add_flags(CLI::App& flags) {
-  flags.add_option("--num_agents", num_agents, "bench, describe: agents per environment")
-      ->check(CLI::Range(1, kMaxAgents));
-  flags.add_option("--heads", heads, "bench, describe: sizes of the action heads, 3,3,3")->delimiter(',');
-  flags.add_option("--measurements", measurements, "bench, describe: length of the measurement vector")
-      ->check(CLI::Range(0, 1024));
+void BenchShape::add_flags(Flags& flags) {
+  flags.add("--num_agents", num_agents, "bench, describe: agents per environment").range(1, kMaxAgents);
+  flags.add("--heads", heads, "bench, describe: sizes of the action heads, 3,3,3").separated_by(',');
+  flags.add("--measurements", measurements, "bench, describe: length of the measurement vector")
+      .range(0, 1024);
   flags
-      .add_option("--global_state", global_state,
-                  "bench, describe: numbers of the true state that critics see with critic_state global")
-      ->check(CLI::Range(0, 1024));
+      .add("--global_state", global_state,
+           "bench, describe: numbers of the true state that critics see with critic_state global")
+      .range(0, 1024);
 }
 
 Expected<EnvShape> BenchShape::env() const {

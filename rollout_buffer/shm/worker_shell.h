@@ -5,18 +5,15 @@
 
 #include <atomic>
 #include <functional>
-#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/flags.h"
 #include "rollout_buffer/schema/spec.h"
 #include "rollout_buffer/settings/run_config.h"
 #include "rollout_buffer/shm/arena.h"
-
-namespace CLI {
-class App;
-}
 
 namespace comrad::shm {
 
@@ -40,7 +37,7 @@ struct WorkerJobs {
 /// One worker program's way from its command line to its exit code:
 ///
 ///   WorkerShell shell({.name = "comrad-learner", .role = "learner", ...});
-///   shell.flags().add_option(...);  // those of this program alone
+///   shell.flags().add(...);  // those of this program alone
 ///   return shell.run(argc, argv, {.work = ..., .bench = ...});
 ///
 /// Make it first in main(), and one only. Threads: main.
@@ -49,9 +46,8 @@ class WorkerShell {
   explicit WorkerShell(WorkerProgram program);
   WorkerShell(const WorkerShell&) = delete;
   WorkerShell& operator=(const WorkerShell&) = delete;
-  ~WorkerShell();
 
-  CLI::App& flags() { return *flags_; }
+  Flags& flags() { return flags_; }
 
   /// Reads the command line, opens the log, does one of the jobs. Gives the exit code of core/process.h; 2 for a
   /// command line that cannot be read. Errors, exceptions included, go to the log and to standard error.
@@ -74,11 +70,12 @@ class WorkerShell {
   int fail(const std::string& message, int code) const;
 
   WorkerProgram program_;
-  std::unique_ptr<CLI::App> flags_;
+  Flags flags_;
   std::string run_dir_;
   std::string arena_;
   int worker_index_ = 0;
   double bench_seconds_ = 0;
+  std::optional<Flag> arena_flag_, bench_flag_;
   bool is_bench_ = false;
   bool is_description_ = false;
   bool has_log_ = false;
@@ -91,7 +88,7 @@ struct BenchShape {
   int measurements = 0, global_state = 0;
 
   /// Adds --num_agents, --heads, --measurements and --global_state, which this object then holds.
-  void add_flags(CLI::App& flags);
+  void add_flags(Flags& flags);
   /// Errors: kBadInput, naming what is out of range.
   Expected<EnvShape> env() const;
 };

@@ -16,7 +16,7 @@ constexpr double kTetherSlack = 20;  // goals keep this much from the tether's e
 constexpr double kClosesUp = 20;     // and here an agent closes up to the partner who leads
 constexpr double kWaits = 10;        // or waits for the one who follows
 constexpr int kLeadsOnHealth = 6;    // that somebody must be weaker to lead instead, of more than two
-constexpr double kSight = 1400;      // kits further away do not count
+constexpr double kKitSight = 1400;   // kits further away do not count
 constexpr std::size_t kOptions = 8;  // kits that an agent chooses from
 constexpr double kFurtherLink =
     0.4;                         // of a tether for each link after the first: a chain at full length stalls
@@ -26,7 +26,7 @@ constexpr double kKeeps = 1.25;  // factor of the kit on the way to: no ditherin
 constexpr double kUrgency = 40;  // health at which a kit counts half of what it does for the dying
 constexpr double kNeighbours = 600;      // kits this near to a kit make it worth more ...
 constexpr double kNeighboursPart = 0.1;  // ... by this part of what they heal
-constexpr double kGlideTics = 6;         // ways begin where the body is going
+constexpr double kWayGlideTics = 6;      // ways begin where the body is going
 constexpr double kRunThrough = 100;      // it aims beyond a kit, so as not to brake
 
 struct Kit {
@@ -94,12 +94,12 @@ class Forager final : public Oracle {
     for (std::size_t agent = 0; agent < count; ++agent) {
       const doom::Actor& body = world.body(static_cast<int>(agent));
       const Place here = place_of(body);
-      Place from{here.x + doom::to_double(body.velocity_x) * kGlideTics,
-                 here.y + doom::to_double(body.velocity_y) * kGlideTics};
+      Place from{here.x + doom::to_double(body.velocity_x) * kWayGlideTics,
+                 here.y + doom::to_double(body.velocity_y) * kWayGlideTics};
       if (!navigator_.is_open(from)) from = here;
       const double urgency = kUrgency / (body.health + kUrgency);
       for (const Kit& kit : kits) {
-        if (distance_between(here, kit.place) > kSight) continue;
+        if (distance_between(here, kit.place) > kKitSight) continue;
         const auto way = navigator_.way_length(from, kit.place);
         if (!way) continue;
         const double hunger = 100.0 - body.health + *way / 10.0 * damage_ / 32.0;

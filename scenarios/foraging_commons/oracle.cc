@@ -26,14 +26,14 @@ constexpr double kThrough = 64;  // units
 constexpr double kStepOut = 40;  // from the station's edge, to be let clean again
 
 /// The exports that are read, by their numbers.
-struct Exports {
+struct CommonsExports {
   int spawn_rate = 0, bonuses_lying = 0;
   std::vector<int> cleanups;  // [agent]
 };
 
 class Foragers final : public Oracle {
  public:
-  Foragers(const DoomGame& game, Exports exports)
+  Foragers(const DoomGame& game, CommonsExports exports)
       : exports_(std::move(exports)),
         navigator_({.cell_units = 24}),
         field_(static_cast<double>(game.layout.parameter("field", 1600))),
@@ -144,7 +144,7 @@ class Foragers final : public Oracle {
     return navigator_.is_open(beyond) ? beyond : best;
   }
 
-  Exports exports_;
+  CommonsExports exports_;
   Navigator navigator_;
   double field_, station_, distance_;
   std::optional<uint32_t> bonus_;
@@ -155,7 +155,7 @@ class Foragers final : public Oracle {
 }  // namespace
 
 Expected<std::unique_ptr<Oracle>> make_foraging_commons_oracle(const DoomGame& game) {
-  Exports exports;
+  CommonsExports exports;
   COMRAD_TRY_ASSIGN(exports.spawn_rate, game.spec.user_number("spawn_rate"));
   COMRAD_TRY_ASSIGN(exports.bonuses_lying, game.spec.user_number("bonuses_lying"));
   COMRAD_TRY_ASSIGN(exports.cleanups,

@@ -18,14 +18,14 @@ constexpr std::array<int, 4> kLampOfDirection = {1, 3, 2,
 constexpr int kBitsPerVariable = 27;
 
 /// The exports that are read, by their numbers.
-struct Exports {
+struct MazeExports {
   int maze_side = 0, goal_x = 0, goal_y = 0, flash_active = 0;
   std::vector<int> open;  // of each kBitsPerVariable cells
 };
 
-class Pair final : public Oracle {
+class MazePair final : public Oracle {
  public:
-  explicit Pair(Exports exports) : exports_(std::move(exports)) {}
+  explicit MazePair(MazeExports exports) : exports_(std::move(exports)) {}
 
   void reset(const doom::World&) override { told_ = -1; }
 
@@ -82,20 +82,20 @@ class Pair final : public Oracle {
     return way;
   }
 
-  Exports exports_;
+  MazeExports exports_;
   int told_ = -1;  // the direction flashed last
 };
 
 }  // namespace
 
 Expected<std::unique_ptr<Oracle>> make_lava_maze_oracle(const DoomGame& game) {
-  Exports exports;
+  MazeExports exports;
   COMRAD_TRY_ASSIGN(exports.maze_side, game.spec.user_number("maze_side"));
   COMRAD_TRY_ASSIGN(exports.goal_x, game.spec.user_number("goal_x"));
   COMRAD_TRY_ASSIGN(exports.goal_y, game.spec.user_number("goal_y"));
   COMRAD_TRY_ASSIGN(exports.flash_active, game.spec.user_number("flash_active"));
   COMRAD_TRY_ASSIGN(exports.open, game.spec.user_numbers({"open_low", "open_middle", "open_high"}));
-  return std::unique_ptr<Oracle>(std::make_unique<Pair>(std::move(exports)));
+  return std::unique_ptr<Oracle>(std::make_unique<MazePair>(std::move(exports)));
 }
 
 }  // namespace comrad::sim

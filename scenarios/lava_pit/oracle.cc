@@ -12,7 +12,7 @@ namespace comrad::sim {
 namespace {
 
 namespace pit = scenarios::lava_pit;
-constexpr double kBodyRadius = 16;
+constexpr double kClimberRadius = 16;
 constexpr double kTolerance = 18;  // the push of a single decision moves a body by 33 units
 
 struct Rectangle {
@@ -112,8 +112,8 @@ class Crossers final : public Oracle {
   double lane(int i, double avoid_y) const {
     constexpr double kApart = 40;
     const Rectangle bridge = outline_of_tag(pit::kBridgeTag + i), near = platform(i), far = platform(i + 1);
-    const double bottom = std::max({bridge.bottom, near.bottom, far.bottom}) + kBodyRadius + 4;
-    const double top = std::min({bridge.top, near.top, far.top}) - kBodyRadius - 4;
+    const double bottom = std::max({bridge.bottom, near.bottom, far.bottom}) + kClimberRadius + 4;
+    const double top = std::min({bridge.top, near.top, far.top}) - kClimberRadius - 4;
     const double middle = (bottom + top) / 2;
     if (bottom > top) return middle;
     double best = middle, best_cost = 1e9;

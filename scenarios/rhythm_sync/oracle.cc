@@ -13,13 +13,13 @@ namespace {
 constexpr double kZoneSlack = 6;  // kept from the edge of the zone
 
 /// The exports that are read, by their numbers; lane A, then lane B.
-struct Exports {
+struct RhythmExports {
   std::vector<int> switch_x, switch_y, in_zone;
 };
 
 class Drummers final : public Oracle {
  public:
-  Drummers(const DoomGame& game, Exports exports)
+  Drummers(const DoomGame& game, RhythmExports exports)
       : exports_(std::move(exports)),
         navigator_({.cell_units = 16}),
         reach_(static_cast<double>(game.layout.parameter("use_range", 64)) - kZoneSlack) {}
@@ -52,7 +52,7 @@ class Drummers final : public Oracle {
   }
 
  private:
-  Exports exports_;
+  RhythmExports exports_;
   Navigator navigator_;
   double reach_;
   std::vector<Sidestep> sidesteps_;
@@ -62,7 +62,7 @@ class Drummers final : public Oracle {
 }  // namespace
 
 Expected<std::unique_ptr<Oracle>> make_rhythm_sync_oracle(const DoomGame& game) {
-  Exports exports;
+  RhythmExports exports;
   COMRAD_TRY_ASSIGN(exports.switch_x, game.spec.user_numbers({"switch_ax", "switch_bx"}));
   COMRAD_TRY_ASSIGN(exports.switch_y, game.spec.user_numbers({"switch_ay", "switch_by"}));
   COMRAD_TRY_ASSIGN(exports.in_zone, game.spec.user_numbers({"in_zone_a", "in_zone_b"}));

@@ -2,6 +2,7 @@
 // stands there unshielded, and shoots hares that come near in the meantime.
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "sim_workers/oracle/oracle.h"
 #include "sim_workers/oracle/steering.h"
@@ -10,12 +11,11 @@ namespace comrad::sim {
 namespace {
 
 constexpr int32_t kStagId = 200, kHareId = 300;
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kRing = 170;  // from the stag: all pellets hit, claws do not reach
 constexpr double kTooNear = 115;
 constexpr double kHareReach = 380;
 
-class Hunters final : public Oracle {
+class StagHunters final : public Oracle {
  public:
   void reset(const doom::World&) override {}
 
@@ -32,9 +32,9 @@ class Hunters final : public Oracle {
       const doom::Actor& body = world.body(agent);
       if (!world.player(agent).alive) continue;
       const Place here = place_of(body);
-      // Hunters stand side by side in the south, where they come from, so that nobody shoots through
+      // StagHunters stand side by side in the south, where they come from, so that nobody shoots through
       // a partner.
-      const double angle = (-90.0 + (agent - (count - 1) / 2.0) * 50.0) * kPi / 180;
+      const double angle = (-90.0 + (agent - (count - 1) / 2.0) * 50.0) * std::numbers::pi / 180;
       const Place centre = stag != nullptr ? place_of(*stag) : Place{0, 0};
       Place post{centre.x + kRing * std::cos(angle), centre.y + kRing * std::sin(angle)};
       if (stag != nullptr) {
@@ -66,7 +66,7 @@ class Hunters final : public Oracle {
                         doom::to_double(target->y) + doom::to_double(target->velocity_y) * 3};
       const double far = std::max(1.0, distance_between(here, there));
       const double off = aim_at(world.player(agent), body, bearing_degrees(here, there), buttons[agent]);
-      const double wide = std::atan2(doom::to_double(target->radius), far) * 180 / kPi;
+      const double wide = std::atan2(doom::to_double(target->radius), far) * 180 / std::numbers::pi;
       const bool shielded = target->has(doom::ActorFlag::kInvulnerable);
       buttons[agent].attack = !shielded && off < std::max(wide * 0.8, 2.5) && far < 700;
     }
@@ -76,7 +76,7 @@ class Hunters final : public Oracle {
 }  // namespace
 
 Expected<std::unique_ptr<Oracle>> make_stag_hunt_arena_oracle(const DoomGame&) {
-  return std::unique_ptr<Oracle>(std::make_unique<Hunters>());
+  return std::unique_ptr<Oracle>(std::make_unique<StagHunters>());
 }
 
 }  // namespace comrad::sim

@@ -18,9 +18,9 @@ constexpr double kBurstRange = 300;     // from here on shots are single pairs
 constexpr double kTurretRadius = 20;    // a little less than it is
 constexpr double kBoltLookahead = 300;  // a bolt this far away is dodged
 
-class Pair final : public Oracle {
+class LabyrinthPair final : public Oracle {
  public:
-  explicit Pair(int target_lit) : navigator_({.cell_units = 16}), target_lit_(target_lit) {}
+  explicit LabyrinthPair(int target_lit) : navigator_({.cell_units = 16}), target_lit_(target_lit) {}
 
   void reset(const doom::World& world) override {
     sidesteps_.assign(2, Sidestep{});
@@ -193,7 +193,7 @@ class Pair final : public Oracle {
 
 Expected<std::unique_ptr<Oracle>> make_stealth_labyrinth_oracle(const DoomGame& game) {
   COMRAD_TRY_ASSIGN(const int target_lit, game.spec.user_number("target_lit"));
-  return std::unique_ptr<Oracle>(std::make_unique<Pair>(target_lit));
+  return std::unique_ptr<Oracle>(std::make_unique<LabyrinthPair>(target_lit));
 }
 
 }  // namespace comrad::sim

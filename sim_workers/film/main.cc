@@ -1,5 +1,4 @@
 // comrad-sim-film: a simulator process of an evaluation that films what it plays.
-#include <CLI/CLI.hpp>
 
 #include "sim_workers/film/film.h"
 #include "sim_workers/worker/sim_program.h"
@@ -30,9 +29,9 @@ int main(int argc, char** argv) {
                               "comrad eval --save_video and --frames start it."});
   sim::FilmOptions options;
   std::string size = "640x360";
-  shell.flags().add_option("--film_video", options.video, "video file, .mp4 or .mkv");
-  shell.flags().add_option("--film_frames", options.frames, "folder for one picture a decision");
-  shell.flags().add_option("--film_size", size, "of one agent's view");
+  shell.flags().add("--film_video", options.video, "video file, .mp4 or .mkv");
+  shell.flags().add("--film_frames", options.frames, "folder for one picture a decision");
+  shell.flags().add("--film_size", size, "of one agent's view");
   std::unique_ptr<sim::Film> film;
   return sim::run_sim_program(argc, argv, shell,
                               {.prepare = [&](const sim::EnvironmentOptions& environment,

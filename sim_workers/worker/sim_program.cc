@@ -2,7 +2,6 @@
 
 #include <sched.h>
 
-#include <CLI/CLI.hpp>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -194,21 +193,19 @@ int run_sim_program(int argc, char** argv, shm::WorkerShell& shell, const SimPro
   Roles roles;
   std::string bench_part = "sim";
   shell.flags()
-      .add_option("--bench_part", bench_part,
-                  "bench: sim (tics and views), engine (no pictures), render (the time of the views alone)")
-      ->check(CLI::IsMember({"sim", "engine", "render"}));
-  shell.flags().add_flag("--evaluate", roles.evaluate,
-                         "play a fixed number of episodes, record no trajectories");
-  shell.flags().add_flag("--oracle", roles.oracle,
-                         "the scenario's scripted team plays, whatever the policy workers answer");
+      .add("--bench_part", bench_part,
+           "bench: sim (tics and views), engine (no pictures), render (the time of the views alone)")
+      .one_of({"sim", "engine", "render"});
+  shell.flags().add("--evaluate", roles.evaluate, "play a fixed number of episodes, record no trajectories");
+  shell.flags().add("--oracle", roles.oracle,
+                    "the scenario's scripted team plays, whatever the policy workers answer");
   shell.flags()
-      .add_option("--oracle_seats", roles.oracle_seats,
-                  "agents that the scripted team plays; the policy workers' answers move the others")
-      ->delimiter(',');
-  shell.flags().add_option("--positions", roles.positions,
-                           "file to write where the agents of each episode were");
-  shell.flags().add_option("--episodes", roles.episodes,
-                           "folder to write each episode into, so that it can be played again");
+      .add("--oracle_seats", roles.oracle_seats,
+           "agents that the scripted team plays; the policy workers' answers move the others")
+      .separated_by(',');
+  shell.flags().add("--positions", roles.positions, "file to write where the agents of each episode were");
+  shell.flags().add("--episodes", roles.episodes,
+                    "folder to write each episode into, so that it can be played again");
   return shell.run(argc, argv,
                    {.work = [&](const RunConfig& config) { return work(shell, config, roles, program); },
                     .bench = [&](const RunConfig& config,

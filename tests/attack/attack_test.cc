@@ -21,8 +21,8 @@
 #include "tests/integration/running_program.h"
 #include "tests/support/same_value.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace attack_test {
 
 namespace fs = std::filesystem;
 using ::testing::AnyOf;
@@ -346,5 +346,5 @@ TEST(Attack, AbsurdInputIsRefusedBeforeAnythingIsMade) {
   }
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace attack_test
+}  // namespace comrad::test

@@ -30,8 +30,8 @@
 #include "tests/integration/decision_accounts.h"
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace chaos_test {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
@@ -394,5 +394,5 @@ TEST_F(Chaos, AMemoryLimitThatIsTooLowIsRefusedWithNumbers) {
               AllOf(HasSubstr("MB"), HasSubstr("control group"), HasSubstr("--num_envs_per_worker")));
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace chaos_test
+}  // namespace comrad::test

@@ -13,8 +13,8 @@
 #include "tests/integration/running_program.h"
 #include "tests/support/network_pair.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace hosts_chaos_test {
 
 constexpr double kStartSeconds = 90;
 constexpr double kStopSeconds = 40;
@@ -88,5 +88,5 @@ TEST(HostsChaos, KillsStopsAndCutsOnTwoHostsLoseNothingUntold) {
               learned.dump().c_str());
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace hosts_chaos_test
+}  // namespace comrad::test

@@ -14,7 +14,7 @@
 #include "rollout_buffer/core/rng.h"
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 /// COMRAD_CHAOS_SEED, or another one each time; printed.
 inline uint64_t chosen_seed() {
@@ -95,4 +95,4 @@ class Victims {
   std::vector<std::pair<double, pid_t>> stopped_;  // when each goes on
 };
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

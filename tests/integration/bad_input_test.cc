@@ -8,8 +8,8 @@
 
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace bad_input_test {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -198,5 +198,5 @@ TEST(BadInput, AWorkerStartedByHandWithoutItsFlagsSaysWhatItNeeds) {
   }
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace bad_input_test
+}  // namespace comrad::test

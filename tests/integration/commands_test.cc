@@ -8,8 +8,8 @@
 
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace commands_test {
 
 using ::testing::AllOf;
 using ::testing::AnyOf;
@@ -270,5 +270,5 @@ TEST(Keys, AreMadeShownAndNeverReplaced) {
   EXPECT_THAT(shown.out, AllOf(HasSubstr("permissions.p7s"), HasSubstr("hosts/gamma")));
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace commands_test
+}  // namespace comrad::test

@@ -7,7 +7,7 @@
 
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 /// The decisions_account of a run that has ended; its parts add up.
 inline nlohmann::json checked_account(const std::string& run) {
@@ -35,4 +35,4 @@ inline double decisions_delivered(const std::string& run, const std::string& fil
   return sum;
 }
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

@@ -12,8 +12,8 @@
 #include "tests/integration/running_program.h"
 #include "tests/support/same_value.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace determinism_test {
 
 constexpr double kRunTimeoutSeconds = 120;
 constexpr double kEnvSteps = 8192;
@@ -198,5 +198,5 @@ TEST(Deterministic, AKilledSimulatorChangesNothing) {
   EXPECT_GT(expect_same_training(undisturbed(kManyEnvSteps), scratch / "disturbed"), 20u);
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace determinism_test
+}  // namespace comrad::test

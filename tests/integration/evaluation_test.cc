@@ -11,8 +11,8 @@
 
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace evaluation_test {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -321,5 +321,5 @@ TEST(EvaluationWhileTraining, NothingIsLeftWhenTheRunIsKilled) {
   EXPECT_THAT(files(run + "/checkpoint", "evaluate_"), Not(IsEmpty())) << "the next start goes on with it";
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace evaluation_test
+}  // namespace comrad::test

@@ -9,8 +9,8 @@
 #include "tests/integration/decision_accounts.h"
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace frames_test {
 
 using ::testing::HasSubstr;
 
@@ -124,5 +124,5 @@ TEST(Frames, WithoutRoomOrOverANetworkItIsRefusedInWords) {
   learner.wait(30);
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace frames_test
+}  // namespace comrad::test

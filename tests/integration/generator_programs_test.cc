@@ -9,8 +9,8 @@
 
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace generator_programs_test {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -166,5 +166,5 @@ TEST(Acs, AScriptIsCompiledAndAMistakeHasItsPlace) {
   EXPECT_EQ(comrad({"acs", "--help"}).exit_code, 0);
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace generator_programs_test
+}  // namespace comrad::test

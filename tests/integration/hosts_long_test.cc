@@ -21,8 +21,8 @@
 #include "tests/support/network_pair.h"
 #include "tests/support/network_star.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace hosts_long_test {
 
 using ::testing::HasSubstr;
 using Words = std::vector<std::string>;
@@ -366,5 +366,5 @@ TEST_F(HostRuns, AnAllocationOfTwoTasksTrainsWithBoth) {
   (void)checked_account(scratch_ / "learning");
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace hosts_long_test
+}  // namespace comrad::test

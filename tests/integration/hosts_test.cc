@@ -11,8 +11,8 @@
 #include "tests/integration/running_program.h"
 #include "tests/support/network_pair.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace hosts_test {
 
 using ::testing::HasSubstr;
 
@@ -152,5 +152,5 @@ TEST(Hosts, WhatCannotBeServedOrJoinedIsRefusedBeforeAnythingIsWritten) {
   EXPECT_THAT(comrad({"join", "somewhere"}).err, HasSubstr("is no address of a run"));
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace hosts_test
+}  // namespace comrad::test

@@ -14,8 +14,8 @@
 #include "learner/checkpoint/checkpoint.h"
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace layout_pool_run_test {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -227,5 +227,5 @@ TEST(LayoutPoolRun, BadPoolsAreRefusedBeforeARunIsMade) {
   EXPECT_FALSE(fs::exists(scratch / "refused" / "config.toml"));
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace layout_pool_run_test
+}  // namespace comrad::test

@@ -10,8 +10,8 @@
 #include "tests/integration/decision_accounts.h"
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace learners_test {
 
 using ::testing::HasSubstr;
 
@@ -190,5 +190,5 @@ TEST(Learners, RefuseWhatTheyCannotShare) {
               HasSubstr("each has 3 trajectories of a batch"));
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace learners_test
+}  // namespace comrad::test

@@ -5,8 +5,8 @@
 
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace measure_test {
 
 using ::testing::HasSubstr;
 
@@ -352,5 +352,5 @@ TEST(Scenarios, ListTheOnesThatTrainTakes) {
   EXPECT_THAT(ending.out, HasSubstr("coop_health_gathering"));
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace measure_test
+}  // namespace comrad::test

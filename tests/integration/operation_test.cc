@@ -16,8 +16,8 @@
 
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace operation_test {
 
 using nlohmann::json;
 using ::testing::AllOf;
@@ -233,5 +233,5 @@ TEST_F(Operation, TopAndThePageShowItAndNoClientDelaysIt) {
   EXPECT_EQ(training_->wait(30).exit_code, 0);
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace operation_test
+}  // namespace comrad::test

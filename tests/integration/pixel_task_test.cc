@@ -18,8 +18,8 @@
 #include "scenarios/spec/script_build.h"
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace pixel_task_test {
 
 constexpr int kPostX = 0, kPostY = 192;
 constexpr double kBlindScore = 5;
@@ -117,5 +117,5 @@ TEST_P(PixelTask, TwoAgentsLearnToFaceARedPost) {
 INSTANTIATE_TEST_SUITE_P(Links, PixelTask, ::testing::Values("shm", "dds"),
                          [](const auto& link) { return std::string(link.param); });
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace pixel_task_test
+}  // namespace comrad::test

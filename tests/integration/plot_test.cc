@@ -11,8 +11,8 @@
 #include "tests/integration/running_program.h"
 #include "tests/support/test_python.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace plot_test {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -236,5 +236,5 @@ TEST_F(Export, WandbItselfMakesAnOfflineRun) {
     EXPECT_THAT(run, HasSubstr(part));
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace plot_test
+}  // namespace comrad::test

@@ -15,7 +15,7 @@
 
 #include "rollout_buffer/core/clock.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 namespace fs = std::filesystem;
 
@@ -189,4 +189,4 @@ void sleep_s(double seconds) { usleep(static_cast<useconds_t>(seconds * 1e6)); }
 
 double now_s() { return monotonic_s(); }
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

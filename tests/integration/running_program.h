@@ -12,7 +12,7 @@
 
 #include "tests/support/scratch_folder.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 using test::ScratchFolder;
 
@@ -97,4 +97,4 @@ bool wait_until(Condition&& condition, double timeout_s) {
   return true;
 }
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

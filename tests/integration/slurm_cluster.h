@@ -17,7 +17,7 @@
 
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 namespace fs = std::filesystem;
 
@@ -131,4 +131,4 @@ class Cluster {
   std::map<std::string, double> pending_since_s_;
 };
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

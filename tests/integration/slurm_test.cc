@@ -9,8 +9,8 @@
 #include "tests/integration/running_program.h"
 #include "tests/integration/slurm_cluster.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace slurm_test {
 
 using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
@@ -163,5 +163,5 @@ TEST(SlurmScript, ARunNearItsTimeLimitIsQueuedAgainUnderItsName) {
   EXPECT_THAT(read_text(scratch / (job + ".log")), HasSubstr("is queued again"));
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace slurm_test
+}  // namespace comrad::test

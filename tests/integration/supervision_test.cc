@@ -8,8 +8,8 @@
 
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace supervision_test {
 
 using ::testing::SizeIs;
 
@@ -110,5 +110,5 @@ TEST_P(EndlessRun, NothingIsLeftWhenTheSupervisorIsKilled) {
 INSTANTIATE_TEST_SUITE_P(Links, EndlessRun, ::testing::Values("shm", "dds"),
                          [](const auto& link) { return std::string(link.param); });
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace supervision_test
+}  // namespace comrad::test

@@ -8,8 +8,8 @@
 
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace sweep_test {
 
 using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
@@ -250,5 +250,5 @@ memory_gb = 1
               ContainsRegex("real.toml:[0-9]+: ippo is there already: .*the run was made with 32"));
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace sweep_test
+}  // namespace comrad::test

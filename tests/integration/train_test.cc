@@ -8,8 +8,8 @@
 
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace train_test {
 
 using ::testing::AnyOf;
 using ::testing::HasSubstr;
@@ -217,5 +217,5 @@ TEST(Train, TakesSettingsAndNoResultsFromTheConfigOfARun) {
   EXPECT_THAT(config, HasSubstr("batch_size = 240\n")) << "256 again, for three agents";
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace train_test
+}  // namespace comrad::test

@@ -9,8 +9,8 @@
 #include "tests/integration/running_program.h"
 #include "tests/support/vizdoom_room.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace vizdoom_config_test {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -114,5 +114,5 @@ TEST_F(VizdoomConfig, WhatIsWrongIsSaidBeforeAnythingStarts) {
                                                          HasSubstr("lost.wad"), Not(HasSubstr("rebuild"))));
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace vizdoom_config_test
+}  // namespace comrad::test

@@ -15,8 +15,8 @@ void* operator new(std::size_t size) {
 void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
-namespace comrad::testing {
+namespace comrad::test {
 
 uint64_t allocations_of_this_thread() { return t_allocations; }
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

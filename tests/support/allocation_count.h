@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-namespace comrad::testing {
+namespace comrad::test {
 
 uint64_t allocations_of_this_thread();
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

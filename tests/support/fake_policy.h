@@ -10,7 +10,7 @@
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/shm/arena.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 /// What the fake policy makes of one agent's frame and of the state before it. Exact in float.
 inline float fake_value(std::span<const uint8_t> frame, float decisions_since_reset) {
@@ -137,4 +137,4 @@ class FakePolicy {
   std::thread thread_;
 };
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

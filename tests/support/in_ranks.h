@@ -12,7 +12,7 @@
 
 #include "learner/ranks/rank_group.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 /// Calls work(ranks) in a thread of each rank.
 inline void in_ranks(int count, const std::function<void(learn::RankGroup&)>& work) {
@@ -32,4 +32,4 @@ inline void in_ranks(int count, const std::function<void(learn::RankGroup&)>& wo
   close(rendezvous);
 }
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

@@ -15,7 +15,7 @@
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/rng.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 /// payoff[a][b]: what both agents get when agent 0 plays a and agent 1 plays b.
 using PayoffTable = std::vector<std::vector<float>>;
@@ -146,4 +146,4 @@ class MatrixGame {
   uint64_t updates_ = 0;
 };
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

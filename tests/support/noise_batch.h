@@ -15,7 +15,7 @@
 #include "rollout_buffer/settings/run_config.h"
 #include "tests/support/slab_pool.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 /// Four steps and batches of four worlds of `agents`, for a network of 16 units; no input statistics.
 inline RunConfig small_config(const std::string& algo, int agents) {
@@ -78,4 +78,4 @@ inline std::vector<torch::Tensor> gradients(const policy::PolicyNet& net) {
   return result;
 }
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

@@ -25,7 +25,7 @@
 #include "sim_workers/worker/sim_worker.h"
 #include "tests/support/scratch_folder.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 constexpr int kGameEnvironments = 16;
 
@@ -207,4 +207,4 @@ inline TrainedGame train_game(const RunConfig& config, const GameMaker& make, co
   return trained;
 }
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

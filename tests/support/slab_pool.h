@@ -9,7 +9,7 @@
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/schema/trajectory.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 /// `count` zeroed slabs; masks are ones, every step is valid and nothing ends.
 class SlabPool {
@@ -69,4 +69,4 @@ class SlabPool {
   std::vector<std::byte> bytes_;
 };
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

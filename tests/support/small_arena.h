@@ -9,7 +9,7 @@
 
 #include "rollout_buffer/shm/arena.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 /// Two simulators of four environments, two agents, tiny frames: 100 kB.
 inline shm::ArenaShape small_arena_shape() {
@@ -47,4 +47,4 @@ inline int sealed_copy(const std::byte* bytes, std::size_t byte_count, int64_t s
   return descriptor;
 }
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

@@ -8,7 +8,7 @@
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/policy/torch_ops.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 inline torch::Device test_device() {
   const char* word = std::getenv("COMRAD_TEST_DEVICE");
@@ -37,4 +37,4 @@ class FullPrecision {
   const bool convolutions_, products_;
 };
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

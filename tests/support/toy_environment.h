@@ -14,7 +14,7 @@
 #include "rollout_buffer/core/rng.h"
 #include "sim_workers/env/environment.h"
 
-namespace comrad::testing {
+namespace comrad::test {
 
 struct ToyOptions {
   EnvShape shape;
@@ -133,4 +133,4 @@ class ToyEnvironmentSet : public sim::EnvironmentSet {
   std::vector<std::unique_ptr<ToyEnvironment>> environments_;
 };
 
-}  // namespace comrad::testing
+}  // namespace comrad::test

@@ -13,7 +13,7 @@
 #include <vector>
 
 namespace comrad {
-namespace {
+namespace layering_test {
 
 namespace fs = std::filesystem;
 
@@ -330,5 +330,5 @@ TEST(Layering, TheReaderSeesEverySpelling) {
   EXPECT_EQ(found[1].line, 2);
 }
 
-}  // namespace
+}  // namespace layering_test
 }  // namespace comrad

@@ -11,8 +11,8 @@
 namespace comrad::doom::acs {
 namespace {
 
-constexpr std::size_t kStringsMax = 1 << 12;    // alive at once
-constexpr std::size_t kTextBytesMax = 1 << 24;  // in all of them
+constexpr std::size_t kStringsMax = 1 << 12;       // alive at once
+constexpr std::size_t kAllTextBytesMax = 1 << 24;  // in all of them
 
 // Marks every string number among values that scripts can still read. A number that merely looks like one
 // keeps a string alive for longer; that is harmless, and the same on every machine.
@@ -77,7 +77,7 @@ std::optional<int32_t> add_string(World& world, std::string_view text) {
   for (std::size_t i = 1; i < strings.size(); ++i)
     if (strings[i] == text) return kDynamicStringBase + static_cast<int32_t>(i);
   if (strings.empty()) strings.emplace_back();
-  if (machine.dynamic_bytes + text.size() > kTextBytesMax) return std::nullopt;
+  if (machine.dynamic_bytes + text.size() > kAllTextBytesMax) return std::nullopt;
   if (!machine.free_strings.empty()) {
     const uint32_t place = machine.free_strings.back();
     machine.free_strings.pop_back();

@@ -136,7 +136,7 @@ Actor* first_owner(World& world, Actor& actor) {
 }
 
 /// floor(sqrt(value)).
-int64_t square_root(unsigned __int128 value) {
+int64_t wide_square_root(unsigned __int128 value) {
   unsigned __int128 low = 0, high = static_cast<unsigned __int128>(1) << 40;
   while (high - low > 1) {
     const unsigned __int128 middle = (low + high) / 2;
@@ -171,9 +171,9 @@ void aim_at(const Actor& target, Fixed x, Fixed y, Fixed z, Fixed feet_z, Fixed 
   using Wide = unsigned __int128;
   const Wide flat_squared =
       static_cast<Wide>(dx * static_cast<__int128>(dx)) + static_cast<Wide>(dy * static_cast<__int128>(dy));
-  const int64_t flat = square_root(flat_squared);
-  const int64_t length =
-      std::max<int64_t>(square_root(flat_squared + static_cast<Wide>(dz * static_cast<__int128>(dz))), 1);
+  const int64_t flat = wide_square_root(flat_squared);
+  const int64_t length = std::max<int64_t>(
+      wide_square_root(flat_squared + static_cast<Wide>(dz * static_cast<__int128>(dz))), 1);
   way.flat_speed = clamped_fixed(static_cast<int64_t>(static_cast<__int128>(speed) * flat / length));
   way.velocity_z = clamped_fixed(static_cast<int64_t>(static_cast<__int128>(speed) * dz / length));
 }

@@ -33,8 +33,6 @@ struct Giving {
   bool stays = false;         ///< of the map, in cooperative play
 };
 
-Player& player_at(World& world, int index) { return world.state().players[static_cast<std::size_t>(index)]; }
-
 InventoryItem* find_item(Player& player, uint32_t type) {
   for (InventoryItem& item : player.inventory)
     if (item.type == type) return &item;

@@ -8,6 +8,10 @@
 
 namespace comrad::doom {
 
+inline Player& player_at(World& world, int index) {
+  return world.state().players[static_cast<std::size_t>(index)];
+}
+
 constexpr int32_t kBonusFlashTics = 6;  ///< gold flash that every item taken adds
 
 /// True where `item`, which `body` overlaps seen from above, is within the reach of its hands: from 32 units

@@ -10,7 +10,7 @@ namespace comrad::doom {
 namespace {
 
 constexpr int64_t kPieceUnits = 2 * Blockmap::kCellUnits;
-constexpr int64_t kSteepest = int64_t{1} << 62;  // more than any two heights can make
+constexpr int64_t kSteepestSlope = int64_t{1} << 62;  // more than any two heights can make
 
 /// The way of a look, and the slopes that are still open. A slope is the rise over the whole way, in 16.16.
 struct Look {
@@ -26,7 +26,7 @@ __int128 side_area(const BlockLine& line, int64_t x, int64_t y) {
 /// Rise over the whole way of something `rise` above the eye at near/whole of the way.
 int64_t slope_at(int64_t rise, __int128 near_area, __int128 whole_area) {
   const __int128 slope = static_cast<__int128>(rise) * whole_area / near_area;
-  return static_cast<int64_t>(std::clamp<__int128>(slope, -kSteepest, kSteepest));
+  return static_cast<int64_t>(std::clamp<__int128>(slope, -kSteepestSlope, kSteepestSlope));
 }
 
 /// False where the line ends the look. The order in which lines come does not matter.

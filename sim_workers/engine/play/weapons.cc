@@ -17,8 +17,6 @@ constexpr int kZeroTicStatesMax = 64;        // in a row: a circle of them ends 
 constexpr int kStateDepthMax = 16;           // of states that actions enter inside of each other
 constexpr uint8_t kStatePermissions = kMayFire | kMayBob | kMaySwitch | kMayFireAlternately;
 
-Player& player_at(World& world, int index) { return world.state().players[static_cast<std::size_t>(index)]; }
-
 uint32_t label_of(const World& world, uint32_t weapon, StateLabel label) {
   return weapon < world.catalog().size() ? world.catalog()[weapon].state(label) : kNoState;
 }

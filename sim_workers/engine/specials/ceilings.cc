@@ -6,8 +6,6 @@
 namespace comrad::doom {
 namespace {
 
-constexpr Fixed kCrushGap = to_fixed(8);
-constexpr int32_t kGenericCrush = 20;
 constexpr Fixed kGrindSpeed = kFracUnit / 8;
 
 struct CeilingOrder {
@@ -16,9 +14,6 @@ struct CeilingOrder {
   bool hexen_crush = false;
   int32_t change = 0;
 };
-
-Fixed ceiling_of(const World& world, uint32_t sector) { return world.sectors()[sector].ceiling_height; }
-Fixed floor_of(const World& world, uint32_t sector) { return world.sectors()[sector].floor_height; }
 
 bool start_ceiling(World& world, const SpecialCall& call, uint32_t index, Fixed target, bool up,
                    const CeilingOrder& order) {

@@ -12,7 +12,7 @@ constexpr Fixed kDoorGap = to_fixed(4);  // between an open door and the lowest 
 constexpr Fixed kDoorSpeed = to_fixed(2);
 constexpr int32_t kDoorWaitTics = 150;
 // Sector types of doors that move once at the start of the map.
-constexpr int32_t kTypeCloseIn30 = 74, kTypeRaiseIn5Minutes = 78, kTypeMask = 0xFF;
+constexpr int32_t kTypeCloseIn30 = 74, kTypeRaiseIn5Minutes = 78;
 
 struct DoorOrder {
   DoorType type = kRaise;

@@ -7,9 +7,6 @@
 namespace comrad::doom {
 namespace {
 
-constexpr Fixed kCrushGap = to_fixed(8);
-constexpr int32_t kGenericCrush = 20;
-
 struct FloorOrder {
   Fixed speed = 0;
   int32_t crush = -1;
@@ -54,8 +51,6 @@ int32_t order_floor_to(World& world, const SpecialCall& call, Fixed height, cons
     return start_floor(world, call, sector, height, height > world.sectors()[sector].floor_height, order);
   });
 }
-
-Fixed floor_of(const World& world, uint32_t sector) { return world.sectors()[sector].floor_height; }
 
 /// The lowest ceiling around, its own included.
 Fixed lowest_ceiling(const World& world, uint32_t sector) {

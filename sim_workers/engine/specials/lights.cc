@@ -5,7 +5,6 @@
 namespace comrad::doom {
 namespace {
 
-constexpr int32_t kTypeMask = 0xFF;
 constexpr int32_t kStrobeBrightTics = 5, kStrobeFastTics = 15, kStrobeSlowTics = 35;
 constexpr int32_t kGlowStep = 8;
 constexpr int32_t kFireTics = 4, kFireStep = 16;

@@ -70,6 +70,10 @@ SectorMover* find_mover(World& world, uint32_t sector, int32_t planes);
 
 // ---- planes
 
+constexpr Fixed kCrushGap = to_fixed(8);  ///< what most crushers leave
+constexpr int32_t kGenericCrush = 20;     ///< damage of the generic specials
+constexpr int32_t kTypeMask = 0xFF;       ///< of a sector's special: its type, in ZDoom's numbering
+
 enum class PlaneStep : uint8_t { kMoved, kArrived, kBlocked };
 
 /// Moves a plane by `speed` towards `target`, at most to the other plane of its sector. A crusher

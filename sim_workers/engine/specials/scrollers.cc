@@ -8,7 +8,6 @@
 namespace comrad::doom {
 namespace {
 
-constexpr int32_t kTypeMask = 0xFF;
 constexpr Fixed kCarryFactor = kFracUnit * 3 / 32;  // with friction this brings bodies to the belt's speed
 constexpr Fixed kSlowCarry =
     kStopSpeed * 32 / 3;             // slower belts move bodies themselves: friction would stop them

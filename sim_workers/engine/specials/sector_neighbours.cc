@@ -23,9 +23,6 @@ constexpr auto kAny = [](Fixed) { return true; };
 constexpr auto kLower = [](Fixed a, Fixed b) { return a < b; };
 constexpr auto kHigher = [](Fixed a, Fixed b) { return a > b; };
 
-Fixed floor_of(const World& world, uint32_t sector) { return world.sectors()[sector].floor_height; }
-Fixed ceiling_of(const World& world, uint32_t sector) { return world.sectors()[sector].ceiling_height; }
-
 }  // namespace
 
 Fixed lowest_floor_around(const World& world, uint32_t sector) {

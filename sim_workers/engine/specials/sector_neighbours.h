@@ -8,6 +8,11 @@
 
 namespace comrad::doom {
 
+inline Fixed floor_of(const World& world, uint32_t sector) { return world.sectors()[sector].floor_height; }
+inline Fixed ceiling_of(const World& world, uint32_t sector) {
+  return world.sectors()[sector].ceiling_height;
+}
+
 /// Calls visit(sector index) for the sector across each two-sided line of `sector`; one may come more
 /// than once.
 template <typename Visit>

@@ -10,7 +10,7 @@ namespace comrad::doom {
 namespace {
 
 // The low byte of a sector's special is its type, the bits above are Boom's.
-constexpr int32_t kTypeMask = 0xFF, kDamageBits = 0x300, kDamageShift = 8;
+constexpr int32_t kSectorTypeMask = 0xFF, kDamageBits = 0x300, kDamageShift = 8;
 constexpr int32_t kSecretBit = 0x400, kFrictionBit = 0x800;
 
 constexpr int32_t kClockTics = 32;           // floors hurt whenever the map clock is a multiple of this
@@ -132,7 +132,7 @@ void tic_player_in_sector(World& world, int player_index) {
   if (sector.special == 0 && sector.damage_amount <= 0 && !sector.secret) return;
   if (body->z > sector.floor_height) return;
 
-  const int32_t special = sector.special, type = special & kTypeMask;
+  const int32_t special = sector.special, type = special & kSectorTypeMask;
   const FloorDamage fields = damage_of_fields(sector);
   const bool is_of_map = sector.damage_amount == world.level().sectors[index].damage_amount;
   if (sector.secret) {

@@ -8,7 +8,6 @@ namespace {
 // ---------------------------------------------------------------- stairs
 
 constexpr int32_t kStairsSpecial1 = 26, kStairsSpecial2 = 27;  // sector types of a marked flight, in turn
-constexpr int32_t kTypeMask = 0xFF;
 
 struct StairsOrder {
   bool up = true;

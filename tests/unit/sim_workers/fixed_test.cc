@@ -5,7 +5,7 @@
 #include <cmath>
 
 namespace comrad::doom {
-namespace {
+namespace fixed_test {
 
 TEST(Fixed, MultipliesTowardsMinusInfinityAndDividesTowardsZero) {
   EXPECT_EQ(fixed_mul(to_fixed(3), to_fixed(-2)), to_fixed(-6));
@@ -49,5 +49,5 @@ TEST(Angle, WholeDegreesWrap) {
   EXPECT_EQ(degrees_to_angle(-90), kAngle180 + kAngle90);
 }
 
-}  // namespace
+}  // namespace fixed_test
 }  // namespace comrad::doom

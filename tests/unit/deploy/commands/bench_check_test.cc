@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace bench_check_test {
 
 using nlohmann::ordered_json;
 
@@ -44,5 +44,5 @@ TEST(BenchBounds, AllSayHowTheyAreMeasured) {
   }
 }
 
-}  // namespace
+}  // namespace bench_check_test
 }  // namespace comrad::deploy

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace bench_report_test {
 
 using nlohmann::ordered_json;
 using ::testing::AllOf;
@@ -61,5 +61,5 @@ TEST(ReportTables, HaveARowForEveryBenchAndSayWhereTheyAreFrom) {
               HasSubstr("drawing takes it all. Bytes copied a decision: 30000. Cores busy: 0.99, 0.50."));
 }
 
-}  // namespace
+}  // namespace bench_report_test
 }  // namespace comrad::deploy

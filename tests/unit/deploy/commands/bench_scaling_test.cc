@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace bench_scaling_test {
 
 using nlohmann::ordered_json;
 using ::testing::ElementsAre;
@@ -65,5 +65,5 @@ TEST(WithSettings, TheLaterOfTwoWins) {
   EXPECT_THAT(user.typed.values, ElementsAre(Pair("seed", "1"), Pair("algo", "ippo"), Pair("rollout", "8")));
 }
 
-}  // namespace
+}  // namespace bench_scaling_test
 }  // namespace comrad::deploy

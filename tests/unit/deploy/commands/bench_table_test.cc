@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 namespace comrad::deploy {
-namespace {
+namespace bench_table_test {
 
 using nlohmann::ordered_json;
 
@@ -45,5 +45,5 @@ TEST(BenchTable, AnEmptyListIsALineAndNotATable) {
   EXPECT_EQ(bench_table({{"windows", ordered_json::array()}}), "windows                                  \n");
 }
 
-}  // namespace
+}  // namespace bench_table_test
 }  // namespace comrad::deploy

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace bottleneck_test {
 
 using ::testing::AllOf;
 using ::testing::EndsWith;
@@ -100,5 +100,5 @@ TEST(Bottleneck, NothingMeasuredIsNoStage) {
   EXPECT_EQ(bottleneck_text(numbers), "all cores are busy (100 %), only more cores make it faster.");
 }
 
-}  // namespace
+}  // namespace bottleneck_test
 }  // namespace comrad::deploy

@@ -10,7 +10,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace completion_script_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -118,5 +118,5 @@ TEST(FlagsOfHelp, ReadsOursAndThoseOfCli11) {
   EXPECT_THAT(flags[5].names, ElementsAre("vary", "no-vary"));
 }
 
-}  // namespace
+}  // namespace completion_script_test
 }  // namespace comrad::deploy

@@ -9,7 +9,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace film_request_test {
 
 using ::testing::HasSubstr;
 
@@ -59,5 +59,5 @@ TEST(FilmRequest, WhatCannotBeWrittenIsRefusedByFlag) {
   }
 }
 
-}  // namespace
+}  // namespace film_request_test
 }  // namespace comrad::deploy

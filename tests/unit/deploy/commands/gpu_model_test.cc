@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace gpu_model_test {
 
 using ::testing::HasSubstr;
 
@@ -71,5 +71,5 @@ TEST(GpuModel, CountedWorkIsReadWithCare) {
   EXPECT_FALSE(CountedWork::from(nullptr));
 }
 
-}  // namespace
+}  // namespace gpu_model_test
 }  // namespace comrad::deploy

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace libtorch_check_test {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -71,5 +71,5 @@ TEST(LibtorchCheck, SaysWhatIsWrongBetweenDriverAndLibtorch) {
   EXPECT_THAT(judge_cuda(blind, "580.65.06", nullptr).action, HasSubstr("nvidia-smi"));
 }
 
-}  // namespace
+}  // namespace libtorch_check_test
 }  // namespace comrad::deploy

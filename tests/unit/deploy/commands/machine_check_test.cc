@@ -10,7 +10,7 @@
 #include "tests/support/test_python.h"
 
 namespace comrad::deploy {
-namespace {
+namespace machine_check_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -88,5 +88,5 @@ TEST_F(MachineCheck, AListThatIsNotThereIsAWarning) {
   EXPECT_THAT(tests.action, HasSubstr("COMRAD_HOME"));
 }
 
-}  // namespace
+}  // namespace machine_check_test
 }  // namespace comrad::deploy

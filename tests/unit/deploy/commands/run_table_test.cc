@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace run_table_test {
 
 using nlohmann::json;
 using ::testing::ElementsAre;
@@ -83,5 +83,5 @@ TEST(RunTable, AnAnswerWithoutItsPartsIsNoHarm) {
     EXPECT_FALSE(run_lines(run, 80).empty());
 }
 
-}  // namespace
+}  // namespace run_table_test
 }  // namespace comrad::deploy

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace scaling_model_test {
 
 using nlohmann::ordered_json;
 using ::testing::HasSubstr;
@@ -92,5 +92,5 @@ TEST(ModelTable, HasARowForEveryNumberOfCoresWithItsOwnSettings) {
   EXPECT_FALSE(model_table(*DecisionCosts::from(bench_train()), {1, 200}, settings_on));
 }
 
-}  // namespace
+}  // namespace scaling_model_test
 }  // namespace comrad::deploy

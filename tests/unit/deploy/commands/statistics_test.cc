@@ -6,7 +6,7 @@
 #include <vector>
 
 namespace comrad::deploy {
-namespace {
+namespace statistics_test {
 
 TEST(StudentT975, MatchesTheTables) {  // NIST/SEMATECH e-Handbook, table 1.3.6.7.2
   EXPECT_NEAR(student_t_975(1), 12.706, 5e-4);
@@ -35,5 +35,5 @@ TEST(Confidence95, IsNothingForFewerThanTwoValues) {
 
 TEST(Confidence95, IsZeroForEqualValues) { EXPECT_EQ(confidence_95(std::vector<double>{2, 2, 2}), 0); }
 
-}  // namespace
+}  // namespace statistics_test
 }  // namespace comrad::deploy

@@ -9,7 +9,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace tune_search_test {
 
 using ::testing::Contains;
 using ::testing::ElementsAre;
@@ -145,5 +145,5 @@ TEST(TuneAxes, HoldOtherValuesThanThoseInForce) {
       << "one split and whole batches are there already";
 }
 
-}  // namespace
+}  // namespace tune_search_test
 }  // namespace comrad::deploy

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace cross_play_test {
 
 using ::testing::HasSubstr;
 
@@ -30,5 +30,5 @@ TEST(CrossPlay, PairsTheEpisodesOfAllCells) {
   EXPECT_THAT(table, HasSubstr("gap 4 +- 0\n"));
 }
 
-}  // namespace
+}  // namespace cross_play_test
 }  // namespace comrad::deploy

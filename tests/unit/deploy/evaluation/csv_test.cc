@@ -5,7 +5,7 @@
 #include <cmath>
 
 namespace comrad::deploy {
-namespace {
+namespace csv_test {
 
 using Json = nlohmann::ordered_json;
 
@@ -25,5 +25,5 @@ TEST(Csv, ListsBecomeColumnsAndOddTextsAreQuoted) {
   EXPECT_EQ(json_lines({Json{{"a", 1}}, Json{{"a", 2}}}), "{\"a\":1}\n{\"a\":2}\n");
 }
 
-}  // namespace
+}  // namespace csv_test
 }  // namespace comrad::deploy

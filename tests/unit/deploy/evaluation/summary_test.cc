@@ -8,7 +8,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace summary_test {
 
 /// Two agents, of whom a network plays the second; episodes in turn on two maps.
 EvaluationGame made_game() {
@@ -101,5 +101,5 @@ TEST(ContentHash, IsThatOfXxhsum) {
   EXPECT_FALSE(content_hash(scratch / "none"));
 }
 
-}  // namespace
+}  // namespace summary_test
 }  // namespace comrad::deploy

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace team_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -74,5 +74,5 @@ TEST(Teams, PlayersAreFoundOnce) {
               ElementsAre("B", "A", "oracle"));
 }
 
-}  // namespace
+}  // namespace team_test
 }  // namespace comrad::deploy

@@ -6,7 +6,7 @@
 #include <map>
 
 namespace comrad::deploy {
-namespace {
+namespace host_calls_test {
 
 using ::testing::Contains;
 using ::testing::HasSubstr;
@@ -96,5 +96,5 @@ TEST(HostCalls, AHostThatIsThisOneIsReachedOnLoopback) {
   EXPECT_EQ(config.hosts.interface, "lo");
 }
 
-}  // namespace
+}  // namespace host_calls_test
 }  // namespace comrad::deploy

@@ -13,7 +13,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace run_offer_test {
 
 using ::testing::HasSubstr;
 
@@ -121,5 +121,5 @@ TEST_F(RunOffer, AScenarioByItsPathIsRefused) {
   EXPECT_THAT(make_offer(run_, config_, iwad_).error().message, HasSubstr("COMRAD_SCENARIO_PATH"));
 }
 
-}  // namespace
+}  // namespace run_offer_test
 }  // namespace comrad::deploy

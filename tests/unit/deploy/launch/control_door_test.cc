@@ -12,7 +12,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace control_door_test {
 
 using nlohmann::json;
 using ::testing::HasSubstr;
@@ -122,5 +122,5 @@ TEST(ControlDoor, AnotherUserGetsNoAnswer) {
   close(told[0]), close(told[1]);
 }
 
-}  // namespace
+}  // namespace control_door_test
 }  // namespace comrad::deploy

@@ -15,7 +15,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace evaluator_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -218,5 +218,5 @@ TEST_F(EvaluatorTest, WithoutTheSettingItTouchesNothing) {
   EXPECT_TRUE(fs::exists(path));
 }
 
-}  // namespace
+}  // namespace evaluator_test
 }  // namespace comrad::deploy

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace launch_plan_test {
 
 TEST(LaunchPlan, JournalsHoldTheLongestEpisodeWhateverTheFrameSkip) {
   LaunchPlan plan;
@@ -26,5 +26,5 @@ TEST(LaunchPlan, JournalsHoldTheLongestEpisodeWhateverTheFrameSkip) {
   EXPECT_FALSE(arena_shape(plan));
 }
 
-}  // namespace
+}  // namespace launch_plan_test
 }  // namespace comrad::deploy

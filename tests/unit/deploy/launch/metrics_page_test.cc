@@ -9,7 +9,7 @@
 #include <sstream>
 
 namespace comrad::deploy {
-namespace {
+namespace metrics_page_test {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -115,5 +115,5 @@ TEST(HttpAnswer, GivesThePageToThisMachineAlone) {
     EXPECT_THAT(answer(request), StartsWith("HTTP/1.1 400 ")) << request;
 }
 
-}  // namespace
+}  // namespace metrics_page_test
 }  // namespace comrad::deploy

@@ -8,7 +8,7 @@
 #include <unistd.h>
 
 namespace comrad::deploy {
-namespace {
+namespace progress_test {
 
 TEST(TrainingLine, ShowsEverythingOnce) {
   TrainingProgress progress;
@@ -222,5 +222,5 @@ TEST(ProgressPrinter, LosesItsReaderWithoutHarm) {
   close(ends[1]);
 }
 
-}  // namespace
+}  // namespace progress_test
 }  // namespace comrad::deploy

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace restart_policy_test {
 
 TEST(RestartHistory, DoublesTheDelayUpToItsLimit) {
   RestartHistory history;
@@ -31,5 +31,5 @@ TEST(RestartHistory, GivesUpOnAWorkerThatNeverWorksHoweverSlowlyItDies) {
   for (int death = 0; death < 50; ++death) EXPECT_TRUE(other.next_delay_s(death * 100.0, death % 9 == 8));
 }
 
-}  // namespace
+}  // namespace restart_policy_test
 }  // namespace comrad::deploy

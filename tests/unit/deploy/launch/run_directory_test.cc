@@ -16,7 +16,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace run_directory_test {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
@@ -229,5 +229,5 @@ TEST_F(RunDirectoryTest, StatusIsOneJsonObjectAndUnknownScoresAreNull) {
   EXPECT_EQ(nlohmann::json::parse(std::ifstream(train_dir_ + "/status.json"))["J_mean"], 612.5);
 }
 
-}  // namespace
+}  // namespace run_directory_test
 }  // namespace comrad::deploy

@@ -9,7 +9,7 @@
 #include "tests/support/small_arena.h"
 
 namespace comrad::deploy {
-namespace {
+namespace run_meter_test {
 
 using ::testing::DoubleNear;
 using ::testing::ElementsAre;
@@ -34,7 +34,7 @@ class RunMeterTest : public ::testing::Test {
     arena_.publish_report(report);
   }
 
-  shm::Arena arena_ = *shm::Arena::create(testing::small_arena_shape(), 1);
+  shm::Arena arena_ = *shm::Arena::create(test::small_arena_shape(), 1);
   LaunchPlan plan_;
 };
 
@@ -108,7 +108,7 @@ TEST_F(RunMeterTest, ALearnerThatGoesBackIsNoticedAndWhatItForgotIsKept) {
   EXPECT_EQ(meter.decisions(), 1050u) << "all that was trained on, also what was forgotten";
 
   // A fresh arena, where its counters begin anew, hears of it.
-  const shm::Arena fresh = *shm::Arena::create(testing::small_arena_shape(), 2);
+  const shm::Arena fresh = *shm::Arena::create(test::small_arena_shape(), 2);
   meter.use(&fresh);
   EXPECT_EQ(fresh.control().env_frames_lost.load(), 1000u);
 }
@@ -250,7 +250,7 @@ TEST_F(RunMeterTest, AnArenaThatIsGivenUpLosesWhatLayInItAndALearnerThatCountsTo
   learner_says(0, 0, 1);
   arena_.learner_counters().decisions = 30;
   (void)meter.count();
-  const shm::Arena next = *shm::Arena::create(testing::small_arena_shape(), 2);
+  const shm::Arena next = *shm::Arena::create(test::small_arena_shape(), 2);
   meter.use(&next);
   EXPECT_EQ(meter.accounts().lost_in_restarts, 70u);
   EXPECT_EQ(meter.accounts().made, 100u);
@@ -262,5 +262,5 @@ TEST_F(RunMeterTest, AnArenaThatIsGivenUpLosesWhatLayInItAndALearnerThatCountsTo
   EXPECT_THAT(meter.account_fault(), HasSubstr("do not add up"));
 }
 
-}  // namespace
+}  // namespace run_meter_test
 }  // namespace comrad::deploy

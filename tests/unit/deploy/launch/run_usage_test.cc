@@ -11,7 +11,7 @@
 #include "tests/support/small_arena.h"
 
 namespace comrad::deploy {
-namespace {
+namespace run_usage_test {
 
 using ::testing::DoubleNear;
 using ::testing::ElementsAre;
@@ -31,7 +31,7 @@ TEST(CoreSeconds, CountsWorkOfTheNamedCoresAndNoWaits) {
 
 TEST(ReadUsage, AddsUpWhatWorkersCountByRole) {
   const test::ScratchFolder run_dir;
-  const shm::Arena arena = *shm::Arena::create(testing::small_arena_shape(), 1);
+  const shm::Arena arena = *shm::Arena::create(test::small_arena_shape(), 1);
   arena.sim_counters(0).wait_ns = 1'000'000'000;
   arena.sim_counters(1).wait_ns = 2'000'000'000;
   arena.learner_counters().wait_ns = 500'000'000;
@@ -80,5 +80,5 @@ TEST(UsageBetween, IsTheDifferenceAndNeverBelowZero) {
   EXPECT_THAT(between.core_busy_s, ElementsAre(1, 0.5));
 }
 
-}  // namespace
+}  // namespace run_usage_test
 }  // namespace comrad::deploy

@@ -21,7 +21,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace supervisor_test {
 
 namespace fs = std::filesystem;
 using testing::Contains;
@@ -512,5 +512,5 @@ TEST_F(Launch, TheLearnerHoldsTheLockOfTheRunDirectoryAndSimulatorsDoNot) {
   close(lock);
 }
 
-}  // namespace
+}  // namespace supervisor_test
 }  // namespace comrad::deploy

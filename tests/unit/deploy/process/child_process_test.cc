@@ -10,7 +10,7 @@
 #include "rollout_buffer/core/clock.h"
 
 namespace comrad::deploy {
-namespace {
+namespace child_process_test {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -157,5 +157,5 @@ TEST(ChildProcess, DestroyingItEndsIt) {
   EXPECT_NE(kill(pid, 0), 0);
 }
 
-}  // namespace
+}  // namespace child_process_test
 }  // namespace comrad::deploy

@@ -10,7 +10,7 @@
 #include "rollout_buffer/core/clock.h"
 
 namespace comrad::deploy {
-namespace {
+namespace child_program_test {
 
 using ::testing::ElementsAre;
 
@@ -95,5 +95,5 @@ TEST(LastWords, AreTheLastLineWithoutItsPrefix) {
   EXPECT_EQ(last_words({.output = "", .error_output = ""}), "");
 }
 
-}  // namespace
+}  // namespace child_program_test
 }  // namespace comrad::deploy

@@ -8,7 +8,7 @@
 #include "rollout_buffer/core/clock.h"
 
 namespace comrad::deploy {
-namespace {
+namespace process_time_test {
 
 TEST(ProcessSeconds, ReadsPastANameWithSpacesAndParentheses) {
   EXPECT_NEAR(process_seconds("12 (a) b (c)) S 1 2 3 4 5 6 7 8 9 10 150 50 0 0"), 2.0, 1e-9);
@@ -36,5 +36,5 @@ TEST(FamilySeconds, CountsAChildOfAChildWhileItRuns) {
   EXPECT_EQ(family_seconds(idle), 0);
 }
 
-}  // namespace
+}  // namespace process_time_test
 }  // namespace comrad::deploy

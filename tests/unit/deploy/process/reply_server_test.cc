@@ -12,7 +12,7 @@
 #include "rollout_buffer/core/clock.h"
 
 namespace comrad::deploy {
-namespace {
+namespace reply_server_test {
 
 using ::testing::HasSubstr;
 
@@ -146,5 +146,5 @@ TEST(Loopback, APortIsOfThisMachineAloneAndATakenOneIsNamed) {
   EXPECT_THAT(second.error().message, HasSubstr("is taken by another process"));
 }
 
-}  // namespace
+}  // namespace reply_server_test
 }  // namespace comrad::deploy

@@ -9,7 +9,7 @@
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
-namespace {
+namespace command_line_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -221,5 +221,5 @@ TEST(CommandLine, HelpOfAnEvaluationListsWhatItUses) {
     EXPECT_THAT(help, Not(HasSubstr(unused)));
 }
 
-}  // namespace
+}  // namespace command_line_test
 }  // namespace comrad::deploy

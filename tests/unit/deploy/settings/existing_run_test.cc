@@ -6,7 +6,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace existing_run_test {
 
 using ::testing::EndsWith;
 using ::testing::HasSubstr;
@@ -55,5 +55,5 @@ TEST_F(ExistingRun, SaysWhatItLacks) {
   EXPECT_THAT(best.error().message, HasSubstr("--load_checkpoint_kind latest"));
 }
 
-}  // namespace
+}  // namespace existing_run_test
 }  // namespace comrad::deploy

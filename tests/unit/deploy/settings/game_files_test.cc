@@ -9,7 +9,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace game_files_test {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -145,5 +145,5 @@ TEST_F(GameFiles, ALayoutListLiesWhereWorkersReadIt) {
   EXPECT_FALSE(write_layout_list("/proc/nowhere", "x"));
 }
 
-}  // namespace
+}  // namespace game_files_test
 }  // namespace comrad::deploy

@@ -8,7 +8,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace merged_settings_test {
 
 using ::testing::_;
 using ::testing::Contains;
@@ -333,5 +333,5 @@ TEST(MergeOntoRun, TheCurriculumStays) {
   EXPECT_THAT(other.error().message, HasSubstr("the run was made with plr"));
 }
 
-}  // namespace
+}  // namespace merged_settings_test
 }  // namespace comrad::deploy

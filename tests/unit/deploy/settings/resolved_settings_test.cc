@@ -20,7 +20,7 @@
 #include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::deploy {
-namespace {
+namespace resolved_settings_test {
 
 constexpr const char* kAlgorithms[] = {"ippo", "mappo", "happo", "idqn", "vdn", "qmix", "qplex_d", "qplex_q"};
 
@@ -390,5 +390,5 @@ TEST(ResolvedSettings, NoScenarioIsLeftOut) {
   EXPECT_THAT(algorithm_names(), ::testing::ElementsAreArray(kAlgorithms));
 }
 
-}  // namespace
+}  // namespace resolved_settings_test
 }  // namespace comrad::deploy

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::deploy {
-namespace {
+namespace scenario_description_test {
 
 using ::testing::HasSubstr;
 using ::testing::Pair;
@@ -56,5 +56,5 @@ TEST(ParseDescription, RefusesWhatIsNoJson) {
   for (const char* text : {"", "[]", "{", "null", "\xff\xfe"}) EXPECT_FALSE(parse_description(text)) << text;
 }
 
-}  // namespace
+}  // namespace scenario_description_test
 }  // namespace comrad::deploy

@@ -6,7 +6,7 @@
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
-namespace {
+namespace start_notes_test {
 
 using ::testing::AllOf;
 using ::testing::ElementsAre;
@@ -133,5 +133,5 @@ TEST(LeftOut, ARunsConfigOfAnOlderVersionIsTakenWhole) {
   EXPECT_THAT(left_out_text(of_a_run), ::testing::Not(HasSubstr("older version")));
 }
 
-}  // namespace
+}  // namespace start_notes_test
 }  // namespace comrad::deploy

@@ -15,7 +15,7 @@
 #include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
-namespace {
+namespace sweep_file_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -278,5 +278,5 @@ TEST(BenchmarkSweep, IsThePapersMatrix) {
   for (const SweepRun& run : plan->runs) EXPECT_EQ(run.goal_env_frames, 1e8) << run.name;
 }
 
-}  // namespace
+}  // namespace sweep_file_test
 }  // namespace comrad::deploy

@@ -12,7 +12,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace sweep_folder_test {
 
 using ::testing::HasSubstr;
 
@@ -125,5 +125,5 @@ TEST(SweepFolder, ASettingThatTheFileForgetsIsNamed) {
   EXPECT_THAT(SweepFolder::make(plan, "text", {}).error().message, HasSubstr("a was made with seed = 1"));
 }
 
-}  // namespace
+}  // namespace sweep_folder_test
 }  // namespace comrad::deploy

@@ -12,7 +12,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
-namespace {
+namespace sweep_results_test {
 
 using ::testing::HasSubstr;
 
@@ -112,5 +112,5 @@ TEST(StaleResults, SayWhichSettingOrMapIsAnotherNow) {
   EXPECT_EQ(stale(), "none");
 }
 
-}  // namespace
+}  // namespace sweep_results_test
 }  // namespace comrad::deploy

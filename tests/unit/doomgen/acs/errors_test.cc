@@ -10,7 +10,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::acs_compiler {
-namespace {
+namespace errors_test {
 
 std::string failure(const std::string& source, const CompileOptions& options = {}) {
   Expected<CompiledScript> script = compile(source, "test.acs", options);
@@ -331,5 +331,5 @@ TEST(AcsFuzz, SurvivesAnySource) {
   EXPECT_LT(compiled_count, 3000);
 }
 
-}  // namespace
+}  // namespace errors_test
 }  // namespace comrad::acs_compiler

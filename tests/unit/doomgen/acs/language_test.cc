@@ -4,7 +4,7 @@
 #include "tests/unit/doomgen/acs/program_runner.h"
 
 namespace comrad::acs_compiler::test {
-namespace {
+namespace language_test {
 
 struct Case {
   const char* expression;
@@ -475,5 +475,5 @@ TEST(AcsPrograms, GiveTheSameBytesEveryTime) {
   EXPECT_EQ(std::string(first.begin() + directory - 4, first.begin() + directory), "ACSE");
 }
 
-}  // namespace
+}  // namespace language_test
 }  // namespace comrad::acs_compiler::test

@@ -14,7 +14,7 @@
 #include "tests/unit/doomgen/acs/program_runner.h"
 
 namespace comrad::acs_compiler::test {
-namespace {
+namespace vizdoom_parity_test {
 
 constexpr int kTics = 30;
 
@@ -251,5 +251,5 @@ TEST_F(VizdoomParity, LibrariesAreFoundByTheEngine) {
   EXPECT_EQ(theirs[6], 7);
 }
 
-}  // namespace
+}  // namespace vizdoom_parity_test
 }  // namespace comrad::acs_compiler::test

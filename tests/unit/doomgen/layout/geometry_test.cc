@@ -5,7 +5,7 @@
 #include <cmath>
 
 namespace comrad::doomgen {
-namespace {
+namespace geometry_test {
 
 const Polygon kSquare = {{0, 0}, {100, 0}, {100, 100}, {0, 100}};
 
@@ -92,5 +92,5 @@ TEST(Geometry, RandomPointsKeepTheirClearanceAndFillTheRegion) {
   EXPECT_FALSE(random_point(region, 51, rng, 100).has_value());
 }
 
-}  // namespace
+}  // namespace geometry_test
 }  // namespace comrad::doomgen

@@ -6,7 +6,7 @@
 #include "doomgen/layout/map_plan.h"
 
 namespace comrad::doomgen {
-namespace {
+namespace map_checks_test {
 
 using testing::HasSubstr;
 
@@ -64,5 +64,5 @@ TEST(MapChecks, BridgesOpenWhatWasSeparate) {
   EXPECT_THAT(words(check_reaches(map, from, to, "the east")), HasSubstr("the east at (700, 150)"));
 }
 
-}  // namespace
+}  // namespace map_checks_test
 }  // namespace comrad::doomgen

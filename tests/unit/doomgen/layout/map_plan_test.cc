@@ -7,7 +7,7 @@
 #include "doomgen/layout/udmf_writer.h"
 
 namespace comrad::doomgen {
-namespace {
+namespace map_plan_test {
 
 using testing::HasSubstr;
 
@@ -344,5 +344,5 @@ TEST(MapPlanProperty, AThousandRandomPlansAreValidOrRefusedForAReason) {
   EXPECT_GT(valid, 600);
 }
 
-}  // namespace
+}  // namespace map_plan_test
 }  // namespace comrad::doomgen

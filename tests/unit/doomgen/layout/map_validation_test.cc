@@ -6,7 +6,7 @@
 #include <algorithm>
 
 namespace comrad::doomgen {
-namespace {
+namespace map_validation_test {
 
 using testing::HasSubstr;
 
@@ -113,5 +113,5 @@ TEST(ValidateMap, FindsReferencesToNothing) {
   EXPECT_FALSE(validate_map(map));
 }
 
-}  // namespace
+}  // namespace map_validation_test
 }  // namespace comrad::doomgen

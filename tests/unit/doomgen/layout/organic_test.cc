@@ -10,7 +10,7 @@
 #include "doomgen/layout/wad_writer.h"
 
 namespace comrad::doomgen {
-namespace {
+namespace organic_test {
 
 /// The definition itself: no point lies inside the circle through a triangle's corners.
 bool in_circle(Point a, Point b, Point c, Point p) {
@@ -112,5 +112,5 @@ TEST(OrganicOutlines, AnAreaTooSmallForASeedTakesTheNearestCell) {
   EXPECT_FALSE(plan.boundary(plate).empty());
 }
 
-}  // namespace
+}  // namespace organic_test
 }  // namespace comrad::doomgen

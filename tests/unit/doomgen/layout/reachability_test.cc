@@ -5,7 +5,7 @@
 #include "doomgen/layout/map_plan.h"
 
 namespace comrad::doomgen {
-namespace {
+namespace reachability_test {
 
 constexpr Point kStart[] = {{64, 64}};
 
@@ -48,5 +48,5 @@ TEST(Reachability, NothingOutsideTheMapIsReached) {
   EXPECT_FALSE(walk.reaches({-200, 64}));
 }
 
-}  // namespace
+}  // namespace reachability_test
 }  // namespace comrad::doomgen

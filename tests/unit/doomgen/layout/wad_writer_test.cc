@@ -5,7 +5,7 @@
 #include "doomgen/layout/udmf_writer.h"
 
 namespace comrad::doomgen {
-namespace {
+namespace wad_writer_test {
 
 TEST(WadWriter, WritesHeaderDataAndDirectory) {
   WadWriter wad;
@@ -68,5 +68,5 @@ TEST(UdmfWriter, PrintsEveryBlockAndLeavesDefaultsOut) {
             "900;\n}\n\n");
 }
 
-}  // namespace
+}  // namespace wad_writer_test
 }  // namespace comrad::doomgen

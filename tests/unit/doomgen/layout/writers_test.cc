@@ -15,7 +15,7 @@
 #include "doomgen/wad/wad_reader.h"
 
 namespace comrad::doomgen {
-namespace {
+namespace writers_test {
 
 using testing::HasSubstr;
 
@@ -159,5 +159,5 @@ TEST(NodeBuilder, EitherBuildsNodesOrSaysThatTheProgramIsMissing) {
     EXPECT_THAT(built.error().message, HasSubstr("zdbsp is not installed"));
 }
 
-}  // namespace
+}  // namespace writers_test
 }  // namespace comrad::doomgen

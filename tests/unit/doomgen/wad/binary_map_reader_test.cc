@@ -7,7 +7,7 @@
 #include "tests/support/random_bytes.h"
 
 namespace comrad::wad {
-namespace {
+namespace binary_map_reader_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -115,5 +115,5 @@ TEST(BinaryMap, RefusesMissingAndTruncatedLumps) {
   }
 }
 
-}  // namespace
+}  // namespace binary_map_reader_test
 }  // namespace comrad::wad

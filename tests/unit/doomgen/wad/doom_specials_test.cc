@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::wad {
-namespace {
+namespace doom_specials_test {
 
 using ::testing::ElementsAre;
 
@@ -82,5 +82,5 @@ TEST(DoomSpecials, SectorTypesMoveToZDoomsNumbers) {
   EXPECT_EQ(translate_doom_sector(40000), 0);
 }
 
-}  // namespace
+}  // namespace doom_specials_test
 }  // namespace comrad::wad

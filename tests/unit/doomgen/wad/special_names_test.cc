@@ -9,7 +9,7 @@
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::wad {
-namespace {
+namespace special_names_test {
 
 TEST(SpecialNames, AreFoundByNameInAnyCaseAndByNumber) {
   EXPECT_EQ(find_special("Door_Open"), 11);
@@ -48,5 +48,5 @@ TEST(SpecialNames, TheDocumentCountsTheSupportedOnes) {
   EXPECT_NE(document.find(words), std::string::npos) << "sim_workers/SUPPORTED.md should say: " << words;
 }
 
-}  // namespace
+}  // namespace special_names_test
 }  // namespace comrad::wad

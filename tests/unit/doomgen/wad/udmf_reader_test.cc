@@ -6,7 +6,7 @@
 #include "tests/support/wad_bytes.h"
 
 namespace comrad::wad {
-namespace {
+namespace udmf_reader_test {
 
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
@@ -154,5 +154,5 @@ TEST(Udmf, ReadsWhatLinesSidesSectorsAndThingsSayBesides) {
   EXPECT_EQ(thing.health, -30.0);
 }
 
-}  // namespace
+}  // namespace udmf_reader_test
 }  // namespace comrad::wad

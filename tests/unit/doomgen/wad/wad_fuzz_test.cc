@@ -8,7 +8,7 @@
 #include "tests/support/wad_bytes.h"
 
 namespace comrad::wad {
-namespace {
+namespace wad_fuzz_test {
 
 /// Touches every byte that a WAD hands out.
 uint64_t read_all(const WadFile& wad) {
@@ -93,5 +93,5 @@ TEST(UdmfFuzz, RandomBytesEnd) {
   }
 }
 
-}  // namespace
+}  // namespace wad_fuzz_test
 }  // namespace comrad::wad

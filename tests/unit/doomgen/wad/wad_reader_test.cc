@@ -9,7 +9,7 @@
 #include "tests/support/wad_bytes.h"
 
 namespace comrad::wad {
-namespace {
+namespace wad_reader_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -138,5 +138,5 @@ TEST(WadFile, OpensAFileAndReportsAMissingOne) {
   EXPECT_EQ(WadFile::open(::testing::TempDir()).error().code, ErrorCode::kBadInput);
 }
 
-}  // namespace
+}  // namespace wad_reader_test
 }  // namespace comrad::wad

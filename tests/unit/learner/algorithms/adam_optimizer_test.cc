@@ -9,7 +9,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
-namespace {
+namespace adam_optimizer_test {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
@@ -138,5 +138,5 @@ TEST(AdamOptimizer, RefusesMomentsOfAnotherShape) {
   EXPECT_NE(loaded.error().message.find("[5]"), std::string::npos) << loaded.error().message;
 }
 
-}  // namespace
+}  // namespace adam_optimizer_test
 }  // namespace comrad::learn

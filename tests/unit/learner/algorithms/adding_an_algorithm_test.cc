@@ -10,7 +10,7 @@
 #include "tests/support/matrix_game.h"
 
 namespace comrad::learn {
-namespace {
+namespace adding_an_algorithm_test {
 
 constexpr AlgorithmRow kRow{
     .name = "hopeful_ippo", .other_names = {"hope"}, .can_follow_kl = true, .recipe_of = "ippo"};
@@ -65,8 +65,8 @@ TEST_F(AddingAnAlgorithm, ItsNameStandsInTheHelpOfAlgo) {
 }
 
 TEST_F(AddingAnAlgorithm, ItLearnsTheBestCellOfAGame) {
-  const RunConfig config = testing::matrix_game_config("hopeful_ippo", 1);
-  testing::MatrixGame<HopefulIppo> game(config, {{0, 0, 0}, {0, 0, 0}, {0, 0, 10}}, 32);
+  const RunConfig config = test::matrix_game_config("hopeful_ippo", 1);
+  test::MatrixGame<HopefulIppo> game(config, {{0, 0, 0}, {0, 0, 0}, {0, 0, 10}}, 32);
   game.bias_to(2, 0.5);
   for (int update = 0; update < 60; ++update) ASSERT_TRUE(game.update());
   EXPECT_GT(game.policy()[0][2].item<double>(), 0.9);
@@ -82,5 +82,5 @@ TEST_F(AddingAnAlgorithm, ARowWithoutALearnerIsRefused) {
   EXPECT_NE(made.error().message.find("only_a_row"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace adding_an_algorithm_test
 }  // namespace comrad::learn

@@ -20,12 +20,12 @@
 #include "tests/support/test_device.h"
 
 namespace comrad::learn {
-namespace {
+namespace device_parity_test {
 
 constexpr int kAgents = 2, kWorlds = 4;
 
 RunConfig parity_config(const std::string& algo) {
-  RunConfig config = testing::small_config(algo, kAgents);
+  RunConfig config = test::small_config(algo, kAgents);
   config.mixers.mixer = algo == "vdn"       ? "vdn"
                         : algo == "qmix"    ? "qmix"
                         : algo == "qplex_d" ? "dmaq"
@@ -54,7 +54,7 @@ Tensor first_logits(const RunConfig& config, const EnvShape& env, torch::Device 
 }
 
 /// Time ends the episode in three or four worlds, for which a device has one recording.
-void cut_some_worlds(const testing::SlabPool& pool, uint64_t seed) {
+void cut_some_worlds(const test::SlabPool& pool, uint64_t seed) {
   constexpr int kCutStep = 1;
   for (int world = 0; world < static_cast<int>(3 + seed % 2); ++world) {
     const SlabView slab = pool.view(world);
@@ -68,19 +68,19 @@ void cut_some_worlds(const testing::SlabPool& pool, uint64_t seed) {
 /// `updates` of them, each with a batch of its own; the outcome's numbers are of the last one.
 Outcome train(const std::string& algo, torch::Device device, uint64_t seed, int updates = 1) {
   const RunConfig config = parity_config(algo);
-  const TrajectoryShape shape = testing::small_shape(config, kAgents);
+  const TrajectoryShape shape = test::small_shape(config, kAgents);
   Outcome outcome;
   auto algorithm = make_algorithm(config, shape.env, device);
   EXPECT_TRUE(algorithm);
   for (int update = 0; update < updates; ++update, ++seed) {
     if (auto* on_policy = dynamic_cast<OnPolicyAlgorithm*>(algorithm->get())) {
-      RolloutBatch batch = testing::noise_batch(shape, kWorlds, seed);
+      RolloutBatch batch = test::noise_batch(shape, kWorlds, seed);
       send_ahead(batch, device);
       outcome.logits = first_logits(config, shape.env, device, batch.frame[0], batch.recurrent_state);
       outcome.stats = *on_policy->update(batch, {});
       continue;
     }
-    const testing::SlabPool pool(shape, kWorlds);
+    const test::SlabPool pool(shape, kWorlds);
     pool.fill_with_noise(seed);
     cut_some_worlds(pool, seed);
     auto replay = *replay::Replay::create({.store = {.shape = shape, .capacity_bytes = 1 << 24}});
@@ -139,7 +139,7 @@ Difference difference_of(const StateDict& one, const StateDict& other, const std
 }
 
 class DeviceParity : public ::testing::TestWithParam<std::string> {
-  const testing::FullPrecision full_;  // differences are of rounding alone
+  const test::FullPrecision full_;  // differences are of rounding alone
 };
 
 /// Both made one step of the same batch.
@@ -151,7 +151,7 @@ void expect_agreement(const Outcome& cpu, const Outcome& other, bool is_exact) {
   ::testing::Test::RecordProperty("logits_largest_difference", std::to_string(logits));
   EXPECT_LE(logits, is_exact ? 0 : 1e-4);
 
-  const auto mine = testing::values_of(cpu.stats), theirs = testing::values_of(other.stats);
+  const auto mine = test::values_of(cpu.stats), theirs = test::values_of(other.stats);
   int losses = 0;
   double worst = 0;
   for (const auto& [name, value] : mine) {
@@ -182,7 +182,7 @@ void expect_agreement(const Outcome& cpu, const Outcome& other, bool is_exact) {
 }
 
 TEST_P(DeviceParity, LogitsLossesGradientsAndOneStepAgreeWithTheCpu) {
-  const torch::Device device = testing::test_device();
+  const torch::Device device = test::test_device();
   const Outcome cpu = train(GetParam(), torch::kCPU, 5), other = train(GetParam(), device, 5);
   expect_agreement(cpu, other, device.is_cpu());
 }
@@ -208,7 +208,7 @@ void expect_three_steps_agree(const Outcome& cpu, const Outcome& other, bool is_
 }
 
 TEST_P(DeviceParity, ThreeStepsAgreeWithTheCpu) {
-  const torch::Device device = testing::test_device();
+  const torch::Device device = test::test_device();
   const Outcome cpu = train(GetParam(), torch::kCPU, 5, 3), other = train(GetParam(), device, 5, 3);
   expect_three_steps_agree(cpu, other, device.is_cpu());
   const Outcome later = train(GetParam(), torch::kCPU, 6, 3);
@@ -234,5 +234,5 @@ INSTANTIATE_TEST_SUITE_P(Algorithms, DeviceParity,
                                            "qplex_q"),
                          [](const auto& algorithm) { return algorithm.param; });
 
-}  // namespace
+}  // namespace device_parity_test
 }  // namespace comrad::learn

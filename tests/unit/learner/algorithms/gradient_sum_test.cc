@@ -10,7 +10,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
-namespace {
+namespace gradient_sum_test {
 
 using torch::Tensor;
 
@@ -110,5 +110,5 @@ TEST(GradientSum, StopsWhenItIsToldTo) {
   EXPECT_EQ(added, 0) << "the first sixteen were not done";
 }
 
-}  // namespace
+}  // namespace gradient_sum_test
 }  // namespace comrad::learn

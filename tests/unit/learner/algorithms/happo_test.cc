@@ -12,14 +12,14 @@
 #include "tests/support/noise_batch.h"
 
 namespace comrad::learn {
-namespace {
+namespace happo_test {
 
-using testing::all_equal;
-using testing::copies;
-using testing::values_of;
+using test::all_equal;
+using test::copies;
+using test::values_of;
 
 RunConfig small_config() {
-  RunConfig config = testing::small_config("happo", 3);
+  RunConfig config = test::small_config("happo", 3);
   config.network.share_parameters = false;
   config.network.rnn_size = 12;
   config.network.critic_hidden_sizes = "16,8";
@@ -28,12 +28,12 @@ RunConfig small_config() {
 }
 
 TrajectoryShape small_shape(const RunConfig& config, int agents = 3) {
-  return testing::small_shape(config, agents);
+  return test::small_shape(config, agents);
 }
 
 /// Noise with team rewards: all agents of a world are paid alike.
 RolloutBatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
-  RolloutBatch batch = testing::noise_batch(shape, slab_count, seed);
+  RolloutBatch batch = test::noise_batch(shape, slab_count, seed);
   const Tensor reward = batch.reward.view({batch.steps(), slab_count, shape.env.num_agents});
   reward.copy_(reward.select(2, 0).unsqueeze(2).expand_as(reward).clone());
   return batch;
@@ -407,5 +407,5 @@ TEST(Happo, TheOrderOfWorldsInABatchChangesNothing) {
   for (std::size_t i = 0; i < a.size(); ++i) EXPECT_TRUE(torch::allclose(a[i], b[i], 1e-3, 2e-5)) << i;
 }
 
-}  // namespace
+}  // namespace happo_test
 }  // namespace comrad::learn

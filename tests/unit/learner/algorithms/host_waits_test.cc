@@ -13,12 +13,12 @@
 #include "tests/support/slab_pool.h"
 
 namespace comrad::learn {
-namespace {
+namespace host_waits_test {
 
 constexpr int kAgents = 2, kWorlds = 4;
 
 RunConfig config_of(const std::string& algo) {
-  RunConfig config = testing::small_config(algo, kAgents);
+  RunConfig config = test::small_config(algo, kAgents);
   config.network.normalize_input = true;
   config.network.share_parameters = algo != "happo";
   config.on_policy.kl_loss_coeff = 0.1;
@@ -32,7 +32,7 @@ RunConfig config_of(const std::string& algo) {
 }
 
 ReplayBatch sequences(const TrajectoryShape& shape, uint64_t seed) {
-  testing::SlabPool pool(shape, kWorlds);
+  test::SlabPool pool(shape, kWorlds);
   pool.fill_with_noise(seed);
   pool.view(0).truncated(2) = 1;
   pool.view(0).final_index(2) = 0;
@@ -52,7 +52,7 @@ ReplayBatch sequences(const TrajectoryShape& shape, uint64_t seed) {
 /// An update, with "cpu:0" for a device: see HostWaitCounter.
 UpdateStats update(Algorithm& algorithm, const TrajectoryShape& shape, uint64_t seed) {
   if (auto* on_policy = dynamic_cast<OnPolicyAlgorithm*>(&algorithm)) {
-    RolloutBatch batch = testing::noise_batch(shape, kWorlds, seed);
+    RolloutBatch batch = test::noise_batch(shape, kWorlds, seed);
     batch.valid[1][2] = 0;
     batch.agent_active[2][1] = 0;
     return *on_policy->update(batch, {});
@@ -68,7 +68,7 @@ TEST_P(HostWaits, NoStepMakesTheHostWaitForTheDevice) {
     RunConfig config = config_of(GetParam());
     config.collection.precision = precision;
     config.optimisation.num_batches_per_epoch = config.run.algo->learns_q_values() ? 1 : 2;
-    const TrajectoryShape shape = testing::small_shape(config, kAgents);
+    const TrajectoryShape shape = test::small_shape(config, kAgents);
     const auto algorithm = *make_algorithm(config, shape.env, torch::Device(torch::kCPU, 0));
     (void)update(*algorithm, shape, 1);  // what is made once is made
     const device::HostWaitCounter counter;
@@ -88,7 +88,7 @@ TEST_P(HostWaits, StepsThatAreReadLateGiveTheSameWeights) {
   RunConfig config = config_of(GetParam());
   config.optimisation.num_batches_per_epoch = config.run.algo->learns_q_values() ? 1 : 2;
   config.optimisation.num_epochs = 2;
-  const TrajectoryShape shape = testing::small_shape(config, kAgents);
+  const TrajectoryShape shape = test::small_shape(config, kAgents);
   const auto weights_after = [&](bool late) {
     std::optional<device::SlowReadbacks> slow;
     if (late) slow.emplace();
@@ -107,18 +107,18 @@ INSTANTIATE_TEST_SUITE_P(AllAlgorithms, HostWaits,
 
 TEST(StepGuard, AStepThatIsReadLateAndWasNotTakenIsTakenBack) {
   const RunConfig config = config_of("ippo");
-  const TrajectoryShape shape = testing::small_shape(config, kAgents);
+  const TrajectoryShape shape = test::small_shape(config, kAgents);
   Ippo ippo(config, shape.env, torch::kCPU);
   const device::SlowReadbacks late;
-  RolloutBatch batch = testing::noise_batch(shape, kWorlds, 3);
+  RolloutBatch batch = test::noise_batch(shape, kWorlds, 3);
   batch.recurrent_state.fill_(std::numeric_limits<float>::quiet_NaN());
-  const auto before = testing::copies(ippo.net().parameters());
+  const auto before = test::copies(ippo.net().parameters());
   const auto stats = ippo.update(batch, {});
   ASSERT_TRUE(stats);
   EXPECT_EQ(stats->optimizer_steps, 0);
   EXPECT_EQ(stats->skipped_steps, 1);
   EXPECT_EQ(ippo.version(), 0u);
-  EXPECT_TRUE(testing::all_equal(before, ippo.net().parameters()));
+  EXPECT_TRUE(test::all_equal(before, ippo.net().parameters()));
 }
 
 TEST(HostWaitCounter, SeesEachKindInsideAndOutsideOfSteps) {
@@ -144,5 +144,5 @@ TEST(HostWaitCounter, SeesEachKindInsideAndOutsideOfSteps) {
   EXPECT_EQ(counter.in_steps().all(), 5);
 }
 
-}  // namespace
+}  // namespace host_waits_test
 }  // namespace comrad::learn

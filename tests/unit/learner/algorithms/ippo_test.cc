@@ -15,19 +15,19 @@
 #include "tests/support/slab_pool.h"
 
 namespace comrad::learn {
-namespace {
+namespace ippo_test {
 
-using testing::all_equal;
-using testing::copies;
-using testing::gradients;
-using testing::noise_batch;
-using testing::SlabPool;
-using testing::values_of;
+using test::all_equal;
+using test::copies;
+using test::gradients;
+using test::noise_batch;
+using test::SlabPool;
+using test::values_of;
 
 constexpr int kAgents = 2;
 
-RunConfig small_config() { return testing::small_config("ippo", kAgents); }
-TrajectoryShape small_shape(const RunConfig& config) { return testing::small_shape(config, kAgents); }
+RunConfig small_config() { return test::small_config("ippo", kAgents); }
+TrajectoryShape small_shape(const RunConfig& config) { return test::small_shape(config, kAgents); }
 
 /// Makes the network itself the behaviour policy of the batch.
 void act_with(const policy::PolicyNet& net, RolloutBatch& batch) {
@@ -789,5 +789,5 @@ TEST(Ippo, Bf16LossesAgreeWithFp32) {
   }
 }
 
-}  // namespace
+}  // namespace ippo_test
 }  // namespace comrad::learn

@@ -5,7 +5,7 @@
 #include <cmath>
 
 namespace comrad::learn {
-namespace {
+namespace linear_schedule_test {
 
 /// `made` after a resume at `env_frames` from a checkpoint of `saved`.
 LinearSchedule resumed(const LinearSchedule& saved, LinearSchedule made, double env_frames) {
@@ -64,5 +64,5 @@ TEST(LinearSchedule, ReadsOlderCheckpointsAndRefusesBrokenOnes) {
   EXPECT_EQ(line.load(state, "replay/beta", 500).error().code, ErrorCode::kBadFormat);
 }
 
-}  // namespace
+}  // namespace linear_schedule_test
 }  // namespace comrad::learn

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::learn {
-namespace {
+namespace lr_schedule_test {
 
 RunConfig config_with(RateSchedule schedule) {
   RunConfig config;
@@ -93,5 +93,5 @@ TEST(LrSchedule, KlAdaptiveEpochListensToEpochs) {
   EXPECT_DOUBLE_EQ(schedule.learning_rate(), 1e-4 / 1.5);
 }
 
-}  // namespace
+}  // namespace lr_schedule_test
 }  // namespace comrad::learn

@@ -10,17 +10,17 @@
 #include "tests/support/noise_batch.h"
 
 namespace comrad::learn {
-namespace {
+namespace mappo_test {
 
-using testing::gradients;
+using test::gradients;
 
 constexpr int kAgents = 3;
 
-RunConfig small_config() { return testing::small_config("mappo", kAgents); }
-TrajectoryShape small_shape(const RunConfig& config) { return testing::small_shape(config, kAgents); }
+RunConfig small_config() { return test::small_config("mappo", kAgents); }
+TrajectoryShape small_shape(const RunConfig& config) { return test::small_shape(config, kAgents); }
 
 RolloutBatch noise_batch(const TrajectoryShape& shape, int slab_count, uint64_t seed) {
-  RolloutBatch batch = testing::noise_batch(shape, slab_count, seed);
+  RolloutBatch batch = test::noise_batch(shape, slab_count, seed);
   apply_lag_filter(batch, 0, 1000);
   return batch;
 }
@@ -138,5 +138,5 @@ TEST(Mappo, ACheckpointOfIppoIsRefused) {
   EXPECT_EQ(loaded.error().code, ErrorCode::kBadFormat);
 }
 
-}  // namespace
+}  // namespace mappo_test
 }  // namespace comrad::learn

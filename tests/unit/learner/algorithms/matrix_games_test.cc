@@ -12,11 +12,11 @@
 #include "tests/support/matrix_game.h"
 
 namespace comrad::learn {
-namespace {
+namespace matrix_games_test {
 
-using testing::matrix_game_config;
-using testing::MatrixGame;
-using testing::PayoffTable;
+using test::matrix_game_config;
+using test::MatrixGame;
+using test::PayoffTable;
 
 /// Kuba et al. 2022, proposition 1, for two agents: paid only for playing different actions.
 const PayoffTable kHeterogeneity = {{0, 1}, {1, 0}};
@@ -82,5 +82,5 @@ TEST(ClimbingGame, IppoMappoAndHappoEndAtTheSafeAnswerOrABetterOne) {
   }
 }
 
-}  // namespace
+}  // namespace matrix_games_test
 }  // namespace comrad::learn

@@ -5,7 +5,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
-namespace {
+namespace micro_batches_test {
 
 TEST(Parts, AreOfTheSizeThatSuitsTheDeviceUnlessOneIsSet) {
   RunConfig config;
@@ -19,5 +19,5 @@ TEST(Parts, AreOfTheSizeThatSuitsTheDeviceUnlessOneIsSet) {
   EXPECT_EQ(threads_for_parts(config, torch::kCPU), 2) << "activations of more would take too much memory";
 }
 
-}  // namespace
+}  // namespace micro_batches_test
 }  // namespace comrad::learn

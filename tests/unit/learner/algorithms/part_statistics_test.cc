@@ -10,7 +10,7 @@
 #include "tests/support/noise_batch.h"
 
 namespace comrad::learn {
-namespace {
+namespace part_statistics_test {
 
 std::map<std::string, double> numbers_of(const PartStatistics& parts) {
   NamedNumbers values;
@@ -21,11 +21,11 @@ std::map<std::string, double> numbers_of(const PartStatistics& parts) {
 TEST(PartStatistics, KnowsThePartOfEveryParameterOfEveryNetwork) {
   std::map<std::string, std::vector<std::string>> parts_of;
   for (const char* algo : {"ippo", "mappo", "happo", "qmix"}) {
-    RunConfig config = testing::small_config(algo, 2);
+    RunConfig config = test::small_config(algo, 2);
     config.network.share_parameters = config.run.algo != "happo";
     config.mixers.mixer = config.run.algo == "qmix" ? "qmix" : "";
     config.network.decoder_mlp_layers = "8";
-    const auto made = make_algorithm(config, testing::small_shape(config, 2).env, torch::kCPU);
+    const auto made = make_algorithm(config, test::small_shape(config, 2).env, torch::kCPU);
     ASSERT_TRUE(made) << made.error().message;
     StateDict state;
     (*made)->save(state);
@@ -95,15 +95,15 @@ TEST(PartStatistics, PartsOfSeveralOptimizersCountTogetherByTheirElements) {
 
 TEST(PartStatistics, EveryAlgorithmReportsItsParts) {
   for (const char* algo : {"ippo", "mappo", "happo"}) {
-    RunConfig config = testing::small_config(algo, 2);
+    RunConfig config = test::small_config(algo, 2);
     config.network.share_parameters = config.run.algo != "happo";
-    const TrajectoryShape shape = testing::small_shape(config, 2);
+    const TrajectoryShape shape = test::small_shape(config, 2);
     const auto made = make_algorithm(config, shape.env, torch::kCPU);
     ASSERT_TRUE(made);
     NamedNumbers none;
     (*made)->append_diagnostics(none);
     EXPECT_TRUE(none.empty()) << "before the first step";
-    RolloutBatch batch = testing::noise_batch(shape, 4, 3);
+    RolloutBatch batch = test::noise_batch(shape, 4, 3);
     const auto stats = dynamic_cast<OnPolicyAlgorithm&>(**made).update(batch, {});
     ASSERT_TRUE(stats);
     NamedNumbers values;
@@ -118,10 +118,10 @@ TEST(PartStatistics, EveryAlgorithmReportsItsParts) {
       }
     }
     if (config.run.algo != "happo") {
-      EXPECT_NEAR(std::sqrt(squares), testing::values_of(*stats)["train/grad_norm"], 1e-4) << algo;
+      EXPECT_NEAR(std::sqrt(squares), test::values_of(*stats)["train/grad_norm"], 1e-4) << algo;
     }
   }
 }
 
-}  // namespace
+}  // namespace part_statistics_test
 }  // namespace comrad::learn

@@ -9,7 +9,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
-namespace {
+namespace ppo_loss_test {
 
 EnvShape two_heads() {
   EnvShape env;
@@ -87,5 +87,5 @@ TEST(PpoLoss, StandardizeSurvivesEqualSingleAndMissingSamples) {
   EXPECT_EQ(standardize(torch::tensor({5.0f}), torch::zeros({1}, torch::kUInt8)).item<float>(), 0);
 }
 
-}  // namespace
+}  // namespace ppo_loss_test
 }  // namespace comrad::learn

@@ -12,15 +12,15 @@
 #include "tests/support/noise_batch.h"
 
 namespace comrad::learn {
-namespace {
+namespace q_learning_test {
 
-using testing::copies;
-using testing::SlabPool;
+using test::copies;
+using test::SlabPool;
 
 constexpr int kAgents = 2, kWorlds = 5;
 
 RunConfig q_config(const std::string& algo, bool use_rnn) {
-  RunConfig config = testing::small_config(algo, kAgents);
+  RunConfig config = test::small_config(algo, kAgents);
   config.collection.rollout = 6;
   config.network.use_rnn = use_rnn;
   config.mixers.mixer = algo == "vdn"       ? "vdn"
@@ -36,7 +36,7 @@ RunConfig q_config(const std::string& algo, bool use_rnn) {
 
 /// Noise with an end, a time-out, a short trajectory, forbidden choices and an agent that is out of the game.
 ReplayBatch q_batch(const RunConfig& config, uint64_t seed) {
-  const TrajectoryShape shape = testing::small_shape(config, kAgents);
+  const TrajectoryShape shape = test::small_shape(config, kAgents);
   SlabPool pool(shape, kWorlds);
   pool.fill_with_noise(seed);
   const SlabView cut = pool.view(0), ends = pool.view(1), masked = pool.view(2);
@@ -181,7 +181,7 @@ void disturb_targets(const QLearning& learner) {
 }
 
 std::unique_ptr<QLearning> q_learner(const RunConfig& config) {
-  auto made = make_algorithm(config, testing::small_shape(config, kAgents).env, torch::kCPU);
+  auto made = make_algorithm(config, test::small_shape(config, kAgents).env, torch::kCPU);
   EXPECT_TRUE(made) << made.error().message;
   return std::unique_ptr<QLearning>(dynamic_cast<QLearning*>(made->release()));
 }
@@ -261,7 +261,7 @@ TEST(QLearning, StepsOfTheBurnInOnlyWarmUpTheState) {
 TEST(QLearning, ADeadAgentsLastDecisionIsWorthItsRewardsAlone) {
   for (const bool use_rnn : {false, true}) {
     const RunConfig config = q_config("idqn", use_rnn);
-    const TrajectoryShape shape = testing::small_shape(config, kAgents);
+    const TrajectoryShape shape = test::small_shape(config, kAgents);
     SlabPool pool(shape, 1);
     pool.fill_with_noise(16);
     for (int t = 0; t < 6; ++t) {
@@ -412,8 +412,8 @@ TEST_P(EveryAlgorithm, ACheckpointGoesOnExactly) {
   EXPECT_EQ(other->version(), one->version());
   ASSERT_TRUE(one->update(batch, {}));
   ASSERT_TRUE(other->update(batch, {}));
-  EXPECT_TRUE(testing::all_equal(one->parameters(), other->parameters()));
-  EXPECT_TRUE(testing::all_equal(one->target_parameters(), other->target_parameters()));
+  EXPECT_TRUE(test::all_equal(one->parameters(), other->parameters()));
+  EXPECT_TRUE(test::all_equal(one->target_parameters(), other->target_parameters()));
 
   const auto stranger = q_learner(q_config(config.run.algo == "vdn" ? "idqn" : "vdn", true));
   const Status refused = stranger->load(state);
@@ -430,7 +430,7 @@ TEST_P(EveryAlgorithm, ALossThatIsNoNumberMovesNoWeight) {
   const auto stats = learner->update(batch, {});
   ASSERT_TRUE(stats);
   EXPECT_EQ(stats->skipped_steps, 1);
-  EXPECT_TRUE(testing::all_equal(before, learner->parameters()));
+  EXPECT_TRUE(test::all_equal(before, learner->parameters()));
   Expected<UpdateStats> last = stats;
   for (int i = 0; i < 20 && last; ++i) last = learner->update(batch, {});
   EXPECT_FALSE(last);
@@ -594,7 +594,7 @@ TEST(QLearning, AMixersStateMayBeNormalised) {
       double rms[2];
       for (double& of_scale : rms) {
         ReplayBatch batch = q_batch(config, 35);
-        const auto values = testing::values_of(*learner->update(batch, {}));
+        const auto values = test::values_of(*learner->update(batch, {}));
         of_scale = values.at("train/mixer_state_rms");
         EXPECT_GT(values.at("train/mixer_gain"), 0) << algo;
         // An encoder whose outputs grow tenfold, or nearly so (ELU).
@@ -619,7 +619,7 @@ TEST(QLearning, TellsWhatShareOfTargetsAndRewardsWasClipped) {
   batch.valid.fill_(1);
   batch.reward.fill_(0.5);  // a team's 1.0 is at the clamp and stays
   for (int world = 0; world < 3; ++world) batch.reward[0][2 * world] = 3;
-  const auto mixed = testing::values_of(*q_learner(config)->update(batch, {}));
+  const auto mixed = test::values_of(*q_learner(config)->update(batch, {}));
   EXPECT_NEAR(mixed.at("train/targets_clipped_fraction"), 3.0 / 15, 1e-6);
   EXPECT_NEAR(mixed.at("train/target_q_tot_mean"), 1, 1e-6);
   EXPECT_NEAR(mixed.at("train/target_before_clamp"), (3 * 3.5 + 12 * 1.0) / 15, 1e-6);
@@ -630,7 +630,7 @@ TEST(QLearning, TellsWhatShareOfTargetsAndRewardsWasClipped) {
   batch.valid[0][1] = 0;
   batch.rewards_read = 40;
   batch.rewards_clipped = 10;
-  const auto alone = testing::values_of(*q_learner(config)->update(batch, {}));
+  const auto alone = test::values_of(*q_learner(config)->update(batch, {}));
   EXPECT_EQ(alone.at("train/rewards_clipped_fraction"), 0.25);
   const double total = static_cast<double>(batch.valid.numel());
   EXPECT_EQ(alone.at("train/policy_lag_total"), total);
@@ -649,7 +649,7 @@ TEST(QLearning, TargetsAreCopiedNowAndThenWhereTauIsOne) {
   ReplayBatch batch = q_batch(config, 31);
   for (int step = 1; step <= 6; ++step) {
     ASSERT_TRUE(learner->update(batch, {}));
-    EXPECT_EQ(testing::all_equal(learner->parameters(), learner->target_parameters()), step % 3 == 0) << step;
+    EXPECT_EQ(test::all_equal(learner->parameters(), learner->target_parameters()), step % 3 == 0) << step;
   }
 }
 
@@ -676,7 +676,7 @@ TEST(QLearning, ReportsGradientAndStepOfEveryPart) {
       EXPECT_GT(numbers.at("train/adam_gain_" + part), 0) << algo << part;
       EXPECT_LT(numbers.at("train/adam_gain_" + part), 1) << algo << part;
     }
-    const double norm = testing::values_of(*stats)["train/grad_norm"];
+    const double norm = test::values_of(*stats)["train/grad_norm"];
     EXPECT_NEAR(std::sqrt(squares), norm, 1e-4 * norm) << algo;
 
     // A report that falls into the next step, while its gradient is summed, has those of the last one.
@@ -732,5 +732,5 @@ TEST(QLearning, ObservationsMoveTheStatisticsOfBothNetworks) {
   EXPECT_TRUE(torch::equal(online, target));  // equal weights, the same statistics
 }
 
-}  // namespace
+}  // namespace q_learning_test
 }  // namespace comrad::learn

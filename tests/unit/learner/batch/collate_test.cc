@@ -11,9 +11,9 @@
 #include "tests/support/test_device.h"
 
 namespace comrad::learn {
-namespace {
+namespace collate_test {
 
-using testing::SlabPool;
+using test::SlabPool;
 
 TrajectoryShape small_shape() {
   TrajectoryShape shape;
@@ -238,7 +238,7 @@ TEST(Collate, AnAgentsRowsAreABatchOfOneAgentAndShareTheMemory) {
 
 /// On a GPU (COMRAD_TEST_DEVICE) or on its path on the CPU.
 TEST(SendAhead, ThatBatchesFramesAreThereUntilItIsFilledAnew) {
-  const torch::Device device = testing::test_device();
+  const torch::Device device = test::test_device();
   const device::OperatorPath path;
   const TrajectoryShape shape = small_shape();
   RolloutBatch batch = make_rollout_batch(shape, 2, device);
@@ -269,5 +269,5 @@ TEST(SendAhead, IsNothingOnACpu) {
   EXPECT_EQ(frames_on(batch, torch::kCPU).data_ptr(), batch.frame.data_ptr());
 }
 
-}  // namespace
+}  // namespace collate_test
 }  // namespace comrad::learn

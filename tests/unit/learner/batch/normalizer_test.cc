@@ -7,7 +7,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
-namespace {
+namespace normalizer_test {
 
 TEST(ReturnNormalizer, MatchesTheKnownAnswer) {
   ReturnNormalizer normalizer;
@@ -63,5 +63,5 @@ TEST(ReturnNormalizer, ClipsAtFiveDeviationsBothWays) {
   EXPECT_NEAR(normalizer.denormalize(torch::tensor(-1.5f)).item<double>(), 7, 1e-5);
 }
 
-}  // namespace
+}  // namespace normalizer_test
 }  // namespace comrad::learn

@@ -8,11 +8,11 @@
 #include "tests/support/slab_pool.h"
 
 namespace comrad::learn {
-namespace {
+namespace replay_batch_test {
 
 using replay::Draw;
 using replay::Unit;
-using testing::SlabPool;
+using test::SlabPool;
 
 constexpr double kGamma = 0.9;
 
@@ -282,5 +282,5 @@ TEST_F(ReplayBatchTest, PartsKeepTheirOwnCuts) {
   EXPECT_TRUE(steps_from(second, 3, state).final_step.empty());
 }
 
-}  // namespace
+}  // namespace replay_batch_test
 }  // namespace comrad::learn

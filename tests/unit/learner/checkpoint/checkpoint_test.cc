@@ -14,7 +14,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::learn {
-namespace {
+namespace checkpoint_test {
 
 namespace fs = std::filesystem;
 
@@ -197,5 +197,5 @@ TEST_F(CheckpointTest, RemovesTheTemporaryFilesOfACrash) {
   EXPECT_FALSE(fs::exists(path("checkpoint/.tmp-123-checkpoint_000000001_4.pt")));
 }
 
-}  // namespace
+}  // namespace checkpoint_test
 }  // namespace comrad::learn

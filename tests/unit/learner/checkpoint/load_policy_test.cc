@@ -18,7 +18,7 @@
 #include "tests/support/test_python.h"
 
 namespace comrad::learn {
-namespace {
+namespace load_policy_test {
 
 constexpr int64_t kSteps = 4, kWorlds = 3, kMeasurements = 3;
 
@@ -188,5 +188,5 @@ INSTANTIATE_TEST_SUITE_P(Residual, PolicyModule,
                                                  RnnType::kGru, 1, "none", false, true, 0}),
                          kName);
 
-}  // namespace
+}  // namespace load_policy_test
 }  // namespace comrad::learn

@@ -11,7 +11,7 @@
 #include "tests/support/test_python.h"
 
 namespace comrad::learn {
-namespace {
+namespace python_reads_checkpoint_test {
 
 TEST(PythonReadsCheckpoint, WithWeightsOnlyAndEveryValue) {
   const Expected<std::string> python = test::python_with("torch");
@@ -45,5 +45,5 @@ assert d["config"]["toml"] == 'algo = "ippo"\n'
   EXPECT_EQ(std::system(command.c_str()), 0);
 }
 
-}  // namespace
+}  // namespace python_reads_checkpoint_test
 }  // namespace comrad::learn

@@ -28,7 +28,7 @@
 #include "rollout_buffer/settings/recipes.h"
 
 namespace comrad::learn {
-namespace {
+namespace mixer_games_test {
 
 /// The starts of every fit. Not all of them arrive, so tests say how many must; none is searched for.
 constexpr uint64_t kSeeds[] = {42, 68};
@@ -543,5 +543,5 @@ TEST(TwoStepGame, VdnPrefersTheSafeState) {
   }
 }
 
-}  // namespace
+}  // namespace mixer_games_test
 }  // namespace comrad::learn

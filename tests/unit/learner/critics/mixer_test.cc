@@ -14,7 +14,7 @@
 #include "rollout_buffer/settings/recipes.h"
 
 namespace comrad::learn {
-namespace {
+namespace mixer_test {
 
 constexpr const char* kKinds[] = {"vdn", "qmix", "dmaq", "dmaq_qatten"};
 
@@ -578,5 +578,5 @@ TEST(Qatten, OptionsAddHeadWeightsKeysAndABias) {
   EXPECT_GT(bias.abs().min().item<double>(), 1e-4);
 }
 
-}  // namespace
+}  // namespace mixer_test
 }  // namespace comrad::learn

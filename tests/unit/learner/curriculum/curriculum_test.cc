@@ -9,7 +9,7 @@
 #include "tests/support/documented_metrics.h"
 
 namespace comrad::learn {
-namespace {
+namespace curriculum_test {
 
 using testing::DoubleNear;
 using testing::ElementsAre;
@@ -312,5 +312,5 @@ TEST(Curriculum, MetricsTellEntropyAndTasks) {
   EXPECT_EQ(metrics[1].second, 4.0);
 }
 
-}  // namespace
+}  // namespace curriculum_test
 }  // namespace comrad::learn

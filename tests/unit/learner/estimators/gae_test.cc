@@ -9,7 +9,7 @@
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad::learn {
-namespace {
+namespace gae_test {
 
 /// One trajectory without ends, all valid.
 ReturnInput make_input(const std::vector<float>& reward, const std::vector<float>& value) {
@@ -136,5 +136,5 @@ TEST(Gae, AgreesWithTheFormulaWrittenAsNestedSums) {
   }
 }
 
-}  // namespace
+}  // namespace gae_test
 }  // namespace comrad::learn

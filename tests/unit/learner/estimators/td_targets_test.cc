@@ -13,7 +13,7 @@
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad::learn {
-namespace {
+namespace td_targets_test {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
@@ -180,5 +180,5 @@ TEST(Huber, MatchesTheKnownAnswersAndItsSlopeIsAtMostOne) {
   expect_values(error.grad(), {0.4, 1.0, -1.0, 0.0});
 }
 
-}  // namespace
+}  // namespace td_targets_test
 }  // namespace comrad::learn

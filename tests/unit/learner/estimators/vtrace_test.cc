@@ -10,7 +10,7 @@
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad::learn {
-namespace {
+namespace vtrace_test {
 
 ReturnInput common_input() {
   ReturnInput input;
@@ -90,5 +90,5 @@ TEST(Vtrace, MatchesTheSumOfEquation1) {
   }
 }
 
-}  // namespace
+}  // namespace vtrace_test
 }  // namespace comrad::learn

@@ -25,13 +25,13 @@
 #include "tests/support/same_value.h"
 
 namespace comrad::learn {
-namespace {
+namespace rank_group_test {
 
-using testing::all_equal;
-using testing::copies;
+using test::all_equal;
+using test::copies;
+using test::in_ranks;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using testing::in_ranks;
 using ::testing::SizeIs;
 
 Tensor row(int rank) { return torch::full({1, 3}, 10 + rank, torch::kFloat32); }
@@ -168,7 +168,7 @@ std::unique_ptr<Algorithm> make(const RunConfig& config, const TrajectoryShape& 
 
 void expect_two_learn_as_one(const Case& with) {
   constexpr int kAgents = 2;
-  RunConfig config = testing::small_config(with.algo, kAgents);
+  RunConfig config = test::small_config(with.algo, kAgents);
   config.collection.learner_threads = 1;
   config.optimisation.micro_batch_size = config.collection.rollout;  // as little as goes: one world
   config.optimisation.batch_size = config.collection.rollout * kAgents * 2;
@@ -176,11 +176,11 @@ void expect_two_learn_as_one(const Case& with) {
   config.network.normalize_input = true;
   config.network.share_parameters = config.run.algo.name() != "happo";
   if (with.change) with.change(config);
-  TrajectoryShape shape = testing::small_shape(config, kAgents);
+  TrajectoryShape shape = test::small_shape(config, kAgents);
   shape.env.measurement_count = 3;
   if (config.network.critic_state == CriticState::kGlobal) shape.env.global_state_count = 5;
   const auto batch_of = [&](uint64_t seed) {
-    RolloutBatch batch = testing::noise_batch(shape, 2, seed);
+    RolloutBatch batch = test::noise_batch(shape, 2, seed);
     batch.valid[1][0] = 0;  // the worlds are not alike
     batch.valid[2][1] = 0;
     return batch;
@@ -193,7 +193,7 @@ void expect_two_learn_as_one(const Case& with) {
     RolloutBatch batch = batch_of(seed);
     const Expected<UpdateStats> stats = dynamic_cast<OnPolicyAlgorithm&>(*one).update(batch, {});
     ASSERT_TRUE(stats);
-    reports.push_back(testing::values_of(*stats));
+    reports.push_back(test::values_of(*stats));
   }
   ASSERT_GE(one->version(), kUpdates);
 
@@ -205,7 +205,7 @@ void expect_two_learn_as_one(const Case& with) {
       RolloutBatch mine = select_slabs(whole, {ranks.rank()});
       const Expected<UpdateStats> stats = dynamic_cast<OnPolicyAlgorithm&>(*half).update(mine, {});
       ASSERT_TRUE(stats);
-      std::map<std::string, double> report = testing::values_of(*stats);
+      std::map<std::string, double> report = test::values_of(*stats);
       for (const auto& [name, value] : reports[seed - 1])
         EXPECT_NEAR(report[name], value, 1e-5 * (1 + std::abs(value))) << name << ", update " << seed;
     }
@@ -245,7 +245,7 @@ TEST(TwoLearners, AreOneLearnerBitForBitWhereTheKlDecides) {
 /// three decisions of each.
 ReplayBatch drawn_batch_of(const RunConfig& config, const TrajectoryShape& shape, uint64_t seed) {
   const int steps = shape.rollout_steps, agents = shape.env.num_agents;
-  testing::SlabPool pool(shape, 2);
+  test::SlabPool pool(shape, 2);
   pool.fill_with_noise(seed);
   pool.view(0).truncated(1) = 1;
   pool.view(0).final_index(1) = 0;
@@ -278,14 +278,14 @@ ReplayBatch drawn_batch_of(const RunConfig& config, const TrajectoryShape& shape
 
 void expect_two_draw_as_one(const Case& with) {
   constexpr int kAgents = 2;
-  RunConfig config = testing::small_config(with.algo, kAgents);
+  RunConfig config = test::small_config(with.algo, kAgents);
   config.collection.learner_threads = 1;
   config.mixers.mixer = config.run.algo->mixer_name;
   config.network.normalize_input = true;
   config.q_learning.team_reward = TeamReward::kSum;
   config.optimisation.learning_rate = 1e-3;
   if (with.change) with.change(config);
-  TrajectoryShape shape = testing::small_shape(config, kAgents);
+  TrajectoryShape shape = test::small_shape(config, kAgents);
   shape.env.measurement_count = 3;
   if (config.network.critic_state == CriticState::kGlobal) shape.env.global_state_count = 5;
   const ReplayBatch like = drawn_batch_of(config, shape, 1);  // a half is a micro-batch
@@ -322,7 +322,7 @@ void expect_two_draw_as_one(const Case& with) {
     const Expected<UpdateStats> stats = one.update(batch, {});
     ASSERT_TRUE(stats);
     ASSERT_EQ(stats->optimizer_steps, 1);
-    reports.push_back(testing::values_of(*stats));
+    reports.push_back(test::values_of(*stats));
     errors.push_back(batch.abs_td);
   }
 
@@ -338,7 +338,7 @@ void expect_two_draw_as_one(const Case& with) {
       ReplayBatch batch = half_of(whole, ranks.rank());
       const Expected<UpdateStats> stats = half.update(batch, {});
       ASSERT_TRUE(stats);
-      std::map<std::string, double> report = testing::values_of(*stats);
+      std::map<std::string, double> report = test::values_of(*stats);
       for (const auto& [name, value] : reports[seed - 1])
         EXPECT_NEAR(report[name], value, 1e-5 * (1 + std::abs(value))) << name << ", update " << seed;
       EXPECT_TRUE(at::equal(batch.abs_td,
@@ -385,10 +385,10 @@ TEST(TwoLearners, AreOneLearnerBitForBitWithBothQplex) {
 
 // Whatever the moment: the update ends, without an exception, and no step is taken.
 TEST(TwoLearners, TakeNoStepWhereTheOtherLeavesInTheMidstOfIt) {
-  RunConfig config = testing::small_config("ippo", 2);
+  RunConfig config = test::small_config("ippo", 2);
   config.collection.learner_threads = 1;
   config.network.normalize_input = true;
-  TrajectoryShape shape = testing::small_shape(config, 2);
+  TrajectoryShape shape = test::small_shape(config, 2);
   shape.env.measurement_count = 3;
   // What an update says first: how old the data is, then its measurements. 3: all but its gradient.
   for (const int said : {0, 1, 2, 3})
@@ -401,7 +401,7 @@ TEST(TwoLearners, TakeNoStepWhereTheOtherLeavesInTheMidstOfIt) {
       const std::unique_ptr<Algorithm> learner = make(config, shape);
       ASSERT_TRUE(learner->learn_with(ranks));
       const std::vector<std::byte> before = learner->weights();
-      RolloutBatch batch = testing::noise_batch(shape, 1, 1);
+      RolloutBatch batch = test::noise_batch(shape, 1, 1);
       UpdateContext context;
       if (ranks.rank() == 1) context.keep_going = [] { return false; };
       const Expected<UpdateStats> stats = dynamic_cast<OnPolicyAlgorithm&>(*learner).update(batch, context);
@@ -419,9 +419,9 @@ TEST(TwoLearners, TakeNoStepWhereTheOtherLeavesInTheMidstOfIt) {
 }
 
 TEST(TwoLearners, TakeNoStepOfQlearningWhereTheOtherLeavesInTheMidstOfIt) {
-  RunConfig config = testing::small_config("idqn", 2);
+  RunConfig config = test::small_config("idqn", 2);
   config.collection.learner_threads = 1;
-  const TrajectoryShape shape = testing::small_shape(config, 2);
+  const TrajectoryShape shape = test::small_shape(config, 2);
   // What an update says first: what is valid of its batch. 1: all but its gradient.
   for (const int said : {0, 1})
     in_ranks(2, [&](RankGroup& ranks) {
@@ -466,12 +466,12 @@ TEST(TwoLearners, ScoreLayoutsByWhatAllOfThemSaw) {
 class LearnsAlone : public ValueDecomposition {
  public:
   explicit LearnsAlone(const RunConfig& config)
-      : ValueDecomposition(config, testing::small_shape(config, 2).env, torch::kCPU) {}
+      : ValueDecomposition(config, test::small_shape(config, 2).env, torch::kCPU) {}
   Status learn_with(RankGroup& ranks) override { return Algorithm::learn_with(ranks); }
 };
 
 TEST(TwoLearners, AreRefusedWhereAnAlgorithmLearnsAlone) {
-  RunConfig config = testing::small_config("vdn", 2);
+  RunConfig config = test::small_config("vdn", 2);
   config.mixers.mixer = "vdn";
   RankGroup alone;
   EXPECT_TRUE(LearnsAlone(config).learn_with(alone));
@@ -482,5 +482,5 @@ TEST(TwoLearners, AreRefusedWhereAnAlgorithmLearnsAlone) {
   });
 }
 
-}  // namespace
+}  // namespace rank_group_test
 }  // namespace comrad::learn

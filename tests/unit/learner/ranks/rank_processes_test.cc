@@ -14,7 +14,7 @@
 #include "rollout_buffer/core/clock.h"
 
 namespace comrad::learn {
-namespace {
+namespace rank_processes_test {
 
 /// What the processes of a test tell each other.
 struct Board {
@@ -108,5 +108,5 @@ TEST_F(RankProcessesTest, TheOthersAreKilledWhenTheFirstDies) {
         << rank;
 }
 
-}  // namespace
+}  // namespace rank_processes_test
 }  // namespace comrad::learn

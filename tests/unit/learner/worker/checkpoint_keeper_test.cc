@@ -9,7 +9,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::learn {
-namespace {
+namespace checkpoint_keeper_test {
 
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
@@ -106,5 +106,5 @@ TEST_F(CheckpointKeeperTest, WhatIsToBeEvaluatedIsSavedOnceAPoint) {
   EXPECT_EQ(saved("evaluate_").size(), 3u);
 }
 
-}  // namespace
+}  // namespace checkpoint_keeper_test
 }  // namespace comrad::learn

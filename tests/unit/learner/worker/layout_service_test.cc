@@ -15,13 +15,13 @@
 #include "tests/support/small_arena.h"
 
 namespace comrad::learn {
-namespace {
+namespace layout_service_test {
 
 namespace fs = std::filesystem;
+using test::small_arena_shape;
 using ::testing::AllOf;
 using ::testing::DoubleNear;
 using ::testing::HasSubstr;
-using testing::small_arena_shape;
 
 class LayoutServiceTest : public ::testing::Test {
  protected:
@@ -261,7 +261,7 @@ TEST_F(LayoutServiceTest, TheGraphAndTheScalesReachOmni) {
 RolloutBatch batch_of_layouts() {
   TrajectoryShape shape = small_arena_shape().trajectory;
   shape.rollout_steps = 4;
-  const testing::SlabPool pool(shape, 2);
+  const test::SlabPool pool(shape, 2);
   pool.fill_with_noise(5);
   constexpr int kLayouts[2][4] = {{0, 0, 1, 2}, {2, 2, 2, 5}};
   for (int i = 0; i < 2; ++i)
@@ -307,10 +307,10 @@ TEST(LayoutSignals, TenTimesTheRewardScoresTenTimesAsMuchForEveryAlgorithm) {
   for (const char* algo : {"ippo", "mappo", "happo"}) {
     std::vector<double> scores;
     for (const double scale : {1.0, 10.0}) {
-      RunConfig config = testing::small_config(algo, 2);
+      RunConfig config = test::small_config(algo, 2);
       config.network.share_parameters = config.run.algo != "happo";
       config.network.critic_hidden_sizes = "16";
-      const TrajectoryShape shape = testing::small_shape(config, 2);
+      const TrajectoryShape shape = test::small_shape(config, 2);
       const auto made = make_algorithm(config, shape.env, torch::kCPU);
       ASSERT_TRUE(made);
       StateDict state;
@@ -318,7 +318,7 @@ TEST(LayoutSignals, TenTimesTheRewardScoresTenTimesAsMuchForEveryAlgorithm) {
       state.put("normalizer/returns_mean", 0.3 * scale);  // statistics that saw rewards of this scale
       state.put("normalizer/returns_variance", 2.0 * scale * scale);
       ASSERT_TRUE((*made)->load(state));
-      RolloutBatch batch = testing::noise_batch(shape, 4, 7);
+      RolloutBatch batch = test::noise_batch(shape, 4, 7);
       batch.reward.mul_(scale);
       ASSERT_TRUE(dynamic_cast<OnPolicyAlgorithm&>(**made).update(batch, {}));
       scores.push_back(layout_signals(batch, PlrScore::kMeanValueL1, 1).front().mean);
@@ -346,5 +346,5 @@ TEST_F(LayoutServiceTest, OnlyPlrListensToTraining) {
   }
 }
 
-}  // namespace
+}  // namespace layout_service_test
 }  // namespace comrad::learn

@@ -32,7 +32,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::learn {
-namespace {
+namespace learner_test {
 
 namespace fs = std::filesystem;
 
@@ -802,5 +802,5 @@ TEST_F(LearnerTest, AStalledLearnerBoundsWhatIsCollected) {
   EXPECT_EQ(queue.waiting(), 2);
 }
 
-}  // namespace
+}  // namespace learner_test
 }  // namespace comrad::learn

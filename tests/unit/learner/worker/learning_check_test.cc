@@ -8,7 +8,7 @@
 #include <vector>
 
 namespace comrad::learn {
-namespace {
+namespace learning_check_test {
 
 using ::testing::AllOf;
 using ::testing::ElementsAre;
@@ -157,5 +157,5 @@ TEST(LearningCheck, AHealthyReportSaysNothing) {
     EXPECT_THAT(told(config_of(algo), values), IsEmpty()) << algo;
 }
 
-}  // namespace
+}  // namespace learning_check_test
 }  // namespace comrad::learn

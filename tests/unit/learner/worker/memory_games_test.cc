@@ -15,11 +15,11 @@
 #include "tests/support/pipeline_game.h"
 
 namespace comrad::learn {
-namespace {
+namespace memory_games_test {
 
-using testing::GameGoal;
-using testing::PipelineGame;
-using testing::TrainedGame;
+using test::GameGoal;
+using test::PipelineGame;
+using test::TrainedGame;
 
 constexpr int kDecisions = 7;
 /// The mean of 400 episodes of chance has a standard deviation of 0.025 where both agents always turn alike.
@@ -61,7 +61,7 @@ struct Case {
 void PrintTo(const Case& one, std::ostream* out) { *out << one.name; }
 
 RunConfig maze_config(const Case& one) {
-  RunConfig config = testing::pipeline_game_config(one.algo);
+  RunConfig config = test::pipeline_game_config(one.algo);
   config.network.use_rnn = std::string(one.core) != "none";
   if (config.network.use_rnn)
     config.network.rnn_type = std::string(one.core) == "lstm" ? RnnType::kLstm : RnnType::kGru;
@@ -91,7 +91,7 @@ RunConfig maze_config(const Case& one) {
 }
 
 double best_score(const Case& one, const RunConfig& config, const GameGoal& goal) {
-  const TrainedGame trained = testing::train_game(
+  const TrainedGame trained = test::train_game(
       config, [] { return std::make_unique<TMaze>(); }, goal);
   std::printf(
       "t-maze, %s, seed %d: best mean of %zu episodes %.3f after %.0f decisions, %u updates, %.1f s\n",
@@ -124,5 +124,5 @@ INSTANTIATE_TEST_SUITE_P(Learners, TMazeWithoutMemory,
                                            Case{"qmix_feed_forward", "qmix", "none"}),
                          [](const auto& one) { return std::string(one.param.name); });
 
-}  // namespace
+}  // namespace memory_games_test
 }  // namespace comrad::learn

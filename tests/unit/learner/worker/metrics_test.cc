@@ -8,7 +8,7 @@
 #include <vector>
 
 namespace comrad::learn {
-namespace {
+namespace metrics_test {
 
 shm::EpisodeRecord episode(float score, std::array<float, 2> agent_return, uint32_t length_tics) {
   shm::EpisodeRecord record{};
@@ -131,5 +131,5 @@ TEST(RateWindow, IsTheSlopeOverTheWindow) {
   EXPECT_DOUBLE_EQ(rates.env_frames_per_s(), 400);
 }
 
-}  // namespace
+}  // namespace metrics_test
 }  // namespace comrad::learn

@@ -14,9 +14,9 @@
 #include "tests/support/pipeline_game.h"
 
 namespace comrad::learn {
-namespace {
+namespace pipeline_games_test {
 
-using testing::PipelineGame;
+using test::PipelineGame;
 
 /// Rashid et al. 2018: agent 0's first action leads to state 1, where everything pays 7, or to state 2 with a
 /// table of payoffs.
@@ -74,7 +74,7 @@ class HiddenGame : public PipelineGame {
 };
 
 RunConfig game_config(const std::string& algo) {
-  RunConfig config = testing::pipeline_game_config(algo);
+  RunConfig config = test::pipeline_game_config(algo);
   config.collection.rollout = 8;
   config.optimisation.batch_size = 256;
   // QPLEX' losing utilities get V_tot's gradient whole, however little their lambda lets them count, so at high
@@ -95,9 +95,9 @@ RunConfig game_config(const std::string& algo) {
 }
 
 /// Trains through the pipeline and returns what was learned.
-std::unique_ptr<QLearning> train(const RunConfig& config, const testing::GameMaker& make) {
+std::unique_ptr<QLearning> train(const RunConfig& config, const test::GameMaker& make) {
   return std::unique_ptr<QLearning>(
-      dynamic_cast<QLearning*>(testing::train_game(config, make).algorithm.release()));
+      dynamic_cast<QLearning*>(test::train_game(config, make).algorithm.release()));
 }
 
 /// Q-values [2 agents, choices] in a state.
@@ -157,7 +157,7 @@ TEST(PayingGame, ATimeOutIsNoEnd) { EXPECT_NEAR(value_of_paying_game(true), 1 / 
 TEST(PayingGame, AnEndIsAnEnd) { EXPECT_NEAR(value_of_paying_game(false), 1 / (1 - 0.72), 0.4); }
 
 RunConfig hidden_config(const std::string& algo, CriticState state) {
-  RunConfig config = testing::pipeline_game_config(algo);
+  RunConfig config = test::pipeline_game_config(algo);
   config.network.critic_state = state;
   config.network.critic_hidden_sizes = "64,32";
   config.environment.shared_reward_alpha = algo == "mappo" || algo == "happo" ? 1 : 0;
@@ -204,7 +204,7 @@ double value_of(const Algorithm& algorithm, bool pays, int step) {
 double hidden_game_error(const char* algo, int seed) {
   RunConfig config = hidden_config(algo, CriticState::kGlobal);
   config.run.seed = seed;
-  const auto trained = testing::train_game(config, [] { return std::make_unique<HiddenGame>(); });
+  const auto trained = test::train_game(config, [] { return std::make_unique<HiddenGame>(); });
   double worst = 0;
   for (const bool pays : {true, false})
     for (const int step : {0, 3}) {
@@ -248,8 +248,8 @@ TEST(HiddenGame, ACheckpointOfAnotherCriticStateIsRefusedByName) {
 
 TEST(HiddenGame, FeaturesOfPicturesKnowNothingOfIt) {
   for (const char* algo : {"mappo", "qmix"}) {
-    const auto trained = testing::train_game(hidden_config(algo, CriticState::kFeatures),
-                                             [] { return std::make_unique<HiddenGame>(); });
+    const auto trained = test::train_game(hidden_config(algo, CriticState::kFeatures),
+                                          [] { return std::make_unique<HiddenGame>(); });
     const double value = value_of(*trained.algorithm, true, 0);
     std::printf("hidden game, %s, features alone: value %.2f of +-%.2f\n", algo, value,
                 HiddenGame::value(true, 0));
@@ -257,5 +257,5 @@ TEST(HiddenGame, FeaturesOfPicturesKnowNothingOfIt) {
   }
 }
 
-}  // namespace
+}  // namespace pipeline_games_test
 }  // namespace comrad::learn

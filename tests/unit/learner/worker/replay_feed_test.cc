@@ -9,10 +9,10 @@
 #include "tests/support/slab_pool.h"
 
 namespace comrad::learn {
-namespace {
+namespace replay_feed_test {
 
-using testing::in_ranks;
-using testing::SlabPool;
+using test::in_ranks;
+using test::SlabPool;
 
 constexpr int kRollout = 8, kAgents = 2;
 
@@ -219,5 +219,5 @@ TEST(TwoReplays, AFeedThatIsToSaveAfterOthersLeftHasNoReplayToName) {
   });
 }
 
-}  // namespace
+}  // namespace replay_feed_test
 }  // namespace comrad::learn

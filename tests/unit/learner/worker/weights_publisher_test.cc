@@ -14,7 +14,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::learn {
-namespace {
+namespace weights_publisher_test {
 
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
@@ -75,5 +75,5 @@ TEST_F(WeightsPublisherTest, DoesNotWaitForADeviceAndSkipsWhatHasANewerOneBehind
   EXPECT_THAT(published_, ElementsAre(Pair(1, 1), Pair(3, 3)));
 }
 
-}  // namespace
+}  // namespace weights_publisher_test
 }  // namespace comrad::learn

@@ -18,7 +18,7 @@
 #include "tests/unit/policy_workers/fake_simulators.h"
 
 namespace comrad::policy {
-namespace {
+namespace batcher_test {
 
 using shm::RequestKind;
 using shm::SlotState;
@@ -634,5 +634,5 @@ TEST(Batcher, SimulatorsInThreadsGetEveryAnswer) {
   EXPECT_EQ(answered, 12u * kRounds);
 }
 
-}  // namespace
+}  // namespace batcher_test
 }  // namespace comrad::policy

@@ -7,7 +7,7 @@
 #include "tests/unit/policy_workers/fake_simulators.h"
 
 namespace comrad::policy {
-namespace {
+namespace staged_forward_test {
 
 Batcher make_batcher(const shm::Arena& arena) {
   auto batcher = Batcher::create(arena, {.seed = 42});
@@ -26,7 +26,7 @@ struct Networks {
 
 Networks make_networks(const PolicyNetOptions& options, uint64_t seed) {
   return {PolicyNet::create(options, seed, torch::kCPU),
-          PolicyNet::create(options, seed, testing::test_device())};
+          PolicyNet::create(options, seed, test::test_device())};
 }
 
 /// Answers what waits by `staged` and holds it to the CPU's plain pass over the same batch.
@@ -37,7 +37,7 @@ void answer_and_compare(Batcher& batcher, const PolicyNet& net, StagedForward& s
   const PolicyOutput output = staged.step(batch);
   ASSERT_EQ(output.logits.sizes(), plain.logits.sizes());
   ASSERT_EQ(output.recurrent_state.sizes(), plain.recurrent_state.sizes());
-  const double bound = testing::test_device().is_cpu() ? 1e-5 : 1e-4;
+  const double bound = test::test_device().is_cpu() ? 1e-5 : 1e-4;
   EXPECT_LT(largest_difference(output.logits, plain.logits), bound);
   EXPECT_LT(largest_difference(output.value, plain.value), bound);
   EXPECT_LT(largest_difference(output.recurrent_state, plain.recurrent_state), bound);
@@ -55,13 +55,13 @@ TEST(StagedForward, BatchesAreRoundedUpToFewSizes) {
   EXPECT_EQ(sizes, (std::vector<int64_t>{1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128}));
 }
 
-class EveryCore : public ::testing::TestWithParam<const char*> {};
+class EveryStagedCore : public ::testing::TestWithParam<const char*> {};
 
-TEST_P(EveryCore, SaysWhatThePlainPassSaysWhileStatesStayOnTheDevice) {
+TEST_P(EveryStagedCore, SaysWhatThePlainPassSaysWhileStatesStayOnTheDevice) {
   const PolicyNetOptions options = small_network(GetParam());
   const bool has_state = options.recurrent_state_count() > 0;
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 10});
-  const testing::FullPrecision full;
+  const test::FullPrecision full;
   const auto [net, on_device] = make_networks(options, 3);
   Batcher batcher = make_batcher(arena);
   StagedForward staged(on_device, arena.shape());
@@ -102,7 +102,7 @@ TEST_P(EveryCore, SaysWhatThePlainPassSaysWhileStatesStayOnTheDevice) {
 TEST(StagedForward, PacksLargeBatchesWithSeveralThreads) {
   const PolicyNetOptions options = small_network();
   const shm::Arena arena = make_arena(options, {.envs_per_worker = 120});
-  const testing::FullPrecision full;
+  const test::FullPrecision full;
   const auto [net, on_device] = make_networks(options, 3);
   Batcher batcher = make_batcher(arena);
   StagedForward staged(on_device, arena.shape(), /*packing_threads=*/3);
@@ -114,7 +114,7 @@ TEST(StagedForward, PacksLargeBatchesWithSeveralThreads) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Cores, EveryCore, ::testing::Values("none", "gru", "lstm"),
+INSTANTIATE_TEST_SUITE_P(Cores, EveryStagedCore, ::testing::Values("none", "gru", "lstm"),
                          [](const auto& of) { return of.param; });
 
 class EveryPrecision : public ::testing::TestWithParam<Precision> {};
@@ -123,7 +123,7 @@ TEST_P(EveryPrecision, ReadsWeightsThatCameLater) {
   PolicyNetOptions options = small_network();
   options.precision = GetParam();
   const shm::Arena arena = make_arena(options, {});
-  const testing::FullPrecision full;
+  const test::FullPrecision full;
   const auto [net, on_device] = make_networks(options, 3);
   const PolicyNet other = PolicyNet::create(options, 4, torch::kCPU);
   Batcher batcher = make_batcher(arena);
@@ -155,5 +155,5 @@ TEST_P(EveryPrecision, ReadsWeightsThatCameLater) {
 INSTANTIATE_TEST_SUITE_P(Precisions, EveryPrecision, ::testing::Values(Precision::kFp32, Precision::kBf16),
                          [](const auto& of) { return of.param == Precision::kFp32 ? "fp32" : "bf16"; });
 
-}  // namespace
+}  // namespace staged_forward_test
 }  // namespace comrad::policy

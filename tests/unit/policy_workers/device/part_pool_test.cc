@@ -13,7 +13,7 @@
 #include "rollout_buffer/core/clock.h"
 
 namespace comrad::device {
-namespace {
+namespace part_pool_test {
 
 TEST(PartPool, DoesEveryPartOnceWithOneComputingThreadEach) {
   const int before = at::get_num_threads();
@@ -123,5 +123,5 @@ TEST(PartPool, AFailureEndsTheJobAndIsThrownAgain) {
   }
 }
 
-}  // namespace
+}  // namespace part_pool_test
 }  // namespace comrad::device

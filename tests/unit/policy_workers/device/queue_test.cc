@@ -13,7 +13,7 @@
 #include "tests/support/test_device.h"
 
 namespace comrad::device {
-namespace {
+namespace queue_test {
 
 TEST(Queue, OfACpuHasDoneWhatItWasGiven) {
   const Stream work = Stream::current(torch::kCPU), copies = Stream::beside(torch::kCPU);
@@ -34,7 +34,7 @@ TEST(Queue, OfACpuHasDoneWhatItWasGiven) {
 }
 
 TEST(Queue, WaitsForWhatAnotherQueueDid) {
-  const torch::Device device = testing::test_device();
+  const torch::Device device = test::test_device();
   const Tensor factors = torch::full({1024, 1024}, 0.5, torch::TensorOptions().device(device));
   Tensor product = torch::ones({1024, 1024}, torch::TensorOptions().device(device));
   const Stream work = Stream::current(device), copies = Stream::beside(device);
@@ -62,7 +62,7 @@ TEST(Queue, WaitsForWhatAnotherQueueDid) {
 }
 
 TEST(Graph, DoesItsWorkOnReplay) {
-  const auto options = torch::TensorOptions().device(testing::test_device());
+  const auto options = torch::TensorOptions().device(test::test_device());
   Tensor from = torch::zeros({}, options), to = torch::zeros({}, options);
   Graph graph;
   ASSERT_TRUE(graph.record(options.device(), [&] { to.copy_(from + 1); }));
@@ -77,7 +77,7 @@ TEST(Graph, DoesItsWorkOnReplay) {
 }
 
 TEST(Graph, GivesWorkThatMattersOnceAReplay) {
-  const auto options = torch::TensorOptions().device(testing::test_device());
+  const auto options = torch::TensorOptions().device(test::test_device());
   Tensor sum = torch::zeros({3}, options), made;
   const Tensor added = torch::ones({3}, options);
   Graph graph;
@@ -95,7 +95,7 @@ TEST(Graph, GivesWorkThatMattersOnceAReplay) {
 }
 
 TEST(Graph, RecordsWorkOfAutogradWhileOtherThreadsAllocate) {
-  const auto options = torch::TensorOptions().device(testing::test_device());
+  const auto options = torch::TensorOptions().device(test::test_device());
   const Tensor weight = torch::full({8, 8}, 0.5, options).requires_grad_(),
                input = torch::ones({4, 8}, options);
   Tensor gradient;
@@ -121,7 +121,7 @@ TEST(Graph, RecordsWorkOfAutogradWhileOtherThreadsAllocate) {
 }
 
 TEST(Graph, ThatCannotBeRecordedDoesItsWorkAllTheSame) {
-  const auto options = torch::TensorOptions().device(testing::test_device());
+  const auto options = torch::TensorOptions().device(test::test_device());
   Tensor sum = torch::zeros({}, options);
   Graph graph;
   graph.record_at_second_replay(options.device(), [&] {
@@ -134,7 +134,7 @@ TEST(Graph, ThatCannotBeRecordedDoesItsWorkAllTheSame) {
 }
 
 TEST(Readback, BringsWhatWasComputedBeforeIt) {
-  const torch::Device device = testing::test_device();
+  const torch::Device device = test::test_device();
   Tensor numbers = torch::arange(3, torch::TensorOptions(torch::kFloat64).device(device));
   Readback read(numbers * 2);
   numbers.zero_();
@@ -159,5 +159,5 @@ TEST(Readback, IsThereAtOnceOnACpuUnlessATestWantsItLate) {
   EXPECT_EQ(host_waits(), before + 1);
 }
 
-}  // namespace
+}  // namespace queue_test
 }  // namespace comrad::device

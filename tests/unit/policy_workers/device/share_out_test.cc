@@ -12,7 +12,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::device {
-namespace {
+namespace share_out_test {
 
 class ShareOut : public ::testing::Test {
  protected:
@@ -82,5 +82,5 @@ TEST(PiecesOf, CoverEveryElementInOrder) {
   EXPECT_GT(pieces_of(tensors).size(), 4u) << "what is large is cut";
 }
 
-}  // namespace
+}  // namespace share_out_test
 }  // namespace comrad::device

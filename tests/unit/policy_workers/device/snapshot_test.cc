@@ -11,10 +11,10 @@
 #include "tests/support/test_device.h"
 
 namespace comrad::device {
-namespace {
+namespace snapshot_test {
 
 TEST(Snapshot, HoldsWhatTensorsWereWhenItWasTaken) {
-  const torch::Device device = testing::test_device();
+  const torch::Device device = test::test_device();
   const auto on_device = torch::TensorOptions().device(device);
   Tensor matrix = torch::arange(6, on_device.dtype(torch::kFloat32)).view({2, 3});
   const Tensor transposed = matrix.t(), one = torch::full({}, 7.5, on_device.dtype(torch::kFloat64));
@@ -49,5 +49,5 @@ TEST(Snapshot, IsThereOnceItWasWaitedForWhereTheDeviceIsSlow) {
   EXPECT_TRUE(snapshot.is_ready());
 }
 
-}  // namespace
+}  // namespace snapshot_test
 }  // namespace comrad::device

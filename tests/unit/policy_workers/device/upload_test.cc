@@ -13,10 +13,10 @@
 #include "tests/support/test_device.h"
 
 namespace comrad::device {
-namespace {
+namespace upload_test {
 
 TEST(Upload, WritesTensorsOfAnyShapeAndTypeOneAfterAnother) {
-  const auto on_device = torch::TensorOptions().device(testing::test_device());
+  const auto on_device = torch::TensorOptions().device(test::test_device());
   const Tensor matrix = torch::zeros({3, 2}, on_device),
                one = torch::zeros({}, on_device.dtype(torch::kFloat64));
   const Tensor byte = torch::zeros({1}, on_device.dtype(torch::kUInt8)), none = torch::zeros({0}, on_device);
@@ -48,5 +48,5 @@ TEST(Upload, WritesTensorsOfAnyShapeAndTypeOneAfterAnother) {
   EXPECT_TRUE(std::ranges::equal(snapshot.wait(), bytes));
 }
 
-}  // namespace
+}  // namespace upload_test
 }  // namespace comrad::device

@@ -5,7 +5,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::device {
-namespace {
+namespace work_counter_test {
 
 TEST(WorkCounter, AProductAndItsGradients) {
   const torch::Tensor x = torch::randn({6, 5}), w = torch::randn({7, 5}).requires_grad_(),
@@ -49,5 +49,5 @@ TEST(WorkCounter, ViewsAndAllocationsAreNoWorkAndListsAreOne) {
   EXPECT_EQ(counter.of(Phase::kOptimizer).flop, 0);
 }
 
-}  // namespace
+}  // namespace work_counter_test
 }  // namespace comrad::device

@@ -8,7 +8,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::policy {
-namespace {
+namespace action_heads_test {
 
 EnvShape shape_of(std::initializer_list<int> heads) {
   EnvShape env;
@@ -247,5 +247,5 @@ TEST(ExploreAction, MasksHoldInExplorationAndGreedyChoice) {
   }
 }
 
-}  // namespace
+}  // namespace action_heads_test
 }  // namespace comrad::policy

@@ -11,7 +11,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::policy {
-namespace {
+namespace encoder_test {
 
 at::Generator generator(uint64_t seed) { return at::make_generator<at::CPUGeneratorImpl>(seed); }
 
@@ -277,5 +277,5 @@ TEST(Encoder, MeasurementsAddTheirOwnBranch) {
   EXPECT_TRUE(torch::equal(after[0], features[0]));
 }
 
-}  // namespace
+}  // namespace encoder_test
 }  // namespace comrad::policy

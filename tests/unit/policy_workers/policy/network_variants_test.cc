@@ -12,7 +12,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::policy {
-namespace {
+namespace network_variants_test {
 
 PolicyNetOptions small_options() {
   PolicyNetOptions options;
@@ -570,5 +570,5 @@ TEST(Precision, Bf16AgreesWithFp32InOutputsAndGradient) {
   }
 }
 
-}  // namespace
+}  // namespace network_variants_test
 }  // namespace comrad::policy

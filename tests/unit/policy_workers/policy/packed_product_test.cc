@@ -10,7 +10,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::policy {
-namespace {
+namespace packed_product_test {
 
 using torch::Tensor;
 
@@ -139,5 +139,5 @@ TEST(PackedKernel, GivesTheSameBitsWithAnyInstructions) {
 INSTANTIATE_TEST_SUITE_P(Precisions, PackedProduct, ::testing::Values(Precision::kFp32, Precision::kBf16),
                          [](const auto& one) { return one.param == Precision::kFp32 ? "fp32" : "bf16"; });
 
-}  // namespace
+}  // namespace packed_product_test
 }  // namespace comrad::policy

@@ -11,7 +11,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::policy {
-namespace {
+namespace pixel_convolutions_test {
 
 using torch::Tensor;
 
@@ -130,5 +130,5 @@ INSTANTIATE_TEST_SUITE_P(PrecisionsAndStrides, Convolutions,
                                             ::testing::Values(3, 4)),
                          name_of);
 
-}  // namespace
+}  // namespace pixel_convolutions_test
 }  // namespace comrad::policy

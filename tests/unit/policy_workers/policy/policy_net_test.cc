@@ -6,7 +6,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::policy {
-namespace {
+namespace policy_net_test {
 
 PolicyNetOptions full_options(const char* core, bool use_rnn = true) {
   PolicyNetOptions options;
@@ -211,5 +211,5 @@ TEST(PolicyNet, ChoosesDevicesByName) {
   EXPECT_FALSE(choose_device("cuda:120"));
 }
 
-}  // namespace
+}  // namespace policy_net_test
 }  // namespace comrad::policy

@@ -6,7 +6,7 @@
 #include "tests/support/test_device.h"
 
 namespace comrad::policy {
-namespace {
+namespace recurrent_core_test {
 
 RecurrentCore make_core(CoreKind kind, int64_t input, int64_t hidden, int64_t layers,
                         torch::Device device = torch::kCPU) {
@@ -99,11 +99,11 @@ class EveryCore : public ::testing::TestWithParam<std::pair<CoreKind, int64_t>> 
   /// What may lie between sums in another order.
   double bound(double on_cpu) const { return device_.is_cpu() ? on_cpu : 10 * on_cpu; }
 
-  const torch::Device device_ = comrad::testing::test_device();
+  const torch::Device device_ = comrad::test::test_device();
   const torch::TensorOptions options_ = torch::TensorOptions().device(device_);
 
  private:
-  const comrad::testing::FullPrecision full_;
+  const comrad::test::FullPrecision full_;
 };
 
 TEST_P(EveryCore, SequenceEqualsRepeatedStepsWithResets) {
@@ -169,5 +169,5 @@ TEST(RecurrentCore, WithoutACoreFeaturesPassUnchanged) {
   EXPECT_EQ(core.feature_count(), 7);
 }
 
-}  // namespace
+}  // namespace recurrent_core_test
 }  // namespace comrad::policy

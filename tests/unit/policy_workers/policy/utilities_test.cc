@@ -9,7 +9,7 @@
 #include "policy_workers/policy/torch_ops.h"
 
 namespace comrad::policy {
-namespace {
+namespace utilities_test {
 
 /// Armory Siege's heads: 14 logits, 162 compound actions.
 EnvShape siege_heads() {
@@ -150,5 +150,5 @@ TEST(DoubleQ, ValuesTheOnlineChoiceByTheTargetHeadByHead) {
   EXPECT_NEAR(greedy_utility(target, {}, env).item<double>(), 1.4, 1e-6);
 }
 
-}  // namespace
+}  // namespace utilities_test
 }  // namespace comrad::policy

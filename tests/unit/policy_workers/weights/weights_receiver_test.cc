@@ -6,7 +6,7 @@
 #include "tests/unit/policy_workers/fake_simulators.h"
 
 namespace comrad::policy {
-namespace {
+namespace weights_receiver_test {
 
 TEST(WeightsReceiver, TakesEveryNewerVersionOnce) {
   const PolicyNetOptions options = small_network();
@@ -61,5 +61,5 @@ TEST(WeightsReceiver, KnowsHowFarBehindTheNetworkIs) {
   EXPECT_EQ(receiver.behind(), 0u);
 }
 
-}  // namespace
+}  // namespace weights_receiver_test
 }  // namespace comrad::policy

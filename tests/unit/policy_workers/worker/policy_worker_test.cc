@@ -19,7 +19,7 @@
 #include "tests/unit/policy_workers/fake_simulators.h"
 
 namespace comrad::policy {
-namespace {
+namespace policy_worker_test {
 
 RunConfig small_config() {
   RunConfig config;
@@ -337,5 +337,5 @@ TEST(PolicyWorkerProgram, BenchPrintsOneObjectAndBadInputExitsWithTwo) {
   }
 }
 
-}  // namespace
+}  // namespace policy_worker_test
 }  // namespace comrad::policy

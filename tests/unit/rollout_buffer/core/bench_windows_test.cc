@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad {
-namespace {
+namespace bench_windows_test {
 
 using ::testing::DoubleEq;
 using ::testing::ElementsAre;
@@ -56,5 +56,5 @@ TEST(BenchWindows, RoundingLeavesNoWindowOpen) {
   }
 }
 
-}  // namespace
+}  // namespace bench_windows_test
 }  // namespace comrad

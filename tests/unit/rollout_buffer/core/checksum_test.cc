@@ -9,7 +9,7 @@
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad {
-namespace {
+namespace checksum_test {
 
 std::vector<std::byte> noise(std::size_t count) {
   Rng rng(uint64_t{count});
@@ -49,5 +49,5 @@ TEST(Checksum64, LengthAndOrderCount) {
   }
 }
 
-}  // namespace
+}  // namespace checksum_test
 }  // namespace comrad

@@ -8,7 +8,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad {
-namespace {
+namespace cores_test {
 
 std::optional<double> quota_of(const std::string& proc_cgroup, const std::string& root) {
   return control_group_cores(control_groups("cpu", proc_cgroup, root));
@@ -69,5 +69,5 @@ TEST(ControlGroupCores, WhatCannotBeReadIsNoLimit) {
     EXPECT_EQ(quota_of(text, root.string()), std::nullopt) << text;
 }
 
-}  // namespace
+}  // namespace cores_test
 }  // namespace comrad

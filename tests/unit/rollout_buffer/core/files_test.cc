@@ -12,7 +12,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad {
-namespace {
+namespace files_test {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
@@ -87,5 +87,5 @@ TEST_F(FilesTest, AFullDiskIsCalledThat) {
   EXPECT_THAT(written.error().message, HasSubstr("free disk space"));
 }
 
-}  // namespace
+}  // namespace files_test
 }  // namespace comrad

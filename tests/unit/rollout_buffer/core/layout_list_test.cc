@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad {
-namespace {
+namespace layout_list_test {
 
 using ::testing::HasSubstr;
 
@@ -40,5 +40,5 @@ TEST(LayoutListFile, BadOnesAreNamed) {
   EXPECT_THAT(read_layout_list("/nowhere").error().message, HasSubstr("--layout_pool"));
 }
 
-}  // namespace
+}  // namespace layout_list_test
 }  // namespace comrad

@@ -11,7 +11,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad {
-namespace {
+namespace log_test {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
@@ -56,5 +56,5 @@ TEST(Log, AFolderThatCannotBeMadeIsAnError) {
   EXPECT_THAT(opened.error().message, HasSubstr("/dev/null/logs/sim-0.log"));
 }
 
-}  // namespace
+}  // namespace log_test
 }  // namespace comrad

@@ -8,7 +8,7 @@
 #include <utility>
 
 namespace comrad {
-namespace {
+namespace mapping_test {
 
 constexpr int64_t kPage = 4096;
 
@@ -59,5 +59,5 @@ TEST(Mapping, MovesAndKeepsWhatItHeldUntilItsEnd) {
   EXPECT_FALSE(is_open(second));
 }
 
-}  // namespace
+}  // namespace mapping_test
 }  // namespace comrad

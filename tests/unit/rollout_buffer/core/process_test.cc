@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 namespace comrad {
-namespace {
+namespace process_test {
 
 TEST(YieldToOthers, IsTheLowestPriorityOfTheProcessAndItsChildrenAndMakesPatient) {
   const pid_t child = fork();
@@ -35,5 +35,5 @@ TEST(ExitCode, TellsBadInputFromFailure) {
   EXPECT_EQ(exit_code({ErrorCode::kNotSaved, ""}), kExitNotSaved);
 }
 
-}  // namespace
+}  // namespace process_test
 }  // namespace comrad

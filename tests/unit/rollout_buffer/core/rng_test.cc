@@ -7,7 +7,7 @@
 #include <set>
 
 namespace comrad {
-namespace {
+namespace rng_test {
 
 TEST(Rng, IsSplitMix64) {
   // First outputs of the published generator from state 0.
@@ -73,5 +73,5 @@ TEST(Rng, RestoreContinuesTheSameStream) {
   for (int draw = 0; draw < 10; ++draw) EXPECT_EQ(copy.next(), rng.next());
 }
 
-}  // namespace
+}  // namespace rng_test
 }  // namespace comrad

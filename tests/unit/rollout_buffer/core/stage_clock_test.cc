@@ -10,7 +10,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad {
-namespace {
+namespace stage_clock_test {
 
 void work(double seconds) {
   for (const double end_s = thread_cpu_s() + seconds; thread_cpu_s() < end_s;) {
@@ -88,5 +88,5 @@ TEST(NameOf, EveryStageHasOneOfItsOwn) {
   EXPECT_EQ(std::ranges::unique(names).size(), 0u);
 }
 
-}  // namespace
+}  // namespace stage_clock_test
 }  // namespace comrad

@@ -8,7 +8,7 @@
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad {
-namespace {
+namespace text_test {
 
 TEST(Case, TurnsLettersOfAsciiAndNothingElse) {
   for (int code = 0; code < 256; ++code) {
@@ -119,5 +119,5 @@ TEST(Joined, SeparatesWordsByCommas) {
   EXPECT_EQ(joined(std::vector<std::string_view>{"a", "b"}, " | "), "a | b");
 }
 
-}  // namespace
+}  // namespace text_test
 }  // namespace comrad

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad {
-namespace {
+namespace toml_text_test {
 
 TEST(TomlScalarText, ReadsBackAsTheValueThatWasWritten) {
   const toml::table document =
@@ -24,5 +24,5 @@ TEST(TomlScalarText, ListsTablesAndDatesAreNone) {
     EXPECT_FALSE(toml_scalar_text(*document.get(key)).has_value()) << key;
 }
 
-}  // namespace
+}  // namespace toml_text_test
 }  // namespace comrad

@@ -23,7 +23,7 @@
 #include "rollout_buffer/core/clock.h"
 
 namespace comrad::dds {
-namespace {
+namespace bus_test {
 
 uint64_t fresh_run_id() {
   static std::random_device device;
@@ -380,5 +380,5 @@ TEST(Bus, ListensOnLoopbackOnly) {
   EXPECT_GE(sockets, 2);
 }
 
-}  // namespace
+}  // namespace bus_test
 }  // namespace comrad::dds

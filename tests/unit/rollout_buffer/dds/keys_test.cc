@@ -14,7 +14,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::dds {
-namespace {
+namespace keys_test {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
@@ -191,5 +191,5 @@ TEST(SecurityPlugins, AreFoundBesideCycloneByTheirFullPath) {
   EXPECT_TRUE(fs::exists(*folder + "/libdds_security_auth.so"));
 }
 
-}  // namespace
+}  // namespace keys_test
 }  // namespace comrad::dds

@@ -12,7 +12,7 @@
 #include "tests/support/network_pair.h"
 
 namespace comrad::dds {
-namespace {
+namespace link_bus_test {
 
 using ::testing::HasSubstr;
 
@@ -244,5 +244,5 @@ TEST(LinkBus, ARunsBusOnLoopbackIsNotHeardOnTheNetwork) {
   EXPECT_EQ(test::NetworkPair::wait(server), 3) << "a report came through loopback's door";
 }
 
-}  // namespace
+}  // namespace link_bus_test
 }  // namespace comrad::dds

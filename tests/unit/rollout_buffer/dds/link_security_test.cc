@@ -18,7 +18,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::dds {
-namespace {
+namespace link_security_test {
 
 using ::testing::HasSubstr;
 
@@ -185,5 +185,5 @@ TEST(LinkSecurity, MissingPluginsAreRefusedWithWhatToDo) {
   EXPECT_THAT(read_whole(said), HasSubstr("apt install --reinstall libddsc0debian"));
 }
 
-}  // namespace
+}  // namespace link_security_test
 }  // namespace comrad::dds

@@ -8,7 +8,7 @@
 #include <string>
 
 namespace comrad::shm {
-namespace {
+namespace bench_transport_test {
 
 using nlohmann::json;
 using ::testing::HasSubstr;
@@ -71,5 +71,5 @@ TEST(BenchTransport, RefusesWhatCannotBeAndNamesIt) {
   }
 }
 
-}  // namespace
+}  // namespace bench_transport_test
 }  // namespace comrad::shm

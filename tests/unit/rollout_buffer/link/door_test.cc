@@ -14,7 +14,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::link {
-namespace {
+namespace door_test {
 
 using nlohmann::json;
 using ::testing::HasSubstr;
@@ -212,5 +212,5 @@ TEST(LinkAddress, TheInterfaceFollowsFromTheAddress) {
   EXPECT_FALSE(address_of_interface("no-such-one"));
 }
 
-}  // namespace
+}  // namespace door_test
 }  // namespace comrad::link

@@ -18,7 +18,7 @@
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::link {
-namespace {
+namespace frame_link_test {
 
 using shm::RequestKind;
 using shm::SlotState;
@@ -439,5 +439,5 @@ TEST(CompressionChoice, StaysWithWhatCarriesMore) {
   EXPECT_FALSE(play(1000, 1010)) << "the same: plain frames cost both hosts less";
 }
 
-}  // namespace
+}  // namespace frame_link_test
 }  // namespace comrad::link

@@ -19,7 +19,7 @@
 #include "tests/support/small_arena.h"
 
 namespace comrad::link {
-namespace {
+namespace link_scale_test {
 
 constexpr int kHosts = 4, kWorkersOfAHost = 50;
 constexpr double kWatchedS = 20;
@@ -30,7 +30,7 @@ uint64_t fresh_id() {
 }
 
 shm::Arena make_arena(int sim_workers, int guests) {
-  shm::ArenaShape shape = testing::small_arena_shape();
+  shm::ArenaShape shape = test::small_arena_shape();
   shape.sim_worker_count = sim_workers;
   shape.guest_worker_count = guests;
   shape.slab_count = 32;
@@ -98,5 +98,5 @@ TEST(LinkScale, TwoHundredSimulatorsOfFourHostsHavePlacesSoonAndCostLittle) {
   EXPECT_LT(seated_s, 10);
 }
 
-}  // namespace
+}  // namespace link_scale_test
 }  // namespace comrad::link

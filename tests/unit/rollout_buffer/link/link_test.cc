@@ -21,7 +21,7 @@
 #include "tests/support/small_arena.h"
 
 namespace comrad::link {
-namespace {
+namespace link_test {
 
 constexpr uint64_t kFeederId = 77;
 constexpr int kRemoteWorkers = 3;
@@ -34,7 +34,7 @@ uint64_t fresh_id() {
 }
 
 shm::Arena make_arena(int sim_workers, int slabs) {
-  shm::ArenaShape shape = testing::small_arena_shape();
+  shm::ArenaShape shape = test::small_arena_shape();
   shape.trajectory.env.height = 40;  // slabs of several fragments' worth of pages
   shape.trajectory.env.width = 60;
   shape.sim_worker_count = sim_workers;
@@ -408,5 +408,5 @@ TEST_F(Link, WithoutTheLearnersHostAFeedingHostGivesUpInTime) {
   EXPECT_EQ(exit_code_of(feeder_), kSilentExit);
 }
 
-}  // namespace
+}  // namespace link_test
 }  // namespace comrad::link

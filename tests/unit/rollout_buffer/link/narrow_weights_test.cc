@@ -9,7 +9,7 @@
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad::link {
-namespace {
+namespace narrow_weights_test {
 
 std::vector<std::byte> bytes_of(const std::vector<float>& parameters, const std::vector<double>& statistics) {
   std::vector<std::byte> bytes(parameters.size() * sizeof(float) + statistics.size() * sizeof(double));
@@ -90,5 +90,5 @@ TEST(NarrowWeights, RefuseWhatCannotBeWeights) {
     EXPECT_FALSE(widen_weights(twelve, count, out)) << count;
 }
 
-}  // namespace
+}  // namespace narrow_weights_test
 }  // namespace comrad::link

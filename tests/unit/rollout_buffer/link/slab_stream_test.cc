@@ -12,7 +12,7 @@
 #include "tests/support/slab_pool.h"
 
 namespace comrad::link {
-namespace {
+namespace slab_stream_test {
 
 using ::testing::HasSubstr;
 
@@ -71,12 +71,12 @@ class SlabStream : public ::testing::Test {
     }
     return "...";
   }
-  std::span<const std::byte> bytes(const testing::SlabPool& pool, int64_t begin, int64_t end) const {
+  std::span<const std::byte> bytes(const test::SlabPool& pool, int64_t begin, int64_t end) const {
     return {pool.view(0).at<std::byte>(begin), static_cast<std::size_t>(end - begin)};
   }
 
   const SlabOffsets offsets_{shape_of_test()};
-  testing::SlabPool source_{shape_of_test(), 1}, target_{shape_of_test(), 1};
+  test::SlabPool source_{shape_of_test(), 1}, target_{shape_of_test(), 1};
   shm::SlabHeader header_{};
 };
 
@@ -151,7 +151,7 @@ TEST_F(SlabStream, AFragmentThatReachesOutsideOfTheSlabWritesNothing) {
 
 TEST_F(SlabStream, WhatCouldNotHaveBeenPlayedIsRefused) {
   const auto refusal = [&](const std::function<void(const SlabView&)>& bend) {
-    testing::SlabPool intact = source_;
+    test::SlabPool intact = source_;
     bend(source_.view(0));
     const std::string said = put_together(cut());
     source_ = intact;
@@ -181,7 +181,7 @@ TEST_F(SlabStream, StepsBehindTheEndAreNotValidWhateverTheSenderSays) {
 
 TEST_F(SlabStream, BentFragmentsNeverWriteOutsideOfTheSlab) {
   // The target is the middle one of three; the outer ones must stay as they are.
-  testing::SlabPool guarded(shape_of_test(), 3);
+  test::SlabPool guarded(shape_of_test(), 3);
   const std::vector<std::byte> before(guarded.view(0).at<std::byte>(0),
                                       guarded.view(0).at<std::byte>(3 * offsets_.slab_bytes));
   const std::vector<Kept> whole = cut();
@@ -210,5 +210,5 @@ TEST_F(SlabStream, BentFragmentsNeverWriteOutsideOfTheSlab) {
         << "seed " << seed;
 }
 
-}  // namespace
+}  // namespace slab_stream_test
 }  // namespace comrad::link

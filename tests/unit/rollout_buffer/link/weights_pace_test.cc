@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::link {
-namespace {
+namespace weights_pace_test {
 
 constexpr std::size_t kMegabyte = 1'000'000;
 const WeightsLimits kLimits{.versions_per_s = 10, .bytes_per_s = 50e6, .cpu_share = 0.05, .most_s = 5};
@@ -50,5 +50,5 @@ TEST(WeightsPace, HoweverMuchTheyCostTheyGoInTheEnd) {
   EXPECT_TRUE(pace.is_due(105, 64));
 }
 
-}  // namespace
+}  // namespace weights_pace_test
 }  // namespace comrad::link

@@ -10,7 +10,7 @@
 #include "rollout_buffer/link/narrow_weights.h"
 
 namespace comrad::link {
-namespace {
+namespace weights_stream_test {
 
 using ::testing::HasSubstr;
 
@@ -128,5 +128,5 @@ TEST(WeightsStream, APublishersNextVersionMayBeWideAfterANarrowOne) {
   EXPECT_TRUE(std::ranges::equal(assembler.weights(), weights));
 }
 
-}  // namespace
+}  // namespace weights_stream_test
 }  // namespace comrad::link

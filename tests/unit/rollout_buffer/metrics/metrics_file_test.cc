@@ -19,7 +19,7 @@
 #include "tests/support/test_python.h"
 
 namespace comrad {
-namespace {
+namespace metrics_file_test {
 
 namespace fs = std::filesystem;
 
@@ -274,5 +274,5 @@ TEST_F(MetricsFileTest, TwoWritersOfOneRunDoNotMixTheirLines) {
   EXPECT_EQ(event_files, 1);
 }
 
-}  // namespace
+}  // namespace metrics_file_test
 }  // namespace comrad

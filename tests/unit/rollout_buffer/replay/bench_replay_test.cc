@@ -9,7 +9,7 @@
 #include "tests/unit/rollout_buffer/replay/replay_slabs.h"
 
 namespace comrad::replay {
-namespace {
+namespace bench_replay_test {
 
 using nlohmann::json;
 using ::testing::HasSubstr;
@@ -91,5 +91,5 @@ TEST(BenchReplay, AFlagThatCannotBeUsedIsNamedAndNothingRuns) {
   EXPECT_THAT(huge.output, HasSubstr("only"));
 }
 
-}  // namespace
+}  // namespace bench_replay_test
 }  // namespace comrad::replay

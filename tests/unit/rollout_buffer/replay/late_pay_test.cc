@@ -7,9 +7,9 @@
 #include "tests/unit/rollout_buffer/replay/replay_slabs.h"
 
 namespace comrad::replay {
-namespace {
+namespace late_pay_test {
 
-using testing::SlabPool;
+using test::SlabPool;
 
 constexpr int kAgents = 2;
 constexpr LatePay kPay{.gamma = 0.9, .reward_clip = 0.7};
@@ -196,5 +196,5 @@ TEST(LatePay, ALedgerFromADamagedSnapshotIsRefused) {
   EXPECT_TRUE(ledger.bytes().empty());
 }
 
-}  // namespace
+}  // namespace late_pay_test
 }  // namespace comrad::replay

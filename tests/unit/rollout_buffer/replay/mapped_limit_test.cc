@@ -17,7 +17,7 @@
 #include "tests/unit/rollout_buffer/replay/replay_slabs.h"
 
 namespace comrad::replay {
-namespace {
+namespace mapped_limit_test {
 
 constexpr int64_t kLimitBytes = int64_t{128} << 20;
 constexpr int kAttempts = 3;  // a shared disk has bad seconds
@@ -82,5 +82,5 @@ TEST(MappedReplay, FourTimesTheMemoryLimitReadsAtHalfTheDisksRateOrMore) {
   EXPECT_GE(best, 0.5);
 }
 
-}  // namespace
+}  // namespace mapped_limit_test
 }  // namespace comrad::replay

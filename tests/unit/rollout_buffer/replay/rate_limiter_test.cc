@@ -8,7 +8,7 @@
 #include <thread>
 
 namespace comrad::replay {
-namespace {
+namespace rate_limiter_test {
 
 using ::testing::HasSubstr;
 
@@ -140,5 +140,5 @@ TEST(RateLimiter, CountsOfACheckpointGoOn) {
   EXPECT_FALSE(limiter.can_sample(6));
 }
 
-}  // namespace
+}  // namespace rate_limiter_test
 }  // namespace comrad::replay

@@ -6,7 +6,7 @@
 #include "rollout_buffer/replay/trajectory_store.h"
 
 namespace comrad::replay {
-namespace {
+namespace replay_plan_test {
 
 using ::testing::HasSubstr;
 
@@ -137,5 +137,5 @@ TEST(ReplayPlan, LooksAtAFolderThatIsNotThereYet) {
   EXPECT_GT(reserved_bytes(config_of(0), shape_of(), 1 << 20), 0);
 }
 
-}  // namespace
+}  // namespace replay_plan_test
 }  // namespace comrad::replay

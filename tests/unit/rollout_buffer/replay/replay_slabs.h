@@ -47,7 +47,7 @@ inline const std::vector<Backing>& backings() {
 inline std::string backing_name(const ::testing::TestParamInfo<Backing>& info) { return info.param.name; }
 
 /// Makes slab 0 of `pool` the trajectory number `number`: noise, some masks, endings and dead agents.
-inline void fill_slab(const testing::SlabPool& pool, const TrajectoryShape& shape, uint64_t number) {
+inline void fill_slab(const test::SlabPool& pool, const TrajectoryShape& shape, uint64_t number) {
   pool.fill_with_noise(number);
   const SlabView slab = pool.view(0);
   Rng rng(RngKey(number).split("endings"));

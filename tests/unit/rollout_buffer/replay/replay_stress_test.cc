@@ -13,9 +13,9 @@
 #include "tests/unit/rollout_buffer/replay/replay_slabs.h"
 
 namespace comrad::replay {
-namespace {
+namespace replay_stress_test {
 
-using testing::SlabPool;
+using test::SlabPool;
 using Clock = std::chrono::steady_clock;
 
 constexpr double kSeconds = 1.5, kSecondsAtMost = 30;
@@ -142,5 +142,5 @@ TEST(ReplayLocks, AnEagerReaderDoesNotStarveTheInserter) {
   EXPECT_LT(seconds, 10) << "200 inserts, each behind at most one read of a fraction of a millisecond";
 }
 
-}  // namespace
+}  // namespace replay_stress_test
 }  // namespace comrad::replay

@@ -10,10 +10,10 @@
 #include "tests/unit/rollout_buffer/replay/replay_slabs.h"
 
 namespace comrad::replay {
-namespace {
+namespace replay_test {
 
+using test::SlabPool;
 using ::testing::HasSubstr;
-using testing::SlabPool;
 
 std::unique_ptr<Replay> make(Unit unit, bool prioritized, const StoreOptions& store) {
   auto replay = Replay::create({.store = store, .unit = unit, .prioritized = prioritized});
@@ -307,5 +307,5 @@ TEST(ReplaySnapshot, DamagedPrioritiesLeaveAnEmptyReplayThatWorks) {
   EXPECT_EQ(loaded->draw(4, 1, rng).size(), 4u);
 }
 
-}  // namespace
+}  // namespace replay_test
 }  // namespace comrad::replay

@@ -13,7 +13,7 @@
 #include "rollout_buffer/replay/samplers/uniform_sampler.h"
 
 namespace comrad::replay {
-namespace {
+namespace samplers_test {
 
 std::vector<Pick> draw(const Sampler& sampler, int64_t count, double beta, uint64_t seed) {
   Rng rng(seed);
@@ -241,5 +241,5 @@ TEST(UniformSampler, DrawsNothingFromNothing) {
   EXPECT_TRUE(draw(PrioritizedSampler(0.6), 5, 0, 1).empty());
 }
 
-}  // namespace
+}  // namespace samplers_test
 }  // namespace comrad::replay

@@ -13,12 +13,12 @@
 #include "tests/unit/rollout_buffer/replay/replay_slabs.h"
 
 namespace comrad::replay {
-namespace {
+namespace snapshot_test {
 
 namespace fs = std::filesystem;
+using test::SlabPool;
 using ::testing::AnyOf;
 using ::testing::HasSubstr;
-using testing::SlabPool;
 
 constexpr int64_t kCapacity = 20'000;
 
@@ -342,5 +342,5 @@ TEST(Snapshot, DamageInACompressedOneIsRefusedOrHarmless) {
   EXPECT_GT(loaded, 10);
 }
 
-}  // namespace
+}  // namespace snapshot_test
 }  // namespace comrad::replay

@@ -12,11 +12,11 @@
 #include "tests/unit/rollout_buffer/replay/replay_slabs.h"
 
 namespace comrad::replay {
-namespace {
+namespace trajectory_store_test {
 
+using test::SlabPool;
 using ::testing::Each;
 using ::testing::HasSubstr;
-using testing::SlabPool;
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
@@ -413,5 +413,5 @@ INSTANTIATE_TEST_SUITE_P(Units, GigabyteTest,
                            return one.param.with_state ? "SequencesOfGru512" : "SingleTransitions";
                          });
 
-}  // namespace
+}  // namespace trajectory_store_test
 }  // namespace comrad::replay

@@ -9,7 +9,7 @@
 #include <vector>
 
 namespace comrad {
-namespace {
+namespace slab_check_test {
 
 using ::testing::ElementsAre;
 
@@ -78,5 +78,5 @@ TEST(SlabCheck, AFinalRowIsReadWhereAnEpisodeWasCutAlone) {
   }
 }
 
-}  // namespace
+}  // namespace slab_check_test
 }  // namespace comrad

@@ -10,7 +10,7 @@
 #include "rollout_buffer/schema/version.h"
 
 namespace comrad {
-namespace {
+namespace trajectory_test {
 
 TrajectoryShape shape_of(int agents, int steps, int measurements) {
   TrajectoryShape shape;
@@ -171,5 +171,5 @@ TEST(EnvShape, CountsLogitsAndJointActions) {
   EXPECT_EQ(shape.frame_bytes(), 3 * 72 * 128);
 }
 
-}  // namespace
+}  // namespace trajectory_test
 }  // namespace comrad

@@ -11,7 +11,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad {
-namespace {
+namespace adding_a_setting_test {
 
 using ::testing::HasSubstr;
 
@@ -74,5 +74,5 @@ TEST(AddingASetting, IsOneRow) {
   EXPECT_THAT(ran.output, HasSubstr("weight_decay is 2.0; it must be between 0 and 1"));
 }
 
-}  // namespace
+}  // namespace adding_a_setting_test
 }  // namespace comrad

@@ -18,7 +18,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad {
-namespace {
+namespace config_test {
 
 using ::testing::HasSubstr;
 
@@ -668,5 +668,5 @@ TEST(Settings, RandomTomlIsReadOrRefusedWithItsPlace) {
   EXPECT_GT(read, 0) << "an empty text is one";
 }
 
-}  // namespace
+}  // namespace config_test
 }  // namespace comrad

@@ -10,7 +10,7 @@
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad {
-namespace {
+namespace counts_with_test {
 
 /// Whether `setting` counts in a run with these settings over the built-in ones.
 bool counts(const char* setting, std::vector<std::pair<std::string, std::string>> values) {
@@ -124,5 +124,5 @@ TEST(Units, TheOldNamesStillSetTheNewOnes) {
   }
 }
 
-}  // namespace
+}  // namespace counts_with_test
 }  // namespace comrad

@@ -8,7 +8,7 @@
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad {
-namespace {
+namespace other_names_test {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -75,5 +75,5 @@ TEST(OtherNames, NoneIsASettingAndTheFlagsTheyNameExist) {
   }
 }
 
-}  // namespace
+}  // namespace other_names_test
 }  // namespace comrad

@@ -11,7 +11,7 @@
 #include "rollout_buffer/settings/resolve.h"
 
 namespace comrad {
-namespace {
+namespace recipes_test {
 
 using ::testing::HasSubstr;
 
@@ -196,5 +196,5 @@ TEST(ScenarioSettings, AreThoseOfOnePresetAndAlgorithmWithoutTheirNames) {
   EXPECT_EQ(chosen.values, (Values{{"rollout", "16"}, {"gamma", "0.9"}}));
 }
 
-}  // namespace
+}  // namespace recipes_test
 }  // namespace comrad

@@ -10,7 +10,7 @@
 #include "rollout_buffer/settings/trained_game.h"
 
 namespace comrad {
-namespace {
+namespace seat_plan_test {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -108,5 +108,5 @@ TEST(ReferenceScores, OfTheRepositoryAreFound) {
   EXPECT_EQ((*found)->scripted, 5);
 }
 
-}  // namespace
+}  // namespace seat_plan_test
 }  // namespace comrad

@@ -15,13 +15,13 @@
 #include "tests/support/small_arena.h"
 
 namespace comrad::shm {
-namespace {
+namespace arena_socket_test {
 
 using ::testing::HasSubstr;
 
 std::string unique_name(const char* test) { return "comrad-test-" + std::to_string(getpid()) + "-" + test; }
 
-Arena make_arena() { return *Arena::create(testing::small_arena_shape(), 11); }
+Arena make_arena() { return *Arena::create(test::small_arena_shape(), 11); }
 
 JoinRequest request_of(const char* role, uint32_t index) {
   JoinRequest request;
@@ -232,5 +232,5 @@ TEST(ArenaSocket, RefusedPeersLeaveNoDescriptorsBehind) {
   EXPECT_EQ(after, before);
 }
 
-}  // namespace
+}  // namespace arena_socket_test
 }  // namespace comrad::shm

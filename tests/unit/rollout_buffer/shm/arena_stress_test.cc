@@ -15,7 +15,7 @@
 #include "tests/support/small_arena.h"
 
 namespace comrad::shm {
-namespace {
+namespace arena_stress_test {
 
 constexpr int kPolicyWorker = 2, kLearner = 3, kPeers = 4;  // 0 and 1 are the simulators
 constexpr std::size_t kWeightsBytes = 60'000;
@@ -160,7 +160,7 @@ void reclaim(const Arena& arena, int peer) {
 }
 
 TEST(ArenaStress, NothingIsLostWhenPeersAreKilledHalfWay) {
-  ArenaShape shape = testing::small_arena_shape();
+  ArenaShape shape = test::small_arena_shape();
   shape.splits_per_worker = 1;
   shape.slab_count = 5;  // fewer than environments, so that every slab is fought for
   shape.weights_bytes = static_cast<int64_t>(kWeightsBytes);
@@ -252,5 +252,5 @@ TEST(ArenaStress, NothingIsLostWhenPeersAreKilledHalfWay) {
   EXPECT_GT(weights_read, 100u);
 }
 
-}  // namespace
+}  // namespace arena_stress_test
 }  // namespace comrad::shm

@@ -13,12 +13,12 @@
 #include "tests/support/small_arena.h"
 
 namespace comrad::shm {
-namespace {
+namespace arena_test {
 
+using test::sealed_copy;
+using test::small_arena_shape;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using testing::sealed_copy;
-using testing::small_arena_shape;
 
 Arena make_arena(const ArenaShape& shape = small_arena_shape()) {
   Expected<Arena> arena = Arena::create(shape, 7);
@@ -674,5 +674,5 @@ TEST(ArenaDeathTest, AnIndexOutOfRangeIsOurBugAndStopsTheProcess) {
   EXPECT_DEATH(arena.publish_weights(std::vector<std::byte>(4097), 1), "fit");
 }
 
-}  // namespace
+}  // namespace arena_test
 }  // namespace comrad::shm

@@ -11,7 +11,7 @@
 #include "rollout_buffer/core/clock.h"
 
 namespace comrad::shm {
-namespace {
+namespace futex_test {
 
 TEST(Doorbell, ARingBetweenListenAndWaitIsNotMissed) {
   Doorbell bell{};
@@ -60,5 +60,5 @@ TEST(Doorbell, WakesASleeperInAnotherProcess) {
   munmap(memory, sizeof(Doorbell));
 }
 
-}  // namespace
+}  // namespace futex_test
 }  // namespace comrad::shm

@@ -10,7 +10,7 @@
 #include "tests/support/small_arena.h"
 
 namespace comrad::shm {
-namespace {
+namespace segment_test {
 
 using ::testing::HasSubstr;
 
@@ -50,21 +50,21 @@ TEST(Segment, FreeMemoryIsPositiveAndBelowThePhysicalMemory) {
 TEST(Segment, AdoptRefusesWhatCouldShrinkUnderneath) {
   const std::byte zero{0};
   for (const int seals : {0, F_SEAL_GROW, F_SEAL_SHRINK}) {
-    const Expected<Segment> segment = Segment::adopt(testing::sealed_copy(&zero, 1, 4096, seals));
+    const Expected<Segment> segment = Segment::adopt(test::sealed_copy(&zero, 1, 4096, seals));
     ASSERT_FALSE(segment) << seals;
     EXPECT_EQ(segment.error().code, ErrorCode::kBadFormat);
   }
   EXPECT_FALSE(Segment::adopt(open("/dev/zero", O_RDWR | O_CLOEXEC)));
   EXPECT_FALSE(Segment::adopt(-1));
-  EXPECT_FALSE(Segment::adopt(testing::sealed_copy(&zero, 0, 0))) << "empty";
+  EXPECT_FALSE(Segment::adopt(test::sealed_copy(&zero, 0, 0))) << "empty";
 }
 
 TEST(Segment, AdoptTakesTheDescriptorOverEvenWhenItFails) {
   const std::byte zero{0};
-  const int descriptor = testing::sealed_copy(&zero, 1, 4096, 0);
+  const int descriptor = test::sealed_copy(&zero, 1, 4096, 0);
   ASSERT_FALSE(Segment::adopt(descriptor));
   EXPECT_EQ(fcntl(descriptor, F_GETFD), -1) << "closed, not leaked";
 }
 
-}  // namespace
+}  // namespace segment_test
 }  // namespace comrad::shm

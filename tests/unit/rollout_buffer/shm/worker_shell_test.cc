@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -21,7 +20,7 @@
 #include "tests/support/small_arena.h"
 
 namespace comrad::shm {
-namespace {
+namespace worker_shell_test {
 
 using ::testing::ExitedWithCode;
 using ::testing::HasSubstr;
@@ -127,7 +126,7 @@ TEST_F(WorkerShellTest, ABenchIsEndedBySignalsAndWritesNothingIntoTheRun) {
 
 TEST_F(WorkerShellTest, JoinsAsWhoItIs) {
   const auto run = [this] {
-    const Arena arena = *Arena::create(testing::small_arena_shape(), 11);
+    const Arena arena = *Arena::create(test::small_arena_shape(), 11);
     Expected<ArenaServer> server =
         ArenaServer::listen("comrad-test-" + std::to_string(getpid()) + "-shell", arena);
     if (!server) _exit(50);
@@ -150,9 +149,10 @@ TEST_F(WorkerShellTest, JoinsAsWhoItIs) {
 
 TEST(BenchShape, ReadsItsFlagsAndNamesWhatIsOutOfRange) {
   BenchShape shape;
-  CLI::App flags;
+  Flags flags("", "");
   shape.add_flags(flags);
-  flags.parse("--num_agents 3 --heads 3,2 --measurements 4");
+  const char* words[] = {"program", "--num_agents", "3", "--heads", "3,2", "--measurements", "4"};
+  ASSERT_FALSE(flags.parse(std::size(words), words));
   const Expected<EnvShape> env = shape.env();
   ASSERT_TRUE(env) << env.error().message;
   EXPECT_EQ(env->num_agents, 3);
@@ -165,5 +165,5 @@ TEST(BenchShape, ReadsItsFlagsAndNamesWhatIsOutOfRange) {
   EXPECT_THAT(shape.env().error().message, HasSubstr("--heads"));
 }
 
-}  // namespace
+}  // namespace worker_shell_test
 }  // namespace comrad::shm

@@ -6,7 +6,7 @@
 #include "tests/support/played_scenario.h"
 
 namespace comrad::sim {
-namespace {
+namespace ammo_carrier_test {
 
 constexpr int kDefender = 0, kRunner = 1;
 constexpr int32_t kMonsterId = 700;
@@ -175,5 +175,5 @@ TEST(AmmoCarrierOracle, LivesForNineTenthsOfTheLimit) {
   EXPECT_GE(oracle_mean("ammo_carrier", 4), 0.9 * 8400);
 }
 
-}  // namespace
+}  // namespace ammo_carrier_test
 }  // namespace comrad::sim

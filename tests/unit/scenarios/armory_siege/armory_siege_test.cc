@@ -4,7 +4,7 @@
 #include "tests/support/played_scenario.h"
 
 namespace comrad::sim {
-namespace {
+namespace armory_siege_test {
 
 constexpr int32_t kCoreId = 50, kEnemyId = 60;
 
@@ -198,5 +198,5 @@ TEST(ArmorySiegeOracle, EarnsMoreThanThePublishedCeiling) { EXPECT_GE(oracle_mea
 
 TEST(ArmorySiegeOracle, EarnsItOnVariedMapsToo) { EXPECT_GE(oracle_mean("armory_siege", 4, kVaried), 50); }
 
-}  // namespace
+}  // namespace armory_siege_test
 }  // namespace comrad::sim

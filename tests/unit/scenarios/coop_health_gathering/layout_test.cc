@@ -13,7 +13,7 @@
 #include "scenarios/spec/registry.h"
 
 namespace comrad::scenarios::coop_health_gathering {
-namespace {
+namespace layout_test {
 
 std::map<std::string, int64_t> defaults() {
   std::map<std::string, int64_t> values;
@@ -174,5 +174,5 @@ TEST(CoopHealthGatheringLayout, ReadsBackAsItWasWritten) {
   }
 }
 
-}  // namespace
+}  // namespace layout_test
 }  // namespace comrad::scenarios::coop_health_gathering

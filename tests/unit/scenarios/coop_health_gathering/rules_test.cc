@@ -11,7 +11,7 @@
 #include "tests/support/scenario_stage.h"
 
 namespace comrad::sim {
-namespace {
+namespace rules_test {
 
 using doom::to_fixed;
 
@@ -287,5 +287,5 @@ TEST(CoopHealthGatheringRules, ThreeAndFourPlayOnTheSameMap) {
   }
 }
 
-}  // namespace
+}  // namespace rules_test
 }  // namespace comrad::sim

@@ -4,7 +4,7 @@
 #include "tests/support/played_scenario.h"
 
 namespace comrad::sim {
-namespace {
+namespace coop_puzzle_test {
 
 constexpr const char* kScenario = "coop_puzzle";
 constexpr int kTeamBest = 1, kEngaged = 2, kSyncRoom = 3, kZones = 6, kSucceeded = 7, kPairs = 8;
@@ -151,5 +151,5 @@ TEST(CoopPuzzle, ThirtySeedsGiveValidLayoutsAndSoDoesEveryWidth) {
         kScenario, {.parameters = {{"gap", gap}, {"plates", "3"}, {"plate_size", "56"}}}));
 }
 
-}  // namespace
+}  // namespace coop_puzzle_test
 }  // namespace comrad::sim

@@ -9,7 +9,7 @@
 #include "tests/unit/scenarios/demon_hunt/demon_hunt.h"
 
 namespace comrad::sim {
-namespace {
+namespace demon_hunt_test {
 
 struct HuntRules {
   const char* scenario;
@@ -164,5 +164,5 @@ INSTANTIATE_TEST_SUITE_P(
                       HuntRules{"dumb_enemies", "SkittishDemon", 500, 10, 260, 0.1, "850", 86}),
     [](const auto& one) { return std::string(one.param.scenario); });
 
-}  // namespace
+}  // namespace demon_hunt_test
 }  // namespace comrad::sim

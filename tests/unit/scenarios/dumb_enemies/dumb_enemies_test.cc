@@ -4,7 +4,7 @@
 #include "tests/unit/scenarios/demon_hunt/demon_hunt.h"
 
 namespace comrad::sim {
-namespace {
+namespace dumb_enemies_test {
 
 constexpr const char* kScenario = "dumb_enemies";
 constexpr int kSlowNow = 32, kSlowEvents = 33;
@@ -44,5 +44,5 @@ TEST(DumbEnemies, BeingSlowNeverCreatesHealth) {
   EXPECT_EQ(game.demon()->health, 60);
 }
 
-}  // namespace
+}  // namespace dumb_enemies_test
 }  // namespace comrad::sim

@@ -4,7 +4,7 @@
 #include "tests/support/played_scenario.h"
 
 namespace comrad::sim {
-namespace {
+namespace foraging_commons_test {
 
 constexpr const char* kScenario = "foraging_commons";
 constexpr int kRate = 1, kHarvests = 2, kCleanups = 3, kOwnHarvests = 4, kOwnCleanups = 8, kProgress = 12,
@@ -119,5 +119,5 @@ TEST(ForagingCommons, ThirtySeedsGiveValidLayouts) {
     EXPECT_TRUE(scenarios::generate_layout(kScenario, {.seed = seed}));
 }
 
-}  // namespace
+}  // namespace foraging_commons_test
 }  // namespace comrad::sim

@@ -7,7 +7,7 @@
 #include "tests/support/played_scenario.h"
 
 namespace comrad::sim {
-namespace {
+namespace lava_maze_test {
 
 constexpr const char* kScenario = "lava_maze";
 constexpr int kGoalX = 13, kCellX = 14, kCellY = 15, kSignal = 16, kFlash = 17, kGoalY = 18, kLevels = 22,
@@ -225,5 +225,5 @@ TEST(LavaMaze, ThirtySeedsGiveValidLayouts) {
     EXPECT_TRUE(scenarios::generate_layout(kScenario, {.seed = seed}));
 }
 
-}  // namespace
+}  // namespace lava_maze_test
 }  // namespace comrad::sim

@@ -5,7 +5,7 @@
 #include "tests/support/played_scenario.h"
 
 namespace comrad::sim {
-namespace {
+namespace lava_pit_test {
 
 namespace pit = scenarios::lava_pit;
 
@@ -215,5 +215,5 @@ TEST(LavaPitLayout, ThirtySeedsOfEveryProfileGiveMaps) {
 
 TEST(LavaPitOracle, ClearsEveryBridge) { EXPECT_EQ(oracle_mean("lava_pit", 4), 11); }
 
-}  // namespace
+}  // namespace lava_pit_test
 }  // namespace comrad::sim

@@ -6,7 +6,7 @@
 #include "tests/support/played_scenario.h"
 
 namespace comrad::sim {
-namespace {
+namespace platform_chain_test {
 
 constexpr const char* kScenario = "platform_chain";
 constexpr int kLength = 51, kBreaks = 52, kDragged = 53, kJoint = 54, kCheckpoint = 56;
@@ -138,5 +138,5 @@ TEST(PlatformChain, ThirtySeedsGiveValidLayouts) {
         scenarios::generate_layout(kScenario, {.parameters = {{"levels", levels}, {"panels", "12"}}}));
 }
 
-}  // namespace
+}  // namespace platform_chain_test
 }  // namespace comrad::sim

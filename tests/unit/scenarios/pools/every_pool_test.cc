@@ -13,7 +13,7 @@
 #include "tests/unit/scenarios/pools/pool_share.h"
 
 namespace comrad::sim {
-namespace {
+namespace every_pool_test {
 
 constexpr int kLayouts = 20;
 
@@ -50,5 +50,5 @@ INSTANTIATE_TEST_SUITE_P(All, EveryPool, testing::ValuesIn(every_pair()), [](con
   return one.param.scenario + "_" + std::to_string(one.param.num_agents);
 });
 
-}  // namespace
+}  // namespace every_pool_test
 }  // namespace comrad::sim

@@ -5,7 +5,7 @@
 #include "tests/unit/scenarios/pools/pool_share.h"
 
 namespace comrad::sim {
-namespace {
+namespace few_pools_test {
 
 struct Pool {
   const char* scenario;
@@ -32,5 +32,5 @@ INSTANTIATE_TEST_SUITE_P(All, FewPools,
                                   std::to_string(one.param.num_agents);
                          });
 
-}  // namespace
+}  // namespace few_pools_test
 }  // namespace comrad::sim

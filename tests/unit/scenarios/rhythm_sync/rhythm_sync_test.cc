@@ -10,7 +10,7 @@
 #include "tests/support/scenario_stage.h"
 
 namespace comrad::sim {
-namespace {
+namespace rhythm_sync_test {
 
 constexpr const char* kScenario = "rhythm_sync";
 constexpr int kStage = 24, kCompleted = 25, kType = 26, kPendingA = 27, kFailed = 29, kFinished = 30,
@@ -252,5 +252,5 @@ TEST(RhythmSync, TheScriptedPairCompletesVariedRoomsToo) {
   }
 }
 
-}  // namespace
+}  // namespace rhythm_sync_test
 }  // namespace comrad::sim

@@ -4,7 +4,7 @@
 #include "tests/unit/scenarios/demon_hunt/demon_hunt.h"
 
 namespace comrad::sim {
-namespace {
+namespace smart_enemies_test {
 
 constexpr const char* kScenario = "smart_enemies";
 constexpr int kFastNow = 32, kFastEvents = 33;
@@ -41,5 +41,5 @@ TEST(SmartEnemies, HitsDrainTheShieldFirstAndWhatIsLeftOfItGoes) {
   EXPECT_EQ(game.demon()->health, 50) << "the shield was gone";
 }
 
-}  // namespace
+}  // namespace smart_enemies_test
 }  // namespace comrad::sim

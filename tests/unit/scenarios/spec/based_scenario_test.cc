@@ -11,7 +11,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace based_scenario_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -145,5 +145,5 @@ TEST_F(BasedScenario, OtherRewardsOfAScoreThatIsTheReturnNeedACeiling) {
   EXPECT_EQ(error_of("mine", "ceiling = 0\n" + toml), "no error");
 }
 
-}  // namespace
+}  // namespace based_scenario_test
 }  // namespace comrad::scenarios

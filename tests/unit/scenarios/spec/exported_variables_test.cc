@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::scenarios {
-namespace {
+namespace exported_variables_test {
 
 using testing::ElementsAre;
 using testing::IsEmpty;
@@ -35,5 +35,5 @@ TEST(ExportedVariables, SayWhatReadsThem) {
   EXPECT_THAT(named.back().read_by, IsEmpty());
 }
 
-}  // namespace
+}  // namespace exported_variables_test
 }  // namespace comrad::scenarios

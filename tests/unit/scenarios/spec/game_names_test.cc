@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::scenarios {
-namespace {
+namespace game_names_test {
 
 TEST(GameNames, EveryListedNameIsFound) {
   for (const std::string& name : button_names()) EXPECT_TRUE(find_button(name)) << name;
@@ -32,5 +32,5 @@ TEST(GameNames, APressIsAButtonOrADeltaButtonWithItsNumber) {
     EXPECT_FALSE(parse_press(wrong)) << wrong;
 }
 
-}  // namespace
+}  // namespace game_names_test
 }  // namespace comrad::scenarios

@@ -8,7 +8,7 @@
 #include "scenarios/spec/registry.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace layout_content_test {
 
 using testing::HasSubstr;
 
@@ -118,5 +118,5 @@ TEST(DistinctMapsOf, SayWhetherTheyAreAllAnEstimateOrABound) {
   EXPECT_NEAR(static_cast<double>(distinct_maps(contents).count), 1000, 120);
 }
 
-}  // namespace
+}  // namespace layout_content_test
 }  // namespace comrad::scenarios

@@ -5,7 +5,7 @@
 #include "rollout_buffer/core/rng.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace layout_info_test {
 
 TEST(LayoutInfo, ComesBackAsItWasWritten) {
   const LayoutInfo info{"coop_health_gathering", UINT64_MAX - 3, 7, {{"radius", 2000}, {"offset", -5}}};
@@ -53,5 +53,5 @@ TEST(LayoutInfo, SurvivesRandomBytes) {
   }
 }
 
-}  // namespace
+}  // namespace layout_info_test
 }  // namespace comrad::scenarios

@@ -14,7 +14,7 @@
 #include "scenarios/spec/scenario_files.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace layout_pool_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -437,5 +437,5 @@ TEST_F(LayoutPool, AGridIsTheFullProductWithItsLastAxisFastest) {
   EXPECT_EQ(own->size(), 1u) << "486 layouts";
 }
 
-}  // namespace
+}  // namespace layout_pool_test
 }  // namespace comrad::scenarios

@@ -14,7 +14,7 @@
 #include "scenarios/spec/variety.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace layout_variety_test {
 
 constexpr int kSeeds = 260;  // all different: at least 260 * 259 / (2 ln 20) = 11 239 maps
 constexpr int64_t kMapsAtLeast = 10'000;
@@ -151,5 +151,5 @@ TEST(BentBox, KeepsItsCornersAndBendsWithinItsBounds) {
   EXPECT_GT(doomgen::twice_area(outline), 0);
 }
 
-}  // namespace
+}  // namespace layout_variety_test
 }  // namespace comrad::scenarios

@@ -12,7 +12,7 @@
 #include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace loader_test {
 
 using testing::AllOf;
 using testing::Contains;
@@ -314,5 +314,5 @@ TEST(ScenarioFiles, CoopHealthGatheringIsAsPublished) {
   EXPECT_EQ(spec->shared_reward_alpha, 0.0);
 }
 
-}  // namespace
+}  // namespace loader_test
 }  // namespace comrad::scenarios

@@ -17,7 +17,7 @@
 #include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace own_scenario_test {
 
 using testing::Contains;
 using testing::HasSubstr;
@@ -207,5 +207,5 @@ TEST_F(OwnScenario, AMapThatIsMissingOrNoneIsAnError) {
               HasSubstr("side"));
 }
 
-}  // namespace
+}  // namespace own_scenario_test
 }  // namespace comrad::scenarios

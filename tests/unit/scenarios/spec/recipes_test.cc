@@ -16,7 +16,7 @@
 #include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace recipes_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -318,5 +318,5 @@ TEST(LayoutScriptText, DefinesWhatTheRecipeKnows) {
     EXPECT_THAT(text, HasSubstr(line));
 }
 
-}  // namespace
+}  // namespace recipes_test
 }  // namespace comrad::scenarios

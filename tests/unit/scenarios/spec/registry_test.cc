@@ -6,7 +6,7 @@
 #include "doomgen/wad/wad_reader.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace registry_test {
 
 using testing::HasSubstr;
 
@@ -51,5 +51,5 @@ TEST(LayoutRegistry, TeamsUpToThePreparedSizeShareOneMap) {
   EXPECT_EQ(two->content_hash, four->content_hash);
 }
 
-}  // namespace
+}  // namespace registry_test
 }  // namespace comrad::scenarios

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::scenarios {
-namespace {
+namespace rewards_test {
 
 RewardTerm term(const std::string& kind, double weight, double cap = 0.0) {
   RewardTerm result;
@@ -132,5 +132,5 @@ TEST(Rewards, AShutTermPaysNothingAndForgetsNothing) {
   EXPECT_EQ(reward, (std::vector<float>{2.0f, 2.0f}));
 }
 
-}  // namespace
+}  // namespace rewards_test
 }  // namespace comrad::scenarios

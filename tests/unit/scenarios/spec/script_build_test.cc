@@ -6,7 +6,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace script_build_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -66,5 +66,5 @@ TEST_F(ScriptBuild, MistakesNameTheFileAndLineOfTheirAuthor) {
               AllOf(HasSubstr("second variable \"lost\""), HasSubstr("scenario.toml:5:")));
 }
 
-}  // namespace
+}  // namespace script_build_test
 }  // namespace comrad::scenarios

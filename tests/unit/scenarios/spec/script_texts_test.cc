@@ -10,7 +10,7 @@
 #include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace script_texts_test {
 
 // A bar made of `|` was the only cue of a load and could not be seen in ViZDoom, whose small font ends at the
 // underscore; small letters are drawn as capitals.
@@ -45,5 +45,5 @@ TEST(ScriptTexts, DeclareNoGlobalVariables) {
   }
 }
 
-}  // namespace
+}  // namespace script_texts_test
 }  // namespace comrad::scenarios

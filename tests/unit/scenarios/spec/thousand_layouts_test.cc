@@ -13,7 +13,7 @@
 #include "scenarios/spec/registry.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace thousand_layouts_test {
 
 int layout_count() {
   const char* asked = std::getenv("COMRAD_LAYOUTS");
@@ -75,5 +75,5 @@ TEST_P(AThousandLayouts, AreValidAndComeAtTwentyASecond) {
 INSTANTIATE_TEST_SUITE_P(All, AThousandLayouts, testing::ValuesIn(layout_recipes()),
                          [](const auto& one) { return one.param; });
 
-}  // namespace
+}  // namespace thousand_layouts_test
 }  // namespace comrad::scenarios

@@ -14,7 +14,7 @@
 #include "tests/support/vizdoom_room.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace vizdoom_scenario_test {
 
 using ::testing::AllOf;
 using ::testing::ElementsAre;
@@ -231,5 +231,5 @@ TEST_F(VizdoomScenario, WithoutAWadTheIwadsMapIsPlayed) {
               ElementsAre(AllOf(StartsWith(scratch_.string()), HasSubstr("room.cfg:1: doom_game_path"))));
 }
 
-}  // namespace
+}  // namespace vizdoom_scenario_test
 }  // namespace comrad::scenarios

@@ -5,7 +5,7 @@
 #include "tests/support/played_scenario.h"
 
 namespace comrad::sim {
-namespace {
+namespace stag_hunt_arena_test {
 
 constexpr int32_t kStagId = 200, kHareId = 300;
 
@@ -179,5 +179,5 @@ TEST(StagHuntArenaOracle, KillsThemInBentWallsToo) {
   EXPECT_GE(oracle_mean("stag_hunt_arena", 4, kVaried), 24);
 }
 
-}  // namespace
+}  // namespace stag_hunt_arena_test
 }  // namespace comrad::sim

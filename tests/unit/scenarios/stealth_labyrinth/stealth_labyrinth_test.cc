@@ -10,7 +10,7 @@
 #include "tests/support/scenario_stage.h"
 
 namespace comrad::sim {
-namespace {
+namespace stealth_labyrinth_test {
 
 constexpr const char* kScenario = "stealth_labyrinth";
 constexpr int kTorchAlive = 41, kGunnerAlive = 42, kTeamDistance = 43, kTurretsLeft = 44, kTargetLit = 45,
@@ -214,5 +214,5 @@ TEST(StealthLabyrinth, TheScriptedTeamClearsEveryMap) {
   }
 }
 
-}  // namespace
+}  // namespace stealth_labyrinth_test
 }  // namespace comrad::sim

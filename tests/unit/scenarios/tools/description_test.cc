@@ -9,7 +9,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::scenarios {
-namespace {
+namespace description_test {
 
 using testing::AllOf;
 using testing::HasSubstr;
@@ -98,5 +98,5 @@ gamma = 0.999
   EXPECT_THAT(describe((home / "toy").string(), 4).error().message, HasSubstr("num_agents may be 2, 3"));
 }
 
-}  // namespace
+}  // namespace description_test
 }  // namespace comrad::scenarios

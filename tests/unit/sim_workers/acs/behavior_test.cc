@@ -5,7 +5,7 @@
 #include "tests/support/behavior_builder.h"
 
 namespace comrad::doom::acs::test {
-namespace {
+namespace behavior_test {
 
 Expected<std::shared_ptr<const Behavior>> load_bytes(const std::vector<uint8_t>& bytes) {
   return Behavior::load(bytes, "MAP01");
@@ -146,5 +146,5 @@ TEST(Behavior, NamesTheOffsetOfWhatIsBroken) {
   }
 }
 
-}  // namespace
+}  // namespace behavior_test
 }  // namespace comrad::doom::acs::test

@@ -10,7 +10,7 @@
 #include "tests/unit/sim_workers/acs/script_world.h"
 
 namespace comrad::doom::acs::test {
-namespace {
+namespace interpreter_test {
 
 constexpr int32_t kNumbers[] = {0,  1,  -1,  2,     -2,     3,     7,         -7,
                                 31, 32, 100, 65536, -65536, 98304, INT32_MAX, INT32_MIN};
@@ -638,5 +638,5 @@ TEST(Interpreter, TableKnowsEveryNumber) {
   }
 }
 
-}  // namespace
+}  // namespace interpreter_test
 }  // namespace comrad::doom::acs::test

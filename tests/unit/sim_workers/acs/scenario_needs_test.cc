@@ -12,7 +12,7 @@
 #include "tests/unit/sim_workers/acs/script_world.h"
 
 namespace comrad::doom::acs::test {
-namespace {
+namespace scenario_needs_test {
 
 std::shared_ptr<const ActorCatalog> catalog_with(std::string_view lump) {
   auto catalog = std::make_shared<ActorCatalog>();
@@ -514,5 +514,5 @@ TEST(ScenarioNeeds, AScriptEndsTheEpisode) {
   EXPECT_TRUE(scene.world.level_exited());
 }
 
-}  // namespace
+}  // namespace scenario_needs_test
 }  // namespace comrad::doom::acs::test

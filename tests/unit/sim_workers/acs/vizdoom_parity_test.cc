@@ -18,7 +18,7 @@
 #include "tests/support/wad_bytes.h"
 
 namespace comrad::doom::acs::test {
-namespace {
+namespace vizdoom_parity_test {
 
 using Row = std::array<int64_t, 61>;  // USER numbers; 0 stays empty
 
@@ -392,5 +392,5 @@ TEST(VizdoomParity, DelaysWaitsAndOrder) {
   compare(code, 60);
 }
 
-}  // namespace
+}  // namespace vizdoom_parity_test
 }  // namespace comrad::doom::acs::test

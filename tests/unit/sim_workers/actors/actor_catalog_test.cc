@@ -5,7 +5,7 @@
 #include "tests/unit/sim_workers/actors/lump.h"
 
 namespace comrad::doom::test {
-namespace {
+namespace actor_catalog_test {
 
 ActorType named(const ActorCatalog& catalog, std::string_view parent, std::string_view name,
                 int32_t number = -1) {
@@ -130,5 +130,5 @@ TEST(ActorCatalog, TellsWhoseStartAnEditorNumberIs) {
     EXPECT_FALSE(player_of_start(number).has_value()) << number;
 }
 
-}  // namespace
+}  // namespace actor_catalog_test
 }  // namespace comrad::doom::test

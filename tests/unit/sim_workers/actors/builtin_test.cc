@@ -7,7 +7,7 @@
 #include "tests/unit/sim_workers/actors/lump.h"
 
 namespace comrad::doom::test {
-namespace {
+namespace builtin_test {
 
 struct MonsterFacts {
   const char* name;
@@ -421,5 +421,5 @@ TEST(Builtin, ActorsOfNoTicsDoNotLoopForEver) {
     }
 }
 
-}  // namespace
+}  // namespace builtin_test
 }  // namespace comrad::doom::test

@@ -9,7 +9,7 @@
 #include "tests/unit/sim_workers/actors/lump.h"
 
 namespace comrad::doom::test {
-namespace {
+namespace decorate_test {
 
 using testing::Test;
 
@@ -699,5 +699,5 @@ TEST(Decorate, WarnsOnceOfWhatItDoesNotKnow) {
     EXPECT_EQ(warned(part), 1) << part << "\n" << testing::PrintToString(known.warnings);
 }
 
-}  // namespace
+}  // namespace decorate_test
 }  // namespace comrad::doom::test

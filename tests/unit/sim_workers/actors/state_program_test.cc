@@ -5,7 +5,7 @@
 #include "tests/unit/sim_workers/actors/lump.h"
 
 namespace comrad::doom::test {
-namespace {
+namespace state_program_test {
 
 State shown(int tics) {
   State state;
@@ -167,5 +167,5 @@ TEST(StateProgram, AJumpOverStatesStaysInsideTheProgram) {
   }
 }
 
-}  // namespace
+}  // namespace state_program_test
 }  // namespace comrad::doom::test

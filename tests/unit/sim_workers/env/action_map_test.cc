@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::sim {
-namespace {
+namespace action_map_test {
 
 using scenarios::ActionHead;
 
@@ -56,5 +56,5 @@ TEST(ActionMap, ADeltaButtonTurnsByItsNumber) {
   EXPECT_FALSE(ActionMap::create({{{"TURN_LEFT_RIGHT_DELTA"}}}));
 }
 
-}  // namespace
+}  // namespace action_map_test
 }  // namespace comrad::sim

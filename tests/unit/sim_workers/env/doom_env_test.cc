@@ -14,7 +14,7 @@
 #include "tests/support/level_builder.h"
 
 namespace comrad::sim {
-namespace {
+namespace doom_env_test {
 
 /// Paints every view with the world's clock, the player added, and counts its calls.
 class FlatRenderer final : public doom::Renderer {
@@ -419,5 +419,5 @@ TEST(DoomEnvironmentSet, TheLastObservationOfAnEpisodeIsTheTrueOne) {
   EXPECT_EQ(active, (std::vector<uint8_t>{0, 1})) << "the dead agent is inactive";
 }
 
-}  // namespace
+}  // namespace doom_env_test
 }  // namespace comrad::sim

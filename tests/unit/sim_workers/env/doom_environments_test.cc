@@ -9,7 +9,7 @@
 #include "sim_workers/env/environment.h"
 
 namespace comrad::sim {
-namespace {
+namespace doom_environments_test {
 
 using testing::HasSubstr;
 
@@ -106,5 +106,5 @@ TEST_F(DoomEnvironments, BadRequestsSayWhatIsWrong) {
   EXPECT_THAT(message([](auto& o) { o.wad_path = "/nowhere/x.wad"; }), HasSubstr("/nowhere/x.wad"));
 }
 
-}  // namespace
+}  // namespace doom_environments_test
 }  // namespace comrad::sim

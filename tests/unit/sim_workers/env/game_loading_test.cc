@@ -13,7 +13,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::sim {
-namespace {
+namespace game_loading_test {
 
 using testing::HasSubstr;
 
@@ -233,5 +233,5 @@ TEST_F(GameLoading, AMapWithoutEnoughStartsIsRefused) {
   EXPECT_THAT(message({.num_agents = 3}), HasSubstr("starts for 2 players"));
 }
 
-}  // namespace
+}  // namespace game_loading_test
 }  // namespace comrad::sim

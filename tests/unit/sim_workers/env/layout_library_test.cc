@@ -12,7 +12,7 @@
 #include "sim_workers/oracle/oracle.h"
 
 namespace comrad::sim {
-namespace {
+namespace layout_library_test {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -131,5 +131,5 @@ TEST_F(Layouts, ItsPicturesAreThoseOfItAlone) {
   EXPECT_EQ(picture(**pool, 0), before) << "its neighbour plays the layout that it played";
 }
 
-}  // namespace
+}  // namespace layout_library_test
 }  // namespace comrad::sim

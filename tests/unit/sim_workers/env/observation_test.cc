@@ -5,7 +5,7 @@
 #include <vector>
 
 namespace comrad::sim {
-namespace {
+namespace observation_test {
 
 TEST(ViewSizeText, IsWidthTimesHeight) {
   EXPECT_EQ(*parse_view_size("160x120"), (ViewSize{160, 120}));
@@ -42,5 +42,5 @@ TEST(ResizePlanes, NearestOf160x120TakesTheRowsThatTheReferenceTakes) {
   for (int y = 0; y < 72; ++y) ASSERT_EQ(small[y * 128], y * 120 / 72) << y;
 }
 
-}  // namespace
+}  // namespace observation_test
 }  // namespace comrad::sim

@@ -10,7 +10,7 @@
 #include "tests/support/played_scenario.h"
 
 namespace comrad::sim {
-namespace {
+namespace step_allocations_test {
 
 /// operator new calls of so many decisions with random actions, resets left out.
 uint64_t allocations_of(DoomEnvironment& environment, int decisions, Rng& rng, uint64_t& episode) {
@@ -25,13 +25,13 @@ uint64_t allocations_of(DoomEnvironment& environment, int decisions, Rng& rng, u
     for (std::size_t choice = 0; choice < action.size(); ++choice)
       action[choice] = static_cast<int32_t>(rng.below(
           static_cast<uint32_t>(shape.head_sizes[choice % static_cast<std::size_t>(shape.head_count)])));
-    const uint64_t before = testing::allocations_of_this_thread();
+    const uint64_t before = test::allocations_of_this_thread();
     environment.step(action);
     environment.observe_numbers({.frame = nullptr,
                                  .measurement = measurement.data(),
                                  .action_mask = mask.data(),
                                  .agent_active = active.data()});
-    count += testing::allocations_of_this_thread() - before;
+    count += test::allocations_of_this_thread() - before;
   }
   return count;
 }
@@ -48,5 +48,5 @@ TEST(StepPath, OfEveryScenarioAllocatesLessThanTwiceADecisionOfItsWorld) {
   }
 }
 
-}  // namespace
+}  // namespace step_allocations_test
 }  // namespace comrad::sim

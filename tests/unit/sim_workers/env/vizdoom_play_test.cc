@@ -18,7 +18,7 @@
 #include "tests/support/vizdoom_room.h"
 
 namespace comrad::sim {
-namespace {
+namespace vizdoom_play_test {
 
 using ::testing::HasSubstr;
 
@@ -159,5 +159,5 @@ TEST_F(VizdoomRoom, AThirdPlayerFindsNoStart) {
   EXPECT_THAT(game.error().message, HasSubstr("1, 2"));
 }
 
-}  // namespace
+}  // namespace vizdoom_play_test
 }  // namespace comrad::sim

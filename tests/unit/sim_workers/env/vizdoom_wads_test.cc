@@ -11,7 +11,7 @@
 #include "tests/support/vizdoom_python.h"
 
 namespace comrad::sim {
-namespace {
+namespace vizdoom_wads_test {
 
 TEST(VizdoomWads, EveryMapRunsTwoThousandTicsOfRandomPlay) {
   const Expected<std::string> folder = test::vizdoom_scenario_folder();
@@ -67,5 +67,5 @@ TEST(VizdoomWads, EveryMapRunsTwoThousandTicsOfRandomPlay) {
   EXPECT_GE(maps, 16);
 }
 
-}  // namespace
+}  // namespace vizdoom_wads_test
 }  // namespace comrad::sim

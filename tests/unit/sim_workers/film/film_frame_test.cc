@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 namespace comrad::sim {
-namespace {
+namespace film_frame_test {
 
 const std::vector<std::vector<std::string>> kButtons = {
     {"MOVE_FORWARD", "MOVE_BACKWARD"}, {"TURN_LEFT", "TURN_RIGHT"}, {"ATTACK"}};
@@ -86,5 +86,5 @@ TEST(FilmFrame, WhatIsPressedEarnedAndOverShows) {
   EXPECT_EQ(change([](FilmCaption& c) { c.agents[0].choice = {9, -1}; }), 0) << "no such button";
 }
 
-}  // namespace
+}  // namespace film_frame_test
 }  // namespace comrad::sim

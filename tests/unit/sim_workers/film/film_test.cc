@@ -14,7 +14,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::sim {
-namespace {
+namespace film_test {
 
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
@@ -102,5 +102,5 @@ TEST_F(FilmTest, WhatCannotBeWrittenIsSaidAtOnceOrAtTheEnd) {
   EXPECT_FALSE(play({.frames = (folder_ / "file/frames").string(), .size = {160, 90}}));
 }
 
-}  // namespace
+}  // namespace film_test
 }  // namespace comrad::sim

@@ -16,7 +16,7 @@
 #include "sim_workers/engine/map/level_loader.h"
 
 namespace comrad::doom {
-namespace {
+namespace freedoom_maps_test {
 
 std::string iwad_path() {
   const char* given = std::getenv("COMRAD_IWAD");
@@ -126,5 +126,5 @@ TEST(FreedoomMaps, All32LoadAndTheirSectorsAreFound) {
   EXPECT_LE(wrong, points / 500);
 }
 
-}  // namespace
+}  // namespace freedoom_maps_test
 }  // namespace comrad::doom

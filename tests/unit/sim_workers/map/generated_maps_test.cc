@@ -10,7 +10,7 @@
 #include "sim_workers/engine/map/sector_tree.h"
 
 namespace comrad::doom {
-namespace {
+namespace generated_maps_test {
 
 class GeneratedMaps : public testing::TestWithParam<std::string> {};
 
@@ -53,5 +53,5 @@ TEST_P(GeneratedMaps, EveryPointLiesInTheSectorItWasDrawnIn) {
 INSTANTIATE_TEST_SUITE_P(All, GeneratedMaps, testing::ValuesIn(scenarios::layout_recipes()),
                          [](const auto& one) { return one.param; });
 
-}  // namespace
+}  // namespace generated_maps_test
 }  // namespace comrad::doom

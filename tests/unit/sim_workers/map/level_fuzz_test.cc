@@ -10,7 +10,7 @@
 #include "tests/support/wad_bytes.h"
 
 namespace comrad::doom {
-namespace {
+namespace level_fuzz_test {
 
 TEST(LevelFuzz, EveryAcceptedMapCanBePlayed) {
   const uint64_t seed = comrad::test::fuzz_seed();
@@ -74,5 +74,5 @@ TEST(LevelFuzz, EveryAcceptedBinaryMapCanBePlayed) {
   EXPECT_GT(refused, 0);
 }
 
-}  // namespace
+}  // namespace level_fuzz_test
 }  // namespace comrad::doom

@@ -8,7 +8,7 @@
 #include "tests/support/wad_bytes.h"
 
 namespace comrad::doom {
-namespace {
+namespace level_loader_test {
 
 using ::testing::Contains;
 using ::testing::ElementsAre;
@@ -227,5 +227,5 @@ TEST(LevelLoader, ReadsTheDecorationsOfUdmf) {
   EXPECT_FLOAT_EQ(level->things[1].health, 2.0f);
 }
 
-}  // namespace
+}  // namespace level_loader_test
 }  // namespace comrad::doom

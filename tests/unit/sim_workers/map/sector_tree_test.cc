@@ -10,7 +10,7 @@
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
-namespace {
+namespace sector_tree_test {
 
 constexpr int kSide = 12, kSpacing = 64;
 
@@ -110,5 +110,5 @@ TEST(SectorTree, ALevelOfOneConvexRoomNeedsNoNode) {
   EXPECT_EQ(level->index->sectors.sector_at(0, 0), 0u);
 }
 
-}  // namespace
+}  // namespace sector_tree_test
 }  // namespace comrad::doom

@@ -6,7 +6,7 @@
 #include "tests/support/level_builder.h"
 
 namespace comrad::sim {
-namespace {
+namespace navigator_test {
 
 using doom::to_fixed;
 
@@ -79,5 +79,5 @@ TEST(Navigator, KeepsOutOfSectorsThatItIsToldToAvoid) {
   EXPECT_GT(*length, 1300);
 }
 
-}  // namespace
+}  // namespace navigator_test
 }  // namespace comrad::sim

@@ -8,7 +8,7 @@
 #include "sim_workers/oracle/steering.h"
 
 namespace comrad::sim {
-namespace {
+namespace oracle_test {
 
 using testing::Contains;
 using testing::HasSubstr;
@@ -165,5 +165,5 @@ TEST(ActionMapChoose, IsTheWayBackFromButtons) {
   EXPECT_THAT(choice, testing::Each(0));
 }
 
-}  // namespace
+}  // namespace oracle_test
 }  // namespace comrad::sim

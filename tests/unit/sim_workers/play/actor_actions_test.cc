@@ -8,7 +8,7 @@
 #include "tests/unit/sim_workers/play/monster_stage.h"
 
 namespace comrad::doom {
-namespace {
+namespace actor_actions_test {
 
 using test::Stage;
 
@@ -287,5 +287,5 @@ TEST(Actions, EveryOneStandsEmptyAndWildArguments) {
   }
 }
 
-}  // namespace
+}  // namespace actor_actions_test
 }  // namespace comrad::doom

@@ -13,7 +13,7 @@
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
-namespace {
+namespace collision_test {
 
 const std::shared_ptr<const ActorCatalog>& catalog() {
   static const auto kCatalog = std::make_shared<const ActorCatalog>();
@@ -380,5 +380,5 @@ TEST(Collision, SpawnsOnlyWhereTheActorFits) {
   EXPECT_TRUE(spawn_actor(world, medikit, world.body(0).x, world.body(0).y, 0, 0)) << "items are not solid";
 }
 
-}  // namespace
+}  // namespace collision_test
 }  // namespace comrad::doom

@@ -12,7 +12,7 @@
 #include "tests/unit/sim_workers/play/monster_stage.h"
 
 namespace comrad::doom {
-namespace {
+namespace inventory_test {
 
 using test::LevelBuilder;
 using test::Stage;
@@ -324,5 +324,5 @@ TEST(Players, OneWhoIsBornCannotMoveForEightTicsUnlessItIsHurt) {
   EXPECT_GT(hurt.body().x, 0);
 }
 
-}  // namespace
+}  // namespace inventory_test
 }  // namespace comrad::doom

@@ -13,7 +13,7 @@
 #include "tests/unit/sim_workers/play/monster_stage.h"
 
 namespace comrad::doom {
-namespace {
+namespace monster_actions_test {
 
 using test::LevelBuilder;
 using test::Stage;
@@ -323,5 +323,5 @@ TEST(Infighting, AnImpHitByAZombieTurnsOnIt) {
   EXPECT_EQ(other.target_id, stage.body().id);  // arch-viles are forgiven
 }
 
-}  // namespace
+}  // namespace monster_actions_test
 }  // namespace comrad::doom

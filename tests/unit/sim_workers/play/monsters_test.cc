@@ -12,7 +12,7 @@
 #include "tests/unit/sim_workers/play/monster_stage.h"
 
 namespace comrad::doom {
-namespace {
+namespace monsters_test {
 
 using test::LevelBuilder;
 using test::Stage;
@@ -383,9 +383,9 @@ TEST(Monsters, HuntingAllocatesNothing) {
   stage.make_player_tough();
   for (int i = 0; i < 8; ++i) stage.spawn(i % 2 == 0 ? "DoomImp" : "ZombieMan", 700, 100 * i - 400, 180);
   stage.tics(35 * 20);  // buffers grow to their size
-  const uint64_t before = testing::allocations_of_this_thread();
+  const uint64_t before = comrad::test::allocations_of_this_thread();
   stage.tics(35 * 20);
-  EXPECT_EQ(testing::allocations_of_this_thread() - before, 0u);
+  EXPECT_EQ(comrad::test::allocations_of_this_thread() - before, 0u);
 }
 
 // ---------------------------------------------------------------- being hit
@@ -422,12 +422,12 @@ TEST(TypedDamage, LooksForItsOwnPainStateWithoutAllocating) {
     damage_actor(stage.world, kindling, nullptr, nullptr, 1, type);
     return stage.catalog->state(kindling.state).frame;
   };
-  const uint64_t before = testing::allocations_of_this_thread();
+  const uint64_t before = comrad::test::allocations_of_this_thread();
   EXPECT_EQ(frame_after(DamageType::kFire), 2);
   EXPECT_EQ(frame_after(DamageType::kInstantDeath), 1) << "no state of its own: any pain";
   EXPECT_EQ(frame_after(DamageType::kFire), 2);
-  EXPECT_EQ(testing::allocations_of_this_thread() - before, 0u);
+  EXPECT_EQ(comrad::test::allocations_of_this_thread() - before, 0u);
 }
 
-}  // namespace
+}  // namespace monsters_test
 }  // namespace comrad::doom

@@ -14,7 +14,7 @@
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
-namespace {
+namespace movement_golden_test {
 
 using Row = std::map<std::string, std::string>;
 
@@ -103,5 +103,5 @@ INSTANTIATE_TEST_SUITE_P(OpenFloor, MovementGolden,
                                            "wall_head_on_run", "wall_slide_run", "mixed_script"),
                          [](const auto& trace) { return std::string(trace.param); });
 
-}  // namespace
+}  // namespace movement_golden_test
 }  // namespace comrad::doom

@@ -8,7 +8,7 @@
 #include "tests/unit/sim_workers/play/monster_stage.h"
 
 namespace comrad::doom {
-namespace {
+namespace sight_test {
 
 using test::LevelBuilder;
 using test::Stage;
@@ -187,5 +187,5 @@ TEST(AlertMonsters, StopsAtAShutDoorAndAtItsDistance) {
   EXPECT_EQ(far.last_heard_id, stage.body().id);
 }
 
-}  // namespace
+}  // namespace sight_test
 }  // namespace comrad::doom

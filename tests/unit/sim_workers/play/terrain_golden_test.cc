@@ -16,7 +16,7 @@
 #include "tests/support/wad_bytes.h"
 
 namespace comrad::doom {
-namespace {
+namespace terrain_golden_test {
 
 constexpr uint64_t kIdleTics = 14;   // before the first row
 constexpr double kTurnsMax = 65536;  // what a turn is counted in
@@ -95,5 +95,5 @@ INSTANTIATE_TEST_SUITE_P(SlantedWalls, TerrainGolden,
                          ::testing::Values("slanted_4", "slanted_34", "slanted_41"));
 INSTANTIATE_TEST_SUITE_P(LinesThatPush, TerrainGolden, ::testing::Values("pushed_1"));
 
-}  // namespace
+}  // namespace terrain_golden_test
 }  // namespace comrad::doom

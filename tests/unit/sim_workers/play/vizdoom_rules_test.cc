@@ -14,7 +14,7 @@
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
-namespace {
+namespace vizdoom_rules_test {
 
 constexpr int kUpperFloor = 100;
 
@@ -229,5 +229,5 @@ TEST(VizdoomRules, AShotPushesAPartnerAndDoesNotHurtIt) {
   EXPECT_EQ(game.world.player(0).damage_dealt, 0);
 }
 
-}  // namespace
+}  // namespace vizdoom_rules_test
 }  // namespace comrad::doom

@@ -14,7 +14,7 @@
 #include "tests/unit/sim_workers/play/monster_stage.h"
 
 namespace comrad::doom {
-namespace {
+namespace weapons_test {
 
 using test::Stage;
 using ::testing::Each;
@@ -334,5 +334,5 @@ TEST(Weapons, AimUpAtWhatStandsHighAlthoughTheLookIsLevel) {
   EXPECT_LT(stage.at(id).health, 150);
 }
 
-}  // namespace
+}  // namespace weapons_test
 }  // namespace comrad::doom

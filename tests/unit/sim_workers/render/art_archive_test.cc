@@ -8,7 +8,7 @@
 #include "tests/unit/sim_workers/render/tiny_iwad.h"
 
 namespace comrad::doom {
-namespace {
+namespace art_archive_test {
 
 std::vector<uint8_t> to_bytes(const std::string& text) { return {text.begin(), text.end()}; }
 
@@ -167,5 +167,5 @@ TEST(ArtArchive, TexturesThatNameMissingPatchNumbersAreRefused) {
   EXPECT_NE(archive.error().message.find("ASHWALL6"), std::string::npos) << archive.error().message;
 }
 
-}  // namespace
+}  // namespace art_archive_test
 }  // namespace comrad::doom

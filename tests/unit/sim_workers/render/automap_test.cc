@@ -11,7 +11,7 @@
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
-namespace {
+namespace automap_test {
 
 constexpr int kWidth = 320, kHeight = 240;
 
@@ -113,5 +113,5 @@ TEST(Labels, OfTooManyTheFarthestHaveNone) {
   }
 }
 
-}  // namespace
+}  // namespace automap_test
 }  // namespace comrad::doom

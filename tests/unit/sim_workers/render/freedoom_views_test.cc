@@ -14,7 +14,7 @@
 #include "sim_workers/engine/tic/tic.h"
 
 namespace comrad::doom {
-namespace {
+namespace freedoom_views_test {
 
 constexpr int kWidth = 160, kHeight = 120, kPlaces = 8, kDirections = 8;
 
@@ -90,5 +90,5 @@ TEST(FreedoomViews, EveryMapIsDrawnWithoutHolesFromEverywhere) {
   EXPECT_EQ(maps, 32);
 }
 
-}  // namespace
+}  // namespace freedoom_views_test
 }  // namespace comrad::doom

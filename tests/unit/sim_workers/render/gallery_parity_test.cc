@@ -9,7 +9,7 @@
 #include "tests/unit/sim_workers/render/vizdoom_pictures.h"
 
 namespace comrad::doom {
-namespace {
+namespace gallery_parity_test {
 
 const std::string kFolder = std::string(COMRAD_SOURCE_DIR) + "/tests/golden/render/vizdoom/";
 
@@ -64,5 +64,5 @@ TEST(GalleryParity, EachViewIsViZDoomsButForAFewTexels) {
   std::printf("%-34s %8.2f\n", "mean", sum / views);
 }
 
-}  // namespace
+}  // namespace gallery_parity_test
 }  // namespace comrad::doom

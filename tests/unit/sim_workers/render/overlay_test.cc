@@ -11,7 +11,7 @@
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
-namespace {
+namespace overlay_test {
 
 /// The status bar of the installed IWAD; tests skip where there is none.
 class StatusBarTest : public ::testing::Test {
@@ -236,5 +236,5 @@ TEST(StatusBarStates, TellAPlayersConditionApart) {
   EXPECT_EQ(status_bar_state(world, 0).health, 0);
 }
 
-}  // namespace
+}  // namespace overlay_test
 }  // namespace comrad::doom

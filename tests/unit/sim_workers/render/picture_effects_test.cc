@@ -13,7 +13,7 @@
 #include "tests/unit/sim_workers/render/tiny_iwad.h"
 
 namespace comrad::doom {
-namespace {
+namespace picture_effects_test {
 
 using test::LevelBuilder;
 
@@ -432,5 +432,5 @@ TEST(Providers, OneThatIsMissingIsOneClearLine) {
   EXPECT_TRUE(any.has_value()) << any.error().message;
 }
 
-}  // namespace
+}  // namespace picture_effects_test
 }  // namespace comrad::doom

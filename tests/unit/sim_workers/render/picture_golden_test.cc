@@ -15,7 +15,7 @@
 #include "tests/unit/sim_workers/render/open_level.h"
 
 namespace comrad::doom {
-namespace {
+namespace picture_golden_test {
 
 std::shared_ptr<const Level> hall() {
   test::LevelBuilder builder;
@@ -107,5 +107,5 @@ TEST_F(PictureGolden, ALargeViewWithoutStatusBar) {
   compare("hall_320x240", scene(), options);
 }
 
-}  // namespace
+}  // namespace picture_golden_test
 }  // namespace comrad::doom

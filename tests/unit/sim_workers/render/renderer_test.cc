@@ -15,7 +15,7 @@
 #include "tests/unit/sim_workers/render/tiny_iwad.h"
 
 namespace comrad::doom {
-namespace {
+namespace renderer_test {
 
 using test::LevelBuilder;
 
@@ -260,5 +260,5 @@ TEST(Renderer, RefusesWhatItCannotDo) {
   EXPECT_NE(created.error().message.find("STBAR"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace renderer_test
 }  // namespace comrad::doom

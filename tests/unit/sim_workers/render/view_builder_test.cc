@@ -10,7 +10,7 @@
 #include "tests/unit/sim_workers/render/tiny_iwad.h"
 
 namespace comrad::doom {
-namespace {
+namespace view_builder_test {
 
 using test::LevelBuilder;
 
@@ -320,5 +320,5 @@ TEST(ViewBuilder, AnEyeOutsideTheMapSeesNothingAndSurvives) {
   }
 }
 
-}  // namespace
+}  // namespace view_builder_test
 }  // namespace comrad::doom

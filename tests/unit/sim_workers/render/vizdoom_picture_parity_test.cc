@@ -12,7 +12,7 @@
 #include "tests/unit/sim_workers/render/vizdoom_pictures.h"
 
 namespace comrad::doom {
-namespace {
+namespace vizdoom_picture_parity_test {
 
 /// A CSV by column name.
 std::vector<std::map<std::string, std::string>> read_csv(const std::string& path) {
@@ -191,5 +191,5 @@ TEST_F(VizdoomPictureParity, OnMapsOfTheIwad) {
         {.scenario = "freedoom2", .monsters = false, .at = "1,35,105,200,240,300", .hud = true, .map = map});
 }
 
-}  // namespace
+}  // namespace vizdoom_picture_parity_test
 }  // namespace comrad::doom

@@ -15,7 +15,7 @@
 #include "tests/unit/sim_workers/play/monster_stage.h"
 
 namespace comrad::doom {
-namespace {
+namespace line_activation_test {
 
 using test::LevelBuilder;
 using test::Stage;
@@ -339,5 +339,5 @@ TEST(SpecialSupport, IsWhatTheEngineExecutesWithoutAWarning) {
   }
 }
 
-}  // namespace
+}  // namespace line_activation_test
 }  // namespace comrad::doom

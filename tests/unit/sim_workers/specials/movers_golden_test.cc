@@ -14,7 +14,7 @@
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
-namespace {
+namespace movers_golden_test {
 
 const std::shared_ptr<const ActorCatalog>& catalog() {
   static const auto kCatalog = std::make_shared<const ActorCatalog>();
@@ -230,5 +230,5 @@ TEST(MoversGolden, PolyobjectsPushBodiesAsRecorded) {
   });
 }
 
-}  // namespace
+}  // namespace movers_golden_test
 }  // namespace comrad::doom

@@ -13,7 +13,7 @@
 #include "sim_workers/engine/world/world.h"
 
 namespace comrad::doom {
-namespace {
+namespace freedoom_play_test {
 
 constexpr int kTics = 2'000;
 
@@ -75,5 +75,5 @@ TEST_P(FreedoomPlay, TwoPlayersPlayTwoThousandTics) {
 
 INSTANTIATE_TEST_SUITE_P(AllMaps, FreedoomPlay, ::testing::Range(1, 33));
 
-}  // namespace
+}  // namespace freedoom_play_test
 }  // namespace comrad::doom

@@ -14,7 +14,7 @@
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
-namespace {
+namespace tic_test {
 
 const std::shared_ptr<const ActorCatalog>& catalog() {
   static const auto kCatalog = std::make_shared<const ActorCatalog>();
@@ -477,5 +477,5 @@ TEST(Determinism, TheSeedMattersAndSoDoesEveryButton) {
   EXPECT_NE(idle, hash_of(1, [](Buttons& b) { b.jump = true; }));
 }
 
-}  // namespace
+}  // namespace tic_test
 }  // namespace comrad::doom

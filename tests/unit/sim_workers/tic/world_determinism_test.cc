@@ -13,7 +13,7 @@
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
-namespace {
+namespace world_determinism_test {
 
 constexpr int kTics = 10'000;
 
@@ -242,5 +242,5 @@ TEST(Memory, AFurtherWorldOfALevelCostsLessThanFourMegabytes) {
   RecordProperty("bytes_per_world", static_cast<int>(each));
 }
 
-}  // namespace
+}  // namespace world_determinism_test
 }  // namespace comrad::doom

@@ -8,11 +8,11 @@
 #include "tests/support/toy_environment.h"
 
 namespace comrad::sim {
-namespace {
+namespace bench_test {
 
 TEST(Bench, CountsAgentDecisionsInTheTimeItMeasured) {
-  testing::ToyEnvironmentSet environments(
-      {.shape = testing::small_arena_shape().trajectory.env, .min_length = 3, .max_length = 9}, 5);
+  test::ToyEnvironmentSet environments(
+      {.shape = test::small_arena_shape().trajectory.env, .min_length = 3, .max_length = 9}, 5);
   uint64_t observed = 0;
   environments.on_observe = [&observed] { ++observed; };
   const BenchResult result = run_bench(environments, {.seconds = 1, .warmup_seconds = 0.01});
@@ -31,8 +31,8 @@ TEST(Bench, CountsAgentDecisionsInTheTimeItMeasured) {
 }
 
 TEST(Bench, TheEngineAlonePlaysEpisodesAndDrawsNothing) {
-  testing::ToyEnvironmentSet environments(
-      {.shape = testing::small_arena_shape().trajectory.env, .min_length = 3, .max_length = 9}, 5);
+  test::ToyEnvironmentSet environments(
+      {.shape = test::small_arena_shape().trajectory.env, .min_length = 3, .max_length = 9}, 5);
   uint64_t observed = 0;
   environments.on_observe = [&observed] { ++observed; };
   const BenchResult result =
@@ -44,8 +44,8 @@ TEST(Bench, TheEngineAlonePlaysEpisodesAndDrawsNothing) {
 }
 
 TEST(Bench, DrawingAloneCountsTheTimeOfTheViewsAndNothingElse) {
-  testing::ToyEnvironmentSet environments(
-      {.shape = testing::small_arena_shape().trajectory.env, .min_length = 3, .max_length = 9}, 5);
+  test::ToyEnvironmentSet environments(
+      {.shape = test::small_arena_shape().trajectory.env, .min_length = 3, .max_length = 9}, 5);
   environments.on_observe = [] { usleep(1000); };
   const Stopwatch clock;
   const BenchResult result = run_bench(
@@ -55,5 +55,5 @@ TEST(Bench, DrawingAloneCountsTheTimeOfTheViewsAndNothingElse) {
   EXPECT_LE(static_cast<double>(result.decisions) / 10, result.seconds / 0.001 + 1) << "a round takes 1 ms";
 }
 
-}  // namespace
+}  // namespace bench_test
 }  // namespace comrad::sim

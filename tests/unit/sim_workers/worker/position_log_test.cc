@@ -12,7 +12,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::sim {
-namespace {
+namespace position_log_test {
 
 /// Two environments on one generated map.
 class PositionLogTest : public ::testing::Test {
@@ -90,5 +90,5 @@ TEST_F(PositionLogTest, AFileThatCannotBeWrittenIsAnError) {
   EXPECT_EQ(done.error().code, ErrorCode::kNoSpace);
 }
 
-}  // namespace
+}  // namespace position_log_test
 }  // namespace comrad::sim

@@ -6,7 +6,7 @@
 #include <vector>
 
 namespace comrad::sim {
-namespace {
+namespace reward_rules_test {
 
 using ::testing::ElementsAre;
 
@@ -45,5 +45,5 @@ TEST(RewardRules, ComeFromTheSettings) {
   EXPECT_EQ(rules.clip, 9.0f);
 }
 
-}  // namespace
+}  // namespace reward_rules_test
 }  // namespace comrad::sim

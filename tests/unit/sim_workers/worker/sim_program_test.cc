@@ -21,7 +21,7 @@
 #include "tests/support/scratch_folder.h"
 
 namespace comrad {
-namespace {
+namespace sim_program_test {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
@@ -142,7 +142,7 @@ TEST_F(SimProgram, JoinsPlaysSurvivesAKillAndLeavesOnSigterm) {
   const shm::Arena arena = *shm::Arena::create(arena_shape(), 1);
   Expected<shm::ArenaServer> server = shm::ArenaServer::listen(run_dir_.string().substr(1), arena);
   ASSERT_TRUE(server) << server.error().message;
-  testing::FakePolicy policy(arena, 0, /*lock_step=*/false);
+  test::FakePolicy policy(arena, 0, /*lock_step=*/false);
   arena.control().run_state = shm::RunState::kRunning;
   arena.control().rollouts_allowed = UINT64_MAX;
   std::vector<uint64_t> rollouts(4, 0);
@@ -186,7 +186,7 @@ TEST_F(SimProgram, EvaluationDeliversTheSameEpisodesEveryTime) {
     const shm::Arena arena = *shm::Arena::create(shape, 1);
     Expected<shm::ArenaServer> server = shm::ArenaServer::listen(run_dir_.string().substr(1), arena);
     EXPECT_TRUE(server);
-    testing::FakePolicy policy(arena, 0, /*lock_step=*/false);
+    test::FakePolicy policy(arena, 0, /*lock_step=*/false);
     arena.control().episodes_per_run = 3;
     arena.control().run_state = shm::RunState::kRunning;
     const pid_t child = start({"--arena", server->name(), "--worker_index", "0", "--evaluate"});
@@ -259,5 +259,5 @@ TEST_F(SimProgram, ATruncatedMapIsRefused) {
   EXPECT_THAT(errors(), HasSubstr("short.wad"));
 }
 
-}  // namespace
+}  // namespace sim_program_test
 }  // namespace comrad

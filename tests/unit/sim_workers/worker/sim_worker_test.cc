@@ -17,17 +17,17 @@
 #include "tests/support/toy_environment.h"
 
 namespace comrad::sim {
-namespace {
+namespace sim_worker_test {
 
 using shm::Arena;
 using shm::ArenaShape;
 using shm::SlabState;
-using testing::FakePolicy;
+using test::FakePolicy;
+using test::small_arena_shape;
+using test::ToyEnvironment;
+using test::ToyEnvironmentSet;
+using test::ToyOptions;
 using ::testing::HasSubstr;
-using testing::small_arena_shape;
-using testing::ToyEnvironment;
-using testing::ToyEnvironmentSet;
-using testing::ToyOptions;
 
 constexpr uint64_t kSeed = 42;
 
@@ -140,7 +140,7 @@ class Shadow {
       for (int agent = 0; agent < static_cast<int>(agents); ++agent) {
         EXPECT_EQ(slab.policy_version(step, agent), episode_step_) << "the slot told the decision's number";
         EXPECT_EQ(slab.value(step, agent),
-                  testing::fake_value(slab.frame(step, agent), static_cast<float>(episode_step_)));
+                  test::fake_value(slab.frame(step, agent), static_cast<float>(episode_step_)));
       }
       world_.step({slab.action(step, 0).data(), agents * slab.action(step, 0).size()});
       ++episode_step_;
@@ -165,7 +165,7 @@ class Shadow {
     check_row(slab, length);
     for (int agent = 0; agent < static_cast<int>(agents); ++agent)
       EXPECT_EQ(slab.value(length, agent),
-                testing::fake_value(slab.frame(length, agent), static_cast<float>(episode_step_)));
+                test::fake_value(slab.frame(length, agent), static_cast<float>(episode_step_)));
     EXPECT_TRUE(length == steps || finals == capacity) << "sealed early only where the finals ran out";
     for (int step = length; step < steps; ++step) {
       EXPECT_EQ(slab.valid(step), 0);
@@ -227,9 +227,8 @@ class Shadow {
     EXPECT_TRUE(std::ranges::equal(slab.final_global_state(row), seen.global_state));
     for (int agent = 0; agent < slab.shape().env.num_agents; ++agent)
       EXPECT_EQ(slab.final_value(row, agent),
-                truncated
-                    ? testing::fake_value(slab.final_frame(row, agent), static_cast<float>(episode_step_))
-                    : 0.0f)
+                truncated ? test::fake_value(slab.final_frame(row, agent), static_cast<float>(episode_step_))
+                          : 0.0f)
           << "a true end is worth nothing, a cut-off one what the policy says with its state kept";
   }
 
@@ -719,7 +718,7 @@ TEST(SimWorker, TheStepPathDoesNotAllocate) {
   Host host(small_arena_shape(), options);
   uint64_t calls = 0, first = 0, last = 0;
   host.workers[0]->environments.on_observe = [&] {
-    last = testing::allocations_of_this_thread();
+    last = test::allocations_of_this_thread();
     if (++calls == 50) first = last;
   };
   host.start();
@@ -870,5 +869,5 @@ TEST(SimWorker, EvaluationPlaysTheLayoutsInTurn) {
   for (const auto& [episode, layout] : layout_of) EXPECT_EQ(layout, 77 + episode % 3) << episode;
 }
 
-}  // namespace
+}  // namespace sim_worker_test
 }  // namespace comrad::sim

@@ -8,7 +8,7 @@
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
-namespace {
+namespace world_hash_test {
 
 WorldState state_with_some_of_everything() {
   World world(test::one_room(), std::make_shared<const ActorCatalog>());
@@ -92,5 +92,5 @@ TEST(WorldHash, ScratchDoesNotCount) {
   EXPECT_EQ(hash_of(state), start);
 }
 
-}  // namespace
+}  // namespace world_hash_test
 }  // namespace comrad::doom
