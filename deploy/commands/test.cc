@@ -1,22 +1,27 @@
-// `comrad test`: ctest over the build folder that this program lies in. ctest's own summary stays last; what
-// was skipped, and why, stands right before it.
+// `comrad test`: ctest over the build folder that this program lies in. ctest's own summary stays last; what was skipped and why,
+// and the slowest tests, stand right before it.
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
+#include <span>
 
 #include "deploy/commands/command.h"
 #include "deploy/commands/test_report.h"
 #include "deploy/process/child_program.h"
 #include "deploy/settings/merged_settings.h"
 #include "rollout_buffer/core/cores.h"
+#include "rollout_buffer/core/files.h"
 
 namespace comrad::deploy {
 namespace {
 
 constexpr double kSuiteTimeoutSeconds = 80 * 60;
+constexpr std::size_t kSlowestShown = 10;
 
 bool has_flag(Arguments arguments, std::initializer_list<std::string_view> names) {
   return std::any_of(arguments.begin(), arguments.end(), [&](const std::string& word) {
@@ -40,16 +45,37 @@ std::string read_whole(const std::string& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-void print_skipped(const std::string& log, const std::vector<std::string>& skipped, int left_out) {
+/// Prints what was skipped. False where CI=true does not allow one of the reasons.
+bool print_skipped(const std::string& log, const std::vector<std::string>& skipped, int left_out) {
+  const char* ci = std::getenv("CI");
+  const std::string page = data_dir() + "/tests/SKIPPED.md";
+  const bool is_strict = ci != nullptr && std::string_view(ci) == "true";
+  const std::vector<std::string> words = allowed_words(read_whole(page));
+  bool all_allowed = true;
   if (!skipped.empty()) {
     std::printf("Skipped, in whole or in part:\n");
     for (const std::string& test : skipped)
-      for (const std::string& reason : skip_reasons(log, test))
-        std::printf("  %s: %s\n", test.c_str(), reason.c_str());
+      for (const std::string& reason : skip_reasons(log, test)) {
+        const bool is_refused = is_strict && !is_allowed(reason, words);
+        all_allowed &= !is_refused;
+        std::printf("  %s: %s%s\n", test.c_str(), reason.c_str(), is_refused ? " [not allowed]" : "");
+      }
+    if (!all_allowed)
+      std::printf("CI=true allows the skips that %s lists; install what the others lack.\n", page.c_str());
   }
   if (left_out > 0)
     std::printf("Left out: %d tests labelled long (./comrad test -L long runs them).\n", left_out);
   if (!skipped.empty() || left_out > 0) std::printf("\n");
+  return all_allowed;
+}
+
+void print_slowest(std::vector<TestTime> times) {
+  if (times.size() <= kSlowestShown) return;
+  std::ranges::sort(times, std::greater(), &TestTime::seconds);
+  std::printf("The slowest:\n");
+  for (const TestTime& time : std::span(times).first(kSlowestShown))
+    std::printf("  %6.1f s  %s\n", time.seconds, time.name.c_str());
+  std::printf("\n");
 }
 
 Expected<int> run_suite(Arguments arguments) {
@@ -66,7 +92,8 @@ Expected<int> run_suite(Arguments arguments) {
   command.insert(command.end(), arguments.begin(), arguments.end());
 
   std::vector<std::string> skipped;
-  std::vector<std::string> closing;  // held back until the reasons are told
+  std::vector<TestTime> times;
+  std::vector<std::string> closing;  // held back until the reasons are printed
   ProgramOptions options{.timeout_s = kSuiteTimeoutSeconds, .echo_stderr = true};
   options.on_line = [&](const std::string& line) {
     if (!closing.empty() || is_closing_line(line)) {
@@ -74,15 +101,17 @@ Expected<int> run_suite(Arguments arguments) {
       return;
     }
     if (const std::string_view name = skipped_test(line); !name.empty()) skipped.emplace_back(name);
+    if (std::optional<TestTime> time = test_time(line)) times.push_back(std::move(*time));
     std::printf("%s\n", line.c_str());
     std::fflush(stdout);
   };
   COMRAD_TRY_ASSIGN(const ProgramResult result, run_program(command, options));
   // Before count_label(): that call of ctest begins the file anew.
   const std::string log = read_whole(build + "/Testing/Temporary/LastTest.log");
-  print_skipped(log, skipped, chooses_labels ? 0 : count_label(build, "long"));
+  print_slowest(std::move(times));
+  const bool all_allowed = print_skipped(log, skipped, chooses_labels ? 0 : count_label(build, "long"));
   for (const std::string& line : closing) std::printf("%s\n", line.c_str());
-  return result.exit_code == 0 ? kExitDone : kExitFailed;
+  return result.exit_code == 0 && all_allowed ? kExitDone : kExitFailed;
 }
 
 }  // namespace

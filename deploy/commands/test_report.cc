@@ -1,6 +1,7 @@
 #include "deploy/commands/test_report.h"
 
 #include <algorithm>
+#include <cstdlib>
 
 namespace comrad::deploy {
 namespace {
@@ -78,6 +79,38 @@ std::vector<std::string> skip_reasons(std::string_view log, std::string_view tes
   }
   if (reasons.empty()) reasons.emplace_back(last_line.empty() ? "no reason given" : last_line);
   return reasons;
+}
+
+std::optional<TestTime> test_time(std::string_view line) {
+  const size_t number = line.find(" Test "), colon = line.find(": ", number), end = line.rfind(" sec");
+  if (number == line.npos || colon == line.npos || end == line.npos || end < colon) return std::nullopt;
+  const std::string_view name = line.substr(colon + 2);
+  const std::string seconds(line.substr(line.rfind(' ', end - 1) + 1, end));
+  char* rest = nullptr;
+  TestTime time{std::string(name.substr(0, name.find(' '))), std::strtod(seconds.c_str(), &rest)};
+  if (rest == seconds.c_str()) return std::nullopt;
+  return time;
+}
+
+std::vector<std::string> allowed_words(std::string_view page) {
+  std::vector<std::string> words;
+  while (!page.empty()) {
+    std::string_view line = next_line(page);
+    if (!line.starts_with('|') || !line.ends_with('|')) continue;
+    line.remove_suffix(1);
+    line.remove_prefix(line.rfind('|'));
+    for (size_t begin; (begin = line.find('`')) != line.npos;) {
+      line.remove_prefix(begin + 1);
+      const size_t end = std::min(line.find('`'), line.size());
+      words.emplace_back(line.substr(0, end));
+      line.remove_prefix(std::min(end + 1, line.size()));
+    }
+  }
+  return words;
+}
+
+bool is_allowed(std::string_view reason, const std::vector<std::string>& words) {
+  return std::ranges::any_of(words, [&](const std::string& one) { return reason.find(one) != reason.npos; });
 }
 
 }  // namespace comrad::deploy

@@ -12,8 +12,8 @@
 
 #include "tests/integration/running_program.h"
 
-namespace comrad::testing {
-namespace {
+namespace comrad::test {
+namespace bootstrap_test {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -49,7 +49,9 @@ class SmallProject : public ::testing::Test {
           "add_custom_target(programs)\n"
           "foreach(name comrad comrad-newest)\n"
           "  add_executable(${name} deploy/main.c)\n  add_dependencies(programs ${name})\nendforeach()\n"
-          "add_executable(suite tests/suite.c)\n");
+          "add_executable(comrad-rare EXCLUDE_FROM_ALL deploy/main.c)\n"
+          "add_custom_target(tools DEPENDS comrad-rare programs)\n"
+          "add_executable(suite tests/suite.c)\nadd_dependencies(suite tools)\n");
     write("tests/suite.c", "int main(void) { return 0; }\n");
   }
 
@@ -88,6 +90,32 @@ TEST_F(SmallProject, BuildsOnceThenOnlyRuns) {
   EXPECT_EQ(run({"test"}).out, "[test]");
   EXPECT_TRUE(fs::exists(home_ / "build/bin/suite"));
   EXPECT_EQ(run({"version"}).err, "");  // building all brought the programs up to date too
+}
+
+TEST_F(SmallProject, BuildsRareProgramsWhenACommandNeedsThem) {
+  ASSERT_EQ(run({"version"}).exit_code, 0);
+  EXPECT_EQ(run({"scenarios", "list"}).err, "");
+  EXPECT_FALSE(fs::exists(home_ / "build/bin/comrad-rare"));
+  EXPECT_THAT(run({"scenarios", "--gallery"}).err, HasSubstr("comrad: building tools"));
+  EXPECT_TRUE(fs::exists(home_ / "build/bin/comrad-rare"));
+  for (const char* command : {"bench", "tune", "trace", "acs", "version"})
+    EXPECT_EQ(run({command}).err, "") << command;
+}
+
+TEST_F(SmallProject, ContinuousIntegrationSharesTheBuildAndAllowsNoWarning) {
+  const Environment ci = {{"CI", "true"}};
+  ASSERT_EQ(run({"version"}).exit_code, 0);
+  EXPECT_EQ(run({"version"}, ci).err, "") << "the same objects";
+  write("deploy/main.c", "#warning something is odd\nint main(void) { return 0; }\n");
+  EXPECT_EQ(run({"version"}).exit_code, 0) << "a user may go on";
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    const Ending refused = run({"version"}, ci);
+    EXPECT_EQ(refused.exit_code, 1);
+    EXPECT_THAT(refused.err, AllOf(HasSubstr("something is odd"), HasSubstr("the compiler warned")));
+  }
+  write("deploy/main.c", "int main(void) { return 0; }\n");
+  EXPECT_EQ(run({"version"}, ci).exit_code, 0);
+  EXPECT_EQ(run({"version"}).err, "");
 }
 
 TEST_F(SmallProject, ASecondUserRunsTheFinishedBuildOrIsToldWhatToDo) {
@@ -249,6 +277,17 @@ TEST_F(SmallProjectWithTools, InstallsWhatTheTestsNeedOnce) {
   EXPECT_THAT(take_asked_for("python"), HasSubstr(" numpy==3\n")) << "a list that changed is read again";
 }
 
+TEST_F(SmallProjectWithTools, ConfiguresAgainOnceThePythonOfTheTestsIsThere) {
+  write("deploy/requirements_test.txt", "numpy==1\n");
+  write("CMakeLists.txt",
+        read_text(home_ / "CMakeLists.txt") +
+            "file(APPEND ${CMAKE_BINARY_DIR}/python.told \"[$ENV{COMRAD_TEST_PYTHON}]\")\n");
+  ASSERT_EQ(run_with_tools({"test", "-N"}).exit_code, 0);  // builds, and installs nothing
+  EXPECT_EQ(read_text(home_ / "build/python.told"), "[]");
+  ASSERT_EQ(run_with_tools({"test"}).exit_code, 0);
+  EXPECT_EQ(read_text(home_ / "build/python.told"), "[][" + test_python_ + "]");
+}
+
 TEST_F(SmallProjectWithTools, InstallsWhatPlotsNeedForPlotsAndTests) {
   write("deploy/packages_report.txt", "clang\n");
   EXPECT_EQ(run_with_tools({"plot", "--help"}).exit_code, 0);
@@ -361,7 +400,7 @@ TEST_F(SmallProjectWithDriver, ChoosesByDriverAndByCOMRAD_TORCH) {
   EXPECT_THAT(chosen("pip"), HasSubstr("torch==9.1 with CUDA 13.0"))
       << "asked for by name it needs no driver";
   EXPECT_EQ(told_cmake(), folder_);
-  EXPECT_THAT(chosen("auto"), HasSubstr("building in"));
+  EXPECT_THAT(chosen("auto"), HasSubstr("building programs"));
   EXPECT_EQ(told_cmake(), "") << "no driver";
   write("driver", "no version at all\n");
   EXPECT_EQ(chosen("auto"), "");
@@ -437,5 +476,5 @@ TEST_F(SmallProject, TwoAtOnceWaitForEachOther) {
   EXPECT_NE(builds(first), builds(second)) << first.err << second.err;
 }
 
-}  // namespace
-}  // namespace comrad::testing
+}  // namespace bootstrap_test
+}  // namespace comrad::test

@@ -3,8 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <optional>
+#include <string>
+#include <vector>
+
 namespace comrad::deploy {
-namespace {
+namespace test_report_test {
 
 using ::testing::ElementsAre;
 
@@ -87,5 +91,28 @@ TEST(IsClosingLine, KnowsTheSummaryOfCtest) {
   EXPECT_FALSE(is_closing_line(""));
 }
 
-}  // namespace
+TEST(TestTime, ReadsNameAndSecondsOfATestThatHasRun) {
+  const std::optional<TestTime> time =
+      test_time("  3/210 Test  #12: clock_test .......................   Passed   12.34 sec");
+  ASSERT_TRUE(time);
+  EXPECT_EQ(time->name, "clock_test");
+  EXPECT_EQ(time->seconds, 12.34);
+  EXPECT_EQ(test_time("4/9 Test #2: lost_test ....***Timeout 120.01 sec")->seconds, 120.01);
+  EXPECT_FALSE(test_time("      Start  12: clock_test"));
+  EXPECT_FALSE(test_time("Total Test time (real) =   0.04 sec"));
+  EXPECT_FALSE(test_time(""));
+}
+
+TEST(AllowedWords, StandInBackquotesInTheLastColumn) {
+  const std::vector<std::string> words = allowed_words(
+      "# Page with `code`\n| test | words |\n|---|---|\n| `a` | `no disk`, `no root` |\n| b | none |\n| c | "
+      "`open |\n");
+  EXPECT_THAT(words, ElementsAre("no disk", "no root", "open "));
+  EXPECT_TRUE(is_allowed("Chaos.Disk: there is no disk here", words));
+  EXPECT_FALSE(is_allowed("clang++ is not installed", words));
+  EXPECT_FALSE(is_allowed("", words));
+  EXPECT_FALSE(is_allowed("anything", allowed_words("")));
+}
+
+}  // namespace test_report_test
 }  // namespace comrad::deploy
