@@ -13,11 +13,9 @@
 #include "deploy/commands/bench_scaling.h"
 #include "deploy/commands/bench_table.h"
 #include "deploy/commands/command.h"
-#include "deploy/commands/gpu_model.h"
 #include "deploy/commands/scaling_model.h"
 #include "deploy/process/child_program.h"
 #include "deploy/settings/command_line.h"
-#include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 
@@ -46,17 +44,16 @@ struct BenchFlags {
   double rounds = 5;  ///< check: at most
   std::string write;  ///< report
   std::string from;   ///< model
-  std::vector<std::string> cores, gpus;
+  std::vector<std::string> cores;
 };
 
 /// Flags of one bench alone.
 constexpr std::pair<const char*, const char*> kFlagsOf[] = {
-    {"parts", "scaling"}, {"scenarios", "scaling"}, {"agents", "scaling"}, {"workers", "scaling"},
-    {"envs", "scaling"},  {"rounds", "check"},      {"write", "report"},   {"from", "model"},
-    {"cores", "model"},   {"gpus", "model"}};
+    {"parts", "scaling"},   {"scenarios", "scaling"}, {"agents", "scaling"},
+    {"workers", "scaling"}, {"envs", "scaling"},      {"rounds", "check"},
+    {"write", "report"},    {"from", "model"},        {"cores", "model"}};
 constexpr int kRoundsMin = 3;
 constexpr double kCheckSeconds = 6;
-constexpr double kCountSeconds = 0.5;  // measured beside what is counted
 
 Status check(const BenchFlags& flags, const CommandLine& line) {
   if (std::ranges::find(kBenches, flags.what) == kBenches.end()) {
@@ -107,39 +104,6 @@ Expected<ordered_json> report(const BenchFlags& flags, const BenchRequest& reque
   return summary;
 }
 
-/// Rows of GPUs, from work of the settings that were typed, which is counted here.
-Expected<ordered_json> gpu_table(const BenchRequest& request, const std::vector<GpuPeaks>& gpus,
-                                 const std::vector<int64_t>& cores, const DecisionCosts& costs,
-                                 const std::string& algo, ordered_json& counted) {
-  COMRAD_TRY_ASSIGN(const MergedSettings merged, merge_new(request.user, describe_scenario, usable_cores()));
-  if (const std::string mine = merged.config.run.algo.name(); !algo.empty() && algo != mine)
-    return Error{ErrorCode::kBadInput, "--from was measured with " + algo + ", and the work of " + mine +
-                                           " would be counted; say --algo " + algo};
-  BenchRequest part = request;
-  part.is_quiet = part.counts_work = true;
-  part.seconds = kCountSeconds;
-  part.what = "inference";
-  COMRAD_TRY_ASSIGN(const ordered_json inference, measure_bench(part));
-  part.what = "learner";
-  COMRAD_TRY_ASSIGN(const ordered_json learner, measure_bench(part));
-  counted["policy"] = inference.value("work", ordered_json());
-  const ordered_json phases = learner.value("work", ordered_json::object());
-  for (const auto& [phase, work] : phases.items()) counted["learner_" + phase] = work;
-  std::vector<CountedWork> works;
-  for (const auto& [stage, work] : counted.items()) {
-    COMRAD_TRY_ASSIGN(const CountedWork one, CountedWork::from(work));
-    works.push_back(one);
-  }
-  ordered_json rows = ordered_json::array();
-  for (const GpuPeaks& gpu : gpus)
-    for (const int64_t count : cores)
-      rows.push_back(gpu_row(gpu, count, costs, works.front(), {works.begin() + 1, works.end()},
-                             merged.config.collection.precision == Precision::kBf16,
-                             static_cast<double>(merged.scenario.env.frame_bytes()),
-                             static_cast<double>(merged.config.environment.env_frameskip)));
-  return rows;
-}
-
 /// Of the settings that were typed, on other machines.
 Expected<ordered_json> model(const BenchFlags& flags, const BenchRequest& request) {
   COMRAD_TRY_ASSIGN(const std::string text, text_of(flags.from));
@@ -153,13 +117,7 @@ Expected<ordered_json> model(const BenchFlags& flags, const BenchRequest& reques
       return Error{ErrorCode::kBadInput, "--cores " + word + " must be whole numbers from 1 to 4096"};
     cores.push_back(number.get<int64_t>());
   }
-  std::vector<GpuPeaks> gpus;
-  for (const std::string& name : flags.gpus) {
-    COMRAD_TRY_ASSIGN(const GpuPeaks gpu, peaks_of(name));
-    gpus.push_back(gpu);
-  }
-  if (cores.empty())
-    cores = gpus.empty() ? std::vector<int64_t>{1, 2, 4, 8, 16, 32} : std::vector<int64_t>{16};
+  if (cores.empty()) cores = {1, 2, 4, 8, 16, 32};
   const auto settings_on = [&](int count) -> Expected<RunConfig> {
     COMRAD_TRY_ASSIGN(const MergedSettings merged, merge_new(request.user, describe_scenario, count));
     return merged.config;
@@ -169,19 +127,7 @@ Expected<ordered_json> model(const BenchFlags& flags, const BenchRequest& reques
        {"bench", "scenario", "algo", "num_agents", "cores", "seconds", "decisions_per_s", "env_frames_per_s"})
     summary[key] = measured.value(key, ordered_json());
   summary["bench"] = "model";
-  if (gpus.empty()) {
-    COMRAD_TRY_ASSIGN(summary["on"], model_table(*costs, cores, settings_on));
-    return summary;
-  }
-  ordered_json counted = ordered_json::object(), table = ordered_json::array();
-  COMRAD_TRY_ASSIGN(summary["on"],
-                    gpu_table(request, gpus, cores, *costs, measured.value("algo", std::string()), counted));
-  for (const auto& [stage, work] : counted.items()) {
-    ordered_json row = {{"stage", stage}};
-    row.update(work);
-    table.push_back(row);
-  }
-  summary["work"] = table;
+  COMRAD_TRY_ASSIGN(summary["on"], model_table(*costs, cores, settings_on));
   return summary;
 }
 
@@ -249,10 +195,7 @@ int bench_command(Arguments arguments) {
   line.add_option("rounds", flags.rounds, "N", "check: give up after so many rounds (default 5)");
   line.add_option("write", flags.write, "FILE.md", "report: put the tables between the marks of this file");
   line.add_option("from", flags.from, "FILE", "model: what `comrad bench train --json` printed");
-  line.add_option("cores", flags.cores, "NUMBERS",
-                  "model: on how many cores (default 1,2,4,8,16,32; with --gpus 16)");
-  line.add_option("gpus", flags.gpus, "NAMES",
-                  "model: a100, h100: with one of these, by its printed peaks and the work counted here");
+  line.add_option("cores", flags.cores, "NUMBERS", "model: on how many cores (default 1,2,4,8,16,32)");
   line.add_settings();
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("bench", parsed.error());
   if (line.help_requested()) {

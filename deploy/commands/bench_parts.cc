@@ -51,7 +51,6 @@ std::vector<std::string> worker_command(const BenchRequest& request, const Merge
     command.insert(command.end(), {"--bench_part", bench});
     return command;
   }
-  if (request.counts_work) command.emplace_back("--count_work");
   for (std::string& word : shape_flags(merged.scenario.env)) command.push_back(std::move(word));
   return command;
 }

@@ -15,8 +15,6 @@ struct BenchRequest {
   UserSettings user;      ///< on top of the built-in settings and endless_settings()
   double seconds = 20;    ///< measured, cut into windows
   bool is_quiet = false;  ///< no progress and no notes
-  bool counts_work =
-      false;  ///< inference, learner: also "work", what the networks' operators do (work_report.h)
 };
 
 /// Stages that worker programs measure alone.

@@ -17,7 +17,6 @@
 #include "learner/estimators/gae.h"
 #include "policy_workers/device/host_wait_counter.h"
 #include "policy_workers/device/operator_path.h"
-#include "policy_workers/device/work_counter.h"
 #include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/log.h"
@@ -484,7 +483,6 @@ OnPolicy::RecordedStep& OnPolicy::recorded_step(const RolloutBatch& minibatch, c
     const SampleCounts counts{.valid = made.settings[0], .acting = made.settings[1]};
     (void)add_gradient(made.minibatch, phase, counts, {}, made.numbers,
                        made.keeps_log_prob ? &made.log_prob : nullptr);
-    const device::OptimizerScope scope;
     std::vector<Tensor> numbers = made.numbers.of_parts;
     numbers.push_back(phase.optimizer.step(made.settings[2], made.numbers.loss));
     made.outcome = at::cat(numbers).to(torch::kFloat64);

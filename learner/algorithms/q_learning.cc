@@ -16,7 +16,6 @@
 #include "policy_workers/device/host_wait_counter.h"
 #include "policy_workers/device/operator_path.h"
 #include "policy_workers/device/readback.h"
-#include "policy_workers/device/work_counter.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "policy_workers/policy/utilities.h"
 #include "rollout_buffer/core/log.h"
@@ -523,7 +522,6 @@ QLearning::RecordedStep& QLearning::recorded_step(const std::vector<Micro>& micr
     made.numbers = {};
     (void)add_gradient(made.micros, {.samples = made.settings[0], .sigma = made.settings[1]}, {},
                        made.numbers);
-    const device::OptimizerScope scope;
     made.outcome = with_optimizer(made.numbers, optimizer_.step(made.settings[2], made.numbers.loss));
   });
   return made;

@@ -1,6 +1,5 @@
 #include "learner/algorithms/step_guard.h"
 
-#include "policy_workers/device/work_counter.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
 
@@ -14,7 +13,6 @@ constexpr int64_t kSkippedInARowMax = 20;
 torch::Tensor StepGuard::step(AdamOptimizer& optimizer, const torch::Tensor& loss, double learning_rate,
                               PolicyVersion& version, UpdateStats& stats) {
   const ProcessStage stage(Stage::kOptimizer, {Stage::kCollate});
-  const device::OptimizerScope scope;
   count_step(version, stats);
   return optimizer.step(learning_rate, loss);
 }

@@ -14,9 +14,6 @@
 #include "learner/worker/replay_feed.h"
 #include "learner/worker/weights_publisher.h"
 #include "policy_workers/device/host_wait_counter.h"
-#include "policy_workers/device/operator_path.h"
-#include "policy_workers/device/work_counter.h"
-#include "policy_workers/device/work_report.h"
 #include "policy_workers/policy/policy_net.h"
 #include "rollout_buffer/core/bench_windows.h"
 #include "rollout_buffer/core/clock.h"
@@ -160,24 +157,9 @@ Expected<nlohmann::ordered_json> host_waits(SyntheticTraining& training) {
                                 {"between_steps", static_cast<double>(between.all()) / steps}};
 }
 
-/// What a GPU would be given in one more round.
-Expected<nlohmann::ordered_json> counted_work(SyntheticTraining& training) {
-  const device::OperatorPath path;
-  const device::WorkCounter counter;
-  const SyntheticTraining::Totals before = training.totals();
-  COMRAD_TRY(training.round());
-  nlohmann::ordered_json work;
-  for (const auto& [name, phase] :
-       {std::pair{"forward", device::Phase::kForward}, std::pair{"backward", device::Phase::kBackward},
-        std::pair{"optimizer", device::Phase::kOptimizer}})
-    work[name] = device::work_of(counter.of(phase), training.totals().decisions - before.decisions,
-                                 training.totals().updates - before.updates);
-  return work;
-}
-
 }  // namespace
 
-Status run_bench(const RunConfig& config, const EnvShape& env, double seconds, bool counts_work) {
+Status run_bench(const RunConfig& config, const EnvShape& env, double seconds) {
   TrajectoryShape shape;
   shape.env = env;
   shape.rollout_steps = static_cast<int32_t>(config.collection.rollout);
@@ -214,9 +196,6 @@ Status run_bench(const RunConfig& config, const EnvShape& env, double seconds, b
       const auto counted,
       SyntheticTraining::create(config, shape, device.is_cpu() ? torch::Device(torch::kCPU, 0) : device));
   COMRAD_TRY_ASSIGN(line["host_waits_per_step"], host_waits(*counted));
-  if (counts_work) {
-    COMRAD_TRY_ASSIGN(line["work"], counted_work(*counted));
-  }
   std::printf("%s\n", line.dump().c_str());
   return {};
 }

@@ -7,9 +7,8 @@
 
 namespace comrad::learn {
 
-/// Trains for about `seconds` after one update of warm-up and prints one JSON object on stdout; with `counts_work` a "work" in
-/// it, of one more round of a GPU's path (policy_workers/device/work_report.h).
+/// Trains for about `seconds` after one update of warm-up and prints one JSON object on stdout.
 /// Errors: kBadInput (settings), kUnsupported (device).
-Status run_bench(const RunConfig& config, const EnvShape& env, double seconds, bool counts_work);
+Status run_bench(const RunConfig& config, const EnvShape& env, double seconds);
 
 }  // namespace comrad::learn

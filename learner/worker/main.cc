@@ -60,10 +60,10 @@ Status train_or_serve(const shm::WorkerShell& shell, const RunConfig& config, le
   return result;
 }
 
-Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds, bool counts_work) {
+Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds) {
   COMRAD_TRY_ASSIGN(const EnvShape env, shape.env());
   tune_math(config);
-  return learn::run_bench(config, env, seconds, counts_work);
+  return learn::run_bench(config, env, seconds);
 }
 
 }  // namespace
@@ -76,21 +76,19 @@ int main(int argc, char** argv) {
   device::tune_allocator();
   learn::LearnerOptions options;
   std::string mode = "train";
-  bool serves_seats = false, counts_work = false;
+  bool serves_seats = false;
   shm::BenchShape shape;
   shell.flags().add("--mode", mode, "train, or serve one checkpoint's weights").one_of({"train", "serve"});
   shell.flags().add("--checkpoint", options.checkpoint,
                     "serve: checkpoint to publish; train: where to begin when the run has none");
   shell.flags().add("--seats", serves_seats, "serve the weights of all networks of seats.toml in --run_dir");
-  shell.flags().add("--count_work", counts_work,
-                    "bench: also what the networks' operators do on a GPU's path");
   shape.add_flags(shell.flags());
-  return shell.run(argc, argv,
-                   {.work =
-                        [&](const RunConfig& config) {
-                          options.serve = mode == "serve";
-                          return train_or_serve(shell, config, options, serves_seats);
-                        },
-                    .bench = [&](const RunConfig& config,
-                                 double seconds) { return bench(config, shape, seconds, counts_work); }});
+  return shell.run(
+      argc, argv,
+      {.work =
+           [&](const RunConfig& config) {
+             options.serve = mode == "serve";
+             return train_or_serve(shell, config, options, serves_seats);
+           },
+       .bench = [&](const RunConfig& config, double seconds) { return bench(config, shape, seconds); }});
 }

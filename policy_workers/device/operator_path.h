@@ -1,5 +1,5 @@
 // Which path a network takes: on a CPU kernels of our own where these are faster, on every other device torch's operators
-// alone. Tests and counts take the second one on a CPU, too, so that all but the driver is tried everywhere.
+// alone. Tests take the second one on a CPU, too, so that all but the driver is tried everywhere.
 #pragma once
 
 #include <torch/types.h>

@@ -6,7 +6,6 @@
 
 #include "policy_workers/device/cpu_tuning.h"
 #include "policy_workers/device/libtorch_facts.h"
-#include "policy_workers/device/work_report.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/worker/policy_worker.h"
 #include "rollout_buffer/core/bench_windows.h"
@@ -34,7 +33,7 @@ nlohmann::json facts_of_libtorch() {
           {"error", facts.error}};
 }
 
-Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds, bool counts_work) {
+Status bench(const RunConfig& config, const shm::BenchShape& shape, double seconds) {
   COMRAD_TRY_ASSIGN(const EnvShape env, shape.env());
   device::tune_math(static_cast<int>(config.collection.policy_threads));
   COMRAD_TRY_ASSIGN(const torch::Device device, policy::choose_device(policy_device(config, 0)));
@@ -78,8 +77,6 @@ Status bench(const RunConfig& config, const shm::BenchShape& shape, double secon
                            {"device", device.str()},
                            {"cpu_seconds_per_1000_decisions", {{"all", 1000 * own_cpu_s / own_decisions}}},
                            {"batches", batches}};
-  if (counts_work)
-    report["work"] = device::work_of(policy::count_inference(net, sizes.back()), sizes.back(), 1);
   std::printf("%s\n", report.dump().c_str());
   return {};
 }
@@ -127,7 +124,6 @@ int main(int argc, char** argv) {
   policy::PolicyWorkerOptions options;
   bool plays_seats = false;
   bool with_libtorch = false;
-  bool counts_work = false;
   shm::BenchShape shape;
   shell.flags().add("--greedy", options.is_greedy, "most probable actions instead of drawn ones");
   shell.flags().add("--random", options.is_random, "uniform over allowed actions, no network");
@@ -136,13 +132,10 @@ int main(int argc, char** argv) {
                     "the run is an evaluation: batches and draws are the same on every start");
   shell.flags().add("--libtorch", with_libtorch,
                     "describe: also which libtorch this is, and the GPUs it sees");
-  shell.flags().add("--count_work", counts_work,
-                    "bench: also what the network's operators do on a GPU's path");
   shape.add_flags(shell.flags());
   return shell.run(
       argc, argv,
       {.work = [&](const RunConfig& config) { return work(shell, config, options, plays_seats); },
-       .bench = [&](const RunConfig& config,
-                    double seconds) { return bench(config, shape, seconds, counts_work); },
+       .bench = [&](const RunConfig& config, double seconds) { return bench(config, shape, seconds); },
        .describe = [&](const RunConfig& config) { return describe(config, shape, with_libtorch); }});
 }

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "policy_workers/device/operator_path.h"
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/cores.h"
@@ -198,8 +197,7 @@ namespace {
 /// Random frames and a network that plays them.
 class MadeUpBatch {
  public:
-  /// `is_staged`: by way of StagedForward, as a policy worker on a GPU.
-  MadeUpBatch(const PolicyNet& policy, int64_t rows, bool is_staged) : policy_(policy) {
+  MadeUpBatch(const PolicyNet& policy, int64_t rows) : policy_(policy) {
     const PolicyNetOptions& options = policy.options();
     const int64_t frame_bytes = options.env.frame_bytes(), worlds = rows / options.env.num_agents;
     torch::manual_seed(0);
@@ -213,7 +211,7 @@ class MadeUpBatch {
       batch_.frames.push_back(frames_.data_ptr<uint8_t>() + row * frame_bytes);
     // So that denormals and clips are as in real use.
     policy.update_input_statistics(frames_, batch_.measurement);
-    if (!is_staged) return;
+    if (policy.device().is_cpu()) return;
     for (int world = 0; world < worlds; ++world) {
       Request request{};
       request.env_index = world;
@@ -254,7 +252,7 @@ class MadeUpBatch {
 }  // namespace
 
 InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, double seconds) {
-  MadeUpBatch batch(policy, batch_rows, /*is_staged=*/!policy.device().is_cpu());
+  MadeUpBatch batch(policy, batch_rows);
   for (int warm_up = 0; warm_up < 3; ++warm_up) batch.pass();
   const Stopwatch clock(CLOCK_PROCESS_CPUTIME_ID);
   int64_t passes = 0;
@@ -268,16 +266,6 @@ InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, doub
           .batch_rows = batch_rows,
           .seconds = took,
           .cpu_seconds = clock.cpu_elapsed()};
-}
-
-device::Work count_inference(const PolicyNet& policy, int64_t batch_rows) {
-  // Operators one by one: those of recorded work are not seen.
-  MadeUpBatch batch(policy, batch_rows, /*is_staged=*/false);
-  const device::OperatorPath path;
-  batch.pass();  // what is made once is made
-  const device::WorkCounter counter;
-  batch.pass();
-  return counter.of(device::Phase::kForward);
 }
 
 }  // namespace comrad::policy

@@ -10,7 +10,6 @@
 
 #include "policy_workers/batching/batcher.h"
 #include "policy_workers/batching/staged_forward.h"
-#include "policy_workers/device/work_counter.h"
 #include "policy_workers/policy/policy_net.h"
 #include "policy_workers/weights/weights_receiver.h"
 #include "policy_workers/worker/seat_networks.h"
@@ -79,7 +78,5 @@ struct InferenceBench {
   double cpu_seconds;  ///< processor time of the process meanwhile
 };
 InferenceBench bench_inference(const PolicyNet& policy, int64_t batch_rows, double seconds);
-/// What one such pass of torch's operators is, as a GPU would run it.
-device::Work count_inference(const PolicyNet& policy, int64_t batch_rows);
 
 }  // namespace comrad::policy

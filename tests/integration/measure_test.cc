@@ -211,40 +211,6 @@ TEST(Bench, AModelOfMoreCoresComesFromOneMeasurement) {
   EXPECT_GT(model["on"][1]["decisions_per_s"], 2000);
 }
 
-TEST(Bench, AModelOfAGpuCountsTheWorkOfTheseNetworks) {
-  const ScratchFolder scratch;
-  std::ofstream(scratch / "train.json")
-      << R"({"bench": "train", "algo": "ippo", "cpu_seconds_per_1000_decisions": {"tic": 0.03, "render": 0.06, "hand_over": 0.01,
-            "gather": 0.01, "forward": 0.08, "scatter": 0.01, "collate": 0.02, "forward_backward": 0.25,
-            "optimizer": 0.02, "publish": 0.01, "other": 0}})";
-  std::vector<std::string> words = {"bench",        "model",     "--from",      scratch / "train.json",
-                                    "--gpus",       "a100,h100", "--scenario",  "coop_health_gathering",
-                                    "--algo",       "ippo",      "--rnn_size",  "32",
-                                    "--batch_size", "256",       "--precision", "fp32"};
-  const auto model = json_of(words, 120);
-  ASSERT_EQ(model["on"].size(), 2u);
-  for (const auto& row : model["on"]) {
-    EXPECT_EQ(row["cores"], 16);
-    EXPECT_NEAR(row["cores_rate"].get<double>(), 16 / 0.00015, 1)
-        << "all but the networks stays on the cores";
-    EXPECT_GT(row["gpu_rate"], 0);
-  }
-  EXPECT_GT(model["on"][1]["gpu_rate"], model["on"][0]["gpu_rate"]);
-  std::map<std::string, double> flop;
-  for (const auto& row : model["work"]) flop[row["stage"]] = row["flop_per_decision"];
-  // Three convolutions and a layer of 128x72 pixels: the same numbers wherever they are counted.
-  EXPECT_GT(flop["policy"], 1e6);
-  EXPECT_NEAR(flop["learner_forward"] / flop["policy"], 1, 0.1)
-      << "one row of each rollout is valued, not trained on";
-  const double back = flop["learner_backward"] / flop["learner_forward"];
-  EXPECT_GT(back, 1.5) << "two products for each, but pixels want no gradient";
-  EXPECT_LT(back, 2);
-  words[9] = "mappo";
-  const Ending other = comrad(words, 30);
-  EXPECT_EQ(other.exit_code, 2);
-  EXPECT_THAT(other.err, HasSubstr("was measured with ippo"));
-}
-
 TEST(Bench, ScalingMeasuresEveryPointOfItsGrid) {
   const auto summary = json_of({"bench", "scaling", "--parts", "engine", "--scenario", "armory_siege",
                                 "--agents", "2,8", "--envs", "2", "--seconds", "0.3"},

@@ -69,7 +69,7 @@ TEST_P(PackedProduct, IsNotMadeOfManyRowsSmallWeightsOrOtherNumbers) {
 }
 
 TEST_P(PackedProduct, IsNotMadeOnAGpusPath) {
-  const device::OperatorPath path;  // on which work is counted by torch's operators
+  const device::OperatorPath path;
   EXPECT_FALSE(packs(torch::zeros({1, 64}), torch::zeros({64, 64}), GetParam()));
 }
 
