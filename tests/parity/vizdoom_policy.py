@@ -15,7 +15,7 @@ game, it does in ours as well (`comrad.parallel_env`, a step for each tic); `com
 
 Prints one JSON object: both means, the 95 % interval of ours and whether ViZDoom's lies in it; exit code 1 where it does
 not. ViZDoom does not show what a scenario's last decision did, so its returns (`vizdoom_return`) lack what that one pays. Needs a
-Python with torch, numpy and vizdoom, for two players with this project's package too. Not part of the test suite: it takes a trained run.
+Python with torch, numpy, vizdoom and this project's package. Not part of the test suite: it takes a trained run.
 """
 import argparse
 import glob
@@ -28,7 +28,7 @@ import tempfile
 import tomllib
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-sys.path[:0] = [HERE, os.path.join(HERE, '../../learner/checkpoint')]
+sys.path.insert(0, HERE)
 import scenario_parity  # noqa: E402
 from scenario_parity import AGENTS, SCENARIOS, TICS, play_vizdoom, returns_of, without_end  # noqa: E402
 
@@ -79,10 +79,10 @@ class PolicyPlayer:
 
     def load(self, player):
         """The network of this seat."""
-        import load_policy
+        import comrad
         import torch
         torch.set_num_threads(1)
-        self.policy = load_policy.Policy(self.checkpoint, agent=player)
+        self.policy = comrad.load_policy(self.checkpoint, player)
 
     def prepare(self, game, player):
         """Before game.init()."""
@@ -104,11 +104,10 @@ class PolicyPlayer:
 
     def see(self, screen, measurement=None):
         """The choice of each head for a picture [rows, columns, 3]."""
-        import load_policy
         import torch
         with torch.no_grad():
-            logits, self.state = self.policy.step(frame_of(screen, self.place), measurement, self.state)
-        return load_policy.greedy(logits, self.head_sizes)[0].tolist()
+            logits, self.state = self.policy(frame_of(screen, self.place), measurement, self.state)
+        return self.policy.greedy(logits, self.head_sizes)[0].tolist()
 
     def measurement_of(self, game):
         """[1, M] f32 of the variables that the .cfg lists; None for a policy that gets none."""

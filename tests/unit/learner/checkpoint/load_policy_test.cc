@@ -1,6 +1,5 @@
-// learner/checkpoint/load_policy.py is the example that CHECKPOINTS.md shows to users of Python, comrad.policy the module of the
-// Python package: their logits must be the network's own, over several steps, for every kind of network that they read, and
-// what the module writes is read here. Without PyTorch, or without the package, they are skipped.
+// comrad.load_policy and comrad.save_policy of the Python package: their logits are the network's own, over several steps, for
+// every kind of network, and what they write is read here. Skipped without PyTorch or without the package.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -36,7 +35,6 @@ struct Variant {
 };
 
 class LoadPolicy : public testing::TestWithParam<Variant> {};
-class PolicyModule : public testing::TestWithParam<Variant> {};
 
 /// A checkpoint of a network of that kind, with "expected": frame [steps, rows, 3, 72, 128], measurement, logits.
 StateDict checkpoint_with_answers(const Variant& variant) {
@@ -84,35 +82,7 @@ StateDict checkpoint_with_answers(const Variant& variant) {
   return state;
 }
 
-TEST_P(LoadPolicy, GivesTheNetworksLogits) {
-  const Expected<std::string> python = test::python_with("torch");
-  if (!python) GTEST_SKIP() << python.error().message;
-  const StateDict state = checkpoint_with_answers(GetParam());
-
-  const test::ScratchFolder folder;
-  ASSERT_TRUE(write_checkpoint((folder / "a.pt").string(), state));
-  folder.write("compare.py", R"(
-import sys, torch
-sys.path.insert(0, sys.argv[1])
-from load_policy import Policy, greedy
-expected = torch.load(sys.argv[2], weights_only=True)["expected"]
-for agent in range(2):
-    policy, state, rows = Policy(sys.argv[2], agent), None, slice(agent, None, 2)
-    for step, frame in enumerate(expected["frame"]):
-        measurement = expected["measurement"][step][rows] if "measurement" in expected else None
-        logits, state = policy.step(frame[rows], measurement, state)
-        wanted = expected["logits"][step][rows]
-        assert wanted.abs().max() > 0.01
-        assert (logits - wanted).abs().max() < 1e-4, (agent, step, logits, wanted)
-        choice = greedy(logits, [3, 2, 4])
-        assert choice.tolist() == [[int(h.argmax()) for h in row.split([3, 2, 4])] for row in wanted]
-)");
-  const std::string command = *python + " " + (folder / "compare.py").string() + " " + COMRAD_SOURCE_DIR +
-                              "/learner/checkpoint " + (folder / "a.pt").string();
-  EXPECT_EQ(std::system(command.c_str()), 0);
-}
-
-TEST_P(PolicyModule, GivesTheNetworksLogitsAndGoesBack) {
+TEST_P(LoadPolicy, GivesTheNetworksLogitsAndGoesBack) {
   std::error_code ignored;  // this test lies in <build>/tests
   const auto build = std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path().parent_path();
   setenv("PYTHONPATH", (build / "python").c_str(), 1);
@@ -168,25 +138,19 @@ comrad.save_policy(policies, sys.argv[1], sys.argv[2])
   EXPECT_GT(changed, 0);
 }
 
-const auto kVariants = [] {
-  return testing::Values(
-      Variant{"shared_gru", "ippo", "convnet_simple", true, RnnType::kGru, 1, "none", false, true, 3},
-      Variant{"feed_forward_with_agent_id", "ippo", "convnet_impala", false, RnnType::kGru, 1, "none", true,
-              true, 0},
-      Variant{"two_lstm_layers_and_a_decoder", "mappo", "convnet_atari", true, RnnType::kLstm, 2, "32,16",
-              true, false, 0},
-      Variant{"agents_with_networks_of_their_own", "happo", "convnet_simple", true, RnnType::kGru, 1, "none",
-              false, true, 3},
-      Variant{"q_values", "qmix", "convnet_simple", true, RnnType::kGru, 1, "none", false, true, 0});
-};
-const auto kName = [](const auto& variant) { return std::string(variant.param.name); };
-
-INSTANTIATE_TEST_SUITE_P(, LoadPolicy, kVariants(), kName);
-INSTANTIATE_TEST_SUITE_P(, PolicyModule, kVariants(), kName);
-INSTANTIATE_TEST_SUITE_P(Residual, PolicyModule,
-                         testing::Values(Variant{"resnet_impala", "ippo", "resnet_impala", true,
-                                                 RnnType::kGru, 1, "none", false, true, 0}),
-                         kName);
+INSTANTIATE_TEST_SUITE_P(
+    , LoadPolicy,
+    testing::Values(
+        Variant{"shared_gru", "ippo", "convnet_simple", true, RnnType::kGru, 1, "none", false, true, 3},
+        Variant{"feed_forward_with_agent_id", "ippo", "convnet_impala", false, RnnType::kGru, 1, "none", true,
+                true, 0},
+        Variant{"two_lstm_layers_and_a_decoder", "mappo", "convnet_atari", true, RnnType::kLstm, 2, "32,16",
+                true, false, 0},
+        Variant{"agents_with_networks_of_their_own", "happo", "convnet_simple", true, RnnType::kGru, 1,
+                "none", false, true, 3},
+        Variant{"q_values", "qmix", "convnet_simple", true, RnnType::kGru, 1, "none", false, true, 0},
+        Variant{"resnet_impala", "ippo", "resnet_impala", true, RnnType::kGru, 1, "none", false, true, 0}),
+    [](const auto& variant) { return std::string(variant.param.name); });
 
 }  // namespace load_policy_test
 }  // namespace comrad::learn
