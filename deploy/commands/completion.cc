@@ -1,4 +1,4 @@
-// `comrad completion`: a script with which a shell completes commands, flags and their values. Flags are those that each
+// `comrad completion`: a script with which bash completes commands, flags and their values. Flags are those that each
 // command's `--help` lists; the words of a setting come from its row.
 
 #include <cstdio>
@@ -15,6 +15,7 @@ namespace comrad::deploy {
 namespace {
 
 constexpr const char* kScenarioFlag = "scenario";
+constexpr const char* kShell = "bash";
 
 Expected<std::vector<std::string>> scenario_names() {
   COMRAD_TRY_ASSIGN(const ProgramResult result,
@@ -33,13 +34,12 @@ Expected<std::vector<std::string>> scenario_names() {
 void complete_from_row(CompletedFlag& flag, const SettingRow& row) {
   for (const std::string_view old : row.traits.old_names)
     if (!old.empty()) flag.names.emplace_back(old);
-  flag.help = row.help;
   if (row.kind == SettingKind::kWord) flag.words = row.words();
   if (row.kind == SettingKind::kBool) flag.words = {"True", "False"};
 }
 
 Expected<CompletedCommand> completed(const Command& command, const std::vector<std::string>& scenarios) {
-  CompletedCommand result{.name = command.name, .summary = command.summary};
+  CompletedCommand result{.name = command.name};
   COMRAD_TRY_ASSIGN(const ProgramResult help,
                     run_program({sibling_program("comrad"), command.name, "--help"}));
   if (help.exit_code != 0)
@@ -61,20 +61,20 @@ Expected<CompletedCommand> completed(const Command& command, const std::vector<s
 }
 
 Expected<std::string> script_for(const std::string& shell) {
-  const std::vector<std::string>& shells = completion_shells();
-  if (std::ranges::find(shells, shell) == shells.end())
-    return Error{ErrorCode::kBadInput, unknown_word("shell", shell, shells)};
+  if (shell != kShell)
+    return Error{ErrorCode::kBadInput, unknown_word("shell", shell, {kShell}) +
+                                           "; zsh reads bash's script (comrad completion --help)"};
   COMRAD_TRY_ASSIGN(const std::vector<std::string> scenarios, scenario_names());
   std::vector<CompletedCommand> all;
-  CompletedCommand help{.name = "help", .summary = "all about one command"};
+  CompletedCommand help{.name = "help"};
   for (const Command& command : commands()) {
     COMRAD_TRY_ASSIGN(CompletedCommand one, completed(command, scenarios));
     help.words.push_back(one.name);
     all.push_back(std::move(one));
   }
   all.push_back(std::move(help));
-  all.push_back({.name = "version", .summary = "what was built"});
-  return completion_script(shell, all);
+  all.push_back({.name = "version"});
+  return completion_script(all);
 }
 
 }  // namespace
@@ -82,11 +82,11 @@ Expected<std::string> script_for(const std::string& shell) {
 int completion_command(Arguments arguments) {
   std::string shell;
   CommandLine line(
-      "completion " + joined(completion_shells(), "|"),
+      "completion bash",
       "Prints a script with which the shell completes commands, flags, their values and names of scenarios. "
-      "For this shell:\n  source <(comrad completion bash)        zsh alike; fish: comrad completion fish | "
-      "source");
-  line.add_positional("SHELL", shell, joined(completion_shells()));
+      "For this shell:\n  source <(comrad completion bash)\nzsh reads it after\n"
+      "  autoload -U compinit bashcompinit && compinit && bashcompinit");
+  line.add_positional("SHELL", shell, kShell);
   if (const Status parsed = line.parse(arguments); !parsed) return report_error("completion", parsed.error());
   if (line.help_requested()) {
     std::fputs(line.help().c_str(), stdout);

@@ -26,18 +26,8 @@ std::vector<std::string> dashed(const std::vector<CompletedFlag>& flags) {
   return names;
 }
 
-/// `'...'` of fish, on one line.
-std::string quoted_for_fish(std::string_view text) {
-  std::string quoted = "'";
-  for (const char c : text) {
-    if (c == '\'' || c == '\\') quoted += '\\';
-    quoted += c == '\n' ? ' ' : c;
-  }
-  return quoted + "'";
-}
-
-/// Sets `found` to the words that fit: bash and zsh read it alike. `command`, `flag` (the one that a value is typed for,
-/// or empty) and `cur` are set before.
+/// Sets `found` to the words that fit. `command`, `flag` (the one that a value is typed for, or empty) and `cur` are set
+/// before.
 std::string choice_of_words(const std::vector<CompletedCommand>& commands) {
   std::string text = "  case \"${command}\" in\n";
   for (const CompletedCommand& command : commands) {
@@ -72,87 +62,6 @@ std::string value_flags(const std::vector<CompletedCommand>& commands) {
   return joined(names, "|");
 }
 
-std::string bash_script(const std::vector<CompletedCommand>& commands) {
-  return R"(# Completion of comrad for bash, written by `comrad completion bash`. To use it:
-#   source <(comrad completion bash)
-_comrad() {
-  local cur="${COMP_WORDS[COMP_CWORD]}" prev="${COMP_WORDS[COMP_CWORD - 1]}" command="${COMP_WORDS[1]}" flag="" found=""
-  COMPREPLY=()
-  if ((COMP_CWORD == 1)); then
-    COMPREPLY=($(compgen -W ")" +
-         names_of(commands) + R"(" -- "${cur}"))
-    return
-  fi
-  # "--flag=value" comes as three words.
-  if [[ "${cur}" == "=" ]]; then
-    cur="" flag="${prev}"
-  elif [[ "${prev}" == "=" ]]; then
-    flag="${COMP_WORDS[COMP_CWORD - 2]}"
-  elif [[ "${cur}" != -* ]]; then
-    case "${prev}" in
-      )" +
-         value_flags(commands) +
-         R"() flag="${prev}" ;;
-    esac
-  fi
-)" + choice_of_words(commands) +
-         R"(  COMPREPLY=($(compgen -W "${found}" -- "${cur}"))
-}
-complete -o default -F _comrad comrad
-)";
-}
-
-std::string zsh_script(const std::vector<CompletedCommand>& commands) {
-  return R"(#compdef comrad
-# Completion of comrad for zsh, written by `comrad completion zsh`. To use it:
-#   source <(comrad completion zsh)    or this text as the file _comrad in a folder of ${fpath}
-_comrad() {
-  local cur="${words[CURRENT]}" prev="${words[CURRENT - 1]}" command="${words[2]}" flag="" found=""
-  if ((CURRENT == 2)); then
-    compadd -- )" +
-         names_of(commands) + R"(
-    return
-  fi
-  if [[ "${cur}" == --*=* ]]; then
-    flag="${cur%%=*}" cur="${cur#*=}"
-    compset -P '*='
-  elif [[ "${cur}" != -* ]]; then
-    case "${prev}" in
-      )" +
-         value_flags(commands) +
-         R"() flag="${prev}" ;;
-    esac
-  fi
-)" + choice_of_words(commands) +
-         R"(  if [[ -n "${found}" ]]; then compadd -- ${=found}; else _files; fi
-}
-if [[ "${funcstack[1]}" == _comrad ]]; then _comrad "$@"; else compdef _comrad comrad; fi
-)";
-}
-
-std::string fish_script(const std::vector<CompletedCommand>& commands) {
-  std::string text =
-      "# Completion of comrad for fish, written by `comrad completion fish`. To use it:\n"
-      "#   comrad completion fish | source\n";
-  for (const CompletedCommand& command : commands) {
-    text += "complete -c comrad -n __fish_use_subcommand -f -a " + command.name + " -d " +
-            quoted_for_fish(command.summary) + "\n";
-    const std::string here = "complete -c comrad -n '__fish_seen_subcommand_from " + command.name + "'";
-    if (const std::string words = joined(plain(command.words), " "); !words.empty())
-      text += here + " -f -a '" + words + "'\n";
-    for (const CompletedFlag& flag : command.flags) {
-      text += here + " -l " + flag.names.front();
-      if (const std::string words = joined(plain(flag.words), " "); !words.empty())
-        text += (flag.takes_value ? " -x -a '" : " -f -a '") + words + "'";
-      else if (flag.takes_value)
-        text += " -r";
-      if (!flag.help.empty()) text += " -d " + quoted_for_fish(flag.help);
-      text += "\n";
-    }
-  }
-  return text;
-}
-
 }  // namespace
 
 std::vector<CompletedFlag> flags_of_help(std::string_view help) {
@@ -183,7 +92,6 @@ std::vector<CompletedFlag> flags_of_help(std::string_view help) {
     if (flag.takes_value) {
       line.remove_prefix(1);
       const std::string_view value = line.substr(0, line.find(' '));
-      line.remove_prefix(value.size());
       if (const std::size_t open = value.find(":{"); open != std::string_view::npos) {
         std::string_view words = value.substr(open + 2, value.find('}') - open - 2);
         while (!words.empty()) {
@@ -193,21 +101,39 @@ std::vector<CompletedFlag> flags_of_help(std::string_view help) {
         }
       }
     }
-    flag.help = trimmed(line);
     flags.push_back(std::move(flag));
   }
   return flags;
 }
 
-const std::vector<std::string>& completion_shells() {
-  static const std::vector<std::string> shells = {"bash", "zsh", "fish"};
-  return shells;
+std::string completion_script(const std::vector<CompletedCommand>& commands) {
+  return R"(# Completion of comrad for bash, written by `comrad completion bash`. To use it:
+#   source <(comrad completion bash)
+_comrad() {
+  local cur="${COMP_WORDS[COMP_CWORD]}" prev="${COMP_WORDS[COMP_CWORD - 1]}" command="${COMP_WORDS[1]}" flag="" found=""
+  COMPREPLY=()
+  if ((COMP_CWORD == 1)); then
+    COMPREPLY=($(compgen -W ")" +
+         names_of(commands) + R"(" -- "${cur}"))
+    return
+  fi
+  # "--flag=value" comes as three words.
+  if [[ "${cur}" == "=" ]]; then
+    cur="" flag="${prev}"
+  elif [[ "${prev}" == "=" ]]; then
+    flag="${COMP_WORDS[COMP_CWORD - 2]}"
+  elif [[ "${cur}" != -* ]]; then
+    case "${prev}" in
+      )" +
+         value_flags(commands) +
+         R"() flag="${prev}" ;;
+    esac
+  fi
+)" + choice_of_words(commands) +
+         R"(  COMPREPLY=($(compgen -W "${found}" -- "${cur}"))
 }
-
-std::string completion_script(std::string_view shell, const std::vector<CompletedCommand>& commands) {
-  return shell == "bash"  ? bash_script(commands)
-         : shell == "zsh" ? zsh_script(commands)
-                          : fish_script(commands);
+complete -o default -F _comrad comrad
+)";
 }
 
 }  // namespace comrad::deploy

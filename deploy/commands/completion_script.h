@@ -1,5 +1,5 @@
-// What a shell needs to complete `comrad ...`: the commands, their flags and the words that follow them, as a script
-// for bash, zsh or fish. Pure text; completion.cc finds out what there is.
+// What bash needs to complete `comrad ...`: the commands, their flags and the words that follow them, as a script. zsh reads
+// it too (bashcompinit). Pure text; completion.cc finds out what there is.
 #pragma once
 
 #include <string>
@@ -13,11 +13,10 @@ struct CompletedFlag {
       names;  ///< without dashes; the first is offered, old names behind it are understood
   bool takes_value = false;
   std::vector<std::string> words = {};  ///< values to offer; none: names of files
-  std::string help = {};                ///< one line
 };
 
 struct CompletedCommand {
-  std::string name, summary;
+  std::string name;
   std::vector<std::string> words = {};  ///< that may follow without dashes; none: names of files
   std::vector<CompletedFlag> flags = {};
 };
@@ -25,10 +24,7 @@ struct CompletedCommand {
 /// The flags that a `--help` text lists, ours or CLI11's: a line each that begins with two blanks and dashes.
 std::vector<CompletedFlag> flags_of_help(std::string_view help);
 
-/// Shells that completion_script() knows.
-const std::vector<std::string>& completion_shells();
-
-/// The script for one of completion_shells(). Words that a shell could take for more than a word are left out.
-std::string completion_script(std::string_view shell, const std::vector<CompletedCommand>& commands);
+/// Words that a shell could take for more than a word are left out.
+std::string completion_script(const std::vector<CompletedCommand>& commands);
 
 }  // namespace comrad::deploy

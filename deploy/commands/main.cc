@@ -54,9 +54,9 @@ const std::vector<Command>& commands() {
        keys_command,
        {"make", "add", "show"}},
       {"completion",
-       "print a script with which bash, zsh or fish completes commands, flags and values",
+       "print a script with which bash completes commands, flags and values",
        completion_command,
-       {"bash", "zsh", "fish"}},
+       {"bash"}},
   };
   return all;
 }

@@ -200,9 +200,12 @@ TEST(Completion, BashCompletesAFlagAValueAndAScenario) {
 }
 
 TEST(Completion, AnUnknownShellIsBadInput) {
-  const Ending ending = comrad({"completion", "bsh"}, 30);
-  EXPECT_EQ(ending.exit_code, 2);
-  EXPECT_THAT(ending.err, HasSubstr("did you mean 'bash'?"));
+  for (const auto& [shell, named] :
+       {std::pair{"bsh", "did you mean 'bash'?"}, {"zsh", "zsh reads bash's script"}}) {
+    const Ending ending = comrad({"completion", shell}, 30);
+    EXPECT_EQ(ending.exit_code, 2);
+    EXPECT_THAT(ending.err, HasSubstr(named));
+  }
 }
 
 TEST(Config, PrintsEverySettingWithItsTypeAndLayer) {
