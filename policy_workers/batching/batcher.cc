@@ -304,7 +304,6 @@ void Batcher::answer(const Batch& batch, const float* logits, const float* value
     if (request.kind == RequestKind::kAct && state_count > 0)
       states_.store(request.env_index, request.step_id,
                     {state + first_row * state_count, agents * state_count});
-    slot.policy_version = version;
   }
   // Only now hand everything back: a worker killed above leaves whole rounds for its successor.
   for (const Request& request : batch.requests)

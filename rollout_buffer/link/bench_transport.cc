@@ -116,10 +116,9 @@ void play(const Arena& arena, int worker, bool asks_last_value, Histogram& round
   };
   std::array<int64_t, 2> committed_ns = {};
   const auto commit = [&](int split) {
-    SplitRound& round = arena.split_round(worker, split);
-    round.request_count.store(static_cast<uint32_t>(shape.split_end(split) - shape.split_begin(split)),
-                              std::memory_order_relaxed);
-    round.round_id.fetch_add(1, std::memory_order_relaxed);
+    arena.split_round(worker, split)
+        .request_count.store(static_cast<uint32_t>(shape.split_end(split) - shape.split_begin(split)),
+                             std::memory_order_relaxed);
     committed_ns[static_cast<std::size_t>(split)] = monotonic_ns();
     for (int local = shape.split_begin(split); local < shape.split_end(split); ++local) {
       const Env& env = envs[static_cast<std::size_t>(local)];
@@ -186,7 +185,6 @@ void answer(const Arena& arena, int policy_worker) {
           StepSlot& slot = arena.slot(sim * shape.envs_per_worker + local);
           if (slot.state.load(std::memory_order_acquire) != SlotState::kReady) continue;
           if (!advance(slot, SlotState::kReady, SlotState::kInBatch)) continue;
-          slot.policy_version = static_cast<uint32_t>(slot.step_id);
           is_touched |= advance(slot, SlotState::kInBatch, SlotState::kActed);
         }
         if (is_touched) ring(arena.slots_acted(sim, split));

@@ -307,7 +307,7 @@ void FrameReceiver::confirm(Guest& guest, Mirror& one, const FrameRequest& reque
               .env_index = request.env_index,
               .kind = kSealedKind,
               .step = request.step,
-              .policy_version = is_sealed},
+              .is_sealed = is_sealed},
              {});
 }
 
@@ -379,10 +379,8 @@ void FrameReceiver::mirror(Guest& guest, const FrameRequest& request, const Fram
   const shm::ArenaShape& shape = arena_.shape();
   const int worker = one.env / shape.envs_per_worker, local = one.env % shape.envs_per_worker;
   const int split = shape.splits_per_worker > 1 && local >= shape.split_begin(1) ? 1 : 0;
-  shm::SplitRound& round = arena_.split_round(worker, split);
   uint32_t& count = round_[static_cast<std::size_t>(worker * shape.splits_per_worker + split)];
-  if (++count == 1) round.round_id.fetch_add(1, std::memory_order_relaxed);
-  round.request_count.store(count, std::memory_order_relaxed);
+  arena_.split_round(worker, split).request_count.store(++count, std::memory_order_relaxed);
   shm::StepSlot& slot = arena_.slot(one.env);
   slot.step_id = request.step_id;
   slot.episode_id = request.episode_id;
@@ -392,7 +390,6 @@ void FrameReceiver::mirror(Guest& guest, const FrameRequest& request, const Fram
   slot.final_row = request.final_row;
   slot.kind = static_cast<RequestKind>(request.kind);
   slot.reset_state = request.reset_state != 0;
-  slot.env_index = static_cast<uint32_t>(one.env);
   slot.state.store(SlotState::kReady, std::memory_order_release);
 }
 
@@ -418,8 +415,7 @@ void FrameReceiver::finish(Guest& guest, Mirror& one) {
                 .rollout_index = request.rollout_index,
                 .env_index = request.env_index,
                 .kind = request.kind,
-                .step = request.step,
-                .policy_version = arena_.slot(one.env).policy_version};
+                .step = request.step};
   const SlabView slab = arena_.slab(static_cast<int>(one.slab));
   switch (static_cast<RequestKind>(request.kind)) {
     case RequestKind::kAct:

@@ -316,7 +316,6 @@ bool FrameSender::take_answers(std::span<const std::byte> payload) {
       std::ranges::copy(choices_, slab.action(static_cast<int>(answer.step), 0).data());
       decisions += agents;
     }
-    slot.policy_version = answer.policy_version;
     if (pending->sent_s > 0) latency_.add((now_s - pending->sent_s) * 1e6);
     if (!shm::advance(slot, SlotState::kInBatch, SlotState::kActed)) continue;  // its simulator died
     has_moved = true;
@@ -374,7 +373,7 @@ void FrameSender::take_sealed(const FrameAnswer& answer) {
     return;
   }
   found->is_done = true;
-  found->is_delivered = answer.policy_version == 1;
+  found->is_delivered = answer.is_sealed == 1;
   finish_done();
 }
 

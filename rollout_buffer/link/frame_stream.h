@@ -84,7 +84,7 @@ struct FrameAnswer {
   uint32_t env_index = 0;
   uint32_t kind = 0;
   uint32_t step = 0;
-  uint32_t policy_version = 0;  ///< for kSealedKind: 1 where it is sealed here too, 0 where it was not whole
+  uint32_t is_sealed = 0;  ///< for kSealedKind: 1 where it is sealed here too, 0 where it was not whole
 };
 static_assert(sizeof(FrameAnswer) == 32, "changing this bumps kLinkVersion");
 

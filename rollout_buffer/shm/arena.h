@@ -81,14 +81,11 @@ struct alignas(kCacheLineBytes) StepSlot {
   uint32_t final_row;  ///< for kFinal
   RequestKind kind;
   uint32_t reset_state;  ///< 1: the recurrent input is zero (first decision of an episode)
-  uint32_t env_index;
-  // Policy worker writes before scatter.
-  alignas(kCacheLineBytes) uint32_t policy_version;
   // Handshake: release on every store, acquire on every load.
   alignas(kCacheLineBytes) std::atomic<SlotState> state;
 };
 static_assert(std::atomic<SlotState>::is_always_lock_free);
-static_assert(sizeof(StepSlot) == 3 * kCacheLineBytes, "changing this bumps kArenaVersion");
+static_assert(sizeof(StepSlot) == 2 * kCacheLineBytes, "changing this bumps kArenaVersion");
 
 /// Moves a slot along one arrow of the picture above; false (and no change) if it is not in state `from`,
 /// which happens when the supervisor gave a dead peer's slot back in the meantime.
@@ -96,13 +93,13 @@ inline bool advance(StepSlot& slot, SlotState from, SlotState to) {
   return slot.state.compare_exchange_strong(from, to, std::memory_order_acq_rel, std::memory_order_acquire);
 }
 
-/// What a split of environments asks for in its present round. The simulator stores both words before it
-/// commits the round's first slot, and no slot of an older round is outstanding then; so a policy worker that
-/// counts `request_count` slots of the split in kReady holds the whole round (deterministic mode).
+/// What a split of environments asks for in its present round. The simulator stores it before it commits the
+/// round's first slot, and no slot of an older round is outstanding then; so a policy worker that counts
+/// `request_count` slots of the split in kReady holds the whole round (deterministic mode).
 struct alignas(kCacheLineBytes) SplitRound {
   std::atomic<uint32_t> request_count;  ///< slots that this round commits
-  std::atomic<uint32_t> round_id;       ///< counts rounds; wraps
 };
+static_assert(sizeof(SplitRound) == kCacheLineBytes, "changing this bumps kArenaVersion");
 
 /// Life of a trajectory slab.
 ///

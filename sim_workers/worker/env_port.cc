@@ -282,7 +282,6 @@ void EnvPort::commit() {
   slot_->final_row = request_ == RequestKind::kFinal ? static_cast<uint32_t>(final_count_ - 1) : 0;
   slot_->kind = request_;
   slot_->reset_state = episode_step_ == 0;
-  slot_->env_index = static_cast<uint32_t>(env_index_);
   slot_->state.store(SlotState::kReady, std::memory_order_release);
   stage_ = Stage::kOutstanding;
 }

@@ -183,9 +183,7 @@ int SimWorker::play_round(int split) {
 
   uint32_t requests = 0;
   for (const EnvPort& port : ports) requests += port.wants_commit();
-  shm::SplitRound& round = arena_.split_round(options_.worker_index, split);
-  round.request_count.store(requests, std::memory_order_relaxed);
-  round.round_id.fetch_add(1, std::memory_order_relaxed);
+  arena_.split_round(options_.worker_index, split).request_count.store(requests, std::memory_order_relaxed);
   for (EnvPort& port : ports)
     if (port.wants_commit()) port.commit();
   if (requests > 0) shm::ring(arena_.slots_ready(shape.policy_worker_of(options_.worker_index, split)));

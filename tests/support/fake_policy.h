@@ -87,15 +87,15 @@ class FakePolicy {
     const TrajectoryShape& shape = arena_.shape().trajectory;
     const int agents = shape.env.num_agents, step = static_cast<int>(slot.step);
     const bool is_act = slot.kind == shm::RequestKind::kAct;
-    if (slot.env_index != static_cast<uint32_t>(env) ||
-        slot.slab_index >= static_cast<uint32_t>(arena_.shape().slab_count) ||
+    if (slot.slab_index >= static_cast<uint32_t>(arena_.shape().slab_count) ||
         step > shape.rollout_steps - (is_act ? 1 : 0) ||
         slot.final_row >= static_cast<uint32_t>(shape.final_capacity)) {
       ++faults_;
       return;
     }
     const shm::SlabHeader& header = arena_.slab_header(static_cast<int>(slot.slab_index));
-    if (header.env_index != slot.env_index || header.state.load() != shm::SlabState::kFilling) ++faults_;
+    if (header.env_index != static_cast<uint32_t>(env) || header.state.load() != shm::SlabState::kFilling)
+      ++faults_;
     uint64_t& last_step_id = last_step_id_[static_cast<std::size_t>(env)];
     if (slot.step_id < last_step_id) ++faults_;
     last_step_id = slot.step_id;

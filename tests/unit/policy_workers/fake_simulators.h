@@ -104,7 +104,6 @@ class FakeEnv {
     s.final_row = static_cast<uint32_t>(final_row);
     s.kind = kind;
     s.reset_state = reset_state;
-    s.env_index = static_cast<uint32_t>(env_index_);
     ASSERT_TRUE(shm::advance(s, shm::SlotState::kIdle, shm::SlotState::kReady));
   }
 
@@ -135,9 +134,7 @@ class FakeSplit {
   std::vector<FakeEnv> envs;
 
   void announce(size_t request_count) {
-    shm::SplitRound& round = arena_->split_round(sim_worker_, split_);
-    round.request_count.store(static_cast<uint32_t>(request_count));
-    round.round_id.fetch_add(1);
+    arena_->split_round(sim_worker_, split_).request_count.store(static_cast<uint32_t>(request_count));
   }
   void ring() { shm::ring(arena_->slots_ready(arena_->shape().policy_worker_of(sim_worker_, split_))); }
   void commit_act(bool reset_state = false) {

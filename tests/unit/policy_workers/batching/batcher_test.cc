@@ -77,7 +77,6 @@ TEST(Batcher, AnswersAnActionRequestWithWhatTheNetworkSays) {
   for (int index = 0; index < 2; ++index) {
     const FakeEnv& env = split.envs[static_cast<size_t>(index)];
     ASSERT_TRUE(env.has_answer());
-    EXPECT_EQ(env.slot().policy_version, 9u);
     const SlabView slab = env.slab();
     for (int agent = 0; agent < 2; ++agent) {
       const Tensor frame = torch::from_blob(slab.frame(0, agent).data(), {1, 3, 40, 44}, torch::kUInt8);

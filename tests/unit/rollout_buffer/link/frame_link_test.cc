@@ -69,7 +69,6 @@ void answer(const shm::Arena& arena) {
           for (int head = 0; head < 2; ++head)
             slab.action(step, agent)[static_cast<std::size_t>(head)] =
                 choice_of(slab.frame(step, agent)[0], agent, head);
-      slot.policy_version = 5;
       shm::advance(slot, SlotState::kInBatch, SlotState::kActed);
       const int local = env % shape.envs_per_worker;
       shm::ring(arena.slots_acted(env / shape.envs_per_worker, local >= shape.split_begin(1) ? 1 : 0));

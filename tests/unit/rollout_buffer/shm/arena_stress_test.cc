@@ -52,7 +52,6 @@ float tag_of(uint32_t env, uint64_t rollout, int step, int agent) {
         if (slot.state.load() != SlotState::kIdle) broken("a slot was not idle before its commit");
         slot.slab_index = *slab_index;
         slot.step = static_cast<uint32_t>(step);
-        slot.env_index = static_cast<uint32_t>(env);
         slot.step_id = ++arena.journal(env).step_id;
         Doorbell& acted = arena.slots_acted(index, 0);
         slot.state.store(SlotState::kReady, std::memory_order_release);
@@ -90,7 +89,7 @@ float tag_of(uint32_t env, uint64_t rollout, int step, int agent) {
       found = true;
       if (slot.slab_index >= static_cast<uint32_t>(arena.shape().slab_count)) broken("a slot names no slab");
       const SlabHeader& header = arena.slab_header(static_cast<int>(slot.slab_index));
-      if (header.state.load() != SlabState::kFilling || header.env_index != slot.env_index)
+      if (header.state.load() != SlabState::kFilling || header.env_index != static_cast<uint32_t>(env))
         broken("a request names a slab of somebody else");
       arena.slab(static_cast<int>(slot.slab_index)).value(static_cast<int>(slot.step), 0) =
           static_cast<float>(slot.step_id % 100'000);
