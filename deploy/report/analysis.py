@@ -151,7 +151,7 @@ def labels_of(runs: list[Run], options: Options) -> dict[str, str]:
         for run in members:
             own = experiments[str(run.folder)]
             names = sorted(differing[run.algo])
-            words = [f"{name}={one_line(own.get(name, 'none'), 24)}" for name in names[:SETTINGS_NAMED_MAX]]
+            words = [f"{name}={one_line(own.get(name, 'built-in'), 24)}" for name in names[:SETTINGS_NAMED_MAX]]
             label = " ".join([run.algo, ", ".join(words)]).strip()
             chosen, again, key = label, 1, experiment_of(run, options)
             while taken.setdefault(chosen, key) != key:  # differ in what is not named

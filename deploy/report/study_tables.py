@@ -261,7 +261,7 @@ def settings_table(study: Study) -> Table:
     )
     return Table(
         ["setting"] + [figures.cell_title(cell) for cell, _ in shown],
-        [[name] + [str(settings.get(name, "-")) for _, settings in shown] for name in names],
+        [[name] + [str(settings.get(name, "built-in")) for _, settings in shown] for name in names],
         9,
     )
 

@@ -13,6 +13,7 @@
 
 #include "deploy/process/child_program.h"
 #include "deploy/settings/game_files.h"
+#include "deploy/sweep/report_step.h"
 #include "deploy/sweep/sweep_folder.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
@@ -214,6 +215,9 @@ Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::st
   config.run.train_dir = RunConfig().run.train_dir;
   config.environment.wad.clear();
   const SweepStart machine = facts_of_start("local");
+  std::string command;
+  for (const std::string& word : run.command("./comrad", config.run.train_dir))
+    command += (command.empty() ? "" : " ") + shell_word(word);
   ordered_json result = {
       {"run", run.name},
       {"scenario", config.run.scenario},
@@ -228,12 +232,13 @@ Status keep_result(const SweepFolder& folder, const SweepRun& run, const std::st
       {"J_ci95", evaluation.value("J_ci95", ordered_json())},
       {"return_mean", evaluation.value("return_mean", ordered_json())},
       {"map_hashes", evaluation.value("map_hashes", ordered_json::object())},
+      {"command", command},
       {"commit", machine.commit},
       {"date", utc_text(wall_s())},
       {"processor", machine.processor},
       {"cores", machine.cores},
       {"stale", ""}};
-  COMRAD_TRY(write_file_atomically(target + "/config.toml", settings_to_toml(config), true));
+  COMRAD_TRY(write_file_atomically(target + "/config.toml", changed_settings_to_toml(config), true));
   COMRAD_TRY(write_file_atomically(target + "/metrics.jsonl", thin_metrics(*metrics, kRowsMax), true));
   COMRAD_TRY(write_file_atomically(target + "/status.json", dumped(*status, 2), true));
   COMRAD_TRY(

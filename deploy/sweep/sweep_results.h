@@ -1,13 +1,15 @@
 // What a finished run of a sweep gave, as small text files that can lie in a repository: a clone that has them does not make
 // the run again, and `comrad report FOLDER` reads them as it reads runs.
 //
-//   <folder>/<run>/config.toml      the run's settings; where it lay is left out
+//   <folder>/<run>/config.toml      its settings that differ from the built-in ones; where it lay is left out
 //   <folder>/<run>/metrics.jsonl    its reports, thinned: at most 200 rows, the names that curves and diagnoses need
 //   <folder>/<run>/status.json      how it ended
-//   <folder>/<run>/result.json      goal, commit, machine, date, hashes of the maps, mean score and return; what has changed since
+//   <folder>/<run>/result.json      goal, command, commit, machine, date, hashes of the maps, mean score and return; what has
+//                                   changed since
 //   <folder>/eval/<run>.json        the evaluation: score and return of every episode
 //   <folder>/eval/random_<scenario>.json   the same of random play
 //
+// config.toml says nothing of a built-in value that no layer of the run sets; a later change of one makes no result stale.
 // result.json is written last, so what it names is there. Stage: after a run.
 #pragma once
 

@@ -91,6 +91,17 @@ std::string settings_to_toml(const RunConfig& config, const Values& asked_for) {
   return text;
 }
 
+std::string changed_settings_to_toml(const RunConfig& config) {
+  const RunConfig built_in;
+  std::string rows;
+  for (const SettingRow& row : setting_rows()) {
+    const bool names_a_run = row.name == "scenario" || row.name == "algo" || row.name == "seed";
+    const std::string value = row.text(config);
+    if (names_a_run || value != row.text(built_in)) rows += setting_toml(row, value);
+  }
+  return rows;
+}
+
 Expected<RunConfig> load_run_config(const std::string& path) {
   COMRAD_TRY_ASSIGN(const SettingsLayer layer, read_settings_toml(path));
   RunConfig config;

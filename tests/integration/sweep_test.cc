@@ -11,9 +11,11 @@
 namespace comrad::test {
 namespace sweep_test {
 
+using ::testing::AllOf;
 using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::StartsWith;
 namespace fs = std::filesystem;
 
 constexpr double kSweepTimeoutSeconds = 90;
@@ -94,7 +96,10 @@ TEST(Sweep, ResultsAreKeptAndAnotherCloneDoesNotMakeThemAgain) {
   EXPECT_EQ(result["map_hashes"]["seed 42"], "xxh3:1");
   EXPECT_EQ(read_text(scratch / "results/seed1/metrics.jsonl"),
             "{\"time_s\":1.5,\"env_frames\":100,\"train/loss\":0.12346}\n");
-  EXPECT_THAT(read_text(scratch / "results/seed1/config.toml"), Not(HasSubstr(scratch.string())));
+  const std::string settings = read_text(scratch / "results/seed1/config.toml");
+  EXPECT_THAT(settings, AllOf(HasSubstr("seed = 1\n"), Not(HasSubstr(scratch.string()))));
+  EXPECT_THAT(settings, Not(HasSubstr("gamma"))) << "a built-in value";
+  EXPECT_THAT(result["command"], StartsWith("./comrad train --train_dir train_dir --experiment seed1 --"));
   EXPECT_EQ(read_json(scratch / "results/eval/seed1.json").dump(),
             R"({"J_mean":2.0,"each":[{"J":1.0,"return":0.25},{"J":3.0,"return":0.75}],"episodes":2,)"
             R"("map_hashes":{"seed 42":"xxh3:1"},"policy":"seed1","return_mean":0.5,"scenario":"field"})");

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <functional>
@@ -151,6 +152,20 @@ class SettingsToml : public ::testing::Test {
  protected:
   const test::ScratchFolder folder_;
 };
+
+TEST_F(SettingsToml, ChangedRowsAloneReadBackWithoutLoss) {
+  RunConfig config;
+  EXPECT_EQ(changed_settings_to_toml(config),
+            "scenario = \"coop_health_gathering\"\nalgo = \"ippo\"\nseed = 42\n");
+  config.run.algo = "vdn";
+  config.optimisation.learning_rate = 0.1 + 0.2;
+  config.collection.async_rl = false;
+  const std::string rows = changed_settings_to_toml(config);
+  EXPECT_EQ(std::ranges::count(rows, '\n'), 5);
+  const Expected<RunConfig> read = load_run_config(folder_.write("changed.toml", rows));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(settings_to_toml(*read), settings_to_toml(config));
+}
 
 TEST_F(SettingsToml, TheWrittenDocumentReadsBackWithoutLoss) {
   RunConfig config;
