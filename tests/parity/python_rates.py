@@ -71,7 +71,7 @@ def comrad_gym(asked, cfg):
 
 def vizdoom_gym(asked, cfg):
     from vizdoom.gymnasium_wrapper.base_gymnasium_env import VizdoomEnv
-    return one_at_a_time(asked, VizdoomEnv(cfg, frame_skip=4, screen_resolution='RES_160X120'))
+    return one_at_a_time(asked, VizdoomEnv(cfg, frame_skip=4, screen_resolution='RES_160X120', sound_enabled=False))
 
 
 def envpool(asked, cfg):

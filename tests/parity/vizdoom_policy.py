@@ -135,6 +135,7 @@ def play_cfg(player, heads, cfg, episodes, frame_skip):
     game.set_doom_game_path(IWAD)
     game.set_mode(vzd.Mode.PLAYER)
     game.set_window_visible(False)
+    game.set_sound_enabled(False)
     player.prepare(game, 0)
     game.init()
     names = [button.name for button in game.get_available_buttons()]

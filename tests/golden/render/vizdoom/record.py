@@ -38,6 +38,7 @@ def configure(game, hud):
 
     game.set_seed(20240607)
     game.set_window_visible(False)
+    game.set_sound_enabled(False)
     game.set_screen_resolution(vizdoom.ScreenResolution.RES_160X120)
     game.set_screen_format(vizdoom.ScreenFormat.RGB24)
     game.set_depth_buffer_enabled(True)

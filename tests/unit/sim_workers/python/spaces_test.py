@@ -37,7 +37,7 @@ class Spaces(unittest.TestCase):
         for name, path in single_player_configs():
             for most in (0, 1, 2):
                 with self.subTest(name, max_buttons_pressed=most):
-                    theirs = VizdoomEnv(path, max_buttons_pressed=most)
+                    theirs = VizdoomEnv(path, max_buttons_pressed=most, sound_enabled=False)
                     height, width, channels = theirs.observation_space["screen"].shape
                     with warnings.catch_warnings():
                         warnings.simplefilter("ignore")  # of what is not here
@@ -61,7 +61,7 @@ class Spaces(unittest.TestCase):
 
     def test_all_buffers_are_asked_for_as_there(self):
         path = os.path.join(vizdoom.scenarios_path, "basic.cfg")
-        theirs = VizdoomEnv(path, screen_format=vizdoom.ScreenFormat.RGB24, **{f"{name}_buffer_enabled": True for name in BUFFERS})
+        theirs = VizdoomEnv(path, screen_format=vizdoom.ScreenFormat.RGB24, sound_enabled=False, **{f"{name}_buffer_enabled": True for name in BUFFERS})
         height, width, _ = theirs.observation_space["screen"].shape
         ours = comrad.gym_env(path, size=(width, height), **{name: True for name in BUFFERS})
         self.compare(ours, theirs.observation_space.spaces)
@@ -72,7 +72,7 @@ class Spaces(unittest.TestCase):
         for name in ("basic", "defend_the_center", "health_gathering", "deadly_corridor"):
             with self.subTest(name):
                 path = os.path.join(vizdoom.scenarios_path, name + ".cfg")
-                theirs, ours = VizdoomEnv(path), comrad.gym_env(name, size=(64, 48))
+                theirs, ours = VizdoomEnv(path, sound_enabled=False), comrad.gym_env(name, size=(64, 48))
                 there, here = theirs.reset(seed=1)[0], ours.reset(seed=1)[0]
                 self.assertEqual(here["gamevariables"].tolist(), there["gamevariables"].tolist())
                 theirs.close()
