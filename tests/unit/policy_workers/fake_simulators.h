@@ -10,6 +10,7 @@
 #include "policy_workers/policy/policy_net.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/shm/arena.h"
+#include "tests/support/patience.h"
 
 namespace comrad::policy {
 
@@ -142,10 +143,10 @@ class FakeSplit {
     for (FakeEnv& env : envs) env.commit_act(reset_state);
     ring();
   }
-  /// Waits until every environment has its answer; false after 10 s.
+  /// Waits until every environment has its answer.
   bool await() {
     shm::Doorbell& doorbell = arena_->slots_acted(sim_worker_, split_);
-    for (int attempt = 0; attempt < 100; ++attempt) {
+    for (const double end_s = test::deadline_s(); monotonic_s() < end_s;) {
       const uint32_t heard = shm::listen(doorbell);
       bool done = true;
       for (FakeEnv& env : envs) done &= env.has_answer();

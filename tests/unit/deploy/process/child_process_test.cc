@@ -7,7 +7,7 @@
 #include <signal.h>
 #include <unistd.h>
 
-#include "rollout_buffer/core/clock.h"
+#include "tests/support/patience.h"
 
 namespace comrad::deploy {
 namespace child_process_test {
@@ -27,11 +27,11 @@ std::vector<std::string> run_shell(const ChildOptions& options, ExitStatus* how 
   auto child = ChildProcess::spawn(options);
   EXPECT_TRUE(child) << child.error().message;
   std::vector<std::string> all;
-  for (const double end_s = monotonic_s() + 10; !child->poll_exit() && monotonic_s() < end_s; usleep(5'000)) {
+  const auto read_all = [&] {
     for (std::string& line : child->read_lines()) all.push_back(line);
-  }
-  for (std::string& line : child->read_lines()) all.push_back(line);
-  EXPECT_TRUE(child->poll_exit());
+  };
+  EXPECT_TRUE(test::wait_until([&] { return read_all(), child->poll_exit().has_value(); }));
+  read_all();
   if (how != nullptr && child->poll_exit()) *how = *child->poll_exit();
   return all;
 }
@@ -63,13 +63,10 @@ TEST(ChildProcess, WaitsItsTurnWhereItIsAskedTo) {
 TEST(ChildProcess, CountsTheProcessorTimeOfAChildWhileItRunsAndAfterwards) {
   auto child = ChildProcess::spawn(shell("trap 'exit 0' TERM; while :; do :; done"));
   ASSERT_TRUE(child) << child.error().message;
-  const double end_s = monotonic_s() + 60;
-  while (child->cpu_seconds() < 0.1 && monotonic_s() < end_s) usleep(10'000);
+  ASSERT_TRUE(test::wait_until([&] { return child->cpu_seconds() >= 0.1; }));
   const double running_s = child->cpu_seconds();
-  EXPECT_GE(running_s, 0.1);
   child->send_signal(SIGTERM);
-  while (!child->poll_exit() && monotonic_s() < end_s) usleep(5'000);
-  ASSERT_TRUE(child->poll_exit());
+  ASSERT_TRUE(test::wait_until([&] { return child->poll_exit().has_value(); }));
   EXPECT_GE(child->cpu_seconds(), running_s - 0.011) << "ticks of 10 ms";
   const ChildProcess moved = std::move(*child);
   EXPECT_GE(moved.cpu_seconds(), running_s - 0.011);

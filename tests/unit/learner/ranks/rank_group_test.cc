@@ -22,6 +22,7 @@
 #include "policy_workers/policy/torch_ops.h"
 #include "tests/support/in_ranks.h"
 #include "tests/support/noise_batch.h"
+#include "tests/support/patience.h"
 #include "tests/support/same_value.h"
 
 namespace comrad::learn {
@@ -141,7 +142,7 @@ TEST(RankGroup, AWatchThatSaysNoEndsTheWaiting) {
   in_ranks(2, [&has_ended](RankGroup& ranks) {
     if (ranks.rank() == 1) {
       // It is there, and says nothing.
-      for (int i = 0; i < 20'000 && !has_ended; ++i) usleep(1000);
+      (void)test::wait_until([&] { return has_ended.load(); });
       return;
     }
     int asked = 0;

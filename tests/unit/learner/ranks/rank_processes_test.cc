@@ -9,9 +9,9 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
-#include <functional>
 
 #include "rollout_buffer/core/clock.h"
+#include "tests/support/patience.h"
 
 namespace comrad::learn {
 namespace rank_processes_test {
@@ -38,13 +38,8 @@ class RankProcessesTest : public ::testing::Test {
     }
     return std::move(*processes);
   }
-  bool wait_until(const std::function<bool()>& holds) const {
-    for (const double until_s = monotonic_s() + 10; monotonic_s() < until_s; usleep(2000))
-      if (holds()) return true;
-    return false;
-  }
   bool have_begun(int count) const {
-    return wait_until([&] {
+    return test::wait_until([&] {
       for (int rank = 1; rank < count; ++rank)
         if (board_->pid.at(static_cast<std::size_t>(rank)) == 0) return false;
       return true;
@@ -70,7 +65,7 @@ TEST_F(RankProcessesTest, TheFirstSaysWhichOtherEndedAndHow) {
   EXPECT_TRUE(processes.check());
   kill(board_->pid[2], SIGKILL);
   Status checked;
-  ASSERT_TRUE(wait_until([&] { return !(checked = processes.check()); }));
+  ASSERT_TRUE(test::wait_until([&] { return !(checked = processes.check()); }));
   EXPECT_EQ(checked.error().code, ErrorCode::kPeerLost);
   EXPECT_EQ(
       checked.error().message,
@@ -104,7 +99,7 @@ TEST_F(RankProcessesTest, TheOthersAreKilledWhenTheFirstDies) {
   kill(first, SIGKILL);
   waitpid(first, nullptr, 0);
   for (const int rank : {1, 2})
-    EXPECT_TRUE(wait_until([&] { return !is_alive(board_->pid.at(static_cast<std::size_t>(rank))); }))
+    EXPECT_TRUE(test::wait_until([&] { return !is_alive(board_->pid.at(static_cast<std::size_t>(rank))); }))
         << rank;
 }
 

@@ -10,6 +10,7 @@
 #include "policy_workers/device/cpu_tuning.h"
 #include "policy_workers/device/part_pool.h"
 #include "policy_workers/policy/torch_ops.h"
+#include "tests/support/patience.h"
 
 namespace comrad::device {
 namespace share_out_test {
@@ -24,14 +25,12 @@ class ShareOut : public ::testing::Test {
 };
 
 /// Whether the first of two pieces sees the second one begin before it gives up.
-bool two_at_once(std::chrono::milliseconds patience) {
+bool two_at_once(double patience_s) {
   std::atomic<int> begun = 0;
   std::atomic<int> met = 0;
   share_out(2, [&](std::size_t) {
     const bool is_first = ++begun == 1;
-    const auto deadline = std::chrono::steady_clock::now() + patience;
-    while (begun < 2 && std::chrono::steady_clock::now() < deadline) std::this_thread::yield();
-    if (is_first && begun == 2) ++met;
+    if (test::wait_until([&] { return begun == 2; }, patience_s) && is_first) ++met;
   });
   return met == 1;
 }
@@ -44,7 +43,7 @@ TEST_F(ShareOut, DoesEveryPieceOnce) {
   }
 }
 
-TEST_F(ShareOut, TwoThreadsWorkAtTheSameTime) { EXPECT_TRUE(two_at_once(std::chrono::seconds(20))); }
+TEST_F(ShareOut, TwoThreadsWorkAtTheSameTime) { EXPECT_TRUE(two_at_once(test::kPatienceSeconds)); }
 
 TEST_F(ShareOut, APartOfAPoolKeepsToItsThread) {
   PartPool pool(2);
@@ -52,7 +51,7 @@ TEST_F(ShareOut, APartOfAPoolKeepsToItsThread) {
   (void)pool.run(
       2,
       [&](int64_t) {
-        if (two_at_once(std::chrono::milliseconds(50))) ++shared;
+        if (two_at_once(0.05)) ++shared;
       },
       nullptr);
   EXPECT_EQ(shared, 0);

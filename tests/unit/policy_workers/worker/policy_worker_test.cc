@@ -15,6 +15,7 @@
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/seat_plan.h"
+#include "tests/support/patience.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/unit/policy_workers/fake_simulators.h"
 
@@ -68,7 +69,7 @@ TEST(PolicyWorker, WaitsForWeightsAndStampsTheVersionThatActed) {
   config.collection.max_wait_us = 10'000'000;  // a split is one batch, however slowly it is committed
   RunningWorker worker(config, arena, {});
   split.commit_act(true);
-  std::this_thread::sleep_for(std::chrono::milliseconds(120));
+  EXPECT_TRUE(test::wait_until([&] { return arena.control().weights_published.sleepers.load() == 1; }));
   EXPECT_FALSE(split.envs[0].has_answer()) << "no weights, no answer";
   for (const PolicyVersion version : {5u, 6u}) {
     publish(arena, learner, version);
@@ -81,9 +82,7 @@ TEST(PolicyWorker, WaitsForWeightsAndStampsTheVersionThatActed) {
     EXPECT_NEAR(split.envs[0].slab().value(0, 0), expected.value.item<float>(), 1e-5);
     split.take_act();
   }
-  const int64_t began_ns = monotonic_ns();
   EXPECT_TRUE(worker.stop());
-  EXPECT_LT(monotonic_ns() - began_ns, 2'000'000'000);
   EXPECT_EQ(arena.policy_counters(0).decisions.load(), 8u);
   EXPECT_EQ(arena.policy_counters(0).batches.load(), 2u);
   EXPECT_EQ(arena.policy_counters(0).state.load(), shm::WorkerState::kStopped);

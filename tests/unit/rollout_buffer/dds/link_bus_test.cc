@@ -10,6 +10,7 @@
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/dds/bus.h"
 #include "tests/support/network_pair.h"
+#include "tests/support/patience.h"
 
 namespace comrad::dds {
 namespace link_bus_test {
@@ -26,6 +27,8 @@ LinkBus open_link(const BusConfig& config) {
   EXPECT_TRUE(bus) << bus.error().message;
   return std::move(bus).value();
 }
+
+const double kPatience_s = test::kPatienceSeconds * test::patience();
 
 bool eventually(LinkBus& bus, double limit_s, const std::function<bool()>& done) {
   for (const double end_s = monotonic_s() + limit_s; monotonic_s() < end_s;) {
@@ -114,7 +117,7 @@ TEST(LinkBus, CarriesEveryTopicWholeUpToItsBound) {
       .feeder_id = 1, .send_index = 6, .length = 8, .rollout_index = 7, .payload = piece}));
   ASSERT_TRUE(bus.write(WeightsChunk{.chunk_count = 1, .version = 11, .bf16_count = 12, .payload = chunk}));
   ASSERT_TRUE(bus.write(FeederEpisode{.score = 12.5f, .agent_return = {1, -2}}));
-  EXPECT_TRUE(eventually(bus, 10, [&] {
+  EXPECT_TRUE(eventually(bus, kPatience_s, [&] {
     take();
     return questions && answers && reports && states && fragments && weights && episodes;
   }));
@@ -217,11 +220,11 @@ TEST(LinkBus, TwoHostsMeetByUnicastAndAnotherRunOfTheSameNetworkStaysApart) {
     return of_end;
   };
   // Only the host that joins knows where the other one is.
-  const pid_t server = network.start(0, [&] { return answer_reports(config(id, 0, {}), 20); });
+  const pid_t server = network.start(0, [&] { return answer_reports(config(id, 0, {}), kPatience_s); });
   const pid_t stranger =
       network.start(1, [&] { return report_until_answered(config(id + 1, 1, {network.address(0)}), 4); });
-  const pid_t joined =
-      network.start(1, [&] { return report_until_answered(config(id, 1, {network.address(0)}), 20); });
+  const pid_t joined = network.start(
+      1, [&] { return report_until_answered(config(id, 1, {network.address(0)}), kPatience_s); });
   EXPECT_EQ(test::NetworkPair::wait(joined), 0) << "the host that joins was not answered";
   EXPECT_EQ(test::NetworkPair::wait(stranger), 3) << "a run was answered by another run";
   EXPECT_EQ(test::NetworkPair::wait(server), 0);

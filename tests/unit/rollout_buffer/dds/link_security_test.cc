@@ -6,6 +6,8 @@
 #include <spdlog/sinks/basic_file_sink.h>
 #include <sys/mount.h>
 
+#include <filesystem>
+#include <fstream>
 #include <functional>
 #include <random>
 
@@ -15,6 +17,7 @@
 #include "rollout_buffer/dds/keys.h"
 #include "rollout_buffer/dds/link_bus.h"
 #include "tests/support/network_pair.h"
+#include "tests/support/patience.h"
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::dds {
@@ -42,15 +45,16 @@ struct Heard {
 
 constexpr uint64_t kFriend = 7;
 
-/// The serving end for so long: answers reports, sends weights. Anything that does not come from the friend is strange.
-int serve(const BusConfig& config, double seconds, const std::string& log) {
+/// The serving end while `goes_on`: answers reports, sends weights. Anything that does not come from the friend is strange.
+int serve(const BusConfig& config, const std::function<bool()>& goes_on, const std::string& log) {
   spdlog::set_default_logger(spdlog::basic_logger_st("serve", log));
+  spdlog::flush_on(spdlog::level::info);
   auto bus = LinkBus::open(config);
   if (!bus) return 2;
   Heard heard;
   const std::vector<std::byte> weights(100'000);
   double sent_s = 0;
-  for (const double end_s = monotonic_s() + seconds; monotonic_s() < end_s; bus->wait(20)) {
+  for (; goes_on(); bus->wait(20)) {
     bus->take_questions([&](const DoorQuestion& in) { heard.strange += in.feeder_id != kFriend; });
     bus->take_reports([&](const FeedReport& in) {
       ++heard.reports;
@@ -67,25 +71,25 @@ int serve(const BusConfig& config, double seconds, const std::string& log) {
       (void)bus->write(WeightsChunk{.chunk_count = 1, .version = 1, .payload = weights});
     }
   }
-  spdlog::default_logger()->flush();
   if (heard.strange > 0) return 3;
   return heard.reports > 0 && heard.fragments > 0 ? 0 : 4;
 }
 
-/// A host that says all it may and listens. 0: it was answered and got weights; 10: it got nothing at all.
-int join(const BusConfig& config, uint64_t feeder_id, double seconds) {
+/// A host that says all it may and listens while `goes_on`, ten times at least, or until it has got all. 0: it was answered
+/// and got weights; 10: it got nothing at all.
+int join(const BusConfig& config, uint64_t feeder_id, const std::function<bool()>& goes_on) {
   spdlog::set_level(spdlog::level::off);
   auto bus = LinkBus::open(config);
   if (!bus) return 2;
-  int states = 0, weights = 0;
+  int states = 0, weights = 0, said = 0;
   const std::vector<std::byte> piece(kFragmentPayloadBytes);
   double said_s = 0;
-  for (const double end_s = monotonic_s() + seconds; monotonic_s() < end_s; bus->wait(20)) {
+  for (; (goes_on() || said < 10) && !(states > 0 && weights > 0); bus->wait(20)) {
     bus->take_states(kFriend, [&](const FeedState&) { ++states; });
     bus->take_answers([&](const DoorAnswer&) { ++states; });
     bus->take_weights([&](const WeightsChunk&) { ++weights; });
     if (monotonic_s() - said_s < 0.3) continue;
-    said_s = monotonic_s();
+    said_s = monotonic_s(), ++said;
     (void)bus->write(DoorQuestion{.feeder_id = feeder_id, .text = "{}"});
     (void)bus->write(FeedReport{.feeder_id = feeder_id, .host = "x"});
     (void)bus->write(TrajectoryFragment{.feeder_id = feeder_id, .payload = piece});
@@ -113,13 +117,18 @@ TEST(LinkSecurity, StrangersOnTheNetworkGetNothingAndLeaveOneLineEach) {
     of_end.allows_insecure_network = key_folder.empty();
     return of_end;
   };
-  const pid_t server = network.start(0, [&] { return serve(config(0, keys + "/run"), 17, log); });
-  const pid_t friendly = network.start(1, [&] { return join(config(1, keys + "/hosts/b"), kFriend, 15); });
-  const pid_t without = network.start(1, [&] { return join(config(1, ""), 666, 15); });
-  const pid_t with_others = network.start(1, [&] { return join(config(1, others + "/hosts/b"), 667, 15); });
-  // One that says it is the server.
-  const pid_t false_server = network.start(1, [&] { return join(config(1, others + "/run"), 668, 15); });
+  const std::string over = folder.string() + "/over";
+  const auto goes_on = [&] { return !std::filesystem::exists(over); };
+  const pid_t server = network.start(0, [&] { return serve(config(0, keys + "/run"), goes_on, log); });
+  const auto start = [&](const std::string& key_folder, uint64_t feeder_id) {
+    return network.start(1, [&] { return join(config(1, key_folder), feeder_id, goes_on); });
+  };
+  const pid_t without = start("", 666), with_others = start(others + "/hosts/b", 667),
+              false_server = start(others + "/run", 668);  // one that says it is the server
+  EXPECT_TRUE(test::wait_until([&] { return count_of(read_whole(log), "refused a participant") >= 3; }));
+  const pid_t friendly = start(keys + "/hosts/b", kFriend);
   EXPECT_EQ(test::NetworkPair::wait(friendly), 0) << "a host with the right key was not served";
+  std::ofstream(over) << "now";
   EXPECT_EQ(test::NetworkPair::wait(without), 10) << "a stranger without a key got something";
   EXPECT_EQ(test::NetworkPair::wait(with_others), 10) << "a stranger with other keys got something";
   EXPECT_EQ(test::NetworkPair::wait(false_server), 10);
@@ -142,9 +151,14 @@ TEST(LinkSecurity, AServerWithoutKeysDoesNotReachAHostThatHasSome) {
   with_key.interface_name = network.device(1);
   with_key.peers = {network.address(0)};
   with_key.key_folder = folder.string() + "/keys/hosts/b";
-  const pid_t server = network.start(0, [&] { return serve(plain, 4, folder.string() + "/log"); });
-  const pid_t host = network.start(1, [&] { return join(with_key, kFriend, 3); });
+  const std::string over = folder.string() + "/over";
+  const pid_t server = network.start(0, [&] {
+    return serve(
+        plain, [&] { return !std::filesystem::exists(over); }, folder.string() + "/log");
+  });
+  const pid_t host = network.start(1, [&] { return join(with_key, kFriend, [] { return false; }); });
   EXPECT_EQ(test::NetworkPair::wait(host), 10);
+  std::ofstream(over) << "now";
   EXPECT_EQ(test::NetworkPair::wait(server), 4);
 }
 

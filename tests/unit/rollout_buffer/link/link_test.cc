@@ -18,6 +18,7 @@
 #include "rollout_buffer/link/link_address.h"
 #include "rollout_buffer/link/receiver.h"
 #include "tests/support/network_pair.h"
+#include "tests/support/patience.h"
 #include "tests/support/small_arena.h"
 
 namespace comrad::link {
@@ -170,21 +171,17 @@ class Link : public ::testing::Test {
       learner_.release_slab(slab);
     }
   }
-  bool eventually(double limit_s, const std::function<bool()>& done) {
-    for (const double end_s = monotonic_s() + limit_s; monotonic_s() < end_s; usleep(5000))
-      if (done()) return true;
-    return done();
+  static bool eventually(const std::function<bool()>& done) {
+    return test::wait_until(done, test::kPatienceSeconds, 5000);
   }
   /// Plays and learns until `rollouts` of every environment are played, and then until all are learned.
-  void play_and_learn(uint64_t rollouts, double limit_s = 60) {
-    EXPECT_TRUE(eventually(limit_s,
-                           [&] {
-                             if (rollouts_[player_.shape().env_count() - 1] < rollouts) play();
-                             learn();
-                             return rollouts_[player_.shape().env_count() - 1] >= rollouts &&
-                                    learned_ == played_;
-                           }))
-        << learned_ << " of " << played_ << " decisions learned";
+  void play_and_learn(uint64_t rollouts) {
+    EXPECT_TRUE(eventually([&] {
+      if (rollouts_[player_.shape().env_count() - 1] < rollouts) play();
+      learn();
+      return rollouts_[player_.shape().env_count() - 1] >= rollouts && learned_ == played_;
+    })) << learned_
+        << " of " << played_ << " decisions learned";
   }
   void expect_exactly_once() {
     EXPECT_EQ(learned_, played_);
@@ -209,7 +206,7 @@ TEST_F(Link, WhatIsPlayedOnOneHostIsLearnedOnTheOtherToTheDecision) {
   start_feeder();
   play_and_learn(20);
   expect_exactly_once();
-  EXPECT_TRUE(eventually(10, [&] { return player_.learner_counters().decisions == played_; }))
+  EXPECT_TRUE(eventually([&] { return player_.learner_counters().decisions == played_; }))
       << "the feeding host knows what became of it";
   uint64_t counted = 0;
   for (int worker = kOwnWorkers; worker < kOwnWorkers + kRemoteWorkers; ++worker)
@@ -222,15 +219,13 @@ TEST_F(Link, WithoutAFreeSlabNothingIsSentAndNothingIsLost) {
   start_receiver();
   start_feeder();
   // Nobody learns: the learner's arena has room for what is promised, and then the feeding host's fills up.
-  EXPECT_TRUE(eventually(30, [&] {
+  EXPECT_TRUE(eventually([&] {
     play();
     return learner_.sealed_count() == learner_.shape().slab_count && !player_.acquire_slab(0);
   })) << learner_.sealed_count();
-  const uint64_t before = learned_;
-  usleep(300'000);
-  EXPECT_EQ(learner_.sealed_count(), learner_.shape().slab_count);
-  EXPECT_EQ(before, 0u);
-  EXPECT_TRUE(eventually(30, [&] {
+  EXPECT_FALSE(test::wait_until([&] { return learner_.sealed_count() != learner_.shape().slab_count; }, 0.3));
+  EXPECT_EQ(learned_, 0u);
+  EXPECT_TRUE(eventually([&] {
     learn(2);
     return learned_ == played_;
   }));
@@ -244,13 +239,12 @@ TEST_F(Link, EndsThatAreKilledLoseNothingAndSendNothingTwice) {
   Rng rng(seed);
   for (uint64_t round = 1; round <= 6; ++round) {
     const uint64_t goal = learned_ + 40;
-    ASSERT_TRUE(eventually(40,
-                           [&] {
-                             play();
-                             learn(3);
-                             return learned_ >= goal;
-                           }))
-        << "round " << round;
+    ASSERT_TRUE(eventually([&] {
+      play();
+      learn(3);
+      return learned_ >= goal;
+    })) << "round "
+        << round;
     usleep(rng.below(20'000));
     if (round % 2 == 0) {
       kill_end(feeder_);
@@ -277,7 +271,8 @@ TEST_F(Link, AReceiverThatStandsStillForAWhileGoesOnWhereItWas) {
   expect_exactly_once();
 }
 
-TEST_F(Link, ACableThatIsPulledForTwelveSecondsCostsNoDecision) {
+using LinkLong = Link;
+TEST_F(LinkLong, ACableThatIsPulledForTwelveSecondsCostsNoDecision) {
   network_ = std::make_unique<test::NetworkPair>(3);
   if (!network_->is_made()) GTEST_SKIP() << test::NetworkPair::why_not();
   start_receiver();
@@ -299,14 +294,14 @@ TEST_F(Link, WeightsAndEpsilonReachTheFeedingHost) {
   learner_.control().epsilon = 0.75f;
   start_receiver();
   start_feeder();
-  ASSERT_TRUE(eventually(20, [&] { return player_.has_weights() && player_.weights_version() == 5; }));
+  ASSERT_TRUE(eventually([&] { return player_.has_weights() && player_.weights_version() == 5; }));
   std::vector<std::byte> arrived;
   ASSERT_TRUE(player_.read_weights(arrived));
   EXPECT_EQ(arrived, weights);
-  EXPECT_TRUE(eventually(5, [&] { return player_.control().epsilon == 0.75f; }));
+  EXPECT_TRUE(eventually([&] { return player_.control().epsilon == 0.75f; }));
   weights[17] = std::byte{9};
   learner_.publish_weights(weights, 6);
-  ASSERT_TRUE(eventually(20, [&] { return player_.weights_version() == 6; }));
+  ASSERT_TRUE(eventually([&] { return player_.weights_version() == 6; }));
   ASSERT_TRUE(player_.read_weights(arrived));
   EXPECT_EQ(arrived, weights);
 }
@@ -324,8 +319,7 @@ TEST_F(Link, RoundedWeightsArriveWithTheSameBytesInEveryVersion) {
     std::memcpy(weights.data() + kParameters * sizeof(float), statistics.data(),
                 kStatistics * sizeof(double));
     learner_.publish_weights(weights, version);
-    ASSERT_TRUE(
-        eventually(20, [&] { return player_.has_weights() && player_.weights_version() == version; }));
+    ASSERT_TRUE(eventually([&] { return player_.has_weights() && player_.weights_version() == version; }));
     ASSERT_TRUE(player_.read_weights(arrived));
     ASSERT_EQ(arrived.size(), weights.size());
     float first = 0, third = 0;
@@ -350,7 +344,7 @@ TEST_F(Link, EpisodesOfTheOtherHostAreThisHostsEpisodes) {
   record.agent_return[1] = 2;
   ASSERT_TRUE(player_.forward_episode(record));
   std::optional<shm::EpisodeRecord> heard;
-  ASSERT_TRUE(eventually(10, [&] { return (heard = learner_.pop_episode()).has_value(); }));
+  ASSERT_TRUE(eventually([&] { return (heard = learner_.pop_episode()).has_value(); }));
   EXPECT_EQ(heard->env_index, 5u + kOwnWorkers * 4);
   EXPECT_EQ(heard->episode_id, 9u);
   EXPECT_EQ(heard->score, 12.5f);
@@ -388,7 +382,7 @@ TEST_F(Link, AHostThatLeavesDeliversWhatIsSealedAndItsPlacesAreFree) {
   play_and_learn(1);
   play();
   player_.control().run_state = shm::RunState::kStopping;
-  ASSERT_TRUE(eventually(20, [&] {
+  ASSERT_TRUE(eventually([&] {
     learn();
     return learned_ == played_;
   }));

@@ -13,6 +13,8 @@
 namespace comrad::shm {
 namespace futex_test {
 
+constexpr int64_t kLong_us = 3'600'000'000;  // one that is not woken does not end
+
 TEST(Doorbell, ARingBetweenListenAndWaitIsNotMissed) {
   Doorbell bell{};
   const uint32_t heard = listen(bell);
@@ -35,7 +37,7 @@ TEST(Doorbell, WakesEverySleeperOfThisProcess) {
   std::atomic<int> woken{0};
   std::vector<std::thread> sleepers;
   for (int index = 0; index < 3; ++index)
-    sleepers.emplace_back([&] { woken += wait(bell, heard, 20'000'000); });
+    sleepers.emplace_back([&] { woken += wait(bell, heard, kLong_us); });
   while (bell.sleepers.load() < 3) std::this_thread::yield();
   ring(bell);
   for (std::thread& sleeper : sleepers) sleeper.join();
@@ -48,15 +50,12 @@ TEST(Doorbell, WakesASleeperInAnotherProcess) {
   auto* bell = new (memory) Doorbell{};
   const uint32_t heard = listen(*bell);
   const pid_t child = fork();
-  if (child == 0) _exit(wait(*bell, heard, 20'000'000) ? 0 : 1);
+  if (child == 0) _exit(wait(*bell, heard, kLong_us) ? 0 : 1);
   while (bell->sleepers.load() == 0) usleep(100);
-  usleep(2000);  // let it enter the system call
-  const int64_t began_ns = monotonic_ns();
   ring(*bell);
   int status = -1;
   ASSERT_EQ(waitpid(child, &status, 0), child);
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
-  EXPECT_LT(monotonic_ns() - began_ns, 5'000'000'000) << "woken, not timed out";
   munmap(memory, sizeof(Doorbell));
 }
 

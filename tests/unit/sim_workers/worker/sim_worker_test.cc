@@ -10,9 +10,9 @@
 #include <set>
 #include <thread>
 
-#include "rollout_buffer/core/clock.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/fake_policy.h"
+#include "tests/support/patience.h"
 #include "tests/support/small_arena.h"
 #include "tests/support/toy_environment.h"
 
@@ -96,13 +96,22 @@ struct Host {
     arena.control().rollouts_allowed = rollouts;
     shm::ring(arena.control().slab_released);
   }
-  /// Waits until `condition` holds; fails the test after 20 s.
+  /// Waits until `condition` holds.
   void await(const std::function<bool()>& condition, const char* what) const {
-    const double deadline_s = monotonic_s() + 20;
-    while (!condition()) {
-      ASSERT_LT(monotonic_s(), deadline_s) << what;
-      usleep(200);
-    }
+    ASSERT_TRUE(test::wait_until(condition, test::kPatienceSeconds, 200)) << what;
+  }
+  /// Waits until all simulators sleep at the same doorbell.
+  void await_sleepers(const shm::Doorbell& doorbell) const {
+    await([&] { return doorbell.sleepers.load() == workers.size(); }, "all simulators asleep");
+  }
+  /// Waits until every simulator has waited in vain and looked again, twice.
+  void await_looks_in_vain() const {
+    for (std::size_t worker = 0; worker < workers.size(); ++worker)
+      for (int look = 0; look < 2; ++look) {
+        const auto& waited_ns = arena.sim_counters(static_cast<int>(worker)).wait_ns;
+        const uint64_t before = waited_ns.load();
+        await([&] { return waited_ns.load() > before; }, "a look in vain");
+      }
   }
   ~Host() { stop(); }
 
@@ -245,7 +254,7 @@ std::vector<Shadow> check_rollouts(Host& host, const ToyOptions& options, uint64
                                    RewardRules rules = {}) {
   std::vector<Shadow> shadows;
   for (int env = 0; env < host.arena.shape().env_count(); ++env) shadows.emplace_back(env, options, rules);
-  const double deadline_s = monotonic_s() + 60;
+  const double deadline_s = test::deadline_s();
   const auto is_done = [&] {
     return std::all_of(shadows.begin(), shadows.end(),
                        [&](const Shadow& shadow) { return shadow.rollouts() >= rollouts; });
@@ -331,7 +340,7 @@ TEST(SimWorker, WithoutFreeSlabsItWaitsAndGoesOnWhenOneComes) {
   host.start();
   host.await([&] { return host.arena.sealed_count() == 8; }, "all slabs sealed");
   const uint64_t answers = host.policy.answers();
-  usleep(100'000);
+  host.await_looks_in_vain();
   EXPECT_EQ(host.policy.answers(), answers) << "nobody acts without a slab";
   check_rollouts(host, options, 3);
 }
@@ -399,7 +408,7 @@ TEST(SimWorker, LockStepPassesTheGateOncePerRollout) {
   const ToyOptions options = toy(1, 20);
   Host host(small_arena_shape(), options, /*lock_step=*/true);
   host.start(0);
-  usleep(100'000);
+  host.await_sleepers(host.arena.control().slab_released);
   EXPECT_EQ(host.policy.answers(), 0u) << "the gate is shut until the learner opens it";
   std::vector<Shadow> shadows;
   for (int env = 0; env < 8; ++env) shadows.emplace_back(env, options, RewardRules{});
@@ -407,7 +416,7 @@ TEST(SimWorker, LockStepPassesTheGateOncePerRollout) {
     host.allow(rollout + 1);
     host.await([&] { return host.arena.sealed_count() == 8; }, "one slab of every environment");
     const uint64_t answers = host.policy.answers();
-    usleep(60'000);
+    host.await_looks_in_vain();
     EXPECT_EQ(host.policy.answers(), answers) << "nobody runs ahead";
     for (const uint32_t slab : host.arena.drain_slabs(100)) {
       EXPECT_EQ(host.arena.slab_header(static_cast<int>(slab)).rollout_index, rollout);
@@ -457,7 +466,7 @@ TEST(SimWorker, EvaluationPlaysEveryEpisodeOnceAndGivesItsSlabsBack) {
         return records.size() >= 21;
       },
       "all episodes");
-  usleep(50'000);
+  host.await_looks_in_vain();
   EXPECT_FALSE(host.arena.pop_episode());
   EXPECT_EQ(records.rbegin()->first, 20u);
   for (const auto& [id, record] : records) {
@@ -655,17 +664,15 @@ TEST(SimWorker, ARestartedWorkerNeverPlaysAnEpisodeTwice) {
   EXPECT_EQ(host.arena.sim_counters(0).epoch.load(), 4u);
 }
 
-TEST(SimWorker, StopsSoonEvenWhenNobodyAnswers) {
+TEST(SimWorker, StopsEvenWhenNobodyAnswers) {
   const Arena arena = *Arena::create(small_arena_shape(), 1);
   arena.control().rollouts_allowed = UINT64_MAX;
   arena.control().run_state = shm::RunState::kRunning;
   RunningWorker worker(arena, toy(5, 5), 0, {.seed = kSeed});
   worker.start();
-  while (arena.slot(0).state.load() != shm::SlotState::kReady) usleep(100);
-  const double began_s = monotonic_s();
+  ASSERT_TRUE(test::wait_until([&] { return arena.slot(0).state.load() == shm::SlotState::kReady; }));
   arena.control().run_state = shm::RunState::kStopping;
   worker.join();
-  EXPECT_LT(monotonic_s() - began_s, 2.0);
   EXPECT_TRUE(worker.status);
   EXPECT_EQ(arena.sim_counters(0).state.load(), shm::WorkerState::kStopped);
 }
@@ -674,7 +681,7 @@ TEST(SimWorker, StopsWhileItWaitsForTheStart) {
   const Arena arena = *Arena::create(small_arena_shape(), 1);
   RunningWorker worker(arena, toy(5, 5), 0, {.seed = kSeed});
   worker.start();
-  usleep(20'000);
+  EXPECT_TRUE(test::wait_until([&] { return arena.control().run_state_changed.sleepers.load() == 1; }));
   EXPECT_EQ(arena.slot(0).state.load(), shm::SlotState::kIdle);
   worker.stop();
   EXPECT_TRUE(worker.status);
@@ -686,15 +693,19 @@ TEST(SimWorker, APausedRunStandsStillAndGoesOn) {
   host.start();
   host.await([&] { return host.policy.answers() > 50; }, "a start");
   host.arena.control().run_state = shm::RunState::kPaused;
-  uint64_t answers = 0;
   host.await(
       [&] {  // what was asked before is still answered
-        answers = host.policy.answers();
-        usleep(100'000);
-        return host.policy.answers() == answers;
+        for (int env = 0; env < host.arena.shape().env_count(); ++env) {
+          const shm::SlotState state = host.arena.slot(env).state.load();
+          if (state == shm::SlotState::kReady || state == shm::SlotState::kInBatch) return false;
+        }
+        return host.arena.control().run_state_changed.sleepers.load() == host.workers.size();
       },
       "a stand");
-  usleep(100'000);
+  const uint64_t answers = host.policy.answers();
+  for (int split = 0; split < 2; ++split)
+    for (int worker = 0; worker < 2; ++worker) shm::ring(host.arena.slots_acted(worker, split));
+  host.await_sleepers(host.arena.control().run_state_changed);
   EXPECT_EQ(host.policy.answers(), answers);
   host.arena.control().run_state = shm::RunState::kRunning;
   shm::ring(host.arena.control().run_state_changed);
