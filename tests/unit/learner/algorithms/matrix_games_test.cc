@@ -40,7 +40,13 @@ double learn_heterogeneity(const char* algo, uint64_t seed, bool share_parameter
   return result;
 }
 
-TEST(HeterogeneityGame, SharedParametersEndAtOneHalf) {
+TEST(HeterogeneityGame, SharedParametersEndAtOneHalfAndSeparateOnesFindTheOptimum) {
+  EXPECT_NEAR(learn_heterogeneity<Ippo>("ippo", kSeeds[0], true), 0.5, 0.05);
+  EXPECT_GE(learn_heterogeneity<Ippo>("ippo", kSeeds[0], false), 0.95);
+  EXPECT_GE(learn_heterogeneity<Happo>("happo", kSeeds[0], false), 0.95);
+}
+
+TEST(HeterogeneityGameLong, SharedParametersEndAtOneHalf) {
   for (const uint64_t seed : kSeeds) {
     EXPECT_NEAR(learn_heterogeneity<Ippo>("ippo", seed, true), 0.5, 0.05) << seed;
   }
@@ -49,7 +55,7 @@ TEST(HeterogeneityGame, SharedParametersEndAtOneHalf) {
   }
 }
 
-TEST(HeterogeneityGame, TheSameCodeWithoutSharingFindsTheOptimum) {
+TEST(HeterogeneityGameLong, TheSameCodeWithoutSharingFindsTheOptimum) {
   for (const uint64_t seed : kSeeds) {
     EXPECT_GE(learn_heterogeneity<Ippo>("ippo", seed, false), 0.95) << seed;
   }
@@ -58,7 +64,7 @@ TEST(HeterogeneityGame, TheSameCodeWithoutSharingFindsTheOptimum) {
   }
 }
 
-TEST(HeterogeneityGame, HappoFindsTheOptimum) {
+TEST(HeterogeneityGameLong, HappoFindsTheOptimum) {
   for (const uint64_t seed : kSeeds)
     EXPECT_GE(learn_heterogeneity<Happo>("happo", seed, false), 0.95) << seed;
 }
@@ -74,7 +80,7 @@ void expect_climbing(const char* algo, uint64_t seed) {
   EXPECT_NEAR(game.expected_return(), game.greedy_return(), 1.0) << algo << " " << seed;
 }
 
-TEST(ClimbingGame, IppoMappoAndHappoEndAtTheSafeAnswerOrABetterOne) {
+TEST(ClimbingGameLong, IppoMappoAndHappoEndAtTheSafeAnswerOrABetterOne) {
   for (const uint64_t seed : kFewSeeds) {
     expect_climbing<Ippo>("ippo", seed);
     expect_climbing<Mappo>("mappo", seed);

@@ -131,11 +131,11 @@ double two_step(const char* algo, int seed) {
   return result;
 }
 
-TEST(TwoStepGame, VdnCannotSeeTheBetterBranch) { EXPECT_EQ(two_step("vdn", 42), 7); }
-TEST(TwoStepGame, QmixFindsTheOptimum) { EXPECT_EQ(two_step("qmix", 42), 8); }
+TEST(TwoStepGameLong, VdnCannotSeeTheBetterBranch) { EXPECT_EQ(two_step("vdn", 42), 7); }
+TEST(TwoStepGameLong, QmixFindsTheOptimum) { EXPECT_EQ(two_step("qmix", 42), 8); }
 
 /// QPLEX finds it from most starts, not from all (21 of 21 on 2026-11-22, fewer at higher rates).
-TEST(TwoStepGame, QplexFindsTheOptimumFromThreeOfFourStarts) {
+TEST(TwoStepGameLong, QplexFindsTheOptimumFromThreeOfFourStarts) {
   int found = 0;
   for (const char* form : {"qplex_d", "qplex_q"})
     for (const int seed : {42, 68}) found += two_step(form, seed) == 8;
@@ -154,7 +154,7 @@ double value_of_paying_game(bool ends_by_time) {
 
 TEST(PayingGame, ATimeOutIsNoEnd) { EXPECT_NEAR(value_of_paying_game(true), 1 / (1 - 0.9), 0.5); }
 // All five steps look alike, so a fifth of all values has no future: Q = 1 + 0.9 * 0.8 Q.
-TEST(PayingGame, AnEndIsAnEnd) { EXPECT_NEAR(value_of_paying_game(false), 1 / (1 - 0.72), 0.4); }
+TEST(PayingGameLong, AnEndIsAnEnd) { EXPECT_NEAR(value_of_paying_game(false), 1 / (1 - 0.72), 0.4); }
 
 RunConfig hidden_config(const std::string& algo, CriticState state) {
   RunConfig config = test::pipeline_game_config(algo);
@@ -217,7 +217,11 @@ double hidden_game_error(const char* algo, int seed) {
 }
 
 TEST(HiddenGame, WhatNoPictureShowsIsLearnedFromTheGlobalState) {
-  for (const char* algo : {"mappo", "happo", "qmix"}) EXPECT_LE(hidden_game_error(algo, 42), 0.7) << algo;
+  EXPECT_LE(hidden_game_error("mappo", 42), 0.7);
+}
+
+TEST(HiddenGameLong, OtherAlgorithmsLearnItToo) {
+  for (const char* algo : {"happo", "qmix"}) EXPECT_LE(hidden_game_error(algo, 42), 0.7) << algo;
   // QPLEX from most starts, not from all: a run of qplex_q was 3 away on 2026-11-25.
   for (const char* algo : {"qplex_d", "qplex_q"}) {
     double least = 1e30;
@@ -246,7 +250,7 @@ TEST(HiddenGame, ACheckpointOfAnotherCriticStateIsRefusedByName) {
   }
 }
 
-TEST(HiddenGame, FeaturesOfPicturesKnowNothingOfIt) {
+TEST(HiddenGameLong, FeaturesOfPicturesKnowNothingOfIt) {
   for (const char* algo : {"mappo", "qmix"}) {
     const auto trained = test::train_game(hidden_config(algo, CriticState::kFeatures),
                                           [] { return std::make_unique<HiddenGame>(); });

@@ -16,8 +16,9 @@
 namespace comrad::scenarios {
 namespace layout_variety_test {
 
-constexpr int kSeeds = 260;  // all different: at least 260 * 259 / (2 ln 20) = 11 239 maps
-constexpr int64_t kMapsAtLeast = 10'000;
+/// All different: at least 260 * 259 / (2 ln 20) = 11 239 maps.
+constexpr int kManySeeds = 260, kFewSeeds = 26;
+constexpr int64_t kManyMaps = 10'000, kFewMaps = 100;
 
 /// TEXTMAP of each default map, seed 42, as it was before there was any variety.
 const std::map<std::string, uint64_t> kPublishedMaps = {
@@ -33,18 +34,6 @@ std::vector<std::string> varied_recipes() {
   return names;
 }
 
-class VariedRecipe : public testing::TestWithParam<std::string> {
- protected:
-  LayoutDraw draw_of(uint64_t seed, bool vary) const {
-    LayoutDraw draw{seed, {}, RngKey(seed).split(GetParam()), 0};
-    for (const LayoutParameter& p : recipe_.parameters) draw.values[p.name] = p.default_value;
-    if (vary)
-      for (const auto& [name, value] : recipe_.pool_values) draw.values[name] = value;
-    return draw;
-  }
-  const LayoutRecipe recipe_ = *layout_recipe(GetParam());
-};
-
 /// The map without what is only painted on it.
 uint64_t geometry_of(doomgen::MapData map) {
   for (doomgen::SectorData& sector : map.sectors) {
@@ -55,20 +44,39 @@ uint64_t geometry_of(doomgen::MapData map) {
   return doomgen::content_hash(doomgen::write_udmf(map));
 }
 
-TEST_P(VariedRecipe, MakesTenThousandGeometriesFromOneSetOfParameters) {
-  std::vector<uint64_t> geometries;
-  int refused = 0;
-  for (uint64_t seed = 0; seed < kSeeds; ++seed) {
-    const auto drawn = recipe_.draw(draw_of(seed, true));
-    if (drawn)
-      geometries.push_back(geometry_of(drawn->map));
-    else
-      ++refused;
+class VariedRecipe : public testing::TestWithParam<std::string> {
+ protected:
+  /// Of so many seeds nearly all make a map, and so many maps there are at least, by how few are alike.
+  void expect_geometries(int seeds, int64_t maps_at_least) const {
+    std::vector<uint64_t> geometries;
+    int refused = 0;
+    for (uint64_t seed = 0; seed < static_cast<uint64_t>(seeds); ++seed) {
+      const auto drawn = recipe_.draw(draw_of(seed, true));
+      if (drawn)
+        geometries.push_back(geometry_of(drawn->map));
+      else
+        ++refused;
+    }
+    EXPECT_LE(refused, seeds / 20);
+    const DistinctMaps maps = distinct_maps(geometries);
+    EXPECT_EQ(maps.distinct, maps.draws);
+    EXPECT_GE(maps.count, maps_at_least) << distinct_maps_text(maps);
   }
-  EXPECT_LE(refused, kSeeds / 20);
-  const DistinctMaps maps = distinct_maps(geometries);
-  EXPECT_EQ(maps.distinct, maps.draws);
-  EXPECT_GE(maps.count, kMapsAtLeast) << distinct_maps_text(maps);
+  LayoutDraw draw_of(uint64_t seed, bool vary) const {
+    LayoutDraw draw{seed, {}, RngKey(seed).split(GetParam()), 0};
+    for (const LayoutParameter& p : recipe_.parameters) draw.values[p.name] = p.default_value;
+    if (vary)
+      for (const auto& [name, value] : recipe_.pool_values) draw.values[name] = value;
+    return draw;
+  }
+  const LayoutRecipe recipe_ = *layout_recipe(GetParam());
+};
+
+TEST_P(VariedRecipe, MakesManyGeometriesFromOneSetOfParameters) { expect_geometries(kFewSeeds, kFewMaps); }
+
+using VariedRecipeLong = VariedRecipe;
+TEST_P(VariedRecipeLong, MakesTenThousandGeometriesFromOneSetOfParameters) {
+  expect_geometries(kManySeeds, kManyMaps);
 }
 
 TEST_P(VariedRecipe, IsThePublishedMapWhereNothingIsVaried) {
@@ -93,8 +101,9 @@ TEST_P(VariedRecipe, CanBeDrawnAgainFromWhatTheWadSays) {
   EXPECT_FALSE(plain->info.parameters.contains("variety")) << "WADs from before it keep their bytes";
 }
 
-INSTANTIATE_TEST_SUITE_P(All, VariedRecipe, testing::ValuesIn(varied_recipes()),
-                         [](const auto& one) { return one.param; });
+const auto kName = [](const auto& one) { return one.param; };
+INSTANTIATE_TEST_SUITE_P(All, VariedRecipe, testing::ValuesIn(varied_recipes()), kName);
+INSTANTIATE_TEST_SUITE_P(All, VariedRecipeLong, testing::ValuesIn(varied_recipes()), kName);
 
 TEST(VariedRecipes, AreTheSixWhosePublishedSeedHardlyVaries) {
   std::vector<std::string> names;
