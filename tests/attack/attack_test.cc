@@ -4,8 +4,8 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/ioctl.h>
 #include <sys/stat.h>
-#include <torch/torch.h>
 
 #include <algorithm>
 #include <csignal>
@@ -14,12 +14,10 @@
 #include <fstream>
 #include <memory>
 
-#include "learner/checkpoint/checkpoint.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/shm/arena_socket.h"
 #include "tests/integration/running_program.h"
-#include "tests/support/same_value.h"
 
 namespace comrad::test {
 namespace attack_test {
@@ -29,9 +27,6 @@ using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-constexpr double kRunSeconds = 120;
-constexpr double kStartSeconds = 60;
-constexpr double kStopSeconds = 10;
 constexpr int kBadInput = 2, kFailed = 1;
 
 /// The command as words of one shell line, each quoted.
@@ -44,9 +39,7 @@ std::string shell_words(const std::vector<std::string>& command) {
 /// Runs a line of bash in which $RUN is the command.
 std::vector<std::string> in_shell(const std::string& line) { return {"/bin/bash", "-c", line}; }
 
-Ending run(const std::vector<std::string>& command, double timeout_s = kRunSeconds) {
-  return RunningProgram(command).wait(timeout_s);
-}
+Ending run(const std::vector<std::string>& command) { return RunningProgram(command).wait(); }
 
 std::vector<std::string> checkpoints_of(const std::string& run_dir) {
   return files(run_dir + "/checkpoint", "checkpoint_", ".pt");
@@ -56,17 +49,22 @@ void write_bytes(const std::string& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
 }
 
-/// A short run with one checkpoint.
+/// A short run with one checkpoint. It is made once, and each test damages its own copy.
 class FinishedRun : public ::testing::Test {
  protected:
-  void SetUp() override {
-    const Ending ending = run(small_training(scratch_, "run", 8192, {"--keep_checkpoints", "1"}));
+  static void SetUpTestSuite() {
+    made_ = std::make_unique<ScratchFolder>();
+    const Ending ending = run(small_training(*made_, "run", 4096, {"--keep_checkpoints", "1"}));
     ASSERT_EQ(ending.exit_code, 0) << ending.err;
+  }
+  static void TearDownTestSuite() { made_.reset(); }
+  void SetUp() override {
+    fs::copy(*made_ / "run", run_, fs::copy_options::recursive);
     ASSERT_EQ(checkpoints_of(run_).size(), 1u);
     checkpoint_ = checkpoints_of(run_)[0];
-    if (checkpoint_.find('/') == std::string::npos) checkpoint_ = run_ + "/checkpoint/" + checkpoint_;
   }
 
+  static inline std::unique_ptr<ScratchFolder> made_;
   ScratchFolder scratch_;
   const std::string run_ = scratch_ / "run";
   std::string checkpoint_;
@@ -74,12 +72,12 @@ class FinishedRun : public ::testing::Test {
 
 TEST_F(FinishedRun, ADamagedLastCheckpointIsRefusedEveryTime) {
   fs::resize_file(checkpoint_, fs::file_size(checkpoint_) / 2);
-  for (int attempt = 0; attempt < 3; ++attempt) {
-    const Ending ending = run(small_training(scratch_, "run", 16384));
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    const Ending ending = run(small_training(scratch_, "run", 8192));
     EXPECT_NE(ending.exit_code, 0) << "attempt " << attempt << " trained from nothing";
     EXPECT_THAT(ending.err, HasSubstr("--restart_behavior restart"));
   }
-  const Ending anew = run(small_training(scratch_, "run", 8192, {"--restart_behavior", "restart"}));
+  const Ending anew = run(small_training(scratch_, "run", 2048, {"--restart_behavior", "restart"}));
   EXPECT_EQ(anew.exit_code, 0) << anew.err;
 }
 
@@ -95,37 +93,13 @@ TEST_F(FinishedRun, ATensorOfGarbageIsSeenByTrainingAndByEvaluation) {
   EXPECT_THAT(ending.err, HasSubstr("damaged"));
 }
 
-TEST_F(FinishedRun, FlippedBitsAreFoundOrDoNoHarm) {
-  const std::string intact = read_text(checkpoint_);
-  const auto written = learn::read_checkpoint(checkpoint_);
-  ASSERT_TRUE(written) << written.error().message;
-  const uint64_t seed = 20261123;
-  Rng rng(seed);
-  int refused = 0;
-  for (int round = 0; round < 24; ++round) {
-    std::string damaged = intact;
-    for (int flip = 0; flip < 3; ++flip) {
-      const std::size_t at = rng.below(static_cast<uint32_t>(damaged.size()));
-      damaged[at] = static_cast<char>(damaged[at] ^ (1 << rng.below(8)));
-    }
-    write_bytes(scratch_ / "damaged.pt", damaged);
-    const auto read = learn::read_checkpoint(scratch_ / "damaged.pt");
-    refused += !read;
-    if (!read) continue;
-    for (const auto& [key, value] : written->values())
-      EXPECT_TRUE(read->has(key) && test::same_value(value, read->values().at(key)))
-          << key << ", seed " << seed << " round " << round;
-  }
-  EXPECT_GE(refused, 20) << "three flips hit a record nearly always";
-}
-
 TEST_F(FinishedRun, DamagedSmallFilesEndInWordsNotInCrashes) {
   const uint64_t seed = 20261124;
   Rng rng(seed);
   for (const char* name : {"config.toml", "status.json"}) {
     const std::string path = run_ + "/" + name, intact = read_text(path);
     ASSERT_FALSE(intact.empty()) << path;
-    for (int round = 0; round < 6; ++round) {
+    for (int round = 0; round < 3; ++round) {
       std::string damaged = intact;
       for (int flip = 0; flip < 8; ++flip) {
         const std::size_t at = rng.below(static_cast<uint32_t>(damaged.size()));
@@ -146,7 +120,7 @@ TEST_F(FinishedRun, DamagedSmallFilesEndInWordsNotInCrashes) {
 
 TEST_F(FinishedRun, APipeUnderACheckpointsNameIsNoReasonToHang) {
   ASSERT_EQ(mkfifo((run_ + "/checkpoint/checkpoint_000009999_99999999.pt").c_str(), 0600), 0);
-  const Ending ending = run(small_training(scratch_, "run", 16384), 60);
+  const Ending ending = run(small_training(scratch_, "run", 8192));
   EXPECT_FALSE(ending.timed_out);
   EXPECT_EQ(ending.exit_code, 0) << ending.err;  // the checkpoint before it is whole
 }
@@ -156,12 +130,12 @@ class VictimRun : public ::testing::Test {
  protected:
   void begin(const std::vector<std::string>& more = {}) {
     training_ = std::make_unique<RunningProgram>(small_training(scratch_, "run", 1e9, more));
-    ASSERT_TRUE(wait_until([this] { return env_frames(run_) > 0 || !training_->running(); }, kStartSeconds));
-    ASSERT_TRUE(training_->running()) << training_->wait(1).err;
+    ASSERT_TRUE(wait_until([this] { return env_frames(run_) > 0 || !training_->running(); }));
+    ASSERT_TRUE(training_->running()) << training_->wait().err;
   }
-  bool trains_on(double frames, double timeout_s) {
+  bool trains_on(double frames) {
     const double before = env_frames(run_);
-    return wait_until([&] { return env_frames(run_) >= before + frames; }, timeout_s);
+    return wait_until([&] { return env_frames(run_) >= before + frames; });
   }
 
   ScratchFolder scratch_;
@@ -169,38 +143,12 @@ class VictimRun : public ::testing::Test {
   std::unique_ptr<RunningProgram> training_;
 };
 
-TEST_F(VictimRun, SaysWhatRandomKillsCost) {
-  begin({"--save_every_sec", "1e6"});  // a learner that is killed forgets all
-  const uint64_t seed = 20261125;
-  Rng rng(seed);
-  const char* const kinds[] = {"comrad-sim-worker", "comrad-policy-worker", "comrad-learner"};
-  int learners = 0;
-  for (int round = 0; round < 6; ++round) {
-    const char* kind = round == 3 ? kinds[2] : kinds[rng.below(3)];
-    const auto alive = processes_of(run_, kind);
-    if (alive.empty()) continue;
-    kill(alive[rng.below(static_cast<uint32_t>(alive.size()))], SIGKILL);
-    learners += kind == kinds[2];
-    ASSERT_TRUE(trains_on(2048, 120))
-        << "after a " << kind << " was killed; seed " << seed << " round " << round;
-  }
-  training_->signal(SIGTERM);
-  const Ending ending = training_->wait(3 * kStopSeconds);
-  ASSERT_EQ(ending.exit_code, 0) << ending.err;
-  ASSERT_GT(learners, 0);
-  EXPECT_THAT(ending.err, HasSubstr("learner went back "));
-  const std::vector<nlohmann::json> metrics = read_json_lines(run_ + "/metrics.jsonl");
-  ASSERT_FALSE(metrics.empty());
-  EXPECT_GT(metrics.back()["stats/env_frames_lost"].get<double>(), 0) << "a killed learner forgot nothing?";
-  EXPECT_THAT(std::string(read_json(run_ + "/status.json")["message"]), HasSubstr("learner went back "));
-}
-
 TEST_F(VictimRun, ALearnerThatIsToldToStopHasNotFinishedTheRun) {
   begin();
   const auto learner = processes_of(run_, "comrad-learner");
   ASSERT_EQ(learner.size(), 1u);
   kill(learner[0], SIGTERM);
-  const Ending ending = training_->wait(30);
+  const Ending ending = training_->wait();
   EXPECT_THAT(ending.err, Not(HasSubstr("finished")));
   EXPECT_EQ(read_json(run_ + "/status.json")["state"], "paused");
   EXPECT_FALSE(checkpoints_of(run_).empty());
@@ -233,15 +181,14 @@ TEST_F(VictimRun, AStrangerOnTheBusChangesNothing) {
   stats.env_frames = 1'000'000'000'000;
   stats.score_mean = 1e9;
   stats.episodes = 1000;
-  const double began_s = now_s();
-  while (now_s() - began_s < 8) {
+  for (int round = 0; round < 20; ++round) {
     for (const char* state : {"paused", "stopping"})
       ASSERT_TRUE(bus->write(dds::RunControl{.run_state = state, .checkpoint_seq = 7, .settings_epoch = 1}));
     ASSERT_TRUE(bus->write(stats));
     for (int i = 0; i < 20; ++i) ASSERT_TRUE(bus->write(episode));
     sleep_s(0.1);
   }
-  EXPECT_TRUE(trains_on(2048, 30)) << "the stranger stopped or paused the run";
+  EXPECT_TRUE(trains_on(2048)) << "the stranger stopped or paused the run";
   const nlohmann::json status = read_json(run_ + "/status.json");
   EXPECT_LT(status["env_frames"].get<double>(), 1e9);
   if (!status["J_mean"].is_null()) {
@@ -250,7 +197,7 @@ TEST_F(VictimRun, AStrangerOnTheBusChangesNothing) {
   for (const std::string& best : files(run_ + "/checkpoint", "best_", ".pt"))
     EXPECT_LT(std::stod(fs::path(best).filename().string().substr(5)), 1e6) << best;
   training_->signal(SIGTERM);
-  const Ending ending = training_->wait(3 * kStopSeconds);
+  const Ending ending = training_->wait();
   EXPECT_EQ(ending.exit_code, 0);
   for (const nlohmann::json& report : read_json_lines(run_ + "/metrics.jsonl"))
     if (report.contains("policy_stats/avg_true_objective") &&
@@ -270,12 +217,16 @@ TEST(Attack, ATerminalThatStandsStillNeverStopsARun) {
                "2>&" + std::to_string(ends[1])));
   close(ends[1]);
   const std::string run_dir = scratch / "run";
-  ASSERT_TRUE(wait_until([&] { return env_frames(run_dir) > 0; }, kStartSeconds));
-  sleep_s(8);  // of ten lines a second: the pipe has long been full
+  ASSERT_TRUE(wait_until([&] { return env_frames(run_dir) > 0; }));
+  // Of its one page less than a few lines are free: soon one does not fit.
+  ASSERT_TRUE(wait_until([&] {
+    int waiting = 0;
+    return ioctl(ends[0], FIONREAD, &waiting) == 0 && waiting > 4096 - 512;
+  }));
   const double before = env_frames(run_dir);
-  EXPECT_TRUE(wait_until([&] { return env_frames(run_dir) > before; }, 30)) << "status.json stands still";
+  EXPECT_TRUE(wait_until([&] { return env_frames(run_dir) > before; })) << "status.json stands still";
   training.signal(SIGTERM);
-  const Ending ending = training.wait(kStopSeconds + 5);
+  const Ending ending = training.wait();
   EXPECT_FALSE(ending.timed_out) << "SIGTERM was ignored";
   EXPECT_EQ(ending.exit_code, 0);
   close(ends[0]);
@@ -284,11 +235,11 @@ TEST(Attack, ATerminalThatStandsStillNeverStopsARun) {
 TEST(Attack, ALastCheckpointThatCannotBeWrittenEndsTheRunOnceAndSaysWhatIsLost) {
   const ScratchFolder scratch;
   const std::string run_dir = scratch / "run";
-  RunningProgram training(small_training(scratch, "run", 1e9, {"--train_for_seconds", "15"}));
-  ASSERT_TRUE(wait_until([&] { return env_frames(run_dir) > 0 || !training.running(); }, kStartSeconds));
+  RunningProgram training(small_training(scratch, "run", 1e9, {"--train_for_seconds", "10"}));
+  ASSERT_TRUE(wait_until([&] { return env_frames(run_dir) > 0 || !training.running(); }));
   fs::rename(run_dir + "/checkpoint", run_dir + "/gone");
   write_bytes(run_dir + "/checkpoint", "no folder");
-  const Ending ending = training.wait(kRunSeconds);
+  const Ending ending = training.wait();
   EXPECT_FALSE(ending.timed_out);
   EXPECT_EQ(ending.exit_code, kFailed) << ending.err;
   EXPECT_THAT(ending.err, HasSubstr("the last checkpoint could not be written"));
@@ -309,15 +260,15 @@ TEST(Attack, ALimitOfFileSizeIsNamed) {
 
 TEST(Attack, AReaderThatLeavesOrClosedDescriptorsDoNotMatter) {
   const ScratchFolder scratch;
-  const Ending piped = run(in_shell(shell_words(small_training(scratch, "piped", 8192)) +
+  const Ending piped = run(in_shell(shell_words(small_training(scratch, "piped", 1024)) +
                                     "2>&1 | head -1; exit ${PIPESTATUS[0]}"));
   EXPECT_EQ(piped.exit_code, 0) << piped.out;
   EXPECT_EQ(read_json(scratch / "piped/status.json")["state"], "finished");
   const Ending closed =
-      run(in_shell("exec " + shell_words(small_training(scratch, "closed", 8192)) + "<&- >&-"));
+      run(in_shell("exec " + shell_words(small_training(scratch, "closed", 1024)) + "<&- >&-"));
   EXPECT_EQ(closed.exit_code, 0) << closed.err;
   const Ending all_closed =
-      run(in_shell("exec " + shell_words(small_training(scratch, "all", 8192)) + "<&- >&- 2>&-"));
+      run(in_shell("exec " + shell_words(small_training(scratch, "all", 1024)) + "<&- >&- 2>&-"));
   EXPECT_EQ(all_closed.exit_code, 0);
   EXPECT_EQ(read_json(scratch / "all/status.json")["state"], "finished");
 }
@@ -338,7 +289,7 @@ TEST(Attack, AbsurdInputIsRefusedBeforeAnythingIsMade) {
   for (const auto& flags : absurd) {
     std::vector<std::string> command = small_training(scratch, "run", 8192, flags);
     *std::find(command.begin(), command.end(), scratch.string()) = (scratch / "runs").string();
-    const Ending ending = run(command, 30);
+    const Ending ending = run(command);
     EXPECT_FALSE(ending.timed_out) << flags[0] << " " << flags[1];
     EXPECT_EQ(ending.exit_code, kBadInput) << flags[0] << " " << flags[1] << ": " << ending.err;
     EXPECT_THAT(ending.err, HasSubstr("error")) << flags[0];

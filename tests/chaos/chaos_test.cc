@@ -280,7 +280,7 @@ TEST_F(Chaos, AFullOrReadOnlyDiskCostsCheckpointsAndNotTheRun) {
   if (!disk.is_mounted())
     GTEST_SKIP() << "a small disk cannot be mounted here (it needs root and the right to mount)";
   begin();
-  const auto checkpoint_fails = [&] { return comrad({"ctl", run_, "checkpoint"}, 90); };
+  const auto checkpoint_fails = [&] { return comrad({"ctl", run_, "checkpoint"}); };
   ASSERT_TRUE(wait_until([&] { return !checkpoints().empty(); }, 30));
 
   // Full.
@@ -306,7 +306,7 @@ TEST_F(Chaos, AFullOrReadOnlyDiskCostsCheckpointsAndNotTheRun) {
 
   // Room again, then read-only.
   fs::remove(run_ + "/checkpoint/filler");
-  EXPECT_EQ(comrad({"ctl", run_, "checkpoint"}, 90).exit_code, 0);
+  EXPECT_EQ(comrad({"ctl", run_, "checkpoint"}).exit_code, 0);
   ASSERT_TRUE(wait_until([&] { return disk.set_read_only(true); }, 20)) << "the disk is never at rest";
   EXPECT_EQ(checkpoint_fails().exit_code, 1);
   ASSERT_TRUE(trains_on(4096, 60)) << "training stopped on a read-only disk";

@@ -23,7 +23,7 @@ constexpr int kExitBadInput = 2;
 Ending refused(const ScratchFolder& scratch, const std::vector<std::string>& more,
                const Environment& environment = {}) {
   RunningProgram training(small_training(scratch, "refused", 8192, more), environment);
-  Ending ending = training.wait(60);
+  Ending ending = training.wait();
   EXPECT_FALSE(ending.timed_out);
   EXPECT_TRUE(processes_of(scratch.string()).empty());
   EXPECT_EQ(ending.out, "");
@@ -115,7 +115,7 @@ std::vector<std::string> complaints(const ScratchFolder& folder) {
            {"train", "--train_dir", folder / "runs", "--num_workers", "1", "--scenario", own},
            {"trace", own, "--random", "5"},
            {"scenarios", "--gallery", folder / "pictures", own}}) {
-    const Ending ending = comrad(command, 60);
+    const Ending ending = comrad(command);
     EXPECT_FALSE(ending.timed_out) << command[0];
     EXPECT_NE(ending.exit_code, 0) << command[0];
     if (command[0] == "trace") {
@@ -139,8 +139,7 @@ TEST(BadInput, AMapOfOnesOwnIsCalledByItsOwnName) {
 
   ASSERT_EQ(comrad({"doomgen", "lava_pit", "--as", "my_scenario", "-o", own}).exit_code, 0);
   const Ending played = comrad({"eval", "--policy", "random", "--episodes", "1", "--num_workers", "1",
-                                "--scenario", scratch / "my_scenario"},
-                               60);
+                                "--scenario", scratch / "my_scenario"});
   EXPECT_EQ(played.exit_code, 0) << played.err;
 
   // What only the engine finds out is said of the author's file, too.
@@ -192,7 +191,7 @@ TEST(BadInput, EvaluationNamesARunThatIsNotThere) {
 
 TEST(BadInput, AWorkerStartedByHandWithoutItsFlagsSaysWhatItNeeds) {
   for (const char* worker : {"comrad-sim-worker", "comrad-policy-worker", "comrad-learner"}) {
-    const Ending ending = RunningProgram({program(worker)}).wait(30);
+    const Ending ending = RunningProgram({program(worker)}).wait();
     EXPECT_EQ(ending.exit_code, kExitBadInput) << worker;
     EXPECT_THAT(ending.err, HasSubstr("--run_dir")) << worker;
   }

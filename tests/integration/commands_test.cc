@@ -20,7 +20,7 @@ using ::testing::IsSupersetOf;
 /// The commands that `comrad help` lists, with their words before the flags.
 std::vector<std::vector<std::string>> commands_of_the_overview() {
   std::vector<std::vector<std::string>> commands;
-  std::istringstream overview(comrad({"help"}, 30).out);
+  std::istringstream overview(comrad({"help"}).out);
   bool is_list = false;
   for (std::string line; std::getline(overview, line);) {
     if (line.starts_with("usage: ")) is_list = true;
@@ -64,7 +64,7 @@ TEST(Help, EveryCommandAndSubcommandPrintsItAndStartsNothing) {
       words.emplace_back(flag);
       std::string said;
       for (const std::string& word : words) said += word + " ";
-      const Ending ending = comrad(words, 20, {{"TMPDIR", scratch.string()}});
+      const Ending ending = comrad(words, {{"TMPDIR", scratch.string()}});
       EXPECT_FALSE(ending.timed_out) << said;
       EXPECT_EQ(ending.exit_code, 0) << said << ending.err;
       EXPECT_THAT(ending.out, AnyOf(HasSubstr("usage: comrad " + command[0]), HasSubstr("Usage: comrad")))
@@ -76,9 +76,9 @@ TEST(Help, EveryCommandAndSubcommandPrintsItAndStartsNothing) {
 }
 
 TEST(Help, WithFlagsShowsTheValuesThatHoldForThem) {
-  const Ending plain = comrad({"help", "train"}, 20);
+  const Ending plain = comrad({"help", "train"});
   EXPECT_THAT(plain.out, HasSubstr("comrad help train --algo"));
-  const Ending help = comrad({"help", "train", "--algo", "vdn", "--scenario", "stag_hunt_arena"}, 20);
+  const Ending help = comrad({"help", "train", "--algo", "vdn", "--scenario", "stag_hunt_arena"});
   ASSERT_EQ(help.exit_code, 0) << help.err;
   EXPECT_THAT(help.out, HasSubstr("(5e-04, preset; built-in 1e-04;"));
   EXPECT_THAT(help.out, ::testing::ContainsRegex("0: off \\(0\\.0,[ \n]+scenario;[ \n]+built-in 100\\.0\\)"))
@@ -86,13 +86,13 @@ TEST(Help, WithFlagsShowsTheValuesThatHoldForThem) {
   const std::size_t idle = help.out.find("Without effect with these values:");
   ASSERT_NE(idle, std::string::npos);
   EXPECT_GT(help.out.find(" gae_lambda,"), idle);
-  const Ending unknown = comrad({"help", "train", "--scenario", "nowhere"}, 20);
+  const Ending unknown = comrad({"help", "train", "--scenario", "nowhere"});
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_THAT(unknown.err, HasSubstr("nowhere"));
 }
 
 TEST(Help, OfAnEvaluationListsWhatItUses) {
-  const std::string help = comrad({"help", "eval"}, 20).out;
+  const std::string help = comrad({"help", "eval"}).out;
   EXPECT_THAT(help, AllOf(HasSubstr("--episodes N"), HasSubstr("--layout_pool TEXT")));
   EXPECT_THAT(help, ::testing::Not(AnyOf(HasSubstr("--learning_rate"), HasSubstr("--epsilon_start"))));
 }
@@ -120,7 +120,7 @@ TEST(Programs, AFreshBuildHasEachThatTheLauncherStarts) {
   std::set<std::string> built;
   for (const char* target : {"programs", "tools"}) {
     const Ending query =
-        RunningProgram({"/bin/sh", "-c", "ninja -C '" + build + "' -t query " + target}).wait(60);
+        RunningProgram({"/bin/sh", "-c", "ninja -C '" + build + "' -t query " + target}).wait();
     ASSERT_EQ(query.exit_code, 0) << query.err;
     std::istringstream words(query.out.substr(0, query.out.find("outputs:")));
     for (std::string word; words >> word;)
@@ -137,39 +137,38 @@ TEST(Scenarios, HelpNamesTheGalleryAndItsFlagsAreRead) {
            {"--help"}, {"--gallery", "--help"}, {"--gallery", scratch / "x", "-h"}}) {
     std::vector<std::string> command = {"scenarios"};
     command.insert(command.end(), words.begin(), words.end());
-    const Ending help = comrad(command, 30);
+    const Ending help = comrad(command);
     EXPECT_EQ(help.exit_code, 0) << help.err;
     EXPECT_THAT(help.out, AllOf(HasSubstr("--gallery DIR"), HasSubstr("--decisions"), HasSubstr("describe")));
   }
   EXPECT_FALSE(std::filesystem::exists(scratch / "x"));
-  EXPECT_THAT(comrad({"help"}, 30).out, HasSubstr("--gallery DIR"));
+  EXPECT_THAT(comrad({"help"}).out, HasSubstr("--gallery DIR"));
 
-  const Ending nowhere = comrad({"scenarios", "--gallery"}, 30);
+  const Ending nowhere = comrad({"scenarios", "--gallery"});
   EXPECT_EQ(nowhere.exit_code, 2);
   EXPECT_THAT(nowhere.err, HasSubstr("--gallery needs a folder"));
-  const Ending lonely = comrad({"scenarios", "--decisions", "3"}, 30);
+  const Ending lonely = comrad({"scenarios", "--decisions", "3"});
   EXPECT_EQ(lonely.exit_code, 2);
   EXPECT_THAT(lonely.err, HasSubstr("--gallery"));
-  const Ending word = comrad({"scenarios", "lava_pit"}, 30);
+  const Ending word = comrad({"scenarios", "lava_pit"});
   EXPECT_EQ(word.exit_code, 2);
   EXPECT_THAT(word.err, HasSubstr("comrad scenarios describe lava_pit"));
 
   const Ending drawn = comrad(
-      {"scenarios", "--decisions", "2", "--size", "64x48", "--gallery", scratch / "pictures", "lava_pit"},
-      60);
+      {"scenarios", "--decisions", "2", "--size", "64x48", "--gallery", scratch / "pictures", "lava_pit"});
   EXPECT_EQ(drawn.exit_code, 0) << drawn.err;
   EXPECT_TRUE(std::filesystem::exists(scratch / "pictures/lava_pit.png"));
 }
 
 TEST(Scenarios, DescribeCountsMeasurementsAndListsTerms) {
-  const Ending ending = comrad({"scenarios", "describe", "ammo_carrier", "--json"}, 30);
+  const Ending ending = comrad({"scenarios", "describe", "ammo_carrier", "--json"});
   ASSERT_EQ(ending.exit_code, 0) << ending.err;
   const auto described = nlohmann::json::parse(ending.out, nullptr, false);
   ASSERT_TRUE(described.is_object());
   EXPECT_GT(described["measurements"], 0);
   for (const char* list : {"rewards", "exported_variables", "layout_parameters"})
     EXPECT_FALSE(described[list].empty()) << list;
-  EXPECT_THAT(comrad({"scenarios", "describe", "ammo_carrier"}, 30).out,
+  EXPECT_THAT(comrad({"scenarios", "describe", "ammo_carrier"}).out,
               AllOf(HasSubstr("Rewards"), HasSubstr("Measurements"), HasSubstr("Exported variables"),
                     HasSubstr("Layout parameters")));
 }
@@ -180,13 +179,13 @@ std::string offered_by_bash(const ScratchFolder& scratch, const std::string& wor
                          "source '" + (scratch / "completion.bash").string() + "' && COMP_WORDS=(" + words +
                              ") COMP_CWORD=" + std::to_string(place) +
                              " && _comrad && echo \"${COMPREPLY[@]}\""})
-      .wait(30)
+      .wait()
       .out;
 }
 
 TEST(Completion, BashCompletesAFlagAValueAndAScenario) {
   const ScratchFolder scratch;
-  const Ending ending = comrad({"completion", "bash"}, 60);
+  const Ending ending = comrad({"completion", "bash"});
   ASSERT_EQ(ending.exit_code, 0) << ending.err;
   std::ofstream(scratch / "completion.bash") << ending.out;
   EXPECT_EQ(offered_by_bash(scratch, "comrad comp", 1), "completion\n");
@@ -202,7 +201,7 @@ TEST(Completion, BashCompletesAFlagAValueAndAScenario) {
 TEST(Completion, AnUnknownShellIsBadInput) {
   for (const auto& [shell, named] :
        {std::pair{"bsh", "did you mean 'bash'?"}, {"zsh", "zsh reads bash's script"}}) {
-    const Ending ending = comrad({"completion", shell}, 30);
+    const Ending ending = comrad({"completion", shell});
     EXPECT_EQ(ending.exit_code, 2);
     EXPECT_THAT(ending.err, HasSubstr(named));
   }
@@ -212,8 +211,7 @@ TEST(Config, PrintsEverySettingWithItsTypeAndLayer) {
   const ScratchFolder scratch;
   std::ofstream(scratch / "own.toml") << "preset = \"paper\"\nrollout = 16\n";
   const Ending ending = comrad({"config", "--scenario", "lava_pit", "--algo", "mappo", "--config",
-                                scratch / "own.toml", "--lr", "3e-4", "--json"},
-                               30);
+                                scratch / "own.toml", "--lr", "3e-4", "--json"});
   ASSERT_EQ(ending.exit_code, 0) << ending.err;
   const auto document = nlohmann::json::parse(ending.out, nullptr, false);
   ASSERT_TRUE(document.is_object() && document.size() == 1 && document["settings"].is_object()) << ending.out;
@@ -230,7 +228,7 @@ TEST(Config, PrintsEverySettingWithItsTypeAndLayer) {
   EXPECT_EQ(settings["trajectory_slabs"]["from"], "automatic");
   for (const auto& [name, setting] : settings.items()) EXPECT_EQ(setting.size(), 2u) << name;
 
-  const Ending small = comrad({"config", "--scenario", "lava_pit", "--algo", "mappo"}, 30);
+  const Ending small = comrad({"config", "--scenario", "lava_pit", "--algo", "mappo"});
   ASSERT_EQ(small.exit_code, 0) << small.err;
   EXPECT_THAT(small.out, ::testing::ContainsRegex("\ngamma +0\\.9995 +scenario\n"));
   EXPECT_THAT(small.out, ::testing::ContainsRegex("\nrnn_type +gru +preset\n"));
@@ -239,7 +237,7 @@ TEST(Config, PrintsEverySettingWithItsTypeAndLayer) {
 TEST(Config, RefusesWhatTrainRefuses) {
   const auto refusal = [](std::vector<std::string> more) {
     more.insert(more.begin(), "config");
-    const Ending ending = comrad(more, 30);
+    const Ending ending = comrad(more);
     EXPECT_EQ(ending.exit_code, 2) << ending.err;
     EXPECT_EQ(ending.out, "");
     return ending.err;
@@ -255,11 +253,11 @@ TEST(Config, RefusesWhatTrainRefuses) {
 TEST(Keys, AreMadeShownAndNeverReplaced) {
   const ScratchFolder scratch;
   const std::string folder = (scratch / "keys").string();
-  const Ending made = comrad({"keys", "make", folder, "--hosts", "alpha,beta", "--days", "30"}, 60);
+  const Ending made = comrad({"keys", "make", folder, "--hosts", "alpha,beta", "--days", "30"});
   EXPECT_EQ(made.exit_code, 0) << made.err;
   EXPECT_THAT(made.out, AllOf(HasSubstr(folder + "/run"), HasSubstr("hosts/alpha"), HasSubstr("scp -r")));
-  EXPECT_EQ(comrad({"keys", "add", folder, "--hosts", "gamma"}, 60).exit_code, 0);
-  EXPECT_THAT(comrad({"keys", "show", folder + "/hosts/gamma"}, 60).out, HasSubstr("host"));
+  EXPECT_EQ(comrad({"keys", "add", folder, "--hosts", "gamma"}).exit_code, 0);
+  EXPECT_THAT(comrad({"keys", "show", folder + "/hosts/gamma"}).out, HasSubstr("host"));
   for (const std::vector<std::string>& wrong :
        std::vector<std::vector<std::string>>{{"keys", "make", folder, "--hosts", "delta"},
                                              {"keys", "add", folder, "--hosts", "alpha"},
@@ -267,12 +265,12 @@ TEST(Keys, AreMadeShownAndNeverReplaced) {
                                              {"keys", "make", folder + "2", "--days", "0.5"},
                                              {"keys", "show", folder + "/nowhere"},
                                              {"keys", "mak", folder}}) {
-    const Ending refused = comrad(wrong, 60);
+    const Ending refused = comrad(wrong);
     EXPECT_EQ(refused.exit_code, 2) << wrong[1];
     EXPECT_THAT(refused.err, HasSubstr("comrad keys: error: "));
   }
   std::filesystem::remove(folder + "/hosts/beta/permissions.p7s");
-  const Ending shown = comrad({"keys", "show", folder}, 60);
+  const Ending shown = comrad({"keys", "show", folder});
   EXPECT_EQ(shown.exit_code, 2);
   EXPECT_THAT(shown.out, AllOf(HasSubstr("permissions.p7s"), HasSubstr("hosts/gamma")));
 }

@@ -21,8 +21,7 @@ using ::testing::Not;
 using ::testing::SizeIs;
 namespace fs = std::filesystem;
 
-constexpr double kTimeoutSeconds = 250;
-constexpr double kBackgroundSeconds = 600;  // of evaluations that take what others leave
+constexpr double kBackgroundSeconds = 2 * kPatienceSeconds;  // of evaluations that take what others leave
 
 std::vector<nlohmann::json> evaluations(const std::string& run) {
   std::vector<nlohmann::json> found;
@@ -43,8 +42,7 @@ TEST(Evaluation, FilmsWhatItPlaysAndTellsOfEveryEpisode) {
   const std::string video = scratch / "random.mp4", frames = scratch / "frames";
   const Ending ending =
       comrad({"eval", "--policy", "random", "--scenario", "coop_health_gathering", "--episodes", "1",
-              "--save_video", video, "--frames", frames, "--size", "128x72", "--json"},
-             kTimeoutSeconds);
+              "--save_video", video, "--frames", frames, "--size", "128x72", "--json"});
   ASSERT_EQ(ending.exit_code, 0) << ending.err;
   const auto summary = nlohmann::json::parse(ending.out, nullptr, false);
   ASSERT_TRUE(summary.is_object()) << ending.out;
@@ -86,7 +84,7 @@ TEST(Evaluation, FilmsThatCannotBeMadeAreRefusedBeforeAnythingStarts) {
     std::vector<std::string> command = {"eval", "--policy", "random"};
     command.insert(command.end(), words.begin(), words.end());
     const ScratchFolder temporary;
-    const Ending ending = comrad(command, 30, {{"TMPDIR", temporary.string()}});
+    const Ending ending = comrad(command, {{"TMPDIR", temporary.string()}});
     EXPECT_EQ(ending.exit_code, 2) << message;
     EXPECT_THAT(ending.err, HasSubstr(message));
     EXPECT_THAT(files(temporary.string(), ""), IsEmpty()) << message;
@@ -97,7 +95,7 @@ TEST(Evaluation, FilmsThatCannotBeMadeAreRefusedBeforeAnythingStarts) {
 nlohmann::json answer_of(std::vector<std::string> words) {
   words.insert(words.begin(), "eval");
   words.push_back("--json");
-  const Ending ending = comrad(words, kTimeoutSeconds);
+  const Ending ending = comrad(words);
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
   nlohmann::json answer = nlohmann::json::parse(ending.out, nullptr, false);
   EXPECT_TRUE(answer.is_object()) << ending.out;
@@ -135,8 +133,7 @@ TEST(Evaluation, SeveralPoliciesMeetTheSameEpisodes) {
 }
 
 TEST(Evaluation, ScoresOfTheDefaultMapAreNormalisedAndFitATable) {
-  const Ending ending =
-      comrad({"eval", "--policy", "random,noop", "--episodes", "2", "--csv"}, kTimeoutSeconds);
+  const Ending ending = comrad({"eval", "--policy", "random,noop", "--episodes", "2", "--csv"});
   ASSERT_EQ(ending.exit_code, 0) << ending.err;
   EXPECT_THAT(ending.out,
               ::testing::StartsWith("policy,scenario,num_agents,layout,episodes,seed,greedy,J_mean,"));
@@ -155,7 +152,7 @@ class EvaluationOfRuns : public ::testing::Test {
     for (const std::vector<std::string>& command :
          {small_training(*scratch_, "a", 2048, {"--seed", "1"}),
           small_training(*scratch_, "b", 2048, {"--seed", "2", "--algo", "mappo", "--rnn_type", "lstm"})}) {
-      const Ending ending = RunningProgram(command).wait(kTimeoutSeconds);
+      const Ending ending = RunningProgram(command).wait();
       ASSERT_EQ(ending.exit_code, 0) << ending.err;
     }
   }
@@ -182,7 +179,7 @@ class EvaluationOfRuns : public ::testing::Test {
   }
   static void expect_refused(std::vector<std::string> words, const std::vector<std::string>& messages) {
     words.insert(words.begin(), "eval");
-    const Ending ending = comrad(words, kTimeoutSeconds);
+    const Ending ending = comrad(words);
     EXPECT_EQ(ending.exit_code, 2) << ending.out;
     for (const std::string& message : messages) EXPECT_THAT(ending.err, HasSubstr(message));
   }
@@ -237,7 +234,7 @@ TEST_F(EvaluationOfRuns, EverybodyMeetsEverybody) {
   EXPECT_EQ(result["cells"][3]["each"], play({"--policy", run("b"), "--num_workers", "2"})["each"])
       << "with itself a run plays as alone";
 
-  const Ending table = comrad({"eval", "--cross_play", "random,noop", "--episodes", "2"}, kTimeoutSeconds);
+  const Ending table = comrad({"eval", "--cross_play", "random,noop", "--episodes", "2"});
   EXPECT_THAT(table.out, AllOf(HasSubstr("seat 0 \\ others"), HasSubstr("self-play "), HasSubstr("gap ")));
 }
 
@@ -293,8 +290,7 @@ TEST(EvaluationWhileTraining, EveryPointOnceAndTheLastOneToo) {
 
   // A milestone can be played like any checkpoint.
   const Ending milestone = comrad({"eval", "--policy", run, "--checkpoint",
-                                   files(run + "/checkpoint", "milestone_")[0], "--episodes", "1", "--json"},
-                                  kTimeoutSeconds);
+                                   files(run + "/checkpoint", "milestone_")[0], "--episodes", "1", "--json"});
   EXPECT_EQ(milestone.exit_code, 0) << milestone.err;
 }
 
@@ -305,19 +301,19 @@ TEST(EvaluationWhileTraining, NothingIsLeftWhenTheRunIsKilled) {
   command.insert(command.end(), {"--eval_episodes", "100000"});
   RunningProgram training(command);
   const auto evaluators = [&] { return processes_of(run + "/.evaluation", "comrad-sim-worker"); };
-  ASSERT_TRUE(wait_until([&] { return !evaluators().empty(); }, kTimeoutSeconds));
+  ASSERT_TRUE(wait_until([&] { return !evaluators().empty(); }));
   kill(training.pid(), SIGKILL);
-  EXPECT_TRUE(wait_until([&] { return processes_of(run).empty(); }, 30));
-  training.wait(5);
+  EXPECT_TRUE(wait_until([&] { return processes_of(run).empty(); }));
+  training.wait();
 
   // A resumed run clears what it left, plays the point that was given up, and ends with Ctrl-C as any other.
   RunningProgram again(command);
-  ASSERT_TRUE(wait_until([&] { return !evaluators().empty(); }, kTimeoutSeconds));
+  ASSERT_TRUE(wait_until([&] { return !evaluators().empty(); }));
   again.signal(SIGTERM);
-  const Ending ending = again.wait(20 * patience());
+  const Ending ending = again.wait();
   EXPECT_FALSE(ending.timed_out);
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
-  EXPECT_TRUE(wait_until([&] { return processes_of(run).empty(); }, 15));
+  EXPECT_TRUE(wait_until([&] { return processes_of(run).empty(); }));
   EXPECT_THAT(files(run + "/checkpoint", "evaluate_"), Not(IsEmpty())) << "the next start goes on with it";
 }
 

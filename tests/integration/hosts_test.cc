@@ -16,7 +16,6 @@ namespace hosts_test {
 
 using ::testing::HasSubstr;
 
-constexpr double kStartSeconds = 90;
 constexpr double kCutSeconds = 6;  // longer than the learner's host waits before it takes back free slabs
 
 TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) {
@@ -30,8 +29,8 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) 
       network.on(0, small_training(scratch, "learning", 1e9,
                                    {"--num_workers", "1", "--serve", "--serve_workers", "2", "--interface",
                                     network.device(0), "--keys", keys + "/run"})));
-  ASSERT_TRUE(wait_until([&] { return env_frames(learning) > 0 || !learner.running(); }, kStartSeconds));
-  ASSERT_TRUE(learner.running()) << learner.wait(1).err;
+  ASSERT_TRUE(wait_until([&] { return env_frames(learning) > 0 || !learner.running(); }));
+  ASSERT_TRUE(learner.running()) << learner.wait().err;
   const std::string address = read_text(learning + "/link_address");
   ASSERT_THAT(address, HasSubstr(network.address(0)));
 
@@ -44,64 +43,62 @@ TEST(Hosts, TwoTrainTogetherThroughADeathAndACutAndEveryDecisionIsAccountedFor) 
     return network.on(1, command);
   };
   // A network without keys, another IWAD, and settings that are the run's: refused in words.
-  EXPECT_THAT(RunningProgram(join_command({})).wait(30).err, HasSubstr("--insecure_network"));
+  EXPECT_THAT(RunningProgram(join_command({})).wait().err, HasSubstr("--insecure_network"));
   const std::string other_iwad =
       scratch.write("other.wad", std::string("PWAD\1\0\0\0\f\0\0\0", 12) + std::string(8, '\0') +
                                      std::string("EMPTY\0\0\0", 8));
   const Ending other =
-      RunningProgram(join_command({"--keys", keys + "/hosts/player"}), {{"COMRAD_IWAD", other_iwad}})
-          .wait(60);
+      RunningProgram(join_command({"--keys", keys + "/hosts/player"}), {{"COMRAD_IWAD", other_iwad}}).wait();
   EXPECT_EQ(other.exit_code, 2);
   EXPECT_THAT(other.err, HasSubstr("IWAD"));
-  EXPECT_THAT(RunningProgram(join_command({"--rollout", "8"})).wait(30).err,
+  EXPECT_THAT(RunningProgram(join_command({"--rollout", "8"})).wait().err,
               HasSubstr("--rollout is the run's"));
 
   const std::vector<std::string> joining =
       join_command({"--keys", keys + "/hosts/player", "--num_workers", "1", "--device", "cpu", "--train_dir",
                     scratch.string(), "--experiment", "playing", "--progress_interval", "1"});
   auto player = std::make_unique<RunningProgram>(joining);
-  const auto delivers_more = [&](double timeout_s) {
+  const auto delivers_more = [&] {
     const double before = decisions_delivered(learning);
-    return wait_until([&] { return decisions_delivered(learning) > before || !player->running(); },
-                      timeout_s) &&
+    return wait_until([&] { return decisions_delivered(learning) > before || !player->running(); }) &&
            player->running();
   };
-  ASSERT_TRUE(delivers_more(kStartSeconds)) << player->wait(1).err;
+  ASSERT_TRUE(delivers_more()) << player->wait().err;
   EXPECT_EQ(read_json(learning + "/status.json")["state"], "running");
 
   // The whole host dies, and comes back.
   kill(-player->pid(), SIGKILL);
-  player->wait(10);
-  ASSERT_TRUE(wait_until([&] { return processes_of(playing).empty(); }, 15));
+  player->wait();
+  ASSERT_TRUE(wait_until([&] { return processes_of(playing).empty(); }));
   player = std::make_unique<RunningProgram>(joining);
-  ASSERT_TRUE(delivers_more(kStartSeconds)) << player->wait(1).err;
+  ASSERT_TRUE(delivers_more()) << player->wait().err;
 
   ASSERT_TRUE(network.set_up(false));
   sleep_s(kCutSeconds);
   EXPECT_TRUE(player->running());
   EXPECT_TRUE(learner.running());
   ASSERT_TRUE(network.set_up(true));
-  ASSERT_TRUE(delivers_more(30)) << player->wait(1).err;
+  ASSERT_TRUE(delivers_more()) << player->wait().err;
 
   // It is asked to leave, and leaves in peace; the run goes on and ends in peace too.
   const auto ctl = [&](const std::vector<std::string>& words) {
     std::vector<std::string> command = {program("comrad"), "ctl", learning};
     command.insert(command.end(), words.begin(), words.end());
-    return RunningProgram(network.on(0, command)).wait(60);
+    return RunningProgram(network.on(0, command)).wait();
   };
   // The supervisor looks at its guests once a second.
-  EXPECT_TRUE(wait_until([&] { return ctl({"status"}).out.find("player") != std::string::npos; }, 15));
+  EXPECT_TRUE(wait_until([&] { return ctl({"status"}).out.find("player") != std::string::npos; }));
   EXPECT_THAT(ctl({"drain", "nobody"}).err, HasSubstr("nobody"));
   const Ending drained = ctl({"drain", "player"});
   EXPECT_EQ(drained.exit_code, 0) << drained.err;
-  const Ending left = player->wait(20);
+  const Ending left = player->wait();
   EXPECT_EQ(left.exit_code, 0) << left.err;
   EXPECT_THAT(left.err, HasSubstr("was asked to leave"));
   EXPECT_THAT(left.err, HasSubstr("were delivered"));
   const nlohmann::json played = checked_account(playing);
   EXPECT_TRUE(learner.running());
   learner.signal(SIGINT);
-  const Ending ended = learner.wait(20);
+  const Ending ended = learner.wait();
   EXPECT_EQ(ended.exit_code, 0) << ended.err;
   (void)checked_account(learning);
   const nlohmann::json hosts = read_json(learning + "/status.json")["hosts"];
@@ -121,14 +118,14 @@ TEST(Hosts, ARunThatEndsEndsThoseThatPlayForIt) {
   const std::string learning = scratch / "learning", playing = scratch / "playing";
   RunningProgram learner(
       small_training(scratch, "learning", 150000, {"--num_workers", "1", "--serve", "--serve_bf16_weights"}));
-  ASSERT_TRUE(wait_until([&] { return !read_text(learning + "/link_address").empty() || !learner.running(); },
-                         kStartSeconds));
+  ASSERT_TRUE(
+      wait_until([&] { return !read_text(learning + "/link_address").empty() || !learner.running(); }));
   // By the run's folder, as hosts with one file system do.
   RunningProgram player({program("comrad"), "join", learning, "--num_workers", "1", "--device", "cpu",
                          "--train_dir", scratch.string(), "--experiment", "playing"});
-  const Ending ended = learner.wait(180);
+  const Ending ended = learner.wait();
   EXPECT_EQ(ended.exit_code, 0) << ended.err;
-  const Ending left = player.wait(30);
+  const Ending left = player.wait();
   EXPECT_EQ(left.exit_code, 0) << left.err;
   EXPECT_THAT(left.err, HasSubstr("the run that this host fed has ended"));
   EXPECT_GT(read_json(playing + "/status.json")["decisions_account"]["trained"].get<double>(), 0);
@@ -139,7 +136,7 @@ TEST(Hosts, WhatCannotBeServedOrJoinedIsRefusedBeforeAnythingIsWritten) {
   const ScratchFolder scratch;
   const auto refused = [&](const std::vector<std::string>& more) {
     std::vector<std::string> command = small_training(scratch, "refused", 1e9, more);
-    const Ending ending = RunningProgram(command).wait(60);
+    const Ending ending = RunningProgram(command).wait();
     EXPECT_EQ(ending.exit_code, 2) << ending.err;
     EXPECT_FALSE(std::filesystem::exists(scratch / "refused"));
     return ending.err;

@@ -15,8 +15,6 @@ namespace learners_test {
 
 using ::testing::HasSubstr;
 
-constexpr double kStopSeconds = 15;
-
 std::vector<std::string> two_learners(const ScratchFolder& scratch, double env_steps,
                                       const std::vector<std::string>& more = {}) {
   std::vector<std::string> all = {"--learners", "2", "--learner_threads", "1", "--save_every_sec", "1"};
@@ -52,56 +50,59 @@ Learners learners_of(const std::string& run) {
 
 /// Kills one of two learners, once there is a checkpoint, and waits until both are new ones.
 void expect_new_learners_where_one_dies(const std::string& run, bool is_first) {
-  ASSERT_TRUE(wait_until([&] { return !files(run + "/checkpoint", "checkpoint_", ".pt").empty(); }, 30));
+  ASSERT_TRUE(wait_until([&] { return !files(run + "/checkpoint", "checkpoint_", ".pt").empty(); }));
   const Learners before = learners_of(run);
   ASSERT_GT(before.first, 0);
   ASSERT_EQ(before.others.size(), 1u);
   kill(is_first ? before.first : before.others[0], SIGKILL);
-  ASSERT_TRUE(wait_until(
-      [&] {
-        const Learners now = learners_of(run);
-        return now.first > 0 && now.first != before.first && now.others.size() == 1 &&
-               now.others[0] != before.others[0];
-      },
-      30))
-      << read_text(run + "/logs/supervisor.log");
+  ASSERT_TRUE(wait_until([&] {
+    const Learners now = learners_of(run);
+    return now.first > 0 && now.first != before.first && now.others.size() == 1 &&
+           now.others[0] != before.others[0];
+  })) << read_text(run + "/logs/supervisor.log");
 }
 
 /// Ends a run by SIGTERM, which leaves nothing. The account of its decisions.
 nlohmann::json account_of_stopped(RunningProgram& training, const std::string& run) {
   training.signal(SIGTERM);
-  const Ending ending = training.wait(kStopSeconds * patience());
+  const Ending ending = training.wait();
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
-  EXPECT_TRUE(wait_until([&] { return processes_of(run).empty(); }, 5)) << "something is left";
+  EXPECT_TRUE(wait_until([&] { return processes_of(run).empty(); })) << "something is left";
   return checked_account(run);
 }
 
 /// Whether a run learns so many env frames beyond what it has now.
-bool learns_on(const std::string& run, double frames, double timeout_s = 60) {
+bool learns_on(const std::string& run, double frames) {
   const double before = env_frames(run);
-  return wait_until([&] { return env_frames(run) >= before + frames; }, timeout_s);
+  return wait_until([&] { return env_frames(run) >= before + frames; });
 }
 
 TEST(Learners, TrainToTheEndAndEveryDecisionOfBothIsCounted) {
   const ScratchFolder scratch;
-  const Ending ending = RunningProgram(two_learners(scratch, 20000)).wait(120);
+  const Ending ending = RunningProgram(two_learners(scratch, 10000)).wait();
   ASSERT_EQ(ending.exit_code, 0) << ending.err;
   const std::string run = scratch / "run";
-  EXPECT_GE(env_frames(run), 20000);
+  EXPECT_GE(env_frames(run), 10000);
   EXPECT_TRUE(processes_of(run).empty());
   const nlohmann::json account = checked_account(run);
   EXPECT_EQ(account["trained"].get<int64_t>() * 4, static_cast<int64_t>(env_frames(run)));
   EXPECT_EQ(account["trained"].get<int64_t>() % 256, 0) << "whole batches of both";
   EXPECT_THAT(read_text(run + "/logs/learner-1.log"), HasSubstr("learner 1 of 2 trains on cpu"));
   EXPECT_THAT(read_text(run + "/logs/learner-1.log"), HasSubstr("stopped"));
+  // One goes on from what two saved.
+  const double frames = env_frames(run);
+  const Ending alone = RunningProgram(two_learners(scratch, frames + 4096, {"--learners", "1"})).wait();
+  ASSERT_EQ(alone.exit_code, 0) << alone.err;
+  EXPECT_THAT(read_text(run + "/logs/learner-0.log"), HasSubstr("resumed from"));
+  EXPECT_GE(env_frames(run), frames + 4096);
 }
 
 TEST(Learners, WhereOneDiesAllBeginAgainFromTheLastCheckpoint) {
   const ScratchFolder scratch;
   const std::string run = scratch / "run";
   RunningProgram training(two_learners(scratch, 1e9));
-  ASSERT_TRUE(wait_until([&] { return env_frames(run) > 0 || !training.running(); }, 60));
-  ASSERT_TRUE(training.running()) << training.wait(1).err;
+  ASSERT_TRUE(wait_until([&] { return env_frames(run) > 0 || !training.running(); }));
+  ASSERT_TRUE(training.running()) << training.wait().err;
   // The second one, and the first.
   for (const bool is_first : {false, true}) {
     ASSERT_TRUE(learns_on(run, 4096));
@@ -115,26 +116,6 @@ TEST(Learners, WhereOneDiesAllBeginAgainFromTheLastCheckpoint) {
   EXPECT_THAT(read_text(run + "/logs/learner-0.log"), HasSubstr("resumed from"));
 }
 
-TEST(Learners, AStopOfTheRunEndsBothAndSavesWhatTheyLearned) {
-  const ScratchFolder scratch;
-  const std::string run = scratch / "run";
-  {
-    RunningProgram training(two_learners(scratch, 1e9, {"--save_every_sec", "600"}));
-    ASSERT_TRUE(wait_until([&] { return env_frames(run) > 8192 || !training.running(); }, 60));
-    training.signal(SIGINT);
-    const Ending ending = training.wait(kStopSeconds * patience());
-    ASSERT_FALSE(ending.timed_out);
-    EXPECT_EQ(ending.exit_code, 0) << ending.err;
-  }
-  const double frames = env_frames(run);
-  EXPECT_GT(frames, 8192);
-  // Both go on from there, as one learner would.
-  const Ending ending = RunningProgram(two_learners(scratch, frames + 8192, {"--learners", "1"})).wait(120);
-  ASSERT_EQ(ending.exit_code, 0) << ending.err;
-  EXPECT_GE(env_frames(run), frames + 8192);
-  EXPECT_TRUE(processes_of(run).empty());
-}
-
 /// Q-learning that begins soon, with small batches.
 std::vector<std::string> two_q_learners(const ScratchFolder& scratch, const std::string& algo,
                                         double env_steps) {
@@ -145,7 +126,7 @@ std::vector<std::string> two_q_learners(const ScratchFolder& scratch, const std:
 
 TEST(Learners, OfQlearningTrainToTheEndFromReplaysOfTheirOwn) {
   const ScratchFolder scratch;
-  const Ending ending = RunningProgram(two_q_learners(scratch, "qmix", 8000)).wait(120);
+  const Ending ending = RunningProgram(two_q_learners(scratch, "qmix", 8000)).wait();
   ASSERT_EQ(ending.exit_code, 0) << ending.err;
   EXPECT_THAT(ending.err, HasSubstr("each of 2 learners holds a part of it"));
   const std::string run = scratch / "run";
@@ -158,23 +139,10 @@ TEST(Learners, OfQlearningTrainToTheEndFromReplaysOfTheirOwn) {
   EXPECT_THAT(read_text(run + "/logs/learner-1.log"), HasSubstr("stopped"));
 }
 
-TEST(Learners, OfQlearningBeginAgainTogetherWhereOneDies) {
-  const ScratchFolder scratch;
-  const std::string run = scratch / "run";
-  RunningProgram training(two_q_learners(scratch, "idqn", 1e9));
-  ASSERT_TRUE(wait_until([&] { return env_frames(run) > 4096 || !training.running(); }, 60));
-  ASSERT_TRUE(training.running()) << training.wait(1).err;
-  ASSERT_NO_FATAL_FAILURE(expect_new_learners_where_one_dies(run, /*is_first=*/false));
-  ASSERT_TRUE(learns_on(run, 4096));
-  account_of_stopped(training, run);
-  EXPECT_THAT(read_text(run + "/logs/learner-0.log"),
-              HasSubstr("learner 1 of 2 was killed by signal 9 (Killed); all learners begin again"));
-}
-
 TEST(Learners, RefuseWhatTheyCannotShare) {
   const ScratchFolder scratch;
   const auto refusal = [&](const std::vector<std::string>& more) {
-    const Ending ending = RunningProgram(two_learners(scratch, 1000, more)).wait(30);
+    const Ending ending = RunningProgram(two_learners(scratch, 1000, more)).wait();
     EXPECT_EQ(ending.exit_code, 2);
     return ending.err;
   };

@@ -14,10 +14,10 @@ using ::testing::HasSubstr;
 size_t leftovers(const std::string& folder) { return files(folder, "comrad-").size(); }
 
 /// Runs a command with --json in a scratch TMPDIR and gives its object.
-nlohmann::json json_of(std::vector<std::string> arguments, double timeout_s) {
+nlohmann::json json_of(std::vector<std::string> arguments) {
   const ScratchFolder scratch;
   arguments.push_back("--json");
-  const Ending ending = comrad(arguments, timeout_s, {{"TMPDIR", scratch.string()}});
+  const Ending ending = comrad(arguments, {{"TMPDIR", scratch.string()}});
   EXPECT_FALSE(ending.timed_out) << ending.err;
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
   EXPECT_EQ(leftovers(scratch.string()), 0u);
@@ -33,13 +33,14 @@ void expect_keys(const nlohmann::json& object, const std::vector<std::string>& k
 const std::vector<std::string> kEvalKeys = {
     "scenario",    "policy",      "episodes",         "seed",    "num_agents", "layout", "J_mean", "J_ci95",
     "J_per_agent", "return_mean", "length_tics_mean", "ceiling", "J_share"};
+constexpr const char* kStages[] = {"tic",     "render",  "hand_over",        "gather",    "forward",
+                                   "scatter", "collate", "forward_backward", "optimizer", "publish"};
 const std::vector<std::string> kBenchKeys = {
     "bench", "scenario", "algo", "num_agents", "cores", "seconds", "decisions_per_s", "env_frames_per_s"};
 
 TEST(Eval, RandomPolicyPlaysTheEpisodesItIsAskedFor) {
   const auto summary = json_of({"eval", "--policy", "random", "--scenario", "coop_health_gathering",
-                                "--episodes", "4", "--num_workers", "2", "--seed", "3"},
-                               90);
+                                "--episodes", "4", "--num_workers", "2", "--seed", "3"});
   expect_keys(summary, kEvalKeys);
   EXPECT_EQ(summary["policy"], "random");
   EXPECT_EQ(summary["episodes"], 4);
@@ -55,8 +56,7 @@ TEST(Eval, RandomPolicyPlaysTheEpisodesItIsAskedFor) {
 
 TEST(Eval, AScriptedTeamsScoresAreSharesOfWhatEachLayoutAllows) {
   const auto summary = json_of({"eval", "--policy", "oracle", "--scenario", "coop_puzzle", "--layout_pool",
-                                "eval:6", "--episodes", "6", "--each", "--num_workers", "1"},
-                               90);
+                                "eval:6", "--episodes", "6", "--each", "--num_workers", "1"});
   expect_keys(summary, kEvalKeys);
   ASSERT_EQ(summary["each"].size(), 6u);
   std::set<double> ceilings;
@@ -77,18 +77,18 @@ TEST(Eval, TheSameSeedPlaysTheSameEpisodes) {
   const std::vector<std::string> command = {
       "eval",       "--policy", "random",        "--scenario", "coop_health_gathering",
       "--episodes", "3",        "--num_workers", "1"};
-  const auto first = json_of(command, 90), second = json_of(command, 90);
+  const auto first = json_of(command), second = json_of(command);
   EXPECT_EQ(first["J_mean"], second["J_mean"]);
   EXPECT_EQ(first["return_mean"], second["return_mean"]);
 }
 
 TEST(Eval, PlaysATrainedRunGreedilyAndLeavesItAlone) {
   const ScratchFolder scratch;
-  ASSERT_EQ(RunningProgram(small_training(scratch, "run", 4096)).wait(90).exit_code, 0);
+  ASSERT_EQ(RunningProgram(small_training(scratch, "run", 4096)).wait().exit_code, 0);
   const std::string config = read_text(scratch / "run/config.toml");
   const auto entries = files(scratch / "run", "");
   const auto summary =
-      json_of({"eval", "--policy", "run", "--train_dir", scratch.string(), "--episodes", "2"}, 120);
+      json_of({"eval", "--policy", "run", "--train_dir", scratch.string(), "--episodes", "2"});
   expect_keys(summary, kEvalKeys);
   EXPECT_EQ(summary["policy"], "run");
   EXPECT_EQ(summary["episodes"], 2);
@@ -98,12 +98,12 @@ TEST(Eval, PlaysATrainedRunGreedilyAndLeavesItAlone) {
 }
 
 TEST(Bench, SimulatorReportsItsRate) {
-  const auto summary = json_of({"bench", "sim", "--scenario", "coop_health_gathering", "--seconds", "2"}, 60);
+  const auto summary = json_of({"bench", "sim", "--scenario", "coop_health_gathering", "--seconds", "0.5"});
   expect_keys(summary, kBenchKeys);
   EXPECT_EQ(summary["bench"], "sim");
   EXPECT_EQ(summary["cores"], 1);
-  EXPECT_NEAR(summary["seconds"].get<double>(), 2, 1);
-  EXPECT_GT(summary["decisions_per_s"], 100);
+  EXPECT_GE(summary["seconds"], 0.5);
+  EXPECT_GT(summary["decisions_per_s"], 0);
   EXPECT_NEAR(summary["env_frames_per_s"].get<double>(), 4 * summary["decisions_per_s"].get<double>(), 1);
 }
 
@@ -117,19 +117,24 @@ void expect_windows(const nlohmann::json& summary, size_t fewest) {
   EXPECT_GE(summary["spread"], 0);
 }
 
-TEST(Bench, EngineAndRenderReportPartsOfASimulator) {
-  const std::vector<std::string> rest = {"--scenario", "coop_health_gathering", "--seconds", "1"};
+std::map<std::string, nlohmann::json> parts_of_a_simulator(const std::string& seconds) {
   std::map<std::string, nlohmann::json> of;
   for (const char* bench : {"engine", "render", "sim"}) {
-    std::vector<std::string> words = {"bench", bench};
-    words.insert(words.end(), rest.begin(), rest.end());
-    of[bench] = json_of(words, 60);
+    of[bench] = json_of({"bench", bench, "--scenario", "coop_health_gathering", "--seconds", seconds});
     expect_keys(of[bench], kBenchKeys);
-    expect_windows(of[bench], 3);
+    expect_windows(of[bench], 1);
   }
+  return of;
+}
+
+TEST(Bench, EngineAndRenderReportPartsOfASimulator) {
+  std::map<std::string, nlohmann::json> of = parts_of_a_simulator("0.3");
   EXPECT_EQ(of["engine"]["player_tics_per_s"], of["engine"]["env_frames_per_s"]);
   EXPECT_EQ(of["render"]["views_per_s"], of["render"]["decisions_per_s"]);
-  // A picture costs more than four tics, so the engine without them is much faster, and drawing alone a little.
+}
+
+TEST(BenchLong, APictureCostsMoreThanFourTics) {
+  std::map<std::string, nlohmann::json> of = parts_of_a_simulator("1");
   EXPECT_GT(of["engine"]["decisions_per_s"], 2 * of["sim"]["decisions_per_s"].get<double>());
   EXPECT_GT(of["sim"]["cpu_seconds_per_1000_decisions"]["render"],
             of["sim"]["cpu_seconds_per_1000_decisions"]["tic"]);
@@ -138,16 +143,16 @@ TEST(Bench, EngineAndRenderReportPartsOfASimulator) {
 TEST(Bench, InferenceReportsBatchSizesAndTheLearnerItsRate) {
   for (const char* bench : {"inference", "learner"}) {
     const auto summary =
-        json_of({"bench", bench, "--rnn_size", "32", "--batch_size", "256", "--seconds", "2"}, 90);
+        json_of({"bench", bench, "--rnn_size", "32", "--batch_size", "256", "--seconds", "0.5"});
     expect_keys(summary, kBenchKeys);
     EXPECT_EQ(summary["bench"], bench);
-    EXPECT_GT(summary["decisions_per_s"], 10) << bench;
-    expect_windows(summary, 2);
+    EXPECT_GT(summary["decisions_per_s"], 0) << bench;
+    expect_windows(summary, 1);
     if (bench != std::string("inference")) continue;
     std::vector<int> rows;
     for (const auto& batch : summary["batches"]) {
       rows.push_back(batch["batch_rows"]);
-      EXPECT_GT(batch["rows_per_s"], 10);
+      EXPECT_GT(batch["rows_per_s"], 0);
       EXPECT_NEAR(batch["ms_per_batch"].get<double>() * batch["rows_per_s"].get<double>(),
                   1000. * rows.back(), 1e-3 * rows.back());
     }
@@ -157,10 +162,9 @@ TEST(Bench, InferenceReportsBatchSizesAndTheLearnerItsRate) {
   }
 }
 
-TEST(Bench, TheLearnerRunsAllAlgorithms) {
+TEST(BenchLong, TheLearnerRunsAllAlgorithms) {
   const auto summary = json_of({"bench", "learner", "--algo", "all", "--rnn_size", "16", "--rollout", "8",
-                                "--batch_size", "64", "--seconds", "0.1"},
-                               400);
+                                "--batch_size", "64", "--seconds", "0.1"});
   expect_keys(summary, kBenchKeys);
   std::vector<std::string> names;
   for (const auto& row : summary["algorithms"]) {
@@ -170,6 +174,15 @@ TEST(Bench, TheLearnerRunsAllAlgorithms) {
   EXPECT_GE(names.size(), 8u);
   EXPECT_EQ(names.front(), summary["algo"]);
   EXPECT_EQ(summary["algorithms"][0]["of_the_first"], 1);
+}
+
+// The bounds themselves are bench_check's, of label long.
+TEST(Bench, CheckPrintsATableOfItsBounds) {
+  const Ending ending = comrad({"bench", "check", "--rounds", "1", "--seconds", "0.5"});
+  EXPECT_THAT(ending.exit_code, ::testing::AnyOf(0, 1)) << ending.err;
+  for (const char* row : {"pipeline over its limit", "cost of one of 8 agents over one of 2",
+                          "bytes copied a decision", "host waits within an optimizer step"})
+    EXPECT_THAT(ending.out, HasSubstr(row));
 }
 
 TEST(Bench, WhatCannotBeMeasuredIsRefusedAtOnceAndNamed) {
@@ -189,7 +202,7 @@ TEST(Bench, WhatCannotBeMeasuredIsRefusedAtOnceAndNamed) {
       {{"bench", "model", "--from", scratch / "no_bench.json", "--cores", "0"}, ""},
       {{"bench", "transport", "--seconds", "0"}, "--seconds"}};
   for (const auto& [words, named] : cases) {
-    const Ending ending = comrad(words, 20);
+    const Ending ending = comrad(words);
     EXPECT_EQ(ending.exit_code, 2) << words[1] << ": " << ending.err;
     EXPECT_THAT(ending.err, HasSubstr(named)) << words[1];
     EXPECT_EQ(ending.out, "") << words[1];
@@ -203,7 +216,7 @@ TEST(Bench, AModelOfMoreCoresComesFromOneMeasurement) {
       << R"({"bench": "train", "cpu_seconds_per_1000_decisions": {"tic": 0.03, "render": 0.06, "hand_over": 0.01,
             "gather": 0.01, "forward": 0.08, "scatter": 0.01, "collate": 0.02, "forward_backward": 0.25,
             "optimizer": 0.02, "publish": 0.01, "other": 0}})";
-  const auto model = json_of({"bench", "model", "--from", scratch / "train.json", "--cores", "1,16"}, 30);
+  const auto model = json_of({"bench", "model", "--from", scratch / "train.json", "--cores", "1,16"});
   ASSERT_EQ(model["on"].size(), 2u);
   EXPECT_EQ(model["on"][0]["saturates"], "all cores");
   EXPECT_NEAR(model["on"][0]["decisions_per_s"].get<double>(), 2000, 1e-6);
@@ -213,8 +226,7 @@ TEST(Bench, AModelOfMoreCoresComesFromOneMeasurement) {
 
 TEST(Bench, ScalingMeasuresEveryPointOfItsGrid) {
   const auto summary = json_of({"bench", "scaling", "--parts", "engine", "--scenario", "armory_siege",
-                                "--agents", "2,8", "--envs", "2", "--seconds", "0.3"},
-                               120);
+                                "--agents", "2,8", "--envs", "2", "--seconds", "0.3"});
   expect_keys(summary, kBenchKeys);
   ASSERT_EQ(summary["points"].size(), 2u);
   EXPECT_EQ(summary["points"][0]["num_agents"], 2);
@@ -227,65 +239,60 @@ TEST(Bench, ScalingMeasuresEveryPointOfItsGrid) {
 TEST(Tune, MeasuresTheFirstSettingAndLeavesWhatTheUserFixed) {
   const ScratchFolder scratch;
   const std::string file = scratch / "tuned.toml";
-  const auto found = json_of(
-      {"tune", "--scenario", "coop_health_gathering", "--algo", "ippo", "--precision", "fp32", "--seconds",
-       "1", "--rnn_size", "32", "--batch_size", "256", "--num_envs_per_worker", "4", "--write", file},
-      200);
+  const auto found = json_of({"tune", "--scenario", "coop_health_gathering", "--algo", "ippo", "--precision",
+                              "fp32", "--seconds", "1", "--rnn_size", "32", "--batch_size", "256",
+                              "--num_envs_per_worker", "4", "--write", file});
   EXPECT_EQ(found["whole"], false) << "one second is enough for one setting";
   ASSERT_GE(found["tries"].size(), 2u);
   for (const auto& one : found["tries"]) {
     EXPECT_FALSE(one["settings"].contains("precision")) << "the user said it";
-    EXPECT_GT(one["decisions_per_s"], 10) << one;
+    EXPECT_GT(one["decisions_per_s"], 0) << one;
   }
   EXPECT_TRUE(found["tries"][1]["settings"].contains("num_workers"));
   EXPECT_GE(found["ratio"], 1.0);
-  const Ending used = comrad({"config", "--scenario", "coop_health_gathering", "--config", file}, 30);
+  const Ending used = comrad({"config", "--scenario", "coop_health_gathering", "--config", file});
   EXPECT_EQ(used.exit_code, 0) << used.err;
 }
 
+nlohmann::json whole_pipeline(const std::string& seconds) {
+  return json_of({"bench",
+                  "train",
+                  "--scenario",
+                  "coop_health_gathering",
+                  "--algo",
+                  "ippo",
+                  "--num_epochs",
+                  "1",
+                  "--rnn_type",
+                  "gru",
+                  "--rnn_size",
+                  "32",
+                  "--batch_size",
+                  "256",
+                  "--rollout",
+                  "16",
+                  "--num_envs_per_worker",
+                  "4",
+                  "--num_workers",
+                  "2",
+                  "--seconds",
+                  seconds});
+}
+
 TEST(Bench, TheWholePipelineReportsItsRate) {
-  const auto summary = json_of({"bench",
-                                "train",
-                                "--scenario",
-                                "coop_health_gathering",
-                                "--algo",
-                                "ippo",
-                                "--num_epochs",
-                                "1",
-                                "--rnn_type",
-                                "gru",
-                                "--rnn_size",
-                                "32",
-                                "--batch_size",
-                                "256",
-                                "--rollout",
-                                "16",
-                                "--num_envs_per_worker",
-                                "4",
-                                "--num_workers",
-                                "2",
-                                "--seconds",
-                                "3"},
-                               90);
+  const nlohmann::json summary = whole_pipeline("1");
   expect_keys(summary, kBenchKeys);
   EXPECT_EQ(summary["bench"], "train");
-  EXPECT_GT(summary["env_frames_per_s"], 100);
+  EXPECT_GT(summary["env_frames_per_s"], 0);
   EXPECT_GT(summary["updates_per_s"], 0);
   EXPECT_EQ(summary["restarts"], 0);
   expect_windows(summary, 1);
   const nlohmann::json& cost = summary["cpu_seconds_per_1000_decisions"];
-  double stages = 0;
-  for (const char* stage : {"tic", "render", "hand_over", "gather", "forward", "scatter", "collate",
-                            "forward_backward", "optimizer", "publish"}) {
-    EXPECT_GT(cost[stage], 0) << stage;
-    stages += cost[stage].get<double>();
-  }
   const double all = cost["all"];
+  for (const char* stage : kStages) EXPECT_GT(cost[stage], 0) << stage;
   EXPECT_NEAR(
       cost["simulators"].get<double>() + cost["policy_workers"].get<double>() + cost["learner"].get<double>(),
       all, 1e-6);
-  EXPECT_GT(stages, 0.8 * all) << "the stages leave little out: " << cost;
-  EXPECT_LT(stages, 1.1 * all) << "and count nothing twice: " << cost;
   // Every frame is copied into a batch once, the last row of a rollout into the next one, and small weights.
   EXPECT_GT(summary["bytes_copied_per_decision"], 27648);
   EXPECT_LT(summary["bytes_copied_per_decision"], 5 * 27648);
@@ -293,21 +300,29 @@ TEST(Bench, TheWholePipelineReportsItsRate) {
   EXPECT_THAT(summary["bottleneck"].get<std::string>(), ::testing::ContainsRegex("busy.*\\.$"));
 }
 
+TEST(BenchLong, TheStagesLeaveLittleOutAndCountNothingTwice) {
+  const nlohmann::json cost = whole_pipeline("3")["cpu_seconds_per_1000_decisions"];
+  double stages = 0;
+  for (const char* stage : kStages) stages += cost[stage].get<double>();
+  const double all = cost["all"];
+  EXPECT_GT(stages, 0.8 * all) << cost;
+  EXPECT_LT(stages, 1.1 * all) << cost;
+}
+
 TEST(Doctor, PrintsOneObjectAndFindsThisMachineFit) {
-  const auto report = json_of({"doctor"}, 120);
+  const auto report = json_of({"doctor"});
   expect_keys(report, {"ok", "checks"});
   for (const nlohmann::json& check : report["checks"]) EXPECT_NE(check["level"], "FAIL") << check.dump();
 }
 
 TEST(Config, ShowsTheReplayThatIsChosenForThisMachine) {
   const auto config = json_of({"config", "--scenario", "lava_pit", "--algo", "vdn", "--replay_gb", "0.05",
-                               "--replay_capacity_decisions", "1000000"},
-                              60);
+                               "--replay_capacity_decisions", "1000000"});
   expect_keys(config, {"settings", "replay"});
   EXPECT_EQ(config["replay"]["capacity_bytes"], 50'000'000);
   EXPECT_EQ(config["replay"]["compress"], true) << "a million decisions take more";
   EXPECT_EQ(config["replay"]["file"], "");
-  EXPECT_FALSE(json_of({"config", "--scenario", "lava_pit", "--algo", "ippo"}, 60).contains("replay"));
+  EXPECT_FALSE(json_of({"config", "--scenario", "lava_pit", "--algo", "ippo"}).contains("replay"));
   const Ending words = comrad({"config", "--scenario", "lava_pit", "--algo", "vdn"});
   EXPECT_THAT(words.out, HasSubstr("On this machine now: replay: room for "));
 }

@@ -24,7 +24,6 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-constexpr double kStartSeconds = 60;
 constexpr int kBadInput = 2;
 
 int connect_to(int port) {
@@ -67,12 +66,12 @@ class Operation : public ::testing::Test {
   void SetUp() override {
     training_ = std::make_unique<RunningProgram>(
         small_training(scratch_, "run", 1e9, {"--metrics_port", std::to_string(port_)}));
-    ASSERT_TRUE(wait_until([this] { return env_frames(run_) > 0 || !training_->running(); }, kStartSeconds));
-    ASSERT_TRUE(training_->running()) << training_->wait(1).err;
+    ASSERT_TRUE(wait_until([this] { return env_frames(run_) > 0 || !training_->running(); }));
+    ASSERT_TRUE(training_->running()) << training_->wait().err;
   }
   static Ending ctl(std::vector<std::string> words) {
     words.insert(words.begin(), "ctl");
-    return comrad(words, 90);
+    return comrad(words);
   }
   json status() const {
     const Ending said = ctl({run_, "status", "--json"});
@@ -120,7 +119,7 @@ TEST_F(Operation, ARunIsLookedAtPausedSavedAndStopped) {
     chmod(scratch_.string().c_str(), 0755);
     const Ending other = RunningProgram({"/usr/bin/setpriv", "--reuid=65534", "--regid=65534",
                                          "--clear-groups", program("comrad"), "ctl", run_, "stop"})
-                             .wait(30);
+                             .wait();
     refused(other, "belongs to user root");
     EXPECT_TRUE(training_->running());
   }
@@ -128,27 +127,24 @@ TEST_F(Operation, ARunIsLookedAtPausedSavedAndStopped) {
   // Paused: nothing is trained on, and a checkpoint can be had; then it goes on.
   ASSERT_EQ(ctl({run_, "pause"}).exit_code, 0);
   refused(ctl({run_, "pause"}), "paused already");
-  ASSERT_TRUE(wait_until([&] { return read_json(run_ + "/status.json")["state"] == "paused"; }, 10));
+  ASSERT_TRUE(wait_until([&] { return read_json(run_ + "/status.json")["state"] == "paused"; }));
   // The learner looks after its update.
   json still = status();
-  ASSERT_TRUE(wait_until(
-      [&] {
-        sleep_s(0.5);
-        const json before = std::exchange(still, status());
-        return still["decisions"] == before["decisions"] &&
-               still["decisions_account"]["made"] == before["decisions_account"]["made"];
-      },
-      20));
-  sleep_s(1.5);
-  EXPECT_EQ(status()["decisions"], still["decisions"]);
-  EXPECT_EQ(status()["decisions_account"]["made"], still["decisions_account"]["made"]);
+  ASSERT_TRUE(wait_until([&] {
+    sleep_s(0.5);
+    const json before = std::exchange(still, status());
+    return still["decisions"] == before["decisions"] &&
+           still["decisions_account"]["made"] == before["decisions_account"]["made"];
+  }));
   const Ending saved = ctl({run_, "checkpoint"});
   ASSERT_EQ(saved.exit_code, 0) << saved.err;
   const std::string path = saved.out.substr(0, saved.out.find('\n'));
   EXPECT_TRUE(std::filesystem::is_regular_file(path)) << path;
+  EXPECT_EQ(status()["decisions"], still["decisions"]);
+  EXPECT_EQ(status()["decisions_account"]["made"], still["decisions_account"]["made"]);
   EXPECT_THAT(path, HasSubstr("_" + std::to_string(status()["env_frames"].get<int64_t>()) + ".pt"));
   ASSERT_EQ(ctl({run_, "resume"}).exit_code, 0);
-  EXPECT_TRUE(wait_until([&] { return status()["decisions"] > still["decisions"]; }, 30));
+  EXPECT_TRUE(wait_until([&] { return status()["decisions"] > still["decisions"]; }));
 
   // A file where the folder for checkpoints was: the answer says so, and training goes on.
   std::filesystem::rename(run_ + "/checkpoint", run_ + "/gone");
@@ -162,7 +158,7 @@ TEST_F(Operation, ARunIsLookedAtPausedSavedAndStopped) {
   // Stopped: the command returns when it is.
   const Ending stopped = ctl({run_, "stop"});
   EXPECT_EQ(stopped.exit_code, 0) << stopped.err;
-  const Ending ending = training_->wait(15);
+  const Ending ending = training_->wait();
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
   EXPECT_THAT(ending.err,
               AllOf(HasSubstr("stopped by comrad ctl"), HasSubstr("warning: no checkpoint was written")));
@@ -187,15 +183,15 @@ TEST_F(Operation, ARunIsLookedAtPausedSavedAndStopped) {
 }
 
 TEST_F(Operation, TopAndThePageShowItAndNoClientDelaysIt) {
-  const Ending once = comrad({"top", "--once", "--json", "--train_dir", scratch_.string()}, 30);
+  const Ending once = comrad({"top", "--once", "--json", "--train_dir", scratch_.string()});
   ASSERT_EQ(once.exit_code, 0) << once.err;
   const json runs = json::parse(once.out)["runs"];
   ASSERT_EQ(runs.size(), 1u);
   EXPECT_EQ(runs[0]["run"], "run");
-  const Ending table = comrad({"top", run_, "--once"}, 30);
+  const Ending table = comrad({"top", run_, "--once"});
   EXPECT_THAT(table.out, AllOf(HasSubstr("HOST"), HasSubstr("CREDITS"), HasSubstr("DECISIONS/S"),
                                HasSubstr("policy-0")));
-  EXPECT_THAT(comrad({"top", "--once", "--train_dir", "/"}, 30).out, HasSubstr("no run is alive"));
+  EXPECT_THAT(comrad({"top", "--once", "--train_dir", "/"}).out, HasSubstr("no run is alive"));
 
   const std::string page = http(port_, "GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n");
   EXPECT_THAT(page, AllOf(HasSubstr("HTTP/1.1 200 OK"), HasSubstr("# TYPE comrad_env_frames gauge"),
@@ -203,11 +199,11 @@ TEST_F(Operation, TopAndThePageShowItAndNoClientDelaysIt) {
                           HasSubstr("worker=\"sim-1\"")));
   EXPECT_THAT(http(port_, "GET /secret HTTP/1.1\r\n\r\n"), HasSubstr("404"));
 
-  // Slow, silent, rude and many at once, for five seconds, beside a run that goes on as before.
+  // Slow, silent, rude and many at once, beside a run that goes on as before.
   std::vector<int> clients;
   const std::string flood(100'000, 'x');
   const double before = env_frames(run_);
-  for (const double end_s = now_s() + 5; now_s() < end_s; sleep_s(0.01)) {
+  for (int count = 0; count < 500; ++count) {
     const int client = connect_to(port_);
     if (client < 0) continue;
     clients.push_back(client);
@@ -219,18 +215,18 @@ TEST_F(Operation, TopAndThePageShowItAndNoClientDelaysIt) {
     }
   }
   for (const int client : clients) close(client);
-  EXPECT_TRUE(wait_until([&] { return env_frames(run_) > before; }, 10));
+  EXPECT_TRUE(wait_until([&] { return env_frames(run_) > before; }));
   EXPECT_TRUE(wait_until(
-      [&] { return http(port_, "GET /metrics HTTP/1.1\r\n\r\n").find("200 OK") != std::string::npos; }, 10));
+      [&] { return http(port_, "GET /metrics HTTP/1.1\r\n\r\n").find("200 OK") != std::string::npos; }));
 
   // The page is of this machine alone, and of one run.
   const Ending second =
       RunningProgram(small_training(scratch_, "second", 4096, {"--metrics_port", std::to_string(port_)}))
-          .wait(60);
+          .wait();
   EXPECT_EQ(second.exit_code, kBadInput);
   EXPECT_THAT(second.err, AllOf(HasSubstr("--metrics_port " + std::to_string(port_)), HasSubstr("is taken")));
   training_->signal(SIGTERM);
-  EXPECT_EQ(training_->wait(30).exit_code, 0);
+  EXPECT_EQ(training_->wait().exit_code, 0);
 }
 
 }  // namespace operation_test

@@ -37,7 +37,7 @@ class WithRuns : public ::testing::Test {
   Ending run(const char* command, std::vector<std::string> words, const Environment& environment = {}) {
     words.insert(words.begin(), command);
     words.insert(words.end(), {"--train_dir", folder_.string()});
-    return comrad(words, 120, environment);
+    return comrad(words, environment);
   }
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
 
@@ -47,10 +47,10 @@ class WithRuns : public ::testing::Test {
 class Plot : public WithRuns {
  protected:
   void SetUp() override {
-    if (comrad({"plot", "--help"}, 30).exit_code != 0) GTEST_FAIL();
+    if (comrad({"plot", "--help"}).exit_code != 0) GTEST_FAIL();
     for (const char* python : {"/usr/bin/python3", "python3"})
       if (RunningProgram({"/bin/sh", "-c", std::string(python) + " -c 'import matplotlib'"})
-              .wait(60)
+              .wait()
               .exit_code == 0)
         return;
     GTEST_SKIP() << "no Python has matplotlib (deploy/packages_report.txt)";

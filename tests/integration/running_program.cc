@@ -89,10 +89,10 @@ Ending RunningProgram::wait(double timeout_s) {
 
 std::string program(const std::string& name) { return std::string(COMRAD_BIN_DIR) + "/" + name; }
 
-Ending comrad(const std::vector<std::string>& arguments, double timeout_s, const Environment& environment) {
+Ending comrad(const std::vector<std::string>& arguments, const Environment& environment) {
   std::vector<std::string> command = {program("comrad")};
   command.insert(command.end(), arguments.begin(), arguments.end());
-  return RunningProgram(command, environment).wait(timeout_s);
+  return RunningProgram(command, environment).wait();
 }
 
 std::vector<std::string> small_training(const ScratchFolder& scratch, const std::string& experiment,
@@ -178,11 +178,6 @@ double env_frames(const std::string& run_dir) {
 double number_of(const char* name, double otherwise) {
   const char* text = std::getenv(name);
   return text == nullptr ? otherwise : std::strtod(text, nullptr);
-}
-
-double patience() {
-  const char* factor = std::getenv("COMRAD_TEST_PATIENCE");
-  return factor == nullptr ? 1.0 : std::max(1.0, std::atof(factor));
 }
 
 void sleep_s(double seconds) { usleep(static_cast<useconds_t>(seconds * 1e6)); }

@@ -10,11 +10,10 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/patience.h"
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::test {
-
-using test::ScratchFolder;
 
 /// How a program ended.
 struct Ending {
@@ -39,7 +38,7 @@ class RunningProgram {
   bool running();
   void signal(int number) const;
   /// Waits for the end; kills the group after `timeout_s`.
-  Ending wait(double timeout_s);
+  Ending wait(double timeout_s = kPatienceSeconds);
 
  private:
   pid_t pid_ = -1;
@@ -53,8 +52,7 @@ class RunningProgram {
 std::string program(const std::string& name);
 
 /// Runs `comrad <arguments>` to its end.
-Ending comrad(const std::vector<std::string>& arguments, double timeout_s = 60,
-              const Environment& environment = {});
+Ending comrad(const std::vector<std::string>& arguments, const Environment& environment = {});
 
 /// `comrad train` of a run that two cores finish in seconds: small core, small batches, 8 environments.
 std::vector<std::string> small_training(const ScratchFolder& scratch, const std::string& experiment,
@@ -66,13 +64,11 @@ std::vector<pid_t> processes_of(const std::string& folder, const std::string& pr
 /// The number in an environment variable.
 double number_of(const char* name, double otherwise);
 
-/// Factor on every time limit below, from COMRAD_TEST_PATIENCE, for machines that are busy or slow; 1
-/// by default.
-double patience();
-
-/// Polls until `condition` holds. False after `timeout_s`.
+/// test::wait_until, at a pace for conditions that read files.
 template <typename Condition>
-bool wait_until(Condition&& condition, double timeout_s);
+bool wait_until(Condition&& condition, double timeout_s = kPatienceSeconds) {
+  return test::wait_until(condition, timeout_s, 50'000);
+}
 
 /// Reads the JSON object of a file, or null while there is none.
 nlohmann::json read_json(const std::string& path);
@@ -89,12 +85,5 @@ double env_frames(const std::string& run_dir);
 
 void sleep_s(double seconds);
 double now_s();
-
-template <typename Condition>
-bool wait_until(Condition&& condition, double timeout_s) {
-  for (const double deadline_s = now_s() + timeout_s * patience(); !condition(); sleep_s(0.05))
-    if (now_s() > deadline_s) return false;
-  return true;
-}
 
 }  // namespace comrad::test

@@ -86,21 +86,21 @@ class Cluster {
         found_program("munged"), "--foreground", "--force", "--key-file=" + key_file,
         "--socket=" + folder + "/munge.socket", "--pid-file=" + folder + "/munged.pid",
         "--log-file=" + folder + "/munged.log", "--seed-file=" + folder + "/munge.seed"}));
-    if (!wait_until([&] { return fs::exists(folder_ / "munge.socket"); }, 20))
+    if (!wait_until([&] { return fs::exists(folder_ / "munge.socket"); }))
       return "munged does not start: " + failure();
     daemons_.push_back(std::make_unique<RunningProgram>(
         std::vector<std::string>{found_program("slurmctld"), "-D", "-f", configuration_}, environment_));
     daemons_.push_back(std::make_unique<RunningProgram>(
         std::vector<std::string>{found_program("slurmd"), "-D", "-N", host, "-f", configuration_},
         environment_));
-    const bool is_up = wait_until([&] { return ask({"sinfo", "-h", "-o", "%T"}).find("idle") == 0; }, 30);
+    const bool is_up = wait_until([&] { return ask({"sinfo", "-h", "-o", "%T"}).find("idle") == 0; });
     return is_up ? "" : "slurmctld and slurmd do not come up: " + failure();
   }
 
   /// What a program of Slurm prints.
   std::string ask(std::vector<std::string> command) const {
     command[0] = found_program(command[0]);
-    return RunningProgram(command, environment_).wait(20).out;
+    return RunningProgram(command, environment_).wait().out;
   }
   /// Whatever waits for its turn after a requeue may start: Slurm holds it for two minutes, an administrator need not. One
   /// that starts while its first run is being cleared away fails.
@@ -120,7 +120,7 @@ class Cluster {
   std::string failure() {
     std::string text;
     for (const auto& daemon : daemons_)
-      if (!daemon->running()) text += daemon->wait(1).err;
+      if (!daemon->running()) text += daemon->wait().err;
     return text.empty() ? "no answer" : text.substr(0, 300);
   }
 

@@ -17,13 +17,11 @@ using ::testing::Not;
 using ::testing::SizeIs;
 namespace fs = std::filesystem;
 
-constexpr double kRunTimeoutSeconds = 90;
-
 /// Trains to `env_steps` and expects a clean end.
 Ending train(const ScratchFolder& scratch, const std::string& experiment, double env_steps,
              const std::vector<std::string>& more = {}) {
   RunningProgram training(small_training(scratch, experiment, env_steps, more));
-  Ending ending = training.wait(kRunTimeoutSeconds);
+  Ending ending = training.wait();
   EXPECT_FALSE(ending.timed_out) << ending.err;
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
   EXPECT_TRUE(processes_of(scratch / experiment).empty());
@@ -66,7 +64,7 @@ TEST(Train, ResumesWhereItStopped) {
   const ScratchFolder scratch;
   train(scratch, "run", 4096);
   const nlohmann::json before = read_json(scratch / "run/status.json");
-  train(scratch, "run", 8192);
+  const Ending second = train(scratch, "run", 8192);
   const nlohmann::json after = read_json(scratch / "run/status.json");
   EXPECT_EQ(after["state"], "finished");
   EXPECT_GE(after["env_frames"], 8192);
@@ -82,8 +80,12 @@ TEST(Train, ResumesWhereItStopped) {
   const Ending over = train(scratch, "run", 1e6, {"--train_for_seconds", "1"});
   EXPECT_THAT(over.err, ::testing::ContainsRegex(
                             "finished \\(--train_for_seconds 1\\): [0-9.]+k env frames, 0 trained on in "));
+  // A start says what changed since the last one.
+  const std::string changed = "note: changed since the last start: train_for_env_frames 4096.0 -> 8192.0\n";
+  EXPECT_THAT(second.err, HasSubstr(changed));
+  EXPECT_THAT(read_text(scratch / "run/logs/supervisor.log"), HasSubstr(changed));
   // Typed settings win over the run's own; what shapes the network is refused.
-  const Ending refused = RunningProgram(small_training(scratch, "run", 8192, {"--rnn_size", "64"})).wait(60);
+  const Ending refused = RunningProgram(small_training(scratch, "run", 8192, {"--rnn_size", "64"})).wait();
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_THAT(refused.err, HasSubstr("the run was made with 32"));
 }
@@ -105,30 +107,17 @@ TEST(Train, RestartKeepsTheOldRunAndOverwriteDoesNot) {
 TEST(Train, ASecondRunOnTheSameDirectoryIsRefused) {
   const ScratchFolder scratch;
   RunningProgram first(small_training(scratch, "run", 1e8));
-  ASSERT_TRUE(wait_until([&] { return env_frames(scratch / "run") > 0; }, kRunTimeoutSeconds));
+  ASSERT_TRUE(wait_until([&] { return env_frames(scratch / "run") > 0; }));
   for (const char* behaviour : {"resume", "restart", "overwrite"}) {
     const Ending second =
-        RunningProgram(small_training(scratch, "run", 8192, {"--restart_behavior", behaviour})).wait(60);
+        RunningProgram(small_training(scratch, "run", 8192, {"--restart_behavior", behaviour})).wait();
     EXPECT_EQ(second.exit_code, 2) << behaviour;
     EXPECT_THAT(second.err, HasSubstr(std::to_string(first.pid()))) << behaviour;
   }
   EXPECT_TRUE(first.running());
   first.signal(SIGTERM);
-  const Ending ending = first.wait(15);
+  const Ending ending = first.wait();
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
-}
-
-TEST(Train, TwoRunsAtOnceDoNotMeet) {
-  const ScratchFolder scratch;
-  RunningProgram one(small_training(scratch, "one", 4096));
-  RunningProgram two(small_training(scratch, "two", 4096, {"--seed", "7"}));
-  const Ending first = one.wait(kRunTimeoutSeconds), second = two.wait(kRunTimeoutSeconds);
-  EXPECT_EQ(first.exit_code, 0) << first.err;
-  EXPECT_EQ(second.exit_code, 0) << second.err;
-  for (const char* run : {"one", "two"}) {
-    EXPECT_EQ(read_json(scratch / run / "status.json")["state"], "finished");
-    EXPECT_GE(env_frames(scratch / run), 4096);
-  }
 }
 
 TEST(Train, NamesItselfAfterScenarioAlgorithmSeedAndTimeAndTwoStartsAtOnceDoNotMeet) {
@@ -136,13 +125,14 @@ TEST(Train, NamesItselfAfterScenarioAlgorithmSeedAndTimeAndTwoStartsAtOnceDoNotM
   const std::vector<std::string> command = small_training(scratch, "", 1024);
   RunningProgram one(command), two(command);
   for (RunningProgram* run : {&one, &two}) {
-    const Ending ending = run->wait(kRunTimeoutSeconds);
+    const Ending ending = run->wait();
     EXPECT_EQ(ending.exit_code, 0) << ending.err;
   }
   const auto runs = files(scratch.string(), "coop_health_gathering_IPPO_s42_2");
   ASSERT_THAT(runs, SizeIs(2));
   for (const std::string& run : runs) {
     EXPECT_EQ(read_json(run + "/status.json")["state"], "finished");
+    EXPECT_GE(env_frames(run), 1024);
     EXPECT_THAT(read_text(run + "/config.toml"),
                 HasSubstr("experiment = \"" + fs::path(run).filename().string() + "\""));
   }
@@ -152,7 +142,7 @@ TEST(Train, ARunThatWouldEndBeforeItLearnsIsRefusedUnlessAsked) {
   const ScratchFolder scratch;
   const std::vector<std::string> too_short = {
       "--algo", "vdn", "--replay_gb", "0.05", "--learning_starts_decisions", "2000", "--per_omega", "0.9"};
-  const Ending refused = RunningProgram(small_training(scratch, "run", 2000, too_short)).wait(60);
+  const Ending refused = RunningProgram(small_training(scratch, "run", 2000, too_short)).wait();
   EXPECT_EQ(refused.exit_code, 2);
   // A replay of 50 MB holds some 1800 decisions: half of them are there before all that was asked for.
   EXPECT_THAT(refused.err,
@@ -172,40 +162,12 @@ TEST(Train, ARunThatWouldEndBeforeItLearnsIsRefusedUnlessAsked) {
   }
 }
 
-TEST(Train, SaysHowFullTheReplayIs) {
-  const ScratchFolder scratch;
-  RunningProgram run(small_training(scratch, "run", 1e8,
-                                    {"--algo", "vdn", "--learning_starts_decisions", "15000", "--replay_gb",
-                                     "1", "--progress_interval", "0.2"}));
-  const auto message = [&] {
-    const nlohmann::json status = read_json(scratch / "run/status.json");
-    return status.is_object() ? status["message"].get<std::string>() : "";
-  };
-  EXPECT_TRUE(wait_until([&] { return message().starts_with("filling the replay, "); }, kRunTimeoutSeconds))
-      << message();
-  run.signal(SIGTERM);
-  EXPECT_EQ(run.wait(30).exit_code, 0);
-}
-
-TEST(Train, AResumedRunSaysWhatChanged) {
-  const ScratchFolder scratch;
-  train(scratch, "run", 2048);
-  const Ending same = train(scratch, "run", 2048);
-  EXPECT_THAT(same.err, Not(HasSubstr("changed since")));
-  const Ending changed = train(scratch, "run", 4096, {"--gamma", "0.9"});
-  const std::string words =
-      "note: changed since the last start: train_for_env_frames 2048.0 -> 4096.0, gamma 0.99 -> 0.9\n";
-  EXPECT_THAT(changed.err, HasSubstr(words));
-  EXPECT_THAT(read_text(scratch / "run/logs/supervisor.log"), HasSubstr(words));
-}
-
 TEST(Train, TakesSettingsAndNoResultsFromTheConfigOfARun) {
   const ScratchFolder scratch;
   train(scratch, "old", 1024, {"--gamma", "0.9", "--layout_seed", "7"});
   EXPECT_TRUE(fs::exists(scratch / "old/layouts/coop_health_gathering_7.wad"));
   const Ending ending =
-      comrad({"train", "--config", scratch / "old/config.toml", "--seed", "3", "--num_agents", "3"},
-             kRunTimeoutSeconds);
+      comrad({"train", "--config", scratch / "old/config.toml", "--seed", "3", "--num_agents", "3"});
   EXPECT_EQ(ending.exit_code, 0) << ending.err;
   EXPECT_THAT(ending.err, HasSubstr("note: " + (scratch / "old/config.toml").string() + " is a run's"));
   const auto runs = files(scratch.string(), "coop_health_gathering_IPPO_s3_");
