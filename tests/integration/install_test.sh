@@ -36,7 +36,7 @@ COMRAD_HOME="${home}" "${build}/bin/comrad" scenarios list >"${scratch}/of_sourc
 
 small=(--scenario coop_health_gathering --algo ippo --seed 42 --num_workers 1 --num_envs_per_worker 4 --rollout 16
   --batch_size 256 --micro_batch_size 64 --num_epochs 1 --rnn_type gru --rnn_size 32 --device cpu
-  --train_dir "${scratch}/runs" --experiment first --train_for_env_frames 20000)
+  --train_dir "${scratch}/runs" --experiment first --train_for_env_frames 4096)
 installed train "${small[@]}" >"${scratch}/train.log" 2>&1 || fail "train: $(tail -n 20 "${scratch}/train.log")"
 grep -q '"state": *"finished"' "${scratch}/runs/first/status.json" || fail "no finished run: $(<"${scratch}/runs/first/status.json")"
 installed eval --policy "${scratch}/runs/first" --episodes 2 --json >"${scratch}/eval.json" 2>"${scratch}/eval.log" ||

@@ -66,6 +66,7 @@ int serve(const BusConfig& config, const std::function<bool()>& goes_on, const s
       heard.strange += in.feeder_id != kFriend;
     });
     bus->take_episodes([&](const FeederEpisode& in) { heard.strange += in.feeder_id != kFriend; });
+    if (heard.reports > 0 && heard.fragments > 0) std::ofstream(log + ".heard") << "all";
     if (monotonic_s() - sent_s > 0.5) {
       sent_s = monotonic_s();
       (void)bus->write(WeightsChunk{.chunk_count = 1, .version = 1, .payload = weights});
@@ -75,19 +76,21 @@ int serve(const BusConfig& config, const std::function<bool()>& goes_on, const s
   return heard.reports > 0 && heard.fragments > 0 ? 0 : 4;
 }
 
-/// A host that says all it may and listens while `goes_on`, ten times at least, or until it has got all. 0: it was answered
-/// and got weights; 10: it got nothing at all.
-int join(const BusConfig& config, uint64_t feeder_id, const std::function<bool()>& goes_on) {
+/// A host that says all it may and listens while `goes_on`, ten times at least. 0: it was answered and got weights, which the
+/// file `served` tells meanwhile; 10: it got nothing at all.
+int join(const BusConfig& config, uint64_t feeder_id, const std::function<bool()>& goes_on,
+         const std::string& served) {
   spdlog::set_level(spdlog::level::off);
   auto bus = LinkBus::open(config);
   if (!bus) return 2;
   int states = 0, weights = 0, said = 0;
   const std::vector<std::byte> piece(kFragmentPayloadBytes);
   double said_s = 0;
-  for (; (goes_on() || said < 10) && !(states > 0 && weights > 0); bus->wait(20)) {
+  for (; goes_on() || said < 10; bus->wait(20)) {
     bus->take_states(kFriend, [&](const FeedState&) { ++states; });
     bus->take_answers([&](const DoorAnswer&) { ++states; });
     bus->take_weights([&](const WeightsChunk&) { ++weights; });
+    if (states > 0 && weights > 0) std::ofstream(served) << "all";
     if (monotonic_s() - said_s < 0.3) continue;
     said_s = monotonic_s(), ++said;
     (void)bus->write(DoorQuestion{.feeder_id = feeder_id, .text = "{}"});
@@ -120,15 +123,18 @@ TEST(LinkSecurity, StrangersOnTheNetworkGetNothingAndLeaveOneLineEach) {
   const std::string over = folder.string() + "/over";
   const auto goes_on = [&] { return !std::filesystem::exists(over); };
   const pid_t server = network.start(0, [&] { return serve(config(0, keys + "/run"), goes_on, log); });
+  const std::string served = folder.string() + "/served";
   const auto start = [&](const std::string& key_folder, uint64_t feeder_id) {
-    return network.start(1, [&] { return join(config(1, key_folder), feeder_id, goes_on); });
+    return network.start(1, [&] { return join(config(1, key_folder), feeder_id, goes_on, served); });
   };
   const pid_t without = start("", 666), with_others = start(others + "/hosts/b", 667),
               false_server = start(others + "/run", 668);  // one that says it is the server
   EXPECT_TRUE(test::wait_until([&] { return count_of(read_whole(log), "refused a participant") >= 3; }));
   const pid_t friendly = start(keys + "/hosts/b", kFriend);
-  EXPECT_EQ(test::NetworkPair::wait(friendly), 0) << "a host with the right key was not served";
+  EXPECT_TRUE(test::wait_until(
+      [&] { return std::filesystem::exists(served) && std::filesystem::exists(log + ".heard"); }));
   std::ofstream(over) << "now";
+  EXPECT_EQ(test::NetworkPair::wait(friendly), 0) << "a host with the right key was not served";
   EXPECT_EQ(test::NetworkPair::wait(without), 10) << "a stranger without a key got something";
   EXPECT_EQ(test::NetworkPair::wait(with_others), 10) << "a stranger with other keys got something";
   EXPECT_EQ(test::NetworkPair::wait(false_server), 10);
@@ -156,7 +162,10 @@ TEST(LinkSecurity, AServerWithoutKeysDoesNotReachAHostThatHasSome) {
     return serve(
         plain, [&] { return !std::filesystem::exists(over); }, folder.string() + "/log");
   });
-  const pid_t host = network.start(1, [&] { return join(with_key, kFriend, [] { return false; }); });
+  const pid_t host = network.start(1, [&] {
+    return join(
+        with_key, kFriend, [] { return false; }, folder.string() + "/served");
+  });
   EXPECT_EQ(test::NetworkPair::wait(host), 10);
   std::ofstream(over) << "now";
   EXPECT_EQ(test::NetworkPair::wait(server), 4);

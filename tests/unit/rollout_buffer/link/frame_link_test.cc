@@ -245,7 +245,7 @@ TEST(FrameLinkBadLuck, EitherEndMayBeginAnewAndNothingIsLearnedTwice) {
   const shm::Arena near = make_arena(1, 1), far = make_arena(1, 2);
   std::atomic<bool> has_played{false};
   std::thread answering([&] { answer(near); });
-  constexpr uint64_t kRollouts = 2000;
+  constexpr uint64_t kRollouts = 600;
   Player player{far, kRollouts};
   std::thread playing([&] {
     player.run();
@@ -269,7 +269,7 @@ TEST(FrameLinkBadLuck, EitherEndMayBeginAnewAndNothingIsLearnedTwice) {
   };
   std::thread receiving(receive), sending(send);
   for (int life = 0; life < 6 && !has_played; ++life) {
-    const uint64_t enough = learned.slabs + 200;
+    const uint64_t enough = learned.slabs + 100;
     while (learned.slabs < enough && !has_played) learned.drain(near);
     std::atomic<bool>& stop = life % 2 == 0 ? stop_receiver : stop_sender;
     std::thread& thread = life % 2 == 0 ? receiving : sending;
