@@ -49,23 +49,25 @@ void write_bytes(const std::string& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
 }
 
-/// A short run with one checkpoint. It is made once, and each test damages its own copy.
+/// A short run with one checkpoint, made once; each test gets it whole.
 class FinishedRun : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     made_ = std::make_unique<ScratchFolder>();
     const Ending ending = run(small_training(*made_, "run", 4096, {"--keep_checkpoints", "1"}));
     ASSERT_EQ(ending.exit_code, 0) << ending.err;
+    fs::copy(*made_ / "run", *made_ / "whole", fs::copy_options::recursive);
   }
   static void TearDownTestSuite() { made_.reset(); }
   void SetUp() override {
-    fs::copy(*made_ / "run", run_, fs::copy_options::recursive);
+    fs::remove_all(run_);
+    fs::copy(scratch_ / "whole", run_, fs::copy_options::recursive);
     ASSERT_EQ(checkpoints_of(run_).size(), 1u);
     checkpoint_ = checkpoints_of(run_)[0];
   }
 
   static inline std::unique_ptr<ScratchFolder> made_;
-  ScratchFolder scratch_;
+  const ScratchFolder& scratch_ = *made_;
   const std::string run_ = scratch_ / "run";
   std::string checkpoint_;
 };
