@@ -53,6 +53,7 @@ class SmallProject : public ::testing::Test {
                        {"COMRAD_BUILD_DIR", home_ / "build"},
                        {"COMRAD_TORCH", ""},
                        {"COMRAD_DRIVER_FILE", home_ / "driver"},
+                       {"COMRAD_CMAKE_ARGS", ""},
                        {"CI", ""}};
     for (const auto& [name, value] : environment) all[name] = value;
     return RunningProgram(command, all).wait();

@@ -31,7 +31,7 @@ cp -r "${home}/tests/integration/target_room" "${prefix}/share/comrad/scenarios/
 names() { sed 's/ .*//' "$1"; }
 installed scenarios list >"${scratch}/scenarios.txt"
 COMRAD_HOME="${home}" "${build}/bin/comrad" scenarios list >"${scratch}/of_sources.txt"
-[[ "$(names "${scratch}/scenarios.txt")" == "$( (echo target_room && names "${scratch}/of_sources.txt") | sort)" ]] ||
+[[ "$(names "${scratch}/scenarios.txt")" == "$( (echo target_room && names "${scratch}/of_sources.txt") | LC_ALL=C sort)" ]] ||
   fail "the prefix has other scenarios than the sources and its own: $(<"${scratch}/scenarios.txt")"
 
 small=(--scenario coop_health_gathering --algo ippo --seed 42 --num_workers 1 --num_envs_per_worker 4 --rollout 16
