@@ -90,16 +90,14 @@ std::string per_second(double rate) {
   return std::to_string(static_cast<long>(rate)) + " decisions/s in a try of 1 s";
 }
 
-/// The lines of a list without comments, which begin with #.
+/// The first word of each line of a list in deploy/: a package. Comments begin with #.
 Expected<std::vector<std::string>> entries_of(const std::string& list) {
   const std::string path = data_dir() + "/" + list;
   std::ifstream file(path);
   if (!file) return Error{ErrorCode::kNotFound, "no " + path};
   std::vector<std::string> entries;
   for (std::string line; std::getline(file, line);) {
-    line.erase(std::min(line.find('#'), line.size()));
-    while (!line.empty() && (line.back() == ' ' || line.back() == '\t' || line.back() == '\r'))
-      line.pop_back();
+    line.erase(std::min(line.find_first_of("# \t\r"), line.size()));
     if (!line.empty()) entries.push_back(line);
   }
   return entries;
@@ -123,7 +121,7 @@ CheckResult check_package_list(const std::string& name, const std::string& file,
   std::vector<std::string> command = {"dpkg-query", "-W", "-f", "${Package} ${db:Status-Status}\n"};
   command.insert(command.end(), wanted->begin(), wanted->end());
   const auto listed = run_program(command);
-  if (!listed) return warn(name, "no dpkg here", "have the equivalents of " + list + " installed");
+  if (!listed) return warn(name, "no dpkg here", "have installed what " + list + " says of each package");
   std::string missing;
   for (const std::string& package : *wanted)
     if (("\n" + listed->output).find("\n" + package + " installed") == std::string::npos)

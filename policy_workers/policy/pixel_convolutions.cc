@@ -51,6 +51,37 @@ Tensor laid_out(const Tensor& x, const memory::desc& its_layout, const memory::d
   return out;
 }
 
+// oneDNN 2 (Debian 12) keeps the values of a description in a struct of its own; oneDNN 3 (Debian 13) takes them one by one.
+#if DNNL_VERSION_MAJOR < 3
+void append_elu(dnnl::post_ops& operations) {
+  operations.append_eltwise(1.0f, dnnl::algorithm::eltwise_elu, 1.0f, 0.0f);
+}
+template <typename Primitive, typename... Values>
+typename Primitive::primitive_desc describe(const dnnl::primitive_attr& attributes, const Values&... values) {
+  return {typename Primitive::desc(values...), attributes, cpu()};
+}
+template <typename Primitive, typename... Values>
+typename Primitive::primitive_desc describe_backward(const dnnl::convolution_forward::primitive_desc& forward,
+                                                     const dnnl::primitive_attr& attributes,
+                                                     const Values&... values) {
+  return {typename Primitive::desc(values...), attributes, cpu(), forward};
+}
+#else
+void append_elu(dnnl::post_ops& operations) {
+  operations.append_eltwise(dnnl::algorithm::eltwise_elu, 1.0f, 0.0f);
+}
+template <typename Primitive, typename... Values>
+typename Primitive::primitive_desc describe(const dnnl::primitive_attr& attributes, const Values&... values) {
+  return {cpu(), values..., attributes};
+}
+template <typename Primitive, typename... Values>
+typename Primitive::primitive_desc describe_backward(const dnnl::convolution_forward::primitive_desc& forward,
+                                                     const dnnl::primitive_attr& attributes,
+                                                     const Values&... values) {
+  return {cpu(), values..., forward, attributes};
+}
+#endif
+
 /// A description by the first of oneDNN's ways that works here. Beside a PyTorch from pip, which has another oneDNN inside, the ways over
 /// matrix products do not: both make their kernels in a std::call_once() of one name, and the loader lets PyTorch's answer for both.
 template <typename Description>
@@ -89,7 +120,7 @@ dnnl::primitive_attr attributes(bool with_elu) {
   attributes.set_scratchpad_mode(dnnl::scratchpad_mode::user);
   if (with_elu) {
     dnnl::post_ops elu;
-    elu.append_eltwise(1.0f, dnnl::algorithm::eltwise_elu, 1.0f, 0.0f);
+    append_elu(elu);
     attributes.set_post_ops(elu);
   }
   return attributes;
@@ -130,28 +161,26 @@ struct PixelConvolutions::Layer {
         input(comes),
         plain_weight(kernels, memory::data_type::f32, memory::format_tag::oihw),
         bias({kernels[0]}, memory::data_type::f32, memory::format_tag::x),
-        forward({{kForward, kDirect, any(input_sizes, type), any(weight_sizes, type), bias,
-                  any(output_sizes, type), strides, kNoPadding, kNoPadding},
-                 attributes(/*with_elu=*/true),
-                 cpu()}) {}
+        forward(describe<dnnl::convolution_forward>(
+            attributes(/*with_elu=*/true), kForward, kDirect, any(input_sizes, type), any(weight_sizes, type),
+            bias, any(output_sizes, type), strides, kNoPadding, kNoPadding)) {}
 
   memory::desc output() const { return forward.description.dst_desc(); }
 
   /// Made at the first gradient, which a policy worker never asks for; the second not for pixels.
   const Made<dnnl::convolution_backward_weights>& weight_gradient() {
     if (!to_weight)
-      to_weight.emplace(dnnl::convolution_backward_weights::primitive_desc(
-          {kDirect, any(input_sizes, type), any(weight_sizes, memory::data_type::f32), bias,
-           any(output_sizes, type), strides, kNoPadding, kNoPadding},
-          attributes(/*with_elu=*/false), cpu(), forward.description));
+      to_weight.emplace(describe_backward<dnnl::convolution_backward_weights>(
+          forward.description, attributes(/*with_elu=*/false), kDirect, any(input_sizes, type),
+          any(weight_sizes, memory::data_type::f32), bias, any(output_sizes, type), strides, kNoPadding,
+          kNoPadding));
     return *to_weight;
   }
   const Made<dnnl::convolution_backward_data>& input_gradient() {
     if (!to_input)
-      to_input.emplace(dnnl::convolution_backward_data::primitive_desc(
-          {kDirect, any(input_sizes, type), any(weight_sizes, type), any(output_sizes, type), strides,
-           kNoPadding, kNoPadding},
-          attributes(/*with_elu=*/false), cpu(), forward.description));
+      to_input.emplace(describe_backward<dnnl::convolution_backward_data>(
+          forward.description, attributes(/*with_elu=*/false), kDirect, any(input_sizes, type),
+          any(weight_sizes, type), any(output_sizes, type), strides, kNoPadding, kNoPadding));
     return *to_input;
   }
 

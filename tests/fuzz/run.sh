@@ -22,7 +22,7 @@ probe="$(mktemp -d)"
 trap 'rm -rf "${probe}"' EXIT
 printf 'extern "C" int LLVMFuzzerTestOneInput(const unsigned char*, unsigned long) { return 0; }\n' >"${probe}/probe.cc"
 "${clang}" -fsanitize=fuzzer,address,undefined "${probe}/probe.cc" -o "${probe}/probe" 2>/dev/null ||
-  skip "clang++ has no libFuzzer (libclang-rt-14-dev of deploy/packages_test.txt), so the fuzzers cannot be built"
+  skip "clang++ has no libFuzzer (libclang-rt-dev of deploy/packages_test.txt), so the fuzzers cannot be built"
 
 mkdir -p "${build}/findings"
 (

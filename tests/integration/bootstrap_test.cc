@@ -229,7 +229,8 @@ class SmallProjectWithTools : public SmallProject {
 };
 
 TEST_F(SmallProjectWithTools, InstallsWhatIsMissingWithAptGet) {
-  write("deploy/packages.txt", "cmake\nninja-build\nlibosmesa6-dev  # rendering\n");
+  write("deploy/packages.txt",
+        "cmake  program cmake\nninja-build\nlibosmesa6-dev  library OSMesa  # draws\n");
   write("full", "no space left");
   const Ending failed = run_with_tools({"version"});
   EXPECT_EQ(failed.exit_code, 1);
@@ -241,6 +242,24 @@ TEST_F(SmallProjectWithTools, InstallsWhatIsMissingWithAptGet) {
   EXPECT_THAT(installed.err, HasSubstr("installing 2 Debian packages"));
   EXPECT_EQ(take_asked_for("apt"), "update -q\n" + kInstall + "ninja-build libosmesa6-dev\n");
   EXPECT_EQ(take_asked_for("python"), "") << "that is for `test` alone";
+}
+
+TEST_F(SmallProjectWithTools, ListsWhatItLooksForWhereThereIsNoDpkg) {
+  write("deploy/packages.txt", "cmake  program cmake, 3.25\nlibzip-dev  pkg-config module libzip\n");
+  const fs::path programs = home_ / "programs";
+  fs::create_directories(programs);
+  for (const fs::directory_entry& entry : fs::directory_iterator("/usr/bin"))
+    if (!entry.path().filename().string().starts_with("dpkg"))
+      fs::create_symlink(entry.path(), programs / entry.path().filename());
+  const Environment elsewhere = {{"PATH", programs.string()}, {"COMRAD_NO_INSTALL", ""}};
+  const Ending first = run({"version"}, elsewhere);
+  EXPECT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_THAT(first.err, AllOf(HasSubstr("comrad:   program cmake, 3.25 (cmake)\n"),
+                               HasSubstr("comrad:   pkg-config module libzip (libzip-dev)\n"),
+                               Not(HasSubstr("installing"))));
+  write("deploy/main.c", "int main(void) { return 0; }\n");
+  const Ending again = run({"version"}, elsewhere);
+  EXPECT_THAT(again.err, AllOf(HasSubstr("built in"), Not(HasSubstr("libzip")))) << "once it was built";
 }
 
 TEST_F(SmallProjectWithTools, InstallsWhatTheTestsNeedOnce) {

@@ -2,21 +2,24 @@
 
 import re
 
-PACKAGES = {  # Debian 12, by the beginning of a library's name
-    "libOSMesa.": "libosmesa6",
-    "libopencv_core.": "libopencv-core406",
-    "libopencv_imgproc.": "libopencv-imgproc406",
-    "libpng16.": "libpng16-16",
-    "libz.": "zlib1g",
-    "libtomlplusplus.": "libtomlplusplus3",
-    "libspdlog.": "libspdlog1.10",
-    "libfmt.": "libfmt9",
+PACKAGES = {  # Debian's, by the beginning of a library's name; {} is the version behind it
+    "libOSMesa.so.": "libosmesa6",
+    "libopencv_core.so.": "libopencv-core{}",
+    "libopencv_imgproc.so.": "libopencv-imgproc{}",
+    "libpng16.so.": "libpng16-{}",
+    "libz.so.": "zlib1g",
+    "libtomlplusplus.so.": "libtomlplusplus{}",
+    "libspdlog.so.": "libspdlog{}",
+    "libfmt.so.": "libfmt{}",
 }
 
 
 def package_of(library: str) -> str | None:
     """The package that brings a library; None for one that is not known."""
-    return next((package for begin, package in PACKAGES.items() if library.startswith(begin)), None)
+    for begin, package in PACKAGES.items():
+        if library.startswith(begin):
+            return package.format(library.removeprefix(begin))
+    return None
 
 
 def explained(failure: ImportError) -> ImportError:
@@ -28,6 +31,7 @@ def explained(failure: ImportError) -> ImportError:
     if missing is None or package is None:
         return failure
     return ImportError(
-        f"comrad's engine needs {missing[1]}, which this machine lacks; on Debian 12: apt-get install {package}; elsewhere install "
-        "a package with that library, or compile comrad again with `pip install .` for the version that is there"
+        f"comrad's engine needs {missing[1]}, which this machine lacks; on the Debian release it was compiled on: apt-get install "
+        f"{package}; elsewhere install a package with that library, or compile comrad again with `pip install .` for the version that "
+        "is there"
     )

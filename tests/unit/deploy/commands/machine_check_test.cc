@@ -25,7 +25,7 @@ class MachineCheck : public testing::Test {
     keep("COMRAD_TEST_PYTHON", (home_ / "bin/python").string());
     tool("dpkg-query", "printf 'cmake installed\\nclang installed\\nzdbsp not-installed\\n'");
     tool("python", "shift 2; for one; do [ \"$one\" = numpy==1 ] || echo \"$one\"; done");
-    home_.write("deploy/packages.txt", "# Tools\ncmake  # builds\n");
+    home_.write("deploy/packages.txt", "# Tools\ncmake  program cmake  # builds\n");
     home_.write("deploy/packages_test.txt", "clang\n\n# nodes\nzdbsp\n");
     home_.write("deploy/requirements_test.txt", "numpy==1\ntorch==2  # big\n");
   }
