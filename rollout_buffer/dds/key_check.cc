@@ -192,11 +192,11 @@ Expected<std::string> security_plugins() {
     if (has_all) return folder;
     looked += (looked.empty() ? "" : ", ") + folder;
   }
-  return Error{
-      ErrorCode::kUnsupported,
-      "Cyclone DDS has no security plugins (libdds_security_auth.so, _ac.so, _crypto.so) in " + looked +
-          "; Debian's package libddsc0debian brings them (`apt install --reinstall libddsc0debian`), a "
-          "Cyclone of your own is built with -DENABLE_SECURITY=ON"};
+  return Error{ErrorCode::kUnsupported,
+               "Cyclone DDS has no security plugins (libdds_security_auth.so, _ac.so, _crypto.so) in " +
+                   looked +
+                   "; Debian's package libddsc0debian brings them, in Debian 13 libddsc0t64 (apt install "
+                   "--reinstall), a Cyclone of your own is built with -DENABLE_SECURITY=ON"};
 }
 
 Expected<std::string> security_config(const std::string& folder) {

@@ -52,12 +52,11 @@ Status Film::open_video() {
                                              cv::VideoWriter::fourcc('a', 'v', 'c', '1'), kFramesPerSecond,
                                              frame_.size(), /*isColor=*/true);
   if (video_->isOpened()) return {};
-  return Error{
-      ErrorCode::kUnsupported,
-      options_.video + ": OpenCV cannot write H.264 of " + std::to_string(frame_.size().width) + "x" +
-          std::to_string(frame_.size().height) +
-          " there; is the folder writable, and libopencv-videoio406 Debian's own? A smaller --size or "
-          "--frames may do"};
+  return Error{ErrorCode::kUnsupported,
+               options_.video + ": OpenCV cannot write H.264 of " + std::to_string(frame_.size().width) +
+                   "x" + std::to_string(frame_.size().height) +
+                   " there; is the folder writable, and libopencv_videoio Debian's own? A smaller --size or "
+                   "--frames may do"};
 }
 
 void Film::began(const DoomEnvironment& environment) {

@@ -58,7 +58,7 @@ unshare --mount --pid --net --fork true 2>/dev/null || skip "namespaces are not 
 cpack --config "${build}/CPackConfig.cmake" -B "${scratch}/package" >"${scratch}/cpack.log" 2>&1 || fail "cpack: $(tail -n 20 "${scratch}/cpack.log")"
 package="$(echo "${scratch}"/package/comrad_*.deb)"
 depends="$(dpkg-deb --field "${package}" Depends)"
-for wanted in libtorch libosmesa6 libddsc0debian libopencv-core freedoom libopenblas0-openmp; do
+for wanted in libtorch libosmesa6 libddsc0 libopencv-core freedoom libopenblas0-openmp; do
   [[ "${depends}" == *"${wanted}"* ]] || fail "the package does not depend on ${wanted}: ${depends}"
 done
 if dpkg-deb --contents "${package}" | awk '{ print $6 }' | grep -vE '^\./(usr/|$)'; then fail "it writes outside of /usr"; fi

@@ -67,7 +67,7 @@ class Cluster {
         "ClusterName=test\nSlurmctldHost=" + std::string(host) + "(127.0.0.1)\nSlurmctldPort=" +
             std::to_string(free_port()) + "\nSlurmdPort=" + std::to_string(free_port()) +
             "\nSlurmUser=root\nSlurmdUser=root\nAuthType=auth/munge\nAuthInfo=socket=" + folder +
-            "/munge.socket,cred_expire=2\nCredType=cred/munge\nSlurmctldPidFile=" + folder +
+            "/munge.socket\nCredType=cred/munge\nSlurmctldPidFile=" + folder +
             "/slurmctld.pid\nSlurmdPidFile=" + folder + "/slurmd.pid\nStateSaveLocation=" + folder +
             "/state\nSlurmdSpoolDir=" + folder +
             "/spool\nProctrackType=proctrack/linuxproc\nTaskPlugin=task/none\nSwitchType=switch/"
