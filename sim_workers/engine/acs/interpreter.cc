@@ -246,10 +246,11 @@ class Interpreter {
     fail("the operands of " + name + " run out of the lump");
   }
   [[gnu::cold]] int32_t* fail_variable(Scope scope, uint32_t index) {
-    static constexpr std::array<const char*, 8> kNames = {"script variable", "map variable", "world variable",
-                                                          "global variable", "local array",  "map array",
-                                                          "world array",     "global array"};
-    fail("there is no " + std::string(kNames[static_cast<std::size_t>(scope)]) + " " + std::to_string(index));
+    static constexpr std::array<const char*, 8> kScopes = {
+        "script variable", "map variable", "world variable", "global variable",
+        "local array",     "map array",    "world array",    "global array"};
+    fail("there is no " + std::string(kScopes[static_cast<std::size_t>(scope)]) + " " +
+         std::to_string(index));
     return &scratch_;
   }
 
