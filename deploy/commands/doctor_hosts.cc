@@ -61,14 +61,12 @@ std::vector<CheckResult> ask_host(const HostStart& call, const RunConfig& config
                       dds::LinkBus::open(link::serving_config(
                           address.link_id, link::link_options(config.hosts, link::kLoopback))));
     const link::DoorKeeper door{link::Offer()};
-    COMRAD_TRY_ASSIGN(Pipe input, Pipe::open());
     COMRAD_TRY_ASSIGN(ChildProcess child,
                       ChildProcess::spawn({.program = call.command[0],
                                            .arguments = {call.command.begin() + 1, call.command.end()},
                                            .environment = {},
-                                           .input = input.read_end.get()}));
-    const std::string line = link::text_of(address) + "\n";
-    [[maybe_unused]] const ssize_t told = write(input.write_end.get(), line.data(), line.size());
+                                           .takes_input = true}));
+    child.tell(link::text_of(address) + "\n");
     std::string said;
     nlohmann::json report;
     std::optional<ExitStatus> how;

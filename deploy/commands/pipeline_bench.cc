@@ -33,8 +33,9 @@ Expected<RunOutcome> bench_pipeline(MergedSettings merged, const PipelineBench& 
   plan.notes = bench.notes;
   plan.show_progress = bench.shows_progress;
   COMRAD_TRY_ASSIGN(RunOutcome outcome, deploy::run(plan));
-  if (outcome.interrupted) return Error{ErrorCode::kSystem, "interrupted"};
   // A learner that was in a long update when the window ended may leave without a checkpoint, which a bench needs not.
+  if (outcome.measured.seconds <= 0 && outcome.reason != StopReason::kFinished)
+    return Error{ErrorCode::kSystem, "interrupted"};
   if (outcome.measured.seconds <= 0)
     return Error{ErrorCode::kPeerLost, outcome.message.empty() ? "nothing was measured" : outcome.message};
   return outcome;

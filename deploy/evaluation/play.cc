@@ -72,7 +72,7 @@ Expected<LaunchPlan> plan_of(const EvaluationGame& game, const Team& team, bool 
 
 Expected<RunOutcome> play(const LaunchPlan& plan) {
   COMRAD_TRY_ASSIGN(RunOutcome outcome, deploy::run(plan));
-  if (outcome.interrupted || outcome.exit_code != 0 || outcome.episodes.size() != plan.episodes)
+  if (outcome.reason != StopReason::kFinished || outcome.episodes.size() != plan.episodes)
     return Error{ErrorCode::kPeerLost, "only " + std::to_string(outcome.episodes.size()) + " of " +
                                            std::to_string(plan.episodes) + " episodes were played" +
                                            (outcome.message.empty() ? "" : ": " + outcome.message)};

@@ -1,53 +1,27 @@
 #include "deploy/launch/evaluator.h"
 
-#include <fcntl.h>
 #include <signal.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "deploy/launch/progress.h"
-#include "rollout_buffer/core/clock.h"
-#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/log.h"
 
 namespace comrad::deploy {
 namespace {
 
-namespace fs = std::filesystem;
-
 constexpr double kCheckpointLookIntervalS = 1.0;
 constexpr double kEvaluationKillAfterS = 4.0;  // of a stop, so that the run is gone in 10 s
 constexpr int64_t kMostEnvironments = 10;      // one small simulator
-constexpr const char* kScoreKey = "eval/J";
-
-bool take_number(std::string_view& text, std::string_view before, uint64_t& number) {
-  if (!text.starts_with(before)) return false;
-  text.remove_prefix(before.size());
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc()) return false;
-  text.remove_prefix(static_cast<std::size_t>(end - text.data()));
-  return true;
-}
 
 std::string at_text(const Snapshot& snapshot) {
   return "at " + count_text(static_cast<double>(snapshot.env_frames)) + " env frames";
 }
 
 }  // namespace
-
-std::optional<Snapshot> parse_snapshot_name(std::string_view name) {
-  Snapshot snapshot;
-  if (take_number(name, "evaluate_", snapshot.version) && take_number(name, "_", snapshot.env_frames) &&
-      take_number(name, "_", snapshot.train_seconds) && name == ".pt")
-    return snapshot;
-  return std::nullopt;
-}
 
 Expected<MetricValues> evaluation_metrics(const std::string& json) {
   const nlohmann::json result = nlohmann::json::parse(json, nullptr, /*allow_exceptions=*/false);
@@ -74,50 +48,40 @@ Expected<MetricValues> evaluation_metrics(const std::string& json) {
   return values;
 }
 
-Evaluator::Evaluator(const LaunchPlan& plan)
+Evaluator::Evaluator(const LaunchPlan& plan, const Clock& clock, ProcessHost& processes,
+                     EvaluationFolder& folder)
     : plan_(plan),
-      is_wanted_(plan.trains() && plan.seconds <= 0 && plan.config.run.eval_every_env_frames > 0),
-      checkpoints_(plan.run_dir + "/checkpoint"),
-      scratch_(plan.run_dir + "/.evaluation") {
+      clock_(clock),
+      processes_(processes),
+      folder_(folder),
+      is_wanted_(plan.trains() && plan.seconds <= 0 && plan.config.run.eval_every_env_frames > 0) {
   if (!is_wanted_) return;
-  std::error_code ignored;
-  fs::remove_all(scratch_, ignored);  // of a run that was killed
-  read_what_was_done();
+  folder_.clear_scratch();  // of a run that was killed
+  for (const uint64_t env_frames : folder_.recorded()) done_.insert(point_of(env_frames));
 }
 
 Evaluator::~Evaluator() {
   if (!is_wanted_) return;
   current_.reset();
-  std::error_code ignored;
-  fs::remove_all(scratch_, ignored);
+  folder_.clear_scratch();
 }
 
 int64_t Evaluator::point_of(uint64_t env_frames) const {
   return static_cast<int64_t>(static_cast<double>(env_frames) / plan_.config.run.eval_every_env_frames);
 }
 
-void Evaluator::read_what_was_done() {
-  std::ifstream lines(plan_.run_dir + "/" + kMetricsFile);
-  const std::string quoted = "\"" + std::string(kScoreKey) + "\"";
-  for (std::string line; std::getline(lines, line);) {
-    if (line.find(quoted) == std::string::npos) continue;
-    const nlohmann::json report = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
-    if (report.is_object() && report.contains("env_frames") && report["env_frames"].is_number_unsigned())
-      done_.insert(point_of(report["env_frames"]));
-  }
-}
-
-std::vector<std::string> Evaluator::tick(double now_s) {
+std::vector<std::string> Evaluator::tick() {
   std::vector<std::string> words;
   if (!is_wanted_) return words;
+  const double now_s = clock_.now_s();
   if (current_) {
-    for (const std::string& line : current_->process.read_lines()) {
+    for (const std::string& line : current_->process->read_lines()) {
       current_->last_line = line;
       spdlog::info("evaluation {}: {}", at_text(current_->snapshot), line);
     }
-    if (kill_at_s_ > 0 && now_s >= kill_at_s_) current_->process.send_signal(SIGKILL);
-    if (const std::optional<ExitStatus>& how = current_->process.poll_exit()) {
-      std::string said = finish(*how, now_s);
+    if (kill_at_s_ > 0 && now_s >= kill_at_s_) current_->process->send_signal(SIGKILL);
+    if (const std::optional<ExitStatus>& how = current_->process->poll_exit()) {
+      std::string said = finish(*how);
       if (!said.empty()) words.push_back(std::move(said));
     }
   }
@@ -129,7 +93,7 @@ std::vector<std::string> Evaluator::tick(double now_s) {
   if (current_ || waiting_.empty()) return words;
   const Snapshot next = waiting_.front();
   waiting_.erase(waiting_.begin());
-  if (Status started = start(next, now_s); !started) {
+  if (Status started = start(next); !started) {
     words.push_back("the evaluation " + at_text(next) + " could not be started (" + started.error().message +
                     "); the run goes on without evaluations");
     is_stopped_ = true;
@@ -138,43 +102,33 @@ std::vector<std::string> Evaluator::tick(double now_s) {
 }
 
 void Evaluator::look(std::vector<std::string>& words) {
-  std::vector<Snapshot> found;
-  std::error_code failed;
-  for (const fs::directory_entry& entry : fs::directory_iterator(checkpoints_, failed)) {
-    std::optional<Snapshot> snapshot = parse_snapshot_name(entry.path().filename().string());
-    if (!snapshot) continue;
-    snapshot->path = entry.path().string();
-    if (!current_ || snapshot->path != current_->snapshot.path) found.push_back(std::move(*snapshot));
-  }
+  std::vector<Snapshot> found = folder_.snapshots();
+  if (current_)
+    std::erase_if(found, [this](const Snapshot& one) { return one.path == current_->snapshot.path; });
   std::ranges::sort(found, {}, &Snapshot::env_frames);
   std::set<int64_t> points = done_;
   if (current_) points.insert(point_of(current_->snapshot.env_frames));
   waiting_.clear();
   for (Snapshot& snapshot : found) {
-    std::error_code ignored;
     // A learner that went back to an older checkpoint passes a point once more.
     if (points.insert(point_of(snapshot.env_frames)).second)
       waiting_.push_back(std::move(snapshot));
     else
-      fs::remove(snapshot.path, ignored);
+      folder_.remove(snapshot);
   }
   while (waiting_.size() > kMostWaiting) {
-    std::error_code ignored;
     words.push_back(
         "the evaluation " + at_text(waiting_.front()) +
         " is left out: the ones before take longer than the run; raise --eval_every_env_frames or "
         "lower --eval_episodes");
-    fs::remove(waiting_.front().path, ignored);
+    folder_.remove(waiting_.front());
     waiting_.erase(waiting_.begin());
   }
 }
 
-Status Evaluator::start(const Snapshot& snapshot, double now_s) {
+Status Evaluator::start(const Snapshot& snapshot) {
   const RunSettings& run = plan_.config.run;
-  std::error_code failed;
-  fs::create_directories(scratch_, failed);
-  const Descriptor output(open(result_path().c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
-  if (!output.is_open()) return system_error("cannot write " + result_path());
+  COMRAD_TRY_ASSIGN(const Descriptor output, folder_.open_scratch());
   // Small, on the CPU and on no core of its own: it takes what the run leaves.
   ChildOptions options;
   options.program = plan_.program("comrad");
@@ -204,22 +158,22 @@ Status Evaluator::start(const Snapshot& snapshot, double now_s) {
                        "--set_workers_cpu_affinity",
                        "False"};
   // What a killed one leaves is found there.
-  options.environment = {{"TMPDIR", scratch_}};
+  options.environment = {{"TMPDIR", folder_.scratch()}};
   options.output = output.get();
-  COMRAD_TRY_ASSIGN(ChildProcess process, ChildProcess::spawn(options));
-  spdlog::info("evaluation {} begins (pid {})", at_text(snapshot), process.pid());
-  current_.emplace(
-      Playing{.snapshot = snapshot, .process = std::move(process), .began_s = now_s, .last_line = {}});
+  COMRAD_TRY_ASSIGN(std::unique_ptr<Process> process, processes_.spawn(options));
+  spdlog::info("evaluation {} begins (pid {})", at_text(snapshot), process->pid());
+  current_.emplace(Playing{
+      .snapshot = snapshot, .process = std::move(process), .began_s = clock_.now_s(), .last_line = {}});
   return {};
 }
 
 /// Takes the result in. Returns what the user should read.
-std::string Evaluator::finish(const ExitStatus& how, double now_s) {
-  for (const std::string& line : current_->process.read_lines()) current_->last_line = line;
+std::string Evaluator::finish(const ExitStatus& how) {
+  for (const std::string& line : current_->process->read_lines()) current_->last_line = line;
   const Snapshot snapshot = current_->snapshot;
   Expected<std::string> said = Error{ErrorCode::kPeerLost, ""};
   if (how.signal == 0 && how.code == 0) {
-    said = record(now_s);
+    said = record();
   } else {
     const std::string& words = current_->last_line;
     said = Error{ErrorCode::kPeerLost, how.text() + (words.empty() ? "" : "; its last line: " + words)};
@@ -227,26 +181,20 @@ std::string Evaluator::finish(const ExitStatus& how, double now_s) {
   current_.reset();
   if (is_stopped_ && !said) return "";  // it was told to go; its checkpoint waits for the next start
   // One that could not be evaluated would fail the next time as well.
-  std::error_code ignored;
-  fs::remove(snapshot.path, ignored);
+  folder_.remove(snapshot);
   done_.insert(point_of(snapshot.env_frames));
   next_look_s_ = 0;
   if (said) return *said;
   return "the evaluation " + at_text(snapshot) + " failed (" + said.error().message + "); the run goes on";
 }
 
-Expected<std::string> Evaluator::record(double now_s) {
+Expected<std::string> Evaluator::record() {
   const Snapshot& snapshot = current_->snapshot;
-  COMRAD_TRY_ASSIGN(MetricValues values, evaluation_metrics(read_file(result_path()).value_or("")));
+  COMRAD_TRY_ASSIGN(MetricValues values, evaluation_metrics(folder_.result()));
   values.emplace_back("eval/version", static_cast<double>(snapshot.version));
-  values.emplace_back("eval/seconds", now_s - current_->began_s);
-  if (!metrics_) {
-    COMRAD_TRY_ASSIGN(metrics_, MetricsWriter::open(plan_.run_dir, plan_.run_dir + "/eval"));
-  }
-  COMRAD_TRY(metrics_->write(static_cast<double>(snapshot.train_seconds), snapshot.env_frames,
-                             snapshot.env_frames / static_cast<uint64_t>(std::max<int64_t>(
-                                                       1, plan_.config.environment.env_frameskip)),
-                             values));
+  values.emplace_back("eval/seconds", clock_.now_s() - current_->began_s);
+  const auto skip = static_cast<uint64_t>(std::max<int64_t>(1, plan_.config.environment.env_frameskip));
+  COMRAD_TRY(folder_.record(snapshot, snapshot.env_frames / skip, values));
   char text[128];
   std::snprintf(text, sizeof text, "eval J %.1f at %s", values.front().second,
                 count_text(static_cast<double>(snapshot.env_frames)).c_str());
@@ -265,8 +213,8 @@ void Evaluator::stop(int signal) {
   if (!is_wanted_) return;
   is_stopped_ = true;
   if (!current_) return;
-  current_->process.send_signal(signal);
-  if (kill_at_s_ == 0) kill_at_s_ = monotonic_s() + kEvaluationKillAfterS;
+  current_->process->send_signal(signal);
+  if (kill_at_s_ == 0) kill_at_s_ = clock_.now_s() + kEvaluationKillAfterS;
 }
 
 }  // namespace comrad::deploy

@@ -9,29 +9,20 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
-#include <string_view>
 #include <vector>
 
+#include "deploy/launch/evaluation_folder.h"
 #include "deploy/launch/launch_plan.h"
-#include "deploy/process/child_process.h"
+#include "deploy/process/process_host.h"
+#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/metrics/metrics_file.h"
 
 namespace comrad::deploy {
-
-/// A checkpoint that waits to be evaluated.
-struct Snapshot {
-  std::string path;
-  uint64_t version = 0;
-  uint64_t env_frames = 0;
-  uint64_t train_seconds = 0;
-};
-
-/// Reads the numbers of `evaluate_<version>_<env frames>_<seconds>.pt`; nothing for any other name.
-std::optional<Snapshot> parse_snapshot_name(std::string_view name);
 
 /// The numbers of an evaluation as metrics have them, from what `comrad eval --json` printed.
 /// Errors: kBadFormat where a number is missing.
@@ -43,19 +34,21 @@ class Evaluator {
   /// More waiting ones than this are not kept: the oldest are dropped, and the user is told.
   static constexpr std::size_t kMostWaiting = 8;
 
-  /// The plan outlives the evaluator. Nothing is done where the plan evaluates nothing.
-  explicit Evaluator(const LaunchPlan& plan);
+  /// What the arguments name outlives the evaluator. Nothing is done where the plan evaluates nothing.
+  Evaluator(const LaunchPlan& plan, const Clock& clock, ProcessHost& processes, EvaluationFolder& folder);
   Evaluator(const Evaluator&) = delete;
   Evaluator& operator=(const Evaluator&) = delete;
   /// Ends what is being played; its checkpoint stays for the next start.
   ~Evaluator();
 
   /// One turn of the supervisor's loop. Returns what the user should read.
-  std::vector<std::string> tick(double now_s);
+  std::vector<std::string> tick();
   /// Looks for checkpoints at the next turn.
   void hurry() { next_look_s_ = 0; }
   /// Something is played or waits for it.
   bool is_busy() const { return current_.has_value() || (!is_stopped_ && !waiting_.empty()); }
+  /// It is busy and will be until all are played.
+  bool plays_on() const { return !is_stopped_ && is_busy(); }
   /// Plays no more; what is being played is given up.
   void stop(int signal);
   /// "eval J 812.3 at 2M"; empty before the first.
@@ -64,25 +57,24 @@ class Evaluator {
  private:
   struct Playing {
     Snapshot snapshot;
-    ChildProcess process;
+    std::unique_ptr<Process> process;
     double began_s = 0;
     std::string last_line;
   };
-  void read_what_was_done();
   void look(std::vector<std::string>& words);
-  Status start(const Snapshot& snapshot, double now_s);
-  std::string finish(const ExitStatus& how, double now_s);
-  Expected<std::string> record(double now_s);
+  Status start(const Snapshot& snapshot);
+  std::string finish(const ExitStatus& how);
+  Expected<std::string> record();
   int64_t point_of(uint64_t env_frames) const;
-  std::string result_path() const { return scratch_ + "/result.json"; }
 
   const LaunchPlan& plan_;
+  const Clock& clock_;
+  ProcessHost& processes_;
+  EvaluationFolder& folder_;
   const bool is_wanted_;
-  const std::string checkpoints_, scratch_;
   std::set<int64_t> done_;         ///< points: multiples of eval_every_env_frames
   std::vector<Snapshot> waiting_;  ///< oldest first
   std::optional<Playing> current_;
-  std::optional<MetricsWriter> metrics_;
   std::string last_text_;
   double next_look_s_ = 0;
   double kill_at_s_ = 0;

@@ -1,26 +1,25 @@
 #include "deploy/launch/host_team.h"
 
 #include <signal.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
 
+#include "deploy/launch/run_phase.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
 
 namespace comrad::deploy {
 namespace {
 
-constexpr double kWorkedS = 60;        // a call that lasted so long did some work
-constexpr double kAskAfterS = 4;       // of a stop; hosts hear of the run's end on the link
-constexpr double kHostTermAfterS = 8;  // of a stop
-constexpr double kHostKillAfterS = 9.5;
+constexpr double kWorkedS = 60;   // a call that lasted so long did some work
+constexpr double kAskAfterS = 4;  // of a stop; hosts hear of the run's end on the link
 constexpr RestartLimits kCalls{.first_delay_s = 2, .max_delay_s = 60, .window_s = 600, .deaths = 10};
 
 }  // namespace
 
-HostTeam::HostTeam(const LaunchPlan& plan) : plan_(plan) {
+HostTeam::HostTeam(const LaunchPlan& plan, const Clock& clock, ProcessHost& processes)
+    : plan_(plan), clock_(clock), processes_(processes) {
   for (const HostStart& start : plan.hosts) {
     Host& host = hosts_.emplace_back();
     host.start = &start;
@@ -29,10 +28,11 @@ HostTeam::HostTeam(const LaunchPlan& plan) : plan_(plan) {
 }
 
 bool HostTeam::any_alive() const {
-  return std::ranges::any_of(hosts_, [](const Host& host) { return host.process.has_value(); });
+  return std::ranges::any_of(hosts_, [](const Host& host) { return host.process != nullptr; });
 }
 
-std::vector<std::string> HostTeam::tick(double now_s, bool is_running) {
+std::vector<std::string> HostTeam::tick(bool is_running) {
+  const double now_s = clock_.now_s();
   std::vector<std::string> words;
   for (Host& host : hosts_) {
     if (host.process) look_at(host, now_s, words);
@@ -46,24 +46,20 @@ std::vector<std::string> HostTeam::tick(double now_s, bool is_running) {
 }
 
 void HostTeam::call(Host& host, double now_s, std::vector<std::string>& words) {
-  Expected<Pipe> input = Pipe::open();
-  if (!input) return words.push_back(input.error().message), void(host.is_given_up = true);
   host.started_s = now_s;
   host.last_line.clear();
-  Expected<ChildProcess> process =
-      ChildProcess::spawn({.program = host.start->command[0],
-                           .arguments = {host.start->command.begin() + 1, host.start->command.end()},
-                           .environment = {},
-                           .input = input->read_end.get()});
+  Expected<std::unique_ptr<Process>> process =
+      processes_.spawn({.program = host.start->command[0],
+                        .arguments = {host.start->command.begin() + 1, host.start->command.end()},
+                        .environment = {},
+                        .takes_input = true});
   if (!process) {
     host.is_given_up = true;
     words.push_back(host.start->name + " is not called: " + process.error().message);
     return;
   }
-  host.process.emplace(std::move(*process));
-  host.input = std::move(input->write_end);
-  const std::string line = plan_.door_address + "\n";
-  [[maybe_unused]] const ssize_t told = write(host.input.get(), line.data(), line.size());
+  host.process = std::move(*process);
+  host.process->tell(plan_.door_address + "\n");
   spdlog::info("called {} (pid {})", host.start->name, host.process->pid());
 }
 
@@ -75,14 +71,13 @@ void HostTeam::look_at(Host& host, double now_s, std::vector<std::string>& words
   if (const std::optional<ExitStatus> how = host.process->poll_exit()) return ended(host, *how, now_s, words);
   if (stopping_since_s_ == 0) return;
   const double waited_s = now_s - stopping_since_s_;
-  if (waited_s >= kAskAfterS) host.input.close();
-  if (waited_s >= kHostTermAfterS) host.process->send_signal(waited_s >= kHostKillAfterS ? SIGKILL : SIGTERM);
+  if (waited_s >= kAskAfterS) host.process->end_input();
+  if (waited_s >= kTermAfterS) host.process->send_signal(waited_s >= kKillAfterS ? SIGKILL : SIGTERM);
 }
 
 void HostTeam::ended(Host& host, const ExitStatus& how, double now_s, std::vector<std::string>& words) {
   for (const std::string& line : host.process->read_lines()) host.last_line = line;
   host.process.reset();
-  host.input.close();
   if (stopping_since_s_ > 0) return;
   const std::string name = host.start->name,
                     said = host.last_line.empty() ? "" : "; its last line: " + host.last_line;
@@ -107,8 +102,8 @@ void HostTeam::kill() {
     if (host.process) host.process->send_signal(SIGKILL);
 }
 
-void HostTeam::stop(double now_s) {
-  if (stopping_since_s_ == 0) stopping_since_s_ = now_s;
+void HostTeam::stop() {
+  if (stopping_since_s_ == 0) stopping_since_s_ = clock_.now_s();
 }
 
 }  // namespace comrad::deploy

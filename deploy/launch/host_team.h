@@ -3,26 +3,27 @@
 // flow of frames.
 #pragma once
 
-#include <optional>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "deploy/launch/launch_plan.h"
 #include "deploy/launch/restart_policy.h"
-#include "deploy/process/child_process.h"
+#include "deploy/process/process_host.h"
+#include "rollout_buffer/core/clock.h"
 
 namespace comrad::deploy {
 
 /// Threads: the supervisor's.
 class HostTeam {
  public:
-  /// The plan outlives the team.
-  explicit HostTeam(const LaunchPlan& plan);
+  /// What the arguments name outlives the team.
+  HostTeam(const LaunchPlan& plan, const Clock& clock, ProcessHost& processes);
 
   /// One turn of the supervisor's loop: starts what is due, once the run is at work. Returns what the user should read.
-  std::vector<std::string> tick(double now_s, bool is_running);
+  std::vector<std::string> tick(bool is_running);
   /// Nobody is called any more. Hosts leave at the run's end; those that do not are asked to after a while, and given up.
-  void stop(double now_s);
+  void stop();
   bool any_alive() const;
   /// They leave at once.
   void kill();
@@ -32,8 +33,7 @@ class HostTeam {
  private:
   struct Host {
     const HostStart* start = nullptr;
-    std::optional<ChildProcess> process;
-    Descriptor input;  ///< its standard input; closed: it is to leave
+    std::unique_ptr<Process> process;  ///< the end of its input asks it to leave
     RestartHistory history;
     double start_at_s = 0;  ///< the next call
     double started_s = 0;
@@ -45,6 +45,8 @@ class HostTeam {
   void ended(Host& host, const ExitStatus& how, double now_s, std::vector<std::string>& words);
 
   const LaunchPlan& plan_;
+  const Clock& clock_;
+  ProcessHost& processes_;
   std::vector<Host> hosts_;
   double stopping_since_s_ = 0;  ///< 0: not stopping
   std::string failure_;

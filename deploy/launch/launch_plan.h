@@ -7,6 +7,7 @@
 
 #include "deploy/launch/restart_policy.h"
 #include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/schema/network_size.h"
 #include "rollout_buffer/schema/spec.h"
 #include "rollout_buffer/settings/run_config.h"
@@ -61,10 +62,11 @@ struct LaunchPlan {
   int lock_descriptor = -1;  ///< RunDirectory::lock_descriptor(); the learner holds it too until it has left
   std::string bin_dir;       ///< where the worker programs lie; empty: beside this program
   RestartLimits restarts;
-  std::vector<HostStart> hosts = {};  ///< are made to join once the run is at work
-  std::string door_address = {};      ///< what they are told
-  bool leaves_with_input = false;     ///< the end of the standard input ends the run, as SIGTERM does
-  double patience_s = 300;            ///< kFeeding: how long the learner's host may be silent
+  double join_timeout_s = 120 * patience();  ///< a worker that has not joined by then is stuck
+  std::vector<HostStart> hosts = {};         ///< are made to join once the run is at work
+  std::string door_address = {};             ///< what they are told
+  bool leaves_with_input = false;            ///< the end of the standard input ends the run, as SIGTERM does
+  double patience_s = 300;                   ///< kFeeding: how long the learner's host may be silent
   bool simulators_join =
       false;  ///< this run's simulators play in one that joins it, from this host (--link dds)
   bool sends_frames = false;  ///< kFeeding: its policy workers play with this host's simulators

@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <utility>
 
-#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/host_name.h"
 #include "rollout_buffer/core/log.h"
@@ -23,8 +22,6 @@ dds::RunControl desired(const char* state) {
 }  // namespace
 
 Status RunHub::open() {
-  // The old arena goes before the new one comes: both may not fit.
-  meter_.use(nullptr);
   server_.reset();
   bus_.reset();
   arena_.reset();
@@ -41,7 +38,6 @@ Status RunHub::open() {
   control.run_state.store(shm::RunState::kStarting);
   if (plan_.episodes > 0) control.episodes_per_run.store(plan_.episodes);
   if (!plan_.trains()) control.rollouts_allowed.store(UINT64_MAX);  // no learner will
-  meter_.use(&*arena_);
   COMRAD_TRY_ASSIGN(shm::ArenaServer server, shm::ArenaServer::listen(name, *arena_));
   server_.emplace(std::move(server));
   COMRAD_TRY_ASSIGN(bus_, dds::Bus::open(dds::bus_config_for_run(run_id)));
@@ -60,34 +56,28 @@ std::optional<shm::JoinRequest> RunHub::next_join() {
   return std::nullopt;
 }
 
-void RunHub::begin() {
-  arena_->control().run_state.store(shm::RunState::kRunning, std::memory_order_release);
-  shm::ring(arena_->control().run_state_changed);
-}
-
-void RunHub::set_paused(bool is_paused) {
-  tell(desired(is_paused ? "paused" : "running"));
+void RunHub::set_run_state(shm::RunState state) {
+  tell(desired(state == shm::RunState::kStopping ? "stopping"
+               : state == shm::RunState::kPaused ? "paused"
+                                                 : "running"));
   shm::ControlBlock& control = arena_->control();
-  control.run_state.store(is_paused ? shm::RunState::kPaused : shm::RunState::kRunning,
-                          std::memory_order_release);
+  control.run_state.store(state, std::memory_order_release);
   shm::ring(control.run_state_changed);
-}
-
-void RunHub::stop() {
-  tell(desired("stopping"));
-  shm::ControlBlock& control = arena_->control();
-  control.run_state.store(shm::RunState::kStopping, std::memory_order_release);
-  for (shm::Doorbell* bell : {&control.run_state_changed, &control.slab_sealed, &control.slab_released,
-                              &control.weights_published}) {
+  if (state != shm::RunState::kStopping) return;
+  for (shm::Doorbell* bell : {&control.slab_sealed, &control.slab_released, &control.weights_published})
     shm::ring(*bell);
-  }
   const shm::ArenaShape& shape = arena_->shape();
   for (int policy = 0; policy < shape.policy_worker_count; ++policy) shm::ring(arena_->slots_ready(policy));
   for (int sim = 0; sim < shape.sim_worker_count; ++sim)
     for (int split = 0; split < shape.splits_per_worker; ++split) shm::ring(arena_->slots_acted(sim, split));
 }
 
-void RunHub::drain_episodes() {
+void RunHub::note(const std::string& text) {
+  spdlog::info("{}", text);
+  printer_.note(text);
+}
+
+void RunHub::drain_episodes(RunMeter& meter) {
   const auto agents = static_cast<std::size_t>(arena_->shape().trajectory.env.num_agents);
   while (const std::optional<shm::EpisodeRecord> record = arena_->pop_episode()) {
     dds::EpisodeResult result{
@@ -106,20 +96,17 @@ void RunHub::drain_episodes() {
     };
     if (plan_.drains()) arena_->forward_episode(*record);
     tell(result);
-    if (result.episode_id < plan_.episodes) meter_.add(std::move(result));
+    if (result.episode_id < plan_.episodes) meter.add(std::move(result));
   }
   if (const uint64_t dropped = arena_->episodes_dropped(); dropped > episodes_dropped_) {
     episodes_dropped_ = dropped;
-    const std::string text =
-        std::to_string(dropped) + " episode records were lost: the supervisor was held up";
-    spdlog::info("{}", text);
-    printer_.note(text);
+    note(std::to_string(dropped) + " episode records were lost: the supervisor was held up");
   }
 }
 
 void RunHub::tell_of_workers(const std::vector<Worker>& workers, const std::string& state) {
   static const std::string host = host_name();
-  const double now_s = monotonic_s();
+  const double now_s = clock_.now_s();
   const double elapsed_s = workers_told_s_ > 0 ? now_s - workers_told_s_ : 0;
   workers_told_s_ = now_s;
   decisions_told_.resize(static_cast<std::size_t>(arena_->shape().sim_worker_count));

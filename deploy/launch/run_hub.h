@@ -9,8 +9,11 @@
 
 #include "deploy/launch/launch_plan.h"
 #include "deploy/launch/progress.h"
+#include "deploy/launch/run_effects.h"
 #include "deploy/launch/run_meter.h"
 #include "deploy/launch/worker_table.h"
+#include "rollout_buffer/core/clock.h"
+#include "rollout_buffer/core/control_group.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus.h"
 #include "rollout_buffer/shm/arena.h"
@@ -18,32 +21,33 @@
 
 namespace comrad::deploy {
 
-/// Threads: the supervisor's. Plan, meter and printer outlive the hub.
-class RunHub {
+/// Threads: the supervisor's. What the arguments name outlives the hub.
+class RunHub final : public RunEffects {
  public:
-  RunHub(const LaunchPlan& plan, RunMeter& meter, ProgressPrinter& printer)
-      : plan_(plan), meter_(meter), printer_(printer) {}
+  RunHub(const LaunchPlan& plan, const Clock& clock, ProgressPrinter& printer)
+      : plan_(plan), clock_(clock), printer_(printer) {}
 
-  /// Makes all three anew, for a run that is starting; the meter counts in the new arena from now on.
+  /// Makes all three anew, for a run that is starting.
   /// Errors: kNoSpace (arena), kBadInput, kSystem (socket, bus).
-  Status open();
+  Status open() override;
   /// All three are there. Other methods want that, unless they say otherwise.
-  bool is_open() const { return bus_.has_value(); }
+  bool is_open() const override { return bus_.has_value(); }
 
-  const shm::Arena& arena() const { return *arena_; }
-  const std::string& socket_name() const { return server_->name(); }
+  const shm::Arena& arena() const override { return *arena_; }
+  const std::string& socket_name() const override { return server_->name(); }
+  /// Tells monitors and workers; of a stop also those that wait for something else.
+  void set_run_state(shm::RunState state) override;
+  std::optional<uint64_t> reclaim(const Worker& worker) override { return reclaim_worker(worker, *arena_); }
+  void note(const std::string& text) override;
+  uint64_t memory_kills() override { return comrad::memory_kills(); }
+
   /// Readable when a worker joins; -1 while there is no socket.
   int socket() const { return server_ ? server_->descriptor() : -1; }
   /// The next worker that has joined, if one has. Also where the hub is not open.
   std::optional<shm::JoinRequest> next_join();
 
-  /// Tells everybody of the run to begin, or to end.
-  void begin();
-  void stop();
-  /// Simulators and learner stand still where they are, or go on.
-  void set_paused(bool is_paused);
   /// Takes the simulators' episodes: on to the learner, to monitors, and, of an evaluation, to the meter.
-  void drain_episodes();
+  void drain_episodes(RunMeter& meter);
   /// Tells monitors of the supervisor, which is in `state`, and of its simulators; the other workers speak
   /// for themselves.
   void tell_of_workers(const std::vector<Worker>& workers, const std::string& state);
@@ -57,7 +61,7 @@ class RunHub {
 
  private:
   const LaunchPlan& plan_;
-  RunMeter& meter_;
+  const Clock& clock_;
   ProgressPrinter& printer_;
   std::optional<shm::Arena> arena_;
   std::optional<shm::ArenaServer> server_;

@@ -155,4 +155,13 @@ std::string RunMeter::unsaved_text() const {
          " are lost";
 }
 
+std::string RunMeter::limit_reached() const {
+  const RunConfig& config = plan_.config;
+  if (static_cast<double>(env_frames()) >= config.run.train_for_env_frames)
+    return " (--train_for_env_frames " + std::to_string(std::llround(config.run.train_for_env_frames)) + ")";
+  if (config.run.train_for_seconds > 0)
+    return " (--train_for_seconds " + std::to_string(std::llround(config.run.train_for_seconds)) + ")";
+  return "";
+}
+
 }  // namespace comrad::deploy

@@ -102,6 +102,9 @@ class RunMeter {
 
   /// "learner went back 205k env frames to its last checkpoint"; empty where it did not.
   std::string going_back_text() const;
+  /// " (--train_for_...)", the limit that ended the training as the command line spells it: a resumed run may
+  /// have nothing left of it. Empty where the learner had another reason.
+  std::string limit_reached() const;
   /// What is lost when no further checkpoint is written.
   std::string unsaved_text() const;
 

@@ -5,7 +5,6 @@
 #include <cstdio>
 
 #include "deploy/launch/progress.h"
-#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/link/link_files.h"
 
 namespace comrad::deploy {
@@ -43,7 +42,7 @@ std::string RunReport::evaluation_line() const {
                ? "hears nothing of the learner's host for " + duration_text(feed->silent_s) + " | "
                : count_text(static_cast<double>(feed->account.delivered)) + " decisions delivered | ";
   }
-  const double elapsed_s = std::max(monotonic_s() - meter_.running_since_s(), 1e-3);
+  const double elapsed_s = std::max(clock_.now_s() - meter_.running_since_s(), 1e-3);
   return text + rates_text(static_cast<double>(meter_.played_decisions()) / elapsed_s,
                            plan_.config.environment.env_frameskip);
 }
@@ -90,12 +89,12 @@ RunStatus RunReport::status(const std::string& state, const std::string& message
   status.state = state;
   status.learner_version = stats.learner_version;
   status.message = message;
-  status.elapsed_s = clock_.elapsed();
+  status.elapsed_s = clock_.now_s() - began_s_;
   for (const Role role :
        {Role::kSim, Role::kPolicy, Role::kLearner, Role::kReceiver, Role::kFrameReceiver, Role::kFeeder})
     if (workers_.has(role) || role <= Role::kLearner)
       status.cpu_s.emplace_back(name_of(role), workers_.cpu_seconds(role));
-  status.cpu_s.emplace_back("supervisor", clock_.cpu_elapsed());
+  status.cpu_s.emplace_back("supervisor", process_cpu_s() - cpu_began_s_);
   if (plan_.drains()) status.accounts = meter_.accounts();
   if (plan_.serves()) status.guests = link::all_guests(plan_.run_dir);
   if (plan_.sends_frames)
@@ -109,7 +108,7 @@ RunStatus RunReport::status(const std::string& state, const std::string& message
     status.decisions = meter_.played_decisions();
     status.env_frames = status.decisions * static_cast<uint64_t>(plan_.config.environment.env_frameskip);
     status.score_mean = meter_.episode_score_mean();
-    const double elapsed_s = monotonic_s() - meter_.running_since_s();
+    const double elapsed_s = clock_.now_s() - meter_.running_since_s();
     if (meter_.running_since_s() > 0 && elapsed_s > 0)
       status.env_frames_per_s = static_cast<double>(status.env_frames) / elapsed_s;
   }
@@ -134,15 +133,6 @@ std::string RunReport::summary(const std::string& how_it_ended, double worked_s)
   if (const std::string lost = meter_.going_back_text(); !lost.empty()) text += "; " + lost;
   if (!stats.last_checkpoint.empty()) text += "; checkpoint " + stats.last_checkpoint;
   return text;
-}
-
-std::string RunReport::limit_reached() const {
-  const RunConfig& config = plan_.config;
-  if (static_cast<double>(meter_.env_frames()) >= config.run.train_for_env_frames)
-    return " (--train_for_env_frames " + std::to_string(std::llround(config.run.train_for_env_frames)) + ")";
-  if (config.run.train_for_seconds > 0)
-    return " (--train_for_seconds " + std::to_string(std::llround(config.run.train_for_seconds)) + ")";
-  return "";
 }
 
 }  // namespace comrad::deploy

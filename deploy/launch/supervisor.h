@@ -1,6 +1,5 @@
-// Starts, watches and stops the processes of one run on this host: simulators, policy workers, learner.
-// Owns the arena's memfd, its socket and the host's DDS participant, bridges simulators to DDS, restarts
-// what dies.
+// Runs a run on this host to its end: waits for signals, joins, output and visitors, lets supervision.h decide what they mean,
+// and reports.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +9,7 @@
 #include "deploy/launch/launch_plan.h"
 #include "deploy/launch/run_accounts.h"
 #include "deploy/launch/run_meter.h"
+#include "deploy/launch/run_phase.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/bus.h"
 
@@ -17,8 +17,8 @@ namespace comrad::deploy {
 
 /// How it ended.
 struct RunOutcome {
+  StopReason reason = StopReason::kNone;
   int exit_code = 0;
-  bool interrupted = false;
   std::string
       message;  ///< how it ended, env frames, time, both rates over the run, J, checkpoint; one line to show
   dds::TrainStats last_stats;

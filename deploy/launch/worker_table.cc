@@ -8,16 +8,14 @@
 #include <filesystem>
 #include <fstream>
 
-#include "rollout_buffer/core/clock.h"
+#include "deploy/process/process_start.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/log.h"
-#include "rollout_buffer/core/process.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
 namespace {
 
-constexpr double kJoinTimeoutS = 120.0;   // a worker that has not joined by then is stuck
 constexpr double kSilentAfterS = 10.0;    // a worker whose counter stands still so long is named
 constexpr int kLinesShownPerMinute = 20;  // of one worker's output on the terminal; the log has them all
 
@@ -63,7 +61,8 @@ std::string words_for_user(const std::string& line) {
 const char* name_of(Role role) { return kKinds[static_cast<std::size_t>(role)].plural; }
 const char* word_of(Role role) { return kKinds[static_cast<std::size_t>(role)].word; }
 
-WorkerTable::WorkerTable(const LaunchPlan& plan) : plan_(plan) {
+WorkerTable::WorkerTable(const LaunchPlan& plan, const Clock& clock, ProcessHost& processes)
+    : plan_(plan), clock_(clock), processes_(processes) {
   const auto add = [&](Role role, int64_t count) {
     for (int i = 0; i < count; ++i) {
       Worker& worker = workers_.emplace_back();
@@ -159,10 +158,10 @@ Status WorkerTable::start(Worker& worker, const shm::Arena& arena, const std::st
   worker.has_joined = false;
   worker.restart_at_s = 0;
   worker.is_unreclaimed = false;
-  worker.started_s = monotonic_s();
+  worker.started_s = clock_.now_s();
   worker.last_line.clear();
   worker.decisions_at_start = counters_of(worker, arena).decisions.load();
-  COMRAD_TRY_ASSIGN(worker.process, ChildProcess::spawn(options_of(worker, server)));
+  COMRAD_TRY_ASSIGN(worker.process, processes_.spawn(options_of(worker, server)));
   spdlog::info("started {} (pid {})", worker.name, worker.process->pid());
   return {};
 }
@@ -195,7 +194,8 @@ void WorkerTable::signal_all(int number) {
 void WorkerTable::note_joined(const shm::JoinRequest& request) {
   const std::string role(request.role, strnlen(request.role, sizeof request.role));
   for (Worker& worker : workers_)
-    if (role == kind_of(worker).word && request.worker_index == static_cast<uint32_t>(worker.index))
+    if (worker.process && role == kind_of(worker).word &&
+        request.worker_index == static_cast<uint32_t>(worker.index))
       worker.has_joined = true;
   spdlog::info("{}-{} joined", role, request.worker_index);
 }
@@ -205,7 +205,7 @@ bool WorkerTable::has(Role role) const {
 }
 
 bool WorkerTable::any_alive() const {
-  return std::ranges::any_of(workers_, [](const Worker& worker) { return worker.process.has_value(); });
+  return std::ranges::any_of(workers_, [](const Worker& worker) { return worker.process != nullptr; });
 }
 
 bool WorkerTable::all_joined() const {
@@ -233,7 +233,7 @@ void WorkerTable::append_outputs(std::vector<pollfd>& sources) const {
 }
 
 void WorkerTable::read_output(ProgressPrinter& printer) {
-  const double now_s = monotonic_s();
+  const double now_s = clock_.now_s();
   for (Worker& worker : workers_) {
     if (!worker.process) continue;
     for (const std::string& line : worker.process->read_lines()) {
@@ -261,9 +261,9 @@ std::vector<std::pair<Worker*, ExitStatus>> WorkerTable::reap_exited(bool is_sto
   std::vector<std::pair<Worker*, ExitStatus>> exited;
   for (Worker& worker : workers_) {
     if (!worker.process) continue;
-    if (!is_stopping && !worker.has_joined && monotonic_s() - worker.started_s > kJoinTimeoutS * patience()) {
-      worker.last_line = "did not join the run within " +
-                         std::to_string(static_cast<int>(kJoinTimeoutS * patience())) + " s";
+    if (!is_stopping && !worker.has_joined && clock_.now_s() - worker.started_s > plan_.join_timeout_s) {
+      worker.last_line =
+          "did not join the run within " + std::to_string(static_cast<int>(plan_.join_timeout_s)) + " s";
       worker.process->send_signal(SIGKILL);
     }
     if (const std::optional<ExitStatus>& how = worker.process->poll_exit()) {
@@ -281,7 +281,7 @@ std::vector<std::pair<Worker*, ExitStatus>> WorkerTable::reap_exited(bool is_sto
 }
 
 void WorkerTable::listen(const shm::Arena& arena, bool at_work) {
-  const double now_s = monotonic_s();
+  const double now_s = clock_.now_s();
   for (Worker& worker : workers_) {
     const uint64_t decisions = counters_of(worker, arena).decisions.load(std::memory_order_relaxed);
     if (!at_work || !worker.process || std::exchange(worker.decisions_heard, decisions) != decisions)
@@ -290,7 +290,7 @@ void WorkerTable::listen(const shm::Arena& arena, bool at_work) {
 }
 
 std::string WorkerTable::silence_text() const {
-  const double now_s = monotonic_s();
+  const double now_s = clock_.now_s();
   const auto silent_s = [now_s](const Worker& worker) { return now_s - worker.heard_s; };
   std::vector<std::string> parts;
   for (const Worker& worker : workers_) {
@@ -308,7 +308,7 @@ std::string WorkerTable::silence_text() const {
 
 bool WorkerTable::stands_still() const {
   return plan_.own_workers() > 0 &&
-         std::ranges::none_of(workers_, [now_s = monotonic_s()](const Worker& worker) {
+         std::ranges::none_of(workers_, [now_s = clock_.now_s()](const Worker& worker) {
            return worker.role == Role::kSim && now_s - worker.heard_s < kSilentAfterS;
          });
 }
@@ -328,6 +328,33 @@ shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena) 
          : worker.role == Role::kReceiver      ? arena.sim_counters(arena.shape().served_worker_count())
          : worker.role == Role::kFrameReceiver ? arena.sim_counters(arena.shape().own_worker_count())
                                                : arena.learner_counters();
+}
+
+std::optional<uint64_t> reclaim_worker(const Worker& worker, const shm::Arena& arena) {
+  switch (worker.role) {
+    case Role::kSim:
+      if (!arena.withdraw_requests(worker.index)) return std::nullopt;
+      return arena.reclaim_sim_worker(worker.index);
+    case Role::kPolicy:
+      arena.reclaim_policy_worker(worker.index);
+      return 0;  // its questions are asked again
+    case Role::kReceiver:
+    case Role::kFrameReceiver: {
+      // What it had in the making is sent again, or counted as lost by the host that played it.
+      const shm::ArenaShape& shape = arena.shape();
+      const bool is_of_frames = worker.role == Role::kFrameReceiver;
+      const int first = is_of_frames ? shape.own_worker_count() : shape.served_worker_count();
+      const int end = is_of_frames ? shape.served_worker_count() : shape.sim_worker_count;
+      for (int sim = first; sim < end; ++sim) arena.reclaim_sim_worker(sim);
+      return 0;
+    }
+    case Role::kFeeder:
+      return 0;  // its successor adopts what it had drained
+    case Role::kLearner:
+      arena.reclaim_learner();
+      return 0;  // the meter knows what it had not trained on
+  }
+  return 0;
 }
 
 }  // namespace comrad::deploy

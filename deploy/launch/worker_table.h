@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -14,7 +15,8 @@
 #include "deploy/launch/launch_plan.h"
 #include "deploy/launch/progress.h"
 #include "deploy/launch/restart_policy.h"
-#include "deploy/process/child_process.h"
+#include "deploy/process/process_host.h"
+#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/shm/arena.h"
 #include "rollout_buffer/shm/arena_socket.h"
@@ -33,7 +35,7 @@ struct Worker {
   Role role = Role::kSim;
   int index = 0;
   std::string name;  ///< "sim-0", "policy-0", "learner"
-  std::optional<ChildProcess> process;
+  std::unique_ptr<Process> process;
   RestartHistory history;
   bool has_joined = false;
   double started_s = 0;
@@ -52,17 +54,18 @@ struct Worker {
 /// All workers of one run, simulators first, the learner and what links hosts last. Threads: the supervisor's.
 class WorkerTable {
  public:
-  /// The places that `plan` asks for, all empty. The plan outlives the table.
-  explicit WorkerTable(const LaunchPlan& plan);
+  /// The places that `plan` asks for, all empty. What the arguments name outlives the table.
+  WorkerTable(const LaunchPlan& plan, const Clock& clock, ProcessHost& processes);
 
   std::vector<Worker>& workers() { return workers_; }
   const std::vector<Worker>& workers() const { return workers_; }
 
-  /// Starts the worker's program, which will join `server`. Errors: those of ChildProcess::spawn.
+  /// Starts the worker's program, which will join `server`. Errors: those of ProcessHost::spawn.
   Status start(Worker& worker, const shm::Arena& arena, const std::string& server);
   /// Kills and reaps every worker; `restart_at_s` is when they start again.
   void restart_all(double restart_at_s);
   void signal_all(int number);
+  /// A worker that has died since it asked has not joined.
   void note_joined(const shm::JoinRequest& request);
 
   /// CPU seconds of all processes of a role so far, those that have ended included.
@@ -77,8 +80,8 @@ class WorkerTable {
   void append_outputs(std::vector<pollfd>& sources) const;
   /// Logs what the workers have printed, and shows it: 20 lines a minute of each, and every warning once.
   void read_output(ProgressPrinter& printer);
-  /// Takes out the workers that have ended, learner first. One that has not joined after two minutes is killed, unless
-  /// the run `is_stopping`.
+  /// Takes out the workers that have ended, learner first. One that has not joined in time (LaunchPlan::join_timeout_s) is
+  /// killed, unless the run `is_stopping`.
   std::vector<std::pair<Worker*, ExitStatus>> reap_exited(bool is_stopping);
 
   /// Looks whose counter has moved. Nobody is silent while the run is not `at_work`.
@@ -100,6 +103,8 @@ class WorkerTable {
   void forget_process(Worker& worker);
 
   const LaunchPlan& plan_;
+  const Clock& clock_;
+  ProcessHost& processes_;
   std::vector<Worker> workers_;
   std::array<double, kRoleCount> cpu_s_of_ended_{};
   std::set<std::string> words_shown_;  // without their numbers
@@ -107,5 +112,9 @@ class WorkerTable {
 
 /// The worker's counters in the arena.
 shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena);
+
+/// Gives back what a dead worker held. Agent decisions that are lost with it; nothing where a policy worker that stands still
+/// half way through a batch still writes into its slabs: try again later.
+std::optional<uint64_t> reclaim_worker(const Worker& worker, const shm::Arena& arena);
 
 }  // namespace comrad::deploy

@@ -40,9 +40,13 @@ std::string ExitStatus::text() const {
 
 Expected<ChildProcess> ChildProcess::spawn(const ChildOptions& options) {
   COMRAD_TRY_ASSIGN(Pipe output, Pipe::open());
+  Pipe input;
+  if (options.takes_input) {
+    COMRAD_TRY_ASSIGN(input, Pipe::open());
+  }
   ProcessOptions process{.command = {options.program},
                          .environment = options.environment,
-                         .input = options.input,
+                         .input = input.read_end.get(),
                          .output = options.output >= 0 ? options.output : output.write_end.get(),
                          .error_output = output.write_end.get(),
                          .inherited_descriptor = options.inherited_descriptor,
@@ -52,12 +56,13 @@ Expected<ChildProcess> ChildProcess::spawn(const ChildOptions& options) {
   process.command.insert(process.command.end(), options.arguments.begin(), options.arguments.end());
   COMRAD_TRY_ASSIGN(const pid_t pid, start_process(process));
   fcntl(output.read_end.get(), F_SETFL, O_NONBLOCK);
-  return ChildProcess(pid, std::move(output.read_end));
+  return ChildProcess(pid, std::move(output.read_end), std::move(input.write_end));
 }
 
 ChildProcess::ChildProcess(ChildProcess&& other) noexcept
     : pid_(std::exchange(other.pid_, -1)),
       output_(std::move(other.output_)),
+      input_(std::move(other.input_)),
       partial_(std::move(other.partial_)),
       exit_(other.exit_),
       cpu_s_at_exit_(other.cpu_s_at_exit_) {}
@@ -67,6 +72,7 @@ ChildProcess& ChildProcess::operator=(ChildProcess&& other) noexcept {
     end();
     pid_ = std::exchange(other.pid_, -1);
     output_ = std::move(other.output_);
+    input_ = std::move(other.input_);
     partial_ = std::move(other.partial_);
     exit_ = other.exit_;
     cpu_s_at_exit_ = other.cpu_s_at_exit_;
@@ -82,6 +88,7 @@ void ChildProcess::end() {
     waitpid(pid_, nullptr, 0);
   }
   output_.close();
+  input_.close();
 }
 
 std::vector<std::string> ChildProcess::read_lines() {
@@ -128,6 +135,15 @@ double ChildProcess::cpu_seconds() const { return exit_ ? cpu_s_at_exit_ : famil
 
 void ChildProcess::send_signal(int signal) {
   if (pid_ > 0 && !exit_) kill(pid_, signal);
+}
+
+void ChildProcess::tell(const std::string& text) {
+  if (input_.is_open()) (void)!write(input_.get(), text.data(), text.size());
+}
+
+Expected<std::unique_ptr<Process>> MachineProcessHost::spawn(const ChildOptions& options) {
+  COMRAD_TRY_ASSIGN(ChildProcess child, ChildProcess::spawn(options));
+  return std::unique_ptr<Process>(std::make_unique<ChildProcess>(std::move(child)));
 }
 
 }  // namespace comrad::deploy

@@ -21,6 +21,33 @@ inline int64_t monotonic_ns() {
 
 inline double monotonic_s() { return static_cast<double>(monotonic_ns()) * 1e-9; }
 
+/// Time as an argument of what supervises, waits and reports, so that a simulation plays hours of it in a moment. It counts
+/// from an arbitrary start and never goes back. Threads: any.
+class Clock {
+ public:
+  virtual ~Clock() = default;
+  virtual int64_t now_ns() const = 0;
+  double now_s() const { return static_cast<double>(now_ns()) * 1e-9; }
+};
+
+/// The machine's, as monotonic_ns() has it.
+class MachineClock final : public Clock {
+ public:
+  int64_t now_ns() const override { return monotonic_ns(); }
+};
+inline const MachineClock kMachineClock;
+
+/// A simulation's: it stands still until it is moved.
+class ManualClock final : public Clock {
+ public:
+  int64_t now_ns() const override { return now_ns_; }
+  void advance_ns(int64_t by_ns) { now_ns_ += by_ns; }
+  void advance_s(double by_s) { advance_ns(static_cast<int64_t>(by_s * 1e9)); }
+
+ private:
+  int64_t now_ns_ = 1'000'000'000;  // 0 often means "never"
+};
+
 /// Seconds since 1970 (UTC): for files that people read, not for differences.
 inline double wall_s() { return clock_s(CLOCK_REALTIME); }
 

@@ -88,7 +88,7 @@ class EvaluatorTest : public ::testing::Test {
     evaluator.hurry();
     const double give_up_s = monotonic_s() + 60;
     do {
-      for (std::string& text : evaluator.tick(monotonic_s())) words.push_back(std::move(text));
+      for (std::string& text : evaluator.tick()) words.push_back(std::move(text));
       usleep(2'000);
     } while (evaluator.is_busy() && monotonic_s() < give_up_s);
     EXPECT_FALSE(evaluator.is_busy());
@@ -103,10 +103,12 @@ class EvaluatorTest : public ::testing::Test {
 
   const test::ScratchFolder folder_;
   LaunchPlan plan_;
+  MachineProcessHost processes_;
+  RunEvaluationFolder evaluations_{(folder_ / "run").string()};
 };
 
 TEST_F(EvaluatorTest, PlaysACheckpointWritesItsScoreAndDeletesIt) {
-  Evaluator evaluator(plan_);
+  Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
   EXPECT_FALSE(evaluator.is_busy());
   const std::string path = save(3, 1024);
   EXPECT_THAT(
@@ -138,7 +140,7 @@ TEST_F(EvaluatorTest, PlaysACheckpointWritesItsScoreAndDeletesIt) {
 
 TEST_F(EvaluatorTest, NoPointIsPlayedTwiceWhateverIsKilled) {
   {
-    Evaluator evaluator(plan_);
+    Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
     save(3, 1024);
     run_out(evaluator);
     save(4, 1999);  // the learner went back and passed 1 000 again
@@ -146,7 +148,7 @@ TEST_F(EvaluatorTest, NoPointIsPlayedTwiceWhateverIsKilled) {
   }
   save(5, 1500);  // and again, in a later life of the run
   save(9, 2004);
-  Evaluator evaluator(plan_);
+  Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
   EXPECT_EQ(run_out(evaluator).size(), 1u);
   const std::vector<nlohmann::json> reports = metrics();
   ASSERT_EQ(reports.size(), 2u);
@@ -157,7 +159,7 @@ TEST_F(EvaluatorTest, NoPointIsPlayedTwiceWhateverIsKilled) {
 
 TEST_F(EvaluatorTest, ACheckpointThatCannotBePlayedIsToldAndTheRunGoesOn) {
   comrad_says("echo 'comrad eval: error: learner cannot run: bad checkpoint' >&2; exit 2");
-  Evaluator evaluator(plan_);
+  Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
   save(3, 1024);
   EXPECT_THAT(run_out(evaluator),
               ElementsAre(AllOf(HasSubstr("at 1k env frames failed (exit code 2"),
@@ -173,7 +175,7 @@ TEST_F(EvaluatorTest, ACheckpointThatCannotBePlayedIsToldAndTheRunGoesOn) {
 
 TEST_F(EvaluatorTest, WithoutAProgramItSaysSoAndStops) {
   plan_.bin_dir += "/nowhere";
-  Evaluator evaluator(plan_);
+  Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
   save(3, 1024);
   EXPECT_THAT(run_out(evaluator), ElementsAre(HasSubstr("goes on without evaluations")));
 }
@@ -182,8 +184,8 @@ TEST_F(EvaluatorTest, WhatIsGivenUpIsPlayedAtTheNextStart) {
   const std::string path = save(3, 1024);
   {
     comrad_says("exec sleep 100");
-    Evaluator evaluator(plan_);
-    evaluator.tick(monotonic_s());
+    Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
+    evaluator.tick();
     ASSERT_TRUE(evaluator.is_busy());
     evaluator.stop(SIGTERM);
     EXPECT_THAT(run_out(evaluator), IsEmpty());
@@ -191,19 +193,19 @@ TEST_F(EvaluatorTest, WhatIsGivenUpIsPlayedAtTheNextStart) {
   }
   EXPECT_FALSE(fs::exists(plan_.run_dir + "/.evaluation"));
   comrad_says(std::string("cat <<X\n") + kResult + "\nX");
-  Evaluator evaluator(plan_);
+  Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
   EXPECT_EQ(run_out(evaluator).size(), 1u);
   EXPECT_FALSE(fs::exists(path));
 }
 
 TEST_F(EvaluatorTest, ManyThatWaitLoseTheOldest) {
   comrad_says("exec sleep 100");
-  Evaluator evaluator(plan_);
+  Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
   save(1, 1000);
-  evaluator.tick(monotonic_s());
+  evaluator.tick();
   for (uint64_t point = 2; point <= Evaluator::kMostWaiting + 3; ++point) save(point, point * 1000);
   evaluator.hurry();
-  const std::vector<std::string> words = evaluator.tick(monotonic_s());
+  const std::vector<std::string> words = evaluator.tick();
   ASSERT_EQ(words.size(), 2u);
   EXPECT_THAT(words[0],
               AllOf(HasSubstr("at 2k env frames is left out"), HasSubstr("--eval_every_env_frames")));
@@ -213,7 +215,7 @@ TEST_F(EvaluatorTest, ManyThatWaitLoseTheOldest) {
 TEST_F(EvaluatorTest, WithoutTheSettingItTouchesNothing) {
   plan_.config.run.eval_every_env_frames = 0;
   const std::string path = save(3, 1024);
-  Evaluator evaluator(plan_);
+  Evaluator evaluator(plan_, kMachineClock, processes_, evaluations_);
   EXPECT_THAT(run_out(evaluator), IsEmpty());
   EXPECT_TRUE(fs::exists(path));
 }

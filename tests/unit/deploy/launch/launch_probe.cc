@@ -48,7 +48,7 @@ int main(int argc, char** argv) {
     return 1;
   }
   json["exit_code"] = outcome->exit_code;
-  json["interrupted"] = outcome->interrupted;
+  json["interrupted"] = outcome->reason == deploy::StopReason::kInterrupted;
   json["message"] = outcome->message;
   json["restarts"] = outcome->restarts;
   json["steps_lost"] = outcome->accounts.lost_with_the_dead();

@@ -46,17 +46,31 @@ TEST(ChildProcess, BringsBackLinesOfBothOutputsAndTheExitCode) {
   EXPECT_EQ(how.text(), "killed by signal 9 (Killed)");
 }
 
+TEST(ChildProcess, HearsWhatItIsToldUntilItsInputEnds) {
+  MachineProcessHost host;
+  ChildOptions options = shell("read line; echo \"heard $line\"; cat; echo end");
+  options.takes_input = true;
+  const auto child = host.spawn(options);
+  ASSERT_TRUE(child) << child.error().message;
+  (*child)->tell("one\ntwo\n");
+  (*child)->end_input();
+  (*child)->tell("three\n");
+  std::vector<std::string> lines;
+  for (const double end_s = monotonic_s() + 60; !(*child)->poll_exit() && monotonic_s() < end_s;
+       usleep(5'000))
+    for (std::string& line : (*child)->read_lines()) lines.push_back(line);
+  for (std::string& line : (*child)->read_lines()) lines.push_back(line);
+  EXPECT_THAT(lines, ElementsAre("heard one", "two", "end"));
+}
+
 TEST(ChildProcess, WaitsItsTurnWhereItIsAskedTo) {
   for (const bool waits : {false, true}) {
     ChildOptions options = shell("read line");
-    int ends[2];
-    ASSERT_EQ(pipe(ends), 0);
-    options.input = ends[0], options.waits_its_turn = waits;
+    options.takes_input = true, options.waits_its_turn = waits;
     auto child = ChildProcess::spawn(options);
     ASSERT_TRUE(child) << child.error().message;
     const int before = sched_getscheduler(0);
     EXPECT_EQ(sched_getscheduler(child->pid()), waits && before == SCHED_OTHER ? SCHED_BATCH : before);
-    close(ends[0]), close(ends[1]);
   }
 }
 

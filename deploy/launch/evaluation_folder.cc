@@ -1,0 +1,88 @@
+#include "deploy/launch/evaluation_folder.h"
+
+#include <fcntl.h>
+
+#include <charconv>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "rollout_buffer/core/files.h"
+
+namespace comrad::deploy {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool take_number(std::string_view& text, std::string_view before, uint64_t& number) {
+  if (!text.starts_with(before)) return false;
+  text.remove_prefix(before.size());
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc()) return false;
+  text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+  return true;
+}
+
+}  // namespace
+
+std::optional<Snapshot> parse_snapshot_name(std::string_view name) {
+  Snapshot snapshot;
+  if (take_number(name, "evaluate_", snapshot.version) && take_number(name, "_", snapshot.env_frames) &&
+      take_number(name, "_", snapshot.train_seconds) && name == ".pt")
+    return snapshot;
+  return std::nullopt;
+}
+
+std::vector<Snapshot> RunEvaluationFolder::snapshots() {
+  std::vector<Snapshot> found;
+  std::error_code failed;
+  for (const fs::directory_entry& entry : fs::directory_iterator(run_dir_ + "/checkpoint", failed)) {
+    std::optional<Snapshot> snapshot = parse_snapshot_name(entry.path().filename().string());
+    if (!snapshot) continue;
+    snapshot->path = entry.path().string();
+    found.push_back(std::move(*snapshot));
+  }
+  return found;
+}
+
+void RunEvaluationFolder::remove(const Snapshot& snapshot) {
+  std::error_code ignored;
+  fs::remove(snapshot.path, ignored);
+}
+
+std::vector<uint64_t> RunEvaluationFolder::recorded() {
+  std::vector<uint64_t> env_frames;
+  std::ifstream lines(run_dir_ + "/" + kMetricsFile);
+  const std::string quoted = "\"" + std::string(kScoreKey) + "\"";
+  for (std::string line; std::getline(lines, line);) {
+    if (line.find(quoted) == std::string::npos) continue;
+    const nlohmann::json report = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
+    if (report.is_object() && report.contains("env_frames") && report["env_frames"].is_number_unsigned())
+      env_frames.push_back(report["env_frames"]);
+  }
+  return env_frames;
+}
+
+Status RunEvaluationFolder::record(const Snapshot& snapshot, uint64_t decisions, const MetricValues& values) {
+  if (!metrics_) {
+    COMRAD_TRY_ASSIGN(metrics_, MetricsWriter::open(run_dir_, run_dir_ + "/eval"));
+  }
+  return metrics_->write(static_cast<double>(snapshot.train_seconds), snapshot.env_frames, decisions, values);
+}
+
+Expected<Descriptor> RunEvaluationFolder::open_scratch() {
+  std::error_code failed;
+  fs::create_directories(scratch(), failed);
+  Descriptor output(open(result_path().c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+  if (!output.is_open()) return system_error("cannot write " + result_path());
+  return output;
+}
+
+std::string RunEvaluationFolder::result() { return read_file(result_path()).value_or(""); }
+
+void RunEvaluationFolder::clear_scratch() {
+  std::error_code ignored;
+  fs::remove_all(scratch(), ignored);
+}
+
+}  // namespace comrad::deploy

@@ -1,0 +1,69 @@
+// Where checkpoints wait to be evaluated and their scores are kept: in the folder of the run, so that a run that was killed
+// plays on what it had not played; a simulation keeps them in memory. Stage: beside the flow of frames.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "deploy/process/process_start.h"
+#include "rollout_buffer/core/expected.h"
+#include "rollout_buffer/metrics/metrics_file.h"
+
+namespace comrad::deploy {
+
+/// A checkpoint that waits to be evaluated.
+struct Snapshot {
+  std::string path;
+  uint64_t version = 0;
+  uint64_t env_frames = 0;
+  uint64_t train_seconds = 0;
+};
+
+/// Reads the numbers of `evaluate_<version>_<env frames>_<seconds>.pt`; nothing for any other name.
+std::optional<Snapshot> parse_snapshot_name(std::string_view name);
+
+/// The metric that every evaluation writes.
+constexpr const char* kScoreKey = "eval/J";
+
+/// Threads: the supervisor's.
+class EvaluationFolder {
+ public:
+  virtual ~EvaluationFolder() = default;
+  /// All that lie there, in any order.
+  virtual std::vector<Snapshot> snapshots() = 0;
+  virtual void remove(const Snapshot& snapshot) = 0;
+  /// Env frames of the evaluations that were recorded, in earlier lives of the run too.
+  virtual std::vector<uint64_t> recorded() = 0;
+  virtual Status record(const Snapshot& snapshot, uint64_t decisions, const MetricValues& values) = 0;
+
+  /// A place for what one evaluation leaves, and the file in it that takes its output. Errors: kSystem.
+  virtual Expected<Descriptor> open_scratch() = 0;
+  virtual std::string scratch() const = 0;
+  /// What it has printed.
+  virtual std::string result() = 0;
+  virtual void clear_scratch() = 0;
+};
+
+/// `<run_dir>/checkpoint`, metrics.jsonl and event files in `<run_dir>/eval`; `<run_dir>/.evaluation` is the scratch.
+class RunEvaluationFolder final : public EvaluationFolder {
+ public:
+  explicit RunEvaluationFolder(std::string run_dir) : run_dir_(std::move(run_dir)) {}
+  std::vector<Snapshot> snapshots() override;
+  void remove(const Snapshot& snapshot) override;
+  std::vector<uint64_t> recorded() override;
+  Status record(const Snapshot& snapshot, uint64_t decisions, const MetricValues& values) override;
+  Expected<Descriptor> open_scratch() override;
+  std::string scratch() const override { return run_dir_ + "/.evaluation"; }
+  std::string result() override;
+  void clear_scratch() override;
+
+ private:
+  std::string result_path() const { return scratch() + "/result.json"; }
+  const std::string run_dir_;
+  std::optional<MetricsWriter> metrics_;
+};
+
+}  // namespace comrad::deploy
