@@ -87,8 +87,8 @@ void Supervision::died(Worker& worker, const ExitStatus& how, const std::string&
   const uint64_t lost = reclaim(worker);
   ++worker.restarts;
   const double now_s = clock_.now_s();
-  const bool did_work = counters_of(worker, effects_.arena()).decisions.load() != worker.decisions_at_start;
-  const std::optional<double> delay_s = worker.history.next_delay_s(now_s, did_work);
+  const std::optional<double> delay_s =
+      worker.history.next_delay_s(now_s, has_worked(worker, effects_.arena()));
   if (!delay_s)
     return fail({ErrorCode::kPeerLost, worker.name + " died " + std::to_string(plan_.restarts.deaths) +
                                            " times and is given up (" + how.text() + "); " + said + " (see " +

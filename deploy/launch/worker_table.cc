@@ -330,6 +330,13 @@ shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena) 
                                                : arena.learner_counters();
 }
 
+bool has_worked(const Worker& worker, const shm::Arena& arena) {
+  const uint64_t decisions = counters_of(worker, arena).decisions.load();
+  if (decisions == worker.decisions_at_start) return false;
+  // A learner that starts again first sets its counter to that of its checkpoint.
+  return worker.role != Role::kLearner || decisions > arena.control().learner_decisions_before.load();
+}
+
 std::optional<uint64_t> reclaim_worker(const Worker& worker, const shm::Arena& arena) {
   switch (worker.role) {
     case Role::kSim:

@@ -113,6 +113,9 @@ class WorkerTable {
 /// The worker's counters in the arena.
 shm::WorkerCounters& counters_of(const Worker& worker, const shm::Arena& arena);
 
+/// Whether it has made progress since it was started.
+bool has_worked(const Worker& worker, const shm::Arena& arena);
+
 /// Gives back what a dead worker held. Agent decisions that are lost with it; nothing where a policy worker that stands still
 /// half way through a batch still writes into its slabs: try again later.
 std::optional<uint64_t> reclaim_worker(const Worker& worker, const shm::Arena& arena);
