@@ -12,7 +12,7 @@
 #include "tests/simulation/play.h"
 
 namespace comrad::simulation {
-namespace {
+namespace simulation_test {
 
 using ::testing::AllOf;
 using ::testing::Contains;
@@ -324,5 +324,5 @@ TEST_F(Simulation, APlantedFaultIsCaughtAndItsScheduleShortened) {
   }
 }
 
-}  // namespace
+}  // namespace simulation_test
 }  // namespace comrad::simulation
