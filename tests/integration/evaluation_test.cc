@@ -186,14 +186,19 @@ class EvaluationOfRuns : public ::testing::Test {
   static inline std::unique_ptr<ScratchFolder> scratch_;
 };
 
-TEST_F(EvaluationOfRuns, TheSameCommandPlaysTheSameEpisodes) {
+TEST_F(EvaluationOfRuns, TheSameCommandPlaysTheSameEpisodesAndLeavesTheRunAlone) {
+  const std::string config = read_text(run("a") + "/config.toml");
+  const std::vector<std::string> entries = files(run("a"), "");
   for (const char* way : {"--greedy", "--stochastic"}) {
     const auto first = play({"--policy", run("a"), way, "--num_workers", "2"});
     EXPECT_EQ(play({"--policy", run("a"), way, "--num_workers", "2"})["each"], first["each"]) << way;
     EXPECT_THAT(first["config_hash"].get<std::string>(), ::testing::StartsWith("xxh3:"));
     EXPECT_THAT(first["checkpoint_hash"].get<std::string>(), ::testing::StartsWith("xxh3:"));
     EXPECT_NE(first["config_hash"], first["checkpoint_hash"]);
+    EXPECT_EQ(first["greedy"], way == std::string("--greedy"));
   }
+  EXPECT_EQ(read_text(run("a") + "/config.toml"), config);
+  EXPECT_EQ(files(run("a"), ""), entries);
 }
 
 TEST_F(EvaluationOfRuns, EverySeatHasItsOwnPlayer) {

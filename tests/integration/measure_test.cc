@@ -73,30 +73,6 @@ TEST(Eval, AScriptedTeamsScoresAreSharesOfWhatEachLayoutAllows) {
   EXPECT_EQ(summary["J_share"], 1.0);
 }
 
-TEST(Eval, TheSameSeedPlaysTheSameEpisodes) {
-  const std::vector<std::string> command = {
-      "eval",       "--policy", "random",        "--scenario", "coop_health_gathering",
-      "--episodes", "3",        "--num_workers", "1"};
-  const auto first = json_of(command), second = json_of(command);
-  EXPECT_EQ(first["J_mean"], second["J_mean"]);
-  EXPECT_EQ(first["return_mean"], second["return_mean"]);
-}
-
-TEST(Eval, PlaysATrainedRunGreedilyAndLeavesItAlone) {
-  const ScratchFolder scratch;
-  ASSERT_EQ(RunningProgram(small_training(scratch, "run", 4096)).wait().exit_code, 0);
-  const std::string config = read_text(scratch / "run/config.toml");
-  const auto entries = files(scratch / "run", "");
-  const auto summary =
-      json_of({"eval", "--policy", "run", "--train_dir", scratch.string(), "--episodes", "2"});
-  expect_keys(summary, kEvalKeys);
-  EXPECT_EQ(summary["policy"], "run");
-  EXPECT_EQ(summary["episodes"], 2);
-  EXPECT_EQ(summary["greedy"], true);
-  EXPECT_EQ(read_text(scratch / "run/config.toml"), config);
-  EXPECT_EQ(files(scratch / "run", ""), entries);
-}
-
 TEST(Bench, SimulatorReportsItsRate) {
   const auto summary = json_of({"bench", "sim", "--scenario", "coop_health_gathering", "--seconds", "0.5"});
   expect_keys(summary, kBenchKeys);
@@ -280,7 +256,7 @@ nlohmann::json whole_pipeline(const std::string& seconds) {
 }
 
 TEST(Bench, TheWholePipelineReportsItsRate) {
-  const nlohmann::json summary = whole_pipeline("1");
+  const nlohmann::json summary = whole_pipeline("2");
   expect_keys(summary, kBenchKeys);
   EXPECT_EQ(summary["bench"], "train");
   EXPECT_GT(summary["env_frames_per_s"], 0);

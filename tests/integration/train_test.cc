@@ -90,20 +90,6 @@ TEST(Train, ResumesWhereItStopped) {
   EXPECT_THAT(refused.err, HasSubstr("the run was made with 32"));
 }
 
-TEST(Train, RestartKeepsTheOldRunAndOverwriteDoesNot) {
-  const ScratchFolder scratch;
-  train(scratch, "run", 1024);
-  std::ofstream(scratch / "run/note.txt") << "mine";
-  train(scratch, "run", 1024, {"--restart_behavior", "restart"});
-  ASSERT_THAT(files(scratch.string(), "run_old"), SizeIs(1));
-  EXPECT_EQ(read_text(files(scratch.string(), "run_old")[0] + "/note.txt"), "mine");
-  EXPECT_LT(env_frames(scratch / "run"), 2 * 1024 + 1024);
-  std::ofstream(scratch / "run/note.txt") << "mine";
-  train(scratch, "run", 1024, {"--restart_behavior=overwrite"});
-  EXPECT_THAT(files(scratch.string(), "run_old"), SizeIs(1));
-  EXPECT_FALSE(fs::exists(scratch / "run/note.txt"));
-}
-
 TEST(Train, ASecondRunOnTheSameDirectoryIsRefused) {
   const ScratchFolder scratch;
   RunningProgram first(small_training(scratch, "run", 1e8));
