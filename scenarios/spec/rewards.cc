@@ -41,7 +41,7 @@ void RewardTracker::reset(std::span<const double> value) {
   std::copy(value.begin(), value.end(), before_.begin());
 }
 
-void RewardTracker::step(std::span<const double> value, std::span<float> reward,
+void RewardTracker::step(std::span<const double> value, std::span<double> reward,
                          std::span<const uint8_t> pays) {
   COMRAD_DCHECK(value.size() == before_.size() && static_cast<int>(reward.size()) == num_agents_ &&
                     (pays.empty() || pays.size() == value.size()),
@@ -78,7 +78,7 @@ void RewardTracker::step(std::span<const double> value, std::span<float> reward,
       if (term.cap > 0.0) amount = std::clamp(amount, -term.cap, term.cap);
       sum += term.weight * amount;
     }
-    reward[agent] = static_cast<float>(sum);
+    reward[agent] = sum;
   }
 }
 

@@ -49,7 +49,7 @@ class RewardTracker {
   ///   value   [term, N]  variables after the decision
   ///   reward  [N]        written
   ///   pays    [term, N]  0 where the term's `when` or `unless` shuts it; empty: every term pays
-  void step(std::span<const double> value, std::span<float> reward, std::span<const uint8_t> pays = {});
+  void step(std::span<const double> value, std::span<double> reward, std::span<const uint8_t> pays = {});
 
  private:
   enum class Kind { kDelta, kRise, kFall, kNewMax, kValue, kEvent };

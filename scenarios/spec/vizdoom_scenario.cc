@@ -177,6 +177,11 @@ std::vector<RewardTerm> vizdoom_rewards(const VizdoomRewards& rewards) {
 
 Expected<ScenarioSpec> load_vizdoom_scenario(const std::string& path) {
   COMRAD_TRY_ASSIGN(const VizdoomConfig config, load_vizdoom_config(path));
+  return vizdoom_scenario(config);
+}
+
+Expected<ScenarioSpec> vizdoom_scenario(const VizdoomConfig& config) {
+  const std::string& path = config.path;
   ScenarioSpec spec;
   spec.is_vizdoom = true;
   spec.warnings = config.warnings;

@@ -23,6 +23,8 @@ namespace comrad::scenarios {
 /// Reads a .cfg and looks at the WAD that it names: the map must be there, and its starts say how many may play.
 /// Errors: those of load_vizdoom_config(); kNotFound, kBadFormat and kUnsupported as "path:line: what, and what to do".
 Expected<ScenarioSpec> load_vizdoom_scenario(const std::string& path);
+/// The same of a .cfg that is read already.
+Expected<ScenarioSpec> vizdoom_scenario(const VizdoomConfig& config);
 
 /// The reward terms that differ from 0, and the script's.
 std::vector<RewardTerm> vizdoom_rewards(const VizdoomRewards& rewards);

@@ -38,6 +38,7 @@ DoomEnvironment::DoomEnvironment(std::shared_ptr<const DoomGame> game)
   reward_value_.resize(reward_readings_.size() * game_->num_agents);
   if (has_gates_) reward_pays_.resize(reward_value_.size());
   make_action_mask();
+  exact_reward_.resize(game_->num_agents);
   step_.reward.resize(game_->num_agents);
   summary_.agent_score.resize(game_->num_agents);
   summary_.agent_return.resize(game_->num_agents);
@@ -93,9 +94,9 @@ void DoomEnvironment::press(std::span<const doom::Buttons> buttons) {
   }
   ++step_count_;
   read_reward_variables();
-  rewards_.step(reward_value_, step_.reward, reward_pays_);
+  rewards_.step(reward_value_, exact_reward_, reward_pays_);
   for (std::size_t agent = 0; agent < buttons_.size(); ++agent)
-    summary_.agent_return[agent] += step_.reward[agent];
+    summary_.agent_return[agent] += step_.reward[agent] = static_cast<float>(exact_reward_[agent]);
   if (step_.episode_over()) fill(summary_);
   if (watcher_ != nullptr) watcher_->ticked(*this);
 }

@@ -96,6 +96,8 @@ class DoomEnvironment final : public Environment {
   void press(std::span<const doom::Buttons> buttons);
   const Step& last_step() const override { return step_; }
   const EpisodeSummary& summary() const override { return summary_; }
+  /// The last step's rewards [N] before they are rounded to float.
+  std::span<const double> exact_reward() const { return exact_reward_; }
   uint64_t state_hash() const override;
 
   /// Who sees its tics; null: nobody. Not owned.
@@ -135,6 +137,7 @@ class DoomEnvironment final : public Environment {
   scenarios::RewardTracker rewards_;
   std::vector<double> reward_value_;  // [term, N]
   std::vector<uint8_t> reward_pays_;  // [term, N]; empty where no term has a gate
+  std::vector<double> exact_reward_;  // [N]
   bool has_gates_ = false;
   std::vector<uint8_t> action_mask_;    // [N, logits]
   std::vector<doom::Buttons> buttons_;  // [N]
@@ -181,6 +184,10 @@ Expected<std::unique_ptr<doom::Renderer>> make_renderer(const DoomGame& game,
 Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options);
 /// The same with a WAD that is open already; options.wad_path is not read.
 Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options,
+                                                         const wad::WadFile& wad);
+/// The same of a scenario that is read already; options.scenario names it in messages.
+Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options,
+                                                         scenarios::ScenarioSpec spec,
                                                          const wad::WadFile& wad);
 
 }  // namespace comrad::sim

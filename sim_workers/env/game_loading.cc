@@ -1,6 +1,7 @@
 // From names to a game: scenario, WAD, level, actor types, rules. Everything that can be wrong about them is
 // an error here, and nothing is later.
 #include <algorithm>
+#include <utility>
 
 #include "doomgen/layout/wad_writer.h"
 #include "doomgen/wad/wad_reader.h"
@@ -85,16 +86,23 @@ Expected<std::shared_ptr<const DoomGame>> LayoutLibrary::game(int layout_index) 
 }
 
 Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options) {
-  COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec spec, scenarios::load_scenario(options.scenario));
+  COMRAD_TRY_ASSIGN(scenarios::ScenarioSpec spec, scenarios::load_scenario(options.scenario));
   COMRAD_TRY_ASSIGN(const wad::WadFile wad,
                     wad::WadFile::open(options.wad_path, name_for_messages(options.wad_path, spec)));
-  return load_doom_game(options, wad);
+  return load_doom_game(options, std::move(spec), wad);
 }
 
 Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options,
                                                          const wad::WadFile& wad) {
+  COMRAD_TRY_ASSIGN(scenarios::ScenarioSpec spec, scenarios::load_scenario(options.scenario));
+  return load_doom_game(options, std::move(spec), wad);
+}
+
+Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOptions& options,
+                                                         scenarios::ScenarioSpec spec,
+                                                         const wad::WadFile& wad) {
   auto game = std::make_shared<DoomGame>();
-  COMRAD_TRY_ASSIGN(game->spec, scenarios::load_scenario(options.scenario));
+  game->spec = std::move(spec);
   COMRAD_TRY_ASSIGN(const auto weights, parse_reward_weights(options.reward));
   COMRAD_TRY(scenarios::change_weights(game->spec, weights));
   COMRAD_TRY(scenarios::change_heads(game->spec, options.heads));

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/process.h"
 #include "scenarios/tools/gallery_flags.h"
 #include "sim_workers/env/observation.h"
@@ -108,6 +109,9 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   comrad::prepare_process();
+  (void)comrad::init_log("trace", "");  // to stderr, which cannot fail: a trace may go to stdout
+  spdlog::set_pattern("comrad trace: %l: %v");
+  spdlog::set_level(spdlog::level::warn);
   try {
     for (int i = 1; i < argc; ++i)
       if (const std::string_view word = argv[i]; word == "--gallery" || word.starts_with("--gallery="))

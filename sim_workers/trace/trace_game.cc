@@ -1,84 +1,51 @@
 #include "sim_workers/trace/trace_game.h"
 
+#include <limits>
+#include <optional>
+
 #include "rollout_buffer/core/config_file_name.h"
 #include "scenarios/spec/registry.h"
-#include "scenarios/spec/vizdoom_config.h"
+#include "scenarios/spec/vizdoom_scenario.h"
 #include "sim_workers/engine/play/placement.h"
-#include "sim_workers/env/doom_env.h"
-#include "sim_workers/env/game_variables.h"
-#include "sim_workers/env/vizdoom_game.h"
 
 namespace comrad::trace {
 namespace {
 
-class VizdoomTrace final : public TraceGame {
- public:
-  explicit VizdoomTrace(std::shared_ptr<const sim::VizdoomGame> game) : episode_(std::move(game)) {
-    const scenarios::VizdoomConfig& config = episode_.game().config;
-    title = config.path + " " + episode_.game().content.level->name + " skill " +
-            std::to_string(config.rules.skill);
-    buttons = config.buttons, button_names = config.button_names;
-    if (config.seed) default_seed = *config.seed;
-    iwad_path = episode_.game().iwad_path;
-    art_paths = episode_.game().art_paths;
-    render.status_bar = config.hud;
-    render.weapon = config.weapon;
-    render.crosshair = config.crosshair;
-    render.screen_flashes = config.screen_flashes;
-    warnings = episode_.game().content.warnings;
-    warnings.insert(warnings.end(), config.buffer_warnings.begin(), config.buffer_warnings.end());
-  }
-  void reset(uint64_t seed) override { episode_.reset(seed); }
-  double step(const doom::Buttons& pressed) override { return episode_.step(pressed); }
-  bool finished() const override { return episode_.finished(); }
-  doom::World& world() override { return episode_.world(); }
-  double variable(const scenarios::GameVariable& which) const override { return episode_.variable(which); }
+/// The game of `spec`, without monsters where they are not wanted.
+Expected<std::unique_ptr<TraceGame>> open_game(const GameOptions& options, int num_agents,
+                                               const scenarios::ScenarioSpec& spec, const wad::WadFile& wad) {
+  const sim::EnvironmentOptions environment{
+      .scenario = options.target, .wad_path = {}, .num_agents = num_agents, .frame_skip = 1};
+  COMRAD_TRY_ASSIGN(const auto loaded, sim::load_doom_game(environment, spec, wad));
+  auto game = std::make_shared<sim::DoomGame>(*loaded);
+  game->no_monsters = options.no_monsters;
+  return std::make_unique<TraceGame>(std::move(game));
+}
 
- private:
-  sim::VizdoomEpisode episode_;
-};
-
-/// The first agent of a scenario; the others stand still.
-class ScenarioTrace final : public TraceGame {
- public:
-  explicit ScenarioTrace(std::shared_ptr<const sim::DoomGame> game)
-      : environment_(game), pressed_(static_cast<std::size_t>(game->num_agents)) {
-    const scenarios::ScenarioSpec& spec = game->spec;
-    title = spec.name + " " + game->level->name + ", " + std::to_string(game->num_agents) +
-            " agents, the first one's";
-    for (const scenarios::ActionHead& head : spec.heads)
-      for (const std::string& name : head.buttons) {
-        buttons.push_back(scenarios::find_button(name).value());
-        button_names.push_back(name);
-      }
-    render.status_bar = spec.hud;
-    render.crosshair = spec.crosshair;
-    render.screen_flashes = spec.screen_flashes;
-    render.weapon = spec.weapon;
+Expected<std::unique_ptr<TraceGame>> open_cfg(const GameOptions& options) {
+  COMRAD_TRY_ASSIGN(scenarios::VizdoomConfig config, scenarios::load_vizdoom_config(options.target));
+  const std::vector<std::string> names = std::move(config.button_names);
+  config.button_names = {
+      "ATTACK"};  // heads are not played: any button may be pressed, and more than heads hold
+  if (!options.wad_path.empty()) {
+    if (const auto opened = wad::WadFile::open(options.wad_path); !opened) return opened.error();
+    config.scenario_path = options.wad_path;
   }
-  void reset(uint64_t seed) override { environment_.reset(seed); }
-  double step(const doom::Buttons& pressed) override {
-    pressed_[0] = pressed;
-    environment_.press(pressed_);
-    return environment_.last_step().reward[0];
-  }
-  bool finished() const override { return environment_.last_step().episode_over(); }
-  doom::World& world() override { return environment_.world(); }
-  double variable(const scenarios::GameVariable& which) const override {
-    return sim::read_variable(environment_.world(), 0, which);
-  }
-
- private:
-  sim::DoomEnvironment environment_;
-  std::vector<doom::Buttons> pressed_;
-};
+  if (options.no_timeout || config.timeout_tics == 0) config.timeout_tics = std::numeric_limits<int>::max();
+  COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec spec, scenarios::vizdoom_scenario(config));
+  const std::string path = spec.folder + "/" + spec.wad;
+  COMRAD_TRY_ASSIGN(const wad::WadFile wad, wad::WadFile::open(path));
+  COMRAD_TRY_ASSIGN(auto trace, open_game(options, 1, spec, wad));
+  trace->title =
+      config.path + " " + trace->world().level().name + " skill " + std::to_string(config.rules.skill);
+  trace->buttons = config.buttons, trace->button_names = names;
+  if (config.seed) trace->default_seed = *config.seed;
+  if (!config.scenario_path.empty()) trace->art_paths.push_back(path);
+  return trace;
+}
 
 Expected<std::unique_ptr<TraceGame>> open_scenario(const GameOptions& options) {
   COMRAD_TRY_ASSIGN(const scenarios::ScenarioSpec spec, scenarios::load_scenario(options.target));
-  sim::EnvironmentOptions environment;
-  environment.scenario = options.target;
-  environment.num_agents = spec.default_agents;
-  environment.frame_skip = 1;
   std::optional<wad::WadFile> wad;
   if (!options.wad_path.empty()) {
     COMRAD_TRY_ASSIGN(wad, wad::WadFile::open(options.wad_path));
@@ -94,24 +61,45 @@ Expected<std::unique_ptr<TraceGame>> open_scenario(const GameOptions& options) {
             std::vector<uint8_t>(layout.wad.begin(), layout.wad.end()),
             layout.file.empty() ? options.target + " layout " + std::to_string(request.seed) : layout.file));
   }
-  COMRAD_TRY_ASSIGN(const auto loaded, sim::load_doom_game(environment, *wad));
-  auto game = std::make_shared<sim::DoomGame>(*loaded);
-  game->no_monsters = options.no_monsters;
-  std::unique_ptr<TraceGame> trace = std::make_unique<ScenarioTrace>(std::move(game));
+  COMRAD_TRY_ASSIGN(auto trace, open_game(options, spec.default_agents, spec, *wad));
+  trace->title = spec.name + " " + trace->world().level().name + ", " + std::to_string(spec.default_agents) +
+                 " agents, the first one's";
+  for (const scenarios::ActionHead& head : spec.heads)
+    for (const std::string& name : head.buttons) {
+      trace->buttons.push_back(scenarios::find_button(name).value());
+      trace->button_names.push_back(name);
+    }
   if (!options.wad_path.empty()) trace->art_paths.push_back(options.wad_path);
   return trace;
 }
 
 }  // namespace
 
+TraceGame::TraceGame(std::shared_ptr<const sim::DoomGame> game)
+    : environment_(game), pressed_(static_cast<std::size_t>(game->num_agents)) {
+  const scenarios::ScenarioSpec& spec = game->spec;
+  iwad_path = spec.iwad;
+  render.status_bar = spec.hud;
+  render.crosshair = spec.crosshair;
+  render.screen_flashes = spec.screen_flashes;
+  render.weapon = spec.weapon;
+  warnings = spec.warnings;
+}
+
+double TraceGame::step(const doom::Buttons& buttons_held) {
+  pressed_[0] = buttons_held;
+  environment_.press(pressed_);
+  return environment_.exact_reward()[0];
+}
+
+double TraceGame::variable(const scenarios::GameVariable& which) const {
+  if (environment_.game().spec.is_vizdoom && which.kind == scenarios::VariableKind::kHealth)
+    return environment_.world().body(0).health;
+  return environment_.read(0, which);
+}
+
 Expected<std::unique_ptr<TraceGame>> open_trace_game(const GameOptions& options) {
-  if (!names_vizdoom_config(options.target)) return open_scenario(options);
-  COMRAD_TRY_ASSIGN(scenarios::VizdoomConfig config, scenarios::load_vizdoom_config(options.target));
-  if (options.no_monsters) config.rules.no_monsters = true;
-  if (options.no_timeout) config.timeout_tics = 0;
-  COMRAD_TRY_ASSIGN(auto game, sim::load_vizdoom_game(std::move(config), options.wad_path));
-  std::unique_ptr<TraceGame> trace = std::make_unique<VizdoomTrace>(std::move(game));
-  return trace;
+  return names_vizdoom_config(options.target) ? open_cfg(options) : open_scenario(options);
 }
 
 void set_pose(doom::World& world, const Pose& pose) {

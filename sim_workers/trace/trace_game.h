@@ -9,7 +9,7 @@
 #include "rollout_buffer/core/expected.h"
 #include "scenarios/spec/game_names.h"
 #include "sim_workers/engine/render/renderer.h"
-#include "sim_workers/engine/world/world.h"
+#include "sim_workers/env/doom_env.h"
 #include "sim_workers/trace/trace_actions.h"
 
 namespace comrad::trace {
@@ -22,16 +22,20 @@ struct GameOptions {
   bool no_timeout = false;  ///< of a cfg: its episode_timeout does not count
 };
 
+/// The first agent's buttons; the others stand still.
 class TraceGame {
  public:
-  virtual ~TraceGame() = default;
+  /// `game` has a frame_skip of 1.
+  explicit TraceGame(std::shared_ptr<const sim::DoomGame> game);
+
   /// Starts an episode; the world is then as row t = 0 shows it.
-  virtual void reset(uint64_t seed) = 0;
+  void reset(uint64_t seed) { environment_.reset(seed); }
   /// One tic. Returns its reward.
-  virtual double step(const doom::Buttons& buttons) = 0;
-  virtual bool finished() const = 0;
-  virtual doom::World& world() = 0;
-  virtual double variable(const scenarios::GameVariable& variable) const = 0;
+  double step(const doom::Buttons& buttons);
+  bool finished() const { return environment_.last_step().episode_over(); }
+  doom::World& world() { return environment_.world(); }
+  /// As read_variable(), but a cfg's HEALTH is the body's, which is below 0 after a death, as ViZDoom says it.
+  double variable(const scenarios::GameVariable& variable) const;
 
   std::string title;                       ///< of the first line of a trace
   std::vector<scenarios::Button> buttons;  ///< what random actions choose from
@@ -41,6 +45,10 @@ class TraceGame {
   std::vector<std::string> art_paths;      ///< PWADs with art
   doom::RenderOptions render;              ///< what the game shows; the size is the caller's
   std::vector<std::string> warnings;
+
+ private:
+  sim::DoomEnvironment environment_;
+  std::vector<doom::Buttons> pressed_;
 };
 
 /// Errors: kNotFound, kBadFormat, kBadInput, kUnsupported; the message names file and place.

@@ -155,7 +155,7 @@ int rewards(const std::vector<std::string>& args) {
                          (term.unless.empty() || read_term(row, agent, term.unless, 0) == 0));
         }
       }
-      std::vector<float> reward(static_cast<std::size_t>(agents));
+      std::vector<double> reward(static_cast<std::size_t>(agents));
       if (first) {
         tracker.reset(value);
         first = false;

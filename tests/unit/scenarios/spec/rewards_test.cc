@@ -15,59 +15,59 @@ RewardTerm term(const std::string& kind, double weight, double cap = 0.0) {
 
 /// The rewards that one agent gets for a variable that starts at the first value and takes the others one
 /// by one.
-std::vector<float> rewards_of(const RewardTerm& reward_term, const std::vector<double>& values) {
+std::vector<double> rewards_of(const RewardTerm& reward_term, const std::vector<double>& values) {
   RewardTracker tracker({reward_term}, 1);
   tracker.reset(std::span(values).first(1));
-  std::vector<float> result;
+  std::vector<double> result;
   for (std::size_t i = 1; i < values.size(); ++i) {
-    float reward = -99;
+    double reward = -99;
     tracker.step(std::span(values).subspan(i, 1), std::span(&reward, 1));
     result.push_back(reward);
   }
   return result;
 }
 
-using Floats = std::vector<float>;
+using Doubles = std::vector<double>;
 
 TEST(Rewards, DeltaPaysEveryChange) {
-  EXPECT_EQ(rewards_of(term("delta", 0.5), {100, 104, 98, 98}), (Floats{2, -3, 0}));
+  EXPECT_EQ(rewards_of(term("delta", 0.5), {100, 104, 98, 98}), (Doubles{2, -3, 0}));
 }
 
 TEST(Rewards, RisePaysGainsOnly) {
-  EXPECT_EQ(rewards_of(term("rise", 0.5), {100, 104, 98, 98}), (Floats{2, 0, 0}));
+  EXPECT_EQ(rewards_of(term("rise", 0.5), {100, 104, 98, 98}), (Doubles{2, 0, 0}));
 }
 
 TEST(Rewards, FallPaysTheSizeOfALoss) {
-  EXPECT_EQ(rewards_of(term("fall", -0.5), {100, 104, 98, 98}), (Floats{0, -3, 0}));
+  EXPECT_EQ(rewards_of(term("fall", -0.5), {100, 104, 98, 98}), (Doubles{0, -3, 0}));
 }
 
 TEST(Rewards, NewMaxPaysOnlyBeyondTheBestSoFar) {
-  EXPECT_EQ(rewards_of(term("new_max", 1), {2, 5, 3, 4, 7}), (Floats{3, 0, 0, 2}));
+  EXPECT_EQ(rewards_of(term("new_max", 1), {2, 5, 3, 4, 7}), (Doubles{3, 0, 0, 2}));
 }
 
 TEST(Rewards, ValuePaysEveryDecision) {
-  EXPECT_EQ(rewards_of(term("value", 2), {1, 3, 3, 0}), (Floats{6, 6, 0}));
+  EXPECT_EQ(rewards_of(term("value", 2), {1, 3, 3, 0}), (Doubles{6, 6, 0}));
 }
 
 TEST(Rewards, EventPaysOnceForAnyRise) {
-  EXPECT_EQ(rewards_of(term("event", -3), {0, 1, 1, 0, 5}), (Floats{-3, 0, 0, -3}));
+  EXPECT_EQ(rewards_of(term("event", -3), {0, 1, 1, 0, 5}), (Doubles{-3, 0, 0, -3}));
 }
 
 TEST(Rewards, TheFirstDecisionStartsFromTheTrueStart) {
   for (const std::string& kind : reward_kinds()) {
     if (kind == "value") continue;
-    EXPECT_EQ(rewards_of(term(kind, 0.1), {100, 100}), (Floats{0})) << kind;
+    EXPECT_EQ(rewards_of(term(kind, 0.1), {100, 100}), (Doubles{0})) << kind;
   }
 }
 
 TEST(Rewards, TheCapClipsTheAmountBeforeTheWeight) {
-  EXPECT_EQ(rewards_of(term("delta", 2, 3), {0, 10, 0, 1}), (Floats{6, -6, 2}));
+  EXPECT_EQ(rewards_of(term("delta", 2, 3), {0, 10, 0, 1}), (Doubles{6, -6, 2}));
 }
 
 TEST(Rewards, AnEpisodeRemembersNothingOfTheOneBefore) {
   RewardTracker tracker({term("new_max", 1)}, 1);
   const double high = 50, start = 0, now = 4;
-  float reward = 0;
+  double reward = 0;
   tracker.reset(std::span(&start, 1));
   tracker.step(std::span(&high, 1), std::span(&reward, 1));
   EXPECT_EQ(reward, 50);
@@ -82,11 +82,11 @@ TEST(Rewards, TermsAddUpPerAgentAndPerAgentWeightsAreShared) {
   shared.per_agent = true;
   RewardTracker tracker({term("rise", 0.1), shared}, 2);
   const std::vector<double> start = {100, 100, 0, 0}, now = {110, 90, 3, 3};
-  std::vector<float> reward(2);
+  std::vector<double> reward(2);
   tracker.reset(start);
   tracker.step(now, reward);
-  EXPECT_FLOAT_EQ(reward[0], 1.0f + 0.75f);
-  EXPECT_FLOAT_EQ(reward[1], 0.75f);
+  EXPECT_DOUBLE_EQ(reward[0], 1.0 + 0.75);
+  EXPECT_DOUBLE_EQ(reward[1], 0.75);
 }
 
 TEST(Rewards, WeightsCanBeChangedAndTheCeilingOfAReturnIsUnknownThen) {
@@ -114,10 +114,10 @@ TEST(Rewards, WeightsCanBeChangedAndTheCeilingOfAReturnIsUnknownThen) {
 
 TEST(Rewards, WithoutTermsTheRewardIsZero) {
   RewardTracker tracker({}, 2);
-  std::vector<float> reward = {5, 5};
+  std::vector<double> reward = {5, 5};
   tracker.reset({});
   tracker.step({}, reward);
-  EXPECT_EQ(reward, (Floats{0, 0}));
+  EXPECT_EQ(reward, (Doubles{0, 0}));
 }
 
 TEST(Rewards, AShutTermPaysNothingAndForgetsNothing) {
@@ -125,11 +125,11 @@ TEST(Rewards, AShutTermPaysNothingAndForgetsNothing) {
   gated.when = "TRUNCATED";
   RewardTracker tracker({gated}, 2);
   tracker.reset(std::vector<double>{0.0, 0.0});
-  std::vector<float> reward(2);
+  std::vector<double> reward(2);
   tracker.step(std::vector<double>{5.0, 5.0}, reward, std::vector<uint8_t>{0, 1});
-  EXPECT_EQ(reward, (std::vector<float>{0.0f, 5.0f}));
+  EXPECT_EQ(reward, (std::vector<double>{0.0, 5.0}));
   tracker.step(std::vector<double>{7.0, 7.0}, reward, std::vector<uint8_t>{1, 1});
-  EXPECT_EQ(reward, (std::vector<float>{2.0f, 2.0f}));
+  EXPECT_EQ(reward, (std::vector<double>{2.0, 2.0}));
 }
 
 }  // namespace rewards_test
