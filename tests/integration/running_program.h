@@ -64,12 +64,6 @@ std::vector<pid_t> processes_of(const std::string& folder, const std::string& pr
 /// The number in an environment variable.
 double number_of(const char* name, double otherwise);
 
-/// test::wait_until, at a pace for conditions that read files.
-template <typename Condition>
-bool wait_until(Condition&& condition, double timeout_s = kPatienceSeconds) {
-  return test::wait_until(condition, timeout_s, 50'000);
-}
-
 /// Reads the JSON object of a file, or null while there is none.
 nlohmann::json read_json(const std::string& path);
 /// Reads a file of one JSON object per line.

@@ -24,7 +24,7 @@ inline double deadline_s() { return monotonic_s() + kPatienceSeconds * patience(
 
 /// Polls until `condition` holds. False after `timeout_s`.
 template <typename Condition>
-bool wait_until(Condition&& condition, double timeout_s = kPatienceSeconds, useconds_t pause_us = 2000) {
+bool wait_until(Condition&& condition, double timeout_s = kPatienceSeconds, useconds_t pause_us = 10'000) {
   for (const double deadline_s = monotonic_s() + timeout_s * patience(); !condition(); usleep(pause_us))
     if (monotonic_s() > deadline_s) return false;
   return true;
