@@ -36,7 +36,7 @@ void redirect(const fs::path& path, int descriptor) {
 }  // namespace
 
 RunningProgram::RunningProgram(const std::vector<std::string>& command, const Environment& environment)
-    : begin_s_(now_s()), out_(scratch_file("out")), err_(scratch_file("err")) {
+    : out_(scratch_file("out")), err_(scratch_file("err")) {
   std::vector<char*> arguments;
   for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
   arguments.push_back(nullptr);
@@ -81,7 +81,6 @@ Ending RunningProgram::wait(double timeout_s) {
     reaped_ = true;
   }
   ending.exit_code = WIFSIGNALED(status_) ? 128 + WTERMSIG(status_) : WEXITSTATUS(status_);
-  ending.seconds = now_s() - begin_s_;
   ending.out = read_text(out_.string());
   ending.err = read_text(err_.string());
   return ending;

@@ -19,8 +19,7 @@ namespace comrad::test {
 struct Ending {
   int exit_code = -1;      ///< 128 + signal when a signal ended it
   bool timed_out = false;  ///< it was killed after the time limit
-  double seconds = 0;
-  std::string out, err;  ///< all it printed
+  std::string out, err;    ///< all it printed
 };
 
 using Environment = std::map<std::string, std::string>;
@@ -44,7 +43,6 @@ class RunningProgram {
   pid_t pid_ = -1;
   int status_ = 0;
   bool reaped_ = false;
-  double begin_s_ = 0;
   std::filesystem::path out_, err_;
 };
 

@@ -22,11 +22,15 @@ inline double patience() {
 /// When a wait that begins now is given up, on the clock of monotonic_s().
 inline double deadline_s() { return monotonic_s() + kPatienceSeconds * patience(); }
 
-/// Polls until `condition` holds. False after `timeout_s`.
+/// Polls until `condition` holds, ever more slowly. False after `timeout_s`.
 template <typename Condition>
-bool wait_until(Condition&& condition, double timeout_s = kPatienceSeconds, useconds_t pause_us = 10'000) {
-  for (const double deadline_s = monotonic_s() + timeout_s * patience(); !condition(); usleep(pause_us))
-    if (monotonic_s() > deadline_s) return false;
+bool wait_until(Condition&& condition, double timeout_s = kPatienceSeconds,
+                useconds_t longest_pause_us = 50'000) {
+  const double end_s = monotonic_s() + timeout_s * patience();
+  for (useconds_t pause_us = 1000; !condition(); pause_us = 2 * pause_us) {
+    if (monotonic_s() > end_s) return false;
+    usleep(pause_us = std::min(pause_us, longest_pause_us));
+  }
   return true;
 }
 

@@ -56,10 +56,11 @@ TEST(ChildProcess, HearsWhatItIsToldUntilItsInputEnds) {
   (*child)->end_input();
   (*child)->tell("three\n");
   std::vector<std::string> lines;
-  for (const double end_s = monotonic_s() + 60; !(*child)->poll_exit() && monotonic_s() < end_s;
-       usleep(5'000))
+  const auto read_all = [&] {
     for (std::string& line : (*child)->read_lines()) lines.push_back(line);
-  for (std::string& line : (*child)->read_lines()) lines.push_back(line);
+  };
+  EXPECT_TRUE(test::wait_until([&] { return read_all(), (*child)->poll_exit().has_value(); }));
+  read_all();
   EXPECT_THAT(lines, ElementsAre("heard one", "two", "end"));
 }
 

@@ -217,7 +217,8 @@ TEST_P(FrameLink, SimulatorsWithoutAPolicyPlayWithThatOfAnotherArena) {
   });
   Learned learned;
   while (!has_played) learned.drain(near);
-  EXPECT_TRUE(test::wait_until([&] { return learned.drain(near), learned.slabs >= 100; }));
+  EXPECT_TRUE(test::wait_until([&] { return learned.drain(near), learned.slabs >= 100; },
+                               test::kPatienceSeconds, 1000));
   playing.join();
   stop = true;
   near.control().run_state = shm::RunState::kStopping;
@@ -284,7 +285,8 @@ TEST(FrameLinkBadLuck, EitherEndMayBeginAnewAndNothingIsLearnedTwice) {
     return far.learner_counters().decisions.load() + far.control().decisions_lost_on_the_way.load();
   };
   constexpr uint64_t kPlayed = 4 * kRollouts * 4 * 2;
-  EXPECT_TRUE(test::wait_until([&] { return learned.drain(near), accounted() >= kPlayed; }));
+  EXPECT_TRUE(test::wait_until([&] { return learned.drain(near), accounted() >= kPlayed; },
+                               test::kPatienceSeconds, 1000));
   stop_receiver = stop_sender = true;
   near.control().run_state = shm::RunState::kStopping;
   for (std::thread* thread : {&receiving, &answering, &sending}) thread->join();
@@ -417,7 +419,7 @@ TEST(FrameLinkBadLuck, NonsenseFromAPeerHarmsNobody) {
   }
   playing.join();
   // What the far end has sealed may still be on its way.
-  EXPECT_TRUE(test::wait_until([&] { return drain(), learned.slabs >= 190; }));
+  EXPECT_TRUE(test::wait_until([&] { return drain(), learned.slabs >= 190; }, test::kPatienceSeconds, 1000));
   stop = true;
   near.control().run_state = shm::RunState::kStopping;
   for (std::thread* thread : {&receiving, &answering, &sending}) thread->join();
