@@ -1,5 +1,5 @@
-// Workers that are killed and runs that are interrupted: training goes on or ends cleanly, and nothing is
-// left behind.
+// Workers that are killed and runs that are interrupted, with the real programs: training goes on or ends cleanly, and nothing
+// is left behind. In how many ways that may come is played without processes (tests/simulation).
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -15,7 +15,6 @@ using ::testing::SizeIs;
 
 constexpr double kStartSeconds = 60;
 constexpr double kRunTimeoutSeconds = 120;
-constexpr double kStopSeconds = 10;
 
 /// Waits until the learner has trained on `frames` more than now.
 bool trains_on(const std::string& run, double frames, double timeout_s) {
@@ -23,13 +22,13 @@ bool trains_on(const std::string& run, double frames, double timeout_s) {
   return wait_until([&] { return env_frames(run) >= before + frames; }, timeout_s);
 }
 
-/// An endless small run that has begun to train. The parameter says how simulators reach the policy.
-class EndlessRun : public ::testing::TestWithParam<const char*> {
+/// An endless small run that has begun to train. `link` says how simulators reach the policy.
+class EndlessRun : public ::testing::Test {
  protected:
-  EndlessRun()
+  explicit EndlessRun(const char* link = "shm")
       : run_(scratch_ / "run"),
         // A new learner goes on from a checkpoint that is a second old, not from the beginning.
-        training_(small_training(scratch_, "run", 1e9, {"--link", GetParam(), "--save_every_sec", "1"})) {}
+        training_(small_training(scratch_, "run", 1e9, {"--link", link, "--save_every_sec", "1"})) {}
 
   void SetUp() override {
     ASSERT_TRUE(wait_until([this] { return env_frames(run_) > 0 || !training_.running(); }, kStartSeconds));
@@ -52,14 +51,12 @@ class EndlessRun : public ::testing::TestWithParam<const char*> {
     EXPECT_TRUE(training_.running());
   }
 
-  /// Sends `number` and expects a clean end in time, a checkpoint, and no process left.
+  /// Sends `number` and expects a clean end, a checkpoint, and no process left.
   void expect_clean_stop(int number) {
-    const double begin_s = now_s();
     training_.signal(number);
-    const Ending ending = training_.wait(3 * kStopSeconds);
+    const Ending ending = training_.wait(kRunTimeoutSeconds);
     EXPECT_FALSE(ending.timed_out) << ending.err;
     EXPECT_EQ(ending.exit_code, 0) << ending.err;
-    EXPECT_LT(now_s() - begin_s, kStopSeconds * patience());
     EXPECT_FALSE(files(run_ + "/checkpoint", "checkpoint_", ".pt").empty());
     EXPECT_TRUE(files(run_ + "/checkpoint", ".tmp-").empty()) << "half-written files";
     EXPECT_TRUE(processes_of(run_).empty());
@@ -72,42 +69,35 @@ class EndlessRun : public ::testing::TestWithParam<const char*> {
   RunningProgram training_;
 };
 
-TEST_P(EndlessRun, GoesOnAfterSimulatorPolicyWorkerAndLearnerWereKilled) {
+TEST_F(EndlessRun, AnInterruptEndsItCleanlyAndItResumes) {
+  ASSERT_TRUE(trains_on(run_, 4096, kStartSeconds));
+  expect_clean_stop(SIGINT);
+  const double before = env_frames(run_);
+  RunningProgram resumed(small_training(scratch_, "run", before + 4096));
+  EXPECT_EQ(resumed.wait(kRunTimeoutSeconds).exit_code, 0);
+  EXPECT_GE(env_frames(run_), before + 4096);
+}
+
+TEST_F(EndlessRun, NothingIsLeftWhenTheSupervisorIsKilled) {
+  training_.signal(SIGKILL);
+  training_.wait(kRunTimeoutSeconds);
+  EXPECT_TRUE(wait_until([this] { return processes_of(run_).empty(); }, kRunTimeoutSeconds))
+      << processes_of(run_).size() << " processes are left";
+}
+
+class LinkedRun : public EndlessRun, public ::testing::WithParamInterface<const char*> {
+ protected:
+  LinkedRun() : EndlessRun(GetParam()) {}
+};
+
+TEST_P(LinkedRun, GoesOnAfterSimulatorPolicyWorkerAndLearnerWereKilled) {
   kill_and_expect_a_successor("comrad-sim-worker", 2);
   kill_and_expect_a_successor("comrad-policy-worker", 1);
   kill_and_expect_a_successor("comrad-learner", 1);
   expect_clean_stop(SIGTERM);
 }
 
-TEST_P(EndlessRun, AnInterruptEndsItCleanlyAndItResumes) {
-  ASSERT_TRUE(trains_on(run_, 4096, kStartSeconds));
-  expect_clean_stop(SIGINT);
-  const double before = env_frames(run_);
-  RunningProgram resumed(small_training(scratch_, "run", before + 4096, {"--link", GetParam()}));
-  EXPECT_EQ(resumed.wait(kRunTimeoutSeconds).exit_code, 0);
-  EXPECT_GE(env_frames(run_), before + 4096);
-}
-
-TEST_P(EndlessRun, ASecondInterruptEndsItAtOnce) {
-  // Those that arrive while the supervisor is off the processor are taken for one.
-  EXPECT_TRUE(wait_until(
-      [this] {
-        if (training_.running()) training_.signal(SIGINT);
-        return !training_.running();
-      },
-      5));
-  training_.wait(kStopSeconds);
-  EXPECT_TRUE(wait_until([this] { return processes_of(run_).empty(); }, kStopSeconds));
-}
-
-TEST_P(EndlessRun, NothingIsLeftWhenTheSupervisorIsKilled) {
-  training_.signal(SIGKILL);
-  training_.wait(5);
-  EXPECT_TRUE(wait_until([this] { return processes_of(run_).empty(); }, kStopSeconds + 2))
-      << processes_of(run_).size() << " processes are left";
-}
-
-INSTANTIATE_TEST_SUITE_P(Links, EndlessRun, ::testing::Values("shm", "dds"),
+INSTANTIATE_TEST_SUITE_P(Links, LinkedRun, ::testing::Values("shm", "dds"),
                          [](const auto& link) { return std::string(link.param); });
 
 }  // namespace supervision_test

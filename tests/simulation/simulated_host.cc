@@ -14,7 +14,7 @@ class Puppet final : public deploy::Process {
 
   pid_t pid() const override { return pid_; }
   int output_descriptor() const override { return -1; }
-  std::vector<std::string> read_lines() override { return {}; }
+  std::vector<std::string> read_lines() override { return std::exchange(body_->lines, {}); }
   const std::optional<ExitStatus>& poll_exit() override {
     if (body_->exit && !is_seen_) host_.exits_.push_back({body_->place, *body_->exit, body_});
     is_seen_ |= body_->exit.has_value();
@@ -32,7 +32,7 @@ class Puppet final : public deploy::Process {
     if (body_->input_ended_s == 0) body_->input_ended_s = host_.clock_.now_s();
   }
   double cpu_seconds() const override { return 0; }
-  bool is_stopped() const override { return false; }
+  bool is_stopped() const override { return body_->is_stopped; }
 
  private:
   SimulatedHost& host_;

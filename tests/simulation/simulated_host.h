@@ -24,6 +24,8 @@ struct Body {
   double started_s = 0;
   bool has_joined = false;
   bool is_hung = false;
+  bool is_stopped = false;         ///< by SIGSTOP
+  std::vector<std::string> lines;  ///< printed and not read yet
   bool has_worked = false;
   std::optional<ExitStatus> exit;  ///< it has ended
   double ended_s = 0;

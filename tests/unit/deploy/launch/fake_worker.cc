@@ -4,11 +4,9 @@
 //
 // Lines of fake.txt, `<name> <habit> [number]`, where name is sim-0, policy-0, learner, ...:
 //   say TEXT...       print TEXT on standard error at the start
-//   exit CODE         leave with CODE right after joining; `exit_once` only the first time
+//   exit CODE         leave with CODE right after joining
 //   deaf 0            ignore SIGTERM and the run state
 //   finish MS         learner: reach the run's goal and leave with 0 after MS milliseconds of running
-//   leave MS          learner: the same without having reached it
-//   unsaved MS        learner: reach the goal, but fail to save (exit code 3)
 //   restored COUNT    counters begin at COUNT, as those of a resumed learner do, env frames at 4 x COUNT
 //   episodes COUNT    sim: finish COUNT episodes, then play on
 //   fill 0            sim: take a slab and hold it with 5 rows filled
@@ -76,10 +74,6 @@ int main(int argc, char** argv) {
     std::getline(words >> std::ws, rest);
     if (who == name) habits[habit] = rest;
   }
-  std::ifstream past(events);
-  int lives = 0;
-  for (std::string line; std::getline(past, line);) lives += line.starts_with(name + " start ");
-
   signal(SIGTERM, [](int) { terminated = true; });
   if (habits.contains("deaf")) signal(SIGTERM, SIG_IGN);
   tell("start " + std::to_string(getpid()) + all);
@@ -95,7 +89,6 @@ int main(int argc, char** argv) {
     return 1;
   }
   if (habits.contains("exit")) return std::atoi(habits["exit"].c_str());
-  if (habits.contains("exit_once") && lives == 0) return std::atoi(habits["exit_once"].c_str());
 
   shm::ControlBlock& control = arena->control();
   shm::WorkerCounters& counters = role == "sim"      ? arena->sim_counters(index)
@@ -157,15 +150,11 @@ int main(int argc, char** argv) {
         control.learner_env_frames.store(report.env_frames);
         arena->publish_report(report);
       }
-      const auto is_due = [&](const char* habit) {
-        return habits.contains(habit) && monotonic_s() - running_since_s > 1e-3 * std::stod(habits[habit]);
-      };
-      if (is_due("finish") || is_due("unsaved")) {
+      if (habits.contains("finish") && monotonic_s() - running_since_s > 1e-3 * std::stod(habits["finish"])) {
         control.goal_reached = 1;
         tell("finished");
-        return is_due("finish") ? kExitDone : kExitNotSaved;
+        return kExitDone;
       }
-      if (is_due("leave")) return kExitDone;
     }
     usleep(50'000);
   }

@@ -37,7 +37,6 @@ int main(int argc, char** argv) {
     if (name == "warmup") plan.warmup_seconds = std::stod(value);
     if (name == "lock") plan.lock_descriptor = std::atoi(value.c_str());
     if (name == "deterministic") plan.config.collection.deterministic = true;
-    if (name == "delay") plan.restarts.first_delay_s = plan.restarts.max_delay_s = std::stod(value);
     if (name == "slabs") plan.config.collection.trajectory_slabs = std::stoll(value);
   }
   const Expected<deploy::RunOutcome> outcome = deploy::run(plan);

@@ -47,6 +47,9 @@ bool eventually(double limit_s, const std::function<bool()>& done) {
   return done();
 }
 
+/// What is true of real processes alone: what they are given, what reaches them, and that none is left. The supervisor's
+/// decisions are played by tests/simulation.
+///
 /// A supervisor in a process of its own (launch_probe.cc) with fake workers (fake_worker.cc) in a
 /// run directory.
 class Launch : public testing::Test {
@@ -206,41 +209,6 @@ TEST_F(Launch, AKilledSimulatorAndPolicyWorkerAreRestartedAndTheRunGoesOn) {
   EXPECT_THAT(progress(), HasSubstr("10 decisions lost"));
 }
 
-TEST_F(Launch, ADeadLearnerIsRestartedToGoOnFromItsCheckpoint) {
-  start("learner exit_once 1\nlearner finish 300\n");
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
-  EXPECT_EQ(pids("learner").size(), 2u);
-  EXPECT_EQ(outcome()["restarts"], 1);
-  EXPECT_THAT(std::string(outcome()["message"]), HasSubstr("finished: "));
-}
-
-TEST_F(Launch, AWorkerThatKeepsDyingEndsTheRunWithItsLastWords) {
-  start("sim-1 say cannot find the IWAD; install freedoom\nsim-1 exit 1\n");
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 1) << story();
-  const std::string error = outcome()["error"];
-  EXPECT_THAT(error, HasSubstr("sim-1 died 4 times and is given up (exit code 1)"));
-  EXPECT_THAT(error, HasSubstr("cannot find the IWAD; install freedoom"));
-  EXPECT_EQ(pids("sim-1").size(), 4u);
-  EXPECT_EQ(status()["state"], "failed");
-  EXPECT_EQ(status()["message"], error);
-  EXPECT_THAT(events(), Contains("learner stopped")) << "the learner may still save";
-}
-
-TEST_F(Launch, AWorkersWarningIsShownOnceAsItStands) {
-  start(
-      "learner say 2026-11-22T10:00:00.000 W learner: warning: 31% of the samples are old\n"
-      "sim-0 say 2026-11-22T10:00:00.000 W sim-0: slow disk\n"
-      "learner exit_once 1\nlearner finish 300\n");
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
-  ASSERT_EQ(pids("learner").size(), 2u) << "it said it twice";
-  const std::string shown = progress(), warning = "warning: 31% of the samples are old\n";
-  const std::size_t at = shown.find(warning);
-  ASSERT_NE(at, std::string::npos) << shown;
-  EXPECT_TRUE(at == 0 || shown[at - 1] == '\n') << "a line of its own";
-  EXPECT_EQ(shown.find(warning, at + 1), std::string::npos) << shown;
-  EXPECT_THAT(shown, HasSubstr("sim-0: 2026-11-22T10:00:00.000 W sim-0: slow disk"));
-}
-
 TEST_F(Launch, BadInputIsNotTriedTwice) {
   start("policy-0 say batch_size: -1 is not allowed\npolicy-0 exit 2\n");
   ASSERT_EQ(wait_for_end(kGuardSeconds), 1) << story();
@@ -262,31 +230,13 @@ TEST_F(Launch, SigtermStopsEverybodyCleanly) {
             "interrupted by SIGTERM; go on with --experiment " + fs::path(run_dir_).filename().string());
 }
 
-TEST_F(Launch, AWorkerThatWillNotStopIsKilledWithinTenSeconds) {
-  start("sim-0 deaf 0\n");
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
-  kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(13), 0) << story();
-  EXPECT_THAT(progress(), HasSubstr("sim-0 did not stop in time and is killed"));
-}
-
-TEST_F(Launch, ALearnerThatCannotSaveInTimeMakesTheExitCodeNonZero) {
+TEST_F(Launch, ALearnerThatDoesNotStopIsKilledAndTheExitCodeIsNotZero) {
   start("learner deaf 0\n");
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
   kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(13), 1) << story();
+  ASSERT_EQ(wait_for_end(kGuardSeconds), 1) << story();
+  EXPECT_TRUE(has_shown("learner did not stop in time and is killed")) << story();
   EXPECT_THAT(std::string(status()["message"]), HasSubstr("did not save a last checkpoint"));
-}
-
-TEST_F(Launch, ARunThatIsStoppedWhileItsLearnerIsDeadSaysThatNothingWasSaved) {
-  start("", {"delay=30"});
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
-  kill(pids("learner").back(), SIGKILL);
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return has_shown("learner died"); }));
-  kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(20), 1) << story();
-  EXPECT_THAT(std::string(status()["message"]), HasSubstr("did not save a last checkpoint"));
-  EXPECT_EQ(pids("learner").size(), 1u);
 }
 
 TEST_F(Launch, ASecondSigintStopsAtOnce) {
@@ -364,18 +314,6 @@ TEST_F(Launch, ABenchCountsOnlyItsWindow) {
   EXPECT_EQ(result["interrupted"], false);
 }
 
-TEST_F(Launch, ARestoredCountIsNotTakenForWorkOfThisRun) {
-  // The learner resumes a checkpoint of a million decisions, dies, and resumes it again.
-  start("learner restored 1000000\n", {"seconds=2"});
-  // The window opens at an update.
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return has_shown(" 5120 env frames/s"); })) << story();
-  kill(pids("learner").back(), SIGKILL);
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
-  EXPECT_EQ(pids("learner").size(), 2u);
-  EXPECT_GE(outcome()["measured_decisions"], 64);
-  EXPECT_LE(outcome()["measured_decisions"], 64 * (20 * double(outcome()["measured_seconds"]) + 7));
-}
-
 TEST_F(Launch, InLockStepOneDeathSendsEverybodyBackToTheCheckpoint) {
   start("learner restored 1000000\n", {"deterministic=1"});
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return has_shown(" 5120 env frames/s"); })) << story();
@@ -422,53 +360,12 @@ TEST_F(Launch, ALearnerThatGoesBackSaysHowMuchLearningWasLost) {
   EXPECT_THAT(progress(), HasSubstr(back + "\n")) << "at once, and in every line of progress";
 }
 
-TEST_F(Launch, ALearnerThatEndsBeforeTheGoalHasNotFinishedTheRun) {
-  start("learner leave 800\n");
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << progress();
-  EXPECT_THAT(std::string(outcome()["message"]), HasSubstr("before the run's goal"));
-  EXPECT_EQ(outcome()["interrupted"], true);
-  EXPECT_EQ(status()["state"], "paused");
-}
-
-TEST_F(Launch, ALastCheckpointThatCannotBeWrittenEndsTheRunAtOnce) {
-  start("learner unsaved 800\nlearner restored 100000\n");
-  ASSERT_EQ(wait_for_end(15), 1) << progress();
-  EXPECT_EQ(pids("learner").size(), 1u) << "the same frames were trained on again";
-  EXPECT_THAT(
-      std::string(outcome()["error"]),
-      testing::MatchesRegex("the last checkpoint could not be written, [0-9.]+k? env frames since the one at "
-                            "400k are lost; .*"));
-  EXPECT_EQ(status()["state"], "failed");
-}
-
 TEST_F(Launch, AskedForACheckpointItPassesTheWishOn) {
   start("learner finish 4000\n");
   ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
   kill(probe_, SIGUSR1);
   EXPECT_TRUE(eventually(kGuardSeconds, [&] { return has_shown("SIGUSR1: a checkpoint"); }));
   ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << "SIGUSR1 ended it";
-}
-
-TEST_F(Launch, AWorkerThatStandsStillIsNamedAndTheRateIsZero) {
-  start("");
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
-  const pid_t stopped = pids("sim-0").back();
-  kill(stopped, SIGSTOP);
-  const auto is_named =
-      testing::Matches(testing::ContainsRegex("[|] sim-0 silent for 1[0-9]s [(]SIGSTOP[)]"));
-  EXPECT_TRUE(eventually(kGuardSeconds, [&] { return is_named(progress()); })) << progress();
-  EXPECT_FALSE(has_shown("| sim-1 silent")) << progress();
-  kill(pids("sim-1").back(), SIGSTOP);
-  EXPECT_TRUE(eventually(kGuardSeconds, [&] { return has_shown("| 0 env frames/s, 0 decisions/s"); }))
-      << progress();
-  kill(stopped, SIGCONT);
-  EXPECT_TRUE(eventually(kGuardSeconds, [&] {
-    const std::string said = progress();
-    return said.substr(said.rfind('\n', said.size() - 2)).find("sim-0 silent") == std::string::npos;
-  })) << progress();
-  kill(pids("sim-1").back(), SIGCONT);
-  kill(probe_, SIGTERM);
-  EXPECT_EQ(wait_for_end(kGuardSeconds), 0);
 }
 
 TEST_F(Launch, AnArenaThatDoesNotFitSaysSo) {

@@ -158,6 +158,21 @@ TEST(ChildProcess, AProgramThatIsNotThereIsAnErrorHereAndNotADeathLater) {
   EXPECT_THAT(child.error().message, HasSubstr("/nowhere/comrad-sim-worker: No such file"));
 }
 
+TEST(ChildProcess, OneThatIsStoppedIsSeenAsStopped) {
+  auto child = ChildProcess::spawn(shell("exec sleep 60"));
+  ASSERT_TRUE(child);
+  const auto becomes = [&](bool is_stopped) {
+    for (const double end_s = monotonic_s() + 60; child->is_stopped() != is_stopped && monotonic_s() < end_s;)
+      usleep(1'000);
+    return child->is_stopped() == is_stopped;
+  };
+  EXPECT_TRUE(becomes(false));
+  child->send_signal(SIGSTOP);
+  EXPECT_TRUE(becomes(true));
+  child->send_signal(SIGCONT);
+  EXPECT_TRUE(becomes(false));
+}
+
 TEST(ChildProcess, DestroyingItEndsIt) {
   pid_t pid = 0;
   {
