@@ -5,7 +5,6 @@
 
 #include "policy_workers/policy/torch_ops.h"
 #include "rollout_buffer/core/check.h"
-#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/core/stage_clock.h"
 
@@ -14,7 +13,8 @@ namespace comrad::policy {
 using shm::RequestKind;
 using shm::SlotState;
 
-Expected<Batcher> Batcher::create(const shm::Arena& arena, const BatcherOptions& options) {
+Expected<Batcher> Batcher::create(const shm::Arena& arena, const BatcherOptions& options,
+                                  const Clock& clock) {
   const int worker_count = arena.shape().policy_worker_count;
   if (options.policy_worker < 0 || options.policy_worker >= worker_count)
     return Error{ErrorCode::kBadInput, "worker_index is " + std::to_string(options.policy_worker) +
@@ -22,11 +22,15 @@ Expected<Batcher> Batcher::create(const shm::Arena& arena, const BatcherOptions&
                                            " policy workers"};
   if (options.min_batch < 0 || options.max_batch < 0 || options.max_wait_us < 0)
     return Error{ErrorCode::kBadInput, "min_batch, max_batch and max_wait_us must not be negative"};
-  return Batcher(arena, options);
+  return Batcher(arena, options, clock);
 }
 
-Batcher::Batcher(const shm::Arena& arena, const BatcherOptions& options)
-    : arena_(&arena), options_(options), action_key_(RngKey(options.seed).split("action")), states_(arena) {
+Batcher::Batcher(const shm::Arena& arena, const BatcherOptions& options, const Clock& clock)
+    : arena_(&arena),
+      clock_(&clock),
+      options_(options),
+      action_key_(RngKey(options.seed).split("action")),
+      states_(arena) {
   const shm::ArenaShape& shape = arena.shape();
   for (int sim_worker = 0; sim_worker < shape.served_worker_count(); ++sim_worker) {
     for (int split = 0; split < shape.splits_per_worker; ++split) {
@@ -66,18 +70,18 @@ Batcher::SplitCount Batcher::count_ready(const Split& split) const {
 const Batch& Batcher::gather(int64_t timeout_us) {
   batch_.requests.clear();
   batch_.frames.clear();
-  const int64_t deadline_ns = monotonic_ns() + timeout_us * 1000;
+  const int64_t deadline_ns = clock_->now_ns() + timeout_us * 1000;
   shm::Doorbell& doorbell = arena_->slots_ready(options_.policy_worker);
   while (true) {
     const uint32_t heard = shm::listen(doorbell);
     if (collect()) break;
-    const int64_t now_ns = monotonic_ns();
+    const int64_t now_ns = clock_->now_ns();
     if (now_ns >= deadline_ns) return batch_;
     int64_t until_ns = deadline_ns;
     if (first_ready_ns_ != 0 && !options_.is_deterministic)
       until_ns = std::min(until_ns, first_ready_ns_ + options_.max_wait_us * 1000);
     shm::wait(doorbell, heard, std::max<int64_t>(1, (until_ns - now_ns + 999) / 1000));
-    wait_ns_ += static_cast<uint64_t>(monotonic_ns() - now_ns);
+    wait_ns_ += static_cast<uint64_t>(clock_->now_ns() - now_ns);
   }
   load_inputs();
   return batch_;
@@ -95,7 +99,7 @@ bool Batcher::collect() {
     first_ready_ns_ = 0;
     return false;
   }
-  const int64_t now_ns = monotonic_ns();
+  const int64_t now_ns = clock_->now_ns();
   if (first_ready_ns_ == 0) first_ready_ns_ = now_ns;
   const bool is_overdue =
       !options_.is_deterministic && now_ns - first_ready_ns_ >= options_.max_wait_us * 1000;

@@ -14,6 +14,7 @@
 #include "policy_workers/batching/recurrent_state_table.h"
 #include "policy_workers/policy/action_heads.h"
 #include "policy_workers/policy/policy_net.h"
+#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/core/rng.h"
 #include "rollout_buffer/shm/arena.h"
@@ -83,9 +84,11 @@ struct Batch {
 /// any point leaves slots that its successor answers anew with the same result.
 class Batcher {
  public:
+  /// Arena and clock outlive it. A gather() reads the clock twice, and up to three times for each wait.
   /// Errors: kBadInput when the worker index is not of this run, or the network does not fit the
   /// arena's shapes.
-  static Expected<Batcher> create(const shm::Arena& arena, const BatcherOptions& options);
+  static Expected<Batcher> create(const shm::Arena& arena, const BatcherOptions& options,
+                                  const Clock& clock = kMachineClock);
 
   /// Takes over what a dead predecessor had gathered: kInBatch -> kReady. Returns how many slots. At
   /// start only.
@@ -123,7 +126,7 @@ class Batcher {
     bool is_complete;
   };
 
-  Batcher(const shm::Arena& arena, const BatcherOptions& options);
+  Batcher(const shm::Arena& arena, const BatcherOptions& options, const Clock& clock);
   SplitCount count_ready(const Split& split) const;
   bool collect();
   void take(const Split& split, int64_t limit);
@@ -135,6 +138,7 @@ class Batcher {
               PolicyVersion version);
 
   const shm::Arena* arena_;
+  const Clock* clock_;
   BatcherOptions options_;
   std::vector<SeatRule> seats_;  // [N]; empty: all agents alike
   RngKey action_key_;

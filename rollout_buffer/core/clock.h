@@ -1,6 +1,7 @@
 // Seconds for waits, rates and reports. Simulated time (tics) never comes from here.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <ctime>
 
@@ -40,12 +41,12 @@ inline const MachineClock kMachineClock;
 /// A simulation's: it stands still until it is moved.
 class ManualClock final : public Clock {
  public:
-  int64_t now_ns() const override { return now_ns_; }
+  int64_t now_ns() const override { return now_ns_.load(); }
   void advance_ns(int64_t by_ns) { now_ns_ += by_ns; }
   void advance_s(double by_s) { advance_ns(static_cast<int64_t>(by_s * 1e9)); }
 
  private:
-  int64_t now_ns_ = 1'000'000'000;  // 0 often means "never"
+  std::atomic<int64_t> now_ns_ = 1'000'000'000;  // 0 often means "never"
 };
 
 /// Seconds since 1970 (UTC): for files that people read, not for differences.

@@ -4,7 +4,6 @@
 #include <utility>
 #include <vector>
 
-#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/timing.h"
@@ -25,8 +24,9 @@ uint64_t arena_of(uint64_t session) { return session >> 32; }
 
 }  // namespace
 
-Feeder::Feeder(const shm::Arena& arena, dds::LinkBus bus, const FeederOptions& options)
+Feeder::Feeder(const shm::Arena& arena, dds::LinkBus bus, const FeederOptions& options, const Clock& clock)
     : arena_(arena),
+      clock_(clock),
       bus_(std::move(bus)),
       options_(options),
       cutter_(arena.slab_offsets()),
@@ -42,7 +42,7 @@ Status Feeder::run(const std::atomic<bool>& stop) {
   if (!in_hand_.empty())
     spdlog::warn("{} trajectories of this worker's predecessor are sent again", in_hand_.size());
   counters.state = shm::WorkerState::kRunning;
-  heard_s_ = progress_s_ = monotonic_s();
+  heard_s_ = progress_s_ = clock_.now_s();
   while (!is_stopping(stop) && !has_run_ended_) {
     COMRAD_TRY(hear());
     drain();
@@ -50,14 +50,14 @@ Status Feeder::run(const std::atomic<bool>& stop) {
     resend_if_stuck();
     send_episodes();
     layouts_.grant();
-    if (monotonic_s() - reported_s_ >= kReportIntervalS) report(/*is_leaving=*/false);
-    if (every_second_ && monotonic_s() - told_s_ >= 1) told_s_ = monotonic_s(), every_second_();
+    if (clock_.now_s() - reported_s_ >= kReportIntervalS) report(/*is_leaving=*/false);
+    if (every_second_ && clock_.now_s() - told_s_ >= 1) told_s_ = clock_.now_s(), every_second_();
     bus_.wait(kWaitMs);
   }
   // What is sealed by now is delivered, if the other end goes on.
-  for (const double end_s = monotonic_s() + kDeliverForS; is_fed() && !has_run_ended_ &&
-                                                          !(in_hand_.empty() && arena_.sealed_count() == 0) &&
-                                                          monotonic_s() < end_s;) {
+  for (const double end_s = clock_.now_s() + kDeliverForS;
+       is_fed() && !has_run_ended_ && !(in_hand_.empty() && arena_.sealed_count() == 0) &&
+       clock_.now_s() < end_s;) {
     COMRAD_TRY(hear());
     drain();
     send();
@@ -65,8 +65,8 @@ Status Feeder::run(const std::atomic<bool>& stop) {
     bus_.wait(kWaitMs);
   }
   const auto is_unanswered = [this] { return !in_hand_.empty() && in_hand_.front().was_sent; };
-  for (const double end_s = monotonic_s() + kAnswerWithinS;
-       is_fed() && !has_run_ended_ && is_unanswered() && monotonic_s() < end_s;) {
+  for (const double end_s = clock_.now_s() + kAnswerWithinS;
+       is_fed() && !has_run_ended_ && is_unanswered() && clock_.now_s() < end_s;) {
     COMRAD_TRY(hear());
     bus_.wait(kWaitMs);
   }
@@ -92,7 +92,7 @@ Status Feeder::hear() {
     if (whole && *whole && (!arena_.has_weights() || arena_.weights_version() != weights_.version()))
       arena_.publish_weights(weights_.weights(), weights_.version());
   });
-  if (monotonic_s() - heard_s_ > options_.patience_s)
+  if (clock_.now_s() - heard_s_ > options_.patience_s)
     return Error{ErrorCode::kNotFound, "nothing was heard of the learner's host for " +
                                            std::to_string(static_cast<int>(options_.patience_s)) +
                                            " s; is the run still alive, and the network up?"};
@@ -100,8 +100,8 @@ Status Feeder::hear() {
 }
 
 void Feeder::take_state(const dds::FeedState& state) {
-  const bool was_silent = monotonic_s() - heard_s_ > kSilentAfterS;
-  heard_s_ = monotonic_s();
+  const bool was_silent = clock_.now_s() - heard_s_ > kSilentAfterS;
+  heard_s_ = clock_.now_s();
   if (state.epoch != epoch_) return;  // it answers this worker's predecessor, or an earlier count
   if (state.run_state == "refused") {
     refusal_ = state.message.empty() ? "no reason was given" : state.message;
@@ -136,7 +136,7 @@ void Feeder::begin_anew(uint64_t session) {
 
 void Feeder::finish_first(bool is_delivered) {
   deliveries_.finish(in_hand_.front().slab, is_delivered);
-  if (is_delivered) progress_s_ = monotonic_s();
+  if (is_delivered) progress_s_ = clock_.now_s();
   in_hand_.pop_front();
   if (cutting_ == first_index_) cutting_.reset();
   ++first_index_;
@@ -174,13 +174,13 @@ bool Feeder::send() {
       }
     cutting_.reset();
     one.is_sent = true;
-    progress_s_ = monotonic_s();
+    progress_s_ = clock_.now_s();
   }
   return true;
 }
 
 void Feeder::resend_if_stuck() {
-  const double now_s = monotonic_s();
+  const double now_s = clock_.now_s();
   if (in_hand_.empty() || !in_hand_.front().is_sent) return;
   if (now_s - progress_s_ < options_.resend_after_s || now_s - heard_s_ > kSilentAfterS) return;
   for (InHand& one : in_hand_) one.is_sent = false;
@@ -200,7 +200,7 @@ void Feeder::send_episodes() {
 }
 
 void Feeder::report(bool is_leaving) {
-  reported_s_ = monotonic_s();
+  reported_s_ = clock_.now_s();
   const shm::ArenaShape& shape = arena_.shape();
   const FeederAccount now = account();
   const Status written =
@@ -220,7 +220,7 @@ void Feeder::report(bool is_leaving) {
   if (!written && written.error().code != ErrorCode::kTimeout) spdlog::warn("{}", written.error().message);
 }
 
-double Feeder::silent_s() const { return monotonic_s() - heard_s_; }
+double Feeder::silent_s() const { return clock_.now_s() - heard_s_; }
 
 FeederAccount Feeder::account() const {
   FeederAccount account = account_of(arena_, deliveries_);

@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/link_bus.h"
 #include "rollout_buffer/link/delivery_account.h"
@@ -32,7 +33,9 @@ struct FeederOptions {
 /// sent again, and the other end knows what it has. Threads: one.
 class Feeder {
  public:
-  Feeder(const shm::Arena& arena, dds::LinkBus bus, const FeederOptions& options);
+  /// Arena and clock outlive it.
+  Feeder(const shm::Arena& arena, dds::LinkBus bus, const FeederOptions& options,
+         const Clock& clock = kMachineClock);
 
   /// Until `stop`, or this arena's run stops (then what is sealed is delivered, for a few seconds), or the run that is
   /// fed ends. Errors: kBadInput where this host is refused, kNotFound where nobody was heard for patience_s.
@@ -68,6 +71,7 @@ class Feeder {
   bool is_stopping(const std::atomic<bool>& stop) const;
 
   const shm::Arena& arena_;
+  const Clock& clock_;
   dds::LinkBus bus_;
   const FeederOptions options_;
   uint32_t epoch_ = 0;

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "rollout_buffer/core/checksum.h"
-#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/guests.h"
@@ -56,8 +55,10 @@ void pad(const SlabView& slab, int length) {
 
 }  // namespace
 
-FrameReceiver::FrameReceiver(const shm::Arena& arena, dds::LinkBus bus, const FrameReceiverOptions& options)
+FrameReceiver::FrameReceiver(const shm::Arena& arena, dds::LinkBus bus, const FrameReceiverOptions& options,
+                             const Clock& clock)
     : arena_(arena),
+      clock_(clock),
       bus_(std::move(bus)),
       options_(options),
       seats_(arena, options.first_worker, options.worker_count) {
@@ -89,7 +90,7 @@ Status FrameReceiver::run(const std::atomic<bool>& stop) {
       hear(batch);
     });
     has_moved |= collect();
-    const double now_s = monotonic_s();
+    const double now_s = clock_.now_s();
     bus_.take_episodes([&](const dds::FeederEpisode& episode) {
       const auto guest = guests_.find(episode.feeder_id);
       if (guest == guests_.end() || episode.env_index >= guest->second.mirrors.size()) return;
@@ -116,8 +117,8 @@ Status FrameReceiver::run(const std::atomic<bool>& stop) {
                 heard, kPollUs);
   }
   is_stopping_ = arena_.control().run_state.load() == shm::RunState::kStopping;
-  for (const double end_s = monotonic_s() + kTellOfEndS;
-       is_stopping_ && !guests_.empty() && monotonic_s() < end_s;) {
+  for (const double end_s = clock_.now_s() + kTellOfEndS;
+       is_stopping_ && !guests_.empty() && clock_.now_s() < end_s;) {
     for (auto& [id, guest] : guests_) tell(id, guest);
     bus_.take_frames([](const dds::FrameBatch&) {});
     bus_.take_episodes([](const dds::FeederEpisode&) {});
@@ -134,7 +135,7 @@ void FrameReceiver::hear(const dds::FrameBatch& batch) {
   Guest* known = guest_of(guests_, batch.feeder_id, [this](Guest& gone) { free_seat(gone); });
   if (known == nullptr) return;
   Guest& guest = *known;
-  guest.heard_s = monotonic_s();
+  guest.heard_s = clock_.now_s();
   guest.record.feeder_id = batch.feeder_id;
   guest.record.host = batch.host;
   if (batch.is_leaving) {
@@ -176,7 +177,7 @@ std::string FrameReceiver::seat(Guest& guest, const dds::FrameBatch& batch) {
   } else {
     seats_.free(batch.feeder_id);
     guest.workers.clear();
-    take_seats_of_silent(guests_, seats_, batch.feeder_id, wanted, options_.silent_after_s,
+    take_seats_of_silent(guests_, clock_.now_s(), seats_, batch.feeder_id, wanted, options_.silent_after_s,
                          [this](Guest& gone) { free_seat(gone); });
     if (wanted == 0 || seats_.free_count() < wanted)
       return no_room(seats_, wanted, "hosts without a policy", "--serve_frame_workers");
@@ -490,8 +491,8 @@ void FrameReceiver::ask_to_leave(const std::string& host) {
 
 void FrameReceiver::forget_silent() {
   forget_silent_guests(
-      guests_, options_.silent_after_s, options_.seat_kept_s, [this](Guest& guest) { give_back(guest); },
-      [this](Guest& guest) { free_seat(guest); });
+      guests_, clock_.now_s(), options_.silent_after_s, options_.seat_kept_s,
+      [this](Guest& guest) { give_back(guest); }, [this](Guest& guest) { free_seat(guest); });
 }
 
 void FrameReceiver::tell(uint64_t id, Guest& guest) {
@@ -506,7 +507,7 @@ void FrameReceiver::tell(uint64_t id, Guest& guest) {
   batch.credit_index = guest.begun + guest.reserved.size();
   batch.payload = guest.payload;
   if (!bus_.write(batch)) return;  // again in the next turn
-  guest.told_s = monotonic_s();
+  guest.told_s = clock_.now_s();
   guest.told_credit = batch.credit_index;
   guest.is_to_be_told = false;
   ++guest.answers;

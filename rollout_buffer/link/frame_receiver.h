@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/link_bus.h"
 #include "rollout_buffer/link/frame_stream.h"
@@ -33,7 +34,9 @@ struct FrameReceiverOptions {
 /// slabs for. Threads: one.
 class FrameReceiver {
  public:
-  FrameReceiver(const shm::Arena& arena, dds::LinkBus bus, const FrameReceiverOptions& options);
+  /// Arena and clock outlive it.
+  FrameReceiver(const shm::Arena& arena, dds::LinkBus bus, const FrameReceiverOptions& options,
+                const Clock& clock = kMachineClock);
 
   /// Until `stop`, or the run stops; then the hosts that play are told.
   Status run(const std::atomic<bool>& stop);
@@ -103,6 +106,7 @@ class FrameReceiver {
   void tell(uint64_t id, Guest& guest);
 
   const shm::Arena& arena_;
+  const Clock& clock_;
   dds::LinkBus bus_;
   const FrameReceiverOptions options_;
   std::map<uint64_t, Guest> guests_;

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "rollout_buffer/core/checksum.h"
-#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/timing.h"
@@ -23,8 +22,10 @@ constexpr double kDeliverFramesForS = 3.0;  // after a stop; the supervisor wait
 
 }  // namespace
 
-FrameSender::FrameSender(const shm::Arena& arena, dds::LinkBus bus, const FrameSenderOptions& options)
+FrameSender::FrameSender(const shm::Arena& arena, dds::LinkBus bus, const FrameSenderOptions& options,
+                         const Clock& clock)
     : arena_(arena),
+      clock_(clock),
       bus_(std::move(bus)),
       options_(options),
       packer_(arena.slab_offsets()),
@@ -49,7 +50,7 @@ Status FrameSender::run(const std::atomic<bool>& stop) {
   arena_.learner_counters().begin_life();
   for (const uint32_t slab : deliveries_.begin_life()) hold(slab);
   counters.state = arena_.learner_counters().state = shm::WorkerState::kRunning;
-  heard_s_ = monotonic_s();
+  heard_s_ = clock_.now_s();
   take_actions();  // the reader is there before anybody is asked
   while (!is_stopping(stop) && !has_run_ended_) {
     const uint32_t heard = shm::listen(arena_.slots_ready(0));
@@ -59,7 +60,7 @@ Status FrameSender::run(const std::atomic<bool>& stop) {
       return Error{ErrorCode::kBadInput, "the run does not take this host in: " + refusal_};
     has_moved |= send_ready();
     layouts_.grant();
-    const double now_s = monotonic_s();
+    const double now_s = clock_.now_s();
     if (now_s - looked_s_ > 0.1) {
       looked_s_ = now_s;
       resend_due();
@@ -78,9 +79,9 @@ Status FrameSender::run(const std::atomic<bool>& stop) {
       shm::wait(arena_.slots_ready(0), heard, out_count_ > 0 ? kPollUs : 1000);
   }
   // What is sealed by now is delivered, if the other end goes on.
-  for (const double end_s = monotonic_s() + kDeliverFramesForS;
+  for (const double end_s = clock_.now_s() + kDeliverFramesForS;
        is_played_with() && !has_run_ended_ && !(in_hand_.empty() && arena_.sealed_count() == 0) &&
-       monotonic_s() < end_s;) {
+       clock_.now_s() < end_s;) {
     drain();
     resend_due();
     if (send_sealed()) send_batch();
@@ -114,7 +115,7 @@ dds::FrameBatch FrameSender::batch_head() const {
 }
 
 Status FrameSender::say_hello(bool is_leaving) {
-  said_s_ = monotonic_s();
+  said_s_ = clock_.now_s();
   dds::FrameBatch hello = batch_head();
   hello.is_leaving = is_leaving;
   return bus_.write(hello);
@@ -199,7 +200,7 @@ bool FrameSender::send_batch() {
     batch.is_compressed = bytes > 0 && bytes < static_cast<int>(batch.raw_bytes);
     if (batch.is_compressed) batch.payload = {compressed_.data(), static_cast<std::size_t>(bytes)};
   }
-  const double now_s = monotonic_s();
+  const double now_s = clock_.now_s();
   const Status written = bus_.write(batch);
   if (written) {
     ++batch_index_;
@@ -223,7 +224,7 @@ bool FrameSender::send_batch() {
 }
 
 void FrameSender::resend_due() {
-  const double now_s = monotonic_s();
+  const double now_s = clock_.now_s();
   const auto is_silent = now_s - heard_s_ > 2 * options_.resend_after_s;
   std::size_t bytes = 0;
   for (InHand& one : in_hand_) {
@@ -254,7 +255,7 @@ bool FrameSender::take_actions() {
   bool has_moved = false;
   bus_.take_actions(options_.feeder_id, [&](const dds::ActionBatch& batch) {
     if (batch.epoch != epoch_) return;  // for this worker's predecessor
-    heard_s_ = monotonic_s();
+    heard_s_ = clock_.now_s();
     if (batch.run_state == "refused") {
       refusal_ = batch.message.empty() ? "no reason was given" : batch.message;
       return;
@@ -283,7 +284,7 @@ void FrameSender::begin_anew(uint64_t session) {
 
 bool FrameSender::take_answers(std::span<const std::byte> payload) {
   const shm::ArenaShape& shape = arena_.shape();
-  const double now_s = monotonic_s();
+  const double now_s = clock_.now_s();
   const auto agents = static_cast<uint64_t>(shape.trajectory.env.num_agents);
   uint64_t decisions = 0;
   bool has_moved = false;
@@ -394,7 +395,7 @@ void FrameSender::send_episodes() {
   }
 }
 
-double FrameSender::silent_s() const { return monotonic_s() - heard_s_; }
+double FrameSender::silent_s() const { return clock_.now_s() - heard_s_; }
 
 FeederAccount FrameSender::deliveries() const {
   FeederAccount account = account_of(arena_, deliveries_);

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/link_bus.h"
 #include "rollout_buffer/link/delivery_account.h"
@@ -38,7 +39,9 @@ struct FrameSenderOptions {
 class FrameSender {
  public:
   /// The arena has one policy worker, this one.
-  FrameSender(const shm::Arena& arena, dds::LinkBus bus, const FrameSenderOptions& options);
+  /// Arena and clock outlive it.
+  FrameSender(const shm::Arena& arena, dds::LinkBus bus, const FrameSenderOptions& options,
+              const Clock& clock = kMachineClock);
 
   /// Until `stop`, or this arena's run stops, or the other one ends. Errors: kBadInput where this host is refused or a
   /// request is too large for the link, kNotFound where nobody was heard for patience_s.
@@ -92,6 +95,7 @@ class FrameSender {
   dds::FrameBatch batch_head() const;
 
   const shm::Arena& arena_;
+  const Clock& clock_;
   dds::LinkBus bus_;
   const FrameSenderOptions options_;
   FramePacker packer_;

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/seats.h"
 #include "rollout_buffer/shm/arena.h"
@@ -45,9 +44,8 @@ void remember_guests(Guests<Guest>& guests, const std::vector<FeederRecord>& rec
 
 /// Hosts of which nothing is heard lose their free slabs (`give_back`), and later their places (`free_seat`).
 template <typename Guest, typename GiveBack, typename FreeSeat>
-void forget_silent_guests(Guests<Guest>& guests, double silent_after_s, double seat_kept_s,
+void forget_silent_guests(Guests<Guest>& guests, double now_s, double silent_after_s, double seat_kept_s,
                           GiveBack give_back, FreeSeat free_seat) {
-  const double now_s = monotonic_s();
   for (auto& [id, guest] : guests) {
     const double silent_s = now_s - guest.heard_s;
     if (guest.record.is_here && silent_s > silent_after_s) {
@@ -62,9 +60,8 @@ void forget_silent_guests(Guests<Guest>& guests, double silent_after_s, double s
 
 /// Frees places of hosts that have been silent for long, where guest `id` needs them: as many hosts' as it takes.
 template <typename Guest, typename FreeSeat>
-void take_seats_of_silent(Guests<Guest>& guests, const Seats& seats, uint64_t id, int wanted,
+void take_seats_of_silent(Guests<Guest>& guests, double now_s, const Seats& seats, uint64_t id, int wanted,
                           double silent_after_s, FreeSeat free_seat) {
-  const double now_s = monotonic_s();
   for (auto& [other_id, other] : guests)
     if (seats.free_count() < wanted && other_id != id && !other.record.is_here && !other.workers.empty() &&
         now_s - other.heard_s > silent_after_s)

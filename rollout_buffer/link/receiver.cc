@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/log.h"
 #include "rollout_buffer/link/episodes.h"
 #include "rollout_buffer/link/guests.h"
@@ -12,8 +11,9 @@
 #include "rollout_buffer/shm/futex.h"
 
 namespace comrad::link {
-Receiver::Receiver(const shm::Arena& arena, dds::LinkBus bus, ReceiverOptions options)
+Receiver::Receiver(const shm::Arena& arena, dds::LinkBus bus, ReceiverOptions options, const Clock& clock)
     : arena_(arena),
+      clock_(clock),
       bus_(std::move(bus)),
       options_(std::move(options)),
       door_(options_.offer),
@@ -33,14 +33,14 @@ Status Receiver::run(const std::atomic<bool>& stop) {
   };
   while (!is_stopping()) {
     turn();
-    if (every_second_ && monotonic_s() - reported_s_ >= 1) reported_s_ = monotonic_s(), every_second_();
+    if (every_second_ && clock_.now_s() - reported_s_ >= 1) reported_s_ = clock_.now_s(), every_second_();
     bus_.wait(kWaitMs);
   }
   // Only the end of the run is told; a receiver that is restarted says nothing.
   is_stopping_ = arena_.control().run_state.load() == shm::RunState::kStopping;
   for (auto& [id, guest] : guests_) give_back(guest);
-  for (const double end_s = monotonic_s() + kTellOfEndS;
-       is_stopping_ && monotonic_s() < end_s && !guests_.empty();) {
+  for (const double end_s = clock_.now_s() + kTellOfEndS;
+       is_stopping_ && clock_.now_s() < end_s && !guests_.empty();) {
     for (auto& [id, guest] : guests_) tell(guest);
     bus_.take_reports([](const dds::FeedReport&) {});
     bus_.take_fragments([](const dds::TrajectoryFragment&) {});
@@ -62,7 +62,7 @@ void Receiver::turn() {
   bus_.take_episodes([this](const dds::FeederEpisode& episode) { take_episode(episode); });
   send_weights_if_due();
   forget_silent();
-  const double now_s = monotonic_s();
+  const double now_s = clock_.now_s();
   for (auto& [id, guest] : guests_) {
     const bool has_news = guest.is_to_be_told || guest.told_done != guest.done_index ||
                           guest.told_credit != guest.done_index + guest.reserved.size();
@@ -79,7 +79,7 @@ void Receiver::hear(const dds::FeedReport& report) {
   record.host = report.host;
   record.played_there = report.decisions_played;
   record.lost_there = report.decisions_lost;
-  guest.heard_s = monotonic_s();
+  guest.heard_s = clock_.now_s();
   if (report.is_leaving) {
     if (std::exchange(record.is_here, false))
       spdlog::info("{} leaves: {} decisions in {} trajectories were taken from it, it played {}", record.host,
@@ -116,7 +116,7 @@ std::string Receiver::seat(Guest& guest, const dds::FeedReport& report) {
     guest.record.decisions = seats_.sealed_for(id);  // a predecessor of this process did not say goodbye
   } else {
     seats_.free(id);
-    take_seats_of_silent(guests_, seats_, id, wanted, options_.silent_after_s,
+    take_seats_of_silent(guests_, clock_.now_s(), seats_, id, wanted, options_.silent_after_s,
                          [this](Guest& gone) { free_seat(gone); });
     if (wanted == 0 || seats_.free_count() < wanted)
       return no_room(seats_, wanted, "other hosts", "--serve_workers");
@@ -161,7 +161,7 @@ void Receiver::take(const dds::TrajectoryFragment& fragment) {
   if (guest.workers.empty() || fragment.epoch != guest.epoch || fragment.send_index != guest.done_index ||
       guest.reserved.empty())
     return;
-  guest.heard_s = monotonic_s();
+  guest.heard_s = clock_.now_s();
   if (fragment.fragment_index == 0) {
     guest.assembler->begin(arena_.slab(static_cast<int>(guest.reserved.front())));
     guest.is_assembling = true;
@@ -245,7 +245,7 @@ void Receiver::send_weights_if_due() {
       std::ranges::count_if(guests_, [](const auto& entry) { return entry.second.record.is_here; }));
   if (guests_here == 0 || !arena_.has_weights()) return;
   if (are_weights_sent_ && arena_.weights_version() == weights_version_) return;
-  const double now_s = monotonic_s();
+  const double now_s = clock_.now_s();
   if (!weights_pace_.is_due(now_s, guests_here)) return;
   // On a bad line a newer version in the place of one that is half there would never let any arrive.
   if (weights_pace_.since_sent_s(now_s) < options_.weights_wait_s && !bus_.has_sent_weights()) return;
@@ -272,13 +272,13 @@ void Receiver::send_weights_if_due() {
 
 void Receiver::forget_silent() {
   forget_silent_guests(
-      guests_, options_.silent_after_s, options_.seat_kept_s, [this](Guest& guest) { give_back(guest); },
-      [this](Guest& guest) { free_seat(guest); });
+      guests_, clock_.now_s(), options_.silent_after_s, options_.seat_kept_s,
+      [this](Guest& guest) { give_back(guest); }, [this](Guest& guest) { free_seat(guest); });
 }
 
 void Receiver::tell(Guest& guest) {
   guest.is_to_be_told = false;
-  guest.told_s = monotonic_s();
+  guest.told_s = clock_.now_s();
   guest.told_done = guest.done_index;
   guest.told_credit = guest.done_index + guest.reserved.size();
   const shm::ControlBlock& control = arena_.control();

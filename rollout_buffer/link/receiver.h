@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/expected.h"
 #include "rollout_buffer/dds/link_bus.h"
 #include "rollout_buffer/link/door.h"
@@ -40,7 +41,9 @@ struct ReceiverOptions {
 /// journal in the arena, so a receiver that is killed and starts again takes no slab twice. Threads: one.
 class Receiver {
  public:
-  Receiver(const shm::Arena& arena, dds::LinkBus bus, ReceiverOptions options);
+  /// Arena and clock outlive it.
+  Receiver(const shm::Arena& arena, dds::LinkBus bus, ReceiverOptions options,
+           const Clock& clock = kMachineClock);
 
   /// Until `stop`, or the run stops; then the hosts that feed are told.
   Status run(const std::atomic<bool>& stop);
@@ -84,6 +87,7 @@ class Receiver {
   int remote_env(const Guest& guest, uint32_t env_index) const;  ///< -1: it has no such environment
 
   const shm::Arena& arena_;
+  const Clock& clock_;
   dds::LinkBus bus_;
   const ReceiverOptions options_;
   const DoorKeeper door_;

@@ -23,9 +23,10 @@ namespace batcher_test {
 using shm::RequestKind;
 using shm::SlotState;
 
-Batcher make_batcher(const shm::Arena& arena, BatcherOptions options = {}) {
+Batcher make_batcher(const shm::Arena& arena, BatcherOptions options = {},
+                     const Clock& clock = kMachineClock) {
   options.seed = 42;
-  auto batcher = Batcher::create(arena, options);
+  auto batcher = Batcher::create(arena, options, clock);
   EXPECT_TRUE(batcher);
   return std::move(batcher).value();
 }
@@ -306,16 +307,17 @@ TEST(Batcher, InLockStepABatchIsExactlyOneCompleteSplitInEnvironmentOrder) {
 
 TEST(Batcher, WaitsForTheMinimumButNotLongerThanTheLimit) {
   const shm::Arena arena = make_arena(small_network(), {.sim_workers = 2, .envs_per_worker = 4});
-  Batcher batcher = make_batcher(arena, {.min_batch = 4, .max_batch = 8, .max_wait_us = 60'000});
+  ManualClock clock;
+  Batcher batcher = make_batcher(arena, {.min_batch = 4, .max_batch = 8, .max_wait_us = 60'000}, clock);
   FakeSplit one(arena, 0, 0), two(arena, 1, 1);
   one.commit_act();
-  const int64_t began_ns = monotonic_ns();
-  {
-    const Batch& batch = batcher.gather(3'600'000'000);
-    EXPECT_EQ(batch.requests.size(), 2u);
-    EXPECT_GE(monotonic_ns() - began_ns, 55'000'000) << "it gave a second split time to come";
-    batcher.scatter_random(batch);
-  }
+  EXPECT_TRUE(batcher.gather(0).is_empty()) << "it gives a second split time to come";
+  clock.advance_ns(59'999'999);
+  EXPECT_TRUE(batcher.gather(0).is_empty());
+  clock.advance_ns(1);
+  const Batch& overdue = batcher.gather(0);
+  EXPECT_EQ(overdue.requests.size(), 2u);
+  batcher.scatter_random(overdue);
   one.take_act();
   one.commit_act();
   two.commit_act();
