@@ -58,7 +58,8 @@ read -ra wheels <<<"${PIP_FIND_LINKS:-}"
 inside() { # in the new root's sources, with processes and mounts of its own
   # shellcheck disable=SC2016
   unshare --mount --pid --fork --kill-child bash -c 'root="$1"; shift
-    mount -t proc proc "${root}/proc" && mount --rbind /sys "${root}/sys" && mount --rbind /dev "${root}/dev" &&
+    mount --bind "${root}" "${root}" && # tests change how mounts spread, which only a mount point can
+      mount -t proc proc "${root}/proc" && mount --rbind /sys "${root}/sys" && mount --rbind /dev "${root}/dev" &&
       mount -t tmpfs tmpfs "${root}/dev/shm" && mount -t tmpfs tmpfs "${root}/run" || exit
     while [[ "$1" != -- ]]; do
       [[ ! -d "$1" ]] || { mkdir -p "${root}/$1" && mount --bind -o ro "$1" "${root}/$1"; } || exit
