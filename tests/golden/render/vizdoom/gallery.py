@@ -4,8 +4,8 @@
     python3 -m venv V && V/bin/pip install vizdoom && V/bin/python gallery.py [--iwad FILE]
 
 The map is COMRAD's own: one of each thing that can be drawn wrongly. Each pose of POSES becomes NAME.png (160x120) and
-NAME_depth.png (ViZDoom's 8-bit depth). Textures and sprites are Freedoom's (BSD-3-Clause): the pictures were made with
-Debian's freedoom2.wad 0.12.1, which is the default.
+NAME_depth.png (ViZDoom's 8-bit depth) in a folder for the release of Freedoom, whose textures and sprites (BSD-3-Clause) they show:
+Debian 12's freedoom2.wad is 0.12.1, Debian 13's 0.13.0.
 """
 import argparse
 import os
@@ -154,6 +154,18 @@ def wad(text):
     return struct.pack("<4sii", b"PWAD", len(lumps), 12 + len(data)) + data + entries
 
 
+def release_of(iwad):
+    """What Freedoom's lump of its own name says: 0.13.0."""
+    with open(iwad, "rb") as file:
+        content = file.read()
+    count, directory = struct.unpack_from("<ii", content, 4)
+    for number in range(count):
+        offset, size, name = struct.unpack_from("<ii8s", content, directory + 16 * number)
+        if name.rstrip(b"\0") == b"FREEDOOM":
+            return content[offset : offset + size].decode().partition("-")[0]
+    raise SystemExit(f"{iwad} is no Freedoom")
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--iwad", default="/usr/share/games/doom/freedoom2.wad")
@@ -172,6 +184,8 @@ def main():
     import vizdoom
     import record
 
+    pictures = os.path.join(options.out, "freedoom_" + release_of(options.iwad))
+    os.makedirs(pictures, exist_ok=True)
     for name, pose in POSES.items():
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.join(folder, "gallery.wad")
@@ -188,8 +202,8 @@ def main():
             game.set_episode_start_time(START_TICS)
             game.init()
             state = game.get_state()
-            record.write_png(os.path.join(options.out, name + ".png"), state.screen_buffer)
-            record.write_png(os.path.join(options.out, name + "_depth.png"), state.depth_buffer)
+            record.write_png(os.path.join(pictures, name + ".png"), state.screen_buffer)
+            record.write_png(os.path.join(pictures, name + "_depth.png"), state.depth_buffer)
             game.close()
 
 

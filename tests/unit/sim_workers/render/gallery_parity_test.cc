@@ -6,6 +6,7 @@
 
 #include "tests/support/scratch_folder.h"
 #include "tests/support/wad_bytes.h"
+#include "tests/unit/sim_workers/render/recorded_art.h"
 #include "tests/unit/sim_workers/render/vizdoom_pictures.h"
 
 namespace comrad::doom {
@@ -14,7 +15,9 @@ namespace gallery_parity_test {
 const std::string kFolder = std::string(COMRAD_SOURCE_DIR) + "/tests/golden/render/vizdoom/";
 
 TEST(GalleryParity, EachViewIsViZDoomsButForAFewTexels) {
-  if (const auto art = ArtArchive::open(); !art) GTEST_SKIP() << art.error().message;
+  const auto art = ArtArchive::open();
+  if (!art) GTEST_SKIP() << art.error().message;
+  const std::string recorded = kFolder + test::folder_of_art(**art);
   const std::vector<uint8_t> map = test::file_bytes(kFolder + "gallery.udmf");
   ASSERT_FALSE(map.empty());
   const comrad::test::ScratchFolder folder;
@@ -52,7 +55,7 @@ TEST(GalleryParity, EachViewIsViZDoomsButForAFewTexels) {
     for (Player& player : world.state().players) player.view_z = pose.z + to_fixed(41);
     auto painter = test::ReferencePainter::create(**game, {});
     ASSERT_TRUE(painter.has_value()) << painter.error().message;
-    const auto difference = painter->compare(world, kFolder + name, pictures == nullptr ? "" : pictures);
+    const auto difference = painter->compare(world, recorded + name, pictures == nullptr ? "" : pictures);
     ASSERT_TRUE(difference.has_value()) << difference.error().message;
     test::ReferencePainter::print(name, *difference);
     test::ReferencePainter::expect_alike(name, *difference, 6.0);

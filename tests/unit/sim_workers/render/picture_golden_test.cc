@@ -1,6 +1,6 @@
-// Pictures of a small hall with the installed IWAD, compared with the ones in tests/golden/render.
-// After a deliberate change: COMRAD_REGENERATE_GOLDEN=1 build/tests/picture_golden_test, then look at
-// the new pictures.
+// Pictures of a small hall with the installed IWAD, compared with the ones in tests/golden/render, a folder for each release of
+// Freedoom. After a deliberate change, or for another release, whose folder must be there: COMRAD_REGENERATE_GOLDEN=1 ./comrad test -R
+// picture_golden_test, then look at the new pictures.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -13,6 +13,7 @@
 #include "sim_workers/engine/render/renderer.h"
 #include "sim_workers/engine/tic/tic.h"
 #include "tests/unit/sim_workers/render/open_level.h"
+#include "tests/unit/sim_workers/render/recorded_art.h"
 
 namespace comrad::doom {
 namespace picture_golden_test {
@@ -73,7 +74,8 @@ class PictureGolden : public ::testing::Test {
     const ViewRequest request{.world = &world, .player = 0, .destination = planar.data()};
     (*renderer)->draw({&request, 1});
     const cv::Mat picture = to_bgr(planar, options.width, options.height);
-    const std::string path = std::string(COMRAD_SOURCE_DIR) + "/tests/golden/render/" + name + ".png";
+    const std::string path = std::string(COMRAD_SOURCE_DIR) + "/tests/golden/render/" +
+                             test::folder_of_art(*archive_) + name + ".png";
     if (std::getenv("COMRAD_REGENERATE_GOLDEN") != nullptr) {
       ASSERT_TRUE(cv::imwrite(path, picture)) << path;
       GTEST_SKIP() << "wrote " << path;
