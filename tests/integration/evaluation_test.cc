@@ -210,7 +210,8 @@ TEST_F(EvaluationOfRuns, EverySeatHasItsOwnPlayer) {
   EXPECT_EQ(play(command)["each"], together["each"]);
   const auto alone = play({"--policy", run("a"), "--stochastic"});
   EXPECT_NE(alone["each"], together["each"]);
-  EXPECT_EQ(together["config_hash"].get<std::string>().substr(0, 21), alone["config_hash"]);
+  EXPECT_EQ(together["config_hash"].get<std::string>().substr(0, 21),
+            alone["config_hash"].get<std::string>());
 
   const auto scripted = play({"--policy", "noop", "--seat", "1=oracle"}), idle = play({"--policy", "noop"});
   EXPECT_EQ(scripted["policy"], "0=noop,1=oracle");

@@ -148,7 +148,7 @@ TEST(BenchLong, TheLearnerRunsAllAlgorithms) {
     EXPECT_GT(row["decisions_per_s"], 0) << row;
   }
   EXPECT_GE(names.size(), 8u);
-  EXPECT_EQ(names.front(), summary["algo"]);
+  EXPECT_EQ(names.front(), summary["algo"].get<std::string>());
   EXPECT_EQ(summary["algorithms"][0]["of_the_first"], 1);
 }
 
