@@ -49,12 +49,9 @@ class SmallProject : public ::testing::Test {
   Ending run(const std::vector<std::string>& arguments, const Environment& environment = {}) {
     std::vector<std::string> command = {"/bin/bash", home_ / "comrad"};
     command.insert(command.end(), arguments.begin(), arguments.end());
-    Environment all = {{"COMRAD_NO_INSTALL", "1"},
-                       {"COMRAD_BUILD_DIR", home_ / "build"},
-                       {"COMRAD_TORCH", ""},
-                       {"COMRAD_DRIVER_FILE", home_ / "driver"},
-                       {"COMRAD_CMAKE_ARGS", ""},
-                       {"CI", ""}};
+    Environment all = {{"COMRAD_NO_INSTALL", "1"}, {"COMRAD_BUILD_DIR", home_ / "build"},
+                       {"COMRAD_TORCH", ""},       {"COMRAD_DRIVER_FILE", home_ / "driver"},
+                       {"COMRAD_CMAKE_ARGS", ""},  {"CI", ""}};
     for (const auto& [name, value] : environment) all[name] = value;
     return RunningProgram(command, all).wait();
   }
