@@ -12,12 +12,11 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "deploy/launch/progress.h"
-#include "rollout_buffer/core/clock.h"
+#include "tests/support/patience.h"
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
@@ -28,23 +27,12 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
-/// A guard against hanging where a test claims nothing about speed. A virtual machine with other work was seen to stand still for
-/// seven seconds, so it is generous.
-constexpr double kGuardSeconds = 60;
-
 std::string read_file(const std::string& path) {
   std::ifstream file(path);
   // A file of /proc cannot be read on once its process has ended; iterators would throw then.
   std::ostringstream text;
   text << file.rdbuf();
   return text.str();
-}
-
-bool eventually(double limit_s, const std::function<bool()>& done) {
-  for (const double end_s = monotonic_s() + limit_s; monotonic_s() < end_s; usleep(20'000)) {
-    if (done()) return true;
-  }
-  return done();
 }
 
 /// What is true of real processes alone: what they are given, what reaches them, and that none is left. The supervisor's
@@ -60,7 +48,7 @@ class Launch : public testing::Test {
       kill(probe_, SIGKILL);
       waitpid(probe_, nullptr, 0);
     }
-    EXPECT_TRUE(eventually(kGuardSeconds, [&] { return living_workers().empty(); }))
+    EXPECT_TRUE(test::wait_until([&] { return living_workers().empty(); }))
         << "workers outlived the supervisor";
   }
 
@@ -81,9 +69,9 @@ class Launch : public testing::Test {
   }
 
   /// Waits for the supervisor's end. Its exit code; -signal if it was killed; -1000 if it is still there.
-  int wait_for_end(double limit_s) {
+  int wait_for_end() {
     int status = 0;
-    const bool ended = eventually(limit_s, [&] { return waitpid(probe_, &status, WNOHANG) == probe_; });
+    const bool ended = test::wait_until([&] { return waitpid(probe_, &status, WNOHANG) == probe_; });
     if (!ended) return -1000;
     probe_ = -1;
     return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
@@ -157,7 +145,7 @@ class Launch : public testing::Test {
 
 TEST_F(Launch, ARunEndsWhenTheLearnerHasFinished) {
   start("learner finish 4000\n");
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
+  ASSERT_EQ(wait_for_end(), 0) << story();
   const nlohmann::json result = outcome();
   EXPECT_THAT(std::string(result["message"]),
               testing::MatchesRegex("finished: .* env frames in .*s, [0-9]+ env "
@@ -178,7 +166,7 @@ TEST_F(Launch, ARunEndsWhenTheLearnerHasFinished) {
 
 TEST_F(Launch, WorkersGetTheirCommandLinesAndThreadCounts) {
   start("learner finish 200\n");
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
+  ASSERT_EQ(wait_for_end(), 0) << story();
   std::string all;
   for (const std::string& event : events()) all += event + "\n";
   EXPECT_THAT(all, testing::ContainsRegex("sim-1 start [0-9]+ --run_dir " + run_dir_ +
@@ -193,15 +181,14 @@ TEST_F(Launch, WorkersGetTheirCommandLinesAndThreadCounts) {
 
 TEST_F(Launch, AKilledSimulatorAndPolicyWorkerAreRestartedAndTheRunGoesOn) {
   start("sim-0 fill 0\n");
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
+  ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
   kill(pids("sim-0").back(), SIGKILL);
   kill(pids("policy-0").back(), SIGKILL);
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] {
-    return pids("sim-0").size() == 2 && pids("policy-0").size() == 2;
-  })) << progress();
+  ASSERT_TRUE(test::wait_until([&] { return pids("sim-0").size() == 2 && pids("policy-0").size() == 2; }))
+      << progress();
   usleep(500'000);
   kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
+  ASSERT_EQ(wait_for_end(), 0) << story();
   EXPECT_EQ(outcome()["restarts"], 2);
   EXPECT_EQ(outcome()["steps_lost"], 2 * 5) << "two agents, five rows in the slab of the dead simulator";
   EXPECT_EQ(pids("learner").size(), 1u);
@@ -211,7 +198,7 @@ TEST_F(Launch, AKilledSimulatorAndPolicyWorkerAreRestartedAndTheRunGoesOn) {
 
 TEST_F(Launch, BadInputIsNotTriedTwice) {
   start("policy-0 say batch_size: -1 is not allowed\npolicy-0 exit 2\n");
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 1) << story();
+  ASSERT_EQ(wait_for_end(), 1) << story();
   EXPECT_THAT(std::string(outcome()["error"]),
               HasSubstr("policy-0 cannot run: its last line: batch_size: -1 is not"));
   EXPECT_EQ(pids("policy-0").size(), 1u);
@@ -219,9 +206,9 @@ TEST_F(Launch, BadInputIsNotTriedTwice) {
 
 TEST_F(Launch, SigtermStopsEverybodyCleanly) {
   start("");
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
+  ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
   kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
+  ASSERT_EQ(wait_for_end(), 0) << story();
   EXPECT_EQ(outcome()["interrupted"], true);
   EXPECT_THAT(events(), testing::IsSupersetOf(
                             {"sim-0 stopped", "sim-1 stopped", "policy-0 stopped", "learner stopped"}));
@@ -232,49 +219,49 @@ TEST_F(Launch, SigtermStopsEverybodyCleanly) {
 
 TEST_F(Launch, ALearnerThatDoesNotStopIsKilledAndTheExitCodeIsNotZero) {
   start("learner deaf 0\n");
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
+  ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
   kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 1) << story();
+  ASSERT_EQ(wait_for_end(), 1) << story();
   EXPECT_TRUE(has_shown("learner did not stop in time and is killed")) << story();
   EXPECT_THAT(std::string(status()["message"]), HasSubstr("did not save a last checkpoint"));
 }
 
 TEST_F(Launch, ASecondSigintStopsAtOnce) {
   start("learner deaf 0\nsim-0 deaf 0\n");
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
+  ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
   kill(probe_, SIGINT);
   // One that comes before the first is heard would be taken for the same.
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return has_shown("SIGINT: stopping"); })) << story();
+  ASSERT_TRUE(test::wait_until([&] { return has_shown("SIGINT: stopping"); })) << story();
   usleep(300'000);
   EXPECT_EQ(waitpid(probe_, nullptr, WNOHANG), 0) << "the first one waits for the learner";
   kill(probe_, SIGINT);
-  EXPECT_EQ(wait_for_end(10), 130) << story();
+  EXPECT_EQ(wait_for_end(), 130) << story();
   EXPECT_FALSE(has_shown("did not stop in time")) << "it waited as long as after the first";
 }
 
 TEST_F(Launch, WorkersDieWithASupervisorThatIsKilled) {
   start("");
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
+  ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
   EXPECT_EQ(living_workers().size(), 4u);
   kill(probe_, SIGKILL);
-  EXPECT_EQ(wait_for_end(kGuardSeconds), -SIGKILL) << story();
-  EXPECT_TRUE(eventually(kGuardSeconds, [&] { return living_workers().empty(); }));
+  EXPECT_EQ(wait_for_end(), -SIGKILL) << story();
+  EXPECT_TRUE(test::wait_until([&] { return living_workers().empty(); }));
 }
 
 TEST_F(Launch, TheTerminalsCtrlCReachesOnlyTheSupervisor) {
   start("");
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
+  ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
   for (const pid_t pid : living_workers()) kill(pid, SIGINT);
   usleep(500'000);
   EXPECT_EQ(living_workers().size(), 4u) << "a terminal sends SIGINT to the whole process group";
   kill(probe_, SIGINT);
-  EXPECT_EQ(wait_for_end(kGuardSeconds), 0) << story();
+  EXPECT_EQ(wait_for_end(), 0) << story();
   EXPECT_EQ(outcome()["restarts"], 0);
 }
 
 TEST_F(Launch, EvaluationEndsWithTheLastEpisodeAndKeepsEachOnce) {
   start("sim-0 episodes 5\nsim-1 episodes 7\n", {"policy=random", "episodes=7"});
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
+  ASSERT_EQ(wait_for_end(), 0) << story();
   const nlohmann::json result = outcome();
   ASSERT_EQ(result["episodes"].size(), 7u);
   for (int id = 0; id < 7; ++id) {
@@ -293,7 +280,7 @@ TEST_F(Launch, EvaluationEndsWithTheLastEpisodeAndKeepsEachOnce) {
 
 TEST_F(Launch, ACheckpointIsServedByALearnerThatDoesNotTrain) {
   start("sim-0 episodes 3\n", {"policy=checkpoint", "checkpoint=/some/where.pt", "episodes=3"});
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
+  ASSERT_EQ(wait_for_end(), 0) << story();
   std::string all;
   for (const std::string& event : events()) all += event + "\n";
   EXPECT_THAT(all, testing::ContainsRegex("learner start .*--mode serve --checkpoint /some/where.pt\n"));
@@ -301,7 +288,7 @@ TEST_F(Launch, ACheckpointIsServedByALearnerThatDoesNotTrain) {
 
 TEST_F(Launch, ABenchCountsOnlyItsWindow) {
   start("", {"seconds=2", "warmup=0.5"});
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
+  ASSERT_EQ(wait_for_end(), 0) << story();
   const nlohmann::json result = outcome();
   const double seconds = result["measured_seconds"];
   EXPECT_GE(seconds, 1.7);
@@ -316,15 +303,15 @@ TEST_F(Launch, ABenchCountsOnlyItsWindow) {
 
 TEST_F(Launch, InLockStepOneDeathSendsEverybodyBackToTheCheckpoint) {
   start("learner restored 1000000\n", {"deterministic=1"});
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return has_shown(" 5120 env frames/s"); })) << story();
+  ASSERT_TRUE(test::wait_until([&] { return has_shown(" 5120 env frames/s"); })) << story();
   kill(pids("sim-1").back(), SIGKILL);
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return pids("").size() == 8; })) << progress();
-  EXPECT_TRUE(eventually(kGuardSeconds, [&] {
+  ASSERT_TRUE(test::wait_until([&] { return pids("").size() == 8; })) << progress();
+  EXPECT_TRUE(test::wait_until([&] {
     const std::vector<std::string> all = events();
     return std::count(all.begin(), all.end(), "learner running") == 2;
   }));
   kill(probe_, SIGTERM);
-  EXPECT_EQ(wait_for_end(kGuardSeconds), 0) << story();
+  EXPECT_EQ(wait_for_end(), 0) << story();
   EXPECT_THAT(std::string(outcome()["message"]), HasSubstr(": 4M env frames, "));
   EXPECT_THAT(std::string(outcome()["message"]), Not(HasSubstr("M trained on")));
   EXPECT_GT(outcome()["env_frames_lost"], 0);
@@ -334,16 +321,16 @@ TEST_F(Launch, InLockStepOneDeathSendsEverybodyBackToTheCheckpoint) {
 TEST_F(Launch, ALearnerThatGoesBackSaysHowMuchLearningWasLost) {
   // Every life of the learner begins at its checkpoint of 100 000 decisions.
   start("learner restored 100000\n");
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return status()["learner_version"] >= 4; })) << story();
+  ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
+  ASSERT_TRUE(test::wait_until([&] { return status()["learner_version"] >= 4; })) << story();
   kill(pids("learner").back(), SIGKILL);
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] {
+  ASSERT_TRUE(test::wait_until([&] {
     const std::vector<std::string> all = events();
     return std::count(all.begin(), all.end(), "learner running") == 2;
   })) << progress();
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return has_shown("| learner went back "); })) << progress();
+  ASSERT_TRUE(test::wait_until([&] { return has_shown("| learner went back "); })) << progress();
   kill(probe_, SIGTERM);
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << story();
+  ASSERT_EQ(wait_for_end(), 0) << story();
 
   const nlohmann::json result = outcome();
   const auto lost = result["env_frames_lost"].get<uint64_t>(),
@@ -362,15 +349,15 @@ TEST_F(Launch, ALearnerThatGoesBackSaysHowMuchLearningWasLost) {
 
 TEST_F(Launch, AskedForACheckpointItPassesTheWishOn) {
   start("learner finish 4000\n");
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
+  ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
   kill(probe_, SIGUSR1);
-  EXPECT_TRUE(eventually(kGuardSeconds, [&] { return has_shown("SIGUSR1: a checkpoint"); }));
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 0) << "SIGUSR1 ended it";
+  EXPECT_TRUE(test::wait_until([&] { return has_shown("SIGUSR1: a checkpoint"); }));
+  ASSERT_EQ(wait_for_end(), 0) << "SIGUSR1 ended it";
 }
 
 TEST_F(Launch, AnArenaThatDoesNotFitSaysSo) {
   start("", {"slabs=1000000"});
-  ASSERT_EQ(wait_for_end(kGuardSeconds), 1) << story();
+  ASSERT_EQ(wait_for_end(), 1) << story();
   EXPECT_THAT(std::string(outcome()["error"]),
               testing::AllOf(HasSubstr("needs"), HasSubstr("--trajectory_slabs")));
   EXPECT_EQ(status()["state"], "failed");
@@ -396,7 +383,7 @@ TEST_F(Launch, TheLearnerHoldsTheLockOfTheRunDirectoryAndSimulatorsDoNot) {
   const int lock = open(lock_path.c_str(), O_RDWR | O_CREAT, 0644);  // inherited by the probe
   ASSERT_EQ(flock(lock, LOCK_EX | LOCK_NB), 0);
   start("", {"lock=" + std::to_string(lock)});
-  ASSERT_TRUE(eventually(kGuardSeconds, [&] { return all_run(); }));
+  ASSERT_TRUE(test::wait_until([&] { return all_run(); }));
   const auto holds = [&](pid_t pid) {
     for (const auto& entry : fs::directory_iterator("/proc/" + std::to_string(pid) + "/fd")) {
       std::error_code gone;

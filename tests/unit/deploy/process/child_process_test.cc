@@ -161,16 +161,11 @@ TEST(ChildProcess, AProgramThatIsNotThereIsAnErrorHereAndNotADeathLater) {
 TEST(ChildProcess, OneThatIsStoppedIsSeenAsStopped) {
   auto child = ChildProcess::spawn(shell("exec sleep 60"));
   ASSERT_TRUE(child);
-  const auto becomes = [&](bool is_stopped) {
-    for (const double end_s = monotonic_s() + 60; child->is_stopped() != is_stopped && monotonic_s() < end_s;)
-      usleep(1'000);
-    return child->is_stopped() == is_stopped;
-  };
-  EXPECT_TRUE(becomes(false));
+  EXPECT_FALSE(child->is_stopped());
   child->send_signal(SIGSTOP);
-  EXPECT_TRUE(becomes(true));
+  EXPECT_TRUE(test::wait_until([&] { return child->is_stopped(); }));
   child->send_signal(SIGCONT);
-  EXPECT_TRUE(becomes(false));
+  EXPECT_TRUE(test::wait_until([&] { return !child->is_stopped(); }));
 }
 
 TEST(ChildProcess, DestroyingItEndsIt) {
