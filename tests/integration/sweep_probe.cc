@@ -135,6 +135,7 @@ int train(const std::vector<std::string>& words) {
   if (status.state == "running") status.state = "finished";
   RunConfig config;
   config.run.scenario = "field";
+  config.run.seed = seed;
   config.run.train_dir = folder;
   (void)write_file_atomically(run_dir + "/config.toml", settings_to_toml(config), false);
   (void)write_file_atomically(
