@@ -31,11 +31,26 @@ mkdir -p "${folder}"
   exit 1
 }
 
-set -m # every job is a process group, which can be stopped as a whole
 jobs_of_run=()
+tree_of() { # a process and all below it
+  local child
+  echo "$1"
+  for child in $(pgrep -P "$1" || true); do tree_of "${child}"; done
+}
+# Tests put what they start into process groups of their own, so the whole tree is halted, which ends its growth, and then killed.
 stop_jobs() {
-  local group
-  for group in "${jobs_of_run[@]}"; do kill -KILL -- "-${group}" 2>/dev/null || true; done # what tests start dies with them
+  local job tree before
+  for job in "${jobs_of_run[@]}"; do
+    tree="${job}" before=''
+    while [[ "${tree}" != "${before}" ]]; do
+      before="${tree}"
+      # shellcheck disable=SC2086
+      kill -STOP ${tree} 2>/dev/null || true
+      tree="$(tree_of "${job}")"
+    done
+    # shellcheck disable=SC2086
+    kill -KILL ${tree} 2>/dev/null || true
+  done
   jobs_of_run=()
 }
 trap stop_jobs EXIT
@@ -43,8 +58,9 @@ trap 'exit 130' INT
 trap 'exit 143' TERM HUP
 
 for ((i = 0; i < load; ++i)); do
-  (while :; do :; done) &
+  bash -c 'while :; do :; done' &
   jobs_of_run+=($!)
+  disown
 done
 printf '%s, %s cores, commit %s, beside %s busy processes, %s\n\n| run | seconds | tests | failed |\n|---|---|---|---|\n' \
   "$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -n 1)" "$(nproc)" \
