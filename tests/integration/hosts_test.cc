@@ -118,9 +118,18 @@ TEST(Hosts, ARunThatEndsEndsThoseThatPlayForIt) {
       small_training(scratch, "learning", 150000, {"--num_workers", "1", "--serve", "--serve_bf16_weights"}));
   ASSERT_TRUE(
       wait_until([&] { return !read_text(learning + "/link_address").empty() || !learner.running(); }));
+  // The run waits for the host that joins, so that it has not ended before.
+  ASSERT_TRUE(wait_until([&] {
+    return comrad({"ctl", learning, "pause"}).exit_code == 0 || !learner.running();
+  }));
+  ASSERT_TRUE(learner.running()) << learner.wait().err;
   // By the run's folder, as hosts with one file system do.
   RunningProgram player({program("comrad"), "join", learning, "--num_workers", "1", "--device", "cpu",
                          "--train_dir", scratch.string(), "--experiment", "playing"});
+  ASSERT_TRUE(wait_until(
+      [&] { return read_json(learning + "/status.json")["hosts"].size() == 1 || !player.running(); }));
+  ASSERT_TRUE(player.running()) << player.wait().err;
+  ASSERT_EQ(comrad({"ctl", learning, "resume"}).exit_code, 0);
   const Ending ended = learner.wait();
   EXPECT_EQ(ended.exit_code, 0) << ended.err;
   const Ending left = player.wait();
