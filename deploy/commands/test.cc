@@ -5,9 +5,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <functional>
-#include <iterator>
 #include <span>
 
 #include "deploy/commands/command.h"
@@ -40,17 +38,12 @@ int count_label(const std::string& build, const std::string& label) {
   return total == std::string::npos ? 0 : std::atoi(listed->output.c_str() + total + 13);
 }
 
-std::string read_whole(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 /// Prints what was skipped. False where CI=true does not allow one of the reasons.
 bool print_skipped(const std::string& log, const std::vector<std::string>& skipped, int left_out) {
   const char* ci = std::getenv("CI");
   const std::string page = data_dir() + "/tests/SKIPPED.md";
   const bool is_strict = ci != nullptr && std::string_view(ci) == "true";
-  const std::vector<std::string> words = allowed_words(read_whole(page));
+  const std::vector<std::string> words = allowed_words(read_file(page).value_or(""));
   bool all_allowed = true;
   if (!skipped.empty()) {
     std::printf("Skipped, in whole or in part:\n");
@@ -107,7 +100,7 @@ Expected<int> run_suite(Arguments arguments) {
   };
   COMRAD_TRY_ASSIGN(const ProgramResult result, run_program(command, options));
   // Before count_label(): that call of ctest begins the file anew.
-  const std::string log = read_whole(build + "/Testing/Temporary/LastTest.log");
+  const std::string log = read_file(build + "/Testing/Temporary/LastTest.log").value_or("");
   print_slowest(std::move(times));
   const bool all_allowed = print_skipped(log, skipped, chooses_labels ? 0 : count_label(build, "long"));
   for (const std::string& line : closing) std::printf("%s\n", line.c_str());

@@ -2,26 +2,17 @@
 
 #include <fcntl.h>
 
-#include <charconv>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/take_number.h"
 
 namespace comrad::deploy {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool take_number(std::string_view& text, std::string_view before, uint64_t& number) {
-  if (!text.starts_with(before)) return false;
-  text.remove_prefix(before.size());
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc()) return false;
-  text.remove_prefix(static_cast<std::size_t>(end - text.data()));
-  return true;
-}
 
 }  // namespace
 

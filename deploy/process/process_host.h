@@ -51,7 +51,7 @@ class Process {
   virtual void end_input() = 0;
   /// CPU time of it and its children until now; after poll_exit() saw its end, all that it took. 0 where it cannot be read.
   virtual double cpu_seconds() const = 0;
-  /// Whether it stands still because somebody sent it SIGSTOP (or a debugger holds it).
+  /// Whether SIGSTOP or a debugger holds it.
   virtual bool is_stopped() const = 0;
 };
 

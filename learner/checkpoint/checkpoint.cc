@@ -19,6 +19,7 @@
 
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/take_number.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::learn {
@@ -182,16 +183,6 @@ std::vector<char> pack(const c10::IValue& root) {
   writer.writeRecord("data.pkl", pickled.data(), pickled.size());
   writer.writeEndOfFile();
   return archive;
-}
-
-/// Parses "<prefix><number>..." and moves `text` behind it.
-bool take_number(std::string_view& text, std::string_view prefix, uint64_t& number) {
-  if (!text.starts_with(prefix)) return false;
-  text.remove_prefix(prefix.size());
-  const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (code != std::errc()) return false;
-  text.remove_prefix(static_cast<std::size_t>(end - text.data()));
-  return true;
 }
 
 }  // namespace

@@ -32,7 +32,7 @@ class StagHunters final : public Oracle {
       const doom::Actor& body = world.body(agent);
       if (!world.player(agent).alive) continue;
       const Place here = place_of(body);
-      // StagHunters stand side by side in the south, where they come from, so that nobody shoots through
+      // Hunters stand side by side in the south, where they come from, so that nobody shoots through
       // a partner.
       const double angle = (-90.0 + (agent - (count - 1) / 2.0) * 50.0) * std::numbers::pi / 180;
       const Place centre = stag != nullptr ? place_of(*stag) : Place{0, 0};
