@@ -17,7 +17,7 @@ constexpr int32_t kControlMargin = 32, kControlGap = 64;
 constexpr int32_t kPolyobjectHalfMin = 8;
 constexpr int kPointTries = 4096;
 
-std::string quoted(const std::string& name) { return "'" + name + "'"; }
+std::string in_quotes(const std::string& name) { return "'" + name + "'"; }
 
 bool on_segment(Point p, Point a, Point b) {
   return cross(a, b, p) == 0 && p.x >= std::min(a.x, b.x) && p.x <= std::max(a.x, b.x) &&
@@ -74,9 +74,9 @@ void lay_way(MapPlan& plan, AreaId area, const std::vector<Point>& way, int32_t 
 AreaId MapPlan::declare(AreaSpec spec) {
   const AreaId id = area_count();
   if (spec.name.empty()) spec.name = "area " + std::to_string(id);
-  if (area(spec.name) != kRock) fail("there are two areas of the name " + quoted(spec.name));
+  if (area(spec.name) != kRock) fail("there are two areas of the name " + in_quotes(spec.name));
   if (spec.ceiling < spec.floor)
-    fail("area " + quoted(spec.name) + ": its ceiling (" + std::to_string(spec.ceiling) +
+    fail("area " + in_quotes(spec.name) + ": its ceiling (" + std::to_string(spec.ceiling) +
          ") lies below its floor (" + std::to_string(spec.floor) + ")");
   specs_.push_back(std::move(spec));
   edges_.reset();
@@ -107,7 +107,7 @@ AreaId MapPlan::add_area(AreaSpec spec, const Box& box, Claim claim) {
 void MapPlan::extend_area(AreaId area, Polygon outline, Claim claim) {
   if (area < 0 || area >= area_count())
     return fail("an outline names area " + std::to_string(area) + ", which is not there");
-  add_shape(area, std::move(outline), claim, "area " + quoted(specs_[area].name));
+  add_shape(area, std::move(outline), claim, "area " + in_quotes(specs_[area].name));
 }
 
 void MapPlan::extend_area(AreaId area, const Box& box, Claim claim) {
@@ -133,11 +133,11 @@ void MapPlan::add_pillar(const Box& box, std::string wall_texture) {
 std::vector<Point> MapPlan::find_way(AreaId from, AreaId to, const CorridorOptions& options,
                                      const std::string& name) {
   if (from < 0 || to < 0 || from >= area_count() || to >= area_count() || from == to) {
-    fail(quoted(name) + ": a way leads from one area to another one");
+    fail(in_quotes(name) + ": a way leads from one area to another one");
     return {};
   }
   if (options.width < 1 || options.grid < 1) {
-    fail(quoted(name) + ": width and grid must be positive");
+    fail(in_quotes(name) + ": width and grid must be positive");
     return {};
   }
   std::vector<Point> corners;
@@ -148,7 +148,7 @@ std::vector<Point> MapPlan::find_way(AreaId from, AreaId to, const CorridorOptio
   const int32_t columns = (bounds.high.x - bounds.low.x) / grid + 1,
                 rows = (bounds.high.y - bounds.low.y) / grid + 1;
   if (int64_t{columns} * rows > 4'000'000) {
-    fail(quoted(name) + ": the map is too large for a way on a grid of " + std::to_string(grid) +
+    fail(in_quotes(name) + ": the map is too large for a way on a grid of " + std::to_string(grid) +
          "; take a coarser one");
     return {};
   }
@@ -243,8 +243,8 @@ std::vector<Point> MapPlan::find_way(AreaId from, AreaId to, const CorridorOptio
       open.push({next_cost + far_off(place(next)), next_cost, next_state});
     }
   }
-  fail(quoted(name) + ": there is no way of width " + std::to_string(options.width) +
-       " through rock from area " + quoted(specs_[from].name) + " to area " + quoted(specs_[to].name));
+  fail(in_quotes(name) + ": there is no way of width " + std::to_string(options.width) +
+       " through rock from area " + in_quotes(specs_[from].name) + " to area " + in_quotes(specs_[to].name));
   return {};
 }
 
@@ -281,7 +281,7 @@ std::vector<AreaId> MapPlan::add_stairs(const AreaSpec& spec, AreaId from, AreaI
 std::vector<AreaId> MapPlan::add_stairs(const AreaSpec& spec, const Box& box, Direction up, int count,
                                         int32_t low, int32_t high) {
   std::vector<AreaId> steps;
-  if (count < 1) fail(quoted(spec.name) + ": a flight has at least one step");
+  if (count < 1) fail(in_quotes(spec.name) + ": a flight has at least one step");
   for (int j = 0; j < count; ++j) {
     AreaSpec step = spec;
     step.name += " " + std::to_string(j);
@@ -317,14 +317,15 @@ AreaId MapPlan::add_slab(AreaSpec spec, AreaId area, AreaId beyond, int32_t thic
         const int32_t inwards = b.x > a.x ? -thickness : thickness;
         slabs.push_back({a, b, {b.x, b.y + inwards}, {a.x, a.y + inwards}});
       } else {
-        fail("area " + quoted(spec.name) + ": the edge " + at(a) + "-" + at(b) +
+        fail("area " + in_quotes(spec.name) + ": the edge " + at(a) + "-" + at(b) +
              " is oblique; give the door's place as an outline");
       }
     }
   if (slabs.empty())
-    fail("area " + quoted(spec.name) + ": the areas " +
-         (area >= 0 && area < area_count() ? quoted(specs_[area].name) : "?") + " and " +
-         (beyond >= 0 && beyond < area_count() ? quoted(specs_[beyond].name) : "?") + " have no common edge");
+    fail("area " + in_quotes(spec.name) + ": the areas " +
+         (area >= 0 && area < area_count() ? in_quotes(specs_[area].name) : "?") + " and " +
+         (beyond >= 0 && beyond < area_count() ? in_quotes(specs_[beyond].name) : "?") +
+         " have no common edge");
   const AreaId slab = declare(std::move(spec));
   for (Polygon& outline : slabs) extend_area(slab, std::move(outline));
   return slab;
@@ -591,7 +592,7 @@ Status MapPlan::check_pieces(const std::vector<PlaneEdge>& all) const {
       if (edge.right == area) edges.push_back({edge.start, edge.end});
       if (edge.left == area) edges.push_back({edge.end, edge.start});
     }
-    const std::string name = "map: area " + quoted(specs_[area].name);
+    const std::string name = "map: area " + in_quotes(specs_[area].name);
     if (edges.empty())
       return Error{ErrorCode::kBadInput,
                    name + " has no place: later areas cover all of it, or no outline was given"};

@@ -10,6 +10,7 @@
 #include "rollout_buffer/core/checksum.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/link/json_members.h"
 
 namespace comrad::link {
 namespace {
@@ -25,19 +26,6 @@ std::string hex(uint64_t number) {
   char digits[17];
   std::snprintf(digits, sizeof digits, "%016" PRIx64, number);
   return digits;
-}
-
-/// Members of a JSON object that somebody else wrote, with nothing where they are missing or of another kind.
-std::string text_in(const json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_string() ? found->get<std::string>() : "";
-}
-uint64_t number_in(const json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_number_unsigned() ? found->get<uint64_t>() : 0;
-}
-uint64_t hex_in(const json& object, const char* key) {
-  return std::strtoull(text_in(object, key).c_str(), nullptr, 16);
 }
 
 /// "config.toml", "layouts/map.wad": words without a way out of the folder.

@@ -7,6 +7,7 @@
 
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/parts.h"
+#include "rollout_buffer/link/json_members.h"
 
 namespace comrad::link {
 namespace {
@@ -20,20 +21,6 @@ std::string json_text(const json& object) {
 json read_json(const std::string& path) {
   const std::optional<std::string> text = read_file(path);
   return text ? json::parse(*text, nullptr, /*allow_exceptions=*/false) : json();
-}
-
-uint64_t number_in(const json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_number_unsigned() ? found->get<uint64_t>() : 0;
-}
-bool flag_in(const json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_boolean() && found->get<bool>();
-}
-
-double real_in(const json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_number() ? found->get<double>() : 0;
 }
 
 std::optional<FrameAccount> frames_in(const json& feed) {
@@ -93,8 +80,7 @@ std::vector<FeederRecord> read_guests(const std::string& run_dir, const ServingF
   for (const json& guest : read["guests"]) {
     if (!guest.is_object()) continue;
     FeederRecord record;
-    if (const auto host = guest.find("host"); host != guest.end() && host->is_string())
-      record.host = host->get<std::string>();
+    record.host = text_in(guest, "host");
     record.feeder_id = number_in(guest, "id");
     record.is_here = flag_in(guest, "is_here");
     record.workers = static_cast<int>(number_in(guest, "workers"));

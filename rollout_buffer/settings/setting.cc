@@ -263,7 +263,7 @@ std::string number_text(double value) {
 }
 
 /// Text as a TOML basic string.
-std::string quoted(std::string_view value) {
+std::string toml_string(std::string_view value) {
   std::string text = "\"";
   for (const char c : value) {
     if (c == '"' || c == '\\') {
@@ -355,7 +355,7 @@ std::string setting_text(const RunConfig& config, std::string_view name) {
 }
 
 std::string setting_toml(const SettingRow& row, const std::string& text) {
-  return std::string(row.name) + " = " + (row.is_text() ? quoted(text) : text) + "\n";
+  return std::string(row.name) + " = " + (row.is_text() ? toml_string(text) : text) + "\n";
 }
 
 Status set(RunConfig& config, const std::string& origin, std::string_view key, std::string_view text) {

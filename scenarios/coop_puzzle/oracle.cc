@@ -12,7 +12,7 @@
 namespace comrad::sim {
 namespace {
 
-constexpr double kDoorDepth = 32, kBody = 16;
+constexpr double kDoorDepth = 32;
 constexpr int kFirstSyncTag = 100, kFirstZoneTag = 200, kTagsPerZone = 1000;
 constexpr double kPassable = 60;  // of a door's opening
 
@@ -95,12 +95,12 @@ class Lanes final : public Oracle {
     const double door_x = west_of(2 * pair);  // the eastern side of the pair's door
     const Place onward{x + 128, middle_of(who)};
     const Plate& lit = lit_[static_cast<std::size_t>(std::min(zone, zones_))];
-    const bool partner_is_through = partner_x > door_x + kBody + 8;
+    const bool partner_is_through = partner_x > door_x + kPlayerRadius + 8;
     if (zone % 2 == 0) {
       if (lit.lane == who && !partner_is_through) return lit.middle;
       return zone >= zones_ ? Place{(west_of(zone) + west_of(zone + 1)) / 2, middle_of(who)} : onward;
     }
-    if (x > door_x - kDoorDepth - kBody || door_is_open(world, pair, who)) {
+    if (x > door_x - kDoorDepth - kPlayerRadius || door_is_open(world, pair, who)) {
       if (lit.lane != who || partner_is_through || is_sync(pair)) return onward;
     }
     if (is_sync(pair)) {
@@ -108,7 +108,7 @@ class Lanes final : public Oracle {
       return sync_.at({zone, who});
     }
     if (lit.lane == who && !partner_is_through) return lit.middle;
-    return {door_x - kDoorDepth - kBody - 10, middle_of(who)};
+    return {door_x - kDoorDepth - kPlayerRadius - 10, middle_of(who)};
   }
 
   int zones_, period_;

@@ -12,7 +12,6 @@ namespace comrad::sim {
 namespace {
 
 namespace pit = scenarios::lava_pit;
-constexpr double kClimberRadius = 16;
 constexpr double kTolerance = 18;  // the push of a single decision moves a body by 33 units
 
 struct Rectangle {
@@ -95,9 +94,9 @@ class Crossers final : public Oracle {
  private:
   /// Where a body comes to rest that lets go now.
   static Place resting_place(const doom::Actor& body) {
-    constexpr double kGlideTics = 10.67;  // friction leaves 0.906 of the speed each tic
-    return {doom::to_double(body.x) + doom::to_double(body.velocity_x) * kGlideTics,
-            doom::to_double(body.y) + doom::to_double(body.velocity_y) * kGlideTics};
+    constexpr double kLongGlideTics = 10.67;  // friction leaves 0.906 of the speed each tic
+    return {doom::to_double(body.x) + doom::to_double(body.velocity_x) * kLongGlideTics,
+            doom::to_double(body.y) + doom::to_double(body.velocity_y) * kLongGlideTics};
   }
   Rectangle outline_of_tag(int32_t tag) const {
     const auto found = sector_of_tag_.find(tag);
@@ -112,8 +111,8 @@ class Crossers final : public Oracle {
   double lane(int i, double avoid_y) const {
     constexpr double kApart = 40;
     const Rectangle bridge = outline_of_tag(pit::kBridgeTag + i), near = platform(i), far = platform(i + 1);
-    const double bottom = std::max({bridge.bottom, near.bottom, far.bottom}) + kClimberRadius + 4;
-    const double top = std::min({bridge.top, near.top, far.top}) - kClimberRadius - 4;
+    const double bottom = std::max({bridge.bottom, near.bottom, far.bottom}) + kPlayerRadius + 4;
+    const double top = std::min({bridge.top, near.top, far.top}) - kPlayerRadius - 4;
     const double middle = (bottom + top) / 2;
     if (bottom > top) return middle;
     double best = middle, best_cost = 1e9;

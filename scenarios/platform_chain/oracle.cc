@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kTallColumn = 30, kShortColumn = 31;  // editor numbers
 constexpr int kFirstPlatformTag = 8000, kTicsPerDecision = 4;
-constexpr double kHalf = 56, kBody = 16;
+constexpr double kHalf = 56;
 // Along the way (s) and across it (l), from the platform's centre.
 constexpr double kStartS = -30, kJumpS = 38, kEdgeS = 66, kLandS = -6;
 constexpr double kLane = -24, kNorthLane = -28, kLaneByColumn = -54, kParkL = 36;
@@ -155,7 +155,8 @@ class Climbers final : public Oracle {
     const Place here = place_of(body);
     for (int i = std::max(0, index_[who] - 1); i <= std::min(last(), index_[who] + 1); ++i) {
       const Place c = at(i).centre;
-      if (std::abs(here.x - c.x) > kHalf + kBody || std::abs(here.y - c.y) > kHalf + kBody) continue;
+      if (std::abs(here.x - c.x) > kHalf + kPlayerRadius || std::abs(here.y - c.y) > kHalf + kPlayerRadius)
+        continue;
       if (i == index_[who] && phase_[who] == Phase::kFly && fly_decisions_[who]++ < 3) return;  // not off yet
       if (i != index_[who]) last_landed_ = who;
       index_[who] = i;
@@ -336,7 +337,7 @@ class Climbers final : public Oracle {
         const double gone = phase < kPanelPeriod
                                 ? std::min(2.0 * phase, panel.travel)
                                 : panel.travel - std::min(2.0 * (phase - kPanelPeriod), panel.travel);
-        if (std::abs(panel.start_y + panel.sign * gone - y) < 10 + kBody + 5) return false;
+        if (std::abs(panel.start_y + panel.sign * gone - y) < 10 + kPlayerRadius + 5) return false;
       }
     }
     return true;

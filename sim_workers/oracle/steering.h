@@ -5,6 +5,8 @@
 
 namespace comrad::sim {
 
+inline constexpr double kPlayerRadius = 16;  ///< map units
+
 /// A place of the map, in map units.
 struct Place {
   double x = 0, y = 0;

@@ -20,7 +20,7 @@ constexpr std::size_t kCrossingsAtOnce = 24;              // what more a piece h
 constexpr Fixed kUseRange = to_fixed(64);
 constexpr Fixed kAimRange = to_fixed(1024);
 constexpr Fixed kRailRange = to_fixed(8192);
-constexpr Fixed kMeleeRange = to_fixed(65);  // a saw's 65; puffs of longer attacks look like bullets'
+constexpr Fixed kSawRange = to_fixed(65);  // a saw's 65; puffs of longer attacks look like bullets'
 constexpr int kAimDegrees = 35;
 constexpr Angle kAimSideways = 1u << 26;         // 5.6 degrees
 constexpr Angle kAimFreely = 0x80000000u / 360;  // half a degree
@@ -377,7 +377,7 @@ void spawn_puff(World& world, Actor& shooter, uint32_t puff_type, const Ray& ray
     set_label(world, puff, StateLabel::kCrash);
   } else if (on_actor && world.type_of(puff).state(StateLabel::kXDeath) != kNoState) {
     set_label(world, puff, StateLabel::kXDeath);
-  } else if (ray.distance <= kMeleeRange && world.type_of(puff).state(StateLabel::kMelee) != kNoState) {
+  } else if (ray.distance <= kSawRange && world.type_of(puff).state(StateLabel::kMelee) != kNoState) {
     set_label(world, puff, StateLabel::kMelee);
   }
   shorten(world, puff);

@@ -75,10 +75,10 @@ int32_t generic_ceiling(World& world, const SpecialCall& call) {
 
 // ---------------------------------------------------------------- crushers
 
-enum CrusherType : int32_t { kForEver, kRaiseAndStay };
+enum CrusherType : int32_t { kCrushForEver, kCrushOnce };
 
 struct CrusherOrder {
-  CrusherType type = kForEver;
+  CrusherType type = kCrushForEver;
   Fixed speed = 0, return_speed = 0;
   int32_t crush = -1;
   bool hexen_crush = false;
@@ -177,7 +177,7 @@ std::optional<int32_t> execute_ceiling(World& world, const SpecialCall& call) {
     case Special::kCeiling_Stop:
       return stop_ceilings(world, a[0]);
     case Special::kCeiling_CrushRaiseAndStay:  // tag, speed, crush, crush mode
-      crusher.type = kRaiseAndStay;
+      crusher.type = kCrushOnce;
       crusher.crush = crush_of(a[2]), crusher.hexen_crush = is_hexen_crush(a[3]);
       return order_crusher(world, call, crusher);
     case Special::kCeiling_MoveToValue:  // tag, speed, height, below zero, change
@@ -219,7 +219,7 @@ std::optional<int32_t> execute_ceiling(World& world, const SpecialCall& call) {
     }
     case Special::kCeiling_CrushRaiseAndStayA:  // tag, speed down, speed up, crush, crush mode
     case Special::kCeiling_CrushRaiseAndStaySilA:
-      crusher.type = kRaiseAndStay;
+      crusher.type = kCrushOnce;
       [[fallthrough]];
     case Special::kCeiling_CrushAndRaiseA:
     case Special::kCeiling_CrushAndRaiseSilentA:
@@ -314,7 +314,7 @@ void tic_crusher(World& world, SectorMover& crusher) {
       if (step_ceiling(world, crusher.sector, crusher.return_speed, crusher.high, true) !=
           PlaneStep::kArrived)
         return;
-      if (crusher.type == kRaiseAndStay) return stop_mover(world, crusher);
+      if (crusher.type == kCrushOnce) return stop_mover(world, crusher);
       crusher.phase = MoverPhase::kDown;
       crusher.amplitude = crusher.speed;
       return;
