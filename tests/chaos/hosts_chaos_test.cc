@@ -16,13 +16,10 @@
 namespace comrad::test {
 namespace hosts_chaos_test {
 
-constexpr double kStartSeconds = 90;
-constexpr double kStopSeconds = 40;
-
 TEST(HostsChaos, KillsStopsAndCutsOnTwoHostsLoseNothingUntold) {
   const test::NetworkPair network(31);
   if (!network.is_made()) GTEST_SKIP() << test::NetworkPair::why_not();
-  const double seconds = number_of("COMRAD_CHAOS_SECONDS", 30);
+  const double seconds = number_of("COMRAD_CHAOS_SECONDS", 12);
   Rng rng(chosen_seed());
   const ScratchFolder scratch;
   const std::string learning = scratch / "learning", playing = scratch / "playing";
@@ -30,20 +27,19 @@ TEST(HostsChaos, KillsStopsAndCutsOnTwoHostsLoseNothingUntold) {
       0, small_training(scratch, "learning", 1e9,
                         {"--num_workers", "1", "--save_every_sec", "2", "--serve", "--serve_workers", "2",
                          "--interface", network.device(0), "--insecure_network"})));
-  ASSERT_TRUE(wait_until([&] { return env_frames(learning) > 0 || !learner.running(); }, kStartSeconds));
+  ASSERT_TRUE(wait_until([&] { return env_frames(learning) > 0 || !learner.running(); }));
   ASSERT_TRUE(learner.running()) << learner.wait(1).err;
   const std::string address = read_text(learning + "/link_address");
   RunningProgram player(
       network.on(1, {program("comrad"), "join", address.substr(0, address.find('\n')), "--insecure_network",
                      "--num_workers", "2", "--device", "cpu", "--train_dir", scratch.string(), "--experiment",
                      "playing", "--progress_interval", "1"}));
-  const auto delivers_more = [&](double timeout_s) {
+  const auto delivers_more = [&] {
     const double before = decisions_delivered(learning);
-    return wait_until([&] { return decisions_delivered(learning) > before || !player.running(); },
-                      timeout_s) &&
+    return wait_until([&] { return decisions_delivered(learning) > before || !player.running(); }) &&
            player.running();
   };
-  ASSERT_TRUE(delivers_more(kStartSeconds)) << player.wait(1).err;
+  ASSERT_TRUE(delivers_more()) << player.wait(1).err;
 
   Victims victims({{playing, "comrad-sim-worker", "playing sim", 3},
                    {playing, "comrad-policy-worker", "playing policy", 1},
@@ -67,22 +63,22 @@ TEST(HostsChaos, KillsStopsAndCutsOnTwoHostsLoseNothingUntold) {
     ++cuts;
   }
   victims.let_go_on();
-  ASSERT_TRUE(delivers_more(60)) << player.wait(1).err;
-  ASSERT_TRUE(delivers_more(60)) << player.wait(1).err;
+  ASSERT_TRUE(delivers_more()) << player.wait(1).err;
+  ASSERT_TRUE(delivers_more()) << player.wait(1).err;
 
   player.signal(SIGTERM);
-  const Ending left = player.wait(kStopSeconds * patience());
+  const Ending left = player.wait();
   EXPECT_EQ(left.exit_code, 0) << left.err;
   const nlohmann::json played = checked_account(playing);
   EXPECT_GT(played["trained"].get<int64_t>(), 0);
   learner.signal(SIGTERM);
-  const Ending ended = learner.wait(kStopSeconds * patience());
+  const Ending ended = learner.wait();
   EXPECT_EQ(ended.exit_code, 0) << ended.err;
   const nlohmann::json learned = checked_account(learning);
   EXPECT_EQ(decisions_delivered(learning), played["trained"].get<double>())
       << "what one host delivered the other took, once each";
   EXPECT_EQ(played["lost_on_the_way"].get<int64_t>(), 0) << "the learner's host never began anew";
-  EXPECT_TRUE(wait_until([&] { return processes_of(scratch.string()).empty(); }, 5)) << "something is left";
+  EXPECT_TRUE(wait_until([&] { return processes_of(scratch.string()).empty(); })) << "something is left";
   std::printf("%.0f s: killed %s; stopped %d; %d cuts\nplaying: %s\nlearning: %s\n", seconds,
               victims.kills_text().c_str(), victims.stops, cuts, played.dump().c_str(),
               learned.dump().c_str());

@@ -136,7 +136,7 @@ TEST(LayoutPoolRun, LockStepIsBitIdenticalAcrossAResume) {
   const std::string pool = make_pool(scratch, "train", 4);
   const std::vector<std::string> lock_step = {"--deterministic=True", "--curriculum", "plr", "--plr_rho",
                                               "0.5"};
-  constexpr double kEnvSteps = 20'480;
+  constexpr double kEnvSteps = 12'288;
   train(scratch, "one", kEnvSteps, pool, lock_step);
   EXPECT_GT(curriculum_state(scratch / "one")["counter"], 8) << "layouts were drawn anew within the run";
   train(scratch, "resumed", kEnvSteps / 2, pool, lock_step);

@@ -152,15 +152,6 @@ TEST(BenchLong, TheLearnerRunsAllAlgorithms) {
   EXPECT_EQ(summary["algorithms"][0]["of_the_first"], 1);
 }
 
-// The bounds themselves are bench_check's, of label long.
-TEST(Bench, CheckPrintsATableOfItsBounds) {
-  const Ending ending = comrad({"bench", "check", "--rounds", "1", "--seconds", "0.5"});
-  EXPECT_THAT(ending.exit_code, ::testing::AnyOf(0, 1)) << ending.err;
-  for (const char* row : {"pipeline over its limit", "cost of one of 8 agents over one of 2",
-                          "bytes copied a decision", "host waits within an optimizer step"})
-    EXPECT_THAT(ending.out, HasSubstr(row));
-}
-
 TEST(Bench, WhatCannotBeMeasuredIsRefusedAtOnceAndNamed) {
   const ScratchFolder scratch;
   std::ofstream(scratch / "no_marks.md") << "# Title\n";
@@ -212,7 +203,7 @@ TEST(Bench, ScalingMeasuresEveryPointOfItsGrid) {
   EXPECT_GT(summary["points"][1]["cost_of_an_agent"], 0);
 }
 
-TEST(Tune, MeasuresTheFirstSettingAndLeavesWhatTheUserFixed) {
+TEST(TuneLong, MeasuresTheFirstSettingAndLeavesWhatTheUserFixed) {
   const ScratchFolder scratch;
   const std::string file = scratch / "tuned.toml";
   const auto found = json_of({"tune", "--scenario", "coop_health_gathering", "--algo", "ippo", "--precision",

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Plays the same WAD with the same buttons in ViZDoom and in COMRAD and compares what comes of it.
 
-    vizdoom_parity.py --trace BIN traces|weapons|monsters|scenarios [--only NAME]
+    vizdoom_parity.py --trace BIN traces|weapons|monsters|scenarios [--only NAME] [--tics N]
 
 `traces`   scenarios of the vizdoom package without monsters, 350 tics of seeded random buttons: position within 0.01
            unit, angle, health, ammunition, reward and end exact.
 `weapons`  a range made for it: how much a shot hurts and how many pellets of it hit, each weapon, some 100 shots.
 `monsters` what an attack of each monster costs and how far it walks.
-`scenarios` every map of every WAD of the vizdoom package: 2 000 tics of random buttons in COMRAD alone, twice; the same
+`scenarios` every map of every WAD of the vizdoom package: 2 000 tics (--tics) of random buttons in COMRAD alone, twice; the same
            hash at every tic, no warning but those that EXPLAINED lists.
 
 Distributions are compared by two-sample chi-square tests (cells of less than 10 of both together are joined), positions
@@ -510,7 +510,7 @@ def maps_of(path):
     return [names[i] for i in range(count - 1) if names[i + 1] in ("TEXTMAP", "THINGS")]
 
 
-def run_scenarios(vzd, binary, only, report):
+def run_scenarios(vzd, binary, only, report, tics):
     scenarios = os.path.join(os.path.dirname(vzd.__file__), "scenarios")
     jobs = []
     with tempfile.TemporaryDirectory() as folder:
@@ -533,7 +533,7 @@ def run_scenarios(vzd, binary, only, report):
                 outputs = []
                 for _ in range(2):
                     out = os.path.join(folder, "out.csv")
-                    done = subprocess.run([binary, cfg, "--random", "2000", "--seed", str(seed), "--hash", "--no-timeout",
+                    done = subprocess.run([binary, cfg, "--random", str(tics), "--seed", str(seed), "--hash", "--no-timeout",
                                            "--out", out], capture_output=True, text=True)
                     messages.update(line for line in done.stderr.splitlines()
                                     if not any(word in line for word in EXPLAINED))
@@ -542,7 +542,7 @@ def run_scenarios(vzd, binary, only, report):
                     outputs.append(open(out).read() if os.path.exists(out) else "")
                 rows += outputs[0].count("\n") - 3
                 same = same and outputs[0] == outputs[1] and rows > 0
-                if rows >= 2000 or not same or messages:
+                if rows >= tics or not same or messages:
                     break
             report.check(name, same and not messages, "%d tics%s%s" % (
                 rows, "" if same else ", not the same twice", "".join("; " + m for m in sorted(messages))))
@@ -554,6 +554,7 @@ def main():
     parser.add_argument("--trace", required=True, help="the program comrad-trace")
     parser.add_argument("--venv", default=os.path.join(os.path.dirname(__file__), "../../build/test-python"))
     parser.add_argument("--only", default="")
+    parser.add_argument("--tics", type=int, default=2000, help="of each map of `scenarios`")
     arguments = parser.parse_args()
     try:
         import vizdoom as vzd
@@ -569,9 +570,11 @@ def main():
     os.chdir(folder)
     report = Report()
     try:
-        {"traces": run_traces, "weapons": run_weapons, "monsters": run_monsters,
-         "scenarios": run_scenarios}[arguments.suite](
-            vzd, binary, arguments.only, report)
+        if arguments.suite == "scenarios":
+            run_scenarios(vzd, binary, arguments.only, report, arguments.tics)
+        else:
+            {"traces": run_traces, "weapons": run_weapons, "monsters": run_monsters}[arguments.suite](
+                vzd, binary, arguments.only, report)
     finally:
         os.chdir(here)
         shutil.rmtree(folder, ignore_errors=True)

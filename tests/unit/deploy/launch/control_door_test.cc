@@ -9,6 +9,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/patience.h"
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
@@ -101,12 +102,9 @@ TEST(ControlDoor, AnotherUserGetsNoAnswer) {
     const auto client = connect_to_name(name);
     if (!client || write(client->get(), "{\"do\":\"stop\"}\n", 14) != 14) _exit(3);
     char answer[512];
-    for (int turn = 0; turn < 100; ++turn) {
-      usleep(50'000);
-      const ssize_t size = read(client->get(), answer, sizeof answer);
-      if (size > 0) _exit(write(told[1], answer, static_cast<std::size_t>(size)) == size ? 0 : 4);
-    }
-    _exit(5);
+    ssize_t size = 0;
+    if (!test::wait_until([&] { return (size = read(client->get(), answer, sizeof answer)) > 0; })) _exit(5);
+    _exit(write(told[1], answer, static_cast<std::size_t>(size)) == size ? 0 : 4);
   }
   int status = 0;
   for (double now_s = 0; waitpid(stranger, &status, WNOHANG) == 0; now_s += 0.02) {

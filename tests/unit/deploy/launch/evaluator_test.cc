@@ -9,9 +9,9 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
 #include "tests/support/documented_metrics.h"
+#include "tests/support/patience.h"
 #include "tests/support/scratch_folder.h"
 
 namespace comrad::deploy {
@@ -86,12 +86,10 @@ class EvaluatorTest : public ::testing::Test {
   std::vector<std::string> run_out(Evaluator& evaluator) {
     std::vector<std::string> words;
     evaluator.hurry();
-    const double give_up_s = monotonic_s() + 60;
-    do {
+    EXPECT_TRUE(test::wait_until([&] {
       for (std::string& text : evaluator.tick()) words.push_back(std::move(text));
-      usleep(2'000);
-    } while (evaluator.is_busy() && monotonic_s() < give_up_s);
-    EXPECT_FALSE(evaluator.is_busy());
+      return !evaluator.is_busy();
+    }));
     return words;
   }
   std::vector<nlohmann::json> metrics() const {

@@ -6,12 +6,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <thread>
 
-#include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/settings/layers.h"
 #include "tests/support/scratch_folder.h"
 
@@ -154,23 +155,32 @@ TEST_F(RunDirectoryTest, TheLockEndsWithItsOwner) {
 
 TEST_F(RunDirectoryTest, ALearnerThatOutlivesItsSupervisorIsWaitedFor) {
   leave_a_run("run");
-  // The supervisor takes the lock and dies; its child inherited it and needs another two seconds.
+  // The supervisor takes the lock and dies; its child inherited it and lives until the pipe is closed.
+  int lifeline[2];
+  ASSERT_EQ(pipe(lifeline), 0);
   const pid_t supervisor = fork();
   if (supervisor == 0) {
     auto run = RunDirectory::open(train_dir_, "run", RestartBehavior::kResume);
     if (fork() == 0) {
-      usleep(2'000'000);
-      _exit(0);
+      close(lifeline[1]);
+      char end;
+      _exit(read(lifeline[0], &end, 1) == 0 ? 0 : 1);
     }
     _exit(run ? 0 : 1);  // no destructor: the lock stays with the child
   }
   int status = 0;
   waitpid(supervisor, &status, 0);
   ASSERT_EQ(WEXITSTATUS(status), 0);
-  const double start_s = monotonic_s();
+  std::atomic<bool> is_released = false;
+  std::jthread release([&] {
+    usleep(200'000);  // so that the run is asked for while it is held
+    is_released = true;
+    close(lifeline[1]);
+  });
   auto run = RunDirectory::open(train_dir_, "run", RestartBehavior::kResume);
   EXPECT_TRUE(run) << run.error().message;
-  EXPECT_GT(monotonic_s() - start_s, 0.2);
+  EXPECT_TRUE(is_released) << "it was opened while the learner lived";
+  close(lifeline[0]);
 }
 
 TEST_F(RunDirectoryTest, NamesThatLeadElsewhereAreRefused) {

@@ -7,6 +7,7 @@
 #include <string>
 #include <system_error>
 #include <variant>
+#include <vector>
 
 #include "learner/checkpoint/checkpoint.h"
 #include "policy_workers/policy/policy_net.h"
@@ -33,8 +34,6 @@ struct Variant {
   bool normalize;
   int64_t measurements;
 };
-
-class LoadPolicy : public testing::TestWithParam<Variant> {};
 
 /// A checkpoint of a network of that kind, with "expected": frame [steps, rows, 3, 72, 128], measurement, logits.
 StateDict checkpoint_with_answers(const Variant& variant) {
@@ -82,50 +81,17 @@ StateDict checkpoint_with_answers(const Variant& variant) {
   return state;
 }
 
-TEST_P(LoadPolicy, GivesTheNetworksLogitsAndGoesBack) {
-  std::error_code ignored;  // this test lies in <build>/tests
-  const auto build = std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path().parent_path();
-  setenv("PYTHONPATH", (build / "python").c_str(), 1);
-  const Expected<std::string> python = test::python_with("torch, comrad");
-  if (!python) GTEST_SKIP() << python.error().message;
-  const StateDict state = checkpoint_with_answers(GetParam());
-
-  const test::ScratchFolder folder;
-  const std::string file = (folder / "a.pt").string(), back = (folder / "b.pt").string();
-  ASSERT_TRUE(write_checkpoint(file, state));
-  folder.write("compare.py", R"(
-import sys, torch, comrad
-expected = torch.load(sys.argv[1], weights_only=True)["expected"]
-policies = [comrad.load_policy(sys.argv[1], agent) for agent in range(2)]
-for agent, policy in enumerate(policies):
-    state, rows = None, slice(agent, None, 2)
-    with torch.no_grad():
-        for step, frame in enumerate(expected["frame"]):
-            measurement = expected["measurement"][step][rows] if "measurement" in expected else None
-            logits, state = policy(frame[rows], measurement, state)
-            wanted = expected["logits"][step][rows]
-            assert wanted.abs().max() > 0.01
-            assert (logits - wanted).abs().max() < 1e-4, (agent, step, logits, wanted)
-            choice = policy.greedy(logits, [3, 2, 4])
-            assert choice.tolist() == [[int(h.argmax()) for h in row.split([3, 2, 4])] for row in wanted]
-            assert (policy.sample(logits, [3, 2, 4]) < torch.tensor([3, 2, 4])).all()
-        policy.action_head.bias.add_(1.0 + agent)
-comrad.save_policy(policies, sys.argv[1], sys.argv[2])
-)");
-  const std::string command = *python + " " + (folder / "compare.py").string() + " " + file + " " + back;
-  ASSERT_EQ(std::system(command.c_str()), 0);
-
-  const Expected<StateDict> written = read_checkpoint(back);
-  ASSERT_TRUE(written) << written.error().message;
-  ASSERT_EQ(written->values().size(), state.values().size());
+/// What is written back differs from `state` in the action head's bias alone.
+void expect_changed_biases(const StateDict& state, const StateDict& written) {
+  ASSERT_EQ(written.values().size(), state.values().size());
   int changed = 0;
   for (const auto& [key, value] : state.values()) {
     const auto* before = std::get_if<torch::Tensor>(&value);
     if (const auto* text = std::get_if<std::string>(&value)) {
-      EXPECT_EQ(written->text(key).value(), *text) << key;
+      EXPECT_EQ(written.text(key).value(), *text) << key;
     }
     if (before == nullptr) continue;
-    const torch::Tensor after = written->tensor(key).value();
+    const torch::Tensor after = written.tensor(key).value();
     const double more = (after.to(torch::kFloat64) - before->to(torch::kFloat64)).abs().max().item<double>();
     if (key.ends_with("action_head.bias")) {
       // Of a shared network the policy that is given last counts.
@@ -138,19 +104,60 @@ comrad.save_policy(policies, sys.argv[1], sys.argv[2])
   EXPECT_GT(changed, 0);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    , LoadPolicy,
-    testing::Values(
-        Variant{"shared_gru", "ippo", "convnet_simple", true, RnnType::kGru, 1, "none", false, true, 3},
-        Variant{"feed_forward_with_agent_id", "ippo", "convnet_impala", false, RnnType::kGru, 1, "none", true,
-                true, 0},
-        Variant{"two_lstm_layers_and_a_decoder", "mappo", "convnet_atari", true, RnnType::kLstm, 2, "32,16",
-                true, false, 0},
-        Variant{"agents_with_networks_of_their_own", "happo", "convnet_simple", true, RnnType::kGru, 1,
-                "none", false, true, 3},
-        Variant{"q_values", "qmix", "convnet_simple", true, RnnType::kGru, 1, "none", false, true, 0},
-        Variant{"resnet_impala", "ippo", "resnet_impala", true, RnnType::kGru, 1, "none", false, true, 0}),
-    [](const auto& variant) { return std::string(variant.param.name); });
+constexpr Variant kVariants[] = {
+    {"shared_gru", "ippo", "convnet_simple", true, RnnType::kGru, 1, "none", false, true, 3},
+    {"feed_forward_with_agent_id", "ippo", "convnet_impala", false, RnnType::kGru, 1, "none", true, true, 0},
+    {"two_lstm_layers_and_a_decoder", "mappo", "convnet_atari", true, RnnType::kLstm, 2, "32,16", true, false,
+     0},
+    {"agents_with_networks_of_their_own", "happo", "convnet_simple", true, RnnType::kGru, 1, "none", false,
+     true, 3},
+    {"q_values", "qmix", "convnet_simple", true, RnnType::kGru, 1, "none", false, true, 0},
+    {"resnet_impala", "ippo", "resnet_impala", true, RnnType::kGru, 1, "none", false, true, 0}};
+
+TEST(LoadPolicy, GivesTheNetworksLogitsAndGoesBack) {
+  std::error_code ignored;  // this test lies in <build>/tests
+  const auto build = std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path().parent_path();
+  setenv("PYTHONPATH", (build / "python").c_str(), 1);
+  const Expected<std::string> python = test::python_with("torch, comrad");
+  if (!python) GTEST_SKIP() << python.error().message;
+
+  const test::ScratchFolder folder;
+  std::vector<StateDict> states;
+  for (const Variant& variant : kVariants) {
+    states.push_back(checkpoint_with_answers(variant));
+    ASSERT_TRUE(write_checkpoint((folder / variant.name).string(), states.back()));
+  }
+  folder.write("compare.py", R"(
+import sys, torch, comrad
+for path in sys.argv[1:]:
+    expected = torch.load(path, weights_only=True)["expected"]
+    policies = [comrad.load_policy(path, agent) for agent in range(2)]
+    for agent, policy in enumerate(policies):
+        state, rows = None, slice(agent, None, 2)
+        with torch.no_grad():
+            for step, frame in enumerate(expected["frame"]):
+                measurement = expected["measurement"][step][rows] if "measurement" in expected else None
+                logits, state = policy(frame[rows], measurement, state)
+                wanted = expected["logits"][step][rows]
+                assert wanted.abs().max() > 0.01, path
+                assert (logits - wanted).abs().max() < 1e-4, (path, agent, step, logits, wanted)
+                choice = policy.greedy(logits, [3, 2, 4])
+                assert choice.tolist() == [[int(h.argmax()) for h in row.split([3, 2, 4])] for row in wanted], path
+                assert (policy.sample(logits, [3, 2, 4]) < torch.tensor([3, 2, 4])).all(), path
+            policy.action_head.bias.add_(1.0 + agent)
+    comrad.save_policy(policies, path, path + ".back")
+)");
+  std::string command = *python + " " + (folder / "compare.py").string();
+  for (const Variant& variant : kVariants) command += " " + (folder / variant.name).string();
+  ASSERT_EQ(std::system(command.c_str()), 0);
+
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    SCOPED_TRACE(kVariants[i].name);
+    const Expected<StateDict> written = read_checkpoint((folder / kVariants[i].name).string() + ".back");
+    ASSERT_TRUE(written) << written.error().message;
+    expect_changed_biases(states[i], *written);
+  }
+}
 
 }  // namespace load_policy_test
 }  // namespace comrad::learn
