@@ -8,18 +8,17 @@
 namespace comrad::deploy {
 
 int print_settings_help(const std::string& command, const CommandLine& line) {
-  if (line.typed().values.empty() && line.config_file().empty()) {
-    std::fputs(line.help().c_str(), stdout);
-    std::printf(
-        "\nWith flags behind it, as `comrad help %s --algo vdn --scenario lava_pit`, this shows the values "
-        "that hold for them.\n",
-        command.c_str());
-    return kExitDone;
-  }
   const Expected<MergedSettings> merged =
       merge_new({line.config_file(), line.typed()}, describe_scenario, usable_cores());
   if (!merged) return report_error(command, merged.error());
-  std::fputs(line.help(ValuesInForce{merged->config, merged->from}).c_str(), stdout);
+  const RunConfig& config = merged->config;
+  std::fputs(line.help(ValuesInForce{config, merged->from}, line.help_extent()).c_str(), stdout);
+  std::printf(
+      "\nThe values are those of %s with %s, preset %s, on this machine; with flags behind it, as `comrad "
+      "help "
+      "%s --algo vdn --scenario lava_pit`, those that hold for them.\n",
+      config.run.scenario.c_str(), config.run.algo.name().c_str(), word_of(config.run.preset),
+      command.c_str());
   return kExitDone;
 }
 

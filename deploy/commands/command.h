@@ -49,8 +49,8 @@ int keys_command(Arguments arguments);
 int completion_command(Arguments arguments);
 int test_command(Arguments arguments);
 
-/// What `comrad help <command>` prints for a command with the settings of a run. With settings among the arguments
-/// (`comrad help train --algo vdn`) it shows the values that hold for them. Returns the exit code.
+/// What `comrad help <command>` prints for a command with the settings of a run: those that people change first, with --all
+/// every one, with the values that hold for the settings among the arguments. Returns the exit code.
 int print_settings_help(const std::string& command, const CommandLine& line);
 
 /// Prints "comrad <command>: error: <message>" to stderr and returns the exit code of the error's kind.

@@ -40,8 +40,12 @@ void complete_from_row(CompletedFlag& flag, const SettingRow& row) {
 
 Expected<CompletedCommand> completed(const Command& command, const std::vector<std::string>& scenarios) {
   CompletedCommand result{.name = command.name};
-  COMRAD_TRY_ASSIGN(const ProgramResult help,
-                    run_program({sibling_program("comrad"), command.name, "--help"}));
+  std::vector<std::string> words = {sibling_program("comrad"), command.name, "--help"};
+  COMRAD_TRY_ASSIGN(ProgramResult help, run_program(words));
+  if (help.output.find("comrad help " + command.name + " --all") != std::string::npos) {
+    words.emplace_back("--all");
+    COMRAD_TRY_ASSIGN(help, run_program(words));
+  }
   if (help.exit_code != 0)
     return Error{ErrorCode::kSystem, "comrad " + command.name + " --help: " + last_words(help)};
   const bool takes_settings = help.output.find("\nSettings (") != std::string::npos;

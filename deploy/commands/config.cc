@@ -11,7 +11,7 @@
 #include "deploy/commands/command.h"
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/merged_settings.h"
-#include "deploy/settings/network_description.h"
+#include "deploy/settings/start_check.h"
 #include "deploy/settings/start_notes.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
@@ -22,18 +22,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-/// What the learner would choose now; `comrad train` looks again when the run's programs are there. Nothing for
-/// algorithms without a replay.
-Expected<std::optional<replay::ReplayPlan>> replay_now(const MergedSettings& merged) {
-  const RunConfig& config = merged.config;
-  if (!config.run.algo->learns_q_values()) return std::optional<replay::ReplayPlan>();
-  COMRAD_TRY_ASSIGN(const NetworkSize network, describe_network(config, merged.scenario.env));
-  return chosen_replay(
-      config, merged.scenario.env, network,
-      config.run.train_dir + "/" + (config.run.experiment.empty() ? "<run>" : config.run.experiment));
-}
-
-ordered_json to_json(const MergedSettings& merged) {
+ordered_json to_json(const MergedSettings& merged, const std::optional<replay::ReplayPlan>& replay) {
   ordered_json settings = ordered_json::object();
   for (const SettingRow& row : setting_rows()) {
     const std::string text = row.text(merged.config), name(row.name);
@@ -41,14 +30,14 @@ ordered_json to_json(const MergedSettings& merged) {
                       {"from", merged.from.at(name)}};
   }
   ordered_json document = {{"settings", settings}};
-  if (const auto plan = replay_now(merged); plan && *plan)
-    document["replay"] = {{"capacity_bytes", (*plan)->capacity_bytes},
-                          {"capacity_decisions", (*plan)->capacity_transitions},
-                          {"fitting_decisions", (*plan)->fitting_decisions},
-                          {"decisions_before_training", (*plan)->decisions_before_training},
-                          {"compress", (*plan)->compress},
-                          {"file", (*plan)->file},
-                          {"reason", (*plan)->reason}};
+  if (replay)
+    document["replay"] = {{"capacity_bytes", replay->capacity_bytes},
+                          {"capacity_decisions", replay->capacity_transitions},
+                          {"fitting_decisions", replay->fitting_decisions},
+                          {"decisions_before_training", replay->decisions_before_training},
+                          {"compress", replay->compress},
+                          {"file", replay->file},
+                          {"reason", replay->reason}};
   return document;
 }
 
@@ -66,7 +55,7 @@ void print_rows(const std::vector<Row>& rows) {
                 value.c_str(), from.c_str());
 }
 
-void print_tables(const MergedSettings& merged) {
+void print_tables(const MergedSettings& merged, const std::optional<replay::ReplayPlan>& replay) {
   std::vector<Row> chosen, built_in;
   for (const SettingRow& row : setting_rows()) {
     const std::string text = row.text(merged.config), name(row.name), from = merged.from.at(name);
@@ -78,9 +67,7 @@ void print_tables(const MergedSettings& merged) {
   print_rows(chosen);
   std::printf("\nAll the others\n\n");
   print_rows(built_in);
-  if (const auto plan = replay_now(merged); !plan || *plan)
-    std::printf("\nOn this machine now: %s\n",
-                plan ? (*plan)->words().c_str() : plan.error().message.c_str());
+  if (replay) std::printf("\nOn this machine now: %s\n", replay->words().c_str());
 }
 
 }  // namespace
@@ -104,13 +91,20 @@ int config_command(Arguments arguments) {
   const Expected<MergedSettings> merged =
       merge_new({line.config_file(), line.typed()}, describe_scenario, usable_cores());
   if (!merged) return report_error("config", merged.error());
+  const RunConfig& config = merged->config;
+  const Expected<StartCheck> start = check_start(
+      config, merged->scenario.env,
+      config.run.train_dir + "/" + (config.run.experiment.empty() ? "<run>" : config.run.experiment));
+  if (!start) return report_error("config", start.error());
   print_warnings(merged->scenario);
-  for (const std::string& text : flags_without_effect(merged->config, line.typed()))
+  for (const std::string& text : flags_without_effect(config, line.typed()))
     std::fprintf(stderr, "comrad config: note: %s\n", text.c_str());
   if (json)
-    std::printf("%s\n", to_json(*merged).dump().c_str());
+    std::printf("%s\n", to_json(*merged, start->replay).dump().c_str());
   else
-    print_tables(*merged);
+    print_tables(*merged, start->replay);
+  if (const Status begins = check_learning_begins(config, start->replay); !begins)
+    return report_error("config", begins.error());  // the values are shown, for they say why
   return kExitDone;
 }
 

@@ -7,6 +7,9 @@
 
 namespace comrad::deploy {
 
+/// What reports and plots import.
+constexpr const char* kReportModules = "numpy, scipy, matplotlib";
+
 /// A Python that can import `modules` ("matplotlib, scipy"): Debian's, whose packages ./comrad installs
 /// (deploy/packages_report.txt), else the one of PATH. Errors: kNotFound, with `what_to_do`.
 Expected<std::string> python_that_imports(

@@ -13,8 +13,7 @@ namespace comrad::deploy {
 
 int report_command(Arguments arguments) {
   const bool asks_for_help = arguments.size() == 1 && (arguments[0] == "--help" || arguments[0] == "-h");
-  const Expected<std::string> python =
-      python_that_imports(asks_for_help ? "sys" : "numpy, scipy, matplotlib");
+  const Expected<std::string> python = python_that_imports(asks_for_help ? "sys" : kReportModules);
   if (!python && asks_for_help) {
     std::printf("usage: comrad report DIR [--output FOLDER]\n\n%s\n", python.error().message.c_str());
     return kExitDone;

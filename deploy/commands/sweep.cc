@@ -11,6 +11,7 @@
 #include <functional>
 
 #include "deploy/commands/command.h"
+#include "deploy/commands/python_program.h"
 #include "deploy/process/child_program.h"
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/content_hash.h"
@@ -38,6 +39,12 @@ namespace fs = std::filesystem;
 
 constexpr double kStopWaitS =
     60;  // a run has 10 s to save; one that has just started has its libraries to load first
+
+/// Whether a sweep's report is drawn by this program's Python.
+bool asks_for_a_report(const std::string& command) {
+  return command.find("comrad report") != std::string::npos ||
+         command.find("comrad plot") != std::string::npos;
+}
 
 struct Found {
   SweepFolder folder;
@@ -257,7 +264,9 @@ int start_command(Arguments arguments) {
                    "was interrupted.\n"
                    "deploy/SWEEPS.md describes the file.");
   line.add_positional("FILE", path, "the sweep, a TOML file");
-  line.add_switch("dry_run", dry_run, "check everything and print the command of every run; start nothing");
+  line.add_switch("dry_run", dry_run,
+                  "check everything and print the command of every run, for Slurm the batch script too; "
+                  "start nothing");
   line.add_switch(
       "estimate", estimate,
       "measure the rate of every algorithm on this machine and print the hours of the sweep; start nothing");
@@ -273,6 +282,7 @@ int start_command(Arguments arguments) {
     COMRAD_TRY(find_iwad());
     COMRAD_TRY_ASSIGN(const SweepPlan plan, plan_sweep(file, describe_scenario, usable_cores()));
     const std::string comrad = sibling_program("comrad");
+    const bool is_slurm = file.backend == SweepBackend::kSlurm;
     if (estimate) {
       if (!(seconds >= 1) || seconds > 3600)
         return Error{ErrorCode::kBadInput, "--seconds must be 1 to 3600"};
@@ -282,12 +292,17 @@ int start_command(Arguments arguments) {
       return kExitDone;
     }
     COMRAD_TRY(check_existing_runs(plan, describe_scenario));
+    COMRAD_TRY(check_starts(plan, describe_scenario));
+    if (asks_for_a_report(plan.file.report)) {
+      COMRAD_TRY(python_that_imports(kReportModules));
+    }
     if (dry_run) {
       for (const SweepRun& run : plan.runs) {
         std::vector<std::string> words = run.command("comrad", plan.folder);
         std::ranges::transform(words, words.begin(), shell_word);
         std::printf("%s\n", joined(words, " ").c_str());
       }
+      if (is_slurm) std::printf("\n%s", slurm_dry_run(plan, comrad).c_str());
       std::fprintf(stderr, "%zu runs in %s\n", plan.runs.size(), plan.folder.c_str());
       return kExitDone;
     }
@@ -298,7 +313,6 @@ int start_command(Arguments arguments) {
           "%d results in %s are stale: recipe or map have changed since (comrad sweep status says "
           "what). They stay;\nremove a run's folder there, and its run directory, to make it again\n",
           stale, plan.file.results.folder.c_str());
-    const bool is_slurm = file.backend == SweepBackend::kSlurm;
     COMRAD_TRY_ASSIGN(const std::string text, read_short_file(path, 1 << 20));
     COMRAD_TRY_ASSIGN(const Descriptor lock, SweepFolder::lock(plan.folder));
     COMRAD_TRY_ASSIGN(const SweepFolder folder,

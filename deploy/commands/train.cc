@@ -23,7 +23,7 @@
 #include "deploy/settings/existing_run.h"
 #include "deploy/settings/game_files.h"
 #include "deploy/settings/merged_settings.h"
-#include "deploy/settings/network_description.h"
+#include "deploy/settings/start_check.h"
 #include "deploy/settings/start_notes.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/text.h"
@@ -111,27 +111,17 @@ Expected<int> train(const CommandLine& line, bool allow_no_update, const std::st
   std::string keys =
       key_folder.empty() ? link::kept_keys(run_dir) : fs::absolute(key_folder).lexically_normal().string();
   COMRAD_TRY(prepare_serving(config, keys));
-  if (!config.environment.wad.empty()) COMRAD_TRY(check_wad(config.environment.wad));
-  if (!config.curriculum.interestingness_graph_path.empty()) {
-    if (!fs::is_regular_file(config.curriculum.interestingness_graph_path, error))
-      return Error{ErrorCode::kNotFound, "interestingness_graph_path is " +
-                                             config.curriculum.interestingness_graph_path +
-                                             ", which is no file"};
+  COMRAD_TRY_ASSIGN(const StartCheck start, check_start(config, merged.scenario.env, run_dir));
+  if (!resumes && !allow_no_update) COMRAD_TRY(check_learning_begins(config, start.replay));
+  if (!config.curriculum.interestingness_graph_path.empty())
     config.curriculum.interestingness_graph_path =
         fs::absolute(config.curriculum.interestingness_graph_path, error).lexically_normal().string();
-  }
-  COMRAD_TRY(check_pool_to_draw(config.environment.layout_pool, /*for_training=*/true));
   std::string layout_list;
   if (!config.environment.layout_pool.empty() && !is_pool_to_draw(config.environment.layout_pool)) {
     config.environment.layout_pool =
         fs::absolute(config.environment.layout_pool, error).lexically_normal().string();
     COMRAD_TRY_ASSIGN(layout_list, ensure_layout_pool(config, "", /*for_training=*/true));
   }
-
-  // Before anything is written: an encoder that is not known is refused here.
-  COMRAD_TRY_ASSIGN(const NetworkSize network, describe_network(config, merged.scenario.env));
-  COMRAD_TRY_ASSIGN(const auto replay, chosen_replay(config, merged.scenario.env, network, run_dir));
-  if (replay && !resumes && !allow_no_update) COMRAD_TRY(check_learning_begins(config, *replay));
 
   SettingsLayer before;  // the run's config.toml as it was
   if (resumes) {
@@ -188,7 +178,7 @@ Expected<int> train(const CommandLine& line, bool allow_no_update, const std::st
   plan.door_address = address;
   plan.config = config;
   plan.env = merged.scenario.env;
-  plan.network = network;
+  plan.network = start.network;
   plan.decision_limit = merged.scenario.decision_limit;
   plan.run_dir = directory.path();
   plan.lock_descriptor = directory.lock_descriptor();

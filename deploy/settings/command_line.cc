@@ -1,6 +1,7 @@
 #include "deploy/settings/command_line.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <functional>
 #include <optional>
@@ -61,6 +62,14 @@ std::string setting_help(const SettingRow& row, const std::optional<ValuesInForc
   for (const std::string_view old : row.traits.old_names)
     if (!old.empty()) help += "; also --" + std::string(old);
   return help + ")";
+}
+
+/// "On policy" of on_policy, the name of a .def file.
+std::string group_title(std::string_view subject) {
+  std::string title(subject);
+  std::ranges::replace(title, '_', ' ');
+  if (!title.empty()) title[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(title[0])));
+  return title;
 }
 
 /// "  --name VALUE   help", the help broken at kHelpWidth and aligned.
@@ -143,6 +152,8 @@ CommandLine::~CommandLine() = default;
 void CommandLine::add_settings(SettingsListed listed) {
   add_option("config", config_file_, "FILE",
              "settings from a TOML file; flags on the command line win over it");
+  if (listed == SettingsListed::kAll)
+    add_switch("all", all_requested_, "of the help: every setting, not only those that people change first");
   for (const SettingRow& row : setting_rows()) {
     Parser::Flag flag;
     flag.name = row.name;
@@ -284,6 +295,8 @@ Status CommandLine::parse(std::span<const std::string> arguments) {
     else
       COMRAD_TRY(flag.assign(*flag.typed));
   }
+  if (all_requested_ && !help_requested_)
+    return bad("--all belongs to the help: comrad help " + usage_.substr(0, usage_.find(' ')) + " --all");
   return {};
 }
 
@@ -293,18 +306,29 @@ bool CommandLine::was_typed(const std::string& name) const {
   return false;
 }
 
-std::string CommandLine::help(const std::optional<ValuesInForce>& values) const {
+std::string CommandLine::help(const std::optional<ValuesInForce>& values, HelpExtent extent) const {
   std::string text = "usage: comrad " + usage_ + "\n\n" + about_ + "\n";
   std::string own = parser_->words_help, settings;
   std::vector<std::string> idle;
+  std::string_view group;
+  std::size_t left_out = 0;
   for (const Parser::Flag& flag : parser_->flags) {
     own += flag.help_text;
     if (flag.row == nullptr) continue;
-    if (values && !flag.row->counts(values->config))
+    if (extent == HelpExtent::kFirst && !flag.row->traits.is_changed_first) {
+      ++left_out;
+      continue;
+    }
+    if (values && !flag.row->counts(values->config)) {
       idle.push_back(flag.name);
-    else
-      settings +=
-          help_line("--" + flag.name + " " + value_name(flag.row->kind), setting_help(*flag.row, values));
+      continue;
+    }
+    if (extent == HelpExtent::kAll && flag.row->subject != group) {
+      group = flag.row->subject;
+      settings += "\n" + group_title(group) + "\n";
+    }
+    settings +=
+        help_line("--" + flag.name + " " + value_name(flag.row->kind), setting_help(*flag.row, values));
   }
   if (!own.empty()) text += "\nThis command:\n" + own;
   if (!settings.empty())
@@ -312,6 +336,9 @@ std::string CommandLine::help(const std::optional<ValuesInForce>& values) const 
         "\nSettings (built-in < algorithm < preset < TOML file < command line; `comrad config` shows the "
         "result):\n" +
         settings;
+  if (left_out > 0)
+    text += "\n" + std::to_string(left_out) + " more: comrad help " + usage_.substr(0, usage_.find(' ')) +
+            " --all\n";
   if (!idle.empty()) text += "\nWithout effect with these values:\n" + help_line("", joined(idle));
   return text;
 }

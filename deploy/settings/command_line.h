@@ -18,6 +18,9 @@ namespace comrad::deploy {
 /// Which settings a command's help lists. All are accepted.
 enum class SettingsListed { kAll, kUsedByEval };
 
+/// How many of the settings `help` lists: the twenty that people change first, or all in groups.
+enum class HelpExtent { kFirst, kAll };
+
 /// The values that `help` shows beside the built-in ones.
 struct ValuesInForce {
   const RunConfig& config;                         ///< resolved
@@ -60,6 +63,8 @@ class CommandLine {
   Status parse(std::span<const std::string> arguments);
 
   bool help_requested() const { return help_requested_; }
+  /// `--all`, which the help of a command with all settings takes.
+  HelpExtent help_extent() const { return all_requested_ ? HelpExtent::kAll : HelpExtent::kFirst; }
   /// The settings that were typed, canonical names, in the order of the table; origin "command line".
   const SettingsLayer& typed() const { return typed_; }
   /// Whether the setting or command flag of this canonical name was typed.
@@ -67,7 +72,8 @@ class CommandLine {
   const std::string& config_file() const { return config_file_; }
 
   /// With `values` the settings show what holds now, and those that do nothing with the others stand at the end.
-  std::string help(const std::optional<ValuesInForce>& values = std::nullopt) const;
+  std::string help(const std::optional<ValuesInForce>& values = std::nullopt,
+                   HelpExtent extent = HelpExtent::kAll) const;
 
  private:
   struct Parser;
@@ -75,7 +81,7 @@ class CommandLine {
   std::string usage_, about_;
   SettingsLayer typed_{"command line", {}};
   std::string config_file_;
-  bool help_requested_ = false;
+  bool help_requested_ = false, all_requested_ = false;
 };
 
 }  // namespace comrad::deploy

@@ -1,7 +1,6 @@
 #include "deploy/settings/start_notes.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "deploy/settings/game_files.h"
 #include "rollout_buffer/core/text.h"
@@ -70,37 +69,6 @@ std::string left_out_text(const SettingsLayer& file) {
   return file.origin +
          " is a run's: its settings are taken, and what was worked out for that run is worked out anew (" +
          joined(names) + ")";
-}
-
-Expected<std::optional<replay::ReplayPlan>> chosen_replay(const RunConfig& config, const EnvShape& env,
-                                                          const NetworkSize& network,
-                                                          const std::string& run_dir) {
-  if (!config.run.algo->learns_q_values()) return std::optional<replay::ReplayPlan>();
-  TrajectoryShape shape;
-  shape.env = env;
-  shape.rollout_steps = static_cast<int32_t>(config.collection.rollout);
-  shape.recurrent_state_count = network.recurrent_state_count;
-  COMRAD_TRY_ASSIGN(
-      replay::ReplayPlan plan,
-      replay::replay_plan(config, shape, replay::probe_space(run_dir),
-                          replay::reserved_bytes(config, shape, network.weights_bytes), run_dir));
-  return std::optional(std::move(plan));
-}
-
-Status check_learning_begins(const RunConfig& config, const replay::ReplayPlan& replay) {
-  const auto begins =
-      static_cast<double>(replay.decisions_before_training * config.environment.env_frameskip);
-  const double ends = config.run.train_for_env_frames;
-  if (begins < ends) return {};
-  const bool is_half = replay.decisions_before_training < config.q_learning.learning_starts_decisions;
-  return Error{
-      ErrorCode::kBadInput,
-      "learning begins at " + std::to_string(std::llround(begins)) + " env frames (" +
-          std::to_string(replay.decisions_before_training) + " agent decisions, " +
-          (is_half ? "half of what the replay holds" : "learning_starts_decisions") + "), the run ends at " +
-          std::to_string(std::llround(ends)) +
-          " (train_for_env_frames), without an update or a checkpoint; raise --train_for_env_frames, lower "
-          "--learning_starts_decisions, or say --allow_no_update"};
 }
 
 }  // namespace comrad::deploy

@@ -1,15 +1,10 @@
 // What the user should hear of a run's settings before it starts: flags that do nothing, what differs from the last start,
-// what `--config` left out of a run's config.toml, which replay was chosen. Shown in the terminal and written to the log.
+// and what `--config` left out of a run's config.toml. Shown in the terminal and written to the log.
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "rollout_buffer/core/expected.h"
-#include "rollout_buffer/replay/replay_plan.h"
-#include "rollout_buffer/schema/network_size.h"
-#include "rollout_buffer/schema/spec.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/run_config.h"
 
@@ -28,14 +23,5 @@ std::string changes_text(const RunConfig& before, const RunConfig& now);
 
 /// What `file`, a run's config.toml, holds that a new run does not take over; empty for other files.
 std::string left_out_text(const SettingsLayer& file);
-
-/// The replay that a run with these resolved settings would get on this machine now; nothing for algorithms without one.
-/// `run_dir` need not exist. Errors: kNoSpace.
-Expected<std::optional<replay::ReplayPlan>> chosen_replay(const RunConfig& config, const EnvShape& env,
-                                                          const NetworkSize& network,
-                                                          const std::string& run_dir);
-
-/// Errors: kBadInput where the run would end before learning begins, with both numbers.
-Status check_learning_begins(const RunConfig& config, const replay::ReplayPlan& replay);
 
 }  // namespace comrad::deploy

@@ -126,6 +126,27 @@ std::string slurm_script(const SweepPlan& plan, const SweepFolder& folder, int n
          " \"${runs[SLURM_ARRAY_TASK_ID]}\"\n";
 }
 
+std::string slurm_report_script(const SweepPlan& plan, const SweepFolder& folder, int number,
+                                const std::string& array) {
+  return shared_lines(plan, report_name(slurm_job_name(folder, number)),
+                      folder.path() + "/records/report.log") +
+         "#SBATCH --cpus-per-task=1\n#SBATCH --mem=2G\n#SBATCH --dependency=afterany:" + array + "\n" +
+         setup_lines(plan) + report_lines(folder, plan.file.report);
+}
+
+std::string slurm_dry_run(const SweepPlan& plan, const std::string& program) {
+  const SweepFolder folder = SweepFolder::planned(plan);
+  const int number = static_cast<int>(submissions(folder).size()) + 1;
+  std::vector<std::string> runs;
+  for (const SweepRun& run : plan.runs) runs.push_back(run.name);
+  std::string text =
+      "# " + records(folder, number, ".sh") + "\n" + slurm_script(plan, folder, number, runs, program);
+  if (!plan.file.report.empty())
+    text += "\n# " + records(folder, number, "_report.sh") + "\n" +
+            slurm_report_script(plan, folder, number, "<the array's job>");
+  return text;
+}
+
 QueuedElements parse_queue(const std::string& text,
                            const std::vector<std::pair<std::string, std::vector<std::string>>>& runs_of_job) {
   static const std::set<std::string> kPending = {"PENDING",      "REQUEUED",     "REQUEUE_FED",
@@ -172,7 +193,7 @@ Expected<int> run_slurm(const SweepPlan& plan, const SweepFolder& folder, const 
     return kExitDone;
   }
   const int number = static_cast<int>(submissions(folder).size()) + 1;
-  const std::string script = records(folder, number, ".sh"), job_name = slurm_job_name(folder, number);
+  const std::string script = records(folder, number, ".sh");
   COMRAD_TRY(
       write_file_atomically(script, slurm_script(plan, folder, number, runs, program), /*durable=*/true));
   COMRAD_TRY(write_file_atomically(records(folder, number, ".json"),
@@ -183,11 +204,8 @@ Expected<int> run_slurm(const SweepPlan& plan, const SweepFolder& folder, const 
   std::fprintf(stderr, "job array %s: %zu runs (%s)\n", job.c_str(), runs.size(), script.c_str());
   if (!plan.file.report.empty()) {
     const std::string report = records(folder, number, "_report.sh");
-    const std::string text =
-        shared_lines(plan, report_name(job_name), folder.path() + "/records/report.log") +
-        "#SBATCH --cpus-per-task=1\n#SBATCH --mem=2G\n#SBATCH --dependency=afterany:" + job + "\n" +
-        setup_lines(plan) + report_lines(folder, plan.file.report);
-    COMRAD_TRY(write_file_atomically(report, text, /*durable=*/true));
+    COMRAD_TRY(
+        write_file_atomically(report, slurm_report_script(plan, folder, number, job), /*durable=*/true));
     COMRAD_TRY_ASSIGN(const std::string report_answer, ask({"sbatch", "--parsable", report}));
     std::fprintf(stderr, "job %s: the report, when all of them have ended\n",
                  job_id_in(report_answer).c_str());

@@ -24,6 +24,13 @@ std::string slurm_job_name(const SweepFolder& folder, int number);
 std::string slurm_script(const SweepPlan& plan, const SweepFolder& folder, int number,
                          const std::vector<std::string>& runs, const std::string& program);
 
+/// The batch script of the report that waits for the array job `array`. Pure.
+std::string slurm_report_script(const SweepPlan& plan, const SweepFolder& folder, int number,
+                                const std::string& array);
+
+/// The scripts that run_slurm() would submit for all runs, with the name of each; nothing is written or asked.
+std::string slurm_dry_run(const SweepPlan& plan, const std::string& program);
+
 /// The runs that are pending or running with Slurm, of all submissions of this folder; none, without asking, where there
 /// were no submissions. Errors: kNotFound without squeue; kSystem where it fails, in its words.
 Expected<QueuedElements> queued_elements(const SweepFolder& folder);

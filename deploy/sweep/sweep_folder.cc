@@ -207,13 +207,18 @@ SweepStart facts_of_start(const std::string& backend) {
           .memory_bytes = 1024 * std::strtoll(proc_entry("/proc/meminfo", "MemTotal").c_str(), nullptr, 10)};
 }
 
-Expected<SweepFolder> SweepFolder::make(const SweepPlan& plan, const std::string& file_text,
-                                        const SweepStart& start) {
+SweepFolder SweepFolder::planned(const SweepPlan& plan) {
   SweepFolder folder;
   folder.path_ = plan.folder;
   folder.name_ = plan.file.name;
   folder.runs_ = plan.runs;
   folder.results_ = plan.file.results;
+  return folder;
+}
+
+Expected<SweepFolder> SweepFolder::make(const SweepPlan& plan, const std::string& file_text,
+                                        const SweepStart& start) {
+  SweepFolder folder = planned(plan);
   const std::string index_path = plan.folder + "/sweep.json";
   std::error_code failed;
   const std::optional<ordered_json> before = read_object(index_path);

@@ -97,6 +97,8 @@ class SweepFolder {
   /// sweep's), kNoSpace, kSystem.
   static Expected<SweepFolder> make(const SweepPlan& plan, const std::string& file_text,
                                     const SweepStart& start);
+  /// The folder that make() would make; nothing is written.
+  static SweepFolder planned(const SweepPlan& plan);
   /// The sweep that lies in `path`. Errors: kNotFound, kBadFormat.
   static Expected<SweepFolder> open(const std::string& path);
 

@@ -96,8 +96,6 @@ Expected<SweepRun> make_run(const SweepFile& file, const std::vector<std::string
     run.settings.values.emplace_back(file.axes[i].setting, values[i]);
   COMRAD_TRY_ASSIGN(MergedSettings merged, merge_new({"", run.settings}, describe, static_cast<int>(cores)));
   const RunConfig& config = merged.config;
-  if (!config.environment.wad.empty()) COMRAD_TRY(check_wad(config.environment.wad));
-  COMRAD_TRY(check_pool_to_draw(config.environment.layout_pool, /*for_training=*/true));
   // What follows from the cores and the memory of one run, not from the host that happens to make it.
   for (const char* size : {"num_workers", "learner_threads"})
     if (merged.from.at(size) == "automatic")
@@ -108,7 +106,45 @@ Expected<SweepRun> make_run(const SweepFile& file, const std::vector<std::string
   return run;
 }
 
+/// What tensors depend on, as text: equal for networks of one size.
+std::string network_key(const RunConfig& config, const EnvShape& env) {
+  std::string key = config.run.algo.name();
+  for (const SettingRow& row : setting_rows())
+    if (row.traits.fixed_in_a_run && row.name != "scenario") key += "\n" + row.text(config);
+  for (const std::string& word : shape_flags(env)) key += " " + word;
+  return key;
+}
+
 }  // namespace
+
+Status check_starts(const SweepPlan& plan, const Describe& describe,
+                    const DescribeNetwork& describe_network) {
+  DescribeOnce once(describe);
+  std::map<std::string, Expected<NetworkSize>> sizes;
+  const auto size_once = [&](const RunConfig& config, const EnvShape& env) {
+    const std::string key = network_key(config, env);
+    auto known = sizes.find(key);
+    if (known == sizes.end()) known = sizes.emplace(key, describe_network(config, env)).first;
+    return known->second;
+  };
+  for (const SweepRun& run : plan.runs) {
+    const std::string run_dir = plan.folder + "/" + run.name;
+    const bool is_begun = find_checkpoint(run_dir, CheckpointKind::kLatest).has_value();
+    COMRAD_TRY_ASSIGN(const MergedSettings merged,
+                      merge_new({"", run.settings}, std::ref(once), static_cast<int>(plan.cores)));
+    const auto start = check_start(merged.config, merged.scenario.env, run_dir, size_once);
+    // A cluster's hosts have memory and disks of their own.
+    const bool is_elsewhere =
+        plan.file.backend == SweepBackend::kSlurm && !start && start.error().code == ErrorCode::kNoSpace;
+    if (is_elsewhere) continue;
+    Status can_start = start ? Status() : Status(start.error());
+    if (can_start && !is_begun) can_start = check_learning_begins(merged.config, start->replay);
+    if (!can_start)
+      return Error{can_start.error().code, plan.file.at(line_of(plan.file, can_start.error().message)) +
+                                               run.name + " cannot run: " + can_start.error().message};
+  }
+  return {};
+}
 
 Status check_existing_runs(const SweepPlan& plan, const Describe& describe) {
   DescribeOnce once(describe);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "deploy/settings/merged_settings.h"
+#include "deploy/settings/start_check.h"
 #include "deploy/sweep/sweep_file.h"
 #include "rollout_buffer/core/expected.h"
 
@@ -33,6 +34,11 @@ struct SweepPlan {
 /// sum over runs is known.
 /// Errors: kBadInput as "file:line: what" for settings that cannot be had together, too many runs, none left.
 Expected<SweepPlan> plan_sweep(const SweepFile& file, const Describe& describe, int host_cores);
+
+/// `comrad train` would start every run of the plan. Networks that are equal are described once. Errors: kBadInput as
+/// "file:line: what"; those of check_start().
+Status check_starts(const SweepPlan& plan, const Describe& describe,
+                    const DescribeNetwork& describe_network = deploy::describe_network);
 
 /// Runs that exist already can go on with the plan's settings. Errors: kBadInput naming the run and the setting that may
 /// not change in it.

@@ -75,6 +75,7 @@ struct SettingTraits {
   bool is_of_the_start = false;                    ///< says where a run lies and how it was started
   CountsWith counts_with = {};                     ///< else that of its .def file
   bool used_by_eval = false;                       ///< has an effect where agents only play
+  bool is_changed_first = false;  ///< among the twenty that `comrad help train` shows without --all
 };
 
 enum class SettingKind { kBool, kInt, kReal, kText, kWord };

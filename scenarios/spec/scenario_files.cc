@@ -67,7 +67,9 @@ Expected<std::string> find_scenario_folder(const std::string& name) {
   for (const fs::path& root : roots())
     if (!name.empty() && name[0] != '.' && is_scenario(root / name)) return (root / name).string();
   const std::vector<std::string> known = list_scenarios();
-  std::string text = "there is no scenario '" + name + "'" + did_you_mean(name, known) + "; ";
+  const bool is_here = !name.empty() && is_scenario(name);
+  std::string text = "there is no scenario '" + name + "'" +
+                     (is_here ? "; did you mean ./" + name + "?" : did_you_mean(name, known)) + "; ";
   text += known.empty() ? "none found below " + roots().back().string() + " (is COMRAD_HOME right?)"
                         : "known: " + joined(known);
   text += "; a folder of your own is named by its path or found through " + std::string(kSearchPath);

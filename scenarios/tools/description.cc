@@ -101,6 +101,9 @@ std::string number(const Json& value) {
   return text;
 }
 
+/// A number that a scenario may leave out, as 0.
+std::string known_number(const Json& value) { return value == 0 ? "unknown" : number(value); }
+
 /// Names of exports, by their USER variables.
 using ExportNames = std::map<std::string, std::string>;
 
@@ -200,11 +203,11 @@ std::string description_text(const Json& description) {
   if (description["score_scale"] != 1.0) score += " x " + number(description["score_scale"]);
   if (!word("score_divisor").empty()) score += " / " + variable_text(word("score_divisor"), names);
   std::string text = word("title") + " (" + word("name") + "), difficulty " +
-                     number(description["difficulty"]) + "\n" + word("summary") + "\n\n";
+                     known_number(description["difficulty"]) + "\n" + word("summary") + "\n\n";
   text += "agents          " + number(description["num_agents"]) + " (it supports " +
           words_of(description["supported_agents"]) + ")\n";
   text += "decision limit  " + number(description["decision_limit"]) + "\n";
-  text += "score J         " + score + ", ceiling " + number(description["ceiling"]) + "\n";
+  text += "score J         " + score + ", ceiling " + known_number(description["ceiling"]) + "\n";
   text += "global state    " + number(description["global_state"]) +
           " numbers that a team's critic sees with --critic_state=global\n";
   text += "shared reward   " + number(description["shared_reward_alpha"]) + "\n";

@@ -82,6 +82,9 @@ int run(int argc, char** argv) {
                                    "' is neither list nor describe nor --gallery; did you mean `comrad " +
                                    "scenarios describe " + gallery.scenarios[0] + "`?"});
   if (!*describe_command) return list(as_json);
+  // A name that no scenario has may be a folder's.
+  if (const std::string here = "./" + name; !scenarios::load_scenario(name) && scenarios::load_scenario(here))
+    name = here;
   const Expected<Json> description = scenarios::describe(name, num_agents, heads);
   if (!description) return report(description.error());
   std::fputs(

@@ -75,10 +75,24 @@ TEST(Help, EveryCommandAndSubcommandPrintsItAndStartsNothing) {
   EXPECT_FALSE(std::filesystem::exists("--help")) << "a folder of pictures";
 }
 
-TEST(Help, WithFlagsShowsTheValuesThatHoldForThem) {
+TEST(Help, ShowsWhatPeopleChangeFirstAndWithAllEverySetting) {
   const Ending plain = comrad({"help", "train"});
-  EXPECT_THAT(plain.out, HasSubstr("comrad help train --algo"));
-  const Ending help = comrad({"help", "train", "--algo", "vdn", "--scenario", "stag_hunt_arena"});
+  ASSERT_EQ(plain.exit_code, 0) << plain.err;
+  EXPECT_THAT(plain.out,
+              AllOf(HasSubstr("--scenario TEXT"), HasSubstr("--learning_rate NUMBER"),
+                    HasSubstr("more: comrad help train --all"), HasSubstr("comrad help train --algo")));
+  EXPECT_THAT(plain.out, ::testing::Not(AnyOf(HasSubstr("--plr_rho"), HasSubstr("\nOn policy\n"))));
+  EXPECT_THAT(plain.out, HasSubstr("preset; built-in")) << "the default preset's values";
+  const Ending all = comrad({"help", "train", "--all"});
+  EXPECT_THAT(all.out,
+              AllOf(HasSubstr("\nOn policy\n"), HasSubstr("\nCurriculum\n"), HasSubstr("--plr_rho")));
+  const Ending misplaced = comrad({"train", "--all"});
+  EXPECT_EQ(misplaced.exit_code, 2);
+  EXPECT_THAT(misplaced.err, HasSubstr("comrad help train --all"));
+}
+
+TEST(Help, WithFlagsShowsTheValuesThatHoldForThem) {
+  const Ending help = comrad({"help", "train", "--all", "--algo", "vdn", "--scenario", "stag_hunt_arena"});
   ASSERT_EQ(help.exit_code, 0) << help.err;
   EXPECT_THAT(help.out, HasSubstr("(5e-04, preset; built-in 1e-04;"));
   EXPECT_THAT(help.out, ::testing::ContainsRegex("0: off \\(0\\.0,[ \n]+scenario;[ \n]+built-in 100\\.0\\)"))
@@ -172,6 +186,37 @@ TEST(Scenarios, DescribeCountsMeasurementsAndListsTerms) {
   EXPECT_THAT(comrad({"scenarios", "describe", "ammo_carrier"}).out,
               AllOf(HasSubstr("Rewards"), HasSubstr("Measurements"), HasSubstr("Exported variables"),
                     HasSubstr("Layout parameters")));
+}
+
+TEST(Scenarios, DescribeFindsAFolderByItsNameAndLeavesNothingUnknownAsZero) {
+  const ScratchFolder scratch;
+  scratch.write("my_scenario/scenario.toml",
+                "title = \"Mine\"\nbase = \"lava_pit\"\nsummary = \"a test's\"\n");
+  const auto here = [&](const std::string& words) {
+    return RunningProgram(
+               {"/bin/sh", "-c", "cd '" + scratch.string() + "' && '" + program("comrad") + "' " + words})
+        .wait();
+  };
+  const Ending described = here("scenarios describe my_scenario");
+  EXPECT_EQ(described.exit_code, 0) << described.err;
+  EXPECT_THAT(described.out, HasSubstr("Mine (my_scenario)"));
+  EXPECT_THAT(here("train --scenario my_scenario").err, HasSubstr("did you mean ./my_scenario?"));
+
+  scratch.write("plain.cfg", "doom_scenario_path = plain.wad\navailable_buttons = { ATTACK }\n");
+  const Ending cfg = here("scenarios describe ./plain.cfg");
+  EXPECT_EQ(cfg.exit_code, 0) << cfg.err;
+  EXPECT_THAT(cfg.out, AllOf(HasSubstr("difficulty unknown"), HasSubstr("ceiling unknown")));
+}
+
+TEST(Config, RefusesWhatTrainRefuses) {
+  const Ending encoder = comrad({"config", "--encoder_conv_architecture", "mynet"});
+  EXPECT_EQ(encoder.exit_code, 2);
+  EXPECT_THAT(encoder.err, HasSubstr("mynet"));
+  const Ending too_short = comrad({"config", "--algo", "vdn", "--train_for_env_frames", "1000"});
+  EXPECT_EQ(too_short.exit_code, 2);
+  EXPECT_THAT(too_short.err, HasSubstr("learning begins at"));
+  EXPECT_THAT(too_short.out, HasSubstr("learning_starts_decisions"))
+      << "the values are shown, for they say why";
 }
 
 /// What bash offers for these words with the script that `comrad completion bash` prints.

@@ -196,6 +196,38 @@ TEST(Sweep, RefusesBeforeAnythingStarts) {
   EXPECT_FALSE(fs::exists(scratch / "bad"));
 }
 
+TEST(Sweep, DryRunRefusesWhatTrainRefusesAndShowsTheBatchScript) {
+  const ScratchFolder scratch;
+  const auto dry_run = [&](const std::string& algo, const std::string& rest) {
+    return comrad({"sweep", "--dry_run",
+                   scratch.write("dry.toml", "name = \"dry\"\ntrain_dir = \"" + scratch.string() + R"("
+backend = "slurm"
+[axes]
+algo = [")" + algo + R"("]
+[settings]
+scenario = "lava_pit"
+)" + rest + R"(
+[resources]
+cores = 2
+memory_gb = 4
+[slurm]
+partition = "short"
+)")});
+  };
+  const Ending good = dry_run("ippo", "");
+  ASSERT_EQ(good.exit_code, 0) << good.err;
+  EXPECT_THAT(good.out, AllOf(HasSubstr("train --train_dir"), HasSubstr("#SBATCH --partition=short"),
+                              HasSubstr("#SBATCH --array=0-0"), HasSubstr("sweep element")));
+  const Ending too_short = dry_run("vdn", "train_for_env_frames = 1000");
+  EXPECT_EQ(too_short.exit_code, 2);
+  EXPECT_THAT(too_short.err,
+              AllOf(HasSubstr("dry.toml:7: "), HasSubstr("vdn cannot run: learning begins at")));
+  const Ending unknown = dry_run("ippo", "encoder_conv_architecture = \"mynet\"");
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("mynet"));
+  EXPECT_FALSE(fs::exists(scratch / "dry"));
+}
+
 TEST(Sweep, OfRealRunsCanBeStoppedResumedAndSeen) {
   const ScratchFolder scratch;
   const auto file = [&](const std::string& frames) {

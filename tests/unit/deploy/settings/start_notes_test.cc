@@ -12,7 +12,6 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using ::testing::Not;
 
 TEST(FlagsWithoutEffect, AreNamedWithWhatTheyCountWith) {
   RunConfig config;
@@ -70,49 +69,6 @@ TEST(Changes, AMapThatWasMadeAnewIsNamedByItsSeed) {
   now.environment.wad = "/home/me/mine.wad";
   EXPECT_THAT(changes_text(before, now),
               HasSubstr("wad /old/run/layouts/lava_pit_1.wad -> /home/me/mine.wad"));
-}
-
-TEST(LearningBegins, BeforeTheRunEndsOrTheStartIsRefusedWithBothNumbers) {
-  RunConfig config;
-  config.run.algo = "vdn";
-  config.environment.env_frameskip = 4;
-  config.q_learning.learning_starts_decisions = 50'000;
-  config.run.train_for_env_frames = 60'000;
-  replay::ReplayPlan replay{.decisions_before_training = 17'500};
-  const Status refused = check_learning_begins(config, replay);
-  ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error().code, ErrorCode::kBadInput);
-  EXPECT_THAT(
-      refused.error().message,
-      AllOf(HasSubstr("learning begins at 70000 env frames"), HasSubstr("half of what the replay holds"),
-            HasSubstr("the run ends at 60000"), HasSubstr("--allow_no_update")));
-  config.run.train_for_env_frames = 70'001;
-  EXPECT_TRUE(check_learning_begins(config, replay));
-  config.q_learning.learning_starts_decisions = 17'500;
-  config.run.train_for_env_frames = 70'000;
-  const Status by_the_setting = check_learning_begins(config, replay);
-  ASSERT_FALSE(by_the_setting);
-  EXPECT_THAT(by_the_setting.error().message, Not(HasSubstr("half")));
-}
-
-TEST(ChosenReplay, IsThereForQLearningAlone) {
-  RunConfig config;
-  config.environment.num_agents = 2;
-  EnvShape env;
-  env.num_agents = 2;
-  env.head_count = 1;
-  env.head_sizes = {4};
-  const NetworkSize network{.weights_bytes = 1'000'000, .recurrent_state_count = 512};
-  config.run.algo = "ippo";
-  const auto none = chosen_replay(config, env, network, "");
-  ASSERT_TRUE(none) << none.error().message;
-  EXPECT_FALSE(none->has_value());
-  config.run.algo = "qmix";
-  config.replay.replay_gb = 0.1;
-  const auto some = chosen_replay(config, env, network, "");
-  ASSERT_TRUE(some) << some.error().message;
-  ASSERT_TRUE(some->has_value());
-  EXPECT_GT((*some)->fitting_decisions, 1000);
 }
 
 TEST(LeftOut, IsNamedForARunsConfigAlone) {
