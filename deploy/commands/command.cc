@@ -12,7 +12,9 @@ int print_settings_help(const std::string& command, const CommandLine& line) {
       merge_new({line.config_file(), line.typed()}, describe_scenario, usable_cores());
   if (!merged) return report_error(command, merged.error());
   const RunConfig& config = merged->config;
-  std::fputs(line.help(ValuesInForce{config, merged->from}, line.help_extent()).c_str(), stdout);
+  const bool asks_for_some = !line.typed().values.empty() || !line.config_file().empty();
+  std::fputs(line.help(ValuesInForce{config, merged->from, asks_for_some}, line.help_extent()).c_str(),
+             stdout);
   std::printf(
       "\nThe values are those of %s with %s, preset %s, on this machine; with flags behind it, as `comrad "
       "help "

@@ -57,7 +57,7 @@ std::string setting_help(const SettingRow& row, const std::optional<ValuesInForc
     help += " (default " + value;
   else
     help += " (" + shown(row.text(values->config)) + ", " + from + "; built-in " + value;
-  if (!values && !row.traits.counts_with.words.empty())
+  if ((!values || !values->parts_idle) && !row.traits.counts_with.words.empty())
     help += "; with " + std::string(row.traits.counts_with.words);
   for (const std::string_view old : row.traits.old_names)
     if (!old.empty()) help += "; also --" + std::string(old);
@@ -319,7 +319,7 @@ std::string CommandLine::help(const std::optional<ValuesInForce>& values, HelpEx
       ++left_out;
       continue;
     }
-    if (values && !flag.row->counts(values->config)) {
+    if (values && values->parts_idle && !flag.row->counts(values->config)) {
       idle.push_back(flag.name);
       continue;
     }

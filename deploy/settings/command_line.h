@@ -25,6 +25,7 @@ enum class HelpExtent { kFirst, kAll };
 struct ValuesInForce {
   const RunConfig& config;                         ///< resolved
   const std::map<std::string, std::string>& from;  ///< setting -> layer, as MergedSettings has it
+  bool parts_idle = true;  ///< what does nothing with these values stands at the end, by name alone
 };
 
 /// Declares flags, parses arguments, prints help. `--name=value` and `--name value` mean the same; a boolean
@@ -71,7 +72,7 @@ class CommandLine {
   bool was_typed(const std::string& name) const;
   const std::string& config_file() const { return config_file_; }
 
-  /// With `values` the settings show what holds now, and those that do nothing with the others stand at the end.
+  /// With `values` the settings show what holds now.
   std::string help(const std::optional<ValuesInForce>& values = std::nullopt,
                    HelpExtent extent = HelpExtent::kAll) const;
 

@@ -109,6 +109,11 @@ Status check_rewards(const RunConfig& config, const ScenarioDescription& scenari
 /// Fills in what is still open: from the scenario, then from the host.
 Expected<MergedSettings> complete(Layers layers, ScenarioDescription scenario, int core_count) {
   COMRAD_TRY(check_rewards(layers.config(), scenario));
+  if (!scenario.folder.empty())
+    COMRAD_TRY(layers.change(layers.from().at("scenario"), [&scenario](RunConfig& config) -> Status {
+      config.run.scenario = scenario.folder;
+      return {};
+    }));
   const RunConfig asked = layers.config();
   const bool is_scenarios = layers.config().run.algo->reward_share == RewardShare::kOfTheScenario;
   COMRAD_TRY(layers.change(is_scenarios ? "scenario" : "algorithm", [&scenario](RunConfig& config) -> Status {

@@ -73,6 +73,7 @@ Expected<ScenarioDescription> parse_description(std::string_view text) {
   const auto rewards = described.find("rewards");
   if (rewards == described.end() || !rewards->is_array()) return wrong("rewards", "a list");
   for (const json& term : *rewards) COMRAD_TRY(read(term, "name", scenario.rewards.emplace_back()));
+  if (described.contains("folder")) COMRAD_TRY(read(described, "folder", scenario.folder));
   if (described.contains("warnings")) COMRAD_TRY(read(described, "warnings", scenario.warnings));
   if (heads.empty() || heads.size() > static_cast<size_t>(kMaxHeads)) return wrong("heads", "1 to 8 numbers");
   scenario.env.head_count = static_cast<int32_t>(heads.size());

@@ -16,6 +16,7 @@ namespace comrad::deploy {
 
 struct ScenarioDescription {
   std::string name;
+  std::string folder;  ///< absolute, of a folder of the present one that was named without a path; else empty
   std::string title;
   EnvShape
       env;  ///< for the asked number of agents; with the scenario's global state, which not every run wants

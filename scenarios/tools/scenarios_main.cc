@@ -8,7 +8,9 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/process.h"
+#include "scenarios/spec/scenario_files.h"
 #include "scenarios/spec/scenario_spec.h"
 #include "scenarios/tools/description.h"
 #include "scenarios/tools/gallery_flags.h"
@@ -82,11 +84,15 @@ int run(int argc, char** argv) {
                                    "' is neither list nor describe nor --gallery; did you mean `comrad " +
                                    "scenarios describe " + gallery.scenarios[0] + "`?"});
   if (!*describe_command) return list(as_json);
-  // A name that no scenario has may be a folder's.
-  if (const std::string here = "./" + name; !scenarios::load_scenario(name) && scenarios::load_scenario(here))
-    name = here;
-  const Expected<Json> description = scenarios::describe(name, num_agents, heads);
+  // A name that no scenario has may be a folder's; "folder" tells programs, which go on elsewhere.
+  std::string folder;
+  if (const std::string here = "./" + name; !names_vizdoom_config(name) &&
+                                            !scenarios::find_scenario_folder(name) &&
+                                            scenarios::find_scenario_folder(here))
+    name = here, folder = std::filesystem::absolute(here).lexically_normal().string();
+  Expected<Json> description = scenarios::describe(name, num_agents, heads);
   if (!description) return report(description.error());
+  (*description)["folder"] = folder;
   std::fputs(
       as_json ? (description->dump() + "\n").c_str() : scenarios::description_text(*description).c_str(),
       stdout);

@@ -233,7 +233,9 @@ TEST_F(Chaos, ALearnerKilledAtAnyMomentLeavesWholeCheckpointsAndLosesNoMoreThanS
         static_cast<double>(killed.tv_sec) + 1e-9 * static_cast<double>(killed.tv_nsec) - newest_s;
     worst_s = std::max(worst_s, lost_s);
     // Beyond the interval: the optimizer step in hand, and the writing itself. How long they take is the machine's.
-    if (rounds > kLearnerKills) EXPECT_LT(lost_s, kSaveEverySeconds + 8 * patience()) << "round " << round;
+    if (rounds > kLearnerKills) {
+      EXPECT_LT(lost_s, kSaveEverySeconds + 8 * patience()) << "round " << round;
+    }
     ASSERT_TRUE(wait_until([&] { return processes_of(run_, "comrad-learner").size() == 1; }));
   }
   ASSERT_TRUE(trains_on(2048));

@@ -191,7 +191,7 @@ TEST(Scenarios, DescribeCountsMeasurementsAndListsTerms) {
 TEST(Scenarios, DescribeFindsAFolderByItsNameAndLeavesNothingUnknownAsZero) {
   const ScratchFolder scratch;
   scratch.write("my_scenario/scenario.toml",
-                "title = \"Mine\"\nbase = \"lava_pit\"\nsummary = \"a test's\"\n");
+                "name = \"my_scenario\"\nbase = \"lava_pit\"\ntitle = \"Mine\"\n");
   const auto here = [&](const std::string& words) {
     return RunningProgram(
                {"/bin/sh", "-c", "cd '" + scratch.string() + "' && '" + program("comrad") + "' " + words})
@@ -200,23 +200,13 @@ TEST(Scenarios, DescribeFindsAFolderByItsNameAndLeavesNothingUnknownAsZero) {
   const Ending described = here("scenarios describe my_scenario");
   EXPECT_EQ(described.exit_code, 0) << described.err;
   EXPECT_THAT(described.out, HasSubstr("Mine (my_scenario)"));
-  EXPECT_THAT(here("train --scenario my_scenario").err, HasSubstr("did you mean ./my_scenario?"));
+  EXPECT_THAT(here("config --scenario my_scenario").out, HasSubstr((scratch / "my_scenario").string()));
 
+  ASSERT_EQ(here("doomgen lava_pit -o plain.wad").exit_code, 0);
   scratch.write("plain.cfg", "doom_scenario_path = plain.wad\navailable_buttons = { ATTACK }\n");
   const Ending cfg = here("scenarios describe ./plain.cfg");
   EXPECT_EQ(cfg.exit_code, 0) << cfg.err;
   EXPECT_THAT(cfg.out, AllOf(HasSubstr("difficulty unknown"), HasSubstr("ceiling unknown")));
-}
-
-TEST(Config, RefusesWhatTrainRefuses) {
-  const Ending encoder = comrad({"config", "--encoder_conv_architecture", "mynet"});
-  EXPECT_EQ(encoder.exit_code, 2);
-  EXPECT_THAT(encoder.err, HasSubstr("mynet"));
-  const Ending too_short = comrad({"config", "--algo", "vdn", "--train_for_env_frames", "1000"});
-  EXPECT_EQ(too_short.exit_code, 2);
-  EXPECT_THAT(too_short.err, HasSubstr("learning begins at"));
-  EXPECT_THAT(too_short.out, HasSubstr("learning_starts_decisions"))
-      << "the values are shown, for they say why";
 }
 
 /// What bash offers for these words with the script that `comrad completion bash` prints.
@@ -294,6 +284,11 @@ TEST(Config, RefusesWhatTrainRefuses) {
   EXPECT_THAT(refusal({"--gamma", "2"}), HasSubstr("gamma is 2.0"));
   EXPECT_THAT(refusal({"--scenario", "lava_pt"}), HasSubstr("did you mean 'lava_pit'"));
   EXPECT_THAT(refusal({"--config", "/no/such.toml"}), HasSubstr("cannot read /no/such.toml"));
+  EXPECT_THAT(refusal({"--encoder_conv_architecture", "mynet"}), HasSubstr("mynet"));
+  const Ending too_short = comrad({"config", "--algo", "vdn", "--train_for_env_frames", "1000"});
+  EXPECT_EQ(too_short.exit_code, 2);
+  EXPECT_THAT(too_short.err, HasSubstr("learning begins at"));
+  EXPECT_THAT(too_short.out, HasSubstr("learning_starts_decisions")) << "the values say why";
 }
 
 TEST(Keys, AreMadeShownAndNeverReplaced) {

@@ -92,7 +92,6 @@ TEST_F(LinkedRun, GoesOnAfterSimulatorPolicyWorkerAndLearnerWereKilled) {
   kill_and_expect_a_successor("comrad-learner", 1);
   expect_clean_stop(SIGTERM);
 }
-});
 
 }  // namespace supervision_test
 }  // namespace comrad::test

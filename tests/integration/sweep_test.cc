@@ -221,7 +221,7 @@ partition = "short"
   const Ending too_short = dry_run("vdn", "train_for_env_frames = 1000");
   EXPECT_EQ(too_short.exit_code, 2);
   EXPECT_THAT(too_short.err,
-              AllOf(HasSubstr("dry.toml:7: "), HasSubstr("vdn cannot run: learning begins at")));
+              AllOf(HasSubstr("dry.toml:8: "), HasSubstr("vdn cannot run: learning begins at")));
   const Ending unknown = dry_run("ippo", "encoder_conv_architecture = \"mynet\"");
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_THAT(unknown.err, HasSubstr("mynet"));

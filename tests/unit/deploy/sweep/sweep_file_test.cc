@@ -59,7 +59,11 @@ std::string plan_refusal(const std::string& text) {
   const Expected<SweepFile> file = parse_sweep_file(text, "s.toml");
   if (!file) return file.error().message;
   const Expected<SweepPlan> plan = plan_sweep(*file, describe, 4);
-  return plan ? "accepted" : plan.error().message;
+  if (!plan) return plan.error().message;
+  const Status starts = check_starts(*plan, describe, [](const RunConfig&, const EnvShape&) {
+    return Expected<NetworkSize>(NetworkSize{.weights_bytes = 1 << 20, .recurrent_state_count = 512});
+  });
+  return starts ? "accepted" : starts.error().message;
 }
 
 SweepPlan plan_of(const std::string& text, int cores = 4) {
