@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -470,6 +471,23 @@ TEST_F(SmallProjectWithDriver, SaysWhatToDoWhereThePyTorchCannotBeHad) {
   EXPECT_EQ(asked.exit_code, 1);
   EXPECT_THAT(asked.err, AllOf(HasSubstr("COMRAD_NO_INSTALL is set"), HasSubstr("COMRAD_TORCH=FOLDER")));
   EXPECT_EQ(take_asked_for("python"), "");
+}
+
+TEST_F(SmallProject, OneBesideABuildUsesTheProgramsThatAreThere) {
+  ASSERT_EQ(run({"version"}).exit_code, 0);
+  write("deploy/main.c", "int main(void) { return 7; }\n");
+  const std::string lock = home_ / "build/.comrad-lock";
+  RunningProgram builder({"/usr/bin/flock", "--no-fork", lock, "/bin/sleep", "1000"});
+  ASSERT_TRUE(wait_until([&] {
+    return RunningProgram({"/usr/bin/flock", "-n", lock, "/bin/true"}).wait().exit_code != 0;
+  }));
+  const Ending beside = run({"version"});
+  EXPECT_EQ(beside.exit_code, 0) << "the old program";
+  EXPECT_EQ(beside.out, "[version]");
+  EXPECT_THAT(beside.err, HasSubstr("another ./comrad is building"));
+  builder.signal(SIGTERM);
+  builder.wait();
+  EXPECT_EQ(run({"version"}).exit_code, 7);
 }
 
 TEST_F(SmallProject, TwoAtOnceWaitForEachOther) {
