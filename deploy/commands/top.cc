@@ -122,7 +122,9 @@ Expected<int> watch(const TopRequest& request) {
   const bool is_terminal = isatty(STDOUT_FILENO) != 0;
   struct sigaction on_end {};
   on_end.sa_handler = [](int) { has_ended = 1; };
-  for (const int number : {SIGINT, SIGTERM, SIGHUP}) sigaction(number, &on_end, nullptr);
+  const sigset_t heard = heard_of({SIGINT, SIGTERM, SIGHUP});
+  for (const int number : {SIGINT, SIGTERM, SIGHUP})
+    if (sigismember(&heard, number) == 1) sigaction(number, &on_end, nullptr);
   const Keyboard keyboard;
   while (has_ended == 0) {
     COMRAD_TRY_ASSIGN(const json runs, look(request));

@@ -3,14 +3,13 @@
 #include <sys/signalfd.h>
 #include <unistd.h>
 
-#include <initializer_list>
+#include "rollout_buffer/core/process.h"
 
 namespace comrad::deploy {
 
 SignalDesk::SignalDesk() {
-  sigset_t mask;
-  sigemptyset(&mask);
-  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGCHLD}) sigaddset(&mask, number);
+  sigset_t mask = heard_of({SIGINT, SIGTERM, SIGHUP, SIGUSR1});
+  sigaddset(&mask, SIGCHLD);
   descriptor_ = signalfd(-1, &mask, SFD_CLOEXEC | SFD_NONBLOCK);
   sigaddset(&mask, SIGPIPE);
   taken_ = mask;

@@ -5,7 +5,8 @@
 
 namespace comrad::deploy {
 
-/// Takes over SIGINT, SIGTERM, SIGHUP, SIGUSR1 and SIGCHLD for as long as it lives, and keeps SIGPIPE away: a reader of
+/// Takes over SIGINT, SIGTERM, SIGHUP, SIGUSR1 (but those that were ignored at the start) and SIGCHLD for as long as it
+/// lives, and keeps SIGPIPE away: a reader of
 /// our progress that leaves must not end the run. Make it before everything that starts threads, so that they inherit
 /// the mask.
 class SignalDesk {

@@ -46,10 +46,8 @@ Expected<ProgramResult> run_program(const std::vector<std::string>& command, con
 
   COMRAD_TRY_ASSIGN(Pipe out, Pipe::open());
   COMRAD_TRY_ASSIGN(Pipe err, Pipe::open());
-  sigset_t stop_signals, previous_mask;
-  sigemptyset(&stop_signals);
-  sigaddset(&stop_signals, SIGINT);
-  sigaddset(&stop_signals, SIGTERM);
+  const sigset_t stop_signals = heard_of({SIGINT, SIGTERM});
+  sigset_t previous_mask;
   pthread_sigmask(SIG_BLOCK, &stop_signals, &previous_mask);
   struct RestoreMask {
     sigset_t* mask;

@@ -41,6 +41,16 @@ void prepare_process() {
   signal(SIGXFSZ, SIG_IGN);
 }
 
+sigset_t heard_of(std::initializer_list<int> signals) {
+  sigset_t heard;
+  sigemptyset(&heard);
+  for (const int number : signals) {
+    struct sigaction now {};
+    if (sigaction(number, nullptr, &now) == 0 && now.sa_handler != SIG_IGN) sigaddset(&heard, number);
+  }
+  return heard;
+}
+
 void yield_to_others() {
   setpriority(PRIO_PROCESS, 0, kLowestPriority);
   syscall(SYS_ioprio_set, kIoOfProcess, 0, kIoIdleClass);  // a wish: not every disk queue knows priorities

@@ -1,6 +1,10 @@
 // What every program of COMRAD does first, and what it says with its exit code.
 #pragma once
 
+#include <signal.h>
+
+#include <initializer_list>
+
 #include "rollout_buffer/core/expected.h"
 
 namespace comrad {
@@ -18,6 +22,10 @@ int exit_code(const Error& error);
 /// ours gets their numbers; a closed pipe and a limit of file size (`ulimit -f`) become errors of write() instead
 /// of a silent death.
 void prepare_process();
+
+/// Those of `signals` that this process does not ignore: what was ignored when it was started (nohup, a shell's background
+/// job) stays ignored.
+sigset_t heard_of(std::initializer_list<int> signals);
 
 /// Leaves cores and disks to all others: the lowest priority, for this process and those that it starts from now on.
 void yield_to_others();

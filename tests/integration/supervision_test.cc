@@ -73,6 +73,23 @@ TEST_F(EndlessRun, AnInterruptEndsItCleanlyAndItResumes) {
   EXPECT_GE(env_frames(run_), before + 4096);
 }
 
+/// `nohup ./comrad train &`, and logging out.
+TEST(IgnoredSignals, StayIgnored) {
+  const ScratchFolder scratch;
+  const std::string run = scratch / "run";
+  std::vector<std::string> command = {"/usr/bin/env", "--ignore-signal=HUP"};
+  for (const std::string& word : small_training(scratch, "run", 1e9)) command.push_back(word);
+  RunningProgram training(command);
+  ASSERT_TRUE(wait_until([&] { return env_frames(run) > 0 || !training.running(); }));
+  training.signal(SIGHUP);
+  EXPECT_TRUE(trains_on(run, 8192));
+  EXPECT_TRUE(training.running());
+  training.signal(SIGTERM);
+  const Ending ending = training.wait();
+  EXPECT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_THAT(ending.err, ::testing::Not(::testing::HasSubstr("SIGHUP")));
+}
+
 TEST_F(EndlessRun, NothingIsLeftWhenTheSupervisorIsKilled) {
   training_.signal(SIGKILL);
   training_.wait();
