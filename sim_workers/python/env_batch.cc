@@ -2,7 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "rollout_buffer/core/rng.h"
@@ -41,12 +45,18 @@ struct EnvBatch::Slot {
   std::unique_ptr<sim::DoomEnvironment> environment;
   EpisodeKey episode;
   bool has_begun = false, is_over = false;
+  bool is_sent = false;  // by send_some(), and not received
   SeenLines seen_lines;
   std::vector<std::vector<doom::ThingLabel>> things;  // [agent]
 };
 
 /// What only lives until close().
 struct EnvBatch::Works {
+  /// One environment's step for send_some().
+  struct Job {
+    int index;
+    std::vector<int32_t> choices;
+  };
   /// One thread's share.
   struct Lane {
     std::shared_ptr<sim::LayoutLibrary> library;
@@ -57,10 +67,11 @@ struct EnvBatch::Works {
     std::vector<doom::ViewRequest> views;
     std::vector<uint8_t> planes;  // where pictures are interleaved
     Status status;
+    std::deque<Job> jobs;  // guarded by `mutex`
   };
   explicit Works(int threads) : lanes(static_cast<std::size_t>(threads)), crew(threads) {}
   ~Works() {  // what belongs to a thread ends in it
-    crew.wait();
+    wait();
     crew.start([this](int thread) {
       Lane& lane = lanes[static_cast<std::size_t>(thread)];
       if (lane.library != nullptr) lane.library->draw_with(nullptr);
@@ -69,14 +80,30 @@ struct EnvBatch::Works {
     });
     crew.wait();
   }
+  /// Until the threads have done what they were given.
+  void wait() {
+    {
+      const std::lock_guard lock(mutex);
+      is_serving = false;
+    }
+    asked.notify_all();
+    crew.wait();
+  }
   std::vector<Slot> slots;
   std::vector<Lane> lanes;
+  std::mutex mutex;
+  std::condition_variable asked, answered;
+  bool is_serving = false;  // threads wait for jobs
+  std::vector<int> done;    // jobs that are, by environment
+  Status failed;            // of a job
   Crew crew;
 };
 
 class EnvBatch::Entry {
  public:
-  explicit Entry(EnvBatch& batch, bool wants_sent = false) {
+  /// What must have been sent.
+  enum class After { kNothing, kSend, kSendSome, kNothingOrSendSome };
+  explicit Entry(EnvBatch& batch, After after = After::kNothing) {
     if (batch.process_ != getpid()) {
       status_ = bad("these environments were made in another process; make new ones after a fork");
     } else if (batch.is_entered_.exchange(true)) {
@@ -85,9 +112,13 @@ class EnvBatch::Entry {
       entered_ = &batch.is_entered_;
       if (batch.is_closed())
         status_ = bad("these environments were closed");
-      else if (batch.is_sent_ && !wants_sent)
-        status_ = bad("a step was sent and not received; call receive() first");
-      else if (!batch.is_sent_ && wants_sent)
+      else if (batch.is_sent_ && after != After::kSend)
+        status_ = bad("a step was sent and not received; call recv() first");
+      else if (batch.some_sent_ > 0 && (after == After::kNothing || after == After::kSend))
+        status_ = bad("steps of " + std::to_string(batch.some_sent_) +
+                      " environments were sent and not received; call recv() first");
+      else if ((!batch.is_sent_ && after == After::kSend) ||
+               (batch.some_sent_ == 0 && after == After::kSendSome))
         status_ = bad("no step was sent; call send() first");
     }
   }
@@ -121,9 +152,10 @@ Status EnvBatch::close() {
   }
   if (is_entered_.exchange(true))
     return bad("another thread is in a call of these environments; close them when it is back");
-  works_->crew.wait();  // for a step that was sent
+  works_->wait();  // for steps that were sent
   works_.reset();
   is_sent_ = false;
+  some_sent_ = 0;
   is_entered_ = false;
   return {};
 }
@@ -219,10 +251,15 @@ void EnvBatch::size_arrays() {
   arrays_.ceiling.resize(envs);
   arrays_.agent_return.resize(rows);
   arrays_.length_tics.resize(envs);
+  arrays_.length_steps.resize(envs);
   arrays_.episode_seed.resize(envs);
+  arrays_.stream_seed.resize(envs);
+  arrays_.episode_number.resize(envs);
 }
 
-void EnvBatch::run(std::function<Status(int)> task) {
+void EnvBatch::run(std::function<Status(int)> task, bool serves) {
+  works_->wait();
+  works_->is_serving = serves;  // no thread runs that could read it
   works_->crew.start([this, task = std::move(task)](int thread) {
     works_->lanes[static_cast<std::size_t>(thread)].status = task(thread);
   });
@@ -248,6 +285,8 @@ Status EnvBatch::begin_episode(Slot& slot) {
   slot.is_over = false;
   for (std::vector<uint8_t>& lines : slot.seen_lines) lines.clear();
   arrays_.episode_seed[index] = seed;
+  arrays_.stream_seed[index] = episode.seed;
+  arrays_.episode_number[index] = episode.number.value_or(0);
   return {};
 }
 
@@ -274,11 +313,28 @@ Status EnvBatch::reset(std::span<const std::optional<EpisodeKey>> keys) {
   return finish();
 }
 
-Status EnvBatch::check_can_step() const {
-  for (const Slot& slot : works_->slots) {
-    if (!slot.has_begun) return bad("call reset() before the first step");
-    if (slot.is_over && !options_.autoreset) return bad("the episode is over; call reset()");
+Status EnvBatch::check_can_step(const Slot& slot) const {
+  if (!slot.has_begun) return bad("call reset() before the first step");
+  if (slot.is_over && !options_.autoreset) return bad("the episode is over; call reset()");
+  return {};
+}
+
+std::vector<int> EnvBatch::all_indices() const {
+  std::vector<int> all(works_->slots.size());
+  std::iota(all.begin(), all.end(), 0);
+  return all;
+}
+
+Status EnvBatch::step_one(int index, const std::function<void(sim::DoomEnvironment&)>& act) {
+  Slot& slot = works_->slots[static_cast<std::size_t>(index)];
+  if (slot.is_over) {
+    slot.episode.number = slot.episode.number.value_or(0) + 1;
+    COMRAD_TRY(begin_episode(slot));
+  } else {
+    act(*slot.environment);
+    slot.is_over = slot.environment->last_step().episode_over();
   }
+  write_numbers(index);
   return {};
 }
 
@@ -286,40 +342,40 @@ void EnvBatch::run_step(std::function<void(sim::DoomEnvironment&, std::size_t)> 
   is_sent_ = true;
   run([this, act = std::move(act)](int thread) -> Status {
     const std::vector<int>& indices = works_->lanes[static_cast<std::size_t>(thread)].indices;
-    for (const int index : indices) {
-      Slot& slot = works_->slots[static_cast<std::size_t>(index)];
-      if (slot.is_over) {
-        slot.episode.number = slot.episode.number.value_or(0) + 1;
-        COMRAD_TRY(begin_episode(slot));
-      } else {
-        act(*slot.environment, static_cast<std::size_t>(index));
-        slot.is_over = slot.environment->last_step().episode_over();
-      }
-      write_numbers(index);
-    }
+    for (const int index : indices)
+      COMRAD_TRY(step_one(index, [&](sim::DoomEnvironment& environment) {
+        act(environment, static_cast<std::size_t>(index));
+      }));
     draw_views(thread, indices);
     return {};
   });
 }
 
-Status EnvBatch::send(std::span<const int32_t> choices) {
-  const Entry entry(*this);
-  COMRAD_TRY(entry.status());
+Status EnvBatch::check_step(std::span<const int> indices, std::span<const int32_t> choices) const {
   const auto heads = static_cast<std::size_t>(shape_.head_count);
   const auto agents = static_cast<std::size_t>(options_.num_agents);
   if (options_.by_buttons) return bad("these environments are played by buttons, not by choices of heads");
-  if (choices.size() != works_->slots.size() * agents * heads)
+  if (choices.size() != indices.size() * agents * heads)
     return bad("an action has one choice for each environment, agent and head");
   for (std::size_t at = 0; at < choices.size(); ++at) {
     const int32_t most = shape_.head_sizes[at % heads];
     if (choices[at] < 0 || choices[at] >= most)
       return bad("action " + std::to_string(choices[at]) + " of environment " +
-                 std::to_string(at / heads / agents) + ", agent " + std::to_string(at / heads % agents) +
-                 ", head " + std::to_string(at % heads) + ": it must lie in 0.." + std::to_string(most - 1));
+                 std::to_string(indices[at / heads / agents]) + ", agent " +
+                 std::to_string(at / heads % agents) + ", head " + std::to_string(at % heads) +
+                 ": it must lie in 0.." + std::to_string(most - 1));
   }
-  COMRAD_TRY(check_can_step());
-  run_step([actions = std::vector(choices.begin(), choices.end()), size = heads * agents](
-               sim::DoomEnvironment& environment, std::size_t index) {
+  for (const int index : indices) COMRAD_TRY(check_can_step(works_->slots[static_cast<std::size_t>(index)]));
+  return {};
+}
+
+Status EnvBatch::send(std::span<const int32_t> choices) {
+  const Entry entry(*this);
+  COMRAD_TRY(entry.status());
+  COMRAD_TRY(check_step(all_indices(), choices));
+  const std::size_t size = choices.size() / works_->slots.size();
+  run_step([actions = std::vector(choices.begin(), choices.end()), size](sim::DoomEnvironment& environment,
+                                                                         std::size_t index) {
     environment.step({actions.data() + index * size, size});
   });
   return {};
@@ -334,7 +390,7 @@ Status EnvBatch::send_buttons(std::span<const float> values) {
     return bad("an action has one number for each environment, agent and button");
   if (!std::ranges::all_of(values, [](float value) { return std::isfinite(value); }))
     return bad("an action holds a value that is no number");
-  COMRAD_TRY(check_can_step());
+  for (const Slot& slot : works_->slots) COMRAD_TRY(check_can_step(slot));
   run_step([this, agents, given = std::vector(values.begin(), values.end())](
                sim::DoomEnvironment& environment, std::size_t index) {
     std::vector<doom::Buttons> pressed(agents);
@@ -347,10 +403,79 @@ Status EnvBatch::send_buttons(std::span<const float> values) {
 }
 
 Status EnvBatch::receive() {
-  const Entry entry(*this, /*wants_sent=*/true);
+  const Entry entry(*this, Entry::After::kSend);
   COMRAD_TRY(entry.status());
   const Status done = finish();
   is_sent_ = false;
+  return done;
+}
+
+Status EnvBatch::send_some(std::span<const int> indices, std::span<const int32_t> choices) {
+  const Entry entry(*this, Entry::After::kNothingOrSendSome);
+  COMRAD_TRY(entry.status());
+  std::vector<bool> is_named(works_->slots.size());
+  for (const int index : indices) {
+    COMRAD_TRY(check_range("the environment's index", index, 0, options_.num_envs - 1));
+    const auto at = static_cast<std::size_t>(index);
+    if (is_named[at] || works_->slots[at].is_sent)
+      return bad("environment " + std::to_string(index) + " was sent a step already; call recv() first");
+    is_named[at] = true;
+  }
+  COMRAD_TRY(check_step(indices, choices));
+  if (indices.empty()) return {};
+  if (!works_->is_serving) {  // only this thread writes it
+    run([this](int thread) { return serve(thread); }, /*serves=*/true);
+  }
+  const std::size_t size = choices.size() / indices.size();
+  {
+    const std::lock_guard lock(works_->mutex);
+    for (std::size_t at = 0; at < indices.size(); ++at) {
+      const std::span<const int32_t> row = choices.subspan(at * size, size);
+      works_->slots[static_cast<std::size_t>(indices[at])].is_sent = true;
+      works_->lanes[static_cast<std::size_t>(indices[at] % options_.num_threads)].jobs.push_back(
+          {indices[at], {row.begin(), row.end()}});
+    }
+    some_sent_ += static_cast<int>(indices.size());
+  }
+  works_->asked.notify_all();
+  return {};
+}
+
+Status EnvBatch::serve(int thread) {
+  Works::Lane& lane = works_->lanes[static_cast<std::size_t>(thread)];
+  std::unique_lock lock(works_->mutex);
+  while (true) {
+    works_->asked.wait(lock, [&] { return !works_->is_serving || !lane.jobs.empty(); });
+    if (lane.jobs.empty()) return {};
+    const Works::Job job = std::move(lane.jobs.front());
+    lane.jobs.pop_front();
+    lock.unlock();
+    const Status stepped =
+        step_one(job.index, [&](sim::DoomEnvironment& environment) { environment.step(job.choices); });
+    if (stepped) draw_views(thread, {&job.index, 1});
+    lock.lock();
+    if (!stepped) works_->failed = stepped;
+    works_->done.push_back(job.index);
+    works_->answered.notify_all();
+  }
+}
+
+Expected<std::vector<int>> EnvBatch::receive_some(int least) {
+  const Entry entry(*this, Entry::After::kSendSome);
+  COMRAD_TRY(entry.status());
+  std::vector<int> done;
+  Status status;
+  {
+    std::unique_lock lock(works_->mutex);
+    const auto wanted = static_cast<std::size_t>(std::clamp(least, 1, some_sent_));
+    works_->answered.wait(lock, [&] { return works_->done.size() >= wanted; });
+    done.swap(works_->done);
+    std::swap(status, works_->failed);
+  }
+  some_sent_ -= static_cast<int>(done.size());
+  for (const int index : done) works_->slots[static_cast<std::size_t>(index)].is_sent = false;
+  COMRAD_TRY(status);
+  std::ranges::sort(done);
   return done;
 }
 
@@ -381,6 +506,7 @@ void EnvBatch::write_numbers(int index) {
   arrays_.score[at] = summary.score;
   arrays_.ceiling[at] = summary.ceiling;
   arrays_.length_tics[at] = summary.length_tics;
+  arrays_.length_steps[at] = summary.length_steps;
 }
 
 void EnvBatch::draw_views(int thread, std::span<const int> indices) {
@@ -501,6 +627,8 @@ Status EnvBatch::restore(int index, const SavedState& state) {
     *slot.environment = state.environment_;
     slot.environment->choose_from(lane.library);
     slot.episode = state.episode_;
+    arrays_.stream_seed[static_cast<std::size_t>(index)] = slot.episode.seed;
+    arrays_.episode_number[static_cast<std::size_t>(index)] = slot.episode.number.value_or(0);
     slot.has_begun = true;
     slot.is_over = state.is_over_;
     slot.seen_lines = state.seen_lines_;

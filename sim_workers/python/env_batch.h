@@ -55,10 +55,12 @@ struct BatchArrays {
   std::vector<float> reward;                   ///< [E, N]
   std::vector<uint8_t> terminated, truncated;  ///< [E]
   // Of the episode that goes on, or that just ended.
-  std::vector<float> score, ceiling;   ///< [E]
-  std::vector<float> agent_return;     ///< [E, N]
-  std::vector<uint32_t> length_tics;   ///< [E]
-  std::vector<uint64_t> episode_seed;  ///< [E]
+  std::vector<float> score, ceiling;                ///< [E]
+  std::vector<float> agent_return;                  ///< [E, N]
+  std::vector<uint32_t> length_tics, length_steps;  ///< [E]
+  std::vector<uint64_t> episode_seed;               ///< [E]
+  // The EpisodeKey that it was begun with, for the one that follows it.
+  std::vector<uint64_t> stream_seed, episode_number;  ///< [E]
 };
 
 /// A thing that an agent sees.
@@ -120,6 +122,12 @@ class EnvBatch {
   Status send_buttons(std::span<const float> values);
   /// Until the decision is over and the arrays hold what it brought. Errors: without a send(); of the next map.
   Status receive();
+  /// send() for the environments `indices` alone, `choices` [indices.size(), N, heads]. More may be sent before others are
+  /// received; until all are, every other call is refused. Errors: of send(); an index outside or whose step is on its way.
+  Status send_some(std::span<const int> indices, std::span<const int32_t> choices);
+  /// Until `least` environments (or all that were sent, where these are fewer) are done: the indices of all that are, rising.
+  /// Their rows of the arrays stay as they are until they are sent again. Errors: without a send_some(); of the next map.
+  Expected<std::vector<int>> receive_some(int least);
 
   /// Errors: an index outside; misuse as below.
   Expected<std::shared_ptr<const SavedState>> state_of(int index);
@@ -144,10 +152,18 @@ class EnvBatch {
   void size_arrays();
   /// Refuses a second thread, a child process, a closed batch, and a call between send() and receive().
   class Entry;
-  void run(std::function<Status(int)> task);  ///< in every thread; wait for it with finish()
+  /// In every thread; wait for it with finish(), or with Works::wait() where it `serves` jobs.
+  void run(std::function<Status(int)> task, bool serves = false);
   Status finish();
   Status begin_episode(Slot& slot);
-  Status check_can_step() const;
+  Status check_can_step(const Slot& slot) const;
+  /// `choices` [indices.size(), N, heads] against the heads, the environments' episodes and their steps on the way.
+  Status check_step(std::span<const int> indices, std::span<const int32_t> choices) const;
+  std::vector<int> all_indices() const;
+  /// One decision of an environment, or its next episode's begin; its row of the arrays except for what is drawn.
+  Status step_one(int index, const std::function<void(sim::DoomEnvironment&)>& act);
+  /// A thread's work between send_some() and the call that ends it: its jobs in their order.
+  Status serve(int thread);
   /// One decision in every thread: `act(environment, its index)` where an episode goes on.
   void run_step(std::function<void(sim::DoomEnvironment&, std::size_t)> act);
   void write_numbers(int index);
@@ -167,6 +183,7 @@ class EnvBatch {
   std::unique_ptr<Works> works_;
   std::atomic<bool> is_entered_ = false;
   bool is_sent_ = false;
+  int some_sent_ = 0;  // by send_some(), and not received
   const pid_t process_ = getpid();
 };
 

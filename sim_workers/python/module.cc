@@ -83,7 +83,10 @@ nb::dict arrays_of(nb::handle self) {
   all["ceiling"] = view(self, arrays.ceiling, {envs});
   all["agent_return"] = view(self, arrays.agent_return, {envs, agents});
   all["length_tics"] = view(self, arrays.length_tics, {envs});
+  all["length_steps"] = view(self, arrays.length_steps, {envs});
   all["episode_seed"] = view(self, arrays.episode_seed, {envs});
+  all["stream_seed"] = view(self, arrays.stream_seed, {envs});
+  all["episode_number"] = view(self, arrays.episode_number, {envs});
   return all;
 }
 
@@ -223,6 +226,13 @@ NB_MODULE(_engine, module) {
              must(aside([&] { return batch.send_buttons(span_of(actions)); }));
            })
       .def("receive", [](EnvBatch& batch) { must(aside([&] { return batch.receive(); })); })
+      .def("send_some",
+           [](EnvBatch& batch, const std::vector<int>& indices,
+              const nb::ndarray<const int32_t, nb::c_contig, nb::device::cpu>& actions) {
+             must(aside([&] { return batch.send_some(indices, span_of(actions)); }));
+           })
+      .def("receive_some",
+           [](EnvBatch& batch, int least) { return must(aside([&] { return batch.receive_some(least); })); })
       .def("get_state",
            [](EnvBatch& batch, int index) {
              // Python's own type is of a state that may be written; nobody does.

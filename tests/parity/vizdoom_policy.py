@@ -197,8 +197,8 @@ def play_ours(players, run, scenario, render_size, episodes):
                 choice = {agent: player.see(seen[agent]) for agent, player in zip(env.possible_agents, players, strict=True)}
             seen, _, _, _, infos = env.step({first: choice[first], second: before[second]})
             tic += 1
-        told = [infos[agent]['episode'] for agent in env.possible_agents]
-        played.append((told[0]['score'], sum(one['return'] for one in told) / AGENTS))
+        told = [infos[agent] for agent in env.possible_agents]
+        played.append((told[0]['score'], sum(one['episode_return'] for one in told) / AGENTS))
     env.close()
     return played
 

@@ -1,7 +1,8 @@
 """COMRAD's engine in Python: cooperative first-person Doom scenarios for 2 to 8 agents, and ViZDoom's own games.
 
     import comrad
-    env = comrad.parallel_env("stag_hunt_arena", num_agents=2)      # PettingZoo
+    env = comrad.parallel_env("stag_hunt_arena", num_agents=2)      # PettingZoo; comrad.env(...): agents in turn (AEC)
+    env = gymnasium.make("comrad/StagHuntArena-v1")                 # the team as one Gymnasium Env; comrad.team_env(...)
     env = comrad.gym_env("basic")                                   # Gymnasium, one player, a ViZDoom .cfg
     envs = comrad.vector_env("coop_puzzle", num_envs=64)            # batched arrays, threads
     policy = comrad.load_policy("train_dir/RUN")                    # a torch.nn.Module of a trained policy
@@ -11,11 +12,17 @@
 FileNotFoundError with words; what the machine lacks (OSMesa, an IWAD) is RuntimeError or FileNotFoundError saying what to install.
 """
 
+import functools
 import importlib.metadata
 import importlib.util
 import os
 import pathlib
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from torch import nn
+    from .policy import Policy
 
 # An installed package brings the scenarios along; in a build folder the engine knows the sources.
 _data = pathlib.Path(__file__).parent / "data"
@@ -28,10 +35,17 @@ except ImportError as _failure:
     from .missing import explained
 
     raise explained(_failure) from None
+from gymnasium.envs.registration import register, registry  # noqa: E402
+
+from .actions import FlatActions  # noqa: E402
 from .episode import Episode, load_episode  # noqa: E402
 from .labels import Label  # noqa: E402
-from .maps import draw_map, vizdoom_cfg  # noqa: E402
+from .maps import draw_map, id_of, vizdoom_cfg  # noqa: E402
+from .parallel import ComradParallelEnv  # noqa: E402
 from .run import Run  # noqa: E402
+from .single import ComradGymEnv  # noqa: E402
+from .team import ComradTeamEnv, in_turn  # noqa: E402
+from .vector import ComradVectorEnv  # noqa: E402
 
 try:
     __version__ = importlib.metadata.version(__name__)
@@ -39,18 +53,25 @@ except importlib.metadata.PackageNotFoundError:  # in a build folder
     __version__ = "0"
 
 __all__ = [
+    "ComradGymEnv",
+    "ComradParallelEnv",
+    "ComradTeamEnv",
+    "ComradVectorEnv",
     "Episode",
+    "FlatActions",
     "Label",
     "Run",
     "SavedState",
     "describe",
     "draw_map",
+    "env",
     "gym_env",
     "load_episode",
     "load_policy",
     "parallel_env",
     "save_policy",
     "scenarios",
+    "team_env",
     "vector_env",
     "vizdoom_cfg",
 ]
@@ -68,38 +89,37 @@ def describe(scenario: str, folder: str | os.PathLike | None = None) -> dict[str
     return _describe(vizdoom_cfg(scenario, folder))
 
 
-def _need(module: str) -> None:
-    if importlib.util.find_spec(module) is None:
-        raise ImportError(f"comrad needs the package {module} for this; run: pip install {module}")
+parallel_env = ComradParallelEnv
+gym_env = ComradGymEnv
+vector_env = ComradVectorEnv
+
+Options = ParamSpec("Options")
+Made = TypeVar("Made")
 
 
-def parallel_env(scenario: str, **options: Any) -> "Any":
-    """A PettingZoo ParallelEnv; see comrad.parallel.ComradParallelEnv for the options."""
-    _need("pettingzoo")
-    from .parallel import ComradParallelEnv
+def _converted(convert: Callable[[ComradParallelEnv], Made], make: Callable[Options, ComradParallelEnv]) -> Callable[Options, Made]:
+    """A function with the options of `make` that returns what `convert` makes of the environment."""
 
-    return ComradParallelEnv(scenario, **options)
+    @functools.wraps(make, updated=())
+    def converted(*arguments: Options.args, **options: Options.kwargs) -> Made:
+        return convert(make(*arguments, **options))
 
-
-def gym_env(config: str, **options: Any) -> "Any":
-    """A Gymnasium Env of one player; see comrad.single.ComradGymEnv for the options."""
-    _need("gymnasium")
-    from .single import ComradGymEnv
-
-    return ComradGymEnv(config, **options)
+    converted.__doc__ = f"{convert.__doc__}\n\nThe options are ComradParallelEnv's."
+    return converted
 
 
-def vector_env(scenario: str, **options: Any) -> "Any":
-    """Many environments at once, a Gymnasium VectorEnv; see comrad.vector.ComradVectorEnv for the options."""
-    _need("gymnasium")
-    from .vector import ComradVectorEnv
+env = _converted(in_turn, ComradParallelEnv)
+team_env = _converted(ComradTeamEnv, ComradParallelEnv)
 
-    return ComradVectorEnv(scenario, **options)
+
+def _need_torch() -> None:
+    if importlib.util.find_spec("torch") is None:
+        raise ImportError("comrad needs the package torch for this; run: pip install torch")
 
 
 def load_policy(path: str | os.PathLike, agent: int = 0) -> "Any":
     """A trained policy as a torch.nn.Module; see comrad.policy.load_policy."""
-    _need("torch")
+    _need_torch()
     from . import policy
 
     return policy.load_policy(path, agent)
@@ -107,18 +127,19 @@ def load_policy(path: str | os.PathLike, agent: int = 0) -> "Any":
 
 def save_policy(policies: "Any", like: str | os.PathLike, path: str | os.PathLike) -> None:
     """A policy that was trained in Python, as a checkpoint that `comrad eval` plays; see comrad.policy.save_policy."""
-    _need("torch")
+    _need_torch()
     from . import policy
 
     policy.save_policy(policies, like, path)
 
 
 def _register() -> None:
-    """Gymnasium's names: gymnasium.make("comrad/basic-v0") plays that .cfg of the vizdoom package."""
-    if importlib.util.find_spec("gymnasium") is None:
-        return
-    from gymnasium.envs.registration import register, registry
-
+    """Gymnasium's ids: gymnasium.make("comrad/LavaPit-v1") is a team, gymnasium.make("comrad/basic-v0") a .cfg of the vizdoom package."""
+    for scenario in scenarios():
+        if id_of(scenario) not in registry:
+            options = {"scenario": scenario, "flat_actions": True}
+            # Rewards are a list, which Gymnasium's checker would warn about in every step.
+            register(id_of(scenario), entry_point="comrad:team_env", kwargs=options, disable_env_checker=True)
     for name in (
         "basic",
         "deadly_corridor",

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 
 from . import _engine
-from .arguments import checked_size, checked_text, checked_whole
+from .arguments import checked_seed, checked_size, checked_text, checked_whole
 from .labels import Label
 from .maps import Layout, vizdoom_cfg, wads_of
 from .window import Window
@@ -21,11 +21,17 @@ ARRAYS = {  # by what is wanted beside the picture
     "automap": "automap",
     "measurements": "measurement",
     "action_mask": "action_mask",
+    "agent_id": "agent_id",
 }
+DTYPES = ("uint8", "float32")
 TICS_A_SECOND = 35
 MOST_DEPTH = 1e5  # map units; no map is as wide
 SCREEN_NAME = "screen"
-COPIES = "an environment has threads and an OpenGL context and can be neither copied nor pickled; make another one, and give it get_state()'s answer"
+COPIES = (
+    "an environment in the middle of an episode can be neither copied nor pickled: its world lives in threads of this process. Copy it "
+    "before the first step or after reset(); in this process another one can go on from its get_state(), by set_state()"
+)
+Key = tuple[int, int | None]  # an episode: the number-th that follows from a seed, or (its own seed, None)
 
 
 def make_batch(
@@ -70,14 +76,30 @@ def make_batch(
     )
 
 
-def picture_space(picture: np.ndarray) -> spaces.Box:
+def arguments_of(scope: dict[str, Any]) -> dict[str, Any]:
+    """What a constructor was called with; `scope` is locals() in its first line."""
+    return {name: value for name, value in scope.items() if name not in ("self", "__class__")}
+
+
+def checked_dtype(dtype: str) -> str:
+    if dtype not in DTYPES:
+        raise ValueError(f"dtype {dtype!r}: it is one of {', '.join(DTYPES)}")
+    return dtype
+
+
+def picture_space(picture: np.ndarray, dtype: str) -> spaces.Box:
     """Of one agent's picture, the last three axes of `picture`."""
-    return spaces.Box(0, 255, picture.shape[-3:], np.uint8)
+    return spaces.Box(0, 255 if dtype == "uint8" else 1, picture.shape[-3:], np.dtype(dtype).type)
 
 
-def observation_space(arrays: dict[str, np.ndarray], observations: tuple[str, ...], mask: spaces.Space) -> spaces.Space:
+def picture_as(picture: np.ndarray, dtype: str) -> np.ndarray:
+    """A picture u8 as it is, or f32 in 0..1."""
+    return picture if dtype == "uint8" else picture.astype(np.float32) / np.float32(255)
+
+
+def observation_space(arrays: dict[str, np.ndarray], observations: tuple[str, ...], mask: spaces.Space, dtype: str) -> spaces.Space:
     """Of one agent: a Box for the picture alone, a Dict where more is wanted; `mask` is the space of its action mask."""
-    screen = picture_space(arrays["picture"])
+    screen = picture_space(arrays["picture"], dtype)
     if not observations:
         return screen
     boxes: dict[str, spaces.Space] = {SCREEN_NAME: screen}
@@ -87,7 +109,9 @@ def observation_space(arrays: dict[str, np.ndarray], observations: tuple[str, ..
         elif name == "labels":
             boxes[name] = spaces.Box(0, 255, arrays["labels"].shape[2:], np.uint8)
         elif name == "automap":
-            boxes[name] = picture_space(arrays["automap"])
+            boxes[name] = picture_space(arrays["automap"], dtype)
+        elif name == "agent_id":
+            boxes[name] = spaces.Box(0, 1, arrays["agent_id"].shape[2:], np.float32)
         elif name == "measurements":
             boxes[name] = spaces.Box(-np.inf, np.inf, arrays["measurement"].shape[2:], np.float32)
         else:
@@ -101,20 +125,76 @@ def checked_mode(render_mode: str | None, metadata: dict[str, Any]) -> str | Non
     return render_mode
 
 
-def fresh_seed() -> int:
-    return secrets.randbits(63)
-
-
 def side_by_side(planes: np.ndarray) -> np.ndarray:
     """[N, 3, h, w] to one picture [h, N w, 3]."""
     return np.ascontiguousarray(np.concatenate(list(planes.transpose(0, 2, 3, 1)), axis=1))
 
 
-class OneGame:
+class Batched:
+    """What all environments share: their arrays, how episodes begin and end, copies."""
+
+    _batch: _engine.EnvBatch
+    _arrays: dict[str, np.ndarray]
+    _arguments: dict[str, Any]
+
+    def _take(self, batch: _engine.EnvBatch, arguments: dict[str, Any]) -> None:
+        """Serves `batch`; `arguments` of the constructor make it again."""
+        self._batch, self._arguments = batch, arguments
+        arrays = batch.arrays()
+        envs, agents = arrays["active"].shape
+        self._arrays = {**arrays, "agent_id": np.tile(np.eye(agents, dtype=np.float32), (envs, 1, 1))}
+        self._has_begun = self._is_stepped = False
+        self._begun: list[Key | None] = [None] * envs  # episodes that were begun and not stepped
+
+    def _begin(self, keys: Sequence[Key | None]) -> None:
+        """Begins the episodes `keys`; where there is none, an environment stays as it is."""
+        self._batch.reset(list(keys))
+        self._has_begun = True
+        self._begun = [old if new is None else new for old, new in zip(self._begun, keys)]
+        self._is_stepped = self._is_stepped and None in self._begun
+
+    def _stepped(self) -> None:
+        self._is_stepped = True
+        self._begun = [None] * len(self._begun)
+
+    def _next_keys(self) -> list[Key]:
+        """The episode that follows in each environment; before the first, those of a seed drawn at random."""
+        if not self._has_begun:
+            seed = secrets.randbits(62)
+            return [(seed + index, 0) for index in range(len(self._begun))]
+        return [(seed, number + 1) for seed, number in zip(self._arrays["stream_seed"].tolist(), self._arrays["episode_number"].tolist())]
+
+    def _account(self) -> dict[str, np.ndarray]:
+        """Of the episodes that ended or go on: score J [E], the map's ceiling [E], their ratio [E] (NaN without a ceiling), returns
+        [E, N], lengths in steps and in tics [E]."""
+        score, ceiling = self._arrays["score"], self._arrays["ceiling"]
+        share = np.divide(score, ceiling, out=np.full_like(score, np.nan), where=ceiling > 0)
+        return {
+            "score": score.copy(),
+            "ceiling": ceiling.copy(),
+            "score_share": share,
+            "episode_return": self._arrays["agent_return"].copy(),
+            "episode_length": self._arrays["length_steps"].astype(np.int64),
+            "length_tics": self._arrays["length_tics"].astype(np.int64),
+        }
+
+    def __reduce_ex__(self, _: Any) -> Any:
+        if self._is_stepped:
+            raise TypeError(COPIES)
+        return _made_again, (type(self), self._arguments, self._begun)
+
+
+def _made_again(kind: type, arguments: dict[str, Any], begun: list[Key | None]) -> Any:
+    env = kind(**arguments)
+    if any(begun):
+        env._begin(begun)
+    return env
+
+
+class OneGame(Batched):
     """What an environment of one game has, whosever interface it serves: pictures for eyes, states, its end."""
 
     render_mode: str | None
-    _batch: _engine.EnvBatch
     _window: Window | None
     _render_size: tuple[int, int]
 
@@ -133,8 +213,18 @@ class OneGame:
         """A hash of the whole world: two episodes with equal hashes at every step were the same."""
         return self._batch.hash(0)
 
-    def __reduce_ex__(self, _: Any) -> Any:
-        raise TypeError(COPIES)
+    def _reset(self, seed: int | None, options: dict[str, Any] | None) -> None:
+        """With a seed: the first episode that follows from it; without: the next one; options={"episode_seed": n}: that very one."""
+        exact = (options or {}).get("episode_seed")
+        if exact is not None:
+            self._begin([(checked_seed(exact), None)])
+        else:
+            self._begin(self._next_keys() if seed is None else [(checked_seed(seed), 0)])
+
+    def _account_of(self, agent: int) -> dict[str, float | int]:
+        """One agent's numbers of the episode that ended."""
+        values = {name: value[0] for name, value in self._account().items()}
+        return {name: (value[agent] if name == "episode_return" else value).item() for name, value in values.items()}
 
     def close(self) -> None:
         self._batch.close()

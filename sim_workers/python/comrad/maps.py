@@ -4,6 +4,7 @@ import atexit
 import functools
 import os
 import pathlib
+import re
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -13,6 +14,8 @@ from .arguments import checked_seed, checked_whole
 
 Layout = int | str | os.PathLike | Mapping[str, int | str] | Sequence[str | os.PathLike]
 DEFAULT_SEED = 42
+SCENARIO_VERSION = 1  # of all ids of scenarios; rises with a change of rules that makes scores of before and after incomparable
+GAME_VERSION = 0  # of all ids of ViZDoom's games
 
 
 @functools.cache
@@ -29,11 +32,29 @@ def _folder() -> pathlib.Path:
     return folder
 
 
+def id_of(scenario: str) -> str:
+    """A scenario's id in registries, with the version of its rules: "comrad/LavaPit-v1" of lava_pit."""
+    return f"comrad/{scenario.title().replace('_', '')}-v{SCENARIO_VERSION}"
+
+
+def _named_by(text: str) -> str:
+    """The scenario or .cfg that an id names; other texts as they are. Raises ValueError for another version."""
+    match = re.fullmatch(r"comrad/(\w+)-v(\d+)", text)
+    if match is None:
+        return text
+    by_id = {id_of(scenario).removeprefix("comrad/"): scenario for scenario in _engine.list_scenarios()}
+    found = by_id.get(f"{match[1]}-v{SCENARIO_VERSION}")
+    version = SCENARIO_VERSION if found else GAME_VERSION
+    if int(match[2]) != version:
+        raise ValueError(f"{text}: this package has version {version} of it: comrad/{match[1]}-v{version}")
+    return found or match[1]
+
+
 def vizdoom_cfg(name: str | os.PathLike, folder: str | os.PathLike | None = None) -> str:
     """The path of a ViZDoom .cfg: itself, or a file of that name, with or without .cfg, in the folders of COMRAD_VIZDOOM_PATH (parted
     by ':') or of the vizdoom package. With a `folder` it is looked for there alone. Names of COMRAD's scenarios come back as they
-    are. Raises FileNotFoundError where a .cfg is nowhere."""
-    text = os.fspath(name)
+    are, ids ("comrad/LavaPit-v1") as the names that they mean. Raises FileNotFoundError where a .cfg is nowhere."""
+    text = _named_by(os.fspath(name))
     if folder is not None:
         return _cfg_in(pathlib.Path(folder), text)
     if os.sep in text or os.path.exists(text):

@@ -10,7 +10,7 @@ from gymnasium import spaces
 
 from ._engine import SavedState, describe
 from .arguments import checked_size, checked_state, checked_whole
-from .batch import OneGame, TICS_A_SECOND, checked_mode, make_batch, picture_space
+from .batch import OneGame, TICS_A_SECOND, arguments_of, checked_dtype, checked_mode, make_batch, picture_as, picture_space
 from .labels import Label
 from .maps import Layout, vizdoom_cfg
 from .window import Window
@@ -32,7 +32,9 @@ class ComradGymEnv(OneGame, gymnasium.Env):
     depth, labels,       whether these are observed as well; None: where the .cfg enables their buffers
     automap
     automap_mode         "NORMAL" (walls that were seen), "WHOLE", "OBJECTS", "OBJECTS_WITH_SIZE"; "": as the .cfg says
-    layout               another WAD than the .cfg's; a folder or several are played in turn
+    dtype                of pictures: "uint8", 0..255, or "float32", 0..1
+    channels_first       pictures are [3, h, w], not [h, w, 3]
+    layout               another WAD than the .cfg's; a folder or several are played in turn, from the first after a reset with a seed
     reward               weights of the .cfg's rewards in place of its own: "living_reward=0"
 
     Spaces have the names of ViZDoom's wrapper: an observation is {"screen": [h, w, 3] u8, "depth": [h, w, 1] f32 (map units, 0 for
@@ -40,9 +42,10 @@ class ComradGymEnv(OneGame, gymnasium.Env):
     the .cfg}, each where it is asked for; an action is that of the buttons, or {"binary": ..., "continuous": f32} where the .cfg has
     delta buttons as well. Differences: pictures are drawn at `size`, not at the .cfg's resolution; depth is float; the automap has no
     floor textures and no smooth lines; audio and notifications are not there (a warning says so); after the last step the observation
-    is the true last picture, not zeros.
+    is the true last picture, not zeros. The last step's info holds what ComradParallelEnv's infos[agent] do.
 
-    The same seed and actions give the same episode, to the bit. Raises ValueError, FileNotFoundError, TypeError with words.
+    The same seed and actions give the same episode, to the bit; reset() without a seed begins the next episode of that seed. Copies and
+    errors are ComradParallelEnv's.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": TICS_A_SECOND}
@@ -63,15 +66,25 @@ class ComradGymEnv(OneGame, gymnasium.Env):
         folder: str | os.PathLike | None = None,
         layout: Layout | None = None,
         reward: str = "",
+        dtype: str = "uint8",
+        channels_first: bool = False,
     ) -> None:
+        arguments = arguments_of(locals())
         self.render_mode = checked_mode(render_mode, self.metadata)
         self._render_size = checked_size("render_size", render_size)
         self._window = Window(f"comrad: {config}") if render_mode == "human" else None
         config = vizdoom_cfg(config, folder)
-        enabled = describe(config).get("buffers", ())
+        facts = describe(config)
+        if not facts["is_vizdoom"]:
+            raise ValueError(
+                f"{config} is a scenario for a team, and gym_env plays only a ViZDoom .cfg: use comrad.parallel_env({config!r}), or "
+                f"comrad.vector_env({config!r})"
+            )
+        enabled = facts.get("buffers", ())
         wanted = {"depth": depth, "labels": labels, "automap": automap}
         self._extras = tuple(name for name, asked in wanted.items() if (name in enabled if asked is None else asked))
-        self._batch = make_batch(
+        self._dtype = checked_dtype(dtype)
+        batch = make_batch(
             config,
             num_agents=1,
             layout=layout,
@@ -81,8 +94,9 @@ class ComradGymEnv(OneGame, gymnasium.Env):
             by_buttons=True,
             automap_mode=automap_mode,
             reward=reward,
+            channels_first=channels_first,
         )
-        self._arrays = self._batch.arrays()
+        self._take(batch, arguments)
         self.button_names: list[str] = self._batch.button_names()
         self.variable_names: list[str] = self._batch.facts()["measurements"]
         self._binary = [index for index, name in enumerate(self.button_names) if not name.endswith(DELTA)]
@@ -94,10 +108,10 @@ class ComradGymEnv(OneGame, gymnasium.Env):
             pressed for count in range(most + 1) for pressed in itertools.combinations(self._binary, count)
         ] if max_buttons_pressed else []
         self.action_space = self._make_action_space()
-        boxes: dict[str, spaces.Space] = {"screen": picture_space(self._arrays["picture"])}
+        boxes: dict[str, spaces.Space] = {"screen": picture_space(self._arrays["picture"], dtype)}
         for name in self._extras:
             if name == "automap":
-                boxes[name] = picture_space(self._arrays[name])
+                boxes[name] = picture_space(self._arrays[name], dtype)
             else:
                 shape = (*self._arrays[name].shape[2:], 1)
                 boxes[name] = spaces.Box(0, np.inf, shape, np.float32) if name == "depth" else spaces.Box(0, 255, shape, np.uint8)
@@ -130,19 +144,18 @@ class ComradGymEnv(OneGame, gymnasium.Env):
         return values
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, np.ndarray], dict]:
+        """As ComradParallelEnv.reset()."""
         super().reset(seed=seed)
-        self._batch.reset([(int(self.np_random.integers(0, 2**63)), 0)])
+        self._reset(seed, options)
         self._show()
         return self._see(), {}
 
     def step(self, action: Any) -> tuple[dict[str, np.ndarray], float, bool, bool, dict]:
         self._batch.send_buttons(self._values_of(action)[None, None])
+        self._stepped()
         self._batch.receive()
         terminated, truncated = bool(self._arrays["terminated"][0]), bool(self._arrays["truncated"][0])
-        info: dict[str, Any] = {}
-        if terminated or truncated:
-            info["episode_return"] = float(self._arrays["agent_return"][0, 0])
-            info["length_tics"] = int(self._arrays["length_tics"][0])
+        info: dict[str, Any] = self._account_of(0) if terminated or truncated else {}
         self._show()
         return self._see(), float(self._arrays["reward"][0, 0]), terminated, truncated, info
 
@@ -153,13 +166,15 @@ class ComradGymEnv(OneGame, gymnasium.Env):
     def set_state(self, state: SavedState) -> dict[str, np.ndarray]:
         """Goes back to a state; returns what is seen there."""
         self._batch.set_state(0, checked_state(state))
+        self._has_begun = True
+        self._stepped()
         return self._see()
 
     def _see(self) -> dict[str, np.ndarray]:
-        seen = {"screen": self._arrays["picture"][0, 0].copy()}
+        seen = {"screen": picture_as(self._arrays["picture"][0, 0].copy(), self._dtype)}
         for name in self._extras:
-            values = self._arrays[name][0, 0]
-            seen[name] = (values if name == "automap" else values[..., None]).copy()
+            values = self._arrays[name][0, 0].copy()
+            seen[name] = picture_as(values, self._dtype) if name == "automap" else values[..., None]
         if self.variable_names:
             seen["gamevariables"] = self._arrays["variable"][0, 0].copy()
         return seen

@@ -41,8 +41,8 @@ def score(game, choose, episodes=48, seed=1000):
     ended = []
     while len(ended) < episodes:
         pictures, _, _, _, infos = envs.step(choose(torch.from_numpy(np.asarray(pictures)))[:, None])
-        if "episode" in infos:
-            ended += infos["episode"]["return"][infos["_episode"]].tolist()
+        if "episode_return" in infos:
+            ended += infos["episode_return"][infos["_episode_return"]].tolist()
     envs.close()
     return float(np.mean(ended[:episodes]))
 
@@ -65,8 +65,8 @@ def train(game, decisions, seed=1):
             was_over = torch.from_numpy(terminated | truncated).float()
             overs.append(was_over)
             picture = torch.from_numpy(seen)
-            if "episode" in infos:
-                returns += infos["episode"]["return"][infos["_episode"]].tolist()
+            if "episode_return" in infos:
+                returns += infos["episode_return"][infos["_episode_return"]].tolist()
         with torch.no_grad():
             value = net(picture)[1]
         advantage, advantages = torch.zeros(ENVS), [None] * STEPS

@@ -24,7 +24,7 @@ cmake --build "${build}" -j "$(nproc)" --target python_package >"${build}/build.
 export COMRAD_HOME="${home}" PYTHONPATH="${build}/python" ASAN_OPTIONS=detect_leaks=0:abort_on_error=0
 export UBSAN_OPTIONS=print_stacktrace=1 OMP_NUM_THREADS=1
 LD_PRELOAD="$(g++ -print-file-name=libasan.so) $(g++ -print-file-name=libubsan.so)"
-for name in misuse environments; do
+for name in misuse environments interfaces; do
   echo "${name}_test.py"
   LD_PRELOAD="${LD_PRELOAD}" "${python}" -B "${here}/${name}_test.py"
 done

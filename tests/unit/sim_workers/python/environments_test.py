@@ -109,13 +109,17 @@ class Episodes(unittest.TestCase):
         # Nobody presses anything: the floor kills both after a while, or time is up.
         env = comrad.parallel_env("coop_health_gathering", size=(16, 16))
         env.reset(seed=1)
-        total, infos = 0.0, {}
+        total, steps, infos = 0.0, 0, {}
         while env.agents:
+            steps += 1
             _, rewards, terminated, truncated, infos = env.step({agent: np.zeros(4, np.int32)[: len(env.action_space(agent).nvec)] for agent in env.agents})
             total += rewards["agent_1"]
-        episode = infos["agent_1"]["episode"]
+        episode = infos["agent_1"]
+        self.assertNotIn("episode", episode)  # Gymnasium's own, with r, l and t
         self.assertTrue(any(terminated.values()) != any(truncated.values()))
-        self.assertAlmostEqual(episode["return"], total, places=3)
+        self.assertAlmostEqual(episode["episode_return"], total, places=3)
+        self.assertEqual(episode["episode_length"], steps)
+        self.assertEqual(episode["score_share"], np.float32(episode["score"]) / np.float32(episode["ceiling"]))
         self.assertGreater(episode["score"], 0)
         self.assertEqual(episode["ceiling"], 8400)
         self.assertGreater(episode["length_tics"], 100)
@@ -241,10 +245,10 @@ class Vector(unittest.TestCase):
         self.assertFalse(truncated.any())
         seen, reward, terminated, truncated, infos = envs.step(nothing)
         self.assertTrue(truncated.all())
-        self.assertTrue((infos["episode"]["length_tics"] >= 300).all() and infos["_episode"].all())
+        self.assertTrue((infos["length_tics"] >= 300).all() and (infos["episode_length"] == 6).all() and infos["_score"].all())
         seen, reward, terminated, truncated, infos = envs.step(nothing)
         self.assertFalse((terminated | truncated).any())
-        self.assertNotIn("episode", infos)
+        self.assertNotIn("score", infos)
         self.assertTrue((reward == 0).all())
         state = envs.get_state(0)
         envs.step(nothing)
@@ -269,7 +273,7 @@ class Vector(unittest.TestCase):
         seen, _ = envs.reset(seed=1)
         actions = np.ones(envs.action_space.shape, np.int64)
         envs.send(actions)
-        again, *_ = envs.receive()
+        again, *_ = envs.recv()
         self.assertTrue(np.shares_memory(seen, again))
         try:
             import torch

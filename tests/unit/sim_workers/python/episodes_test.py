@@ -56,8 +56,8 @@ class Episodes(unittest.TestCase):
             seeds.add(episode.episode_seed)
             totals, steps, infos = self.replay(episode)  # compares the worlds at the end
             self.assertEqual(steps, len(episode.actions))
-            self.assertEqual(infos["agent_0"]["episode"]["score"], episode.score)
-            self.assertEqual(infos["agent_0"]["episode"]["length_tics"], episode.length_tics)
+            self.assertEqual(infos["agent_0"]["score"], episode.score)
+            self.assertEqual(infos["agent_0"]["length_tics"], episode.length_tics)
             for total, told in zip(totals, episode.returns):
                 self.assertAlmostEqual(total, told, places=2)
         self.assertEqual(len(seeds), 3)

@@ -7,6 +7,7 @@
 import copy
 import gc
 import os
+import pickle
 import signal
 import tempfile
 import threading
@@ -57,7 +58,12 @@ class Misuse(unittest.TestCase):
         self.refuses(FileNotFoundError, "gone.wad: no such WAD", make, "stag_hunt_arena", layout="gone.wad")
         self.refuses(ValueError, "num_envs is 0", comrad.vector_env, "stag_hunt_arena", num_envs=0)
         self.refuses(ValueError, "num_threads is 0", comrad.vector_env, "stag_hunt_arena", num_threads=0)
-        self.refuses(ValueError, "only a ViZDoom .cfg", comrad.gym_env, "stag_hunt_arena")
+        self.refuses(ValueError, "a scenario for a team|comrad.parallel_env('stag_hunt_arena')", comrad.gym_env, "stag_hunt_arena")
+        self.refuses(ValueError, "comrad/LavaPit-v2: this package has version 1", make, "comrad/LavaPit-v2")
+        self.refuses(ValueError, "dtype 'float64': it is one of uint8, float32", make, "lava_pit", dtype="float64")
+        self.refuses(ValueError, "dtype 'float32' wants copy=True", comrad.vector_env, "lava_pit", dtype="float32", copy=False)
+        self.refuses(ValueError, "autoreset_mode 'Later': it is one of 'NextStep', 'SameStep', 'Disabled'", comrad.vector_env, "lava_pit",
+                     autoreset_mode="Later")
         self.refuses(ValueError, "max_buttons_pressed -1", comrad.gym_env, "basic", max_buttons_pressed=-1)
         with tempfile.TemporaryDirectory() as folder:
             self.refuses(FileNotFoundError, "without a .wad", make, "stag_hunt_arena", layout=folder)
@@ -81,11 +87,12 @@ class Misuse(unittest.TestCase):
         self.refuses(ValueError, "agent_1 is missing", env.step, {"agent_0": action["agent_0"]})
         self.refuses(TypeError, "actions is a list; a dictionary", env.step, [action["agent_0"]])
         self.refuses(TypeError, "not NoneType", env.set_state, None)
-        self.refuses(TypeError, "neither copied nor pickled", copy.deepcopy, env)
         for wrong in (0, [0], np.zeros(99, int), np.zeros(len(action["agent_0"])), "left", None):
             self.refuses(ValueError, "action of agent_0", env.step, {**action, "agent_0": wrong})
         self.refuses(ValueError, "agent 1, head 0: it must lie in 0..", env.step, {**action, "agent_1": np.array([7, *[0] * (len(action["agent_1"]) - 1)])})
         env.step(action)  # it goes on
+        self.refuses(TypeError, "in the middle of an episode|neither copied nor pickled|get_state()", copy.deepcopy, env)
+        self.refuses(TypeError, "neither copied nor pickled", pickle.dumps, env)
         env.close()
         for call in (lambda: env.step(action), env.reset, env.get_state, env.state_hash, lambda: env.set_state(None)):
             self.assertRaises((ValueError, TypeError), call)
@@ -121,14 +128,43 @@ class Misuse(unittest.TestCase):
         self.refuses(ValueError, "actions are float64", envs.step, np.zeros(shape))
         self.refuses(ValueError, "are wanted", envs.step, np.zeros((3, *shape[1:]), int))
         self.refuses(ValueError, "environment 1", envs.step, np.stack([np.zeros(shape[1:], int), np.full(shape[1:], 9)]))
-        self.refuses(ValueError, "no step was sent", envs.receive)
+        self.refuses(ValueError, "no step was sent", envs.recv)
         envs.send(np.zeros(shape, int))
-        self.refuses(ValueError, "call receive() first", envs.send, np.zeros(shape, int))
-        self.refuses(ValueError, "call receive() first", envs.get_state, 0)
-        envs.receive()
+        self.refuses(ValueError, "call recv() first", envs.send, np.zeros(shape, int))
+        self.refuses(ValueError, "call recv() first", envs.get_state, 0)
+        envs.recv()
         self.refuses(ValueError, "index is 2", envs.get_state, 2)
         envs.send(np.zeros(shape, int))
         envs.close()  # while a step is on its way
+
+    def test_batches_that_are_sent_in_parts(self):
+        envs = comrad.vector_env("lava_pit", num_envs=3, num_threads=2, **SMALL)
+        one = np.zeros((1, *envs.action_space.shape[1:]), int)
+        self.refuses(ValueError, "call reset() before", envs.send, one, [0])
+        envs.reset(seed=1)
+        self.refuses(ValueError, "index is 3", envs.send, one, [3])
+        self.refuses(ValueError, f"integers {(2, *one.shape[1:])} are wanted", envs.send, one, [0, 1])
+        self.refuses(ValueError, "environment 2", envs.send, one + 9, [2])
+        self.refuses(ValueError, "min_envs counts environments", envs.recv, 1)
+        envs.send(one, [2])
+        self.refuses(ValueError, "environment 2 was sent a step already", envs.send, one, [2])
+        self.refuses(ValueError, "steps of 1 environments were sent and not received; call recv() first", envs.step, np.repeat(one, 3, 0))
+        self.refuses(ValueError, "call recv() first", envs.reset)
+        self.refuses(ValueError, "min_envs is 0", envs.recv, 0)
+        self.assertEqual(envs.recv(1)[4]["env_id"].tolist(), [2])
+        self.refuses(ValueError, "no step was sent", envs.recv, 1)
+        envs.send(one, [0])
+        envs.close()  # while it is on its way
+        same = comrad.vector_env("lava_pit", num_envs=2, autoreset_mode="SameStep", **SMALL)
+        same.reset(seed=1)
+        self.refuses(ValueError, "no autoreset_mode \"SameStep\"", same.send, one, [0])
+        same.close()
+        off = comrad.vector_env("basic", num_envs=1, autoreset_mode="Disabled", frame_skip=100, **SMALL)
+        off.reset(seed=1)
+        for _ in range(3):
+            off.step(np.zeros(off.action_space.shape, int))
+        self.refuses(ValueError, "the episode is over; call reset()", off.step, np.zeros(off.action_space.shape, int))
+        off.close()
 
     def test_states_of_others_are_refused(self):
         env, other = comrad.parallel_env("lava_pit", **SMALL), comrad.parallel_env("coop_puzzle", **SMALL)
@@ -167,7 +203,7 @@ class Misuse(unittest.TestCase):
                 except ValueError as error:
                     refused.append(str(error))
                     try:
-                        envs.receive()  # a step that the other sent and could not take would refuse all that follow
+                        envs.recv()  # a step that the other sent and could not take would refuse all that follow
                         done.append(1)
                     except ValueError as again:
                         refused.append(str(again))
@@ -179,9 +215,9 @@ class Misuse(unittest.TestCase):
             thread.join()
         self.assertGreater(len(done), 0)
         for words in refused:
-            self.assertRegex(words, "another thread|receive|no step was sent")
+            self.assertRegex(words, "another thread|recv|no step was sent")
         try:
-            envs.receive()  # one may have sent what the other's refusal left
+            envs.recv()  # one may have sent what the other's refusal left
         except ValueError:
             pass
         envs.step(actions)
