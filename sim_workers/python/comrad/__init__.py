@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
     from torch import nn
-    from .policy import Policy
 
 # An installed package brings the scenarios along; in a build folder the engine knows the sources.
 _data = pathlib.Path(__file__).parent / "data"
@@ -117,15 +116,15 @@ def _need_torch() -> None:
         raise ImportError("comrad needs the package torch for this; run: pip install torch")
 
 
-def load_policy(path: str | os.PathLike, agent: int = 0) -> "Any":
-    """A trained policy as a torch.nn.Module; see comrad.policy.load_policy."""
+def load_policy(path: str | os.PathLike, agent: int = 0, module: "nn.Module | None" = None) -> "Any":
+    """A trained policy as a comrad.policy.Policy, or in your own `module`; see comrad.policy.load_policy."""
     _need_torch()
     from . import policy
 
-    return policy.load_policy(path, agent)
+    return policy.load_policy(path, agent, module)
 
 
-def save_policy(policies: "Any", like: str | os.PathLike, path: str | os.PathLike) -> None:
+def save_policy(policies: "nn.Module | list[nn.Module]", like: str | os.PathLike, path: str | os.PathLike) -> None:
     """A policy that was trained in Python, as a checkpoint that `comrad eval` plays; see comrad.policy.save_policy."""
     _need_torch()
     from . import policy

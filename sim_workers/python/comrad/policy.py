@@ -5,7 +5,7 @@ import pathlib
 import pickle
 import tomllib
 import types
-from typing import Any
+from typing import Any, Final
 
 import torch
 from torch import Tensor, nn
@@ -17,8 +17,7 @@ CONVOLUTIONS = {
     "convnet_impala": ((16, 8, 4), (32, 4, 2)),
     "convnet_atari": ((32, 8, 4), (64, 4, 2), (64, 3, 1)),
 }
-RESNET, RESNET_CHANNELS, RESIDUAL_BLOCKS = "resnet_impala", (16, 32, 32), 2
-VARIANCE_FLOOR, CLIP = 1e-5, 5.0
+RESNET = "resnet_impala"
 NETWORK = "network"  # the section of a checkpoint
 
 
@@ -31,38 +30,40 @@ def newest_checkpoint(run: pathlib.Path) -> pathlib.Path:
 
 
 class Normalizer(nn.Module):
-    """(x / scale - mean) / sqrt(variance + 1e-5), clipped to +-5, element by element; statistics are buffers, float64."""
+    """(x - mean) / sqrt(variance + 1e-5), clipped to +-5, element by element; statistics are buffers, float64."""
 
     mean: Tensor
     var: Tensor
 
-    def __init__(self, size: int, scale: float) -> None:
+    def __init__(self, size: int) -> None:
         super().__init__()
-        self.scale = scale
         self.register_buffer("mean", torch.zeros(size, dtype=torch.float64))
         self.register_buffer("var", torch.ones(size, dtype=torch.float64))
         self.register_buffer("count", torch.zeros(1, dtype=torch.float64))
 
     def forward(self, x: Tensor) -> Tensor:
-        whole = (x.float() / self.scale).flatten(1)
-        return ((whole - self.mean) / (self.var + VARIANCE_FLOOR).sqrt()).clamp(-CLIP, CLIP).float().view_as(x)
+        whole = x.flatten(1)
+        return ((whole - self.mean) / (self.var + 1e-5).sqrt()).clamp(-5.0, 5.0).float().view_as(x)
 
 
 class Encoder(nn.Module):
     """Picture u8 [B, 3, 72, 128] and, where there is one, measurement f32 [B, M] to features [B, 512 (+ 128)]."""
 
+    is_resnet: Final[bool]
+    has_measurement: Final[bool]
+
     def __init__(self, settings: dict[str, Any], shapes: dict[str, torch.Size]) -> None:
         super().__init__()
-        self.kind: str = settings["encoder_conv_architecture"]
-        if self.kind != RESNET and self.kind not in CONVOLUTIONS:
-            raise ValueError(f"encoder {self.kind}: {', '.join([*CONVOLUTIONS, RESNET])} are known")
+        kind: str = settings["encoder_conv_architecture"]
+        if kind != RESNET and kind not in CONVOLUTIONS:
+            raise ValueError(f"encoder {kind}: {', '.join([*CONVOLUTIONS, RESNET])} are known")
+        self.is_resnet = kind == RESNET
         index = 1
         while f"encoder.conv{index}.weight" in shapes:
             out, channels, kernel, _ = shapes[f"encoder.conv{index}.weight"]
-            stride, padding = (1, 1) if self.kind == RESNET else (CONVOLUTIONS[self.kind][index - 1][2], 0)
+            stride, padding = (1, 1) if self.is_resnet else (CONVOLUTIONS[kind][index - 1][2], 0)
             self.add_module(f"conv{index}", nn.Conv2d(channels, out, kernel, stride, padding))
             index += 1
-        self.conv_count = index - 1
         self.image = _linear(shapes, "encoder.image")
         self.has_measurement = "encoder.measurement1.weight" in shapes
         if self.has_measurement:
@@ -70,18 +71,20 @@ class Encoder(nn.Module):
             self.measurement2 = _linear(shapes, "encoder.measurement2")
 
     def forward(self, x: Tensor, measurement: Tensor | None) -> Tensor:
-        convolutions = [getattr(self, f"conv{index}") for index in range(1, self.conv_count + 1)]
-        if self.kind == RESNET:
-            for stage in range(len(RESNET_CHANNELS)):
-                first, *blocks = convolutions[stage * (1 + 2 * RESIDUAL_BLOCKS) : (stage + 1) * (1 + 2 * RESIDUAL_BLOCKS)]
-                x = F.max_pool2d(first(x), 3, 2, 1)
-                for one, two in zip(blocks[::2], blocks[1::2]):
-                    x = x + two(F.elu(one(F.elu(x))))
-            x = F.elu(x)
-        else:
-            for convolution in convolutions:
-                x = F.elu(convolution(x))
-        features = F.elu(self.image(x.flatten(1)))
+        index, carried = 0, x
+        for name, layer in self.named_children():  # as a loop that TorchScript can unroll
+            if name.startswith("conv"):
+                place = index % 5  # a stage of the ResNet is a convolution and two residual blocks of two
+                if not self.is_resnet:
+                    x = F.elu(layer(x))
+                elif place == 0:
+                    x = F.max_pool2d(layer(x), 3, 2, 1)
+                elif place % 2 == 1:
+                    carried = layer(F.elu(x))
+                else:
+                    x = x + layer(F.elu(carried))
+                index += 1
+        features = F.elu(self.image((F.elu(x) if self.is_resnet else x).flatten(1)))
         if not self.has_measurement:
             return features
         if measurement is None:
@@ -104,21 +107,30 @@ class Policy(nn.Module):
 
     frames u8 [B, 3, 72, 128] (an environment with channels_first=True), measurements f32 [B, M] or None; logits f32 [B, A], the
     choices of all heads behind one another; with Q-learning they are Q-values of each choice. `head_sizes` [heads] says how many
-    belong to each. The state is a tensor or a pair (LSTM) [layers, B, rnn_size]; None without a recurrent core.
+    belong to each. The state is [layers, B, rnn_size] (LSTM: [2 layers, B, rnn_size], hidden states before cells); without a recurrent
+    core it comes back as it is.
+
+    torch.jit.script(policy) works, and so does torch.onnx.export(policy, (frames, measurements, state), FILE, dynamo=True); state there
+    is policy.first_state(B), as None is no input of a graph. Both hold forward().
     """
+
+    is_lstm: Final[bool]
+    id_count: Final[int]
+    agent: Final[int]
 
     def __init__(self, settings: dict[str, Any], tensors: dict[str, Tensor], agent: int = 0, head_sizes: list[int] | None = None) -> None:
         super().__init__()
         self.settings, self.agent, self.head_sizes = settings, agent, head_sizes
+        self.is_lstm = bool(settings["use_rnn"]) and settings["rnn_type"] == "lstm"
         shapes = {name: tensor.shape for name, tensor in tensors.items()}
         self.encoder = Encoder(settings, shapes)
         self.normalizer = nn.ModuleDict()
-        for name, scale in (("frame", 255.0), ("measurement", 1.0)):
+        for name in ("frame", "measurement"):
             if f"normalizer.{name}.mean" in shapes:
-                self.normalizer[name] = Normalizer(shapes[f"normalizer.{name}.mean"][0], scale)
+                self.normalizer[name] = Normalizer(shapes[f"normalizer.{name}.mean"][0])
         self.core: nn.GRU | nn.LSTM | None = None
         if settings["use_rnn"]:
-            kind = nn.LSTM if settings["rnn_type"] == "lstm" else nn.GRU
+            kind = nn.LSTM if self.is_lstm else nn.GRU
             self.core = kind(shapes["core.weight_ih_l0"][1], settings["rnn_size"], settings["rnn_num_layers"])
         layers: list[nn.Linear] = []
         while f"decoder.{len(layers)}.weight" in shapes:
@@ -132,30 +144,46 @@ class Policy(nn.Module):
         self.id_count = first - features  # agents that the network tells apart by their number; 0: it does not
         self.load_state_dict({name: tensor for name, tensor in tensors.items()})
 
-    def normalized(self, x: Tensor, name: str, scale: float) -> Tensor:
-        return self.normalizer[name](x) if name in self.normalizer else x.float() / scale
+    def first_state(self, rows: int) -> Tensor:
+        """The state at an episode's first step, zeros; of a policy without a recurrent core [0, rows, 0]."""
+        if self.core is None:
+            return torch.zeros(0, rows, 0)
+        kinds = 2 if self.is_lstm else 1
+        return torch.zeros(kinds * self.core.num_layers, rows, self.core.hidden_size, device=self.action_head.weight.device)
 
-    def features(self, frame: Tensor, measurement: Tensor | None, state: Any) -> tuple[Tensor, Any]:
+    def features(self, frame: Tensor, measurement: Tensor | None, state: Tensor | None) -> tuple[Tensor, Tensor | None]:
         if frame.dtype != torch.uint8 or frame.dim() != 4 or frame.shape[1] != 3:
-            raise ValueError(f"frames are {frame.dtype} {tuple(frame.shape)}; uint8 [B, 3, height, width] are wanted")
-        if measurement is not None:
-            measurement = self.normalized(measurement, "measurement", 1.0)
-        x = self.encoder(self.normalized(frame, "frame", 255.0), measurement)
+            raise ValueError(f"frames are {frame.dtype} {frame.shape}; uint8 [B, 3, height, width] are wanted")
+        x = frame.float() / 255.0
+        for name, normalizer in self.normalizer.items():
+            if name == "frame":
+                x = normalizer(x)
+            elif measurement is not None:
+                measurement = normalizer(measurement)
+        x = self.encoder(x, measurement)
         if self.id_count > 0:
-            number = torch.full((len(x),), self.agent, device=x.device)
-            x = torch.cat((x, F.one_hot(number, self.id_count).float()), 1)
+            own = torch.zeros(self.id_count, device=x.device)
+            own[self.agent] = 1.0
+            x = torch.cat((x, own.expand(x.shape[0], self.id_count)), 1)
         if self.core is not None:
-            x, state = self.core(x[None], state)
-            x = x[0]
+            if state is None:
+                state = self.first_state(x.shape[0])
+            if self.is_lstm:
+                hidden, cell = state.chunk(2)
+                sequence, (hidden, cell) = self.core(x[None], (hidden.contiguous(), cell.contiguous()))
+                state = torch.cat((hidden, cell))
+            else:
+                sequence, state = self.core(x[None], state)
+            x = sequence[0]
         for layer in self.decoder:
             x = F.elu(layer(x))
         return x, state
 
-    def forward(self, frame: Tensor, measurement: Tensor | None = None, state: Any = None) -> tuple[Tensor, Any]:
+    def forward(self, frame: Tensor, measurement: Tensor | None = None, state: Tensor | None = None) -> tuple[Tensor, Tensor | None]:
         x, state = self.features(frame, measurement, state)
         return self.action_head(x), state
 
-    def value(self, frame: Tensor, measurement: Tensor | None = None, state: Any = None) -> Tensor:
+    def value(self, frame: Tensor, measurement: Tensor | None = None, state: Tensor | None = None) -> Tensor:
         """The agent's own value estimate [B], normalised as in training (`normalizer` of the checkpoint). Raises AttributeError for
         networks without one (MAPPO's and HAPPO's critics see all agents; Q-learning has none)."""
         return self.value_head(self.features(frame, measurement, state)[0])[:, 0]
@@ -191,14 +219,29 @@ def read_checkpoint(path: str | os.PathLike) -> dict[str, Any]:
     return checkpoint
 
 
-def load_policy(path: str | os.PathLike, agent: int = 0) -> Policy:
-    """The policy of a checkpoint (or of a run's newest one) as a module, in eval mode. `agent`: who is to be played, counted
-    from 0; HAPPO's agents, and those of share_parameters=false, have networks of their own."""
+def load_policy(path: str | os.PathLike, agent: int = 0, module: nn.Module | None = None) -> nn.Module:
+    """The policy of a checkpoint (or of a run's newest one) as a module, in eval mode. `agent`: the one to be played, counted from 0;
+    HAPPO's agents, and those of share_parameters=false, have separate networks. `module`: your own in place of a Policy; its
+    parameters and buffers get the checkpoint's tensors of the same names, and other tensors of the checkpoint (normalizers, the value
+    head) are left out where it lacks them. Raises ValueError naming a tensor that the checkpoint lacks or has in another shape."""
     checkpoint = read_checkpoint(path)
     settings = tomllib.loads(checkpoint["config"]["toml"])
     if not 0 <= agent < int(settings["num_agents"]):
         raise ValueError(f"agent {agent}: the team has {settings['num_agents']}, counted from 0")
-    return Policy(settings, _of_agent(checkpoint[NETWORK], agent), agent, _head_sizes(settings)).eval()
+    tensors = _of_agent(checkpoint[NETWORK], agent)
+    if module is None:
+        return Policy(settings, tensors, agent, _head_sizes(settings)).eval()
+    for name, tensor in module.state_dict().items():
+        _check_tensor(tensors, name, tensor, path)
+    module.load_state_dict({name: tensors[name] for name in module.state_dict()})
+    return module.eval()
+
+
+def _check_tensor(there: dict[str, Tensor], name: str, tensor: Tensor, path: str | os.PathLike) -> None:
+    if name not in there:
+        raise ValueError(f"{os.fspath(path)} has no tensor {name}; a module's names are those of comrad.load_policy(...).state_dict()")
+    if there[name].shape != tensor.shape:
+        raise ValueError(f"{os.fspath(path)}: tensor {name} has the shape {tuple(there[name].shape)}, the module's {tuple(tensor.shape)}")
 
 
 class _Pickler(pickle._Pickler):  # type: ignore[name-defined,misc]
@@ -219,21 +262,27 @@ _FOR_LIBTORCH = types.ModuleType("pickle_for_libtorch")
 vars(_FOR_LIBTORCH).update({**vars(pickle), "Pickler": _Pickler})
 
 
-def save_policy(policies: Policy | list[Policy], like: str | os.PathLike, path: str | os.PathLike) -> None:
-    """Writes a checkpoint that `comrad eval --policy` plays: that of `like`, a checkpoint or run that the policies were loaded from,
-    with their weights and input statistics in place of its own. One policy for a network that agents share, else one for each agent.
-    `path` lies in a run's folder (RUN/checkpoint/NAME.pt), whose config.toml says what is played. Raises ValueError for other shapes."""
+def save_policy(policies: nn.Module | list[nn.Module], like: str | os.PathLike, path: str | os.PathLike) -> None:
+    """Writes a checkpoint that `comrad eval --policy` plays: that of `like`, a checkpoint or run, with the modules' weights and input
+    statistics in place of its own. One module for a network that agents share, else one for each agent, in their order; a Policy says
+    itself which agent it is. A module of your own has parameters of the names and shapes that load_policy(like).state_dict() has; the
+    statistics (normalizer...) and the value head may be missing and stay as in `like`. `path` lies in a run's folder
+    (RUN/checkpoint/NAME.pt), whose config.toml says what is played. Raises ValueError for a missing or unknown tensor or shape."""
     checkpoint = read_checkpoint(like)
     network = dict(checkpoint[NETWORK])
-    for policy in [policies] if isinstance(policies, Policy) else policies:
-        own = f"agent{policy.agent}."
+    for index, policy in enumerate([policies] if isinstance(policies, nn.Module) else policies):
+        agent = policy.agent if isinstance(policy, Policy) else index
+        own = f"agent{agent}."
         prefix = own if any(name.startswith(own) for name in network) else ""
-        for name, tensor in policy.state_dict().items():
+        tensors, wanted = policy.state_dict(), _of_agent(network, agent)
+        for name, tensor in tensors.items():
+            _check_tensor(wanted, name, tensor, like)
             # HAPPO's agents share the statistics of their inputs.
             key = prefix + name if prefix + name in network else name
-            if key not in network or network[key].shape != tensor.shape:
-                raise ValueError(f"{like} has no tensor {key} of shape {tuple(tensor.shape)}; load the policy from it first")
             network[key] = tensor.detach().cpu().clone().to(network[key].dtype)
+        missing = [name for name in wanted if name not in tensors and not name.startswith(("normalizer.", "value_head."))]
+        if missing:
+            raise ValueError(f"the module of agent {agent} has no tensor {missing[0]}, which the network of {os.fspath(like)} has")
     checkpoint[NETWORK] = network
     part = pathlib.Path(f"{os.fspath(path)}.part")
     torch.save(checkpoint, part, pickle_module=_FOR_LIBTORCH, pickle_protocol=2)
