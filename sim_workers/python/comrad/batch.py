@@ -221,10 +221,12 @@ class OneGame(Batched):
         else:
             self._begin(self._next_keys() if seed is None else [(checked_seed(seed), 0)])
 
-    def _account_of(self, agent: int) -> dict[str, float | int]:
-        """One agent's numbers of the episode that ended."""
-        values = {name: value[0] for name, value in self._account().items()}
-        return {name: (value[agent] if name == "episode_return" else value).item() for name, value in values.items()}
+    def _accounts(self) -> list[dict[str, float | int]]:
+        """Each agent's numbers of the episode so far."""
+        account = self._account()
+        returns = account.pop("episode_return")[0].tolist()
+        shared = {name: values[0].item() for name, values in account.items()}
+        return [{**shared, "episode_return": own} for own in returns]
 
     def close(self) -> None:
         self._batch.close()

@@ -54,10 +54,11 @@ class ComradParallelEnv(OneGame, ParallelEnv):
                   (comrad.FlatActions); an action mask is i8 [combinations]
 
     An action is MultiDiscrete: a choice for each head, 0 presses nothing (comrad.describe() names the buttons). All agents stay
-    until the episode's end, which is everybody's; one that died and does not come back has infos[agent]["active"] False and what
-    it presses changes nothing. In the last step infos[agent] hold `score` J, `ceiling`, their ratio `score_share` (NaN without a
-    ceiling), the agent's `episode_return`, `episode_length` in steps and `length_tics`. state() is the true state of the world, f32
-    [S], as `state_names` says: positions, angles, speeds, health, and what the scenario's script exports.
+    until the episode's end, which is common to all; one that died and does not come back has infos[agent]["active"] False and what
+    it presses changes nothing. infos[agent] also hold, of the episode so far and in the last step of all of it, `score` J, `ceiling`,
+    their ratio `score_share` (NaN without a ceiling), the agent's `episode_return`, `episode_length` in steps and `length_tics`.
+    state() is the true state of the world, f32 [S], as `state_names` says: positions, angles, speeds, health, and what the scenario's
+    script exports.
 
     The same seed, map and actions give the same episode, to the bit. Before the first step, and after any reset(), copy.deepcopy and
     pickle make an equal environment; in the middle of an episode they raise TypeError. Other errors: ValueError, FileNotFoundError,
@@ -163,7 +164,7 @@ class ComradParallelEnv(OneGame, ParallelEnv):
         self._batch.receive()
         rewards = {agent: float(self._arrays["reward"][0, index]) for index, agent in enumerate(self.agents)}
         terminated, truncated = bool(self._arrays["terminated"][0]), bool(self._arrays["truncated"][0])
-        seen, infos = self._see(), self._infos(is_over=terminated or truncated)
+        seen, infos = self._see(), self._infos()
         answer = (
             seen,
             rewards,
@@ -215,10 +216,7 @@ class ComradParallelEnv(OneGame, ParallelEnv):
                 seen[name] = picture_as(values, self._dtype) if name == "automap" else values
         return seen
 
-    def _infos(self, is_over: bool = False) -> dict[str, dict]:
-        infos: dict[str, dict[str, Any]] = {}
-        for index, agent in enumerate(self.agents):
-            infos[agent] = {"active": bool(self._arrays["active"][0, index])}
-            if is_over:
-                infos[agent].update(self._account_of(index))
-        return infos
+    def _infos(self) -> dict[str, dict]:
+        # The same names in every step: TorchRL fixes them at the first reset.
+        active = self._arrays["active"][0].astype(bool).tolist()
+        return {agent: {"active": one, **account} for agent, one, account in zip(self.agents, active, self._accounts())}

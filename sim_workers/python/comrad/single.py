@@ -42,7 +42,8 @@ class ComradGymEnv(OneGame, gymnasium.Env):
     the .cfg}, each where it is asked for; an action is that of the buttons, or {"binary": ..., "continuous": f32} where the .cfg has
     delta buttons as well. Differences: pictures are drawn at `size`, not at the .cfg's resolution; depth is float; the automap has no
     floor textures and no smooth lines; audio and notifications are not there (a warning says so); after the last step the observation
-    is the true last picture, not zeros. The last step's info holds what ComradParallelEnv's infos[agent] do.
+    is the true last picture, not zeros. The last step's info holds score to length_tics as
+    ComradParallelEnv's infos[agent] do.
 
     The same seed and actions give the same episode, to the bit; reset() without a seed begins the next episode of that seed. Copies and
     errors are ComradParallelEnv's.
@@ -155,7 +156,7 @@ class ComradGymEnv(OneGame, gymnasium.Env):
         self._stepped()
         self._batch.receive()
         terminated, truncated = bool(self._arrays["terminated"][0]), bool(self._arrays["truncated"][0])
-        info: dict[str, Any] = self._account_of(0) if terminated or truncated else {}
+        info: dict[str, Any] = self._accounts()[0] if terminated or truncated else {}
         self._show()
         return self._see(), float(self._arrays["reward"][0, 0]), terminated, truncated, info
 

@@ -23,8 +23,7 @@ class ComradTeamEnv(gymnasium.Env):
     observations tuples, actions sequences, rewards a list of N floats; terminated and truncated are the episode's.
 
     `env` plays. gymnasium.make("comrad/LavaPit-v1", **options) makes both, with flat_actions=True, as GymMA wants Discrete actions.
-    info holds `active` (a list), and in the last step `score`, `ceiling`, `score_share`, `episode_length`, `length_tics`, and
-    `episode_return`, a list. state() and state_space are ComradParallelEnv's; n_agents is N.
+    info holds `active` and `episode_return` (lists), `score`, `ceiling`, `score_share`, `episode_length` and `length_tics`. state() and state_space are ComradParallelEnv's; n_agents is N.
     """
 
     def __init__(self, env: ComradParallelEnv) -> None:

@@ -1,7 +1,8 @@
 """A team in TorchRL: python3 torchrl_rollout.py [scenario]. Needs torchrl (0.14.1 was tried).
 
 PettingZooWrapper takes a COMRAD environment as it is; agents stand together in one group "agent". A small network that agents share plays
-a rollout, and GAE is computed over it with a critic that sees both agents' pictures: what a MAPPO loss of TorchRL starts from.
+a rollout past the end of an episode, and GAE is computed over it with a critic that sees both agents' pictures: what a MAPPO loss of
+TorchRL starts from.
 """
 
 import sys
@@ -49,8 +50,8 @@ class TeamValue(nn.Module):
 
 
 if __name__ == "__main__":
-    scenario = sys.argv[1] if len(sys.argv) > 1 else "stag_hunt_arena"
-    team = comrad.parallel_env(scenario, size=(64, 36), channels_first=True)
+    scenario = sys.argv[1] if len(sys.argv) > 1 else "coop_health_gathering"
+    team = comrad.parallel_env(scenario, frame_skip=50, size=(64, 36), channels_first=True)  # 1.4 s a decision: episodes are short here
     agents, head_sizes = len(team.possible_agents), team.action_space("agent_0").nvec.tolist()
     env = PettingZooWrapper(team, categorical_actions=True)
     env.set_seed(1)
@@ -58,7 +59,7 @@ if __name__ == "__main__":
     policy = TensorDictSequential(features, TensorDictModule(DrawnChoices(head_sizes), [("agent", "features")], [("agent", "action")]))
     critic = TensorDictSequential(features, TensorDictModule(TeamValue(agents), [("agent", "features")], [("agent", "state_value")]))
     with torch.no_grad():
-        rollout = env.rollout(64, policy, break_when_any_done=False)
+        rollout = env.rollout(200, policy, break_when_any_done=False)
         advantages = GAE(gamma=0.99, lmbda=0.95, value_network=critic, average_gae=False)
         advantages.set_keys(
             value=("agent", "state_value"),
@@ -69,5 +70,6 @@ if __name__ == "__main__":
             terminated=("agent", "terminated"),
         )
         rollout = advantages(rollout)
-    print(f"{scenario}: pictures {tuple(rollout['agent', 'observation'].shape)}, advantages {tuple(rollout['agent', 'advantage'].shape)}")
+    ended = int(rollout["next", "done"].sum())
+    print(f"{scenario}: {ended} episodes ended, pictures {tuple(rollout['agent', 'observation'].shape)}, advantages {tuple(rollout['agent', 'advantage'].shape)}")
     env.close()
