@@ -29,6 +29,9 @@ if _data.is_dir():
     os.environ.setdefault("COMRAD_HOME", str(_data))
 
 try:
+    import gymnasium  # noqa: F401
+    import pettingzoo  # noqa: F401
+
     from ._engine import SavedState, describe as _describe, list_scenarios as _list_scenarios
 except ImportError as _failure:
     from .missing import explained

@@ -2,6 +2,7 @@
 
 import re
 
+REQUIRED = ("gymnasium", "numpy", "pettingzoo")
 PACKAGES = {  # Debian's, by the beginning of a library's name; {} is the version behind it
     "libOSMesa.so.": "libosmesa6",
     "libopencv_core.so.": "libopencv-core{}",
@@ -26,6 +27,8 @@ def explained(failure: ImportError) -> ImportError:
     """The same failure with what to do about it; itself where that is not known."""
     if isinstance(failure, ModuleNotFoundError) and failure.name == f"{__package__}._engine":
         return ImportError("comrad's engine is not compiled for this Python; run `pip install .` in COMRAD's folder")
+    if isinstance(failure, ModuleNotFoundError) and failure.name in REQUIRED:
+        return ImportError(f"comrad needs the package {failure.name}; run: pip install {failure.name}")
     missing = re.match(r"(lib\S+): cannot open shared object file", str(failure))
     package = package_of(missing[1]) if missing else None
     if missing is None or package is None:

@@ -4,8 +4,8 @@ Proximal policy optimisation (Schulman et al. 2017, equation 7) with generalised
 64x48. Prints the mean return of episodes as it goes, and at the end that of random play and of the trained policy.
 
 What it reaches: with the defaults, 40 s on one core of an AMD EPYC (PyTorch 2.13, OMP_NUM_THREADS=1; minutes where other programs share
-the core), a mean return in `basic` of -44 with seed 1 and -47 with seed 2 over 48 episodes; random play has -165. A good player's return is
-positive, so this policy still misses often: a beginning to change, not a result to compare with.
+the core), mean returns in `basic` of -44, -47 and -93 with the seeds 1, 2 and 3, over 48 episodes; random play has -165. A good player's
+return is positive, so these policies still miss often: a beginning to change, not a result to compare with.
 """
 
 import argparse

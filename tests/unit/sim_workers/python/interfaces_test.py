@@ -139,6 +139,11 @@ class Ways(unittest.TestCase):
             env.unwrapped.step((1,))
         env.close(), twin.close()
 
+    def test_a_missing_package_is_named(self):
+        script = "import sys\nsys.modules['pettingzoo'] = None\nimport comrad"
+        done = subprocess.run([sys.executable, "-B", "-c", script], capture_output=True, text=True, timeout=100)
+        self.assertIn("ImportError: comrad needs the package pettingzoo; run: pip install pettingzoo", done.stderr)
+
     def test_signatures_name_every_option(self):
         for make in (comrad.parallel_env, comrad.env, comrad.team_env, comrad.gym_env, comrad.vector_env):
             parameters = inspect.signature(make).parameters.values()
