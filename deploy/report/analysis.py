@@ -1,11 +1,11 @@
 """What a folder of runs says: which runs belong together, their scores, references, thresholds and aggregates.
 
-A cell is one scenario played by one algorithm with one set of settings; its runs differ in their seed alone. What
-cannot be part of a cell is named in `Study.left_out`, never mixed in.
+A cell is one scenario played by one algorithm with one set of the settings that change what is learned; its runs differ in
+their seed, and in what their machines decided. What cannot be part of a cell is named in `Study.left_out`, never mixed in.
 """
 
+import collections
 import dataclasses
-import json
 import math
 import pathlib
 import tomllib
@@ -14,7 +14,7 @@ import numpy as np
 
 from intervals import LEVEL, bootstrap_interval, student_interval
 from run_files import (
-    NAMES_OF_A_RUN,
+    NOT_LEARNED,
     OFF_POLICY,
     ON_POLICY,
     SCORE,
@@ -29,6 +29,8 @@ from run_files import (
 )
 from curves import value_at
 from scipy import stats
+from sweep_files import add_planned_runs
+from tables import millions
 
 # Shares of the way from random play to the scripted team at which sample efficiency is read.
 THRESHOLDS = (0.25, 0.5, 0.75)
@@ -37,6 +39,7 @@ REACHED = 0.99
 BUDGETS = frozenset({"train_for_env_frames", "train_for_env_steps"})  # the setting and its older name
 SETTINGS_NAMED_MAX = 3
 OCCUPANCIES_MAX = 24
+ENDED_BADLY = ("failed", "interrupted", "missing")
 
 
 @dataclasses.dataclass
@@ -86,6 +89,11 @@ class Cell:
         """The runs that a mean over time is made of: those that are done, else all."""
         return self.complete or self.runs
 
+    @property
+    def absence(self) -> str:
+        """What tables show in place of a score where no run counts: "no score: 2 failed"; empty where one does."""
+        return "" if self.complete else f"no score: {states_text(self.runs)}"
+
     def evaluated(self) -> np.ndarray:
         return np.array([evaluation.mean for evaluation in self.evaluations])
 
@@ -101,7 +109,11 @@ class Study:
     occupancies: list[tuple[str, Occupancy]]
     left_out: list[tuple[str, str]]
     problems: list[tuple[str, str]]
-    failed: list[Run]
+
+    @property
+    def failed(self) -> list[Run]:
+        """Runs that failed, were interrupted or were never made."""
+        return [run for run in self.runs if run.state in ENDED_BADLY]
 
     @property
     def scenarios(self) -> list[str]:
@@ -118,43 +130,90 @@ class Study:
         return bootstrap_interval(values) if self.options.bootstrap else student_interval(values)
 
 
+def states_text(runs: list[Run]) -> str:
+    """ "4 finished, 2 failed, 1 missing"."""
+    counts = collections.Counter(run.state for run in runs)
+    return ", ".join(f"{counts[state]} {state}" for state in sorted(counts, key=lambda state: (state != "finished", state)))
+
+
 def algorithm_order(algo: str) -> tuple[int, str]:
     known = ON_POLICY + OFF_POLICY
     return (known.index(algo) if algo in known else len(known), algo)
 
 
 def setting_text(value) -> str:
-    return value if isinstance(value, str) else json.dumps(value, default=str)
+    """A value as labels show it; what a sweep writes as text is the same as the number in config.toml."""
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    try:
+        return f"{float(value):.10g}"
+    except (TypeError, ValueError, OverflowError):
+        return one_line(str(value), 24) or "none"
 
 
-def experiment_of(run: Run, options: Options) -> tuple[tuple[str, str], ...]:
-    """All settings that must be the same within a cell."""
-    free = NAMES_OF_A_RUN | options.ignore | (BUDGETS | {"train_for_seconds"} if options.at else set())
-    return tuple(sorted((name, setting_text(value)) for name, value in run.settings.items() if name not in free))
+def experiments_of(runs: list[Run], options: Options) -> dict[str, dict[str, str]]:
+    """What each run learns from, by its folder: all settings that must be the same within a cell.
+
+    Precision is one of them where runs were told different ones, not where only machines chose differently."""
+    free = NOT_LEARNED | options.ignore | (BUDGETS | {"train_for_seconds"} if options.at else set())
+    if len({run.told_precision for run in runs} - {""}) < 2:
+        free |= {"precision"}
+    return {
+        str(run.folder): {
+            name: setting_text(value)
+            for name, value in run.settings.items()
+            if name not in free and not isinstance(value, dict)
+        }
+        for run in runs
+    }
+
+
+def few_names(names: set[str], pairs: list[list[dict[str, str]]]) -> list[str]:
+    """Of the settings that differ all where they are few, else those that are needed to tell the members of each pair apart."""
+    in_order = sorted(names, key=lambda name: (name != "preset", name))
+    if len(names) <= SETTINGS_NAMED_MAX:
+        return in_order
+    parts = lambda chosen: sum(len({tuple(one.get(name) for name in chosen) for one in pair}) for pair in pairs)
+    needed: list[str] = []
+    for name in in_order:
+        if parts([*needed, name]) > parts(needed):
+            needed.append(name)
+    return needed[:SETTINGS_NAMED_MAX]
+
+
+def setting_words(name: str, text: str | None) -> str:
+    """ "gamma 0.9", "2 M env frames"; a setting that a kept result leaves out has the built-in value."""
+    words = f"{name.replace('_', ' ')} {text or 'built-in'}"
+    try:
+        return f"{millions(float(text))} env frames" if name in BUDGETS and text else words
+    except ValueError:
+        return words
 
 
 def labels_of(runs: list[Run], options: Options) -> dict[str, str]:
     """The label of each run, by its folder: its algorithm, and the settings that differ within a scenario."""
-    experiments = {str(run.folder): dict(experiment_of(run, options)) for run in runs}
+    experiments = experiments_of(runs, options)
     by_pair: dict[tuple[str, str], list[Run]] = {}
     for run in runs:
         by_pair.setdefault((run.scenario, run.algo), []).append(run)
-    differing: dict[str, set[str]] = {}
-    for (_, algo), members in by_pair.items():
-        names = {name for run in members for name in experiments[str(run.folder)]}
-        differing.setdefault(algo, set()).update(
-            name for name in names if len({experiments[str(run.folder)].get(name) for run in members}) > 1
-        )
+    named, unnamed = {}, {}
+    for algo in {run.algo for run in runs}:
+        pairs = [[experiments[str(run.folder)] for run in members] for (_, of), members in by_pair.items() if of == algo]
+        differing = {
+            name for pair in pairs for name in set().union(*pair) if len({one.get(name) for one in pair}) > 1
+        }
+        named[algo] = few_names(differing, pairs)
+        unnamed[algo] = len(differing) - len(named[algo])
     labels = {}
     for members in by_pair.values():
-        taken: dict[str, tuple] = {}
+        taken: dict[str, dict] = {}
         for run in members:
             own = experiments[str(run.folder)]
-            names = sorted(differing[run.algo])
-            words = [f"{name}={one_line(own.get(name, 'built-in'), 24)}" for name in names[:SETTINGS_NAMED_MAX]]
-            label = " ".join([run.algo, ", ".join(words)]).strip()
-            chosen, again, key = label, 1, experiment_of(run, options)
-            while taken.setdefault(chosen, key) != key:  # differ in what is not named
+            words = [run.algo] + [setting_words(name, own.get(name)) for name in named[run.algo]]
+            more = f" and {unnamed[run.algo]} more settings" if unnamed[run.algo] else ""
+            label = ", ".join(words) + more
+            chosen, again = label, 1
+            while taken.setdefault(chosen, own) != own:  # differ in what is not named
                 again += 1
                 chosen = f"{label} ({again})"
             labels[str(run.folder)] = chosen
@@ -164,6 +223,8 @@ def labels_of(runs: list[Run], options: Options) -> dict[str, str]:
 def why_incomplete(run: Run, options: Options) -> str:
     """Why the run does not count in means; empty where it does."""
     frames, scores = run.metrics.series(SCORE)
+    if not len(scores) and run.state in ENDED_BADLY:
+        return f"{run.state}: {run.last_error()}"
     if not len(scores):
         return "no episode has ended" if len(run.metrics) else "it has written no report"
     budget = options.at or next((number(run.settings[name]) for name in BUDGETS if name in run.settings), math.nan)
@@ -350,6 +411,7 @@ def titled_occupancies(
 def read_study(folder: pathlib.Path, options: Options, reference_file: pathlib.Path) -> Study:
     """Reads everything below `folder`. Never raises for what lies there."""
     runs, left_out = find_runs(folder)
+    left_out += add_planned_runs(folder, runs)
     evaluations, unread = find_evaluations(folder)
     left_out += unread
     labels = labels_of(runs, options)
@@ -364,7 +426,7 @@ def read_study(folder: pathlib.Path, options: Options, reference_file: pathlib.P
         for run in members:
             why = why_incomplete(run, options)
             if why:
-                left_out.append((run.name, why + ", so it counts in no mean"))
+                left_out.append((run.name, why + "; it counts in no mean"))
             else:
                 complete.append(run)
         complete = one_per_seed(complete, left_out)
@@ -386,7 +448,6 @@ def read_study(folder: pathlib.Path, options: Options, reference_file: pathlib.P
         occupancies=titled_occupancies(cells, occupancies, left_out),
         left_out=left_out,
         problems=[(run.name, problem) for run in runs for problem in run.problems],
-        failed=[run for run in runs if run.state == "failed"],
     )
 
 

@@ -5,7 +5,7 @@ import pathlib
 
 import figures
 import study_tables as of
-from analysis import Study, family_gaps, normalised_scores, published_table, uses_evaluations
+from analysis import ENDED_BADLY, Study, family_gaps, normalised_scores, published_table, states_text, uses_evaluations
 from page import Page
 from tables import Table, as_latex, as_markdown, millions
 
@@ -20,7 +20,10 @@ class Report:
     def __init__(self, study: Study, title: str, now: datetime.datetime):
         self.study = study
         self.page = Page(title)
-        self.markdown = [f"# {title}\n\n{now:%Y-%m-%d}. 95 % intervals over seeds ({of.interval_words(study)}).\n"]
+        self.markdown = [
+            f"# {title}\n\n{now:%Y-%m-%d}. {plural(len(study.runs), 'run')}: {states_text(study.runs)}. "
+            f"95 % intervals over seeds ({of.interval_words(study)}).\n"
+        ]
         self.latex: list[str] = []
         hours = sum(float(run.metrics.time_s[-1]) for run in study.runs if len(run.metrics)) / 3600
         self.page.head(
@@ -28,7 +31,7 @@ class Report:
             [
                 (str(len(study.runs)), "runs"),
                 (str(sum(len(cell.complete) for cell in study.cells)), "counted in means"),
-                (str(len(study.failed)), "failed"),
+                *((str(sum(run.state == state for run in study.runs)), state) for state in ENDED_BADLY),
                 (str(len(study.scenarios)), "scenarios"),
                 (str(len({cell.algo for cell in study.cells})), "algorithms"),
                 (millions(sum(run.env_frames for run in study.runs)), "env frames"),
@@ -45,8 +48,8 @@ class Report:
 
     def failures(self) -> None:
         if self.study.failed:
-            self.page.section("Failed runs")
-            self.table("Failed runs", of.failed_table(self.study))
+            self.page.section("Failed and missing runs")
+            self.table("Failed and missing runs", of.failed_table(self.study))
 
     def scores(self) -> None:
         at = self.study.options.at

@@ -53,7 +53,7 @@ def parse(words: list[str]) -> argparse.Namespace:
         "--ignore",
         metavar="SETTING,...",
         default="",
-        help="settings in which runs that are counted together may differ, for example num_workers,device",
+        help="settings in which runs that are counted together may differ, for example batch_size,rollout",
     )
     parser.add_argument(
         "--results_page",

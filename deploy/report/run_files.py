@@ -24,28 +24,20 @@ POSITIONS_BYTES_MAX = 1 << 28
 AGENTS_MAX = 8
 MAP_UNITS_MAX = 32768  # Doom's coordinates
 
-# Settings that say which run it is, where it lies and how it is watched, but not what is learned.
-NAMES_OF_A_RUN = frozenset(
-    {
-        "experiment",
-        "train_dir",
-        "restart_behavior",
-        "seed",
-        "load_checkpoint_kind",
-        "save_every_sec",
-        "keep_checkpoints",
-        "save_best_every_sec",
-        "save_best_after_env_frames",
-        "save_best_after",  # its older name
-        "save_milestones_sec",
-        "save_milestones_env_frames",
-        "eval_every_env_frames",
-        "eval_episodes",
-        "eval_maps",
-        "experiment_summaries_interval",
-        "progress_interval",
-        "wad",
-    }
+# Settings that do not change what is learned: which run it is, where it lies, how it is watched, what its machine decides, and
+# how it reaches other hosts. A test compares them with the rows of rollout_buffer/settings and with what makes a kept result
+# stale (deploy/sweep/sweep_results.cc).
+NOT_LEARNED = frozenset(
+    """
+    experiment train_dir restart_behavior seed load_checkpoint_kind save_every_sec keep_checkpoints save_best_every_sec
+    save_best_after_env_frames save_best_after save_milestones_sec save_milestones_env_frames eval_every_env_frames
+    eval_episodes eval_maps experiment_summaries_interval progress_interval metrics_port stats_avg
+    wad device policy_device num_workers worker_num_splits policy_workers min_batch max_batch max_wait_us policy_threads
+    learner_threads learners trajectory_slabs micro_batch_size set_workers_cpu_affinity replay_gb replay_file
+    replay_compress save_replay
+    serve serve_workers serve_frame_workers serve_bf16_weights link hosts host_keys interface peers port_base
+    link_buffer_mb link_datagram_bytes insecure_network
+    """.split()
 )
 
 
@@ -58,9 +50,9 @@ class Metrics:
     damaged_lines        lines that were no report
     """
 
-    env_frames: np.ndarray
-    time_s: np.ndarray
-    values: dict[str, np.ndarray]
+    env_frames: np.ndarray = dataclasses.field(default_factory=lambda: np.empty(0))
+    time_s: np.ndarray = dataclasses.field(default_factory=lambda: np.empty(0))
+    values: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
     damaged_lines: int = 0
 
     def __len__(self) -> int:
@@ -104,8 +96,16 @@ class Run:
         return self.settings["seed"]
 
     @property
+    def told_precision(self) -> str:
+        """The precision that this run was started with; empty where the machine chose it, and where config.toml does not say."""
+        asked = self.settings.get("asked_for")
+        told = isinstance(asked, dict) and "precision" not in asked
+        return str(self.settings.get("precision", "")) if told else ""
+
+    @property
     def state(self) -> str:
-        """starting, running, paused, finished, failed; "unknown" without a status.json."""
+        """starting, running, paused, finished, failed; of a sweep also interrupted, missing (sweep_files.py); "unknown" without a
+        status.json."""
         state = self.status.get("state")
         return state if isinstance(state, str) and state else "unknown"
 
@@ -179,7 +179,7 @@ def read_run(folder: pathlib.Path) -> Run:
         metrics = read_metrics(folder / "metrics.jsonl")
     except (OSError, ValueError) as error:
         problems.append(one_line(str(error)))
-        metrics = Metrics(np.empty(0), np.empty(0), {})
+        metrics = Metrics()
     if metrics.damaged_lines:
         problems.append(
             f"metrics.jsonl: {metrics.damaged_lines} damaged line{'s' if metrics.damaged_lines > 1 else ''} skipped"

@@ -7,6 +7,7 @@ import numpy as np
 
 import figures
 from analysis import (
+    ENDED_BADLY,
     THRESHOLDS,
     Cell,
     Gap,
@@ -55,7 +56,7 @@ def score_table(study: Study, scenario: str) -> Table:
                 cell.label,
                 f"{len(cell.complete)} of {len(cell.runs)}",
                 millions(float(np.mean(frames)) if frames else math.nan),
-                over_seeds(study, cell.scores),
+                cell.absence or over_seeds(study, cell.scores),
                 over_seeds(study, cell.evaluated()),
                 episodes,
                 normalised(study, cell),
@@ -77,7 +78,8 @@ def matrix_table(study: Study) -> Table:
     for scenario in study.scenarios:
         cells = {cell.label: cell for cell in study.cells_of(scenario)}
         texts = [
-            over_seeds(study, cells[label].evaluated() if use_evaluations else cells[label].scores)
+            cells[label].absence
+            or over_seeds(study, cells[label].evaluated() if use_evaluations else cells[label].scores)
             if label in cells
             else "-"
             for label in study.labels
@@ -241,8 +243,8 @@ def run_table(study: Study) -> Table:
 
 def failed_table(study: Study) -> Table:
     return Table(
-        ["run", "env frames", "last error"],
-        [[run.name, millions(run.env_frames), run.last_error()] for run in study.failed],
+        ["run", "state", "env frames", "last error"],
+        [[run.name, run.state, millions(run.env_frames), run.last_error()] for run in study.failed],
         9,
     )
 
@@ -346,7 +348,7 @@ def csv_files(study: Study) -> dict[str, str]:
                     float(series[-1]) if len(series) else math.nan,
                     one.mean if one else math.nan,
                     one.half_width if one else math.nan,
-                    run.last_error() if run.state == "failed" else "",
+                    run.last_error() if run.state in ENDED_BADLY else "",
                 ]
             )
         for over in figures.AXES:

@@ -32,9 +32,12 @@ def write_run(
     state: str = "finished",
     message: str = "",
     name: str = "",
+    asked_for: dict | None = None,
     **settings,
 ) -> pathlib.Path:
-    """A run whose J rises from `start` to nearly `end`, with noise of the seed. Returns its folder."""
+    """A run whose J rises from `start` to nearly `end`, with noise of the seed. Returns its folder.
+
+    asked_for   the table of config.toml that names what the machine, the scenario and the run's name decided"""
     noise = random.Random(f"{scenario} {algo} {seed}")
     experiment = name or f"{scenario}_{algo}_{seed}"
     folder = train_dir / experiment
@@ -49,7 +52,9 @@ def write_run(
         "wad": f"layouts/{scenario}_42.wad",
         **settings,
     }
-    (folder / "config.toml").write_text("".join(f"{key} = {toml_value(value)}\n" for key, value in chosen.items()))
+    lines_of = lambda table: "".join(f"{key} = {toml_value(value)}\n" for key, value in table.items())
+    config = lines_of(chosen) if asked_for is None else f"{lines_of(chosen)}\n[asked_for]\n{lines_of(asked_for)}"
+    (folder / "config.toml").write_text(config)
     pace = noise.uniform(2.5, 4.5)
     lines = []
     for number in range(1, reports + 1):
@@ -163,6 +168,27 @@ def write_positions(
     path = folder / "eval" / f"{scenario}_{policy}.jsonl"
     path.write_text(text)
     return path
+
+
+def write_sweep(folder: pathlib.Path, planned: list[dict], records: dict[str, dict]) -> None:
+    """What `comrad sweep` leaves beside its runs: sweep.json with the settings of each, as text, and a record of each attempt."""
+    runs = [
+        {
+            "name": "{scenario}_{algo}_{seed}".format(**settings),
+            "train_for_env_frames": 1e6,
+            "settings": {"train_for_env_frames": "1000000.0"}
+            | {name: str(value) for name, value in settings.items()}
+            | {"num_workers": "2", "learner_threads": "2"},
+        }
+        for settings in planned
+    ]
+    (folder / "records").mkdir(parents=True, exist_ok=True)
+    (folder / "sweep.json").write_text(
+        json.dumps({"name": folder.name, "file": "study.toml", "cores_per_run": 2, "results": None, "runs": runs})
+    )
+    for name, record in records.items():
+        whole = {"state": "failed", "attempts": 1, "host": "node1", "exit_code": 2, "error": "", **record}
+        (folder / "records" / f"{name}.json").write_text(json.dumps(whole))
 
 
 # scenario -> random play, scripted team, and how far of the way each algorithm gets.

@@ -7,10 +7,12 @@ Needs numpy, SciPy and Matplotlib (deploy/packages_report.txt); skipped with cod
 """
 
 import csv
+import datetime
 import json
 import math
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -25,10 +27,12 @@ try:
     import matplotlib.figure
 
     import analysis
-    import compose  # noqa: F401
+    import compose
     import curves
+    import figures
     import intervals
     import run_files
+    import study_tables as of
     import tables
 except ImportError as missing:
     print(f"[  SKIPPED ] 1 test, comrad report: {missing}; install the packages of deploy/packages_report.txt")
@@ -200,31 +204,78 @@ class ReadingPositions(WithFolder):
 
 
 class Grouping(WithFolder):
+    def labels(self, **options) -> list[tuple[str, int]]:
+        return [(cell.label, len(cell.complete)) for cell in self.study(**options).cells]
+
     def test_settings_part_cells_and_name_them(self):
         for gamma in (0.9, 0.99):
             for seed in (42, 68):
                 made_runs.write_run(
                     self.folder, "lava_pit", "ippo", seed, start=0, end=5, gamma=gamma, name=f"g{gamma}_{seed}"
                 )
-        study = self.study()
-        self.assertEqual(
-            [(cell.label, len(cell.complete)) for cell in study.cells], [("ippo gamma=0.9", 2), ("ippo gamma=0.99", 2)]
+        self.assertEqual(self.labels(), [("ippo, gamma 0.9", 2), ("ippo, gamma 0.99", 2)])
+        self.assertEqual([label for label, _ in self.labels(ignore=frozenset({"gamma"}))], ["ippo"])
+
+    def test_what_a_machine_decided_and_how_a_run_was_started_part_no_cells(self):
+        """Two seeds of a sweep on two machines, and a run that was started by hand: config.toml as they have it."""
+        chosen = {"num_workers": 0, "max_batch": 0, "min_batch": 0, "trajectory_slabs": 0, "precision": "auto"}
+        here = {"num_workers": 2, "max_batch": 8, "min_batch": 8, "trajectory_slabs": 16, "precision": "bf16"}
+        there = {"num_workers": 16, "max_batch": 64, "min_batch": 32, "trajectory_slabs": 128, "precision": "fp32"}
+        sweep = {"experiment": "", "restart_behavior": "resume", **chosen}
+        for seed, machine, threads, asked in (
+            (42, here, 2, sweep),
+            (68, there, 8, sweep),
+            (81, here, 2, {**sweep, "train_dir": "train_dir", "learner_threads": 0}),
+        ):
+            made_runs.write_run(
+                self.folder, "lava_pit", "ippo", seed, start=0, end=5, learner_threads=threads, asked_for=asked, **machine
+            )
+        self.assertEqual(self.labels(), [("ippo", 3)])
+
+    def test_precision_parts_cells_where_runs_were_told_different_ones(self):
+        for seed in (42, 68):
+            for precision in ("fp32", "bf16"):
+                made_runs.write_run(
+                    self.folder, "lava_pit", "ippo", seed, start=0, end=5,
+                    precision=precision, asked_for={"wad": ""}, name=f"{precision}_{seed}",
+                )  # fmt: skip
+        made_runs.write_run(
+            self.folder, "lava_pit", "ippo", 81, start=0, end=5, precision="bf16", asked_for={"precision": "auto"}
         )
-        together = self.study(ignore=frozenset({"gamma"}))
-        self.assertEqual([cell.label for cell in together.cells], ["ippo"])
+        self.assertEqual(self.labels(), [("ippo, precision bf16", 3), ("ippo, precision fp32", 2)])
+
+    def test_a_recipe_of_many_settings_is_named_by_its_preset(self):
+        many = {f"setting_{index}": 1 for index in range(6)}
+        made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5, preset="paper", name="a", **many)
+        made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5, preset="small", name="b")
+        self.assertEqual(
+            self.labels(),
+            [("ippo, preset paper and 6 more settings", 1), ("ippo, preset small and 6 more settings", 1)],
+        )
 
     def test_how_a_run_is_watched_parts_no_cells(self):
         made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5, eval_every_env_frames=0.0)
         made_runs.write_run(
             self.folder, "lava_pit", "ippo", 68, start=0, end=5, eval_every_env_frames=5e5, eval_maps="held_out"
         )
-        self.assertEqual([(cell.label, len(cell.complete)) for cell in self.study().cells], [("ippo", 2)])
+        self.assertEqual(self.labels(), [("ippo", 2)])
 
-    def test_what_is_said_of_settings_holds_for_settings_that_there_are(self):
-        text = "".join(path.read_text() for path in (HERE.parents[3] / "rollout_buffer" / "settings").glob("*.def"))
-        older = {"save_best_after", "train_for_env_steps"}
-        for name in (run_files.NAMES_OF_A_RUN | analysis.BUDGETS) - older:
-            self.assertRegex(text, rf"\n[A-Z_]*\([^\n]*, {name}, ")
+    def test_the_settings_that_part_no_cells_are_those_of_the_program(self):
+        repository = HERE.parents[3]
+        rows = {}  # name -> (subject, the row's text)
+        for path in (repository / "rollout_buffer" / "settings").glob("*.def"):
+            for row in path.read_text().split("\nSETTING(")[1:]:
+                rows[row.split(",")[1].strip()] = (path.stem, row)
+        learned_of_run = {"scenario", "algo", "preset", "train_for_env_frames", "train_for_seconds"}
+        recipe = re.search(r"kNoRecipe = \{(.*?)\};", (repository / "deploy/sweep/sweep_results.cc").read_text(), re.S)
+        expected = set(re.findall(r'"(\w+)"', recipe[1])) | {"save_best_after"}
+        for name, (subject, row) in rows.items():
+            if subject == "hosts" or (subject == "run" and name not in learned_of_run):
+                expected.add(name)
+            if ".is_of_the_start" in row or ".is_automatic_size" in row:
+                expected.add(name)
+        self.assertEqual(run_files.NOT_LEARNED ^ expected, {"precision"}, "which parts cells where runs were told it")
+        self.assertLessEqual(analysis.BUDGETS - {"train_for_env_steps"}, set(rows))
 
     def test_settings_beyond_those_that_are_named_part_cells_too(self):
         for number in range(2):
@@ -305,6 +356,95 @@ class Grouping(WithFolder):
         path.write_text(json.dumps({"scenario": "lava_pit", "players": ["a", "b"], "cells": []}))
         with self.assertRaisesRegex(ValueError, "no answer"):
             run_files.read_evaluation(path)
+
+
+class Sweeps(WithFolder):
+    REFUSED = "learning begins at 40000 env frames, the run ends at 40000; raise --train_for_env_frames"
+
+    def setUp(self):
+        """A sweep of two algorithms: ippo finished once, failed in the middle and was never started; qmix was refused."""
+        super().setUp()
+        self.sweep = self.folder / "study"
+        made_runs.write_run(self.sweep, "lava_pit", "ippo", 42, start=0, end=5, num_workers=2)
+        made_runs.write_run(
+            self.sweep, "lava_pit", "ippo", 68, start=0, end=5, frames=3e5, state="running", num_workers=2
+        )
+        made_runs.write_sweep(
+            self.sweep,
+            [
+                {"scenario": "lava_pit", "algo": algo, "seed": seed}
+                for algo, seeds in (("ippo", (42, 68, 81)), ("qmix", (42, 68)))
+                for seed in seeds
+            ],
+            {
+                "lava_pit_ippo_42": {"state": "finished", "exit_code": 0},
+                "lava_pit_ippo_68": {"error": "the learner was killed"},
+                "lava_pit_qmix_42": {"error": self.REFUSED},
+                "lava_pit_qmix_68": {"error": self.REFUSED},
+            },
+        )
+
+    def test_every_planned_run_is_in_the_report(self):
+        study = analysis.read_study(self.sweep, analysis.Options(), NO_REFERENCES)
+        self.assertEqual(
+            {run.name: (run.state, run.last_error()) for run in study.failed},
+            {
+                "lava_pit_ippo_68": ("failed", "the learner was killed"),
+                "lava_pit_ippo_81": ("missing", "it was never started"),
+                "lava_pit_qmix_42": ("failed", self.REFUSED),
+                "lava_pit_qmix_68": ("failed", self.REFUSED),
+            },
+        )
+        self.assertEqual([(cell.label, len(cell.runs)) for cell in study.cells], [("ippo", 3), ("qmix", 2)])
+        self.assertIn(f"lava_pit_qmix_42: failed: {self.REFUSED}; it counts in no mean", self.reasons(study))
+
+    def test_an_algorithm_without_a_run_stays_in_the_tables(self):
+        output = self.folder / "out"
+        output.mkdir()
+        study = analysis.read_study(self.sweep, analysis.Options(), NO_REFERENCES)
+        compose.write_report(study, output, "study", datetime.datetime(2026, 1, 1))
+        texts = {name: (output / f"report.{name}").read_text() for name in ("html", "md", "tex")}
+        for text in texts.values():
+            self.assertIn("no score: 2 failed", text)
+        self.assertIn("5 runs: 1 finished, 3 failed, 1 missing.", texts["md"])
+        self.assertIn("<b>3</b><span>failed</span>", texts["html"])
+        self.assertIn("<b>1</b><span>missing</span>", texts["html"])
+        with open(output / "runs.csv", encoding="utf-8", newline="") as file:
+            errors = {row["run"]: row["last_error"] for row in csv.DictReader(file)}
+        self.assertEqual(errors["lava_pit_qmix_68"], self.REFUSED)
+        self.assertEqual(errors["lava_pit_ippo_42"], "")
+
+    def test_a_sweep_with_no_run_at_all_is_reported(self):
+        for name in ("lava_pit_ippo_42", "lava_pit_ippo_68"):
+            shutil.rmtree(self.sweep / name)
+        study = self.study()
+        self.assertEqual([cell.absence for cell in study.cells], ["no score: 1 failed, 2 missing", "no score: 2 failed"])
+        self.assertIn("its record says finished, but it has no folder", self.reasons(study))
+        self.assertIsNone(figures.learning_curves(study, "lava_pit"))
+        self.assertIsNone(figures.speed_figure(study))
+        of.csv_files(study)
+
+    def test_a_run_that_was_made_by_hand_beside_a_sweep_joins_its_cell(self):
+        by_hand = {"learner_threads": 0, "num_workers": 0, "precision": "auto", "train_dir": "train_dir"}
+        made_runs.write_run(
+            self.folder, "lava_pit", "ippo", 97, start=0, end=5, num_workers=8, max_batch=32, precision="fp32", asked_for=by_hand
+        )
+        self.assertEqual([(cell.label, len(cell.runs)) for cell in self.study().cells], [("ippo", 4), ("qmix", 2)])
+
+    def test_a_result_that_was_kept_elsewhere_counts(self):
+        made_runs.write_run(self.folder / "results", "lava_pit", "qmix", 42, start=0, end=5)
+        plan = json.loads((self.sweep / "sweep.json").read_text())
+        plan["results"] = {"folder": str(self.folder / "results")}
+        (self.sweep / "sweep.json").write_text(json.dumps(plan))
+        study = analysis.read_study(self.sweep, analysis.Options(), NO_REFERENCES)
+        self.assertEqual([run.seed for run in study.cells[1].complete], [42])
+
+    def test_a_damaged_plan_is_named(self):
+        for text in ("{", "[]", '{"runs": 3}', '{"runs": [{"name": "../x", "settings": {}}]}', '{"runs": [{"name": "x", "settings": {}}]}'):
+            (self.sweep / "sweep.json").write_text(text)
+            study = self.study()
+            self.assertEqual(len(study.runs), 2)
+            self.assertIn("runs that it planned may be missing here", self.reasons(study))
 
 
 class References(WithFolder):
