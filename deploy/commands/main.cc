@@ -19,7 +19,7 @@ const std::vector<Command>& commands() {
       {"serve", "train a run, new or begun, with a door open for other hosts", serve_command},
       {"join", "let this host play for the learner of another host's run", join_command},
       {"eval", "score or film a policy: a run's, random play or a scripted team", eval_command},
-      {"plot", "draw learning curves of runs, or of several seeds with their band, as PNG or SVG",
+      {"plot", "draw learning curves of runs, or of several seeds with their mean, as PNG or SVG",
        plot_command},
       {"report", "report on a folder of runs: one HTML page, Markdown, LaTeX, CSV", report_command},
       {"export", "hand the reports of runs to other programs: CSV, Weights & Biases", export_command},

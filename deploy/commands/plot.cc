@@ -70,7 +70,7 @@ Expected<int> plot(const PlotOptions& options) {
     words.emplace_back("--curve");
     words.insert(words.end(), curve.begin(), curve.end());
   }
-  COMRAD_TRY_ASSIGN(words[0], python_that_imports("matplotlib"));
+  COMRAD_TRY_ASSIGN(words[0], python_that_imports("numpy, scipy, matplotlib"));
   COMRAD_TRY_ASSIGN(const ProgramResult drawn,
                     run_program(words, {.timeout_s = kDrawingTimeoutS, .echo_stderr = true}));
   if (drawn.exit_code != 0) return drawn.exit_code;
@@ -86,8 +86,9 @@ int plot_command(Arguments arguments) {
       "plot RUN... [-o FILE] [--over_seeds]",
       "Draws learning curves as PNG, SVG or PDF: score J over env frames, and the evaluations of runs that\n"
       "have them. RUN is a run directory, an experiment below --train_dir, or several under one name,\n"
-      "NAME=RUN,RUN,RUN: each is drawn thinly, and their mean with its 95% interval over the runs (Student\n"
-      "t). A run in which no episode has ended yet is named and left out.");
+      "NAME=RUN,RUN,RUN: each is drawn thinly, and their mean, from four runs on with its 95% interval over\n"
+      "the runs (Student t). Where all play one scenario on its default map, lines show the scores of random\n"
+      "play and of the scripted team. A run in which no episode has ended yet is named and left out.");
   line.add_words("RUN", options.runs, "runs to draw, each a curve");
   line.add_option("output", options.output, "FILE",
                   "the picture: .png, .svg or .pdf (default curves.png; also -o)");

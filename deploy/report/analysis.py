@@ -7,6 +7,7 @@ their seed, and in what their machines decided. What cannot be part of a cell is
 import collections
 import dataclasses
 import math
+import os
 import pathlib
 import tomllib
 
@@ -294,6 +295,12 @@ def choose_evaluations(cells: list[Cell], evaluations: list[Evaluation], left_ou
                 left_out.append(
                     (f"{cell.scenario}, {cell.label}: evaluations", f"{', '.join(missing)} has none ({protocol})")
                 )
+
+
+def reference_file() -> pathlib.Path:
+    """Where the repository, or what was installed of it, has scores of random play and of scripted teams."""
+    home = os.environ.get("COMRAD_HOME") or pathlib.Path(__file__).resolve().parents[2]
+    return pathlib.Path(home) / "scenarios" / "reference_scores.toml"
 
 
 def measured_references(path: pathlib.Path) -> dict[str, dict]:

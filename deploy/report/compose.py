@@ -73,8 +73,8 @@ class Report:
     def curves(self) -> None:
         self.page.section(
             "Learning curves",
-            "Score of training episodes: mean and 95 % band over seeds (Student t), single runs thinly. A mean covers "
-            "what all its runs have covered; the number of runs stands in the legend.",
+            "Score of training episodes: the mean over seeds, single runs thinly, from four seeds on with the 95 % band of "
+            "the mean (Student t). A mean covers what all its runs have covered; the legend has the number of runs.",
         )
         for scenario in self.study.scenarios:
             self.page.figure(

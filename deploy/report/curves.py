@@ -6,8 +6,11 @@ import numpy as np
 from scipy import stats
 
 from run_files import SCORE, Run
+from tables import rounded
 
 GRID_POINTS = 200
+BAND_RUNS = 4  # so many have a band
+REFERENCE_COLOR = "#666666"
 
 
 @dataclasses.dataclass
@@ -53,21 +56,63 @@ def curve_over_runs(runs: list[Run], name: str = SCORE, over: str = "env_frames"
     return Curve(grid, values.mean(axis=0), half_width, len(values))
 
 
-def draw_curve(axes, curve: Curve, label: str, color: str | None = None, scale: float = 1.0) -> str:
-    """Draws mean and band on Matplotlib axes, x divided by `scale`; returns the colour that was used.
+def draw_runs(
+    axes,
+    runs: list[Run],
+    label: str,
+    *,
+    metric: str = SCORE,
+    over: str = "env_frames",
+    color: str | None = None,
+    scale: float = 1.0,
+    linestyle="-",
+    linewidth: float = 1.8,
+    thin: list[Run] | None = None,
+):
+    """Draws the mean of `runs` on Matplotlib axes, x divided by `scale`; returns its line, or None where there is nothing to draw.
 
-    The band of two runs, 12.7 standard errors to either side, may leave the picture."""
-    (line,) = axes.plot(curve.x / scale, curve.mean, linewidth=1.8, color=color, label=label)
-    if np.isfinite(curve.half_width).any():
-        limits = axes.dataLim.frozen()
-        axes.fill_between(
-            curve.x / scale,
-            curve.mean - curve.half_width,
-            curve.mean + curve.half_width,
-            color=line.get_color(),
-            alpha=0.16,
-            linewidth=0,
+    thin   runs that are drawn thinly beside it; None: `runs`, where there are several
+
+    From BAND_RUNS runs on the mean has its band. The interval of two is 12.7 standard errors to either side and that of three
+    4.3: it would fill the panel, and the lines of the runs say more."""
+    curve = curve_over_runs(runs, metric, over)
+    if curve is None:
+        return None
+    has_band = curve.runs >= BAND_RUNS
+    words = f" (mean of {curve.runs}{', 95 %' if has_band else ''})" if curve.runs > 1 else ""
+    (line,) = axes.plot(
+        curve.x / scale, curve.mean, linewidth=linewidth, color=color, linestyle=linestyle, label=label + words
+    )
+    if has_band:
+        low, high = curve.mean - curve.half_width, curve.mean + curve.half_width
+        axes.fill_between(curve.x / scale, low, high, color=line.get_color(), alpha=0.16, linewidth=0)
+    for run in (runs if curve.runs > 1 else []) if thin is None else thin:
+        x, y = run.metrics.series(metric, over)
+        axes.plot(x / scale, y, color=line.get_color(), alpha=0.45, linewidth=0.6, linestyle=linestyle)
+    return line
+
+
+def draw_references(axes, random: float | None, scripted: float | None) -> None:
+    """Level lines at the scores of random play and of the scripted team, None for one that is not known.
+
+    A line that would flatten the curves is words at the edge of the panel instead."""
+    texts = {True: [], False: []}
+    for score, words, style, heights in ((random, "random play", ":", 2.0), (scripted, "scripted team", "--", 0.35)):
+        if score is None:
+            continue
+        low, high = axes.get_ylim()
+        if low - heights * (high - low) <= score <= high + heights * (high - low):
+            axes.axhline(score, color=REFERENCE_COLOR, linestyle=style, linewidth=1, label=words, zorder=0.9)
+        else:
+            texts[score > high].append(f"{words}: {rounded(score)} {chr(0x2191 if score > high else 0x2193)}")
+    for above, lines in texts.items():
+        axes.annotate(
+            "\n".join(lines),
+            (0.02, 0.98 if above else 0.02),
+            xycoords="axes fraction",
+            va="top" if above else "bottom",
+            fontsize="small",
+            color=REFERENCE_COLOR,
+            zorder=1,  # under the curves
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1},
         )
-        if curve.runs == 2:
-            axes.dataLim.set(limits)
-    return line.get_color()

@@ -13,7 +13,7 @@ from matplotlib.colors import PowerNorm  # noqa: E402
 from matplotlib.ticker import PercentFormatter  # noqa: E402
 
 from analysis import Cell, Gap, Study, family, normalised_scores  # noqa: E402
-from curves import curve_over_runs, draw_curve  # noqa: E402
+from curves import draw_references, draw_runs  # noqa: E402
 from intervals import (
     interquartile_mean,
     performance_profile,
@@ -123,7 +123,7 @@ def legend_below(figure, axes) -> None:
 
 
 def learning_curves(study: Study, scenario: str):
-    """J of training episodes over env frames and over wall time, mean and band over seeds; single seeds thinly."""
+    """J of training episodes over env frames and over wall time: the mean over seeds, and single seeds thinly."""
     figure, panels = plt.subplots(1, 2, figsize=(8.4, 2.9), sharey=True, layout="constrained")
     colors, drawn = colors_of(study), False
     units = {over: axis_of([run for cell in study.cells_of(scenario) for run in cell.runs], over) for over in AXES}
@@ -132,17 +132,11 @@ def learning_curves(study: Study, scenario: str):
         for axes, over in zip(panels, AXES):
             scale = units[over][1]
             for metric, line_style in ((SCORE, style), (EVALUATION, (0, (1, 1)))):
-                curve = curve_over_runs(cell.drawn, metric, over)
-                if curve is None:
-                    continue
-                drawn = True
-                words = f"{cell.label} ({curve.runs})" if metric == SCORE else f"{cell.label}, greedy ({curve.runs})"
-                draw_curve(axes, curve, words, color, scale)
-                axes.get_lines()[-1].set_linestyle(line_style)
-                if len(cell.runs) > 1:
-                    for run in cell.runs:
-                        x, y = run.metrics.series(metric, over)
-                        axes.plot(x / scale, y, color=color, alpha=0.3, linewidth=0.5)
+                words = cell.label if metric == SCORE else f"{cell.label}, greedy"
+                look = {"color": color, "scale": scale, "linestyle": line_style}
+                thin = cell.runs if len(cell.runs) > 1 else []
+                line = draw_runs(axes, cell.drawn, words, metric=metric, over=over, thin=thin, **look)
+                drawn = drawn or line is not None
     if not drawn:
         plt.close(figure)
         return None
@@ -151,11 +145,9 @@ def learning_curves(study: Study, scenario: str):
         axes.set_xlabel(units[over][0])
         axes.margins(x=0.01)
         if reference:
-            axes.axhline(reference.random, color="#777777", linestyle=":", linewidth=1, label="random play")
-            low, high = axes.get_ylim()
-            if reference.scripted < high + 0.35 * (high - low):
-                axes.axhline(reference.scripted, color="#777777", linestyle="--", linewidth=1, label="scripted team")
+            draw_references(axes, reference.random, reference.scripted)
     panels[0].set_ylabel("J")
+    figure.suptitle(scenario.replace("_", " "))
     legend_below(figure, panels)
     return figure
 
@@ -274,6 +266,7 @@ def gap_figure(gaps: list[Gap], algorithms: list[str], published: dict[str, dict
     axes.set_xlabel(
         "off-policy stronger  \N{LEFTWARDS ARROW}  normalised gap  \N{RIGHTWARDS ARROW}  on-policy stronger"
     )
+    axes.set_title("strongest on-policy against strongest off-policy algorithm")
     low, high = axes.get_xlim()
     axes.set_xlim(min(low, -0.05) - 0.05 * (high - low), max(high, 0.05) + 0.2 * (high - low))
     axes.grid(axis="y", visible=False)
@@ -304,6 +297,8 @@ def speed_figure(study: Study):
                 axes.plot([values.mean()], [row], "|", color=colors[cell.label][0], markersize=12, markeredgewidth=2)
     panels[0].set_yticks(range(len(cells)), rows)
     panels[0].invert_yaxis()
+    panels[0].set_title("throughput")
+    panels[1].set_title("policy lag")
     panels[0].set_xlabel("env frames/s")
     panels[1].set_xlabel("policy lag (SGD steps)")
     for axes in panels:
@@ -327,10 +322,11 @@ def diagnostics_figure(study: Study, scenario: str):
     figure, panels = plt.subplots(rows, columns, figsize=(8.4, 1.55 * rows + 0.3), layout="constrained", squeeze=False)
     for axes, (name, title) in zip(panels.flat, shown):
         for cell in cells:
-            curve = curve_over_runs(cell.drawn, name)
-            if curve is not None:
-                draw_curve(axes, curve, cell.label, colors[cell.label][0], scale)
-                axes.get_lines()[-1].set(linestyle=colors[cell.label][1], linewidth=1.2)
+            color, style = colors[cell.label]
+            look = {"color": color, "scale": scale, "linestyle": style, "linewidth": 1.2}
+            line = draw_runs(axes, cell.drawn, cell.label, metric=name, thin=[], **look)
+            if line is not None:
+                line.set_label(cell.label)
         axes.set_title(title)
     for axes in panels.flat[len(shown) :]:
         axes.set_visible(False)

@@ -4,7 +4,8 @@
     plot.py --output FILE [--metric NAME] [--x env_frames|time_s] [--title TEXT] [--over_seeds]
             [--baseline NAME=VALUE ...] --curve LABEL RUN_DIR [RUN_DIR ...] [--curve ...]
 
-A curve of one run is drawn as it is; of several, each thinly and their mean with its 95% interval over the runs (Student t).
+A curve of one run is drawn as it is; of several, each thinly and their mean, from four runs on with its 95% interval over the
+runs (Student t). Where all play one scenario on its default map, lines show the scores of random play and of the scripted team.
 Evaluations (eval/J) of runs that have them are drawn dashed. A run without a number to draw is named and left out.
 Exit code 0; 2 where nothing is left to draw or a package is missing (deploy/packages_report.txt).
 """
@@ -19,7 +20,7 @@ def say(text: str) -> None:
     print(f"comrad plot: {text}", file=sys.stderr)
 
 
-def parse() -> argparse.Namespace:
+def parse(words: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--curve", nargs="+", action="append", required=True, metavar=("LABEL", "RUN_DIR"))
     parser.add_argument("--output", required=True, type=pathlib.Path)
@@ -28,15 +29,15 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--title", default="")
     parser.add_argument("--over_seeds", action="store_true")
     parser.add_argument("--baseline", action="append", default=[], metavar="NAME=VALUE")
-    return parser.parse_args()
+    return parser.parse_args(words)
 
 
-def main() -> int:
-    arguments = parse()
+def main(words: list[str]) -> int:
+    arguments = parse(words)
     try:
         from figures import EVALUATION, axis_of, plt
-        from analysis import Options, labels_of
-        from curves import curve_over_runs, draw_curve
+        from analysis import Options, labels_of, measured_references, reference_file, references_of
+        from curves import REFERENCE_COLOR, draw_references, draw_runs
         from run_files import SCORE, read_run
     except ImportError as error:
         say(f"error: {error}; install the packages of deploy/packages_report.txt (./comrad plot does on Debian)")
@@ -87,35 +88,38 @@ def main() -> int:
     for label, runs in curves:
         color = None  # the same for what was learned and how it was evaluated
         for name, words, style in ((metric, "", "-"), (EVALUATION, ", evaluated", "--")):
-            curve = None if words and metric != SCORE else curve_over_runs(runs, name, arguments.x)
-            if curve is None:
+            if words and metric != SCORE:
+                continue
+            look = {"color": color, "scale": scale, "linestyle": style}
+            line = draw_runs(axes, runs, label + words, metric=name, over=arguments.x, **look)
+            if line is None:
                 continue
             drawn += 1
-            words = label + words + (f" (mean of {curve.runs}, 95 %)" if curve.runs > 1 else "")
-            color = draw_curve(axes, curve, words, color, scale)
-            axes.get_lines()[-1].set(
-                linestyle=style, marker="o" if style == "--" and len(curve.x) <= 50 else "", markersize=3
-            )
-            for run in runs if curve.runs > 1 else ():
-                x, y = run.metrics.series(name, arguments.x)
-                axes.plot(x / scale, y, style, color=color, alpha=0.5, linewidth=0.7)
+            color = line.get_color()
+            line.set(marker="o" if style == "--" and len(line.get_xdata()) <= 50 else "", markersize=3)
     if drawn == 0:
         say("error: nothing to draw")
         return 2
     for baseline in arguments.baseline:
         name, _, value = baseline.rpartition("=")
         try:
-            axes.axhline(float(value), color="gray", linestyle="--", linewidth=1, label=name)
+            axes.axhline(float(value), color=REFERENCE_COLOR, linestyle="-.", linewidth=1, label=name)
         except ValueError:
             say(f"error: --baseline {baseline}: write NAME=VALUE, for example random=649")
             return 2
+    everything = [run for _, runs in curves for run in runs]
+    scenarios = list(dict.fromkeys(run.scenario for run in everything))
+    if metric == SCORE and len(scenarios) == 1:
+        for reference in references_of(everything, [], measured_references(reference_file()), []).values():
+            draw_references(axes, reference.random, reference.scripted)
     axes.set_xlabel(words_below)
     axes.set_ylabel("score J (training: mean of the last episodes)" if metric == SCORE else metric)
-    axes.set_title(arguments.title)
+    named = ", ".join(name.replace("_", " ") for name in scenarios[:3]) + (" and others" if len(scenarios) > 3 else "")
+    axes.set_title(arguments.title or named)
     axes.legend()
     figure.savefig(arguments.output)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

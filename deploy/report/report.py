@@ -10,11 +10,8 @@ DIR holds run folders (train_dir/<experiment>) and, in eval/ beside or inside of
 
 import argparse
 import datetime
-import os
 import pathlib
 import sys
-
-HERE = pathlib.Path(__file__).resolve().parent
 
 
 def say(text: str) -> None:
@@ -94,11 +91,11 @@ def write_results(study, folder: pathlib.Path, page: pathlib.Path | None, pages:
     return 0
 
 
-def main() -> int:
-    arguments = parse(sys.argv[1:])
+def main(words: list[str]) -> int:
+    arguments = parse(words)
     try:
         from compose import write_report
-        from analysis import Options, read_study
+        from analysis import Options, read_study, reference_file
     except ImportError as error:
         say(
             f"error: {error}; install python3-numpy, python3-scipy and python3-matplotlib (./comrad report does on Debian)"
@@ -112,8 +109,7 @@ def main() -> int:
         bootstrap=arguments.bootstrap,
         ignore=frozenset(name for name in arguments.ignore.split(",") if name),
     )
-    home = pathlib.Path(os.environ.get("COMRAD_HOME") or HERE.parent.parent)
-    study = read_study(arguments.folder, options, home / "scenarios" / "reference_scores.toml")
+    study = read_study(arguments.folder, options, reference_file())
     if not study.runs:
         for name, why in study.left_out:
             say(f"{name}: {why}")
@@ -137,4 +133,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

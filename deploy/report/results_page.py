@@ -14,8 +14,8 @@ import numpy as np
 from scipy import stats
 
 from analysis import Study, published_table
-from figures import COLORS, EVALUATION, STYLE, plt
-from curves import curve_over_runs, draw_curve
+from figures import EVALUATION, STYLE, colors_of, legend_below, plt
+from curves import draw_references, draw_runs
 from run_files import OFF_POLICY, ON_POLICY, SCORE, Run, parse_json, read_text
 from tables import Table, as_markdown, millions, rounded
 
@@ -25,6 +25,10 @@ LONGEST_FRAMES = 20e6  # within which a score of the paper's 100 M counts as rea
 RANDOM = "random_"  # eval/random_<scenario>.json
 SECTION_BEGIN, SECTION_END = "<!-- results -->", "<!-- end of results -->"  # in a scenario's page
 PICTURE = "curves.png"
+# At the width of a page, 8.4 inches, this is the size of the text around it.
+LARGER = {"font.size": 9, "axes.labelsize": 9, "axes.titlesize": 10, "legend.fontsize": 9} | {
+    f"{axis}tick.labelsize": 8.5 for axis in "xy"
+}
 
 
 @dataclasses.dataclass
@@ -164,31 +168,36 @@ def reached(scenarios, cells, published: dict[str, dict]) -> dict[str, list[str]
 
 
 def curves_figure(study: Study, scenarios: list[str], random_play: dict):
-    """J of training episodes over env frames, a panel a scenario."""
-    with plt.rc_context(STYLE):
-        columns = min(4, len(scenarios))
-        lines = math.ceil(len(scenarios) / columns)
-        figure, panels = plt.subplots(
-            lines, columns, figsize=(2.6 * columns, 2.0 * lines + 0.4), squeeze=False, layout="constrained"
-        )
-        handles = {}
+    """J of training episodes over env frames, a panel a scenario: three to a row, as wide as a page."""
+    with plt.rc_context(STYLE | LARGER):
+        columns = min(3, len(scenarios))
+        rows = math.ceil(len(scenarios) / columns)
+        size = (8.4, 2.25 * rows + 0.3) if columns > 1 else (5.6, 3.2)
+        figure, panels = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
+        colors = colors_of(study)
         for axes in panels.flat[len(scenarios) :]:
             axes.axis("off")
         for axes, scenario in zip(panels.flat, scenarios):
             for cell in study.cells_of(scenario):
-                algo = cell.runs[0].algo
-                curve = curve_over_runs(cell.drawn, SCORE) or curve_over_runs(cell.drawn, EVALUATION)
-                if curve is not None:
-                    draw_curve(axes, curve, algo, COLORS.get(algo), 1e6)
-                    handles[algo] = axes.get_lines()[-1]
-            if scenario in random_play:
-                axes.axhline(random_play[scenario][0].mean(), color="#777777", linestyle=":", linewidth=1)
+                color, style = colors[cell.label]
+                look = {"color": color, "scale": 1e6, "linestyle": style, "linewidth": 1.4}
+                lines = (draw_runs(axes, cell.drawn, cell.algo, metric=name, **look) for name in (SCORE, EVALUATION))
+                if line := next(filter(None, lines), None):
+                    line.set_label(cell.algo)
+            random = float(random_play[scenario][0].mean()) if scenario in random_play else None
+            reference = study.references.get(scenario)
+            draw_references(axes, random, reference.scripted if reference else None)
             axes.set_title(scenario.replace("_", " "))
-        figure.supxlabel("env frames (millions); dotted: random play", fontsize=8)
-        figure.supylabel("J of training episodes", fontsize=8)
-        names = [algo for algo in ALGORITHMS if algo in handles]
-        if names:
-            figure.legend([handles[algo] for algo in names], names, loc="upper center", bbox_to_anchor=(0.5, 0), ncols=8)
+            axes.margins(x=0.01)
+        for axes in panels.flat[max(0, len(scenarios) - columns) : len(scenarios)]:
+            axes.set_xlabel("env frames (millions)")
+        figure.supylabel("J of training episodes", fontsize=LARGER["font.size"])
+        if len(scenarios) == panels.size:
+            legend_below(figure, panels)
+            return figure
+        found = {words: handle for axes in panels.flat for handle, words in zip(*axes.get_legend_handles_labels())}
+        names = [name for name in dict.fromkeys((*ALGORITHMS, *found)) if name in found]
+        panels.flat[-1].legend([found[name] for name in names], names, loc="center", ncols=2)
         return figure
 
 
@@ -202,7 +211,7 @@ def score_text(scores: np.ndarray) -> str:
 
 
 def save_picture(figure, path: pathlib.Path) -> None:
-    figure.savefig(path, dpi=110, bbox_inches="tight", metadata={"Software": None})
+    figure.savefig(path, dpi=120, metadata={"Software": None})
     plt.close(figure)
 
 
@@ -359,7 +368,12 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
         "",
     ]
     if figure is not None:
-        lines += [f"![Learning curves]({os.path.relpath(picture, page.parent)})", ""]
+        lines += [
+            f"![Learning curves]({os.path.relpath(picture, page.parent)})",
+            "",
+            "Thick: the mean over seeds; thin: single seeds. A scripted team whose score is beyond a panel is named at its edge.",
+            "",
+        ]
     lines += ["## Each run", "", as_markdown(details)]
     if problems or study.left_out:
         lines += ["## Left out", ""] + [f"* {one}" for one in problems] + [f"* {n}: {why}" for n, why in study.left_out]

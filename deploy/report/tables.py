@@ -18,25 +18,27 @@ class Table:
 
 
 def rounded(value: float, digits: int = 4) -> str:
-    """Few digits, no exponent below a million; "-" for what is no number."""
+    """Few digits, no exponent from a millionth to ten million; "-" for what is no number."""
     if not math.isfinite(value):
         return "-"
     if value == 0:
         return "0"
     places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
-    if abs(value) >= 1e7:
+    if abs(value) >= 1e7 or abs(value) < 1e-6:
         return f"{value:.{digits - 1}g}"
     text = f"{value:.{min(places, 6)}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 def with_interval(mean: float, low: float, high: float) -> str:
-    """ "12.3 [10.1, 14.2]" with the digits that the interval's width leaves meaning; without one the mean alone."""
+    """ "12.3 [10.1, 14.2]" with the digits that the interval's width leaves meaning, and two of the mean at least, so that a
+    small score is not shown as 0; without an interval the mean alone."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return rounded(mean)
     if not low < high:
         return f"{rounded(mean)} [{rounded(low)}, {rounded(high)}]"
-    places = min(6, max(0, 1 - math.floor(math.log10(high - low))))
+    smallest = min(high - low, abs(mean)) if mean else high - low
+    places = min(6, max(0, 1 - math.floor(math.log10(smallest))))
     return f"{mean:.{places}f} [{low:.{places}f}, {high:.{places}f}]"
 
 

@@ -31,6 +31,7 @@ try:
     import curves
     import figures
     import intervals
+    import plot
     import run_files
     import study_tables as of
     import tables
@@ -529,25 +530,61 @@ class Numbers(unittest.TestCase):
         self.assertAlmostEqual(curve.half_width[0], 12.706205, places=4)  # t(0.975, 1) s / sqrt(2), s = sqrt(2)
         self.assertIsNone(curves.curve_over_runs([run(0, 10, 1.0), run(20, 80, 3.0)]))
 
-    def test_the_band_of_two_runs_does_not_make_its_lines_flat(self):
-        grid = np.linspace(0, 100, 5)
-        mean = np.linspace(0, 1, 5)
-        heights = {}
-        for runs in (2, 3):
+    def test_few_runs_are_thin_lines_and_their_mean_and_more_have_a_band(self):
+        def run(score):
+            grid = np.linspace(0, 100, 5)
+            return run_files.Run(pathlib.Path("x"), {}, run_files.Metrics(grid, grid, {run_files.SCORE: grid * score}))
+
+        for count, lines, bands, label in ((1, 1, 0, "a"), (2, 3, 0, "a (mean of 2)"), (3, 4, 0, "a (mean of 3)"), (4, 5, 1, "a (mean of 4, 95 %)")):
             axes = matplotlib.figure.Figure().subplots()
-            curves.draw_curve(axes, curves.Curve(grid, mean, np.full(5, 10.0), runs), "two")
-            self.assertEqual(len(axes.collections), 1, "the band is drawn")
+            line = curves.draw_runs(axes, [run(score) for score in range(count)], "a")
+            self.assertEqual((len(axes.get_lines()), len(axes.collections)), (lines, bands))
+            self.assertEqual(line.get_label(), label)
             low, high = axes.get_ylim()
-            heights[runs] = high - low
-        self.assertLess(heights[2], 1.5)
-        self.assertGreater(heights[3], 20)
+            self.assertLess(high - low, 1.2 * 100 * max(1, count - 1) + 100 * bands, "the band does not make the lines flat")
+
+    def test_a_reference_that_would_make_curves_flat_is_words(self):
+        axes = matplotlib.figure.Figure().subplots()
+        axes.plot([0, 1], [0, 1])
+        curves.draw_references(axes, 0.025, 11.0)
+        self.assertEqual([line.get_label() for line in axes.get_lines()][1:], ["random play"])
+        self.assertIn("scripted team: 11 \N{UPWARDS ARROW}", [text.get_text() for text in axes.texts])
+        low, high = axes.get_ylim()
+        self.assertLess(high - low, 1.5)
 
     def test_texts_of_numbers(self):
         self.assertEqual(tables.with_interval(6123.9, 5048.2, 7199.1), "6124 [5048, 7199]")
         self.assertEqual(tables.with_interval(0.7508, 0.6901, 0.8115), "0.75 [0.69, 0.81]")
         self.assertEqual(tables.with_interval(3.0, math.nan, math.nan), "3")
+        self.assertEqual(tables.with_interval(0.0085, -0.2, 0.217), "0.0085 [-0.2000, 0.2170]")
+        self.assertEqual(tables.with_interval(0.0, -0.2, 0.2), "0.00 [-0.20, 0.20]")
+        self.assertEqual(tables.rounded(0.0085), "0.0085")
+        self.assertEqual(tables.rounded(8.5e-8), "8.5e-08")
         self.assertEqual(tables.rounded(math.inf), "-")
         self.assertEqual(tables.latex_text("a_b & 5 %"), r"a\_b \& 5 \%")
+
+
+class Plots(WithFolder):
+    def plot(self, *words) -> str:
+        """The picture of `comrad plot`, as SVG whose texts are texts."""
+        output = self.folder / "plot.svg"
+        with matplotlib.rc_context({"svg.fonttype": "none"}):
+            self.assertEqual(plot.main([*words, "--output", str(output)]), 0)
+        return output.read_text()
+
+    def test_seeds_of_a_sweep_and_a_run_by_hand_are_one_curve_with_title_and_references(self):
+        words = ["--over_seeds"]
+        for seed, threads in ((42, 2), (68, 8), (81, 4)):
+            asked_for = {"learner_threads": 0, "precision": "auto"}
+            run = made_runs.write_run(
+                self.folder, "lava_pit", "ippo", seed, start=0, end=5, learner_threads=threads, asked_for=asked_for
+            )
+            words += ["--curve", run.name, str(run)]
+        drawn = self.plot(*words)
+        for text in (">lava pit<", ">lava_pit IPPO (mean of 3)<", ">random play<", ">scripted team: 11 "):
+            self.assertIn(text, drawn)
+        self.assertNotIn("asked_for", drawn)
+        self.assertNotIn("random play", self.plot(*words, "--metric", "train/grad_norm"))
 
 
 class TheCommand(WithFolder):
