@@ -17,6 +17,7 @@
 #include "deploy/evaluation/play.h"
 #include "deploy/evaluation/recorded_episodes.h"
 #include "deploy/evaluation/summary.h"
+#include "deploy/launch/progress.h"
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/start_notes.h"
 #include "rollout_buffer/core/files.h"
@@ -96,20 +97,15 @@ Status write_positions(const std::string& path, const LaunchPlan& plan, const Js
 }
 
 /// "12.35"; "-" for null.
-std::string rounded(const Json& value) {
-  if (!value.is_number()) return "-";
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value.get<double>());
-  return text;
-}
+std::string rounded(const Json& value) { return value.is_number() ? score_text(value.get<double>()) : "-"; }
 
 void print_episodes(const Json& summary) {
   if (!summary.contains("each")) return;
   for (const auto& one : summary["each"])
-    std::printf("episode %llu  %s  J %.4g of %.4g  %u tics  return %.4g\n",
+    std::printf("episode %llu  %s  J %s of %s  %u tics  return %s\n",
                 one["episode"].get<unsigned long long>(), one["layout"].get<std::string>().c_str(),
-                one["J"].get<double>(), one["ceiling"].get<double>(), one["length_tics"].get<unsigned>(),
-                one["return"].get<double>());
+                rounded(one["J"]).c_str(), rounded(one["ceiling"]).c_str(),
+                one["length_tics"].get<unsigned>(), rounded(one["return"]).c_str());
 }
 
 /// Why a score is not normalised, and what normalises it.
@@ -136,9 +132,9 @@ void print_one(const Json& summary, const std::string& score_name) {
   }
   if (!summary.contains("J_by_layout")) return;
   for (const auto& [layout, score] : summary["J_by_layout"].items()) {
-    std::printf("  %-32s %.4g", layout.c_str(), score.get<double>());
+    std::printf("  %-32s %s", layout.c_str(), rounded(score).c_str());
     if (summary["ceiling_by_layout"].contains(layout))
-      std::printf(" of %.4g", summary["ceiling_by_layout"][layout].get<double>());
+      std::printf(" of %s", rounded(summary["ceiling_by_layout"][layout]).c_str());
     std::puts("");
   }
 }

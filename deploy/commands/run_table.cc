@@ -110,7 +110,7 @@ std::vector<std::string> run_lines(const json& run, std::size_t width) {
   if (goal > 0) work += "/" + count_text(goal) + formatted(" env frames (%.1f%%)", 100 * frames / goal);
   work += formatted(" | %.0f env frames/s", whole(run, "env_frames_per_s")) +
           formatted(", %.0f decisions/s", whole(run, "decisions_per_s"));
-  if (const double score = number(run, "J_mean"); std::isfinite(score)) work += formatted(" | J %.1f", score);
+  if (const double score = number(run, "J_mean"); std::isfinite(score)) work += " | J " + score_text(score);
   if (const double lag = number(run, "policy_lag_mean"); std::isfinite(lag))
     work += formatted(" | lag %.1f", lag) + formatted(" (max %.0f)", whole(run, "policy_lag_max"));
   if (const double filled = number(run, "replay_filled"); filled < 1)

@@ -18,7 +18,6 @@
 #include "deploy/settings/game_files.h"
 #include "deploy/settings/scenario_description.h"
 #include "deploy/sweep/local_backend.h"
-#include "deploy/sweep/report_step.h"
 #include "deploy/sweep/slurm_backend.h"
 #include "deploy/sweep/sweep_element.h"
 #include "deploy/sweep/sweep_estimate.h"

@@ -184,7 +184,10 @@ Expected<int> train(const CommandLine& line, bool allow_no_update, const std::st
   plan.lock_descriptor = directory.lock_descriptor();
   COMRAD_TRY_ASSIGN(const RunOutcome outcome, deploy::run(plan));
   // As all that a run says: a terminal that stands still must not keep it.
-  if (!outcome.message.empty()) ProgressPrinter(STDERR_FILENO, /*show=*/true).note(outcome.message);
+  std::string last = outcome.message;
+  if (outcome.exit_code == kExitDone && find_checkpoint(plan.run_dir, CheckpointKind::kLatest))
+    last += "\n" + next_commands(plan.run_dir);
+  if (!last.empty()) ProgressPrinter(STDERR_FILENO, /*show=*/true).note(last);
   return outcome.exit_code;
 }
 

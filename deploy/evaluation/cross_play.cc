@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "deploy/commands/statistics.h"
+#include "deploy/launch/progress.h"
 #include "rollout_buffer/core/check.h"
 
 namespace comrad::deploy {
@@ -18,7 +19,7 @@ Json as_json(const CrossMean& value) { return {{"J_mean", value.mean}, {"J_ci95"
 
 std::string text_of(const CrossMean& value) {
   char text[64];
-  std::snprintf(text, sizeof text, "%.4g +- %.2g", value.mean, value.ci95);
+  std::snprintf(text, sizeof text, "%s +- %.2g", score_text(value.mean).c_str(), value.ci95);
   return text;
 }
 

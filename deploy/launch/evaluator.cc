@@ -195,18 +195,13 @@ Expected<std::string> Evaluator::record() {
   values.emplace_back("eval/seconds", clock_.now_s() - current_->began_s);
   const auto skip = static_cast<uint64_t>(std::max<int64_t>(1, plan_.config.environment.env_frameskip));
   COMRAD_TRY(folder_.record(snapshot, snapshot.env_frames / skip, values));
-  char text[128];
-  std::snprintf(text, sizeof text, "eval J %.1f at %s", values.front().second,
-                count_text(static_cast<double>(snapshot.env_frames)).c_str());
-  last_text_ = text;
-  char spread[32] = "";
-  if (values[1].first == std::string("eval/J_ci95"))
-    std::snprintf(spread, sizeof spread, " +- %.1f", values[1].second);
-  std::snprintf(text, sizeof text, "evaluated %s: J %.1f%s over %lld greedy episodes on %s maps",
-                at_text(snapshot).c_str(), values.front().second, spread,
-                static_cast<long long>(plan_.config.run.eval_episodes),
-                plan_.config.run.eval_maps == EvalMaps::kTrain ? "the run's" : "held-out");
-  return std::string(text);
+  const std::string score = score_text(values.front().second);
+  last_text_ = "eval J " + score + " at " + count_text(static_cast<double>(snapshot.env_frames));
+  const bool has_interval = values[1].first == std::string("eval/J_ci95");
+  return "evaluated " + at_text(snapshot) + ": J " + score +
+         (has_interval ? " +- " + score_text(values[1].second) : "") + " over " +
+         std::to_string(plan_.config.run.eval_episodes) + " greedy episodes on " +
+         (plan_.config.run.eval_maps == EvalMaps::kTrain ? "the run's" : "held-out") + " maps";
 }
 
 void Evaluator::stop(int signal) {

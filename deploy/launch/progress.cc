@@ -10,6 +10,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "rollout_buffer/core/text.h"
+
 namespace comrad::deploy {
 namespace {
 
@@ -21,6 +23,20 @@ std::string format(const char* pattern, Values... values) {
 }
 
 }  // namespace
+
+std::string next_commands(const std::string& run_dir) {
+  const std::string run = shell_word(run_dir);
+  return "next, to evaluate it:   comrad eval --policy " + run + " --episodes 100\n" +
+         "      to make a video:  comrad eval --policy " + run + " --save_video " +
+         shell_word(run_dir + "/video.mp4") + "\n" + "      to plot it:       comrad plot " + run +
+         " --output " + shell_word(run_dir + "/curves.png");
+}
+
+std::string score_text(double score) {
+  if (!std::isfinite(score)) return "-";
+  // No exponent for a large score, and no "-0".
+  return format(std::fabs(score) < 9999.5 ? "%.4g" : "%.0f", score == 0 ? 0.0 : score);
+}
 
 std::string count_text(double count) {
   const struct {
@@ -66,7 +82,7 @@ std::string training_line(const TrainingProgress& p) {
     text += " env frames";
   }
   text += format(" | %.0f env frames/s, %.0f decisions/s", p.env_frames_per_s, p.decisions_per_s);
-  if (std::isfinite(p.score_mean)) text += format(" | J %.1f", p.score_mean);
+  if (std::isfinite(p.score_mean)) text += " | J " + score_text(p.score_mean);
   if (std::isfinite(p.return_mean))
     text += format("%s return %.3g", std::isfinite(p.score_mean) ? "," : " |", p.return_mean);
   if (p.decision_limit >= 0)

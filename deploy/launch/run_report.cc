@@ -20,19 +20,13 @@ std::string rates_text(double decisions_per_s, int64_t frame_skip) {
   return text;
 }
 
-std::string score_text(double score) {
-  char text[32];
-  std::snprintf(text, sizeof text, "J %.1f", score);
-  return text;
-}
-
 }  // namespace
 
 std::string RunReport::evaluation_line() const {
   std::string text;
   if (plan_.episodes > 0) {
     text = "episodes " + std::to_string(meter_.episodes().size()) + "/" + std::to_string(plan_.episodes);
-    if (!meter_.episodes().empty()) text += " | " + score_text(meter_.episode_score_mean());
+    if (!meter_.episodes().empty()) text += " | J " + score_text(meter_.episode_score_mean());
     text += " | ";
   }
   if (plan_.feeds()) {
@@ -128,7 +122,7 @@ std::string RunReport::summary(const std::string& how_it_ended, double worked_s)
       rates_text(worked_s > 0 ? decisions / worked_s : 0, plan_.config.environment.env_frameskip);
   const dds::TrainStats& stats = meter_.last_stats();
   if (plan_.trains() && stats.episodes > 0 && std::isfinite(stats.score_mean))
-    text += ", " + score_text(stats.score_mean);
+    text += ", J " + score_text(stats.score_mean);
   if (plan_.trains() && stats.learner_version == 0) text += "; no update was made, so nothing was learned";
   if (const std::string lost = meter_.going_back_text(); !lost.empty()) text += "; " + lost;
   if (!stats.last_checkpoint.empty()) text += "; checkpoint " + stats.last_checkpoint;

@@ -1,6 +1,5 @@
 #include "deploy/sweep/report_step.h"
 
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 
@@ -9,17 +8,6 @@
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
-
-std::string shell_word(const std::string& text) {
-  const auto is_plain = [](char c) {
-    return (lower_case(c) >= 'a' && lower_case(c) <= 'z') || (c >= '0' && c <= '9') ||
-           std::string_view("_-./=,:+@%").find(c) != std::string_view::npos;
-  };
-  if (!text.empty() && std::ranges::all_of(text, is_plain)) return text;
-  std::string word = "'";
-  for (const char c : text) word += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return word + "'";
-}
 
 std::string report_lines(const SweepFolder& folder, const std::string& command) {
   constexpr std::string_view kFolder = "{folder}";

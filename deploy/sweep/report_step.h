@@ -8,9 +8,6 @@
 
 namespace comrad::deploy {
 
-/// `text` as one word of a shell, in quotes where something in it is special.
-std::string shell_word(const std::string& text);
-
 /// The lines of a shell script that run `command`: `comrad` is found first, "{folder}" stands for the sweep's folder.
 std::string report_lines(const SweepFolder& folder, const std::string& command);
 

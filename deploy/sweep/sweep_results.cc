@@ -13,10 +13,10 @@
 
 #include "deploy/process/child_program.h"
 #include "deploy/settings/game_files.h"
-#include "deploy/sweep/report_step.h"
 #include "deploy/sweep/sweep_folder.h"
 #include "rollout_buffer/core/clock.h"
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/text.h"
 #include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/setting.h"
 

@@ -35,14 +35,12 @@ std::string per_cent(const RunView& view) {
 }
 
 std::vector<std::string> cells_of(const RunView& view) {
-  char score[32] = "";
-  if (std::isfinite(view.score_mean)) std::snprintf(score, sizeof score, "%.2f", view.score_mean);
   const bool is_running = view.state == RunState::kRunning;
   return {view.name,
           word_of(view.state) + std::string(view.stale.empty() ? "" : ", stale"),
           count_text(view.env_frames) + "/" + count_text(view.goal_env_frames) + per_cent(view),
           is_running ? count_text(view.env_frames_per_s) : "",
-          score,
+          std::isfinite(view.score_mean) ? score_text(view.score_mean) : "",
           is_running ? eta_text(left_of(view), view.env_frames_per_s) : "",
           view.record.host + (view.record.job.empty() ? "" : " (job " + view.record.job + ")"),
           view.record.attempts > 0 ? std::to_string(view.record.attempts) : ""};

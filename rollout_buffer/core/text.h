@@ -44,6 +44,9 @@ std::string bytes_text(int64_t bytes);
 /// a ".0", so that TOML reads it as a real one.
 std::string real_text(double value);
 
+/// The text as one word of a shell, in quotes where something in it is special.
+std::string shell_word(std::string_view text);
+
 /// How many typing errors lie between two words: the optimal string alignment distance. A letter too many, a
 /// letter missing, a wrong letter and two neighbours swapped count one each, and no part of a word is edited
 /// twice (so "ca" to "abc" is 3, where the unrestricted Damerau-Levenshtein distance is 2). Case counts.

@@ -71,6 +71,8 @@ TEST(Train, ResumesWhereItStopped) {
   EXPECT_GE(before["env_frames"], 4096);
   EXPECT_GT(after["learner_version"], before["learner_version"]);
   EXPECT_EQ(after["message"], "finished (--train_for_env_frames 8192)");
+  EXPECT_THAT(second.err,
+              HasSubstr("comrad eval --policy " + (scratch / "run").string() + " --episodes 100\n"));
   double last = 0;  // had it started over, the count would fall back
   for (const nlohmann::json& report : read_json_lines(scratch / "run/metrics.jsonl")) {
     EXPECT_GE(report["env_frames"].get<double>(), last);

@@ -57,6 +57,9 @@ TEST(RunTable, SaysWhatTheRunSaid) {
                             "checkpoint_9_8.pt, 2 could not be written"})
     EXPECT_THAT(all, HasSubstr(words));
   EXPECT_THAT(all, Not(HasSubstr("J ")));
+  json scored = a_run();
+  scored["J_mean"] = 0.0085;
+  EXPECT_THAT(run_lines(scored, 200)[1], HasSubstr("| J 0.0085 |"));
   EXPECT_THAT(host_table(a_run(), 200)[1], HasSubstr("3600")) << "env frames/s";
   EXPECT_THAT(worker_table(a_run(), 200)[2], HasSubstr("1m15s")) << "silent";
 }

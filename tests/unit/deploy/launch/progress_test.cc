@@ -55,8 +55,32 @@ TEST(TrainingLine, ShowsTheLastEvaluationBehindTheTrainingScore) {
   TrainingProgress progress;
   progress.env_frames = 512;
   progress.score_mean = 3;
-  progress.evaluated = "eval J 4.0 at 1M";
-  EXPECT_THAT(training_line(progress), ::testing::EndsWith("| J 3.0 | eval J 4.0 at 1M"));
+  progress.evaluated = "eval J 4 at 1M";
+  EXPECT_THAT(training_line(progress), ::testing::EndsWith("| J 3 | eval J 4 at 1M"));
+}
+
+TEST(NextCommands, NameTheRunsFolder) {
+  EXPECT_EQ(next_commands("/runs/lava"),
+            "next, to evaluate it:   comrad eval --policy /runs/lava --episodes 100\n"
+            "      to make a video:  comrad eval --policy /runs/lava --save_video /runs/lava/video.mp4\n"
+            "      to plot it:       comrad plot /runs/lava --output /runs/lava/curves.png");
+  EXPECT_THAT(next_commands("/my runs/lava"),
+              ::testing::HasSubstr("plot '/my runs/lava' --output '/my runs/lava/curves.png'"));
+}
+
+TEST(ScoreText, HidesNoSmallScore) {
+  TrainingProgress progress;
+  progress.score_mean = 0.0085;
+  EXPECT_THAT(training_line(progress), ::testing::EndsWith("| J 0.0085"));
+  EXPECT_EQ(score_text(0), "0");
+  EXPECT_EQ(score_text(-0.0), "0");
+  EXPECT_EQ(score_text(3), "3");
+  EXPECT_EQ(score_text(412.34), "412.3");
+  EXPECT_EQ(score_text(-16.1179), "-16.12");
+  EXPECT_EQ(score_text(9999.4), "9999");
+  EXPECT_EQ(score_text(12345.6), "12346") << "no exponent";
+  EXPECT_EQ(score_text(0.000123456), "0.0001235");
+  EXPECT_EQ(score_text(std::nan("")), "-");
 }
 
 TEST(WholeText, GroupsThreeDigits) {

@@ -7,7 +7,6 @@
 #include <filesystem>
 
 #include "deploy/sweep/local_backend.h"
-#include "deploy/sweep/report_step.h"
 #include "deploy/sweep/slurm_backend.h"
 #include "deploy/sweep/sweep_element.h"
 #include "deploy/sweep/sweep_estimate.h"
@@ -257,11 +256,6 @@ TEST(SweepEstimate, GroupsRunsThatDifferInSeedAndScenarioAlone) {
   groups[0].env_frames_per_s = 1000, groups[1].env_frames_per_s = 500;
   const std::string text = estimate_text(groups, plan);  // 4 M frames each: 4000 s and 8000 s
   EXPECT_THAT(text, AllOf(HasSubstr("3.3 hours one after the other"), HasSubstr("1.7 with 2 at once")));
-}
-
-TEST(ReportLines, QuoteTheFolder) {
-  EXPECT_EQ(shell_word("plain-1.toml"), "plain-1.toml");
-  EXPECT_EQ(shell_word("it's"), "'it'\\''s'");
 }
 
 TEST(BenchmarkSweep, IsThePapersMatrix) {

@@ -100,6 +100,13 @@ TEST(BytesText, IsInMegabytesBelowAGigabyte) {
   EXPECT_EQ(bytes_text(1'540'000'000'000), "1540.0 GB");
 }
 
+TEST(ShellWord, QuotesWhatAShellWouldRead) {
+  EXPECT_EQ(shell_word("plain-1.toml"), "plain-1.toml");
+  EXPECT_EQ(shell_word("a b"), "'a b'");
+  EXPECT_EQ(shell_word("it's"), "'it'\\''s'");
+  EXPECT_EQ(shell_word(""), "''");
+}
+
 TEST(RealText, IsTheShortestThatReadsBack) {
   EXPECT_EQ(real_text(0.9995), "0.9995");
   EXPECT_EQ(real_text(0.1 + 0.2), "0.30000000000000004");
