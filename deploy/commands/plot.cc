@@ -87,7 +87,8 @@ int plot_command(Arguments arguments) {
       "Draws learning curves as PNG, SVG or PDF: score J over env frames, and the evaluations of runs that\n"
       "have them. RUN is a run directory, an experiment below --train_dir, or several under one name,\n"
       "NAME=RUN,RUN,RUN: each is drawn thinly, and their mean, from four runs on with its 95% interval over\n"
-      "the runs (Student t). Where all play one scenario on its default map, lines show the scores of random\n"
+      "the runs (Student t). Where all play one scenario on its default map, lines show the scores of "
+      "random\n"
       "play and of the scripted team. A run in which no episode has ended yet is named and left out.");
   line.add_words("RUN", options.runs, "runs to draw, each a curve");
   line.add_option("output", options.output, "FILE",

@@ -319,7 +319,9 @@ def diagnostics_figure(study: Study, scenario: str):
     colors, columns = colors_of(study), 4
     words, scale = axis_of([run for cell in cells for run in cell.runs], "env_frames")
     rows = -(-len(shown) // columns)
-    figure, panels = plt.subplots(rows, columns, figsize=(8.4, 1.55 * rows + 0.3), layout="constrained", squeeze=False)
+    figure, panels = plt.subplots(
+        rows, columns, figsize=(8.4, 1.45 * rows + 0.4), layout="constrained", squeeze=False, sharex=True
+    )
     for axes, (name, title) in zip(panels.flat, shown):
         for cell in cells:
             color, style = colors[cell.label]
@@ -332,6 +334,7 @@ def diagnostics_figure(study: Study, scenario: str):
         axes.set_visible(False)
     for axes in panels.flat[max(0, len(shown) - columns) : len(shown)]:
         axes.set_xlabel(words)
+        axes.tick_params(labelbottom=True)
     legend_below(figure, panels[:1])
     return figure
 

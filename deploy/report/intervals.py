@@ -45,7 +45,9 @@ def percentiles(values: np.ndarray) -> tuple[float, float]:
 
 def interquartile_mean(scores: Scores) -> float:
     """Mean of the middle half of all runs of all scenarios: robust to single runs, yet every scenario counts."""
-    return float(stats.trim_mean(np.concatenate(scores), proportiontocut=0.25))
+    values = np.sort(np.concatenate(scores))  # a third of the time of SciPy's trim_mean, thousands of times a report
+    cut = len(values) // 4
+    return float(values[cut : len(values) - cut].mean())
 
 
 def performance_profile(scores: Scores, thresholds: np.ndarray) -> np.ndarray:

@@ -6,8 +6,11 @@
 Needs numpy, SciPy and Matplotlib (deploy/packages_report.txt); skipped with code 77 where they are missing.
 """
 
+import contextlib
 import csv
+import dataclasses
 import datetime
+import io
 import json
 import math
 import pathlib
@@ -17,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import warnings
 
 HERE = pathlib.Path(__file__).resolve().parent
 REPORT = HERE.parents[3] / "deploy" / "report"
@@ -32,6 +36,7 @@ try:
     import figures
     import intervals
     import plot
+    import report
     import run_files
     import study_tables as of
     import tables
@@ -565,6 +570,19 @@ class Numbers(unittest.TestCase):
 
 
 class Plots(WithFolder):
+    def test_refuses_what_it_cannot_draw(self):
+        run = made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5)
+        picture = self.folder / "plot.svg"
+        for words, message in (
+            (["--metric", "train/grad_nrom"], "did you mean train/grad_norm?"),
+            (["--metric", "eval/J"], "nothing was evaluated in 40 reports"),
+            (["--baseline", "90x"], "NAME=VALUE"),
+        ):
+            with contextlib.redirect_stderr(io.StringIO()) as said:
+                self.assertEqual(plot.main([*words, "--output", str(picture), "--curve", "one", str(run)]), 2)
+            self.assertIn(message, said.getvalue())
+            self.assertFalse(picture.exists())
+
     def plot(self, *words) -> str:
         """The picture of `comrad plot`, as SVG whose texts are texts."""
         output = self.folder / "plot.svg"
@@ -584,21 +602,43 @@ class Plots(WithFolder):
         for text in (">lava pit<", ">lava_pit IPPO (mean of 3)<", ">random play<", ">scripted team: 11 "):
             self.assertIn(text, drawn)
         self.assertNotIn("asked_for", drawn)
-        self.assertNotIn("random play", self.plot(*words, "--metric", "train/grad_norm"))
+        drawn = self.plot(*words, "--metric", "train/grad_norm", "--title", "gradients")
+        self.assertIn(">lava_pit IPPO (mean of 3)<", drawn)
+        self.assertIn(">gradients<", drawn)
+        self.assertNotIn("random play", drawn)
+
+
+@dataclasses.dataclass
+class Ended:
+    returncode: int
+    stderr: str
+
+
+def run_report(*words) -> Ended:
+    """`comrad report`, in this process: its packages take a second to load. What Matplotlib warns of is in stderr."""
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
+        with warnings.catch_warnings():
+            warnings.simplefilter("always")
+            try:
+                returncode = report.main([str(word) for word in words])
+            except SystemExit as refused:  # by argparse
+                returncode = refused.code
+    return Ended(returncode, said.getvalue())
 
 
 class TheCommand(WithFolder):
-    def run_report(self, *words):
-        return subprocess.run(
-            [sys.executable, "-B", str(REPORT / "report.py"), *map(str, words)],
-            capture_output=True,
-            text=True,
-            timeout=300,
-        )
+    def test_the_script_reports_a_single_run_without_anything_else(self):
+        run = made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5)
+        (run / "status.json").unlink()
+        words = [sys.executable, "-B", str(REPORT / "report.py"), str(run)]
+        ended = subprocess.run(words, capture_output=True, text=True, timeout=300)
+        self.assertEqual(ended.returncode, 0, ended.stderr)
+        self.assertIn("status.json: there is no status.json", ended.stderr)
+        self.assertIn(str(run / "report" / "report.html"), ended.stdout)
 
     def test_writes_one_page_and_its_tables(self):
         runs = self.folder / "runs"
-        made_runs.write_study(runs)
+        made_runs.write_study(runs, scenarios=made_runs.TWO_SCENARIOS)
         made_runs.write_run(
             runs,
             "lava_pit",
@@ -612,7 +652,7 @@ class TheCommand(WithFolder):
             message="</table><script>alert(1)</script> ran out of disk",
         )
         made_runs.write_run(runs, "lava_pit", "qmix_of_mine", 97, start=0, end=5)
-        ended = self.run_report(runs, "--output", self.folder / "out")
+        ended = run_report(runs, "--output", self.folder / "out")
         self.assertEqual(ended.returncode, 0, ended.stderr)
         self.assertEqual(
             sorted(path.name for path in (self.folder / "out").iterdir()),
@@ -664,25 +704,15 @@ class TheCommand(WithFolder):
                 minibatches_of_an_epoch=number // 2 + 4,
                 steps_of_a_rollout=32 * (number // 2 + 1),
             )
-        ended = self.run_report(self.folder)
+        ended = run_report(self.folder)
         self.assertEqual(ended.returncode, 0, ended.stderr)
         self.assertNotIn("constrained_layout", ended.stderr)
 
     def test_the_way_of_computing_intervals_is_chosen(self):
-        made_runs.write_study(self.folder, evaluations=False)
-        texts = []
-        for words in ([], ["--bootstrap"]):
-            self.assertEqual(self.run_report(self.folder, *words).returncode, 0)
-            texts.append((self.folder / "report" / "scores.csv").read_text())
-        self.assertNotEqual(texts[0], texts[1])
-
-    def test_a_single_run_without_anything_else_is_reported(self):
-        run = made_runs.write_run(self.folder, "lava_pit", "ippo", 42, start=0, end=5)
-        for name in ("status.json",):
-            (run / name).unlink()
-        ended = self.run_report(run)
-        self.assertEqual(ended.returncode, 0, ended.stderr)
-        self.assertIn("status.json: there is no status.json", ended.stderr)
+        made_runs.write_study(self.folder, evaluations=False, scenarios=made_runs.TWO_SCENARIOS)
+        texts = [of.csv_files(self.study(bootstrap=bootstrap))["scores.csv"] for bootstrap in (False, True)]
+        self.assertNotEqual(*texts)
+        self.assertTrue(report.parse([str(self.folder), "--bootstrap"]).bootstrap)
 
     def test_refuses_what_holds_no_run(self):
         for words, message in (
@@ -691,7 +721,7 @@ class TheCommand(WithFolder):
             ((self.folder, "--at", "-3"), "not between"),
             ((self.folder, "--otput", "x"), "unrecognized"),
         ):
-            ended = self.run_report(*words)
+            ended = run_report(*words)
             self.assertEqual(ended.returncode, 2, ended.stderr)
             self.assertIn(message, ended.stderr)
         self.assertEqual(list(self.folder.iterdir()), [])
@@ -714,8 +744,7 @@ class ResultsPage(WithFolder):
 
     def page(self) -> str:
         page = self.folder / "RESULTS.md"
-        command = [sys.executable, "-B", REPORT / "report.py", self.folder, "--results_page", page]
-        subprocess.run(command, check=True, capture_output=True)
+        self.assertEqual(run_report(self.folder, "--results_page", page).returncode, 0)
         return page.read_text()
 
     def test_holm_is_the_textbook(self):
@@ -759,9 +788,8 @@ class ResultsPage(WithFolder):
         self.assertIn("all 8 tests", page)
         self.assertTrue((self.folder / "curves.png").stat().st_size > 1000)
 
-    def scenario_pages(self) -> subprocess.CompletedProcess:
-        command = [sys.executable, "-B", REPORT / "report.py", self.folder, "--scenario_pages", self.folder / "pages"]
-        return subprocess.run(command, capture_output=True, text=True)
+    def scenario_pages(self) -> Ended:
+        return run_report(self.folder, "--scenario_pages", self.folder / "pages")
 
     def test_each_scenarios_page_has_its_runs_between_two_marks(self):
         self.episodes("random_lava_pit", [0.0, 1.0] * 50)
