@@ -70,7 +70,7 @@ Expected<int> plot(const PlotOptions& options) {
     words.emplace_back("--curve");
     words.insert(words.end(), curve.begin(), curve.end());
   }
-  COMRAD_TRY_ASSIGN(words[0], python_that_imports("numpy, scipy, matplotlib"));
+  COMRAD_TRY_ASSIGN(words[0], python_that_imports(kReportModules));
   COMRAD_TRY_ASSIGN(const ProgramResult drawn,
                     run_program(words, {.timeout_s = kDrawingTimeoutS, .echo_stderr = true}));
   if (drawn.exit_code != 0) return drawn.exit_code;

@@ -26,12 +26,13 @@ class Report:
         ]
         self.latex: list[str] = []
         hours = sum(float(run.metrics.time_s[-1]) for run in study.runs if len(run.metrics)) / 3600
+        counts = {state: sum(run.state == state for run in study.runs) for state in ENDED_BADLY}
         self.page.head(
             f"{study.folder.resolve().name}, {now:%Y-%m-%d %H:%M}. Score J as each scenario defines it; 95 % intervals.",
             [
                 (str(len(study.runs)), "runs"),
                 (str(sum(len(cell.complete) for cell in study.cells)), "counted in means"),
-                *((str(sum(run.state == state for run in study.runs)), state) for state in ENDED_BADLY),
+                *((str(count), state) for state, count in counts.items() if count or state == "failed"),
                 (str(len(study.scenarios)), "scenarios"),
                 (str(len({cell.algo for cell in study.cells})), "algorithms"),
                 (millions(sum(run.env_frames for run in study.runs)), "env frames"),
