@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "rollout_buffer/core/text.h"
@@ -50,7 +51,11 @@ class Parser {
     UdmfMap map;
     for (;;) {
       COMRAD_TRY_ASSIGN(const Token name, next());
-      if (name.kind == Token::Kind::kEnd) return map;
+      if (name.kind == Token::Kind::kEnd) {
+        for (const std::string& field : unread_)
+          map.warnings.push_back("the UDMF field '" + field + "' is not supported, its values are dropped");
+        return map;
+      }
       if (name.kind != Token::Kind::kWord)
         return wrong(name, "expected a key or the name of a block, found " + name.shown());
       COMRAD_TRY_ASSIGN(const Token sign, next());
@@ -230,6 +235,13 @@ class Parser {
 
   // ---- blocks
 
+  /// A field that this engine does not know: it is named in a warning.
+  Status unread() {
+    is_read_ = false;
+    return {};
+  }
+  static bool is_for_editors(const std::string& key) { return key == "comment" || key.starts_with("user_"); }
+
   /// Reads `key = value;` up to '}' and hands each to `take`.
   template <typename Take>
   Status assignments(const Token& name, Take&& take) {
@@ -245,7 +257,9 @@ class Parser {
       Assignment assignment;
       COMRAD_TRY_ASSIGN(assignment.value, value_and_semicolon(key.text));
       assignment.key = std::move(key.text);
+      is_read_ = true;
       COMRAD_TRY(take(assignment));
+      if (!is_read_ && !is_for_editors(assignment.key)) unread_.insert(name.text + " " + assignment.key);
     }
   }
 
@@ -276,8 +290,8 @@ class Parser {
     COMRAD_TRY(assignments(name, [&](const Assignment& a) -> Status {
       if (a.key == "x") return has_x = true, read(a, vertex.x);
       if (a.key == "y") return has_y = true, read(a, vertex.y);
-      if (a.key == "zfloor" || a.key == "zceiling") vertex.has_height = true;
-      return {};
+      if (a.key == "zfloor" || a.key == "zceiling") return vertex.has_height = true, Status();
+      return unread();
     }));
     if (!has_x || !has_y) return missing(name, has_x ? "y" : "x");
     map.vertices.push_back(vertex);
@@ -339,7 +353,7 @@ class Parser {
       for (const auto& [key, flag] : kLineFlags)
         if (a.key == key) return read(a, line.*flag);
       if (a.key == "midtex3d" || a.key == "midtex3dimpassible") return read(a, line.midtex_3d);
-      return {};
+      return unread();
     }));
     if (!has_v1 || !has_v2 || !has_front) return missing(name, !has_v1 ? "v1" : !has_v2 ? "v2" : "sidefront");
     map.linedefs.push_back(line);
@@ -372,7 +386,7 @@ class Parser {
         if (what == "scalex") return read(a, side.parts[part].scale_x);
         if (what == "scaley") return read(a, side.parts[part].scale_y);
       }
-      return {};
+      return unread();
     }));
     if (!has_sector) return missing(name, "sector");
     map.sidedefs.push_back(std::move(side));
@@ -402,7 +416,8 @@ class Parser {
       if (a.key == "secret") return read(a, sector.secret);
       if (a.key == "nofallingdamage") return read(a, sector.no_falling_damage);
       if (a.key == "moreids") return read(a, sector.more_ids);
-      if (a.key.starts_with("floorplane_") || a.key.starts_with("ceilingplane_")) sector.is_sloped = true;
+      if (a.key.starts_with("floorplane_") || a.key.starts_with("ceilingplane_"))
+        return sector.is_sloped = true, Status();
       for (auto* plane : {&sector.floor, &sector.ceiling}) {
         const std::string end = plane == &sector.floor ? "floor" : "ceiling";
         if (a.key == "xpanning" + end) return read(a, plane->panning_x);
@@ -413,7 +428,7 @@ class Parser {
         if (a.key == "light" + end) return read(a, plane->light);
         if (a.key == "light" + end + "absolute") return read(a, plane->light_absolute);
       }
-      return {};
+      return unread();
     }));
     if (sector.texture_floor.empty() || sector.texture_ceiling.empty())
       return missing(name, sector.texture_floor.empty() ? "texturefloor" : "textureceiling");
@@ -450,10 +465,11 @@ class Parser {
       if (a.key == "alpha") return read(a, thing.alpha);
       if (a.key == "health") return read(a, thing.health);
       if (a.key == "gravity") return read(a, thing.gravity);
+      if (a.key == "score") return read(a, thing.score);
       if (a.key == "scalex") return read(a, thing.scale_x);
       if (a.key == "scaley") return read(a, thing.scale_y);
       if (a.key == "scale") return thing_scale(a, thing);
-      return {};
+      return unread();
     }));
     if (!has_x || !has_y || !has_type) return missing(name, !has_x ? "x" : !has_y ? "y" : "type");
     map.things.push_back(thing);
@@ -480,6 +496,8 @@ class Parser {
 
   std::string_view text_;
   const std::string& label_;
+  std::set<std::string> unread_;  ///< "thing conversation"
+  bool is_read_ = true;
   std::size_t position_ = 0;
   int line_ = 1, column_ = 1;
 };

@@ -80,7 +80,7 @@ struct UdmfThing {
   uint32_t class_filter = 0xFFFF;  ///< bit n: player class n + 1
   bool single = false, coop = false, dm = false, ambush = false, dormant = false;
   bool standing = false, friendly = false, invisible = false, translucent = false, count_secret = false;
-  int32_t pitch = 0;
+  int32_t pitch = 0, score = 0;
   double alpha = -1, scale_x = 1, scale_y = 1, health = 1, gravity = 1;
   int text_line = 0;
 };

@@ -65,13 +65,13 @@ class LevelBuilder {
   }
   /// Linedefs count in the order in which they were made, four to a box.
   Linedef& line(uint32_t index) { return level_.linedefs[index]; }
-  LevelBuilder& thing(int editor_number, int x, int y, int angle_degrees = 0, int id = 0) {
-    MapThing thing;
+  LevelBuilder& thing(int editor_number, int x, int y, int angle_degrees = 0, int id = 0,
+                      MapThing thing = {}) {
     thing.editor_number = editor_number;
     thing.x = to_fixed(x), thing.y = to_fixed(y);
     thing.angle_degrees = angle_degrees;
     thing.id = id;
-    thing.flags = kThingSkill1 * 31 | kThingSingle | kThingCoop;
+    thing.flags |= kThingSkill1 * 31 | kThingSingle | kThingCoop;
     level_.things.push_back(thing);
     return *this;
   }

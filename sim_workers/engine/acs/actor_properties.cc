@@ -149,6 +149,9 @@ void set_actor_property(const Caller& caller, Actor& actor, int32_t property, in
     case ActorProperty::kTracerTid:
       actor.tracer_id = id_of_thing(caller, value);
       return;
+    case ActorProperty::kScore:
+      actor.score = value;
+      return;
     case ActorProperty::kScaleX:
       actor.scale_x = to_float(value);
       return;
@@ -224,6 +227,8 @@ int32_t get_actor_property(const Caller& caller, const Actor* actor, int32_t pro
       return thing_id_of(world, actor->target_id);
     case ActorProperty::kTracerTid:
       return thing_id_of(world, actor->tracer_id);
+    case ActorProperty::kScore:
+      return actor->score;
     case ActorProperty::kScaleX:
       return from_float(actor->scale_x);
     case ActorProperty::kScaleY:

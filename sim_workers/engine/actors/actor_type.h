@@ -70,6 +70,7 @@ enum class ActorFlag : uint8_t {
   kIsMonster,
   kCountKill,
   kCountItem,
+  kCountSecret,
   kAmbush,
   kJustHit,
   kJustAttacked,

@@ -28,7 +28,8 @@ constexpr std::pair<std::string_view, ActorFlag> kFlags[] = {
     {"ceilinghugger", kCeilingHugger}, {"dontsplash", kDontSplash}, {"bloodlessimpact", kBloodlessImpact},
     {"strifedamage", kStrifeDamage}, {"piercearmor", kPierceArmor}, {"hittarget", kHitTarget},
     {"hittracer", kHitTracer}, {"stepmissile", kStepMissile},
-    {"ismonster", kIsMonster}, {"countkill", kCountKill}, {"countitem", kCountItem}, {"ambush", kAmbush},
+    {"ismonster", kIsMonster}, {"countkill", kCountKill}, {"countitem", kCountItem}, {"countsecret", kCountSecret},
+    {"ambush", kAmbush},
     {"justhit", kJustHit}, {"justattacked", kJustAttacked}, {"skullfly", kSkullFly}, {"infloat", kInFloat},
     {"inchase", kInChase}, {"friendly", kFriendly}, {"frightened", kFrightened},
     {"lookallaround", kLookAllAround}, {"standstill", kStandStill}, {"dormant", kDormant}, {"boss", kBoss},
@@ -70,7 +71,7 @@ constexpr std::pair<std::string_view, ActorFlag> kFlags[] = {
 constexpr std::string_view kIdleFlags[] = {
     "actlikebridge", "allowpain", "allowparticles", "axeblood", "bfg", "blasted", "blockasplayer",
     "bossthink", "bot_explosive", "bot_meleeweapon", "bot_react_skill_thing", "bouncelikeheretic",
-    "bumpspecial", "canblast", "canbouncewater", "canjump", "cantseek", "causepain", "countsecret",
+    "bumpspecial", "canblast", "canbouncewater", "canjump", "cantseek", "causepain",
     "crashed", "deathmatchonly", "defthreshold", "dehexplosion", "doharmspecies", "dontblast", "dontcorpse",
     "dontdrain", "dontfacetalker", "dontharmclass", "dontharmspecies", "dontlightactors", "dontoverlap",
     "dontreflect", "dontrip", "dontseekinvisible", "dontsquash", "explodeonsky",

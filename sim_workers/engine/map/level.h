@@ -170,7 +170,8 @@ struct MapThing {
   float alpha = -1.0f;                   ///< below 0: its type's own
   float scale_x = 1.0f, scale_y = 1.0f;  ///< times its type's
   float health = 1.0f;                   ///< times its type's; below 0: minus so many points
-  Fixed gravity = kFracUnit;             ///< times its type's
+  Fixed gravity = kFracUnit;             ///< times its type's; below 0: minus that much
+  int32_t score = 0;                     ///< of APROP_Score
 };
 
 enum class MapFormat : uint8_t { kUdmf, kHexen, kDoom };

@@ -123,7 +123,6 @@ class Loader {
       sector.ceiling_height = fixed_from(from.height_ceiling);
       if (sector.ceiling_height < sector.floor_height) {
         // Doors of old maps begin so; they are shut all the same.
-        if (!map_.is_binary) return wrong("sector", place, "this sector's ceiling lies below its floor");
         sector.ceiling_height = sector.floor_height;
         ++low_ceilings_;
       }
@@ -322,6 +321,7 @@ class Loader {
       if (from.scale_y != 0) thing.scale_y = float_clamped(from.scale_y, -1000, 1000);
       thing.health = float_clamped(from.health, -1e6, 1e6);
       thing.gravity = fixed_from(std::clamp(from.gravity, -100.0, 100.0));
+      thing.score = from.score;
       level_.things.push_back(thing);
     }
     if (far_off > 0)

@@ -337,8 +337,7 @@ bool in_range(const World& world, int player, uint32_t type) {
 }  // namespace
 
 bool within_reach(const Actor& body, const Actor& item) {
-  const int64_t above = int64_t{item.z} - body.z;
-  return above <= body.height && above >= -int64_t{to_fixed(32)};
+  return int64_t{item.z} - body.z <= body.height && body.z < item.top();
 }
 
 bool stays_for_others(const World& world, const Actor& item) {
@@ -378,6 +377,11 @@ bool touch_item(World& world, Actor& body, Actor& item) {
     ++player.item_count;
     ++world.state().item_taken;
     item.set(ActorFlag::kCountItem, false);
+  }
+  if (item.has(ActorFlag::kCountSecret)) {
+    ++player.secret_count;
+    ++world.state().secret_found;
+    item.set(ActorFlag::kCountSecret, false);
   }
   // The special is an item's message to scripts. It may move and remove things: the item leaves first.
   if (!stays) world.remove(item.id);

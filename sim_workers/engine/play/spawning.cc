@@ -36,7 +36,31 @@ void spawn_player(World& world, int index, Fixed x, Fixed y, Angle angle) {
   player.view_height = player.eye_height;
   player.view_z = clamped_fixed(int64_t{body.z} + player.view_height);
   give_start_items(world, index);
+  player.weapon_permissions |=
+      kTriggerHeld;  // what is held since before the weapon is up does not fire NOAUTOFIRE ones
   raise_weapon(world, index);
+}
+
+float scaled(float own, float by) { return std::clamp(own * by, -1000.0f, 1000.0f); }
+
+/// What the map says of a thing besides its place and type.
+void apply_thing_fields(const MapThing& thing, Actor& actor) {
+  actor.special = thing.special, actor.args = thing.args;
+  const auto is = [&](ThingFlag flag) { return (thing.flags & flag) != 0; };
+  if (is(kThingAmbush)) actor.set(ActorFlag::kAmbush);
+  if (is(kThingDormant)) actor.set(ActorFlag::kDormant);
+  if (is(kThingStanding)) actor.set(ActorFlag::kStandStill);
+  if (is(kThingFriend)) actor.set(ActorFlag::kFriendly);
+  if (is(kThingCountSecret)) actor.set(ActorFlag::kCountSecret);
+  if (is(kThingShadow)) actor.render_style = RenderStyle::kTranslucent, actor.alpha = 0.25f;
+  if (is(kThingInvisible)) actor.render_style = RenderStyle::kNone;
+  if (thing.alpha >= 0) actor.alpha = thing.alpha;
+  actor.scale_x = scaled(actor.scale_x, thing.scale_x), actor.scale_y = scaled(actor.scale_y, thing.scale_y);
+  actor.pitch = degrees_to_angle(thing.pitch_degrees);
+  actor.score = thing.score;
+  const double health = thing.health < 0 ? -double{thing.health} : double{thing.health} * actor.health;
+  if (thing.health != 1.0f) actor.health = static_cast<int32_t>(std::clamp(health, 0.0, 1e6));
+  actor.gravity = thing.gravity < 0 ? -thing.gravity : fixed_mul(thing.gravity, actor.gravity);
 }
 
 }  // namespace
@@ -109,12 +133,14 @@ bool respawn_player(World& world, int index) {
 }
 
 void spawn_map_things(World& world) {
+  constexpr uint32_t kFirstClass = 1;  // all players are of it
   const uint32_t skill = kThingSkill1 << (std::clamp(world.options().skill, 1, 5) - 1);
   const uint32_t game = world.options().deathmatch ? kThingDeathmatch
                         : world.player_count() > 1 ? kThingCoop
                                                    : kThingSingle;
   for (const MapThing& thing : world.level().things) {
-    if ((thing.flags & skill) == 0 || (thing.flags & game) == 0) continue;
+    if ((thing.flags & skill) == 0 || (thing.flags & game) == 0 || (thing.class_filter & kFirstClass) == 0)
+      continue;
     if (player_of_start(thing.editor_number).has_value() || thing.editor_number == kDeathmatchStart) continue;
     const std::optional<uint32_t> found = world.catalog().find_editor_number(thing.editor_number);
     if (!found.has_value()) continue;  // a kind that this engine does not know
@@ -131,17 +157,48 @@ void spawn_map_things(World& world) {
                                       : int64_t{sector.floor_height} + thing.height);
     Actor& actor = world.state().actors[world.append_actor(type_index, thing.x, thing.y, z,
                                                            degrees_to_angle(thing.angle_degrees), thing.id)];
-    actor.special = thing.special, actor.args = thing.args;
-    if ((thing.flags & kThingAmbush) != 0) actor.set(ActorFlag::kAmbush);
-    if ((thing.flags & kThingDormant) != 0) actor.set(ActorFlag::kDormant);
+    apply_thing_fields(thing, actor);
     if (actor.tics > 0 && !actor.has(ActorFlag::kSynchronized))
       actor.tics = 1 + world.random_byte() % actor.tics;
     actor.spawn_x = thing.x, actor.spawn_y = thing.y, actor.spawn_z = actor.z,
     actor.spawn_angle = actor.angle;
-    if (actor.has(ActorFlag::kCountKill)) ++world.state().monster_count;
+    if (actor.has(ActorFlag::kCountKill) && !actor.has(ActorFlag::kFriendly)) ++world.state().monster_count;
     if (actor.has(ActorFlag::kCountItem)) ++world.state().item_total;
+    if (actor.has(ActorFlag::kCountSecret)) ++world.state().secret_total;
     if (actor.has(ActorFlag::kDormant)) actor.tics = -1;
   }
+}
+
+void respawn_monster(World& world, Actor& corpse) {
+  constexpr int32_t kLeastDeadTics = 12 * 35, kLookTics = 32;
+  constexpr uint32_t kChance = 5;  // of 256 at each look
+  const bool may = corpse.has(ActorFlag::kAlwaysRespawn) || world.options().skill >= 5;
+  if (!may || corpse.has(ActorFlag::kNeverRespawn) || !corpse.is_corpse() || corpse.player_index >= 0 ||
+      !corpse.has(ActorFlag::kIsMonster) || !world.type_of(corpse).flags.has(ActorFlag::kCountKill))
+    return;
+  if (++corpse.move_count < kLeastDeadTics || world.tic_count() % kLookTics != 0 ||
+      static_cast<uint32_t>(world.random_byte()) >= kChance)
+    return;
+  if (world.actors().size() >= kActorsMax) return;
+  const uint32_t corpse_id = corpse.id, type = corpse.type;
+  const Fixed x = corpse.spawn_x, y = corpse.spawn_y, old_x = corpse.x, old_y = corpse.y;
+  const Angle angle = corpse.spawn_angle;
+  const bool hangs = world.type_of(corpse).flags.has(ActorFlag::kSpawnCeiling),
+             waits = corpse.has(ActorFlag::kAmbush), is_friend = corpse.has(ActorFlag::kFriendly);
+  Actor& born = world.state().actors[world.append_actor(type, x, y, hangs ? kOnCeiling : kOnFloor, angle, 0)];
+  if (!fits_here(world, born)) {
+    world.drop_last_actor();
+    return;
+  }
+  born.set(ActorFlag::kAmbush, waits), born.set(ActorFlag::kFriendly, is_friend);
+  born.reaction_tics = 18;
+  if (!is_friend) ++world.state().monster_count;
+  const uint32_t fog = world.catalog().known().teleport_fog;
+  if (fog != kNoType)
+    for (const auto& [at_x, at_y] : {std::pair(old_x, old_y), std::pair(x, y)})
+      world.spawn_unchecked(fog, at_x, at_y, world.state().sectors[world.sector_at(at_x, at_y)].floor_height);
+  std::erase(world.state().corpse_ids, corpse_id);
+  world.remove(corpse_id);
 }
 
 std::optional<uint32_t> spawn_actor(World& world, uint32_t type, Fixed x, Fixed y, Fixed z, Angle angle,

@@ -68,7 +68,8 @@ void tic_actor(World& world, std::size_t slot) {
   if (alive_player && actor.velocity_x == 0 && actor.velocity_y == 0 && !pushing &&
       PlayerThinker::is_walking(world, actor))
     set_label(world, actor, StateLabel::kSpawn);
-  if (actor.tics < 0 || --actor.tics > 0 || actor.state == kNoState) return;
+  if (actor.tics < 0) return respawn_monster(world, actor);
+  if (--actor.tics > 0 || actor.state == kNoState) return;
   set_state(world, actor, world.catalog().state(actor.state).next);
 }
 

@@ -69,6 +69,7 @@ struct Actor {
   Fixed gravity = kFracUnit;
   int32_t mass = 100;
   int32_t amount = 1;  ///< of an item
+  int32_t score = 0;   ///< of APROP_Score
   int32_t bounce_count = -1;
   DamageType damage_type = DamageType::kNormal;
   RenderStyle render_style = RenderStyle::kNormal;

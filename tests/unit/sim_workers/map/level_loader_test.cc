@@ -64,7 +64,6 @@ TEST(LevelLoader, RefusesDegenerateAndHugeGeometry) {
   EXPECT_THAT(message_with("v2 = 1;", "v2 = 0;"), HasSubstr("no length"));
   EXPECT_THAT(message_with("x = -256.0;", "x = 40000.0;"), HasSubstr("outside"));
   EXPECT_THAT(message_with("x = -256.0;", "x = -31999.0;"), HasSubstr("longer"));
-  EXPECT_THAT(message_with("heightceiling = 128;", "heightceiling = -1;"), HasSubstr("below its floor"));
   EXPECT_THAT(message_with("heightceiling = 128;", "heightceiling = 1e9;"), HasSubstr("outside"));
   EXPECT_THAT(message_with("x = 64.5;", "x = 1e30;"), HasSubstr("thing at x"));
 }
@@ -178,6 +177,20 @@ TEST(LevelLoader, NamesWhatItDoesNotSupport) {
   bytes.linedefs[4].special = 242, bytes.linedefs[4].tag = 1;
   EXPECT_THAT(level_of(bytes.doom())->warnings,
               ElementsAre(HasSubstr("Transfer_Heights (209) on 1 linedefs")));
+}
+
+TEST(LevelLoader, AShutSectorAndFieldsThatAreNotKnownAreWarningsOfTheirNames) {
+  std::string text = wad::test::square_room_text();
+  const auto replace = [&text](const std::string& from, const std::string& to) {
+    text.replace(text.find(from), from.size(), to);
+  };
+  replace("heightceiling = 128;", "heightceiling = -1; soundsequence = \"x\"; comment = \"a note\";");
+  replace("x = 64.5;", "x = 64.5; conversation = 3; user_mine = 1;");
+  const auto level = load_level(wad_with(text));
+  ASSERT_TRUE(level) << level.error().message;
+  EXPECT_THAT((*level)->warnings,
+              ElementsAre(HasSubstr("'sector soundsequence'"), HasSubstr("'thing conversation'"),
+                          HasSubstr("ceiling below their floor")));
 }
 
 TEST(LevelLoader, LinesOfPolyobjectsAreNoWallsWhereTheyWereDrawn) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <vector>
 
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/placement.h"
@@ -307,6 +308,84 @@ TEST(Players, AreSolidToEachOther) {
   EXPECT_LE(stage.body(0).x, to_fixed(100 - 32));
   EXPECT_GT(stage.body(0).x, to_fixed(100 - 32 - 17));
   EXPECT_EQ(stage.body(1).x, to_fixed(100));
+}
+
+TEST(Items, FeetAboveTheTopLeaveItAndItsSecretCountsOnce) {
+  Stage stage;
+  Actor& item = stage.spawn("HealthBonus", 0, 0);
+  item.set(ActorFlag::kCountSecret);
+  const uint32_t id = item.id;
+  stage.body().z = item.top();
+  EXPECT_FALSE(touch_item(stage.world, stage.body(), stage.at(id))) << "as ViZDoom's players jump over it";
+  stage.body().z = stage.at(id).top() - 1;
+  EXPECT_TRUE(touch_item(stage.world, stage.body(), stage.at(id)));
+  EXPECT_EQ(stage.player().health, 101);
+  EXPECT_EQ(stage.player().secret_count, 1);
+}
+
+// The values are ViZDoom 1.3.2's, by a map and a script that reads them.
+TEST(MapThings, TakeTheFieldsOfUdmf) {
+  constexpr int kImp = 3001, kDecoration = 2012;  // a Medikit
+  const auto fields = [](auto change) {
+    MapThing thing;
+    change(thing);
+    return thing;
+  };
+  LevelBuilder room = test::big_room();
+  room.thing(kImp, 100, 300, 0, 1, fields([](MapThing& t) { t.flags = kThingFriend | kThingStanding; }))
+      .thing(kImp, 200, 300, 0, 2, fields([](MapThing& t) { t.health = 2; }))
+      .thing(kImp, 300, 300, 0, 3, fields([](MapThing& t) { t.health = -33, t.gravity = kFracUnit / 2; }))
+      .thing(kDecoration, 100, 500, 0, 4,
+             fields([](MapThing& t) { t.alpha = 0.25f, t.scale_x = t.scale_y = 2; }))
+      .thing(kDecoration, 200, 500, 0, 5, fields([](MapThing& t) { t.flags = kThingInvisible; }))
+      .thing(kDecoration, 300, 500, 0, 6,
+             fields([](MapThing& t) { t.flags = kThingShadow, t.pitch_degrees = 30; }))
+      .thing(kDecoration, 400, 500, 0, 7,
+             fields([](MapThing& t) { t.score = 7, t.flags = kThingCountSecret; }))
+      .thing(kDecoration, 500, 500, 0, 8, fields([](MapThing& t) { t.class_filter = 0xFFFE; }));
+  Stage stage(room.build());
+  const auto made = [&](int id) -> const Actor* {
+    for (const Actor& actor : stage.world.actors())
+      if (actor.thing_id == id) return &actor;
+    return nullptr;
+  };
+  EXPECT_TRUE(made(1)->has(ActorFlag::kFriendly) && made(1)->has(ActorFlag::kStandStill));
+  EXPECT_EQ(stage.world.state().monster_count, 2) << "friends are none";
+  EXPECT_EQ(made(2)->health, 120);
+  EXPECT_EQ(made(3)->health, 33);
+  EXPECT_EQ(made(3)->gravity, kFracUnit / 2);
+  EXPECT_EQ(made(4)->alpha, 0.25f);
+  EXPECT_EQ(made(4)->scale_x, 2.0f);
+  EXPECT_EQ(made(5)->render_style, RenderStyle::kNone);
+  EXPECT_EQ(made(6)->render_style, RenderStyle::kTranslucent);
+  EXPECT_EQ(made(6)->alpha, 0.25f);
+  EXPECT_EQ(made(6)->pitch, degrees_to_angle(30));
+  EXPECT_EQ(made(7)->score, 7);
+  EXPECT_EQ(stage.world.state().secret_total, 1);
+  EXPECT_EQ(made(8), nullptr) << "of the second player class";
+}
+
+TEST(Monsters, ComeBackOnTheHighestSkillWhereTheyWereBorn) {
+  const auto returns = [](int skill) {
+    LevelBuilder room = test::big_room();
+    for (int i = 0; i < 8; ++i) room.thing(3004, -400 + 100 * i, 400, 90, 7);
+    Stage stage(room.build(), {.skill = skill});
+    stage.make_player_tough();
+    std::vector<uint32_t> first;
+    for (const Actor& actor : stage.world.actors())
+      if (actor.thing_id == 7) first.push_back(actor.id);
+    for (const uint32_t id : first) damage_actor(stage.world, stage.at(id), nullptr, nullptr, 10'000);
+    stage.tics(419);
+    int back = stage.count("ZombieMan");
+    EXPECT_EQ(back, 8) << "corpses alone, before twelve seconds";
+    stage.tics(2600);
+    int living = 0;
+    for (const Actor& actor : stage.world.actors())
+      living += actor.health > 0 && stage.world.catalog().is_a(actor.type, "ZombieMan");
+    return living;
+  };
+  EXPECT_EQ(returns(4), 0);
+  EXPECT_GE(returns(5), 4) << "8 in 10 on average, as 7 of 8 in ViZDoom";
 }
 
 TEST(Players, OneWhoIsBornCannotMoveForEightTicsUnlessItIsHurt) {

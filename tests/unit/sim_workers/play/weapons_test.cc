@@ -121,6 +121,25 @@ TEST(Weapons, ComeUpInSixteenTicsAndGoDownAsFast) {
   EXPECT_EQ(change, 31);
 }
 
+TEST(Weapons, ATriggerHeldSinceBirthDoesNotFireALauncher) {
+  Stage stage;
+  give_item(stage.world, 0, type_of("RocketLauncher"), 1);
+  give_item(stage.world, 0, type_of("RocketAmmo"), 10);
+  const auto rockets = [&] { return count_item(stage.world, 0, type_of("RocketAmmo")); };
+  const int before = rockets();
+  stage.buttons[0].attack = true;
+  stage.tics(1);
+  select_weapon(stage.world, 0, type_of("RocketLauncher"));
+  stage.tics(150);
+  EXPECT_EQ(stage.player().ready_weapon, type_of("RocketLauncher"));
+  EXPECT_EQ(rockets(), before) << "ViZDoom 1.3.2 fires none in 150 tics";
+  stage.buttons[0].attack = false;
+  stage.tics(2);
+  stage.buttons[0].attack = true;
+  stage.tics(20);
+  EXPECT_LT(rockets(), before);
+}
+
 // ---------------------------------------------------------------- slots
 
 TEST(WeaponSlots, AKeyActsWhenItGoesDownAndNotWhileItIsHeld) {
