@@ -71,7 +71,7 @@ class LevelBuilder {
     thing.x = to_fixed(x), thing.y = to_fixed(y);
     thing.angle_degrees = angle_degrees;
     thing.id = id;
-    thing.flags |= kThingSkill1 * 31 | kThingSingle | kThingCoop;
+    thing.flags |= kThingSkill1 * 31 | kThingSingle | kThingCoop | kThingDeathmatch;
     level_.things.push_back(thing);
     return *this;
   }

@@ -5,6 +5,7 @@
 
 #include "rollout_buffer/core/text.h"
 #include "sim_workers/engine/play/actions.h"
+#include "sim_workers/engine/play/actor_states.h"
 #include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/weapons.h"
 
@@ -13,6 +14,7 @@ namespace {
 
 constexpr int32_t kAmountMax = INT32_MAX;
 constexpr int32_t kPowerRefreshTics = 128;  // a power that lasts longer is not taken again
+constexpr int32_t kItemReturnTics = 1050;   // of a deathmatch: 30 s
 constexpr int kPickupStatesMax = 256;       // of a Pickup or Use sequence
 constexpr std::size_t kInventoryReserve = 64;
 constexpr int32_t kHealthMax = 100;
@@ -80,7 +82,12 @@ bool give_weapon(World& world, int player_index, uint32_t type, const Giving& gi
   Player& player = player_at(world, player_index);
   const ActorType& info = world.catalog()[type];
   const bool exact = giving.exact || info.flags.has(ActorFlag::kIgnoreSkill);
-  const auto ammo_of = [&](int32_t amount) { return giving.from_monster ? amount / 2 : amount; };
+  const bool for_all_to_come = giving.stays && world.options().deathmatch;  // two and a half times as much
+  const auto ammo_of = [&](int32_t amount) {
+    return giving.from_monster ? amount / 2
+           : for_all_to_come   ? clamped_fixed(int64_t{amount} * 5 / 2)
+                               : amount;
+  };
   InventoryItem* owned = find_item(player, type);
   if (owned != nullptr && owned->amount > 0) {
     // A second one is only its ammunition; one that stays for others is nothing.
@@ -334,6 +341,25 @@ bool in_range(const World& world, int player, uint32_t type) {
   return player >= 0 && player < world.player_count() && type < world.catalog().size();
 }
 
+/// Of the map, not of a script or a monster: an entry of THINGS stands where it was born.
+bool is_of_the_map(const World& world, const Actor& item) {
+  if (item.has(ActorFlag::kDropped) || item.has(ActorFlag::kTossed)) return false;
+  for (const MapThing& thing : world.level().things) {
+    if (thing.x != item.spawn_x || thing.y != item.spawn_y) continue;
+    const std::optional<uint32_t> placed = world.catalog().find_editor_number(thing.editor_number);
+    if (placed && (*placed == item.type || world.catalog().replacement(*placed) == item.type)) return true;
+  }
+  return false;
+}
+
+/// Out of sight and reach for half a minute.
+void hide_item(Actor& item) {
+  item.set(ActorFlag::kSpecial, false);
+  item.render_style = RenderStyle::kNone;
+  item.state = kNoState;
+  item.tics = kItemReturnTics;
+}
+
 }  // namespace
 
 bool within_reach(const Actor& body, const Actor& item) {
@@ -341,17 +367,9 @@ bool within_reach(const Actor& body, const Actor& item) {
 }
 
 bool stays_for_others(const World& world, const Actor& item) {
-  if (world.player_count() < 2 || item.has(ActorFlag::kDropped) || item.has(ActorFlag::kTossed)) return false;
-  const ActorType& type = world.type_of(item);
-  const bool weapon = type.item_class == ItemClass::kWeapon && !world.options().deathmatch;
-  if (!weapon && type.item_class != ItemClass::kKey) return false;
-  // Of the map, not of a script: an entry of THINGS stands where it was born.
-  for (const MapThing& thing : world.level().things) {
-    if (thing.x != item.spawn_x || thing.y != item.spawn_y) continue;
-    const std::optional<uint32_t> placed = world.catalog().find_editor_number(thing.editor_number);
-    if (placed && (*placed == item.type || world.catalog().replacement(*placed) == item.type)) return true;
-  }
-  return false;
+  if (world.player_count() < 2 && !world.options().deathmatch) return false;
+  const ItemClass kind = world.type_of(item).item_class;
+  return (kind == ItemClass::kWeapon || kind == ItemClass::kKey) && is_of_the_map(world, item);
 }
 
 bool touch_item(World& world, Actor& body, Actor& item) {
@@ -384,9 +402,25 @@ bool touch_item(World& world, Actor& body, Actor& item) {
     item.set(ActorFlag::kCountSecret, false);
   }
   // The special is an item's message to scripts. It may move and remove things: the item leaves first.
-  if (!stays) world.remove(item.id);
+  if (!stays) {
+    if (world.options().deathmatch && is_of_the_map(world, item))
+      hide_item(item);
+    else
+      world.remove(item.id);
+  }
   if (item.special != 0) run_actor_special(world, item, &body);
   return true;
+}
+
+void return_item(World& world, Actor& item) {
+  const ActorType& type = world.type_of(item);
+  if (!type.flags.has(ActorFlag::kSpecial) || item.has(ActorFlag::kSpecial) || item.tics != 0) return;
+  item.set(ActorFlag::kSpecial);
+  item.render_style = type.render_style;
+  const Fixed x = item.x, y = item.y, z = item.z;
+  set_label(world, item, StateLabel::kSpawn);
+  if (world.catalog().known().item_fog != kNoType)
+    world.spawn_unchecked(world.catalog().known().item_fog, x, y, z);
 }
 
 bool give_item(World& world, int player_index, uint32_t type, int32_t amount) {
@@ -504,6 +538,10 @@ void give_start_items(World& world, int player_index) {
     const int32_t amount = armor ? 1 : start.amount > 0 ? start.amount : info.amount;
     give(world, player_index, start.type, {.amount = amount, .exact = true, .without_ammo = true});
   }
+  if (world.options().deathmatch)
+    for (const std::string_view key : kKeyNames)
+      if (const std::optional<uint32_t> type = world.catalog().find(key))
+        give(world, player_index, *type, {.amount = 1, .exact = true});
   player.ready_weapon = kNoType;
   player.pending_weapon = best_weapon(world, player_index);
 }

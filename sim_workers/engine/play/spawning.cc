@@ -147,6 +147,7 @@ void spawn_map_things(World& world) {
     const uint32_t type_index = world.catalog().replacement(*found);
     const ActorType& type = world.catalog()[type_index];
     if (world.options().no_monsters && type.flags.has(ActorFlag::kIsMonster)) continue;
+    if (world.options().deathmatch && type.item_class == ItemClass::kKey) continue;  // players have all
     // Map spots and teleport destinations: hundreds in a map, never seen, never moving. They stay in
     // level().things unless a script may ask for them.
     if (type.state(StateLabel::kSpawn) == kNoState && type.flags.has(ActorFlag::kNoBlockmap) && thing.id == 0)

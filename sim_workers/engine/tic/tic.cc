@@ -8,6 +8,7 @@
 #include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/acs/script_specials.h"
 #include "sim_workers/engine/play/actor_states.h"
+#include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/movement.h"
 #include "sim_workers/engine/play/player_thinker.h"
 #include "sim_workers/engine/play/spawning.h"
@@ -69,7 +70,8 @@ void tic_actor(World& world, std::size_t slot) {
       PlayerThinker::is_walking(world, actor))
     set_label(world, actor, StateLabel::kSpawn);
   if (actor.tics < 0) return respawn_monster(world, actor);
-  if (--actor.tics > 0 || actor.state == kNoState) return;
+  if (--actor.tics > 0) return;
+  if (actor.state == kNoState) return return_item(world, actor);
   set_state(world, actor, world.catalog().state(actor.state).next);
 }
 

@@ -323,6 +323,35 @@ TEST(Items, FeetAboveTheTopLeaveItAndItsSecretCountsOnce) {
   EXPECT_EQ(stage.player().secret_count, 1);
 }
 
+// As ViZDoom 1.3.2 plays "-host 1 -deathmatch": 20 shells, a clip again 1 050 tics later, all keys at the start.
+TEST(Deathmatch, ItemsComeBackWeaponsStayAndKeysAreHeld) {
+  constexpr int kShotgun = 2001, kClip = 2007, kBlueCard = 5;
+  LevelBuilder room = test::big_room();
+  room.thing(kShotgun, 200, 0).thing(kClip, 300, 0).thing(kBlueCard, 400, 0);
+  Stage stage(room.build(), {.deathmatch = true});
+  EXPECT_EQ(stage.count("BlueCard"), 0);
+  EXPECT_EQ(held(stage, "BlueCard"), 1);
+  const auto item = [&](const char* name) -> Actor& {
+    for (Actor& actor : stage.world.state().actors)
+      if (stage.world.catalog().is_a(actor.type, name)) return actor;
+    ADD_FAILURE() << name;
+    return stage.body();
+  };
+  EXPECT_TRUE(touch_item(stage.world, stage.body(), item("Shotgun")));
+  EXPECT_EQ(held(stage, "Shell"), 20);
+  EXPECT_FALSE(touch_item(stage.world, stage.body(), item("Shotgun"))) << "it stays, and gives once";
+  stage.tics(1);
+  EXPECT_EQ(stage.count("Shotgun"), 1);
+
+  ASSERT_TRUE(touch_item(stage.world, stage.body(), item("Clip")));
+  EXPECT_FALSE(item("Clip").has(ActorFlag::kSpecial));
+  stage.tics(1049);
+  EXPECT_FALSE(item("Clip").has(ActorFlag::kSpecial));
+  stage.tics(1);
+  EXPECT_TRUE(item("Clip").has(ActorFlag::kSpecial));
+  EXPECT_TRUE(touch_item(stage.world, stage.body(), item("Clip")));
+}
+
 // The values are ViZDoom 1.3.2's, by a map and a script that reads them.
 TEST(MapThings, TakeTheFieldsOfUdmf) {
   constexpr int kImp = 3001, kDecoration = 2012;  // a Medikit
