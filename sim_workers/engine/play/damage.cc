@@ -18,6 +18,9 @@ namespace {
 constexpr int32_t kDamageFlashMax = 100;
 constexpr int32_t kHoldTargetTics = 100;  // a monster keeps who hurt it last for so long
 constexpr Fixed kThrustMax = to_fixed(200);
+constexpr int32_t kBlastPushMax = 10'000;  // points of damage
+constexpr int kBlastPointBits = 12;              // of a fraction of a point
+constexpr int64_t kBlastPoint = int64_t{1} << kBlastPointBits;
 
 Fixed scale(Fixed factor, int32_t amount) {
   return static_cast<Fixed>(
@@ -43,6 +46,21 @@ void thrust_away(World& world, Actor& target, const Actor& inflictor, int32_t am
   }
   const auto force = static_cast<Fixed>(std::clamp<int64_t>(thrust, 0, kThrustMax));
   target.push(angle, force);
+}
+
+/// What a blast of somebody's adds to the damage's own push: half a unit a tic for each of its points (16.16, before rounding)
+/// and pound, and as much up for each unit by which the middle of the body lies above it, times 0.8 for its own source and 0.5
+/// for others. Measured in ViZDoom 1.3.2: 13.0033 across and -1.6107 up 33 units from a rocket of one's own.
+void lift(Actor& target, const Actor& spot, const Actor& source, int64_t points) {
+  constexpr Fixed kOfOneself = kFracUnit * 4 / 5, kOfOthers = kFracUnit / 2;
+  if (target.mass <= 0 || target.has(ActorFlag::kNoClip) || target.has(ActorFlag::kDontThrust) ||
+      spot.has(ActorFlag::kNoDamageThrust))
+    return;
+  const auto thrust = static_cast<Fixed>(std::clamp<int64_t>(points / 2 / target.mass, 0, kThrustMax));
+  target.push(angle_to(spot.x, spot.y, target.x, target.y), thrust);
+  const Fixed above = clamped_fixed(int64_t{target.z} + target.height / 2 - spot.z);
+  const Fixed up = fixed_mul(fixed_mul(above, thrust), &target == &source ? kOfOneself : kOfOthers);
+  target.velocity_z = clamped_fixed(int64_t{target.velocity_z} + std::clamp(up, -kThrustMax, kThrustMax));
 }
 
 /// The monster turns on who hurt it, unless it holds on to somebody else.
@@ -269,11 +287,18 @@ void radius_attack(World& world, Actor& spot, Actor* source, int32_t damage, Fix
     }
     if (length >= distance) continue;
     if (!can_see(world, *victim, spot)) continue;
-    int64_t points = damage;
     const int64_t full = std::clamp<Fixed>(full_damage_distance, 0, distance - 1);
-    if (length > full) points = int64_t{damage} * (distance - length) / (distance - full);
-    if (points > 0) damage_actor(world, *victim, &spot, source, static_cast<int32_t>(points), type);
+    // Linear from `full` to `distance`.
+    const auto at_distance = [&](int64_t whole) {
+      return length > full ? whole * (distance - length) / (distance - full) : whole;
+    };
+    const auto points = static_cast<int32_t>(at_distance(damage));
+    const int64_t push = at_distance(int64_t{std::min(damage, kBlastPushMax)} * kBlastPoint);
+    const uint32_t victim_id = victim->id;
+    if (points > 0) damage_actor(world, *victim, &spot, source, points, type);
     if (world.actor(spot_id) == nullptr) return;
+    victim = world.actor(victim_id);
+    if (source != nullptr && victim != nullptr) lift(*victim, spot, *source, push << (kFracBits - kBlastPointBits));
   }
 }
 

@@ -115,7 +115,12 @@ Actor* spawn_player_missile(World& world, Actor& body, uint32_t type, Angle angl
                                 fixed_mul(y_offset, fine_cosine(angle)));
   const Fixed y = clamped_fixed(int64_t{body.y} + fixed_mul(x_offset, fine_sine(sideways)) +
                                 fixed_mul(y_offset, fine_sine(angle)));
-  const Fixed z = clamped_fixed(int64_t{body.z} + body.height / 2 + to_fixed(4) + z_offset);
+  // Four units below the height of attacks, which crouching lowers (measured).
+  const Player* player = world.player_of(body);
+  const Fixed hands = player == nullptr
+                          ? to_fixed(4)
+                          : fixed_mul(player->attack_z_offset - to_fixed(4), player->crouch_factor);
+  const Fixed z = clamped_fixed(int64_t{body.z} + body.height / 2 + hands + z_offset);
   Actor& missile = world.spawn_unchecked(type, x, y, z, angle);
   missile.target_id = body.id;
   // The speed is along the slope: (1, slope) of length sqrt(1 + slope^2).

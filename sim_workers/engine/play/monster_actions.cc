@@ -428,8 +428,7 @@ void action_VileAttack(ActionCall& call) {
   if (target == nullptr || !can_see(world, call.self, *target)) return;
   constexpr int32_t kDirect = 20, kBlast = 70;
   damage_actor(world, *target, &call.self, &call.self, kDirect);
-  if (!target->has(ActorFlag::kNoDamageThrust) && target->mass > 0)
-    target->velocity_z = clamped_fixed(int64_t{to_fixed(1000)} / target->mass);
+  const uint32_t target_id = target->id;
   if (Actor* fire = world.actor(call.self.tracer_id)) {
     // Between the two, so that the blast throws the victim away from the vile.
     set_position(world, fire->id,
@@ -438,6 +437,10 @@ void action_VileAttack(ActionCall& call) {
                  target->z);
     radius_attack(world, *fire, &call.self, kBlast, to_fixed(kBlast), DamageType::kFire);
   }
+  // Whatever the blast did: 10 for a player in ViZDoom.
+  target = world.actor(target_id);
+  if (target != nullptr && !target->has(ActorFlag::kNoDamageThrust) && target->mass > 0)
+    target->velocity_z = clamped_fixed(int64_t{to_fixed(1000)} / target->mass);
 }
 
 void action_StartFire(ActionCall& call) { move_fire(call.world, call.self); }

@@ -308,6 +308,38 @@ TEST(WeaponDamage, ARocketsBlastThrowsItsOwnerBackAndHurtsHim) {
   EXPECT_LT(stage.body().x, to_fixed(1024 - 60 - 20));
 }
 
+// A rocket fired at a wall 60 units ahead, standing and crouched, level and down: ViZDoom 1.3.2's velocities in the tic of the
+// blast, on two sides of rounding. The vertical part is the body's middle above the rocket.
+TEST(WeaponDamage, ABlastLiftsWhatItPushes) {
+  struct Shot {
+    int wall, pitch_degrees;
+    bool crouch;
+    double across, up;
+  };
+  for (const Shot& shot : {Shot{60, 0, false, -13.0033, -1.6107}, Shot{40, 0, false, -15.6033, -1.9307},
+                           Shot{90, 0, false, -8.7117, -1.0773}, Shot{60, 20, false, -12.6101, 5.084},
+                           Shot{60, 0, true, -13.0033, -0.8053}}) {
+    SCOPED_TRACE(shot.wall);
+    test::LevelBuilder room;
+    room.room(room.sector(0, 512), -512, -512, 512, 512).thing(1, 512 - shot.wall, 0);
+    Stage stage(room.build(), {.free_look = true, .allow_crouch = true});
+    stage.make_player_tough();
+    give_item(stage.world, 0, type_of("RocketAmmo"), 10);
+    give_item(stage.world, 0, type_of("RocketLauncher"), 1);
+    select_weapon(stage.world, 0, type_of("RocketLauncher"));
+    stage.buttons[0].crouch = shot.crouch;
+    ASSERT_TRUE(stage.tics_until(80, [&] {
+      return stage.player().ready_weapon == type_of("RocketLauncher") && stage.player().weapon_ready;
+    }));
+    stage.tics(20);
+    stage.body().pitch = degrees_to_angle(shot.pitch_degrees);
+    stage.buttons[0].attack = true;
+    ASSERT_TRUE(stage.tics_until(60, [&] { return stage.body().velocity_x != 0; }));
+    EXPECT_NEAR(to_double(stage.body().velocity_x), shot.across, 0.001);
+    EXPECT_NEAR(to_double(stage.body().velocity_z), shot.up, 0.001);
+  }
+}
+
 TEST(WeaponDamage, PlayersDoNotHurtEachOtherButAreInTheWay) {
   for (const char* weapon : {"Pistol", "Shotgun", "RocketLauncher", "PlasmaRifle", "Fist"}) {
     test::LevelBuilder builder = test::big_room();
