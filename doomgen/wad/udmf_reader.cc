@@ -240,7 +240,9 @@ class Parser {
     is_read_ = false;
     return {};
   }
-  static bool is_for_editors(const std::string& key) { return key == "comment" || key.starts_with("user_"); }
+  static bool is_for_editors(const std::string& key) {
+    return key == "comment" || key == "flags" || key.starts_with("user_");
+  }
 
   /// Reads `key = value;` up to '}' and hands each to `take`.
   template <typename Take>

@@ -19,7 +19,7 @@ constexpr int32_t kDamageFlashMax = 100;
 constexpr int32_t kHoldTargetTics = 100;  // a monster keeps who hurt it last for so long
 constexpr Fixed kThrustMax = to_fixed(200);
 constexpr int32_t kBlastPushMax = 10'000;  // points of damage
-constexpr int kBlastPointBits = 12;              // of a fraction of a point
+constexpr int kBlastPointBits = 12;        // of a fraction of a point
 constexpr int64_t kBlastPoint = int64_t{1} << kBlastPointBits;
 
 Fixed scale(Fixed factor, int32_t amount) {
@@ -298,7 +298,8 @@ void radius_attack(World& world, Actor& spot, Actor* source, int32_t damage, Fix
     if (points > 0) damage_actor(world, *victim, &spot, source, points, type);
     if (world.actor(spot_id) == nullptr) return;
     victim = world.actor(victim_id);
-    if (source != nullptr && victim != nullptr) lift(*victim, spot, *source, push << (kFracBits - kBlastPointBits));
+    if (source != nullptr && victim != nullptr)
+      lift(*victim, spot, *source, push << (kFracBits - kBlastPointBits));
   }
 }
 

@@ -66,8 +66,8 @@ class Hash {
                 health, state, tics, sprite, frame, thing_id, special, args, target_id, tracer_id, master_id,
                 goal_id, last_enemy_id, last_heard_id, hate_thing_id, move_direction, move_count,
                 reaction_tics, threshold, last_look_player, special_1, special_2, speed, float_speed, damage,
-                damage_factor, gravity, mass, amount, score, bounce_count, damage_type, render_style, alpha, scale_x,
-                scale_y, translation, player_index, removed, spawn_x, spawn_y, spawn_z, spawn_angle,
+                damage_factor, gravity, mass, amount, score, bounce_count, damage_type, render_style, alpha,
+                scale_x, scale_y, translation, player_index, removed, spawn_x, spawn_y, spawn_z, spawn_angle,
                 spawn_tic)
   COMRAD_HASHED(Buttons, forward, backward, left, right, turn_left, turn_right, attack, use, jump, speed,
                 select_weapon, alt_attack, crouch, turn_180, strafe, reload, zoom, look_up, look_down,
