@@ -103,7 +103,10 @@ void run_tic(World& world, std::span<const Buttons> buttons) {
   for (std::size_t slot = 0; slot < world.actors().size(); ++slot)
     tic_actor(world, slot);  // grows while things spawn
   tic_movers(world);
+  const std::size_t before_scripts = world.actors().size();
   acs::tic_machine(world);
+  for (std::size_t slot = before_scripts; slot < world.actors().size(); ++slot)
+    tic_actor(world, slot);  // what a script spawns acts in the same tic, as in ViZDoom
   world.compact();
   ++world.state().tic_count;
 }

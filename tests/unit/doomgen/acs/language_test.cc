@@ -438,6 +438,19 @@ TEST(AcsCalls, SpecialsTakeConstantsVariablesAndGiveResults) {
   EXPECT_EQ(after("int x = Thing_Remove(12345); result = x + 40;"), 40);
 }
 
+// ViZDoom 1.3.2 moves a ball by 20 until the tic after the one that makes it, 10 a tic afterwards.
+TEST(AcsCalls, WhatAScriptSpawnsActsInTheSameTic) {
+  ProgramRunner game(
+      "global int 1:first; global int 2:second;\n"
+      "script 1 ENTER { SpawnProjectile(0, \"DoomImpBall\", 0, 80, 0, 0, 9); int x = GetActorX(9); "
+      "delay(1);\n"
+      "  first = GetActorX(9) - x; delay(1); second = GetActorX(9) - x; }\n");
+  game.tic(3);
+  EXPECT_EQ(game.error(), "");
+  EXPECT_EQ(game.global(1), 20 << 16);
+  EXPECT_EQ(game.global(2), 30 << 16);
+}
+
 TEST(AcsPrograms, DefineConstantsAndSpecials) {
   EXPECT_EQ(evaluate("LAST", "#define FIRST 3\n#libdefine NEXT FIRST + 1\n#define LAST (NEXT) * 2\n"), 8);
   EXPECT_EQ(evaluate("data[SIZE - 1]", "#define SIZE 1 << 2\nint data[SIZE] = {1, 2, 3, SIZE};"), 4);
