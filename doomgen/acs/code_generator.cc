@@ -24,6 +24,7 @@ constexpr std::size_t kLocalArraysMax = 255;
 constexpr std::size_t kFunctionsMax = 4096, kScriptsMax = 4096;
 constexpr std::size_t kTextsMax = 32768;
 constexpr int32_t kSpecialsInOneByte = 255;
+constexpr std::string_view kWaitsInScripts = "waiting only in scripts";
 
 // ---------------------------------------------------------------- p-codes of variables
 
@@ -925,8 +926,10 @@ class Generator {
                        [&](const auto& scope) { return scope.contains(name); });
   }
   std::optional<int32_t> special_number(std::string_view name) const {
-    if (const auto found = specials_.find(name); found != specials_.end() && found->second->number > 0)
-      return found->second->number;
+    if (const auto found = specials_.find(name); found != specials_.end()) return found->second->number;
+    // ACS_NamedExecute and its kin, which a line or thing may have as its special, are functions: a minus says so.
+    if (name.starts_with("acs_named"))
+      if (const std::optional<BuiltInFunction> function = find_function(name)) return -function->number;
     return wad::find_special(name);
   }
 
@@ -951,6 +954,8 @@ class Generator {
       if (special.number < 0) return call_engine(node, -special.number, wanted);
       return call_special(node, special.number, wanted);
     }
+    if (node.text == "acs_executewait" || node.text == "acs_namedexecutewait")
+      return execute_and_wait(node, wanted);
     if (const std::optional<BuiltInFunction> function = find_function(node.text))
       return call_built_in(node, *function, wanted);
     if (const std::optional<int32_t> special = wad::find_special(node.text)) {
@@ -1007,7 +1012,7 @@ class Generator {
         !returns(node, function.returns_value, wanted))
       return;
     if (function.waits && !routine_->is_script)
-      return error(node.place, in_quotes(function.name) + " in a function", "waiting only in scripts");
+      return error(node.place, in_quotes(function.name) + " in a function", kWaitsInScripts);
     if (function.code == PCode::kCallFunc) return call_engine(node, function.number, wanted);
     const auto missing = static_cast<std::size_t>(function.args_max) - node.parts.size();
     if (function.direct != PCode::kNop && all_constant(node)) {
@@ -1023,6 +1028,24 @@ class Generator {
       emit(function.code);
     }
     if (function.returns_value && !wanted) emit(PCode::kDrop);
+  }
+
+  /// ACS_Execute or ACS_NamedExecute, then a wait for the script that they name.
+  void execute_and_wait(const Expression& node, bool wanted) {
+    if (!arguments_fit(node, 1, 5) || !returns(node, false, wanted)) return;
+    if (!routine_->is_script)
+      return error(node.place, in_quotes(node.text) + " in a function", kWaitsInScripts);
+    value(*node.parts[0]);
+    emit(PCode::kDuplicate);
+    for (std::size_t i = 1; i < node.parts.size(); ++i) value(*node.parts[i]);
+    const auto given = static_cast<int32_t>(node.parts.size());
+    if (node.text == "acs_executewait") {
+      emit(offset(PCode::kLspec1, given - 1), {*wad::find_special("acs_execute")});
+      return emit(PCode::kScriptWait);
+    }
+    emit(PCode::kCallFunc, {given, static_cast<int32_t>(bytecode::BuiltIn::kACS_NamedExecute)});
+    emit(PCode::kDrop);
+    emit(PCode::kScriptWaitNamed);
   }
 
   void call_engine(const Expression& node, int32_t number, bool wanted) {

@@ -149,7 +149,7 @@ class Lexer {
         }
         ++at_;
         value = digits(static_cast<int>(*value));
-      } else if (peek() == '.' && is_digit(peek(1))) {
+      } else if (peek() == '.' && peek(1) != '.') {
         ++at_;
         value = fixed(value.value_or(0));
       } else if (value && source_[start_] == '0' && at_ - start_ > 1) {
@@ -165,7 +165,7 @@ class Lexer {
     add(TokenKind::kNumber, {}, static_cast<int32_t>(value.value_or(0)));
   }
 
-  /// The digits behind the point; the fraction is cut off after 16 bits.
+  /// The digits behind the point, which may be none; the fraction is cut off after 16 bits.
   uint32_t fixed(uint32_t whole) {
     uint64_t fraction = 0, divisor = 1;
     for (; is_digit(peek()); ++at_) {
@@ -179,8 +179,8 @@ class Lexer {
     return (whole << 16) + static_cast<uint32_t>((fraction << 16) / divisor);
   }
 
-  /// What follows a backslash; `out` takes it as the game wants to see it.
-  void escape(std::string& out) {
+  /// What follows a backslash; `out` takes it as the game wants to see it. A text ends at code 0, so `code_min` is 1 there.
+  void escape(std::string& out, int code_min) {
     const char c = peek();
     ++at_;
     switch (c) {
@@ -225,7 +225,7 @@ class Lexer {
         int value = 0, count = 0;
         for (; count < 2 && digit_value(peek()) < 16; ++count, ++at_)
           value = value * 16 + digit_value(peek());
-        put_code(out, value, count != 0);
+        put_code(out, value, count != 0, code_min);
         return;
       }
       default:
@@ -235,7 +235,7 @@ class Lexer {
       int value = c - '0';
       for (int count = 1; count < 3 && digit_value(peek()) < 8; ++count, ++at_)
         value = value * 8 + digit_value(peek());
-      put_code(out, value, true);
+      put_code(out, value, true, code_min);
       return;
     }
     diagnostics_.warn(
@@ -243,9 +243,10 @@ class Lexer {
         "\\" + std::string(1, c >= ' ' && c <= '~' ? c : '?') + " is no escape; the backslash is dropped");
     out += c;
   }
-  void put_code(std::string& out, int value, bool has_digits) {
-    if (!has_digits || value <= 0 || value > 255) {
-      diagnostics_.error(here(), "an escape for character " + std::to_string(value), "a code from 1 to 255");
+  void put_code(std::string& out, int value, bool has_digits, int code_min) {
+    if (!has_digits || value < code_min || value > 255) {
+      diagnostics_.error(here(), "an escape for character " + std::to_string(value),
+                         "a code from " + std::to_string(code_min) + " to 255");
       return;
     }
     out += static_cast<char>(value);
@@ -255,20 +256,23 @@ class Lexer {
     std::string content;
     ++at_;
     while (peek() != '"') {
-      if (at_end() || peek() == '\n') {
-        diagnostics_.error(start(), "a text without an end on its line", "a closing \"");
+      if (at_end()) {
+        diagnostics_.error(start(), "a text without an end", "a closing \"");
         add(TokenKind::kText, pool_.keep(std::move(content)));
         return;
       }
       if (peek() == '\\' && at_ + 1 < source_.size()) {
         ++at_;
-        escape(content);
+        escape(content, 1);
       } else if (peek() == '\0') {
         diagnostics_.error(here(), "a zero byte in a text", "a printable character");
         ++at_;
+      } else if (peek() == '\r' && peek(1) == '\n') {
+        ++at_;  // a line's end is one character, whatever editor wrote the file
       } else {
         content += peek();
         ++at_;
+        if (content.back() == '\n') newline();
       }
     }
     ++at_;
@@ -285,7 +289,7 @@ class Lexer {
     ++at_;
     if (peek() == '\\' && at_ + 1 < source_.size()) {
       ++at_;
-      escape(content);
+      escape(content, 0);
     } else if (!at_end() && peek() != '\'' && peek() != '\n') {
       content += peek();
       ++at_;

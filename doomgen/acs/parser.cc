@@ -344,7 +344,7 @@ class Parser {
     switch (token.kind) {
       case TokenKind::kImportBegin:
         advance();
-        return begin_import(token);
+        return begin_import();
       case TokenKind::kImportEnd:
         advance();
         return end_import(token);
@@ -360,6 +360,7 @@ class Parser {
     if (token.is_name("world") || token.is_name("global") || token.is_name("static") || is_type(token)) {
       std::vector<Variable> variables;
       variable_declaration(variables, true);
+      if (imports_.size() > 1) return;  // of a library's library, which is its own affair
       for (Variable& variable : variables) program_.variables.push_back(std::move(variable));
       return;
     }
@@ -374,8 +375,8 @@ class Parser {
     if (name.empty() || name.size() > 8 || name.find_first_of("./\\\n") != std::string::npos)
       return error(current().place, "the library name " + in_quotes(name),
                    "the name of a lump, 1 to 8 letters");
-    if (importing_) {
-      import_name_ = name;
+    if (!imports_.empty()) {
+      imports_.back().name = name;
     } else if (!program_.library.empty() && program_.library != name) {
       return error(place, "a second #library", "one in a file");
     } else {
@@ -383,22 +384,19 @@ class Parser {
     }
     advance();
   }
-  void begin_import(const Token&) {
-    importing_ = true;
-    import_name_.clear();
-    own_defines_ = defines_;
-  }
+  void begin_import() { imports_.push_back({.name = {}, .outer_defines = defines_}); }
   void end_import(const Token& token) {
-    importing_ = false;
-    if (import_name_.empty())
+    if (imports_.empty()) return;  // its beginning was skipped behind an error
+    Import import = std::move(imports_.back());
+    imports_.pop_back();
+    if (import.name.empty())
       error(token.place, "an imported file without #library", "#library \"NAME\" in the file");
-    else if (std::find(program_.imports.begin(), program_.imports.end(), import_name_) ==
-             program_.imports.end())
-      program_.imports.push_back(import_name_);
+    else if (imports_.empty() && std::find(program_.imports.begin(), program_.imports.end(), import.name) ==
+                                     program_.imports.end())
+      program_.imports.push_back(import.name);
     for (const auto& [name, entry] : defines_)
-      if (entry.for_importers) own_defines_.insert_or_assign(name, entry);
-    defines_ = std::move(own_defines_);
-    own_defines_.clear();
+      if (entry.for_importers) import.outer_defines.insert_or_assign(name, entry);
+    defines_ = std::move(import.outer_defines);
   }
 
   /// special 80:ACS_Execute(1, 5), -22:CheckActorProperty(3);
@@ -441,7 +439,7 @@ class Parser {
   void script() {
     Routine routine;
     routine.is_script = true;
-    routine.imported = importing_;
+    routine.imported = !imports_.empty();
     routine.place = current().place;
     advance();
     if (current().kind == TokenKind::kText) {
@@ -515,7 +513,7 @@ class Parser {
 
   void function() {
     Routine routine;
-    routine.imported = importing_;
+    routine.imported = !imports_.empty();
     advance();
     if (accept_name("void")) {
       routine.returns_value = false;
@@ -540,6 +538,7 @@ class Parser {
     if (!current().is("{")) return unexpected("\"{\"");
     routine.body = statement();
     routine.end = tokens_[at_ == 0 ? 0 : at_ - 1].place;
+    if (imports_.size() > 1) return;  // of a library's library, which is its own affair
     // What went wrong inside has been reported and skipped: the routine itself is there.
     program_.routines.push_back(std::move(routine));
   }
@@ -582,7 +581,7 @@ class Parser {
     do {
       Variable variable;
       variable.scope = scope;
-      variable.imported = importing_;
+      variable.imported = !imports_.empty();
       if (scope == Scope::kWorld || scope == Scope::kGlobal) {
         const int32_t count = scope == Scope::kWorld ? 256 : 64;
         const Place place = current().place;
@@ -1261,9 +1260,14 @@ class Parser {
   bool panic_ = false, too_large_ = false;
   int nesting_ = 0;
   int64_t array_elements_ = 0;
-  bool importing_ = false, in_function_ = false;
-  std::string import_name_;
-  std::unordered_map<std::string_view, Define> defines_, own_defines_;
+  bool in_function_ = false;
+  std::unordered_map<std::string_view, Define> defines_;
+  /// An #import under way: the library's name, and the constants of the file that imports it.
+  struct Import {
+    std::string name;
+    std::unordered_map<std::string_view, Define> outer_defines;
+  };
+  std::vector<Import> imports_;                    // each inside the one before
   std::unordered_set<std::string_view> declared_;  // names that hide built-in constants
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <unordered_set>
 
 #include "rollout_buffer/core/text.h"
 
@@ -19,6 +20,7 @@ class SourceLoader {
 
   void add(std::string text, const std::string& path, Place from, int depth, bool imported) {
     const bool first = files_ == 0;
+    if (first) imported_paths_.insert(path);
     const uint32_t file = first ? diagnostics_.add_file(path) : next_file(path);
     const Place place = first ? Place{file, 1, 1} : from;
     if (++files_ > kFilesMax)
@@ -85,7 +87,6 @@ class SourceLoader {
     const Token& name = tokens[++i];
     if (is_built_in_header(name.text)) return;
     const bool imports = word.text == "import";
-    if (imports && imported) return;  // a library's own libraries are its own affair
     if (depth >= kIncludeDepthMax)
       return diagnostics_.error(name.place, "files that include each other more than " +
                                                 std::to_string(kIncludeDepthMax) + " deep");
@@ -94,6 +95,8 @@ class SourceLoader {
                                 "a source that includes nothing but the built-in headers");
     Expected<SourceFile> file = options_.reader(std::string(name.text), path);
     if (!file) return diagnostics_.error(name.place, file.error().message);
+    // A library's own libraries are read for their constants, once: two may import each other.
+    if (imports && !imported_paths_.insert(file->path).second && imported) return;
     Token mark = name;
     mark.kind = TokenKind::kImportBegin;
     if (imports) result_.tokens.push_back(mark);
@@ -107,6 +110,7 @@ class SourceLoader {
   std::deque<std::string>& texts_;
   Diagnostics& diagnostics_;
   SourceTokens result_;
+  std::unordered_set<std::string> imported_paths_;
   int files_ = 0;
   std::size_t bytes_ = 0;
 };

@@ -94,6 +94,14 @@ TEST(AcsLiterals, AreReadInEveryNotation) {
                         {"'\\''", 39},
                         {"'\\x41'", 65},
                         {"'\\101'", 65},
+                        {"'\\0'", 0},
+                        {"0.", 0},
+                        {"3. + 2.5", 360448},
+                        {"-ACS_NamedExecute * 100 - ACS_NamedExecuteAlways", 3945},
+                        {"SCROLL_AND_CARRY * 10 + TEXFLAG_MIDDLE + CHAN_5", 27},
+                        {"ML_BLOCKEVERYTHING | ML_BLOCKHITSCAN", 0x8008000},
+                        {"MF_SHOOTABLE | MF_ICECORPSE", INT32_MIN + 4},
+                        {"T_ROCKET * 1000000 + T_BARREL * 1000 + T_CACODEMONSHOT", 127125126},
                         {"TRUE + true", 2},
                         {"ACS_ExecuteAlways + door_open", 237},
                         {"APROP_Health + aprop_speed", 1}};
@@ -310,6 +318,24 @@ TEST(AcsScripts, WaitAndCallEachOther) {
   EXPECT_EQ(game.global(4), 618);
 }
 
+TEST(AcsScripts, WaitForTheScriptsThatTheyStart) {
+  ProgramRunner game(
+      "global int 1:sum; global int 2:first; global int 3:second; int five = 5;\n"
+      "script 2 OPEN\n{\n"
+      "  ACS_ExecuteWait(3, 0, five, 6, 7);\n  first = sum;\n"
+      "  ACS_NamedExecuteWait(\"adder\", 0, 100);\n  second = sum;\n}\n"
+      "script 3 (int a, int b, int c) { delay(10); sum += a + b + c; }\n"
+      "script \"adder\" (int a) { delay(10); sum += a; }\n");
+  game.tic(5);
+  EXPECT_EQ(game.global(2), 0);
+  game.tic(10);
+  EXPECT_EQ(game.global(2), 18);
+  EXPECT_EQ(game.global(3), 0);
+  game.tic(15);
+  EXPECT_EQ(game.error(), "");
+  EXPECT_EQ(game.global(3), 118);
+}
+
 TEST(AcsScripts, MayHaveMoreThanTwentyVariables) {
   std::string body, sum = "0";
   for (int i = 0; i < 100; ++i) {
@@ -332,6 +358,7 @@ TEST(AcsTexts, PrintEveryKindOfItem) {
       printed("s:\"tether \", d:-42, c:' ', i:7, c:'x', f:1.5, s:\" \", x:255, c:' ', b:10, c:' ', n:1"),
       "tether -42 7x1.5 FF 1010 Player 1");
   EXPECT_EQ(printed("s:\"one \" \"two\"\n  \" three\""), "one two three");
+  EXPECT_EQ(printed("s:\"one\ntwo\r\nthree\", d:4"), "one\ntwo\nthree4") << "a text goes over a line's end";
   EXPECT_EQ(printed("s:\"a\\\"b\\\\c\\ta\\nb\""), "a\"b\\c\ta\nb");
   EXPECT_EQ(printed("s:\"\\cGred\""), "\x1CGred");
   EXPECT_EQ(printed("s:NAME, d:COUNT", "#define NAME \"imp\" \" x\"\n#define COUNT 3 * 2"), "imp x6");
@@ -400,6 +427,9 @@ TEST(AcsCalls, ReachTheGame) {
   EXPECT_EQ(run("SpawnForced(\"MapSpot\", 16.0, 0, 0, 6, 0); SetActorPosition(6, 24.0, 0, 0, 0); result = "
                 "GetActorX(6) >> 16;"),
             24);
+  EXPECT_EQ(run("SpawnForced(\"MapSpot\", 16.0, 0, 0); SpawnForced(\"MapSpot\", 16.0, 0, 0, 6); result = "
+                "IsTIDUsed(6);"),
+            1);
 }
 
 TEST(AcsCalls, ReachActivatorsThings) {
@@ -449,6 +479,26 @@ TEST(AcsCalls, WhatAScriptSpawnsActsInTheSameTic) {
   EXPECT_EQ(game.error(), "");
   EXPECT_EQ(game.global(1), 20 << 16);
   EXPECT_EQ(game.global(2), 30 << 16);
+}
+
+TEST(AcsPrograms, ImportLibrariesThatImportLibraries) {
+  CompileOptions options;
+  options.reader = [](const std::string& name, const std::string&) -> Expected<SourceFile> {
+    if (name == "lib1.acs")
+      return SourceFile{name,
+                        "#library \"lib1\"\n#import \"lib2.acs\"\n"
+                        "int mode = NOTHING; function int f (int a) { return a + mode + g(); }"};
+    return SourceFile{name,
+                      "#library \"lib2\"\n#import \"lib1.acs\"\n#libdefine NOTHING -1\n"
+                      "int secret = 5; function int g (void) { return secret; }"};
+  };
+  const std::string source = "#import \"lib1.acs\"\nint x = NOTHING; int secret;\n";
+  const auto behavior =
+      load(compiled(source + "function int g (void) { return 1; } script 1 OPEN { x = f(2); }", options));
+  EXPECT_EQ(behavior->map_variables()[0], -1);
+  EXPECT_NE(failure(source + "script 1 OPEN { x = g(); }", options).find("the unknown function \"g\""),
+            std::string::npos)
+      << "functions of a library's library need an #import";
 }
 
 TEST(AcsPrograms, DefineConstantsAndSpecials) {
