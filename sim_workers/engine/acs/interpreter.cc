@@ -14,6 +14,7 @@
 #include "sim_workers/engine/acs/machine.h"
 #include "sim_workers/engine/acs/map_calls.h"
 #include "sim_workers/engine/acs/script_calls.h"
+#include "sim_workers/engine/acs/script_specials.h"
 #include "sim_workers/engine/acs/strings.h"
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/placement.h"
@@ -1103,9 +1104,9 @@ void Interpreter::execute_call(PCode code) {
     case PCode::kSetLineSpecial: {
       charge();
       const auto [line_id, number, a, b, c, d, e] = take<7>();
-      const LineState wanted{.special = number, .args = {a, b, c, d, e}, .flags = 0, .id = 0};
+      const StoredSpecial wanted = stored_special(caller_, {number, {a, b, c, d, e}});
       return each_line(world_, line_id, [&](std::size_t, LineState& line) {
-        line.special = wanted.special, line.args = wanted.args;
+        line.special = wanted.number, line.args = wanted.args;
       });
     }
     case PCode::kChangeFloor:
@@ -1279,11 +1280,10 @@ void Interpreter::execute_call(PCode code) {
       return push(get_actor_property(caller_, caller_.one_actor(thing_id), property));
     }
     case PCode::kSetThingSpecial: {
-      const auto values = take<7>();
-      caller_.each_actor(values[0], [&](Actor& actor) {
-        actor.special = values[1];
-        std::copy_n(values.begin() + 2, 5, actor.args.begin());
-      });
+      const auto [thing_id, number, a, b, c, d, e] = take<7>();
+      const StoredSpecial wanted = stored_special(caller_, {number, {a, b, c, d, e}});
+      caller_.each_actor(thing_id,
+                         [&](Actor& actor) { actor.special = wanted.number, actor.args = wanted.args; });
       return;
     }
     case PCode::kThingDamage2: {

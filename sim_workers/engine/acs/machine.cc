@@ -180,8 +180,10 @@ void tic_machine(World& world) {
   if (!machine.hud_messages.empty()) tic_hud_messages(world);
   if (world.behavior() == nullptr) return;
   machine.old_buttons.resize(static_cast<std::size_t>(world.player_count()));
-  for (int player = 0; player < world.player_count(); ++player)
-    machine.old_buttons[static_cast<std::size_t>(player)] = button_bits(world.player(player).buttons);
+  for (int player = 0; player < world.player_count(); ++player) {
+    uint32_t& bits = machine.old_buttons[static_cast<std::size_t>(player)];
+    bits = button_bits(world.player(player).buttons, bits);
+  }
 }
 
 }  // namespace comrad::doom::acs

@@ -8,6 +8,7 @@
 #include "sim_workers/engine/acs/actor_properties.h"
 #include "sim_workers/engine/acs/strings.h"
 #include "sim_workers/engine/play/damage.h"
+#include "sim_workers/engine/play/player_thinker.h"
 #include "sim_workers/engine/specials/line_specials.h"
 #include "sim_workers/engine/specials/movers.h"
 
@@ -17,6 +18,12 @@ namespace {
 std::string texture_name(std::string_view name) {
   return name.empty() ? "-" : upper_case(name.substr(0, 64));
 }
+
+// GetPlayerInput. BT_TURN180 shows in the first tic of a press alone, so another bit remembers that it is held.
+constexpr uint32_t kTurnAroundHeld = 1u << 31, kCrouchBit = 1u << 3, kJumpAndCrouch = 1u << 2 | kCrouchBit;
+constexpr int32_t kModifiedInput = 8;               // what MODINPUT_ adds to INPUT_
+constexpr int32_t kMoveUnit = 256;                  // of 1/32 unit per tic^2
+constexpr int32_t kRiseWalk = 256, kRiseRun = 768;  // flying
 
 // Which bit of SetLineActivation means which flag of a line.
 struct ActivationBit {
@@ -268,52 +275,49 @@ int32_t player_info(const World& world, int32_t player, int32_t what) {
   }
 }
 
-uint32_t button_bits(const Buttons& buttons) {
+uint32_t button_bits(const Buttons& buttons, uint32_t before) {
   uint32_t bits = 0;
   const auto add = [&](bool pressed, int bit) { bits |= pressed ? 1u << bit : 0u; };
   add(buttons.attack, 0), add(buttons.use, 1), add(buttons.jump, 2), add(buttons.crouch, 3);
-  add(buttons.turn_180, 4), add(buttons.alt_attack, 5), add(buttons.reload, 6), add(buttons.zoom, 7);
+  add(buttons.turn_180 && (before & kTurnAroundHeld) == 0, 4), add(buttons.alt_attack, 5),
+      add(buttons.reload, 6), add(buttons.zoom, 7);
   add(buttons.speed, 8), add(buttons.strafe, 9), add(buttons.right, 10), add(buttons.left, 11);
   add(buttons.backward, 12), add(buttons.forward, 13), add(buttons.turn_right, 14),
       add(buttons.turn_left, 15);
   add(buttons.look_up, 16), add(buttons.look_down, 17), add(buttons.move_up, 18), add(buttons.move_down, 19);
+  if (buttons.turn_180) bits |= kTurnAroundHeld;
   return bits;
 }
 
 int32_t player_input(const World& world, int32_t player, int32_t what) {
   if (player < 0 || player >= world.player_count()) return 0;
-  const Buttons& buttons = world.player(player).buttons;
-  // Full steps of the keys, as 256ths of what a walking player adds: walk 25 and 24, run 50 and 40.
-  const auto axis = [](bool plus, bool minus, int32_t step, int32_t delta, int32_t limit) {
-    const int64_t sum = (plus ? step : 0) - (minus ? step : 0) + int64_t{delta};
-    return static_cast<int32_t>(std::clamp<int64_t>(sum, -limit, limit) * 256);
+  const Player& one = world.player(player);
+  const Buttons& buttons = one.buttons;
+  const std::vector<uint32_t>& all_before = world.state().scripts.old_buttons;
+  const auto index = static_cast<std::size_t>(player);
+  const uint32_t before = index < all_before.size() ? all_before[index] : 0;
+  // MODINPUT_ shows what the game made of the buttons: of jump and crouch together, only the jump.
+  const auto shown = [&](uint32_t bits) {
+    const bool only_jumps = what >= kModifiedInput && (bits & kJumpAndCrouch) == kJumpAndCrouch;
+    return static_cast<int32_t>(bits & ~kTurnAroundHeld & (only_jumps ? ~kCrouchBit : ~0u));
   };
-  const std::vector<uint32_t>& old = world.state().scripts.old_buttons;
-  switch (what % 8) {
+  switch (what % kModifiedInput) {
     case 0:
-      return static_cast<std::size_t>(player) < old.size()
-                 ? static_cast<int32_t>(old[static_cast<std::size_t>(player)])
-                 : 0;
+      return shown(before);
     case 1:
-      return static_cast<int32_t>(button_bits(buttons));
-    case 2: {
-      const int32_t look = (buttons.look_up ? 1280 : 0) - (buttons.look_down ? 1280 : 0);
-      return static_cast<int16_t>(int64_t{look} + buttons.pitch_delta);
-    }
-    case 3: {
-      const int32_t turn = buttons.speed ? 1280 : 640;
-      const int64_t yaw = (buttons.turn_left && !buttons.strafe ? turn : 0) -
-                          (buttons.turn_right && !buttons.strafe ? turn : 0) - int64_t{buttons.yaw_delta};
-      return static_cast<int16_t>(yaw);
-    }
+      return shown(button_bits(buttons, before));
+    case 2:
+      return static_cast<int16_t>(PlayerThinker::pitch_units(buttons));
+    case 3:
+      return static_cast<int16_t>(PlayerThinker::yaw_units(one, buttons));
     case 5:
-      return axis(buttons.forward, buttons.backward, buttons.speed ? 50 : 25, buttons.forward_delta, 50);
+      return PlayerThinker::forward_units(buttons) * kMoveUnit;
     case 6:
-      return axis(buttons.right || (buttons.strafe && buttons.turn_right),
-                  buttons.left || (buttons.strafe && buttons.turn_left), buttons.speed ? 40 : 24,
-                  buttons.side_delta, 50);
+      return PlayerThinker::side_units(buttons) * kMoveUnit;
     case 7:
-      return axis(buttons.move_up, buttons.move_down, buttons.speed ? 48 : 24, buttons.up_delta, 50);
+      return (int32_t{buttons.move_up} - int32_t{buttons.move_down}) *
+                 (buttons.speed ? kRiseRun : kRiseWalk) +
+             buttons.up_delta;
     default:
       return 0;
   }

@@ -1,5 +1,6 @@
 #include "sim_workers/engine/acs/script_specials.h"
 
+#include <array>
 #include <cctype>
 #include <cstddef>
 #include <string>
@@ -10,6 +11,8 @@
 
 namespace comrad::doom::acs {
 namespace {
+
+using bytecode::BuiltIn;
 
 /// The number at the end of a map's name: 7 of MAP07; 0 where there is none.
 int32_t map_number(const std::string& name) {
@@ -29,19 +32,46 @@ bool is_of_this_map(const World& world, const SpecialCall& call, int32_t map) {
   return false;
 }
 
+struct NamedSpecial {
+  BuiltIn named;
+  int32_t special;
+};
+constexpr std::array<NamedSpecial, 7> kNamedSpecials = {{
+    {BuiltIn::kACS_NamedExecute, Special::kACS_Execute},
+    {BuiltIn::kACS_NamedSuspend, Special::kACS_Suspend},
+    {BuiltIn::kACS_NamedTerminate, Special::kACS_Terminate},
+    {BuiltIn::kACS_NamedLockedExecute, Special::kACS_LockedExecute},
+    {BuiltIn::kACS_NamedLockedExecuteDoor, Special::kACS_LockedExecuteDoor},
+    {BuiltIn::kACS_NamedExecuteWithResult, Special::kACS_ExecuteWithResult},
+    {BuiltIn::kACS_NamedExecuteAlways, Special::kACS_ExecuteAlways},
+}};
+constexpr int32_t kNoScript = INT32_MIN;  // no script has this number
+
 int32_t start_script(World& world, const SpecialCall& call, StartOptions options) {
   options.activator_id = call.activator != nullptr ? call.activator->id : 0;
   options.back_side = call.back_side;
   if (call.line >= 0 && static_cast<std::size_t>(call.line) < world.level().linedefs.size()) {
     options.line = call.line;
     const Linedef& line = world.level().linedefs[static_cast<std::size_t>(call.line)];
-    if (!line.arg0_text.empty() && line.special == call.number)
+    if (!line.arg0_text.empty() && line.special == call.number && line.args[0] == call.args[0])
       return start_script(world, line.arg0_text, options);
   }
   return start_script(world, call.args[0], options);
 }
 
 }  // namespace
+
+StoredSpecial stored_special(const Caller& caller, StoredSpecial special) {
+  if (special.number >= 0) return special;
+  for (const NamedSpecial& entry : kNamedSpecials) {
+    if (special.number != -static_cast<int32_t>(entry.named)) continue;
+    const Script* script = caller.behavior.find_script(caller.text(special.args[0]));
+    special.number = entry.special;
+    special.args[0] = script != nullptr ? script->number : kNoScript;
+    return special;
+  }
+  return {};
+}
 
 std::optional<int32_t> execute_script_special(World& world, const SpecialCall& call) {
   const auto& a = call.args;

@@ -58,6 +58,20 @@ int32_t PlayerThinker::side_units(const Buttons& buttons) {
   return std::clamp(keys + buttons.side_delta, -kForwardRun, kForwardRun);
 }
 
+int32_t PlayerThinker::yaw_units(const Player& player, const Buttons& buttons) {
+  const int32_t speed = player.turn_held_tics <= kSlowTurnTics ? kTurnSlow
+                        : buttons.speed                        ? kTurnRun
+                                                               : kTurnWalk;
+  const int32_t direction = buttons.strafe ? 0 : int32_t{buttons.turn_left} - int32_t{buttons.turn_right};
+  return direction * speed - buttons.yaw_delta;
+}
+
+int64_t PlayerThinker::pitch_units(const Buttons& buttons) {
+  const int32_t keys =
+      (int32_t{buttons.look_up} - int32_t{buttons.look_down}) * (buttons.speed ? kLookRun : kLookWalk);
+  return int64_t{keys} + buttons.pitch_delta;
+}
+
 void PlayerThinker::turn(Player& player, Actor& body, const Buttons& buttons) {
   // Turning round takes nine tics in which nothing else turns.
   if (player.turn_180_tics > 0) {
@@ -65,12 +79,7 @@ void PlayerThinker::turn(Player& player, Actor& body, const Buttons& buttons) {
     body.angle += kAngle180 / kTurnAroundTics;
     return;
   }
-  const int32_t speed = player.turn_held_tics <= kSlowTurnTics ? kTurnSlow
-                        : buttons.speed                        ? kTurnRun
-                                                               : kTurnWalk;
-  const int32_t direction = buttons.strafe ? 0 : int32_t{buttons.turn_left} - int32_t{buttons.turn_right};
-  const int32_t units = direction * speed - buttons.yaw_delta;
-  body.angle += static_cast<Angle>(units) << 16;
+  body.angle += static_cast<Angle>(yaw_units(player, buttons)) << 16;
 }
 
 void PlayerThinker::look(Actor& body, const Buttons& buttons) {
@@ -78,9 +87,7 @@ void PlayerThinker::look(Actor& body, const Buttons& buttons) {
     body.pitch = 0;
     return;
   }
-  const int32_t keys =
-      (int32_t{buttons.look_up} - int32_t{buttons.look_down}) * (buttons.speed ? kLookRun : kLookWalk);
-  const int64_t units = int64_t{keys} + buttons.pitch_delta;
+  const int64_t units = pitch_units(buttons);
   if (units == 0) return;
   const int64_t pitch = int64_t{static_cast<int32_t>(body.pitch)} - units * (1 << 16);
   body.pitch =

@@ -18,6 +18,9 @@ class PlayerThinker {
   /// Push of the keys and deltas together, in 1/32 unit per tic^2; forward and right are positive.
   static int32_t forward_units(const Buttons& buttons);
   static int32_t side_units(const Buttons& buttons);
+  /// Turn of the keys and deltas together, in 65536ths of a circle; left and up are positive.
+  static int32_t yaw_units(const Player& player, const Buttons& buttons);
+  static int64_t pitch_units(const Buttons& buttons);
   /// True in the four states of its walk.
   static bool is_walking(const World& world, const Actor& body);
 

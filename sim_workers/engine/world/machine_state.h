@@ -105,7 +105,7 @@ struct MachineState {
   uint64_t dynamic_bytes = 0;                ///< text in all of them
   std::vector<HudMessage> hud_messages;      ///< in order of drawing
   std::vector<PlaneWatcher> plane_watchers;
-  std::vector<uint32_t> old_buttons;         ///< [player] of the tic before, for GetPlayerInput
+  std::vector<uint32_t> old_buttons;         ///< [player] button_bits() of the tic before
   int32_t nesting = 0;                       ///< scripts that run inside each other at this moment
   int64_t instructions_left = 0;             ///< of the outermost one, in this tic
   int64_t instructions_per_tic = 2'000'000;  ///< of a script with those whose results it waits for

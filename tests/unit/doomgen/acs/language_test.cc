@@ -481,6 +481,28 @@ TEST(AcsCalls, WhatAScriptSpawnsActsInTheSameTic) {
   EXPECT_EQ(game.global(2), 30 << 16);
 }
 
+// Measured in ViZDoom: Thing_Destroy runs the special of the thing, here a script by its name.
+TEST(AcsCalls, NamedScriptsAreSpecialsOfThings) {
+  const auto after_death = [](const std::string& special) {
+    ProgramRunner game(
+        "global int 1:result; script 1 OPEN { Spawn(\"DoomImp\", 64.0, 0, 0, 7); SetThingSpecial(7, " +
+        special +
+        "); Thing_Destroy(7); }\n"
+        "script \"Boom\" (int id, int more) { result += 1000 + id + more; }\nscript 3 (int id) { result += "
+        "id; }\n");
+    game.tic(5);
+    EXPECT_EQ(game.error(), "");
+    return game.global(1);
+  };
+  EXPECT_EQ(after_death("ACS_ExecuteAlways, 3, 0, 8"), 8);
+  EXPECT_EQ(after_death("ACS_NamedExecute, \"boom\", 0, 8"), 1008);
+  EXPECT_EQ(after_death("ACS_NamedExecuteAlways, \"Boom\", 0, 8, 5"), 1013);
+  EXPECT_EQ(after_death("-43, \"Boom\", 0, 8"), 1008);
+  EXPECT_EQ(after_death("ACS_NamedExecuteWithResult, \"Boom\", 8, 5"), 1013);
+  EXPECT_EQ(after_death("ACS_NamedExecute, \"absent\", 0, 8"), 0);
+  EXPECT_EQ(after_death("-200, \"Boom\", 0, 8"), 0);
+}
+
 TEST(AcsPrograms, ImportLibrariesThatImportLibraries) {
   CompileOptions options;
   options.reader = [](const std::string& name, const std::string&) -> Expected<SourceFile> {

@@ -491,6 +491,66 @@ TEST(ScenarioNeeds, AUseKeyIsSeenByItsEdge) {
   EXPECT_EQ(scene.user(1), 2);
 }
 
+// The numbers are ViZDoom 1.3.2's.
+TEST(ScenarioNeeds, PlayerInputTellsOfTurnsLooksAndButtons) {
+  constexpr int kOldButtons = 0, kButtons = 1, kPitch = 2, kYaw = 3, kUpMove = 7, kModOldButtons = 8,
+                kModButtons = 9;
+  BehaviorBuilder code(Container::kCompact);
+  code.script(1, kEnter);
+  const auto again = code.label();
+  code.bind(again);
+  for (int input = 0; input < 10; ++input)
+    code.push({0, input}).op(PCode::kGetPlayerInput).store_global(input + 1);
+  code.op(PCode::kDelayDirect, {1}).go(PCode::kGoto, again);
+  Scene scene("", code);
+  scene.tics(3);
+  const auto shown = [&](int input) { return scene.user(input + 1); };
+  Buttons& buttons = scene.buttons[0];
+
+  buttons.turn_left = true;
+  for (int tic = 1; tic <= 8; ++tic) {
+    scene.tics(1);
+    EXPECT_EQ(shown(kYaw), tic <= 5 ? 320 : 640) << "a turn starts slowly, tic " << tic;
+  }
+  buttons = {};
+  buttons.turn_right = buttons.speed = true;
+  scene.tics(1);
+  EXPECT_EQ(shown(kYaw), -1280) << "turning goes on";
+
+  buttons = {};
+  buttons.look_up = buttons.move_up = true;
+  scene.tics(1);
+  EXPECT_EQ(shown(kPitch), 450);
+  EXPECT_EQ(shown(kUpMove), 256);
+  buttons.speed = true;
+  scene.tics(1);
+  EXPECT_EQ(shown(kPitch), 512);
+  EXPECT_EQ(shown(kUpMove), 768);
+  buttons = {};
+  buttons.look_down = buttons.move_down = true;
+  buttons.up_delta = 7;
+  scene.tics(1);
+  EXPECT_EQ(shown(kPitch), -450);
+  EXPECT_EQ(shown(kUpMove), -249);
+
+  buttons = {};
+  scene.tics(1);
+  buttons.turn_180 = true;
+  for (int tic = 1; tic <= 4; ++tic) {
+    scene.tics(1);
+    EXPECT_EQ(shown(kButtons), tic == 1 ? 16 : 0) << "only the press counts, tic " << tic;
+    EXPECT_EQ(shown(kOldButtons), tic == 2 ? 16 : 0);
+  }
+
+  buttons = {};
+  buttons.jump = buttons.crouch = true;
+  scene.tics(2);
+  EXPECT_EQ(shown(kButtons), 12);
+  EXPECT_EQ(shown(kOldButtons), 12);
+  EXPECT_EQ(shown(kModButtons), 4) << "the jump wins over the crouch";
+  EXPECT_EQ(shown(kModOldButtons), 4);
+}
+
 TEST(ScenarioNeeds, ActorsThatMakeActorsComeToAnEnd) {
   Scene scene(R"(actor Weed { +NOINTERACTION +NOBLOCKMAP States { Spawn: TNT1 A 1
       TNT1 A 0 A_SpawnItemEx("Weed", 0, 0, 0, 0, 0, 0, 0, SXF_NOCHECKPOSITION)
