@@ -34,12 +34,17 @@ Expected<GameContent> load_game_content(const wad::WadFile& wad, std::string_vie
   COMRAD_TRY_ASSIGN(content.level, doom::load_level(wad, map));
   const std::string label = wad.path() + " " + content.level->name;
 
+  const auto lump_text = [&](std::string_view name) -> std::optional<std::string_view> {
+    const std::optional<std::size_t> lump = wad.find(name);
+    if (!lump) return std::nullopt;
+    return wad.text(*lump);
+  };
   auto catalog = std::make_shared<doom::ActorCatalog>();
   for (std::size_t lump = 0; lump < wad.lump_count(); ++lump)
     if (wad.lump(lump).name == "DECORATE")
       COMRAD_TRY(doom::parse_decorate(wad.text(lump),
                                       decorate_name.empty() ? wad.path() + " DECORATE" : decorate_name,
-                                      catalog.get(), &content.warnings));
+                                      catalog.get(), &content.warnings, lump_text));
   content.catalog = std::move(catalog);
 
   COMRAD_TRY_ASSIGN(const wad::MapLumps lumps, wad.find_map(content.level->name));

@@ -23,15 +23,26 @@ namespace {
 // Far above what real lumps hold; a hostile one ends there.
 constexpr std::size_t kActorsMax = 4096, kStatesMax = 100000, kLabelsPerTypeMax = 512, kArgsMax = 40;
 constexpr std::size_t kWarningsMax = 200, kNameLettersMax = 128, kConstantsMax = 4096;
+constexpr int kIncludeDepthMax = 16;
 
 class DecorateParser {
  public:
   DecorateParser(std::string_view text, const std::string& label, ActorCatalog* catalog,
-                 std::vector<std::string>* warnings)
-      : text_(text), lexer_(text), label_(label), catalog_(*catalog), warnings_(warnings) {}
+                 std::vector<std::string>* warnings, const DecorateIncludes& includes)
+      : text_(text),
+        lexer_(text),
+        label_(label),
+        catalog_(*catalog),
+        warnings_(warnings),
+        includes_(includes) {}
 
   Status run() {
-    reserve_names();
+    reserve_names(text_, 0);
+    return read();
+  }
+
+ private:
+  Status read() {
     while (true) {
       const Token token = lexer_.next();
       if (token.kind == Token::Kind::kEnd) return {};
@@ -52,7 +63,6 @@ class DecorateParser {
     }
   }
 
- private:
   void warn(const Token& token, const std::string& what) {
     if (warnings_ == nullptr || !warned_.insert(what).second || warnings_left_ == 0) return;
     --warnings_left_;
@@ -74,14 +84,19 @@ class DecorateParser {
   }
 
   /// Actors may name those that follow: each gets its place before the first is read.
-  void reserve_names() {
-    DecorateLexer ahead(text_);
+  void reserve_names(std::string_view text, int include_depth) {
+    DecorateLexer ahead(text);
     int depth = 0;
     while (true) {
       const Token token = ahead.next();
       if (token.kind == Token::Kind::kEnd || token.kind == Token::Kind::kBroken) return;
       if (token.is("{")) ++depth;
       if (token.is("}")) --depth;
+      if (depth == 0 && token.is("#") && ahead.peek().is_name("include")) {
+        ahead.next();
+        const std::optional<std::string_view> more = included(ahead.word().text);
+        if (more && include_depth < kIncludeDepthMax) reserve_names(*more, include_depth + 1);
+      }
       if (depth != 0 || !token.is_name("actor")) continue;
       ActorType type;
       type.name = ahead.word().text;
@@ -96,11 +111,36 @@ class DecorateParser {
     const Token name = lexer_.next();
     if (name.is_name("include")) {
       const Token file = lexer_.word();
-      warn(name, "#include \"" + file.text + "\" is not supported: put its text into this lump");
+      lexer_.skip_line(name.line);
+      return include(name, file.text);
     } else if (!name.is_name("region") && !name.is_name("endregion")) {
       return error_at(name, "unknown directive '#" + name.text + "'");
     }
     lexer_.skip_line(name.line);
+    return {};
+  }
+
+  std::optional<std::string_view> included(const std::string& name) const {
+    return includes_ ? includes_(name) : std::nullopt;
+  }
+
+  Status include(const Token& keyword, const std::string& name) {
+    const std::optional<std::string_view> text = included(name);
+    if (!text) {
+      warn(keyword, "#include \"" + name + "\": there is no such lump; its actors are left out");
+      return {};
+    }
+    if (include_depth_ >= kIncludeDepthMax)
+      return error_at(
+          keyword, "lumps that include each other more than " + std::to_string(kIncludeDepthMax) + " deep");
+    const DecorateLexer outer_lexer = std::exchange(lexer_, DecorateLexer(*text));
+    const std::string outer_label = std::exchange(label_, label_ + ":" + name);
+    ++include_depth_;
+    const Status status = read();
+    --include_depth_;
+    lexer_ = outer_lexer;
+    label_ = outer_label;
+    if (!status) return Error{status.error().code, name + ":" + status.error().message};
     return {};
   }
 
@@ -573,9 +613,11 @@ class DecorateParser {
 
   std::string_view text_;
   DecorateLexer lexer_;
-  const std::string& label_;
+  std::string label_;
   ActorCatalog& catalog_;
   std::vector<std::string>* warnings_;
+  const DecorateIncludes& includes_;
+  int include_depth_ = 0;
   std::size_t warnings_left_ = kWarningsMax;
   std::unordered_set<std::string> warned_;
   std::unordered_set<std::string> reserved_;  // named in this lump and not read yet
@@ -586,9 +628,9 @@ class DecorateParser {
 }  // namespace
 
 Status parse_decorate(std::string_view text, const std::string& label, ActorCatalog* catalog,
-                      std::vector<std::string>* warnings) {
+                      std::vector<std::string>* warnings, const DecorateIncludes& includes) {
   ActorCatalog changed = *catalog;
-  const Status status = DecorateParser(text, label, &changed, warnings).run();
+  const Status status = DecorateParser(text, label, &changed, warnings, includes).run();
   if (!status) return Error{status.error().code, label + ":" + status.error().message};
   changed.refresh_known();
   *catalog = std::move(changed);

@@ -699,5 +699,36 @@ TEST(Decorate, WarnsOnceOfWhatItDoesNotKnow) {
     EXPECT_EQ(warned(part), 1) << part << "\n" << testing::PrintToString(known.warnings);
 }
 
+TEST(Decorate, IncludesLumpsInTheirPlace) {
+  const auto includes = [](std::string_view name) -> std::optional<std::string_view> {
+    if (name == "ITEMS") return "#include \"DEEP\"\nactor Prize : Health 12340 { Inventory.Amount AMOUNT }\n";
+    if (name == "DEEP") return "const int AMOUNT = 25;\nactor Deep { DropItem Prize wingspan 5 }\n";
+    if (name == "BROKEN") return "\nactor Broken { health }\n";
+    if (name == "LOOP") return "#include \"LOOP\"\n";
+    return std::nullopt;
+  };
+  const auto read = [&](std::string_view text, ActorCatalog* catalog, std::vector<std::string>* warnings) {
+    const Status status = parse_decorate(text, "a.wad", catalog, warnings, includes);
+    return status ? std::string() : status.error().message;
+  };
+  ActorCatalog catalog = builtin_catalog();
+  std::vector<std::string> warnings;
+  EXPECT_EQ(read("actor First { DropItem Prize }\n#include \"ITEMS\" // more\nactor Last : Deep { "
+                 "}\n#include \"none.txt\"",
+                 &catalog, &warnings),
+            "");
+  for (const char* name : {"First", "Prize", "Deep", "Last"})
+    EXPECT_TRUE(catalog.find(name).has_value()) << name;
+  EXPECT_EQ(catalog[*catalog.find("Prize")].amount, 25);
+  ASSERT_EQ(warnings.size(), 2u) << testing::PrintToString(warnings);
+  EXPECT_EQ(warnings[0].rfind("a.wad:ITEMS:DEEP:2: ", 0), 0u) << warnings[0];
+  EXPECT_EQ(warnings[1], "a.wad:4: #include \"none.txt\": there is no such lump; its actors are left out");
+
+  catalog = builtin_catalog();
+  EXPECT_EQ(read("#include \"BROKEN\"", &catalog, &warnings).rfind("a.wad:BROKEN:2:", 0), 0u);
+  EXPECT_NE(read("#include \"LOOP\"", &catalog, &warnings).find("include each other more than 16 deep"),
+            std::string::npos);
+}
+
 }  // namespace decorate_test
 }  // namespace comrad::doom::test
