@@ -468,6 +468,7 @@ class Parser {
       if (a.key == "health") return read(a, thing.health);
       if (a.key == "gravity") return read(a, thing.gravity);
       if (a.key == "score") return read(a, thing.score);
+      if (a.key == "arg0str") return read(a, thing.arg0_text);
       if (a.key == "scalex") return read(a, thing.scale_x);
       if (a.key == "scaley") return read(a, thing.scale_y);
       if (a.key == "scale") return thing_scale(a, thing);

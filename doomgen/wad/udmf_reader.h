@@ -81,6 +81,7 @@ struct UdmfThing {
   bool single = false, coop = false, dm = false, ambush = false, dormant = false;
   bool standing = false, friendly = false, invisible = false, translucent = false, count_secret = false;
   int32_t pitch = 0, score = 0;
+  std::string arg0_text;
   double alpha = -1, scale_x = 1, scale_y = 1, health = 1, gravity = 1;
   int text_line = 0;
 };

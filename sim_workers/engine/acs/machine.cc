@@ -127,6 +127,11 @@ int32_t start_script(World& world, std::string_view name, const StartOptions& op
   return world.behavior() != nullptr ? start(world, world.behavior()->find_script(name), options) : 0;
 }
 
+int32_t script_number(const World& world, std::string_view name) {
+  const Script* script = world.behavior() != nullptr ? world.behavior()->find_script(name) : nullptr;
+  return script != nullptr ? script->number : kNoScript;
+}
+
 void suspend_script(World& world, int32_t number) {
   if (Thread* thread = find_registered(world.state().scripts, number))
     thread->state = ThreadState::kSuspended;

@@ -28,6 +28,9 @@ struct StartOptions {
 /// next tic; what anything else starts, when the scripts of this tic run.
 int32_t start_script(World& world, int32_t number, const StartOptions& options);
 int32_t start_script(World& world, std::string_view name, const StartOptions& options);
+constexpr int32_t kNoScript = INT32_MIN;  ///< no script has this number
+/// The number of a script with a name, in any case; kNoScript where there is none.
+int32_t script_number(const World& world, std::string_view name);
 /// Both mean the one that runs by itself, not those of ACS_ExecuteAlways.
 void suspend_script(World& world, int32_t number);
 void terminate_script(World& world, int32_t number);

@@ -45,7 +45,6 @@ constexpr std::array<NamedSpecial, 7> kNamedSpecials = {{
     {BuiltIn::kACS_NamedExecuteWithResult, Special::kACS_ExecuteWithResult},
     {BuiltIn::kACS_NamedExecuteAlways, Special::kACS_ExecuteAlways},
 }};
-constexpr int32_t kNoScript = INT32_MIN;  // no script has this number
 
 int32_t start_script(World& world, const SpecialCall& call, StartOptions options) {
   options.activator_id = call.activator != nullptr ? call.activator->id : 0;
@@ -65,9 +64,8 @@ StoredSpecial stored_special(const Caller& caller, StoredSpecial special) {
   if (special.number >= 0) return special;
   for (const NamedSpecial& entry : kNamedSpecials) {
     if (special.number != -static_cast<int32_t>(entry.named)) continue;
-    const Script* script = caller.behavior.find_script(caller.text(special.args[0]));
     special.number = entry.special;
-    special.args[0] = script != nullptr ? script->number : kNoScript;
+    special.args[0] = script_number(caller.world, caller.text(special.args[0]));
     return special;
   }
   return {};

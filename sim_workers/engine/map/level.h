@@ -172,6 +172,7 @@ struct MapThing {
   float health = 1.0f;                   ///< times its type's; below 0: minus so many points
   Fixed gravity = kFracUnit;             ///< times its type's; below 0: minus that much
   int32_t score = 0;                     ///< of APROP_Score
+  std::string arg0_text;                 ///< name of a script, instead of args[0]
 };
 
 enum class MapFormat : uint8_t { kUdmf, kHexen, kDoom };

@@ -322,6 +322,7 @@ class Loader {
       thing.health = float_clamped(from.health, -1e6, 1e6);
       thing.gravity = fixed_from(std::clamp(from.gravity, -100.0, 100.0));
       thing.score = from.score;
+      thing.arg0_text = from.arg0_text;
       level_.things.push_back(thing);
     }
     if (far_off > 0)

@@ -44,8 +44,9 @@ void spawn_player(World& world, int index, Fixed x, Fixed y, Angle angle) {
 float scaled(float own, float by) { return std::clamp(own * by, -1000.0f, 1000.0f); }
 
 /// What the map says of a thing besides its place and type.
-void apply_thing_fields(const MapThing& thing, Actor& actor) {
+void apply_thing_fields(World& world, const MapThing& thing, Actor& actor) {
   actor.special = thing.special, actor.args = thing.args;
+  if (!thing.arg0_text.empty()) actor.args[0] = world.events().script_number(world, thing.arg0_text);
   const auto is = [&](ThingFlag flag) { return (thing.flags & flag) != 0; };
   if (is(kThingAmbush)) actor.set(ActorFlag::kAmbush);
   if (is(kThingDormant)) actor.set(ActorFlag::kDormant);
@@ -158,7 +159,7 @@ void spawn_map_things(World& world) {
                                       : int64_t{sector.floor_height} + thing.height);
     Actor& actor = world.state().actors[world.append_actor(type_index, thing.x, thing.y, z,
                                                            degrees_to_angle(thing.angle_degrees), thing.id)];
-    apply_thing_fields(thing, actor);
+    apply_thing_fields(world, thing, actor);
     if (actor.tics > 0 && !actor.has(ActorFlag::kSynchronized))
       actor.tics = 1 + world.random_byte() % actor.tics;
     actor.spawn_x = thing.x, actor.spawn_y = thing.y, actor.spawn_z = actor.z,

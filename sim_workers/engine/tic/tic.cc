@@ -33,6 +33,9 @@ class Systems final : public WorldEvents {
                           const std::array<int32_t, 4>& args) const override {
     acs::start_script(world, name, {.args = args, .activator_id = activator_id, .always = true});
   }
+  int32_t script_number(const World& world, std::string_view name) const override {
+    return acs::script_number(world, name);
+  }
   void player_died(World& world, int /*player*/, uint32_t body_id) const override {
     acs::start_scripts_of_type(world, acs::ScriptType::kDeath, body_id);
   }

@@ -53,6 +53,8 @@ class WorldEvents {
   /// ACS_NamedExecuteAlways.
   virtual void start_named_script(World& world, std::string_view name, uint32_t activator_id,
                                   const std::array<int32_t, 4>& args) const = 0;
+  /// The number of a script with a name, for arguments; one that no script has where there is none.
+  virtual int32_t script_number(const World& world, std::string_view name) const = 0;
   virtual void player_died(World& world, int player, uint32_t body_id) const = 0;
   virtual void player_respawned(World& world, int player, uint32_t body_id) const = 0;
 };

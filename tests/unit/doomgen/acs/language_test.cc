@@ -468,6 +468,20 @@ TEST(AcsCalls, SpecialsTakeConstantsVariablesAndGiveResults) {
   EXPECT_EQ(after("int x = Thing_Remove(12345); result = x + 40;"), 40);
 }
 
+// As ViZDoom runs UDMF's `special = 80; arg0str = "boom";` when the thing dies.
+TEST(AcsCalls, ThingsOfTheMapNameScripts) {
+  doom::MapThing imp;
+  imp.special = 80, imp.arg0_text = "BOOM";
+  doom::test::LevelBuilder room;
+  room.room(room.sector(0, 128), -512, -512, 512, 512).thing(1, 0, 0).thing(3001, 200, 0, 0, 9, imp);
+  ProgramRunner game(
+      "global int 1:result; script \"boom\" (void) { result = 7; } script 1 OPEN { Thing_Destroy(9); }\n", {},
+      1, room.build());
+  game.tic(3);
+  EXPECT_EQ(game.error(), "");
+  EXPECT_EQ(game.global(1), 7);
+}
+
 // ViZDoom 1.3.2 moves a ball by 20 until the tic after the one that makes it, 10 a tic afterwards.
 TEST(AcsCalls, WhatAScriptSpawnsActsInTheSameTic) {
   ProgramRunner game(
