@@ -5,6 +5,7 @@
 
 #include "sim_workers/engine/actors/decorate.h"
 #include "sim_workers/engine/map/level_loader.h"
+#include "sim_workers/env/map_info.h"
 
 namespace comrad::sim {
 namespace {
@@ -45,6 +46,20 @@ Expected<GameContent> load_game_content(const wad::WadFile& wad, std::string_vie
       COMRAD_TRY(doom::parse_decorate(wad.text(lump),
                                       decorate_name.empty() ? wad.path() + " DECORATE" : decorate_name,
                                       catalog.get(), &content.warnings, lump_text));
+  MapInfo info;
+  for (const char* name : {"ZMAPINFO", "MAPINFO"})
+    if (const std::optional<std::size_t> lump = wad.find(name)) {
+      read_map_info(wad.text(*lump), wad.path() + " " + name, content.level->name, &info, &content.warnings);
+      break;  // MAPINFO is for engines that do not know the other one
+    }
+  if (const std::optional<std::size_t> lump = wad.find("KEYCONF"))
+    read_key_conf(wad.text(*lump), wad.path() + " KEYCONF", &info, &content.warnings);
+  if (!info.player_class.empty() && !catalog->set_player(info.player_class))
+    content.warnings.push_back(wad.path() + ": the player class '" + info.player_class +
+                               "' is no PlayerPawn; players are DoomPlayers");
+  auto level = std::make_shared<doom::Level>(*content.level);
+  level->rules = info.rules;
+  content.level = std::move(level);
   content.catalog = std::move(catalog);
 
   COMRAD_TRY_ASSIGN(const wad::MapLumps lumps, wad.find_map(content.level->name));

@@ -174,6 +174,13 @@ bool ActorCatalog::is_a(uint32_t type, std::string_view ancestor) const {
   return index && is_a(type, *index);
 }
 
+bool ActorCatalog::set_player(std::string_view name) {
+  const std::optional<uint32_t> type = find(name);
+  if (!type || !types_[*type].is_player) return false;
+  known_.player = *type;
+  return true;
+}
+
 void ActorCatalog::refresh_known() {
   const auto index_of = [this](std::string_view name) { return find(name).value_or(kNoType); };
   known_ = {.player = index_of("DoomPlayer"),

@@ -78,6 +78,8 @@ class ActorCatalog {
              lost_soul = kNoType, gibs_state = kNoState, arachnotron_plasma = kNoType, tracer_smoke = kNoType;
   };
   const Known& known() const { return known_; }
+  /// Players become actors of this class; false where it is none of PlayerPawn's. After refresh_known().
+  bool set_player(std::string_view name);
   void refresh_known();  ///< after the last add(); the constructor and DECORATE call it
 
  private:

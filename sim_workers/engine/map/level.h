@@ -179,6 +179,12 @@ enum class MapFormat : uint8_t { kUdmf, kHexen, kDoom };
 
 struct LevelIndex;
 
+/// What MAPINFO says of a map.
+struct LevelRules {
+  bool no_jump = false, no_crouch = false;
+  Fixed gravity = kFracUnit;  ///< units/tic^2
+};
+
 /// A loaded map. Immutable apart from the sectors, which each World copies.
 struct Level {
   std::string name;
@@ -190,6 +196,7 @@ struct Level {
   std::vector<std::vector<uint32_t>> sector_linedefs;  ///< [sector] linedefs that touch it
   std::shared_ptr<const LevelIndex> index;             ///< collision grid and sector tree, made by the loader
   MapFormat format = MapFormat::kUdmf;
+  LevelRules rules;
   std::vector<uint8_t> behavior_lump;  ///< compiled scripts, the last BEHAVIOR of the map; empty without one
   std::string scripts_text;            ///< SCRIPTS: their source, if it came along
   std::string dialogue_text;           ///< DIALOGUE, unread

@@ -33,6 +33,9 @@ void World::start(const WorldOptions& options, const WorldEvents* events) {
   state_ = std::move(fresh);
   state_.rng = Rng(RngKey(options.seed).split("world"));
   state_.sectors = level_->sectors;
+  state_.gravity = level_->rules.gravity;
+  options_.allow_jump &= !level_->rules.no_jump;
+  options_.allow_crouch &= !level_->rules.no_crouch;
   state_.lines.resize(level_->linedefs.size());
   for (std::size_t i = 0; i < level_->linedefs.size(); ++i) {
     const Linedef& line = level_->linedefs[i];
