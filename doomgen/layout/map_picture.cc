@@ -2,13 +2,36 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <limits>
 
 namespace comrad::doomgen {
 namespace {
 
 constexpr Colour kBackground{16, 16, 20}, kWall{240, 240, 240}, kOpening{110, 110, 110},
-    kBarred{220, 180, 40}, kStart{60, 220, 60}, kSpot{80, 140, 255}, kOther{230, 70, 60};
+    kBarred{220, 180, 40};
+enum Kind : std::size_t { kStart, kSpot, kMonster, kWeapon, kAmmo, kHealth, kKey, kOther };
+constexpr ThingKind kKinds[] = {{"player starts", "green", {60, 220, 60}},
+                                {"map spots", "blue", {80, 140, 255}},
+                                {"monsters", "red", {230, 50, 50}},
+                                {"weapons", "orange", {255, 140, 20}},
+                                {"ammunition", "sand", {200, 170, 110}},
+                                {"health, armour and power-ups", "cyan", {60, 220, 230}},
+                                {"keys and skulls", "magenta", {240, 80, 240}},
+                                {"other things", "violet", {140, 110, 200}}};
+
+/// Doom II's editor numbers (the Unofficial Doom Specs, section 5-1).
+constexpr struct {
+  Kind kind;
+  std::initializer_list<int32_t> editor_numbers;
+} kNumbers[] = {{kStart, {1, 2, 3, 4, 4001, 4002, 4003, 4004}},
+                {kSpot, {9001}},
+                {kMonster, {7,  9,  16, 58, 64,   65,   66,   67,   68,   69,  71,
+                            72, 84, 88, 89, 3001, 3002, 3003, 3004, 3005, 3006}},
+                {kWeapon, {82, 2001, 2002, 2003, 2004, 2005, 2006}},
+                {kAmmo, {8, 17, 2007, 2008, 2010, 2046, 2047, 2048, 2049}},
+                {kHealth, {83, 2011, 2012, 2013, 2014, 2015, 2018, 2019, 2022, 2023, 2024, 2025, 2026, 2045}},
+                {kKey, {5, 6, 13, 38, 39, 40}}};
 constexpr int kMargin = 8;
 
 struct Canvas {
@@ -33,8 +56,6 @@ struct Canvas {
   }
 };
 
-bool is_start(int32_t type) { return (type >= 1 && type <= 4) || (type >= 4001 && type <= 4004); }
-
 /// A line of the map with the sectors on its sides, -1 where there is none; ends that do not exist are
 /// left out.
 struct Edge {
@@ -43,6 +64,14 @@ struct Edge {
 };
 
 }  // namespace
+
+std::span<const ThingKind> thing_kinds() { return kKinds; }
+
+const ThingKind& kind_of_thing(int32_t editor_number) {
+  for (const auto& [kind, editor_numbers] : kNumbers)
+    if (std::ranges::find(editor_numbers, editor_number) != editor_numbers.end()) return kKinds[kind];
+  return kKinds[kOther];
+}
 
 Expected<Picture> draw_map(const wad::UdmfMap& map, int side) {
   if (side < 16 || side > 8192)
@@ -121,14 +150,15 @@ Expected<Picture> draw_map(const wad::UdmfMap& map, int side) {
                                   : kOpening);
     }
   for (const wad::UdmfThing& thing : map.things) {
-    const Colour colour = is_start(thing.type) ? kStart : thing.type == 9001 ? kSpot : kOther;
+    const ThingKind& kind = kind_of_thing(thing.type);
+    const bool is_start = &kind == &kKinds[kStart], is_spot = &kind == &kKinds[kSpot];
     const int radius = std::clamp(static_cast<int>(16 * canvas.scale), 2, 12);
     const double x = canvas.column(std::clamp(thing.x, -65536.0, 65536.0)),
                  y = canvas.row(std::clamp(thing.y, -65536.0, 65536.0));
-    canvas.disc(x, y, thing.type == 9001 ? std::max(1, radius / 2) : radius, colour);
-    if (is_start(thing.type)) {
+    canvas.disc(x, y, is_spot ? std::max(1, radius / 2) : radius, kind.colour);
+    if (is_start) {
       const double angle = thing.angle * (3.14159265358979 / 180.0);
-      canvas.line(x, y, x + 2.5 * radius * std::cos(angle), y - 2.5 * radius * std::sin(angle), kStart);
+      canvas.line(x, y, x + 2.5 * radius * std::cos(angle), y - 2.5 * radius * std::sin(angle), kind.colour);
     }
   }
   return canvas.picture;

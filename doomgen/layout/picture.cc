@@ -4,6 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
+
+#include "rollout_buffer/core/check.h"
 
 namespace comrad::doomgen {
 namespace {
@@ -43,6 +46,22 @@ void put_u16(std::string& out, int value) {
   out += static_cast<char>(value & 0xFF), out += static_cast<char>(value >> 8 & 0xFF);
 }
 
+/// A PNG of one IHDR, the palette if there is one, and one IDAT.
+std::string png_file(const Picture& picture, std::string_view kind, std::string_view palette,
+                     std::string_view data) {
+  std::string head;
+  put_big_endian(head, static_cast<uint32_t>(picture.width));
+  put_big_endian(head, static_cast<uint32_t>(picture.height));
+  head += kind;
+  head += std::string(3, '\0');  // deflate, adaptive filters, no interlacing
+  std::string out("\x89PNG\r\n\x1A\n", 8);
+  put_chunk(out, "IHDR", head);
+  if (!palette.empty()) put_chunk(out, "PLTE", palette);
+  put_chunk(out, "IDAT", data);
+  put_chunk(out, "IEND", {});
+  return out;
+}
+
 }  // namespace
 
 std::string encode_png(const Picture& picture) {
@@ -55,15 +74,34 @@ std::string encode_png(const Picture& picture) {
       for (const uint8_t value : {c.red, c.green, c.blue, c.alpha}) rows += static_cast<char>(value);
     }
   }
-  std::string head;
-  put_big_endian(head, static_cast<uint32_t>(picture.width));
-  put_big_endian(head, static_cast<uint32_t>(picture.height));
-  head += std::string("\x08\x06\0\0\0", 5);  // 8 bits, RGBA, no interlacing
-  std::string out("\x89PNG\r\n\x1A\n", 8);
-  put_chunk(out, "IHDR", head);
-  put_chunk(out, "IDAT", stored(rows));
-  put_chunk(out, "IEND", {});
-  return out;
+  return png_file(picture, "\x08\x06", {}, stored(rows));  // 8 bits, RGBA
+}
+
+Expected<std::string> encode_indexed_png(const Picture& picture) {
+  constexpr std::size_t kColoursMax = 256;
+  std::map<std::array<uint8_t, 3>, char> indices;
+  std::string palette, rows;
+  rows.reserve(static_cast<std::size_t>(picture.height) * (static_cast<std::size_t>(picture.width) + 1));
+  for (int y = 0; y < picture.height; ++y) {
+    rows += '\0';  // no filter: it would hide equal indices from deflate
+    for (int x = 0; x < picture.width; ++x) {
+      const Colour& c = picture.at(x, y);
+      const auto [found, is_new] =
+          indices.try_emplace({c.red, c.green, c.blue}, static_cast<char>(indices.size()));
+      if (is_new)
+        for (const uint8_t value : found->first) palette += static_cast<char>(value);
+      rows += found->second;
+    }
+    if (indices.size() > kColoursMax)
+      return Error{ErrorCode::kBadInput, "an indexed PNG has at most 256 colours; this picture has more"};
+  }
+  std::string data(compressBound(rows.size()), '\0');
+  uLongf size = data.size();
+  const int compressed = compress2(reinterpret_cast<Bytef*>(data.data()), &size, bytes_of(rows), rows.size(),
+                                   Z_BEST_COMPRESSION);
+  COMRAD_CHECK(compressed == Z_OK, "zlib compresses a picture into compressBound() bytes");
+  data.resize(size);
+  return png_file(picture, "\x08\x03", palette, data);  // 8 bits, indices
 }
 
 Expected<std::string> encode_patch(const Picture& picture, std::string_view palette) {

@@ -1,6 +1,5 @@
-// Pictures made by code, as lumps: PNG for textures between TX_START and TX_END and for files, Doom's
-// column format for patches. The PNG's data is stored, not compressed, so that the bytes depend on nothing
-// but the picture.
+// Pictures made by code: PNG for textures between TX_START and TX_END, Doom's column format for patches, indexed
+// PNG for files that people look at.
 #pragma once
 
 #include <cstdint>
@@ -28,8 +27,13 @@ struct Picture {
   const Colour& at(int x, int y) const { return pixels[static_cast<std::size_t>(y) * width + x]; }
 };
 
-/// The picture as a PNG file, 8 bits RGBA.
+/// The picture as a PNG file, 8 bits RGBA. The data is stored, not compressed, so that the bytes of a WAD depend on
+/// nothing but the picture.
 std::string encode_png(const Picture& picture);
+
+/// The picture as a PNG file of palette indices, compressed; alpha is dropped. Errors: kBadInput for more than 256
+/// colours.
+Expected<std::string> encode_indexed_png(const Picture& picture);
 
 /// The picture in Doom's column format, colours by the nearest of `palette` (PLAYPAL: 256 times red,
 /// green, blue); pixels of alpha below 128 are holes. Errors: kBadInput for sides beyond 1024 x 254 or a

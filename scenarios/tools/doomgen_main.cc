@@ -2,6 +2,7 @@
 // many. comrad-doomgen show FILE: a map from above. comrad-doomgen check FOLDER: is a pool whole?
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
@@ -53,17 +54,29 @@ Expected<wad::UdmfMap> read_map(const std::string& path, std::string name) {
 Status draw_picture(const std::string& path, const std::string& name, const std::string& out, int side) {
   COMRAD_TRY_ASSIGN(const wad::UdmfMap map, read_map(path, name));
   COMRAD_TRY_ASSIGN(const doomgen::Picture picture, doomgen::draw_map(map, side));
-  COMRAD_TRY(write_file_atomically(out, doomgen::encode_png(picture), /*durable=*/true));
+  COMRAD_TRY_ASSIGN(const std::string png, doomgen::encode_indexed_png(picture));
+  COMRAD_TRY(write_file_atomically(out, png, /*durable=*/true));
   std::printf("%s: %dx%d pixels, %zu sectors, %zu lines, %zu things\n", out.c_str(), picture.width,
               picture.height, map.sectors.size(), map.linedefs.size(), map.things.size());
+  for (const doomgen::ThingKind& kind : doomgen::thing_kinds())
+    if (const auto count = std::ranges::count_if(
+            map.things,
+            [&](const wad::UdmfThing& thing) { return &doomgen::kind_of_thing(thing.type) == &kind; });
+        count > 0)
+      std::printf("  %s: %zd %s\n", kind.colour_name, count, kind.name);
   return {};
 }
 
 int show(int argc, char** argv) {
   std::string path, out, name;
   int side = 1024;
-  CLI::App app("Draws a map from above: floors shaded by height, walls white, starts green, spots blue.",
-               "comrad-doomgen show");
+  std::string legend =
+      "Draws a map from above as a PNG. Floors: darkest lowest, brown where closed. Lines: white walls, grey "
+      "two-sided, yellow two-sided and blocking. Things:";
+  for (const doomgen::ThingKind& kind : doomgen::thing_kinds())
+    legend += std::string(&kind == &doomgen::thing_kinds().front() ? " " : "; ") + kind.colour_name + " " +
+              kind.name;
+  CLI::App app(legend + ".", "comrad-doomgen show");
   app.add_option("file", path, "WAD to look at")->required();
   app.add_option("-o,--out", out, "PNG file to write; beside the WAD by default");
   app.add_option("--map", name, "map in the WAD; its first one by default");

@@ -115,6 +115,24 @@ TEST(Picture, APngOfKnownBytes) {
   EXPECT_EQ(png.substr(png.size() - 4), "\xAE\x42\x60\x82") << "the checksum of every PNG's last chunk";
 }
 
+TEST(Picture, AnIndexedPngIsSmallAndHasAPalette) {
+  Picture picture(1000, 1000, {1, 2, 3});
+  picture.at(999, 999) = {4, 5, 6};
+  const auto png = encode_indexed_png(picture);
+  ASSERT_TRUE(png) << png.error().message;
+  EXPECT_LT(png->size(), 2000u);
+  EXPECT_THAT(*png, HasSubstr(std::string("\0\0\x03\xE8\0\0\x03\xE8\x08\x03\0\0\0", 13)))
+      << "8 bits, indices";
+  EXPECT_THAT(*png, HasSubstr(std::string("\0\0\0\x06PLTE\1\2\3\4\5\6", 14)));
+  EXPECT_EQ(png->substr(png->size() - 4), "\xAE\x42\x60\x82");
+  Picture colourful(257, 1, {});
+  for (int x = 0; x < 257; ++x)
+    colourful.at(x, 0) = {static_cast<uint8_t>(x), static_cast<uint8_t>(x >> 8), 0};
+  const auto refused = encode_indexed_png(colourful);
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().message, HasSubstr("at most 256 colours"));
+}
+
 TEST(Picture, APatchHasPostsWhereThePictureIsOpaque) {
   std::string palette(768, '\0');
   palette[3 * 9] = '\xFF';  // entry 9 is red
@@ -147,6 +165,33 @@ TEST(MapPicture, ShowsFloorsWallsAndStarts) {
   EXPECT_GT(floors, 200 * 50);
   EXPECT_FALSE(draw_map(*map, 1));
   EXPECT_FALSE(draw_map({}, 100));
+}
+
+TEST(MapPicture, ShowsWhatThingsAreAndFitsAPalette) {
+  auto map = read_back(two_rooms());
+  ASSERT_TRUE(map);
+  ASSERT_FALSE(map->things.empty());
+  const wad::UdmfThing start = map->things[0];
+  for (const auto& [type, name] :
+       std::vector<std::pair<int32_t, std::string>>{{4004, "player starts"},
+                                                    {9001, "map spots"},
+                                                    {3001, "monsters"},
+                                                    {2001, "weapons"},
+                                                    {2007, "ammunition"},
+                                                    {2012, "health, armour and power-ups"},
+                                                    {40, "keys and skulls"},
+                                                    {-5, "other things"}}) {
+    const ThingKind& kind = kind_of_thing(type);
+    EXPECT_EQ(kind.name, name);
+    map->things = {start};
+    map->things[0].type = type;
+    const auto picture = draw_map(*map, 200);
+    ASSERT_TRUE(picture);
+    EXPECT_GT(std::ranges::count(picture->pixels, kind.colour), 5) << name;
+    const auto png = encode_indexed_png(*picture);
+    ASSERT_TRUE(png);
+    EXPECT_LT(png->size(), 4000u);
+  }
 }
 
 TEST(NodeBuilder, EitherBuildsNodesOrSaysThatTheProgramIsMissing) {
