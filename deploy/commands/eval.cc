@@ -314,11 +314,15 @@ int eval_command(Arguments arguments) {
       "the checkpoint to play, for example a milestone (default: --load_checkpoint_kind says which)");
   line.add_option("maps", request.maps, "WORD",
                   "train (those that the run trains on) or held_out (20 that no training pool holds)");
-  line.add_option("save_video", request.films.video, "FILE",
-                  "film the episodes: .mp4 or .mkv, all agents side by side, with actions and score");
+  line.add_option(
+      "save_video", request.films.video, "FILE",
+      "film the episodes: .mp4, .mkv or .gif (8.75 pictures a second), all agents side by side, with "
+      "actions and score");
   line.add_option("frames", request.films.frames, "DIR", "the same as one PNG a decision, in a new folder");
   line.add_option("size", request.films.size, "WxH",
                   "of one agent's view in films (default 640x360); the network still sees 128x72");
+  line.add_option("seconds", request.films.seconds, "S",
+                  "end films after S seconds; the episodes are played to their end for the score");
   line.add_option(
       "positions_file", request.positions, "FILE",
       "write where each agent was after every decision, and the map's lines: JSON lines (.jsonl), "

@@ -16,6 +16,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kDefaultSize = "640x360";
 constexpr int kWidthMin = 128, kHeightMin = 72, kWidthMax = 1920, kHeightMax = 1080;
+constexpr double kSecondsMax = 1e6;
 
 Status check_size(const std::string& text) {
   int width = 0, height = 0;
@@ -31,18 +32,34 @@ Status check_size(const std::string& text) {
                    "write WIDTHxHEIGHT of one agent's view, from 128x72 to 1920x1080, for example 640x360");
 }
 
+Expected<double> check_seconds(const std::string& text) {
+  double seconds = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, failure] = std::from_chars(text.data(), end, seconds);
+  if (failure == std::errc() && stop == end && seconds > 0 && seconds <= kSecondsMax) return seconds;
+  return bad_value("seconds", text, "write how long the film is, in seconds above 0, for example 20");
+}
+
 }  // namespace
 
 Expected<FilmPlan> check_films(const FilmRequest& request) {
   FilmPlan plan;
   if (request.video.empty() && request.frames.empty()) {
-    if (request.size.empty()) return plan;
-    return bad_value("size", request.size, "it is the size of films; add --save_video FILE or --frames DIR");
+    if (!request.size.empty())
+      return bad_value("size", request.size,
+                       "it is the size of films; add --save_video FILE or --frames DIR");
+    if (!request.seconds.empty())
+      return bad_value("seconds", request.seconds,
+                       "it is the length of films; add --save_video FILE or --frames DIR");
+    return plan;
   }
   plan.size = request.size.empty() ? kDefaultSize : request.size;
   COMRAD_TRY(check_size(plan.size));
+  if (!request.seconds.empty()) {
+    COMRAD_TRY_ASSIGN(plan.seconds, check_seconds(request.seconds));
+  }
   if (!request.video.empty()) {
-    COMRAD_TRY_ASSIGN(plan.video, check_output_file("save_video", request.video, {".mp4", ".mkv"}));
+    COMRAD_TRY_ASSIGN(plan.video, check_output_file("save_video", request.video, {".mp4", ".mkv", ".gif"}));
   }
   if (!request.frames.empty()) {
     COMRAD_TRY_ASSIGN(plan.frames, check_new_folder("frames", request.frames,
@@ -53,10 +70,11 @@ Expected<FilmPlan> check_films(const FilmRequest& request) {
 
 HalfWrittenFilm::HalfWrittenFilm(const std::string& video) : video_(video) {
   const fs::path path = video;
+  if (video.empty()) return;
   // The name's end tells the container.
-  if (!video.empty())
-    name_ = path.parent_path() /
-            (std::string(kHalfWrittenMark) + std::to_string(getpid()) + "-" + path.filename().string());
+  name_ = path.parent_path() /
+          (std::string(kHalfWrittenMark) + std::to_string(getpid()) + "-" + path.filename().string());
+  signals_.emplace();
 }
 
 HalfWrittenFilm::~HalfWrittenFilm() {

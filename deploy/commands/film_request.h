@@ -2,24 +2,28 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "deploy/launch/launch_plan.h"
+#include "deploy/launch/signal_desk.h"
 #include "rollout_buffer/core/expected.h"
 
 namespace comrad::deploy {
 
 /// As typed; empty where it was not.
 struct FilmRequest {
-  std::string video = {}, frames = {}, size = {};
+  std::string video = {}, frames = {}, size = {}, seconds = {};
 };
 
-/// The films to make, with absolute paths: a video's name ends in .mp4 or .mkv and its folder is there and may be written
-/// to; a folder of pictures is new or empty; the size lies between 128x72 and 1920x1080, 640x360 where none was typed.
+/// The films to make, with absolute paths: a video's name ends in .mp4, .mkv or .gif and its folder is there and may be
+/// written to; a folder of pictures is new or empty; the size lies between 128x72 and 1920x1080, 640x360 where none was
+/// typed; the seconds are above 0.
 /// Errors: kBadInput, naming the flag.
 Expected<FilmPlan> check_films(const FilmRequest& request);
 
-/// The file of a film while it is made. It comes to its name when it is whole, and is removed when it never is.
+/// The file of a film while it is made. It comes to its name when it is whole, and is removed when it never is: signals
+/// that would end the program meanwhile wait for the supervisor, or are dropped once the film is finished.
 class HalfWrittenFilm {
  public:
   /// `video` empty: there is none.
@@ -35,6 +39,7 @@ class HalfWrittenFilm {
  private:
   std::string video_;
   std::filesystem::path name_;
+  std::optional<SignalDesk> signals_;
 };
 
 }  // namespace comrad::deploy

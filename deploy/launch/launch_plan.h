@@ -31,6 +31,7 @@ struct FilmPlan {
   std::string video;   ///< file; empty: none
   std::string frames;  ///< folder of single pictures; empty: none
   std::string size;    ///< of one agent's view, "640x360"
+  double seconds = 0;  ///< of film, a decision's 4 tics are 4/35 s; the episodes are played on; 0: no limit
   bool is_wanted() const { return !video.empty() || !frames.empty(); }
 };
 

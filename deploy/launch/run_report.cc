@@ -6,6 +6,7 @@
 
 #include "deploy/launch/progress.h"
 #include "rollout_buffer/link/link_files.h"
+#include "rollout_buffer/schema/version.h"
 
 namespace comrad::deploy {
 namespace {
@@ -27,7 +28,7 @@ std::string RunReport::evaluation_line() const {
   if (plan_.episodes > 0) {
     text = "episodes " + std::to_string(meter_.episodes().size()) + "/" + std::to_string(plan_.episodes);
     if (!meter_.episodes().empty()) text += " | J " + score_text(meter_.episode_score_mean());
-    text += " | ";
+    text += " | " + film_text();
   }
   if (plan_.feeds()) {
     const std::optional<link::Feed> feed = link::read_feed(plan_.run_dir);
@@ -39,6 +40,16 @@ std::string RunReport::evaluation_line() const {
   const double elapsed_s = std::max(clock_.now_s() - meter_.running_since_s(), 1e-3);
   return text + rates_text(static_cast<double>(meter_.played_decisions()) / elapsed_s,
                            plan_.config.environment.env_frameskip);
+}
+
+/// "film 700/700 frames | "; empty where nothing is filmed.
+std::string RunReport::film_text() const {
+  if (!plan_.film.is_wanted()) return "";
+  const auto limit = std::llround(kTicRateHz * plan_.film.seconds);
+  const int64_t played_tics = static_cast<int64_t>(meter_.played_decisions()) *
+                              plan_.config.environment.env_frameskip / std::max(1, plan_.env.num_agents);
+  if (limit == 0) return "film " + whole_text(played_tics) + " frames | ";
+  return "film " + whole_text(std::min<int64_t>(played_tics, limit)) + "/" + whole_text(limit) + " frames | ";
 }
 
 std::string RunReport::progress_line() const {

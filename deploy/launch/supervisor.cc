@@ -32,6 +32,7 @@ constexpr int kTickMs = 50;  // longest sleep of the loop; signals, deaths and j
 constexpr double kStatusIntervalS = 2.0;
 constexpr double kWorkerStatusIntervalS = 1.0;
 constexpr double kShortestLineIntervalS = 0.1;
+constexpr double kFilmLineIntervalS = 1.0;
 constexpr double kLookIntervalS = 1.0;      // at the workers' counters, for their rates
 constexpr double kSnapshotLifetimeS = 0.2;  // repeated requests get the same answer
 
@@ -95,7 +96,9 @@ class Supervisor {
   std::string stop_line() const { return "stopping: " + supervision_.stop_words(); }
   std::string starting_line() const { return report_.starting_line(); }
   double line_interval_s() const {
-    return std::max(plan_.config.run.progress_interval, kShortestLineIntervalS);
+    const double wanted_s = plan_.config.run.progress_interval;
+    return std::max(plan_.film.is_wanted() ? std::min(wanted_s, kFilmLineIntervalS) : wanted_s,
+                    kShortestLineIntervalS);
   }
 
   const LaunchPlan& plan_;

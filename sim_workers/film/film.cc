@@ -1,12 +1,14 @@
 #include "sim_workers/film/film.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <opencv2/videoio.hpp>
 #include <utility>
 
 #include "rollout_buffer/core/files.h"
+#include "rollout_buffer/core/text.h"
+#include "rollout_buffer/schema/version.h"
 #include "sim_workers/engine/render/png_image.h"
 
 namespace comrad::sim {
@@ -14,8 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kFramesPerSecond = 35;  // tics
-constexpr int kHeldFrames = 35;          // an episode's last picture stands for a second
+constexpr int kHeldTics = 35;  // an episode's last picture stands for a second
 
 std::vector<std::vector<std::string>> buttons_of(const DoomGame& game) {
   std::vector<std::vector<std::string>> buttons;
@@ -48,15 +49,12 @@ Expected<std::unique_ptr<Film>> Film::create(const FilmOptions& options,
 }
 
 Status Film::open_video() {
-  video_ = std::make_unique<cv::VideoWriter>(options_.video, cv::CAP_FFMPEG,
-                                             cv::VideoWriter::fourcc('a', 'v', 'c', '1'), kFramesPerSecond,
-                                             frame_.size(), /*isColor=*/true);
-  if (video_->isOpened()) return {};
-  return Error{ErrorCode::kUnsupported,
-               options_.video + ": OpenCV cannot write H.264 of " + std::to_string(frame_.size().width) +
-                   "x" + std::to_string(frame_.size().height) +
-                   " there; is the folder writable, and libopencv_videoio Debian's own? A smaller --size or "
-                   "--frames may do"};
+  if (lower_case(options_.video).ends_with(".gif")) {
+    COMRAD_TRY_ASSIGN(gif_, GifFile::create(options_.video, frame_.size()));
+    return {};
+  }
+  COMRAD_TRY_ASSIGN(video_, VideoFile::create(options_.video, frame_.size()));
+  return {};
 }
 
 void Film::began(const DoomEnvironment& environment) {
@@ -65,16 +63,27 @@ void Film::began(const DoomEnvironment& environment) {
 }
 
 void Film::ticked(const DoomEnvironment& environment) {
-  if (!status_) return;
+  if (!status_ || is_complete()) return;
   const bool is_over = environment.last_step().episode_over();
+  const int frame_skip = environment.game().frame_skip;
   const bool ends_a_decision =
-      is_over || environment.world().tic_count() % static_cast<uint64_t>(environment.game().frame_skip) == 0;
-  const bool is_pictured = !options_.frames.empty() && ends_a_decision;
-  if (video_ == nullptr && !is_pictured) return;
+      is_over || environment.world().tic_count() % static_cast<uint64_t>(frame_skip) == 0;
+  const int shown_tics = is_over ? kHeldTics : 1;
+  if (video_ == nullptr && !ends_a_decision) {
+    ++tics_;
+    return;
+  }
   const cv::Mat& picture = draw(environment);
-  for (int i = 0; video_ != nullptr && i < (is_over ? kHeldFrames : 1); ++i, ++video_frames_)
-    video_->write(picture);
-  if (is_pictured) status_ = write_picture(picture, caption_.decisions);
+  for (int i = 0; i < shown_tics && !is_complete(); ++i, ++tics_)
+    if (video_ != nullptr && status_) status_ = video_->add(picture);
+  if (gif_ != nullptr && status_ && ends_a_decision)
+    status_ = gif_->add(picture, is_over ? kHeldTics : frame_skip);
+  if (status_ && !options_.frames.empty() && ends_a_decision)
+    status_ = write_picture(picture, caption_.decisions);
+}
+
+bool Film::is_complete() const {
+  return options_.seconds > 0 && tics_ >= std::max(1L, std::lround(kTicRateHz * options_.seconds));
 }
 
 const cv::Mat& Film::draw(const DoomEnvironment& environment) {
@@ -114,19 +123,12 @@ Status Film::write_picture(const cv::Mat& picture, uint32_t decision) {
 }
 
 Status Film::finish() {
-  if (video_ == nullptr) return std::exchange(status_, {});
-  video_->release();
-  video_.reset();
-  if (!status_) return status_;
-  // OpenCV does not say whether all was written.
-  cv::VideoCapture written(options_.video, cv::CAP_FFMPEG);
-  const double frames = written.isOpened() ? written.get(cv::CAP_PROP_FRAME_COUNT) : 0;
-  written.release();
-  if (frames < static_cast<double>(video_frames_) - 1)
-    return Error{ErrorCode::kNoSpace, options_.video + ": only " + std::to_string(std::lround(frames)) +
-                                          " of " + std::to_string(video_frames_) +
-                                          " frames can be read back; is the disk full?"};
-  return {};
+  Status closed;
+  if (gif_ != nullptr) closed = gif_->finish();
+  if (video_ != nullptr) closed = video_->finish();
+  gif_.reset(), video_.reset();
+  COMRAD_TRY(std::exchange(status_, {}));
+  return closed;
 }
 
 }  // namespace comrad::sim

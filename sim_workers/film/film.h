@@ -11,24 +11,24 @@
 #include "sim_workers/engine/render/renderer.h"
 #include "sim_workers/env/doom_env.h"
 #include "sim_workers/film/film_frame.h"
-
-namespace cv {
-class VideoWriter;
-}
+#include "sim_workers/film/gif_file.h"
+#include "sim_workers/film/video_file.h"
 
 namespace comrad::sim {
 
 struct FilmOptions {
-  std::string video = {};   ///< file .mp4 or .mkv, H.264 at 35 frames a second, as the game runs; empty: none
+  std::string video =
+      {};  ///< file .mp4 or .mkv, H.264 with a frame a tic, or .gif with one a decision; empty: none
   std::string frames = {};  ///< folder of episode_<n>_decision_<n>.png; empty: none
   ViewSize size{640, 360};  ///< of one agent's view
+  double seconds = 0;       ///< of film after which nothing is drawn; 0: no limit
 };
 
 /// The views are drawn once more for the film, at its own size; what the network sees is not touched. Threads: the environment's.
 class Film final : public TicWatcher {
  public:
   /// `first` is the game that the environments begin with; `environments` says which maps there are.
-  /// Errors: kUnsupported where OpenCV has no H.264 or the view is larger than can be drawn, kSystem and kNoSpace for
+  /// Errors: kUnsupported where FFmpeg has no H.264 or the view is larger than can be drawn, kSystem and kNoSpace for
   /// files, those of ArtArchive::open and Renderer::create.
   static Expected<std::unique_ptr<Film>> create(const FilmOptions& options,
                                                 const EnvironmentOptions& environments,
@@ -37,20 +37,22 @@ class Film final : public TicWatcher {
 
   void began(const DoomEnvironment& environment) override;
   void ticked(const DoomEnvironment& environment) override;
-  /// Ends the video and reads it back. Errors: the first that came meanwhile; kNoSpace where the video is damaged.
+  /// Ends the video. Errors: the first that came meanwhile; kNoSpace.
   Status finish();
 
  private:
   Film(const FilmOptions& options, FilmFrame frame);
   Status open_video();
+  bool is_complete() const;
   const cv::Mat& draw(const DoomEnvironment& environment);
   Status write_picture(const cv::Mat& picture, uint32_t decision);
 
   const FilmOptions options_;
   FilmFrame frame_;
   std::unique_ptr<doom::Renderer> renderer_;
-  std::unique_ptr<cv::VideoWriter> video_;
-  uint64_t video_frames_ = 0;
+  std::unique_ptr<VideoFile> video_;
+  std::unique_ptr<GifFile> gif_;
+  int64_t tics_ = 0;  // filmed
   uint64_t episodes_ = 0;
   std::vector<std::vector<uint8_t>> views_;  // [N][3, height, width]
   std::vector<uint8_t> planes_;              // of a picture

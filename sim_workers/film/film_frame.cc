@@ -7,6 +7,7 @@
 
 #include "rollout_buffer/core/check.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/schema/version.h"
 
 namespace comrad::sim {
 namespace {
@@ -15,7 +16,6 @@ constexpr int kColumnsMax = 4;  // more views than this go into a second row
 constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
 constexpr double kSmallText = 0.5, kLargeText = 0.62;  // of OpenCV's font, for views 640 pixels wide
 constexpr double kSmallestScale = 0.75;                // letters below this cannot be read
-constexpr double kTicsPerSecond = 35;
 
 const cv::Scalar kBackground(30, 26, 24), kPanel(46, 41, 38), kOutline(86, 78, 72);  // BGR
 const cv::Scalar kQuiet(172, 164, 158), kLoud(244, 242, 240), kDark(24, 20, 18), kDead(90, 84, 232);
@@ -92,11 +92,12 @@ void FilmFrame::lay_out(const std::vector<std::vector<std::string>>& buttons) {
 const cv::Mat& FilmFrame::draw(std::span<const std::vector<uint8_t>> views, const FilmCaption& caption) {
   const auto count = static_cast<std::size_t>(num_agents_);
   COMRAD_CHECK(views.size() == count && caption.agents.size() == count, "one view and caption an agent");
-  picture_.setTo(kBackground);
   for (std::size_t agent = 0; agent < count; ++agent) {
     draw_view(agent, views[agent]);
-    draw_agent(agent, caption.agents[agent]);
+    // Text is the dearest to draw, and an agent's changes once a decision.
+    if (drawn_.empty() || drawn_[agent] != caption.agents[agent]) draw_agent(agent, caption.agents[agent]);
   }
+  drawn_ = caption.agents;
   draw_footer(caption);
   return picture_;
 }
@@ -118,7 +119,10 @@ void FilmFrame::draw_agent(std::size_t agent, const AgentCaption& caption) {
   write(format("agent %zu", agent), {corner.x + edge, baseline}, kLargeText, accent(agent));
   if (!caption.is_alive)
     write("dead", {corner.x + edge + text_size("agent 0  ", kLargeText).width, baseline}, kLargeText, kDead);
-  const std::string numbers = format("J %.1f   return %+.2f", caption.score, caption.return_so_far);
+  std::string numbers = format("J %.1f   return %+.2f", caption.score, caption.return_so_far);
+  const int name_width = text_size(caption.is_alive ? "agent 0  " : "agent 0  dead  ", kLargeText).width;
+  if (text_size(numbers, kSmallText).width + name_width + 2 * edge > view_.width)
+    numbers = format("J %.1f", caption.score);
   write(numbers, {corner.x + view_.width - edge - text_size(numbers, kSmallText).width, baseline}, kSmallText,
         kLoud);
   for (const Chip& chip : chips_) {
@@ -134,12 +138,13 @@ void FilmFrame::draw_agent(std::size_t agent, const AgentCaption& caption) {
 
 void FilmFrame::draw_footer(const FilmCaption& caption) {
   const int gap = pixels(8), top = picture_.rows - pixels(34), baseline = top + pixels(20);
+  picture_.rowRange(top, picture_.rows).setTo(kBackground);
   std::string score = format("J %.1f", caption.score);
   if (caption.ceiling > 0) score += format(" of %.1f", caption.ceiling);
   const int score_width = text_size(score, kLargeText).width;
   write(score, {picture_.cols - gap - score_width, baseline}, kLargeText, kLoud);
   // What does not fit beside the score is left out, the least needed first.
-  const std::string clock = format("%.1f s", caption.tics / kTicsPerSecond);
+  const std::string clock = format("%.1f s", static_cast<double>(caption.tics) / kTicRateHz);
   const std::string episode = "episode " + std::to_string(caption.episode);
   const std::string counts = format("tic %u   decision %u", caption.tics, caption.decisions);
   const auto with_ending = [&](std::string text) {

@@ -18,6 +18,7 @@ struct AgentCaption {
   double return_so_far = 0;     ///< its own rewards, raw
   double score = 0;             ///< its own share of J, as if the episode ended now
   bool is_alive = true;
+  friend bool operator==(const AgentCaption&, const AgentCaption&) = default;
 };
 
 /// What stands below all views.
@@ -67,6 +68,7 @@ class FilmFrame {
   std::vector<Chip> chips_;
   int caption_height_ = 0;
   cv::Mat picture_;
+  std::vector<AgentCaption> drawn_;  ///< what `picture_` shows
   std::vector<cv::Mat> planes_;
 };
 

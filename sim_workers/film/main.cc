@@ -29,9 +29,10 @@ int main(int argc, char** argv) {
                               "comrad eval --save_video and --frames start it."});
   sim::FilmOptions options;
   std::string size = "640x360";
-  shell.flags().add("--film_video", options.video, "video file, .mp4 or .mkv");
+  shell.flags().add("--film_video", options.video, "video file, .mp4, .mkv or .gif");
   shell.flags().add("--film_frames", options.frames, "folder for one picture a decision");
   shell.flags().add("--film_size", size, "of one agent's view");
+  shell.flags().add("--film_seconds", options.seconds, "of film after which nothing is drawn; 0: no limit");
   std::unique_ptr<sim::Film> film;
   return sim::run_sim_program(argc, argv, shell,
                               {.prepare = [&](const sim::EnvironmentOptions& environment,

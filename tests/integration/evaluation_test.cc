@@ -56,10 +56,23 @@ TEST(Evaluation, FilmsWhatItPlaysAndTellsOfEveryEpisode) {
             1 + (summary["each"][0]["length_tics"].get<size_t>() + 3) / 4);
 }
 
+TEST(Evaluation, AFilmMayEndBeforeItsEpisodeAndCountsItsFrames) {
+  const ScratchFolder scratch;
+  const std::string video = scratch / "noop.gif";
+  const Ending ending = comrad({"eval", "--policy", "random", "--scenario", "coop_health_gathering",
+                                "--save_video", video, "--size", "128x72", "--seconds", "1"});
+  ASSERT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_THAT(ending.err, HasSubstr("/35 frames | "));
+  EXPECT_GT(fs::file_size(video), 1000u);
+  EXPECT_LT(fs::file_size(video), 300'000u);
+}
+
 TEST(Evaluation, FilmsThatCannotBeMadeAreRefusedBeforeAnythingStarts) {
   const ScratchFolder scratch;
   for (const auto& [words, message] : std::vector<std::pair<std::vector<std::string>, std::string>>{
-           {{"--save_video", scratch / "a.gif"}, "one of .mp4, .mkv"},
+           {{"--save_video", scratch / "a.avi"}, "one of .mp4, .mkv, .gif"},
+           {{"--save_video", scratch / "a.gif", "--seconds", "0"}, "--seconds=0: write how long"},
+           {{"--seconds", "20"}, "add --save_video"},
            {{"--save_video", scratch / "no/a.mp4"}, "is no folder"},
            {{"--frames", "/proc"}, "--frames="},
            {{"--save_video", scratch / "a.mp4", "--size", "9x9"}, "from 128x72"},

@@ -71,8 +71,10 @@ const std::vector<Library>& libraries() {
        {"rollout_buffer/dds/"}},
       {"OpenSSL", "libssl-dev", {"openssl/"}, {"rollout_buffer/dds/"}},
       {"OpenGL, OSMesa and EGL", "libosmesa6-dev", {"GL/", "EGL/", "GLES"}, {"sim_workers/engine/render/"}},
-      {"OpenCV's video", "libopencv-videoio-dev", {"opencv2/videoio"}, {"sim_workers/film/"}},
+      {"FFmpeg's codecs", "libavcodec-dev", {"libavcodec/", "libavutil/"}, {"sim_workers/film/"}},
+      {"FFmpeg's formats", "libavformat-dev", {"libavformat/"}, {"sim_workers/film/"}},
       {"OpenCV", "libopencv-imgproc-dev", {"opencv2/"}, {"sim_workers/env/", "sim_workers/film/"}},
+      {"giflib", "libgif-dev", {"gif_lib.h"}, {"sim_workers/film/"}},
       {"libpng", "libpng-dev", {"png.h"}, {"sim_workers/engine/render/"}},
       {"CUDA", "libtorch-dev", {"c10/cuda/", "ATen/cuda/", "cuda"}, {"policy_workers/device/"}},
       {"libtorch", "libtorch-dev", {"torch/", "ATen/", "c10/", "caffe2/"}, {"policy_workers/", "learner/"}},
@@ -305,8 +307,8 @@ TEST(Layering, TheRulesCatchWhatTheyAreFor) {
   EXPECT_TRUE(is_fault("sim_workers/worker/main.cc", "torch/torch.h", false));
   EXPECT_TRUE(is_fault("learner/worker/main.cc", "dds/dds.h", false));
   EXPECT_TRUE(is_fault("sim_workers/env/doom_env.cc", "GL/osmesa.h", false));
-  EXPECT_TRUE(is_fault("sim_workers/worker/main.cc", "opencv2/videoio.hpp", false));
-  EXPECT_FALSE(is_fault("sim_workers/film/film.cc", "opencv2/videoio.hpp", false));
+  EXPECT_TRUE(is_fault("sim_workers/worker/main.cc", "libavformat/avformat.h", false));
+  EXPECT_FALSE(is_fault("sim_workers/film/video_file.cc", "libavformat/avformat.h", false));
   EXPECT_TRUE(is_fault("learner/batch/collate.cc", "../estimators/gae.h"));
   EXPECT_TRUE(is_fault("sim_workers/env/doom_env.cc", "tests/support/toy_environment.h"));
   EXPECT_FALSE(is_fault("sim_workers/env/doom_env.cc", "scenarios/spec/scenario_spec.h"));

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <csignal>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
@@ -32,14 +34,35 @@ TEST(FilmRequest, PathsBecomeAbsoluteAndTheSizeHasADefault) {
   EXPECT_TRUE(std::filesystem::path(check_films({.video = "b.mkv"})->video).is_absolute());
 }
 
+TEST(FilmRequest, AFilmMayBeAGifAndEndEarly) {
+  const test::ScratchFolder folder;
+  const Expected<FilmPlan> plan = check_films({.video = (folder / "a.GIF").string(), .seconds = "2.5"});
+  ASSERT_TRUE(plan) << plan.error().message;
+  EXPECT_EQ(plan->seconds, 2.5);
+  EXPECT_EQ(check_films({.video = "b.mkv"})->seconds, 0);
+}
+
+TEST(HalfWrittenFilm, IsRemovedWhereASignalComesBeforeItIsWhole) {
+  const test::ScratchFolder folder;
+  const auto interrupt = [&] {
+    {
+      const HalfWrittenFilm film((folder / "a.mp4").string());
+      std::ofstream(film.name()) << "1";
+      raise(SIGTERM);
+    }
+    std::exit(std::filesystem::is_empty(folder / "") ? 7 : 8);
+  };
+  EXPECT_EXIT(interrupt(), testing::ExitedWithCode(7), "");
+}
+
 TEST(FilmRequest, WhatCannotBeWrittenIsRefusedByFlag) {
   const test::ScratchFolder folder;
   std::filesystem::create_directory(folder / "x.mp4");
   std::ofstream(folder / "file") << "1";
   const std::string good = (folder / "a.mp4").string();
   for (const auto& [request, words] : std::vector<std::pair<FilmRequest, std::string>>{
-           {{.video = (folder / "a.gif").string()}, "--save_video="},
-           {{.video = (folder / "a").string()}, ".mp4, .mkv"},
+           {{.video = (folder / "a.avi").string()}, "--save_video="},
+           {{.video = (folder / "a").string()}, ".mp4, .mkv, .gif"},
            {{.video = (folder / "x.mp4").string()}, "a folder of that name"},
            {{.video = (folder / "nowhere/a.mp4").string()}, "nowhere is no folder"},
            {{.frames = (folder / "nowhere/frames").string()}, "--frames="},
@@ -51,6 +74,11 @@ TEST(FilmRequest, WhatCannotBeWrittenIsRefusedByFlag) {
            {{.video = good, .size = "127x72"}, "from 128x72 to 1920x1080"},
            {{.video = good, .size = "1920x1081"}, "from 128x72 to 1920x1080"},
            {{.video = good, .size = "-640x-360"}, "--size"},
+           {{.video = good, .seconds = "0"}, "--seconds=0:"},
+           {{.video = good, .seconds = "-3"}, "in seconds above 0"},
+           {{.video = good, .seconds = "nan"}, "in seconds above 0"},
+           {{.video = good, .seconds = "20s"}, "in seconds above 0"},
+           {{.seconds = "20"}, "--seconds=20: it is the length of films; add --save_video"},
            {{.size = "640x360"}, "add --save_video FILE or --frames DIR"}}) {
     const Expected<FilmPlan> plan = check_films(request);
     ASSERT_FALSE(plan) << words;

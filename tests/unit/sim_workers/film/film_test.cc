@@ -80,6 +80,29 @@ TEST_F(FilmTest, AVideoHasAFrameForEveryTicAndAPictureForEveryDecision) {
   EXPECT_GE(image->width, 2 * 160);
 }
 
+TEST_F(FilmTest, AFilmEndsAfterItsSeconds) {
+  const std::string video = (folder_ / "film.mp4").string();
+  const Status done =
+      play({.video = video, .frames = (folder_ / "frames").string(), .size = {160, 90}, .seconds = 0.2});
+  ASSERT_TRUE(done) << done.error().message;
+  EXPECT_DOUBLE_EQ(cv::VideoCapture(video).get(cv::CAP_PROP_FRAME_COUNT), 7);
+  EXPECT_THAT(names(folder_ / "frames"),
+              ::testing::ElementsAre("episode_000_decision_00000.png", "episode_000_decision_00001.png"));
+}
+
+TEST_F(FilmTest, AGifHasAPictureForEveryDecision) {
+  const std::string video = (folder_ / "film.gif").string();
+  const Status done = play({.video = video, .size = {160, 90}});
+  ASSERT_TRUE(done) << done.error().message;
+  cv::VideoCapture read(video);
+  ASSERT_TRUE(read.isOpened());
+  EXPECT_NEAR(read.get(cv::CAP_PROP_FPS), 8.75, 0.1);
+  int pictures = 0;
+  cv::Mat picture;
+  while (read.read(picture)) ++pictures;
+  EXPECT_EQ(pictures, 2 * (1 + 3));
+}
+
 TEST_F(FilmTest, TheFilmDoesNotChangeWhatIsPlayed) {
   DoomEnvironment alone(game_), filmed(game_);
   auto film = Film::create({.frames = (folder_ / "frames").string(), .size = {128, 72}}, options_, *game_);

@@ -1,0 +1,49 @@
+// A video, H.264 in an .mp4 or .mkv file, written frame by frame. FFmpeg's libraries have their home here. Stage: beside
+// render, for eyes.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <string>
+
+#include "rollout_buffer/core/expected.h"
+
+struct AVCodecContext;
+struct AVFormatContext;
+struct AVFrame;
+struct AVPacket;
+
+namespace comrad::sim {
+
+/// 35 frames a second, as the game runs. Frames are compressed by threads of the encoder. Threads: one.
+class VideoFile {
+ public:
+  /// `size`: even numbers of pixels. Errors: kUnsupported where FFmpeg has no H.264 encoder or refuses the size, kSystem
+  /// where the file cannot be made.
+  static Expected<std::unique_ptr<VideoFile>> create(const std::string& path, cv::Size size);
+  VideoFile(const VideoFile&) = delete;
+  VideoFile& operator=(const VideoFile&) = delete;
+  ~VideoFile();
+
+  /// Adds a BGR picture of the file's size. Errors: kNoSpace.
+  Status add(const cv::Mat& picture);
+  /// Writes what is left and closes the file. Errors: kNoSpace.
+  Status finish();
+
+ private:
+  explicit VideoFile(std::string path) : path_(std::move(path)) {}
+  Status open(cv::Size size);
+  /// Encodes a frame, or what is left for none, and writes what comes out. An FFmpeg code, negative where it failed.
+  int encode(const AVFrame* frame);
+  Error error(ErrorCode code, const std::string& what, int ffmpeg_code) const;
+
+  const std::string path_;
+  AVFormatContext* format_ = nullptr;
+  AVCodecContext* encoder_ = nullptr;
+  cv::Mat planes_;  // of a picture: luminance, then blue and red at half the size
+  AVFrame* frame_ = nullptr;
+  AVPacket* packet_ = nullptr;
+};
+
+}  // namespace comrad::sim
