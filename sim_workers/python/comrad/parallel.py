@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
 from ._engine import SavedState
@@ -112,6 +113,7 @@ class ComradParallelEnv(OneGame, ParallelEnv):
         self.possible_agents = [f"agent_{index}" for index in range(facts["num_agents"])]
         self.agents: list[str] = []
         self.state_names: list[str] = self._batch.state_names()
+        self.np_random, _ = seeding.np_random()  # for wrappers that draw, as SuperSuit's; the world has its own
         head_sizes = batch.head_sizes()
         self._flat = FlatActions(head_sizes) if flat_actions else None
         self._head_ends = np.cumsum(head_sizes)[:-1]
@@ -134,6 +136,8 @@ class ComradParallelEnv(OneGame, ParallelEnv):
         """Begins an episode. With a seed: the first that follows from it; without: the next one. options={"episode_seed": n}
         begins the very episode that an Episode or `comrad eval --episodes_file` names."""
         self._reset(seed, options)
+        if seed is not None:
+            self.np_random, _ = seeding.np_random(seed)
         self._show()
         return self._see(), self._infos()
 
@@ -143,9 +147,11 @@ class ComradParallelEnv(OneGame, ParallelEnv):
 
     def step(self, actions: dict[str, Any]) -> tuple[dict, dict, dict, dict, dict]:
         """Observations, rewards, terminations, truncations, infos, each by agent. `actions`: one for each agent, integers [heads], with
-        flat_actions an integer."""
+        flat_actions an integer. After the end no agent is left, and no action gives empty dictionaries, as PettingZoo has it."""
         if not isinstance(actions, Mapping):
             raise TypeError(f"actions is a {type(actions).__name__}; a dictionary is wanted, an action for each agent")
+        if self._has_begun and not self.agents and not actions:
+            return {}, {}, {}, {}, {}
         if self.agents:
             missing = [agent for agent in self.agents if agent not in actions]
             if missing:

@@ -18,6 +18,7 @@ from .batch import (
     Batched,
     Key,
     SCREEN_NAME,
+    TICS_A_SECOND,
     arguments_of,
     checked_dtype,
     checked_mode,
@@ -97,7 +98,6 @@ class ComradVectorEnv(Batched, gymnasium.vector.VectorEnv):
         if dtype != "uint8" and not copy:
             raise ValueError(f"copy=False returns the engine's own uint8; dtype {dtype!r} wants copy=True")
         self._mode = _checked_autoreset(autoreset_mode)
-        self.metadata = {**self.metadata, "autoreset_mode": self._mode}
         batch = make_batch(
             scenario,
             num_agents=num_agents,
@@ -118,6 +118,8 @@ class ComradVectorEnv(Batched, gymnasium.vector.VectorEnv):
         self._observations = tuple(observations)
         self.num_envs = num_envs
         self.num_agents: int = self._batch.facts()["num_agents"]
+        fps = max(1, round(TICS_A_SECOND / frame_skip))
+        self.metadata = {**self.metadata, "autoreset_mode": self._mode, "render_fps": fps}
         self.state_names: list[str] = self._batch.state_names()
         head_sizes = batch.head_sizes()
         self._flat = FlatActions(head_sizes) if flat_actions else None
