@@ -17,6 +17,9 @@ namespace {
 
 constexpr std::size_t kFileBytesMax = 1 << 20;
 constexpr double kRewardMax = 1e9;
+constexpr int kTicRateHz = 35;
+constexpr const char* kScreenFormats[] = {"CRCGCB", "RGB24",  "RGBA32", "ARGB32", "CBCGCR",
+                                          "BGR24",  "BGRA32", "ABGR32", "GRAY8",  "DOOM_256_COLORS8"};
 
 /// One `key = value`; a list's words are split already.
 struct Entry {
@@ -319,8 +322,8 @@ class ConfigReader {
     add_flag("render_effects_sprites", &config.effects_sprites);
     add_flag("render_messages", &config.messages);
     for (const char* const name :
-         {"mode", "window_visible", "console_enabled", "sound_enabled", "ticrate", "screen_format",
-          "render_all_frames", "vizdoom_path", "doom_config_path", "audio_buffer_size", "audio_sampling_rate",
+         {"mode", "window_visible", "console_enabled", "sound_enabled", "ticrate", "render_all_frames",
+          "vizdoom_path", "doom_config_path", "audio_buffer_size", "audio_sampling_rate",
           "notifications_buffer_size", "automap_render_textures", "automap_render_objects_as_sprites"})
       add_ignored(name);
     for (const char* const name : {"audio_buffer_enabled", "notifications_buffer_enabled",
@@ -330,6 +333,19 @@ class ConfigReader {
     add_buffer("labels_buffer_enabled", &config.buffers.labels);
     add_buffer("automap_buffer_enabled", &config.buffers.automap);
     add_flag("automap_rotate", &config.buffers.automap_rotates);
+    keys_.push_back({"screen_format", [this](const Entry& entry) -> Status {
+                       const std::string format = upper_case(entry.value);
+                       if (std::ranges::count(kScreenFormats, format) == 0)
+                         return error(entry, entry.key + " = " + shown(entry.value) + "; it must be one of " +
+                                                 joined(kScreenFormats));
+                       config_->buffers.gray = format == "GRAY8";
+                       if (config_->buffers.gray)
+                         config_->buffer_warnings.push_back(
+                             config_->path + ":" + std::to_string(entry.line) +
+                             ": screen_format = GRAY8 is not served here, and pictures are RGB24: Python's "
+                             "comrad.gym_env alone has gray ones");
+                       return {};
+                     }});
     keys_.push_back({"automap_mode", [this](const Entry& entry) -> Status {
                        const std::string mode = upper_case(entry.value);
                        const auto known = {"NORMAL", "WHOLE", "OBJECTS", "OBJECTS_WITH_SIZE"};

@@ -30,6 +30,7 @@ struct VizdoomBuffers {
   bool depth = false, labels = false, automap = false;
   std::string automap_mode = "NORMAL";  ///< NORMAL, WHOLE, OBJECTS or OBJECTS_WITH_SIZE
   bool automap_rotates = false;
+  bool gray = false;  ///< screen_format = GRAY8: pictures of one channel
 };
 
 struct VizdoomConfig {

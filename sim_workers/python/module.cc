@@ -139,6 +139,8 @@ void add_vizdoom_facts(nb::dict& facts, const scenarios::VizdoomConfig& config) 
   if (config.buffers.labels) buffers.append("labels");
   if (config.buffers.automap) buffers.append("automap");
   facts["buffers"] = buffers;
+  facts["is_gray"] = config.buffers.gray;
+  facts["names_map"] = config.map_line > 0;
   facts["warnings"] = config.warnings;
 }
 

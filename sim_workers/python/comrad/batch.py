@@ -56,6 +56,8 @@ def make_batch(
     facts = _engine.describe(scenario)
     for text in facts.get("warnings", ()):
         warnings.warn(f"comrad: {text}", stacklevel=4)  # where the environment is made
+    if facts.get("is_gray") and not options.get("by_buttons"):
+        warnings.warn(f"comrad: {scenario}: screen_format = GRAY8, but pictures are RGB here; comrad.gym_env has gray ones", stacklevel=4)
     agents = facts["num_agents"] if num_agents is None else checked_whole("num_agents", num_agents)
     if agents < 1:
         raise ValueError(f"num_agents is {agents}; a team has 1 or more")
@@ -95,6 +97,12 @@ def picture_space(picture: np.ndarray, dtype: str) -> spaces.Box:
 def picture_as(picture: np.ndarray, dtype: str) -> np.ndarray:
     """A picture u8 as it is, or f32 in 0..1."""
     return picture if dtype == "uint8" else picture.astype(np.float32) / np.float32(255)
+
+
+def gray(pictures: np.ndarray, axis: int) -> np.ndarray:
+    """Pictures u8 with one channel on `axis` in place of three: ViZDoom's GRAY8 to the last digit."""
+    red, green, blue = np.split(pictures, 3, axis)
+    return (0.21 * red + 0.72 * green + 0.07 * blue).astype(np.uint8)
 
 
 def observation_space(arrays: dict[str, np.ndarray], observations: tuple[str, ...], mask: spaces.Space, dtype: str) -> spaces.Space:

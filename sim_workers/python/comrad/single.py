@@ -10,7 +10,7 @@ from gymnasium import spaces
 
 from ._engine import SavedState, describe
 from .arguments import checked_size, checked_state, checked_whole
-from .batch import OneGame, TICS_A_SECOND, arguments_of, checked_dtype, checked_mode, make_batch, picture_as, picture_space
+from .batch import OneGame, TICS_A_SECOND, arguments_of, checked_dtype, checked_mode, gray, make_batch, picture_as, picture_space
 from .labels import Label
 from .maps import Layout, vizdoom_cfg
 from .window import Window
@@ -24,10 +24,11 @@ class ComradGymEnv(OneGame, gymnasium.Env):
     config               a .cfg: a path, or the name of one of the vizdoom package, as "basic" or "basic.cfg"
     folder               where the .cfg of that name lies, instead: gym_env("my_game", folder="my_games")
     frame_skip           tics of a step
-    max_buttons_pressed  0: an action is MultiBinary, every button by itself; n: Discrete, every combination of up to n buttons,
-                         0 presses nothing. Delta buttons take numbers in either case
+    max_buttons_pressed  0: an action is MultiBinary, every button by itself; n: Discrete, every combination of up to n buttons, in
+                         the order of ViZDoom's wrapper: as binary numbers whose first digit is the .cfg's first button. 0 presses
+                         nothing, 1 the last button; `button_names` are the names. Delta buttons take numbers in either case
     render_mode          "rgb_array": render() returns the view at `render_size` (width, height), [h, w, 3] u8; "human": every step
-                         shows it in a window (needs pygame)
+                         shows it in a window (needs pygame); both in colours
     size                 (width, height) of the picture that is seen
     depth, labels,       whether these are observed as well; None: where the .cfg enables their buffers
     automap
@@ -39,11 +40,11 @@ class ComradGymEnv(OneGame, gymnasium.Env):
 
     Spaces have the names of ViZDoom's wrapper: an observation is {"screen": [h, w, 3] u8, "depth": [h, w, 1] f32 (map units, 0 for
     sky), "labels": [h, w, 1] u8 (labels() says what the values mean), "automap": [h, w, 3] u8, "gamevariables": f32 in the order of
-    the .cfg}, each where it is asked for; an action is that of the buttons, or {"binary": ..., "continuous": f32} where the .cfg has
-    delta buttons as well. Differences: pictures are drawn at `size`, not at the .cfg's resolution; depth is float; the automap has no
-    floor textures and no smooth lines; audio and notifications are not there (a warning says so); after the last step the observation
-    is the true last picture, not zeros. The last step's info holds score to length_tics as
-    ComradParallelEnv's infos[agent] do.
+    the .cfg}, each where it is asked for. Of screen_format = GRAY8 screen and automap are [h, w, 1]; every other format is RGB, as
+    there. An action is that of the buttons, or {"binary": ..., "continuous": f32} where the .cfg has delta buttons as well.
+    Differences: pictures are drawn at `size`, not at the .cfg's resolution; depth is float; the automap has no floor textures and no
+    smooth lines; audio and notifications are not there (a warning says so); after the last step the observation is the true last
+    picture, not zeros. The last step's info holds score to length_tics as ComradParallelEnv's infos[agent] do.
 
     The same seed and actions give the same episode, to the bit; reset() without a seed begins the next episode of that seed. Copies and
     errors are ComradParallelEnv's.
@@ -84,7 +85,8 @@ class ComradGymEnv(OneGame, gymnasium.Env):
         enabled = facts.get("buffers", ())
         wanted = {"depth": depth, "labels": labels, "automap": automap}
         self._extras = tuple(name for name, asked in wanted.items() if (name in enabled if asked is None else asked))
-        self._dtype = checked_dtype(dtype)
+        self._dtype, self._channels_first = checked_dtype(dtype), bool(channels_first)
+        self._is_gray: bool = facts.get("is_gray", False)
         batch = make_batch(
             config,
             num_agents=1,
@@ -105,14 +107,15 @@ class ComradGymEnv(OneGame, gymnasium.Env):
         if checked_whole("max_buttons_pressed", max_buttons_pressed) < 0:
             raise ValueError(f"max_buttons_pressed {max_buttons_pressed}: it must be 0 or more")
         most = min(int(max_buttons_pressed), len(self._binary))
-        self._combinations = [
-            pressed for count in range(most + 1) for pressed in itertools.combinations(self._binary, count)
-        ] if max_buttons_pressed else []
+        combinations = [pressed for count in range(most + 1) for pressed in itertools.combinations(self._binary, count)]
+        last = len(self.button_names) - 1
+        combinations.sort(key=lambda pressed: sum(1 << (last - button) for button in pressed))  # as ViZDoom's wrapper numbers them
+        self._combinations = combinations if max_buttons_pressed else []
         self.action_space = self._make_action_space()
-        boxes: dict[str, spaces.Space] = {"screen": picture_space(self._arrays["picture"], dtype)}
+        boxes: dict[str, spaces.Space] = {"screen": picture_space(self._coloured(self._arrays["picture"]), dtype)}
         for name in self._extras:
             if name == "automap":
-                boxes[name] = picture_space(self._arrays[name], dtype)
+                boxes[name] = picture_space(self._coloured(self._arrays[name]), dtype)
             else:
                 shape = (*self._arrays[name].shape[2:], 1)
                 boxes[name] = spaces.Box(0, np.inf, shape, np.float32) if name == "depth" else spaces.Box(0, 255, shape, np.uint8)
@@ -171,11 +174,18 @@ class ComradGymEnv(OneGame, gymnasium.Env):
         self._stepped()
         return self._see()
 
+    def _coloured(self, pictures: np.ndarray) -> np.ndarray:
+        """Pictures u8 [..., h, w, 3], or [..., 3, h, w], as the .cfg's screen_format has them."""
+        return gray(pictures, -3 if self._channels_first else -1) if self._is_gray else pictures
+
+    def _picture_of(self, name: str) -> np.ndarray:
+        picture = self._arrays[name][0, 0]
+        return picture_as(self._coloured(picture) if self._is_gray else picture.copy(), self._dtype)
+
     def _see(self) -> dict[str, np.ndarray]:
-        seen = {"screen": picture_as(self._arrays["picture"][0, 0].copy(), self._dtype)}
+        seen = {"screen": self._picture_of("picture")}
         for name in self._extras:
-            values = self._arrays[name][0, 0].copy()
-            seen[name] = picture_as(values, self._dtype) if name == "automap" else values[..., None]
+            seen[name] = self._picture_of(name) if name == "automap" else self._arrays[name][0, 0].copy()[..., None]
         if self.variable_names:
             seen["gamevariables"] = self._arrays["variable"][0, 0].copy()
         return seen

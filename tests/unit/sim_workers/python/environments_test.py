@@ -197,7 +197,9 @@ class Gymnasium(unittest.TestCase):
         self.assertEqual(env.action_space.n, 4)
         env.reset(seed=2)
         ammo = [env.step(3)[0]["gamevariables"][0] for _ in range(5)]
-        self.assertLess(ammo[-1], 50)  # AMMO2: it has shot
+        self.assertEqual(ammo[-1], 50)  # AMMO2: 3 is the first button, as in ViZDoom's wrapper
+        ammo = [env.step(1)[0]["gamevariables"][0] for _ in range(5)]
+        self.assertLess(ammo[-1], 50)  # 1 the last: it has shot
         env.close()
 
     def test_deltas_take_numbers(self):
