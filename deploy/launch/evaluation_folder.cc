@@ -57,6 +57,7 @@ std::vector<uint64_t> RunEvaluationFolder::recorded() {
 Status RunEvaluationFolder::record(const Snapshot& snapshot, uint64_t decisions, const MetricValues& values) {
   if (!metrics_) {
     COMRAD_TRY_ASSIGN(metrics_, MetricsWriter::open(run_dir_, run_dir_ + "/eval"));
+    COMRAD_TRY(metrics_->begin_at(snapshot.env_frames));
   }
   return metrics_->write(static_cast<double>(snapshot.train_seconds), snapshot.env_frames, decisions, values);
 }

@@ -27,6 +27,7 @@ double resident_megabytes() {
 Status Reporter::open(const std::string& run_dir, const Algorithm& algorithm, const BatchSource& source,
                       LayoutService* layouts) {
   COMRAD_TRY_ASSIGN(metrics_, MetricsWriter::open(run_dir));
+  COMRAD_TRY(metrics_->begin_at(totals_.env_frames + 1));  // behind the checkpoint's own report
   COMRAD_TRY(metrics_->describe_run(config_));
   algorithm_ = &algorithm;
   source_ = &source;

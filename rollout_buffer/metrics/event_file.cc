@@ -122,6 +122,14 @@ EventFile::~EventFile() {
   if (descriptor_ >= 0) close(descriptor_);
 }
 
+Status EventFile::write_start(double wall_time_s, int64_t step) {
+  tensorboard::Event event;
+  event.set_wall_time(wall_time_s);
+  event.set_step(step);
+  event.mutable_session_log()->set_status(tensorboard::SessionLog::START);
+  return write_all(descriptor_, frame_record(event.SerializeAsString()), path_);
+}
+
 Status EventFile::write(double wall_time_s, int64_t step,
                         const std::vector<std::pair<std::string, double>>& values) {
   tensorboard::Event event;

@@ -43,6 +43,9 @@ class EventFile {
   EventFile& operator=(EventFile&& other) noexcept;
   ~EventFile();
 
+  /// Adds the event by which readers forget what older files of the folder hold of `step` and later ones. Before the
+  /// first write(). Errors: kSystem, kNoSpace.
+  Status write_start(double wall_time_s, int64_t step);
   /// Adds one event with all `values` at `step`. Errors: kSystem, kNoSpace.
   Status write(double wall_time_s, int64_t step, const std::vector<std::pair<std::string, double>>& values);
   /// Adds the row of this run to the HPARAMS page, and the page's columns. TensorBoard names the row by the

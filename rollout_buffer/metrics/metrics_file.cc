@@ -75,6 +75,10 @@ MetricsWriter::~MetricsWriter() {
   if (descriptor_ >= 0) close(descriptor_);
 }
 
+Status MetricsWriter::begin_at(uint64_t env_frames) {
+  return events_.write_start(wall_s(), static_cast<int64_t>(env_frames));
+}
+
 Status MetricsWriter::describe_run(const RunConfig& config) {
   static const std::vector<HparamMetric> kMetrics = {
       {.tag = "policy_stats/avg_true_objective", .title = "J (training)", .below = ""},

@@ -34,6 +34,10 @@ class MetricsWriter {
   MetricsWriter& operator=(MetricsWriter&& other) noexcept;
   ~MetricsWriter();
 
+  /// Says that this process writes from `env_frames` on: TensorBoard forgets what older event files of the folder hold there,
+  /// which a crashed run had reported and a resumed one repeats. Before the first report. Errors: kSystem, kNoSpace.
+  Status begin_at(uint64_t env_frames);
+
   /// Puts the run into TensorBoard's HPARAMS page: its settings, its score in training and in evaluations. Once, before the
   /// first report. Errors: kSystem, kNoSpace.
   Status describe_run(const RunConfig& config);

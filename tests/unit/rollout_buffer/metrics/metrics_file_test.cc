@@ -98,6 +98,20 @@ TEST_F(MetricsFileTest, WritesTheSameNumbersToBothFiles) {
   EXPECT_EQ(events[2].summary().value_size(), 0);
 }
 
+TEST_F(MetricsFileTest, AResumedRunSaysFromWhereOlderFilesAreForgotten) {
+  {
+    Expected<EventFile> file = EventFile::create(folder_.string());
+    ASSERT_TRUE(file);
+    ASSERT_TRUE(file->write_start(1.0, 3));
+  }
+  const std::string bytes = read_file(event_file());
+  uint64_t first_length = 0;
+  std::memcpy(&first_length, bytes.data(), 8);
+  // As below; session_log: field 7 { status: field 1 varint 1, START }.
+  const std::string expected("\x09\0\0\0\0\0\0\xF0\x3F\x10\x03\x3A\x02\x08\x01", 15);
+  EXPECT_EQ(bytes.substr(16 + first_length + 12, expected.size()), expected);
+}
+
 TEST_F(MetricsFileTest, AnEventIsTheWireFormatThatTensorboardReads) {
   {
     Expected<EventFile> file = EventFile::create(folder_.string());
@@ -224,6 +238,28 @@ assert values == {("", "policy_stats/avg_true_objective"): 9, ("eval", "eval/J")
 )");
   const std::string command = *python + " " + script.string() + " " + (folder_ / "runs").string();
   EXPECT_EQ(std::system(command.c_str()), 0);
+}
+
+TEST_F(MetricsFileTest, TensorBoardForgetsWhatACrashedRunHadReported) {
+  const Expected<std::string> python = test::python_with("tensorboard");
+  if (!python) GTEST_SKIP() << python.error().message;
+  for (const std::vector<uint64_t>& env_frames :
+       {std::vector<uint64_t>{40960, 46080, 53248}, std::vector<uint64_t>{45056, 49152}}) {
+    Expected<MetricsWriter> writer = MetricsWriter::open(folder_.string());
+    ASSERT_TRUE(writer) << writer.error().message;
+    ASSERT_TRUE(writer->begin_at(env_frames[0] == 40960 ? 1 : 40961));  // the checkpoint's env frames, and 1
+    for (const uint64_t at : env_frames) ASSERT_TRUE(writer->write(1, at, 1, {{"reward/reward", 1.0}}));
+  }
+  const fs::path script = folder_.write("read.py", R"(
+import sys
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+run = EventAccumulator(sys.argv[1], size_guidance={"scalars": 0})
+run.Reload()
+steps = [one.step for one in run.Scalars("reward/reward")]
+assert steps == [40960, 45056, 49152], steps
+)");
+  EXPECT_EQ(std::system((*python + " " + script.string() + " " + folder_.string()).c_str()), 0);
 }
 
 TEST_F(MetricsFileTest, ClosesAHalfLineOfACrashBeforeItAppends) {
