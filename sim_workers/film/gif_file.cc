@@ -1,12 +1,15 @@
 #include "sim_workers/film/gif_file.h"
 
+#include <fcntl.h>
 #include <gif_lib.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <utility>
 
 #include "rollout_buffer/core/check.h"
+#include "rollout_buffer/core/files.h"
 #include "rollout_buffer/schema/version.h"
 
 namespace comrad::sim {
@@ -95,11 +98,12 @@ GifFile::~GifFile() {
 }
 
 Expected<std::unique_ptr<GifFile>> GifFile::create(const std::string& path, cv::Size size) {
+  // giflib would make a file that its owner alone may read.
+  const int descriptor = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  if (descriptor < 0) return file_error(path + ": cannot be made; is the folder writable?", errno);
   int code = 0;
-  GifFileType* file = EGifOpenFileName(path.c_str(), /*GifTestExistence=*/false, &code);
-  if (file == nullptr)
-    return Error{ErrorCode::kSystem,
-                 path + ": cannot be made (" + GifErrorString(code) + "); is the folder writable?"};
+  GifFileType* const file = EGifOpenFileHandle(descriptor, &code);  // closes it where it fails
+  if (file == nullptr) return Error{ErrorCode::kSystem, path + ": " + GifErrorString(code)};
   return std::unique_ptr<GifFile>(new GifFile(path, size, file));
 }
 

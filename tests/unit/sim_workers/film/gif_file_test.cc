@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <filesystem>
 #include <opencv2/videoio.hpp>
@@ -69,6 +70,13 @@ TEST_F(GifFileTest, PicturesComeBackInAlmostTheirColoursAtTheGamesSpeed) {
   EXPECT_NEAR(fps_, 35.0 / 4, 0.05);
   for (std::size_t i = 0; i < read.size(); ++i)
     EXPECT_LE(cv::norm(read[i], pictures[i], cv::NORM_INF), 28) << "picture " << i;
+}
+
+TEST_F(GifFileTest, OthersMayReadIt) {
+  const mode_t mask = umask(022);
+  written(moving_square(1), 4);
+  umask(mask);
+  EXPECT_EQ(std::filesystem::status(path_).permissions(), std::filesystem::perms{0644});
 }
 
 TEST_F(GifFileTest, WhatStandsStillCostsAlmostNothing) {
