@@ -1,6 +1,9 @@
 #include "sim_workers/env/game_content.h"
 
+#include <optional>
 #include <set>
+#include <span>
+#include <sstream>
 #include <utility>
 
 #include "sim_workers/engine/actors/decorate.h"
@@ -14,6 +17,20 @@ namespace {
 bool is_place(int32_t editor_number) {
   return doom::player_of_start(editor_number) || editor_number == doom::kDeathmatchStart ||
          (editor_number >= 3000 && editor_number <= 3002) || (editor_number >= 9300 && editor_number <= 9303);
+}
+
+/// The libraries that LOADACS lumps name, one or more in a line.
+std::vector<std::string> library_names(const wad::WadFile& wad) {
+  std::vector<std::string> names;
+  for (std::size_t lump = 0; lump < wad.lump_count(); ++lump) {
+    if (wad.lump(lump).name != "LOADACS") continue;
+    std::istringstream lines{std::string(wad.text(lump))};
+    for (std::string line; std::getline(lines, line);) {
+      std::istringstream words(line.substr(0, line.find("//")));
+      for (std::string word; words >> word;) names.push_back(word);
+    }
+  }
+  return names;
 }
 
 void warn_of_unknown_things(const doom::Level& level, const doom::ActorCatalog& catalog,
@@ -63,9 +80,16 @@ Expected<GameContent> load_game_content(const wad::WadFile& wad, std::string_vie
   content.catalog = std::move(catalog);
 
   COMRAD_TRY_ASSIGN(const wad::MapLumps lumps, wad.find_map(content.level->name));
-  if (lumps.behavior && !wad.bytes(*lumps.behavior).empty()) {
+  const auto library = [&](std::string_view name) -> std::optional<std::span<const uint8_t>> {
+    const std::optional<std::size_t> lump = wad.find(name);
+    if (!lump) return std::nullopt;
+    return wad.bytes(*lump);
+  };
+  const std::vector<std::string> loadacs = library_names(wad);
+  const auto scripts = lumps.behavior ? wad.bytes(*lumps.behavior) : std::span<const uint8_t>();
+  if (!scripts.empty() || !loadacs.empty()) {
     COMRAD_TRY_ASSIGN(content.behavior,
-                      doom::acs::Behavior::load(wad.bytes(*lumps.behavior), label + " BEHAVIOR"));
+                      doom::acs::Behavior::load(scripts, label + " BEHAVIOR", library, loadacs));
     if (content.behavior->scripts().empty()) content.behavior = nullptr;
   }
   warn_of_unknown_things(*content.level, *content.catalog, label, &content.warnings);

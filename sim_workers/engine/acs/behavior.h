@@ -5,8 +5,11 @@
 
 #include <array>
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -59,7 +62,7 @@ struct Function {
   uint32_t address = 0;
   int32_t arg_count = 0, variable_count = 0;  ///< variables: arrays included, arguments not
   bool returns_value = false;
-  bool imported = false;  ///< of a library, which this engine does not load: calling it is an error
+  bool imported = false;  ///< of a library that is not there: calling it is an error
   std::vector<LocalArray> arrays;
 };
 
@@ -68,14 +71,37 @@ struct MapArray {
   std::vector<int32_t> initial;
 };
 
+/// What one lump brings: the map's first, then its libraries'. Code of a lump counts all of these from its own beginning.
+struct Module {
+  uint32_t begin = 0, size = 0;  ///< of its bytes in Behavior::code()
+  bool compact = false;          ///< byte-sized operands (ACSe)
+  uint32_t first_function = 0, first_string = 0, first_jump = 0;
+  std::array<uint16_t, kMapVariableCount> variables{};  ///< number in the lump to number in the Behavior
+};
+
+/// The lump of a library by its name; nothing where the WAD has none.
+using LibraryReader = std::function<std::optional<std::span<const uint8_t>>(std::string_view name)>;
+
 class Behavior {
  public:
-  /// Reads a lump. `label` names it in messages. A lump too short to hold code gives an empty Behavior.
+  /// Reads a lump and the libraries that it asks for, and those that they ask for. `label` names it in messages. A lump
+  /// too short to hold code gives an empty Behavior; a library that is not there is a warning.
+  ///
+  ///   loadacs   names of further libraries, from the lump LOADACS
+  ///
   /// Errors: kBadFormat with the offset.
   static Expected<std::shared_ptr<const Behavior>> load(std::span<const uint8_t> lump,
-                                                        const std::string& label);
+                                                        const std::string& label,
+                                                        const LibraryReader& libraries = nullptr,
+                                                        const std::vector<std::string>& loadacs = {});
 
-  bool compact() const { return compact_; }  ///< byte-sized operands (ACSe)
+  bool compact() const { return modules_.front().compact; }
+  std::span<const Module> modules() const { return modules_; }  ///< one at least
+  const Module& module_at(uint32_t address) const {
+    std::size_t index = modules_.size() - 1;
+    while (index > 0 && address < modules_[index].begin) --index;
+    return modules_[index];
+  }
   std::span<const uint8_t> code() const { return code_; }
   std::span<const Script> scripts() const { return scripts_; }
   std::span<const Function> functions() const { return functions_; }
@@ -84,10 +110,12 @@ class Behavior {
   std::span<const std::string> strings() const { return strings_; }
   std::span<const MapArray> arrays() const { return arrays_; }
   int array_of(uint32_t map_variable) const {  ///< index into arrays(); -1: it is a plain variable
-    return map_variable < kMapVariableCount ? array_slots_[map_variable] : -1;
+    return map_variable < array_slots_.size() ? array_slots_[map_variable] : -1;
   }
-  std::span<const int32_t> map_variables() const { return map_variables_; }  ///< initial values [128]
-  std::span<const uint32_t> jumps() const { return jumps_; }                 ///< targets of GotoStack
+  std::span<const int32_t> map_variables() const {
+    return map_variables_;
+  }                                                           ///< initial values, 128 for each module
+  std::span<const uint32_t> jumps() const { return jumps_; }  ///< targets of GotoStack
   const std::string& label() const { return label_; }
 
   /// True the first time that it is asked about a p-code (`index`) or function (kPCodeCount + number): for
@@ -99,23 +127,18 @@ class Behavior {
 
  private:
   friend class BehaviorReader;
+  friend class BehaviorLinker;
   std::string label_;
-  bool compact_ = false;
+  std::vector<Module> modules_;
   std::vector<uint8_t> code_;
   std::vector<Script> scripts_;
   std::vector<Function> functions_;
   std::vector<std::string> strings_;
   std::vector<MapArray> arrays_;
-  std::array<int16_t, kMapVariableCount> array_slots_ = no_arrays();
+  std::vector<int16_t> array_slots_;
   std::vector<int32_t> map_variables_;
   std::vector<uint32_t> jumps_;
   mutable std::array<std::atomic<bool>, bytecode::kPCodeCount + 1024> warned_{};
-
-  static constexpr std::array<int16_t, kMapVariableCount> no_arrays() {
-    std::array<int16_t, kMapVariableCount> slots{};
-    slots.fill(-1);
-    return slots;
-  }
 };
 
 }  // namespace comrad::doom::acs

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <numeric>
 #include <string_view>
 #include <utility>
 
@@ -81,11 +82,14 @@ Error BehaviorReader::error(uint64_t offset, const std::string& what) const {
   return {ErrorCode::kBadFormat, label_ + place + what};
 }
 
-Expected<std::shared_ptr<const Behavior>> BehaviorReader::read() {
+Expected<std::shared_ptr<Behavior>> BehaviorReader::read() {
   auto behavior = std::make_shared<Behavior>();
   behavior->label_ = label_;
   behavior->map_variables_.assign(kMapVariableCount, 0);
-  if (bytes_.size() < kShortestLump) return std::shared_ptr<const Behavior>(behavior);
+  behavior->array_slots_.assign(kMapVariableCount, -1);
+  Module& module = behavior->modules_.emplace_back();
+  std::iota(module.variables.begin(), module.variables.end(), uint16_t{0});
+  if (bytes_.size() < kShortestLump) return behavior;
 
   const std::string_view magic = tag_at(bytes_, 0);
   const uint32_t start = u32(bytes_, 4);
@@ -96,19 +100,20 @@ Expected<std::shared_ptr<const Behavior>> BehaviorReader::read() {
     if (hidden == kPlainMagic || hidden == kCompactMagic) {
       const uint32_t chunks = u32(bytes_, start - 8);
       bytes_ = bytes_.first(start - 8);
-      behavior->compact_ = hidden == kCompactMagic;
+      module.compact = hidden == kCompactMagic;
       COMRAD_TRY(read_chunks(*behavior, chunks, false));
     } else {
       COMRAD_TRY(read_old(*behavior, start));
     }
   } else if (magic == kPlainMagic || magic == kCompactMagic) {
-    behavior->compact_ = magic == kCompactMagic;
+    module.compact = magic == kCompactMagic;
     COMRAD_TRY(read_chunks(*behavior, start, true));
   } else {
     return error(0, "begins with none of ACS0, ACSE, ACSe; compile the script again");
   }
   behavior->code_.assign(bytes_.begin(), bytes_.end());
-  return std::shared_ptr<const Behavior>(behavior);
+  module.size = static_cast<uint32_t>(bytes_.size());
+  return behavior;
 }
 
 Status BehaviorReader::read_old(Behavior& behavior, uint32_t directory) {
@@ -171,7 +176,7 @@ Status BehaviorReader::read_chunks(Behavior& behavior, uint32_t first, bool wide
     if (tag == "STRL") COMRAD_TRY(read_strings(behavior, chunk, false));
     if (tag == "STRE") COMRAD_TRY(read_strings(behavior, chunk, true));
     if (tag == "MINI") COMRAD_TRY(read_variables(behavior, chunk));
-    if (tag == "LOAD") warn_about_libraries(chunk);
+    COMRAD_TRY(read_links(tag, chunk));
     if (tag == "JUMP")
       for (std::size_t at = 0; at + 4 <= chunk.size(); at += 4) behavior.jumps_.push_back(u32(chunk, at));
   }
@@ -380,17 +385,37 @@ std::optional<std::string> BehaviorReader::text_at(Bytes bytes, uint64_t offset)
   return std::string(rest.begin(), end);
 }
 
-void BehaviorReader::warn_about_libraries(Bytes chunk) {
-  std::vector<std::string> names;
-  for (std::size_t at = 0; at < chunk.size();) {
-    const std::optional<std::string> name = text_at(chunk, at);
-    if (!name) break;
-    if (!name->empty()) names.push_back(printable(*name));
-    at += name->size() + 1;
+Status BehaviorReader::read_links(std::string_view tag, Bytes chunk) {
+  if (tag == "LOAD") {
+    for (std::size_t at = 0; at < chunk.size();) {
+      std::optional<std::string> name = text_at(chunk, at);
+      if (!name) break;
+      at += name->size() + 1;
+      if (!name->empty()) links_.libraries.push_back(std::move(*name));
+    }
+  } else if (tag == "MEXP") {
+    COMRAD_TRY_ASSIGN(links_.exported, read_names(chunk));
+  } else if (tag == "MIMP" || tag == "AIMP") {
+    // Number, size of an array, name; arrays begin with their count.
+    const bool arrays = tag == "AIMP";
+    for (std::size_t at = arrays ? 4 : 0; at + 4 < chunk.size();) {
+      const std::size_t name_at = at + (arrays ? 8 : 4);
+      std::optional<std::string> name = text_at(chunk, name_at);
+      if (!name || u32(chunk, at) >= kMapVariableCount)
+        return error(offset_of(chunk) + at, "an imported variable that does not fit its chunk");
+      const uint32_t number = u32(chunk, at);
+      at = name_at + name->size() + 1;
+      links_.imported.push_back({number, std::move(*name)});
+    }
+  } else if (tag == "MSTR" || tag == "ASTR") {
+    for (std::size_t at = 0; at + 4 <= chunk.size(); at += 4) links_.texts.push_back(u32(chunk, at));
+  } else if (tag == "ATAG") {
+    spdlog::warn(
+        "{}: BEHAVIOR at 0x{:x}: ATAG, an array of texts and numbers in a library, is not read; use one or "
+        "the other",
+        label_, offset_of(chunk));
   }
-  if (!names.empty())
-    spdlog::warn("{}: BEHAVIOR wants the libraries {}; they are not loaded, scripts that call them stop",
-                 label_, joined(names));
+  return {};
 }
 
 }  // namespace comrad::doom::acs

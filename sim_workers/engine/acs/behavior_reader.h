@@ -7,11 +7,25 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "rollout_buffer/core/expected.h"
 #include "sim_workers/engine/acs/behavior.h"
 
 namespace comrad::doom::acs {
+
+/// What a lump says of other lumps.
+struct BehaviorLinks {
+  struct Variable {
+    uint32_t number = 0;
+    std::string name;
+  };
+  std::vector<std::string> libraries;  ///< that it asks for (LOAD)
+  std::vector<std::string> exported;   ///< names of its map variables, by number
+  std::vector<Variable> imported;      ///< variables and arrays of libraries
+  std::vector<uint32_t> texts;         ///< map variables and arrays whose first values are texts
+};
 
 /// Three containers hold scripts:
 ///
@@ -24,7 +38,8 @@ class BehaviorReader {
  public:
   BehaviorReader(std::span<const uint8_t> lump, const std::string& label) : bytes_(lump), label_(label) {}
 
-  Expected<std::shared_ptr<const Behavior>> read();
+  Expected<std::shared_ptr<Behavior>> read();
+  const BehaviorLinks& links() const { return links_; }  ///< of what has been read
 
  private:
   using Bytes = std::span<const uint8_t>;
@@ -43,12 +58,13 @@ class BehaviorReader {
   Expected<std::vector<std::string>> read_names(Bytes chunk);
   /// The text at `offset` of `bytes` up to its zero; nothing where it runs out of them.
   static std::optional<std::string> text_at(Bytes bytes, uint64_t offset);
-  void warn_about_libraries(Bytes chunk);
+  Status read_links(std::string_view tag, Bytes chunk);
   Error error(uint64_t offset, const std::string& what) const;
   uint64_t offset_of(Bytes chunk) const { return static_cast<uint64_t>(chunk.data() - bytes_.data()); }
 
   Bytes bytes_;  // without the directory behind which a lump hides
   std::string label_;
+  BehaviorLinks links_;
 };
 
 }  // namespace comrad::doom::acs

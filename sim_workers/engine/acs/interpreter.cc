@@ -142,7 +142,8 @@ class Interpreter {
         thread_(thread),
         caller_{world, behavior, thread},
         code_(behavior.code()),
-        compact_(behavior.compact()),
+        module_(&behavior.module_at(thread.address)),
+        compact_(module_->compact),
         pc_(thread.address) {
     sp_ = std::min(thread.stack.size(), kStackMax);
     std::copy_n(thread.stack.begin(), sp_, stack_.begin());
@@ -208,11 +209,17 @@ class Interpreter {
   }
 
   void jump(int32_t target) {
-    if (target < 0 || static_cast<std::size_t>(target) >= code_.size()) {
+    if (target < 0 || static_cast<uint32_t>(target) >= module_->size) {
       fail("jumps to " + hex(static_cast<uint32_t>(target)) + ", outside the lump");
       return;
     }
-    pc_ = static_cast<uint32_t>(target);
+    pc_ = module_->begin + static_cast<uint32_t>(target);
+  }
+  /// To an address of code(), maybe of another lump.
+  void enter(uint32_t address) {
+    module_ = &behavior_.module_at(address);
+    compact_ = module_->compact;
+    pc_ = address;
   }
 
   static std::string hex(uint32_t value) {
@@ -290,7 +297,8 @@ class Interpreter {
           return &thread_.locals[thread_.local_base + index];
         break;
       case Scope::kMap:
-        if (index < machine_.map_variables.size()) return &machine_.map_variables[index];
+        if (index < kMapVariableCount && module_->variables[index] < machine_.map_variables.size())
+          return &machine_.map_variables[module_->variables[index]];
         break;
       case Scope::kWorld:
         if (index < machine_.world_variables.size()) return &machine_.world_variables[index];
@@ -308,7 +316,7 @@ class Interpreter {
         return &thread_.locals[place];
       }
       case Scope::kMapArray: {
-        const int slot = behavior_.array_of(index);
+        const int slot = index < kMapVariableCount ? behavior_.array_of(module_->variables[index]) : -1;
         if (slot < 0 || static_cast<std::size_t>(slot) >= machine_.map_arrays.size()) break;
         return element_of(machine_.map_arrays[static_cast<std::size_t>(slot)], element, false);
       }
@@ -380,6 +388,9 @@ class Interpreter {
 
   // ---- functions of the lump
 
+  /// Of the Behavior, for the number in the code of a lump.
+  int32_t function_number(int32_t number) const { return wrap(int64_t{number} + module_->first_function); }
+
   void call(int32_t index, bool discards_result) {
     const auto functions = behavior_.functions();
     if (index < 0 || static_cast<std::size_t>(index) >= functions.size())
@@ -404,7 +415,7 @@ class Interpreter {
                 thread_.locals.begin() + static_cast<std::ptrdiff_t>(base));
     thread_.local_base = static_cast<uint32_t>(base);
     thread_.function = index;
-    jump(static_cast<int32_t>(function.address));
+    enter(function.address);
   }
 
   void return_from_function(int32_t value) {
@@ -414,7 +425,7 @@ class Interpreter {
     thread_.locals.resize(thread_.local_base);
     thread_.local_base = frame.local_base;
     thread_.function = frame.function;
-    pc_ = frame.return_address;
+    enter(frame.return_address);
     if (!frame.discards_result && has_room(1)) push(value);
   }
 
@@ -550,6 +561,7 @@ class Interpreter {
   Thread& thread_;
   Caller caller_;
   std::span<const uint8_t> code_;
+  const Module* module_;  // the lump whose code runs
   bool compact_ = false;
   uint32_t pc_ = 0;  // next byte
   uint32_t at_ = 0;  // of the instruction under way
@@ -575,7 +587,7 @@ void Interpreter::execute(PCode code) {
       thread_.function = -1;
       thread_.locals.resize(
           static_cast<std::size_t>(std::max(behavior_.scripts()[thread_.script_index].variable_count, 0)));
-      return jump(static_cast<int32_t>(behavior_.scripts()[thread_.script_index].address));
+      return enter(behavior_.scripts()[thread_.script_index].address);
 
     // ---- constants
     case PCode::kPushNumber:
@@ -598,9 +610,10 @@ void Interpreter::execute(PCode code) {
       return;
     }
     case PCode::kPushFunction:
-      return push(small());
+      return push(function_number(small()));
     case PCode::kTagString:
-      return;  // of the one library that there is
+      top() = wrap(int64_t{top()} + module_->first_string);
+      return;
     case PCode::kDrop:
       return drop(1);
     case PCode::kDuplicate:
@@ -760,16 +773,16 @@ void Interpreter::execute(PCode code) {
     }
     case PCode::kGotoStack: {
       const auto index = static_cast<uint32_t>(pop());
-      const auto jumps = behavior_.jumps();
+      const auto jumps = behavior_.jumps().subspan(module_->first_jump);
       if (index >= jumps.size()) return fail("there is no jump target " + std::to_string(index));
       return jump(static_cast<int32_t>(jumps[index]));
     }
 
     // ---- functions
     case PCode::kCall:
-      return call(small(), false);
+      return call(function_number(small()), false);
     case PCode::kCallDiscard:
-      return call(small(), true);
+      return call(function_number(small()), true);
     case PCode::kCallStack:
       return call(pop() & 0xFFFF, false);
     case PCode::kReturnVoid:

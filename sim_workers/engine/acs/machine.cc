@@ -1,6 +1,7 @@
 #include "sim_workers/engine/acs/machine.h"
 
 #include <algorithm>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -147,11 +148,14 @@ void start_scripts_of_type(World& world, ScriptType type, uint32_t activator_id,
   std::vector<const Script*> scripts;
   for (const Script& script : world.behavior()->scripts())
     if (script.type == type) scripts.push_back(&script);
-  // Measured in ViZDoom 1.3.2: named ones in the order of the lump, whose numbers are -1, -2, ..., then the others
-  // by rising number.
-  std::stable_sort(scripts.begin(), scripts.end(), [](const Script* a, const Script* b) {
-    return std::pair(a->number >= 0, std::abs(a->number)) < std::pair(b->number >= 0, std::abs(b->number));
-  });
+  // Measured in ViZDoom 1.3.2: the map's before those of its libraries; of each, named ones in the order of the lump,
+  // whose numbers are -1, -2, ..., then the others by rising number.
+  const auto place = [&](const Script* script) {
+    return std::tuple(world.behavior()->module_at(script->address).begin, script->number >= 0,
+                      std::abs(script->number));
+  };
+  std::stable_sort(scripts.begin(), scripts.end(),
+                   [&](const Script* a, const Script* b) { return place(a) < place(b); });
   for (const Script* script : scripts)
     start(world, script, {.args = {arg}, .activator_id = activator_id, .always = type != ScriptType::kOpen});
 }

@@ -1,6 +1,10 @@
 // Programs compiled by us and run in our machine.
 #include <functional>
+#include <map>
+#include <optional>
+#include <span>
 
+#include "rollout_buffer/core/text.h"
 #include "tests/unit/doomgen/acs/program_runner.h"
 
 namespace comrad::acs_compiler::test {
@@ -535,6 +539,77 @@ TEST(AcsPrograms, ImportLibrariesThatImportLibraries) {
   EXPECT_NE(failure(source + "script 1 OPEN { x = g(); }", options).find("the unknown function \"g\""),
             std::string::npos)
       << "functions of a library's library need an #import";
+}
+
+// A map, the library that it imports, the library of the library, and one that LOADACS names.
+TEST(AcsLibraries, ShareFunctionsVariablesArraysTextsAndScripts) {
+  std::map<std::string, std::string> sources = {
+      {"base",
+       "#library \"base\"\nglobal int 9:base_opened; int calls; str motto = \"deep\";\n"
+       "function int base (int n) { calls++; if (n > 0) return base(n - 1) + 1; return 10; }\n"
+       "script \"Base\" OPEN { base_opened = 1; }\n"},
+      {"helpers",
+       "#library \"helpers\"\n#import \"base\"\nglobal int 8:sum; int counter = 5; int table[3] = {7, 8, "
+       "9};\n"
+       "str words[2] = {\"one\", \"three\"}; str word = \"six\";\n"
+       "function int twice (int n) { counter++; int local[2]; local[1] = n; return base(local[1]) * 2; }\n"
+       "function str text (int which) { if (which < 2) return words[which]; if (which == 2) return word; "
+       "return motto; }\n"
+       "function int choose (int n) { switch (n) { case 1: return 11; case 2: return 22; } return calls; }\n"
+       "script \"Adder\" (int a) { delay(2); sum += a + table[0]; }\nscript 1 OPEN { sum = 1000; }\n"},
+      {"extra", "#library \"extra\"\nglobal int 7:extra;\nscript 77 OPEN { extra = StrLen(\"12345\"); }\n"}};
+  CompileOptions options;
+  options.reader = [&](const std::string& name, const std::string&) -> Expected<SourceFile> {
+    return SourceFile{name, sources.at(name)};
+  };
+  std::map<std::string, std::vector<uint8_t>> lumps;
+  for (const auto& [name, source] : sources) lumps[name] = compiled(source, options);
+  const auto libraries = [&](std::string_view name) -> std::optional<std::span<const uint8_t>> {
+    const auto found = lumps.find(lower_case(name));
+    if (found == lumps.end()) return std::nullopt;
+    return found->second;
+  };
+  std::string source = "#import \"helpers\"\nint mine = 3; str own = \"12345678\";\n";
+  for (int i = 1; i <= 9; ++i) source += "global int " + std::to_string(i) + ":u" + std::to_string(i) + ";\n";
+  source +=
+      "script 1 OPEN\n{\n  u1 = twice(3); u2 = counter * 100 + mine; table[1] += u1; u3 = table[0] * 100 + "
+      "table[1];\n"
+      "  u4 = StrLen(text(1)) * 1000 + StrLen(text(2)) * 100 + StrLen(own) * 10 + StrCmp(text(3), "
+      "\"deep\");\n"
+      "  u5 = choose(2) * 100 + choose(3);\n  ACS_NamedExecuteWait(\"adder\", 0, 30);\n  u6 = u8;\n}\n";
+  ProgramRunner game(load(compiled(source, options), libraries, {"EXTRA", "absent"}));
+  game.tic(10);
+  EXPECT_EQ(game.error(), "");
+  EXPECT_EQ(game.global(1), 26);
+  EXPECT_EQ(game.global(2), 603);
+  EXPECT_EQ(game.global(3), 734);
+  EXPECT_EQ(game.global(4), 5380);
+  EXPECT_EQ(game.global(5), 2204);
+  EXPECT_EQ(game.global(6), 37) << "the map's script 1 counts, not the library's";
+  EXPECT_EQ(game.global(7), 5) << "LOADACS";
+  EXPECT_EQ(game.global(9), 1) << "the library's library has begun";
+
+  // Measured in ViZDoom: scripts that open the game begin with the map's, and the newest runs first.
+  lumps["order"] = compiled(
+      "#library \"order\"\nglobal int 1:n; global int 2:a; global int 3:b;\n"
+      "script 200 OPEN { a = ++n; } script \"Lib\" OPEN { b = ++n; } script 1 OPEN { n += 100; }\n");
+  ProgramRunner order(load(compiled("global int 1:n; global int 4:c; global int 5:d;\n"
+                                    "script 1 OPEN { c = ++n; } script 100 OPEN { d = ++n; }\n"),
+                           libraries, {"order"}));
+  order.tic();
+  EXPECT_EQ(order.global(2) * 1000 + order.global(3) * 100 + order.global(5) * 10 + order.global(4), 1234);
+
+  lumps.erase("base");
+  ProgramRunner without(load(compiled(source, options), libraries));
+  without.tic(2);
+  EXPECT_NE(without.error().find("calls \"base\" of a library that is not loaded"), std::string::npos)
+      << without.error();
+  lumps["base"] = {'A', 'C', 'S', 'E', 9, 9, 9, 9, 0, 0, 0, 0, 0, 0, 0, 0,
+                   0,   0,   0,   0,   0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+  const auto broken = doom::acs::Behavior::load(compiled(source, options), "TEST", libraries);
+  ASSERT_FALSE(broken.has_value());
+  EXPECT_EQ(broken.error().message.rfind("TEST library base: BEHAVIOR at 0x4: ", 0), 0u)
+      << broken.error().message;
 }
 
 TEST(AcsPrograms, DefineConstantsAndSpecials) {

@@ -23,8 +23,10 @@ inline std::shared_ptr<const doom::ActorCatalog> shared_catalog() {
   return catalog;
 }
 
-inline std::shared_ptr<const doom::acs::Behavior> load(const std::vector<uint8_t>& lump) {
-  auto behavior = doom::acs::Behavior::load(lump, "TEST");
+inline std::shared_ptr<const doom::acs::Behavior> load(const std::vector<uint8_t>& lump,
+                                                       const doom::acs::LibraryReader& libraries = nullptr,
+                                                       const std::vector<std::string>& loadacs = {}) {
+  auto behavior = doom::acs::Behavior::load(lump, "TEST", libraries, loadacs);
   EXPECT_TRUE(behavior.has_value()) << (behavior ? "" : behavior.error().message);
   return behavior ? *behavior : nullptr;
 }
@@ -42,7 +44,10 @@ class ProgramRunner {
  public:
   explicit ProgramRunner(const std::string& source, const CompileOptions& options = {}, int player_count = 1,
                          std::shared_ptr<const doom::Level> level = doom::test::one_room())
-      : world(std::move(level), shared_catalog(), load(compiled(source, options))) {
+      : ProgramRunner(load(compiled(source, options)), player_count, std::move(level)) {}
+  explicit ProgramRunner(std::shared_ptr<const doom::acs::Behavior> behavior, int player_count = 1,
+                         std::shared_ptr<const doom::Level> level = doom::test::one_room())
+      : world(std::move(level), shared_catalog(), std::move(behavior)) {
     doom::WorldOptions world_options;
     world_options.player_count = player_count;
     world_options.seed = 1;

@@ -234,15 +234,21 @@ TEST_F(VizdoomParity, LibrariesAreFoundByTheEngine) {
   options.reader = [&](const std::string& name, const std::string&) -> Expected<SourceFile> {
     return SourceFile{name, library};
   };
-  write("library.o", compiled(library));
-  write("main.o",
-        compiled(
-            "#import \"helpers.acs\"\n" + declarations() +
-                "str own = \"12345678\";\nscript 1 OPEN\n{\n  u1 = twice(21); u2 = counter; table[1] += 10; "
-                "u3 = table[0] + table[1] * 100;\n  u4 = length(1); u5 = StrLen(own); twice(1); u6 = "
-                "counter;\n}\n",
-            options));
+  const std::vector<uint8_t> library_lump = compiled(library);
+  write("library.o", library_lump);
+  const std::vector<uint8_t> main_lump = compiled(
+      "#import \"helpers.acs\"\n" + declarations() +
+          "str own = \"12345678\";\nscript 1 OPEN\n{\n  u1 = twice(21); u2 = counter; table[1] += 10; "
+          "u3 = table[0] + table[1] * 100;\n  u4 = length(1); u5 = StrLen(own); twice(1); u6 = "
+          "counter;\n}\n",
+      options);
+  write("main.o", main_lump);
   const std::array<int32_t, 61> theirs = play();
+  ProgramRunner ours(
+      load(main_lump, [&](std::string_view) { return std::span<const uint8_t>(library_lump); }));
+  ours.tic(kTics);
+  EXPECT_EQ(ours.error(), "");
+  for (std::size_t i = 1; i <= 6; ++i) EXPECT_EQ(ours.global(i), theirs[i]) << "u" << i;
   EXPECT_EQ(theirs[1], 42);
   EXPECT_EQ(theirs[2], 6);
   EXPECT_EQ(theirs[3], 1807);
