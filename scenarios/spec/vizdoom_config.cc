@@ -25,6 +25,7 @@ constexpr const char* kScreenFormats[] = {"CRCGCB", "RGB24",  "RGBA32", "ARGB32"
 struct Entry {
   std::string key;  ///< as written
   std::string value;
+  std::string whole;  ///< the value with what a '#' would cut off: texts have no comments
   std::vector<std::string> words;
   bool is_list = false, appends = false;
   int line = 0;
@@ -61,7 +62,7 @@ std::string shown(std::string_view text) {
   return text.size() > kLengthMax ? result + "..." : result;
 }
 
-/// Lines to entries. A '#' that begins a word starts a comment.
+/// Lines to entries. A '#' that begins a line or a word starts a comment.
 Expected<std::vector<Entry>> read_entries(std::string_view text, const std::string& path) {
   std::vector<Entry> entries;
   const auto error = [&](int line, const std::string& what) {
@@ -74,6 +75,7 @@ Expected<std::vector<Entry>> read_entries(std::string_view text, const std::stri
     std::string_view line = text.substr(0, end);
     text = end == std::string_view::npos ? std::string_view() : text.substr(end + 1);
     ++line_number;
+    std::string_view whole = line;
     for (std::size_t i = 0; i < line.size(); ++i)
       if (line[i] == '#' && (i == 0 || is_space(line[i - 1]))) line = line.substr(0, i);
     line = trimmed(line);
@@ -92,6 +94,7 @@ Expected<std::vector<Entry>> read_entries(std::string_view text, const std::stri
       entry.key = std::string(trimmed(line.substr(0, equals - (entry.appends ? 1 : 0))));
       if (entry.key.empty()) return error(line_number, "a value without a key before '='");
       line = trimmed(line.substr(equals + 1));
+      entry.whole = trimmed(whole.substr(whole.find('=') + 1));
       if (line.empty() || line.front() != '{') {
         awaits_value = line.empty();
         entry.value = std::string(line);
@@ -203,8 +206,10 @@ class ConfigReader {
     *target = entry.value;
     return {};
   }
+  /// As ViZDoom reads it: a '#' in it is no comment.
   Status read_path(const Entry& entry, std::string* target) const {
     COMRAD_TRY(read_text(entry, target));
+    *target = entry.whole;
     if (target->size() >= 2 && target->front() == '"' && target->back() == '"')
       *target = target->substr(1, target->size() - 2);
     if (target->find('\0') != std::string::npos) return error(entry, entry.key + " holds a zero byte");
@@ -289,7 +294,8 @@ class ConfigReader {
     keys_.push_back({"screen_resolution", [this](const Entry& entry) { return read_resolution(entry); }});
     keys_.push_back({"game_args", [this](const Entry& entry) -> Status {
                        if (!entry.appends) arguments_.clear();
-                       for (const std::string& word : entry.words) arguments_.push_back({word, entry});
+                       for (const std::string& word : entry.is_list ? entry.words : split_words(entry.whole))
+                         arguments_.push_back({word, entry});
                        return {};
                      }});
     add_integer("doom_skill", 1, 5, &config.skill);
@@ -360,11 +366,12 @@ class ConfigReader {
   Status read_buttons(const Entry& entry) {
     if (!entry.appends) config_->buttons.clear(), config_->button_names.clear();
     for (const std::string& word : entry.words) {
-      const auto button = find_button(upper_case(word));
+      std::string name = upper_case(word);
+      if (name == "ACTIVATE_SELECTED_WEAPON") name = "ACTIVATE_SELECTED_ITEM";  // ViZDoom's word for it
+      const auto button = find_button(name);
       if (!button)
-        return error(entry, "'" + shown(word) + "' is no button; the nearest is " +
-                                nearest(upper_case(word), button_names()));
-      const std::string name = upper_case(word);
+        return error(entry,
+                     "'" + shown(word) + "' is no button; the nearest is " + nearest(name, button_names()));
       if (std::count(config_->button_names.begin(), config_->button_names.end(), name) > 0) continue;
       config_->buttons.push_back(*button);
       config_->button_names.push_back(name);
@@ -420,6 +427,7 @@ class ConfigReader {
     rules.skill = config_->skill;
     rules.autoaim = rules.free_look = true;
     rules.allow_crouch = rules.allow_jump = true;
+    std::optional<int> respawn_tics;
     const std::pair<const char*, std::function<void(double)>> variables[] = {
         {"sv_noautoaim", [&](double value) { rules.autoaim = value == 0; }},
         {"sv_nofreelook", [&](double value) { rules.free_look = value == 0; }},
@@ -427,10 +435,11 @@ class ConfigReader {
         {"sv_nocrouch", [&](double value) { rules.allow_crouch = value == 0; }},
         {"sv_allowjump", [&](double value) { rules.allow_jump = value != 0; }},
         {"sv_infiniteammo", [&](double value) { rules.infinite_ammo = value != 0; }},
+        {"cl_run", [&](double value) { rules.always_run = value != 0; }},
         {"sv_forcerespawn", [&](double value) { config_->forced_respawn = value != 0; }},
         {"viz_respawn_delay",
          [&](double value) {
-           config_->respawn_delay_tics = static_cast<int32_t>(std::clamp(value, 0.0, 3600.0) * 35.0);
+           respawn_tics = static_cast<int32_t>(std::clamp(value, 0.0, 3600.0) * kTicRateHz);
          }},
         {"skill", [&](double value) { rules.skill = static_cast<int>(std::clamp(value, 0.0, 4.0)) + 1; }},
     };
@@ -456,6 +465,7 @@ class ConfigReader {
           return error(entry, "game_args: -host " + shown(players) + "; the number of players must be 1 to " +
                                   std::to_string(kMaxAgents));
         config_->host_count = count;
+        rules.network_game = true;
       } else if (word[0] == '+' && word.size() > 1) {
         const bool has_value = i + 1 < arguments_.size() && arguments_[i + 1].word[0] != '+' &&
                                (arguments_[i + 1].word[0] != '-' ||
@@ -483,6 +493,9 @@ class ConfigReader {
         warn(entry, "game_args: " + shown(word) + " is not known and is ignored");
       }
     }
+    // A network game waits a second unless it is told otherwise, and one tic at least.
+    config_->respawn_delay_tics =
+        rules.network_game ? std::max(respawn_tics.value_or(kTicRateHz), 1) : respawn_tics.value_or(0);
     return {};
   }
 

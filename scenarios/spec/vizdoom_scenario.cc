@@ -150,7 +150,7 @@ Status find_map(const VizdoomConfig& config, const std::string& path, ScenarioSp
 
 }  // namespace
 
-std::vector<RewardTerm> vizdoom_rewards(const VizdoomRewards& rewards) {
+std::vector<RewardTerm> vizdoom_rewards(const VizdoomRewards& rewards, bool pays_while_dead) {
   std::vector<RewardTerm> terms;
   const auto add = [&](const char* name, const char* variable, const char* kind, double weight) {
     if (weight == 0.0) return;
@@ -159,8 +159,10 @@ std::vector<RewardTerm> vizdoom_rewards(const VizdoomRewards& rewards) {
   };
   add("map_reward", "MAP_REWARD", "delta", 1.0);
   add("living_reward", "MAP_TICS", "delta", rewards.living);
-  add("death_penalty", "DEATHCOUNT", "event", -rewards.death_penalty);
-  add("death_reward", "DEATHCOUNT", "event", rewards.death);
+  const char* const death = pays_while_dead ? "DEAD" : "DEATHCOUNT";
+  const char* const kind = pays_while_dead ? "value" : "event";
+  add("death_penalty", death, kind, -rewards.death_penalty);
+  add("death_reward", death, kind, rewards.death);
   add("map_exit_reward", "MAP_EXIT", "event", rewards.map_exit);
   add("kill_reward", "KILLCOUNT", "delta", rewards.kill);
   add("secret_reward", "SECRETCOUNT", "delta", rewards.secret);
@@ -206,7 +208,10 @@ Expected<ScenarioSpec> vizdoom_scenario(const VizdoomConfig& config) {
     MeasurementTerm& term = spec.measurements.emplace_back();
     term.variable = name, term.scale = scale_of(find_variable(name).value()), term.clip = 10.0;
   }
-  spec.rewards = vizdoom_rewards(config.rewards);
+  // The dead of a network game that play on are paid for in every decision, as in ViZDoom. Of several players, whose
+  // programs there bring them back at once, each death is one event.
+  spec.rewards = vizdoom_rewards(config.rewards,
+                                 config.host_count == 1 || (config.host_count > 1 && config.forced_respawn));
   spec.score = "return";
   spec.maps_say_ceiling = false;
 

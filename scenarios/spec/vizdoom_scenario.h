@@ -3,7 +3,7 @@
 //   available_buttons           heads (action_heads.h)
 //   available_game_variables    measurements, scaled to about 1
 //   the script's reward         MAP_REWARD, delta
-//   living_reward               MAP_TICS, delta          death_penalty, death_reward    DEAD, event
+//   living_reward               MAP_TICS, delta          death_penalty, death_reward    DEATHCOUNT, event
 //   map_exit_reward             MAP_EXIT, event          kill_reward ...                the variable's delta
 //   health_reward, armor_reward the variable's rise
 //   episode_timeout             truncates                 death of a player who is alone, end of the map: terminate
@@ -27,6 +27,7 @@ Expected<ScenarioSpec> load_vizdoom_scenario(const std::string& path);
 Expected<ScenarioSpec> vizdoom_scenario(const VizdoomConfig& config);
 
 /// The reward terms that differ from 0, and the script's.
-std::vector<RewardTerm> vizdoom_rewards(const VizdoomRewards& rewards);
+/// `pays_while_dead`: a death is paid for in every decision after which the player is dead, not once.
+std::vector<RewardTerm> vizdoom_rewards(const VizdoomRewards& rewards, bool pays_while_dead = false);
 
 }  // namespace comrad::scenarios

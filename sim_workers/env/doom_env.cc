@@ -83,7 +83,8 @@ void DoomEnvironment::step(std::span<const int32_t> action) {
 
 void DoomEnvironment::press(std::span<const doom::Buttons> buttons) {
   COMRAD_CHECK(!step_.episode_over(), "an episode that is over is reset before the next step");
-  const bool ends_with_its_player = game_->spec.rules.lone_death_ends && game_->num_agents == 1;
+  const bool ends_with_its_player =
+      game_->spec.rules.lone_death_ends && game_->num_agents == 1 && !game_->spec.rules.network_game;
   for (int i = 0; i < game_->frame_skip && !step_.episode_over(); ++i) {
     run_tic(world_, buttons);
     if (world_.level_exited() || (ends_with_its_player && !world_.player(0).alive))
@@ -188,7 +189,8 @@ void DoomEnvironment::observe_numbers(const ObservationTarget& target) const {
   if (target.action_mask != nullptr) std::copy(action_mask_.begin(), action_mask_.end(), target.action_mask);
   if (target.agent_active != nullptr)
     for (int agent = 0; agent < num_agents; ++agent)
-      target.agent_active[agent] = game_->spec.respawn || world_.player(agent).alive;
+      target.agent_active[agent] =
+          game_->spec.respawn || game_->spec.rules.network_game || world_.player(agent).alive;
   if (target.global_state != nullptr) global_state_.write(world_, target.global_state);
 }
 

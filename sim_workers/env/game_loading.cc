@@ -128,6 +128,8 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
   game->ceiling = !game->spec.maps_say_ceiling || game->layout.ceiling.empty() ? game->spec.ceiling
                   : ceiling != game->layout.ceiling.end()                      ? ceiling->second
                                                                                : 0.0;
+  // The only map of a WAD is played whatever its name: a pool may hold other ones than doom_map names.
+  if (const std::vector<std::string> maps = wad.map_names(); maps.size() == 1) game->spec.map = maps[0];
   COMRAD_TRY_ASSIGN(GameContent content,
                     load_game_content(wad, game->spec.map, decorate_name(wad, game->spec)));
   // A map that somebody brought along may do without scripts; a generated one without them is a broken build.

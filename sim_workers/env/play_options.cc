@@ -18,6 +18,8 @@ doom::WorldOptions world_options(const scenarios::GameRules& rules) {
   options.allow_jump = rules.allow_jump;
   options.deathmatch = rules.deathmatch;
   options.infinite_ammo = rules.infinite_ammo;
+  options.network_game = rules.network_game;
+  options.always_run = rules.always_run;
   options.start_at_deathmatch_starts = true;
   return options;
 }

@@ -988,7 +988,7 @@ void Interpreter::execute_call(PCode code) {
     case PCode::kPlayerCount:
       return push(world_.player_count());
     case PCode::kGameType:
-      return push(world_.options().deathmatch ? 2 : world_.player_count() > 1 ? 1 : 0);
+      return push(world_.options().deathmatch ? 2 : world_.is_multiplayer() ? 1 : 0);
     case PCode::kGameSkill:
       return push(world_.options().skill - 1);
     case PCode::kTimer:

@@ -367,7 +367,7 @@ bool within_reach(const Actor& body, const Actor& item) {
 }
 
 bool stays_for_others(const World& world, const Actor& item) {
-  if (world.player_count() < 2 && !world.options().deathmatch) return false;
+  if (!world.is_multiplayer() && !world.options().deathmatch) return false;
   const ItemClass kind = world.type_of(item).item_class;
   return (kind == ItemClass::kWeapon || kind == ItemClass::kKey) && is_of_the_map(world, item);
 }

@@ -303,7 +303,7 @@ void chase_once(World& world, Actor& monster, const ChaseOptions& options) {
   }
 
   // With several enemies to choose from, one that it sees is better.
-  if ((world.player_count() > 1 || monster.hate_thing_id != 0) && monster.threshold == 0 &&
+  if ((world.is_multiplayer() || monster.hate_thing_id != 0) && monster.threshold == 0 &&
       !can_see(world, monster, *target)) {
     const uint32_t old_target = monster.target_id;
     const bool needs_no_sight = monster.has(ActorFlag::kNoSightCheck);

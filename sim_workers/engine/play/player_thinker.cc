@@ -211,10 +211,13 @@ void PlayerThinker::think_dead(int player_index, Player& player, Actor& body) {
     --player.respawn_tics;
     return;
   }
-  if (world_.options().forced_respawn) respawn_player(world_, player_index);
+  const bool asks = world_.options().network_game && player.buttons.use;
+  if (world_.options().forced_respawn || asks) respawn_player(world_, player_index);
 }
 
-bool PlayerThinker::think(int player_index, const Buttons& buttons) {
+bool PlayerThinker::think(int player_index, const Buttons& pressed) {
+  Buttons buttons = pressed;
+  buttons.speed = pressed.speed != world_.options().always_run;
   Player& player = world_.state().players[static_cast<std::size_t>(player_index)];
   if (buttons.turn_180 && !player.buttons.turn_180 && player.turn_180_tics == 0)
     player.turn_180_tics = kTurnAroundTics;

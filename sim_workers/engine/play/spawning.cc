@@ -137,7 +137,7 @@ void spawn_map_things(World& world) {
   constexpr uint32_t kFirstClass = 1;  // all players are of it
   const uint32_t skill = kThingSkill1 << (std::clamp(world.options().skill, 1, 5) - 1);
   const uint32_t game = world.options().deathmatch ? kThingDeathmatch
-                        : world.player_count() > 1 ? kThingCoop
+                        : world.is_multiplayer()   ? kThingCoop
                                                    : kThingSingle;
   for (const MapThing& thing : world.level().things) {
     if ((thing.flags & skill) == 0 || (thing.flags & game) == 0 || (thing.class_filter & kFirstClass) == 0)

@@ -35,6 +35,7 @@ class World {
   uint64_t tic_count() const { return state_.tic_count; }  ///< map clock: tics finished since reset
   bool level_exited() const { return state_.level_exited; }
   int player_count() const { return static_cast<int>(state_.players.size()); }
+  bool is_multiplayer() const { return player_count() > 1 || options().network_game; }
   const Player& player(int index) const { return state_.players[static_cast<std::size_t>(index)]; }
   const Actor& body(int index) const;  ///< the player's actor
   /// Live actors by rising id. Those with `removed` set leave at the end of the tic.

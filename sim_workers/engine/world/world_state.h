@@ -30,6 +30,8 @@ struct WorldOptions {
   bool allow_crouch = false, allow_jump = true;
   bool forced_respawn = false;  ///< dead players come back by themselves
   int respawn_delay_tics = 0;
+  bool network_game = false;  ///< also with one player: things of cooperative games; USE brings the dead back
+  bool always_run = false;    ///< players run, and walk while they hold SPEED
   bool deathmatch = false;
   bool infinite_ammo = false;
   bool start_at_deathmatch_starts = false;  ///< where a map has no start of a player's own

@@ -164,6 +164,66 @@ TEST_F(VizdoomScenario, AHostSaysHowManyPlay) {
               HasSubstr("room.cfg:4: game_args: -host"));
 }
 
+TEST_F(VizdoomScenario, AHostOfOneIsANetworkGameThatDeathDoesNotEnd) {
+  const auto spec =
+      load(std::string(kPlain) + "death_penalty = 10\ngame_args = -host 1 -deathmatch +sv_forcerespawn 1\n");
+  ASSERT_TRUE(spec) << spec.error().message;
+  EXPECT_EQ(spec->default_agents, 1);
+  EXPECT_TRUE(spec->rules.network_game && spec->respawn);
+  EXPECT_EQ(spec->respawn_delay_tics, 35);
+  EXPECT_EQ(spec->rewards.back().variable + " " + spec->rewards.back().kind, "DEAD value");
+  const auto at_once = load(std::string(kPlain) + "game_args = -host 1 +viz_respawn_delay 0\n");
+  ASSERT_TRUE(at_once) << at_once.error().message;
+  EXPECT_FALSE(at_once->respawn);
+  EXPECT_EQ(at_once->respawn_delay_tics, 1);
+  const auto alone =
+      load(std::string(kPlain) + "death_penalty = 10\ngame_args = -deathmatch +sv_forcerespawn 1\n");
+  ASSERT_TRUE(alone) << alone.error().message;
+  EXPECT_FALSE(alone->rules.network_game);
+  EXPECT_EQ(alone->rewards.back().variable + " " + alone->rewards.back().kind, "DEATHCOUNT event");
+}
+
+TEST_F(VizdoomScenario, ANumberSignInAPathIsNoComment) {
+  scratch_.write("runs #3/room.wad", test::room_wad({"MAP01"}, 1));
+  const auto spec = load(
+      "# a comment\n  # another\ndoom_scenario_path = runs #3/room.wad\nliving_reward = -2 # per tic\n"
+      "available_buttons = { ATTACK # USE\n JUMP }\ngame_args = +cl_run 0 #1 +sv_nojump 1\n");
+  ASSERT_TRUE(spec) << spec.error().message;
+  EXPECT_EQ(spec->folder, scratch_ / "runs #3");
+  EXPECT_EQ(spec->rewards.back().weight, -2);
+  EXPECT_THAT(spec->heads, SizeIs(2));
+  EXPECT_FALSE(spec->rules.allow_jump);
+  EXPECT_THAT(spec->warnings, ElementsAre(HasSubstr("#1 is not known")));
+}
+
+TEST_F(VizdoomScenario, TheSelectedItemIsAlsoUsedByTheNameThatVizdoomsFilesHave) {
+  const auto config = parse_vizdoom_config(
+      "available_buttons = { ACTIVATE_SELECTED_WEAPON ATTACK ACTIVATE_SELECTED_ITEM }\n", "item.cfg");
+  ASSERT_TRUE(config) << config.error().message;
+  EXPECT_THAT(config->button_names, ElementsAre("ACTIVATE_SELECTED_ITEM", "ATTACK"));
+}
+
+TEST_F(VizdoomScenario, ClRunMakesPlayersRun) {
+  for (const auto& [argument, runs] : {std::pair{"+cl_run 1", true}, {"+cl_run 0", false}, {"", false}}) {
+    const auto spec = load(std::string(kPlain) + "game_args = " + argument + "\n");
+    ASSERT_TRUE(spec) << spec.error().message;
+    EXPECT_EQ(spec->rules.always_run, runs);
+    EXPECT_THAT(spec->warnings, IsEmpty());
+  }
+}
+
+TEST_F(VizdoomScenario, GrayPicturesAreAWarningWhereTheyAreNotServed) {
+  const auto gray = load(std::string(kPlain) + "screen_format = GRAY8\n");
+  ASSERT_TRUE(gray) << gray.error().message;
+  EXPECT_THAT(gray->warnings, ElementsAre(AllOf(HasSubstr("room.cfg:4: screen_format = GRAY8"),
+                                                HasSubstr("comrad.gym_env alone"))));
+  const auto coloured = load(std::string(kPlain) + "screen_format = crcgcb\n");
+  ASSERT_TRUE(coloured) << coloured.error().message;
+  EXPECT_THAT(coloured->warnings, IsEmpty());
+  EXPECT_THAT(refusal(std::string(kPlain) + "screen_format = GREY8\n"),
+              AllOf(HasSubstr("room.cfg:4: screen_format = GREY8"), HasSubstr("RGB24"), HasSubstr("GRAY8")));
+}
+
 TEST_F(VizdoomScenario, TheMapIsTheFileThatIsNamedInWhateverCase) {
   const std::string path =
       scratch_.write("deeper/game.cfg", "doom_scenario_path = ../ROOM.WAD\navailable_buttons = { ATTACK }\n");

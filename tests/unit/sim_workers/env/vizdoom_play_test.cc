@@ -154,6 +154,77 @@ TEST_F(VizdoomRoom, ALonePlayersDeathEndsTheEpisodeAndOneOfSeveralComesBack) {
   }
 }
 
+TEST_F(VizdoomRoom, TheDeadOfANetworkGameOfOneComeBackByForceOrByUse) {
+  struct Case {
+    const char* arguments;
+    bool uses;
+    int back_after_tics;  // 0: never
+  };
+  for (const auto& [arguments, uses, back_after_tics] :
+       {Case{"-host 1 -deathmatch +sv_forcerespawn 1", false, 36}, Case{"-host 1", true, 36},
+        Case{"-host 1", false, 0}, Case{"-host 1 +sv_forcerespawn 1 +viz_respawn_delay 2", false, 71},
+        Case{"-host 1 +sv_forcerespawn 1 +viz_respawn_delay 0", false, 2}}) {
+    SCOPED_TRACE(arguments);
+    const auto game = load(cfg(std::string("game_args = ") + arguments + "\n"), 1, 1);
+    ASSERT_TRUE(game) << game.error().message;
+    DoomEnvironment environment(*game);
+    environment.reset(1);
+    doom::damage_player(environment.world(), 0, 1000);
+    std::vector<doom::Buttons> pressed(1);
+    pressed[0].use = uses;
+    int tics = 0, back = 0;
+    double sum = 0;
+    while (!environment.last_step().episode_over()) {
+      environment.press(pressed);
+      sum += environment.last_step().reward[0];
+      if (back == 0 && environment.world().player(0).alive) back = tics + 1;
+      ++tics;
+    }
+    EXPECT_TRUE(environment.last_step().truncated);
+    EXPECT_EQ(tics, 100);
+    EXPECT_EQ(back, back_after_tics);
+    const int dead_tics = back == 0 ? tics : back - 1;
+    EXPECT_DOUBLE_EQ(sum, -0.5 * tics - 7.0 * dead_tics) << "each decision of the dead is paid for";
+  }
+}
+
+TEST_F(VizdoomRoom, ClRunTurnsSpeedRound) {
+  const auto walked = [&](const char* argument, bool speed) {
+    const auto game = load(cfg(std::string("game_args = ") + argument + "\n"), 1, 1);
+    EXPECT_TRUE(game) << game.error().message;
+    DoomEnvironment environment(*game);
+    environment.reset(1);
+    const double begin = doom::to_double(environment.world().body(0).y);
+    std::vector<doom::Buttons> pressed(1);
+    pressed[0].forward = true, pressed[0].speed = speed;
+    for (int tic = 0; tic < 10; ++tic) environment.press(pressed);
+    return doom::to_double(environment.world().body(0).y) - begin;
+  };
+  EXPECT_GT(walked("+cl_run 1", false), 1.5 * walked("+cl_run 0", false));
+  EXPECT_EQ(walked("+cl_run 1", false), walked("", true));
+  EXPECT_EQ(walked("+cl_run 1", true), walked("", false));
+}
+
+TEST_F(VizdoomRoom, ATracePlaysTheFirstMapWhereNoneIsNamed) {
+  scratch_.write("room.wad", test::room_wad({"MAP00"}, 1));
+  trace::GameOptions options;
+  options.target = cfg("");
+  const auto game = trace::open_trace_game(options);
+  ASSERT_TRUE(game) << game.error().message;
+  EXPECT_THAT((*game)->title, HasSubstr("MAP00"));
+}
+
+TEST_F(VizdoomRoom, TheOnlyMapOfALayoutIsPlayedWhateverItsName) {
+  EnvironmentOptions options;
+  options.scenario = cfg("doom_map = MAP01\n");
+  options.wad_path = scratch_.write("other.wad", test::room_wad({"MAP31"}, 1));
+  options.num_agents = 1;
+  options.frame_skip = 1;
+  const auto game = load_doom_game(options);
+  ASSERT_TRUE(game) << game.error().message;
+  EXPECT_EQ((*game)->level->name, "MAP31");
+}
+
 TEST_F(VizdoomRoom, AThirdPlayerFindsNoStart) {
   const auto game = load(cfg(""), 3, 4);
   ASSERT_FALSE(game);
