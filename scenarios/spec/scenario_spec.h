@@ -31,7 +31,7 @@ struct GameRules {
   bool autoaim = false, free_look = false, allow_crouch = false, allow_jump = true;
   int start_tics = 0;    ///< pass before the first decision
   int timeout_tics = 0;  ///< of an episode, from there on; 0: decision_limit alone counts
-  /// A player who is alone ends the episode by dying, except in a network game; several come back.
+  /// The death of an only player ends the episode, except in a network game; several come back.
   bool lone_death_ends = false;
   bool network_game = false;  ///< -host: of one player, too, whose death then does not end the episode
   bool always_run = false;    ///< cl_run: players run, and walk while they hold SPEED

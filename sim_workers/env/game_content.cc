@@ -74,9 +74,11 @@ Expected<GameContent> load_game_content(const wad::WadFile& wad, std::string_vie
   if (!info.player_class.empty() && !catalog->set_player(info.player_class))
     content.warnings.push_back(wad.path() + ": the player class '" + info.player_class +
                                "' is no PlayerPawn; players are DoomPlayers");
-  auto level = std::make_shared<doom::Level>(*content.level);
-  level->rules = info.rules;
-  content.level = std::move(level);
+  if (info.rules != content.level->rules) {  // of few maps: the others are not copied
+    auto level = std::make_shared<doom::Level>(*content.level);
+    level->rules = info.rules;
+    content.level = std::move(level);
+  }
   content.catalog = std::move(catalog);
 
   COMRAD_TRY_ASSIGN(const wad::MapLumps lumps, wad.find_map(content.level->name));

@@ -183,6 +183,7 @@ struct LevelIndex;
 struct LevelRules {
   bool no_jump = false, no_crouch = false;
   Fixed gravity = kFracUnit;  ///< units/tic^2
+  bool operator==(const LevelRules&) const = default;
 };
 
 /// A loaded map. Immutable apart from the sectors, which each World copies.

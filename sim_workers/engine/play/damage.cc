@@ -48,7 +48,7 @@ void thrust_away(World& world, Actor& target, const Actor& inflictor, int32_t am
   target.push(angle, force);
 }
 
-/// What a blast of somebody's adds to the damage's own push: half a unit a tic for each of its points (16.16, before rounding)
+/// What a blast with a source adds to the damage's own push: half a unit a tic for each of its points (16.16, before rounding)
 /// and pound, and as much up for each unit by which the middle of the body lies above it, times 0.8 for its own source and 0.5
 /// for others. Measured in ViZDoom 1.3.2: 13.0033 across and -1.6107 up 33 units from a rocket of one's own.
 void lift(Actor& target, const Actor& spot, const Actor& source, int64_t points) {

@@ -23,9 +23,9 @@ bool stays_for_others(const World& world, const Actor& item);
 
 /// A body touches an item: takes it if it can use it, with flash, counts, special and script events. True
 /// when taken.
+bool touch_item(World& world, Actor& body, Actor& item);
 /// A tic of an item without a state: in a deathmatch what was taken comes back 1 050 tics later.
 void return_item(World& world, Actor& item);
-bool touch_item(World& world, Actor& body, Actor& item);
 
 /// Gives as a script does: `amount` replaces the item's own (spec: 6 ClipBox are 6 bullets, times the skill's
 /// factor); 0: the item's own. False where nothing could be given.

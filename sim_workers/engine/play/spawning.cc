@@ -36,8 +36,8 @@ void spawn_player(World& world, int index, Fixed x, Fixed y, Angle angle) {
   player.view_height = player.eye_height;
   player.view_z = clamped_fixed(int64_t{body.z} + player.view_height);
   give_start_items(world, index);
-  player.weapon_permissions |=
-      kTriggerHeld;  // what is held since before the weapon is up does not fire NOAUTOFIRE ones
+  // A trigger held since before the weapon is up does not fire NOAUTOFIRE ones.
+  player.weapon_permissions |= kTriggerHeld;
   raise_weapon(world, index);
 }
 
