@@ -120,7 +120,11 @@ Expected<int> train(const CommandLine& line, bool allow_no_update, const std::st
   if (!config.environment.layout_pool.empty() && !is_pool_to_draw(config.environment.layout_pool)) {
     config.environment.layout_pool =
         fs::absolute(config.environment.layout_pool, error).lexically_normal().string();
-    COMRAD_TRY_ASSIGN(layout_list, ensure_layout_pool(config, "", /*for_training=*/true));
+    if (!is_pool_to_make(config.environment.layout_pool)) {
+      COMRAD_TRY_ASSIGN(layout_list, ensure_layout_pool(config, "", /*for_training=*/true));
+    } else if (!resumes) {
+      COMRAD_TRY(check_wad(config.environment.layout_pool));
+    }
   }
 
   SettingsLayer before;  // the run's config.toml as it was

@@ -7,6 +7,7 @@
 #include "deploy/settings/content_hash.h"
 #include "deploy/settings/game_files.h"
 #include "deploy/settings/network_description.h"
+#include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
@@ -21,6 +22,7 @@ constexpr const char* kFelt[] = {"env_frameskip", "render_size", "resize"};
 /// Which maps are played, where no flag names a map or a pool.
 void choose_maps(const std::string& maps, RunConfig& config) {
   if (maps == word_of(EvalMaps::kTrain)) return;
+  if (maps.empty() && names_vizdoom_config(config.run.scenario)) return;  // no recipe draws others
   if (maps.empty() && is_evaluated_on_one_map(config)) {
     config.environment.layout_pool.clear();
     return;

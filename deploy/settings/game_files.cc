@@ -12,6 +12,7 @@
 #include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/layout_list.h"
+#include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
 namespace {
@@ -44,6 +45,13 @@ std::optional<PoolToDraw> parse_pool(const std::string& layout_pool) {
     return PoolToDraw{word, count};
   }
   return std::nullopt;
+}
+
+/// Whether `layout_pool` is a WAD, whose maps are the pool, rather than a folder of WADs.
+bool names_wad(const std::string& layout_pool) {
+  std::error_code error;
+  return same_ignoring_case(fs::path(layout_pool).extension().string(), ".wad") &&
+         !fs::is_directory(layout_pool, error);
 }
 
 int32_t little_endian(const unsigned char* bytes) {
@@ -107,6 +115,10 @@ bool is_evaluated_on_one_map(const RunConfig& config) {
 
 bool is_pool_to_draw(const std::string& layout_pool) { return parse_pool(layout_pool).has_value(); }
 
+bool is_pool_to_make(const std::string& layout_pool) {
+  return is_pool_to_draw(layout_pool) || names_wad(layout_pool);
+}
+
 Status check_pool_to_draw(const std::string& layout_pool, bool for_training) {
   const auto pool = parse_pool(layout_pool);
   if (!pool || !pool->count) return {};
@@ -125,30 +137,34 @@ Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::str
   std::string folder = config.environment.layout_pool;
   std::error_code error;
   COMRAD_TRY(check_pool_to_draw(config.environment.layout_pool, for_training));
-  if (const auto pool = parse_pool(config.environment.layout_pool)) {
+  const auto pool = parse_pool(config.environment.layout_pool);
+  std::vector<std::string> words;
+  if (pool) {
     folder = made_in + "/" + scenario_file_name(config) + "_" + pool->word;
-    std::vector<std::string> words = {sibling_program("comrad-doomgen"), config.run.scenario, "--pool",
-                                      pool->word};
+    words = {sibling_program("comrad-doomgen"), config.run.scenario, "--pool", pool->word};
     if (pool->count) {
       folder += "_" + std::to_string(*pool->count);
       words.insert(words.end(), {"--count", std::to_string(*pool->count)});
     }
     words.insert(words.end(), {"--num_agents", std::to_string(config.environment.num_agents), "-o", folder});
-    if (!fs::exists(folder + "/batch_registry.json", error)) {
-      COMRAD_TRY_ASSIGN(
-          const ProgramResult made,
-          run_program(words, {.timeout_s = 120.0 + static_cast<double>(pool->count.value_or(0))}));
-      if (made.interrupted) return Error{ErrorCode::kSystem, "interrupted while layouts were drawn"};
-      if (made.exit_code != 0)
-        return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made) + " (layout_pool is " +
-                                               config.environment.layout_pool +
-                                               "; a folder of WADs will do as well)"};
-    }
+  } else if (names_wad(folder)) {
+    folder = made_in + "/" + fs::path(folder).stem().string() + "_maps";
+    words = {sibling_program("comrad-doomgen"), "split", config.environment.layout_pool, "-o", folder};
   } else if (!fs::is_directory(folder, error)) {
-    return Error{ErrorCode::kNotFound, "layout_pool is " + folder +
-                                           ", which is no folder; make one with `comrad doomgen " +
-                                           scenario_file_name(config) + " --pool train --count 100 -o " +
-                                           folder + "`, or say train:<count> or curriculum"};
+    return Error{ErrorCode::kNotFound,
+                 "layout_pool is " + folder + ", which is no folder; make one with `comrad doomgen " +
+                     scenario_file_name(config) + " --pool train --count 100 -o " + folder +
+                     "`, or say train:<count>, curriculum, or the path of a .wad with several maps"};
+  }
+  if (!words.empty() && !fs::exists(folder + "/batch_registry.json", error)) {
+    COMRAD_TRY_ASSIGN(
+        const ProgramResult made,
+        run_program(words, {.timeout_s = 120.0 + static_cast<double>(pool ? pool->count.value_or(0) : 0)}));
+    if (made.interrupted) return Error{ErrorCode::kSystem, "interrupted while layouts were made"};
+    if (made.exit_code != 0)
+      return Error{ErrorCode::kBadInput, "comrad-doomgen: " + last_words(made) + " (layout_pool is " +
+                                             config.environment.layout_pool +
+                                             "; a folder of WADs will do as well)"};
   }
   COMRAD_TRY_ASSIGN(
       const ProgramResult checked,

@@ -24,7 +24,8 @@ Status check_wad(const std::string& path);
 Expected<std::string> ensure_layout(const RunConfig& config, const std::string& folder);
 
 /// The pool that `config.environment.layout_pool` names, checked by comrad-doomgen, as the text of a run's
-/// layouts/pool.toml. A folder is taken as it is; `train:<count>`, `eval:<count>` and the stages of the
+/// layouts/pool.toml. A folder is taken as it is; the maps of a WAD become a
+/// file each in `<made_in>/<stem>_maps`; `train:<count>`, `eval:<count>` and the stages of the
 /// scenario's `curriculum` are drawn into `<made_in>/<scenario>_<word>[_<count>]` unless such a pool is there
 /// already. Training refuses layouts for evaluation. Errors: kBadInput with the generator's words.
 Expected<std::string> ensure_layout_pool(const RunConfig& config, const std::string& made_in,
@@ -44,6 +45,8 @@ bool is_evaluated_on_one_map(const RunConfig& config);
 /// Whether `layout_pool` asks for a pool to be drawn (`train:<count>`, `eval:<count>`, `curriculum`) rather than
 /// naming a folder.
 bool is_pool_to_draw(const std::string& layout_pool);
+/// The same, or to be made of the maps of a WAD: it comes to lie in the run's folder.
+bool is_pool_to_make(const std::string& layout_pool);
 
 /// Errors: kBadInput for a pool to be drawn of no or too many layouts, or of those for evaluation where training is
 /// meant; nothing is drawn yet.

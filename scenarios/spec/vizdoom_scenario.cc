@@ -132,7 +132,8 @@ Status find_map(const VizdoomConfig& config, const std::string& path, ScenarioSp
     if (!is_there) spec.map = maps[0];
     if (maps.size() > 1 && !config.scenario_path.empty())
       spec.warnings.push_back(config.path + ": " + path + " has the maps " + joined(maps) + "; " + spec.map +
-                              " is played, say which one with doom_map");
+                              " is played; say which one with doom_map, or play all with --layout_pool " +
+                              path);
   }
   const Expected<int> players = most_players(*wad, spec.map);
   if (!players) return Error{players.error().code, where + players.error().message};

@@ -17,6 +17,7 @@
 #include "rollout_buffer/core/process.h"
 #include "scenarios/spec/layout_pool.h"
 #include "scenarios/spec/registry.h"
+#include "scenarios/spec/wad_maps.h"
 
 namespace comrad {
 namespace {
@@ -36,7 +37,8 @@ std::string parameter_help() {
   }
   return text +
          "A map from above: comrad doomgen show FILE.wad [-o PICTURE.png]\n"
-         "Is a pool whole, and what is in it: comrad doomgen check FOLDER\n";
+         "Is a pool whole, and what is in it: comrad doomgen check FOLDER\n"
+         "A pool of the maps of one WAD: comrad doomgen split FILE.wad -o FOLDER\n";
 }
 
 Expected<wad::UdmfMap> read_map(const std::string& path, std::string name) {
@@ -140,6 +142,23 @@ int check(int argc, char** argv) {
   return checked ? 0 : report(checked.error());
 }
 
+int split(int argc, char** argv) {
+  std::string path, folder;
+  CLI::App app("Makes a pool of the maps of one WAD, a file for each.", "comrad-doomgen split");
+  app.add_option("file", path, "WAD with the maps")->required();
+  app.add_option("-o,--out", folder, "folder of the pool")->required();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  const auto pool = scenarios::split_wad(path, folder);
+  if (!pool) return report(pool.error());
+  std::printf("%s: %zu maps of %s, listed in %s\n", folder.c_str(), pool->size(), path.c_str(),
+              scenarios::kPoolRegistryName);
+  return 0;
+}
+
 /// "--name value" and "--name=value", which the parser does not know, are layout parameters.
 Status take_parameters(const std::vector<std::string>& words, scenarios::LayoutRequest& request) {
   for (std::size_t i = 0; i < words.size(); ++i) {
@@ -237,6 +256,7 @@ int make_grid(const std::string& name, const std::vector<std::string>& axes, sce
 int run(int argc, char** argv) {
   if (argc > 1 && std::string(argv[1]) == "show") return show(argc - 1, argv + 1);
   if (argc > 1 && std::string(argv[1]) == "check") return check(argc - 1, argv + 1);
+  if (argc > 1 && std::string(argv[1]) == "split") return split(argc - 1, argv + 1);
   std::string name, path, pool, format = "udmf";
   std::vector<std::string> settings;
   scenarios::PoolRequest many;

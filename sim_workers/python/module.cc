@@ -17,6 +17,7 @@
 #include "scenarios/spec/registry.h"
 #include "scenarios/spec/scenario_files.h"
 #include "scenarios/spec/vizdoom_config.h"
+#include "scenarios/spec/wad_maps.h"
 #include "sim_workers/python/env_batch.h"
 
 namespace nb = nanobind;
@@ -273,6 +274,12 @@ NB_MODULE(_engine, module) {
 
   module.def("draw_map", &draw_map, nb::arg("scenario"), nb::arg("seed"), nb::arg("num_agents"),
              nb::arg("parameters"));
+  module.def("split_wad", [](const std::string& path, const std::string& folder) {
+    std::vector<std::string> files;
+    for (const scenarios::PoolEntry& entry : must(aside([&] { return scenarios::split_wad(path, folder); })))
+      files.push_back(folder + "/" + entry.filename);
+    return files;
+  });
   module.def("list_scenarios", &scenarios::list_scenarios);
   module.def("describe", [](const std::string& scenario) {
     const scenarios::ScenarioSpec spec = must(scenarios::load_scenario(scenario));

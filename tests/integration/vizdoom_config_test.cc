@@ -63,6 +63,25 @@ TEST_F(VizdoomConfig, OneAgentTrainsAndTheRunGoesOnFromAnotherFolder) {
   EXPECT_EQ(summary["J_mean"], summary["return_mean"]);
 }
 
+TEST_F(VizdoomConfig, EveryMapOfAWadIsTrainedOnAndEvaluated) {
+  scratch_.write("games/many.wad", test::room_wad({"MAP01", "MAP02", "MAP31"}, 1));
+  const std::vector<std::string> more = {"--scenario",          "room.cfg", "--layout_pool", "many.wad",
+                                         "--layout_swap_every", "1"};
+  const Ending first = train("many", 4096, more);
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_THAT(files(scratch_ / "many/layouts/many_maps", "many_MAP", ".wad"), SizeIs(3));
+  const nlohmann::json state = read_json(scratch_ / "many/curriculum_state.json");
+  EXPECT_THAT(state["tasks"], SizeIs(3));
+  for (const auto& count : state["counts"]) EXPECT_GT(count.get<int>(), 0);
+
+  fs::remove(scratch_ / "games/many.wad");  // the run keeps its maps
+  const Ending second = train("many", 8192, {"--scenario", "room.cfg"});
+  ASSERT_EQ(second.exit_code, 0) << second.err;
+  const Ending evaluated = comrad({"eval", "--policy", scratch_ / "many", "--episodes", "6", "--json"});
+  ASSERT_EQ(evaluated.exit_code, 0) << evaluated.err;
+  EXPECT_THAT(nlohmann::json::parse(evaluated.out)["J_by_layout"], SizeIs(3));
+}
+
 TEST_F(VizdoomConfig, HeadsAreChosenOnceForARun) {
   const Ending first =
       train("heads", 2048, {"--scenario", "room.cfg", "--heads", "MOVE_LEFT,MOVE_FORWARD;MOVE_RIGHT"});
@@ -110,6 +129,8 @@ TEST_F(VizdoomConfig, WhatIsWrongIsSaidBeforeAnythingStarts) {
   };
   EXPECT_THAT(refusal({"--scenario", "rome.cfg"}), HasSubstr("rome.cfg"));
   EXPECT_THAT(refusal({"--scenario", "room.cfg", "--num_agents", "3"}), HasSubstr("supports 1, 2 agents"));
+  EXPECT_THAT(refusal({"--scenario", "room.cfg", "--layout_pool", "lost.wad"}),
+              HasSubstr("lost.wad: no such WAD"));
   scratch_.write("games/lost.cfg", "\ndoom_scenario_path = lost.wad\navailable_buttons = { ATTACK }\n");
   EXPECT_THAT(refusal({"--scenario", "lost.cfg"}), AllOf(HasSubstr("lost.cfg:2: doom_scenario_path"),
                                                          HasSubstr("lost.wad"), Not(HasSubstr("rebuild"))));

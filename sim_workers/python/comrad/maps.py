@@ -100,7 +100,8 @@ def draw_map(scenario: str, seed: int = DEFAULT_SEED, num_agents: int = 0, **par
 
 def wads_of(scenario: str, layout: Layout | None, num_agents: int) -> list[str]:
     """The files that `layout` means: None or a seed, a mapping of recipe parameters (with `seed` among them), a WAD, a folder
-    of WADs in the order of their names, or several WADs. Drawn maps lie in a folder that goes when the process ends."""
+    of WADs in the order of their names, or several WADs. Of one WAD with several maps, where a .cfg has no doom_map, a file for
+    each. Drawn maps lie in a folder that goes when the process ends."""
     if layout is None:
         layout = DEFAULT_SEED
     if isinstance(layout, bool):
@@ -116,7 +117,7 @@ def wads_of(scenario: str, layout: Layout | None, num_agents: int) -> list[str]:
             if not found:
                 raise FileNotFoundError(f"{path}: a folder without a .wad")
             return found
-        return [_existing(path)]
+        return _maps_of(_existing(path), scenario)
     if isinstance(layout, Sequence):
         if not layout:
             raise ValueError("layout: no map was named")
@@ -128,6 +129,15 @@ def _existing(path: pathlib.Path) -> str:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such WAD")
     return str(path)
+
+
+@functools.cache
+def _maps_of(path: str, scenario: str) -> list[str]:
+    """The WAD itself, or, where a .cfg leaves the choice among several maps, a WAD for each."""
+    if _engine.describe(scenario).get("names_map", True):
+        return [path]
+    wads = _engine.split_wad(path, tempfile.mkdtemp(prefix="maps_", dir=_folder()))
+    return wads if len(wads) > 1 else [path]
 
 
 @functools.cache

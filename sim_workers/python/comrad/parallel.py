@@ -36,7 +36,8 @@ class ComradParallelEnv(OneGame, ParallelEnv):
     scenario      a name, an id ("comrad/LavaPit-v1"), the path of a folder with a scenario.toml, or of a ViZDoom .cfg
     num_agents    N; None: what the scenario is made for
     layout        the map: a seed, {"seed": 7, "radius": 1200} (parameters of the recipe), a WAD, a folder of WADs or several WADs,
-                  which the episodes of a seed play in turn, from the first; None: the default map, seed 42
+                  which the episodes of a seed play in turn, from the first; so are all maps of one WAD where a .cfg has no doom_map.
+                  None: the default map, seed 42
     render_mode   "rgb_array": render() returns all views side by side, [h, N w, 3] u8, drawn at `render_size` (width, height);
                   "human": every step shows them in a window (needs pygame)
     frame_skip    tics of a step

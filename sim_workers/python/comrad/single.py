@@ -35,7 +35,8 @@ class ComradGymEnv(OneGame, gymnasium.Env):
     automap_mode         "NORMAL" (walls that were seen), "WHOLE", "OBJECTS", "OBJECTS_WITH_SIZE"; "": as the .cfg says
     dtype                of pictures: "uint8", 0..255, or "float32", 0..1
     channels_first       pictures are [3, h, w], not [h, w, 3]
-    layout               another WAD than the .cfg's; a folder or several are played in turn, from the first after a reset with a seed
+    layout               another WAD than the .cfg's, or the same: where the .cfg has no doom_map, all maps of it are played in turn, from
+                         the first after a reset with a seed. A folder of WADs or several WADs: so are these, one map of each
     reward               weights of the .cfg's rewards in place of its own: "living_reward=0"
 
     Spaces have the names of ViZDoom's wrapper: an observation is {"screen": [h, w, 3] u8, "depth": [h, w, 1] f32 (map units, 0 for

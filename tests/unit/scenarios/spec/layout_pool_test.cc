@@ -12,6 +12,9 @@
 #include "doomgen/layout/wad_writer.h"
 #include "doomgen/wad/wad_reader.h"
 #include "scenarios/spec/scenario_files.h"
+#include "scenarios/spec/wad_maps.h"
+#include "tests/support/scratch_folder.h"
+#include "tests/support/vizdoom_room.h"
 
 namespace comrad::scenarios {
 namespace layout_pool_test {
@@ -435,6 +438,46 @@ TEST_F(LayoutPool, AGridIsTheFullProductWithItsLastAxisFastest) {
   const auto own = make_grid_pool("lava_pit", {.start = 485}, folder("own"));
   ASSERT_TRUE(own) << own.error().message;
   EXPECT_EQ(own->size(), 1u) << "486 layouts";
+}
+
+TEST_F(LayoutPool, EveryMapOfAWadIsALayoutWithAllThatIsNoOtherMap) {
+  const test::ScratchFolder scratch;
+  const std::string path = scratch.write("many.wad", test::room_wad({"MAP01", "MAP07", "E1M1"}, 2));
+  const auto pool = split_wad(path, folder("maps"));
+  ASSERT_TRUE(pool) << pool.error().message;
+  ASSERT_EQ(pool->size(), 3u);
+  const auto list = check_pool(folder("maps"), {.num_agents = 2, .for_training = true});
+  ASSERT_TRUE(list) << list.error().message;
+  std::vector<std::string> ids;
+  for (const LayoutEntry& layout : list->layouts) {
+    ids.push_back(layout.id);
+    const auto wad = wad::WadFile::open(layout.path);
+    ASSERT_TRUE(wad) << wad.error().message;
+    EXPECT_EQ("many_" + wad->map_names().at(0), layout.id);
+    EXPECT_EQ(wad->map_names().size(), 1u);
+  }
+  EXPECT_THAT(ids, testing::ElementsAre("many_MAP01", "many_MAP07", "many_E1M1"));
+
+  // Of an IWAD the art stays behind; of another WAD it comes along.
+  for (const bool is_iwad : {false, true}) {
+    doomgen::WadWriter wad;
+    ASSERT_TRUE(wad.add("PLAYPAL", "colours"));
+    ASSERT_TRUE(wad.add_udmf_map("MAP01", "first"));
+    ASSERT_TRUE(wad.add("MAPINFO", "map MAP02"));
+    ASSERT_TRUE(wad.add_udmf_map("MAP02", "second"));
+    std::string bytes = *wad.bytes();
+    if (is_iwad) bytes[0] = 'I';
+    const auto split = split_wad(scratch.write("art.wad", bytes), folder("art"));
+    ASSERT_TRUE(split) << split.error().message;
+    const auto second = wad::WadFile::open(folder("art") + "/art_MAP02.wad");
+    ASSERT_TRUE(second) << second.error().message;
+    EXPECT_EQ(second->find("PLAYPAL").has_value(), !is_iwad);
+    EXPECT_TRUE(second->find("MAPINFO"));
+    EXPECT_EQ(second->text(second->find("TEXTMAP").value()), "second");
+  }
+  EXPECT_THAT(
+      split_wad(scratch.write("none.wad", *doomgen::WadWriter().bytes()), folder("none")).error().message,
+      HasSubstr("there is no map in it"));
 }
 
 }  // namespace layout_pool_test

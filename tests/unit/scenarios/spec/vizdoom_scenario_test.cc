@@ -245,7 +245,8 @@ TEST_F(VizdoomScenario, OfSeveralMapsTheNamedOneIsPlayed) {
   const auto unnamed = load(wad + buttons);
   ASSERT_TRUE(unnamed) << unnamed.error().message;
   EXPECT_EQ(unnamed->map, "MAP01");
-  EXPECT_THAT(unnamed->warnings, ElementsAre(AllOf(HasSubstr("MAP01, MAP07"), HasSubstr("doom_map"))));
+  EXPECT_THAT(unnamed->warnings, ElementsAre(AllOf(HasSubstr("MAP01, MAP07"), HasSubstr("doom_map"),
+                                                   HasSubstr("--layout_pool"))));
   EXPECT_THAT(refusal(wad + "doom_map = map02\n" + buttons),
               AllOf(HasSubstr("room.cfg:2: doom_map = MAP02"), HasSubstr("MAP01, MAP07")));
 }

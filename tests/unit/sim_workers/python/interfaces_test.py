@@ -8,6 +8,7 @@ import copy
 import inspect
 import os
 import pickle
+import struct
 import subprocess
 import sys
 import tempfile
@@ -218,6 +219,21 @@ class Pictures(unittest.TestCase):
             one.close()
 
 
+def joined_wad(wads):
+    """The maps of several WADs as MAP01, MAP02 ... of one."""
+    lumps = []
+    for number, wad in enumerate(wads, 1):
+        count, start = struct.unpack_from("<ii", wad, 4)
+        for at in range(start, start + 16 * count, 16):
+            offset, size, name = struct.unpack_from("<ii8s", wad, at)
+            lumps.append((b"MAP%02d" % number if name.startswith(b"MAP") and size == 0 else name, wad[offset : offset + size]))
+    body, directory = b"", b""
+    for name, lump in lumps:
+        directory += struct.pack("<ii8s", 12 + len(body), len(lump), name)
+        body += lump
+    return struct.pack("<4sii", b"PWAD", len(lumps), 12 + len(body)) + body + directory
+
+
 class Streams(unittest.TestCase):
     """Episodes and maps across resets."""
 
@@ -243,6 +259,33 @@ class Streams(unittest.TestCase):
             env.reset(), env.reset()
             self.assertEqual(env.state_hash(), states[0])  # the same stream again
             env.close()
+
+    def test_every_map_of_one_wad_is_played_where_the_cfg_names_none(self):
+        wad = f"{self.folder}/many.wad"
+        with open(wad, "wb") as file:
+            file.write(joined_wad([comrad.draw_map("lava_pit", seed=seed) for seed in (7, 8, 9)]))
+        cfgs = {}
+        for name, line in (("free", ""), ("named", "doom_map = MAP02\n")):
+            cfgs[name] = f"{self.folder}/{name}.cfg"
+            with open(cfgs[name], "w", encoding="utf-8") as file:
+                file.write(f"doom_scenario_path = {wad}\n{line}available_buttons = {{ MOVE_FORWARD }}\n"
+                           "available_game_variables = { POSITION_X POSITION_Y ANGLE }\n")
+        free, named = (comrad.gym_env(cfgs[name], layout=wad, **SMALL) for name in ("free", "named"))
+        team = comrad.parallel_env(cfgs["free"], layout=wad, **SMALL)
+        batch = comrad.vector_env(cfgs["free"], layout=wad, num_envs=2, **SMALL)
+        played = {"free": [], "named": [], "team": [], "batch": []}
+        for number in range(6):
+            seed = 1 if number == 0 else None
+            played["free"].append(free.reset(seed=seed)[0]["screen"].tobytes())
+            played["named"].append(named.reset(seed=seed)[0]["screen"].tobytes())
+            played["team"].append(team.reset(seed=seed)[0]["agent_0"].tobytes())
+            played["batch"] += [one.tobytes() for one in batch.reset(seed=seed)[0]]
+        for name, maps in (("free", 3), ("named", 1), ("team", 3), ("batch", 3)):
+            self.assertEqual(len(set(played[name])), maps, name)
+        self.assertEqual(played["free"][:3], played["free"][3:])
+        self.assertEqual(set(played["named"]), {played["free"][1]})
+        for one in (free, named, team, batch):
+            one.close()
 
     def test_each_environment_of_a_batch_takes_maps_in_turn(self):
         envs = comrad.vector_env("lava_pit", num_envs=2, layout=self.folder, **SMALL)
