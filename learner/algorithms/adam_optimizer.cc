@@ -14,7 +14,7 @@ namespace comrad::learn {
 namespace {
 
 std::string entry_prefix(const std::string& section, const std::string& prefix, std::size_t index) {
-  char number[16];
+  char number[24];
   std::snprintf(number, sizeof(number), "%03zu", index);
   return section + "/" + prefix + number;
 }
