@@ -9,6 +9,8 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <fstream>
+#include <string>
 
 #include "rollout_buffer/core/clock.h"
 #include "tests/support/patience.h"
@@ -49,7 +51,14 @@ class RankProcessesTest : public ::testing::Test {
   Board* board_;
 };
 
-bool is_alive(pid_t pid) { return kill(pid, 0) == 0; }
+/// A zombie is not: where process 1 waits for nobody, as in many containers, an orphan stays one.
+bool is_alive(pid_t pid) {
+  std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
+  std::string line;
+  std::getline(file, line);  // "<pid> (<name>) <state> ..."
+  const std::size_t name_end = line.rfind(')');
+  return name_end != std::string::npos && line.substr(name_end + 2, 1) != "Z";
+}
 
 TEST_F(RankProcessesTest, OneIsTheCallerAlone) {
   const auto alone = RankProcesses::fork(1);
