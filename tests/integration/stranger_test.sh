@@ -81,6 +81,6 @@ read -ra tests <<<"${COMRAD_STRANGER_TESTS:-}"
 code=0
 inside CI=true ./comrad test "${tests[@]}" >"${scratch}/test.log" 2>&1 </dev/null || code=$?
 sed -n '/^Skipped, in whole or in part:/,$p' "${scratch}/test.log"
-((code == 0)) || fail "test ended with ${code}: $(grep -E -B 40 '^comrad: |\*\*\*Failed|\*\*\*Timeout|\*\*\*Exception' "${scratch}/test.log" || tail -n 60 "${scratch}/test.log")"
+((code == 0)) || fail "test ended with ${code}: $(grep -E -A 80 '^comrad: error|\*\*\*Failed|\*\*\*Timeout|\*\*\*Exception' "${scratch}/test.log" || tail -n 60 "${scratch}/test.log")"
 grep -qE '^100% tests passed, 0 tests failed out of [1-9]' "${scratch}/test.log" || fail "no test ran: $(tail -n 20 "${scratch}/test.log")"
 say "tested in $((SECONDS - begin)) s"
