@@ -11,13 +11,14 @@
 #include "rollout_buffer/core/cores.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
+#include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad::deploy {
 namespace {
 
 /// Settings that change what a network sees or how long its actions last, and no tensor.
-constexpr const char* kFelt[] = {"env_frameskip", "render_size", "resize"};
+constexpr const char* kFelt[] = {"scenario", "scenario_version", "env_frameskip", "render_size", "resize"};
 
 /// Which maps are played, where no flag names a map or a pool.
 void choose_maps(const std::string& maps, RunConfig& config) {
@@ -37,6 +38,9 @@ Expected<MergedSettings> settings_onto(const RunConfig& trained, const Evaluatio
   RunConfig run = trained;
   run.run.seed = RunConfig().run.seed;  // runs of different seeds meet the same evaluation episodes
   run.collection.deterministic = false;
+  run.environment.scenario_version = 0;  // the present one is played, see prepare_network()
+  for (const auto& [key, value] : user.typed.values)
+    if (key == "variant") COMRAD_TRY(apply_layer(run, {user.typed.origin, {{key, value}}}));
   if (line.was_typed("layout_pool")) {
     run.environment.wad.clear();
   } else if (line.was_typed("wad") || line.was_typed("layout_seed")) {

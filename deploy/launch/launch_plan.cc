@@ -12,6 +12,7 @@ std::string LaunchPlan::program(const std::string& name) const {
 
 int64_t LaunchPlan::longest_episode() const {
   constexpr int64_t kTicsPerLimit = 4;  // what scenarios count limits in
+  if (config.environment.decision_limit > 0) return config.environment.decision_limit;
   if (decision_limit <= 0) return 0;
   const int64_t skip = std::max<int64_t>(1, config.environment.env_frameskip);
   return (std::min<int64_t>(decision_limit, INT32_MAX) * kTicsPerLimit + skip - 1) / skip;

@@ -551,7 +551,26 @@ def family_gaps(study: Study) -> list[Gap]:
     return gaps
 
 
+TICS = {"tics": 1, "decisions": 4}  # of one of a unit
+
+
+def scenario_settings(scenario: str) -> dict:
+    """scenario.toml of a scenario of this repository, without its variant; empty where there is none."""
+    path = pathlib.Path(__file__).resolve().parents[2] / "scenarios" / scenario.partition("@")[0] / "scenario.toml"
+    return tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
 def published_table(path: pathlib.Path) -> tuple[list[str], dict[str, dict]]:
-    """The paper's table: algorithms; of each scenario printed, half_width, archived (in that order) and ceiling."""
+    """The paper's table in the scenarios' units: algorithms; of each scenario printed, half_width, archived (in that order)
+    and ceiling. Raises ValueError where units do not convert."""
     table = tomllib.loads(path.read_text(encoding="utf-8"))
-    return table.pop("algorithms"), table
+    algorithms = table.pop("algorithms")
+    for scenario, entry in table.items():
+        unit, ours = entry["unit"], scenario_settings(scenario).get("score_unit")
+        if unit == ours:
+            continue
+        if unit not in TICS or ours not in TICS:
+            raise ValueError(f"{path.name}: {scenario} is published in {unit}, which are no {ours}")
+        for name in ("printed", "half_width", "archived"):
+            entry[name] = [value * TICS[unit] / TICS[ours] for value in entry[name]]
+    return algorithms, table

@@ -246,7 +246,7 @@ def gap_figure(gaps: list[Gap], algorithms: list[str], published: dict[str, dict
             color="#555555",
             annotation_clip=False,
         )
-        entry = published.get(one.scenario)
+        entry = published.get(one.scenario.removesuffix("@reference"))
         if entry:
             values = {"on-policy": [], "off-policy": []}
             for algo, value in zip(algorithms, entry["printed"]):

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Measures the scores between which reports normalise: random play and the scripted team on each scenario's default map.
+"""Measures the scores between which reports normalise: random play and the scripted team on each scenario's default map,
+in all of its variants.
 
     deploy/report/measure_references.py [--comrad ./comrad] [--episodes 100] [--seed 7] [-o scenarios/reference_scores.toml]
 
-Plays what is missing in the output file; delete an entry, or the file, to measure it anew. Uses `comrad eval` alone.
+Plays what is missing in the output file or of another version; delete an entry, or the file, to measure it anew. Uses `comrad eval` alone.
 """
 
 import argparse
@@ -45,11 +46,21 @@ def evaluate(comrad: str, scenario: str, policy: str, episodes: int, seed: int) 
 def text_of(entries: dict[str, dict]) -> str:
     text = HEAD
     for scenario in sorted(entries):
-        text += f"\n[{scenario}]\n" + "".join(
+        text += f"\n[{json.dumps(scenario) if '@' in scenario else scenario}]\n" + "".join(
             f"{name} = {json.dumps(value) if isinstance(value, str) else format(value, '.6g') if isinstance(value, float) else value}\n"
             for name, value in entries[scenario].items()
         )
     return text
+
+
+def games() -> list[tuple[str, int]]:
+    """Every scenario and variant with its version."""
+    found = []
+    for path in HOME.glob("scenarios/*/scenario.toml"):
+        version = tomllib.loads(path.read_text(encoding="utf-8")).get("version", 1)
+        variants = [f"{path.parent.name}@{one.stem}" for one in path.parent.glob("variants/*.toml")]
+        found += [(name, version) for name in (path.parent.name, *variants)]
+    return found
 
 
 def main() -> int:
@@ -60,8 +71,8 @@ def main() -> int:
     parser.add_argument("-o", "--output", type=pathlib.Path, default=HOME / "scenarios" / "reference_scores.toml")
     arguments = parser.parse_args()
     entries = tomllib.loads(arguments.output.read_text(encoding="utf-8")) if arguments.output.exists() else {}
-    for scenario in sorted(path.parent.name for path in HOME.glob("scenarios/*/scenario.toml")):
-        if scenario in entries:
+    for scenario, version in sorted(games()):
+        if entries.get(scenario, {}).get("version") == version:
             continue
         entry = {}
         for name, policy in (("random", "random"), ("scripted", "oracle")):
@@ -71,6 +82,7 @@ def main() -> int:
             "num_agents": answer["num_agents"],
             "episodes": arguments.episodes,
             "seed": arguments.seed,
+            "version": version,
             "date": datetime.date.today().isoformat(),
             **entry,
         }

@@ -13,7 +13,7 @@ import pathlib
 import numpy as np
 from scipy import stats
 
-from analysis import Study, published_table
+from analysis import Study, measured_references, published_table, reference_file, scenario_settings
 from figures import EVALUATION, STYLE, colors_of, legend_below, plt
 from curves import draw_references, draw_runs
 from run_files import OFF_POLICY, ON_POLICY, SCORE, Run, parse_json, read_text
@@ -22,6 +22,7 @@ from tables import Table, as_markdown, millions, rounded
 ALGORITHMS = ON_POLICY + OFF_POLICY
 ALPHA = 0.01
 LONGEST_FRAMES = 20e6  # within which a score of the paper's 100 M counts as reached
+REFERENCE = "@reference"
 RANDOM = "random_"  # eval/random_<scenario>.json
 SECTION_BEGIN, SECTION_END = "<!-- results -->", "<!-- end of results -->"  # in a scenario's page
 PICTURE = "curves.png"
@@ -53,7 +54,9 @@ class Row:
     @property
     def stale(self) -> str:
         stale = self.result.get("stale")
-        return stale if isinstance(stale, str) else ""
+        words = [stale] if isinstance(stale, str) and stale else []
+        played, version = self.run.settings["scenario_version"], scenario_settings(self.run.scenario).get("version", 1)
+        return "; ".join(words + [f"version {played} of the scenario, now {version}"] * (played != version))
 
     @property
     def env_frames(self) -> float:
@@ -153,18 +156,40 @@ def cells_of(rows: list[Row]) -> dict[tuple[str, str], list[Row]]:
     return cells
 
 
+def plays_as_published(run: Run) -> bool:
+    """The game of the paper's runs: the reference variant, two agents, a decision in four tics."""
+    return run.scenario.endswith(REFERENCE) and run.settings.get("num_agents", 2) == 2 and run.settings.get("env_frameskip", 4) == 4
+
+
+def printed_for(run: Run, published: dict[str, dict]) -> float | None:
+    """The paper's J for that game and algorithm, in the scenario's unit."""
+    entry = published.get(run.scenario.removesuffix(REFERENCE)) if plays_as_published(run) else None
+    return entry["printed"][ALGORITHMS.index(run.algo)] if entry else None
+
+
 def reached(scenarios, cells, published: dict[str, dict]) -> dict[str, list[str]]:
-    """For each scenario the algorithms whose mean J is what the paper prints for the same algorithm at 100 M, or more."""
+    """For each scenario the algorithms whose mean J in its reference variant is what the paper prints at 100 M, or more."""
     found = {}
     for scenario in scenarios:
-        printed = published.get(scenario, {}).get("printed", [])
-        for algo, value in zip(ALGORITHMS, printed):
+        for algo in ALGORITHMS:
             rows = cells.get((scenario, algo), [])
-            if not rows or value <= 0 or max(row.env_frames for row in rows) > LONGEST_FRAMES * 1.05:
+            value = (printed_for(rows[0].run, published) if rows else None) or 0
+            if value <= 0 or max(row.env_frames for row in rows) > LONGEST_FRAMES * 1.05:
                 continue
             if most(rows, "beats_in_score") and np.mean([row.scores.mean() for row in rows]) >= value:
                 found.setdefault(scenario, []).append(algo)
     return found
+
+
+def weakest_table(published: dict[str, dict]) -> Table:
+    """Random play and the scripted team in the reference variants, beside the lowest score that the paper prints, in one unit."""
+    table = Table(["scenario", "random play", "the paper's lowest", "scripted team", "episodes"], [])
+    for name, entry in measured_references(reference_file()).items():
+        scenario = name.removesuffix(REFERENCE)
+        if scenario != name and scenario in published:
+            played = [f"{rounded(entry[one], 4)} ± {rounded(entry[one + '_half_width'], 2)}" for one in ("random", "scripted")]
+            table.rows.append([scenario, played[0], rounded(min(published[scenario]["printed"]), 4), played[1], str(entry["episodes"])])
+    return table
 
 
 def curves_figure(study: Study, scenarios: list[str], random_play: dict):
@@ -304,7 +329,9 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
     """Writes the page and, beside the kept results, its picture. Returns what was written. Raises OSError."""
     rows, random_play, problems = kept
     published = published_table(pathlib.Path(__file__).with_name("published.toml"))[1]
-    scenarios = list(published) + sorted({row.run.scenario for row in rows} - set(published))
+    played = {row.run.scenario for row in rows}
+    scenarios = [name for known in published for name in (known, known + REFERENCE) if name == known or name in played]
+    scenarios += sorted(played - set(scenarios))
     cells = cells_of(rows)
     learns = {
         (scenario, algo)
@@ -326,7 +353,7 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
     )
     for row in sorted(rows, key=lambda row: (scenarios.index(row.run.scenario), ALGORITHMS.index(row.run.algo), row.run.seed)):
         known = random_play.get(row.run.scenario)
-        printed = published.get(row.run.scenario, {}).get("printed")
+        printed = printed_for(row.run, published)
         details.rows.append(
             [
                 row.run.name,
@@ -336,7 +363,7 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
                 rounded(float(row.returns.mean()), 3),
                 rounded(float(known[1].mean()), 3) if known else "",
                 p_text(row.p_return),
-                rounded(printed[ALGORITHMS.index(row.run.algo)]) if printed else "",
+                "" if printed is None else rounded(printed),
                 rounded(float(row.result.get("train_s") or math.nan) / 60, 2),
                 row.stale,
             ]
@@ -363,8 +390,8 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
         f"* Scenarios that at least one algorithm learns: {sum(any((s, a) in learns for a in ALGORITHMS) for s in scenarios)} "
         f"of {len(scenarios)}. Not yet: {joined([s for s in scenarios if not any((s, a) in learns for a in ALGORITHMS)])}.",
         "* Scenarios that each algorithm learns: " + ", ".join(f"{algo} {len(by_algo[algo])}" for algo in ALGORITHMS) + ".",
-        "* What the paper prints for the same algorithm at 100 M env frames is reached within 20 M on "
-        f"{len(paper)} scenarios: " + (joined([f"{s} ({joined(algos)})" for s, algos in paper.items()])) + ".",
+        "* What the paper prints for the same algorithm at 100 M env frames is reached within 20 M, in the game that its runs "
+        f"played (`--variant reference`), on {len(paper)} scenarios: " + (joined([f"{s} ({joined(algos)})" for s, algos in paper.items()])) + ".",
         "",
     ]
     if figure is not None:
@@ -375,6 +402,7 @@ def results_page(study: Study, kept: Kept, folder: pathlib.Path, page: pathlib.P
             "",
         ]
     lines += ["## Each run", "", as_markdown(details)]
+    lines += ["## Random play in the game of the paper's runs", "", as_markdown(weakest_table(published))]
     if problems or study.left_out:
         lines += ["## Left out", ""] + [f"* {one}" for one in problems] + [f"* {n}: {why}" for n, why in study.left_out]
         lines.append("")

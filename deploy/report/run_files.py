@@ -173,7 +173,7 @@ def read_metrics(path: pathlib.Path) -> Metrics:
 
 def read_run(folder: pathlib.Path) -> Run:
     """Raises ValueError with a sentence for a folder that cannot be used as a run."""
-    settings = read_settings(folder)
+    settings = {"scenario_version": 1} | read_settings(folder)  # older runs do not say one
     problems = []
     try:
         metrics = read_metrics(folder / "metrics.jsonl")

@@ -284,7 +284,7 @@ def published_tables() -> Table:
         "For orientation only; not reproducible from the runs its repository keeps. Those hold one seed (42) for each cell; "
         "the printed intervals are computed from the last ten points of that run. (*x): the kept run gives x instead. "
         "All of idqn, Platform Chain and Lava Maze, and two cells of Lava Pit, ended before 100 M env frames and were "
-        "stretched to them. Some scores have other units there than here: the READMEs of the scenarios say which.",
+        "stretched to them. Scores are in the units of the scenarios here.",
     )
 
 

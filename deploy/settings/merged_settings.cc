@@ -115,6 +115,11 @@ Expected<MergedSettings> complete(Layers layers, ScenarioDescription scenario, i
       return {};
     }));
   const RunConfig asked = layers.config();
+  if (const int64_t version = asked.environment.scenario_version; version != 0 && version != scenario.version)
+    return Error{ErrorCode::kBadInput,
+                 "--scenario_version=" + std::to_string(version) + ": " + asked.run.scenario +
+                     " is at version " + std::to_string(scenario.version) +
+                     " here, other rules than that run's; train anew under another --experiment"};
   const bool is_scenarios = layers.config().run.algo->reward_share == RewardShare::kOfTheScenario;
   COMRAD_TRY(layers.change(is_scenarios ? "scenario" : "algorithm", [&scenario](RunConfig& config) -> Status {
     if (config.environment.shared_reward_alpha < 0)
@@ -125,8 +130,10 @@ Expected<MergedSettings> complete(Layers layers, ScenarioDescription scenario, i
     config.environment.num_agents = scenario.env.num_agents;
     return {};
   }));
-  COMRAD_TRY(
-      layers.change("automatic", [&](RunConfig& config) { return resolve_settings(config, core_count); }));
+  COMRAD_TRY(layers.change("automatic", [&](RunConfig& config) {
+    config.environment.scenario_version = scenario.version;
+    return resolve_settings(config, core_count);
+  }));
   if (!sees_global_state(layers.config())) scenario.env.global_state_count = 0;
   MergedSettings merged{layers.config(), std::move(scenario), std::move(layers.from()), {}};
   for (const SettingRow& row : setting_rows())

@@ -70,6 +70,8 @@ Expected<ScenarioDescription> parse_description(std::string_view text) {
   COMRAD_TRY(read(described, "ceiling", scenario.ceiling));
   COMRAD_TRY(read(described, "shared_reward_alpha", scenario.shared_reward_alpha));
   COMRAD_TRY(read(described, "score", scenario.score));
+  COMRAD_TRY(read(described, "score_unit", scenario.score_unit));
+  COMRAD_TRY(read(described, "version", scenario.version));
   const auto rewards = described.find("rewards");
   if (rewards == described.end() || !rewards->is_array()) return wrong("rewards", "a list");
   for (const json& term : *rewards) COMRAD_TRY(read(term, "name", scenario.rewards.emplace_back()));

@@ -18,6 +18,7 @@ struct ScenarioDescription {
   std::string name;
   std::string folder;  ///< absolute, of a folder of the present one that was named without a path; else empty
   std::string title;
+  int64_t version = 1;
   EnvShape
       env;  ///< for the asked number of agents; with the scenario's global state, which not every run wants
   std::vector<int> supported_agents;
@@ -25,6 +26,7 @@ struct ScenarioDescription {
   double ceiling = 0;          ///< best possible score J
   double shared_reward_alpha = 0;
   std::string score;                 ///< what J is: survival_tics, ...
+  std::string score_unit;            ///< tics, decisions, kills, share, reward or count
   std::vector<std::string> rewards;  ///< names of its reward terms
   std::vector<std::string>
       warnings;  ///< of a ViZDoom .cfg: "path:line: " what is not understood or not served

@@ -1,7 +1,9 @@
 #include "rollout_buffer/settings/layers.h"
 
+#include <algorithm>
 #include <optional>
 
+#include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/core/toml_text.h"
@@ -40,11 +42,28 @@ void settle_mixer(RunConfig& config) {
     if (mixer == row->mixer_name) config.run.algo = *row;
 }
 
+/// Keeps "stag_hunt_arena@reference" and the variant alike: what the layer names counts, the variant first.
+void settle_variant(const RunConfig& before, bool names_variant, RunConfig& config) {
+  constexpr const char* kDefault = "default";
+  std::string &scenario = config.run.scenario, &variant = config.run.variant;
+  if (names_vizdoom_config(scenario)) return;
+  const std::size_t mark = scenario.find('@', scenario.find_last_of('/') + 1);  // npos + 1 is 0
+  const bool says_one = mark != std::string::npos && scenario != before.run.scenario;
+  if (says_one && !names_variant) variant = scenario.substr(mark + 1);
+  if (variant == kDefault) variant.clear();
+  scenario.resize(std::min(mark, scenario.size()));
+  if (!variant.empty()) scenario += "@" + variant;
+}
+
 }  // namespace
 
 Status apply_layer(RunConfig& config, const SettingsLayer& layer) {
+  const RunConfig before = config;
   for (const auto& [key, text] : layer.values) COMRAD_TRY(set(config, layer.origin, key, text));
   settle_mixer(config);
+  settle_variant(
+      before, std::ranges::count(layer.values, "variant", [](const auto& value) { return value.first; }) > 0,
+      config);
   return {};
 }
 
@@ -105,6 +124,7 @@ std::string changed_settings_to_toml(const RunConfig& config) {
 Expected<RunConfig> load_run_config(const std::string& path) {
   COMRAD_TRY_ASSIGN(const SettingsLayer layer, read_settings_toml(path));
   RunConfig config;
+  config.environment.scenario_version = 1;  // of a run that is older than this setting
   COMRAD_TRY(apply_layer(config, layer));
   return config;
 }

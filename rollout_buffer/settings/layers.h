@@ -29,7 +29,8 @@ std::string settings_to_toml(const RunConfig& config,
 /// gives `config` for as long as the built-in settings stay what they are.
 std::string changed_settings_to_toml(const RunConfig& config);
 
-/// Reads config.toml of a run, whose values and not those of [asked_for] count: every worker's first step.
+/// Reads config.toml of a run, whose values and not those of [asked_for] count: every worker's first step. One that says no
+/// version of its scenario is older than versions, and played the first.
 Expected<RunConfig> load_run_config(const std::string& path);
 
 }  // namespace comrad

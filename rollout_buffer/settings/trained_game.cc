@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "rollout_buffer/core/toml_text.h"
+#include "rollout_buffer/settings/layers.h"
 #include "rollout_buffer/settings/setting.h"
 
 namespace comrad {
@@ -25,7 +26,11 @@ Expected<RunConfig> settings_of_checkpoint(std::string_view text, const std::str
   return config;
 }
 
-std::string game_difference(const RunConfig& trained, const RunConfig& played) {
+std::string game_difference(RunConfig trained, RunConfig played) {
+  for (RunConfig* const config : {&trained, &played})
+    (void)apply_layer(*config, {"",
+                                {{"variant", "default"},
+                                 {"scenario_version", "0"}}});  // other rules, the same sights and actions
   for (const SettingRow& row : setting_rows()) {
     const bool shapes_the_game =
         row.name == "scenario" || (row.subject == "environment" && row.traits.fixed_in_a_run);

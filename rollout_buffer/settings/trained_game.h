@@ -15,7 +15,7 @@ Expected<RunConfig> settings_of_checkpoint(std::string_view text, const std::str
 
 /// Why a network that was trained with the settings `trained` cannot play with the settings `played`, as "scenario is
 /// lava_pit there and coop_puzzle here"; empty where it can. It compares the scenario and all settings of the environment
-/// that shape tensors (team, heads, measurements). Both are resolved.
-std::string game_difference(const RunConfig& trained, const RunConfig& played);
+/// that shape tensors (team, heads, measurements); variants and versions of a scenario differ in neither. Both are resolved.
+std::string game_difference(RunConfig trained, RunConfig played);
 
 }  // namespace comrad

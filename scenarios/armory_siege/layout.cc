@@ -264,12 +264,12 @@ Moments pellets_for(int64_t health) {
   return left.back();
 }
 
-/// What a monster of a wave pays the team that kills it.
-Moments pay_of(int64_t wave, int64_t difficulty) {
+/// What a monster of a wave pays the team that kills it: each agent for the kill, one for pellets and clip.
+Moments pay_of(int64_t wave, int64_t difficulty, int num_agents) {
   Moments pay;
   for (const Roll& roll : rolls_of(wave)) {
     const Moments pellets = pellets_for(health_of(roll.kind, difficulty));
-    const double sure = kKill + (roll.kind.drops_clip ? kRound * kClipRounds : 0);
+    const double sure = kKill * num_agents + (roll.kind.drops_clip ? kRound * kClipRounds : 0);
     pay.mean += roll.chance * (sure + kHit * pellets.mean);
     pay.square += roll.chance * (sure * sure + 2 * sure * kHit * pellets.mean + kHit * kHit * pellets.square);
   }
@@ -284,7 +284,7 @@ double most_return(const LayoutTask& task) {
   const int64_t window = task.value("window"), difficulty = task.value("difficulty"), limit = task.limit_tics;
   std::array<Moments, 4> pays;  // of waves 0, 1, 2 and all later ones
   for (std::size_t wave = 0; wave < pays.size(); ++wave)
-    pays[wave] = pay_of(static_cast<int64_t>(wave), difficulty);
+    pays[wave] = pay_of(static_cast<int64_t>(wave), difficulty, task.num_agents);
   double team = 0, variance = 0;
   for (int64_t tic = 1; tic < limit; ++tic) {
     const int64_t wave = tic / wave_tics(window);

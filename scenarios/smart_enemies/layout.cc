@@ -166,7 +166,7 @@ double most_kills(const LayoutTask& task) {
   int64_t end = task.limit_tics - 1;
   for (int64_t tic = kHitTics; tic <= end; tic += kHitTics)
     if (kStartHealth + kKillHealth * came(task, tic) <= kHit * tic / kHitTics) end = tic;
-  return static_cast<double>(came(task, end)) / task.num_agents;
+  return static_cast<double>(came(task, end));
 }
 
 double Hunt::tics() const {

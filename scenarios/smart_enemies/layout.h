@@ -14,8 +14,7 @@ constexpr double kPelletReach = 500;  // of a hunter's shotgun, units
 /// Errors: kBadInput where there is no place for a spot that a demon can leave.
 Expected<DrawnLayout> draw_arena(const LayoutDraw& draw);
 
-/// The most kills that an agent can have on average: of all demons that come while the team can live, were
-/// each of them killed as it comes. The floor takes more than the kills bring back where demons come slowly.
+/// The most kills that a team can have: all demons that come while it can live, were each of them killed as it comes. The floor takes more than the kills bring back where demons come slowly.
 double most_kills(const LayoutTask& task);
 
 /// What a hunt asks of its hunters, in numbers of the game.

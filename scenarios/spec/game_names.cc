@@ -86,6 +86,7 @@ constexpr std::pair<std::string_view, VariableKind> kTermVariables[] = {
     {"MAP_REWARD", VariableKind::kMapReward},  {"MAP_TICS", VariableKind::kMapTics},
     {"MAP_EXIT", VariableKind::kMapExit},      {"ONE", VariableKind::kOne},
     {"TERMINATED", VariableKind::kTerminated}, {"TRUNCATED", VariableKind::kTruncated},
+    {"FIRST", VariableKind::kFirst},
 };
 constexpr std::string_view kSelectWeapon = "SELECT_WEAPON";
 

@@ -102,13 +102,14 @@ enum class VariableKind : uint8_t {
   kPlayerFragCount,
   kUser,
   // What the environment adds: the script's global variable 0 as a 16.16 number (ViZDoom's map reward), tics since the
-  // map began, 1 once the map has ended; 1 always; 1 in the decision that ends the episode (by the game, by the limit).
+  // map began, 1 once the map has ended; 1 always; 1 in the decision that ends the episode (by the game, by the limit) and in its first.
   kMapReward,
   kMapTics,
   kMapExit,
   kOne,
   kTerminated,
-  kTruncated
+  kTruncated,
+  kFirst
 };
 struct GameVariable {
   VariableKind kind = VariableKind::kHealth;
@@ -127,7 +128,7 @@ std::optional<Button> find_button(std::string_view name);
 /// number and a number behind another button.
 Expected<ButtonPress> parse_press(std::string_view text);
 std::optional<GameVariable> find_variable(std::string_view name);
-/// A game variable, or one of ONE, TERMINATED, TRUNCATED, MAP_REWARD, MAP_TICS, MAP_EXIT: what reward and measurement terms may read.
+/// A game variable, or one of ONE, TERMINATED, TRUNCATED, FIRST, MAP_REWARD, MAP_TICS, MAP_EXIT: what reward and measurement terms may read.
 std::optional<GameVariable> find_term_variable(std::string_view name);
 std::vector<std::string> button_names();
 std::vector<std::string> variable_names();

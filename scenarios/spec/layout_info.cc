@@ -22,8 +22,9 @@ Error bad(const std::string& what) {
 }  // namespace
 
 std::string write_layout_info(const LayoutInfo& info) {
-  std::string text = "format = " + std::to_string(kFormat) + "\nscenario = \"" + info.scenario +
-                     "\"\nseed = " + std::to_string(static_cast<int64_t>(info.seed)) +
+  std::string text = "format = " + std::to_string(kFormat) + "\nscenario = \"" + info.scenario + "\"\n" +
+                     (info.version == 1 ? "" : "version = " + std::to_string(info.version) + "\n") +
+                     "seed = " + std::to_string(static_cast<int64_t>(info.seed)) +
                      "\nattempt = " + std::to_string(info.attempt) + "\n\n[parameters]\n";
   for (const auto& [name, value] : info.parameters) text += name + " = " + std::to_string(value) + "\n";
   if (info.ceiling.empty()) return text;
@@ -51,9 +52,12 @@ Expected<LayoutInfo> parse_layout_info(std::string_view text) {
     const auto scenario = table["scenario"].value<std::string>();
     const auto seed = table["seed"].value<int64_t>();
     const auto attempt = table["attempt"].value<int64_t>();
-    if (!scenario || !seed || !attempt || *attempt < 0 || *attempt > 1'000'000)
-      return bad("scenario, seed or attempt is missing or out of range");
+    const int64_t version = table["version"].value_or<int64_t>(1);
+    if (!scenario || !seed || !attempt || *attempt < 0 || *attempt > 1'000'000 || version < 1 ||
+        version > 1000)
+      return bad("scenario, version, seed or attempt is missing or out of range");
     info.scenario = *scenario;
+    info.version = static_cast<int>(version);
     info.seed = static_cast<uint64_t>(*seed);
     info.attempt = static_cast<int>(*attempt);
     if (const toml::table* parameters = table["parameters"].as_table())

@@ -19,6 +19,7 @@ constexpr const char* kLayoutInfoLump = "COMRAD";
 struct LayoutInfo {
   std::string scenario;
   uint64_t seed = 42;
+  int version = 1;  ///< of the scenario, ScenarioSpec::version
   int attempt = 0;  ///< the seed that drew the map is seed + 1000 * attempt
   std::map<std::string, int64_t> parameters;
   /// By team size: the best score J that the map allows. Sizes that cannot solve it are not in it; empty:

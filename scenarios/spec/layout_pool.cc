@@ -115,8 +115,9 @@ std::string file_stem(std::string scenario) {
 }
 
 /// What is wrong with one layout for this use; empty: nothing. The entry learns its ceilings from its file,
-/// `contents` gets its content; `splits` are those of the scenarios met so far.
-Status check_entry(PoolEntry& entry, const PoolUse& use, const std::string& scenario,
+/// `contents` gets its content; `splits` are those of the scenarios met so far. `version` is the scenario's; a map that was drawn
+/// for another one says ceilings of that one, which are worked out anew.
+Status check_entry(PoolEntry& entry, const PoolUse& use, const std::string& scenario, int version,
                    std::map<uint64_t, std::string>& contents, std::map<std::string, ContentSplit>& splits) {
   const std::string where = entry.id + " (" + entry.filename + "): ";
   const auto bad = [&](ErrorCode code, const std::string& what) { return Error{code, where + what}; };
@@ -141,7 +142,8 @@ Status check_entry(PoolEntry& entry, const PoolUse& use, const std::string& scen
                "is a layout for evaluation; train on a pool of `comrad doomgen NAME --pool train`, or on "
                "--layout_pool train:<count>");
   entry.info.ceiling = info.ceiling;
-  if (info.ceiling.empty() && !info.parameters.empty())  // drawn before maps said it
+  const bool says_ceilings = !info.ceiling.empty() && (scenario.empty() || info.version == version);
+  if (!says_ceilings && !info.parameters.empty())
     if (const auto ceilings = layout_ceilings(info.scenario, info.parameters)) entry.info.ceiling = *ceilings;
   if (is_ours) {
     const Expected<uint64_t> content = layout_content(*wad);
@@ -316,12 +318,13 @@ Expected<std::vector<PoolEntry>> make_grid_pool(const std::string& scenario, con
 
 Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use) {
   std::string scenario;
-  int default_agents = 0;
+  int default_agents = 0, version = 1;
   double own_ceiling = 0;  // of maps that say nothing themselves
   bool maps_say_ceiling = true;
   if (!use.scenario.empty()) {
     COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(use.scenario));
     scenario = spec.maps_of;
+    version = spec.maps_version;
     default_agents = spec.default_agents;
     own_ceiling = spec.ceiling;
     maps_say_ceiling = spec.maps_say_ceiling;
@@ -335,7 +338,7 @@ Expected<LayoutList> check_pool(const std::string& folder, const PoolUse& use) {
   for (PoolEntry& entry : entries) {
     if (!ids.insert(entry.id).second)
       return Error{ErrorCode::kBadFormat, folder + ": two layouts have the id " + entry.id};
-    COMRAD_TRY(check_entry(entry, use, scenario, contents, splits));
+    COMRAD_TRY(check_entry(entry, use, scenario, version, contents, splits));
     const auto ceiling = entry.info.ceiling.find(use.num_agents > 0 ? use.num_agents : default_agents);
     list.layouts.push_back(
         {.id = entry.id,

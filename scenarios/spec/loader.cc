@@ -28,6 +28,11 @@ constexpr int kMostBases = 8;
 
 Expected<ScenarioSpec> load_scenario(const std::string& name, int depth);
 
+/// Where a value stands, for messages.
+std::string place(const std::string& path, const toml::source_region& where) {
+  return path + ":" + std::to_string(where.begin.line) + ":" + std::to_string(where.begin.column);
+}
+
 /// Reads one table key by key. finish() reports, in this order, a key that nobody asked for (it may be a misspelt one that
 /// is missing), a key that is missing, and the first wrong value.
 class TableReader {
@@ -125,8 +130,7 @@ class TableReader {
 
  private:
   Error error_at(const toml::source_region& where, const std::string& what) const {
-    return Error{ErrorCode::kBadFormat, path_ + ":" + std::to_string(where.begin.line) + ":" +
-                                            std::to_string(where.begin.column) + ": " + what};
+    return Error{ErrorCode::kBadFormat, place(path_, where) + ": " + what};
   }
   void note_missing(const char* key) {
     if (!inherits_ && !has(key)) missing_.emplace_back(key);  // else its value is wrong
@@ -421,6 +425,39 @@ void read_training(TableReader& root, ScenarioSpec& spec) {
   }
 }
 
+/// A table of whole numbers in 32 bits. A key that the base has takes its place.
+void read_numbers(const std::string& path, TableReader& root, const char* key,
+                  std::vector<NamedNumber>& numbers) {
+  const toml::table* table = root.table(key);
+  if (table == nullptr) return;
+  for (const auto& [name, node] : *table) {
+    const auto value = node.value_exact<int64_t>();
+    if (!value || *value < INT32_MIN || *value > INT32_MAX)
+      return root.fail(node.source(), "[" + std::string(key) + "]: '" + std::string(name.str()) +
+                                          "' must be a whole number");
+    std::erase_if(numbers, [&](const NamedNumber& one) { return one.name == name.str(); });
+    numbers.push_back({std::string(name.str()), *value, place(path, name.source())});
+  }
+}
+
+/// [globals]: exports, or USER variables, that the script finds set.
+Status check_globals(const ScenarioSpec& spec) {
+  for (const NamedNumber& one : spec.globals)
+    if (!spec.global_number(one.name)) {
+      std::vector<std::string> names{"USER1 to USER" + std::to_string(kUserVariables)};
+      for (const ScenarioExport& exported : spec.exports) names.push_back(exported.name);
+      return Error{ErrorCode::kBadFormat,
+                   one.where + ": [globals]: " + unknown_word("global variable", one.name, names)};
+    }
+  return {};
+}
+
+ScoreUnit usual_unit(const ScenarioSpec& spec) {
+  if (spec.score == "survival_tics") return ScoreUnit::kTics;
+  if (spec.score == "return") return ScoreUnit::kReward;
+  return spec.score_divisor.empty() ? ScoreUnit::kCount : ScoreUnit::kShare;
+}
+
 Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec& spec) {
   const bool score_is_a_variable = find_variable(spec.score).has_value();
   root.require(spec.name == name, "name", "the name of the folder, '" + name + "'");
@@ -441,6 +478,7 @@ Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec
       "does not hold for other rewards");
   root.require(!spec.heads.empty() && spec.heads.size() <= kMaxHeads, "heads",
                "1 to " + std::to_string(kMaxHeads) + " tables [[heads]]");
+  root.require(spec.version >= 1 && spec.version <= 1000, "version", "in 1..1000");
   root.require(spec.decision_limit > 0 && spec.decision_limit <= 1'000'000, "decision_limit",
                "in 1..1000000");
   root.require(!spec.supported_agents.empty() &&
@@ -469,8 +507,7 @@ Expected<std::optional<ScenarioSpec>> read_base(const std::string& path, const t
   const toml::node* node = table.get("base");
   if (node == nullptr) return std::optional<ScenarioSpec>();
   const auto refuse = [&](const std::string& what) {
-    return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(node->source().begin.line) + ":" +
-                                            std::to_string(node->source().begin.column) + ": 'base' " + what};
+    return Error{ErrorCode::kBadFormat, place(path, node->source()) + ": 'base' " + what};
   };
   if (!node->is_string()) return refuse("must be the name of a scenario, or the path of its folder");
   if (depth >= kMostBases)
@@ -485,14 +522,25 @@ Expected<std::optional<ScenarioSpec>> read_base(const std::string& path, const t
   return std::optional(*std::move(spec));
 }
 
+/// `base`: of a variant its scenario; else nothing, and the table may name one.
 Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& name, std::string_view text,
-                                 const toml::table& table, int depth) {
-  COMRAD_TRY_ASSIGN(std::optional<ScenarioSpec> base, read_base(path, table, depth));
+                                 const toml::table& table, int depth, std::optional<ScenarioSpec> base) {
+  const bool is_variant = base.has_value();
+  if (!is_variant) {
+    COMRAD_TRY_ASSIGN(base, read_base(path, table, depth));
+  }
   ScenarioSpec spec = base.value_or(ScenarioSpec{});
   if (!base) spec.maps_of = name, spec.folder = std::filesystem::path(path).parent_path().string();
   TableReader root(path, table, base.has_value());
-  root.expect({"base"});
-  root.required("name", spec.name);
+  if (is_variant) {
+    spec.name = name;
+  } else {
+    root.expect({"base"});
+    root.required("name", spec.name);
+  }
+  if (base && !is_variant) spec.version = 1;
+  root.optional("version", spec.version);
+  if (!base) spec.maps_version = spec.version;
   root.required("title", spec.title);
   root.required("summary", spec.summary);
   root.required("difficulty", spec.difficulty);
@@ -513,21 +561,35 @@ Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& nam
   root.optional("score_scale", spec.score_scale);
   root.variable("score_divisor", spec.score_divisor, spec.exports, variable_names(), false);
   read_stride(root, "score_agent_stride", spec.score, spec.score_agent_stride, spec);
+  std::string unit = score_unit_name(base && !root.has("score") ? spec.score_unit : usual_unit(spec));
+  root.choice("score_unit", unit, score_unit_names(), false);
+  const std::vector<std::string> units = score_unit_names();
+  spec.score_unit = static_cast<ScoreUnit>(std::ranges::find(units, unit) - units.begin());
   root.required("ceiling", spec.ceiling);
   if (base && root.has("ceiling")) spec.maps_say_ceiling = false;
-  root.expect({"heads", "masks", "measurements", "rewards", "render", "training", "exports"});
+  root.expect(
+      {"heads", "masks", "measurements", "rewards", "render", "training", "exports", "globals", "layout"});
   COMRAD_TRY(root.finish());  // before the tables, which count on these
   COMRAD_TRY(read_heads(path, root, spec));
   COMRAD_TRY(read_masks(path, root, spec));
   COMRAD_TRY(read_measurements(path, root, spec));
   COMRAD_TRY(read_rewards(path, root, spec));
   COMRAD_TRY(read_render(path, root, spec));
+  read_numbers(path, root, "globals", spec.globals);
+  read_numbers(path, root, "layout", spec.layout);
   read_training(root, spec);
   COMRAD_TRY(check_spec(root, name, spec));
+  COMRAD_TRY(check_globals(spec));
   return spec;
 }
 
 }  // namespace
+
+std::vector<std::string> score_unit_names() {
+  return {"tics", "decisions", "kills", "share", "reward", "count"};
+}
+
+std::string score_unit_name(ScoreUnit unit) { return score_unit_names()[static_cast<std::size_t>(unit)]; }
 
 EnvShape ScenarioSpec::shape(int num_agents, bool use_measurements) const {
   EnvShape result;
@@ -550,6 +612,12 @@ Expected<int> ScenarioSpec::user_number(std::string_view wanted) const {
                    "; the scenario's scripted team or map needs it in [exports]"};
 }
 
+Expected<int> ScenarioSpec::global_number(const std::string& wanted) const {
+  const auto variable = find_variable(wanted);
+  return variable && variable->kind == VariableKind::kUser ? Expected<int>(variable->index)
+                                                           : user_number(wanted);
+}
+
 Expected<std::vector<int>> ScenarioSpec::user_numbers(const std::vector<std::string_view>& wanted) const {
   std::vector<int> numbers;
   for (const std::string_view one : wanted) {
@@ -561,15 +629,22 @@ Expected<std::vector<int>> ScenarioSpec::user_numbers(const std::vector<std::str
 
 namespace {
 
-Expected<ScenarioSpec> load_scenario(const std::string& name, int depth) {
-  COMRAD_TRY_ASSIGN(const std::string folder, find_scenario_folder(name));
-  const std::string path = folder + "/scenario.toml";
+Expected<ScenarioSpec> load_scenario(const std::string& full_name, int depth) {
+  const auto& [scenario, variant] = split_variant(full_name);
+  COMRAD_TRY_ASSIGN(const std::string folder, find_scenario_folder(scenario));
+  std::string path = folder + "/scenario.toml", name = std::filesystem::path(folder).filename().string();
+  std::optional<ScenarioSpec> base;
+  if (!variant.empty()) {
+    COMRAD_TRY_ASSIGN(path, find_variant_file(folder, variant));
+    COMRAD_TRY_ASSIGN(base, load_scenario(scenario, depth));
+    name += "@" + variant;
+  }
   COMRAD_TRY_ASSIGN(const std::string text, read_scenario_file(path));
   if (text.size() > kMaxFileBytes) return Error{ErrorCode::kBadFormat, path + ": longer than 1 MB"};
   COMRAD_TRY(check_toml_text(text, path));
   try {  // toml++ throws; nothing of it leaves this function
     const toml::table table = toml::parse(text, path);
-    return read_spec(path, std::filesystem::path(folder).filename().string(), text, table, depth);
+    return read_spec(path, name, text, table, depth, std::move(base));
   } catch (const toml::parse_error& error) {
     return Error{ErrorCode::kBadFormat, path + ":" + std::to_string(error.source().begin.line) + ":" +
                                             std::to_string(error.source().begin.column) + ": " +

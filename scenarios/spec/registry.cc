@@ -39,7 +39,9 @@ const RecipeEntry* entry_of(const ScenarioSpec& spec) {
 Expected<ScenarioSpec> load_map_owner(const std::string& scenario) {
   COMRAD_TRY_ASSIGN(ScenarioSpec spec, load_scenario(scenario));
   if (spec.is_vizdoom || spec.maps_of == spec.name) return spec;
-  return load_scenario(spec.folder);
+  COMRAD_TRY_ASSIGN(ScenarioSpec owner, load_scenario(spec.folder));
+  owner.layout = std::move(spec.layout);
+  return owner;
 }
 
 Expected<int64_t> parse_number(const std::string& name, const std::string& text) {
@@ -50,7 +52,8 @@ Expected<int64_t> parse_number(const std::string& name, const std::string& text)
   return value;
 }
 
-Expected<ParameterValues> parameter_values(const std::string& scenario, const LayoutRecipe& recipe,
+/// Those of the recipe, over them what the scenario sets, over them what is asked for.
+Expected<ParameterValues> parameter_values(const ScenarioSpec& spec, const LayoutRecipe& recipe,
                                            const LayoutRequest& request) {
   ParameterValues values;
   std::vector<std::string> known;
@@ -58,9 +61,15 @@ Expected<ParameterValues> parameter_values(const std::string& scenario, const La
     values[parameter.name] = parameter.default_value;
     known.push_back(parameter.name);
   }
+  for (const NamedNumber& one : spec.layout) {
+    if (!values.contains(one.name))
+      return Error{ErrorCode::kBadFormat,
+                   one.where + ": [layout]: " + unknown_word("layout parameter", one.name, known)};
+    values[one.name] = one.value;
+  }
   for (const auto& [name, text] : request.parameters) {
     if (!values.contains(name)) {
-      return Error{ErrorCode::kBadInput, "scenario " + scenario + " has no layout parameter '" + name + "'" +
+      return Error{ErrorCode::kBadInput, "scenario " + spec.name + " has no layout parameter '" + name + "'" +
                                              did_you_mean(name, known)};
     }
     COMRAD_TRY_ASSIGN(values[name], parse_number(name, text));
@@ -213,13 +222,16 @@ Expected<std::vector<LayoutParameter>> layout_parameters(const std::string& scen
 Expected<std::map<int, double>> layout_ceilings(const std::string& scenario, const ParameterValues& values) {
   COMRAD_TRY_ASSIGN(const LayoutRecipe recipe, layout_recipe(scenario));
   COMRAD_TRY_ASSIGN(const ScenarioSpec spec, load_scenario(scenario));
-  return ceilings_of(spec, recipe, values);
+  ParameterValues all = values;
+  for (const LayoutParameter& parameter : recipe.parameters)
+    all.try_emplace(parameter.name, parameter.default_value);
+  return ceilings_of(spec, recipe, all);
 }
 
 Expected<std::map<int, double>> default_ceilings(const ScenarioSpec& spec) {
   const RecipeEntry* const entry = entry_of(spec);
   const LayoutRecipe recipe = entry != nullptr ? entry->recipe() : LayoutRecipe{};
-  COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(spec.name, recipe, {}));
+  COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(spec, recipe, {}));
   return ceilings_of(spec, recipe, values);
 }
 
@@ -228,7 +240,7 @@ Status check_resources(const std::string& scenario, const LayoutRequest& request
   const RecipeEntry* const entry = entry_of(spec);
   if (entry == nullptr) return {};
   const LayoutRecipe recipe = entry->recipe();
-  COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(scenario, recipe, request));
+  COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(spec, recipe, request));
   return check_task(spec, recipe, values, request.num_agents);
 }
 
@@ -272,7 +284,7 @@ Expected<GeneratedLayout> generate_layout(const std::string& named, const Layout
     return ready_made(spec, request);
   }
   const LayoutRecipe recipe = entry->recipe();
-  COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(scenario, recipe, request));
+  COMRAD_TRY_ASSIGN(const ParameterValues values, parameter_values(spec, recipe, request));
   COMRAD_TRY(check_task(spec, recipe, values, request.num_agents));
   GeneratedLayout layout;
   const int team = request.num_agents > 0 ? request.num_agents : spec.default_agents;
@@ -296,8 +308,9 @@ Expected<GeneratedLayout> generate_layout(const std::string& named, const Layout
       return Error{ErrorCode::kBadInput, "scenario " + scenario + ": its map has starts for " +
                                              std::to_string(starts) + " players, not for " +
                                              std::to_string(request.num_agents)};
-    layout.info = {request.as.empty() ? scenario : request.as, request.seed, attempt, values,
-                   ceilings_of(spec, recipe, values, drawn->most_agents)};
+    layout.info = {
+        request.as.empty() ? scenario : request.as,           request.seed, spec.version, attempt, values,
+        ceilings_of(spec, recipe, values, drawn->most_agents)};
     for (const LayoutParameter& parameter : recipe.parameters)
       if (parameter.hide_default && values.at(parameter.name) == parameter.default_value)
         layout.info.parameters.erase(parameter.name);

@@ -54,7 +54,7 @@ Expected<LayoutRecipe> layout_recipe(const std::string& scenario);
 Expected<std::vector<LayoutParameter>> layout_parameters(const std::string& scenario);
 
 /// The best score J that a map of these parameters allows, by team size (LayoutInfo::ceiling): a recipe's own
-/// bound, else the ceiling of scenario.toml. `values` holds every parameter of the recipe.
+/// bound, else the ceiling of scenario.toml. A parameter that `values` lacks has its default.
 /// Errors: kNotFound for an unknown recipe; those of load_scenario().
 Expected<std::map<int, double>> layout_ceilings(const std::string& scenario, const ParameterValues& values);
 

@@ -55,7 +55,33 @@ Expected<std::string> read_scenario_file(const std::string& path, std::size_t mo
   return text;
 }
 
-Expected<std::string> find_scenario_folder(const std::string& name) {
+ScenarioName split_variant(const std::string& name) {
+  const std::size_t mark = name.find('@', name.find_last_of('/') + 1);  // npos + 1 is 0
+  if (mark == std::string::npos) return {name, ""};
+  const std::string variant = name.substr(mark + 1);
+  return {name.substr(0, mark), variant == "default" ? "" : variant};
+}
+
+std::vector<std::string> list_variants(const std::string& folder) {
+  std::vector<std::string> names;
+  std::error_code ignored;  // no folder: no variants
+  for (const auto& entry : fs::directory_iterator(fs::path(folder) / "variants", ignored))
+    if (entry.path().extension() == ".toml") names.push_back(entry.path().stem().string());
+  std::ranges::sort(names);
+  return names;
+}
+
+Expected<std::string> find_variant_file(const std::string& folder, const std::string& variant) {
+  std::vector<std::string> known = list_variants(folder);
+  if (std::ranges::count(known, variant) == 1) return folder + "/variants/" + variant + ".toml";
+  known.insert(known.begin(), "default");
+  return Error{ErrorCode::kNotFound, "scenario " + fs::path(folder).filename().string() +
+                                         " has no variant '" + variant + "'" + did_you_mean(variant, known) +
+                                         "; known: " + joined(known)};
+}
+
+Expected<std::string> find_scenario_folder(const std::string& full_name) {
+  const std::string name = split_variant(full_name).scenario;
   if (name.find('/') != std::string::npos) {
     fs::path folder = fs::path(name).lexically_normal();
     if (!folder.has_filename()) folder = folder.parent_path();  // "toy/"

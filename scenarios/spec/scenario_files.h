@@ -9,8 +9,20 @@
 
 namespace comrad::scenarios {
 
+/// A scenario and one of its variants: "stag_hunt_arena@reference". The variant is empty where none is named, and of "@default".
+struct ScenarioName {
+  std::string scenario, variant;
+};
+ScenarioName split_variant(const std::string& name);
+
+/// The file of a variant of the scenario in `folder`. Errors: kNotFound with the nearest and all known variants.
+Expected<std::string> find_variant_file(const std::string& folder, const std::string& variant);
+
+/// Names of the variants of the scenario in `folder`, sorted; "default" is not among them.
+std::vector<std::string> list_variants(const std::string& folder);
+
 /// The folder of a scenario. `name` is a scenario's name, or a path (anything with a '/' in it) of a folder
-/// with a scenario.toml. COMRAD_SCENARIO_PATH, folders of scenarios parted by ':', is searched first. Errors:
+/// with a scenario.toml; a variant behind it does not count. COMRAD_SCENARIO_PATH, folders of scenarios parted by ':', is searched first. Errors:
 /// kNotFound with the nearest and all known names.
 Expected<std::string> find_scenario_folder(const std::string& name);
 

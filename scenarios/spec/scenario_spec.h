@@ -77,8 +77,23 @@ struct ScenarioExport {
 constexpr int kTicsPerDecision = 4;       ///< what decision limits are counted in
 constexpr int kEngineLimitTics = 21'000;  ///< ten minutes, after which no episode goes on
 
+/// What J is counted in. A mean of tics can be compared with one of decisions by the frame skip; nothing else converts.
+enum class ScoreUnit { kTics, kDecisions, kKills, kShare, kReward, kCount };
+/// "tics", "decisions", "kills", "share", "reward", "count".
+std::vector<std::string> score_unit_names();
+std::string score_unit_name(ScoreUnit unit);
+
+/// A whole number that scenario.toml gives something of another file, by name.
+struct NamedNumber {
+  std::string name;
+  int64_t value = 0;
+  std::string where;  ///< "path:line:column"
+};
+
 struct ScenarioSpec {
-  std::string name, title, summary;
+  std::string name, title, summary;  ///< the name of a variant is "stag_hunt_arena@reference"
+  int version =
+      1;  ///< goes up where maps, rules or rewards change, so that results of another one are told apart
   int difficulty = 0;
   int default_agents = 2;
   std::vector<int> supported_agents;
@@ -89,8 +104,9 @@ struct ScenarioSpec {
   double shared_reward_alpha = 0.0;
   std::string score;  ///< what J is: survival_tics, return, or a game variable at the end
   int score_agent_stride = 0;
-  double score_scale = 1.0;      ///< J = variable * scale
-  std::string score_divisor;     ///< a game variable that J is divided by (1 where it is 0); empty: none
+  double score_scale = 1.0;   ///< J = variable * scale
+  std::string score_divisor;  ///< a game variable that J is divided by (1 where it is 0); empty: none
+  ScoreUnit score_unit = ScoreUnit::kCount;
   double ceiling = 0.0;          ///< the best J on the default map of the default team; 0: not known
   bool maps_say_ceiling = true;  ///< false: `ceiling` holds for every map and team, whatever the map says
   std::string wad;               ///< a scenario without recipe: its map, in `folder`
@@ -105,14 +121,19 @@ struct ScenarioSpec {
   std::string iwad = {};                   ///< textures and sprites; empty: where COMRAD looks for them
   bool is_vizdoom = false;                 ///< from a .cfg (vizdoom_scenario.h), not from a folder
   std::vector<std::string> warnings = {};  ///< "path:line: ..." of what is not understood or not served
+  std::vector<NamedNumber> globals;        ///< exports or USER<number> that the script finds set
+  std::vector<NamedNumber> layout;         ///< layout parameters in place of the recipe's defaults
   SettingsLayer training;                  ///< its rows of the recipes; keys "<preset>.<algorithm>.<setting>"
   /// The scenario whose maps, scripts and actors it plays, and their folder: its own, or those of its base.
   std::string maps_of, folder;
+  int maps_version = 1;  ///< of that scenario
 
   /// Of its observations and actions; without a global state, see global_state.h.
   EnvShape shape(int num_agents, bool use_measurements) const;
   /// The number of the USER variable that [exports] calls `wanted`. Errors: kBadFormat with the nearest name.
   Expected<int> user_number(std::string_view wanted) const;
+  /// The same, or that of "USER<number>".
+  Expected<int> global_number(const std::string& wanted) const;
   /// Those of several. Errors: as user_number().
   Expected<std::vector<int>> user_numbers(const std::vector<std::string_view>& wanted) const;
   /// When episodes are cut off, tics.
@@ -122,8 +143,8 @@ struct ScenarioSpec {
   }
 };
 
-/// Reads the scenario.toml of a scenario, by its name or by the path of its folder (scenario_files.h); a path that ends in
-/// .cfg is a ViZDoom configuration (vizdoom_scenario.h).
+/// Reads the scenario.toml of a scenario, by its name or by the path of its folder (scenario_files.h), and the file of the
+/// variant that "@variant" behind it names; a path that ends in .cfg is a ViZDoom configuration (vizdoom_scenario.h).
 /// Errors: kNotFound listing the known names; kBadFormat with line, column and the offending key.
 Expected<ScenarioSpec> load_scenario(const std::string& name);
 

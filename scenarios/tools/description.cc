@@ -10,6 +10,7 @@
 #include "scenarios/spec/exported_variables.h"
 #include "scenarios/spec/global_state.h"
 #include "scenarios/spec/registry.h"
+#include "scenarios/spec/scenario_files.h"
 #include "scenarios/spec/scenario_spec.h"
 
 namespace comrad::scenarios {
@@ -165,6 +166,8 @@ Expected<Json> describe(const std::string& name, int num_agents, const std::stri
   const auto ceiling = ceilings.find(num_agents);
   return Json{
       {"name", spec.name},
+      {"version", spec.version},
+      {"variants", list_variants(spec.folder)},
       {"title", spec.title},
       {"summary", spec.summary},
       {"difficulty", spec.difficulty},
@@ -183,6 +186,7 @@ Expected<Json> describe(const std::string& name, int num_agents, const std::stri
       {"ceiling", ceiling != ceilings.end() ? ceiling->second : 0.0},
       {"shared_reward_alpha", spec.shared_reward_alpha},
       {"score", spec.score},
+      {"score_unit", score_unit_name(spec.score_unit)},
       {"score_scale", spec.score_scale},
       {"score_divisor", spec.score_divisor},
       {"has_layout_recipe", spec.wad.empty() && std::count(recipes.begin(), recipes.end(), spec.maps_of) > 0},
@@ -202,12 +206,16 @@ std::string description_text(const Json& description) {
   std::string score = variable_text(word("score"), names);
   if (description["score_scale"] != 1.0) score += " x " + number(description["score_scale"]);
   if (!word("score_divisor").empty()) score += " / " + variable_text(word("score_divisor"), names);
-  std::string text = word("title") + " (" + word("name") + "), difficulty " +
-                     known_number(description["difficulty"]) + "\n" + word("summary") + "\n\n";
+  std::string text = word("title") + " (" + word("name") + "), version " + number(description["version"]) +
+                     ", difficulty " + known_number(description["difficulty"]) + "\n" + word("summary") +
+                     "\n\n";
   text += "agents          " + number(description["num_agents"]) + " (it supports " +
           words_of(description["supported_agents"]) + ")\n";
   text += "decision limit  " + number(description["decision_limit"]) + "\n";
-  text += "score J         " + score + ", ceiling " + known_number(description["ceiling"]) + "\n";
+  if (!description["variants"].empty())
+    text += "variants        default, " + words_of(description["variants"]) + " (--variant)\n";
+  text += "score J         " + score + " (unit: " + word("score_unit") + "), ceiling " +
+          known_number(description["ceiling"]) + "\n";
   text += "global state    " + number(description["global_state"]) +
           " numbers that a team's critic sees with --critic_state=global\n";
   text += "shared reward   " + number(description["shared_reward_alpha"]) + "\n";

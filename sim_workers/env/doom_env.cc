@@ -62,6 +62,7 @@ void DoomEnvironment::reset(uint64_t episode_seed) {
   options.forced_respawn = game_->spec.respawn;
   options.respawn_delay_tics = game_->spec.respawn_delay_tics;
   reset_world(world_, options);
+  for (const auto& [user, value] : game_->globals) world_.set_export(user, value);
   run_start_tics(world_, game_->spec.rules);
   step_count_ = 0;
   std::fill(step_.reward.begin(), step_.reward.end(), 0.0f);
@@ -105,6 +106,7 @@ void DoomEnvironment::press(std::span<const doom::Buttons> buttons) {
 double DoomEnvironment::read(int agent, scenarios::GameVariable variable, int agent_stride) const {
   if (variable.kind == scenarios::VariableKind::kTerminated) return step_.terminated;
   if (variable.kind == scenarios::VariableKind::kTruncated) return step_.truncated;
+  if (variable.kind == scenarios::VariableKind::kFirst) return step_count_ == 1;
   variable.index += agent * agent_stride;
   return read_variable(world_, agent, variable);
 }

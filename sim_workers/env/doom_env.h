@@ -37,6 +37,7 @@ struct DoomGame {
   int frame_skip = 4;
   bool use_measurements = false, use_global_state = false;
   bool no_monsters = false;
+  std::vector<std::pair<int, int32_t>> globals;  ///< [USER number, value] when an episode begins
   ActionMap actions;
 };
 

@@ -90,6 +90,8 @@ struct EnvironmentOptions {
   Resize resize = Resize::kNone;
   std::string reward = {};  ///< weights in place of the scenario's (the setting of that name)
   std::string heads = {};   ///< in place of the scenario's, likewise
+  int64_t decision_limit =
+      0;  ///< in place of the scenario's, decisions of frame_skip tics; 0: the scenario's
 
   /// All files to play from.
   std::vector<std::string> wads() const {

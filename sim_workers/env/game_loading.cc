@@ -112,6 +112,13 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
                      " agents; num_agents may be " + joined(supported));
   if (options.frame_skip < 1 || options.frame_skip > 100)
     return bad_input("env_frameskip is " + std::to_string(options.frame_skip) + "; it must lie in 1..100");
+  if (options.decision_limit > 0)
+    game->spec.rules.timeout_tics = static_cast<int>(
+        std::min<int64_t>(scenarios::kEngineLimitTics, options.decision_limit * options.frame_skip));
+  for (const scenarios::NamedNumber& one : game->spec.globals) {
+    COMRAD_TRY_ASSIGN(const int user, game->spec.global_number(one.name));
+    game->globals.emplace_back(user, static_cast<int32_t>(one.value));
+  }
   game->num_agents = options.num_agents;
   game->frame_skip = options.frame_skip;
   game->use_measurements = options.use_measurements;
@@ -123,6 +130,13 @@ Expected<std::shared_ptr<const DoomGame>> load_doom_game(const EnvironmentOption
 
   if (!game->spec.is_vizdoom) {  // a cfg may play anybody's map
     COMRAD_TRY_ASSIGN(game->layout, read_layout_info(wad, game->spec.maps_of));
+    if (game->layout.version != game->spec.maps_version && !game->layout.parameters.empty()) {
+      spdlog::warn(
+          "{} was drawn for version {} of scenario {}; version {} is played, and its best score there is not "
+          "known",
+          wad.path(), game->layout.version, game->spec.maps_of, game->spec.maps_version);
+      game->layout.ceiling = {{0, 0.0}};  // for no team
+    }
   }
   const auto ceiling = game->layout.ceiling.find(options.num_agents);
   game->ceiling = !game->spec.maps_say_ceiling || game->layout.ceiling.empty() ? game->spec.ceiling

@@ -25,7 +25,7 @@ double read_variable(const doom::World& world, int player, const scenarios::Game
   const doom::Actor& body = world.body(player);
   switch (variable.kind) {
     case VariableKind::kKillCount:
-      return state.kill_count;
+      return world.state().kill_total;
     case VariableKind::kItemCount:
       return state.item_count;
     case VariableKind::kSecretCount:
@@ -114,6 +114,7 @@ double read_variable(const doom::World& world, int player, const scenarios::Game
       return 1.0;
     case VariableKind::kTerminated:  // the environment knows (doom_env.cc)
     case VariableKind::kTruncated:
+    case VariableKind::kFirst:
       return 0.0;
   }
   return 0.0;

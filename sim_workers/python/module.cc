@@ -115,12 +115,14 @@ auto aside(Call call) {
 nb::dict scenario_facts(const scenarios::ScenarioSpec& spec, int num_agents) {
   nb::dict facts;
   facts["name"] = spec.name;
+  facts["version"] = spec.version;
   facts["title"] = spec.title;
   facts["summary"] = spec.summary;
   facts["difficulty"] = spec.difficulty;
   facts["num_agents"] = num_agents;
   facts["supported_agents"] = spec.supported_agents;
   facts["limit_tics"] = spec.limit_tics();
+  facts["score_unit"] = scenarios::score_unit_name(spec.score_unit);
   facts["is_vizdoom"] = spec.is_vizdoom;
   nb::list heads, measurements, rewards;
   for (const scenarios::ActionHead& head : spec.heads) heads.append(head.buttons);

@@ -78,7 +78,8 @@ EnvironmentOptions environment_options(const RunConfig& config, const std::vecto
           .render_size = config.environment.render_size,
           .resize = config.environment.resize,
           .reward = config.environment.reward,
-          .heads = config.environment.heads};
+          .heads = config.environment.heads,
+          .decision_limit = config.environment.decision_limit};
 }
 
 const std::map<std::string, BenchPart> kBenchParts = {

@@ -256,6 +256,25 @@ TEST_F(EvaluationOfRuns, EverybodyMeetsEverybody) {
   EXPECT_THAT(table.out, AllOf(HasSubstr("seat 0 \\ others"), HasSubstr("self-play "), HasSubstr("gap ")));
 }
 
+TEST_F(EvaluationOfRuns, AnotherVariantOrVersionIsPlayedAndTold) {
+  const std::string older = copy_with("older", "scenario_version", "7");
+  const Ending ending = comrad({"eval", "--policy", older, "--variant", "reference", "--env_frameskip", "1",
+                                "--decision_limit", "40", "--episodes", "1", "--json"});
+  ASSERT_EQ(ending.exit_code, 0) << ending.err;
+  EXPECT_THAT(
+      ending.err,
+      HasSubstr(
+          "was trained with scenario coop_health_gathering and plays with coop_health_gathering@reference"));
+  EXPECT_THAT(ending.err, HasSubstr("was trained with scenario_version 7 and plays with 1"));
+  const auto answer = nlohmann::json::parse(ending.out);
+  EXPECT_EQ(answer["scenario"], "coop_health_gathering@reference");
+  EXPECT_EQ(answer["each"][0]["length_tics"], 40);
+  EXPECT_NEAR(answer["return_mean"].get<double>(), 10, 2)
+      << "the first decision's 10; a hit of the floor, perhaps a kit";
+  expect_refused({"--policy", older, "--variant", "refrence"},
+                 {"has no variant 'refrence'", "known: default, reference"});
+}
+
 TEST_F(EvaluationOfRuns, RunsOfAnotherGameAreRefusedByName) {
   const std::string larger = copy_with("larger", "num_agents", "3"),
                     elsewhere = copy_with("elsewhere", "scenario", "\"lava_pit\""),

@@ -52,11 +52,10 @@ TAIL = 1e-5
 CONFIRMATIONS = 3  # plays without a lost press in which an agreed value has to differ: late steps without a turn are not seen
 AGREED_SHOWN = 6  # differences of a scenario, the earliest ones
 USERS = ["USER%d" % number for number in range(1, 61)]
-# Compared; KILLCOUNT is only read for the rewards: in a game of several ViZDoom's is everybody's, ours a player's own.
-OWN = ["HEALTH", "ARMOR", "DEAD", "DEATHCOUNT", "HITCOUNT", "HITS_TAKEN", "DAMAGECOUNT", "DAMAGE_TAKEN",
+OWN = ["HEALTH", "ARMOR", "DEAD", "DEATHCOUNT", "KILLCOUNT", "HITCOUNT", "HITS_TAKEN", "DAMAGECOUNT", "DAMAGE_TAKEN",
        "SELECTED_WEAPON", "ATTACK_READY", "AMMO2", "AMMO3", "WEAPON1", "WEAPON2", "WEAPON3", "ITEMCOUNT",
        "POSITION_X", "POSITION_Y", "POSITION_Z", "ANGLE", "PLAYER_NUMBER"]
-VARIABLES = USERS + OWN + ["KILLCOUNT"]
+VARIABLES = USERS + OWN
 CONTINUOUS = {"POSITION_X": 0.01, "POSITION_Y": 0.01, "POSITION_Z": 0.01, "ANGLE": 1e-4}  # what still counts as equal
 
 

@@ -198,13 +198,7 @@ void kill_actor(World& world, Actor& target, Actor* inflictor, Actor* source, Da
   if (!target.has(ActorFlag::kIceCorpse))
     world.link(target);  // a monster blocks until its fall (A_NoBlocking)
 
-  if (target.has(ActorFlag::kCountKill)) {
-    ++state.kill_total;
-    const int killer = source != nullptr && source->player_index >= 0 ? source->player_index
-                       : world.player_count() == 1                    ? 0
-                                                                      : -1;
-    if (killer >= 0) ++state.players[static_cast<std::size_t>(killer)].kill_count;
-  }
+  if (target.has(ActorFlag::kCountKill)) ++state.kill_total;
   if (source != nullptr) target.target_id = source->id;  // whom a script finds behind the death
   // The dead one's special is the killer's deed.
   if (target.special != 0 && (!target.has(ActorFlag::kSpecial) || target.has(ActorFlag::kIsMonster)))

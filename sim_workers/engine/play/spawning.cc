@@ -117,9 +117,9 @@ bool respawn_player(World& world, int index) {
   fresh.actor_id = body.id;
   fresh.damage_taken = player.damage_taken, fresh.damage_dealt = player.damage_dealt;
   fresh.hits_taken = player.hits_taken, fresh.hits_dealt = player.hits_dealt;
-  fresh.pickup_count = player.pickup_count, fresh.kill_count = player.kill_count;
-  fresh.item_count = player.item_count, fresh.secret_count = player.secret_count;
-  fresh.frag_count = player.frag_count, fresh.death_count = player.death_count;
+  fresh.pickup_count = player.pickup_count, fresh.item_count = player.item_count;
+  fresh.secret_count = player.secret_count, fresh.frag_count = player.frag_count;
+  fresh.death_count = player.death_count;
   fresh.respawn_count = player.respawn_count + 1;
   fresh.buttons = player.buttons;
   fresh.attack_down = fresh.use_down = true;  // a key that is still held does nothing yet

@@ -113,7 +113,7 @@ struct Player {
   // Counts, totals since the start.
   int32_t damage_taken = 0, damage_dealt = 0, hits_taken = 0, hits_dealt = 0;
   int32_t pickup_count = 0;  ///< items taken
-  int32_t kill_count = 0, item_count = 0, secret_count = 0, frag_count = 0, death_count = 0;
+  int32_t item_count = 0, secret_count = 0, frag_count = 0, death_count = 0;
   uint64_t death_tic = 0;
   int32_t respawn_tics = 0;  ///< until a dead player may come back
   int32_t respawn_count = 0;

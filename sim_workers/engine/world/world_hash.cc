@@ -83,8 +83,8 @@ class Hash {
                 turn_180_tics, jump_tics, crouch_factor, stands_up, eye_height, jump_speed, attack_z_offset,
                 view_height, view_z, view_height_delta, bob, frozen, totally_frozen, no_clip, god_mode,
                 buddha, no_target, damage_flash, bonus_flash, camera_id, damage_taken, damage_dealt,
-                hits_taken, hits_dealt, pickup_count, kill_count, item_count, secret_count, frag_count,
-                death_count, death_tic, respawn_tics, respawn_count, buttons)
+                hits_taken, hits_dealt, pickup_count, item_count, secret_count, frag_count, death_count,
+                death_tic, respawn_tics, respawn_count, buttons)
   COMRAD_HASHED(ThingLink, next, previous, cell)
   COMRAD_HASHED(LineState, special, args, flags, id, alpha)
   COMRAD_HASHED(SideState, top, bottom, middle, scroll_x, scroll_y, retextured)

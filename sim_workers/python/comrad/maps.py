@@ -14,7 +14,6 @@ from .arguments import checked_seed, checked_whole
 
 Layout = int | str | os.PathLike | Mapping[str, int | str] | Sequence[str | os.PathLike]
 DEFAULT_SEED = 42
-SCENARIO_VERSION = 1  # of all ids of scenarios; rises with a change of rules that makes scores of before and after incomparable
 GAME_VERSION = 0  # of all ids of ViZDoom's games
 
 
@@ -34,7 +33,7 @@ def _folder() -> pathlib.Path:
 
 def id_of(scenario: str) -> str:
     """A scenario's id in registries, with the version of its rules: "comrad/LavaPit-v1" of lava_pit."""
-    return f"comrad/{scenario.title().replace('_', '')}-v{SCENARIO_VERSION}"
+    return f"comrad/{scenario.title().replace('_', '')}-v{_engine.describe(scenario)['version']}"
 
 
 def _named_by(text: str) -> str:
@@ -42,9 +41,9 @@ def _named_by(text: str) -> str:
     match = re.fullmatch(r"comrad/(\w+)-v(\d+)", text)
     if match is None:
         return text
-    by_id = {id_of(scenario).removeprefix("comrad/"): scenario for scenario in _engine.list_scenarios()}
-    found = by_id.get(f"{match[1]}-v{SCENARIO_VERSION}")
-    version = SCENARIO_VERSION if found else GAME_VERSION
+    by_name = {id_of(scenario).removeprefix("comrad/").rpartition("-v")[0]: scenario for scenario in _engine.list_scenarios()}
+    found = by_name.get(match[1])
+    version = _engine.describe(found)["version"] if found else GAME_VERSION
     if int(match[2]) != version:
         raise ValueError(f"{text}: this package has version {version} of it: comrad/{match[1]}-v{version}")
     return found or match[1]
@@ -60,7 +59,7 @@ def vizdoom_cfg(name: str | os.PathLike, folder: str | os.PathLike | None = None
     if os.sep in text or os.path.exists(text):
         return text
     stem = text.removesuffix(".cfg")
-    if stem in _engine.list_scenarios():
+    if stem.partition("@")[0] in _engine.list_scenarios():  # "stag_hunt_arena@reference" is one's variant
         return text
     for folder in filter(None, os.environ.get("COMRAD_VIZDOOM_PATH", "").split(os.pathsep)):
         if os.path.exists(path := os.path.join(folder, stem + ".cfg")):

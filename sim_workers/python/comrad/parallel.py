@@ -33,7 +33,8 @@ from .window import Window
 class ComradParallelEnv(OneGame, ParallelEnv):
     """N agents, "agent_0" to "agent_{N-1}", that see, press and earn at once; one step is `frame_skip` tics of 1/35 s.
 
-    scenario      a name, an id ("comrad/LavaPit-v1"), the path of a folder with a scenario.toml, or of a ViZDoom .cfg
+    scenario      a name (with a variant: "lava_pit@reference"), an id ("comrad/LavaPit-v1"), the path of a folder with a
+                  scenario.toml, or of a ViZDoom .cfg
     num_agents    N; None: what the scenario is made for
     layout        the map: a seed, {"seed": 7, "radius": 1200} (parameters of the recipe), a WAD, a folder of WADs or several WADs,
                   which the episodes of a seed play in turn, from the first; so are all maps of one WAD where a .cfg has no doom_map.

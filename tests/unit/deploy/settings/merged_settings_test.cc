@@ -21,7 +21,8 @@ using ::testing::Pair;
 Expected<ScenarioDescription> fake_scenario(const RunConfig& config) {
   const std::string& name = config.run.scenario;
   const int64_t num_agents = config.environment.num_agents;
-  if (name != "two_rooms") return Error{ErrorCode::kBadInput, "unknown scenario '" + name + "'"};
+  if (name.substr(0, name.find('@')) != "two_rooms")
+    return Error{ErrorCode::kBadInput, "unknown scenario '" + name + "'"};
   ScenarioDescription scenario;
   scenario.name = name;
   scenario.env.num_agents = num_agents == 0 ? 2 : static_cast<int32_t>(num_agents);
@@ -59,6 +60,23 @@ TEST(MergeNew, ALaterLayerWins) {
   ASSERT_TRUE(merged) << merged.error().message;
   EXPECT_EQ(merged->config.optimisation.num_epochs, 3);    // file over scenario
   EXPECT_EQ(merged->config.optimisation.batch_size, 512);  // command line over file
+}
+
+TEST(MergeNew, AVariantIsPartOfTheScenariosName) {
+  const test::ScratchFolder folder;
+  const auto merged = [&](const std::string& file, std::vector<std::pair<std::string, std::string>> values) {
+    UserSettings user{folder.write("settings.toml", file), {"command line", std::move(values)}};
+    const auto result = merge_new(user, fake_scenario, 2);
+    EXPECT_TRUE(result) << result.error().message;
+    return result ? result->config.run.scenario + " " + result->config.run.variant : "";
+  };
+  EXPECT_EQ(merged("", {{"scenario", "two_rooms"}, {"variant", "hard"}}), "two_rooms@hard hard");
+  EXPECT_EQ(merged("", {{"scenario", "two_rooms@hard"}}), "two_rooms@hard hard");
+  EXPECT_EQ(merged("variant = \"hard\"", {{"scenario", "two_rooms"}}), "two_rooms@hard hard");
+  EXPECT_EQ(merged("scenario = \"two_rooms@hard\"", {{"variant", "easy"}}), "two_rooms@easy easy");
+  EXPECT_EQ(merged("scenario = \"two_rooms@hard\"", {{"scenario", "two_rooms@easy"}}), "two_rooms@easy easy");
+  EXPECT_EQ(merged("scenario = \"two_rooms@hard\"", {{"variant", "default"}}), "two_rooms ");
+  EXPECT_EQ(merged("", {{"scenario", "two_rooms@default"}}), "two_rooms ");
 }
 
 TEST(MergeNew, WeightsAreForRewardTermsThatTheScenarioHas) {
@@ -272,6 +290,20 @@ TEST(MergeOntoRun, RefusesToChangeWhatShapesTheNetwork) {
   ASSERT_FALSE(merged);
   EXPECT_EQ(merged.error().code, ErrorCode::kBadInput);
   EXPECT_THAT(merged.error().message, HasSubstr("--rnn_size=64: the run was made with 512"));
+}
+
+TEST(MergeOntoRun, ARunOfAnotherVersionOfTheScenarioIsRefused) {
+  const auto made = merge_new(typed({}), fake_scenario, 2);
+  EXPECT_EQ(made->config.environment.scenario_version, 1);
+  const auto changed = [](const RunConfig& config) {
+    Expected<ScenarioDescription> scenario = fake_scenario(config);
+    if (scenario) scenario->version = 2;
+    return scenario;
+  };
+  EXPECT_EQ(merge_new(typed({}), changed, 2)->config.environment.scenario_version, 2);
+  const auto resumed = merge_onto_run(made->config, {}, changed, 2);
+  ASSERT_FALSE(resumed);
+  EXPECT_THAT(resumed.error().message, HasSubstr("two_rooms is at version 2"));
 }
 
 TEST(MergeOntoRun, AnotherPresetIsAnErrorAndNeverAnotherValue) {

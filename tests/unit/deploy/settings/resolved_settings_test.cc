@@ -199,6 +199,9 @@ constexpr ScenarioRow kSmallScenarios[] = {
 
 /// What changes neither what is learned from nor how: the run, its processes, memory, records, and which maps are drawn.
 const std::set<std::string> kNotLearning = {"scenario",
+                                            "variant",
+                                            "scenario_version",
+                                            "decision_limit",
                                             "algo",
                                             "preset",
                                             "experiment",

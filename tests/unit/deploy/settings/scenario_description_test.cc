@@ -12,7 +12,7 @@ using ::testing::UnorderedElementsAre;
 
 const std::string kGood = R"({"name":"two_rooms","title":"Two Rooms","num_agents":2,"supported_agents":[2,4],
   "heads":[3,4],"head_buttons":[["A","B"],["C","D","E"]],"measurements":7,"global_state":25,"decision_limit":2100,"ceiling":8400,
-  "shared_reward_alpha":0.5,"score":"survival_tics","rewards":[{"name":"own_death"},{"name":"kit_taken"}],"training":{"small.ippo.batch_size":"1024","paper.vdn.gamma":0.9}})";
+  "shared_reward_alpha":0.5,"score":"survival_tics","score_unit":"tics","version":3,"rewards":[{"name":"own_death"},{"name":"kit_taken"}],"training":{"small.ippo.batch_size":"1024","paper.vdn.gamma":0.9}})";
 
 std::string replaced(std::string text, const std::string& from, const std::string& to) {
   return text.replace(text.find(from), from.size(), to);
@@ -28,6 +28,8 @@ TEST(ParseDescription, ReadsEveryField) {
   EXPECT_EQ(scenario->env.measurement_count, 7);
   EXPECT_EQ(scenario->env.global_state_count, 25);
   EXPECT_EQ(scenario->decision_limit, 2100);
+  EXPECT_EQ(scenario->version, 3);
+  EXPECT_EQ(scenario->score_unit, "tics");
   EXPECT_EQ(scenario->ceiling, 8400);
   EXPECT_EQ(scenario->shared_reward_alpha, 0.5);
   EXPECT_THAT(scenario->rewards, testing::ElementsAre("own_death", "kit_taken"));

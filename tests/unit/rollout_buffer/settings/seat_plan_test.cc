@@ -66,6 +66,9 @@ TEST(TrainedGame, NamesWhatANetworkCannotPlay) {
   played = trained;
   played.run.scenario = "lava_pit";
   EXPECT_EQ(game_difference(trained, played), "scenario is coop_health_gathering there and lava_pit here");
+  played.run.scenario = "coop_health_gathering@reference";
+  played.environment.scenario_version = 2;
+  EXPECT_THAT(game_difference(trained, played), IsEmpty()) << "other rules, the same sights and actions";
 }
 
 TEST(TrainedGame, ReadsACheckpointsSettingsAndPassesOverUnknownOnes) {

@@ -131,10 +131,10 @@ TEST(CoopPuzzle, BothInTheLastZoneEndTheEpisodeEvenOnAPlate) {
 
 TEST(CoopPuzzle, TheTimeLimitCostsOneForTheTeam) {
   PlayedScenario game(kScenario, {.frame_skip = 4});
-  game.run(1200);
+  game.run(2000);
   EXPECT_TRUE(game.environment.last_step().truncated);
-  EXPECT_EQ(game.environment.summary().length_tics, 4800u);
-  EXPECT_NEAR(game.returns[0], -1200 * 0.001 - 0.5, 1e-3);
+  EXPECT_EQ(game.environment.summary().length_tics, 8000u);
+  EXPECT_NEAR(game.returns[0], -2000 * 0.001 - 0.5, 1e-3);
 }
 
 TEST(CoopPuzzle, ScriptedTeamSolvesAllPairs) { EXPECT_EQ(oracle_mean(kScenario, 4), 5); }

@@ -18,8 +18,9 @@ constexpr int kStage = 24, kCompleted = 25, kType = 26, kPendingA = 27, kFailed 
               kZonesA = 51, kPressesA = 53;
 
 struct Game : test::ScenarioGame {
-  explicit Game(uint64_t seed = 1, const test::Parameters& parameters = {})
-      : ScenarioGame(kScenario, seed, parameters) {
+  explicit Game(uint64_t seed = 1, const test::Parameters& parameters = {},
+                const std::string& scenario = kScenario)
+      : ScenarioGame(scenario, seed, parameters) {
     decide();
   }
   int switch_x(int lane) const { return user(kSwitchX + 2 * lane); }
@@ -98,6 +99,18 @@ TEST(RhythmSync, APressOutsideTheZoneHasNoEffect) {
   game.decide();
   game.tap(0);
   EXPECT_EQ(game.user(kPendingA), 1);
+}
+
+TEST(RhythmSync, AFurtherPressBeginsTheWindowAnewInTheReferenceVariantAlone) {
+  for (const bool is_reference : {false, true}) {
+    Game game(1, {}, is_reference ? "rhythm_sync@reference" : kScenario);
+    game.stand_at_switches();
+    game.tap(0);
+    game.decide(2);
+    game.tap(0);  // 12 tics later
+    game.decide(2);
+    EXPECT_EQ(game.over(), !is_reference) << "17 tics after the first press";
+  }
 }
 
 TEST(RhythmSync, ALonePressFailsWhenItsWindowEnds) {

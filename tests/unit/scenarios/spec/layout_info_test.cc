@@ -8,11 +8,12 @@ namespace comrad::scenarios {
 namespace layout_info_test {
 
 TEST(LayoutInfo, ComesBackAsItWasWritten) {
-  const LayoutInfo info{"coop_health_gathering", UINT64_MAX - 3, 7, {{"radius", 2000}, {"offset", -5}}};
+  const LayoutInfo info{"coop_health_gathering", UINT64_MAX - 3, 2, 7, {{"radius", 2000}, {"offset", -5}}};
   const auto again = parse_layout_info(write_layout_info(info));
   ASSERT_TRUE(again) << again.error().message;
   EXPECT_EQ(again->scenario, info.scenario);
   EXPECT_EQ(again->seed, info.seed);
+  EXPECT_EQ(again->version, 2);
   EXPECT_EQ(again->attempt, info.attempt);
   EXPECT_EQ(again->parameters, info.parameters);
   EXPECT_EQ(again->parameter("radius", 1), 2000);
@@ -21,7 +22,7 @@ TEST(LayoutInfo, ComesBackAsItWasWritten) {
 }
 
 TEST(LayoutInfo, KeepsTheCeilingOfEachTeamSize) {
-  const LayoutInfo info{"armory_siege", 1, 0, {}, {{2, 674.97}, {8, 177.47}}};
+  const LayoutInfo info{"armory_siege", 1, 1, 0, {}, {{2, 674.97}, {8, 177.47}}};
   const auto again = parse_layout_info(write_layout_info(info));
   ASSERT_TRUE(again) << again.error().message;
   EXPECT_EQ(again->ceiling, info.ceiling);
@@ -36,13 +37,14 @@ TEST(LayoutInfo, RefusesWhatItDoesNotKnow) {
   for (const char* text :
        {"", "format = 2\nscenario = \"x\"\nseed = 1\nattempt = 0", "format = 1\nseed = 1\nattempt = 0",
         "format = 1\nscenario = \"x\"\nseed = 1\nattempt = -1", "format = [",
+        "format = 1\nscenario = \"x\"\nversion = 0\nseed = 1\nattempt = 0",
         "format = 1\nscenario = \"x\"\nseed = 1\nattempt = 0\n[parameters]\na = 1.5"})
     EXPECT_FALSE(parse_layout_info(text)) << text;
   EXPECT_FALSE(parse_layout_info(std::string(100'000, '#')));
 }
 
 TEST(LayoutInfo, SurvivesRandomBytes) {
-  const std::string good = write_layout_info({"x", 1, 0, {{"a", 1}}});
+  const std::string good = write_layout_info({"x", 1, 1, 0, {{"a", 1}}});
   for (uint64_t seed = 0; seed < 2000; ++seed) {
     SCOPED_TRACE(seed);
     Rng rng(seed);

@@ -242,13 +242,13 @@ TEST_F(LayoutPool, EveryLayoutHasTheCeilingOfItsTeam) {
     ceilings.insert(last);
   }
   EXPECT_GT(ceilings.size(), 1u) << "eight layouts of one length";
-  ASSERT_TRUE(make_pool("dumb_enemies", {.kind = PoolKind::kEval, .count = 1, .vary = false}, folder("d")));
-  EXPECT_DOUBLE_EQ(check_pool(folder("d"), {.scenario = "dumb_enemies", .num_agents = 4})->layouts[0].ceiling,
-                   43);
-  EXPECT_DOUBLE_EQ(check_pool(folder("d"), {.scenario = "dumb_enemies"})->layouts[0].ceiling, 86)
+  ASSERT_TRUE(make_pool("armory_siege", {.kind = PoolKind::kEval, .count = 1, .vary = false}, folder("d")));
+  EXPECT_DOUBLE_EQ(check_pool(folder("d"), {.scenario = "armory_siege", .num_agents = 8})->layouts[0].ceiling,
+                   962.345);
+  EXPECT_DOUBLE_EQ(check_pool(folder("d"), {.scenario = "armory_siege"})->layouts[0].ceiling, 1123.47)
       << "of the scenario's default team where none is named";
   std::ofstream(folder_ / "d" / kPoolRegistryName)
-      << R"([{"id": "a", "filename": "dumb_enemies_1009.wad", "ceiling": {"two": 1}}])";
+      << R"([{"id": "a", "filename": "armory_siege_1009.wad", "ceiling": {"two": 1}}])";
   EXPECT_THAT(read_pool(folder("d")).error().message, AllOf(HasSubstr("entry 0"), HasSubstr("'ceiling'")));
 }
 

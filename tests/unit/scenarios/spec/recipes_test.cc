@@ -147,13 +147,13 @@ TEST(ScenarioFiles, ActionSpacesLimitsAndCeilingsAreThePublishedOnes) {
       {"stag_hunt_arena", {1, 54, 0, 4500, 0, 36}},
       {"rhythm_sync", {3, 54, 10, 1750, 1, 1}},
       {"foraging_commons", {3, 27, 8, 5250, 0, 21000}},
-      {"coop_puzzle", {3, 18, 0, 1200, 1, 5}},
+      {"coop_puzzle", {3, 18, 0, 2000, 1, 5}},
       {"platform_chain", {4, 54, 0, 5250, 1, 47}},
-      {"armory_siege", {4, 162, 9, 4500, 0, 674.97}},
+      {"armory_siege", {4, 162, 9, 4500, 0, 1123.47}},
       {"coop_health_gathering", {4, 27, 0, 2100, 0, 8400}},
       {"lava_pit", {5, 36, 0, 1000, 1, 11}},
-      {"smart_enemies", {5, 54, 0, 4500, 0, 86}},
-      {"dumb_enemies", {5, 54, 0, 4500, 0, 86}},
+      {"smart_enemies", {5, 54, 0, 4500, 0, 172}},
+      {"dumb_enemies", {5, 54, 0, 4500, 0, 172}},
       {"ammo_carrier", {6, 36, 10, 2100, 0, 8400}},
       {"stealth_labyrinth", {7, 54, 0, 5250, 1, 1}},
       {"lava_maze", {7, 90, 7, 5250, 1, 6}},
@@ -193,17 +193,18 @@ TEST(Ceilings, FollowTheParametersAndTheTeam) {
   EXPECT_EQ(of("coop_health_gathering", 3, {}), 8400);
   // 172 demons come; with one every 4 s the floor takes more than they bring, and the
   // team dies at clock 8 096, after 58 demons at most: 100 + 58 * 7 health against 253 hits of 2.
-  EXPECT_DOUBLE_EQ(of("smart_enemies", 3, {}), 172 / 3.0);
-  EXPECT_DOUBLE_EQ(of("dumb_enemies", 4, {}), 43);
-  EXPECT_DOUBLE_EQ(of("smart_enemies", 2, {{"interval", "2"}, {"cap", "7"}}), 129);
+  EXPECT_DOUBLE_EQ(of("smart_enemies", 3, {}), 172);
+  EXPECT_DOUBLE_EQ(of("dumb_enemies", 4, {}), 172);
+  EXPECT_DOUBLE_EQ(of("smart_enemies", 2, {{"interval", "2"}, {"cap", "7"}}), 258);
   ParameterValues slow;
   const LayoutRecipe hunt = *layout_recipe("dumb_enemies");
   for (const LayoutParameter& parameter : hunt.parameters) slow[parameter.name] = parameter.default_value;
   slow["interval"] = 4;
-  EXPECT_DOUBLE_EQ(hunt.ceiling({slow, 2, 18000}), 29) << "no such map is made";
+  EXPECT_DOUBLE_EQ(hunt.ceiling({slow, 2, 18000}), 58) << "no such map is made";
   EXPECT_GT(of("armory_siege", 2, {{"window", "450"}, {"difficulty", "1000"}}),
             of("armory_siege", 2, {{"window", "450"}}));
-  EXPECT_LT(of("armory_siege", 8, {}), of("armory_siege", 2, {}) / 3);
+  EXPECT_LT(of("armory_siege", 8, {}), of("armory_siege", 2, {}))
+      << "pellets and supplies are shared out, kills are not";
 }
 
 TEST(Resources, AMapThatGivesTooLittleIsRefusedWithAReason) {
@@ -304,7 +305,7 @@ TEST(LayoutScriptText, DefinesWhatTheRecipeKnows) {
   layout.map.things.push_back({.editor_number = 2});
   layout.defines = {{"DOORS", 3}};
   layout.arrays = {{"door_x", {-5, 7}}, {"nothing", {}}};
-  const std::string text = layout_script_text({"toy", 9, 0, {{"side", 512}}}, layout);
+  const std::string text = layout_script_text({"toy", 9, 1, 0, {{"side", 512}}}, layout);
   for (const char* line :
        {"#define LAYOUT_SEED 9\n", "#define LAYOUT_PLAYERS 2\n", "#define PARAM_SIDE 512\n",
         "#define DOORS 3\n", "int door_x[2] = {-5, 7};\n", "int nothing[1] = {0};\n"})

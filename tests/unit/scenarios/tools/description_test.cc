@@ -90,9 +90,9 @@ gamma = 0.999
   EXPECT_EQ((*described)["exported_variables"].size(), 5u) << "USER1, USER2, USER10, USER12, USER14";
   EXPECT_THAT(
       description_text(*described),
-      AllOf(HasSubstr("USER1 x 0.5 / USER2, ceiling 40"), HasSubstr("agents          3 (it supports 2, 3)"),
-            HasSubstr("agent 1  head 0  none"), HasSubstr("USER10 + 2 for each agent  x 0.25"),
-            HasSubstr("at most 3.5"),
+      AllOf(HasSubstr("USER1 x 0.5 / USER2 (unit: share), ceiling 40"),
+            HasSubstr("agents          3 (it supports 2, 3)"), HasSubstr("agent 1  head 0  none"),
+            HasSubstr("USER10 + 2 for each agent  x 0.25"), HasSubstr("at most 3.5"),
             HasSubstr("find  0.1  rise  HEALTH  of the team, divided by the agents, when TRUNCATED"),
             HasSubstr("small.ippo.gamma  0.999"), HasSubstr("map.wad"), Not(HasSubstr("Layout parameters"))));
   EXPECT_THAT(describe((home / "toy").string(), 4).error().message, HasSubstr("num_agents may be 2, 3"));

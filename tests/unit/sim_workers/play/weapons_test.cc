@@ -243,7 +243,7 @@ TEST(WeaponDamage, AKillCountsItsWholeDamage) {
   Actor& body = stage.dummy(300);
   body.health = 1;
   stage.shot_tics(1);
-  EXPECT_EQ(stage.player().kill_count, 1);
+  EXPECT_EQ(stage.world.state().kill_total, 1);
   EXPECT_GE(stage.player().damage_dealt, 5);
   EXPECT_EQ(stage.player().damage_dealt % 5, 0);
 }

@@ -110,7 +110,8 @@ class Ways(unittest.TestCase):
         self.assertIn("comrad/LavaPit-v1", gymnasium.registry)
         self.assertEqual(comrad.describe("comrad/LavaPit-v1"), comrad.describe("lava_pit"))
         for scenario in comrad.scenarios():
-            self.assertIn(f"comrad/{scenario.title().replace('_', '')}-v1", gymnasium.registry)
+            version = comrad.describe(scenario)["version"]
+            self.assertIn(f"comrad/{scenario.title().replace('_', '')}-v{version}", gymnasium.registry)
         for make in (comrad.parallel_env, comrad.env, comrad.team_env, comrad.vector_env):
             env = make("comrad/LavaPit-v1", **SMALL)
             env.reset(seed=1)
