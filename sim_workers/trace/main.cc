@@ -82,6 +82,9 @@ int run(int argc, char** argv) {
   app.add_option("--out", options.out_path, "CSV file to write; default: standard output");
   app.add_option("--things", options.things_path,
                  "CSV file with every actor after each tic: t, id, name, x, y, z, angle, vx, vy, vz");
+  app.add_option("--variables", options.variables,
+                 "further columns: ViZDoom's names of game variables, for example ITEMCOUNT,USER1")
+      ->delimiter(',');
   app.add_flag("--hash", options.with_hash, "a last column with the hash of the whole world");
   auto* frames =
       app.add_option("--frames", options.frames_folder, "folder for PNG pictures of the tics of --at");

@@ -128,7 +128,8 @@ Status run_trace(const RunOptions& options) {
     COMRAD_TRY(things->line("t,id,name,x,y,z,angle,vx,vy,vz"));
     COMRAD_TRY(write_things(*things, game->world(), 0));
   }
-  const TraceTable table(actions, options.with_hash);
+  COMRAD_TRY_ASSIGN(const TraceTable table,
+                    TraceTable::create(actions, options.variables, options.with_hash));
   COMRAD_TRY(output.line("# " + game->title + " seed " + std::to_string(seed) +
                          (options.game.no_monsters ? ", no monsters" : "")));
   COMRAD_TRY(output.line(table.header()));

@@ -20,6 +20,7 @@ struct RunOptions {
   std::optional<uint64_t> seed;
   std::string out_path;     ///< empty: standard output
   std::string things_path;  ///< actors of each tic, as the reference traces' _things.csv; empty: none
+  std::vector<std::string> variables;  ///< further columns, named as in a cfg
   bool with_hash = false;
   std::string frames_folder;  ///< empty: no pictures
   std::vector<int64_t> frame_tics;

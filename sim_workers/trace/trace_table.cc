@@ -65,6 +65,18 @@ void append_state(std::string* text, Style style, double value) {
 
 }  // namespace
 
+Expected<TraceTable> TraceTable::create(const ActionTable& actions, const std::vector<std::string>& variables,
+                                        bool with_hash) {
+  TraceTable table(actions, with_hash);
+  for (const std::string& name : variables) {
+    const auto variable = scenarios::find_variable(name);
+    if (!variable) return Error{ErrorCode::kBadInput, "--variables: " + name + " is no game variable"};
+    table.variable_names_.push_back(name);
+    table.variables_.push_back(*variable);
+  }
+  return table;
+}
+
 std::string TraceTable::header() const {
   std::string line = "t,map_tic";
   const std::size_t standard_count = standard_columns().size();
@@ -73,6 +85,7 @@ std::string TraceTable::header() const {
   line += ",reward,total_reward,finished";
   for (std::size_t i = standard_count; i < actions_.columns().size(); ++i)
     line += ",a_" + actions_.columns()[i].name;
+  for (const std::string& name : variable_names_) line += "," + name;
   if (with_hash_) line += ",hash";
   return line;
 }
@@ -90,6 +103,8 @@ std::string TraceTable::row(TraceGame& game, int64_t t, double reward, double to
   line += ",", append_state(&line, Style::kSixDecimals, total_reward);
   line += game.finished() ? ",1" : ",0";
   for (std::size_t i = standard_count; i < values.size(); ++i) line += ",", append_shortest(&line, values[i]);
+  for (const scenarios::GameVariable& variable : variables_)
+    line += ",", append_shortest(&line, game.variable(variable));
   if (with_hash_) {
     char buffer[32];
     std::snprintf(buffer, sizeof buffer, ",%016llx", static_cast<unsigned long long>(game.world().hash()));

@@ -4,7 +4,9 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
+#include "rollout_buffer/core/expected.h"
 #include "sim_workers/trace/trace_actions.h"
 #include "sim_workers/trace/trace_game.h"
 
@@ -12,15 +14,21 @@ namespace comrad::trace {
 
 class TraceTable {
  public:
-  /// With the world's hash as last column, in 16 hexadecimal digits, where `with_hash`.
-  TraceTable(const ActionTable& actions, bool with_hash) : actions_(actions), with_hash_(with_hash) {}
+  /// With game variables called `variables` as further columns, and with the world's hash as last column, in 16
+  /// hexadecimal digits, where `with_hash`. Errors: kBadInput for a name that is no game variable.
+  static Expected<TraceTable> create(const ActionTable& actions, const std::vector<std::string>& variables,
+                                     bool with_hash);
 
   std::string header() const;
   /// The row after tic `t`; 0 is before the first.
   std::string row(TraceGame& game, int64_t t, double reward, double total_reward) const;
 
  private:
+  TraceTable(const ActionTable& actions, bool with_hash) : actions_(actions), with_hash_(with_hash) {}
+
   const ActionTable& actions_;
+  std::vector<std::string> variable_names_;
+  std::vector<scenarios::GameVariable> variables_;  // parallel
   bool with_hash_;
 };
 

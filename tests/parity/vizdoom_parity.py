@@ -124,10 +124,10 @@ def read_rows(path):
         return list(csv.DictReader(line for line in file if not line.startswith("#")))
 
 
-def play_comrad(binary, cfg, seed, columns, rows, folder, no_monsters=False, start=None, objects=False):
+def play_comrad(binary, cfg, seed, columns, rows, folder, no_monsters=False, start=None, objects=False, more=()):
     actions, out, things = (os.path.join(folder, name) for name in ("actions.csv", "out.csv", "things.csv"))
     write_actions(actions, columns, rows)
-    command = [binary, cfg, "--actions", actions, "--seed", str(seed), "--out", out, "--no-timeout"]
+    command = [binary, cfg, "--actions", actions, "--seed", str(seed), "--out", out, "--no-timeout", *more]
     if no_monsters:
         command.append("--no-monsters")
     if objects:
