@@ -7,8 +7,6 @@
 namespace comrad::sim {
 namespace {
 
-constexpr double kFieldOfViewDegrees = 90.0;
-
 double degrees(doom::Angle angle) { return angle * (360.0 / 4294967296.0); }
 double signed_degrees(doom::Angle angle) { return static_cast<int32_t>(angle) * (360.0 / 4294967296.0); }
 
@@ -95,7 +93,7 @@ double read_variable(const doom::World& world, int player, const scenarios::Game
     case VariableKind::kCameraPitch:
       return signed_degrees(camera_of(world, player).pitch);
     case VariableKind::kCameraFov:
-      return kFieldOfViewDegrees;
+      return camera_of(world, player).id == body.id ? state.field_of_view : doom::kFieldOfView;
     case VariableKind::kPlayerNumber:
       return player;
     case VariableKind::kPlayerCount:

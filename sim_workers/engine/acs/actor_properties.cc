@@ -214,7 +214,7 @@ int32_t get_actor_property(const Caller& caller, const Actor* actor, int32_t pro
     case ActorProperty::kFriendly:
       return actor->has(ActorFlag::kFriendly);
     case ActorProperty::kSpawnHealth:
-      return type.health;
+      return actor->player_index >= 0 ? 0 : actor->start_health;
     case ActorProperty::kDropped:
       return actor->has(ActorFlag::kDropped);
     case ActorProperty::kNoTarget:

@@ -35,7 +35,7 @@ struct Caller {
   Actor* activator() const;
   /// The player that the activator is; -1 none.
   int activator_player() const;
-  /// As scripts name actors: 0 the activator, else the first with this thing id. May be null.
+  /// As scripts name actors: 0 the activator, else the one that got this thing id last. May be null.
   Actor* one_actor(int32_t thing_id) const {
     return thing_id == 0 ? activator() : world.find_thing(thing_id);
   }
@@ -49,12 +49,11 @@ struct Caller {
       return 1;
     }
     int32_t count = 0;
-    StableList<Actor>& actors = world.state().actors;
-    const std::size_t end = actors.size();
-    for (std::size_t slot = 0; slot < end; ++slot) {
-      if (actors[slot].thing_id != thing_id || actors[slot].removed) continue;
-      visit(actors[slot]);
+    for (Actor* actor = world.find_thing(thing_id); actor != nullptr;) {
+      const uint32_t order = actor->thing_order;
+      visit(*actor);
       ++count;
+      actor = world.find_thing(thing_id, order);
     }
     return count;
   }

@@ -158,6 +158,10 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
         actor.velocity_x = clamped(int64_t{add ? actor.velocity_x : 0} + args[1]);
         actor.velocity_y = clamped(int64_t{add ? actor.velocity_y : 0} + args[2]);
         actor.velocity_z = clamped(int64_t{add ? actor.velocity_z : 0} + args[3]);
+        if (Player* const player = world.player_of(actor); player != nullptr && args[5] != 0) {
+          player->walk_x = clamped(int64_t{add ? player->walk_x : 0} + args[1]);
+          player->walk_y = clamped(int64_t{add ? player->walk_y : 0} + args[2]);
+        }
       }) != 0);
     case BuiltIn::kSetActivator: {
       const Actor* actor = args[0] == 0 ? nullptr : world.find_thing(args[0]);
@@ -178,7 +182,8 @@ CallResult call_function(const Caller& caller, int32_t number, std::span<const i
       const Actor* actor = caller.one_actor(args[0]);
       if (actor == nullptr) return {};
       if (actor->player_index >= 0 && player_at(actor->player_index))
-        return value(world.player(actor->player_index).view_height);
+        return value(fixed_mul(world.player(actor->player_index).eye_height,
+                               world.player(actor->player_index).crouch_factor));
       return value(actor->height / 2);
     }
     case BuiltIn::kCheckActorProperty:

@@ -259,7 +259,7 @@ void take_goal_of_special(World& world, Actor& self) {
   if (self.special != Special::kThing_SetGoal || self.args[0] != 0) return;
   self.special = 0;
   for (Actor* point = world.find_thing(self.args[1]); point != nullptr;
-       point = world.find_thing(self.args[1], point->id)) {
+       point = world.find_thing(self.args[1], point->thing_order)) {
     if (!world.catalog().is_a(point->type, "PatrolPoint")) continue;
     self.goal_id = point->id;
     const int64_t wait = int64_t{std::clamp(self.args[2], 0, 1 << 20)} * 35;

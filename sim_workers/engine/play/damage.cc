@@ -211,9 +211,10 @@ void kill_actor(World& world, Actor& target, Actor* inflictor, Actor* source, Da
     player->death_tic = state.tic_count;
     ++player->death_count;
     player->respawn_tics = std::max(world.options().respawn_delay_tics, 0);
-    if (source != nullptr && source->player_index >= 0) {
-      Player& killer = state.players[static_cast<std::size_t>(source->player_index)];
-      killer.frag_count += source == &target ? -1 : 1;
+    if (source != nullptr && source->player_index >= 0 && source != &target) {
+      ++state.players[static_cast<std::size_t>(source->player_index)].frag_count;
+    } else {
+      --player->frag_count;  // its own deed, or that of the map
     }
     target.set(ActorFlag::kSolid, false);
     world.unlink(target);

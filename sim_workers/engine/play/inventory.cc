@@ -477,6 +477,8 @@ int32_t count_item(const World& world, int player_index, uint32_t type) {
   if (same_ignoring_case(info.name, "Armor") || same_ignoring_case(info.name, "BasicArmor"))
     return player.armor;
   if (info.item_class == ItemClass::kBackpack) return player.has_backpack ? 1 : 0;
+  // What gives a power is used up at once; the power is what a player has.
+  if (world.catalog().is_a(type, "PowerupGiver") || world.catalog().is_a(type, "MapRevealer")) return 0;
   for (const Power& power : player.powers)
     if (power.tics != 0 &&
         (power.type == type || (info.power != PowerKind::kNone && power.kind == info.power)))

@@ -140,15 +140,15 @@ bool look_for_old_aims(World& world, Actor& monster) {
 bool look_for_hated(World& world, Actor& monster, const LookRange& range) {
   // The search goes on behind the last one found, and starts over once.
   const Actor* present = target_of(world, monster);
-  const uint32_t after =
-      present != nullptr && present->thing_id == monster.hate_thing_id ? present->id : uint32_t{0};
-  Actor* other = world.find_thing(monster.hate_thing_id, after);
-  bool wrapped = after == 0;
+  const uint32_t before =
+      present != nullptr && present->thing_id == monster.hate_thing_id ? present->thing_order : UINT32_MAX;
+  Actor* other = world.find_thing(monster.hate_thing_id, before);
+  bool wrapped = before == UINT32_MAX;
   while (true) {
     if (other == nullptr) {
       if (wrapped) break;
       wrapped = true;
-      other = world.find_thing(monster.hate_thing_id, 0);
+      other = world.find_thing(monster.hate_thing_id);
       continue;
     }
     if (can_be_enemy(monster, *other) &&
@@ -157,8 +157,8 @@ bool look_for_hated(World& world, Actor& monster, const LookRange& range) {
       monster.target_id = other->id;
       return true;
     }
-    if (wrapped && other->id == after) break;
-    other = world.find_thing(monster.hate_thing_id, other->id);
+    if (wrapped && other->thing_order == before) break;
+    other = world.find_thing(monster.hate_thing_id, other->thing_order);
   }
   return look_for_old_aims(world, monster);
 }
@@ -210,14 +210,14 @@ bool arrive_at_goal(World& world, Actor& monster, Actor& goal) {
   const int32_t goal_thing_id = goal.thing_id, next_thing_id = goal.args[0], wait_seconds = goal.args[1];
   if (goal_thing_id != 0) {
     for (Actor* spot = world.find_thing(goal_thing_id); spot != nullptr;
-         spot = world.find_thing(goal_thing_id, spot->id)) {
+         spot = world.find_thing(goal_thing_id, spot->thing_order)) {
       if (spot->special == 0 || !world.catalog().is_a(spot->type, "PatrolSpecial")) continue;
       world.events().run_special(world, {.number = spot->special, .args = spot->args, .activator = &monster});
     }
   }
   Actor* next = next_thing_id != 0 ? world.find_thing(next_thing_id) : nullptr;
   while (next != nullptr && !world.catalog().is_a(next->type, "PatrolPoint"))
-    next = world.find_thing(next_thing_id, next->id);
+    next = world.find_thing(next_thing_id, next->thing_order);
   if (monster.removed) return true;
   bool waits = false;
   if (next != nullptr && was_target) {

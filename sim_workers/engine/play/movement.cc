@@ -186,7 +186,10 @@ bool Movement::check_things(std::size_t slot, Fixed x, Fixed y, bool touch, Posi
           continue;
         }
         if (!body_solid || !other.has(ActorFlag::kSolid) || other.is_corpse()) continue;
-        if (body.z >= other.top()) {
+        // A player steps up onto what is no higher than a stair.
+        const bool steps_up = touch && body.player_index >= 0 &&
+                              int64_t{other.top()} - body.z <= world_.type_of(body).max_step_height;
+        if (body.z >= other.top() || steps_up) {
           check.floor_z = std::max(check.floor_z, other.top());
         } else if (body.top() <= other.z) {
           check.ceiling_z = std::min(check.ceiling_z, other.z);
@@ -521,6 +524,10 @@ void Movement::move_horizontally(std::size_t slot, bool pushing) {
       }
       // The steps that are left go on from here with what is left of the velocity.
       const Actor& slid = state_.actors[slot];
+      if (Player* const walker = world_.player_of(slid)) {
+        walker->walk_x = std::clamp(walker->walk_x, -std::abs(slid.velocity_x), std::abs(slid.velocity_x));
+        walker->walk_y = std::clamp(walker->walk_y, -std::abs(slid.velocity_y), std::abs(slid.velocity_y));
+      }
       move_x = slid.velocity_x, move_y = slid.velocity_y;
       start_x = static_cast<Fixed>(slid.x - int64_t{move_x} * step / steps);
       start_y = static_cast<Fixed>(slid.y - int64_t{move_y} * step / steps);
@@ -531,13 +538,19 @@ void Movement::move_horizontally(std::size_t slot, bool pushing) {
   Actor& body = state_.actors[slot];
   if (body.has(ActorFlag::kMissile) || body.has(ActorFlag::kSkullFly)) return;  // these keep their speed
   if (body.z > body.floor_z) return;                                            // no friction in the air
+  Player* const player = world_.player_of(body);
   if (!pushing && std::abs(body.velocity_x) < kStopSpeed && std::abs(body.velocity_y) < kStopSpeed) {
     body.velocity_x = body.velocity_y = 0;
+    if (player != nullptr) player->walk_x = player->walk_y = 0;
   } else {
     const Sector& ground = state_.sectors[body.sector_index];
     const Fixed friction = ground.special_friction ? ground.friction : kGroundFriction;
     body.velocity_x = fixed_mul(body.velocity_x, friction);
     body.velocity_y = fixed_mul(body.velocity_y, friction);
+    if (player != nullptr) {
+      player->walk_x = fixed_mul(player->walk_x, friction);
+      player->walk_y = fixed_mul(player->walk_y, friction);
+    }
   }
 }
 
@@ -582,7 +595,9 @@ void Movement::move_vertically(std::size_t slot, bool left_ledge) {
       body.velocity_z = 0;
     }
   } else if (!body.has(ActorFlag::kNoGravity)) {
-    int64_t gravity = body.gravity == kFracUnit ? state_.gravity : fixed_mul(state_.gravity, body.gravity);
+    const Fixed here = state_.sectors[body.sector_index].gravity;
+    int64_t gravity = here == kFracUnit ? state_.gravity : fixed_mul(state_.gravity, here);
+    if (body.gravity != kFracUnit) gravity = fixed_mul(static_cast<Fixed>(gravity), body.gravity);
     if (left_ledge && body.velocity_z == 0) gravity *= 2;
     body.velocity_z =
         static_cast<Fixed>(std::max<int64_t>(int64_t{body.velocity_z} - gravity, -to_fixed(1000)));

@@ -14,6 +14,7 @@ namespace comrad::doom {
 namespace {
 
 // Turning, in 65536ths of a turn per tic. The slow start lasts kSlowTurnTics, whatever the direction.
+constexpr int32_t kFieldOfViewStep = 7;  // degrees a tic
 constexpr int32_t kTurnSlow = 320, kTurnWalk = 640, kTurnRun = 1280;
 constexpr int kSlowTurnTics = 5;
 // Pushes, in 1/32 unit per tic^2.
@@ -138,7 +139,10 @@ void PlayerThinker::push(Player& player, Actor& body, const Buttons& buttons) {
   const auto thrust = [&](int32_t strength, Angle angle) {
     const auto force =
         static_cast<Fixed>(std::clamp<int64_t>(int64_t{strength} * move_factor / 256, -kPushMax, kPushMax));
+    const Fixed before_x = body.velocity_x, before_y = body.velocity_y;
     body.push(angle, force);
+    player.walk_x = clamped_fixed(int64_t{player.walk_x} + body.velocity_x - before_x);
+    player.walk_y = clamped_fixed(int64_t{player.walk_y} + body.velocity_y - before_y);
   };
   const int32_t forward = strength_of(forward_units(buttons)), side = strength_of(side_units(buttons));
   if (forward != 0) thrust(forward, body.angle);
@@ -168,9 +172,10 @@ void PlayerThinker::move_eye(Player& player, const Actor& body) {
     player.view_z = clamped_fixed(int64_t{body.z} + player.view_height);
     return;
   }
-  // Bob: a wave of 20 tics whose height grows with the square of the speed, before this tic's friction.
+  // Bob: a wave of 20 tics whose height grows with the square of the speed, before this tic's friction. What blows,
+  // recoils and scripts add to the speed does not count.
   const int64_t speed_squared =
-      (int64_t{body.velocity_x} * body.velocity_x + int64_t{body.velocity_y} * body.velocity_y) >> kFracBits;
+      (int64_t{player.walk_x} * player.walk_x + int64_t{player.walk_y} * player.walk_y) >> kFracBits;
   const auto bob = static_cast<Fixed>(std::min<int64_t>((speed_squared * kBobFactor) >> kFracBits, kBobMax));
   player.bob = bob;
   const auto phase = static_cast<Angle>(8192 * world_.tic_count() / kBobTics) << 19;
@@ -223,6 +228,7 @@ bool PlayerThinker::think(int player_index, const Buttons& pressed) {
     player.turn_180_tics = kTurnAroundTics;
   player.buttons = buttons;
   player.damage_flash = std::max(player.damage_flash - 1, 0);
+  player.field_of_view = std::max(player.field_of_view - kFieldOfViewStep, kFieldOfView);
   player.bonus_flash = std::max(player.bonus_flash - 1, 0);
   Actor* body = world_.actor(player.actor_id);
   if (body == nullptr) return false;

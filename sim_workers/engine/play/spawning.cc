@@ -1,12 +1,14 @@
 #include "sim_workers/engine/play/spawning.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <utility>
 #include <vector>
 
 #include "rollout_buffer/core/check.h"
 #include "sim_workers/engine/map/level_index.h"
+#include "sim_workers/engine/play/damage.h"
 #include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/movement.h"
 #include "sim_workers/engine/play/weapons.h"
@@ -59,8 +61,11 @@ void apply_thing_fields(World& world, const MapThing& thing, Actor& actor) {
   actor.scale_x = scaled(actor.scale_x, thing.scale_x), actor.scale_y = scaled(actor.scale_y, thing.scale_y);
   actor.pitch = degrees_to_angle(thing.pitch_degrees);
   actor.score = thing.score;
-  const double health = thing.health < 0 ? -double{thing.health} : double{thing.health} * actor.health;
-  if (thing.health != 1.0f) actor.health = static_cast<int32_t>(std::clamp(health, 0.0, 1e6));
+  // A part of a whole counts as none, as in ViZDoom.
+  const double factor = std::trunc(double{thing.health}) == thing.health ? thing.health : 0.0;
+  const double health = factor < 0 ? -factor : factor * actor.health;
+  if (thing.health != 1.0f)
+    actor.health = actor.start_health = static_cast<int32_t>(std::clamp(health, 0.0, 1e6));
   actor.gravity = thing.gravity < 0 ? -thing.gravity : fixed_mul(thing.gravity, actor.gravity);
 }
 
@@ -75,8 +80,9 @@ void spawn_players(World& world) {
       if (thing.editor_number == kDeathmatchStart) deathmatch_starts.push_back(&thing);
   for (int index = 0; index < world.player_count(); ++index) {
     const MapThing* start = nullptr;
+    const bool wants_own = !world.options().deathmatch || deathmatch_starts.empty();
     for (const MapThing& thing : world.level().things)
-      if (player_of_start(thing.editor_number) == index)
+      if (wants_own && player_of_start(thing.editor_number) == index)
         start = &thing;  // the last of a number counts, as in Doom
     if (start == nullptr && !deathmatch_starts.empty()) {
       // Who plays alone takes the first; of several each draws one of those that nobody has.
@@ -134,14 +140,12 @@ bool respawn_player(World& world, int index) {
 }
 
 void spawn_map_things(World& world) {
-  constexpr uint32_t kFirstClass = 1;  // all players are of it
   const uint32_t skill = kThingSkill1 << (std::clamp(world.options().skill, 1, 5) - 1);
   const uint32_t game = world.options().deathmatch ? kThingDeathmatch
                         : world.is_multiplayer()   ? kThingCoop
                                                    : kThingSingle;
   for (const MapThing& thing : world.level().things) {
-    if ((thing.flags & skill) == 0 || (thing.flags & game) == 0 || (thing.class_filter & kFirstClass) == 0)
-      continue;
+    if ((thing.flags & skill) == 0 || (thing.flags & game) == 0) continue;
     if (player_of_start(thing.editor_number).has_value() || thing.editor_number == kDeathmatchStart) continue;
     const std::optional<uint32_t> found = world.catalog().find_editor_number(thing.editor_number);
     if (!found.has_value()) continue;  // a kind that this engine does not know
@@ -168,7 +172,16 @@ void spawn_map_things(World& world) {
     if (actor.has(ActorFlag::kCountItem)) ++world.state().item_total;
     if (actor.has(ActorFlag::kCountSecret)) ++world.state().secret_total;
     if (actor.has(ActorFlag::kDormant)) actor.tics = -1;
+    if (actor.health <= 0) kill_actor(world, actor, nullptr, nullptr);  // the map has it dead
   }
+}
+
+void discount(World& world, const Actor& actor) {
+  WorldState& state = world.state();
+  if (actor.has(ActorFlag::kCountKill) && !actor.has(ActorFlag::kFriendly) && actor.health > 0)
+    --state.monster_count;
+  if (actor.has(ActorFlag::kCountItem)) --state.item_total;
+  if (actor.has(ActorFlag::kCountSecret)) --state.secret_total;
 }
 
 void respawn_monster(World& world, Actor& corpse) {

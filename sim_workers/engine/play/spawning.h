@@ -13,6 +13,8 @@ void spawn_players(World& world);
 /// The map's things, as skill and kind of game ask for. Those without a picture that touch nothing (map spots,
 /// teleport destinations) become no actors unless they have a thing id.
 void spawn_map_things(World& world);
+/// Takes an actor that leaves without having died or been taken out of the map's totals.
+void discount(World& world, const Actor& actor);
 /// A tic of a monster's corpse: on the highest skill one that counts as a kill comes back where it was spawned, 12 s after its
 /// death at the earliest, with a chance of 5 in 256 at every 32nd tic; not while something stands there.
 void respawn_monster(World& world, Actor& corpse);

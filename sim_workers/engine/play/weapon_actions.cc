@@ -177,12 +177,13 @@ void action_ReFire(ActionCall& call) {
   Player& player = *call.player;
   const bool leaves =
       player.pending_weapon != kNoType && (player.weapon_permissions & kMaySwitchInBurst) != 0;
-  if (player.buttons.attack && !leaves && player.alive) {
+  const bool held = player.fires_alternately ? player.buttons.alt_attack : player.buttons.attack;
+  if (held && !leaves && player.alive) {
     player.refire = std::min(player.refire + 1, 1'000'000);
-    fire_weapon(call.world, player_index(call));
+    fire_weapon(call.world, player_index(call), player.fires_alternately);
   } else {
     player.refire = 0;
-    check_ammo(call.world, player_index(call), true);
+    check_ammo(call.world, player_index(call), true, player.fires_alternately);
   }
 }
 

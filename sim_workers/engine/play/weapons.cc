@@ -50,8 +50,14 @@ Slot weapons_in(const ActorCatalog& catalog, int number) {
   return slot;
 }
 
+/// For either of its fires.
+bool has_any_ammo_for(const World& world, int player, uint32_t type) {
+  return has_ammo_for(world, player, type) ||
+         (label_of(world, type, StateLabel::kAltFire) != kNoState && has_ammo_for(world, player, type, true));
+}
+
 bool usable(const World& world, int player, uint32_t type) {
-  return owns_weapon(world, player, type) && has_ammo_for(world, player, type);
+  return owns_weapon(world, player, type) && has_any_ammo_for(world, player, type);
 }
 
 /// What a slot key asks for: in the slot of the weapon in the hand the one before it, in a circle; elsewhere
@@ -113,7 +119,7 @@ uint32_t best_of(const World& world, int player_index, uint32_t ammo_type) {
     if (ammo_type != kNoType && ammo_base(world.catalog(), type.weapon.ammo_type) != ammo_type) continue;
     if (best != kNoType && type.weapon.selection_order >= world.catalog()[best].weapon.selection_order)
       continue;
-    if (has_ammo_for(world, player_index, item.type)) best = item.type;
+    if (has_any_ammo_for(world, player_index, item.type)) best = item.type;
   }
   return best;
 }
@@ -122,7 +128,7 @@ uint32_t best_of(const World& world, int player_index, uint32_t ammo_type) {
 void pick_new_weapon(World& world, int player_index) {
   Player& player = player_at(world, player_index);
   const uint32_t best = best_of(world, player_index, kNoType);
-  if (best == kNoType) return;
+  if (best == kNoType || best == player.ready_weapon) return;
   player.pending_weapon = best;
   if (player.ready_weapon != kNoType) {
     drop_weapon(world, player_index);
@@ -255,29 +261,31 @@ bool select_weapon(World& world, int player_index, uint32_t type) {
     player.pending_weapon = kNoType;  // it stays, whatever was asked for before
     return true;
   }
-  if (!has_ammo_for(world, player_index, type)) return false;
+  if (!has_any_ammo_for(world, player_index, type)) return false;
   player.pending_weapon = type;
   return true;
 }
 
-void fire_weapon(World& world, int player_index) {
+void fire_weapon(World& world, int player_index, bool alternately) {
   Player& player = player_at(world, player_index);
-  if (player.ready_weapon == kNoType || !check_ammo(world, player_index, true)) return;
+  if (player.ready_weapon == kNoType || !check_ammo(world, player_index, true, alternately)) return;
+  player.fires_alternately = alternately;
   const uint32_t weapon = player.ready_weapon;
   Actor* body = world.body_of(player_index);
   if (body == nullptr) return;
   if (world.type_of(*body).state(StateLabel::kMissile) != kNoState)
     set_label(world, *body, StateLabel::kMissile);
-  uint32_t state = player.refire > 0 ? label_of(world, weapon, StateLabel::kHold) : kNoState;
-  if (state == kNoState) state = label_of(world, weapon, StateLabel::kFire);
+  uint32_t state = player.refire > 0 && !alternately ? label_of(world, weapon, StateLabel::kHold) : kNoState;
+  if (state == kNoState)
+    state = label_of(world, weapon, alternately ? StateLabel::kAltFire : StateLabel::kFire);
   set_weapon_state(world, player_index, 0, state);
   if (!has_flag(world, weapon, ActorFlag::kWeaponNoAlert)) alert_monsters(world, *body, *body);
 }
 
-bool check_ammo(World& world, int player_index, bool switches) {
+bool check_ammo(World& world, int player_index, bool switches, bool alternately) {
   const Player& player = world.player(player_index);
   if (player.ready_weapon == kNoType) return false;
-  if (has_ammo_for(world, player_index, player.ready_weapon)) return true;
+  if (has_ammo_for(world, player_index, player.ready_weapon, alternately)) return true;
   if (switches) pick_new_weapon(world, player_index);
   return false;
 }
@@ -287,15 +295,15 @@ bool use_ammo(World& world, int player_index) {
   if (player.ready_weapon == kNoType) return false;
   if (world.options().infinite_ammo) return true;
   const ActorType& type = world.catalog()[player.ready_weapon];
-  if (!has_ammo_for(world, player_index, player.ready_weapon)) return false;
+  if (!has_ammo_for(world, player_index, player.ready_weapon, player.fires_alternately)) return false;
   const auto take = [&](uint32_t ammo_type, int32_t amount) {
     if (ammo_type == kNoType || amount <= 0) return;
     const uint32_t base = ammo_base(world.catalog(), ammo_type);
     for (InventoryItem& item : player.inventory)
       if (item.type == base) item.amount = std::max(0, item.amount - amount);
   };
-  take(type.weapon.ammo_type, type.weapon.ammo_use);
-  if (type.flags.has(ActorFlag::kWeaponPrimaryUsesBoth))
+  if (!player.fires_alternately) take(type.weapon.ammo_type, type.weapon.ammo_use);
+  if (player.fires_alternately || type.flags.has(ActorFlag::kWeaponPrimaryUsesBoth))
     take(type.weapon.ammo_type_2, type.weapon.ammo_use_2);
   return true;
 }
@@ -313,14 +321,18 @@ void tic_weapon(World& world, int player_index) {
   // A change, or death, comes before the trigger.
   if ((player.weapon_permissions & kMaySwitch) != 0 && (player.pending_weapon != kNoType || !player.alive))
     drop_weapon(world, player_index);
-  if ((player.weapon_permissions & kMayFire) != 0) {
-    if (!player.buttons.attack) {
-      player.weapon_permissions &= static_cast<uint8_t>(~kTriggerHeld);
-    } else if ((player.weapon_permissions & kTriggerHeld) == 0 ||
-               !has_flag(world, player.ready_weapon, ActorFlag::kWeaponNoAutoFire)) {
+  const bool fires = player.buttons.attack && (player.weapon_permissions & kMayFire) != 0;
+  const bool fires_alternately = !fires && player.buttons.alt_attack &&
+                                 (player.weapon_permissions & kMayFireAlternately) != 0 &&
+                                 label_of(world, player.ready_weapon, StateLabel::kAltFire) != kNoState;
+  if (fires || fires_alternately) {
+    if ((player.weapon_permissions & kTriggerHeld) == 0 ||
+        !has_flag(world, player.ready_weapon, ActorFlag::kWeaponNoAutoFire)) {
       player.weapon_permissions |= kTriggerHeld;
-      fire_weapon(world, player_index);
+      fire_weapon(world, player_index, fires_alternately);
     }
+  } else if ((player.weapon_permissions & (kMayFire | kMayFireAlternately)) != 0) {
+    player.weapon_permissions &= static_cast<uint8_t>(~kTriggerHeld);
   }
   bob_sprite(world, player);
   WeaponSprite& flash = player.weapon_sprites[1];
@@ -338,7 +350,7 @@ int selected_slot(const World& world, int player_index) {
 
 int selected_ammo(const World& world, int player_index) {
   const uint32_t ready = world.player(player_index).ready_weapon;
-  if (ready == kNoType) return 0;
+  if (ready == kNoType) return -1;
   const uint32_t ammo_type = world.catalog()[ready].weapon.ammo_type;
   return ammo_type == kNoType ? 0 : count_item(world, player_index, ammo_base(world.catalog(), ammo_type));
 }
@@ -364,13 +376,16 @@ bool owns_weapon(const World& world, int player_index, uint32_t type) {
   return false;
 }
 
-bool has_ammo_for(const World& world, int player_index, uint32_t weapon_type) {
+bool has_ammo_for(const World& world, int player_index, uint32_t weapon_type, bool alternately) {
   const ActorType& type = world.catalog()[weapon_type];
-  if (world.options().infinite_ammo || type.flags.has(ActorFlag::kWeaponAmmoOptional)) return true;
+  if (world.options().infinite_ammo ||
+      type.flags.has(alternately ? ActorFlag::kWeaponAltAmmoOptional : ActorFlag::kWeaponAmmoOptional))
+    return true;
   const auto enough = [&](uint32_t ammo_type, int32_t amount) {
     return ammo_type == kNoType || amount <= 0 ||
            count_item(world, player_index, ammo_base(world.catalog(), ammo_type)) >= amount;
   };
+  if (alternately) return enough(type.weapon.ammo_type_2, type.weapon.ammo_use_2);
   return enough(type.weapon.ammo_type, type.weapon.ammo_use) &&
          (!type.flags.has(ActorFlag::kWeaponPrimaryUsesBoth) ||
           enough(type.weapon.ammo_type_2, type.weapon.ammo_use_2));

@@ -17,9 +17,9 @@ void drop_weapon(World& world, int player);  ///< lowers it: the player died
 void choose_weapon(World& world, int player, const Buttons& buttons);
 bool select_weapon(World& world, int player,
                    uint32_t type);  ///< asks for an owned weapon (SetWeapon); false: not owned
-void fire_weapon(World& world, int player);
+void fire_weapon(World& world, int player, bool alternately = false);
 /// True where it has what a shot needs; otherwise picks another weapon, if `switches`.
-bool check_ammo(World& world, int player, bool switches);
+bool check_ammo(World& world, int player, bool switches, bool alternately = false);
 bool use_ammo(World& world, int player);               ///< one shot's; false without enough
 void tic_weapon(World& world, int player);             ///< its states go on
 uint32_t best_weapon(const World& world, int player);  ///< by selection order, with ammunition
@@ -34,7 +34,7 @@ int weapons_of_slot(const World& world, int player,
 
 bool owns_weapon(const World& world, int player, uint32_t type);
 /// Enough ammunition for a shot of this weapon (or it needs none).
-bool has_ammo_for(const World& world, int player, uint32_t weapon_type);
+bool has_ammo_for(const World& world, int player, uint32_t weapon_type, bool alternately = false);
 /// Ammunition came where there was none: a weak weapon in the hand gives way to the best one that uses it.
 void switch_for_ammo(World& world, int player, uint32_t ammo_type);
 /// The weapon left the inventory: the hand is empty, or another weapon comes up.

@@ -101,18 +101,25 @@ std::optional<int32_t> execute_mover_special(World& world, const SpecialCall& ca
   return std::nullopt;
 }
 
-void tic_movers(World& world) {
+std::size_t tic_movers(World& world, std::size_t count) {
   MoverState& movers = world.state().movers;
   tic_lights(world);
-  bool any_removed = false;
-  for (std::size_t i = 0; i < movers.sectors.size(); ++i) {  // grows where a death starts another
+  count = std::min(count, movers.sectors.size());
+  for (std::size_t i = 0; i < count; ++i)
     if (!movers.sectors[i].removed) tic_mover(world, movers.sectors[i]);
-    any_removed = any_removed || movers.sectors[i].removed;
-  }
-  if (any_removed) compact(movers.sectors);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < count; ++i) kept += !movers.sectors[i].removed;
+  if (kept != count) compact(movers.sectors);
   tic_polyobjects(world);
   tic_scrollers(world);
   tic_switches(world);
+  return kept;
+}
+
+void tic_new_movers(World& world, std::size_t first) {
+  StableList<SectorMover>& sectors = world.state().movers.sectors;
+  for (std::size_t i = first; i < sectors.size(); ++i)
+    if (!sectors[i].removed) tic_mover(world, sectors[i]);
 }
 
 void start_movers(World& world) {

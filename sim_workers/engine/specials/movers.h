@@ -13,8 +13,11 @@ namespace comrad::doom {
 /// of them.
 std::optional<int32_t> execute_mover_special(World& world, const SpecialCall& call);
 
-/// All movers, lights, scrollers and switches, one tic.
-void tic_movers(World& world);
+/// One tic of lights, scrollers and switches, and of the planes' first `count` movers. Returns where those that began
+/// after them are now.
+std::size_t tic_movers(World& world, std::size_t count = SIZE_MAX);
+/// The first tic of the planes' movers from `first` on, which began in this tic: after the scripts, as in ViZDoom.
+void tic_new_movers(World& world, std::size_t first);
 
 /// Lights, scrollers, polyobjects and the like that a map starts with.
 void start_movers(World& world);

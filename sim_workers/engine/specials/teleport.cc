@@ -57,7 +57,7 @@ const Actor* draw_thing(World& world, int32_t thing_id, int32_t tag) {
   };
   const auto visit_all = [&](auto visit) {
     for (const Actor* spot = world.find_thing(thing_id); spot != nullptr;
-         spot = world.find_thing(thing_id, spot->id))
+         spot = world.find_thing(thing_id, spot->thing_order))
       if (tag == 0 || world.sectors()[spot->sector_index].tag == tag) visit(*spot);
   };
   int best_rank = 3;
@@ -131,11 +131,21 @@ bool travel(World& world, Actor& actor, const Destination& to, const Journey& jo
   }
   if (!teleport_move(world, actor, to.x, to.y, z, actor.angle + turned, false, true, actor.player_index >= 0))
     return false;
+  // It is put onto the floor of its centre; one that its box reaches over lifts it when it moves next.
+  if (z == kOnFloor) {
+    const Fixed old_z = actor.z;
+    actor.z = world.sectors()[actor.sector_index].floor_height;
+    if (Player* const player = world.player_of(actor)) player->view_z += actor.z - old_z;
+  }
   if (missile || journey.turn == Turn::kByLine || journey.turn == Turn::kAgainstLine) {
     turn_velocity(actor, turned);
   } else if (!journey.keep_velocity && journey.turn != Turn::kKeep) {
     actor.velocity_x = actor.velocity_y = actor.velocity_z = 0;
+    if (Player* const player = world.player_of(actor)) player->walk_x = player->walk_y = 0;
   }
+  if (Player* const player = world.player_of(actor);
+      player != nullptr && journey.destination_fog && !journey.keep_velocity)
+    player->field_of_view = kFieldOfViewAfterTeleport;
   if (journey.source_fog && !missile) spawn_fog(world, from_x, from_y, from_z);
   if (journey.destination_fog)
     spawn_fog(world, clamped_fixed(int64_t{actor.x} + int64_t{kFogAhead} * fine_cosine(actor.angle)),

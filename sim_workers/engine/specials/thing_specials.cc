@@ -77,7 +77,7 @@ int32_t throw_from_spots(World& world, Actor* activator, const Throw& what) {
     const auto throw_one = [&](const Actor* target) {
       Actor& missile = world.spawn_unchecked(world.catalog().replacement(*type), spot.x, spot.y, spot.z);
       missile.target_id = spot.id;
-      missile.thing_id = what.new_id;
+      world.set_thing_id(missile, what.new_id);
       if (what.falls) {
         missile.set(ActorFlag::kNoGravity, false);
         if (missile.gravity == 0) missile.gravity = kFracUnit;
@@ -186,7 +186,7 @@ int32_t hate(World& world, const SpecialCall& call) {
       hated = call.activator;
     } else {
       for (Actor* other = world.find_thing(hated_id); other != nullptr && hated == nullptr;
-           other = world.find_thing(hated_id, other->id))
+           other = world.find_thing(hated_id, other->thing_order))
         if (other->health > 0 && other->has(ActorFlag::kShootable) && !other->has(ActorFlag::kDormant))
           hated = other;
     }
@@ -205,7 +205,7 @@ int32_t set_goal(World& world, const SpecialCall& call) {
   const auto& a = call.args;
   Actor* goal = a[1] != 0 ? world.find_thing(a[1]) : nullptr;
   while (goal != nullptr && !world.catalog().is_a(goal->type, "PatrolPoint"))
-    goal = world.find_thing(a[1], goal->id);
+    goal = world.find_thing(a[1], goal->thing_order);
   int32_t any = 0;
   for_each_thing(world, a[0], call.activator, [&](Actor& actor) {
     if (!actor.has(ActorFlag::kShootable) || actor.player_index >= 0) return;
@@ -412,8 +412,7 @@ std::optional<int32_t> execute_thing_special(World& world, const SpecialCall& ca
     case Special::kThing_Remove:  // things
       for_each_thing(world, a[0], activator, [&](Actor& actor) {
         if (actor.player_index >= 0) return;
-        if (actor.has(ActorFlag::kCountKill) && actor.health > 0) --world.state().monster_count;
-        if (actor.has(ActorFlag::kCountItem)) --world.state().item_total;
+        discount(world, actor);
         world.remove(actor.id);
         any = 1;
       });

@@ -65,7 +65,8 @@ void tic_actor(World& world, std::size_t slot) {
       (actor.floor_z != sector_floor || actor.z > sector_floor))
     movement.look_for_bodies(slot);
   if (actor.velocity_z != 0 || actor.z != actor.floor_z) {
-    if (actor.velocity_z != 0 || !actor.has(ActorFlag::kNoGravity) || actor.has(ActorFlag::kFloat))
+    if (actor.velocity_z != 0 || actor.z < actor.floor_z || !actor.has(ActorFlag::kNoGravity) ||
+        actor.has(ActorFlag::kFloat))
       movement.move_vertically(slot, left_ledge);
   }
   if (actor.removed) return;
@@ -97,6 +98,7 @@ void reset_world(World& world, const WorldOptions& options) {
 void run_tic(World& world, std::span<const Buttons> buttons) {
   if (world.level_exited()) return;
   static constexpr Buttons kNothing{};
+  const std::size_t old_movers = world.state().movers.sectors.size();
   PlayerThinker thinker(world);
   for (int player = 0; player < world.player_count(); ++player) {
     const auto index = static_cast<std::size_t>(player);
@@ -105,11 +107,12 @@ void run_tic(World& world, std::span<const Buttons> buttons) {
   }
   for (std::size_t slot = 0; slot < world.actors().size(); ++slot)
     tic_actor(world, slot);  // grows while things spawn
-  tic_movers(world);
+  const std::size_t first_new_mover = tic_movers(world, old_movers);
   const std::size_t before_scripts = world.actors().size();
   acs::tic_machine(world);
   for (std::size_t slot = before_scripts; slot < world.actors().size(); ++slot)
-    tic_actor(world, slot);  // what a script spawns acts in the same tic, as in ViZDoom
+    tic_actor(world, slot);  // what a script spawns or sets going acts in the same tic, as in ViZDoom
+  tic_new_movers(world, first_new_mover);
   world.compact();
   ++world.state().tic_count;
 }

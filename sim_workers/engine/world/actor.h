@@ -40,12 +40,14 @@ struct Actor {
   uint32_t floor_sector_index = 0;  ///< that gives floor_z
   ActorFlags flags;
   int32_t health = 0;
+  int32_t start_health = 0;   ///< of its type or, where the map says it, of the map
   uint32_t state = kNoState;  ///< index into the catalog's states
   int32_t tics = -1;          ///< left in this state; -1 for ever
   uint32_t sprite = 0;        ///< as the state says; apart so that weapons' and scripts' changes can show
   uint8_t frame = 0;
 
-  int32_t thing_id = 0;  ///< TID of scripts; 0 none
+  int32_t thing_id = 0;      ///< TID of scripts; 0 none
+  uint32_t thing_order = 0;  ///< higher for the actor that got its thing id later
   int32_t special = 0;
   std::array<int32_t, 5> args{};
 

@@ -53,6 +53,8 @@ enum WeaponPermission : uint8_t {
   kMaySwitchInBurst = 1u << 7  ///< stays: between two shots
 };
 
+constexpr int32_t kFieldOfView = 90, kFieldOfViewAfterTeleport = 135;  ///< degrees
+
 struct Power {
   PowerKind kind = PowerKind::kNone;
   uint32_t type = kNoType;
@@ -77,7 +79,8 @@ struct Player {
   // The hand.
   uint32_t ready_weapon = kNoType, pending_weapon = kNoType;  ///< pending kNoType: no change asked for
   std::array<WeaponSprite, 2> weapon_sprites{};               ///< weapon, flash
-  int32_t refire = 0;                                         ///< shots of the present burst before this one
+  bool fires_alternately = false;  ///< the shot under way, or the last one, is AltFire's
+  int32_t refire = 0;              ///< shots of the present burst before this one
   bool attack_down = false, use_down = false, weapon_key_down = false;  ///< held since the last tic
   int32_t extra_light = 0;
   bool weapon_ready = false;       ///< a state of WeaponReady lasts: it may fire (ViZDoom's ATTACK_READY)
@@ -99,16 +102,18 @@ struct Player {
   Fixed eye_height = to_fixed(41);  ///< of one that stands: its class's, or a script's
   Fixed jump_speed = to_fixed(8), attack_z_offset = to_fixed(8);  ///< as that
   Fixed view_height = to_fixed(41);
-  Fixed view_z = 0;             ///< eye height above zero, bob included
-  Fixed view_height_delta = 0;  ///< how fast view_height returns after a step or a landing
-  Fixed bob = 0;                ///< strength of the bob, grows with the square of the speed
+  Fixed view_z = 0;              ///< eye height above zero, bob included
+  Fixed view_height_delta = 0;   ///< how fast view_height returns after a step or a landing
+  Fixed walk_x = 0, walk_y = 0;  ///< the part of its velocity that its keys made: the bob follows it
+  Fixed bob = 0;                 ///< strength of the bob, grows with the square of the speed
   bool frozen = false, totally_frozen = false, no_clip = false, god_mode = false, buddha = false,
        no_target = false;
 
   // What the screen shows.
-  int32_t damage_flash = 0;  ///< red, counts down a tic at a time
-  int32_t bonus_flash = 0;   ///< gold
-  uint32_t camera_id = 0;    ///< whose eyes; 0 its own
+  int32_t damage_flash = 0;              ///< red, counts down a tic at a time
+  int32_t bonus_flash = 0;               ///< gold
+  uint32_t camera_id = 0;                ///< whose eyes; 0 its own
+  int32_t field_of_view = kFieldOfView;  ///< degrees; wider after a teleport
 
   // Counts, totals since the start.
   int32_t damage_taken = 0, damage_dealt = 0, hits_taken = 0, hits_dealt = 0;

@@ -71,8 +71,8 @@ std::size_t World::append_actor(uint32_t type_index, Fixed x, Fixed y, Fixed z, 
   actor.angle = angle;
   actor.radius = type.radius, actor.height = type.height;
   actor.flags = type.flags;
-  actor.health = type.health;
-  actor.thing_id = thing_id;
+  actor.health = actor.start_health = type.health;
+  set_thing_id(actor, thing_id);
   actor.special = type.special, actor.args = type.args;
   actor.sector_index = actor.floor_sector_index = sector_at(x, y);
   actor.floor_z = actor.ground_z = actor.dropoff_z = state_.sectors[actor.sector_index].floor_height;
@@ -235,13 +235,16 @@ void World::compact() {
   state_.links.resize_down(kept);
 }
 
-Actor* World::find_thing(int32_t thing_id, uint32_t after) {
+Actor* World::find_thing(int32_t thing_id, uint32_t before) {
   if (thing_id == 0) return nullptr;
+  Actor* found = nullptr;
   for (std::size_t slot = 0; slot < state_.actors.size(); ++slot) {
     Actor& actor = state_.actors[slot];
-    if (actor.id > after && actor.thing_id == thing_id && !actor.removed) return &actor;
+    if (actor.thing_id == thing_id && !actor.removed && actor.thing_order < before &&
+        (found == nullptr || actor.thing_order > found->thing_order))
+      found = &actor;
   }
-  return nullptr;
+  return found;
 }
 
 Actor& World::spawn_unchecked(uint32_t type, Fixed x, Fixed y, Fixed z, Angle angle) {

@@ -85,10 +85,12 @@ class World {
   void remove_slot(std::size_t slot);
   void compact();  ///< takes the removed out of the lists; the end of a tic
   void set_angle(uint32_t actor_id, Angle angle);
-  void set_thing_id(Actor& actor, int32_t thing_id) { actor.thing_id = thing_id; }
-  /// The next actor with that id, in order of age, after `after` (an actor id, 0 from the start); null at
-  /// the end.
-  Actor* find_thing(int32_t thing_id, uint32_t after = 0);
+  void set_thing_id(Actor& actor, int32_t thing_id) {
+    actor.thing_id = thing_id;
+    if (thing_id != 0) actor.thing_order = state_.next_thing_order++;
+  }
+  /// Of the actors with that id the one that got it last, of those with a thing_order below `before`; null: none.
+  Actor* find_thing(int32_t thing_id, uint32_t before = UINT32_MAX);
   void link(Actor& actor);  ///< into the lists of things, after its place or its flags changed
   void unlink(Actor& actor);
   void set_sector_damage(int32_t tag, int32_t amount, int32_t interval);

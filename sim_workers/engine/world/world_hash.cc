@@ -63,12 +63,12 @@ class Hash {
                 floor_placement, ceiling_placement)
   COMRAD_HASHED(Actor, id, type, x, y, z, velocity_x, velocity_y, velocity_z, angle, pitch, radius, height,
                 floor_z, ceiling_z, dropoff_z, ground_z, roof_z, sector_index, floor_sector_index, flags,
-                health, state, tics, sprite, frame, thing_id, special, args, target_id, tracer_id, master_id,
-                goal_id, last_enemy_id, last_heard_id, hate_thing_id, move_direction, move_count,
-                reaction_tics, threshold, last_look_player, special_1, special_2, speed, float_speed, damage,
-                damage_factor, gravity, mass, amount, score, bounce_count, damage_type, render_style, alpha,
-                scale_x, scale_y, translation, player_index, removed, spawn_x, spawn_y, spawn_z, spawn_angle,
-                spawn_tic)
+                health, start_health, state, tics, sprite, frame, thing_id, thing_order, special, args,
+                target_id, tracer_id, master_id, goal_id, last_enemy_id, last_heard_id, hate_thing_id,
+                move_direction, move_count, reaction_tics, threshold, last_look_player, special_1, special_2,
+                speed, float_speed, damage, damage_factor, gravity, mass, amount, score, bounce_count,
+                damage_type, render_style, alpha, scale_x, scale_y, translation, player_index, removed,
+                spawn_x, spawn_y, spawn_z, spawn_angle, spawn_tic)
   COMRAD_HASHED(Buttons, forward, backward, left, right, turn_left, turn_right, attack, use, jump, speed,
                 select_weapon, alt_attack, crouch, turn_180, strafe, reload, zoom, look_up, look_down,
                 move_up, move_down, land, use_item, select_next_weapon, select_previous_weapon, drop_weapon,
@@ -77,14 +77,14 @@ class Hash {
   COMRAD_HASHED(WeaponSprite, state, tics, x, y, own_x, own_y)
   COMRAD_HASHED(Power, kind, type, tics)
   COMRAD_HASHED(Player, actor_id, health, armor, armor_save, armor_type, alive, state, inventory, powers,
-                has_backpack, ready_weapon, pending_weapon, weapon_sprites, refire, attack_down, use_down,
-                weapon_key_down, extra_light, weapon_ready, weapon_permissions, select_weapon_down,
-                weapon_bob, reload_counter, weapon_state_depth, attacker_id, on_ground, turn_held_tics,
-                turn_180_tics, jump_tics, crouch_factor, stands_up, eye_height, jump_speed, attack_z_offset,
-                view_height, view_z, view_height_delta, bob, frozen, totally_frozen, no_clip, god_mode,
-                buddha, no_target, damage_flash, bonus_flash, camera_id, damage_taken, damage_dealt,
-                hits_taken, hits_dealt, pickup_count, item_count, secret_count, frag_count, death_count,
-                death_tic, respawn_tics, respawn_count, buttons)
+                has_backpack, ready_weapon, pending_weapon, weapon_sprites, fires_alternately, refire,
+                attack_down, use_down, weapon_key_down, extra_light, weapon_ready, weapon_permissions,
+                select_weapon_down, weapon_bob, reload_counter, weapon_state_depth, attacker_id, on_ground,
+                turn_held_tics, turn_180_tics, jump_tics, crouch_factor, stands_up, eye_height, jump_speed,
+                attack_z_offset, view_height, view_z, view_height_delta, walk_x, walk_y, bob, frozen,
+                totally_frozen, no_clip, god_mode, buddha, no_target, damage_flash, bonus_flash, camera_id,
+                field_of_view, damage_taken, damage_dealt, hits_taken, hits_dealt, pickup_count, item_count,
+                secret_count, frag_count, death_count, death_tic, respawn_tics, respawn_count, buttons)
   COMRAD_HASHED(ThingLink, next, previous, cell)
   COMRAD_HASHED(LineState, special, args, flags, id, alpha)
   COMRAD_HASHED(SideState, top, bottom, middle, scroll_x, scroll_y, retextured)
@@ -116,15 +116,15 @@ class Hash {
   COMRAD_HASHED(WorldState::BrainState, next_spot, easy_skip)
 
   void add(const WorldState& world) {
-    const auto& [tic_count, level_exited, exited_secretly, next_actor_id, actors, links, cell_heads,
-                 type_counts, sector_sound_target, sector_sound_tic, sound_blocks, sound_queue,
+    const auto& [tic_count, level_exited, exited_secretly, next_actor_id, next_thing_order, actors, links,
+                 cell_heads, type_counts, sector_sound_target, sector_sound_tic, sound_blocks, sound_queue,
                  sound_queue_later, radius_max, has_removed, players, sectors, lines, sides, movers, scripts,
                  globals, monster_count, item_total, secret_total, kill_total, item_taken, secret_found,
                  gravity, air_control, corpse_ids, brain, rng] = world;
-    add_all(tic_count, level_exited, exited_secretly, next_actor_id, actors, links, cell_heads, type_counts,
-            sector_sound_target, sector_sound_tic, radius_max, has_removed, players, sectors, lines, sides,
-            movers, scripts, globals, monster_count, item_total, secret_total, kill_total, item_taken,
-            secret_found, gravity, air_control, corpse_ids, brain, rng);
+    add_all(tic_count, level_exited, exited_secretly, next_actor_id, next_thing_order, actors, links,
+            cell_heads, type_counts, sector_sound_target, sector_sound_tic, radius_max, has_removed, players,
+            sectors, lines, sides, movers, scripts, globals, monster_count, item_total, secret_total,
+            kill_total, item_taken, secret_found, gravity, air_control, corpse_ids, brain, rng);
     // Not sound_blocks, sound_queue and sound_queue_later: scratch of alert_monsters().
   }
 

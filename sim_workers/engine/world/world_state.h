@@ -66,6 +66,7 @@ struct WorldState {
   bool level_exited = false;
   bool exited_secretly = false;
   uint32_t next_actor_id = 1;
+  uint32_t next_thing_order = 1;
   StableList<Actor> actors;
   StableList<ThingLink> links;                ///< parallel to actors
   std::vector<int32_t> cell_heads;            ///< [cell of the blockmap] slot of the first thing, -1: none

@@ -371,7 +371,8 @@ TEST(MapThings, TakeTheFieldsOfUdmf) {
              fields([](MapThing& t) { t.flags = kThingShadow, t.pitch_degrees = 30; }))
       .thing(kDecoration, 400, 500, 0, 7,
              fields([](MapThing& t) { t.score = 7, t.flags = kThingCountSecret; }))
-      .thing(kDecoration, 500, 500, 0, 8, fields([](MapThing& t) { t.class_filter = 0xFFFE; }));
+      .thing(kDecoration, 500, 500, 0, 8, fields([](MapThing& t) { t.class_filter = 0xFFFE; }))
+      .thing(kImp, 400, 300, 0, 9, fields([](MapThing& t) { t.health = 0.5f; }));
   Stage stage(room.build());
   const auto made = [&](int id) -> const Actor* {
     for (const Actor& actor : stage.world.actors())
@@ -379,7 +380,7 @@ TEST(MapThings, TakeTheFieldsOfUdmf) {
     return nullptr;
   };
   EXPECT_TRUE(made(1)->has(ActorFlag::kFriendly) && made(1)->has(ActorFlag::kStandStill));
-  EXPECT_EQ(stage.world.state().monster_count, 2) << "friends are none";
+  EXPECT_EQ(stage.world.state().monster_count, 3) << "friends are none";
   EXPECT_EQ(made(2)->health, 120);
   EXPECT_EQ(made(3)->health, 33);
   EXPECT_EQ(made(3)->gravity, kFracUnit / 2);
@@ -391,7 +392,10 @@ TEST(MapThings, TakeTheFieldsOfUdmf) {
   EXPECT_EQ(made(6)->pitch, degrees_to_angle(30));
   EXPECT_EQ(made(7)->score, 7);
   EXPECT_EQ(stage.world.state().secret_total, 1);
-  EXPECT_EQ(made(8), nullptr) << "of the second player class";
+  EXPECT_NE(made(8), nullptr) << "classes do not count: Doom's player has no number";
+  EXPECT_EQ(made(2)->start_health, 120);
+  EXPECT_LE(made(9)->health, 0) << "half a health is none: it lies dead when the map begins";
+  EXPECT_EQ(stage.player().kill_count, 1);
 }
 
 TEST(Monsters, ComeBackOnTheHighestSkillWhereTheyWereBorn) {

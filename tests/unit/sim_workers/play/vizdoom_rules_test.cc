@@ -4,13 +4,19 @@
 
 #include <vector>
 
+#include "sim_workers/engine/acs/behavior.h"
+#include "sim_workers/engine/acs/machine.h"
+#include "sim_workers/engine/actors/decorate.h"
 #include "sim_workers/engine/play/damage.h"
+#include "sim_workers/engine/play/inventory.h"
 #include "sim_workers/engine/play/movement.h"
 #include "sim_workers/engine/play/placement.h"
 #include "sim_workers/engine/play/spawning.h"
+#include "sim_workers/engine/play/weapons.h"
 #include "sim_workers/engine/specials/line_specials.h"
 #include "sim_workers/engine/tic/tic.h"
 #include "sim_workers/engine/world/world.h"
+#include "tests/support/behavior_builder.h"
 #include "tests/support/level_builder.h"
 
 namespace comrad::doom {
@@ -201,6 +207,8 @@ TEST(VizdoomRules, ThingMoveUsesTheFloorOfTheCentreAndTeleportThatOfTheBox) {
       EXPECT_NE(game.world.events().run_special(game.world, call), 0);
     }
     EXPECT_EQ(game.body().x, to_fixed(504));
+    EXPECT_EQ(game.body().z, 0) << "in that tic";
+    game.tic();
     EXPECT_EQ(game.body().z, to_fixed(teleports ? kUpperFloor : 0));
   }
 }
@@ -227,6 +235,147 @@ TEST(VizdoomRules, AShotPushesAPartnerAndDoesNotHurtIt) {
   EXPECT_EQ(game.world.player(1).damage_flash, 0);
   EXPECT_EQ(game.world.player(0).hits_dealt, 0);
   EXPECT_EQ(game.world.player(0).damage_dealt, 0);
+}
+
+// ---------------------------------------------------------------- found by random games
+
+/// A room of 1024 x 512 with a deathmatch start in its east.
+test::LevelBuilder plain_room() {
+  test::LevelBuilder builder;
+  builder.room(builder.sector(0, 256, 1), 0, -256, 1024, 256).thing(1, 128, 0);
+  return builder;
+}
+
+// Probe: GetActorX(20) with two things of id 20, after Thing_ChangeTID of a third, and after SpawnForced.
+TEST(VizdoomRules, ScriptsMeetTheActorThatGotItsIdLastFirst) {
+  test::LevelBuilder room = plain_room();
+  room.thing(2011, 200, 200, 0, 5).thing(2011, 210, 200, 0, 20).thing(2011, 220, 200, 0, 20);
+  Game game(room.build());
+  EXPECT_EQ(game.world.find_thing(20)->x, to_fixed(220));
+  game.world.set_thing_id(*game.world.find_thing(5), 20);
+  EXPECT_EQ(game.world.find_thing(20)->x, to_fixed(200));
+  const Actor* second = game.world.find_thing(20, game.world.find_thing(20)->thing_order);
+  EXPECT_EQ(second->x, to_fixed(220));
+  EXPECT_EQ(game.world.find_thing(20, game.world.find_thing(20, second->thing_order)->thing_order), nullptr);
+}
+
+// Probe: Floor_RaiseByValue(1, 16, 24) from a script under the player: it stands at 2, 4, 6 from that tic on.
+TEST(VizdoomRules, AMoverThatAScriptStartsMovesInTheSameTic) {
+  acs::test::BehaviorBuilder code;
+  code.script(1, static_cast<int>(acs::ScriptType::kEnter))
+      .op(bytecode::PCode::kDelayDirect, {2})
+      .push({1, 16, 24})
+      .op(bytecode::PCode::kLspec3, {23})
+      .end();
+  const auto behavior = acs::Behavior::load(code.build(), "TEST");
+  ASSERT_TRUE(behavior.has_value()) << behavior.error().message;
+  World world(plain_room().build(), catalog(), *behavior);
+  reset_world(world, {});
+  std::vector<int> heights;
+  for (int tic = 0; tic < 5; ++tic) {
+    run_tic(world, {});
+    heights.push_back(world.sectors()[0].floor_height / kFracUnit);
+  }
+  EXPECT_EQ(heights, (std::vector<int>{0, 0, 2, 4, 6}));
+}
+
+// Probe: a sector of gravity 0.25; a body that falls into it, and one that walks off a ledge into it, which starts with 0.5.
+TEST(VizdoomRules, ASectorsGravityPullsWhatIsInIt) {
+  Game game(plain_room().build());
+  game.world.state().sectors[0].gravity = kFracUnit / 4;
+  set_position(game.world, game.body().id, to_fixed(400), 0, to_fixed(100));
+  game.tic();
+  EXPECT_EQ(game.body().velocity_z, -kFracUnit / 4);
+  game.tic();
+  EXPECT_EQ(game.body().velocity_z, -kFracUnit / 2);
+}
+
+// Probe: ThrustThing, A_Recoil and blows leave VIEW_HEIGHT at 41; the keys do not.
+TEST(VizdoomRules, OnlyWhatTheKeysPushMakesTheViewBob) {
+  Game blown(plain_room().build()), walking(plain_room().build());
+  blown.body().velocity_x = to_fixed(10);
+  Buttons keys;
+  keys.forward = true;
+  Fixed blown_most = 0, walking_most = 0;
+  for (int tic = 0; tic < 20; ++tic) {
+    blown.tic();
+    walking.tic(keys);
+    const auto rise = [](Game& game) {
+      return std::abs(game.world.player(0).view_z - game.body().z - to_fixed(41));
+    };
+    blown_most = std::max(blown_most, rise(blown)), walking_most = std::max(walking_most, rise(walking));
+  }
+  EXPECT_EQ(blown_most, 0);
+  EXPECT_GT(walking_most, to_fixed(1));
+}
+
+// Probe: CAMERA_FOV after Teleport: 135, 128, ... 93, 90.
+TEST(VizdoomRules, ATeleportWidensTheViewForSevenTics) {
+  test::LevelBuilder room = plain_room();
+  room.thing(14, 600, 0, 0, 90);
+  Game game(room.build());
+  const SpecialCall call{.number = 70, .args = {90, 0, 0, 0, 0}, .activator = &game.body()};
+  EXPECT_NE(game.world.events().run_special(game.world, call), 0);
+  std::vector<int> degrees;
+  for (int tic = 0; tic < 8; ++tic) {
+    degrees.push_back(game.world.player(0).field_of_view);
+    game.tic();
+  }
+  EXPECT_EQ(degrees, (std::vector<int>{135, 128, 121, 114, 107, 100, 93, 90}));
+}
+
+// Probe: -deathmatch with a thing 1 and three things 11: the first of these, whatever the seed.
+TEST(VizdoomRules, DeathmatchBeginsAtItsOwnStarts) {
+  for (const bool deathmatch : {false, true}) {
+    test::LevelBuilder room = plain_room();
+    room.thing(11, 600, 0).thing(11, 700, 0);
+    Game game(room.build(), {.deathmatch = deathmatch});
+    EXPECT_EQ(game.body().x, to_fixed(deathmatch ? 600 : 128));
+  }
+}
+
+// Probe: death by a crusher or by one's own rocket, alone: FRAGCOUNT is -1.
+TEST(VizdoomRules, ADeathByTheMapCostsAFrag) {
+  Game game(plain_room().build());
+  damage_actor(game.world, game.body(), nullptr, nullptr, 1000);
+  EXPECT_EQ(game.world.player(0).frag_count, -1);
+}
+
+// Probe: GiveInventory of what gives a power: CheckInventory of it is 0, of the power 1.
+TEST(VizdoomRules, WhatGivesAPowerIsNotKept) {
+  Game game(plain_room().build());
+  const auto type = [&](std::string_view name) { return game.world.catalog().find(name).value(); };
+  for (const char* const name : {"InvulnerabilitySphere", "BlurSphere", "RadSuit", "Infrared", "Allmap"}) {
+    give_item(game.world, 0, type(name), 1);
+    EXPECT_EQ(count_item(game.world, 0, type(name)), 0) << name;
+  }
+  EXPECT_EQ(count_item(game.world, 0, type("PowerInvulnerable")), 1);
+}
+
+// Probe: ALTATTACK with a weapon that has AltFire: its state, its ammunition, and not while ATTACK fires.
+TEST(VizdoomRules, TheOtherTriggerFiresAltFireWithTheSecondAmmunition) {
+  auto own = std::make_shared<ActorCatalog>();
+  std::vector<std::string> warnings;
+  ASSERT_TRUE(parse_decorate(R"(actor TwoBarrels : Weapon 20400 { Weapon.AmmoType "Clip" Weapon.AmmoUse 1
+      Weapon.AmmoType2 "Cell" Weapon.AmmoUse2 3 States {
+      Ready: PISG A 1 A_WeaponReady loop  Select: PISG A 1 A_Raise loop  Deselect: PISG A 1 A_Lower loop
+      Fire: PISG A 4 A_FireBullets(0, 0, 1, 5, "BulletPuff", 1) goto Ready
+      AltFire: PISG A 8 A_FireBullets(0, 0, 1, 5, "BulletPuff", 1) goto Ready } })",
+                             "test", own.get(), &warnings));
+  World world(plain_room().build(), own);
+  reset_world(world, {});
+  const auto type = [&](std::string_view name) { return own->find(name).value(); };
+  give_item(world, 0, type("Cell"), 7);
+  give_item(world, 0, type("TwoBarrels"), 1);
+  select_weapon(world, 0, type("TwoBarrels"));
+  Buttons keys;
+  for (int tic = 0; tic < 60; ++tic) run_tic(world, {&keys, 1});
+  ASSERT_EQ(world.player(0).ready_weapon, type("TwoBarrels"));
+  const int32_t clips = count_item(world, 0, type("Clip"));
+  keys.alt_attack = true;
+  for (int tic = 0; tic < 60; ++tic) run_tic(world, {&keys, 1});
+  EXPECT_EQ(count_item(world, 0, type("Cell")), 1) << "two shots of three";
+  EXPECT_EQ(count_item(world, 0, type("Clip")), clips);
 }
 
 }  // namespace vizdoom_rules_test
