@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Draws small games from a seed, plays them in ViZDoom and in COMRAD with the same buttons, and compares every variable.
 
-    random_games.py --trace BIN --acs BIN [--seeds N] [--first N] [--keep DIR] [--shrink]
+    random_games.py --trace BIN --acs BIN [--seeds 1-500] [--keep DIR] [--shrink]
 
 A game is a room of islands that are higher, lower, shut or hurtful, with things of random UDMF fields, actors of a random
 DECORATE lump, lines with specials, a script that does something at random tics and writes what it reads into USER1.., and
@@ -813,13 +813,18 @@ def check_seed(vzd, arguments, seed, report):
         write_actions(os.path.join(folder, "actions.csv"), COLUMNS, game.rows[:found[0][0] + 1])
 
 
+def seeds_of(text):
+    """"7", or "1-500"."""
+    first, _, last = text.partition("-")
+    return range(int(first), int(last or first) + 1)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trace", required=True, help="the program comrad-trace")
     parser.add_argument("--acs", required=True, help="the program comrad-acs")
     parser.add_argument("--venv", default=os.path.join(os.path.dirname(__file__), "../../build/test-python"))
-    parser.add_argument("--first", type=int, default=1)
-    parser.add_argument("--seeds", type=int, default=8, help="how many, from --first on")
+    parser.add_argument("--seeds", nargs="+", type=seeds_of, default=[range(1, 9)], metavar="SEED|FIRST-LAST")
     parser.add_argument("--keep", help="folder for the files of games that differ")
     parser.add_argument("--shrink", action="store_true",
         help="leave out of a game that differs what its difference does not need")
@@ -835,17 +840,18 @@ def main():
     for name in ("trace", "acs", "keep"):
         if getattr(arguments, name):
             setattr(arguments, name, os.path.abspath(getattr(arguments, name)))
+    seeds = [seed for some in arguments.seeds for seed in some]
     here = os.getcwd()
     folder = tempfile.mkdtemp()  # ViZDoom leaves its settings where it runs
     os.chdir(folder)
     report = Report()
     try:
-        for seed in range(arguments.first, arguments.first + arguments.seeds):
+        for seed in seeds:
             check_seed(vzd, arguments, seed, report)
     finally:
         os.chdir(here)
         shutil.rmtree(folder, ignore_errors=True)
-    print("%d of %d games differ" % (report.failed, arguments.seeds))
+    print("%d of %d games differ" % (report.failed, len(seeds)))
     return 1 if report.failed else 0
 
 

@@ -395,7 +395,7 @@ TEST(MapThings, TakeTheFieldsOfUdmf) {
   EXPECT_NE(made(8), nullptr) << "classes do not count: Doom's player has no number";
   EXPECT_EQ(made(2)->start_health, 120);
   EXPECT_LE(made(9)->health, 0) << "half a health is none: it lies dead when the map begins";
-  EXPECT_EQ(stage.player().kill_count, 1);
+  EXPECT_EQ(stage.world.state().kill_total, 1);
 }
 
 TEST(Monsters, ComeBackOnTheHighestSkillWhereTheyWereBorn) {
