@@ -17,11 +17,11 @@
 #include "deploy/evaluation/play.h"
 #include "deploy/evaluation/recorded_episodes.h"
 #include "deploy/evaluation/summary.h"
-#include "deploy/launch/progress.h"
 #include "deploy/settings/command_line.h"
 #include "deploy/settings/start_notes.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/process.h"
+#include "rollout_buffer/core/score_text.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "deploy/launch/progress.h"
+#include "rollout_buffer/core/score_text.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "deploy/commands/statistics.h"
-#include "deploy/launch/progress.h"
 #include "rollout_buffer/core/check.h"
+#include "rollout_buffer/core/score_text.h"
 
 namespace comrad::deploy {
 namespace {

@@ -9,6 +9,7 @@
 
 #include "deploy/launch/progress.h"
 #include "rollout_buffer/core/log.h"
+#include "rollout_buffer/core/score_text.h"
 
 namespace comrad::deploy {
 namespace {

@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "rollout_buffer/core/score_text.h"
 #include "rollout_buffer/core/text.h"
 
 namespace comrad::deploy {
@@ -30,12 +31,6 @@ std::string next_commands(const std::string& run_dir) {
          "      to make a video:  comrad eval --policy " + run + " --save_video " +
          shell_word(run_dir + "/video.mp4") + "\n" + "      to plot it:       comrad plot " + run +
          " --output " + shell_word(run_dir + "/curves.png");
-}
-
-std::string score_text(double score) {
-  if (!std::isfinite(score)) return "-";
-  // No exponent for a large score, and no "-0".
-  return format(std::fabs(score) < 9999.5 ? "%.4g" : "%.0f", score == 0 ? 0.0 : score);
 }
 
 std::string count_text(double count) {

@@ -36,8 +36,6 @@ std::string training_line(const TrainingProgress& progress);
 /// What is done next with a run that has a checkpoint, as commands with its folder: evaluate, make a video, plot.
 std::string next_commands(const std::string& run_dir);
 
-/// A score J with four digits: 412.34 -> "412.3", 0.0085 -> "0.0085", 12'345.6 -> "12346"; "-" for what is no number.
-std::string score_text(double score);
 /// 950 -> "950", 12'345 -> "12.3k", 1e8 -> "100M".
 std::string count_text(double count);
 /// 950 -> "950", 21'000 -> "21 000".

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "deploy/launch/progress.h"
+#include "rollout_buffer/core/score_text.h"
 #include "rollout_buffer/link/link_files.h"
 #include "rollout_buffer/schema/version.h"
 

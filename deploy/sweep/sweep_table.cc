@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "deploy/launch/progress.h"
-#include "rollout_buffer/core/text.h"
+#include "rollout_buffer/core/score_text.h"
 
 namespace comrad::deploy {
 namespace {

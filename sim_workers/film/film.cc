@@ -4,19 +4,22 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <utility>
 
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/schema/version.h"
 #include "sim_workers/engine/render/png_image.h"
+#include "sim_workers/film/gif_file.h"
+#include "sim_workers/film/video_file.h"
 
 namespace comrad::sim {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kHeldTics = 35;  // an episode's last picture stands for a second
+constexpr int64_t kHeldTics = 35;  // an episode's last picture stands for a second
 
 std::vector<std::vector<std::string>> buttons_of(const DoomGame& game) {
   std::vector<std::vector<std::string>> buttons;
@@ -26,7 +29,11 @@ std::vector<std::vector<std::string>> buttons_of(const DoomGame& game) {
 
 }  // namespace
 
-Film::Film(const FilmOptions& options, FilmFrame frame) : options_(options), frame_(std::move(frame)) {}
+Film::Film(const FilmOptions& options, FilmFrame frame)
+    : options_(options),
+      frame_(std::move(frame)),
+      tics_left_(options.seconds > 0 ? std::max(1L, std::lround(kTicRateHz * options.seconds))
+                                     : std::numeric_limits<int64_t>::max()) {}
 
 Film::~Film() = default;
 
@@ -44,62 +51,53 @@ Expected<std::unique_ptr<Film>> Film::create(const FilmOptions& options,
     fs::create_directories(options.frames, failed);
     if (failed) return file_error(options.frames, failed.value());
   }
-  if (!options.video.empty()) COMRAD_TRY(film->open_video());
-  return film;
-}
-
-Status Film::open_video() {
-  if (lower_case(options_.video).ends_with(".gif")) {
-    COMRAD_TRY_ASSIGN(gif_, GifFile::create(options_.video, frame_.size()));
-    return {};
+  const cv::Size size = film->frame_.size();
+  if (lower_case(options.video).ends_with(".gif")) {
+    COMRAD_TRY_ASSIGN(film->file_, GifFile::create(options.video, size));
+  } else if (!options.video.empty()) {
+    COMRAD_TRY_ASSIGN(film->file_, VideoFile::create(options.video, size));
+    film->shows_every_tic_ = true;
   }
-  COMRAD_TRY_ASSIGN(video_, VideoFile::create(options_.video, frame_.size()));
-  return {};
+  return film;
 }
 
 void Film::began(const DoomEnvironment& environment) {
   caption_.episode = episodes_++;
-  ticked(environment);
+  film(environment, true);
 }
 
 void Film::ticked(const DoomEnvironment& environment) {
-  if (!status_ || is_complete()) return;
+  const auto frame_skip = static_cast<uint64_t>(environment.game().frame_skip);
+  film(environment,
+       environment.last_step().episode_over() || environment.world().tic_count() % frame_skip == 0);
+}
+
+void Film::film(const DoomEnvironment& environment, bool ends_a_decision) {
+  if (!status_ || tics_left_ <= 0) return;
   const bool is_over = environment.last_step().episode_over();
-  const int frame_skip = environment.game().frame_skip;
-  const bool ends_a_decision =
-      is_over || environment.world().tic_count() % static_cast<uint64_t>(frame_skip) == 0;
-  const int shown_tics = is_over ? kHeldTics : 1;
-  if (video_ == nullptr && !ends_a_decision) {
-    ++tics_;
-    return;
-  }
+  const int64_t tics = is_over ? std::min(kHeldTics, tics_left_) : 1;
+  tics_left_ -= tics;
+  // Numbers that change with every tic cannot be read, and text is the dearest to draw.
+  if (ends_a_decision) read_captions(environment);
+  if (!ends_a_decision && !shows_every_tic_) return;
   const cv::Mat& picture = draw(environment);
-  for (int i = 0; i < shown_tics && !is_complete(); ++i, ++tics_)
-    if (video_ != nullptr && status_) status_ = video_->add(picture);
-  if (gif_ != nullptr && status_ && ends_a_decision)
-    status_ = gif_->add(picture, is_over ? kHeldTics : frame_skip);
+  if (file_ != nullptr)
+    status_ = file_->add(picture, is_over || shows_every_tic_ ? tics : environment.game().frame_skip);
   if (status_ && !options_.frames.empty() && ends_a_decision)
     status_ = write_picture(picture, caption_.decisions);
 }
 
-bool Film::is_complete() const {
-  return options_.seconds > 0 && tics_ >= std::max(1L, std::lround(kTicRateHz * options_.seconds));
-}
-
-const cv::Mat& Film::draw(const DoomEnvironment& environment) {
+void Film::read_captions(const DoomEnvironment& environment) {
   const DoomGame& game = environment.game();
-  std::vector<doom::ViewRequest> requests;
   const EpisodeSummary summary = environment.summary_so_far();
   for (int agent = 0; agent < game.num_agents; ++agent) {
     const auto index = static_cast<std::size_t>(agent);
-    requests.push_back({&environment.world(), agent, views_[index].data()});
     AgentCaption& caption = caption_.agents[index];
     game.actions.choose(environment.pressed()[index], caption.choice);
     caption.return_so_far = summary.agent_return[index];
     caption.score = summary.agent_score[index];
     caption.is_alive = environment.world().player(agent).alive;
   }
-  renderer_->draw(requests);
   caption_.tics = summary.length_tics;
   caption_.decisions = summary.length_steps;
   caption_.limit_tics = static_cast<uint32_t>(game.spec.limit_tics());
@@ -107,6 +105,13 @@ const cv::Mat& Film::draw(const DoomEnvironment& environment) {
   caption_.ceiling = summary.ceiling;
   const Step& step = environment.last_step();
   caption_.ending = step.terminated ? "over" : step.truncated ? "over: time limit" : "";
+}
+
+const cv::Mat& Film::draw(const DoomEnvironment& environment) {
+  std::vector<doom::ViewRequest> requests;
+  for (std::size_t agent = 0; agent < views_.size(); ++agent)
+    requests.push_back({&environment.world(), static_cast<int>(agent), views_[agent].data()});
+  renderer_->draw(requests);
   return frame_.draw(views_, caption_);
 }
 
@@ -123,10 +128,8 @@ Status Film::write_picture(const cv::Mat& picture, uint32_t decision) {
 }
 
 Status Film::finish() {
-  Status closed;
-  if (gif_ != nullptr) closed = gif_->finish();
-  if (video_ != nullptr) closed = video_->finish();
-  gif_.reset(), video_.reset();
+  const Status closed = file_ != nullptr ? file_->finish() : Status();
+  file_.reset();
   COMRAD_TRY(std::exchange(status_, {}));
   return closed;
 }

@@ -10,9 +10,8 @@
 #include "rollout_buffer/core/expected.h"
 #include "sim_workers/engine/render/renderer.h"
 #include "sim_workers/env/doom_env.h"
+#include "sim_workers/film/film_file.h"
 #include "sim_workers/film/film_frame.h"
-#include "sim_workers/film/gif_file.h"
-#include "sim_workers/film/video_file.h"
 
 namespace comrad::sim {
 
@@ -42,17 +41,17 @@ class Film final : public TicWatcher {
 
  private:
   Film(const FilmOptions& options, FilmFrame frame);
-  Status open_video();
-  bool is_complete() const;
+  void film(const DoomEnvironment& environment, bool ends_a_decision);
+  void read_captions(const DoomEnvironment& environment);
   const cv::Mat& draw(const DoomEnvironment& environment);
   Status write_picture(const cv::Mat& picture, uint32_t decision);
 
   const FilmOptions options_;
   FilmFrame frame_;
   std::unique_ptr<doom::Renderer> renderer_;
-  std::unique_ptr<VideoFile> video_;
-  std::unique_ptr<GifFile> gif_;
-  int64_t tics_ = 0;  // filmed
+  std::unique_ptr<FilmFile> file_;  // null: none
+  bool shows_every_tic_ = false;    // else one picture a decision
+  int64_t tics_left_;               // until the film is complete
   uint64_t episodes_ = 0;
   std::vector<std::vector<uint8_t>> views_;  // [N][3, height, width]
   std::vector<uint8_t> planes_;              // of a picture

@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "rollout_buffer/core/check.h"
+#include "rollout_buffer/core/score_text.h"
 #include "rollout_buffer/core/text.h"
 #include "rollout_buffer/schema/version.h"
 
@@ -94,11 +95,10 @@ const cv::Mat& FilmFrame::draw(std::span<const std::vector<uint8_t>> views, cons
   COMRAD_CHECK(views.size() == count && caption.agents.size() == count, "one view and caption an agent");
   for (std::size_t agent = 0; agent < count; ++agent) {
     draw_view(agent, views[agent]);
-    // Text is the dearest to draw, and an agent's changes once a decision.
-    if (drawn_.empty() || drawn_[agent] != caption.agents[agent]) draw_agent(agent, caption.agents[agent]);
+    if (drawn_.agents.empty() || drawn_.agents[agent] != caption.agents[agent])
+      draw_agent(agent, caption.agents[agent]);
   }
-  drawn_ = caption.agents;
-  draw_footer(caption);
+  if (drawn_ != caption) draw_footer(caption), drawn_ = caption;
   return picture_;
 }
 
@@ -119,10 +119,10 @@ void FilmFrame::draw_agent(std::size_t agent, const AgentCaption& caption) {
   write(format("agent %zu", agent), {corner.x + edge, baseline}, kLargeText, accent(agent));
   if (!caption.is_alive)
     write("dead", {corner.x + edge + text_size("agent 0  ", kLargeText).width, baseline}, kLargeText, kDead);
-  std::string numbers = format("J %.1f   return %+.2f", caption.score, caption.return_so_far);
+  const std::string score = "J " + score_text(caption.score);
+  std::string numbers = score + format("   return %+.2f", caption.return_so_far);
   const int name_width = text_size(caption.is_alive ? "agent 0  " : "agent 0  dead  ", kLargeText).width;
-  if (text_size(numbers, kSmallText).width + name_width + 2 * edge > view_.width)
-    numbers = format("J %.1f", caption.score);
+  if (text_size(numbers, kSmallText).width + name_width + 2 * edge > view_.width) numbers = score;
   write(numbers, {corner.x + view_.width - edge - text_size(numbers, kSmallText).width, baseline}, kSmallText,
         kLoud);
   for (const Chip& chip : chips_) {
@@ -139,8 +139,8 @@ void FilmFrame::draw_agent(std::size_t agent, const AgentCaption& caption) {
 void FilmFrame::draw_footer(const FilmCaption& caption) {
   const int gap = pixels(8), top = picture_.rows - pixels(34), baseline = top + pixels(20);
   picture_.rowRange(top, picture_.rows).setTo(kBackground);
-  std::string score = format("J %.1f", caption.score);
-  if (caption.ceiling > 0) score += format(" of %.1f", caption.ceiling);
+  std::string score = "J " + score_text(caption.score);
+  if (caption.ceiling > 0) score += " of " + score_text(caption.ceiling);
   const int score_width = text_size(score, kLargeText).width;
   write(score, {picture_.cols - gap - score_width, baseline}, kLargeText, kLoud);
   // What does not fit beside the score is left out, the least needed first.

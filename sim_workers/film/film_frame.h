@@ -31,6 +31,7 @@ struct FilmCaption {
   double ceiling = 0;       ///< the best J of the map; 0: not known
   std::string ending;       ///< how the episode ended; empty while it goes on
   std::vector<AgentCaption> agents;
+  friend bool operator==(const FilmCaption&, const FilmCaption&) = default;
 };
 
 /// Draws pictures of one size. Text and boxes grow with the views. Threads: one.
@@ -68,7 +69,7 @@ class FilmFrame {
   std::vector<Chip> chips_;
   int caption_height_ = 0;
   cv::Mat picture_;
-  std::vector<AgentCaption> drawn_;  ///< what `picture_` shows
+  FilmCaption drawn_;  ///< what `picture_` shows; without agents before the first
   std::vector<cv::Mat> planes_;
 };
 

@@ -113,7 +113,7 @@ Error GifFile::failure(int giflib_code) const {
                path_ + ": " + (text != nullptr ? text : "cannot be written") + "; is the disk full?"};
 }
 
-Status GifFile::add(const cv::Mat& picture, int tics) {
+Status GifFile::add(const cv::Mat& picture, int64_t tics) {
   // A delay is whole hundredths of a second: it ends where the sum of all is rounded to.
   const auto centiseconds = [](int64_t at) { return (200 * at + kTicRateHz) / (2 * kTicRateHz); };
   const int64_t began = centiseconds(tics_);

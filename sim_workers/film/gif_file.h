@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "rollout_buffer/core/expected.h"
+#include "sim_workers/film/film_file.h"
 
 struct GifFileType;
 struct ColorMapObject;
@@ -22,18 +23,14 @@ std::vector<cv::Vec3b> choose_palette(std::span<const uint32_t> counts, std::siz
 
 /// Pictures are gathered in groups with one palette each, so that a film of any length needs little memory. A pixel that
 /// is still close to the one shown is left as it is: that keeps what moves little small. Threads: one.
-class GifFile {
+class GifFile final : public FilmFile {
  public:
   /// Errors: kSystem where the file cannot be made.
   static Expected<std::unique_ptr<GifFile>> create(const std::string& path, cv::Size size);
-  GifFile(const GifFile&) = delete;
-  GifFile& operator=(const GifFile&) = delete;
-  ~GifFile();
+  ~GifFile() override;
 
-  /// Adds a BGR picture of the file's size that is shown for `tics` (35ths of a second). Errors: kNoSpace.
-  Status add(const cv::Mat& picture, int tics);
-  /// Writes what is left and closes the file. Errors: kNoSpace.
-  Status finish();
+  Status add(const cv::Mat& picture, int64_t tics) override;
+  Status finish() override;
 
  private:
   struct Shown {

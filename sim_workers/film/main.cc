@@ -1,5 +1,7 @@
 // comrad-sim-film: a simulator process of an evaluation that films what it plays.
 
+#include <opencv2/core.hpp>
+
 #include "sim_workers/film/film.h"
 #include "sim_workers/worker/sim_program.h"
 
@@ -22,6 +24,7 @@ Expected<std::unique_ptr<sim::Film>> film_of(sim::FilmOptions options, const std
 }  // namespace
 
 int main(int argc, char** argv) {
+  cv::setNumThreads(1);  // a picture is small: handing its parts to threads costs more than they save
   shm::WorkerShell shell({.name = "comrad-sim-film",
                           .role = "sim",
                           .description =

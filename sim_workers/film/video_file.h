@@ -8,6 +8,7 @@
 #include <string>
 
 #include "rollout_buffer/core/expected.h"
+#include "sim_workers/film/film_file.h"
 
 struct AVCodecContext;
 struct AVFormatContext;
@@ -17,19 +18,15 @@ struct AVPacket;
 namespace comrad::sim {
 
 /// 35 frames a second, as the game runs. Frames are compressed by threads of the encoder. Threads: one.
-class VideoFile {
+class VideoFile final : public FilmFile {
  public:
   /// `size`: even numbers of pixels. Errors: kUnsupported where FFmpeg has no H.264 encoder or refuses the size, kSystem
   /// where the file cannot be made.
   static Expected<std::unique_ptr<VideoFile>> create(const std::string& path, cv::Size size);
-  VideoFile(const VideoFile&) = delete;
-  VideoFile& operator=(const VideoFile&) = delete;
-  ~VideoFile();
+  ~VideoFile() override;
 
-  /// Adds a BGR picture of the file's size. Errors: kNoSpace.
-  Status add(const cv::Mat& picture);
-  /// Writes what is left and closes the file. Errors: kNoSpace.
-  Status finish();
+  Status add(const cv::Mat& picture, int64_t tics) override;
+  Status finish() override;
 
  private:
   explicit VideoFile(std::string path) : path_(std::move(path)) {}

@@ -68,19 +68,10 @@ TEST(NextCommands, NameTheRunsFolder) {
               ::testing::HasSubstr("plot '/my runs/lava' --output '/my runs/lava/curves.png'"));
 }
 
-TEST(ScoreText, HidesNoSmallScore) {
+TEST(TrainingLine, HidesNoSmallScore) {
   TrainingProgress progress;
   progress.score_mean = 0.0085;
   EXPECT_THAT(training_line(progress), ::testing::EndsWith("| J 0.0085"));
-  EXPECT_EQ(score_text(0), "0");
-  EXPECT_EQ(score_text(-0.0), "0");
-  EXPECT_EQ(score_text(3), "3");
-  EXPECT_EQ(score_text(412.34), "412.3");
-  EXPECT_EQ(score_text(-16.1179), "-16.12");
-  EXPECT_EQ(score_text(9999.4), "9999");
-  EXPECT_EQ(score_text(12345.6), "12346") << "no exponent";
-  EXPECT_EQ(score_text(0.000123456), "0.0001235");
-  EXPECT_EQ(score_text(std::nan("")), "-");
 }
 
 TEST(WholeText, GroupsThreeDigits) {

@@ -81,6 +81,8 @@ TEST(FilmFrame, WhatIsPressedEarnedAndOverShows) {
   EXPECT_GT(change([](FilmCaption& c) { c.agents[1].return_so_far = 17; }), 5);
   EXPECT_GT(change([](FilmCaption& c) { c.agents[1].is_alive = false; }), 20);
   EXPECT_GT(change([](FilmCaption& c) { c.score = 8; }), 5);
+  EXPECT_GT(change([](FilmCaption& c) { c.score = 0.0085; }), 5) << "no score is too small to show";
+  EXPECT_GT(change([](FilmCaption& c) { c.agents[0].score = 0.0085; }), 5);
   EXPECT_GT(change([](FilmCaption& c) { c.ending = "over"; }), 20);
   EXPECT_GT(change([](FilmCaption& c) { c.tics = 1050; }), 300) << "the clock's line";
   EXPECT_EQ(change([](FilmCaption& c) { c.agents[0].choice = {9, -1}; }), 0) << "no such button";
