@@ -99,7 +99,10 @@ double read_variable(const doom::World& world, int player, const scenarios::Game
     case VariableKind::kPlayerCount:
       return world.player_count();
     case VariableKind::kPlayerFragCount:
-      return variable.index <= world.player_count() ? world.player(variable.index - 1).frag_count : 0;
+      return world.player_count() > 1 &&
+                     variable.index <= world.player_count()  // as ViZDoom: 0 for one alone
+                 ? world.player(variable.index - 1).frag_count
+                 : 0;
     case VariableKind::kUser:
       return world.exported(variable.index);
     case VariableKind::kMapReward:

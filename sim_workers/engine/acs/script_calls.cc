@@ -98,8 +98,11 @@ int32_t armor_info(const Caller& caller, int32_t what) {
   if (index < 0) return 0;
   const Player& player = caller.world.player(index);
   switch (what) {
-    case 1:
-      return player.armor_type != kNoType ? caller.world.catalog()[player.armor_type].save_amount : 0;
+    case 1: {  // what it may grow to, of one that others add to
+      if (player.armor_type == kNoType) return 0;
+      const ActorType& type = caller.world.catalog()[player.armor_type];
+      return std::max(type.save_amount, type.max_save_amount);
+    }
     case 2:
       return player.armor_save;
     case 5:

@@ -482,7 +482,7 @@ void Movement::stop_missile(std::size_t slot) {
   explode_missile(world_, body, world_.actor(last_.blocking_actor_id));
 }
 
-void Movement::move_horizontally(std::size_t slot, bool pushing) {
+void Movement::move_horizontally(std::size_t slot, bool pushing, bool stood_on_body) {
   {
     const Actor& body = state_.actors[slot];
     if (body.velocity_x == 0 && body.velocity_y == 0) {
@@ -537,7 +537,7 @@ void Movement::move_horizontally(std::size_t slot, bool pushing) {
 
   Actor& body = state_.actors[slot];
   if (body.has(ActorFlag::kMissile) || body.has(ActorFlag::kSkullFly)) return;  // these keep their speed
-  if (body.z > body.floor_z) return;                                            // no friction in the air
+  if (body.z > body.floor_z && !stood_on_body) return;                          // no friction in the air
   Player* const player = world_.player_of(body);
   if (!pushing && std::abs(body.velocity_x) < kStopSpeed && std::abs(body.velocity_y) < kStopSpeed) {
     body.velocity_x = body.velocity_y = 0;

@@ -79,8 +79,9 @@ class Movement {
   bool try_move(std::size_t slot, Fixed x, Fixed y);
   MoveResult try_move_with_result(std::size_t slot, Fixed x, Fixed y);
 
-  /// A tic of inertia: velocity applied, slides, friction. `pushing`: its player holds a direction.
-  void move_horizontally(std::size_t slot, bool pushing);
+  /// A tic of inertia: velocity applied, slides, friction. `pushing`: its player holds a direction. `stood_on_body`: it began the tic
+  /// on top of another, which slows it as ground does even where it leaves it.
+  void move_horizontally(std::size_t slot, bool pushing, bool stood_on_body);
 
   /// A tic of gravity; floors and ceilings stop it. `left_ledge`: it stood until this tic's way led off the
   /// floor, and gravity counts twice in this tic (as in ZDoom; not for who jumps).

@@ -37,7 +37,7 @@ void tic_elevator(World& world, SectorMover& elevator);
 void tic_pillar(World& world, SectorMover& pillar);
 void tic_waggle(World& world, SectorMover& waggle);
 void tic_lights(World& world);
-void tic_scrollers(World& world);
+void tic_scrollers(World& world, std::size_t first = 0);
 void tic_polyobjects(World& world);
 
 // ---- movers

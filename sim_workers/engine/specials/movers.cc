@@ -116,7 +116,8 @@ std::size_t tic_movers(World& world, std::size_t count) {
   return kept;
 }
 
-void tic_new_movers(World& world, std::size_t first) {
+void tic_new_movers(World& world, std::size_t first, std::size_t first_scroller) {
+  tic_scrollers(world, first_scroller);
   StableList<SectorMover>& sectors = world.state().movers.sectors;
   for (std::size_t i = first; i < sectors.size(); ++i)
     if (!sectors[i].removed) tic_mover(world, sectors[i]);

@@ -16,8 +16,9 @@ std::optional<int32_t> execute_mover_special(World& world, const SpecialCall& ca
 /// One tic of lights, scrollers and switches, and of the planes' first `count` movers. Returns where those that began
 /// after them are now.
 std::size_t tic_movers(World& world, std::size_t count = SIZE_MAX);
-/// The first tic of the planes' movers from `first` on, which began in this tic: after the scripts, as in ViZDoom.
-void tic_new_movers(World& world, std::size_t first);
+/// The first tic of the planes' movers and of the scrollers from these on, which began in this tic: after the scripts, as in
+/// ViZDoom.
+void tic_new_movers(World& world, std::size_t first, std::size_t first_scroller);
 
 /// Lights, scrollers, polyobjects and the like that a map starts with.
 void start_movers(World& world);

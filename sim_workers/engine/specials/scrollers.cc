@@ -10,9 +10,10 @@ namespace {
 
 constexpr Fixed kCarryFactor = kFracUnit * 3 / 32;  // with friction this brings bodies to the belt's speed
 constexpr Fixed kSlowCarry =
-    kStopSpeed * 32 / 3;             // slower belts move bodies themselves: friction would stop them
-constexpr int kPushShift = 7;        // wind and currents: 128ths of a unit per tic
-constexpr int kLineScrollShift = 5;  // a line as a speed: 32nds of its length
+    kStopSpeed * 32 / 3;              // slower belts move bodies themselves: friction would stop them
+constexpr int32_t kPushBit = 0x1000;  // of a sector's special: wind and currents are felt there
+constexpr int kPushShift = 7;         // wind and currents: 128ths of a unit per tic
+constexpr int kLineScrollShift = 5;   // a line as a speed: 32nds of its length
 constexpr int32_t kPusherThing = 5001, kPullerThing = 5002;
 
 // How a Scroller of kind kWind (`part`).
@@ -240,7 +241,8 @@ void blow(World& world, const Scroller& wind) {
       if (body->sector_index == wind.index) push_body(*body, wind.dx, wind.dy);
       continue;
     }
-    if (!touches_sector(world, *body, wind.index)) continue;
+    if ((world.sectors()[wind.index].special & kPushBit) == 0 || !touches_sector(world, *body, wind.index))
+      continue;
     const bool on_floor = body->z <= world.sectors()[wind.index].floor_height;
     if (wind.part == kCurrent) {
       if (on_floor) push_body(*body, wind.dx, wind.dy);
@@ -390,11 +392,11 @@ void start_scrollers(World& world) {
   }
 }
 
-void tic_scrollers(World& world) {
+void tic_scrollers(World& world, std::size_t first) {
   WorldState& state = world.state();
   const std::size_t count = state.movers.scrollers.size();
   // By index: a body that is carried may cross a line whose special changes the list.
-  for (std::size_t i = 0; i < count && i < state.movers.scrollers.size(); ++i) {
+  for (std::size_t i = first; i < count && i < state.movers.scrollers.size(); ++i) {
     const Scroller scroller = state.movers.scrollers[i];
     switch (scroller.kind) {
       case ScrollKind::kSide: {

@@ -47,17 +47,19 @@ const Systems kSystems{};
 
 void tic_actor(World& world, std::size_t slot) {
   Actor& actor = world.state().actors[slot];
-  if (actor.removed || actor.has(ActorFlag::kDormant)) return;
+  if (actor.removed) return;
   Movement movement(world);
   const int player = actor.player_index;
   const Player* owner = player >= 0 ? &world.state().players[static_cast<std::size_t>(player)] : nullptr;
   const bool alive_player = owner != nullptr && owner->alive;
   const bool pushing = alive_player && PlayerThinker::pushes(owner->buttons);
   const Fixed floor_before = actor.floor_z;
+  // Who leaves a body is held back once more as on it, and falls no faster at first: it is no ledge.
+  const bool stood_on_body = actor.z == floor_before && floor_before > actor.ground_z;
   if (actor.velocity_x != 0 || actor.velocity_y != 0 || actor.has(ActorFlag::kSkullFly))
-    movement.move_horizontally(slot, pushing);
+    movement.move_horizontally(slot, pushing, stood_on_body);
   if (actor.removed) return;
-  const bool left_ledge = actor.floor_z < floor_before && actor.z == floor_before;
+  const bool left_ledge = !stood_on_body && actor.floor_z < floor_before && actor.z == floor_before;
   // Above the floor of its sector a body looks anew, each tic, whether another body holds it. Its ground does
   // not change while it stands still.
   const Fixed sector_floor = world.state().sectors[actor.sector_index].floor_height;
@@ -73,6 +75,7 @@ void tic_actor(World& world, std::size_t slot) {
   if (alive_player && actor.velocity_x == 0 && actor.velocity_y == 0 && !pushing &&
       PlayerThinker::is_walking(world, actor))
     set_label(world, actor, StateLabel::kSpawn);
+  if (actor.has(ActorFlag::kDormant)) return;  // it moves, and does nothing
   if (actor.tics < 0) return respawn_monster(world, actor);
   if (--actor.tics > 0) return;
   if (actor.state == kNoState) return return_item(world, actor);
@@ -108,11 +111,12 @@ void run_tic(World& world, std::span<const Buttons> buttons) {
   for (std::size_t slot = 0; slot < world.actors().size(); ++slot)
     tic_actor(world, slot);  // grows while things spawn
   const std::size_t first_new_mover = tic_movers(world, old_movers);
-  const std::size_t before_scripts = world.actors().size();
+  const std::size_t before_scripts = world.actors().size(),
+                    old_scrollers = world.state().movers.scrollers.size();
   acs::tic_machine(world);
   for (std::size_t slot = before_scripts; slot < world.actors().size(); ++slot)
     tic_actor(world, slot);  // what a script spawns or sets going acts in the same tic, as in ViZDoom
-  tic_new_movers(world, first_new_mover);
+  tic_new_movers(world, first_new_mover, old_scrollers);
   world.compact();
   ++world.state().tic_count;
 }

@@ -309,6 +309,58 @@ TEST(VizdoomRules, OnlyWhatTheKeysPushMakesTheViewBob) {
   EXPECT_GT(walking_most, to_fixed(1));
 }
 
+// Probe: Sector_SetCurrent and Sector_SetWind in sectors of special 0, 512, 2048, 4096, 8192 and 32768: 4096 alone feels them, from
+// the tic of the script on.
+TEST(VizdoomRules, CurrentsAreFeltWhereTheSectorSaysSo) {
+  acs::test::BehaviorBuilder code;
+  code.script(1, static_cast<int>(acs::ScriptType::kEnter))
+      .op(bytecode::PCode::kDelayDirect, {2})
+      .push({1, 60, 0, 0})
+      .op(bytecode::PCode::kLspec4, {Special::kSector_SetCurrent})
+      .end();
+  const auto behavior = acs::Behavior::load(code.build(), "TEST");
+  ASSERT_TRUE(behavior.has_value()) << behavior.error().message;
+  for (const int32_t special : {0, 512, 4096, 8192}) {
+    World world(plain_room().build(), catalog(), *behavior);
+    reset_world(world, {});
+    world.state().sectors[0].special = special;
+    for (int tic = 0; tic < 3; ++tic) {
+      EXPECT_EQ(world.body(0).velocity_x, 0) << tic;
+      run_tic(world, {});
+    }
+    EXPECT_EQ(world.body(0).velocity_x > 0, special == 4096) << special;
+  }
+}
+
+// Probe: a run off a barrel: the first tic beside it has its friction, and a fall of 1, not of a ledge's 2.
+TEST(VizdoomRules, WhoLeavesABodyIsSlowedOnceMoreAndFallsAsFromNoLedge) {
+  test::LevelBuilder room = plain_room();
+  room.thing(2035, 400, 0);
+  Game game(room.build());
+  set_position(game.world, game.body().id, to_fixed(400), 0, to_fixed(42));
+  game.tic();
+  ASSERT_EQ(game.body().z, to_fixed(42)) << "it stands on the barrel";
+  game.body().velocity_x = to_fixed(10);
+  for (int tic = 0; tic < 10 && game.body().velocity_z == 0; ++tic) {
+    const Fixed before = game.body().velocity_x;
+    game.tic();
+    EXPECT_EQ(game.body().velocity_x, fixed_mul(before, 0xE800)) << tic;
+  }
+  EXPECT_EQ(game.body().velocity_z, -kFracUnit);
+}
+
+// Probe: a dormant thing 32 above the floor: GetActorVelZ is -1 after the first tic.
+TEST(VizdoomRules, WhatIsDormantFalls) {
+  test::LevelBuilder room = plain_room();
+  room.thing(2012, 400, 0, 0, 7);
+  Game game(room.build());
+  Actor& kit = *game.world.find_thing(7);
+  kit.set(ActorFlag::kDormant);
+  kit.z = to_fixed(32);
+  game.tic();
+  EXPECT_EQ(kit.velocity_z, -kFracUnit);
+}
+
 // Probe: CAMERA_FOV after Teleport: 135, 128, ... 93, 90.
 TEST(VizdoomRules, ATeleportWidensTheViewForSevenTics) {
   test::LevelBuilder room = plain_room();
