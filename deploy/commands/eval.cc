@@ -234,6 +234,7 @@ Expected<int> evaluate(EvaluationRequest& request, const CommandLine& line) {
     COMRAD_TRY_ASSIGN(plan, plan_of(game, team, plays_greedily(team)));
     plan.film = files.film;
     plan.film.video = video.name();
+    plan.film.finished_video = video.finished_name();
     plan.keeps_positions = !files.positions.empty();
     plan.keeps_episodes = !files.episodes_dir.empty();
     if (plan.keeps_episodes) COMRAD_TRY(make_episodes_folder(plan));

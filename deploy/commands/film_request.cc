@@ -72,22 +72,26 @@ HalfWrittenFilm::HalfWrittenFilm(const std::string& video) : video_(video) {
   const fs::path path = video;
   if (video.empty()) return;
   // The name's end tells the container.
-  name_ = path.parent_path() /
-          (std::string(kHalfWrittenMark) + std::to_string(getpid()) + "-" + path.filename().string());
+  const auto hidden = [&path](const char* state) {
+    return path.parent_path() / (std::string(kHalfWrittenMark) + std::to_string(getpid()) + state + "-" +
+                                 path.filename().string());
+  };
+  name_ = hidden(""), finished_name_ = hidden("-finished");
   signals_.emplace();
 }
 
 HalfWrittenFilm::~HalfWrittenFilm() {
   std::error_code ignored;
-  if (!name_.empty()) fs::remove(name_, ignored);
+  for (const fs::path& name : {name_, finished_name_})
+    if (!name.empty()) fs::remove(name, ignored);
 }
 
 Status HalfWrittenFilm::finish() {
   std::error_code failed;
-  if (!name_.empty()) fs::rename(std::exchange(name_, {}), video_, failed);
-  return failed ? file_error(video_ + " could not be made (what the simulator said stands above)",
-                             failed.value())
-                : Status();
+  if (!video_.empty()) fs::rename(finished_name_, video_, failed);
+  return failed
+             ? file_error(video_ + " was not finished (what the simulator said stands above)", failed.value())
+             : Status();
 }
 
 }  // namespace comrad::deploy

@@ -31,14 +31,16 @@ class HalfWrittenFilm {
   HalfWrittenFilm(const HalfWrittenFilm&) = delete;
   HalfWrittenFilm& operator=(const HalfWrittenFilm&) = delete;
   ~HalfWrittenFilm();
-  /// What it is called meanwhile.
+  /// What it is called while it is written.
   std::string name() const { return name_.string(); }
-  /// Errors: as file_error, also where the simulator made no film.
+  /// What the simulator calls it once it is whole: a simulator that is killed leaves none of this name.
+  std::string finished_name() const { return finished_name_.string(); }
+  /// Errors: as file_error, also where the simulator finished no film.
   Status finish();
 
  private:
   std::string video_;
-  std::filesystem::path name_;
+  std::filesystem::path name_, finished_name_;
   std::optional<SignalDesk> signals_;
 };
 

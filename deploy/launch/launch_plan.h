@@ -28,9 +28,10 @@ enum class PolicySource {
 
 /// What is filmed of an evaluation: all its episodes, one after the other, played by one environment.
 struct FilmPlan {
-  std::string video;   ///< file; empty: none
-  std::string frames;  ///< folder of single pictures; empty: none
-  std::string size;    ///< of one agent's view, "640x360"
+  std::string video;           ///< file; empty: none
+  std::string finished_video;  ///< what the simulator renames it to once it is whole
+  std::string frames;          ///< folder of single pictures; empty: none
+  std::string size;            ///< of one agent's view, "640x360"
   double seconds = 0;  ///< of film, a decision's 4 tics are 4/35 s; the episodes are played on; 0: no limit
   bool is_wanted() const { return !video.empty() || !frames.empty(); }
 };

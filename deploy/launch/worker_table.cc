@@ -115,7 +115,10 @@ ChildOptions WorkerTable::options_of(const Worker& worker, const std::string& se
       if (films) {
         add("--film_size", plan_.film.size);
         if (plan_.film.seconds > 0) add("--film_seconds", std::to_string(plan_.film.seconds));
-        if (!plan_.film.video.empty()) add("--film_video", plan_.film.video);
+        if (!plan_.film.video.empty()) {
+          add("--film_video", plan_.film.video);
+          add("--film_finished_video", plan_.film.finished_video);
+        }
         if (!plan_.film.frames.empty()) add("--film_frames", plan_.film.frames);
       }
       set_threads(1);

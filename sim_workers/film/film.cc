@@ -131,7 +131,11 @@ Status Film::finish() {
   const Status closed = file_ != nullptr ? file_->finish() : Status();
   file_.reset();
   COMRAD_TRY(std::exchange(status_, {}));
-  return closed;
+  COMRAD_TRY(closed);
+  if (options_.finished_video.empty()) return {};
+  std::error_code failed;
+  fs::rename(options_.video, options_.finished_video, failed);
+  return failed ? file_error(options_.finished_video, failed.value()) : Status();
 }
 
 }  // namespace comrad::sim

@@ -18,9 +18,10 @@ namespace comrad::sim {
 struct FilmOptions {
   std::string video =
       {};  ///< file .mp4 or .mkv, H.264 with a frame a tic, or .gif with one a decision; empty: none
-  std::string frames = {};  ///< folder of episode_<n>_decision_<n>.png; empty: none
-  ViewSize size{640, 360};  ///< of one agent's view
-  double seconds = 0;       ///< of film after which nothing is drawn; 0: no limit
+  std::string finished_video = {};  ///< what `video` is renamed to once it is whole; empty: it keeps its name
+  std::string frames = {};          ///< folder of episode_<n>_decision_<n>.png; empty: none
+  ViewSize size{640, 360};          ///< of one agent's view
+  double seconds = 0;               ///< of film after which nothing is drawn; 0: no limit
 };
 
 /// The views are drawn once more for the film, at its own size; what the network sees is not touched. Threads: the environment's.

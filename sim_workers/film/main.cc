@@ -33,6 +33,8 @@ int main(int argc, char** argv) {
   sim::FilmOptions options;
   std::string size = "640x360";
   shell.flags().add("--film_video", options.video, "video file, .mp4, .mkv or .gif");
+  shell.flags().add("--film_finished_video", options.finished_video,
+                    "what it is renamed to once it is whole");
   shell.flags().add("--film_frames", options.frames, "folder for one picture a decision");
   shell.flags().add("--film_size", size, "of one agent's view");
   shell.flags().add("--film_seconds", options.seconds, "of film after which nothing is drawn; 0: no limit");

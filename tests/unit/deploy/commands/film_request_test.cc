@@ -55,6 +55,23 @@ TEST(HalfWrittenFilm, IsRemovedWhereASignalComesBeforeItIsWhole) {
   EXPECT_EXIT(interrupt(), testing::ExitedWithCode(7), "");
 }
 
+TEST(HalfWrittenFilm, ComesToItsNameOnlyWhereTheSimulatorFinishedIt) {
+  const test::ScratchFolder folder;
+  const std::string video = (folder / "a.mp4").string();
+  {
+    HalfWrittenFilm film(video);
+    std::ofstream(film.name()) << "half of it";
+    const Status finished = film.finish();
+    ASSERT_FALSE(finished);
+    EXPECT_THAT(finished.error().message, HasSubstr("a.mp4 was not finished"));
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(folder / ""));
+  HalfWrittenFilm film(video);
+  std::ofstream(film.finished_name()) << "all of it";
+  EXPECT_TRUE(film.finish());
+  EXPECT_TRUE(std::filesystem::exists(video));
+}
+
 TEST(FilmRequest, WhatCannotBeWrittenIsRefusedByFlag) {
   const test::ScratchFolder folder;
   std::filesystem::create_directory(folder / "x.mp4");

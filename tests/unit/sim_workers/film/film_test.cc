@@ -104,6 +104,13 @@ TEST_F(FilmTest, AGifHasAPictureForEveryDecision) {
   EXPECT_NEAR(test::gif_seconds(video), pictures / 8.75, 0.02);
 }
 
+TEST_F(FilmTest, AVideoGetsItsNameOnceItIsWhole) {
+  const fs::path half = folder_ / "half.mp4", whole = folder_ / "whole.mp4";
+  ASSERT_TRUE(play({.video = half.string(), .finished_video = whole.string(), .size = {160, 90}}));
+  EXPECT_FALSE(fs::exists(half));
+  EXPECT_TRUE(cv::VideoCapture(whole.string()).isOpened());
+}
+
 TEST_F(FilmTest, TheFilmDoesNotChangeWhatIsPlayed) {
   DoomEnvironment alone(game_), filmed(game_);
   auto film = Film::create({.frames = (folder_ / "frames").string(), .size = {128, 72}}, options_, *game_);
