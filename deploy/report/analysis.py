@@ -6,6 +6,7 @@ their seed, and in what their machines decided. What cannot be part of a cell is
 
 import collections
 import dataclasses
+import functools
 import math
 import os
 import pathlib
@@ -552,8 +553,10 @@ def family_gaps(study: Study) -> list[Gap]:
 
 
 TICS = {"tics": 1, "decisions": 4}  # of one of a unit
+REFERENCE = "@reference"  # behind the name of a scenario: the game that the paper's runs played
 
 
+@functools.cache
 def scenario_settings(scenario: str) -> dict:
     """scenario.toml of a scenario of this repository, without its variant; empty where there is none."""
     path = pathlib.Path(__file__).resolve().parents[2] / "scenarios" / scenario.partition("@")[0] / "scenario.toml"

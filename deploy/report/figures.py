@@ -12,7 +12,7 @@ from matplotlib.collections import LineCollection  # noqa: E402
 from matplotlib.colors import PowerNorm  # noqa: E402
 from matplotlib.ticker import PercentFormatter  # noqa: E402
 
-from analysis import Cell, Gap, Study, family, normalised_scores  # noqa: E402
+from analysis import REFERENCE, Cell, Gap, Study, family, normalised_scores  # noqa: E402
 from curves import draw_references, draw_runs  # noqa: E402
 from intervals import (
     interquartile_mean,
@@ -246,7 +246,7 @@ def gap_figure(gaps: list[Gap], algorithms: list[str], published: dict[str, dict
             color="#555555",
             annotation_clip=False,
         )
-        entry = published.get(one.scenario.removesuffix("@reference"))
+        entry = published.get(one.scenario.removesuffix(REFERENCE))
         if entry:
             values = {"on-policy": [], "off-policy": []}
             for algo, value in zip(algorithms, entry["printed"]):

@@ -13,7 +13,7 @@ import pathlib
 import numpy as np
 from scipy import stats
 
-from analysis import Study, measured_references, published_table, reference_file, scenario_settings
+from analysis import REFERENCE, Study, measured_references, published_table, reference_file, scenario_settings
 from figures import EVALUATION, STYLE, colors_of, legend_below, plt
 from curves import draw_references, draw_runs
 from run_files import OFF_POLICY, ON_POLICY, SCORE, Run, parse_json, read_text
@@ -22,7 +22,6 @@ from tables import Table, as_markdown, millions, rounded
 ALGORITHMS = ON_POLICY + OFF_POLICY
 ALPHA = 0.01
 LONGEST_FRAMES = 20e6  # within which a score of the paper's 100 M counts as reached
-REFERENCE = "@reference"
 RANDOM = "random_"  # eval/random_<scenario>.json
 SECTION_BEGIN, SECTION_END = "<!-- results -->", "<!-- end of results -->"  # in a scenario's page
 PICTURE = "curves.png"

@@ -47,7 +47,7 @@ void settle_variant(const RunConfig& before, bool names_variant, RunConfig& conf
   constexpr const char* kDefault = "default";
   std::string &scenario = config.run.scenario, &variant = config.run.variant;
   if (names_vizdoom_config(scenario)) return;
-  const std::size_t mark = scenario.find('@', scenario.find_last_of('/') + 1);  // npos + 1 is 0
+  const std::size_t mark = find_variant(scenario);
   const bool says_one = mark != std::string::npos && scenario != before.run.scenario;
   if (says_one && !names_variant) variant = scenario.substr(mark + 1);
   if (variant == kDefault) variant.clear();

@@ -452,10 +452,10 @@ Status check_globals(const ScenarioSpec& spec) {
   return {};
 }
 
-ScoreUnit usual_unit(const ScenarioSpec& spec) {
-  if (spec.score == "survival_tics") return ScoreUnit::kTics;
-  if (spec.score == "return") return ScoreUnit::kReward;
-  return spec.score_divisor.empty() ? ScoreUnit::kCount : ScoreUnit::kShare;
+std::string usual_unit(const ScenarioSpec& spec) {
+  if (spec.score == "survival_tics") return "tics";
+  if (spec.score == "return") return "reward";
+  return spec.score_divisor.empty() ? "count" : "share";
 }
 
 Status check_spec(TableReader& root, const std::string& name, const ScenarioSpec& spec) {
@@ -561,10 +561,9 @@ Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& nam
   root.optional("score_scale", spec.score_scale);
   root.variable("score_divisor", spec.score_divisor, spec.exports, variable_names(), false);
   read_stride(root, "score_agent_stride", spec.score, spec.score_agent_stride, spec);
-  std::string unit = score_unit_name(base && !root.has("score") ? spec.score_unit : usual_unit(spec));
-  root.choice("score_unit", unit, score_unit_names(), false);
-  const std::vector<std::string> units = score_unit_names();
-  spec.score_unit = static_cast<ScoreUnit>(std::ranges::find(units, unit) - units.begin());
+  if (!base || root.has("score")) spec.score_unit = usual_unit(spec);
+  root.choice("score_unit", spec.score_unit, {"tics", "decisions", "kills", "share", "reward", "count"},
+              false);
   root.required("ceiling", spec.ceiling);
   if (base && root.has("ceiling")) spec.maps_say_ceiling = false;
   root.expect(
@@ -584,12 +583,6 @@ Expected<ScenarioSpec> read_spec(const std::string& path, const std::string& nam
 }
 
 }  // namespace
-
-std::vector<std::string> score_unit_names() {
-  return {"tics", "decisions", "kills", "share", "reward", "count"};
-}
-
-std::string score_unit_name(ScoreUnit unit) { return score_unit_names()[static_cast<std::size_t>(unit)]; }
 
 EnvShape ScenarioSpec::shape(int num_agents, bool use_measurements) const {
   EnvShape result;

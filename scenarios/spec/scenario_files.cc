@@ -6,6 +6,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "rollout_buffer/core/config_file_name.h"
 #include "rollout_buffer/core/files.h"
 #include "rollout_buffer/core/text.h"
 #include "scenarios/spec/scenario_spec.h"
@@ -56,7 +57,7 @@ Expected<std::string> read_scenario_file(const std::string& path, std::size_t mo
 }
 
 ScenarioName split_variant(const std::string& name) {
-  const std::size_t mark = name.find('@', name.find_last_of('/') + 1);  // npos + 1 is 0
+  const std::size_t mark = find_variant(name);
   if (mark == std::string::npos) return {name, ""};
   const std::string variant = name.substr(mark + 1);
   return {name.substr(0, mark), variant == "default" ? "" : variant};

@@ -22,8 +22,8 @@ Expected<std::string> find_variant_file(const std::string& folder, const std::st
 std::vector<std::string> list_variants(const std::string& folder);
 
 /// The folder of a scenario. `name` is a scenario's name, or a path (anything with a '/' in it) of a folder
-/// with a scenario.toml; a variant behind it does not count. COMRAD_SCENARIO_PATH, folders of scenarios parted by ':', is searched first. Errors:
-/// kNotFound with the nearest and all known names.
+/// with a scenario.toml; a variant behind it does not count. COMRAD_SCENARIO_PATH, folders of scenarios parted by
+/// ':', is searched first. Errors: kNotFound with the nearest and all known names.
 Expected<std::string> find_scenario_folder(const std::string& name);
 
 /// A file of a scenario, `most_megabytes` at most. Errors: kSystem, kBadFormat naming the path.

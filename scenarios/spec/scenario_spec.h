@@ -77,12 +77,6 @@ struct ScenarioExport {
 constexpr int kTicsPerDecision = 4;       ///< what decision limits are counted in
 constexpr int kEngineLimitTics = 21'000;  ///< ten minutes, after which no episode goes on
 
-/// What J is counted in. A mean of tics can be compared with one of decisions by the frame skip; nothing else converts.
-enum class ScoreUnit { kTics, kDecisions, kKills, kShare, kReward, kCount };
-/// "tics", "decisions", "kills", "share", "reward", "count".
-std::vector<std::string> score_unit_names();
-std::string score_unit_name(ScoreUnit unit);
-
 /// A whole number that scenario.toml gives something of another file, by name.
 struct NamedNumber {
   std::string name;
@@ -104,12 +98,12 @@ struct ScenarioSpec {
   double shared_reward_alpha = 0.0;
   std::string score;  ///< what J is: survival_tics, return, or a game variable at the end
   int score_agent_stride = 0;
-  double score_scale = 1.0;   ///< J = variable * scale
-  std::string score_divisor;  ///< a game variable that J is divided by (1 where it is 0); empty: none
-  ScoreUnit score_unit = ScoreUnit::kCount;
-  double ceiling = 0.0;          ///< the best J on the default map of the default team; 0: not known
-  bool maps_say_ceiling = true;  ///< false: `ceiling` holds for every map and team, whatever the map says
-  std::string wad;               ///< a scenario without recipe: its map, in `folder`
+  double score_scale = 1.0;          ///< J = variable * scale
+  std::string score_divisor;         ///< a game variable that J is divided by (1 where it is 0); empty: none
+  std::string score_unit = "count";  ///< of J: tics, decisions, kills, share, reward or count
+  double ceiling = 0.0;              ///< the best J on the default map of the default team; 0: not known
+  bool maps_say_ceiling = true;      ///< false: `ceiling` holds for every map and team, whatever the map says
+  std::string wad;                   ///< a scenario without recipe: its map, in `folder`
   std::vector<ScenarioExport>
       exports;  ///< in the order of the file; all variables below are by ViZDoom's names
   std::vector<MeasurementTerm> measurements;

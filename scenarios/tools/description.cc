@@ -186,7 +186,7 @@ Expected<Json> describe(const std::string& name, int num_agents, const std::stri
       {"ceiling", ceiling != ceilings.end() ? ceiling->second : 0.0},
       {"shared_reward_alpha", spec.shared_reward_alpha},
       {"score", spec.score},
-      {"score_unit", score_unit_name(spec.score_unit)},
+      {"score_unit", spec.score_unit},
       {"score_scale", spec.score_scale},
       {"score_divisor", spec.score_divisor},
       {"has_layout_recipe", spec.wad.empty() && std::count(recipes.begin(), recipes.end(), spec.maps_of) > 0},

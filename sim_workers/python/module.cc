@@ -122,7 +122,7 @@ nb::dict scenario_facts(const scenarios::ScenarioSpec& spec, int num_agents) {
   facts["num_agents"] = num_agents;
   facts["supported_agents"] = spec.supported_agents;
   facts["limit_tics"] = spec.limit_tics();
-  facts["score_unit"] = scenarios::score_unit_name(spec.score_unit);
+  facts["score_unit"] = spec.score_unit;
   facts["is_vizdoom"] = spec.is_vizdoom;
   nb::list heads, measurements, rewards;
   for (const scenarios::ActionHead& head : spec.heads) heads.append(head.buttons);

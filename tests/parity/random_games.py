@@ -27,7 +27,7 @@ import subprocess
 import sys
 import tempfile
 
-from vizdoom_parity import BUTTONS, SKIPPED, Report, find_python, play_comrad, random_script, vizdoom_game, write_actions
+from vizdoom_parity import BUTTONS, Report, import_vizdoom, play_comrad, random_script, vizdoom_game, write_actions
 
 TICS = 350
 PLACES = ("POSITION_X", "POSITION_Y", "POSITION_Z", "CAMERA_POSITION_X", "CAMERA_POSITION_Y", "CAMERA_POSITION_Z",
@@ -829,14 +829,7 @@ def main():
     parser.add_argument("--shrink", action="store_true",
         help="leave out of a game that differs what its difference does not need")
     arguments = parser.parse_args()
-    try:
-        import vizdoom as vzd
-    except ImportError:
-        python, why = find_python(arguments.venv)
-        if python is None:
-            print("[  SKIPPED ] 1 test, random games beside ViZDoom: " + why)
-            return SKIPPED
-        os.execv(python, [python] + sys.argv)
+    vzd = import_vizdoom(arguments.venv, "random games beside ViZDoom")
     for name in ("trace", "acs", "keep"):
         if getattr(arguments, name):
             setattr(arguments, name, os.path.abspath(getattr(arguments, name)))

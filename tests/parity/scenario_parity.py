@@ -39,7 +39,7 @@ import sys
 import tempfile
 import tomllib
 
-from vizdoom_parity import SKIPPED, Report, find_python, kolmogorov_smirnov_uniform
+from vizdoom_parity import Report, import_vizdoom, kolmogorov_smirnov_uniform
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SCENARIOS = os.path.join(HERE, "..", "..", "scenarios")
@@ -487,14 +487,7 @@ def main():
     parser.add_argument("--record", action="store_true", help="write down what differs in the episodes without presses")
     parser.add_argument("--verbose", action="store_true")
     arguments = parser.parse_args()
-    try:
-        import vizdoom  # noqa: F401
-    except ImportError:
-        python, why = find_python(arguments.venv)
-        if python is None:
-            print("[  SKIPPED ] 1 test, parity of scenarios with ViZDoom: " + why)
-            return SKIPPED
-        os.execv(python, [python, "-B"] + sys.argv)
+    import_vizdoom(arguments.venv, "parity of scenarios with ViZDoom")
     arguments.doomgen, arguments.play = os.path.abspath(arguments.doomgen), os.path.abspath(arguments.play)
     with open(LEFT_TO_CHANCE) as file:
         left_to_chance = json.load(file)

@@ -62,6 +62,19 @@ def find_python(venv):
                   "(deploy/requirements_test.txt), or set COMRAD_TEST_PYTHON to one that can")
 
 
+def import_vizdoom(venv, tested):
+    """The package. Where this Python lacks it the program begins again with one that has it, or ends as skipped."""
+    try:
+        import vizdoom
+        return vizdoom
+    except ImportError:
+        python, why = find_python(venv)
+        if python is None:
+            print("[  SKIPPED ] 1 test, %s: %s" % (tested, why))
+            sys.exit(SKIPPED)
+        os.execv(python, [python, "-B"] + sys.argv)
+
+
 # ---------------------------------------------------------------- the two engines
 
 
@@ -556,14 +569,7 @@ def main():
     parser.add_argument("--only", default="")
     parser.add_argument("--tics", type=int, default=2000, help="of each map of `scenarios`")
     arguments = parser.parse_args()
-    try:
-        import vizdoom as vzd
-    except ImportError:
-        python, why = find_python(arguments.venv)
-        if python is None:
-            print("[  SKIPPED ] 1 test, parity with ViZDoom: " + why)
-            return SKIPPED
-        os.execv(python, [python] + sys.argv)
+    vzd = import_vizdoom(arguments.venv, "parity with ViZDoom")
     binary = os.path.abspath(arguments.trace)
     here = os.getcwd()
     folder = tempfile.mkdtemp()  # ViZDoom leaves its settings where it runs

@@ -54,7 +54,7 @@ void tic_actor(World& world, std::size_t slot) {
   const bool alive_player = owner != nullptr && owner->alive;
   const bool pushing = alive_player && PlayerThinker::pushes(owner->buttons);
   const Fixed floor_before = actor.floor_z;
-  // Who leaves a body is held back once more as on it, and falls no faster at first: it is no ledge.
+  // What leaves a body is held back once more as on it, and falls no faster at first: it is no ledge.
   const bool stood_on_body = actor.z == floor_before && floor_before > actor.ground_z;
   if (actor.velocity_x != 0 || actor.velocity_y != 0 || actor.has(ActorFlag::kSkullFly))
     movement.move_horizontally(slot, pushing, stood_on_body);
