@@ -206,6 +206,7 @@ struct ResnetPath : torch::autograd::Function<ResnetPath> {
 
 std::pair<Tensor, Tensor> initial_layer(at::IntArrayRef sizes, Initialization init, double gain,
                                         at::Generator generator) {
+  if (init == Initialization::kZero) return {torch::zeros(sizes), torch::zeros({sizes[0]})};
   if (init == Initialization::kOrthogonal)
     return {orthogonal(sizes, gain, generator), torch::zeros({sizes[0]})};
   int64_t inputs = 1;

@@ -87,6 +87,7 @@ struct ObservationNormalizer {
 enum class Initialization {
   kOrthogonal,        ///< orthogonal with a gain, zero biases
   kFrameworkDefault,  ///< weights and biases uniform in +-1/sqrt(inputs), PyTorch's default
+  kZero,              ///< for networks that are given others' weights
 };
 
 /// What an encoder is made from.

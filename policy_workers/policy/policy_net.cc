@@ -304,6 +304,11 @@ PolicyNet PolicyNet::create(const PolicyNetOptions& options, uint64_t seed, torc
                                             options.global_state_count));
 }
 
+PolicyNet PolicyNet::create_for_loading(PolicyNetOptions options, torch::Device device) {
+  options.init = Initialization::kZero;
+  return create(options, 0, device);
+}
+
 PolicyNet PolicyNet::twin() const {
   PolicyNet twin = make(options(), 0, device(), impl_->normalizer);
   torch::NoGradGuard no_grad;

@@ -88,6 +88,8 @@ class PolicyNet {
   /// Deterministic initialisation from `seed`: by `init` for linear and convolution layers, framework
   /// defaults for the recurrent cell.
   static PolicyNet create(const PolicyNetOptions& options, uint64_t seed, torch::Device device);
+  /// One that is given another's weights before it is used: none are drawn, which takes most of the time of create().
+  static PolicyNet create_for_loading(PolicyNetOptions options, torch::Device device);
 
   /// One step. frame u8 [B, C, H, W], measurement f32 [B, M] (may be undefined), state f32 [B, H], global state f32
   /// [B / N, S] of the worlds (undefined when S = 0). No gradient is recorded.

@@ -86,8 +86,7 @@ Status describe(const RunConfig& config, const shm::BenchShape& shape, bool with
   COMRAD_TRY_ASSIGN(const EnvShape env, shape.env());
   COMRAD_TRY(policy::check_encoder(config.network.encoder_conv_architecture));
   const auto options = policy::PolicyNetOptions::from(config, env);
-  const policy::PolicyNet net =
-      policy::PolicyNet::create(options, static_cast<uint64_t>(config.run.seed), torch::kCPU);
+  const policy::PolicyNet net = policy::PolicyNet::create_for_loading(options, torch::kCPU);
   nlohmann::json report = {{"weights_bytes", net.weights_bytes()},
                            {"parameter_bytes", net.parameter_count() * int64_t{sizeof(float)}},
                            {"recurrent_state_count", options.recurrent_state_count()}};

@@ -62,7 +62,7 @@ Expected<PolicyWorker> PolicyWorker::create(const RunConfig& config, const shm::
           "critic_state is global, but the arena was made without the global state; all processes of "
           "a run must read the same config.toml"};
     COMRAD_TRY_ASSIGN(const torch::Device device, choose_device(policy_device(config, options.worker_index)));
-    policy = PolicyNet::create(network, static_cast<uint64_t>(config.run.seed), device);
+    policy = PolicyNet::create_for_loading(network, device);
     if (policy.weights_bytes() > arena.shape().weights_bytes)
       return Error{ErrorCode::kBadInput,
                    "the network's weights need " + std::to_string(policy.weights_bytes()) +

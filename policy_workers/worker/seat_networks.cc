@@ -22,7 +22,7 @@ Expected<SeatNetworks> SeatNetworks::create(const std::string& run_dir, const sh
                                              std::to_string(options.recurrent_state_count()) +
                                              " floats of recurrent state, the arena was made for " +
                                              std::to_string(shape.recurrent_state_count)};
-    Player player{.net = PolicyNet::create(options, static_cast<uint64_t>(config.run.seed), device),
+    Player player{.net = PolicyNet::create_for_loading(options, device),
                   .agents = networks.plan_.seats_of_network(static_cast<int>(index)),
                   .rule = {}};
     if (config.run.algo->learns_q_values()) {

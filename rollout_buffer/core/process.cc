@@ -7,11 +7,13 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
+
 namespace comrad {
 namespace {
 
-constexpr int kLowestPriority = 19;
-constexpr double kPatienceOfTheLowest = 20;
+constexpr int kBackgroundPriority = 10;  // a tenth of what another process takes of a core that both want
+constexpr double kBackgroundPatience = 20;
 constexpr int kIoIdleClass = 3 << 13, kIoOfProcess = 1;  // ioprio_set(2)
 
 }  // namespace
@@ -52,12 +54,12 @@ sigset_t heard_of(std::initializer_list<int> signals) {
 }
 
 void yield_to_others() {
-  setpriority(PRIO_PROCESS, 0, kLowestPriority);
+  setpriority(PRIO_PROCESS, 0, std::max(kBackgroundPriority, getpriority(PRIO_PROCESS, 0)));
   syscall(SYS_ioprio_set, kIoOfProcess, 0, kIoIdleClass);  // a wish: not every disk queue knows priorities
 }
 
 double patience() {
-  return getpriority(PRIO_PROCESS, 0) > 0 || sched_getscheduler(0) == SCHED_IDLE ? kPatienceOfTheLowest : 1;
+  return getpriority(PRIO_PROCESS, 0) > 0 || sched_getscheduler(0) == SCHED_IDLE ? kBackgroundPatience : 1;
 }
 
 }  // namespace comrad

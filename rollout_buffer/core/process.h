@@ -27,7 +27,8 @@ void prepare_process();
 /// job) stays ignored.
 sigset_t heard_of(std::initializer_list<int> signals);
 
-/// Leaves cores and disks to all others: the lowest priority, for this process and those that it starts from now on.
+/// Leaves most of the cores and the disks to all others: a tenth of another process's share, for this process and those that
+/// it starts from now on, so that it gets on beside any load. A lower priority stays.
 void yield_to_others();
 /// How much longer than usual a thing may take: 1, or more in a process that leaves cores to others (by
 /// yield_to_others(), nice(1) or chrt(1)).

@@ -115,7 +115,7 @@ TEST(Hosts, ARunThatEndsEndsThoseThatPlayForIt) {
   const ScratchFolder scratch;
   const std::string learning = scratch / "learning", playing = scratch / "playing";
   RunningProgram learner(
-      small_training(scratch, "learning", 150000, {"--num_workers", "1", "--serve", "--serve_bf16_weights"}));
+      small_training(scratch, "learning", 60000, {"--num_workers", "1", "--serve", "--serve_bf16_weights"}));
   ASSERT_TRUE(
       wait_until([&] { return !read_text(learning + "/link_address").empty() || !learner.running(); }));
   // The run waits for the host that joins, so that it has not ended before.

@@ -8,17 +8,20 @@
 namespace comrad {
 namespace process_test {
 
-TEST(YieldToOthers, IsTheLowestPriorityOfTheProcessAndItsChildrenAndMakesPatient) {
+TEST(YieldToOthers, IsALowPriorityOfTheProcessAndItsChildrenAndMakesPatient) {
   const pid_t child = fork();
   ASSERT_GE(child, 0);
   if (child == 0) {
     yield_to_others();
-    const bool is_lowest = getpriority(PRIO_PROCESS, 0) == 19 && patience() > 1;
+    const bool is_low = getpriority(PRIO_PROCESS, 0) >= 10 && patience() > 1;
     const pid_t grandchild = fork();
-    if (grandchild == 0) _exit(getpriority(PRIO_PROCESS, 0) == 19 ? 0 : 1);
+    if (grandchild == 0) _exit(getpriority(PRIO_PROCESS, 0) >= 10 ? 0 : 1);
     int status = 1;
     waitpid(grandchild, &status, 0);
-    _exit(is_lowest && status == 0 ? 0 : 1);
+    setpriority(PRIO_PROCESS, 0, 15);
+    const int lower = getpriority(PRIO_PROCESS, 0);
+    yield_to_others();
+    _exit(is_low && status == 0 && getpriority(PRIO_PROCESS, 0) == lower ? 0 : 1);
   }
   int status = 1;
   ASSERT_EQ(waitpid(child, &status, 0), child);
